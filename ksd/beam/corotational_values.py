@@ -1,0 +1,205 @@
+"""Set-up of the corotational chain in plain Python: sizes, constants, undeformed state, element mass.
+
+Layouts are those of `ksd.beam.corotational`. SI units; everything in the frame of end p.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+RECORD, NODE, KEPT, TAIL = 16, 12, 120, 148
+
+
+class SectionNumbers(Protocol):
+    """What an element needs of a section: moduli E, G [Pa], area A [m2], Saint-Venant torsion constant J,
+    second moments Iy (about y, deflection along z) and Iz [m4], shear factors ky, kz (along y and z)."""
+
+    @property
+    def E(self) -> float: ...
+    @property
+    def G(self) -> float: ...
+    @property
+    def A(self) -> float: ...
+    @property
+    def J(self) -> float: ...
+    @property
+    def Iy(self) -> float: ...
+    @property
+    def Iz(self) -> float: ...
+    @property
+    def ky(self) -> float: ...
+    @property
+    def kz(self) -> float: ...
+
+
+class ElementSection(NamedTuple):
+    """The plainest `SectionNumbers`: eight numbers given by keyword."""
+
+    E: float
+    G: float
+    A: float
+    J: float
+    Iy: float
+    Iz: float
+    ky: float = 5 / 6
+    kz: float = 5 / 6
+
+
+class ChainSizes(NamedTuple):
+    """Lengths of the flat arrays of a chain."""
+
+    value: int
+    inner: int
+    store: int
+
+
+def sizes(n: int) -> ChainSizes:
+    """Lengths of `value`, `inner` and `store` for a chain of n elements."""
+    return ChainSizes(RECORD * n + 9, NODE * (n - 1) + 6 * n, KEPT * n + TAIL)
+
+
+def stiffness_numbers(section: SectionNumbers, length: float) -> tuple[float, ...]:
+    """(S1, S2, S3a, S3b, S4a, S4b) of an element of `length` m: paper 1 (A.15), shear factors by errata 2.
+
+    Phi of S3 (deflection along z) is 12 E Iy/(kz G A L0^2); the print has ky and kz swapped.
+    """
+    phi_y, phi_z = shear_ratios(section, length)
+    s3 = section.E * section.Iy / ((1 + phi_z) * length**3)
+    s4 = section.E * section.Iz / ((1 + phi_y) * length**3)
+    s1 = section.E * section.A / length
+    s2 = section.G * section.J / length**3
+    return s1, s2, s3 * (4 + phi_z), s3 * (-2 + phi_z), s4 * (4 + phi_y), s4 * (-2 + phi_y)
+
+
+def shear_ratios(section: SectionNumbers, length: float) -> tuple[float, float]:
+    """(Phi_y, Phi_z) of deflection along y and along z: 12 E Iz/(ky G A L^2) and 12 E Iy/(kz G A L^2)."""
+    shear = section.G * section.A * length**2
+    return 12 * section.E * section.Iz / (section.ky * shear), 12 * section.E * section.Iy / (section.kz * shear)
+
+
+def straight_nodes(length: float, n: int) -> tuple[Array, Array]:
+    """Undeformed nodes of a straight leaf of `length` m: positions (n+1, 3) and orientations (n+1, 3, 3)."""
+    positions = np.zeros((n + 1, 3))
+    positions[:, 0] = np.linspace(0.0, length, n + 1)
+    return positions, np.tile(np.eye(3), (n + 1, 1, 1))
+
+
+def arc_nodes(curvature: Array, length: float, n: int) -> tuple[Array, Array]:
+    """Undeformed nodes of a leaf of constant `curvature` (3,) 1/m (twist, about y, about z; section axes).
+
+    Returns positions (n+1, 3) and orientations (n+1, 3, 3): the exact helix or arc of arc length `length`.
+    """
+    positions, orientations = straight_nodes(length, n)
+    k = np.asarray(curvature, float)
+    cross = np.array([[0, -k[2], k[1]], [k[2], 0, -k[0]], [-k[1], k[0], 0]])
+    norm = float(np.linalg.norm(k))
+    for i in range(1, n + 1):
+        s = length * i / n
+        t = norm * s
+        if t < 1e-6:
+            a, b, c = s, s**2 / 2, s**3 / 6
+        else:
+            a, b, c = np.sin(t) / norm, (1 - np.cos(t)) / norm**2, (t - np.sin(t)) / norm**3
+        orientations[i] = np.eye(3) + a * cross + b * cross @ cross
+        positions[i] = (s * np.eye(3) + b * cross + c * cross @ cross)[:, 0]
+    return positions, orientations
+
+
+def chain_values(
+    section: SectionNumbers, L: float, n: int, curve: tuple[Array, Array] | None = None
+) -> Array:
+    """The constants `value` (16 n + 9,) of a chain of n equal elements of one section.
+
+    `curve` gives undeformed positions (n+1, 3) m and orientations (n+1, 3, 3) of the nodes of a curved leaf
+    (see `arc_nodes`), starting at the origin unrotated; without it the leaf is straight with length `L`.
+    Elements of a curved leaf are its chords, their section axes the mean of both nodes'.
+    Raises ValueError when n < 1 or a length is not positive.
+    """
+    if n < 1:
+        raise ValueError(f"A leaf needs at least one element, got elements = {n}; use 2 or more for bending.")
+    positions, orientations = straight_nodes(L, n) if curve is None else curve
+    value = np.empty(RECORD * n + 9)
+    for k in range(n):
+        chord = positions[k + 1] - positions[k]
+        length = float(np.linalg.norm(chord))
+        if not length > 0.0:
+            raise ValueError(f"Element {k + 1} of a leaf has length {length} m; it must be positive.")
+        x = chord / length
+        y = orientations[k][:, 1] + orientations[k + 1][:, 1]
+        y = y - (y @ x) * x
+        y /= np.linalg.norm(y)
+        record = value[RECORD * k : RECORD * (k + 1)]
+        record[0] = length
+        record[1:7] = stiffness_numbers(section, length)
+        record[7:] = np.column_stack([x, y, np.cross(x, y)]).ravel()
+    value[RECORD * n :] = orientations[n].ravel()
+    return value
+
+
+def start_inner(value: Array, number: NDArray[np.int64]) -> Array:
+    """The undeformed inner state (12 (n-1) + 6 n,): nodes on the undeformed leaf, unrotated, unstressed."""
+    n = int(number[0])
+    inner = np.zeros(sizes(n).inner)
+    position = np.zeros(3)
+    for k in range(n - 1):
+        record = value[RECORD * k : RECORD * (k + 1)]
+        position = position + record[0] * record[[7, 10, 13]]
+        inner[NODE * k : NODE * k + 3] = position
+        inner[NODE * k + 3 : NODE * (k + 1)] = np.eye(3).ravel()
+    return inner
+
+
+def undeformed_end(value: Array, number: NDArray[np.int64]) -> tuple[Array, Array]:
+    """Position d (3,) m and orientation Q (3, 3) of end q in the undeformed state."""
+    n = int(number[0])
+    records = value[: RECORD * n].reshape(n, RECORD)
+    return (records[:, :1] * records[:, [7, 10, 13]]).sum(axis=0), value[RECORD * n :].reshape(3, 3).copy()
+
+
+def _shapes(x: float, length: float, phi: float) -> tuple[Array, Array]:
+    """Deflection and section rotation shapes (4,) of a Timoshenko element at x in 0..1 for (w, w', w, w')."""
+    deflection = np.array(
+        [
+            2 * x**3 - 3 * x**2 - phi * x + 1 + phi,
+            length * (x**3 - (2 + phi / 2) * x**2 + (1 + phi / 2) * x),
+            -(2 * x**3 - 3 * x**2 - phi * x),
+            length * (x**3 - (1 - phi / 2) * x**2 - phi / 2 * x),
+        ]
+    )
+    rotation = np.array(
+        [
+            6 * (x**2 - x) / length,
+            3 * x**2 - (4 + phi) * x + 1 + phi,
+            -6 * (x**2 - x) / length,
+            3 * x**2 - (2 - phi) * x,
+        ]
+    )
+    return deflection / (1 + phi), rotation / (1 + phi)
+
+
+def element_mass(
+    L: float, *, rhoA: float, rhoIy: float, rhoIz: float, rhoIp: float, phi_y: float = 0.0, phi_z: float = 0.0
+) -> Array:
+    """Consistent Timoshenko mass matrix (12, 12) in element axes, unknowns (u, phi) at p, then at q.
+
+    `rhoA` kg/m, `rhoIy`, `rhoIz`, `rhoIp` kg m (rotary inertia of the section about y, z, x per length),
+    `phi_y`, `phi_z` from `shear_ratios`. Source: exact static shapes of the Timoshenko element (Friedman and
+    Kosmatka 1993), the shapes paper 1 (A.15) stands on; 4 Gauss points integrate their products exactly.
+    """
+    mass = np.zeros((12, 12))
+    points, weights = np.polynomial.legendre.leggauss(4)
+    along_y, along_z = [1, 5, 7, 11], [2, 4, 8, 10]
+    flip = np.array([1.0, -1.0, 1.0, -1.0])
+    for x, w in zip((points + 1) / 2, weights * L / 2, strict=True):
+        linear = np.array([1 - x, x])
+        mass[np.ix_([0, 6], [0, 6])] += w * rhoA * np.outer(linear, linear)
+        mass[np.ix_([3, 9], [3, 9])] += w * rhoIp * np.outer(linear, linear)
+        v, turn = _shapes(x, L, phi_y)
+        mass[np.ix_(along_y, along_y)] += w * (rhoA * np.outer(v, v) + rhoIz * np.outer(turn, turn))
+        v, turn = (shape * flip for shape in _shapes(x, L, phi_z))
+        mass[np.ix_(along_z, along_z)] += w * (rhoA * np.outer(v, v) + rhoIy * np.outer(turn, turn))
+    return mass

@@ -1,0 +1,60 @@
+"""A linear body between two end frames: a joint condensed to its interfaces (Craig-Bampton boundary modes).
+
+inner = d0 (3), R0 (9 row-major), F (6), K (36): reference relative pose of end q in frame p, wrench there, and
+stiffness. Paper 1, eq. 2.4, written in the frame of interface A so that it is objective.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ksd.numerics.kernel import kernel
+from ksd.numerics.rotations import log_tangent, rotation_log
+
+LINEAR_INNER = 54
+
+
+@kernel
+def linear_condense(inner, d, Q, lam, K):
+    """lam (12,), K (6, 6) at end pose d (3,), Q (3, 3): f = F + K xi, xi = (d - d0, log(Q R0^T)).
+
+    The moment is T^T f_r with T the tangent of the logarithm; K carries its second derivative
+    (f x^T + x f^T - 2 f.x I)/12. Returns as every member: no negative pivots, no inner residual, status 0.
+    """
+    xi = np.empty(6)
+    turned = np.empty((3, 3))
+    for i in range(3):
+        xi[i] = d[i] - inner[i]
+        for j in range(3):
+            turned[i, j] = (
+                Q[i, 0] * inner[3 + 3 * j] + Q[i, 1] * inner[4 + 3 * j] + Q[i, 2] * inner[5 + 3 * j]
+            )
+    rotation_log(turned, xi[3:])
+    T = np.empty((3, 3))
+    log_tangent(xi[3:], T)
+    f = np.empty(6)
+    for i in range(6):
+        s = inner[12 + i]
+        for j in range(6):
+            s += inner[18 + 6 * i + j] * xi[j]
+        f[i] = s
+    dot = f[3] * xi[3] + f[4] * xi[4] + f[5] * xi[5]
+    for i in range(3):
+        lam[i] = f[i]
+        lam[3 + i] = T[0, i] * f[3] + T[1, i] * f[4] + T[2, i] * f[5]
+        for j in range(3):
+            K[i, j] = inner[18 + 6 * i + j]
+            s = 0.0
+            q = (f[3 + i] * xi[3 + j] + xi[3 + i] * f[3 + j]) / 12.0
+            if i == j:
+                q -= dot / 6.0
+            for k in range(3):
+                s += inner[18 + 6 * i + 3 + k] * T[k, j]
+                for l in range(3):
+                    q += T[k, i] * inner[18 + 6 * (3 + k) + 3 + l] * T[l, j]
+            K[i, 3 + j] = s
+            K[3 + j, i] = s
+            K[3 + i, 3 + j] = q
+    for i in range(6):
+        lam[6 + i] = lam[i]
+    return 0, 0.0, 0.0, 0

@@ -1,0 +1,149 @@
+"""Tables of the strain-mode leaf: modes, quadrature, gap integrals, and its constants as one flat array.
+
+Layout of the flat array (N = nx + ny + nz modes, ng points): L; stiffness blocks (nx^2, ny^2, nz^2) [N m^3 .. per
+(1/m)^2]; stress-free amplitudes a0 (N); weights (ng), sum 1; integration matrix (ng, ng); modes (N, ng); compliances
+(ng, 3): 1/EA, 1/(ky GA), 1/(kz GA); gap integrals (ng+1, N); gap pair integrals yz, zx, xy.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+
+DEFAULT_ORDERS = (4, 3, 5)
+DEFAULT_POINTS = 7
+
+
+class Modes(NamedTuple):
+    """Unit-length tables of a set of curvature modes: points s, weights, integration, modes, gap integrals."""
+
+    s: np.ndarray
+    weight: np.ndarray
+    integral: np.ndarray
+    basis: np.ndarray
+    gap: np.ndarray
+    pairs: np.ndarray
+
+
+def legendre_modes(orders: tuple[int, int, int], s: np.ndarray) -> np.ndarray:
+    """Shifted Legendre polynomials P_k(2 s - 1), stacked for the three axes; returns (N, len(s))."""
+    full = np.polynomial.legendre.legvander(2 * np.asarray(s) - 1, max(orders) - 1).T
+    return np.concatenate([full[:n] for n in orders])
+
+
+def _quadrature(points: int, breaks: tuple[float, ...]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Gauss points on the panels between `breaks`, weights (sum 1), and the matrix of integrals from 0."""
+    x, w = np.polynomial.legendre.leggauss(points)
+    lagrange = np.linalg.inv(np.polynomial.legendre.legvander(x, points - 1))
+    # int_{-1}^{x} of the Lagrange polynomials through the points
+    raised = np.array([np.polynomial.legendre.legint(c, lbnd=-1) for c in lagrange.T])
+    local = np.polynomial.legendre.legval(x, raised.T).T
+    s, weight, rows = [], [], []
+    total = points * (len(breaks) - 1)
+    for p, (a, b) in enumerate(zip(breaks[:-1], breaks[1:], strict=True)):
+        half = 0.5 * (b - a)
+        s.append(a + half * (1 + x))
+        weight.append(half * w)
+        block = np.zeros((points, total))
+        for q in range(p):
+            block[:, q * points : (q + 1) * points] = weight[q]
+        block[:, p * points : (p + 1) * points] = half * local
+        rows.append(block)
+    return np.concatenate(s), np.concatenate(weight), np.concatenate(rows)
+
+
+def make_modes(
+    orders: tuple[int, int, int],
+    points: int,
+    *,
+    breaks: tuple[float, ...] = (0.0, 1.0),
+    shape: Callable[[np.ndarray], np.ndarray] | None = None,
+) -> Modes:
+    """Tables for given orders and quadrature points per panel.
+
+    `shape(s)` (3, len(s)) multiplies the Legendre modes of each axis: the compliance of a tapered leaf relative to
+    its mean, so that a moment linear in s needs two modes however strong the taper. `breaks` in units of the length.
+    """
+    s, weight, integral = _quadrature(points, breaks)
+    axis = np.repeat(np.arange(3), orders)
+
+    def modes(x: np.ndarray) -> np.ndarray:
+        values = legendre_modes(orders, x)
+        return values if shape is None else values * shape(x)[axis]
+
+    edges = np.concatenate([[0.0], s, [1.0]])
+    x, w = np.polynomial.legendre.leggauss(12)
+    first = np.empty((len(s) + 1, sum(orders)))
+    second = np.empty((len(s) + 1, sum(orders), sum(orders)))
+    _, w12, inner = _quadrature(12, (0.0, 1.0))
+    for g, (a, b) in enumerate(zip(edges[:-1], edges[1:], strict=True)):
+        values = modes(a + 0.5 * (b - a) * (1 + x)) * (b - a)
+        first[g] = values @ (0.5 * w)
+        # iint_{s1<s2} B_k(s1) B_l(s2) - B_l(s1) B_k(s2)
+        until = values @ inner.T
+        product = (until * w12) @ values.T
+        second[g] = product - product.T
+    return Modes(s, weight, integral, modes(s), first, second)
+
+
+@lru_cache(maxsize=64)
+def _cached_modes(orders: tuple[int, int, int], points: int) -> Modes:
+    return make_modes(orders, points)
+
+
+def _stiffness(modes: Modes, orders: tuple[int, int, int], length: float, rigidity: np.ndarray) -> list:
+    """Blocks L sum w D_c(s) B_ck B_cl per axis; rigidity (ng, 3) = GJ, EIy, EIz at the points."""
+    blocks, first = [], 0
+    for c, n in enumerate(orders):
+        b = modes.basis[first : first + n]
+        blocks.append((length * (b * (modes.weight * rigidity[:, c])) @ b.T).ravel())
+        first += n
+    return blocks
+
+
+def strain_values(
+    *,
+    length: float,
+    rigidity: np.ndarray,
+    compliance: np.ndarray,
+    orders: tuple[int, int, int] = DEFAULT_ORDERS,
+    points: int = DEFAULT_POINTS,
+    modes: Modes | None = None,
+    amplitudes: np.ndarray | None = None,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Flat constants and settings (value, number) of one leaf.
+
+    length [m]; rigidity (3,) or (ng, 3): GJ, EIy, EIz [N m^2]; compliance (3,) or (ng, 3): 1/EA, 1/(ky G A),
+    1/(kz G A) [1/N]; amplitudes (N,) stress-free [1/m], zero when None.
+    """
+    table = modes or _cached_modes(tuple(orders), points)
+    nx, ny, nz = orders
+    ng, total = len(table.s), sum(orders)
+    D = np.broadcast_to(np.asarray(rigidity, float), (ng, 3))
+    C = np.broadcast_to(np.asarray(compliance, float), (ng, 3))
+    pair = table.pairs
+    y, z = slice(nx, nx + ny), slice(nx + ny, total)
+    x = slice(0, nx)
+    parts = [
+        [length],
+        *_stiffness(table, orders, length, D),
+        np.zeros(total) if amplitudes is None else np.asarray(amplitudes, float),
+        table.weight,
+        table.integral.ravel(),
+        table.basis.ravel(),
+        C.ravel(),
+        table.gap.ravel(),
+        pair[:, y, z].ravel(),
+        pair[:, z, x].ravel(),
+        pair[:, x, y].ravel(),
+    ]
+    return np.concatenate(parts).astype(float), np.array([nx, ny, nz, ng], np.int64)
+
+
+def strain_sizes(number: np.ndarray) -> tuple[int, int]:
+    """Lengths of the inner state and of the scratch of one leaf."""
+    total = int(number[0] + number[1] + number[2])
+    return total + 6, 7 * total + 36 + 6

@@ -1,0 +1,40 @@
+"""The typed errors a user can meet; each carries one clear sentence and a command-line exit code."""
+
+from __future__ import annotations
+
+
+class KsdError(Exception):
+    """Base of all errors of this package; `exit_code` is what the command line returns."""
+
+    exit_code = 1
+
+
+class SceneError(KsdError, ValueError):
+    """The description is wrong: names the joint, link or parameter, its value, and what is allowed."""
+
+    exit_code = 2
+
+
+class KinematicsError(SceneError):
+    """The mechanism can move without any joint resisting, or its drives contradict each other."""
+
+
+class RangeError(SceneError):
+    """A stroke or shape parameter lies outside the trained range of a joint record."""
+
+
+class ConvergenceError(KsdError):
+    """A solve stopped before equilibrium; `reached` is the drive fraction solved, `result` the last state."""
+
+    exit_code = 3
+
+    def __init__(self, message: str, *, reached: float = 0.0, result: object | None = None) -> None:
+        super().__init__(message)
+        self.reached = reached
+        self.result = result
+
+
+class RecordError(KsdError):
+    """A joint record is missing, truncated, altered, or of a format this version cannot read."""
+
+    exit_code = 4

@@ -1,0 +1,130 @@
+"""The frozen flat arrays a model is made of, as the compiled kernels read them.
+
+Node 0 is ground. Node frames are identity at rest, so a point of a link is x + R s with s its offset at rest
+from the link's reference point. Lengths m, forces N, moments Nm, angles rad.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from ksd.numerics.blocks import Blocks
+
+STRAIN, COROTATIONAL, LINEAR = 0, 1, 2
+TRANSLATION, ROTATION = 0, 1
+
+
+class Members(NamedTuple):
+    """Everything elastic: m members, each between end p on node[:, 0] and end q on node[:, 1].
+
+    offset (m, 2, 3): end minus node reference point, in node axes; frame (m, 2, 3, 3): end axes (columns) in node
+    axes; number (m, 4), value (flat) from value_at (m,): settings and constants; inner_at, store_at (m+1,): where
+    inner state and scratch sit; length (m,), floor (m,): EA/L [N/m]; block (m, 4): offsets of the stored
+    blocks pp, qq, and coupling, -1 when an end is fixed, last: 1 when the coupling is stored as (p, q).
+    """
+
+    kind: np.ndarray
+    node: np.ndarray
+    offset: np.ndarray
+    frame: np.ndarray
+    number: np.ndarray
+    value_at: np.ndarray
+    value: np.ndarray
+    inner_at: np.ndarray
+    store_at: np.ndarray
+    length: np.ndarray
+    floor: np.ndarray
+    block: np.ndarray
+
+
+class Terms(NamedTuple):
+    """Constraint rows (c of them) as sums of terms; row i owns terms first[i] .. first[i+1]-1.
+
+    Term: coefficient, kind, nodes (base, node), direction (3,) fixed in base, points (2, 3) as offsets in the
+    axes of base and node. start (c,): unknown of the multiplier. block (t, 5): offsets of the rows coupling the
+    multiplier with base and node, and of the node blocks base-base, node-node, coupling; flip (t,) as in Members.
+    """
+
+    first: np.ndarray
+    start: np.ndarray
+    coefficient: np.ndarray
+    kind: np.ndarray
+    node: np.ndarray
+    direction: np.ndarray
+    point: np.ndarray
+    block: np.ndarray
+    flip: np.ndarray
+
+
+class Loads(NamedTuple):
+    """Forces and moments on nodes: node (l,), point (l, 3), force (l, 3), moment (l, 3), following (l,) 0 or 1."""
+
+    node: np.ndarray
+    point: np.ndarray
+    force: np.ndarray
+    moment: np.ndarray
+    following: np.ndarray
+    block: np.ndarray
+
+
+class Arrays(NamedTuple):
+    """One mechanism as numbers. start (k,): first unknown of each node, -1 when fixed; size: length scale [m]."""
+
+    plan: Blocks
+    start: np.ndarray
+    members: Members
+    terms: Terms
+    loads: Loads
+    size: float
+
+
+class Motion(NamedTuple):
+    """Where a mechanism is: positions (k, 3) [m], rotations (k, 3, 3), inner states (flat), multipliers (c,)."""
+
+    x: np.ndarray
+    R: np.ndarray
+    inner: np.ndarray
+    multiplier: np.ndarray
+
+    def copy(self) -> Motion:
+        """An independent copy."""
+        return Motion(*(a.copy() for a in self))
+
+    def assign(self, other: Motion) -> None:
+        """Take over the numbers of `other`, in place."""
+        for mine, theirs in zip(self, other, strict=True):
+            mine[...] = theirs
+
+
+class Work(NamedTuple):
+    """Storage prepared once per model: nothing is allocated per iteration.
+
+    value, spare: block matrix and its scaled rows; rhs (n,): residual, then the step; store: scratch of the
+    members; lam (m, 12): end wrenches; pose (m, 21): frame p (9), lever of q about node p, lever of q, d, spare;
+    scale (k, 2): sums of force and moment norms at each node; K (6, 6).
+    """
+
+    value: np.ndarray
+    spare: np.ndarray
+    rhs: np.ndarray
+    store: np.ndarray
+    lam: np.ndarray
+    pose: np.ndarray
+    scale: np.ndarray
+
+
+def make_work(arrays: Arrays) -> Work:
+    """Storage for one thread working on `arrays`."""
+    members = arrays.members
+    count = len(members.kind)
+    return Work(
+        np.zeros(arrays.plan.values),
+        np.zeros(arrays.plan.values),
+        np.zeros(arrays.plan.unknowns),
+        np.zeros(int(members.store_at[-1])),
+        np.zeros((count, 12)),
+        np.zeros((count, 18)),
+        np.zeros((len(arrays.start), 2)),
+    )

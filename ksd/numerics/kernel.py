@@ -1,0 +1,99 @@
+"""The kernel decorator: compiled, cached on disk in a folder keyed by a hash of every kernel's source.
+
+Numba's own cache does not notice a changed callee in another file, so the folder name carries a hash of all
+sources of this package that contain kernels; a changed kernel means a new folder and a fresh compilation.
+A read-only installation falls back to the user's cache folder, then to a temporary one, then to no cache.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import sys
+import tempfile
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+_PACKAGE = Path(__file__).resolve().parent.parent
+
+
+def source_hash() -> str:
+    """Hash (16 hex digits) of all sources that contain kernels, the numba version and this Python."""
+    import numba
+
+    digest = hashlib.sha256(f"{numba.__version__} {sys.version_info[:2]}".encode())
+    for path in sorted(_PACKAGE.rglob("*.py")):
+        text = path.read_bytes()
+        if b"@kernel" in text:
+            digest.update(path.relative_to(_PACKAGE).as_posix().encode() + b"\0" + text)
+    return digest.hexdigest()[:16]
+
+
+def _writable(folder: Path) -> bool:
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        probe = folder / f".probe-{os.getpid()}"
+        probe.touch()
+        probe.unlink()
+    except OSError:
+        return False
+    return True
+
+
+def _candidates() -> list[Path]:
+    places = []
+    if os.environ.get("KSD_CACHE_DIR"):
+        places.append(Path(os.environ["KSD_CACHE_DIR"]))
+    home = os.environ.get("XDG_CACHE_HOME") or (
+        Path.home() / ".cache" if os.environ.get("HOME") else None
+    )
+    if home:
+        places.append(Path(home) / "ksd")
+    places.append(Path(tempfile.gettempdir()) / f"ksd-{os.getuid() if hasattr(os, 'getuid') else 'user'}")
+    return places
+
+
+def cache_folder() -> Path | None:
+    """The folder kernels are cached in, made if needed; None when nothing is writable."""
+    key = source_hash()
+    for place in _candidates():
+        folder = place / f"kernels-{key}"
+        if _writable(folder):
+            return folder
+    return None
+
+
+FOLDER: Path | None = cache_folder()
+
+
+def _announce_cold_start() -> None:
+    if FOLDER is not None and not any(FOLDER.rglob("*.nbi")):
+        print("ksd: compiling its kernels for this machine (once; about half a minute) ...", file=sys.stderr)
+
+
+def _prepare() -> None:
+    import numba
+
+    if FOLDER is not None:
+        numba.config.CACHE_DIR = str(FOLDER)
+    _announce_cold_start()
+
+
+_prepare()
+
+
+def kernel(function: Callable[..., Any] | None = None, **options: Any) -> Any:
+    """Compile `function` with numba on first call: cached on disk, releasing the interpreter lock.
+
+    Division by zero gives inf or nan as in numpy (`error_model="numpy"`); results are checked for being
+    finite where they matter, so no exception machinery is compiled in.
+    """
+    import numba
+
+    settings: dict[str, Any] = {"cache": FOLDER is not None, "nogil": True, "error_model": "numpy", **options}
+
+    def decorate(inner: Callable[..., Any]) -> Any:
+        return numba.njit(**settings)(inner)
+
+    return decorate if function is None else decorate(function)

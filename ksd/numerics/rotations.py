@@ -1,0 +1,155 @@
+"""Finite rotations as 3x3 matrices: exponential, logarithm, their tangents, and twist about an axis.
+
+Rotation updates are spatial, R <- exp(dphi) R. All kernels take flat arguments and write into arrays of the
+caller. Vectors in rad; matrices (3, 3).
+"""
+
+from __future__ import annotations
+
+import math
+
+from ksd.numerics.kernel import kernel
+
+
+@kernel
+def rotation_exp(v, R):
+    """R (3, 3) = exp([v]x), Rodrigues' formula; series below 1e-4 rad."""
+    x, y, z = v[0], v[1], v[2]
+    t2 = x * x + y * y + z * z
+    if t2 < 1e-8:
+        a = 1.0 - t2 / 6.0 * (1.0 - t2 / 20.0)
+        b = 0.5 - t2 / 24.0 * (1.0 - t2 / 30.0)
+    else:
+        t = math.sqrt(t2)
+        a = math.sin(t) / t
+        h = math.sin(0.5 * t)
+        b = 2.0 * h * h / t2
+    R[0, 0] = 1.0 - b * (y * y + z * z)
+    R[1, 1] = 1.0 - b * (x * x + z * z)
+    R[2, 2] = 1.0 - b * (x * x + y * y)
+    R[0, 1] = b * x * y - a * z
+    R[1, 0] = b * x * y + a * z
+    R[0, 2] = b * x * z + a * y
+    R[2, 0] = b * x * z - a * y
+    R[1, 2] = b * y * z - a * x
+    R[2, 1] = b * y * z + a * x
+
+
+@kernel
+def rotation_log(R, v):
+    """v (3,) = rotation vector of R (3, 3), |v| <= pi; through the quaternion, safe near 0 and pi."""
+    w4 = 1.0 + R[0, 0] + R[1, 1] + R[2, 2]
+    x, y, z = R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]
+    if w4 < 0.25:
+        # Shepperd: build on the largest diagonal entry
+        k = 0
+        if R[1, 1] > R[0, 0]:
+            k = 1
+        if R[2, 2] > R[k, k]:
+            k = 2
+        i, j = (k + 1) % 3, (k + 2) % 3
+        q = math.sqrt(max(0.0, 1.0 + R[k, k] - R[i, i] - R[j, j]))
+        v[k] = q * q
+        v[i] = R[i, k] + R[k, i]
+        v[j] = R[j, k] + R[k, j]
+        # the vector above is 2 q (x, y, z); the scalar part is (R[j, i] - R[i, j]) / (2 q)
+        w = R[j, i] - R[i, j]
+        x, y, z = v[0], v[1], v[2]
+        if w < 0.0:
+            x, y, z, w = -x, -y, -z, -w
+        n = math.sqrt(x * x + y * y + z * z)
+        angle = 2.0 * math.atan2(n, w)
+    else:
+        n = math.sqrt(x * x + y * y + z * z)
+        angle = 2.0 * math.atan2(n, w4)
+    f = angle / n if n > 1e-300 else 0.5
+    v[0] = f * x
+    v[1] = f * y
+    v[2] = f * z
+
+
+@kernel
+def rotate(v, x):
+    """x (3,) <- exp([v]x) x in place."""
+    a, b, c = v[0], v[1], v[2]
+    t2 = a * a + b * b + c * c
+    if t2 < 1e-8:
+        f = 1.0 - t2 / 6.0 * (1.0 - t2 / 20.0)
+        g = 0.5 - t2 / 24.0 * (1.0 - t2 / 30.0)
+    else:
+        t = math.sqrt(t2)
+        f = math.sin(t) / t
+        h = math.sin(0.5 * t)
+        g = 2.0 * h * h / t2
+    p, q, r = x[0], x[1], x[2]
+    cx, cy, cz = b * r - c * q, c * p - a * r, a * q - b * p
+    x[0] = p + f * cx + g * (b * cz - c * cy)
+    x[1] = q + f * cy + g * (c * cx - a * cz)
+    x[2] = r + f * cz + g * (a * cy - b * cx)
+
+
+@kernel
+def turn(v, R):
+    """R (3, 3) <- exp([v]x) R in place, columns turned one by one; orthonormality drifts by rounding only."""
+    for j in range(3):
+        rotate(v, R[:, j])
+
+
+@kernel
+def straighten(R):
+    """One Newton step of the polar decomposition, R <- R (3 I - R^T R) / 2: removes rounding drift."""
+    for _ in range(1):
+        c00 = 0.5 * (3.0 - (R[0, 0] * R[0, 0] + R[1, 0] * R[1, 0] + R[2, 0] * R[2, 0]))
+        c11 = 0.5 * (3.0 - (R[0, 1] * R[0, 1] + R[1, 1] * R[1, 1] + R[2, 1] * R[2, 1]))
+        c22 = 0.5 * (3.0 - (R[0, 2] * R[0, 2] + R[1, 2] * R[1, 2] + R[2, 2] * R[2, 2]))
+        c01 = -0.5 * (R[0, 0] * R[0, 1] + R[1, 0] * R[1, 1] + R[2, 0] * R[2, 1])
+        c02 = -0.5 * (R[0, 0] * R[0, 2] + R[1, 0] * R[1, 2] + R[2, 0] * R[2, 2])
+        c12 = -0.5 * (R[0, 1] * R[0, 2] + R[1, 1] * R[1, 2] + R[2, 1] * R[2, 2])
+        for i in range(3):
+            a, b, c = R[i, 0], R[i, 1], R[i, 2]
+            R[i, 0] = a * c00 + b * c01 + c * c02
+            R[i, 1] = a * c01 + b * c11 + c * c12
+            R[i, 2] = a * c02 + b * c12 + c * c22
+
+
+@kernel
+def exp_tangent(v, T):
+    """T (3, 3): exp(v + dv) = exp(T dv) exp(v) to first order (left Jacobian of the rotation group)."""
+    x, y, z = v[0], v[1], v[2]
+    t2 = x * x + y * y + z * z
+    if t2 < 1e-6:
+        b = 0.5 - t2 / 24.0
+        c = 1.0 / 6.0 - t2 / 120.0
+    else:
+        t = math.sqrt(t2)
+        h = math.sin(0.5 * t)
+        b = 2.0 * h * h / t2
+        c = (t - math.sin(t)) / (t2 * t)
+    _series(x, y, z, b, c, T)
+
+
+@kernel
+def log_tangent(v, T):
+    """T (3, 3): log(exp(dphi) exp(v)) = v + T dphi to first order (inverse of `exp_tangent`)."""
+    x, y, z = v[0], v[1], v[2]
+    t2 = x * x + y * y + z * z
+    if t2 < 1e-6:
+        c = 1.0 / 12.0 + t2 / 720.0
+    else:
+        h = 0.5 * math.sqrt(t2)
+        c = (1.0 - h / math.tan(h)) / t2
+    _series(x, y, z, -0.5, c, T)
+
+
+@kernel
+def _series(x, y, z, b, c, T):
+    """T = I + b [v]x + c [v]x^2."""
+    T[0, 0] = 1.0 - c * (y * y + z * z)
+    T[1, 1] = 1.0 - c * (x * x + z * z)
+    T[2, 2] = 1.0 - c * (x * x + y * y)
+    T[0, 1] = c * x * y - b * z
+    T[1, 0] = c * x * y + b * z
+    T[0, 2] = c * x * z + b * y
+    T[2, 0] = c * x * z - b * y
+    T[1, 2] = c * y * z - b * x
+    T[2, 1] = c * y * z + b * x
