@@ -11,7 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
-RECORD, NODE, KEPT, TAIL = 16, 12, 120, 148
+RECORD = 16
+"""Numbers per element in `value`."""
+NODE = 12
+"""Numbers per inner node in `inner`."""
+KEPT, TAIL = 120, 148
+"""Scratch per element and per chain, as in `ksd.beam.corotational_element`, which importing would compile."""
 
 
 class SectionNumbers(Protocol):
@@ -77,8 +82,8 @@ def stiffness_numbers(section: SectionNumbers, length: float) -> tuple[float, ..
 
 def shear_ratios(section: SectionNumbers, length: float) -> tuple[float, float]:
     """(Phi_y, Phi_z) of deflection along y and along z: 12 E Iz/(ky G A L^2) and 12 E Iy/(kz G A L^2)."""
-    shear = section.G * section.A * length**2
-    return 12 * section.E * section.Iz / (section.ky * shear), 12 * section.E * section.Iy / (section.kz * shear)
+    ratio = 12 * section.E / (section.G * section.A * length**2)
+    return ratio * section.Iz / section.ky, ratio * section.Iy / section.kz
 
 
 def straight_nodes(length: float, n: int) -> tuple[Array, Array]:

@@ -1,0 +1,41 @@
+"""Joint records: what training found out about a joint family, read and written as one HDF5 file each."""
+
+from ksd.library.files import (
+    FORMAT,
+    Listing,
+    describe_database,
+    find_record,
+    read_record,
+    record_folders,
+    write_record,
+)
+from ksd.library.record import (
+    Evidence,
+    Functions,
+    JointFunctions,
+    Mesh,
+    Parameter,
+    Record,
+    Residual,
+    Stroke,
+    monomials,
+)
+
+__all__ = [
+    "FORMAT",
+    "Evidence",
+    "Functions",
+    "JointFunctions",
+    "Listing",
+    "Mesh",
+    "Parameter",
+    "Record",
+    "Residual",
+    "Stroke",
+    "describe_database",
+    "find_record",
+    "monomials",
+    "read_record",
+    "record_folders",
+    "write_record",
+]

@@ -102,8 +102,9 @@ class Work(NamedTuple):
     """Storage prepared once per model: nothing is allocated per iteration.
 
     value, spare: block matrix and its scaled rows; rhs (n,): residual, then the step; store: scratch of the
-    members; lam (m, 12): end wrenches; pose (m, 21): frame p (9), lever of q about node p, lever of q, d, spare;
-    scale (k, 2): sums of force and moment norms at each node; K (6, 6).
+    members; lam (m, 12): end wrenches; pose (m, 18): frame p (9), lever of q about node p, lever of q, d; scale
+    (k, 2): sums of force and moment norms at each node. near (flat), from near_at (m+1,): element and node
+    rotation vectors of the near configuration of paper 1, empty except in the joint bench.
     """
 
     value: np.ndarray
@@ -113,10 +114,12 @@ class Work(NamedTuple):
     lam: np.ndarray
     pose: np.ndarray
     scale: np.ndarray
+    near: np.ndarray
+    near_at: np.ndarray
 
 
-def make_work(arrays: Arrays) -> Work:
-    """Storage for one thread working on `arrays`."""
+def make_work(arrays: Arrays, *, near: np.ndarray | None = None) -> Work:
+    """Storage for one thread working on `arrays`; `near` (m,) lengths of the near configurations, if any."""
     members = arrays.members
     count = len(members.kind)
     return Work(
@@ -127,4 +130,6 @@ def make_work(arrays: Arrays) -> Work:
         np.zeros((count, 12)),
         np.zeros((count, 18)),
         np.zeros((len(arrays.start), 2)),
+        np.zeros(0 if near is None else int(np.sum(near))),
+        np.zeros(count + 1, np.int64) if near is None else np.concatenate([[0], np.cumsum(near)]).astype(np.int64),
     )

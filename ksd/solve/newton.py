@@ -9,112 +9,11 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-
-from ksd.model.assembly import add_loads, add_members, add_terms, recover_member
-from ksd.numerics.blocks import factor_blocks, solve_blocks
+from ksd.model.system import assemble, largest_turn, solve_step, take_step
+from ksd.numerics.blocks import factor_blocks
 from ksd.numerics.kernel import kernel
-from ksd.numerics.rotations import straighten, turn
 
 CONVERGED, TOO_MANY, LOCAL_ANGLE, SINGULAR, DIVERGED, NOT_FINITE = 0, 1, 2, 3, 4, 5
-
-
-@kernel
-def assemble(arrays, motion, target, factor, work, rtol):
-    """Residual and tangent at `motion`. Returns (residual over its bound, largest gap [m], negatives, status)."""
-    work.value[:] = 0.0
-    work.rhs[:] = 0.0
-    work.scale[:] = 0.0
-    reach = arrays.size
-    for k in range(len(arrays.start)):
-        for r in range(3):
-            reach = max(reach, abs(motion.x[k, r]))
-    noise = 10.0 * 2.220446049250313e-16 * reach
-    negatives, worst, status = add_members(arrays, motion.x, motion.R, motion.inner, work, rtol, noise)
-    add_loads(arrays, motion.R, work, factor, rtol)
-    gap = add_terms(arrays, motion.x, motion.R, motion.multiplier, target, work, rtol)
-    worst = max(worst, gap / (1e-11 * arrays.size + noise))
-    for k in range(len(arrays.start)):
-        u = arrays.start[k]
-        if u >= 0:
-            f, m = 0.0, 0.0
-            for r in range(3):
-                f += work.rhs[u + r] ** 2
-                m += work.rhs[u + 3 + r] ** 2
-            worst = max(worst, math.sqrt(f) / (work.scale[k, 0] + 1e-300), math.sqrt(m) / (work.scale[k, 1] + 1e-300))
-    if not math.isfinite(worst):
-        status = 2
-    return worst, gap, negatives, status
-
-
-@kernel
-def solve_step(arrays, work):
-    """Factor work.value and turn work.rhs into the Newton step. Returns (negatives, smallest relative pivot)."""
-    negatives, pivot = factor_blocks(arrays.plan, work.value, work.spare, len(arrays.plan.size))
-    for i in range(len(work.rhs)):
-        work.rhs[i] = -work.rhs[i]
-    solve_blocks(arrays.plan, work.value, work.spare, work.rhs)
-    return negatives, pivot
-
-
-@kernel
-def largest_turn(arrays, step):
-    """Largest rotation of any node in `step` (n,), rad."""
-    largest = 0.0
-    for k in range(len(arrays.start)):
-        u = arrays.start[k]
-        if u >= 0:
-            largest = max(largest, step[u + 3] ** 2 + step[u + 4] ** 2 + step[u + 5] ** 2)
-    return math.sqrt(largest)
-
-
-@kernel
-def take_step(arrays, motion, step, work, scale):
-    """motion <- motion + scale * step (n,): members first (their frames are the old ones), then nodes, multipliers."""
-    members = arrays.members
-    xi, move = np.empty(6), np.empty(12)
-    for i in range(len(members.kind)):
-        pose = work.pose[i]
-        for e in range(2):
-            u = arrays.start[members.node[i, e]]
-            for r in range(6):
-                move[6 * e + r] = step[u + r] if u >= 0 else 0.0
-        relative_motion(pose, move, xi)
-        recover_member(members, motion.inner, work.store, i, xi, scale)
-    move_nodes(arrays, motion, step, scale)
-
-
-@kernel
-def relative_motion(pose, move, xi):
-    """xi (6,) in frame p from the motion (12,) of nodes a, b: (dxb - dxa + dphib x s - dphia x w, dphib - dphia)."""
-    g = np.empty(6)
-    for r in range(3):
-        j, k = (r + 1) % 3, (r + 2) % 3
-        g[r] = (
-            move[6 + r] - move[r]
-            + move[9 + j] * pose[12 + k] - move[9 + k] * pose[12 + j]
-            - move[3 + j] * pose[9 + k] + move[3 + k] * pose[9 + j]
-        )  # fmt: skip
-        g[3 + r] = move[9 + r] - move[3 + r]
-    for r in range(3):
-        xi[r] = pose[r] * g[0] + pose[3 + r] * g[1] + pose[6 + r] * g[2]
-        xi[3 + r] = pose[r] * g[3] + pose[3 + r] * g[4] + pose[6 + r] * g[5]
-
-
-@kernel
-def move_nodes(arrays, motion, step, scale):
-    """Positions, rotations (R <- exp(dphi) R) and multipliers."""
-    v = np.empty(3)
-    for k in range(len(arrays.start)):
-        u = arrays.start[k]
-        if u >= 0:
-            for r in range(3):
-                motion.x[k, r] += scale * step[u + r]
-                v[r] = scale * step[u + 3 + r]
-            turn(v, motion.R[k])
-            straighten(motion.R[k])
-    for i in range(len(motion.multiplier)):
-        motion.multiplier[i] += scale * step[arrays.terms.start[i]]
 
 
 @kernel
@@ -123,20 +22,20 @@ def iterate(arrays, motion, target, factor, work, rtol, most, cap, blow_up):
 
     The first step (the predictor) is taken whole; later ones are scaled so that no node turns more than `cap` rad.
     `blow_up`: stop when the residual norm exceeds it (the eps_max of Appendix B); inf switches it off.
+    Local angles beyond 60 degrees may pass on the way; a converged state that has one is refused.
     Returns (reason, steps taken, residual over its bound, negative pivots, smallest relative pivot).
     """
     negatives, pivot = 0, 1.0
     worst = math.inf
     for n in range(most + 1):
-        worst, gap, inside, status = assemble(arrays, motion, target, factor, work, rtol)
-        if status == 1:
-            return LOCAL_ANGLE, n, worst, negatives, pivot
+        worst, gap, inside, status = assemble(arrays, motion, target, factor, work, rtol, 0)
         if not math.isfinite(worst):
             return NOT_FINITE, n, worst, negatives, pivot
         if worst <= 1.0:
             # the inertia belongs to the converged state
             negatives, pivot = factor_blocks(arrays.plan, work.value, work.spare, len(arrays.plan.size))
-            return CONVERGED, n, worst, negatives + inside, pivot
+            reason = LOCAL_ANGLE if status == 1 else CONVERGED
+            return reason, n, worst, negatives + inside, pivot
         if n == most:
             break
         if n > 0 and math.isfinite(blow_up):

@@ -1,0 +1,291 @@
+"""One corotational Timoshenko element: strains, their derivatives, force and tangent (paper 1, Appendix A).
+
+With corrections 2, 3 and 7 of the errata. Kernels work on two scratch arrays of the chain in `corotational`:
+`s`, the numbers kept per element, and `tail`, shared by all elements. Flat loops over constants, so that the
+compiler unrolls them; the offsets below say where things are.
+"""
+
+from __future__ import annotations
+
+import math
+
+from ksd.numerics.kernel import kernel
+
+# In `s`: eps 6, l 3, deps/dL and deps/dphi of strains 3..6 (12 + 12), deps2/dphi_p 3, factor, coupling 6 x 8
+L_AT, U_AT, V_AT, T_AT, A_AT, B_AT = 6, 9, 21, 33, 36, 72
+# In `tail`: nodes p and q (position 3, rotation 9), axes 12, |L|, sines 4, factors 4, torsion 10, stresses 6
+P_AT, Q_AT, X_AT, N_AT, W_AT, F_AT, R_AT, S_AT = 0, 12, 24, 36, 37, 41, 45, 55
+# then products S D 12, sigma-weighted axes and their normals 15, diagonal block and residual of node q 6 x 8
+M_AT, G_AT, C_AT = 64, 76, 100
+KEPT = 120
+"""Numbers kept per element in `store`."""
+TAIL = 148
+"""Scratch numbers after them."""
+TINY_PIVOT = 1e-14
+"""A pivot below this fraction of its diagonal before elimination counts as zero."""
+
+
+@kernel
+def load_node(tail, inner, k, d, R):
+    """Node q of the previous element becomes node p; node q is `inner` node k, or the end d, R if k < 0."""
+    for i in range(12):
+        tail[P_AT + i] = tail[Q_AT + i]
+    if k >= 0:
+        node = inner[12 * k : 12 * k + 12]
+        for i in range(12):
+            tail[Q_AT + i] = node[i]
+    else:
+        for i in range(3):
+            tail[Q_AT + i] = d[i]
+            for j in range(3):
+                tail[Q_AT + 3 + 3 * i + j] = R[i, j]
+
+
+@kernel
+def fix_start(tail):
+    """End frame p as a node: at the origin, unrotated; residual carried from it is zero."""
+    for i in range(12):
+        tail[Q_AT + i] = 0.0
+    tail[Q_AT + 3] = tail[Q_AT + 7] = tail[Q_AT + 11] = 1.0
+
+
+@kernel
+def node_axes(v, tail):
+    """Axes z_p, z_q, y_p, y_q of an element (A.2)."""
+    for e in range(2):
+        for i in range(3):
+            a, b, c = tail[12 * e + 3 + 3 * i], tail[12 * e + 4 + 3 * i], tail[12 * e + 5 + 3 * i]
+            tail[X_AT + 3 * e + i] = a * v[9] + b * v[12] + c * v[15]
+            tail[X_AT + 6 + 3 * e + i] = a * v[8] + b * v[11] + c * v[14]
+
+
+@kernel
+def chord(s, tail):
+    """Chord direction l and length from the positions of both nodes (A.5)."""
+    x = tail[Q_AT] - tail[P_AT]
+    y = tail[Q_AT + 1] - tail[P_AT + 1]
+    z = tail[Q_AT + 2] - tail[P_AT + 2]
+    n = math.sqrt(x * x + y * y + z * z)
+    tail[N_AT] = n
+    s[L_AT] = x / n
+    s[L_AT + 1] = y / n
+    s[L_AT + 2] = z / n
+
+
+@kernel
+def gradients(length, s, tail):
+    """First derivatives D of the strains (A.11) and asin factors; returns 1 beyond 60 degrees, 2 if nan."""
+    lx, ly, lz = s[L_AT], s[L_AT + 1], s[L_AT + 2]
+    r = 1.0 / tail[N_AT]
+    status = 0
+    for i in range(4):
+        ax, ay, az = tail[X_AT + 3 * i], tail[X_AT + 3 * i + 1], tail[X_AT + 3 * i + 2]
+        w = ax * lx + ay * ly + az * lz
+        if not w * w <= 0.75:
+            status = 1 if w * w > 0.75 else 2
+        f = length / math.sqrt(1.0 - w * w)
+        if i == 0 or i == 3:
+            f = -f
+        tail[W_AT + i] = w
+        tail[F_AT + i] = f
+        s[U_AT + 3 * i] = f * r * (ax - w * lx)
+        s[U_AT + 3 * i + 1] = f * r * (ay - w * ly)
+        s[U_AT + 3 * i + 2] = f * r * (az - w * lz)
+        s[V_AT + 3 * i] = f * (ay * lz - az * ly)
+        s[V_AT + 3 * i + 1] = f * (az * lx - ax * lz)
+        s[V_AT + 3 * i + 2] = f * (ax * ly - ay * lx)
+    # torsion: z_p . y_q and y_p . z_q
+    ax, ay, az = tail[X_AT], tail[X_AT + 1], tail[X_AT + 2]
+    ex, ey, ez = tail[X_AT + 3], tail[X_AT + 4], tail[X_AT + 5]
+    cx, cy, cz = tail[X_AT + 6], tail[X_AT + 7], tail[X_AT + 8]
+    bx, by, bz = tail[X_AT + 9], tail[X_AT + 10], tail[X_AT + 11]
+    wa = ax * bx + ay * by + az * bz
+    wb = cx * ex + cy * ey + cz * ez
+    if not (wa * wa <= 0.75 and wb * wb <= 0.75):
+        status = max(status, 1)
+    # the folded side: an axis x = y x z of a node against the chord, or a twist past 90 degrees
+    xp = lx * (cy * az - cz * ay) + ly * (cz * ax - cx * az) + lz * (cx * ay - cy * ax)
+    xq = lx * (by * ez - bz * ey) + ly * (bz * ex - bx * ez) + lz * (bx * ey - by * ex)
+    turn = ax * ex + ay * ey + az * ez + bx * cx + by * cy + bz * cz
+    if xp <= 0.0 or xq <= 0.0 or turn <= 0.0:
+        status = max(status, 1)
+    fa = 0.5 * length / math.sqrt(1.0 - wa * wa)
+    fb = -0.5 * length / math.sqrt(1.0 - wb * wb)
+    tail[R_AT], tail[R_AT + 1], tail[R_AT + 2], tail[R_AT + 3] = wa, fa, wb, fb
+    ux, uy, uz = fa * (ay * bz - az * by), fa * (az * bx - ax * bz), fa * (ax * by - ay * bx)
+    vx, vy, vz = fb * (cy * ez - cz * ey), fb * (cz * ex - cx * ez), fb * (cx * ey - cy * ex)
+    tail[R_AT + 4], tail[R_AT + 5], tail[R_AT + 6] = ux, uy, uz
+    tail[R_AT + 7], tail[R_AT + 8], tail[R_AT + 9] = vx, vy, vz
+    s[T_AT], s[T_AT + 1], s[T_AT + 2] = ux + vx, uy + vy, uz + vz
+    return status
+
+
+@kernel
+def strains(length, s, tail):
+    """Strains eps of A.4 at the present configuration."""
+    s[0] = tail[N_AT] - length
+    s[1] = 0.5 * length * (math.asin(tail[R_AT]) - math.asin(tail[R_AT + 2]))
+    s[2] = -length * math.asin(tail[W_AT])
+    s[3] = length * math.asin(tail[W_AT + 1])
+    s[4] = length * math.asin(tail[W_AT + 2])
+    s[5] = -length * math.asin(tail[W_AT + 3])
+
+
+@kernel
+def stresses(v, s, tail):
+    """Stresses sigma = S eps (A.13)."""
+    tail[S_AT] = v[1] * s[0]
+    tail[S_AT + 1] = v[2] * s[1]
+    tail[S_AT + 2] = v[3] * s[2] + v[4] * s[3]
+    tail[S_AT + 3] = v[4] * s[2] + v[3] * s[3]
+    tail[S_AT + 4] = v[5] * s[4] + v[6] * s[5]
+    tail[S_AT + 5] = v[6] * s[4] + v[5] * s[5]
+
+
+@kernel
+def node_forces(s, tail, i):
+    """Components i of D^T sigma (A.18): force on q (minus that on p), moment on p, moment on q."""
+    s3, s4, s5, s6 = tail[S_AT + 2], tail[S_AT + 3], tail[S_AT + 4], tail[S_AT + 5]
+    force = tail[S_AT] * s[L_AT + i] + s3 * s[U_AT + i] + s4 * s[U_AT + 3 + i]
+    force += s5 * s[U_AT + 6 + i] + s6 * s[U_AT + 9 + i]
+    twist = tail[S_AT + 1] * s[T_AT + i]
+    at_p = twist + s3 * s[V_AT + i] + s5 * s[V_AT + 6 + i]
+    at_q = -twist + s4 * s[V_AT + 3 + i] + s6 * s[V_AT + 9 + i]
+    return force, at_p, at_q
+
+
+@kernel
+def tangent(v, sigma, s, tail, first):
+    """Element tangent and force; node p is added to the block carried in C, giving A and B; node q refills C.
+
+    With w = a . l: d2w/dLdL = -(Pa l^T + l (Pa)^T + w P)/|L|^2, d2w/dL dphi = -P [a]x/|L|, P = I - l l^T,
+    d2w/dphi2 = (a l^T + l a^T)/2 - w I; with w = a . b, a on p, b on q: d2w/dphi_p dphi_q = w I - b a^T.
+    The term w dw dw^T/(1 - w^2)^1.5 of asin joins D^T S D: it only changes the diagonal of S.
+    Returns the largest squared force and moment residual of node p.
+    """
+    lx, ly, lz = s[L_AT], s[L_AT + 1], s[L_AT + 2]
+    r = 1.0 / tail[N_AT]
+    # S with the asin terms, and the products S D of the bending strains
+    h3, h4 = sigma[2] * tail[F_AT], sigma[3] * tail[F_AT + 1]
+    h5, h6 = sigma[4] * tail[F_AT + 2], sigma[5] * tail[F_AT + 3]
+    w3, w4, w5, w6 = tail[W_AT], tail[W_AT + 1], tail[W_AT + 2], tail[W_AT + 3]
+    k33 = v[3] + sigma[2] * w3 / (tail[F_AT] * (1.0 - w3 * w3))
+    k44 = v[3] + sigma[3] * w4 / (tail[F_AT + 1] * (1.0 - w4 * w4))
+    k55 = v[5] + sigma[4] * w5 / (tail[F_AT + 2] * (1.0 - w5 * w5))
+    k66 = v[5] + sigma[5] * w6 / (tail[F_AT + 3] * (1.0 - w6 * w6))
+    for i in range(3):
+        u3, u4, u5, u6 = s[U_AT + i], s[U_AT + 3 + i], s[U_AT + 6 + i], s[U_AT + 9 + i]
+        tail[M_AT + i] = k33 * u3 + v[4] * u4
+        tail[M_AT + 3 + i] = v[4] * u3 + k44 * u4
+        tail[M_AT + 6 + i] = k55 * u5 + v[6] * u6
+        tail[M_AT + 9 + i] = v[6] * u5 + k66 * u6
+        # sums of sigma-weighted axes on p and on q
+        tail[G_AT + i] = h3 * tail[X_AT + i] + h5 * tail[X_AT + 6 + i]
+        tail[G_AT + 3 + i] = h4 * tail[X_AT + 3 + i] + h6 * tail[X_AT + 9 + i]
+    px, py, pz = tail[G_AT], tail[G_AT + 1], tail[G_AT + 2]
+    qx, qy, qz = tail[G_AT + 3], tail[G_AT + 4], tail[G_AT + 5]
+    wp, wq = px * lx + py * ly + pz * lz, qx * lx + qy * ly + qz * lz
+    tail[G_AT + 6], tail[G_AT + 7], tail[G_AT + 8] = py * lz - pz * ly, pz * lx - px * lz, px * ly - py * lx
+    tail[G_AT + 9], tail[G_AT + 10], tail[G_AT + 11] = qy * lz - qz * ly, qz * lx - qx * lz, qx * ly - qy * lx
+    for i in range(3):
+        tail[G_AT + 12 + i] = r * r * (tail[G_AT + i] + tail[G_AT + 3 + i] - (wp + wq) * s[L_AT + i])
+    # torsion: asin terms and weights of the second derivatives
+    wa, fa, wb, fb = tail[R_AT], tail[R_AT + 1], tail[R_AT + 2], tail[R_AT + 3]
+    ka = sigma[1] * wa / (fa * (1.0 - wa * wa))
+    kb = sigma[1] * wb / (fb * (1.0 - wb * wb))
+    ga, gb = sigma[1] * fa, sigma[1] * fb
+    normal = sigma[0] * r - r * r * (wp + wq)
+    axial = v[1] - normal
+    twist = ga * wa + gb * wb
+    worst_force = worst_moment = 0.0
+    for i in range(3):
+        l, t, g = s[L_AT + i], v[2] * s[T_AT + i], tail[G_AT + 12 + i]
+        ta, tb = ka * tail[R_AT + 4 + i], kb * tail[R_AT + 7 + i]
+        m3, m4, m5, m6 = tail[M_AT + i], tail[M_AT + 3 + i], tail[M_AT + 6 + i], tail[M_AT + 9 + i]
+        v3, v4, v5, v6 = s[V_AT + i], s[V_AT + 3 + i], s[V_AT + 6 + i], s[V_AT + 9 + i]
+        p, q = 0.5 * tail[G_AT + i], 0.5 * tail[G_AT + 3 + i]
+        zp, zq, yp, yq = tail[X_AT + i], tail[X_AT + 3 + i], tail[X_AT + 6 + i], tail[X_AT + 9 + i]
+        for j in range(3):
+            lj = s[L_AT + j]
+            u3, u4, u5, u6 = s[U_AT + j], s[U_AT + 3 + j], s[U_AT + 6 + j], s[U_AT + 9 + j]
+            x3, x4, x5, x6 = s[V_AT + j], s[V_AT + 3 + j], s[V_AT + 6 + j], s[V_AT + 9 + j]
+            zpj, zqj, ypj, yqj = tail[X_AT + j], tail[X_AT + 3 + j], tail[X_AT + 6 + j], tail[X_AT + 9 + j]
+            ll = axial * l * lj + m3 * u3 + m4 * u4 + m5 * u5 + m6 * u6 - g * lj - l * tail[G_AT + 12 + j]
+            lp = m3 * x3 + m5 * x5 - r * l * tail[G_AT + 6 + j]
+            lq = m4 * x4 + m6 * x6 - r * l * tail[G_AT + 9 + j]
+            pp = k33 * v3 * x3 + k55 * v5 * x5 + p * lj + 0.5 * l * tail[G_AT + j]
+            qq = k44 * v4 * x4 + k66 * v6 * x6 + q * lj + 0.5 * l * tail[G_AT + 3 + j]
+            pq = v[4] * v3 * x4 + v[6] * v5 * x6 - ga * yq * zpj - gb * zq * ypj
+            rank = t * s[T_AT + j] + ta * tail[R_AT + 4 + j] + tb * tail[R_AT + 7 + j]
+            both = rank + 0.5 * (ga * (zp * yqj + yq * zpj) + gb * (yp * zqj + zq * ypj))
+            pp += both
+            qq += both
+            pq -= rank
+            if i == j:
+                ll += normal
+                pp -= wp + twist
+                qq -= wq + twist
+                pq += twist
+            elif j == (i + 1) % 3:
+                # -[a]x, entry (i, i+1) = a_(i+2)
+                lp += r * tail[G_AT + (i + 2) % 3]
+                lq += r * tail[G_AT + 3 + (i + 2) % 3]
+            else:
+                lp -= r * tail[G_AT + (i + 1) % 3]
+                lq -= r * tail[G_AT + 3 + (i + 1) % 3]
+            if not first:
+                s[A_AT + 6 * i + j] = tail[C_AT + 8 * i + j] + ll
+                s[A_AT + 6 * i + 3 + j] = tail[C_AT + 8 * i + 3 + j] - lp
+                s[A_AT + 6 * i + 21 + j] = tail[C_AT + 8 * i + 27 + j] + pp
+                s[B_AT + 8 * i + j] = -ll
+                s[B_AT + 8 * i + 3 + j] = -lq
+                s[B_AT + 8 * j + 24 + i] = lp
+                s[B_AT + 8 * i + 27 + j] = pq
+            tail[C_AT + 8 * i + j] = ll
+            tail[C_AT + 8 * i + 3 + j] = lq
+            tail[C_AT + 8 * j + 24 + i] = lq
+            tail[C_AT + 8 * i + 27 + j] = qq
+    for i in range(3):
+        force, at_p, at_q = node_forces(s, tail, i)
+        if not first:
+            s[B_AT + 8 * i + 6] = tail[C_AT + 8 * i + 6] - force
+            s[B_AT + 8 * i + 30] = tail[C_AT + 8 * i + 30] + at_p
+            s[B_AT + 8 * i + 7] = s[B_AT + 8 * i + 31] = 0.0
+            worst_force += (tail[C_AT + 8 * i + 7] - force) ** 2
+            worst_moment += (tail[C_AT + 8 * i + 31] + at_p) ** 2
+        tail[C_AT + 8 * i + 6] = tail[C_AT + 8 * i + 7] = force
+        tail[C_AT + 8 * i + 30] = tail[C_AT + 8 * i + 31] = at_q
+    return worst_force, worst_moment
+
+
+@kernel
+def eliminate(s, tail):
+    """Eliminate node p: A = L D L^T, B <- L^-1 B, C -= B^T D^-1 B (column 6: residual; 7 is kept).
+
+    Leaves 1/D on the diagonal and L^T above it; returns the number of negative pivots, -1 if one vanished.
+    """
+    negatives = 0
+    for j in range(6):
+        pivot = s[A_AT + 7 * j]
+        if not abs(pivot) > 0.0:
+            return -1
+        if pivot < 0.0:
+            negatives += 1
+        inverse = 1.0 / pivot
+        for i in range(j + 1, 6):
+            f = s[A_AT + 6 * j + i] * inverse
+            before = abs(s[A_AT + 7 * i])
+            for c in range(i, 6):
+                s[A_AT + 6 * i + c] -= f * s[A_AT + 6 * j + c]
+            if not abs(s[A_AT + 7 * i]) > TINY_PIVOT * before:
+                return -1
+            for c in range(8):
+                s[B_AT + 8 * i + c] -= f * s[B_AT + 8 * j + c]
+        for i in range(6):
+            f = s[B_AT + 8 * j + i] * inverse
+            for c in range(8):
+                tail[C_AT + 8 * i + c] -= f * s[B_AT + 8 * j + c]
+        for i in range(j + 1, 6):
+            s[A_AT + 6 * j + i] *= inverse
+        s[A_AT + 7 * j] = inverse
+    return negatives

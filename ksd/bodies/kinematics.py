@@ -1,0 +1,325 @@
+"""Step 1 of the KSD method, compiled: joints move only as intended, loops close, drives are met.
+
+Unknowns are the intended motions theta of all joints. Links hang on a spanning tree; every joint left over
+closes a loop with six equations, every drive or support adds one. Gauss-Newton on the least-squares problem
+handles the redundant equations of an overconstrained loop. Paper 1, section 2.2. No finite differences.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from ksd.model.arrays import TRANSLATION
+from ksd.model.loading import term_value
+from ksd.numerics.kernel import kernel
+from ksd.numerics.rotations import exp_tangent, rotation_exp, rotation_log
+
+
+class Loops(NamedTuple):
+    """Kinematics of J joints between nodes (0 ground, links 1..), all polynomials already for this design.
+
+    node (J, 2); anchor (J, 2, 3): interface points A, B at rest from the nodes' reference points [m]; frame
+    (J, 3, 3): joint axes at rest; length (J,); first (J+1,): motions of joint j are theta[first[j]:first[j+1]];
+    tree (T, 2): joint, and 1 when it leads from A to B; closing (C,): joints closing loops; power_first (J+1,),
+    power (P, 2): exponents; pose (J, 6, M): rotation vector and chord of interface B by monomial.
+    """
+
+    node: np.ndarray
+    anchor: np.ndarray
+    frame: np.ndarray
+    length: np.ndarray
+    first: np.ndarray
+    tree: np.ndarray
+    closing: np.ndarray
+    power_first: np.ndarray
+    power: np.ndarray
+    pose: np.ndarray
+
+
+@kernel
+def monomials(loops, theta, j, value, slope):
+    """value (M,) and slope (2, M): the monomials of joint j and their derivatives; returns how many."""
+    first = loops.first[j]
+    motions = loops.first[j + 1] - first
+    a = theta[first]
+    b = theta[first + 1] if motions > 1 else 0.0
+    count = loops.power_first[j + 1] - loops.power_first[j]
+    for i in range(count):
+        p = loops.power[loops.power_first[j] + i, 0]
+        q = loops.power[loops.power_first[j] + i, 1]
+        x, y = a ** (p - 1) if p > 0 else 0.0, b ** (q - 1) if q > 0 else 0.0
+        ax, by = x * a if p > 0 else 1.0, y * b if q > 0 else 1.0
+        value[i] = ax * by
+        slope[0, i] = p * x * by
+        slope[1, i] = q * y * ax
+    return count
+
+
+@kernel
+def pose_from(coefficient, length, value, slope, count, motions, place):
+    """Pose and its derivatives from rotation-vector and chord polynomials, coefficient (6, M).
+
+    place[0:9] rotation exp(omega), place[9:12] d = L exp(omega/2) c, then per motion (dd, dphi), six each.
+    """
+    f, g = np.zeros(6), np.zeros((2, 6))
+    for r in range(6):
+        for i in range(count):
+            f[r] += coefficient[r, i] * value[i]
+            g[0, r] += coefficient[r, i] * slope[0, i]
+            g[1, r] += coefficient[r, i] * slope[1, i]
+    R, H = np.empty((3, 3)), np.empty((3, 3))
+    T, S = np.empty((3, 3)), np.empty((3, 3))
+    half = np.empty(3)
+    for r in range(3):
+        half[r] = 0.5 * f[r]
+    rotation_exp(f, R)
+    rotation_exp(half, H)
+    exp_tangent(f, T)
+    exp_tangent(half, S)
+    for r in range(3):
+        place[9 + r] = length * (H[r, 0] * f[3] + H[r, 1] * f[4] + H[r, 2] * f[5])
+        for c in range(3):
+            place[3 * r + c] = R[r, c]
+    spin = np.empty(3)
+    for k in range(motions):
+        at = 12 + 6 * k
+        for r in range(3):
+            spin[r] = 0.5 * (S[r, 0] * g[k, 0] + S[r, 1] * g[k, 1] + S[r, 2] * g[k, 2])
+            place[at + 3 + r] = T[r, 0] * g[k, 0] + T[r, 1] * g[k, 1] + T[r, 2] * g[k, 2]
+        for r in range(3):
+            i, j = (r + 1) % 3, (r + 2) % 3
+            place[at + r] = (
+                length * (H[r, 0] * g[k, 3] + H[r, 1] * g[k, 4] + H[r, 2] * g[k, 5])
+                + spin[i] * place[9 + j] - spin[j] * place[9 + i]
+            )  # fmt: skip
+
+
+@kernel
+def joint_places(loops, theta, place):
+    """place (J, 24): pose of interface B of every joint and its derivatives, in the axes of interface A."""
+    value, slope = np.empty(loops.pose.shape[2]), np.empty((2, loops.pose.shape[2]))
+    for j in range(len(loops.node)):
+        count = monomials(loops, theta, j, value, slope)
+        pose_from(loops.pose[j], loops.length[j], value, slope, count, loops.first[j + 1] - loops.first[j], place[j])
+
+
+@kernel
+def _axes(A, B, C):
+    """C = A B for (3, 3) matrices."""
+    for r in range(3):
+        for c in range(3):
+            C[r, c] = A[r, 0] * B[0, c] + A[r, 1] * B[1, c] + A[r, 2] * B[2, c]
+
+
+@kernel
+def _axes_turned(A, B, C):
+    """C = A B^T for (3, 3) matrices."""
+    for r in range(3):
+        for c in range(3):
+            C[r, c] = A[r, 0] * B[c, 0] + A[r, 1] * B[c, 1] + A[r, 2] * B[c, 2]
+
+
+@kernel
+def _point(R, s, x, p):
+    """p = x + R s."""
+    for r in range(3):
+        p[r] = x[r] + R[r, 0] * s[0] + R[r, 1] * s[1] + R[r, 2] * s[2]
+
+
+@kernel
+def _hang(loops, place, j, forward, x, R, W, motions):
+    """Pose of the link beyond tree joint j and its twist columns W (node, motion, 6), from the link before it."""
+    a, b = loops.node[j, 0], loops.node[j, 1]
+    RA, RB, rel = np.empty((3, 3)), np.empty((3, 3)), place[j, 0:9].copy().reshape(3, 3)
+    pA, pB = np.empty(3), np.empty(3)
+    d = place[j, 9:12]
+    if forward == 1:
+        _axes(R[a], loops.frame[j], RA)
+        _axes(RA, rel, RB)
+        _point(R[a], loops.anchor[j, 0], x[a], pA)
+        _point(RA, d, pA, pB)
+        _axes_turned(RB, loops.frame[j], R[b])
+        _point(R[b], -loops.anchor[j, 1], pB, x[b])
+        near, far, sign = a, b, 1.0
+    else:
+        _axes(R[b], loops.frame[j], RB)
+        _axes_turned(RB, rel, RA)
+        _point(R[b], loops.anchor[j, 1], x[b], pB)
+        _point(RA, -d, pB, pA)
+        _axes_turned(RA, loops.frame[j], R[a])
+        _point(R[a], -loops.anchor[j, 0], pA, x[a])
+        near, far, sign = b, a, -1.0
+    for q in range(motions):
+        for r in range(3):
+            i, k = (r + 1) % 3, (r + 2) % 3
+            W[far, q, 3 + r] = W[near, q, 3 + r]
+            W[far, q, r] = (
+                W[near, q, r]
+                + W[near, q, 3 + i] * (x[far, k] - x[near, k])
+                - W[near, q, 3 + k] * (x[far, i] - x[near, i])
+            )
+    for q in range(loops.first[j], loops.first[j + 1]):
+        _own_twist(place[j], q - loops.first[j], RA, pB, x[far], sign, W[far, q])
+
+
+@kernel
+def _own_twist(place, k, RA, pB, y, sign, column):
+    """Add the joint's own motion k: w = RA dphi, velocity RA dd + w x (y - pB), times sign."""
+    w, v = np.empty(3), np.empty(3)
+    at = 12 + 6 * k
+    for r in range(3):
+        v[r] = RA[r, 0] * place[at] + RA[r, 1] * place[at + 1] + RA[r, 2] * place[at + 2]
+        w[r] = RA[r, 0] * place[at + 3] + RA[r, 1] * place[at + 4] + RA[r, 2] * place[at + 5]
+    for r in range(3):
+        i, j = (r + 1) % 3, (r + 2) % 3
+        column[3 + r] += sign * w[r]
+        column[r] += sign * (v[r] + w[i] * (y[j] - pB[j]) - w[j] * (y[i] - pB[i]))
+
+
+@kernel
+def loop_equations(arrays, loops, theta, target, motion, place, W, J, residual):
+    """Link poses for theta (in motion), residual (E,) and Jacobian J (E, motions); rotations times the size scale.
+
+    Rows: six per closing joint, then one per constraint row of the model.
+    """
+    motions = len(theta)
+    x, R = motion.x, motion.R
+    joint_places(loops, theta, place)
+    W[:] = 0.0
+    for t in range(len(loops.tree)):
+        _hang(loops, place, loops.tree[t, 0], loops.tree[t, 1], x, R, W, motions)
+    size = arrays.size
+    RA, RB, want, rel = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))
+    pA, pB, pW, turned = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
+    own = np.empty(6)
+    for c in range(len(loops.closing)):
+        j = loops.closing[c]
+        a, b = loops.node[j, 0], loops.node[j, 1]
+        _axes(R[a], loops.frame[j], RA)
+        _axes(RA, place[j, 0:9].copy().reshape(3, 3), want)
+        _axes(R[b], loops.frame[j], RB)
+        _point(R[a], loops.anchor[j, 0], x[a], pA)
+        _point(RA, place[j, 9:12], pA, pW)
+        _point(R[b], loops.anchor[j, 1], x[b], pB)
+        _axes_turned(RB, want, rel)
+        rotation_log(rel, turned)
+        row = 6 * c
+        for r in range(3):
+            residual[row + r] = pB[r] - pW[r]
+            residual[row + 3 + r] = size * turned[r]
+        for q in range(motions):
+            for r in range(3):
+                i, k = (r + 1) % 3, (r + 2) % 3
+                J[row + 3 + r, q] = size * (W[b, q, 3 + r] - W[a, q, 3 + r])
+                J[row + r, q] = (
+                    W[b, q, r] + W[b, q, 3 + i] * (pB[k] - x[b, k]) - W[b, q, 3 + k] * (pB[i] - x[b, i])
+                    - W[a, q, r] - W[a, q, 3 + i] * (pW[k] - x[a, k]) + W[a, q, 3 + k] * (pW[i] - x[a, i])
+                )  # fmt: skip
+        for q in range(loops.first[j], loops.first[j + 1]):
+            own[:] = 0.0
+            _own_twist(place[j], q - loops.first[j], RA, pW, pW, 1.0, own)
+            for r in range(3):
+                J[row + r, q] -= own[r]
+                J[row + 3 + r, q] -= size * own[3 + r]
+    _constraint_equations(arrays, target, x, R, W, J, residual, 6 * len(loops.closing))
+
+
+@kernel
+def _constraint_equations(arrays, target, x, R, W, J, residual, row):
+    """One equation per drive or support: sum of terms minus target, with its derivative along the twist columns."""
+    terms = arrays.terms
+    gradient, tangent = np.empty(12), np.empty((12, 12))
+    for i in range(len(terms.start)):
+        rotations = 0
+        residual[row + i] = -target[i]
+        for q in range(J.shape[1]):
+            J[row + i, q] = 0.0
+        for t in range(terms.first[i], terms.first[i + 1]):
+            c = terms.coefficient[t]
+            residual[row + i] += c * term_value(terms, x, R, t, gradient, tangent, 0.0)
+            if terms.kind[t] != TRANSLATION:
+                rotations += 1
+            a, b = terms.node[t, 0], terms.node[t, 1]
+            for q in range(J.shape[1]):
+                s = 0.0
+                for r in range(6):
+                    s += gradient[r] * W[a, q, r] + gradient[6 + r] * W[b, q, r]
+                J[row + i, q] += c * s
+        if rotations == terms.first[i + 1] - terms.first[i]:
+            residual[row + i] *= arrays.size
+            for q in range(J.shape[1]):
+                J[row + i, q] *= arrays.size
+
+
+@kernel
+def least_squares(J, residual, step):
+    """step (q,) minimising |J step + residual| by normal equations and LDL^T; returns the smallest relative pivot."""
+    rows, n = J.shape
+    A = np.zeros((n, n))
+    for i in range(n):
+        for j in range(i + 1):
+            s = 0.0
+            for r in range(rows):
+                s += J[r, i] * J[r, j]
+            A[i, j] = s
+        s = 0.0
+        for r in range(rows):
+            s -= J[r, i] * residual[r]
+        step[i] = s
+    worst = 1.0
+    for j in range(n):
+        before = A[j, j]
+        for c in range(j):
+            A[j, j] -= A[j, c] * A[j, c] * A[c, c]
+        if not A[j, j] > 0.0:
+            return 0.0
+        worst = min(worst, A[j, j] / before)
+        for i in range(j + 1, n):
+            s = A[i, j]
+            for c in range(j):
+                s -= A[i, c] * A[j, c] * A[c, c]
+            A[i, j] = s / A[j, j]
+    for i in range(n):
+        for c in range(i):
+            step[i] -= A[i, c] * step[c]
+    for i in range(n - 1, -1, -1):
+        step[i] /= A[i, i]
+        for c in range(i + 1, n):
+            step[i] -= A[c, i] * step[c]
+    return worst
+
+
+@kernel
+def close_loops(arrays, loops, theta, target, motion, place, most):
+    """Solve step 1 in place. Returns (reason 0 closed / 1 too many / 3 singular, iterations, gap left [m], pivot).
+
+    A step of theta is limited to 0.5 (rad, or stroke over joint length); converged when it falls below 1e-11.
+    """
+    rows = 6 * len(loops.closing) + len(arrays.terms.start)
+    motions = len(theta)
+    W = np.zeros((len(motion.x), motions, 6))
+    J, residual, step = np.zeros((rows, motions)), np.zeros(rows), np.zeros(motions)
+    pivot, gap = 1.0, 0.0
+    for n in range(most):
+        loop_equations(arrays, loops, theta, target, motion, place, W, J, residual)
+        pivot = least_squares(J, residual, step)
+        if not pivot > 1e-13:
+            return 3, n, math.inf, pivot
+        largest = 0.0
+        for q in range(motions):
+            largest = max(largest, abs(step[q]))
+        scale = 0.5 / largest if largest > 0.5 else 1.0
+        for q in range(motions):
+            theta[q] += scale * step[q]
+        if not math.isfinite(largest):
+            return 5, n, math.inf, pivot
+        if largest < 1e-6:
+            # quadratic: the error left is the square of this step; poses follow it
+            loop_equations(arrays, loops, theta, target, motion, place, W, J, residual)
+            for r in range(rows):
+                gap = max(gap, abs(residual[r]))
+            return 0, n + 1, gap, pivot
+    return 1, most, math.inf, pivot

@@ -1,0 +1,151 @@
+"""Element and node rotations of any chain, from the curvature amplitudes of the strain mesh.
+
+Orientation is the integral of curvature (leaf-elements note, "Intended-motion functions"). The Appendix A element
+differs from the exact rod by terms of second order in its length, so the known difference of the longest trained
+chain, times (its n / n)^2, is added.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ksd.library.record import Array, Functions, JointFunctions, monomials
+
+POINTS = 4
+"""Gauss points per element when curvature is integrated."""
+
+
+def _exp(v: Array) -> Array:
+    """Rotation matrices (..., 3, 3) of rotation vectors (..., 3)."""
+    t = np.linalg.norm(v, axis=-1)[..., None, None]
+    a, b = np.sinc(t / np.pi), 0.5 * np.sinc(0.5 * t / np.pi) ** 2
+    x = np.zeros((*v.shape[:-1], 3, 3))
+    for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
+        x[..., i, j], x[..., j, i] = -v[..., k], v[..., k]
+    return np.eye(3) + a * x + b * (x @ x)
+
+
+def rotation_vectors(R: Array) -> Array:
+    """Rotation vectors (..., 3) of rotation matrices (..., 3, 3), angles below pi; through the quaternion."""
+    axial = np.stack(
+        [R[..., 2, 1] - R[..., 1, 2], R[..., 0, 2] - R[..., 2, 0], R[..., 1, 0] - R[..., 0, 1]], -1
+    )
+    sine = 0.5 * np.linalg.norm(axial, axis=-1)
+    angle = np.arctan2(sine, 0.5 * (np.trace(R, axis1=-2, axis2=-1) - 1))
+    ratio = np.where(sine > 1e-8, angle / np.where(sine > 1e-8, sine, 1.0), 1.0)
+    return 0.5 * axial * ratio[..., None]
+
+
+def chain_rotations(amplitudes: Array, orders: tuple[int, int, int], n: int) -> Array:
+    """(..., 2n-1, 3): rotations of n elements, then n-1 nodes, of a unit leaf with curvature amplitudes (..., N).
+
+    A chord's roll is the mean of its nodes' axes. Orientation by a fourth-order Magnus step per gap.
+    """
+    x, w = np.polynomial.legendre.leggauss(POINTS)
+    edges = np.linspace(0.0, 1.0, n + 1)
+    s = (edges[:-1, None] + 0.5 * (1 + x) / n).ravel()
+    stops = np.concatenate([[0.0], np.sort(np.concatenate([s, edges[1:]]))])
+    R = np.broadcast_to(np.eye(3), (*amplitudes.shape[:-1], 3, 3))
+    nodes, chords = [R], []
+    chord = np.zeros((*amplitudes.shape[:-1], 3))
+    for g, (a, b) in enumerate(zip(stops[:-1], stops[1:], strict=True)):
+        R = R @ _exp(_magnus(amplitudes, orders, a, b))
+        if (g + 1) % (POINTS + 1):
+            chord = chord + w[g % (POINTS + 1)] * R[..., 0]
+        else:
+            nodes.append(R)
+            chords.append(chord)
+            chord = np.zeros_like(chord)
+    turned = [_element_axes(c, p, q) for c, p, q in zip(chords, nodes[:-1], nodes[1:], strict=True)]
+    return np.stack([rotation_vectors(T) for T in (*turned, *nodes[1:-1])], axis=-2)
+
+
+def _magnus(amplitudes: Array, orders: tuple[int, int, int], a: float, b: float) -> Array:
+    """Rotation vector over [a, b]: mean curvature plus the commutator of its two Gauss points."""
+    h, root = b - a, 0.5 / np.sqrt(3.0)
+    first, second = (_curvature(amplitudes, orders, 0.5 * (a + b) + e * root * h) for e in (-1, 1))
+    return 0.5 * h * (first + second) + h**2 * np.sqrt(3.0) / 12.0 * np.cross(first, second)
+
+
+def _curvature(amplitudes: Array, orders: tuple[int, int, int], s: float) -> Array:
+    modes = np.polynomial.legendre.legvander(np.array([2 * s - 1]), max(orders) - 1)[0]
+    parts, first = [], 0
+    for n in orders:
+        parts.append(amplitudes[..., first : first + n] @ modes[:n])
+        first += n
+    return np.stack(parts, axis=-1)
+
+
+def _element_axes(chord: Array, p: Array, q: Array) -> Array:
+    x = chord / np.linalg.norm(chord, axis=-1, keepdims=True)
+    y = p[..., 1] + q[..., 1]
+    y = y - np.sum(x * y, axis=-1, keepdims=True) * x
+    y = y / np.linalg.norm(y, axis=-1, keepdims=True)
+    return np.stack([x, y, np.cross(x, y)], axis=-1)
+
+
+def longer_chain(strain: JointFunctions, n: int, *, known: JointFunctions | None = None) -> JointFunctions:
+    """Functions of a mesh of n elements per leaf, from those of the strain mesh; `known`: the longest trained chain.
+
+    Rotations are refitted over the trained range in the powers of the strain mesh. Interface and blocks are those of
+    the strain mesh, with the difference of `known` scaled by (its n / n)^2.
+    """
+    basis = _basis(strain)
+    amplitudes = np.moveaxis(np.tensordot(strain.amplitudes, basis, axes=(2, 1)), 2, 0)
+    rotations = _refit(chain_rotations(amplitudes, strain.orders, n), basis)
+    interface, blocks = strain.interface, strain.blocks
+    if known is not None:
+        k = int(known.mesh)
+        share = (k / n) ** 2
+        interface = interface + share * (known.interface - interface)
+        blocks = blocks + share * (known.blocks - blocks)
+        own = _refit(chain_rotations(amplitudes, strain.orders, k), basis)
+        rotations = rotations + share * _spread(known.rotations - own, k, n)
+    functions = Functions(interface, blocks, rotations=rotations)
+    return JointFunctions(
+        n, strain.powers, strain.motion_range, functions, strain.orders, strain.extrapolated
+    )
+
+
+def _basis(strain: JointFunctions) -> Array:
+    """The monomials (k, P) at enough Chebyshev points over the trained range."""
+    lines = []
+    for j, (low, high) in enumerate(strain.motion_range):
+        count = 2 * int(strain.powers[:, j].max()) + 3
+        lines.append(
+            0.5 * (low + high) + 0.5 * (high - low) * np.cos(np.pi * (np.arange(count) + 0.5) / count)
+        )
+    grid = np.stack(np.meshgrid(*lines, indexing="ij"), axis=-1).reshape(-1, len(lines))
+    return monomials(strain.powers, grid)
+
+
+def _refit(values: Array, basis: Array) -> Array:
+    """Coefficients (leafs, rotations, 3, P) of values (k, leafs, rotations, 3) at the points of basis (k, P)."""
+    scale = np.abs(basis).max(axis=0)
+    flat = np.linalg.lstsq(basis / scale, values.reshape(len(values), -1), rcond=None)[0]
+    return np.asarray((flat / scale[:, None]).T.reshape(*values.shape[1:], -1))
+
+
+def _spread(difference: Array, k: int, n: int) -> Array:
+    """A difference known at the elements and nodes of k elements, at those of n: polynomials along the leaf.
+
+    At both ends the nodes of the chain and of the exact rod agree.
+    """
+    middle, node = (np.arange(k) + 0.5) / k, np.arange(k + 1) / k
+    ends = np.zeros_like(difference[:, :1])
+    nodes = np.concatenate([ends, difference[:, k:], ends], axis=1)
+    parts = [
+        np.einsum("ij,ljcp->licp", _lagrange(middle, (np.arange(n) + 0.5) / n), difference[:, :k]),
+        np.einsum("ij,ljcp->licp", _lagrange(node, np.arange(1, n) / n), nodes),
+    ]
+    return np.concatenate(parts, axis=1)
+
+
+def _lagrange(known: Array, wanted: Array) -> Array:
+    """Interpolation matrix (wanted, known) of the polynomial through all known points."""
+    matrix = np.ones((len(wanted), len(known)))
+    for j, x in enumerate(known):
+        for i, y in enumerate(known):
+            if i != j:
+                matrix[:, j] *= (wanted - y) / (x - y)
+    return matrix

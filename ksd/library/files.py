@@ -1,0 +1,252 @@
+"""Records on disk: one HDF5 file per family, sealed, replaced atomically, read in one go.
+
+The first 512 bytes (the HDF5 user block) hold a signature, the format number and the SHA-256 of both and of all that follows,
+so any altered or missing bit is found, also in space HDF5 itself does not use. Datasets carry Fletcher32 besides,
+for programs that read the file without us. Same record, same bytes.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import datetime
+import hashlib
+import io
+import json
+import math
+import os
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ksd.errors import RecordError
+from ksd.library.record import Evidence, Functions, Mesh, Parameter, Record, Residual, Stroke
+
+FORMAT = 1
+"""Format this version writes, and the newest it reads."""
+SIGNATURE = b"ksd joint record\n"
+BLOCK = 512
+SUFFIX = ".h5"
+_UNITS = {
+    "interface": "rad (0:3), joint length (3:6)",
+    "blocks": "rad (0:3), joint length (3:6)",
+    "amplitudes": "1/leaf length",
+    "wrench": "EIz/leaf length^2 (0:3), EIz/leaf length (3:6)",
+    "rotations": "rad",
+}
+_cache: dict[str, tuple[tuple[int, int], Record]] = {}
+
+
+def _seal(body: bytes, number: int) -> bytes:
+    """The 512 bytes in front of `body`."""
+    first = SIGNATURE + f"format {number}\n".encode()
+    return (first + f"sha256 {hashlib.sha256(first + body).hexdigest()}\n".encode()).ljust(BLOCK, b"\0")
+
+
+def write_record(record: Record, path: str | os.PathLike[str]) -> Path:
+    """Write `record` to `path`, whole or not at all (temporary file, fsync, replace). Returns the path.
+
+    Raises RecordError when the folder cannot be written.
+    """
+    target = Path(path)
+    body = _encode(record)[BLOCK:]
+    write_atomically(_seal(body, FORMAT) + body, target)
+    return target
+
+
+def write_atomically(content: bytes, target: Path) -> None:
+    """Put `content` at `target` so that a reader, or a crash, sees the old file or the new one, never a part."""
+    partial = target.with_name(f".{target.name}.{os.getpid()}.partial")
+    try:
+        target.parent.mkdir(parents=True, exist_ok=True)
+        with open(partial, "wb") as file:
+            file.write(content)
+            file.flush()
+            os.fsync(file.fileno())
+        os.replace(partial, target)
+    except OSError as error:
+        raise RecordError(
+            f"Cannot write {target}: {error.strerror}; choose a folder that can be written."
+        ) from error
+    finally:
+        with contextlib.suppress(OSError):
+            partial.unlink(missing_ok=True)
+
+
+def _encode(record: Record) -> bytes:
+    """The HDF5 image of a record, with an empty user block."""
+    import h5py
+
+    buffer = io.BytesIO()
+    with h5py.File(buffer, "w", libver=("v110", "v110"), userblock_size=BLOCK) as file:
+        file.attrs["format"] = FORMAT
+        file.attrs["creator"] = f"ksd {record.version}"
+        for name in ("family", "trained", "version", "source"):
+            file.attrs[name] = getattr(record, name)
+        for name in ("leafs", "blocks", "orders", "samples", "history"):
+            file.attrs[name] = json.dumps(list(getattr(record, name)))
+        file.attrs["design"] = json.dumps(dict(sorted(record.design.items())))
+        for name in ("motions", "parameters", "residuals", "evidence"):
+            file.attrs[name] = json.dumps([asdict(item) for item in getattr(record, name)])
+        _store(file, "powers", np.asarray(record.powers, np.int16), "1")
+        for mesh, functions in record.functions.items():
+            for group, array in functions.groups().items():
+                _store(file, f"functions/{mesh}/{group}", np.asarray(array, float), _UNITS[group])
+    return buffer.getvalue()
+
+
+def _store(file: Any, name: str, array: np.ndarray, units: str) -> None:
+    filters = {"compression": "gzip", "compression_opts": 6, "shuffle": True, "fletcher32": True}
+    made = file.create_dataset(name, data=array, **(filters if array.size else {}))
+    made.attrs["units"] = units
+
+
+def read_record(path: str | os.PathLike[str]) -> Record:
+    """The record in file `path`; unchanged files are read once per process.
+
+    Raises RecordError when the file is missing, foreign, truncated, altered in any bit, or of a newer format.
+    """
+    place = Path(path)
+    try:
+        status = place.stat()
+        key, stamp = str(place.resolve()), (status.st_mtime_ns, status.st_size)
+        if key in _cache and _cache[key][0] == stamp:
+            return _cache[key][1]
+        content = place.read_bytes()
+    except OSError as error:
+        reason = error.strerror or type(error).__name__
+        raise RecordError(
+            f"Cannot read joint record {place}: {reason}; run `ksd train {place.stem}`."
+        ) from error
+    body = _unseal(content, place)
+    try:
+        record = _decode(body)
+    except (OSError, KeyError, ValueError, TypeError, RuntimeError) as error:
+        raise RecordError(
+            f"{place} is sealed but not a readable joint record ({error}); train it again."
+        ) from error
+    _cache[key] = (stamp, record)
+    return record
+
+
+def _unseal(content: bytes, place: Path) -> bytes:
+    """The HDF5 image, after every byte was checked."""
+    head, body = content[:BLOCK], content[BLOCK:]
+    if not head.startswith(SIGNATURE):
+        raise RecordError(f"{place} is not a ksd joint record; remove it or run `ksd train {place.stem}`.")
+    number = _format_number(head)
+    if head != _seal(body, number):
+        raise RecordError(
+            f"{place} is damaged (its content does not match its checksum: truncated or altered); "
+            f"restore it or run `ksd train {place.stem}`."
+        )
+    if number > FORMAT:
+        raise RecordError(
+            f"{place} has record format {number}, newer than the {FORMAT} this version of ksd reads; "
+            f"update ksd or run `ksd train {place.stem}`."
+        )
+    return content
+
+
+def _format_number(head: bytes) -> int:
+    """The format number a seal states; -1, which no seal matches, when it states none."""
+    word = head[len(SIGNATURE) :].split(b"\n", 1)[0].removeprefix(b"format ")
+    return int(word) if word.isdigit() and len(word) < 10 else -1
+
+
+def _decode(content: bytes) -> Record:
+    import h5py
+
+    with h5py.File(io.BytesIO(content), "r") as file:
+        words = dict(file.attrs)
+        functions: dict[Mesh, Functions] = {}
+        for name, group in file["functions"].items():
+            mesh: Mesh = int(name) if name.isdigit() else name
+            functions[mesh] = Functions(**{part: np.asarray(data[()], float) for part, data in group.items()})
+        powers = np.asarray(file["powers"][()], np.int64)
+    listed = {k: json.loads(words[k]) for k in ("leafs", "blocks", "orders", "samples", "history")}
+    return Record(
+        motions=tuple(Stroke(**m) for m in json.loads(words["motions"])),
+        parameters=tuple(Parameter(**p) for p in json.loads(words["parameters"])),
+        powers=powers,
+        functions=functions,
+        residuals=tuple(Residual(**r) for r in json.loads(words["residuals"])),
+        evidence=tuple(Evidence(**e) for e in json.loads(words["evidence"])),
+        design=json.loads(words["design"]),
+        **{k: tuple(v) for k, v in listed.items()},
+        **{k: str(words[k]) for k in ("family", "trained", "version", "source")},
+    )
+
+
+def shipped_folder() -> Path:
+    """The records that ship inside the package."""
+    return Path(__file__).resolve().parent.parent / "records"
+
+
+def record_folders() -> list[Path]:
+    """Where records are looked for, first hit wins: $KSD_DATABASE, ./database, those shipped with the package."""
+    named = os.environ.get("KSD_DATABASE")
+    return [*([Path(named)] if named else []), Path("database"), shipped_folder()]
+
+
+def find_record(family: str) -> Record:
+    """The record of `family`. Raises RecordError when there is none, or when the first one found is damaged."""
+    for folder in record_folders():
+        path = folder / f"{family}{SUFFIX}"
+        if path.is_file():
+            return read_record(path)
+    places = ", ".join(str(f) for f in record_folders())
+    raise RecordError(f"No joint record of family {family!r} in {places}; run `ksd train {family}`.")
+
+
+@dataclass(frozen=True)
+class Listing:
+    """One record file as `ksd info` prints it.
+
+    problem: why it cannot be used, in a sentence; then only path, size and checksum are filled in. checksum: SHA-256
+    of the file; size [bytes]; worst: largest error on fresh shapes by group, over all meshes; age [days], nan when
+    the date is unknown.
+    """
+
+    family: str
+    path: Path
+    size: int
+    checksum: str
+    format: int = 0
+    motions: tuple[Stroke, ...] = ()
+    parameters: tuple[Parameter, ...] = ()
+    meshes: tuple[Mesh, ...] = ()
+    worst: tuple[tuple[str, float], ...] = ()
+    trained: str = ""
+    age: float = math.nan
+    version: str = ""
+    problem: str = ""
+
+
+def describe_database(today: datetime.date | None = None) -> list[Listing]:
+    """All records that `find_record` would use, by family; damaged ones are listed with their problem."""
+    seen: dict[str, Listing] = {}
+    for folder in record_folders():
+        for path in sorted(folder.glob(f"*{SUFFIX}")):
+            seen.setdefault(path.stem, _describe(path, today or datetime.date.today()))
+    return [seen[name] for name in sorted(seen)]
+
+
+def _describe(path: Path, today: datetime.date) -> Listing:
+    content = path.read_bytes()
+    checksum = hashlib.sha256(content).hexdigest()
+    try:
+        record = read_record(path)
+    except RecordError as error:
+        return Listing(path.stem, path, len(content), checksum, problem=str(error))
+    groups = sorted({r.group for r in record.residuals})
+    worst = tuple((g, max(r.fresh_max for r in record.residuals if r.group == g)) for g in groups)
+    try:
+        age = float((today - datetime.date.fromisoformat(record.trained)).days)
+    except ValueError:
+        age = math.nan
+    return Listing(
+        record.family, path, len(content), checksum, FORMAT, record.motions, record.parameters,
+        tuple(record.functions), worst, record.trained, age, record.version,
+    )  # fmt: skip

@@ -1,0 +1,301 @@
+"""The record of a joint family in memory, and its contraction to the polynomials of one design.
+
+Every function of a family is a sum over M product terms c_i prod_j (theta_j / reach_j)^p_ij prod_k P_q_ik(s_k):
+monomials of the intended motions over their trained reach, Legendre polynomials P of the shape parameters mapped to
+[-1, 1]. Contracting at a design leaves polynomials of the raw motions alone. Paper 1, sections 2.2 and 3.2.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from difflib import get_close_matches
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ksd.errors import RangeError, RecordError, SceneError
+
+Array = NDArray[np.float64]
+Mesh = str | int
+"""What the functions were trained on: "strain", or the number of Appendix A elements per leaf."""
+EDGE = 1e-9
+"""Overshoot of a range, relative to its width, that counts as rounding."""
+
+
+@dataclass(frozen=True)
+class Stroke:
+    """An intended motion as trained: name, kind "rotation" [rad] or "translation" [stroke over joint length], trained range."""
+
+    name: str
+    kind: str
+    low: float
+    high: float
+
+    @property
+    def reach(self) -> float:
+        """The largest trained size, which scales the monomials."""
+        return max(abs(self.low), abs(self.high))
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """A shape parameter: name, trained range (SI, angles rad), scale "linear" or "log" of its map to [-1, 1]."""
+
+    name: str
+    low: float
+    high: float
+    scale: str = "linear"
+
+    def place(self, value: float) -> float:
+        """Where `value` lies in the trained range, as a number in [-1, 1]; a range of one value ends at 1e-6 of it."""
+        if self.high == self.low:
+            return (value - self.low) / (1e-6 * abs(self.low) + 1e-300)
+        if self.scale == "log":
+            return 2 * math.log(value / self.low) / math.log(self.high / self.low) - 1
+        return 2 * (value - self.low) / (self.high - self.low) - 1
+
+    def value(self, place: float) -> float:
+        """The value at `place` in [-1, 1]; inverse of `place`."""
+        if self.scale == "log":
+            return float(self.low * (self.high / self.low) ** (0.5 * (place + 1)))
+        return self.low + 0.5 * (place + 1) * (self.high - self.low)
+
+
+@dataclass(frozen=True)
+class Functions:
+    """Coefficients of one mesh; the last index runs over the M terms of the record.
+
+    interface (6, M): rotation vector omega of interface B relative to A [rad], then chord exp(-omega/2) d / L, with
+    d the position of B relative to A, all in the axes of A, L the length of the joint. blocks (blocks, 6, M): the
+    same two for the reference points of the internal rigid blocks. Strain mesh: amplitudes (leafs, N, M), L_leaf
+    times the curvature amplitudes, and wrench (leafs, 6, M), force L_leaf^2 / EIz and moment L_leaf / EIz on end q,
+    frame of end p. Chains of n elements: rotations (leafs, 2n-1, 3, M), rotation vectors from the undeformed state of
+    the n elements, then of the n-1 inner nodes, in the frame of end p [rad].
+    """
+
+    interface: Array
+    blocks: Array
+    amplitudes: Array | None = None
+    wrench: Array | None = None
+    rotations: Array | None = None
+
+    def groups(self) -> dict[str, Array]:
+        """The groups present, by name."""
+        named = {
+            "interface": self.interface,
+            "blocks": self.blocks,
+            "amplitudes": self.amplitudes,
+            "wrench": self.wrench,
+            "rotations": self.rotations,
+        }
+        return {name: array for name, array in named.items() if array is not None}
+
+
+@dataclass(frozen=True)
+class JointFunctions:
+    """Polynomials of one design in its raw motions: rad, or stroke over joint length.
+
+    powers (P, m): exponents; the other arrays as in `Functions` with P in place of M. motion_range (m, 2); orders:
+    curvature modes (nx, ny, nz) of the amplitudes; extrapolated: names of shape parameters outside their trained range (empty unless asked for).
+    """
+
+    mesh: Mesh
+    powers: NDArray[np.int64]
+    motion_range: Array
+    functions: Functions
+    orders: tuple[int, int, int]
+    extrapolated: tuple[str, ...] = ()
+
+    @property
+    def interface(self) -> Array:
+        """(6, P): rotation vector and chord of interface B."""
+        return self.functions.interface
+
+    @property
+    def blocks(self) -> Array:
+        """(blocks, 6, P): rotation vectors and chords of the internal rigid blocks."""
+        return self.functions.blocks
+
+    @property
+    def amplitudes(self) -> Array:
+        """(leafs, N, P): L_leaf times the curvature amplitudes. Raises RecordError on a chain mesh."""
+        return self._group("amplitudes")
+
+    @property
+    def wrench(self) -> Array:
+        """(leafs, 6, P): dimensionless wrench on end q. Raises RecordError on a chain mesh."""
+        return self._group("wrench")
+
+    @property
+    def rotations(self) -> Array:
+        """(leafs, 2n-1, 3, P): element, then node rotation vectors [rad]. Raises RecordError on the strain mesh."""
+        return self._group("rotations")
+
+    def _group(self, name: str) -> Array:
+        groups = self.functions.groups()
+        if name not in groups:
+            raise RecordError(
+                f"Functions of mesh {self.mesh!r} hold no {name}; they hold {', '.join(groups)}."
+            )
+        return groups[name]
+
+    def at(self, motion: float | Array, group: str = "interface") -> Array:
+        """The functions of `group` at motions (..., m); returns (..., *shape of the group without its last index)."""
+        basis = monomials(self.powers, np.asarray(motion, float).reshape(*np.shape(motion)[:-1], -1))
+        table = self._group(group)
+        return np.tensordot(basis, table, axes=(-1, -1))
+
+
+@dataclass(frozen=True)
+class Residual:
+    """How well a group of one mesh is fitted: largest and rms error on the fitted and on fresh shapes.
+
+    interface: chords in joint lengths and rotations in rad; rotations in rad; amplitudes and wrench dimensionless.
+    """
+
+    mesh: Mesh
+    group: str
+    fit_max: float
+    fit_rms: float
+    fresh_max: float
+    fresh_rms: float
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """What a change of one input does to the functions: largest change of interface and of orientations.
+
+    change: what was done, in words ("0.5 times"); interface in rad and joint lengths, rotations in rad.
+    """
+
+    parameter: str
+    change: str
+    interface: float
+    rotations: float
+
+
+@dataclass(frozen=True)
+class Record:
+    """All that training found out about one joint family; see the module docstring for the functions.
+
+    powers (M, motions + parameters): exponents of the motions, then Legendre degrees of the parameters. functions:
+    by mesh. leafs, blocks: names in the order of the arrays. orders: curvature modes (nx, ny, nz) of a leaf.
+    design: the joint trained on (SI numbers by name); samples: shapes fitted and fresh. trained: date as given to
+    the trainer, ISO; version, source: trainer version and hash of the sources; history: one sentence per event.
+    """
+
+    family: str
+    motions: tuple[Stroke, ...]
+    parameters: tuple[Parameter, ...]
+    leafs: tuple[str, ...]
+    blocks: tuple[str, ...]
+    orders: tuple[int, int, int]
+    powers: NDArray[np.int64]
+    functions: Mapping[Mesh, Functions]
+    residuals: tuple[Residual, ...] = ()
+    evidence: tuple[Evidence, ...] = ()
+    design: Mapping[str, float] = field(default_factory=dict)
+    samples: tuple[int, int] = (0, 0)
+    trained: str = ""
+    version: str = ""
+    source: str = ""
+    history: tuple[str, ...] = ()
+
+    @property
+    def motion_range(self) -> Array:
+        """(m, 2): trained ranges of the intended motions, rad or stroke over joint length."""
+        return np.array([[m.low, m.high] for m in self.motions])
+
+    @property
+    def shape_names(self) -> tuple[str, ...]:
+        """Names of the shape parameters."""
+        return tuple(p.name for p in self.parameters)
+
+    @property
+    def shape_range(self) -> Array:
+        """(s, 2): trained ranges of the shape parameters, SI."""
+        return np.array([[p.low, p.high] for p in self.parameters]).reshape(-1, 2)
+
+    def worst(self, mesh: Mesh, group: str = "interface") -> float:
+        """Largest error of a group on fresh shapes; nan when none was measured."""
+        found = [r.fresh_max for r in self.residuals if (r.mesh, r.group) == (mesh, group)]
+        return found[0] if found else math.nan
+
+    def contract(
+        self, shape: Mapping[str, float], mesh: Mesh, *, extrapolate: bool = False
+    ) -> JointFunctions:
+        """The polynomials of the design with shape parameters `shape` (SI), for "strain" or n elements per leaf.
+
+        A chain longer than any trained takes its orientations from the integrated strain amplitudes.
+        Raises SceneError for an unknown or missing parameter or a mesh that makes no sense, RangeError outside the
+        trained range unless `extrapolate`.
+        """
+        places, outside = self._places(shape, extrapolate)
+        if mesh in self.functions:
+            return self._contract(places, mesh, outside)
+        if isinstance(mesh, bool) or not isinstance(mesh, int) or mesh < 1:
+            raise SceneError(
+                f"The record of {self.family} has no mesh {mesh!r}; use 'strain' or a number of elements >= 1 per leaf."
+            )
+        from ksd.library.chains import longer_chain
+
+        longest = max((n for n in self.functions if isinstance(n, int)), default=0)
+        known = None if longest == 0 else self._contract(places, longest, outside)
+        return longer_chain(self._contract(places, "strain", outside), mesh, known=known)
+
+    def _places(self, shape: Mapping[str, float], extrapolate: bool) -> tuple[Array, tuple[str, ...]]:
+        for name in shape:
+            if name not in self.shape_names:
+                near = get_close_matches(name, self.shape_names, 1)
+                hint = (
+                    f"; did you mean {near[0]!r}?"
+                    if near
+                    else f"; it has {', '.join(self.shape_names) or 'none'}."
+                )
+                raise SceneError(f"The record of {self.family} has no shape parameter {name!r}{hint}")
+        places, outside = [], []
+        for p in self.parameters:
+            if p.name not in shape:
+                raise SceneError(
+                    f"Shape parameter {p.name!r} of {self.family} is missing; give {p.low:g} to {p.high:g}."
+                )
+            value = float(shape[p.name])
+            known = math.isfinite(value) and (p.scale != "log" or value > 0)
+            if not known or not abs(p.place(value)) <= 1 + EDGE:
+                if not (extrapolate and known):
+                    raise RangeError(
+                        f"Shape parameter {p.name} = {value:.6g} of {self.family} is outside its trained range "
+                        f"{p.low:.6g} to {p.high:.6g} (SI, angles in rad); change it, train a wider record, "
+                        "or accept extrapolation with extrapolate=True."
+                    )
+                outside.append(p.name)
+            places.append(p.place(value))
+        return np.array(places), tuple(outside)
+
+    def _contract(self, places: Array, mesh: Mesh, outside: tuple[str, ...]) -> JointFunctions:
+        m = len(self.motions)
+        reach = np.array([motion.reach for motion in self.motions])
+        weight = legendre_products(self.powers[:, m:], places[None])[0] * np.prod(
+            reach ** -self.powers[:, :m], axis=1
+        )
+        powers, merged = np.unique(self.powers[:, :m], axis=0, return_inverse=True)
+        matrix = np.zeros((len(self.powers), len(powers)))
+        matrix[np.arange(len(merged)), merged.ravel()] = weight
+        groups = {name: array @ matrix for name, array in self.functions[mesh].groups().items()}
+        return JointFunctions(mesh, powers, self.motion_range, Functions(**groups), self.orders, outside)
+
+
+def monomials(powers: NDArray[np.int64], motion: Array) -> Array:
+    """(..., P): products of the motions (..., m) raised to powers (P, m)."""
+    return np.prod(np.asarray(motion, float)[..., None, :] ** powers, axis=-1)
+
+
+def legendre_products(degrees: NDArray[np.int64], places: Array) -> Array:
+    """(k, M): products of Legendre polynomials of degrees (M, s) at places (k, s) in [-1, 1]; 1 when s = 0."""
+    product = np.ones((len(places), len(degrees)))
+    for j in range(degrees.shape[1]):
+        table = np.polynomial.legendre.legvander(places[:, j], int(degrees[:, j].max(initial=0)))
+        product *= table[:, degrees[:, j]]
+    return product

@@ -1,0 +1,190 @@
+"""Compile a scene: links and internal blocks become nodes, leafs become members, drives and supports become rows.
+
+Rigid links and connector blocks are neither elements nor constraints: leaf ends hang on their node by an offset.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+
+from ksd.errors import SceneError
+from ksd.model.arrays import ROTATION, TRANSLATION, Arrays, Motion
+from ksd.model.leafs import Mesh, leaf_member, split_leaf
+from ksd.model.pack import Assembly, Member, Push, Row, pack
+
+
+@dataclass(frozen=True)
+class Model:
+    """What the computer solves: frozen arrays of one scene with one mesh, and its rest state.
+
+    node_names: "ground", links, then "joint/block"; member_names: "joint/leaf", then free leafs. joint_members[j]
+    is the slice of members of joint j. drive_names: the first rows; supports follow, held at zero. dead: index
+    ranges of loads by name.
+    """
+
+    scene: Any
+    mesh: Mesh
+    arrays: Arrays
+    rest: Motion
+    node_names: tuple[str, ...]
+    member_names: tuple[str, ...]
+    joint_members: tuple[slice, ...]
+    drive_names: tuple[str, ...]
+    support_names: tuple[str, ...]
+    left_out: tuple[str, ...] = field(default=())
+
+    @property
+    def links(self) -> int:
+        """Number of links, ground included; they are the first nodes."""
+        return len(self.scene.links)
+
+    def targets(self, values: Mapping[str, float]) -> np.ndarray:
+        """Right-hand sides of all rows for drive values by name [m or rad]; SceneError for unknown or missing ones."""
+        for name in values:
+            if name not in self.drive_names:
+                known = ", ".join(self.drive_names) or "none"
+                raise SceneError(f"drive '{name}' is not in this mechanism; its drives are: {known}")
+        missing = [n for n in self.drive_names if n not in values]
+        if missing:
+            raise SceneError(f"drive '{missing[0]}' has no value; give one, for example {missing[0]}=0.0")
+        found = [_finite(n, values[n]) for n in self.drive_names]
+        return np.array(found + [0.0] * len(self.support_names))
+
+
+def _finite(name: str, value: float) -> float:
+    number = float(value)
+    if not np.isfinite(number):
+        raise SceneError(f"drive '{name}' = {value}: a finite number of metres or radians is needed")
+    return number
+
+
+def reference_points(scene: Any) -> np.ndarray:
+    """Reference position (3,) of every link: the mean of what hangs on it; ground at the origin."""
+    index = {link: i for i, link in enumerate(scene.links)}
+    found: list[list[np.ndarray]] = [[] for _ in scene.links]
+    for j in scene.joints:
+        found[index[j.a]].append(np.asarray(j.origin))
+        found[index[j.b]].append(np.asarray(j.origin) + np.asarray(j.rotation) @ np.asarray(j.joint.pose_B))
+    for leaf in scene.leafs:
+        found[index[leaf.a]].append(np.asarray(leaf.leaf.start, float))
+        found[index[leaf.b]].append(np.asarray(leaf.leaf.end, float))
+    places = np.array([np.mean(f, axis=0) if f else np.zeros(3) for f in found])
+    places[0] = 0.0
+    return places
+
+
+def joint_members_of(placed: Any, mesh: Mesh, nodes: Mapping[str, int], places: np.ndarray, turn: Any) -> list[Member]:
+    """Members of one joint whose blocks are `nodes` (by block name), at reference `places` (k, 3)."""
+    members = []
+    for leaf in placed.joint.leafs():
+        pair = (nodes[leaf.start_block], nodes[leaf.end_block])
+        members.append(
+            leaf_member(
+                leaf,
+                mesh,
+                name=f"{placed.name}/{leaf.name}",
+                nodes=pair,
+                places=(places[pair[0]], places[pair[1]]),
+                turn=turn,
+            )
+        )
+    return members
+
+
+def _nodal_members(leaf: Any, mesh: Mesh, name: str, pair: tuple[int, int], found: tuple[list, list, Any]) -> list[Member]:
+    """One member per element, with a new model node at every cut; `found` = (places, node names, turn)."""
+    places, names, turn = found
+    pieces, cuts = split_leaf(leaf, leaf.elements or mesh.elements)
+    nodes = [pair[0], *range(len(places), len(places) + len(cuts)), pair[1]]
+    origin, rotation = turn if turn is not None else (np.zeros(3), np.eye(3))
+    places += [origin + rotation @ cut for cut in cuts]
+    names += [f"{name}.{k + 1}" for k in range(len(cuts))]
+    return [
+        leaf_member(piece, mesh, name=f"{name}.{k + 1}", nodes=(a, b), places=(places[a], places[b]), turn=turn)
+        for k, (piece, (a, b)) in enumerate(zip(pieces, pairwise(nodes), strict=True))
+    ]
+
+
+def _row(terms: Any, index: Mapping[str, int], places: np.ndarray) -> Row:
+    """A drive or support: its value is measured from rest, so the rest value of a translation is zero by choice of
+    the base point: the base's own point coincides with the driven point at rest."""
+    rows = []
+    for t in terms:
+        a, b = index[t.base], index[t.link]
+        point = np.asarray(t.point, float)
+        kind = ROTATION if t.kind == "rotation" else TRANSLATION
+        rows.append((float(t.coefficient), kind, a, b, np.asarray(t.direction, float), point - places[a], point - places[b]))
+    return Row(tuple(rows))
+
+
+def constraint_rows(scene: Any, places: np.ndarray) -> tuple[list[Row], tuple[str, ...], tuple[str, ...]]:
+    """Rows of all drives, then all supports, with their names."""
+    index = {link: i for i, link in enumerate(scene.links)}
+    rows = [_row(d.terms, index, places) for d in (*scene.drives, *scene.supports)]
+    return rows, tuple(d.name for d in scene.drives), tuple(s.name for s in scene.supports)
+
+
+def external_loads(scene: Any, places: np.ndarray) -> list[Push]:
+    """Forces and moments on links; gravity acts at the centre of every mass the scene names."""
+    index = {link: i for i, link in enumerate(scene.links)}
+    pushes = []
+    for load in scene.loads:
+        node = index[load.link]
+        pushes.append(
+            Push(node, np.asarray(load.at, float) - places[node], np.asarray(load.force, float),
+                 np.asarray(load.moment, float), bool(load.following))
+        )  # fmt: skip
+    if scene.gravity is not None:
+        for mass in scene.masses:
+            node = index[mass.link]
+            weight = mass.mass * np.asarray(scene.gravity, float)
+            pushes.append(Push(node, np.asarray(mass.at, float) - places[node], weight, np.zeros(3)))
+    return [p for p in pushes if p.node != 0]
+
+
+def compile_scene(scene: Any, *, mesh: Mesh | None = None) -> Model:
+    """The full model of a scene (a Mechanism or its frozen Scene): every leaf a member, every block a node.
+
+    Raises SceneError where the scene cannot be compiled (see `Mechanism.validate`).
+    """
+    scene = scene.scene() if hasattr(scene, "scene") else scene
+    mesh = mesh or Mesh()
+    index = {link: i for i, link in enumerate(scene.links)}
+    names = list(scene.links)
+    places = list(reference_points(scene))
+    members: list[Member] = []
+    slices = []
+    for placed in scene.joints:
+        turn = (np.asarray(placed.origin, float), np.asarray(placed.rotation, float))
+        nodes = {"A": index[placed.a], "B": index[placed.b]}
+        for block, point in placed.joint.blocks().items():
+            if block not in nodes:
+                nodes[block] = len(places)
+                places.append(turn[0] + turn[1] @ np.asarray(point, float))
+                names.append(f"{placed.name}/{block}")
+        first = len(members)
+        if mesh.nodal:
+            for leaf in placed.joint.leafs():
+                pair = (nodes[leaf.start_block], nodes[leaf.end_block])
+                members += _nodal_members(leaf, mesh, f"{placed.name}/{leaf.name}", pair, (places, names, turn))
+        else:
+            members += joint_members_of(placed, mesh, nodes, np.array(places), turn)
+        slices.append(slice(first, len(members)))
+    for leaf in scene.leafs:
+        pair = (index[leaf.a], index[leaf.b])
+        if mesh.nodal:
+            members += _nodal_members(leaf.leaf, mesh, leaf.name, pair, (places, names, None))
+            continue
+        members.append(
+            leaf_member(leaf.leaf, mesh, name=leaf.name, nodes=pair, places=(places[pair[0]], places[pair[1]]))
+        )
+    rows, drives, supports = constraint_rows(scene, np.array(places))
+    arrays, rest = pack(Assembly(np.array(places), members, rows, external_loads(scene, np.array(places))))
+    return Model(
+        scene, mesh, arrays, rest, tuple(names), tuple(m.name for m in members), tuple(slices), drives, supports
+    )

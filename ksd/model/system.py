@@ -1,0 +1,111 @@
+"""One linear system of a mechanism: residual and tangent at a state, the Newton step, and taking it."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from ksd.model.assembly import add_members, recover_member
+from ksd.model.loading import add_loads, add_terms
+from ksd.numerics.blocks import factor_blocks, solve_blocks
+from ksd.numerics.kernel import kernel
+from ksd.numerics.rotations import straighten, turn
+
+
+@kernel
+def assemble(arrays, motion, target, factor, work, rtol, near):
+    """Residual and tangent at `motion`. Returns (residual over its bound, largest gap [m], negatives, status)."""
+    work.value[:] = 0.0
+    work.rhs[:] = 0.0
+    work.scale[:] = 0.0
+    reach = arrays.size
+    for k in range(len(arrays.start)):
+        for r in range(3):
+            reach = max(reach, abs(motion.x[k, r]))
+    noise = 10.0 * 2.220446049250313e-16 * reach
+    negatives, worst, status = add_members(arrays, motion.x, motion.R, motion.inner, work, rtol, noise, near)
+    add_loads(arrays, motion.R, work, factor, rtol)
+    gap = add_terms(arrays, motion.x, motion.R, motion.multiplier, target, work, rtol)
+    worst = max(worst, gap / (1e-11 * arrays.size + noise))
+    for k in range(len(arrays.start)):
+        u = arrays.start[k]
+        if u >= 0:
+            f, m = 0.0, 0.0
+            for r in range(3):
+                f += work.rhs[u + r] ** 2
+                m += work.rhs[u + 3 + r] ** 2
+            worst = max(worst, math.sqrt(f) / (work.scale[k, 0] + 1e-300), math.sqrt(m) / (work.scale[k, 1] + 1e-300))
+    if not math.isfinite(worst):
+        status = 2
+    return worst, gap, negatives, status
+
+
+@kernel
+def solve_step(arrays, work):
+    """Factor work.value and turn work.rhs into the Newton step. Returns (negatives, smallest relative pivot)."""
+    negatives, pivot = factor_blocks(arrays.plan, work.value, work.spare, len(arrays.plan.size))
+    for i in range(len(work.rhs)):
+        work.rhs[i] = -work.rhs[i]
+    solve_blocks(arrays.plan, work.value, work.spare, work.rhs)
+    return negatives, pivot
+
+
+@kernel
+def largest_turn(arrays, step):
+    """Largest rotation of any node in `step` (n,), rad."""
+    largest = 0.0
+    for k in range(len(arrays.start)):
+        u = arrays.start[k]
+        if u >= 0:
+            largest = max(largest, step[u + 3] ** 2 + step[u + 4] ** 2 + step[u + 5] ** 2)
+    return math.sqrt(largest)
+
+
+@kernel
+def take_step(arrays, motion, step, work, scale):
+    """motion <- motion + scale * step (n,): members first (their frames are the old ones), then nodes, multipliers."""
+    members = arrays.members
+    xi, move = np.empty(6), np.empty(12)
+    for i in range(len(members.kind)):
+        pose = work.pose[i]
+        for e in range(2):
+            u = arrays.start[members.node[i, e]]
+            for r in range(6):
+                move[6 * e + r] = step[u + r] if u >= 0 else 0.0
+        relative_motion(pose, move, xi)
+        recover_member(members, motion.inner, work.store, i, xi, scale)
+    move_nodes(arrays, motion, step, scale)
+
+
+@kernel
+def relative_motion(pose, move, xi):
+    """xi (6,) in frame p from the motion (12,) of nodes a, b: (dxb - dxa + dphib x s - dphia x w, dphib - dphia)."""
+    g = np.empty(6)
+    for r in range(3):
+        j, k = (r + 1) % 3, (r + 2) % 3
+        g[r] = (
+            move[6 + r] - move[r]
+            + move[9 + j] * pose[12 + k] - move[9 + k] * pose[12 + j]
+            - move[3 + j] * pose[9 + k] + move[3 + k] * pose[9 + j]
+        )  # fmt: skip
+        g[3 + r] = move[9 + r] - move[3 + r]
+    for r in range(3):
+        xi[r] = pose[r] * g[0] + pose[3 + r] * g[1] + pose[6 + r] * g[2]
+        xi[3 + r] = pose[r] * g[3] + pose[3 + r] * g[4] + pose[6 + r] * g[5]
+
+
+@kernel
+def move_nodes(arrays, motion, step, scale):
+    """Positions, rotations (R <- exp(dphi) R) and multipliers."""
+    v = np.empty(3)
+    for k in range(len(arrays.start)):
+        u = arrays.start[k]
+        if u >= 0:
+            for r in range(3):
+                motion.x[k, r] += scale * step[u + r]
+                v[r] = scale * step[u + 3 + r]
+            turn(v, motion.R[k])
+            straighten(motion.R[k])
+    for i in range(len(motion.multiplier)):
+        motion.multiplier[i] += scale * step[arrays.terms.start[i]]

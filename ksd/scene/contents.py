@@ -1,0 +1,139 @@
+"""The frozen scene: everything said about a mechanism, in one value that can be compared and hashed."""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ksd.scene.drive import GROUND, Drive, Load, PointMass
+from ksd.scene.joint import Joint
+from ksd.scene.leaf import Leaf
+from ksd.section.checks import Vector
+
+Matrix = tuple[Vector, Vector, Vector]
+
+
+@dataclass(frozen=True)
+class PlacedJoint:
+    """A joint between links `a` (interface A) and `b` (interface B).
+
+    origin (3,) [m]: interface A, global; rotation (3, 3): columns are the joint's x, y, z axes in global
+    axes.
+    """
+
+    name: str
+    a: str
+    b: str
+    joint: Joint
+    origin: Vector
+    rotation: Matrix
+
+    def place(self, point: Any) -> np.ndarray:
+        """Global position (3,) [m] at rest of a point (3,) given in joint axes."""
+        return np.asarray(self.origin) + np.asarray(self.rotation) @ np.asarray(point, float)
+
+    def turn(self, axis: Any) -> np.ndarray:
+        """Global direction (3,) at rest of a direction (3,) given in joint axes."""
+        return np.asarray(self.rotation) @ np.asarray(axis, float)
+
+
+@dataclass(frozen=True)
+class PlacedLeaf:
+    """A free-form leaf from link `a` to link `b`; the leaf's own numbers are global."""
+
+    name: str
+    a: str
+    b: str
+    leaf: Leaf
+
+
+@dataclass(frozen=True)
+class Scene:
+    """A mechanism as described: links[0] is "ground"; all positions global at rest, SI units.
+
+    gravity (3,) [m/s^2] or None when the scene does not mention it. Two scenes are equal when everything said
+    in them is; `fingerprint` is the same for equal scenes in every process and on every machine.
+    """
+
+    name: str
+    links: tuple[str, ...]
+    joints: tuple[PlacedJoint, ...] = ()
+    leafs: tuple[PlacedLeaf, ...] = ()
+    drives: tuple[Drive, ...] = ()
+    supports: tuple[Drive, ...] = ()
+    loads: tuple[Load, ...] = ()
+    masses: tuple[PointMass, ...] = ()
+    gravity: Vector | None = None
+
+    def fingerprint(self) -> str:
+        """SHA-256 (hexadecimal) of all contents."""
+        digest = hashlib.sha256()
+        for piece in _pieces(self):
+            digest.update(piece.encode())
+            digest.update(b"\n")
+        return digest.hexdigest()
+
+    def neighbours(self, *, supports: bool = False) -> dict[str, set[str]]:
+        """Links next to each link through joints and free-form leafs, and through supports when asked."""
+        found: dict[str, set[str]] = {link: set() for link in self.links}
+        pairs = [(j.a, j.b) for j in self.joints] + [(f.a, f.b) for f in self.leafs]
+        if supports:
+            pairs += [(t.base, t.link) for s in self.supports for t in s.terms]
+        for a, b in pairs:
+            found.setdefault(a, set()).add(b)
+            found.setdefault(b, set()).add(a)
+        return found
+
+
+def joint_angle(joint: PlacedJoint) -> tuple[str, Vector, Vector]:
+    """(kind, global direction, global point at B) of the first intended motion of a placed joint."""
+    motion = joint.joint.motions[0]
+    axis, point = joint.turn(motion.axis), joint.place(joint.joint.pose_B)
+    return motion.kind, _triple(axis), _triple(point)
+
+
+def _triple(values: Any) -> Vector:
+    x, y, z = (float(v) for v in values)
+    return x, y, z
+
+
+def _pieces(value: Any) -> Iterator[str]:
+    """Unambiguous text of a value, part by part: types, field names, exact floats."""
+    if dataclasses.is_dataclass(value) and not isinstance(value, type):
+        yield f"<{type(value).__name__}"
+        for field in dataclasses.fields(value):
+            if field.compare:
+                yield field.name
+                yield from _pieces(
+                    _sampled(value) if field.name == "curvature" else getattr(value, field.name)
+                )
+        yield ">"
+    elif isinstance(value, tuple | list):
+        yield f"({len(value)}"
+        for item in value:
+            yield from _pieces(item)
+        yield ")"
+    elif isinstance(value, bool | int | str) or value is None:
+        yield f"{type(value).__name__} {value!r}"
+    elif isinstance(value, float):
+        # -0.0 == 0.0, so both must hash alike
+        yield (value + 0.0).hex()
+    else:
+        raise TypeError(f"a scene holds numbers, text and tuples, not {type(value).__name__}")
+
+
+def _sampled(leaf: Any) -> Any:
+    """Initial curvature at 17 stations: a function has no contents that could be hashed."""
+    function: Callable[[float], Any] | None = leaf.curvature
+    if function is None:
+        return None
+    stations = np.linspace(0.0, leaf.length, 17)
+    return tuple(_triple(np.asarray(function(float(s)), float)) for s in stations)
+
+
+__all__ = ["GROUND", "Matrix", "PlacedJoint", "PlacedLeaf", "Scene", "joint_angle"]

@@ -1,0 +1,159 @@
+"""Drives, supports and loads: what is prescribed on a mechanism and what pushes on it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+from ksd.errors import SceneError
+from ksd.section.checks import Vector, direction, number, show, vector, word
+
+GROUND = "ground"
+
+
+@dataclass(frozen=True)
+class DriveTerm:
+    """One component of the motion of `link` relative to `base`, measured from rest.
+
+    kind "translation" [m]: displacement of `point` of the link along `direction`; "rotation" [rad]: rotation
+    about it. direction (3,), unit, and point (3,) [m] are global at rest; the direction then turns with
+    `base`. Terms add up and take factors: 2 * a - b is a tuple of terms for `Mechanism.actuate(terms=...)`.
+    """
+
+    coefficient: float
+    kind: str
+    base: str
+    link: str
+    direction: Vector
+    point: Vector
+
+    def __post_init__(self) -> None:
+        owner = f"drive term on '{self.link}'"
+        if self.kind not in ("translation", "rotation"):
+            raise SceneError(f'{owner}: kind = {show(self.kind)} must be "translation" or "rotation".')
+        coefficient = number(self.coefficient, "coefficient", owner=owner)
+        if coefficient == 0.0:
+            raise SceneError(f"{owner}: coefficient = 0 leaves nothing to prescribe; leave the term out.")
+        clean = {
+            "coefficient": coefficient,
+            "base": word(self.base, "base", owner=owner),
+            "link": word(self.link, "link", owner=owner),
+            "direction": direction(self.direction, "direction", owner=owner),
+            "point": vector(self.point, "point", owner=owner, unit="m"),
+        }
+        for key, value in clean.items():
+            object.__setattr__(self, key, value)
+        if self.base == self.link:
+            raise SceneError(f"{owner}: it is measured relative to itself; relative_to must be another link.")
+
+    def __mul__(self, factor: float) -> DriveTerm:
+        return replace(self, coefficient=self.coefficient * number(factor, "factor", owner="drive term"))
+
+    __rmul__ = __mul__
+
+    def __neg__(self) -> DriveTerm:
+        return self * -1.0
+
+    def __add__(self, other: DriveTerm | tuple[DriveTerm, ...]) -> tuple[DriveTerm, ...]:
+        return (self, *other) if isinstance(other, tuple) else (self, other)
+
+    def __radd__(self, other: tuple[DriveTerm, ...]) -> tuple[DriveTerm, ...]:
+        return (*other, self)
+
+    def __sub__(self, other: DriveTerm) -> tuple[DriveTerm, ...]:
+        return (self, -other)
+
+
+@dataclass(frozen=True)
+class Drive:
+    """A prescribed sum of terms, sum_i coefficient_i * component_i; a support is a drive held at zero."""
+
+    name: str
+    terms: tuple[DriveTerm, ...]
+
+    def __post_init__(self) -> None:
+        word(self.name, "name", owner="drive")
+        if not self.terms or not all(isinstance(t, DriveTerm) for t in self.terms):
+            raise SceneError(
+                f"drive '{self.name}': terms = {show(self.terms)} must be at least one drive term."
+            )
+        object.__setattr__(self, "terms", tuple(self.terms))
+
+    def freedom(self) -> tuple:
+        """What it prescribes, without scale, sign and name: equal for two drives on one freedom."""
+        rows = sorted(_component(t) for t in self.terms)
+        first = rows[0][-1]
+        return tuple((*row[:-1], round(row[-1] / first, 9)) for row in rows)
+
+
+def _component(term: DriveTerm) -> tuple:
+    """(kind, base, link, direction, point, coefficient), the leading part of the direction positive."""
+    sign = next(1.0 if c > 0 else -1.0 for c in term.direction if abs(c) > 1e-9)
+    along = tuple(round(sign * c, 9) + 0.0 for c in term.direction)
+    # the rotation of a rigid link is the same at every point of it
+    point = tuple(round(c, 12) + 0.0 for c in term.point) if term.kind == "translation" else ()
+    return (term.kind, term.base, term.link, along, point, sign * term.coefficient)
+
+
+@dataclass(frozen=True)
+class Load:
+    """Force (3,) [N] at point `at` (3,) [m] of a link and moment (3,) [Nm], global at rest.
+
+    A dead load keeps its direction in space; a following one turns with the link. The point moves with the
+    link.
+    """
+
+    name: str
+    link: str
+    force: Vector
+    moment: Vector
+    at: Vector
+    following: bool = False
+
+    def __post_init__(self) -> None:
+        owner = f"load '{word(self.name, 'name', owner='load')}'"
+        for key, unit in {"force": "N", "moment": "Nm", "at": "m"}.items():
+            object.__setattr__(self, key, vector(getattr(self, key), key, owner=owner, unit=unit))
+        if not isinstance(self.following, bool):
+            raise SceneError(f"{owner}: following = {show(self.following)} must be true or false.")
+
+
+@dataclass(frozen=True)
+class PointMass:
+    """A rigid mass [kg] on a link: centre `at` (3,) [m], inertia (3, 3) [kg m^2] about it, global at rest."""
+
+    link: str
+    mass: float
+    inertia: tuple[Vector, Vector, Vector]
+    at: Vector
+
+    def __post_init__(self) -> None:
+        owner = f"mass on '{self.link}'"
+        mass = number(self.mass, "mass", owner=owner, unit="kg")
+        if mass < 0.0:
+            raise SceneError(f"{owner}: mass = {mass:g} kg must be zero or positive.")
+        object.__setattr__(self, "mass", mass)
+        object.__setattr__(self, "at", vector(self.at, "at", owner=owner, unit="m"))
+        object.__setattr__(self, "inertia", _inertia(self.inertia, owner))
+
+
+def _inertia(value: Any, owner: str) -> tuple[Vector, Vector, Vector]:
+    """(3, 3) from nothing (zero), three moments or nine numbers; symmetric, no negative diagonal."""
+    if value is None:
+        value = (0.0, 0.0, 0.0)
+    rows = value.tolist() if hasattr(value, "tolist") else value
+    if not isinstance(rows, list | tuple) or len(rows) != 3:
+        raise SceneError(
+            f"{owner}: inertia = {show(value)} must be three moments or a 3 x 3 matrix in kg m^2."
+        )
+    if not any(isinstance(row, list | tuple) for row in rows):
+        a, b, c = vector(rows, "inertia", owner=owner, unit="kg m^2")
+        rows = ((a, 0.0, 0.0), (0.0, b, 0.0), (0.0, 0.0, c))
+    matrix = tuple(vector(row, "inertia", owner=owner, unit="kg m^2") for row in rows)
+    size = max(abs(c) for row in matrix for c in row)
+    skew = max(abs(matrix[i][j] - matrix[j][i]) for i in range(3) for j in range(3))
+    if skew > 1e-9 * size or min(matrix[i][i] for i in range(3)) < 0.0:
+        raise SceneError(
+            f"{owner}: inertia = {show(value)} must be symmetric without negative moments on its diagonal."
+        )
+    return matrix[0], matrix[1], matrix[2]

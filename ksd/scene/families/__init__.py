@@ -1,0 +1,52 @@
+"""Joint families by name; every module of this package that defines a `Joint` class adds its families."""
+
+from __future__ import annotations
+
+import importlib
+import inspect
+import pkgutil
+from functools import cache
+
+from ksd.errors import SceneError
+from ksd.scene.joint import Joint
+from ksd.section.checks import nearest, show
+
+
+@cache
+def joint_families() -> dict[str, type[Joint]]:
+    """All families {name: class}, found in the modules of this package, in order of name."""
+    found = {}
+    for info in pkgutil.iter_modules(__path__):
+        module = importlib.import_module(f"{__name__}.{info.name}")
+        for value in vars(module).values():
+            if inspect.isclass(value) and issubclass(value, Joint) and value.__module__ == module.__name__:
+                found[value.family] = value
+    return dict(sorted(found.items()))
+
+
+def joint_family(name: str) -> type[Joint]:
+    """The class of a family by its name, e.g. "cross_flexure".
+
+    Raises SceneError for an unknown name, with the nearest known one.
+    """
+    families = joint_families()
+    if not isinstance(name, str) or name not in families:
+        raise SceneError(f"joint family {show(name)} is unknown{nearest(name, families)}")
+    return families[name]
+
+
+def make_joint(family: str, /, **parameters: object) -> Joint:
+    """A joint of a family by name and parameters, SI.
+
+    Raises SceneError for an unknown family or parameter (with the nearest), a missing parameter, or a bad
+    value.
+    """
+    kind = joint_family(family)
+    known = inspect.signature(kind).parameters
+    for key in parameters:
+        if key not in known:
+            raise SceneError(f"{family}: parameter '{key}' is unknown{nearest(key, known)}")
+    for key, parameter in known.items():
+        if parameter.default is parameter.empty and key not in parameters:
+            raise SceneError(f"{family}: parameter '{key}' is missing.")
+    return kind(**parameters)

@@ -1,0 +1,137 @@
+"""The cross flexure of paper 1, section 4.1: an inner leaf crossed by two outer leafs."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+from ksd.errors import SceneError
+from ksd.scene.joint import Joint, Motion
+from ksd.scene.leaf import Leaf, mesh
+from ksd.scene.material import Material
+from ksd.section import rectangle
+from ksd.section.checks import Vector, between, not_negative, positive, show
+
+_STROKE = math.radians(75)
+
+
+@dataclass(frozen=True)
+class CrossFlexure(Joint):
+    """Three leafs crossing in their middle; B turns about z relative to A, +-75 degrees.
+
+    Joint axes: A at the origin, B at (L cos(angle), 0, 0), z along the widths. With h = L sin(angle)/2 the
+    inner leaf runs from (0, -h, 0) to (L cos(angle), +h, 0), the two outer ones from (0, +h, +-c) to (L
+    cos(angle), -h, +-c), c = spacing.
+
+    length L [m] of the leafs; angle [rad] between leaf and the line AB, 0..90 degrees; thickness [m];
+    widths (inner, outer) [m], the outer width being that of each outer leaf. gap [m]: free distance along z
+    between inner and outer leafs, c = (inner + outer)/2 + gap; spacing [m] gives c itself instead. elements,
+    orders: mesh of every leaf, see `Leaf`. Raises SceneError naming the parameter out of bounds.
+    """
+
+    family: ClassVar[str] = "cross_flexure"
+
+    material: Material
+    length: float
+    angle: float
+    thickness: float
+    widths: tuple[float, float]
+    spacing: float
+    elements: int | None
+    orders: tuple[int, int, int] | None
+
+    def __init__(
+        self,
+        material: Material,
+        *,
+        length: float,
+        angle: float,
+        thickness: float,
+        widths: tuple[float, float],
+        gap: float | None = None,
+        spacing: float | None = None,
+        elements: int | None = None,
+        orders: tuple[int, int, int] | None = None,
+    ) -> None:
+        name = "CrossFlexure"
+        if not isinstance(material, Material):
+            raise SceneError(f"{name}: material = {show(material)} must be a Material.")
+        pair = _widths(widths, name)
+        clean: dict[str, Any] = {
+            "material": material,
+            "length": positive(length, "length", owner=name, unit="m"),
+            "angle": between(
+                angle, "angle", 0.0, 0.5 * math.pi, owner=name, unit="deg", scale=math.radians(1)
+            ),
+            "thickness": positive(thickness, "thickness", owner=name, unit="m"),
+            "widths": pair,
+            "spacing": _spacing(pair, gap, spacing, name),
+            **mesh(elements, orders, owner=name),
+        }
+        if clean["thickness"] >= 0.5 * clean["length"]:
+            raise SceneError(
+                f"{name}: thickness = {thickness:g} m must be below half the leaf length, {length / 2:g} m; "
+                "a leaf is slender."
+            )
+        for key, value in clean.items():
+            object.__setattr__(self, key, value)
+
+    @property
+    def pose_B(self) -> Vector:
+        return (self.length * math.cos(self.angle), 0.0, 0.0)
+
+    @property
+    def motions(self) -> tuple[Motion, ...]:
+        return (Motion("angle", "rotation", (0.0, 0.0, 1.0), (-_STROKE, _STROKE)),)
+
+    def blocks(self) -> dict[str, Vector]:
+        return {"A": (0.0, 0.0, 0.0), "B": self.pose_B}
+
+    def leafs(self) -> tuple[Leaf, ...]:
+        inner, outer = (rectangle(self.thickness, w) for w in self.widths)
+        x, h, c = self.pose_B[0], 0.5 * self.length * math.sin(self.angle), self.spacing
+        places = (
+            ("inner", inner, -h, 0.0),
+            ("outer_low", outer, h, -c),
+            ("outer_high", outer, h, c),
+        )
+        return tuple(
+            Leaf(
+                start=(0.0, y, z),
+                end=(x, -y, z),
+                width_axis=(0.0, 0.0, 1.0),
+                section=section,
+                material=self.material,
+                name=name,
+                elements=self.elements,
+                orders=self.orders,
+            )
+            for name, section, y, z in places
+        )
+
+    def shape(self) -> dict[str, float]:
+        """angle [rad] and width_ratio = both outer widths over the inner one."""
+        return {"angle": self.angle, "width_ratio": 2 * self.widths[1] / self.widths[0]}
+
+
+def _widths(widths: Any, owner: str) -> tuple[float, float]:
+    if not isinstance(widths, tuple | list) or len(widths) != 2:
+        raise SceneError(f"{owner}: widths = {show(widths)} must be two lengths (inner, outer) in m.")
+    inner, outer = (
+        positive(w, f"widths[{i}] ({k})", owner=owner, unit="m")
+        for i, (w, k) in enumerate(zip(widths, ("inner", "outer"), strict=True))
+    )
+    return inner, outer
+
+
+def _spacing(widths: tuple[float, float], gap: Any, spacing: Any, owner: str) -> float:
+    """Distance of the outer leafs from the inner one along z, from either way of saying it."""
+    if gap is not None and spacing is not None:
+        raise SceneError(
+            f"{owner}: gap = {show(gap)} and spacing = {show(spacing)} say the same; give one of them."
+        )
+    if spacing is not None:
+        return positive(spacing, "spacing", owner=owner, unit="m")
+    free = 0.0 if gap is None else not_negative(gap, "gap", owner=owner, unit="m")
+    return 0.5 * (widths[0] + widths[1]) + free

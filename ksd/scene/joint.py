@@ -1,0 +1,183 @@
+"""Joints: rigid blocks connected by leafs, with two interfaces A and B and their intended motion."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+
+from ksd.errors import SceneError
+from ksd.scene.leaf import Leaf
+from ksd.section.checks import Vector, direction, nearest, number, positive, show, vector, word
+
+
+@dataclass(frozen=True)
+class Motion:
+    """One intended motion of interface B relative to A.
+
+    kind "rotation" [rad] or "translation" [m]; axis (3,) unit, in joint axes; range (low, high) it may be
+    used in.
+    """
+
+    name: str
+    kind: str
+    axis: Vector
+    range: tuple[float, float]
+
+    def __post_init__(self) -> None:
+        owner = f"motion '{word(self.name, 'name', owner='motion')}'"
+        if self.kind not in ("rotation", "translation"):
+            raise SceneError(f'{owner}: kind = {show(self.kind)} must be "rotation" or "translation".')
+        object.__setattr__(self, "axis", direction(self.axis, "axis", owner=owner))
+        if not isinstance(self.range, Sequence) or len(self.range) != 2:
+            raise SceneError(f"{owner}: range = {show(self.range)} must be two numbers, lowest and highest.")
+        low, high = (number(v, "range", owner=owner) for v in self.range)
+        if not low < high:
+            raise SceneError(
+                f"{owner}: range = ({low:g}, {high:g}) must rise from its first to its second number."
+            )
+        object.__setattr__(self, "range", (low, high))
+
+
+class Joint:
+    """Base of all joints, drawn in joint axes: interface A at the origin, x from A to B, z the intended axis.
+
+    A family is a frozen dataclass with a `family` name that answers the questions below; all lengths in m,
+    all points (3,) in joint axes at rest, where every block is parallel to the joint axes. `length` [m] is
+    the length L by which its record is made dimensionless.
+    """
+
+    family: ClassVar[str]
+    length: float
+
+    @property
+    def pose_B(self) -> Vector:
+        """Position (3,) [m] of interface B at rest."""
+        raise NotImplementedError
+
+    @property
+    def length_AB(self) -> float:
+        """Distance [m] from interface A to interface B at rest."""
+        return float(np.linalg.norm(self.pose_B))
+
+    @property
+    def motions(self) -> tuple[Motion, ...]:
+        """The intended motions of B relative to A."""
+        raise NotImplementedError
+
+    def blocks(self) -> dict[str, Vector]:
+        """Rigid blocks by name with a reference point (3,) [m]; always "A" and "B", then internal ones."""
+        raise NotImplementedError
+
+    def leafs(self) -> tuple[Leaf, ...]:
+        """The flexible leafs between the blocks."""
+        raise NotImplementedError
+
+    def shape(self) -> dict[str, float]:
+        """Dimensionless shape parameters (angles in rad) its record depends on."""
+        raise NotImplementedError
+
+
+@dataclass(frozen=True, init=False)
+class DrawnJoint(Joint):
+    """A joint drawn by the user from blocks, leafs and intended motions, in joint axes.
+
+    name: its family name, under which a record may be trained. blocks: {"A": point, "B": point, others} [m],
+    A at the origin, B anywhere but there. length [m]: scale of the record, |AB| when not given. shape: its
+    dimensionless shape parameters, when it belongs to a range of similar joints. Raises SceneError when A or
+    B is missing, a leaf hangs on an unknown block, or a block on no leaf.
+    """
+
+    name: str
+    block_points: tuple[tuple[str, Vector], ...]
+    drawn_leafs: tuple[Leaf, ...]
+    intended: tuple[Motion, ...]
+    length: float
+    shape_numbers: tuple[tuple[str, float], ...]
+
+    def __init__(
+        self,
+        name: str,
+        *,
+        blocks: Mapping[str, Any],
+        leafs: Sequence[Leaf],
+        motions: Sequence[Motion],
+        length: float | None = None,
+        shape: Mapping[str, float] | None = None,
+    ) -> None:
+        owner = f"joint '{word(name, 'name', owner='DrawnJoint')}'"
+        points = {
+            word(k, "block name", owner=owner): vector(v, f"block '{k}'", owner=owner, unit="m")
+            for k, v in blocks.items()
+        }
+        _check_blocks(points, leafs, owner)
+        if not motions or not all(isinstance(m, Motion) for m in motions):
+            raise SceneError(f"{owner}: motions = {show(motions)} must be at least one Motion.")
+        given = np.linalg.norm(points["B"]) if length is None else length
+        numbers = {k: number(v, f"shape '{k}'", owner=owner) for k, v in (shape or {}).items()}
+        clean = {
+            "name": name,
+            "block_points": tuple(points.items()),
+            "drawn_leafs": tuple(leafs),
+            "intended": tuple(motions),
+            "length": positive(given, "length", owner=owner, unit="m"),
+            "shape_numbers": tuple(numbers.items()),
+        }
+        for key, value in clean.items():
+            object.__setattr__(self, key, value)
+
+    @property
+    def family(self) -> str:  # type: ignore[override]
+        """Its name."""
+        return self.name
+
+    @property
+    def pose_B(self) -> Vector:
+        return self.blocks()["B"]
+
+    @property
+    def motions(self) -> tuple[Motion, ...]:
+        return self.intended
+
+    def blocks(self) -> dict[str, Vector]:
+        return dict(self.block_points)
+
+    def leafs(self) -> tuple[Leaf, ...]:
+        return self.drawn_leafs
+
+    def shape(self) -> dict[str, float]:
+        return dict(self.shape_numbers)
+
+
+def _check_blocks(points: Mapping[str, Vector], leafs: Sequence[Leaf], owner: str) -> None:
+    """A and B exist, A at the origin, every leaf between two known blocks, all blocks connected to A."""
+    for end in ("A", "B"):
+        if end not in points:
+            raise SceneError(f"{owner}: block '{end}' is missing; every joint has interface blocks A and B.")
+    if any(points["A"]):
+        raise SceneError(f"{owner}: block 'A' is at {points['A']} m; interface A is the origin (0, 0, 0).")
+    if not leafs or not all(isinstance(leaf, Leaf) for leaf in leafs):
+        raise SceneError(f"{owner}: leafs = {show(leafs)} must be at least one Leaf.")
+    reached, seen = {"A"}, 0
+    for leaf in leafs:
+        for block in (leaf.start_block, leaf.end_block):
+            if block not in points:
+                raise SceneError(
+                    f"{owner}: leaf '{leaf.name}' hangs on block '{block}'" + nearest(block, points)
+                )
+        if leaf.start_block == leaf.end_block:
+            raise SceneError(
+                f"{owner}: leaf '{leaf.name}' starts and ends on the same block '{leaf.end_block}'."
+            )
+    while len(reached) > seen:
+        seen = len(reached)
+        for leaf in leafs:
+            if reached & {leaf.start_block, leaf.end_block}:
+                reached |= {leaf.start_block, leaf.end_block}
+    for block in points:
+        if block not in reached:
+            raise SceneError(
+                f"{owner}: no chain of leafs connects block '{block}' with block 'A'; add a leaf."
+            )

@@ -1,0 +1,117 @@
+"""Straight flexible leafs and wires between two rigid blocks."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ksd.errors import SceneError
+from ksd.scene.material import Material
+from ksd.section import Section, circle
+from ksd.section.checks import Vector, direction, positive, show, vector, whole, word
+
+
+@dataclass(frozen=True, kw_only=True)
+class Leaf:
+    """A flexible leaf between a point on one rigid block and a point on another, clamped at both.
+
+    start, end [m], (3,): its ends at rest, in the frame of the joint it belongs to (global for a free-form
+    leaf). width_axis (3,): unit direction of the width e3, perpendicular to the leaf; e1 runs from start to
+    end, the thickness e2 = e3 x e1. None picks any perpendicular, for sections that are the same in all
+    directions. start_block, end_block: names of the blocks (links) it is clamped to. elements: Appendix A
+    elements along the leaf; orders: curvature modes (about e1, e2, e3) of the strain-mode leaf; None leaves
+    the choice to the model. curvature: stress-free curvature as a function of the distance s [m] from start,
+    returning (3,) [1/m] about e1, e2, e3; None is a straight leaf. Raises SceneError for a leaf without
+    length, a width axis not perpendicular to it, or numbers that are not finite.
+    """
+
+    start: Vector
+    end: Vector
+    width_axis: Vector | None
+    section: Section
+    material: Material
+    start_block: str = "A"
+    end_block: str = "B"
+    name: str = "leaf"
+    elements: int | None = None
+    orders: tuple[int, int, int] | None = None
+    curvature: Callable[[float], Any] | None = None
+
+    def __post_init__(self) -> None:
+        owner = f"leaf '{word(self.name, 'name', owner='leaf')}'"
+        settings = mesh(self.elements, self.orders, owner=owner)
+        clean: dict[str, Any] = {
+            "start": vector(self.start, "start", owner=owner, unit="m"),
+            "end": vector(self.end, "end", owner=owner, unit="m"),
+            "start_block": word(self.start_block, "start_block", owner=owner),
+            "end_block": word(self.end_block, "end_block", owner=owner),
+            **settings,
+        }
+        for key, value in clean.items():
+            object.__setattr__(self, key, value)
+        kinds: dict[str, type] = {"section": Section, "material": Material}
+        for key, kind in kinds.items():
+            if not isinstance(getattr(self, key), kind):
+                raise SceneError(f"{owner}: {key} = {show(getattr(self, key))} must be a {kind.__name__}.")
+        if self.curvature is not None and not callable(self.curvature):
+            raise SceneError(f"{owner}: curvature = {show(self.curvature)} must be a function of s in m.")
+        self._check_axes(owner)
+
+    def _check_axes(self, owner: str) -> None:
+        along = np.subtract(self.end, self.start)
+        length = float(np.linalg.norm(along))
+        if not math.isfinite(length) or length == 0.0:
+            raise SceneError(
+                f"{owner}: from start {self.start} to end {self.end} its length is {length:g} m."
+            )
+        e1 = along / length
+        if self.width_axis is None:
+            least = np.eye(3)[np.argmin(np.abs(e1))]
+            axis = direction(np.cross(e1, least), "width_axis", owner=owner)
+        else:
+            axis = direction(self.width_axis, "width_axis", owner=owner)
+        lean = float(np.dot(axis, e1))
+        if abs(lean) > 1e-6:
+            flat = np.asarray(axis) - lean * e1
+            hint = f"; nearest: ({', '.join(f'{c:.6g}' for c in flat)})" if abs(lean) < 0.999 else ""
+            raise SceneError(
+                f"{owner}: width_axis = {show(self.width_axis)} must be perpendicular to the leaf along "
+                f"({', '.join(f'{c:.6g}' for c in e1)}){hint}."
+            )
+        object.__setattr__(self, "width_axis", axis)
+
+    @property
+    def length(self) -> float:
+        """Distance between its ends at rest [m]."""
+        return math.dist(self.start, self.end)
+
+    @property
+    def axes(self) -> np.ndarray:
+        """(3, 3) columns e1 along, e2 thickness, e3 width, orthonormal, in the frame of start and end."""
+        e1 = np.subtract(self.end, self.start) / self.length
+        e3 = np.asarray(self.width_axis) - np.dot(np.asarray(self.width_axis), e1) * e1
+        e3 /= np.linalg.norm(e3)
+        return np.column_stack([e1, np.cross(e3, e1), e3])
+
+
+def wire(*, diameter: float, material: Material, name: str = "wire", **leaf: Any) -> Leaf:
+    """A leaf of circular section, `diameter` in m; other words as in `Leaf` (no width_axis needed)."""
+    section = circle(positive(diameter, "diameter", owner=f"wire '{name}'", unit="m"))
+    return Leaf(section=section, material=material, name=name, **{"width_axis": None, **leaf})
+
+
+def mesh(elements: Any, orders: Any, *, owner: str) -> dict[str, Any]:
+    """Checked `elements` and `orders` of a leaf or a joint."""
+    if elements is not None:
+        elements = whole(elements, "elements", owner=owner)
+    if orders is not None:
+        if not isinstance(orders, tuple | list) or len(orders) != 3:
+            raise SceneError(
+                f"{owner}: orders = {show(orders)} must be three whole numbers, modes about e1, e2, e3."
+            )
+        orders = tuple(whole(n, "orders", owner=owner) for n in orders)
+    return {"elements": elements, "orders": orders}

@@ -1,0 +1,63 @@
+"""Elastic material of a leaf."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from ksd.errors import SceneError
+from ksd.section.checks import between, positive
+
+
+@dataclass(frozen=True, init=False)
+class Material:
+    """Linear elastic material: two of E, G [Pa] and Poisson's ratio nu; density [kg/m^3] when masses matter.
+
+    The third of E, G, nu follows from E = 2 G (1 + nu); with E and G given any positive pair is accepted (an
+    anisotropic leaf). Raises SceneError for a modulus or density that is not positive and finite, nu outside
+    (-1, 0.5], fewer than two of the three, or three that contradict each other by more than 1e-3.
+    """
+
+    E: float
+    G: float
+    nu: float = field(compare=False)
+    density: float | None
+    name: str
+
+    def __init__(
+        self,
+        E: float | None = None,
+        G: float | None = None,
+        *,
+        nu: float | None = None,
+        density: float | None = None,
+        name: str = "",
+    ) -> None:
+        owner = f"Material '{name}'" if name else "Material"
+        E = None if E is None else positive(E, "E", owner=owner, unit="Pa")
+        G = None if G is None else positive(G, "G", owner=owner, unit="Pa")
+        if nu is not None:
+            nu = between(nu, "nu (Poisson's ratio)", -1.0, 0.5 + 1e-12, owner=owner)
+        E, G, nu = _complete(E, G, nu, owner)
+        if density is not None:
+            density = positive(density, "density", owner=owner, unit="kg/m^3")
+        if not isinstance(name, str):
+            raise SceneError(f"Material: name = {name!r} must be text.")
+        for key, value in {"E": E, "G": G, "nu": nu, "density": density, "name": name}.items():
+            object.__setattr__(self, key, value)
+
+
+def _complete(E: float | None, G: float | None, nu: float | None, owner: str) -> tuple[float, float, float]:
+    """E, G, nu from any two of them."""
+    if E is not None and G is not None:
+        if nu is not None and abs(E - 2 * G * (1 + nu)) > 1e-3 * E:
+            raise SceneError(
+                f"{owner}: E = {E:g} Pa, G = {G:g} Pa and nu = {nu:g} contradict "
+                "E = 2 G (1 + nu); give two of them."
+            )
+        return E, G, E / (2 * G) - 1 if nu is None else nu
+    if nu is not None and E is not None:
+        return E, E / (2 * (1 + nu)), nu
+    if nu is not None and G is not None:
+        return 2 * G * (1 + nu), G, nu
+    given = [k for k, v in (("E", E), ("G", G), ("nu", nu)) if v is not None]
+    raise SceneError(f"{owner}: give two of E, G and nu; only {given[0] if given else 'none'} is given.")

@@ -1,0 +1,388 @@
+"""The builder in which an engineer describes a mechanism, sentence by sentence."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+from ksd.errors import SceneError
+from ksd.scene.contents import PlacedJoint, PlacedLeaf, Scene, joint_angle
+from ksd.scene.drive import GROUND, Drive, DriveTerm, Load, PointMass
+from ksd.scene.joint import Joint
+from ksd.scene.leaf import Leaf
+from ksd.scene.leaf import wire as make_wire
+from ksd.scene.material import Material
+from ksd.scene.placing import Link, axis_word, numbered, rotation_at, spoken
+from ksd.scene.rules import check_scene
+from ksd.section import Section
+from ksd.section.checks import Vector, direction, nearest, show, vector, word
+
+
+class Mechanism:
+    """A mechanism under construction: links, joints between them, drives, supports and loads.
+
+    All positions [m] and directions are global, in the state of rest, where every link is at zero
+    displacement and parallel to the global axes. Each sentence is checked when it is said and raises
+    SceneError; `validate` checks the whole and `scene` freezes it. Links are given as the objects made by
+    `link`, or by name.
+    """
+
+    def __init__(self, name: str = "mechanism") -> None:
+        self.name = word(name, "name", owner="Mechanism")
+        self.ground = Link(GROUND, self)
+        self._links: dict[str, Link] = {GROUND: self.ground}
+        self._joints: list[PlacedJoint] = []
+        self._leafs: list[PlacedLeaf] = []
+        self._drives: list[Drive] = []
+        self._supports: list[Drive] = []
+        self._loads: list[Load] = []
+        self._masses: list[PointMass] = []
+        self._gravity: Vector | None = None
+
+    def __repr__(self) -> str:
+        return (
+            f"Mechanism('{self.name}': {len(self._links) - 1} links, {len(self._joints)} joints, "
+            f"{len(self._leafs)} leafs, {len(self._drives)} drives)"
+        )
+
+    # Links
+
+    def link(self, name: str, *, mass: float | None = None, inertia: Any = None, at: Any = None) -> Link:
+        """A new rigid link; mass [kg], inertia [kg m^2] and its centre `at` [m] as in `mass`."""
+        word(name, "link name", owner=self.name)
+        if name in self._links:
+            raise SceneError(f"link '{name}' exists already; every link needs its own name.")
+        added = Link(name, self)
+        if mass is None and inertia is not None:
+            raise SceneError(f"link '{name}': inertia is given without mass; give both.")
+        self._links[name] = added
+        if mass is not None:
+            try:
+                self.mass(added, mass=mass, inertia=inertia, at=at)
+            except SceneError:
+                # a refused sentence leaves nothing behind
+                del self._links[name]
+                raise
+        return added
+
+    def links(self, *names: str) -> tuple[Link, ...]:
+        """New links, one per name."""
+        return tuple(self.link(name) for name in names)
+
+    def _known(self, link: Link | str, owner: str) -> str:
+        """The name of a link of this mechanism."""
+        if isinstance(link, Link):
+            if link.owner is not self:
+                raise SceneError(
+                    f"{owner}: link '{link.name}' belongs to another mechanism, '{link.owner.name}'."
+                )
+            return link.name
+        if not isinstance(link, str):
+            raise SceneError(
+                f"{owner}: {show(link)} is not a link; give a link of the mechanism or its name."
+            )
+        if link not in self._links:
+            raise SceneError(f"{owner}: link '{link}' does not exist{nearest(link, self._links)}")
+        return link
+
+    def _pair(self, a: Link | str, b: Link | str, owner: str) -> tuple[str, str]:
+        first, second = self._known(a, owner), self._known(b, owner)
+        if first == second:
+            raise SceneError(f"{owner} connects link '{first}' with itself; it needs two different links.")
+        return first, second
+
+    def _new_name(self, name: str | None, default: str) -> str:
+        """A name not yet used by a joint or leaf; the default is numbered until it is free."""
+        used = {j.name for j in self._joints} | {leaf.name for leaf in self._leafs}
+        if name is not None:
+            if word(name, "name", owner=self.name) in used:
+                raise SceneError(
+                    f"the name '{name}' is used already; every joint and leaf needs its own name."
+                )
+            return name
+        return numbered(default, used)
+
+    # Elastic connections
+
+    def join(
+        self,
+        a: Link | str,
+        b: Link | str,
+        joint: Joint,
+        *,
+        at: Any,
+        axis: Any,
+        toward: Any,
+        name: str | None = None,
+    ) -> PlacedJoint:
+        """Connect link `a` (interface A) with link `b` (interface B) by a joint.
+
+        at (3,) [m]: interface A; axis: direction of the joint's z, its intended axis; toward: direction from
+        A to B, perpendicular to axis ("x", "-y" or three numbers). Interface B then sits at `at` + length_AB
+        * toward for joints drawn with B on their x axis. The default name is "a-b". Raises SceneError.
+        """
+        label = self._new_name(name, f"{spoken(a)}-{spoken(b)}")
+        owner = f"joint '{label}'"
+        first, second = self._pair(a, b, owner)
+        if not isinstance(joint, Joint):
+            raise SceneError(f"{owner}: {show(joint)} is not a joint; make one, e.g. ksd.CrossFlexure(...).")
+        origin = vector(at, "at", owner=owner, unit="m")
+        placed = PlacedJoint(label, first, second, joint, origin, rotation_at(axis, toward, owner))
+        self._joints.append(placed)
+        return placed
+
+    def leaf(
+        self,
+        a: Link | str,
+        b: Link | str,
+        *,
+        start: Any,
+        end: Any,
+        section: Section,
+        material: Material,
+        width_axis: Any = None,
+        name: str | None = None,
+        elements: int | None = None,
+        orders: tuple[int, int, int] | None = None,
+        curvature: Callable[[float], Any] | None = None,
+    ) -> PlacedLeaf:
+        """A free-form leaf clamped to `a` at `start` (3,) [m] and to `b` at `end`; words as in `Leaf`."""
+        label = self._new_name(name, "leaf")
+        first, second = self._pair(a, b, f"leaf '{label}'")
+        made = Leaf(
+            start=start,
+            end=end,
+            width_axis=width_axis,
+            section=section,
+            material=material,
+            start_block=first,
+            end_block=second,
+            name=label,
+            elements=elements,
+            orders=orders,
+            curvature=curvature,
+        )
+        self._leafs.append(PlacedLeaf(label, first, second, made))
+        return self._leafs[-1]
+
+    def wire(
+        self, a: Link | str, b: Link | str, *, diameter: float, material: Material, **leaf: Any
+    ) -> PlacedLeaf:
+        """A round wire of `diameter` [m] from link `a` to link `b`; the other words are those of `leaf`."""
+        label = self._new_name(leaf.pop("name", None), "wire")
+        first, second = self._pair(a, b, f"wire '{label}'")
+        ends = {"start_block": first, "end_block": second}
+        made = make_wire(diameter=diameter, material=material, name=label, **{**leaf, **ends})
+        self._leafs.append(PlacedLeaf(label, first, second, made))
+        return self._leafs[-1]
+
+    # Drives and supports
+
+    def displacement(
+        self,
+        link: Link | str,
+        along: Any,
+        *,
+        at: Any,
+        relative_to: Link | str | None = None,
+        coefficient: float = 1.0,
+    ) -> DriveTerm:
+        """Term: displacement [m] of point `at` of a link along a direction, seen from ground or a link."""
+        return self._term(link, along, "translation", at, relative_to) * coefficient
+
+    def rotation(
+        self, link: Link | str, about: Any, *, relative_to: Link | str | None = None, coefficient: float = 1.0
+    ) -> DriveTerm:
+        """Term: rotation [rad] of a link about a direction, seen from ground or another link."""
+        return self._term(link, about, "rotation", (0.0, 0.0, 0.0), relative_to) * coefficient
+
+    def _term(
+        self, link: Link | str, along: Any, kind: str, at: Any, relative_to: Link | str | None
+    ) -> DriveTerm:
+        owner = f"drive of '{spoken(link)}'"
+        name = self._known(link, owner)
+        base = GROUND if relative_to is None else self._known(relative_to, owner)
+        if name == base:
+            raise SceneError(f"{owner}: a link cannot be driven relative to itself; '{name}' is both.")
+        word_used = "along" if kind == "translation" else "about"
+        if at is None:
+            raise SceneError(
+                f"{owner}: 'at' is missing; a displacement needs the point (x, y, z) that is driven."
+            )
+        axis = direction(along, word_used, owner=owner)
+        return DriveTerm(1.0, kind, base, name, axis, vector(at, "at", owner=owner, unit="m"))
+
+    def actuate(
+        self,
+        link: Link | str | None = None,
+        *,
+        along: Any = None,
+        about: Any = None,
+        at: Any = None,
+        relative_to: Link | str | None = None,
+        name: str | None = None,
+        joint: PlacedJoint | str | None = None,
+        terms: Sequence[DriveTerm] | DriveTerm | None = None,
+    ) -> Drive:
+        """Prescribe a component of motion; its value is given when solving, zero is the state of rest.
+
+        One of: `link` with `along` and the point `at` (3,) [m]: displacement of that point [m]; `link` with
+        `about`: rotation [rad]; `joint`: its intended motion; `terms`: a sum of `displacement` and `rotation`
+        terms. The component is fixed in ground or in `relative_to`. The default name is that of the link
+        (joint), or "link.x", "link.rz" when that is taken. Raises SceneError.
+        """
+        motion = {"along": along, "about": about, "at": at, "relative_to": relative_to}
+        parts, default = self._parts(link, **motion, joint=joint, terms=terms)
+        drive = Drive(self._drive_name(name, default, parts), parts)
+        self._drives.append(drive)
+        return drive
+
+    def actuate_joint(self, joint: PlacedJoint | str, name: str | None = None) -> Drive:
+        """Prescribe the intended motion of a joint: link b relative to link a, axis fixed in link a."""
+        return self.actuate(joint=joint, name=name)
+
+    def support(self, link: Link | str | None = None, *, name: str | None = None, **motion: Any) -> Drive:
+        """Hold a component of motion at zero; along, about, at, relative_to, joint, terms as in `actuate`."""
+        parts, default = self._parts(link, **motion)
+        held = Drive(self._drive_name(name, f"{default}.held", parts), parts)
+        self._supports.append(held)
+        return held
+
+    def _parts(
+        self,
+        link: Any,
+        *,
+        along: Any = None,
+        about: Any = None,
+        at: Any = None,
+        relative_to: Any = None,
+        joint: Any = None,
+        terms: Any = None,
+    ) -> tuple[tuple[DriveTerm, ...], str]:
+        """The terms said in one of the four ways, and the default name."""
+        said = [k for k, v in {"link": link, "joint": joint, "terms": terms}.items() if v is not None]
+        if len(said) != 1:
+            given = " and ".join(said) or "nothing"
+            raise SceneError(f"a drive is said by one of link, joint and terms, but {given} is given.")
+        if terms is not None:
+            return self._checked_terms(terms)
+        if joint is not None:
+            placed = self._placed(joint)
+            kind, axis, point = joint_angle(placed)
+            return (DriveTerm(1.0, kind, placed.a, placed.b, axis, point),), placed.name
+        if (along is None) == (about is None):
+            raise SceneError(
+                f"drive of '{spoken(link)}': give one of along=direction (a displacement) "
+                "and about=axis (a rotation)."
+            )
+        if along is not None:
+            return (self._term(link, along, "translation", at, relative_to),), spoken(link)
+        at = (0.0, 0.0, 0.0) if at is None else at
+        return (self._term(link, about, "rotation", at, relative_to),), spoken(link)
+
+    def _checked_terms(self, terms: Any) -> tuple[tuple[DriveTerm, ...], str]:
+        parts = (terms,) if isinstance(terms, DriveTerm) else tuple(terms)
+        drive = Drive("terms", parts)
+        for term in drive.terms:
+            self._known(term.base, "drive term")
+            self._known(term.link, "drive term")
+        return drive.terms, drive.terms[0].link
+
+    def _placed(self, joint: PlacedJoint | str) -> PlacedJoint:
+        name = joint.name if isinstance(joint, PlacedJoint) else joint
+        for placed in self._joints:
+            if placed.name == name:
+                return placed
+        raise SceneError(f"joint {show(name)} does not exist{nearest(name, [j.name for j in self._joints])}")
+
+    def _drive_name(self, name: str | None, default: str, parts: tuple[DriveTerm, ...]) -> str:
+        used = {d.name for d in (*self._drives, *self._supports)}
+        if name is not None:
+            if word(name, "name", owner="drive") in used:
+                raise SceneError(f"the drive name '{name}' is used already; every drive needs its own name.")
+            return name
+        if default not in used:
+            return default
+        suffix = axis_word(parts[0]) if len(parts) == 1 else ""
+        return numbered(f"{default}.{suffix}" if suffix else default, used)
+
+    # Loads
+
+    def load(
+        self,
+        link: Link | str,
+        *,
+        force: Any = None,
+        moment: Any = None,
+        at: Any = None,
+        following: bool = False,
+        name: str | None = None,
+    ) -> Load:
+        """Push on a link: force (3,) [N] at point `at` (3,) [m], moment (3,) [Nm], global.
+
+        following=True turns both with the link. The default name is "link.load". Raises SceneError.
+        """
+        used = {load.name for load in self._loads}
+        label = numbered(f"{spoken(link)}.load", used) if name is None else name
+        owner = f"load '{label}'"
+        known = self._known(link, owner)
+        if label in used:
+            raise SceneError(f"the load name '{label}' is used already; every load needs its own name.")
+        if force is None and moment is None:
+            raise SceneError(f"{owner}: give force, moment, or both.")
+        if force is not None and at is None:
+            raise SceneError(f"{owner}: 'at' is missing; a force needs the point (x, y, z) it acts on.")
+        zero = (0.0, 0.0, 0.0)
+        push = Load(
+            label,
+            known,
+            zero if force is None else force,
+            zero if moment is None else moment,
+            zero if at is None else at,
+            following,
+        )
+        self._loads.append(push)
+        return push
+
+    def mass(self, link: Link | str, *, mass: float, inertia: Any = None, at: Any = None) -> PointMass:
+        """A rigid mass [kg]: centre `at` (3,) [m], inertia (3,) or (3, 3) [kg m^2] about it, global axes."""
+        known = self._known(link, "mass")
+        if at is None:
+            raise SceneError(f"mass on '{known}': 'at' is missing; give its centre (x, y, z) in m.")
+        added = PointMass(known, mass, inertia, at)
+        self._masses.append(added)
+        return added
+
+    @property
+    def gravity(self) -> Vector | None:
+        """Acceleration (3,) [m/s^2], e.g. (0, -9.81, 0); None when the scene does not mention gravity."""
+        return self._gravity
+
+    @gravity.setter
+    def gravity(self, value: Any) -> None:
+        self._gravity = None if value is None else vector(value, "gravity", owner=self.name, unit="m/s^2")
+
+    # The whole
+
+    def validate(self) -> None:
+        """Raise SceneError for what only the whole shows: loose links, two drives on one freedom."""
+        check_scene(self._frozen())
+
+    def scene(self) -> Scene:
+        """The frozen, validated description."""
+        frozen = self._frozen()
+        check_scene(frozen)
+        return frozen
+
+    def _frozen(self) -> Scene:
+        return Scene(
+            name=self.name,
+            links=tuple(self._links),
+            joints=tuple(self._joints),
+            leafs=tuple(self._leafs),
+            drives=tuple(self._drives),
+            supports=tuple(self._supports),
+            loads=tuple(self._loads),
+            masses=tuple(self._masses),
+            gravity=self._gravity,
+        )

@@ -1,0 +1,61 @@
+"""Links as the user holds them, default names, and the axes in which a joint is placed."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from ksd.errors import SceneError
+from ksd.scene.contents import Matrix
+from ksd.scene.drive import DriveTerm
+from ksd.section.checks import direction, show
+
+
+@dataclass(frozen=True)
+class Link:
+    """A rigid link of a mechanism, known by its name."""
+
+    name: str
+    owner: Any = field(compare=False, repr=False)
+
+
+def spoken(link: Any) -> str:
+    """A link's name for messages and default names."""
+    return link.name if isinstance(link, Link) else str(link)
+
+
+def numbered(default: str, used: set[str]) -> str:
+    """`default`, or default.2, default.3 ... whichever is free first."""
+    name, count = default, 1
+    while name in used:
+        count += 1
+        name = f"{default}.{count}"
+    return name
+
+
+def axis_word(term: DriveTerm) -> str:
+    """x, y, z for a displacement along an axis, rx, ry, rz for a rotation; empty for other directions."""
+    for axis, e in zip("xyz", np.eye(3), strict=True):
+        if abs(abs(float(e @ np.asarray(term.direction))) - 1.0) < 1e-9:
+            return axis if term.kind == "translation" else f"r{axis}"
+    return ""
+
+
+def rotation_at(axis: Any, toward: Any, owner: str) -> Matrix:
+    """Columns x = toward, y = axis x toward, z = axis, after a check that the two are perpendicular."""
+    z = np.asarray(direction(axis, "axis", owner=owner))
+    x = np.asarray(direction(toward, "toward", owner=owner))
+    lean = float(x @ z)
+    if abs(lean) > 1e-6:
+        raise SceneError(
+            f"{owner}: toward = {show(toward)} must be perpendicular to axis = {show(axis)}; "
+            f"the angle between them is {np.degrees(np.arccos(np.clip(lean, -1, 1))):.4g} degrees."
+        )
+    if lean != 0.0:
+        x = x - lean * z
+        x = x / np.linalg.norm(x)
+    R = np.column_stack([x, np.cross(z, x), z]) + 0.0
+    rows = [tuple(float(c) for c in row) for row in R]
+    return rows[0], rows[1], rows[2]  # type: ignore[return-value]

@@ -1,0 +1,86 @@
+"""What makes a scene complete; `check_scene` raises one SceneError sentence for the first rule broken."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable
+
+from ksd.errors import SceneError
+from ksd.scene.contents import Scene
+from ksd.scene.drive import GROUND
+from ksd.section.checks import nearest
+
+
+def check_scene(scene: Scene) -> None:
+    """Names known and unique, every link attached and tied to ground, no two drives on one freedom.
+
+    Whether the drives determine the motion is a question of ranks, answered by the model.
+    """
+    if len(scene.links) < 2:
+        raise SceneError(f"mechanism '{scene.name}' has no link; add one with mechanism.link(name).")
+    _unique("link", scene.links)
+    _unique("joint or leaf", [j.name for j in scene.joints] + [f.name for f in scene.leafs])
+    _unique("drive or support", [d.name for d in (*scene.drives, *scene.supports)])
+    _unique("load", [load.name for load in scene.loads])
+    _check_known(scene)
+    _check_attached(scene)
+    _check_freedoms(scene)
+
+
+def _unique(kind: str, names: Iterable[str]) -> None:
+    for name, count in Counter(names).items():
+        if count > 1:
+            raise SceneError(
+                f"the name '{name}' is used for {count} {kind}s; every {kind} needs its own name."
+            )
+
+
+def _check_known(scene: Scene) -> None:
+    """Every link that is spoken of exists, and nothing connects a link with itself."""
+    spoken: list[tuple[str, str]] = []
+    for kind, placed in (("joint", scene.joints), ("leaf", scene.leafs)):
+        for item in placed:  # type: ignore[attr-defined]
+            if item.a == item.b:
+                raise SceneError(
+                    f"{kind} '{item.name}' connects link '{item.a}' with itself; "
+                    "it needs two different links."
+                )
+            spoken += [(f"{kind} '{item.name}'", item.a), (f"{kind} '{item.name}'", item.b)]
+    for kind, drives in (("drive", scene.drives), ("support", scene.supports)):
+        spoken += [(f"{kind} '{d.name}'", link) for d in drives for t in d.terms for link in (t.base, t.link)]
+    spoken += [(f"load '{load.name}'", load.link) for load in scene.loads]
+    spoken += [(f"mass {i + 1}", mass.link) for i, mass in enumerate(scene.masses)]
+    for owner, link in spoken:
+        if link not in scene.links:
+            raise SceneError(f"{owner}: link '{link}' does not exist{nearest(link, scene.links)}")
+
+
+def _check_attached(scene: Scene) -> None:
+    """Each link carries a joint or leaf, and a chain of those or of supports leads to ground."""
+    for link, others in scene.neighbours().items():
+        if not others and link != GROUND:
+            raise SceneError(
+                f"link '{link}' is attached to nothing; connect it with mechanism.join or "
+                "mechanism.leaf, or remove it."
+            )
+    neighbours = scene.neighbours(supports=True)
+    reached, front = {GROUND}, [GROUND]
+    while front:
+        fresh = neighbours[front.pop()] - reached
+        reached |= fresh
+        front += fresh
+    adrift = [link for link in scene.links if link not in reached]
+    if adrift:
+        names = ", ".join(f"'{link}'" for link in adrift)
+        raise SceneError(f"no chain of joints leads from {names} to ground; join one of them to ground.")
+
+
+def _check_freedoms(scene: Scene) -> None:
+    """No two drives or supports prescribe the very same component."""
+    seen: dict[tuple, str] = {}
+    for kind, drives in (("drive", scene.drives), ("support", scene.supports)):
+        for drive in drives:
+            spoken = f"{kind} '{drive.name}'"
+            first = seen.setdefault(drive.freedom(), spoken)
+            if first != spoken:
+                raise SceneError(f"{first} and {spoken} prescribe the same freedom; remove one of them.")

@@ -1,0 +1,144 @@
+"""Checks of numbers a user gives: each returns a clean value or raises SceneError with one sentence.
+
+`what` names the parameter ("thickness"), `owner` the thing it belongs to ("CrossFlexure"), `unit` its SI
+unit.
+"""
+
+from __future__ import annotations
+
+import difflib
+import math
+from collections.abc import Iterable, Sequence
+from numbers import Real
+from typing import Any
+
+import numpy as np
+
+from ksd.errors import SceneError
+
+Vector = tuple[float, float, float]
+
+
+def label(what: str, owner: str) -> str:
+    """'owner: what', or just 'what'."""
+    return f"{owner}: {what}" if owner else what
+
+
+def show(value: Any) -> str:
+    """A value as the user would write it, cut to a readable length."""
+    text = repr(value.item() if isinstance(value, np.generic) else value)
+    return text if len(text) <= 80 else text[:77] + "..."
+
+
+def number(value: Any, what: str, *, owner: str = "", unit: str = "") -> float:
+    """Any finite real number as float. Raises SceneError for NaN, infinity, text, booleans, arrays."""
+    in_unit = f" in {unit}" if unit else ""
+    if isinstance(value, np.ndarray) and value.ndim == 0:
+        value = value.item()
+    if isinstance(value, bool | np.bool_) or not isinstance(value, Real):
+        raise SceneError(f"{label(what, owner)} = {show(value)} is not a number; give one number{in_unit}.")
+    result = _as_float(value)
+    if not math.isfinite(result):
+        raise SceneError(
+            f"{label(what, owner)} = {show(value)} is not finite; give a finite number{in_unit}."
+        )
+    return result
+
+
+def _as_float(value: Any) -> float:
+    try:
+        return float(value)
+    except OverflowError:
+        return math.inf
+
+
+def positive(value: Any, what: str, *, owner: str = "", unit: str = "") -> float:
+    """A finite number above zero, as float."""
+    result = number(value, what, owner=owner, unit=unit)
+    if result <= 0.0:
+        in_unit = f" {unit}" if unit else ""
+        raise SceneError(f"{label(what, owner)} = {show(value)}{in_unit} must be positive.")
+    return result
+
+
+def not_negative(value: Any, what: str, *, owner: str = "", unit: str = "") -> float:
+    """A finite number, zero or above, as float."""
+    result = number(value, what, owner=owner, unit=unit)
+    if result < 0.0:
+        in_unit = f" {unit}" if unit else ""
+        raise SceneError(f"{label(what, owner)} = {show(value)}{in_unit} must be zero or positive.")
+    return result
+
+
+def between(
+    value: Any, what: str, low: float, high: float, *, owner: str = "", unit: str = "", scale: float = 1.0
+) -> float:
+    """A finite number with low < value < high; `scale` converts the three numbers to the `unit` shown."""
+    result = number(value, what, owner=owner)
+    if not low < result < high:
+        in_unit = f" {unit}" if unit else ""
+        raise SceneError(
+            f"{label(what, owner)} = {result / scale:.6g}{in_unit} must lie between "
+            f"{low / scale:.6g} and {high / scale:.6g}{in_unit}."
+        )
+    return result
+
+
+def vector(value: Any, what: str, *, owner: str = "", unit: str = "") -> Vector:
+    """Three finite numbers as a tuple of floats."""
+    in_unit = f" in {unit}" if unit else ""
+    is_array = isinstance(value, np.ndarray) and value.ndim == 1
+    is_list = isinstance(value, Sequence) and not isinstance(value, str | bytes)
+    if not (is_array or is_list) or len(value) != 3:
+        raise SceneError(f"{label(what, owner)} = {show(value)} must be three numbers (x, y, z){in_unit}.")
+    x, y, z = (number(v, f"{what}[{i}]", owner=owner, unit=unit) for i, v in enumerate(value))
+    return x, y, z
+
+
+_AXES: dict[str, Vector] = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
+
+
+def direction(value: Any, what: str, *, owner: str = "") -> Vector:
+    """A unit vector from "x", "-y", "+z" or three numbers of any length above zero."""
+    if isinstance(value, str):
+        sign, name = (value[0], value[1:]) if value[:1] in ("-", "+") else ("+", value)
+        if name not in _AXES:
+            raise SceneError(
+                f'{label(what, owner)} = {show(value)} is not a direction; give "x", "y", "z", "-x", '
+                '"-y", "-z" or three numbers.'
+            )
+        x, y, z = _AXES[name]
+        return (x, y, z) if sign == "+" else (0.0 - x, 0.0 - y, 0.0 - z)
+    parts = vector(value, what, owner=owner)
+    # scaled first, so that very small or large components neither vanish nor overflow
+    size = max(abs(c) for c in parts)
+    if size == 0.0:
+        raise SceneError(f"{label(what, owner)} = {show(value)} has no length, so it is no direction.")
+    x, y, z = (c / size for c in parts)
+    length = math.sqrt(x * x + y * y + z * z)
+    if length == 1.0:
+        return x, y, z
+    return x / length, y / length, z / length
+
+
+def word(value: Any, what: str, *, owner: str = "") -> str:
+    """A name: text that is not empty."""
+    if not isinstance(value, str) or not value.strip():
+        raise SceneError(f"{label(what, owner)} = {show(value)} must be a name (text that is not empty).")
+    return value
+
+
+def whole(value: Any, what: str, *, least: int = 1, owner: str = "") -> int:
+    """A whole number of at least `least`."""
+    if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < least:
+        raise SceneError(f"{label(what, owner)} = {show(value)} must be a whole number of at least {least}.")
+    return int(value)
+
+
+def nearest(name: Any, known: Iterable[str]) -> str:
+    """'; did you mean "..."?' with the nearest known name, else the list of all known names."""
+    names = sorted(known)
+    close = difflib.get_close_matches(str(name), names, n=1, cutoff=0.5)
+    if close:
+        return f'; did you mean "{close[0]}"?'
+    return f"; known: {', '.join(names)}." if names else "; none is known."

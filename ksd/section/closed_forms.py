@@ -1,0 +1,101 @@
+"""Rectangle, circle and tube in closed form, and the restrained-warping factor of a clamped leaf."""
+
+from __future__ import annotations
+
+import math
+
+from ksd.errors import SceneError
+from ksd.section.checks import between, positive, show
+from ksd.section.constants import Section
+
+_TERMS = 40
+"""Odd terms kept in the series of the rectangle; the rest is below 1e-9 of the sum at any aspect."""
+
+
+def _torsion_rectangle(short: float, long: float) -> float:
+    """Saint-Venant constant, exact series (Timoshenko and Goodier, Theory of Elasticity, art. 109)."""
+    total = 0.0
+    for n in range(2 * _TERMS - 1, 0, -2):
+        total += math.tanh(0.5 * n * math.pi * long / short) / n**5
+    return long * short**3 * (1 / 3 - 64 / math.pi**5 * short / long * total)
+
+
+def _warping_rectangle(t: float, w: float) -> float:
+    """int omega^2 dA, omega = y z + sum A_n sin(k_n y) sinh(k_n z), k_n = n pi/t, n odd."""
+    if t > w:
+        t, w = w, t
+    total = 0.0
+    for n in range(2 * _TERMS - 1, 0, -2):
+        k = n * math.pi / t
+        T = math.tanh(0.5 * k * w)
+        # 2 int y z phi and int phi^2, term by term
+        total -= 32 * t**2 / (math.pi**3 * n**3 * k**2) * (w / k - 2 * T / k**2)
+        total += 32 * t**5 / (math.pi**6 * n**6) * (T / k - 0.5 * w * (1 - T * T))
+    return (t * w) ** 3 / 144 + total
+
+
+def _poisson(nu: float | None, owner: str) -> float | None:
+    return None if nu is None else between(nu, "cowper (Poisson's ratio)", -1.0, 0.500001, owner=owner)
+
+
+def rectangle(
+    thickness: float, width: float, *, cowper: float | None = None, name: str = "rectangle"
+) -> Section:
+    """Rectangle of `thickness` [m] along y and `width` [m] along z.
+
+    Shear coefficients 5/6 (energy coefficient at nu = 0, both directions); `cowper=nu` uses Cowper's
+    10 (1 + nu) / (12 + 11 nu) instead (J. Appl. Mech. 33, 1966, table 1). J by the exact series.
+    Raises SceneError unless both lengths are positive and finite.
+    """
+    t = positive(thickness, "thickness", owner=name, unit="m")
+    w = positive(width, "width", owner=name, unit="m")
+    nu = _poisson(cowper, name)
+    k = 5 / 6 if nu is None else 10 * (1 + nu) / (12 + 11 * nu)
+    J, Iw = _torsion_rectangle(min(t, w), max(t, w)), _warping_rectangle(t, w)
+    return Section(t * w, J, t * w**3 / 12, w * t**3 / 12, k, k, Iw, width=w, thickness=t, name=name)
+
+
+def circle(diameter: float, *, cowper: float | None = None, name: str = "circle") -> Section:
+    """Full circle of `diameter` [m], the section of a wire.
+
+    Shear coefficient 6/7 (energy coefficient at nu = 0); `cowper=nu`: 6 (1 + nu) / (7 + 6 nu).
+    Raises SceneError unless the diameter is positive and finite.
+    """
+    d = positive(diameter, "diameter", owner=name, unit="m")
+    nu = _poisson(cowper, name) or 0.0
+    k, moment = 6 * (1 + nu) / (7 + 6 * nu), math.pi * d**4 / 64
+    return Section(math.pi * d**2 / 4, 2 * moment, moment, moment, k, k, width=d, thickness=d, name=name)
+
+
+def tube(outer: float, inner: float, *, cowper: float | None = None, name: str = "tube") -> Section:
+    """Circular tube of `outer` and `inner` diameter [m].
+
+    Shear coefficient of Cowper at nu = 0, which is the energy coefficient there, or at `cowper=nu`:
+    6 (1 + nu)(1 + m^2)^2 / ((7 + 6 nu)(1 + m^2)^2 + (20 + 12 nu) m^2), m = inner/outer.
+    Raises SceneError unless 0 < inner < outer.
+    """
+    D = positive(outer, "outer", owner=name, unit="m")
+    d = positive(inner, "inner", owner=name, unit="m")
+    if d >= D:
+        raise SceneError(f"{name}: inner = {show(inner)} m must be smaller than outer = {show(outer)} m.")
+    nu, ratio = _poisson(cowper, name) or 0.0, (d / D) ** 2
+    s = (1 + ratio) ** 2
+    k = 6 * (1 + nu) * s / ((7 + 6 * nu) * s + (20 + 12 * nu) * ratio)
+    moment = math.pi * (D**4 - d**4) / 64
+    A = math.pi * (D**2 - d**2) / 4
+    return Section(A, 2 * moment, moment, moment, k, k, width=D, thickness=D, name=name)
+
+
+def restrained_warping_factor(length: float, width: float, nu: float) -> float:
+    """Factor on GJ of a thin leaf clamped at both ends, where it cannot warp; 1 for long leafs.
+
+    a c / (a c - 2 tanh(a c / 2)) with a = length/width, c = sqrt(24 / (1 + nu)); lengths in m, nu Poisson's
+    ratio. From Vlasov's equation with Iw = (t w)^3/144. Raises SceneError for lengths that are not positive.
+    """
+    a = positive(length, "length", owner="warping factor", unit="m")
+    a /= positive(width, "width", owner="warping factor", unit="m")
+    x = a * math.sqrt(24 / (1 + between(nu, "nu", -1.0, 0.500001, owner="warping factor")))
+    if x < 1e-2:
+        # x - 2 tanh(x/2) = x^3/12 (1 - x^2/10 + ..): the difference would lose its digits
+        return 12 / x**2 * (1 + x**2 / 10)
+    return x / (x - 2 * math.tanh(0.5 * x))

@@ -1,0 +1,91 @@
+"""The section of a leaf as plain numbers, independent of material and mesh."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+from ksd.errors import SceneError
+from ksd.section.checks import not_negative, number, positive, show
+
+Point = tuple[float, float]
+
+
+@dataclass(frozen=True)
+class Section:
+    """Cross-section numbers about the principal axes through the centroid; all SI.
+
+    Axes: y = e2 of the leaf (thickness t), z = e3 (width w). Second moments are named by the axis of bending,
+    as in paper 1 and the beam kernels: Iy = int z^2 dA = t w^3/12 about y (the stiff bending of a leaf,
+    deflection along z), Iz = int y^2 dA = w t^3/12 about z (the soft bending, deflection along y).
+
+    A [m^2]; J [m^4] Saint-Venant torsion constant (for warping-free ends); Iw [m^6] warping constant about
+    the shear centre, 0 when it does not matter. ky, kz [-]: Timoshenko shear coefficients for a shear force
+    along y and z, V = k G A gamma. Unless said otherwise they are the energy coefficients at Poisson's ratio
+    0: V^2 / (2 k G A) is the shear energy per length of Saint-Venant flexure. width, thickness [m]: extents
+    along z and y, needed for stress only, 0 when unknown. outline: rings of (y, z) points [m] in section
+    axes, the outer ring first, then holes; None for closed forms. shear_centre (y, z) [m] from the centroid.
+    tilt [rad]: angle from the y axis the outline was drawn in to the principal y axis. Raises SceneError when
+    a number is not finite or not positive.
+    """
+
+    A: float
+    J: float
+    Iy: float
+    Iz: float
+    ky: float
+    kz: float
+    Iw: float = 0.0
+    width: float = 0.0
+    thickness: float = 0.0
+    outline: tuple[tuple[Point, ...], ...] | None = None
+    name: str = "section"
+    shear_centre: Point = (0.0, 0.0)
+    tilt: float = 0.0
+
+    def __post_init__(self) -> None:
+        units = {"A": "m^2", "J": "m^4", "Iy": "m^4", "Iz": "m^4", "ky": "", "kz": ""}
+        for field, unit in units.items():
+            value = positive(getattr(self, field), field, owner=f"section '{self.name}'", unit=unit)
+            object.__setattr__(self, field, value)
+        for field, unit in {"Iw": "m^6", "width": "m", "thickness": "m"}.items():
+            value = not_negative(getattr(self, field), field, owner=f"section '{self.name}'", unit=unit)
+            object.__setattr__(self, field, value)
+        object.__setattr__(self, "tilt", number(self.tilt, "tilt", owner=f"section '{self.name}'"))
+        object.__setattr__(self, "shear_centre", _point(self.shear_centre, f"section '{self.name}'"))
+        if self.outline is not None:
+            rings = tuple(tuple(_point(p, f"section '{self.name}'") for p in ring) for ring in self.outline)
+            object.__setattr__(self, "outline", rings)
+
+    def rigidity(self, E: float, G: float) -> tuple[float, float, float]:
+        """(GJ, EIy, EIz) [N m^2] for moduli E, G [Pa]: torsion, bending about e2, bending about e3."""
+        return G * self.J, E * self.Iy, E * self.Iz
+
+    def compliance(self, E: float, G: float) -> tuple[float, float, float]:
+        """(1/EA, 1/(ky GA), 1/(kz GA)) [1/N] for moduli E, G [Pa]: stretch, shear along y, shear along z."""
+        return 1.0 / (E * self.A), 1.0 / (self.ky * G * self.A), 1.0 / (self.kz * G * self.A)
+
+
+def _point(value: Any, owner: str) -> Point:
+    try:
+        y, z = value
+    except (TypeError, ValueError):
+        raise SceneError(f"{owner}: point {show(value)} must be two numbers (y, z) in m.") from None
+    return number(y, "point y", owner=owner, unit="m"), number(z, "point z", owner=owner, unit="m")
+
+
+def numbers(
+    *,
+    A: float,
+    J: float,
+    Iy: float,
+    Iz: float,
+    ky: float = 5 / 6,
+    kz: float = 5 / 6,
+    Iw: float = 0.0,
+    width: float = 0.0,
+    thickness: float = 0.0,
+    name: str = "numbers",
+) -> Section:
+    """A section given directly by its numbers; meanings, units and errors as in `Section`."""
+    return Section(A, J, Iy, Iz, ky, kz, Iw, width=width, thickness=thickness, name=name)

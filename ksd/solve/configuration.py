@@ -1,0 +1,129 @@
+"""The result of a solve: model and state, the steps taken, and how it knows it is right."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from ksd.model.arrays import Motion
+from ksd.model.compile import Model
+from ksd.solve.stops import Stop
+
+
+@dataclass(frozen=True)
+class Step:
+    """One step of a solve: name, Newton iterations (matrix solves), thread time [s], residual over its bound, reason."""
+
+    name: str
+    iterations: int
+    time: float
+    residual: float
+    stop: Stop
+    note: str = ""
+
+
+@dataclass(frozen=True)
+class ErrorEstimate:
+    """Estimated error of a fast method from one corrector step of the full model.
+
+    force (drives,): N or Nm; displacement [m] and rotation [rad]: largest correction of any link; relative: the larger
+    of force error over force and displacement error over displacement.
+    """
+
+    force: np.ndarray
+    displacement: float
+    rotation: float
+    relative: float
+
+
+@dataclass(frozen=True)
+class Configuration:
+    """A deformed configuration: the model, its state, and the record of the solve that found it.
+
+    motion: state of the full model (positions m, rotation matrices, inner states, multipliers). method: kinematic,
+    reduced, full or conventional. targets: drive values by name [m or rad]. motions: intended motion of every joint by
+    name [rad or m], unintended: per joint (6,) displacement [m] and rotation [rad] of interface B off its intended pose,
+    in joint axes. error: estimate for the fast methods, None where the method is exact. negatives: negative pivots
+    at the end, expected: those the constraint rows explain.
+    """
+
+    model: Model
+    motion: Motion
+    method: str
+    targets: Mapping[str, float]
+    steps: tuple[Step, ...]
+    negatives: int
+    expected: int
+    motions: Mapping[str, float] = field(default_factory=dict)
+    unintended: Mapping[str, np.ndarray] = field(default_factory=dict)
+    error: ErrorEstimate | None = None
+    warnings: tuple[str, ...] = ()
+    load_factor: float = 1.0
+
+    @property
+    def converged(self) -> bool:
+        """Whether the last step reached equilibrium (or, for kinematic, closed all loops)."""
+        return self.steps[-1].stop is Stop.CONVERGED
+
+    @property
+    def stable(self) -> bool:
+        """No negative pivots beyond those of the constraint rows: a minimum of energy under the held drives."""
+        return self.negatives == self.expected
+
+    @property
+    def iterations(self) -> int:
+        """Matrix solves of all steps together."""
+        return sum(s.iterations for s in self.steps)
+
+    @property
+    def time(self) -> float:
+        """Thread time [s] of all steps together."""
+        return sum(s.time for s in self.steps)
+
+    @property
+    def forces(self) -> dict[str, float]:
+        """Drive force [N] or moment [Nm] by drive name: what the drive exerts on its link, positive along the drive."""
+        count = len(self.model.drive_names)
+        return {n: -float(m) for n, m in zip(self.model.drive_names, self.motion.multiplier[:count], strict=True)}
+
+    @property
+    def reactions(self) -> dict[str, float]:
+        """What every support exerts [N or Nm], by support name."""
+        count = len(self.model.drive_names)
+        return {n: -float(m) for n, m in zip(self.model.support_names, self.motion.multiplier[count:], strict=True)}
+
+    @property
+    def links(self) -> dict[str, tuple[np.ndarray, np.ndarray]]:
+        """Displacement (3,) [m] of the reference point and rotation matrix (3, 3) of every link, by name."""
+        rest = self.model.rest
+        return {
+            link: (self.motion.x[i] - rest.x[i], self.motion.R[i].copy())
+            for i, link in enumerate(self.model.scene.links)
+        }
+
+    def rotation(self, link: str) -> np.ndarray:
+        """Rotation vector (3,) [rad] of a link from rest, global axes."""
+        from scipy.spatial.transform import Rotation
+
+        return Rotation.from_matrix(self.links[link][1]).as_rotvec()
+
+    def displacement(self, link: str, at: Any) -> np.ndarray:
+        """Displacement (3,) [m] of the point of a link that is at `at` (3,) [m] at rest."""
+        i = self.model.node_names.index(link)
+        arm = np.asarray(at, float) - self.model.rest.x[i]
+        return self.motion.x[i] + self.motion.R[i] @ arm - np.asarray(at, float)
+
+    def __str__(self) -> str:
+        from rich.console import Console
+
+        from ksd.solve.report import tables
+
+        text = io.StringIO()
+        console = Console(file=text, width=110, highlight=False)
+        for table in tables(self):
+            console.print(table)
+        return text.getvalue()

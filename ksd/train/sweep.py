@@ -1,0 +1,216 @@
+"""One shape of a joint: its own finite element models driven over the stroke, and what is read off them.
+
+Interface A is ground, B a link that is driven by the intended motions and free otherwise, so the states are those
+of pure intended motion. Several intended motions are sampled on a product grid, walked outward from rest.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from ksd.beam.corotational_values import NODE, RECORD
+from ksd.errors import ConvergenceError, SceneError
+from ksd.library.chains import rotation_vectors
+from ksd.library.record import Array, Mesh
+from ksd.model.arrays import COROTATIONAL, Motion, make_work
+from ksd.model.compile import Model, compile_scene
+from ksd.model.leafs import Mesh as LeafMesh
+from ksd.scene import Joint, Leaf, Mechanism
+from ksd.solve.configuration import Configuration
+from ksd.solve.conventional import conventional
+
+Samples = dict[tuple[Mesh, str], Array]
+"""Values (grid points, *group shape) by mesh and group, groups as in `ksd.library.Functions`."""
+RTOL = 1e-10
+
+
+@dataclass(frozen=True)
+class Plan:
+    """How a joint is sampled: points of each motion as fractions of its reach, meshes, curvature modes of a leaf.
+
+    plane: how far B may leave the plane of a one-axis joint, in rad and joint lengths.
+    """
+
+    lines: tuple[tuple[float, ...], ...]
+    meshes: tuple[Mesh, ...]
+    orders: tuple[int, int, int]
+    plane: float = 1e-6
+
+    @property
+    def grid(self) -> Array:
+        """(g, m): all points, as fractions of the reach."""
+        return np.stack(np.meshgrid(*self.lines, indexing="ij"), axis=-1).reshape(-1, len(self.lines))
+
+
+def chebyshev_line(low: float, high: float, count: int) -> tuple[float, ...]:
+    """Chebyshev-Lobatto points of [low, high], as fractions of the reach; rest is among them when centred."""
+    x = -np.cos(np.pi * np.arange(count) / (count - 1))
+    return _fractions(low, high, 0.5 * (x - x[::-1]))
+
+
+def even_line(low: float, high: float, count: int) -> tuple[float, ...]:
+    """Evenly spaced points of [low, high], as fractions of the reach."""
+    return _fractions(low, high, np.linspace(-1, 1, count))
+
+
+def _fractions(low: float, high: float, x: Array) -> tuple[float, ...]:
+    reach = max(abs(low), abs(high))
+    return tuple(float(v) for v in (0.5 * (low + high) + 0.5 * (high - low) * x) / reach)
+
+
+def sample_joint(joint: Joint, plan: Plan, meshes: tuple[Mesh, ...] | None = None) -> Samples:
+    """Everything a record needs of `joint` at all grid points, for the meshes of `plan` or those given.
+
+    Raises SceneError when the joint cannot be represented: a state is not reached, is not the stable one, or
+    leaves the plane of a one-axis joint.
+    """
+    found: Samples = {}
+    for mesh in meshes or plan.meshes:
+        model = _model(joint, mesh, plan)
+        states = _walk(joint, model, plan, mesh)
+        _check_plane(joint, model, states, plan)
+        for group, values in _read(joint, model, states).items():
+            found[mesh, group] = values
+    return found
+
+
+def _model(joint: Joint, mesh: Mesh, plan: Plan) -> Model:
+    """The joint between ground (A) and one driven link (B), joint axes global."""
+    scene = Mechanism(joint.family)
+    link = scene.link("B")
+    scene.join(scene.ground, link, joint, at=(0, 0, 0), axis="z", toward="x", name="joint")
+    for motion in joint.motions:
+        way = {"about": motion.axis} if motion.kind == "rotation" else {"along": motion.axis, "at": joint.pose_B}
+        scene.actuate(link, name=motion.name, **way)
+    if mesh == "strain":
+        return compile_scene(scene, mesh=LeafMesh("strain", orders=plan.orders))
+    return compile_scene(scene, mesh=LeafMesh("corotational", elements=int(mesh)))
+
+
+def _walk(joint: Joint, model: Model, plan: Plan, mesh: Mesh) -> list[Configuration]:
+    """Equilibrium at every grid point, each reached from the nearest one solved before, outward from rest."""
+    reach = np.array([max(abs(low), abs(high)) for low, high in (m.range for m in joint.motions)])
+    grid = plan.grid
+    work = make_work(model.arrays)
+    solved: dict[int, Configuration] = {}
+    for i in np.argsort(np.linalg.norm(grid, axis=1), kind="stable"):
+        known = list(solved)
+        near = min(known, key=lambda k: float(np.linalg.norm(grid[k] - grid[i]))) if known else None
+        use = near is not None and np.linalg.norm(grid[near] - grid[i]) < np.linalg.norm(grid[i])
+        values = {m.name: float(v) for m, v in zip(joint.motions, grid[i] * reach, strict=True)}
+        state = f"{joint.family} ({mesh} mesh) at {_spoken(values)}"
+        try:
+            found = conventional(
+                model, values, start=solved[near] if near is not None and use else None, rtol=RTOL, work=work
+            )
+        except ConvergenceError as error:
+            raise SceneError(f"{state} cannot be trained: {error}; reduce its range of motion.") from error
+        if not found.stable:
+            raise SceneError(
+                f"{state} buckles or leaves the intended branch on the way; reduce its range of motion or its loads."
+            )
+        solved[int(i)] = found
+    return [solved[i] for i in range(len(grid))]
+
+
+def _spoken(values: Mapping[str, float]) -> str:
+    return ", ".join(f"{name} = {value:.4g}" for name, value in values.items())
+
+
+def _check_plane(joint: Joint, model: Model, states: list[Configuration], plan: Plan) -> None:
+    """B of a joint with one rotation may turn about its axis and shift across it, nothing else."""
+    if len(joint.motions) != 1 or joint.motions[0].kind != "rotation":
+        return
+    axis = np.asarray(joint.motions[0].axis)
+    pose = _pose(model, [s.motion for s in states], 1, np.asarray(joint.pose_B, float), joint.length)
+    turn = pose[:, :3] - np.outer(pose[:, :3] @ axis, axis)
+    rest = np.asarray(joint.pose_B, float) / joint.length
+    chord = (pose[:, 3:] - rest) @ axis
+    worst = float(max(np.abs(turn).max(), np.abs(chord).max()))
+    if worst > plan.plane:
+        raise SceneError(
+            f"{joint.family}: interface B leaves the plane of its one axis by {worst:.2g} (rad or joint lengths) under "
+            "a pure moment; place its leafs symmetrically about that plane, or declare the motion it really has."
+        )
+
+
+def _pose(model: Model, states: list[Motion], node: int, point: Array, length: float) -> Array:
+    """(g, 6): rotation vector and chord of a block about its `point` at rest."""
+    R = np.array([s.R[node] for s in states])
+    x = np.array([s.x[node] for s in states]) + R @ (point - model.rest.x[node])
+    turned = rotation_vectors(R)
+    half = _exp(-0.5 * turned)
+    return np.concatenate([turned, np.einsum("gij,gj->gi", half, x) / length], axis=1)
+
+
+def _exp(v: Array) -> Array:
+    from scipy.spatial.transform import Rotation
+
+    return Rotation.from_rotvec(v).as_matrix()
+
+
+def _read(joint: Joint, model: Model, configurations: list[Configuration]) -> dict[str, Array]:
+    """Interface, blocks and leaf functions of all states."""
+    states = [c.motion for c in configurations]
+    inner = [name for name in joint.blocks() if name not in ("A", "B")]
+    nodes = [model.node_names.index(f"joint/{name}") for name in inner]
+    points = [np.asarray(joint.blocks()[name], float) for name in inner]
+    blocks = [_pose(model, states, n, p, joint.length) for n, p in zip(nodes, points, strict=True)]
+    found = {
+        "interface": _pose(model, states, 1, np.asarray(joint.pose_B, float), joint.length),
+        "blocks": np.stack(blocks, axis=1) if blocks else np.zeros((len(states), 0, 6)),
+    }
+    if model.arrays.members.kind[0] == COROTATIONAL:
+        leafs = [_chain_rotations(model, states, i) for i in range(len(joint.leafs()))]
+        return {**found, "rotations": np.stack(leafs, axis=1)}
+    pairs = [_strain_state(leaf, model, states, i) for i, leaf in enumerate(joint.leafs())]
+    found["amplitudes"] = np.stack([a for a, _ in pairs], axis=1)
+    found["wrench"] = np.stack([w for _, w in pairs], axis=1)
+    return found
+
+
+def _strain_state(leaf: Leaf, model: Model, states: list[Motion], i: int) -> tuple[Array, Array]:
+    """Dimensionless amplitudes (g, N) and wrench (g, 6) of leaf i."""
+    members = model.arrays.members
+    inner = np.array([s.inner[members.inner_at[i] : members.inner_at[i + 1]] for s in states])
+    count, L = int(members.number[i, :3].sum()), float(members.length[i])
+    bending = leaf.material.E * leaf.section.Iz
+    unit = np.repeat([L**2 / bending, L / bending], 3)
+    return L * inner[:, :count], unit * inner[:, count:]
+
+
+def _chain_rotations(model: Model, states: list[Motion], i: int) -> Array:
+    """(g, 2n-1, 3): rotation vectors of the elements, then the inner nodes, of leaf i; frame of end p."""
+    members = model.arrays.members
+    n = int(members.number[i, 0])
+    value = members.value[members.value_at[i] : members.value_at[i] + RECORD * n + 9]
+    inner = np.array([s.inner[members.inner_at[i] : members.inner_at[i] + NODE * (n - 1)] for s in states])
+    nodes = inner.reshape(len(states), n - 1, NODE)
+    d, Q = _ends(model, states, i)
+    place = np.concatenate([np.zeros((len(d), 1, 3)), nodes[:, :, :3], d[:, None]], axis=1)
+    first = np.broadcast_to(np.eye(3), Q.shape)[:, None]
+    last = (Q @ value[RECORD * n :].reshape(3, 3).T)[:, None]
+    turned = np.concatenate([first, nodes[:, :, 3:].reshape(len(d), n - 1, 3, 3), last], axis=1)
+    rest = value[: RECORD * n].reshape(n, RECORD)[:, 7:].reshape(n, 3, 3)
+    x = np.diff(place, axis=1)
+    x /= np.linalg.norm(x, axis=-1, keepdims=True)
+    y = np.einsum("gnij,nj->gni", turned[:, :-1] + turned[:, 1:], rest[:, :, 1])
+    y -= np.sum(x * y, axis=-1, keepdims=True) * x
+    y /= np.linalg.norm(y, axis=-1, keepdims=True)
+    axes = np.stack([x, y, np.cross(x, y)], axis=-1)
+    elements = axes @ np.swapaxes(rest, 1, 2)
+    return rotation_vectors(np.concatenate([elements, turned[:, 1:-1]], axis=1))
+
+
+def _ends(model: Model, states: list[Motion], i: int) -> tuple[Array, Array]:
+    """Position d (g, 3) and orientation Q (g, 3, 3) of end q of leaf i in the frame of end p."""
+    members = model.arrays.members
+    a, b = members.node[i]
+    x, R = np.array([s.x for s in states]), np.array([s.R for s in states])
+    p = x[:, a] + R[:, a] @ members.offset[i, 0]
+    q = x[:, b] + R[:, b] @ members.offset[i, 1]
+    P = np.swapaxes(R[:, a] @ members.frame[i, 0], 1, 2)
+    return np.einsum("gij,gj->gi", P, q - p), P @ R[:, b] @ members.frame[i, 1]

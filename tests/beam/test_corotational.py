@@ -1,0 +1,376 @@
+"""The corotational chain of paper 1, Appendix A: derivatives, known rods, refusals, near configuration."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from ksd.beam import corotational as chain
+from ksd.beam import corotational_values as setup
+from ksd.numerics.rotations import rotation_exp, rotation_log
+
+L = 0.1
+LEAF = setup.ElementSection(E=200e9, G=76.9e9, A=3e-5, J=0.98e-11, Iy=2.25e-9, Iz=2.5e-12, ky=5 / 6, kz=5 / 6)
+SLENDER = setup.ElementSection(E=1.0, G=0.4, A=1e9, J=2.0, Iy=2.0, Iz=1.0, ky=1.0, kz=1.0)
+
+
+def exp(v):
+    R = np.empty((3, 3))
+    rotation_exp(np.asarray(v, float), R)
+    return R
+
+
+def log(R):
+    v = np.empty(3)
+    rotation_log(np.ascontiguousarray(R), v)
+    return v
+
+
+class Leaf:
+    """One chain clamped at p, with its state."""
+
+    def __init__(self, section, length, n, *, mip=1, curve=None):
+        self.value = setup.chain_values(section, length, n, curve)
+        self.number = np.array([n, mip])
+        self.size = length
+        self.inner = setup.start_inner(self.value, self.number)
+        self.store = np.zeros(setup.sizes(n).store)
+        self.d, self.Q = setup.undeformed_end(self.value, self.number)
+        self.lam, self.K = np.zeros(12), np.zeros((6, 6))
+
+    def condense(self, status=0):
+        args = self.value, self.number, self.inner, self.store, self.d, self.Q, self.lam, self.K
+        found = chain.condense(*args)
+        assert found[3] == status
+        return found
+
+    def move(self, xi, scale=1.0):
+        chain.recover(self.value, self.number, self.inner, self.store, xi, scale)
+        self.d = self.d + scale * xi[:3]
+        self.Q = exp(scale * xi[3:]) @ self.Q
+
+    def settle(self, iterations=12):
+        """Converge the inner nodes at the present end pose."""
+        for _ in range(iterations):
+            self.condense()
+            self.move(np.zeros(6))
+        return self.condense()
+
+    def bring(self, goal, steps=10):
+        """Move end q by translation goal[:3] and the rotation vector goal[3:] in equal steps; settle."""
+        for _ in range(steps):
+            self.condense()
+            self.move(np.asarray(goal, float) / steps)
+        return self.settle()
+
+    def load(self, wrench, steps=1, iterations=40, tolerance=1e-11):
+        """Newton on end q until lam equals the wrench (6,)."""
+        for step in range(1, steps + 1):
+            target = np.asarray(wrench, float) * step / steps
+            for _ in range(iterations):
+                self.condense()
+                xi = np.linalg.solve(self.K, target - self.lam[:6])
+                self.move(xi)
+                if max(np.abs(xi[3:]).max(), np.abs(xi[:3]).max() / self.size) < tolerance:
+                    break
+            else:
+                pytest.fail(f"no equilibrium at load step {step}")
+
+
+def sample(seed, n, mip=0):
+    """A leaf in a random state of large bending, twist and shear."""
+    rng = np.random.default_rng(seed)
+    leaf = Leaf(LEAF, L, n, mip=mip)
+    angle = rng.uniform(-0.5, 0.5, 3) * [0.5, 0.2, 1.5]
+    shift = L * np.array([-0.05, 0.45 * angle[2], -0.45 * angle[1]])
+    leaf.bring(np.concatenate([shift, angle]))
+    return leaf
+
+
+@pytest.mark.parametrize("n", [1, 2, 4])
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_tangent_is_the_symmetric_derivative_of_the_force(n, seed):
+    leaf = sample(seed, n)
+    K = leaf.K.copy()
+    m = leaf.lam[3:6].copy()
+    start = leaf.d, leaf.Q, leaf.inner.copy()
+    derivative = np.empty((6, 6))
+    for j in range(6):
+        xi = np.zeros(6)
+        xi[j] = 1e-6 * (L if j < 3 else 1.0)
+        ends = []
+        for sign in (1.0, -1.0):
+            leaf.d, leaf.Q = start[0] + sign * xi[:3], exp(sign * xi[3:]) @ start[1]
+            leaf.inner[:] = start[2]
+            leaf.settle(4)
+            ends.append(leaf.lam[:6].copy())
+        derivative[:, j] = (ends[0] - ends[1]) / (2 * xi[j])
+    scale = np.sqrt(np.abs(np.diag(K)))
+    error = (0.5 * (derivative + derivative.T) - K) / np.outer(scale, scale)
+    assert np.abs(error).max() < 1e-7
+    # the chart is symmetric up to half the moment, the commutator of spatial increments
+    skew = 0.5 * (derivative - derivative.T)
+    half = 0.5 * np.array([[0, -m[2], m[1]], [m[2], 0, -m[0]], [-m[1], m[0], 0]])
+    assert np.abs(np.abs(skew[3:, 3:]) - np.abs(half)).max() < 1e-5 * np.abs(K[3:, 3:]).max()
+
+
+@pytest.mark.parametrize("mip", [0, 1])
+def test_inner_nodes_converge_faster_than_linearly(mip):
+    leaf = sample(6, 4, mip)
+    leaf.move(np.array([-0.0002, 0.001, 0.0002, 0.02, 0.01, 0.1]))
+    errors = []
+    for _ in range(6):
+        errors.append(leaf.condense()[2])
+        leaf.move(np.zeros(6))
+    assert errors[0] > 1e-3 and errors[-1] < 1e-8
+    assert errors[2] < 1e-2 * errors[1] < 1e-4 * errors[0] / errors[1] * errors[0]
+    assert np.allclose(leaf.lam[:6], leaf.lam[6:], rtol=1e-6, atol=1e-6)
+
+
+def test_both_tangents_find_the_same_state():
+    a, b = sample(5, 4, mip=0), sample(5, 4, mip=1)
+    assert np.allclose(a.lam[:6], b.lam[:6], rtol=1e-9, atol=1e-6)
+    assert np.allclose(a.K, b.K, rtol=1e-6, atol=1e-6 * np.abs(a.K).max())
+
+
+def test_scaled_update_moves_everything_by_the_scale():
+    whole, half = Leaf(LEAF, L, 3), Leaf(LEAF, L, 3)
+    xi = np.array([0, 1e-6, 0, 0, 0, 2e-5])
+    for leaf, scale in ((whole, 1.0), (half, 0.5)):
+        leaf.condense()
+        leaf.move(xi, scale)
+    rest = Leaf(LEAF, L, 3).inner
+    assert np.allclose(half.inner - rest, 0.5 * (whole.inner - rest), rtol=1e-4, atol=1e-10)
+
+
+@pytest.mark.parametrize("n", [1, 3])
+def test_small_loads_give_the_timoshenko_cantilever(n):
+    leaf = Leaf(LEAF, L, n)
+    leaf.condense()
+    E, G, A = LEAF.E, LEAF.G, LEAF.A
+    C = np.linalg.inv(leaf.K)
+    assert C[0, 0] == pytest.approx(L / (E * A), rel=1e-9)
+    assert C[3, 3] == pytest.approx(L / (G * LEAF.J), rel=1e-9)
+    assert C[1, 1] == pytest.approx(L**3 / (3 * E * LEAF.Iz) + L / (LEAF.ky * G * A), rel=1e-9)
+    assert C[2, 2] == pytest.approx(L**3 / (3 * E * LEAF.Iy) + L / (LEAF.kz * G * A), rel=1e-9)
+    assert C[5, 1] == pytest.approx(L**2 / (2 * E * LEAF.Iz), rel=1e-9)
+    assert C[4, 2] == pytest.approx(-(L**2) / (2 * E * LEAF.Iy), rel=1e-9)
+
+
+def test_axial_stiffness_is_EA_over_L():
+    leaf = Leaf(LEAF, L, 5)
+    leaf.load([1000.0, 0, 0, 0, 0, 0])
+    assert leaf.d[0] - L == pytest.approx(1000.0 * L / (LEAF.E * LEAF.A), rel=1e-9)
+
+
+@pytest.mark.parametrize("axis", [1, 2])
+def test_end_moment_closes_a_circle(axis):
+    """Acceptance A: moment 2 pi EI/L, n = 10, tip back at the origin within 1e-9 L."""
+    leaf = Leaf(LEAF, L, 10)
+    moment = np.zeros(6)
+    moment[3 + axis] = 2 * np.pi * LEAF.E * (LEAF.Iy if axis == 1 else LEAF.Iz) / L
+    leaf.load(moment, steps=20)
+    assert np.abs(leaf.d).max() < 1e-9 * L
+    assert np.abs(leaf.Q - np.eye(3)).max() < 1e-9
+
+
+def test_elastica_in_a_tilted_plane_converges_with_order_two():
+    """Acceptance A: dead transverse load P L^2/EI = 5; the section is round in bending, so any plane does."""
+    section = SLENDER._replace(Iy=1.0)
+    across = np.array([0.0, 0.6, 0.8])
+    errors = []
+    for n in (8, 16, 32):
+        leaf = Leaf(section, 1.0, n)
+        leaf.load(np.concatenate([5.0 * across, np.zeros(3)]), steps=4)
+        angle = np.arccos(leaf.Q[0, 0])
+        found = leaf.d @ across, 1.0 - leaf.d[0], angle
+        errors.append(np.abs(np.array(found) - [0.71379152, 0.38762836, 1.21536812]).max())
+    rates = np.log2(np.array(errors[:-1]) / errors[1:])
+    assert np.allclose(rates, 2.0, atol=0.1)
+    assert errors[-1] < 1e-3
+
+
+def test_forty_five_degree_bend():
+    """Acceptance A: R = 100, unit square, E = 1e7, nu = 0, tip load 600; tip (15.685, 47.150, 53.475).
+
+    The literature takes the polar moment 1/6 for J and no shear factor.
+    """
+    square = setup.ElementSection(E=1e7, G=5e6, A=1.0, J=1 / 6, Iy=1 / 12, Iz=1 / 12, ky=1.0, kz=1.0)
+    tips = []
+    for n in (8, 16):
+        curve = setup.arc_nodes(np.array([0, 0, 0.01]), 25 * np.pi, n)
+        leaf = Leaf(square, 25 * np.pi, n, curve=curve)
+        leaf.load([0, 0, 600.0, 0, 0, 0], steps=6)
+        tips.append(leaf.d[[1, 0, 2]])
+    assert np.allclose(tips[0], [15.79, 47.23, 53.37], atol=0.5)
+    assert np.allclose((4 * tips[1] - tips[0]) / 3, [15.685, 47.150, 53.475], atol=0.02)
+
+
+def test_undeformed_curved_leaf_is_free_of_force():
+    curve = setup.arc_nodes(np.array([3.0, -4.0, 9.0]), L, 4)
+    leaf = Leaf(LEAF, L, 4, curve=curve)
+    assert np.allclose(leaf.d, curve[0][-1], atol=1e-15)
+    leaf.condense()
+    assert np.abs(leaf.lam).max() < 1e-7
+    assert chain.energy(leaf.value, leaf.number, leaf.inner, leaf.d, leaf.Q) < 1e-20
+
+
+def test_energy_is_the_work_of_the_end_force():
+    leaf = sample(7, 4)
+    start = chain.energy(leaf.value, leaf.number, leaf.inner, leaf.d, leaf.Q)
+    goal = np.array([-0.002, 0.01, 0.001, 0.1, 0.05, 0.2])
+    points, steps = 20, []
+    for _ in range(points + 1):
+        leaf.settle(5)
+        steps.append(leaf.lam[:6] @ goal / points)
+        leaf.condense()
+        leaf.move(goal / points)
+    leaf.d, leaf.Q = leaf.d - goal[:3] / points, exp(-goal[3:] / points) @ leaf.Q
+    leaf.settle()
+    simpson = np.array([1, *([4, 2] * (points // 2))[:-1], 1]) / 3
+    stored = chain.energy(leaf.value, leaf.number, leaf.inner, leaf.d, leaf.Q)
+    assert simpson @ steps == pytest.approx(stored - start, rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    "turn", [[0, 0, 1.1], [0, -1.1, 0], [0, 0, 2.3], [1.2, 0, 0], [1.8, 0, 0], [0, 0, 3.0]]
+)
+def test_local_angles_beyond_sixty_degrees_are_refused(turn):
+    leaf = Leaf(LEAF, L, 1)
+    leaf.Q = exp(turn)
+    leaf.condense(status=1)
+
+
+def test_numbers_that_are_not_finite_are_refused():
+    leaf = Leaf(LEAF, L, 2)
+    leaf.inner[0] = np.nan
+    leaf.condense(status=2)
+
+
+def test_clamped_leaf_loses_stability_where_the_element_does():
+    """Acceptance A: 1.25 times the Euler load with n = 4; seen as a negative inner pivot."""
+    euler = 4 * np.pi**2 * LEAF.E * LEAF.Iz / L**2
+    for ratio, expected in ((1.20, 0), (1.30, 1)):
+        leaf = Leaf(LEAF, L, 4, mip=0)
+        leaf.d = leaf.d * (1 - ratio * euler / (LEAF.E * LEAF.A))
+        # keep the leaf straight: inner nodes on the line
+        for k in range(3):
+            leaf.inner[12 * k] = leaf.d[0] * (k + 1) / 4
+        assert leaf.condense()[0] == expected
+
+
+def test_section_forces_balance_the_end_force():
+    leaf = Leaf(LEAF, L, 4)
+    leaf.load([3.0, 1e-3, 2e-3, 1e-5, 0, 0])
+    out = np.empty((4, 2, 6))
+    chain.section_forces(leaf.value, leaf.number, leaf.inner, leaf.d, leaf.Q, out)
+    assert np.allclose(out[:, :, 0], 3.0, rtol=1e-6)
+    root = np.cross(leaf.d, leaf.lam[:3]) + leaf.lam[3:6]
+    assert np.allclose(out[0, 0, 3:], root, rtol=2e-3, atol=1e-7)
+    assert np.allclose(out[:-1, 1, 3:], out[1:, 0, 3:], rtol=1e-3, atol=1e-7)
+
+
+def near_rotations(leaf):
+    """Element and node rotation vectors of the present state, from the undeformed state."""
+    n = int(leaf.number[0])
+    nodes = [(np.zeros(3), np.eye(3))]
+    for k in range(n - 1):
+        record = leaf.inner[12 * k : 12 * k + 12]
+        nodes.append((record[:3], record[3:].reshape(3, 3)))
+    nodes.append((leaf.d, leaf.Q))
+    turns = []
+    for (rp, Rp), (rq, Rq) in pairwise(nodes):
+        x = (rq - rp) / np.linalg.norm(rq - rp)
+        y = Rp[:, 1] + Rq[:, 1]
+        y -= (y @ x) * x
+        y /= np.linalg.norm(y)
+        turns.append(log(np.column_stack([x, y, np.cross(x, y)])))
+    turns += [log(R) for _, R in nodes[1:-1]]
+    return np.concatenate(turns)
+
+
+def near(leaf, rotations, geometric):
+    args = leaf.value, leaf.number, leaf.inner, leaf.store, rotations, leaf.d, leaf.Q, leaf.lam, leaf.K
+    found = chain.near_condense(*args, geometric)
+    assert found[3] == 0
+
+
+def bent(n=4):
+    """Pure bending to 0.7 rad, a typical intended motion."""
+    leaf = Leaf(LEAF, L, n)
+    leaf.load([0, 0, 0, 0, 0, 0.7 * LEAF.E * LEAF.Iz / L], steps=2)
+    leaf.settle()
+    return leaf
+
+
+def test_near_configuration_reproduces_the_state_it_was_made_from():
+    leaf = bent()
+    rotations, exact, inner = near_rotations(leaf), leaf.lam[:6].copy(), leaf.inner.copy()
+    K = leaf.K.copy()
+    leaf.inner[:] = 0.0
+    near(leaf, rotations, 1)
+    scale = LEAF.E * LEAF.Iz / L
+    assert np.allclose(leaf.lam[3:6], exact[3:], atol=1e-7 * scale)
+    assert np.abs(leaf.K / K - 1)[[0, 1, 5], :][:, [0, 1, 5]].max() < 1e-3
+    leaf.move(np.zeros(6))
+    assert np.allclose(leaf.inner, inner, atol=1e-9, rtol=1e-6)
+
+
+def near_moment_error(shift, geometric):
+    """Relative error of the moment when an intended state is shifted by `shift` m across its plane."""
+    leaf = bent()
+    rotations = near_rotations(leaf)
+    leaf.condense()
+    leaf.move(np.array([0, 0, shift, 0, 0, 0]))
+    leaf.settle()
+    exact = leaf.lam[5]
+    if geometric == 2:
+        near(leaf, rotations, 0)
+        leaf.move(np.zeros(6))
+    near(leaf, rotations, geometric)
+    return abs(leaf.lam[5] / exact - 1)
+
+
+@pytest.mark.parametrize("geometric", [0, 1, 2])
+def test_moment_error_of_the_near_configuration_is_of_second_order(geometric):
+    errors = [near_moment_error(shift, geometric) for shift in (4e-5, 2e-5)]
+    assert errors[0] < 2e-3
+    assert np.log2(errors[0] / errors[1]) == pytest.approx(2.0, abs=0.05)
+
+
+def test_balanced_stresses_make_the_best_geometric_stiffness():
+    assert near_moment_error(4e-5, 2) < 0.1 * near_moment_error(4e-5, 0)
+
+
+def test_near_configuration_of_a_straight_leaf_is_the_linear_leaf():
+    leaf = Leaf(LEAF, L, 3)
+    leaf.d = leaf.d + np.array([1e-9, 2e-9, 3e-9])
+    near(leaf, np.zeros(15), 0)
+    K, lam = leaf.K.copy(), leaf.lam[:6].copy()
+    rest = Leaf(LEAF, L, 3)
+    rest.condense()
+    assert np.allclose(K, rest.K, rtol=1e-9, atol=1e-9)
+    assert np.allclose(lam, rest.K[:, :3] @ [1e-9, 2e-9, 3e-9], rtol=1e-6, atol=1e-12)
+
+
+def test_element_mass_carries_rigid_motion_exactly():
+    length, rhoA, rhoIy, rhoIz, rhoIp = 0.3, 2.0, 0.05, 0.02, 0.07
+    mass = setup.element_mass(length, rhoA=rhoA, rhoIy=rhoIy, rhoIz=rhoIz, rhoIp=rhoIp, phi_y=0.4, phi_z=0.2)
+    assert np.allclose(mass, mass.T)
+    for i in range(3):
+        u = np.zeros(12)
+        u[i] = u[6 + i] = 1.0
+        assert u @ mass @ u == pytest.approx(rhoA * length)
+    inertia = (rhoIp * length, *(rhoA * length**3 / 3 + r * length for r in (rhoIy, rhoIz)))
+    for i, turn in enumerate(np.eye(3)):
+        u = np.concatenate([np.zeros(3), turn, np.cross(turn, [length, 0, 0]), turn])
+        assert u @ mass @ u == pytest.approx(inertia[i])
+
+
+def test_bad_descriptions_are_refused():
+    with pytest.raises(ValueError, match="at least one element"):
+        setup.chain_values(LEAF, L, 0)
+    with pytest.raises(ValueError, match="must be positive"):
+        setup.chain_values(LEAF, 0.0, 2)

@@ -1,0 +1,345 @@
+"""The planar leafs against each other, their spatial twins, and the exact elastica."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from ksd.beam import corotational as spatial
+from ksd.beam import corotational_values as spatial_setup
+from ksd.beam import planar_corotational as chain
+from ksd.beam import planar_strain as strain
+from ksd.beam.strain import strain_condense, strain_recover
+from ksd.beam.strain_values import strain_sizes, strain_values
+
+L = 0.1
+LEAF = spatial_setup.ElementSection(E=200e9, G=76.9e9, A=3e-5, J=0.98e-11, Iy=2.25e-9, Iz=2.5e-12)
+IN_PLANE = [0, 1, 5]
+ELASTICA = {1: (0.30172077, 0.05643324, 0.46135195), 5: (0.71379152, 0.38762836, 1.21536812)}
+"""Acceptance A, dead transverse load P L^2/EI: (w/L, u/L, angle)."""
+
+
+class Leaf:
+    """One planar leaf clamped at p, of either kind, with its state."""
+
+    def __init__(self, kind, value, number, store, pose, size):
+        self.kind, self.value, self.number = kind, value, number
+        self.inner = kind.start_inner(value, number)
+        self.store, self.pose, self.size = np.zeros(store), np.array(pose, float), size
+        self.lam, self.K = np.zeros(6), np.zeros((3, 3))
+
+    def condense(self, status=0):
+        args = self.value, self.number, self.inner, self.store, self.pose, self.lam, self.K
+        found = self.kind.condense(*args)
+        assert found[3] == status
+        return found
+
+    def move(self, xi, scale=1.0):
+        self.kind.recover(self.value, self.number, self.inner, self.store, xi, scale)
+        self.pose = self.pose + scale * xi
+
+    def settle(self, iterations=10):
+        for _ in range(iterations):
+            self.condense()
+            self.move(np.zeros(3))
+        return self.condense()
+
+    def load(self, wrench, steps=1, iterations=40):
+        for step in range(1, steps + 1):
+            target = np.asarray(wrench, float) * step / steps
+            for _ in range(iterations):
+                self.condense()
+                xi = np.linalg.solve(self.K, target - self.lam[:3])
+                self.move(xi)
+                if max(abs(xi[2]), *np.abs(xi[:2]) / self.size) < 1e-12:
+                    break
+            else:
+                pytest.fail(f"no equilibrium at load step {step}")
+
+    def energy(self):
+        if self.kind is strain:
+            return strain.energy(self.value, self.number, self.inner)
+        return chain.energy(self.value, self.number, self.inner, self.pose)
+
+
+def corotational(section, length, n, *, mip=1, curve=None, pose=None):
+    value, number = chain.chain_values(section, length, n, curve), np.array([n, mip])
+    return Leaf(chain, value, number, chain.sizes(n)[2], pose or (length, 0, 0), length)
+
+
+def modal(section, length, modes=5, points=7, amplitudes=None):
+    s = section
+    value, number = strain.leaf_values(
+        length=length,
+        EI=s.E * s.Iz,
+        cN=1 / (s.E * s.A),
+        cV=1 / (s.ky * s.G * s.A),
+        modes=modes,
+        points=points,
+        amplitudes=amplitudes,
+    )
+    return Leaf(strain, value, number, strain.sizes(modes)[1], (length, 0, 0), length)
+
+
+SLENDER = LEAF._replace(E=1.0, G=1.0, A=1e9, Iz=1.0)
+KINDS = {
+    "plain": lambda s, l: corotational(s, l, 4, mip=0),
+    "mip": lambda s, l: corotational(s, l, 4),
+    "modes": modal,
+}
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_tangent_is_the_derivative_of_the_force(kind):
+    leaf = KINDS[kind](LEAF, L)
+    leaf.load([20.0, 3.0, 5 * 0.5], steps=4)
+    leaf.settle()
+    K, pose, inner = leaf.K.copy(), leaf.pose, leaf.inner.copy()
+    derivative = np.empty((3, 3))
+    for j in range(3):
+        xi = np.eye(3)[j] * (1e-6 * L if j < 2 else 1e-6)
+        ends = []
+        for sign in (1, -1):
+            leaf.inner[:], leaf.pose = inner, pose + sign * xi
+            leaf.settle(5)
+            ends.append(leaf.lam[:3].copy())
+        derivative[:, j] = (ends[0] - ends[1]) / (2 * xi[j])
+    scale = np.sqrt(np.diag(K))
+    assert np.abs((derivative - K) / np.outer(scale, scale)).max() < 1e-6
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_energy_is_the_work_of_the_end_force(kind):
+    leaf = KINDS[kind](LEAF, L)
+    leaf.load([20.0, 3.0, 1.0], steps=2)
+    leaf.settle()
+    start, goal, steps = leaf.energy(), np.array([-0.001, 0.01, 0.1]), []
+    for _ in range(21):
+        leaf.settle(5)
+        steps.append(leaf.lam[:3] @ goal / 20)
+        stored = leaf.energy()
+        leaf.move(goal / 20)
+    simpson = np.array([1, *([4, 2] * 10)[:-1], 1]) / 3
+    assert simpson @ steps == pytest.approx(stored - start, rel=1e-6)
+
+
+def follow(condense, move):
+    """A path with big rotation, then iterations to convergence."""
+    for _ in range(8):
+        condense()
+        move(np.array([-0.012, 0.03, 0.8]) / 8)
+    for _ in range(8):
+        condense()
+        move(np.zeros(3))
+    condense()
+
+
+def lifted(condense, recover, value, number, inner, store):
+    """The spatial twin followed along the same planar path: lam (3,) and K (3, 3) in the plane."""
+    lam, K, scratch = np.zeros(12), np.zeros((6, 6)), np.zeros(store)
+    pose = np.array([L, 0.0, 0.0])
+
+    def at_pose():
+        c, s = math.cos(pose[2]), math.sin(pose[2])
+        Q = np.array([[c, -s, 0], [s, c, 0], [0, 0, 1.0]])
+        assert condense(value, number, inner, scratch, np.array([*pose[:2], 0]), Q, lam, K)[3] == 0
+
+    def move(xi):
+        recover(value, number, inner, scratch, np.array([xi[0], xi[1], 0, 0, 0, xi[2]]), 1.0)
+        pose[:] += xi
+
+    follow(at_pose, move)
+    return lam[IN_PLANE], K[np.ix_(IN_PLANE, IN_PLANE)]
+
+
+@pytest.mark.parametrize("mip", [0, 1])
+@pytest.mark.parametrize("n", [2, 5])
+def test_planar_chain_equals_the_spatial_one(n, mip):
+    leaf = corotational(LEAF, L, n, mip=mip)
+    follow(leaf.condense, leaf.move)
+    value, number = spatial_setup.chain_values(LEAF, L, n), np.array([n, mip])
+    inner = spatial_setup.start_inner(value, number)
+    store = spatial_setup.sizes(n).store
+    lam, K = lifted(spatial.condense, spatial.recover, value, number, inner, store)
+    assert np.allclose(leaf.lam[:3], lam, rtol=1e-12, atol=1e-12 * np.abs(lam).max())
+    assert np.allclose(leaf.K, K, rtol=1e-12, atol=1e-12 * np.abs(K).max())
+
+
+def test_planar_modes_equal_the_spatial_ones():
+    leaf = modal(LEAF, L)
+    follow(leaf.condense, leaf.move)
+    s = LEAF
+    value, number = strain_values(
+        length=L,
+        rigidity=np.array([s.G * s.J, s.E * s.Iy, s.E * s.Iz]),
+        compliance=np.array([1 / (s.E * s.A), 1 / (s.ky * s.G * s.A), 1 / (s.kz * s.G * s.A)]),
+    )
+    inner, store = strain_sizes(number)
+    lam, K = lifted(strain_condense, strain_recover, value, number, np.zeros(inner), store)
+    assert np.allclose(leaf.lam[:3], lam, rtol=1e-11, atol=1e-12 * np.abs(lam).max())
+    assert np.allclose(leaf.K, K, rtol=1e-10, atol=1e-12 * np.abs(K).max())
+
+
+@pytest.mark.parametrize("load", ELASTICA)
+def test_chain_converges_to_the_elastica_with_order_two(load):
+    errors, tips = [], []
+    for n in (8, 16, 32):
+        leaf = corotational(SLENDER, 1.0, n)
+        leaf.load([0.0, load, 0.0], steps=3)
+        tips.append(np.array([leaf.pose[1], 1.0 - leaf.pose[0], leaf.pose[2]]))
+        errors.append(np.abs(tips[-1] - ELASTICA[load]).max())
+    assert np.allclose(np.log2(np.array(errors[:-1]) / errors[1:]), 2.0, atol=0.1)
+    assert np.allclose((4 * tips[2] - tips[1]) / 3, ELASTICA[load], atol=1e-5)
+
+
+@pytest.mark.parametrize("load", ELASTICA)
+def test_modes_converge_to_the_elastica_exponentially(load):
+    leaf = modal(SLENDER, 1.0, modes=10, points=14)
+    leaf.load([0.0, load, 0.0], steps=3)
+    assert np.allclose([leaf.pose[1], 1.0 - leaf.pose[0], leaf.pose[2]], ELASTICA[load], atol=2e-8)
+    leaf = modal(SLENDER, 1.0)
+    leaf.load([0.0, load, 0.0], steps=3)
+    assert np.allclose([leaf.pose[1], 1.0 - leaf.pose[0], leaf.pose[2]], ELASTICA[load], atol=2e-3)
+
+
+@pytest.mark.parametrize("build", [lambda: corotational(LEAF, L, 10), lambda: modal(LEAF, L, 4, 14)])
+def test_end_moment_closes_a_circle(build):
+    """Acceptance A: moment 2 pi EI/L, tip back at the origin within 1e-9 L; the angle is not folded."""
+    leaf = build()
+    leaf.load([0, 0, 2 * math.pi * LEAF.E * LEAF.Iz / L], steps=10)
+    assert np.abs(leaf.pose[:2]).max() < 1e-9 * L
+    assert leaf.pose[2] == pytest.approx(2 * math.pi, abs=1e-9)
+
+
+CROSS = {
+    2: (1.014307, 1.119823, 1.298602),
+    4: (1.012007, 1.099556, 1.242758),
+    6: (1.011603, 1.095977, 1.233110),
+}
+"""Acceptance B: normalised moment of the cross flexure at 15, 45, 75 degrees, by elements per leaf."""
+
+
+class CrossFlexure:
+    """Two crossed leafs (45 degrees, 0.1 m x 1 mm, equal widths) clamped at A; B turns, free to shift."""
+
+    def __init__(self, make):
+        self.section = LEAF._replace(A=4e-5, Iz=0.04e-9 / 12)
+        self.leafs = [make(self.section), make(self.section)]
+        c = math.sqrt(0.5)
+        self.turns = [np.array([[c, -c], [c, c]]), np.array([[c, c], [-c, c]])]
+        # the leafs cross in the middle, so end q of leaf 1 is half the leaf's height above B, that of 2 below
+        self.arms = [np.array([0, 0.5 * c * L]), np.array([0, -0.5 * c * L])]
+
+    def arm(self, i, turn=0.0):
+        """Offset of end q of leaf i from B after B has turned further by `turn`."""
+        angle = self.leafs[i].pose[2] + turn
+        c, s = math.cos(angle), math.sin(angle)
+        return np.array([[c, -s], [s, c]]) @ self.arms[i]
+
+    def step(self, turn):
+        """One iteration with B turned by `turn`; returns the moment."""
+        force, K = np.zeros(3), np.zeros((3, 3))
+        for i, (leaf, R) in enumerate(zip(self.leafs, self.turns, strict=True)):
+            leaf.condense()
+            x, y = self.arm(i)
+            B = np.eye(3)
+            B[:2, :2], B[:2, 2] = R.T, R.T @ [-y, x]
+            force += B.T @ leaf.lam[:3]
+            K += B.T @ leaf.K @ B
+        shift = -np.linalg.solve(K[:2, :2], force[:2] + K[:2, 2] * turn)
+        for i, (leaf, R) in enumerate(zip(self.leafs, self.turns, strict=True)):
+            x, y = self.arm(i)
+            linear = np.array([-y, x]) * turn
+            exact = self.arm(i, turn) - [x, y]
+            # the inner unknowns follow the linear motion the shift was solved with; the end moves exactly
+            leaf.move(np.array([*(R.T @ (shift + linear)), turn]))
+            leaf.pose[:2] += R.T @ (exact - linear)
+        return force[2]
+
+    def moment(self, degrees):
+        """Normalised moment at a rotation of B reached in steps of 5 degrees: M / (E I_sum theta / L)."""
+        for _ in range(round((degrees - math.degrees(self.leafs[0].pose[2])) / 5)):
+            for iteration in range(12):
+                found = self.step(math.radians(5.0) if iteration == 0 else 0.0)
+        return found / (2 * self.section.E * self.section.Iz * math.radians(degrees) / L)
+
+
+@pytest.mark.parametrize("n", CROSS)
+def test_cross_flexure_of_paper_1(n):
+    flexure = CrossFlexure(lambda section: corotational(section, L, n))
+    assert np.allclose([flexure.moment(theta) for theta in (15, 45, 75)], CROSS[n], atol=2e-6)
+
+
+def test_cross_flexure_with_modes():
+    flexure = CrossFlexure(lambda section: modal(section, L))
+    found = [flexure.moment(theta) for theta in (15, 45, 75)]
+    assert np.allclose(found, [1.011284, 1.093157, 1.225562], atol=2e-6)
+
+
+@pytest.mark.parametrize("turn", [1.1, -1.1, 2.0, 3.0, 5.0])
+def test_local_angles_beyond_sixty_degrees_are_refused(turn):
+    leaf = corotational(LEAF, L, 1)
+    leaf.pose[2] = turn
+    leaf.condense(status=1)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_numbers_that_are_not_finite_are_refused(kind):
+    leaf = KINDS[kind](LEAF, L)
+    leaf.inner[0] = math.nan
+    leaf.condense(status=2)
+
+
+@pytest.mark.parametrize(("kind", "below", "above"), [("plain", 1.20, 1.30), ("modes", 0.98, 1.02)])
+def test_clamped_leaf_loses_stability_near_the_euler_load(kind, below, above):
+    """Acceptance A: 1.25 times the Euler load with four elements, .04 % off with five modes."""
+    euler = 4 * math.pi**2 * LEAF.E * LEAF.Iz / L**2
+    for ratio, expected in ((below, 0), (above, 1)):
+        leaf = KINDS[kind](LEAF, L)
+        leaf.condense()
+        leaf.move(np.array([-ratio * euler * L / (LEAF.E * LEAF.A), 0, 0]))
+        assert leaf.condense()[0] == expected
+
+
+def test_curved_leaf_starts_free_of_force():
+    curvature = 12.0
+    angles = np.linspace(0, curvature * L, 5)
+    nodes = np.column_stack([np.sin(angles), 1 - np.cos(angles)]) / curvature
+    end = (*nodes[-1], angles[-1])
+    leaf = corotational(LEAF, L, 4, curve=(nodes, angles), pose=end)
+    leaf.condense()
+    spare = modal(LEAF, L, amplitudes=np.array([curvature, 0, 0, 0, 0]))
+    spare.pose = np.array(end)
+    spare.condense()
+    assert np.abs(spare.lam).max() < 1e-6
+    assert spare.energy() == 0.0
+    assert np.abs(leaf.lam[:3]).max() < 1e-6
+
+
+def test_section_forces_balance_the_end_force():
+    for leaf in (corotational(LEAF, L, 4), modal(LEAF, L)):
+        leaf.load([3.0, 1e-3, 1e-5])
+        x, y, _ = leaf.pose
+        root = leaf.lam[2] + x * leaf.lam[1] - y * leaf.lam[0]
+        if leaf.kind is chain:
+            out = np.empty((4, 2, 3))
+            chain.section_forces(leaf.value, leaf.number, leaf.inner, leaf.pose, out)
+            assert out[0, 0, 2] == pytest.approx(root, rel=1e-3)
+            assert out[-1, 1, 2] == pytest.approx(1e-5, rel=1e-3)
+        else:
+            out = np.empty((7, 3))
+            strain.section_forces(leaf.value, leaf.number, leaf.inner, out)
+            assert out[0, 2] == pytest.approx(root, rel=0.05)
+        assert np.allclose(out[..., 0], 3.0, rtol=1e-5)
+        assert np.all(np.diff(out[..., 2].ravel()) < 1e-9)
+
+
+def test_bad_descriptions_are_refused():
+    with pytest.raises(ValueError, match="at least one element"):
+        chain.chain_values(LEAF, L, 0)
+    with pytest.raises(ValueError, match="must be positive"):
+        chain.chain_values(LEAF, 0.0, 2)
+    with pytest.raises(ValueError, match="modes <= points"):
+        strain.leaf_values(length=L, EI=1.0, cN=0.0, cV=0.0, modes=5, points=4)
