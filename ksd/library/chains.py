@@ -7,6 +7,8 @@ chain, times (its n / n)^2, is added.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from ksd.library.record import Array, Functions, JointFunctions, monomials
@@ -84,11 +86,13 @@ def _element_axes(chord: Array, p: Array, q: Array) -> Array:
     return np.stack([x, y, np.cross(x, y)], axis=-1)
 
 
-def longer_chain(strain: JointFunctions, n: int, *, known: JointFunctions | None = None) -> JointFunctions:
+def longer_chain(
+    strain: JointFunctions, n: int, *, known: JointFunctions | None = None
+) -> JointFunctions:
     """Functions of a mesh of n elements per leaf, from those of the strain mesh; `known`: the longest trained chain.
 
-    Rotations are refitted over the trained range in the powers of the strain mesh. Interface and blocks are those of
-    the strain mesh, with the difference of `known` scaled by (its n / n)^2.
+    Rotations are refitted over the trained range in the powers of the strain mesh. The difference of `known` from the
+    strain mesh is added, times (its n / n)^2.
     """
     basis = _basis(strain)
     amplitudes = np.moveaxis(np.tensordot(strain.amplitudes, basis, axes=(2, 1)), 2, 0)
@@ -102,9 +106,7 @@ def longer_chain(strain: JointFunctions, n: int, *, known: JointFunctions | None
         own = _refit(chain_rotations(amplitudes, strain.orders, k), basis)
         rotations = rotations + share * _spread(known.rotations - own, k, n)
     functions = Functions(interface, blocks, rotations=rotations)
-    return JointFunctions(
-        n, strain.powers, strain.motion_range, functions, strain.orders, strain.extrapolated
-    )
+    return JointFunctions(n, strain.powers, strain.motion_range, functions, strain.orders, strain.extrapolated)
 
 
 def _basis(strain: JointFunctions) -> Array:
@@ -127,25 +129,22 @@ def _refit(values: Array, basis: Array) -> Array:
 
 
 def _spread(difference: Array, k: int, n: int) -> Array:
-    """A difference known at the elements and nodes of k elements, at those of n: polynomials along the leaf.
+    """A difference known at the elements and nodes of k elements, at those of n: smooth polynomials along the leaf.
 
     At both ends the nodes of the chain and of the exact rod agree.
     """
-    middle, node = (np.arange(k) + 0.5) / k, np.arange(k + 1) / k
-    ends = np.zeros_like(difference[:, :1])
-    nodes = np.concatenate([ends, difference[:, k:], ends], axis=1)
+    middle, node = (np.arange(k) + 0.5) / k, np.arange(1, k) / k
+    at_elements = _smooth(middle, (np.arange(n) + 0.5) / n, np.ones_like)
+    at_nodes = _smooth(node, np.arange(1, n) / n, lambda s: s * (1 - s))
     parts = [
-        np.einsum("ij,ljcp->licp", _lagrange(middle, (np.arange(n) + 0.5) / n), difference[:, :k]),
-        np.einsum("ij,ljcp->licp", _lagrange(node, np.arange(1, n) / n), nodes),
+        np.einsum("ij,ljcp->licp", at_elements, difference[:, :k]),
+        np.einsum("ij,ljcp->licp", at_nodes, difference[:, k:]),
     ]
     return np.concatenate(parts, axis=1)
 
 
-def _lagrange(known: Array, wanted: Array) -> Array:
-    """Interpolation matrix (wanted, known) of the polynomial through all known points."""
-    matrix = np.ones((len(wanted), len(known)))
-    for j, x in enumerate(known):
-        for i, y in enumerate(known):
-            if i != j:
-                matrix[:, j] *= (wanted - y) / (x - y)
-    return matrix
+def _smooth(known: Array, wanted: Array, factor: Callable[[Array], Array]) -> Array:
+    """(wanted, known): least squares by `factor` times a polynomial of at most degree 4, evaluated at `wanted`."""
+    degree = min(4, len(known) - 1)
+    there, here = (np.polynomial.legendre.legvander(2 * s - 1, degree) * factor(s)[:, None] for s in (wanted, known))
+    return np.asarray(there @ np.linalg.pinv(here))

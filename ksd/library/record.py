@@ -242,7 +242,7 @@ class Record:
         from ksd.library.chains import longer_chain
 
         longest = max((n for n in self.functions if isinstance(n, int)), default=0)
-        known = None if longest == 0 else self._contract(places, longest, outside)
+        known = self._contract(places, longest, outside) if 1 < longest < mesh else None
         return longer_chain(self._contract(places, "strain", outside), mesh, known=known)
 
     def _places(self, shape: Mapping[str, float], extrapolate: bool) -> tuple[Array, tuple[str, ...]]:

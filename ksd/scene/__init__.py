@@ -6,9 +6,9 @@ from ksd.scene.families import joint_families, joint_family, make_joint
 from ksd.scene.families.cross_flexure import CrossFlexure
 from ksd.scene.joint import DrawnJoint, Joint, Motion
 from ksd.scene.leaf import Leaf, wire
+from ksd.scene.links import Link
 from ksd.scene.material import Material
 from ksd.scene.mechanism import Mechanism
-from ksd.scene.placing import Link
 
 __all__ = [
     "GROUND",

@@ -46,10 +46,12 @@ class Joint:
 
     A family is a frozen dataclass with a `family` name that answers the questions below; all lengths in m,
     all points (3,) in joint axes at rest, where every block is parallel to the joint axes. `length` [m] is
-    the length L by which its record is made dimensionless.
+    the length L by which its record is made dimensionless. `quantities` names the dimension ("length",
+    "angle") of its numeric parameters, for scene files.
     """
 
     family: ClassVar[str]
+    quantities: ClassVar[dict[str, str]] = {}
     length: float
 
     @property

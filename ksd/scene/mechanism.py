@@ -7,18 +7,19 @@ from typing import Any
 
 from ksd.errors import SceneError
 from ksd.scene.contents import PlacedJoint, PlacedLeaf, Scene, joint_angle
-from ksd.scene.drive import GROUND, Drive, DriveTerm, Load, PointMass
+from ksd.scene.drive import GROUND, Drive, DriveTerm, Load
 from ksd.scene.joint import Joint
 from ksd.scene.leaf import Leaf
 from ksd.scene.leaf import wire as make_wire
+from ksd.scene.links import Link, Links, spoken
 from ksd.scene.material import Material
-from ksd.scene.placing import Link, axis_word, numbered, rotation_at, spoken
+from ksd.scene.placing import axis_word, numbered, rotation_at
 from ksd.scene.rules import check_scene
 from ksd.section import Section
 from ksd.section.checks import Vector, direction, nearest, show, vector, word
 
 
-class Mechanism:
+class Mechanism(Links):
     """A mechanism under construction: links, joints between them, drives, supports and loads.
 
     All positions [m] and directions are global, in the state of rest, where every link is at zero
@@ -28,15 +29,12 @@ class Mechanism:
     """
 
     def __init__(self, name: str = "mechanism") -> None:
-        self.name = word(name, "name", owner="Mechanism")
-        self.ground = Link(GROUND, self)
-        self._links: dict[str, Link] = {GROUND: self.ground}
+        super().__init__(name)
         self._joints: list[PlacedJoint] = []
         self._leafs: list[PlacedLeaf] = []
         self._drives: list[Drive] = []
         self._supports: list[Drive] = []
         self._loads: list[Load] = []
-        self._masses: list[PointMass] = []
         self._gravity: Vector | None = None
 
     def __repr__(self) -> str:
@@ -45,51 +43,7 @@ class Mechanism:
             f"{len(self._leafs)} leafs, {len(self._drives)} drives)"
         )
 
-    # Links
-
-    def link(self, name: str, *, mass: float | None = None, inertia: Any = None, at: Any = None) -> Link:
-        """A new rigid link; mass [kg], inertia [kg m^2] and its centre `at` [m] as in `mass`."""
-        word(name, "link name", owner=self.name)
-        if name in self._links:
-            raise SceneError(f"link '{name}' exists already; every link needs its own name.")
-        added = Link(name, self)
-        if mass is None and inertia is not None:
-            raise SceneError(f"link '{name}': inertia is given without mass; give both.")
-        self._links[name] = added
-        if mass is not None:
-            try:
-                self.mass(added, mass=mass, inertia=inertia, at=at)
-            except SceneError:
-                # a refused sentence leaves nothing behind
-                del self._links[name]
-                raise
-        return added
-
-    def links(self, *names: str) -> tuple[Link, ...]:
-        """New links, one per name."""
-        return tuple(self.link(name) for name in names)
-
-    def _known(self, link: Link | str, owner: str) -> str:
-        """The name of a link of this mechanism."""
-        if isinstance(link, Link):
-            if link.owner is not self:
-                raise SceneError(
-                    f"{owner}: link '{link.name}' belongs to another mechanism, '{link.owner.name}'."
-                )
-            return link.name
-        if not isinstance(link, str):
-            raise SceneError(
-                f"{owner}: {show(link)} is not a link; give a link of the mechanism or its name."
-            )
-        if link not in self._links:
-            raise SceneError(f"{owner}: link '{link}' does not exist{nearest(link, self._links)}")
-        return link
-
-    def _pair(self, a: Link | str, b: Link | str, owner: str) -> tuple[str, str]:
-        first, second = self._known(a, owner), self._known(b, owner)
-        if first == second:
-            raise SceneError(f"{owner} connects link '{first}' with itself; it needs two different links.")
-        return first, second
+    # Elastic connections
 
     def _new_name(self, name: str | None, default: str) -> str:
         """A name not yet used by a joint or leaf; the default is numbered until it is free."""
@@ -101,8 +55,6 @@ class Mechanism:
                 )
             return name
         return numbered(default, used)
-
-    # Elastic connections
 
     def join(
         self,
@@ -191,10 +143,16 @@ class Mechanism:
         return self._term(link, along, "translation", at, relative_to) * coefficient
 
     def rotation(
-        self, link: Link | str, about: Any, *, relative_to: Link | str | None = None, coefficient: float = 1.0
+        self,
+        link: Link | str,
+        about: Any,
+        *,
+        at: Any = (0.0, 0.0, 0.0),
+        relative_to: Link | str | None = None,
+        coefficient: float = 1.0,
     ) -> DriveTerm:
-        """Term: rotation [rad] of a link about a direction, seen from ground or another link."""
-        return self._term(link, about, "rotation", (0.0, 0.0, 0.0), relative_to) * coefficient
+        """Term: rotation [rad] of a link about a direction, seen from ground or a link; `at` is only kept."""
+        return self._term(link, about, "rotation", at, relative_to) * coefficient
 
     def _term(
         self, link: Link | str, along: Any, kind: str, at: Any, relative_to: Link | str | None
@@ -343,15 +301,6 @@ class Mechanism:
         )
         self._loads.append(push)
         return push
-
-    def mass(self, link: Link | str, *, mass: float, inertia: Any = None, at: Any = None) -> PointMass:
-        """A rigid mass [kg]: centre `at` (3,) [m], inertia (3,) or (3, 3) [kg m^2] about it, global axes."""
-        known = self._known(link, "mass")
-        if at is None:
-            raise SceneError(f"mass on '{known}': 'at' is missing; give its centre (x, y, z) in m.")
-        added = PointMass(known, mass, inertia, at)
-        self._masses.append(added)
-        return added
 
     @property
     def gravity(self) -> Vector | None:

@@ -1,8 +1,7 @@
-"""Links as the user holds them, default names, and the axes in which a joint is placed."""
+"""Default names, and the axes in which a joint is placed."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -11,19 +10,6 @@ from ksd.errors import SceneError
 from ksd.scene.contents import Matrix
 from ksd.scene.drive import DriveTerm
 from ksd.section.checks import direction, show
-
-
-@dataclass(frozen=True)
-class Link:
-    """A rigid link of a mechanism, known by its name."""
-
-    name: str
-    owner: Any = field(compare=False, repr=False)
-
-
-def spoken(link: Any) -> str:
-    """A link's name for messages and default names."""
-    return link.name if isinstance(link, Link) else str(link)
 
 
 def numbered(default: str, used: set[str]) -> str:
@@ -53,7 +39,7 @@ def rotation_at(axis: Any, toward: Any, owner: str) -> Matrix:
             f"{owner}: toward = {show(toward)} must be perpendicular to axis = {show(axis)}; "
             f"the angle between them is {np.degrees(np.arccos(np.clip(lean, -1, 1))):.4g} degrees."
         )
-    if lean != 0.0:
+    if abs(lean) > 1e-15:
         x = x - lean * z
         x = x / np.linalg.norm(x)
     R = np.column_stack([x, np.cross(z, x), z]) + 0.0

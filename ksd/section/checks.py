@@ -26,7 +26,11 @@ def label(what: str, owner: str) -> str:
 
 def show(value: Any) -> str:
     """A value as the user would write it, cut to a readable length."""
-    text = repr(value.item() if isinstance(value, np.generic) else value)
+    try:
+        text = repr(value.item() if isinstance(value, np.generic) else value)
+    except ValueError:
+        # Python refuses to print integers of many thousand digits
+        text = f"a {type(value).__name__} too long to print"
     return text if len(text) <= 80 else text[:77] + "..."
 
 
@@ -110,14 +114,15 @@ def direction(value: Any, what: str, *, owner: str = "") -> Vector:
         x, y, z = _AXES[name]
         return (x, y, z) if sign == "+" else (0.0 - x, 0.0 - y, 0.0 - z)
     parts = vector(value, what, owner=owner)
-    # scaled first, so that very small or large components neither vanish nor overflow
     size = max(abs(c) for c in parts)
     if size == 0.0:
         raise SceneError(f"{label(what, owner)} = {show(value)} has no length, so it is no direction.")
+    if abs(math.hypot(*parts) - 1.0) <= 1e-15:
+        # a unit vector stays as it is, so that reading back what was written changes no digit
+        return parts
+    # scaled first, so that very small or large components neither vanish nor overflow
     x, y, z = (c / size for c in parts)
-    length = math.sqrt(x * x + y * y + z * z)
-    if length == 1.0:
-        return x, y, z
+    length = math.hypot(x, y, z)
     return x / length, y / length, z / length
 
 
@@ -125,6 +130,8 @@ def word(value: Any, what: str, *, owner: str = "") -> str:
     """A name: text that is not empty."""
     if not isinstance(value, str) or not value.strip():
         raise SceneError(f"{label(what, owner)} = {show(value)} must be a name (text that is not empty).")
+    if not value.isprintable():
+        raise SceneError(f"{label(what, owner)} = {show(value)} must be a name of printable characters.")
     return value
 
 

@@ -44,6 +44,8 @@ class Section:
     tilt: float = 0.0
 
     def __post_init__(self) -> None:
+        if not isinstance(self.name, str):
+            raise SceneError(f"section: name = {show(self.name)} must be text.")
         units = {"A": "m^2", "J": "m^4", "Iy": "m^4", "Iz": "m^4", "ky": "", "kz": ""}
         for field, unit in units.items():
             value = positive(getattr(self, field), field, owner=f"section '{self.name}'", unit=unit)
@@ -54,7 +56,7 @@ class Section:
         object.__setattr__(self, "tilt", number(self.tilt, "tilt", owner=f"section '{self.name}'"))
         object.__setattr__(self, "shear_centre", _point(self.shear_centre, f"section '{self.name}'"))
         if self.outline is not None:
-            rings = tuple(tuple(_point(p, f"section '{self.name}'") for p in ring) for ring in self.outline)
+            rings = _outline(self.outline, f"section '{self.name}'")
             object.__setattr__(self, "outline", rings)
 
     def rigidity(self, E: float, G: float) -> tuple[float, float, float]:
@@ -64,6 +66,16 @@ class Section:
     def compliance(self, E: float, G: float) -> tuple[float, float, float]:
         """(1/EA, 1/(ky GA), 1/(kz GA)) [1/N] for moduli E, G [Pa]: stretch, shear along y, shear along z."""
         return 1.0 / (E * self.A), 1.0 / (self.ky * G * self.A), 1.0 / (self.kz * G * self.A)
+
+
+def _outline(value: Any, owner: str) -> tuple[tuple[Point, ...], ...]:
+    try:
+        rings = [list(ring) for ring in value]
+    except TypeError:
+        raise SceneError(
+            f"{owner}: outline = {show(value)} must be a list of rings of points (y, z)."
+        ) from None
+    return tuple(tuple(_point(p, owner) for p in ring) for ring in rings)
 
 
 def _point(value: Any, owner: str) -> Point:
@@ -85,7 +97,11 @@ def numbers(
     Iw: float = 0.0,
     width: float = 0.0,
     thickness: float = 0.0,
+    outline: Any = None,
     name: str = "numbers",
+    shear_centre: Point = (0.0, 0.0),
+    tilt: float = 0.0,
 ) -> Section:
     """A section given directly by its numbers; meanings, units and errors as in `Section`."""
-    return Section(A, J, Iy, Iz, ky, kz, Iw, width=width, thickness=thickness, name=name)
+    place = {"outline": outline, "shear_centre": shear_centre, "tilt": tilt}
+    return Section(A, J, Iy, Iz, ky, kz, Iw, width=width, thickness=thickness, name=name, **place)

@@ -159,10 +159,8 @@ def _ring(points: Sequence[Any], what: str, name: str) -> np.ndarray:
     """One ring (n, 2) without repeated corners."""
     try:
         ring = np.array([[float(y), float(z)] for y, z in points])
-    except (TypeError, ValueError):
-        raise SceneError(
-            f"{label(what, name)} = {show(points)} must be a list of points (y, z) in m."
-        ) from None
+    except (TypeError, ValueError, OverflowError):
+        raise SceneError(f"{label(what, name)} = {show(points)} must be points (y, z) in m.") from None
     if len(ring) and not np.isfinite(ring).all():
         raise SceneError(
             f"{label(what, name)} has a coordinate that is not finite; give finite numbers in m."
@@ -196,5 +194,5 @@ def _refuse_crossings(rings: list[np.ndarray], name: str) -> None:
         i, j = (int(k[0]) for k in np.nonzero(crossing | touching))
         raise SceneError(
             f"{name}: the edge from {tuple(p[i].tolist())} to {tuple(q[i].tolist())} meets the edge from "
-            f"{tuple(p[j].tolist())} to {tuple(q[j].tolist())}; the outline and its holes must not cross or touch."
+            f"{tuple(p[j].tolist())} to {tuple(q[j].tolist())}; outlines must not cross or touch."
         )

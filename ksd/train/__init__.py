@@ -1,6 +1,23 @@
-"""Offline training: the joint's own finite element model, swept over stroke and shape, fitted into a record."""
+"""Offline training: the joint's own finite element model, swept over stroke and shape, fitted into a record.
+
+`ksd.train(...)` is the function `train`, whether or not this package has been imported before.
+"""
+
+import sys
+from types import ModuleType
+from typing import Any
 
 from ksd.train.designs import Design, known_designs
 from ksd.train.run import train
 
 __all__ = ["Design", "known_designs", "train"]
+
+
+class _Callable(ModuleType):
+    """The package hides the function of the same name once it is imported, so calling the package calls it."""
+
+    def __call__(self, *args: Any, **options: Any) -> Any:
+        return train(*args, **options)
+
+
+sys.modules[__name__].__class__ = _Callable

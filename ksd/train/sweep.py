@@ -24,7 +24,7 @@ from ksd.solve.conventional import conventional
 
 Samples = dict[tuple[Mesh, str], Array]
 """Values (grid points, *group shape) by mesh and group, groups as in `ksd.library.Functions`."""
-RTOL = 1e-10
+RTOL = 1e-9
 
 
 @dataclass(frozen=True)
@@ -86,7 +86,7 @@ def _model(joint: Joint, mesh: Mesh, plan: Plan) -> Model:
         way = {"about": motion.axis} if motion.kind == "rotation" else {"along": motion.axis, "at": joint.pose_B}
         scene.actuate(link, name=motion.name, **way)
     if mesh == "strain":
-        return compile_scene(scene, mesh=LeafMesh("strain", orders=plan.orders))
+        return compile_scene(scene, mesh=LeafMesh("strain", orders=plan.orders, points=max(7, max(plan.orders) + 2)))
     return compile_scene(scene, mesh=LeafMesh("corotational", elements=int(mesh)))
 
 

@@ -31,6 +31,14 @@ class CrossFlexure(Joint):
     """
 
     family: ClassVar[str] = "cross_flexure"
+    quantities: ClassVar[dict[str, str]] = {
+        "length": "length",
+        "angle": "angle",
+        "thickness": "length",
+        "widths": "length",
+        "gap": "length",
+        "spacing": "length",
+    }
 
     material: Material
     length: float

@@ -1,0 +1,73 @@
+"""ksd: reduced-order finite elements for flexure joints and compliant mechanisms.
+
+``import ksd`` is light: the compiled solvers load on their first use. SI units inside; `ksd.units` outside.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+from ksd import errors, units
+from ksd.errors import (
+    ConvergenceError,
+    KinematicsError,
+    KsdError,
+    RangeError,
+    RecordError,
+    SceneError,
+)
+
+__version__ = "0.1.0"
+
+_HOMES = {
+    "ksd.scene": (
+        "CrossFlexure", "DrawnJoint", "Joint", "Leaf", "Material", "Mechanism", "Motion", "Scene", "joint_families", "wire",
+    ),
+    "ksd.section": ("Section", "circle", "numbers", "polygon", "rectangle", "tube"),
+    "ksd.scene.toml_file": ("load_scene", "save_scene"),
+    "ksd.model.leafs": ("Mesh",),
+    "ksd.model.compile": ("Model", "compile_scene"),
+    "ksd.solve.choose": ("Solver", "prepare", "solve"),
+    "ksd.solve.configuration": ("Configuration",),
+    "ksd.train": ("train",),
+    "ksd.library": ("Record", "find_record"),
+}  # fmt: skip
+_HOME = {name: home for home, names in _HOMES.items() for name in names}
+_KEPT = (
+    ConvergenceError, KinematicsError, KsdError, RangeError, RecordError, SceneError, errors, units,
+)  # fmt: skip
+
+if TYPE_CHECKING:
+    from ksd.library import Record, find_record
+    from ksd.model.compile import Model, compile_scene
+    from ksd.model.leafs import Mesh
+    from ksd.scene import (
+        CrossFlexure,
+        DrawnJoint,
+        Joint,
+        Leaf,
+        Material,
+        Mechanism,
+        Motion,
+        Scene,
+        joint_families,
+        wire,
+    )
+    from ksd.scene.toml_file import load_scene, save_scene
+    from ksd.section import Section, circle, numbers, polygon, rectangle, tube
+    from ksd.solve.choose import Solver, prepare, solve
+    from ksd.solve.configuration import Configuration
+    from ksd.train import train
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _HOME:
+        raise AttributeError(f"module 'ksd' has no attribute '{name}'")
+    value = getattr(import_module(_HOME[name]), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted([*globals(), *_HOME])

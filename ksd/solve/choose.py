@@ -1,0 +1,245 @@
+"""`solve` and `prepare`: one call for all methods, choosing the cheapest that meets the accuracy asked for."""
+
+from __future__ import annotations
+
+import threading
+from collections import OrderedDict
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+
+from ksd.bodies.freedom import check_freedoms
+from ksd.bodies.joints import JointBodies, joint_bodies
+from ksd.errors import ConvergenceError, KinematicsError, RangeError, RecordError, SceneError
+from ksd.library import find_record
+from ksd.model.compile import Model, compile_scene
+from ksd.model.leafs import Mesh
+from ksd.solve import pipeline
+from ksd.solve.configuration import Configuration, ErrorEstimate, Step
+from ksd.solve.conventional import CAP, RTOL, conventional
+from ksd.solve.pipeline import Bench
+from ksd.solve.stops import Stop
+
+METHODS = ("kinematic", "reduced", "full", "conventional")
+DEFAULT_ACCURACY = 1e-3
+MOST_PASSES = 3
+
+
+class Solver:
+    """A mechanism prepared for repeated solves: compiled model, joint bodies, and storage used again each time.
+
+    Call it with drive values by name: ``solver(top=0.3)``. Not for use from two threads at once; make one for each.
+    """
+
+    def __init__(
+        self, mechanism: Any, *, mesh: Mesh | None = None, records: Callable[[str], Any] = find_record, extrapolate: bool = False
+    ) -> None:
+        self.model = mechanism if isinstance(mechanism, Model) else compile_scene(mechanism, mesh=mesh)
+        self.records, self.extrapolate = records, extrapolate
+        self._bench: Bench | None = None
+
+    @property
+    def bench(self) -> Bench:
+        """Storage of the five steps, made on first use. Raises RecordError, RangeError, KinematicsError, SceneError."""
+        if self._bench is None:
+            bodies: JointBodies = joint_bodies(self.model, self.records, extrapolate=self.extrapolate)
+            check_freedoms(self.model, bodies)
+            self._bench = Bench.of(self.model, bodies)
+        return self._bench
+
+    def __call__(
+        self,
+        targets: Mapping[str, float] | None = None,
+        *,
+        method: str | None = None,
+        accuracy: float | None = None,
+        passes: int = 0,
+        estimate: bool = True,
+        **drives: float,
+    ) -> Configuration:
+        """Solve at drive values given by name [m or rad]; see `ksd.solve` for the options."""
+        values = {**(targets or {}), **drives}
+        target = self.model.targets(values)
+        if method is None:
+            return self._cheapest(values, target, _accuracy(accuracy))
+        if method not in METHODS:
+            raise SceneError(f"method = {method!r}: choose one of {', '.join(METHODS)}")
+        if method == "conventional":
+            return conventional(self.model, values)
+        if not 0 <= passes <= 50:
+            raise SceneError(f"passes = {passes}: between 0 and 50 relinearised passes are possible")
+        return self._five_steps(values, target, method=method, passes=passes, estimate=estimate)
+
+    def _cheapest(self, values: Mapping[str, float], target: np.ndarray, accuracy: float) -> Configuration:
+        """Reduced, then with passes, then full, then conventional: the first whose estimate meets `accuracy`."""
+        try:
+            for passes in range(2):
+                result = self._five_steps(values, target, method="reduced", passes=passes, estimate=True)
+                if result.error is not None and result.error.relative <= accuracy and result.stable:
+                    return result
+            return self._five_steps(values, target, method="full", passes=1, estimate=False)
+        except (RecordError, KinematicsError, ConvergenceError, RangeError) as reason:
+            if isinstance(reason, KinematicsError) and "same freedom" in str(reason):
+                raise
+            result = conventional(self.model, values)
+            note = f"conventional solver used: {reason}"
+            return _with(result, warnings=(*result.warnings, note))
+        except SceneError:
+            if self.model.scene.joints:
+                raise
+            return conventional(self.model, values)
+
+    def _five_steps(
+        self, values: Mapping[str, float], target: np.ndarray, *, method: str, passes: int, estimate: bool
+    ) -> Configuration:
+        b = self.bench
+        b.restart()
+        steps = [self._close(b, target)]
+        warnings = self._range(b)
+        steps.append(_checked(pipeline.linearise(b, near=1, first=True), steps, self))
+        negatives, error = len(target), None
+        if method == "kinematic":
+            pipeline.kinematic_forces(b, target)
+            pipeline.place_full(b)
+        else:
+            for n in range(passes + 1):
+                if n > 0:
+                    steps.append(_checked(pipeline.linearise(b, near=0, first=False), steps, self))
+                step, negatives = pipeline.reduced_equilibrium(b, target, rtol=RTOL, most=25)
+                steps.append(_checked(step, steps, self))
+                steps.append(pipeline.recover(b))
+        if method == "full":
+            step, negatives = pipeline.full_equilibrium(b, target, rtol=RTOL, most=30, cap=CAP)
+            steps.append(_checked(step, steps, self))
+        elif estimate:
+            error, step, found = pipeline.corrector(b, target, rtol=RTOL)
+            steps.append(step)
+            negatives = found if method == "kinematic" else negatives
+        motions, unintended = pipeline.joint_motions(b)
+        return Configuration(
+            self.model, b.full.copy(), method, dict(values), tuple(steps), negatives, len(target),
+            motions, unintended, error, tuple(warnings),
+        )  # fmt: skip
+
+    def _close(self, b: Bench, target: np.ndarray) -> Step:
+        """Step 1, in one go or, failing that, along the drive; ConvergenceError says how far it got."""
+        step = pipeline.close(b, target)
+        if step.stop is Stop.CONVERGED and step.residual < 1e-4 * b.bodies.reduced.size:
+            return step
+        b.restart()
+        done, size, count, spent = 0.0, 0.25, step.iterations, step.time
+        while done < 1.0 and size > 1e-3:
+            theta, safe = b.theta.copy(), b.reduced.copy()
+            goal = min(1.0, done + size)
+            step = pipeline.close(b, goal * target)
+            count, spent = count + step.iterations, spent + step.time
+            if step.stop is Stop.CONVERGED and step.residual < 1e-4 * b.bodies.reduced.size:
+                done = goal
+                continue
+            b.theta[:] = theta
+            b.reduced.assign(safe)
+            size *= 0.5
+        if done < 1.0:
+            raise ConvergenceError(
+                f"the joints cannot reach this pose by their intended motions: the drives got to {100 * done:.3g} % of "
+                "the way, where the linkage locks; ask for less, or use method='conventional'",
+                reached=done,
+            )
+        return Step(step.name, count, spent, step.residual, step.stop, "in steps along the drive")
+
+    def _range(self, b: Bench) -> list[str]:
+        """Refuse motions outside the trained range, or warn when extrapolation was asked for."""
+        warnings = []
+        for name, value, (low, high), scale in zip(
+            b.bodies.motion_names, b.theta, b.bodies.motion_range, b.bodies.motion_scale, strict=True
+        ):
+            # a hair over the trained end is rounding, not extrapolation
+            slack = 1e-9 * (high - low)
+            if low - slack <= value <= high + slack:
+                continue
+            said = _spoken_range(name, value, low, high, scale=scale)
+            if not self.extrapolate:
+                raise RangeError(f"{said}; ask for less, or pass extrapolate=True to use the functions beyond it")
+            warnings.append(f"{said}; extrapolated")
+        return warnings
+
+
+def _spoken_range(name: str, value: float, low: float, high: float, *, scale: float) -> str:
+    if scale == 1.0:
+        v, a, b = np.rad2deg([value, low, high])
+        return f"joint '{name}' would turn {v:.4g} degrees, outside its trained range of {a:.4g} to {b:.4g} degrees"
+    v, a, b = 1e3 * scale * np.array([value, low, high])
+    return f"joint '{name}' would move {v:.4g} mm, outside its trained range of {a:.4g} to {b:.4g} mm"
+
+
+def _with(result: Configuration, **changes: Any) -> Configuration:
+    from dataclasses import replace
+
+    return replace(result, **changes)
+
+
+def _checked(step: Step, before: list[Step], solver: Solver) -> Step:
+    """The step if it converged, else ConvergenceError saying which step stopped and why."""
+    if step.stop is not Stop.CONVERGED:
+        raise ConvergenceError(
+            f"step '{step.name}' stopped after {step.iterations} iterations: {step.stop.sentence}; "
+            "try method='conventional'",
+            reached=0.0,
+            result=tuple([*before, step]),
+        )
+    return step
+
+
+def _accuracy(value: float | None) -> float:
+    accuracy = DEFAULT_ACCURACY if value is None else float(value)
+    if not 0.0 < accuracy < 1.0:
+        raise SceneError(f"accuracy = {value}: give a relative error between 0 and 1, for example 1e-3")
+    return accuracy
+
+
+_recent: OrderedDict[tuple, Solver] = OrderedDict()
+
+
+def prepare(mechanism: Any, *, mesh: Mesh | None = None, extrapolate: bool = False) -> Solver:
+    """A `Solver` of this mechanism for many solves: everything that does not depend on the drive values is done once.
+
+    mesh: leaf model and its fineness (strain-mode leafs when None). extrapolate: use joint records beyond their trained
+    range, with a warning in the result. Raises SceneError for a scene that cannot be compiled.
+    """
+    return Solver(mechanism, mesh=mesh, extrapolate=extrapolate)
+
+
+def solve(
+    mechanism: Any,
+    targets: Mapping[str, float] | None = None,
+    *,
+    method: str | None = None,
+    accuracy: float | None = None,
+    mesh: Mesh | None = None,
+    passes: int = 0,
+    extrapolate: bool = False,
+    **drives: float,
+) -> Configuration:
+    """Solve one configuration of a mechanism at drive values given by name [m or rad].
+
+    method: "kinematic", "reduced", "full" or "conventional"; without one, the cheapest whose estimated error is
+    within `accuracy` (relative, 1e-3 by default). passes: extra relinearised passes of `reduced`. mesh, extrapolate: see
+    `prepare`. Raises SceneError (bad input), RangeError (outside a trained range), RecordError (joint record missing
+    or damaged), KinematicsError (indeterminate or over-driven), ConvergenceError (says how far it got).
+    """
+    key = None
+    scene = mechanism.scene() if hasattr(mechanism, "scene") else mechanism
+    if not isinstance(scene, Model):
+        key = (threading.get_ident(), scene.fingerprint(), mesh, extrapolate)
+    solver = _recent.get(key) if key is not None else None
+    if solver is None:
+        solver = Solver(scene, mesh=mesh, extrapolate=extrapolate)
+        if key is not None:
+            _recent[key] = solver
+            while len(_recent) > 16:
+                _recent.popitem(last=False)
+    return solver(targets, method=method, accuracy=accuracy, passes=passes, **drives)
+
+
+__all__ = ["METHODS", "ErrorEstimate", "Solver", "prepare", "solve"]

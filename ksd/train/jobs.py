@@ -1,0 +1,135 @@
+"""Jobs of a training run: parallel over any executor, each result kept at once, so a run can be taken up again."""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import multiprocessing
+import shutil
+import signal
+import zipfile
+from concurrent.futures import Executor, Future, ProcessPoolExecutor, as_completed
+from dataclasses import dataclass
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+import numpy as np
+
+from ksd.library.files import write_atomically
+from ksd.scene import DrawnJoint
+from ksd.train.sources import source_hash
+from ksd.train.sweep import Plan, Samples, sample_joint
+
+WORKERS = 2
+
+
+@dataclass(frozen=True)
+class Job:
+    """One joint to be sampled as planned."""
+
+    joint: DrawnJoint
+    plan: Plan
+
+    def key(self, source: str) -> str:
+        """Name of its result: a hash of everything it depends on."""
+        return hashlib.sha256(f"{source} {self.joint!r} {self.plan!r}".encode()).hexdigest()[:20]
+
+
+def perform(job: Job) -> Samples:
+    """Sample the joint of a job; what other processes are asked to do."""
+    return sample_joint(job.joint, job.plan)
+
+
+def _quiet() -> None:
+    """Ctrl-C is the business of the process that started the workers."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+
+
+class Jobs:
+    """Runs jobs and keeps every result in `folder`; as a context manager it owns its processes and progress bar."""
+
+    def __init__(self, folder: Path, *, executor: Executor | None, resume: bool, progress: bool, title: str) -> None:
+        self.folder, self.resume = folder, resume
+        self._given, self._pool = executor, None
+        self._bar, self._task = _progress_bar(title, progress)
+        self._source = source_hash()
+
+    def __enter__(self) -> Jobs:
+        self._bar.start()
+        return self
+
+    def __exit__(self, kind: type | None, error: BaseException | None, trace: TracebackType | None) -> None:
+        self._bar.stop()
+        if self._pool is not None:
+            self._pool.shutdown(wait=kind is None, cancel_futures=True)
+
+    def run(self, jobs: list[Job]) -> list[Samples]:
+        """Results in the order of `jobs`; finished ones of an earlier run are read back."""
+        self._bar.update(self._task, total=(self._bar.tasks[0].total or 0) + len(jobs))
+        found: dict[int, Samples] = {}
+        for i, job in enumerate(jobs):
+            kept = self._load(job) if self.resume else None
+            if kept is not None:
+                found[i] = kept
+                self._bar.advance(self._task)
+        self._compute(jobs, [i for i in range(len(jobs)) if i not in found], found)
+        return [found[i] for i in range(len(jobs))]
+
+    def _compute(self, jobs: list[Job], missing: list[int], found: dict[int, Samples]) -> None:
+        if not missing:
+            return
+        executor = self._executor()
+        waiting: dict[Future[Samples], int] = {executor.submit(perform, jobs[i]): i for i in missing}
+        try:
+            for done in as_completed(waiting):
+                i = waiting[done]
+                found[i] = done.result()
+                self._keep(jobs[i], found[i])
+                self._bar.advance(self._task)
+        except BaseException:
+            for future in waiting:
+                future.cancel()
+            raise
+
+    def _executor(self) -> Executor:
+        if self._given is not None:
+            return self._given
+        if self._pool is None:
+            # spawned, not forked: compiled kernels and threads do not survive a fork safely
+            context = multiprocessing.get_context("spawn")
+            self._pool = ProcessPoolExecutor(WORKERS, mp_context=context, initializer=_quiet)
+        return self._pool
+
+    def _path(self, job: Job) -> Path:
+        return self.folder / f"{job.key(self._source)}.npz"
+
+    def _keep(self, job: Job, samples: Samples) -> None:
+        buffer = io.BytesIO()
+        np.savez(buffer, **{f"{mesh}|{group}": values for (mesh, group), values in samples.items()})
+        write_atomically(buffer.getvalue(), self._path(job))
+
+    def _load(self, job: Job) -> Samples | None:
+        """A kept result; None when there is none that can be read."""
+        try:
+            with np.load(self._path(job), allow_pickle=False) as kept:
+                stored = {name: kept[name] for name in kept.files}
+        except (OSError, ValueError, EOFError, KeyError, zipfile.BadZipFile):
+            return None
+        samples: Samples = {}
+        for name, values in stored.items():
+            mesh, group = name.split("|")
+            samples[int(mesh) if mesh.isdigit() else mesh, group] = values
+        return samples
+
+    def forget(self) -> None:
+        """Remove all kept results."""
+        shutil.rmtree(self.folder, ignore_errors=True)
+
+
+def _progress_bar(title: str, shown: bool) -> tuple[Any, Any]:
+    from rich.console import Console
+    from rich.progress import Progress
+
+    bar = Progress(console=Console(stderr=True), disable=not shown)
+    return bar, bar.add_task(title, total=0)

@@ -1,0 +1,278 @@
+"""Training from start to finish: sample shapes until the fit is good enough, check it on fresh ones, write the record."""
+
+from __future__ import annotations
+
+import datetime
+import math
+import os
+from collections.abc import Mapping
+from concurrent.futures import Executor
+from pathlib import Path
+
+import numpy as np
+
+import ksd
+from ksd.library import Evidence, Functions, Mesh, Parameter, Record, Residual, Stroke, write_record
+from ksd.library.files import SUFFIX, shipped_folder, write_atomically
+from ksd.library.record import Array, legendre_products, monomials
+from ksd.scene import DrawnJoint, Joint
+from ksd.train.designs import Design, bare, changes, design_of
+from ksd.train.fit import Fit, fit_functions
+from ksd.train.jobs import Job, Jobs
+from ksd.train.sources import source_hash
+from ksd.train.sweep import Plan, Samples, chebyshev_line, even_line
+
+MESHES: tuple[Mesh, ...] = ("strain", 1, 2, 3, 4, 5, 6, 7, 8)
+ORDERS = (4, 3, 5)
+TOLERANCE = {"interface": 8e-7, "blocks": 8e-7, "rotations": 4e-6, "amplitudes": 8e-6, "wrench": 2e-4}
+"""Wanted leave-one-out rms errors; units as in `ksd.library.Residual`."""
+POINTS = {1: 25, 2: 11}
+"""Points per motion, by number of motions."""
+FIRST, FRESH = 16, 8
+"""Shapes of the first round (doubled from round to round), and shapes kept out of the fit."""
+
+
+def train(
+    family_or_joint: str | Joint | Design,
+    *,
+    shapes: Mapping[str, tuple[float, float]] | None = None,
+    meshes: tuple[Mesh, ...] = MESHES,
+    out: str | os.PathLike[str] | None = None,
+    executor: Executor | None = None,
+    resume: bool = True,
+    progress: bool = True,
+    trained: str | None = None,
+    most_shapes: int = 128,
+    tolerance: Mapping[str, float] | None = None,
+) -> Record:
+    """Train a joint family (by name or `Design`) or one joint as drawn, write its record and return it.
+
+    shapes: ranges {parameter: (low, high)} SI in place of those of the family. meshes: "strain" and numbers of
+    Appendix A elements per leaf. out: folder or .h5 file; $KSD_DATABASE or ./database when None. executor: any
+    `concurrent.futures` executor; two processes of its own when None. resume: use the shapes an interrupted run has
+    finished (kept beside the record in a .partial folder, also on Ctrl-C). trained: date written into the record,
+    ISO, today when None; same inputs give the same bytes. most_shapes: limit of the adaptive sampling. tolerance:
+    wanted errors by group, see TOLERANCE.
+
+    Raises SceneError for unknown names and for joints that cannot be represented (see `ksd.train.sweep`),
+    RecordError when the record cannot be written.
+    """
+    design = design_of(family_or_joint, shapes)
+    target = _target(design.family, out)
+    middle = design.joint(np.zeros(len(design.parameters)))
+    plan, check = _plans(middle, meshes)
+    work = target.with_name(f".{target.stem}.partial")
+    wanted = {**TOLERANCE, **(tolerance or {})}
+    with Jobs(work, executor=executor, resume=resume, progress=progress, title=f"train {design.family}") as jobs:
+        places, samples, fit = _rounds(design, plan, jobs, wanted, most_shapes)
+        fresh_places = _fresh_places(design)
+        fresh = jobs.run([Job(design.joint(p), check) for p in fresh_places])
+        evidence = _evidence(design, middle, plan, jobs)
+    residuals = _residuals(fit, plan, check, (places, samples), (fresh_places, fresh))
+    record = _record(design, middle, plan, fit, samples[0])
+    record = _finished(record, fit, residuals, evidence, (len(places), len(fresh_places)), trained)
+    write_record(record, target)
+    _ship(target)
+    jobs.forget()
+    return record
+
+
+def _target(family: str, out: str | os.PathLike[str] | None) -> Path:
+    folder = Path(out or os.environ.get("KSD_DATABASE") or "database")
+    return folder if folder.suffix == SUFFIX else folder / f"{family}{SUFFIX}"
+
+
+def _ship(target: Path) -> None:
+    """In a source tree the records in database/ have an identical copy inside the package, for the wheel."""
+    package = shipped_folder().parent
+    tree = package.parent
+    if (tree / "pyproject.toml").is_file() and target.resolve().parent == (tree / "database").resolve():
+        write_atomically(target.read_bytes(), shipped_folder() / target.name)
+
+
+def _strokes(joint: Joint) -> tuple[Stroke, ...]:
+    found = []
+    for motion in joint.motions:
+        unit = joint.length if motion.kind == "translation" else 1.0
+        low, high = (v / unit for v in motion.range)
+        found.append(Stroke(motion.name, motion.kind, low, high))
+    return tuple(found)
+
+
+def _plans(joint: Joint, meshes: tuple[Mesh, ...]) -> tuple[Plan, Plan]:
+    """How shapes are sampled for the fit, and for the check at other points of the stroke."""
+    ranges = [motion.range for motion in joint.motions]
+    count = POINTS.get(len(ranges), 7)
+    fitted = tuple(chebyshev_line(low, high, count) for low, high in ranges)
+    checked = tuple(even_line(low, high, count - 2) for low, high in ranges)
+    return Plan(fitted, meshes, ORDERS), Plan(checked, meshes, ORDERS)
+
+
+def _free(design: Design) -> list[int]:
+    return [i for i, p in enumerate(design.parameters) if p.high > p.low]
+
+
+def _spread(design: Design, unit: Array) -> Array:
+    """Places (k, s) from points (k, free) in [-1, 1]; parameters of a single value stay in the middle."""
+    places = np.zeros((len(unit), len(design.parameters)))
+    places[:, _free(design)] = unit
+    return places
+
+
+def _shape_places(design: Design, count: int) -> Array:
+    """The first `count` shapes: Sobol points gathered toward the ends like Chebyshev points."""
+    from scipy.stats import qmc
+
+    free = len(_free(design))
+    if free == 0:
+        return np.zeros((1, len(design.parameters)))
+    points = qmc.Sobol(free, scramble=False).random(count)
+    return _spread(design, -np.cos(math.pi * points))
+
+
+def _fresh_places(design: Design) -> Array:
+    free = len(_free(design))
+    if free == 0:
+        return np.zeros((1, len(design.parameters)))
+    return _spread(design, np.random.default_rng(2).uniform(-1, 1, (FRESH, free)))
+
+
+def _rounds(
+    design: Design, plan: Plan, jobs: Jobs, wanted: Mapping[str, float], most: int
+) -> tuple[Array, list[Samples], Fit]:
+    """Double the shapes until the leave-one-out errors are within tolerance."""
+    samples: list[Samples] = []
+    count = FIRST
+    while True:
+        places = _shape_places(design, count)
+        samples += jobs.run([Job(design.joint(p), plan) for p in places[len(samples) :]])
+        free = places[:, _free(design)]
+        stacked = np.array([_stack(s) for s in samples])
+        fit = fit_functions(stacked, plan.grid, free, tolerance=_row_tolerance(samples[0], wanted))
+        if fit.shape_error <= 1.0 or len(places) < count or 2 * count > most:
+            return places, samples, _widened(fit, design)
+        count *= 2
+
+
+def _widened(fit: Fit, design: Design) -> Fit:
+    """The fit with degree zero for parameters of a single value."""
+    m = fit.powers.shape[1] - len(_free(design))
+    powers = np.zeros((len(fit.powers), m + len(design.parameters)), np.int64)
+    powers[:, :m] = fit.powers[:, :m]
+    powers[:, [m + i for i in _free(design)]] = fit.powers[:, m:]
+    return Fit(powers, fit.coefficients, fit.motion_degree, fit.shape_degree, fit.motion_error, fit.shape_error)
+
+
+def _stack(samples: Samples) -> Array:
+    """(g, rows): all groups of all meshes side by side."""
+    return np.concatenate([values.reshape(len(values), -1) for values in samples.values()], axis=1)
+
+
+def _row_tolerance(samples: Samples, wanted: Mapping[str, float]) -> Array:
+    return np.concatenate([np.full(v[0].size, wanted[group]) for (_, group), v in samples.items()])
+
+
+def _slices(samples: Samples) -> dict[tuple[Mesh, str], slice]:
+    found, at = {}, 0
+    for key, values in samples.items():
+        found[key] = slice(at, at + values[0].size)
+        at += values[0].size
+    return found
+
+
+def _predict(fit: Fit, grid: Array, places: Array) -> Array:
+    """(k, g, rows): the fit at motions (g, m) over their reach and shapes (k, s)."""
+    m = grid.shape[1]
+    motion, shape = monomials(fit.powers[:, :m], grid), legendre_products(fit.powers[:, m:], places)
+    return np.stack([(motion * row) @ fit.coefficients.T for row in shape])
+
+
+def _residuals(
+    fit: Fit, plan: Plan, check: Plan, fitted: tuple[Array, list[Samples]], fresh: tuple[Array, list[Samples]]
+) -> tuple[Residual, ...]:
+    """Errors by mesh and group on the fitted shapes and on fresh ones at other points of the stroke."""
+    errors = []
+    for used, (places, samples) in ((plan, fitted), (check, fresh)):
+        errors.append(_predict(fit, used.grid, places) - np.array([_stack(s) for s in samples]))
+    alive = np.any(fit.coefficients != 0.0, axis=1)
+    found = []
+    for (mesh, group), rows in _slices(fitted[1][0]).items():
+        if rows.stop == rows.start:
+            continue
+        numbers = []
+        for error in errors:
+            part = error[:, :, rows]
+            live = part[:, :, alive[rows]]
+            rms = float(np.sqrt(np.mean(live**2))) if live.size else 0.0
+            numbers += [float(f"{v:.3g}") for v in (np.abs(part).max(), rms)]
+        found.append(Residual(mesh, group, *numbers))
+    return tuple(found)
+
+
+def _evidence(design: Design, middle: DrawnJoint, plan: Plan, jobs: Jobs) -> tuple[Evidence, ...]:
+    """Change of the functions when thickness, length, material or one shape parameter changes, from the middle."""
+    chains = [mesh for mesh in plan.meshes if isinstance(mesh, int)]
+    chain = min(chains, key=lambda n: abs(n - 4)) if chains else None
+    seen: tuple[Mesh, ...] = tuple(mesh for mesh in ("strain", chain) if mesh in plan.meshes)
+    cases = {**{key: joint for key, joint in changes(middle).items()}}
+    for i in _free(design):
+        for end in (-1.0, 1.0):
+            places = np.zeros(len(design.parameters))
+            places[i] = end
+            p = design.parameters[i]
+            cases[p.name, f"{p.value(end):.6g} for {p.value(0.0):.6g}"] = design.joint(places)
+    base, *others = jobs.run([Job(j, Plan(plan.lines, seen, plan.orders)) for j in (middle, *cases.values())])
+    found = []
+    for (parameter, words), other in zip(cases, others, strict=True):
+        pose = np.abs(other[seen[0], "interface"] - base[seen[0], "interface"]).max()
+        turns = [np.abs(other[k] - base[k]).max() for k in base if k[1] in ("rotations", "amplitudes")]
+        rotations = turns[-1] if turns else 0.0
+        found.append(Evidence(parameter, words, float(f"{pose:.3g}"), float(f"{rotations:.3g}")))
+    return tuple(found)
+
+
+def _record(design: Design, joint: DrawnJoint, plan: Plan, fit: Fit, sample: Samples) -> Record:
+    """The record without its evidence."""
+    tables: dict[Mesh, dict[str, Array]] = {}
+    for (mesh, group), rows in _slices(sample).items():
+        shape = sample[mesh, group].shape[1:]
+        tables.setdefault(mesh, {})[group] = fit.coefficients[rows].reshape(*shape, len(fit.powers))
+    return Record(
+        family=design.family,
+        motions=_strokes(joint),
+        parameters=design.parameters,
+        leafs=tuple(leaf.name for leaf in joint.leafs()),
+        blocks=tuple(name for name in joint.blocks() if name not in ("A", "B")),
+        orders=plan.orders,
+        powers=fit.powers,
+        functions={mesh: Functions(**groups) for mesh, groups in tables.items()},
+        design=dict(design.numbers),
+    )
+
+
+def _finished(
+    record: Record,
+    fit: Fit,
+    residuals: tuple[Residual, ...],
+    evidence: tuple[Evidence, ...],
+    samples: tuple[int, int],
+    trained: str | None,
+) -> Record:
+    from dataclasses import replace
+
+    date = trained or datetime.date.today().isoformat()
+    sentence = (
+        f"{date}: trained on {samples[0]} shapes and checked on {samples[1]} fresh ones; total degrees "
+        f"{fit.motion_degree} in the motions and {fit.shape_degree} in the shape; leave-one-out errors over tolerance "
+        f"{fit.motion_error:.2g} and {fit.shape_error:.2g}."
+    )
+    return replace(
+        record,
+        residuals=residuals,
+        evidence=evidence,
+        samples=samples,
+        trained=date,
+        version=str(getattr(ksd, "__version__", "0")),
+        source=source_hash(),
+        history=(sentence,),
+    )
