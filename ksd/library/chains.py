@@ -1,12 +1,13 @@
 """Element and node rotations of any chain, from the curvature amplitudes of the strain mesh.
 
-Orientation is the integral of curvature (leaf-elements note, "Intended-motion functions"). The Appendix A element
-differs from the exact rod by terms of second order in its length, so the known difference of the longest trained
-chain, times (its n / n)^2, is added.
+Orientation is the integral of curvature (leaf-elements note, "Intended-motion functions"). The Appendix A
+element differs from the exact rod by terms of second order in its length, so the known difference of the
+longest trained chain, times (its n / n)^2, is added.
 """
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable
 
 import numpy as np
@@ -39,7 +40,8 @@ def rotation_vectors(R: Array) -> Array:
 
 
 def chain_rotations(amplitudes: Array, orders: tuple[int, int, int], n: int) -> Array:
-    """(..., 2n-1, 3): rotations of n elements, then n-1 nodes, of a unit leaf with curvature amplitudes (..., N).
+    """(..., 2n-1, 3): rotations of n elements, then n-1 nodes, of a unit leaf with curvature amplitudes (...,
+    N).
 
     A chord's roll is the mean of its nodes' axes. Orientation by a fourth-order Magnus step per gap.
     """
@@ -50,7 +52,7 @@ def chain_rotations(amplitudes: Array, orders: tuple[int, int, int], n: int) -> 
     R = np.broadcast_to(np.eye(3), (*amplitudes.shape[:-1], 3, 3))
     nodes, chords = [R], []
     chord = np.zeros((*amplitudes.shape[:-1], 3))
-    for g, (a, b) in enumerate(zip(stops[:-1], stops[1:], strict=True)):
+    for g, (a, b) in enumerate(itertools.pairwise(stops)):
         R = R @ _exp(_magnus(amplitudes, orders, a, b))
         if (g + 1) % (POINTS + 1):
             chord = chord + w[g % (POINTS + 1)] * R[..., 0]
@@ -86,13 +88,12 @@ def _element_axes(chord: Array, p: Array, q: Array) -> Array:
     return np.stack([x, y, np.cross(x, y)], axis=-1)
 
 
-def longer_chain(
-    strain: JointFunctions, n: int, *, known: JointFunctions | None = None
-) -> JointFunctions:
-    """Functions of a mesh of n elements per leaf, from those of the strain mesh; `known`: the longest trained chain.
+def longer_chain(strain: JointFunctions, n: int, *, known: JointFunctions | None = None) -> JointFunctions:
+    """Functions of a mesh of n elements per leaf, from those of the strain mesh; `known`: the longest trained
+    chain.
 
-    Rotations are refitted over the trained range in the powers of the strain mesh. The difference of `known` from the
-    strain mesh is added, times (its n / n)^2.
+    Rotations are refitted over the trained range in the powers of the strain mesh. The difference of `known`
+    from the strain mesh is added, times (its n / n)^2.
     """
     basis = _basis(strain)
     amplitudes = np.moveaxis(np.tensordot(strain.amplitudes, basis, axes=(2, 1)), 2, 0)
@@ -106,7 +107,9 @@ def longer_chain(
         own = _refit(chain_rotations(amplitudes, strain.orders, k), basis)
         rotations = rotations + share * _spread(known.rotations - own, k, n)
     functions = Functions(interface, blocks, rotations=rotations)
-    return JointFunctions(n, strain.powers, strain.motion_range, functions, strain.orders, strain.extrapolated)
+    return JointFunctions(
+        n, strain.powers, strain.motion_range, functions, strain.orders, strain.extrapolated
+    )
 
 
 def _basis(strain: JointFunctions) -> Array:
@@ -122,14 +125,15 @@ def _basis(strain: JointFunctions) -> Array:
 
 
 def _refit(values: Array, basis: Array) -> Array:
-    """Coefficients (leafs, rotations, 3, P) of values (k, leafs, rotations, 3) at the points of basis (k, P)."""
+    """Coefficients (.., P) of values (k, leafs, rotations, 3) at the points of basis (k, P)."""
     scale = np.abs(basis).max(axis=0)
     flat = np.linalg.lstsq(basis / scale, values.reshape(len(values), -1), rcond=None)[0]
     return np.asarray((flat / scale[:, None]).T.reshape(*values.shape[1:], -1))
 
 
 def _spread(difference: Array, k: int, n: int) -> Array:
-    """A difference known at the elements and nodes of k elements, at those of n: smooth polynomials along the leaf.
+    """A difference known at the elements and nodes of k elements, at those of n: smooth polynomials along the
+    leaf.
 
     At both ends the nodes of the chain and of the exact rod agree.
     """
@@ -144,7 +148,11 @@ def _spread(difference: Array, k: int, n: int) -> Array:
 
 
 def _smooth(known: Array, wanted: Array, factor: Callable[[Array], Array]) -> Array:
-    """(wanted, known): least squares by `factor` times a polynomial of at most degree 4, evaluated at `wanted`."""
+    """(wanted, known): least squares by `factor` times a polynomial of at most degree 4, evaluated at
+    `wanted`.
+    """
     degree = min(4, len(known) - 1)
-    there, here = (np.polynomial.legendre.legvander(2 * s - 1, degree) * factor(s)[:, None] for s in (wanted, known))
+    there, here = (
+        np.polynomial.legendre.legvander(2 * s - 1, degree) * factor(s)[:, None] for s in (wanted, known)
+    )
     return np.asarray(there @ np.linalg.pinv(here))

@@ -1,8 +1,8 @@
 """Records on disk: one HDF5 file per family, sealed, replaced atomically, read in one go.
 
-The first 512 bytes (the HDF5 user block) hold a signature, the format number and the SHA-256 of both and of all that follows,
-so any altered or missing bit is found, also in space HDF5 itself does not use. Datasets carry Fletcher32 besides,
-for programs that read the file without us. Same record, same bytes.
+The first 512 bytes (the HDF5 user block) hold a signature, the format number and the SHA-256 of both and of
+all that follows, so any altered or missing bit is found, also in space HDF5 itself does not use. Datasets
+carry Fletcher32 besides, for programs that read the file without us. Same record, same bytes.
 """
 
 from __future__ import annotations
@@ -35,6 +35,9 @@ _UNITS = {
     "wrench": "EIz/leaf length^2 (0:3), EIz/leaf length (3:6)",
     "rotations": "rad",
 }
+_TEXTS = ("family", "trained", "version", "source")
+_LISTS = ("leafs", "blocks", "orders", "samples", "history")
+_TABLES = {"motions": Stroke, "parameters": Parameter, "residuals": Residual, "evidence": Evidence}
 _cache: dict[str, tuple[tuple[int, int], Record]] = {}
 
 
@@ -56,7 +59,7 @@ def write_record(record: Record, path: str | os.PathLike[str]) -> Path:
 
 
 def write_atomically(content: bytes, target: Path) -> None:
-    """Put `content` at `target` so that a reader, or a crash, sees the old file or the new one, never a part."""
+    """Put `content` at `target` so that a reader, or a crash, sees the old file or the new one."""
     partial = target.with_name(f".{target.name}.{os.getpid()}.partial")
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
@@ -82,23 +85,25 @@ def _encode(record: Record) -> bytes:
     with h5py.File(buffer, "w", libver=("v110", "v110"), userblock_size=BLOCK) as file:
         file.attrs["format"] = FORMAT
         file.attrs["creator"] = f"ksd {record.version}"
-        for name in ("family", "trained", "version", "source"):
+        for name in _TEXTS:
             file.attrs[name] = getattr(record, name)
-        for name in ("leafs", "blocks", "orders", "samples", "history"):
+        for name in _LISTS:
             file.attrs[name] = json.dumps(list(getattr(record, name)))
         file.attrs["design"] = json.dumps(dict(sorted(record.design.items())))
-        for name in ("motions", "parameters", "residuals", "evidence"):
+        for name in _TABLES:
             file.attrs[name] = json.dumps([asdict(item) for item in getattr(record, name)])
         _store(file, "powers", np.asarray(record.powers, np.int16), "1")
         for mesh, functions in record.functions.items():
             for group, array in functions.groups().items():
+                if array.size == 0:
+                    continue
                 _store(file, f"functions/{mesh}/{group}", np.asarray(array, float), _UNITS[group])
     return buffer.getvalue()
 
 
 def _store(file: Any, name: str, array: np.ndarray, units: str) -> None:
     filters = {"compression": "gzip", "compression_opts": 6, "shuffle": True, "fletcher32": True}
-    made = file.create_dataset(name, data=array, **(filters if array.size else {}))
+    made = file.create_dataset(name, data=array, **filters)
     made.attrs["units"] = units
 
 
@@ -160,23 +165,17 @@ def _decode(content: bytes) -> Record:
 
     with h5py.File(io.BytesIO(content), "r") as file:
         words = dict(file.attrs)
+        powers = np.asarray(file["powers"][()], np.int64)
+        none = {"blocks": np.zeros((0, 6, len(powers)))}
         functions: dict[Mesh, Functions] = {}
         for name, group in file["functions"].items():
-            mesh: Mesh = int(name) if name.isdigit() else name
-            functions[mesh] = Functions(**{part: np.asarray(data[()], float) for part, data in group.items()})
-        powers = np.asarray(file["powers"][()], np.int64)
-    listed = {k: json.loads(words[k]) for k in ("leafs", "blocks", "orders", "samples", "history")}
-    return Record(
-        motions=tuple(Stroke(**m) for m in json.loads(words["motions"])),
-        parameters=tuple(Parameter(**p) for p in json.loads(words["parameters"])),
-        powers=powers,
-        functions=functions,
-        residuals=tuple(Residual(**r) for r in json.loads(words["residuals"])),
-        evidence=tuple(Evidence(**e) for e in json.loads(words["evidence"])),
-        design=json.loads(words["design"]),
-        **{k: tuple(v) for k, v in listed.items()},
-        **{k: str(words[k]) for k in ("family", "trained", "version", "source")},
-    )
+            stored = {part: np.asarray(data[()], float) for part, data in group.items()}
+            functions[int(name) if name.isdigit() else name] = Functions(**{**none, **stored})
+    found: dict[str, Any] = {k: tuple(json.loads(words[k])) for k in _LISTS}
+    found |= {k: str(words[k]) for k in _TEXTS}
+    for name, kind in _TABLES.items():
+        found[name] = tuple(kind(**item) for item in json.loads(words[name]))
+    return Record(powers=powers, functions=functions, design=json.loads(words["design"]), **found)
 
 
 def shipped_folder() -> Path:
@@ -185,13 +184,15 @@ def shipped_folder() -> Path:
 
 
 def record_folders() -> list[Path]:
-    """Where records are looked for, first hit wins: $KSD_DATABASE, ./database, those shipped with the package."""
+    """Where records are looked for, first hit wins: $KSD_DATABASE, ./database, those shipped with the
+    package.
+    """
     named = os.environ.get("KSD_DATABASE")
     return [*([Path(named)] if named else []), Path("database"), shipped_folder()]
 
 
 def find_record(family: str) -> Record:
-    """The record of `family`. Raises RecordError when there is none, or when the first one found is damaged."""
+    """The record of `family`. Raises RecordError when there is none or the first found is damaged."""
     for folder in record_folders():
         path = folder / f"{family}{SUFFIX}"
         if path.is_file():
@@ -204,9 +205,9 @@ def find_record(family: str) -> Record:
 class Listing:
     """One record file as `ksd info` prints it.
 
-    problem: why it cannot be used, in a sentence; then only path, size and checksum are filled in. checksum: SHA-256
-    of the file; size [bytes]; worst: largest error on fresh shapes by group, over all meshes; age [days], nan when
-    the date is unknown.
+    problem: why it cannot be used, in a sentence; then only path, size and checksum are filled in. checksum:
+    SHA-256 of the file; size [bytes]; worst: largest error on fresh shapes by group, over all meshes; age
+    [days], nan when the date is unknown.
     """
 
     family: str

@@ -1,8 +1,9 @@
 """The record of a joint family in memory, and its contraction to the polynomials of one design.
 
-Every function of a family is a sum over M product terms c_i prod_j (theta_j / reach_j)^p_ij prod_k P_q_ik(s_k):
-monomials of the intended motions over their trained reach, Legendre polynomials P of the shape parameters mapped to
-[-1, 1]. Contracting at a design leaves polynomials of the raw motions alone. Paper 1, sections 2.2 and 3.2.
+Every function of a family is a sum over M product terms c_i prod_j (theta_j / reach_j)^p_ij prod_k
+P_q_ik(s_k): monomials of the intended motions over their trained reach, Legendre polynomials P of the shape
+parameters mapped to [-1, 1]. Contracting at a design leaves polynomials of the raw motions alone. Paper 1,
+sections 2.2 and 3.2.
 """
 
 from __future__ import annotations
@@ -26,7 +27,9 @@ EDGE = 1e-9
 
 @dataclass(frozen=True)
 class Stroke:
-    """An intended motion as trained: name, kind "rotation" [rad] or "translation" [stroke over joint length], trained range."""
+    """An intended motion as trained: name, kind "rotation" [rad] or "translation" [stroke over joint length],
+    trained range.
+    """
 
     name: str
     kind: str
@@ -41,7 +44,7 @@ class Stroke:
 
 @dataclass(frozen=True)
 class Parameter:
-    """A shape parameter: name, trained range (SI, angles rad), scale "linear" or "log" of its map to [-1, 1]."""
+    """A shape parameter: name, range (SI), scale "linear" or "log" of its map to [-1, 1]."""
 
     name: str
     low: float
@@ -49,7 +52,9 @@ class Parameter:
     scale: str = "linear"
 
     def place(self, value: float) -> float:
-        """Where `value` lies in the trained range, as a number in [-1, 1]; a range of one value ends at 1e-6 of it."""
+        """Where `value` lies in the trained range, as a number in [-1, 1]; a range of one value ends at 1e-6
+        of it.
+        """
         if self.high == self.low:
             return (value - self.low) / (1e-6 * abs(self.low) + 1e-300)
         if self.scale == "log":
@@ -67,12 +72,13 @@ class Parameter:
 class Functions:
     """Coefficients of one mesh; the last index runs over the M terms of the record.
 
-    interface (6, M): rotation vector omega of interface B relative to A [rad], then chord exp(-omega/2) d / L, with
-    d the position of B relative to A, all in the axes of A, L the length of the joint. blocks (blocks, 6, M): the
-    same two for the reference points of the internal rigid blocks. Strain mesh: amplitudes (leafs, N, M), L_leaf
-    times the curvature amplitudes, and wrench (leafs, 6, M), force L_leaf^2 / EIz and moment L_leaf / EIz on end q,
-    frame of end p. Chains of n elements: rotations (leafs, 2n-1, 3, M), rotation vectors from the undeformed state of
-    the n elements, then of the n-1 inner nodes, in the frame of end p [rad].
+    interface (6, M): rotation vector omega of interface B relative to A [rad], then chord exp(-omega/2) d /
+    L, with d the position of B relative to A, all in the axes of A, L the length of the joint. blocks
+    (blocks, 6, M): the same two for the reference points of the internal rigid blocks. Strain mesh:
+    amplitudes (leafs, N, M), L_leaf times the curvature amplitudes, and wrench (leafs, 6, M), force L_leaf^2
+    / EIz and moment L_leaf / EIz on end q, frame of end p. Chains of n elements: rotations (leafs, 2n-1, 3,
+    M), rotation vectors from the undeformed state of the n elements, then of the n-1 inner nodes, in the
+    frame of end p [rad].
     """
 
     interface: Array
@@ -97,8 +103,9 @@ class Functions:
 class JointFunctions:
     """Polynomials of one design in its raw motions: rad, or stroke over joint length.
 
-    powers (P, m): exponents; the other arrays as in `Functions` with P in place of M. motion_range (m, 2); orders:
-    curvature modes (nx, ny, nz) of the amplitudes; extrapolated: names of shape parameters outside their trained range (empty unless asked for).
+    powers (P, m): exponents; the other arrays as in `Functions` with P in place of M. motion_range (m, 2);
+    orders: curvature modes (nx, ny, nz) of the amplitudes; extrapolated: names of shape parameters outside
+    their trained range (empty unless asked for).
     """
 
     mesh: Mesh
@@ -130,7 +137,9 @@ class JointFunctions:
 
     @property
     def rotations(self) -> Array:
-        """(leafs, 2n-1, 3, P): element, then node rotation vectors [rad]. Raises RecordError on the strain mesh."""
+        """(leafs, 2n-1, 3, P): element, then node rotation vectors [rad]. Raises RecordError on the strain
+        mesh.
+        """
         return self._group("rotations")
 
     def _group(self, name: str) -> Array:
@@ -142,7 +151,9 @@ class JointFunctions:
         return groups[name]
 
     def at(self, motion: float | Array, group: str = "interface") -> Array:
-        """The functions of `group` at motions (..., m); returns (..., *shape of the group without its last index)."""
+        """The functions of `group` at motions (..., m); returns (..., *shape of the group without its last
+        index).
+        """
         basis = monomials(self.powers, np.asarray(motion, float).reshape(*np.shape(motion)[:-1], -1))
         table = self._group(group)
         return np.tensordot(basis, table, axes=(-1, -1))
@@ -152,7 +163,8 @@ class JointFunctions:
 class Residual:
     """How well a group of one mesh is fitted: largest and rms error on the fitted and on fresh shapes.
 
-    interface: chords in joint lengths and rotations in rad; rotations in rad; amplitudes and wrench dimensionless.
+    interface: chords in joint lengths and rotations in rad; rotations in rad; amplitudes and wrench
+    dimensionless.
     """
 
     mesh: Mesh
@@ -180,10 +192,11 @@ class Evidence:
 class Record:
     """All that training found out about one joint family; see the module docstring for the functions.
 
-    powers (M, motions + parameters): exponents of the motions, then Legendre degrees of the parameters. functions:
-    by mesh. leafs, blocks: names in the order of the arrays. orders: curvature modes (nx, ny, nz) of a leaf.
-    design: the joint trained on (SI numbers by name); samples: shapes fitted and fresh. trained: date as given to
-    the trainer, ISO; version, source: trainer version and hash of the sources; history: one sentence per event.
+    powers (M, motions + parameters): exponents of the motions, then Legendre degrees of the parameters.
+    functions: by mesh. leafs, blocks: names in the order of the arrays. orders: curvature modes (nx, ny, nz)
+    of a leaf. design: the joint trained on (SI numbers by name); samples: shapes fitted and fresh. trained:
+    date as given to the trainer, ISO; version, source: trainer version and hash of the sources; history: one
+    sentence per event.
     """
 
     family: str
@@ -226,10 +239,11 @@ class Record:
     def contract(
         self, shape: Mapping[str, float], mesh: Mesh, *, extrapolate: bool = False
     ) -> JointFunctions:
-        """The polynomials of the design with shape parameters `shape` (SI), for "strain" or n elements per leaf.
+        """The polynomials of the design with shape parameters `shape` (SI), for "strain" or n elements per
+        leaf.
 
-        A chain longer than any trained takes its orientations from the integrated strain amplitudes.
-        Raises SceneError for an unknown or missing parameter or a mesh that makes no sense, RangeError outside the
+        A chain longer than any trained takes its orientations from the integrated strain amplitudes. Raises
+        SceneError for an unknown or missing parameter or a mesh that makes no sense, RangeError outside the
         trained range unless `extrapolate`.
         """
         places, outside = self._places(shape, extrapolate)
@@ -237,7 +251,7 @@ class Record:
             return self._contract(places, mesh, outside)
         if isinstance(mesh, bool) or not isinstance(mesh, int) or mesh < 1:
             raise SceneError(
-                f"The record of {self.family} has no mesh {mesh!r}; use 'strain' or a number of elements >= 1 per leaf."
+                f"The record of {self.family} has no mesh {mesh!r}; use 'strain' or a number of elements."
             )
         from ksd.library.chains import longer_chain
 
@@ -266,9 +280,9 @@ class Record:
             if not known or not abs(p.place(value)) <= 1 + EDGE:
                 if not (extrapolate and known):
                     raise RangeError(
-                        f"Shape parameter {p.name} = {value:.6g} of {self.family} is outside its trained range "
-                        f"{p.low:.6g} to {p.high:.6g} (SI, angles in rad); change it, train a wider record, "
-                        "or accept extrapolation with extrapolate=True."
+                        f"Shape parameter {p.name} = {value:.6g} of {self.family} is outside "
+                        f"its trained range {p.low:.6g} to {p.high:.6g} (SI, angles in rad); change it, "
+                        "train a wider record, or accept extrapolation with extrapolate=True."
                     )
                 outside.append(p.name)
             places.append(p.place(value))
@@ -277,9 +291,8 @@ class Record:
     def _contract(self, places: Array, mesh: Mesh, outside: tuple[str, ...]) -> JointFunctions:
         m = len(self.motions)
         reach = np.array([motion.reach for motion in self.motions])
-        weight = legendre_products(self.powers[:, m:], places[None])[0] * np.prod(
-            reach ** -self.powers[:, :m], axis=1
-        )
+        shape = legendre_products(self.powers[:, m:], places[None])[0]
+        weight = shape * np.prod(reach ** -self.powers[:, :m], axis=1)
         powers, merged = np.unique(self.powers[:, :m], axis=0, return_inverse=True)
         matrix = np.zeros((len(self.powers), len(powers)))
         matrix[np.arange(len(merged)), merged.ravel()] = weight
@@ -293,7 +306,7 @@ def monomials(powers: NDArray[np.int64], motion: Array) -> Array:
 
 
 def legendre_products(degrees: NDArray[np.int64], places: Array) -> Array:
-    """(k, M): products of Legendre polynomials of degrees (M, s) at places (k, s) in [-1, 1]; 1 when s = 0."""
+    """(k, M): products of Legendre polynomials of degrees (M, s) at places (k, s) in [-1, 1]."""
     product = np.ones((len(places), len(degrees)))
     for j in range(degrees.shape[1]):
         table = np.polynomial.legendre.legvander(places[:, j], int(degrees[:, j].max(initial=0)))

@@ -13,12 +13,9 @@ import math
 
 import numpy as np
 
-from ksd.beam.corotational import condense as corotational_condense
-from ksd.beam.corotational import near_condense
-from ksd.beam.corotational import recover as corotational_recover
+from ksd.beam.entry import chain_condense, chain_near, chain_recover, strain_condense, strain_recover
 from ksd.beam.linear import linear_condense
-from ksd.beam.strain import strain_condense, strain_recover
-from ksd.model.arrays import COROTATIONAL, STRAIN
+from ksd.model.arrays import COROTATIONAL, LINEAR, STRAIN
 from ksd.numerics.kernel import kernel
 
 
@@ -149,38 +146,52 @@ def member_tangent(pose, lam, K, T, force):
 
 
 @kernel
+def _parts(members, inner, store, i):
+    """Constants, settings, inner state and scratch of member i, and the lengths its C entry needs."""
+    number = members.number[i]
+    state = inner[members.inner_at[i] : members.inner_at[i + 1]]
+    kept = store[members.store_at[i] : members.store_at[i + 1]]
+    value = members.value[members.value_at[i] :]
+    size = np.empty(4, np.int64)
+    size[0], size[1], size[2], size[3] = len(value), len(state), len(kept), 0
+    return value, number, state, kept, size
+
+
+@kernel
 def condense_member(members, inner, work, i, d, Q, K, near):
     """Wrench and stiffness of member i at relative pose d (3,), Q (3, 3): the one place that knows the kinds.
 
     near 0: exact tangent at the state. near 1, 2: Appendix A chains are linearised about the element orientations
     in work.near instead (paper 1, section 3), without (1) or with (2) the geometric stiffness.
     """
-    lam, store = work.lam[i], work.store
-    number = members.number[i]
-    state = inner[members.inner_at[i] : members.inner_at[i + 1]]
-    kept = store[members.store_at[i] : members.store_at[i + 1]]
-    value = members.value[members.value_at[i] :]
+    lam = work.lam[i]
+    value, number, state, kept, size = _parts(members, inner, work.store, i)
+    if members.kind[i] == LINEAR:
+        return linear_condense(state, d, Q, lam, K)
+    out = np.empty(4)
+    V, N, S, W = value.ctypes, number.ctypes, state.ctypes, kept.ctypes
     if members.kind[i] == STRAIN:
-        return strain_condense(value, number, state, kept, d, Q, lam, K)
-    if members.kind[i] == COROTATIONAL:
-        if near > 0:
-            rotations = work.near[work.near_at[i] : work.near_at[i + 1]]
-            return near_condense(value, number, state, kept, rotations, d, Q, lam, K, near - 1)
-        return corotational_condense(value, number, state, kept, d, Q, lam, K)
-    return linear_condense(state, d, Q, lam, K)
+        strain_condense(V, N, S, W, d.ctypes, Q.ctypes, lam.ctypes, K.ctypes, out.ctypes, size.ctypes)
+    elif near > 0:
+        rotations = work.near[work.near_at[i] : work.near_at[i + 1]]
+        size[3] = len(rotations)
+        chain_near(
+            V, N, S, W, rotations.ctypes, d.ctypes, Q.ctypes, lam.ctypes, K.ctypes, near - 1, out.ctypes, size.ctypes
+        )
+    else:
+        chain_condense(V, N, S, W, d.ctypes, Q.ctypes, lam.ctypes, K.ctypes, out.ctypes, size.ctypes)
+    return int(out[0]), out[1], out[2], int(out[3])
 
 
 @kernel
 def recover_member(members, inner, store, i, xi, scale):
     """Inner update of member i after its end q moved by xi (6,) relative to its end p."""
-    number = members.number[i]
-    state = inner[members.inner_at[i] : members.inner_at[i + 1]]
-    kept = store[members.store_at[i] : members.store_at[i + 1]]
-    value = members.value[members.value_at[i] :]
+    value, number, state, kept, size = _parts(members, inner, store, i)
+    V, N, S, W = value.ctypes, number.ctypes, state.ctypes, kept.ctypes
     if members.kind[i] == STRAIN:
-        strain_recover(value, number, state, kept, xi, scale)
+        strain_recover(V, N, S, W, xi.ctypes, scale, size.ctypes)
     elif members.kind[i] == COROTATIONAL:
-        corotational_recover(value, number, state, kept, xi, scale)
+        chain_recover(V, N, S, W, xi.ctypes, scale, size.ctypes)
 
 
 @kernel

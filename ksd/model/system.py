@@ -63,6 +63,17 @@ def largest_turn(arrays, step):
 
 
 @kernel
+def largest_move(arrays, step):
+    """Largest displacement of any node in `step` (n,), m."""
+    largest = 0.0
+    for k in range(len(arrays.start)):
+        u = arrays.start[k]
+        if u >= 0:
+            largest = max(largest, step[u] ** 2 + step[u + 1] ** 2 + step[u + 2] ** 2)
+    return math.sqrt(largest)
+
+
+@kernel
 def take_step(arrays, motion, step, work, scale):
     """motion <- motion + scale * step (n,): members first (their frames are the old ones), then nodes, multipliers."""
     members = arrays.members

@@ -97,3 +97,27 @@ def kernel(function: Callable[..., Any] | None = None, **options: Any) -> Any:
         return numba.njit(**settings)(inner)
 
     return decorate if function is None else decorate(function)
+
+
+def isolated(signature: str) -> Any:
+    """Compile a kernel behind a C symbol of its own, so that its callers are not recompiled around it.
+
+    Numba inlines every callee into every caller and optimises it again each time; for the big leaf kernels that
+    tripled the cold compile time. `signature` in numba's words, C types only, e.g. "int64(CPointer(float64), int64)".
+    Returns what compiled code calls; arrays are passed as ``a.ctypes``.
+    """
+    import llvmlite.binding
+    from numba import cfunc, types
+
+    def decorate(inner: Callable[..., Any]) -> Any:
+        compiled = cfunc(signature, cache=FOLDER is not None, error_model="numpy")(inner)
+        symbol = f"ksd_{inner.__name__}"
+        llvmlite.binding.add_symbol(symbol, compiled.address)
+        _ALIVE.append(compiled)
+        return types.ExternalFunction(symbol, compiled._sig)
+
+    return decorate
+
+
+_ALIVE: list[Any] = []
+"""Compiled C entry points must outlive every caller."""

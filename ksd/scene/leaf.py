@@ -62,13 +62,13 @@ class Leaf:
         self._check_axes(owner)
 
     def _check_axes(self, owner: str) -> None:
-        along = np.subtract(self.end, self.start)
-        length = float(np.linalg.norm(along))
+        length = self.length
         if not math.isfinite(length) or length == 0.0:
             raise SceneError(
                 f"{owner}: from start {self.start} to end {self.end} its length is {length:g} m."
             )
-        e1 = along / length
+        e1 = np.subtract(self.end, self.start) / length
+        e1 /= np.linalg.norm(e1)
         if self.width_axis is None:
             least = np.eye(3)[np.argmin(np.abs(e1))]
             axis = direction(np.cross(e1, least), "width_axis", owner=owner)

@@ -32,8 +32,11 @@ from ksd.scene.leaf import Leaf
 from ksd.scene.material import Material
 from ksd.scene.mechanism import Mechanism
 from ksd.scene.toml_table import Table, placed_at
+from ksd.scene.toml_writer import save_scene
 from ksd.section import Section, circle, numbers, polygon, rectangle, tube
 from ksd.section.checks import nearest, show
+
+__all__ = ["load_scene", "save_scene"]
 
 Loaded = tuple[Mechanism, dict[str, float], dict[str, Any]]
 
@@ -47,13 +50,13 @@ def load_scene(path: str | os.PathLike[str], *, option_names: Collection[str] | 
     """
     file = Path(path)
     top = Table(_parsed(file), file.name)
-    mechanism = Mechanism(top.text("name", file.stem))
-    with placed_at(file.name):
-        mechanism.gravity = top.quantities("gravity", "number", None)
+    name, gravity = top.text("name", file.stem), top.quantities("gravity", "number", None)
     links = top.take("links")
     if not isinstance(links, list):
         raise SceneError(f"{file.name}: links = {show(links)} must be a list of names.")
     with placed_at(file.name):
+        mechanism = Mechanism(name)
+        mechanism.gravity = gravity
         mechanism.links(*links)
     parts = _Parts(top)
     for table in top.tables("join"):
@@ -79,19 +82,24 @@ def _parsed(file: Path) -> dict[str, Any]:
         text = file.read_bytes().decode()
     except FileNotFoundError:
         raise SceneError(f"scene file '{file}' does not exist; check the path.") from None
-    except OSError as error:
-        raise SceneError(f"scene file '{file}' cannot be read: {error.strerror}.") from None
     except UnicodeDecodeError as error:
         raise SceneError(
             f"{file.name}: byte {error.start + 1} is not UTF-8 text; save the file as UTF-8."
         ) from None
+    except (OSError, ValueError) as error:
+        # a path with a null character is a ValueError
+        reason = getattr(error, "strerror", None) or error
+        raise SceneError(f"scene file {show(str(file))} cannot be read: {reason}.") from None
     try:
         return tomllib.loads(text)
     except RecursionError:
         raise SceneError(f"{file.name}: brackets are nested too deeply.") from None
-    except ValueError as error:
-        # TOMLDecodeError is one and says line and column
+    except tomllib.TOMLDecodeError as error:
         raise SceneError(f"{file.name} is not valid TOML: {error}.") from None
+    except ValueError:
+        raise SceneError(
+            f"{file.name} is not valid TOML: it holds a number of thousands of digits."
+        ) from None
 
 
 class _Parts:
@@ -116,15 +124,17 @@ class _Parts:
             "elements": table.take("elements", None),
             "orders": table.take("orders", None),
         }
+        if kind == "wire":
+            make: Callable[..., Section] = circle
+            sizes = [table.quantity("diameter", "length")]
+        elif "section" in table or "thickness" not in table:
+            words["section"] = self.sections[table.name_of("section", self.sections, "section")]
+            return words
+        else:
+            make = rectangle
+            sizes = [table.quantity(key, "length") for key in ("thickness", "width")]
         with placed_at(table.where):
-            if kind == "wire":
-                words["section"] = circle(table.quantity("diameter", "length"))
-            elif "section" in table or "thickness" not in table:
-                words["section"] = self.sections[table.name_of("section", self.sections, "section")]
-            else:
-                words["section"] = rectangle(
-                    table.quantity("thickness", "length"), table.quantity("width", "length")
-                )
+            words["section"] = make(*sizes)
         return words
 
     def _joint(self, table: Table) -> Joint:
@@ -252,7 +262,9 @@ def _connect(mechanism: Mechanism, table: Table, parts: _Parts, kind: str) -> No
     words = parts.leaf_words(table, kind)
     if "name" not in table:
         words["name"] = None
-    _said(table, partial(mechanism.leaf, a, b), words)
+    if kind == "wire":
+        words["diameter"] = words.pop("section").width
+    _said(table, partial(getattr(mechanism, kind), a, b), words)
 
 
 def _term(mechanism: Mechanism, table: Table) -> DriveTerm:

@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from typing import Any
 
 from ksd.errors import SceneError
-from ksd.section.checks import direction, nearest, number, show
+from ksd.section.checks import direction, nearest, number, show, similar
 from ksd.units import NAMES
 
 DIMENSIONS = {
@@ -96,13 +96,10 @@ class Table:
         if key in self.values:
             return self.values[key]
         if default is _REQUIRED:
-            raise SceneError(f"{self.where}: key '{key}' is missing{self._near(key)}")
+            # a present key of a similar name is probably a misspelling of the missing one
+            hint = similar(key, self.values, cutoff=0.7)
+            raise SceneError(f"{self.where}: key '{key}' is missing{hint}")
         return default
-
-    def _near(self, key: str) -> str:
-        """A present key of a similar name is probably a misspelling of the missing one."""
-        hint = nearest(key, self.values)
-        return hint if "did you mean" in hint else "."
 
     def _typed(self, key: str, default: Any, read: Callable[[Any], Any]) -> Any:
         value = self.take(key, default)

@@ -43,7 +43,10 @@ def save_scene(
     if options:
         tree["options"] = dict(options)
     text = "\n".join(_lines(tree, ""))
-    Path(path).write_text(text.lstrip("\n") + "\n", encoding="utf-8", newline="\n")
+    try:
+        Path(path).write_text(text.lstrip("\n") + "\n", encoding="utf-8", newline="\n")
+    except OSError as error:
+        raise SceneError(f"scene file '{path}' cannot be written: {error.strerror}.") from None
 
 
 def _scene_tree(scene: Scene, targets: dict[str, float]) -> Tree:

@@ -30,7 +30,8 @@ def show(value: Any) -> str:
         text = repr(value.item() if isinstance(value, np.generic) else value)
     except ValueError:
         # Python refuses to print integers of many thousand digits
-        text = f"a {type(value).__name__} too long to print"
+        text = "a number too long to print"
+    text = " ".join(text.split())
     return text if len(text) <= 80 else text[:77] + "..."
 
 
@@ -142,10 +143,16 @@ def whole(value: Any, what: str, *, least: int = 1, owner: str = "") -> int:
     return int(value)
 
 
+def similar(name: Any, known: Iterable[str], *, cutoff: float = 0.5) -> str:
+    """'; did you mean "..."?' with the nearest known name, or '.' when none is near."""
+    close = difflib.get_close_matches(str(name), sorted(known), n=1, cutoff=cutoff)
+    return f'; did you mean "{close[0]}"?' if close else "."
+
+
 def nearest(name: Any, known: Iterable[str]) -> str:
     """'; did you mean "..."?' with the nearest known name, else the list of all known names."""
     names = sorted(known)
-    close = difflib.get_close_matches(str(name), names, n=1, cutoff=0.5)
-    if close:
-        return f'; did you mean "{close[0]}"?'
+    hint = similar(name, names)
+    if hint != ".":
+        return hint
     return f"; known: {', '.join(names)}." if names else "; none is known."

@@ -20,7 +20,7 @@ _ACROSS = 4.0
 """Elements of degree 4 across the local thickness."""
 _CORNER = 50.0
 """How much finer a re-entrant corner is meshed than its surroundings."""
-_MOST_POINTS = 60_000
+_MOST_POINTS = 25_000
 
 
 @dataclass(frozen=True)
@@ -86,17 +86,19 @@ def _thickness(points: np.ndarray, normals: np.ndarray, edges: Edges) -> np.ndar
 
 @dataclass(frozen=True)
 class Sizes:
-    """Element size [m] wanted anywhere: the least of size_i + grading * |x - x_i| over the sources."""
+    """Element size [m] wanted anywhere: least of size_i + grading * (distance from disc i) and `most`."""
 
     source: np.ndarray
+    radius: np.ndarray
     size: np.ndarray
+    most: float
 
     def at(self, points: np.ndarray) -> np.ndarray:
-        best = np.full(len(points), np.inf)
+        best = np.full(len(points), self.most)
         for first in range(0, len(self.source), 64):
             part = slice(first, first + 64)
-            away = np.linalg.norm(points[:, None] - self.source[None, part], axis=2)
-            best = np.minimum(best, (self.size[part] + _GRADING * away).min(axis=1))
+            away = np.linalg.norm(points[:, None] - self.source[None, part], axis=2) - self.radius[part]
+            best = np.minimum(best, (self.size[part] + _GRADING * np.maximum(away, 0.0)).min(axis=1))
         return best
 
 
@@ -123,8 +125,21 @@ def wanted_sizes(rings: Sequence[np.ndarray], mesh_size: float | None) -> Sizes:
         size = np.full(len(points), mesh_size)
     size = np.minimum(size, 1.5 * edges.length[edge])
     corners = edges.tail[_corner_turns(rings) > 0.3]
-    near = Sizes(points, size).at(corners) / _CORNER if len(corners) else np.zeros(0)
-    return Sizes(np.concatenate([points, corners]), np.concatenate([size, near]))
+    # each sample speaks for its share of the edge
+    bulk = Sizes(points, 0.5 * (edges.length / count)[edge], size, mesh_size or np.inf)
+    if not len(corners):
+        return bulk
+    return Sizes(
+        np.concatenate([points, corners]),
+        np.concatenate([bulk.radius, np.zeros(len(corners))]),
+        np.concatenate([size, bulk.at(corners) / _CORNER]),
+        bulk.most,
+    )
+
+
+def _refuse_more(count: int) -> None:
+    if count > _MOST_POINTS:
+        raise SceneError(f"polygon: the mesh needs more than {_MOST_POINTS} points; give a larger mesh_size.")
 
 
 def _boundary_points(edges: Edges, sizes: Sizes) -> tuple[np.ndarray, np.ndarray]:
@@ -137,6 +152,7 @@ def _boundary_points(edges: Edges, sizes: Sizes) -> tuple[np.ndarray, np.ndarray
         density = length / sizes.at(tail + s[:, None] * (head - tail))
         spent = np.concatenate([[0.0], np.cumsum(0.5 * (density[1:] + density[:-1]) * np.diff(s))])
         n = max(1, int(np.ceil(spent[-1])))
+        _refuse_more(n + sum(map(len, found)))
         at = np.interp(np.arange(n) * spent[-1] / n, spent, s)
         found.append(tail + at[:, None] * (head - tail))
     points = np.concatenate(found)
@@ -157,16 +173,14 @@ def _interior_points(edges: Edges, sizes: Sizes) -> np.ndarray:
     grid = np.stack(np.meshgrid(*(np.arange(k) + 0.5 for k in n), indexing="ij"), -1).reshape(-1, 2)
     cells, kept = low + side * grid, []
     while len(cells):
+        cells = cells[inside(cells, edges) | (distance(cells, edges) < 0.75 * side)]
         size = sizes.at(cells)
         split = side > 1.1 * size
         kept.append(np.column_stack([cells[~split], size[~split]]))
         quarter = 0.25 * side * np.array([[-1, -1], [-1, 1], [1, -1], [1, 1]])
         cells = (cells[split][:, None] + quarter).reshape(-1, 2)
         side *= 0.5
-        if len(cells) + sum(map(len, kept)) > 4 * _MOST_POINTS:
-            raise SceneError(
-                f"polygon: the mesh needs more than {_MOST_POINTS} points; give a larger mesh_size."
-            )
+        _refuse_more(len(cells) // 4 + sum(map(len, kept)) // 2)
     points = np.concatenate(kept)
     # a fixed small shake: four points on one circle have no unique triangulation
     points[:, :2] += 0.05 * points[:, 2:] * np.random.default_rng(0).uniform(-1, 1, (len(points), 2))

@@ -117,13 +117,45 @@ class Configuration:
         arm = np.asarray(at, float) - self.model.rest.x[i]
         return self.motion.x[i] + self.motion.R[i] @ arm - np.asarray(at, float)
 
+    def section_forces(self, *, points: int = 25) -> dict[str, Any]:
+        """Section forces along every leaf by name, see `ksd.properties.section_forces`."""
+        from ksd.properties.section_forces import section_forces
+
+        return section_forces(self.model, self.motion, points=points)
+
+    def shape(self, *, points: int = 25) -> Any:
+        """Centrelines of all leafs and outlines of all links, see `ksd.properties.shape.Shape`."""
+        from ksd.properties.shape import mechanism_shape
+
+        return mechanism_shape(self.model, self.motion, points=points)
+
+    def as_dict(self) -> dict[str, Any]:
+        """Every number of the tables and more, units in the keys; layout in `ksd.solve.answer.SCHEMA`."""
+        from ksd.solve.answer import as_dict
+
+        return as_dict(self)
+
+    def plot(self, path: Any = None, **options: Any) -> Any:
+        """Picture of the deformed over the undeformed mechanism, written to `path` if given; options of
+        `ksd.view.plot_mechanism`. Returns the matplotlib figure. Raises SceneError for an unknown file type."""
+        from ksd.view import plot_mechanism, save_figure
+
+        figure = plot_mechanism(self, **options)
+        return figure if path is None else save_figure(figure, path)
+
+    def view(self, path: Any) -> Any:
+        """Write the deformed mechanism to `path` (.vtu, for ParaView); returns the path."""
+        from ksd.view import write_vtu
+
+        return write_vtu(self, path)
+
     def __str__(self) -> str:
         from rich.console import Console
 
-        from ksd.solve.report import tables
+        from ksd.solve.report import WIDTH, tables
 
         text = io.StringIO()
-        console = Console(file=text, width=110, highlight=False)
+        console = Console(file=text, width=WIDTH, highlight=False)
         for table in tables(self):
             console.print(table)
-        return text.getvalue()
+        return "\n".join(line.rstrip() for line in text.getvalue().splitlines())

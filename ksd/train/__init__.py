@@ -14,7 +14,7 @@ __all__ = ["Design", "known_designs", "train"]
 
 
 class _Callable(ModuleType):
-    """The package hides the function of the same name once it is imported, so calling the package calls it."""
+    """The package hides the function of its name once imported, so calling the one calls the other."""
 
     def __call__(self, *args: Any, **options: Any) -> Any:
         return train(*args, **options)

@@ -11,14 +11,14 @@ import numpy as np
 from ksd.errors import SceneError
 from ksd.library import Parameter
 from ksd.scene import CrossFlexure, DrawnJoint, Joint, Leaf, Material
-from ksd.section.checks import nearest
+from ksd.section.checks import Vector, nearest
 
 
 @dataclass(frozen=True)
 class Design:
     """A family for the trainer: make(**shape) draws the joint at shape parameters within `parameters`.
 
-    `make` must be importable (or picklable), since other processes call it. numbers: what is held fixed, SI.
+    numbers: what is held fixed, SI.
     """
 
     family: str
@@ -26,7 +26,7 @@ class Design:
     make: Callable[..., Joint]
     numbers: Mapping[str, float] = field(default_factory=dict)
 
-    def joint(self, places: np.ndarray) -> Joint:
+    def joint(self, places: np.ndarray) -> DrawnJoint:
         """The joint at places (s,) in [-1, 1], without mesh choices of its own."""
         return bare(self.make(**self.shape(places)))
 
@@ -96,7 +96,9 @@ def design_of(
         name = family_or_joint
         design = Design(name, _SHAPES[name], _MAKERS[name], _NUMBERS)
     else:
-        raise SceneError(f"joint family {family_or_joint!r} cannot be trained{nearest(family_or_joint, _MAKERS)}")
+        raise SceneError(
+            f"joint family {family_or_joint!r} cannot be trained{nearest(family_or_joint, _MAKERS)}"
+        )
     return _with_ranges(design, shapes or {})
 
 
@@ -106,7 +108,9 @@ def _with_ranges(design: Design, shapes: Mapping[str, tuple[float, float]]) -> D
         if name not in known:
             raise SceneError(f"{design.family}: shape parameter {name!r} is unknown{nearest(name, known)}")
         if not (math.isfinite(low) and math.isfinite(high) and low <= high):
-            raise SceneError(f"{design.family}: range {low:g} to {high:g} of {name} must rise; give (low, high).")
+            raise SceneError(
+                f"{design.family}: range {low:g} to {high:g} of {name} must rise; give (low, high)."
+            )
         known[name] = replace(known[name], low=low, high=high)
     return replace(design, parameters=tuple(known.values()))
 
@@ -129,28 +133,51 @@ def _fixed(joint: Joint) -> Design:
 def _thickness(leaf: Leaf, factor: float) -> Leaf:
     """The leaf with `factor` times the thickness, as a thin section."""
     s, f = leaf.section, factor
-    thick = None if s.thickness is None else s.thickness * f
-    section = replace(s, A=f * s.A, J=f**3 * s.J, Iy=f * s.Iy, Iz=f**3 * s.Iz, thickness=thick)
+    section = replace(s, A=f * s.A, J=f**3 * s.J, Iy=f * s.Iy, Iz=f**3 * s.Iz, thickness=f * s.thickness)
     return replace(leaf, section=section)
 
 
-def _material(leaf: Leaf, _: float) -> Leaf:
+def _material(leaf: Leaf) -> Leaf:
     """The leaf in an aluminium alloy."""
     return replace(leaf, material=Material(E=71e9, nu=0.33))
 
 
+def _times(point: Vector, factor: float) -> Vector:
+    x, y, z = (factor * c for c in point)
+    return x, y, z
+
+
+@dataclass(frozen=True)
+class _Scaled:
+    """A curvature function of a leaf drawn `factor` times as long."""
+
+    curvature: Callable[[float], object]
+    factor: float
+
+    def __call__(self, s: float) -> np.ndarray:
+        return np.asarray(self.curvature(s / self.factor), float) / self.factor
+
+
+def _longer_leaf(leaf: Leaf, factor: float) -> Leaf:
+    curve = None if leaf.curvature is None else _Scaled(leaf.curvature, factor)
+    return replace(leaf, start=_times(leaf.start, factor), end=_times(leaf.end, factor), curvature=curve)
+
+
 def _longer(joint: Joint, factor: float) -> DrawnJoint:
     """All distances `factor` times, sections as they are."""
-    leafs = tuple(
-        replace(leaf, start=tuple(factor * x for x in leaf.start), end=tuple(factor * x for x in leaf.end))
-        for leaf in joint.leafs()
-    )
-    blocks = {name: tuple(factor * x for x in point) for name, point in joint.blocks().items()}
+    leafs = tuple(_longer_leaf(leaf, factor) for leaf in joint.leafs())
+    blocks = {name: _times(point, factor) for name, point in joint.blocks().items()}
     motions = tuple(
-        replace(m, range=tuple(factor * x for x in m.range)) if m.kind == "translation" else m for m in joint.motions
+        replace(m, range=(factor * m.range[0], factor * m.range[1])) if m.kind == "translation" else m
+        for m in joint.motions
     )
     return DrawnJoint(
-        joint.family, blocks=blocks, leafs=leafs, motions=motions, length=factor * joint.length, shape=joint.shape()
+        joint.family,
+        blocks=blocks,
+        leafs=leafs,
+        motions=motions,
+        length=factor * joint.length,
+        shape=joint.shape(),
     )
 
 
@@ -160,6 +187,6 @@ def changes(joint: Joint) -> dict[tuple[str, str], DrawnJoint]:
     for factor, words in ((0.5, "half"), (2.0, "twice")):
         found["thickness", words] = _redrawn(joint, tuple(_thickness(leaf, factor) for leaf in joint.leafs()))
         found["length", words] = _longer(joint, factor)
-    aluminium = tuple(_material(leaf, 1.0) for leaf in joint.leafs())
+    aluminium = tuple(_material(leaf) for leaf in joint.leafs())
     found["material", "aluminium for steel"] = _redrawn(joint, aluminium)
     return found

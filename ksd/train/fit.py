@@ -1,8 +1,8 @@
 """Fits of sampled functions in product bases: monomials of the motions times Legendre products of the shape.
 
-Total degrees are chosen by leave-one-out errors, in closed form from the projection onto the basis. A function that
-is even or odd in a motion, or zero at rest, as measured over all samples, keeps only the terms that are, so these
-properties hold exactly.
+Total degrees are chosen by leave-one-out errors, in closed form from the projection onto the basis. A
+function that is even or odd in a motion, or zero at rest, as measured over all samples, keeps only the terms
+that are, so these properties hold exactly.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ DIGITS = 10
 
 @dataclass(frozen=True)
 class Fit:
-    """powers (M, m + s), coefficients (rows, M), degrees chosen, and leave-one-out rms errors over tolerance."""
+    """powers (M, m + s), coefficients (rows, M), degrees chosen, leave-one-out rms errors over tolerance."""
 
     powers: NDArray[np.int64]
     coefficients: Array
@@ -42,16 +42,17 @@ def total_degree(variables: int, degree: int) -> NDArray[np.int64]:
     """(M, variables): all exponents whose sum is at most `degree`, in rising order of the sum."""
     found = [p for p in itertools.product(range(degree + 1), repeat=variables) if sum(p) <= degree]
     found.sort(key=lambda p: (sum(p), p))
-    return np.array(found, np.int64).reshape(-1, variables)
+    return np.array(found, np.int64).reshape(len(found), variables)
 
 
 def fit_functions(
     values: Array, grid: Array, places: Array, *, tolerance: Array, degrees: tuple[int, int] = (12, 12)
 ) -> Fit:
-    """Fit values (k, g, rows), sampled at motions grid (g, m) over their reach and shapes places (k, s) in [-1, 1].
+    """Fit values (k, g, rows), sampled at motions grid (g, m) over their reach and shapes places (k, s) in
+    [-1, 1].
 
-    tolerance (rows,): wanted rms error. degrees: largest total degrees tried, motions and shape; the smallest whose
-    leave-one-out error is within tolerance is taken, else the one with the least.
+    tolerance (rows,): wanted rms error. degrees: largest total degrees tried, motions and shape; the smallest
+    whose leave-one-out error is within tolerance is taken, else the one with the least.
     """
     classes = _classes(values, grid)
     motion_degree, motion_error = _motion_degree(values, grid, classes, tolerance, degrees[0])
@@ -61,14 +62,16 @@ def fit_functions(
     terms = total_degree(places.shape[1], degree)
     table = np.linalg.pinv(legendre_products(terms, places))
     both = np.einsum("qk,kpr->rpq", table, by_shape)
-    every = np.array([[*p, *t] for p in powers for t in terms], np.int64).reshape(-1, grid.shape[1] + places.shape[1])
+    every = np.array([[*p, *t] for p in powers for t in terms], np.int64).reshape(
+        -1, grid.shape[1] + places.shape[1]
+    )
     coefficients = np.round(both.reshape(len(both), -1), DIGITS) + 0.0
     used = np.any(coefficients != 0.0, axis=0)
     return Fit(every[used], coefficients[:, used], motion_degree, degree, motion_error, shape_error)
 
 
 def _classes(values: Array, grid: Array) -> NDArray[np.int64]:
-    """(rows, m + 1): per motion 0 even, 1 odd, 2 neither; last 1 when zero at rest, 2 when zero everywhere."""
+    """(rows, m + 1): per motion 0 even, 1 odd, 2 neither; last 1 if zero at rest, 2 if zero everywhere."""
     found = np.full((values.shape[2], grid.shape[1] + 1), 2, np.int64)
     for j in range(grid.shape[1]):
         mirrored = grid.copy()
@@ -104,7 +107,9 @@ def _allowed(kind: Array, powers: NDArray[np.int64]) -> NDArray[np.bool_]:
 def _motion_degree(
     values: Array, grid: Array, classes: NDArray[np.int64], tolerance: Array, most: int
 ) -> tuple[int, float]:
-    """Smallest total degree within tolerance when any one grid point is left out, and its error over tolerance."""
+    """Smallest total degree within tolerance when any one grid point is left out, and its error over
+    tolerance.
+    """
     errors = []
     for degree in range(1, most + 1):
         powers = total_degree(grid.shape[1], degree)
@@ -126,11 +131,12 @@ def _motion_degree(
 
 
 def _leave_one_out(basis: Array, values: Array) -> Array:
-    """Residuals (k, g, rows) at each point when it is left out of the fit: e / (1 - h)."""
+    """Residuals (k, g, rows) of the fit over 1 - (mean h): generalised, since a sweep always has its end
+    points.
+    """
     q, _ = np.linalg.qr(basis)
     left = values - np.einsum("gq,hq,khr->kgr", q, q, values, optimize=True)
-    slack = np.maximum(1.0 - np.sum(q**2, axis=1), 1e-3)
-    return np.asarray(left / slack[:, None])
+    return np.asarray(left / (1.0 - basis.shape[1] / basis.shape[0]))
 
 
 def _motion_fit(

@@ -1,21 +1,27 @@
-"""Jobs of a training run: parallel over any executor, each result kept at once, so a run can be taken up again."""
+"""Jobs of a training run: parallel over any executor, each result kept at once, so a run can be taken up
+again.
+"""
 
 from __future__ import annotations
 
 import hashlib
 import io
 import multiprocessing
+import pickle
 import shutil
 import signal
+import sys
 import zipfile
-from concurrent.futures import Executor, Future, ProcessPoolExecutor, as_completed
-from dataclasses import dataclass
+from concurrent.futures import Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor, as_completed
+from concurrent.futures.process import BrokenProcessPool
+from dataclasses import dataclass, replace
 from pathlib import Path
 from types import TracebackType
 from typing import Any
 
 import numpy as np
 
+from ksd.errors import KsdError
 from ksd.library.files import write_atomically
 from ksd.scene import DrawnJoint
 from ksd.train.sources import source_hash
@@ -33,7 +39,15 @@ class Job:
 
     def key(self, source: str) -> str:
         """Name of its result: a hash of everything it depends on."""
-        return hashlib.sha256(f"{source} {self.joint!r} {self.plan!r}".encode()).hexdigest()[:20]
+        joint = self.joint
+        plain = [replace(leaf, curvature=None) for leaf in joint.leafs()]
+        curves = [
+            np.array([leaf.curvature(x * leaf.length) for x in np.linspace(0, 1, 9)], float).tolist()
+            for leaf in joint.leafs()
+            if leaf.curvature is not None
+        ]
+        text = f"{source} {joint.blocks()} {plain} {curves} {joint.motions} {joint.length} {self.plan}"
+        return hashlib.sha256(text.encode()).hexdigest()[:20]
 
 
 def perform(job: Job) -> Samples:
@@ -46,14 +60,29 @@ def _quiet() -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 
-class Jobs:
-    """Runs jobs and keeps every result in `folder`; as a context manager it owns its processes and progress bar."""
+def _can_spawn(job: Job) -> bool:
+    """Whether a fresh process can import the running script and be sent the job."""
+    main = getattr(sys.modules["__main__"], "__file__", None)
+    if main is not None and not Path(main).is_file():
+        return False
+    try:
+        pickle.dumps(job)
+    except (pickle.PicklingError, AttributeError, TypeError):
+        return False
+    return True
 
-    def __init__(self, folder: Path, *, executor: Executor | None, resume: bool, progress: bool, title: str) -> None:
+
+class Jobs:
+    """Runs jobs and keeps every result in `folder`; a context manager owning its processes and its bar."""
+
+    def __init__(
+        self, folder: Path, *, executor: Executor | None, resume: bool, progress: bool, title: str
+    ) -> None:
         self.folder, self.resume = folder, resume
-        self._given, self._pool = executor, None
+        self._given = executor
+        self._pool: Executor | None = None
         self._bar, self._task = _progress_bar(title, progress)
-        self._source = source_hash()
+        self.source = source_hash()
 
     def __enter__(self) -> Jobs:
         self._bar.start()
@@ -79,7 +108,7 @@ class Jobs:
     def _compute(self, jobs: list[Job], missing: list[int], found: dict[int, Samples]) -> None:
         if not missing:
             return
-        executor = self._executor()
+        executor = self._executor(jobs[missing[0]])
         waiting: dict[Future[Samples], int] = {executor.submit(perform, jobs[i]): i for i in missing}
         try:
             for done in as_completed(waiting):
@@ -87,26 +116,35 @@ class Jobs:
                 found[i] = done.result()
                 self._keep(jobs[i], found[i])
                 self._bar.advance(self._task)
-        except BaseException:
+        except BrokenProcessPool as error:
+            raise KsdError(
+                "The training processes ended unexpectedly; finished shapes are kept. Call train under "
+                "`if __name__ == '__main__':`, or give it another executor."
+            ) from error
+        finally:
             for future in waiting:
                 future.cancel()
-            raise
 
-    def _executor(self) -> Executor:
+    def _executor(self, job: Job) -> Executor:
+        """The executor given, or two processes; threads where a process could not be told the job."""
         if self._given is not None:
             return self._given
         if self._pool is None:
-            # spawned, not forked: compiled kernels and threads do not survive a fork safely
-            context = multiprocessing.get_context("spawn")
-            self._pool = ProcessPoolExecutor(WORKERS, mp_context=context, initializer=_quiet)
+            if _can_spawn(job):
+                # spawned, not forked: compiled kernels and threads do not survive a fork safely
+                context = multiprocessing.get_context("spawn")
+                self._pool = ProcessPoolExecutor(WORKERS, mp_context=context, initializer=_quiet)
+            else:
+                self._pool = ThreadPoolExecutor(WORKERS)
         return self._pool
 
     def _path(self, job: Job) -> Path:
-        return self.folder / f"{job.key(self._source)}.npz"
+        return self.folder / f"{job.key(self.source)}.npz"
 
     def _keep(self, job: Job, samples: Samples) -> None:
         buffer = io.BytesIO()
-        np.savez(buffer, **{f"{mesh}|{group}": values for (mesh, group), values in samples.items()})
+        named: dict[str, Any] = {f"{mesh}|{group}": values for (mesh, group), values in samples.items()}
+        np.savez(buffer, **named)
         write_atomically(buffer.getvalue(), self._path(job))
 
     def _load(self, job: Job) -> Samples | None:

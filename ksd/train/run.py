@@ -1,4 +1,6 @@
-"""Training from start to finish: sample shapes until the fit is good enough, check it on fresh ones, write the record."""
+"""Training from start to finish: sample shapes until the fit is good enough, check it on fresh ones, write
+the record.
+"""
 
 from __future__ import annotations
 
@@ -7,19 +9,20 @@ import math
 import os
 from collections.abc import Mapping
 from concurrent.futures import Executor
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 import ksd
-from ksd.library import Evidence, Functions, Mesh, Parameter, Record, Residual, Stroke, write_record
+from ksd.library import Evidence, Functions, Mesh, Record, Residual, Stroke, write_record
 from ksd.library.files import SUFFIX, shipped_folder, write_atomically
 from ksd.library.record import Array, legendre_products, monomials
 from ksd.scene import DrawnJoint, Joint
-from ksd.train.designs import Design, bare, changes, design_of
+from ksd.train.designs import Design, changes, design_of
 from ksd.train.fit import Fit, fit_functions
 from ksd.train.jobs import Job, Jobs
-from ksd.train.sources import source_hash
+from ksd.train.softness import check_soft
 from ksd.train.sweep import Plan, Samples, chebyshev_line, even_line
 
 MESHES: tuple[Mesh, ...] = ("strain", 1, 2, 3, 4, 5, 6, 7, 8)
@@ -47,34 +50,54 @@ def train(
 ) -> Record:
     """Train a joint family (by name or `Design`) or one joint as drawn, write its record and return it.
 
-    shapes: ranges {parameter: (low, high)} SI in place of those of the family. meshes: "strain" and numbers of
-    Appendix A elements per leaf. out: folder or .h5 file; $KSD_DATABASE or ./database when None. executor: any
-    `concurrent.futures` executor; two processes of its own when None. resume: use the shapes an interrupted run has
-    finished (kept beside the record in a .partial folder, also on Ctrl-C). trained: date written into the record,
-    ISO, today when None; same inputs give the same bytes. most_shapes: limit of the adaptive sampling. tolerance:
-    wanted errors by group, see TOLERANCE.
+    shapes: ranges {parameter: (low, high)} SI in place of those of the family. meshes: "strain" and numbers
+    of Appendix A elements per leaf. out: folder or .h5 file; $KSD_DATABASE or ./database when None. executor:
+    any `concurrent.futures` executor; two processes of its own when None. resume: use the shapes an
+    interrupted run has finished (kept beside the record in a .partial folder, also on Ctrl-C). trained: date
+    written into the record, ISO, today when None; same inputs give the same bytes. most_shapes: limit of the
+    adaptive sampling. tolerance: wanted errors by group, see TOLERANCE.
 
     Raises SceneError for unknown names and for joints that cannot be represented (see `ksd.train.sweep`),
     RecordError when the record cannot be written.
     """
     design = design_of(family_or_joint, shapes)
     target = _target(design.family, out)
-    middle = design.joint(np.zeros(len(design.parameters)))
-    plan, check = _plans(middle, meshes)
-    work = target.with_name(f".{target.stem}.partial")
-    wanted = {**TOLERANCE, **(tolerance or {})}
-    with Jobs(work, executor=executor, resume=resume, progress=progress, title=f"train {design.family}") as jobs:
-        places, samples, fit = _rounds(design, plan, jobs, wanted, most_shapes)
-        fresh_places = _fresh_places(design)
-        fresh = jobs.run([Job(design.joint(p), check) for p in fresh_places])
-        evidence = _evidence(design, middle, plan, jobs)
-    residuals = _residuals(fit, plan, check, (places, samples), (fresh_places, fresh))
-    record = _record(design, middle, plan, fit, samples[0])
-    record = _finished(record, fit, residuals, evidence, (len(places), len(fresh_places)), trained)
+    folder = target.with_name(f".{target.stem}.partial")
+    title = f"train {design.family}"
+    with Jobs(folder, executor=executor, resume=resume, progress=progress, title=title) as jobs:
+        record = _trained(design, meshes, jobs, {**TOLERANCE, **(tolerance or {})}, most_shapes)
+    date = trained or datetime.date.today().isoformat()
+    record = replace(record, trained=date, history=(f"{date}: {record.history[0]}",))
     write_record(record, target)
     _ship(target)
     jobs.forget()
     return record
+
+
+def _trained(
+    design: Design, meshes: tuple[Mesh, ...], jobs: Jobs, wanted: Mapping[str, float], most: int
+) -> Record:
+    """Sample, fit, check on fresh shapes and gather evidence; the record lacks only its date."""
+    middle = design.joint(np.zeros(len(design.parameters)))
+    check_soft(middle)
+    plan, check = _plans(middle, meshes)
+    places, samples, fit = _rounds(design, plan, jobs, wanted, most)
+    fresh_places = _fresh_places(design)
+    fresh = jobs.run([Job(design.joint(p), check) for p in fresh_places])
+    sentence = (
+        f"trained on {len(places)} shapes, checked on {len(fresh)} fresh ones; total degrees "
+        f"{fit.motion_degree} in the motions, {fit.shape_degree} in the shape; leave-one-out errors over "
+        f"tolerance {fit.motion_error:.2g} and {fit.shape_error:.2g}."
+    )
+    return replace(
+        _record(design, middle, plan, fit, samples[0]),
+        residuals=_residuals(fit, plan, check, (places, samples), (fresh_places, fresh)),
+        evidence=_evidence(design, middle, plan, jobs),
+        samples=(len(places), len(fresh)),
+        version=str(getattr(ksd, "__version__", "0")),
+        source=jobs.source,
+        history=(sentence,),
+    )
 
 
 def _target(family: str, out: str | os.PathLike[str] | None) -> Path:
@@ -160,7 +183,9 @@ def _widened(fit: Fit, design: Design) -> Fit:
     powers = np.zeros((len(fit.powers), m + len(design.parameters)), np.int64)
     powers[:, :m] = fit.powers[:, :m]
     powers[:, [m + i for i in _free(design)]] = fit.powers[:, m:]
-    return Fit(powers, fit.coefficients, fit.motion_degree, fit.shape_degree, fit.motion_error, fit.shape_error)
+    return Fit(
+        powers, fit.coefficients, fit.motion_degree, fit.shape_degree, fit.motion_error, fit.shape_error
+    )
 
 
 def _stack(samples: Samples) -> Array:
@@ -210,11 +235,13 @@ def _residuals(
 
 
 def _evidence(design: Design, middle: DrawnJoint, plan: Plan, jobs: Jobs) -> tuple[Evidence, ...]:
-    """Change of the functions when thickness, length, material or one shape parameter changes, from the middle."""
+    """Change of the functions when thickness, length, material or one shape parameter changes, from the
+    middle.
+    """
     chains = [mesh for mesh in plan.meshes if isinstance(mesh, int)]
     chain = min(chains, key=lambda n: abs(n - 4)) if chains else None
     seen: tuple[Mesh, ...] = tuple(mesh for mesh in ("strain", chain) if mesh in plan.meshes)
-    cases = {**{key: joint for key, joint in changes(middle).items()}}
+    cases = dict(changes(middle))
     for i in _free(design):
         for end in (-1.0, 1.0):
             places = np.zeros(len(design.parameters))
@@ -247,32 +274,4 @@ def _record(design: Design, joint: DrawnJoint, plan: Plan, fit: Fit, sample: Sam
         powers=fit.powers,
         functions={mesh: Functions(**groups) for mesh, groups in tables.items()},
         design=dict(design.numbers),
-    )
-
-
-def _finished(
-    record: Record,
-    fit: Fit,
-    residuals: tuple[Residual, ...],
-    evidence: tuple[Evidence, ...],
-    samples: tuple[int, int],
-    trained: str | None,
-) -> Record:
-    from dataclasses import replace
-
-    date = trained or datetime.date.today().isoformat()
-    sentence = (
-        f"{date}: trained on {samples[0]} shapes and checked on {samples[1]} fresh ones; total degrees "
-        f"{fit.motion_degree} in the motions and {fit.shape_degree} in the shape; leave-one-out errors over tolerance "
-        f"{fit.motion_error:.2g} and {fit.shape_error:.2g}."
-    )
-    return replace(
-        record,
-        residuals=residuals,
-        evidence=evidence,
-        samples=samples,
-        trained=date,
-        version=str(getattr(ksd, "__version__", "0")),
-        source=source_hash(),
-        history=(sentence,),
     )

@@ -1,7 +1,8 @@
 """One shape of a joint: its own finite element models driven over the stroke, and what is read off them.
 
-Interface A is ground, B a link that is driven by the intended motions and free otherwise, so the states are those
-of pure intended motion. Several intended motions are sampled on a product grid, walked outward from rest.
+Interface A is ground, B a link that is driven by the intended motions and free otherwise, so the states are
+those of pure intended motion. Several intended motions are sampled on a product grid, walked outward from
+rest.
 """
 
 from __future__ import annotations
@@ -29,7 +30,8 @@ RTOL = 1e-9
 
 @dataclass(frozen=True)
 class Plan:
-    """How a joint is sampled: points of each motion as fractions of its reach, meshes, curvature modes of a leaf.
+    """How a joint is sampled: points of each motion as fractions of its reach, meshes, curvature modes of a
+    leaf.
 
     plane: how far B may leave the plane of a one-axis joint, in rad and joint lengths.
     """
@@ -83,10 +85,14 @@ def _model(joint: Joint, mesh: Mesh, plan: Plan) -> Model:
     link = scene.link("B")
     scene.join(scene.ground, link, joint, at=(0, 0, 0), axis="z", toward="x", name="joint")
     for motion in joint.motions:
-        way = {"about": motion.axis} if motion.kind == "rotation" else {"along": motion.axis, "at": joint.pose_B}
-        scene.actuate(link, name=motion.name, **way)
+        if motion.kind == "rotation":
+            scene.actuate(link, name=motion.name, about=motion.axis)
+        else:
+            scene.actuate(link, name=motion.name, along=motion.axis, at=joint.pose_B)
     if mesh == "strain":
-        return compile_scene(scene, mesh=LeafMesh("strain", orders=plan.orders, points=max(7, max(plan.orders) + 2)))
+        return compile_scene(
+            scene, mesh=LeafMesh("strain", orders=plan.orders, points=max(7, max(plan.orders) + 2))
+        )
     return compile_scene(scene, mesh=LeafMesh("corotational", elements=int(mesh)))
 
 
@@ -110,7 +116,7 @@ def _walk(joint: Joint, model: Model, plan: Plan, mesh: Mesh) -> list[Configurat
             raise SceneError(f"{state} cannot be trained: {error}; reduce its range of motion.") from error
         if not found.stable:
             raise SceneError(
-                f"{state} buckles or leaves the intended branch on the way; reduce its range of motion or its loads."
+                f"{state} buckles or leaves the intended branch on the way; reduce its range of motion."
             )
         solved[int(i)] = found
     return [solved[i] for i in range(len(grid))]
@@ -132,8 +138,8 @@ def _check_plane(joint: Joint, model: Model, states: list[Configuration], plan: 
     worst = float(max(np.abs(turn).max(), np.abs(chord).max()))
     if worst > plan.plane:
         raise SceneError(
-            f"{joint.family}: interface B leaves the plane of its one axis by {worst:.2g} (rad or joint lengths) under "
-            "a pure moment; place its leafs symmetrically about that plane, or declare the motion it really has."
+            f"{joint.family}: interface B leaves its plane by {worst:.2g} (rad or joint lengths) "
+            "under a pure moment; place its leafs symmetrically about that plane."
         )
 
 

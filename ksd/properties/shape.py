@@ -1,0 +1,262 @@
+"""Where everything is: centrelines and section axes of all leafs, attachment points of all rigid blocks.
+
+A strain-mode leaf is integrated from its curvature, R' = R [kappa]x and r' = R (e1 + C R^T n), by fourth-order steps
+(the Magnus step of `ksd.beam.strain` at two Gauss points, Simpson's rule for the position). A chain of Appendix A
+elements is drawn through its nodes by cubics with the nodes' tangents. Global axes, SI.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ksd.beam.strain_values import legendre_modes
+from ksd.model.arrays import COROTATIONAL, STRAIN, Motion
+from ksd.model.compile import Model
+
+Array = NDArray[np.float64]
+POINTS = 25
+"""Stations per leaf when nothing else is asked."""
+
+
+@dataclass(frozen=True)
+class LeafShape:
+    """Centreline of one leaf at k stations, at rest and deformed.
+
+    s (k,): distance from its start along the undeformed leaf [m]. rest, place (k, 3): global positions [m].
+    rest_axes, axes (k, 3, 3): section axes e1, e2 (thickness), e3 (width) as columns, global. width, thickness [m]: of
+    its section, from its second moments where the section does not say.
+    """
+
+    name: str
+    s: Array
+    rest: Array
+    place: Array
+    rest_axes: Array
+    axes: Array
+    width: float
+    thickness: float
+
+
+@dataclass(frozen=True)
+class BlockShape:
+    """A rigid block (link, ground, or block inside a joint): where leafs are clamped and drives act on it.
+
+    rest, place (k, 3): global positions [m]; owner (k,): name of the joint or leaf each point belongs to.
+    """
+
+    name: str
+    rest: Array
+    place: Array
+    owner: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class DrivenPoint:
+    """A driven point: kind "translation" or "rotation", its global rest and present position (3,) [m], direction (3,)."""
+
+    name: str
+    kind: str
+    rest: Array
+    place: Array
+    direction: Array
+
+
+@dataclass(frozen=True)
+class Shape:
+    """All there is to draw of a configuration; leafs and blocks in the order of the model."""
+
+    leafs: tuple[LeafShape, ...]
+    blocks: tuple[BlockShape, ...]
+    driven: tuple[DrivenPoint, ...]
+
+
+@dataclass(frozen=True)
+class Ends:
+    """End frames of a member: p at `start` (3,) with axes `frame` (3, 3), global; q at d (3,), Q (3, 3) in frame p."""
+
+    start: Array
+    frame: Array
+    d: Array
+    Q: Array
+
+
+def member_ends(model: Model, motion: Motion, i: int) -> Ends:
+    """End frames of member `i` at `motion`."""
+    members = model.arrays.members
+    a, b = members.node[i]
+    frame = motion.R[a] @ members.frame[i, 0]
+    start = motion.x[a] + motion.R[a] @ members.offset[i, 0]
+    end = motion.x[b] + motion.R[b] @ members.offset[i, 1]
+    return Ends(start, frame, frame.T @ (end - start), frame.T @ motion.R[b] @ members.frame[i, 1])
+
+
+def member_parts(model: Model, motion: Motion, i: int) -> tuple[Array, NDArray[np.int64], Array]:
+    """Constants, settings and inner state (value, number, inner) of member `i`."""
+    members = model.arrays.members
+    inner = motion.inner[members.inner_at[i] : members.inner_at[i + 1]]
+    return members.value[members.value_at[i] :], members.number[i], inner
+
+
+def curvature(amplitudes: Array, orders: tuple[int, int, int], s: Array) -> Array:
+    """Curvature (len(s), 3) [1/m] about e1, e2, e3 of a strain-mode leaf at s in 0..1."""
+    parts = legendre_modes(orders, s) * amplitudes[:, None]
+    ends = np.cumsum(orders)[:-1]
+    return np.stack([part.sum(axis=0) for part in np.split(parts, ends)], axis=1)
+
+
+def _turns(v: Array) -> Array:
+    """Rotation matrices (k, 3, 3) of rotation vectors (k, 3), by Rodrigues."""
+    t = np.linalg.norm(v, axis=1)[:, None, None]
+    W = np.zeros((len(v), 3, 3))
+    W[:, 0, 1], W[:, 0, 2], W[:, 1, 2] = -v[:, 2], v[:, 1], -v[:, 0]
+    W -= np.swapaxes(W, 1, 2)
+    return np.eye(3) + np.sinc(t / math.pi) * W + 0.5 * np.sinc(0.5 * t / math.pi) ** 2 * (W @ W)
+
+
+def strain_curve(value: Array, number: NDArray[np.int64], inner: Array, points: int) -> tuple[Array, Array]:
+    """Positions (points, 3) [m] and orientations (points, 3, 3) along a strain-mode leaf, in frame p."""
+    nx, ny, nz, ng = (int(n) for n in number[:4])
+    total, L = nx + ny + nz, float(value[0])
+    slack = 1 + nx * nx + ny * ny + nz * nz + total + ng + ng * ng + total * ng
+    soft, n = value[slack : slack + 3], inner[total : total + 3]
+    half = 2 * (points - 1)
+    middle, reach = (np.arange(half) + 0.5) / half, 0.5 / (math.sqrt(3) * half)
+    one, two = (curvature(inner[:total], (nx, ny, nz), middle + sign * reach) for sign in (-1, 1))
+    h = L / half
+    steps = _turns(0.5 * h * (one + two) + math.sqrt(3) / 12 * h * h * np.cross(one, two))
+    R = np.empty((half + 1, 3, 3))
+    R[0] = np.eye(3)
+    for k, step in enumerate(steps):
+        R[k + 1] = R[k] @ step
+    # r' = R (e1 + C R^T n)
+    v = R[:, :, 0] + np.einsum("kij,kj->ki", R, soft * np.einsum("kij,i->kj", R, n))
+    pieces = h / 3 * (v[:-2:2] + 4 * v[1::2] + v[2::2])
+    return np.vstack([np.zeros(3), np.cumsum(pieces, axis=0)]), R[::2]
+
+
+def chain_nodes(value: Array, number: NDArray[np.int64], inner: Array, ends: Ends) -> tuple[Array, Array]:
+    """Positions (n+1, 3) and rotations from the undeformed state (n+1, 3, 3) of a chain's nodes, in frame p."""
+    n = int(number[0])
+    x, R = np.zeros((n + 1, 3)), np.tile(np.eye(3), (n + 1, 1, 1))
+    nodes = inner[: 12 * (n - 1)].reshape(-1, 12)
+    x[1:n], R[1:n] = nodes[:, :3], nodes[:, 3:].reshape(-1, 3, 3)
+    x[n], R[n] = ends.d, ends.Q @ value[16 * n : 16 * n + 9].reshape(3, 3).T
+    return x, R
+
+
+def _chain_curve(value: Array, number: NDArray[np.int64], inner: Array, ends: Ends, points: int) -> tuple[Array, ...]:
+    """Stations (k,), positions (k, 3) and axes (k, 3, 3) along a chain, in frame p: cubics between its nodes."""
+    n = int(number[0])
+    x, R = chain_nodes(value, number, inner, ends)
+    u = np.linspace(0.0, 1.0, max(2, math.ceil((points - 1) / n) + 1))[:, None]
+    s, place, axes = [], [], []
+    at = 0.0
+    for k, record in enumerate(value[: 16 * n].reshape(n, 16)):
+        L, T = record[0], record[7:16].reshape(3, 3)
+        P, Q = R[k] @ T, R[k + 1] @ T
+        weights = (1 - 3 * u**2 + 2 * u**3, 3 * u**2 - 2 * u**3, u - 2 * u**2 + u**3, u**3 - u**2)
+        line = weights[0] * x[k] + weights[1] * x[k + 1] + L * (weights[2] * P[:, 0] + weights[3] * Q[:, 0])
+        turn = np.linalg.qr((1 - u[:, :, None]) * P + u[:, :, None] * Q)
+        mixed = turn[0] * np.sign(np.diagonal(turn[1], axis1=1, axis2=2))[:, None, :]
+        first = 0 if k == 0 else 1
+        s.append(at + L * u[first:, 0])
+        place.append(line[first:])
+        axes.append(mixed[first:])
+        at += L
+    return np.concatenate(s), np.concatenate(place), np.concatenate(axes)
+
+
+def _member_line(model: Model, motion: Motion, i: int, points: int) -> tuple[Array, Array, Array]:
+    """Stations (k,) [m], positions (k, 3), axes (k, 3, 3) of member `i`, global.
+
+    The curve of a fast method ends a little off its clamp (its error); the gap is spread along the leaf.
+    """
+    ends = member_ends(model, motion, i)
+    value, number, inner = member_parts(model, motion, i)
+    kind = model.arrays.members.kind[i]
+    if kind == STRAIN:
+        r, R = strain_curve(value, number, inner, points)
+        s = np.linspace(0.0, float(value[0]), points)
+        r = r + np.linspace(0.0, 1.0, points)[:, None] * (ends.d - r[-1])
+    elif kind == COROTATIONAL:
+        s, r, R = _chain_curve(value, number, inner, ends, points)
+    else:
+        raise ValueError(f"member '{model.member_names[i]}' is a condensed joint, which has no centreline")
+    return s, ends.start + r @ ends.frame.T, ends.frame @ R
+
+
+def scene_leafs(model: Model) -> dict[str, Any]:
+    """Leafs of the scene by full name: "joint/leaf" inside joints, the plain name for free-form ones."""
+    inside = {f"{j.name}/{leaf.name}": leaf for j in model.scene.joints for leaf in j.joint.leafs()}
+    return inside | {leaf.name: leaf.leaf for leaf in model.scene.leafs}
+
+
+def members_of_leafs(model: Model) -> dict[str, list[int]]:
+    """Members of every leaf, by full name: one, or its elements in order where the mesh is nodal."""
+    leafs = scene_leafs(model)
+    found: dict[str, list[int]] = {}
+    for i, name in enumerate(model.member_names):
+        found.setdefault(name if name in leafs else name.rsplit(".", 1)[0], []).append(i)
+    return found
+
+
+def _leaf_shape(model: Model, motion: Motion, name: str, members: list[int], points: int) -> LeafShape:
+    section = scene_leafs(model)[name].section
+    count = max(2, math.ceil((points - 1) / len(members)) + 1)
+    lines = [[_member_line(model, m, i, count) for i in members] for m in (model.rest, motion)]
+    at = np.cumsum([0.0] + [line[0][-1] for line in lines[0]])
+    # where two elements meet, the station is kept once
+    kept = [slice(int(k > 0), None) for k in range(len(members))]
+    joined = [[np.concatenate([line[c][kept[k]] for k, line in enumerate(ls)]) for c in (1, 2)] for ls in lines]
+    s = np.concatenate([line[0][kept[k]] + at[k] for k, line in enumerate(lines[0])])
+    width = section.width or math.sqrt(12 * section.Iy / section.A)
+    thickness = section.thickness or math.sqrt(12 * section.Iz / section.A)
+    (rest, rest_axes), (place, axes) = joined
+    return LeafShape(name, s, rest, place, rest_axes, axes, width, thickness)
+
+
+def _driven(model: Model, motion: Motion) -> tuple[DrivenPoint, ...]:
+    index = {link: i for i, link in enumerate(model.scene.links)}
+    found = []
+    for drive in model.scene.drives:
+        term = drive.terms[0]
+        node, rest = index[term.link], np.asarray(term.point, float)
+        place = motion.x[node] + motion.R[node] @ (rest - model.rest.x[node])
+        along = motion.R[index[term.base]] @ np.asarray(term.direction, float)
+        found.append(DrivenPoint(drive.name, term.kind, rest, place, along))
+    return tuple(found)
+
+
+def _blocks(model: Model, motion: Motion) -> tuple[BlockShape, ...]:
+    members, leafs = model.arrays.members, members_of_leafs(model)
+    points: list[list[Array]] = [[] for _ in model.node_names]
+    owner: list[list[str]] = [[] for _ in model.node_names]
+    for name, parts in leafs.items():
+        for i, end in ((parts[0], 0), (parts[-1], 1)):
+            node = int(members.node[i, end])
+            points[node].append(members.offset[i, end])
+            owner[node].append(name.rsplit("/", 1)[0])
+    index = {link: i for i, link in enumerate(model.scene.links)}
+    for drive in model.scene.drives:
+        for term in drive.terms:
+            if term.kind == "translation":
+                points[index[term.link]].append(np.asarray(term.point, float) - model.rest.x[index[term.link]])
+                owner[index[term.link]].append(drive.name)
+    found = []
+    for node, name in enumerate(model.node_names):
+        if points[node]:
+            arms = np.array(points[node])
+            place = motion.x[node] + arms @ motion.R[node].T
+            found.append(BlockShape(name, model.rest.x[node] + arms, place, tuple(owner[node])))
+    return tuple(found)
+
+
+def mechanism_shape(model: Model, motion: Motion, *, points: int = POINTS) -> Shape:
+    """Leafs at `points` stations or more, blocks and driven points of `model` at `motion`."""
+    leafs = tuple(_leaf_shape(model, motion, n, m, points) for n, m in members_of_leafs(model).items())
+    return Shape(leafs, _blocks(model, motion), _driven(model, motion))

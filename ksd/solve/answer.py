@@ -1,0 +1,235 @@
+"""A configuration as plain numbers with their units in the key: what the tables print and the JSON file holds.
+
+Layout of `as_dict` (every key is explained in SCHEMA): the head says which mechanism was solved how and whether to
+believe it; "steps" is the record of the solve; "drives", "supports", "links", "joints" and "leafs" are tables by
+name. A key ends with the unit of its number: mm, deg, um, mrad, N, Nm, us, percent. Vectors are lists of three in
+global axes unless said otherwise. Numbers that are not finite are null, so the file is strict JSON.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from ksd.properties.section_forces import section_forces
+from ksd.solve.configuration import Configuration
+from ksd.solve.stops import Stop
+
+FORMAT = 1
+SCHEMA: dict[str, str] = {
+    "format": "version of this layout",
+    "mechanism": "name of the scene",
+    "method": "kinematic, reduced, full or conventional",
+    "leaf_model": "leaf model and its fineness, in words",
+    "converged": "whether the last step reached its bound",
+    "stable": "whether the state is a minimum of energy under the held drives",
+    "stability": "the same in words",
+    "negative_pivots": "negative pivots of the last factorisation",
+    "expected_negative_pivots": "those that the drives and supports explain",
+    "iterations": "matrix solves of all steps together",
+    "time_us": "thread time of all steps together",
+    "load_factor": "fraction of the external loads applied",
+    "steps[].name": "step of the method",
+    "steps[].iterations": "matrix solves of the step; null where nothing is iterated",
+    "steps[].time_us": "thread time of the step",
+    "steps[].residual_over_bound": "largest residual over the bound it had to meet; null where there is none",
+    "steps[].gap_m": "largest loop gap left by step 1; null in other steps",
+    "steps[].stop": "stop reason, one word",
+    "steps[].reason": "stop reason, a sentence",
+    "steps[].note": "remark of the step",
+    "drives.*.value_mm": "prescribed displacement",
+    "drives.*.value_deg": "prescribed rotation",
+    "drives.*.value": "prescribed sum of displacements [m] and rotations [rad]",
+    "drives.*.force_N": "force the drive exerts on its link, positive along the drive",
+    "drives.*.moment_Nm": "moment the drive exerts on its link",
+    "drives.*.effort": "force [N] or moment [Nm] of a drive that is a sum of both kinds",
+    "drives.*.force_error_N": "estimated error of the force; null where the method is exact",
+    "drives.*.moment_error_Nm": "estimated error of the moment; null where the method is exact",
+    "drives.*.effort_error": "estimated error of the effort; null where the method is exact",
+    "supports.*.force_N": "force the support exerts",
+    "supports.*.moment_Nm": "moment the support exerts",
+    "supports.*.effort": "force [N] or moment [Nm] of a support that is a sum of both kinds",
+    "error": "null where the method is exact (no error but that of the mesh)",
+    "error.relative_percent": "larger of force error over force and displacement error over displacement",
+    "error.displacement_um": "estimated error of the worst link position",
+    "error.rotation_mrad": "estimated error of the worst link rotation",
+    "links.*.displacement_mm": "displacement of the link's reference point, the mean of what hangs on it",
+    "links.*.reference_mm": "that reference point at rest",
+    "links.*.rotation_deg": "rotation vector of the link from rest",
+    "joints.*.intended.*_deg": "intended rotation, by name of the motion",
+    "joints.*.intended.*_mm": "intended translation, by name of the motion",
+    "joints.*.unintended_displacement_um": "interface B off its intended place, joint axes; null without a record",
+    "joints.*.unintended_rotation_mrad": "interface B off its intended orientation, joint axes; null without a record",
+    "leafs.*.start_force_N": "section forces N, Vy, Vz at the start of the leaf, axes of the deformed section",
+    "leafs.*.start_moment_Nm": "section moments T, My, Mz at the start of the leaf",
+    "leafs.*.end_force_N": "section forces N, Vy, Vz at the end of the leaf",
+    "leafs.*.end_moment_Nm": "section moments T, My, Mz at the end of the leaf",
+    "warnings[]": "what the user should know",
+}
+"""Every key of `as_dict` with its meaning; * stands for a name, [] for the entries of a list."""
+
+
+def as_dict(configuration: Configuration) -> dict[str, Any]:
+    """All numbers of a configuration, ready for `json.dumps`; keys and units as in SCHEMA."""
+    c = configuration
+    return {
+        "format": FORMAT,
+        "mechanism": c.model.scene.name,
+        "method": c.method,
+        "leaf_model": str(c.model.mesh),
+        "converged": c.converged,
+        "stable": c.stable,
+        "stability": stability(c),
+        "negative_pivots": int(c.negatives),
+        "expected_negative_pivots": int(c.expected),
+        "iterations": c.iterations,
+        "time_us": _finite(1e6 * c.time),
+        "load_factor": _finite(c.load_factor),
+        "steps": [_step(s) for s in c.steps],
+        "drives": _drives(c),
+        "supports": _supports(c),
+        "error": _error(c),
+        "links": _links(c),
+        "joints": _joints(c),
+        "leafs": _leafs(c),
+        "warnings": list(c.warnings),
+    }
+
+
+def stability(c: Configuration) -> str:
+    """Whether the configuration stays where it is, in words."""
+    surplus = c.negatives - c.expected
+    if surplus == 0:
+        return "stable: a minimum of energy under the held drives"
+    if surplus > 0:
+        ways = "one direction" if surplus == 1 else f"{surplus} directions"
+        return f"UNSTABLE: the mechanism would leave this state by itself in {ways}"
+    return (
+        f"NOT CERTAIN: {c.negatives} negative pivots where the drives and supports explain {c.expected}; "
+        "two of them may prescribe the same freedom"
+    )
+
+
+def drive_kind(drive: Any) -> str:
+    """ "translation", "rotation", or "mixed" for a sum of both."""
+    kinds = {term.kind for term in drive.terms}
+    return kinds.pop() if len(kinds) == 1 else "mixed"
+
+
+_EFFORT = {"translation": "force_N", "rotation": "moment_Nm", "mixed": "effort"}
+_EFFORT_ERROR = {"translation": "force_error_N", "rotation": "moment_error_Nm", "mixed": "effort_error"}
+_VALUE = {"translation": ("value_mm", 1e3), "rotation": ("value_deg", 180 / math.pi), "mixed": ("value", 1.0)}
+
+
+def _finite(value: float) -> float | None:
+    return float(value) if math.isfinite(value) else None
+
+
+def _list(values: Any, factor: float = 1.0) -> list[float | None]:
+    return [_finite(factor * v) for v in np.asarray(values, float)]
+
+
+def _step(step: Any) -> dict[str, Any]:
+    stop = Stop(step.stop)
+    closing = step.name.startswith("1 ")
+    # steps 2 and 4 are one pass each: no iteration, no residual
+    direct = step.iterations == 0 and step.residual == 0.0
+    return {
+        "name": step.name,
+        "iterations": None if direct else int(step.iterations),
+        "time_us": _finite(1e6 * step.time),
+        "residual_over_bound": None if direct or closing else _finite(step.residual),
+        "gap_m": _finite(step.residual) if closing else None,
+        "stop": stop.name.lower(),
+        "reason": stop.sentence,
+        "note": step.note,
+    }
+
+
+def _drives(c: Configuration) -> dict[str, dict[str, float | None]]:
+    found, forces = {}, c.forces
+    for i, drive in enumerate(c.model.scene.drives):
+        kind = drive_kind(drive)
+        key, factor = _VALUE[kind]
+        error = None if c.error is None else _finite(c.error.force[i])
+        found[drive.name] = {
+            key: _finite(factor * c.targets[drive.name]),
+            _EFFORT[kind]: _finite(forces[drive.name]),
+            _EFFORT_ERROR[kind]: error,
+        }
+    return found
+
+
+def _supports(c: Configuration) -> dict[str, dict[str, float | None]]:
+    reactions = c.reactions
+    return {s.name: {_EFFORT[drive_kind(s)]: _finite(reactions[s.name])} for s in c.model.scene.supports}
+
+
+def _error(c: Configuration) -> dict[str, float | None] | None:
+    if c.error is None:
+        return None
+    return {
+        "relative_percent": _finite(100 * c.error.relative),
+        "displacement_um": _finite(1e6 * c.error.displacement),
+        "rotation_mrad": _finite(1e3 * c.error.rotation),
+    }
+
+
+def _links(c: Configuration) -> dict[str, dict[str, Any]]:
+    found = {}
+    for i, (name, (displacement, _)) in enumerate(c.links.items()):
+        if i > 0:
+            found[name] = {
+                "displacement_mm": _list(displacement, 1e3),
+                "reference_mm": _list(c.model.rest.x[i], 1e3),
+                "rotation_deg": _list(c.rotation(name), 180 / math.pi),
+            }
+    return found
+
+
+def _joints(c: Configuration) -> dict[str, dict[str, Any]]:
+    found = {}
+    for placed in c.model.scene.joints:
+        intended = {}
+        for motion, value in zip(placed.joint.motions, _intended(c, placed), strict=True):
+            unit, factor = ("mm", 1e3) if motion.kind == "translation" else ("deg", 180 / math.pi)
+            intended[f"{motion.name}_{unit}"] = _finite(factor * value)
+        off = c.unintended.get(placed.name)
+        found[placed.name] = {
+            "intended": intended,
+            "unintended_displacement_um": None if off is None else _list(off[:3], 1e6),
+            "unintended_rotation_mrad": None if off is None else _list(off[3:], 1e3),
+        }
+    return found
+
+
+def _intended(c: Configuration, placed: Any) -> list[float]:
+    """Intended motions [rad or m] of a joint: as solved for, or else read from the relative pose of its links."""
+    motions = placed.joint.motions
+    names = [placed.name if len(motions) == 1 else f"{placed.name}.{m.name}" for m in motions]
+    if all(n in c.motions for n in names):
+        return [c.motions[n] for n in names]
+    from scipy.spatial.transform import Rotation
+
+    axes = np.asarray(placed.rotation, float)
+    a, b = (c.model.scene.links.index(link) for link in (placed.a, placed.b))
+    x, R, rest = c.motion.x, c.motion.R, c.model.rest.x
+    start, end = placed.place((0, 0, 0)), placed.place(placed.joint.pose_B)
+    across = x[b] + R[b] @ (end - rest[b]) - x[a] - R[a] @ (start - rest[a])
+    shift = axes.T @ R[a].T @ across - np.asarray(placed.joint.pose_B)
+    turn = Rotation.from_matrix(axes.T @ R[a].T @ R[b] @ axes).as_rotvec()
+    return [float(np.asarray(m.axis) @ (shift if m.kind == "translation" else turn)) for m in motions]
+
+
+def _leafs(c: Configuration) -> dict[str, dict[str, Any]]:
+    return {
+        name: {
+            "start_force_N": _list(f.start[:3]),
+            "start_moment_Nm": _list(f.start[3:]),
+            "end_force_N": _list(f.end[:3]),
+            "end_moment_Nm": _list(f.end[3:]),
+        }
+        for name, f in section_forces(c.model, c.motion).items()
+    }

@@ -1,0 +1,149 @@
+"""Tables of a configuration for the terminal: the solve step by step, drives, joints, links, warnings.
+
+They print the numbers of `as_dict` and no others; layout and units of those are in `ksd.solve.answer`.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from ksd.solve.answer import SCHEMA, as_dict
+from ksd.solve.configuration import Configuration
+
+WIDTH = 100
+"""Columns all tables fit in."""
+_STOPS = {
+    "converged": "within bound",
+    "too_many": "iteration limit",
+    "local_angle": "element turned over 60 deg",
+    "singular": "singular stiffness",
+    "diverged": "residual over eps_max",
+    "not_finite": "numbers overflowed",
+    "smallest_step": "smallest drive step",
+}
+_UNITS = {"value_mm": "mm", "value_deg": "deg", "value": "", "force_N": "N", "moment_Nm": "Nm", "effort": "N, Nm"}
+
+
+def tables(configuration: Configuration) -> list[Any]:
+    """Rich renderables, no wider than WIDTH columns: head, steps, drives, joints, links, warnings."""
+    from rich.text import Text
+
+    d = as_dict(configuration)
+    parts = [_head(d), _steps(d), _drives(d), *_verdict(d)]
+    if d["joints"]:
+        parts += _joints(d)
+    if d["links"]:
+        parts += _links(d)
+    parts += [Text(f"Warning: {w}.", style="yellow") for w in d["warnings"]]
+    return parts
+
+
+def number(value: float | None, digits: int = 4, *, zero: float = 0.0) -> str:
+    """`value` to significant digits, without an exponent where that stays readable; below `zero` it is noise: 0."""
+    if value is None:
+        return "–"
+    if abs(value) <= zero:
+        return "0"
+    if not 1e-3 <= abs(value) < 1e6:
+        return f"{value:.{min(digits, 3) - 1}e}"
+    places = max(0, digits - 1 - math.floor(math.log10(abs(value))))
+    return f"{value:.{places}f}"
+
+
+def _table(*columns: str) -> Any:
+    """An empty table: the first column is text, the others are numbers on the right unless marked by '<'."""
+    from rich import box
+    from rich.table import Table
+    from rich.text import Text
+
+    table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
+    for i, column in enumerate(columns):
+        left = i == 0 or column.startswith("<")
+        # as text, or rich would take a unit in brackets for markup
+        table.add_column(Text(column.removeprefix("<")), justify="left" if left else "right", overflow="fold")
+    return table
+
+
+def _title(words: str) -> Any:
+    from rich.text import Text
+
+    return Text(words, style="bold")
+
+
+def _head(d: dict[str, Any]) -> Any:
+    from rich.text import Text
+
+    done = "solved" if d["converged"] else "NOT SOLVED"
+    text = Text(f"{d['mechanism']}: {done} by {d['method']}", style="bold")
+    return text.append(f", {d['leaf_model']}", style="not bold")
+
+
+def _steps(d: dict[str, Any]) -> Any:
+    table = _table("step", "iterations", "time\n[us]", "residual\n/ bound", "<stopped\nbecause", "<note")
+    for s in d["steps"]:
+        why = _STOPS[s["stop"]]
+        if s["stop"] == "converged":
+            why = "loops closed" if s["gap_m"] is not None else "done" if s["iterations"] is None else why
+        if s["name"] == "error estimate":
+            why = "not iterated"
+        count = "–" if s["iterations"] is None else str(s["iterations"])
+        residual = number(s["residual_over_bound"], 2)
+        table.add_row(s["name"], count, number(s["time_us"], 3), residual, why, s["note"])
+    table.add_section()
+    table.add_row("total", str(d["iterations"]), number(d["time_us"], 3), "", "", "")
+    return table
+
+
+def _drives(d: dict[str, Any]) -> Any:
+    table = _table("drive", "value", "<", "force or moment", "<", "estimated error")
+    for name, row in d["drives"].items():
+        (at, value), (effort, force), (_, error) = row.items()
+        said = "–" if error is None else f"+-{number(error, 2, zero=1e-12)}"
+        table.add_row(name, number(value, 6, zero=1e-12), _UNITS[at], number(force, 6, zero=1e-12), _UNITS[effort], said)
+    for name, row in d["supports"].items():
+        ((effort, force),) = row.items()
+        table.add_row(f"{name} (support)", "0", "", number(force, 6, zero=1e-12), _UNITS[effort], "–")
+    return table
+
+
+def _verdict(d: dict[str, Any]) -> list[Any]:
+    """Error and stability, a line each."""
+    from rich.text import Text
+
+    error = d["error"]
+    if error is None:
+        said = "Error: none but that of the mesh"
+    elif error["relative_percent"] is None:
+        said = "Estimated error: not a number; do not use this result"
+    else:
+        shift, turn = number(error["displacement_um"], 2), number(error["rotation_mrad"], 2)
+        said = f"Estimated error: {number(error['relative_percent'], 2)} % (links within {shift} um and {turn} mrad)"
+    return [Text(said), Text(f"State: {d['stability']}", style="" if d["stable"] else "bold red")]
+
+
+def _joints(d: dict[str, Any]) -> list[Any]:
+    known = any(j["unintended_displacement_um"] is not None for j in d["joints"].values())
+    off = ("x [um]", "y [um]", "z [um]", "rx [mrad]", "ry [mrad]", "rz [mrad]") if known else ()
+    table = _table("joint", "intended", *off)
+    for name, j in d["joints"].items():
+        several = len(j["intended"]) > 1
+        said = []
+        for key, value in j["intended"].items():
+            motion, unit = key.rsplit("_", 1)
+            said.append(f"{motion + ' ' if several else ''}{number(value, 5, zero=1e-9)} {unit}")
+        row = [*(j["unintended_displacement_um"] or [None] * 3), *(j["unintended_rotation_mrad"] or [None] * 3)]
+        table.add_row(name, "\n".join(said), *[number(v, 3, zero=1e-6) for v in row[: len(off)]])
+    title = "Joints: intended motion" + (", and unintended displacement and rotation of interface B" if known else "")
+    return [_title(title), table]
+
+
+def _links(d: dict[str, Any]) -> list[Any]:
+    columns = ("x [mm]", "y [mm]", "z [mm]", "rx [deg]", "ry [deg]", "rz [deg]")
+    table = _table("link", *columns)
+    for name, link in d["links"].items():
+        table.add_row(name, *[number(v, 5, zero=1e-9) for v in (*link["displacement_mm"], *link["rotation_deg"])])
+    return [_title("Links: displacement of the reference point and rotation"), table]
+
+
+__all__ = ["SCHEMA", "WIDTH", "as_dict", "number", "tables"]

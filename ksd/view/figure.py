@@ -1,0 +1,90 @@
+"""What all pictures share: colours, figures that need no display, outlines, and saving."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ksd.errors import SceneError
+
+Array = NDArray[np.float64]
+INK = "#1f2430"
+FAINT = "#9aa3b2"
+REST = "#c3c9d4"
+LEAF = "#c2410c"
+DRIVE = "#b91c1c"
+GROUND = "#4b5563"
+LINKS = ("#5b8db8", "#6a9f58", "#9a7bb5", "#b8925b", "#4fa3a0", "#b8657f")
+"""Links take these in turn; leafs share one colour so that they stand out."""
+
+
+def new_figure(width: float, height: float, *, dpi: int = 150) -> Any:
+    """An empty matplotlib figure of `width` x `height` inches that needs no display."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(width, height), dpi=dpi, layout="constrained")
+    FigureCanvasAgg(figure)
+    return figure
+
+
+def check_picture(path: str | os.PathLike[str]) -> Path:
+    """The path, if a picture can be written there. Raises SceneError for an unknown type or a missing folder."""
+    from matplotlib.backend_bases import FigureCanvasBase
+
+    target = Path(path)
+    known = FigureCanvasBase.get_supported_filetypes()
+    kind = target.suffix.lstrip(".").lower()
+    if kind not in known:
+        raise SceneError(f"picture '{target}': type '{kind}' is unknown; choose one of .png, .pdf, .svg")
+    if not target.parent.is_dir():
+        raise SceneError(f"picture '{target}': folder '{target.parent}' does not exist; make it first")
+    return target
+
+
+def save_figure(figure: Any, path: str | os.PathLike[str]) -> Any:
+    """Write a figure to `path` (.png, .pdf, .svg ...) and return it. Raises SceneError when that is not possible."""
+    target = check_picture(path)
+    try:
+        figure.savefig(target)
+    except OSError as error:
+        raise SceneError(f"picture '{target}' cannot be written: {error.strerror}") from error
+    return figure
+
+
+def hull(points: Array) -> Array:
+    """Corners (k, 2), counterclockwise, of the convex hull of points (n, 2); two where they lie on a line."""
+    order = sorted({(float(x), float(y)) for x, y in points})
+    spread = np.linalg.svd(points - points.mean(axis=0))
+    if len(order) < 3 or spread.S[1] < 1e-6 * spread.S[0]:
+        along = points @ spread.Vh[0]
+        return points[[int(along.argmin()), int(along.argmax())]]
+
+    def chain(run: list[tuple[float, float]]) -> list[tuple[float, float]]:
+        kept: list[tuple[float, float]] = []
+        for p in run:
+            while len(kept) > 1 and _left(kept[-2], kept[-1], p) <= 1e-15:
+                kept.pop()
+            kept.append(p)
+        return kept
+
+    return np.array(chain(order)[:-1] + chain(order[::-1])[:-1])
+
+
+def _left(a: tuple[float, float], b: tuple[float, float], c: tuple[float, float]) -> float:
+    """Twice the area of triangle a, b, c [m^2], positive counterclockwise."""
+    return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
+
+
+def spoken_value(value: float, kind: str) -> str:
+    """A drive value with its unit: mm for translations, degrees for rotations."""
+    return f"{1e3 * value:.4g} mm" if kind == "translation" else f"{np.degrees(value):.4g}\N{DEGREE SIGN}"
+
+
+def spoken_force(value: float, kind: str) -> str:
+    """A drive force [N] or moment [Nm] with its unit."""
+    return f"{value:.4g} N" if kind == "translation" else f"{value:.4g} Nm"

@@ -1,0 +1,164 @@
+"""The mechanism in two dimensions: deformed over undeformed, with its drives, in millimetres."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from ksd.errors import SceneError
+from ksd.view.figure import (
+    DRIVE,
+    FAINT,
+    GROUND,
+    INK,
+    LEAF,
+    LINKS,
+    REST,
+    Array,
+    hull,
+    new_figure,
+    spoken_force,
+    spoken_value,
+)
+
+_AXES = "xyz"
+_BACKING = {"boxstyle": "round,pad=0.15", "fc": "white", "ec": "none", "alpha": 0.75}
+
+
+def best_plane(shape: Any) -> str:
+    """The coordinate plane in which the mechanism is widest: "xy", "xz" or "yz"."""
+    points = np.concatenate([np.concatenate([leaf.rest, leaf.place]) for leaf in shape.leafs])
+    normal = int(np.argmin(np.ptp(points, axis=0)[::-1]))
+    return ("xy", "xz", "yz")[normal]
+
+
+def plot_mechanism(
+    configuration: Any,
+    *,
+    axes: Any = None,
+    plane: str | None = None,
+    labels: bool = True,
+    title: str | None = None,
+) -> Any:
+    """Draw the deformed mechanism over the undeformed one (grey); returns the matplotlib figure.
+
+    axes: matplotlib axes to draw into, a new figure when None. plane: "xy", "xz" or "yz", the widest when None.
+    labels: names of links and drives, with drive values and forces. Raises SceneError for another plane.
+    """
+    shape = configuration.shape()
+    plane = plane or best_plane(shape)
+    if plane not in ("xy", "xz", "yz"):
+        raise SceneError(f'plane = {plane!r}: choose "xy", "xz" or "yz"')
+    pick = [_AXES.index(a) for a in plane]
+    if axes is None:
+        axes = _fitting_figure(shape, pick).add_subplot()
+    _rest(axes, shape, pick)
+    _links(axes, shape, pick, labels)
+    for leaf in shape.leafs:
+        _line(axes, leaf.place[:, pick], color=LEAF, linewidth=1.8, zorder=4)
+    axes.set_aspect("equal")
+    axes.margins(0.12)
+    _drives(axes, configuration, shape, pick, labels)
+    axes.set_xlabel(f"{plane[0]} [mm]")
+    axes.set_ylabel(f"{plane[1]} [mm]")
+    axes.set_title(title if title is not None else _caption(configuration), fontsize=10, color=INK, loc="left")
+    axes.grid(True, color="#eceff4", linewidth=0.8)
+    axes.set_axisbelow(True)
+    for side in ("top", "right"):
+        axes.spines[side].set_visible(False)
+    return axes.figure
+
+
+def _fitting_figure(shape: Any, pick: list[int]) -> Any:
+    """A figure 7 inches wide, as high as the mechanism needs at equal scales."""
+    points = np.concatenate([np.concatenate([leaf.rest, leaf.place]) for leaf in shape.leafs])[:, pick]
+    wide, high = np.maximum(np.ptp(points, axis=0), 1e-9)
+    return new_figure(7.0, float(np.clip(6.2 * high / wide + 0.9, 2.8, 7.0)))
+
+
+def _caption(configuration: Any) -> str:
+    return f"{configuration.model.scene.name}, {configuration.method}; undeformed in grey"
+
+
+def _line(axes: Any, points: Array, **style: Any) -> None:
+    axes.plot(1e3 * points[:, 0], 1e3 * points[:, 1], solid_capstyle="round", **style)
+
+
+def _outline(axes: Any, points: Array, color: str, alpha: float, zorder: float) -> None:
+    """The convex hull of a block's attachment points: filled, or a thick line where they lie on one."""
+    corners = 1e3 * hull(points)
+    if len(corners) > 2:
+        axes.fill(*corners.T, facecolor=color, edgecolor="none", alpha=alpha, zorder=zorder)
+        axes.plot(*np.vstack([corners, corners[:1]]).T, color=color, linewidth=1.0, zorder=zorder)
+    else:
+        axes.plot(*corners.T, color=color, linewidth=3.0, solid_capstyle="round", zorder=zorder)
+
+
+def _pieces(block: Any, points: Array) -> list[Array]:
+    """Ground in one piece per joint, as it has no body of its own; other blocks whole."""
+    if block.name != "ground":
+        return [points]
+    owners = np.array(block.owner)
+    return [points[owners == name] for name in dict.fromkeys(block.owner)]
+
+
+def _rest(axes: Any, shape: Any, pick: list[int]) -> None:
+    for leaf in shape.leafs:
+        _line(axes, leaf.rest[:, pick], color=REST, linewidth=1.2, zorder=1)
+    for block in shape.blocks:
+        if block.name != "ground":
+            corners = 1e3 * hull(block.rest[:, pick])
+            axes.plot(*np.vstack([corners, corners[:1]]).T, color=REST, linewidth=0.8, linestyle=(0, (4, 3)), zorder=1)
+
+
+def _links(axes: Any, shape: Any, pick: list[int], labels: bool) -> None:
+    middle = np.concatenate([leaf.place for leaf in shape.leafs])[:, pick].mean(axis=0)
+    links = 0
+    for block in shape.blocks:
+        ground = block.name == "ground"
+        inner = "/" in block.name
+        color = GROUND if ground else FAINT if inner else LINKS[links % len(LINKS)]
+        links += not (ground or inner)
+        pieces = _pieces(block, block.place[:, pick])
+        for piece in pieces:
+            _outline(axes, piece, color, 0.22, 2)
+        if labels and not inner:
+            _name(axes, block.name, pieces[0], middle)
+
+
+def _name(axes: Any, name: str, points: Array, middle: Array) -> None:
+    """The name of a block: inside it, or beside it, away from the mechanism, where it is a line in this view."""
+    corners = hull(points)
+    at, offset = corners.mean(axis=0), np.zeros(2)
+    if len(corners) < 3:
+        along = corners[-1] - corners[0]
+        offset = np.array([-along[1], along[0]]) / max(float(np.linalg.norm(along)), 1e-12)
+        # a quarter along, as drives often act in the middle
+        at = 0.75 * corners[0] + 0.25 * corners[-1]
+        offset = (offset if offset @ (at - middle) >= 0 else -offset) * [24.0, 10.0]
+    axes.annotate(
+        name, 1e3 * at, offset, textcoords="offset points", ha="center", va="center", fontsize=8, color=INK, zorder=6,
+        bbox=_BACKING,
+    )  # fmt: skip
+
+
+def _drives(axes: Any, configuration: Any, shape: Any, pick: list[int], labels: bool) -> None:
+    """An arrow along every driven displacement, from rest; a ring at every driven point; value and force beside."""
+    for driven in shape.driven:
+        rest, place = 1e3 * driven.rest[pick], 1e3 * driven.place[pick]
+        value, tip = configuration.targets[driven.name], place
+        if driven.kind == "translation":
+            tip = rest + 1e3 * value * driven.direction[pick]
+            axes.annotate(
+                "", tip, rest, zorder=5,
+                arrowprops={"arrowstyle": "-|>", "color": DRIVE, "linewidth": 1.4, "shrinkA": 0, "shrinkB": 0},
+            )  # fmt: skip
+            axes.plot(*np.stack([tip, place]).T, color=DRIVE, linewidth=0.8, linestyle=":", zorder=5)
+        axes.plot(*place, marker="o", markersize=5, color=DRIVE, markerfacecolor="white", zorder=6)
+        if labels:
+            said = f"{driven.name}: {spoken_value(value, driven.kind)}, "
+            said += spoken_force(configuration.forces[driven.name], driven.kind)
+            axes.annotate(
+                said, tip, (8, 6), textcoords="offset points", fontsize=8, color=DRIVE, zorder=7, bbox=_BACKING
+            )

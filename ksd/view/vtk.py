@@ -1,0 +1,111 @@
+"""Files for ParaView: leafs as ribbons of quadrilaterals, rigid blocks as lines, in VTK's XML format (.vtu).
+
+Positions in m. Point array: displacement [m]. Cell arrays: body (index into the field array of names, leafs first)
+and rigid (0 leaf, 1 block). No VTK library is needed to write it.
+"""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import Any
+from xml.sax.saxutils import escape, quoteattr
+
+import numpy as np
+
+from ksd.errors import SceneError
+from ksd.view.figure import Array
+from ksd.view.solid import ribbon
+
+_LINE, _QUAD = 3, 9
+
+
+class _Grid:
+    """Points, cells and their numbers, collected part by part."""
+
+    def __init__(self) -> None:
+        self.points: list[Array] = []
+        self.displacement: list[Array] = []
+        self.cells: list[np.ndarray] = []
+        self.kinds: list[int] = []
+        self.body: list[int] = []
+        self.names: list[str] = []
+        self.count = 0
+
+    def add(self, name: str, rest: Array, place: Array, cells: np.ndarray) -> None:
+        """A body of points (k, 3) and cells (n, corners) of its own point numbers."""
+        self.points.append(place)
+        self.displacement.append(place - rest)
+        self.cells += list(cells + self.count)
+        self.kinds += [_QUAD if cells.shape[1] == 4 else _LINE] * len(cells)
+        self.body += [len(self.names)] * len(cells)
+        self.names.append(name)
+        self.count += len(place)
+
+
+def _collect(shape: Any) -> _Grid:
+    grid = _Grid()
+    for leaf in shape.leafs:
+        k = len(leaf.s)
+        rest = np.vstack(ribbon(leaf.rest, leaf.rest_axes, leaf.width))
+        place = np.vstack(ribbon(leaf.place, leaf.axes, leaf.width))
+        i = np.arange(k - 1)
+        grid.add(leaf.name, rest, place, np.stack([i, i + 1, i + 1 + k, i + k], axis=1))
+    for block in shape.blocks:
+        k = len(block.rest)
+        rest = np.vstack([block.rest.mean(axis=0), block.rest])
+        place = np.vstack([block.place.mean(axis=0), block.place])
+        grid.add(block.name, rest, place, np.stack([np.zeros(k, int), np.arange(1, k + 1)], axis=1))
+    return grid
+
+
+def _array(kind: str, name: str, values: Any, parts: int = 1) -> str:
+    """One ASCII data array."""
+    flat = np.asarray(values).ravel()
+    text = " ".join(f"{v:.9g}" for v in flat) if kind == "Float64" else " ".join(map(str, flat.tolist()))
+    return f'<DataArray type="{kind}" Name={quoteattr(name)} NumberOfComponents="{parts}" format="ascii">{text}</DataArray>'
+
+
+def vtu_text(shape: Any) -> str:
+    """The file's text, for a `Shape`."""
+    grid = _collect(shape)
+    offsets = np.cumsum([len(c) for c in grid.cells])
+    rigid = [int(k == _LINE) for k in grid.kinds]
+    names = escape("\n".join(f"{i} {name}" for i, name in enumerate(grid.names)).replace("--", "- -"))
+    return "\n".join(
+        [
+            '<?xml version="1.0"?>',
+            f"<!-- lengths in m; bodies by number:\n{names}\n-->",
+            '<VTKFile type="UnstructuredGrid" version="0.1" byte_order="LittleEndian"><UnstructuredGrid>',
+            f'<Piece NumberOfPoints="{grid.count}" NumberOfCells="{len(grid.cells)}">',
+            "<PointData Vectors=\"displacement\">",
+            _array("Float64", "displacement", np.concatenate(grid.displacement), 3),
+            "</PointData>",
+            "<CellData>",
+            _array("Int32", "body", grid.body),
+            _array("Int32", "rigid", rigid),
+            "</CellData>",
+            "<Points>",
+            _array("Float64", "Points", np.concatenate(grid.points), 3),
+            "</Points>",
+            "<Cells>",
+            _array("Int32", "connectivity", np.concatenate(grid.cells)),
+            _array("Int32", "offsets", offsets),
+            _array("UInt8", "types", grid.kinds),
+            "</Cells>",
+            "</Piece></UnstructuredGrid></VTKFile>",
+            "",
+        ]
+    )
+
+
+def write_vtu(configuration: Any, path: str | os.PathLike[str]) -> Path:
+    """Write the deformed mechanism to `path` and return it. Raises SceneError unless it ends in .vtu and can be written."""
+    target = Path(path)
+    if target.suffix.lower() != ".vtu":
+        raise SceneError(f"'{target}': VTK files of this kind end in .vtu")
+    try:
+        target.write_text(vtu_text(configuration.shape()), encoding="utf-8")
+    except OSError as error:
+        raise SceneError(f"'{target}' cannot be written: {error.strerror}") from error
+    return target

@@ -1,0 +1,268 @@
+"""Materials, leafs, wires, joints and families: meaning, defaults, and the sentence each bad value gets."""
+
+import math
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from ksd.errors import SceneError
+from ksd.scene import (
+    CrossFlexure,
+    DrawnJoint,
+    Joint,
+    Leaf,
+    Material,
+    Motion,
+    joint_families,
+    joint_family,
+    make_joint,
+    wire,
+)
+from ksd.section import circle, rectangle
+from ksd.units import GPa, deg, mm
+
+STEEL = Material(200 * GPa, 76.9 * GPa, density=7800)
+BLADE = rectangle(1 * mm, 40 * mm)
+SIZES = {"length": 0.1, "angle": 45 * deg, "thickness": 1 * mm, "widths": (40 * mm, 20 * mm)}
+TURN = Motion("angle", "rotation", "z", (-1.0, 1.0))
+
+
+def leaf(**words):
+    given = {"start": (0, 0, 0), "end": (0.1, 0, 0), "width_axis": "z", "section": BLADE, "material": STEEL}
+    return Leaf(**{**given, **words})
+
+
+def cross(**words):
+    return CrossFlexure(words.pop("material", STEEL), **{**SIZES, **words})
+
+
+def drawn(**words):
+    given = {"blocks": {"A": (0, 0, 0), "B": (0.1, 0, 0)}, "leafs": [leaf()], "motions": [TURN]}
+    return DrawnJoint("mine", **{**given, **words})
+
+
+def sentence(call):
+    with pytest.raises(SceneError) as caught:
+        call()
+    message = str(caught.value)
+    assert "\n" not in message and message.endswith((".", "?"))
+    return message
+
+
+# Materials
+
+
+def test_third_modulus_follows():
+    assert pytest.approx(200e9 / 2.6) == Material(200e9, nu=0.3).G
+    assert pytest.approx(192.5e9) == Material(G=77e9, nu=0.25).E
+    assert STEEL.nu == pytest.approx(200 / 153.8 - 1)
+    assert Material(200e9, 200e9 / 2.6, nu=0.3).nu == 0.3
+    assert Material(200e9, nu=0.0).G == 100e9
+    assert Material(200 * GPa, 76.9 * GPa, density=7800) == STEEL
+    assert STEEL.density == 7800.0 and Material(1, 1).density is None
+
+
+@pytest.mark.parametrize(
+    ("call", "words"),
+    [
+        (lambda: Material(-1, 1), ["Material", "E = -1 Pa", "positive"]),
+        (lambda: Material(0, 1), ["E = 0", "positive"]),
+        (lambda: Material(1, math.nan), ["G = nan", "finite"]),
+        (lambda: Material(1, nu=0.6), ["nu", "0.6", "between -1 and 0.5"]),
+        (lambda: Material(1, nu=-1), ["nu", "-1", "between"]),
+        (lambda: Material(1), ["two of E, G and nu", "only E"]),
+        (lambda: Material(), ["two of E, G and nu", "none"]),
+        (lambda: Material(200e9, 100e9, nu=0.3), ["contradict", "give two"]),
+        (lambda: Material(1, 1, density=0, name="foam"), ["'foam'", "density = 0", "positive"]),
+        (lambda: Material("200 GPa", 1), ["E = '200 GPa'", "not a number"]),
+        (lambda: Material(1, 1, name=3), ["name = 3", "text"]),
+    ],
+)
+def test_bad_material(call, words):
+    message = sentence(call)
+    assert all(word in message for word in words), message
+
+
+# Leafs
+
+
+def test_leaf_axes_are_right_handed_and_follow_the_width():
+    tilted = leaf(end=(0.03, 0.04, 0))
+    assert tilted.length == pytest.approx(0.05)
+    assert np.allclose(tilted.axes, [[0.6, -0.8, 0], [0.8, 0.6, 0], [0, 0, 1]])
+    assert np.linalg.det(leaf(width_axis="-y").axes) == pytest.approx(1.0)
+
+
+def test_wire_needs_no_width_axis():
+    made = wire(diameter=1 * mm, material=STEEL, start=(0, 0, 0), end=(0.1, 0.1, 0.1))
+    assert made.section == circle(1 * mm)
+    assert np.allclose(made.axes.T @ made.axes, np.eye(3))
+
+
+def test_leaf_keeps_mesh_and_curvature():
+    made = leaf(elements=3, orders=[4, 3, 5], curvature=lambda s: (0, 0, s))
+    assert (made.elements, made.orders) == (3, (4, 3, 5))
+    assert made.curvature(2.0) == (0, 0, 2.0)
+
+
+@pytest.mark.parametrize(
+    ("call", "words"),
+    [
+        (lambda: leaf(end=(0, 0, 0)), ["leaf 'leaf'", "length is 0"]),
+        (lambda: leaf(end=(1e308, 0, 0), start=(-1e308, 0, 0)), ["length is inf"]),
+        (lambda: leaf(start=(0, 0)), ["start = (0, 0)", "three numbers"]),
+        (lambda: leaf(start="abc"), ["start = 'abc'", "three numbers"]),
+        (lambda: leaf(start=np.zeros((3, 1))), ["start", "three numbers"]),
+        (lambda: leaf(start=(0, math.inf, 0)), ["start[1] = inf", "finite"]),
+        (lambda: leaf(width_axis=(1, 0, 0)), ["width_axis", "perpendicular"]),
+        (lambda: leaf(width_axis=(0.1, 0, 1)), ["perpendicular", "nearest: (0, 0, 0.995"]),
+        (lambda: leaf(width_axis=(0, 0, 0)), ["width_axis", "no length"]),
+        (lambda: leaf(width_axis="w"), ["width_axis = 'w'", "not a direction"]),
+        (lambda: leaf(section=3), ["section = 3", "Section"]),
+        (lambda: leaf(material="steel"), ["material = 'steel'", "Material"]),
+        (lambda: leaf(elements=0), ["elements = 0", "at least 1"]),
+        (lambda: leaf(elements=2.5), ["elements = 2.5", "whole number"]),
+        (lambda: leaf(orders=(4, 3)), ["orders = (4, 3)", "three"]),
+        (lambda: leaf(orders=(4, 3, 0)), ["orders = 0", "at least 1"]),
+        (lambda: leaf(curvature=3), ["curvature = 3", "function"]),
+        (lambda: leaf(name=""), ["name = ''"]),
+        (lambda: leaf(name="a\nb"), ["name", "printable"]),
+        (lambda: leaf(start_block=""), ["start_block"]),
+        (
+            lambda: wire(diameter=0, material=STEEL, start=(0, 0, 0), end=(1, 0, 0)),
+            ["diameter = 0", "positive"],
+        ),
+    ],
+)
+def test_bad_leaf(call, words):
+    message = sentence(call)
+    assert all(word in message for word in words), message
+
+
+# The cross flexure
+
+
+def test_cross_flexure_geometry():
+    # acceptance.md B
+    joint = cross()
+    D0, h = 0.1 * math.cos(math.pi / 4), 0.05 * math.sin(math.pi / 4)
+    inner, low, high = joint.leafs()
+    assert inner.start == pytest.approx((0, -h, 0)) and inner.end == pytest.approx((D0, h, 0))
+    assert low.start == pytest.approx((0, h, -0.03)) and low.end == pytest.approx((D0, -h, -0.03))
+    assert high.start == pytest.approx((0, h, 0.03)) and high.end == pytest.approx((D0, -h, 0.03))
+    assert [f.section.width for f in (inner, low, high)] == [0.04, 0.02, 0.02]
+    assert all(f.length == pytest.approx(0.1) and f.width_axis == (0, 0, 1) for f in (inner, low, high))
+    assert joint.length_AB == pytest.approx(D0)
+    assert joint.blocks() == {"A": (0.0, 0.0, 0.0), "B": joint.pose_B}
+    assert joint.shape() == {"angle": pytest.approx(math.pi / 4), "width_ratio": 1.0}
+    (motion,) = joint.motions
+    assert (motion.kind, motion.axis) == ("rotation", (0, 0, 1))
+    assert motion.range == pytest.approx((-75 * deg, 75 * deg))
+
+
+def test_cross_flexure_spacing():
+    assert cross(gap=5 * mm).spacing == pytest.approx(0.035)
+    assert cross(spacing=0.035).spacing == 0.035
+    assert cross(elements=4, orders=(3, 2, 4)).leafs()[0].elements == 4
+    assert cross(orders=(3, 2, 4)).leafs()[2].orders == (3, 2, 4)
+
+
+@pytest.mark.parametrize(
+    ("words", "expected"),
+    [
+        ({"length": 0}, ["CrossFlexure", "length = 0 m", "positive"]),
+        ({"length": math.nan}, ["length = nan", "finite"]),
+        ({"thickness": -1e-3}, ["thickness = -0.001 m", "positive"]),
+        ({"thickness": 0.06}, ["thickness = 0.06 m", "half the leaf length"]),
+        ({"angle": 0}, ["angle = 0 deg", "between 0 and 90 deg"]),
+        ({"angle": 45}, ["angle = 2578", "between 0 and 90 deg"]),
+        ({"widths": 0.04}, ["widths = 0.04", "two lengths"]),
+        ({"widths": (0.04,)}, ["widths", "two lengths"]),
+        ({"widths": (0.04, 0)}, ["widths[1] (outer) = 0", "positive"]),
+        ({"gap": -1e-3}, ["gap = -0.001", "zero or positive"]),
+        ({"spacing": 0}, ["spacing = 0", "positive"]),
+        ({"spacing": 0.03, "gap": 0}, ["gap", "spacing", "give one"]),
+        ({"material": None}, ["material = None", "Material"]),
+        ({"elements": -1}, ["elements = -1"]),
+    ],
+)
+def test_bad_cross_flexure(words, expected):
+    message = sentence(lambda: cross(**words))
+    assert all(word in message for word in expected), message
+
+
+# Families
+
+
+def test_families_by_name():
+    assert joint_family("cross_flexure") is CrossFlexure
+    assert make_joint("cross_flexure", material=STEEL, **SIZES) == cross()
+    for name, family in joint_families().items():
+        assert family.family == name and issubclass(family, Joint)
+
+
+@pytest.mark.parametrize(
+    ("call", "words"),
+    [
+        (
+            lambda: joint_family("cross_flexur"),
+            ["'cross_flexur'", "unknown", 'did you mean "cross_flexure"?'],
+        ),
+        (lambda: joint_family("hovercraft"), ["unknown", "known: ", "cross_flexure"]),
+        (lambda: joint_family(3), ["3", "unknown"]),
+        (lambda: make_joint("cross_flexure", material=STEEL, **SIZES, lenght=1), ['"length"', "'lenght'"]),
+        (lambda: make_joint("cross_flexure", material=STEEL), ["'length' is missing"]),
+    ],
+)
+def test_unknown_family_or_parameter(call, words):
+    message = sentence(call)
+    assert all(word in message for word in words), message
+
+
+# Joints drawn by the user
+
+
+def test_drawn_joint_answers_like_a_family():
+    joint = drawn(shape={"ratio": 0.5}, length=0.2)
+    assert (joint.family, joint.length, joint.length_AB) == ("mine", 0.2, 0.1)
+    assert joint.shape() == {"ratio": 0.5} and joint.motions == (TURN,)
+    assert drawn().length == pytest.approx(0.1)
+    assert drawn() == drawn() and hash(drawn()) == hash(drawn())
+
+
+def test_drawn_joint_with_an_internal_block():
+    first, second = leaf(end_block="mid", end=(0.05, 0, 0)), leaf(start_block="mid", start=(0.05, 0, 0))
+    joint = drawn(blocks={"A": (0, 0, 0), "B": (0.1, 0, 0), "mid": (0.05, 0, 0)}, leafs=[first, second])
+    assert set(joint.blocks()) == {"A", "B", "mid"} and joint.pose_B == (0.1, 0, 0)
+
+
+@pytest.mark.parametrize(
+    ("call", "words"),
+    [
+        (lambda: drawn(blocks={"A": (0, 0, 0)}), ["joint 'mine'", "'B' is missing"]),
+        (lambda: drawn(blocks={"A": (1, 0, 0), "B": (0.1, 0, 0)}), ["'A'", "origin"]),
+        (lambda: drawn(leafs=[]), ["at least one Leaf"]),
+        (lambda: drawn(leafs=[leaf(end_block="C")]), ["'C'", "known: A, B"]),
+        (lambda: drawn(leafs=[leaf(end_block="A")]), ["same block 'A'"]),
+        (lambda: drawn(blocks={"A": (0, 0, 0), "B": (1, 0, 0), "C": (2, 0, 0)}), ["block 'C'", "add a leaf"]),
+        (lambda: drawn(motions=[]), ["at least one Motion"]),
+        (lambda: drawn(length=-1), ["length = -1", "positive"]),
+        (lambda: drawn(blocks={"A": (0, 0, 0), "B": (0, 0, 0)}), ["length", "positive"]),
+        (lambda: drawn(shape={"ratio": math.inf}), ["shape 'ratio'", "finite"]),
+        (lambda: Motion("m", "twist", "z", (-1, 1)), ["kind = 'twist'", '"rotation"']),
+        (lambda: Motion("m", "rotation", "z", (1, -1)), ["range = (1, -1)", "rise"]),
+        (lambda: Motion("m", "rotation", "z", (1,)), ["range = (1,)", "two numbers"]),
+        (lambda: Motion("m", "rotation", "q", (-1, 1)), ["axis = 'q'", "not a direction"]),
+    ],
+)
+def test_bad_drawn_joint(call, words):
+    message = sentence(call)
+    assert all(word in message for word in words), message
+
+
+def test_scene_imports_numpy_alone():
+    heavy = "{'numba', 'scipy', 'h5py', 'skfem', 'matplotlib'}"
+    code = f"import sys, ksd.scene; sys.exit(bool({heavy} & set(sys.modules)))"
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0

@@ -1,0 +1,501 @@
+"""Scene files: the same scene as in Python, exact round trips, and a sentence for every mistake."""
+
+import math
+import os
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, example, given, settings
+from hypothesis import strategies as st
+
+import ksd.scene
+from ksd.errors import SceneError
+from ksd.scene import CrossFlexure, DrawnJoint, Leaf, Material, Mechanism, Motion
+from ksd.scene.toml_file import load_scene, save_scene
+from ksd.scene.toml_table import DIMENSIONS, quantity
+from ksd.section import circle, numbers, polygon, rectangle, tube
+from ksd.units import NAMES
+
+SHIPPED = Path(ksd.scene.__file__).parent.parent / "scenes"
+STEEL = Material(200e9, 76.9e9, density=7800, name="steel")
+CROSS = CrossFlexure(STEEL, length=0.1, angle=math.pi / 4, thickness=1e-3, widths=(0.04, 0.02))
+
+GOOD = """
+name = "lever"
+gravity = [0, -9.81, 0]
+links = ["arm"]
+[material.steel]
+E = "200 GPa"
+G = "76.9 GPa"
+[section.blade]
+kind = "rectangle"
+thickness = "1 mm"
+width = "40 mm"
+[joint.cross]
+family = "cross_flexure"
+material = "steel"
+length = "100 mm"
+angle = "45 deg"
+thickness = "1 mm"
+widths = ["40 mm", 0.02]
+[[join]]
+a = "ground"
+b = "arm"
+joint = "cross"
+at = [0, 0, "1 mm"]
+axis = "z"
+toward = "x"
+[[leaf]]
+a = "ground"
+b = "arm"
+start = [0, 0.2, 0]
+end = [0.1, 0.2, 0]
+width_axis = "z"
+section = "blade"
+material = "steel"
+elements = 3
+[[wire]]
+a = "ground"
+b = "arm"
+start = [0, 0.3, 0]
+end = [0.1, 0.3, 0]
+diameter = "0.5 mm"
+material = "steel"
+[[actuate]]
+link = "arm"
+about = "z"
+value = "30 deg"
+[[support]]
+link = "arm"
+along = "z"
+at = [0, 0, 0]
+[[load]]
+link = "arm"
+force = ["2 N", 0, 0]
+moment = [0, 0, "3 mNm"]
+at = [0, 0, 0]
+following = true
+[[mass]]
+link = "arm"
+mass = "500 g"
+at = [0.1, 0, 0]
+inertia = [1e-3, 1e-3, 2e-3]
+[options]
+method = "reduced"
+"""
+
+
+@pytest.fixture
+def read(tmp_path):
+    def load(text, **options):
+        file = tmp_path / "case.toml"
+        file.write_bytes(text if isinstance(text, bytes) else text.encode())
+        return load_scene(file, **options)
+
+    return load
+
+
+def sentence(call):
+    with pytest.raises(SceneError) as caught:
+        call()
+    message = str(caught.value)
+    assert "\n" not in message and message.endswith((".", "?")), message
+    return message
+
+
+def test_good_file_says_the_same_as_python(read):
+    found, targets, options = read(GOOD)
+    made = Mechanism("lever")
+    made.gravity = (0, -9.81, 0)
+    arm = made.link("arm")
+    steel = Material(200e9, 76.9e9, name="steel")
+    cross = CrossFlexure(
+        steel, length=100 * 1e-3, angle=45 * NAMES["deg"], thickness=1e-3, widths=(40 * 1e-3, 0.02)
+    )
+    made.join("ground", arm, cross, at=(0, 0, 1e-3), axis="z", toward="x")
+    blade = rectangle(1e-3, 40 * 1e-3)
+    ends = {"start": (0, 0.2, 0), "end": (0.1, 0.2, 0)}
+    made.leaf("ground", arm, **ends, width_axis="z", section=blade, material=steel, elements=3)
+    made.wire("ground", arm, start=(0, 0.3, 0), end=(0.1, 0.3, 0), diameter=5e-4, material=steel)
+    made.actuate(arm, about="z")
+    made.support(arm, along="z", at=(0, 0, 0))
+    made.load(arm, force=(2, 0, 0), moment=(0, 0, 3e-3), at=(0, 0, 0), following=True)
+    made.mass(arm, mass=0.5, at=(0.1, 0, 0), inertia=(1e-3, 1e-3, 2e-3))
+    assert found.scene() == made.scene()
+    assert found.scene().fingerprint() == made.scene().fingerprint()
+    assert targets == {"arm": pytest.approx(math.pi / 6)}
+    assert options == {"method": "reduced"}
+
+
+def test_shipped_fourbar():
+    # acceptance.md C
+    made, targets, _ = load_scene(SHIPPED / "fourbar.toml")
+    scene = made.scene()
+    D0 = 0.1 * math.cos(math.pi / 4)
+    assert targets == {"top": pytest.approx(0.3)}
+    places = {(j.a, j.b): j.origin for j in scene.joints}
+    assert places == {
+        ("ground", "left"): (-0.2, 0, 0),
+        ("left", "top"): (-0.2, pytest.approx(0.3), 0),
+        ("right", "top"): (0.2, pytest.approx(0.3), 0),
+        ("ground", "right"): (0.2, 0, 0),
+    }
+    assert all(j.place(j.joint.pose_B) - j.origin == pytest.approx([0, D0, 0]) for j in scene.joints)
+    (term,) = scene.drives[0].terms
+    assert (term.kind, term.link, term.direction) == ("translation", "top", (1, 0, 0))
+    assert term.point == pytest.approx((0, 0.3 + D0, 0))
+
+
+@pytest.mark.parametrize("file", sorted(SHIPPED.glob("*.toml")), ids=lambda f: f.stem)
+def test_shipped_scenes_load_and_round_trip(file, tmp_path):
+    made, targets, options = load_scene(file)
+    assert made.name == file.stem and targets
+    save_scene(made, tmp_path / "copy.toml", targets=targets, options=options)
+    again, same_targets, same_options = load_scene(tmp_path / "copy.toml")
+    assert again.scene() == made.scene()
+    assert again.scene().fingerprint() == made.scene().fingerprint()
+    assert (same_targets, same_options) == (targets, options)
+
+
+def test_every_unit_has_one_dimension():
+    assert sorted(u for units in DIMENSIONS.values() for u in units) == sorted(NAMES)
+    assert all(NAMES[units[0]] == 1.0 for units in DIMENSIONS.values())
+
+
+@pytest.mark.parametrize(
+    ("text", "dimension", "value"),
+    [
+        ("100 mm", "length", 0.1),
+        (" -1.5e2um", "length", -1.5e-4),
+        (".5 m", "length", 0.5),
+        ("3. N", "force", 3),
+    ],
+)
+def test_quantities(text, dimension, value):
+    assert quantity(text, dimension, "x") == pytest.approx(value)
+
+
+# One mistake at a time: (what stands in the good file, what is put there, essential words of the sentence)
+MISTAKES = [
+    ('thickness = "1 mm"\nwidths', 'thickness = "1 deg"\nwidths',
+     ["[joint.cross]", "thickness = '1 deg': a length is expected, e.g. '1 mm'"]),
+    ('"45 deg"', '"45 mm"', ["[joint.cross]", "angle = '45 mm': an angle is expected", "'45 deg'"]),
+    ('"45 deg"', '"45 deeg"', ["angle = '45 deeg'", "unit 'deeg' is unknown", '"deg"']),
+    ('"45 deg"', '"steep"', ["angle = 'steep'", "an angle is expected"]),
+    ('"45 deg"', '"1e999 deg"', ["angle", "finite"]),
+    ('"45 deg"', "nan", ["angle = nan", "finite"]),
+    ('"45 deg"', "true", ["angle = True", "not a number"]),
+    ('"45 deg"', "[1]", ["angle", "not a number"]),
+    ('"45 deg"', "45", ["[joint.cross]", "angle = 2578", "90 deg"]),
+    ('"45 deg"', "0x" + "f" * 5000, ["angle", "finite"]),
+    ('"45 deg"', "9" * 5000, ["not valid TOML"]),
+    ("[[join]]", 'lenght = 1\n[[join]]', ["[joint.cross]", "'lenght' is unknown", '"length"']),
+    ('length = "100 mm"', "", ["[joint.cross]", "'length' is missing"]),
+    ('length = "100 mm"', "length = -1", ["[joint.cross]", "length = -1", "positive"]),
+    ('length = "100 mm"', 'lenth = "100 mm"', ["[joint.cross]", "'lenth' is unknown", '"length"']),
+    ('widths = ["40 mm", 0.02]', "widths = 0.04", ["widths = 0.04", "two lengths"]),
+    ('widths = ["40 mm", 0.02]', 'widths = ["40 N", 0.02]', ["widths[0] = '40 N': a length"]),
+    ('"cross_flexure"', '"crossflexure"', ["[joint.cross]", "'crossflexure' is unknown", '"cross_flexure"']),
+    ('family = "cross_flexure"', "", ["[joint.cross]", "'family' is missing"]),
+    ('family = "cross_flexure"', "family = 3", ["family = 3", "text in quotes"]),
+    ('material = "steel"\nlength', 'material = "steal"\nlength', ["no material of that name", '"steel"']),
+    ('joint = "cross"', 'joint = "cros"', ["[[join]] 1", "no joint of that name", '"cross"']),
+    ('joint = "cross"', "", ["[[join]] 1", "'joint' is missing"]),
+    ('b = "arm"\njoint', 'b = "amr"\njoint', ["[[join]] 1", "'amr' does not exist", '"arm"']),
+    ('b = "arm"\njoint', 'b = "ground"\njoint', ["[[join]] 1", "with itself"]),
+    ('axis = "z"', 'axis = "up"', ["[[join]] 1", "axis = 'up'", "direction"]),
+    ('axis = "z"', "axis = [0, 0]", ["axis = [0, 0]", "three numbers"]),
+    ('toward = "x"', 'toward = "z"', ["[[join]] 1", "perpendicular"]),
+    ('toward = "x"', 'towards = "x"', ["[[join]] 1", "'toward' is missing", '"towards"']),
+    ('toward = "x"', 'toward = "x"\ncolour = "red"', ["[[join]] 1", "'colour' is unknown"]),
+    ('at = [0, 0, "1 mm"]', "at = 0", ["[[join]] 1", "at = 0", "list of 3"]),
+    ('at = [0, 0, "1 mm"]', 'at = [0, 0, "1 kg"]', ["at[2] = '1 kg': a length"]),
+    ("[[join]]", "[join]", ["join", "[[join]]"]),
+    ("[material.steel]", "[[material]]", ["[material]", "must be a table"]),
+    ("[section.blade]", "section = 3\n[section2]", ["section"]),
+    ('E = "200 GPa"', "E = 0", ["[material.steel]", "E = 0", "positive"]),
+    ('E = "200 GPa"', "", ["[material.steel]", "two of E, G and nu"]),
+    ('E = "200 GPa"', 'E = "200 GPA"', ["unit 'GPA' is unknown", '"GPa"']),
+    ('kind = "rectangle"', 'kind = "rectangel"', ["[section.blade]", '"rectangle"']),
+    ('width = "40 mm"', "", ["[section.blade]", "'width' is missing"]),
+    ('width = "40 mm"', "width = 0", ["[section.blade]", "width = 0", "positive"]),
+    ('section = "blade"', 'section = "blad"', ["[[leaf]] 1", "no section of that name", '"blade"']),
+    ("elements = 3", "elements = 0", ["[[leaf]] 1", "elements = 0"]),
+    ("elements = 3", "orders = [4, 3]", ["[[leaf]] 1", "orders = [4, 3]"]),
+    ('width_axis = "z"', 'width_axis = "x"', ["[[leaf]] 1", "perpendicular"]),
+    ('diameter = "0.5 mm"', "diameter = 0", ["[[wire]] 1", "diameter = 0"]),
+    ('diameter = "0.5 mm"', 'diameter = "0.5 mm"\nthickness = 1', ["[[wire]] 1", "'thickness' is unknown"]),
+    ('value = "30 deg"', 'value = "30 mm"', ["[[actuate]] 1", "value = '30 mm': an angle is expected"]),
+    ('about = "z"', "", ["[[actuate]] 1", "along", "about"]),
+    ('about = "z"', 'along = "z"', ["[[actuate]] 1", "'at' is missing"]),
+    ('[[support]]\nlink = "arm"\nalong = "z"\nat = [0, 0, 0]', '[[support]]\nlink = "arm"\nabout = "-z"',
+     ["same freedom", "'arm'"]),
+    ("[[support]]", '[[support]]\nvalue = 3', ["[[support]] 1", "'value' is unknown"]),
+    ("[[support]]", '[[actuate]]\nterms = [{link = "arm"}]\n[[support]]',
+     ["[[actuate.terms]] 1", "along", "about"]),
+    ("[[support]]", "[[actuate]]\nterms = [3]\n[[support]]", ["[[actuate.terms]] 1", "must be a table"]),
+    ("[[support]]", "[[actuate]]\nterms = []\n[[support]]", ["at least one drive term"]),
+    ("[[support]]", '[[actuate]]\njoint = "arm"\n[[support]]',
+     ["[[actuate]] 2", "joint 'arm' does not exist"]),
+    ("following = true", 'following = "yes"', ["[[load]] 1", "following = 'yes'", "true or false"]),
+    ('force = ["2 N", 0, 0]', 'force = ["2 kg", 0, 0]', ["[[load]] 1", "force[0] = '2 kg': a force"]),
+    ('mass = "500 g"', "mass = -1", ["[[mass]] 1", "mass = -1"]),
+    ("inertia = [1e-3, 1e-3, 2e-3]", 'inertia = ["1", 2, 3]', ["[[mass]] 1", "inertia"]),
+    ('links = ["arm"]', "", ["case.toml", "'links' is missing"]),
+    ('links = ["arm"]', 'links = "arm"', ["links = 'arm'", "list of names"]),
+    ('links = ["arm"]', 'links = ["arm", "arm"]', ["'arm' exists already"]),
+    ('links = ["arm"]', 'links = ["arm", "loose"]', ["case.toml", "'loose' is attached to nothing"]),
+    ('links = ["arm"]', 'links = ["arm", 3]', ["link name = 3"]),
+    ("gravity = [0, -9.81, 0]", "gravity = -9.81", ["gravity = -9.81", "list of 3"]),
+    ("gravity = [0, -9.81, 0]", 'gravity = [0, "9.81", 0]', ["gravity[1] = '9.81'", "plain number"]),
+    ("gravity =", "gravty =", ["case.toml", "'gravty' is unknown", '"gravity"']),
+    ('name = "lever"', "name = 3", ["name = 3", "text in quotes"]),
+    ('name = "lever"', 'name = ""', ["name = ''"]),
+    ('name = "lever"', 'name = "lever"\nname = "x"', ["not valid TOML", "line 3"]),
+    ('name = "lever"', "name = lever", ["not valid TOML", "line 2"]),
+    ('name = "lever"', "[[[", ["not valid TOML", "line"]),
+    ("[options]", "[options]\n[options]", ["not valid TOML", "line"]),
+    ("[[join]]", "[[joins]]\n[[join]]", ["'joins' is unknown", '"join"']),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("old", "new", "words"), MISTAKES, ids=range(len(MISTAKES)))
+def test_one_mistake_gets_a_sentence(read, old, new, words):
+    assert GOOD.count(old) >= 1
+    message = sentence(lambda: read(GOOD.replace(old, new, 1)))
+    assert message.count("case.toml") == 1
+    assert all(word in message for word in words), message
+
+
+def test_option_names_are_checked_when_given(read):
+    assert read(GOOD, option_names=("method",))[2] == {"method": "reduced"}
+    message = sentence(lambda: read(GOOD, option_names=("methods", "accuracy")))
+    assert "[options]" in message and "'method' is unknown" in message and '"methods"' in message
+
+
+def test_files_that_cannot_be_read(tmp_path, read):
+    assert "does not exist" in sentence(lambda: load_scene(tmp_path / "no.toml"))
+    assert "cannot be read" in sentence(lambda: load_scene(tmp_path))
+    assert "byte 9 is not UTF-8" in sentence(lambda: read(b'name = "\xff"'))
+    assert "nested too deeply" in sentence(lambda: read("x = " + "[" * 100000))
+    assert "cannot be read" in sentence(lambda: load_scene("a\0b.toml"))
+    assert "cannot be written" in sentence(lambda: save_scene(lever(), tmp_path))
+
+
+def test_saving_what_cannot_be_written(tmp_path):
+    made = lever()
+    words = {"start": (0, 0, 0), "end": (0.1, 0, 0), "material": STEEL, "section": circle(1e-3)}
+    made.leaf("ground", "arm", **words, curvature=lambda s: (0, 0, 1), name="bow")
+    assert "'bow'" in sentence(lambda: save_scene(made, tmp_path / "x.toml"))
+    assert "target 'leg'" in sentence(lambda: save_scene(lever(), tmp_path / "x.toml", targets={"leg": 1}))
+    assert "'tuning'" in sentence(lambda: save_scene(lever(), tmp_path / "x.toml", options={"tuning": {1}}))
+
+
+def lever():
+    made = Mechanism("lever")
+    arm = made.link("arm")
+    made.join("ground", arm, CROSS, at=(0, 0, 0), axis="z", toward="x")
+    return made
+
+
+def round_trip(made, tmp_path, **words):
+    file = tmp_path / "round.toml"
+    save_scene(made, file, **words)
+    return load_scene(file)
+
+
+@pytest.mark.parametrize(
+    "section",
+    [
+        rectangle(1e-3, 3e-3, cowper=0.3),
+        circle(1e-3, name="thread"),
+        tube(3e-3, 1e-3),
+        numbers(A=1e-5, J=1e-12, Iy=1e-11, Iz=1e-12),
+        polygon([(0, 0), (1e-3, 0), (1e-3, 5e-3), (2e-4, 5e-3)]),
+    ],
+    ids=lambda s: s.name,
+)
+def test_every_section_round_trips(section, tmp_path):
+    made = lever()
+    ends = {"start": (0, 1, 0), "end": (0.1, 1, 0), "width_axis": (0, 0.6, 0.8)}
+    made.leaf("ground", "arm", **ends, section=section, material=STEEL, orders=(3, 2, 4))
+    again, _, _ = round_trip(made, tmp_path)
+    assert again.scene() == made.scene()
+
+
+def test_sections_and_leafs_in_file_words(read):
+    text = GOOD.replace('kind = "rectangle"\nthickness = "1 mm"\nwidth = "40 mm"', "{}")
+    for words, expected in {
+        'kind = "tube"\nouter = "2 mm"\ninner = "1 mm"': tube(2 * 1e-3, 1e-3),
+        'kind = "circle"\ndiameter = 0.002': circle(0.002),
+        'kind = "polygon"\npoints = [[0, 0], [0.001, 0], [0.001, 0.002], [0, 0.002]]': polygon(
+            [(0, 0), (1e-3, 0), (1e-3, 2e-3), (0, 2e-3)]
+        ),
+        'kind = "numbers"\nA = 1.0\nJ = 2.0\nIy = 3.0\nIz = 4.0': numbers(A=1, J=2, Iy=3, Iz=4),
+    }.items():
+        made, _, _ = read(text.replace("{}", words))
+        assert made.scene().leafs[0].leaf.section == expected
+    inline = GOOD.replace('section = "blade"\nmaterial', 'thickness = "2 mm"\nwidth = 0.01\nmaterial')
+    assert read(inline)[0].scene().leafs[0].leaf.section == rectangle(2 * 1e-3, 0.01)
+
+
+def test_drawn_joint_round_trips(tmp_path):
+    first = Leaf(
+        start=(0, 0, 0), end=(0.05, 0, 0), width_axis="z", section=rectangle(1e-3, 1e-2), material=STEEL,
+        end_block="mid", name="first",
+    )  # fmt: skip
+    second = Leaf(
+        start=(0.05, 0, 0), end=(0.1, 0, 0), width_axis=None, section=circle(1e-3), material=STEEL,
+        start_block="mid", name="second", elements=2,
+    )  # fmt: skip
+    joint = DrawnJoint(
+        "mine",
+        blocks={"A": (0, 0, 0), "B": (0.1, 0, 0), "mid": (0.05, 0, 0)},
+        leafs=[first, second],
+        motions=[
+            Motion("tilt", "rotation", (0.6, 0, 0.8), (-0.3, 0.4)),
+            Motion("s", "translation", "x", (0, 1)),
+        ],
+        shape={"ratio": 0.5},
+    )
+    made = Mechanism("drawn")
+    arm = made.link("arm")
+    made.join("ground", arm, joint, at=(1, 2, 3), axis=(1, 1, 0), toward=(1, -1, 1))
+    again, _, _ = round_trip(made, tmp_path)
+    assert again.scene() == made.scene()
+    assert again.scene().fingerprint() == made.scene().fingerprint()
+
+
+def test_drawn_joint_mistakes(tmp_path):
+    joint = DrawnJoint(
+        "mine",
+        blocks={"A": (0, 0, 0), "B": (0.1, 0, 0)},
+        leafs=[Leaf(start=(0, 0, 0), end=(0.1, 0, 0), width_axis="z", section=circle(1e-3), material=STEEL)],
+        motions=[Motion("tilt", "rotation", "z", (-0.3, 0.4))],
+    )
+    made = Mechanism("drawn")
+    made.join("ground", made.link("arm"), joint, at=(0, 0, 0), axis="z", toward="x")
+    file = tmp_path / "drawn.toml"
+    save_scene(made, file)
+    text = file.read_text()
+    for old, new, words in (
+        ('kind = "rotation"', 'kind = "spin"', ["[[joint.mine.motion]] 1", "'spin'"]),
+        ('end_block = "B"', 'end_block = "C"', ["[joint.mine]", "'C'"]),
+        ('end_block = "B"', "", ["[[joint.mine.leaf]] 1", "'end_block' is missing"]),
+        ("B = [0.1", 'B = ["1 deg"', ["[joint.mine.blocks]", "B[0] = '1 deg'"]),
+    ):
+        assert old in text
+        file.write_text(text.replace(old, new, 1))
+        message = sentence(lambda: load_scene(file))
+        assert all(word in message for word in words), message
+
+
+# Properties
+
+coordinates = st.floats(-10, 10, allow_nan=False).map(lambda x: x + 0.0)
+points = st.tuples(coordinates, coordinates, coordinates)
+directions = st.one_of(
+    st.sampled_from(["x", "y", "z", "-x", "-y", "-z"]), points.filter(lambda p: np.linalg.norm(p) > 1e-3)
+)
+names = st.text(min_size=1, max_size=8).filter(lambda t: t.strip() and t.isprintable())
+lengths = st.floats(1e-4, 10)
+
+
+@st.composite
+def mechanisms(draw):
+    made = Mechanism(draw(names))
+    links = draw(st.lists(names.filter(lambda n: n != "ground"), min_size=1, max_size=4, unique=True))
+    for i, link in enumerate(links):
+        made.link(link)
+        material = Material(draw(lengths), draw(lengths), name=draw(st.text(max_size=3)))
+        joint = CrossFlexure(
+            material,
+            length=1.0,
+            angle=draw(st.floats(0.1, 1.4)),
+            thickness=draw(st.floats(1e-6, 0.4)),
+            widths=draw(st.tuples(lengths, lengths)),
+            gap=draw(st.none() | st.floats(0, 1)),
+            elements=draw(st.none() | st.integers(1, 9)),
+        )
+        z = np.array(ksd.section.checks.direction(draw(directions), "axis"))
+        x = np.cross(z, np.eye(3)[np.argmin(np.abs(z))])
+        made.join(
+            draw(st.sampled_from(["ground", *links[:i]])), link, joint, at=draw(points), axis=z, toward=x
+        )
+    for link in links:
+        if draw(st.booleans()):
+            made.actuate(link, along=draw(directions), at=draw(points))
+        if draw(st.booleans()):
+            made.support(link, about=draw(directions), relative_to=None, name=draw(names))
+        if draw(st.booleans()):
+            made.load(link, force=draw(points), at=draw(points), following=draw(st.booleans()))
+        if draw(st.booleans()):
+            made.mass(
+                link, mass=draw(lengths), at=draw(points), inertia=draw(st.tuples(lengths, lengths, lengths))
+            )
+    if len(links) > 1 and draw(st.booleans()):
+        term = made.rotation(links[0], draw(directions), relative_to=links[1])
+        made.actuate(terms=draw(st.floats(0.1, 3)) * term - made.displacement(links[1], "x", at=draw(points)))
+    made.gravity = draw(st.none() | points)
+    return made
+
+
+@settings(max_examples=60, deadline=None, suppress_health_check=list(HealthCheck))
+@given(data=st.data())
+def test_any_scene_round_trips(data, tmp_path_factory):
+    try:
+        made = data.draw(mechanisms())
+        scene = made.scene()
+    except SceneError as error:
+        assert re.search("same freedom|used", str(error)), error
+        return
+    folder = tmp_path_factory.getbasetemp()
+    targets = {d.name: 0.5 for d in scene.drives}
+    again, same_targets, _ = round_trip(made, folder, targets=targets)
+    assert again.scene() == scene
+    assert again.scene().fingerprint() == scene.fingerprint()
+    assert same_targets == targets
+
+
+def refused_or_fine(content, folder):
+    file = folder / f"bytes{os.getpid()}.toml"
+    file.write_bytes(content)
+    try:
+        load_scene(file)
+    except SceneError as error:
+        assert str(error)
+
+
+@settings(max_examples=300, deadline=None, suppress_health_check=list(HealthCheck))
+@given(content=st.binary(max_size=200))
+@example(content=b"x = 2026-13-45")
+@example(content=b"links = []\nx = 1979-05-27")
+def test_random_bytes_raise_nothing_but_scene_errors(content, tmp_path_factory):
+    refused_or_fine(content, tmp_path_factory.getbasetemp())
+
+
+toml_values = st.sampled_from([
+    "0", "-1", "1e400", "nan", "inf", "true", '""', '"1 mm"', '"1 deg"', '"arm"', '"ground"', '"x"', "[]",
+    "[0, 0, 0]", '["1 mm", 1, 2]', "[[0, 0], [1, 0], [1, 1]]", "{}", "{a = 1}", "[{}]", "1979-05-27",
+    '[{link = "arm", about = "z"}]', "07:32:00", "0x" + "f" * 400, "[nan, 0, 0]", '[1, "x", true]',
+])  # fmt: skip
+
+
+@settings(max_examples=400, deadline=None, suppress_health_check=list(HealthCheck))
+@given(data=st.data())
+def test_mutated_files_raise_nothing_but_scene_errors(data, tmp_path_factory):
+    lines = GOOD.splitlines()
+    for _ in range(data.draw(st.integers(1, 3))):
+        i = data.draw(st.integers(0, len(lines) - 1))
+        action = data.draw(st.sampled_from(["value", "drop", "repeat", "move"]))
+        if action == "value" and "=" in lines[i]:
+            lines[i] = f"{lines[i].partition('=')[0]}= {data.draw(toml_values)}"
+        elif action == "drop":
+            del lines[i]
+        elif action == "repeat":
+            lines.insert(i, lines[i])
+        else:
+            lines.insert(data.draw(st.integers(0, len(lines) - 1)), lines.pop(i))
+    refused_or_fine("\n".join(lines).encode(), tmp_path_factory.getbasetemp())

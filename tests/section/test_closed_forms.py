@@ -1,0 +1,132 @@
+"""Closed forms of rectangle, circle and tube, the warping factor, and the sentence each bad number gets."""
+
+import math
+
+import pytest
+
+import ksd.section as section
+from ksd.errors import SceneError
+from ksd.section import circle, numbers, rectangle, restrained_warping_factor, tube
+
+
+def test_rectangle_moments_follow_the_stated_axes():
+    leaf = rectangle(1e-3, 40e-3)
+    assert pytest.approx(4e-5) == leaf.A
+    assert leaf.Iz == pytest.approx(40e-3 * 1e-9 / 12)
+    assert leaf.Iy == pytest.approx(1e-3 * 64e-6 / 12)
+    assert (leaf.ky, leaf.kz) == (5 / 6, 5 / 6)
+    assert (leaf.thickness, leaf.width) == (1e-3, 40e-3)
+
+
+@pytest.mark.parametrize(
+    ("aspect", "factor"),
+    # Timoshenko and Goodier, Theory of Elasticity (1970), art. 109, table of k1
+    [(1, 0.1406), (1.5, 0.1958), (2, 0.229), (3, 0.263), (5, 0.291), (10, 0.312), (1e6, 1 / 3)],
+)
+def test_torsion_of_rectangle_against_the_book(aspect, factor):
+    assert rectangle(1.0, aspect).J / aspect == pytest.approx(factor, abs=5.1e-4)
+    assert pytest.approx(rectangle(1.0, aspect).J, rel=1e-14) == rectangle(aspect, 1.0).J
+
+
+def test_torsion_of_square_to_many_digits():
+    assert pytest.approx(0.140577014955, rel=1e-10) == rectangle(1.0, 1.0).J
+
+
+def test_warping_of_a_strip_tends_to_its_thin_limit():
+    strip = rectangle(1e-3, 1.0)
+    assert strip.Iw == pytest.approx((1e-3) ** 3 / 144, rel=1e-5)
+    assert rectangle(1.0, 2.0).Iw == pytest.approx(rectangle(2.0, 1.0).Iw)
+
+
+def test_scaling_with_length():
+    small, large = rectangle(1e-6, 3e-6), rectangle(1.0, 3.0)
+    for key, power in {"A": 2, "J": 4, "Iy": 4, "Iz": 4, "Iw": 6, "ky": 0}.items():
+        assert getattr(small, key) == pytest.approx(getattr(large, key) * 1e-6**power, rel=1e-12)
+
+
+def test_cowper_option():
+    assert rectangle(1, 2, cowper=0.3).ky == pytest.approx(10 * 1.3 / (12 + 3.3))
+    assert circle(1, cowper=0.3).kz == pytest.approx(6 * 1.3 / (7 + 1.8))
+    assert tube(1, 0.5, cowper=0.0).ky == tube(1, 0.5).ky
+    assert tube(1, 1e-6).ky == pytest.approx(circle(1).ky)
+    assert tube(1, 0.999999).ky == pytest.approx(0.5, rel=1e-5)
+
+
+def test_circle_and_tube():
+    assert pytest.approx(math.pi / 2) == circle(2.0).J
+    assert pytest.approx(math.pi / 2 * (1 - 1 / 16)) == tube(2.0, 1.0).J
+    assert pytest.approx(math.pi * 0.75) == tube(2.0, 1.0).A
+
+
+@pytest.mark.parametrize(("aspect", "factor"), [(1, 1.828058), (3, 1.183652)])
+def test_restrained_warping_factor(aspect, factor):
+    # acceptance.md A, nu = 0.3
+    assert restrained_warping_factor(aspect * 0.02, 0.02, 0.3) == pytest.approx(factor, abs=5e-7)
+
+
+def test_warping_factor_limits():
+    assert restrained_warping_factor(1e4, 1.0, 0.3) == pytest.approx(1.0, rel=1e-4)
+    left, right = restrained_warping_factor(2.32e-3, 1.0, 0.3), restrained_warping_factor(2.33e-3, 1.0, 0.3)
+    assert left > right > 0
+
+
+def test_rigidity_and_compliance_order():
+    s = rectangle(1e-3, 40e-3)
+    GJ, EIy, EIz = s.rigidity(200e9, 77e9)
+    assert (GJ, EIy, EIz) == (77e9 * s.J, 200e9 * s.Iy, 200e9 * s.Iz)
+    assert EIy > 1000 * EIz
+    axial, along_y, along_z = s.compliance(200e9, 77e9)
+    assert axial == pytest.approx(1 / (200e9 * s.A))
+    assert along_y == along_z == pytest.approx(1 / (5 / 6 * 77e9 * s.A))
+
+
+def test_given_numbers_and_equality():
+    given = numbers(A=1e-5, J=2e-12, Iy=3e-12, Iz=4e-12, ky=0.8)
+    assert (given.A, given.J, given.Iy, given.Iz, given.ky, given.kz) == (
+        1e-5,
+        2e-12,
+        3e-12,
+        4e-12,
+        0.8,
+        5 / 6,
+    )
+    assert given == numbers(A=1e-5, J=2e-12, Iy=3e-12, Iz=4e-12, ky=0.8)
+    assert hash(given) == hash(numbers(A=1e-5, J=2e-12, Iy=3e-12, Iz=4e-12, ky=0.8))
+
+
+@pytest.mark.parametrize(
+    ("make", "words"),
+    [
+        (lambda: rectangle(0, 1), ["rectangle", "thickness = 0", "positive"]),
+        (lambda: rectangle(-1e-3, 1), ["thickness = -0.001 m", "positive"]),
+        (lambda: rectangle(1, math.nan), ["width = nan", "finite"]),
+        (lambda: rectangle(1, math.inf), ["width = inf", "finite"]),
+        (lambda: rectangle("1 mm", 1), ["thickness = '1 mm'", "not a number"]),
+        (lambda: rectangle(True, 1), ["thickness = True", "not a number"]),
+        (lambda: rectangle(1, 1, cowper=0.7), ["Poisson", "0.7", "-1"]),
+        (lambda: circle(None), ["diameter = None", "not a number"]),
+        (lambda: circle(10**400), ["diameter", "finite"]),
+        (lambda: circle(1 << 50000), ["too long to print", "finite"]),
+        (lambda: tube(1, 1), ["inner = 1", "smaller than outer = 1"]),
+        (lambda: tube(1, 0), ["inner = 0", "positive"]),
+        (lambda: numbers(A=-1, J=1, Iy=1, Iz=1), ["A = -1", "positive"]),
+        (lambda: numbers(A=1, J=1, Iy=1, Iz=1, Iw=-1), ["Iw = -1", "zero or positive"]),
+        (lambda: numbers(A=1, J=1, Iy=1, Iz=1, shear_centre=(1,)), ["point", "two numbers"]),
+        (lambda: numbers(A=1, J=1, Iy=1, Iz=1, outline=3), ["outline = 3", "rings"]),
+        (lambda: numbers(A=1, J=1, Iy=1, Iz=1, name=3), ["name = 3", "text"]),
+        (lambda: restrained_warping_factor(0, 1, 0.3), ["length = 0", "positive"]),
+        (lambda: restrained_warping_factor(1, 1, -2), ["nu = -2", "between"]),
+    ],
+)
+def test_bad_numbers_get_a_sentence(make, words):
+    with pytest.raises(SceneError) as caught:
+        make()
+    message = str(caught.value)
+    assert all(word in message for word in words), message
+    assert "\n" not in message
+
+
+def test_public_names():
+    assert set(section.__all__) == {
+        "Section", "circle", "numbers", "polygon", "rectangle", "restrained_warping_factor", "tube",
+    }  # fmt: skip

@@ -1,0 +1,320 @@
+"""Training: the published facts of the cross flexure, drawn joints, refusals, interruption and resumption."""
+
+import math
+import os
+import signal
+import subprocess
+import sys
+import time
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import ksd
+import ksd.train.jobs as jobs_module
+from ksd.errors import SceneError
+from ksd.library import read_record
+from ksd.library.files import shipped_folder
+from ksd.scene import CrossFlexure, DrawnJoint, Material, Motion
+from ksd.section import rectangle
+from ksd.train import Design, train
+from ksd.train.designs import bare, design_of
+from ksd.train.softness import rest_stiffness
+from ksd.train.sweep import Plan, even_line, sample_joint
+
+ROOT = Path(__file__).resolve().parents[2]
+STEEL = Material(E=200e9, G=76.9e9)
+EQUAL = {"angle": math.radians(45), "width_ratio": 1.0}
+SHAPES = {"angle": (math.radians(44), math.radians(46)), "width_ratio": (0.9, 1.1)}
+
+
+def cross(**changed):
+    numbers = {"length": 0.1, "angle": math.radians(45), "thickness": 1e-3, "widths": (0.04, 0.02), **changed}
+    return CrossFlexure(STEEL, **numbers)
+
+
+@pytest.fixture(scope="module")
+def threads():
+    with ThreadPoolExecutor(2) as pool:
+        yield pool
+
+
+@pytest.fixture(scope="module")
+def trained(tmp_path_factory, threads):
+    """A narrow range around table 1 of paper 1, three meshes."""
+    folder = tmp_path_factory.mktemp("database")
+    return train(
+        "cross_flexure", shapes=SHAPES, meshes=("strain", 2, 4), out=folder, executor=threads, progress=False,
+        trained="2024-05-01",
+    )  # fmt: skip
+
+
+def test_amplitudes_of_the_cross_flexure(trained):
+    """leaf-elements note: L a_0 = theta exactly, outer = (-1)^k inner, L a_k has the parity opposite to k."""
+    functions = trained.contract(EQUAL, "strain")
+    inner, outer = functions.amplitudes[0, 7:], functions.amplitudes[1, 7:]
+    theta = np.linspace(-1, 1, 21) * math.radians(75)
+    at = functions.at(theta[:, None], "amplitudes")
+    np.testing.assert_allclose(at[:, :, 7], np.repeat(theta[:, None], 3, axis=1), atol=1e-9)
+    even = functions.powers[:, 0] % 2 == 0
+    for k in range(5):
+        np.testing.assert_allclose(outer[k], (-1) ** k * inner[k], atol=2e-4)
+        assert np.abs(inner[k, even if k % 2 == 0 else ~even]).max() < 2e-5
+    np.testing.assert_array_equal(functions.amplitudes[:, :7], 0.0)
+    # three-term fits over 0..75 degrees, as printed there
+    t = np.linspace(0, 1, 50) * math.radians(75)
+    curve = functions.at(t[:, None], "amplitudes")[:, 0, 7:]
+    for k, powers, printed in (
+        (1, (2, 4, 6), (0.49927, -0.03122, 0.00344)),
+        (2, (3, 5, 7), (-0.08285, 0.01570, -0.00174)),
+        (3, (4, 6, 8), (-0.01654, 0.00258, -0.00033)),
+    ):
+        fitted = np.linalg.lstsq(t[:, None] ** np.array(powers), curve[:, k], rcond=None)[0]
+        np.testing.assert_allclose(np.sign(fitted[0] / printed[0]) * fitted, printed, atol=1.5e-3)
+
+
+def test_pivot_shift_is_even_with_leading_coefficient_one_over_24(trained):
+    """acceptance B: D/D0 even, 1/24 at 45 degrees; AB turns by theta/2 exactly; D/D0 at 75 degrees."""
+    for mesh, at_75 in (("strain", 1.041186), (2, 1.073320), (4, 1.048950)):
+        functions = trained.contract(EQUAL, mesh)
+        chord = functions.interface[3] / math.cos(math.radians(45))
+        odd = functions.powers[:, 0] % 2 == 1
+        assert not chord[odd].any()
+        assert chord[0] == pytest.approx(1.0, abs=2e-6)
+        pose = functions.at([[math.radians(75)], [0.3]])
+        assert pose[0, 3] / math.cos(math.radians(45)) == pytest.approx(at_75, abs=3e-6)
+        np.testing.assert_allclose(pose[:, 2], [math.radians(75), 0.3], atol=1e-9)
+        np.testing.assert_allclose(pose[:, [0, 1, 4, 5]], 0.0, atol=1e-6)
+        if mesh == "strain":
+            assert chord[functions.powers[:, 0] == 2][0] == pytest.approx(1 / 24, abs=2e-4)
+
+
+def test_chord_rotations_of_mirrored_elements_add_up_to_theta(trained):
+    """acceptance B: beta(leaf 1, k) + beta(leaf 2, n+1-k) = theta."""
+    rotations = trained.contract(EQUAL, 4).at([0.9], "rotations")[:, :, 2]
+    np.testing.assert_allclose(rotations[0, :4] + rotations[1, 3::-1], 0.9, atol=2e-6)
+
+
+def test_errors_on_fresh_shapes_are_stored_and_small(trained):
+    for r in trained.residuals:
+        limit = {"interface": 2e-6, "rotations": 1e-5, "amplitudes": 2e-5, "wrench": 5e-4}[r.group]
+        assert 0 < r.fresh_max < limit and r.fresh_rms <= r.fresh_max
+    assert trained.samples[0] >= 16 and trained.samples[1] == 8
+
+
+def test_a_shape_inside_the_range_equals_its_own_model(trained):
+    shape = {"angle": math.radians(45.7), "width_ratio": 0.94}
+    joint = cross(angle=shape["angle"], widths=(0.04, 0.5 * 0.94 * 0.04))
+    plan = Plan((even_line(-1.3, 1.3, 5),), ("strain", 4), (4, 3, 5))
+    design = Design("cross_flexure", (), design_of(joint).make)
+    for (mesh, group), values in sample_joint(design.joint(np.zeros(0)), plan).items():
+        at = trained.contract(shape, mesh).at(plan.grid * math.radians(75), group)
+        np.testing.assert_allclose(at, values, atol={"wrench": 5e-4, "amplitudes": 3e-5}.get(group, 1e-5))
+
+
+def test_evidence_thickness_and_length_do_not_matter_shape_does(trained):
+    found = {(e.parameter, e.change): e for e in trained.evidence}
+    assert found["thickness", "half"].rotations < 1e-4
+    assert found["thickness", "twice"].rotations < 3e-4
+    assert found["length", "twice"].rotations < 1e-4
+    assert found["material", "aluminium for steel"].rotations < 1e-5
+    # one degree and a tenth already change more than any of those
+    for name in ("angle", "width_ratio"):
+        assert max(e.rotations for e in trained.evidence if e.parameter == name) > 2e-3
+
+
+def test_same_inputs_same_bytes_and_nothing_left_behind(trained, tmp_path, threads):
+    options = {
+        "shapes": SHAPES,
+        "meshes": (2,),
+        "executor": threads,
+        "progress": False,
+        "trained": "2024-05-01",
+    }
+    for name in ("a", "b"):
+        train("cross_flexure", out=tmp_path / f"{name}.h5", **options)
+    assert (tmp_path / "a.h5").read_bytes() == (tmp_path / "b.h5").read_bytes()
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["a.h5", "b.h5"]
+    assert read_record(tmp_path / "a.h5").trained == "2024-05-01"
+
+
+def test_a_broken_run_keeps_what_is_done(tmp_path, threads, monkeypatch):
+    """The result is the same as without the interruption, and finished shapes are not computed again."""
+    options = {
+        "shapes": SHAPES,
+        "meshes": (2,),
+        "executor": threads,
+        "progress": False,
+        "trained": "2024-05-01",
+    }
+    calls_of_a_whole_run, calls, again = [], [], []
+
+    def counted(into):
+        return lambda job: into.append(job) or sample_joint(job.joint, job.plan)
+
+    monkeypatch.setattr(jobs_module, "perform", counted(calls_of_a_whole_run))
+    train("cross_flexure", out=tmp_path / "whole.h5", **options)
+
+    def broken(job):
+        calls.append(job)
+        if len(calls) > 20:
+            raise KeyboardInterrupt
+        return sample_joint(job.joint, job.plan)
+
+    monkeypatch.setattr(jobs_module, "perform", broken)
+    with pytest.raises(KeyboardInterrupt):
+        train("cross_flexure", out=tmp_path / "part.h5", **options)
+    kept = list((tmp_path / ".part.partial").glob("*.npz"))
+    assert not (tmp_path / "part.h5").exists() and 15 <= len(kept) <= 20
+    # a damaged piece is computed again
+    kept[0].write_bytes(kept[0].read_bytes()[:-40])
+    monkeypatch.setattr(jobs_module, "perform", counted(again))
+    train("cross_flexure", out=tmp_path / "part.h5", **options)
+    assert (tmp_path / "part.h5").read_bytes() == (tmp_path / "whole.h5").read_bytes()
+    assert len(again) == len(calls_of_a_whole_run) - len(kept) + 1
+    assert not (tmp_path / ".part.partial").exists()
+
+
+SCRIPT = """
+from ksd.train import train
+if __name__ == "__main__":
+    train("cross_flexure", out={out!r}, trained="2024-05-01", progress=False)
+"""
+
+
+@pytest.mark.skipif(os.name != "posix", reason="sends a POSIX signal")
+def test_ctrl_c_in_a_process_run_keeps_finished_shapes(tmp_path):
+    script = tmp_path / "run.py"
+    script.write_text(SCRIPT.format(out=str(tmp_path)))
+    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+    process = subprocess.Popen(
+        [sys.executable, str(script)], env=environment, stderr=subprocess.PIPE, start_new_session=True
+    )
+    folder = tmp_path / ".cross_flexure.partial"
+    deadline = time.monotonic() + 120
+    while time.monotonic() < deadline and len(list(folder.glob("*.npz"))) < 5:
+        time.sleep(0.02)
+    # as a terminal does it: to the whole group
+    os.killpg(process.pid, signal.SIGINT)
+    assert process.wait(timeout=60) != 0
+    assert b"KeyboardInterrupt" in process.stderr.read()
+    assert len(list(folder.glob("*.npz"))) >= 5 and not (tmp_path / "cross_flexure.h5").exists()
+
+
+def test_a_single_joint_trains_as_drawn(tmp_path, threads):
+    record = train(cross(), out=tmp_path, executor=threads, meshes=("strain", 3), progress=False)
+    assert record.shape_names == ("angle", "width_ratio") and record.samples == (1, 1)
+    functions = record.contract(cross().shape(), 3)
+    assert functions.rotations.shape[:3] == (3, 5, 3)
+    with pytest.raises(ksd.RangeError, match="angle"):
+        record.contract(cross(angle=0.8).shape(), 3)
+
+
+def test_internal_blocks_are_recorded(tmp_path, threads):
+    """Two cross flexures in series (a cartwheel drawn flat): the block between them turns by half."""
+    one = cross(widths=(0.02, 0.01))
+    shift = one.pose_B[0]
+    first = [replace(leaf, end_block="middle", name=f"{leaf.name}_1") for leaf in one.leafs()]
+    second = [
+        replace(
+            leaf, start_block="middle", name=f"{leaf.name}_2",
+            start=(leaf.start[0] + shift, *leaf.start[1:]), end=(leaf.end[0] + shift, *leaf.end[1:]),
+        )
+        for leaf in one.leafs()
+    ]  # fmt: skip
+    joint = DrawnJoint(
+        "double", blocks={"A": (0, 0, 0), "middle": one.pose_B, "B": (2 * shift, 0, 0)}, leafs=first + second,
+        motions=[Motion("angle", "rotation", (0, 0, 1), (-1.0, 1.0))], length=0.1,
+    )  # fmt: skip
+    record = train(joint, out=tmp_path, executor=threads, meshes=("strain", 2), progress=False)
+    assert record.blocks == ("middle",) and read_record(tmp_path / "double.h5").blocks == ("middle",)
+    blocks = record.contract({}, "strain").at([0.8], "blocks")
+    assert blocks[0, 2] == pytest.approx(0.4, abs=1e-6)
+    assert blocks[0, 3] == pytest.approx(shift / 0.1, rel=0.02)
+
+
+def guide():
+    """A parallel guide: two leafs along y, B moves along x."""
+    section = rectangle(0.5e-3, 0.03)
+    leafs = [
+        ksd.Leaf(
+            start=(x, 0, 0), end=(x, 0.1, 0), width_axis=(0, 0, 1), section=section, material=STEEL, name=name
+        )
+        for name, x in (("left", -0.03), ("right", 0.03))
+    ]
+    motion = Motion("slide", "translation", (1, 0, 0), (-0.02, 0.02))
+    return DrawnJoint("guide", blocks={"A": (0, 0, 0), "B": (0, 0.1, 0)}, leafs=leafs, motions=[motion])
+
+
+def test_a_translation_is_recorded_over_the_joint_length(tmp_path, threads):
+    record = train(guide(), out=tmp_path, executor=threads, meshes=("strain",), progress=False)
+    np.testing.assert_allclose(record.motion_range, [[-0.2, 0.2]])
+    pose = record.contract({}, "strain").at([0.1])
+    place = pose[3:]
+    # acceptance D: shortening 6.02045e-3 L at a stroke of 0.1 L, rotation held there and free here
+    assert place[0] == pytest.approx(0.1, abs=2e-4) and place[1] == pytest.approx(1 - 6.02e-3, abs=1e-4)
+
+
+def test_leaving_the_plane_is_refused(tmp_path, threads):
+    """One outer leaf missing: a pure moment also tilts B."""
+    whole = cross(widths=(0.04, 0.01))
+    motions = [Motion("angle", "rotation", (0, 0, 1), (-1.0, 1.0))]
+    lopsided = DrawnJoint("lopsided", blocks=whole.blocks(), leafs=whole.leafs()[:2], motions=motions)
+    with pytest.raises(SceneError, match="lopsided: interface B leaves its plane"):
+        train(lopsided, out=tmp_path, executor=threads, meshes=("strain",), progress=False)
+
+
+def test_a_motion_that_is_not_the_soft_one_is_refused(tmp_path):
+    whole = cross()
+    for kind, axis in (("rotation", (1, 0, 0)), ("translation", (1, 0, 0))):
+        stiff = DrawnJoint(
+            "stiff",
+            blocks=whole.blocks(),
+            leafs=whole.leafs(),
+            motions=[Motion("stiff", kind, axis, (-1e-3, 1e-3))],
+        )
+        with pytest.raises(SceneError, match="stiff: the intended motion 'stiff' is not the soft one"):
+            train(stiff, out=tmp_path, progress=False)
+
+
+def test_stiffness_at_rest():
+    """acceptance B: K0 = 13.33333 Nm/rad about the axis; kx = 8.0008e7 N/m with all else held."""
+    stiffness = rest_stiffness(bare(cross()))
+    assert stiffness[0, 0] / 0.1**2 == pytest.approx(8.0008e7, rel=1e-3)
+    assert 1 / np.linalg.inv(stiffness)[5, 5] == pytest.approx(13.33333, rel=1e-4)
+
+
+def test_a_stroke_that_cannot_be_reached_is_a_sentence(tmp_path, threads):
+    whole = cross()
+    motions = [Motion("angle", "rotation", (0, 0, 1), (-2.9, 2.9))]
+    far = DrawnJoint("far", blocks=whole.blocks(), leafs=whole.leafs(), motions=motions)
+    with pytest.raises(SceneError, match=r"far .1 mesh. at angle = .* reduce its range"):
+        train(far, out=tmp_path, executor=threads, meshes=(1,), progress=False)
+
+
+def test_wrong_words(tmp_path):
+    with pytest.raises(SceneError, match="cross_flexure"):
+        train("cros_flexure", out=tmp_path)
+    with pytest.raises(SceneError, match="'angel'"):
+        train("cross_flexure", shapes={"angel": (0.5, 0.6)}, out=tmp_path)
+    with pytest.raises(SceneError, match="must rise"):
+        train("cross_flexure", shapes={"angle": (0.6, 0.5)}, out=tmp_path)
+
+
+def test_shipped_records_equal_the_database():
+    database = sorted((ROOT / "database").glob("*.h5"))
+    assert database
+    assert [p.name for p in database] == sorted(p.name for p in shipped_folder().glob("*.h5"))
+    for path in database:
+        assert path.read_bytes() == (shipped_folder() / path.name).read_bytes()
+        assert path.stat().st_size < 2e6
+        for residual in read_record(path).residuals:
+            if residual.group in ("interface", "blocks"):
+                assert residual.fresh_max < 2e-6
+
+
+def test_the_package_and_the_function_of_the_same_name():
+    assert callable(ksd.train)

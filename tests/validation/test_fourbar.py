@@ -1,0 +1,125 @@
+"""Fourbar of paper 1, section 4.3, in both readings of its lost figure; forces from an independent FE code."""
+
+import numpy as np
+import pytest
+from conftest import fourbar
+
+import ksd
+from ksd.model.compile import compile_scene
+from ksd.model.leafs import Mesh
+from ksd.solve.conventional import conventional
+
+# n: (F at .1, F at .3, top rotation at .3), full, then reduced
+FULL = {1: (64.867, 498.178, -0.0000412), 2: (64.169, 513.162, -0.0096861), 5: (64.027, 519.484, -0.0109678)}
+REDUCED = {1: (64.869, 498.192, None), 2: (64.186, 519.032, -0.0120947), 5: (64.046, 525.516, -0.0138824)}
+
+
+@pytest.fixture(scope="module", params=[1, 2, 5], ids=lambda n: f"n={n}")
+def solver(request):
+    return request.param, ksd.prepare(fourbar(), mesh=Mesh("corotational", elements=request.param))
+
+
+def test_full_forces(solver):
+    n, solve = solver
+    for d, force in zip((0.1, 0.3), FULL[n], strict=False):
+        assert solve(top=d, method="full").forces["top"] == pytest.approx(force, rel=5e-6)
+    assert solve(top=0.3, method="full").rotation("top")[2] == pytest.approx(FULL[n][2], rel=2e-3, abs=5e-8)
+
+
+def test_reduced_forces(solver):
+    n, solve = solver
+    for d, force in zip((0.1, 0.3), REDUCED[n], strict=False):
+        assert solve(top=d, method="reduced").forces["top"] == pytest.approx(force, rel=5e-5)
+    if REDUCED[n][2]:
+        assert solve(top=0.3, method="reduced").rotation("top")[2] == pytest.approx(REDUCED[n][2], rel=2e-3)
+
+
+def test_full_and_conventional_agree(solver):
+    _, solve = solver
+    for d in (0.05, 0.15, 0.3, -0.2):
+        full, conv = solve(top=d, method="full"), solve(top=d, method="conventional")
+        assert full.motion.x == pytest.approx(conv.motion.x, abs=1e-8 * abs(d))
+        assert full.motion.R == pytest.approx(conv.motion.R, abs=1e-7)
+
+
+def test_iteration_counts(solver):
+    """Acceptance F: step 3 in 4, step 5 in 4, conventional MIP 8 (n = 5)."""
+    n, solve = solver
+    full = solve(top=0.3, method="full")
+    counts = {s.name[0]: s.iterations for s in full.steps}
+    assert counts["3"] <= 4
+    assert counts["5"] <= 4
+    if n == 5:
+        assert solve(top=0.3, method="conventional").iterations == 8
+
+
+def test_plain_newton_baseline_counts():
+    """Acceptance F and errata 6: the paper's own program, n = 5: 371 iterations at eps_max 1e4, 46-47 at 1e7."""
+    model = compile_scene(fourbar(), mesh=Mesh("corotational", elements=5, mip=False, nodal=True))
+    for eps_max, low, high in ((1e4, 360, 380), (1e7, 45, 48)):
+        found = conventional(model, {"top": 0.3}, eps_max=eps_max, most=60, cap=np.inf)
+        assert low <= found.iterations <= high
+        assert found.forces["top"] == pytest.approx(519.484, rel=5e-6)
+
+
+def test_passes_bring_reduced_to_full(solver):
+    n, solve = solver
+    exact = solve(top=0.3, method="full").forces["top"]
+    errors = [abs(solve(top=0.3, method="reduced", passes=p).forces["top"] / exact - 1) for p in (0, 1, 2)]
+    assert errors[0] < 0.013
+    assert errors[1] < 0.005
+    assert errors[2] < 1e-6 or n == 1
+
+
+@pytest.mark.parametrize("method", ["full", "conventional"])
+def test_strain_mode_leafs_are_exact_in_reading_2(method):
+    """Issue of the strain-mode leaf: exact F = 212.398 N, top rotation -2.4972 mrad at d = .3."""
+    found = ksd.prepare(fourbar(reading=2))(top=0.3, method=method)
+    assert found.forces["top"] == pytest.approx(212.398, rel=1e-5)
+    assert found.rotation("top")[2] == pytest.approx(-2.4972e-3, rel=1e-4)
+    assert found.iterations <= (8 if method == "conventional" else 13)
+
+
+def test_driven_at_the_joint_centres_gives_the_other_force():
+    """Acceptance C: n = 4, driven at the joint centres 526.8 N, at the upper interfaces 518.6 N."""
+    mesh = Mesh("corotational", elements=4)
+    assert ksd.prepare(fourbar(), mesh=mesh)(top=0.3, method="full").forces["top"] == pytest.approx(518.6, rel=2e-4)
+    scene = fourbar()
+    centre = ksd.Mechanism("fourbar at the joint centres")
+    left, top, right = centre.links("left", "top", "right")
+    links = {"ground": centre.ground, "left": left, "top": top, "right": right}
+    for placed in scene.scene().joints:
+        centre.join(links[placed.a], links[placed.b], placed.joint, at=placed.origin, axis="z", toward="y", name=placed.name)
+    centre.actuate(top, along="x", at=(0, 0.3 + placed.joint.length_AB / 2, 0))
+    assert ksd.prepare(centre, mesh=mesh)(top=0.3, method="full").forces["top"] == pytest.approx(526.8, rel=2e-4)
+
+
+def test_out_of_plane_force_on_the_wanted_branch():
+    """Acceptance C: 500 N on the top link, n = 4, d = .3: F = 542.33 N; 549.70 N is another stable state."""
+    scene = fourbar()
+    scene.load("top", force=(0, 0, 500), at=(0, 0.3 + 0.1 * np.cos(np.pi / 4), 0))
+    found = ksd.prepare(scene, mesh=Mesh("corotational", elements=4))(top=0.3, method="full")
+    assert found.forces["top"] == pytest.approx(542.33, rel=5e-4)
+
+
+@pytest.mark.parametrize("mesh", [Mesh(), Mesh("corotational", elements=5)], ids=["strain", "n=5"])
+def test_error_estimates_are_honest(mesh):
+    solve = ksd.prepare(fourbar(), mesh=mesh)
+    for d in (0.05, 0.1, 0.2, 0.3):
+        exact = solve(top=d, method="full").forces["top"]
+        for options in ({"method": "reduced"}, {"method": "reduced", "passes": 1}, {"method": "kinematic"}):
+            found = solve(top=d, **options)
+            true = abs(found.forces["top"] - exact)
+            assert found.error.force[0] == pytest.approx(true, rel=0.5, abs=1e-6 * exact)
+
+
+def test_accuracy_picks_the_cheapest_that_meets_it():
+    solve = ksd.prepare(fourbar())
+    exact = solve(top=0.3, method="full").forces["top"]
+    picked = {}
+    for accuracy in (2e-2, 1e-3, 1e-9):
+        found = solve(top=0.3, accuracy=accuracy)
+        picked[accuracy] = found
+        assert abs(found.forces["top"] / exact - 1) <= accuracy
+    assert picked[2e-2].iterations < picked[1e-3].iterations
+    assert picked[1e-9].method == "full"
