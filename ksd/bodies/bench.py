@@ -58,9 +58,11 @@ def set_near(bench, loops, inside, theta, place, motion, work):
                 motion.R[B, r, c] = place[j, 3 * r + c]
     put = np.empty(24)
     slope[:] = 0.0
+    # no derivatives wanted; a variable, since a literal 0 would compile `pose_from` a second time
+    motions = 0 * J
     for k in range(len(inside.block_node)):
         j = inside.block_joint[k]
-        pose_from(inside.block_pose[k], loops.length[j], values[j], slope, counts[j], 0, put)
+        pose_from(inside.block_pose[k], loops.length[j], values[j], slope, counts[j], motions, put)
         for r in range(3):
             motion.x[inside.block_node[k], r] = put[9 + r]
             for c in range(3):

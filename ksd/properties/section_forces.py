@@ -1,10 +1,11 @@
 """Section forces of every leaf: N, Vy, Vz [N], T, My, Mz [Nm] along the leaf.
 
-Positive on the section whose outward normal points along the leaf, in the axes of the deformed section. In a
-strain-mode leaf they follow from its end wrench (n, m) by equilibrium, n and m + (r(L) - r(s)) x n turned into the
-section: the curvature series times the rigidity is their best approximation in the mean, but has its largest error
-at the ends, where the stress is largest (7e-4 of the moment in a cross flexure turned by 45 degrees). In a chain they
-are those of the elements (paper 1, Appendix A), turned from the chord of the element into the section at its end.
+Positive on the section whose outward normal points along the leaf, in the axes of the deformed section. In
+a strain-mode leaf they follow from its end wrench (n, m) by equilibrium, n and m + (r(L) - r(s)) x n turned
+into the section: the curvature series times the rigidity is their best approximation in the mean, but has
+its largest error at the ends, where the stress is largest (7e-4 of the moment in a cross flexure turned by
+45 degrees). In a chain they are those of the elements (paper 1, Appendix A), turned from the chord of the
+element into the section at its end.
 """
 
 from __future__ import annotations
@@ -26,7 +27,7 @@ POINTS = 25
 
 @dataclass(frozen=True)
 class SectionForces:
-    """Section forces of one leaf: stations s (k,) [m] from its start, values (k, 6), columns as in COMPONENTS.
+    """Section forces of one leaf: stations s (k,) [m] from its start, values (k, 6), columns COMPONENTS.
 
     Every element of a chain has two stations, its ends, so inner nodes appear twice.
     """
@@ -75,7 +76,9 @@ def _member_forces(model: Model, motion: Motion, i: int, points: int) -> tuple[A
 
     count = int(number[0])
     out = np.empty((count, 2, 6))
-    corotational.section_forces(value, number, np.ascontiguousarray(inner), ends.d, np.ascontiguousarray(ends.Q), out)
+    corotational.section_forces(
+        value, number, np.ascontiguousarray(inner), ends.d, np.ascontiguousarray(ends.Q), out
+    )
     records = value[: 16 * count].reshape(count, 16)
     _into_sections(out, records[:, 7:].reshape(count, 3, 3), *chain_nodes(value, number, inner, ends))
     lengths = records[:, 0]
@@ -84,7 +87,7 @@ def _member_forces(model: Model, motion: Motion, i: int, points: int) -> tuple[A
 
 
 def _into_sections(out: Array, undeformed: Array, x: Array, R: Array) -> None:
-    """Turn section forces (n, 2, 6) in place: from the axes at the chord to those of the section at either end."""
+    """Turn section forces (n, 2, 6) in place: from the axes at the chord to those of the section there."""
     for k, T in enumerate(undeformed):
         chord = (x[k + 1] - x[k]) / np.linalg.norm(x[k + 1] - x[k])
         for end in range(2):

@@ -1,8 +1,9 @@
 """Where everything is: centrelines and section axes of all leafs, attachment points of all rigid blocks.
 
-A strain-mode leaf is integrated from its curvature, R' = R [kappa]x and r' = R (e1 + C R^T n), by fourth-order steps
-(the Magnus step of `ksd.beam.strain` at two Gauss points, Simpson's rule for the position). A chain of Appendix A
-elements is drawn through its nodes by cubics with the nodes' tangents. Global axes, SI.
+A strain-mode leaf is integrated from its curvature, R' = R [kappa]x and r' = R (e1 + C R^T n), by
+fourth-order steps (the Magnus step of `ksd.beam.strain` at two Gauss points, Simpson's rule for the
+position). A chain of Appendix A elements is drawn through its nodes by cubics with the nodes' tangents.
+Global axes, SI.
 """
 
 from __future__ import annotations
@@ -28,8 +29,8 @@ class LeafShape:
     """Centreline of one leaf at k stations, at rest and deformed.
 
     s (k,): distance from its start along the undeformed leaf [m]. rest, place (k, 3): global positions [m].
-    rest_axes, axes (k, 3, 3): section axes e1, e2 (thickness), e3 (width) as columns, global. width, thickness [m]: of
-    its section, from its second moments where the section does not say.
+    rest_axes, axes (k, 3, 3): section axes e1, e2 (thickness), e3 (width) as columns, global. width,
+    thickness [m]: of its section, from its second moments where the section does not say.
     """
 
     name: str
@@ -57,7 +58,7 @@ class BlockShape:
 
 @dataclass(frozen=True)
 class DrivenPoint:
-    """A driven point: kind "translation" or "rotation", its global rest and present position (3,) [m], direction (3,)."""
+    """A driven point: "translation" or "rotation", its position at rest and now (3,) [m], direction (3,)."""
 
     name: str
     kind: str
@@ -77,7 +78,7 @@ class Shape:
 
 @dataclass(frozen=True)
 class Ends:
-    """End frames of a member: p at `start` (3,) with axes `frame` (3, 3), global; q at d (3,), Q (3, 3) in frame p."""
+    """End frames of a member: p at `start` (3,), axes `frame` (3, 3), global; q at d (3,), Q (3, 3) in p."""
 
     start: Array
     frame: Array
@@ -140,7 +141,7 @@ def strain_curve(value: Array, number: NDArray[np.int64], inner: Array, points: 
 
 
 def chain_nodes(value: Array, number: NDArray[np.int64], inner: Array, ends: Ends) -> tuple[Array, Array]:
-    """Positions (n+1, 3) and rotations from the undeformed state (n+1, 3, 3) of a chain's nodes, in frame p."""
+    """Positions (n+1, 3) and rotations from rest (n+1, 3, 3) of a chain's nodes, in frame p."""
     n = int(number[0])
     x, R = np.zeros((n + 1, 3)), np.tile(np.eye(3), (n + 1, 1, 1))
     nodes = inner[: 12 * (n - 1)].reshape(-1, 12)
@@ -149,8 +150,10 @@ def chain_nodes(value: Array, number: NDArray[np.int64], inner: Array, ends: End
     return x, R
 
 
-def _chain_curve(value: Array, number: NDArray[np.int64], inner: Array, ends: Ends, points: int) -> tuple[Array, ...]:
-    """Stations (k,), positions (k, 3) and axes (k, 3, 3) along a chain, in frame p: cubics between its nodes."""
+def _chain_curve(
+    value: Array, number: NDArray[np.int64], inner: Array, ends: Ends, points: int
+) -> tuple[Array, ...]:
+    """Stations (k,), positions (k, 3), axes (k, 3, 3) along a chain, in frame p: cubics between its nodes."""
     n = int(number[0])
     x, R = chain_nodes(value, number, inner, ends)
     u = np.linspace(0.0, 1.0, max(2, math.ceil((points - 1) / n) + 1))[:, None]
@@ -212,7 +215,9 @@ def _leaf_shape(model: Model, motion: Motion, name: str, members: list[int], poi
     at = np.cumsum([0.0] + [line[0][-1] for line in lines[0]])
     # where two elements meet, the station is kept once
     kept = [slice(int(k > 0), None) for k in range(len(members))]
-    joined = [[np.concatenate([line[c][kept[k]] for k, line in enumerate(ls)]) for c in (1, 2)] for ls in lines]
+    joined = [
+        [np.concatenate([line[c][kept[k]] for k, line in enumerate(ls)]) for c in (1, 2)] for ls in lines
+    ]
     s = np.concatenate([line[0][kept[k]] + at[k] for k, line in enumerate(lines[0])])
     width = section.width or math.sqrt(12 * section.Iy / section.A)
     thickness = section.thickness or math.sqrt(12 * section.Iz / section.A)
@@ -245,7 +250,9 @@ def _blocks(model: Model, motion: Motion) -> tuple[BlockShape, ...]:
     for drive in model.scene.drives:
         for term in drive.terms:
             if term.kind == "translation":
-                points[index[term.link]].append(np.asarray(term.point, float) - model.rest.x[index[term.link]])
+                points[index[term.link]].append(
+                    np.asarray(term.point, float) - model.rest.x[index[term.link]]
+                )
                 owner[index[term.link]].append(drive.name)
     found = []
     for node, name in enumerate(model.node_names):

@@ -1,9 +1,10 @@
-"""A configuration as plain numbers with their units in the key: what the tables print and the JSON file holds.
+"""A configuration as plain numbers with units in the keys: what the tables print and the JSON file holds.
 
-Layout of `as_dict` (every key is explained in SCHEMA): the head says which mechanism was solved how and whether to
-believe it; "steps" is the record of the solve; "drives", "supports", "links", "joints" and "leafs" are tables by
-name. A key ends with the unit of its number: mm, deg, um, mrad, N, Nm, us, percent. Vectors are lists of three in
-global axes unless said otherwise. Numbers that are not finite are null, so the file is strict JSON.
+Layout of `as_dict` (every key is explained in SCHEMA): the head says which mechanism was solved how and
+whether to believe it; "steps" is the record of the solve; "drives", "supports", "links", "joints" and
+"leafs" are tables by name. A key ends with the unit of its number: mm, deg, um, mrad, N, Nm, us, percent.
+Vectors are lists of three in global axes unless said otherwise. Numbers that are not finite are null, so
+the file is strict JSON.
 """
 
 from __future__ import annotations
@@ -60,9 +61,9 @@ SCHEMA: dict[str, str] = {
     "links.*.rotation_deg": "rotation vector of the link from rest",
     "joints.*.intended.*_deg": "intended rotation, by name of the motion",
     "joints.*.intended.*_mm": "intended translation, by name of the motion",
-    "joints.*.unintended_displacement_um": "interface B off its intended place, joint axes; null without a record",
-    "joints.*.unintended_rotation_mrad": "interface B off its intended orientation, joint axes; null without a record",
-    "leafs.*.start_force_N": "section forces N, Vy, Vz at the start of the leaf, axes of the deformed section",
+    "joints.*.unintended_displacement_um": "interface B off its intended place, joint axes; null if unknown",
+    "joints.*.unintended_rotation_mrad": "interface B off its intended orientation; null if unknown",
+    "leafs.*.start_force_N": "section forces N, Vy, Vz at the start, axes of the section there",
     "leafs.*.start_moment_Nm": "section moments T, My, Mz at the start of the leaf",
     "leafs.*.end_force_N": "section forces N, Vy, Vz at the end of the leaf",
     "leafs.*.end_moment_Nm": "section moments T, My, Mz at the end of the leaf",
@@ -206,7 +207,7 @@ def _joints(c: Configuration) -> dict[str, dict[str, Any]]:
 
 
 def _intended(c: Configuration, placed: Any) -> list[float]:
-    """Intended motions [rad or m] of a joint: as solved for, or else read from the relative pose of its links."""
+    """Intended motions [rad or m] of a joint: as solved for, or read from the relative pose of its links."""
     motions = placed.joint.motions
     names = [placed.name if len(motions) == 1 else f"{placed.name}.{m.name}" for m in motions]
     if all(n in c.motions for n in names):

@@ -97,28 +97,58 @@ class Solver:
         b.restart()
         steps = [self._close(b, target)]
         warnings = self._range(b)
-        steps.append(_checked(pipeline.linearise(b, near=1, first=True), steps, self))
-        negatives, error = len(target), None
+        steps.append(_checked(pipeline.linearise(b, near=1, first=True), steps))
         if method == "kinematic":
             pipeline.kinematic_forces(b, target)
             pipeline.place_full(b)
-        else:
-            for n in range(passes + 1):
-                if n > 0:
-                    steps.append(_checked(pipeline.linearise(b, near=0, first=False), steps, self))
-                step, negatives = pipeline.reduced_equilibrium(b, target, rtol=RTOL, most=25)
-                steps.append(_checked(step, steps, self))
-                steps.append(pipeline.recover(b))
+            return self._kinematic(values, target, steps, (warnings, estimate))
+        negatives = self._reduced(b, target, passes, steps)
+        error = None
         if method == "full":
             step, negatives = pipeline.full_equilibrium(b, target, rtol=RTOL, most=30, cap=CAP)
-            steps.append(_checked(step, steps, self))
+            steps.append(_checked(step, steps))
         elif estimate:
-            error, step, found = pipeline.corrector(b, target, rtol=RTOL)
+            error, step, _ = pipeline.corrector(b, target, rtol=RTOL)
             steps.append(step)
-            negatives = found if method == "kinematic" else negatives
+        return self._configuration(values, method, steps, negatives=negatives, error=error, warnings=warnings)
+
+    def _reduced(self, b: Bench, target: np.ndarray, passes: int, steps: list[Step]) -> int:
+        """Steps 3 and 4, then `passes` relinearised rounds; returns the negative pivots."""
+        negatives = 0
+        for n in range(passes + 1):
+            if n > 0:
+                steps.append(_checked(pipeline.linearise(b, near=0, first=False), steps))
+            step, negatives = pipeline.reduced_equilibrium(b, target, rtol=RTOL, most=25)
+            steps.append(_checked(step, steps))
+            steps.append(pipeline.recover(b))
+        return negatives
+
+    def _kinematic(
+        self, values: Mapping[str, float], target: np.ndarray, steps: list[Step], more: tuple[list[str], bool]
+    ) -> Configuration:
+        """The kinematic answer; its error is its distance to the reduced one plus the estimate of that."""
+        warnings, estimate = more
+        b = self.bench
+        answer = self._configuration(values, "kinematic", steps, negatives=len(target), error=None, warnings=warnings)
+        if not estimate:
+            return answer
+        extra: list[Step] = []
+        negatives = self._reduced(b, target, 0, extra)
+        rest, step, _ = pipeline.corrector(b, target, rtol=RTOL)
+        error = pipeline.distance(answer.motion, b, rest)
+        spent = sum(s.time for s in extra) + step.time
+        counted = sum(s.iterations for s in extra) + step.iterations
+        steps.append(Step("error estimate", counted, spent, step.residual, step.stop, "by steps 3 and 4"))
+        return _with(answer, error=error, steps=tuple(steps), negatives=negatives)
+
+    def _configuration(
+        self, values: Mapping[str, float], method: str, steps: list[Step], *, negatives: int, error: Any, warnings: list[str]
+    ) -> Configuration:
+        b = self.bench
         motions, unintended = pipeline.joint_motions(b)
+        expected = len(b.model.drive_names) + len(b.model.support_names)
         return Configuration(
-            self.model, b.full.copy(), method, dict(values), tuple(steps), negatives, len(target),
+            self.model, b.full.copy(), method, dict(values), tuple(steps), negatives, expected,
             motions, unintended, error, tuple(warnings),
         )  # fmt: skip
 
@@ -179,7 +209,7 @@ def _with(result: Configuration, **changes: Any) -> Configuration:
     return replace(result, **changes)
 
 
-def _checked(step: Step, before: list[Step], solver: Solver) -> Step:
+def _checked(step: Step, before: list[Step]) -> Step:
     """The step if it converged, else ConvergenceError saying which step stopped and why."""
     if step.stop is not Stop.CONVERGED:
         raise ConvergenceError(

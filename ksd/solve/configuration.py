@@ -149,13 +149,19 @@ class Configuration:
 
         return write_vtu(self, path)
 
+    def tables(self) -> list[Any]:
+        """Rich renderables of the result, see `ksd.solve.report`."""
+        from ksd.solve.report import tables
+
+        return tables(self)
+
     def __str__(self) -> str:
         from rich.console import Console
 
-        from ksd.solve.report import WIDTH, tables
+        from ksd.solve.report import WIDTH
 
         text = io.StringIO()
         console = Console(file=text, width=WIDTH, highlight=False)
-        for table in tables(self):
+        for table in self.tables():
             console.print(table)
         return "\n".join(line.rstrip() for line in text.getvalue().splitlines())

@@ -33,8 +33,10 @@ def iterate(arrays, motion, target, factor, work, rtol, most, cap, blow_up):
     """
     negatives, pivot = 0, 1.0
     worst, moved = math.inf, math.inf
+    # a variable, not the literal 0, for which numba would compile `assemble` a second time
+    near = 0 * most
     for n in range(most + 1):
-        worst, gap, inside, status = assemble(arrays, motion, target, factor, work, rtol, 0)
+        worst, gap, inside, status = assemble(arrays, motion, target, factor, work, rtol, near)
         if not math.isfinite(worst):
             return NOT_FINITE, n, worst, negatives, pivot
         if worst <= 1.0 or (worst <= LOOSE and moved <= 1.0):

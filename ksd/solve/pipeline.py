@@ -186,14 +186,32 @@ def corrector(b: Bench, target: np.ndarray, *, rtol: float) -> tuple[ErrorEstima
         u = arrays.start[node]
         shift = max(shift, float(np.linalg.norm(step[u : u + 3])))
         turn = max(turn, float(np.linalg.norm(step[u + 3 : u + 6])))
-    moved = float(np.abs(b.full.x[: b.model.links] - b.model.rest.x[: b.model.links]).max())
     drives = len(b.model.drive_names)
-    scale = np.abs(b.full.multiplier[:drives])
-    of_force = float((force[:drives] / np.maximum(scale, scale.max(initial=1e-300))).max(initial=0.0))
-    relative = max(of_force, shift / max(moved, 1e-300))
-    estimate = ErrorEstimate(force[:drives].copy(), shift, turn, relative if math.isfinite(relative) else math.inf)
+    estimate = _estimate(b, b.full, force[:drives], shift, turn)
     stop = Stop.CONVERGED if status == 0 else (Stop.LOCAL_ANGLE if status == 1 else Stop.NOT_FINITE)
     return estimate, Step("error estimate", 1, clock(), residual, stop), negatives + inside
+
+
+def _estimate(b: Bench, motion: Motion, force: np.ndarray, shift: float, turn: float) -> ErrorEstimate:
+    """Absolute errors made relative: drive forces by their size, displacement by the largest link displacement."""
+    links, drives = b.model.links, len(b.model.drive_names)
+    moved = float(np.abs(motion.x[:links] - b.model.rest.x[:links]).max())
+    scale = np.abs(motion.multiplier[:drives])
+    of_force = float((force / np.maximum(scale, max(scale.max(initial=0.0), 1e-300))).max(initial=0.0))
+    relative = max(of_force, shift / max(moved, 1e-300))
+    return ErrorEstimate(force.copy(), shift, turn, relative if math.isfinite(relative) else math.inf)
+
+
+def distance(motion: Motion, b: Bench, rest: ErrorEstimate) -> ErrorEstimate:
+    """Distance of a state to the one on the bench, plus the estimate `rest` of the latter's own error."""
+    from scipy.spatial.transform import Rotation
+
+    links, drives = b.model.links, len(b.model.drive_names)
+    force = np.abs(motion.multiplier[:drives] - b.full.multiplier[:drives]) + rest.force
+    shift = float(np.linalg.norm(motion.x[:links] - b.full.x[:links], axis=1).max()) + rest.displacement
+    between = np.einsum("kij,klj->kil", motion.R[:links], b.full.R[:links])
+    turn = float(Rotation.from_matrix(between).magnitude().max()) + rest.rotation
+    return _estimate(b, motion, force, shift, turn)
 
 
 def joint_motions(b: Bench) -> tuple[dict[str, float], dict[str, np.ndarray]]:

@@ -22,7 +22,14 @@ _STOPS = {
     "not_finite": "numbers overflowed",
     "smallest_step": "smallest drive step",
 }
-_UNITS = {"value_mm": "mm", "value_deg": "deg", "value": "", "force_N": "N", "moment_Nm": "Nm", "effort": "N, Nm"}
+_UNITS = {
+    "value_mm": "mm",
+    "value_deg": "deg",
+    "value": "",
+    "force_N": "N",
+    "moment_Nm": "Nm",
+    "effort": "N, Nm",
+}
 
 
 def tables(configuration: Configuration) -> list[Any]:
@@ -40,9 +47,9 @@ def tables(configuration: Configuration) -> list[Any]:
 
 
 def number(value: float | None, digits: int = 4, *, zero: float = 0.0) -> str:
-    """`value` to significant digits, without an exponent where that stays readable; below `zero` it is noise: 0."""
+    """`value` to significant digits, without an exponent where readable; up to `zero` it is noise: 0."""
     if value is None:
-        return "–"
+        return "-"
     if abs(value) <= zero:
         return "0"
     if not 1e-3 <= abs(value) < 1e6:
@@ -87,7 +94,7 @@ def _steps(d: dict[str, Any]) -> Any:
             why = "loops closed" if s["gap_m"] is not None else "done" if s["iterations"] is None else why
         if s["name"] == "error estimate":
             why = "not iterated"
-        count = "–" if s["iterations"] is None else str(s["iterations"])
+        count = "-" if s["iterations"] is None else str(s["iterations"])
         residual = number(s["residual_over_bound"], 2)
         table.add_row(s["name"], count, number(s["time_us"], 3), residual, why, s["note"])
     table.add_section()
@@ -99,11 +106,13 @@ def _drives(d: dict[str, Any]) -> Any:
     table = _table("drive", "value", "<", "force or moment", "<", "estimated error")
     for name, row in d["drives"].items():
         (at, value), (effort, force), (_, error) = row.items()
-        said = "–" if error is None else f"+-{number(error, 2, zero=1e-12)}"
-        table.add_row(name, number(value, 6, zero=1e-12), _UNITS[at], number(force, 6, zero=1e-12), _UNITS[effort], said)
+        said = "-" if error is None else f"+-{number(error, 2, zero=1e-12)}"
+        table.add_row(
+            name, number(value, 6, zero=1e-12), _UNITS[at], number(force, 6, zero=1e-12), _UNITS[effort], said
+        )
     for name, row in d["supports"].items():
         ((effort, force),) = row.items()
-        table.add_row(f"{name} (support)", "0", "", number(force, 6, zero=1e-12), _UNITS[effort], "–")
+        table.add_row(f"{name} (support)", "0", "", number(force, 6, zero=1e-12), _UNITS[effort], "-")
     return table
 
 
@@ -117,8 +126,9 @@ def _verdict(d: dict[str, Any]) -> list[Any]:
     elif error["relative_percent"] is None:
         said = "Estimated error: not a number; do not use this result"
     else:
-        shift, turn = number(error["displacement_um"], 2), number(error["rotation_mrad"], 2)
-        said = f"Estimated error: {number(error['relative_percent'], 2)} % (links within {shift} um and {turn} mrad)"
+        shift, turn = (number(error[k], 2, zero=1e-6) for k in ("displacement_um", "rotation_mrad"))
+        percent = number(error["relative_percent"], 2, zero=1e-9)
+        said = f"Estimated error: {percent} % (links within {shift} um and {turn} mrad)"
     return [Text(said), Text(f"State: {d['stability']}", style="" if d["stable"] else "bold red")]
 
 
@@ -132,9 +142,14 @@ def _joints(d: dict[str, Any]) -> list[Any]:
         for key, value in j["intended"].items():
             motion, unit = key.rsplit("_", 1)
             said.append(f"{motion + ' ' if several else ''}{number(value, 5, zero=1e-9)} {unit}")
-        row = [*(j["unintended_displacement_um"] or [None] * 3), *(j["unintended_rotation_mrad"] or [None] * 3)]
+        row = [
+            *(j["unintended_displacement_um"] or [None] * 3),
+            *(j["unintended_rotation_mrad"] or [None] * 3),
+        ]
         table.add_row(name, "\n".join(said), *[number(v, 3, zero=1e-6) for v in row[: len(off)]])
-    title = "Joints: intended motion" + (", and unintended displacement and rotation of interface B" if known else "")
+    title = "Joints: intended motion" + (
+        ", and unintended displacement and rotation of interface B" if known else ""
+    )
     return [_title(title), table]
 
 
@@ -142,7 +157,9 @@ def _links(d: dict[str, Any]) -> list[Any]:
     columns = ("x [mm]", "y [mm]", "z [mm]", "rx [deg]", "ry [deg]", "rz [deg]")
     table = _table("link", *columns)
     for name, link in d["links"].items():
-        table.add_row(name, *[number(v, 5, zero=1e-9) for v in (*link["displacement_mm"], *link["rotation_deg"])])
+        table.add_row(
+            name, *[number(v, 5, zero=1e-9) for v in (*link["displacement_mm"], *link["rotation_deg"])]
+        )
     return [_title("Links: displacement of the reference point and rotation"), table]
 
 

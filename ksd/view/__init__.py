@@ -1,7 +1,7 @@
 """Pictures of a configuration: plots in two and three dimensions (matplotlib) and files for ParaView.
 
-What is drawn comes from `Configuration.shape`; nothing here computes mechanics, and matplotlib is imported on first
-use. Figures are made without pyplot, so they need no display.
+What is drawn comes from `Configuration.shape`; nothing here computes mechanics, and matplotlib is imported
+on first use. Figures are made without pyplot, so they need no display.
 """
 
 from ksd.view.figure import save_figure

@@ -33,7 +33,7 @@ def new_figure(width: float, height: float, *, dpi: int = 150) -> Any:
 
 
 def check_picture(path: str | os.PathLike[str]) -> Path:
-    """The path, if a picture can be written there. Raises SceneError for an unknown type or a missing folder."""
+    """The path, if a picture can be written there. SceneError for an unknown type or a missing folder."""
     from matplotlib.backend_bases import FigureCanvasBase
 
     target = Path(path)
@@ -47,7 +47,7 @@ def check_picture(path: str | os.PathLike[str]) -> Path:
 
 
 def save_figure(figure: Any, path: str | os.PathLike[str]) -> Any:
-    """Write a figure to `path` (.png, .pdf, .svg ...) and return it. Raises SceneError when that is not possible."""
+    """Write a figure to `path` (.png, .pdf, .svg ...) and return it. SceneError when that is not possible."""
     target = check_picture(path)
     try:
         figure.savefig(target)

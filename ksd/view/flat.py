@@ -43,8 +43,9 @@ def plot_mechanism(
 ) -> Any:
     """Draw the deformed mechanism over the undeformed one (grey); returns the matplotlib figure.
 
-    axes: matplotlib axes to draw into, a new figure when None. plane: "xy", "xz" or "yz", the widest when None.
-    labels: names of links and drives, with drive values and forces. Raises SceneError for another plane.
+    axes: matplotlib axes to draw into, a new figure when None. plane: "xy", "xz" or "yz", the widest when
+    None. labels: names of links and drives, with drive values and forces. Raises SceneError for another
+    plane.
     """
     shape = configuration.shape()
     plane = plane or best_plane(shape)
@@ -62,7 +63,9 @@ def plot_mechanism(
     _drives(axes, configuration, shape, pick, labels)
     axes.set_xlabel(f"{plane[0]} [mm]")
     axes.set_ylabel(f"{plane[1]} [mm]")
-    axes.set_title(title if title is not None else _caption(configuration), fontsize=10, color=INK, loc="left")
+    axes.set_title(
+        title if title is not None else _caption(configuration), fontsize=10, color=INK, loc="left"
+    )
     axes.grid(True, color="#eceff4", linewidth=0.8)
     axes.set_axisbelow(True)
     for side in ("top", "right"):
@@ -109,7 +112,13 @@ def _rest(axes: Any, shape: Any, pick: list[int]) -> None:
     for block in shape.blocks:
         if block.name != "ground":
             corners = 1e3 * hull(block.rest[:, pick])
-            axes.plot(*np.vstack([corners, corners[:1]]).T, color=REST, linewidth=0.8, linestyle=(0, (4, 3)), zorder=1)
+            axes.plot(
+                *np.vstack([corners, corners[:1]]).T,
+                color=REST,
+                linewidth=0.8,
+                linestyle=(0, (4, 3)),
+                zorder=1,
+            )
 
 
 def _links(axes: Any, shape: Any, pick: list[int], labels: bool) -> None:
@@ -128,7 +137,7 @@ def _links(axes: Any, shape: Any, pick: list[int], labels: bool) -> None:
 
 
 def _name(axes: Any, name: str, points: Array, middle: Array) -> None:
-    """The name of a block: inside it, or beside it, away from the mechanism, where it is a line in this view."""
+    """The name of a block: inside it; where it is a line in this view beside it, away from the mechanism."""
     corners = hull(points)
     at, offset = corners.mean(axis=0), np.zeros(2)
     if len(corners) < 3:
@@ -138,27 +147,51 @@ def _name(axes: Any, name: str, points: Array, middle: Array) -> None:
         at = 0.75 * corners[0] + 0.25 * corners[-1]
         offset = (offset if offset @ (at - middle) >= 0 else -offset) * [24.0, 10.0]
     axes.annotate(
-        name, 1e3 * at, offset, textcoords="offset points", ha="center", va="center", fontsize=8, color=INK, zorder=6,
+        name,
+        1e3 * at,
+        offset,
+        textcoords="offset points",
+        ha="center",
+        va="center",
+        fontsize=8,
+        color=INK,
+        zorder=6,
         bbox=_BACKING,
-    )  # fmt: skip
+    )
 
 
 def _drives(axes: Any, configuration: Any, shape: Any, pick: list[int], labels: bool) -> None:
-    """An arrow along every driven displacement, from rest; a ring at every driven point; value and force beside."""
+    """An arrow along every driven displacement, from rest; a ring at every driven point; value and force."""
     for driven in shape.driven:
         rest, place = 1e3 * driven.rest[pick], 1e3 * driven.place[pick]
         value, tip = configuration.targets[driven.name], place
         if driven.kind == "translation":
             tip = rest + 1e3 * value * driven.direction[pick]
             axes.annotate(
-                "", tip, rest, zorder=5,
-                arrowprops={"arrowstyle": "-|>", "color": DRIVE, "linewidth": 1.4, "shrinkA": 0, "shrinkB": 0},
-            )  # fmt: skip
+                "",
+                tip,
+                rest,
+                zorder=5,
+                arrowprops={
+                    "arrowstyle": "-|>",
+                    "color": DRIVE,
+                    "linewidth": 1.4,
+                    "shrinkA": 0,
+                    "shrinkB": 0,
+                },
+            )
             axes.plot(*np.stack([tip, place]).T, color=DRIVE, linewidth=0.8, linestyle=":", zorder=5)
         axes.plot(*place, marker="o", markersize=5, color=DRIVE, markerfacecolor="white", zorder=6)
         if labels:
             said = f"{driven.name}: {spoken_value(value, driven.kind)}, "
             said += spoken_force(configuration.forces[driven.name], driven.kind)
             axes.annotate(
-                said, tip, (8, 6), textcoords="offset points", fontsize=8, color=DRIVE, zorder=7, bbox=_BACKING
+                said,
+                tip,
+                (8, 6),
+                textcoords="offset points",
+                fontsize=8,
+                color=DRIVE,
+                zorder=7,
+                bbox=_BACKING,
             )

@@ -1,4 +1,4 @@
-"""The mechanism in three dimensions: leafs as ribbons of their width, deformed over undeformed, in millimetres."""
+"""The mechanism in three dimensions: leafs as ribbons, deformed over undeformed, in millimetres."""
 
 from __future__ import annotations
 
@@ -35,7 +35,11 @@ def plot_mechanism_3d(
         _outline(axes, ribbon(leaf.rest, leaf.rest_axes, leaf.width), REST)
         _ribbon(axes, ribbon(leaf.place, leaf.axes, leaf.width))
     _links(axes, shape)
-    edges = [ribbon(*f, leaf.width) for leaf in shape.leafs for f in ((leaf.rest, leaf.rest_axes), (leaf.place, leaf.axes))]
+    edges = [
+        ribbon(*f, leaf.width)
+        for leaf in shape.leafs
+        for f in ((leaf.rest, leaf.rest_axes), (leaf.place, leaf.axes))
+    ]
     points = 1e3 * np.concatenate([e for pair in edges for e in pair])
     middle, reach = 0.5 * (points.min(axis=0) + points.max(axis=0)), np.ptp(points, axis=0)
     reach = np.maximum(reach, 0.25 * reach.max())
@@ -43,7 +47,7 @@ def plot_mechanism_3d(
         getattr(axes, f"set_{name}lim")(m - 0.5 * r, m + 0.5 * r)
         getattr(axes, f"set_{name}label")(f"{name} [mm]", labelpad=4 + 10 * r / reach.max())
         getattr(axes, f"{name}axis").set_major_locator(_few_ticks(r / reach.max()))
-    axes.set_box_aspect(reach, zoom=0.86)
+    axes.set_box_aspect(reach, zoom=0.95)
     axes.view_init(elev=elevation, azim=azimuth)
     axes.set_title(title if title is not None else _caption(configuration), fontsize=10, color=INK)
     return axes.figure
@@ -61,7 +65,9 @@ def _ribbon(axes: Any, edges: tuple[Array, Array]) -> None:
 
     low, high = (1e3 * e for e in edges)
     quads = np.stack([low[:-1], low[1:], high[1:], high[:-1]], axis=1)
-    axes.add_collection3d(Poly3DCollection(quads, facecolors=LEAF, edgecolors="none", shade=True))
+    axes.add_collection3d(
+        Poly3DCollection(quads, facecolors=LEAF, edgecolors=LEAF, linewidths=0.2, shade=True)
+    )
     _outline(axes, edges, LEAF)
 
 

@@ -1,7 +1,7 @@
 """Files for ParaView: leafs as ribbons of quadrilaterals, rigid blocks as lines, in VTK's XML format (.vtu).
 
-Positions in m. Point array: displacement [m]. Cell arrays: body (index into the field array of names, leafs first)
-and rigid (0 leaf, 1 block). No VTK library is needed to write it.
+Positions in m. Point array: displacement [m]. Cell arrays: body (number in the list of the file's
+comment, leafs first) and rigid (0 leaf, 1 block). No VTK library is needed to write it.
 """
 
 from __future__ import annotations
@@ -63,7 +63,8 @@ def _array(kind: str, name: str, values: Any, parts: int = 1) -> str:
     """One ASCII data array."""
     flat = np.asarray(values).ravel()
     text = " ".join(f"{v:.9g}" for v in flat) if kind == "Float64" else " ".join(map(str, flat.tolist()))
-    return f'<DataArray type="{kind}" Name={quoteattr(name)} NumberOfComponents="{parts}" format="ascii">{text}</DataArray>'
+    head = f'<DataArray type="{kind}" Name={quoteattr(name)} NumberOfComponents="{parts}" format="ascii">'
+    return f"{head}{text}</DataArray>"
 
 
 def vtu_text(shape: Any) -> str:
@@ -78,7 +79,7 @@ def vtu_text(shape: Any) -> str:
             f"<!-- lengths in m; bodies by number:\n{names}\n-->",
             '<VTKFile type="UnstructuredGrid" version="0.1" byte_order="LittleEndian"><UnstructuredGrid>',
             f'<Piece NumberOfPoints="{grid.count}" NumberOfCells="{len(grid.cells)}">',
-            "<PointData Vectors=\"displacement\">",
+            '<PointData Vectors="displacement">',
             _array("Float64", "displacement", np.concatenate(grid.displacement), 3),
             "</PointData>",
             "<CellData>",
@@ -100,7 +101,7 @@ def vtu_text(shape: Any) -> str:
 
 
 def write_vtu(configuration: Any, path: str | os.PathLike[str]) -> Path:
-    """Write the deformed mechanism to `path` and return it. Raises SceneError unless it ends in .vtu and can be written."""
+    """Write the deformed mechanism to `path`, which it returns. SceneError if not .vtu or not writable."""
     target = Path(path)
     if target.suffix.lower() != ".vtu":
         raise SceneError(f"'{target}': VTK files of this kind end in .vtu")

@@ -1,0 +1,112 @@
+"""What the strain-mode leaf needs beyond equilibrium: its uncondensed tangent, its mass, and its inner flexibility.
+
+The velocity of the leaf is that of end p plus the mode fields (rho_i, psi_i) of `ksd.beam.strain_fields` times the
+rates of the amplitudes; the stretch and shear that join it to end q (a velocity of 1/EA times the rate of the force)
+are spread linearly along it, so that the mass stands on motions alone and is never negative. Everything in frame p.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ksd.beam.strain_fields import strain_fields, strain_tangent
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class StrainParts:
+    """One leaf at one state: W (N, N), J (6, N), S (3, 3) of the uncondensed tangent, and the mode fields.
+
+    Tangent in (xi, a, lam): [0 0 I; 0 W -J^T; I -J -S], S in the force block only. r (ng, 3): points; R (ng, 3, 3):
+    their orientations; rho, psi (ng, 3, N): displacement and rotation per unit amplitude; weight (ng,), sum 1; s
+    (ng,): points in units of the length.
+    """
+
+    W: Array
+    J: Array
+    S: Array
+    length: float
+    s: Array
+    weight: Array
+    r: Array
+    end: Array
+    R: Array
+    rho: Array
+    psi: Array
+
+
+def strain_parts(value: Array, number: NDArray[np.int64], inner: Array) -> StrainParts:
+    """Tangent blocks and fields of a leaf with constants `value`, `number` at inner state `inner` (N + 6,)."""
+    nx, ny, nz, ng = (int(n) for n in number[:4])
+    N, L = nx + ny + nz, float(value[0])
+    at = 1 + nx * nx + ny * ny + nz * nz + N
+    weight = value[at : at + ng]
+    integral = value[at + ng : at + ng + ng * ng].reshape(ng, ng)
+    R, v, S, m = np.empty((ng + 1, 3, 3)), np.empty((ng, 3)), np.empty((ng, 6)), np.empty((ng, 3))
+    psi, rho = np.zeros((ng + 1, 3, N)), np.zeros((ng + 1, 3, N))
+    end = strain_fields(value, number, inner, R, v, S, m, psi, rho, np.empty((ng, 3, N)))
+    W = np.zeros((N, N))
+    strain_tangent(value, number, inner, R, m, psi, rho, W, np.zeros(N), np.empty((3, N)))
+    W = np.tril(W) + np.tril(W, -1).T
+    total = L * weight @ S
+    soft = total[[[0, 1, 2], [1, 3, 4], [2, 4, 5]]]
+    return StrainParts(
+        W=W,
+        J=np.vstack([rho[ng], psi[ng]]),
+        S=soft,
+        length=L,
+        s=integral.sum(axis=1),
+        weight=weight,
+        r=L * integral @ v,
+        end=np.array(end),
+        R=R[:ng],
+        rho=rho[:ng],
+        psi=psi[:ng],
+    )
+
+
+def strain_flexibility(parts: StrainParts) -> tuple[Array, Array]:
+    """(P (N, 6), Z (N, N)): a = P xi + b, with b = Z f under inner loads f while the ends are held.
+
+    With a = P xi + b the stiffness of a leaf falls apart into its condensed K6 on xi and Z^-1 on b: nothing is left
+    out by keeping b as an unknown beside the end motions, and nothing has to be factored anew.
+    """
+    Y = np.linalg.solve(parts.W, parts.J.T)
+    F = parts.J @ Y
+    F[:3, :3] += parts.S
+    P = np.linalg.solve(F, Y.T).T
+    Z = np.linalg.inv(parts.W) - P @ Y.T
+    return P, 0.5 * (Z + Z.T)
+
+
+def strain_mass(parts: StrainParts, P: Array, line: Array) -> Array:
+    """Mass matrix (12 + N, 12 + N) of a leaf in (motion of p, xi, b), frame p.
+
+    Motion of p: velocity and spin (6); xi: motion of q relative to p (6); b as in `strain_flexibility`. line (4,):
+    mass per length [kg/m], rotary inertia per length about e1, e2, e3 [kg m].
+    """
+    N = parts.W.shape[0]
+    ng, s = len(parts.weight), parts.s[:, None, None]
+    move, spin = np.zeros((ng, 3, 12 + N)), np.zeros((ng, 3, 12 + N))
+    own = parts.rho - s * parts.J[:3]
+    move[:, :, 0:3] = np.eye(3)
+    # spin x r
+    for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
+        move[:, j, 3 + i] = -parts.r[:, k]
+        move[:, k, 3 + i] = parts.r[:, j]
+    move[:, :, 6:12] = own @ P
+    move[:, :, 6:9] += s * np.eye(3)
+    move[:, :, 12:] = own
+    spin[:, :, 3:6] = np.eye(3)
+    spin[:, :, 6:12] = parts.psi @ P
+    spin[:, :, 12:] = parts.psi
+    spin = np.swapaxes(parts.R, 1, 2) @ spin
+    scale = parts.length * parts.weight
+    move *= np.sqrt(scale * line[0])[:, None, None]
+    spin *= np.sqrt(scale[:, None] * line[1:])[:, :, None]
+    both = np.concatenate([move.reshape(-1, 12 + N), spin.reshape(-1, 12 + N)])
+    return both.T @ both

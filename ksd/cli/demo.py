@@ -1,0 +1,189 @@
+"""`ksd demo`: the fourbar of paper 1 by every method, time and error side by side, and a picture.
+
+Layout of the JSON file: "case" (mechanism, drive value in mm), "reference" (force in N and leaf model of
+the finest solve), "rows": method, leaf_model, time_us (median thread time of a solve), iterations (matrix
+solves), force_N, error_percent, estimated_error_percent (null where the method is exact).
+"""
+
+from __future__ import annotations
+
+import argparse
+import statistics
+from collections.abc import Callable
+from dataclasses import dataclass
+from importlib.resources import as_file, files
+from typing import Any
+
+import numpy as np
+
+from ksd.cli.output import STDOUT, check_json, check_plot, console, write_json
+
+PICTURE = "ksd-demo.png"
+REPEATS = 9
+ELEMENTS = 5
+"""Appendix A elements per leaf, as in the fourbar of paper 1."""
+
+
+@dataclass(frozen=True)
+class Row:
+    """One way to the same configuration: median thread time [s], iterations, force [N], relative errors."""
+
+    method: str
+    leafs: str
+    time: float
+    iterations: int
+    force: float
+    error: float
+    estimate: float | None
+
+
+def add(commands: Any) -> argparse.ArgumentParser:
+    """The parser of this command."""
+    parser: argparse.ArgumentParser = commands.add_parser(
+        "demo",
+        help="solve a fourbar by every method",
+        description="Solve the fourbar of Dwarshuis et al. (2020), moved 300 mm sideways, by every method.",
+    )
+    parser.add_argument("--plot", metavar="FILE", default=PICTURE, help=f"where the picture goes ({PICTURE})")
+    parser.add_argument("--json", metavar="FILE", help="write the table; - is stdout, without the table")
+    return parser
+
+
+def run(options: argparse.Namespace) -> int:
+    """Solve, print, draw. Raises RecordError without the record of the cross flexure."""
+    check_json(options.json)
+    check_plot(options.plot)
+    from ksd.scene.toml_file import load_scene
+
+    with as_file(files("ksd") / "scenes" / "fourbar.toml") as path:
+        mechanism, targets, _ = load_scene(path)
+    scene = mechanism.scene()
+    reference, shown, rows = compare(scene, targets)
+    if options.json:
+        write_json(numbers(reference, rows), options.json)
+    if options.json != STDOUT:
+        _print(shown, rows)
+    _draw(shown, rows, options.plot)
+    if options.json != STDOUT:
+        console().print(f"Picture: {options.plot}")
+    return 0
+
+
+def compare(scene: Any, targets: dict[str, float]) -> tuple[Any, Any, list[Row]]:
+    """The reference configuration, the one solved in full, and a row per method."""
+    from ksd.model.compile import compile_scene
+    from ksd.model.leafs import Mesh
+    from ksd.solve.choose import prepare
+    from ksd.solve.conventional import conventional
+
+    reference = conventional(compile_scene(scene, mesh=Mesh(orders=(6, 5, 9), points=14)), targets)
+    strain, chain = prepare(scene), prepare(scene, mesh=Mesh(leaf="corotational", elements=ELEMENTS))
+    nodal = compile_scene(scene, mesh=Mesh(leaf="corotational", elements=ELEMENTS, mip=False, nodal=True))
+    fine, coarse = "strain-mode", f"{ELEMENTS} elements"
+    cases: list[tuple[str, str, Callable[[], Any]]] = [
+        ("kinematic", fine, lambda: strain(targets, method="kinematic")),
+        ("reduced", fine, lambda: strain(targets, method="reduced")),
+        ("reduced, 1 pass more", fine, lambda: strain(targets, method="reduced", passes=1)),
+        ("full", fine, lambda: strain(targets, method="full")),
+        ("conventional", fine, lambda: strain(targets, method="conventional")),
+        ("reduced", coarse, lambda: chain(targets, method="reduced")),
+        ("full", coarse, lambda: chain(targets, method="full")),
+        ("conventional", coarse, lambda: chain(targets, method="conventional")),
+        ("conventional, Newton", coarse, lambda: conventional(nodal, targets)),
+    ]
+    rows, shown = [], reference
+    for method, leafs, solve in cases:
+        solve()
+        results = [solve() for _ in range(REPEATS)]
+        rows.append(_row(method, leafs, results, reference))
+        shown = results[0] if (method, leafs) == ("full", fine) else shown
+    return reference, shown, rows
+
+
+def _row(method: str, leafs: str, results: list[Any], reference: Any) -> Row:
+    result = results[0]
+    time = statistics.median(r.time for r in results)
+    ((force, exact),) = zip(result.forces.values(), reference.forces.values(), strict=True)
+    links = reference.model.links
+    moved = np.linalg.norm(reference.motion.x[:links] - reference.model.rest.x[:links], axis=1).max()
+    off = np.linalg.norm(result.motion.x[:links] - reference.motion.x[:links], axis=1).max()
+    error = max(abs(force / exact - 1), off / moved)
+    estimate = None if result.error is None else result.error.relative
+    return Row(method, leafs, time, result.iterations, force, float(error), estimate)
+
+
+def numbers(reference: Any, rows: list[Row]) -> dict[str, Any]:
+    """The table as plain numbers, for JSON."""
+    ((drive, value),) = reference.targets.items()
+    return {
+        "case": {"mechanism": reference.model.scene.name, "drive": drive, "value_mm": 1e3 * value},
+        "reference": {"force_N": reference.forces[drive], "leaf_model": str(reference.model.mesh)},
+        "rows": [
+            {
+                "method": r.method,
+                "leaf_model": r.leafs,
+                "time_us": 1e6 * r.time,
+                "iterations": r.iterations,
+                "force_N": r.force,
+                "error_percent": 100 * r.error,
+                "estimated_error_percent": None if r.estimate is None else 100 * r.estimate,
+            }
+            for r in rows
+        ],
+    }
+
+
+def _print(shown: Any, rows: list[Row]) -> None:
+    from rich import box
+    from rich.table import Table
+    from rich.text import Text
+
+    from ksd.solve.report import number
+
+    screen = console()
+    ((drive, value),) = shown.targets.items()
+    screen.print(f"{shown.model.scene.name}: drive '{drive}' at {1e3 * value:.6g} mm", style="bold")
+    table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
+    for i, name in enumerate(
+        ("method", "leafs", "time [us]", "iterations", "force [N]", "error", "estimated")
+    ):
+        table.add_column(Text(name), justify="left" if i < 2 else "right")
+    for before, r in zip([rows[0], *rows[:-1]], rows, strict=True):
+        if before.leafs != r.leafs:
+            table.add_section()
+        estimate = "-" if r.estimate is None else f"{number(100 * r.estimate, 2)} %"
+        table.add_row(
+            r.method,
+            r.leafs,
+            number(1e6 * r.time, 3),
+            str(r.iterations),
+            f"{r.force:.3f}",
+            f"{number(100 * r.error, 2)} %",
+            estimate,
+        )
+    screen.print(table)
+    screen.print(
+        "Time: median thread time of a solve, kernels loaded, error estimate included. Iterations:\n"
+        "matrix solves. Error: the larger of force and displacement error, against a finer mesh;\n"
+        "estimated: what the solve itself says, apart from its mesh. Elements: Appendix A of Dwarshuis\n"
+        "et al. (2020), per leaf; Newton: plain, as in its Appendix B, instead of mixed integration points."
+    )
+
+
+def _draw(shown: Any, rows: list[Row], path: str) -> None:
+    from ksd.view import plot_mechanism, save_figure
+    from ksd.view.compare import Mark, plot_cost
+    from ksd.view.figure import new_figure
+
+    figure = new_figure(12.0, 4.6)
+    left, right = figure.subplots(1, 2, width_ratios=(1.35, 1.0))
+    ((_, value),) = shown.targets.items()
+    plot_mechanism(
+        shown, axes=left, title=f"Compliant fourbar moved {1e3 * value:.4g} mm; undeformed in grey"
+    )
+    plot_cost(
+        right,
+        [Mark(r.method, r.leafs, r.time, r.error) for r in rows],
+        title="What each method costs and misses",
+    )
+    save_figure(figure, path)

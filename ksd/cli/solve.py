@@ -1,0 +1,149 @@
+"""`ksd solve SCENE.toml`: one configuration of a scene, as tables, JSON and a picture."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+from ksd.cli.output import STDOUT, check_json, check_plot, console, write_json
+from ksd.errors import SceneError
+
+OPTIONS = {"method": str, "accuracy": float, "elements": int, "passes": int, "extrapolate": bool}
+"""Keys of [options] in a scene file, with their types; the command line wins over them."""
+QUICK = 20.0
+"""A first solve shorter than this [s] is repeated, so that its times do not hold the loading of kernels."""
+
+
+def add(commands: Any) -> argparse.ArgumentParser:
+    """The parser of this command."""
+    parser: argparse.ArgumentParser = commands.add_parser(
+        "solve",
+        help="solve a scene file",
+        description="Solve one configuration of a scene; drive values come from the file or from --set.",
+    )
+    parser.add_argument("scene", metavar="SCENE.toml")
+    parser.add_argument(
+        "--method",
+        help="kinematic, reduced, full or conventional; the cheapest that meets the accuracy when left out",
+    )
+    parser.add_argument(
+        "--accuracy", type=float, metavar="A", help="relative error allowed when no method is given (1e-3)"
+    )
+    parser.add_argument(
+        "--elements",
+        type=int,
+        metavar="N",
+        help="N Appendix A elements per leaf instead of strain-mode leafs",
+    )
+    parser.add_argument(
+        "--passes", type=int, metavar="K", help="extra relinearised passes of reduced or full"
+    )
+    parser.add_argument(
+        "--extrapolate",
+        action="store_true",
+        default=None,
+        help="use joint records beyond their trained range",
+    )
+    parser.add_argument(
+        "--set",
+        action="append",
+        default=[],
+        metavar="DRIVE=VALUE",
+        help="a drive value, such as top=300mm or hinge=45deg; may be repeated",
+    )
+    parser.add_argument("--json", metavar="FILE", help="write every number; - is stdout, without tables")
+    parser.add_argument(
+        "--plot", metavar="FILE", help="write a picture (.png, .pdf, .svg) or a ParaView file (.vtu)"
+    )
+    return parser
+
+
+def run(options: argparse.Namespace) -> int:
+    """Load, solve, print, write. Errors as in `ksd.solve` and `ksd.load_scene`."""
+    check_json(options.json)
+    check_plot(options.plot, kinds=(".vtu",))
+    from ksd.scene.toml_file import load_scene
+
+    mechanism, targets, written = load_scene(options.scene, option_names=tuple(OPTIONS))
+    asked = settings(written, options)
+    scene = mechanism.scene()
+    for text in options.set:
+        name, value = drive_value(scene, text)
+        targets[name] = value
+    result = solved(scene, targets, asked)
+    if options.json:
+        write_json(result.as_dict(), options.json)
+    if options.json != STDOUT:
+        screen = console()
+        for part in result.tables():
+            screen.print(part)
+    if options.plot:
+        result.view(options.plot) if Path(options.plot).suffix.lower() == ".vtu" else result.plot(
+            options.plot
+        )
+    return 0
+
+
+def settings(written: dict[str, Any], options: argparse.Namespace) -> dict[str, Any]:
+    """What is asked of the solver, the command line over the file. SceneError for what does not fit."""
+    asked: dict[str, Any] = {}
+    for key, kind in OPTIONS.items():
+        value = written.get(key)
+        # a whole number is a fine accuracy, but true is not a number
+        fits = isinstance(value, (int, float) if kind is float else kind) and (
+            kind is bool or not isinstance(value, bool)
+        )
+        if value is not None and not fits:
+            raise SceneError(f"[options] {key} = {value!r}: {_TYPES[kind]} is needed")
+        given = getattr(options, key)
+        asked[key] = value if given is None else given
+    if options.accuracy is not None and options.method is None:
+        asked["method"] = None
+    if asked["method"] is not None and asked["accuracy"] is not None:
+        if options.accuracy is not None:
+            raise SceneError(
+                "--method and --accuracy exclude each other: name a method, or let the accuracy choose one"
+            )
+        asked["accuracy"] = None
+    if asked["passes"] is not None and asked["method"] not in ("reduced", "full"):
+        raise SceneError(
+            f"passes = {asked['passes']}: only method reduced or full has passes; add --method reduced"
+        )
+    return asked
+
+
+_TYPES = {str: "text", float: "a number", int: "a whole number", bool: "true or false"}
+
+
+def drive_value(scene: Any, text: str) -> tuple[str, float]:
+    """Name and value (SI) from "top=300mm"; plain numbers are SI. SceneError for unknown drives and units."""
+    from ksd.scene.toml_table import quantity
+    from ksd.section.checks import nearest
+
+    name, equals, value = (part.strip() for part in text.rpartition("="))
+    drives = {d.name: d for d in scene.drives}
+    if not equals or not name:
+        raise SceneError(f"--set {text}: write it as DRIVE=VALUE, for example --set top=300mm")
+    if name not in drives:
+        raise SceneError(f"--set {text}: there is no drive '{name}'{nearest(name, drives)}")
+    kinds = {term.kind for term in drives[name].terms}
+    dimension = {"translation": "length", "rotation": "angle"}[kinds.pop()] if len(kinds) == 1 else "number"
+    try:
+        plain: float | str = float(value)
+    except ValueError:
+        plain = value
+    return name, quantity(plain, dimension, f"--set {name}")
+
+
+def solved(scene: Any, targets: dict[str, float], asked: dict[str, Any]) -> Any:
+    """The configuration, solved twice when that is quick: kernels are loaded in the first solve."""
+    from ksd.model.leafs import Mesh
+    from ksd.solve.choose import prepare
+
+    count = asked["elements"]
+    mesh = None if count is None else Mesh(leaf="corotational", elements=count)
+    solver = prepare(scene, mesh=mesh, extrapolate=bool(asked["extrapolate"]))
+    how = {"method": asked["method"], "accuracy": asked["accuracy"], "passes": asked["passes"] or 0}
+    result = solver(targets, **how)
+    return solver(targets, **how) if result.time < QUICK else result

@@ -1,0 +1,84 @@
+"""Time against error of several methods."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ksd.view.figure import INK
+
+_STYLE = (("#c2410c", "o"), ("#3b6ea5", "s"), ("#6a9f58", "^"))
+
+
+class Mark(NamedTuple):
+    """One method: its name, the group it belongs to, time [s], relative error."""
+
+    name: str
+    group: str
+    time: float
+    error: float
+
+
+def plot_cost(axes: Any, marks: Sequence[Mark], *, title: str = "") -> None:
+    """Draw time [us] against error [%], both on log axes, with the names beside the marks."""
+    groups = list(dict.fromkeys(m.group for m in marks))
+    for g, group in enumerate(groups):
+        color, symbol = _STYLE[g % len(_STYLE)]
+        mine = [m for m in marks if m.group == group]
+        axes.plot(
+            [1e6 * m.time for m in mine],
+            [100 * m.error for m in mine],
+            linestyle="none",
+            marker=symbol,
+            markersize=7,
+            markeredgecolor="white",
+            color=color,
+            label=f"{group} leafs" if "element" not in group else f"{group} per leaf",
+            zorder=3,
+        )
+    axes.set_xscale("log")
+    axes.set_yscale("log")
+    times, errors = (np.array([getattr(m, key) for m in marks]) for key in ("time", "error"))
+    axes.set_xlim(0.25e6 * times.min(), 6.0e6 * times.max())
+    axes.set_ylim(30 * errors.min(), 500 * errors.max())
+    for m, (side, shift) in zip(marks, _sides(marks), strict=True):
+        axes.annotate(
+            m.name,
+            (1e6 * m.time, 100 * m.error),
+            shift,
+            textcoords="offset points",
+            fontsize=8,
+            color=INK,
+            ha=side,
+            va="center",
+        )
+    for axis in (axes.xaxis, axes.yaxis):
+        axis.set_major_formatter("{x:g}")
+    axes.set_xlabel("thread time of a solve [\N{MICRO SIGN}s]")
+    axes.set_ylabel("error of force and displacement [%]")
+    axes.set_title(title, fontsize=10, color=INK, loc="left")
+    axes.grid(True, which="major", color="#eceff4", linewidth=0.8)
+    axes.set_axisbelow(True)
+    axes.legend(fontsize=8, frameon=False, loc="upper right")
+    for side in ("top", "right"):
+        axes.spines[side].set_visible(False)
+
+
+def _sides(marks: Sequence[Mark]) -> list[tuple[str, tuple[float, float]]]:
+    """Where the names go: right of a mark; in a close row the first left, the last right, others above."""
+    found = []
+    for m in marks:
+        row = [
+            o
+            for o in marks
+            if abs(np.log10(o.error / m.error)) < 0.25 and abs(np.log10(o.time / m.time)) < 0.6
+        ]
+        if m is max(row, key=lambda o: o.time):
+            found.append(("left", (8.0, 0.0)))
+        elif m is min(row, key=lambda o: o.time):
+            found.append(("right", (-8.0, 0.0)))
+        else:
+            found.append(("center", (0.0, 11.0)))
+    return found
