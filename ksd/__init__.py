@@ -22,7 +22,8 @@ __version__ = "0.1.0"
 
 _HOMES = {
     "ksd.scene": (
-        "CrossFlexure", "DrawnJoint", "Joint", "Leaf", "Material", "Mechanism", "Motion", "Scene", "joint_families", "wire",
+        "Arc", "CircularNotch", "CrossFlexure", "DrawnJoint", "FilletedNotch", "FreeCurve", "Joint", "Leaf", "Material",
+        "Mechanism", "Motion", "Scene", "StiffenedMiddle", "Taper", "Varying", "joint_families", "wire",
     ),
     "ksd.section": ("Section", "circle", "numbers", "polygon", "rectangle", "tube"),
     "ksd.scene.toml_file": ("load_scene", "save_scene"),
@@ -43,14 +44,21 @@ if TYPE_CHECKING:
     from ksd.model.compile import Model, compile_scene
     from ksd.model.leafs import Mesh
     from ksd.scene import (
+        Arc,
+        CircularNotch,
         CrossFlexure,
         DrawnJoint,
+        FilletedNotch,
+        FreeCurve,
         Joint,
         Leaf,
         Material,
         Mechanism,
         Motion,
         Scene,
+        StiffenedMiddle,
+        Taper,
+        Varying,
         joint_families,
         wire,
     )

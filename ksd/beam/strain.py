@@ -1,12 +1,12 @@
 """The strain-mode leaf: one body per leaf, condensed to its end frames inside the same Newton step.
 
-Unknowns of a leaf: amplitudes a of its curvature modes (nx torsion, ny strong, nz weak bending; 1/m) and
-lam = (n, m), force and moment on end q (N, Nm). Curvature kappa_c = sum_k a_ck B_ck(s); orientation
-R' = R [kappa]x by a fourth-order Magnus step over every gap between quadrature points;
-r' = v = R (e1 + C R^T n) with C = diag(1/EA, 1/kGA, 1/kGA), so stretch and shear are exact without unknowns. All
-vectors in the frame of end p. Interface of all members: see `ksd.model.assembly`. Source: the stationary
-conditions of the mixed functional 1/2 a K a - 1/2 int n.(R C R^T n) + lam.closure; tables are made by
-`ksd.beam.strain_values`, fields and tangent of the modes by `ksd.beam.strain_fields`.
+Unknowns of a leaf: amplitudes a of its curvature modes (nx torsion, ny strong, nz weak bending; 1/m) and lam
+= (n, m), force and moment on end q (N, Nm). Curvature kappa_c = sum_k a_ck B_ck(s); orientation R' = R
+[kappa]x by a fourth-order Magnus step over every gap between quadrature points; r' = v = R (e1 + C R^T n)
+with C = diag(1/EA, 1/kGA, 1/kGA), so stretch and shear are exact without unknowns. All vectors in the frame
+of end p. Interface of all members: see `ksd.model.assembly`. Source: the stationary conditions of the mixed
+functional 1/2 a K a - 1/2 int n.(R C R^T n) + lam.closure; tables are made by `ksd.beam.strain_values`,
+fields and tangent of the modes by `ksd.beam.strain_fields`.
 """
 
 from __future__ import annotations

@@ -1,8 +1,9 @@
 """Fields of the strain-mode leaf at its quadrature points, and the tangent of its inner unknowns.
 
-Both the equilibrium (`ksd.beam.strain`) and the mass and buckling questions (`ksd.beam.strain_mass`) read them
-here, so that all stand on the same equations. Notation and sources: see `ksd.beam.strain`. The two large kernels
-are inlined into their callers: a call with so many arrays costs 15 % (4.4 instead of 3.8 us per leaf).
+Both the equilibrium (`ksd.beam.strain`) and the mass and buckling questions (`ksd.beam.strain_mass`) read
+them here, so that all stand on the same equations. Notation and sources: see `ksd.beam.strain`. The two large
+kernels are inlined into their callers: a call with so many arrays costs 15 % (4.4 instead of 3.8 us per
+leaf).
 """
 
 from __future__ import annotations

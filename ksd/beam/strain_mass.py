@@ -1,8 +1,10 @@
-"""What the strain-mode leaf needs beyond equilibrium: its uncondensed tangent, its mass, and its inner flexibility.
+"""What the strain-mode leaf needs beyond equilibrium: its uncondensed tangent, its mass, and its inner
+flexibility.
 
-The velocity of the leaf is that of end p plus the mode fields (rho_i, psi_i) of `ksd.beam.strain_fields` times the
-rates of the amplitudes; the stretch and shear that join it to end q (a velocity of 1/EA times the rate of the force)
-are spread linearly along it, so that the mass stands on motions alone and is never negative. Everything in frame p.
+The velocity of the leaf is that of end p plus the mode fields (rho_i, psi_i) of `ksd.beam.strain_fields`
+times the rates of the amplitudes; the stretch and shear that join it to end q (a velocity of 1/EA times the
+rate of the force) are spread linearly along it, so that the mass stands on motions alone and is never
+negative. Everything in frame p.
 """
 
 from __future__ import annotations
@@ -21,9 +23,9 @@ Array = NDArray[np.float64]
 class StrainParts:
     """One leaf at one state: W (N, N), J (6, N), S (3, 3) of the uncondensed tangent, and the mode fields.
 
-    Tangent in (xi, a, lam): [0 0 I; 0 W -J^T; I -J -S], S in the force block only. r (ng, 3): points; R (ng, 3, 3):
-    their orientations; rho, psi (ng, 3, N): displacement and rotation per unit amplitude; weight (ng,), sum 1; s
-    (ng,): points in units of the length.
+    Tangent in (xi, a, lam): [0 0 I; 0 W -J^T; I -J -S], S in the force block only. r (ng, 3): points; R (ng,
+    3, 3): their orientations; rho, psi (ng, 3, N): displacement and rotation per unit amplitude; weight
+    (ng,), sum 1; s (ng,): points in units of the length.
     """
 
     W: Array
@@ -39,8 +41,16 @@ class StrainParts:
     psi: Array
 
 
+def strain_stations(value: Array, number: NDArray[np.int64]) -> Array:
+    """Quadrature points (ng,) of a leaf in units of its length."""
+    nx, ny, nz, ng = (int(n) for n in number[:4])
+    at = 1 + nx * nx + ny * ny + nz * nz + nx + ny + nz + ng
+    return value[at : at + ng * ng].reshape(ng, ng).sum(axis=1)
+
+
 def strain_parts(value: Array, number: NDArray[np.int64], inner: Array) -> StrainParts:
-    """Tangent blocks and fields of a leaf with constants `value`, `number` at inner state `inner` (N + 6,)."""
+    """Tangent blocks and fields of a leaf with constants `value`, `number` at inner state `inner` (N +
+    6,)."""
     nx, ny, nz, ng = (int(n) for n in number[:4])
     N, L = nx + ny + nz, float(value[0])
     at = 1 + nx * nx + ny * ny + nz * nz + N
@@ -72,8 +82,8 @@ def strain_parts(value: Array, number: NDArray[np.int64], inner: Array) -> Strai
 def strain_flexibility(parts: StrainParts) -> tuple[Array, Array]:
     """(P (N, 6), Z (N, N)): a = P xi + b, with b = Z f under inner loads f while the ends are held.
 
-    With a = P xi + b the stiffness of a leaf falls apart into its condensed K6 on xi and Z^-1 on b: nothing is left
-    out by keeping b as an unknown beside the end motions, and nothing has to be factored anew.
+    With a = P xi + b the stiffness of a leaf falls apart into its condensed K6 on xi and Z^-1 on b: nothing
+    is left out by keeping b as an unknown beside the end motions, and nothing has to be factored anew.
     """
     Y = np.linalg.solve(parts.W, parts.J.T)
     F = parts.J @ Y
@@ -86,8 +96,8 @@ def strain_flexibility(parts: StrainParts) -> tuple[Array, Array]:
 def strain_mass(parts: StrainParts, P: Array, line: Array) -> Array:
     """Mass matrix (12 + N, 12 + N) of a leaf in (motion of p, xi, b), frame p.
 
-    Motion of p: velocity and spin (6); xi: motion of q relative to p (6); b as in `strain_flexibility`. line (4,):
-    mass per length [kg/m], rotary inertia per length about e1, e2, e3 [kg m].
+    Motion of p: velocity and spin (6); xi: motion of q relative to p (6); b as in `strain_flexibility`.
+    line (ng, 4) or (4,): mass per length [kg/m], rotary inertia per length about e1, e2, e3 [kg m].
     """
     N = parts.W.shape[0]
     ng, s = len(parts.weight), parts.s[:, None, None]
@@ -106,7 +116,8 @@ def strain_mass(parts: StrainParts, P: Array, line: Array) -> Array:
     spin[:, :, 12:] = parts.psi
     spin = np.swapaxes(parts.R, 1, 2) @ spin
     scale = parts.length * parts.weight
-    move *= np.sqrt(scale * line[0])[:, None, None]
-    spin *= np.sqrt(scale[:, None] * line[1:])[:, :, None]
+    amount = np.sqrt(scale[:, None] * np.broadcast_to(line, (ng, 4)))
+    move *= amount[:, :1, None]
+    spin *= amount[:, 1:, None]
     both = np.concatenate([move.reshape(-1, 12 + N), spin.reshape(-1, 12 + N)])
     return both.T @ both

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import lru_cache
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -75,16 +76,17 @@ def make_modes(
         return values if shape is None else values * shape(x)[axis]
 
     edges = np.concatenate([[0.0], s, [1.0]])
-    x, w = np.polynomial.legendre.leggauss(12)
     first = np.empty((len(s) + 1, sum(orders)))
     second = np.empty((len(s) + 1, sum(orders), sum(orders)))
-    _, w12, inner = _quadrature(12, (0.0, 1.0))
-    for g, (a, b) in enumerate(zip(edges[:-1], edges[1:], strict=True)):
-        values = modes(a + 0.5 * (b - a) * (1 + x)) * (b - a)
-        first[g] = values @ (0.5 * w)
+    for g, (a, b) in enumerate(pairwise(edges)):
+        # a gap across a break is cut there, since modes may jump
+        cuts = [(c - a) / (b - a) for c in breaks if a < c < b]
+        x, w, inner = _quadrature(12, (0.0, *cuts, 1.0))
+        values = modes(a + (b - a) * x) * (b - a)
+        first[g] = values @ w
         # iint_{s1<s2} B_k(s1) B_l(s2) - B_l(s1) B_k(s2)
         until = values @ inner.T
-        product = (until * w12) @ values.T
+        product = (until * w) @ values.T
         second[g] = product - product.T
     return Modes(s, weight, integral, modes(s), first, second)
 

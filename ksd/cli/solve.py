@@ -15,6 +15,29 @@ QUICK = 20.0
 """A first solve shorter than this [s] is repeated, so that its times do not hold the loading of kernels."""
 
 
+_WORDS: tuple[tuple[str, dict[str, Any]], ...] = (
+    (
+        "--method",
+        {"help": "kinematic, reduced, full or conventional; the cheapest that will do when left out"},
+    ),
+    (
+        "--accuracy",
+        {"type": float, "metavar": "A", "help": "relative error allowed when no method is given (1e-3)"},
+    ),
+    (
+        "--elements",
+        {"type": int, "metavar": "N", "help": "N Appendix A elements per leaf, not strain-mode leafs"},
+    ),
+    ("--passes", {"type": int, "metavar": "K", "help": "extra relinearised passes of reduced or full"}),
+    (
+        "--extrapolate",
+        {"action": "store_true", "default": None, "help": "use joint records beyond their range"},
+    ),
+    ("--json", {"metavar": "FILE", "help": "write every number; - is stdout, without tables"}),
+    ("--plot", {"metavar": "FILE", "help": "write a picture (.png, .pdf, .svg) or a ParaView file (.vtu)"}),
+)
+
+
 def add(commands: Any) -> argparse.ArgumentParser:
     """The parser of this command."""
     parser: argparse.ArgumentParser = commands.add_parser(
@@ -23,39 +46,10 @@ def add(commands: Any) -> argparse.ArgumentParser:
         description="Solve one configuration of a scene; drive values come from the file or from --set.",
     )
     parser.add_argument("scene", metavar="SCENE.toml")
-    parser.add_argument(
-        "--method",
-        help="kinematic, reduced, full or conventional; the cheapest that meets the accuracy when left out",
-    )
-    parser.add_argument(
-        "--accuracy", type=float, metavar="A", help="relative error allowed when no method is given (1e-3)"
-    )
-    parser.add_argument(
-        "--elements",
-        type=int,
-        metavar="N",
-        help="N Appendix A elements per leaf instead of strain-mode leafs",
-    )
-    parser.add_argument(
-        "--passes", type=int, metavar="K", help="extra relinearised passes of reduced or full"
-    )
-    parser.add_argument(
-        "--extrapolate",
-        action="store_true",
-        default=None,
-        help="use joint records beyond their trained range",
-    )
-    parser.add_argument(
-        "--set",
-        action="append",
-        default=[],
-        metavar="DRIVE=VALUE",
-        help="a drive value, such as top=300mm or hinge=45deg; may be repeated",
-    )
-    parser.add_argument("--json", metavar="FILE", help="write every number; - is stdout, without tables")
-    parser.add_argument(
-        "--plot", metavar="FILE", help="write a picture (.png, .pdf, .svg) or a ParaView file (.vtu)"
-    )
+    said = "a drive value, such as top=300mm or hinge=45deg; may be repeated"
+    parser.add_argument("--set", action="append", default=[], metavar="DRIVE=VALUE", help=said)
+    for word, meaning in _WORDS:
+        parser.add_argument(word, **meaning)
     return parser
 
 

@@ -234,7 +234,7 @@ def add_members(arrays, x, R, inner, work, rtol, noise, near):
         m = math.sqrt(lam[3] ** 2 + lam[4] ** 2 + lam[5] ** 2)
         L = members.length[i]
         floor = noise * members.floor[i]
-        worst = max(worst, dn / (rtol * (n + m / L) + floor), dm / (rtol * (n * L + m) + floor * L))
+        worst = max(worst, dn / (rtol * (n + m / L) + floor + 1e-300), dm / (rtol * (n * L + m) + floor * L + 1e-300))
         for e in range(2):
             node = members.node[i, e]
             starts[e] = arrays.start[node]

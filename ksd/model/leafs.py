@@ -1,4 +1,8 @@
-"""A leaf of the scene as a member: strain-mode body or chain of Appendix A elements, in global axes at rest."""
+"""A leaf of the scene as a member: strain-mode body or chain of Appendix A elements, in global axes at rest.
+
+Straight or curved at rest, uniform or with a profile. A tapered strain-mode leaf uses curvature modes weighted by its
+bending compliance, so that a moment linear along it needs two modes however deep the notch.
+"""
 
 from __future__ import annotations
 
@@ -10,49 +14,18 @@ from typing import Any
 import numpy as np
 
 from ksd.beam import corotational_values as chains
-from ksd.beam.strain_values import DEFAULT_ORDERS, DEFAULT_POINTS, strain_sizes, strain_values
+from ksd.beam.strain_fields import strain_fields
+from ksd.beam.strain_values import Modes, make_modes, strain_sizes, strain_values
 from ksd.errors import SceneError
 from ksd.model.arrays import COROTATIONAL, STRAIN
+from ksd.model.mesh import Mesh
 from ksd.model.pack import Member
+from ksd.section import Section, restrained_warping_factor
 
-
-@dataclass(frozen=True)
-class Mesh:
-    """Which leaf model, and how fine.
-
-    leaf: "strain" (one strain-mode body per leaf, `orders` curvature modes about x, y, z and `points` quadrature
-    points) or "corotational" (a chain of `elements` Appendix A elements). mip: geometric stiffness of the chain from
-    extrapolated stresses (True) or plain Newton (False). nodal: every element node is a node of the model, as in
-    the paper's own program, instead of being condensed inside its chain: the same equilibria by other Newton iterates.
-    """
-
-    leaf: str = "strain"
-    orders: tuple[int, int, int] = DEFAULT_ORDERS
-    points: int = DEFAULT_POINTS
-    elements: int = 4
-    mip: bool = True
-    nodal: bool = False
-
-    def __post_init__(self) -> None:
-        if self.leaf not in ("strain", "corotational"):
-            raise SceneError(f"leaf = {self.leaf!r}: the leaf models are 'strain' and 'corotational'")
-        if self.leaf == "corotational" and not 1 <= self.elements <= 500:
-            raise SceneError(f"elements = {self.elements}: between 1 and 500 elements per leaf are possible")
-        low = (1, 1, 2)
-        if len(self.orders) != 3 or any(n < m or n > 12 for n, m in zip(self.orders, low, strict=True)):
-            raise SceneError(f"orders = {self.orders}: three numbers, at least {low} and at most 12 each")
-        if self.nodal and self.leaf != "corotational":
-            raise SceneError("nodal = True: only leaf = 'corotational' has element nodes; leave it out for strain-mode leafs")
-        if self.points < max(self.orders) + 1:
-            raise SceneError(
-                f"points = {self.points}: orders {self.orders} need at least {max(self.orders) + 1} points"
-            )
-
-    def __str__(self) -> str:
-        if self.leaf == "strain":
-            return f"strain-mode leafs, orders {self.orders}, {self.points} points"
-        newton = "mixed integration points" if self.mip else "plain Newton"
-        return f"{self.elements} Appendix A elements per leaf, {newton}{', nodal' if self.nodal else ''}"
+PANELS = 8
+"""Quadrature panels of a leaf with a profile, between its breaks."""
+FINE = 400
+"""Steps by which a curve is integrated for the nodes of a chain."""
 
 
 def leaf_axes(start: np.ndarray, end: np.ndarray, width_axis: np.ndarray | None, name: str) -> np.ndarray:
@@ -72,17 +45,163 @@ def leaf_axes(start: np.ndarray, end: np.ndarray, width_axis: np.ndarray | None,
     return np.column_stack([e1, np.cross(e3, e1), e3])
 
 
-def rigidities(leaf: Any) -> tuple[np.ndarray, np.ndarray]:
-    """(GJ, EIy, EIz) [N m^2] and (1/EA, 1/(ky GA), 1/(kz GA)) [1/N] of a leaf's section and material."""
-    section, E, G = leaf.section, leaf.material.E, leaf.material.G
-    stiff = np.array([G * section.J, E * section.Iy, E * section.Iz])
+def rigidities(section: Section, leaf: Any, mesh: Mesh) -> tuple[np.ndarray, np.ndarray]:
+    """(GJ, EIy, EIz) [N m^2] and (1/EA, 1/(ky GA), 1/(kz GA)) [1/N] of one section of a leaf."""
+    E, G = leaf.material.E, leaf.material.G
+    factor = 1.0
+    if mesh.warping and section.Iw > 0.0:
+        factor = restrained_warping_factor(leaf.length, section.width, leaf.material.nu)
+    stiff = np.array([factor * G * section.J, E * section.Iy, E * section.Iz])
     return stiff, 1.0 / np.array([E * section.A, section.ky * G * section.A, section.kz * G * section.A])
 
 
-def _numbers(leaf: Any) -> SimpleNamespace:
-    """Section and material numbers of a leaf in one place, as the chain set-up reads them."""
-    q, m = leaf.section, leaf.material
-    return SimpleNamespace(E=m.E, G=m.G, A=q.A, J=q.J, Iy=q.Iy, Iz=q.Iz, ky=q.ky, kz=q.kz)
+@dataclass(frozen=True)
+class _Body:
+    """What a leaf model makes of a leaf: kind, constants, undeformed inner state, scratch, pose of end q in frame p."""
+
+    kind: int
+    value: np.ndarray
+    number: np.ndarray
+    inner: np.ndarray
+    store: int
+    d: np.ndarray
+    Q: np.ndarray
+
+
+def raised_orders(leaf: Any, mesh: Mesh) -> tuple[tuple[int, int, int], int]:
+    """Curvature modes and quadrature points of a leaf: those asked for, more for a leaf that is curved at rest.
+
+    A moment that is constant in space varies like a sine along an arc; one more mode per 20 degrees of total turning
+    about an axis keeps its representation at 1e-7 (checked against the closed form of a circular arc).
+    """
+    orders = tuple(leaf.orders or mesh.orders)
+    points = max(mesh.points, max(orders) + 1)
+    if leaf.curve is None or leaf.orders is not None:
+        return orders, points
+    stations = np.linspace(0.0, 1.0, 65)
+    turning = leaf.length * np.mean([np.linalg.norm(leaf.curve.curvature(s)) for s in stations])
+    more = int(np.ceil(np.rad2deg(turning) / 30.0))
+    orders = tuple(min(n + more, 16) for n in orders)
+    return orders, max(points, max(orders) + 3)
+
+
+def _fitted(leaf: Any, modes: Modes, orders: tuple[int, int, int]) -> np.ndarray:
+    """Amplitudes (N,) of the stress-free curvature, by weighted least squares at the quadrature points."""
+    kappa = np.array([leaf.curve.curvature(float(s)) for s in modes.s]).T
+    weight = np.sqrt(modes.weight)
+    found, first = [], 0
+    for axis, n in enumerate(orders):
+        basis = modes.basis[first : first + n]
+        found.append(np.linalg.lstsq((basis * weight).T, kappa[axis] * weight, rcond=None)[0])
+        first += n
+    return np.concatenate(found)
+
+
+def leaf_modes(leaf: Any, mesh: Mesh) -> Modes:
+    """Tables of the curvature modes of a strain-mode leaf: Legendre, or weighted by its compliance if it has a profile."""
+    orders, points = raised_orders(leaf, mesh)
+    if leaf.profile is None:
+        return make_modes(orders, points)
+    inner = sorted({*np.linspace(0, 1, PANELS + 1)[1:-1].tolist(), *leaf.profile.breaks})
+    nominal, _ = rigidities(leaf.section, leaf, mesh)
+
+    def softness(s: np.ndarray) -> np.ndarray:
+        return np.array([nominal / rigidities(leaf.profile.section(float(x)), leaf, mesh)[0] for x in s]).T
+
+    return make_modes(orders, max(6, max(orders) // 2), breaks=(0.0, *inner, 1.0), shape=softness)
+
+
+def _strain_body(leaf: Any, mesh: Mesh) -> _Body:
+    orders, points = raised_orders(leaf, mesh)
+    stiff, soft = rigidities(leaf.section, leaf, mesh)
+    words: dict[str, Any] = {"length": leaf.length, "orders": orders, "points": points}
+    if leaf.profile is not None or leaf.curve is not None:
+        words["modes"] = modes = leaf_modes(leaf, mesh)
+        if leaf.profile is not None:
+            both = [rigidities(leaf.profile.section(float(s)), leaf, mesh) for s in modes.s]
+            stiff, soft = np.array([b[0] for b in both]), np.array([b[1] for b in both])
+        if leaf.curve is not None:
+            words["amplitudes"] = _fitted(leaf, modes, orders)
+    value, number = strain_values(rigidity=stiff, compliance=soft, **words)
+    size, store = strain_sizes(number)
+    inner = np.zeros(size)
+    if leaf.curve is None:
+        return _Body(STRAIN, value, number, inner, store, np.array([leaf.length, 0, 0]), np.eye(3))
+    inner[: len(words["amplitudes"])] = words["amplitudes"]
+    d, Q = _undeformed_end(value, number, inner)
+    return _Body(STRAIN, value, number, inner, store, d, Q)
+
+
+def _undeformed_end(value: np.ndarray, number: np.ndarray, inner: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Pose of end q by the leaf's own integration, so that a curved leaf is free of stress at rest."""
+    ng, N = int(number[3]), int(sum(number[:3]))
+    R, v, S, m = np.empty((ng + 1, 3, 3)), np.empty((ng, 3)), np.empty((ng, 6)), np.empty((ng, 3))
+    psi, rho = np.zeros((ng + 1, 3, N)), np.zeros((ng + 1, 3, N))
+    d = strain_fields(value, number, inner, R, v, S, m, psi, rho, np.empty((ng, 3, N)))
+    return np.array(d, float), R[ng].copy()
+
+
+def _numbers(section: Section, leaf: Any, mesh: Mesh) -> SimpleNamespace:
+    """Section and material numbers in one place, as the chain set-up reads them."""
+    material = leaf.material
+    J = rigidities(section, leaf, mesh)[0][0] / material.G
+    return SimpleNamespace(
+        E=material.E, G=material.G, A=section.A, J=J, Iy=section.Iy, Iz=section.Iz, ky=section.ky, kz=section.kz
+    )
+
+
+def integrate_curve(curve: Any, stations: int) -> tuple[np.ndarray, np.ndarray]:
+    """Positions (k+1, 3) [m] and orientations (k+1, 3, 3) of a stress-free curve at k equal steps from its start.
+
+    Midpoint exponentials of fine steps (second order; R' = R [kappa]x, r' = R e1).
+    """
+    from scipy.spatial.transform import Rotation
+
+    steps = -(-FINE // stations) * stations
+    h = curve.length / steps
+    positions, orientations = np.zeros((stations + 1, 3)), np.tile(np.eye(3), (stations + 1, 1, 1))
+    x, R = np.zeros(3), np.eye(3)
+    for k in range(steps):
+        turn = h * curve.curvature((k + 0.5) / steps)
+        half = R @ Rotation.from_rotvec(0.5 * turn).as_matrix()
+        R = R @ Rotation.from_rotvec(turn).as_matrix()
+        x = x + h * (1 - turn @ turn / 24) * half[:, 0]
+        if (k + 1) % (steps // stations) == 0:
+            at = (k + 1) * stations // steps
+            positions[at], orientations[at] = x, R
+    return positions, orientations
+
+
+def _chain_body(leaf: Any, mesh: Mesh) -> _Body:
+    count = leaf.elements or mesh.elements
+    curve = None if leaf.curve is None else integrate_curve(leaf.curve, count)
+    value = chains.chain_values(_numbers(leaf.section, leaf, mesh), leaf.length, count, curve)
+    if leaf.profile is not None:
+        for k in range(count):
+            # each element has the section of its middle
+            section = leaf.profile.section((k + 0.5) / count)
+            at = 16 * k
+            value[at + 1 : at + 7] = chains.stiffness_numbers(_numbers(section, leaf, mesh), value[at])
+    number = np.array([count, int(mesh.mip)], np.int64)
+    d, Q = chains.undeformed_end(value, number)
+    return _Body(COROTATIONAL, value, number, chains.start_inner(value, number), chains.sizes(count).store, d, Q)
+
+
+def _placed(start: np.ndarray, end: np.ndarray, width: Any, body: _Body, name: str) -> tuple[np.ndarray, np.ndarray]:
+    """Axes (3, 3) of end p such that the undeformed end q lies towards `end`, and the place of q.
+
+    The chord of a curved leaf must be as long as the distance of its ends, to 1e-3.
+    """
+    chord = leaf_axes(start, end, width, name)
+    reach, given = float(np.linalg.norm(body.d)), float(np.linalg.norm(end - start))
+    if abs(reach - given) > 1e-3 * given:
+        raise SceneError(
+            f"leaf '{name}': its curve spans {reach:.6g} m from start to end, but the ends are {given:.6g} m apart; "
+            "move an end or change the curve"
+        )
+    own = leaf_axes(np.zeros(3), body.d, np.array([0.0, 0.0, 1.0]), name)
+    axes = chord @ own.T
+    return axes, start + axes @ body.d
 
 
 def leaf_member(
@@ -97,40 +216,27 @@ def leaf_member(
     start = origin + rotation @ np.asarray(leaf.start, float)
     end = origin + rotation @ np.asarray(leaf.end, float)
     width = None if leaf.width_axis is None else rotation @ np.asarray(leaf.width_axis, float)
-    axes = leaf_axes(start, end, width, name)
-    length = float(np.linalg.norm(end - start))
-    stiff, soft = rigidities(leaf)
-    if mesh.leaf == "strain":
-        kind = STRAIN
-        orders = tuple(leaf.orders or mesh.orders)
-        points = max(mesh.points, max(orders) + 1)
-        value, number = strain_values(length=length, rigidity=stiff, compliance=soft, orders=orders, points=points)
-        inner_size, store = strain_sizes(number)
-        inner = np.zeros(inner_size)
-    else:
-        kind = COROTATIONAL
-        count = leaf.elements or mesh.elements
-        value = chains.chain_values(_numbers(leaf), length, count)
-        number = np.array([count, int(mesh.mip)], np.int64)
-        _, _, store = chains.sizes(count)
-        inner = chains.start_inner(value, number)
+    body = _strain_body(leaf, mesh) if mesh.leaf == "strain" else _chain_body(leaf, mesh)
+    axes, tip = _placed(start, end, width, body, name)
     return Member(
         name=name,
-        kind=kind,
+        kind=body.kind,
         nodes=nodes,
-        offset=np.array([start - places[0], end - places[1]]),
-        frame=np.array([axes, axes]),
-        value=value,
-        number=number,
-        inner=inner,
-        store=store,
-        length=length,
-        floor=1.0 / (soft[0] * length),
+        offset=np.array([start - places[0], tip - places[1]]),
+        frame=np.array([axes, axes @ body.Q]),
+        value=body.value,
+        number=body.number,
+        inner=body.inner,
+        store=body.store,
+        length=leaf.length,
+        floor=1.0 / (rigidities(leaf.section, leaf, mesh)[1][0] * leaf.length),
     )
 
 
 def split_leaf(leaf: Any, elements: int) -> tuple[list[Any], list[np.ndarray]]:
     """The leaf cut into single-element pieces, and the points (3,) between them in the leaf's own coordinates."""
+    if leaf.curve is not None or leaf.profile is not None:
+        raise SceneError(f"leaf '{leaf.name}': nodal meshes are for straight uniform leafs; leave nodal out")
     start, end = np.asarray(leaf.start, float), np.asarray(leaf.end, float)
     cuts = [start + (end - start) * k / elements for k in range(elements + 1)]
     pieces = [
@@ -138,3 +244,6 @@ def split_leaf(leaf: Any, elements: int) -> tuple[list[Any], list[np.ndarray]]:
         for k, (a, b) in enumerate(pairwise(cuts))
     ]
     return pieces, cuts[1:-1]
+
+
+__all__ = ["Mesh", "integrate_curve", "leaf_axes", "leaf_member", "leaf_modes", "raised_orders", "rigidities", "split_leaf"]

@@ -14,8 +14,11 @@ from ksd.numerics.rotations import straighten, turn
 
 
 @kernel
-def assemble(arrays, motion, target, factor, work, rtol, near):
-    """Residual and tangent at `motion`. Returns (residual over its bound, largest gap [m], negatives, status)."""
+def assemble(arrays, motion, target, factor, work, rtol, near, grain):
+    """Residual and tangent at `motion`. Returns (residual over its bound, largest gap [m], negatives, status).
+
+    grain: how many times the rounding of stiffness times position the bounds include (design section 5: 10 eps).
+    """
     work.value[:] = 0.0
     work.rhs[:] = 0.0
     work.scale[:] = 0.0
@@ -23,11 +26,11 @@ def assemble(arrays, motion, target, factor, work, rtol, near):
     for k in range(len(arrays.start)):
         for r in range(3):
             reach = max(reach, abs(motion.x[k, r]))
-    noise = 10.0 * 2.220446049250313e-16 * reach
+    noise = grain * 2.220446049250313e-16 * reach
     negatives, worst, status = add_members(arrays, motion.x, motion.R, motion.inner, work, rtol, noise, near)
     add_loads(arrays, motion.R, work, factor, rtol)
     gap = add_terms(arrays, motion.x, motion.R, motion.multiplier, target, work, rtol)
-    worst = max(worst, gap / (1e-11 * arrays.size + noise))
+    worst = max(worst, gap / (1e-11 * arrays.size + 2e-15 * reach))
     for k in range(len(arrays.start)):
         u = arrays.start[k]
         if u >= 0:

@@ -9,13 +9,29 @@ from ksd.scene.leaf import Leaf, wire
 from ksd.scene.links import Link
 from ksd.scene.material import Material
 from ksd.scene.mechanism import Mechanism
+from ksd.scene.profile import (
+    Arc,
+    CircularNotch,
+    Curve,
+    FilletedNotch,
+    FreeCurve,
+    Profile,
+    StiffenedMiddle,
+    Taper,
+    Varying,
+)
 
 __all__ = [
     "GROUND",
+    "Arc",
+    "CircularNotch",
     "CrossFlexure",
+    "Curve",
     "DrawnJoint",
     "Drive",
     "DriveTerm",
+    "FilletedNotch",
+    "FreeCurve",
     "Joint",
     "Leaf",
     "Link",
@@ -26,7 +42,11 @@ __all__ = [
     "PlacedJoint",
     "PlacedLeaf",
     "PointMass",
+    "Profile",
     "Scene",
+    "StiffenedMiddle",
+    "Taper",
+    "Varying",
     "joint_angle",
     "joint_families",
     "joint_family",

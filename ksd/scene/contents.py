@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import hashlib
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -13,6 +13,7 @@ import numpy as np
 from ksd.scene.drive import GROUND, Drive, Load, PointMass
 from ksd.scene.joint import Joint
 from ksd.scene.leaf import Leaf
+from ksd.scene.profile import Curve, Profile
 from ksd.section.checks import Vector
 
 Matrix = tuple[Vector, Vector, Vector]
@@ -109,9 +110,9 @@ def _pieces(value: Any) -> Iterator[str]:
         for field in dataclasses.fields(value):
             if field.compare:
                 yield field.name
-                yield from _pieces(
-                    _sampled(value) if field.name == "curvature" else getattr(value, field.name)
-                )
+                yield from _pieces(getattr(value, field.name))
+        if isinstance(value, Curve | Profile):
+            yield from _pieces(_sampled(value))
         yield ">"
     elif isinstance(value, tuple | list):
         yield f"({len(value)}"
@@ -124,16 +125,17 @@ def _pieces(value: Any) -> Iterator[str]:
         # -0.0 == 0.0, so both must hash alike
         yield (value + 0.0).hex()
     else:
+        if callable(value):
+            return
         raise TypeError(f"a scene holds numbers, text and tuples, not {type(value).__name__}")
 
 
-def _sampled(leaf: Any) -> Any:
-    """Initial curvature at 17 stations: a function has no contents that could be hashed."""
-    function: Callable[[float], Any] | None = leaf.curvature
-    if function is None:
-        return None
-    stations = np.linspace(0.0, leaf.length, 17)
-    return tuple(_triple(np.asarray(function(float(s)), float)) for s in stations)
+def _sampled(value: Curve | Profile) -> Any:
+    """A curve or profile at 17 stations: a function in it has no contents that could be hashed."""
+    stations = [float(s) for s in np.linspace(0.0, 1.0, 17)]
+    if isinstance(value, Curve):
+        return tuple(_triple(value.curvature(s)) for s in stations)
+    return tuple(value.section(s) for s in stations)
 
 
 __all__ = ["GROUND", "Matrix", "PlacedJoint", "PlacedLeaf", "Scene", "joint_angle"]

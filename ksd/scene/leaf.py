@@ -1,9 +1,8 @@
-"""Straight flexible leafs and wires between two rigid blocks."""
+"""Flexible leafs and wires between two rigid blocks: straight or curved, uniform or with a profile."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -11,6 +10,7 @@ import numpy as np
 
 from ksd.errors import SceneError
 from ksd.scene.material import Material
+from ksd.scene.profile import Curve, Profile
 from ksd.section import Section, circle
 from ksd.section.checks import Vector, direction, positive, show, vector, whole, word
 
@@ -24,8 +24,8 @@ class Leaf:
     end, the thickness e2 = e3 x e1. None picks any perpendicular, for sections that are the same in all
     directions. start_block, end_block: names of the blocks (links) it is clamped to. elements: Appendix A
     elements along the leaf; orders: curvature modes (about e1, e2, e3) of the strain-mode leaf; None leaves
-    the choice to the model. curvature: stress-free curvature as a function of the distance s [m] from start,
-    returning (3,) [1/m] about e1, e2, e3; None is a straight leaf. Raises SceneError for a leaf without
+    the choice to the model. profile: how the section varies along it (`section` is then its nominal one); None is
+    uniform. curve: its stress-free shape, whose chord must fit start and end; None is straight. Raises SceneError for a leaf without
     length, a width axis not perpendicular to it, or numbers that are not finite.
     """
 
@@ -39,7 +39,8 @@ class Leaf:
     name: str = "leaf"
     elements: int | None = None
     orders: tuple[int, int, int] | None = None
-    curvature: Callable[[float], Any] | None = None
+    profile: Profile | None = None
+    curve: Curve | None = None
 
     def __post_init__(self) -> None:
         owner = f"leaf '{word(self.name, 'name', owner='leaf')}'"
@@ -57,12 +58,14 @@ class Leaf:
         for key, kind in kinds.items():
             if not isinstance(getattr(self, key), kind):
                 raise SceneError(f"{owner}: {key} = {show(getattr(self, key))} must be a {kind.__name__}.")
-        if self.curvature is not None and not callable(self.curvature):
-            raise SceneError(f"{owner}: curvature = {show(self.curvature)} must be a function of s in m.")
+        for key, base in (("profile", Profile), ("curve", Curve)):
+            given = getattr(self, key)
+            if given is not None and not isinstance(given, base):
+                raise SceneError(f"{owner}: {key} = {show(given)} must be a {base.__name__}, or None.")
         self._check_axes(owner)
 
     def _check_axes(self, owner: str) -> None:
-        length = self.length
+        length = math.dist(self.start, self.end)
         if not math.isfinite(length) or length == 0.0:
             raise SceneError(
                 f"{owner}: from start {self.start} to end {self.end} its length is {length:g} m."
@@ -86,13 +89,13 @@ class Leaf:
 
     @property
     def length(self) -> float:
-        """Distance between its ends at rest [m]."""
-        return math.dist(self.start, self.end)
+        """Length at rest [m]: of the arc for a curved leaf, else the distance between its ends."""
+        return self.curve.length if self.curve is not None else math.dist(self.start, self.end)
 
     @property
     def axes(self) -> np.ndarray:
-        """(3, 3) columns e1 along, e2 thickness, e3 width, orthonormal, in the frame of start and end."""
-        e1 = np.subtract(self.end, self.start) / self.length
+        """(3, 3) columns e1 along the chord, e2 thickness, e3 width, orthonormal, in the frame of start and end."""
+        e1 = np.subtract(self.end, self.start) / math.dist(self.start, self.end)
         e3 = np.asarray(self.width_axis) - np.dot(np.asarray(self.width_axis), e1) * e1
         e3 /= np.linalg.norm(e3)
         return np.column_stack([e1, np.cross(e3, e1), e3])

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 from ksd.errors import SceneError
@@ -14,6 +14,7 @@ from ksd.scene.leaf import wire as make_wire
 from ksd.scene.links import Link, Links, spoken
 from ksd.scene.material import Material
 from ksd.scene.placing import axis_word, numbered, rotation_at
+from ksd.scene.profile import Curve, Profile
 from ksd.scene.rules import check_scene
 from ksd.section import Section
 from ksd.section.checks import Vector, direction, nearest, show, vector, word
@@ -96,7 +97,8 @@ class Mechanism(Links):
         name: str | None = None,
         elements: int | None = None,
         orders: tuple[int, int, int] | None = None,
-        curvature: Callable[[float], Any] | None = None,
+        profile: Profile | None = None,
+        curve: Curve | None = None,
     ) -> PlacedLeaf:
         """A free-form leaf clamped to `a` at `start` (3,) [m] and to `b` at `end`; words as in `Leaf`."""
         label = self._new_name(name, "leaf")
@@ -112,7 +114,8 @@ class Mechanism(Links):
             name=label,
             elements=elements,
             orders=orders,
-            curvature=curvature,
+            profile=profile,
+            curve=curve,
         )
         self._leafs.append(PlacedLeaf(label, first, second, made))
         return self._leafs[-1]

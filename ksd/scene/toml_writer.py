@@ -35,7 +35,7 @@ def save_scene(
     """Write a scene file (UTF-8) that `load_scene` reads back into an equal scene, with equal fingerprint.
 
     targets: {drive: value in SI}; options: contents of [options]. Raises SceneError for an incomplete scene,
-    a leaf with a curvature function or a joint of no known family (neither can be written), or a target of no
+    a leaf with a profile or a curve or a joint of no known family (neither can be written), or a target of no
     drive.
     """
     scene = mechanism.scene() if isinstance(mechanism, Mechanism) else mechanism
@@ -154,8 +154,9 @@ def _drawn(joint: DrawnJoint, names: _Names) -> Tree:
 
 
 def _leaf(leaf: Leaf, names: _Names) -> Tree:
-    if leaf.curvature is not None:
-        raise SceneError(f"leaf '{leaf.name}': its curvature is a function and cannot be written to a file.")
+    for key in ("profile", "curve"):
+        if getattr(leaf, key) is not None:
+            raise SceneError(f"leaf '{leaf.name}': a leaf with a {key} cannot be written to a file; keep it in Python.")
     tree: Tree = {"name": leaf.name, "start": leaf.start, "end": leaf.end, "width_axis": leaf.width_axis}
     tree |= {"section": names.section(leaf.section), "material": names.material(leaf.material)}
     for key in ("elements", "orders"):

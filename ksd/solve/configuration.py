@@ -88,13 +88,18 @@ class Configuration:
     def forces(self) -> dict[str, float]:
         """Drive force [N] or moment [Nm] by drive name: what the drive exerts on its link, positive along the drive."""
         count = len(self.model.drive_names)
-        return {n: -float(m) for n, m in zip(self.model.drive_names, self.motion.multiplier[:count], strict=True)}
+        return {
+            n: -float(m) for n, m in zip(self.model.drive_names, self.motion.multiplier[:count], strict=True)
+        }
 
     @property
     def reactions(self) -> dict[str, float]:
         """What every support exerts [N or Nm], by support name."""
         count = len(self.model.drive_names)
-        return {n: -float(m) for n, m in zip(self.model.support_names, self.motion.multiplier[count:], strict=True)}
+        return {
+            n: -float(m)
+            for n, m in zip(self.model.support_names, self.motion.multiplier[count:], strict=True)
+        }
 
     @property
     def links(self) -> dict[str, tuple[np.ndarray, np.ndarray]]:
@@ -116,6 +121,42 @@ class Configuration:
         i = self.model.node_names.index(link)
         arm = np.asarray(at, float) - self.model.rest.x[i]
         return self.motion.x[i] + self.motion.R[i] @ arm - np.asarray(at, float)
+
+    def stiffness(self, link: Any, **options: Any) -> Any:
+        """Compliance and stiffness of a point of a link: `ksd.properties.stiffness.point_stiffness`."""
+        from ksd.properties.stiffness import point_stiffness
+
+        return point_stiffness(self.model, self.motion, link, load_factor=self.load_factor, **options)
+
+    def drive_stiffness(self, **options: Any) -> Any:
+        """dF/dd [N/m, Nm/rad] of all held drives: `ksd.properties.stiffness.drive_stiffness`."""
+        from ksd.properties.stiffness import drive_stiffness
+
+        return drive_stiffness(self.model, self.motion, load_factor=self.load_factor, **options)
+
+    def frequencies(self, **options: Any) -> Any:
+        """Eigenfrequencies [Hz] and modes about this state: `ksd.properties.frequencies.frequencies`."""
+        from ksd.properties.frequencies import frequencies
+
+        return frequencies(self.model, self.motion, load_factor=self.load_factor, **options)
+
+    def buckling(self, link: Any = None, **options: Any) -> Any:
+        """Multipliers of an added load, or of the state's own stresses: `ksd.properties.buckling.buckling`."""
+        from ksd.properties.buckling import buckling
+
+        return buckling(self.model, self.motion, link, load_factor=self.load_factor, **options)
+
+    def stress(self, *, points: int = 25) -> Any:
+        """Stress [Pa] along every leaf, where and how much: `ksd.properties.stress.stress`."""
+        from ksd.properties.stress import stress
+
+        return stress(self.model, self.motion, points=points)
+
+    def strain_energy(self) -> dict[str, float]:
+        """Strain energy [J] of every leaf by name."""
+        from ksd.properties.stress import strain_energy
+
+        return strain_energy(self.model, self.motion)
 
     def section_forces(self, *, points: int = 25) -> dict[str, Any]:
         """Section forces along every leaf by name, see `ksd.properties.section_forces`."""

@@ -16,6 +16,8 @@ from ksd.model.system import assemble, largest_move, largest_turn, solve_step, t
 from ksd.numerics.blocks import factor_blocks
 from ksd.numerics.kernel import kernel
 
+GRAIN = 10.0
+"""Multiples of rounding in the residual bounds."""
 LOOSE = 1000.0
 """How far the residual may exceed its bound when the last step was negligible."""
 
@@ -36,7 +38,10 @@ def iterate(arrays, motion, target, factor, work, rtol, most, cap, blow_up):
     # a variable, not the literal 0, for which numba would compile `assemble` a second time
     near = 0 * most
     for n in range(most + 1):
-        worst, gap, inside, status = assemble(arrays, motion, target, factor, work, rtol, near)
+        # a load too small to rise above rounding still gets one step: at first the bounds have no grain
+        worst, gap, inside, status = assemble(
+            arrays, motion, target, factor, work, rtol, near, GRAIN if n > 0 else 0.0
+        )
         if not math.isfinite(worst):
             return NOT_FINITE, n, worst, negatives, pivot
         if worst <= 1.0 or (worst <= LOOSE and moved <= 1.0):

@@ -177,7 +177,7 @@ def corrector(b: Bench, target: np.ndarray, *, rtol: float) -> tuple[ErrorEstima
     """Error estimate: one Newton step of the full model from the recovered state, looked at and not taken."""
     clock = _Clock()
     arrays = b.model.arrays
-    residual, _, inside, status = assemble(arrays, b.full, target, 1.0, b.full_work, rtol, 0)
+    residual, _, inside, status = assemble(arrays, b.full, target, 1.0, b.full_work, rtol, 0, 10.0)
     negatives, pivot = solve_step(arrays, b.full_work)
     step = b.full_work.rhs
     force = np.abs(step[arrays.terms.start])

@@ -106,7 +106,7 @@ def _drives(d: dict[str, Any]) -> Any:
     table = _table("drive", "value", "<", "force or moment", "<", "estimated error")
     for name, row in d["drives"].items():
         (at, value), (effort, force), (_, error) = row.items()
-        said = "-" if error is None else f"+-{number(error, 2, zero=1e-12)}"
+        said = "-" if error is None else f"{number(error, 2, zero=1e-12)} {_UNITS[effort]}"
         table.add_row(
             name, number(value, 6, zero=1e-12), _UNITS[at], number(force, 6, zero=1e-12), _UNITS[effort], said
         )

@@ -23,47 +23,37 @@ class Mark(NamedTuple):
 
 def plot_cost(axes: Any, marks: Sequence[Mark], *, title: str = "") -> None:
     """Draw time [us] against error [%], both on log axes, with the names beside the marks."""
-    groups = list(dict.fromkeys(m.group for m in marks))
-    for g, group in enumerate(groups):
-        color, symbol = _STYLE[g % len(_STYLE)]
+    for group, (color, symbol) in zip(dict.fromkeys(m.group for m in marks), _STYLE, strict=False):
         mine = [m for m in marks if m.group == group]
-        axes.plot(
-            [1e6 * m.time for m in mine],
-            [100 * m.error for m in mine],
-            linestyle="none",
-            marker=symbol,
-            markersize=7,
-            markeredgecolor="white",
-            color=color,
-            label=f"{group} leafs" if "element" not in group else f"{group} per leaf",
-            zorder=3,
-        )
-    axes.set_xscale("log")
-    axes.set_yscale("log")
-    times, errors = (np.array([getattr(m, key) for m in marks]) for key in ("time", "error"))
-    axes.set_xlim(0.25e6 * times.min(), 6.0e6 * times.max())
-    axes.set_ylim(30 * errors.min(), 500 * errors.max())
+        label = f"{group} per leaf" if "element" in group else f"{group} leafs"
+        style = {"color": color, "marker": symbol, "markersize": 7, "markeredgecolor": "white"}
+        x, y = [1e6 * m.time for m in mine], [100 * m.error for m in mine]
+        axes.plot(x, y, linestyle="none", label=label, zorder=3, **style)
     for m, (side, shift) in zip(marks, _sides(marks), strict=True):
+        place = (1e6 * m.time, 100 * m.error)
         axes.annotate(
-            m.name,
-            (1e6 * m.time, 100 * m.error),
-            shift,
-            textcoords="offset points",
-            fontsize=8,
-            color=INK,
-            ha=side,
-            va="center",
+            m.name, place, shift, textcoords="offset points", fontsize=8, color=INK, ha=side, va="center"
         )
-    for axis in (axes.xaxis, axes.yaxis):
-        axis.set_major_formatter("{x:g}")
+    _scales(axes, marks)
     axes.set_xlabel("thread time of a solve [\N{MICRO SIGN}s]")
     axes.set_ylabel("error of force and displacement [%]")
     axes.set_title(title, fontsize=10, color=INK, loc="left")
-    axes.grid(True, which="major", color="#eceff4", linewidth=0.8)
-    axes.set_axisbelow(True)
     axes.legend(fontsize=8, frameon=False, loc="upper right")
     for side in ("top", "right"):
         axes.spines[side].set_visible(False)
+
+
+def _scales(axes: Any, marks: Sequence[Mark]) -> None:
+    """Log axes with plain numbers, and room for the names."""
+    times, errors = (np.array([getattr(m, key) for m in marks]) for key in ("time", "error"))
+    axes.set_xscale("log")
+    axes.set_yscale("log")
+    axes.set_xlim(0.25e6 * times.min(), 6.0e6 * times.max())
+    axes.set_ylim(30 * errors.min(), 500 * errors.max())
+    for axis in (axes.xaxis, axes.yaxis):
+        axis.set_major_formatter("{x:g}")
+    axes.grid(True, which="major", color="#eceff4", linewidth=0.8)
+    axes.set_axisbelow(True)
 
 
 def _sides(marks: Sequence[Mark]) -> list[tuple[str, tuple[float, float]]]:

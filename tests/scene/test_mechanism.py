@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from ksd.errors import SceneError
-from ksd.scene import CrossFlexure, Drive, DriveTerm, Material, Mechanism, Scene
+from ksd.scene import CrossFlexure, Drive, DriveTerm, FreeCurve, Material, Mechanism, Scene
 from ksd.section import rectangle
 from ksd.units import GPa, deg, mm
 
@@ -298,7 +298,7 @@ def test_fingerprint_samples_curvature_functions():
             "width_axis": "z",
             "section": BLADE,
             "material": STEEL,
-            "curvature": lambda s: (0, 0, slope * s),
+            "curve": FreeCurve(0.1, lambda s: (0, 0, slope * s)),
         }
         made.leaf("ground", "stage", start=(0, 0, 0), end=(0.1, 0, 0), **words)
         return made.scene().fingerprint()

@@ -11,6 +11,7 @@ from ksd.errors import SceneError
 from ksd.scene import (
     CrossFlexure,
     DrawnJoint,
+    FreeCurve,
     Joint,
     Leaf,
     Material,
@@ -102,9 +103,9 @@ def test_wire_needs_no_width_axis():
 
 
 def test_leaf_keeps_mesh_and_curvature():
-    made = leaf(elements=3, orders=[4, 3, 5], curvature=lambda s: (0, 0, s))
+    made = leaf(elements=3, orders=[4, 3, 5], curve=FreeCurve(1.0, lambda s: (0, 0, s)))
     assert (made.elements, made.orders) == (3, (4, 3, 5))
-    assert made.curvature(2.0) == (0, 0, 2.0)
+    assert tuple(made.curve.curvature(0.5)) == (0, 0, 0.5)
 
 
 @pytest.mark.parametrize(
@@ -126,7 +127,7 @@ def test_leaf_keeps_mesh_and_curvature():
         (lambda: leaf(elements=2.5), ["elements = 2.5", "whole number"]),
         (lambda: leaf(orders=(4, 3)), ["orders = (4, 3)", "three"]),
         (lambda: leaf(orders=(4, 3, 0)), ["orders = 0", "at least 1"]),
-        (lambda: leaf(curvature=3), ["curvature = 3", "function"]),
+        (lambda: leaf(curve=3), ["curve = 3", "Curve"]),
         (lambda: leaf(name=""), ["name = ''"]),
         (lambda: leaf(name="a\nb"), ["name", "printable"]),
         (lambda: leaf(start_block=""), ["start_block"]),

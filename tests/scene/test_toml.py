@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 import ksd.scene
 from ksd.errors import SceneError
-from ksd.scene import CrossFlexure, DrawnJoint, Leaf, Material, Mechanism, Motion
+from ksd.scene import Arc, CrossFlexure, DrawnJoint, Leaf, Material, Mechanism, Motion
 from ksd.scene.toml_file import load_scene, save_scene
 from ksd.scene.toml_table import DIMENSIONS, quantity
 from ksd.section import circle, numbers, polygon, rectangle, tube
@@ -287,7 +287,7 @@ def test_files_that_cannot_be_read(tmp_path, read):
 def test_saving_what_cannot_be_written(tmp_path):
     made = lever()
     words = {"start": (0, 0, 0), "end": (0.1, 0, 0), "material": STEEL, "section": circle(1e-3)}
-    made.leaf("ground", "arm", **words, curvature=lambda s: (0, 0, 1), name="bow")
+    made.leaf("ground", "arm", **words, curve=Arc(0.06, 1.0), name="bow")
     assert "'bow'" in sentence(lambda: save_scene(made, tmp_path / "x.toml"))
     assert "target 'leg'" in sentence(lambda: save_scene(lever(), tmp_path / "x.toml", targets={"leg": 1}))
     assert "'tuning'" in sentence(lambda: save_scene(lever(), tmp_path / "x.toml", options={"tuning": {1}}))

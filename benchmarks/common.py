@@ -1,0 +1,235 @@
+"""Scenes, timing and records shared by the benchmark scripts.
+
+All times are thread CPU times of this process; repeats of the cases compared are interleaved, so that a noisy
+neighbour disturbs all of them alike, and the first rounds (compilation, caches) are left out.
+"""
+
+from __future__ import annotations
+
+import argparse
+import datetime
+import json
+import math
+import os
+import platform
+import statistics
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import ksd
+from ksd.model.leafs import Mesh
+from ksd.solve.conventional import conventional
+from ksd.units import GPa, deg, mm
+
+RESULTS = Path(__file__).resolve().parent / "results"
+STEEL = ksd.Material(E=200 * GPa, G=76.9 * GPa, density=7800)
+STROKE = 0.3
+"""Largest displacement d [m] of the fourbar's top link."""
+EPS_MAX = (1e3, 1e4, 1e5, 1e6, 1e7, 1e8, 1e9, math.inf)
+"""Thresholds tried for the conventional method of paper 1, Appendix B, which does not print its own."""
+FINEST = Mesh(orders=(6, 5, 9), points=14)
+"""Reference: strain-mode leafs whose next refinement changes the fourbar force by less than 1e-8."""
+READINGS = {1: "H between joint centres", 2: "H is the side link"}
+"""The two readings of the lost Fig. 9 of paper 1."""
+
+
+def cross_flexure(**changes: Any) -> ksd.CrossFlexure:
+    """The joint of paper 1, Table 1, with changes."""
+    sizes = {"length": 100 * mm, "angle": 45 * deg, "thickness": 1 * mm, "widths": (40 * mm, 20 * mm)}
+    return ksd.CrossFlexure(STEEL, **{**sizes, **changes})
+
+
+def bending_stiffness(joint: ksd.CrossFlexure) -> float:
+    """E I_sum / L [Nm/rad], the linear stiffness of a cross flexure (paper 1, eqs. 4.3 and 4.4; errata 1)."""
+    inner, outer = joint.widths
+    return joint.material.E * (inner + 2 * outer) * joint.thickness**3 / 12 / joint.length
+
+
+def hinge(joint: ksd.CrossFlexure | None = None, *, force: float = 0.0) -> ksd.Mechanism:
+    """One joint from ground to the link 'tip', driven by its angle 'turn'; `force` [N] on its node B along z."""
+    joint = joint or cross_flexure()
+    scene = ksd.Mechanism("cross flexure")
+    tip = scene.link("tip")
+    placed = scene.join(scene.ground, tip, joint, at=(0, 0, 0), axis="z", toward="x", name="hinge")
+    scene.actuate_joint(placed, name="turn")
+    if force:
+        scene.load(tip, force=(0, 0, force), at=joint.pose_B)
+    return scene
+
+
+def height(reading: int) -> float:
+    """Height [m] between the lower and the upper joint centres of the fourbar."""
+    return STROKE if reading == 1 else STROKE + cross_flexure().length_AB
+
+
+def fourbar(reading: int = 1, *, moment: float = 0.0) -> ksd.Mechanism:
+    """The fourbar of paper 1, section 4.3: driven in x at the centre of the top link, at the level of the upper
+    interfaces B; `moment` [Nm] about z on the top link."""
+    joint, high = cross_flexure(), height(reading)
+    scene = ksd.Mechanism("fourbar")
+    left, top, right = scene.links("left", "top", "right")
+    scene.join(scene.ground, left, joint, at=(-0.2, 0, 0), axis="z", toward="y", name="lower left")
+    scene.join(left, top, joint, at=(-0.2, high, 0), axis="z", toward="y", name="upper left")
+    scene.join(right, top, joint, at=(0.2, high, 0), axis="z", toward="y", name="upper right")
+    scene.join(scene.ground, right, joint, at=(0.2, 0, 0), axis="z", toward="y", name="lower right")
+    scene.actuate(top, along="x", at=(0, high + joint.length_AB, 0))
+    if moment:
+        scene.load(top, moment=(0, 0, moment))
+    return scene
+
+
+def chain(n: int, *, mip: bool = True, nodal: bool = False) -> Mesh:
+    """`n` Appendix A elements per leaf."""
+    return Mesh("corotational", elements=n, mip=mip, nodal=nodal)
+
+
+class PlainNewton:
+    """The conventional method of paper 1, Appendix B, with the eps_max best for it at the given drive value.
+
+    Plain Newton on all element nodes; a step is given up when the residual exceeds eps_max, and halved. eps_max is
+    chosen once, from EPS_MAX, by the number of matrix solves.
+    """
+
+    def __init__(self, scene: Any, n: int, targets: Mapping[str, float]) -> None:
+        self.model = ksd.compile_scene(scene, mesh=chain(n, mip=False, nodal=True))
+        self.targets = dict(targets)
+        self.tried: dict[float, int | None] = {}
+        for eps_max in EPS_MAX:
+            try:
+                self.tried[eps_max] = self(eps_max).iterations
+            except ksd.ConvergenceError:
+                self.tried[eps_max] = None
+        found = {e: k for e, k in self.tried.items() if k is not None}
+        if not found:
+            raise ksd.ConvergenceError("plain Newton converged for no eps_max", reached=0.0)
+        self.eps_max = min(found, key=lambda e: found[e])
+
+    def __call__(self, eps_max: float | None = None) -> ksd.Configuration:
+        """Solve from rest; `most` and `cap` leave the decisions to eps_max, as in the paper."""
+        limit = self.eps_max if eps_max is None else eps_max
+        return conventional(self.model, self.targets, eps_max=limit, most=60, cap=math.inf)
+
+
+@dataclass(frozen=True)
+class Times:
+    """Median of the interleaved repeats [us], their quartiles, and how many there were."""
+
+    median: float
+    low: float
+    high: float
+    repeats: int
+
+    def numbers(self) -> dict[str, float]:
+        """For JSON."""
+        return {
+            "median_us": self.median,
+            "quartiles_us": [self.low, self.high],
+            "repeats": self.repeats,
+        }
+
+
+def times_of(spent: Sequence[float]) -> Times:
+    """Median and quartiles of times [us]."""
+    low, _, high = statistics.quantiles(spent, n=4) if len(spent) > 1 else (spent[0],) * 3
+    return Times(statistics.median(spent), low, high, len(spent))
+
+
+def thread_us(call: Callable[[], Any]) -> float:
+    """Thread CPU time [us] of one call."""
+    begin = time.thread_time_ns()
+    call()
+    return 1e-3 * (time.thread_time_ns() - begin)
+
+
+def interleaved(cases: Mapping[str, Callable[[], Any]], *, repeats: int, warm: int = 2) -> dict[str, Times]:
+    """Thread time of every case, measured in turns: round after round each case once, `warm` rounds not counted."""
+    spent: dict[str, list[float]] = {name: [] for name in cases}
+    for n in range(warm + repeats):
+        for name, call in cases.items():
+            took = thread_us(call)
+            if n >= warm:
+                spent[name].append(took)
+    return {name: times_of(values) for name, values in spent.items()}
+
+
+def machine() -> dict[str, Any]:
+    """Processor, versions and date; nothing that identifies the computer."""
+    found = {"processor": _processor(), "logical_cores": os.cpu_count(), "python": platform.python_version()}
+    found["load_average"] = round(os.getloadavg()[0], 2) if hasattr(os, "getloadavg") else None
+    for package in ("ksd", "numpy", "scipy", "numba", "matplotlib"):
+        try:
+            found[package] = version(package)
+        except PackageNotFoundError:
+            found[package] = getattr(__import__(package), "__version__", "unknown")
+    return {"date": datetime.date.today().isoformat(), **found}
+
+
+def _processor() -> str:
+    try:
+        lines = Path("/proc/cpuinfo").read_text().splitlines()
+    except OSError:
+        return platform.processor() or platform.machine()
+    named = [s.split(":", 1)[1].strip() for s in lines if s.startswith("model name")]
+    return named[0] if named else platform.machine()
+
+
+def clean(value: Any) -> Any:
+    """Plain Python numbers and lists; what is not finite becomes None, so that the file is strict JSON."""
+    if isinstance(value, Mapping):
+        return {str(k): clean(v) for k, v in value.items()}
+    if isinstance(value, np.ndarray | list | tuple):
+        return [clean(v) for v in value]
+    if isinstance(value, float | np.floating):
+        return float(value) if math.isfinite(value) else None
+    return value.item() if isinstance(value, np.generic) else value
+
+
+def write_json(found: Mapping[str, Any], path: Path) -> None:
+    """Write `found` to `path`, one rounded number per value."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(json.dumps(clean(found), indent=1) + "\n")
+
+
+def options(text: str, argv: Sequence[str] | None, *more: Callable[[argparse.ArgumentParser], Any]) -> Any:
+    """The options every script has: --quick and --out."""
+    parser = argparse.ArgumentParser(description=text.strip().splitlines()[0])
+    parser.add_argument("--quick", action="store_true", help="a small subset, in seconds")
+    parser.add_argument("--out", type=Path, default=RESULTS, help="where results go (benchmarks/results)")
+    for add in more:
+        add(parser)
+    found = parser.parse_args(argv)
+    found.out.mkdir(parents=True, exist_ok=True)
+    return found
+
+
+def canvas(rows: int, columns: int, *, size: tuple[float, float], title: str) -> tuple[Any, np.ndarray]:
+    """A figure with rows x columns axes, each `size` inches, and its title; needs no display."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(columns * size[0], rows * size[1]), dpi=140, layout="constrained")
+    FigureCanvasAgg(figure)
+    figure.suptitle(f"{title}\ncomputed by ksd", fontsize=10)
+    axes = figure.subplots(rows, columns, squeeze=False)
+    for a in axes.flat:
+        a.grid(True, color="#e7eaf0", linewidth=0.8)
+        a.set_axisbelow(True)
+        a.tick_params(labelsize=8)
+        for side in ("top", "right"):
+            a.spines[side].set_visible(False)
+    return figure, axes
+
+
+def label(axes: Any, *, x: str, y: str, title: str = "", legend: bool = True, **where: Any) -> None:
+    """Axis labels, a small title and a legend."""
+    axes.set_xlabel(x, fontsize=9)
+    axes.set_ylabel(y, fontsize=9)
+    axes.set_title(title, fontsize=9, loc="left")
+    if legend:
+        axes.legend(**{"fontsize": 7.5, "frameon": False, **where})

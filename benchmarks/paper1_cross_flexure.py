@@ -1,0 +1,149 @@
+"""Figures 7 and 8 of paper 1: the moment of the cross flexure, and the effect of a force across it.
+
+FE is the converged finite element model (Appendix A elements, conventional solver), EOB the element-orientation
+body of paper 1, which is what method "reduced" makes of a single joint. Moments are divided by E I_sum theta / L:
+eq. 4.3 as printed is twice too stiff (its own eq. 4.7 and Table 1 give E I_sum / L).
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from common import FINEST, bending_stiffness, canvas, chain, cross_flexure, hinge, label
+
+import ksd
+from ksd.solve.conventional import conventional
+from ksd.units import deg, mm
+
+COLORS = ("#c2410c", "#3b6ea5", "#5a9a4a", "#8a63b0", "#444b57")
+ANGLES = np.arange(5, 76, 5)
+SCALED_FORCES = (0.0, 2.0, 4.0, 8.0)
+WIDE = 4.0
+"""Factor on the width of the outer leafs in Fig. 7b."""
+
+
+class DefaultShape:
+    """The record of the cross flexure as the paper had it: trained on the default widths only.
+
+    Whatever the joint's own width ratio, the functions of the default joint are used.
+    """
+
+    def __init__(self, family: str) -> None:
+        self.record, self.shape = ksd.find_record(family), cross_flexure().shape()
+
+    def contract(self, shape: Any, mesh: Any, **options: Any) -> Any:
+        """Functions of the default shape."""
+        return self.record.contract(self.shape, mesh, **options)
+
+
+def walk(scene: Any, mesh: ksd.Mesh) -> list[ksd.Configuration]:
+    """Finite element model over ANGLES, each configuration started from the one before."""
+    model = ksd.compile_scene(scene, mesh=mesh)
+    found, last = [], conventional(model, {"turn": 0.0})
+    for angle in ANGLES:
+        last = conventional(model, {"turn": angle * deg}, start=last)
+        found.append(last)
+    return found
+
+
+def moments(joint: Any, n: int, *, records: Any = None) -> dict[str, list[float]]:
+    """Normalised moments M / (E I_sum theta / L) of FE and EOB over ANGLES."""
+    unit = bending_stiffness(joint) * ANGLES * deg
+    fe = np.array([c.forces["turn"] for c in walk(hinge(joint), chain(n))])
+    solver = ksd.Solver(hinge(joint), mesh=chain(n), **({"records": records} if records else {}))
+    eob = np.array([solver(turn=a * deg, method="reduced", estimate=False).forces["turn"] for a in ANGLES])
+    return {"fe": (fe / unit).tolist(), "eob": (eob / unit).tolist()}
+
+
+def figure_7(out: Path, *, meshes: tuple[int, ...] = (2, 4, 6)) -> dict[str, Any]:
+    """Normalised moment over rotation: the default joint; outer leafs four times as wide."""
+    default, wide = cross_flexure(), cross_flexure(widths=(40 * mm, WIDE * 20 * mm))
+    found: dict[str, Any] = {
+        "rotation_deg": ANGLES.tolist(),
+        "default": {n: moments(default, n) for n in meshes},
+        "wide": {n: moments(wide, n) for n in (meshes[0], meshes[-1])},
+        "wide_default_functions": {
+            n: moments(wide, n, records=DefaultShape) for n in (meshes[0], meshes[-1])
+        },
+    }
+    exact = [c.forces["turn"] for c in walk(hinge(default), FINEST)]
+    found["converged"] = (np.array(exact) / (bending_stiffness(default) * ANGLES * deg)).tolist()
+    figure, ((a, b),) = canvas(1, 2, size=(4.6, 3.7), title="Fig. 7 of paper 1: moment of the cross flexure")
+    for color, (n, curves) in zip(COLORS, found["default"].items(), strict=False):
+        a.plot(ANGLES, curves["fe"], color=color, linewidth=3.5, alpha=0.35, label=f"FE, n = {n}")
+        a.plot(ANGLES, curves["eob"], color=color, linewidth=1.2, linestyle="--", label=f"EOB, n = {n}")
+    a.plot(ANGLES, found["converged"], color="black", linewidth=0.9, label="converged (strain-mode leafs)")
+    label(a, x="rotation θ [deg]", y="M / (E ΣI θ / L) [-]", title="(a) default joint")
+    _wide_panel(b, found)
+    a.sharey(b)
+    figure.savefig(out / "fig07_cross_flexure_moment.png")
+    found["largest_difference_eob_fe"] = {
+        n: float(np.max(np.abs(np.subtract(c["eob"], c["fe"])))) for n, c in found["default"].items()
+    }
+    return found
+
+
+def _wide_panel(axes: Any, found: dict[str, Any]) -> None:
+    for n, color in zip(found["wide"], (COLORS[0], COLORS[2]), strict=True):
+        wide, fixed = found["wide"][n], found["wide_default_functions"][n]
+        default = found["default"][n]["fe"]
+        axes.plot(ANGLES, default, color="#9aa3b2", linewidth=1.0, label=f"FE, default widths, n = {n}")
+        axes.plot(ANGLES, wide["fe"], color=color, linewidth=3.5, alpha=0.35, label=f"FE, wide, n = {n}")
+        axes.plot(
+            ANGLES, wide["eob"], color=color, linewidth=1.2, linestyle="--", label="EOB, widths in record"
+        )
+        axes.plot(
+            ANGLES,
+            fixed["eob"],
+            color=color,
+            linewidth=1.2,
+            linestyle=":",
+            label="EOB, default functions (paper)",
+        )
+    label(axes, x="rotation θ [deg]", y="M / (E ΣI θ / L) [-]", title="(b) outer leafs 4 times as wide")
+
+
+def across(n: int, scaled: float) -> dict[str, Any]:
+    """Displacement of node B in z over L and moment over E I_sum / L, with a force across: reduced and full."""
+    joint = cross_flexure()
+    unit = bending_stiffness(joint)
+    force = scaled * unit / joint.length
+    scene = hinge(joint, force=force)
+    full = walk(scene, chain(n))
+    solver = ksd.prepare(scene, mesh=chain(n))
+    reduced = [solver(turn=a * deg, method="reduced", estimate=False) for a in ANGLES]
+    found: dict[str, Any] = {"force_N": force, "stable": all(c.stable for c in full)}
+    for name, states in (("full", full), ("reduced", reduced)):
+        lifts = [c.displacement("tip", joint.pose_B)[2] for c in states]
+        found[name] = {
+            "lift": [v / joint.length for v in lifts],
+            "moment": [c.forces["turn"] / unit for c in states],
+        }
+    return found
+
+
+def figure_8(out: Path, *, n: int = 4, forces: tuple[float, ...] = SCALED_FORCES) -> dict[str, Any]:
+    """Disturbance force in z on node B, four elements per leaf: lift and moment, reduced and full."""
+    found = {"rotation_deg": ANGLES.tolist(), "elements": n, "cases": {f: across(n, f) for f in forces}}
+    title = f"Fig. 8 of paper 1: force $F_z$ across the cross flexure, n = {n}"
+    figure, ((a, b),) = canvas(1, 2, size=(4.6, 3.7), title=title)
+    for color, (scaled, case) in zip(COLORS, found["cases"].items(), strict=False):
+        for axes, key in ((a, "lift"), (b, "moment")):
+            name = f"$\\bar F$ = {scaled:g} ({case['force_N']:.0f} N)"
+            axes.plot(
+                ANGLES, case["full"][key], color=color, linewidth=3.5, alpha=0.35, label=f"{name}, full"
+            )
+            axes.plot(
+                ANGLES, case["reduced"][key], color=color, linewidth=1.2, linestyle="--", label="reduced"
+            )
+    label(
+        a,
+        x="rotation θ [deg]",
+        y="displacement of B in z / L [-]",
+        title="(a)   $\\bar F = F_z L^2 / (E ΣI)$",
+    )
+    label(b, x="rotation θ [deg]", y="M L / (E ΣI) [-]", title="(b)", legend=False)
+    figure.savefig(out / "fig08_cross_flexure_force_across.png")
+    return found

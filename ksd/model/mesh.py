@@ -1,0 +1,49 @@
+"""How leafs are meshed: which leaf model, and how fine."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from ksd.beam.strain_values import DEFAULT_ORDERS, DEFAULT_POINTS
+from ksd.errors import SceneError
+
+
+@dataclass(frozen=True)
+class Mesh:
+    """Which leaf model, and how fine.
+
+    leaf: "strain" (one strain-mode body per leaf, `orders` curvature modes about x, y, z and `points` quadrature
+    points) or "corotational" (a chain of `elements` Appendix A elements). mip: geometric stiffness of the chain from
+    extrapolated stresses (True) or plain Newton (False). nodal: every element node is a node of the model, as in
+    the paper's own program, instead of being condensed inside its chain: the same equilibria by other Newton iterates. warping: multiply the torsion constant by the factor of warping
+    restrained at both clamped ends (`ksd.section.restrained_warping_factor`).
+    """
+
+    leaf: str = "strain"
+    orders: tuple[int, int, int] = DEFAULT_ORDERS
+    points: int = DEFAULT_POINTS
+    elements: int = 4
+    mip: bool = True
+    nodal: bool = False
+    warping: bool = False
+
+    def __post_init__(self) -> None:
+        if self.leaf not in ("strain", "corotational"):
+            raise SceneError(f"leaf = {self.leaf!r}: the leaf models are 'strain' and 'corotational'")
+        if self.leaf == "corotational" and not 1 <= self.elements <= 500:
+            raise SceneError(f"elements = {self.elements}: between 1 and 500 elements per leaf are possible")
+        low = (1, 1, 2)
+        if len(self.orders) != 3 or any(n < m or n > 12 for n, m in zip(self.orders, low, strict=True)):
+            raise SceneError(f"orders = {self.orders}: three numbers, at least {low} and at most 12 each")
+        if self.nodal and self.leaf != "corotational":
+            raise SceneError("nodal = True: only leaf = 'corotational' has element nodes; leave it out for strain-mode leafs")
+        if self.points < max(self.orders) + 1:
+            raise SceneError(
+                f"points = {self.points}: orders {self.orders} need at least {max(self.orders) + 1} points"
+            )
+
+    def __str__(self) -> str:
+        if self.leaf == "strain":
+            return f"strain-mode leafs, orders {self.orders}, {self.points} points"
+        newton = "mixed integration points" if self.mip else "plain Newton"
+        return f"{self.elements} Appendix A elements per leaf, {newton}{', nodal' if self.nodal else ''}"

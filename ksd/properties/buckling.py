@@ -1,0 +1,255 @@
+"""Linearised buckling about a loaded state, with sign, all inner unknowns kept.
+
+(K + mu K') phi = 0. With a load, K is the exact tangent at the state and K' its derivative along the linear
+response to the load (central difference of the exact tangent over the response of all unknowns): stresses,
+geometry and constraint directions change as they really do, so mu times the load is the load to be added, in
+either direction. Without one, all stresses of the state grow together: K is the tangent with stresses, drive
+forces and loads set to zero in the deformed geometry, K' the exact stress stiffness (their difference), and
+mu = 1 is the state itself. Strain-mode leafs enter with amplitudes and end wrenches as unknowns, in which the
+tangent is linear in the stress; the condensed 6x6 would have poles where a leaf buckles between its ends.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ksd.beam.strain_mass import strain_parts
+from ksd.errors import SceneError
+from ksd.model.arrays import COROTATIONAL, STRAIN, Motion, make_work
+from ksd.model.assembly import geometric_tangent
+from ksd.model.compile import Model
+from ksd.model.loading import add_loads, add_terms
+from ksd.model.system import assemble, move_nodes
+from ksd.properties.mass import relative_levers
+from ksd.properties.shape import member_ends, member_parts
+from ksd.properties.stiffness import node_of, point_motion
+from ksd.properties.tangent import Tangent, exact, factored_tangent, free_rows, row_numbers, stored_matrix
+from ksd.properties.unfold import unfolded
+
+Array = NDArray[np.float64]
+DENSE = 250
+"""Unknowns up to which all eigenvalues are computed; above, the largest ones by Arnoldi iteration."""
+
+
+@dataclass(frozen=True)
+class Buckling:
+    """Buckling multipliers, smallest magnitude first.
+
+    multiplier (k,): how many times the load may be added (or all stresses be multiplied); negative: against
+    its direction. shape (k, nodes, 6): displacement [m] and rotation [rad] of the nodes of `model`, largest
+    entry of each mode 1; all zero where a leaf buckles between ends that stand still. unstable: directions in
+    which the state itself is no minimum.
+    """
+
+    model: Model
+    multiplier: Array
+    shape: Array
+    unstable: int
+
+    @property
+    def positive(self) -> float:
+        """Smallest positive multiplier; inf when there is none."""
+        return float(min((m for m in self.multiplier if m > 0.0), default=np.inf))
+
+    @property
+    def negative(self) -> float:
+        """Smallest negative multiplier, in magnitude; -inf when there is none."""
+        return float(max((m for m in self.multiplier if m < 0.0), default=-np.inf))
+
+
+def full_tangent(
+    model: Model, motion: Motion, *, rows: Iterable[int] = (), load_factor: float = 1.0
+) -> Array:
+    """Uncondensed symmetric tangent: node unknowns and multipliers in plan order, then (a, lam) of every
+    leaf.
+
+    `rows`: constraint rows taken out. Chains must be unfolded (no inner nodes); then it is the node tangent.
+    """
+    arrays = model.arrays
+    members = arrays.members
+    work = make_work(arrays)
+    target = np.zeros(len(arrays.terms.start))
+    if not np.any(members.kind == STRAIN):
+        assemble(arrays, motion, target, load_factor, work, 1e-8, 0, 10.0)
+        free_rows(arrays, work.value, rows)
+        return stored_matrix(arrays, work.value)
+    add_loads(arrays, motion.R, work, load_factor, 1e-8)
+    add_terms(arrays, motion.x, motion.R, motion.multiplier, target, work, 1e-8)
+    free_rows(arrays, work.value, rows)
+    nodes = arrays.plan.unknowns
+    K = np.zeros((nodes + int(members.inner_at[-1]),) * 2)
+    K[:nodes, :nodes] = stored_matrix(arrays, work.value)
+    for i in range(len(members.kind)):
+        block, places = _member_block(model, motion, i)
+        kept = places >= 0
+        K[np.ix_(places[kept], places[kept])] += block[np.ix_(kept, kept)]
+    return K
+
+
+def _member_block(model: Model, motion: Motion, i: int) -> tuple[Array, NDArray[np.int64]]:
+    """Tangent of one leaf in (motions of both nodes, a, lam) and its unknowns, -1 where a node is fixed."""
+    members = model.arrays.members
+    value, number, inner = member_parts(model, motion, i)
+    parts = strain_parts(value, number, inner)
+    N = len(parts.W)
+    ends = member_ends(model, motion, i)
+    a, b = members.node[i]
+    s = motion.R[b] @ members.offset[i, 1]
+    w = ends.start + ends.frame @ ends.d - motion.x[a]
+    block = np.zeros((18 + N, 18 + N))
+    corner = np.zeros((12, 12))
+    geometric_tangent(ends.frame @ inner[N : N + 3], ends.frame @ inner[N + 3 :], w, s, corner)
+    block[:12, :12] = corner
+    block[12 : 12 + N, 12 : 12 + N] = parts.W
+    block[12 + N :, 12 : 12 + N] = -parts.J
+    block[12 : 12 + N, 12 + N :] = -parts.J.T
+    block[12 + N : 15 + N, 12 + N : 15 + N] = -parts.S
+    _, relative = relative_levers(model, motion, i)
+    block[12 + N :, :12] = relative
+    block[:12, 12 + N :] = relative.T
+    places = [np.full(6, -1) if p < 0 else np.arange(p, p + 6) for p in model.arrays.start[[a, b]]]
+    first = model.arrays.plan.unknowns + int(members.inner_at[i])
+    return block, np.concatenate([*places, np.arange(first, first + N + 6)])
+
+
+def _response(tangent: Tangent, loads: Array) -> tuple[Array, Array]:
+    """Linear response of the node unknowns (n,) and of all inner states (flat) to nodal `loads` (n,)."""
+    model, motion = tangent.model, tangent.motion
+    members = model.arrays.members
+    nodes = tangent.solve(loads[:, None])[:, 0]
+    inner = np.zeros(len(motion.inner))
+    for i in (int(k) for k in np.flatnonzero(members.kind == STRAIN)):
+        parts = strain_parts(*member_parts(model, motion, i))
+        F = parts.J @ np.linalg.solve(parts.W, parts.J.T)
+        F[:3, :3] += parts.S
+        starts = model.arrays.start[members.node[i]]
+        move = np.concatenate([np.zeros(6) if p < 0 else nodes[p : p + 6] for p in starts])
+        wrench = np.linalg.solve(F, relative_levers(model, motion, i)[1] @ move)
+        at = int(members.inner_at[i])
+        inner[at : at + len(parts.W) + 6] = np.concatenate(
+            [np.linalg.solve(parts.W, parts.J.T @ wrench), wrench]
+        )
+    return nodes, inner
+
+
+def _moved(model: Model, motion: Motion, response: tuple[Array, Array], size: float) -> Motion:
+    """The state after `size` times the response."""
+    state = motion.copy()
+    state.inner[:] += size * response[1]
+    move_nodes(model.arrays, state, response[0], size)
+    return state
+
+
+def _derivative(tangent: Tangent, loads: Array, rows: list[int], load_factor: float) -> Array:
+    """K': derivative of the uncondensed tangent along the response to `loads`; the step is set by K and K'
+    themselves."""
+    model, motion = tangent.model, tangent.motion
+    response = _response(tangent, loads)
+    free = model.arrays.start[model.arrays.start >= 0]
+    reach = max(
+        max(
+            np.abs(response[0][u : u + 3]).max() / model.arrays.size, np.abs(response[0][u + 3 : u + 6]).max()
+        )
+        for u in free
+    )
+    size = 1e-5 / max(reach, 1e-300)
+    model = _exact_model(model)
+
+    def tangent_at(step: float) -> Array:
+        return full_tangent(model, _moved(model, motion, response, step), rows=rows, load_factor=load_factor)
+
+    return (tangent_at(size) - tangent_at(-size)) / (2 * size)
+
+
+def _exact_model(model: Model) -> Model:
+    return replace(model, arrays=exact(model.arrays))
+
+
+def _unstressed(model: Model, motion: Motion, rows: list[int]) -> Array:
+    """Tangent in the same geometry with stresses, drive forces and loads set to zero."""
+    members = model.arrays.members
+    state = motion.copy()
+    state.multiplier[:] = 0.0
+    for i in range(len(members.kind)):
+        state.inner[members.inner_at[i + 1] - 6 : members.inner_at[i + 1]] = 0.0
+    if np.any(members.kind == COROTATIONAL):
+        # with mixed integration points the geometric stiffness follows the stored stresses, which are now zero
+        number = members.number.copy()
+        number[:, 1] = 1
+        model = replace(model, arrays=model.arrays._replace(members=members._replace(number=number)))
+    return full_tangent(model, state, rows=rows, load_factor=0.0)
+
+
+def _smallest(K: Array, change: Array, count: int) -> tuple[Array, Array]:
+    """Real mu of smallest magnitude in (K + mu change) phi = 0, with phi as columns."""
+    from scipy import linalg
+    from scipy.sparse import csc_matrix
+    from scipy.sparse.linalg import LinearOperator, eigs, splu
+
+    scale = 1.0 / np.sqrt(np.abs(K).max(axis=0))
+    A, B = K * np.outer(scale, scale), change * np.outer(scale, scale)
+    if len(K) <= DENSE:
+        values, vectors = linalg.eig(-np.linalg.solve(A, B))
+    else:
+        factor, sparse = splu(csc_matrix(A)), csc_matrix(B)
+        operator = LinearOperator(A.shape, matvec=lambda x: -factor.solve(sparse @ x), dtype=float)
+        start = np.random.default_rng(0).normal(size=len(A))
+        values, vectors = eigs(operator, k=min(2 * count + 4, len(A) - 2), which="LM", v0=start, tol=1e-9)
+    largest = np.abs(values).max(initial=0.0)
+    real = (np.abs(values.imag) <= 1e-6 * np.abs(values)) & (np.abs(values) > 1e-10 * largest)
+    found = np.flatnonzero(real)
+    found = found[np.argsort(-np.abs(values[found]))][:count]
+    return 1.0 / values[found].real, (vectors[:, found] * scale[:, None]).real
+
+
+def buckling(
+    model: Model,
+    motion: Motion,
+    link: Any = None,
+    *,
+    at: Any = None,
+    force: Any = (0.0, 0.0, 0.0),
+    moment: Any = (0.0, 0.0, 0.0),
+    count: int = 4,
+    freed: Iterable[str] = (),
+    load_factor: float = 1.0,
+) -> Buckling:
+    """Buckling multipliers of a dead load added to the state at `motion`, or of its own stresses when no link
+    is named.
+
+    link: link (or internal block) the force (3,) [N] and moment (3,) [Nm], global, act on, at the point that
+    is at `at` (3,) [m] at rest (reference point when None). freed: drives and supports let go at their
+    present force; they keep that force, as do the loads of the scene, while the added load grows. Raises
+    SceneError for unknown names, a load that is zero, or a state without stress.
+    """
+    rows = row_numbers(model, freed)
+    fine, state = unfolded(model, motion)
+    tangent = factored_tangent(fine, state, freed=freed, load_factor=load_factor)
+    K = full_tangent(_exact_model(fine), state, rows=rows, load_factor=load_factor)
+    if link is None:
+        base = _unstressed(fine, state, rows)
+        K, change = base, K - base
+    else:
+        node = node_of(fine, link)
+        wrench = np.concatenate([np.asarray(force, float), np.asarray(moment, float)])
+        if wrench.shape != (6,) or not np.isfinite(wrench).all() or not wrench.any():
+            raise SceneError(
+                f"buckling load on '{link}': give a finite force (3,) or moment (3,) that is not zero"
+            )
+        loads = np.zeros(fine.arrays.plan.unknowns)
+        loads[tangent.unknowns(node)] = point_motion(fine, state, node, at)[1].T @ wrench
+        change = _derivative(tangent, loads, rows, load_factor)
+    if np.abs(change).max() == 0.0:
+        raise SceneError("this state carries no stress, so nothing buckles; name a link and a load")
+    multiplier, vectors = _smallest(K, 0.5 * (change + change.T), count)
+    shape = np.zeros((len(multiplier), len(fine.node_names), 6))
+    for k in range(1, len(fine.node_names)):
+        shape[:, k] = vectors[tangent.unknowns(k)].T
+    largest = np.abs(shape).max(axis=(1, 2), initial=0.0)
+    shape /= np.where(largest > 0.0, largest, 1.0)[:, None, None]
+    return Buckling(fine, multiplier, shape, tangent.unstable)

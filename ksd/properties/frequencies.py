@@ -1,0 +1,199 @@
+"""Eigenfrequencies and modes about a deformed, loaded state, all inner unknowns kept (no Guyan condensation).
+
+K x = omega^2 M x with K the exact tangent (constraint rows and geometric terms included) and M the consistent
+mass. With M = L L^T the symmetric matrix L^T K^-1 L has the eigenvalues 1/omega^2: K may be a saddle, M may
+be singular, and an unstable state shows as a negative one. Below DENSE unknowns everything is dense; above,
+Lanczos on the same operator (shift-invert about zero with the factored tangent; Grimes, Lewis and Simon
+1994).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ksd.model.arrays import Motion
+from ksd.model.compile import Model
+from ksd.model.loading import term_value
+from ksd.properties.mass import Inertia, inertia
+from ksd.properties.tangent import Tangent, factored_tangent
+from ksd.properties.unfold import unfolded
+
+Array = NDArray[np.float64]
+DENSE = 120
+"""Unknowns up to which the dense eigensolution is the faster one."""
+EMPTY = 1e-13
+"""Modes with 1/omega^2 below this fraction of the largest are rounding of the constraints."""
+
+
+@dataclass(frozen=True)
+class Modes:
+    """Eigenfrequencies about a state, lowest first, and their shapes.
+
+    frequency_Hz (k,): omega / 2 pi; an unstable mode (omega^2 < 0) has the negative number -sqrt(-omega^2) /
+    2 pi and comes first. omega_squared (k,) [1/s^2]. shape (k, nodes, 6): displacement [m] and rotation [rad]
+    of every node of `model` for unit modal mass [kg m^2]; vector (k, size): all unknowns, inner ones
+    included. drive_motion (k, drives): what every drive's coordinate does in each mode [m or rad]; zero where
+    it is held. freed: names let go. massless: materials without a density; their leafs took part without
+    mass.
+    """
+
+    model: Model
+    frequency_Hz: Array
+    omega_squared: Array
+    shape: Array
+    vector: Array
+    drive_motion: Array
+    freed: tuple[str, ...]
+    massless: tuple[str, ...]
+    mass: Inertia = field(repr=False)
+
+    def __len__(self) -> int:
+        return len(self.frequency_Hz)
+
+    def assurance(self, other: Modes) -> Array:
+        """Mode assurance (k, k') in 0..1 between these modes and `other`, by the mean of both masses.
+
+        For following modes along a stroke: the partner of a mode is the one with the largest number in its
+        row.
+        """
+        M = 0.5 * (self.mass.sparse() + other.mass.sparse())
+        cross = self.vector @ (M @ other.vector.T)
+        own = np.einsum("ki,ik->k", self.vector, M @ self.vector.T)
+        theirs = np.einsum("ki,ik->k", other.vector, M @ other.vector.T)
+        return cross**2 / np.outer(own, theirs)
+
+    @property
+    def intended(self) -> int | None:
+        """Number of the mode that is the intended motion: the one with the largest share in the compliance of
+        the freed drives, sum over the modes of (drive motion / omega)^2. None when all drives are held."""
+        if not self.freed or not self.drive_motion.size:
+            return None
+        share = (self.drive_motion**2).max(axis=1) / np.abs(self.omega_squared)
+        return int(np.argmax(share)) if share.max() > 0.0 else None
+
+    @property
+    def first_parasitic_Hz(self) -> float:
+        """Lowest frequency that is not the intended motion's; with all drives held, the lowest of all."""
+        skip = self.intended
+        return float(next(f for k, f in enumerate(self.frequency_Hz) if k != skip))
+
+
+def _apply(tangent: Tangent, mass: Inertia, loads: Array) -> Array:
+    """K^-1 loads for loads (size, k): node tangent beside the flexibilities of the leafs."""
+    n = tangent.arrays.plan.unknowns
+    out = np.empty_like(loads)
+    out[:n] = tangent.solve(loads[:n])
+    for at, Z in zip(_inner_starts(mass), mass.flexible, strict=True):
+        out[at : at + len(Z)] = Z @ loads[at : at + len(Z)]
+    return out
+
+
+def _inner_starts(mass: Inertia) -> list[int]:
+    return [int(a) for a, b in zip(mass.inner[:-1], mass.inner[1:], strict=True) if b > a]
+
+
+def _dense(tangent: Tangent, mass: Inertia, count: int) -> tuple[Array, Array]:
+    """(1/omega^2, vectors (size, k)) by the dense route."""
+    from scipy.linalg import eigh, lapack
+
+    M = mass.dense()
+    used = np.flatnonzero(M.diagonal() > 0.0)
+    scale = 1.0 / np.sqrt(M.diagonal()[used])
+    C, order, rank, _ = lapack.dpstrf(M[np.ix_(used, used)] * np.outer(scale, scale), lower=1)
+    L = np.zeros((mass.size, rank))
+    L[used[order - 1]] = (np.tril(C)[:, :rank].T / scale[order - 1]).T
+    x = _apply(tangent, mass, L)
+    A = L.T @ x
+    values, vectors = _outermost(0.5 * (A + A.T), count, eigh)
+    return values, x @ vectors
+
+
+def _outermost(A: Array, count: int, eigh: Any) -> tuple[Array, Array]:
+    """The `count` largest eigenvalues of A and all clearly negative ones, with vectors."""
+    size = len(A)
+    values, vectors = eigh(A, subset_by_index=(max(0, size - count), size - 1))
+    low, below = eigh(A, subset_by_index=(0, min(size, count) - 1))
+    bad = low < -1e-9 * np.abs(np.concatenate([values, low])).max()
+    keep = values > 0.0
+    return np.concatenate([low[bad], values[keep]]), np.hstack([below[:, bad], vectors[:, keep]])
+
+
+def _lanczos(tangent: Tangent, mass: Inertia, count: int) -> tuple[Array, Array]:
+    """The same by ARPACK in shift-invert mode; a last application of K^-1 M removes what has no mass."""
+    from scipy.sparse.linalg import LinearOperator, eigsh
+
+    M, size = mass.sparse(), mass.size
+
+    def solve(x: Array) -> Array:
+        return _apply(tangent, mass, x.reshape(size, 1)).ravel()
+
+    inverse = LinearOperator((size, size), matvec=solve, dtype=float)
+    start = solve(M @ np.random.default_rng(0).normal(size=size))
+    k = min(count, size - 2)
+    values, vectors = eigsh(M, k, M, 0.0, OPinv=inverse, v0=start, which="LM", tol=1e-10)
+    return 1.0 / values, _apply(tangent, mass, M @ vectors) * values
+
+
+def frequencies(
+    model: Model,
+    motion: Motion,
+    *,
+    count: int = 6,
+    freed: Iterable[str] = (),
+    load_factor: float = 1.0,
+    dense: bool | None = None,
+) -> Modes:
+    """The `count` lowest eigenfrequencies at `motion`, drives and supports held but for those named in
+    `freed`.
+
+    Freed drives keep their present force. dense: True or False forces one of the two routes. Raises
+    SceneError when nothing has mass, KinematicsError when nothing resists a motion.
+    """
+    freed = (freed,) if isinstance(freed, str) else tuple(freed)
+    fine, state = unfolded(model, motion)
+    mass = inertia(fine, state)
+    tangent = factored_tangent(fine, state, freed=freed, load_factor=load_factor)
+    small = mass.size <= DENSE if dense is None else dense
+    values, vectors = (_dense if small else _lanczos)(tangent, mass, count)
+    keep = np.abs(values) > EMPTY * np.abs(values).max(initial=0.0)
+    values, vectors = values[keep], vectors[:, keep]
+    squared = 1.0 / values
+    order = np.argsort(squared)[:count]
+    squared, vectors = squared[order], vectors[:, order]
+    M = mass.sparse()
+    vectors = vectors / np.sqrt(np.einsum("ik,ik->k", vectors, M @ vectors))
+    shape = np.zeros((len(squared), len(fine.node_names), 6))
+    for k in range(1, len(fine.node_names)):
+        shape[:, k] = vectors[tangent.unknowns(k)].T
+    return Modes(
+        model=fine,
+        frequency_Hz=np.sign(squared) * np.sqrt(np.abs(squared)) / (2 * np.pi),
+        omega_squared=squared,
+        shape=shape,
+        vector=vectors.T.copy(),
+        drive_motion=_drive_motion(fine, state, vectors),
+        freed=freed,
+        massless=mass.massless,
+        mass=mass,
+    )
+
+
+def _drive_motion(model: Model, motion: Motion, vectors: Array) -> Array:
+    """Rate (k, drives) of every drive's coordinate in the modes."""
+    terms = model.arrays.terms
+    out = np.zeros((vectors.shape[1], len(model.drive_names)))
+    gradient, scratch = np.empty(12), np.empty((12, 12))
+    for row in range(len(model.drive_names)):
+        for t in range(terms.first[row], terms.first[row + 1]):
+            term_value(terms, motion.x, motion.R, t, gradient, scratch, 0.0)
+            for e in range(2):
+                start = model.arrays.start[terms.node[t, e]]
+                if start >= 0:
+                    here = vectors[start : start + 6]
+                    out[:, row] += terms.coefficient[t] * gradient[6 * e : 6 * e + 6] @ here
+    return out

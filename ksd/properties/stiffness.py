@@ -1,0 +1,256 @@
+"""Stiffness and compliance of a configuration: at any point of a link, of its drives, and the coupling
+between them.
+
+All are derivatives of equilibrium at the present state, from the factored tangent of the model (geometric
+terms of leafs, loads and drives included). Held drives and supports stay where they are; freed ones keep
+their present force. A held drive about a fixed axis carries a moment whose derivative (twist of the relative
+rotation about that axis) is part of the tangent. SI: translations m, rotations rad (spatial, right-handed,
+about the axes asked for).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ksd.errors import KinematicsError, SceneError
+from ksd.model.arrays import ROTATION, Motion
+from ksd.model.compile import Model
+from ksd.properties.tangent import Tangent, factored_tangent
+
+Array = NDArray[np.float64]
+DIRECTIONS = ("x", "y", "z", "rx", "ry", "rz")
+"""Columns of every (6, 6) matrix here: three translations, three rotations."""
+RIGID = 1e-13
+"""Compliance below this fraction of the largest (rotations times the model's size) counts as none."""
+
+
+@dataclass(frozen=True)
+class PointStiffness:
+    """Compliance of one point of a link, and every stiffness that follows from it.
+
+    compliance (6, 6): motion of the point (m, rad) per unit force and moment (N, Nm) on it, rows and columns
+    as in DIRECTIONS, in `axes` (3, 3; columns, global) at `point` (3,) [m], where the point is now. freed:
+    names of the drives and supports let go. size [m]: length scale by which rotations and translations are
+    compared.
+    """
+
+    link: str
+    point: Array
+    axes: Array
+    compliance: Array
+    freed: tuple[str, ...]
+    size: float
+
+    def matrix(self, directions: Sequence[str] = DIRECTIONS) -> Array:
+        """Stiffness (k, k) [N/m, N/rad, Nm/rad] in `directions`, the other ones being free.
+
+        Raises KinematicsError when held drives or supports leave no compliance in one of them: free those or
+        leave the direction out.
+        """
+        pick = [_number(d) for d in directions]
+        scale = np.where(np.array(pick) < 3, 1.0, self.size)
+        part = self.compliance[np.ix_(pick, pick)] * np.outer(scale, scale)
+        values, vectors = np.linalg.eigh(part)
+        if np.abs(values).min() < RIGID * np.abs(self._scaled()).max():
+            worst = np.argmax(np.abs(vectors[:, np.argmin(np.abs(values))]))
+            raise KinematicsError(
+                f"link '{self.link}' cannot move along {directions[int(worst)]} while the drives and supports "
+                "are held, so its stiffness there is infinite; leave this direction out, or free what holds it"
+            )
+        return (vectors / values) @ vectors.T * np.outer(scale, scale)
+
+    def support(self, direction: str, *, held: Sequence[str] = ()) -> float:
+        """Stiffness [N/m or Nm/rad] in one direction: unit force over its motion, the others free but for
+        `held`.
+
+        inf where the held drives and supports leave no compliance.
+        """
+        i, fixed = _number(direction), [_number(d) for d in held if d != direction]
+        C = self._scaled()
+        value = C[i, i]
+        if fixed:
+            value -= (
+                C[i, fixed]
+                @ np.linalg.pinv(C[np.ix_(fixed, fixed)], rcond=RIGID, hermitian=True)
+                @ C[fixed, i]
+            )
+        if abs(value) < RIGID * np.abs(C).max():
+            return float("inf")
+        return float((self.size**2 if i >= 3 else 1.0) / value)
+
+    @property
+    def supports(self) -> dict[str, float]:
+        """`support` of all six directions: x, y, z [N/m], rx, ry, rz [Nm/rad]."""
+        return {d: self.support(d) for d in DIRECTIONS}
+
+    def _scaled(self) -> Array:
+        """Compliance with rotations times the size, all in m/N."""
+        scale = np.array([1.0] * 3 + [self.size] * 3)
+        return self.compliance * np.outer(scale, scale)
+
+
+def _number(direction: str) -> int:
+    if direction not in DIRECTIONS:
+        raise SceneError(f"direction {direction!r} is not known; give one of {', '.join(DIRECTIONS)}")
+    return DIRECTIONS.index(direction)
+
+
+def node_of(model: Model, link: Any) -> int:
+    """Node of a link or internal block by name."""
+    name = getattr(link, "name", link)
+    if name not in model.node_names[1:]:
+        raise SceneError(
+            f"link '{name}' is not part of this mechanism; its links and blocks are "
+            f"{', '.join(model.node_names[1:])}"
+        )
+    return model.node_names.index(name)
+
+
+def _axes(axes: Any, R: Array) -> Array:
+    """Columns (3, 3) of the axes asked for: "global", "link" (turning with it), or given."""
+    if isinstance(axes, str):
+        if axes not in ("global", "link"):
+            raise SceneError(f"axes = {axes!r}: give 'global', 'link', or three orthonormal columns (3, 3)")
+        return np.eye(3) if axes == "global" else R.copy()
+    found = np.asarray(axes, float)
+    if found.shape != (3, 3) or not np.allclose(found.T @ found, np.eye(3), atol=1e-9):
+        raise SceneError(f"axes = {axes!r}: a (3, 3) matrix of orthonormal columns is needed")
+    return found
+
+
+def point_motion(model: Model, motion: Motion, node: int, at: Any) -> tuple[Array, Array]:
+    """Where the rest point `at` (3,) of a node is now (3,), and B (6, 6): its motion = B times that of the
+    node."""
+    point = model.rest.x[node] if at is None else np.asarray(at, float)
+    if point.shape != (3,) or not np.isfinite(point).all():
+        raise SceneError(f"at = {at!r}: three finite coordinates [m] of a point at rest are needed")
+    s = motion.R[node] @ (point - model.rest.x[node])
+    B = np.eye(6)
+    B[:3, 3:] = [[0.0, s[2], -s[1]], [-s[2], 0.0, s[0]], [s[1], -s[0], 0.0]]
+    return motion.x[node] + s, B
+
+
+def point_stiffness(
+    model: Model,
+    motion: Motion,
+    link: Any,
+    *,
+    at: Any = None,
+    axes: Any = "global",
+    freed: Iterable[str] = (),
+    load_factor: float = 1.0,
+    tangent: Tangent | None = None,
+) -> PointStiffness:
+    """Compliance and stiffness of the point of `link` that is at `at` (3,) [m] at rest and moves rigidly with
+    it.
+
+    at: reference point of the link when None. axes: "global", "link" (turning with it), or orthonormal
+    columns (3, 3). freed: names of drives and supports let go at their present force. tangent: reuse of
+    `factored_tangent`. Raises SceneError for unknown names, KinematicsError where nothing resists a motion.
+    """
+    node = node_of(model, link)
+    found = tangent or factored_tangent(model, motion, freed=freed, load_factor=load_factor)
+    point, B = point_motion(model, motion, node, at)
+    columns = _axes(axes, motion.R[node])
+    turn = np.zeros((6, 6))
+    turn[:3, :3] = turn[3:, 3:] = columns
+    loads = np.zeros((found.arrays.plan.unknowns, 6))
+    here = found.unknowns(node)
+    loads[here] = B.T @ turn
+    C = loads[here].T @ found.solve(loads)[here]
+    freed = (freed,) if isinstance(freed, str) else tuple(freed)
+    return PointStiffness(model.node_names[node], point, columns, 0.5 * (C + C.T), freed, model.arrays.size)
+
+
+@dataclass(frozen=True)
+class DriveStiffness:
+    """Stiffness between drives: matrix (d, d), force of drive i [N or Nm] per motion of drive j [m or rad],
+    others held."""
+
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    matrix: Array
+
+    def __getitem__(self, name: str) -> float:
+        """Stiffness of one drive, the others held: N/m for a translation, Nm/rad for a rotation."""
+        if name not in self.names:
+            raise SceneError(
+                f"drive '{name}' is not held here; the held drives are {', '.join(self.names) or 'none'}"
+            )
+        i = self.names.index(name)
+        return float(self.matrix[i, i])
+
+
+def _drive_response(found: Tangent, rows: Sequence[int]) -> Array:
+    """Response (unknowns, d) to a unit motion of each of `rows`."""
+    loads = np.zeros((found.arrays.plan.unknowns, len(rows)))
+    loads[found.arrays.terms.start[list(rows)], range(len(rows))] = 1.0
+    return found.solve(loads)
+
+
+def drive_stiffness(
+    model: Model,
+    motion: Motion,
+    *,
+    freed: Iterable[str] = (),
+    load_factor: float = 1.0,
+    tangent: Tangent | None = None,
+) -> DriveStiffness:
+    """dF/dd of all held drives at the present state; drives named in `freed` keep their force instead."""
+    freed = (freed,) if isinstance(freed, str) else tuple(freed)
+    found = tangent or factored_tangent(model, motion, freed=freed, load_factor=load_factor)
+    rows = [i for i, n in enumerate(model.drive_names) if n not in freed]
+    terms = model.arrays.terms
+    units = tuple("Nm/rad" if terms.kind[terms.first[i]] == ROTATION else "N/m" for i in rows)
+    K = -_drive_response(found, rows)[terms.start[rows]]
+    return DriveStiffness(tuple(model.drive_names[i] for i in rows), units, 0.5 * (K + K.T))
+
+
+def drive_coupling(
+    model: Model,
+    motion: Motion,
+    link: Any,
+    *,
+    at: Any = None,
+    axes: Any = "global",
+    freed: Iterable[str] = (),
+    load_factor: float = 1.0,
+) -> dict[str, Array]:
+    """Motion (6,) of a point of `link` (m, rad) per unit motion of every held drive, by its name: what comes
+    along.
+
+    Arguments as in `point_stiffness`.
+    """
+    freed = (freed,) if isinstance(freed, str) else tuple(freed)
+    node = node_of(model, link)
+    found = factored_tangent(model, motion, freed=freed, load_factor=load_factor)
+    rows = [i for i, n in enumerate(model.drive_names) if n not in freed]
+    _, B = point_motion(model, motion, node, at)
+    columns = _axes(axes, motion.R[node])
+    moved = B @ _drive_response(found, rows)[found.unknowns(node)]
+    turned = np.vstack([columns.T @ moved[:3], columns.T @ moved[3:]])
+    return {model.drive_names[i]: turned[:, k] for k, i in enumerate(rows)}
+
+
+def cross_compliance(
+    model: Model,
+    motion: Motion,
+    links: tuple[Any, Any],
+    *,
+    at: tuple[Any, Any] = (None, None),
+    freed: Iterable[str] = (),
+    load_factor: float = 1.0,
+) -> Array:
+    """Coupling (6, 6): motion of a point of links[0] per unit force and moment at a point of links[1]; global
+    axes."""
+    found = factored_tangent(model, motion, freed=freed, load_factor=load_factor)
+    nodes = [node_of(model, link) for link in links]
+    levers = [point_motion(model, motion, n, p)[1] for n, p in zip(nodes, at, strict=True)]
+    loads = np.zeros((found.arrays.plan.unknowns, 6))
+    loads[found.unknowns(nodes[1])] = levers[1].T
+    return levers[0] @ found.solve(loads)[found.unknowns(nodes[0])]

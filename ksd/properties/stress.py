@@ -1,0 +1,254 @@
+"""Stress along every leaf: bending, axial, torsion and shear, von Mises at corners and edges, where and how
+much.
+
+From the section forces of `ksd.properties.section_forces` by beam theory, in section axes y (thickness) and z
+(width): sigma = N/A + My z/Iy - Mz y/Iz. Shear stress of a rectangle: torsion by the exact series at the
+middle of its faces and edges, zero at corners (Timoshenko and Goodier, section 109), shear forces by the
+parabola 3 V / 2 A on the middle lines. Circle: T r/J and 4 V / 3 A at the rim. Any other section: bending at
+the corners of its outline; torsion T t/J and shear 1.5 V/A, upper figures for a strip of its thickness, added
+everywhere. Stress raisers at clamps and the restrained warping stress near them are not part of beam theory.
+Pa; s in m.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ksd.model.arrays import STRAIN, Motion
+from ksd.model.compile import Model
+from ksd.properties.section_forces import SectionForces, section_forces
+from ksd.properties.shape import member_ends, member_parts, members_of_leafs, scene_leafs
+
+Array = NDArray[np.float64]
+POINTS = 25
+
+
+@dataclass(frozen=True)
+class StressPoints:
+    """Points of a section and their shear stress per force: y, z (p,) [m]; torsion, along_y, along_z (p, 2):
+    (tau_xy, tau_xz) per unit T [1/m^3] and per unit Vy, Vz [1/m^2]. names (p,) say where they are."""
+
+    names: tuple[str, ...]
+    y: Array
+    z: Array
+    torsion: Array
+    along_y: Array
+    along_z: Array
+
+
+@dataclass(frozen=True)
+class LeafStress:
+    """Stress of one leaf at k stations s (k,) [m] and p points of its section (points: where they are).
+
+    y, z (k, p) [m]: the points in section axes. normal_Pa, shear_Pa, von_mises_Pa (k, p). bending_Pa,
+    axial_Pa, torsion_Pa, transverse_Pa (k,): parts of it, largest over the section (axial signed).
+    """
+
+    name: str
+    s: Array
+    points: tuple[str, ...]
+    y: Array
+    z: Array
+    normal_Pa: Array
+    shear_Pa: Array
+    von_mises_Pa: Array
+    bending_Pa: Array
+    axial_Pa: Array
+    torsion_Pa: Array
+    transverse_Pa: Array
+
+    @property
+    def largest_Pa(self) -> float:
+        """Largest von Mises stress of the leaf."""
+        return float(self.von_mises_Pa.max())
+
+    @property
+    def where(self) -> tuple[float, str]:
+        """Station s [m] and point of the section where it is."""
+        k, p = np.unravel_index(int(np.argmax(self.von_mises_Pa)), self.von_mises_Pa.shape)
+        return float(self.s[k]), self.points[int(p)]
+
+    def __str__(self) -> str:
+        s, point = self.where
+        return f"{self.name}: {self.largest_Pa / 1e6:.4g} MPa at s = {s * 1e3:.4g} mm, {point}"
+
+
+def torsion_factors(ratio: float) -> tuple[float, float]:
+    """Shear stress over T t/J at the middle of the wide and of the narrow sides of a rectangle, ratio = w/t
+    >= 1.
+
+    1 - (8/pi^2) sum_odd 1/(n^2 cosh(n pi w/2t)) and (8/pi^2) sum_odd (-1)^((n-1)/2) tanh(n pi w/2t)/n^2.
+    """
+    n = np.arange(1, 400, 2)
+    x = np.minimum(0.5 * n * math.pi * ratio, 300.0)
+    wide = 1.0 - 8 / math.pi**2 * float(np.sum(1.0 / (n**2 * np.cosh(x))))
+    narrow = 8 / math.pi**2 * float(np.sum(np.where(n % 4 == 1, 1.0, -1.0) * np.tanh(x) / n**2))
+    return wide, narrow
+
+
+def _rectangle(q: Any) -> StressPoints:
+    """Four corners, the middles of the four sides, and the centre."""
+    t = q.thickness or math.sqrt(12 * q.Iz / q.A)
+    w = q.width or math.sqrt(12 * q.Iy / q.A)
+    y = 0.5 * t * np.array([1, 1, -1, -1, 1, -1, 0, 0, 0])
+    z = 0.5 * w * np.array([1, -1, 1, -1, 0, 0, 1, -1, 0])
+    names = (
+        "corner +y +z",
+        "corner +y -z",
+        "corner -y +z",
+        "corner -y -z",
+        "face +y",
+        "face -y",
+        "edge +z",
+        "edge -z",
+        "centre",
+    )
+    wide, narrow = torsion_factors(max(w / t, t / w))
+    at_face, at_edge = (wide, narrow) if w >= t else (narrow, wide)
+    short = min(t, w)
+    torsion, along_y, along_z = np.zeros((9, 2)), np.zeros((9, 2)), np.zeros((9, 2))
+    # positive twist moves +y faces towards +z, +z edges towards -y
+    torsion[4, 1], torsion[5, 1] = at_face * short / q.J, -at_face * short / q.J
+    torsion[6, 0], torsion[7, 0] = -at_edge * short / q.J, at_edge * short / q.J
+    along_y[6:, 0] = along_z[[4, 5, 8], 1] = 1.5 / q.A
+    return StressPoints(names, y, z, torsion, along_y, along_z)
+
+
+def _circle(q: Any) -> StressPoints:
+    """Eight points of the rim and the centre."""
+    r = 0.5 * q.thickness
+    angle = np.arange(8) * math.pi / 4
+    y, z = np.append(r * np.cos(angle), 0.0), np.append(r * np.sin(angle), 0.0)
+    names = (*(f"rim {45 * k} deg" for k in range(8)), "centre")
+    torsion = np.column_stack([-z, y]) / q.J
+    along_y, along_z = np.zeros((9, 2)), np.zeros((9, 2))
+    # parabola in the distance from the axis across the force
+    along_y[:, 0] = 4 / 3 / q.A * (1 - (y / r) ** 2)
+    along_z[:, 1] = 4 / 3 / q.A * (1 - (z / r) ** 2)
+    return StressPoints(names, y, z, torsion, along_y, along_z)
+
+
+def _outline(q: Any) -> StressPoints:
+    """Corners of the outline, with upper figures of shear at each."""
+    ring = np.array(q.outline[0])
+    count = len(ring)
+    names = tuple(f"corner {k + 1}" for k in range(count))
+    torsion, along_y, along_z = np.zeros((count, 2)), np.zeros((count, 2)), np.zeros((count, 2))
+    torsion[:, 1] = min(q.thickness, q.width) / q.J
+    along_y[:, 0] = along_z[:, 1] = 1.5 / q.A
+    return StressPoints(names, ring[:, 0], ring[:, 1], torsion, along_y, along_z)
+
+
+@lru_cache(maxsize=1024)
+def stress_points(section: Any) -> StressPoints:
+    """Points at which the stress of a section is looked at; its kind is told by its outline and numbers."""
+    if section.outline is not None:
+        return _outline(section)
+    disc = math.pi * section.thickness**2 / 4
+    if section.thickness > 0.0 and section.thickness == section.width and abs(section.A - disc) < 1e-6 * disc:
+        return _circle(section)
+    return _rectangle(section)
+
+
+def _leaf_stress(forces: SectionForces, leaf: Any) -> LeafStress:
+    profile = getattr(leaf, "profile", None)
+    count = len(forces.s)
+    # a station on a step of the profile takes the section just inside
+    at = np.clip(forces.s / forces.s[-1], 1e-9, 1 - 1e-9)
+    sections = [leaf.section] * count if profile is None else [profile.section(float(s)) for s in at]
+    found = [stress_points(q) for q in sections]
+    y, z = np.array([f.y for f in found]), np.array([f.z for f in found])
+    A, Iy, Iz = (np.array([[getattr(q, n)] for q in sections]) for n in ("A", "Iy", "Iz"))
+    N, Vy, Vz, T, My, Mz = (forces.values[:, c, None] for c in range(6))
+    axial = N / A
+    bending = My * z / Iy - Mz * y / Iz
+    twist = T * np.array([f.torsion.T for f in found]).swapaxes(0, 1)
+    across = Vy * np.array([f.along_y.T for f in found]).swapaxes(0, 1)
+    across = across + Vz * np.array([f.along_z.T for f in found]).swapaxes(0, 1)
+    if leaf.section.outline is not None:
+        shear = np.abs(twist).sum(axis=0) + np.abs(across).sum(axis=0)
+    else:
+        shear = np.hypot(*(twist + across))
+    normal = axial + bending
+    return LeafStress(
+        name=forces.name,
+        s=forces.s,
+        points=found[0].names,
+        y=y,
+        z=z,
+        normal_Pa=normal,
+        shear_Pa=shear,
+        von_mises_Pa=np.sqrt(normal**2 + 3 * shear**2),
+        bending_Pa=np.abs(bending).max(axis=1),
+        axial_Pa=axial[:, 0],
+        torsion_Pa=np.hypot(*twist).max(axis=1),
+        transverse_Pa=np.hypot(*across).max(axis=1),
+    )
+
+
+@dataclass(frozen=True)
+class Stress:
+    """Stress of all leafs by full name."""
+
+    leafs: dict[str, LeafStress]
+
+    def __getitem__(self, name: str) -> LeafStress:
+        return self.leafs[name]
+
+    @property
+    def largest_Pa(self) -> float:
+        """Largest von Mises stress of the mechanism."""
+        return max(leaf.largest_Pa for leaf in self.leafs.values())
+
+    @property
+    def where(self) -> tuple[str, float, str]:
+        """Leaf, station s [m] and point of the section where it is."""
+        worst = max(self.leafs.values(), key=lambda leaf: leaf.largest_Pa)
+        return worst.name, *worst.where
+
+    def __str__(self) -> str:
+        return "\n".join(str(leaf) for leaf in self.leafs.values())
+
+
+def stress(model: Model, motion: Motion, *, points: int = POINTS) -> Stress:
+    """Stress at `points` stations of every strain-mode leaf, or at both ends of every element of a chain."""
+    leafs = scene_leafs(model)
+    found = section_forces(model, motion, points=points)
+    return Stress({name: _leaf_stress(forces, leafs[name]) for name, forces in found.items()})
+
+
+def strain_energy(model: Model, motion: Motion) -> dict[str, float]:
+    """Strain energy [J] of every leaf by full name; their sum is what the mechanism stores."""
+    return {
+        n: sum(_member_energy(model, motion, i) for i in found)
+        for n, found in members_of_leafs(model).items()
+    }
+
+
+def _member_energy(model: Model, motion: Motion, i: int) -> float:
+    """1/2 (a - a0) K (a - a0) + 1/2 int n.(R C R^T n) of a strain-mode leaf; sum of S eps^2/2 of a chain."""
+    value, number, inner = member_parts(model, motion, i)
+    if model.arrays.members.kind[i] != STRAIN:
+        from ksd.beam import corotational
+
+        ends = member_ends(model, motion, i)
+        d, Q = np.ascontiguousarray(ends.d), np.ascontiguousarray(ends.Q)
+        return float(corotational.energy(value, number, np.ascontiguousarray(inner), d, Q))
+    from ksd.beam.strain_mass import strain_parts
+
+    total, at, first = 0.0, 1, 0
+    orders = [int(n) for n in number[:3]]
+    rest = 1 + sum(n * n for n in orders)
+    for n in orders:
+        stretch = inner[first : first + n] - value[rest + first : rest + first + n]
+        total += 0.5 * float(stretch @ value[at : at + n * n].reshape(n, n) @ stretch)
+        at += n * n
+        first += n
+    force = inner[first : first + 3]
+    return total + 0.5 * float(force @ strain_parts(value, number, inner).S @ force)

@@ -1,0 +1,120 @@
+"""The tangent of a model at a state, factored once for all questions, with drives held or freed.
+
+A freed drive keeps its present force (a constant multiplier) and may move: its row and column are taken out
+of the matrix and a -1 put on its diagonal. That is exact, leaves the pattern alone, and keeps the count of
+negative pivots (one per row) what it was, so stability is judged in the same way.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ksd.errors import KinematicsError, SceneError
+from ksd.model.arrays import COROTATIONAL, Arrays, Motion, Work, make_work
+from ksd.model.compile import Model
+from ksd.model.system import assemble
+from ksd.numerics.blocks import factor_blocks, solve_blocks
+
+Array = NDArray[np.float64]
+SINGULAR = 1e-14
+"""Relative pivot below which the tangent counts as singular."""
+
+
+def exact(arrays: Arrays) -> Arrays:
+    """The same arrays with Appendix A chains on their own stresses, not on extrapolated ones: the exact
+    tangent."""
+    members = arrays.members
+    if not np.any(members.kind == COROTATIONAL):
+        return arrays
+    number = members.number.copy()
+    number[members.kind == COROTATIONAL, 1] = 0
+    return arrays._replace(members=members._replace(number=number))
+
+
+def row_numbers(model: Model, names: Iterable[str]) -> list[int]:
+    """Rows of drives and supports by name; SceneError for a name that is neither."""
+    known = (*model.drive_names, *model.support_names)
+    names = (names,) if isinstance(names, str) else tuple(names)
+    for name in names:
+        if name not in known:
+            raise SceneError(
+                f"'{name}' cannot be freed: it is neither a drive nor a support; there are "
+                f"{', '.join(known) or 'none'}"
+            )
+    return [known.index(name) for name in names]
+
+
+def free_rows(arrays: Arrays, value: Array, rows: Iterable[int]) -> None:
+    """Take constraint rows out of the stored matrix `value`, in place (see the module docstring)."""
+    terms, plan = arrays.terms, arrays.plan
+    for row in rows:
+        for block in terms.block[terms.first[row] : terms.first[row + 1], :2].ravel():
+            if block >= 0:
+                value[block : block + 6] = 0.0
+        value[plan.diagonal[int(np.searchsorted(plan.start, terms.start[row]))]] = -1.0
+
+
+@dataclass(frozen=True)
+class Tangent:
+    """Factored tangent: solve with it; unstable: number of directions in which the state is not a minimum."""
+
+    model: Model
+    motion: Motion
+    arrays: Arrays
+    work: Work
+    unstable: int
+
+    def solve(self, loads: Array) -> Array:
+        """Response (unknowns, k) to `loads` (unknowns, k) in the order of the plan."""
+        found = np.ascontiguousarray(loads.T, dtype=float)
+        for x in found:
+            solve_blocks(self.arrays.plan, self.work.value, self.work.spare, x)
+        return found.T
+
+    def unknowns(self, node: int) -> slice:
+        """Where the motion (6,) of a node sits; ground has none."""
+        start = int(self.arrays.start[node])
+        return slice(start, start + 6)
+
+
+def factored_tangent(
+    model: Model, motion: Motion, *, freed: Iterable[str] = (), load_factor: float = 1.0
+) -> Tangent:
+    """Factor the exact tangent at `motion`, with the drives and supports named in `freed` let go at constant
+    force.
+
+    Raises SceneError for an unknown name, KinematicsError where a motion is left that nothing resists.
+    """
+    rows = row_numbers(model, freed)
+    arrays = exact(model.arrays)
+    work = make_work(arrays)
+    target = np.zeros(len(arrays.terms.start))
+    _, _, inside, _ = assemble(arrays, motion, target, load_factor, work, 1e-8, 0, 10.0)
+    free_rows(arrays, work.value, rows)
+    negatives, pivot = factor_blocks(arrays.plan, work.value, work.spare, len(arrays.plan.size))
+    if not pivot > SINGULAR:
+        raise KinematicsError(
+            f"the tangent is singular (relative pivot {pivot:.1e}): a motion is left that nothing resists, or the "
+            "state is exactly at its critical load; hold more drives"
+        )
+    return Tangent(model, motion, arrays, work, int(negatives + inside) - len(target))
+
+
+def stored_matrix(arrays: Arrays, value: Array) -> Array:
+    """The symmetric matrix (unknowns, unknowns) held by a block storage `value`."""
+    plan = arrays.plan
+    full = np.zeros((plan.unknowns, plan.unknowns))
+    for k in range(len(plan.size)):
+        n, at = int(plan.size[k]), int(plan.start[k])
+        full[at : at + n, at : at + n] = value[plan.diagonal[k] :][: n * n].reshape(n, n)
+        for e in range(plan.first[k], plan.first[k + 1]):
+            i = plan.row[e]
+            m, to = int(plan.size[i]), int(plan.start[i])
+            block = value[plan.place[e] :][: m * n].reshape(m, n)
+            full[to : to + m, at : at + n] = block
+            full[at : at + n, to : to + m] = block.T
+    return full

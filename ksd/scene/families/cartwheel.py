@@ -1,0 +1,171 @@
+"""Cartwheel and butterfly: remote-centre pivots in series around one centre."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import KW_ONLY, dataclass
+from typing import ClassVar
+
+from ksd.errors import SceneError
+from ksd.scene.families.crossed_pivot import pivot_stiffness
+from ksd.scene.families.sheet import Point, bending, check_sheet, flat, strip
+from ksd.scene.joint import Joint, Motion
+from ksd.scene.leaf import Leaf
+from ksd.scene.material import Material
+from ksd.section.checks import Vector, between
+
+_CARTWHEEL = math.radians(20)
+_BUTTERFLY = math.radians(30)
+
+
+@dataclass(frozen=True)
+class Cartwheel(Joint):
+    """Two leafs crossing in their middle and joined there by a hub; B turns about z, +-20 degrees.
+
+    Joint axes: A at the origin, B at (L cos(angle), 0, 0), the hub (internal block) at the middle; the four
+    half leafs run from the hub to (0, +-h, 0) on A and (L cos(angle), +-h, 0) on B, h = L sin(angle)/2. Two
+    remote-centre pivots in series, each turning half the angle (Smith, Flexures, 2000, section 5.3).
+
+    length L [m] of a whole leaf, through the hub; angle [rad] between leaf and the line AB, 0..90 degrees;
+    thickness, width [m]. Raises SceneError naming the parameter out of bounds.
+    """
+
+    family: ClassVar[str] = "cartwheel"
+    quantities: ClassVar[dict[str, str]] = {
+        "length": "length",
+        "angle": "angle",
+        "thickness": "length",
+        "width": "length",
+    }
+
+    material: Material
+    _: KW_ONLY
+    length: float
+    angle: float
+    thickness: float
+    width: float
+    elements: int | None = None
+    orders: tuple[int, int, int] | None = None
+
+    def __post_init__(self) -> None:
+        check_sheet(self, "width")
+        name, unit = type(self).__name__, math.radians(1)
+        angle = between(self.angle, "angle", 0.0, 0.5 * math.pi, owner=name, unit="deg", scale=unit)
+        object.__setattr__(self, "angle", angle)
+
+    @property
+    def pose_B(self) -> Vector:
+        return (self.length * math.cos(self.angle), 0.0, 0.0)
+
+    @property
+    def motions(self) -> tuple[Motion, ...]:
+        return (Motion("angle", "rotation", (0.0, 0.0, 1.0), (-_CARTWHEEL, _CARTWHEEL)),)
+
+    def blocks(self) -> dict[str, Vector]:
+        return {"A": (0.0, 0.0, 0.0), "B": self.pose_B, "hub": (0.5 * self.pose_B[0], 0.0, 0.0)}
+
+    def leafs(self) -> tuple[Leaf, ...]:
+        x, h = self.pose_B[0], 0.5 * self.length * math.sin(self.angle)
+        hub = (0.5 * x, 0.0)
+        spokes = []
+        for name, y in (("low", -h), ("high", h)):
+            spokes.append(strip(self, f"A_{name}", ((0.0, y), hub), self.width, blocks=("A", "hub")))
+            spokes.append(strip(self, f"B_{name}", (hub, (x, y)), self.width, blocks=("hub", "B")))
+        return tuple(spokes)
+
+    def shape(self) -> dict[str, float]:
+        """angle [rad]."""
+        return {"angle": self.angle}
+
+    def stiffness_at_rest(self) -> float:
+        """Drive stiffness at rest [Nm/rad], inextensible leafs: 8 E I / L, four times the crossed pair's."""
+        return 0.5 * pivot_stiffness(1.0, bending(self, self.width) / (0.5 * self.length))
+
+
+_RAYS = (("A", "left", math.pi), ("left", "top", math.radians(120)))
+_MIRRORED = (("top", "right", math.radians(60)), ("right", "B", 0.0))
+
+
+@dataclass(frozen=True)
+class Butterfly(Joint):
+    """Four remote-centre pivots in series around one centre O; B turns about z, +-30 degrees.
+
+    Joint axes: A at the origin, O at (R, 0, 0) with R = inner + L, B at (2R, 0, 0). Eight leafs lie on rays
+    from O between the radii `inner` and R, two per pivot at +-half_angle from the directions 180, 120, 60
+    and 0 degrees. They join, in this order, A (outer ends), "left" (inner ends), "top" (outer), "right"
+    (inner) and B (outer); each pivot turns a quarter of the angle. After the butterfly pivot of Henein and
+    others (10th ESMATS, 2003); arrangement and names are our own.
+
+    length L [m] of a leaf, inner radius, thickness, width [m]; half_angle [rad], 0..30 degrees. Raises
+    SceneError naming the parameter out of bounds.
+    """
+
+    family: ClassVar[str] = "butterfly"
+    quantities: ClassVar[dict[str, str]] = {
+        "length": "length",
+        "inner": "length",
+        "half_angle": "angle",
+        "thickness": "length",
+        "width": "length",
+    }
+
+    material: Material
+    _: KW_ONLY
+    length: float
+    inner: float
+    half_angle: float
+    thickness: float
+    width: float
+    elements: int | None = None
+    orders: tuple[int, int, int] | None = None
+
+    def __post_init__(self) -> None:
+        check_sheet(self, "inner", "width")
+        name, unit = type(self).__name__, math.radians(1)
+        half = between(self.half_angle, "half_angle", 0.0, math.pi / 6, owner=name, unit="deg", scale=unit)
+        object.__setattr__(self, "half_angle", half)
+        if self.inner * math.sin(half) < 0.5 * self.thickness:
+            raise SceneError(
+                f"{name}: inner = {self.inner:g} m brings the leafs of one pair together at half_angle = "
+                f"{half / unit:g} deg; move them outward."
+            )
+
+    @property
+    def _outer(self) -> float:
+        return self.inner + self.length
+
+    @property
+    def pose_B(self) -> Vector:
+        return (2 * self._outer, 0.0, 0.0)
+
+    @property
+    def motions(self) -> tuple[Motion, ...]:
+        return (Motion("angle", "rotation", (0.0, 0.0, 1.0), (-_BUTTERFLY, _BUTTERFLY)),)
+
+    def _on_ray(self, radius: float, angle: float) -> Point:
+        return self._outer + radius * math.cos(angle), radius * math.sin(angle)
+
+    def blocks(self) -> dict[str, Vector]:
+        inner = flat({"left": self._on_ray(self.inner, math.radians(150)), "top": self._on_ray(self._outer, math.pi / 2)})
+        right = flat({"right": self._on_ray(self.inner, math.radians(30))})
+        return {"A": (0.0, 0.0, 0.0), "B": self.pose_B, **inner, **right}
+
+    def leafs(self) -> tuple[Leaf, ...]:
+        found = []
+        for first, second, middle in (*_RAYS, *_MIRRORED):
+            inward = first in ("A", "top")
+            radii = (self._outer, self.inner) if inward else (self.inner, self._outer)
+            for k, side in ((1, -1.0), (2, 1.0)):
+                angle = middle + side * self.half_angle
+                ends = self._on_ray(radii[0], angle), self._on_ray(radii[1], angle)
+                found.append(strip(self, f"{first}_{second}_{k}", ends, self.width, blocks=(first, second)))
+        return tuple(found)
+
+    def shape(self) -> dict[str, float]:
+        """inner_ratio = inner / L and half_angle [rad]."""
+        return {"inner_ratio": self.inner / self.length, "half_angle": self.half_angle}
+
+    def stiffness_at_rest(self) -> float:
+        """Drive stiffness at rest [Nm/rad]: a quarter of an inverted crossed pivot's, ratio -inner / L."""
+        ratio = -self.inner / self.length
+        return 0.25 * pivot_stiffness(ratio, bending(self, self.width) / self.length)

@@ -1,0 +1,171 @@
+"""Crossed pivots: leafs that cross at any fraction of their length, or only on their extension."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import KW_ONLY, dataclass
+from typing import ClassVar
+
+from ksd.scene.families.sheet import bending, check_sheet, inside, strip
+from ksd.scene.joint import Joint, Motion
+from ksd.scene.leaf import Leaf
+from ksd.scene.material import Material
+from ksd.section.checks import Vector, between, not_negative
+
+_STROKE = math.radians(30)
+_RATIOS = (-1.0, 2.0)
+
+
+def pivot_stiffness(ratio: float, bending_per_length: float) -> float:
+    """Stiffness at rest [Nm/rad] of two leafs of E I / L = `bending_per_length` [Nm] crossing at `ratio`.
+
+    K = 8 (1 - 3 ratio + 3 ratio^2) E I / L, from inextensible leafs: each carries M/2 at its middle and the
+    shear that puts its end on a circle about the crossing (Haringx 1949; paper 4, chapter 3).
+    """
+    return 8 * (1 - 3 * ratio + 3 * ratio**2) * bending_per_length
+
+
+def _check_shape(joint: CrossedPivot | BalancedCrossedPivot) -> None:
+    owner = type(joint).__name__
+    unit = math.radians(1)
+    angle = between(joint.angle, "angle", 0.0, 0.5 * math.pi, owner=owner, unit="deg", scale=unit)
+    object.__setattr__(joint, "angle", angle)
+    object.__setattr__(joint, "ratio", inside(joint.ratio, "ratio", _RATIOS, owner=owner))
+
+
+@dataclass(frozen=True)
+class CrossedPivot(Joint):
+    """Two leafs crossing at the fraction `ratio` of their length from A; B turns about z, +-30 degrees.
+
+    Joint axes: A at the origin, B at (L cos(angle), 0, 0). With s = L sin(angle) the rising leaf runs from
+    (0, -ratio s, 0) to (L cos(angle), (1 - ratio) s, 0), the falling one is its mirror image in y = 0; they
+    cross at x = ratio L cos(angle). ratio 0.5: the symmetric cross; 0 or 1: crossing at A or B (remote
+    centre); outside 0..1: the inverted pivot, whose leafs meet only on their extension. Both leafs lie in
+    one plane: where they cross, one passes through a window of the other, whose effect on the stiffness is
+    left out.
+
+    length L [m] and thickness, width [m] of each leaf; angle [rad] between leaf and the line AB, 0..90
+    degrees. Raises SceneError naming the parameter out of bounds.
+    """
+
+    family: ClassVar[str] = "crossed_pivot"
+    quantities: ClassVar[dict[str, str]] = {
+        "length": "length",
+        "angle": "angle",
+        "ratio": "number",
+        "thickness": "length",
+        "width": "length",
+    }
+
+    material: Material
+    _: KW_ONLY
+    length: float
+    angle: float
+    thickness: float
+    width: float
+    ratio: float = 0.5
+    elements: int | None = None
+    orders: tuple[int, int, int] | None = None
+
+    def __post_init__(self) -> None:
+        check_sheet(self, "width")
+        _check_shape(self)
+
+    @property
+    def pose_B(self) -> Vector:
+        return (self.length * math.cos(self.angle), 0.0, 0.0)
+
+    @property
+    def motions(self) -> tuple[Motion, ...]:
+        return (Motion("angle", "rotation", (0.0, 0.0, 1.0), (-_STROKE, _STROKE)),)
+
+    def blocks(self) -> dict[str, Vector]:
+        return {"A": (0.0, 0.0, 0.0), "B": self.pose_B}
+
+    def leafs(self) -> tuple[Leaf, ...]:
+        x, s = self.pose_B[0], self.length * math.sin(self.angle)
+        low, high = -self.ratio * s, (1 - self.ratio) * s
+        rising = strip(self, "rising", ((0.0, low), (x, high)), self.width)
+        return rising, strip(self, "falling", ((0.0, -low), (x, -high)), self.width)
+
+    def shape(self) -> dict[str, float]:
+        """angle [rad] and ratio."""
+        return {"angle": self.angle, "ratio": self.ratio}
+
+    def stiffness_at_rest(self) -> float:
+        """Drive stiffness at rest [Nm/rad], inextensible leafs; see `pivot_stiffness`."""
+        return pivot_stiffness(self.ratio, bending(self, self.width) / self.length)
+
+
+@dataclass(frozen=True)
+class BalancedCrossedPivot(Joint):
+    """The crossed pivot with an inner leaf and two outer ones, symmetric in z; B turns about z, +-30 degrees.
+
+    The inner leaf is the rising one of `CrossedPivot`, the outer leafs are the falling one at z = +-c, c =
+    (inner + outer)/2 + gap, so nothing is cut and out-of-plane loads are carried symmetrically. ratio 0.5 is
+    the cross flexure of paper 1, over a smaller stroke.
+
+    widths (inner, outer) [m], the outer width being that of each outer leaf; gap [m] along z between inner
+    and outer leafs; the others as in `CrossedPivot`. Raises SceneError naming the parameter out of bounds.
+    """
+
+    family: ClassVar[str] = "balanced_crossed_pivot"
+    quantities: ClassVar[dict[str, str]] = {
+        "length": "length",
+        "angle": "angle",
+        "ratio": "number",
+        "thickness": "length",
+        "inner_width": "length",
+        "outer_width": "length",
+        "gap": "length",
+    }
+
+    material: Material
+    _: KW_ONLY
+    length: float
+    angle: float
+    thickness: float
+    inner_width: float
+    outer_width: float
+    ratio: float = 0.5
+    gap: float = 0.0
+    elements: int | None = None
+    orders: tuple[int, int, int] | None = None
+
+    def __post_init__(self) -> None:
+        check_sheet(self, "inner_width", "outer_width")
+        _check_shape(self)
+        gap = not_negative(self.gap, "gap", owner=type(self).__name__, unit="m")
+        object.__setattr__(self, "gap", gap)
+
+    @property
+    def pose_B(self) -> Vector:
+        return (self.length * math.cos(self.angle), 0.0, 0.0)
+
+    @property
+    def motions(self) -> tuple[Motion, ...]:
+        return (Motion("angle", "rotation", (0.0, 0.0, 1.0), (-_STROKE, _STROKE)),)
+
+    def blocks(self) -> dict[str, Vector]:
+        return {"A": (0.0, 0.0, 0.0), "B": self.pose_B}
+
+    def leafs(self) -> tuple[Leaf, ...]:
+        x, s = self.pose_B[0], self.length * math.sin(self.angle)
+        low, high = -self.ratio * s, (1 - self.ratio) * s
+        c = 0.5 * (self.inner_width + self.outer_width) + self.gap
+        falling = ((0.0, -low), (x, -high))
+        return (
+            strip(self, "inner", ((0.0, low), (x, high)), self.inner_width),
+            strip(self, "outer_low", falling, self.outer_width, z=-c),
+            strip(self, "outer_high", falling, self.outer_width, z=c),
+        )
+
+    def shape(self) -> dict[str, float]:
+        """angle [rad], ratio, and width_ratio = both outer widths over the inner one."""
+        width_ratio = 2 * self.outer_width / self.inner_width
+        return {"angle": self.angle, "ratio": self.ratio, "width_ratio": width_ratio}
+
+    def stiffness_at_rest(self) -> float:
+        """Drive stiffness at rest [Nm/rad] of inextensible leafs: both leaf planes share one end rotation."""
+        mean = 0.5 * (self.inner_width + 2 * self.outer_width)
+        return pivot_stiffness(self.ratio, bending(self, mean) / self.length)

@@ -1,0 +1,149 @@
+"""Parallel leaf-spring guides: B moves along y, parallel to A."""
+
+from __future__ import annotations
+
+from dataclasses import KW_ONLY, dataclass
+from typing import ClassVar
+
+from ksd.scene.families.sheet import bending, check_sheet, inside, strip
+from ksd.scene.joint import Joint, Motion
+from ksd.scene.leaf import Leaf
+from ksd.scene.material import Material
+from ksd.section.checks import Vector
+
+_STROKE = 0.25
+
+
+def _stroke(length: float) -> tuple[Motion, ...]:
+    # driven level with the middle of the leafs, where a force meets no moment
+    return (
+        Motion(
+            "stroke", "translation", (0.0, 1.0, 0.0), (-_STROKE * length, _STROKE * length), (0.5 * length, 0.0, 0.0)
+        ),
+    )
+
+
+@dataclass(frozen=True)
+class ParallelGuide(Joint):
+    """Two parallel leafs; B moves along y, +-L/4, and sinks toward A by 0.6 stroke^2 / L.
+
+    Joint axes: A at the origin, B at (L, 0, 0); the leafs run along x at y = +-spacing/2. The stroke is that
+    of the point of B at (L/2, 0, 0), level with the middle of the leafs, so that its force turns B nowhere.
+    The shape of the leafs depends on no ratio, so the record has no shape parameter.
+
+    length L, thickness, width [m] of each leaf; spacing [m] of the leafs. Raises SceneError naming the
+    parameter out of bounds.
+    """
+
+    family: ClassVar[str] = "parallel_guide"
+    quantities: ClassVar[dict[str, str]] = {
+        "length": "length",
+        "thickness": "length",
+        "width": "length",
+        "spacing": "length",
+    }
+
+    material: Material
+    _: KW_ONLY
+    length: float
+    thickness: float
+    width: float
+    spacing: float
+    elements: int | None = None
+    orders: tuple[int, int, int] | None = None
+
+    def __post_init__(self) -> None:
+        check_sheet(self, "width", "spacing")
+
+    @property
+    def pose_B(self) -> Vector:
+        return (self.length, 0.0, 0.0)
+
+    @property
+    def motions(self) -> tuple[Motion, ...]:
+        return _stroke(self.length)
+
+    def blocks(self) -> dict[str, Vector]:
+        return {"A": (0.0, 0.0, 0.0), "B": self.pose_B}
+
+    def leafs(self) -> tuple[Leaf, ...]:
+        return tuple(
+            strip(self, name, ((0.0, y), (self.length, y)), self.width)
+            for name, y in (("low", -0.5 * self.spacing), ("high", 0.5 * self.spacing))
+        )
+
+    def shape(self) -> dict[str, float]:
+        """No parameter: leafs of any thickness, width and spacing bend alike."""
+        return {}
+
+    def stiffness_at_rest(self) -> float:
+        """Drive stiffness at rest [N/m], two clamped-guided leafs: 24 E I / L^3."""
+        return 24 * bending(self, self.width) / self.length**3
+
+
+@dataclass(frozen=True)
+class StiffenedGuide(Joint):
+    """The parallel guide with a stiffened middle in both leafs; B moves along y, +-L/4.
+
+    As `ParallelGuide`, each leaf being two of length `flexible` L at its ends and a rigid block ("low",
+    "high") between them: stiffer in all supporting directions at little cost in stroke.
+
+    flexible: flexible length at each end over L, 0.05..0.45; the other parameters as in `ParallelGuide`.
+    Raises SceneError naming the parameter out of bounds.
+    """
+
+    family: ClassVar[str] = "stiffened_guide"
+    quantities: ClassVar[dict[str, str]] = {
+        "length": "length",
+        "flexible": "number",
+        "thickness": "length",
+        "width": "length",
+        "spacing": "length",
+    }
+
+    material: Material
+    _: KW_ONLY
+    length: float
+    flexible: float
+    thickness: float
+    width: float
+    spacing: float
+    elements: int | None = None
+    orders: tuple[int, int, int] | None = None
+
+    def __post_init__(self) -> None:
+        check_sheet(self, "width", "spacing")
+        share = inside(self.flexible, "flexible", (0.05, 0.45), owner=type(self).__name__)
+        object.__setattr__(self, "flexible", share)
+
+    @property
+    def pose_B(self) -> Vector:
+        return (self.length, 0.0, 0.0)
+
+    @property
+    def motions(self) -> tuple[Motion, ...]:
+        return _stroke(self.length)
+
+    def _sides(self) -> tuple[tuple[str, float], ...]:
+        return (("low", -0.5 * self.spacing), ("high", 0.5 * self.spacing))
+
+    def blocks(self) -> dict[str, Vector]:
+        middles = {name: (0.5 * self.length, y, 0.0) for name, y in self._sides()}
+        return {"A": (0.0, 0.0, 0.0), "B": self.pose_B, **middles}
+
+    def leafs(self) -> tuple[Leaf, ...]:
+        a, L = self.flexible * self.length, self.length
+        found = []
+        for name, y in self._sides():
+            found.append(strip(self, f"{name}_A", ((0.0, y), (a, y)), self.width, blocks=("A", name)))
+            found.append(strip(self, f"{name}_B", ((L - a, y), (L, y)), self.width, blocks=(name, "B")))
+        return tuple(found)
+
+    def shape(self) -> dict[str, float]:
+        """flexible: flexible length at each end over L."""
+        return {"flexible": self.flexible}
+
+    def stiffness_at_rest(self) -> float:
+        """Drive stiffness at rest [N/m]: 24 E I / (L^3 (1 - (1 - 2 flexible)^3))."""
+        stiff = 1 - (1 - 2 * self.flexible) ** 3
+        return 24 * bending(self, self.width) / (self.length**3 * stiff)

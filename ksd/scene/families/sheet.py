@@ -1,0 +1,76 @@
+"""Joints cut from one sheet: every leaf of one thickness and material, all widths along the joint's z."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from ksd.errors import SceneError
+from ksd.scene.leaf import Leaf, mesh
+from ksd.scene.material import Material
+from ksd.section import rectangle
+from ksd.section.checks import Vector, positive, show
+
+Point = tuple[float, float]
+
+
+def check_sheet(joint: Any, *lengths: str) -> None:
+    """Check and clean material, mesh and the positive `lengths` of a joint whose leafs are `thickness` thick.
+
+    Raises SceneError naming joint and parameter, also for a thickness of half the leaf length or more.
+    """
+    owner = type(joint).__name__
+    if not isinstance(joint.material, Material):
+        raise SceneError(f"{owner}: material = {show(joint.material)} must be a Material.")
+    clean: dict[str, Any] = mesh(joint.elements, joint.orders, owner=owner)
+    for key in ("length", "thickness", *lengths):
+        clean[key] = positive(getattr(joint, key), key, owner=owner, unit="m")
+    for key, value in clean.items():
+        object.__setattr__(joint, key, value)
+    if joint.thickness >= 0.5 * joint.length:
+        raise SceneError(
+            f"{owner}: thickness = {joint.thickness:g} m must be below half the leaf length, "
+            f"{joint.length / 2:g} m; a leaf is slender."
+        )
+
+
+def strip(
+    joint: Any,
+    name: str,
+    ends: tuple[Point, Point],
+    width: float,
+    *,
+    blocks: tuple[str, str] = ("A", "B"),
+    z: float = 0.0,
+) -> Leaf:
+    """A leaf of `joint` between two points (x, y) [m] at height z [m], its middle plane there."""
+    return Leaf(
+        start=(*ends[0], z),
+        end=(*ends[1], z),
+        width_axis=(0.0, 0.0, 1.0),
+        section=rectangle(joint.thickness, width),
+        material=joint.material,
+        start_block=blocks[0],
+        end_block=blocks[1],
+        name=name,
+        elements=joint.elements,
+        orders=joint.orders,
+    )
+
+
+def bending(joint: Any, width: float) -> float:
+    """E I [N m^2] of a leaf of `joint` with `width` [m]."""
+    return float(joint.material.E * width * joint.thickness**3 / 12)
+
+
+def inside(value: float, name: str, bounds: tuple[float, float], *, owner: str) -> float:
+    """A dimensionless number within `bounds`, ends included. Raises SceneError."""
+    low, high = bounds
+    if not isinstance(value, int | float) or not low <= value <= high:
+        raise SceneError(f"{owner}: {name} = {show(value)} must lie between {low:g} and {high:g}.")
+    return float(value)
+
+
+def flat(points: Mapping[str, Point]) -> dict[str, Vector]:
+    """Blocks at points (x, y), all at z = 0."""
+    return {name: (float(x), float(y), 0.0) for name, (x, y) in points.items()}

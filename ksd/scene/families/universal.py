@@ -1,0 +1,101 @@
+"""Two-axis universal joint: two cross flexures in series, their axes perpendicular."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import KW_ONLY, dataclass
+from typing import ClassVar
+
+from ksd.scene.families.sheet import bending, check_sheet
+from ksd.scene.joint import Joint, Motion
+from ksd.scene.leaf import Leaf
+from ksd.scene.material import Material
+from ksd.section import rectangle
+from ksd.section.checks import Vector
+
+_STROKE = math.radians(25)
+_ANGLE = math.radians(45)
+
+
+@dataclass(frozen=True)
+class UniversalJoint(Joint):
+    """Two cross flexures in series; B turns about z and about y, +-25 degrees each.
+
+    Joint axes: A at the origin, the middle block at (D, 0, 0) with D = L cos(45 deg), B at (2D, 0, 0). The
+    first flexure is the `CrossFlexure` at 45 degrees with an inner leaf and two outer ones of half its
+    width, from A to the middle; the second is the same, shifted by D and turned about x by -90 degrees, so
+    that its axis is y. Its rotations are the twist angles of B relative to A about z and y, in the axes of A.
+
+    length L [m] of a leaf; thickness [m]; width [m] of the inner leafs. Raises SceneError naming the
+    parameter out of bounds.
+    """
+
+    family: ClassVar[str] = "universal"
+    quantities: ClassVar[dict[str, str]] = {"length": "length", "thickness": "length", "width": "length"}
+
+    material: Material
+    _: KW_ONLY
+    length: float
+    thickness: float
+    width: float
+    elements: int | None = None
+    orders: tuple[int, int, int] | None = None
+
+    def __post_init__(self) -> None:
+        check_sheet(self, "width")
+
+    @property
+    def _step(self) -> float:
+        return self.length * math.cos(_ANGLE)
+
+    @property
+    def pose_B(self) -> Vector:
+        return (2 * self._step, 0.0, 0.0)
+
+    @property
+    def motions(self) -> tuple[Motion, ...]:
+        reach = (-_STROKE, _STROKE)
+        return (
+            Motion("about_z", "rotation", (0.0, 0.0, 1.0), reach),
+            Motion("about_y", "rotation", (0.0, 1.0, 0.0), reach),
+        )
+
+    def blocks(self) -> dict[str, Vector]:
+        return {"A": (0.0, 0.0, 0.0), "B": self.pose_B, "middle": (self._step, 0.0, 0.0)}
+
+    def leafs(self) -> tuple[Leaf, ...]:
+        h, c = 0.5 * self.length * math.sin(_ANGLE), 0.75 * self.width
+        places = (("inner", -h, 0.0, 1.0), ("outer_low", h, -c, 0.5), ("outer_high", h, c, 0.5))
+        return tuple(
+            self._leaf(f"{stage}_{name}", (y, z), share * self.width, second=stage == "second")
+            for stage in ("first", "second")
+            for name, y, z, share in places
+        )
+
+    def _leaf(self, name: str, place: tuple[float, float], width: float, *, second: bool) -> Leaf:
+        """One leaf from (y, z) at its start to (-y, z) at its end, of the first or the turned second flexure."""
+        (y, z), x = place, self._step
+        start, end, axis = (0.0, y, z), (x, -y, z), (0.0, 0.0, 1.0)
+        if second:
+            # (x, y, z) -> (x + D, z, -y): z becomes y
+            start, end, axis = (x, z, -y), (2 * x, z, y), (0.0, 1.0, 0.0)
+        return Leaf(
+            start=start,
+            end=end,
+            width_axis=axis,
+            section=rectangle(self.thickness, width),
+            material=self.material,
+            start_block="middle" if second else "A",
+            end_block="B" if second else "middle",
+            name=name,
+            elements=self.elements,
+            orders=self.orders,
+        )
+
+    def shape(self) -> dict[str, float]:
+        """No parameter: the proportions are fixed."""
+        return {}
+
+    def stiffness_at_rest(self) -> float:
+        """Drive stiffness at rest [Nm/rad] about either axis, the other free: E I_sum / L (errata, eq. 4.3)."""
+        return 2 * bending(self, self.width) / self.length

@@ -1,0 +1,199 @@
+"""Leafs that are not the same all along: tapered, notched, stiffened in the middle, or curved at rest.
+
+A profile gives the section at s in [0, 1], the fraction of the arc length from start to end; `breaks` are the
+fractions where it has a kink or a step. A curve gives the stress-free curvature. All are frozen values, so that
+scenes can be compared and hashed.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ksd.errors import SceneError
+from ksd.section import Section, rectangle
+from ksd.section.checks import number, positive, show
+
+
+class Profile:
+    """Base of all profiles: `section(s)` and `breaks`, fractions strictly between 0 and 1 in rising order."""
+
+    breaks: tuple[float, ...] = ()
+
+    def section(self, s: float) -> Section:
+        """The section at fraction s of the arc length."""
+        raise NotImplementedError
+
+
+@dataclass(frozen=True)
+class Taper(Profile):
+    """Thickness and width [m] running linearly from start to end."""
+
+    thickness: tuple[float, float]
+    width: tuple[float, float]
+
+    def __post_init__(self) -> None:
+        for name, pair in (("thickness", self.thickness), ("width", self.width)):
+            if not isinstance(pair, tuple | list) or len(pair) != 2:
+                raise SceneError(f"Taper: {name} = {show(pair)} must be two lengths in m, at start and at end.")
+            object.__setattr__(self, name, tuple(positive(v, name, owner="Taper", unit="m") for v in pair))
+
+    def section(self, s: float) -> Section:
+        """Rectangle of the interpolated sizes."""
+        t, w = ((1 - s) * a + s * b for a, b in (self.thickness, self.width))
+        return rectangle(t, w)
+
+
+@dataclass(frozen=True)
+class CircularNotch(Profile):
+    """Circular notch hinge of length 2 radius: t(x) = minimum + 2 (R - sqrt(R^2 - x^2)) about the middle.
+
+    radius, minimum thickness, width [m]. A full semicircle; the leaf that carries it is 2 radius long. Source:
+    Paros and Weisbord, Machine Design 37 (1965), the right circular hinge.
+    """
+
+    radius: float
+    minimum: float
+    width: float
+
+    def __post_init__(self) -> None:
+        for name in ("radius", "minimum", "width"):
+            value = positive(getattr(self, name), name, owner="CircularNotch", unit="m")
+            object.__setattr__(self, name, value)
+
+    def section(self, s: float) -> Section:
+        """Rectangle as thick as the notch is at s."""
+        x = (2 * s - 1) * self.radius
+        rise = self.radius - math.sqrt(max(self.radius**2 - x**2, 0.0))
+        return rectangle(self.minimum + 2 * rise, self.width)
+
+
+@dataclass(frozen=True)
+class FilletedNotch(Profile):
+    """Corner-filleted notch hinge: a straight leaf of `minimum` thickness with quarter-circle fillets at its ends.
+
+    length [m] of leaf and both fillets together, radius of the fillets, minimum thickness, width [m].
+    Source: Lobontiu et al., Journal of Mechanical Design 123 (2001), the corner-filleted hinge.
+    """
+
+    length: float
+    radius: float
+    minimum: float
+    width: float
+
+    def __post_init__(self) -> None:
+        for name in ("length", "radius", "minimum", "width"):
+            value = positive(getattr(self, name), name, owner="FilletedNotch", unit="m")
+            object.__setattr__(self, name, value)
+        if 2 * self.radius >= self.length:
+            raise SceneError(
+                f"FilletedNotch: radius = {self.radius:g} m must be less than half its length = {self.length:g} m."
+            )
+        part = self.radius / self.length
+        object.__setattr__(self, "breaks", (part, 1 - part))
+
+    def section(self, s: float) -> Section:
+        """Rectangle as thick as the notch is at s."""
+        x = min(s, 1 - s) * self.length
+        gap = self.radius - x
+        rise = self.radius - math.sqrt(max(self.radius**2 - gap**2, 0.0)) if gap > 0 else 0.0
+        return rectangle(self.minimum + 2 * rise, self.width)
+
+
+@dataclass(frozen=True)
+class StiffenedMiddle(Profile):
+    """A leaf with a thicker middle: `thickness` at both ends, `middle` thickness over the middle `part` (fraction)."""
+
+    thickness: float
+    width: float
+    middle: float
+    part: float
+
+    def __post_init__(self) -> None:
+        for name in ("thickness", "width", "middle"):
+            value = positive(getattr(self, name), name, owner="StiffenedMiddle", unit="m")
+            object.__setattr__(self, name, value)
+        if not 0.0 < self.part < 1.0:
+            raise SceneError(f"StiffenedMiddle: part = {show(self.part)} must be a fraction between 0 and 1.")
+        object.__setattr__(self, "breaks", (0.5 - 0.5 * self.part, 0.5 + 0.5 * self.part))
+
+    def section(self, s: float) -> Section:
+        """Thick inside the middle part, thin outside."""
+        inside = abs(s - 0.5) < 0.5 * self.part
+        return rectangle(self.middle if inside else self.thickness, self.width)
+
+
+@dataclass(frozen=True)
+class Varying(Profile):
+    """Any profile: a function of s in [0, 1] returning a Section, with the fractions of its kinks."""
+
+    function: Callable[[float], Section]
+    breaks: tuple[float, ...] = ()
+
+    def section(self, s: float) -> Section:
+        """The function's answer; SceneError when it is not a Section."""
+        found = self.function(s)
+        if not isinstance(found, Section):
+            raise SceneError(f"Varying: at s = {s:g} its function returned {show(found)}, a Section is needed.")
+        return found
+
+
+class Curve:
+    """Base of all stress-free shapes: arc `length` [m] and `curvature(s)` (3,) [1/m] about e1, e2, e3, s in [0, 1]."""
+
+    length: float
+
+    def curvature(self, s: float) -> np.ndarray:
+        """(3,) 1/m at fraction s of the arc length."""
+        raise NotImplementedError
+
+
+@dataclass(frozen=True)
+class Arc(Curve):
+    """A circular arc of `radius` [m] and `angle` [rad], bending about e3 (width); positive angles bend towards e2."""
+
+    radius: float
+    angle: float
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "radius", positive(self.radius, "radius", owner="Arc", unit="m"))
+        angle = number(self.angle, "angle", owner="Arc")
+        if not 0.0 < abs(angle) < 2 * math.pi:
+            raise SceneError(f"Arc: angle = {show(angle)} rad must lie between 0 and 2 pi, either sign.")
+        object.__setattr__(self, "length", self.radius * abs(angle))
+
+    def curvature(self, s: float) -> np.ndarray:
+        """Constant about e3."""
+        return np.array([0.0, 0.0, math.copysign(1.0 / self.radius, self.angle)])
+
+    @property
+    def chord(self) -> float:
+        """Distance between its ends [m]."""
+        return 2 * self.radius * abs(math.sin(self.angle / 2))
+
+
+@dataclass(frozen=True)
+class FreeCurve(Curve):
+    """Any stress-free shape: `function(s)` returns the curvature (3,) [1/m] at fraction s of the arc `length` [m].
+
+    A spline, a Fourier series, anything that is smooth; it is represented by the curvature modes of the leaf.
+    """
+
+    length: float
+    function: Callable[[float], Any]
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "length", positive(self.length, "length", owner="FreeCurve", unit="m"))
+        if not callable(self.function):
+            raise SceneError(f"FreeCurve: function = {show(self.function)} must be a function of s in [0, 1].")
+
+    def curvature(self, s: float) -> np.ndarray:
+        """The function's answer as an array; SceneError unless it is three finite numbers."""
+        found = np.asarray(self.function(s), float)
+        if found.shape != (3,) or not np.all(np.isfinite(found)):
+            raise SceneError(f"FreeCurve: at s = {s:g} its function returned {show(found)}, three numbers are needed.")
+        return found

@@ -1,0 +1,180 @@
+"""Frequencies against a dense eigensolution of the uncondensed matrices, rigid-body masses, and the modes' algebra."""
+
+import numpy as np
+import pytest
+import scipy.linalg
+from conftest import STEEL, cross_flexure, fourbar, single_joint
+
+import ksd
+from ksd.errors import SceneError
+from ksd.model.compile import compile_scene
+from ksd.model.leafs import Mesh
+from ksd.properties.buckling import full_tangent
+from ksd.properties.frequencies import frequencies
+from ksd.properties.mass import inertia
+from ksd.properties.tangent import row_numbers
+from ksd.properties.unfold import unfolded
+from ksd.section import rectangle
+from ksd.solve.conventional import conventional
+
+
+def heavy_fourbar():
+    scene = fourbar()
+    scene.mass("top", mass=2.0, inertia=(4e-3, 2e-3, 5e-3), at=(0.01, 0.4, 0.02))
+    scene.load("top", force=(0, -20.0, 5.0), at=(0, 0.35, 0))
+    return scene
+
+
+@pytest.fixture(scope="module")
+def bent():
+    return conventional(compile_scene(heavy_fourbar()), {"top": 0.15})
+
+
+def uncondensed(model, motion, freed=()):
+    """(K, M) in all unknowns: nodes, multipliers, and (a, lam) of every leaf; a = P xi + b makes b = a - P xi."""
+    fine, state = unfolded(model, motion)
+    K = full_tangent(fine, state, rows=row_numbers(fine, freed))
+    mass = inertia(fine, state)
+    members, nodes = fine.arrays.members, fine.arrays.plan.unknowns
+    T = np.zeros((mass.size, len(K)))
+    T[:nodes, :nodes] = np.eye(nodes)
+    for i, (P, levers) in enumerate(zip(mass.follow, mass.levers, strict=True)):
+        at, first = mass.inner[i], nodes + members.inner_at[i]
+        T[at : at + len(P), first : first + len(P)] = np.eye(len(P))
+        for e in range(2):
+            start = fine.arrays.start[members.node[i, e]]
+            if start >= 0:
+                T[at : at + len(P), start : start + 6] -= P @ levers[:, 6 * e : 6 * e + 6]
+    return K, T.T @ mass.dense() @ T
+
+
+@pytest.mark.parametrize("freed", [(), ("top",)], ids=("held", "freed"))
+@pytest.mark.parametrize("dense", [True, False], ids=("dense", "lanczos"))
+def test_against_a_dense_eigensolution_of_the_same_matrices(bent, freed, dense):
+    K, M = uncondensed(bent.model, bent.motion, freed)
+    values = scipy.linalg.eigvals(np.linalg.solve(K, M))
+    expected = np.sqrt(1 / np.sort(values.real)[::-1][:5]) / (2 * np.pi)
+    found = frequencies(bent.model, bent.motion, count=5, freed=freed, dense=dense)
+    assert found.frequency_Hz == pytest.approx(expected, rel=1e-7)
+
+
+def test_both_routes_agree_and_modes_are_orthonormal(bent):
+    dense, sparse = (frequencies(bent.model, bent.motion, count=6, dense=d) for d in (True, False))
+    assert dense.frequency_Hz == pytest.approx(sparse.frequency_Hz, rel=1e-8)
+    M = dense.mass.sparse()
+    assert dense.vector @ (M @ dense.vector.T) == pytest.approx(np.eye(6), abs=1e-7)
+    assert np.diag(dense.assurance(sparse)) == pytest.approx(np.ones(6), abs=1e-6)
+    assert len(dense) == 6
+
+
+def test_chain_of_elements_converges_to_the_strain_leaf(bent):
+    exact = bent.frequencies(count=3).frequency_Hz
+    error = []
+    for n in (6, 12):
+        chain = conventional(compile_scene(heavy_fourbar(), mesh=Mesh("corotational", elements=n)), {"top": 0.15})
+        found = chain.frequencies(count=3)
+        assert len(found.model.node_names) == 1 + 3 + 12 * (n - 1)
+        error.append(np.abs(found.frequency_Hz / exact - 1).max())
+    assert error[1] < 0.35 * error[0] < 0.01
+
+
+def test_nodal_and_condensed_chains_are_the_same():
+    pair = [
+        conventional(compile_scene(heavy_fourbar(), mesh=Mesh("corotational", elements=4, nodal=n)), {"top": 0.1}, steps=4)
+        for n in (True, False)
+    ]
+    found = [c.frequencies(count=4).frequency_Hz for c in pair]
+    assert found[0] == pytest.approx(found[1], rel=1e-6)
+
+
+def test_rigid_mass_is_that_of_the_leafs():
+    """A uniform velocity and a uniform spin of all nodes see the total mass and inertia, in any configuration."""
+    model = compile_scene(single_joint())
+    state = conventional(model, {"turn": 0.7}).motion
+    mass = inertia(model, state)
+    members = model.arrays.members
+    total, energy = 0.0, 0.0
+    spin = np.array([0.3, -0.2, 0.5])
+    for i, (at, block) in enumerate(zip(mass.places, mass.blocks, strict=True)):
+        # ground is fixed: rebuild the whole block, both ends moving
+        from ksd.properties.mass import _leafs_and_lines, _strain_block
+
+        line = _leafs_and_lines(model)[i][1]
+        whole = _strain_block(model, state, i, line)[0]
+        move = np.concatenate([np.tile([1.0, 0, 0, 0, 0, 0], 2), np.zeros(len(whole) - 12)])
+        total += move @ whole @ move
+        nodes = members.node[i]
+        turn = np.concatenate([np.concatenate([np.cross(spin, state.x[k]), spin]) for k in nodes])
+        turn = np.concatenate([turn, np.zeros(len(whole) - 12)])
+        energy += 0.5 * turn @ whole @ turn
+        assert block.shape == (len(at),) * 2
+    assert total == pytest.approx(7800 * 0.1 * 1e-3 * 0.08, rel=1e-9)
+    assert energy > 0.0
+
+
+def test_a_rigid_payload_on_a_soft_leaf_is_a_pendulum_of_one_freedom():
+    """omega^2 = k/m for a heavy block guided by two leafs; leafs without density carry no mass and are named."""
+    light = ksd.Material(E=200e9, nu=0.3, name="light steel")
+    scene = ksd.Mechanism("guide")
+    table = scene.link("table", mass=5.0, inertia=(0.01, 0.01, 0.01), at=(0.1, 0, 0))
+    for k, y in enumerate((-0.03, 0.03)):
+        scene.leaf(
+            scene.ground, table, start=(0, y, 0), end=(0.1, y, 0), section=rectangle(0.5e-3, 0.03),
+            material=light, width_axis=(0, 0, 1), name=f"leaf {k}",
+        )  # fmt: skip
+    scene.actuate(table, along="y", at=(0.1, 0, 0), name="stroke")
+    model = compile_scene(scene)
+    rest = conventional(model, {"stroke": 0.0})
+    found = rest.frequencies(freed="stroke")
+    k = rest.drive_stiffness()["stroke"]
+    # the block turns a little as it moves, so its own stiffness is met to that order
+    assert (2 * np.pi * found.frequency_Hz[0]) ** 2 == pytest.approx(k / 5.0, rel=1e-4)
+    assert found.intended == 0
+    assert found.first_parasitic_Hz == found.frequency_Hz[1]
+    assert found.massless == ("light steel",)
+    held = rest.frequencies()
+    assert held.intended is None and np.all(held.drive_motion[:, 0] < 1e-9)
+
+
+def test_buckled_state_has_a_negative_frequency():
+    scene = ksd.Mechanism("column")
+    tip = scene.link("tip", mass=0.1, inertia=(1e-5, 1e-5, 1e-5), at=(0.1, 0, 0))
+    scene.leaf(
+        scene.ground, tip, start=(0, 0, 0), end=(0.1, 0, 0), section=rectangle(0.5e-3, 0.02), material=STEEL,
+        width_axis=(0, 0, 1), name="leaf",
+    )  # fmt: skip
+    critical = np.pi**2 * 200e9 * 0.02 * 0.5e-3**3 / 12 / (4 * 0.1**2)
+    for share, unstable in ((0.98, False), (1.02, True)):
+        scene_loaded = conventional(compile_scene(_loaded(scene, -share * critical)), {})
+        found = scene_loaded.frequencies(count=2)
+        assert (found.frequency_Hz[0] < 0) == unstable
+        assert scene_loaded.stable != unstable
+
+
+def _loaded(scene, force):
+    from dataclasses import replace
+
+    from ksd.scene.drive import Load
+
+    frozen = scene.scene()
+    return replace(frozen, loads=(Load("push", "tip", (force, 0.0, 0.0), (0.0, 0.0, 0.0), (0.1, 0.0, 0.0)),))
+
+
+def test_no_mass_no_frequencies():
+    bare = ksd.CrossFlexure(
+        ksd.Material(E=200e9, nu=0.3), length=0.1, angle=np.pi / 4, thickness=1e-3, widths=(0.04, 0.02)
+    )
+    model = compile_scene(single_joint(bare))
+    with pytest.raises(SceneError, match="nothing in this scene has mass"):
+        frequencies(model, model.rest)
+
+
+def test_modes_follow_each_other_along_a_stroke():
+    model = compile_scene(single_joint(cross_flexure()))
+    last, before = None, None
+    for turn in np.linspace(0.05, 0.6, 8):
+        last = conventional(model, {"turn": float(turn)}, start=last)
+        now = last.frequencies(count=4)
+        if before is not None:
+            assert before.assurance(now)[0].max() > 0.8
+        before = now

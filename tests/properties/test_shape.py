@@ -1,0 +1,97 @@
+"""Centrelines against known curves, ends against clamps, both leaf models, nodal meshes."""
+
+import numpy as np
+import pytest
+
+import ksd
+from ksd.model.compile import compile_scene
+from ksd.model.leafs import Mesh
+from ksd.properties.shape import mechanism_shape
+from ksd.solve.conventional import conventional
+from ksd.units import GPa, mm
+
+MESHES = [Mesh(), Mesh(leaf="corotational", elements=6), Mesh(leaf="corotational", elements=6, nodal=True)]
+IDS = ["strain", "chain", "nodal"]
+LENGTH, TURN = 0.1, 0.9
+
+
+def bent_leaf(mesh, *, turn=TURN):
+    """One leaf from ground to a link turned by `turn` about z: pure bending, so a circular arc."""
+    scene = ksd.Mechanism("leaf")
+    tip = scene.link("tip")
+    scene.leaf(
+        scene.ground, tip, start=(0, 0, 0), end=(LENGTH, 0, 0), width_axis="z", name="blade",
+        section=ksd.rectangle(0.5 * mm, 20 * mm), material=ksd.Material(E=200 * GPa, nu=0.3),
+    )  # fmt: skip
+    scene.actuate(tip, about="z", name="turn")
+    return conventional(compile_scene(scene, mesh=mesh), {"turn": turn}, steps=3)
+
+
+@pytest.mark.parametrize("mesh", MESHES, ids=IDS)
+def test_pure_bending_is_a_circular_arc(mesh):
+    c = bent_leaf(mesh)
+    (leaf,) = mechanism_shape(c.model, c.motion, points=25).leafs
+    radius = LENGTH / TURN
+    distance = np.linalg.norm(leaf.place - [0, radius, 0], axis=1)
+    # the chords of a chain lie inside the arc by h^2/(8 R) at most; the cubics take most of that back
+    assert distance == pytest.approx(radius, rel=1e-8 if mesh.leaf == "strain" else 2e-3)
+    angle = TURN * leaf.s / LENGTH
+    assert leaf.axes[:, :, 0] == pytest.approx(
+        np.stack([np.cos(angle), np.sin(angle), 0 * angle], axis=1), abs=2e-3
+    )
+
+
+@pytest.mark.parametrize("mesh", MESHES, ids=IDS)
+def test_leaf_meets_its_clamps_and_is_straight_at_rest(mesh):
+    c = bent_leaf(mesh)
+    shape = mechanism_shape(c.model, c.motion, points=12)
+    (leaf,) = shape.leafs
+    blocks = {b.name: b for b in shape.blocks}
+    assert leaf.name == "blade" and len(leaf.s) >= 12
+    assert leaf.place[0] == pytest.approx(blocks["ground"].place[0], abs=1e-15)
+    assert leaf.place[-1] == pytest.approx(blocks["tip"].place[0], abs=1e-12)
+    assert leaf.rest == pytest.approx(np.outer(leaf.s, [1, 0, 0]), abs=1e-15)
+    for axes in (leaf.axes, leaf.rest_axes):
+        assert np.einsum("kji,kjl->kil", axes, axes) == pytest.approx(
+            np.tile(np.eye(3), (len(axes), 1, 1)), abs=1e-12
+        )
+    assert (leaf.width, leaf.thickness) == pytest.approx((0.02, 0.0005))
+
+
+def test_both_leaf_models_draw_the_same_curve():
+    curves = []
+    for mesh in (Mesh(), Mesh(leaf="corotational", elements=12)):
+        c = bent_leaf(mesh, turn=0.6)
+        (leaf,) = mechanism_shape(c.model, c.motion, points=25).leafs
+        curves.append(leaf.place)
+    assert curves[0] == pytest.approx(curves[1], abs=2e-4 * LENGTH)
+
+
+def test_twist_turns_the_width_axis_evenly():
+    scene = ksd.Mechanism("twist")
+    tip = scene.link("tip")
+    steel = ksd.Material(E=200 * GPa, nu=0.3)
+    scene.leaf(scene.ground, tip, start=(0, 0, 0), end=(LENGTH, 0, 0), width_axis="z",
+               section=ksd.rectangle(0.5 * mm, 20 * mm), material=steel, name="blade")  # fmt: skip
+    scene.actuate(tip, about="x", name="turn")
+    c = conventional(compile_scene(scene), {"turn": 0.8})
+    (leaf,) = mechanism_shape(c.model, c.motion).leafs
+    angle = 0.8 * leaf.s / LENGTH
+    assert leaf.axes[:, :, 2] == pytest.approx(
+        np.stack([0 * angle, -np.sin(angle), np.cos(angle)], axis=1), abs=1e-8
+    )
+
+
+def test_driven_point_moves_as_prescribed():
+    scene = ksd.Mechanism("guide")
+    table = scene.link("table")
+    steel = ksd.Material(E=200 * GPa, nu=0.3)
+    for y in (-0.03, 0.03):
+        scene.leaf(scene.ground, table, start=(0, y, 0), end=(LENGTH, y, 0), width_axis="z",
+                   section=ksd.rectangle(0.5 * mm, 20 * mm), material=steel)  # fmt: skip
+    scene.actuate(table, along="y", at=(LENGTH, 0, 0), name="stroke")
+    c = conventional(compile_scene(scene), {"stroke": 0.01})
+    shape = mechanism_shape(c.model, c.motion)
+    (driven,) = shape.driven
+    assert driven.place[1] - driven.rest[1] == pytest.approx(0.01, abs=1e-12)
+    assert [leaf.name for leaf in shape.leafs] == ["leaf", "leaf.2"]

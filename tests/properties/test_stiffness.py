@@ -1,0 +1,136 @@
+"""Stiffness and compliance by formula against finite differences of loads and drives, and their algebra."""
+
+import numpy as np
+import pytest
+from conftest import cross_flexure, fourbar, single_joint
+
+from ksd.errors import KinematicsError, SceneError
+from ksd.model.compile import compile_scene
+from ksd.model.leafs import Mesh
+from ksd.properties.stiffness import cross_compliance, drive_coupling, drive_stiffness, point_stiffness
+from ksd.solve.conventional import conventional
+
+AT = (0.02, 0.31, 0.01)
+MESHES = [Mesh(), Mesh("corotational", elements=3), Mesh("corotational", elements=3, nodal=True)]
+
+
+def state(mesh=None, force=None, moment=None):
+    scene = fourbar()
+    scene.load("top", force=(30.0, -20.0, 10.0), at=(0, 0.3, 0.02))
+    if force is not None:
+        scene.load("top", force=force, moment=moment, at=AT)
+    return conventional(compile_scene(scene, mesh=mesh), {"top": 0.12}, steps=4)
+
+
+@pytest.mark.parametrize("mesh", MESHES, ids=("strain", "chain", "nodal"))
+def test_compliance_is_the_derivative_of_the_motion_by_the_load(mesh):
+    base = state(mesh)
+    found = point_stiffness(base.model, base.motion, "top", at=AT)
+    # columns by central differences of the motion of the point
+    for column, load in ((0, ((1, 0, 0), (0, 0, 0))), (2, ((0, 0, 1), (0, 0, 0))), (3, ((0, 0, 0), (0.1, 0, 0)))):
+        both = [state(mesh, *(tuple(s * np.array(part)) for part in load)) for s in (1, -1)]
+        size = 2 * max(np.abs(load[0]).max(), np.abs(load[1]).max())
+        moved = (both[0].displacement("top", AT) - both[1].displacement("top", AT)) / size
+        turned = (both[0].rotation("top") - both[1].rotation("top")) / size
+        expected = np.concatenate([moved, turned])
+        scale = np.array([1, 1, 1, 0.3, 0.3, 0.3])
+        error = np.abs((found.compliance[:, column] - expected) * scale).max()
+        assert error < 2e-4 * np.abs(expected * scale).max()
+
+
+def test_drive_stiffness_is_the_derivative_of_the_drive_force():
+    model = compile_scene(fourbar())
+    base = conventional(model, {"top": 0.12})
+    step = 1e-5
+    force = [conventional(model, {"top": 0.12 + s * step}, start=base).forces["top"] for s in (1, -1)]
+    found = drive_stiffness(model, base.motion)
+    assert found.units == ("N/m",)
+    assert found["top"] == pytest.approx((force[0] - force[1]) / (2 * step), rel=1e-6)
+    moved = [conventional(model, {"top": 0.12 + s * step}, start=base).displacement("top", AT) for s in (1, -1)]
+    along = drive_coupling(model, base.motion, "top", at=AT)["top"]
+    assert along[:3] == pytest.approx((moved[0] - moved[1]) / (2 * step), abs=1e-5)
+
+
+def test_matrices_are_symmetric_and_inverse_to_each_other():
+    base = state()
+    found = point_stiffness(base.model, base.motion, "top", at=AT, freed="top")
+    K = found.matrix()
+    assert K @ found.compliance == pytest.approx(np.eye(6), abs=1e-6)
+    assert np.linalg.eigvalsh(K).min() > 0.0
+    assert found.support("x") == pytest.approx(1 / found.compliance[0, 0])
+    held = found.support("x", held=("y", "z", "rx", "ry", "rz"))
+    assert held == pytest.approx(K[0, 0], rel=1e-6)
+
+
+def test_axes_turn_the_matrix():
+    base = state()
+    plain = point_stiffness(base.model, base.motion, "top", at=AT, freed="top").compliance
+    turn = base.motion.R[base.model.node_names.index("top")]
+    both = np.kron(np.eye(2), turn)
+    link = point_stiffness(base.model, base.motion, "top", at=AT, freed="top", axes="link").compliance
+    given = point_stiffness(base.model, base.motion, "top", at=AT, freed="top", axes=turn).compliance
+    assert link == pytest.approx(both.T @ plain @ both, abs=1e-15)
+    assert given == pytest.approx(link, abs=1e-18)
+
+
+def test_a_held_drive_is_rigid_and_says_so():
+    base = conventional(compile_scene(single_joint()), {"turn": 0.3})
+    found = point_stiffness(base.model, base.motion, "tip", at=(0.035, 0, 0))
+    assert found.support("rz") == np.inf
+    with pytest.raises(KinematicsError, match="cannot move along rz"):
+        found.matrix()
+    assert found.matrix(("x", "y", "z", "rx", "ry")).shape == (5, 5)
+    free = point_stiffness(base.model, base.motion, "tip", at=(0.035, 0, 0), freed=["turn"])
+    turn = drive_stiffness(base.model, base.motion)["turn"]
+    assert free.support("rz") == pytest.approx(turn, rel=1e-8)
+
+
+def test_freeing_a_drive_adds_its_compliance():
+    """C_free = C_held + u u^T / k, u the motion of the point per unit of the drive, k the drive's stiffness."""
+    base = state()
+    held = point_stiffness(base.model, base.motion, "top", at=AT).compliance
+    free = point_stiffness(base.model, base.motion, "top", at=AT, freed="top").compliance
+    u = drive_coupling(base.model, base.motion, "top", at=AT)["top"]
+    k = drive_stiffness(base.model, base.motion)["top"]
+    assert free == pytest.approx(held + np.outer(u, u) / k, rel=1e-6, abs=1e-12)
+
+
+def test_cross_compliance_is_reciprocal():
+    base = state()
+    there = cross_compliance(base.model, base.motion, ("top", "left"), at=(AT, (0, 0.1, 0)))
+    back = cross_compliance(base.model, base.motion, ("left", "top"), at=((0, 0.1, 0), AT))
+    assert there == pytest.approx(back.T, rel=1e-8, abs=1e-14)
+    own = cross_compliance(base.model, base.motion, ("top", "top"), at=(AT, AT))
+    assert own == pytest.approx(point_stiffness(base.model, base.motion, "top", at=AT).compliance, abs=1e-14)
+
+
+@pytest.mark.parametrize(
+    "ask, words",
+    [
+        (dict(link="middle"), "'middle' is not part of this mechanism"),
+        (dict(link="ground"), "'ground' is not part"),
+        (dict(link="tip", freed="hinge"), "'hinge' cannot be freed"),
+        (dict(link="tip", axes="local"), "axes = 'local'"),
+        (dict(link="tip", axes=np.ones((3, 3))), "orthonormal"),
+        (dict(link="tip", at=(0, np.nan, 0)), "finite coordinates"),
+    ],
+)
+def test_wrong_words_are_refused(ask, words):
+    model = compile_scene(single_joint())
+    with pytest.raises(SceneError, match=words):
+        point_stiffness(model, model.rest, **ask)
+    with pytest.raises(SceneError, match="direction 'w'"):
+        point_stiffness(model, model.rest, "tip").support("w")
+    with pytest.raises(SceneError, match="drive 'left' is not held"):
+        drive_stiffness(model, model.rest)["left"]
+
+
+def test_methods_of_the_configuration():
+    base = conventional(compile_scene(single_joint()), {"turn": 0.3})
+    at = (0.5 * cross_flexure().length_AB, 0, 0)
+    assert base.stiffness("tip", at=at).supports["x"] > 1e6
+    assert base.drive_stiffness()["turn"] > 13.3
+    assert base.frequencies(count=2).frequency_Hz[0] > 0
+    assert base.stress().largest_Pa > 1e8
+    assert base.buckling(count=2).multiplier.size == 2
+    assert sum(base.strain_energy().values()) > 0.0

@@ -1,0 +1,162 @@
+"""Tables and JSON: every number the table prints is in the JSON, and every key is documented."""
+
+import fnmatch
+import json
+import math
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from conftest import fourbar, single_joint
+
+import ksd
+from ksd.model.compile import compile_scene
+from ksd.solve.configuration import ErrorEstimate
+from ksd.solve.conventional import conventional
+from ksd.solve.report import SCHEMA, WIDTH, as_dict, number
+
+
+def paths(value, at=""):
+    """Keys of nested numbers as in SCHEMA: lists of entries as [], lists of numbers as their key."""
+    if isinstance(value, dict):
+        for key, inner in value.items():
+            yield from paths(inner, f"{at}.{key}" if at else key)
+    elif isinstance(value, list) and value and not isinstance(value[0], float | int | type(None)):
+        for inner in value:
+            yield from paths(inner, f"{at}[]")
+    elif not (isinstance(value, list) and not value):
+        yield at
+
+
+def documented(path):
+    # names may hold dots and slashes, so the stars of SCHEMA match anything
+    return any(fnmatch.fnmatch(path.replace("[", "("), key.replace("[", "(")) for key in SCHEMA)
+
+
+@pytest.fixture(scope="module")
+def exact():
+    return conventional(compile_scene(fourbar()), {"top": 0.1})
+
+
+@pytest.fixture(scope="module")
+def estimated(exact):
+    """As a fast method returns it: with an error estimate, unintended motion and a warning."""
+    estimate = ErrorEstimate(np.array([0.5]), 2e-6, 3e-5, 8e-3)
+    off = {j.name: np.array([1e-6, -2e-6, 0, 1e-15, 0, 3e-4]) for j in exact.model.scene.joints}
+    motions = {j.name: 0.25 for j in exact.model.scene.joints}
+    return replace(
+        exact, method="reduced", error=estimate, unintended=off, motions=motions, warnings=("out of range",)
+    )
+
+
+@pytest.mark.parametrize("which", ["exact", "estimated"])
+def test_every_key_is_documented_and_the_file_is_strict_json(which, request):
+    d = as_dict(request.getfixturevalue(which))
+    assert json.loads(json.dumps(d, allow_nan=False)) == d
+    missing = [p for p in paths(d) if not documented(p)]
+    assert not missing
+
+
+def test_every_documented_key_of_a_mechanism_occurs(estimated):
+    scene = single_joint()
+    scene.support("tip", along="z", at=(0.1, 0, 0))
+    turned = replace(conventional(compile_scene(scene), {"turn": 0.2}), error=estimated.error)
+    seen = {*paths(as_dict(estimated)), *paths(as_dict(turned))}
+    rare = {
+        "drives.*.value",
+        "drives.*.effort",
+        "drives.*.effort_error",
+        "supports.*.effort",
+        "supports.*.moment_Nm",
+    }
+    rare |= {"joints.*.intended.*_mm", "error"}
+    for key in SCHEMA:
+        found = any(fnmatch.fnmatch(p.replace("[", "("), key.replace("[", "(")) for p in seen)
+        assert found or key in rare, key
+
+
+@pytest.mark.parametrize("which", ["exact", "estimated"])
+def test_tables_fit_their_width(which, request):
+    assert max(len(line) for line in str(request.getfixturevalue(which)).splitlines()) <= WIDTH
+
+
+def test_the_numbers_of_the_tables_are_in_the_json(estimated):
+    d = as_dict(estimated)
+    known = []
+
+    def collect(value):
+        if isinstance(value, dict):
+            for inner in value.values():
+                collect(inner)
+        elif isinstance(value, list):
+            for inner in value:
+                collect(inner)
+        elif isinstance(value, int | float):
+            known.append(float(value))
+
+    collect(d)
+    lines = str(estimated).splitlines()
+    drive = next(line for line in lines if line.strip().startswith("top ") and " N " in line)
+    link = [line for line in lines if line.strip().startswith("top ")][-1]
+    for text in re.findall(r"-?\d+\.\d+(?:e[+-]\d+)?", drive + link):
+        assert any(math.isclose(float(text), k, rel_tol=1e-3) for k in known), text
+
+
+def test_units(estimated):
+    d = as_dict(estimated)
+    assert d["drives"]["top"]["value_mm"] == pytest.approx(100)
+    assert d["drives"]["top"]["force_N"] == pytest.approx(estimated.forces["top"])
+    assert d["drives"]["top"]["force_error_N"] == 0.5
+    assert d["error"] == pytest.approx(
+        {"relative_percent": 0.8, "displacement_um": 2.0, "rotation_mrad": 0.03}
+    )
+    joint = d["joints"]["lower left"]
+    assert joint["unintended_displacement_um"] == pytest.approx([1, -2, 0])
+    assert joint["unintended_rotation_mrad"] == pytest.approx([0, 0, 0.3])
+    assert joint["intended"] == pytest.approx({"angle_deg": math.degrees(0.25)})
+    assert d["links"]["top"]["displacement_mm"][0] == pytest.approx(100, rel=1e-3)
+
+
+def test_intended_motion_without_a_record_is_read_from_the_poses():
+    c = conventional(compile_scene(single_joint()), {"turn": 0.4})
+    assert as_dict(c)["joints"]["hinge"]["intended"]["angle_deg"] == pytest.approx(
+        math.degrees(0.4), rel=1e-9
+    )
+    assert as_dict(c)["joints"]["hinge"]["unintended_displacement_um"] is None
+
+
+def test_instability_and_doubt_are_said(exact):
+    assert "stable: a minimum" in str(exact)
+    assert "UNSTABLE" in str(replace(exact, negatives=exact.expected + 1))
+    assert "NOT CERTAIN" in str(replace(exact, negatives=exact.expected - 1))
+
+
+def test_a_number_that_is_not_finite_is_null_and_said(exact):
+    bad = ErrorEstimate(np.array([math.inf]), math.inf, math.nan, math.inf)
+    c = replace(exact, error=bad)
+    json.dumps(as_dict(c), allow_nan=False)
+    assert "do not use" in str(c)
+
+
+@pytest.mark.parametrize(
+    "value,digits,text",
+    [(None, 4, "-"), (0.0, 4, "0"), (12345.678, 4, "12346"), (0.0123456, 4, "0.01235"), (1e-9, 4, "1.00e-09"),
+     (-521.1952, 6, "-521.195"), (2.5e7, 4, "2.50e+07")],
+)  # fmt: skip
+def test_number(value, digits, text):
+    assert number(value, digits) == text
+
+
+def test_mixed_drive_has_a_value_without_unit():
+    scene = ksd.Mechanism("mixed")
+    tip = scene.link("tip")
+    steel = ksd.Material(E=2e11, nu=0.3)
+    scene.leaf(scene.ground, tip, start=(0, 0, 0), end=(0.1, 0, 0), width_axis="z", section=ksd.rectangle(5e-4, 0.02),
+               material=steel)  # fmt: skip
+    scene.actuate(
+        terms=scene.displacement(tip, "y", at=(0.1, 0, 0)) + 0.05 * scene.rotation(tip, "z"), name="sum"
+    )
+    d = as_dict(conventional(compile_scene(scene), {"sum": 1e-3}))
+    assert set(d["drives"]["sum"]) == {"value", "effort", "effort_error"}
+    assert d["joints"] == {} and set(d["leafs"]) == {"leaf"}

@@ -1,0 +1,286 @@
+"""The command line in process: results, files, exit codes, and one sentence for everything that goes wrong."""
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import ksd
+from ksd.cli import main
+
+ROOT = Path(__file__).resolve().parents[1]
+SCENES = ROOT / "ksd" / "scenes"
+FOURBAR, CROSS = str(SCENES / "fourbar.toml"), str(SCENES / "cross_flexure.toml")
+LEAF = """
+name = "leaf"
+links = ["tip"]
+[material.steel]
+E = "200 GPa"
+nu = 0.3
+[[leaf]]
+a = "ground"
+b = "tip"
+start = [0, 0, 0]
+end = ["100 mm", 0, 0]
+width_axis = "z"
+thickness = "0.5 mm"
+width = "20 mm"
+material = "steel"
+[[actuate]]
+link = "tip"
+about = "z"
+name = "turn"
+"""
+
+
+@pytest.fixture
+def record(monkeypatch):
+    """The trained record that ships with the package."""
+    assert (ROOT / "database" / "cross_flexure.h5").is_file(), (
+        "run `ksd train cross_flexure` in the project root"
+    )
+    monkeypatch.setenv("KSD_DATABASE", str(ROOT / "database"))
+
+
+@pytest.fixture
+def no_record(monkeypatch, tmp_path):
+    """A place without any joint record."""
+    monkeypatch.setattr("ksd.library.files.record_folders", lambda: [tmp_path / "none"])
+    monkeypatch.setattr("ksd.library.record_folders", lambda: [tmp_path / "none"])
+
+
+@pytest.fixture
+def scene(tmp_path):
+    """A scene file with a single leaf and lines added to it; no joint record needed."""
+
+    def write(more=""):
+        (tmp_path / "leaf.toml").write_text(LEAF + more)
+        return str(tmp_path / "leaf.toml")
+
+    return write
+
+
+def refused(capsys, argv, code, *words):
+    """`argv` ends with `code` and one sentence on stderr that says all `words`."""
+    assert main(argv) == code
+    out, err = capsys.readouterr()
+    assert err.startswith("ksd: ") and err.count("\n") == 1 and err.rstrip().endswith((".", "?", "!")), err
+    assert "Traceback" not in err
+    for word in words:
+        assert word in err, err
+    return out
+
+
+def test_solve_prints_tables_and_writes_files(record, capsys, tmp_path):
+    argv = ["solve", FOURBAR, "--method", "reduced", "--set", "top=100mm"]
+    assert main([*argv, "--json", str(tmp_path / "a.json"), "--plot", str(tmp_path / "a.png")]) == 0
+    out = capsys.readouterr().out
+    for word in (
+        "fourbar: solved by reduced",
+        "1 close loops",
+        "Estimated error",
+        "stable",
+        "lower left",
+        "top",
+    ):
+        assert word in out
+    numbers = json.loads((tmp_path / "a.json").read_text())
+    assert numbers["drives"]["top"]["value_mm"] == pytest.approx(100)
+    assert numbers["drives"]["top"]["force_N"] == pytest.approx(64.1, rel=2e-3)
+    assert (tmp_path / "a.png").stat().st_size > 10000
+
+
+def test_value_comes_from_the_file_and_json_goes_to_stdout(record, capsys):
+    assert main(["solve", FOURBAR, "--method", "full", "--json", "-"]) == 0
+    numbers = json.loads(capsys.readouterr().out)
+    assert numbers["drives"]["top"]["value_mm"] == pytest.approx(300)
+    assert numbers["drives"]["top"]["force_N"] == pytest.approx(521.195, rel=1e-4)
+
+
+def test_elements_passes_accuracy_and_vtu(record, capsys, tmp_path):
+    assert (
+        main(["solve", FOURBAR, "--method", "reduced", "--passes", "1", "--elements", "5", "--json", "-"])
+        == 0
+    )
+    numbers = json.loads(capsys.readouterr().out)
+    assert "5 Appendix A elements" in numbers["leaf_model"]
+    assert sum(s["name"].startswith("3") for s in numbers["steps"]) == 2
+    assert main(["solve", FOURBAR, "--accuracy", "0.05", "--plot", str(tmp_path / "a.vtu")]) == 0
+    assert "solved by reduced" in capsys.readouterr().out
+    assert "VTKFile" in (tmp_path / "a.vtu").read_text()
+
+
+@pytest.mark.parametrize("text", ["turn=0.5", "turn = 0.5 rad", "turn=500mrad"])
+def test_drive_values_with_units(scene, capsys, text):
+    assert main(["solve", scene(), "--set", text, "--method", "conventional", "--json", "-"]) == 0
+    assert json.loads(capsys.readouterr().out)["drives"]["turn"]["value_deg"] == pytest.approx(
+        28.6479, rel=1e-5
+    )
+
+
+def test_options_in_the_file_and_over_it(scene, capsys):
+    path = scene('value = "10 deg"\n[options]\nmethod = "conventional"\nelements = 3\n')
+    assert main(["solve", path, "--json", "-"]) == 0
+    assert json.loads(capsys.readouterr().out)["leaf_model"].startswith("3 Appendix A")
+    assert main(["solve", path, "--json", "-", "--elements", "6"]) == 0
+    assert json.loads(capsys.readouterr().out)["leaf_model"].startswith("6 Appendix A")
+
+
+@pytest.mark.parametrize(
+    "argv,words",
+    [
+        (["--set", "top=1kg"], ["length is expected"]),
+        (["--set", "tpo=1mm"], ["no drive 'tpo'", "top"]),
+        (["--set", "top"], ["DRIVE=VALUE"]),
+        (["--set", "top=nan"], ["top", "nan", "finite"]),
+        (["--method", "magic"], ["'magic'", "reduced"]),
+        (["--method", "full", "--accuracy", "1e-3"], ["exclude each other"]),
+        (["--passes", "2"], ["passes = 2", "--method reduced"]),
+        (["--passes", "-1", "--method", "reduced"], ["passes = -1"]),
+        (["--accuracy", "7"], ["accuracy = 7"]),
+        (["--elements", "0"], ["elements = 0"]),
+        (["--plot", "picture.xyz"], ["xyz", ".png"]),
+        (["--plot", "no/such/folder.png"], ["does not exist"]),
+        (["--plot", "no/such/folder.vtu"], ["does not exist"]),
+        (["--json", "no/such/folder.json"], ["does not exist"]),
+        (["--set", "top=325mm", "--method", "reduced"], ["trained range", "extrapolate"]),
+    ],
+    ids=lambda v: " ".join(v) if v and str(v[0]).startswith("--") else "",
+)
+def test_bad_input_exits_2(record, capsys, argv, words):
+    refused(capsys, ["solve", FOURBAR, *argv], 2, *words)
+
+
+@pytest.mark.parametrize(
+    "options,words",
+    [
+        ("method = 3", ["[options] method = 3", "text"]),
+        ("elements = 2.5", ["elements = 2.5", "whole number"]),
+        ("elements = true", ["elements = True", "whole number"]),
+        ("extrapolate = 1", ["extrapolate = 1", "true or false"]),
+        ("metod = 'full'", ["metod", "method"]),
+    ],
+)
+def test_bad_options_in_the_file_exit_2(scene, capsys, options, words):
+    refused(capsys, ["solve", scene(f"[options]\n{options}\n")], 2, *words)
+
+
+def test_missing_things_exit_2(scene, capsys, tmp_path):
+    refused(capsys, ["solve", str(tmp_path / "none.toml")], 2, "none.toml", "does not exist")
+    refused(capsys, ["solve", str(tmp_path)], 2, "cannot be read")
+    (tmp_path / "bad.toml").write_text("links = [")
+    refused(capsys, ["solve", str(tmp_path / "bad.toml")], 2, "not valid TOML")
+    refused(capsys, ["solve", scene()], 2, "'turn' has no value")
+    refused(capsys, ["train", "cros_flexure"], 2, "cross_flexure")
+
+
+def test_a_pose_out_of_reach_exits_3(record, capsys):
+    refused(capsys, ["solve", FOURBAR, "--method", "kinematic", "--set", "top=700mm"], 3, "% of the way")
+
+
+def test_a_missing_record_exits_4(no_record, capsys, tmp_path):
+    refused(capsys, ["solve", CROSS, "--method", "reduced"], 4, "ksd train cross_flexure")
+    refused(capsys, ["info"], 4, "ksd train cross_flexure")
+    refused(capsys, ["demo", "--plot", str(tmp_path / "a.png")], 4, "ksd train cross_flexure")
+    assert not (tmp_path / "a.png").exists()
+
+
+def test_a_damaged_record_exits_4(capsys, monkeypatch, tmp_path):
+    (tmp_path / "cross_flexure.h5").write_bytes(b"ksd joint record\nformat 1\nsha256 0\n".ljust(600, b"\0"))
+    monkeypatch.setenv("KSD_DATABASE", str(tmp_path))
+    refused(capsys, ["solve", CROSS, "--method", "reduced"], 4, "damaged")
+    out = refused(capsys, ["info"], 4, "cannot be used")
+    assert "problem" in out and "damaged" in out
+
+
+def test_info_lists_the_record(record, capsys):
+    assert main(["info"]) == 0
+    out = capsys.readouterr().out
+    for word in ("cross_flexure", "-75 to 75 deg", "width_ratio", "sha256", "days ago", "strain"):
+        assert word in out
+
+
+def test_demo(record, capsys, tmp_path):
+    assert main(["demo", "--plot", str(tmp_path / "demo.png"), "--json", str(tmp_path / "demo.json")]) == 0
+    out = capsys.readouterr().out
+    numbers = json.loads((tmp_path / "demo.json").read_text())
+    rows = {(r["method"], r["leaf_model"]): r for r in numbers["rows"]}
+    for method in ("kinematic", "reduced", "reduced, 1 pass more", "full", "conventional"):
+        assert method in out and (method, "strain-mode") in rows
+    assert rows["full", "strain-mode"]["error_percent"] < 1e-3
+    assert rows["reduced", "strain-mode"]["error_percent"] < 1.3
+    assert rows["reduced, 1 pass more", "strain-mode"]["error_percent"] < 0.5
+    assert rows["full", "5 elements"]["force_N"] == pytest.approx(519.484, rel=1e-5)
+    assert (
+        rows["conventional, Newton", "5 elements"]["iterations"]
+        > rows["conventional", "5 elements"]["iterations"]
+    )
+    assert all(r["time_us"] > 0 for r in rows.values())
+    assert (tmp_path / "demo.png").stat().st_size > 30000
+
+
+def test_train_reports_errors(monkeypatch, capsys):
+    seen = {}
+
+    def stand_in(family, **options):
+        seen.update(options, family=family)
+        from ksd.library import find_record
+
+        return find_record(family)
+
+    monkeypatch.setenv("KSD_DATABASE", str(ROOT / "database"))
+    monkeypatch.setattr("ksd.train.train", stand_in)
+    assert main(["train", "cross_flexure", "--out", "here", "--restart", "--quiet"]) == 0
+    assert seen == {"family": "cross_flexure", "out": "here", "resume": False, "progress": False}
+    assert "largest error" in capsys.readouterr().out
+
+
+def test_interruption_exits_130(monkeypatch, capsys):
+    def interrupted(*arguments, **options):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("ksd.train.train", interrupted)
+    refused(capsys, ["train", "cross_flexure"], 130, "run the same command again")
+    monkeypatch.setattr("ksd.scene.toml_file.load_scene", interrupted)
+    refused(capsys, ["solve", FOURBAR], 130, "interrupted")
+
+
+@pytest.mark.parametrize(
+    "argv", [[], ["fly"], ["solve"], ["solve", "a.toml", "--elements", "many"], ["demo", "--nope"]]
+)
+def test_wrong_arguments_exit_2(argv, capsys):
+    with pytest.raises(SystemExit) as stop:
+        main(argv)
+    assert stop.value.code == 2
+    assert "usage" in capsys.readouterr().err
+
+
+def test_version(capsys):
+    with pytest.raises(SystemExit) as stop:
+        main(["--version"])
+    assert stop.value.code == 0 and ksd.__version__ in capsys.readouterr().out
+
+
+def run(*arguments, **options):
+    environment = {**os.environ, "PYTHONPATH": str(ROOT), "KSD_DATABASE": str(ROOT / "database")}
+    return subprocess.Popen(
+        [sys.executable, "-m", "ksd", *arguments], env=environment, text=True, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+        **options,
+    )  # fmt: skip
+
+
+def test_as_a_program(record, tmp_path):
+    process = run("info", cwd=tmp_path)
+    out, err = process.communicate(timeout=60)
+    assert process.returncode == 0 and "cross_flexure" in out and err == ""
+
+
+def test_a_reader_that_leaves_early_is_no_error(record, tmp_path):
+    process = run("info", cwd=tmp_path)
+    process.stdout.close()
+    err = process.stderr.read()
+    process.stderr.close()
+    assert process.wait(timeout=60) in (0, 141) and err == ""

@@ -1,0 +1,137 @@
+"""Pictures and ParaView files: made without a display, of what the configuration holds."""
+
+import xml.etree.ElementTree as ElementTree
+from itertools import combinations
+
+import numpy as np
+import pytest
+from conftest import fourbar, single_joint
+
+from ksd.errors import SceneError
+from ksd.model.compile import compile_scene
+from ksd.model.leafs import Mesh
+from ksd.solve.conventional import conventional
+from ksd.view import plot_mechanism, plot_mechanism_3d, save_figure
+from ksd.view.compare import Mark, plot_cost
+from ksd.view.figure import hull, new_figure
+
+
+@pytest.fixture(scope="module")
+def bent():
+    return conventional(compile_scene(fourbar()), {"top": 0.3})
+
+
+def texts(figure):
+    return [t.get_text() for axes in figure.axes for t in axes.texts]
+
+
+def boxes(figure):
+    """Names and window boxes of all labels, drawn."""
+    figure.canvas.draw()
+    found = [t for axes in figure.axes for t in axes.texts if t.get_text()]
+    return [(t.get_text(), t.get_window_extent()) for t in found]
+
+
+def test_plane_picture(bent, tmp_path):
+    figure = bent.plot(tmp_path / "fourbar.png")
+    assert (tmp_path / "fourbar.png").read_bytes().startswith(b"\x89PNG")
+    (axes,) = figure.axes
+    assert (axes.get_xlabel(), axes.get_ylabel()) == ("x [mm]", "y [mm]")
+    assert axes.get_aspect() == 1.0
+    said = texts(figure)
+    assert {"ground", "left", "top", "right"} <= set(said)
+    assert any("300 mm" in t and " N" in t for t in said)
+
+
+@pytest.mark.parametrize(
+    "scene,value", [(fourbar, {"top": 0.3}), (fourbar, {"top": 0.1}), (single_joint, {"turn": 0.8})]
+)
+def test_labels_do_not_overlap(scene, value):
+    figure = plot_mechanism(conventional(compile_scene(scene()), value))
+    for (one, a), (two, b) in combinations(boxes(figure), 2):
+        assert not a.overlaps(b), f"'{one}' on '{two}'"
+    inside = figure.bbox
+    for name, box in boxes(figure):
+        assert inside.x0 <= box.x0 and box.x1 <= inside.x1 and inside.y0 <= box.y0 and box.y1 <= inside.y1, (
+            name
+        )
+
+
+@pytest.mark.parametrize("kind", ["svg", "pdf"])
+def test_other_formats(bent, tmp_path, kind):
+    bent.plot(tmp_path / f"a.{kind}")
+    assert (tmp_path / f"a.{kind}").stat().st_size > 1000
+
+
+def test_solid_picture(bent, tmp_path):
+    save_figure(plot_mechanism_3d(bent), tmp_path / "solid.png")
+    assert (tmp_path / "solid.png").stat().st_size > 10000
+
+
+def test_a_chosen_plane(bent):
+    figure = plot_mechanism(bent, plane="xz", labels=False)
+    assert figure.axes[0].get_ylabel() == "z [mm]" and not [t for t in texts(figure) if t]
+    with pytest.raises(SceneError, match="plane"):
+        plot_mechanism(bent, plane="zz")
+
+
+def test_impossible_files_are_refused(bent, tmp_path):
+    with pytest.raises(SceneError, match=r"\.png"):
+        bent.plot(tmp_path / "a.xyz")
+    with pytest.raises(SceneError, match="does not exist"):
+        bent.plot(tmp_path / "no" / "a.png")
+    with pytest.raises(SceneError, match=r"\.vtu"):
+        bent.view(tmp_path / "a.vtk")
+    with pytest.raises(SceneError, match="cannot be written"):
+        bent.view(tmp_path / "no" / "a.vtu")
+
+
+@pytest.mark.parametrize(
+    "mesh", [Mesh(), Mesh(leaf="corotational", elements=3, nodal=True)], ids=["strain", "nodal"]
+)
+def test_vtu(mesh, tmp_path):
+    c = conventional(compile_scene(single_joint(), mesh=mesh), {"turn": 0.5})
+    c.view(tmp_path / "joint.vtu")
+    root = ElementTree.parse(tmp_path / "joint.vtu").getroot()
+    piece = root.find("UnstructuredGrid/Piece")
+    arrays = {a.get("Name"): np.array(a.text.split(), float) for a in piece.iter("DataArray")}
+    points, cells = int(piece.get("NumberOfPoints")), int(piece.get("NumberOfCells"))
+    assert len(arrays["Points"]) == len(arrays["displacement"]) == 3 * points
+    assert (
+        len(arrays["types"]) == len(arrays["offsets"]) == len(arrays["body"]) == len(arrays["rigid"]) == cells
+    )
+    assert arrays["offsets"][-1] == len(arrays["connectivity"])
+    assert arrays["connectivity"].max() == points - 1
+    assert set(arrays["types"]) == {3, 9} and (arrays["rigid"] == (arrays["types"] == 3)).all()
+    # ribbons are as wide as the leafs: 40 mm the inner one
+    first = arrays["Points"].reshape(-1, 3)
+    assert np.ptp(first[:2, 2]) == pytest.approx(0.0, abs=1e-12)
+    assert np.abs(first[:, 2]).max() == pytest.approx(0.04, abs=1e-9)
+
+
+def test_vtu_is_read_by_vtk(bent, tmp_path):
+    pyvista = pytest.importorskip("pyvista")
+    bent.view(tmp_path / "a.vtu")
+    grid = pyvista.read(tmp_path / "a.vtu")
+    assert grid.n_cells > 300 and "displacement" in grid.point_data
+
+
+def test_cost_picture_names_every_method():
+    marks = [
+        Mark("slow", "strain-mode", 1e-3, 1e-6),
+        Mark("near", "strain-mode", 1.2e-3, 1e-6),
+        Mark("b", "5 elements", 5e-3, 1e-2),
+    ]
+    figure = new_figure(5, 4)
+    plot_cost(figure.add_subplot(), marks)
+    assert [t for t in texts(figure) if t] == ["slow", "near", "b"]
+    for (one, a), (two, b) in combinations(boxes(figure), 2):
+        assert not a.overlaps(b), f"'{one}' on '{two}'"
+
+
+def test_hull():
+    square = np.array([[0, 0], [1, 0], [1, 1], [0, 1], [0.5, 0.5], [0.5, 0]])
+    assert len(hull(square)) == 4
+    line = np.outer(np.linspace(0, 1, 5), [1.0, 0.3])
+    assert hull(line) == pytest.approx(line[[0, -1]]) or hull(line) == pytest.approx(line[[-1, 0]])
+    assert len(hull(np.zeros((3, 2)))) == 2
