@@ -31,7 +31,7 @@ RESULTS = Path(__file__).resolve().parent / "results"
 STEEL = ksd.Material(E=200 * GPa, G=76.9 * GPa, density=7800)
 STROKE = 0.3
 """Largest displacement d [m] of the fourbar's top link."""
-EPS_MAX = (1e3, 1e4, 1e5, 1e6, 1e7, 1e8, 1e9, math.inf)
+EPS_MAX = (1e4, 1e5, 3e5, 1e6, 3e6, 1e7, 3e7, 1e8, 3e8, 1e9, math.inf)
 """Thresholds tried for the conventional method of paper 1, Appendix B, which does not print its own."""
 FINEST = Mesh(orders=(6, 5, 9), points=14)
 """Reference: strain-mode leafs whose next refinement changes the fourbar force by less than 1e-8."""
@@ -52,7 +52,7 @@ def bending_stiffness(joint: ksd.CrossFlexure) -> float:
 
 
 def hinge(joint: ksd.CrossFlexure | None = None, *, force: float = 0.0) -> ksd.Mechanism:
-    """One joint from ground to the link 'tip', driven by its angle 'turn'; `force` [N] on its node B along z."""
+    """One joint from ground to the link 'tip', driven by its angle 'turn'; `force` [N] on node B along z."""
     joint = joint or cross_flexure()
     scene = ksd.Mechanism("cross flexure")
     tip = scene.link("tip")
@@ -69,8 +69,10 @@ def height(reading: int) -> float:
 
 
 def fourbar(reading: int = 1, *, moment: float = 0.0) -> ksd.Mechanism:
-    """The fourbar of paper 1, section 4.3: driven in x at the centre of the top link, at the level of the upper
-    interfaces B; `moment` [Nm] about z on the top link."""
+    """The fourbar of paper 1, section 4.3, with a `moment` [Nm] about z on the top link.
+
+    Driven in x at the centre of the top link, at the level of the upper interfaces B.
+    """
     joint, high = cross_flexure(), height(reading)
     scene = ksd.Mechanism("fourbar")
     left, top, right = scene.links("left", "top", "right")
@@ -92,8 +94,8 @@ def chain(n: int, *, mip: bool = True, nodal: bool = False) -> Mesh:
 class PlainNewton:
     """The conventional method of paper 1, Appendix B, with the eps_max best for it at the given drive value.
 
-    Plain Newton on all element nodes; a step is given up when the residual exceeds eps_max, and halved. eps_max is
-    chosen once, from EPS_MAX, by the number of matrix solves.
+    Plain Newton on all element nodes; a step is given up when the residual exceeds eps_max, and halved.
+    eps_max is chosen once, from EPS_MAX, by the number of matrix solves.
     """
 
     def __init__(self, scene: Any, n: int, targets: Mapping[str, float]) -> None:
@@ -148,7 +150,7 @@ def thread_us(call: Callable[[], Any]) -> float:
 
 
 def interleaved(cases: Mapping[str, Callable[[], Any]], *, repeats: int, warm: int = 2) -> dict[str, Times]:
-    """Thread time of every case, measured in turns: round after round each case once, `warm` rounds not counted."""
+    """Thread time of every case, measured in turns: each case once a round, `warm` rounds not counted."""
     spent: dict[str, list[float]] = {name: [] for name in cases}
     for n in range(warm + repeats):
         for name, call in cases.items():

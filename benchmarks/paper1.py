@@ -2,8 +2,8 @@
 
     python benchmarks/paper1.py [--quick] [--out FOLDER]
 
-Solves the cross flexure and the fourbar, the latter in both readings of the paper's Fig. 9, with 1 to 6 elements per
-leaf, d from 0 to 0.3 m; writes the pictures and paper1.json with every number.
+Solves the cross flexure and the fourbar, the latter in both readings of the paper's Fig. 9, with 1 to 6
+elements per leaf, d from 0 to 0.3 m; writes the pictures and paper1.json with every number.
 """
 
 from __future__ import annotations

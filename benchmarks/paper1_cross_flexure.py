@@ -1,7 +1,7 @@
 """Figures 7 and 8 of paper 1: the moment of the cross flexure, and the effect of a force across it.
 
-FE is the converged finite element model (Appendix A elements, conventional solver), EOB the element-orientation
-body of paper 1, which is what method "reduced" makes of a single joint. Moments are divided by E I_sum theta / L:
+FE is the finite element model (Appendix A elements, conventional solver), EOB the element-orientation body of
+paper 1, which is what method "reduced" makes of a single joint. Moments are divided by E I_sum theta / L:
 eq. 4.3 as printed is twice too stiff (its own eq. 4.7 and Table 1 give E I_sum / L).
 """
 
@@ -106,7 +106,7 @@ def _wide_panel(axes: Any, found: dict[str, Any]) -> None:
 
 
 def across(n: int, scaled: float) -> dict[str, Any]:
-    """Displacement of node B in z over L and moment over E I_sum / L, with a force across: reduced and full."""
+    """Lift of node B over L and moment over E I_sum / L under a force across: reduced and full."""
     joint = cross_flexure()
     unit = bending_stiffness(joint)
     force = scaled * unit / joint.length

@@ -18,7 +18,15 @@ from numpy.typing import NDArray
 
 from ksd.model.arrays import STRAIN, Motion, Work, make_work
 from ksd.model.compile import Model
-from ksd.properties.shape import Ends, chain_nodes, member_ends, member_parts, members_of_leafs, strain_curve
+from ksd.properties.shape import (
+    Ends,
+    chain_axes,
+    chain_nodes,
+    member_ends,
+    member_parts,
+    members_of_leafs,
+    strain_curve,
+)
 
 Array = NDArray[np.float64]
 COMPONENTS = ("N", "Vy", "Vz", "T", "My", "Mz")
@@ -67,18 +75,14 @@ def _member_forces(model: Model, motion: Motion, i: int, points: int, work: Work
     value, number, inner = member_parts(model, motion, i)
     ends = member_ends(model, motion, i)
     if model.arrays.members.kind[i] == STRAIN:
-        r, R = strain_curve(value, number, inner, points)
+        s, r, R = strain_curve(value, number, inner, points)
         total = int(number[:3].sum())
-        wrench, s = inner[total : total + 6], np.linspace(0.0, float(value[0]), points)
+        wrench = inner[total : total + 6]
     else:
-        records = value[: 16 * int(number[0])].reshape(-1, 16)
+        lengths = value[: 16 * int(number[0])].reshape(-1, 16)[:, 0]
         r, turned = chain_nodes(value, number, inner, ends)
-        # the last node has the axes of the last element
-        R = turned @ np.concatenate([records, records[-1:]])[:, 7:].reshape(-1, 3, 3)
-        wrench, s = (
-            _chain_wrench(model, motion, i, ends, work),
-            np.concatenate([[0.0], np.cumsum(records[:, 0])]),
-        )
+        R, s = turned @ chain_axes(value, number), np.concatenate([[0.0], np.cumsum(lengths)])
+        wrench = _chain_wrench(model, motion, i, ends, work)
     n, m = wrench[:3], wrench[3:]
     moment = m + np.cross(r[-1] - r, n)
     return s, np.hstack([np.einsum("kij,i->kj", R, n), np.einsum("kij,ki->kj", R, moment)])

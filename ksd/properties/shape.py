@@ -10,12 +10,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any
+from itertools import accumulate, pairwise
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ksd.beam.strain_values import legendre_modes
 from ksd.model.arrays import COROTATIONAL, STRAIN, Motion
 from ksd.model.compile import Model
 
@@ -39,8 +39,8 @@ class LeafShape:
     place: Array
     rest_axes: Array
     axes: Array
-    width: float
-    thickness: float
+    width: Array
+    thickness: Array
 
 
 @dataclass(frozen=True)
@@ -103,11 +103,54 @@ def member_parts(model: Model, motion: Motion, i: int) -> tuple[Array, NDArray[n
     return members.value[members.value_at[i] :], members.number[i], inner
 
 
-def curvature(amplitudes: Array, orders: tuple[int, int, int], s: Array) -> Array:
+class _Tables(NamedTuple):
+    """What `ksd.beam.strain_values` wrote: points (g,), panel edges (p+1,), points per panel, and at the points the
+    curvature (g, 3) [1/m] and compliance (g, 3) [1/N]."""
+
+    s: Array
+    edges: Array
+    panel: list[slice]
+    kappa: Array
+    soft: Array
+
+
+def _tables(value: Array, number: NDArray[np.int64], amplitudes: Array) -> _Tables:
+    nx, ny, nz, ng = (int(n) for n in number[:4])
+    total = nx + ny + nz
+    at = 1 + nx * nx + ny * ny + nz * nz + total
+    weight, at = value[at : at + ng], at + ng
+    integral, at = value[at : at + ng * ng].reshape(ng, ng), at + ng * ng
+    basis, at = value[at : at + total * ng].reshape(total, ng), at + total * ng
+    # integrals over a panel need no point of a later one
+    cuts = [0, *[k for k in range(1, ng) if not integral[:k, k:].any()], ng]
+    panel = [slice(i, j) for i, j in pairwise(cuts)]
+    parts = np.split(basis * amplitudes[:, None], [nx, nx + ny])
+    kappa = np.stack([part.sum(axis=0) for part in parts], axis=1)
+    edges = np.concatenate([[0.0], np.cumsum([weight[p].sum() for p in panel])])
+    return _Tables(integral.sum(axis=1), edges, panel, kappa, value[at : at + 3 * ng].reshape(ng, 3))
+
+
+def _lagrange(nodes: Array, x: Array) -> Array:
+    """Weights (len(x), len(nodes)) of the polynomial through the values at `nodes`."""
+    gap = nodes[:, None] - nodes
+    away = x[:, None, None] - nodes[None, None, :]
+    own = np.eye(len(nodes), dtype=bool)
+    return np.prod(np.where(own, 1.0, away / np.where(own, 1.0, gap)), axis=2)
+
+
+def _between(tables: _Tables, values: Array, x: Array, k: int) -> Array:
+    """Values (len(x), 3) at x in panel k from those at the points."""
+    found: Array = _lagrange(tables.s[tables.panel[k]], x) @ values[tables.panel[k]]
+    return found
+
+
+def curvature(value: Array, number: NDArray[np.int64], inner: Array, s: Array) -> Array:
     """Curvature (len(s), 3) [1/m] about e1, e2, e3 of a strain-mode leaf at s in 0..1."""
-    parts = legendre_modes(orders, s) * amplitudes[:, None]
-    ends = np.cumsum(orders)[:-1]
-    return np.stack([part.sum(axis=0) for part in np.split(parts, ends)], axis=1)
+    tables = _tables(value, number, inner[: int(number[:3].sum())])
+    home = np.clip(np.searchsorted(tables.edges, s, side="right") - 1, 0, len(tables.panel) - 1)
+    return np.array(
+        [_between(tables, tables.kappa, np.array([x]), k)[0] for x, k in zip(s, home, strict=True)]
+    )
 
 
 def _turns(v: Array) -> Array:
@@ -119,25 +162,30 @@ def _turns(v: Array) -> Array:
     return np.eye(3) + np.sinc(t / math.pi) * W + 0.5 * np.sinc(0.5 * t / math.pi) ** 2 * (W @ W)
 
 
-def strain_curve(value: Array, number: NDArray[np.int64], inner: Array, points: int) -> tuple[Array, Array]:
-    """Positions (points, 3) [m] and orientations (points, 3, 3) along a strain-mode leaf, in frame p."""
-    nx, ny, nz, ng = (int(n) for n in number[:4])
-    total, L = nx + ny + nz, float(value[0])
-    slack = 1 + nx * nx + ny * ny + nz * nz + total + ng + ng * ng + total * ng
-    soft, n = value[slack : slack + 3], inner[total : total + 3]
-    half = 2 * (points - 1)
-    middle, reach = (np.arange(half) + 0.5) / half, 0.5 / (math.sqrt(3) * half)
-    one, two = (curvature(inner[:total], (nx, ny, nz), middle + sign * reach) for sign in (-1, 1))
-    h = L / half
-    steps = _turns(0.5 * h * (one + two) + math.sqrt(3) / 12 * h * h * np.cross(one, two))
-    R = np.empty((half + 1, 3, 3))
-    R[0] = np.eye(3)
-    for k, step in enumerate(steps):
-        R[k + 1] = R[k] @ step
-    # r' = R (e1 + C R^T n)
-    v = R[:, :, 0] + np.einsum("kij,kj->ki", R, soft * np.einsum("kij,i->kj", R, n))
-    pieces = h / 3 * (v[:-2:2] + 4 * v[1::2] + v[2::2])
-    return np.vstack([np.zeros(3), np.cumsum(pieces, axis=0)]), R[::2]
+def strain_curve(value: Array, number: NDArray[np.int64], inner: Array, points: int) -> tuple[Array, ...]:
+    """Stations (k,) [m], positions (k, 3) [m] and orientations (k, 3, 3) along a strain-mode leaf, in frame p.
+
+    `points` stations or a few more: the edges of the panels of a leaf with a profile are stations too.
+    """
+    total, L = int(number[:3].sum()), float(value[0])
+    tables, n = _tables(value, number, inner[:total]), inner[total : total + 3]
+    s, r, R = [np.zeros(1)], [np.zeros((1, 3))], np.eye(3)[None]
+    turned = [R]
+    for k, (a, b) in enumerate(pairwise(tables.edges)):
+        half = 2 * max(1, round((points - 1) * (b - a)))
+        x = np.linspace(a, b, half + 1)
+        middle, reach, h = 0.5 * (x[1:] + x[:-1]), (b - a) / (2 * math.sqrt(3) * half), L * (b - a) / half
+        one, two = (_between(tables, tables.kappa, middle + sign * reach, k) for sign in (-1, 1))
+        steps = _turns(0.5 * h * (one + two) + math.sqrt(3) / 12 * h * h * np.cross(one, two))
+        R = np.array(list(accumulate(steps, np.matmul, initial=R[-1])))
+        # r' = R (e1 + C R^T n)
+        soft = _between(tables, tables.soft, x, k)
+        v = R[:, :, 0] + np.einsum("kij,kj->ki", R, soft * np.einsum("kij,i->kj", R, n))
+        pieces = h / 3 * (v[:-2:2] + 4 * v[1::2] + v[2::2])
+        s.append(L * x[2::2])
+        r.append(r[-1][-1] + np.cumsum(pieces, axis=0))
+        turned.append(R[2::2])
+    return np.concatenate(s), np.concatenate(r), np.concatenate(turned)
 
 
 def chain_nodes(value: Array, number: NDArray[np.int64], inner: Array, ends: Ends) -> tuple[Array, Array]:
@@ -150,28 +198,40 @@ def chain_nodes(value: Array, number: NDArray[np.int64], inner: Array, ends: End
     return x, R
 
 
+def chain_axes(value: Array, number: NDArray[np.int64]) -> Array:
+    """Section axes (n+1, 3, 3) at the nodes of a chain at rest, in frame p: between those of the two elements."""
+    n = int(number[0])
+    T = value[: 16 * n].reshape(n, 16)[:, 7:].reshape(n, 3, 3)
+    axes = np.tile(np.eye(3), (n + 1, 1, 1))
+    axes[1:n] = _straightened(T[:-1] + T[1:])
+    axes[n] = value[16 * n : 16 * n + 9].reshape(3, 3)
+    return axes
+
+
+def _straightened(A: Array) -> Array:
+    """The nearest rotations to matrices (k, 3, 3) that are nearly rotations."""
+    left, _, right = np.linalg.svd(A)
+    found: Array = left @ right
+    return found
+
+
 def _chain_curve(
     value: Array, number: NDArray[np.int64], inner: Array, ends: Ends, points: int
 ) -> tuple[Array, ...]:
     """Stations (k,), positions (k, 3), axes (k, 3, 3) along a chain, in frame p: cubics between its nodes."""
     n = int(number[0])
     x, R = chain_nodes(value, number, inner, ends)
-    u = np.linspace(0.0, 1.0, max(2, math.ceil((points - 1) / n) + 1))[:, None]
-    s, place, axes = [], [], []
-    at = 0.0
-    for k, record in enumerate(value[: 16 * n].reshape(n, 16)):
-        L, T = record[0], record[7:16].reshape(3, 3)
-        P, Q = R[k] @ T, R[k + 1] @ T
-        weights = (1 - 3 * u**2 + 2 * u**3, 3 * u**2 - 2 * u**3, u - 2 * u**2 + u**3, u**3 - u**2)
-        line = weights[0] * x[k] + weights[1] * x[k + 1] + L * (weights[2] * P[:, 0] + weights[3] * Q[:, 0])
-        turn = np.linalg.qr((1 - u[:, :, None]) * P + u[:, :, None] * Q)
-        mixed = turn[0] * np.sign(np.diagonal(turn[1], axis1=1, axis2=2))[:, None, :]
-        first = 0 if k == 0 else 1
-        s.append(at + L * u[first:, 0])
-        place.append(line[first:])
-        axes.append(mixed[first:])
-        at += L
-    return np.concatenate(s), np.concatenate(place), np.concatenate(axes)
+    axes = R @ chain_axes(value, number)
+    lengths = value[: 16 * n].reshape(n, 16)[:, 0]
+    u = np.linspace(0.0, 1.0, max(2, math.ceil((points - 1) / n) + 1))[1:, None]
+    weights = (1 - 3 * u**2 + 2 * u**3, 3 * u**2 - 2 * u**3, u - 2 * u**2 + u**3, u**3 - u**2)
+    s, place, turned = [np.zeros(1)], [x[:1]], [axes[:1]]
+    for k, L in enumerate(lengths):
+        slopes = L * axes[k, :, 0], L * axes[k + 1, :, 0]
+        place.append(sum(w * y for w, y in zip(weights, (x[k], x[k + 1], *slopes), strict=True)))
+        turned.append(_straightened((1 - u[:, :, None]) * axes[k] + u[:, :, None] * axes[k + 1]))
+        s.append(lengths[:k].sum() + L * u[:, 0])
+    return np.concatenate(s), np.concatenate(place), np.concatenate(turned)
 
 
 def _member_line(model: Model, motion: Motion, i: int, points: int) -> tuple[Array, Array, Array]:
@@ -183,9 +243,8 @@ def _member_line(model: Model, motion: Motion, i: int, points: int) -> tuple[Arr
     value, number, inner = member_parts(model, motion, i)
     kind = model.arrays.members.kind[i]
     if kind == STRAIN:
-        r, R = strain_curve(value, number, inner, points)
-        s = np.linspace(0.0, float(value[0]), points)
-        r = r + np.linspace(0.0, 1.0, points)[:, None] * (ends.d - r[-1])
+        s, r, R = strain_curve(value, number, inner, points)
+        r = r + (s / s[-1])[:, None] * (ends.d - r[-1])
     elif kind == COROTATIONAL:
         s, r, R = _chain_curve(value, number, inner, ends, points)
     else:
@@ -209,7 +268,7 @@ def members_of_leafs(model: Model) -> dict[str, list[int]]:
 
 
 def _leaf_shape(model: Model, motion: Motion, name: str, members: list[int], points: int) -> LeafShape:
-    section = scene_leafs(model)[name].section
+    leaf = scene_leafs(model)[name]
     count = max(2, math.ceil((points - 1) / len(members)) + 1)
     lines = [[_member_line(model, m, i, count) for i in members] for m in (model.rest, motion)]
     at = np.cumsum([0.0] + [line[0][-1] for line in lines[0]])
@@ -219,8 +278,9 @@ def _leaf_shape(model: Model, motion: Motion, name: str, members: list[int], poi
         [np.concatenate([line[c][kept[k]] for k, line in enumerate(ls)]) for c in (1, 2)] for ls in lines
     ]
     s = np.concatenate([line[0][kept[k]] + at[k] for k, line in enumerate(lines[0])])
-    width = section.width or math.sqrt(12 * section.Iy / section.A)
-    thickness = section.thickness or math.sqrt(12 * section.Iz / section.A)
+    sections = [leaf.section if leaf.profile is None else leaf.profile.section(float(x)) for x in s / s[-1]]
+    width = np.array([q.width or math.sqrt(12 * q.Iy / q.A) for q in sections])
+    thickness = np.array([q.thickness or math.sqrt(12 * q.Iz / q.A) for q in sections])
     (rest, rest_axes), (place, axes) = joined
     return LeafShape(name, s, rest, place, rest_axes, axes, width, thickness)
 

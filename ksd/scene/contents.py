@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from ksd.scene.drive import GROUND, Drive, Load, PointMass
-from ksd.scene.joint import Joint
+from ksd.scene.joint import Joint, Motion
 from ksd.scene.leaf import Leaf
 from ksd.scene.profile import Curve, Profile
 from ksd.section.checks import Vector
@@ -91,10 +91,10 @@ class Scene:
         return found
 
 
-def joint_angle(joint: PlacedJoint) -> tuple[str, Vector, Vector]:
-    """(kind, global direction, global point at B) of the first intended motion of a placed joint."""
-    motion = joint.joint.motions[0]
-    axis, point = joint.turn(motion.axis), joint.place(joint.joint.pose_B)
+def joint_angle(joint: PlacedJoint, motion: Motion) -> tuple[str, Vector, Vector]:
+    """(kind, global direction, global point of B) of an intended motion of a placed joint."""
+    place = joint.joint.pose_B if motion.point is None else motion.point
+    axis, point = joint.turn(motion.axis), joint.place(place)
     return motion.kind, _triple(axis), _triple(point)
 
 

@@ -18,13 +18,15 @@ class Motion:
     """One intended motion of interface B relative to A.
 
     kind "rotation" [rad] or "translation" [m]; axis (3,) unit, in joint axes; range (low, high) it may be
-    used in.
+    used in. point (3,) [m], joint axes at rest: the point of B whose displacement a translation is, and where
+    its force acts; interface B when None.
     """
 
     name: str
     kind: str
     axis: Vector
     range: tuple[float, float]
+    point: Vector | None = None
 
     def __post_init__(self) -> None:
         owner = f"motion '{word(self.name, 'name', owner='motion')}'"
@@ -39,6 +41,8 @@ class Motion:
                 f"{owner}: range = ({low:g}, {high:g}) must rise from its first to its second number."
             )
         object.__setattr__(self, "range", (low, high))
+        if self.point is not None:
+            object.__setattr__(self, "point", vector(self.point, "point", owner=owner, unit="m"))
 
 
 class Joint:
@@ -68,6 +72,17 @@ class Joint:
     def motions(self) -> tuple[Motion, ...]:
         """The intended motions of B relative to A."""
         raise NotImplementedError
+
+    def motion(self, name: str | None = None) -> Motion:
+        """The intended motion of this name; the only one when None. Raises SceneError."""
+        found = self.motions
+        if name is None and len(found) == 1:
+            return found[0]
+        for motion in found:
+            if motion.name == name:
+                return motion
+        names = ", ".join(repr(m.name) for m in found)
+        raise SceneError(f"{self.family}: motion = {show(name)} must be one of its intended motions {names}.")
 
     def blocks(self) -> dict[str, Vector]:
         """Rigid blocks by name with a reference point (3,) [m]; always "A" and "B", then internal ones."""

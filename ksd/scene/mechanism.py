@@ -183,27 +183,30 @@ class Mechanism(Links):
         relative_to: Link | str | None = None,
         name: str | None = None,
         joint: PlacedJoint | str | None = None,
+        motion: str | None = None,
         terms: Sequence[DriveTerm] | DriveTerm | None = None,
     ) -> Drive:
         """Prescribe a component of motion; its value is given when solving, zero is the state of rest.
 
         One of: `link` with `along` and the point `at` (3,) [m]: displacement of that point [m]; `link` with
-        `about`: rotation [rad]; `joint`: its intended motion; `terms`: a sum of `displacement` and `rotation`
+        `about`: rotation [rad]; `joint`: its intended motion, the one named `motion` of several; `terms`: a sum of `displacement` and `rotation`
         terms. The component is fixed in ground or in `relative_to`. The default name is that of the link
         (joint), or "link.x", "link.rz" when that is taken. Raises SceneError.
         """
-        motion = {"along": along, "about": about, "at": at, "relative_to": relative_to}
-        parts, default = self._parts(link, **motion, joint=joint, terms=terms)
+        said = {"along": along, "about": about, "at": at, "relative_to": relative_to}
+        parts, default = self._parts(link, **said, joint=joint, motion=motion, terms=terms)
         drive = Drive(self._drive_name(name, default, parts), parts)
         self._drives.append(drive)
         return drive
 
-    def actuate_joint(self, joint: PlacedJoint | str, name: str | None = None) -> Drive:
-        """Prescribe the intended motion of a joint: link b relative to link a, axis fixed in link a."""
-        return self.actuate(joint=joint, name=name)
+    def actuate_joint(
+        self, joint: PlacedJoint | str, name: str | None = None, *, motion: str | None = None
+    ) -> Drive:
+        """Prescribe an intended motion of a joint (the one named, of several): b relative to a, axis fixed in a."""
+        return self.actuate(joint=joint, motion=motion, name=name)
 
     def support(self, link: Link | str | None = None, *, name: str | None = None, **motion: Any) -> Drive:
-        """Hold a component of motion at zero; along, about, at, relative_to, joint, terms as in `actuate`."""
+        """Hold a component of motion at zero; along, about, at, relative_to, joint, motion, terms as in `actuate`."""
         parts, default = self._parts(link, **motion)
         held = Drive(self._drive_name(name, f"{default}.held", parts), parts)
         self._supports.append(held)
@@ -218,6 +221,7 @@ class Mechanism(Links):
         at: Any = None,
         relative_to: Any = None,
         joint: Any = None,
+        motion: Any = None,
         terms: Any = None,
     ) -> tuple[tuple[DriveTerm, ...], str]:
         """The terms said in one of the four ways, and the default name."""
@@ -229,7 +233,7 @@ class Mechanism(Links):
             return self._checked_terms(terms)
         if joint is not None:
             placed = self._placed(joint)
-            kind, axis, point = joint_angle(placed)
+            kind, axis, point = joint_angle(placed, placed.joint.motion(motion))
             return (DriveTerm(1.0, kind, placed.a, placed.b, axis, point),), placed.name
         if (along is None) == (about is None):
             raise SceneError(

@@ -241,6 +241,7 @@ def _motion_of(table: Table) -> Motion:
         "kind": kind,
         "axis": table.direction("axis"),
         "range": table.quantities("range", dimension, count=2),
+        "point": table.quantities("point", "length", None),
     }
     return _said(table, Motion, words)
 
@@ -292,6 +293,7 @@ def _motion(mechanism: Mechanism, table: Table) -> dict[str, Any]:
         "relative_to": table.text("relative_to", None),
         "name": table.text("name", None),
         "joint": table.text("joint", None),
+        "motion": table.text("motion", None),
         "terms": terms if "terms" in table else None,
     }
 

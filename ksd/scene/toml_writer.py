@@ -148,7 +148,9 @@ def _drawn(joint: DrawnJoint, names: _Names) -> Tree:
         for leaf in joint.leafs()
     ]
     tree["motion"] = [
-        {"name": m.name, "kind": m.kind, "axis": m.axis, "range": m.range} for m in joint.motions
+        {"name": m.name, "kind": m.kind, "axis": m.axis, "range": m.range}
+        | ({} if m.point is None else {"point": m.point})
+        for m in joint.motions
     ]
     return tree
 
@@ -156,7 +158,9 @@ def _drawn(joint: DrawnJoint, names: _Names) -> Tree:
 def _leaf(leaf: Leaf, names: _Names) -> Tree:
     for key in ("profile", "curve"):
         if getattr(leaf, key) is not None:
-            raise SceneError(f"leaf '{leaf.name}': a leaf with a {key} cannot be written to a file; keep it in Python.")
+            raise SceneError(
+                f"leaf '{leaf.name}': a leaf with a {key} cannot be written to a file; keep it in Python."
+            )
     tree: Tree = {"name": leaf.name, "start": leaf.start, "end": leaf.end, "width_axis": leaf.width_axis}
     tree |= {"section": names.section(leaf.section), "material": names.material(leaf.material)}
     for key in ("elements", "orders"):

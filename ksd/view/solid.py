@@ -10,9 +10,9 @@ from ksd.view.figure import FAINT, GROUND, INK, LEAF, LINKS, REST, Array, new_fi
 from ksd.view.flat import _BACKING, _caption
 
 
-def ribbon(place: Array, axes: Array, width: float) -> tuple[Array, Array]:
+def ribbon(place: Array, axes: Array, width: Array) -> tuple[Array, Array]:
     """The two edges (k, 3) of a leaf: centreline plus and minus half its width along e3."""
-    half = 0.5 * width * axes[:, :, 2]
+    half = 0.5 * width[:, None] * axes[:, :, 2]
     return place - half, place + half
 
 

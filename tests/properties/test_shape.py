@@ -6,7 +6,7 @@ import pytest
 import ksd
 from ksd.model.compile import compile_scene
 from ksd.model.leafs import Mesh
-from ksd.properties.shape import mechanism_shape
+from ksd.properties.shape import curvature, mechanism_shape, member_ends, member_parts, strain_curve
 from ksd.solve.conventional import conventional
 from ksd.units import GPa, mm
 
@@ -55,7 +55,7 @@ def test_leaf_meets_its_clamps_and_is_straight_at_rest(mesh):
         assert np.einsum("kji,kjl->kil", axes, axes) == pytest.approx(
             np.tile(np.eye(3), (len(axes), 1, 1)), abs=1e-12
         )
-    assert (leaf.width, leaf.thickness) == pytest.approx((0.02, 0.0005))
+    assert leaf.width == pytest.approx(0.02) and leaf.thickness == pytest.approx(0.0005)
 
 
 def test_both_leaf_models_draw_the_same_curve():
@@ -95,3 +95,40 @@ def test_driven_point_moves_as_prescribed():
     (driven,) = shape.driven
     assert driven.place[1] - driven.rest[1] == pytest.approx(0.01, abs=1e-12)
     assert [leaf.name for leaf in shape.leafs] == ["leaf", "leaf.2"]
+
+
+@pytest.mark.parametrize("mesh", MESHES[:2], ids=IDS[:2])
+def test_a_curved_leaf_is_drawn_curved_at_rest(mesh):
+    arc = ksd.Arc(radius=0.05, angle=1.2)
+    scene = ksd.Mechanism("arc")
+    tip = scene.link("tip")
+    scene.leaf(scene.ground, tip, start=(0, 0, 0), end=(arc.chord, 0, 0), width_axis="z", curve=arc, name="blade",
+               section=ksd.rectangle(0.5 * mm, 20 * mm), material=ksd.Material(E=200 * GPa, nu=0.3))  # fmt: skip
+    scene.actuate(tip, about="z", name="turn")
+    c = conventional(compile_scene(scene, mesh=mesh), {"turn": 0.1})
+    (leaf,) = mechanism_shape(c.model, c.motion).leafs
+    centre = np.array([0.5 * arc.chord, 0.05 * np.cos(0.6), 0])
+    assert np.linalg.norm(leaf.rest - centre, axis=1) == pytest.approx(
+        0.05, rel=1e-7 if mesh.leaf == "strain" else 1e-3
+    )
+    assert leaf.rest[-1] == pytest.approx([arc.chord, 0, 0], abs=1e-9)
+
+
+def test_a_tapered_leaf_meets_its_clamp_and_shows_its_width():
+    taper = ksd.Taper(thickness=(0.5 * mm, 0.3 * mm), width=(20 * mm, 10 * mm))
+    scene = ksd.Mechanism("taper")
+    tip = scene.link("tip")
+    scene.leaf(scene.ground, tip, start=(0, 0, 0), end=(LENGTH, 0, 0), width_axis="z", profile=taper, name="blade",
+               section=ksd.rectangle(0.4 * mm, 15 * mm), material=ksd.Material(E=200 * GPa, nu=0.3))  # fmt: skip
+    scene.actuate(tip, about="z", name="turn")
+    c = conventional(compile_scene(scene), {"turn": 0.5})
+    value, number, inner = member_parts(c.model, c.motion, 0)
+    s, r, R = strain_curve(value, number, inner, 25)
+    ends = member_ends(c.model, c.motion, 0)
+    assert r[-1] == pytest.approx(ends.d, abs=1e-6 * LENGTH) and R[-1] == pytest.approx(ends.Q, abs=1e-5)
+    (leaf,) = mechanism_shape(c.model, c.motion).leafs
+    assert leaf.width == pytest.approx(0.02 - 0.01 * leaf.s / LENGTH)
+    # the moment is constant, so the curvature follows the compliance
+    kappa = curvature(value, number, inner, np.array([0.1, 0.9]))[:, 2]
+    stiff = [taper.section(x).Iz for x in (0.1, 0.9)]
+    assert kappa[0] / kappa[1] == pytest.approx(stiff[1] / stiff[0], rel=1e-4)

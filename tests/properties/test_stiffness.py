@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from conftest import cross_flexure, fourbar, single_joint
+from scipy.spatial.transform import Rotation
 
 from ksd.errors import KinematicsError, SceneError
 from ksd.model.compile import compile_scene
@@ -27,11 +28,17 @@ def test_compliance_is_the_derivative_of_the_motion_by_the_load(mesh):
     base = state(mesh)
     found = point_stiffness(base.model, base.motion, "top", at=AT)
     # columns by central differences of the motion of the point
-    for column, load in ((0, ((1, 0, 0), (0, 0, 0))), (2, ((0, 0, 1), (0, 0, 0))), (3, ((0, 0, 0), (0.1, 0, 0)))):
+    for column, load in (
+        (0, ((1, 0, 0), (0, 0, 0))),
+        (2, ((0, 0, 1), (0, 0, 0))),
+        (3, ((0, 0, 0), (0.1, 0, 0))),
+    ):
         both = [state(mesh, *(tuple(s * np.array(part)) for part in load)) for s in (1, -1)]
         size = 2 * max(np.abs(load[0]).max(), np.abs(load[1]).max())
         moved = (both[0].displacement("top", AT) - both[1].displacement("top", AT)) / size
-        turned = (both[0].rotation("top") - both[1].rotation("top")) / size
+        # rotations are spatial: log(R+ R-^T), not the difference of rotation vectors
+        R = [c.links["top"][1] for c in both]
+        turned = Rotation.from_matrix(R[0] @ R[1].T).as_rotvec() / size
         expected = np.concatenate([moved, turned])
         scale = np.array([1, 1, 1, 0.3, 0.3, 0.3])
         error = np.abs((found.compliance[:, column] - expected) * scale).max()
@@ -46,7 +53,9 @@ def test_drive_stiffness_is_the_derivative_of_the_drive_force():
     found = drive_stiffness(model, base.motion)
     assert found.units == ("N/m",)
     assert found["top"] == pytest.approx((force[0] - force[1]) / (2 * step), rel=1e-6)
-    moved = [conventional(model, {"top": 0.12 + s * step}, start=base).displacement("top", AT) for s in (1, -1)]
+    moved = [
+        conventional(model, {"top": 0.12 + s * step}, start=base).displacement("top", AT) for s in (1, -1)
+    ]
     along = drive_coupling(model, base.motion, "top", at=AT)["top"]
     assert along[:3] == pytest.approx((moved[0] - moved[1]) / (2 * step), abs=1e-5)
 
@@ -107,12 +116,12 @@ def test_cross_compliance_is_reciprocal():
 @pytest.mark.parametrize(
     "ask, words",
     [
-        (dict(link="middle"), "'middle' is not part of this mechanism"),
-        (dict(link="ground"), "'ground' is not part"),
-        (dict(link="tip", freed="hinge"), "'hinge' cannot be freed"),
-        (dict(link="tip", axes="local"), "axes = 'local'"),
-        (dict(link="tip", axes=np.ones((3, 3))), "orthonormal"),
-        (dict(link="tip", at=(0, np.nan, 0)), "finite coordinates"),
+        ({"link": "middle"}, "'middle' is not part of this mechanism"),
+        ({"link": "ground"}, "'ground' is not part"),
+        ({"link": "tip", "freed": "hinge"}, "'hinge' cannot be freed"),
+        ({"link": "tip", "axes": "local"}, "axes = 'local'"),
+        ({"link": "tip", "axes": np.ones((3, 3))}, "orthonormal"),
+        ({"link": "tip", "at": (0, np.nan, 0)}, "finite coordinates"),
     ],
 )
 def test_wrong_words_are_refused(ask, words):

@@ -146,7 +146,12 @@ class Butterfly(Joint):
         return self._outer + radius * math.cos(angle), radius * math.sin(angle)
 
     def blocks(self) -> dict[str, Vector]:
-        inner = flat({"left": self._on_ray(self.inner, math.radians(150)), "top": self._on_ray(self._outer, math.pi / 2)})
+        inner = flat(
+            {
+                "left": self._on_ray(self.inner, math.radians(150)),
+                "top": self._on_ray(self._outer, math.pi / 2),
+            }
+        )
         right = flat({"right": self._on_ray(self.inner, math.radians(30))})
         return {"A": (0.0, 0.0, 0.0), "B": self.pose_B, **inner, **right}
 

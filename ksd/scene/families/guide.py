@@ -18,7 +18,11 @@ def _stroke(length: float) -> tuple[Motion, ...]:
     # driven level with the middle of the leafs, where a force meets no moment
     return (
         Motion(
-            "stroke", "translation", (0.0, 1.0, 0.0), (-_STROKE * length, _STROKE * length), (0.5 * length, 0.0, 0.0)
+            "stroke",
+            "translation",
+            (0.0, 1.0, 0.0),
+            (-_STROKE * length, _STROKE * length),
+            (0.5 * length, 0.0, 0.0),
         ),
     )
 

@@ -71,7 +71,9 @@ def test_chain_of_elements_converges_to_the_strain_leaf(bent):
     exact = bent.frequencies(count=3).frequency_Hz
     error = []
     for n in (6, 12):
-        chain = conventional(compile_scene(heavy_fourbar(), mesh=Mesh("corotational", elements=n)), {"top": 0.15})
+        chain = conventional(
+            compile_scene(heavy_fourbar(), mesh=Mesh("corotational", elements=n)), {"top": 0.15}
+        )
         found = chain.frequencies(count=3)
         assert len(found.model.node_names) == 1 + 3 + 12 * (n - 1)
         error.append(np.abs(found.frequency_Hz / exact - 1).max())
@@ -80,7 +82,11 @@ def test_chain_of_elements_converges_to_the_strain_leaf(bent):
 
 def test_nodal_and_condensed_chains_are_the_same():
     pair = [
-        conventional(compile_scene(heavy_fourbar(), mesh=Mesh("corotational", elements=4, nodal=n)), {"top": 0.1}, steps=4)
+        conventional(
+            compile_scene(heavy_fourbar(), mesh=Mesh("corotational", elements=4, nodal=n)),
+            {"top": 0.1},
+            steps=4,
+        )
         for n in (True, False)
     ]
     found = [c.frequencies(count=4).frequency_Hz for c in pair]

@@ -1,0 +1,109 @@
+"""Buckling multipliers: sign, the two ways of asking, and agreement with the loss of stability of real states."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from conftest import STEEL, fourbar
+
+import ksd
+from ksd.errors import SceneError
+from ksd.model.compile import compile_scene
+from ksd.model.leafs import Mesh
+from ksd.properties.buckling import buckling, full_tangent
+from ksd.properties.tangent import factored_tangent
+from ksd.properties.unfold import unfolded
+from ksd.scene.drive import Load
+from ksd.section import rectangle
+from ksd.solve.conventional import conventional
+
+L, T, W = 0.1, 0.5e-3, 0.02
+EULER = np.pi**2 * STEEL.E * W * T**3 / 12 / (4 * L**2)
+
+
+def column(force=0.0):
+    scene = ksd.Mechanism("column")
+    tip = scene.link("tip")
+    scene.leaf(
+        scene.ground, tip, start=(0, 0, 0), end=(L, 0, 0), section=rectangle(T, W), material=STEEL,
+        width_axis=(0, 0, 1), name="leaf",
+    )  # fmt: skip
+    frozen = scene.scene()
+    if force:
+        frozen = replace(
+            frozen, loads=(Load("push", "tip", (force, 0.0, 0.0), (0.0, 0.0, 0.0), (L, 0.0, 0.0)),)
+        )
+    return frozen
+
+
+def test_multiplier_counts_what_may_be_added():
+    """A cantilever under 60 % of its load: 40 % may be added, or the stress multiplied by 1/0.6."""
+    state = conventional(compile_scene(column(-0.6 * EULER)), {})
+    added = state.buckling("tip", force=(-1, 0, 0), at=(L, 0, 0))
+    assert added.positive == pytest.approx(0.4 * EULER, rel=2e-3)
+    assert added.unstable == 0
+    assert state.buckling().positive == pytest.approx(1 / 0.6, rel=1e-3)
+    pulled = state.buckling("tip", force=(1, 0, 0), at=(L, 0, 0))
+    assert pulled.negative == pytest.approx(-0.4 * EULER, rel=2e-3)
+    assert pulled.positive == np.inf or pulled.positive > 10 * EULER
+
+
+def test_the_mode_is_the_bending_of_the_tip():
+    model = compile_scene(column())
+    found = buckling(model, model.rest, "tip", force=(-1, 0, 0), at=(L, 0, 0))
+    tip = found.shape[0, found.model.node_names.index("tip")]
+    # a quarter sine: slope over deflection at the free end is pi/(2 L)
+    assert np.argmax(np.abs(tip)) == 5
+    assert tip[5] / tip[1] == pytest.approx(np.pi / (2 * L), rel=1e-3)
+
+
+@pytest.mark.parametrize("mesh", [Mesh(), Mesh("corotational", elements=4)], ids=("strain", "chain"))
+def test_stability_is_lost_where_the_multiplier_says(mesh):
+    scene = fourbar()
+    model = compile_scene(scene, mesh=mesh)
+    state = conventional(model, {"top": 0.1})
+    at = (0, 0.35, 0)
+    found = state.buckling("top", force=(0, -1, 0), at=at)
+    guess = found.positive
+    counts = []
+    for share in (0.5, 2.0):
+        loaded = replace(
+            scene.scene(), loads=(Load("p", "top", (0.0, -share * guess, 0.0), (0.0, 0.0, 0.0), at),)
+        )
+        pushed = conventional(compile_scene(loaded, mesh=mesh), {"top": 0.1}, steps=8)
+        counts.append(pushed.negatives - pushed.expected)
+    assert counts[0] == 0 < counts[1]
+
+
+@pytest.mark.parametrize("mesh", [Mesh(), Mesh("corotational", elements=3)], ids=("strain", "chain"))
+def test_uncondensed_tangent_condenses_to_the_solver_s(mesh):
+    scene = fourbar()
+    scene.load("top", force=(0, -30.0, 20.0), at=(0, 0.35, 0))
+    fine, state = unfolded(*_of(conventional(compile_scene(scene, mesh=mesh), {"top": 0.1}, steps=4)))
+    K = full_tangent(fine, state)
+    assert pytest.approx(K.T, abs=1e-9 * np.abs(K).max()) == K
+    n = fine.arrays.plan.unknowns
+    loads = np.zeros((n, 2))
+    loads[[0, 7], [0, 1]] = 1.0
+    expected = np.linalg.solve(K, np.vstack([loads, np.zeros((len(K) - n, 2))]))[:n]
+    found = factored_tangent(fine, state).solve(loads)
+    if mesh.leaf == "strain":
+        assert found == pytest.approx(expected, rel=1e-6, abs=1e-12)
+    values = np.linalg.eigvalsh(K)
+    rows = len(fine.arrays.terms.start)
+    wrenches = 6 * len(fine.member_names) if mesh.leaf == "strain" else 0
+    assert np.sum(values < 0) == rows + wrenches
+
+
+def _of(configuration):
+    return configuration.model, configuration.motion
+
+
+def test_wrong_words_are_refused():
+    model = compile_scene(column())
+    with pytest.raises(SceneError, match="no stress"):
+        buckling(model, model.rest)
+    with pytest.raises(SceneError, match="not zero"):
+        buckling(model, model.rest, "tip")
+    with pytest.raises(SceneError, match="'top' is not part"):
+        buckling(model, model.rest, "top", force=(1, 0, 0))

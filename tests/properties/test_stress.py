@@ -1,0 +1,104 @@
+"""Stress of leafs against beam formulas, and strain energy against the work of the drives."""
+
+import numpy as np
+import pytest
+from conftest import STEEL, fourbar, single_joint
+
+import ksd
+from ksd.model.compile import compile_scene
+from ksd.model.leafs import Mesh
+from ksd.properties.stress import stress_points, torsion_factors
+from ksd.section import circle, numbers, polygon, rectangle
+from ksd.solve.conventional import conventional
+
+L, T, W = 0.1, 1e-3, 0.02
+
+
+def tip_loaded(section=None, **load):
+    scene = ksd.Mechanism("cantilever")
+    tip = scene.link("tip")
+    scene.leaf(
+        scene.ground, tip, start=(0, 0, 0), end=(L, 0, 0), section=section or rectangle(T, W), material=STEEL,
+        width_axis=(0, 0, 1), name="leaf",
+    )  # fmt: skip
+    scene.load(tip, at=(L, 0, 0), **load)
+    return conventional(compile_scene(scene), {})
+
+
+@pytest.mark.parametrize("mesh", [Mesh(), Mesh("corotational", elements=8)], ids=("strain", "chain"))
+def test_cross_flexure_bends_as_circles(mesh):
+    """Symmetric cross flexure: sigma = E t theta / (2 L), exact for small angles (acceptance and paper 1, 4.1)."""
+    theta = 1e-4
+    found = conventional(compile_scene(single_joint(), mesh=mesh), {"turn": theta}).stress()
+    expected = STEEL.E * 1e-3 * theta / (2 * 0.1)
+    for leaf in found.leafs.values():
+        assert leaf.largest_Pa == pytest.approx(expected, rel=1e-4)
+        assert leaf.bending_Pa == pytest.approx(np.full(len(leaf.s), expected), rel=1e-4)
+    assert found.largest_Pa == pytest.approx(expected, rel=1e-4)
+
+
+def test_each_part_by_its_formula():
+    A, Iz, Iy = T * W, W * T**3 / 12, T * W**3 / 12
+    pulled = tip_loaded(force=(100, 0, 0)).stress()["leaf"]
+    assert pulled.axial_Pa == pytest.approx(np.full(25, 100 / A))
+    assert pulled.von_mises_Pa == pytest.approx(np.full((25, 9), 100 / A))
+    small = tip_loaded(force=(0, 1e-4, 0)).stress()["leaf"]
+    assert small.bending_Pa == pytest.approx(
+        1e-4 * (L - small.s) * T / 2 / Iz, abs=1e-4 * L * T / 2 / Iz * 1e-5
+    )
+    assert small.transverse_Pa[-1] == pytest.approx(1.5e-4 / A, rel=1e-5)
+    assert small.where[0] == 0.0 and small.where[1].startswith("corner")
+    wide = tip_loaded(force=(0, 0, 1e-2)).stress()["leaf"]
+    assert wide.bending_Pa[0] == pytest.approx(1e-2 * L * W / 2 / Iy, rel=1e-5)
+    twisted = tip_loaded(moment=(1e-4, 0, 0)).stress()["leaf"]
+    # Timoshenko and Goodier, table of section 109: tau = T / (k2 w t^2), k2 = .2817 at 10:1 scaled to 20:1 by .3138
+    assert twisted.torsion_Pa[0] == pytest.approx(1e-4 / (0.3228 * W * T**2), rel=2e-3)
+    assert twisted.where[1].startswith("face")
+
+
+def test_sign_of_bending_and_axial_stress():
+    """A tip pushed towards +y pulls the -y face at the clamp; one pushed towards +z pulls the -z edge."""
+    up = tip_loaded(force=(0, 1e-3, 0)).stress()["leaf"]
+    assert up.normal_Pa[0][up.y[0] < 0].min() > 0 > up.normal_Pa[0][up.y[0] > 0].max()
+    side = tip_loaded(force=(0, 0, 1e-3)).stress()["leaf"]
+    assert side.normal_Pa[0][side.z[0] < 0].min() > 0 > side.normal_Pa[0][side.z[0] > 0].max()
+
+
+def test_torsion_factors():
+    # square: tau_max = T / (.208 a^3), J = .1406 a^4 (Timoshenko and Goodier, section 109)
+    wide, narrow = torsion_factors(1.0)
+    assert wide / 0.1406 == pytest.approx(1 / 0.208, rel=2e-3)
+    assert narrow == pytest.approx(wide, rel=1e-4)
+    thin = torsion_factors(100.0)
+    assert thin[0] == pytest.approx(1.0, abs=1e-3)
+    # 8/pi^2 times Catalan's constant
+    assert thin[1] == pytest.approx(0.7425, abs=1e-3)
+
+
+def test_other_sections():
+    wire = tip_loaded(section=circle(2e-3), moment=(1e-3, 0, 0)).stress()["leaf"]
+    assert wire.torsion_Pa[0] == pytest.approx(16e-3 / (np.pi * 8e-9), rel=1e-6)
+    drawn = polygon([(-T / 2, -W / 2), (T / 2, -W / 2), (T / 2, W / 2), (-T / 2, W / 2)])
+    same = tip_loaded(section=drawn, force=(0, 1e-4, 0)).stress()["leaf"]
+    assert same.bending_Pa[0] == pytest.approx(1e-4 * L * 6 / (W * T**2), rel=1e-3)
+    q = rectangle(T, W)
+    bare = stress_points(numbers(A=q.A, J=q.J, Iy=q.Iy, Iz=q.Iz))
+    assert np.ptp(bare.y) == pytest.approx(T) and np.ptp(bare.z) == pytest.approx(W)
+
+
+@pytest.mark.parametrize("mesh", [Mesh(), Mesh("corotational", elements=4)], ids=("strain", "chain"))
+def test_energy_is_the_work_of_the_drive(mesh):
+    model = compile_scene(fourbar(), mesh=mesh)
+    x, w = np.polynomial.legendre.leggauss(8)
+    stroke, last, work = 0.2, None, 0.0
+    for at, weight in zip(0.5 * stroke * (1 + x), 0.5 * stroke * w, strict=True):
+        last = conventional(model, {"top": float(at)}, start=last)
+        work += weight * last.forces["top"]
+    stored = conventional(model, {"top": stroke}, start=last).strain_energy()
+    assert len(stored) == 12
+    assert sum(stored.values()) == pytest.approx(work, rel=1e-6)
+
+
+def test_it_reads_as_a_sentence():
+    text = str(conventional(compile_scene(single_joint()), {"turn": 0.2}).stress())
+    assert "hinge/inner:" in text and "MPa at s =" in text
