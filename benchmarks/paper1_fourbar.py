@@ -206,15 +206,8 @@ def figure_12(out: Path, *, n: int = 5, moments: np.ndarray = MOMENTS, repeats: 
         label(
             row[0], x="moment [Nm]", y="rotation of the top link [mrad]", title=f"reading {reading}: {spoken}"
         )
-        label(
-            row[1],
-            x="moment [Nm]",
-            y="iterations",
-            legend=reading == 1,
-            loc="center",
-            bbox_to_anchor=(0.5, 0.62),
-        )
-        label(row[2], x="moment [Nm]", y="thread time [ms]", legend=reading == 1, loc=(0.03, 0.4))
+        label(row[1], x="moment [Nm]", y="iterations", legend=reading == 1, loc="upper center")
+        label(row[2], x="moment [Nm]", y="thread time [ms]", legend=reading == 1, loc="upper center")
     figure.savefig(out / "fig12_fourbar_moment.png")
     return found
 
@@ -248,7 +241,7 @@ def _panels_12(row: Any, moments: np.ndarray, cases: list[dict[str, Any]]) -> No
     row[2].plot(
         x, whole, color=COLORS["step 5"], linewidth=1.2, linestyle=":", label="KSD full, steps 1 to 5"
     )
-    for axes, low, high in ((row[1], 1, 1500), (row[2], 0.1, 20)):
+    for axes, low, high in ((row[1], 1, 1500), (row[2], 0.1, 200)):
         axes.set_yscale("log")
         axes.set_ylim(low, high)
         axes.yaxis.set_major_formatter("{x:g}")

@@ -27,7 +27,7 @@ _HOMES = {
     ),
     "ksd.section": ("Section", "circle", "numbers", "polygon", "rectangle", "tube"),
     "ksd.scene.toml_file": ("load_scene", "save_scene"),
-    "ksd.model.leafs": ("Mesh",),
+    "ksd.model.mesh": ("Mesh",),
     "ksd.model.compile": ("Model", "compile_scene"),
     "ksd.solve.choose": ("Solver", "prepare", "solve"),
     "ksd.solve.configuration": ("Configuration",),
@@ -42,7 +42,7 @@ _KEPT = (
 if TYPE_CHECKING:
     from ksd.library import Record, find_record
     from ksd.model.compile import Model, compile_scene
-    from ksd.model.leafs import Mesh
+    from ksd.model.mesh import Mesh
     from ksd.scene import (
         Arc,
         CircularNotch,

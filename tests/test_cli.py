@@ -1,4 +1,4 @@
-"""The command line in process: results, files, exit codes, and one sentence for everything that goes wrong."""
+"""The command line in process: results, files, exit codes, one sentence for everything that goes wrong."""
 
 import json
 import os
@@ -266,10 +266,8 @@ def test_version(capsys):
 
 def run(*arguments, **options):
     environment = {**os.environ, "PYTHONPATH": str(ROOT), "KSD_DATABASE": str(ROOT / "database")}
-    return subprocess.Popen(
-        [sys.executable, "-m", "ksd", *arguments], env=environment, text=True, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
-        **options,
-    )  # fmt: skip
+    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
+    return subprocess.Popen([sys.executable, "-m", "ksd", *arguments], env=environment, **pipes, **options)
 
 
 def test_as_a_program(record, tmp_path):

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from ksd.model.arrays import COROTATIONAL, STRAIN, Motion
 from ksd.model.compile import Model
+from ksd.properties.kept import per_model
 
 Array = NDArray[np.float64]
 POINTS = 25
@@ -104,8 +105,8 @@ def member_parts(model: Model, motion: Motion, i: int) -> tuple[Array, NDArray[n
 
 
 class _Tables(NamedTuple):
-    """What `ksd.beam.strain_values` wrote: points (g,), panel edges (p+1,), points per panel, and at the points the
-    curvature (g, 3) [1/m] and compliance (g, 3) [1/N]."""
+    """What `ksd.beam.strain_values` wrote: points s (g,), edges of the panels (p+1,), their points (panel), and at
+    the points curvature kappa (g, 3) [1/m] and compliance soft (g, 3) [1/N]."""
 
     s: Array
     edges: Array
@@ -163,7 +164,7 @@ def _turns(v: Array) -> Array:
 
 
 def strain_curve(value: Array, number: NDArray[np.int64], inner: Array, points: int) -> tuple[Array, ...]:
-    """Stations (k,) [m], positions (k, 3) [m] and orientations (k, 3, 3) along a strain-mode leaf, in frame p.
+    """Stations (k,) [m], positions (k, 3) [m], orientations (k, 3, 3) along a strain-mode leaf, in frame p.
 
     `points` stations or a few more: the edges of the panels of a leaf with a profile are stations too.
     """
@@ -199,7 +200,7 @@ def chain_nodes(value: Array, number: NDArray[np.int64], inner: Array, ends: End
 
 
 def chain_axes(value: Array, number: NDArray[np.int64]) -> Array:
-    """Section axes (n+1, 3, 3) at the nodes of a chain at rest, in frame p: between those of the two elements."""
+    """Section axes (n+1, 3, 3) at the nodes of a chain at rest, in frame p: between those of its elements."""
     n = int(number[0])
     T = value[: 16 * n].reshape(n, 16)[:, 7:].reshape(n, 3, 3)
     axes = np.tile(np.eye(3), (n + 1, 1, 1))
@@ -252,12 +253,14 @@ def _member_line(model: Model, motion: Motion, i: int, points: int) -> tuple[Arr
     return s, ends.start + r @ ends.frame.T, ends.frame @ R
 
 
+@per_model
 def scene_leafs(model: Model) -> dict[str, Any]:
     """Leafs of the scene by full name: "joint/leaf" inside joints, the plain name for free-form ones."""
     inside = {f"{j.name}/{leaf.name}": leaf for j in model.scene.joints for leaf in j.joint.leafs()}
     return inside | {leaf.name: leaf.leaf for leaf in model.scene.leafs}
 
 
+@per_model
 def members_of_leafs(model: Model) -> dict[str, list[int]]:
     """Members of every leaf, by full name: one, or its elements in order where the mesh is nodal."""
     leafs = scene_leafs(model)

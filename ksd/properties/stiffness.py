@@ -4,8 +4,9 @@ between them.
 All are derivatives of equilibrium at the present state, from the factored tangent of the model (geometric
 terms of leafs, loads and drives included). Held drives and supports stay where they are; freed ones keep
 their present force. A held drive about a fixed axis carries a moment whose derivative (twist of the relative
-rotation about that axis) is part of the tangent. SI: translations m, rotations rad (spatial, right-handed,
-about the axes asked for).
+rotation about that axis) is part of the tangent. Strain-mode leafs take part with one mode per axis more than
+in the state (`finer_tangent`). SI: translations m, rotations rad (spatial, right-handed, about the axes asked
+for).
 """
 
 from __future__ import annotations
@@ -21,6 +22,7 @@ from ksd.errors import KinematicsError, SceneError
 from ksd.model.arrays import ROTATION, Motion
 from ksd.model.compile import Model
 from ksd.properties.tangent import Tangent, factored_tangent
+from ksd.properties.unfold import unfolded
 
 Array = NDArray[np.float64]
 DIRECTIONS = ("x", "y", "z", "rx", "ry", "rz")
@@ -135,6 +137,16 @@ def point_motion(model: Model, motion: Motion, node: int, at: Any) -> tuple[Arra
     return motion.x[node] + s, B
 
 
+def finer_tangent(
+    model: Model, motion: Motion, *, freed: Iterable[str] = (), load_factor: float = 1.0, finer: bool = True
+) -> Tangent:
+    """The factored tangent these questions stand on; with `finer`, strain-mode leafs take part with one more
+    mode per axis than in the state (see `ksd.properties.unfold`), chains as they are."""
+    if finer and model.mesh.leaf == "strain":
+        model, motion = unfolded(model, motion)
+    return factored_tangent(model, motion, freed=freed, load_factor=load_factor)
+
+
 def point_stiffness(
     model: Model,
     motion: Motion,
@@ -151,10 +163,10 @@ def point_stiffness(
 
     at: reference point of the link when None. axes: "global", "link" (turning with it), or orthonormal
     columns (3, 3). freed: names of drives and supports let go at their present force. tangent: reuse of
-    `factored_tangent`. Raises SceneError for unknown names, KinematicsError where nothing resists a motion.
+    `finer_tangent`. Raises SceneError for unknown names, KinematicsError where nothing resists a motion.
     """
     node = node_of(model, link)
-    found = tangent or factored_tangent(model, motion, freed=freed, load_factor=load_factor)
+    found = tangent or finer_tangent(model, motion, freed=freed, load_factor=load_factor)
     point, B = point_motion(model, motion, node, at)
     columns = _axes(axes, motion.R[node])
     turn = np.zeros((6, 6))
@@ -203,7 +215,7 @@ def drive_stiffness(
 ) -> DriveStiffness:
     """dF/dd of all held drives at the present state; drives named in `freed` keep their force instead."""
     freed = (freed,) if isinstance(freed, str) else tuple(freed)
-    found = tangent or factored_tangent(model, motion, freed=freed, load_factor=load_factor)
+    found = tangent or finer_tangent(model, motion, freed=freed, load_factor=load_factor)
     rows = [i for i, n in enumerate(model.drive_names) if n not in freed]
     terms = model.arrays.terms
     units = tuple("Nm/rad" if terms.kind[terms.first[i]] == ROTATION else "N/m" for i in rows)
@@ -228,7 +240,7 @@ def drive_coupling(
     """
     freed = (freed,) if isinstance(freed, str) else tuple(freed)
     node = node_of(model, link)
-    found = factored_tangent(model, motion, freed=freed, load_factor=load_factor)
+    found = finer_tangent(model, motion, freed=freed, load_factor=load_factor)
     rows = [i for i, n in enumerate(model.drive_names) if n not in freed]
     _, B = point_motion(model, motion, node, at)
     columns = _axes(axes, motion.R[node])
@@ -248,7 +260,7 @@ def cross_compliance(
 ) -> Array:
     """Coupling (6, 6): motion of a point of links[0] per unit force and moment at a point of links[1]; global
     axes."""
-    found = factored_tangent(model, motion, freed=freed, load_factor=load_factor)
+    found = finer_tangent(model, motion, freed=freed, load_factor=load_factor)
     nodes = [node_of(model, link) for link in links]
     levers = [point_motion(model, motion, n, p)[1] for n, p in zip(nodes, at, strict=True)]
     loads = np.zeros((found.arrays.plan.unknowns, 6))

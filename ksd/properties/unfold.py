@@ -1,8 +1,11 @@
-"""The same state on a model that shows what statics condenses: what mass and buckling stand on.
+"""The same state on a model that shows what statics condenses: what stiffness, mass and buckling stand on.
 
-Chains of Appendix A elements get all their nodes in the open. Strain-mode leafs get one more mode per axis,
-with zero amplitude: curvatures of a vibrating leaf have a shape no static load gives it (clamped leaf, second
-frequency: 2 % off with five modes, 0.04 % with six; buckling loads gain as much).
+Chains of Appendix A elements get all their nodes in the open. Strain-mode leafs get one more mode per axis: a
+load that was not there, or an inertia, bends a leaf in shapes the state itself does not need. The amplitudes
+of the new modes follow from equilibrium inside every leaf at the present end poses; nodes do not move.
+Measured gain, orders (4, 3, 5): cross flexure at 60 degrees, kz 1.9e-4 to 4e-6; parallel guide at 40
+thicknesses, kx 3.3e-4 to 2e-6; clamped leaf, second frequency 2e-2 to 2e-4, buckling load 5e-2 (second) to
+1e-3.
 """
 
 from __future__ import annotations
@@ -11,12 +14,15 @@ from dataclasses import replace
 
 import numpy as np
 
-from ksd.model.arrays import COROTATIONAL, STRAIN, Motion
+from ksd.model.arrays import COROTATIONAL, STRAIN, Motion, make_work
 from ksd.model.compile import Model, compile_scene
+from ksd.model.system import assemble, take_step
 from ksd.properties.kept import per_model
 
 MOST = 12
 """Modes per axis the mesh allows."""
+PASSES = 2
+"""Newton steps inside the leafs; one leaves the new amplitudes 1e-3 of themselves off, two nothing."""
 
 
 @per_model
@@ -41,7 +47,19 @@ def unfolded(model: Model, motion: Motion) -> tuple[Model, Motion]:
         return model, motion
     if fine.mesh.nodal:
         return fine, _open_chains(model, motion, fine)
-    return fine, Motion(motion.x, motion.R, _padded(model, motion, fine), motion.multiplier)
+    state = Motion(motion.x.copy(), motion.R.copy(), _padded(model, motion, fine), motion.multiplier.copy())
+    _settle(fine, state)
+    return fine, state
+
+
+def _settle(model: Model, motion: Motion) -> None:
+    """Equilibrium inside every leaf at the present end poses, by Newton on all of them together, in place."""
+    arrays = model.arrays
+    work = make_work(arrays)
+    still, target = np.zeros(arrays.plan.unknowns), np.zeros(len(arrays.terms.start))
+    for _ in range(PASSES):
+        assemble(arrays, motion, target, 1.0, work, 1e-8, 0, 10.0)
+        take_step(arrays, motion, still, work, 1.0)
 
 
 def _padded(model: Model, motion: Motion, fine: Model) -> np.ndarray:

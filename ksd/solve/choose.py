@@ -14,7 +14,8 @@ from ksd.bodies.joints import JointBodies, joint_bodies
 from ksd.errors import ConvergenceError, KinematicsError, RangeError, RecordError, SceneError
 from ksd.library import find_record
 from ksd.model.compile import Model, compile_scene
-from ksd.model.leafs import Mesh
+from ksd.model.mesh import Mesh
+from ksd.model.orders import highest_share, mesh_for, raised
 from ksd.solve import pipeline
 from ksd.solve.configuration import Configuration, ErrorEstimate, Step
 from ksd.solve.conventional import CAP, RTOL, conventional
@@ -23,7 +24,6 @@ from ksd.solve.stops import Stop
 
 METHODS = ("kinematic", "reduced", "full", "conventional")
 DEFAULT_ACCURACY = 1e-3
-MOST_PASSES = 3
 
 
 class Solver:
@@ -254,22 +254,47 @@ def solve(
     """Solve one configuration of a mechanism at drive values given by name [m or rad].
 
     method: "kinematic", "reduced", "full" or "conventional"; without one, the cheapest whose estimated error is
-    within `accuracy` (relative, 1e-3 by default). passes: extra relinearised passes of `reduced`. mesh, extrapolate: see
-    `prepare`. Raises SceneError (bad input), RangeError (outside a trained range), RecordError (joint record missing
+    within `accuracy` (relative, 1e-3 by default). passes: extra relinearised passes of `reduced`. mesh: leaf model; without
+    one, strain-mode leafs of orders fit for `accuracy`, raised when their highest modes carry too much energy. extrapolate:
+    see `prepare`. Raises SceneError (bad input), RangeError (outside a trained range), RecordError (joint record missing
     or damaged), KinematicsError (indeterminate or over-driven), ConvergenceError (says how far it got).
     """
-    key = None
+    if isinstance(mechanism, Model):
+        return Solver(mechanism, extrapolate=extrapolate)(
+            targets, method=method, accuracy=accuracy, passes=passes, **drives
+        )
     scene = mechanism.scene() if hasattr(mechanism, "scene") else mechanism
-    if not isinstance(scene, Model):
-        key = (threading.get_ident(), scene.fingerprint(), mesh, extrapolate)
-    solver = _recent.get(key) if key is not None else None
-    if solver is None:
-        solver = Solver(scene, mesh=mesh, extrapolate=extrapolate)
-        if key is not None:
-            _recent[key] = solver
-            while len(_recent) > 16:
-                _recent.popitem(last=False)
-    return solver(targets, method=method, accuracy=accuracy, passes=passes, **drives)
+    wanted = _accuracy(accuracy)
+    chosen = mesh or (Mesh() if accuracy is None else mesh_for(wanted))
+    for rise in range(MOST_RISES + 1):
+        solver = _recent_solver(scene, chosen, extrapolate)
+        found = solver(targets, method=method, accuracy=accuracy, passes=passes, **drives)
+        share, where, axis = highest_share(found.model, found.motion)
+        if share <= wanted:
+            return found
+        if mesh is not None or rise == MOST_RISES:
+            break
+        chosen = raised(chosen, axis)
+    note = (
+        f"leaf '{where}' has {100 * share:.2g} % of its energy in its highest {_AXIS[axis]} mode; "
+        f"the curvature modes {found.model.mesh.orders} are few for this state: raise the orders of the mesh"
+    )
+    return _with(found, warnings=(*found.warnings, note))
+
+
+MOST_RISES = 3
+"""How often `solve` raises the orders of the strain-mode leafs when their highest modes are not negligible."""
+_AXIS = ("torsion", "strong bending", "weak bending")
+
+
+def _recent_solver(scene: Any, mesh: Mesh, extrapolate: bool) -> Solver:
+    """A prepared solver of this scene, mesh and thread; the last few are kept."""
+    key = (threading.get_ident(), scene.fingerprint(), mesh, extrapolate)
+    if key not in _recent:
+        _recent[key] = Solver(scene, mesh=mesh, extrapolate=extrapolate)
+        while len(_recent) > 16:
+            _recent.popitem(last=False)
+    return _recent[key]
 
 
 __all__ = ["METHODS", "ErrorEstimate", "Solver", "prepare", "solve"]

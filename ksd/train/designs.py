@@ -9,22 +9,28 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from ksd.errors import SceneError
-from ksd.library import Parameter
-from ksd.scene import CrossFlexure, DrawnJoint, Joint, Leaf, Material
+from ksd.library import Mesh, Parameter
+from ksd.scene import DrawnJoint, Joint, Leaf, Material
+from ksd.scene.profile import Curve, Profile
+from ksd.section import Section
 from ksd.section.checks import Vector, nearest
+from ksd.train.catalogue import ENTRIES, FULL
 
 
 @dataclass(frozen=True)
 class Design:
     """A family for the trainer: make(**shape) draws the joint at shape parameters within `parameters`.
 
-    numbers: what is held fixed, SI.
+    numbers: what is held fixed, SI. meshes: those trained unless others are asked for; loose: factor on all wanted
+    errors.
     """
 
     family: str
     parameters: tuple[Parameter, ...]
     make: Callable[..., Joint]
     numbers: Mapping[str, float] = field(default_factory=dict)
+    meshes: tuple[Mesh, ...] = FULL
+    loose: float = 1.0
 
     def joint(self, places: np.ndarray) -> DrawnJoint:
         """The joint at places (s,) in [-1, 1], without mesh choices of its own."""
@@ -52,33 +58,9 @@ def _redrawn(joint: Joint, leafs: tuple[Leaf, ...]) -> DrawnJoint:
     )
 
 
-_NUMBERS = {"length": 0.1, "thickness": 1e-3, "inner_width": 0.04, "E": 200e9, "G": 76.9e9}
-
-
-def _cross_flexure(*, angle: float, width_ratio: float) -> CrossFlexure:
-    """The cross flexure of paper 1, table 1, at another leaf angle and width ratio."""
-    inner = _NUMBERS["inner_width"]
-    return CrossFlexure(
-        Material(E=_NUMBERS["E"], G=_NUMBERS["G"]),
-        length=_NUMBERS["length"],
-        angle=angle,
-        thickness=_NUMBERS["thickness"],
-        widths=(inner, 0.5 * width_ratio * inner),
-    )
-
-
-_SHAPES = {
-    "cross_flexure": (
-        Parameter("angle", math.radians(30), math.radians(60)),
-        Parameter("width_ratio", 0.25, 4.0, "log"),
-    )
-}
-_MAKERS: dict[str, Callable[..., Joint]] = {"cross_flexure": _cross_flexure}
-
-
 def known_designs() -> tuple[str, ...]:
     """Families `train` knows by name."""
-    return tuple(_MAKERS)
+    return tuple(ENTRIES)
 
 
 def design_of(
@@ -92,12 +74,14 @@ def design_of(
         design = _fixed(family_or_joint)
     elif isinstance(family_or_joint, Design):
         design = family_or_joint
-    elif family_or_joint in _MAKERS:
-        name = family_or_joint
-        design = Design(name, _SHAPES[name], _MAKERS[name], _NUMBERS)
+    elif family_or_joint in ENTRIES:
+        entry = ENTRIES[family_or_joint]
+        design = Design(
+            family_or_joint, entry.parameters, entry.make, entry.numbers, meshes=entry.meshes, loose=entry.loose
+        )
     else:
         raise SceneError(
-            f"joint family {family_or_joint!r} cannot be trained{nearest(family_or_joint, _MAKERS)}"
+            f"joint family {family_or_joint!r} cannot be trained{nearest(family_or_joint, ENTRIES)}"
         )
     return _with_ranges(design, shapes or {})
 
@@ -130,11 +114,31 @@ def _fixed(joint: Joint) -> Design:
     return Design(joint.family, single, Fixed(joint), {"length": joint.length})
 
 
+def _thin(section: Section, factor: float) -> Section:
+    """`factor` times the thickness of a thin section."""
+    s, f = section, factor
+    return replace(s, A=f * s.A, J=f**3 * s.J, Iy=f * s.Iy, Iz=f**3 * s.Iz, thickness=f * s.thickness)
+
+
+@dataclass(frozen=True)
+class _Thin(Profile):
+    """A profile `factor` times as thick."""
+
+    profile: Profile
+    factor: float
+
+    @property
+    def breaks(self) -> tuple[float, ...]:  # type: ignore[override]
+        return self.profile.breaks
+
+    def section(self, s: float) -> Section:
+        return _thin(self.profile.section(s), self.factor)
+
+
 def _thickness(leaf: Leaf, factor: float) -> Leaf:
-    """The leaf with `factor` times the thickness, as a thin section."""
-    s, f = leaf.section, factor
-    section = replace(s, A=f * s.A, J=f**3 * s.J, Iy=f * s.Iy, Iz=f**3 * s.Iz, thickness=f * s.thickness)
-    return replace(leaf, section=section)
+    """The leaf with `factor` times the thickness."""
+    profile = None if leaf.profile is None else _Thin(leaf.profile, factor)
+    return replace(leaf, section=_thin(leaf.section, factor), profile=profile)
 
 
 def _material(leaf: Leaf) -> Leaf:
@@ -148,19 +152,23 @@ def _times(point: Vector, factor: float) -> Vector:
 
 
 @dataclass(frozen=True)
-class _Scaled:
-    """A curvature function of a leaf drawn `factor` times as long."""
+class _Scaled(Curve):
+    """A curve `factor` times as long."""
 
-    curvature: Callable[[float], object]
+    curve: Curve
     factor: float
 
-    def __call__(self, s: float) -> np.ndarray:
-        return np.asarray(self.curvature(s / self.factor), float) / self.factor
+    @property
+    def length(self) -> float:  # type: ignore[override]
+        return self.factor * self.curve.length
+
+    def curvature(self, s: float) -> np.ndarray:
+        return self.curve.curvature(s) / self.factor
 
 
 def _longer_leaf(leaf: Leaf, factor: float) -> Leaf:
-    curve = None if leaf.curvature is None else _Scaled(leaf.curvature, factor)
-    return replace(leaf, start=_times(leaf.start, factor), end=_times(leaf.end, factor), curvature=curve)
+    curve = None if leaf.curve is None else _Scaled(leaf.curve, factor)
+    return replace(leaf, start=_times(leaf.start, factor), end=_times(leaf.end, factor), curve=curve)
 
 
 def _longer(joint: Joint, factor: float) -> DrawnJoint:
@@ -168,7 +176,13 @@ def _longer(joint: Joint, factor: float) -> DrawnJoint:
     leafs = tuple(_longer_leaf(leaf, factor) for leaf in joint.leafs())
     blocks = {name: _times(point, factor) for name, point in joint.blocks().items()}
     motions = tuple(
-        replace(m, range=(factor * m.range[0], factor * m.range[1])) if m.kind == "translation" else m
+        replace(
+            m,
+            range=(factor * m.range[0], factor * m.range[1]),
+            point=None if m.point is None else _times(m.point, factor),
+        )
+        if m.kind == "translation"
+        else m
         for m in joint.motions
     )
     return DrawnJoint(

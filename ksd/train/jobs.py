@@ -23,7 +23,7 @@ import numpy as np
 
 from ksd.errors import KsdError
 from ksd.library.files import write_atomically
-from ksd.scene import DrawnJoint
+from ksd.scene import DrawnJoint, Leaf
 from ksd.train.sources import source_hash
 from ksd.train.sweep import Plan, Samples, sample_joint
 
@@ -40,14 +40,20 @@ class Job:
     def key(self, source: str) -> str:
         """Name of its result: a hash of everything it depends on."""
         joint = self.joint
-        plain = [replace(leaf, curvature=None) for leaf in joint.leafs()]
-        curves = [
-            np.array([leaf.curvature(x * leaf.length) for x in np.linspace(0, 1, 9)], float).tolist()
-            for leaf in joint.leafs()
-            if leaf.curvature is not None
-        ]
-        text = f"{source} {joint.blocks()} {plain} {curves} {joint.motions} {joint.length} {self.plan}"
+        # curves and profiles may be functions, which have no contents: sampled
+        plain = [replace(leaf, curve=None, profile=None) for leaf in joint.leafs()]
+        sampled = [_sampled(leaf) for leaf in joint.leafs()]
+        text = f"{source} {joint.blocks()} {plain} {sampled} {joint.motions} {joint.length} {self.plan}"
         return hashlib.sha256(text.encode()).hexdigest()[:20]
+
+
+def _sampled(leaf: Leaf) -> list[Any]:
+    """What a leaf with a curve or a profile is at nine stations."""
+    found: list[Any] = []
+    for x in np.linspace(0, 1, 9).tolist() if leaf.curve or leaf.profile else []:
+        found.append(None if leaf.curve is None else np.asarray(leaf.curve.curvature(x), float).tolist())
+        found.append(None if leaf.profile is None else leaf.profile.section(x))
+    return found
 
 
 def perform(job: Job) -> Samples:

@@ -25,7 +25,6 @@ from ksd.train.jobs import Job, Jobs
 from ksd.train.softness import check_soft
 from ksd.train.sweep import Plan, Samples, chebyshev_line, even_line
 
-MESHES: tuple[Mesh, ...] = ("strain", 1, 2, 3, 4, 5, 6, 7, 8)
 ORDERS = (4, 3, 5)
 TOLERANCE = {"interface": 8e-7, "blocks": 8e-7, "rotations": 4e-6, "amplitudes": 8e-6, "wrench": 2e-4}
 """Wanted leave-one-out rms errors; units as in `ksd.library.Residual`."""
@@ -39,19 +38,19 @@ def train(
     family_or_joint: str | Joint | Design,
     *,
     shapes: Mapping[str, tuple[float, float]] | None = None,
-    meshes: tuple[Mesh, ...] = MESHES,
+    meshes: tuple[Mesh, ...] | None = None,
     out: str | os.PathLike[str] | None = None,
     executor: Executor | None = None,
     resume: bool = True,
     progress: bool = True,
     trained: str | None = None,
-    most_shapes: int = 128,
+    most_shapes: int = 512,
     tolerance: Mapping[str, float] | None = None,
 ) -> Record:
     """Train a joint family (by name or `Design`) or one joint as drawn, write its record and return it.
 
     shapes: ranges {parameter: (low, high)} SI in place of those of the family. meshes: "strain" and numbers
-    of Appendix A elements per leaf. out: folder or .h5 file; $KSD_DATABASE or ./database when None. executor:
+    of Appendix A elements per leaf; those of the design when None. out: folder or .h5 file; $KSD_DATABASE or ./database when None. executor:
     any `concurrent.futures` executor; two processes of its own when None. resume: use the shapes an
     interrupted run has finished (kept beside the record in a .partial folder, also on Ctrl-C). trained: date
     written into the record, ISO, today when None; same inputs give the same bytes. most_shapes: limit of the
@@ -65,7 +64,8 @@ def train(
     folder = target.with_name(f".{target.stem}.partial")
     title = f"train {design.family}"
     with Jobs(folder, executor=executor, resume=resume, progress=progress, title=title) as jobs:
-        record = _trained(design, meshes, jobs, {**TOLERANCE, **(tolerance or {})}, most_shapes)
+        wanted = {group: design.loose * value for group, value in TOLERANCE.items()} | dict(tolerance or {})
+        record = _trained(design, meshes or design.meshes, jobs, wanted, most_shapes)
     date = trained or datetime.date.today().isoformat()
     record = replace(record, trained=date, history=(f"{date}: {record.history[0]}",))
     write_record(record, target)

@@ -88,7 +88,7 @@ def _model(joint: Joint, mesh: Mesh, plan: Plan) -> Model:
         if motion.kind == "rotation":
             scene.actuate(link, name=motion.name, about=motion.axis)
         else:
-            scene.actuate(link, name=motion.name, along=motion.axis, at=joint.pose_B)
+            scene.actuate(link, name=motion.name, along=motion.axis, at=motion.point or joint.pose_B)
     if mesh == "strain":
         return compile_scene(
             scene, mesh=LeafMesh("strain", orders=plan.orders, points=max(7, max(plan.orders) + 2))

@@ -99,11 +99,11 @@ def _outline(axes: Any, points: Array, color: str, alpha: float, zorder: float) 
 
 
 def _pieces(block: Any, points: Array) -> list[Array]:
-    """Ground in one piece per joint, as it has no body of its own; other blocks whole."""
-    if block.name != "ground":
-        return [points]
+    """Ground in one piece per joint, as it has no body of its own; other blocks, and ground of single leafs, whole."""
     owners = np.array(block.owner)
-    return [points[owners == name] for name in dict.fromkeys(block.owner)]
+    pieces = [points[owners == name] for name in dict.fromkeys(block.owner)]
+    single = all(np.ptp(piece, axis=0).max() < 1e-9 for piece in pieces)
+    return [points] if block.name != "ground" or single else pieces
 
 
 def _rest(axes: Any, shape: Any, pick: list[int]) -> None:
@@ -142,7 +142,8 @@ def _name(axes: Any, name: str, points: Array, middle: Array) -> None:
     at, offset = corners.mean(axis=0), np.zeros(2)
     if len(corners) < 3:
         along = corners[-1] - corners[0]
-        offset = np.array([-along[1], along[0]]) / max(float(np.linalg.norm(along)), 1e-12)
+        across = np.array([-along[1], along[0]]) if np.linalg.norm(along) > 1e-9 else at - middle
+        offset = across / max(float(np.linalg.norm(across)), 1e-12)
         # a quarter along, as drives often act in the middle
         at = 0.75 * corners[0] + 0.25 * corners[-1]
         offset = (offset if offset @ (at - middle) >= 0 else -offset) * [24.0, 10.0]

@@ -1,4 +1,5 @@
-"""Frequencies against a dense eigensolution of the uncondensed matrices, rigid-body masses, and the modes' algebra."""
+"""Frequencies against a dense eigensolution of the uncondensed matrices, rigid-body masses, and the modes'
+algebra."""
 
 import numpy as np
 import pytest
@@ -31,7 +32,8 @@ def bent():
 
 
 def uncondensed(model, motion, freed=()):
-    """(K, M) in all unknowns: nodes, multipliers, and (a, lam) of every leaf; a = P xi + b makes b = a - P xi."""
+    """(K, M) in all unknowns: nodes, multipliers, and (a, lam) of every leaf; a = P xi + b makes b = a - P
+    xi."""
     fine, state = unfolded(model, motion)
     K = full_tangent(fine, state, rows=row_numbers(fine, freed))
     mass = inertia(fine, state)
@@ -94,7 +96,8 @@ def test_nodal_and_condensed_chains_are_the_same():
 
 
 def test_rigid_mass_is_that_of_the_leafs():
-    """A uniform velocity and a uniform spin of all nodes see the total mass and inertia, in any configuration."""
+    """A uniform velocity and a uniform spin of all nodes see the total mass and inertia, in any
+    configuration."""
     model = compile_scene(single_joint())
     state = conventional(model, {"turn": 0.7}).motion
     mass = inertia(model, state)
@@ -119,7 +122,8 @@ def test_rigid_mass_is_that_of_the_leafs():
 
 
 def test_a_rigid_payload_on_a_soft_leaf_is_a_pendulum_of_one_freedom():
-    """omega^2 = k/m for a heavy block guided by two leafs; leafs without density carry no mass and are named."""
+    """omega^2 = k/m for a heavy block guided by two leafs; leafs without density carry no mass and are
+    named."""
     light = ksd.Material(E=200e9, nu=0.3, name="light steel")
     scene = ksd.Mechanism("guide")
     table = scene.link("table", mass=5.0, inertia=(0.01, 0.01, 0.01), at=(0.1, 0, 0))

@@ -13,16 +13,18 @@ from ksd.units import GPa, mm
 MESHES = [Mesh(), Mesh(leaf="corotational", elements=6), Mesh(leaf="corotational", elements=6, nodal=True)]
 IDS = ["strain", "chain", "nodal"]
 LENGTH, TURN = 0.1, 0.9
+STEEL = ksd.Material(E=200 * GPa, nu=0.3)
+BLADE = {
+    "start": (0, 0, 0), "end": (LENGTH, 0, 0), "width_axis": "z", "name": "blade", "material": STEEL,
+    "section": ksd.rectangle(0.5 * mm, 20 * mm),
+}  # fmt: skip
 
 
 def bent_leaf(mesh, *, turn=TURN):
     """One leaf from ground to a link turned by `turn` about z: pure bending, so a circular arc."""
     scene = ksd.Mechanism("leaf")
     tip = scene.link("tip")
-    scene.leaf(
-        scene.ground, tip, start=(0, 0, 0), end=(LENGTH, 0, 0), width_axis="z", name="blade",
-        section=ksd.rectangle(0.5 * mm, 20 * mm), material=ksd.Material(E=200 * GPa, nu=0.3),
-    )  # fmt: skip
+    scene.leaf(scene.ground, tip, **BLADE)
     scene.actuate(tip, about="z", name="turn")
     return conventional(compile_scene(scene, mesh=mesh), {"turn": turn}, steps=3)
 
@@ -70,9 +72,7 @@ def test_both_leaf_models_draw_the_same_curve():
 def test_twist_turns_the_width_axis_evenly():
     scene = ksd.Mechanism("twist")
     tip = scene.link("tip")
-    steel = ksd.Material(E=200 * GPa, nu=0.3)
-    scene.leaf(scene.ground, tip, start=(0, 0, 0), end=(LENGTH, 0, 0), width_axis="z",
-               section=ksd.rectangle(0.5 * mm, 20 * mm), material=steel, name="blade")  # fmt: skip
+    scene.leaf(scene.ground, tip, **BLADE)
     scene.actuate(tip, about="x", name="turn")
     c = conventional(compile_scene(scene), {"turn": 0.8})
     (leaf,) = mechanism_shape(c.model, c.motion).leafs
@@ -102,8 +102,7 @@ def test_a_curved_leaf_is_drawn_curved_at_rest(mesh):
     arc = ksd.Arc(radius=0.05, angle=1.2)
     scene = ksd.Mechanism("arc")
     tip = scene.link("tip")
-    scene.leaf(scene.ground, tip, start=(0, 0, 0), end=(arc.chord, 0, 0), width_axis="z", curve=arc, name="blade",
-               section=ksd.rectangle(0.5 * mm, 20 * mm), material=ksd.Material(E=200 * GPa, nu=0.3))  # fmt: skip
+    scene.leaf(scene.ground, tip, curve=arc, **{**BLADE, "end": (arc.chord, 0, 0)})
     scene.actuate(tip, about="z", name="turn")
     c = conventional(compile_scene(scene, mesh=mesh), {"turn": 0.1})
     (leaf,) = mechanism_shape(c.model, c.motion).leafs
@@ -118,12 +117,11 @@ def test_a_tapered_leaf_meets_its_clamp_and_shows_its_width():
     taper = ksd.Taper(thickness=(0.5 * mm, 0.3 * mm), width=(20 * mm, 10 * mm))
     scene = ksd.Mechanism("taper")
     tip = scene.link("tip")
-    scene.leaf(scene.ground, tip, start=(0, 0, 0), end=(LENGTH, 0, 0), width_axis="z", profile=taper, name="blade",
-               section=ksd.rectangle(0.4 * mm, 15 * mm), material=ksd.Material(E=200 * GPa, nu=0.3))  # fmt: skip
+    scene.leaf(scene.ground, tip, profile=taper, **{**BLADE, "section": ksd.rectangle(0.4 * mm, 15 * mm)})
     scene.actuate(tip, about="z", name="turn")
     c = conventional(compile_scene(scene), {"turn": 0.5})
     value, number, inner = member_parts(c.model, c.motion, 0)
-    s, r, R = strain_curve(value, number, inner, 25)
+    _, r, R = strain_curve(value, number, inner, 25)
     ends = member_ends(c.model, c.motion, 0)
     assert r[-1] == pytest.approx(ends.d, abs=1e-6 * LENGTH) and R[-1] == pytest.approx(ends.Q, abs=1e-5)
     (leaf,) = mechanism_shape(c.model, c.motion).leafs

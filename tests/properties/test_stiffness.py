@@ -95,7 +95,8 @@ def test_a_held_drive_is_rigid_and_says_so():
 
 
 def test_freeing_a_drive_adds_its_compliance():
-    """C_free = C_held + u u^T / k, u the motion of the point per unit of the drive, k the drive's stiffness."""
+    """C_free = C_held + u u^T / k, u the motion of the point per unit of the drive, k the drive's
+    stiffness."""
     base = state()
     held = point_stiffness(base.model, base.motion, "top", at=AT).compliance
     free = point_stiffness(base.model, base.motion, "top", at=AT, freed="top").compliance

@@ -27,7 +27,8 @@ def tip_loaded(section=None, **load):
 
 @pytest.mark.parametrize("mesh", [Mesh(), Mesh("corotational", elements=8)], ids=("strain", "chain"))
 def test_cross_flexure_bends_as_circles(mesh):
-    """Symmetric cross flexure: sigma = E t theta / (2 L), exact for small angles (acceptance and paper 1, 4.1)."""
+    """Symmetric cross flexure: sigma = E t theta / (2 L), exact for small angles (acceptance and paper 1,
+    4.1)."""
     theta = 1e-4
     found = conventional(compile_scene(single_joint(), mesh=mesh), {"turn": theta}).stress()
     expected = STEEL.E * 1e-3 * theta / (2 * 0.1)

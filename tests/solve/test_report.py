@@ -152,8 +152,8 @@ def test_mixed_drive_has_a_value_without_unit():
     scene = ksd.Mechanism("mixed")
     tip = scene.link("tip")
     steel = ksd.Material(E=2e11, nu=0.3)
-    scene.leaf(scene.ground, tip, start=(0, 0, 0), end=(0.1, 0, 0), width_axis="z", section=ksd.rectangle(5e-4, 0.02),
-               material=steel)  # fmt: skip
+    blade = {"section": ksd.rectangle(5e-4, 0.02), "material": steel, "width_axis": "z"}
+    scene.leaf(scene.ground, tip, start=(0, 0, 0), end=(0.1, 0, 0), **blade)
     scene.actuate(
         terms=scene.displacement(tip, "y", at=(0.1, 0, 0)) + 0.05 * scene.rotation(tip, "z"), name="sum"
     )

@@ -45,16 +45,17 @@ def test_columns():
     )
 
 
-@pytest.mark.parametrize("n, expected", [(4, 1.25), (8, 1.05), (16, 1.013)])
+@pytest.mark.parametrize("n, expected", [(4, 1.2157), (8, 1.0523), (16, 1.0130)])
 def test_clamped_column_of_appendix_A_elements(n, expected):
     """The chain converges from above, quadratically, as the mesh is refined."""
     assert euler(CLAMPED, Mesh("corotational", elements=n)) / (4 * np.pi**2) == pytest.approx(
-        expected, abs=0.02
+        expected, abs=1e-3
     )
 
 
 def test_prandtl_strip_buckles_sideways_either_way():
-    """Narrow cantilever under a dead force at the centroid of its tip: 4.0126 sqrt(EI GJ)/L^2 (Prandtl 1899)."""
+    """Narrow cantilever under a dead force at the centroid of its tip: 4.0126 sqrt(EI GJ)/L^2 (Prandtl
+    1899)."""
     thickness, width = 0.2e-3, 0.02
     model = strip(thickness=thickness, width=width)
     q = rectangle(thickness, width)

@@ -54,7 +54,8 @@ def test_leaf_with_default_orders(clamped, roots):
 
 
 def test_axial_mode_of_a_clamped_free_bar():
-    """Stretch is one linear field per leaf: omega = sqrt(3) c/L, 10 % above pi c/(2 L); three leafs in a row: 1.2 %."""
+    """Stretch is one linear field per leaf: omega = sqrt(3) c/L, 10 % above pi c/(2 L); three leafs in a row:
+    1.2 %."""
     scene = ksd.Mechanism("bar")
     links, step = [scene.ground, *scene.links("a", "b", "c")], 0.02
     for k in range(3):

@@ -18,7 +18,7 @@ from ksd.scene.leaf import Leaf
 from ksd.scene.material import Material
 from ksd.section.checks import Vector
 
-_FOOT = 0.15
+_FOOT = 0.02
 _GAP = 0.1
 _INFINITY = math.radians(30)
 _TRIPLE = math.radians(45)
@@ -30,11 +30,11 @@ class InfinityHinge(Joint):
 
     Joint axes: A at the origin, B at (L, 0, 0), everything symmetric in z and, but for the strut, in y. The
     main leaf runs from A to B in two halves of `width` at z = +-0.6 width, so that the strut passes between
-    them. Each folded leaf joins A at (0, +-0.15 L, 0) and B at (L, +-0.15 L, 0) by two leafs of twice `width`
+    them. Each folded leaf joins A at (0, +-0.02 L, 0) and B at (L, +-0.02 L, 0) by two leafs of twice `width`
     that meet at the fold, the internal block ("fold_low", "fold_high") at (L/2, +-reach L, 0). The strut, a leaf of 0.2
     width at z = 0, runs along y from A at (L/2, -strut L/2, 0) to B at (L/2, strut L/2, 0).
 
-    length L, thickness, width [m]; reach 0.25..0.6 and strut 0.1..0.6, dimensionless. Raises SceneError
+    length L, thickness, width [m]; reach 0.15..0.8 and strut 0.1..0.6, dimensionless. Raises SceneError
     naming the parameter out of bounds.
     """
 
@@ -99,7 +99,7 @@ _MM = 1e-3
 _LENGTH = 60.0
 _SEGMENTS = ((0.0, 18.0), (21.0, 39.0), (42.0, 60.0))
 _STATIONS = ("A", "cross_1", "cross_2", "B")
-_FEET, _TOP = 5.0, 17.0
+_FEET, _TOP = 1.5, 17.0
 _MAIN, _MAIN_AT, _FOLD = 15.0, 13.5, 18.0
 _BAR_FROM, _BAR_TO, _BAR_HALF, _BAR_LEAF = 2.0, 26.0, 10.0, 12.0
 _BARS = (("inner", 1.0, 0.0, 4.0), ("outer_low", -1.0, -4.0, 2.0), ("outer_high", -1.0, 4.0, 2.0))
@@ -115,7 +115,7 @@ class TripleInfinityHinge(Joint):
     - main leaf, 6 leafs: three segments x = 0..18, 21..39, 42..60, each of two halves 15 wide at z = +-13.5;
       between them the rigid cross bars "cross_1" and "cross_2" (reference points x = 19.5 and 40.5);
     - torsion reinforcement, 6 folded leafs = 12 leafs, 18 wide, one pair per segment from x0 to x1: from (x0,
-      +-5) to the fold block at ((x0 + x1)/2, +-17) and on to (x1, +-5);
+      +-1.5) to the fold block at ((x0 + x1)/2, +-17) and on to (x1, +-1.5);
     - lateral guidance, 12 leafs: two anti-parallelograms in series, A to "middle" (at (30, 0)) and "middle"
       to B. The first is made of three crossing bars between y = -26 on A and y = -2 on the middle block:
       the inner one from x = 20 to 40, 4 wide at z = 0, the two outer ones from x = 40 to 20, 2 wide at z = +-4;

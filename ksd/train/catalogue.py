@@ -1,0 +1,140 @@
+"""The shipped families: over which shapes each is trained, and the joint that is drawn at a shape.
+
+A maker draws a steel joint of one size; thickness, length and material hardly matter to the functions, which every
+record proves by its evidence. `numbers` of a family are what its maker holds fixed.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+
+from ksd.library import Mesh, Parameter
+from ksd.scene import CrossFlexure, Joint, Material
+from ksd.scene.families.cartwheel import Butterfly, Cartwheel
+from ksd.scene.families.crossed_pivot import BalancedCrossedPivot, CrossedPivot
+from ksd.scene.families.guide import ParallelGuide, StiffenedGuide
+from ksd.scene.families.infinity import InfinityHinge, TripleInfinityHinge
+from ksd.scene.families.universal import UniversalJoint
+
+STEEL = {"E": 200e9, "G": 76.9e9}
+SHEET = {"length": 0.1, "thickness": 5e-4, "width": 0.04}
+FULL: tuple[Mesh, ...] = ("strain", 1, 2, 3, 4, 5, 6, 7, 8)
+SHORT: tuple[Mesh, ...] = ("strain", 1, 2, 3, 4, 5, 6)
+
+
+@dataclass(frozen=True)
+class Entry:
+    """A family to train: make(**shape) draws it; parameters are its ranges; meshes it is trained on; `loose`
+    times the usual tolerances.
+    """
+
+    make: Callable[..., Joint]
+    parameters: tuple[Parameter, ...] = ()
+    numbers: Mapping[str, float] = field(default_factory=dict)
+    meshes: tuple[Mesh, ...] = FULL
+    loose: float = 1.0
+
+
+def _steel() -> Material:
+    return Material(E=STEEL["E"], G=STEEL["G"])
+
+
+_CROSS = {"length": 0.1, "thickness": 1e-3, "inner_width": 0.04}
+
+
+def _cross_flexure(*, angle: float, width_ratio: float) -> CrossFlexure:
+    """The cross flexure of paper 1, table 1, at another leaf angle and width ratio."""
+    inner = _CROSS["inner_width"]
+    return CrossFlexure(
+        _steel(),
+        length=_CROSS["length"],
+        angle=angle,
+        thickness=_CROSS["thickness"],
+        widths=(inner, 0.5 * width_ratio * inner),
+    )
+
+
+def _crossed_pivot(*, angle: float, ratio: float) -> CrossedPivot:
+    return CrossedPivot(_steel(), angle=angle, ratio=ratio, **SHEET)
+
+
+def _balanced_crossed_pivot(*, angle: float, ratio: float, width_ratio: float) -> BalancedCrossedPivot:
+    inner = SHEET["width"]
+    return BalancedCrossedPivot(
+        _steel(),
+        length=SHEET["length"],
+        thickness=SHEET["thickness"],
+        inner_width=inner,
+        outer_width=0.5 * width_ratio * inner,
+        angle=angle,
+        ratio=ratio,
+    )
+
+
+def _cartwheel(*, angle: float) -> Cartwheel:
+    return Cartwheel(_steel(), angle=angle, **SHEET)
+
+
+def _butterfly(*, inner_ratio: float, half_angle: float) -> Butterfly:
+    return Butterfly(_steel(), inner=inner_ratio * SHEET["length"], half_angle=half_angle, **SHEET)
+
+
+def _infinity(*, reach: float, strut: float) -> InfinityHinge:
+    return InfinityHinge(_steel(), reach=reach, strut=strut, **SHEET)
+
+
+def _triple_infinity() -> TripleInfinityHinge:
+    return TripleInfinityHinge(_steel())
+
+
+def _parallel_guide() -> ParallelGuide:
+    return ParallelGuide(_steel(), spacing=0.06, **SHEET)
+
+
+def _stiffened_guide(*, flexible: float) -> StiffenedGuide:
+    return StiffenedGuide(_steel(), spacing=0.06, flexible=flexible, **SHEET)
+
+
+def _universal() -> UniversalJoint:
+    return UniversalJoint(_steel(), **SHEET)
+
+
+def _range(name: str, low: float, high: float, *, scale: str = "linear", degrees: bool = False) -> Parameter:
+    unit = math.radians(1) if degrees else 1.0
+    return Parameter(name, unit * low, unit * high, scale)
+
+
+_ANGLE = _range("angle", 30, 60, degrees=True)
+
+ENTRIES: dict[str, Entry] = {
+    "cross_flexure": Entry(
+        _cross_flexure, (_ANGLE, _range("width_ratio", 0.25, 4.0, scale="log")), {**STEEL, **_CROSS}
+    ),
+    "crossed_pivot": Entry(_crossed_pivot, (_ANGLE, _range("ratio", -0.25, 1.25)), {**STEEL, **SHEET}),
+    "balanced_crossed_pivot": Entry(
+        _balanced_crossed_pivot,
+        (_ANGLE, _range("ratio", 0.0, 1.0), _range("width_ratio", 0.5, 2.0, scale="log")),
+        {**STEEL, **SHEET},
+        SHORT,
+        10.0,
+    ),
+    "cartwheel": Entry(_cartwheel, (_ANGLE,), {**STEEL, **SHEET}),
+    "butterfly": Entry(
+        _butterfly,
+        (_range("inner_ratio", 0.1, 0.6), _range("half_angle", 8, 25, degrees=True)),
+        {**STEEL, **SHEET},
+        SHORT,
+        10.0,
+    ),
+    "infinity_hinge": Entry(
+        _infinity, (_range("reach", 0.3, 0.5), _range("strut", 0.15, 0.45)), {**STEEL, **SHEET}, SHORT, 10.0
+    ),
+    "triple_infinity_hinge": Entry(_triple_infinity, (), {**STEEL, "length": 0.06, "thickness": 0.45e-3}),
+    "parallel_guide": Entry(_parallel_guide, (), {**STEEL, **SHEET, "spacing": 0.06}),
+    "stiffened_guide": Entry(
+        _stiffened_guide, (_range("flexible", 0.1, 0.4),), {**STEEL, **SHEET, "spacing": 0.06}
+    ),
+    "universal": Entry(_universal, (), {**STEEL, **SHEET}),
+}

@@ -1,0 +1,146 @@
+"""`solve` and `prepare`: choice of method and orders, and the sentence every bad request gets."""
+
+import numpy as np
+import pytest
+from conftest import cross_flexure, fourbar, single_joint
+
+import ksd
+from ksd.model.orders import highest_share, mesh_for, raised
+from ksd.units import deg
+
+
+@pytest.fixture(scope="module")
+def solve():
+    return ksd.prepare(fourbar())
+
+
+def test_orders_follow_the_accuracy():
+    assert mesh_for(1e-2).orders == (4, 2, 4)
+    assert mesh_for(1e-4).orders == (4, 3, 5)
+    assert mesh_for(1e-9).orders == (6, 4, 8)
+    exact = ksd.solve(fourbar(), top=0.3, accuracy=1e-8, method="full").forces["top"]
+    for accuracy in (1e-2, 1e-3, 1e-5):
+        found = ksd.solve(fourbar(), top=0.3, accuracy=accuracy)
+        assert found.forces["top"] == pytest.approx(exact, rel=accuracy)
+
+
+def test_orders_are_raised_where_the_highest_modes_carry_energy():
+    scene = fourbar()
+    scene.load("top", force=(0, 0, 500), at=(0, 0.37, 0))
+    plain = ksd.solve(scene, top=0.3, mesh=ksd.Mesh())
+    share, where, axis = highest_share(plain.model, plain.motion)
+    assert share > 5e-3
+    assert any(where in w and "highest" in w for w in plain.warnings)
+    better = ksd.solve(scene, top=0.3)
+    assert better.model.mesh.orders > (4, 3, 5)
+    assert highest_share(better.model, better.motion)[0] <= 1e-3
+    fine = ksd.solve(scene, top=0.3, mesh=ksd.Mesh(orders=(7, 6, 9), points=12), method="full").forces["top"]
+    assert abs(better.forces["top"] / fine - 1) < 1e-3 < abs(plain.forces["top"] / fine - 1)
+    assert raised(ksd.Mesh(), 2).orders == (4, 3, 7)
+
+
+@pytest.mark.parametrize(
+    "request_, words",
+    [
+        ({"tip": 0.1}, ["drive 'tip'", "its drives are: top"]),
+        ({}, ["drive 'top' has no value"]),
+        ({"top": np.nan}, ["drive 'top' = nan", "finite"]),
+        ({"top": 0.1, "method": "magic"}, ["method = 'magic'", "kinematic, reduced, full, conventional"]),
+        ({"top": 0.1, "accuracy": 2.0}, ["accuracy = 2.0", "between 0 and 1"]),
+        ({"top": 0.1, "method": "reduced", "passes": -1}, ["passes = -1"]),
+    ],
+)
+def test_bad_requests_get_a_sentence(solve, request_, words):
+    with pytest.raises(ksd.SceneError) as caught:
+        solve(**request_)
+    for word in words:
+        assert word in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    "options, words",
+    [
+        ({"leaf": "shell"}, "'strain' and 'corotational'"),
+        ({"leaf": "corotational", "elements": 0}, "elements = 0"),
+        ({"orders": (4, 3)}, "three numbers"),
+        ({"orders": (4, 3, 5), "points": 3}, "at least 6 points"),
+        ({"nodal": True}, "nodal"),
+    ],
+)
+def test_bad_meshes_get_a_sentence(options, words):
+    with pytest.raises(ksd.SceneError, match=words):
+        ksd.Mesh(**options)
+
+
+def test_stroke_outside_the_trained_range_is_refused_and_can_be_extrapolated():
+    scene = single_joint()
+    with pytest.raises(ksd.RangeError, match=r"joint 'hinge' would turn 80 degrees.*-75 to 75 degrees.*extrapolate=True"):
+        ksd.solve(scene, turn=80 * deg, method="reduced")
+    found = ksd.solve(scene, turn=80 * deg, method="reduced", extrapolate=True)
+    assert any("extrapolated" in w for w in found.warnings)
+    exact = ksd.solve(scene, turn=80 * deg, method="conventional")
+    assert found.forces["turn"] == pytest.approx(exact.forces["turn"], rel=1e-3)
+    # without a method named, the conventional solver takes over and says why
+    chosen = ksd.solve(scene, turn=80 * deg)
+    assert chosen.method == "conventional"
+    assert any("80 degrees" in w for w in chosen.warnings)
+
+
+def test_shape_outside_the_trained_range_is_refused():
+    scene = single_joint(cross_flexure(angle=20 * deg))
+    with pytest.raises(ksd.RangeError, match="angle"):
+        ksd.solve(scene, turn=0.1, method="reduced")
+
+
+def test_a_drive_that_cannot_be_reached_says_how_far_it_got(solve):
+    with pytest.raises(ksd.ConvergenceError, match=r"got to [\d.]+ % of the way") as caught:
+        solve(top=0.6, method="reduced")
+    assert 0.4 < caught.value.reached < 0.8
+    with pytest.raises(ksd.ConvergenceError, match=r"stopped at [\d.]+ % of the drive motion"):
+        ksd.solve(fourbar(), top=5.0, method="conventional", mesh=ksd.Mesh("corotational", elements=2))
+
+
+def test_indeterminate_mechanism_names_the_free_motion():
+    scene = ksd.Mechanism("two in a row")
+    first, second = scene.links("first", "second")
+    joint = cross_flexure()
+    scene.join(scene.ground, first, joint, at=(0, 0, 0), axis="z", toward="x")
+    scene.join(first, second, joint, at=(0.3, 0, 0), axis="z", toward="x", name="elbow")
+    scene.actuate(second, about="z", name="tilt")
+    with pytest.raises(ksd.KinematicsError, match=r"link '(first|second)' can (turn about|slide along) [xyz]"):
+        ksd.solve(scene, tilt=0.1, method="reduced")
+
+
+def test_two_drives_on_one_freedom_are_refused():
+    scene = fourbar()
+    scene.actuate("left", about="z", name="lean")
+    with pytest.raises(ksd.KinematicsError, match=r"'top' and 'lean' act on the same freedom"):
+        ksd.solve(scene, top=0.1, lean=0.1, method="reduced")
+
+
+def test_missing_record_says_what_to_do(monkeypatch, tmp_path):
+    points = {"A": (0, 0, 0), "B": (0.1, 0, 0)}
+    leaf = ksd.Leaf(
+        start=(0, 0, 0), end=(0.1, 0, 0), width_axis=(0, 0, 1), section=ksd.rectangle(1e-3, 0.04),
+        material=ksd.Material(E=200e9, nu=0.3),
+    )  # fmt: skip
+    turn = ksd.Motion("turn", "rotation", (0, 0, 1), (-0.5, 0.5))
+    drawn = ksd.DrawnJoint("my own", blocks=points, leafs=[leaf], motions=[turn])
+    with pytest.raises(ksd.RecordError, match="ksd train"):
+        ksd.solve(single_joint(drawn), turn=0.1, method="reduced")
+    assert ksd.solve(single_joint(drawn), turn=0.1).method == "conventional"
+
+
+def test_results_do_not_depend_on_earlier_solves(solve):
+    first = solve(top=0.2, method="full").motion
+    solve(top=-0.25, method="reduced", passes=2)
+    again = solve(top=0.2, method="full").motion
+    assert np.array_equal(first.x, again.x)
+    assert np.array_equal(first.inner, again.inner)
+
+
+def test_zero_drive_gives_zero_everything(solve):
+    for method in ("kinematic", "reduced", "full", "conventional"):
+        found = solve(top=0.0, method=method)
+        assert abs(found.forces["top"]) < 1e-7
+        assert np.abs(found.motion.x - found.model.rest.x).max() < 1e-9
