@@ -1,123 +1,162 @@
 """What a solve of the fourbar costs and misses: time per iteration and its split, whole solves, start-up.
 
-    python benchmarks/speed.py [--quick] [--no-start-up] [--out FOLDER] [--readme README.md]
+    python benchmarks/speed.py [--quick] [--out FOLDER] [--readme README.md]
 
-Everything is thread CPU time in one process, cases measured in turns, warm-up left out; start-up is the wall time of
-fresh processes. Writes speed.json, speed.md (the tables) and speed.png (error over time), and with --readme
+Everything is thread CPU time in one process, cases measured in turns, warm-up left out; start-up is the wall time
+of fresh processes. Writes speed.json, speed.md (the tables) and speed.png (error over time), and with --readme
 replaces the table between the markers of that file.
 """
 
 from __future__ import annotations
 
+import math
 import sys
 import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
-import numpy as np
-from common import (
-    FINEST,
-    READINGS,
-    STROKE,
-    PlainNewton,
-    Times,
-    chain,
-    fourbar,
-    machine,
-    options,
-    times_of,
-    write_json,
-)
+from common import FINEST, STROKE, PlainNewton, chain, fourbar, machine, options, times_of, write_json
+from speed_iterations import iteration_costs
 from speed_report import insert_table, markdown, picture, readme_table
 from start_up import start_up
 
 import ksd
-from ksd.model.system import assemble, solve_step, take_step
-from ksd.numerics.blocks import backward_blocks, factor_blocks, solve_blocks
-from ksd.solve import pipeline
-from ksd.solve.conventional import CAP, RTOL, conventional
-from ksd.solve.newton import iterate
+from ksd.solve.conventional import conventional
 
 TARGETS = {"top": STROKE}
+WARM = 2
 
 
-class Timed:
-    """Thread times [us] of named pieces, gathered in turns."""
+class Case(NamedTuple):
+    """One way to the configuration: method, leaf model, elements per leaf (0: strain-mode), and the call."""
 
-    def __init__(self) -> None:
-        self.spent: dict[str, list[float]] = {}
-
-    def __call__(self, name: str, call: Callable[[], Any]) -> Any:
-        begin = time.thread_time_ns()
-        result = call()
-        self.spent.setdefault(name, []).append(1e-3 * (time.thread_time_ns() - begin))
-        return result
-
-    def times(self, *, skip: int) -> dict[str, Times]:
-        """Medians and quartiles, the first `skip` rounds left out."""
-        return {name: times_of(values[skip:]) for name, values in self.spent.items()}
+    method: str
+    leafs: str
+    elements: int
+    solve: Callable[[], ksd.Configuration]
 
 
-def iteration(arrays: Any, motion: Any, work: Any, *, counts: tuple[int, int], repeats: int) -> dict[str, Any]:
-    """Cost of one iteration (assembly, factorisation, solve, update) of a prepared system, from the state `motion`.
+def five_steps(solver: ksd.Solver, leafs: str, elements: int) -> list[Case]:
+    """Every method of a prepared solver; without the error estimate, which has a row of its own."""
 
-    The time of `counts[1]` iterations minus that of `counts[0]`, in compiled code without the call; then its pieces
-    one by one, called from Python, the cost of passing the arrays subtracted. `motion` is left as it was.
-    """
-    target, kept, timed = np.array([STROKE]), motion.copy(), Timed()
-    raw: dict[str, list[float]] = {"iteration": []}
-    for _ in range(repeats + 3):
-        ends = []
-        for most in counts:
-            motion.assign(kept)
-            begin = time.thread_time_ns()
-            iterate(arrays, motion, target, 1.0, work, RTOL, most, CAP, np.inf)
-            ends.append(1e-3 * (time.thread_time_ns() - begin))
-        raw["iteration"].append((ends[1] - ends[0]) / (counts[1] - counts[0]))
-        motion.assign(kept)
-        _pieces(timed, arrays, motion, work, target)
-    motion.assign(kept)
-    found = {"iteration": times_of(raw["iteration"][3:]).numbers(), "unknowns": int(arrays.plan.unknowns)}
-    found["members"] = len(arrays.members.kind)
-    pieces = {name: t.median for name, t in timed.times(skip=3).items()}
-    calls = {"all arrays": pieces.pop("call"), "matrix only": pieces.pop("call of a solve")}
-    net = {n: t - calls["all arrays" if n in ("assembly", "update") else "matrix only"] for n, t in pieces.items()}
-    return {**found, "split_us": net, "call_from_python_us": calls}
+    def case(name: str, method: str, **more: Any) -> Case:
+        return Case(name, leafs, elements, lambda: solver(TARGETS, method=method, **more))
+
+    return [
+        case("kinematic", "kinematic", estimate=False),
+        case("reduced", "reduced", estimate=False),
+        case("reduced with estimate", "reduced"),
+        case("reduced, 1 pass", "reduced", passes=1, estimate=False),
+        case("full", "full"),
+        case("conventional", "conventional"),
+    ]
 
 
-def _pieces(timed: Timed, arrays: Any, motion: Any, work: Any, target: np.ndarray) -> None:
-    plan, blocks = arrays.plan, len(arrays.plan.size)
-    timed("call", lambda: iterate(arrays, motion, target, 1.0, work, RTOL, -1, CAP, np.inf))
-    timed("call of a solve", lambda: backward_blocks(plan, work.value, work.spare, work.rhs, 0))
-    timed("assembly", lambda: assemble(arrays, motion, target, 1.0, work, RTOL, 0))
-    timed("factorisation", lambda: factor_blocks(plan, work.value, work.spare, blocks))
-    np.negative(work.rhs, out=work.rhs)
-    timed("solve", lambda: solve_blocks(plan, work.value, work.spare, work.rhs))
-    timed("update", lambda: take_step(arrays, motion, work.rhs, work, 1.0))
-
-
-def iterations(*, repeats: int) -> dict[str, Any]:
-    """Cost of one iteration: full and reduced, Appendix A elements n = 5 and strain-mode leafs, reading 1."""
-    found = {}
-    for name, mesh in (("n = 5", chain(5)), ("strain-mode", ksd.Mesh())):
-        solver = ksd.prepare(fourbar(1), mesh=mesh)
-        solver(TARGETS, method="conventional")
-        b = solver.bench
-        b.restart()
-        found[f"full, {name}"] = iteration(b.model.arrays, b.full, b.full_work, counts=(1, 4), repeats=repeats)
-        pipeline.close(b, np.array([STROKE]))
-        pipeline.linearise(b, near=1, first=True)
-        reduced = b.bodies.reduced
-        found[f"reduced, {name}"] = iteration(reduced, b.reduced, b.reduced_work, counts=(0, 2), repeats=repeats)
-    model = ksd.compile_scene(fourbar(1), mesh=chain(5, mip=False, nodal=True))
-    work = ksd.solve.conventional.make_work(model.arrays) if hasattr(ksd.solve, "conventional") else None
-    from ksd.model.arrays import make_work
-
-    work = make_work(model.arrays)
-    assemble(model.arrays, model.rest.copy(), np.array([0.0]), 1.0, work, RTOL, 0)
-    solve_step(model.arrays, work)
-    found["full, n = 5, every element node"] = iteration(
-        model.arrays, model.rest.copy(), work, counts=(1, 4), repeats=repeats
-    )
+def cases_of(reading: int, meshes: Sequence[int]) -> list[Case]:
+    """All ways to the fourbar at d = 0.3 m."""
+    found = five_steps(ksd.prepare(fourbar(reading)), "strain-mode", 0)
+    for n in meshes:
+        leafs = f"{n} element{'s' * (n > 1)}"
+        found += five_steps(ksd.prepare(fourbar(reading), mesh=chain(n)), leafs, n)
+        found.append(Case("plain Newton", leafs, n, PlainNewton(fourbar(reading), n, TARGETS)))
+    n = 5 if 5 in meshes else meshes[-1]
+    leafs = f"{n} elements"
+    condensed = PlainNewton(fourbar(reading), n, TARGETS, nodal=False)
+    found.append(Case("plain Newton, condensed leafs", leafs, n, condensed))
+    nodal = ksd.compile_scene(fourbar(reading), mesh=chain(n, mip=False, nodal=True))
+    found.append(Case("plain Newton, turns capped", leafs, n, lambda: conventional(nodal, TARGETS)))
     return found
+
+
+def whole_solves(reading: int, meshes: Sequence[int], *, repeats: int) -> dict[str, Any]:
+    """Time of the steps and of the whole call of every case, measured in turns, and errors beside them."""
+    exact = conventional(ksd.compile_scene(fourbar(reading), mesh=FINEST), TARGETS)
+    cases = cases_of(reading, meshes)
+    steps: list[list[float]] = [[] for _ in cases]
+    calls: list[list[float]] = [[] for _ in cases]
+    results: list[Any] = [None] * len(cases)
+    for turn in range(WARM + repeats):
+        for k, case in enumerate(cases):
+            begin = time.thread_time_ns()
+            results[k] = case.solve()
+            took = 1e-3 * (time.thread_time_ns() - begin)
+            if turn >= WARM:
+                calls[k].append(took)
+                steps[k].append(1e6 * results[k].time)
+    rows = [
+        {**_figures(case, c, exact), "steps": times_of(s).numbers(), "call": times_of(w).numbers()}
+        for case, c, s, w in zip(cases, results, steps, calls, strict=True)
+    ]
+    reference = {"force_N": exact.forces["top"], "rotation_rad": float(exact.rotation("top")[2])}
+    return {"reference": {**reference, "leafs": str(FINEST)}, "rows": rows}
+
+
+def _figures(case: Case, c: ksd.Configuration, exact: ksd.Configuration) -> dict[str, Any]:
+    turned, right = (float(x.rotation("top")[2]) for x in (c, exact))
+    found: dict[str, Any] = {
+        "method": case.method,
+        "leafs": case.leafs,
+        "elements": case.elements,
+        "iterations": c.iterations,
+        "force_N": c.forces["top"],
+        "rotation_rad": turned,
+        "force_error": abs(c.forces["top"] / exact.forces["top"] - 1),
+        "rotation_error": abs(turned / right - 1),
+        "estimated_error": c.error.relative if c.error else math.nan,
+        "steps_us": {s.name: 1e6 * s.time for s in c.steps},
+    }
+    if isinstance(case.solve, PlainNewton):
+        found["eps_max"] = case.solve.eps_max
+    return found
+
+
+def claims(found: dict[str, Any]) -> list[dict[str, Any]]:
+    """The targets set for these figures, and what was measured."""
+    costs = found["iterations"]
+    rows = [r for r in found["solves"]["1"]["rows"] if r["method"] == "reduced" and r["elements"] in (0, 5)]
+    listed = [
+        ("full iteration, 5 elements [µs]", 250.0, costs["full, 5 elements"]["iteration"]["median_us"]),
+        ("reduced iteration [µs]", 20.0, costs["reduced, 5 elements"]["iteration"]["median_us"]),
+    ]
+    for r in rows:
+        listed.append((f"`reduced`, {r['leafs']}: the steps [µs]", 400.0, r["steps"]["median_us"]))
+        listed.append((f"`reduced`, {r['leafs']}: the whole call [µs]", 400.0, r["call"]["median_us"]))
+    if "start_up" in found:
+        warm = max(v["prepared_s"] for k, v in found["start_up"].items() if k != "empty cache")
+        listed.append(("second process, until it solves [s]", 2.0, warm))
+        if "empty cache" in found["start_up"]:
+            cold = found["start_up"]["empty cache"]
+            listed.append(("empty kernel cache, until solved [s]", 40.0, cold["solved_s"]))
+    return [{"what": w, "target": t, "measured": m, "met": m <= t} for w, t, m in listed]
+
+
+def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
+    """Measure, print and write everything; returns every number."""
+    add = [lambda p: p.add_argument("--readme", type=Path, help="file whose measured table is replaced")]
+    chosen = options(__doc__, argv, *add)
+    quick = chosen.quick
+    meshes, repeats = ((2, 5), 3) if quick else ((1, 2, 3, 4, 5, 6), 31)
+    print("iterations ...", file=sys.stderr)
+    found: dict[str, Any] = {
+        "machine": machine(),
+        "iterations": iteration_costs(repeats=20 if quick else 200),
+    }
+    print("whole solves ...", file=sys.stderr)
+    found["solves"] = {str(r): whole_solves(r, meshes, repeats=repeats) for r in ((1,) if quick else (1, 2))}
+    if not quick:
+        print("fresh processes ...", file=sys.stderr)
+        found["start_up"] = start_up()
+    found["claims"] = claims(found)
+    write_json(found, chosen.out / "speed.json")
+    text = markdown(found)
+    (chosen.out / "speed.md").write_text(text)
+    picture(found, chosen.out / "speed.png")
+    if chosen.readme:
+        insert_table(chosen.readme, readme_table(found))
+    print(text)
+    return found
+
+
+if __name__ == "__main__":
+    main()

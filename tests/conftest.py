@@ -1,43 +1,10 @@
-"""Scenes shared by all tests: the cross flexure and the fourbar of paper 1."""
+"""Fixtures shared by all tests; the scenes are in `scenes.py`."""
 
 import numpy as np
 import pytest
 
-import ksd
-from ksd.units import GPa, deg, mm
-
-STEEL = ksd.Material(E=200 * GPa, G=76.9 * GPa, density=7800)
-
-
-def cross_flexure(**changes):
-    """Table 1 of paper 1, with changes."""
-    sizes = {"length": 100 * mm, "angle": 45 * deg, "thickness": 1 * mm, "widths": (40 * mm, 20 * mm), **changes}
-    return ksd.CrossFlexure(STEEL, **sizes)
-
-
-def single_joint(joint=None):
-    """One joint from ground to link 'tip', driven by its relative angle 'turn'; joint axes are global axes."""
-    scene = ksd.Mechanism("one joint")
-    tip = scene.link("tip")
-    placed = scene.join(scene.ground, tip, joint or cross_flexure(), at=(0, 0, 0), axis="z", toward="x", name="hinge")
-    scene.actuate_joint(placed, name="turn")
-    return scene
-
-
-def fourbar(*, reading=1, joint=None):
-    """Section 4.3 of paper 1. Reading 1: H = 0.3 m between joint centres; reading 2: H is the side link."""
-    joint = joint or cross_flexure()
-    high = 0.3 if reading == 1 else 0.3 + joint.length_AB
-    scene = ksd.Mechanism("fourbar")
-    left, top, right = scene.links("left", "top", "right")
-    scene.join(scene.ground, left, joint, at=(-0.2, 0, 0), axis="z", toward="y", name="lower left")
-    scene.join(left, top, joint, at=(-0.2, high, 0), axis="z", toward="y", name="upper left")
-    scene.join(right, top, joint, at=(0.2, high, 0), axis="z", toward="y", name="upper right")
-    scene.join(scene.ground, right, joint, at=(0.2, 0, 0), axis="z", toward="y", name="lower right")
-    scene.actuate(top, along="x", at=(0, high + joint.length_AB, 0))
-    return scene
-
 
 @pytest.fixture
 def rng():
+    """A seeded random generator."""
     return np.random.default_rng(20240607)

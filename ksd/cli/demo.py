@@ -29,8 +29,8 @@ ELEMENTS = 5
 
 @dataclass(frozen=True)
 class Row:
-    """One way to the same configuration: median thread time of the solve and of its error estimate [s], iterations,
-    force [N], relative errors."""
+    """One way to the same configuration: median thread time [s] of the solve and of its error estimate
+    (check), iterations, force [N], relative errors."""
 
     method: str
     leafs: str
@@ -141,6 +141,12 @@ def numbers(reference: Any, rows: list[Row]) -> dict[str, Any]:
     }
 
 
+_COLUMNS = (
+    "method", "leafs", "time\n[us]", "matrix\nsolves", "force\n[N]", "\nerror", "\nestimated",
+    "found in\n[us]",
+)  # fmt: skip
+
+
 def _print(shown: Any, rows: list[Row]) -> None:
     from rich import box
     from rich.table import Table
@@ -152,9 +158,7 @@ def _print(shown: Any, rows: list[Row]) -> None:
     ((drive, value),) = shown.targets.items()
     screen.print(f"{shown.model.scene.name}: drive '{drive}' at {1e3 * value:.6g} mm", style="bold")
     table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
-    for i, name in enumerate(
-        ("method", "leafs", "time [us]", "iterations", "force [N]", "error", "estimated", "in [us]")
-    ):
+    for i, name in enumerate(_COLUMNS):
         table.add_column(Text(name), justify="left" if i < 2 else "right")
     for before, r in zip([rows[0], *rows[:-1]], rows, strict=True):
         if before.leafs != r.leafs:
@@ -172,10 +176,10 @@ def _print(shown: Any, rows: list[Row]) -> None:
         )
     screen.print(table)
     screen.print(
-        "Time: median thread time, kernels loaded. Iterations: matrix solves. Error: the larger of force\n"
-        "and displacement error, against a finer mesh. Estimated: what the solve itself says of it, apart\n"
-        "from its mesh, and the time that takes. Elements: Appendix A of Dwarshuis et al. (2020), per leaf;\n"
-        "Newton: plain, as in its Appendix B, instead of mixed integration points."
+        "Time: median thread time, kernels loaded. Error: the larger of force and displacement error,\n"
+        "against a finer mesh. Estimated: what the solve itself says of it, apart from its mesh, and the\n"
+        "time that takes. Elements: Appendix A of Dwarshuis et al. (2020), per leaf; Newton: plain, as in\n"
+        "its Appendix B, instead of mixed integration points."
     )
 
 

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass, field
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -78,9 +79,12 @@ class Modes:
 
     @property
     def first_parasitic_Hz(self) -> float:
-        """Lowest frequency that is not the intended motion's; with all drives held, the lowest of all."""
+        """Lowest frequency that is not the intended motion's; with all drives held, the lowest of all.
+
+        nan when no other mode was asked for.
+        """
         skip = self.intended
-        return float(next(f for k, f in enumerate(self.frequency_Hz) if k != skip))
+        return float(next((f for k, f in enumerate(self.frequency_Hz) if k != skip), np.nan))
 
 
 def _apply(tangent: Tangent, mass: Inertia, loads: Array) -> Array:
@@ -88,13 +92,15 @@ def _apply(tangent: Tangent, mass: Inertia, loads: Array) -> Array:
     n = tangent.arrays.plan.unknowns
     out = np.empty_like(loads)
     out[:n] = tangent.solve(loads[:n])
-    for at, Z in zip(_inner_starts(mass), mass.flexible, strict=True):
+    if mass.flexible and all(Z.shape == mass.flexible[0].shape for Z in mass.flexible):
+        # leafs of one kind are one batch
+        N, count = len(mass.flexible[0]), len(mass.flexible)
+        out[n:] = (np.stack(mass.flexible) @ loads[n:].reshape(count, N, -1)).reshape(count * N, -1)
+        return out
+    starts = [a for a, b in pairwise(mass.inner) if b > a]
+    for at, Z in zip(starts, mass.flexible, strict=True):
         out[at : at + len(Z)] = Z @ loads[at : at + len(Z)]
     return out
-
-
-def _inner_starts(mass: Inertia) -> list[int]:
-    return [int(a) for a, b in zip(mass.inner[:-1], mass.inner[1:], strict=True) if b > a]
 
 
 def _dense(tangent: Tangent, mass: Inertia, count: int) -> tuple[Array, Array]:
@@ -158,7 +164,8 @@ def frequencies(
     fine, state = unfolded(model, motion)
     mass = inertia(fine, state)
     tangent = factored_tangent(fine, state, freed=freed, load_factor=load_factor)
-    small = mass.size <= DENSE if dense is None else dense
+    # the dense route costs by the unknowns that have mass
+    small = np.unique(np.concatenate(mass.places)).size <= DENSE if dense is None else dense
     values, vectors = (_dense if small else _lanczos)(tangent, mass, count)
     keep = np.abs(values) > EMPTY * np.abs(values).max(initial=0.0)
     values, vectors = values[keep], vectors[:, keep]

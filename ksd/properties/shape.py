@@ -105,7 +105,7 @@ def member_parts(model: Model, motion: Motion, i: int) -> tuple[Array, NDArray[n
 
 
 class _Tables(NamedTuple):
-    """What `ksd.beam.strain_values` wrote: points s (g,), edges of the panels (p+1,), their points (panel), and at
+    """What `ksd.beam.strain_values` wrote: points s (g,), edges of the panels (p+1,), their points, and at
     the points curvature kappa (g, 3) [1/m] and compliance soft (g, 3) [1/N]."""
 
     s: Array

@@ -157,11 +157,10 @@ def stress_points(section: Any) -> StressPoints:
 
 
 def _leaf_stress(forces: SectionForces, leaf: Any) -> LeafStress:
-    profile = getattr(leaf, "profile", None)
-    count = len(forces.s)
+    profile, count = getattr(leaf, "profile", None), len(forces.s)
     # a station on a step of the profile takes the section just inside
     at = np.clip(forces.s / forces.s[-1], 1e-9, 1 - 1e-9)
-    sections = [leaf.section] * count if profile is None else [profile.section(float(s)) for s in at]
+    sections = [leaf.section] if profile is None else [profile.section(float(s)) for s in at]
     found = [stress_points(q) for q in sections]
     y, z = np.array([f.y for f in found]), np.array([f.z for f in found])
     A, Iy, Iz = (np.array([[getattr(q, n)] for q in sections]) for n in ("A", "Iy", "Iz"))
@@ -180,8 +179,8 @@ def _leaf_stress(forces: SectionForces, leaf: Any) -> LeafStress:
         name=forces.name,
         s=forces.s,
         points=found[0].names,
-        y=y,
-        z=z,
+        y=np.broadcast_to(y, (count, y.shape[1])),
+        z=np.broadcast_to(z, (count, z.shape[1])),
         normal_Pa=normal,
         shear_Pa=shear,
         von_mises_Pa=np.sqrt(normal**2 + 3 * shear**2),

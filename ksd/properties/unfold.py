@@ -14,10 +14,12 @@ from dataclasses import replace
 
 import numpy as np
 
+from ksd.errors import SceneError
 from ksd.model.arrays import COROTATIONAL, STRAIN, Motion, make_work
 from ksd.model.compile import Model, compile_scene
 from ksd.model.system import assemble, take_step
 from ksd.properties.kept import per_model
+from ksd.properties.shape import scene_leafs
 
 MOST = 12
 """Modes per axis the mesh allows."""
@@ -30,6 +32,12 @@ def finer(model: Model) -> Model:
     """The model with chain nodes in the open and one more mode per axis in strain-mode leafs."""
     mesh, kind = model.mesh, model.arrays.members.kind
     if np.any(kind == COROTATIONAL) and not mesh.nodal:
+        for name, leaf in scene_leafs(model).items():
+            if leaf.curve is not None or leaf.profile is not None:
+                raise SceneError(
+                    f"leaf '{name}' is curved or has a profile: its frequencies and buckling are answered by "
+                    "strain-mode leafs (leaf='strain') only, not by chains of elements"
+                )
         return compile_scene(model.scene, mesh=replace(mesh, nodal=True))
     if np.any(kind == STRAIN) and max(mesh.orders) < MOST:
         nx, ny, nz = mesh.orders

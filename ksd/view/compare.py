@@ -48,7 +48,7 @@ def _scales(axes: Any, marks: Sequence[Mark]) -> None:
     times, errors = (np.array([getattr(m, key) for m in marks]) for key in ("time", "error"))
     axes.set_xscale("log")
     axes.set_yscale("log")
-    axes.set_xlim(0.25e6 * times.min(), 6.0e6 * times.max())
+    axes.set_xlim(0.25e6 * times.min(), 9.0e6 * times.max())
     axes.set_ylim(30 * errors.min(), 500 * errors.max())
     for axis in (axes.xaxis, axes.yaxis):
         axis.set_major_formatter("{x:g}")

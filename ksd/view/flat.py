@@ -59,7 +59,7 @@ def plot_mechanism(
     for leaf in shape.leafs:
         _line(axes, leaf.place[:, pick], color=LEAF, linewidth=1.8, zorder=4)
     axes.set_aspect("equal")
-    axes.margins(0.12)
+    axes.margins(0.16, 0.12)
     _drives(axes, configuration, shape, pick, labels)
     axes.set_xlabel(f"{plane[0]} [mm]")
     axes.set_ylabel(f"{plane[1]} [mm]")
@@ -99,7 +99,7 @@ def _outline(axes: Any, points: Array, color: str, alpha: float, zorder: float) 
 
 
 def _pieces(block: Any, points: Array) -> list[Array]:
-    """Ground in one piece per joint, as it has no body of its own; other blocks, and ground of single leafs, whole."""
+    """Ground in one piece per joint, as it has no body of its own; other blocks and ground of leafs whole."""
     owners = np.array(block.owner)
     pieces = [points[owners == name] for name in dict.fromkeys(block.owner)]
     single = all(np.ptp(piece, axis=0).max() < 1e-9 for piece in pieces)

@@ -4,7 +4,7 @@ algebra."""
 import numpy as np
 import pytest
 import scipy.linalg
-from conftest import STEEL, cross_flexure, fourbar, single_joint
+from scenes import STEEL, cross_flexure, fourbar, single_joint
 
 import ksd
 from ksd.errors import SceneError
@@ -188,3 +188,62 @@ def test_modes_follow_each_other_along_a_stroke():
         if before is not None:
             assert before.assurance(now)[0].max() > 0.8
         before = now
+
+
+def row(pieces, **leaf):
+    """Free leafs in a row from ground, `pieces` of (start, end, words); the last link is free."""
+    scene = ksd.Mechanism("row")
+    links = [scene.ground, *scene.links(*(f"n{k}" for k in range(len(pieces))))]
+    for k, (start, end, words) in enumerate(pieces):
+        scene.leaf(
+            links[k], links[k + 1], start=start, end=end, material=STEEL, width_axis=(0, 0, 1), name=f"p{k}",
+            **{"section": rectangle(1e-3, 0.02), **leaf, **words},
+        )  # fmt: skip
+    model = compile_scene(scene)
+    return frequencies(model, model.rest, count=3).frequency_Hz
+
+
+def test_a_tapered_leaf_vibrates_as_many_short_ones():
+    thick = (2e-3, 1e-3)
+    one = row(
+        [
+            (
+                (0, 0, 0),
+                (0.1, 0, 0),
+                {"profile": ksd.Taper(thick, (0.02, 0.02)), "section": rectangle(1e-3, 0.02)},
+            )
+        ]
+    )
+    error = []
+    for n in (6, 12):
+        cuts = np.linspace(0, 0.1, n + 1)
+        sections = [rectangle(np.interp((k + 0.5) / n, (0, 1), thick), 0.02) for k in range(n)]
+        many = row(
+            [
+                ((a, 0, 0), (b, 0, 0), {"section": q})
+                for a, b, q in zip(cuts, cuts[1:], sections, strict=False)
+            ]
+        )
+        error.append(np.abs(many / one - 1).max())
+    assert error[1] < 0.35 * error[0] < 1e-2
+
+
+def test_a_curved_leaf_vibrates_as_its_two_halves():
+    radius, angle = 0.1, 1.0
+    end = radius * np.array([np.sin(angle), 1 - np.cos(angle), 0])
+    middle = radius * np.array([np.sin(angle / 2), 1 - np.cos(angle / 2), 0])
+    one = row([((0, 0, 0), tuple(end), {"curve": ksd.Arc(radius, angle)})])
+    half = ksd.Arc(radius, angle / 2)
+    two = row([((0, 0, 0), tuple(middle), {"curve": half}), (tuple(middle), tuple(end), {"curve": half})])
+    assert one == pytest.approx(two, rel=2e-3)
+
+
+def test_chains_of_a_tapered_leaf_say_what_to_do():
+    scene = ksd.Mechanism("taper")
+    scene.leaf(
+        scene.ground, scene.link("tip"), start=(0, 0, 0), end=(0.1, 0, 0), section=rectangle(1e-3, 0.02),
+        material=STEEL, width_axis=(0, 0, 1), name="wedge", profile=ksd.Taper((2e-3, 1e-3), (0.02, 0.02)),
+    )  # fmt: skip
+    model = compile_scene(scene, mesh=Mesh("corotational", elements=4))
+    with pytest.raises(SceneError, match="leaf 'wedge' is curved or has a profile"):
+        frequencies(model, model.rest)

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from conftest import STEEL, fourbar
+from scenes import STEEL, fourbar
 
 import ksd
 from ksd.errors import SceneError

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from conftest import cross_flexure, fourbar, single_joint
+from scenes import cross_flexure, fourbar, single_joint
 from scipy.spatial.transform import Rotation
 
 from ksd.errors import KinematicsError, SceneError

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from conftest import cross_flexure, fourbar, single_joint
+from scenes import cross_flexure, fourbar, single_joint
 
 import ksd
 from ksd.model.orders import highest_share, mesh_for, raised

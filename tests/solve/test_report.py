@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from conftest import fourbar, single_joint
+from scenes import fourbar, single_joint
 
 import ksd
 from ksd.model.compile import compile_scene

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from conftest import STEEL
+from scenes import STEEL
 
 import ksd
 from ksd.model.compile import compile_scene

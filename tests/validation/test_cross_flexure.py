@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from conftest import STEEL, cross_flexure, single_joint
+from scenes import STEEL, cross_flexure, single_joint
 
 import ksd
 from ksd.model.compile import compile_scene

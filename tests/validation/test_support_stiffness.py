@@ -7,7 +7,7 @@ its plane). They use the shear coefficient of Cowper at nu = 0.3, k = 10 (1 + nu
 
 import numpy as np
 import pytest
-from conftest import STEEL
+from scenes import STEEL
 
 import ksd
 from ksd.model.compile import compile_scene

@@ -5,7 +5,7 @@ from itertools import combinations
 
 import numpy as np
 import pytest
-from conftest import fourbar, single_joint
+from scenes import fourbar, single_joint
 
 from ksd.errors import SceneError
 from ksd.model.compile import compile_scene

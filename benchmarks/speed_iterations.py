@@ -1,0 +1,115 @@
+"""What one iteration costs, and its split, by calling the compiled kernels directly."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import numpy as np
+from common import STROKE, chain, fourbar, times_of
+
+import ksd
+from ksd.model.arrays import Arrays, Motion, Work, make_work
+from ksd.model.system import assemble, take_step
+from ksd.numerics.blocks import backward_blocks, factor_blocks, solve_blocks
+from ksd.solve import pipeline
+from ksd.solve.conventional import CAP, RTOL
+from ksd.solve.newton import iterate
+
+TARGET = np.array([STROKE])
+WARM = 3
+
+
+class System(NamedTuple):
+    """A system to iterate: its arrays, the state it starts from, storage, and two iteration counts.
+
+    Both counts must be below what the state needs to converge.
+    """
+
+    arrays: Arrays
+    start: Motion
+    work: Work
+    counts: tuple[int, int]
+
+
+def systems() -> dict[str, System]:
+    """The fourbar (reading 1) at d = 0.3 m: full from rest, reduced from the closed loops."""
+    found = {}
+    for name, mesh in (("5 elements", chain(5)), ("strain-mode", ksd.Mesh())):
+        solver = ksd.prepare(fourbar(1), mesh=mesh)
+        b = solver.bench
+        pipeline.close(b, TARGET)
+        pipeline.linearise(b, near=1, first=True)
+        arrays, reduced = b.model.arrays, b.bodies.reduced
+        found[f"full, {name}"] = System(arrays, b.model.rest.copy(), b.full_work, (1, 4))
+        found[f"reduced, {name}"] = System(reduced, b.reduced.copy(), b.reduced_work, (0, 2))
+    model = ksd.compile_scene(fourbar(1), mesh=chain(5, mip=False, nodal=True))
+    baseline = System(model.arrays, model.rest.copy(), make_work(model.arrays), (1, 4))
+    found["full, 5 elements, nodal plain Newton"] = baseline
+    return found
+
+
+class _Clock:
+    """Thread times [us] of named pieces."""
+
+    def __init__(self) -> None:
+        self.spent: dict[str, list[float]] = {}
+
+    def __call__(self, name: str, call: Callable[[], Any]) -> None:
+        begin = time.thread_time_ns()
+        call()
+        self.spent.setdefault(name, []).append(1e-3 * (time.thread_time_ns() - begin))
+
+
+def _run(system: System, motion: Motion, most: int) -> float:
+    motion.assign(system.start)
+    begin = time.thread_time_ns()
+    iterate(system.arrays, motion, TARGET, 1.0, system.work, RTOL, most, CAP, math.inf)
+    return 1e-3 * (time.thread_time_ns() - begin)
+
+
+def _pieces(system: System, motion: Motion, clock: _Clock) -> None:
+    arrays, work = system.arrays, system.work
+    plan, blocks = arrays.plan, len(arrays.plan.size)
+    motion.assign(system.start)
+    clock("call, all", lambda: iterate(arrays, motion, TARGET, 1.0, work, RTOL, -1, CAP, math.inf))
+    clock("call, matrix", lambda: backward_blocks(plan, work.value, work.spare, work.rhs, 0))
+    clock("assembly", lambda: assemble(arrays, motion, TARGET, 1.0, work, RTOL, 0))
+    clock("factorisation", lambda: factor_blocks(plan, work.value, work.spare, blocks))
+    np.negative(work.rhs, out=work.rhs)
+    clock("solve", lambda: solve_blocks(plan, work.value, work.spare, work.rhs))
+    clock("update", lambda: take_step(arrays, motion, work.rhs, work, 1.0))
+
+
+def iteration_costs(*, repeats: int) -> dict[str, Any]:
+    """Per system: time of one iteration [us], its split, what calling from Python adds, and sizes.
+
+    An iteration is assembly, factorisation, solve and update. Its time is that of counts[1] iterations minus that of
+    counts[0], over the difference, so in compiled code without the call. The pieces are called from Python one
+    by one, and the time of a call that does nothing is subtracted. Systems are measured in turns.
+    """
+    cases = systems()
+    motions = {name: s.start.copy() for name, s in cases.items()}
+    clocks = {name: _Clock() for name in cases}
+    whole: dict[str, list[float]] = {name: [] for name in cases}
+    for _ in range(WARM + repeats):
+        for name, s in cases.items():
+            few, many = (_run(s, motions[name], most) for most in s.counts)
+            whole[name].append((many - few) / (s.counts[1] - s.counts[0]))
+            _pieces(s, motions[name], clocks[name])
+    return {name: _row(s, whole[name], clocks[name]) for name, s in cases.items()}
+
+
+def _row(system: System, whole: list[float], clock: _Clock) -> dict[str, Any]:
+    pieces = {name: times_of(spent[WARM:]).median for name, spent in clock.spent.items()}
+    calls = {"all": pieces.pop("call, all"), "matrix": pieces.pop("call, matrix")}
+    split = {n: t - calls["all" if n in ("assembly", "update") else "matrix"] for n, t in pieces.items()}
+    return {
+        "iteration": times_of(whole[WARM:]).numbers(),
+        "split_us": split,
+        "call_from_python_us": calls["all"],
+        "members": len(system.arrays.members.kind),
+        "unknowns": int(system.arrays.plan.unknowns),
+    }

@@ -1,0 +1,228 @@
+"""The measured figures as markdown tables, as a picture, and in the README."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Any
+
+from common import READINGS, canvas, label
+
+BEGIN, END = "<!-- measured:begin -->", "<!-- measured:end -->"
+ORANGE, BLUE, GREEN, VIOLET, GREY = "#c2410c", "#3b6ea5", "#5a9a4a", "#8a63b0", "#444b57"
+SERIES = {
+    "reduced": GREEN,
+    "reduced, 1 pass": BLUE,
+    "full": ORANGE,
+    "conventional": VIOLET,
+    "plain Newton": GREY,
+}
+README_ROWS = ("kinematic", "reduced", "reduced, 1 pass", "full", "conventional", "plain Newton")
+
+
+def percent(error: float | None) -> str:
+    """Two figures of a relative error, in percent."""
+    if error is None or not math.isfinite(error):
+        return "-"
+    if error < 5e-12:
+        return "0"
+    digits = max(0, 1 - math.floor(math.log10(100 * error)))
+    return f"{100 * error:.{digits}f} %" if digits < 7 else f"{100 * error:.1e} %"
+
+
+def span(times: dict[str, Any], digits: int = 0) -> str:
+    """Median and quartiles of a time."""
+    low, high = times["quartiles_us"]
+    return f"{times['median_us']:.{digits}f} ({low:.{digits}f} to {high:.{digits}f})"
+
+
+def _table(head: list[str], rows: list[list[str]], *, left: int) -> list[str]:
+    marks = ["---" if k < left else "---:" for k in range(len(head))]
+    return ["| " + " | ".join(cells) + " |" for cells in (head, marks, *rows)]
+
+
+def solves_table(rows: list[dict[str, Any]]) -> list[str]:
+    """One row per way to the configuration."""
+    head = ["method", "leafs", "iterations", "steps [µs]", "whole call [µs]", "force error", "rotation error"]
+    body = [
+        [
+            r["method"],
+            r["leafs"],
+            str(r["iterations"]),
+            span(r["steps"]),
+            span(r["call"]),
+            percent(r["force_error"]),
+            percent(r["rotation_error"]),
+        ]
+        for r in rows
+    ]
+    return _table(head, body, left=2)
+
+
+def iterations_table(costs: dict[str, Any]) -> list[str]:
+    """One row per system: an iteration and its pieces."""
+    head = ["system", "members", "unknowns", "iteration [µs]", "assembly", "factorisation", "solve", "update"]
+    pieces = ("assembly", "factorisation", "solve", "update")
+    body = [
+        [name, str(c["members"]), str(c["unknowns"]), span(c["iteration"], 1)]
+        + [f"{c['split_us'][p]:.1f}" for p in pieces]
+        for name, c in costs.items()
+    ]
+    return _table(head, body, left=1)
+
+
+def claims_table(claims: list[dict[str, Any]]) -> list[str]:
+    """Targets met and missed."""
+    body = [
+        [c["what"], f"{c['target']:g}", f"{c['measured']:.3g}", "met" if c["met"] else "MISSED"]
+        for c in claims
+    ]
+    return _table(["target", "at most", "measured", ""], body, left=1)
+
+
+def spoken_machine(machine: dict[str, Any]) -> str:
+    """Date, processor and versions in one line."""
+    names = ("ksd", "python", "numpy", "numba")
+    versions = ", ".join(f"{n} {machine[n]}" for n in names)
+    return f"{machine['date']}, one thread of {machine['processor']}, {versions}"
+
+
+def markdown(found: dict[str, Any]) -> str:
+    """All tables of speed.md."""
+    lines = [
+        "# Speed of the fourbar of paper 1",
+        "",
+        f"Measured by `benchmarks/speed.py` on {spoken_machine(found['machine'])}.",
+        "",
+        "Thread CPU time, medians (quartiles), cases in turns in one process. Steps: the compiled work of a solve;",
+        "whole call: that and what Python does around it, as the user pays it. Errors against strain-mode leafs of",
+        "orders (6, 5, 9). Plain Newton: the paper's conventional method (all element nodes, best eps_max per",
+        "case); capped: no node turns more than 0.3 rad in one iteration, which the paper's does not do.",
+        "",
+        "## Targets",
+        "",
+        *claims_table(found["claims"]),
+        "",
+        "## One iteration (d = 0.3 m, reading 1)",
+        "",
+        *iterations_table(found["iterations"]),
+        "",
+        "The iteration is timed inside compiled code; its pieces one by one from Python, less an empty call.",
+    ]
+    for reading, solves in found["solves"].items():
+        force, turn = solves["reference"]["force_N"], 1e3 * solves["reference"]["rotation_rad"]
+        title = f"## Whole solves, d = 0.3 m, reading {reading} ({READINGS[int(reading)]})"
+        said = f"Converged: force {force:.4f} N, rotation of the top link {turn:.4f} mrad."
+        lines += ["", title, "", said, "", *solves_table(solves["rows"])]
+    if "start_up" in found:
+        lines += ["", "## Fresh processes, wall time", "", *_start_up_table(found["start_up"])]
+    return "\n".join(lines) + "\n"
+
+
+def _start_up_table(cases: dict[str, Any]) -> list[str]:
+    body = [[name, f"{c['prepared_s']:.2f}", f"{c['solved_s']:.2f}"] for name, c in cases.items()]
+    return _table(["first solve of a process", "prepared [s]", "solved [s]"], body, left=1)
+
+
+def readme_table(found: dict[str, Any]) -> str:
+    """The table of the README: the fourbar of its script by every method, and the targets."""
+    solves = found["solves"]["1"]
+    kept = [r for r in solves["rows"] if r["method"] in README_ROWS and r["elements"] in (0, 5)]
+    head = ["method", "leafs", "iterations", "steps [µs]", "whole call [µs]", "force error", "rotation error"]
+    body = [
+        [
+            f"`{r['method']}`"
+            if r["method"] in ("kinematic", "reduced", "full", "conventional")
+            else r["method"],
+            r["leafs"],
+            str(r["iterations"]),
+            f"{r['steps']['median_us']:.0f}",
+            f"{r['call']['median_us']:.0f}",
+            percent(r["force_error"]),
+            percent(r["rotation_error"]),
+        ]
+        for r in kept
+    ]
+    costs = found["iterations"]
+    lines = [
+        f"The fourbar above at d = 300 mm ({spoken_machine(found['machine'])}; thread time, medians;",
+        "regenerate with `python benchmarks/speed.py --readme README.md`):",
+        "",
+        *_table(head, body, left=2),
+        "",
+        "Steps: the compiled work; whole call: with what Python does around it. Error: against strain-mode leafs of "
+        "orders (6, 5, 9). Plain",
+        "Newton: the conventional method of the paper on all element nodes, with the best eps_max. One iteration of "
+        f"everything costs {costs['full, 5 elements']['iteration']['median_us']:.0f} µs",
+        f"(5 elements per leaf) or {costs['full, strain-mode']['iteration']['median_us']:.0f} µs (strain-mode), of "
+        f"the reduced mechanism {costs['reduced, 5 elements']['iteration']['median_us']:.1f} µs. All tables: "
+        "`benchmarks/results/speed.md`.",
+    ]
+    return "\n".join(lines)
+
+
+def insert_table(readme: Path, table: str) -> None:
+    """Replace what stands between the markers of `readme` by `table`. ValueError when the markers are not there."""
+    text = readme.read_text()
+    if text.count(BEGIN) != 1 or text.count(END) != 1 or text.index(BEGIN) > text.index(END):
+        raise ValueError(f"{readme.name} needs the lines '{BEGIN}' and '{END}', once each and in this order")
+    head, rest = text.split(BEGIN)
+    readme.write_text(f"{head}{BEGIN}\n{table}\n{END}{rest.split(END)[1]}")
+
+
+def picture(found: dict[str, Any], path: Path) -> None:
+    """Error over time of a whole call, for force and rotation; a line leads to the time of the steps alone."""
+    solves = found["solves"]
+    title = "Fourbar at d = 0.3 m: what accuracy costs. Mark: whole call; its line reaches back to the steps alone"
+    figure, grid = canvas(len(solves), 2, size=(5.6, 4.2), title=title)
+    for row, (reading, solved) in zip(grid, solves.items(), strict=True):
+        for axes, key in zip(row, ("force_error", "rotation_error"), strict=True):
+            _panel(axes, solved["rows"], key)
+            label(
+                axes,
+                x="thread time [µs]",
+                y=f"relative error of the {key.split('_')[0]} [%]",
+                title=f"reading {reading}: {READINGS[int(reading)]}",
+                legend=axes is row[0] and reading == "1",
+                loc="lower right",
+            )
+    figure.savefig(path)
+
+
+def _panel(axes: Any, rows: list[dict[str, Any]], key: str) -> None:
+    for method, color in SERIES.items():
+        mine = [r for r in rows if r["method"] == method]
+        chains = sorted((r for r in mine if r["elements"]), key=lambda r: r["elements"])
+        x = [r["call"]["median_us"] for r in chains]
+        y = [100 * r[key] for r in chains]
+        axes.plot(x, y, color=color, linewidth=0.8, alpha=0.6, zorder=2)
+        axes.plot(x, y, "s", color=color, markersize=4, label=f"{method}, n elements", zorder=3)
+        for r, at, error in zip(chains, x, y, strict=True):
+            axes.annotate(
+                str(r["elements"]), (at, error), (3, 3), textcoords="offset points", fontsize=6, color=color
+            )
+        for r in mine:
+            at, error = r["call"]["median_us"], 100 * r[key]
+            style = {"color": color, "linewidth": 0.7, "alpha": 0.5, "zorder": 1}
+            axes.plot([r["steps"]["median_us"], at], [error, error], **style)
+            if not r["elements"]:
+                axes.plot(at, error, "o", color=color, markersize=8, markeredgecolor="black", zorder=4)
+                axes.annotate(
+                    f"{method}, strain-mode", (at, error), (8, -3), textcoords="offset points", fontsize=7
+                )
+    front = pareto([(r["call"]["median_us"], 100 * r[key]) for r in rows])
+    axes.step(
+        *zip(*front, strict=True), where="post", color="black", linewidth=0.8, linestyle=":", label="front"
+    )
+    axes.set_xscale("log")
+    axes.set_yscale("log")
+    axes.yaxis.set_major_formatter("{x:g}")
+
+
+def pareto(points: list[tuple[float, float]]) -> list[tuple[float, float]]:
+    """Those (time, error) that no other beats in both, by rising time."""
+    kept: list[tuple[float, float]] = []
+    for time, error in sorted(points):
+        if not kept or error < kept[-1][1]:
+            kept.append((time, error))
+    return kept

@@ -1,0 +1,53 @@
+"""How long a fresh process takes to its first solution, with the compiled kernels on disk and without."""
+
+from __future__ import annotations
+
+import os
+import statistics
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+from typing import Any
+
+HERE = Path(__file__).resolve().parent
+PROGRAM = """
+import sys, time
+from common import chain, fourbar
+import ksd
+solver = ksd.prepare(fourbar(), mesh={mesh})
+ready = time.time()
+solver(top=0.3, method="{method}")
+begin = float(sys.argv[1])
+print(ready - begin, time.time() - begin)
+"""
+CASES = {
+    "full, strain-mode": PROGRAM.format(mesh="None", method="full"),
+    "full, 5 elements": PROGRAM.format(mesh="chain(5)", method="full"),
+}
+
+
+def first_solution(program: str, cache: str | None = None) -> dict[str, Any]:
+    """Wall time [s] from starting a process to a prepared solver and to its first solution.
+
+    cache: folder of the compiled kernels (the user's own when None).
+    """
+    settings = {**os.environ, **({"KSD_CACHE_DIR": cache} if cache else {})}
+    command = [sys.executable, "-c", program, repr(time.time())]
+    done = subprocess.run(command, capture_output=True, text=True, cwd=HERE, env=settings, check=True)
+    ready, solved = (float(t) for t in done.stdout.split())
+    return {"prepared_s": ready, "solved_s": solved, "message": "compiling" in done.stderr}
+
+
+def start_up(*, repeats: int = 3, cold: bool = True) -> dict[str, Any]:
+    """Medians for a warm cache, and one run with an empty one."""
+    found: dict[str, Any] = {}
+    for name, program in CASES.items():
+        first_solution(program)
+        runs = [first_solution(program) for _ in range(repeats)]
+        found[name] = {key: statistics.median(r[key] for r in runs) for key in ("prepared_s", "solved_s")}
+    if cold:
+        with tempfile.TemporaryDirectory() as empty:
+            found["empty cache"] = first_solution(CASES["full, strain-mode"], empty)
+    return found
