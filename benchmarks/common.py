@@ -94,9 +94,9 @@ def chain(n: int, *, mip: bool = True, nodal: bool = False) -> Mesh:
 class PlainNewton:
     """The conventional method of paper 1, Appendix B, with the eps_max best for it at the given drive values.
 
-    Plain Newton on all element nodes (`nodal`) or on the condensed chains; a step is given up when the residual
-    exceeds eps_max, and halved. eps_max is chosen once, from EPS_MAX, by the number of matrix solves among those
-    that end in the state found with the smallest. Raises ConvergenceError when none converges.
+    Plain Newton on all element nodes (`nodal`) or on the condensed chains; a step is given up when the
+    residual exceeds eps_max, and halved. eps_max is chosen once, from EPS_MAX, by the number of matrix solves
+    among those that end in the state found with the smallest. Raises ConvergenceError when none converges.
     """
 
     def __init__(self, scene: Any, n: int, targets: Mapping[str, float], *, nodal: bool = True) -> None:

@@ -2,9 +2,9 @@
 
     python benchmarks/speed.py [--quick] [--out FOLDER] [--readme README.md]
 
-Everything is thread CPU time in one process, cases measured in turns, warm-up left out; start-up is the wall time
-of fresh processes. Writes speed.json, speed.md (the tables) and speed.png (error over time), and with --readme
-replaces the table between the markers of that file.
+Everything is thread CPU time in one process, cases measured in turns, warm-up left out; start-up is the wall
+time of fresh processes. Writes speed.json, speed.md (the tables) and speed.png (error over time), and with
+--readme replaces the table between the markers of that file.
 """
 
 from __future__ import annotations

@@ -76,7 +76,7 @@ def _pieces(system: System, motion: Motion, clock: _Clock) -> None:
     motion.assign(system.start)
     clock("call, all", lambda: iterate(arrays, motion, TARGET, 1.0, work, RTOL, -1, CAP, math.inf))
     clock("call, matrix", lambda: backward_blocks(plan, work.value, work.spare, work.rhs, 0))
-    clock("assembly", lambda: assemble(arrays, motion, TARGET, 1.0, work, RTOL, 0))
+    clock("assembly", lambda: assemble(arrays, motion, TARGET, 1.0, work, RTOL, 0, 10.0))
     clock("factorisation", lambda: factor_blocks(plan, work.value, work.spare, blocks))
     np.negative(work.rhs, out=work.rhs)
     clock("solve", lambda: solve_blocks(plan, work.value, work.spare, work.rhs))
@@ -86,9 +86,9 @@ def _pieces(system: System, motion: Motion, clock: _Clock) -> None:
 def iteration_costs(*, repeats: int) -> dict[str, Any]:
     """Per system: time of one iteration [us], its split, what calling from Python adds, and sizes.
 
-    An iteration is assembly, factorisation, solve and update. Its time is that of counts[1] iterations minus that of
-    counts[0], over the difference, so in compiled code without the call. The pieces are called from Python one
-    by one, and the time of a call that does nothing is subtracted. Systems are measured in turns.
+    An iteration is assembly, factorisation, solve and update. Its time is that of counts[1] iterations minus
+    that of counts[0], over the difference, so in compiled code without the call. The pieces are called from
+    Python one by one, and the time of a call that does nothing is subtracted. Systems are measured in turns.
     """
     cases = systems()
     motions = {name: s.start.copy() for name, s in cases.items()}

@@ -44,7 +44,7 @@ def _quadrature(points: int, breaks: tuple[float, ...]) -> tuple[np.ndarray, np.
     local = np.polynomial.legendre.legval(x, raised.T).T
     s, weight, rows = [], [], []
     total = points * (len(breaks) - 1)
-    for p, (a, b) in enumerate(zip(breaks[:-1], breaks[1:], strict=True)):
+    for p, (a, b) in enumerate(pairwise(breaks)):
         half = 0.5 * (b - a)
         s.append(a + half * (1 + x))
         weight.append(half * w)

@@ -189,7 +189,7 @@ def build_reduced(model: Model) -> tuple[Arrays, Motion]:
     scene = model.scene
     places = reference_points(scene)
     index = {link: i for i, link in enumerate(scene.links)}
-    members = []
+    members: list[Member] = []
     for placed in scene.joints:
         a, b = index[placed.a], index[placed.b]
         floor = max(model.arrays.members.floor[model.joint_members[len(members)]], default=1.0)

@@ -64,5 +64,6 @@ def highest_share(model: Model, motion: Motion) -> tuple[float, str, int]:
 
 def raised(mesh: Mesh, axis: int) -> Mesh:
     """The same mesh with two more modes about `axis` (0 torsion, 1 strong, 2 weak bending) and points to match."""
-    orders = tuple(n + 2 * (k == axis) for k, n in enumerate(mesh.orders))
+    nx, ny, nz = (n + 2 * (k == axis) for k, n in enumerate(mesh.orders))
+    orders = (nx, ny, nz)
     return replace(mesh, orders=orders, points=max(mesh.points, max(orders) + 2))

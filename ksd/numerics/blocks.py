@@ -110,10 +110,12 @@ def _lay_out(size: np.ndarray, below: list[set[int]]) -> Blocks:
         first.append(len(row))
         first_target.append(len(target))
     values = sum(int(size[i] * size[k]) for i, k in offsets)
-    ints = [np.array(x, np.int64) for x in (first, row, place, first_target, target)]
+    first_, row_, place_, first_target_, target_ = (
+        np.array(x, np.int64) for x in (first, row, place, first_target, target)
+    )
     start = np.concatenate([[0], np.cumsum(size)]).astype(np.int64)
     diagonal = np.array([offsets[(k, k)] for k in range(count)], np.int64)
-    return Blocks(size, start, diagonal, *ints, values, int(start[-1]))
+    return Blocks(size, start, diagonal, first_, row_, place_, first_target_, target_, values, int(start[-1]))
 
 
 @kernel

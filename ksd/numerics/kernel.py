@@ -76,7 +76,7 @@ def _prepare() -> None:
     import numba
 
     if FOLDER is not None:
-        numba.config.CACHE_DIR = str(FOLDER)
+        numba.config.CACHE_DIR = str(FOLDER)  # type: ignore[attr-defined]
     _announce_cold_start()
 
 
@@ -114,7 +114,7 @@ def isolated(signature: str) -> Any:
         symbol = f"ksd_{inner.__name__}"
         llvmlite.binding.add_symbol(symbol, compiled.address)
         _ALIVE.append(compiled)
-        return types.ExternalFunction(symbol, compiled._sig)
+        return types.ExternalFunction(symbol, compiled._sig)  # type: ignore[attr-defined]
 
     return decorate
 

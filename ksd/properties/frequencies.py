@@ -103,11 +103,11 @@ def _apply(tangent: Tangent, mass: Inertia, loads: Array) -> Array:
     return out
 
 
-def _dense(tangent: Tangent, mass: Inertia, count: int) -> tuple[Array, Array]:
+def _dense(tangent: Tangent, mass: Inertia, M: Any, count: int) -> tuple[Array, Array]:
     """(1/omega^2, vectors (size, k)) by the dense route."""
     from scipy.linalg import eigh, lapack
 
-    M = mass.dense()
+    M = M.toarray()
     used = np.flatnonzero(M.diagonal() > 0.0)
     scale = 1.0 / np.sqrt(M.diagonal()[used])
     C, order, rank, _ = lapack.dpstrf(M[np.ix_(used, used)] * np.outer(scale, scale), lower=1)
@@ -129,11 +129,11 @@ def _outermost(A: Array, count: int, eigh: Any) -> tuple[Array, Array]:
     return np.concatenate([low[bad], values[keep]]), np.hstack([below[:, bad], vectors[:, keep]])
 
 
-def _lanczos(tangent: Tangent, mass: Inertia, count: int) -> tuple[Array, Array]:
+def _lanczos(tangent: Tangent, mass: Inertia, M: Any, count: int) -> tuple[Array, Array]:
     """The same by ARPACK in shift-invert mode; a last application of K^-1 M removes what has no mass."""
     from scipy.sparse.linalg import LinearOperator, eigsh
 
-    M, size = mass.sparse(), mass.size
+    size = mass.size
 
     def solve(x: Array) -> Array:
         return _apply(tangent, mass, x.reshape(size, 1)).ravel()
@@ -166,13 +166,13 @@ def frequencies(
     tangent = factored_tangent(fine, state, freed=freed, load_factor=load_factor)
     # the dense route costs by the unknowns that have mass
     small = np.unique(np.concatenate(mass.places)).size <= DENSE if dense is None else dense
-    values, vectors = (_dense if small else _lanczos)(tangent, mass, count)
+    M = mass.sparse()
+    values, vectors = (_dense if small else _lanczos)(tangent, mass, M, count)
     keep = np.abs(values) > EMPTY * np.abs(values).max(initial=0.0)
     values, vectors = values[keep], vectors[:, keep]
     squared = 1.0 / values
     order = np.argsort(squared)[:count]
     squared, vectors = squared[order], vectors[:, order]
-    M = mass.sparse()
     vectors = vectors / np.sqrt(np.einsum("ik,ik->k", vectors, M @ vectors))
     shape = np.zeros((len(squared), len(fine.node_names), 6))
     for k in range(1, len(fine.node_names)):

@@ -61,11 +61,6 @@ class Inertia:
         values = np.concatenate([block.ravel() for block in self.blocks])
         return coo_matrix((values, (rows, columns)), shape=(self.size, self.size)).tocsr()
 
-    @property
-    def total(self) -> float:
-        """Trace over the translations of all blocks; zero when nothing has mass."""
-        return float(sum(np.trace(b) for b in self.blocks))
-
 
 def cross_matrix(v: Array) -> Array:
     """[v]x (3, 3)."""
@@ -189,13 +184,13 @@ def inertia(model: Model, motion: Motion) -> Inertia:
         inner.append(at)
         places.append(unknowns)
         blocks.append(block)
-    for mass in model.scene.masses:
-        node, block = _link_mass(model, motion, mass)
+    for node, block in (_link_mass(model, motion, mass) for mass in model.scene.masses):
         places.append(_node_unknowns(model, [node]))
         blocks.append(block)
+    _refuse_weightless(blocks)
     kept = [p >= 0 for p in places]
     bare = sorted({f.material.name or "unnamed" for f, _ in owner.values() if f.material.density is None})
-    found = Inertia(
+    return Inertia(
         tuple(p[k] for p, k in zip(places, kept, strict=True)),
         tuple(b[np.ix_(k, k)] for b, k in zip(blocks, kept, strict=True)),
         at,
@@ -205,9 +200,12 @@ def inertia(model: Model, motion: Motion) -> Inertia:
         tuple(all_levers),
         tuple(bare),
     )
-    if not found.total > 0.0:
+
+
+def _refuse_weightless(blocks: list[Array]) -> None:
+    """SceneError when no leaf and no link has mass."""
+    if not sum(np.trace(b) for b in blocks) > 0.0:
         raise SceneError(
             "nothing in this scene has mass, so it has no frequencies: give a material its density "
             "[kg/m^3] or a link its mass [kg]"
         )
-    return found

@@ -185,7 +185,7 @@ class Solver:
             b.bodies.motion_names, b.theta, b.bodies.motion_range, b.bodies.motion_scale, strict=True
         ):
             # a hair over the trained end is rounding, not extrapolation
-            slack = 1e-9 * (high - low)
+            slack = 1e-5 * (high - low)
             if low - slack <= value <= high + slack:
                 continue
             said = _spoken_range(name, value, low, high, scale=scale)
@@ -259,16 +259,17 @@ def solve(
     see `prepare`. Raises SceneError (bad input), RangeError (outside a trained range), RecordError (joint record missing
     or damaged), KinematicsError (indeterminate or over-driven), ConvergenceError (says how far it got).
     """
+    values = {**(targets or {}), **drives}
     if isinstance(mechanism, Model):
         return Solver(mechanism, extrapolate=extrapolate)(
-            targets, method=method, accuracy=accuracy, passes=passes, **drives
+            values, method=method, accuracy=accuracy, passes=passes
         )
     scene = mechanism.scene() if hasattr(mechanism, "scene") else mechanism
     wanted = _accuracy(accuracy)
     chosen = mesh or (Mesh() if accuracy is None else mesh_for(wanted))
     for rise in range(MOST_RISES + 1):
         solver = _recent_solver(scene, chosen, extrapolate)
-        found = solver(targets, method=method, accuracy=accuracy, passes=passes, **drives)
+        found = solver(values, method=method, accuracy=accuracy, passes=passes)
         share, where, axis = highest_share(found.model, found.motion)
         if share <= wanted:
             return found

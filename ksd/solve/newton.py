@@ -39,7 +39,7 @@ def iterate(arrays, motion, target, factor, work, rtol, most, cap, blow_up):
     near = 0 * most
     for n in range(most + 1):
         # a load too small to rise above rounding still gets one step: at first the bounds have no grain
-        worst, gap, inside, status = assemble(
+        worst, _, inside, status = assemble(
             arrays, motion, target, factor, work, rtol, near, GRAIN if n > 0 else 0.0
         )
         if not math.isfinite(worst):

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -80,7 +79,7 @@ class _Clock:
 def close(b: Bench, target: np.ndarray, *, most: int = 40) -> Step:
     """Step 1: intended motions and link poses, from the constraint functions alone."""
     clock = _Clock()
-    reason, count, gap, pivot = close_loops(
+    reason, count, gap, _ = close_loops(
         b.bodies.reduced, b.bodies.loops, b.theta, target, b.reduced, b.place, most
     )
     return Step("1 close loops", count, clock(), gap, Stop(reason), note=f"gap {gap:.1e} m")
@@ -95,7 +94,7 @@ def linearise(b: Bench, *, near: int, first: bool) -> Step:
     if first:
         set_near(b.bodies.bench, b.bodies.loops, b.bodies.inside, b.theta, b.place, b.bench, b.bench_work)
     joints = len(b.bodies.loops.node)
-    _, pivot, status = condense_joints(b.bodies.bench, joints, b.bench, b.bench_work, near, b.reduced.inner)
+    _, _, status = condense_joints(b.bodies.bench, joints, b.bench, b.bench_work, near, b.reduced.inner)
     stop = (Stop.CONVERGED, Stop.LOCAL_ANGLE, Stop.SINGULAR)[status]
     return Step("2 joint stiffness", 0, clock(), 0.0, stop)
 
@@ -178,7 +177,7 @@ def corrector(b: Bench, target: np.ndarray, *, rtol: float) -> tuple[ErrorEstima
     clock = _Clock()
     arrays = b.model.arrays
     residual, _, inside, status = assemble(arrays, b.full, target, 1.0, b.full_work, rtol, 0, 10.0)
-    negatives, pivot = solve_step(arrays, b.full_work)
+    negatives, _ = solve_step(arrays, b.full_work)
     step = b.full_work.rhs
     force = np.abs(step[arrays.terms.start])
     shift, turn = 0.0, 0.0

@@ -136,5 +136,5 @@ ENTRIES: dict[str, Entry] = {
     "stiffened_guide": Entry(
         _stiffened_guide, (_range("flexible", 0.1, 0.4),), {**STEEL, **SHEET, "spacing": 0.06}
     ),
-    "universal": Entry(_universal, (), {**STEEL, **SHEET}),
+    "universal": Entry(_universal, (), {**STEEL, **SHEET}, loose=10.0),
 }

@@ -77,7 +77,12 @@ def design_of(
     elif family_or_joint in ENTRIES:
         entry = ENTRIES[family_or_joint]
         design = Design(
-            family_or_joint, entry.parameters, entry.make, entry.numbers, meshes=entry.meshes, loose=entry.loose
+            family_or_joint,
+            entry.parameters,
+            entry.make,
+            entry.numbers,
+            meshes=entry.meshes,
+            loose=entry.loose,
         )
     else:
         raise SceneError(
