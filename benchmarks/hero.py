@@ -51,9 +51,11 @@ def faint_links(axes: Any, pose: ksd.Configuration) -> None:
     for block in pose.shape(points=POINTS).blocks:
         if block.name != "ground":
             corners = 1e3 * hull(block.place[:, :2])
-            axes.fill(
-                *corners.T, facecolor="#8fa3b8", edgecolor="#8fa3b8", alpha=0.14, linewidth=1.2, zorder=1
+            # the top link is a line in this view
+            style = (
+                {"alpha": 0.14, "linewidth": 1.2} if len(corners) > 2 else {"alpha": 0.4, "linewidth": 3.0}
             )
+            axes.fill(*corners.T, facecolor="#8fa3b8", edgecolor="#8fa3b8", zorder=1, **style)
 
 
 def draw_mechanism(figure: Any, axes: Any, solver: ksd.Solver) -> ksd.Configuration:

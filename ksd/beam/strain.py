@@ -22,36 +22,32 @@ from ksd.numerics.rotations import rotation_log
 
 @kernel
 def _invert6(F, K):
-    """K (6, 6) = F^-1 by LDL^T without pivoting; returns (negative pivots, ok)."""
+    """K (6, 6) = F^-1 for symmetric F (6, 7+) by sweeping pivot after pivot; returns (negative pivots, ok)."""
     negatives = 0
-    D = np.empty(6)
-    M = np.empty((6, 6))
-    for j in range(6):
-        d = F[j, j]
-        for c in range(j):
-            d -= M[j, c] * M[j, c] * D[c]
-        if not abs(d) > 1e-18 * abs(F[j, j]):
+    row = np.empty(6)
+    for i in range(6):
+        for j in range(6):
+            K[i, j] = 0.5 * (F[i, j] + F[j, i])
+    for k in range(6):
+        pivot = K[k, k]
+        if not abs(pivot) > 1e-18 * abs(F[k, k]):
             return negatives, False
-        D[j] = d
-        if d < 0.0:
+        if pivot < 0.0:
             negatives += 1
-        for i in range(j + 1, 6):
-            s = F[i, j]
-            for c in range(j):
-                s -= M[i, c] * M[j, c] * D[c]
-            M[i, j] = s / d
-    for col in range(6):
-        x = K[col]
+        inverse = 1.0 / pivot
+        for j in range(6):
+            row[j] = K[k, j] * inverse
         for i in range(6):
-            s = 1.0 if i == col else 0.0
-            for c in range(i):
-                s -= M[i, c] * x[c]
-            x[i] = s
-        for i in range(5, -1, -1):
-            s = x[i] / D[i]
-            for c in range(i + 1, 6):
-                s -= M[c, i] * x[c]
-            x[i] = s
+            w = K[i, k]
+            for j in range(6):
+                K[i, j] -= w * row[j]
+        for j in range(6):
+            K[k, j] = row[j]
+            K[j, k] = row[j]
+        K[k, k] = -inverse
+    for i in range(6):
+        for j in range(6):
+            K[i, j] = -K[i, j]
     return negatives, True
 
 
@@ -74,61 +70,63 @@ def strain_condense(value, number, inner, store, d, Q, lam, K):
     S = np.empty((ng, 6))
     m = np.empty((ng, 3))
     f = np.empty((ng, 3, N))
-    psi = np.zeros((ng + 1, 3, N))
-    rho = np.zeros((ng + 1, 3, N))
-    q0, q1, q2 = strain_fields(value, number, inner, R, v, S, m, psi, rho, f)
+    psi = np.empty((ng + 1, 3, N))
+    rho = np.empty((ng + 1, 3, N))
     W = np.zeros((N, N))
-    res = np.zeros(N)
-    P = np.empty((3, N))
-    strain_tangent(value, number, inner, R, m, psi, rho, W, res, P)
-
-    # W = L D L^T, then Y = W^-1 [J^T, g] for the seven right-hand sides at once
-    negatives = 0
-    status = 0
-    for j in range(N):
-        before = abs(W[j, j])
-        for c in range(j):
-            W[j, j] -= W[j, c] * W[j, c] * W[c, c]
-        pivot = W[j, j]
-        if not abs(pivot) > 1e-15 * before:
-            status = 2
-            pivot = 1e-15 * before + 1e-300
-            W[j, j] = pivot
-        if pivot < 0.0:
-            negatives += 1
-        for i in range(j + 1, N):
-            s = W[i, j]
-            for c in range(j):
-                s -= W[i, c] * W[j, c] * W[c, c]
-            W[i, j] = s / pivot
     Y = np.empty((N, 8))
+    P = np.empty((3, N))
+    res = np.zeros(N)
+    q0, q1, q2 = strain_fields(value, number, inner, R, v, S, m, psi, rho, f)
+    strain_tangent(value, number, inner, R, m, psi, rho, W, res, P)
+    # Y = W^-1 [J^T, g], seven right-hand sides at once; W = U^T D U, row by row of its upper triangle
     for i in range(N):
+        P[0, i] = abs(W[i, i])
         for x3 in range(3):
             Y[i, x3] = rho[ng, x3, i]
             Y[i, 3 + x3] = psi[ng, x3, i]
         Y[i, 6] = res[i]
         Y[i, 7] = 0.0
-    for i in range(N):
-        for c in range(i):
-            w = W[i, c]
+    negatives = 0
+    status = 0
+    for j in range(N):
+        pivot = W[j, j]
+        if not abs(pivot) > 1e-15 * P[0, j]:
+            status = 2
+            pivot = 1e-15 * P[0, j] + 1e-300
+        if pivot < 0.0:
+            negatives += 1
+        inverse = 1.0 / pivot
+        P[1, j] = inverse
+        for i in range(j + 1, N):
+            w = W[j, i] * inverse
+            for k in range(i, N):
+                W[i, k] -= w * W[j, k]
             for e in range(8):
-                Y[i, e] -= w * Y[c, e]
+                Y[i, e] -= w * Y[j, e]
     for i in range(N - 1, -1, -1):
-        w = 1.0 / W[i, i]
-        for e in range(8):
-            Y[i, e] *= w
-        for c in range(i + 1, N):
-            w = W[c, i]
-            for e in range(8):
-                Y[i, e] -= w * Y[c, e]
+        w = P[1, i]
+        y0, y1, y2, y3 = Y[i, 0], Y[i, 1], Y[i, 2], Y[i, 3]
+        y4, y5, y6 = Y[i, 4], Y[i, 5], Y[i, 6]
+        for k in range(i + 1, N):
+            u = W[i, k]
+            y0 -= u * Y[k, 0]
+            y1 -= u * Y[k, 1]
+            y2 -= u * Y[k, 2]
+            y3 -= u * Y[k, 3]
+            y4 -= u * Y[k, 4]
+            y5 -= u * Y[k, 5]
+            y6 -= u * Y[k, 6]
+        Y[i, 0], Y[i, 1], Y[i, 2], Y[i, 3] = w * y0, w * y1, w * y2, w * y3
+        Y[i, 4], Y[i, 5], Y[i, 6] = w * y4, w * y5, w * y6
 
     # F = J W^-1 J^T + L sum w S (force block);  c = closure + J W^-1 g
-    F = np.zeros((6, 7))
+    F = np.zeros((6, 8))
     for i in range(N):
-        for r in range(6):
-            t0 = rho[ng, r, i] if r < 3 else psi[ng, r - 3, i]
-            for e in range(7):
-                F[r, e] += t0 * Y[i, e]
+        for x3 in range(3):
+            w, u = rho[ng, x3, i], psi[ng, x3, i]
+            for e in range(8):
+                F[x3, e] += w * Y[i, e]
+                F[3 + x3, e] += u * Y[i, e]
     for g in range(ng):
         w = L * value[weight + g]
         F[0, 0] += w * S[g, 0]

@@ -23,52 +23,64 @@ def _multiply(A, B, C):
 
 
 @kernel
-def _orientations(value, number, a, at, R):
-    """R (ng+1, 3, 3): orientation at the points and, last, at end q; Magnus steps over the gaps."""
+def _orientations(value, number, a, at, R, phi):
+    """R (ng+1, 3, 3): orientation at the points and, last, at end q; Magnus steps over the gaps.
+
+    phi (3, ng+1) is scratch: the rotation vector of every gap, int kappa + 1/2 iint_{s1<s2} kappa(s1) x kappa(s2).
+    """
     nx, ny, nz, ng = number[0], number[1], number[2], number[3]
-    N = nx + ny + nz
     L = value[0]
-    linear = at
-    yz = linear + (ng + 1) * N
-    zx = yz + (ng + 1) * ny * nz
-    xy = zx + (ng + 1) * nz * nx
-    phi = np.empty(3)
-    step = np.empty((3, 3))
-    for g in range(ng + 1):
-        # int kappa over the gap
-        base = linear + g * N
-        px, py, pz = 0.0, 0.0, 0.0
-        for k in range(nx):
-            px += value[base + k] * a[k]
-        for k in range(ny):
-            py += value[base + nx + k] * a[nx + k]
-        for k in range(nz):
-            pz += value[base + nx + ny + k] * a[nx + ny + k]
-        # 1/2 iint_{s1<s2} kappa(s1) x kappa(s2), component by component
-        cx, cy, cz = 0.0, 0.0, 0.0
-        for k in range(ny):
-            s = 0.0
-            for l in range(nz):
-                s += value[yz + (g * ny + k) * nz + l] * a[nx + ny + l]
-            cx += a[nx + k] * s
-        for k in range(nz):
-            s = 0.0
-            for l in range(nx):
-                s += value[zx + (g * nz + k) * nx + l] * a[l]
-            cy += a[nx + ny + k] * s
-        for k in range(nx):
-            s = 0.0
-            for l in range(ny):
-                s += value[xy + (g * nx + k) * ny + l] * a[nx + l]
-            cz += a[k] * s
-        phi[0] = L * px + 0.5 * L * L * cx
-        phi[1] = L * py + 0.5 * L * L * cy
-        phi[2] = L * pz + 0.5 * L * L * cz
+    gaps = ng + 1
+    for c in range(3):
+        for g in range(gaps):
+            phi[c, g] = 0.0
+    # int kappa, mode by mode, all gaps side by side
+    k = 0
+    for c in range(3):
+        for _ in range(number[c]):
+            w = L * a[k]
+            for g in range(gaps):
+                phi[c, g] += w * value[at + k * gaps + g]
+            k += 1
+    # pair integrals: y with z turn about x, z with x about y, x with y about z
+    base = at + (nx + ny + nz) * gaps
+    for c in range(3):
+        one = c + 1 if c < 2 else 0
+        two = c - 1 if c > 0 else 2
+        first = nx if one == 1 else (nx + ny if one == 2 else 0)
+        second = nx if two == 1 else (nx + ny if two == 2 else 0)
+        for k in range(number[one]):
+            w = 0.5 * L * L * a[first + k]
+            if w != 0.0:
+                for l in range(number[two]):
+                    u = w * a[second + l]
+                    if u != 0.0:
+                        o = base + (k * number[two] + l) * gaps
+                        for g in range(gaps):
+                            phi[c, g] += u * value[o + g]
+        base += number[one] * number[two] * gaps
+    v, step = np.empty(3), np.empty((3, 3))
+    for g in range(gaps):
+        v[0], v[1], v[2] = phi[0, g], phi[1, g], phi[2, g]
         if g == 0:
-            rotation_exp(phi, R[0])
+            rotation_exp(v, R[0])
         else:
-            rotation_exp(phi, step)
+            rotation_exp(v, step)
             _multiply(R[g - 1], step, R[g])
+
+
+@kernel
+def _integrate(value, weight, integral, ng, f, F):
+    """F (ng+1, k): integrals of f (ng, k) from 0 to every point and, last, to the end."""
+    for g in range(ng + 1):
+        row = weight if g == ng else integral + g * ng
+        w = value[row]
+        for i in range(f.shape[1]):
+            F[g, i] = w * f[0, i]
+        for h in range(1, ng):
+            w = value[row + h]
+            for i in range(f.shape[1]):
+                F[g, i] += w * f[h, i]
 
 
 @kernel(inline="always")
@@ -76,7 +88,7 @@ def strain_fields(value, number, inner, R, v, S, m, psi, rho, f):
     """Fields of a leaf with inner state `inner` = (a (N,), n (3,), m (3,)), in frame p; returns r(L).
 
     R (ng+1, 3, 3): orientation at the points and, last, at end q; v (ng, 3) = r'; S (ng, 6) = R C R^T
-    (xx, xy, xz, yy, yz, zz) [1/N]; m (ng, 3): moment [Nm]; psi, rho (ng+1, 3, N), zero on entry: rotation and
+    (xx, xy, xz, yy, yz, zz) [1/N]; m (ng, 3): moment [Nm]; psi, rho (ng+1, 3, N): rotation and
     displacement per unit amplitude at fixed n, at the points and at end q. f (ng, 3, N) is scratch.
     """
     nx, ny, nz, ng = number[0], number[1], number[2], number[3]
@@ -90,7 +102,7 @@ def strain_fields(value, number, inner, R, v, S, m, psi, rho, f):
     gaps = slack + 3 * ng
     n0, n1, n2 = inner[N], inner[N + 1], inner[N + 2]
     m0, m1, m2 = inner[N + 3], inner[N + 4], inner[N + 5]
-    _orientations(value, number, inner[0:N], gaps, R)
+    _orientations(value, number, inner[0:N], gaps, R, np.empty((3, ng + 1)))
 
     # v = R e1 + R C R^T n and the matrix S = R C R^T at every point
     for g in range(ng):
@@ -123,6 +135,7 @@ def strain_fields(value, number, inner, R, v, S, m, psi, rho, f):
         m[g, 1] = m1 + z * n0 - x * n2
         m[g, 2] = m2 + x * n1 - y * n0
 
+    flat = f.reshape((ng, 3 * N))
     # mode fields psi_i = int R e_c B_i, rho_i = int psi_i x v - S (psi_i x n); last index runs over the modes
     for g in range(ng):
         T = R[g]
@@ -132,12 +145,7 @@ def strain_fields(value, number, inner, R, v, S, m, psi, rho, f):
             f[g, 0, i] = T[0, c] * b
             f[g, 1, i] = T[1, c] * b
             f[g, 2, i] = T[2, c] * b
-    for g in range(ng + 1):
-        for h in range(ng):
-            w = value[weight + h] if g == ng else value[integral + g * ng + h]
-            for x3 in range(3):
-                for i in range(N):
-                    psi[g, x3, i] += w * f[h, x3, i]
+    _integrate(value, weight, integral, ng, flat, psi.reshape((ng + 1, 3 * N)))
     for g in range(ng):
         v0, v1, v2 = v[g, 0], v[g, 1], v[g, 2]
         s0, s1, s2, s3, s4, s5 = S[g, 0], S[g, 1], S[g, 2], S[g, 3], S[g, 4], S[g, 5]
@@ -149,12 +157,7 @@ def strain_fields(value, number, inner, R, v, S, m, psi, rho, f):
             f[g, 0, i] = L * (p1 * v2 - p2 * v1 - (s0 * t0 + s1 * t1 + s2 * t2))
             f[g, 1, i] = L * (p2 * v0 - p0 * v2 - (s1 * t0 + s3 * t1 + s4 * t2))
             f[g, 2, i] = L * (p0 * v1 - p1 * v0 - (s2 * t0 + s4 * t1 + s5 * t2))
-    for g in range(ng + 1):
-        for h in range(ng):
-            w = value[weight + h] if g == ng else value[integral + g * ng + h]
-            for x3 in range(3):
-                for i in range(N):
-                    rho[g, x3, i] += w * f[h, x3, i]
+    _integrate(value, weight, integral, ng, flat, rho.reshape((ng + 1, 3 * N)))
     return q0, q1, q2
 
 
@@ -210,3 +213,4 @@ def strain_tangent(value, number, inner, R, m, psi, rho, W, res, P):
         for j in range(i):
             s = 0.5 * (W[i, j] + W[j, i])
             W[i, j] = s
+            W[j, i] = s

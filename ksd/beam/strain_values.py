@@ -2,7 +2,7 @@
 
 Layout of the flat array (N = nx + ny + nz modes, ng points): L; stiffness blocks (nx^2, ny^2, nz^2) [N m^3 .. per
 (1/m)^2]; stress-free amplitudes a0 (N); weights (ng), sum 1; integration matrix (ng, ng); modes (N, ng); compliances
-(ng, 3): 1/EA, 1/(ky GA), 1/(kz GA); gap integrals (ng+1, N); gap pair integrals yz, zx, xy.
+(ng, 3): 1/EA, 1/(ky GA), 1/(kz GA); gap integrals (N, ng+1); gap pair integrals yz, zx, xy, gap last.
 """
 
 from __future__ import annotations
@@ -137,10 +137,10 @@ def strain_values(
         table.integral.ravel(),
         table.basis.ravel(),
         C.ravel(),
-        table.gap.ravel(),
-        pair[:, y, z].ravel(),
-        pair[:, z, x].ravel(),
-        pair[:, x, y].ravel(),
+        table.gap.T.ravel(),
+        np.moveaxis(pair[:, y, z], 0, -1).ravel(),
+        np.moveaxis(pair[:, z, x], 0, -1).ravel(),
+        np.moveaxis(pair[:, x, y], 0, -1).ravel(),
     ]
     return np.concatenate(parts).astype(float), np.array([nx, ny, nz, ng], np.int64)
 

@@ -323,3 +323,44 @@ def close_loops(arrays, loops, theta, target, motion, place, most):
                 gap = max(gap, abs(residual[r]))
             return 0, n + 1, gap, pivot
     return 1, most, math.inf, pivot
+
+
+@kernel
+def intended_motions(loops, relative, theta, place, off):
+    """Split the relative poses of all joints into intended motion theta and the rest, in place (4 Gauss-Newton steps).
+
+    relative (J, 12): d and rotation (row-major) of B in the axes of A. theta is matched to the rotation of B where the
+    motion turns it, else to its displacement. off (J, 6): displacement and rotation vector of B off its intended pose.
+    """
+    rel, v = np.empty((3, 3)), np.empty(3)
+    A, b = np.empty((2, 2)), np.empty(2)
+    for _ in range(4):
+        joint_places(loops, theta, place)
+        for j in range(len(loops.node)):
+            _axes_turned(relative[j, 3:12].copy().reshape(3, 3), place[j, 0:9].copy().reshape(3, 3), rel)
+            rotation_log(rel, v)
+            for r in range(3):
+                off[j, r] = relative[j, r] - place[j, 9 + r]
+                off[j, 3 + r] = v[r]
+            motions = loops.first[j + 1] - loops.first[j]
+            spin, slide = 0.0, 0.0
+            for k in range(motions):
+                for r in range(3):
+                    slide = max(slide, abs(place[j, 12 + 6 * k + r]))
+                    spin = max(spin, abs(place[j, 15 + 6 * k + r]))
+            o = 3 if spin * loops.length[j] > 1e-6 * slide else 0
+            for k in range(motions):
+                b[k] = 0.0
+                for r in range(3):
+                    b[k] += place[j, 12 + 6 * k + o + r] * off[j, o + r]
+                for l in range(motions):
+                    A[k, l] = 0.0
+                    for r in range(3):
+                        A[k, l] += place[j, 12 + 6 * k + o + r] * place[j, 12 + 6 * l + o + r]
+            at = loops.first[j]
+            if motions == 1:
+                theta[at] += b[0] / A[0, 0]
+            else:
+                det = A[0, 0] * A[1, 1] - A[0, 1] * A[1, 0]
+                theta[at] += (A[1, 1] * b[0] - A[0, 1] * b[1]) / det
+                theta[at + 1] += (A[0, 0] * b[1] - A[1, 0] * b[0]) / det

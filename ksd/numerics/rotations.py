@@ -13,12 +13,18 @@ from ksd.numerics.kernel import kernel
 
 @kernel
 def rotation_exp(v, R):
-    """R (3, 3) = exp([v]x), Rodrigues' formula; series below 1e-4 rad."""
+    """R (3, 3) = exp([v]x), Rodrigues' formula; series below half a radian."""
     x, y, z = v[0], v[1], v[2]
     t2 = x * x + y * y + z * z
-    if t2 < 1e-8:
-        a = 1.0 - t2 / 6.0 * (1.0 - t2 / 20.0)
-        b = 0.5 - t2 / 24.0 * (1.0 - t2 / 30.0)
+    if t2 < 0.3:
+        # Taylor series of sin t / t and (1 - cos t) / t^2, to rounding
+        a = 1.0 + t2 * (
+            -1 / 6 + t2 * (1 / 120 + t2 * (-1 / 5040 + t2 * (1 / 362880 + t2 * (-1 / 39916800 + t2 / 6227020800))))
+        )
+        b = 0.5 + t2 * (
+            -1 / 24
+            + t2 * (1 / 720 + t2 * (-1 / 40320 + t2 * (1 / 3628800 + t2 * (-1 / 479001600 + t2 / 87178291200))))
+        )
     else:
         t = math.sqrt(t2)
         a = math.sin(t) / t

@@ -189,8 +189,8 @@ class Mechanism(Links):
         """Prescribe a component of motion; its value is given when solving, zero is the state of rest.
 
         One of: `link` with `along` and the point `at` (3,) [m]: displacement of that point [m]; `link` with
-        `about`: rotation [rad]; `joint`: its intended motion, the one named `motion` of several; `terms`: a sum of `displacement` and `rotation`
-        terms. The component is fixed in ground or in `relative_to`. The default name is that of the link
+        `about`: rotation [rad]; `joint`: its intended motion, the one named `motion` of several; `terms`: a sum of
+        `displacement` and `rotation` terms. The component is fixed in ground or in `relative_to`. The default name is that of the link
         (joint), or "link.x", "link.rz" when that is taken. Raises SceneError.
         """
         said = {"along": along, "about": about, "at": at, "relative_to": relative_to}

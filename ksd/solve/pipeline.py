@@ -14,9 +14,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ksd.bodies.bench import condense_joints, place_insides, recover_joints, set_near
+from ksd.bodies.bench import condense_joints, place_insides, recover_joints, relative_poses, set_near
 from ksd.bodies.joints import JointBodies
-from ksd.bodies.kinematics import close_loops, loop_equations
+from ksd.bodies.kinematics import close_loops, intended_motions, loop_equations
 from ksd.model.arrays import Motion, Work, make_work
 from ksd.model.compile import Model
 from ksd.model.system import assemble, solve_step
@@ -218,29 +218,11 @@ def joint_motions(b: Bench) -> tuple[dict[str, float], dict[str, np.ndarray]]:
 
     Unintended: (6,) per joint, displacement [m] and rotation vector [rad] in the axes of interface A.
     """
-    from scipy.spatial.transform import Rotation
-
-    from ksd.bodies.bench import relative_poses
-    from ksd.bodies.kinematics import joint_places
-
     loops, joints = b.bodies.loops, len(b.bodies.loops.node)
     relative = np.empty((joints, 12))
     relative_poses(b.bodies.reduced, joints, b.full.x, b.full.R, relative)
-    theta = b.theta.copy()
-    # intended motion: the part of the relative pose the joint's own functions can follow (Gauss-Newton, 3 rounds)
-    place = np.zeros((joints, 24))
-    off = np.zeros((joints, 6))
-    for _ in range(4):
-        joint_places(loops, theta, place)
-        for j in range(joints):
-            length = loops.length[j]
-            turned = Rotation.from_matrix(relative[j, 3:].reshape(3, 3) @ place[j, :9].reshape(3, 3).T).as_rotvec()
-            off[j] = np.concatenate([relative[j, :3] - place[j, 9:12], turned])
-            span = slice(loops.first[j], loops.first[j + 1])
-            slopes = np.array([place[j, 12 + 6 * k : 18 + 6 * k] for k in range(span.stop - span.start)]).T
-            rotates = np.abs(slopes[3:]).max() * length > 1e-6 * np.abs(slopes[:3]).max()
-            rows = slice(3, 6) if rotates else slice(0, 3)
-            theta[span] += np.linalg.lstsq(slopes[rows], off[j, rows], rcond=None)[0]
+    theta, place, off = b.theta.copy(), np.empty_like(b.place), np.zeros((joints, 6))
+    intended_motions(loops, relative, theta, place, off)
     names = [p.name for p in b.model.scene.joints]
     motions = dict(zip(b.bodies.motion_names, (theta * b.bodies.motion_scale).tolist(), strict=True))
     return motions, {n: off[j] for j, n in enumerate(names)}

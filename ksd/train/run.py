@@ -50,8 +50,8 @@ def train(
     """Train a joint family (by name or `Design`) or one joint as drawn, write its record and return it.
 
     shapes: ranges {parameter: (low, high)} SI in place of those of the family. meshes: "strain" and numbers
-    of Appendix A elements per leaf; those of the design when None. out: folder or .h5 file; $KSD_DATABASE or ./database when None. executor:
-    any `concurrent.futures` executor; two processes of its own when None. resume: use the shapes an
+    of Appendix A elements per leaf; those of the design when None. out: folder or .h5 file; $KSD_DATABASE or
+    ./database when None. executor: any `concurrent.futures` executor; two processes of its own when None. resume: use the shapes an
     interrupted run has finished (kept beside the record in a .partial folder, also on Ctrl-C). trained: date
     written into the record, ISO, today when None; same inputs give the same bytes. most_shapes: limit of the
     adaptive sampling. tolerance: wanted errors by group, see TOLERANCE.

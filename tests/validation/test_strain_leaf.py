@@ -150,8 +150,8 @@ def test_curved_leaf_is_free_of_stress_at_rest():
     a, r = 200 * deg, 0.05
     end = tuple(r * np.array([np.sin(a), 1 - np.cos(a), 0]))
     found = cantilever(end=end, curve=ksd.Arc(r, a))
-    assert found.iterations == 0
-    assert np.abs(found.links["tip"][0]).max() == 0.0
+    assert np.abs(found.links["tip"][0]).max() < 1e-15
+    assert np.abs(found.motion.inner[-6:]).max() < 1e-6
 
 
 def test_curve_that_does_not_fit_its_ends_is_refused():

@@ -1,9 +1,9 @@
 """Infinity hinges: a main leaf reinforced against torsion by folded leafs and held laterally.
 
-The principle is that of the infinity flexure (DSPE case "Large range of motion flexure hinge: Infinity flexure"; paper 1, references
-1 and 2): a leaf leaves its bending, its torsion and its lateral motion free; folded leafs, stiff along their
-fold only, take the torsion away, and a strut across the leaf takes the lateral motion. All proportions here
-are our own: figures 1 and 14 of paper 1 are lost.
+The principle is that of the infinity flexure (DSPE, case "Large range of motion flexure hinge: Infinity flexure"; paper
+1, references 1 and 2): a leaf leaves its bending, its torsion and its lateral motion free; folded leafs, stiff along
+their fold only, take the torsion away, and a strut across the leaf takes the lateral motion. All proportions here are
+our own: figures 1 and 14 of paper 1 are lost.
 """
 
 from __future__ import annotations
@@ -123,8 +123,8 @@ class TripleInfinityHinge(Joint):
       Each acts as a pivot where its bars cross, so both together as a rod from A to B across the main leaf.
 
     Widths overlap in the drawing where folded leafs and bars pass: the folded leafs have windows there, left
-    out of the model. length [m] scales all dimensions but thickness [m], which is free like the material. Raises SceneError naming
-    the parameter out of bounds.
+    out of the model. length [m] scales all dimensions but thickness [m], which is free like the material. Raises
+    SceneError naming the parameter out of bounds.
     """
 
     family: ClassVar[str] = "triple_infinity_hinge"

@@ -1,0 +1,142 @@
+"""Run the ways to a case in turns and put the error beside the time."""
+
+from __future__ import annotations
+
+import math
+import statistics
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ksd.bench.suite import Case
+from ksd.bench.ways import FINEST, Way, ways_of
+from ksd.errors import ConvergenceError, KsdError
+from ksd.model.compile import compile_scene
+from ksd.solve.choose import Solver
+from ksd.solve.configuration import Configuration
+from ksd.solve.conventional import conventional
+
+WARM = 2
+"""Rounds not counted."""
+
+
+@dataclass(frozen=True)
+class Row:
+    """One way to a case. Thread times [us] as (lower quartile, median, upper quartile): of the whole call, and
+    of the compiled steps alone. Errors are relative to the converged state: largest drive force error over the
+    largest force, largest link displacement error over the largest displacement, worst support stiffness of
+    the case's point. nan where unknown; failed: why it did not converge.
+    """
+
+    method: str
+    leafs: str
+    size: int
+    iterations: int
+    call: tuple[float, float, float]
+    steps: tuple[float, float, float]
+    first_us: float
+    force_error: float
+    displacement_error: float
+    stiffness_error: float
+    stable: bool
+    note: str = ""
+    failed: str = ""
+
+
+@dataclass(frozen=True)
+class Measured:
+    """All rows of one case, and how often every way was run."""
+
+    case: str
+    repeats: int
+    rows: tuple[Row, ...]
+
+
+def quartiles(spent: Sequence[float]) -> tuple[float, float, float]:
+    """Lower quartile, median, upper quartile."""
+    if len(spent) < 2:
+        return (spent[0],) * 3
+    low, middle, high = statistics.quantiles(spent, n=4, method="inclusive")
+    return low, middle, high
+
+
+def measure(case: Case, *, quick: bool = False, repeats: int = 15) -> Measured:
+    """Every way to `case`, run in turns after WARM rounds that do not count.
+
+    Ways that do not converge have a row that says why, and no times.
+    """
+    ways = list(ways_of(case, quick=quick))
+    scene, targets = case.build()
+    exact = _converged(scene, targets)
+    right = _supports(exact, case)
+    rows: list[Row | None] = [None] * len(ways)
+    results: dict[int, Configuration] = {}
+    first: dict[int, float] = {}
+    for k, way in enumerate(ways):
+        begin = time.thread_time_ns()
+        try:
+            results[k] = way.solve()
+            first[k] = 1e-3 * (time.thread_time_ns() - begin)
+        except KsdError as error:
+            rows[k] = _failed(way, str(error))
+    calls, steps = _in_turns({k: ways[k] for k in results}, repeats)
+    for k, c in results.items():
+        times = (quartiles(calls[k]), quartiles(steps[k]), first[k])
+        rows[k] = _row(ways[k], c, times, (exact, right, case))
+    return Measured(case.name, repeats, tuple(r for r in rows if r is not None))
+
+
+def _converged(scene: Any, targets: dict[str, float]) -> Configuration:
+    """The state errors are counted from: finest leafs, conventional, or full where that does not arrive."""
+    try:
+        return conventional(compile_scene(scene, mesh=FINEST), targets)
+    except ConvergenceError:
+        return Solver(scene, mesh=FINEST)(targets, method="full", passes=1)
+
+
+def _in_turns(ways: dict[int, Way], repeats: int) -> tuple[dict[int, list[float]], dict[int, list[float]]]:
+    """Thread times [us] of the calls and of their steps."""
+    calls: dict[int, list[float]] = {k: [] for k in ways}
+    steps: dict[int, list[float]] = {k: [] for k in ways}
+    for turn in range(WARM + repeats):
+        for k, way in ways.items():
+            begin = time.thread_time_ns()
+            found = way.solve()
+            took = 1e-3 * (time.thread_time_ns() - begin)
+            if turn >= WARM:
+                calls[k].append(took)
+                steps[k].append(1e6 * found.time)
+    return calls, steps
+
+
+def _supports(c: Configuration, case: Case) -> np.ndarray:
+    """Support stiffness of the case's point in all six directions, drives held; inf where a drive holds it."""
+    return np.array(list(c.stiffness(case.link, at=case.at).supports.values()))
+
+
+def _row(way: Way, c: Configuration, times: Any, truth: tuple[Configuration, np.ndarray, Case]) -> Row:
+    exact, right, case = truth
+    call, steps, first = times
+    links = len(exact.model.scene.links)
+    forces, wanted = (np.array(list(x.forces.values())) for x in (c, exact))
+    moved = np.linalg.norm(exact.motion.x[:links] - exact.model.rest.x[:links], axis=1).max()
+    off = np.linalg.norm(c.motion.x[:links] - exact.motion.x[:links], axis=1).max()
+    try:
+        kept = np.isfinite(right)
+        stiffness = float(np.abs(_supports(c, case)[kept] / right[kept] - 1).max())
+    except KsdError:
+        stiffness = math.nan
+    return Row(
+        way.method, way.leafs, way.size, c.iterations, call, steps, first,
+        float(np.abs(forces - wanted).max() / np.abs(wanted).max()), float(off / moved), stiffness,
+        bool(c.stable), way.note,
+    )  # fmt: skip
+
+
+def _failed(way: Way, why: str) -> Row:
+    none = (math.nan,) * 3
+    errors = (math.nan,) * 3
+    return Row(way.method, way.leafs, way.size, 0, none, none, math.nan, *errors, False, way.note, why)

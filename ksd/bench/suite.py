@@ -1,0 +1,139 @@
+"""The scenes of the benchmark, as data: what is built, where it is driven to, what is looked at.
+
+Cross flexures are those of Dwarshuis et al. (2020), Table 1. The fourbar has two readings, the figure with its
+dimensions being lost: H = 0.3 m between the joint centres, or the length of the rigid side link. The arm has
+three 3x-infinity joints about z, y, y and links of our own choice.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+from ksd.scene import CrossFlexure, Material, Mechanism
+from ksd.scene.families.guide import ParallelGuide
+from ksd.scene.families.infinity import TripleInfinityHinge
+from ksd.units import GPa, deg, mm
+
+Targets = dict[str, float]
+STEEL = Material(E=200 * GPa, G=76.9 * GPa, density=7800)
+REACH = 300 * mm
+
+
+@dataclass(frozen=True)
+class Case:
+    """One scene at one place: `build` gives the mechanism and its drive values [m or rad].
+
+    link, at (3,) [m]: whose support stiffness is compared, at which point at rest. elements: Appendix A meshes tried;
+    baseline: those also solved by plain Newton on all element nodes, which is slow.
+    """
+
+    name: str
+    build: Callable[[], tuple[Mechanism, Targets]]
+    link: str
+    at: tuple[float, float, float]
+    elements: tuple[int, ...] = (1, 2, 3, 4, 5, 6, 7, 8)
+    baseline: tuple[int, ...] = (1, 2, 3, 4, 5, 6)
+
+
+def cross() -> CrossFlexure:
+    """The cross flexure of the fourbar."""
+    return CrossFlexure(STEEL, length=100 * mm, angle=45 * deg, thickness=1 * mm, widths=(40 * mm, 20 * mm))
+
+
+def hinge() -> tuple[Mechanism, Targets]:
+    """One cross flexure turned by 45 degrees."""
+    scene = Mechanism("cross flexure")
+    tip = scene.link("tip")
+    scene.actuate_joint(scene.join(scene.ground, tip, cross(), at=(0, 0, 0), axis="z", toward="x"), name="turn")
+    return scene, {"turn": 45 * deg}
+
+
+def fourbar(high: float) -> tuple[Mechanism, Targets]:
+    """Four cross flexures, joint centres `high` [m] apart, the top link moved by 0.3 m."""
+    joint, scene = cross(), Mechanism("fourbar")
+    left, top, right = scene.links("left", "top", "right")
+    scene.join(scene.ground, left, joint, at=(-0.2, 0, 0), axis="z", toward="y")
+    scene.join(left, top, joint, at=(-0.2, high, 0), axis="z", toward="y")
+    scene.join(right, top, joint, at=(0.2, high, 0), axis="z", toward="y")
+    scene.join(scene.ground, right, joint, at=(0.2, 0, 0), axis="z", toward="y")
+    scene.actuate(top, along="x", at=(0, high + joint.length_AB, 0))
+    return scene, {"top": REACH}
+
+
+def guide() -> tuple[Mechanism, Targets]:
+    """A parallel leaf-spring guide moved by 20 mm."""
+    joint = ParallelGuide(STEEL, length=100 * mm, thickness=0.5 * mm, width=30 * mm, spacing=60 * mm)
+    scene = Mechanism("parallel guide")
+    shuttle = scene.link("shuttle")
+    placed = scene.join(scene.ground, shuttle, joint, at=(0, 0, 0), axis="z", toward="x")
+    scene.actuate_joint(placed, name="stroke")
+    return scene, {"stroke": 20 * mm}
+
+
+def chain(joints: int) -> tuple[Mechanism, Targets]:
+    """Cross flexures in series, every joint turned by 20 degrees, left and right in turns."""
+    joint, scene = cross(), Mechanism(f"chain of {joints} joints")
+    base, targets = scene.ground, {}
+    for k in range(joints):
+        link = scene.link(f"link {k + 1}")
+        placed = scene.join(base, link, joint, at=(0.2 * k, 0, 0), axis="z", toward="x")
+        scene.actuate_joint(placed, name=f"turn {k + 1}")
+        targets[f"turn {k + 1}"] = (20 * deg) * (-1) ** k
+        base = link
+    return scene, targets
+
+
+_ARM = (((0.0, 0.0, 0.0), "z", "x"), ((0.1, 0.0, 0.3), "y", "x"), ((0.46, 0.0, 0.3), "y", "-z"))
+_END = (0.76, 0.0, 0.2)
+"""Joints of the arm: interface A, axis, direction from A to B; and the end of its third link."""
+
+
+def arm_links() -> tuple[Mechanism, list[Any]]:
+    """Three 3x-infinity joints about z, y, y, links up and out; the mechanism and its joints."""
+    joint, scene = TripleInfinityHinge(STEEL), Mechanism("three-joint arm")
+    base, joints = scene.ground, []
+    for k, (at, axis, toward) in enumerate(_ARM):
+        link = scene.link(f"link {k + 1}")
+        joints.append(scene.join(base, link, joint, at=at, axis=axis, toward=toward, name=f"joint {k + 1}"))
+        base = link
+    return scene, joints
+
+
+def arm_by_joints() -> tuple[Mechanism, Targets]:
+    """The arm, every joint driven to 45 degrees."""
+    scene, joints = arm_links()
+    for joint in joints:
+        scene.actuate_joint(joint, name=joint.name)
+    return scene, {joint.name: 45 * deg for joint in joints}
+
+
+def arm_by_location() -> tuple[Mechanism, Targets]:
+    """The arm, its end driven along x, y, z to where 45 degrees in every joint take it."""
+    from ksd.model.compile import compile_scene
+    from ksd.solve.conventional import conventional
+
+    by_joints, angles = arm_by_joints()
+    scene, _ = arm_links()
+    found = conventional(compile_scene(by_joints), angles)
+    place = found.displacement("link 3", _END)
+    for axis in "xyz":
+        scene.actuate("link 3", along=axis, at=_END, name=f"end {axis}")
+    return scene, {f"end {axis}": float(v) for axis, v in zip("xyz", place, strict=True)}
+
+
+_TOP = REACH + cross().length_AB
+_FEW: tuple[int, ...] = (1, 2, 4)
+
+SUITE: tuple[Case, ...] = (
+    Case("cross flexure, 45 degrees", hinge, "tip", cross().pose_B),
+    Case("fourbar, reading 1, d = 0.3 m", lambda: fourbar(REACH), "top", (0.0, _TOP, 0.0)),
+    Case("fourbar, reading 2, d = 0.3 m", lambda: fourbar(_TOP), "top", (0.0, _TOP + cross().length_AB, 0.0)),
+    Case("parallel guide, 20 mm", guide, "shuttle", (0.1, 0.0, 0.0)),
+    Case("three-joint arm by joints, 45 degrees", arm_by_joints, "link 3", _END, _FEW, (1,)),
+    Case("three-joint arm by location, 45 degrees", arm_by_location, "link 3", _END, _FEW, (1,)),
+    Case("chain of 3 joints, 20 degrees", lambda: chain(3), "link 3", (0.6, 0.0, 0.0), _FEW, ()),
+    Case("chain of 100 joints, 20 degrees", lambda: chain(100), "link 100", (20.0, 0.0, 0.0), (2,), ()),
+)
+"""All scenes of `ksd bench`."""

@@ -1,0 +1,97 @@
+"""The ways to a configuration that are compared: methods, leaf models, and the conventional baseline."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ksd.errors import ConvergenceError, KsdError
+from ksd.model.compile import compile_scene
+from ksd.model.leafs import Mesh
+from ksd.solve.choose import Solver
+from ksd.solve.configuration import Configuration
+from ksd.solve.conventional import conventional
+
+EPS_MAX = (1e4, 1e5, 1e6, 3e6, 1e7, 3e7, 1e8, 1e9, math.inf)
+"""Thresholds tried for plain Newton; the paper does not print its own."""
+ORDERS = (((3, 2, 4), 5), ((4, 2, 5), 6), ((4, 3, 5), 7), ((5, 3, 6), 8))
+"""Strain-mode leafs compared: curvature modes about x, y, z, and points."""
+FINEST = Mesh(orders=(6, 5, 9), points=14)
+"""The leaf model errors are counted from."""
+
+
+@dataclass(frozen=True)
+class Way:
+    """One way: method, leaf model in words, its size (elements per leaf, or curvature modes), and the call."""
+
+    method: str
+    leafs: str
+    size: int
+    solve: Callable[[], Configuration]
+    note: str = ""
+
+
+def five_step_ways(scene: Any, targets: Mapping[str, float], mesh: Mesh) -> list[Way]:
+    """Every method of one prepared solver; the fast ones without their error estimate."""
+    solver = Solver(scene, mesh=mesh)
+    strain = mesh.leaf == "strain"
+    leafs = f"strain {mesh.orders}" if strain else f"{mesh.elements} element{'s' * (mesh.elements > 1)}"
+    size = sum(mesh.orders) if strain else mesh.elements
+
+    def way(name: str, method: str, **more: Any) -> Way:
+        return Way(name, leafs, size, lambda: solver(targets, method=method, **more))
+
+    found = [way("kinematic", "kinematic", estimate=False)]
+    for passes in range(3):
+        name = ("reduced", "reduced, 1 pass", "reduced, 2 passes")[passes]
+        found.append(way(name, "reduced", passes=passes, estimate=False))
+    return [*found, way("full", "full"), way("conventional", "conventional")]
+
+
+def plain_newton(scene: Any, targets: Mapping[str, float], elements: int) -> Way:
+    """The conventional method of paper 1, Appendix B: plain Newton on all element nodes, eps_max best for it.
+
+    Best: fewest matrix solves among those that end where the smallest eps_max does. Raises ConvergenceError.
+    """
+    model = compile_scene(scene, mesh=Mesh("corotational", elements=elements, mip=False, nodal=True))
+
+    def solve(eps_max: float) -> Configuration:
+        return conventional(model, targets, eps_max=eps_max, most=60, cap=math.inf)
+
+    counts: dict[float, int] = {}
+    first: np.ndarray | None = None
+    for eps_max in EPS_MAX:
+        try:
+            found = solve(eps_max)
+        except ConvergenceError:
+            continue
+        forces = np.array(list(found.forces.values()))
+        first = forces if first is None else first
+        if np.allclose(forces, first, rtol=1e-6, atol=1e-6 * float(np.abs(first).max())):
+            counts[eps_max] = found.iterations
+    if not counts:
+        raise ConvergenceError("plain Newton converged for no eps_max")
+    best = min(counts, key=lambda e: counts[e])
+    leafs = f"{elements} element{'s' * (elements > 1)}"
+    return Way("plain Newton", leafs, elements, lambda: solve(best), f"eps_max {best:g}")
+
+
+def ways_of(case: Any, *, quick: bool) -> Iterator[Way]:
+    """All ways to a case of the suite; `quick` takes one mesh of each leaf model."""
+    scene, targets = case.build()
+    orders = ORDERS[2:3] if quick else ORDERS
+    meshes = [Mesh(orders=o, points=p) for o, p in orders]
+    elements = (min(5, max(case.elements)),) if quick else case.elements
+    meshes += [Mesh("corotational", elements=n) for n in elements]
+    for mesh in meshes:
+        yield from five_step_ways(scene, targets, mesh)
+    for n in case.baseline:
+        if not quick or n in elements:
+            try:
+                yield plain_newton(scene, targets, n)
+            except KsdError:
+                continue

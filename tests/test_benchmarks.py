@@ -1,0 +1,68 @@
+"""Every benchmark script runs with --quick and finds a figure known from elsewhere."""
+
+import json
+from importlib import import_module
+from pathlib import Path
+
+import pytest
+
+FOLDER = Path(__file__).resolve().parents[1] / "benchmarks"
+
+
+@pytest.fixture
+def script(monkeypatch):
+    monkeypatch.syspath_prepend(str(FOLDER))
+    return import_module
+
+
+def test_figures_of_paper_1(script, tmp_path):
+    found = script("paper1").main(["--quick", "--out", str(tmp_path)])
+    fourbar = found["figure_10"]["readings"][1]["elements"][2]
+    # acceptance C, n = 2, d = .3
+    assert fourbar["full"]["force_N"][-1] == pytest.approx(513.162, rel=1e-5)
+    assert fourbar["reduced"]["force_N"][-1] == pytest.approx(519.032, rel=5e-5)
+    # acceptance B, n = 2 at 15, 45, 75 degrees; EOB against FE
+    moments = found["figure_7"]["default"][2]["fe"]
+    assert [moments[k] for k in (2, 8, 14)] == pytest.approx([1.014307, 1.119823, 1.298602], rel=2e-6)
+    assert max(found["figure_7"]["largest_difference_eob_fe"].values()) < 5e-5
+    # the reduced joint does not feel the force across it in its moment (paper 1, section 4.2)
+    across = found["figure_8"]["cases"][4.0]
+    assert across["reduced"]["moment"][-1] / across["full"]["moment"][-1] > 1.1
+    assert len(list(tmp_path.glob("fig*.png"))) == 5
+    assert json.loads((tmp_path / "paper1.json").read_text())["machine"]["numba"]
+
+
+def test_speed(script, tmp_path):
+    readme = tmp_path / "README.md"
+    readme.write_text("before\n<!-- measured:begin -->\nold\n<!-- measured:end -->\nafter\n")
+    found = script("speed").main(["--quick", "--out", str(tmp_path), "--readme", str(readme)])
+    rows = {(r["method"], r["elements"]): r for r in found["solves"]["1"]["rows"]}
+    assert rows["full", 2]["force_N"] == pytest.approx(513.162, rel=1e-5)
+    assert rows["plain Newton", 5]["iterations"] in range(40, 50)
+    assert rows["full", 0]["force_error"] < 5e-6
+    text = readme.read_text()
+    assert text.startswith("before\n<!-- measured:begin -->\nThe fourbar")
+    assert text.endswith("<!-- measured:end -->\nafter\n")
+    assert "old" not in text
+    assert (tmp_path / "speed.png").stat().st_size > 20_000
+    split = found["iterations"]["full, 5 elements"]["split_us"]
+    assert set(split) == {"assembly", "factorisation", "solve", "update"}
+
+
+def test_table_needs_its_markers(script, tmp_path):
+    plain = tmp_path / "README.md"
+    plain.write_text("no markers\n")
+    with pytest.raises(ValueError, match="measured:begin"):
+        script("speed_report").insert_table(plain, "table")
+    assert plain.read_text() == "no markers\n"
+
+
+def test_hero(script, tmp_path):
+    found = script("hero").main(["--quick", "--out", str(tmp_path)])
+    assert found["force_N"] == pytest.approx(521.195, rel=1e-5)
+    assert (tmp_path / "hero.png").stat().st_size > 20_000
+
+
+def test_pareto_front(script):
+    pareto = script("speed_report").pareto
+    assert pareto([(3, 1), (1, 5), (2, 6), (2, 4), (4, 2)]) == [(1, 5), (2, 4), (3, 1)]

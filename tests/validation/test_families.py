@@ -1,0 +1,277 @@
+"""Joint families: closed forms, tables of exact planar rods, and every record against its own element model."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import ksd
+from ksd.errors import RangeError, SceneError
+from ksd.library import find_record
+from ksd.model.leafs import Mesh
+from ksd.scene import Material, joint_families
+from ksd.scene.families.cartwheel import Butterfly, Cartwheel
+from ksd.scene.families.crossed_pivot import BalancedCrossedPivot, CrossedPivot
+from ksd.scene.families.guide import ParallelGuide, StiffenedGuide
+from ksd.scene.families.infinity import TripleInfinityHinge
+from ksd.scene.families.universal import UniversalJoint
+from ksd.solve.conventional import conventional
+from ksd.train.catalogue import ENTRIES
+from ksd.train.designs import design_of
+from ksd.train.softness import rest_stiffness
+from ksd.units import deg
+
+STEEL = Material(E=200e9, G=76.9e9)
+THIN = {"length": 0.1, "thickness": 1e-4, "width": 0.04}
+SHAPED = [name for name, entry in ENTRIES.items() if entry.parameters]
+
+
+def alone(joint):
+    """A joint between ground and the link 'tip', every intended motion driven; joint axes are global axes."""
+    scene = ksd.Mechanism("one joint")
+    tip = scene.link("tip")
+    placed = scene.join(scene.ground, tip, joint, at=(0, 0, 0), axis="z", toward="x", name="joint")
+    for motion in joint.motions:
+        scene.actuate_joint(placed, name=motion.name, motion=motion.name)
+    return scene
+
+
+def driven(joint, value, **others):
+    """Conventional solution of the joint alone at its first motion = value."""
+    model = ksd.compile_scene(alone(joint))
+    return conventional(model, {joint.motions[0].name: value, **others})
+
+
+# Closed forms and tables
+
+
+@pytest.mark.parametrize("angle", [30, 45, 60])
+@pytest.mark.parametrize("ratio", [-0.25, 0.0, 0.12732, 0.3, 0.5, 0.8, 1.0, 1.25])
+def test_crossed_pivot_stiffness(ratio, angle):
+    """Acceptance D: K = 8 (1 - 3 lambda + 3 lambda^2) E I_leaf / L for two leafs."""
+    joint = CrossedPivot(STEEL, angle=angle * deg, ratio=ratio, **THIN)
+    expected = 8 * (1 - 3 * ratio + 3 * ratio**2) * STEEL.E * 0.04 * 1e-12 / 12 / 0.1
+    assert joint.stiffness_at_rest() == pytest.approx(expected, rel=1e-12)
+    assert driven(joint, 1e-3).forces["angle"] / 1e-3 == pytest.approx(expected, rel=2e-5)
+
+
+@pytest.mark.parametrize("angle", [30, 45, 60])
+@pytest.mark.parametrize("ratio", [0.0, 0.12732, 0.2, 0.5, 0.75, 1.2])
+def test_pivot_shift(ratio, angle):
+    """Acceptance D: |9 lambda^2 - 9 lambda + 1| theta^2 L / (15 cos alpha), zero at lambda = .12732."""
+    joint = CrossedPivot(STEEL, angle=angle * deg, ratio=ratio, **THIN)
+    theta = 0.02
+    crossing = np.array([ratio * joint.pose_B[0], 0.0, 0.0])
+    shifts = []
+    for turn in (theta, -theta):
+        # the part even in theta; the odd one is the stretch of the leafs, of order (t / L)^2 theta
+        tip = driven(joint, turn).motion
+        shifts.append(tip.x[1] + tip.R[1] @ (crossing - joint.pose_B) - crossing)
+    shift = np.linalg.norm(shifts[0] + shifts[1]) / 2
+    expected = abs(9 * ratio**2 - 9 * ratio + 1) * theta**2 * 0.1 / (15 * math.cos(angle * deg))
+    assert shift == pytest.approx(expected, rel=2e-3, abs=1e-4 * theta**2 * 0.1)
+
+
+@pytest.mark.parametrize("angle, expected", [(30, (1.014995, 1.057473)), (60, (1.120295, 1.361696))])
+def test_balanced_pivot_at_large_angles(angle, expected):
+    """Acceptance D: M / (theta E I_sum / L) at 30 and 60 degrees, lambda = .5."""
+    sizes = {"length": 0.1, "thickness": 1e-4, "inner_width": 0.04, "outer_width": 0.02}
+    joint = BalancedCrossedPivot(STEEL, angle=angle * deg, **sizes)
+    unit = STEEL.E * 0.08 * 1e-12 / 12 / 0.1
+    for turn, value in zip((30, 60), expected, strict=True):
+        assert driven(joint, turn * deg).forces["angle"] / (unit * turn * deg) == pytest.approx(
+            value, rel=2e-5
+        )
+
+
+@pytest.mark.parametrize("angle", [35, 45, 60])
+def test_cartwheel_is_four_cross_flexures(angle):
+    cartwheel = Cartwheel(STEEL, angle=angle * deg, **THIN)
+    cross = CrossedPivot(STEEL, angle=angle * deg, **THIN)
+    assert cartwheel.stiffness_at_rest() == pytest.approx(4 * cross.stiffness_at_rest(), rel=1e-12)
+    ratio = driven(cartwheel, 1e-3).forces["angle"] / driven(cross, 1e-3).forces["angle"]
+    assert ratio == pytest.approx(4, rel=1e-4)
+
+
+@pytest.mark.parametrize(
+    "joint",
+    [
+        BalancedCrossedPivot(
+            STEEL, length=0.1, thickness=1e-4, angle=0.7, ratio=0.2, inner_width=0.03, outer_width=0.02
+        ),
+        Butterfly(STEEL, inner=0.02, half_angle=0.2, **THIN),
+        Butterfly(STEEL, inner=0.05, half_angle=0.4, **THIN),
+        ParallelGuide(STEEL, spacing=0.05, **THIN),
+        StiffenedGuide(STEEL, spacing=0.05, flexible=0.15, **THIN),
+        StiffenedGuide(STEEL, spacing=0.05, flexible=0.4, **THIN),
+        UniversalJoint(STEEL, **THIN),
+    ],
+    ids=lambda joint: f"{joint.family}",
+)
+def test_stiffness_at_rest(joint):
+    small = 1e-3 * (joint.length if joint.motions[0].kind == "translation" else 1.0)
+    others = {m.name: 0.0 for m in joint.motions[1:]}
+    found = driven(joint, small, **others).forces[joint.motions[0].name] / small
+    assert found == pytest.approx(joint.stiffness_at_rest(), rel=2e-4)
+
+
+def test_guided_leaf():
+    """Acceptance D: shortening at delta = .1 L: -6.02045e-3 L, force factor 1.010406."""
+    joint = ParallelGuide(STEEL, spacing=0.06, **THIN)
+    found = driven(joint, 0.01)
+    assert found.motion.x[1, 0] - 0.1 == pytest.approx(-6.02045e-4, rel=1e-4)
+    assert found.forces["stroke"] / (0.01 * joint.stiffness_at_rest()) == pytest.approx(1.010406, rel=1e-4)
+
+
+def guide_pulled(joint, stroke, moment, force):
+    """Place of B along x: stroke held at B, rotation under the given moment, a small force along x."""
+    scene = ksd.Mechanism("guide")
+    tip = scene.link("tip")
+    scene.join(scene.ground, tip, joint, at=(0, 0, 0), axis="z", toward="x")
+    scene.actuate(tip, along="y", at=joint.pose_B, name="stroke")
+    scene.load(tip, force=(force, 0, 0), moment=(0, 0, moment), at=joint.pose_B)
+    return conventional(ksd.compile_scene(scene), {"stroke": stroke}, rtol=1e-10).motion.x[1, 0]
+
+
+def test_parallel_guide_support_stiffness():
+    """Acceptance D: 100 x 30 x .5 mm at +-30 mm: kx 6.0000e7 at rest, 2.2013e7 at 5 mm, 1.98244e6 N/m at 20 mm."""
+    joint = ParallelGuide(STEEL, length=0.1, thickness=5e-4, width=0.03, spacing=0.06)
+    held = ksd.Mechanism("guide, rotation held")
+    tip = held.link("tip")
+    held.join(held.ground, tip, joint, at=(0, 0, 0), axis="z", toward="x")
+    held.actuate(tip, along="y", at=joint.pose_B, name="stroke")
+    held.actuate(tip, about="z", name="turn")
+    for stroke, expected in ((0.0, 6.0000e7), (5e-3, 2.2013e7), (20e-3, 1.98244e6)):
+        moment = conventional(ksd.compile_scene(held), {"stroke": stroke, "turn": 0.0}).forces["turn"]
+        pull, push = (guide_pulled(joint, stroke, moment, force) for force in (1.0, -1.0))
+        assert 2.0 / (pull - push) == pytest.approx(expected, rel=5e-4)
+
+
+def test_triple_infinity_hinge_is_a_rotation_joint():
+    joint = TripleInfinityHinge(STEEL)
+    assert len(joint.leafs()) == 30
+    assert {leaf.section.thickness for leaf in joint.leafs()} == {0.45e-3}
+    rest = np.linalg.eigvalsh(rest_stiffness(joint))
+    assert rest[0] < 5 < 1000 < rest[1]
+    moments = [driven(joint, a * deg).forces["angle"] for a in (-45, -20, 20, 45)]
+    # point-symmetric in the plane
+    assert moments[:2] == pytest.approx([-m for m in moments[:1:-1]], rel=1e-8)
+    assert moments[3] == pytest.approx(3.2397, rel=1e-4)
+
+
+def test_every_family_is_named_and_reachable():
+    assert set(ENTRIES) <= set(joint_families())
+    for name in ENTRIES:
+        made = design_of(name)
+        joint = made.make(**made.shape(np.zeros(len(made.parameters))))
+        assert joint.family == name
+        assert set(joint.shape()) == {p.name for p in made.parameters}
+
+
+@pytest.mark.parametrize(
+    "words, said",
+    [
+        ({"angle": 2.0}, ["angle", "90"]),
+        ({"ratio": 3.0}, ["ratio", "3", "2"]),
+        ({"width": -1.0}, ["width", "positive"]),
+        ({"thickness": 0.07}, ["thickness", "half the leaf length"]),
+        ({"material": "steel"}, ["material", "Material"]),
+    ],
+)
+def test_bad_values_are_named(words, said):
+    with pytest.raises(SceneError) as caught:
+        CrossedPivot(**{"material": STEEL, "angle": 0.8, **THIN, **words})
+    assert all(word in str(caught.value) for word in said)
+
+
+# Records against the joint's own element model
+
+
+def random_joints(name, rng, count=10):
+    """Joints of random shape inside the trained ranges, of other size and thickness than trained on."""
+    design = design_of(name)
+    for k in range(count if design.parameters else 3):
+        joint = design.make(**design.shape(rng.uniform(-1, 1, len(design.parameters))))
+        if k % 2:
+            joint = (
+                replace(joint, thickness=joint.thickness * rng.uniform(0.5, 1.5))
+                if name != "cross_flexure"
+                else joint
+            )
+        yield joint
+
+
+def errors(joint, solver, share):
+    """Error of the reduced drive forces (over the largest), and of the position of B over the joint length."""
+    values = {m.name: s * m.range[1] for m, s in zip(joint.motions, np.atleast_1d(share), strict=False)}
+    exact = conventional(solver.model, values)
+    reduced = solver(values, method="reduced", estimate=False)
+    size = max(abs(f) for f in exact.forces.values())
+    force = max(abs(reduced.forces[n] - exact.forces[n]) for n in values) / size
+    return force, np.abs(reduced.motion.x - exact.motion.x).max() / joint.length, exact.stable
+
+
+@pytest.mark.parametrize("mesh", [Mesh(), Mesh("corotational", elements=3)], ids=["strain", "n=3"])
+@pytest.mark.parametrize("name", list(ENTRIES))
+def test_reduced_equals_conventional(name, mesh, rng):
+    """Issue of the families: below 0.1 % over the trained range at ten random shapes, pivot shift 1e-4 L."""
+    for joint in random_joints(name, rng):
+        solver = ksd.prepare(alone(joint), mesh=mesh)
+        for share in (-1.0, 1.0, *rng.uniform(-1, 1, (2, len(joint.motions)))):
+            force, place, stable = errors(joint, solver, np.broadcast_to(share, len(joint.motions)))
+            assert stable
+            # the paper's bodies leave out the geometric stiffness: unintended motion is met to about a tenth
+            exact = mesh.leaf == "strain"
+            assert force < (1e-4 if exact else 1e-3)
+            assert place < (1e-6 if exact else 1e-4)
+
+
+@pytest.mark.parametrize("name", list(ENTRIES))
+def test_pivot_shift_of_the_record(name, rng):
+    """The interface functions alone, against the element model: below 1e-4 L at the thickness trained on."""
+    design = design_of(name)
+    record = find_record(name)
+    for _ in range(4 if design.parameters else 1):
+        joint = design.make(**design.shape(rng.uniform(-1, 1, len(design.parameters))))
+        solver = ksd.prepare(alone(joint))
+        assert record.worst("strain") < 1e-4
+        for share in rng.uniform(-1, 1, 2):
+            values = {m.name: share * m.range[1] for m in joint.motions}
+            shape, exact = (
+                solver(values, method="kinematic", estimate=False),
+                conventional(solver.model, values),
+            )
+            assert shape.motion.x == pytest.approx(exact.motion.x, abs=1e-4 * joint.length)
+
+
+@pytest.mark.parametrize("name", SHAPED)
+def test_shapes_outside_the_range_are_refused(name):
+    design = design_of(name)
+    for i, parameter in enumerate(design.parameters):
+        for end in (-1.02, 1.02):
+            places = np.zeros(len(design.parameters))
+            places[i] = end
+            joint = design.make(**design.shape(places))
+            with pytest.raises(RangeError, match=parameter.name):
+                ksd.prepare(alone(joint))({m.name: 0.0 for m in joint.motions}, method="reduced")
+
+
+@pytest.mark.parametrize("name", list(ENTRIES))
+def test_motions_outside_the_range_are_refused(name):
+    design = design_of(name)
+    joint = design.make(**design.shape(np.zeros(len(design.parameters))))
+    solver = ksd.prepare(alone(joint))
+    for motion in joint.motions:
+        values = {m.name: 0.0 for m in joint.motions}
+        with pytest.raises(RangeError, match="outside its trained range"):
+            solver({**values, motion.name: 1.01 * motion.range[1]}, method="reduced")
+
+
+@pytest.mark.parametrize("name", list(ENTRIES))
+def test_records_are_small_and_the_same_in_both_places(name):
+    from ksd.library.files import shipped_folder
+
+    shipped = (shipped_folder() / f"{name}.h5").read_bytes()
+    assert len(shipped) < 2e6
+    assert (shipped_folder().parents[1] / "database" / f"{name}.h5").read_bytes() == shipped
