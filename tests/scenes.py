@@ -8,7 +8,13 @@ STEEL = ksd.Material(E=200 * GPa, G=76.9 * GPa, density=7800)
 
 def cross_flexure(**changes):
     """Table 1 of paper 1, with changes."""
-    sizes = {"length": 100 * mm, "angle": 45 * deg, "thickness": 1 * mm, "widths": (40 * mm, 20 * mm), **changes}
+    sizes = {
+        "length": 100 * mm,
+        "angle": 45 * deg,
+        "thickness": 1 * mm,
+        "widths": (40 * mm, 20 * mm),
+        **changes,
+    }
     return ksd.CrossFlexure(STEEL, **sizes)
 
 
@@ -16,7 +22,9 @@ def single_joint(joint=None):
     """One joint from ground to link 'tip', driven by its relative angle 'turn'; joint axes are global axes."""
     scene = ksd.Mechanism("one joint")
     tip = scene.link("tip")
-    placed = scene.join(scene.ground, tip, joint or cross_flexure(), at=(0, 0, 0), axis="z", toward="x", name="hinge")
+    placed = scene.join(
+        scene.ground, tip, joint or cross_flexure(), at=(0, 0, 0), axis="z", toward="x", name="hinge"
+    )
     scene.actuate_joint(placed, name="turn")
     return scene
 

@@ -6,10 +6,8 @@ Every entry takes flat pointers and their lengths; see `ksd.beam.strain` and `ks
 
 from __future__ import annotations
 
-from numba import carray
-
 from ksd.beam import corotational, strain
-from ksd.numerics.kernel import isolated
+from ksd.numerics.kernel import carray, isolated
 
 _P = "CPointer(float64)"
 _I = "CPointer(int64)"

@@ -71,7 +71,7 @@ def condense(value, number, inner, store, pose, lam, K):
     """
     n = number[0]
     move = store[KEPT * n : KEPT * n + 6]
-    negatives = 0
+    negatives = angle = 0
     ef = em = 0.0
     # block and residual of node q, raw force of the previous element on it, and MIP force
     c00 = c01 = c02 = c11 = c12 = c22 = r0 = r1 = r2 = f0 = f1 = f2 = g0 = g1 = g2 = 0.0
@@ -80,8 +80,10 @@ def condense(value, number, inner, store, pose, lam, K):
         s = store[KEPT * k : KEPT * k + KEPT]
         _nodes(value, n, inner, pose, k, move)
         status = _strains(v, s, move)
-        if status != 0:
-            return negatives, math.inf, math.inf, status
+        if status == 2:
+            return negatives, math.inf, math.inf, 2
+        # a large angle may pass during the iteration; only a converged state with one is refused
+        angle = max(angle, status)
         L, lx, ly, size = v[0], s[3], s[4], s[5]
         a, b = v[2], v[3]
         n1, n5, n6 = v[1] * s[0], a * s[1] + b * s[2], b * s[1] + a * s[2]
@@ -161,7 +163,7 @@ def condense(value, number, inner, store, pose, lam, K):
     K[2, 0], K[2, 1], K[2, 2] = c02, c12, c22
     ef = math.sqrt(max(ef, (r0 - f0) ** 2 + (r1 - f1) ** 2))
     em = max(math.sqrt(em), abs(r2 - f2))
-    return negatives, ef, em, 0 if math.isfinite(ef + em + r0 + c00) else 2
+    return negatives, ef, em, angle if math.isfinite(ef + em + r0 + c00) else 2
 
 
 @kernel

@@ -94,7 +94,7 @@ def _converged(scene: Any, targets: dict[str, float]) -> Configuration:
     try:
         return conventional(compile_scene(scene, mesh=FINEST), targets)
     except ConvergenceError:
-        return Solver(scene, mesh=FINEST)(targets, method="full", passes=1)
+        return Solver(scene, mesh=FINEST, extrapolate=True)(targets, method="full", passes=1)
 
 
 def _in_turns(ways: dict[int, Way], repeats: int) -> tuple[dict[int, list[float]], dict[int, list[float]]]:

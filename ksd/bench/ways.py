@@ -35,11 +35,17 @@ class Way:
     note: str = ""
 
 
-def five_step_ways(scene: Any, targets: Mapping[str, float], mesh: Mesh) -> list[Way]:
+def five_step_ways(
+    scene: Any, targets: Mapping[str, float], mesh: Mesh, *, extrapolate: bool = False
+) -> list[Way]:
     """Every method of one prepared solver; the fast ones without their error estimate."""
-    solver = Solver(scene, mesh=mesh)
+    solver = Solver(scene, mesh=mesh, extrapolate=extrapolate)
     strain = mesh.leaf == "strain"
-    leafs = f"strain {mesh.orders}" if strain else f"{mesh.elements} element{'s' * (mesh.elements > 1)}"
+    leafs = (
+        f"strain {','.join(map(str, mesh.orders))}"
+        if strain
+        else f"{mesh.elements} element{'s' * (mesh.elements > 1)}"
+    )
     size = sum(mesh.orders) if strain else mesh.elements
 
     def way(name: str, method: str, **more: Any) -> Way:
@@ -85,10 +91,10 @@ def ways_of(case: Any, *, quick: bool) -> Iterator[Way]:
     scene, targets = case.build()
     orders = ORDERS[2:3] if quick else ORDERS
     meshes = [Mesh(orders=o, points=p) for o, p in orders]
-    elements = (min(5, max(case.elements)),) if quick else case.elements
+    elements = (case.quick,) if quick else case.elements
     meshes += [Mesh("corotational", elements=n) for n in elements]
     for mesh in meshes:
-        yield from five_step_ways(scene, targets, mesh)
+        yield from five_step_ways(scene, targets, mesh, extrapolate=case.extrapolate)
     for n in case.baseline:
         if not quick or n in elements:
             try:

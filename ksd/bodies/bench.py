@@ -175,7 +175,9 @@ def place_insides(loops, block_joint, block_node, full_node, motion, full):
             s = full.x[a, r]
             for c in range(3):
                 s += full.R[a, r, c] * loops.anchor[j, 0, c] + RA[r, c] * motion.x[b, c]
-                T[r, c] = RA[r, 0] * motion.R[b, 0, c] + RA[r, 1] * motion.R[b, 1, c] + RA[r, 2] * motion.R[b, 2, c]
+                T[r, c] = (
+                    RA[r, 0] * motion.R[b, 0, c] + RA[r, 1] * motion.R[b, 1, c] + RA[r, 2] * motion.R[b, 2, c]
+                )
             full.x[f, r] = s
         for r in range(3):
             for c in range(3):

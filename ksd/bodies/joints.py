@@ -27,8 +27,9 @@ class JointBodies:
     """All joints of a model as bodies: `loops` answers allow, `inside` inside, `bench` resist.
 
     reduced: the mechanism of links and condensed joints (its members: one linear body per joint, then free leafs).
-    near (members of the bench,): lengths of the near data. block_node, full_node (K,): internal blocks in the bench
-    and in the full model. motion_range (motions, 2): trained range, rad or stroke over joint length, as theta; motion_scale (motions,): theta to rad or m.
+    near (members of the bench,): lengths of the near data. full_node (K,): internal blocks in the full model.
+    motion_range (motions, 2): trained range, rad or stroke over joint length, as theta; motion_scale (motions,):
+    theta to rad or m; motion_names.
     """
 
     loops: Loops
@@ -44,7 +45,9 @@ class JointBodies:
     motion_names: tuple[str, ...]
 
 
-def _spanning_tree(nodes: np.ndarray, links: int, names: tuple[str, ...]) -> tuple[list[list[int]], list[int]]:
+def _spanning_tree(
+    nodes: np.ndarray, links: int, names: tuple[str, ...]
+) -> tuple[list[list[int]], list[int]]:
     """Breadth-first tree from ground: (joint, forward) in order, and the joints left to close loops."""
     reached, tree, used = {0}, [], set()
     while True:
@@ -141,7 +144,9 @@ class _Bench:
         if member.kind == COROTATIONAL:
             base = sum(self.near_length)
             rotations = functions.rotations[n]
-            self.near += [(j, base + 3 * i + r, rotations[i, r]) for i in range(len(rotations)) for r in range(3)]
+            self.near += [
+                (j, base + 3 * i + r, rotations[i, r]) for i in range(len(rotations)) for r in range(3)
+            ]
             self.near_length.append(3 * len(rotations))
             return
         self.near_length.append(0)
@@ -200,7 +205,9 @@ def build_reduced(model: Model) -> tuple[Arrays, Motion]:
         )  # fmt: skip
     for leaf in scene.leafs:
         a, b = index[leaf.a], index[leaf.b]
-        members.append(leaf_member(leaf.leaf, model.mesh, name=leaf.name, nodes=(a, b), places=(places[a], places[b])))
+        members.append(
+            leaf_member(leaf.leaf, model.mesh, name=leaf.name, nodes=(a, b), places=(places[a], places[b]))
+        )
     rows, _, _ = constraint_rows(scene, places)
     return pack(Assembly(places, members, rows, external_loads(scene, places)))
 
@@ -212,10 +219,13 @@ def joint_bodies(model: Model, records: Callable[[str], Any], *, extrapolate: bo
     KinematicsError when joints alone do not place every link.
     """
     if not model.scene.joints:
-        raise SceneError("this mechanism has no catalogue joints, so there is nothing to reduce; use method='conventional'")
+        raise SceneError(
+            "this mechanism has no catalogue joints, so there is nothing to reduce; use method='conventional'"
+        )
     mesh = "strain" if model.mesh.leaf == "strain" else model.mesh.elements
     contracted = [
-        records(j.joint.family).contract(j.joint.shape(), mesh, extrapolate=extrapolate) for j in model.scene.joints
+        records(j.joint.family).contract(j.joint.shape(), mesh, extrapolate=extrapolate)
+        for j in model.scene.joints
     ]
     loops = build_loops(model, contracted)
     bench, bench_rest, inside, near, full_node = build_bench(model, contracted)

@@ -103,7 +103,9 @@ def joint_places(loops, theta, place):
     value, slope = np.empty(loops.pose.shape[2]), np.empty((2, loops.pose.shape[2]))
     for j in range(len(loops.node)):
         count = monomials(loops, theta, j, value, slope)
-        pose_from(loops.pose[j], loops.length[j], value, slope, count, loops.first[j + 1] - loops.first[j], place[j])
+        pose_from(
+            loops.pose[j], loops.length[j], value, slope, count, loops.first[j + 1] - loops.first[j], place[j]
+        )
 
 
 @kernel

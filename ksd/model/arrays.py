@@ -131,5 +131,7 @@ def make_work(arrays: Arrays, *, near: np.ndarray | None = None) -> Work:
         np.zeros((count, 18)),
         np.zeros((len(arrays.start), 2)),
         np.zeros(0 if near is None else int(np.sum(near))),
-        np.zeros(count + 1, np.int64) if near is None else np.concatenate([[0], np.cumsum(near)]).astype(np.int64),
+        np.zeros(count + 1, np.int64)
+        if near is None
+        else np.concatenate([[0], np.cumsum(near)]).astype(np.int64),
     )

@@ -38,9 +38,10 @@ def member_pose(members, x, R, i, pose, Q):
                 + R[a, r, 2] * members.frame[i, 0, 2, c]
             )
     for c in range(3):
-        t0 = R[b, 0, 0] * members.frame[i, 1, 0, c] + R[b, 0, 1] * members.frame[i, 1, 1, c] + R[b, 0, 2] * members.frame[i, 1, 2, c]
-        t1 = R[b, 1, 0] * members.frame[i, 1, 0, c] + R[b, 1, 1] * members.frame[i, 1, 1, c] + R[b, 1, 2] * members.frame[i, 1, 2, c]
-        t2 = R[b, 2, 0] * members.frame[i, 1, 0, c] + R[b, 2, 1] * members.frame[i, 1, 1, c] + R[b, 2, 2] * members.frame[i, 1, 2, c]
+        f0, f1, f2 = members.frame[i, 1, 0, c], members.frame[i, 1, 1, c], members.frame[i, 1, 2, c]
+        t0 = R[b, 0, 0] * f0 + R[b, 0, 1] * f1 + R[b, 0, 2] * f2
+        t1 = R[b, 1, 0] * f0 + R[b, 1, 1] * f1 + R[b, 1, 2] * f2
+        t2 = R[b, 2, 0] * f0 + R[b, 2, 1] * f1 + R[b, 2, 2] * f2
         for r in range(3):
             Q[r, c] = pose[r] * t0 + pose[3 + r] * t1 + pose[6 + r] * t2
 
@@ -53,13 +54,17 @@ def _turn_stiffness(pose, K, A):
         for r in range(3):
             for c in range(6):
                 T[3 * b + r, c] = (
-                    pose[3 * r] * K[3 * b, c] + pose[3 * r + 1] * K[3 * b + 1, c] + pose[3 * r + 2] * K[3 * b + 2, c]
+                    pose[3 * r] * K[3 * b, c]
+                    + pose[3 * r + 1] * K[3 * b + 1, c]
+                    + pose[3 * r + 2] * K[3 * b + 2, c]
                 )
     for r in range(6):
         for b in range(2):
             for c in range(3):
                 A[r, 3 * b + c] = (
-                    T[r, 3 * b] * pose[3 * c] + T[r, 3 * b + 1] * pose[3 * c + 1] + T[r, 3 * b + 2] * pose[3 * c + 2]
+                    T[r, 3 * b] * pose[3 * c]
+                    + T[r, 3 * b + 1] * pose[3 * c + 1]
+                    + T[r, 3 * b + 2] * pose[3 * c + 2]
                 )
 
 
@@ -176,7 +181,18 @@ def condense_member(members, inner, work, i, d, Q, K, near):
         rotations = work.near[work.near_at[i] : work.near_at[i + 1]]
         size[3] = len(rotations)
         chain_near(
-            V, N, S, W, rotations.ctypes, d.ctypes, Q.ctypes, lam.ctypes, K.ctypes, near - 1, out.ctypes, size.ctypes
+            V,
+            N,
+            S,
+            W,
+            rotations.ctypes,
+            d.ctypes,
+            Q.ctypes,
+            lam.ctypes,
+            K.ctypes,
+            near - 1,
+            out.ctypes,
+            size.ctypes,
         )
     else:
         chain_condense(V, N, S, W, d.ctypes, Q.ctypes, lam.ctypes, K.ctypes, out.ctypes, size.ctypes)
@@ -234,7 +250,9 @@ def add_members(arrays, x, R, inner, work, rtol, noise, near):
         m = math.sqrt(lam[3] ** 2 + lam[4] ** 2 + lam[5] ** 2)
         L = members.length[i]
         floor = noise * members.floor[i]
-        worst = max(worst, dn / (rtol * (n + m / L) + floor + 1e-300), dm / (rtol * (n * L + m) + floor * L + 1e-300))
+        worst = max(
+            worst, dn / (rtol * (n + m / L) + floor + 1e-300), dm / (rtol * (n * L + m) + floor * L + 1e-300)
+        )
         for e in range(2):
             node = members.node[i, e]
             starts[e] = arrays.start[node]

@@ -78,7 +78,9 @@ def reference_points(scene: Any) -> np.ndarray:
     return places
 
 
-def joint_members_of(placed: Any, mesh: Mesh, nodes: Mapping[str, int], places: np.ndarray, turn: Any) -> list[Member]:
+def joint_members_of(
+    placed: Any, mesh: Mesh, nodes: Mapping[str, int], places: np.ndarray, turn: Any
+) -> list[Member]:
     """Members of one joint whose blocks are `nodes` (by block name), at reference `places` (k, 3)."""
     members = []
     for leaf in placed.joint.leafs():
@@ -96,7 +98,9 @@ def joint_members_of(placed: Any, mesh: Mesh, nodes: Mapping[str, int], places: 
     return members
 
 
-def _nodal_members(leaf: Any, mesh: Mesh, name: str, pair: tuple[int, int], found: tuple[list, list, Any]) -> list[Member]:
+def _nodal_members(
+    leaf: Any, mesh: Mesh, name: str, pair: tuple[int, int], found: tuple[list, list, Any]
+) -> list[Member]:
     """One member per element, with a new model node at every cut; `found` = (places, node names, turn)."""
     places, names, turn = found
     pieces, cuts = split_leaf(leaf, leaf.elements or mesh.elements)
@@ -105,7 +109,9 @@ def _nodal_members(leaf: Any, mesh: Mesh, name: str, pair: tuple[int, int], foun
     places += [origin + rotation @ cut for cut in cuts]
     names += [f"{name}.{k + 1}" for k in range(len(cuts))]
     return [
-        leaf_member(piece, mesh, name=f"{name}.{k + 1}", nodes=(a, b), places=(places[a], places[b]), turn=turn)
+        leaf_member(
+            piece, mesh, name=f"{name}.{k + 1}", nodes=(a, b), places=(places[a], places[b]), turn=turn
+        )
         for k, (piece, (a, b)) in enumerate(zip(pieces, pairwise(nodes), strict=True))
     ]
 
@@ -118,7 +124,17 @@ def _row(terms: Any, index: Mapping[str, int], places: np.ndarray) -> Row:
         a, b = index[t.base], index[t.link]
         point = np.asarray(t.point, float)
         kind = ROTATION if t.kind == "rotation" else TRANSLATION
-        rows.append((float(t.coefficient), kind, a, b, np.asarray(t.direction, float), point - places[a], point - places[b]))
+        rows.append(
+            (
+                float(t.coefficient),
+                kind,
+                a,
+                b,
+                np.asarray(t.direction, float),
+                point - places[a],
+                point - places[b],
+            )
+        )
     return Row(tuple(rows))
 
 
@@ -147,6 +163,47 @@ def external_loads(scene: Any, places: np.ndarray) -> list[Push]:
     return [p for p in pushes if p.node != 0]
 
 
+class _Parts:
+    """Nodes and members of the full model while they are collected."""
+
+    def __init__(self, scene: Any, mesh: Mesh) -> None:
+        self.mesh = mesh
+        self.index = {link: i for i, link in enumerate(scene.links)}
+        self.names = list(scene.links)
+        self.places = list(reference_points(scene))
+        self.members: list[Member] = []
+
+    def add_joint(self, placed: Any) -> slice:
+        """Internal blocks as nodes, leafs as members; returns the slice of its members."""
+        turn = (np.asarray(placed.origin, float), np.asarray(placed.rotation, float))
+        nodes = {"A": self.index[placed.a], "B": self.index[placed.b]}
+        for block, point in placed.joint.blocks().items():
+            if block not in nodes:
+                nodes[block] = len(self.places)
+                self.places.append(turn[0] + turn[1] @ np.asarray(point, float))
+                self.names.append(f"{placed.name}/{block}")
+        first = len(self.members)
+        if self.mesh.nodal:
+            for leaf in placed.joint.leafs():
+                pair = (nodes[leaf.start_block], nodes[leaf.end_block])
+                self._add_nodal(leaf, f"{placed.name}/{leaf.name}", pair, turn)
+        else:
+            self.members += joint_members_of(placed, self.mesh, nodes, np.array(self.places), turn)
+        return slice(first, len(self.members))
+
+    def add_leaf(self, leaf: Any) -> None:
+        """A free leaf between two links, in global coordinates."""
+        pair = (self.index[leaf.a], self.index[leaf.b])
+        if self.mesh.nodal:
+            self._add_nodal(leaf.leaf, leaf.name, pair, None)
+            return
+        places = (self.places[pair[0]], self.places[pair[1]])
+        self.members.append(leaf_member(leaf.leaf, self.mesh, name=leaf.name, nodes=pair, places=places))
+
+    def _add_nodal(self, leaf: Any, name: str, pair: tuple[int, int], turn: Any) -> None:
+        self.members += _nodal_members(leaf, self.mesh, name, pair, (self.places, self.names, turn))
+
+
 def compile_scene(scene: Any, *, mesh: Mesh | None = None) -> Model:
     """The full model of a scene (a Mechanism or its frozen Scene): every leaf a member, every block a node.
 
@@ -154,37 +211,12 @@ def compile_scene(scene: Any, *, mesh: Mesh | None = None) -> Model:
     """
     scene = scene.scene() if hasattr(scene, "scene") else scene
     mesh = mesh or Mesh()
-    index = {link: i for i, link in enumerate(scene.links)}
-    names = list(scene.links)
-    places = list(reference_points(scene))
-    members: list[Member] = []
-    slices = []
-    for placed in scene.joints:
-        turn = (np.asarray(placed.origin, float), np.asarray(placed.rotation, float))
-        nodes = {"A": index[placed.a], "B": index[placed.b]}
-        for block, point in placed.joint.blocks().items():
-            if block not in nodes:
-                nodes[block] = len(places)
-                places.append(turn[0] + turn[1] @ np.asarray(point, float))
-                names.append(f"{placed.name}/{block}")
-        first = len(members)
-        if mesh.nodal:
-            for leaf in placed.joint.leafs():
-                pair = (nodes[leaf.start_block], nodes[leaf.end_block])
-                members += _nodal_members(leaf, mesh, f"{placed.name}/{leaf.name}", pair, (places, names, turn))
-        else:
-            members += joint_members_of(placed, mesh, nodes, np.array(places), turn)
-        slices.append(slice(first, len(members)))
+    parts = _Parts(scene, mesh)
+    slices = [parts.add_joint(placed) for placed in scene.joints]
     for leaf in scene.leafs:
-        pair = (index[leaf.a], index[leaf.b])
-        if mesh.nodal:
-            members += _nodal_members(leaf.leaf, mesh, leaf.name, pair, (places, names, None))
-            continue
-        members.append(
-            leaf_member(leaf.leaf, mesh, name=leaf.name, nodes=pair, places=(places[pair[0]], places[pair[1]]))
-        )
-    rows, drives, supports = constraint_rows(scene, np.array(places))
-    arrays, rest = pack(Assembly(np.array(places), members, rows, external_loads(scene, np.array(places))))
-    return Model(
-        scene, mesh, arrays, rest, tuple(names), tuple(m.name for m in members), tuple(slices), drives, supports
-    )
+        parts.add_leaf(leaf)
+    places = np.array(parts.places)
+    rows, drives, supports = constraint_rows(scene, places)
+    arrays, rest = pack(Assembly(places, parts.members, rows, external_loads(scene, places)))
+    names = tuple(m.name for m in parts.members)
+    return Model(scene, mesh, arrays, rest, tuple(parts.names), names, tuple(slices), drives, supports)

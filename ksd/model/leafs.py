@@ -40,7 +40,9 @@ def leaf_axes(start: np.ndarray, end: np.ndarray, width_axis: np.ndarray | None,
     e3 = width_axis - (width_axis @ e1) * e1
     size = np.linalg.norm(e3)
     if size < 1e-9 * np.linalg.norm(width_axis):
-        raise SceneError(f"leaf '{name}': width_axis = {tuple(width_axis)} lies along the leaf; turn it across")
+        raise SceneError(
+            f"leaf '{name}': width_axis = {tuple(width_axis)} lies along the leaf; turn it across"
+        )
     e3 /= size
     return np.column_stack([e1, np.cross(e3, e1), e3])
 
@@ -132,7 +134,9 @@ def _strain_body(leaf: Any, mesh: Mesh) -> _Body:
     return _Body(STRAIN, value, number, inner, store, d, Q)
 
 
-def _undeformed_end(value: np.ndarray, number: np.ndarray, inner: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _undeformed_end(
+    value: np.ndarray, number: np.ndarray, inner: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
     """Pose of end q by the leaf's own integration, so that a curved leaf is free of stress at rest."""
     ng, N = int(number[3]), int(sum(number[:3]))
     R, v, S, m = np.empty((ng + 1, 3, 3)), np.empty((ng, 3)), np.empty((ng, 6)), np.empty((ng, 3))
@@ -146,7 +150,14 @@ def _numbers(section: Section, leaf: Any, mesh: Mesh) -> SimpleNamespace:
     material = leaf.material
     J = rigidities(section, leaf, mesh)[0][0] / material.G
     return SimpleNamespace(
-        E=material.E, G=material.G, A=section.A, J=J, Iy=section.Iy, Iz=section.Iz, ky=section.ky, kz=section.kz
+        E=material.E,
+        G=material.G,
+        A=section.A,
+        J=J,
+        Iy=section.Iy,
+        Iz=section.Iz,
+        ky=section.ky,
+        kz=section.kz,
     )
 
 
@@ -184,10 +195,14 @@ def _chain_body(leaf: Any, mesh: Mesh) -> _Body:
             value[at + 1 : at + 7] = chains.stiffness_numbers(_numbers(section, leaf, mesh), value[at])
     number = np.array([count, int(mesh.mip)], np.int64)
     d, Q = chains.undeformed_end(value, number)
-    return _Body(COROTATIONAL, value, number, chains.start_inner(value, number), chains.sizes(count).store, d, Q)
+    return _Body(
+        COROTATIONAL, value, number, chains.start_inner(value, number), chains.sizes(count).store, d, Q
+    )
 
 
-def _placed(start: np.ndarray, end: np.ndarray, width: Any, body: _Body, name: str) -> tuple[np.ndarray, np.ndarray]:
+def _placed(
+    start: np.ndarray, end: np.ndarray, width: Any, body: _Body, name: str
+) -> tuple[np.ndarray, np.ndarray]:
     """Axes (3, 3) of end p such that the undeformed end q lies towards `end`, and the place of q.
 
     The chord of a curved leaf must be as long as the distance of its ends, to 1e-3.
@@ -205,7 +220,13 @@ def _placed(start: np.ndarray, end: np.ndarray, width: Any, body: _Body, name: s
 
 
 def leaf_member(
-    leaf: Any, mesh: Mesh, *, name: str, nodes: tuple[int, int], places: tuple[np.ndarray, np.ndarray], turn: Any = None
+    leaf: Any,
+    mesh: Mesh,
+    *,
+    name: str,
+    nodes: tuple[int, int],
+    places: tuple[np.ndarray, np.ndarray],
+    turn: Any = None,
 ) -> Member:
     """The member of `leaf` between two nodes.
 
@@ -246,4 +267,13 @@ def split_leaf(leaf: Any, elements: int) -> tuple[list[Any], list[np.ndarray]]:
     return pieces, cuts[1:-1]
 
 
-__all__ = ["Mesh", "integrate_curve", "leaf_axes", "leaf_member", "leaf_modes", "raised_orders", "rigidities", "split_leaf"]
+__all__ = [
+    "Mesh",
+    "integrate_curve",
+    "leaf_axes",
+    "leaf_member",
+    "leaf_modes",
+    "raised_orders",
+    "rigidities",
+    "split_leaf",
+]

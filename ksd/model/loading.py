@@ -26,13 +26,15 @@ def add_loads(arrays, R, work, factor, rtol):
         u, block = arrays.start[node], loads.block[i]
         if u < 0:
             continue
+        T = R[node]
+        p, f, m = loads.point[i], loads.force[i], loads.moment[i]
         for r in range(3):
-            s[r] = R[node, r, 0] * loads.point[i, 0] + R[node, r, 1] * loads.point[i, 1] + R[node, r, 2] * loads.point[i, 2]
-            F[r], M[r] = factor * loads.force[i, r], factor * loads.moment[i, r]
+            s[r] = T[r, 0] * p[0] + T[r, 1] * p[1] + T[r, 2] * p[2]
+            F[r], M[r] = factor * f[r], factor * m[r]
         if loads.following[i] == 1:
             for r in range(3):
-                F[r] = factor * (R[node, r, 0] * loads.force[i, 0] + R[node, r, 1] * loads.force[i, 1] + R[node, r, 2] * loads.force[i, 2])
-                M[r] = factor * (R[node, r, 0] * loads.moment[i, 0] + R[node, r, 1] * loads.moment[i, 1] + R[node, r, 2] * loads.moment[i, 2])
+                F[r] = factor * (T[r, 0] * f[0] + T[r, 1] * f[1] + T[r, 2] * f[2])
+                M[r] = factor * (T[r, 0] * m[0] + T[r, 1] * m[1] + T[r, 2] * m[2])
         sF = s[0] * F[0] + s[1] * F[1] + s[2] * F[2]
         f2, m2 = 0.0, 0.0
         for r in range(3):
@@ -58,7 +60,7 @@ def add_loads(arrays, R, work, factor, rtol):
 
 @kernel
 def term_value(terms, x, R, t, gradient, tangent, weight):
-    """Value of constraint term t, its gradient (12,) on (base, node), and weight * second derivatives -> tangent (12, 12).
+    """Value of constraint term t; its gradient (12,) on (base, node), and weight * second derivatives (12, 12).
 
     Translation: u.(x_b + s_b - x_a - s_a) with u, s_a turning with base. Rotation: twist of R_a^T R_b about u.
     """

@@ -15,8 +15,10 @@ class Mesh:
     leaf: "strain" (one strain-mode body per leaf, `orders` curvature modes about x, y, z and `points` quadrature
     points) or "corotational" (a chain of `elements` Appendix A elements). mip: geometric stiffness of the chain from
     extrapolated stresses (True) or plain Newton (False). nodal: every element node is a node of the model, as in
-    the paper's own program, instead of being condensed inside its chain: the same equilibria by other Newton iterates. warping: multiply the torsion constant by the factor of warping
-    restrained at both clamped ends (`ksd.section.restrained_warping_factor`).
+    the paper's own program, instead of being condensed inside its chain: the same equilibria by other Newton
+    iterates. warping: multiply the torsion constant by the factor of warping restrained at both clamped ends
+    (`ksd.section.restrained_warping_factor`). Raises SceneError for what is out of bounds: below orders (3, 2, 4)
+    support stiffness is off by factors.
     """
 
     leaf: str = "strain"
@@ -32,11 +34,11 @@ class Mesh:
             raise SceneError(f"leaf = {self.leaf!r}: the leaf models are 'strain' and 'corotational'")
         if self.leaf == "corotational" and not 1 <= self.elements <= 500:
             raise SceneError(f"elements = {self.elements}: between 1 and 500 elements per leaf are possible")
-        low = (1, 1, 2)
+        low = (3, 2, 4)
         if len(self.orders) != 3 or any(n < m or n > 12 for n, m in zip(self.orders, low, strict=True)):
             raise SceneError(f"orders = {self.orders}: three numbers, at least {low} and at most 12 each")
         if self.nodal and self.leaf != "corotational":
-            raise SceneError("nodal = True: only leaf = 'corotational' has element nodes; leave it out for strain-mode leafs")
+            raise SceneError("nodal = True: only leaf = 'corotational' has element nodes; leave nodal out")
         if self.points < max(self.orders) + 1:
             raise SceneError(
                 f"points = {self.points}: orders {self.orders} need at least {max(self.orders) + 1} points"

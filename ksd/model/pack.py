@@ -68,13 +68,14 @@ def _pairs(parts: Assembly, nodes: int) -> list[tuple[int, int]]:
     return found
 
 
-class _Places:
+class Places:
     """Offsets of stored blocks by (node or row) pairs; -1 where an end is fixed."""
 
     def __init__(self, offsets: dict, position: np.ndarray) -> None:
         self.offsets, self.position = offsets, position
 
     def diagonal(self, node: int) -> int:
+        """Offset of the block of `node` itself."""
         return -1 if node == 0 else self.offsets[(self.position[node - 1],) * 2]
 
     def pair(self, a: int, b: int) -> tuple[int, int]:
@@ -83,10 +84,11 @@ class _Places:
         return self.offsets[(max(i, j), min(i, j))], int(i > j)
 
     def coupling(self, a: int, b: int) -> tuple[int, int]:
+        """Offset of the block coupling nodes a, b and 1 when a is its row; (-1, 0) when there is none."""
         return (-1, 0) if min(a, b) == 0 or a == b else self.pair(a - 1, b - 1)
 
 
-def _pack_members(members: Sequence[Member], places: _Places) -> tuple[Members, np.ndarray]:
+def _pack_members(members: Sequence[Member], places: Places) -> tuple[Members, np.ndarray]:
     values: list[np.ndarray] = []
     seen: dict[bytes, int] = {}
     at, total = [], 0
@@ -98,7 +100,8 @@ def _pack_members(members: Sequence[Member], places: _Places) -> tuple[Members, 
             total += len(m.value)
         at.append(seen[key])
     block = [
-        [places.diagonal(m.nodes[0]), places.diagonal(m.nodes[1]), *places.coupling(*m.nodes)] for m in members
+        [places.diagonal(m.nodes[0]), places.diagonal(m.nodes[1]), *places.coupling(*m.nodes)]
+        for m in members
     ]
     number = np.zeros((len(members), 4), np.int64)
     for row, m in zip(number, members, strict=True):
@@ -120,7 +123,7 @@ def _pack_members(members: Sequence[Member], places: _Places) -> tuple[Members, 
     return packed, np.concatenate([np.zeros(0), *[m.inner for m in members]])
 
 
-def _pack_rows(rows: Sequence[Row], places: _Places, nodes: int, start: np.ndarray) -> Terms:
+def _pack_rows(rows: Sequence[Row], places: Places, nodes: int, start: np.ndarray) -> Terms:
     first, flat, block, flip = [0], [], [], []
     for i, row in enumerate(rows):
         for term in row.terms:
@@ -144,7 +147,7 @@ def _pack_rows(rows: Sequence[Row], places: _Places, nodes: int, start: np.ndarr
     )
 
 
-def _pack_loads(pushes: Sequence[Push], places: _Places) -> Loads:
+def _pack_loads(pushes: Sequence[Push], places: Places) -> Loads:
     return Loads(
         node=np.array([p.node for p in pushes], np.int64),
         point=np.array([p.point for p in pushes], float).reshape(-1, 3),
@@ -161,7 +164,7 @@ def pack(parts: Assembly) -> tuple[Arrays, Motion]:
     size = np.array([6] * (nodes - 1) + [1] * rows, np.int64)
     waits = np.arange(len(size)) >= nodes - 1
     plan, position, offsets = plan_blocks(size, _pairs(parts, nodes), waits=waits, last=parts.last)
-    places = _Places(offsets, position)
+    places = Places(offsets, position)
     start = np.full(nodes, -1, np.int64)
     start[1:] = plan.start[position[: nodes - 1]]
     members, inner = _pack_members(parts.members, places)
@@ -175,7 +178,5 @@ def pack(parts: Assembly) -> tuple[Arrays, Motion]:
         _pack_loads(parts.pushes, places),
         length,
     )
-    rest = Motion(
-        np.array(parts.reference, float), np.tile(np.eye(3), (nodes, 1, 1)), inner, np.zeros(rows)
-    )
+    rest = Motion(np.array(parts.reference, float), np.tile(np.eye(3), (nodes, 1, 1)), inner, np.zeros(rows))
     return arrays, rest

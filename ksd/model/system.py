@@ -38,7 +38,9 @@ def assemble(arrays, motion, target, factor, work, rtol, near, grain):
             for r in range(3):
                 f += work.rhs[u + r] ** 2
                 m += work.rhs[u + 3 + r] ** 2
-            worst = max(worst, math.sqrt(f) / (work.scale[k, 0] + 1e-300), math.sqrt(m) / (work.scale[k, 1] + 1e-300))
+            worst = max(
+                worst, math.sqrt(f) / (work.scale[k, 0] + 1e-300), math.sqrt(m) / (work.scale[k, 1] + 1e-300)
+            )
     if not math.isfinite(worst):
         status = 2
     return worst, gap, negatives, status

@@ -45,9 +45,7 @@ def _candidates() -> list[Path]:
     places = []
     if os.environ.get("KSD_CACHE_DIR"):
         places.append(Path(os.environ["KSD_CACHE_DIR"]))
-    home = os.environ.get("XDG_CACHE_HOME") or (
-        Path.home() / ".cache" if os.environ.get("HOME") else None
-    )
+    home = os.environ.get("XDG_CACHE_HOME") or (Path.home() / ".cache" if os.environ.get("HOME") else None)
     if home:
         places.append(Path(home) / "ksd")
     places.append(Path(tempfile.gettempdir()) / f"ksd-{os.getuid() if hasattr(os, 'getuid') else 'user'}")
@@ -117,6 +115,15 @@ def isolated(signature: str) -> Any:
         return types.ExternalFunction(symbol, compiled._sig)  # type: ignore[attr-defined]
 
     return decorate
+
+
+def __getattr__(name: str) -> Any:
+    # numba's array view of a C pointer, under the one roof numba is allowed in
+    if name == "carray":
+        from numba import carray
+
+        return carray
+    raise AttributeError(name)
 
 
 _ALIVE: list[Any] = []

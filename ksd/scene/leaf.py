@@ -25,7 +25,8 @@ class Leaf:
     directions. start_block, end_block: names of the blocks (links) it is clamped to. elements: Appendix A
     elements along the leaf; orders: curvature modes (about e1, e2, e3) of the strain-mode leaf; None leaves
     the choice to the model. profile: how the section varies along it (`section` is then its nominal one); None is
-    uniform. curve: its stress-free shape, whose chord must fit start and end; None is straight. Raises SceneError for a leaf without
+    uniform. curve: its stress-free shape, whose chord must fit start and end; None is straight.
+    Raises SceneError for a leaf without
     length, a width axis not perpendicular to it, or numbers that are not finite.
     """
 

@@ -190,7 +190,8 @@ class Mechanism(Links):
 
         One of: `link` with `along` and the point `at` (3,) [m]: displacement of that point [m]; `link` with
         `about`: rotation [rad]; `joint`: its intended motion, the one named `motion` of several; `terms`: a sum of
-        `displacement` and `rotation` terms. The component is fixed in ground or in `relative_to`. The default name is that of the link
+        `displacement` and `rotation` terms. The component is fixed in ground or in `relative_to`.
+        The default name is that of the link
         (joint), or "link.x", "link.rz" when that is taken. Raises SceneError.
         """
         said = {"along": along, "about": about, "at": at, "relative_to": relative_to}

@@ -39,7 +39,9 @@ class Taper(Profile):
     def __post_init__(self) -> None:
         for name, pair in (("thickness", self.thickness), ("width", self.width)):
             if not isinstance(pair, tuple | list) or len(pair) != 2:
-                raise SceneError(f"Taper: {name} = {show(pair)} must be two lengths in m, at start and at end.")
+                raise SceneError(
+                    f"Taper: {name} = {show(pair)} must be two lengths in m, at start and at end."
+                )
             object.__setattr__(self, name, tuple(positive(v, name, owner="Taper", unit="m") for v in pair))
 
     def section(self, s: float) -> Section:
@@ -138,7 +140,9 @@ class Varying(Profile):
         """The function's answer; SceneError when it is not a Section."""
         found = self.function(s)
         if not isinstance(found, Section):
-            raise SceneError(f"Varying: at s = {s:g} its function returned {show(found)}, a Section is needed.")
+            raise SceneError(
+                f"Varying: at s = {s:g} its function returned {show(found)}, a Section is needed."
+            )
         return found
 
 
@@ -189,11 +193,15 @@ class FreeCurve(Curve):
     def __post_init__(self) -> None:
         object.__setattr__(self, "length", positive(self.length, "length", owner="FreeCurve", unit="m"))
         if not callable(self.function):
-            raise SceneError(f"FreeCurve: function = {show(self.function)} must be a function of s in [0, 1].")
+            raise SceneError(
+                f"FreeCurve: function = {show(self.function)} must be a function of s in [0, 1]."
+            )
 
     def curvature(self, s: float) -> np.ndarray:
         """The function's answer as an array; SceneError unless it is three finite numbers."""
         found = np.asarray(self.function(s), float)
         if found.shape != (3,) or not np.all(np.isfinite(found)):
-            raise SceneError(f"FreeCurve: at s = {s:g} its function returned {show(found)}, three numbers are needed.")
+            raise SceneError(
+                f"FreeCurve: at s = {s:g} its function returned {show(found)}, three numbers are needed."
+            )
         return found

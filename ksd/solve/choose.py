@@ -33,7 +33,12 @@ class Solver:
     """
 
     def __init__(
-        self, mechanism: Any, *, mesh: Mesh | None = None, records: Callable[[str], Any] = find_record, extrapolate: bool = False
+        self,
+        mechanism: Any,
+        *,
+        mesh: Mesh | None = None,
+        records: Callable[[str], Any] = find_record,
+        extrapolate: bool = False,
     ) -> None:
         self.model = mechanism if isinstance(mechanism, Model) else compile_scene(mechanism, mesh=mesh)
         self.records, self.extrapolate = records, extrapolate
@@ -129,7 +134,9 @@ class Solver:
         """The kinematic answer; its error is its distance to the reduced one plus the estimate of that."""
         warnings, estimate = more
         b = self.bench
-        answer = self._configuration(values, "kinematic", steps, negatives=len(target), error=None, warnings=warnings)
+        answer = self._configuration(
+            values, "kinematic", steps, negatives=len(target), error=None, warnings=warnings
+        )
         if not estimate:
             return answer
         extra: list[Step] = []
@@ -142,7 +149,14 @@ class Solver:
         return _with(answer, error=error, steps=tuple(steps), negatives=negatives)
 
     def _configuration(
-        self, values: Mapping[str, float], method: str, steps: list[Step], *, negatives: int, error: Any, warnings: list[str]
+        self,
+        values: Mapping[str, float],
+        method: str,
+        steps: list[Step],
+        *,
+        negatives: int,
+        error: Any,
+        warnings: list[str],
     ) -> Configuration:
         b = self.bench
         motions, unintended = pipeline.joint_motions(b)
@@ -190,7 +204,9 @@ class Solver:
                 continue
             said = _spoken_range(name, value, low, high, scale=scale)
             if not self.extrapolate:
-                raise RangeError(f"{said}; ask for less, or pass extrapolate=True to use the functions beyond it")
+                raise RangeError(
+                    f"{said}; ask for less, or pass extrapolate=True to use the functions beyond it"
+                )
             warnings.append(f"{said}; extrapolated")
         return warnings
 
@@ -216,7 +232,7 @@ def _checked(step: Step, before: list[Step]) -> Step:
             f"step '{step.name}' stopped after {step.iterations} iterations: {step.stop.sentence}; "
             "try method='conventional'",
             reached=0.0,
-            result=tuple([*before, step]),
+            result=(*before, step),
         )
     return step
 

@@ -8,11 +8,12 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
-from ksd.errors import ConvergenceError
+from ksd.errors import ConvergenceError, SceneError
 from ksd.model.arrays import Arrays, Motion, Work, make_work
 from ksd.model.compile import Model
 from ksd.solve.configuration import Configuration, Step
@@ -25,9 +26,21 @@ CAP = 0.3
 """Largest rotation [rad] of a node in one iteration after the predictor."""
 
 
+class Driven(NamedTuple):
+    """How driving went: why it stopped, matrix solves including failed attempts, residual over its bound, negative
+    pivots, fraction of the drive motion reached, load steps tried."""
+
+    stop: Stop
+    solves: int
+    residual: float
+    negatives: int
+    reached: float
+    taken: int
+
+
 def drive_to(
     arrays: Arrays,
-    motion: Motion,
+    motion: Any,
     work: Work,
     *,
     start: np.ndarray,
@@ -39,10 +52,11 @@ def drive_to(
     cap: float = CAP,
     eps_max: float = math.inf,
     smallest: float = 1e-4,
-) -> tuple[Stop, int, float, int, float, int]:
+    newton: Callable[..., tuple[int, int, float, int, float]] = iterate,
+) -> Driven:
     """Move the drives from `start` to `target` (c,), halving on failure; `motion` ends at the last equilibrium.
 
-    Returns (reason, matrix solves including failed attempts, residual, negative pivots, fraction reached, steps).
+    newton: the compiled Newton that fits `arrays` and `motion` (spatial, or planar), called as `iterate` is.
     """
     done, size, solves, taken = 0.0, 1.0 / steps, 0, 0
     residual, negatives = math.inf, 0
@@ -52,7 +66,7 @@ def drive_to(
         goal = 1.0 if done + size > 1.0 - 1e-9 else done + size
         level = factors[0] + goal * (factors[1] - factors[0])
         want = start + goal * (target - start)
-        reason, count, residual, negatives, _ = iterate(
+        reason, count, residual, negatives, _ = newton(
             arrays, motion, want, level, work, rtol, most, cap, eps_max
         )
         solves += count
@@ -64,8 +78,27 @@ def drive_to(
         motion.assign(safe)
         size *= 0.5
         if size < smallest:
-            return Stop(reason), solves, residual, negatives, done, taken
-    return Stop.CONVERGED, solves, residual, negatives, 1.0, taken
+            return Driven(Stop(reason), solves, residual, negatives, done, taken)
+    return Driven(Stop.CONVERGED, solves, residual, negatives, 1.0, taken)
+
+
+def _drive(
+    model: Model, motion: Motion, work: Work, *, planar: bool | Literal["auto"], fresh: bool, **ways: Any
+) -> tuple[Driven, str]:
+    """Drive in the plane where the scene is planar, else in space; says which. fresh: motion is the rest state."""
+    found: Driven | str = ""
+    if planar is not False:
+        # here, so that a scene solved in space never compiles the planar kernels
+        from ksd.solve.planar import drive_in_plane
+
+        found = drive_in_plane(model, motion, work, fresh=fresh, **ways)
+        if not isinstance(found, str):
+            return found, "planar, 3 unknowns per node"
+        if planar is True:
+            raise SceneError(
+                f"planar = True: this mechanism is not planar: {found}; use planar = 'auto' or False"
+            )
+    return drive_to(model.arrays, motion, work, **ways), f"spatial: {found}" if found else ""
 
 
 def conventional(
@@ -73,6 +106,7 @@ def conventional(
     targets: Mapping[str, float],
     *,
     start: Configuration | None = None,
+    planar: bool | Literal["auto"] = "auto",
     steps: int = 1,
     rtol: float = RTOL,
     cap: float = CAP,
@@ -82,39 +116,39 @@ def conventional(
 ) -> Configuration:
     """Solve `model` at the drive values `targets` [m or rad] by load stepping.
 
-    start: a configuration of the same model to continue from (rest when None). steps: the number of equal steps tried
-    first (1 as in Appendix B). eps_max [N and Nm mixed, as in the paper]: give a step up when the residual norm
-    exceeds it. Raises ConvergenceError with the fraction reached, SceneError for wrong drive names.
+    start: a configuration of the same model to continue from (rest when None). planar: "auto" solves planar scenes with
+    three unknowns per node and checks the answer in space, False never does, True raises SceneError with the reason
+    where that is not possible. steps: the number of equal steps tried first (1 as in Appendix B). eps_max [N and Nm
+    mixed, as in the paper]: give a step up when the residual norm exceeds it. Raises ConvergenceError with the
+    fraction reached, SceneError for wrong drive names.
     """
-    arrays = model.arrays
-    work = work or make_work(arrays)
+    if planar not in ("auto", True, False):
+        raise SceneError(f"planar = {planar!r}: choose 'auto', True or False")
+    work = work or make_work(model.arrays)
     target = model.targets(targets)
     motion = (start.motion if start else model.rest).copy()
     begin = model.targets(start.targets) if start else np.zeros(len(target))
+    factors = (1.0 if start else 0.0, 1.0)
+    ways: dict[str, Any] = {
+        "start": begin,
+        "target": target,
+        "factors": factors,
+        "steps": steps,
+        "rtol": rtol,
+    }
+    ways |= {"cap": cap, "eps_max": eps_max, "most": most}
     clock = time.thread_time_ns()
-    stop, solves, residual, negatives, reached, taken = drive_to(
-        arrays,
-        motion,
-        work,
-        start=begin,
-        target=target,
-        factors=(1.0 if start else 0.0, 1.0),
-        steps=steps,
-        rtol=rtol,
-        cap=cap,
-        eps_max=eps_max,
-        most=most,
-    )
+    driven, how = _drive(model, motion, work, planar=planar, fresh=start is None, **ways)
     spent = (time.thread_time_ns() - clock) * 1e-9
-    step = Step("equilibrium", solves, spent, residual, stop, note=f"{taken} load step{'s' * (taken != 1)}")
-    reached_values = {n: float(b + reached * (t - b)) for n, b, t in zip(model.drive_names, begin, target, strict=False)}
-    result = Configuration(
-        model, motion, "conventional", dict(reached_values), (step,), negatives, len(target)
-    )
-    if stop is not Stop.CONVERGED:
+    note = ", ".join(filter(None, [f"{driven.taken} load step{'s' * (driven.taken != 1)}", how]))
+    step = Step("equilibrium", driven.solves, spent, driven.residual, driven.stop, note=note)
+    values = begin + driven.reached * (target - begin)
+    reached = {n: float(v) for n, v in zip(model.drive_names, values, strict=False)}
+    result = Configuration(model, motion, "conventional", reached, (step,), driven.negatives, len(target))
+    if driven.stop is not Stop.CONVERGED:
         raise ConvergenceError(
-            f"the conventional solver stopped at {100 * reached:.3g} % of the drive motion: {stop.sentence}",
-            reached=reached,
+            f"the conventional solver stopped at {100 * driven.reached:.3g} % of the drive motion: {driven.stop.sentence}",
+            reached=driven.reached,
             result=result,
         )
     return result

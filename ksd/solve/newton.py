@@ -66,6 +66,8 @@ def iterate(arrays, motion, target, factor, work, rtol, most, cap, blow_up):
             largest = largest_turn(arrays, work.rhs)
             if largest > cap:
                 scale = cap / largest
-        moved = max(largest_turn(arrays, work.rhs) / 1e-6, largest_move(arrays, work.rhs) / (1e-7 * arrays.size))
+        moved = max(
+            largest_turn(arrays, work.rhs) / 1e-6, largest_move(arrays, work.rhs) / (1e-7 * arrays.size)
+        )
         take_step(arrays, motion, work.rhs, work, scale)
     return TOO_MANY, most, worst, negatives, pivot

@@ -99,7 +99,9 @@ def linearise(b: Bench, *, near: int, first: bool) -> Step:
     return Step("2 joint stiffness", 0, clock(), 0.0, stop)
 
 
-def reduced_equilibrium(b: Bench, target: np.ndarray, *, rtol: float, most: int, factor: float = 1.0) -> tuple[Step, int]:
+def reduced_equilibrium(
+    b: Bench, target: np.ndarray, *, rtol: float, most: int, factor: float = 1.0
+) -> tuple[Step, int]:
     """Step 3: equilibrium of the links on condensed joints; returns the step and its negative pivots."""
     clock = _Clock()
     reason, count, residual, negatives, _ = iterate(

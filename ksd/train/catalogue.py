@@ -118,7 +118,7 @@ ENTRIES: dict[str, Entry] = {
         (_ANGLE, _range("ratio", 0.0, 1.0), _range("width_ratio", 0.5, 2.0, scale="log")),
         {**STEEL, **SHEET},
         SHORT,
-        3.0,
+        1.5,
     ),
     "cartwheel": Entry(_cartwheel, (_ANGLE,), {**STEEL, **SHEET}),
     "butterfly": Entry(
@@ -126,7 +126,7 @@ ENTRIES: dict[str, Entry] = {
         (_range("inner_ratio", 0.1, 0.6), _range("half_angle", 8, 25, degrees=True)),
         {**STEEL, **SHEET},
         SHORT,
-        3.0,
+        1.0,
     ),
     "infinity_hinge": Entry(
         _infinity, (_range("reach", 0.3, 0.5), _range("strut", 0.15, 0.45)), {**STEEL, **SHEET}, SHORT, 3.0

@@ -74,7 +74,9 @@ def test_bad_meshes_get_a_sentence(options, words):
 
 def test_stroke_outside_the_trained_range_is_refused_and_can_be_extrapolated():
     scene = single_joint()
-    with pytest.raises(ksd.RangeError, match=r"joint 'hinge' would turn 80 degrees.*-75 to 75 degrees.*extrapolate=True"):
+    with pytest.raises(
+        ksd.RangeError, match=r"joint 'hinge' would turn 80 degrees.*-75 to 75 degrees.*extrapolate=True"
+    ):
         ksd.solve(scene, turn=80 * deg, method="reduced")
     found = ksd.solve(scene, turn=80 * deg, method="reduced", extrapolate=True)
     assert any("extrapolated" in w for w in found.warnings)
@@ -107,7 +109,9 @@ def test_indeterminate_mechanism_names_the_free_motion():
     scene.join(scene.ground, first, joint, at=(0, 0, 0), axis="z", toward="x")
     scene.join(first, second, joint, at=(0.3, 0, 0), axis="z", toward="x", name="elbow")
     scene.actuate(second, about="z", name="tilt")
-    with pytest.raises(ksd.KinematicsError, match=r"link '(first|second)' can (turn about|slide along) [xyz]"):
+    with pytest.raises(
+        ksd.KinematicsError, match=r"link '(first|second)' can (turn about|slide along) [xyz]"
+    ):
         ksd.solve(scene, tilt=0.1, method="reduced")
 
 

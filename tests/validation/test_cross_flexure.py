@@ -98,7 +98,9 @@ def test_chord_rotations_of_crossing_leafs_sum_to_theta():
 @pytest.mark.parametrize("thickness", [1e-3, 3e-4, 1e-4, 3e-5])
 def test_four_iterations_per_step_at_any_thickness(thickness):
     """Acceptance F: cross flexure n = 5, 15 degree steps, MIP 4 per step for t = 1 to .03 mm."""
-    model = compile_scene(single_joint(cross_flexure(thickness=thickness)), mesh=Mesh("corotational", elements=5))
+    model = compile_scene(
+        single_joint(cross_flexure(thickness=thickness)), mesh=Mesh("corotational", elements=5)
+    )
     last = None
     for angle in (15, 30, 45, 60, 75):
         last = conventional(model, {"turn": angle * deg}, start=last)
@@ -106,13 +108,17 @@ def test_four_iterations_per_step_at_any_thickness(thickness):
         assert last.iterations <= 4
 
 
-@pytest.mark.parametrize("ratio, angle, expected", [(0.5, 30, (1.014995, 1.057473)), (0.5, 60, (1.120295, 1.361696))])
+@pytest.mark.parametrize(
+    "ratio, angle, expected", [(0.5, 30, (1.014995, 1.057473)), (0.5, 60, (1.120295, 1.361696))]
+)
 def test_other_crossing_angles(ratio, angle, expected):
     """Acceptance D: M/(theta E I_sum / L) at 30 / 60 degrees, lambda = .5; thin leafs stand for inextensible ones."""
     model = compile_scene(single_joint(cross_flexure(angle=angle * deg, thickness=1e-4)))
     for turn, value in zip((30, 60), expected, strict=True):
         found = conventional(model, {"turn": turn * deg})
-        assert found.forces["turn"] / (STEEL.E * 0.08 * 1e-12 / 12 / 0.1 * turn * deg) == pytest.approx(value, rel=2e-5)
+        assert found.forces["turn"] / (STEEL.E * 0.08 * 1e-12 / 12 / 0.1 * turn * deg) == pytest.approx(
+            value, rel=2e-5
+        )
 
 
 def test_sixty_random_jumps_end_on_the_right_branch(rng):

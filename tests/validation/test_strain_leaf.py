@@ -42,7 +42,10 @@ ELASTICA = {1: (0.30172077, 0.05643324, 0.46135195), 5: (0.71379152, 0.38762836,
 @pytest.mark.parametrize("orders, tol", [((4, 3, 5), 2e-5), ((4, 3, 8), 1e-6)])
 def test_elastica(alpha, orders, tol):
     found = cantilever(
-        load={"force": (0, alpha * EI / 0.01, 0)}, section=inextensible(), mesh=Mesh(orders=orders, points=12), steps=alpha
+        load={"force": (0, alpha * EI / 0.01, 0)},
+        section=inextensible(),
+        mesh=Mesh(orders=orders, points=12),
+        steps=alpha,
     )
     u = found.links["tip"][0] / 0.1
     got = (u[1], -u[0], found.rotation("tip")[2])
@@ -52,7 +55,9 @@ def test_elastica(alpha, orders, tol):
 @pytest.mark.parametrize("leaf", ["strain", "n=10"])
 def test_end_moment_rolls_up_to_a_circle(leaf):
     mesh = Mesh() if leaf == "strain" else Mesh("corotational", elements=10)
-    found = cantilever(load={"moment": (0, 0, 2 * np.pi * EI / 0.1)}, mesh=mesh, section=inextensible(), steps=8)
+    found = cantilever(
+        load={"moment": (0, 0, 2 * np.pi * EI / 0.1)}, mesh=mesh, section=inextensible(), steps=8
+    )
     tip = 0.1 * np.array([1, 0, 0]) + found.links["tip"][0]
     assert np.linalg.norm(tip) < (1e-6 if leaf == "strain" else 1e-9) * 0.1
 
@@ -79,7 +84,9 @@ def notch_compliance(ratio):
     """int 12 ds / (b t(s)^3) of the circular notch, times b R^2, by adaptive quadrature."""
     from scipy.integrate import quad
 
-    return quad(lambda p: 12 * np.cos(p) / (ratio + 2 * (1 - np.cos(p))) ** 3, -np.pi / 2, np.pi / 2, limit=200)[0]
+    return quad(
+        lambda p: 12 * np.cos(p) / (ratio + 2 * (1 - np.cos(p))) ** 3, -np.pi / 2, np.pi / 2, limit=200
+    )[0]
 
 
 @pytest.mark.parametrize("ratio", [0.05, 0.1, 0.3, 0.4])
@@ -129,7 +136,12 @@ def test_forty_five_degree_bend_as_one_curved_leaf():
     a = 45 * deg
     end = 100 * np.array([np.sin(a), 1 - np.cos(a), 0])
     found = cantilever(
-        end=tuple(end), load={"force": (0, 0, 600)}, section=square, material=material, curve=ksd.Arc(100.0, a), steps=6
+        end=tuple(end),
+        load={"force": (0, 0, 600)},
+        section=square,
+        material=material,
+        curve=ksd.Arc(100.0, a),
+        steps=6,
     )
     tip = end + found.links["tip"][0]
     # published axes: the arc starts along y, curving towards x
@@ -177,7 +189,8 @@ def test_chains_converge_to_the_curved_leaf():
     words = {"end": end, "load": {"force": (0, 3.0, 1.0)}, "curve": ksd.Arc(r, a)}
     exact = cantilever(**words).links["tip"][0]
     errors = [
-        np.linalg.norm(cantilever(mesh=Mesh("corotational", elements=n), **words).links["tip"][0] - exact) for n in (8, 16)
+        np.linalg.norm(cantilever(mesh=Mesh("corotational", elements=n), **words).links["tip"][0] - exact)
+        for n in (8, 16)
     ]
     assert np.log2(errors[0] / errors[1]) == pytest.approx(2.0, abs=0.2)
 
@@ -198,7 +211,15 @@ def test_parallel_guide_force_factor_and_shortening():
     """
     scene = ksd.Mechanism("guided leaf")
     tip = scene.link("tip")
-    scene.leaf(scene.ground, tip, start=(0, 0, 0), end=(0.1, 0, 0), section=inextensible(), material=STEEL, width_axis=(0, 0, 1))
+    scene.leaf(
+        scene.ground,
+        tip,
+        start=(0, 0, 0),
+        end=(0.1, 0, 0),
+        section=inextensible(),
+        material=STEEL,
+        width_axis=(0, 0, 1),
+    )
     scene.support(tip, about="z")
     scene.actuate(tip, along="y", at=(0.1, 0, 0), name="push")
     found = conventional(compile_scene(scene), {"push": 0.01})

@@ -1,0 +1,100 @@
+"""What the plane saves: fourbar of paper 1 from straight to d = 0.3 m, three unknowns per node against six.
+
+Thread CPU time, medians of interleaved runs. "whole call": `conventional` with lifting, spatial residual and
+inertia; "equilibrium": the compiled Newton alone. Run: python benchmarks/planar.py
+"""
+
+from __future__ import annotations
+
+import statistics
+import time
+from collections.abc import Callable, Sequence
+
+import ksd
+from ksd.model.arrays import make_work
+from ksd.model.compile import compile_scene
+from ksd.model.mesh import Mesh
+from ksd.model.planar_arrays import make_planar_work
+from ksd.model.plane import Plane, plane_of
+from ksd.solve.conventional import conventional, drive_to
+from ksd.solve.planar import iterate_planar
+from ksd.units import GPa, deg, mm
+
+STROKE = 300 * mm
+MESHES = {
+    "strain-mode leafs": Mesh(),
+    "5 elements, condensed": Mesh("corotational", elements=5),
+    "5 elements, nodal": Mesh("corotational", elements=5, nodal=True),
+}
+
+
+def fourbar() -> ksd.Mechanism:
+    """The fourbar of paper 1, section 4.3."""
+    steel = ksd.Material(E=200 * GPa, G=76.9 * GPa, density=7800)
+    cross = ksd.CrossFlexure(
+        steel, length=100 * mm, angle=45 * deg, thickness=1 * mm, widths=(40 * mm, 20 * mm)
+    )
+    scene = ksd.Mechanism("fourbar")
+    left, top, right = scene.links("left", "top", "right")
+    high = 300 * mm
+    for a, b, x, y in (
+        (scene.ground, left, -0.2, 0.0),
+        (left, top, -0.2, high),
+        (right, top, 0.2, high),
+        (scene.ground, right, 0.2, 0.0),
+    ):
+        scene.join(a, b, cross, at=(x, y, 0), axis="z", toward="y")
+    scene.actuate(top, along="x", at=(0, high + cross.length_AB, 0), name="top")
+    return scene
+
+
+def medians(calls: Sequence[Callable[[], object]], rounds: int) -> list[float]:
+    """Median thread CPU time [s] of every call, run in turn."""
+    times: list[list[int]] = [[] for _ in calls]
+    for _ in range(rounds):
+        for call, found in zip(calls, times, strict=True):
+            begin = time.thread_time_ns()
+            call()
+            found.append(time.thread_time_ns() - begin)
+    return [1e-9 * statistics.median(found) for found in times]
+
+
+def equilibria(model: ksd.Model, plane: Plane) -> tuple[Callable[[], object], Callable[[], object]]:
+    """The Newton solves alone: (spatial, planar)."""
+    target, zero = model.targets({"top": STROKE}), model.targets({"top": 0.0})
+    work, planar_work = make_work(model.arrays), make_planar_work(plane.arrays)
+
+    def spatial() -> object:
+        return drive_to(model.arrays, model.rest.copy(), work, start=zero, target=target)
+
+    def planar() -> object:
+        return drive_to(
+            plane.arrays, plane.rest.copy(), planar_work, start=zero, target=target, newton=iterate_planar
+        )
+
+    return spatial, planar
+
+
+def main(rounds: int = 200) -> None:
+    """Print spatial and planar times, their ratios, and the unknowns."""
+    print(
+        f"{'':24s}{'unknowns':>12s}{'whole call, us':>22s}{'ratio':>7s}{'equilibrium, us':>22s}{'ratio':>7s}"
+    )
+    for name, mesh in MESHES.items():
+        model = compile_scene(fourbar(), mesh=mesh)
+        plane = plane_of(model)
+        assert isinstance(plane, Plane)
+        calls = [lambda m=model, p=p: conventional(m, {"top": STROKE}, planar=p) for p in (False, True)]
+        calls += equilibria(model, plane)
+        for call in calls:
+            call()
+        times = medians(calls, rounds)
+        line = f"{name:24s}{model.arrays.plan.unknowns:>6d} ->{plane.arrays.plan.unknowns:>3d}"
+        for spatial, planar in (times[:2], times[2:]):
+            line += f"{1e6 * spatial:>11.0f} ->{1e6 * planar:>7.0f}{spatial / planar:>8.2f}"
+        print(line)
+    print("ratio: how many times the plane is faster")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,53 @@
+"""C entry points of the planar leaf kernels, as `ksd.beam.entry` has for the spatial ones.
+
+`size` holds the lengths of value, inner and store; `out` (4,) receives negative pivots, error force [N], error moment
+[Nm], status; see `ksd.beam.planar_strain` and `ksd.beam.planar_corotational` for the meaning.
+"""
+
+from __future__ import annotations
+
+from ksd.beam import planar_corotational, planar_strain
+from ksd.numerics.kernel import carray, isolated
+
+_P = "CPointer(float64)"
+_I = "CPointer(int64)"
+_CONDENSE = f"void({_P}, {_I}, {_P}, {_P}, {_P}, {_P}, {_P}, {_P}, {_I})"
+_RECOVER = f"void({_P}, {_I}, {_P}, {_P}, {_P}, float64, {_I})"
+
+
+@isolated(_CONDENSE)
+def planar_strain_condense(value, number, inner, store, pose, lam, K, out, size):
+    """Force, moment and tangent of a planar strain-mode leaf."""
+    back, force, moment, status = planar_strain.condense(
+        carray(value, (size[0],)), carray(number, (4,)), carray(inner, (size[1],)), carray(store, (size[2],)),
+        carray(pose, (3,)), carray(lam, (6,)), carray(K, (3, 3)),
+    )  # fmt: skip
+    out[0], out[1], out[2], out[3] = back, force, moment, status
+
+
+@isolated(_RECOVER)
+def planar_strain_recover(value, number, inner, store, xi, scale, size):
+    """Inner update of a planar strain-mode leaf."""
+    planar_strain.recover(
+        carray(value, (size[0],)), carray(number, (4,)), carray(inner, (size[1],)), carray(store, (size[2],)),
+        carray(xi, (3,)), scale,
+    )  # fmt: skip
+
+
+@isolated(_CONDENSE)
+def planar_chain_condense(value, number, inner, store, pose, lam, K, out, size):
+    """Force, moment and tangent of a planar chain."""
+    back, force, moment, status = planar_corotational.condense(
+        carray(value, (size[0],)), carray(number, (4,)), carray(inner, (size[1],)), carray(store, (size[2],)),
+        carray(pose, (3,)), carray(lam, (6,)), carray(K, (3, 3)),
+    )  # fmt: skip
+    out[0], out[1], out[2], out[3] = back, force, moment, status
+
+
+@isolated(_RECOVER)
+def planar_chain_recover(value, number, inner, store, xi, scale, size):
+    """Inner update of a planar chain."""
+    planar_corotational.recover(
+        carray(value, (size[0],)), carray(number, (4,)), carray(inner, (size[1],)), carray(store, (size[2],)),
+        carray(xi, (3,)), scale,
+    )  # fmt: skip

@@ -1,0 +1,68 @@
+"""`ksd bench`: every method on the same scenes in one run, time beside error.
+
+Layout of the JSON file: "machine" (date, processor, versions), "times" (what the triples mean), "cases": by name
+"repeats" and "rows", each with method, leafs, size, iterations, call and steps (lower quartile, median and upper
+quartile of the thread time in us), first_us (the first call, not counted), force_error, displacement_error,
+stiffness_error (relative; null where unknown), stable, note, failed (why, where it did not converge).
+"""
+
+from __future__ import annotations
+
+import argparse
+from typing import Any
+
+from ksd.cli.output import STDOUT, check_json, check_plot, console, write_json
+from ksd.errors import SceneError
+
+QUICK, USUAL = 5, 15
+"""Repeats."""
+
+
+def add(commands: Any) -> argparse.ArgumentParser:
+    """The parser of this command."""
+    parser: argparse.ArgumentParser = commands.add_parser(
+        "bench",
+        help="measure every method: time beside error",
+        description="Measure every method and leaf model on the same scenes, interleaved, in thread CPU time.",
+    )
+    parser.add_argument("--quick", action="store_true", help="one mesh of each leaf model; under a minute")
+    parser.add_argument("--case", metavar="WORD", action="append", help="only cases whose name holds WORD")
+    parser.add_argument("--json", metavar="FILE", help="write every number; - is stdout, without the tables")
+    parser.add_argument("--plot", metavar="FILE", help="draw error over time, with the Pareto front")
+    return parser
+
+
+def run(options: argparse.Namespace) -> int:
+    """Measure, print, write. Raises SceneError for a WORD no case holds."""
+    check_json(options.json)
+    check_plot(options.plot)
+    from ksd.bench import SUITE, measure
+    from ksd.bench.report import numbers, picture, summary, table
+
+    words = options.case or [""]
+    cases = [c for c in SUITE if any(w.lower() in c.name.lower() for w in words)]
+    if not cases:
+        known = "; ".join(c.name for c in SUITE)
+        raise SceneError(
+            f"--case {' '.join(words)}: no case of the benchmark is called so; there are: {known}"
+        )
+    screen, quiet = console(), options.json == STDOUT
+    results = []
+    for case in cases:
+        measured = measure(case, quick=options.quick, repeats=QUICK if options.quick else USUAL)
+        results.append(measured)
+        if not quiet:
+            screen.print(table(measured))
+            for line in summary(measured):
+                screen.print(line)
+            for row in measured.rows:
+                if row.failed:
+                    screen.print(f"{row.method}, {row.leafs}: {row.failed}")
+            screen.print()
+    if options.json:
+        write_json(numbers(results), options.json)
+    if options.plot:
+        picture(results, options.plot)
+        if not quiet:
+            screen.print(f"Picture: {options.plot}")
+    return 0

@@ -1,0 +1,52 @@
+"""State and storage of a mechanism in its plane: three unknowns per node instead of six.
+
+The arrays are those of `ksd.model.arrays`, two-dimensional: offset (m, 2, 2), frame (m, 2) angle of e1 at both
+ends, direction (t, 2) of a translation (for a rotation its sense about k and 0), point (.., 2), force (l, 2),
+moment (l,). The plane has axes i, j and normal k; angles are about k. Lengths m, angles rad, forces N, Nm.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from ksd.model.arrays import Arrays, Work
+
+
+class PlanarMotion(NamedTuple):
+    """Where a mechanism is: poses (k, 3) = x, y [m], angle [rad]; inner states (flat), multipliers (c,)."""
+
+    pose: np.ndarray
+    inner: np.ndarray
+    multiplier: np.ndarray
+
+    def copy(self) -> PlanarMotion:
+        """An independent copy."""
+        return PlanarMotion(*(a.copy() for a in self))
+
+    def assign(self, other: PlanarMotion) -> None:
+        """Take over the numbers of `other`, in place."""
+        for mine, theirs in zip(self, other, strict=True):
+            mine[...] = theirs
+
+
+def make_planar_work(arrays: Arrays) -> Work:
+    """Storage for one thread working on planar `arrays`, as `Work`.
+
+    lam (m, 6): end wrench, then the one the geometric terms use; pose (m, 6): cos, sin of frame p, lever of end q
+    about node p, lever about node q; near (2k,): cos, sin of every node.
+    """
+    members = arrays.members
+    count = len(members.kind)
+    return Work(
+        np.zeros(arrays.plan.values),
+        np.zeros(arrays.plan.values),
+        np.zeros(arrays.plan.unknowns),
+        np.zeros(int(members.store_at[-1])),
+        np.zeros((count, 6)),
+        np.zeros((count, 6)),
+        np.zeros((len(arrays.start), 2)),
+        np.zeros(2 * len(arrays.start)),
+        np.zeros(1, np.int64),
+    )

@@ -1,0 +1,258 @@
+"""From the arrays of a spatial model to those of the same model in its plane.
+
+Members that coincide in the plane (the outer leafs of a cross flexure) become one of added stiffness. Constants are
+taken from the spatial ones, so whatever they describe (taper, curvature in the plane) is kept.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from ksd.beam import planar_corotational as chain
+from ksd.beam import planar_strain as strain
+from ksd.model.arrays import ROTATION, STRAIN, Arrays, Loads, Members, Terms
+from ksd.model.pack import Places
+from ksd.model.planar_lift import Lifting, inner_copies
+from ksd.numerics.blocks import plan_blocks
+
+SAME = 11
+"""Digits (of the mechanism's size, and of angles) to which coinciding members agree."""
+
+
+@dataclass(frozen=True)
+class Flat:
+    """One member in the plane: constants of one leaf, and how many spatial members it stands for."""
+
+    kind: int
+    node: tuple[int, int]
+    offset: np.ndarray
+    frame: np.ndarray
+    value: np.ndarray
+    number: np.ndarray
+    length: float
+    floor: float
+
+    def key(self, size: float) -> tuple:
+        """Equal for members that coincide in the plane."""
+        places = np.round(self.offset / size, SAME) + 0.0
+        angles = np.round(self.frame, SAME) + 0.0
+        return (
+            self.kind,
+            self.node,
+            places.tobytes(),
+            angles.tobytes(),
+            self.value.tobytes(),
+            self.number.tobytes(),
+        )
+
+    def sizes(self) -> tuple[int, int]:
+        """Lengths of inner state and scratch."""
+        count = int(self.number[0])
+        return strain.sizes(count) if self.kind == STRAIN else chain.sizes(count)[1:]
+
+
+def strain_in_plane(value: np.ndarray, number: np.ndarray, sense: float) -> np.ndarray | str:
+    """Constants of `ksd.beam.planar_strain` from those of `ksd.beam.strain`, or why there are none."""
+    nx, ny, nz, ng = (int(n) for n in number)
+    total, first = nx + ny + nz, nx + ny
+    ends = np.cumsum(
+        [0, 1, nx * nx, ny * ny, nz * nz, total, ng, ng * ng, total * ng, 3 * ng, (ng + 1) * total]
+    )
+    parts = [value[a:b] for a, b in pairwise(ends)]
+    length, start = float(parts[0][0]), parts[4]
+    if np.any(start[:first] != 0.0):
+        return "is curved or twisted out of the plane at rest"
+    weight, integral = length * parts[5], parts[6].reshape(ng, ng)
+    basis = parts[7].reshape(total, ng)[first:]
+    slack, gap = parts[8].reshape(ng, 3), parts[9].reshape(ng + 1, total)[:, first:]
+    # psi at the points and, last, at the end; the planar form needs the partial summation below to be exact
+    psi = length * np.cumsum(gap, axis=0)
+    summed = length * (basis * weight) @ integral
+    if np.abs(summed - weight * (psi[-1] - psi[:-1]).T).max() > 1e-12 * length**2:
+        return "has curvature modes the planar leaf cannot take"
+    stiffness = parts[3]
+    mean = np.full(ng, stiffness[0] / length)
+    table = np.column_stack([weight, slack[:, 0], slack[:, 1], psi[:-1], mean, basis.T])
+    return np.concatenate([[length], stiffness, sense * start[first:], table.ravel(), psi[-1]])
+
+
+def chain_in_plane(value: np.ndarray, number: np.ndarray, sense: float) -> np.ndarray | str:
+    """Constants of `ksd.beam.planar_corotational` from those of `ksd.beam.corotational`, or why there are none."""
+    n = int(number[0])
+    record = value[: 16 * n].reshape(n, 16)
+    turned = np.concatenate([record[:, 7:], value[16 * n : 16 * n + 9][None]])
+    if np.abs(turned[:, [2, 5, 6, 7]]).max() > 1e-12:
+        return "is curved or twisted out of the plane at rest"
+    angle = sense * np.unwrap(np.arctan2(turned[:, 3], turned[:, 0]))
+    return np.concatenate([np.column_stack([record[:, [0, 1, 5, 6]], angle[:n]]).ravel(), angle[n:]])
+
+
+def stiffer(flat: Flat, times: int) -> np.ndarray:
+    """Constants of `times` equal members side by side."""
+    value, count = flat.value.copy(), int(flat.number[0])
+    if times == 1:
+        return value
+    if flat.kind != STRAIN:
+        value[:-1].reshape(count, chain.RECORD)[:, 1:4] *= times
+        return value
+    value[1 : 1 + count * count] *= times
+    first = 1 + count * count + count
+    table = value[first : len(value) - count].reshape(int(flat.number[1]), 2 * count + 4)
+    table[:, 1:3] /= times
+    table[:, 3 + count] *= times
+    return value
+
+
+def flat_member(arrays: Arrays, i: int, axes: np.ndarray, sense: float) -> Flat | str:
+    """Member i of a spatial model in the plane `axes` (columns i, j, k), its e3 being sense * k; or why not."""
+    members = arrays.members
+    number, value = members.number[i], members.value[members.value_at[i] :]
+    if members.kind[i] == STRAIN:
+        made = strain_in_plane(value, number, sense)
+        settings = number[2:4]
+    else:
+        made = chain_in_plane(value, number, sense)
+        settings = number[:2]
+    if isinstance(made, str):
+        return made
+    e1 = members.frame[i, :, :, 0] @ axes
+    return Flat(
+        kind=int(members.kind[i]),
+        node=(int(members.node[i, 0]), int(members.node[i, 1])),
+        offset=members.offset[i] @ axes[:, :2],
+        frame=np.arctan2(e1[:, 1], e1[:, 0]),
+        value=made,
+        number=settings,
+        length=float(members.length[i]),
+        floor=float(members.floor[i]),
+    )
+
+
+def _merge(flats: list[Flat], size: float) -> tuple[list[int], list[int]]:
+    """(first member of every group, group of every member)."""
+    groups: dict[tuple, int] = {}
+    first: list[int] = []
+    twin: list[int] = []
+    for i, flat in enumerate(flats):
+        key = flat.key(size)
+        if key not in groups:
+            groups[key] = len(first)
+            first.append(i)
+        twin.append(groups[key])
+    return first, twin
+
+
+def _pack_members(flats: list[Flat], times: np.ndarray, places: Places) -> Members:
+    """Arrays of the planar members; `times` (p,) spatial members each."""
+    values = [stiffer(f, int(n)) for f, n in zip(flats, times, strict=True)]
+    number = np.zeros((len(flats), 4), np.int64)
+    number[:, :2] = [f.number for f in flats]
+    sizes = np.array([f.sizes() for f in flats], np.int64)
+    block = [
+        [places.diagonal(f.node[0]), places.diagonal(f.node[1]), *places.coupling(*f.node)] for f in flats
+    ]
+    return Members(
+        kind=np.array([f.kind for f in flats], np.int64),
+        node=np.array([f.node for f in flats], np.int64),
+        offset=np.array([f.offset for f in flats]),
+        frame=np.array([f.frame for f in flats]),
+        number=number,
+        value_at=np.cumsum([0, *[len(v) for v in values[:-1]]]).astype(np.int64),
+        value=np.concatenate(values),
+        inner_at=np.concatenate([[0], np.cumsum(sizes[:, 0])]),
+        store_at=np.concatenate([[0], np.cumsum(sizes[:, 1])]),
+        length=np.array([f.length for f in flats]),
+        floor=np.array([f.floor * n for f, n in zip(flats, times, strict=True)]),
+        block=np.array(block, np.int64),
+    )
+
+
+def _pack_rows(terms: Terms, rows: np.ndarray, axes: np.ndarray, places: Places, start: np.ndarray) -> Terms:
+    """The constraint rows `rows` (c,) of a spatial model, in the plane; start (c,): unknowns of their multipliers."""
+    nodes = len(places.position) - len(rows) + 1
+    first, keep, block, flip = [0], [], [], []
+    for i, row in enumerate(rows):
+        for t in range(terms.first[row], terms.first[row + 1]):
+            a, b = (int(n) for n in terms.node[t])
+            ends = [-1 if n == 0 else places.pair(nodes - 1 + i, n - 1)[0] for n in (a, b)]
+            offset, turned = places.coupling(a, b)
+            block.append([*ends, places.diagonal(a), places.diagonal(b), offset])
+            flip.append(turned)
+            keep.append(t)
+        first.append(len(keep))
+    kind = terms.kind[keep]
+    along = terms.direction[keep] @ axes
+    # a rotation keeps only its sense about k
+    direction = np.where(
+        (kind == ROTATION)[:, None], np.column_stack([along[:, 2], 0 * along[:, 2]]), along[:, :2]
+    )
+    return Terms(
+        first=np.array(first, np.int64),
+        start=start,
+        coefficient=terms.coefficient[keep],
+        kind=kind,
+        node=terms.node[keep].reshape(-1, 2),
+        direction=direction.reshape(-1, 2),
+        point=(terms.point[keep] @ axes[:, :2]).reshape(-1, 2, 2),
+        block=np.array(block, np.int64).reshape(-1, 5),
+        flip=np.array(flip, np.int64),
+    )
+
+
+def _pack_loads(loads: Loads, axes: np.ndarray, places: Places) -> Loads:
+    return Loads(
+        node=loads.node.copy(),
+        point=loads.point @ axes[:, :2],
+        force=loads.force @ axes[:, :2],
+        moment=loads.moment @ axes[:, 2],
+        following=loads.following.copy(),
+        block=np.array([places.diagonal(int(n)) for n in loads.node], np.int64),
+    )
+
+
+def _pairs(arrays: Arrays, rows: np.ndarray) -> list[tuple[int, int]]:
+    """Coupled blocks: block b of node k is k - 1, constraint i is nodes - 1 + i; ground has none."""
+    nodes, terms = len(arrays.start), arrays.terms
+    found = [(int(a) - 1, int(b) - 1) for a, b in arrays.members.node]
+    for i, row in enumerate(rows):
+        for a, b in terms.node[terms.first[row] : terms.first[row + 1]]:
+            found += [(int(k) - 1, nodes - 1 + i) for k in (a, b)] + [(int(a) - 1, int(b) - 1)]
+    return [pair for pair in found if min(pair) >= 0]
+
+
+def flatten(
+    arrays: Arrays,
+    flats: list[Flat],
+    sense: np.ndarray,
+    *,
+    axes: np.ndarray,
+    rows: np.ndarray,
+    rest: np.ndarray,
+) -> tuple[Arrays, Lifting]:
+    """Planar arrays and how they stand in space.
+
+    flats: every member in the plane, e3 = sense (m,) times k; axes (3, 3): columns i, j, k; rows (c,): constraint rows
+    that act in the plane; rest (k, 3): positions at rest [m].
+    """
+    nodes = len(arrays.start)
+    size = np.array([3] * (nodes - 1) + [1] * len(rows), np.int64)
+    plan, position, offsets = plan_blocks(size, _pairs(arrays, rows), waits=np.arange(len(size)) >= nodes - 1)
+    places = Places(offsets, position)
+    start = np.full(nodes, -1, np.int64)
+    start[1:] = plan.start[position[: nodes - 1]]
+    first, twin = _merge(flats, arrays.size)
+    times = np.bincount(twin)
+    row_start = plan.start[position[nodes - 1 :]]
+    made = Arrays(
+        plan,
+        start,
+        _pack_members([flats[i] for i in first], times, places),
+        _pack_rows(arrays.terms, rows, axes, places, row_start),
+        _pack_loads(arrays.loads, axes, places),
+        arrays.size,
+    )
+    to, of, factor, *turns = inner_copies(arrays.members, made.members, np.array(twin), sense)
+    return made, Lifting(axes, rest @ axes[:, 2], to, of, factor, turns[0], turns[1], turns[2], rows)

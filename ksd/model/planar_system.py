@@ -1,0 +1,65 @@
+"""One linear system of a mechanism in its plane: residual and tangent, and taking the Newton step.
+
+The planar twin of `ksd.model.system`; factorisation and solve are the same code, with blocks of three.
+"""
+
+from __future__ import annotations
+
+import math
+
+from ksd.model.planar_assembly import add_planar_loads, add_planar_members, add_planar_terms
+from ksd.numerics.kernel import kernel
+
+
+@kernel(inline="always")
+def assemble_planar(arrays, motion, target, factor, work, rtol, grain):
+    """Residual and tangent at `motion`. Returns (residual over its bound, negatives, status).
+
+    grain: how many times the rounding of stiffness times position the bounds include.
+    """
+    start, pose, rhs, scale, turns = arrays.start, motion.pose, work.rhs, work.scale, work.near
+    work.value[:] = 0.0
+    rhs[:] = 0.0
+    scale[:] = 0.0
+    reach = arrays.size
+    for k in range(len(start)):
+        reach = max(reach, abs(pose[k, 0]), abs(pose[k, 1]))
+        turns[2 * k], turns[2 * k + 1] = math.cos(pose[k, 2]), math.sin(pose[k, 2])
+    noise = grain * 2.220446049250313e-16 * reach
+    negatives, worst, status = add_planar_members(
+        arrays.members, start, pose, motion.inner, work, rtol, noise
+    )
+    if len(arrays.loads.node) > 0:
+        add_planar_loads(arrays.loads, start, work, factor, rtol)
+    gap = add_planar_terms(arrays.terms, start, motion, target, work, arrays.size, rtol)
+    worst = max(worst, gap / (1e-11 * arrays.size + 2e-15 * reach))
+    for k in range(len(start)):
+        u = start[k]
+        if u >= 0:
+            f, m = math.sqrt(rhs[u] ** 2 + rhs[u + 1] ** 2), abs(rhs[u + 2])
+            worst = max(worst, f / (scale[k, 0] + 1e-300), m / (scale[k, 1] + 1e-300))
+    return math.inf if status == 2 else worst, negatives, status
+
+
+@kernel(inline="always")
+def planar_size(start, step):
+    """Largest displacement [m] and rotation [rad] of any node in `step` (n,)."""
+    moved, turned = 0.0, 0.0
+    for k in range(len(start)):
+        u = start[k]
+        if u >= 0:
+            moved = max(moved, step[u] ** 2 + step[u + 1] ** 2)
+            turned = max(turned, abs(step[u + 2]))
+    return math.sqrt(moved), turned
+
+
+@kernel(inline="always")
+def move_planar(start, rows, motion, step, scale):
+    """motion <- motion + scale * step (n,), nodes and multipliers; rows (c,): unknowns of the multipliers."""
+    for k in range(len(start)):
+        u = start[k]
+        if u >= 0:
+            for r in range(3):
+                motion.pose[k, r] += scale * step[u + r]
+    for i in range(len(rows)):
+        motion.multiplier[i] += scale * step[rows[i]]

@@ -1,0 +1,166 @@
+"""The conventional solver in the plane: three unknowns per node, the answer lifted to space and checked there.
+
+The compiled Newton is that of `ksd.solve.newton` on planar arrays. A lifted state is accepted when the spatial
+residual across the plane is zero to the solver's tolerance; its inertia is that of the spatial tangent, so buckling
+out of the plane is seen.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from ksd.model.arrays import Motion, Work
+from ksd.model.compile import Model
+from ksd.model.planar_arrays import make_planar_work
+from ksd.model.planar_assembly import recover_planar
+from ksd.model.planar_system import assemble_planar, move_planar, planar_size
+from ksd.model.plane import Plane, plane_of, refuse_plane
+from ksd.model.system import assemble
+from ksd.numerics.blocks import factor_blocks, solve_blocks
+from ksd.numerics.kernel import kernel
+from ksd.solve.conventional import Driven, drive_to
+from ksd.solve.newton import (
+    CONVERGED,
+    DIVERGED,
+    GRAIN,
+    LOCAL_ANGLE,
+    LOOSE,
+    NOT_FINITE,
+    SINGULAR,
+    TOO_MANY,
+    iterate,
+)
+from ksd.solve.stops import Stop
+
+POLISH = 3
+"""Spatial iterations allowed to bring the rounding of a lifted state within the spatial bounds."""
+
+
+@kernel
+def iterate_planar(arrays, motion, target, factor, work, rtol, most, cap, blow_up):
+    """Newton to equilibrium in the plane; arguments, rules and returns are those of `ksd.solve.newton.iterate`."""
+    plan, start, rhs = arrays.plan, arrays.start, work.rhs
+    blocks = len(plan.size)
+    negatives, pivot = 0, 1.0
+    worst, moved = math.inf, math.inf
+    # at first the bounds have no grain, so that the smallest load gets its step
+    for n in range(most + 1):
+        worst, inside, status = assemble_planar(
+            arrays, motion, target, factor, work, rtol, GRAIN if n > 0 else 0.0
+        )
+        if not math.isfinite(worst):
+            return NOT_FINITE, n, worst, negatives, pivot
+        if worst <= 1.0 or (worst <= LOOSE and moved <= 1.0):
+            # the inertia belongs to the converged state
+            negatives, pivot = factor_blocks(plan, work.value, work.spare, blocks)
+            return LOCAL_ANGLE if status == 1 else CONVERGED, n, worst, negatives + inside, pivot
+        if n == most:
+            break
+        if n > 0 and math.isfinite(blow_up):
+            s = 0.0
+            for i in range(len(rhs)):
+                s += rhs[i] * rhs[i]
+            if math.sqrt(s) > blow_up:
+                return DIVERGED, n, worst, negatives, pivot
+        negatives, pivot = factor_blocks(plan, work.value, work.spare, blocks)
+        negatives += inside
+        for i in range(len(rhs)):
+            rhs[i] = -rhs[i]
+        solve_blocks(plan, work.value, work.spare, rhs)
+        if not pivot > 0.0:
+            return SINGULAR, n, worst, negatives, pivot
+        shift, turn = planar_size(start, rhs)
+        scale = cap / turn if n > 0 and turn > cap else 1.0
+        moved = max(turn / 1e-6, shift / (1e-7 * arrays.size))
+        recover_planar(arrays.members, start, motion.inner, rhs, work.pose, work.store, scale)
+        move_planar(start, arrays.terms.start, motion, rhs, scale)
+    return TOO_MANY, most, worst, negatives, pivot
+
+
+def _accept(
+    model: Model,
+    plane: Plane,
+    motion: Motion,
+    work: Work,
+    *,
+    aim: tuple[np.ndarray, float],
+    bound: float,
+    rtol: float,
+) -> tuple[int, float, int] | str:
+    """Spatial check of the lifted state `motion` at aim = (drive values, load factor).
+
+    Accepted when the residual across the plane is within its bound and the whole one within `bound` times
+    its own, as the planar Newton left it. Returns (iterations spent on rounding, residual, negative pivots) or
+    a reason.
+    """
+    arrays = model.arrays
+    residual, _, inside, status = assemble(arrays, motion, *aim, work, rtol, 0, GRAIN)
+    share, node, force, moment = plane.imbalance(work) if residual > 1.0 else (0.0, 0, 0.0, 0.0)
+    if share > 1.0:
+        said = (
+            f"its leafs and loads do not balance across the plane: {force:.3g} N along its normal and "
+            f"{moment:.3g} Nm across it are left on '{model.node_names[node]}'"
+        )
+        refuse_plane(model, said)
+        return said
+    if residual <= bound and status == 0:
+        negatives, _ = factor_blocks(arrays.plan, work.value, work.spare, len(arrays.plan.size))
+        return 0, residual, negatives + inside
+    reason, count, residual, negatives, _ = iterate(
+        arrays, motion, *aim, work, rtol, POLISH, math.inf, math.inf
+    )
+    return (
+        (count, residual, negatives) if reason == CONVERGED else "what was found is no equilibrium in space"
+    )
+
+
+def drive_in_plane(
+    model: Model,
+    motion: Motion,
+    work: Work,
+    *,
+    start: np.ndarray,
+    target: np.ndarray,
+    factors: tuple[float, float],
+    rtol: float,
+    fresh: bool,
+    **ways: Any,
+) -> Driven | str:
+    """`ksd.solve.conventional.drive_to` in the plane of `model`, or the reason why that is not possible.
+
+    fresh: motion is the rest state. motion (spatial) ends at the lifted, checked equilibrium; it is left alone when a
+    reason is returned. The residual and the negative pivots are those of the spatial model.
+    """
+    plane = plane_of(model)
+    if isinstance(plane, str):
+        return plane
+    flat = plane.rest.copy() if fresh else plane.flatten(motion)
+    if flat is None:
+        return "the configuration to start from is not in the plane"
+    rows = plane.lifting.row
+    driven = drive_to(
+        plane.arrays,
+        flat,
+        make_planar_work(plane.arrays),
+        start=start[rows],
+        target=target[rows],
+        factors=factors,
+        rtol=rtol,
+        newton=iterate_planar,
+        **ways,
+    )
+    lifted = motion.copy()
+    plane.lift(flat, lifted)
+    goal = driven.reached
+    aim = start + goal * (target - start), factors[0] + goal * (factors[1] - factors[0])
+    bound = max(1.0, 2.0 * driven.residual) if driven.stop is Stop.CONVERGED else LOOSE
+    found = _accept(model, plane, lifted, work, aim=aim, bound=bound, rtol=rtol)
+    if isinstance(found, str):
+        return found
+    motion.assign(lifted)
+    if driven.stop is not Stop.CONVERGED:
+        return driven
+    return driven._replace(solves=driven.solves + found[0], residual=found[1], negatives=found[2])

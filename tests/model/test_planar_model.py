@@ -1,0 +1,202 @@
+"""The planar model: exact tangent, what it refuses and why, half the unknowns, lifting and flattening."""
+
+import numpy as np
+import pytest
+from scenes import STEEL, cross_flexure, fourbar, single_joint
+
+import ksd
+from ksd.model.compile import compile_scene
+from ksd.model.mesh import Mesh
+from ksd.model.planar_arrays import make_planar_work
+from ksd.model.planar_system import assemble_planar
+from ksd.model.plane import Plane, plane_of
+from ksd.solve.conventional import conventional
+from ksd.units import deg, mm
+
+MESHES = {
+    "strain": None,
+    "chain": Mesh("corotational", elements=3, mip=False),
+    "nodal": Mesh("corotational", elements=2, mip=False, nodal=True),
+}
+
+
+def loaded_fourbar():
+    """Fourbar with dead and following loads, a drive of two terms seen from a moving link, and a rotation drive."""
+    scene = fourbar()
+    scene.load("top", force=(30.0, -80.0, 0.0), moment=(0, 0, 2.0), at=(0.05, 0.4, 0.0))
+    scene.load("left", force=(-20.0, 15.0, 0.0), at=(-0.25, 0.2, 0.0), following=True)
+    seen = scene.displacement("right", (0.6, 0.8, 0), at=(0.2, 0.3, 0), relative_to="top")
+    scene.actuate(terms=[seen, 0.3 * scene.rotation("left", "z")], name="mixed")
+    return scene
+
+
+def guide(*, axis=(0, 0, 1), along=(1, 0, 0), spread=0.0):
+    """Parallel guide of two leafs along `along`; spread: distance [m] of the second leaf along the width `axis`."""
+    scene = ksd.Mechanism("guide")
+    stage = scene.link("stage")
+    e1, e3 = np.array(along, float), np.array(axis, float)
+    e2 = np.cross(e3, e1)
+    section = ksd.rectangle(0.5 * mm, 30 * mm)
+    for side in (-1, 1):
+        start = side * 40 * mm * e2 + (side > 0) * spread * e3
+        scene.leaf(
+            scene.ground, stage, start=start, end=start + 100 * mm * e1, section=section, material=STEEL,
+            width_axis=side * e3,
+        )  # fmt: skip
+    scene.actuate(stage, along=e2, at=100 * mm * e1, name="stroke")
+    return scene
+
+
+def dense(arrays, work):
+    """The assembled matrix (n, n), in elimination order."""
+    plan = arrays.plan
+    found = np.zeros((plan.unknowns, plan.unknowns))
+    for k in range(len(plan.size)):
+        places = [(k, plan.diagonal[k])]
+        places += [(plan.row[e], plan.place[e]) for e in range(plan.first[k], plan.first[k + 1])]
+        for i, at in places:
+            block = work.value[at : at + plan.size[i] * plan.size[k]].reshape(plan.size[i], plan.size[k])
+            rows, columns = (slice(plan.start[b], plan.start[b] + plan.size[b]) for b in (i, k))
+            found[rows, columns] = block
+            found[columns, rows] = block.T
+    return found
+
+
+def moved(plane, state, step):
+    """The planar state with nodes and multipliers moved by `step` (n,); inner states as they are."""
+    new = state.copy()
+    for node, u in enumerate(plane.arrays.start):
+        if u >= 0:
+            new.pose[node] += step[u : u + 3]
+    new.multiplier[:] += step[plane.arrays.terms.start]
+    return new
+
+
+def settled(plane, state, target):
+    """Residual (n,) and matrix with the inner states iterated to rest at fixed nodes."""
+    from ksd.model.planar_assembly import recover_planar
+
+    work, arrays = make_planar_work(plane.arrays), plane.arrays
+    for _ in range(8):
+        assemble_planar(arrays, state, target, 1.0, work, 1e-8, 10.0)
+        zero = np.zeros(arrays.plan.unknowns)
+        recover_planar(arrays.members, arrays.start, state.inner, zero, work.pose, work.store, 1.0)
+    assemble_planar(arrays, state, target, 1.0, work, 1e-8, 10.0)
+    return work.rhs.copy(), dense(arrays, work)
+
+
+@pytest.mark.parametrize("mesh", MESHES)
+def test_tangent_is_the_derivative_of_the_residual(mesh, rng):
+    scene = loaded_fourbar()
+    model = compile_scene(scene, mesh=MESHES[mesh])
+    plane = plane_of(model)
+    # a following load has an unsymmetric tangent, whose symmetric half is what is added
+    plane.arrays.loads.following[:] = 0
+    state, target = plane.rest.copy(), np.zeros(2)
+    size = np.where(np.isin(np.arange(plane.arrays.plan.unknowns), plane.arrays.terms.start), 50.0, 4e-4)
+    state = moved(plane, state, rng.normal(size=len(size)) * size)
+    _, K = settled(plane, state, target)
+    assert np.allclose(K, K.T, atol=1e-9 * np.abs(K).max())
+    for _ in range(6):
+        way = rng.normal(size=len(size)) * size
+        ends = [settled(plane, moved(plane, state, s * 1e-5 * way), target)[0] for s in (1, -1)]
+        difference = (ends[0] - ends[1]) / 2e-5
+        assert np.abs(difference - K @ way).max() < 1e-7 * np.abs(difference).max()
+
+
+def test_unknowns_are_half_and_coinciding_leafs_are_one():
+    for model in (compile_scene(fourbar()), compile_scene(fourbar(), mesh=MESHES["nodal"])):
+        plane = plane_of(model)
+        rows = len(model.drive_names)
+        assert plane.arrays.plan.unknowns - rows == (model.arrays.plan.unknowns - rows) // 2
+    assert len(model.arrays.members.kind) == len(plane.arrays.members.kind) == 24
+    assert len(plane_of(compile_scene(fourbar())).arrays.members.kind) == 8
+    assert plane_of(model) is plane_of(model)
+
+
+def test_a_state_lifted_and_flattened_is_the_same():
+    for mesh in MESHES.values():
+        model = compile_scene(guide(), mesh=mesh)
+        state = conventional(model, {"stroke": 5 * mm}, planar=False).motion
+        plane = plane_of(model)
+        flat, back = plane.flatten(state), model.rest.copy()
+        plane.lift(flat, back)
+        for mine, theirs in zip(back, state, strict=True):
+            assert np.abs(mine - theirs).max() < 1e-9 * np.abs(theirs).max()
+        leaning = state.copy()
+        leaning.x[1, 2] += 1e-6
+        assert plane.flatten(leaning) is None
+
+
+def changed(**change):
+    scene = single_joint()
+    for name, options in change.items():
+        getattr(scene, name)("tip", **options)
+    return scene
+
+
+SAID = {
+    "push": (
+        changed(load={"force": (0, 0, 1.0), "at": (0, 0, 0)}),
+        "load 'tip.load' pushes along (0, 0, 1) N",
+    ),
+    "turn": (changed(load={"moment": (0.5, 0, 0)}), "load 'tip.load' turns about (0.5, 0, 0) Nm"),
+    "drive": (
+        changed(actuate={"along": "z", "at": (0, 0, 0), "name": "lift"}),
+        "drive 'lift' moves along (0, 0, 1)",
+    ),
+    "roll": (changed(actuate={"about": "x", "name": "roll"}), "drive 'roll' rotates about (1, 0, 0)"),
+    "slant": (
+        changed(support={"along": (1, 0, 1), "at": (0, 0, 0), "name": "stop"}),
+        "support 'stop' moves along (0.7071, 0, 0.7071)",
+    ),
+}
+
+
+@pytest.mark.parametrize("case", SAID)
+def test_what_leaves_the_plane_is_named(case):
+    scene, words = SAID[case]
+    model = compile_scene(scene)
+    reason = plane_of(model)
+    assert isinstance(reason, str)
+    assert words in reason
+    assert "out of the plane across (0, 0, 1)" in reason
+    targets = dict.fromkeys(model.drive_names, 0.0)
+    with pytest.raises(ksd.SceneError, match="this mechanism is not planar"):
+        conventional(model, targets, planar=True)
+
+
+def test_a_leaf_across_the_others_is_named():
+    scene = guide()
+    scene.leaf(
+        scene.ground, "stage", start=(0, 0, 0.1), end=(0.1, 0, 0.1), section=ksd.rectangle(1 * mm, 10 * mm),
+        material=STEEL, width_axis=(0, 1, 0), name="odd",
+    )  # fmt: skip
+    assert "the width of leaf 'odd' is along (0, 1, 0)" in plane_of(compile_scene(scene))
+
+
+def test_supports_that_hold_the_mechanism_in_its_plane_are_left_out():
+    scene = single_joint()
+    scene.support("tip", along="z", at=(0.05, 0, 0))
+    scene.support("tip", about="x", name="no roll")
+    model = compile_scene(scene)
+    plane = plane_of(model)
+    assert isinstance(plane, Plane)
+    assert plane.arrays.plan.unknowns == 4
+    found = conventional(model, {"turn": 20 * deg}, planar=True)
+    assert found.negatives == found.expected == 3
+    assert found.forces["turn"] == pytest.approx(
+        conventional(model, {"turn": 20 * deg}, planar=False).forces["turn"]
+    )
+
+
+def test_a_joint_placed_from_behind_is_planar_too():
+    scene = ksd.Mechanism("behind")
+    tip = scene.link("tip")
+    for axis, y in (("z", 0.0), ((0, 0, -1), 0.2)):
+        scene.join(scene.ground, tip, cross_flexure(), at=(0, y, 0), axis=axis, toward="x")
+    scene.actuate(tip, along="y", at=(0.1, 0.1, 0))
+    model = compile_scene(scene)
+    one, other = (conventional(model, {"tip": 1 * mm}, planar=p) for p in (True, False))
+    assert one.forces["tip"] == pytest.approx(other.forces["tip"], rel=1e-10)
+    assert np.abs(one.motion.inner - other.motion.inner).max() < 1e-9 * np.abs(other.motion.inner).max()

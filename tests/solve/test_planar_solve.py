@@ -1,0 +1,169 @@
+"""Planar solves against spatial ones, the check in space, and falling back to it."""
+
+import importlib.util
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scenes import STEEL, fourbar, single_joint
+
+import ksd
+from ksd.model.compile import compile_scene
+from ksd.model.mesh import Mesh
+from ksd.model.plane import plane_of
+from ksd.solve.conventional import conventional
+from ksd.units import deg, mm
+
+MESHES = {
+    "strain": Mesh(),
+    "chain": Mesh("corotational", elements=4),
+    "plain": Mesh("corotational", elements=3, mip=False),
+    "nodal": Mesh("corotational", elements=3, nodal=True),
+}
+NOTE = "planar, 3 unknowns per node"
+
+
+def guide(spread=0.0, tilt=None):
+    """Parallel guide under a load; spread [m] offsets one leaf out of the plane, tilt (3, 3) turns everything."""
+    tilt = np.eye(3) if tilt is None else tilt
+    scene = ksd.Mechanism("guide")
+    stage = scene.link("stage")
+    for y in (-0.04, 0.04):
+        z = spread * (y > 0)
+        scene.leaf(
+            scene.ground, stage, start=tilt @ [0, y, z], end=tilt @ [0.1, y, z], section=ksd.rectangle(0.5 * mm, 30 * mm),
+            material=STEEL, width_axis=tilt[:, 2],
+        )  # fmt: skip
+    scene.actuate(stage, along=tilt[:, 1], at=tilt @ [0.1, 0, 0], name="stroke")
+    scene.load(stage, force=tilt @ [-5.0, 0, 0], at=tilt @ [0.1, 0.01, 0])
+    return scene
+
+
+def same(one, other, tolerance=1e-10):
+    """Drive forces, positions, rotations, inner states and inertia agree."""
+    for name, force in other.forces.items():
+        assert one.forces[name] == pytest.approx(force, rel=tolerance)
+    for mine, theirs in zip(one.motion, other.motion, strict=True):
+        assert np.abs(mine - theirs).max() <= tolerance * np.abs(theirs).max()
+    assert one.negatives == other.negatives
+    assert NOTE in one.steps[0].note
+    assert NOTE not in other.steps[0].note
+
+
+@pytest.mark.parametrize("mesh", MESHES)
+@pytest.mark.parametrize("reading", [1, 2])
+def test_fourbar(mesh, reading):
+    model = compile_scene(fourbar(reading=reading), mesh=MESHES[mesh])
+    last = None
+    for d in (0.1, 0.3):
+        one, other = (conventional(model, {"top": d}, planar=p) for p in (True, False))
+        same(one, other)
+        assert one.iterations == other.iterations
+        last = one
+    # a planar result is an ordinary one: go on from it in space, and in the plane
+    on, over = (conventional(model, {"top": 0.2}, start=last, planar=p) for p in (True, False))
+    same(on, over)
+
+
+@pytest.mark.parametrize("mesh", MESHES)
+def test_cross_flexure(mesh):
+    model = compile_scene(single_joint(), mesh=MESHES[mesh])
+    pair = [None, None]
+    for angle in (-75, -40, 20, 50, 75):
+        pair = [conventional(model, {"turn": angle * deg}, planar=p, steps=2) for p in ("auto", False)]
+        same(*pair)
+
+
+@pytest.mark.parametrize("mesh", ["strain", "chain"])
+def test_parallel_guide_in_any_plane(mesh, rng):
+    from scipy.spatial.transform import Rotation
+
+    for tilt in (np.eye(3), Rotation.random(random_state=3).as_matrix()):
+        model = compile_scene(guide(tilt=tilt), mesh=MESHES[mesh])
+        same(*(conventional(model, {"stroke": 15 * mm}, planar=p) for p in (True, False)))
+
+
+@pytest.mark.parametrize("mesh", ["strain", "chain"])
+def test_dead_and_following_loads_and_rows_seen_from_a_link(mesh):
+    scene = fourbar()
+    scene.load("top", force=(30.0, -40.0, 0.0), moment=(0, 0, 2.0), at=(0.05, 0.4, 0.0))
+    scene.load("left", force=(-20.0, 15.0, 0.0), at=(-0.25, 0.2, 0.0), following=True)
+    model = compile_scene(scene, mesh=MESHES[mesh])
+    same(*(conventional(model, {"top": 0.15}, planar=p, most=60) for p in (True, False)), tolerance=1e-8)
+    scene = fourbar()
+    seen = scene.displacement("right", (0.6, 0.8, 0), at=(0.3, 0.2, 0), relative_to="top")
+    scene = fourbar()
+    scene.actuate(terms=[seen, 0.3 * scene.rotation("left", "z")], name="mixed")
+    model = compile_scene(scene, mesh=MESHES[mesh])
+    values = dict.fromkeys(model.drive_names, 1e-5)
+    same(*(conventional(model, values, planar=p) for p in (True, False)), tolerance=1e-8)
+
+
+def test_leafs_that_do_not_balance_across_the_plane_are_solved_in_space():
+    model = compile_scene(guide(spread=50 * mm))
+    found = conventional(model, {"stroke": 5 * mm})
+    assert "spatial: its leafs and loads do not balance across the plane" in found.steps[0].note
+    assert found.motion.x == pytest.approx(conventional(model, {"stroke": 5 * mm}, planar=False).motion.x)
+    assert "do not balance" in plane_of(model)
+    with pytest.raises(
+        ksd.SceneError, match=r"not planar: its leafs and loads .* 'stage'; use planar = 'auto' or False"
+    ):
+        conventional(model, {"stroke": 5 * mm}, planar=True)
+
+
+def test_a_load_that_leaves_the_plane_is_solved_in_space():
+    scene = single_joint()
+    scene.load("tip", force=(0, 0, 3.0), at=(0.07, 0, 0))
+    model = compile_scene(scene)
+    found = conventional(model, {"turn": 10 * deg})
+    assert "spatial: load 'tip.load' pushes along" in found.steps[0].note
+    assert abs(found.displacement("tip", (0.07, 0, 0))[2]) > 1e-9
+
+
+def test_a_start_out_of_the_plane_is_followed_in_space():
+    model = compile_scene(single_joint())
+    start = conventional(model, {"turn": 10 * deg})
+    start.motion.x[1, 2] += 1e-5
+    found = conventional(model, {"turn": 12 * deg}, start=start)
+    assert "spatial: the configuration to start from is not in the plane" in found.steps[0].note
+    # the model stays planar
+    same(conventional(model, {"turn": 12 * deg}), found)
+
+
+def test_buckling_out_of_the_plane_is_seen():
+    """A wide thin strip in its own plane tips over sideways: planar equilibrium, one negative pivot too many."""
+    scene = ksd.Mechanism("strip")
+    tip = scene.link("tip")
+    scene.leaf(
+        scene.ground, tip, start=(0, 0, 0), end=(0.3, 0, 0), section=ksd.rectangle(20 * mm, 0.5 * mm), material=STEEL,
+        width_axis=(0, 0, 1),
+    )  # fmt: skip
+    scene.actuate(tip, along="y", at=(0.3, 0, 0), name="push")
+    model = compile_scene(scene)
+    small, large = (conventional(model, {"push": p}, planar=True) for p in (1e-6, 2e-2))
+    assert small.stable
+    assert not large.stable
+
+
+def test_stopping_says_how_far_it_got():
+    model = compile_scene(single_joint(), mesh=Mesh("corotational", elements=1))
+    with pytest.raises(ksd.ConvergenceError, match="60 degrees") as one:
+        conventional(model, {"turn": 170 * deg})
+    with pytest.raises(ksd.ConvergenceError) as other:
+        conventional(model, {"turn": 170 * deg}, planar=False)
+    assert one.value.reached == pytest.approx(other.value.reached, abs=1e-3)
+    assert one.value.result.motion.x == pytest.approx(other.value.result.motion.x, abs=1e-4)
+
+
+def test_the_option_is_checked():
+    with pytest.raises(ksd.SceneError, match="planar = 'yes': choose 'auto', True or False"):
+        conventional(compile_scene(single_joint()), {"turn": 0.1}, planar="yes")
+
+
+def test_the_benchmark_runs(capsys):
+    path = Path(__file__).resolve().parents[2] / "benchmarks" / "planar.py"
+    spec = importlib.util.spec_from_file_location("planar_benchmark", path)
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    module.main(rounds=3)
+    assert "times" in capsys.readouterr().out
