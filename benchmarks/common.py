@@ -95,11 +95,15 @@ class PlainNewton:
     """The conventional method of paper 1, Appendix B, with the eps_max best for it at the given drive values.
 
     Plain Newton on all element nodes (`nodal`) or on the condensed chains; a step is given up when the
-    residual exceeds eps_max, and halved. eps_max is chosen once, from EPS_MAX, by the number of matrix solves
-    among those that end in the state found with the smallest. Raises ConvergenceError when none converges.
+    residual exceeds eps_max, and halved; in space as in the paper, or in the plane (`planar`). eps_max is chosen
+    once, from EPS_MAX, by the number of matrix solves among those that end in the state found with the smallest.
+    Raises ConvergenceError when none converges.
     """
 
-    def __init__(self, scene: Any, n: int, targets: Mapping[str, float], *, nodal: bool = True) -> None:
+    def __init__(
+        self, scene: Any, n: int, targets: Mapping[str, float], *, nodal: bool = True, planar: bool = False
+    ) -> None:
+        self.planar = planar
         self.model = ksd.compile_scene(scene, mesh=chain(n, mip=False, nodal=nodal))
         self.targets = dict(targets)
         self.tried: dict[float, int | None] = {}
@@ -122,7 +126,9 @@ class PlainNewton:
     def __call__(self, eps_max: float | None = None) -> ksd.Configuration:
         """Solve from rest; `most` and `cap` leave the decisions to eps_max, as in the paper."""
         limit = self.eps_max if eps_max is None else eps_max
-        return conventional(self.model, self.targets, eps_max=limit, most=60, cap=math.inf)
+        return conventional(
+            self.model, self.targets, eps_max=limit, most=60, cap=math.inf, planar=self.planar
+        )
 
 
 @dataclass(frozen=True)

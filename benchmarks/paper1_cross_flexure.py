@@ -41,9 +41,9 @@ class DefaultShape:
 def walk(scene: Any, mesh: ksd.Mesh) -> list[ksd.Configuration]:
     """Finite element model over ANGLES, each configuration started from the one before."""
     model = ksd.compile_scene(scene, mesh=mesh)
-    found, last = [], conventional(model, {"turn": 0.0})
+    found, last = [], conventional(model, {"turn": 0.0}, planar=False)
     for angle in ANGLES:
-        last = conventional(model, {"turn": angle * deg}, start=last)
+        last = conventional(model, {"turn": angle * deg}, start=last, planar=False)
         found.append(last)
     return found
 

@@ -43,13 +43,17 @@ def five_steps(solver: ksd.Solver, leafs: str, elements: int) -> list[Case]:
     def case(name: str, method: str, **more: Any) -> Case:
         return Case(name, leafs, elements, lambda: solver(TARGETS, method=method, **more))
 
+    def in_space(name: str, *, planar: bool) -> Case:
+        return Case(name, leafs, elements, lambda: conventional(solver.model, TARGETS, planar=planar))
+
     return [
         case("kinematic", "kinematic", estimate=False),
         case("reduced", "reduced", estimate=False),
         case("reduced with estimate", "reduced"),
         case("reduced, 1 pass", "reduced", passes=1, estimate=False),
         case("full", "full"),
-        case("conventional", "conventional"),
+        in_space("conventional", planar=False),
+        in_space("conventional, planar", planar=True),
     ]
 
 
@@ -65,13 +69,17 @@ def cases_of(reading: int, meshes: Sequence[int]) -> list[Case]:
     condensed = PlainNewton(fourbar(reading), n, TARGETS, nodal=False)
     found.append(Case("plain Newton, condensed leafs", leafs, n, condensed))
     nodal = ksd.compile_scene(fourbar(reading), mesh=chain(n, mip=False, nodal=True))
-    found.append(Case("plain Newton, turns capped", leafs, n, lambda: conventional(nodal, TARGETS)))
+    found.append(
+        Case("plain Newton, turns capped", leafs, n, lambda: conventional(nodal, TARGETS, planar=False))
+    )
+    planar = PlainNewton(fourbar(reading), n, TARGETS, planar=True)
+    found.append(Case("plain Newton, planar", leafs, n, planar))
     return found
 
 
 def whole_solves(reading: int, meshes: Sequence[int], *, repeats: int) -> dict[str, Any]:
     """Time of the steps and of the whole call of every case, measured in turns, and errors beside them."""
-    exact = conventional(ksd.compile_scene(fourbar(reading), mesh=FINEST), TARGETS)
+    exact = conventional(ksd.compile_scene(fourbar(reading), mesh=FINEST), TARGETS, planar=False)
     cases = cases_of(reading, meshes)
     steps: list[list[float]] = [[] for _ in cases]
     calls: list[list[float]] = [[] for _ in cases]

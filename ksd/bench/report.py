@@ -73,7 +73,8 @@ def front(rows: Iterable[Row], key: str) -> list[Row]:
         error = getattr(row, key)
         if not math.isfinite(error) or not row.stable or not math.isfinite(row.call[1]):
             continue
-        if not kept or error < getattr(kept[-1], key):
+        # less than 1 % better is rounding, not accuracy
+        if not kept or error < 0.99 * getattr(kept[-1], key):
             kept.append(row)
     return kept
 
@@ -106,14 +107,15 @@ def _percent(error: float) -> str:
 
 
 def table(measured: Measured) -> Any:
-    """A rich table of one case; rows on the front of any error are marked, failures say why."""
+    """A rich table of one case: * marks a way on the front of any error, ! an unstable state."""
     from rich import box
     from rich.table import Table
 
     marked = {id(r) for key in ERRORS for r in front(measured.rows, key)}
     found = Table(box=box.SIMPLE_HEAD, title=measured.case, title_justify="left", pad_edge=False)
-    names = ("method", "leafs", "iter.", "call [us]", "steps [us]", "force", "displ.", "stiffness", "")
-    for i, name in enumerate(names):
+    for i, name in enumerate(
+        ("method", "leafs", "it.", "call [us]", "steps [us]", "force", "displ.", "stiffness")
+    ):
         found.add_column(name, justify="left" if i < 2 else "right", no_wrap=True)
     before = measured.rows[0]
     for r in measured.rows:
@@ -121,12 +123,13 @@ def table(measured: Measured) -> Any:
             found.add_section()
         before = r
         if r.failed:
-            found.add_row(r.method, r.leafs, "-", "-", "-", "-", "-", "-", "failed")
+            found.add_row(r.method, r.leafs, *["-"] * 5, "failed")
             continue
-        errors = [_percent(getattr(r, key)) for key in ERRORS]
-        said = "unstable" if not r.stable else "front" if id(r) in marked else ""
+        name = r.method + " *" * (id(r) in marked) + " !" * (not r.stable)
         times = [f"{r.call[1]:.0f}", f"{r.steps[1]:.0f}"]
-        found.add_row(r.method, r.leafs, str(r.iterations), *times, *errors, said)
+        found.add_row(
+            name, r.leafs, str(r.iterations), *times, *[_percent(getattr(r, key)) for key in ERRORS]
+        )
     return found
 
 
@@ -140,7 +143,7 @@ def summary(measured: Measured) -> list[str]:
         times = {r.method: r.call[1] for r in measured.rows if r.leafs == leafs and not r.failed}
         parts = [
             f"{' / '.join(f'{times[base] / times[m]:.1f}' for m in ('full', 'reduced'))} times {name}"
-            for base, name in (("plain Newton", "plain Newton"), ("conventional", "conventional"))
+            for base, name in (("plain Newton", "plain Newton"), ("conventional", "conventional in space"))
             if base in times and "full" in times and "reduced" in times
         ]
         if parts:
@@ -155,6 +158,7 @@ _COLORS = {
     "reduced, 2 passes": "#4fa3a0",
     "full": "#c2410c",
     "conventional": "#8a63b0",
+    "conventional, planar": "#b8925b",
     "plain Newton": "#444b57",
 }
 
@@ -174,8 +178,13 @@ def picture(results: Sequence[Measured], path: str) -> None:
             axes.set_title(measured.case, fontsize=9, loc="left")
             axes.set_xlabel("thread time of a call [us]", fontsize=8)
             axes.set_ylabel(f"error of the {name} [%]", fontsize=8)
-    handles, labels = grid[0][0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside upper center", ncols=5, fontsize=8, frameon=False)
+    known: dict[str, Any] = {}
+    for axes in grid.flat:
+        handles, labels = axes.get_legend_handles_labels()
+        known |= dict(zip(labels, handles, strict=True))
+    figure.legend(
+        known.values(), known.keys(), loc="outside upper center", ncols=5, fontsize=8, frameon=False
+    )
     save_figure(figure, path)
 
 
@@ -185,6 +194,8 @@ def _panel(axes: Any, rows: Sequence[Row], key: str) -> None:
         for strain, mark in ((True, "o"), (False, "s")):
             mine = [r for r in shown if r.method == method and r.leafs.startswith("strain") == strain]
             x, y = [r.call[1] for r in mine], [100 * max(getattr(r, key), 1e-13) for r in mine]
+            if not mine:
+                continue
             label = f"{method}, {'strain-mode' if strain else 'elements'}"
             size = 6 if strain else 4
             axes.plot(x, y, mark, color=color, markersize=size, markeredgecolor="white", label=label)
@@ -194,6 +205,10 @@ def _panel(axes: Any, rows: Sequence[Row], key: str) -> None:
         axes.step(x, y, where="post", color="black", linewidth=0.9, linestyle=":", label="front")
     axes.set_xscale("log")
     axes.set_yscale("log")
+    low, high = axes.get_xlim()
+    ticks = [m * 10.0**k for k in range(1, 7) for m in (1, 2, 5) if low <= m * 10.0**k <= high]
+    axes.set_xticks(ticks, labels=[f"{t:.0f}" for t in ticks])
+    axes.set_xticks([], minor=True)
     axes.grid(True, color="#eceff4", linewidth=0.8)
     axes.set_axisbelow(True)
     axes.tick_params(labelsize=7)

@@ -51,22 +51,37 @@ def five_step_ways(
     def way(name: str, method: str, **more: Any) -> Way:
         return Way(name, leafs, size, lambda: solver(targets, method=method, **more))
 
+    def in_space(planar: bool) -> Configuration:
+        return conventional(solver.model, targets, planar=planar)
+
     found = [way("kinematic", "kinematic", estimate=False)]
     for passes in range(3):
         name = ("reduced", "reduced, 1 pass", "reduced, 2 passes")[passes]
         found.append(way(name, "reduced", passes=passes, estimate=False))
-    return [*found, way("full", "full"), way("conventional", "conventional")]
+    found += [way("full", "full"), Way("conventional", leafs, size, lambda: in_space(False))]
+    if _is_planar(solver, targets):
+        found.append(Way("conventional, planar", leafs, size, lambda: in_space(True)))
+    return found
+
+
+def _is_planar(solver: Solver, targets: Mapping[str, float]) -> bool:
+    """Whether the conventional solver finds that the scene stays in its plane."""
+    try:
+        conventional(solver.model, targets, planar=True)
+    except KsdError:
+        return False
+    return True
 
 
 def plain_newton(scene: Any, targets: Mapping[str, float], elements: int) -> Way:
-    """The conventional method of paper 1, Appendix B: plain Newton on all element nodes, eps_max best for it.
+    """The conventional method of paper 1, Appendix B: plain Newton on all element nodes, in space, best eps_max.
 
     Best: fewest matrix solves among those that end where the smallest eps_max does. Raises ConvergenceError.
     """
     model = compile_scene(scene, mesh=Mesh("corotational", elements=elements, mip=False, nodal=True))
 
     def solve(eps_max: float) -> Configuration:
-        return conventional(model, targets, eps_max=eps_max, most=60, cap=math.inf)
+        return conventional(model, targets, eps_max=eps_max, most=60, cap=math.inf, planar=False)
 
     counts: dict[float, int] = {}
     first: np.ndarray | None = None

@@ -29,7 +29,7 @@ class JointBodies:
     reduced: the mechanism of links and condensed joints (its members: one linear body per joint, then free leafs).
     near (members of the bench,): lengths of the near data. full_node (K,): internal blocks in the full model.
     motion_range (motions, 2): trained range, rad or stroke over joint length, as theta; motion_scale (motions,):
-    theta to rad or m; motion_names.
+    theta to rad or m; motion_names. hanging: links on leafs alone, each with the nodes that place it (`hang_links`).
     """
 
     loops: Loops
@@ -43,11 +43,10 @@ class JointBodies:
     motion_range: np.ndarray
     motion_scale: np.ndarray
     motion_names: tuple[str, ...]
+    hanging: tuple[tuple[int, np.ndarray], ...] = ()
 
 
-def _spanning_tree(
-    nodes: np.ndarray, links: int, names: tuple[str, ...]
-) -> tuple[list[list[int]], list[int]]:
+def _spanning_tree(nodes: np.ndarray) -> tuple[list[list[int]], list[int]]:
     """Breadth-first tree from ground: (joint, forward) in order, and the joints left to close loops."""
     reached, tree, used = {0}, [], set()
     while True:
@@ -62,13 +61,49 @@ def _spanning_tree(
         used.add(j)
         tree.append([j, forward])
         reached.add(int(nodes[j][1] if forward else nodes[j][0]))
-    lost = [names[k] for k in range(links) if k not in reached]
+    return tree, [j for j in range(len(nodes)) if j not in used]
+
+
+def _hanging(model: Model, tree: list[list[int]], nodes: np.ndarray) -> tuple[tuple[int, np.ndarray], ...]:
+    """Links that hang on leafs alone, each with the nodes next to it that are placed before, in order of placing.
+
+    Raises KinematicsError for a link nothing leads to.
+    """
+    scene = model.scene
+    index = {link: i for i, link in enumerate(scene.links)}
+    reached = {0, *(int(nodes[j][forward]) for j, forward in tree)}
+    pairs = [(index[f.a], index[f.b]) for f in scene.leafs]
+    found = []
+    while True:
+        near: dict[int, list[int]] = {}
+        for a, b in (*pairs, *((b, a) for a, b in pairs)):
+            if a in reached and b not in reached and a not in near.setdefault(b, []):
+                near[b].append(a)
+        if not near:
+            break
+        # the one with most neighbours placed is placed best
+        link = max(near, key=lambda k: (len(near[k]), -k))
+        reached.add(link)
+        found.append((link, np.array(near[link], np.int64)))
+    lost = [link for link in scene.links if index[link] not in reached]
     if lost:
         raise KinematicsError(
-            f"link '{lost[0]}' is not connected to ground by joints, so the kinematic start cannot place it; "
-            "add a joint or use method='conventional'"
+            f"link '{lost[0]}' is not connected to ground by joints or leafs, so the kinematic start cannot place it; "
+            "add a joint"
         )
-    return tree, [j for j in range(len(nodes)) if j not in used]
+    return tuple(found)
+
+
+def hang_links(bodies: JointBodies, motion: Motion) -> None:
+    """Place links that hang on leafs alone where their neighbours, moved as one body each, would have them in the mean."""
+    rest = bodies.reduced_rest
+    for link, near in bodies.hanging:
+        turned = motion.R[near].sum(axis=0)
+        moved = np.einsum("kij,kj->ki", motion.R[near], rest.x[link] - rest.x[near])
+        motion.x[link] = (motion.x[near] + moved).mean(axis=0)
+        # the rotation nearest to the mean of the neighbours' rotations
+        u, _, v = np.linalg.svd(turned)
+        motion.R[link] = u @ np.diag([1.0, 1.0, np.linalg.det(u @ v)]) @ v
 
 
 def _pad(functions: list[np.ndarray], size: int) -> np.ndarray:
@@ -87,7 +122,7 @@ def build_loops(model: Model, contracted: list[Any]) -> Loops:
     index = {link: i for i, link in enumerate(scene.links)}
     places = reference_points(scene)
     nodes = np.array([[index[j.a], index[j.b]] for j in scene.joints], np.int64).reshape(-1, 2)
-    tree, closing = _spanning_tree(nodes, len(scene.links), model.node_names)
+    tree, closing = _spanning_tree(nodes)
     anchor = [
         [np.asarray(j.origin) - places[a], _tip(j) - places[b]]
         for j, (a, b) in zip(scene.joints, nodes, strict=True)
@@ -239,4 +274,5 @@ def joint_bodies(model: Model, records: Callable[[str], Any], *, extrapolate: bo
     return JointBodies(
         loops, inside, bench, bench_rest, reduced, reduced_rest, near, full_node,
         np.array(ranges, float).reshape(-1, 2), np.array(scales), tuple(names),
+        _hanging(model, loops.tree.tolist(), loops.node),
     )  # fmt: skip

@@ -67,7 +67,7 @@ def strain_in_plane(value: np.ndarray, number: np.ndarray, sense: float) -> np.n
         return "is curved or twisted out of the plane at rest"
     weight, integral = length * parts[5], parts[6].reshape(ng, ng)
     basis = parts[7].reshape(total, ng)[first:]
-    slack, gap = parts[8].reshape(ng, 3), parts[9].reshape(ng + 1, total)[:, first:]
+    slack, gap = parts[8].reshape(ng, 3), parts[9].reshape(total, ng + 1)[first:].T
     # psi at the points and, last, at the end; the planar form needs the partial summation below to be exact
     psi = length * np.cumsum(gap, axis=0)
     summed = length * (basis * weight) @ integral

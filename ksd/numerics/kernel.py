@@ -7,8 +7,10 @@ A read-only installation falls back to the user's cache folder, then to a tempor
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 import os
+import subprocess
 import sys
 import tempfile
 from collections.abc import Callable
@@ -65,20 +67,65 @@ def cache_folder() -> Path | None:
 FOLDER: Path | None = cache_folder()
 
 
-def _announce_cold_start() -> None:
-    if FOLDER is not None and not any(FOLDER.rglob("*.nbi")):
-        print("ksd: compiling its kernels for this machine (once; about half a minute) ...", file=sys.stderr)
+def compiled_before() -> bool:
+    """Whether this machine's cache already holds kernels of these sources."""
+    return FOLDER is None or any(FOLDER.rglob("*.nbi"))
 
 
-def _prepare() -> None:
+def _start_second_compiler() -> subprocess.Popen[bytes] | None:
+    """On a cold cache, a second process that compiles the other half meanwhile; None where that cannot help."""
+    if (os.cpu_count() or 1) < 2 or os.environ.get(ALONE) or FOLDER is None:
+        return None
+    try:
+        # one process of many that start together may do this
+        os.close(os.open(FOLDER / "compiling", os.O_CREAT | os.O_EXCL))
+    except OSError:
+        return None
+    return subprocess.Popen(
+        [sys.executable, "-m", "ksd.solve.warm"],
+        env={**os.environ, ALONE: "1"},
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+        stdin=subprocess.DEVNULL,
+    )
+
+
+def second_compiler_runs() -> bool:
+    """Whether this process found a cold cache and started a second compiler it has not waited for yet."""
+    return SECOND is not None
+
+
+def wait_for_second_compiler(longest: float = 120.0) -> None:
+    """Wait until the second compiler, if there is one, has filled the cache; at most `longest` seconds."""
+    global SECOND
+    if SECOND is not None:
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            SECOND.wait(timeout=longest)
+        SECOND = None
+
+
+def compile_for(function: Any, *arguments: Any) -> None:
+    """Compile a kernel, into the cache, for arguments like these, without running it."""
     import numba
 
-    if FOLDER is not None:
-        numba.config.CACHE_DIR = str(FOLDER)  # type: ignore[attr-defined]
-    _announce_cold_start()
+    function.compile(tuple(numba.typeof(a) for a in arguments))
 
 
-_prepare()
+def _prepare() -> subprocess.Popen[bytes] | None:
+    import numba
+
+    if FOLDER is None:
+        return None
+    numba.config.CACHE_DIR = str(FOLDER)  # type: ignore[attr-defined]
+    if compiled_before() or os.environ.get(ALONE):
+        return None
+    print("ksd: compiling its kernels for this machine (once; about half a minute) ...", file=sys.stderr)
+    return _start_second_compiler()
+
+
+ALONE = "KSD_COMPILE_ALONE"
+"""Set in the environment of the second compiler, which must not start a third and runs no kernel."""
+SECOND = _prepare()
 
 
 def kernel(function: Callable[..., Any] | None = None, **options: Any) -> Any:
@@ -108,8 +155,15 @@ def isolated(signature: str) -> Any:
     from numba import cfunc, types
 
     def decorate(inner: Callable[..., Any]) -> Any:
-        compiled = cfunc(signature, cache=FOLDER is not None, error_model="numpy")(inner)
         symbol = f"ksd_{inner.__name__}"
+        if os.environ.get(ALONE):
+            # the second compiler only needs a name to link to; it never calls
+            from numba.core.sigutils import normalize_signature
+
+            arguments, result = normalize_signature(signature)
+            llvmlite.binding.add_symbol(symbol, 1)
+            return types.ExternalFunction(symbol, result(*arguments))
+        compiled = cfunc(signature, cache=FOLDER is not None, error_model="numpy")(inner)
         llvmlite.binding.add_symbol(symbol, compiled.address)
         _ALIVE.append(compiled)
         return types.ExternalFunction(symbol, compiled._sig)  # type: ignore[attr-defined]

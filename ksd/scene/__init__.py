@@ -3,7 +3,14 @@
 from ksd.scene.contents import PlacedJoint, PlacedLeaf, Scene, joint_angle
 from ksd.scene.drive import GROUND, Drive, DriveTerm, Load, PointMass
 from ksd.scene.families import joint_families, joint_family, make_joint
+from ksd.scene.families.cartwheel import Butterfly, Cartwheel
+from ksd.scene.families.constraints import FoldedLeaf, WireFlexure
 from ksd.scene.families.cross_flexure import CrossFlexure
+from ksd.scene.families.crossed_pivot import BalancedCrossedPivot, CrossedPivot
+from ksd.scene.families.guide import ParallelGuide, StiffenedGuide
+from ksd.scene.families.infinity import InfinityHinge, TripleInfinityHinge
+from ksd.scene.families.notch import ArcHinge, CircularNotchHinge, FilletedNotchHinge
+from ksd.scene.families.universal import UniversalJoint
 from ksd.scene.joint import DrawnJoint, Joint, Motion
 from ksd.scene.leaf import Leaf, wire
 from ksd.scene.links import Link
@@ -24,14 +31,23 @@ from ksd.scene.profile import (
 __all__ = [
     "GROUND",
     "Arc",
+    "ArcHinge",
+    "BalancedCrossedPivot",
+    "Butterfly",
+    "Cartwheel",
     "CircularNotch",
+    "CircularNotchHinge",
     "CrossFlexure",
+    "CrossedPivot",
     "Curve",
     "DrawnJoint",
     "Drive",
     "DriveTerm",
     "FilletedNotch",
+    "FilletedNotchHinge",
+    "FoldedLeaf",
     "FreeCurve",
+    "InfinityHinge",
     "Joint",
     "Leaf",
     "Link",
@@ -39,14 +55,19 @@ __all__ = [
     "Material",
     "Mechanism",
     "Motion",
+    "ParallelGuide",
     "PlacedJoint",
     "PlacedLeaf",
     "PointMass",
     "Profile",
     "Scene",
+    "StiffenedGuide",
     "StiffenedMiddle",
     "Taper",
+    "TripleInfinityHinge",
+    "UniversalJoint",
     "Varying",
+    "WireFlexure",
     "joint_angle",
     "joint_families",
     "joint_family",

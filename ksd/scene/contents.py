@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import dataclasses
 import hashlib
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -98,6 +98,21 @@ def joint_angle(joint: PlacedJoint, motion: Motion) -> tuple[str, Vector, Vector
     return motion.kind, _triple(axis), _triple(point)
 
 
+def placed_leaf(joint: PlacedJoint, leaf: Leaf, links: Mapping[str, str]) -> PlacedLeaf:
+    """A leaf of a placed joint as a free-form leaf in global coordinates; links: link by block."""
+    label = f"{joint.name}/{leaf.name}"
+    moved = replace(
+        leaf,
+        start=_triple(joint.place(leaf.start)),
+        end=_triple(joint.place(leaf.end)),
+        width_axis=_triple(joint.turn(leaf.width_axis)),
+        start_block=links[leaf.start_block],
+        end_block=links[leaf.end_block],
+        name=label,
+    )
+    return PlacedLeaf(label, moved.start_block, moved.end_block, moved)
+
+
 def _triple(values: Any) -> Vector:
     x, y, z = (float(v) for v in values)
     return x, y, z
@@ -138,4 +153,4 @@ def _sampled(value: Curve | Profile) -> Any:
     return tuple(value.section(s) for s in stations)
 
 
-__all__ = ["GROUND", "Matrix", "PlacedJoint", "PlacedLeaf", "Scene", "joint_angle"]
+__all__ = ["GROUND", "Matrix", "PlacedJoint", "PlacedLeaf", "Scene", "joint_angle", "placed_leaf"]

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from ksd.errors import SceneError
-from ksd.scene.contents import PlacedJoint, PlacedLeaf, Scene, joint_angle
+from ksd.scene.contents import PlacedJoint, PlacedLeaf, Scene, joint_angle, placed_leaf
 from ksd.scene.drive import GROUND, Drive, DriveTerm, Load
 from ksd.scene.joint import Joint
 from ksd.scene.leaf import Leaf
@@ -79,10 +79,45 @@ class Mechanism(Links):
         first, second = self._pair(a, b, owner)
         if not isinstance(joint, Joint):
             raise SceneError(f"{owner}: {show(joint)} is not a joint; make one, e.g. ksd.CrossFlexure(...).")
+        if not joint.motions:
+            raise SceneError(
+                f"{owner}: a {joint.family} has no intended motion; say mechanism.constrain instead of join."
+            )
         origin = vector(at, "at", owner=owner, unit="m")
         placed = PlacedJoint(label, first, second, joint, origin, rotation_at(axis, toward, owner))
         self._joints.append(placed)
         return placed
+
+    def constrain(
+        self,
+        a: Link | str,
+        b: Link | str,
+        joint: Joint,
+        *,
+        at: Any,
+        axis: Any,
+        toward: Any,
+        name: str | None = None,
+    ) -> tuple[PlacedLeaf, ...]:
+        """Put the leafs of `joint` between two links as a flexible constraint; at, axis, toward as in `join`.
+
+        Its internal blocks become links "name/block", its leafs free-form leafs "name/leaf", all computed in full and
+        without a record. Meant for joints without intended motion, such as `FoldedLeaf`; any joint will do.
+        """
+        label = self._new_name(name, f"{spoken(a)}-{spoken(b)}")
+        owner = f"constraint '{label}'"
+        first, second = self._pair(a, b, owner)
+        if not isinstance(joint, Joint):
+            raise SceneError(f"{owner}: {show(joint)} is not a joint; make one, e.g. ksd.FoldedLeaf(...).")
+        origin = vector(at, "at", owner=owner, unit="m")
+        placed = PlacedJoint(label, first, second, joint, origin, rotation_at(axis, toward, owner))
+        links = {"A": first, "B": second}
+        for block in joint.blocks():
+            if block not in links:
+                links[block] = self.link(f"{label}/{block}").name
+        found = tuple(placed_leaf(placed, leaf, links) for leaf in joint.leafs())
+        self._leafs += found
+        return found
 
     def leaf(
         self,

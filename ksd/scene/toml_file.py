@@ -2,14 +2,16 @@
 
     name = "lever"
     links = ["lever"]
-    [material.steel]      E = "200 GPa", G = "76.9 GPa", density = 7800
-    [section.blade]       kind = "rectangle", thickness = "1 mm", width = "40 mm"
-    [joint.cross]         family = "cross_flexure", material = "steel", length = "100 mm", angle = "45 deg",
-    ... [[join]]              a = "ground", b = "lever", joint = "cross", at = [0, 0, 0], axis = "z", toward =
-    "x" [[leaf]]              a, b, start, end, width_axis, section (or thickness and width), material
-    [[wire]]              a, b, start, end, diameter, material [[actuate]]           link, about = "z", value
-    = "30 deg"; or along and at; or joint; or terms = [{...}, ...] [[support]] [[load]] [[mass]]   as the
-    methods of `Mechanism` [options]             what the solver is asked, e.g. method = "reduced"
+    [material.steel]   E = "200 GPa", G = "76.9 GPa", density = 7800
+    [section.blade]    kind = "rectangle", thickness = "1 mm", width = "40 mm"
+    [joint.cross]      family = "cross_flexure", material = "steel", length = "100 mm", angle = "45 deg", ...
+    [[join]]           a = "ground", b = "lever", joint = "cross", at = [0, 0, 0], axis = "z", toward = "x"
+    [[constrain]]      as [[join]], for joints without intended motion
+    [[leaf]]           a, b, start, end, width_axis, section (or thickness and width), material
+    [[wire]]           a, b, start, end, diameter, material
+    [[actuate]]        link, about = "z", value = "30 deg"; or along and at; or joint; or terms = [{...}, ...]
+    [[support]] [[load]] [[mass]]   as the methods of `Mechanism`
+    [options]          what the solver is asked, e.g. method = "reduced"
 
 Numbers are SI, or text with a unit ("100 mm", "45 deg", "200 GPa"); files are read as UTF-8.
 """
@@ -60,7 +62,9 @@ def load_scene(path: str | os.PathLike[str], *, option_names: Collection[str] | 
         mechanism.links(*links)
     parts = _Parts(top)
     for table in top.tables("join"):
-        _join(mechanism, table, parts)
+        _join(table, parts, mechanism.join)
+    for table in top.tables("constrain"):
+        _join(table, parts, mechanism.constrain)
     for kind in ("leaf", "wire"):
         for table in top.tables(kind):
             _connect(mechanism, table, parts, kind)
@@ -246,7 +250,8 @@ def _motion_of(table: Table) -> Motion:
     return _said(table, Motion, words)
 
 
-def _join(mechanism: Mechanism, table: Table, parts: _Parts) -> None:
+def _join(table: Table, parts: _Parts, say: Callable[..., Any]) -> None:
+    """[[join]] and [[constrain]] tables."""
     joint = parts.joints[table.name_of("joint", parts.joints, "joint")]
     a, b = table.text("a"), table.text("b")
     words = {
@@ -255,7 +260,7 @@ def _join(mechanism: Mechanism, table: Table, parts: _Parts) -> None:
         "toward": table.direction("toward"),
         "name": table.text("name", None),
     }
-    _said(table, partial(mechanism.join, a, b, joint), words)
+    _said(table, partial(say, a, b, joint), words)
 
 
 def _connect(mechanism: Mechanism, table: Table, parts: _Parts, kind: str) -> None:

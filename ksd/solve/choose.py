@@ -21,6 +21,7 @@ from ksd.solve.configuration import Configuration, ErrorEstimate, Step
 from ksd.solve.conventional import CAP, RTOL, conventional
 from ksd.solve.pipeline import Bench
 from ksd.solve.stops import Stop
+from ksd.solve.warm import ready
 
 METHODS = ("kinematic", "reduced", "full", "conventional")
 DEFAULT_ACCURACY = 1e-3
@@ -48,6 +49,7 @@ class Solver:
     def bench(self) -> Bench:
         """Storage of the five steps, made on first use. Raises RecordError, RangeError, KinematicsError, SceneError."""
         if self._bench is None:
+            ready()
             bodies: JointBodies = joint_bodies(self.model, self.records, extrapolate=self.extrapolate)
             check_freedoms(self.model, bodies)
             self._bench = Bench.of(self.model, bodies)

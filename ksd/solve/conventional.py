@@ -16,6 +16,7 @@ import numpy as np
 from ksd.errors import ConvergenceError, SceneError
 from ksd.model.arrays import Arrays, Motion, Work, make_work
 from ksd.model.compile import Model
+from ksd.numerics.kernel import second_compiler_runs
 from ksd.solve.configuration import Configuration, Step
 from ksd.solve.newton import iterate
 from ksd.solve.stops import Stop
@@ -124,19 +125,16 @@ def conventional(
     """
     if planar not in ("auto", True, False):
         raise SceneError(f"planar = {planar!r}: choose 'auto', True or False")
+    if second_compiler_runs():
+        from ksd.solve.warm import ready
+
+        ready()
     work = work or make_work(model.arrays)
     target = model.targets(targets)
     motion = (start.motion if start else model.rest).copy()
     begin = model.targets(start.targets) if start else np.zeros(len(target))
-    factors = (1.0 if start else 0.0, 1.0)
-    ways: dict[str, Any] = {
-        "start": begin,
-        "target": target,
-        "factors": factors,
-        "steps": steps,
-        "rtol": rtol,
-    }
-    ways |= {"cap": cap, "eps_max": eps_max, "most": most}
+    ways: dict[str, Any] = {"steps": steps, "rtol": rtol, "cap": cap, "eps_max": eps_max, "most": most}
+    ways |= {"start": begin, "target": target, "factors": (1.0 if start else 0.0, 1.0)}
     clock = time.thread_time_ns()
     driven, how = _drive(model, motion, work, planar=planar, fresh=start is None, **ways)
     spent = (time.thread_time_ns() - clock) * 1e-9

@@ -47,7 +47,8 @@ def iterate(arrays, motion, target, factor, work, rtol, most, cap, blow_up):
         if worst <= 1.0 or (worst <= LOOSE and moved <= 1.0):
             # the inertia belongs to the converged state
             negatives, pivot = factor_blocks(arrays.plan, work.value, work.spare, len(arrays.plan.size))
-            reason = LOCAL_ANGLE if status == 1 else CONVERGED
+            # a leaf with a replaced tiny pivot or a folded angle is no answer, however small the residual
+            reason = LOCAL_ANGLE if status == 1 else (SINGULAR if status == 2 else CONVERGED)
             return reason, n, worst, negatives + inside, pivot
         if n == most:
             break

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ksd.bodies.bench import condense_joints, place_insides, recover_joints, relative_poses, set_near
-from ksd.bodies.joints import JointBodies
+from ksd.bodies.joints import JointBodies, hang_links
 from ksd.bodies.kinematics import close_loops, intended_motions, loop_equations
 from ksd.model.arrays import Motion, Work, make_work
 from ksd.model.compile import Model
@@ -82,6 +82,8 @@ def close(b: Bench, target: np.ndarray, *, most: int = 40) -> Step:
     reason, count, gap, _ = close_loops(
         b.bodies.reduced, b.bodies.loops, b.theta, target, b.reduced, b.place, most
     )
+    if b.bodies.hanging:
+        hang_links(b.bodies, b.reduced)
     return Step("1 close loops", count, clock(), gap, Stop(reason), note=f"gap {gap:.1e} m")
 
 

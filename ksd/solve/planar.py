@@ -141,17 +141,8 @@ def drive_in_plane(
     if flat is None:
         return "the configuration to start from is not in the plane"
     rows = plane.lifting.row
-    driven = drive_to(
-        plane.arrays,
-        flat,
-        make_planar_work(plane.arrays),
-        start=start[rows],
-        target=target[rows],
-        factors=factors,
-        rtol=rtol,
-        newton=iterate_planar,
-        **ways,
-    )
+    ways |= {"start": start[rows], "target": target[rows], "factors": factors, "rtol": rtol}
+    driven = drive_to(plane.arrays, flat, make_planar_work(plane.arrays), newton=iterate_planar, **ways)
     lifted = motion.copy()
     plane.lift(flat, lifted)
     goal = driven.reached

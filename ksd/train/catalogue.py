@@ -16,9 +16,12 @@ from ksd.scene.families.cartwheel import Butterfly, Cartwheel
 from ksd.scene.families.crossed_pivot import BalancedCrossedPivot, CrossedPivot
 from ksd.scene.families.guide import ParallelGuide, StiffenedGuide
 from ksd.scene.families.infinity import InfinityHinge, TripleInfinityHinge
+from ksd.scene.families.notch import ArcHinge, CircularNotchHinge, FilletedNotchHinge
 from ksd.scene.families.universal import UniversalJoint
 
 STEEL = {"E": 200e9, "G": 76.9e9}
+_NOTCH = {"radius": 0.01, "width": 0.01}
+_NECK = {"length": 0.02, "width": 0.01}
 SHEET = {"length": 0.1, "thickness": 5e-4, "width": 0.04}
 FULL: tuple[Mesh, ...] = ("strain", 1, 2, 3, 4, 5, 6, 7, 8)
 SHORT: tuple[Mesh, ...] = ("strain", 1, 2, 3, 4, 5, 6)
@@ -101,6 +104,28 @@ def _universal() -> UniversalJoint:
     return UniversalJoint(_steel(), **SHEET)
 
 
+def _circular_notch(*, slenderness: float) -> CircularNotchHinge:
+    radius = _NOTCH["radius"]
+    return CircularNotchHinge(_steel(), radius=radius, minimum=slenderness * radius, width=_NOTCH["width"])
+
+
+def _filleted_notch(*, slenderness: float, fillet: float) -> FilletedNotchHinge:
+    length, width = _NECK["length"], _NECK["width"]
+    sizes = {"length": length, "radius": fillet * length, "minimum": slenderness * length, "width": width}
+    return FilletedNotchHinge(_steel(), **sizes)
+
+
+def _arc_hinge(*, angle: float) -> ArcHinge:
+    # one arc length, so that slenderness is the same at every angle
+    return ArcHinge(
+        _steel(),
+        radius=SHEET["length"] / angle,
+        angle=angle,
+        thickness=SHEET["thickness"],
+        width=SHEET["width"],
+    )
+
+
 def _range(name: str, low: float, high: float, *, scale: str = "linear", degrees: bool = False) -> Parameter:
     unit = math.radians(1) if degrees else 1.0
     return Parameter(name, unit * low, unit * high, scale)
@@ -136,5 +161,15 @@ ENTRIES: dict[str, Entry] = {
     "stiffened_guide": Entry(
         _stiffened_guide, (_range("flexible", 0.1, 0.4),), {**STEEL, **SHEET, "spacing": 0.06}
     ),
+    "circular_notch": Entry(
+        _circular_notch, (_range("slenderness", 0.02, 0.3, scale="log"),), {**STEEL, **_NOTCH}, loose=3.0
+    ),
+    "filleted_notch": Entry(
+        _filleted_notch,
+        (_range("slenderness", 0.01, 0.1, scale="log"), _range("fillet", 0.05, 0.35)),
+        {**STEEL, **_NECK},
+        loose=3.0,
+    ),
+    "arc_hinge": Entry(_arc_hinge, (_range("angle", 20, 150, degrees=True),), {**STEEL, **SHEET}, loose=3.0),
     "universal": Entry(_universal, (), {**STEEL, **SHEET}, loose=10.0),
 }

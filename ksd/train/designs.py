@@ -44,10 +44,11 @@ class Design:
 def bare(joint: Joint) -> DrawnJoint:
     """The same joint as a drawing whose leafs leave the mesh to the trainer."""
     leafs = tuple(replace(leaf, elements=None, orders=None) for leaf in joint.leafs())
-    return _redrawn(joint, leafs)
+    return redrawn(joint, leafs)
 
 
-def _redrawn(joint: Joint, leafs: tuple[Leaf, ...]) -> DrawnJoint:
+def redrawn(joint: Joint, leafs: tuple[Leaf, ...]) -> DrawnJoint:
+    """The same joint as a drawing with other leafs between its blocks."""
     return DrawnJoint(
         joint.family,
         blocks=joint.blocks(),
@@ -204,8 +205,8 @@ def changes(joint: Joint) -> dict[tuple[str, str], DrawnJoint]:
     """(parameter, change in words): the joint with one thing changed that records take to be irrelevant."""
     found = {}
     for factor, words in ((0.5, "half"), (2.0, "twice")):
-        found["thickness", words] = _redrawn(joint, tuple(_thickness(leaf, factor) for leaf in joint.leafs()))
+        found["thickness", words] = redrawn(joint, tuple(_thickness(leaf, factor) for leaf in joint.leafs()))
         found["length", words] = _longer(joint, factor)
     aluminium = tuple(_material(leaf) for leaf in joint.leafs())
-    found["material", "aluminium for steel"] = _redrawn(joint, aluminium)
+    found["material", "aluminium for steel"] = redrawn(joint, aluminium)
     return found

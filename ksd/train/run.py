@@ -80,7 +80,7 @@ def _trained(
     """Sample, fit, check on fresh shapes and gather evidence; the record lacks only its date."""
     middle = design.joint(np.zeros(len(design.parameters)))
     check_soft(middle)
-    plan, check = _plans(middle, meshes)
+    plan, check = _plans(middle, meshes, _orders(design))
     places, samples, fit = _rounds(design, plan, jobs, wanted, most)
     fresh_places = _fresh_places(design)
     fresh = jobs.run([Job(design.joint(p), check) for p in fresh_places])
@@ -128,7 +128,7 @@ def _plans(joint: Joint, meshes: tuple[Mesh, ...]) -> tuple[Plan, Plan]:
     count = POINTS.get(len(ranges), 7)
     fitted = tuple(chebyshev_line(low, high, count) for low, high in ranges)
     checked = tuple(even_line(low, high, count - 2) for low, high in ranges)
-    return Plan(fitted, meshes, ORDERS), Plan(checked, meshes, ORDERS)
+    return Plan(fitted, meshes, orders), Plan(checked, meshes, orders)
 
 
 def _free(design: Design) -> list[int]:

@@ -8,7 +8,7 @@ rest.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -22,6 +22,7 @@ from ksd.model.leafs import Mesh as LeafMesh
 from ksd.scene import Joint, Leaf, Mechanism
 from ksd.solve.configuration import Configuration
 from ksd.solve.conventional import conventional
+from ksd.train.designs import redrawn
 
 Samples = dict[tuple[Mesh, str], Array]
 """Values (grid points, *group shape) by mesh and group, groups as in `ksd.library.Functions`."""
@@ -81,6 +82,9 @@ def sample_joint(joint: Joint, plan: Plan, meshes: tuple[Mesh, ...] | None = Non
 
 def _model(joint: Joint, mesh: Mesh, plan: Plan) -> Model:
     """The joint between ground (A) and one driven link (B), joint axes global."""
+    if mesh == "strain":
+        # said leaf by leaf, so that a curved leaf does not choose its own
+        joint = redrawn(joint, tuple(replace(leaf, orders=plan.orders) for leaf in joint.leafs()))
     scene = Mechanism(joint.family)
     link = scene.link("B")
     scene.join(scene.ground, link, joint, at=(0, 0, 0), axis="z", toward="x", name="joint")
@@ -90,9 +94,8 @@ def _model(joint: Joint, mesh: Mesh, plan: Plan) -> Model:
         else:
             scene.actuate(link, name=motion.name, along=motion.axis, at=motion.point or joint.pose_B)
     if mesh == "strain":
-        return compile_scene(
-            scene, mesh=LeafMesh("strain", orders=plan.orders, points=max(7, max(plan.orders) + 2))
-        )
+        points = max(plan.orders) + (2 if all(leaf.curve is None for leaf in joint.leafs()) else 3)
+        return compile_scene(scene, mesh=LeafMesh("strain", orders=plan.orders, points=max(7, points)))
     return compile_scene(scene, mesh=LeafMesh("corotational", elements=int(mesh)))
 
 

@@ -12,6 +12,7 @@ from ksd.library import find_record
 from ksd.model.leafs import Mesh
 from ksd.scene import Material, joint_families
 from ksd.scene.families.cartwheel import Butterfly, Cartwheel
+from ksd.scene.families.constraints import FoldedLeaf, WireFlexure
 from ksd.scene.families.crossed_pivot import BalancedCrossedPivot, CrossedPivot
 from ksd.scene.families.guide import ParallelGuide, StiffenedGuide
 from ksd.scene.families.infinity import TripleInfinityHinge
@@ -275,3 +276,79 @@ def test_records_are_small_and_the_same_in_both_places(name):
     shipped = (shipped_folder() / f"{name}.h5").read_bytes()
     assert len(shipped) < 2e6
     assert (shipped_folder().parents[1] / "database" / f"{name}.h5").read_bytes() == shipped
+
+
+# Flexible constraints
+
+
+@pytest.mark.parametrize(
+    "joint, along",
+    [
+        (FoldedLeaf(STEEL, length=0.05, thickness=3e-4, width=0.02), "z"),
+        (FoldedLeaf(STEEL, length=0.05, thickness=1e-4, width=0.01), "z"),
+        (WireFlexure(STEEL, length=0.05, diameter=5e-4), "x"),
+    ],
+    ids=["folded leaf", "thin folded leaf", "wire"],
+)
+def test_constraint_is_stiff_in_one_direction(joint, along):
+    scene = ksd.Mechanism("constraint")
+    tip = scene.link("tip")
+    scene.constrain(scene.ground, tip, joint, at=(0, 0, 0), axis="z", toward="x")
+    for axis in "xyz":
+        scene.actuate(tip, along=axis, at=joint.pose_B, name=axis)
+        scene.actuate(tip, about=axis, name=f"r{axis}")
+    model = ksd.compile_scene(scene)
+    stiffness = {}
+    for axis in "xyz":
+        values = dict.fromkeys(model.drive_names, 0.0) | {axis: 1e-7}
+        stiffness[axis] = conventional(model, values).forces[axis] / 1e-7
+    assert stiffness[along] == pytest.approx(joint.stiffness_at_rest(), rel=5e-4)
+    assert stiffness[along] > 100 * max(k for axis, k in stiffness.items() if axis != along)
+
+
+def constrained_pivot(angle):
+    """A crossed pivot held against torsion by a folded leaf, under a force along its axis."""
+    pivot = CrossedPivot(STEEL, length=0.1, angle=45 * deg, thickness=5e-4, width=0.03)
+    folded = FoldedLeaf(STEEL, length=0.05, thickness=3e-4, width=0.02)
+    scene = ksd.Mechanism("constrained pivot")
+    tip = scene.link("tip")
+    placed = scene.join(scene.ground, tip, pivot, at=(0, 0, 0), axis="z", toward="x")
+    start = 0.5 * (pivot.length_AB - folded.length_AB)
+    scene.constrain(scene.ground, tip, folded, at=(start, 0.03, 0), axis="z", toward="x", name="folded")
+    scene.actuate_joint(placed, name="turn")
+    scene.load(tip, force=(0, 0, 5), at=pivot.pose_B)
+    return scene
+
+
+@pytest.mark.parametrize("angle", [-25, 5, 25])
+def test_constraint_beside_a_catalogue_joint(angle):
+    """Its fold is a link that hangs on leafs alone; the five steps place it and end in the same state."""
+    solve = ksd.prepare(constrained_pivot(angle))
+    exact = solve(turn=angle * deg, method="conventional")
+    full = solve(turn=angle * deg, method="full")
+    assert full.forces["turn"] == pytest.approx(exact.forces["turn"], rel=1e-7)
+    reduced = solve(turn=angle * deg, method="reduced")
+    assert reduced.forces["turn"] == pytest.approx(exact.forces["turn"], rel=0.01)
+    assert reduced.error.relative == pytest.approx(abs(reduced.forces["turn"] / exact.forces["turn"] - 1), rel=0.5)
+
+
+def test_a_constraint_is_not_joined():
+    scene = ksd.Mechanism("wrong word")
+    tip = scene.link("tip")
+    wire = WireFlexure(STEEL, length=0.05, diameter=5e-4)
+    with pytest.raises(SceneError, match="constrain"):
+        scene.join(scene.ground, tip, wire, at=(0, 0, 0), axis="z", toward="x")
+
+
+def test_constraints_in_scene_files(tmp_path):
+    scene = constrained_pivot(5)
+    ksd.save_scene(scene, tmp_path / "written.toml")
+    again, _, _ = ksd.load_scene(tmp_path / "written.toml")
+    assert again.scene().fingerprint() == scene.scene().fingerprint()
+
+
+def test_the_one_of_two_motions_is_named():
+    scene = alone(UniversalJoint(STEEL, **THIN))
+    assert scene.scene().drives[1].terms[0].direction == (0.0, 1.0, 0.0)
+    with pytest.raises(SceneError, match="'about_z', 'about_y'"):
+        scene.actuate(joint="joint", motion="about_x")

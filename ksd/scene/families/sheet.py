@@ -14,8 +14,8 @@ from ksd.section.checks import Vector, positive, show
 Point = tuple[float, float]
 
 
-def check_sheet(joint: Any, *lengths: str) -> None:
-    """Check and clean material, mesh and the positive `lengths` of a joint whose leafs are `thickness` thick.
+def check_sheet(joint: Any, *lengths: str, slender: str = "thickness") -> None:
+    """Check and clean material, mesh and the positive `lengths` of a joint whose leafs are `slender` thick.
 
     Raises SceneError naming joint and parameter, also for a thickness of half the leaf length or more.
     """
@@ -23,14 +23,15 @@ def check_sheet(joint: Any, *lengths: str) -> None:
     if not isinstance(joint.material, Material):
         raise SceneError(f"{owner}: material = {show(joint.material)} must be a Material.")
     clean: dict[str, Any] = mesh(joint.elements, joint.orders, owner=owner)
-    for key in ("length", "thickness", *lengths):
+    for key in ("length", slender, *lengths):
         clean[key] = positive(getattr(joint, key), key, owner=owner, unit="m")
     for key, value in clean.items():
         object.__setattr__(joint, key, value)
-    if joint.thickness >= 0.5 * joint.length:
+    thick = getattr(joint, slender)
+    if thick >= 0.5 * joint.length:
         raise SceneError(
-            f"{owner}: thickness = {joint.thickness:g} m must be below half the leaf length, "
-            f"{joint.length / 2:g} m; a leaf is slender."
+            f"{owner}: {slender} = {thick:g} m must be below half the leaf length, {joint.length / 2:g} m; "
+            "a leaf is slender."
         )
 
 

@@ -1,0 +1,124 @@
+"""Flexible constraints: joints without intended motion, stiff in one direction and soft in the five others.
+
+They are said with `Mechanism.constrain` between two links whose motion other joints determine, and need no record.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import KW_ONLY, dataclass
+from typing import ClassVar
+
+from ksd.scene.families.sheet import check_sheet, strip
+from ksd.scene.joint import Joint, Motion
+from ksd.scene.leaf import Leaf
+from ksd.scene.leaf import wire as make_wire
+from ksd.scene.material import Material
+from ksd.section.checks import Vector
+
+
+@dataclass(frozen=True)
+class FoldedLeaf(Joint):
+    """A leaf spring folded at a right angle: stiff along its fold line only, soft in all other directions.
+
+    Joint axes: A at the origin, the fold (internal block) at (c, c, 0), B at (2c, 0, 0) with c = L cos(45 deg); the
+    fold line runs along z, like the widths of both leafs (van Eijk, On the design of plate-spring mechanisms, 1985).
+
+    length L [m] of each of the two leafs; thickness, width [m]. Raises SceneError naming the parameter out of bounds.
+    """
+
+    family: ClassVar[str] = "folded_leaf"
+    quantities: ClassVar[dict[str, str]] = {"length": "length", "thickness": "length", "width": "length"}
+
+    material: Material
+    _: KW_ONLY
+    length: float
+    thickness: float
+    width: float
+    elements: int | None = None
+    orders: tuple[int, int, int] | None = None
+
+    def __post_init__(self) -> None:
+        check_sheet(self, "width")
+
+    @property
+    def _reach(self) -> float:
+        return self.length * math.sqrt(0.5)
+
+    @property
+    def pose_B(self) -> Vector:
+        return (2 * self._reach, 0.0, 0.0)
+
+    @property
+    def motions(self) -> tuple[Motion, ...]:
+        return ()
+
+    def blocks(self) -> dict[str, Vector]:
+        return {"A": (0.0, 0.0, 0.0), "B": self.pose_B, "fold": (self._reach, self._reach, 0.0)}
+
+    def leafs(self) -> tuple[Leaf, ...]:
+        c = self._reach
+        return (
+            strip(self, "A_fold", ((0.0, 0.0), (c, c)), self.width, blocks=("A", "fold")),
+            strip(self, "fold_B", ((c, c), (2 * c, 0.0)), self.width, blocks=("fold", "B")),
+        )
+
+    def shape(self) -> dict[str, float]:
+        """No parameter."""
+        return {}
+
+    def stiffness_at_rest(self) -> float:
+        """Stiffness [N/m] along the fold line, ends held parallel: 1 / (2 (L^3 / 3 E I + L / k G A)), I = t w^3 / 12.
+
+        Each leaf is a cantilever in its plane, since the other one hardly resists the rotation of the fold: that is
+        its torsion, left out.
+        """
+        E, G, section = self.material.E, self.material.G, self.leafs()[0].section
+        cantilever = self.length**3 / (3 * E * section.Iy) + self.length / (section.kz * G * section.A)
+        return 1 / (2 * cantilever)
+
+
+@dataclass(frozen=True)
+class WireFlexure(Joint):
+    """A round wire, clamped at both ends: stiff along its axis, soft in the five other directions.
+
+    Joint axes: A at the origin, B at (L, 0, 0). length L, diameter [m]. Raises SceneError naming the parameter out of
+    bounds.
+    """
+
+    family: ClassVar[str] = "wire_flexure"
+    quantities: ClassVar[dict[str, str]] = {"length": "length", "diameter": "length"}
+
+    material: Material
+    _: KW_ONLY
+    length: float
+    diameter: float
+    elements: int | None = None
+    orders: tuple[int, int, int] | None = None
+
+    def __post_init__(self) -> None:
+        check_sheet(self, "diameter", slender="diameter")
+
+    @property
+    def pose_B(self) -> Vector:
+        return (self.length, 0.0, 0.0)
+
+    @property
+    def motions(self) -> tuple[Motion, ...]:
+        return ()
+
+    def blocks(self) -> dict[str, Vector]:
+        return {"A": (0.0, 0.0, 0.0), "B": self.pose_B}
+
+    def leafs(self) -> tuple[Leaf, ...]:
+        mesh = {"elements": self.elements, "orders": self.orders}
+        ends = {"start": (0.0, 0.0, 0.0), "end": self.pose_B}
+        return (make_wire(diameter=self.diameter, material=self.material, **ends, **mesh),)
+
+    def shape(self) -> dict[str, float]:
+        """No parameter."""
+        return {}
+
+    def stiffness_at_rest(self) -> float:
+        """Stiffness [N/m] along the wire: E A / L."""
+        return float(self.material.E * math.pi * self.diameter**2 / 4 / self.length)

@@ -1,0 +1,249 @@
+"""Hinges of one flexible part: circular and corner-filleted notches, and the circular arc of paper 3."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import KW_ONLY, dataclass
+from typing import Any, ClassVar
+
+from ksd.errors import SceneError
+from ksd.scene.joint import Joint, Motion
+from ksd.scene.leaf import Leaf, mesh
+from ksd.scene.material import Material
+from ksd.scene.profile import Arc, CircularNotch, FilletedNotch
+from ksd.section import rectangle
+from ksd.section.checks import Vector, between, positive, show
+
+_NOTCH = math.radians(10)
+_ARC = math.radians(30)
+
+
+def _check(joint: Any, *lengths: str) -> None:
+    """Clean material, mesh and the positive `lengths`."""
+    owner = type(joint).__name__
+    if not isinstance(joint.material, Material):
+        raise SceneError(f"{owner}: material = {show(joint.material)} must be a Material.")
+    clean: dict[str, Any] = mesh(joint.elements, joint.orders, owner=owner)
+    for key in lengths:
+        clean[key] = positive(getattr(joint, key), key, owner=owner, unit="m")
+    for key, value in clean.items():
+        object.__setattr__(joint, key, value)
+
+
+def _turns(reach: float) -> tuple[Motion, ...]:
+    return (Motion("angle", "rotation", (0.0, 0.0, 1.0), (-reach, reach)),)
+
+
+@dataclass(frozen=True)
+class CircularNotchHinge(Joint):
+    """A neck between two half circles; B turns about z, +-10 degrees.
+
+    Joint axes: A at the origin, B at (2R, 0, 0); the neck runs along x, t(x) = minimum + 2 (R - sqrt(R^2 - (x - R)^2))
+    thick in y (Paros and Weisbord, Machine Design 37, 1965), width along z.
+
+    radius R, minimum thickness and width [m]; minimum below R. Raises SceneError naming the parameter out of bounds.
+    """
+
+    family: ClassVar[str] = "circular_notch"
+    quantities: ClassVar[dict[str, str]] = {"radius": "length", "minimum": "length", "width": "length"}
+
+    material: Material
+    _: KW_ONLY
+    radius: float
+    minimum: float
+    width: float
+    elements: int | None = None
+    orders: tuple[int, int, int] | None = None
+
+    def __post_init__(self) -> None:
+        _check(self, "radius", "minimum", "width")
+        if self.minimum >= self.radius:
+            raise SceneError(
+                f"CircularNotchHinge: minimum = {self.minimum:g} m must be below radius = {self.radius:g} m; a hinge is thin."
+            )
+
+    @property
+    def length(self) -> float:  # type: ignore[override]
+        """Length of the neck [m], 2R."""
+        return 2 * self.radius
+
+    @property
+    def pose_B(self) -> Vector:
+        return (self.length, 0.0, 0.0)
+
+    @property
+    def motions(self) -> tuple[Motion, ...]:
+        return _turns(_NOTCH)
+
+    def blocks(self) -> dict[str, Vector]:
+        return {"A": (0.0, 0.0, 0.0), "B": self.pose_B}
+
+    def leafs(self) -> tuple[Leaf, ...]:
+        return (_neck(self, CircularNotch(self.radius, self.minimum, self.width)),)
+
+    def shape(self) -> dict[str, float]:
+        """slenderness = minimum / R."""
+        return {"slenderness": self.minimum / self.radius}
+
+    def stiffness_at_rest(self) -> float:
+        """Drive stiffness at rest [Nm/rad], E I of every section in series (closed form of Paros and Weisbord).
+
+        With h(a) = minimum + 2R (1 - cos a): 1 / K = 12 R / (E width) int cos a / h^3 da over -90..90 degrees.
+        """
+        g = 1 + 0.5 * self.minimum / self.radius
+        return self.material.E * self.width / (12 * self.radius * _notch_integral(g) / (2 * self.radius) ** 3)
+
+
+def _notch_integral(g: float) -> float:
+    """int_-pi/2^pi/2 cos a / (g - cos a)^3 da for g > 1."""
+    # with u = tan(a/2) all is rational; I1 = int da/(g - cos a), differentiated twice by g
+    s = g * g - 1
+    at = 2 * math.atan(math.sqrt((g + 1) / (g - 1)))
+    first = 2 * at / math.sqrt(s)
+    second = (g * first + 2 / g) / s
+    third = (3 * g * second - first + 2 / g**2) / (2 * s)
+    return g * third - second
+
+
+@dataclass(frozen=True)
+class FilletedNotchHinge(Joint):
+    """A straight neck with quarter-circle fillets at both ends; B turns about z, +-10 degrees.
+
+    Joint axes: A at the origin, B at (length, 0, 0); the neck runs along x, width along z (Lobontiu, Compliant
+    Mechanisms, 2003, the corner-filleted hinge).
+
+    length [m] over all, radius of the fillets below half of it, minimum thickness, width [m]. Raises SceneError naming
+    the parameter out of bounds.
+    """
+
+    family: ClassVar[str] = "filleted_notch"
+    quantities: ClassVar[dict[str, str]] = {
+        "length": "length",
+        "radius": "length",
+        "minimum": "length",
+        "width": "length",
+    }
+
+    material: Material
+    _: KW_ONLY
+    length: float
+    radius: float
+    minimum: float
+    width: float
+    elements: int | None = None
+    orders: tuple[int, int, int] | None = None
+
+    def __post_init__(self) -> None:
+        _check(self, "length", "radius", "minimum", "width")
+        if self.minimum >= 0.5 * self.length:
+            raise SceneError(
+                f"FilletedNotchHinge: minimum = {self.minimum:g} m must be below half its length, {self.length / 2:g} m."
+            )
+
+    @property
+    def pose_B(self) -> Vector:
+        return (self.length, 0.0, 0.0)
+
+    @property
+    def motions(self) -> tuple[Motion, ...]:
+        return _turns(_NOTCH)
+
+    def blocks(self) -> dict[str, Vector]:
+        return {"A": (0.0, 0.0, 0.0), "B": self.pose_B}
+
+    def leafs(self) -> tuple[Leaf, ...]:
+        return (_neck(self, FilletedNotch(self.length, self.radius, self.minimum, self.width)),)
+
+    def shape(self) -> dict[str, float]:
+        """slenderness = minimum / length and fillet = radius / length."""
+        return {"slenderness": self.minimum / self.length, "fillet": self.radius / self.length}
+
+
+def _neck(joint: Any, profile: CircularNotch | FilletedNotch) -> Leaf:
+    return Leaf(
+        start=(0.0, 0.0, 0.0),
+        end=joint.pose_B,
+        width_axis=(0.0, 0.0, 1.0),
+        section=rectangle(joint.minimum, joint.width),
+        material=joint.material,
+        name="neck",
+        elements=joint.elements,
+        orders=joint.orders,
+        profile=profile,
+    )
+
+
+@dataclass(frozen=True)
+class ArcHinge(Joint):
+    """A leaf bent to a circular arc at rest, the curved beam of paper 3; B turns about z, +-30 degrees.
+
+    Joint axes: A at the origin, B at (2 r sin(angle/2), 0, 0), the chord; the arc lies at y < 0 and curves about +z,
+    widths along z. B turns under a pure moment, so that the curvature stays constant along the arc.
+
+    radius r and angle of the arc, thickness, width [m]. Raises SceneError naming the parameter out of bounds.
+    """
+
+    family: ClassVar[str] = "arc_hinge"
+    quantities: ClassVar[dict[str, str]] = {
+        "radius": "length",
+        "angle": "angle",
+        "thickness": "length",
+        "width": "length",
+    }
+
+    material: Material
+    _: KW_ONLY
+    radius: float
+    angle: float
+    thickness: float
+    width: float
+    elements: int | None = None
+    orders: tuple[int, int, int] | None = None
+
+    def __post_init__(self) -> None:
+        _check(self, "radius", "thickness", "width")
+        unit = math.radians(1)
+        angle = between(self.angle, "angle", 0.0, 1.5 * math.pi, owner="ArcHinge", unit="deg", scale=unit)
+        object.__setattr__(self, "angle", angle)
+        if self.thickness >= 0.5 * self.radius:
+            raise SceneError(
+                f"ArcHinge: thickness = {self.thickness:g} m must be below half the radius, {self.radius / 2:g} m."
+            )
+
+    @property
+    def length(self) -> float:  # type: ignore[override]
+        """Length of the arc [m]."""
+        return self.radius * self.angle
+
+    @property
+    def pose_B(self) -> Vector:
+        return (2 * self.radius * math.sin(0.5 * self.angle), 0.0, 0.0)
+
+    @property
+    def motions(self) -> tuple[Motion, ...]:
+        return _turns(_ARC)
+
+    def blocks(self) -> dict[str, Vector]:
+        return {"A": (0.0, 0.0, 0.0), "B": self.pose_B}
+
+    def leafs(self) -> tuple[Leaf, ...]:
+        arc = Leaf(
+            start=(0.0, 0.0, 0.0),
+            end=self.pose_B,
+            width_axis=(0.0, 0.0, 1.0),
+            section=rectangle(self.thickness, self.width),
+            material=self.material,
+            name="arc",
+            elements=self.elements,
+            orders=self.orders,
+            curve=Arc(self.radius, self.angle),
+        )
+        return (arc,)
+
+    def shape(self) -> dict[str, float]:
+        """angle of the arc [rad]."""
+        return {"angle": self.angle}
+
+    def stiffness_at_rest(self) -> float:
+        """Drive stiffness at rest [Nm/rad] under a pure moment: E I / (r angle) (errata, paper 3)."""
+        return self.material.E * self.width * self.thickness**3 / 12 / self.length
