@@ -158,7 +158,7 @@ _COLORS = {
     "reduced, 2 passes": "#4fa3a0",
     "full": "#c2410c",
     "conventional": "#8a63b0",
-    "conventional, planar": "#b8925b",
+    "conventional, planar": "#d14f8f",
     "plain Newton": "#444b57",
 }
 

@@ -5,6 +5,7 @@ the record.
 from __future__ import annotations
 
 import datetime
+import itertools
 import math
 import os
 from collections.abc import Mapping
@@ -18,6 +19,8 @@ import ksd
 from ksd.library import Evidence, Functions, Mesh, Record, Residual, Stroke, write_record
 from ksd.library.files import SUFFIX, shipped_folder, write_atomically
 from ksd.library.record import Array, legendre_products, monomials
+from ksd.model.leafs import raised_orders
+from ksd.model.mesh import Mesh as LeafMesh
 from ksd.scene import DrawnJoint, Joint
 from ksd.train.designs import Design, changes, design_of
 from ksd.train.fit import Fit, fit_functions
@@ -49,12 +52,12 @@ def train(
 ) -> Record:
     """Train a joint family (by name or `Design`) or one joint as drawn, write its record and return it.
 
-    shapes: ranges {parameter: (low, high)} SI in place of those of the family. meshes: "strain" and numbers
-    of Appendix A elements per leaf; those of the design when None. out: folder or .h5 file; $KSD_DATABASE or
-    ./database when None. executor: any `concurrent.futures` executor; two processes of its own when None. resume: use the shapes an
-    interrupted run has finished (kept beside the record in a .partial folder, also on Ctrl-C). trained: date
-    written into the record, ISO, today when None; same inputs give the same bytes. most_shapes: limit of the
-    adaptive sampling. tolerance: wanted errors by group, see TOLERANCE.
+    shapes: ranges {parameter: (low, high)} SI in place of those of the family. meshes: "strain" and numbers of
+    Appendix A elements per leaf; those of the design when None. out: folder or .h5 file; $KSD_DATABASE or ./database
+    when None. executor: any `concurrent.futures` executor; two processes of its own when None. resume: use the shapes
+    an interrupted run has finished (kept beside the record in a .partial folder, also on Ctrl-C). trained: date
+    written into the record, ISO, today when None; same inputs give the same bytes. most_shapes: limit of the adaptive
+    sampling. tolerance: wanted errors by group, see TOLERANCE.
 
     Raises SceneError for unknown names and for joints that cannot be represented (see `ksd.train.sweep`),
     RecordError when the record cannot be written.
@@ -122,7 +125,19 @@ def _strokes(joint: Joint) -> tuple[Stroke, ...]:
     return tuple(found)
 
 
-def _plans(joint: Joint, meshes: tuple[Mesh, ...]) -> tuple[Plan, Plan]:
+def _orders(design: Design) -> tuple[int, int, int]:
+    """Curvature modes that serve every leaf at every corner of the shapes; curved leafs need more of them."""
+    ends = [(-1.0, 1.0) if p.high > p.low else (0.0,) for p in design.parameters]
+    corners = [design.joint(np.array(places)) for places in itertools.product(*ends)]
+    mesh = LeafMesh("strain", orders=ORDERS, points=max(ORDERS) + 2)
+    found = [raised_orders(leaf, mesh)[0] for joint in corners for leaf in joint.leafs()]
+    nx, ny, nz = (max(o[axis] for o in found) for axis in range(3))
+    return nx, ny, nz
+
+
+def _plans(
+    joint: Joint, meshes: tuple[Mesh, ...], orders: tuple[int, int, int] = ORDERS
+) -> tuple[Plan, Plan]:
     """How shapes are sampled for the fit, and for the check at other points of the stroke."""
     ranges = [motion.range for motion in joint.motions]
     count = POINTS.get(len(ranges), 7)

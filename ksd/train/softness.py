@@ -12,8 +12,8 @@ from ksd.solve.conventional import conventional
 
 STEP = 1e-6
 """Displacement over joint length, or rotation in rad, small enough for the linear stiffness."""
-MARGIN = 0.3
-"""Largest stiffness of an intended motion over the softest of what is left."""
+MARGIN = 0.8
+"""Largest stiffness of an intended motion over the softest of what is left; 0.7 in a single leaf, against its torsion."""
 
 
 def rest_stiffness(joint: DrawnJoint) -> Array:

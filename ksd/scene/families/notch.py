@@ -59,7 +59,7 @@ class CircularNotchHinge(Joint):
         _check(self, "radius", "minimum", "width")
         if self.minimum >= self.radius:
             raise SceneError(
-                f"CircularNotchHinge: minimum = {self.minimum:g} m must be below radius = {self.radius:g} m; a hinge is thin."
+                f"CircularNotchHinge: minimum = {self.minimum:g} m must be below radius = {self.radius:g} m."
             )
 
     @property

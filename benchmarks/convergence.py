@@ -1,0 +1,196 @@
+"""Claim: the Appendix A chains converge to the strain-mode leaf under refinement, at second order or better,
+in every quantity.
+
+`python benchmarks/convergence.py` computes moment, length, support stiffness, buckling, frequencies, large deflection
+and notch compliance with 2 to 32 elements per leaf, takes the strain-mode leaf as reference, and draws the errors.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import common
+import numpy as np
+from common import RESULTS, STEEL
+
+import ksd
+from ksd.model.mesh import Mesh
+from ksd.properties.buckling import buckling
+from ksd.solve.conventional import conventional
+from ksd.units import deg
+
+REFERENCE = Mesh(orders=(7, 5, 10), points=14)
+ELEMENTS = (2, 4, 8, 16, 32)
+THIN = ksd.rectangle(0.5e-3, 20e-3)
+
+
+def _state(scene: ksd.Mechanism, mesh: Mesh, steps: int = 1, **drives: float) -> ksd.Configuration:
+    return conventional(ksd.compile_scene(scene, mesh=mesh), drives, steps=steps)
+
+
+def hinge_moment(mesh: Mesh) -> float:
+    """Moment of the cross flexure at 60 degrees [Nm]."""
+    return _state(common.hinge(), mesh, steps=4, turn=60 * deg).forces["turn"]
+
+
+def hinge_length(mesh: Mesh) -> float:
+    """Distance of its interfaces at 60 degrees [m]."""
+    return float(np.linalg.norm(_state(common.hinge(), mesh, steps=4, turn=60 * deg).motion.x[1]))
+
+
+def _support(mesh: Mesh, direction: str) -> float:
+    found = _state(common.hinge(), mesh, steps=2, turn=-30 * deg)
+    middle = tuple(0.5 * np.asarray(common.cross_flexure().pose_B))
+    return found.stiffness("tip", at=middle).support(direction)
+
+
+def support_x(mesh: Mesh) -> float:
+    """Support stiffness of the cross flexure at -30 degrees along A to B [N/m]."""
+    return _support(mesh, "x")
+
+
+def support_z(mesh: Mesh) -> float:
+    """The same along the hinge axis [N/m]."""
+    return _support(mesh, "z")
+
+
+def _guide(mesh: Mesh, direction: str) -> float:
+    scene = ksd.Mechanism("guide")
+    shuttle = scene.link("shuttle")
+    for k, y in enumerate((-0.03, 0.03)):
+        scene.leaf(
+            scene.ground, shuttle, start=(0, y, 0), end=(0.1, y, 0), width_axis=(0, 0, 1), name=f"leaf {k}",
+            section=ksd.rectangle(0.5e-3, 30e-3), material=STEEL,
+        )  # fmt: skip
+    scene.actuate(shuttle, along="y", at=(0.1, 0, 0), name="stroke")
+    scene.support(shuttle, about="z", name="level")
+    found = _state(scene, mesh, steps=2, stroke=5e-3)
+    return found.stiffness("shuttle", at=(0.1, 0, 0), freed=["level"]).support(direction)
+
+
+def guide_x(mesh: Mesh) -> float:
+    """Support stiffness of a parallel guide along its leafs at 5 mm [N/m]."""
+    return _guide(mesh, "x")
+
+
+def guide_z(mesh: Mesh) -> float:
+    """The same across its plane [N/m]."""
+    return _guide(mesh, "z")
+
+
+def fourbar_force(mesh: Mesh) -> float:
+    """Drive force of the fourbar, second reading, d = 0.3 m [N]."""
+    return _state(common.fourbar(2), mesh, steps=3, top=0.3).forces["top"]
+
+
+def _strip(**leaf: object) -> ksd.Mechanism:
+    scene = ksd.Mechanism("strip")
+    tip = scene.link("tip")
+    words = {"section": THIN, "material": STEEL, "width_axis": (0, 0, 1), "end": (0.1, 0, 0), **leaf}
+    scene.leaf(scene.ground, tip, start=(0, 0, 0), name="leaf", **words)
+    return scene
+
+
+def column(mesh: Mesh) -> float:
+    """Buckling load of a clamped-clamped leaf [N]."""
+    scene = _strip()
+    for kind, axis in (("along", "y"), ("along", "z"), ("about", "x"), ("about", "y"), ("about", "z")):
+        scene.support("tip", at=(0.1, 0, 0), **{kind: axis})
+    model = ksd.compile_scene(scene, mesh=mesh)
+    return float(buckling(model, model.rest, "tip", force=(-1, 0, 0), at=(0.1, 0, 0)).positive)
+
+
+def strip(mesh: Mesh) -> float:
+    """Lateral buckling load of a cantilever strip (Prandtl) [N]."""
+    model = ksd.compile_scene(_strip(), mesh=mesh)
+    return float(buckling(model, model.rest, "tip", force=(0, 0, 1), at=(0.1, 0, 0)).positive)
+
+
+def frequency(mesh: Mesh) -> float:
+    """First frequency of a clamped-clamped leaf so thin that the inertia of its shear does not count [Hz]."""
+    scene = _strip(section=ksd.rectangle(0.05e-3, 20e-3))
+    scene.actuate("tip", along="x", at=(0.1, 0, 0), name="pull")
+    for axis in "yz":
+        scene.support("tip", along=axis, at=(0.1, 0, 0))
+    for axis in "xyz":
+        scene.support("tip", about=axis)
+    return float(_state(scene, mesh, pull=0.0).frequencies(count=1).frequency_Hz[0])
+
+
+def elastica(mesh: Mesh) -> float:
+    """Deflection of a cantilever under P L^2 / E I = 5 [m]."""
+    scene = _strip()
+    scene.load("tip", force=(0, 5 * STEEL.E * THIN.Iz / 0.01, 0), at=(0.1, 0, 0))
+    return float(_state(scene, mesh, steps=4).links["tip"][0][1])
+
+
+def curved(mesh: Mesh) -> float:
+    """Tip displacement of the 45 degree bend under 600, out of its plane [R = 100, published units]."""
+    material = ksd.Material(E=1e7, nu=0.0)
+    square = ksd.numbers(A=1.0, J=1 / 6, Iy=1 / 12, Iz=1 / 12, ky=1.0, kz=1.0, width=1.0, thickness=1.0)
+    a = math.pi / 4
+    end = (100 * math.sin(a), 100 * (1 - math.cos(a)), 0)
+    scene = _strip(end=end, section=square, material=material, curve=ksd.Arc(100.0, a))
+    scene.load("tip", force=(0, 0, 600), at=end)
+    return float(np.linalg.norm(_state(scene, mesh, steps=6).links["tip"][0]))
+
+
+def taper(mesh: Mesh) -> float:
+    """Tip deflection of a tapered cantilever [m]."""
+    profile = ksd.Taper(thickness=(1e-3, 0.5e-3), width=(40e-3, 20e-3))
+    scene = _strip(section=profile.section(0.5), profile=profile)
+    scene.load("tip", force=(0, 5.0, 0), at=(0.1, 0, 0))
+    return float(_state(scene, mesh).links["tip"][0][1])
+
+
+QUANTITIES: tuple[Callable[[Mesh], float], ...] = (
+    hinge_moment, hinge_length, support_x, support_z, guide_x, guide_z, fourbar_force, column, strip, frequency,
+    elastica, curved, taper,
+)  # fmt: skip
+
+
+def errors(quantity: Callable[[Mesh], float], elements: tuple[int, ...]) -> list[float]:
+    """Relative errors of chains of `elements` against the strain-mode leaf."""
+    exact = quantity(REFERENCE)
+    return [abs(quantity(Mesh("corotational", elements=n)) / exact - 1) for n in elements]
+
+
+def order(found: list[float]) -> float:
+    """Observed order of the last refinement, elements doubling."""
+    return math.log2(found[-2] / found[-1])
+
+
+def _draw(table: dict[str, list[float]]) -> None:
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(8.5, 5.5), layout="constrained")
+    axes = figure.add_subplot()
+    marks = "osv^<>DPXdhp*"
+    for (name, found), mark in zip(table.items(), marks, strict=False):
+        axes.loglog(ELEMENTS, found, marker=mark, lw=1, ms=5, label=name.replace("_", " "))
+    slope = [0.5 * (ELEMENTS[0] / n) ** 2 for n in ELEMENTS]
+    axes.loglog(ELEMENTS, slope, "k--", lw=1, label="second order")
+    axes.set_xticks(ELEMENTS, [str(n) for n in ELEMENTS])
+    axes.minorticks_off()
+    axes.set_xlabel("Appendix A elements per leaf")
+    axes.set_ylabel("relative error against the strain-mode leaf")
+    axes.set_title("Chains of Appendix A elements converge to the strain-mode leaf (computed by ksd)")
+    axes.grid(True, which="major", alpha=0.3)
+    axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False)
+    RESULTS.mkdir(exist_ok=True)
+    figure.savefig(RESULTS / "convergence.png", dpi=130)
+
+
+def main() -> None:
+    """Table of errors and observed orders, and the picture."""
+    table = {}
+    for quantity in QUANTITIES:
+        table[quantity.__name__] = found = errors(quantity, ELEMENTS)
+        cells = "  ".join(f"{e:9.2e}" for e in found)
+        print(f"{quantity.__name__:14s} {cells}   order {order(found):.2f}")
+    _draw(table)
+
+
+if __name__ == "__main__":
+    main()

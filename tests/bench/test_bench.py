@@ -1,0 +1,88 @@
+"""The benchmark itself: scenes build, errors are those known from elsewhere, the front is a front."""
+
+import json
+import math
+
+import pytest
+
+from ksd.bench import SUITE, Row, measure
+from ksd.bench.report import cheapest, front, good, numbers, picture, summary, table
+from ksd.cli import main
+from ksd.model.compile import compile_scene
+
+
+def row(method, call, force, stiffness=0.0, stable=True):
+    times = (call,) * 3
+    return Row(method, "2 elements", 2, 5, times, times, call, force, force, stiffness, stable)
+
+
+@pytest.fixture(scope="module")
+def fourbar():
+    case = next(c for c in SUITE if "reading 1" in c.name)
+    return measure(case, quick=True, repeats=2)
+
+
+def found(measured, method, leafs):
+    return next(r for r in measured.rows if (r.method, r.leafs) == (method, leafs))
+
+
+def test_every_scene_of_the_suite_compiles():
+    for case in SUITE:
+        if "location" not in case.name and "100" not in case.name:
+            scene, targets = case.build()
+            model = compile_scene(scene)
+            assert set(model.drive_names) == set(targets)
+            assert case.link in model.node_names
+
+
+def test_errors_and_counts_of_the_fourbar(fourbar):
+    # acceptance C, n = 5: full 519.484 N; converged 521.195 N
+    assert found(fourbar, "full", "5 elements").force_error == pytest.approx(1 - 519.484 / 521.1948, rel=1e-3)
+    assert found(fourbar, "reduced", "5 elements").force_error == pytest.approx(
+        525.516 / 521.1948 - 1, rel=1e-2
+    )
+    # acceptance F: plain Newton 46-47, MIP 8
+    assert found(fourbar, "plain Newton", "5 elements").iterations in (46, 47)
+    assert found(fourbar, "conventional", "5 elements").iterations == 8
+    strain = found(fourbar, "full", "strain 4,3,5")
+    assert good(strain)
+    assert strain.force_error < 3e-6
+    assert all(r.stable and not r.failed for r in fourbar.rows)
+
+
+def test_times_are_ordered_and_steps_below_the_call(fourbar):
+    for r in fourbar.rows:
+        assert 0 < r.steps[1] <= r.call[1]
+        assert r.call[0] <= r.call[1] <= r.call[2]
+
+
+def test_front_and_cheapest():
+    rows = [
+        row("a", 3, 1e-6),
+        row("b", 1, 1e-1),
+        row("c", 2, 1e-4),
+        row("c", 4, 1e-9),
+        row("d", 1.5, 1e-8, stable=False),
+    ]
+    assert [r.method for r in front(rows, "force_error")] == ["b", "c", "a", "c"]
+    assert [(r.method, r.call[1]) for r in cheapest(rows)] == [("c", 2), ("a", 3)]
+    assert not good(row("e", 1, 0.0, stiffness=0.1))
+    assert not good(row("e", 1, math.nan))
+
+
+def test_numbers_are_strict_json_and_the_picture_is_drawn(fourbar, tmp_path):
+    text = json.dumps(numbers([fourbar]), allow_nan=False)
+    assert json.loads(text)["cases"][fourbar.case]["rows"][0]["method"] == "kinematic"
+    picture([fourbar], str(tmp_path / "bench.png"))
+    assert (tmp_path / "bench.png").stat().st_size > 20_000
+    assert table(fourbar).row_count == len(fourbar.rows)
+    assert any("plain Newton" in line for line in summary(fourbar))
+
+
+def test_command(tmp_path, capsys):
+    path = tmp_path / "bench.json"
+    assert main(["bench", "--quick", "--case", "guide", "--json", str(path)]) == 0
+    assert "parallel guide" in capsys.readouterr().out
+    assert list(json.loads(path.read_text())["cases"]) == ["parallel guide, 20 mm"]
+    assert main(["bench", "--case", "rocket"]) == 2
+    assert "rocket" in capsys.readouterr().err
