@@ -21,7 +21,7 @@ import numpy as np
 from common import PlainNewton, chain, machine, options, write_json
 
 import ksd
-from ksd.model.leafs import Mesh
+from ksd.model.mesh import Mesh
 from ksd.solve.conventional import conventional
 from ksd.units import deg
 

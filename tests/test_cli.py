@@ -109,7 +109,7 @@ def test_elements_passes_accuracy_and_vtu(record, capsys, tmp_path):
     assert "5 Appendix A elements" in numbers["leaf_model"]
     assert sum(s["name"].startswith("3") for s in numbers["steps"]) == 2
     assert main(["solve", FOURBAR, "--accuracy", "0.05", "--plot", str(tmp_path / "a.vtu")]) == 0
-    assert "solved by reduced" in capsys.readouterr().out
+    assert "solved by conventional" in capsys.readouterr().out
     assert "VTKFile" in (tmp_path / "a.vtu").read_text()
 
 

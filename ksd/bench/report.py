@@ -22,6 +22,8 @@ ERRORS = {
 """The three errors of a row and how they are called."""
 GOOD = {"force_error": 1e-3, "stiffness_error": 1e-2}
 """What the comparison at equal accuracy asks for."""
+ROUNDING = 1e-9
+"""Errors below are not told apart."""
 
 
 def machine() -> dict[str, Any]:
@@ -70,11 +72,11 @@ def front(rows: Iterable[Row], key: str) -> list[Row]:
     """Rows that no other beats in time and in the error `key`, by rising time."""
     kept: list[Row] = []
     for row in sorted(rows, key=lambda r: r.call[1]):
-        error = getattr(row, key)
+        error = max(getattr(row, key), ROUNDING)
         if not math.isfinite(error) or not row.stable or not math.isfinite(row.call[1]):
             continue
         # less than 1 % better is rounding, not accuracy
-        if not kept or error < 0.99 * getattr(kept[-1], key):
+        if not kept or error < 0.99 * max(getattr(kept[-1], key), ROUNDING):
             kept.append(row)
     return kept
 
@@ -142,12 +144,12 @@ def summary(measured: Measured) -> list[str]:
     for leafs in dict.fromkeys(r.leafs for r in measured.rows):
         times = {r.method: r.call[1] for r in measured.rows if r.leafs == leafs and not r.failed}
         parts = [
-            f"{' / '.join(f'{times[base] / times[m]:.1f}' for m in ('full', 'reduced'))} times {name}"
+            f"{' / '.join(f'{times[base] / times[m]:.1f}' for m in ('full', 'reduced'))} times as fast as {name}"
             for base, name in (("plain Newton", "plain Newton"), ("conventional", "conventional in space"))
             if base in times and "full" in times and "reduced" in times
         ]
         if parts:
-            lines.append(f"{leafs}: full / reduced are as fast as {', '.join(parts)}.")
+            lines.append(f"{leafs}: full / reduced {', '.join(parts)}.")
     return lines
 
 

@@ -15,7 +15,7 @@ import numpy as np
 from ksd.beam.linear import LINEAR_INNER
 from ksd.bodies.bench import Inside
 from ksd.bodies.kinematics import Loops
-from ksd.errors import KinematicsError, SceneError
+from ksd.errors import KinematicsError, RecordError, SceneError
 from ksd.model.arrays import COROTATIONAL, LINEAR, Arrays, Motion
 from ksd.model.compile import Model, constraint_rows, external_loads, joint_members_of, reference_points
 from ksd.model.leafs import leaf_member
@@ -247,6 +247,18 @@ def build_reduced(model: Model) -> tuple[Arrays, Motion]:
     return pack(Assembly(places, members, rows, external_loads(scene, places)))
 
 
+def _contracted(joint: Any, record: Any, mesh: str | int, extrapolate: bool) -> Any:
+    """The record at the shape of a joint; RecordError for a chain it cannot stand for."""
+    plain = all(leaf.profile is None and leaf.curve is None for leaf in joint.leafs())
+    if mesh not in record.functions and not plain:
+        known = ", ".join(str(n) for n in record.functions)
+        raise RecordError(
+            f"the record of {joint.family} has no chains of {mesh} elements, and its leafs are not straight and uniform, "
+            f"so none can be derived; use one of its meshes ({known}) or train it with meshes=(..., {mesh})"
+        )
+    return record.contract(joint.shape(), mesh, extrapolate=extrapolate)
+
+
 def joint_bodies(model: Model, records: Callable[[str], Any], *, extrapolate: bool = False) -> JointBodies:
     """Bodies of every joint of `model`; `records(family)` returns the trained record.
 
@@ -259,8 +271,7 @@ def joint_bodies(model: Model, records: Callable[[str], Any], *, extrapolate: bo
         )
     mesh = "strain" if model.mesh.leaf == "strain" else model.mesh.elements
     contracted = [
-        records(j.joint.family).contract(j.joint.shape(), mesh, extrapolate=extrapolate)
-        for j in model.scene.joints
+        _contracted(j.joint, records(j.joint.family), mesh, extrapolate) for j in model.scene.joints
     ]
     loops = build_loops(model, contracted)
     bench, bench_rest, inside, near, full_node = build_bench(model, contracted)

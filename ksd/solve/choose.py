@@ -11,11 +11,12 @@ import numpy as np
 
 from ksd.bodies.freedom import check_freedoms
 from ksd.bodies.joints import JointBodies, joint_bodies
-from ksd.errors import ConvergenceError, KinematicsError, RangeError, RecordError, SceneError
+from ksd.errors import ConvergenceError, KinematicsError, KsdError, RangeError, RecordError, SceneError
 from ksd.library import find_record
 from ksd.model.compile import Model, compile_scene
 from ksd.model.mesh import Mesh
 from ksd.model.orders import highest_share, mesh_for, raised
+from ksd.model.plane import Plane, plane_of
 from ksd.solve import pipeline
 from ksd.solve.configuration import Configuration, ErrorEstimate, Step
 from ksd.solve.conventional import CAP, RTOL, conventional
@@ -73,13 +74,25 @@ class Solver:
         if method not in METHODS:
             raise SceneError(f"method = {method!r}: choose one of {', '.join(METHODS)}")
         if method == "conventional":
-            return conventional(self.model, values)
+            return self._told(conventional(self.model, values))
         if not 0 <= passes <= 50:
             raise SceneError(f"passes = {passes}: between 0 and 50 relinearised passes are possible")
         return self._five_steps(values, target, method=method, passes=passes, estimate=estimate)
 
     def _cheapest(self, values: Mapping[str, float], target: np.ndarray, accuracy: float) -> Configuration:
-        """Reduced, then with passes, then full, then conventional: the first whose estimate meets `accuracy`."""
+        """The first that meets `accuracy`, in the order of measured cost.
+
+        In the plane that is the conventional solver with three unknowns per node, if it gets there in one step; in
+        space reduced, reduced with a pass, full, and the conventional solver last.
+        """
+        try:
+            if isinstance(plane_of(self.model), Plane):
+                found = conventional(self.model, values, planar=True, most=10, smallest=1.0)
+                if found.stable:
+                    return self._told(found)
+        except (ConvergenceError, SceneError):
+            # not in one step, or not in this plane after all: the kinematic start is what helps
+            pass
         try:
             for passes in range(2):
                 result = self._five_steps(values, target, method="reduced", passes=passes, estimate=True)
@@ -89,13 +102,21 @@ class Solver:
         except (RecordError, KinematicsError, ConvergenceError, RangeError) as reason:
             if isinstance(reason, KinematicsError) and "same freedom" in str(reason):
                 raise
-            result = conventional(self.model, values)
+            result = self._told(conventional(self.model, values))
             note = f"conventional solver used: {reason}"
             return _with(result, warnings=(*result.warnings, note))
         except SceneError:
             if self.model.scene.joints:
                 raise
             return conventional(self.model, values)
+
+    def _told(self, result: Configuration) -> Configuration:
+        """A conventional result with the joints' intended and unintended motions, where their records are there."""
+        try:
+            motions, unintended = pipeline.joint_motions(self.bench, result.motion)
+        except KsdError:
+            return result
+        return _with(result, motions=motions, unintended=unintended)
 
     def _five_steps(
         self, values: Mapping[str, float], target: np.ndarray, *, method: str, passes: int, estimate: bool
@@ -161,7 +182,7 @@ class Solver:
         warnings: list[str],
     ) -> Configuration:
         b = self.bench
-        motions, unintended = pipeline.joint_motions(b)
+        motions, unintended = pipeline.joint_motions(b, b.full)
         expected = len(b.model.drive_names) + len(b.model.support_names)
         return Configuration(
             self.model, b.full.copy(), method, dict(values), tuple(steps), negatives, expected,

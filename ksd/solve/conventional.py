@@ -113,6 +113,7 @@ def conventional(
     cap: float = CAP,
     eps_max: float = math.inf,
     most: int = 30,
+    smallest: float = 1e-4,
     work: Work | None = None,
 ) -> Configuration:
     """Solve `model` at the drive values `targets` [m or rad] by load stepping.
@@ -120,7 +121,8 @@ def conventional(
     start: a configuration of the same model to continue from (rest when None). planar: "auto" solves planar scenes with
     three unknowns per node and checks the answer in space, False never does, True raises SceneError with the reason
     where that is not possible. steps: the number of equal steps tried first (1 as in Appendix B). eps_max [N and Nm
-    mixed, as in the paper]: give a step up when the residual norm exceeds it. Raises ConvergenceError with the
+    mixed, as in the paper]: give a step up when the residual norm exceeds it. smallest: fraction of the drive motion
+    below which steps are not halved any more. Raises ConvergenceError with the
     fraction reached, SceneError for wrong drive names.
     """
     if planar not in ("auto", True, False):
@@ -134,6 +136,7 @@ def conventional(
     motion = (start.motion if start else model.rest).copy()
     begin = model.targets(start.targets) if start else np.zeros(len(target))
     ways: dict[str, Any] = {"steps": steps, "rtol": rtol, "cap": cap, "eps_max": eps_max, "most": most}
+    ways["smallest"] = smallest
     ways |= {"start": begin, "target": target, "factors": (1.0 if start else 0.0, 1.0)}
     clock = time.thread_time_ns()
     driven, how = _drive(model, motion, work, planar=planar, fresh=start is None, **ways)

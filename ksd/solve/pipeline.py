@@ -217,14 +217,14 @@ def distance(motion: Motion, b: Bench, rest: ErrorEstimate) -> ErrorEstimate:
     return _estimate(b, motion, force, shift, turn)
 
 
-def joint_motions(b: Bench) -> tuple[dict[str, float], dict[str, np.ndarray]]:
-    """Intended motion of every joint [rad or m] and the displacement of its interface B off the intended pose.
+def joint_motions(b: Bench, motion: Motion) -> tuple[dict[str, float], dict[str, np.ndarray]]:
+    """Intended motion of every joint [rad or m] at `motion` of the full model, and the displacement of its interface B off the intended pose.
 
     Unintended: (6,) per joint, displacement [m] and rotation vector [rad] in the axes of interface A.
     """
     loops, joints = b.bodies.loops, len(b.bodies.loops.node)
     relative = np.empty((joints, 12))
-    relative_poses(b.bodies.reduced, joints, b.full.x, b.full.R, relative)
+    relative_poses(b.bodies.reduced, joints, motion.x, motion.R, relative)
     theta, place, off = b.theta.copy(), np.empty_like(b.place), np.zeros((joints, 6))
     intended_motions(loops, relative, theta, place, off)
     names = [p.name for p in b.model.scene.joints]

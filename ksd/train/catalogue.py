@@ -168,7 +168,9 @@ ENTRIES: dict[str, Entry] = {
         _filleted_notch,
         (_range("slenderness", 0.01, 0.1, scale="log"), _range("fillet", 0.05, 0.35)),
         {**STEEL, **_NECK},
-        loose=3.0,
+        # longer chains jump where the middle of an element passes from fillet to neck
+        ("strain", 1),
+        3.0,
     ),
     "arc_hinge": Entry(_arc_hinge, (_range("angle", 20, 150, degrees=True),), {**STEEL, **SHEET}, loose=3.0),
     "universal": Entry(_universal, (), {**STEEL, **SHEET}, loose=10.0),

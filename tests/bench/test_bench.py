@@ -61,7 +61,7 @@ def test_front_and_cheapest():
         row("a", 3, 1e-6),
         row("b", 1, 1e-1),
         row("c", 2, 1e-4),
-        row("c", 4, 1e-9),
+        row("c", 4, 1e-8),
         row("d", 1.5, 1e-8, stable=False),
     ]
     assert [r.method for r in front(rows, "force_error")] == ["b", "c", "a", "c"]

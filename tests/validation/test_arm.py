@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import ksd
-from ksd.model.leafs import Mesh
+from ksd.model.mesh import Mesh
 from ksd.units import deg
 
 SCENES = Path(ksd.__file__).parent / "scenes"

@@ -7,15 +7,16 @@ import numpy as np
 import pytest
 
 import ksd
-from ksd.errors import RangeError, SceneError
+from ksd.errors import RangeError, RecordError, SceneError
 from ksd.library import find_record
-from ksd.model.leafs import Mesh
+from ksd.model.mesh import Mesh
 from ksd.scene import Material, joint_families
 from ksd.scene.families.cartwheel import Butterfly, Cartwheel
 from ksd.scene.families.constraints import FoldedLeaf, WireFlexure
 from ksd.scene.families.crossed_pivot import BalancedCrossedPivot, CrossedPivot
 from ksd.scene.families.guide import ParallelGuide, StiffenedGuide
 from ksd.scene.families.infinity import TripleInfinityHinge
+from ksd.scene.families.notch import ArcHinge, CircularNotchHinge
 from ksd.scene.families.universal import UniversalJoint
 from ksd.solve.conventional import conventional
 from ksd.train.catalogue import ENTRIES
@@ -194,12 +195,8 @@ def random_joints(name, rng, count=10):
     design = design_of(name)
     for k in range(count if design.parameters else 3):
         joint = design.make(**design.shape(rng.uniform(-1, 1, len(design.parameters))))
-        if k % 2:
-            joint = (
-                replace(joint, thickness=joint.thickness * rng.uniform(0.5, 1.5))
-                if name != "cross_flexure"
-                else joint
-            )
+        if k % 2 and name != "cross_flexure" and "thickness" in joint.quantities:
+            joint = replace(joint, thickness=joint.thickness * rng.uniform(0.5, 1.5))
         yield joint
 
 
@@ -217,6 +214,8 @@ def errors(joint, solver, share):
 @pytest.mark.parametrize("name", list(ENTRIES))
 def test_reduced_equals_conventional(name, mesh, rng):
     """Issue of the families: below 0.1 % over the trained range at ten random shapes, pivot shift 1e-4 L."""
+    if mesh.leaf == "corotational" and mesh.elements not in find_record(name).functions:
+        pytest.skip("not trained for this chain")
     for joint in random_joints(name, rng):
         solver = ksd.prepare(alone(joint), mesh=mesh)
         for share in (-1.0, 1.0, *rng.uniform(-1, 1, (2, len(joint.motions)))):
@@ -278,6 +277,38 @@ def test_records_are_small_and_the_same_in_both_places(name):
     assert (shipped_folder().parents[1] / "database" / f"{name}.h5").read_bytes() == shipped
 
 
+def test_a_chain_that_cannot_be_derived_is_refused():
+    """Longer chains follow from the strain amplitudes for straight, uniform leafs alone."""
+    arc = ArcHinge(STEEL, radius=0.05, angle=1.2, thickness=5e-4, width=0.02)
+    with pytest.raises(RecordError, match="no chains of 12 elements"):
+        ksd.prepare(alone(arc), mesh=Mesh("corotational", elements=12))({"angle": 0.1}, method="reduced")
+    joint = BalancedCrossedPivot(
+        STEEL, length=0.1, thickness=5e-4, angle=0.7, inner_width=0.03, outer_width=0.02
+    )
+    solver = ksd.prepare(alone(joint), mesh=Mesh("corotational", elements=12))
+    exact = solver({"angle": 0.5}, method="conventional").forces["angle"]
+    assert solver({"angle": 0.5}, method="reduced").forces["angle"] == pytest.approx(exact, rel=1e-4)
+
+
+@pytest.mark.parametrize("ratio, expected", [(0.05, 25129.48), (0.2, 769.998)])
+def test_circular_notch(ratio, expected):
+    """Acceptance A: C E b R^2 at t/R = .05 and .2; closed form and element model."""
+    joint = CircularNotchHinge(STEEL, radius=0.01, minimum=ratio * 0.01, width=0.005)
+    unit = 1 / (STEEL.E * 0.005 * 0.01**2)
+    assert 1 / joint.stiffness_at_rest() == pytest.approx(expected * unit, rel=1e-6)
+    assert 1e-4 / driven(joint, 1e-4).forces["angle"] == pytest.approx(expected * unit, rel=1e-6)
+
+
+@pytest.mark.parametrize("angle", [0.5, 1.5, 2.5])
+def test_arc_hinge_stays_a_circle(angle):
+    joint = ArcHinge(STEEL, radius=0.05, angle=angle, thickness=2e-4, width=0.02)
+    turn = 0.4
+    found = driven(joint, turn)
+    assert found.forces["angle"] == pytest.approx(turn * joint.stiffness_at_rest(), rel=1e-6)
+    chord = 2 * joint.length / (angle + turn) * math.sin(0.5 * (angle + turn))
+    assert np.linalg.norm(found.motion.x[1]) == pytest.approx(chord, rel=1e-6)
+
+
 # Flexible constraints
 
 
@@ -329,7 +360,9 @@ def test_constraint_beside_a_catalogue_joint(angle):
     assert full.forces["turn"] == pytest.approx(exact.forces["turn"], rel=1e-7)
     reduced = solve(turn=angle * deg, method="reduced")
     assert reduced.forces["turn"] == pytest.approx(exact.forces["turn"], rel=0.01)
-    assert reduced.error.relative == pytest.approx(abs(reduced.forces["turn"] / exact.forces["turn"] - 1), rel=0.5)
+    assert reduced.error.relative == pytest.approx(
+        abs(reduced.forces["turn"] / exact.forces["turn"] - 1), rel=0.5
+    )
 
 
 def test_a_constraint_is_not_joined():
