@@ -138,3 +138,40 @@ def test_sixty_random_jumps_end_on_the_right_branch(rng):
 
 def test_names_are_public():
     assert ksd.Mesh is Mesh
+
+
+def test_published_fit_of_the_length():
+    """Acceptance B: D/D0 over 0..75 degrees in (theta^2, theta^4, theta^6), n = 4: coefficients and residual 1.4e-5."""
+    model = compile_scene(single_joint(), mesh=Mesh("corotational", elements=4))
+    angles = np.arange(0, 80, 5) * deg
+    last, lengths = None, []
+    for angle in angles:
+        last = conventional(model, {"turn": angle}, start=last)
+        lengths.append(np.linalg.norm(last.motion.x[1]) / cross_flexure().length_AB)
+    basis = np.array([angles**2, angles**4, angles**6]).T
+    found = np.linalg.lstsq(basis, np.array(lengths) - 1, rcond=None)[0]
+    assert found == pytest.approx([0.0467077, -0.0124473, 0.0010880], rel=2e-3)
+    assert np.abs(basis @ found - (np.array(lengths) - 1)).max() < 1.5e-5
+
+
+@pytest.mark.parametrize("n", [1, 2, 3, 4, 5, 6])
+def test_moment_of_the_element_orientation_body(n):
+    """Acceptance B: EOB moment against the finite element model <= 2.5e-5 for n = 1..6, both signs."""
+    solve = ksd.prepare(single_joint(), mesh=Mesh("corotational", elements=n))
+    for angle in (15, -40, 60, -75, 75):
+        reduced = solve(turn=angle * deg, method="reduced", estimate=False).forces["turn"]
+        assert reduced == pytest.approx(
+            conventional(solve.model, {"turn": angle * deg}, steps=5).forces["turn"], rel=2.5e-5
+        )
+
+
+def test_half_turn_relation_of_the_length():
+    """D/D0 = cos(theta/2) + |shift|/(L cos alpha), even, leading coefficient 1/24 at 45 degrees (thin leafs)."""
+    model = compile_scene(single_joint(cross_flexure(thickness=1e-4)))
+    angle = 4 * deg
+    length = [
+        np.linalg.norm(conventional(model, {"turn": s * angle}).motion.x[1]) / cross_flexure().length_AB
+        for s in (1, -1)
+    ]
+    assert length[0] == pytest.approx(length[1], abs=1e-12)
+    assert (length[0] - 1) / angle**2 == pytest.approx(1 / 24, rel=2e-3)
