@@ -33,6 +33,9 @@ class DefaultShape:
     def __init__(self, family: str) -> None:
         self.record, self.shape = ksd.find_record(family), cross_flexure().shape()
 
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self.record, name)
+
     def contract(self, shape: Any, mesh: Any, **options: Any) -> Any:
         """Functions of the default shape."""
         return self.record.contract(self.shape, mesh, **options)

@@ -18,7 +18,7 @@ from ksd.model.leafs import Mesh, leaf_member, split_leaf
 from ksd.model.pack import Assembly, Member, Push, Row, pack
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Model:
     """What the computer solves: frozen arrays of one scene with one mesh, and its rest state.
 
@@ -37,6 +37,36 @@ class Model:
     drive_names: tuple[str, ...]
     support_names: tuple[str, ...]
     left_out: tuple[str, ...] = field(default=())
+
+    def __repr__(self) -> str:
+        unknowns = self.arrays.plan.unknowns
+        return f"<Model of '{self.scene.name}': {len(self.member_names)} members, {unknowns} unknowns, {self.mesh}>"
+
+    def __str__(self) -> str:
+        """What is simulated and what is left out, with the reason, in a few lines."""
+        scene, arrays = self.scene, self.arrays
+        rows = len(self.drive_names) + len(self.support_names)
+        inner = arrays.members.inner_at[-1]
+        said = [
+            f"{scene.name}: {len(scene.links) - 1} links, {len(scene.joints)} joints, {len(self.member_names)} leafs "
+            f"as {self.mesh}",
+            f"unknowns: {arrays.plan.unknowns - rows} at nodes, {rows} multipliers, {inner} condensed inside the leafs",
+            "simulated: bending, torsion, stretch and shear of the leafs; rigid links and blocks are eliminated"
+            + ("; warping restrained at clamped ends" if self.mesh.warping else ""),
+        ]
+        if len(arrays.loads.node):
+            said.append(
+                f"loads: {len(arrays.loads.node)} on links"
+                + (", gravity among them" if scene.gravity else "")
+            )
+        left = [] if self.mesh.warping else ["restrained warping (Mesh(warping=True) adds it)"]
+        left += [] if scene.gravity else ["gravity (the scene names none)"]
+        left += [
+            "the weight of the leafs",
+            "mass (made when frequencies are asked)",
+            "compliance of links (no section)",
+        ]
+        return "\n".join([*said, "left out: " + "; ".join(left)])
 
     @property
     def links(self) -> int:

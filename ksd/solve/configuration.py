@@ -40,7 +40,7 @@ class ErrorEstimate:
     relative: float
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Configuration:
     """A deformed configuration: the model, its state, and the record of the solve that found it.
 
@@ -63,6 +63,12 @@ class Configuration:
     error: ErrorEstimate | None = None
     warnings: tuple[str, ...] = ()
     load_factor: float = 1.0
+
+    def __repr__(self) -> str:
+        forces = ", ".join(f"{n} {v:.6g}" for n, v in self.forces.items())
+        return (
+            f"<Configuration of '{self.model.scene.name}' by {self.method}: {self.targets}, forces {forces}>"
+        )
 
     @property
     def converged(self) -> bool:

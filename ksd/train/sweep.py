@@ -129,20 +129,36 @@ def _spoken(values: Mapping[str, float]) -> str:
     return ", ".join(f"{name} = {value:.4g}" for name, value in values.items())
 
 
+def _normal(joint: Joint) -> Array | None:
+    """Normal (3,) of the plane a joint with one motion stays in: the axis of a rotation, or the common width axis of all
+    leafs across a translation; None when there is no such plane.
+    """
+    if len(joint.motions) != 1:
+        return None
+    motion = joint.motions[0]
+    if motion.kind == "rotation":
+        return np.asarray(motion.axis)
+    widths = np.array([leaf.width_axis for leaf in joint.leafs()])
+    normal = widths[0]
+    aside = np.linalg.norm(np.cross(widths, normal), axis=1).max()
+    return normal if max(aside, abs(normal @ motion.axis)) < 1e-9 else None
+
+
 def _check_plane(joint: Joint, model: Model, states: list[Configuration], plan: Plan) -> None:
-    """B of a joint with one rotation may turn about its axis and shift across it, nothing else."""
-    if len(joint.motions) != 1 or joint.motions[0].kind != "rotation":
+    """B of a joint with one motion may turn about the normal of its plane and shift across it, nothing else."""
+    axis = _normal(joint)
+    if axis is None:
         return
-    axis = np.asarray(joint.motions[0].axis)
     pose = _pose(model, [s.motion for s in states], 1, np.asarray(joint.pose_B, float), joint.length)
     turn = pose[:, :3] - np.outer(pose[:, :3] @ axis, axis)
     rest = np.asarray(joint.pose_B, float) / joint.length
     chord = (pose[:, 3:] - rest) @ axis
     worst = float(max(np.abs(turn).max(), np.abs(chord).max()))
     if worst > plan.plane:
+        load = "moment" if joint.motions[0].kind == "rotation" else "force"
         raise SceneError(
             f"{joint.family}: interface B leaves its plane by {worst:.2g} (rad or joint lengths) "
-            "under a pure moment; place its leafs symmetrically about that plane."
+            f"under a pure {load}; place its leafs symmetrically about that plane."
         )
 
 

@@ -1,0 +1,23 @@
+"""Models and configurations say in a line or a few what they are."""
+
+from scenes import fourbar
+
+import ksd
+
+
+def test_a_model_says_what_is_simulated_and_left_out():
+    model = ksd.compile_scene(fourbar())
+    text = str(model)
+    assert "3 links, 4 joints, 12 leafs" in text
+    assert "18 at nodes, 1 multipliers" in text
+    assert "left out:" in text and "gravity" in text
+    assert repr(model).count("\n") == 0 and len(repr(model)) < 200
+    heavy = fourbar()
+    heavy.mass("top", mass=1.0, at=(0, 0.37, 0))
+    heavy.gravity = (0, -9.81, 0)
+    assert "gravity among them" in str(ksd.compile_scene(heavy))
+
+
+def test_a_configuration_is_short_in_the_interpreter():
+    found = ksd.solve(fourbar(), top=0.1)
+    assert len(repr(found)) < 200 and "forces top 64.0" in repr(found)

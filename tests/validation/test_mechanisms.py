@@ -1,0 +1,141 @@
+"""Mechanisms of several families: arms, parallel stages, overconstrained guides; every way ends in the same state."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import ksd
+from ksd.model.mesh import Mesh
+from ksd.scene import CrossedPivot, Material, ParallelGuide, StiffenedGuide
+from ksd.units import deg
+
+SCENES = Path(ksd.__file__).parent / "scenes"
+STEEL = Material(E=200e9, G=76.9e9)
+
+
+@pytest.mark.parametrize("mesh", [Mesh(), Mesh("corotational", elements=2)], ids=["strain", "n=2"])
+@pytest.mark.parametrize("name", ["delta_stage", "rrr_stage", "six_joint_arm", "arm", "arm_joints"])
+def test_shipped_scenes(name, mesh):
+    """Full equals conventional in at most four iterations; the estimate of the reduced error is honest."""
+    mechanism, targets, _ = ksd.load_scene(SCENES / f"{name}.toml")
+    solve = ksd.prepare(mechanism, mesh=mesh)
+    exact = solve(targets, method="conventional")
+    full = solve(targets, method="full")
+    reduced = solve(targets, method="reduced")
+    size = max(abs(f) for f in exact.forces.values())
+    for drive, force in exact.forces.items():
+        assert full.forces[drive] == pytest.approx(force, rel=1e-6, abs=1e-7 * size)
+    assert full.stable and exact.stable
+    assert full.steps[-1].iterations <= 4
+    wrong = max(abs(reduced.forces[d] - f) for d, f in exact.forces.items())
+    assert wrong < 0.02 * size
+    assert max(reduced.error.force) == pytest.approx(wrong, rel=0.5, abs=1e-6 * size)
+
+
+def test_delta_stage_hardly_turns():
+    mechanism, targets, _ = ksd.load_scene(SCENES / "delta_stage.toml")
+    solve = ksd.prepare(mechanism)
+    # the joints by their intended motions alone, then with all their elasticity
+    assert np.abs(solve(targets, method="kinematic").rotation("platform")).max() < 2e-4
+    assert np.abs(solve(targets, method="full").rotation("platform")).max() < 1e-2
+
+
+def test_stages_return_to_rest():
+    for name in ("delta_stage", "rrr_stage", "six_joint_arm"):
+        mechanism, targets, _ = ksd.load_scene(SCENES / f"{name}.toml")
+        found = ksd.prepare(mechanism)(dict.fromkeys(targets, 0.0), method="full")
+        assert max(abs(f) for f in found.forces.values()) < 1e-9
+
+
+@pytest.mark.parametrize("method", ["reduced", "full"])
+def test_two_guides_in_parallel(method):
+    """Overconstrained: both carry the same link; the force is the sum, and a misplacement loads them axially."""
+    scene = ksd.Mechanism("two guides")
+    table = scene.link("table")
+    plain = ParallelGuide(STEEL, length=0.1, thickness=5e-4, width=0.03, spacing=0.04)
+    stiff = StiffenedGuide(STEEL, length=0.1, thickness=4e-4, width=0.03, spacing=0.04, flexible=0.3)
+    scene.join(scene.ground, table, plain, at=(0, 0, 0), axis="z", toward="x", name="plain")
+    scene.join(scene.ground, table, stiff, at=(0, 0.2, 0), axis="z", toward="x", name="stiff")
+    scene.actuate(table, along="y", at=(0.05, 0.1, 0), name="stroke")
+    solve = ksd.prepare(scene)
+    for stroke in (0.001, 0.01):
+        exact = solve(stroke=stroke, method="conventional")
+        found = solve(stroke=stroke, method=method)
+        assert found.forces["stroke"] == pytest.approx(exact.forces["stroke"], rel=1e-2 if method == "reduced" else 1e-7)
+    small = solve(stroke=1e-5, method=method).forces["stroke"] / 1e-5
+    assert small == pytest.approx(plain.stiffness_at_rest() + stiff.stiffness_at_rest(), rel=2e-3)
+
+
+@pytest.mark.parametrize("family", ["cartwheel", "butterfly", "infinity_hinge", "crossed_pivot"])
+def test_any_pivot_in_a_fourbar(family):
+    """A catalogue pivot with internal blocks in a closed loop, placed in both senses."""
+    from ksd.train.designs import design_of
+
+    design = design_of(family)
+    joint = design.make(**design.shape(np.full(len(design.parameters), 0.2)))
+    D = joint.length_AB
+    scene = ksd.Mechanism("fourbar")
+    left, top, right = scene.links("left", "top", "right")
+    scene.join(scene.ground, left, joint, at=(-0.2, 0, 0), axis="z", toward="y")
+    scene.join(left, top, joint, at=(-0.2, 0.5, 0), axis="z", toward="y")
+    scene.join(top, right, joint, at=(0.2, 0.5 + D, 0), axis="z", toward="-y")
+    scene.join(scene.ground, right, joint, at=(0.2, 0, 0), axis="z", toward="y")
+    scene.actuate(top, along="x", at=(0, 0.5 + D, 0))
+    solve = ksd.prepare(scene)
+    for d in (0.02, -0.15):
+        exact, full = solve(top=d, method="conventional"), solve(top=d, method="full")
+        assert full.forces["top"] == pytest.approx(exact.forces["top"], rel=1e-6)
+        assert solve(top=d, method="reduced").forces["top"] == pytest.approx(exact.forces["top"], rel=0.02)
+
+
+def test_a_trapezoidal_guide_drawn_by_hand_trains_and_works(tmp_path, monkeypatch):
+    """A translation with a rotation of its own: leafs that are not parallel."""
+    leafs = [
+        ksd.Leaf(
+            start=(0.0, y0, 0.0),
+            end=(0.08, y1, 0.0),
+            width_axis=(0, 0, 1),
+            section=ksd.rectangle(3e-4, 0.02),
+            material=STEEL,
+            name=name,
+        )
+        for name, y0, y1 in (("low", -0.04, -0.025), ("high", 0.04, 0.025))
+    ]
+    motion = ksd.Motion("stroke", "translation", (0, 1, 0), (-0.008, 0.008))
+    joint = ksd.DrawnJoint("trapezoid", blocks={"A": (0, 0, 0), "B": (0.08, 0, 0)}, leafs=leafs, motions=[motion])
+    monkeypatch.setenv("KSD_DATABASE", str(tmp_path))
+    record = ksd.train(joint, meshes=("strain",), out=tmp_path, progress=False)
+    assert record.motions[0].kind == "translation"
+    scene = ksd.Mechanism("trapezoid")
+    tip = scene.link("tip")
+    scene.actuate_joint(scene.join(scene.ground, tip, joint, at=(0, 0, 0), axis="z", toward="x"), name="stroke")
+    solve = ksd.prepare(scene)
+    exact = solve(stroke=0.007, method="conventional")
+    assert abs(exact.rotation("tip")[2]) > 0.01
+    assert solve(stroke=0.007, method="reduced").forces["stroke"] == pytest.approx(exact.forces["stroke"], rel=1e-6)
+
+
+def test_the_universal_joint_turns_about_both_axes():
+    mechanism, targets, _ = ksd.load_scene(SCENES / "delta_stage.toml")
+    found = ksd.prepare(mechanism)(targets, method="reduced")
+    turned = {name: angle for name, angle in found.motions.items() if name.startswith("lower 2")}
+    assert set(turned) == {"lower 2.about_z", "lower 2.about_y"}
+    assert all(5 * deg < abs(angle) < 25 * deg for angle in turned.values())
+
+
+def test_crossed_pivots_of_two_shapes_in_one_mechanism():
+    scene = ksd.Mechanism("double pivot")
+    middle, tip = scene.links("middle", "tip")
+    sizes = {"length": 0.1, "thickness": 5e-4, "width": 0.03}
+    first = CrossedPivot(STEEL, angle=40 * deg, ratio=0.2, **sizes)
+    second = CrossedPivot(STEEL, angle=55 * deg, ratio=0.9, **sizes)
+    scene.join(scene.ground, middle, first, at=(0, 0, 0), axis="z", toward="x", name="first")
+    scene.join(middle, tip, second, at=(0.2, 0, 0), axis="y", toward="x", name="second")
+    scene.actuate_joint("first")
+    scene.actuate_joint("second")
+    solve = ksd.prepare(scene)
+    values = {"first": 0.4, "second": -0.3}
+    exact, reduced = solve(values, method="conventional"), solve(values, method="reduced")
+    for name, moment in exact.forces.items():
+        assert reduced.forces[name] == pytest.approx(moment, rel=1e-4)
