@@ -25,6 +25,9 @@ from ksd.solve.stops import Stop
 from ksd.solve.warm import ready
 
 METHODS = ("kinematic", "reduced", "full", "conventional")
+GAP = 2e-3
+"""Largest gap of the closed loops over the size of the mechanism: overconstrained joints never fit exactly, and their
+elasticity takes it up in step 3; a linkage that locks leaves more."""
 DEFAULT_ACCURACY = 1e-3
 
 
@@ -192,7 +195,7 @@ class Solver:
     def _close(self, b: Bench, target: np.ndarray) -> Step:
         """Step 1, in one go or, failing that, along the drive; ConvergenceError says how far it got."""
         step = pipeline.close(b, target)
-        if step.stop is Stop.CONVERGED and step.residual < 1e-4 * b.bodies.reduced.size:
+        if step.stop is Stop.CONVERGED and step.residual < GAP * b.bodies.reduced.size:
             return step
         b.restart()
         done, size, count, spent = 0.0, 0.25, step.iterations, step.time
@@ -201,7 +204,7 @@ class Solver:
             goal = min(1.0, done + size)
             step = pipeline.close(b, goal * target)
             count, spent = count + step.iterations, spent + step.time
-            if step.stop is Stop.CONVERGED and step.residual < 1e-4 * b.bodies.reduced.size:
+            if step.stop is Stop.CONVERGED and step.residual < GAP * b.bodies.reduced.size:
                 done = goal
                 continue
             b.theta[:] = theta
@@ -237,9 +240,9 @@ class Solver:
 def _spoken_range(name: str, value: float, low: float, high: float, *, scale: float) -> str:
     if scale == 1.0:
         v, a, b = np.rad2deg([value, low, high])
-        return f"joint '{name}' would turn {v:.4g} degrees, outside its trained range of {a:.4g} to {b:.4g} degrees"
+        return f"joint '{name}' would turn {v:.6g} degrees, outside its trained range of {a:.4g} to {b:.4g} degrees"
     v, a, b = 1e3 * scale * np.array([value, low, high])
-    return f"joint '{name}' would move {v:.4g} mm, outside its trained range of {a:.4g} to {b:.4g} mm"
+    return f"joint '{name}' would move {v:.6g} mm, outside its trained range of {a:.4g} to {b:.4g} mm"
 
 
 def _with(result: Configuration, **changes: Any) -> Configuration:

@@ -218,7 +218,7 @@ def distance(motion: Motion, b: Bench, rest: ErrorEstimate) -> ErrorEstimate:
 
 
 def joint_motions(b: Bench, motion: Motion) -> tuple[dict[str, float], dict[str, np.ndarray]]:
-    """Intended motion of every joint [rad or m] at `motion` of the full model, and the displacement of its interface B off the intended pose.
+    """Intended motion of every joint [rad or m] at `motion` of the full model, and what is left.
 
     Unintended: (6,) per joint, displacement [m] and rotation vector [rad] in the axes of interface A.
     """

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from typing import Any
 
 from ksd.library import Mesh, Parameter
 from ksd.scene import CrossFlexure, Joint, Material
@@ -20,9 +21,9 @@ from ksd.scene.families.notch import ArcHinge, CircularNotchHinge, FilletedNotch
 from ksd.scene.families.universal import UniversalJoint
 
 STEEL = {"E": 200e9, "G": 76.9e9}
-_NOTCH = {"radius": 0.01, "width": 0.01}
+_NOTCH: dict[str, Any] = {"radius": 0.01, "width": 0.01}
 _NECK = {"length": 0.02, "width": 0.01}
-SHEET = {"length": 0.1, "thickness": 5e-4, "width": 0.04}
+SHEET: dict[str, Any] = {"length": 0.1, "thickness": 5e-4, "width": 0.04}
 FULL: tuple[Mesh, ...] = ("strain", 1, 2, 3, 4, 5, 6, 7, 8)
 SHORT: tuple[Mesh, ...] = ("strain", 1, 2, 3, 4, 5, 6)
 

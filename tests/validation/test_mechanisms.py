@@ -62,7 +62,9 @@ def test_two_guides_in_parallel(method):
     for stroke in (0.001, 0.01):
         exact = solve(stroke=stroke, method="conventional")
         found = solve(stroke=stroke, method=method)
-        assert found.forces["stroke"] == pytest.approx(exact.forces["stroke"], rel=1e-2 if method == "reduced" else 1e-7)
+        assert found.forces["stroke"] == pytest.approx(
+            exact.forces["stroke"], rel=1e-2 if method == "reduced" else 1e-7
+        )
     small = solve(stroke=1e-5, method=method).forces["stroke"] / 1e-5
     assert small == pytest.approx(plain.stiffness_at_rest() + stiff.stiffness_at_rest(), rel=2e-3)
 
@@ -103,17 +105,23 @@ def test_a_trapezoidal_guide_drawn_by_hand_trains_and_works(tmp_path, monkeypatc
         for name, y0, y1 in (("low", -0.04, -0.025), ("high", 0.04, 0.025))
     ]
     motion = ksd.Motion("stroke", "translation", (0, 1, 0), (-0.008, 0.008))
-    joint = ksd.DrawnJoint("trapezoid", blocks={"A": (0, 0, 0), "B": (0.08, 0, 0)}, leafs=leafs, motions=[motion])
+    joint = ksd.DrawnJoint(
+        "trapezoid", blocks={"A": (0, 0, 0), "B": (0.08, 0, 0)}, leafs=leafs, motions=[motion]
+    )
     monkeypatch.setenv("KSD_DATABASE", str(tmp_path))
     record = ksd.train(joint, meshes=("strain",), out=tmp_path, progress=False)
     assert record.motions[0].kind == "translation"
     scene = ksd.Mechanism("trapezoid")
     tip = scene.link("tip")
-    scene.actuate_joint(scene.join(scene.ground, tip, joint, at=(0, 0, 0), axis="z", toward="x"), name="stroke")
+    scene.actuate_joint(
+        scene.join(scene.ground, tip, joint, at=(0, 0, 0), axis="z", toward="x"), name="stroke"
+    )
     solve = ksd.prepare(scene)
     exact = solve(stroke=0.007, method="conventional")
     assert abs(exact.rotation("tip")[2]) > 0.01
-    assert solve(stroke=0.007, method="reduced").forces["stroke"] == pytest.approx(exact.forces["stroke"], rel=1e-6)
+    assert solve(stroke=0.007, method="reduced").forces["stroke"] == pytest.approx(
+        exact.forces["stroke"], rel=1e-6
+    )
 
 
 def test_the_universal_joint_turns_about_both_axes():

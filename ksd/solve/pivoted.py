@@ -1,0 +1,148 @@
+"""Newton with pivoting, for states at which the block factorisation without pivoting breaks down.
+
+The fixed elimination order is right as long as every link rests on leafs that lead to ground. A link held by drives or
+supports alone, or a state close to a critical one, gives a pivot of pure rounding although the whole matrix is
+regular. Here the same assembled matrix is equilibrated and solved densely with partial pivoting; its inertia comes from
+Bunch-Kaufman LDL^T. Following loads enter with their full, unsymmetric tangent, so convergence stays quadratic.
+Slower by a factor of ten or more, and used only after the block factorisation has failed.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ksd.model.arrays import Arrays, Motion, Work
+from ksd.model.system import assemble, largest_move, largest_turn, take_step
+from ksd.properties.tangent import exact, stored_matrix
+from ksd.solve.newton import GRAIN, LOOSE
+from ksd.solve.stops import Stop
+
+Array = NDArray[np.float64]
+SINGULAR = 1e-15
+"""Reciprocal condition of the equilibrated matrix below which it counts as singular."""
+
+
+def scaling(K: Array) -> Array:
+    """Factors (n,) such that rows and columns of the symmetric K (n, n) times them have entries of order 1."""
+    scale = np.ones(len(K))
+    for _ in range(3):
+        row = np.abs(K * np.outer(scale, scale)).max(axis=1, initial=0.0)
+        scale /= np.sqrt(np.where(row > 0.0, row, 1.0))
+    return scale
+
+
+def inertia(K: Array) -> int:
+    """Number of negative eigenvalues of the symmetric K (n, n), by Bunch-Kaufman (Sylvester's law)."""
+    from scipy.linalg import ldl
+
+    scale = scaling(K)
+    _, D, _ = ldl(K * np.outer(scale, scale))
+    count, k = 0, 0
+    while k < len(D):
+        if k + 1 < len(D) and D[k + 1, k] != 0.0:
+            # a 2 x 2 pivot has a negative determinant in this method: one eigenvalue of each sign
+            count += int((np.linalg.eigvalsh(D[k : k + 2, k : k + 2]) < 0.0).sum())
+            k += 2
+            continue
+        count += int(D[k, k] < 0.0)
+        k += 1
+    return count
+
+
+def cross_matrix(v: Array) -> Array:
+    """[v]x (3, 3)."""
+    return np.array([[0.0, -v[2], v[1]], [v[2], 0.0, -v[0]], [-v[1], v[0], 0.0]])
+
+
+def turning_loads(arrays: Arrays, motion: Motion, factor: float) -> Array | None:
+    """Unsymmetric rest (n, n) of the tangent of following loads, None without any.
+
+    The assembly holds the symmetric half of [F]x in rows force, columns rotation. The other half, and 1/2 [M]x of the
+    moment about the node in the symmetric chart, make it exact.
+    """
+    loads = arrays.loads
+    if not np.any(loads.following == 1):
+        return None
+    rest = np.zeros((arrays.plan.unknowns,) * 2)
+    for i in np.flatnonzero(loads.following == 1):
+        u, T = int(arrays.start[loads.node[i]]), motion.R[loads.node[i]]
+        F = factor * (T @ loads.force[i])
+        half_F = 0.5 * cross_matrix(F)
+        half_M = 0.5 * cross_matrix(factor * (T @ loads.moment[i]) + np.cross(T @ loads.point[i], F))
+        rest[u : u + 3, u + 3 : u + 6] += half_F
+        rest[u + 3 : u + 6, u : u + 3] += half_F
+        rest[u + 3 : u + 6, u + 3 : u + 6] += half_M
+    return rest
+
+
+def solve_scaled(A: Array, b: Array, scale: Array) -> tuple[Array, float]:
+    """x of A x = b for b (n, k), rows and columns equilibrated by `scale` (n,), and 1 over the condition number."""
+    from scipy.linalg import lapack
+
+    S = A * np.outer(scale, scale)
+    lu, pivots, info = lapack.dgetrf(S)
+    if info != 0 or not np.isfinite(lu).all():
+        return np.zeros_like(b), 0.0
+    reciprocal, _ = lapack.dgecon(lu, np.abs(S).sum(axis=0).max())
+    x, _ = lapack.dgetrs(lu, pivots, scale[:, None] * b)
+    return scale[:, None] * x, float(reciprocal)
+
+
+def iterate_pivoted(
+    arrays: Arrays,
+    motion: Motion,
+    target: Array,
+    factor: float,
+    work: Work,
+    rtol: float,
+    most: int,
+    cap: float,
+    blow_up: float,
+) -> tuple[int, int, float, int, float]:
+    """The Newton of `ksd.solve.newton.iterate` with pivoting: same arguments, rules and returns, motion in place.
+
+    The last number returned is the reciprocal condition of the equilibrated matrix.
+    """
+    worst, moved, condition = math.inf, math.inf, 1.0
+    for n in range(most + 1):
+        worst, _, inside, status = assemble(
+            arrays, motion, target, factor, work, rtol, 0, GRAIN if n > 0 else 0.0
+        )
+        if not math.isfinite(worst):
+            return Stop.NOT_FINITE, n, worst, 0, condition
+        K = stored_matrix(arrays, work.value)
+        if worst <= 1.0 or (worst <= LOOSE and moved <= 1.0):
+            reason = (Stop.CONVERGED, Stop.LOCAL_ANGLE, Stop.SINGULAR)[status]
+            return reason, n, worst, inertia(K) + inside, condition
+        if n == most:
+            break
+        if n > 0 and np.linalg.norm(work.rhs) > blow_up:
+            return Stop.DIVERGED, n, worst, 0, condition
+        rest = turning_loads(arrays, motion, factor)
+        step, condition = solve_scaled(K if rest is None else K + rest, -work.rhs[:, None], scaling(K))
+        if not condition > SINGULAR:
+            return Stop.SINGULAR, n, worst, 0, condition
+        work.rhs[:] = step[:, 0]
+        turn = largest_turn(arrays, work.rhs)
+        moved = max(turn / 1e-6, largest_move(arrays, work.rhs) / (1e-7 * arrays.size))
+        take_step(arrays, motion, work.rhs, work, cap / turn if n > 0 and turn > cap else 1.0)
+    return Stop.TOO_MANY, most, worst, 0, condition
+
+
+def negatives_at(arrays: Arrays, motion: Motion, target: Array, factor: float, work: Work) -> int:
+    """Negative pivots of the exact tangent at a state, counted with pivoting."""
+    _, _, inside, _ = assemble(exact(arrays), motion, target, factor, work, 1e-8, 0, GRAIN)
+    return inertia(stored_matrix(arrays, work.value)) + int(inside)
+
+
+__all__ = [
+    "inertia",
+    "iterate_pivoted",
+    "negatives_at",
+    "scaling",
+    "solve_scaled",
+    "turning_loads",
+]
