@@ -46,15 +46,21 @@ def monomials(loops, theta, j, value, slope):
     motions = loops.first[j + 1] - first
     a = theta[first]
     b = theta[first + 1] if motions > 1 else 0.0
-    count = loops.power_first[j + 1] - loops.power_first[j]
+    at = loops.power_first[j]
+    count = loops.power_first[j + 1] - at
+    # powers by repeated multiplication: a ** p costs ten times as much
+    top = 1
     for i in range(count):
-        p = loops.power[loops.power_first[j] + i, 0]
-        q = loops.power[loops.power_first[j] + i, 1]
-        x, y = a ** (p - 1) if p > 0 else 0.0, b ** (q - 1) if q > 0 else 0.0
-        ax, by = x * a if p > 0 else 1.0, y * b if q > 0 else 1.0
-        value[i] = ax * by
-        slope[0, i] = p * x * by
-        slope[1, i] = q * y * ax
+        top = max(top, loops.power[at + i, 0], loops.power[at + i, 1])
+    A, B = np.empty(top + 1), np.empty(top + 1)
+    A[0], B[0] = 1.0, 1.0
+    for k in range(top):
+        A[k + 1], B[k + 1] = A[k] * a, B[k] * b
+    for i in range(count):
+        p, q = loops.power[at + i, 0], loops.power[at + i, 1]
+        value[i] = A[p] * B[q]
+        slope[0, i] = p * A[p - 1] * B[q] if p > 0 else 0.0
+        slope[1, i] = q * A[p] * B[q - 1] if q > 0 else 0.0
     return count
 
 

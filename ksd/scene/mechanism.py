@@ -74,19 +74,23 @@ class Mechanism(Links):
         A to B, perpendicular to axis ("x", "-y" or three numbers). Interface B then sits at `at` + length_AB
         * toward for joints drawn with B on their x axis. The default name is "a-b". Raises SceneError.
         """
-        label = self._new_name(name, f"{spoken(a)}-{spoken(b)}")
-        owner = f"joint '{label}'"
-        first, second = self._pair(a, b, owner)
-        if not isinstance(joint, Joint):
-            raise SceneError(f"{owner}: {show(joint)} is not a joint; make one, e.g. ksd.CrossFlexure(...).")
-        if not joint.motions:
+        if isinstance(joint, Joint) and not joint.motions:
             raise SceneError(
-                f"{owner}: a {joint.family} has no intended motion; say mechanism.constrain instead of join."
+                f"a {joint.family} has no intended motion; say mechanism.constrain instead of join."
             )
-        origin = vector(at, "at", owner=owner, unit="m")
-        placed = PlacedJoint(label, first, second, joint, origin, rotation_at(axis, toward, owner))
+        placed = self._place("joint", (a, b), joint, (at, axis, toward), name)
         self._joints.append(placed)
         return placed
+
+    def _place(self, kind: str, pair: Any, joint: Any, where: Any, name: str | None) -> PlacedJoint:
+        """A joint between a pair of links, where = (at, axis, toward)."""
+        label = self._new_name(name, f"{spoken(pair[0])}-{spoken(pair[1])}")
+        owner = f"{kind} '{label}'"
+        first, second = self._pair(pair[0], pair[1], owner)
+        if not isinstance(joint, Joint):
+            raise SceneError(f"{owner}: {show(joint)} is not a joint; make one, e.g. ksd.CrossFlexure(...).")
+        origin = vector(where[0], "at", owner=owner, unit="m")
+        return PlacedJoint(label, first, second, joint, origin, rotation_at(where[1], where[2], owner))
 
     def constrain(
         self,
@@ -104,17 +108,11 @@ class Mechanism(Links):
         Its internal blocks become links "name/block", its leafs free-form leafs "name/leaf", all computed in full and
         without a record. Meant for joints without intended motion, such as `FoldedLeaf`; any joint will do.
         """
-        label = self._new_name(name, f"{spoken(a)}-{spoken(b)}")
-        owner = f"constraint '{label}'"
-        first, second = self._pair(a, b, owner)
-        if not isinstance(joint, Joint):
-            raise SceneError(f"{owner}: {show(joint)} is not a joint; make one, e.g. ksd.FoldedLeaf(...).")
-        origin = vector(at, "at", owner=owner, unit="m")
-        placed = PlacedJoint(label, first, second, joint, origin, rotation_at(axis, toward, owner))
-        links = {"A": first, "B": second}
+        placed = self._place("constraint", (a, b), joint, (at, axis, toward), name)
+        links = {"A": placed.a, "B": placed.b}
         for block in joint.blocks():
             if block not in links:
-                links[block] = self.link(f"{label}/{block}").name
+                links[block] = self.link(f"{placed.name}/{block}").name
         found = tuple(placed_leaf(placed, leaf, links) for leaf in joint.leafs())
         self._leafs += found
         return found

@@ -19,7 +19,8 @@ from ksd.model.orders import highest_share, mesh_for, raised
 from ksd.model.plane import Plane, plane_of
 from ksd.solve import pipeline
 from ksd.solve.configuration import Configuration, ErrorEstimate, Step
-from ksd.solve.conventional import CAP, RTOL, conventional
+from ksd.solve.conventional import conventional
+from ksd.solve.driving import CAP, RTOL
 from ksd.solve.pipeline import Bench
 from ksd.solve.stops import Stop
 from ksd.solve.warm import ready

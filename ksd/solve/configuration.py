@@ -48,7 +48,8 @@ class Configuration:
     reduced, full or conventional. targets: drive values by name [m or rad]. motions: intended motion of every joint by
     name [rad or m], unintended: per joint (6,) displacement [m] and rotation [rad] of interface B off its intended pose,
     in joint axes. error: estimate for the fast methods, None where the method is exact. negatives: negative pivots
-    at the end, expected: those the constraint rows explain.
+    at the end, expected: those the constraint rows explain. doubts: what speaks against the branch and was not cleared up
+    by smaller steps.
     """
 
     model: Model
@@ -63,6 +64,7 @@ class Configuration:
     error: ErrorEstimate | None = None
     warnings: tuple[str, ...] = ()
     load_factor: float = 1.0
+    doubts: tuple[str, ...] = ()
 
     def __repr__(self) -> str:
         forces = ", ".join(f"{n} {v:.6g}" for n, v in self.forces.items())

@@ -1,6 +1,7 @@
 """The conventional solver: equilibrium of all nodes in load steps from the undeformed state (paper 1, Appendix B).
 
-The whole step is tried first and halved on failure. Newton with mixed integration points (MIP) is the default, plain
+The whole step is tried first and halved on failure (`ksd.solve.driving`); an answer that may lie on another branch is
+walked again in smaller steps (`ksd.solve.confirm`). Newton with mixed integration points (MIP) is the default, plain
 Newton with the paper's eps_max an option of the mesh and of the call; it is the baseline of every speed claim.
 """
 
@@ -8,107 +9,19 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Mapping
-from typing import Any, Literal, NamedTuple
+from collections.abc import Mapping
+from typing import Any, Literal
 
 import numpy as np
 
 from ksd.errors import ConvergenceError, SceneError
-from ksd.model.arrays import Arrays, Motion, Work, make_work
+from ksd.model.arrays import Motion, Work, make_work
 from ksd.model.compile import Model
 from ksd.numerics.kernel import second_compiler_runs
 from ksd.solve.configuration import Configuration, Step
-from ksd.solve.newton import iterate
+from ksd.solve.confirm import confirmed, doubt
+from ksd.solve.driving import CAP, RTOL, Driven, drive_to
 from ksd.solve.stops import Stop
-
-RTOL = 1e-8
-"""Residual of a node over the sum of the element forces on it (design section 5)."""
-CAP = 0.3
-"""Largest rotation [rad] of a node in one iteration after the predictor."""
-WEAK_PIVOT = 1e-9
-"""Relative pivot below which a load step is done again, or its inertia counted again, with pivoting."""
-
-
-class Driven(NamedTuple):
-    """How driving went: why it stopped, matrix solves including failed attempts, residual over its bound, negative
-    pivots, fraction of the drive motion reached, load steps tried, load steps that needed pivoting, most iterations of a
-    load step."""
-
-    stop: Stop
-    solves: int
-    residual: float
-    negatives: int
-    reached: float
-    taken: int
-    pivoted: int = 0
-    longest: int = 0
-
-
-def drive_to(
-    arrays: Arrays,
-    motion: Any,
-    work: Work,
-    *,
-    start: np.ndarray,
-    target: np.ndarray,
-    factors: tuple[float, float] = (1.0, 1.0),
-    steps: int = 1,
-    rtol: float = RTOL,
-    most: int = 30,
-    cap: float = CAP,
-    eps_max: float = math.inf,
-    smallest: float = 1e-4,
-    newton: Callable[..., tuple[int, int, float, int, float]] = iterate,
-) -> Driven:
-    """Move the drives from `start` to `target` (c,), halving on failure; `motion` ends at the last equilibrium.
-
-    newton: the compiled Newton that fits `arrays` and `motion` (spatial, or planar), called as `iterate` is.
-    """
-    done, size, solves, taken, pivoted, longest = 0.0, 1.0 / steps, 0, 0, 0, 0
-    residual, negatives = math.inf, 0
-    safe = motion.copy()
-    while done < 1.0:
-        # land on the end exactly, whatever the rounding of the steps
-        goal = 1.0 if done + size > 1.0 - 1e-9 else done + size
-        level = factors[0] + goal * (factors[1] - factors[0])
-        want = start + goal * (target - start)
-        aim = (want, level, work, rtol, most, cap, eps_max)
-        reason, count, residual, negatives, pivot = newton(arrays, motion, *aim)
-        solves += count
-        taken += 1
-        if newton is iterate and _weak(arrays, reason, pivot):
-            again = _with_pivoting(arrays, motion, safe, aim, reason)
-            reason, count, residual, negatives, _ = again
-            solves, pivoted = solves + count, pivoted + 1
-        if reason == Stop.CONVERGED:
-            done, longest = goal, max(longest, count)
-            safe.assign(motion)
-            continue
-        motion.assign(safe)
-        size *= 0.5
-        if size < smallest:
-            return Driven(Stop(reason), solves, residual, negatives, done, taken, pivoted, longest)
-    return Driven(Stop.CONVERGED, solves, residual, negatives, 1.0, taken, pivoted, longest)
-
-
-def _weak(arrays: Arrays, reason: int, pivot: float) -> bool:
-    """Whether pivoting may do better: a pivot of rounding, or a following load whose symmetric tangent failed."""
-    failed = reason != Stop.CONVERGED
-    return (
-        reason == Stop.SINGULAR or pivot < WEAK_PIVOT or (failed and bool(np.any(arrays.loads.following == 1)))
-    )
-
-
-def _with_pivoting(
-    arrays: Arrays, motion: Motion, safe: Motion, aim: tuple, reason: int
-) -> tuple[int, int, float, int, float]:
-    """The load step again with pivoting, from `safe`; a step that converged is only looked over (no iteration)."""
-    # here, so that a scene without weak pivots never imports it
-    from ksd.solve.pivoted import iterate_pivoted
-
-    if reason != Stop.CONVERGED:
-        motion.assign(safe)
-    return iterate_pivoted(arrays, motion, *aim)
 
 
 def _drive(
@@ -122,12 +35,33 @@ def _drive(
 
         found = drive_in_plane(model, motion, work, fresh=fresh, **ways)
         if not isinstance(found, str):
-            return found, "planar, 3 unknowns per node"
-        if planar is True:
+            if planar is True or found.stop in (Stop.CONVERGED, Stop.LOCAL_ANGLE):
+                return found, "planar, 3 unknowns per node"
+            # space has the Newton with pivoting
+            found = f"in the plane {found.stop.sentence}"
+        elif planar is True:
             raise SceneError(
                 f"planar = True: this mechanism is not planar: {found}; use planar = 'auto' or False"
             )
     return drive_to(model.arrays, motion, work, **ways), f"spatial: {found}" if found else ""
+
+
+def _walk(model: Model, motion: Motion, work: Work, *, sure: bool, **ways: Any) -> tuple[Driven, str, Any]:
+    """Drive `motion` in place; unless `sure`, confirm what is doubtful. Returns how it went, in words, and doubts."""
+    begin = motion.copy()
+    driven, how = _drive(model, motion, work, **ways)
+    reason = "" if sure else doubt(model, motion, driven, ways["target"], fresh=ways["fresh"])
+    if not reason:
+        return driven, how, ()
+
+    def again(steps: int) -> tuple[Driven, str, Motion]:
+        state = begin.copy()
+        finer = {**ways, "steps": steps, "smallest": min(ways["smallest"], 0.25 / steps)}
+        return *_drive(model, state, work, **finer), state
+
+    driven, how, state, doubts = confirmed(model, (driven, how, motion.copy()), again, reason)
+    motion.assign(state)
+    return driven, how, doubts
 
 
 def conventional(
@@ -159,21 +93,26 @@ def conventional(
         from ksd.solve.warm import ready
 
         ready()
-    work = work or make_work(model.arrays)
     target = model.targets(targets)
     motion = (start.motion if start else model.rest).copy()
     begin = model.targets(start.targets) if start else np.zeros(len(target))
     ways: dict[str, Any] = {"steps": steps, "rtol": rtol, "cap": cap, "eps_max": eps_max, "most": most}
-    ways["smallest"] = smallest
-    ways |= {"start": begin, "target": target, "factors": (1.0 if start else 0.0, 1.0)}
+    ways |= {"smallest": smallest, "planar": planar, "fresh": start is None}
+    ways |= {"start": begin, "target": target, "factors": (start.load_factor if start else 0.0, 1.0)}
     clock = time.thread_time_ns()
-    driven, how = _drive(model, motion, work, planar=planar, fresh=start is None, **ways)
+    # with eps_max it is the paper's own program, which believes whatever converged
+    sure = math.isfinite(eps_max)
+    driven, how, doubts = _walk(model, motion, work or make_work(model.arrays), sure=sure, **ways)
     spent = (time.thread_time_ns() - clock) * 1e-9
-    note = ", ".join(filter(None, [f"{driven.taken} load step{'s' * (driven.taken != 1)}", how]))
-    step = Step("equilibrium", driven.solves, spent, driven.residual, driven.stop, note=note)
+    parts = [f"{driven.taken} load step{'s' * (driven.taken != 1)}", how, "with pivoting" * bool(driven.pivoted)]
+    step = Step(
+        "equilibrium", driven.solves, spent, driven.residual, driven.stop, ", ".join(filter(None, parts))
+    )
     values = begin + driven.reached * (target - begin)
     reached = {n: float(v) for n, v in zip(model.drive_names, values, strict=False)}
-    result = Configuration(model, motion, "conventional", reached, (step,), driven.negatives, len(target))
+    result = Configuration(
+        model, motion, "conventional", reached, (step,), driven.negatives, len(target), doubts=doubts
+    )
     if driven.stop is not Stop.CONVERGED:
         raise ConvergenceError(
             f"the conventional solver stopped at {100 * driven.reached:.3g} % of the drive motion: {driven.stop.sentence}",

@@ -21,7 +21,7 @@ from ksd.model.plane import Plane, plane_of, refuse_plane
 from ksd.model.system import assemble
 from ksd.numerics.blocks import factor_blocks, solve_blocks
 from ksd.numerics.kernel import kernel
-from ksd.solve.conventional import Driven, drive_to
+from ksd.solve.driving import Driven, drive_to
 from ksd.solve.newton import (
     CONVERGED,
     DIVERGED,

@@ -111,9 +111,10 @@ def _circular_notch(*, slenderness: float) -> CircularNotchHinge:
 
 
 def _filleted_notch(*, slenderness: float, fillet: float) -> FilletedNotchHinge:
-    length, width = _NECK["length"], _NECK["width"]
-    sizes = {"length": length, "radius": fillet * length, "minimum": slenderness * length, "width": width}
-    return FilletedNotchHinge(_steel(), **sizes)
+    length = _NECK["length"]
+    return FilletedNotchHinge(
+        _steel(), length=length, radius=fillet * length, minimum=slenderness * length, width=_NECK["width"]
+    )
 
 
 def _arc_hinge(*, angle: float) -> ArcHinge:

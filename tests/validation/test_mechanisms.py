@@ -147,3 +147,58 @@ def test_crossed_pivots_of_two_shapes_in_one_mechanism():
     exact, reduced = solve(values, method="conventional"), solve(values, method="reduced")
     for name, moment in exact.forces.items():
         assert reduced.forces[name] == pytest.approx(moment, rel=1e-4)
+
+
+def xy_stage():
+    """Two parallel guides in series, drawn by hand: B moves along y and along x, in the plane."""
+    sheet = {"width_axis": (0, 0, 1), "section": ksd.rectangle(4e-4, 0.03), "material": STEEL}
+    leafs = [
+        ksd.Leaf(
+            start=(0, y, 0),
+            end=(0.1, y, 0),
+            start_block="A",
+            end_block="middle",
+            name=f"first {y:+}",
+            **sheet,
+        )
+        for y in (-0.04, 0.04)
+    ] + [
+        ksd.Leaf(
+            start=(x, 0.05, 0),
+            end=(x, 0.15, 0),
+            start_block="middle",
+            end_block="B",
+            name=f"second {x}",
+            **sheet,
+        )
+        for x in (0.01, 0.09)
+    ]
+    reach, middle = (-0.015, 0.015), (0.05, 0.1, 0.0)
+    motions = [
+        ksd.Motion("y", "translation", (0, 1, 0), reach, (0.05, 0.0, 0.0)),
+        ksd.Motion("x", "translation", (1, 0, 0), reach, middle),
+    ]
+    blocks = {"A": (0, 0, 0), "middle": (0.1, 0, 0), "B": (0.1, 0.1, 0)}
+    return ksd.DrawnJoint("xy", blocks=blocks, leafs=leafs, motions=motions, length=0.1)
+
+
+def test_two_translations_drawn_by_hand(tmp_path, monkeypatch):
+    """Two intended translations and an internal block train in one call and then work like a catalogue joint."""
+    monkeypatch.setenv("KSD_DATABASE", str(tmp_path))
+    joint = xy_stage()
+    record = ksd.train(joint, meshes=("strain", 2), out=tmp_path, progress=False)
+    assert [m.kind for m in record.motions] == ["translation"] * 2
+    assert record.worst("strain") < 2e-5
+    scene = ksd.Mechanism("xy")
+    table = scene.link("table")
+    placed = scene.join(scene.ground, table, joint, at=(0, 0, 0), axis="z", toward="x", name="stage")
+    for name in "xy":
+        scene.actuate_joint(placed, name=name, motion=name)
+    for mesh in (Mesh(), Mesh("corotational", elements=2)):
+        solve = ksd.prepare(scene, mesh=mesh)
+        for values in ({"x": 0.01, "y": -0.012}, {"x": -0.015, "y": 0.004}):
+            exact, reduced = (solve(values, method=m) for m in ("conventional", "reduced"))
+            for name, force in exact.forces.items():
+                assert reduced.forces[name] == pytest.approx(force, rel=1e-3)
+    with pytest.raises(ksd.RangeError, match=r"stage\.x"):
+        solve({"x": 0.016, "y": 0.0}, method="reduced")

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import KW_ONLY, dataclass
-from typing import ClassVar
+from typing import Any, ClassVar
 
 from ksd.scene.families.sheet import check_sheet, strip
 from ksd.scene.joint import Joint, Motion
@@ -111,9 +111,9 @@ class WireFlexure(Joint):
         return {"A": (0.0, 0.0, 0.0), "B": self.pose_B}
 
     def leafs(self) -> tuple[Leaf, ...]:
-        mesh = {"elements": self.elements, "orders": self.orders}
-        ends = {"start": (0.0, 0.0, 0.0), "end": self.pose_B}
-        return (make_wire(diameter=self.diameter, material=self.material, **ends, **mesh),)
+        words: dict[str, Any] = {"elements": self.elements, "orders": self.orders}
+        words |= {"start": (0.0, 0.0, 0.0), "end": self.pose_B}
+        return (make_wire(diameter=self.diameter, material=self.material, **words),)
 
     def shape(self) -> dict[str, float]:
         """No parameter."""

@@ -1,0 +1,130 @@
+"""Lines of a sweep: one design, one load case, one path of the drives, walked pose by pose by one process."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from ksd.design.questions import CAUGHT, Asked, answers, columns_of_drives
+from ksd.design.table import OK, STATUS
+from ksd.errors import ConvergenceError
+from ksd.model.mesh import Mesh
+from ksd.solve.choose import Solver
+from ksd.solve.configuration import Configuration
+from ksd.solve.conventional import conventional
+
+Row = dict[str, Any]
+
+
+@dataclass(frozen=True)
+class Recipe:
+    """How every pose is solved and what it is asked; see `ksd.sweep`."""
+
+    asked: Asked
+    method: str | None = None
+    accuracy: float | None = None
+    passes: int = 0
+    mesh: Mesh | None = None
+    extrapolate: bool = False
+
+
+@dataclass(frozen=True)
+class Line:
+    """number: place in the sweep; labels: design parameters and load case; scene: None where the design could not be
+    built, `failure` says why; poses: drive values by name [m or rad], in the order they are walked."""
+
+    number: int
+    labels: Mapping[str, Any]
+    scene: Any
+    poses: tuple[Mapping[str, float], ...]
+    failure: str = ""
+
+
+def blank_rows(line: Line, reason: str, *, first: int = 0) -> list[Row]:
+    """Rows that say why there are no numbers, from pose `first` on."""
+    return [_labels(line, values) | {STATUS: reason} for values in line.poses[first:]]
+
+
+def _labels(line: Line, values: Mapping[str, float]) -> Row:
+    known = columns_of_drives(line.scene) if line.scene is not None else {}
+    row: Row = dict(line.labels)
+    for name, value in values.items():
+        column, factor = known.get(name, (name, 1.0))
+        row[column] = factor * value
+    return row
+
+
+class Walk:
+    """Solves the poses of a line one after another; conventional poses start from the one before."""
+
+    def __init__(self, solver: Solver, recipe: Recipe) -> None:
+        self.solver, self.recipe = solver, recipe
+        self.before: Configuration | None = None
+
+    def pose(self, values: Mapping[str, float]) -> Configuration:
+        """The configuration at drive values; errors as in `ksd.solve`."""
+        r = self.recipe
+        if r.method == "conventional":
+            self.before = self._continued(values)
+            return self.before
+        return self.solver(values, method=r.method, accuracy=r.accuracy, passes=r.passes)
+
+    def _continued(self, values: Mapping[str, float]) -> Configuration:
+        """From the pose before; from rest where that fails."""
+        if self.before is not None:
+            try:
+                return conventional(self.solver.model, values, start=self.before)
+            except ConvergenceError:
+                self.before = None
+        return conventional(self.solver.model, values)
+
+
+def run_line(line: Line, recipe: Recipe, solver: Solver | None, rows: list[Row]) -> Solver | None:
+    """Walk a line, appending a row per pose to `rows`; returns the solver for a next line of the same scene."""
+    if line.scene is None:
+        rows.extend(blank_rows(line, line.failure))
+        return None
+    try:
+        solver = solver or Solver(line.scene, mesh=recipe.mesh, extrapolate=recipe.extrapolate)
+    except CAUGHT as reason:
+        rows.extend(blank_rows(line, spoken(reason)))
+        return None
+    walk, tracks = Walk(solver, recipe), None
+    for values in line.poses:
+        row = _labels(line, values)
+        troubles: list[str] = []
+        try:
+            pose = walk.pose(values)
+        except CAUGHT as reason:
+            rows.append(row | {STATUS: spoken(reason)})
+            continue
+        told, tracks = answers(
+            pose, recipe.asked, tracks, lambda name, reason: troubles.append(f"{name}: {spoken(reason)}")
+        )
+        row |= told
+        row |= {"stable": float(pose.stable), "method": pose.method, "warnings": "; ".join(pose.warnings)}
+        rows.append(row | {STATUS: "; ".join(troubles) or OK})
+    return solver
+
+
+def run_block(lines: tuple[Line, ...], recipe: Recipe) -> list[list[Row]]:
+    """Rows of every line of a block; what a worker process is asked to do."""
+    found: list[list[Row]] = []
+    solver, scene = None, None
+    for line in lines:
+        rows: list[Row] = []
+        solver = run_line(line, recipe, solver if line.scene is scene else None, rows)
+        scene = line.scene
+        found.append(rows)
+    return found
+
+
+def spoken(reason: Exception) -> str:
+    """One sentence for a table."""
+    text = " ".join(str(reason).split()) or type(reason).__name__
+    reached = getattr(reason, "reached", None)
+    if isinstance(reason, ConvergenceError) and reached and math.isfinite(reached) and "%" not in text:
+        text += f" (reached {100 * reached:.3g} % of the motion)"
+    return text

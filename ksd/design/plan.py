@@ -1,0 +1,157 @@
+"""What a sweep consists of: every design with every load case over every path of the drives, as lines."""
+
+from __future__ import annotations
+
+import hashlib
+import inspect
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from itertools import product
+from typing import Any
+
+import numpy as np
+
+from ksd.design.lines import Line, Recipe
+from ksd.errors import SceneError
+from ksd.scene import Scene
+from ksd.scene.drive import Load
+
+Paths = list[tuple[dict[str, float], ...]]
+
+
+def plan_lines(
+    mechanism: Any, values: Mapping[str, Any], designs: Any, loads: Any, *, together: bool
+) -> tuple[list[Line], str]:
+    """All lines, and the name of the mechanism. SceneError for what does not fit together."""
+    paths = drive_paths(values, together=together)
+    cases = load_cases(loads)
+    lines: list[Line] = []
+    name = ""
+    for parameters in design_points(mechanism, designs):
+        scene, failure = _built(mechanism, parameters)
+        name = name or getattr(scene, "name", "")
+        if scene is not None and designs is None:
+            _check_drives(scene, values)
+        for case, extra in cases.items():
+            loaded, trouble = _loaded(scene, extra)
+            labels = dict(parameters) | ({} if loads is None else {"load_case": case})
+            lines += [Line(len(lines) + k, labels, loaded, p, failure or trouble) for k, p in enumerate(paths)]
+    return lines, name
+
+
+def drive_paths(values: Mapping[str, Any], *, together: bool) -> Paths:
+    """Paths through drive values: the drive named last moves along a path; together: all arrays move in step."""
+    arrays = {n: np.atleast_1d(np.asarray(v, float)) for n, v in values.items()}
+    for n, v in arrays.items():
+        if v.ndim != 1 or not v.size or not np.isfinite(v).all():
+            raise SceneError(f"drive values {n} = {values[n]!r}: give finite numbers in a row [m or rad]")
+    moving = [n for n, v in arrays.items() if len(v) > 1]
+    if not together:
+        outer, last = moving[:-1], moving[-1:]
+    else:
+        outer, last = [], moving
+        if len({len(arrays[n]) for n in moving}) > 1:
+            sizes = ", ".join(f"{n}: {len(arrays[n])}" for n in moving)
+            raise SceneError(f"together=True needs as many values for every drive, not {sizes}")
+    fixed = {n: float(v[0]) for n, v in arrays.items() if n not in moving}
+    steps = [dict(zip(last, row, strict=True)) for row in zip(*(arrays[n].tolist() for n in last), strict=True)]
+    found: Paths = []
+    for combination in product(*(arrays[n].tolist() for n in outer)):
+        held = dict(zip(outer, combination, strict=True))
+        found.append(tuple({n: {**fixed, **held, **s}[n] for n in arrays} for s in steps or [{}]))
+    return found
+
+
+def design_points(mechanism: Any, designs: Any) -> list[dict[str, Any]]:
+    """Parameters of every design: all combinations of a mapping of values, or a sequence of mappings as it is."""
+    if designs is None:
+        return [{}]
+    if not callable(mechanism):
+        raise SceneError(
+            "designs = ... needs a function of these parameters that returns a mechanism in place of the mechanism"
+        )
+    if isinstance(designs, Mapping):
+        rows = [np.atleast_1d(np.asarray(v)).tolist() for v in designs.values()]
+        return [dict(zip(designs, row, strict=True)) for row in product(*rows)]
+    found = [dict(d) for d in designs]
+    if not found:
+        raise SceneError("designs is empty: give at least one set of parameters")
+    return found
+
+
+def _built(mechanism: Any, parameters: Mapping[str, Any]) -> tuple[Scene | None, str]:
+    """The scene of a design, or None and why it could not be built."""
+    if not callable(mechanism):
+        made = mechanism
+    elif not parameters and _needs_arguments(mechanism):
+        raise SceneError("the mechanism is a function of parameters: give their values with designs={...}")
+    else:
+        try:
+            made = mechanism(**parameters)
+        except (SceneError, ArithmeticError, ValueError) as reason:
+            return None, f"this design cannot be built: {reason}"
+    scene = made if isinstance(made, Scene) else made.scene() if hasattr(made, "scene") else None
+    if scene is None:
+        raise SceneError(f"{made!r} is not a mechanism: give a Mechanism, a Scene, or a function returning one")
+    return scene, ""
+
+
+def _needs_arguments(function: Callable[..., Any]) -> bool:
+    kinds = (inspect.Parameter.VAR_POSITIONAL, inspect.Parameter.VAR_KEYWORD)
+    return any(
+        p.default is p.empty and p.kind not in kinds for p in inspect.signature(function).parameters.values()
+    )
+
+
+def _check_drives(scene: Scene, values: Mapping[str, Any]) -> None:
+    """SceneError before the work begins when a drive has no value, or a value no drive."""
+    known = [d.name for d in scene.drives]
+    for n in values:
+        if n not in known:
+            raise SceneError(f"'{n}' is not a drive of '{scene.name}'; its drives are {', '.join(known) or 'none'}")
+
+
+def load_cases(loads: Any) -> dict[str, tuple[Load, ...]]:
+    """Loads by case: {"payload": [dict(link="top", force=(0, 0, -5), at=...)], "none": []}, or ksd Load objects."""
+    if loads is None:
+        return {"": ()}
+    if not isinstance(loads, Mapping) or not loads:
+        raise SceneError("loads: give the load cases by name, such as {'payload': [dict(link='top', force=...)]}")
+    return {str(case): tuple(_load(entry, f"{case} {k + 1}") for k, entry in enumerate(_several(entries)))
+            for case, entries in loads.items()}  # fmt: skip
+
+
+def _several(entries: Any) -> Sequence[Any]:
+    return [entries] if isinstance(entries, Mapping | Load) else list(entries)
+
+
+def _load(entry: Any, name: str) -> Any:
+    if isinstance(entry, Load):
+        return entry
+    words = {"force": (0.0, 0.0, 0.0), "moment": (0.0, 0.0, 0.0), "at": None, "name": name, "following": False}
+    unknown = set(entry) - {*words, "link"}
+    if unknown or "link" not in entry:
+        raise SceneError(f"load case '{name}': give link, force, moment, at, following; not {sorted(unknown)}")
+    said = {**words, **entry}
+    link = getattr(said["link"], "name", said["link"])
+    if said["at"] is None:
+        raise SceneError(f"load case '{name}': give at, the point (3,) [m] of link '{link}' where it acts")
+    return Load(said["name"], link, said["force"], said["moment"], said["at"], said["following"])
+
+
+def _loaded(scene: Scene | None, extra: tuple[Load, ...]) -> tuple[Scene | None, str]:
+    if scene is None or not extra:
+        return scene, ""
+    for load in extra:
+        if load.link not in scene.links:
+            return None, f"load '{load.name}' acts on link '{load.link}', which is not part of '{scene.name}'"
+    return replace(scene, loads=(*scene.loads, *extra)), ""
+
+
+def fingerprint(lines: Sequence[Line], recipe: Recipe) -> str:
+    """Hash of everything the rows depend on."""
+    digest = hashlib.sha256(repr(recipe).encode())
+    for line in lines:
+        scene = line.failure if line.scene is None else line.scene.fingerprint()
+        digest.update(f"{line.number} {dict(line.labels)} {scene} {line.poses}".encode())
+    return digest.hexdigest()

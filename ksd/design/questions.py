@@ -1,0 +1,182 @@
+"""What a sweep asks of every pose, and the columns the answers go into; units are in the column names."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ksd.design.tracking import SPARE, Tracks, follow
+from ksd.errors import KsdError, SceneError
+from ksd.properties.stiffness import DIRECTIONS, drive_stiffness, finer_tangent, point_stiffness
+from ksd.solve.answer import drive_kind
+
+Row = dict[str, Any]
+VALUE = {"translation": ("mm", 1e3), "rotation": ("deg", 180 / np.pi), "mixed": ("SI", 1.0)}
+EFFORT = {"translation": "force_N", "rotation": "moment_Nm", "mixed": "effort_SI"}
+
+
+@dataclass(frozen=True)
+class Asked:
+    """The questions and their options. questions: names in QUESTIONS; link, at (3,) [m at rest]: the point whose
+    support stiffness and parasitic motion are asked, by default where the first drive acts; freed: drives let go for
+    the frequencies, all when None; modes: how many to follow; points: stations per leaf for stress."""
+
+    questions: tuple[str, ...]
+    link: str | None = None
+    at: tuple[float, float, float] | None = None
+    freed: tuple[str, ...] | None = None
+    modes: int = 4
+    points: int = 25
+
+    def point(self, scene: Any) -> tuple[str, tuple[float, float, float] | None]:
+        """Link and point asked about; SceneError when the scene has no drive to take it from."""
+        if self.link is not None:
+            return self.link, self.at
+        if not scene.drives:
+            raise SceneError("name a link: this mechanism has no drive whose point could be asked about")
+        term = scene.drives[0].terms[0]
+        return term.link, self.at if self.at is not None else _pivot(scene, term)
+
+
+def _pivot(scene: Any, term: Any) -> tuple[float, float, float]:
+    """The driven point; for a joint's own rotation the middle between its interfaces, so that its motion is the
+    pivot shift."""
+    if term.kind == "rotation":
+        for j in scene.joints:
+            if {j.a, j.b} == {term.base, term.link} and np.allclose(j.place(j.joint.pose_B), term.point):
+                x, y, z = (0.5 * (np.asarray(j.origin) + np.asarray(term.point))).tolist()
+                return x, y, z
+    return term.point
+
+
+def columns_of_drives(scene: Any) -> dict[str, tuple[str, float]]:
+    """Column and factor (column = factor * SI) of every drive: "top_mm", "hinge_deg"."""
+    found = {}
+    for drive in scene.drives:
+        unit, factor = VALUE[drive_kind(drive)]
+        found[drive.name] = f"{drive.name}_{unit}", factor
+    return found
+
+
+def _force(pose: Any, asked: Asked) -> Row:
+    row: Row = {}
+    for i, drive in enumerate(pose.model.scene.drives):
+        column = f"{drive.name}_{EFFORT[drive_kind(drive)]}"
+        row[column] = float(pose.forces[drive.name])
+        if pose.error is not None:
+            row[f"{drive.name}_error_{EFFORT[drive_kind(drive)].rsplit('_', 1)[1]}"] = float(pose.error.force[i])
+    if pose.error is not None:
+        row["error_percent"] = 100.0 * float(pose.error.relative)
+    return row
+
+
+def _drive_stiffness(pose: Any, asked: Asked) -> Row:
+    found = drive_stiffness(pose.model, pose.motion, load_factor=pose.load_factor)
+    return {
+        f"{n}_stiffness_{unit.replace('/', '_per_')}": found[n]
+        for n, unit in zip(found.names, found.units, strict=True)
+    }
+
+
+def _support_stiffness(pose: Any, asked: Asked) -> Row:
+    link, at = asked.point(pose.model.scene)
+    tangent = finer_tangent(pose.model, pose.motion, load_factor=pose.load_factor)
+    found = point_stiffness(pose.model, pose.motion, link, at=at, tangent=tangent).supports
+    return {
+        f"support_{d}_{'N_per_m' if len(d) == 1 else 'Nm_per_rad'}": _within(found[d]) for d in DIRECTIONS
+    }
+
+
+def _within(value: float) -> float:
+    """nan for a held direction, whose stiffness is infinite: it would rule every plot and table."""
+    return value if np.isfinite(value) else float("nan")
+
+
+def _stress(pose: Any, asked: Asked) -> Row:
+    found = pose.stress(points=asked.points)
+    leaf, s, point = found.where
+    return {
+        "stress_MPa": 1e-6 * found.largest_Pa,
+        "stress_leaf": leaf,
+        "stress_s_mm": 1e3 * s,
+        "stress_point": point,
+    }
+
+
+def _parasitic(pose: Any, asked: Asked) -> Row:
+    """Motion of the point and rotation of its link, less what the first drive prescribes along its own axis."""
+    scene = pose.model.scene
+    link, at = asked.point(scene)
+    node = pose.model.node_names.index(link)
+    shift = pose.displacement(link, pose.model.rest.x[node] if at is None else at)
+    turn = pose.rotation(link)
+    for term in scene.drives[0].terms[:1] if scene.drives else ():
+        along = np.asarray(term.direction)
+        if term.kind == "translation":
+            shift = shift - along * (along @ shift)
+        else:
+            turn = turn - along * (along @ turn)
+    row: Row = {f"parasitic_{a}_mm": 1e3 * float(v) for a, v in zip("xyz", shift, strict=True)}
+    return row | {f"parasitic_r{a}_mrad": 1e3 * float(v) for a, v in zip("xyz", turn, strict=True)}
+
+
+def _energy(pose: Any, asked: Asked) -> Row:
+    return {"strain_energy_J": float(sum(pose.strain_energy().values()))}
+
+
+def _buckling(pose: Any, asked: Asked) -> Row:
+    """Factors on all stresses of the state; a state without stress has none."""
+    try:
+        found = pose.buckling()
+    except SceneError as reason:
+        if "no stress" not in str(reason):
+            raise
+        return {"buckling_positive": float("nan"), "buckling_negative": float("nan")}
+    return {"buckling_positive": _within(found.positive), "buckling_negative": _within(found.negative)}
+
+
+_ANSWERS: dict[str, Callable[[Any, Asked], Row]] = {
+    "force": _force,
+    "drive_stiffness": _drive_stiffness,
+    "support_stiffness": _support_stiffness,
+    "stress": _stress,
+    "parasitic": _parasitic,
+    "energy": _energy,
+    "buckling": _buckling,
+}
+QUESTIONS = ("force", "drive_stiffness", "support_stiffness", "frequencies", "stress", "parasitic", "energy")
+"""Asked by default; "buckling" on demand, as it costs more than all of them together."""
+KNOWN = (*_ANSWERS, "frequencies")
+CAUGHT: tuple[type[Exception], ...] = (KsdError, ArithmeticError, np.linalg.LinAlgError, RuntimeError)
+"""What one pose may raise without ending the sweep: our own errors, and arithmetic gone wrong."""
+
+
+def frequency_row(pose: Any, asked: Asked, before: Tracks | None) -> tuple[Row, Tracks]:
+    """Frequencies [Hz] of the followed modes, and the tracks for the next pose."""
+    freed = tuple(pose.model.drive_names) if asked.freed is None else asked.freed
+    tracks = follow(before, pose.frequencies(count=asked.modes + SPARE, freed=freed), asked.modes)
+    row: Row = {f"{n}_Hz": tracks.frequency_Hz(t) for t, n in enumerate(tracks.names)}
+    first = tracks.first_parasitic
+    row["first_parasitic_Hz"] = float("nan") if first is None else tracks.frequency_Hz(first)
+    row["first_parasitic_mode"] = "" if first is None else tracks.names[first]
+    row["assurance"] = min(tracks.assurance)
+    return row, tracks
+
+
+def answers(pose: Any, asked: Asked, before: Tracks | None, failed: Callable[[str, Exception], None]) -> Any:
+    """(row, tracks) of one pose; a question that cannot be answered is told to `failed` and leaves no columns."""
+    row: Row = {}
+    tracks = before
+    for name in asked.questions:
+        try:
+            if name == "frequencies":
+                found, tracks = frequency_row(pose, asked, before)
+            else:
+                found = _ANSWERS[name](pose, asked)
+            row |= found
+        except CAUGHT as reason:
+            failed(name, reason)
+    return row, tracks

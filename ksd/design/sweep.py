@@ -1,0 +1,222 @@
+"""`ksd.sweep`: all questions over drive values, load cases and designs, on any executor, into one table."""
+
+from __future__ import annotations
+
+import math
+import multiprocessing
+import os
+import pickle
+import signal
+import sys
+from collections.abc import Iterator, Mapping
+from concurrent.futures import Executor, Future, ProcessPoolExecutor, as_completed
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from ksd.design.kept import Kept
+from ksd.design.lines import Line, Recipe, blank_rows, run_block, run_line
+from ksd.design.plan import fingerprint, plan_lines
+from ksd.design.questions import KNOWN, QUESTIONS, Asked
+from ksd.design.table import Table
+from ksd.errors import KsdError, SceneError
+from ksd.model.mesh import Mesh
+from ksd.solve.choose import METHODS
+
+PER_PROCESS = 4
+"""Blocks handed to each worker, so that none idles long at the end."""
+WORTH = 200
+"""Poses below which starting processes costs more than it saves."""
+
+
+class SweepInterrupted(KeyboardInterrupt):
+    """Ctrl-C during a sweep: `table` holds all rows done; the others say that they were not reached."""
+
+    def __init__(self, message: str, table: Table) -> None:
+        super().__init__(message)
+        self.table = table
+
+
+def sweep(
+    mechanism: Any,
+    targets: Mapping[str, Any] | None = None,
+    *,
+    designs: Any = None,
+    loads: Any = None,
+    questions: Any = QUESTIONS,
+    link: Any = None,
+    at: Any = None,
+    freed: Any = None,
+    modes: int = 4,
+    method: str | None = None,
+    accuracy: float | None = None,
+    passes: int = 0,
+    mesh: Mesh | None = None,
+    extrapolate: bool = False,
+    together: bool = False,
+    executor: Executor | None = None,
+    progress: bool = True,
+    resume: Any = None,
+    **drives: Any,
+) -> Table:
+    """Answer `questions` at every pose of every design under every load case; returns a `Table`.
+
+    mechanism: Mechanism, Scene, or a function of the parameters in `designs` that returns one. Drive values [m or rad]
+    by name, numbers or arrays: ``top=np.linspace(0, 0.3, 31)``. All combinations are walked, the array named last along
+    the stroke (conventional poses start from the one before; modes are followed); together=True moves all arrays in
+    step. designs: {"thickness": [...], ...} for all combinations, or a list of such mappings. loads: cases by name, each
+    a list of dict(link=, force=, moment=, at=) added to the scene's own. questions: of "force", "drive_stiffness",
+    "support_stiffness", "frequencies", "stress", "parasitic", "energy", "buckling"; link, at: the point asked about;
+    freed: drives let go for frequencies (all when None), modes: how many are followed. executor: any
+    concurrent.futures.Executor; without one, this process or, for many poses, a pool of processes. resume: a file that
+    keeps finished lines; give it again to go on. A pose that fails is a row whose `status` says why.
+
+    Raises SceneError for what is wrong before any solve; SweepInterrupted (a KeyboardInterrupt with `.table`) on Ctrl-C.
+    """
+    recipe = _recipe(
+        _asked(questions, link, at, freed, modes=modes),
+        method=method, accuracy=accuracy, passes=passes, mesh=mesh, extrapolate=extrapolate,
+    )  # fmt: skip
+    lines, name = plan_lines(mechanism, {**(targets or {}), **drives}, designs, loads, together=together)
+    kept = Kept(resume, fingerprint(lines, recipe))
+    partial: dict[int, list[dict[str, Any]]] = {}
+    facts = {"method": method or "cheapest", "questions": ", ".join(recipe.asked.questions)}
+    try:
+        with _bar(f"sweep {name}", sum(len(line.poses) for line in lines), progress) as done:
+            missing = [line for line in lines if line.number not in kept.found]
+            done(sum(len(rows) for rows in kept.found.values()))
+            _run(missing, recipe, executor, (kept, partial, done))
+    except KeyboardInterrupt:
+        table = _table(lines, kept.found | partial, name, facts)
+        again = "" if resume is None else f"; call again with resume='{resume}' to go on"
+        raise SweepInterrupted(f"interrupted: the rows done are in .table of this exception{again}", table) from None
+    return _table(lines, kept.found, name, facts)
+
+
+def _asked(questions: Any, link: Any, at: Any, freed: Any, *, modes: int) -> Asked:
+    names = (questions,) if isinstance(questions, str) else tuple(questions)
+    for q in names:
+        if q not in KNOWN:
+            raise SceneError(f"question {q!r} is not known; ask {', '.join(KNOWN)}")
+    if not 1 <= modes <= 50:
+        raise SceneError(f"modes = {modes}: between 1 and 50 modes can be followed")
+    point = None if at is None else tuple(float(v) for v in at)
+    if point is not None and len(point) != 3:
+        raise SceneError(f"at = {at!r}: three coordinates [m] of a point at rest are needed")
+    if freed is not None:
+        freed = (freed,) if isinstance(freed, str) else tuple(freed)
+    return Asked(names, None if link is None else str(getattr(link, "name", link)), point, freed, modes)  # type: ignore[arg-type]
+
+
+def _recipe(asked: Asked, *, method: str | None, **how: Any) -> Recipe:
+    if method is not None and method not in METHODS:
+        raise SceneError(f"method = {method!r}: choose one of {', '.join(METHODS)}")
+    return Recipe(asked, method=method, **how)
+
+
+def _table(lines: list[Line], found: dict[int, Any], name: str, facts: dict[str, str]) -> Table:
+    """Rows in the order of the sweep; poses not reached say so."""
+    rows, labels = [], {}
+    for line in lines:
+        mine = list(found.get(line.number, ()))
+        mine += blank_rows(line, "not reached: the sweep was interrupted", first=len(mine))
+        rows += mine
+        labels |= dict.fromkeys(k for k in blank_rows(line, "")[0] if k != "status")
+    return Table.of_rows(rows, tuple(labels), name=name, facts=facts)
+
+
+def _run(missing: list[Line], recipe: Recipe, executor: Executor | None, where: Any) -> None:
+    """Compute the missing lines, here or elsewhere, keeping each as it is finished."""
+    poses = sum(len(line.poses) for line in missing)
+    if executor is None and (len(missing) < 2 or poses < WORTH or not _can_spawn(missing, recipe)):
+        _run_here(missing, recipe, where)
+        return
+    if executor is not None:
+        _run_on(executor, missing, recipe, where)
+        return
+    # spawned, not forked: compiled kernels and threads do not survive a fork safely
+    context = multiprocessing.get_context("spawn")
+    pool = ProcessPoolExecutor(os.cpu_count() or 1, mp_context=context, initializer=_quiet)
+    try:
+        _run_on(pool, missing, recipe, where)
+    finally:
+        pool.shutdown(wait=False, cancel_futures=True)
+
+
+def _run_here(missing: list[Line], recipe: Recipe, where: Any) -> None:
+    kept, partial, done = where
+    solver, scene = None, None
+    for line in missing:
+        rows = partial[line.number] = _Counted(done)
+        solver = run_line(line, recipe, solver if line.scene is scene else None, rows)
+        scene = line.scene
+        kept.keep(line.number, list(partial.pop(line.number)))
+
+
+class _Counted(list):
+    """Rows of a line under way; each one moves the bar."""
+
+    def __init__(self, done: Any) -> None:
+        super().__init__()
+        self.done = done
+
+    def append(self, row: Any) -> None:
+        """Add a row."""
+        super().append(row)
+        self.done(1)
+
+    def extend(self, rows: Any) -> None:
+        """Add several rows."""
+        for row in rows:
+            self.append(row)
+
+
+def _run_on(executor: Executor, missing: list[Line], recipe: Recipe, where: Any) -> None:
+    kept, _, done = where
+    workers = getattr(executor, "_max_workers", None) or os.cpu_count() or 1
+    size = max(1, math.ceil(len(missing) / (PER_PROCESS * workers)))
+    blocks = [tuple(missing[i : i + size]) for i in range(0, len(missing), size)]
+    waiting: dict[Future[Any], tuple[Line, ...]] = {executor.submit(run_block, b, recipe): b for b in blocks}
+    try:
+        for future in as_completed(waiting):
+            for line, rows in zip(waiting[future], future.result(), strict=True):
+                kept.keep(line.number, rows)
+                done(len(rows))
+    except BrokenProcessPool as error:
+        raise KsdError(
+            "The sweep's processes ended unexpectedly; finished lines are kept if `resume` was given. Call sweep "
+            "under `if __name__ == '__main__':`, or give it another executor."
+        ) from error
+    finally:
+        for future in waiting:
+            future.cancel()
+
+
+def _can_spawn(lines: list[Line], recipe: Recipe) -> bool:
+    """Whether a fresh process can import the running script and be sent a line."""
+    main = getattr(sys.modules["__main__"], "__file__", None)
+    if main is not None and not Path(main).is_file():
+        return False
+    try:
+        pickle.dumps((lines[0], recipe))
+    except (pickle.PicklingError, AttributeError, TypeError):
+        return False
+    return True
+
+
+def _quiet() -> None:
+    """Ctrl-C is the business of the process that started the workers."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+
+
+@contextmanager
+def _bar(title: str, total: int, shown: bool) -> Iterator[Any]:
+    """A progress bar on stderr with the time left; yields a function that moves it on."""
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+    with Progress(*columns, console=Console(stderr=True), disable=not shown, transient=True) as bar:
+        task = bar.add_task(title, total=total)
+        yield lambda count: bar.advance(task, count)

@@ -1,0 +1,172 @@
+"""The labelled table a sweep returns: a row per pose, units in the column names, failures as rows that say why."""
+
+from __future__ import annotations
+
+import csv
+import math
+import os
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ksd.errors import SceneError
+
+STATUS = "status"
+"""The column that says "ok", or why a row has no numbers."""
+OK = "ok"
+
+
+@dataclass(frozen=True, repr=False)
+class Table:
+    """Rows of a sweep.
+
+    columns: values (rows,) by column name; numbers are floats (nan where a row failed), texts are str. labels: the
+    columns that say where a row belongs: design parameters, load case, drives. name: of the mechanism. facts: how
+    the rows were made, as text.
+    """
+
+    columns: Mapping[str, tuple[Any, ...]]
+    labels: tuple[str, ...]
+    name: str = "sweep"
+    facts: Mapping[str, str] = field(default_factory=dict)
+
+    @classmethod
+    def of_rows(cls, rows: Sequence[Mapping[str, Any]], labels: Sequence[str], **more: Any) -> Table:
+        """A table of rows that need not have the same keys; numbers missing are nan, texts empty."""
+        names = list(dict.fromkeys([*labels, *(key for row in rows for key in row)]))
+        names = [n for n in names if n != STATUS] + [STATUS]
+        blank: dict[str, Any] = {}
+        for n in names:
+            known = [row[n] for row in rows if n in row]
+            blank[n] = "" if any(isinstance(v, str) for v in known) else math.nan
+        columns = {n: tuple(row.get(n, blank[n]) for row in rows) for n in names}
+        return cls(columns, tuple(labels), **more)
+
+    def __len__(self) -> int:
+        return len(self.columns[STATUS])
+
+    def __getitem__(self, name: str) -> Any:
+        """One column: a float array (rows,), or a list of texts. SceneError names the columns there are."""
+        if name not in self.columns:
+            raise SceneError(f"there is no column '{name}'; there are {', '.join(self.columns)}")
+        values = self.columns[name]
+        return list(values) if any(isinstance(v, str) for v in values) else np.array(values, float)
+
+    def __repr__(self) -> str:
+        bad = len(self.failures)
+        return f"<Table of '{self.name}': {len(self)} rows, {len(self.columns)} columns, {bad} failed>"
+
+    def __str__(self) -> str:
+        from rich.console import Console
+
+        console = Console(width=120, highlight=False)
+        with console.capture() as text:
+            console.print(self._short())
+        return "\n".join(line.rstrip() for line in text.get().splitlines())
+
+    def _short(self) -> Any:
+        from rich import box
+        from rich.table import Table as Grid
+        from rich.text import Text
+
+        shown = [n for n in self.columns if n not in ("method", STATUS)][:10]
+        grid = Grid(box=box.SIMPLE_HEAD, pad_edge=False, title=repr(self).strip("<>"), title_justify="left")
+        for n in [*shown, STATUS]:
+            grid.add_column(Text(n.replace("_", " ")), overflow="fold")
+        for row in self.rows():
+            said = [v if isinstance(v, str) else f"{v:.5g}" for v in (row[n] for n in shown)]
+            grid.add_row(*(Text(s) for s in (*said, row[STATUS])))
+        return grid
+
+    def rows(self) -> Iterator[dict[str, Any]]:
+        """Every row by column name."""
+        for values in zip(*self.columns.values(), strict=True):
+            yield dict(zip(self.columns, values, strict=True))
+
+    @property
+    def failures(self) -> list[dict[str, Any]]:
+        """Labels and status of the rows without full answers."""
+        keep = (*self.labels, STATUS)
+        return [{k: row[k] for k in keep} for row in self.rows() if row[STATUS] != OK]
+
+    def where(self, **labels: Any) -> Table:
+        """The rows whose label columns have these values (numbers to 1e-9)."""
+        kept = [row for row in self.rows() if all(_same(row[k], v) for k, v in labels.items())]
+        return Table.of_rows(kept, self.labels, name=self.name, facts=self.facts)
+
+    def plot(self, *questions: str, path: Any = None, **options: Any) -> Any:
+        """Picture of the answers over the stroke, see `ksd.view.plot_stroke`; written to `path` if given."""
+        from ksd.view import plot_stroke, save_figure
+
+        figure = plot_stroke(self, questions, **options)
+        return figure if path is None else save_figure(figure, path)
+
+    def to_csv(self, path: str | os.PathLike[str]) -> Path:
+        """Write comma-separated values (UTF-8, full precision, one header line). Returns the path."""
+        target = _writable(path)
+        with open(target, "w", newline="", encoding="utf-8") as file:
+            writer = csv.writer(file)
+            writer.writerow(self.columns)
+            writer.writerows(zip(*self.columns.values(), strict=True))
+        return target
+
+    def to_hdf5(self, path: str | os.PathLike[str]) -> Path:
+        """Write one dataset per column, facts as attributes (HDF5). Returns the path."""
+        from ksd.library.tables import write_columns
+
+        about = {**self.facts, "name": self.name, "labels": ", ".join(self.labels)}
+        return write_columns({n: self[n] for n in self.columns}, _writable(path), about=about)
+
+    def to_mat(self, path: str | os.PathLike[str]) -> Path:
+        """Write a MATLAB struct `sweep` with a field (rows, 1) per column; field names are the column names with
+        what MATLAB does not allow replaced by "_". Returns the path."""
+        from scipy.io import savemat
+
+        fields: dict[str, Any] = {}
+        for n in self.columns:
+            values = self[n]
+            fields[matlab_name(n, fields)] = (
+                np.array(values, dtype=object)[:, None] if isinstance(values, list) else values[:, None]
+            )
+        target = _writable(path)
+        savemat(target, {"sweep": fields, "labels": np.array(self.labels, object)}, long_field_names=True)
+        return target
+
+    def to_xarray(self) -> Any:
+        """An xarray Dataset with dimension `row` and the labels as coordinates. SceneError without xarray."""
+        try:
+            import xarray
+        except ImportError as error:
+            raise SceneError(
+                "xarray is not installed; install it with `pip install xarray`, or use to_csv, to_hdf5 or to_mat"
+            ) from error
+        named = {n: ("row", np.array(self[n])) for n in self.columns}
+        marks = {n: named.pop(n) for n in self.labels}
+        return xarray.Dataset(named, coords=marks, attrs={"name": self.name, **self.facts})
+
+
+def matlab_name(name: str, taken: Mapping[str, Any]) -> str:
+    """A MATLAB variable name (63 characters at most) for `name` that is not among `taken`."""
+    plain = re.sub(r"\W", "_", name, flags=re.ASCII)
+    plain = (plain if plain[:1].isalpha() else f"c_{plain}")[:60]
+    found, n = plain, 2
+    while found in taken:
+        found, n = f"{plain}_{n}", n + 1
+    return found
+
+
+def _same(a: Any, b: Any) -> bool:
+    if isinstance(a, str) or isinstance(b, str):
+        return bool(a == b)
+    return math.isclose(a, float(b), rel_tol=1e-9, abs_tol=1e-12)
+
+
+def _writable(path: str | os.PathLike[str]) -> Path:
+    target = Path(path)
+    if not target.parent.is_dir():
+        raise SceneError(f"table '{target}': folder '{target.parent}' does not exist; make it first")
+    return target

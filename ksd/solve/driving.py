@@ -1,0 +1,102 @@
+"""Moving the drives: load steps that are halved on failure, whatever the Newton underneath."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ksd.model.arrays import Arrays, Motion, Work
+from ksd.solve.newton import iterate
+from ksd.solve.stops import Stop
+
+RTOL = 1e-8
+"""Residual of a node over the sum of the element forces on it (design section 5)."""
+CAP = 0.3
+"""Largest rotation [rad] of a node in one iteration after the predictor."""
+WEAK_PIVOT = 1e-9
+"""Relative pivot below which a load step is done again, or its inertia counted again, with pivoting."""
+
+
+class Driven(NamedTuple):
+    """How driving went: why it stopped, matrix solves including failed attempts, residual over its bound, negative
+    pivots, fraction of the drive motion reached, load steps tried, load steps that needed pivoting, most iterations of a
+    load step."""
+
+    stop: Stop
+    solves: int
+    residual: float
+    negatives: int
+    reached: float
+    taken: int
+    pivoted: int = 0
+    longest: int = 0
+
+
+def drive_to(
+    arrays: Arrays,
+    motion: Any,
+    work: Work,
+    *,
+    start: np.ndarray,
+    target: np.ndarray,
+    factors: tuple[float, float] = (1.0, 1.0),
+    steps: int = 1,
+    rtol: float = RTOL,
+    most: int = 30,
+    cap: float = CAP,
+    eps_max: float = math.inf,
+    smallest: float = 1e-4,
+    newton: Callable[..., tuple[int, int, float, int, float]] = iterate,
+) -> Driven:
+    """Move the drives from `start` to `target` (c,), halving on failure; `motion` ends at the last equilibrium.
+
+    newton: the compiled Newton that fits `arrays` and `motion` (spatial, or planar), called as `iterate` is.
+    """
+    done, size, solves, taken, pivoted, longest = 0.0, 1.0 / steps, 0, 0, 0, 0
+    residual, negatives = math.inf, 0
+    safe = motion.copy()
+    while done < 1.0:
+        # land on the end exactly, whatever the rounding of the steps
+        goal = 1.0 if done + size > 1.0 - 1e-9 else done + size
+        level = factors[0] + goal * (factors[1] - factors[0])
+        want = start + goal * (target - start)
+        aim = (want, level, work, rtol, most, cap, eps_max)
+        reason, count, residual, negatives, pivot = newton(arrays, motion, *aim)
+        solves += count
+        taken += 1
+        if newton is iterate and _weak(arrays, reason, pivot):
+            again = _with_pivoting(arrays, motion, safe, aim, reason)
+            reason, count, residual, negatives, _ = again
+            solves, pivoted = solves + count, pivoted + 1
+        if reason == Stop.CONVERGED:
+            done, longest = goal, max(longest, count)
+            safe.assign(motion)
+            continue
+        motion.assign(safe)
+        size *= 0.5
+        if size < smallest:
+            return Driven(Stop(reason), solves, residual, negatives, done, taken, pivoted, longest)
+    return Driven(Stop.CONVERGED, solves, residual, negatives, 1.0, taken, pivoted, longest)
+
+
+def _weak(arrays: Arrays, reason: int, pivot: float) -> bool:
+    """Whether pivoting may do better: a pivot of rounding, or a following load whose symmetric tangent failed."""
+    failed = reason != Stop.CONVERGED
+    return (
+        reason == Stop.SINGULAR or pivot < WEAK_PIVOT or (failed and bool(np.any(arrays.loads.following == 1)))
+    )
+
+
+def _with_pivoting(
+    arrays: Arrays, motion: Motion, safe: Motion, aim: tuple, reason: int
+) -> tuple[int, int, float, int, float]:
+    """The load step again with pivoting, from `safe`; a step that converged is only looked over (no iteration)."""
+    # here, so that a scene without weak pivots never imports it
+    from ksd.solve.pivoted import iterate_pivoted
+
+    if reason != Stop.CONVERGED:
+        motion.assign(safe)
+    return iterate_pivoted(arrays, motion, *aim)
