@@ -92,10 +92,10 @@ def _apply(tangent: Tangent, mass: Inertia, loads: Array) -> Array:
     n = tangent.arrays.plan.unknowns
     out = np.empty_like(loads)
     out[:n] = tangent.solve(loads[:n])
-    if mass.flexible and all(Z.shape == mass.flexible[0].shape for Z in mass.flexible):
+    if mass.stacked is not None:
         # leafs of one kind are one batch
-        N, count = len(mass.flexible[0]), len(mass.flexible)
-        out[n:] = (np.stack(mass.flexible) @ loads[n:].reshape(count, N, -1)).reshape(count * N, -1)
+        count, N, _ = mass.stacked.shape
+        out[n:] = (mass.stacked @ loads[n:].reshape(count, N, -1)).reshape(count * N, -1)
         return out
     starts = [a for a, b in pairwise(mass.inner) if b > a]
     for at, Z in zip(starts, mass.flexible, strict=True):

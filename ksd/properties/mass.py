@@ -10,6 +10,7 @@ so that they have no inner coordinates.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -52,8 +53,19 @@ class Inertia:
             M[np.ix_(at, at)] += block
         return M
 
+    @cached_property
+    def stacked(self) -> Array | None:
+        """All Z (m, N, N) in one array, None where leafs differ in their number of modes."""
+        if not self.flexible or any(Z.shape != self.flexible[0].shape for Z in self.flexible):
+            return None
+        return np.stack(self.flexible)
+
     def sparse(self) -> Any:
-        """The mass matrix as a scipy CSR matrix."""
+        """The mass matrix as a scipy CSR matrix; made once, not to be changed."""
+        return self._sparse
+
+    @cached_property
+    def _sparse(self) -> Any:
         from scipy.sparse import coo_matrix
 
         rows = np.concatenate([np.repeat(at, len(at)) for at in self.places])

@@ -22,6 +22,7 @@ from ksd.properties.shape import (
     Ends,
     chain_axes,
     chain_nodes,
+    crossed,
     member_ends,
     member_parts,
     members_of_leafs,
@@ -84,8 +85,8 @@ def _member_forces(model: Model, motion: Motion, i: int, points: int, work: Work
         R, s = turned @ chain_axes(value, number), np.concatenate([[0.0], np.cumsum(lengths)])
         wrench = _chain_wrench(model, motion, i, ends, work)
     n, m = wrench[:3], wrench[3:]
-    moment = m + np.cross(r[-1] - r, n)
-    return s, np.hstack([np.einsum("kij,i->kj", R, n), np.einsum("kij,ki->kj", R, moment)])
+    moment = m + crossed(r[-1] - r, n)
+    return s, np.hstack([n @ R, (moment[:, None, :] @ R)[:, 0]])
 
 
 def _chain_wrench(model: Model, motion: Motion, i: int, ends: Ends, work: Work) -> Array:
