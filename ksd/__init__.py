@@ -16,6 +16,7 @@ from ksd.errors import (
     RangeError,
     RecordError,
     SceneError,
+    TrustError,
 )
 
 __version__ = "0.1.0"
@@ -34,12 +35,14 @@ _HOMES = {
     "ksd.model.compile": ("Model", "compile_scene"),
     "ksd.solve.choose": ("Solver", "prepare", "solve"),
     "ksd.solve.configuration": ("Configuration",),
+    "ksd.solve.path": ("Path", "follow"),
     "ksd.train": ("train",),
     "ksd.library": ("Record", "find_record"),
 }  # fmt: skip
 _HOME = {name: home for home, names in _HOMES.items() for name in names}
 _KEPT = (
-    ConvergenceError, KinematicsError, KsdError, RangeError, RecordError, SceneError, errors, units,
+    ConvergenceError, KinematicsError, KsdError, RangeError, RecordError, SceneError, TrustError,
+    errors, units,
 )  # fmt: skip
 
 if TYPE_CHECKING:
@@ -83,6 +86,7 @@ if TYPE_CHECKING:
     from ksd.section import Section, circle, numbers, polygon, rectangle, tube
     from ksd.solve.choose import Solver, prepare, solve
     from ksd.solve.configuration import Configuration
+    from ksd.solve.path import Path, follow
     from ksd.train import train
 
 

@@ -34,6 +34,10 @@ class ConvergenceError(KsdError):
         self.result = result
 
 
+class TrustError(ConvergenceError):
+    """A solve converged to a state that cannot be believed: unstable, or on another branch; `result` is that state."""
+
+
 class RecordError(KsdError):
     """A joint record is missing, truncated, altered, or of a format this version cannot read."""
 

@@ -1,6 +1,17 @@
-"""Questions over strokes, load cases and designs: sweeps into tables, modes followed by name, reports, state space."""
+"""Questions over strokes, load cases and designs: sweeps into tables, modes followed by name, frequencies from three
+configurations, state-space models, and the HTML report."""
 
+from ksd.design.curve import FrequencyCurve, frequency_curve
+from ksd.design.state_space import StateSpace, state_space
 from ksd.design.sweep import SweepInterrupted, sweep
 from ksd.design.table import Table
 
-__all__ = ["SweepInterrupted", "Table", "sweep"]
+__all__ = [
+    "FrequencyCurve",
+    "StateSpace",
+    "SweepInterrupted",
+    "Table",
+    "frequency_curve",
+    "state_space",
+    "sweep",
+]

@@ -69,7 +69,7 @@ class Walk:
         if r.method == "conventional":
             self.before = self._continued(values)
             return self.before
-        return self.solver(values, method=r.method, accuracy=r.accuracy, passes=r.passes)
+        return self.solver(values, method=r.method, accuracy=r.accuracy, passes=r.passes, strict=False)
 
     def _continued(self, values: Mapping[str, float]) -> Configuration:
         """From the pose before; from rest where that fails."""

@@ -35,7 +35,9 @@ def plan_lines(
         for case, extra in cases.items():
             loaded, trouble = _loaded(scene, extra)
             labels = dict(parameters) | ({} if loads is None else {"load_case": case})
-            lines += [Line(len(lines) + k, labels, loaded, p, failure or trouble) for k, p in enumerate(paths)]
+            lines += [
+                Line(len(lines) + k, labels, loaded, p, failure or trouble) for k, p in enumerate(paths)
+            ]
     return lines, name
 
 
@@ -54,7 +56,9 @@ def drive_paths(values: Mapping[str, Any], *, together: bool) -> Paths:
             sizes = ", ".join(f"{n}: {len(arrays[n])}" for n in moving)
             raise SceneError(f"together=True needs as many values for every drive, not {sizes}")
     fixed = {n: float(v[0]) for n, v in arrays.items() if n not in moving}
-    steps = [dict(zip(last, row, strict=True)) for row in zip(*(arrays[n].tolist() for n in last), strict=True)]
+    steps = [
+        dict(zip(last, row, strict=True)) for row in zip(*(arrays[n].tolist() for n in last), strict=True)
+    ]
     found: Paths = []
     for combination in product(*(arrays[n].tolist() for n in outer)):
         held = dict(zip(outer, combination, strict=True))
@@ -92,7 +96,9 @@ def _built(mechanism: Any, parameters: Mapping[str, Any]) -> tuple[Scene | None,
             return None, f"this design cannot be built: {reason}"
     scene = made if isinstance(made, Scene) else made.scene() if hasattr(made, "scene") else None
     if scene is None:
-        raise SceneError(f"{made!r} is not a mechanism: give a Mechanism, a Scene, or a function returning one")
+        raise SceneError(
+            f"{made!r} is not a mechanism: give a Mechanism, a Scene, or a function returning one"
+        )
     return scene, ""
 
 
@@ -108,7 +114,9 @@ def _check_drives(scene: Scene, values: Mapping[str, Any]) -> None:
     known = [d.name for d in scene.drives]
     for n in values:
         if n not in known:
-            raise SceneError(f"'{n}' is not a drive of '{scene.name}'; its drives are {', '.join(known) or 'none'}")
+            raise SceneError(
+                f"'{n}' is not a drive of '{scene.name}'; its drives are {', '.join(known) or 'none'}"
+            )
 
 
 def load_cases(loads: Any) -> dict[str, tuple[Load, ...]]:
@@ -116,7 +124,9 @@ def load_cases(loads: Any) -> dict[str, tuple[Load, ...]]:
     if loads is None:
         return {"": ()}
     if not isinstance(loads, Mapping) or not loads:
-        raise SceneError("loads: give the load cases by name, such as {'payload': [dict(link='top', force=...)]}")
+        raise SceneError(
+            "loads: give the load cases by name, such as {'payload': [dict(link='top', force=...)]}"
+        )
     return {str(case): tuple(_load(entry, f"{case} {k + 1}") for k, entry in enumerate(_several(entries)))
             for case, entries in loads.items()}  # fmt: skip
 
@@ -128,10 +138,18 @@ def _several(entries: Any) -> Sequence[Any]:
 def _load(entry: Any, name: str) -> Any:
     if isinstance(entry, Load):
         return entry
-    words = {"force": (0.0, 0.0, 0.0), "moment": (0.0, 0.0, 0.0), "at": None, "name": name, "following": False}
+    words = {
+        "force": (0.0, 0.0, 0.0),
+        "moment": (0.0, 0.0, 0.0),
+        "at": None,
+        "name": name,
+        "following": False,
+    }
     unknown = set(entry) - {*words, "link"}
     if unknown or "link" not in entry:
-        raise SceneError(f"load case '{name}': give link, force, moment, at, following; not {sorted(unknown)}")
+        raise SceneError(
+            f"load case '{name}': give link, force, moment, at, following; not {sorted(unknown)}"
+        )
     said = {**words, **entry}
     link = getattr(said["link"], "name", said["link"])
     if said["at"] is None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -61,20 +62,37 @@ def columns_of_drives(scene: Any) -> dict[str, tuple[str, float]]:
     return found
 
 
+@dataclass(frozen=True)
+class Pose:
+    """A configuration under question, with the factored tangent that several questions stand on."""
+
+    configuration: Any
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self.configuration, name)
+
+    @cached_property
+    def tangent(self) -> Any:
+        """`finer_tangent` with all drives held."""
+        return finer_tangent(self.model, self.motion, load_factor=self.load_factor)
+
+
 def _force(pose: Any, asked: Asked) -> Row:
     row: Row = {}
     for i, drive in enumerate(pose.model.scene.drives):
         column = f"{drive.name}_{EFFORT[drive_kind(drive)]}"
         row[column] = float(pose.forces[drive.name])
         if pose.error is not None:
-            row[f"{drive.name}_error_{EFFORT[drive_kind(drive)].rsplit('_', 1)[1]}"] = float(pose.error.force[i])
+            row[f"{drive.name}_error_{EFFORT[drive_kind(drive)].rsplit('_', 1)[1]}"] = float(
+                pose.error.force[i]
+            )
     if pose.error is not None:
         row["error_percent"] = 100.0 * float(pose.error.relative)
     return row
 
 
 def _drive_stiffness(pose: Any, asked: Asked) -> Row:
-    found = drive_stiffness(pose.model, pose.motion, load_factor=pose.load_factor)
+    found = drive_stiffness(pose.model, pose.motion, tangent=pose.tangent)
     return {
         f"{n}_stiffness_{unit.replace('/', '_per_')}": found[n]
         for n, unit in zip(found.names, found.units, strict=True)
@@ -83,16 +101,34 @@ def _drive_stiffness(pose: Any, asked: Asked) -> Row:
 
 def _support_stiffness(pose: Any, asked: Asked) -> Row:
     link, at = asked.point(pose.model.scene)
-    tangent = finer_tangent(pose.model, pose.motion, load_factor=pose.load_factor)
-    found = point_stiffness(pose.model, pose.motion, link, at=at, tangent=tangent).supports
+    found = point_stiffness(pose.model, pose.motion, link, at=at, tangent=pose.tangent).supports
+    held = _held(pose.model.scene, link, at)
     return {
-        f"support_{d}_{'N_per_m' if len(d) == 1 else 'Nm_per_rad'}": _within(found[d]) for d in DIRECTIONS
+        f"support_{d}_{'N_per_m' if len(d) == 1 else 'Nm_per_rad'}": float("nan")
+        if d in held
+        else _finite(found[d])
+        for d in DIRECTIONS
     }
 
 
-def _within(value: float) -> float:
-    """nan for a held direction, whose stiffness is infinite: it would rule every plot and table."""
-    return value if np.isfinite(value) else float("nan")
+def _held(scene: Any, link: str, at: Any) -> set[str]:
+    """Directions that a drive holds: no support stiffness, however the numbers round."""
+    found = set()
+    for drive in scene.drives:
+        for term in drive.terms if len(drive.terms) == 1 else ():
+            axis = int(np.argmax(np.abs(term.direction)))
+            if abs(term.direction[axis]) < 1 - 1e-9 or term.link != link or term.base != "ground":
+                continue
+            if term.kind == "rotation":
+                found.add("r" + "xyz"[axis])
+            elif at is None or np.allclose(at, term.point):
+                found.add("xyz"[axis])
+    return found
+
+
+def _finite(value: float, most: float = np.inf) -> float:
+    """nan for what is infinite, or so large that it is rounding: it would rule every plot and table."""
+    return value if abs(value) < most else float("nan")
 
 
 def _stress(pose: Any, asked: Asked) -> Row:
@@ -135,7 +171,10 @@ def _buckling(pose: Any, asked: Asked) -> Row:
         if "no stress" not in str(reason):
             raise
         return {"buckling_positive": float("nan"), "buckling_negative": float("nan")}
-    return {"buckling_positive": _within(found.positive), "buckling_negative": _within(found.negative)}
+    return {
+        "buckling_positive": _finite(found.positive, UNLOADED),
+        "buckling_negative": _finite(found.negative, UNLOADED),
+    }
 
 
 _ANSWERS: dict[str, Callable[[Any, Asked], Row]] = {
@@ -149,6 +188,8 @@ _ANSWERS: dict[str, Callable[[Any, Asked], Row]] = {
 }
 QUESTIONS = ("force", "drive_stiffness", "support_stiffness", "frequencies", "stress", "parasitic", "energy")
 """Asked by default; "buckling" on demand, as it costs more than all of them together."""
+UNLOADED = 1e9
+"""Buckling multipliers beyond this mean that the state carries no stress but rounding."""
 KNOWN = (*_ANSWERS, "frequencies")
 CAUGHT: tuple[type[Exception], ...] = (KsdError, ArithmeticError, np.linalg.LinAlgError, RuntimeError)
 """What one pose may raise without ending the sweep: our own errors, and arithmetic gone wrong."""
@@ -158,11 +199,11 @@ def frequency_row(pose: Any, asked: Asked, before: Tracks | None) -> tuple[Row, 
     """Frequencies [Hz] of the followed modes, and the tracks for the next pose."""
     freed = tuple(pose.model.drive_names) if asked.freed is None else asked.freed
     tracks = follow(before, pose.frequencies(count=asked.modes + SPARE, freed=freed), asked.modes)
-    row: Row = {f"{n}_Hz": tracks.frequency_Hz(t) for t, n in enumerate(tracks.names)}
+    row: Row = {f"{n}_Hz": tracks.frequency_Hz(t) for t, n in enumerate(tracks.names) if tracks.rank[t] >= 0}
     first = tracks.first_parasitic
     row["first_parasitic_Hz"] = float("nan") if first is None else tracks.frequency_Hz(first)
     row["first_parasitic_mode"] = "" if first is None else tracks.names[first]
-    row["assurance"] = min(tracks.assurance)
+    row["assurance"] = min(a for a, k in zip(tracks.assurance, tracks.rank, strict=True) if k >= 0)
     return row, tracks
 
 
@@ -170,6 +211,7 @@ def answers(pose: Any, asked: Asked, before: Tracks | None, failed: Callable[[st
     """(row, tracks) of one pose; a question that cannot be answered is told to `failed` and leaves no columns."""
     row: Row = {}
     tracks = before
+    pose = Pose(pose)
     for name in asked.questions:
         try:
             if name == "frequencies":

@@ -90,7 +90,9 @@ def sweep(
     except KeyboardInterrupt:
         table = _table(lines, kept.found | partial, name, facts)
         again = "" if resume is None else f"; call again with resume='{resume}' to go on"
-        raise SweepInterrupted(f"interrupted: the rows done are in .table of this exception{again}", table) from None
+        raise SweepInterrupted(
+            f"interrupted: the rows done are in .table of this exception{again}", table
+        ) from None
     return _table(lines, kept.found, name, facts)
 
 

@@ -73,12 +73,15 @@ class Table:
         from rich.table import Table as Grid
         from rich.text import Text
 
-        shown = [n for n in self.columns if n not in ("method", STATUS)][:10]
+        from ksd.solve.report import number
+
+        shown = [n for n in self.columns if n not in ("method", STATUS)][:8]
         grid = Grid(box=box.SIMPLE_HEAD, pad_edge=False, title=repr(self).strip("<>"), title_justify="left")
         for n in [*shown, STATUS]:
-            grid.add_column(Text(n.replace("_", " ")), overflow="fold")
+            words, unit = spoken_column(n)
+            grid.add_column(Text(f"{words}\n[{unit}]" if unit else words), overflow="fold", justify="right")
         for row in self.rows():
-            said = [v if isinstance(v, str) else f"{v:.5g}" for v in (row[n] for n in shown)]
+            said = [v if isinstance(v, str) else number(v, 5, zero=1e-9) for v in (row[n] for n in shown)]
             grid.add_row(*(Text(s) for s in (*said, row[STATUS])))
         return grid
 
@@ -147,6 +150,20 @@ class Table:
         named = {n: ("row", np.array(self[n])) for n in self.columns}
         marks = {n: named.pop(n) for n in self.labels}
         return xarray.Dataset(named, coords=marks, attrs={"name": self.name, **self.facts})
+
+
+_UNITS = (
+    "N_per_m", "Nm_per_rad", "N_per_rad", "percent", "mrad", "MPa", "deg", "mm", "Nm", "Hz", "SI", "N", "J",
+)  # fmt: skip
+
+
+def spoken_column(name: str) -> tuple[str, str]:
+    """Words and unit of a column: "support_y_N_per_m" is ("support y", "N/m"); no unit is ""."""
+    for unit in _UNITS:
+        if name.endswith(f"_{unit}"):
+            said = "%" if unit == "percent" else unit.replace("_per_", "/")
+            return name.removesuffix(f"_{unit}").replace("_", " "), said
+    return name.replace("_", " "), ""
 
 
 def matlab_name(name: str, taken: Mapping[str, Any]) -> str:

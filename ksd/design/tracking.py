@@ -1,13 +1,13 @@
 """Modes followed along a stroke by the modal assurance criterion (MAC), so that a name stays with its mode.
 
 Between neighbouring poses the modes are paired so that the sum of their assurances (mass-weighted, in 0..1) is largest
-(Allemang and Brown 1982; the assignment is solved exactly). Crossing frequencies then swap rank and keep their name.
+(Allemang and Brown 1982; the assignment is solved exactly). Crossing frequencies then swap rank and keep their name. A
+track without a partner of assurance LOST or more ends, and the lowest mode without a track begins a new one.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -17,10 +17,14 @@ SPARE = 2
 """Modes computed beyond those followed, so that one which rises in rank is still there."""
 
 
+LOST = 0.5
+"""Assurance below which two modes are not the same one."""
+
+
 @dataclass(frozen=True)
 class Tracks:
-    """Modes at one pose, by track: rank (t,) of each track among the modes of this pose (-1: not found), names (t,),
-    assurance (t,) with its mode at the pose before (1 at the first)."""
+    """Modes at one pose, by track: rank (t,) of each track among the modes of this pose (-1: lost), names (t,),
+    assurance (t,) with its mode at the pose before (1 where the track begins)."""
 
     modes: Modes
     rank: tuple[int, ...]
@@ -63,43 +67,14 @@ def follow(before: Tracks | None, modes: Modes, count: int) -> Tracks:
     rows, columns = linear_sum_assignment(mac, maximize=True)
     rank, sure = [-1] * len(before.rank), [0.0] * len(before.rank)
     for i, k in zip(rows.tolist(), columns.tolist(), strict=True):
-        rank[alive[i]], sure[alive[i]] = k, float(mac[i, k])
-    return Tracks(modes, tuple(rank), before.names, tuple(sure))
-
-
-@dataclass(frozen=True)
-class FrequencyCurve:
-    """A frequency over the stroke from three configurations: 1/omega^2 = c0 + c2 d^2 + c4 d^4.
-
-    drive: name; values (3,) [m or rad] and frequency_Hz (3,): the configurations; coefficients (3,); stroke [m or
-    rad]: largest |d|. checked: drive value -> (frequency solved for, relative error) of configurations not used.
-    """
-
-    drive: str
-    values: tuple[float, ...]
-    frequency_Hz: tuple[float, ...]
-    coefficients: tuple[float, ...]
-    checked: dict[float, tuple[float, float]]
-
-    @property
-    def error(self) -> float:
-        """Largest relative error at the configurations checked."""
-        return max((abs(e) for _, e in self.checked.values()), default=float("nan"))
-
-    def __call__(self, d: Any) -> Any:
-        """Frequency [Hz] at drive values `d` [m or rad]; nan where the polynomial says 1/omega^2 <= 0."""
-        x = np.asarray(d, float) ** 2
-        c0, c2, c4 = self.coefficients
-        inverse = c0 + c2 * x + c4 * x * x
-        return 1.0 / (2 * np.pi * np.sqrt(np.where(inverse > 0, inverse, np.nan)))
-
-
-def even_curve(drive: str, values: Any, frequency_Hz: Any, checks: dict[float, float]) -> FrequencyCurve:
-    """The even polynomial in 1/omega^2 through three (value, frequency) pairs; `checks`: value -> frequency."""
-    d, f = np.asarray(values, float), np.asarray(frequency_Hz, float)
-    size = np.abs(d).max()
-    powers = np.stack([(d / size) ** n for n in (0, 2, 4)], axis=1)
-    c = np.linalg.solve(powers, 1.0 / (2 * np.pi * f) ** 2) / size ** np.array([0, 2, 4])
-    bare = FrequencyCurve(drive, tuple(d.tolist()), tuple(f.tolist()), tuple(c.tolist()), {})
-    checked = {v: (g, float(bare(v)) / g - 1.0) for v, g in checks.items()}
-    return FrequencyCurve(drive, bare.values, bare.frequency_Hz, bare.coefficients, checked)
+        if mac[i, k] >= LOST:
+            rank[alive[i]], sure[alive[i]] = k, float(mac[i, k])
+    names = list(before.names)
+    for k in (k for k in range(len(modes)) if k not in rank):
+        if sum(r >= 0 for r in rank) >= min(count, len(modes)):
+            break
+        name = f"parasitic_{1 + sum(n != 'intended' for n in names)}"
+        names.append("intended" if k == modes.intended and "intended" not in names else name)
+        rank.append(k)
+        sure.append(1.0)
+    return Tracks(modes, tuple(rank), tuple(names), tuple(sure))

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import lru_cache
 from itertools import accumulate, pairwise
 from typing import Any, NamedTuple
 
@@ -198,7 +199,7 @@ def strain_curve(value: Array, number: NDArray[np.int64], inner: Array, points: 
         R = np.array(list(accumulate(steps, np.matmul, initial=R[-1])))
         # r' = R (e1 + C R^T n)
         soft = _between(tables, tables.soft, x, k)
-        v = R[:, :, 0] + np.einsum("kij,kj->ki", R, soft * np.einsum("kij,i->kj", R, n))
+        v = R[:, :, 0] + (R @ (soft * (n @ R))[:, :, None])[:, :, 0]
         pieces = h / 3 * (v[:-2:2] + 4 * v[1::2] + v[2::2])
         s.append(L * x[2::2])
         r.append(r[-1][-1] + np.cumsum(pieces, axis=0))

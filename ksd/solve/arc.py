@@ -126,7 +126,9 @@ class Tracer:
                 if status == 2:
                     return None
                 # chains carry stresses extrapolated from the step before; at equilibrium they are the true ones
-                return Place(motion, f, inertia(K) + int(inside), self._full(K, motion, f), b, count, status == 0)
+                return Place(
+                    motion, f, inertia(K) + int(inside), self._full(K, motion, f), b, count, status == 0
+                )
             if step is None:
                 right = np.append(-work.rhs, 0.0)
                 try:

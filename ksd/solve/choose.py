@@ -19,10 +19,11 @@ from ksd.model.orders import highest_share, mesh_for, raised
 from ksd.model.plane import Plane, plane_of
 from ksd.solve import pipeline
 from ksd.solve.configuration import Configuration, ErrorEstimate, Step
-from ksd.solve.conventional import conventional
+from ksd.solve.conventional import by_load_steps, conventional
 from ksd.solve.driving import CAP, RTOL
 from ksd.solve.pipeline import Bench
 from ksd.solve.stops import Stop
+from ksd.solve.trust import insist
 from ksd.solve.warm import ready
 
 METHODS = ("kinematic", "reduced", "full", "conventional")
@@ -68,17 +69,36 @@ class Solver:
         accuracy: float | None = None,
         passes: int = 0,
         estimate: bool = True,
+        strict: bool = True,
         **drives: float,
     ) -> Configuration:
         """Solve at drive values given by name [m or rad]; see `ksd.solve` for the options."""
         values = {**(targets or {}), **drives}
+        ways: dict[str, Any] = {
+            "method": method,
+            "accuracy": accuracy,
+            "passes": passes,
+            "estimate": estimate,
+        }
+        found = self._solve(values, **ways)
+        return insist(found) if strict else found
+
+    def _solve(
+        self,
+        values: Mapping[str, float],
+        *,
+        method: str | None,
+        accuracy: float | None,
+        passes: int,
+        estimate: bool,
+    ) -> Configuration:
         target = self.model.targets(values)
         if method is None:
             return self._cheapest(values, target, _accuracy(accuracy))
         if method not in METHODS:
             raise SceneError(f"method = {method!r}: choose one of {', '.join(METHODS)}")
         if method == "conventional":
-            return self._told(conventional(self.model, values))
+            return by_load_steps(self.model, values, self._told)
         if not 0 <= passes <= 50:
             raise SceneError(f"passes = {passes}: between 0 and 50 relinearised passes are possible")
         return self._five_steps(values, target, method=method, passes=passes, estimate=estimate)
@@ -92,7 +112,7 @@ class Solver:
         try:
             if isinstance(plane_of(self.model), Plane):
                 found = conventional(self.model, values, planar=True, most=10, smallest=1.0)
-                if found.stable:
+                if found.stable and not found.doubts:
                     return self._told(found)
         except (ConvergenceError, SceneError):
             # not in one step, or not in this plane after all: the kinematic start is what helps
@@ -102,17 +122,23 @@ class Solver:
                 result = self._five_steps(values, target, method="reduced", passes=passes, estimate=True)
                 if result.error is not None and result.error.relative <= accuracy and result.stable:
                     return result
-            return self._five_steps(values, target, method="full", passes=1, estimate=False)
+            found = self._five_steps(values, target, method="full", passes=1, estimate=False)
+            if found.trusted:
+                return found
+            raise ConvergenceError(str(found.trust.trusted))
         except (RecordError, KinematicsError, ConvergenceError, RangeError) as reason:
             if isinstance(reason, KinematicsError) and "same freedom" in str(reason):
                 raise
-            result = self._told(conventional(self.model, values))
-            note = f"conventional solver used: {reason}"
-            return _with(result, warnings=(*result.warnings, note))
+            return self._load_steps(values, f"conventional solver used: {reason}")
         except SceneError:
             if self.model.scene.joints:
                 raise
-            return conventional(self.model, values)
+            return self._load_steps(values, "")
+
+    def _load_steps(self, values: Mapping[str, float], note: str) -> Configuration:
+        """The conventional solver in all its ways."""
+        result = by_load_steps(self.model, values, self._told)
+        return _with(result, warnings=(*result.warnings, note)) if note else result
 
     def _told(self, result: Configuration) -> Configuration:
         """A conventional result with the joints' intended and unintended motions, where their records are there."""
@@ -292,6 +318,7 @@ def solve(
     mesh: Mesh | None = None,
     passes: int = 0,
     extrapolate: bool = False,
+    strict: bool = True,
     **drives: float,
 ) -> Configuration:
     """Solve one configuration of a mechanism at drive values given by name [m or rad].
@@ -299,20 +326,21 @@ def solve(
     method: "kinematic", "reduced", "full" or "conventional"; without one, the cheapest whose estimated error is
     within `accuracy` (relative, 1e-3 by default). passes: extra relinearised passes of `reduced`. mesh: leaf model; without
     one, strain-mode leafs of orders fit for `accuracy`, raised when their highest modes carry too much energy. extrapolate:
-    see `prepare`. Raises SceneError (bad input), RangeError (outside a trained range), RecordError (joint record missing
-    or damaged), KinematicsError (indeterminate or over-driven), ConvergenceError (says how far it got).
+    see `prepare`. strict: raise TrustError where the answer is unstable or on a doubtful branch; False returns it with its
+    verdicts (`trust`). Raises SceneError (bad input), RangeError (outside a trained range), RecordError (joint record
+    missing or damaged), KinematicsError (indeterminate or over-driven), ConvergenceError (says how far it got).
     """
     values = {**(targets or {}), **drives}
     if isinstance(mechanism, Model):
         return Solver(mechanism, extrapolate=extrapolate)(
-            values, method=method, accuracy=accuracy, passes=passes
+            values, method=method, accuracy=accuracy, passes=passes, strict=strict
         )
     scene = mechanism.scene() if hasattr(mechanism, "scene") else mechanism
     wanted = _accuracy(accuracy)
     chosen = mesh or (Mesh() if accuracy is None else mesh_for(wanted))
     for rise in range(MOST_RISES + 1):
         solver = _recent_solver(scene, chosen, extrapolate)
-        found = solver(values, method=method, accuracy=accuracy, passes=passes)
+        found = solver(values, method=method, accuracy=accuracy, passes=passes, strict=strict)
         share, where, axis = highest_share(found.model, found.motion)
         if share <= wanted:
             return found

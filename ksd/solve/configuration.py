@@ -83,6 +83,23 @@ class Configuration:
         return self.negatives == self.expected
 
     @property
+    def trust(self) -> Any:
+        """Verdicts `stable`, `branch`, `trusted`, each with a sentence: `ksd.solve.trust.Trust`."""
+        from ksd.solve.trust import judge
+
+        return judge(self)
+
+    @property
+    def branch(self) -> str:
+        """Why this is, or is not, the branch meant, in one sentence."""
+        return str(self.trust.branch)
+
+    @property
+    def trusted(self) -> bool:
+        """Whether it converged, is stable, and lies on the branch meant; `trust.trusted` says why."""
+        return bool(self.trust.trusted)
+
+    @property
     def iterations(self) -> int:
         """Matrix solves of all steps together."""
         return sum(s.iterations for s in self.steps)

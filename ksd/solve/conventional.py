@@ -7,15 +7,17 @@ Newton with the paper's eps_max an option of the mesh and of the call; it is the
 
 from __future__ import annotations
 
+import contextlib
 import math
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from dataclasses import replace
 from typing import Any, Literal
 
 import numpy as np
 
 from ksd.errors import ConvergenceError, SceneError
-from ksd.model.arrays import Motion, Work, make_work
+from ksd.model.arrays import Loads, Motion, Work, make_work
 from ksd.model.compile import Model
 from ksd.numerics.kernel import second_compiler_runs
 from ksd.solve.configuration import Configuration, Step
@@ -94,25 +96,11 @@ def conventional(
 
         ready()
     target = model.targets(targets)
-    motion = (start.motion if start else model.rest).copy()
     begin = model.targets(start.targets) if start else np.zeros(len(target))
     ways: dict[str, Any] = {"steps": steps, "rtol": rtol, "cap": cap, "eps_max": eps_max, "most": most}
     ways |= {"smallest": smallest, "planar": planar, "fresh": start is None}
     ways |= {"start": begin, "target": target, "factors": (start.load_factor if start else 0.0, 1.0)}
-    clock = time.thread_time_ns()
-    # with eps_max it is the paper's own program, which believes whatever converged
-    sure = math.isfinite(eps_max)
-    driven, how, doubts = _walk(model, motion, work or make_work(model.arrays), sure=sure, **ways)
-    spent = (time.thread_time_ns() - clock) * 1e-9
-    parts = [f"{driven.taken} load step{'s' * (driven.taken != 1)}", how, "with pivoting" * bool(driven.pivoted)]
-    step = Step(
-        "equilibrium", driven.solves, spent, driven.residual, driven.stop, ", ".join(filter(None, parts))
-    )
-    values = begin + driven.reached * (target - begin)
-    reached = {n: float(v) for n, v in zip(model.drive_names, values, strict=False)}
-    result = Configuration(
-        model, motion, "conventional", reached, (step,), driven.negatives, len(target), doubts=doubts
-    )
+    result, driven = _solved(model, (start.motion if start else model.rest).copy(), work, ways)
     if driven.stop is not Stop.CONVERGED:
         raise ConvergenceError(
             f"the conventional solver stopped at {100 * driven.reached:.3g} % of the drive motion: {driven.stop.sentence}",
@@ -120,3 +108,68 @@ def conventional(
             result=result,
         )
     return result
+
+
+def _solved(
+    model: Model, motion: Motion, work: Work | None, ways: dict[str, Any]
+) -> tuple[Configuration, Driven]:
+    """The walk and its record; `motion` becomes the state of the configuration."""
+    clock = time.thread_time_ns()
+    # with eps_max it is the paper's own program, which believes whatever converged
+    sure = math.isfinite(ways["eps_max"])
+    driven, how, doubts = _walk(model, motion, work or make_work(model.arrays), sure=sure, **ways)
+    spent = (time.thread_time_ns() - clock) * 1e-9
+    parts = [
+        f"{driven.taken} load step{'s' * (driven.taken != 1)}",
+        how,
+        "with pivoting" * bool(driven.pivoted),
+    ]
+    note = ", ".join(filter(None, parts))
+    step = Step("equilibrium", driven.solves, spent, driven.residual, driven.stop, note)
+    begin, target, (low, high) = ways["start"], ways["target"], ways["factors"]
+    values = begin + driven.reached * (target - begin)
+    reached = {n: float(v) for n, v in zip(model.drive_names, values, strict=False)}
+    result = Configuration(
+        model, motion, "conventional", reached, (step,), driven.negatives, len(target),
+        load_factor=low + driven.reached * (high - low), doubts=doubts,
+    )  # fmt: skip
+    return result, driven
+
+
+def loads_last(model: Model, targets: Mapping[str, float], *, steps: int = 4) -> Configuration:
+    """Solve at `targets` by moving the drives without the loads first, and putting the loads on there.
+
+    The way of a designer who thinks of the intended motion first. Raises ConvergenceError as `conventional`.
+    """
+    bare = replace(model, arrays=model.arrays._replace(loads=without(model.arrays.loads)))
+    moved = conventional(bare, targets)
+    start = replace(moved, model=model, load_factor=0.0)
+    return conventional(model, targets, start=start, steps=steps)
+
+
+def by_load_steps(
+    model: Model, targets: Mapping[str, float], told: Callable[[Configuration], Configuration]
+) -> Configuration:
+    """Drives and loads together; where that fails or cannot be trusted, the drives first and the loads on top of them.
+
+    told: adds what joint records know to a configuration. Raises ConvergenceError.
+    """
+    result, stopped = None, None
+    try:
+        result = told(conventional(model, targets))
+    except ConvergenceError as reason:
+        stopped = reason
+    if len(model.arrays.loads.node) and not (result is not None and result.trusted):
+        with contextlib.suppress(ConvergenceError):
+            other = told(loads_last(model, targets))
+            if other.trusted or result is None:
+                result = replace(other, warnings=(*other.warnings, "loads put on after the drives"))
+    if result is None:
+        assert stopped is not None
+        raise stopped
+    return result
+
+
+def without(loads: Loads) -> Loads:
+    """No loads, in arrays of the same kind."""
+    return Loads(*(a[:0] for a in loads))

@@ -86,7 +86,9 @@ def _weak(arrays: Arrays, reason: int, pivot: float) -> bool:
     """Whether pivoting may do better: a pivot of rounding, or a following load whose symmetric tangent failed."""
     failed = reason != Stop.CONVERGED
     return (
-        reason == Stop.SINGULAR or pivot < WEAK_PIVOT or (failed and bool(np.any(arrays.loads.following == 1)))
+        reason == Stop.SINGULAR
+        or pivot < WEAK_PIVOT
+        or (failed and bool(np.any(arrays.loads.following == 1)))
     )
 
 

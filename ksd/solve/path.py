@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -22,6 +23,10 @@ from ksd.solve.stops import Stop
 Array = NDArray[np.float64]
 LARGEST = 0.15
 """Largest arc of a step: rad, or displacement over the size of the mechanism, summed over the nodes."""
+MOST_BEND = 0.5
+"""Largest turn [rad] of the path's tangent in a step."""
+SHORT = 1e-5
+"""An arc below which its bend is accepted, whatever it is."""
 
 
 @dataclass(frozen=True)
@@ -157,6 +162,11 @@ class _Walk:
                     return "the arc was halved to its smallest size without reaching equilibrium"
                 continue
             onward = self.tracer.tangent(found, ahead)
+            bend = math.acos(min(1.0, float(ahead @ (self.tracer.metric * onward))))
+            if bend > MOST_BEND and length > SHORT:
+                # a sharp turn: closer, lest a limit point and the next one both lie in one step
+                arc = 0.5 * length
+                continue
             self.turn(at, ahead, found, onward, length)
             at, ahead = found, onward
             if abs(at.f - until) <= 2e-6 * abs(until):
@@ -165,7 +175,8 @@ class _Walk:
             self.keep(at)
             if not at.fits:
                 return Stop.LOCAL_ANGLE.sentence
-            arc = max(arc, length) * float(np.clip((4.0 / max(at.iterations, 1)) ** 0.5, 0.5, 1.5))
+            growth = min((4.0 / max(at.iterations, 1)) ** 0.5, 0.5 * MOST_BEND / max(bend, 1e-9))
+            arc = max(arc, length) * float(np.clip(growth, 0.5, 1.5))
         return f"{most} steps were taken"
 
 

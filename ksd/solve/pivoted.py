@@ -10,6 +10,7 @@ Slower by a factor of ten or more, and used only after the block factorisation h
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -91,21 +92,13 @@ def solve_scaled(A: Array, b: Array, scale: Array) -> tuple[Array, float]:
     return scale[:, None] * x, float(reciprocal)
 
 
-def iterate_pivoted(
-    arrays: Arrays,
-    motion: Motion,
-    target: Array,
-    factor: float,
-    work: Work,
-    rtol: float,
-    most: int,
-    cap: float,
-    blow_up: float,
-) -> tuple[int, int, float, int, float]:
+def iterate_pivoted(arrays: Arrays, motion: Motion, *aim: Any) -> tuple[int, int, float, int, float]:
     """The Newton of `ksd.solve.newton.iterate` with pivoting: same arguments, rules and returns, motion in place.
 
-    The last number returned is the reciprocal condition of the equilibrated matrix.
+    aim: target, factor, work, rtol, most, cap, blow_up. The last number returned is the reciprocal condition of the
+    equilibrated matrix.
     """
+    target, factor, work, rtol, most, cap, blow_up = aim
     worst, moved, condition = math.inf, math.inf, 1.0
     for n in range(most + 1):
         worst, _, inside, status = assemble(

@@ -1,12 +1,22 @@
-"""Pictures of a configuration: plots in two and three dimensions (matplotlib) and files for ParaView.
+"""Pictures of a configuration: plots in two and three dimensions (matplotlib) and files for ParaView; of a sweep:
+answers over the stroke, and the stroke as an animation.
 
-What is drawn comes from `Configuration.shape`; nothing here computes mechanics, and matplotlib is imported
-on first use. Figures are made without pyplot, so they need no display.
+What is drawn comes from `Configuration.shape` and from the table of a sweep; nothing here computes mechanics, and
+matplotlib is imported on first use. Figures are made without pyplot, so they need no display.
 """
 
+from ksd.view.animate import animate_stroke
 from ksd.view.figure import save_figure
 from ksd.view.flat import plot_mechanism
 from ksd.view.solid import plot_mechanism_3d
+from ksd.view.strokes import plot_stroke
 from ksd.view.vtk import write_vtu
 
-__all__ = ["plot_mechanism", "plot_mechanism_3d", "save_figure", "write_vtu"]
+__all__ = [
+    "animate_stroke",
+    "plot_mechanism",
+    "plot_mechanism_3d",
+    "plot_stroke",
+    "save_figure",
+    "write_vtu",
+]

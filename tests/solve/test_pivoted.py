@@ -19,7 +19,9 @@ def cantilever(*, held, mesh=None, **load):
     scene = ksd.Mechanism("cantilever")
     root = scene.link("root") if held else scene.ground
     tip = scene.link("tip")
-    scene.leaf(root, tip, start=(0, 0, 0), end=(L, 0, 0), section=SECTION, material=STEEL, width_axis=(0, 0, 1))
+    scene.leaf(
+        root, tip, start=(0, 0, 0), end=(L, 0, 0), section=SECTION, material=STEEL, width_axis=(0, 0, 1)
+    )
     for word in ("along", "about") if held else ():
         for axis in "xyz":
             scene.support(root, at=(0, 0, 0), **{word: axis})
@@ -77,7 +79,12 @@ def test_following_tip_force():
     p = 20.0
     rod = solve_ivp(lambda s, y: [y[1], -p * np.cos(y[0])], (0, 1), [0.0, 0.0], rtol=1e-11, atol=1e-12)
     found = conventional(
-        cantilever(held=False, force=(0, p * EI / L**2, 0), following=True, mesh=ksd.Mesh(orders=(3, 2, 10), points=14)),
+        cantilever(
+            held=False,
+            force=(0, p * EI / L**2, 0),
+            following=True,
+            mesh=ksd.Mesh(orders=(3, 2, 10), points=14),
+        ),
         {},
         planar=False,
     )

@@ -1,0 +1,127 @@
+"""A frequency over the whole stroke from three configurations, with its error.
+
+A mechanism that is symmetric about its rest state has frequencies even in the drive value, and 1/omega^2 is a compliance
+times a mass: smooth and monotonic where omega itself is peaked. So 1/omega^2 = c0 + c2 d^2 + c4 d^4 through rest, half
+and full stroke; configurations solved besides tell the error, the negative end how symmetric the mechanism is.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ksd.design.tracking import SPARE, Tracks, follow
+from ksd.errors import SceneError
+from ksd.solve.choose import Solver
+
+
+@dataclass(frozen=True)
+class FrequencyCurve:
+    """A frequency over the stroke from three configurations: 1/omega^2 = c0 + c2 d^2 + c4 d^4.
+
+    drive: name; values (3,) [m or rad] and frequency_Hz (3,): the configurations; coefficients (3,); stroke [m or
+    rad]: largest |d|. checked: drive value -> (frequency solved for, relative error) of configurations not used.
+    """
+
+    drive: str
+    values: tuple[float, ...]
+    frequency_Hz: tuple[float, ...]
+    coefficients: tuple[float, ...]
+    checked: dict[float, tuple[float, float]]
+
+    @property
+    def error(self) -> float:
+        """Largest relative error at the configurations checked."""
+        return max((abs(e) for _, e in self.checked.values()), default=float("nan"))
+
+    def __call__(self, d: Any) -> Any:
+        """Frequency [Hz] at drive values `d` [m or rad]; nan where the polynomial says 1/omega^2 <= 0."""
+        x = np.asarray(d, float) ** 2
+        c0, c2, c4 = self.coefficients
+        inverse = c0 + c2 * x + c4 * x * x
+        return 1.0 / (2 * np.pi * np.sqrt(np.where(inverse > 0, inverse, np.nan)))
+
+
+def even_curve(drive: str, values: Any, frequency_Hz: Any, checks: dict[float, float]) -> FrequencyCurve:
+    """The even polynomial in 1/omega^2 through three (value, frequency) pairs; `checks`: value -> frequency."""
+    d, f = np.asarray(values, float), np.asarray(frequency_Hz, float)
+    size = np.abs(d).max()
+    powers = np.stack([(d / size) ** n for n in (0, 2, 4)], axis=1)
+    c = np.linalg.solve(powers, 1.0 / (2 * np.pi * f) ** 2) / size ** np.array([0, 2, 4])
+    bare = FrequencyCurve(drive, tuple(d.tolist()), tuple(f.tolist()), tuple(c.tolist()), {})
+    checked = {v: (g, float(bare(v)) / g - 1.0) for v, g in checks.items()}
+    return FrequencyCurve(drive, bare.values, bare.frequency_Hz, bare.coefficients, checked)
+
+
+STEPS = 24
+"""Poses over half the stroke walked to keep the mode in sight from one configuration to the next."""
+
+
+def frequency_curve(
+    mechanism: Any,
+    drive: str,
+    stroke: float,
+    *,
+    mode: str = "first_parasitic",
+    checks: Sequence[float] = (0.25, 0.75, -0.5, -1.0),
+    method: str = "full",
+    held: dict[str, float] | None = None,
+) -> FrequencyCurve:
+    """The frequency of a mode over drive values -stroke..stroke from three configurations: 0, 1/2 and 1 times stroke.
+
+    mechanism: Mechanism, Scene or `Solver`. drive: name; stroke [m or rad]. mode: "intended", "first_parasitic", or
+    "parasitic_1", ... as counted at rest and followed by assurance (the walk in between costs more solves; the first two
+    need none). checks: fractions of the stroke solved besides to tell the error. held: values of the other drives.
+    Raises SceneError for names, ConvergenceError where a configuration is not found.
+    """
+    solver = mechanism if isinstance(mechanism, Solver) else Solver(mechanism)
+    if drive not in solver.model.drive_names:
+        raise SceneError(
+            f"'{drive}' is not a drive; the drives are {', '.join(solver.model.drive_names) or 'none'}"
+        )
+    if not stroke > 0.0:
+        raise SceneError(f"stroke = {stroke}: a positive drive value [m or rad] is needed")
+    wanted = sorted({0.0, 0.5, 1.0, *(float(c) for c in checks)})
+    found = _frequencies(solver, [stroke * w for w in wanted], (drive, held or {}, mode, method))
+    by = dict(zip(wanted, found, strict=True))
+    used = (0.0, 0.5, 1.0)
+    return even_curve(
+        drive, [stroke * u for u in used], [by[u] for u in used],
+        {stroke * w: f for w, f in by.items() if w not in used},
+    )  # fmt: skip
+
+
+def _frequencies(
+    solver: Solver, values: list[float], how: tuple[str, dict[str, float], str, str]
+) -> list[float]:
+    """Frequency [Hz] of the mode at each of `values`, ascending."""
+    drive, held, mode, method = how
+    freed = solver.model.drive_names
+
+    def modes(d: float) -> Any:
+        return solver({**held, drive: d}, method=method, estimate=False).frequencies(
+            count=4 + SPARE, freed=freed
+        )
+
+    if mode in ("intended", "first_parasitic"):
+        found = [modes(d) for d in values]
+        if mode == "intended":
+            return [float(m.frequency_Hz[m.intended]) for m in found]
+        return [m.first_parasitic_Hz for m in found]
+    largest = max(abs(d) for d in values)
+    start = follow(None, modes(0.0), 4)
+    if mode not in start.names:
+        raise SceneError(f"mode = {mode!r}: choose first_parasitic or one of {', '.join(start.names)}")
+    by: dict[float, float] = {}
+    for sign in (1.0, -1.0):
+        tracks: Tracks = start
+        way = sorted(
+            {abs(d) for d in values if d * sign >= 0.0} | set(np.linspace(0, largest, STEPS).tolist())
+        )
+        for d in way if any(v * sign > 0.0 for v in values) else [0.0]:
+            tracks = follow(tracks, modes(sign * d), 4)
+            by[sign * d] = tracks.frequency_Hz(start.names.index(mode))
+    return [by[d] for d in values]

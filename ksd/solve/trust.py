@@ -1,0 +1,113 @@
+"""Whether an answer can be believed: a minimum of energy, on the branch the designer means, solved to its bound.
+
+A residual of zero proves equilibrium and nothing more. What else is looked at: the inertia of the tangent, the doubts
+that `ksd.solve.confirm` could not clear up, and how far every joint is from its intended motion, where its record is
+there. Each verdict is a truth value and a sentence.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ksd.errors import TrustError
+from ksd.solve.stops import Stop
+
+if TYPE_CHECKING:
+    from ksd.solve.configuration import Configuration
+
+FAR_TURN = np.deg2rad(30.0)
+"""Unintended rotation of a joint [rad] beyond which its state is not the one its record describes."""
+FAR_SHIFT = 0.3
+"""Unintended displacement of a joint, over its length, beyond which the same holds."""
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """Yes or no, and why in one sentence."""
+
+    yes: bool
+    sentence: str
+
+    def __bool__(self) -> bool:
+        return self.yes
+
+    def __str__(self) -> str:
+        return self.sentence
+
+
+@dataclass(frozen=True)
+class Trust:
+    """stable: a minimum of energy; branch: the one that leads here from rest; trusted: both, and converged."""
+
+    stable: Verdict
+    branch: Verdict
+    trusted: Verdict
+
+
+def _stable(c: Configuration) -> Verdict:
+    from ksd.solve.answer import stability
+
+    said = stability(c)
+    if np.any(c.model.arrays.loads.following == 1):
+        said += "; loads follow, so this judges slow motions alone"
+    return Verdict(c.stable, said)
+
+
+def _furthest(c: Configuration) -> tuple[str, float, float, float]:
+    """The joint furthest off its intended motion: name, share of what is far, displacement [m], rotation [rad]."""
+    worst = ("", 0.0, 0.0, 0.0)
+    for placed in c.model.scene.joints:
+        off = c.unintended.get(placed.name)
+        if off is None:
+            continue
+        shift, turn = float(np.linalg.norm(off[:3])), float(np.linalg.norm(off[3:]))
+        if not shift < placed.joint.length:
+            # the nearest intended motion was not found: nothing is known of this joint
+            continue
+        share = max(shift / (FAR_SHIFT * placed.joint.length), turn / FAR_TURN)
+        if share > worst[1] or not worst[0]:
+            worst = (placed.name, share, shift, turn)
+    return worst
+
+
+def _branch(c: Configuration) -> Verdict:
+    if c.doubts:
+        return Verdict(False, "another branch is possible: " + "; ".join(c.doubts))
+    name, share, shift, turn = _furthest(c)
+    off = f"joint '{name}' is {1e3 * shift:.3g} mm and {np.rad2deg(turn):.3g} degrees off its intended motion"
+    if share > 1.0:
+        return Verdict(False, f"{off}: too far to be the state its record describes")
+    if name:
+        return Verdict(True, f"the branch of the intended motions: at most, {off}")
+    return Verdict(
+        True, f"reached from where it started ({c.steps[-1].note or c.method}), nothing speaks against it"
+    )
+
+
+def judge(c: Configuration) -> Trust:
+    """Verdicts on a configuration."""
+    stable, branch = _stable(c), _branch(c)
+    if not c.converged:
+        trusted = Verdict(False, f"not solved: {c.steps[-1].stop.sentence}")
+    elif not stable:
+        trusted = Verdict(False, f"not to be trusted: {stable}")
+    elif not branch:
+        trusted = Verdict(False, f"not to be trusted: {branch}")
+    elif c.error is not None:
+        trusted = Verdict(True, f"trusted within its estimated error of {100 * c.error.relative:.2g} %")
+    else:
+        trusted = Verdict(
+            True, f"trusted: {Stop.CONVERGED.sentence}, it is a minimum, and the branch is the one meant"
+        )
+    return Trust(stable, branch, trusted)
+
+
+def insist(c: Configuration) -> Configuration:
+    """The configuration itself if it can be trusted, else TrustError with the reason; its `result` is `c`."""
+    trusted = judge(c).trusted
+    if not trusted:
+        raise TrustError(f"{trusted}; pass strict=False to get the state all the same", reached=1.0, result=c)
+    return c

@@ -1,0 +1,205 @@
+"""Answers over the stroke: force, stiffness, frequencies, stress, parasitic motion; one panel per unit."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ksd.errors import SceneError
+from ksd.view.figure import INK, new_figure
+
+_COLORS = ("#c2410c", "#3b6ea5", "#6a9f58", "#9a7bb5", "#b8925b", "#4fa3a0", "#b8657f", "#1f2430")
+_STYLES = ("-", "--", ":", "-.")
+_NOISE = 1e-9
+"""Series below this fraction of the largest of their panel are zero but for rounding, and left out."""
+
+
+class _Panel(NamedTuple):
+    """What belongs into one panel: pattern of its columns (group 1: name in the legend), label of the y axis."""
+
+    pattern: str
+    label: str
+    title: str
+    log: bool = False
+    magnitude: bool = False
+
+
+_PANELS: dict[str, tuple[_Panel, ...]] = {
+    "force": (
+        _Panel(r"(.+)_force_N", "drive force [N]", "Drive force"),
+        _Panel(r"(.+)_moment_Nm", "drive moment [Nm]", "Drive moment"),
+    ),
+    "drive_stiffness": (
+        _Panel(r"(?!support_)(.+)_stiffness_N_per_m", "drive stiffness [N/m]", "Drive stiffness"),
+        _Panel(r"(?!support_)(.+)_stiffness_Nm_per_rad", "drive stiffness [Nm/rad]", "Drive stiffness"),
+    ),
+    "support_stiffness": (
+        _Panel(r"support_(.)_N_per_m", "support stiffness [N/m]", "Support stiffness, translations", True),
+        _Panel(
+            r"support_(r.)_Nm_per_rad", "support stiffness [Nm/rad]", "Support stiffness, rotations", True
+        ),
+    ),
+    "frequencies": (
+        _Panel(r"(intended|parasitic_\d+)_Hz", "frequency [Hz]", "Frequencies, modes followed", True),
+    ),
+    "stress": (_Panel(r"(stress)_MPa", "largest von Mises stress [MPa]", "Stress"),),
+    "parasitic": (
+        _Panel(r"parasitic_([xyz])_mm", "parasitic displacement [mm]", "Parasitic displacement"),
+        _Panel(r"parasitic_(r[xyz])_mrad", "parasitic rotation [mrad]", "Parasitic rotation"),
+    ),
+    "energy": (_Panel(r"(strain_energy)_J", "strain energy [J]", "Strain energy"),),
+    "buckling": (
+        _Panel(
+            r"buckling_(positive|negative)",
+            "factor on all stresses, magnitude [-]",
+            "Buckling multipliers",
+            True,
+            True,
+        ),
+    ),
+}
+
+
+def plot_stroke(table: Any, questions: Sequence[str] = (), *, over: str | None = None, wide: int = 3) -> Any:
+    """Draw the answers in `table` (of `ksd.sweep`) over a drive; returns the matplotlib figure.
+
+    questions: which, all that the table holds when empty. over: label column of the horizontal axis, the one with most
+    values when None. wide: panels side by side. Other labels (designs, load cases) are told apart by line style. Raises
+    SceneError for a question the table has no answer to.
+    """
+    over = over or _stroke_column(table)
+    if over not in table.labels:
+        raise SceneError(f"over = {over!r}: choose one of the labels of the table, {', '.join(table.labels)}")
+    panels = _wanted(table, questions)
+    wide = min(wide, len(panels))
+    high = -(-len(panels) // wide)
+    figure = new_figure(4.6 * wide, 3.3 * high)
+    grid = figure.subplots(high, wide, squeeze=False).ravel()
+    groups = _groups(table, over)
+    for axes, (panel, columns) in zip(grid, panels, strict=False):
+        _draw(axes, table, panel, columns, over=over, groups=groups)
+    for axes in grid[len(panels) :]:
+        axes.set_visible(False)
+    _heading(figure, table, groups)
+    return figure
+
+
+def _stroke_column(table: Any) -> str:
+    counts = {n: len(set(table.columns[n])) for n in table.labels if not isinstance(table[n], list)}
+    if not counts or max(counts.values()) < 2:
+        raise SceneError("this table has one pose only: a picture over the stroke needs two")
+    return max(counts, key=lambda n: (counts[n], n.endswith(("_mm", "_deg"))))
+
+
+def _wanted(table: Any, questions: Sequence[str]) -> list[tuple[_Panel, dict[str, str]]]:
+    """Panels with their columns (column -> name in the legend) that have something to show."""
+    for q in questions:
+        if q not in _PANELS:
+            raise SceneError(f"question {q!r} has no picture; choose among {', '.join(_PANELS)}")
+    found = []
+    for q in questions or _PANELS:
+        mine = []
+        for panel in _PANELS[q]:
+            matches = {c: re.fullmatch(panel.pattern, c) for c in table.columns}
+            columns = {c: m.group(1).replace("_", " ") for c, m in matches.items() if m}
+            if columns and any(np.isfinite(table[c]).any() for c in columns):
+                mine.append((panel, columns))
+        if questions and not mine:
+            raise SceneError(f"the table has no answers to {q!r}; ask for it with questions=(..., {q!r})")
+        found += mine
+    if not found:
+        raise SceneError(
+            "the table has no answers to draw: " + (table.failures or [{"status": "no rows"}])[0]["status"]
+        )
+    return found
+
+
+def _groups(table: Any, over: str) -> dict[str, np.ndarray]:
+    """Rows of every design and load case, by what sets them apart."""
+    others = [n for n in table.labels if n != over and len(set(table.columns[n])) > 1]
+    named: dict[str, list[int]] = {}
+    for k, row in enumerate(table.rows()):
+        said = ", ".join(row[n] if isinstance(row[n], str) else f"{n} {row[n]:.4g}" for n in others)
+        named.setdefault(said, []).append(k)
+    return {said: np.array(rows) for said, rows in named.items()}
+
+
+def _draw(axes: Any, table: Any, panel: _Panel, columns: dict[str, str], *, over: str, groups: Any) -> None:
+    x = table[over]
+    largest = max(np.nanmax(np.abs(table[c])) for c in columns if np.isfinite(table[c]).any())
+    noise = 0.0 if panel.log else _NOISE * largest
+    # a single point is no line
+    shown = {c: n for c, n in columns.items() if np.sum(np.abs(table[c]) > noise) > 1}
+    for color, (column, name) in zip(_cycle(_COLORS), (shown or columns).items(), strict=False):
+        for style, (said, rows) in zip(_cycle(_STYLES), groups.items(), strict=False):
+            y = np.abs(table[column][rows]) if panel.magnitude else table[column][rows]
+            y = np.where(y > 0, y, np.nan) if panel.log else y
+            first = said == next(iter(groups))
+            axes.plot(x[rows], y, style, color=color, linewidth=1.6, label=name if first else None)
+    bad = np.isin(np.arange(len(x)), [k for k, s in enumerate(table["status"]) if s != "ok"])
+    if bad.any():
+        mark = {"transform": axes.get_xaxis_transform(), "color": "#b91c1c", "clip_on": False}
+        axes.plot(x[bad], np.full(bad.sum(), 0.02), "x", markersize=5, **mark)
+    _scales(axes, panel, _spoken(over))
+    if len(shown) > 1:
+        _legend(axes, len(shown), panel.log)
+
+
+def _legend(axes: Any, count: int, log: bool) -> None:
+    """Names of the series; more than three get room of their own above the curves."""
+    if count > 3:
+        low, high = axes.get_ylim()
+        room = 0.12 * -(-count // 3)
+        axes.set_ylim(low, high * (high / low) ** room if log else high + room * (high - low))
+    place = "upper center" if count > 3 else "best"
+    axes.legend(fontsize=8, frameon=False, ncols=3 if count > 3 else 1, loc=place)
+
+
+def _cycle(kinds: Sequence[str]) -> list[str]:
+    """The kinds over and over, enough for any table."""
+    return list(kinds) * 64
+
+
+def _scales(axes: Any, panel: _Panel, over: str) -> None:
+    if panel.log:
+        axes.set_yscale("log")
+        low, high = axes.get_ylim()
+        # within a decade or so the decades alone leave an axis without numbers
+        if high / low < 30:
+            from matplotlib.ticker import LogFormatter, LogLocator, NullFormatter
+
+            axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+            axes.yaxis.set_major_formatter(LogFormatter(labelOnlyBase=False, minor_thresholds=(9, 9)))
+            axes.yaxis.set_minor_formatter(NullFormatter())
+    axes.set_xlabel(over, fontsize=9)
+    axes.set_ylabel(panel.label, fontsize=9)
+    axes.set_title(panel.title, fontsize=10, color=INK, loc="left")
+    axes.tick_params(labelsize=8)
+    axes.grid(True, color="#eceff4", linewidth=0.8)
+    axes.set_axisbelow(True)
+    for side in ("top", "right"):
+        axes.spines[side].set_visible(False)
+
+
+def _spoken(column: str) -> str:
+    """ "top_mm" as "top [mm]"."""
+    name, _, unit = column.rpartition("_")
+    return f"{name} [{unit}]" if name and unit in ("mm", "deg", "SI") else column.replace("_", " ")
+
+
+def _heading(figure: Any, table: Any, groups: dict[str, np.ndarray]) -> None:
+    """What the line styles and crosses mean, above all panels."""
+    said = [] if len(groups) < 2 else [f"{style} {g}" for style, g in zip(_words(), groups, strict=False)]
+    if len(groups) > len(_STYLES):
+        said = [f"{len(groups)} designs or load cases"]
+    if table.failures:
+        said.append(f"\N{MULTIPLICATION SIGN} {len(table.failures)} poses without full answer")
+    if said:
+        figure.suptitle("    ".join(said), fontsize=9, color=INK)
+
+
+def _words() -> tuple[str, ...]:
+    return "solid:", "dashed:", "dotted:", "dash-dotted:"

@@ -1,0 +1,97 @@
+"""Whether an answer is believed: jumps to other branches, unstable states, loads, and what strict does."""
+
+import numpy as np
+import pytest
+from scenes import STEEL, cross_flexure, fourbar, single_joint
+
+import ksd
+from ksd.errors import ConvergenceError, TrustError
+from ksd.model.compile import compile_scene
+from ksd.section import rectangle
+from ksd.solve.conventional import conventional, loads_last
+from ksd.units import deg
+
+L = 0.1
+SECTION = rectangle(0.5e-3, 0.02)
+EULER = 4 * np.pi**2 * STEEL.E * SECTION.Iz / L**2
+
+
+def column(share):
+    """A clamped column whose top is guided, pressed with `share` of its Euler load."""
+    scene = ksd.Mechanism("column")
+    top = scene.link("top")
+    scene.leaf(
+        scene.ground, top, start=(0, 0, 0), end=(L, 0, 0), section=SECTION, material=STEEL, width_axis="z"
+    )
+    for word, axes in (("along", "yz"), ("about", "xyz")):
+        for axis in axes:
+            scene.support(top, at=(L, 0, 0), **{word: axis})
+    scene.load(top, force=(-share * EULER, 0, 0), at=(L, 0, 0))
+    return scene
+
+
+@pytest.mark.parametrize("n, angle, moment", [(4, 165, 71.01262), (6, 120, 41.44545)])
+def test_a_jump_to_another_branch_is_walked_again(n, angle, moment):
+    """In one step these end at a negative moment; 24 steps of either solver end at the one given."""
+    model = compile_scene(single_joint(), mesh=ksd.Mesh("corotational", elements=n))
+    found = conventional(model, {"turn": angle * deg})
+    assert found.forces["turn"] == pytest.approx(moment, rel=1e-5)
+    assert "walked again" in found.steps[0].note
+    walk = conventional(model, {"turn": angle * deg}, steps=24)
+    assert found.forces["turn"] == pytest.approx(walk.forces["turn"], rel=1e-8)
+    assert not found.doubts
+
+
+@pytest.mark.parametrize("n", [6, 10])
+def test_75_degrees_in_one_step(n):
+    """Issue: a spurious equilibrium at -60 Nm exists; the answer is +21.5."""
+    model = compile_scene(single_joint(), mesh=ksd.Mesh("corotational", elements=n))
+    for planar in (False, "auto"):
+        found = conventional(model, {"turn": 75 * deg}, planar=planar)
+        assert found.forces["turn"] == pytest.approx(21.48, rel=3e-3)
+
+
+def test_a_compressed_column_is_refused_beyond_its_load():
+    assert ksd.solve(column(0.9)).trusted
+    with pytest.raises(TrustError, match="UNSTABLE") as refused:
+        ksd.solve(column(1.1))
+    assert isinstance(refused.value, ConvergenceError)
+    assert refused.value.result.converged
+    state = ksd.solve(column(1.1), strict=False)
+    assert not state.trusted and not state.stable
+    assert "direction" in state.trust.stable.sentence
+
+
+def test_verdicts_are_sentences():
+    found = ksd.solve(fourbar(), top=0.2, method="full")
+    assert found.trusted and found.trust.stable and found.trust.branch
+    assert "off its intended motion" in found.branch
+    assert "minimum" in str(found.trust.trusted)
+    rough = ksd.solve(fourbar(), top=0.2, method="reduced")
+    assert "estimated error" in str(rough.trust.trusted)
+
+
+def test_loads_last_and_loads_along_agree():
+    scene = single_joint()
+    scene.load("tip", force=(3.0, -2.0, 4.0), at=cross_flexure().pose_B)
+    model = compile_scene(scene)
+    one, other = conventional(model, {"turn": 1.0}), loads_last(model, {"turn": 1.0})
+    assert other.motion.x == pytest.approx(one.motion.x, abs=1e-9)
+    assert other.load_factor == 1.0
+
+
+@pytest.mark.parametrize("force", [500.0, 700.0, 1000.0])
+def test_out_of_plane_force_on_the_fourbar(force):
+    """Issue: right to 500 N in at most 5 step-5 iterations; 1000 N by the fallbacks."""
+    scene = fourbar()
+    scene.load("top", force=(0, 0, force), at=(0, 0.3 + 0.1 * np.cos(np.pi / 4), 0))
+    solver = ksd.prepare(scene)
+    found = solver(top=0.3)
+    walk = conventional(solver.model, {"top": 0.3}, steps=16)
+    assert found.trusted
+    assert found.forces["top"] == pytest.approx(walk.forces["top"], rel=1e-6)
+    if force <= 500:
+        full = solver(top=0.3, method="full")
+        assert next(s for s in full.steps if s.name[0] == "5").iterations <= 5
+    if force == 1000:
+        assert any("conventional solver used" in w for w in found.warnings)
