@@ -37,6 +37,7 @@ _HOMES = {
     "ksd.solve.configuration": ("Configuration",),
     "ksd.solve.path": ("Path", "follow"),
     "ksd.train": ("train",),
+    "ksd.design": ("SweepInterrupted", "Table", "frequency_curve", "state_space", "sweep"),
     "ksd.library": ("Record", "find_record"),
 }  # fmt: skip
 _HOME = {name: home for home, names in _HOMES.items() for name in names}
@@ -46,6 +47,7 @@ _KEPT = (
 )  # fmt: skip
 
 if TYPE_CHECKING:
+    from ksd.design import SweepInterrupted, Table, frequency_curve, state_space, sweep
     from ksd.library import Record, find_record
     from ksd.model.compile import Model, compile_scene
     from ksd.model.mesh import Mesh

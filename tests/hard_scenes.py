@@ -75,8 +75,9 @@ def bistable(Q=6.0, length=0.1, thickness=0.5e-3, flaw=0.01):
     return scene, STEEL.E * section.Iz * rise / length**3, rise
 
 
-def column(share=0.0, length=0.1):
-    """A clamped column of two leafs, its top guided, pressed by the Euler load; share: sideways part of the load."""
+def column(share=0.0, length=0.1, load=1.0):
+    """A clamped column of two leafs, its top guided, pressed by `load` times the Euler load; share: sideways
+    part of the Euler load."""
     section = rectangle(0.5e-3, 0.02)
     euler = 4 * np.pi**2 * STEEL.E * section.Iz / length**2
     scene = ksd.Mechanism("column")
@@ -88,7 +89,110 @@ def column(share=0.0, length=0.1):
     for word, axes in (("along", "yz"), ("about", "xyz")):
         for axis in axes:
             scene.support(top, at=(length, 0, 0), **{word: axis})
-    scene.load(top, force=(-euler, 0, 0), at=(length, 0, 0))
+    scene.load(top, force=(-load * euler, 0, 0), at=(length, 0, 0))
     if share:
         scene.load(middle, force=(0, share * euler, 0), at=(length / 2, 0, 0))
+    return scene
+
+
+def frame(*, unit=1.0, turn=None, shift=(0.0, 0.0, 0.0), force=0.0):
+    """The fourbar of paper 1 with all lengths times `unit`, turned by the rotation matrix `turn` and shifted (3,) [m];
+    force [N] across the plane on the top link."""
+    T, origin = np.eye(3) if turn is None else turn, np.asarray(shift, float)
+    joint = ksd.CrossFlexure(
+        STEEL, length=0.1 * unit, angle=np.pi / 4, thickness=1e-3 * unit, widths=(0.04 * unit, 0.02 * unit)
+    )
+
+    def at(x, y):
+        return tuple(origin + T @ (unit * np.array([x, y, 0.0])))
+
+    scene = ksd.Mechanism("frame")
+    left, top, right = scene.links("left", "top", "right")
+    for a, b, x, y, name in (
+        (scene.ground, left, -0.2, 0.0, "lower left"),
+        (left, top, -0.2, 0.3, "upper left"),
+        (right, top, 0.2, 0.3, "upper right"),
+        (scene.ground, right, 0.2, 0.0, "lower right"),
+    ):
+        scene.join(a, b, joint, at=at(x, y), axis=tuple(T[:, 2]), toward=tuple(T[:, 1]), name=name)
+    high = 0.3 + joint.length_AB / unit
+    scene.actuate(top, along=tuple(T[:, 0]), at=at(0, high))
+    if force:
+        scene.load(top, force=tuple(force * T[:, 2]), at=at(0, high))
+    return scene
+
+
+def cantilever(
+    *, moment=0.0, force=(0.0, 0.0, 0.0), length=0.1, thickness=0.5e-3, width=0.02, pieces=1, level=False
+):
+    """A leaf along x from ground to 'tip', moment about z; pieces: lengths of the parts when not one; level: the tip is
+    kept in the plane."""
+    scene = ksd.Mechanism("cantilever")
+    section, ends = rectangle(thickness, width), np.cumsum([0.0, *(pieces if pieces != 1 else (length,))])
+    links = [scene.ground, *(scene.link(f"part {k}") for k in range(1, len(ends) - 1)), scene.link("tip")]
+    for a, b, start, end in zip(links, links[1:], ends, ends[1:], strict=False):
+        scene.leaf(
+            a, b, start=(start, 0, 0), end=(end, 0, 0), section=section, material=STEEL, width_axis="z"
+        )
+    scene.load(links[-1], force=force, moment=(0, 0, moment), at=(ends[-1], 0, 0))
+    for word, axes in (("along", "z"), ("about", "xy")) if level else ():
+        for axis in axes:
+            scene.support(links[-1], at=(ends[-1], 0, 0), **{word: axis})
+    return scene
+
+
+def guide(*, twist=False):
+    """An overconstrained guide: two parallel leafs, stroke along y; twist: the shuttle is also turned about x."""
+    scene = ksd.Mechanism("guide")
+    shuttle = scene.link("shuttle")
+    for y in (-0.03, 0.03):
+        scene.leaf(scene.ground, shuttle, start=(0, y, 0), end=(0.1, y, 0), section=rectangle(0.5e-3, 0.03),
+                   material=STEEL, width_axis="z")  # fmt: skip
+    scene.actuate(shuttle, along="y", at=(0.1, 0, 0), name="stroke")
+    if twist:
+        scene.actuate(shuttle, about="x", at=(0.1, 0, 0), name="twist")
+    return scene
+
+
+def long_arm():
+    """A link of 1 m on a leaf 50 um long and 2 um thick, driven at its far end."""
+    scene = ksd.Mechanism("long arm")
+    arm = scene.link("arm")
+    scene.leaf(scene.ground, arm, start=(0, 0, 0), end=(50e-6, 0, 0), section=rectangle(2e-6, 20e-6), material=STEEL,
+               width_axis="z")  # fmt: skip
+    scene.actuate(arm, along="y", at=(1.0, 0, 0), name="end")
+    return scene
+
+
+def right_angle(share, flaw=0.0):
+    """Argyris' right-angle frame under `share` of its critical end moments (618.3 Nmm); flaw: sideways force [N]."""
+    stuff, leg = ksd.Material(E=71240e6, nu=0.31), 0.24
+    q, r = rectangle(0.6e-3, 30e-3), 0.24 / np.sqrt(2)
+    critical = np.pi * np.sqrt(stuff.E * q.Iz * stuff.G * q.J) / leg
+    scene = ksd.Mechanism("right-angle frame")
+    left, corner, right = scene.links("left", "corner", "right")
+    for name, a, b, start, end in (
+        ("one", left, corner, (-r, 0, 0), (0, r, 0)),
+        ("two", corner, right, (0, r, 0), (r, 0, 0)),
+    ):
+        along = np.subtract(end, start) / leg
+        scene.leaf(
+            a,
+            b,
+            start=start,
+            end=end,
+            section=q,
+            material=stuff,
+            width_axis=(-along[1], along[0], 0),
+            name=name,
+        )
+    for link, place, axes in ((left, (-r, 0, 0), "xyz"), (right, (r, 0, 0), "yz")):
+        for axis in axes:
+            scene.support(link, along=axis, at=place)
+        for axis in "xy":
+            scene.support(link, about=axis)
+    scene.load(left, moment=(0, 0, share * critical))
+    scene.load(right, moment=(0, 0, -share * critical))
+    if flaw:
+        scene.load(corner, force=(0, 0, flaw), at=(0, r, 0))
     return scene

@@ -9,7 +9,9 @@ negative. Everything in frame p.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,7 +33,7 @@ class StrainParts:
     W: Array
     J: Array
     S: Array
-    length: float
+    length: Any
     s: Array
     weight: Array
     r: Array
@@ -79,45 +81,55 @@ def strain_parts(value: Array, number: NDArray[np.int64], inner: Array) -> Strai
     )
 
 
+def stacked_parts(parts: Sequence[StrainParts]) -> StrainParts:
+    """Leafs of equal orders as one: every array gets a leading axis (k,), so that all are worked on in one call."""
+    found = {f.name: np.stack([getattr(p, f.name) for p in parts]) for f in fields(StrainParts)}
+    return StrainParts(**found)
+
+
 def strain_flexibility(parts: StrainParts) -> tuple[Array, Array]:
-    """(P (N, 6), Z (N, N)): a = P xi + b, with b = Z f under inner loads f while the ends are held.
+    """(P (N, 6), Z (N, N)): a = P xi + b, with b = Z f under inner loads f while the ends are held; of stacked parts
+    (k, N, 6) and (k, N, N).
 
     With a = P xi + b the stiffness of a leaf falls apart into its condensed K6 on xi and Z^-1 on b: nothing
     is left out by keeping b as an unknown beside the end motions, and nothing has to be factored anew.
     """
-    Y = np.linalg.solve(parts.W, parts.J.T)
+    Y = np.linalg.solve(parts.W, parts.J.swapaxes(-1, -2))
     F = parts.J @ Y
-    F[:3, :3] += parts.S
-    P = np.linalg.solve(F, Y.T).T
-    Z = np.linalg.inv(parts.W) - P @ Y.T
-    return P, 0.5 * (Z + Z.T)
+    F[..., :3, :3] += parts.S
+    Yt = Y.swapaxes(-1, -2)
+    P = np.linalg.solve(F, Yt).swapaxes(-1, -2)
+    Z = np.linalg.inv(parts.W) - P @ Yt
+    return P, 0.5 * (Z + Z.swapaxes(-1, -2))
 
 
 def strain_mass(parts: StrainParts, P: Array, line: Array) -> Array:
-    """Mass matrix (12 + N, 12 + N) of a leaf in (motion of p, xi, b), frame p.
+    """Mass matrix (12 + N, 12 + N) of a leaf in (motion of p, xi, b), frame p; of stacked parts (k, 12 + N, 12 + N).
 
     Motion of p: velocity and spin (6); xi: motion of q relative to p (6); b as in `strain_flexibility`.
-    line (ng, 4) or (4,): mass per length [kg/m], rotary inertia per length about e1, e2, e3 [kg m].
+    line (ng, 4), (4,) or stacked (k, ng, 4): mass per length [kg/m], rotary inertia per length about e1, e2, e3 [kg m].
     """
-    N = parts.W.shape[0]
-    ng, s = len(parts.weight), parts.s[:, None, None]
-    move, spin = np.zeros((ng, 3, 12 + N)), np.zeros((ng, 3, 12 + N))
-    own = parts.rho - s * parts.J[:3]
-    move[:, :, 0:3] = np.eye(3)
+    batch, N = parts.W.shape[:-2], parts.W.shape[-1]
+    ng, s = parts.weight.shape[-1], parts.s[..., None, None]
+    move, spin = np.zeros((*batch, ng, 3, 12 + N)), np.zeros((*batch, ng, 3, 12 + N))
+    own = parts.rho - s * parts.J[..., None, :3, :]
+    across = P[..., None, :, :]
+    move[..., 0:3] = np.eye(3)
     # spin x r
     for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
-        move[:, j, 3 + i] = -parts.r[:, k]
-        move[:, k, 3 + i] = parts.r[:, j]
-    move[:, :, 6:12] = own @ P
-    move[:, :, 6:9] += s * np.eye(3)
-    move[:, :, 12:] = own
-    spin[:, :, 3:6] = np.eye(3)
-    spin[:, :, 6:12] = parts.psi @ P
-    spin[:, :, 12:] = parts.psi
-    spin = np.swapaxes(parts.R, 1, 2) @ spin
-    scale = parts.length * parts.weight
-    amount = np.sqrt(scale[:, None] * np.broadcast_to(line, (ng, 4)))
-    move *= amount[:, :1, None]
-    spin *= amount[:, 1:, None]
-    both = np.concatenate([move.reshape(-1, 12 + N), spin.reshape(-1, 12 + N)])
-    return both.T @ both
+        move[..., j, 3 + i] = -parts.r[..., k]
+        move[..., k, 3 + i] = parts.r[..., j]
+    move[..., 6:12] = own @ across
+    move[..., 6:9] += s * np.eye(3)
+    move[..., 12:] = own
+    spin[..., 3:6] = np.eye(3)
+    spin[..., 6:12] = parts.psi @ across
+    spin[..., 12:] = parts.psi
+    spin = parts.R.swapaxes(-1, -2) @ spin
+    scale = np.asarray(parts.length)[..., None] * parts.weight
+    amount = np.sqrt(scale[..., None] * np.broadcast_to(line, (*batch, ng, 4)))
+    move *= amount[..., :1, None]
+    spin *= amount[..., 1:, None]
+    both = np.concatenate([x.reshape(*batch, 3 * ng, 12 + N) for x in (move, spin)], axis=-2)
+    found: Array = both.swapaxes(-1, -2) @ both
+    return found

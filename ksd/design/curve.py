@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from ksd.design.tracking import SPARE, Tracks, follow
+from ksd.design.tracking import SPARE, Tracks, first_tracks, follow
 from ksd.errors import SceneError
 from ksd.solve.choose import Solver
 
@@ -34,8 +34,14 @@ class FrequencyCurve:
 
     @property
     def error(self) -> float:
-        """Largest relative error at the configurations checked."""
-        return max((abs(e) for _, e in self.checked.values()), default=float("nan"))
+        """Largest relative error at the configurations checked on the side of the stroke the curve was made on."""
+        return max((abs(e) for d, (_, e) in self.checked.items() if d > 0.0), default=float("nan"))
+
+    @property
+    def asymmetry(self) -> float:
+        """Largest relative error on the other side: large where the mechanism is no mirror image of itself, as a
+        cross flexure with one inner and two outer leafs out of its plane; the curve then holds on one side only."""
+        return max((abs(e) for d, (_, e) in self.checked.items() if d < 0.0), default=float("nan"))
 
     def __call__(self, d: Any) -> Any:
         """Frequency [Hz] at drive values `d` [m or rad]; nan where the polynomial says 1/omega^2 <= 0."""
@@ -103,25 +109,33 @@ def _frequencies(
 
     def modes(d: float) -> Any:
         return solver({**held, drive: d}, method=method, estimate=False).frequencies(
-            count=4 + SPARE, freed=freed
+            count=4 + len(freed) + SPARE, freed=freed
         )
 
     if mode in ("intended", "first_parasitic"):
-        found = [modes(d) for d in values]
-        if mode == "intended":
-            return [float(m.frequency_Hz[m.intended]) for m in found]
-        return [m.first_parasitic_Hz for m in found]
+        tracks = [first_tracks(modes(d), 1) for d in values]
+        return [t.frequency_Hz(_track(t, mode)) for t in tracks]
     largest = max(abs(d) for d in values)
-    start = follow(None, modes(0.0), 4)
+    start = first_tracks(modes(0.0), 4)
     if mode not in start.names:
         raise SceneError(f"mode = {mode!r}: choose first_parasitic or one of {', '.join(start.names)}")
     by: dict[float, float] = {}
     for sign in (1.0, -1.0):
-        tracks: Tracks = start
+        now: Tracks = start
         way = sorted(
             {abs(d) for d in values if d * sign >= 0.0} | set(np.linspace(0, largest, STEPS).tolist())
         )
         for d in way if any(v * sign > 0.0 for v in values) else [0.0]:
-            tracks = follow(tracks, modes(sign * d), 4)
-            by[sign * d] = tracks.frequency_Hz(start.names.index(mode))
+            now = follow(now, modes(sign * d), 4)
+            by[sign * d] = now.frequency_Hz(start.names.index(mode))
     return [by[d] for d in values]
+
+
+def _track(tracks: Tracks, mode: str) -> int:
+    """The track of the (lowest) intended or the first parasitic motion."""
+    if mode == "intended":
+        return next(t for t, n in enumerate(tracks.names) if n.startswith("intended"))
+    first = tracks.first_parasitic
+    if first is None:
+        raise SceneError("this mechanism has no mode besides its intended ones")
+    return first

@@ -94,18 +94,17 @@ def run_line(line: Line, recipe: Recipe, solver: Solver | None, rows: list[Row])
     walk, tracks = Walk(solver, recipe), None
     for values in line.poses:
         row = _labels(line, values)
-        troubles: list[str] = []
         try:
             pose = walk.pose(values)
         except CAUGHT as reason:
             rows.append(row | {STATUS: spoken(reason)})
             continue
-        told, tracks = answers(
-            pose, recipe.asked, tracks, lambda name, reason: troubles.append(f"{name}: {spoken(reason)}")
-        )
+        told, tracks, troubles = answers(pose, recipe.asked, tracks)
         row |= told
         row |= {"stable": float(pose.stable), "method": pose.method, "warnings": "; ".join(pose.warnings)}
-        rows.append(row | {STATUS: "; ".join(troubles) or OK})
+        rows.append(
+            row | {STATUS: "; ".join(f"{name}: {spoken(why)}" for name, why in troubles.items()) or OK}
+        )
     return solver
 
 

@@ -23,13 +23,13 @@ EFFORT = {"translation": "force_N", "rotation": "moment_Nm", "mixed": "effort_SI
 class Asked:
     """The questions and their options. questions: names in QUESTIONS; link, at (3,) [m at rest]: the point whose
     support stiffness and parasitic motion are asked, by default where the first drive acts; freed: drives let go for
-    the frequencies, all when None; modes: how many to follow; points: stations per leaf for stress."""
+    the frequencies, all when None; modes: how many to follow besides the intended; points: stations per leaf for stress."""
 
     questions: tuple[str, ...]
     link: str | None = None
     at: tuple[float, float, float] | None = None
     freed: tuple[str, ...] | None = None
-    modes: int = 4
+    modes: int = 3
     points: int = 25
 
     def point(self, scene: Any) -> tuple[str, tuple[float, float, float] | None]:
@@ -143,13 +143,15 @@ def _stress(pose: Any, asked: Asked) -> Row:
 
 
 def _parasitic(pose: Any, asked: Asked) -> Row:
-    """Motion of the point and rotation of its link, less what the first drive prescribes along its own axis."""
+    """Motion of the point and rotation of its link, less what the drives of this link prescribe along their axes."""
     scene = pose.model.scene
     link, at = asked.point(scene)
     node = pose.model.node_names.index(link)
     shift = pose.displacement(link, pose.model.rest.x[node] if at is None else at)
     turn = pose.rotation(link)
-    for term in scene.drives[0].terms[:1] if scene.drives else ():
+    for term in (d.terms[0] for d in scene.drives if len(d.terms) == 1):
+        if term.link != link or term.base != "ground":
+            continue
         along = np.asarray(term.direction)
         if term.kind == "translation":
             shift = shift - along * (along @ shift)
@@ -198,7 +200,9 @@ CAUGHT: tuple[type[Exception], ...] = (KsdError, ArithmeticError, np.linalg.LinA
 def frequency_row(pose: Any, asked: Asked, before: Tracks | None) -> tuple[Row, Tracks]:
     """Frequencies [Hz] of the followed modes, and the tracks for the next pose."""
     freed = tuple(pose.model.drive_names) if asked.freed is None else asked.freed
-    tracks = follow(before, pose.frequencies(count=asked.modes + SPARE, freed=freed), asked.modes)
+    tracks = follow(
+        before, pose.frequencies(count=asked.modes + len(freed) + SPARE, freed=freed), asked.modes
+    )
     row: Row = {f"{n}_Hz": tracks.frequency_Hz(t) for t, n in enumerate(tracks.names) if tracks.rank[t] >= 0}
     first = tracks.first_parasitic
     row["first_parasitic_Hz"] = float("nan") if first is None else tracks.frequency_Hz(first)
@@ -207,11 +211,13 @@ def frequency_row(pose: Any, asked: Asked, before: Tracks | None) -> tuple[Row, 
     return row, tracks
 
 
-def answers(pose: Any, asked: Asked, before: Tracks | None, failed: Callable[[str, Exception], None]) -> Any:
-    """(row, tracks) of one pose; a question that cannot be answered is told to `failed` and leaves no columns."""
+def answers(
+    configuration: Any, asked: Asked, before: Tracks | None
+) -> tuple[Row, Tracks | None, dict[str, Exception]]:
+    """Row and tracks of one pose, and why a question could not be answered, by question."""
     row: Row = {}
-    tracks = before
-    pose = Pose(pose)
+    failed: dict[str, Exception] = {}
+    tracks, pose = before, Pose(configuration)
     for name in asked.questions:
         try:
             if name == "frequencies":
@@ -220,5 +226,5 @@ def answers(pose: Any, asked: Asked, before: Tracks | None, failed: Callable[[st
                 found = _ANSWERS[name](pose, asked)
             row |= found
         except CAUGHT as reason:
-            failed(name, reason)
-    return row, tracks
+            failed[name] = reason
+    return row, tracks, failed

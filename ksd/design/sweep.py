@@ -48,7 +48,7 @@ def sweep(
     link: Any = None,
     at: Any = None,
     freed: Any = None,
-    modes: int = 4,
+    modes: int = 3,
     method: str | None = None,
     accuracy: float | None = None,
     passes: int = 0,
@@ -68,7 +68,7 @@ def sweep(
     step. designs: {"thickness": [...], ...} for all combinations, or a list of such mappings. loads: cases by name, each
     a list of dict(link=, force=, moment=, at=) added to the scene's own. questions: of "force", "drive_stiffness",
     "support_stiffness", "frequencies", "stress", "parasitic", "energy", "buckling"; link, at: the point asked about;
-    freed: drives let go for frequencies (all when None), modes: how many are followed. executor: any
+    freed: drives let go for frequencies (all when None), modes: how many are followed besides the intended. executor: any
     concurrent.futures.Executor; without one, this process or, for many poses, a pool of processes. resume: a file that
     keeps finished lines; give it again to go on. A pose that fails is a row whose `status` says why.
 
@@ -80,16 +80,23 @@ def sweep(
     )  # fmt: skip
     lines, name = plan_lines(mechanism, {**(targets or {}), **drives}, designs, loads, together=together)
     kept = Kept(resume, fingerprint(lines, recipe))
+    return _collected(lines, recipe, kept, name, how=(executor, progress))
+
+
+def _collected(
+    lines: list[Line], recipe: Recipe, kept: Kept, name: str, *, how: tuple[Executor | None, bool]
+) -> Table:
+    """The table of all lines, those kept and those computed now."""
     partial: dict[int, list[dict[str, Any]]] = {}
-    facts = {"method": method or "cheapest", "questions": ", ".join(recipe.asked.questions)}
+    facts = {"method": recipe.method or "cheapest", "questions": ", ".join(recipe.asked.questions)}
     try:
-        with _bar(f"sweep {name}", sum(len(line.poses) for line in lines), progress) as done:
+        with _bar(f"sweep {name}", sum(len(line.poses) for line in lines), how[1]) as done:
             missing = [line for line in lines if line.number not in kept.found]
             done(sum(len(rows) for rows in kept.found.values()))
-            _run(missing, recipe, executor, (kept, partial, done))
+            _run(missing, recipe, how[0], (kept, partial, done))
     except KeyboardInterrupt:
         table = _table(lines, kept.found | partial, name, facts)
-        again = "" if resume is None else f"; call again with resume='{resume}' to go on"
+        again = "" if kept.path is None else f"; call again with resume='{kept.path}' to go on"
         raise SweepInterrupted(
             f"interrupted: the rows done are in .table of this exception{again}", table
         ) from None
@@ -119,13 +126,24 @@ def _recipe(asked: Asked, *, method: str | None, **how: Any) -> Recipe:
 
 def _table(lines: list[Line], found: dict[int, Any], name: str, facts: dict[str, str]) -> Table:
     """Rows in the order of the sweep; poses not reached say so."""
-    rows, labels = [], {}
+    rows: list[dict[str, Any]] = []
+    labels: dict[str, None] = {}
     for line in lines:
         mine = list(found.get(line.number, ()))
         mine += blank_rows(line, "not reached: the sweep was interrupted", first=len(mine))
         rows += mine
         labels |= dict.fromkeys(k for k in blank_rows(line, "")[0] if k != "status")
-    return Table.of_rows(rows, tuple(labels), name=name, facts=facts)
+    return Table.of_rows(rows, tuple(labels), moving=_moving(lines), name=name, facts=facts)
+
+
+def _moving(lines: list[Line]) -> tuple[str, ...]:
+    """Label columns that change along a line."""
+    for line in lines:
+        rows = [row for row in blank_rows(line, "") if line.scene is not None]
+        found = tuple(k for k in (rows[0] if rows else ()) if len({row[k] for row in rows}) > 1)
+        if found:
+            return found
+    return ()
 
 
 def _run(missing: list[Line], recipe: Recipe, executor: Executor | None, where: Any) -> None:

@@ -25,12 +25,14 @@ class Table:
     """Rows of a sweep.
 
     columns: values (rows,) by column name; numbers are floats (nan where a row failed), texts are str. labels: the
-    columns that say where a row belongs: design parameters, load case, drives. name: of the mechanism. facts: how
+    columns that say where a row belongs: design parameters, load case, drives; moving: the drives that change along a
+    stroke. name: of the mechanism. facts: how
     the rows were made, as text.
     """
 
     columns: Mapping[str, tuple[Any, ...]]
     labels: tuple[str, ...]
+    moving: tuple[str, ...] = ()
     name: str = "sweep"
     facts: Mapping[str, str] = field(default_factory=dict)
 
@@ -99,7 +101,7 @@ class Table:
     def where(self, **labels: Any) -> Table:
         """The rows whose label columns have these values (numbers to 1e-9)."""
         kept = [row for row in self.rows() if all(_same(row[k], v) for k, v in labels.items())]
-        return Table.of_rows(kept, self.labels, name=self.name, facts=self.facts)
+        return Table.of_rows(kept, self.labels, moving=self.moving, name=self.name, facts=self.facts)
 
     def plot(self, *questions: str, path: Any = None, **options: Any) -> Any:
         """Picture of the answers over the stroke, see `ksd.view.plot_stroke`; written to `path` if given."""

@@ -39,21 +39,33 @@ class Tracks:
     @property
     def first_parasitic(self) -> int | None:
         """The track of lowest frequency that is not the intended motion."""
-        known = [t for t, n in enumerate(self.names) if n != "intended" and self.rank[t] >= 0]
+        known = [t for t, n in enumerate(self.names) if not n.startswith("intended") and self.rank[t] >= 0]
         return min(known, key=self.frequency_Hz) if known else None
 
 
+def intended_modes(modes: Modes) -> list[int]:
+    """Ranks of the intended motions, one per freed drive, ascending: the pairing of drives and modes in which the modes
+    carry most of the drives' compliances (drive motion / omega)^2, each drive counted by its own total."""
+    from scipy.optimize import linear_sum_assignment
+
+    if not modes.freed or not modes.drive_motion.size:
+        return []
+    share = modes.drive_motion**2 / np.abs(modes.omega_squared)[:, None]
+    total = share.sum(axis=0)
+    free = total > 0.0
+    rows, _ = linear_sum_assignment(share[:, free] / total[free], maximize=True)
+    return sorted(rows.tolist())
+
+
 def first_tracks(modes: Modes, count: int) -> Tracks:
-    """Tracks of the `count` lowest modes, named: "intended" (drives freed) and "parasitic_1", ... in their order."""
-    ranks = list(range(min(count, len(modes))))
-    intended = modes.intended
-    if intended is not None and intended not in ranks:
-        ranks[-1] = intended
-    names, n = [], 0
-    for k in ranks:
-        n += k != intended
-        names.append("intended" if k == intended else f"parasitic_{n}")
-    return Tracks(modes, tuple(ranks), tuple(names), (1.0,) * len(ranks))
+    """Tracks of the intended motions and of the `count` lowest modes besides: "intended" ("intended_1", ... where several
+    drives are let go), "parasitic_1", ... in the order of their frequencies."""
+    own = intended_modes(modes)
+    others = [k for k in range(len(modes)) if k not in own][:count]
+    named = {k: "intended" if len(own) == 1 else f"intended_{n + 1}" for n, k in enumerate(own)}
+    named |= {k: f"parasitic_{n + 1}" for n, k in enumerate(others)}
+    ranks = sorted(named)
+    return Tracks(modes, tuple(ranks), tuple(named[k] for k in ranks), (1.0,) * len(ranks))
 
 
 def follow(before: Tracks | None, modes: Modes, count: int) -> Tracks:
@@ -70,11 +82,17 @@ def follow(before: Tracks | None, modes: Modes, count: int) -> Tracks:
         if mac[i, k] >= LOST:
             rank[alive[i]], sure[alive[i]] = k, float(mac[i, k])
     names = list(before.names)
+    own = intended_modes(modes)
+    for t, n in enumerate(names):
+        # an intended motion is known by what it does, should the chain of assurances break
+        left = [k for k in own if k not in rank]
+        if n.startswith("intended") and rank[t] < 0 and left:
+            rank[t], sure[t] = left[0], 1.0
     for k in (k for k in range(len(modes)) if k not in rank):
-        if sum(r >= 0 for r in rank) >= min(count, len(modes)):
+        alive_now = sum(r >= 0 and not n.startswith("intended") for r, n in zip(rank, names, strict=True))
+        if alive_now >= count:
             break
-        name = f"parasitic_{1 + sum(n != 'intended' for n in names)}"
-        names.append("intended" if k == modes.intended and "intended" not in names else name)
+        names.append(f"parasitic_{1 + sum(not n.startswith('intended') for n in names)}")
         rank.append(k)
         sure.append(1.0)
     return Tracks(modes, tuple(rank), tuple(names), tuple(sure))

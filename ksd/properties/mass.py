@@ -17,7 +17,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ksd.beam.corotational_values import ElementSection, element_mass, shear_ratios
-from ksd.beam.strain_mass import strain_flexibility, strain_mass, strain_parts, strain_stations
+from ksd.beam.strain_mass import (
+    stacked_parts,
+    strain_flexibility,
+    strain_mass,
+    strain_parts,
+    strain_stations,
+)
 from ksd.errors import SceneError
 from ksd.model.arrays import STRAIN, Motion
 from ksd.model.compile import Model
@@ -76,7 +82,8 @@ class Inertia:
 
 def cross_matrix(v: Array) -> Array:
     """[v]x (3, 3)."""
-    return np.array([[0.0, -v[2], v[1]], [v[2], 0.0, -v[0]], [-v[1], v[0], 0.0]])
+    x, y, z = v.tolist()
+    return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
 
 
 def leaf_line_mass(leaf: Any, s: Array) -> Array:
@@ -102,8 +109,8 @@ def relative_levers(model: Model, motion: Motion, i: int) -> tuple[Array, Array]
     relative[:3, 0:3], relative[:3, 6:9] = -np.eye(3), np.eye(3)
     relative[:3, 3:6], relative[:3, 9:12] = cross_matrix(w), -cross_matrix(s)
     relative[3:, 3:6], relative[3:, 9:12] = -np.eye(3), np.eye(3)
-    turn = np.kron(np.eye(2), ends.frame.T)
-    return turn @ own, turn @ relative
+    turn = ends.frame.T
+    return (turn @ own.reshape(2, 3, 12)).reshape(6, 12), (turn @ relative.reshape(2, 3, 12)).reshape(6, 12)
 
 
 def _node_unknowns(model: Model, nodes: Any) -> NDArray[np.int64]:
@@ -163,28 +170,39 @@ def _leafs_and_lines(model: Model) -> dict[int, tuple[Any, Array]]:
     return found
 
 
-def _strain_block(model: Model, motion: Motion, i: int, line: Array) -> tuple[Array, Array, Array, Array]:
-    """Mass (12 + N, 12 + N) in (motions of both nodes, b), Z, P, and the levers (6, 12) of xi of member
-    `i`."""
-    parts = strain_parts(*member_parts(model, motion, i))
-    P, Z = strain_flexibility(parts)
-    own, relative = relative_levers(model, motion, i)
-    T = np.zeros((12 + len(Z), 12 + len(Z)))
-    T[:6, :12], T[6:12, :12] = own, relative
-    T[12:, 12:] = np.eye(len(Z))
-    return T.T @ strain_mass(parts, P, line) @ T, Z, P, relative
+def _strain_blocks(model: Model, motion: Motion, lines: dict[int, Array]) -> dict[int, tuple[Array, ...]]:
+    """Mass (12 + N, 12 + N) in (motions of both nodes, b), Z, P, and the levers (6, 12) of xi of strain-mode members,
+    by member; those of equal orders and points are worked on together."""
+    alike: dict[tuple[int, ...], list[int]] = {}
+    for i in lines:
+        alike.setdefault(tuple(model.arrays.members.number[i].tolist()), []).append(i)
+    found: dict[int, tuple[Array, ...]] = {}
+    for members in alike.values():
+        parts = stacked_parts([strain_parts(*member_parts(model, motion, i)) for i in members])
+        P, Z = strain_flexibility(parts)
+        M = strain_mass(parts, P, np.stack([lines[i] for i in members]))
+        levers = [relative_levers(model, motion, i) for i in members]
+        T = np.zeros_like(M)
+        T[:, :6, :12], T[:, 6:12, :12] = [own for own, _ in levers], [relative for _, relative in levers]
+        T[:, 12:, 12:] = np.eye(Z.shape[-1])
+        M = T.swapaxes(-1, -2) @ M @ T
+        found |= {i: (M[k], Z[k], P[k], levers[k][1]) for k, i in enumerate(members)}
+    return found
 
 
 def inertia(model: Model, motion: Motion) -> Inertia:
     """Mass of an unfolded model at a state; SceneError when nothing in the scene has mass."""
     members, owner = model.arrays.members, _leafs_and_lines(model)
     places, blocks, flexible, follow, all_levers = [], [], [], [], []
+    strains = _strain_blocks(
+        model, motion, {i: owner[i][1] for i in np.flatnonzero(members.kind == STRAIN).tolist()}
+    )
     at = model.arrays.plan.unknowns
     inner = [at]
     for i in range(len(members.kind)):
         unknowns = _node_unknowns(model, members.node[i])
         if members.kind[i] == STRAIN:
-            block, Z, P, relative = _strain_block(model, motion, i, owner[i][1])
+            block, Z, P, relative = strains[i]
             N = len(Z)
             unknowns = np.concatenate([unknowns, np.arange(at, at + N)])
             flexible.append(Z)

@@ -3,7 +3,8 @@
 A residual of zero does not tell the branch: 75 degrees in one step can end at a moment of the wrong sign. What gives a
 jump away, at no cost: an inertia that is not that of a minimum, loads and drives that together did no positive work
 on a mechanism that was at rest (the strain energy they should have become is positive), or an iteration that
-wandered. Then 4, 8, ... load steps are tried until two rounds end in the same state.
+wandered. Then 4, 8, ... load steps are tried until two rounds end in the same minimum; failing that, the path is followed
+by arc length, which tells limit points and bifurcations on the way.
 """
 
 from __future__ import annotations
@@ -12,15 +13,19 @@ from collections.abc import Callable
 
 import numpy as np
 
+from ksd.errors import ConvergenceError
 from ksd.model.arrays import Motion
 from ksd.model.compile import Model
 from ksd.solve.driving import Driven
+from ksd.solve.path import Path
 from ksd.solve.stops import Stop
 
 WANDERED = 12
 """Iterations of an accepted load step above which its branch is confirmed."""
 FINE = 16
-"""Load steps from which on an answer is believed as it is."""
+"""Load steps from which on an answer is believed as it is, and up to which it is confirmed."""
+CUT = 0.2
+"""A load step that had to be cut below this fraction of the way is confirmed."""
 SAME = 1e-6
 """Largest difference of two equal states, over the size of the mechanism."""
 
@@ -44,14 +49,18 @@ def work_done(model: Model, motion: Motion, target: np.ndarray) -> float:
     return 0.5 * work
 
 
-def doubt(model: Model, motion: Motion, driven: Driven, target: np.ndarray, *, fresh: bool) -> str:
-    """Why the state reached may not be the one meant, or nothing. fresh: the mechanism was at rest before."""
-    if driven.stop is not Stop.CONVERGED or driven.taken >= FINE:
+def doubt(
+    model: Model, motion: Motion, driven: Driven, target: np.ndarray, *, fresh: bool, steps: int
+) -> str:
+    """Why the state reached in `steps` may not be the one meant, or nothing. fresh: the mechanism was at rest before."""
+    if driven.stop is not Stop.CONVERGED or steps >= FINE:
         return ""
     if driven.negatives != len(target):
         return "its inertia is not that of a minimum"
     if driven.longest > WANDERED:
         return f"a load step took {driven.longest} iterations"
+    if driven.shortest < min(CUT, 0.9 / steps):
+        return f"a load step had to be cut to {100 * driven.shortest:.2g} % of the way"
     if fresh and work_done(model, motion, target) < 0.0:
         return "drives and loads did negative work on it"
     return ""
@@ -67,30 +76,52 @@ Round = tuple[Driven, str, Motion]
 
 
 def confirmed(
-    model: Model, first: Round, again: Callable[[int], Round], reason: str
+    model: Model, first: Round, again: Callable[[int], Round], arc: Callable[[], Path], reason: str
 ) -> tuple[Driven, str, Motion, tuple[str, ...]]:
     """The state that two rounds of load steps agree on, what was done in words, and the doubts that remain.
 
-    first: how the doubtful round went; again: goes the same way in so many steps.
+    first: how the doubtful round went; again: goes the same way in so many steps; arc: goes it by arc length, which is
+    asked last, when smaller steps do not settle it or end in a state that is no minimum.
     """
     solves, taken = first[0].solves, first[0].taken
-    last, size = first, 4
-    doubts: tuple[str, ...] = (f"{reason}, and no two rounds of smaller load steps agree",)
-    while size <= FINE:
+    last, size = first, max(4, int(np.ceil(2.0 / first[0].shortest)))
+    end, settled, doubts = max(FINE, 4 * size), False, (reason,)
+    while size <= end and not settled:
         fresh = again(size)
         solves, taken = solves + fresh[0].solves, taken + fresh[0].taken
         if fresh[0].stop is not Stop.CONVERGED:
-            doubts = (
-                f"{reason}, and smaller load steps stop at {100 * fresh[0].reached:.3g} % of the way: "
-                f"{fresh[0].stop.sentence}",
-            )
+            doubts = (f"{reason}, and smaller load steps stop at {100 * fresh[0].reached:.3g} % of the way",)
             break
         same = difference(model, fresh[2], last[2]) < SAME
-        last = fresh
-        if same:
-            doubts = ()
+        settled = same and fresh[0].negatives == len(model.arrays.terms.start)
+        last, size = fresh, 2 * size
+        if same and not settled:
             break
-        size *= 2
-    driven = last[0]._replace(solves=solves, taken=taken)
     how = ", ".join(filter(None, [last[1], f"walked again in smaller steps: {reason}"]))
-    return driven, how, last[2], doubts
+    driven = last[0]._replace(solves=solves, taken=taken)
+    if settled:
+        return driven, how, last[2], ()
+    return by_arc(model, (driven, how, last[2]), arc, doubts)
+
+
+def by_arc(
+    model: Model, last: Round, arc: Callable[[], Path], doubts: tuple[str, ...]
+) -> tuple[Driven, str, Motion, tuple[str, ...]]:
+    """The last resort: what the path followed by arc length says of the state `last` and its `doubts`."""
+    driven, how, motion = last
+    try:
+        path = arc()
+    except (ConvergenceError, np.linalg.LinAlgError):
+        return driven, how, motion, doubts
+    driven = driven._replace(solves=driven.solves + sum(s.iterations for s in path.states))
+    how = f"{how}, then by arc length"
+    at = "; ".join(f"a {t.kind} point at {100 * t.factor:.3g} % of the way" for t in path.turnings)
+    if not path.ended or path.turnings:
+        return (
+            driven,
+            how,
+            motion,
+            (f"{doubts[0]}; the path from its start has {at or 'no end: ' + path.stop}",),
+        )
+    state = path.states[-1]
+    return driven._replace(negatives=state.negatives), how, state.motion, ()

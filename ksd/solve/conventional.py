@@ -20,9 +20,11 @@ from ksd.errors import ConvergenceError, SceneError
 from ksd.model.arrays import Loads, Motion, Work, make_work
 from ksd.model.compile import Model
 from ksd.numerics.kernel import second_compiler_runs
+from ksd.solve.arc import Course
 from ksd.solve.configuration import Configuration, Step
 from ksd.solve.confirm import confirmed, doubt
 from ksd.solve.driving import CAP, RTOL, Driven, drive_to
+from ksd.solve.path import Path, trace
 from ksd.solve.stops import Stop
 
 
@@ -48,11 +50,15 @@ def _drive(
     return drive_to(model.arrays, motion, work, **ways), f"spatial: {found}" if found else ""
 
 
+def _doubt(model: Model, motion: Motion, driven: Driven, ways: dict[str, Any]) -> str:
+    return doubt(model, motion, driven, ways["target"], fresh=ways["fresh"], steps=ways["steps"])
+
+
 def _walk(model: Model, motion: Motion, work: Work, *, sure: bool, **ways: Any) -> tuple[Driven, str, Any]:
     """Drive `motion` in place; unless `sure`, confirm what is doubtful. Returns how it went, in words, and doubts."""
     begin = motion.copy()
     driven, how = _drive(model, motion, work, **ways)
-    reason = "" if sure else doubt(model, motion, driven, ways["target"], fresh=ways["fresh"])
+    reason = "" if sure else _doubt(model, motion, driven, ways)
     if not reason:
         return driven, how, ()
 
@@ -61,7 +67,12 @@ def _walk(model: Model, motion: Motion, work: Work, *, sure: bool, **ways: Any) 
         finer = {**ways, "steps": steps, "smallest": min(ways["smallest"], 0.25 / steps)}
         return *_drive(model, state, work, **finer), state
 
-    driven, how, state, doubts = confirmed(model, (driven, how, motion.copy()), again, reason)
+    def arc() -> Path:
+        low, high = ways["factors"]
+        course = Course(ways["start"], ways["target"] - ways["start"], low, high - low)
+        return trace(model, course, begin)
+
+    driven, how, state, doubts = confirmed(model, (driven, how, motion.copy()), again, arc, reason)
     motion.assign(state)
     return driven, how, doubts
 

@@ -23,7 +23,7 @@ WEAK_PIVOT = 1e-9
 class Driven(NamedTuple):
     """How driving went: why it stopped, matrix solves including failed attempts, residual over its bound, negative
     pivots, fraction of the drive motion reached, load steps tried, load steps that needed pivoting, most iterations of a
-    load step."""
+    load step, the smallest one (fraction of the way)."""
 
     stop: Stop
     solves: int
@@ -33,6 +33,7 @@ class Driven(NamedTuple):
     taken: int
     pivoted: int = 0
     longest: int = 0
+    shortest: float = 1.0
 
 
 def drive_to(
@@ -56,7 +57,7 @@ def drive_to(
     newton: the compiled Newton that fits `arrays` and `motion` (spatial, or planar), called as `iterate` is.
     """
     done, size, solves, taken, pivoted, longest = 0.0, 1.0 / steps, 0, 0, 0, 0
-    residual, negatives = math.inf, 0
+    residual, negatives, shortest = math.inf, 0, 1.0 / steps
     safe = motion.copy()
     while done < 1.0:
         # land on the end exactly, whatever the rounding of the steps
@@ -73,13 +74,14 @@ def drive_to(
             solves, pivoted = solves + count, pivoted + 1
         if reason == Stop.CONVERGED:
             done, longest = goal, max(longest, count)
+            shortest = min(shortest, size)
             safe.assign(motion)
             continue
         motion.assign(safe)
         size *= 0.5
         if size < smallest:
-            return Driven(Stop(reason), solves, residual, negatives, done, taken, pivoted, longest)
-    return Driven(Stop.CONVERGED, solves, residual, negatives, 1.0, taken, pivoted, longest)
+            return Driven(Stop(reason), solves, residual, negatives, done, taken, pivoted, longest, shortest)
+    return Driven(Stop.CONVERGED, solves, residual, negatives, 1.0, taken, pivoted, longest, shortest)
 
 
 def _weak(arrays: Arrays, reason: int, pivot: float) -> bool:

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ksd.errors import ConvergenceError, SceneError
-from ksd.model.arrays import make_work
+from ksd.model.arrays import Motion, make_work
 from ksd.model.compile import Model, compile_scene
 from ksd.model.mesh import Mesh
 from ksd.solve.arc import Course, Place, Tracer
@@ -61,6 +61,11 @@ class Path:
         return tuple(t.factor for t in self.turnings if t.kind == "limit")
 
     @property
+    def ended(self) -> bool:
+        """Whether the end asked for was reached."""
+        return self.stop.startswith("the end was reached")
+
+    @property
     def bifurcations(self) -> tuple[Turning, ...]:
         """The points where another branch crosses."""
         return tuple(t for t in self.turnings if t.kind == "bifurcation")
@@ -69,8 +74,8 @@ class Path:
 class _Walk:
     """One path while it is followed."""
 
-    def __init__(self, model: Model, course: Course, loaded: bool) -> None:
-        self.model, self.course, self.loaded = model, course, loaded
+    def __init__(self, model: Model, course: Course) -> None:
+        self.model, self.course = model, course
         self.tracer = Tracer(model, course, make_work(model.arrays))
         self.states: list[Configuration] = []
         self.factors: list[float] = []
@@ -205,7 +210,7 @@ def follow(
     model = scene if isinstance(scene, Model) else compile_scene(scene, mesh=mesh)
     begin = start or (branch.configuration if branch else None)
     course, f = _course(model, targets, control, start=begin, branched=branch is not None)
-    walk = _Walk(model, course, control == "load")
+    walk = _Walk(model, course)
     clock = time.thread_time_ns()
     motion = (begin.motion if begin else model.rest).copy()
     if branch is not None:
@@ -218,6 +223,20 @@ def follow(
     stop = walk.go(at, ahead, until=until, arc=arc, most=most)
     spent = (time.thread_time_ns() - clock) * 1e-9
     return Path(np.array(walk.factors), tuple(walk.states), tuple(walk.turnings), f"{stop} ({spent:.2f} s)")
+
+
+def trace(
+    model: Model, course: Course, motion: Motion, *, f: float = 0.0, first: float = 0.02, most: int = 300
+) -> Path:
+    """Follow a course of drives and loads from the equilibrium `motion` at parameter f to 1, by arc length.
+
+    Raises ConvergenceError where the start is no equilibrium.
+    """
+    walk = _Walk(model, course)
+    at = _found(walk.tracer.correct(motion.copy(), f, None, most=40))
+    ahead = walk.tracer.tangent(at, None)
+    stop = walk.go(at, ahead, until=1.0, arc=first / max(abs(float(ahead[-1])), 1e-9), most=most)
+    return Path(np.array(walk.factors), tuple(walk.states), tuple(walk.turnings), stop)
 
 
 def _found(at: Place | None) -> Place:
@@ -256,10 +275,10 @@ def _course(
     return Course(begin, goal - begin, level if start else 1.0, 0.0), f
 
 
-def _switched(tracer: Tracer, motion: object, f: float, mode: Array) -> tuple[Place, Array]:
+def _switched(tracer: Tracer, motion: Motion, f: float, mode: Array) -> tuple[Place, Array]:
     """A place on the other branch, 0.01 along `mode`, and the direction away from the bifurcation."""
     n = len(mode)
-    at = _found(tracer.correct(motion, f, None))  # type: ignore[arg-type]
+    at = _found(tracer.correct(motion, f, None))
     tracer.tangent(at, None)
     away = np.append(mode, 0.0)
     for size in (0.01, 0.003, 0.03, 0.001):

@@ -19,7 +19,7 @@ def animate_stroke(
     path: str | os.PathLike[str],
     *,
     plane: str | None = None,
-    frames_per_second: float = 12.0,
+    frames_per_second: int = 12,
     back: bool = True,
     dpi: int = 80,
 ) -> Path:

@@ -17,6 +17,10 @@ _NOISE = 1e-9
 """Series below this fraction of the largest of their panel are zero but for rounding, and left out."""
 
 
+_NOTHING = 1e-9
+"""Panels whose largest value (in their unit) stays below this have nothing to show."""
+
+
 class _Panel(NamedTuple):
     """What belongs into one panel: pattern of its columns (group 1: name in the legend), label of the y axis."""
 
@@ -43,7 +47,9 @@ _PANELS: dict[str, tuple[_Panel, ...]] = {
         ),
     ),
     "frequencies": (
-        _Panel(r"(intended|parasitic_\d+)_Hz", "frequency [Hz]", "Frequencies, modes followed", True),
+        _Panel(
+            r"(intended|intended_\d+|parasitic_\d+)_Hz", "frequency [Hz]", "Frequencies, modes followed", True
+        ),
     ),
     "stress": (_Panel(r"(stress)_MPa", "largest von Mises stress [MPa]", "Stress"),),
     "parasitic": (
@@ -88,7 +94,8 @@ def plot_stroke(table: Any, questions: Sequence[str] = (), *, over: str | None =
 
 
 def _stroke_column(table: Any) -> str:
-    counts = {n: len(set(table.columns[n])) for n in table.labels if not isinstance(table[n], list)}
+    usable = table.moving or table.labels
+    counts = {n: len(set(table.columns[n])) for n in usable if not isinstance(table[n], list)}
     if not counts or max(counts.values()) < 2:
         raise SceneError("this table has one pose only: a picture over the stroke needs two")
     return max(counts, key=lambda n: (counts[n], n.endswith(("_mm", "_deg"))))
@@ -105,7 +112,9 @@ def _wanted(table: Any, questions: Sequence[str]) -> list[tuple[_Panel, dict[str
         for panel in _PANELS[q]:
             matches = {c: re.fullmatch(panel.pattern, c) for c in table.columns}
             columns = {c: m.group(1).replace("_", " ") for c, m in matches.items() if m}
-            if columns and any(np.isfinite(table[c]).any() for c in columns):
+            # what is zero throughout is drawn only when asked for
+            least = 0.0 if questions else _NOTHING
+            if columns and any(np.nanmax(np.abs(table[c]), initial=-1.0) >= least for c in columns):
                 mine.append((panel, columns))
         if questions and not mine:
             raise SceneError(f"the table has no answers to {q!r}; ask for it with questions=(..., {q!r})")
@@ -119,7 +128,8 @@ def _wanted(table: Any, questions: Sequence[str]) -> list[tuple[_Panel, dict[str
 
 def _groups(table: Any, over: str) -> dict[str, np.ndarray]:
     """Rows of every design and load case, by what sets them apart."""
-    others = [n for n in table.labels if n != over and len(set(table.columns[n])) > 1]
+    still = [n for n in table.labels if n != over and n not in table.moving]
+    others = [n for n in still if len(set(table.columns[n])) > 1]
     named: dict[str, list[int]] = {}
     for k, row in enumerate(table.rows()):
         said = ", ".join(row[n] if isinstance(row[n], str) else f"{n} {row[n]:.4g}" for n in others)
@@ -144,7 +154,7 @@ def _draw(axes: Any, table: Any, panel: _Panel, columns: dict[str, str], *, over
         mark = {"transform": axes.get_xaxis_transform(), "color": "#b91c1c", "clip_on": False}
         axes.plot(x[bad], np.full(bad.sum(), 0.02), "x", markersize=5, **mark)
     _scales(axes, panel, _spoken(over))
-    if len(shown) > 1:
+    if shown and len(columns) > 1:
         _legend(axes, len(shown), panel.log)
 
 
@@ -196,7 +206,8 @@ def _heading(figure: Any, table: Any, groups: dict[str, np.ndarray]) -> None:
     if len(groups) > len(_STYLES):
         said = [f"{len(groups)} designs or load cases"]
     if table.failures:
-        said.append(f"\N{MULTIPLICATION SIGN} {len(table.failures)} poses without full answer")
+        count = len(table.failures)
+        said.append(f"\N{MULTIPLICATION SIGN} {count} pose{'s' * (count != 1)} without full answer")
     if said:
         figure.suptitle("    ".join(said), fontsize=9, color=INK)
 

@@ -1,0 +1,144 @@
+"""`ksd report SCENE.toml`: one self-contained HTML page about a scene."""
+
+from __future__ import annotations
+
+import argparse
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ksd.cli.output import console
+from ksd.cli.solve import OPTIONS, drive_value, settings
+from ksd.errors import KsdError, SceneError
+
+POSES = 31
+
+
+def add(commands: Any) -> argparse.ArgumentParser:
+    """The parser of this command."""
+    parser: argparse.ArgumentParser = commands.add_parser(
+        "report",
+        help="write an HTML report of a scene",
+        description="Solve a scene and its stroke, and write one HTML page that needs no network: scene, what was "
+        "simulated, pictures, tables, convergence and error.",
+    )
+    parser.add_argument("scene", metavar="SCENE.toml")
+    parser.add_argument("--out", metavar="FILE", help="the page; SCENE.html beside the scene when left out")
+    said = "a drive value at the end of the stroke, such as top=300mm; may be repeated"
+    parser.add_argument("--set", action="append", default=[], metavar="DRIVE=VALUE", help=said)
+    parser.add_argument("--method", help="kinematic, reduced, full or conventional")
+    parser.add_argument(
+        "--poses", type=int, default=POSES, metavar="N", help=f"poses of the stroke ({POSES})"
+    )
+    parser.add_argument("--both", action="store_true", help="stroke from minus to plus the drive values")
+    parser.add_argument("--quiet", action="store_true", help="no progress bar")
+    parser.set_defaults(accuracy=None, elements=None, passes=None, extrapolate=None)
+    return parser
+
+
+def run(options: argparse.Namespace) -> int:
+    """Solve, sweep, compare, write. Errors as in `ksd.solve` and `ksd.load_scene`."""
+    from ksd.design.page import page
+    from ksd.design.sweep import sweep
+    from ksd.scene.toml_file import load_scene
+    from ksd.solve.choose import prepare
+
+    if not 2 <= options.poses <= 10_000:
+        raise SceneError(f"--poses {options.poses}: between 2 and 10000 poses are possible")
+    mechanism, targets, written = load_scene(options.scene, option_names=tuple(OPTIONS))
+    asked = settings(written, options)
+    scene = mechanism.scene()
+    for text in options.set:
+        name, value = drive_value(scene, text)
+        targets[name] = value
+    target = Path(options.out or Path(options.scene).with_suffix(".html"))
+    if not target.parent.is_dir():
+        raise SceneError(f"--out {target}: folder '{target.parent}' does not exist; make it first")
+    mesh = _mesh(asked)
+    how = {"method": asked["method"], "accuracy": asked["accuracy"], "passes": asked["passes"] or 0}
+    solver = prepare(scene, mesh=mesh, extrapolate=bool(asked["extrapolate"]))
+    solver(targets, **how)
+    # once more: the times shown are without the loading of kernels
+    pose = solver(targets, **how)
+    share = np.linspace(-1.0 if options.both else 0.0, 1.0, options.poses)
+    table = sweep(
+        scene, {n: v * share for n, v in targets.items()}, together=True, mesh=mesh, progress=not options.quiet,
+        questions=_possible(scene), extrapolate=bool(asked["extrapolate"]), **how,
+    )  # fmt: skip
+    compared = [_compared(f"{pose.method} (this report)", lambda: pose), *_other_ways(solver, targets, pose)]
+    try:
+        target.write_text(page(pose, table, compared), encoding="utf-8")
+    except OSError as error:
+        raise SceneError(f"--out {target} cannot be written: {error.strerror}") from error
+    console().print(
+        f"{target}: {len(table)} poses, {len(table.failures)} without full answer", soft_wrap=True
+    )
+    return 0
+
+
+def _mesh(asked: dict[str, Any]) -> Any:
+    from ksd.model.mesh import Mesh
+
+    return None if asked["elements"] is None else Mesh(leaf="corotational", elements=asked["elements"])
+
+
+def _possible(scene: Any) -> tuple[str, ...]:
+    """The standard questions, without frequencies where nothing has mass."""
+    from ksd.design.questions import QUESTIONS
+
+    leafs = [leaf for j in scene.joints for leaf in j.joint.leafs()] + [f.leaf for f in scene.leafs]
+    heavy = scene.masses or any(leaf.material.density for leaf in leafs)
+    return tuple(q for q in QUESTIONS if heavy or q != "frequencies")
+
+
+def _compared(name: str, solve: Any) -> Any:
+    """Drive force, first parasitic frequency and stress of one way to the pose."""
+    from ksd.design.page import Compared
+
+    try:
+        pose = solve()
+        force = next(iter(pose.forces.values()), float("nan"))
+        return Compared(name, force, _first_parasitic(pose), 1e-6 * pose.stress().largest_Pa)
+    except KsdError as reason:
+        return Compared(name, failed=str(reason))
+
+
+def _first_parasitic(pose: Any) -> float:
+    from ksd.design.tracking import first_tracks
+
+    freed = pose.model.drive_names
+    try:
+        tracks = first_tracks(pose.frequencies(count=2 + len(freed), freed=freed), 1)
+    except SceneError:
+        return float("nan")
+    return float("nan") if tracks.first_parasitic is None else tracks.frequency_Hz(tracks.first_parasitic)
+
+
+def _other_ways(solver: Any, targets: dict[str, float], pose: Any) -> list[Any]:
+    """The same pose by the other methods, and with a finer mesh."""
+    from ksd.solve.choose import prepare
+
+    found = [
+        _compared(m, lambda m=m: solver(targets, method=m, estimate=False))
+        for m in ("reduced", "full", "conventional")
+        if m != pose.method
+    ]
+    mesh = solver.model.mesh
+    if mesh.leaf == "strain":
+        orders = tuple(min(n + 2, 12) for n in mesh.orders)
+        fine, said = (
+            replace(mesh, orders=orders, points=max(mesh.points, max(orders) + 3)),
+            f"orders {orders}",
+        )
+    else:
+        fine = replace(mesh, elements=2 * mesh.elements)
+        said = f"{fine.elements} elements per leaf"
+    return [
+        *found,
+        _compared(
+            f"conventional, {said}",
+            lambda: prepare(solver.model.scene, mesh=fine)(targets, method="conventional"),
+        ),
+    ]

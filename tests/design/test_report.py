@@ -1,0 +1,125 @@
+"""The HTML report: complete, self-contained, and shown by a browser where there is one."""
+
+import re
+import shutil
+import subprocess
+from html.parser import HTMLParser
+from pathlib import Path
+
+import pytest
+from PIL import Image
+
+import ksd
+from ksd.cli import main
+
+SCENES = Path(ksd.__file__).parent / "scenes"
+BROWSERS = ("chromium", "chromium-browser", "google-chrome", "chrome", "headless_shell")
+VOID = {"meta", "img", "br"}
+
+
+class Checked(HTMLParser):
+    """Every element is closed in order; collects headings and addresses."""
+
+    def __init__(self):
+        super().__init__()
+        self.open, self.addresses, self.headings = [], [], []
+
+    def handle_starttag(self, tag, attrs):
+        if tag not in VOID:
+            self.open.append(tag)
+        self.addresses += [v for k, v in attrs if k in ("src", "href")]
+
+    def handle_endtag(self, tag):
+        assert self.open.pop() == tag
+
+    def handle_data(self, words):
+        if self.open and self.open[-1] == "h2":
+            self.headings.append(words)
+
+
+@pytest.fixture(scope="module")
+def written(tmp_path_factory):
+    """The report of the fourbar, seven poses."""
+    path = tmp_path_factory.mktemp("report") / "fourbar.html"
+    assert main(["report", str(SCENES / "fourbar.toml"), "--out", str(path), "--poses", "7", "--quiet"]) == 0
+    return path
+
+
+def test_page_is_well_formed_and_whole(written):
+    page = Checked()
+    page.feed(written.read_text(encoding="utf-8"))
+    assert not page.open
+    assert page.headings == [
+        "The scene", "What was simulated, and what was left out", "The pose", "Over the stroke", "Convergence and error",
+    ]  # fmt: skip
+
+
+def test_page_needs_no_network(written):
+    text = written.read_text(encoding="utf-8")
+    page = Checked()
+    page.feed(text)
+    assert len(page.addresses) == 2 and all(a.startswith("data:image/png;base64,") for a in page.addresses)
+    assert not re.search(r"https?://|url\(|@import|<script|<link", text)
+
+
+def test_page_holds_the_numbers(written):
+    text = written.read_text(encoding="utf-8")
+    for words in (
+        "521.20",
+        "lower left",
+        "orders (6, 5, 7)",
+        "reduced",
+        "left out",
+        "stable: a minimum",
+        "0.78",
+    ):
+        assert words in text, words
+    assert "nan" not in re.sub(r"base64,[^\"]*", "", text)
+
+
+def test_several_drives_share_one_stroke(tmp_path):
+    out = tmp_path / "stage.html"
+    assert main(["report", str(SCENES / "rrr_stage.toml"), "--out", str(out), "--poses", "3", "--quiet"]) == 0
+    assert "intended 3" in out.read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        (["--poses", "1"], "--poses"),
+        (["--out", "/no/such/a.html"], "folder"),
+        (["--set", "lift=1mm"], "lift"),
+    ],
+)
+def test_bad_input_exits_2(capsys, words, told):
+    assert main(["report", str(SCENES / "fourbar.toml"), "--quiet", *words]) == 2
+    assert told in capsys.readouterr().err
+
+
+def test_page_opens_in_a_browser(written, tmp_path):
+    browser = next((b for b in map(shutil.which, BROWSERS) if b), None)
+    if browser is None:
+        pytest.skip("no Chromium on this machine: the page is checked by its markup only")
+    flags = [
+        "--headless",
+        "--disable-gpu",
+        "--no-sandbox",
+        "--hide-scrollbars",
+        f"--user-data-dir={tmp_path / 'user'}",
+    ]
+    shot = tmp_path / "page.png"
+    subprocess.run(
+        [browser, *flags, "--window-size=1200,1600", f"--screenshot={shot}", written.as_uri()],
+        check=True,
+        timeout=120,
+    )
+    colours = Image.open(shot).convert("RGB").getcolors(1 << 24)
+    assert len(colours) > 200, "pictures and text are drawn"
+    dumped = subprocess.run(
+        [browser, *flags, "--dump-dom", written.as_uri()],
+        check=True,
+        timeout=120,
+        capture_output=True,
+        text=True,
+    )
+    assert "521.20" in dumped.stdout

@@ -1,0 +1,268 @@
+"""Sweeps: answers of every pose, load case and design in one table, failures included, on any executor."""
+
+import concurrent.futures
+import csv
+import pickle
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scenes import cross_flexure, fourbar, single_joint
+
+import ksd
+from ksd.design.questions import KNOWN
+from ksd.design.sweep import sweep
+from ksd.library.tables import read_columns
+
+QUIET = {"progress": False}
+ROOT = Path(__file__).resolve().parents[2]
+
+
+def thin(thickness, length=0.1):
+    """A cross flexure whose leafs are `thickness` thick."""
+    return single_joint(cross_flexure(thickness=thickness, length=length))
+
+
+@pytest.fixture(scope="module")
+def stroke():
+    """Eleven poses of the fourbar with every question."""
+    return sweep(fourbar(), method="full", questions=KNOWN, top=np.linspace(0, 0.3, 11), **QUIET)
+
+
+def test_answers_are_those_of_single_configurations(stroke):
+    pose = ksd.solve(fourbar(), top=0.3, method="full")
+    row = list(stroke.rows())[-1]
+    assert row["status"] == "ok" and row["top_mm"] == pytest.approx(300)
+    assert row["top_force_N"] == pytest.approx(pose.forces["top"], rel=1e-9)
+    assert row["top_force_N"] == pytest.approx(521.2, rel=1e-4)
+    assert row["top_stiffness_N_per_m"] == pytest.approx(pose.drive_stiffness()["top"], rel=1e-6)
+    point = (0, 0.3 + cross_flexure().length_AB, 0)
+    assert row["support_z_N_per_m"] == pytest.approx(pose.stiffness("top", at=point).supports["z"], rel=1e-6)
+    assert np.isnan(row["support_x_N_per_m"]), "held by the drive"
+    modes = pose.frequencies(freed=("top",))
+    assert row["intended_Hz"] == pytest.approx(modes.frequency_Hz[0], rel=1e-6)
+    assert row["first_parasitic_Hz"] == pytest.approx(modes.first_parasitic_Hz, rel=1e-6)
+    assert row["stress_MPa"] == pytest.approx(1e-6 * pose.stress().largest_Pa)
+    assert row["parasitic_y_mm"] == pytest.approx(1e3 * pose.displacement("top", point)[1])
+    assert row["parasitic_x_mm"] == pytest.approx(0, abs=1e-9)
+    assert row["strain_energy_J"] == pytest.approx(sum(pose.strain_energy().values()))
+    assert row["buckling_negative"] == pytest.approx(pose.buckling().negative, rel=1e-6)
+
+
+def test_work_of_the_drive_is_the_strain_energy(stroke):
+    d, F = 1e-3 * stroke["top_mm"], stroke["top_force_N"]
+    fine = sweep(fourbar(), method="full", questions="force", top=np.linspace(0, 0.3, 121), **QUIET)
+    work = np.trapezoid(fine["top_force_N"], 1e-3 * fine["top_mm"])
+    assert len(d) == len(F) == 11
+    assert work == pytest.approx(stroke["strain_energy_J"][-1], rel=1e-3)
+
+
+def test_conventional_continues_from_pose_to_pose():
+    values = {"turn": np.deg2rad([15, 30, 45, 60])}
+    there = sweep(single_joint(), values, method="conventional", questions="force", **QUIET)
+    alone = [ksd.solve(single_joint(), turn=v, method="conventional").forces["turn"] for v in values["turn"]]
+    assert there["turn_moment_Nm"] == pytest.approx(alone, rel=1e-6)
+
+
+def test_failures_are_rows_that_say_why():
+    table = sweep(fourbar(), method="full", questions="force", top=[0.1, 0.5, 0.2], **QUIET)
+    assert len(table) == 3 and table["top_mm"] == pytest.approx([100, 500, 200])
+    assert [s == "ok" for s in table["status"]] == [True, False, True]
+    assert "lock" in table.failures[0]["status"] or "range" in table.failures[0]["status"]
+    assert np.isnan(table["top_force_N"][1])
+
+
+def test_designs_that_cannot_be_built_are_rows_too():
+    table = sweep(thin, designs={"thickness": [1e-3, -1e-3]}, questions="force", turn=[0.1, 0.2], **QUIET)
+    assert len(table) == 4 and len(table.failures) == 2
+    assert all("cannot be built" in row["status"] and row["thickness"] == -1e-3 for row in table.failures)
+
+
+def test_designs_loads_and_drives_combine():
+    loads = {"bare": [], "pulled": {"link": "tip", "force": (0, 0, 5.0), "at": (0.05, 0, 0)}}
+    table = sweep(
+        thin, designs={"thickness": [5e-4, 1e-3]}, loads=loads, questions=("force", "stress", "parasitic"),
+        turn=[0.2, 0.4, 0.6], method="full", **QUIET,
+    )  # fmt: skip
+    assert len(table) == 2 * 2 * 3 and not table.failures
+    assert table.labels == ("thickness", "load_case", "turn_deg") and table.moving == ("turn_deg",)
+    thick, slim = (table.where(thickness=t, load_case="bare")["turn_moment_Nm"] for t in (1e-3, 5e-4))
+    assert thick / slim == pytest.approx(np.full(3, 8.0), rel=1e-3)
+    assert (table.where(load_case="pulled")["parasitic_z_mm"] > 1e-5).all()
+    assert np.abs(table.where(load_case="bare")["parasitic_z_mm"]).max() < 1e-9
+
+
+def test_two_drives_walk_a_grid_or_together():
+    scene = fourbar()
+    scene.actuate("top", along="z", at=(0, 0.37, 0), name="side")
+    grid = sweep(
+        scene,
+        {"top": [0.1, 0.2], "side": [0.0, 1e-4, 2e-4]},
+        questions="force",
+        method="conventional",
+        **QUIET,
+    )
+    assert len(grid) == 6 and not grid.failures
+    assert grid["top_mm"] == pytest.approx([100, 100, 100, 200, 200, 200])
+    way = sweep(
+        scene,
+        {"top": [0.1, 0.2], "side": [0.0, 1e-4]},
+        questions="force",
+        method="conventional",
+        together=True,
+        **QUIET,
+    )
+    assert len(way) == 2 and way["side_mm"] == pytest.approx([0, 0.1])
+    assert way["side_force_N"][1] == pytest.approx(grid["side_force_N"][4], rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("how", "words"),
+    [
+        ({"questions": "colour"}, "not known"),
+        ({"method": "magic"}, "choose one"),
+        ({"lift": 0.1}, "not a drive"),
+        ({"top": [np.nan]}, "finite"),
+        ({"designs": {"a": [1]}}, "function"),
+        ({"loads": {"x": [{"force": (1, 0, 0)}]}}, "link"),
+        ({"modes": 0}, "modes"),
+        ({"resume": "/no/such/folder/a.jsonl"}, "folder"),
+    ],
+)
+def test_wrong_words_are_told_before_the_work(how, words):
+    with pytest.raises(ksd.SceneError, match=words):
+        sweep(fourbar(), **{"top": 0.1, **QUIET, **how})
+
+
+def test_threads_and_processes_give_the_same_rows():
+    how = {
+        "designs": {"thickness": [8e-4, 1e-3]},
+        "questions": ("force", "frequencies"),
+        "turn": [0.2, 0.4],
+        **QUIET,
+    }
+    here = sweep(thin, method="full", **how)
+    with concurrent.futures.ThreadPoolExecutor(2) as pool:
+        there = sweep(thin, method="full", executor=pool, **how)
+    context = __import__("multiprocessing").get_context("spawn")
+    with concurrent.futures.ProcessPoolExecutor(1, mp_context=context) as pool:
+        away = sweep(thin, method="full", executor=pool, **how)
+    for other in (there, away):
+        assert other.columns.keys() == here.columns.keys() and other["status"] == here["status"]
+        for column in ("turn_moment_Nm", "first_parasitic_Hz"):
+            assert other[column] == pytest.approx(here[column], rel=1e-12)
+
+
+def test_dask_cluster():
+    distributed = pytest.importorskip(
+        "distributed", reason="dask is not installed: pip install '.[distributed]'"
+    )
+    local = distributed.LocalCluster(n_workers=1, threads_per_worker=1, dashboard_address=None)
+    with local as cluster, distributed.Client(cluster) as client:
+        table = sweep(
+            thin, designs={"thickness": [8e-4, 1e-3]}, questions="force", method="full", turn=[0.2],
+            executor=client.get_executor(), **QUIET,
+        )  # fmt: skip
+    assert len(table) == 2 and not table.failures
+
+
+class Impatient(ksd.Solver):
+    """Presses Ctrl-C at the third pose."""
+
+    count = 0
+
+    def __call__(self, *values, **options):
+        Impatient.count += 1
+        if Impatient.count == 3:
+            raise KeyboardInterrupt
+        return super().__call__(*values, **options)
+
+
+def test_interrupted_sweep_keeps_its_rows_and_goes_on(tmp_path, monkeypatch):
+    how = {
+        "designs": {"thickness": [8e-4, 1e-3]},
+        "questions": "force",
+        "method": "full",
+        "turn": [0.2, 0.4],
+        **QUIET,
+    }
+    kept = tmp_path / "sweep.jsonl"
+    monkeypatch.setattr("ksd.design.lines.Solver", Impatient)
+    with pytest.raises(KeyboardInterrupt) as stop:
+        sweep(thin, resume=kept, **how)
+    table = stop.value.table
+    assert [s == "ok" for s in table["status"]] == [True, True, False, False]
+    assert "not reached" in table["status"][2] and "resume" in str(stop.value)
+    Impatient.count = 10
+    whole = sweep(thin, resume=kept, **how)
+    assert Impatient.count == 12, "only the two poses missing"
+    assert not whole.failures and whole["turn_moment_Nm"][:2] == pytest.approx(table["turn_moment_Nm"][:2])
+    with pytest.raises(ksd.SceneError, match="another sweep"):
+        sweep(thin, resume=kept, **{**how, "turn": [0.3]})
+    kept.write_text(kept.read_text()[:-30])
+    again = sweep(thin, resume=kept, **how)
+    assert Impatient.count == 14 and again.columns["turn_moment_Nm"] == whole.columns["turn_moment_Nm"]
+
+
+def test_exports(stroke, tmp_path):
+    from scipy.io import loadmat
+
+    with open(stroke.to_csv(tmp_path / "a.csv"), newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert len(rows) == 11 and float(rows[-1]["top_force_N"]) == stroke["top_force_N"][-1]
+    columns, about = read_columns(stroke.to_hdf5(tmp_path / "a.h5"))
+    assert list(columns) == list(stroke.columns) and about["name"] == "fourbar"
+    assert np.array_equal(columns["support_z_N_per_m"], stroke["support_z_N_per_m"])
+    assert columns["stress_leaf"] == stroke["stress_leaf"]
+    found = loadmat(stroke.to_mat(tmp_path / "a.mat"))["sweep"]
+    assert found["first_parasitic_Hz"][0, 0].ravel() == pytest.approx(stroke["first_parasitic_Hz"])
+    with pytest.raises(ksd.SceneError, match="folder"):
+        stroke.to_csv(tmp_path / "no" / "a.csv")
+    assert pickle.loads(pickle.dumps(stroke)).columns.keys() == stroke.columns.keys()
+
+
+def test_xarray(stroke):
+    try:
+        import xarray  # noqa: F401
+    except ImportError:
+        with pytest.raises(ksd.SceneError, match="pip install xarray"):
+            stroke.to_xarray()
+        return
+    assert stroke.to_xarray()["top_force_N"].sizes["row"] == 11
+
+
+def test_a_stroke_with_all_standard_questions_is_quick():
+    """31 poses; the targets are 0.3 s with reduced and 1.5 s with full. Bounds here leave room for a busy machine."""
+    for method, bound in (("reduced", 0.6), ("full", 1.5)):
+        spent = []
+        for _ in range(3):
+            clock = time.thread_time()
+            table = sweep(fourbar(), method=method, top=np.linspace(0, 0.3, 31), **QUIET)
+            spent.append(time.thread_time() - clock)
+        assert not table.failures
+        assert min(spent) < bound, f"{method}: {min(spent):.3f} s"
+
+
+def test_printed_table_fits_the_terminal(stroke):
+    lines = str(stroke).splitlines()
+    assert max(map(len, lines)) <= 120 and "[N/m]" in str(stroke)
+
+
+def test_pool_by_default_in_a_script(tmp_path):
+    script = tmp_path / "script.py"
+    script.write_text(
+        "import numpy as np, ksd\nfrom scenes import cross_flexure, single_joint\n"
+        "if __name__ == '__main__':\n"
+        "    t = ksd.sweep(lambda t: single_joint(cross_flexure(thickness=t)), designs={'t': [8e-4, 1e-3]},\n"
+        "                  questions='force', turn=np.linspace(0, 0.5, 101), method='full', progress=False)\n"
+        "    print(len(t), len(t.failures))\n"
+    )
+    paths = f"{ROOT}:{ROOT / 'tests'}"
+    done = subprocess.run(
+        [sys.executable, str(script)], capture_output=True, text=True, cwd=ROOT,
+        env={**__import__("os").environ, "PYTHONPATH": paths},
+    )  # fmt: skip
+    assert done.stdout.split() == ["202", "0"], done.stderr

@@ -1,0 +1,131 @@
+"""Modes keep their name through a crossing; the three-configuration curve; state space against the full tangent."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from scenes import cross_flexure, fourbar, single_joint
+
+import ksd
+from ksd.design.curve import even_curve, frequency_curve
+from ksd.design.state_space import state_space
+from ksd.design.sweep import sweep
+from ksd.design.tracking import first_tracks, follow, intended_modes
+
+
+class Made:
+    """Modes of unit vectors with unit mass."""
+
+    def __init__(self, names, frequency, freed=("drive",)):
+        order = np.argsort(frequency)
+        self.frequency_Hz = np.array(frequency)[order]
+        self.omega_squared = (2 * np.pi * self.frequency_Hz) ** 2
+        self.vector = np.eye(9)[np.array(names)[order]]
+        self.freed = freed
+        self.drive_motion = (self.vector[:, :1] > 0).astype(float)
+
+    def __len__(self):
+        return len(self.frequency_Hz)
+
+    def assurance(self, other):
+        return (self.vector @ other.vector.T) ** 2
+
+
+def test_a_crossing_swaps_rank_and_not_name():
+    tracks = follow(None, Made([0, 1, 2], [5, 100, 120]), 2)
+    assert tracks.names == ("intended", "parasitic_1", "parasitic_2")
+    tracks = follow(tracks, Made([0, 1, 2], [6, 130, 110]), 2)
+    assert [tracks.frequency_Hz(t) for t in range(3)] == [6, 130, 110]
+    assert tracks.names[tracks.first_parasitic] == "parasitic_2"
+
+
+def test_intended_motion_may_cross_the_others():
+    tracks = follow(None, Made([0, 1, 2], [50, 60, 120]), 2)
+    tracks = follow(tracks, Made([0, 1, 2], [70, 65, 120]), 2)
+    assert tracks.frequency_Hz(tracks.names.index("intended")) == 70
+    assert tracks.frequency_Hz(tracks.first_parasitic) == 65
+
+
+def test_a_lost_mode_ends_and_a_new_one_begins():
+    tracks = follow(None, Made([0, 1, 2], [5, 100, 120]), 2)
+    tracks = follow(tracks, Made([0, 1, 3], [5, 100, 90]), 2)
+    assert tracks.names[-1] == "parasitic_3" and tracks.frequency_Hz(3) == 90
+    assert np.isnan(tracks.frequency_Hz(2)), "parasitic_2 has no partner"
+    assert tracks.names[tracks.first_parasitic] == "parasitic_3"
+
+
+def test_several_drives_have_several_intended_modes():
+    motion = np.array([[0.5, 0.5], [0.5, -0.5], [0.0, 0.01]])
+    modes = SimpleNamespace(freed=("x", "y"), drive_motion=motion, omega_squared=np.array([1.0, 1.0, 2.0]))
+    assert intended_modes(modes) == [0, 1]
+
+
+def test_modes_of_a_real_crossing_are_followed():
+    table = sweep(
+        single_joint(),
+        questions="frequencies",
+        method="full",
+        turn=np.deg2rad(np.linspace(0, 40, 21)),
+        progress=False,
+    )
+    one, two = table["parasitic_1_Hz"], table["parasitic_2_Hz"]
+    assert np.any(np.sign(one - two) != np.sign(one[1] - two[1])), "they cross"
+    assert table["assurance"].min() > 0.7
+    assert np.allclose(table["first_parasitic_Hz"], np.minimum(one, two))
+    # a followed mode has no kink: second differences stay small
+    for f in (one, two):
+        assert np.abs(np.diff(f[1:], 2)).max() < 0.05 * f.max()
+
+
+def test_even_curve_is_exact_for_its_own_kind():
+    d = np.array([0.0, 0.5, 1.0])
+    law = lambda x: 1 / (2 * np.pi * np.sqrt(1e-5 * (1 + 3 * x**2 + 2 * x**4)))  # noqa: E731
+    curve = even_curve("top", d, law(d), {0.3: law(0.3), -0.7: law(-0.7)})
+    assert curve.error < 1e-12 and curve.asymmetry < 1e-12
+    assert curve(0.8) == pytest.approx(law(0.8))
+
+
+def test_three_configurations_tell_the_frequency_of_the_stroke():
+    intended = frequency_curve(fourbar(), "top", 0.2, mode="intended")
+    assert intended.error < 5e-3 and intended.asymmetry < 5e-3
+    first = frequency_curve(fourbar(), "top", 0.2)
+    assert first.error < 0.03
+    # the middle leaf is one-sided out of the plane, and the curve says so
+    assert first.asymmetry > 0.1
+    followed = frequency_curve(single_joint(), "turn", 0.3, mode="parasitic_1")
+    assert followed.error < 0.05
+    with pytest.raises(ksd.SceneError, match="drive"):
+        frequency_curve(fourbar(), "lift", 0.2)
+
+
+def test_state_space_has_the_poles_and_the_static_gain_of_the_mechanism(tmp_path):
+    from scipy.io import loadmat
+
+    pose = ksd.solve(fourbar(), top=0.2, method="full")
+    system = state_space(pose, modes=6, damping=0.02)
+    poles = np.linalg.eigvals(system.A)
+    modes = pose.frequencies(freed=("top",))
+    assert np.sort(np.abs(poles))[::2] / (2 * np.pi) == pytest.approx(modes.frequency_Hz, rel=1e-9)
+    assert -poles.real / np.abs(poles) == pytest.approx(np.full(12, 0.02), rel=1e-6)
+    assert system.response(0.0)[0, 0, 0].real == pytest.approx(1 / pose.drive_stiffness()["top"], rel=1e-9)
+    f = modes.frequency_Hz[modes.intended]
+    assert abs(system.response(f)[0, 0, 0]) > 20 * abs(system.response(0.1 * f)[0, 0, 0])
+    found = loadmat(system.to_mat(tmp_path / "a.mat"))
+    assert found["A"].shape == (12, 12) and found["B"].shape == (12, 1) and found["D"].shape == (1, 1)
+    assert system.input_units == ("N",) and system.output_units == ("m",)
+
+
+def test_state_space_refuses_what_it_cannot():
+    pose = ksd.solve(single_joint(cross_flexure()), turn=0.2, method="full")
+    for how, words in (
+        ({"drives": ("lift",)}, "drives"),
+        ({"damping": 1.5}, "damping"),
+        ({"modes": 0}, "modes"),
+    ):
+        with pytest.raises(ksd.SceneError, match=words):
+            state_space(pose, **how)
+
+
+def test_first_tracks_of_held_drives_are_all_parasitic():
+    modes = Made([1, 2, 3], [10, 20, 30], freed=())
+    assert first_tracks(modes, 2).names == ("parasitic_1", "parasitic_2")
