@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import lru_cache
-from itertools import accumulate, pairwise
+from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -120,16 +120,24 @@ def _tables(value: Array, number: NDArray[np.int64], amplitudes: Array) -> _Tabl
     nx, ny, nz, ng = (int(n) for n in number[:4])
     total = nx + ny + nz
     at = 1 + nx * nx + ny * ny + nz * nz + total
-    weight, at = value[at : at + ng], at + ng
-    integral, at = value[at : at + ng * ng].reshape(ng, ng), at + ng * ng
+    s, edges, panel = _panels(value[at : at + ng * (1 + ng)].tobytes(), ng)
+    at += ng * (1 + ng)
     basis, at = value[at : at + total * ng].reshape(total, ng), at + total * ng
+    cuts = (slice(0, nx), slice(nx, nx + ny), slice(nx + ny, total))
+    kappa = np.stack([amplitudes[c] @ basis[c] for c in cuts], axis=1)
+    return _Tables(s, edges, panel, kappa, value[at : at + 3 * ng].reshape(ng, 3))
+
+
+@lru_cache(maxsize=512)
+def _panels(numbers: bytes, ng: int) -> tuple[Array, Array, list[slice]]:
+    """Points, edges of the panels, and the points of each, from weights and integration matrix; remembered, as all
+    leafs of one kind share them."""
+    weight, integral = np.frombuffer(numbers)[:ng], np.frombuffer(numbers)[ng:].reshape(ng, ng)
     # integrals over a panel need no point of a later one
     cuts = [0, *[k for k in range(1, ng) if not integral[:k, k:].any()], ng]
     panel = [slice(i, j) for i, j in pairwise(cuts)]
-    parts = np.split(basis * amplitudes[:, None], [nx, nx + ny])
-    kappa = np.stack([part.sum(axis=0) for part in parts], axis=1)
     edges = np.concatenate([[0.0], np.cumsum([weight[p].sum() for p in panel])])
-    return _Tables(integral.sum(axis=1), edges, panel, kappa, value[at : at + 3 * ng].reshape(ng, 3))
+    return integral.sum(axis=1), edges, panel
 
 
 def _lagrange(nodes: Array, x: Array) -> Array:
@@ -181,6 +189,15 @@ def _turns(v: Array) -> Array:
     return np.eye(3) + np.sinc(t / math.pi) * W + 0.5 * np.sinc(0.5 * t / math.pi) ** 2 * (W @ W)
 
 
+def _products(steps: Array) -> Array:
+    """Products steps[0] ... steps[k] (n, 3, 3) for every k, by doubling: log2(n) calls in place of n."""
+    found, reach = steps.copy(), 1
+    while reach < len(found):
+        found[reach:] = found[:-reach] @ found[reach:]
+        reach *= 2
+    return found
+
+
 def strain_curve(value: Array, number: NDArray[np.int64], inner: Array, points: int) -> tuple[Array, ...]:
     """Stations (k,) [m], positions (k, 3) [m], orientations (k, 3, 3) along a strain-mode leaf, in frame p.
 
@@ -196,7 +213,7 @@ def strain_curve(value: Array, number: NDArray[np.int64], inner: Array, points: 
         middle, reach, h = 0.5 * (x[1:] + x[:-1]), (b - a) / (2 * math.sqrt(3) * half), L * (b - a) / half
         one, two = (_between(tables, tables.kappa, middle + sign * reach, k) for sign in (-1, 1))
         steps = _turns(0.5 * h * (one + two) + math.sqrt(3) / 12 * h * h * crossed(one, two))
-        R = np.array(list(accumulate(steps, np.matmul, initial=R[-1])))
+        R = _products(np.concatenate([R[-1:], steps]))
         # r' = R (e1 + C R^T n)
         soft = _between(tables, tables.soft, x, k)
         v = R[:, :, 0] + (R @ (soft * (n @ R))[:, :, None])[:, :, 0]

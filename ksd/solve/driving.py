@@ -69,8 +69,7 @@ def drive_to(
         solves += count
         taken += 1
         if newton is iterate and _weak(arrays, reason, pivot):
-            again = _with_pivoting(arrays, motion, safe, aim, reason)
-            reason, count, residual, negatives, _ = again
+            reason, count, residual, negatives, _ = _with_pivoting(arrays, motion, safe, aim, reason)
             solves, pivoted = solves + count, pivoted + 1
         if reason == Stop.CONVERGED:
             done, longest = goal, max(longest, count)

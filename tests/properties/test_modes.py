@@ -106,10 +106,10 @@ def test_rigid_mass_is_that_of_the_leafs():
     spin = np.array([0.3, -0.2, 0.5])
     for i, (at, block) in enumerate(zip(mass.places, mass.blocks, strict=True)):
         # ground is fixed: rebuild the whole block, both ends moving
-        from ksd.properties.mass import _leafs_and_lines, _strain_block
+        from ksd.properties.mass import _leafs_and_lines, _strain_blocks
 
         line = _leafs_and_lines(model)[i][1]
-        whole = _strain_block(model, state, i, line)[0]
+        whole = _strain_blocks(model, state, {i: line})[i][0]
         move = np.concatenate([np.tile([1.0, 0, 0, 0, 0, 0], 2), np.zeros(len(whole) - 12)])
         total += move @ whole @ move
         nodes = members.node[i]
