@@ -49,6 +49,8 @@ def attempt(case: Case, method: str) -> tuple[str, str]:
         value = case.value(found)
     except KsdError as reason:
         return "refused", f"{type(reason).__name__}: {reason}"
+    except IndexError:
+        return "wrong", "no limit point found"
     if case.answer is None:
         return "wrong", f"answered {value}, should refuse"
     scale = np.abs(case.answer).max() or 1.0

@@ -28,6 +28,8 @@ CUT = 0.2
 """A load step that had to be cut below this fraction of the way is confirmed."""
 SAME = 1e-6
 """Largest difference of two equal states, over the size of the mechanism."""
+SADDLE = "its inertia is not that of a minimum"
+"""The doubt that only a path by arc length settles: the way there may lead over a limit point or a bifurcation."""
 
 
 def work_done(model: Model, motion: Motion, target: np.ndarray) -> float:
@@ -56,7 +58,7 @@ def doubt(
     if driven.stop is not Stop.CONVERGED or steps >= FINE:
         return ""
     if driven.negatives != len(target):
-        return "its inertia is not that of a minimum"
+        return SADDLE
     if driven.longest > WANDERED:
         return f"a load step took {driven.longest} iterations"
     if driven.shortest < min(CUT, 0.9 / steps):
@@ -93,7 +95,7 @@ def confirmed(
             doubts = (f"{reason}, and smaller load steps stop at {100 * fresh[0].reached:.3g} % of the way",)
             break
         same = difference(model, fresh[2], last[2]) < SAME
-        settled = same and fresh[0].negatives == len(model.arrays.terms.start)
+        settled = same and reason != SADDLE and fresh[0].negatives == len(model.arrays.terms.start)
         last, size = fresh, 2 * size
         if same and not settled:
             break
