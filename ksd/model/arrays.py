@@ -99,7 +99,7 @@ class Motion(NamedTuple):
 
 
 class Work(NamedTuple):
-    """Storage prepared once per model: nothing is allocated per iteration.
+    """Storage prepared once per model; the kernels only take small scratch of their own in an iteration.
 
     value, spare: block matrix and its scaled rows; rhs (n,): residual, then the step; store: scratch of the
     members; lam (m, 12): end wrenches; pose (m, 18): frame p (9), lever of q about node p, lever of q, d; scale
