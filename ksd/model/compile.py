@@ -16,6 +16,7 @@ from ksd.errors import SceneError
 from ksd.model.arrays import ROTATION, TRANSLATION, Arrays, Motion
 from ksd.model.leafs import Mesh, leaf_member, split_leaf
 from ksd.model.pack import Assembly, Member, Push, Row, pack
+from ksd.section.checks import number, show
 
 
 @dataclass(frozen=True, repr=False)
@@ -82,15 +83,8 @@ class Model:
         missing = [n for n in self.drive_names if n not in values]
         if missing:
             raise SceneError(f"drive '{missing[0]}' has no value; give one, for example {missing[0]}=0.0")
-        found = [_finite(n, values[n]) for n in self.drive_names]
+        found = [number(values[n], f"drive '{n}'", unit="m or rad") for n in self.drive_names]
         return np.array(found + [0.0] * len(self.support_names))
-
-
-def _finite(name: str, value: float) -> float:
-    number = float(value)
-    if not np.isfinite(number):
-        raise SceneError(f"drive '{name}' = {value}: a finite number of metres or radians is needed")
-    return number
 
 
 def reference_points(scene: Any) -> np.ndarray:
@@ -240,7 +234,13 @@ def compile_scene(scene: Any, *, mesh: Mesh | None = None) -> Model:
     Raises SceneError where the scene cannot be compiled (see `Mechanism.validate`).
     """
     scene = scene.scene() if hasattr(scene, "scene") else scene
-    mesh = mesh or Mesh()
+    if not hasattr(scene, "fingerprint"):
+        raise SceneError(f"{show(scene)} is no mechanism; give a ksd.Mechanism or its scene.")
+    mesh = Mesh() if mesh is None else mesh
+    if not isinstance(mesh, Mesh):
+        raise SceneError(
+            f"mesh = {show(mesh)}: give a ksd.Mesh, for example ksd.Mesh('corotational', elements=5)."
+        )
     parts = _Parts(scene, mesh)
     slices = [parts.add_joint(placed) for placed in scene.joints]
     for leaf in scene.leafs:

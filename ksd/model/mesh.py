@@ -6,10 +6,11 @@ from dataclasses import dataclass
 
 from ksd.beam.strain_values import DEFAULT_ORDERS, DEFAULT_POINTS
 from ksd.errors import SceneError
+from ksd.section.checks import Worded, show, whole
 
 
 @dataclass(frozen=True)
-class Mesh:
+class Mesh(metaclass=Worded):
     """Which leaf model, and how fine.
 
     leaf: "strain" (one strain-mode body per leaf, `orders` curvature modes about x, y, z and `points` quadrature
@@ -32,11 +33,17 @@ class Mesh:
     def __post_init__(self) -> None:
         if self.leaf not in ("strain", "corotational"):
             raise SceneError(f"leaf = {self.leaf!r}: the leaf models are 'strain' and 'corotational'")
-        if self.leaf == "corotational" and not 1 <= self.elements <= 500:
+        for name, value in (("points", self.points), ("elements", self.elements)):
+            object.__setattr__(self, name, whole(value, name, owner="Mesh"))
+        if self.elements > 500:
             raise SceneError(f"elements = {self.elements}: between 1 and 500 elements per leaf are possible")
         low = (3, 2, 4)
-        if len(self.orders) != 3 or any(n < m or n > 12 for n, m in zip(self.orders, low, strict=True)):
-            raise SceneError(f"orders = {self.orders}: three numbers, at least {low} and at most 12 each")
+        if not isinstance(self.orders, list | tuple):
+            raise SceneError(f"Mesh: orders = {show(self.orders)} must be three numbers, about x, y and z.")
+        orders = tuple(whole(n, "orders", owner="Mesh") for n in self.orders)
+        object.__setattr__(self, "orders", orders)
+        if len(orders) != 3 or any(n < m or n > 12 for n, m in zip(orders, low, strict=True)):
+            raise SceneError(f"Mesh: orders = {orders}: three numbers, at least {low} and at most 12 each")
         if self.nodal and self.leaf != "corotational":
             raise SceneError("nodal = True: only leaf = 'corotational' has element nodes; leave nodal out")
         if self.points < max(self.orders) + 1:

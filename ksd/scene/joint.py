@@ -10,11 +10,11 @@ import numpy as np
 
 from ksd.errors import SceneError
 from ksd.scene.leaf import Leaf
-from ksd.section.checks import Vector, direction, nearest, number, positive, show, vector, word
+from ksd.section.checks import Vector, Worded, direction, nearest, number, positive, show, vector, word
 
 
 @dataclass(frozen=True)
-class Motion:
+class Motion(metaclass=Worded):
     """One intended motion of interface B relative to A.
 
     kind "rotation" [rad] or "translation" [m]; axis (3,) unit, in joint axes; range (low, high) it may be
@@ -45,7 +45,7 @@ class Motion:
             object.__setattr__(self, "point", vector(self.point, "point", owner=owner, unit="m"))
 
 
-class Joint:
+class Joint(metaclass=Worded):
     """Base of all joints, drawn in joint axes: interface A at the origin, x from A to B, z the intended axis.
 
     A family is a frozen dataclass with a `family` name that answers the questions below; all lengths in m,

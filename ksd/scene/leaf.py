@@ -12,11 +12,11 @@ from ksd.errors import SceneError
 from ksd.scene.material import Material
 from ksd.scene.profile import Curve, Profile
 from ksd.section import Section, circle
-from ksd.section.checks import Vector, direction, positive, show, vector, whole, word
+from ksd.section.checks import Vector, Worded, direction, positive, show, vector, whole, word
 
 
 @dataclass(frozen=True, kw_only=True)
-class Leaf:
+class Leaf(metaclass=Worded):
     """A flexible leaf between a point on one rigid block and a point on another, clamped at both.
 
     start, end [m], (3,): its ends at rest, in the frame of the joint it belongs to (global for a free-form

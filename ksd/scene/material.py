@@ -5,11 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 from ksd.errors import SceneError
-from ksd.section.checks import between, positive
+from ksd.section.checks import Worded, between, positive
 
 
 @dataclass(frozen=True, init=False)
-class Material:
+class Material(metaclass=Worded):
     """Linear elastic material: two of E, G [Pa] and Poisson's ratio nu; density [kg/m^3] when masses matter.
 
     The third of E, G, nu follows from E = 2 G (1 + nu); with E and G given any positive pair is accepted (an

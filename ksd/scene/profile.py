@@ -16,10 +16,10 @@ import numpy as np
 
 from ksd.errors import SceneError
 from ksd.section import Section, rectangle
-from ksd.section.checks import number, positive, show
+from ksd.section.checks import Worded, number, positive, show
 
 
-class Profile:
+class Profile(metaclass=Worded):
     """Base of all profiles: `section(s)` and `breaks`, fractions strictly between 0 and 1 in rising order."""
 
     breaks: tuple[float, ...] = ()
@@ -146,7 +146,7 @@ class Varying(Profile):
         return found
 
 
-class Curve:
+class Curve(metaclass=Worded):
     """Base of all stress-free shapes: arc `length` [m] and `curvature(s)` (3,) [1/m] about e1, e2, e3, s in [0, 1]."""
 
     length: float

@@ -7,16 +7,45 @@ unit.
 from __future__ import annotations
 
 import difflib
+import inspect
 import math
 from collections.abc import Iterable, Sequence
 from numbers import Real
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ksd.errors import SceneError
 
 Vector = tuple[float, float, float]
+
+
+class Worded(type):
+    """Class of the things a user describes: an unknown or missing parameter raises SceneError, not TypeError."""
+
+    if not TYPE_CHECKING:  # hidden, so that checkers and editors go on reading the constructors
+
+        @property
+        def __signature__(cls):
+            """That of the constructor, for help texts and whoever asks which parameters there are."""
+            whole = inspect.signature(cls.__init__)
+            return whole.replace(parameters=list(whole.parameters.values())[1:])
+
+        def __call__(cls, *args, **kwargs):
+            try:
+                cls.__signature__.bind(*args, **kwargs)
+            except TypeError as reason:
+                raise SceneError(_unfit(cls, kwargs, str(reason))) from None
+            return super().__call__(*args, **kwargs)
+
+
+def _unfit(cls: type, given: dict[str, Any], reason: str) -> str:
+    """The sentence for parameters that do not fit the constructor of `cls`."""
+    known = list(inspect.signature(cls).parameters)
+    for name in given:
+        if name not in known:
+            return f"{cls.__name__}: it has no parameter '{name}'{nearest(name, known)}"
+    return f"{cls.__name__}: {reason}; its parameters: {', '.join(known)}."
 
 
 def label(what: str, owner: str) -> str:

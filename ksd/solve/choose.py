@@ -17,6 +17,7 @@ from ksd.model.compile import Model, compile_scene
 from ksd.model.mesh import Mesh
 from ksd.model.orders import highest_share, mesh_for, raised
 from ksd.model.plane import Plane, plane_of
+from ksd.section.checks import number, whole
 from ksd.solve import pipeline
 from ksd.solve.configuration import Configuration, ErrorEstimate, Step
 from ksd.solve.conventional import by_load_steps, conventional
@@ -99,7 +100,7 @@ class Solver:
             raise SceneError(f"method = {method!r}: choose one of {', '.join(METHODS)}")
         if method == "conventional":
             return by_load_steps(self.model, values, self._told)
-        if not 0 <= passes <= 50:
+        if whole(passes, "passes", least=0) > 50:
             raise SceneError(f"passes = {passes}: between 0 and 50 relinearised passes are possible")
         return self._five_steps(values, target, method=method, passes=passes, estimate=estimate)
 
@@ -291,7 +292,7 @@ def _checked(step: Step, before: list[Step]) -> Step:
 
 
 def _accuracy(value: float | None) -> float:
-    accuracy = DEFAULT_ACCURACY if value is None else float(value)
+    accuracy = DEFAULT_ACCURACY if value is None else number(value, "accuracy")
     if not 0.0 < accuracy < 1.0:
         raise SceneError(f"accuracy = {value}: give a relative error between 0 and 1, for example 1e-3")
     return accuracy
@@ -361,6 +362,8 @@ _AXIS = ("torsion", "strong bending", "weak bending")
 
 def _recent_solver(scene: Any, mesh: Mesh, extrapolate: bool) -> Solver:
     """A prepared solver of this scene, mesh and thread; the last few are kept."""
+    if not hasattr(scene, "fingerprint") or not isinstance(mesh, Mesh):
+        return Solver(scene, mesh=mesh, extrapolate=extrapolate)  # says what is wrong
     key = (threading.get_ident(), scene.fingerprint(), mesh, extrapolate)
     if key not in _recent:
         _recent[key] = Solver(scene, mesh=mesh, extrapolate=extrapolate)

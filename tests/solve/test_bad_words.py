@@ -1,0 +1,60 @@
+"""Words and values of the Python calls that do not fit: each gets one sentence, and no bare Python error."""
+
+import pickle
+
+import pytest
+from scenes import STEEL, cross_flexure, fourbar
+
+import ksd
+from ksd.errors import SceneError
+
+
+@pytest.mark.parametrize(
+    ("make", "sentence"),
+    [
+        (
+            lambda: ksd.CrossFlexure(STEEL, lenght=0.1),
+            "CrossFlexure: it has no parameter 'lenght'; did you mean \"length\"",
+        ),
+        (lambda: ksd.CrossFlexure(STEEL), "CrossFlexure: missing a required argument: 'length'"),
+        (lambda: ksd.Material(E=2e11, nuu=0.3), "Material: it has no parameter 'nuu'"),
+        (
+            lambda: ksd.Mesh("corotational", elemens=3),
+            "Mesh: it has no parameter 'elemens'; did you mean \"elements\"",
+        ),
+        (lambda: ksd.Mesh("corotational", elements=2.5), "elements = 2.5 must be a whole number"),
+        (lambda: ksd.Mesh(points=float("nan")), "points = nan must be a whole number"),
+        (lambda: ksd.Mesh(orders="a"), "orders = 'a' must be three numbers"),
+    ],
+)
+def test_a_description_with_a_wrong_word(make, sentence):
+    with pytest.raises(SceneError) as caught:
+        make()
+    assert sentence in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("options", "sentence"),
+    [
+        ({"top": "a"}, "drive 'top' = 'a' is not a number"),
+        ({"top": [1, 2]}, "drive 'top' = [1, 2] is not a number"),
+        ({"top": 0.1, "accuracy": "a"}, "accuracy = 'a' is not a number"),
+        ({"top": 0.1, "method": "reduced", "passes": "a"}, "passes = 'a' must be a whole number"),
+        ({"top": 0.1, "method": "reduced", "passes": 51}, "passes = 51"),
+        ({"top": 0.1, "mesh": "fine"}, "mesh = 'fine': give a ksd.Mesh"),
+    ],
+)
+def test_a_solve_with_a_wrong_value(options, sentence):
+    with pytest.raises(SceneError) as caught:
+        ksd.solve(fourbar(), **options)
+    assert sentence in str(caught.value)
+
+
+def test_what_is_no_mechanism_is_named():
+    with pytest.raises(SceneError, match=r"'fourbar\.toml' is no mechanism"):
+        ksd.solve("fourbar.toml", top=0.1)
+
+
+def test_joints_survive_pickling():
+    joint = cross_flexure()
+    assert pickle.loads(pickle.dumps(joint)) == joint
