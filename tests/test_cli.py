@@ -4,6 +4,7 @@ import json
 import os
 import subprocess
 import sys
+from importlib import import_module
 from pathlib import Path
 
 import pytest
@@ -232,7 +233,7 @@ def test_train_reports_errors(monkeypatch, capsys):
         return find_record(family)
 
     monkeypatch.setenv("KSD_DATABASE", str(ROOT / "database"))
-    monkeypatch.setattr("ksd.train.train", stand_in)
+    monkeypatch.setattr(import_module("ksd.train"), "train", stand_in)
     assert main(["train", "cross_flexure", "--out", "here", "--restart", "--quiet"]) == 0
     assert seen == {"family": "cross_flexure", "out": "here", "resume": False, "progress": False}
     assert "largest error" in capsys.readouterr().out
@@ -242,7 +243,7 @@ def test_interruption_exits_130(monkeypatch, capsys):
     def interrupted(*arguments, **options):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("ksd.train.train", interrupted)
+    monkeypatch.setattr(import_module("ksd.train"), "train", interrupted)
     refused(capsys, ["train", "cross_flexure"], 130, "run the same command again")
     monkeypatch.setattr("ksd.scene.toml_file.load_scene", interrupted)
     refused(capsys, ["solve", FOURBAR], 130, "interrupted")
@@ -282,3 +283,36 @@ def test_a_reader_that_leaves_early_is_no_error(record, tmp_path):
     err = process.stderr.read()
     process.stderr.close()
     assert process.wait(timeout=60) in (0, 141) and err == ""
+
+
+def test_sweep_writes_the_table_and_the_picture(scene, capsys, tmp_path):
+    out, picture = tmp_path / "stroke.csv", tmp_path / "stroke.png"
+    argv = ["sweep", scene(), "--set", "turn=0deg:20deg:3", "--question", "force", "--quiet"]
+    assert main([*argv, "--out", str(out), "--plot", str(picture)]) == 0
+    assert "3 rows" in capsys.readouterr().out
+    lines = out.read_text().splitlines()
+    assert len(lines) == 4 and lines[0].split(",")[-1] == "status"
+    assert all(line.endswith(",ok") for line in lines[1:])
+    assert picture.stat().st_size > 5000
+
+
+@pytest.mark.parametrize(
+    ("argv", "words"),
+    [
+        (["--set", "turn=0deg:20deg:1"], ("POSES = 1", "between 2 and 100000")),
+        (["--set", "turn=0deg:20deg:3:4"], ("DRIVE=FROM:TO:POSES",)),
+        (["--set", "turn=0deg:20mm:3"], ("mm",)),
+        (["--set", "trun=0deg:20deg"], ("no drive 'trun'", "turn")),
+        (["--set", "turn=0deg:20deg", "--out", "a.xls"], (".csv", ".h5", ".mat")),
+        (["--set", "turn=0deg:20deg", "--question", "strss"], ("strss", "stress")),
+    ],
+)
+def test_sweep_refuses(scene, capsys, argv, words):
+    refused(capsys, ["sweep", scene(), *argv, "--quiet"], 2, *words)
+
+
+def test_sweep_with_a_failing_pose_exits_3_and_keeps_the_others(record, capsys, tmp_path):
+    out = tmp_path / "stroke.csv"
+    argv = ["sweep", FOURBAR, "--set", "top=300mm:360mm:2", "--method", "reduced", "--question", "force"]
+    refused(capsys, [*argv, "--out", str(out), "--quiet"], 3, "1 of 2 poses")
+    assert out.read_text().count(",ok") == 1

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from ksd.cli.output import console
-from ksd.cli.solve import OPTIONS, drive_value, settings
+from ksd.cli.solve import OPTIONS, drive_value, mesh_of, settings
 from ksd.errors import KsdError, SceneError
 
 POSES = 31
@@ -56,7 +56,7 @@ def run(options: argparse.Namespace) -> int:
     target = Path(options.out or Path(options.scene).with_suffix(".html"))
     if not target.parent.is_dir():
         raise SceneError(f"--out {target}: folder '{target.parent}' does not exist; make it first")
-    mesh = _mesh(asked)
+    mesh = mesh_of(asked)
     how = {"method": asked["method"], "accuracy": asked["accuracy"], "passes": asked["passes"] or 0}
     solver = prepare(scene, mesh=mesh, extrapolate=bool(asked["extrapolate"]))
     solver(targets, **how)
@@ -76,12 +76,6 @@ def run(options: argparse.Namespace) -> int:
         f"{target}: {len(table)} poses, {len(table.failures)} without full answer", soft_wrap=True
     )
     return 0
-
-
-def _mesh(asked: dict[str, Any]) -> Any:
-    from ksd.model.mesh import Mesh
-
-    return None if asked["elements"] is None else Mesh(leaf="corotational", elements=asked["elements"])
 
 
 def _possible(scene: Any) -> tuple[str, ...]:

@@ -132,12 +132,17 @@ def drive_value(scene: Any, text: str) -> tuple[str, float]:
 
 def solved(scene: Any, targets: dict[str, float], asked: dict[str, Any]) -> Any:
     """The configuration, solved twice when that is quick: kernels are loaded in the first solve."""
-    from ksd.model.leafs import Mesh
     from ksd.solve.choose import prepare
 
-    count = asked["elements"]
-    mesh = None if count is None else Mesh(leaf="corotational", elements=count)
-    solver = prepare(scene, mesh=mesh, extrapolate=bool(asked["extrapolate"]))
+    solver = prepare(scene, mesh=mesh_of(asked), extrapolate=bool(asked["extrapolate"]))
     how = {"method": asked["method"], "accuracy": asked["accuracy"], "passes": asked["passes"] or 0}
     result = solver(targets, **how)
     return solver(targets, **how) if result.time < QUICK else result
+
+
+def mesh_of(asked: dict[str, Any]) -> Any:
+    """The mesh asked for by `elements`; None leaves strain-mode leafs."""
+    from ksd.model.mesh import Mesh
+
+    count = asked["elements"]
+    return None if count is None else Mesh(leaf="corotational", elements=count)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import io
 import math
 import os
 import re
@@ -112,11 +113,13 @@ class Table:
 
     def to_csv(self, path: str | os.PathLike[str]) -> Path:
         """Write comma-separated values (UTF-8, full precision, one header line). Returns the path."""
-        target = _writable(path)
-        with open(target, "w", newline="", encoding="utf-8") as file:
-            writer = csv.writer(file)
-            writer.writerow(self.columns)
-            writer.writerows(zip(*self.columns.values(), strict=True))
+        from ksd.library.files import write_atomically
+
+        target, text = _writable(path), io.StringIO(newline="")
+        writer = csv.writer(text)
+        writer.writerow(self.columns)
+        writer.writerows(zip(*self.columns.values(), strict=True))
+        write_atomically(text.getvalue().encode(), target)
         return target
 
     def to_hdf5(self, path: str | os.PathLike[str]) -> Path:

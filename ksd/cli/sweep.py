@@ -1,0 +1,107 @@
+"""`ksd sweep SCENE.toml`: all questions over the stroke, as a table, a file and a picture."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ksd.cli.output import check_plot, console
+from ksd.cli.solve import OPTIONS, drive_value, mesh_of, settings
+from ksd.errors import ConvergenceError, SceneError
+
+POSES = 31
+WRITERS = {".csv": "to_csv", ".h5": "to_hdf5", ".hdf5": "to_hdf5", ".mat": "to_mat"}
+"""How a table is written, by the ending of the file."""
+
+
+def add(commands: Any) -> argparse.ArgumentParser:
+    """The parser of this command."""
+    parser: argparse.ArgumentParser = commands.add_parser(
+        "sweep",
+        help="answer all questions over the stroke",
+        description="Force, support stiffness, frequencies, stress, parasitic motion and energy at every pose of a "
+        "stroke. Several drives with a range are combined, the last one moving along the stroke.",
+    )
+    parser.add_argument("scene", metavar="SCENE.toml")
+    said = f"a range FROM:TO or FROM:TO:POSES ({POSES} poses), such as top=0mm:300mm:31, or one value; may be repeated"
+    parser.add_argument("--set", action="append", default=[], metavar="DRIVE=RANGE", help=said)
+    said = "force, drive_stiffness, support_stiffness, frequencies, stress, parasitic, energy or buckling; may be repeated"
+    parser.add_argument("--question", action="append", default=[], metavar="Q", help=said)
+    parser.add_argument("--method", help="kinematic, reduced, full or conventional")
+    parser.add_argument("--accuracy", type=float, metavar="A", help="relative error allowed (1e-3)")
+    parser.add_argument("--elements", type=int, metavar="N", help="N Appendix A elements per leaf")
+    parser.add_argument(
+        "--passes", type=int, metavar="K", help="extra relinearised passes of reduced or full"
+    )
+    parser.add_argument(
+        "--extrapolate", action="store_true", default=None, help="use records beyond their range"
+    )
+    parser.add_argument("--out", metavar="FILE", help="write the table: .csv, .h5 or .mat")
+    parser.add_argument("--plot", metavar="FILE", help="write a picture of the answers (.png, .pdf, .svg)")
+    parser.add_argument("--resume", metavar="FILE", help="keep finished poses here; give it again to go on")
+    parser.add_argument("--quiet", action="store_true", help="no progress bar")
+    return parser
+
+
+def run(options: argparse.Namespace) -> int:
+    """Sweep, print, write; a pose that fails is a row that says why, and the exit code is then 3."""
+    from ksd.design.questions import QUESTIONS
+    from ksd.design.sweep import sweep
+    from ksd.scene.toml_file import load_scene
+
+    check_plot(options.plot)
+    write = None if options.out is None else _writer(options.out)
+    mechanism, targets, written = load_scene(options.scene, option_names=tuple(OPTIONS))
+    asked = settings(written, options)
+    scene = mechanism.scene()
+    found = dict(stroke_value(scene, text) for text in options.set)
+    if not found:  # the values of the file are the end of the stroke
+        found = {n: np.linspace(0.0, v, POSES) for n, v in targets.items()}
+    stroke = {n: v for n, v in targets.items() if n not in found} | found
+    table = sweep(
+        scene, stroke, questions=tuple(options.question) or QUESTIONS, together=not options.set,
+        mesh=mesh_of(asked), method=asked["method"], accuracy=asked["accuracy"], passes=asked["passes"] or 0,
+        extrapolate=bool(asked["extrapolate"]), progress=not options.quiet, resume=options.resume,
+    )  # fmt: skip
+    console().print(str(table), soft_wrap=True)
+    if write is not None:
+        getattr(table, write)(options.out)
+    if options.plot:
+        table.plot(path=options.plot)
+    if table.failures:
+        first = table.failures[0]["status"]
+        raise ConvergenceError(
+            f"{len(table.failures)} of {len(table)} poses have no full answer; the first: {first}"
+        )
+    return 0
+
+
+def _writer(path: str) -> str:
+    """Which writer of a Table serves this file name. SceneError for a name no writer knows."""
+    if Path(path).suffix.lower() not in WRITERS:
+        raise SceneError(f"--out {path}: the ending must be one of {', '.join(WRITERS)}")
+    if not Path(path).parent.is_dir():
+        raise SceneError(f"--out {path}: folder '{Path(path).parent}' does not exist; make it first")
+    return WRITERS[Path(path).suffix.lower()]
+
+
+def stroke_value(scene: Any, text: str) -> tuple[str, Any]:
+    """Name and values (SI) from "top=0mm:300mm:31"; a single value stays a number. SceneError for what does not fit."""
+    name, equals, words = text.rpartition("=")
+    parts = words.split(":")
+    if not equals or len(parts) > 3:
+        raise SceneError(f"--set {text}: write it as DRIVE=FROM:TO:POSES, for example --set top=0mm:300mm:31")
+    ends = [drive_value(scene, f"{name}={part}") for part in parts[:2]]
+    if len(ends) == 1:
+        return ends[0]
+    poses = POSES if len(parts) == 2 else _poses(parts[2], text)
+    return ends[0][0], np.linspace(ends[0][1], ends[1][1], poses)
+
+
+def _poses(word: str, text: str) -> int:
+    if not word.strip().isdecimal() or not 2 <= int(word) <= 100_000:
+        raise SceneError(f"--set {text}: POSES = {word} must be a whole number between 2 and 100000")
+    return int(word)
