@@ -20,6 +20,7 @@ from ksd.model.plane import Plane, plane_of
 from ksd.section.checks import number, whole
 from ksd.solve import pipeline
 from ksd.solve.configuration import Configuration, ErrorEstimate, Step
+from ksd.solve.confirm import wandered
 from ksd.solve.conventional import by_load_steps, conventional
 from ksd.solve.driving import CAP, RTOL
 from ksd.solve.pipeline import Bench
@@ -144,10 +145,11 @@ class Solver:
     def _told(self, result: Configuration) -> Configuration:
         """A conventional result with the joints' intended and unintended motions, where their records are there."""
         try:
-            motions, unintended = pipeline.joint_motions(self.bench, result.motion)
+            motions, unintended, unknown = pipeline.joint_motions(self.bench, result.motion)
         except KsdError:
             return result
-        return _with(result, motions=motions, unintended=unintended)
+        warnings = (*result.warnings, *unknown)
+        return _with(result, motions=motions, unintended=unintended, warnings=warnings)
 
     def _five_steps(
         self, values: Mapping[str, float], target: np.ndarray, *, method: str, passes: int, estimate: bool
@@ -213,11 +215,11 @@ class Solver:
         warnings: list[str],
     ) -> Configuration:
         b = self.bench
-        motions, unintended = pipeline.joint_motions(b, b.full)
+        motions, unintended, unknown = pipeline.joint_motions(b, b.full)
         expected = len(b.model.drive_names) + len(b.model.support_names)
         return Configuration(
             self.model, b.full.copy(), method, dict(values), tuple(steps), negatives, expected,
-            motions, unintended, error, tuple(warnings),
+            motions, unintended, error, (*warnings, *unknown), doubts=wandered(s for s in steps if s.name[0] in "35"),
         )  # fmt: skip
 
     def _close(self, b: Bench, target: np.ndarray) -> Step:

@@ -9,13 +9,14 @@ by arc length, which tells limit points and bifurcations on the way.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 
 import numpy as np
 
 from ksd.errors import ConvergenceError
 from ksd.model.arrays import Motion
 from ksd.model.compile import Model
+from ksd.solve.configuration import Step
 from ksd.solve.driving import Driven
 from ksd.solve.path import Path
 from ksd.solve.stops import Stop
@@ -66,6 +67,11 @@ def doubt(
     if fresh and work_done(model, motion, target) < 0.0:
         return "drives and loads did negative work on it"
     return ""
+
+
+def wandered(steps: Iterable[Step]) -> tuple[str, ...]:
+    """Doubts about equilibrium steps of a kinematic start that took long: they may have wandered to another branch."""
+    return tuple(f"step '{s.name}' took {s.iterations} iterations" for s in steps if s.iterations > WANDERED)
 
 
 def difference(model: Model, one: Motion, other: Motion) -> float:

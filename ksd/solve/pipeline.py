@@ -16,13 +16,17 @@ import numpy as np
 
 from ksd.bodies.bench import condense_joints, place_insides, recover_joints, relative_poses, set_near
 from ksd.bodies.joints import JointBodies, hang_links
-from ksd.bodies.kinematics import close_loops, intended_motions, loop_equations
+from ksd.bodies.kinematics import close_loops
+from ksd.bodies.readout import drive_forces, intended_motions
 from ksd.model.arrays import Motion, Work, make_work
 from ksd.model.compile import Model
 from ksd.model.system import assemble, solve_step
 from ksd.solve.configuration import ErrorEstimate, Step
 from ksd.solve.newton import iterate
 from ksd.solve.stops import Stop
+
+FAR_OUT = 1.0
+"""Distance from the middle of a trained range, over its width, beyond which its polynomials mean nothing."""
 
 
 @dataclass
@@ -148,32 +152,18 @@ def kinematic_forces(b: Bench, target: np.ndarray) -> None:
     """Drive forces of the kinematic answer by virtual work, into the multipliers.
 
     The joints' moments in pure intended motion (wrench F of the condensed joints along the motion) and the external
-    loads are balanced by the loop and drive equations: minimise |J^T mu + Q|; the last rows of mu are the drives.
+    loads are balanced by the loop and drive equations.
     """
-    bodies = b.bodies
-    joints, motions = len(bodies.loops.node), len(b.theta)
-    rows = 6 * len(bodies.loops.closing) + len(target)
-    J, residual = np.zeros((rows, motions)), np.zeros(rows)
-    W = np.zeros((len(b.reduced.x), motions, 6))
-    scratch = b.reduced.copy()
-    loop_equations(bodies.reduced, bodies.loops, b.theta, target, scratch, b.place, W, J, residual)
-    load = np.zeros(motions)
-    for j in range(joints):
-        wrench = b.reduced.inner[54 * j + 12 : 54 * j + 18]
-        for q in range(bodies.loops.first[j], bodies.loops.first[j + 1]):
-            k = q - bodies.loops.first[j]
-            load[q] += wrench @ b.place[j, 12 + 6 * k : 18 + 6 * k]
-    loads = bodies.reduced.loads
-    for i, node in enumerate(loads.node):
-        arm = scratch.R[node] @ loads.point[i]
-        turn = scratch.R[node] if loads.following[i] else np.eye(3)
-        force, moment = turn @ loads.force[i], turn @ loads.moment[i]
-        load -= W[node, :, :3] @ force + W[node, :, 3:] @ (moment + np.cross(arm, force))
-    mu = np.linalg.lstsq(J.T, -load, rcond=1e-10)[0][len(residual) - len(target) :]
-    # rows made of rotations alone were multiplied by the size, so their multipliers come out divided by it
-    for i in range(len(target)):
-        kinds = bodies.reduced.terms.kind[bodies.reduced.terms.first[i] : bodies.reduced.terms.first[i + 1]]
-        b.reduced.multiplier[i] = mu[i] * (bodies.reduced.size if np.all(kinds == 1) else 1.0)
+    drive_forces(
+        b.bodies.reduced,
+        b.bodies.loops,
+        b.theta,
+        target,
+        b.reduced.copy(),
+        b.place,
+        b.reduced.inner,
+        b.reduced.multiplier,
+    )
 
 
 def corrector(b: Bench, target: np.ndarray, *, rtol: float) -> tuple[ErrorEstimate, Step, int]:
@@ -217,16 +207,30 @@ def distance(motion: Motion, b: Bench, rest: ErrorEstimate) -> ErrorEstimate:
     return _estimate(b, motion, force, shift, turn)
 
 
-def joint_motions(b: Bench, motion: Motion) -> tuple[dict[str, float], dict[str, np.ndarray]]:
-    """Intended motion of every joint [rad or m] at `motion` of the full model, and what is left.
+def joint_motions(
+    b: Bench, motion: Motion
+) -> tuple[dict[str, float], dict[str, np.ndarray], tuple[str, ...]]:
+    """Intended motion of every joint [rad or m] at `motion` of the full model, what is left, and what is not known.
 
-    Unintended: (6,) per joint, displacement [m] and rotation vector [rad] in the axes of interface A.
+    Unintended: (6,) per joint, displacement [m] and rotation vector [rad] in the axes of interface A. Both are nan for
+    a joint whose nearest intended motion was not found, or lies far outside its trained range; the last says so.
     """
     loops, joints = b.bodies.loops, len(b.bodies.loops.node)
     relative = np.empty((joints, 12))
     relative_poses(b.bodies.reduced, joints, motion.x, motion.R, relative)
     theta, place, off = b.theta.copy(), np.empty_like(b.place), np.zeros((joints, 6))
-    intended_motions(loops, relative, theta, place, off)
-    names = [p.name for p in b.model.scene.joints]
+    found = np.zeros(joints, np.int64)
+    intended_motions(loops, relative, theta, place, off, found)
+    low, high = b.bodies.motion_range.T
+    inside = np.abs(theta - 0.5 * (low + high)) <= FAR_OUT * (high - low)
+    names, unknown = [p.name for p in b.model.scene.joints], []
+    for j, name in enumerate(names):
+        own = slice(loops.first[j], loops.first[j + 1])
+        if found[j] == 0 or not np.all(inside[own]):
+            theta[own], off[j] = math.nan, math.nan
+            why = "lies far outside its trained range" if found[j] else "was not found"
+            unknown.append(
+                f"the intended motion of joint '{name}' is not known: the one nearest to its pose {why}"
+            )
     motions = dict(zip(b.bodies.motion_names, (theta * b.bodies.motion_scale).tolist(), strict=True))
-    return motions, {n: off[j] for j, n in enumerate(names)}
+    return motions, {n: off[j] for j, n in enumerate(names)}, tuple(unknown)

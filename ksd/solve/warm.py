@@ -10,7 +10,7 @@ import math
 
 import numpy as np
 
-from ksd.bodies import bench, kinematics
+from ksd.bodies import bench, kinematics, readout
 from ksd.bodies.joints import joint_bodies
 from ksd.errors import KsdError
 from ksd.library import find_record
@@ -48,12 +48,12 @@ def compile_bodies(model: Model) -> None:
     bodies = joint_bodies(model, find_record)
     reduced, motion, loops = bodies.reduced, bodies.reduced_rest, bodies.loops
     theta, place, relative, off = np.zeros(1), np.zeros((1, 24)), np.zeros((1, 12)), np.zeros((1, 6))
-    target, J, residual, W = np.zeros(1), np.zeros((1, 1)), np.zeros(1), np.zeros((2, 1, 6))
+    target = np.zeros(1)
     work = make_work(bodies.bench, near=bodies.near)
     inside = bodies.inside
     compile_for(kinematics.close_loops, reduced, loops, theta, target, motion, place, 40)
-    compile_for(kinematics.loop_equations, reduced, loops, theta, target, motion, place, W, J, residual)
-    compile_for(kinematics.intended_motions, loops, relative, theta, place, off)
+    compile_for(readout.drive_forces, reduced, loops, theta, target, motion, place, motion.inner, target)
+    compile_for(readout.intended_motions, loops, relative, theta, place, off, np.zeros(1, np.int64))
     compile_for(bench.set_near, bodies.bench, loops, inside, theta, place, bodies.bench_rest, work)
     compile_for(bench.condense_joints, bodies.bench, 1, bodies.bench_rest, work, 1, motion.inner)
     compile_for(bench.recover_joints, bodies.bench, reduced, 1, motion, bodies.bench_rest, work)

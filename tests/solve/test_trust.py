@@ -8,7 +8,10 @@ import ksd
 from ksd.errors import ConvergenceError, TrustError
 from ksd.model.compile import compile_scene
 from ksd.section import rectangle
+from ksd.solve.configuration import Step
+from ksd.solve.confirm import WANDERED, wandered
 from ksd.solve.conventional import conventional, loads_last
+from ksd.solve.stops import Stop
 from ksd.units import deg
 
 L = 0.1
@@ -95,3 +98,15 @@ def test_out_of_plane_force_on_the_fourbar(force):
         assert next(s for s in full.steps if s.name[0] == "5").iterations <= 5
     if force == 1000:
         assert any("conventional solver used" in w for w in found.warnings)
+
+
+def test_a_step_that_took_long_is_a_doubt():
+    """The five steps walk no load steps: an equilibrium step that wandered speaks against its branch."""
+    steps = [Step("3 reduced equilibrium", n, 0.0, 0.5, Stop.CONVERGED) for n in (WANDERED, WANDERED + 1)]
+    assert wandered(steps) == (f"step '3 reduced equilibrium' took {WANDERED + 1} iterations",)
+    scene = fourbar()
+    scene.load("top", force=(-688, -1028, -556), at=(0, 0.3 + 0.1 * np.cos(np.pi / 4), 0))
+    found = ksd.solve(scene, top=-0.26, method="full", strict=False)
+    took = [s for s in found.steps if s.name[0] in "35" and s.iterations > WANDERED]
+    assert took and found.doubts == wandered(took)
+    assert not found.trusted and "took" in found.branch

@@ -200,5 +200,12 @@ def test_two_translations_drawn_by_hand(tmp_path, monkeypatch):
             exact, reduced = (solve(values, method=m) for m in ("conventional", "reduced"))
             for name, force in exact.forces.items():
                 assert reduced.forces[name] == pytest.approx(force, rel=1e-3)
+            # seen once as 1e18 mm, read from the slight rotation of the stage
+            for found in (exact, reduced):
+                assert found.motions == pytest.approx({f"stage.{n}": v for n, v in values.items()}, abs=2e-5)
+    far = solve({"x": 0.05, "y": 0.0}, method="conventional", strict=False)
+    assert np.isnan([*far.motions.values(), *far.unintended["stage"]]).all()
+    assert any("intended motion of joint 'stage' is not known" in w for w in far.warnings)
+    assert far.as_dict()["joints"]["stage"]["intended"] == {"y_mm": None, "x_mm": None}
     with pytest.raises(ksd.RangeError, match=r"stage\.x"):
         solve({"x": 0.016, "y": 0.0}, method="reduced")
