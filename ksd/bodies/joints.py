@@ -20,6 +20,7 @@ from ksd.model.arrays import COROTATIONAL, LINEAR, Arrays, Motion
 from ksd.model.compile import Model, constraint_rows, external_loads, joint_members_of, reference_points
 from ksd.model.leafs import leaf_member
 from ksd.model.pack import Assembly, Member, pack
+from ksd.scene.joint import leafs_of
 
 
 @dataclass(frozen=True)
@@ -108,7 +109,12 @@ def hang_links(bodies: JointBodies, motion: Motion) -> None:
 
 def _pad(functions: list[np.ndarray], size: int) -> np.ndarray:
     """Stack coefficient arrays (.., M) with zeros up to `size` monomials."""
-    return np.array([np.pad(f, [(0, 0)] * (f.ndim - 1) + [(0, size - f.shape[-1])]) for f in functions])
+    if not functions:
+        return np.zeros(0)
+    padded = np.zeros((len(functions), *functions[0].shape[:-1], size))
+    for row, f in zip(padded, functions, strict=True):
+        row[..., : f.shape[-1]] = f
+    return padded
 
 
 def _tip(placed: Any) -> np.ndarray:
@@ -171,7 +177,7 @@ class _Bench:
             table[node] = joint.pose_B if block == "B" else (0.0 if block == "A" else places[block])
         first = len(self.members)
         self.members += joint_members_of(placed, self.model.mesh, nodes, table, None)
-        for n, leaf in enumerate(joint.leafs()):
+        for n, leaf in enumerate(leafs_of(joint)):
             self._functions(j, self.members[first + n], leaf, functions, n)
 
     def _functions(self, j: int, member: Member, leaf: Any, functions: Any, n: int) -> None:
@@ -249,7 +255,7 @@ def build_reduced(model: Model) -> tuple[Arrays, Motion]:
 
 def _contracted(joint: Any, record: Any, mesh: str | int, extrapolate: bool) -> Any:
     """The record at the shape of a joint; RecordError for a chain it cannot stand for."""
-    plain = all(leaf.profile is None and leaf.curve is None for leaf in joint.leafs())
+    plain = all(leaf.profile is None and leaf.curve is None for leaf in leafs_of(joint))
     if mesh not in record.functions and not plain:
         known = ", ".join(str(n) for n in record.functions)
         raise RecordError(
@@ -270,9 +276,9 @@ def joint_bodies(model: Model, records: Callable[[str], Any], *, extrapolate: bo
             "this mechanism has no catalogue joints, so there is nothing to reduce; use method='conventional'"
         )
     mesh = "strain" if model.mesh.leaf == "strain" else model.mesh.elements
-    contracted = [
-        _contracted(j.joint, records(j.joint.family), mesh, extrapolate) for j in model.scene.joints
-    ]
+    different = {id(placed.joint): placed.joint for placed in model.scene.joints}
+    known = {i: _contracted(j, records(j.family), mesh, extrapolate) for i, j in different.items()}
+    contracted = [known[id(placed.joint)] for placed in model.scene.joints]
     loops = build_loops(model, contracted)
     bench, bench_rest, inside, near, full_node = build_bench(model, contracted)
     reduced, reduced_rest = build_reduced(model)

@@ -16,6 +16,7 @@ from ksd.errors import SceneError
 from ksd.model.arrays import ROTATION, TRANSLATION, Arrays, Motion
 from ksd.model.leafs import Mesh, leaf_member, split_leaf
 from ksd.model.pack import Assembly, Member, Push, Row, pack
+from ksd.scene.joint import leafs_of
 from ksd.section.checks import number, show
 
 
@@ -107,7 +108,7 @@ def joint_members_of(
 ) -> list[Member]:
     """Members of one joint whose blocks are `nodes` (by block name), at reference `places` (k, 3)."""
     members = []
-    for leaf in placed.joint.leafs():
+    for leaf in leafs_of(placed.joint):
         pair = (nodes[leaf.start_block], nodes[leaf.end_block])
         members.append(
             leaf_member(
@@ -208,7 +209,7 @@ class _Parts:
                 self.names.append(f"{placed.name}/{block}")
         first = len(self.members)
         if self.mesh.nodal:
-            for leaf in placed.joint.leafs():
+            for leaf in leafs_of(placed.joint):
                 pair = (nodes[leaf.start_block], nodes[leaf.end_block])
                 self._add_nodal(leaf, f"{placed.name}/{leaf.name}", pair, turn)
         else:

@@ -7,6 +7,7 @@ bending compliance, so that a moment linear along it needs two modes however dee
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from itertools import pairwise
 from types import SimpleNamespace
 from typing import Any
@@ -44,7 +45,8 @@ def leaf_axes(start: np.ndarray, end: np.ndarray, width_axis: np.ndarray | None,
             f"leaf '{name}': width_axis = {tuple(width_axis)} lies along the leaf; turn it across"
         )
     e3 /= size
-    return np.column_stack([e1, np.cross(e3, e1), e3])
+    e2 = (e3[1] * e1[2] - e3[2] * e1[1], e3[2] * e1[0] - e3[0] * e1[2], e3[0] * e1[1] - e3[1] * e1[0])
+    return np.array([e1, e2, e3]).T
 
 
 def rigidities(section: Section, leaf: Any, mesh: Mesh) -> tuple[np.ndarray, np.ndarray]:
@@ -113,7 +115,9 @@ def leaf_modes(leaf: Any, mesh: Mesh) -> Modes:
     return make_modes(orders, max(6, max(orders) // 2), breaks=(0.0, *inner, 1.0), shape=softness)
 
 
+@lru_cache(maxsize=512)
 def _strain_body(leaf: Any, mesh: Mesh) -> _Body:
+    # the same leaf is asked for by the full model, the bench and every equal joint; its arrays are copied when packed
     orders, points = raised_orders(leaf, mesh)
     stiff, soft = rigidities(leaf.section, leaf, mesh)
     words: dict[str, Any] = {"length": leaf.length, "orders": orders, "points": points}

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any, ClassVar
 
 import numpy as np
@@ -95,6 +96,19 @@ class Joint(metaclass=Worded):
     def shape(self) -> dict[str, float]:
         """Dimensionless shape parameters (angles in rad) its record depends on."""
         raise NotImplementedError
+
+
+def leafs_of(joint: Joint) -> tuple[Leaf, ...]:
+    """`joint.leafs()`, made once for equal joints: a mechanism asks several times, and mostly of the same joint."""
+    try:
+        return _leafs_of(joint)
+    except TypeError:  # a family of the user's own that is not hashable
+        return joint.leafs()
+
+
+@lru_cache(maxsize=256)
+def _leafs_of(joint: Joint) -> tuple[Leaf, ...]:
+    return joint.leafs()
 
 
 @dataclass(frozen=True, init=False)

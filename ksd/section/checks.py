@@ -33,10 +33,13 @@ class Worded(type):
 
         def __call__(cls, *args, **kwargs):
             try:
-                cls.__signature__.bind(*args, **kwargs)
-            except TypeError as reason:
-                raise SceneError(_unfit(cls, kwargs, str(reason))) from None
-            return super().__call__(*args, **kwargs)
+                return super().__call__(*args, **kwargs)
+            except TypeError:
+                try:
+                    cls.__signature__.bind(*args, **kwargs)
+                except TypeError as reason:
+                    raise SceneError(_unfit(cls, kwargs, str(reason))) from None
+                raise
 
 
 def _unfit(cls: type, given: dict[str, Any], reason: str) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 
 from ksd.errors import SceneError
 from ksd.section.checks import between, positive, show
@@ -14,6 +15,7 @@ _ODD_FIFTHS = 31 / 32 * 1.0369277551433699
 """Sum of 1/n^5 over odd n, 31/32 zeta(5)."""
 
 
+@lru_cache(maxsize=1024)
 def _torsion_rectangle(short: float, long: float) -> float:
     """Saint-Venant constant, exact series (Timoshenko and Goodier, Theory of Elasticity, art. 109)."""
     total = _ODD_FIFTHS
@@ -23,6 +25,7 @@ def _torsion_rectangle(short: float, long: float) -> float:
     return long * short**3 * (1 / 3 - 64 / math.pi**5 * short / long * total)
 
 
+@lru_cache(maxsize=1024)
 def _warping_rectangle(t: float, w: float) -> float:
     """int omega^2 dA, omega = y z + sum A_n sin(k_n y) sinh(k_n z), k_n = n pi/t, n odd."""
     if t > w:
