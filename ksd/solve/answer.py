@@ -27,6 +27,9 @@ SCHEMA: dict[str, str] = {
     "converged": "whether the last step reached its bound",
     "stable": "whether the state is a minimum of energy under the held drives",
     "stability": "the same in words",
+    "trust.*.yes": "verdicts stable, branch (the one that leads here from rest) and trusted (both, and converged)",
+    "trust.*.sentence": "the reason of the verdict",
+    "doubts[]": "what speaks against the branch and was not cleared up",
     "negative_pivots": "negative pivots of the last factorisation",
     "expected_negative_pivots": "those that the drives and supports explain",
     "iterations": "matrix solves of all steps together",
@@ -83,6 +86,8 @@ def as_dict(configuration: Configuration) -> dict[str, Any]:
         "converged": c.converged,
         "stable": c.stable,
         "stability": stability(c),
+        "trust": _trust(c),
+        "doubts": list(c.doubts),
         "negative_pivots": int(c.negatives),
         "expected_negative_pivots": int(c.expected),
         "iterations": c.iterations,
@@ -97,6 +102,12 @@ def as_dict(configuration: Configuration) -> dict[str, Any]:
         "leafs": _leafs(c),
         "warnings": list(c.warnings),
     }
+
+
+def _trust(c: Configuration) -> dict[str, dict[str, Any]]:
+    trust = c.trust
+    named = {"stable": trust.stable, "branch": trust.branch, "trusted": trust.trusted}
+    return {name: {"yes": bool(v.yes), "sentence": v.sentence} for name, v in named.items()}
 
 
 def stability(c: Configuration) -> str:

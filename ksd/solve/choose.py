@@ -19,6 +19,7 @@ from ksd.model.orders import highest_share, mesh_for, raised
 from ksd.model.plane import Plane, plane_of
 from ksd.section.checks import number, whole
 from ksd.solve import pipeline
+from ksd.solve.beside import beside, needs_walk
 from ksd.solve.configuration import Configuration, ErrorEstimate, Step
 from ksd.solve.confirm import wandered
 from ksd.solve.conventional import by_load_steps, conventional
@@ -83,6 +84,9 @@ class Solver:
             "estimate": estimate,
         }
         found = self._solve(values, **ways)
+        if method is not None and needs_walk(found):
+            against, _ = beside(found, lambda: by_load_steps(self.model, values, self._told))
+            found = _with(found, doubts=(*found.doubts, *filter(None, [against])))
         return insist(found) if strict else found
 
     def _solve(
@@ -122,11 +126,11 @@ class Solver:
         try:
             for passes in range(2):
                 result = self._five_steps(values, target, method="reduced", passes=passes, estimate=True)
-                if result.error is not None and result.error.relative <= accuracy and result.stable:
-                    return result
+                if result.error is not None and result.error.relative <= accuracy and result.trusted:
+                    return self._beside(result, values)
             found = self._five_steps(values, target, method="full", passes=1, estimate=False)
             if found.trusted:
-                return found
+                return self._beside(found, values)
             raise ConvergenceError(str(found.trust.trusted))
         except (RecordError, KinematicsError, ConvergenceError, RangeError) as reason:
             if isinstance(reason, KinematicsError) and "same freedom" in str(reason):
@@ -136,6 +140,19 @@ class Solver:
             if self.model.scene.joints:
                 raise
             return self._load_steps(values, "")
+
+    def _beside(self, found: Configuration, values: Mapping[str, float]) -> Configuration:
+        """An answer of the five steps, or that of load steps where loads are large and it is another."""
+        if not needs_walk(found):
+            return found
+        against, other = beside(found, lambda: by_load_steps(self.model, values, self._told))
+        if not against:
+            return found
+        if other is None:
+            return _with(found, doubts=(*found.doubts, against))
+        return _with(
+            other, warnings=(*other.warnings, f"load steps used: the five steps led elsewhere: {against}")
+        )
 
     def _load_steps(self, values: Mapping[str, float], note: str) -> Configuration:
         """The conventional solver in all its ways."""
@@ -354,9 +371,17 @@ def solve(
         f"leaf '{where}' has {100 * share:.2g} % of its energy in its highest {_AXIS[axis]} mode; "
         f"the curvature modes {found.model.mesh.orders} are few for this state: raise the orders of the mesh"
     )
-    return _with(found, warnings=(*found.warnings, note))
+    found = _with(found, warnings=(*found.warnings, note))
+    energy = found.strain_energy()
+    if share > BLIND and share * energy[where] > SLIGHT * sum(energy.values()):
+        found = _with(found, doubts=(*found.doubts, note))
+    return insist(found) if strict else found
 
 
+BLIND = 0.05
+"""Share of the energy of a leaf in its highest mode beyond which its curvature is not resolved at all."""
+SLIGHT = 1e-3
+"""Share of that mode in the energy of the whole mechanism below which it does not matter."""
 MOST_RISES = 3
 """How often `solve` raises the orders of the strain-mode leafs when their highest modes are not negligible."""
 _AXIS = ("torsion", "strong bending", "weak bending")

@@ -2,9 +2,10 @@
 
 A residual of zero does not tell the branch: 75 degrees in one step can end at a moment of the wrong sign. What gives a
 jump away, at no cost: an inertia that is not that of a minimum, loads and drives that together did no positive work
-on a mechanism that was at rest (the strain energy they should have become is positive), or an iteration that
-wandered. Then 4, 8, ... load steps are tried until two rounds end in the same minimum; failing that, the path is followed
-by arc length, which tells limit points and bifurcations on the way.
+on a mechanism that was at rest (the strain energy they should have become is positive), an iteration that
+wandered, or loads that do much of the work and did not come in easily. Then 4, 8, ... load steps are tried until two
+rounds end in the same minimum; failing that, the path is followed by arc length, which tells limit points and
+bifurcations on the way.
 """
 
 from __future__ import annotations
@@ -23,6 +24,8 @@ from ksd.solve.stops import Stop
 
 WANDERED = 12
 """Iterations of an accepted load step above which its branch is confirmed."""
+EASY, LADEN = 5, 0.1
+"""Iterations of a step, and share of the loads in the work done, above both of which its branch is confirmed."""
 FINE = 16
 """Load steps from which on an answer is believed as it is, and up to which it is confirmed."""
 CUT = 0.2
@@ -33,15 +36,16 @@ SADDLE = "its inertia is not that of a minimum"
 """The doubt that only a path by arc length settles: the way there may lead over a limit point or a bifurcation."""
 
 
-def work_done(model: Model, motion: Motion, target: np.ndarray) -> float:
-    """Secant work [J] of drives and dead loads from rest to `motion`: positive where it became strain energy.
+def works(model: Model, motion: Motion, target: np.ndarray) -> tuple[float, float]:
+    """Secant work [J] of the drives, and of dead loads, from rest to `motion`; their sum becomes strain energy.
 
-    nan where following loads make it depend on the path.
+    That of the loads is nan where following loads make it depend on the path.
     """
     loads = model.arrays.loads
+    driving = -0.5 * float(motion.multiplier @ target)
     if np.any(loads.following == 1):
-        return float("nan")
-    work = -float(motion.multiplier @ target)
+        return driving, float("nan")
+    work = 0.0
     for i, node in enumerate(loads.node):
         lever = (motion.R[node] - np.eye(3)) @ loads.point[i]
         work += float(loads.force[i] @ (motion.x[node] - model.rest.x[node] + lever))
@@ -49,7 +53,16 @@ def work_done(model: Model, motion: Motion, target: np.ndarray) -> float:
             from scipy.spatial.transform import Rotation
 
             work += float(loads.moment[i] @ Rotation.from_matrix(motion.R[node]).as_rotvec())
-    return 0.5 * work
+    return driving, 0.5 * work
+
+
+def laden(model: Model, motion: Motion, target: np.ndarray, longest: int) -> bool:
+    """Whether loads do so much of the work, and a step took so many iterations, that one step proves little."""
+    if longest <= EASY or not len(model.arrays.loads.node):
+        return False
+    driving, loading = works(model, motion, target)
+    # work that depends on the path is not small
+    return not abs(loading) <= LADEN * (abs(driving) + abs(loading))
 
 
 def doubt(
@@ -64,8 +77,10 @@ def doubt(
         return f"a load step took {driven.longest} iterations"
     if driven.shortest < min(CUT, 0.9 / steps):
         return f"a load step had to be cut to {100 * driven.shortest:.2g} % of the way"
-    if fresh and work_done(model, motion, target) < 0.0:
+    if fresh and sum(works(model, motion, target)) < 0.0:
         return "drives and loads did negative work on it"
+    if fresh and laden(model, motion, target, driven.longest):
+        return f"loads do much of the work, and a load step took {driven.longest} iterations"
     return ""
 
 

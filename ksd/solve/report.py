@@ -117,7 +117,7 @@ def _drives(d: dict[str, Any]) -> Any:
 
 
 def _verdict(d: dict[str, Any]) -> list[Any]:
-    """Error and stability, a line each."""
+    """Error and verdicts, a line each."""
     from rich.text import Text
 
     error = d["error"]
@@ -129,7 +129,12 @@ def _verdict(d: dict[str, Any]) -> list[Any]:
         shift, turn = (number(error[k], 2, zero=1e-6) for k in ("displacement_um", "rotation_mrad"))
         percent = number(error["relative_percent"], 2, zero=1e-9)
         said = f"Estimated error: {percent} % (links within {shift} um and {turn} mrad)"
-    return [Text(said), Text(f"State: {d['stability']}", style="" if d["stable"] else "bold red")]
+    lines = [Text(said), Text(f"State: {d['stability']}", style="" if d["stable"] else "bold red")]
+    for prefix, name in (("Branch: ", "branch"), ("", "trusted")):
+        verdict = d["trust"][name]
+        said = prefix + verdict["sentence"]
+        lines.append(Text(said[0].upper() + said[1:], style="" if verdict["yes"] else "bold red"))
+    return lines
 
 
 def _joints(d: dict[str, Any]) -> list[Any]:
