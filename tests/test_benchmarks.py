@@ -66,3 +66,14 @@ def test_hero(script, tmp_path):
 def test_pareto_front(script):
     pareto = script("speed_report").pareto
     assert pareto([(3, 1), (1, 5), (2, 6), (2, 4), (4, 2)]) == [(1, 5), (2, 4), (3, 1)]
+
+
+def test_optimise(script, tmp_path):
+    found = script("optimise").main(["--quick", "--out", str(tmp_path)])
+    rows = found["at_best"]
+    assert found["designs"] >= 40 and found["failures"] == 0
+    # the best design is within what is allowed, better than the first, and the fast answer is that of `full`
+    assert rows["full"]["stress_MPa"] <= 601 and rows["full"]["force_N"] <= 40.1
+    assert rows["full"]["stiffness_N_per_m"] > found["at_start"]["full"]["stiffness_N_per_m"]
+    assert abs(rows["reduced, 1 pass"]["stiffness_error"]) < 2e-3
+    assert rows["conventional, 10 elements"]["force_N"] == pytest.approx(rows["full"]["force_N"], rel=1e-3)

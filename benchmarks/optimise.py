@@ -1,0 +1,174 @@
+"""A design loop: the fourbar of paper 1 made as stiff out of its plane as stress and drive force allow.
+
+Four numbers of its joints are free (thickness, leaf angle, inner and outer width). At d = 150 mm the out-of-plane
+support stiffness of the top link is to be as large as possible, with the stress below 600 MPa and the drive force
+below 40 N. Differential evolution (scipy) asks `reduced` with one relinearised pass; the same designs are then asked of
+`full`, and of the conventional method with 10 Appendix A elements per leaf, so that the error of the fast answer
+stands beside its time. Any other optimiser takes the same function (`pip install '.[optimise]'` brings cma and nlopt).
+Run: python benchmarks/optimise.py [--quick]
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from common import STEEL, canvas, chain, label, machine, options, write_json
+from scipy.optimize import differential_evolution
+
+import ksd
+from ksd.units import deg, mm
+
+STROKE = 150 * mm
+STRESS, FORCE = 600e6, 40.0
+"""Allowed von Mises stress [Pa] and drive force [N] at the end of the stroke."""
+BOUNDS = {
+    "thickness": (0.3e-3, 1e-3),
+    "angle": (32 * deg, 58 * deg),
+    "inner": (20e-3, 60e-3),
+    "outer": (10e-3, 30e-3),
+}
+START = (0.6e-3, 45 * deg, 40e-3, 20e-3)
+"""The proportions of paper 1, thin enough for the allowed stress."""
+
+
+@dataclass(frozen=True)
+class Answer:
+    """Support stiffness z [N/m], stress [Pa] and drive force [N] of one design at the end of the stroke."""
+
+    stiffness: float
+    stress: float
+    force: float
+
+    def cost(self) -> float:
+        """-log of the stiffness, with what is beyond the allowed as a penalty."""
+        over = max(0.0, self.stress / STRESS - 1.0) + max(0.0, abs(self.force) / FORCE - 1.0)
+        return -np.log(self.stiffness) + 20.0 * over
+
+
+def fourbar(x: Sequence[float]) -> ksd.Mechanism:
+    """The fourbar with joints of thickness, angle and widths `x`; the joint centres stay where they are."""
+    t, angle, inner, outer = (float(v) for v in x)
+    joint = ksd.CrossFlexure(STEEL, length=100 * mm, angle=angle, thickness=t, widths=(inner, outer))
+    scene = ksd.Mechanism("fourbar")
+    left, top, right = scene.links("left", "top", "right")
+    low = -0.5 * joint.length_AB
+    scene.join(scene.ground, left, joint, at=(-0.2, low, 0), axis="z", toward="y")
+    scene.join(left, top, joint, at=(-0.2, low + 0.3, 0), axis="z", toward="y")
+    scene.join(right, top, joint, at=(0.2, low + 0.3, 0), axis="z", toward="y")
+    scene.join(scene.ground, right, joint, at=(0.2, low, 0), axis="z", toward="y")
+    scene.actuate(top, along="x", at=(0, 0.3, 0))
+    return scene
+
+
+def answer(x: Sequence[float], mesh: ksd.Mesh | None = None, **how: Any) -> Answer:
+    """What one design does at the end of the stroke."""
+    pose = ksd.prepare(fourbar(x), mesh=mesh)(top=STROKE, **how)
+    stiffness = pose.stiffness("top", at=(0, 0.3, 0)).support("z")
+    return Answer(stiffness, pose.stress(points=9).largest_Pa, pose.forces["top"])
+
+
+class Loop:
+    """The function an optimiser calls; counts designs and failures, and keeps the best so far."""
+
+    def __init__(self) -> None:
+        self.designs, self.failures, self.best = 0, 0, [float("inf")]
+
+    def __call__(self, x: np.ndarray) -> float:
+        """Cost of a design; one that cannot be solved costs more than any that can."""
+        self.designs += 1
+        try:
+            cost = answer(x, method="reduced", passes=1).cost()
+        except ksd.KsdError:
+            self.failures += 1
+            cost = 1e3
+        self.best.append(min(self.best[-1], cost))
+        return cost
+
+
+WAYS: dict[str, tuple[ksd.Mesh | None, dict[str, Any]]] = {
+    "reduced, 1 pass": (None, {"method": "reduced", "passes": 1}),
+    "full": (None, {"method": "full"}),
+    "conventional": (None, {"method": "conventional"}),
+    "conventional, 10 elements": (chain(10), {"method": "conventional"}),
+}
+
+
+def compared(x: Sequence[float], repeats: int) -> dict[str, dict[str, float]]:
+    """The same design by every way: answers, and thread time [ms] of building, solving and asking (interleaved)."""
+    spent: dict[str, list[float]] = {name: [] for name in WAYS}
+    found: dict[str, Answer] = {}
+    for n in range(repeats + 1):
+        for name, (mesh, how) in WAYS.items():
+            # another thickness each time, so that nothing is remembered from the design before
+            trial = (x[0] * (1 - 1e-6 * n), *x[1:])
+            begin = time.thread_time()
+            found[name] = answer(trial, mesh, **how)
+            spent[name].append(1e3 * (time.thread_time() - begin))
+    exact = found["full"]
+    return {
+        name: {
+            "time_ms": float(np.median(spent[name][1:])),
+            "stiffness_N_per_m": a.stiffness,
+            "stress_MPa": 1e-6 * a.stress,
+            "force_N": a.force,
+            "stiffness_error": a.stiffness / exact.stiffness - 1,
+            "force_error": a.force / exact.force - 1,
+        }
+        for name, a in found.items()
+    }
+
+
+def picture(loop: Loop, path: Path) -> None:
+    """Stiffness of the best design so far over the designs tried."""
+    figure, axes = canvas(
+        1, 1, size=(5.5, 3.4), title="Fourbar, out-of-plane support stiffness at d = 150 mm"
+    )
+    axes[0, 0].step(
+        range(1, len(loop.best)), 1e-3 * np.exp(-np.array(loop.best[1:])), where="post", color="#c8380f"
+    )
+    axes[0, 0].set_ylim(bottom=0)
+    label(axes[0, 0], x="designs tried", y="best support stiffness z [kN/m]", legend=False)
+    figure.savefig(path)
+
+
+def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
+    """Optimise, compare, write optimise.json and optimise.png; returns what was found."""
+    asked = options(__doc__, argv)
+    loop = Loop()
+    begin = time.thread_time()
+    best = differential_evolution(
+        loop, list(BOUNDS.values()), x0=START, seed=1, polish=False,
+        maxiter=2 if asked.quick else 40, popsize=4 if asked.quick else 10,
+    )  # fmt: skip
+    spent = time.thread_time() - begin
+    found = {
+        "machine": machine(),
+        "designs": loop.designs,
+        "failures": loop.failures,
+        "time_per_design_ms": 1e3 * spent / loop.designs,
+        "start": dict(zip(BOUNDS, START, strict=True)),
+        "best": dict(zip(BOUNDS, best.x, strict=True)),
+        "at_start": compared(START, 3 if asked.quick else 15),
+        "at_best": compared(best.x, 3 if asked.quick else 15),
+    }
+    write_json(found, asked.out / "optimise.json")
+    picture(loop, asked.out / "optimise.png")
+    print(
+        f"{loop.designs} designs, {loop.failures} failed, {found['time_per_design_ms']:.2f} ms each (thread time)"
+    )
+    print("best: " + ", ".join(f"{n} {v:.5g}" for n, v in found["best"].items()) + " (SI)")
+    for name, row in found["at_best"].items():
+        print(
+            f"{name:26} {row['time_ms']:7.2f} ms   kz {row['stiffness_N_per_m']:9.0f} N/m ({row['stiffness_error']:+.2%})   "
+            f"force {row['force_N']:.3f} N ({row['force_error']:+.3%})   stress {row['stress_MPa']:.1f} MPa"
+        )
+    return found
+
+
+if __name__ == "__main__":
+    main()
