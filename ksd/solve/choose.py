@@ -186,7 +186,8 @@ class Solver:
             step, negatives = pipeline.full_equilibrium(b, target, rtol=RTOL, most=30, cap=CAP)
             steps.append(_checked(step, steps))
         elif estimate:
-            error, step, _ = pipeline.corrector(b, target, rtol=RTOL)
+            # condensed joints cannot buckle: the inertia is that of the full model at the recovered state
+            error, step, negatives = pipeline.corrector(b, target, rtol=RTOL)
             steps.append(step)
         return self._configuration(values, method, steps, negatives=negatives, error=error, warnings=warnings)
 
@@ -213,8 +214,8 @@ class Solver:
         if not estimate:
             return answer
         extra: list[Step] = []
-        negatives = self._reduced(b, target, 0, extra)
-        rest, step, _ = pipeline.corrector(b, target, rtol=RTOL)
+        self._reduced(b, target, 0, extra)
+        rest, step, negatives = pipeline.corrector(b, target, rtol=RTOL)
         error = pipeline.distance(answer.motion, b, rest)
         spent = sum(s.time for s in extra) + step.time
         counted = sum(s.iterations for s in extra) + step.iterations

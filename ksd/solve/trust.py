@@ -23,6 +23,8 @@ FAR_TURN = np.deg2rad(30.0)
 """Unintended rotation of a joint [rad] beyond which its state is not the one its record describes."""
 FAR_SHIFT = 0.3
 """Unintended displacement of a joint, over its length, beyond which the same holds."""
+SLIGHT = 1e-3
+"""Error of a link position, over the size of the mechanism, that is small however small the answer."""
 MOST_GAP = np.deg2rad(60.0)
 """Turn of a strain-mode leaf per quadrature point [rad] beyond which its inertia is not to be relied on."""
 
@@ -111,6 +113,12 @@ def _branch(c: Configuration) -> Verdict:
     )
 
 
+def _worthless(c: Configuration) -> bool:
+    """Whether the estimated error is larger than the answer, and not only because the answer is next to nothing."""
+    e = c.error
+    return e is not None and not (e.relative <= 1.0 or e.displacement <= SLIGHT * c.model.arrays.size)
+
+
 def judge(c: Configuration) -> Trust:
     """Verdicts on a configuration."""
     stable, branch = _stable(c), _branch(c)
@@ -120,6 +128,8 @@ def judge(c: Configuration) -> Trust:
         trusted = Verdict(False, "not to be trusted: " + "; ".join([str(stable), *c.doubts]))
     elif not branch:
         trusted = Verdict(False, f"not to be trusted: {branch}")
+    elif c.error is not None and _worthless(c):
+        trusted = Verdict(False, f"not to be trusted: its estimated error is {100 * c.error.relative:.2g} %")
     elif c.error is not None:
         trusted = Verdict(True, f"trusted within its estimated error of {100 * c.error.relative:.2g} %")
     else:

@@ -139,3 +139,13 @@ def test_leafs_too_coarse_for_their_state_are_refused():
     with pytest.raises(ConvergenceError, match="raise the orders"):
         ksd.solve(scene, mesh=coarse)
     assert not ksd.solve(scene, mesh=coarse, strict=False).trusted
+
+
+def test_condensed_joints_do_not_hide_a_buckled_state():
+    """`reduced` met its accuracy with a stable reduced model where the full one is buckled in four directions."""
+    scene = fourbar()
+    scene.load("top", force=(-456.9, 753.7, -982.5), moment=(50.68, -4.94, -30.2), at=(0, 0.37, 0))
+    with pytest.raises(TrustError, match="UNSTABLE"):
+        ksd.solve(scene, top=1e-4)
+    found = ksd.solve(scene, top=1e-4, method="reduced", strict=False)
+    assert found.error.relative < 1e-3 and not found.stable
