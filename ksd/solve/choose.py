@@ -25,14 +25,12 @@ from ksd.solve.confirm import wandered
 from ksd.solve.conventional import by_load_steps, conventional
 from ksd.solve.driving import CAP, RTOL
 from ksd.solve.pipeline import Bench
+from ksd.solve.reach import closed, in_range
 from ksd.solve.stops import Stop
 from ksd.solve.trust import insist
 from ksd.solve.warm import ready
 
 METHODS = ("kinematic", "reduced", "full", "conventional")
-GAP = 2e-3
-"""Largest gap of the closed loops over the size of the mechanism: overconstrained joints never fit exactly, and their
-elasticity takes it up in step 3; a linkage that locks leaves more."""
 DEFAULT_ACCURACY = 1e-3
 
 
@@ -173,8 +171,8 @@ class Solver:
     ) -> Configuration:
         b = self.bench
         b.restart()
-        steps = [self._close(b, target)]
-        warnings = self._range(b)
+        steps = [closed(b, target)]
+        warnings = in_range(b, extrapolate=self.extrapolate)
         steps.append(_checked(pipeline.linearise(b, near=1, first=True), steps))
         if method == "kinematic":
             pipeline.kinematic_forces(b, target)
@@ -239,58 +237,6 @@ class Solver:
             self.model, b.full.copy(), method, dict(values), tuple(steps), negatives, expected,
             motions, unintended, error, (*warnings, *unknown), doubts=wandered(s for s in steps if s.name[0] in "35"),
         )  # fmt: skip
-
-    def _close(self, b: Bench, target: np.ndarray) -> Step:
-        """Step 1, in one go or, failing that, along the drive; ConvergenceError says how far it got."""
-        step = pipeline.close(b, target)
-        if step.stop is Stop.CONVERGED and step.residual < GAP * b.bodies.reduced.size:
-            return step
-        b.restart()
-        done, size, count, spent = 0.0, 0.25, step.iterations, step.time
-        while done < 1.0 and size > 1e-3:
-            theta, safe = b.theta.copy(), b.reduced.copy()
-            goal = min(1.0, done + size)
-            step = pipeline.close(b, goal * target)
-            count, spent = count + step.iterations, spent + step.time
-            if step.stop is Stop.CONVERGED and step.residual < GAP * b.bodies.reduced.size:
-                done = goal
-                continue
-            b.theta[:] = theta
-            b.reduced.assign(safe)
-            size *= 0.5
-        if done < 1.0:
-            raise ConvergenceError(
-                f"the joints cannot reach this pose by their intended motions: the drives got to {100 * done:.3g} % of "
-                "the way, where the linkage locks; ask for less, or use method='conventional'",
-                reached=done,
-            )
-        return Step(step.name, count, spent, step.residual, step.stop, "in steps along the drive")
-
-    def _range(self, b: Bench) -> list[str]:
-        """Refuse motions outside the trained range, or warn when extrapolation was asked for."""
-        warnings = []
-        for name, value, (low, high), scale in zip(
-            b.bodies.motion_names, b.theta, b.bodies.motion_range, b.bodies.motion_scale, strict=True
-        ):
-            # a hair over the trained end is rounding, not extrapolation
-            slack = 1e-5 * (high - low)
-            if low - slack <= value <= high + slack:
-                continue
-            said = _spoken_range(name, value, low, high, scale=scale)
-            if not self.extrapolate:
-                raise RangeError(
-                    f"{said}; ask for less, or pass extrapolate=True to use the functions beyond it"
-                )
-            warnings.append(f"{said}; extrapolated")
-        return warnings
-
-
-def _spoken_range(name: str, value: float, low: float, high: float, *, scale: float) -> str:
-    if scale == 1.0:
-        v, a, b = np.rad2deg([value, low, high])
-        return f"joint '{name}' would turn {v:.6g} degrees, outside its trained range of {a:.4g} to {b:.4g} degrees"
-    v, a, b = 1e3 * scale * np.array([value, low, high])
-    return f"joint '{name}' would move {v:.6g} mm, outside its trained range of {a:.4g} to {b:.4g} mm"
 
 
 def _with(result: Configuration, **changes: Any) -> Configuration:
