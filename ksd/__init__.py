@@ -36,6 +36,7 @@ _HOMES = {
     "ksd.solve.choose": ("Solver", "prepare", "solve"),
     "ksd.solve.configuration": ("Configuration",),
     "ksd.solve.path": ("Path", "follow"),
+    "ksd.properties.doctor": ("doctor",),
     "ksd.train": ("train",),
     "ksd.design": ("SweepInterrupted", "Table", "frequency_curve", "state_space", "sweep"),
     "ksd.library": ("Record", "find_record"),
@@ -51,6 +52,7 @@ if TYPE_CHECKING:
     from ksd.library import Record, find_record
     from ksd.model.compile import Model, compile_scene
     from ksd.model.mesh import Mesh
+    from ksd.properties.doctor import doctor
     from ksd.scene import (
         Arc,
         ArcHinge,

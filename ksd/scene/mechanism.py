@@ -364,6 +364,10 @@ class Mechanism(Links):
         check_scene(frozen)
         return frozen
 
+    def draft(self) -> Scene:
+        """The frozen description as it stands, not validated."""
+        return self._frozen()
+
     def _frozen(self) -> Scene:
         return Scene(
             name=self.name,

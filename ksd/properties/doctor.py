@@ -1,0 +1,312 @@
+"""The constraint doctor: what is free and what is held twice, counted by singular values before anything is solved.
+
+Every link has six freedoms; leafs and joints take away what they hold stiffly (`ksd.properties.constraints`), supports and
+drives what they prescribe. The rank of all rows says how many freedoms are left and how many rows are too many; which
+ones is told by taking rows in order of stiffness and keeping those that add something (Blanding's exact constraint rules,
+here by linear algebra). Overconstrained models are solved all the same: their leafs take it up elastically.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ksd.errors import SceneError
+from ksd.model.compile import Model, compile_scene, reference_points
+from ksd.properties.constraints import (
+    Constraint,
+    Spring,
+    joint_rows,
+    joint_spring,
+    leaf_rows,
+    leaf_spring,
+    prescribed_rows,
+)
+from ksd.scene.contents import Scene
+
+Array = NDArray[np.float64]
+RANK = 1e-2
+"""Singular values below this fraction of the largest count as zero: constraints less than about half a degree from
+fighting each other."""
+ALIGNED = 1e-6
+"""The same, below which constraints fight exactly, not only nearly."""
+
+
+@dataclass(frozen=True)
+class Free:
+    """A motion that no drive, support or stiff direction holds. stiffness [N/m, or Nm/rad for a turn]: what soft leafs
+    resist it with, 0 where nothing does; twist (links, 6): displacements [m] and rotations [rad] of all links."""
+
+    sentence: str
+    stiffness: float
+    twist: Array
+
+
+@dataclass(frozen=True)
+class Fight:
+    """A direction held twice. what: the constraint too many; others: those it fights; release: what to change;
+    nearly: only by misalignment not exactly so; inside: names of the equal joints it occurs in, if it does."""
+
+    what: str
+    others: tuple[str, ...]
+    release: str
+    nearly: bool = False
+    inside: tuple[str, ...] = ()
+
+    @property
+    def sentence(self) -> str:
+        """In words."""
+        said = f"{self.what} {'nearly ' * self.nearly}fights {_listed(self.others)}"
+        return f"{said}; to release it, {self.release}"
+
+
+@dataclass(frozen=True)
+class Diagnosis:
+    """What the doctor found. freedoms: left by joints, leafs and supports, for drives to move; held: those the drives
+    hold; constraints, independent: rows of joints, leafs and supports, and their rank; free: motions left with
+    all drives held; fights: directions held twice, of the mechanism and then inside joints; singular_values: of all
+    rows, descending."""
+
+    mechanism: str
+    freedoms: int
+    held: int
+    constraints: int
+    independent: int
+    free: tuple[Free, ...]
+    fights: tuple[Fight, ...]
+    singular_values: Array
+
+    @property
+    def exact(self) -> bool:
+        """Whether every freedom is held once, insides of joints left aside."""
+        return not self.free and not any(not f.inside for f in self.fights)
+
+    def __str__(self) -> str:
+        own = [f for f in self.fights if not f.inside]
+        lines = [
+            f"{self.mechanism}: {self.freedoms} freedom{'s' * (self.freedoms != 1)} before driving, {self.held} held by "
+            f"drives; {self.constraints} constraints, {self.independent} of them independent",
+            "exactly constrained"
+            if self.exact
+            else f"{len(self.free)} motion{'s' * (len(self.free) != 1)} left free, {len(own)} direction"
+            f"{'s' * (len(own) != 1)} held twice",
+        ]
+        lines += [f"free: {f.sentence}" for f in self.free]
+        lines += [f"overconstrained: {f.sentence}" for f in own]
+        for names in dict.fromkeys(f.inside for f in self.fights if f.inside):
+            within = [f.what for f in self.fights if f.inside == names]
+            lines.append(f"inside {_joints(names)}, {len(within)} held twice by design: {_listed(within)}")
+        if own:
+            lines.append("with all of these released the mechanism would be exactly constrained")
+        if self.fights:
+            lines.append("what is held twice is solved all the same: the leafs take it up elastically")
+        return "\n".join(lines)
+
+    def as_dict(self) -> dict[str, Any]:
+        """Counts and sentences, ready for JSON."""
+        return {
+            "mechanism": self.mechanism,
+            "freedoms": self.freedoms,
+            "held_by_drives": self.held,
+            "constraints": self.constraints,
+            "independent_constraints": self.independent,
+            "exact": self.exact,
+            "free": [{"sentence": f.sentence, "stiffness": f.stiffness} for f in self.free],
+            "overconstrained": [
+                {"what": f.what, "fights": list(f.others), "release": f.release, "nearly": f.nearly,
+                 "inside": list(f.inside), "sentence": f.sentence}
+                for f in self.fights
+            ],
+            "singular_values": self.singular_values.tolist(),
+        }  # fmt: skip
+
+
+def doctor(mechanism: Any) -> Diagnosis:
+    """Count the freedoms and constraints of a mechanism (or Scene, or Model) at rest, and say what is free, what is
+    held twice, and which release would make it exact.
+
+    Raises SceneError for a mechanism without links or with names that do not exist.
+    """
+    scene = _described(mechanism)
+    model = mechanism if isinstance(mechanism, Model) else compile_scene(scene)
+    places, size = reference_points(scene), model.arrays.size
+    index = {link: i for i, link in enumerate(scene.links)}
+    springs, rows = _structure(scene, index, places, size)
+    supports, drives = prescribed_rows(model, size)
+    rows = sorted(rows, key=lambda c: -c.stiffness)
+    own, everything = [*supports, *rows], [*supports, *rows, *drives]
+    rank, total = _rank(own, len(places)), _rank(everything, len(places))
+    unknowns = 6 * (len(places) - 1)
+    fights = [_fight(*found) for found in _too_many(everything, total)]
+    return Diagnosis(
+        mechanism=scene.name,
+        freedoms=unknowns - rank,
+        held=total - rank,
+        constraints=len(own),
+        independent=rank,
+        free=tuple(_free(everything, total, springs, (scene.links, places, size))),
+        fights=(*fights, *_inside(scene)),
+        singular_values=_singular(everything),
+    )
+
+
+def _described(mechanism: Any) -> Scene:
+    """The scene, also of a mechanism that would not pass validation for a loose link."""
+    if isinstance(mechanism, Model):
+        return mechanism.scene  # type: ignore[no-any-return]
+    scene = mechanism.draft() if hasattr(mechanism, "draft") else mechanism
+    if not isinstance(scene, Scene):
+        raise SceneError(
+            f"{type(mechanism).__name__} is not a mechanism; give ksd.doctor a Mechanism or a Scene"
+        )
+    if len(scene.links) < 2:
+        raise SceneError(f"mechanism '{scene.name}' has no link; add one with mechanism.link(name).")
+    return scene
+
+
+def _structure(
+    scene: Scene, index: dict[str, int], places: Array, size: float
+) -> tuple[list[Spring], list[Constraint]]:
+    """Springs and constraints of all joints and free leafs."""
+    springs, rows = [], []
+    for placed in scene.joints:
+        spring = joint_spring(placed, (index[placed.a], index[placed.b]))
+        springs.append(spring)
+        rows += joint_rows(placed, spring, places, size)
+    for leaf in scene.leafs:
+        springs.append(leaf_spring(leaf.leaf, (index[leaf.a], index[leaf.b])))
+        rows += leaf_rows([(leaf.name, leaf.a, leaf.b, leaf.leaf)], index, places, size)
+    return springs, rows
+
+
+def _matrix(rows: Sequence[Constraint]) -> Array:
+    """(rows, 6 moving nodes): ground, the first node, does not move."""
+    return np.array([c.row[6:] for c in rows]) if rows else np.zeros((0, 6))
+
+
+def _singular(rows: Sequence[Constraint]) -> Array:
+    return np.asarray(np.linalg.svd(_matrix(rows), compute_uv=False), float) if rows else np.zeros(0)
+
+
+def _rank(rows: Sequence[Constraint], nodes: int) -> int:
+    s = _singular(rows)
+    return int(np.sum(s > RANK * s[0])) if len(s) and s[0] > 0.0 else 0
+
+
+def _too_many(
+    rows: Sequence[Constraint], rank: int
+) -> list[tuple[list[Constraint], Constraint, Array, float]]:
+    """Rows that add nothing to those before them: (rows kept, the row, its shares of them, what it adds)."""
+    A = _matrix(rows)
+    kept: list[int] = []
+    basis = np.zeros((0, A.shape[1]))
+    left = np.ones(len(rows))
+    for i, row in enumerate(A):
+        rest = row - basis.T @ (basis @ row)
+        # twice is enough for orthogonality
+        rest -= basis.T @ (basis @ rest)
+        left[i] = np.linalg.norm(rest)
+        if left[i] > 2.0 * RANK and len(kept) < rank:
+            kept.append(i)
+            basis = np.vstack([basis, rest / left[i]])
+    found = []
+    for i in sorted(set(range(len(rows))) - set(kept)):
+        share = np.linalg.lstsq(A[kept].T, A[i], rcond=RANK)[0]
+        found.append(([rows[k] for k in kept], rows[i], share, float(left[i])))
+    return found[: len(rows) - rank]
+
+
+def _fight(kept: list[Constraint], row: Constraint, share: Array, left: float, *inside: str) -> Fight:
+    """The words for a row too many: its strongest opponents."""
+    order = np.argsort(-np.abs(share))
+    others = [kept[k].what for k in order[:3] if abs(share[k]) > 0.3 * np.abs(share).max()]
+    nothing = () if others else ("nothing it could move",)
+    return Fight(row.what, (*others, *nothing), row.release, left > ALIGNED, tuple(inside))
+
+
+def _free(
+    rows: Sequence[Constraint],
+    rank: int,
+    springs: Sequence[Spring],
+    where: tuple[Sequence[str], Array, float],
+) -> list[Free]:
+    """The motions left, each as one freedom with the others held."""
+    from scipy.linalg import qr
+
+    links, places, size = where
+    unknowns = 6 * (len(places) - 1)
+    A = _matrix(rows)
+    null = np.linalg.svd(A)[2][rank:].T if len(A) else np.eye(unknowns)
+    if not null.shape[1]:
+        return []
+    # components that can be given freely, the others follow
+    _, _, picked = qr(null.T, pivoting=True)
+    columns = null @ np.linalg.inv(null[picked[: null.shape[1]]])
+    found = []
+    for column in columns.T:
+        motion = np.concatenate([np.zeros(6), column])
+        energy = 0.0
+        for spring in springs:
+            own = spring.motion(places, size) @ motion
+            energy += float(own @ spring.K @ own)
+        twist = motion.reshape(-1, 6) / np.array([1, 1, 1, size, size, size])
+        found.append(_spoken(links, twist, energy, size))
+    return found
+
+
+def _spoken(links: Sequence[str], twist: Array, energy: float, size: float) -> Free:
+    """Words and stiffness for a motion (links, 6): the link that moves most, and how."""
+    amount = np.abs(twist * np.array([1, 1, 1, size, size, size]))
+    link = int(np.argmax(np.linalg.norm(amount, axis=1)))
+    # a turn about a far axis is a turn, although the reference point moves more
+    turns = amount[link, 3:].max() >= 0.5 * amount[link, :3].max()
+    k = 3 + int(np.argmax(amount[link, 3:])) if turns else int(np.argmax(amount[link, :3]))
+    twist = twist / twist[link, k]
+    value = energy / (amount[link, k] / (size if turns else 1.0)) ** 2
+    way = f"turn about {'xyz'[k - 3]}" if turns else f"slide along {'xyz'[k]}"
+    unit = "Nm/rad" if turns else "N/m"
+    soft = f"only leafs that bend hold it, with {value:.3g} {unit}"
+    why = soft if value > 0.0 else "nothing holds it"
+    return Free(f"link '{links[link]}' can {way}: {why}", value, twist)
+
+
+def _inside(scene: Scene) -> list[Fight]:
+    """What fights inside the joints, once for all equal ones."""
+    groups: dict[Any, list[Any]] = {}
+    for placed in scene.joints:
+        groups.setdefault(_key(placed.joint), []).append(placed)
+    found = []
+    for equal in groups.values():
+        joint, names = equal[0].joint, [p.name for p in equal]
+        blocks = {"A": (0.0, 0.0, 0.0), **joint.blocks(), "B": joint.pose_B}
+        index = {block: i for i, block in enumerate(["A", *(b for b in blocks if b != "A")])}
+        places = np.array([blocks[b] for b in index], float)
+        leafs = [(f.name, f.start_block, f.end_block, f) for f in joint.leafs()]
+        rows = sorted(leaf_rows(leafs, index, places, joint.length), key=lambda c: -c.stiffness)
+        rank = _rank(rows, len(places))
+        found += [_fight(*too, *names) for too in _too_many(rows, rank)]
+    return found
+
+
+def _key(joint: Any) -> Any:
+    """Joints with the same leafs and blocks are one."""
+    try:
+        hash(joint)
+    except TypeError:
+        return id(joint)
+    return joint
+
+
+def _listed(names: Sequence[str]) -> str:
+    return names[0] if len(names) == 1 else ", ".join(names[:-1]) + " and " + names[-1]
+
+
+def _joints(names: Sequence[str]) -> str:
+    return f"joint{'s' * (len(names) > 1)} {_listed([repr(n) for n in names])}"
+
+
+__all__ = ["Diagnosis", "Fight", "Free", "doctor"]

@@ -1,0 +1,138 @@
+"""The constraint doctor: counts known from Gruebler's formula, words, releases, and solving all the same."""
+
+import numpy as np
+import pytest
+from hard_scenes import cantilever, guide
+from scenes import STEEL, cross_flexure, fourbar, single_joint
+
+import ksd
+from ksd.cli import main
+from ksd.properties.constraints import held, leaf_spring
+
+SHEET = {"section": ksd.rectangle(0.5e-3, 0.03), "material": STEEL, "width_axis": "z"}
+
+
+def counts(found):
+    return found.freedoms, found.held, len(found.free), sum(not f.inside for f in found.fights)
+
+
+def test_a_sheet_holds_three_directions_and_a_wire_one():
+    """Blanding: a sheet is three constraints in its plane, a wire one along itself."""
+    sheet = ksd.Leaf(start=(0, 0, 0), end=(0.1, 0.02, 0), **SHEET)
+    spring = leaf_spring(sheet, (0, 1))
+    assert [axis for axis, _ in held(spring.K)] == [0, 2, 4]
+    # 12 EI / L^3, EA / L and GJ / L^3 about the middle of a leaf
+    L = sheet.length
+    assert spring.K[0, 0] == pytest.approx(STEEL.E * 1.5e-5 / L, rel=1e-6)
+    assert spring.K[5, 5] == pytest.approx(STEEL.E * sheet.section.Iz / L**3, rel=1e-6)
+    wire = ksd.wire(diameter=1e-3, material=STEEL, start=(0, 0, 0), end=(0, 0.1, 0))
+    assert [axis for axis, _ in held(leaf_spring(wire, (0, 1)).K)] == [0]
+
+
+@pytest.mark.parametrize("turn", [False, True])
+def test_the_planar_fourbar_has_three_too_many(turn, rng):
+    """Gruebler in space: 6 * 3 - 4 * 5 = -2 where the plane has 1, so three constraints fight."""
+    if not turn:
+        found = ksd.doctor(fourbar())
+        assert found.constraints == 20 and found.independent == 17
+    else:
+        from hard_scenes import frame
+
+        T = np.linalg.qr(rng.normal(size=(3, 3)))[0]
+        found = ksd.doctor(frame(turn=T * np.sign(np.linalg.det(T)), unit=1e-6))
+    assert counts(found) == (1, 1, 0, 3)
+    inside = [f for f in found.fights if f.inside]
+    # three leafs of three constraints for five directions
+    assert len(inside) == 4 and len(inside[0].inside) == 4
+    assert not found.exact and not any(f.nearly for f in found.fights)
+
+
+def test_releasing_what_fights_makes_it_exact():
+    """The parallel guide: one sheet is to lose its bending in the plane; as two wires along and across nothing fights."""
+    found = ksd.doctor(guide())
+    (fight,) = found.fights
+    assert fight.what == "bending in its plane of leaf 'leaf.2'"
+    assert fight.others == ("bending in its plane of leaf 'leaf'",)
+    assert fight.release == "notch the width of leaf 'leaf.2'"
+    scene = ksd.Mechanism("released")
+    shuttle = scene.link("shuttle")
+    scene.leaf(scene.ground, shuttle, start=(0, -0.03, 0), end=(0.1, -0.03, 0), **SHEET)
+    for name, start in (("along", (0, 0.03, 0)), ("across", (0.1, 0.03, -0.1))):
+        wire = {"section": ksd.circle(0.5e-3), "material": STEEL, "width_axis": "y"}
+        scene.leaf(scene.ground, shuttle, start=start, end=(0.1, 0.03, 0), name=name, **wire)
+    scene.actuate(shuttle, along="y", at=(0.1, 0, 0), name="stroke")
+    released = ksd.doctor(scene)
+    assert counts(released) == (1, 1, 0, 0) and released.exact
+    assert "exactly constrained" in str(released)
+
+
+def test_what_is_free_is_said_with_its_stiffness():
+    found = ksd.doctor(cantilever())
+    assert counts(found) == (3, 0, 3, 0)
+    EI = STEEL.E * ksd.rectangle(0.5e-3, 0.02).Iz
+    slide = next(f for f in found.free if "slide along y" in f.sentence)
+    assert slide.stiffness == pytest.approx(12 * EI / 0.1**3, rel=1e-3)
+    assert "link 'tip' can slide along y: only leafs that bend hold it" in slide.sentence
+    loose = ksd.Mechanism("loose")
+    first, _ = loose.links("first", "top")
+    loose.leaf(loose.ground, first, start=(0, 0, 0), end=(0.1, 0, 0), **SHEET)
+    said = [f.sentence for f in ksd.doctor(loose).free]
+    assert "link 'top' can slide along x: nothing holds it" in said
+    assert sum("nothing holds it" in s for s in said) == 6
+
+
+def test_drives_that_fight_are_named():
+    found = ksd.doctor(guide(twist=True))
+    drive = next(f for f in found.fights if f.what == "drive 'twist'")
+    assert "leaf" in drive.sentence and drive.release == "remove drive 'twist'"
+    scene = fourbar()
+    scene.actuate("left", about="z", name="other")
+    assert any(f.what == "drive 'other'" for f in ksd.doctor(scene).fights)
+
+
+def askew(tilt):
+    """The fourbar, one of its joints mounted `tilt` rad askew about x."""
+    joint = cross_flexure()
+    scene = ksd.Mechanism("askew")
+    left, top, right = scene.links("left", "top", "right")
+    places = ((scene.ground, left, -0.2, 0.0), (left, top, -0.2, 0.3), (right, top, 0.2, 0.3))
+    for a, b, x, y in places:
+        scene.join(a, b, joint, at=(x, y, 0), axis="z", toward="y")
+    axis = (0, -np.sin(tilt), np.cos(tilt))
+    scene.join(
+        scene.ground,
+        right,
+        joint,
+        at=(0.2, 0, 0),
+        axis=axis,
+        toward=(0, np.cos(tilt), np.sin(tilt)),
+        name="askew",
+    )
+    scene.actuate(top, along="x", at=(0, 0.3 + joint.length_AB, 0))
+    return scene
+
+
+@pytest.mark.parametrize("tilt", [1e-3, 5e-3])
+def test_a_misaligned_joint_nearly_fights_and_is_solved_all_the_same(tilt):
+    found = ksd.doctor(askew(tilt))
+    assert counts(found) == (1, 1, 0, 3)
+    assert any(f.nearly for f in found.fights) and "nearly fights" in str(found)
+    straight = ksd.solve(fourbar(), top=0.1).forces["top"]
+    assert ksd.solve(askew(tilt), top=0.1).forces["top"] == pytest.approx(straight, rel=0.02)
+
+
+def test_a_joint_alone_is_exact_and_its_parts_are_listed():
+    found = ksd.doctor(single_joint())
+    assert found.exact and counts(found) == (1, 1, 0, 0)
+    numbers = found.as_dict()
+    assert numbers["freedoms"] == 1 and len(numbers["overconstrained"]) == 4
+    assert np.all(np.diff(found.singular_values) <= 0)
+
+
+def test_the_command_and_its_errors(capsys, tmp_path):
+    assert main(["doctor", "ksd/scenes/fourbar.toml"]) == 0
+    assert "3 directions held twice" in capsys.readouterr().out
+    assert main(["doctor", "ksd/scenes/fourbar.toml", "--json", str(tmp_path / "a.json")]) == 0
+    assert (tmp_path / "a.json").stat().st_size > 500
+    with pytest.raises(ksd.SceneError, match="not a mechanism"):
+        ksd.doctor(3)
