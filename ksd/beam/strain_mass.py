@@ -9,7 +9,6 @@ negative. Everything in frame p.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from typing import Any
 
@@ -53,38 +52,41 @@ def strain_stations(value: Array, number: NDArray[np.int64]) -> Array:
 def strain_parts(value: Array, number: NDArray[np.int64], inner: Array) -> StrainParts:
     """Tangent blocks and fields of a leaf with constants `value`, `number` at inner state `inner` (N +
     6,)."""
+    found = many_parts(value[None], number, inner[None])
+    return StrainParts(**{f.name: getattr(found, f.name)[0] for f in fields(StrainParts)})
+
+
+def many_parts(value: Array, number: NDArray[np.int64], inner: Array) -> StrainParts:
+    """Those of k leafs of equal settings `number`, from constants (k, v) and inner states (k, N + 6); every array has
+    a leading axis (k,), so that all are worked on in one call."""
     nx, ny, nz, ng = (int(n) for n in number[:4])
-    N, L = nx + ny + nz, float(value[0])
+    k, N = len(value), nx + ny + nz
     at = 1 + nx * nx + ny * ny + nz * nz + N
-    weight = value[at : at + ng]
-    integral = value[at + ng : at + ng + ng * ng].reshape(ng, ng)
-    R, v, S, m = np.empty((ng + 1, 3, 3)), np.empty((ng, 3)), np.empty((ng, 6)), np.empty((ng, 3))
-    psi, rho = np.zeros((ng + 1, 3, N)), np.zeros((ng + 1, 3, N))
-    end = strain_fields(value, number, inner, R, v, S, m, psi, rho, np.empty((ng, 3, N)))
-    W = np.zeros((N, N))
-    strain_tangent(value, number, inner, R, m, psi, rho, W, np.zeros(N), np.empty((3, N)))
-    W = np.tril(W) + np.tril(W, -1).T
-    total = L * weight @ S
-    soft = total[[[0, 1, 2], [1, 3, 4], [2, 4, 5]]]
+    L, weight = value[:, 0], value[:, at : at + ng]
+    integral = value[:, at + ng : at + ng + ng * ng].reshape(k, ng, ng)
+    R, v, S = np.empty((k, ng + 1, 3, 3)), np.empty((k, ng, 3)), np.empty((k, ng, 6))
+    psi, rho, W = np.zeros((k, ng + 1, 3, N)), np.zeros((k, ng + 1, 3, N)), np.zeros((k, N, N))
+    m, scratch, spare, gain = np.empty((ng, 3)), np.empty((ng, 3, N)), np.zeros(N), np.empty((3, N))
+    end = np.empty((k, 3))
+    for i in range(k):
+        leaf = value[i], number, inner[i]
+        end[i] = strain_fields(*leaf, R[i], v[i], S[i], m, psi[i], rho[i], scratch)
+        strain_tangent(*leaf, R[i], m, psi[i], rho[i], W[i], spare, gain)
+    lower = np.tril(W)
+    soft = L[:, None] * (weight[:, None] @ S)[:, 0]
     return StrainParts(
-        W=W,
-        J=np.vstack([rho[ng], psi[ng]]),
-        S=soft,
+        W=lower + np.tril(W, -1).swapaxes(1, 2),
+        J=np.concatenate([rho[:, ng], psi[:, ng]], axis=1),
+        S=soft[:, [[0, 1, 2], [1, 3, 4], [2, 4, 5]]],
         length=L,
-        s=integral.sum(axis=1),
+        s=integral.sum(axis=2),
         weight=weight,
-        r=L * integral @ v,
-        end=np.array(end),
-        R=R[:ng],
-        rho=rho[:ng],
-        psi=psi[:ng],
+        r=L[:, None, None] * (integral @ v),
+        end=end,
+        R=R[:, :ng],
+        rho=rho[:, :ng],
+        psi=psi[:, :ng],
     )
-
-
-def stacked_parts(parts: Sequence[StrainParts]) -> StrainParts:
-    """Leafs of equal orders as one: every array gets a leading axis (k,), so that all are worked on in one call."""
-    found = {f.name: np.stack([getattr(p, f.name) for p in parts]) for f in fields(StrainParts)}
-    return StrainParts(**found)
 
 
 def strain_flexibility(parts: StrainParts) -> tuple[Array, Array]:
@@ -103,8 +105,9 @@ def strain_flexibility(parts: StrainParts) -> tuple[Array, Array]:
     return P, 0.5 * (Z + Z.swapaxes(-1, -2))
 
 
-def strain_mass(parts: StrainParts, P: Array, line: Array) -> Array:
-    """Mass matrix (12 + N, 12 + N) of a leaf in (motion of p, xi, b), frame p; of stacked parts (k, 12 + N, 12 + N).
+def strain_mass_root(parts: StrainParts, P: Array, line: Array) -> Array:
+    """B (6 ng, 12 + N) with the mass matrix B^T B of a leaf in (motion of p, xi, b), frame p; of stacked parts
+    (k, 6 ng, 12 + N).
 
     Motion of p: velocity and spin (6); xi: motion of q relative to p (6); b as in `strain_flexibility`.
     line (ng, 4), (4,) or stacked (k, ng, 4): mass per length [kg/m], rotary inertia per length about e1, e2, e3 [kg m].
@@ -130,6 +133,4 @@ def strain_mass(parts: StrainParts, P: Array, line: Array) -> Array:
     amount = np.sqrt(scale[..., None] * np.broadcast_to(line, (*batch, ng, 4)))
     move *= amount[..., :1, None]
     spin *= amount[..., 1:, None]
-    both = np.concatenate([x.reshape(*batch, 3 * ng, 12 + N) for x in (move, spin)], axis=-2)
-    found: Array = both.swapaxes(-1, -2) @ both
-    return found
+    return np.concatenate([x.reshape(*batch, 3 * ng, 12 + N) for x in (move, spin)], axis=-2)

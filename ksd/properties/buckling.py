@@ -18,16 +18,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ksd.beam.strain_mass import strain_parts
 from ksd.errors import SceneError
-from ksd.model.arrays import COROTATIONAL, STRAIN, Motion, make_work
-from ksd.model.assembly import geometric_tangent
+from ksd.model.arrays import STRAIN, Motion, make_work
 from ksd.model.compile import Model
-from ksd.model.loading import add_loads, add_terms
 from ksd.model.system import assemble, move_nodes
-from ksd.properties.mass import relative_levers
-from ksd.properties.shape import member_ends, member_parts
+from ksd.properties.alike import Alike, alike_leafs, alike_parts, end_frames, end_levers, inner_unknowns
 from ksd.properties.stiffness import node_of, point_motion
+from ksd.properties.stress_stiffness import corners, node_terms, own_stress, refuse_stressless
 from ksd.properties.tangent import Tangent, exact, factored_tangent, free_rows, row_numbers, stored_matrix
 from ksd.properties.unfold import unfolded
 
@@ -72,49 +69,37 @@ def full_tangent(
     """
     arrays = model.arrays
     members = arrays.members
-    work = make_work(arrays)
-    target = np.zeros(len(arrays.terms.start))
     if not np.any(members.kind == STRAIN):
-        assemble(arrays, motion, target, load_factor, work, 1e-8, 0, 10.0)
+        work = make_work(arrays)
+        assemble(arrays, motion, np.zeros(len(arrays.terms.start)), load_factor, work, 1e-8, 0, 10.0)
         free_rows(arrays, work.value, rows)
         return stored_matrix(arrays, work.value)
-    add_loads(arrays, motion.R, work, load_factor, 1e-8)
-    add_terms(arrays, motion.x, motion.R, motion.multiplier, target, work, 1e-8)
-    free_rows(arrays, work.value, rows)
     nodes = arrays.plan.unknowns
-    K = np.zeros((nodes + int(members.inner_at[-1]),) * 2)
-    K[:nodes, :nodes] = stored_matrix(arrays, work.value)
-    for i in range(len(members.kind)):
-        block, places = _member_block(model, motion, i)
-        kept = places >= 0
-        K[np.ix_(places[kept], places[kept])] += block[np.ix_(kept, kept)]
-    return K
+    size = nodes + int(members.inner_at[-1])
+    # one row and column more for what hangs on a fixed node
+    K = np.zeros((size + 1, size + 1))
+    K[:nodes, :nodes] = node_terms(model, motion, rows, load_factor)
+    for group, unknowns in zip(alike_leafs(model), inner_unknowns(model), strict=True):
+        at = np.where(unknowns[:, :12] < 0, size, unknowns[:, :12])
+        at = np.hstack([at, nodes + group.places])
+        np.add.at(K, (at[:, :, None], at[:, None, :]), _leaf_tangents(model, motion, group))
+    return K[:size, :size]
 
 
-def _member_block(model: Model, motion: Motion, i: int) -> tuple[Array, NDArray[np.int64]]:
-    """Tangent of one leaf in (motions of both nodes, a, lam) and its unknowns, -1 where a node is fixed."""
-    members = model.arrays.members
-    value, number, inner = member_parts(model, motion, i)
-    parts = strain_parts(value, number, inner)
-    N = len(parts.W)
-    ends = member_ends(model, motion, i)
-    a, b = members.node[i]
-    s = motion.R[b] @ members.offset[i, 1]
-    w = ends.start + ends.frame @ ends.d - motion.x[a]
-    block = np.zeros((18 + N, 18 + N))
-    corner = np.zeros((12, 12))
-    geometric_tangent(ends.frame @ inner[N : N + 3], ends.frame @ inner[N + 3 :], w, s, corner)
-    block[:12, :12] = corner
-    block[12 : 12 + N, 12 : 12 + N] = parts.W
-    block[12 + N :, 12 : 12 + N] = -parts.J
-    block[12 : 12 + N, 12 + N :] = -parts.J.T
-    block[12 + N : 15 + N, 12 + N : 15 + N] = -parts.S
-    _, relative = relative_levers(model, motion, i)
-    block[12 + N :, :12] = relative
-    block[:12, 12 + N :] = relative.T
-    places = [np.full(6, -1) if p < 0 else np.arange(p, p + 6) for p in model.arrays.start[[a, b]]]
-    first = model.arrays.plan.unknowns + int(members.inner_at[i])
-    return block, np.concatenate([*places, np.arange(first, first + N + 6)])
+def _leaf_tangents(model: Model, motion: Motion, group: Alike) -> Array:
+    """Tangents (k, 18 + N, 18 + N) of leafs in (motions of both nodes, a, lam)."""
+    parts, ends = alike_parts(group, motion), end_frames(model, motion, group.members)
+    N = group.modes
+    relative = end_levers(ends)[1]
+    block = np.zeros((len(group.members), 18 + N, 18 + N))
+    block[:, :12, :12] = corners(motion, group, ends)
+    block[:, 12 : 12 + N, 12 : 12 + N] = parts.W
+    block[:, 12 + N :, 12 : 12 + N] = -parts.J
+    block[:, 12 : 12 + N, 12 + N :] = -parts.J.swapaxes(1, 2)
+    block[:, 12 + N : 15 + N, 12 + N : 15 + N] = -parts.S
+    block[:, 12 + N :, :12] = relative
+    block[:, :12, 12 + N :] = relative.swapaxes(1, 2)
+    return block
 
 
 def _response(tangent: Tangent, loads: Array) -> tuple[Array, Array]:
@@ -123,17 +108,16 @@ def _response(tangent: Tangent, loads: Array) -> tuple[Array, Array]:
     members = model.arrays.members
     nodes = tangent.solve(loads[:, None])[:, 0]
     inner = np.zeros(len(motion.inner))
-    for i in (int(k) for k in np.flatnonzero(members.kind == STRAIN)):
-        parts = strain_parts(*member_parts(model, motion, i))
-        F = parts.J @ np.linalg.solve(parts.W, parts.J.T)
-        F[:3, :3] += parts.S
-        starts = model.arrays.start[members.node[i]]
-        move = np.concatenate([np.zeros(6) if p < 0 else nodes[p : p + 6] for p in starts])
-        wrench = np.linalg.solve(F, relative_levers(model, motion, i)[1] @ move)
-        at = int(members.inner_at[i])
-        inner[at : at + len(parts.W) + 6] = np.concatenate(
-            [np.linalg.solve(parts.W, parts.J.T @ wrench), wrench]
-        )
+    for group in alike_leafs(model):
+        parts = alike_parts(group, motion)
+        F = parts.J @ np.linalg.solve(parts.W, parts.J.swapaxes(1, 2))
+        F[:, :3, :3] += parts.S
+        starts = model.arrays.start[members.node[group.members]]
+        moves = np.where(starts[..., None] < 0, 0.0, nodes[np.maximum(starts, 0)[..., None] + np.arange(6)])
+        xi = end_levers(end_frames(model, motion, group.members))[1] @ moves.reshape(-1, 12, 1)
+        wrench = np.linalg.solve(F, xi)
+        bent = np.linalg.solve(parts.W, parts.J.swapaxes(1, 2) @ wrench)
+        inner[group.places] = np.concatenate([bent, wrench], axis=1)[..., 0]
     return nodes, inner
 
 
@@ -171,17 +155,16 @@ def _exact_model(model: Model) -> Model:
 
 
 def _unstressed(model: Model, motion: Motion, rows: list[int]) -> Array:
-    """Tangent in the same geometry with stresses, drive forces and loads set to zero."""
+    """Tangent of chains in the same geometry with stresses, drive forces and loads set to zero."""
     members = model.arrays.members
     state = motion.copy()
     state.multiplier[:] = 0.0
     for i in range(len(members.kind)):
         state.inner[members.inner_at[i + 1] - 6 : members.inner_at[i + 1]] = 0.0
-    if np.any(members.kind == COROTATIONAL):
-        # with mixed integration points the geometric stiffness follows the stored stresses, which are now zero
-        number = members.number.copy()
-        number[:, 1] = 1
-        model = replace(model, arrays=model.arrays._replace(members=members._replace(number=number)))
+    # with mixed integration points the geometric stiffness follows the stored stresses, which are now zero
+    number = members.number.copy()
+    number[:, 1] = 1
+    model = replace(model, arrays=model.arrays._replace(members=members._replace(number=number)))
     return full_tangent(model, state, rows=rows, load_factor=0.0)
 
 
@@ -207,6 +190,20 @@ def _smallest(K: Array, change: Array, count: int) -> tuple[Array, Array]:
     return 1.0 / values[found].real, (vectors[:, found] * scale[:, None]).real
 
 
+def _loads(tangent: Tangent, link: Any, at: Any, wrench: tuple[Any, Any]) -> Array:
+    """Nodal loads (unknowns,) of a force and a moment on a point of a link."""
+    model, motion = tangent.model, tangent.motion
+    node = node_of(model, link)
+    load = np.concatenate([np.asarray(w, float) for w in wrench])
+    if load.shape != (6,) or not np.isfinite(load).all() or not load.any():
+        raise SceneError(
+            f"buckling load on '{link}': give a finite force (3,) or moment (3,) that is not zero"
+        )
+    loads = np.zeros(model.arrays.plan.unknowns)
+    loads[tangent.unknowns(node)] = point_motion(model, motion, node, at)[1].T @ load
+    return loads
+
+
 def buckling(
     model: Model,
     motion: Motion,
@@ -230,23 +227,18 @@ def buckling(
     rows = row_numbers(model, freed)
     fine, state = unfolded(model, motion)
     tangent = factored_tangent(fine, state, freed=freed, load_factor=load_factor)
-    K = full_tangent(_exact_model(fine), state, rows=rows, load_factor=load_factor)
-    if link is None:
-        base = _unstressed(fine, state, rows)
-        K, change = base, K - base
+    if link is None and np.all(fine.arrays.members.kind == STRAIN):
+        multiplier, vectors = own_stress(fine, state, rows, load_factor=load_factor, count=count)
     else:
-        node = node_of(fine, link)
-        wrench = np.concatenate([np.asarray(force, float), np.asarray(moment, float)])
-        if wrench.shape != (6,) or not np.isfinite(wrench).all() or not wrench.any():
-            raise SceneError(
-                f"buckling load on '{link}': give a finite force (3,) or moment (3,) that is not zero"
-            )
-        loads = np.zeros(fine.arrays.plan.unknowns)
-        loads[tangent.unknowns(node)] = point_motion(fine, state, node, at)[1].T @ wrench
-        change = _derivative(tangent, loads, rows, load_factor)
-    if np.abs(change).max() == 0.0:
-        raise SceneError("this state carries no stress, so nothing buckles; name a link and a load")
-    multiplier, vectors = _smallest(K, 0.5 * (change + change.T), count)
+        K = full_tangent(_exact_model(fine), state, rows=rows, load_factor=load_factor)
+        if link is None:
+            base = _unstressed(fine, state, rows)
+            K, change = base, K - base
+            refuse_stressless(change, K)
+        else:
+            loads = _loads(tangent, link, at, (force, moment))
+            change = _derivative(tangent, loads, rows, load_factor)
+        multiplier, vectors = _smallest(K, 0.5 * (change + change.T), count)
     shape = np.zeros((len(multiplier), len(fine.node_names), 6))
     for k in range(1, len(fine.node_names)):
         shape[:, k] = vectors[tangent.unknowns(k)].T

@@ -3,15 +3,13 @@
 K x = omega^2 M x with K the exact tangent (constraint rows and geometric terms included) and M the consistent
 mass. With M = L L^T the symmetric matrix L^T K^-1 L has the eigenvalues 1/omega^2: K may be a saddle, M may
 be singular, and an unstable state shows as a negative one. Below DENSE unknowns everything is dense; above,
-Lanczos on the same operator (shift-invert about zero with the factored tangent; Grimes, Lewis and Simon
-1994).
+block Lanczos on K^-1 M with the factored tangent (`ksd.properties.krylov`; Grimes, Lewis and Simon 1994).
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass, field
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -20,6 +18,7 @@ from numpy.typing import NDArray
 from ksd.model.arrays import Motion
 from ksd.model.compile import Model
 from ksd.model.loading import term_value
+from ksd.properties.krylov import outermost
 from ksd.properties.mass import Inertia, inertia
 from ksd.properties.tangent import Tangent, factored_tangent
 from ksd.properties.unfold import unfolded
@@ -62,11 +61,12 @@ class Modes:
         For following modes along a stroke: the partner of a mode is the one with the largest number in its
         row.
         """
-        M = 0.5 * (self.mass.sparse() + other.mass.sparse())
-        cross = self.vector @ (M @ other.vector.T)
-        own = np.einsum("ki,ik->k", self.vector, M @ self.vector.T)
-        theirs = np.einsum("ki,ik->k", other.vector, M @ other.vector.T)
-        return cross**2 / np.outer(own, theirs)
+        cross, own, theirs = 0.0, 0.0, 0.0
+        for root in (self.mass.root, other.mass.root):
+            one, two = root @ self.vector.T, root @ other.vector.T
+            cross = cross + one.T @ two
+            own, theirs = own + np.sum(one**2, axis=0), theirs + np.sum(two**2, axis=0)
+        return np.asarray(cross**2 / np.outer(own, theirs))
 
     @property
     def intended(self) -> int | None:
@@ -92,22 +92,16 @@ def _apply(tangent: Tangent, mass: Inertia, loads: Array) -> Array:
     n = tangent.arrays.plan.unknowns
     out = np.empty_like(loads)
     out[:n] = tangent.solve(loads[:n])
-    if mass.stacked is not None:
-        # leafs of one kind are one batch
-        count, N, _ = mass.stacked.shape
-        out[n:] = (mass.stacked @ loads[n:].reshape(count, N, -1)).reshape(count * N, -1)
-        return out
-    starts = [a for a, b in pairwise(mass.inner) if b > a]
-    for at, Z in zip(starts, mass.flexible, strict=True):
-        out[at : at + len(Z)] = Z @ loads[at : at + len(Z)]
+    for leaf in mass.leafs:
+        out[leaf.inner] = leaf.Z @ loads[leaf.inner]
     return out
 
 
-def _dense(tangent: Tangent, mass: Inertia, M: Any, count: int) -> tuple[Array, Array]:
+def _dense(tangent: Tangent, mass: Inertia, count: int) -> tuple[Array, Array]:
     """(1/omega^2, vectors (size, k)) by the dense route."""
     from scipy.linalg import eigh, lapack
 
-    M = M.toarray()
+    M = mass.dense()
     used = np.flatnonzero(M.diagonal() > 0.0)
     scale = 1.0 / np.sqrt(M.diagonal()[used])
     C, order, rank, _ = lapack.dpstrf(M[np.ix_(used, used)] * np.outer(scale, scale), lower=1)
@@ -129,20 +123,22 @@ def _outermost(A: Array, count: int, eigh: Any) -> tuple[Array, Array]:
     return np.concatenate([low[bad], values[keep]]), np.hstack([below[:, bad], vectors[:, keep]])
 
 
-def _lanczos(tangent: Tangent, mass: Inertia, M: Any, count: int) -> tuple[Array, Array]:
-    """The same by ARPACK in shift-invert mode; a last application of K^-1 M removes what has no mass."""
-    from scipy.sparse.linalg import LinearOperator, eigsh
+def _lanczos(tangent: Tangent, mass: Inertia, count: int) -> tuple[Array, Array]:
+    """The same by block Lanczos on B K^-1 B^T, which has the eigenvalues 1/omega^2 for M = B^T B."""
+    B = mass.root
+    back = B.T.tocsr()
 
-    size = mass.size
+    def apply(y: Array) -> Array:
+        found: Array = B @ _apply(tangent, mass, back @ y)
+        return found
 
-    def solve(x: Array) -> Array:
-        return _apply(tangent, mass, x.reshape(size, 1)).ravel()
+    def wanted(values: Array) -> Any:
+        # every unstable direction is a negative value; of the others the largest
+        below = np.flatnonzero(values < -1e-9 * np.abs(values).max())[: tangent.unstable]
+        return np.concatenate([below, np.argsort(-values)[:count]])
 
-    inverse = LinearOperator((size, size), matvec=solve, dtype=float)
-    start = solve(M @ np.random.default_rng(0).normal(size=size))
-    k = min(count, size - 2)
-    values, vectors = eigsh(M, k, M, 0.0, OPinv=inverse, v0=start, which="LM", tol=1e-10)
-    return 1.0 / values, _apply(tangent, mass, M @ vectors) * values
+    values, y = outermost(apply, B.shape[0], wanted)
+    return values, _apply(tangent, mass, back @ y)
 
 
 def frequencies(
@@ -165,15 +161,14 @@ def frequencies(
     mass = inertia(fine, state)
     tangent = factored_tangent(fine, state, freed=freed, load_factor=load_factor)
     # the dense route costs by the unknowns that have mass
-    small = np.unique(np.concatenate(mass.places)).size <= DENSE if dense is None else dense
-    M = mass.sparse()
-    values, vectors = (_dense if small else _lanczos)(tangent, mass, M, count)
+    small = np.unique(mass.root.indices).size <= DENSE if dense is None else dense
+    values, vectors = (_dense if small else _lanczos)(tangent, mass, count)
     keep = np.abs(values) > EMPTY * np.abs(values).max(initial=0.0)
     values, vectors = values[keep], vectors[:, keep]
     squared = 1.0 / values
     order = np.argsort(squared)[:count]
     squared, vectors = squared[order], vectors[:, order]
-    vectors = vectors / np.sqrt(np.einsum("ik,ik->k", vectors, M @ vectors))
+    vectors = vectors / np.sqrt(np.sum((mass.root @ vectors) ** 2, axis=0))
     shape = np.zeros((len(squared), len(fine.node_names), 6))
     for k in range(1, len(fine.node_names)):
         shape[:, k] = vectors[tangent.unknowns(k)].T

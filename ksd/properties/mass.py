@@ -10,23 +10,17 @@ so that they have no inner coordinates.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ksd.beam.corotational_values import ElementSection, element_mass, shear_ratios
-from ksd.beam.strain_mass import (
-    stacked_parts,
-    strain_flexibility,
-    strain_mass,
-    strain_parts,
-    strain_stations,
-)
+from ksd.beam.strain_mass import strain_mass_root, strain_stations
 from ksd.errors import SceneError
 from ksd.model.arrays import STRAIN, Motion
 from ksd.model.compile import Model
+from ksd.properties.alike import Flexible, Stacked, alike_leafs, flexible_leafs, inner_unknowns
 from ksd.properties.kept import per_model
 from ksd.properties.shape import member_ends, member_parts, members_of_leafs, scene_leafs
 
@@ -35,49 +29,22 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Inertia:
-    """Mass of a model at a state, as a list of small matrices on known unknowns.
+    """Mass of a model at a state. root: scipy CSR B (rows, size) with the mass matrix B^T B, inner unknowns behind those
+    of the nodes; leafs: the strain-mode leafs at this state, by make; massless: materials without a density, whose leafs
+    carry no mass."""
 
-    places, blocks: unknowns (k,) and mass matrix (k, k) of every leaf and massive link; size: number of
-    unknowns, inner ones included; inner (m,): first inner unknown of each member, last entry `size`;
-    flexible: Z (N, N) of each strain-mode member; follow: P (N, 6) of it; levers: matrix (6, 12) of xi in the
-    motion of its two nodes; massless: materials without a density, whose leafs carry no mass.
-    """
-
-    places: tuple[NDArray[np.int64], ...]
-    blocks: tuple[Array, ...]
-    size: int
-    inner: NDArray[np.int64]
-    flexible: tuple[Array, ...]
-    follow: tuple[Array, ...]
-    levers: tuple[Array, ...]
+    root: Any
+    leafs: tuple[Flexible, ...]
     massless: tuple[str, ...]
+
+    @property
+    def size(self) -> int:
+        """Unknowns, inner ones included."""
+        return int(self.root.shape[1])
 
     def dense(self) -> Array:
         """The mass matrix (size, size)."""
-        M = np.zeros((self.size, self.size))
-        for at, block in zip(self.places, self.blocks, strict=True):
-            M[np.ix_(at, at)] += block
-        return M
-
-    @cached_property
-    def stacked(self) -> Array | None:
-        """All Z (m, N, N) in one array, None where leafs differ in their number of modes."""
-        if not self.flexible or any(Z.shape != self.flexible[0].shape for Z in self.flexible):
-            return None
-        return np.stack(self.flexible)
-
-    def sparse(self) -> Any:
-        """The mass matrix as a scipy CSR matrix; made once, not to be changed."""
-        return self._sparse
-
-    @cached_property
-    def _sparse(self) -> Any:
-        from scipy.sparse import coo_matrix
-
-        rows = np.concatenate([np.repeat(at, len(at)) for at in self.places])
-        columns = np.concatenate([np.tile(at, len(at)) for at in self.places])
-        values = np.concatenate([block.ravel() for block in self.blocks])
-        return coo_matrix((values, (rows, columns)), shape=(self.size, self.size)).tocsr()
+        return np.asarray((self.root.T @ self.root).toarray())
 
 
 def cross_matrix(v: Array) -> Array:
@@ -92,25 +59,6 @@ def leaf_line_mass(leaf: Any, s: Array) -> Array:
     density, profile = leaf.material.density or 0.0, getattr(leaf, "profile", None)
     sections = [leaf.section if profile is None else profile.section(float(x)) for x in s]
     return density * np.array([[q.A, q.Iy + q.Iz, q.Iy, q.Iz] for q in sections])
-
-
-def relative_levers(model: Model, motion: Motion, i: int) -> tuple[Array, Array]:
-    """(6, 12) each: motion of end p, and of end q relative to it, in frame p, from the motion of both
-    nodes."""
-    members = model.arrays.members
-    a, b = members.node[i]
-    ends = member_ends(model, motion, i)
-    p = motion.R[a] @ members.offset[i, 0]
-    s = motion.R[b] @ members.offset[i, 1]
-    w = ends.start + ends.frame @ ends.d - motion.x[a]
-    own, relative = np.zeros((6, 12)), np.zeros((6, 12))
-    own[:3, :3] = own[3:, 3:6] = np.eye(3)
-    own[:3, 3:6] = -cross_matrix(p)
-    relative[:3, 0:3], relative[:3, 6:9] = -np.eye(3), np.eye(3)
-    relative[:3, 3:6], relative[:3, 9:12] = cross_matrix(w), -cross_matrix(s)
-    relative[3:, 3:6], relative[3:, 9:12] = -np.eye(3), np.eye(3)
-    turn = ends.frame.T
-    return (turn @ own.reshape(2, 3, 12)).reshape(6, 12), (turn @ relative.reshape(2, 3, 12)).reshape(6, 12)
 
 
 def _node_unknowns(model: Model, nodes: Any) -> NDArray[np.int64]:
@@ -170,72 +118,57 @@ def _leafs_and_lines(model: Model) -> dict[int, tuple[Any, Array]]:
     return found
 
 
-def _strain_blocks(model: Model, motion: Motion, lines: dict[int, Array]) -> dict[int, tuple[Array, ...]]:
-    """Mass (12 + N, 12 + N) in (motions of both nodes, b), Z, P, and the levers (6, 12) of xi of strain-mode members,
-    by member; those of equal orders and points are worked on together."""
-    alike: dict[tuple[int, ...], list[int]] = {}
-    for i in lines:
-        alike.setdefault(tuple(model.arrays.members.number[i].tolist()), []).append(i)
-    found: dict[int, tuple[Array, ...]] = {}
-    for members in alike.values():
-        parts = stacked_parts([strain_parts(*member_parts(model, motion, i)) for i in members])
-        P, Z = strain_flexibility(parts)
-        M = strain_mass(parts, P, np.stack([lines[i] for i in members]))
-        levers = [relative_levers(model, motion, i) for i in members]
-        T = np.zeros_like(M)
-        T[:, :6, :12], T[:, 6:12, :12] = [own for own, _ in levers], [relative for _, relative in levers]
-        T[:, 12:, 12:] = np.eye(Z.shape[-1])
-        M = T.swapaxes(-1, -2) @ M @ T
-        found |= {i: (M[k], Z[k], P[k], levers[k][1]) for k, i in enumerate(members)}
+def _leaf_roots(leaf: Flexible, line: Array) -> Array:
+    """B (k, 6 ng, 12 + N) of leafs of one make in (motions of both nodes, b)."""
+    root = strain_mass_root(leaf.parts, leaf.P, line)
+    return np.concatenate(
+        [root[:, :, :6] @ leaf.own + root[:, :, 6:12] @ leaf.relative, root[:, :, 12:]], axis=2
+    )
+
+
+def _root(M: Array) -> Array:
+    """B (1, n, n) with M = B^T B, M (n, n) positive semidefinite."""
+    value, vector = np.linalg.eigh(M)
+    found: Array = (np.sqrt(np.maximum(value, 0.0)) * vector).T[None]
     return found
+
+
+@dataclass(frozen=True)
+class _Layout:
+    """What the mass of every state has in common: mass per length of the leafs by make, members of chains, the pattern
+    of the matrix, materials without a density."""
+
+    lines: tuple[Array, ...]
+    chains: tuple[int, ...]
+    pattern: Stacked
+    massless: tuple[str, ...]
+
+
+@per_model
+def _layout(model: Model) -> _Layout:
+    members, owner = model.arrays.members, _leafs_and_lines(model)
+    chains = tuple(i for i in range(len(members.kind)) if members.kind[i] != STRAIN)
+    groups = alike_leafs(model)
+    lines = tuple(np.stack([owner[i][1] for i in g.members.tolist()]) for g in groups)
+    places = list(inner_unknowns(model))
+    places += [_node_unknowns(model, members.node[i])[None] for i in chains]
+    places += [_node_unknowns(model, [model.scene.links.index(m.link)])[None] for m in model.scene.masses]
+    rows = [6 * line.shape[1] for line in lines] + [12] * len(chains) + [6] * len(model.scene.masses)
+    size = model.arrays.plan.unknowns + sum(g.modes * len(g.members) for g in groups)
+    bare = sorted({f.material.name or "unnamed" for f, _ in owner.values() if f.material.density is None})
+    return _Layout(lines, chains, Stacked(places, rows, size), tuple(bare))
 
 
 def inertia(model: Model, motion: Motion) -> Inertia:
     """Mass of an unfolded model at a state; SceneError when nothing in the scene has mass."""
-    members, owner = model.arrays.members, _leafs_and_lines(model)
-    places, blocks, flexible, follow, all_levers = [], [], [], [], []
-    strains = _strain_blocks(
-        model, motion, {i: owner[i][1] for i in np.flatnonzero(members.kind == STRAIN).tolist()}
-    )
-    at = model.arrays.plan.unknowns
-    inner = [at]
-    for i in range(len(members.kind)):
-        unknowns = _node_unknowns(model, members.node[i])
-        if members.kind[i] == STRAIN:
-            block, Z, P, relative = strains[i]
-            N = len(Z)
-            unknowns = np.concatenate([unknowns, np.arange(at, at + N)])
-            flexible.append(Z)
-            follow.append(P)
-            all_levers.append(relative)
-            at += N
-        else:
-            block = _chain_element(model, motion, i, owner[i][0], owner[i][1][0])
-        inner.append(at)
-        places.append(unknowns)
-        blocks.append(block)
-    for node, block in (_link_mass(model, motion, mass) for mass in model.scene.masses):
-        places.append(_node_unknowns(model, [node]))
-        blocks.append(block)
-    _refuse_weightless(blocks)
-    kept = [p >= 0 for p in places]
-    bare = sorted({f.material.name or "unnamed" for f, _ in owner.values() if f.material.density is None})
-    return Inertia(
-        tuple(p[k] for p, k in zip(places, kept, strict=True)),
-        tuple(b[np.ix_(k, k)] for b, k in zip(blocks, kept, strict=True)),
-        at,
-        np.array(inner),
-        tuple(flexible),
-        tuple(follow),
-        tuple(all_levers),
-        tuple(bare),
-    )
-
-
-def _refuse_weightless(blocks: list[Array]) -> None:
-    """SceneError when no leaf and no link has mass."""
-    if not sum(np.trace(b) for b in blocks) > 0.0:
+    layout, owner = _layout(model), _leafs_and_lines(model)
+    leafs = tuple(flexible_leafs(model, motion))
+    roots = [_leaf_roots(leaf, line) for leaf, line in zip(leafs, layout.lines, strict=True)]
+    roots += [_root(_chain_element(model, motion, i, owner[i][0], owner[i][1][0])) for i in layout.chains]
+    roots += [_root(_link_mass(model, motion, mass)[1]) for mass in model.scene.masses]
+    if not any(np.any(b) for b in roots):
         raise SceneError(
             "nothing in this scene has mass, so it has no frequencies: give a material its density "
             "[kg/m^3] or a link its mass [kg]"
         )
+    return Inertia(layout.pattern.matrix(roots), leafs, layout.massless)

@@ -16,8 +16,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ksd.model.arrays import STRAIN, Motion, Work, make_work
+from ksd.model.arrays import Motion, Work, make_work
 from ksd.model.compile import Model
+from ksd.properties.alike import Alike, alike_leafs
 from ksd.properties.shape import (
     Ends,
     chain_axes,
@@ -26,7 +27,7 @@ from ksd.properties.shape import (
     member_ends,
     member_parts,
     members_of_leafs,
-    strain_curve,
+    strain_curves,
 )
 
 Array = NDArray[np.float64]
@@ -59,11 +60,14 @@ class SectionForces:
 
 def section_forces(model: Model, motion: Motion, *, points: int = POINTS) -> dict[str, SectionForces]:
     """Section forces of all leafs by full name; `points` stations in a strain-mode leaf."""
+    parts: dict[int, tuple[Array, Array]] = {}
+    for group in alike_leafs(model):
+        parts |= zip(group.members.tolist(), _strain_forces(group, motion, points), strict=True)
     found, work = {}, make_work(model.arrays)
     for name, members in members_of_leafs(model).items():
         at, stations, values = 0.0, [], []
         for i in members:
-            s, forces = _member_forces(model, motion, i, points, work)
+            s, forces = parts[i] if i in parts else _chain_forces(model, motion, i, work)
             stations.append(at + s)
             values.append(forces)
             at += s[-1]
@@ -71,22 +75,31 @@ def section_forces(model: Model, motion: Motion, *, points: int = POINTS) -> dic
     return found
 
 
-def _member_forces(model: Model, motion: Motion, i: int, points: int, work: Work) -> tuple[Array, Array]:
-    """Stations (k,) and section forces (k, 6) of member `i`."""
+def _strain_forces(group: Alike, motion: Motion, points: int) -> list[tuple[Array, Array]]:
+    """Stations (k,) and section forces (k, 6) of every leaf of a group."""
+    inner = motion.inner[group.places]
+    s, r, R = strain_curves(group.value, group.number, inner, points)
+    n, m = inner[:, None, group.modes : group.modes + 3], inner[:, None, group.modes + 3 :]
+    return list(zip(s, _along(r, R, n, m), strict=True))
+
+
+def _chain_forces(model: Model, motion: Motion, i: int, work: Work) -> tuple[Array, Array]:
+    """Stations (k,) and section forces (k, 6) of a chain, at its nodes."""
     value, number, inner = member_parts(model, motion, i)
     ends = member_ends(model, motion, i)
-    if model.arrays.members.kind[i] == STRAIN:
-        s, r, R = strain_curve(value, number, inner, points)
-        total = int(number[:3].sum())
-        wrench = inner[total : total + 6]
-    else:
-        lengths = value[: 16 * int(number[0])].reshape(-1, 16)[:, 0]
-        r, turned = chain_nodes(value, number, inner, ends)
-        R, s = turned @ chain_axes(value, number), np.concatenate([[0.0], np.cumsum(lengths)])
-        wrench = _chain_wrench(model, motion, i, ends, work)
-    n, m = wrench[:3], wrench[3:]
-    moment = m + crossed(r[-1] - r, n)
-    return s, np.hstack([n @ R, (moment[:, None, :] @ R)[:, 0]])
+    lengths = value[: 16 * int(number[0])].reshape(-1, 16)[:, 0]
+    r, turned = chain_nodes(value, number, inner, ends)
+    wrench = _chain_wrench(model, motion, i, ends, work)
+    forces = _along(r[None], (turned @ chain_axes(value, number))[None], wrench[None, :3], wrench[None, 3:])
+    return np.concatenate([[0.0], np.cumsum(lengths)]), forces[0]
+
+
+def _along(r: Array, R: Array, n: Array, m: Array) -> Array:
+    """Section forces (leafs, k, 6) from positions and axes along leafs, and the wrench n, m (leafs, 1, 3) on end q."""
+    moment = m + crossed(r[:, -1:] - r, n)
+    forces = np.broadcast_to(n, r.shape)
+    found: Array = np.concatenate([forces, moment], axis=2).reshape(*r.shape[:2], 2, 3) @ R
+    return found.reshape(*r.shape[:2], 6)
 
 
 def _chain_wrench(model: Model, motion: Motion, i: int, ends: Ends, work: Work) -> Array:

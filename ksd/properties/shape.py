@@ -106,8 +106,8 @@ def member_parts(model: Model, motion: Motion, i: int) -> tuple[Array, NDArray[n
 
 
 class _Tables(NamedTuple):
-    """What `ksd.beam.strain_values` wrote: points s (g,), edges of the panels (p+1,), their points, and at
-    the points curvature kappa (g, 3) [1/m] and compliance soft (g, 3) [1/N]."""
+    """What `ksd.beam.strain_values` wrote for k leafs of one make: points s (g,), edges of the panels (p+1,), their
+    points, and at the points curvature kappa (k, g, 3) [1/m] and compliance soft (k, g, 3) [1/N]."""
 
     s: Array
     edges: Array
@@ -120,12 +120,12 @@ def _tables(value: Array, number: NDArray[np.int64], amplitudes: Array) -> _Tabl
     nx, ny, nz, ng = (int(n) for n in number[:4])
     total = nx + ny + nz
     at = 1 + nx * nx + ny * ny + nz * nz + total
-    s, edges, panel = _panels(value[at : at + ng * (1 + ng)].tobytes(), ng)
+    s, edges, panel = _panels(value[0, at : at + ng * (1 + ng)].tobytes(), ng)
     at += ng * (1 + ng)
-    basis, at = value[at : at + total * ng].reshape(total, ng), at + total * ng
+    basis, at = value[:, at : at + total * ng].reshape(-1, total, ng), at + total * ng
     cuts = (slice(0, nx), slice(nx, nx + ny), slice(nx + ny, total))
-    kappa = np.stack([amplitudes[c] @ basis[c] for c in cuts], axis=1)
-    return _Tables(s, edges, panel, kappa, value[at : at + 3 * ng].reshape(ng, 3))
+    kappa = np.stack([(amplitudes[:, None, c] @ basis[:, c])[:, 0] for c in cuts], axis=2)
+    return _Tables(s, edges, panel, kappa, value[:, at : at + 3 * ng].reshape(-1, ng, 3))
 
 
 @lru_cache(maxsize=512)
@@ -158,17 +158,17 @@ def _weights(nodes_bytes: bytes, x_bytes: bytes) -> Array:
 
 
 def _between(tables: _Tables, values: Array, x: Array, k: int) -> Array:
-    """Values (len(x), 3) at x in panel k from those at the points."""
-    found: Array = _lagrange(tables.s[tables.panel[k]], x) @ values[tables.panel[k]]
+    """Values (leafs, len(x), 3) at x in panel k from those at the points."""
+    found: Array = _lagrange(tables.s[tables.panel[k]], x) @ values[:, tables.panel[k]]
     return found
 
 
 def curvature(value: Array, number: NDArray[np.int64], inner: Array, s: Array) -> Array:
     """Curvature (len(s), 3) [1/m] about e1, e2, e3 of a strain-mode leaf at s in 0..1."""
-    tables = _tables(value, number, inner[: int(number[:3].sum())])
+    tables = _tables(value[None], number, inner[None, : int(number[:3].sum())])
     home = np.clip(np.searchsorted(tables.edges, s, side="right") - 1, 0, len(tables.panel) - 1)
     return np.array(
-        [_between(tables, tables.kappa, np.array([x]), k)[0] for x, k in zip(s, home, strict=True)]
+        [_between(tables, tables.kappa, np.array([x]), k)[0, 0] for x, k in zip(s, home, strict=True)]
     )
 
 
@@ -181,19 +181,19 @@ _NEXT, _LAST = [1, 2, 0], [2, 0, 1]
 
 
 def _turns(v: Array) -> Array:
-    """Rotation matrices (k, 3, 3) of rotation vectors (k, 3), by Rodrigues."""
-    t = np.linalg.norm(v, axis=1)[:, None, None]
-    W = np.zeros((len(v), 3, 3))
-    W[:, 0, 1], W[:, 0, 2], W[:, 1, 2] = -v[:, 2], v[:, 1], -v[:, 0]
-    W -= np.swapaxes(W, 1, 2)
+    """Rotation matrices (..., 3, 3) of rotation vectors (..., 3), by Rodrigues."""
+    t = np.sqrt(np.sum(v * v, axis=-1))[..., None, None]
+    W = np.zeros((*v.shape, 3))
+    W[..., 0, 1], W[..., 0, 2], W[..., 1, 2] = -v[..., 2], v[..., 1], -v[..., 0]
+    W -= np.swapaxes(W, -1, -2)
     return np.eye(3) + np.sinc(t / math.pi) * W + 0.5 * np.sinc(0.5 * t / math.pi) ** 2 * (W @ W)
 
 
 def _products(steps: Array) -> Array:
-    """Products steps[0] ... steps[k] (n, 3, 3) for every k, by doubling: log2(n) calls in place of n."""
+    """Products steps[0] ... steps[k] for every k along axis 1 of (leafs, n, 3, 3), by doubling: log2(n) calls, not n."""
     found, reach = steps.copy(), 1
-    while reach < len(found):
-        found[reach:] = found[:-reach] @ found[reach:]
+    while reach < found.shape[1]:
+        found[:, reach:] = found[:, :-reach] @ found[:, reach:]
         reach *= 2
     return found
 
@@ -203,25 +203,32 @@ def strain_curve(value: Array, number: NDArray[np.int64], inner: Array, points: 
 
     `points` stations or a few more: the edges of the panels of a leaf with a profile are stations too.
     """
-    total, L = int(number[:3].sum()), float(value[0])
-    tables, n = _tables(value, number, inner[:total]), inner[total : total + 3]
-    s, r, R = [np.zeros(1)], [np.zeros((1, 3))], np.eye(3)[None]
-    turned = [R]
+    s, r, R = strain_curves(value[None], number, inner[None], points)
+    return s[0], r[0], R[0]
+
+
+def strain_curves(value: Array, number: NDArray[np.int64], inner: Array, points: int) -> tuple[Array, ...]:
+    """The same of leafs of one make: constants (leafs, v), inner states (leafs, N + 6); all with a first axis (leafs,)."""
+    total, L = int(number[:3].sum()), value[:, 0]
+    tables, n = _tables(value, number, inner[:, :total]), inner[:, None, total : total + 3]
+    R = np.broadcast_to(np.eye(3), (len(value), 1, 3, 3))
+    s, r, turned = [np.zeros((len(value), 1))], [np.zeros((len(value), 1, 3))], [R]
     for k, (a, b) in enumerate(pairwise(tables.edges)):
         half = 2 * max(1, round((points - 1) * (b - a)))
         x = np.linspace(a, b, half + 1)
-        middle, reach, h = 0.5 * (x[1:] + x[:-1]), (b - a) / (2 * math.sqrt(3) * half), L * (b - a) / half
+        middle, reach = 0.5 * (x[1:] + x[:-1]), (b - a) / (2 * math.sqrt(3) * half)
+        h = (L * (b - a) / half)[:, None, None]
         one, two = (_between(tables, tables.kappa, middle + sign * reach, k) for sign in (-1, 1))
         steps = _turns(0.5 * h * (one + two) + math.sqrt(3) / 12 * h * h * crossed(one, two))
-        R = _products(np.concatenate([R[-1:], steps]))
+        R = _products(np.concatenate([R[:, -1:], steps], axis=1))
         # r' = R (e1 + C R^T n)
         soft = _between(tables, tables.soft, x, k)
-        v = R[:, :, 0] + (R @ (soft * (n @ R))[:, :, None])[:, :, 0]
-        pieces = h / 3 * (v[:-2:2] + 4 * v[1::2] + v[2::2])
-        s.append(L * x[2::2])
-        r.append(r[-1][-1] + np.cumsum(pieces, axis=0))
-        turned.append(R[2::2])
-    return np.concatenate(s), np.concatenate(r), np.concatenate(turned)
+        v = R[..., 0] + (R @ (soft * (n[:, :, None] @ R)[:, :, 0])[..., None])[..., 0]
+        pieces = h / 3 * (v[:, :-2:2] + 4 * v[:, 1::2] + v[:, 2::2])
+        s.append(L[:, None] * x[2::2])
+        r.append(r[-1][:, -1:] + np.cumsum(pieces, axis=1))
+        turned.append(R[:, 2::2])
+    return np.concatenate(s, axis=1), np.concatenate(r, axis=1), np.concatenate(turned, axis=1)
 
 
 def chain_nodes(value: Array, number: NDArray[np.int64], inner: Array, ends: Ends) -> tuple[Array, Array]:

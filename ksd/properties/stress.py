@@ -20,8 +20,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ksd.model.arrays import STRAIN, Motion
+from ksd.model.arrays import Motion
 from ksd.model.compile import Model
+from ksd.properties.alike import Alike, alike_leafs, alike_parts, elastic
 from ksd.properties.section_forces import SectionForces, section_forces
 from ksd.properties.shape import member_ends, member_parts, members_of_leafs, scene_leafs
 
@@ -156,39 +157,34 @@ def stress_points(section: Any) -> StressPoints:
     return _rectangle(section)
 
 
-def _leaf_stress(forces: SectionForces, leaf: Any) -> LeafStress:
-    profile, count = getattr(leaf, "profile", None), len(forces.s)
+def _leaf_stresses(forces: list[SectionForces], leaf: Any) -> list[LeafStress]:
+    """Stress of leafs with the section, or the profile, of `leaf`, all with the same stations."""
+    profile, s = getattr(leaf, "profile", None), forces[0].s
     # a station on a step of the profile takes the section just inside
-    at = np.clip(forces.s / forces.s[-1], 1e-9, 1 - 1e-9)
-    sections = [leaf.section] if profile is None else [profile.section(float(s)) for s in at]
+    at = np.clip(s / s[-1], 1e-9, 1 - 1e-9)
+    sections = [leaf.section] if profile is None else [profile.section(float(x)) for x in at]
     found = [stress_points(q) for q in sections]
     y, z = np.array([f.y for f in found]), np.array([f.z for f in found])
     A, Iy, Iz = (np.array([[getattr(q, n)] for q in sections]) for n in ("A", "Iy", "Iz"))
-    N, Vy, Vz, T, My, Mz = (forces.values[:, c, None] for c in range(6))
+    N, Vy, Vz, T, My, Mz = np.moveaxis(np.array([f.values for f in forces]), 2, 0)[..., None]
     axial = N / A
     bending = My * z / Iy - Mz * y / Iz
-    twist = T * np.array([f.torsion.T for f in found]).swapaxes(0, 1)
-    across = Vy * np.array([f.along_y.T for f in found]).swapaxes(0, 1)
-    across = across + Vz * np.array([f.along_z.T for f in found]).swapaxes(0, 1)
+    # first axis: the shear stress along y and z
+    twist = T * np.array([f.torsion.T for f in found]).swapaxes(0, 1)[:, None]
+    across = Vy * np.array([f.along_y.T for f in found]).swapaxes(0, 1)[:, None]
+    across = across + Vz * np.array([f.along_z.T for f in found]).swapaxes(0, 1)[:, None]
     if leaf.section.outline is not None:
         shear = np.abs(twist).sum(axis=0) + np.abs(across).sum(axis=0)
     else:
         shear = np.hypot(*(twist + across))
     normal = axial + bending
-    return LeafStress(
-        name=forces.name,
-        s=forces.s,
-        points=found[0].names,
-        y=np.broadcast_to(y, (count, y.shape[1])),
-        z=np.broadcast_to(z, (count, z.shape[1])),
-        normal_Pa=normal,
-        shear_Pa=shear,
-        von_mises_Pa=np.sqrt(normal**2 + 3 * shear**2),
-        bending_Pa=np.abs(bending).max(axis=1),
-        axial_Pa=axial[:, 0],
-        torsion_Pa=np.hypot(*twist).max(axis=1),
-        transverse_Pa=np.hypot(*across).max(axis=1),
-    )
+    mises = np.sqrt(normal**2 + 3 * shear**2)
+    parts: tuple[Array, ...] = (normal, shear, mises, np.abs(bending).max(axis=2), axial[..., 0])
+    parts = (*parts, np.hypot(*twist).max(axis=2), np.hypot(*across).max(axis=2))
+    places = [np.broadcast_to(v, (len(s), v.shape[1])) for v in (y, z)]
+    return [
+        LeafStress(f.name, f.s, found[0].names, *places, *(v[k] for v in parts)) for k, f in enumerate(forces)
+    ]
 
 
 @dataclass(frozen=True)
@@ -219,35 +215,45 @@ def stress(model: Model, motion: Motion, *, points: int = POINTS) -> Stress:
     """Stress at `points` stations of every strain-mode leaf, or at both ends of every element of a chain."""
     leafs = scene_leafs(model)
     found = section_forces(model, motion, points=points)
-    return Stress({name: _leaf_stress(forces, leafs[name]) for name, forces in found.items()})
+    alike: dict[Any, list[str]] = {}
+    for name, forces in found.items():
+        leaf = leafs[name]
+        # a leaf with a profile is a kind of its own
+        kind = leaf.section if getattr(leaf, "profile", None) is None else name
+        alike.setdefault((kind, forces.s.tobytes()), []).append(name)
+    known: dict[str, LeafStress] = {}
+    for names in alike.values():
+        known |= zip(names, _leaf_stresses([found[n] for n in names], leafs[names[0]]), strict=True)
+    return Stress({name: known[name] for name in found})
 
 
 def strain_energy(model: Model, motion: Motion) -> dict[str, float]:
     """Strain energy [J] of every leaf by full name; their sum is what the mechanism stores."""
+    stored: dict[int, float] = {}
+    for group in alike_leafs(model):
+        stored |= zip(group.members.tolist(), _strain_energies(group, motion).tolist(), strict=True)
     return {
-        n: sum(_member_energy(model, motion, i) for i in found)
+        n: sum(stored[i] if i in stored else _chain_energy(model, motion, i) for i in found)
         for n, found in members_of_leafs(model).items()
     }
 
 
-def _member_energy(model: Model, motion: Motion, i: int) -> float:
-    """1/2 (a - a0) K (a - a0) + 1/2 int n.(R C R^T n) of a strain-mode leaf; sum of S eps^2/2 of a chain."""
+def _strain_energies(group: Alike, motion: Motion) -> Array:
+    """(k,): 1/2 (a - a0) K (a - a0) + 1/2 int n.(R C R^T n) of every leaf of a group."""
+    N, inner = group.modes, motion.inner[group.places]
+    rest = 1 + sum(int(n) ** 2 for n in group.number[:3])
+    bent = inner[:, :N] - group.value[:, rest : rest + N]
+    force = inner[:, N : N + 3]
+    soft = alike_parts(group, motion).S
+    found: Array = 0.5 * np.einsum("ki,kij,kj->k", bent, elastic(group), bent)
+    return found + 0.5 * np.einsum("ki,kij,kj->k", force, soft, force)
+
+
+def _chain_energy(model: Model, motion: Motion, i: int) -> float:
+    """Sum of S eps^2/2 of the elements of a chain."""
+    from ksd.beam import corotational
+
     value, number, inner = member_parts(model, motion, i)
-    if model.arrays.members.kind[i] != STRAIN:
-        from ksd.beam import corotational
-
-        ends = member_ends(model, motion, i)
-        d, Q = np.ascontiguousarray(ends.d), np.ascontiguousarray(ends.Q)
-        return float(corotational.energy(value, number, np.ascontiguousarray(inner), d, Q))
-    from ksd.beam.strain_mass import strain_parts
-
-    total, at, first = 0.0, 1, 0
-    orders = [int(n) for n in number[:3]]
-    rest = 1 + sum(n * n for n in orders)
-    for n in orders:
-        stretch = inner[first : first + n] - value[rest + first : rest + first + n]
-        total += 0.5 * float(stretch @ value[at : at + n * n].reshape(n, n) @ stretch)
-        at += n * n
-        first += n
-    force = inner[first : first + 3]
-    return total + 0.5 * float(force @ strain_parts(value, number, inner).S @ force)
+    ends = member_ends(model, motion, i)
+    d, Q = np.ascontiguousarray(ends.d), np.ascontiguousarray(ends.Q)
+    return float(corotational.energy(value, number, np.ascontiguousarray(inner), d, Q))

@@ -10,6 +10,7 @@ import ksd
 from ksd.errors import SceneError
 from ksd.model.compile import compile_scene
 from ksd.model.leafs import Mesh
+from ksd.properties.alike import alike_leafs
 from ksd.properties.buckling import full_tangent
 from ksd.properties.frequencies import frequencies
 from ksd.properties.mass import inertia
@@ -40,13 +41,14 @@ def uncondensed(model, motion, freed=()):
     members, nodes = fine.arrays.members, fine.arrays.plan.unknowns
     T = np.zeros((mass.size, len(K)))
     T[:nodes, :nodes] = np.eye(nodes)
-    for i, (P, levers) in enumerate(zip(mass.follow, mass.levers, strict=True)):
-        at, first = mass.inner[i], nodes + members.inner_at[i]
-        T[at : at + len(P), first : first + len(P)] = np.eye(len(P))
-        for e in range(2):
-            start = fine.arrays.start[members.node[i, e]]
-            if start >= 0:
-                T[at : at + len(P), start : start + 6] -= P @ levers[:, 6 * e : 6 * e + 6]
+    for group, leaf in zip(alike_leafs(fine), mass.leafs, strict=True):
+        for k, i in enumerate(group.members.tolist()):
+            at, first, P = leaf.inner[k], nodes + members.inner_at[i], leaf.P[k]
+            T[at, first + np.arange(len(P))] = 1.0
+            for e in range(2):
+                start = fine.arrays.start[members.node[i, e]]
+                if start >= 0:
+                    T[at, start : start + 6] -= P @ leaf.relative[k][:, 6 * e : 6 * e + 6]
     return K, T.T @ mass.dense() @ T
 
 
@@ -63,8 +65,7 @@ def test_against_a_dense_eigensolution_of_the_same_matrices(bent, freed, dense):
 def test_both_routes_agree_and_modes_are_orthonormal(bent):
     dense, sparse = (frequencies(bent.model, bent.motion, count=6, dense=d) for d in (True, False))
     assert dense.frequency_Hz == pytest.approx(sparse.frequency_Hz, rel=1e-8)
-    M = dense.mass.sparse()
-    assert dense.vector @ (M @ dense.vector.T) == pytest.approx(np.eye(6), abs=1e-7)
+    assert dense.vector @ dense.mass.dense() @ dense.vector.T == pytest.approx(np.eye(6), abs=1e-7)
     assert np.diag(dense.assurance(sparse)) == pytest.approx(np.ones(6), abs=1e-6)
     assert len(dense) == 6
 
@@ -98,25 +99,21 @@ def test_nodal_and_condensed_chains_are_the_same():
 def test_rigid_mass_is_that_of_the_leafs():
     """A uniform velocity and a uniform spin of all nodes see the total mass and inertia, in any
     configuration."""
+    from ksd.properties.mass import _leaf_roots, _leafs_and_lines
+
     model = compile_scene(single_joint())
     state = conventional(model, {"turn": 0.7}).motion
-    mass = inertia(model, state)
-    members = model.arrays.members
-    total, energy = 0.0, 0.0
+    lines, total, energy = _leafs_and_lines(model), 0.0, 0.0
     spin = np.array([0.3, -0.2, 0.5])
-    for i, (at, block) in enumerate(zip(mass.places, mass.blocks, strict=True)):
-        # ground is fixed: rebuild the whole block, both ends moving
-        from ksd.properties.mass import _leafs_and_lines, _strain_blocks
-
-        line = _leafs_and_lines(model)[i][1]
-        whole = _strain_blocks(model, state, {i: line})[i][0]
-        move = np.concatenate([np.tile([1.0, 0, 0, 0, 0, 0], 2), np.zeros(len(whole) - 12)])
-        total += move @ whole @ move
-        nodes = members.node[i]
-        turn = np.concatenate([np.concatenate([np.cross(spin, state.x[k]), spin]) for k in nodes])
-        turn = np.concatenate([turn, np.zeros(len(whole) - 12)])
-        energy += 0.5 * turn @ whole @ turn
-        assert block.shape == (len(at),) * 2
+    for group, leaf in zip(alike_leafs(model), inertia(model, state).leafs, strict=True):
+        # ground is fixed: the whole of every leaf, both ends moving
+        roots = _leaf_roots(leaf, np.stack([lines[i][1] for i in group.members]))
+        for root, i in zip(roots, group.members, strict=True):
+            nodes, still = model.arrays.members.node[i], np.zeros(root.shape[1] - 12)
+            move = np.concatenate([np.tile([1.0, 0, 0, 0, 0, 0], 2), still])
+            total += np.sum((root @ move) ** 2)
+            turn = [np.concatenate([np.cross(spin, state.x[k]), spin]) for k in nodes]
+            energy += 0.5 * np.sum((root @ np.concatenate([*turn, still])) ** 2)
     assert total == pytest.approx(7800 * 0.1 * 1e-3 * 0.08, rel=1e-9)
     assert energy > 0.0
 

@@ -1,0 +1,186 @@
+"""Strain-mode leafs of equal make (orders, points, panels), worked on together: one call for all in place of one each."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ksd.beam.strain_mass import StrainParts, many_parts, strain_flexibility
+from ksd.model.arrays import STRAIN, Motion
+from ksd.model.compile import Model
+from ksd.properties.kept import per_model
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Alike:
+    """k leafs of one make: members (k,), number (4,), value (k, v): their constants, places (k, N + 6): their inner
+    states in the flat inner state of the model."""
+
+    members: NDArray[np.int64]
+    number: NDArray[np.int64]
+    value: Array
+    places: NDArray[np.int64]
+
+    @property
+    def modes(self) -> int:
+        """Amplitudes N per leaf."""
+        return int(self.number[:3].sum())
+
+
+@per_model
+def alike_leafs(model: Model) -> tuple[Alike, ...]:
+    """All strain-mode members of a model by make, in order of first appearance."""
+    members = model.arrays.members
+    found: dict[tuple[bytes, bytes], list[int]] = {}
+    for i in np.flatnonzero(members.kind == STRAIN).tolist():
+        nx, ny, nz, ng = (int(n) for n in members.number[i, :4])
+        panels = int(members.value_at[i]) + 1 + nx * nx + ny * ny + nz * nz + nx + ny + nz
+        key = members.number[i].tobytes(), members.value[panels : panels + ng * (ng + 1)].tobytes()
+        found.setdefault(key, []).append(i)
+    groups = []
+    for same in found.values():
+        size = _constants(members.number[same[0]])
+        value = np.stack([members.value[members.value_at[i] :][:size] for i in same])
+        places = np.stack([np.arange(members.inner_at[i], members.inner_at[i + 1]) for i in same])
+        groups.append(Alike(np.array(same), members.number[same[0]], value, places))
+    return tuple(groups)
+
+
+def _constants(number: NDArray[np.int64]) -> int:
+    """How many numbers `ksd.beam.strain_values.strain_values` lays out."""
+    nx, ny, nz, ng = (int(n) for n in number[:4])
+    N = nx + ny + nz
+    pairs = ny * nz + nz * nx + nx * ny
+    return 1 + nx * nx + ny * ny + nz * nz + N + ng * (1 + ng + N + 3) + (N + pairs) * (ng + 1)
+
+
+@dataclass(frozen=True)
+class EndFrames:
+    """End frames of k members: p at start (k, 3), axes frame (k, 3, 3), global; q at d (k, 3), in p; arms (k, 2, 3):
+    from the node to each end, reach (k, 3): from the node of p to q, global."""
+
+    start: Array
+    frame: Array
+    d: Array
+    arms: Array
+    reach: Array
+
+
+def end_frames(model: Model, motion: Motion, which: NDArray[np.int64]) -> EndFrames:
+    """End frames of the members `which` (k,) at `motion`."""
+    members = model.arrays.members
+    nodes = members.node[which]
+    R = motion.R[nodes]
+    arms = (R @ members.offset[which][..., None])[..., 0]
+    frame = R[:, 0] @ members.frame[which, 0]
+    start, end = (motion.x[nodes[:, e]] + arms[:, e] for e in (0, 1))
+    d = ((end - start)[:, None] @ frame)[:, 0]
+    return EndFrames(start, frame, d, arms, end - motion.x[nodes[:, 0]])
+
+
+def cross_matrices(v: Array) -> Array:
+    """[v]x (k, 3, 3) of rows (k, 3)."""
+    found = np.zeros((len(v), 3, 3))
+    for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
+        found[:, j, k], found[:, k, j] = -v[:, i], v[:, i]
+    return found
+
+
+def end_levers(ends: EndFrames) -> tuple[Array, Array]:
+    """(k, 6, 12) each: motion of end p, and of end q relative to it, in frame p, from the motion of both nodes."""
+    count = len(ends.start)
+    own, relative = np.zeros((count, 6, 12)), np.zeros((count, 6, 12))
+    turn = ends.frame.swapaxes(1, 2)
+    own[:, :3, :3] = own[:, 3:, 3:6] = relative[:, :3, 6:9] = relative[:, 3:, 9:] = turn
+    relative[:, :3, :3] = relative[:, 3:, 3:6] = -turn
+    own[:, :3, 3:6] = -turn @ cross_matrices(ends.arms[:, 0])
+    relative[:, :3, 3:6] = turn @ cross_matrices(ends.reach)
+    relative[:, :3, 9:] = -turn @ cross_matrices(ends.arms[:, 1])
+    return own, relative
+
+
+def alike_parts(group: Alike, motion: Motion) -> StrainParts:
+    """Tangent blocks and mode fields of all leafs of a group, stacked (k, ...), see `ksd.beam.strain_mass`."""
+    return many_parts(group.value, group.number, motion.inner[group.places])
+
+
+@per_model
+def inner_unknowns(model: Model) -> tuple[NDArray[np.int64], ...]:
+    """Unknowns (k, 12 + N) of the leafs of every group: the motions of both nodes in elimination order, -1 where a node
+    is fixed, then inner coordinates of their own behind all node unknowns."""
+    at, found = model.arrays.plan.unknowns, []
+    for group in alike_leafs(model):
+        first = model.arrays.start[model.arrays.members.node[group.members]]
+        nodes = np.where(first[..., None] < 0, -1, first[..., None] + np.arange(6)).reshape(len(first), 12)
+        own = at + np.arange(len(first) * group.modes).reshape(len(first), -1)
+        found.append(np.hstack([nodes, own]))
+        at += own.size
+    return tuple(found)
+
+
+class Stacked:
+    """Where the rows of stacks of small matrices (k, m, n) sit in one sparse matrix below each other; made once for a
+    model, filled at every state.
+
+    places: per stack the unknowns (k, n) of its columns, -1 for what is left out; rows: m of each stack; size: columns.
+    """
+
+    def __init__(self, places: list[NDArray[np.int64]], rows: list[int], size: int) -> None:
+        spread = [np.repeat(p, m, axis=0) for p, m in zip(places, rows, strict=True)]
+        self.kept = np.concatenate([(p >= 0).ravel() for p in spread])
+        self.indices = np.concatenate([p.ravel() for p in spread])[self.kept]
+        count = np.concatenate([np.sum(p >= 0, axis=1) for p in spread])
+        self.indptr = np.concatenate([[0], np.cumsum(count)])
+        self.shape = (len(count), size)
+
+    def matrix(self, blocks: list[Array]) -> Any:
+        """The scipy CSR matrix of `blocks`, stacks (k, m, n) in the order given to the pattern."""
+        from scipy.sparse import csr_matrix
+
+        values = np.concatenate([b.ravel() for b in blocks])[self.kept]
+        return csr_matrix((values, self.indices, self.indptr), shape=self.shape)
+
+
+@dataclass(frozen=True)
+class Flexible:
+    """The leafs of one group at one state, in (motions of both nodes, b) with a = P xi + b.
+
+    parts: tangent blocks and fields; stiffness (k, N, N): of the amplitudes, parts.W or without its stress; P (k, N, 6);
+    Z (k, N, N): flexibility of b with the ends held; own, relative (k, 6, 12): motion of end p, and xi of end q
+    relative to it, from the motions of both nodes; inner (k, N): the unknowns of b.
+    """
+
+    parts: StrainParts
+    stiffness: Array
+    P: Array
+    Z: Array
+    own: Array
+    relative: Array
+    inner: NDArray[np.int64]
+
+
+def flexible_leafs(model: Model, motion: Motion, *, stressless: bool = False) -> list[Flexible]:
+    """Every group of leafs at `motion`; stressless: with the tangent of the amplitudes at zero stress."""
+    found = []
+    for group, unknowns in zip(alike_leafs(model), inner_unknowns(model), strict=True):
+        parts = alike_parts(group, motion)
+        W = elastic(group) if stressless else parts.W
+        P, Z = strain_flexibility(replace(parts, W=W))
+        own, relative = end_levers(end_frames(model, motion, group.members))
+        found.append(Flexible(parts, W, P, Z, own, relative, unknowns[:, 12:]))
+    return found
+
+
+def elastic(group: Alike) -> Array:
+    """(k, N, N): stiffness of the amplitudes without stress."""
+    K, at, first = np.zeros((len(group.value), group.modes, group.modes)), 1, 0
+    for n in (int(n) for n in group.number[:3]):
+        K[:, first : first + n, first : first + n] = group.value[:, at : at + n * n].reshape(-1, n, n)
+        at += n * n
+        first += n
+    return K

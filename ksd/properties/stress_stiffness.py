@@ -1,0 +1,188 @@
+"""Buckling under the state's own stresses, strain-mode leafs: (K0 + mu S) phi = 0 with K0 elastic, S from the stresses.
+
+K0 is the tangent in the deformed geometry with every stress, drive force and load set to zero: positive definite once
+the constraint rows are met, whatever the state. With K0^-1 = G G^T the symmetric matrix -G^T S G has the eigenvalues
+1/mu, so all multipliers are real. Unknowns as for frequencies: node motions, and for every leaf the inner coordinates b
+of `ksd.beam.strain_mass` (a = P xi + b), in which K0 falls apart into the nodes and a flexibility Z per leaf.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ksd.errors import KinematicsError, SceneError
+from ksd.model.arrays import Motion, make_work
+from ksd.model.assembly import geometric_tangent
+from ksd.model.compile import Model
+from ksd.model.loading import add_loads, add_terms
+from ksd.properties.alike import (
+    Alike,
+    EndFrames,
+    Flexible,
+    alike_leafs,
+    end_frames,
+    flexible_leafs,
+    inner_unknowns,
+)
+from ksd.properties.krylov import outermost
+from ksd.properties.tangent import free_rows, stored_matrix
+
+Array = NDArray[np.float64]
+
+
+def node_terms(model: Model, motion: Motion, rows: Iterable[int], load_factor: float) -> Array:
+    """What constraint rows and loads add to the tangent of the nodes (unknowns, unknowns); `rows` are taken out."""
+    arrays = model.arrays
+    work = make_work(arrays)
+    target = np.zeros(len(arrays.terms.start))
+    add_loads(arrays, motion.R, work, load_factor, 1e-8)
+    add_terms(arrays, motion.x, motion.R, motion.multiplier, target, work, 1e-8)
+    free_rows(arrays, work.value, rows)
+    return stored_matrix(arrays, work.value)
+
+
+def corners(motion: Motion, group: Alike, ends: EndFrames) -> Array:
+    """(k, 12, 12): how the end wrench of every leaf turns with its nodes."""
+    found = np.zeros((len(group.members), 12, 12))
+    wrench = motion.inner[group.places[:, group.modes :]].reshape(-1, 2, 3) @ ends.frame.swapaxes(1, 2)
+    for k in range(len(found)):
+        geometric_tangent(wrench[k, 0], wrench[k, 1], ends.reach[k], ends.arms[k, 1], found[k])
+    return found
+
+
+def refuse_stressless(change: Array, elastic: Array) -> None:
+    """Raise SceneError when there is no stress to multiply: `change` is rounding beside the `elastic` stiffness."""
+    if not np.abs(change).max(initial=0.0) > 1e-13 * np.abs(elastic).max(initial=0.0):
+        raise SceneError("this state carries no stress, so nothing buckles; name a link and a load")
+
+
+@dataclass(frozen=True)
+class _Elastic:
+    """G (size, reduced) with K0^-1 = G G^T: nodes (n, r) and root of Z (k, N, N) of every group of leafs; largest:
+    entry of the node part of K0."""
+
+    nodes: Array
+    largest: float
+    leafs: list[tuple[NDArray[np.int64], Array]]
+
+    def out(self, y: Array) -> Array:
+        """G y."""
+        n, at = self.nodes.shape
+        x = np.zeros((n + sum(p.size for p, _ in self.leafs), y.shape[1]))
+        x[:n] = self.nodes @ y[:at]
+        for places, root in self.leafs:
+            x[places] = root @ y[at : at + places.size].reshape(*places.shape, -1)
+            at += places.size
+        return x
+
+    def back(self, x: Array) -> Array:
+        """G^T x."""
+        inner = [(root.swapaxes(1, 2) @ x[p]).reshape(p.size, -1) for p, root in self.leafs]
+        return np.concatenate([self.nodes.T @ x[: len(self.nodes)], *inner])
+
+    @property
+    def reduced(self) -> int:
+        """Columns of G."""
+        return self.nodes.shape[1] + sum(p.size for p, _ in self.leafs)
+
+
+def _elastic(model: Model, motion: Motion, leafs: list[Flexible], rows: list[int]) -> tuple[_Elastic, Array]:
+    """G of the stressless tangent, and its constraint part (n, n). Raises KinematicsError where a motion meets no
+    elastic resistance."""
+    still = Motion(motion.x, motion.R, motion.inner, np.zeros_like(motion.multiplier))
+    terms = node_terms(model, still, rows, 0.0)
+    K = np.pad(terms, (0, 1))
+    for leaf, unknowns in zip(leafs, inner_unknowns(model), strict=True):
+        parts = leaf.parts
+        # condensed stiffness at the ends: P = W^-1 J^T F^-1, so J P = 1 - S F^-1
+        F = parts.J @ np.linalg.solve(leaf.stiffness, parts.J.swapaxes(1, 2))
+        F[:, :3, :3] += parts.S
+        at = unknowns[:, :12]
+        np.add.at(
+            K,
+            (at[:, :, None], at[:, None, :]),
+            leaf.relative.swapaxes(1, 2) @ np.linalg.solve(F, leaf.relative),
+        )
+    held = model.arrays.terms.start
+    move = np.setdiff1d(np.arange(len(terms)), held)
+    rules = np.delete(terms[np.ix_(held, move)], rows, axis=0)
+    free = np.eye(len(move))
+    if len(rules):
+        _, s, vt = np.linalg.svd(rules)
+        free = vt[int(np.sum(s > 1e-12 * s[0])) :].T
+    try:
+        L = np.linalg.cholesky(free.T @ K[np.ix_(move, move)] @ free)
+    except np.linalg.LinAlgError as error:
+        raise KinematicsError(
+            "a motion is left that nothing but stress resists; hold more drives to ask for buckling"
+        ) from error
+    nodes = np.zeros((len(terms), free.shape[1]))
+    nodes[move] = np.linalg.solve(L, free.T).T
+    return _Elastic(nodes, float(np.abs(K).max()), [(leaf.inner, _root(leaf.Z)) for leaf in leafs]), terms
+
+
+def _root(Z: Array) -> Array:
+    """R (k, N, N) with Z = R R^T."""
+    value, vector = np.linalg.eigh(Z)
+    found: Array = vector * np.sqrt(np.maximum(value, 0.0))[:, None, :]
+    return found
+
+
+def own_stress(
+    model: Model, motion: Motion, rows: list[int], *, load_factor: float, count: int
+) -> tuple[Array, Array]:
+    """The `count` multipliers mu of smallest magnitude on all stresses of the state, with phi (size, count) in node
+    unknowns and b. rows: constraint rows let go. Raises SceneError for a state without stress."""
+    leafs = flexible_leafs(model, motion, stressless=True)
+    G, terms = _elastic(model, motion, leafs, rows)
+    n = len(terms)
+    nodes = np.pad(node_terms(model, motion, rows, load_factor) - terms, (0, 1))
+    pieces: list[tuple[Any, ...]] = []
+    for group, leaf, unknowns in zip(alike_leafs(model), leafs, inner_unknowns(model), strict=True):
+        change = leaf.parts.W - leaf.stiffness
+        follow = leaf.P @ leaf.relative
+        both = change @ follow
+        block = corners(motion, group, end_frames(model, motion, group.members))
+        at = unknowns[:, :12]
+        np.add.at(nodes, (at[:, :, None], at[:, None, :]), block + follow.swapaxes(1, 2) @ both)
+        pieces.append((leaf.inner, at, change, both))
+    S = nodes[:n, :n]
+    # node and leaf unknowns have scales of their own
+    sizes = [
+        (S, G.largest),
+        *((p[2], np.abs(leaf.stiffness).max()) for p, leaf in zip(pieces, leafs, strict=True)),
+    ]
+    refuse_stressless(
+        np.array([np.abs(change).max(initial=0.0) / scale for change, scale in sizes]), np.ones(1)
+    )
+
+    def apply(y: Array) -> Array:
+        return -G.back(_stress_forces(S, pieces, G.out(y)))
+
+    def wanted(values: Array) -> Any:
+        # to rounding, the smaller ones are no stress at all
+        order = np.argsort(-np.abs(values))[:count]
+        return order[np.abs(values[order]) > 1e-10 * np.abs(values).max(initial=0.0)]
+
+    values, y = outermost(apply, G.reduced, wanted)
+    order = np.argsort(-np.abs(values))
+    return 1.0 / values[order], G.out(y[:, order])
+
+
+def _stress_forces(S: Array, pieces: list[tuple[Any, ...]], x: Array) -> Array:
+    """S x: nodes, leafs, and what couples them."""
+    n = len(S)
+    padded = np.vstack([x[:n], np.zeros((1, x.shape[1]))])
+    nodes = np.vstack([S @ x[:n], np.zeros((1, x.shape[1]))])
+    found = np.zeros_like(x)
+    for inner, at, change, both in pieces:
+        b = x[inner]
+        found[inner] = change @ b + both @ padded[at]
+        np.add.at(nodes, at, both.swapaxes(1, 2) @ b)
+    found[:n] = nodes[:n]
+    return found
