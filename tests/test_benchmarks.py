@@ -77,3 +77,11 @@ def test_optimise(script, tmp_path):
     assert rows["full"]["stiffness_N_per_m"] > found["at_start"]["full"]["stiffness_N_per_m"]
     assert abs(rows["reduced, 1 pass"]["stiffness_error"]) < 2e-3
     assert rows["conventional, 10 elements"]["force_N"] == pytest.approx(rows["full"]["force_N"], rel=1e-3)
+
+
+def test_stroke(script, tmp_path):
+    found = script("stroke").main(["--quick", "--out", str(tmp_path)])
+    rows = {row["way"]: row for row in found["rows"]}
+    assert all(row["failures"] == 0 and len(row["largest_errors"]) == 4 for row in rows.values())
+    assert max(rows["full"]["largest_errors"].values()) < 1e-5
+    assert rows["reduced"]["largest_errors"]["top_force_N"] < 0.013

@@ -5,7 +5,6 @@ import csv
 import pickle
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import numpy as np
@@ -234,16 +233,13 @@ def test_xarray(stroke):
     assert stroke.to_xarray()["top_force_N"].sizes["row"] == 11
 
 
-def test_a_stroke_with_all_standard_questions_is_quick():
-    """31 poses; the targets are 0.3 s with reduced and 1.5 s with full. Bounds here leave room for a busy machine."""
-    for method, bound in (("reduced", 0.6), ("full", 1.5)):
-        spent = []
-        for _ in range(3):
-            clock = time.thread_time()
-            table = sweep(fourbar(), method=method, top=np.linspace(0, 0.3, 31), **QUIET)
-            spent.append(time.thread_time() - clock)
-        assert not table.failures
-        assert min(spent) < bound, f"{method}: {min(spent):.3f} s"
+@pytest.mark.parametrize("method", ["reduced", "full"])
+def test_a_stroke_with_all_standard_questions(method):
+    """31 poses, every question answered at every pose (their time: benchmarks)."""
+    table = sweep(fourbar(), method=method, top=np.linspace(0, 0.3, 31), **QUIET)
+    assert not table.failures and len(table) == 31
+    for column in ("top_force_N", "support_z_N_per_m", "first_parasitic_Hz", "strain_energy_J"):
+        assert np.all(np.isfinite(table[column])), column
 
 
 def test_printed_table_fits_the_terminal(stroke):
