@@ -39,7 +39,7 @@ _HOMES = {
     "ksd.properties.doctor": ("doctor",),
     "ksd.train": ("train",),
     "ksd.design": ("SweepInterrupted", "Table", "frequency_curve", "state_space", "sweep"),
-    "ksd.library": ("Record", "find_record"),
+    "ksd.library": ("Record", "find_record", "read_result"),
 }  # fmt: skip
 _HOME = {name: home for home, names in _HOMES.items() for name in names}
 _KEPT = (
@@ -49,7 +49,7 @@ _KEPT = (
 
 if TYPE_CHECKING:
     from ksd.design import SweepInterrupted, Table, frequency_curve, state_space, sweep
-    from ksd.library import Record, find_record
+    from ksd.library import Record, find_record, read_result
     from ksd.model.compile import Model, compile_scene
     from ksd.model.mesh import Mesh
     from ksd.properties.doctor import doctor

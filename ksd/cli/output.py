@@ -7,7 +7,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from ksd.errors import SceneError
+from ksd.errors import RecordError, SceneError
 
 STDOUT = "-"
 
@@ -48,12 +48,16 @@ def check_plot(path: str | None, *, kinds: tuple[str, ...] = ()) -> None:
 
 
 def write_json(numbers: dict[str, Any], path: str) -> None:
-    """Write strict JSON to `path`, or to stdout for "-". Raises SceneError when it cannot be written."""
-    text = json.dumps(numbers, indent=1, allow_nan=False) + "\n"
+    """Write strict JSON to `path`, sealed (`ksd.read_result` reads it), or to stdout for "-".
+
+    Raises SceneError when it cannot be written.
+    """
     if path == STDOUT:
-        sys.stdout.write(text)
+        sys.stdout.write(json.dumps(numbers, indent=1, allow_nan=False) + "\n")
         return
+    from ksd.library.tables import write_answer
+
     try:
-        Path(path).write_text(text, encoding="utf-8")
-    except OSError as error:
-        raise SceneError(f"--json {path} cannot be written: {error.strerror}") from error
+        write_answer(numbers, path)
+    except RecordError as error:
+        raise SceneError(f"--json {path} cannot be written: {error}") from error

@@ -11,7 +11,8 @@ import os
 from pathlib import Path
 from typing import Any
 
-from ksd.errors import SceneError
+from ksd.errors import RecordError, SceneError
+from ksd.library.files import write_atomically
 
 Rows = list[dict[str, Any]]
 
@@ -30,11 +31,12 @@ class Kept:
         if not self.path.parent.is_dir():
             raise SceneError(f"resume = '{self.path}': its folder does not exist; make it first")
         head = json.dumps({"ksd sweep": fingerprint})
-        intact = self._read(head) if self.path.exists() and self.path.stat().st_size else [head]
         try:
-            self.path.write_text("\n".join(intact) + "\n", encoding="utf-8")
-        except OSError as error:
-            raise SceneError(f"resume = '{self.path}' cannot be written: {error.strerror}") from error
+            intact = self._read(head) if self.path.exists() and self.path.stat().st_size else [head]
+            # whole or not at all: a kill here must not cost the lines of the runs before
+            write_atomically(("\n".join(intact) + "\n").encode(), self.path)
+        except (OSError, RecordError) as error:
+            raise SceneError(f"resume = '{self.path}' cannot be used: {error}") from error
 
     def _read(self, head: str) -> list[str]:
         """Lines up to the first damaged one."""
@@ -61,10 +63,16 @@ class Kept:
         if self.path is None:
             return
         body = json.dumps({"line": number, "rows": rows})
-        with open(self.path, "a", encoding="utf-8") as file:
-            file.write(f"{_hash(body)} {body}\n")
-            file.flush()
-            os.fsync(file.fileno())
+        try:
+            with open(self.path, "a", encoding="utf-8") as file:
+                file.write(f"{_hash(body)} {body}\n")
+                file.flush()
+                os.fsync(file.fileno())
+        except OSError as error:
+            raise SceneError(
+                f"resume = '{self.path}' cannot be written any more: {error.strerror}; what is in it is kept, make room "
+                "and start again"
+            ) from error
 
 
 def _hash(body: str) -> str:

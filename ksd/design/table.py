@@ -123,16 +123,30 @@ class Table:
         return target
 
     def to_hdf5(self, path: str | os.PathLike[str]) -> Path:
-        """Write one dataset per column, facts as attributes (HDF5). Returns the path."""
+        """Write one dataset per column, facts as attributes (HDF5, sealed: see `from_hdf5`). Returns the path."""
         from ksd.library.tables import write_columns
 
         about = {**self.facts, "name": self.name, "labels": ", ".join(self.labels)}
+        about["moving"] = ", ".join(self.moving)
         return write_columns({n: self[n] for n in self.columns}, _writable(path), about=about)
+
+    @classmethod
+    def from_hdf5(cls, path: str | os.PathLike[str]) -> Table:
+        """The table `to_hdf5` wrote. RecordError for a file that is missing, foreign, cut or altered in any bit."""
+        from ksd.library.tables import read_columns
+
+        columns, facts = read_columns(path)
+        name, labels, moving = (facts.pop(k, "") for k in ("name", "labels", "moving"))
+        split = [tuple(n for n in said.split(", ") if n) for said in (labels, moving)]
+        plain = {n: tuple(v if isinstance(v, list) else v.tolist()) for n, v in columns.items()}
+        return cls(plain, split[0], moving=split[1], name=name, facts=facts)
 
     def to_mat(self, path: str | os.PathLike[str]) -> Path:
         """Write a MATLAB struct `sweep` with a field (rows, 1) per column; field names are the column names with
         what MATLAB does not allow replaced by "_". Returns the path."""
         from scipy.io import savemat
+
+        from ksd.library.files import write_atomically
 
         fields: dict[str, Any] = {}
         for n in self.columns:
@@ -141,7 +155,9 @@ class Table:
                 np.array(values, dtype=object)[:, None] if isinstance(values, list) else values[:, None]
             )
         target = _writable(path)
-        savemat(target, {"sweep": fields, "labels": np.array(self.labels, object)}, long_field_names=True)
+        content = io.BytesIO()
+        savemat(content, {"sweep": fields, "labels": np.array(self.labels, object)}, long_field_names=True)
+        write_atomically(content.getvalue(), target)
         return target
 
     def to_xarray(self) -> Any:

@@ -20,6 +20,7 @@ from ksd.library.record import (
     Stroke,
     monomials,
 )
+from ksd.library.tables import read_answer as read_result
 
 __all__ = [
     "FORMAT",
@@ -36,6 +37,7 @@ __all__ = [
     "find_record",
     "monomials",
     "read_record",
+    "read_result",
     "record_folders",
     "write_record",
 ]

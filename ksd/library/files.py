@@ -38,12 +38,12 @@ _UNITS = {
 _TEXTS = ("family", "trained", "version", "source")
 _LISTS = ("leafs", "blocks", "orders", "samples", "history")
 _TABLES = {"motions": Stroke, "parameters": Parameter, "residuals": Residual, "evidence": Evidence}
-_cache: dict[str, tuple[tuple[int, int], Record]] = {}
+_cache: dict[str, tuple[tuple[int, ...], Record]] = {}
 
 
-def _seal(body: bytes, number: int) -> bytes:
+def _seal(body: bytes, number: int, signature: bytes = SIGNATURE) -> bytes:
     """The 512 bytes in front of `body`."""
-    first = SIGNATURE + f"format {number}\n".encode()
+    first = signature + f"format {number}\n".encode()
     return (first + f"sha256 {hashlib.sha256(first + body).hexdigest()}\n".encode()).ljust(BLOCK, b"\0")
 
 
@@ -115,7 +115,9 @@ def read_record(path: str | os.PathLike[str]) -> Record:
     place = Path(path)
     try:
         status = place.stat()
-        key, stamp = str(place.resolve()), (status.st_mtime_ns, status.st_size)
+        # the inode too: clocks of file systems are too coarse to tell two writes within milliseconds
+        key = str(place.resolve())
+        stamp = (status.st_mtime_ns, status.st_ctime_ns, status.st_size, status.st_ino)
         if key in _cache and _cache[key][0] == stamp:
             return _cache[key][1]
         content = place.read_bytes()

@@ -11,7 +11,6 @@ import pickle
 import shutil
 import signal
 import sys
-import zipfile
 from concurrent.futures import Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass, replace
@@ -28,6 +27,8 @@ from ksd.train.sources import source_hash
 from ksd.train.sweep import Plan, Samples, sample_joint
 
 WORKERS = 2
+SEAL = 32
+"""Bytes of the checksum in front of a kept result."""
 
 
 @dataclass(frozen=True)
@@ -151,15 +152,19 @@ class Jobs:
         buffer = io.BytesIO()
         named: dict[str, Any] = {f"{mesh}|{group}": values for (mesh, group), values in samples.items()}
         np.savez(buffer, **named)
-        write_atomically(buffer.getvalue(), self._path(job))
+        body = buffer.getvalue()
+        write_atomically(hashlib.sha256(body).digest() + body, self._path(job))
 
     def _load(self, job: Job) -> Samples | None:
-        """A kept result; None when there is none that can be read."""
+        """A kept result; None when there is none, or one with a bit out of place."""
         try:
-            with np.load(self._path(job), allow_pickle=False) as kept:
-                stored = {name: kept[name] for name in kept.files}
-        except (OSError, ValueError, EOFError, KeyError, zipfile.BadZipFile):
+            content = self._path(job).read_bytes()
+        except OSError:
             return None
+        if hashlib.sha256(content[SEAL:]).digest() != content[:SEAL]:
+            return None
+        with np.load(io.BytesIO(content[SEAL:]), allow_pickle=False) as kept:
+            stored = {name: kept[name] for name in kept.files}
         samples: Samples = {}
         for name, values in stored.items():
             mesh, group = name.split("|")
