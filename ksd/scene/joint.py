@@ -10,6 +10,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from ksd.errors import SceneError
+from ksd.scene.clearance import check_clear
 from ksd.scene.leaf import Leaf
 from ksd.section.checks import Vector, Worded, direction, nearest, number, positive, show, vector, word
 
@@ -52,11 +53,12 @@ class Joint(metaclass=Worded):
     A family is a frozen dataclass with a `family` name that answers the questions below; all lengths in m,
     all points (3,) in joint axes at rest, where every block is parallel to the joint axes. `length` [m] is
     the length L by which its record is made dimensionless. `quantities` names the dimension ("length",
-    "angle") of its numeric parameters, for scene files.
+    "angle") of its numeric parameters, for scene files. `windows`: leafs may cross, one in a window of the other.
     """
 
     family: ClassVar[str]
     quantities: ClassVar[dict[str, str]] = {}
+    windows: bool = False
     length: float
 
     @property
@@ -117,8 +119,9 @@ class DrawnJoint(Joint):
 
     name: its family name, under which a record may be trained. blocks: {"A": point, "B": point, others} [m],
     A at the origin, B anywhere but there. length [m]: scale of the record, |AB| when not given. shape: its
-    dimensionless shape parameters, when it belongs to a range of similar joints. Raises SceneError when A or
-    B is missing, a leaf hangs on an unknown block, or a block on no leaf.
+    dimensionless shape parameters, when it belongs to a range of similar joints. windows: leafs may cross, one in a
+    window of the other (left out of the model). Raises SceneError when A or B is missing, a leaf hangs on an unknown
+    block, a block on no leaf, or leafs run through each other.
     """
 
     name: str
@@ -127,6 +130,7 @@ class DrawnJoint(Joint):
     intended: tuple[Motion, ...]
     length: float
     shape_numbers: tuple[tuple[str, float], ...]
+    windows: bool
 
     def __init__(
         self,
@@ -137,6 +141,7 @@ class DrawnJoint(Joint):
         motions: Sequence[Motion],
         length: float | None = None,
         shape: Mapping[str, float] | None = None,
+        windows: bool = False,
     ) -> None:
         owner = f"joint '{word(name, 'name', owner='DrawnJoint')}'"
         points = {
@@ -144,6 +149,10 @@ class DrawnJoint(Joint):
             for k, v in blocks.items()
         }
         _check_blocks(points, leafs, owner)
+        if not isinstance(windows, bool):
+            raise SceneError(f"{owner}: windows = {show(windows)} must be true or false.")
+        if not windows:
+            check_clear(leafs, owner=owner, advice=_ADVICE)
         if not motions or not all(isinstance(m, Motion) for m in motions):
             raise SceneError(f"{owner}: motions = {show(motions)} must be at least one Motion.")
         given = np.linalg.norm(points["B"]) if length is None else length
@@ -155,6 +164,7 @@ class DrawnJoint(Joint):
             "intended": tuple(motions),
             "length": positive(given, "length", owner=owner, unit="m"),
             "shape_numbers": tuple(numbers.items()),
+            "windows": windows,
         }
         for key, value in clean.items():
             object.__setattr__(self, key, value)
@@ -180,6 +190,9 @@ class DrawnJoint(Joint):
 
     def shape(self) -> dict[str, float]:
         return dict(self.shape_numbers)
+
+
+_ADVICE = "move them apart, or say windows=True where one passes through a window of the other"
 
 
 def _check_blocks(points: Mapping[str, Vector], leafs: Sequence[Leaf], owner: str) -> None:

@@ -177,6 +177,7 @@ class _Parts:
             "motions": [_motion_of(t) for t in table.tables("motion")],
             "length": table.quantity("length", "length", None),
             "shape": {name: shape.quantity(name, "number") for name in shape.values},
+            "windows": table.yes_or_no("windows", False),
         }
         return _said(table, DrawnJoint, words)
 

@@ -31,7 +31,7 @@ SHORT: tuple[Mesh, ...] = ("strain", 1, 2, 3, 4, 5, 6)
 @dataclass(frozen=True)
 class Entry:
     """A family to train: make(**shape) draws it; parameters are its ranges; meshes it is trained on; `loose`
-    times the usual tolerances.
+    times the usual tolerances; others: values of parameters that must not matter, shown in the record.
     """
 
     make: Callable[..., Joint]
@@ -39,6 +39,7 @@ class Entry:
     numbers: Mapping[str, float] = field(default_factory=dict)
     meshes: tuple[Mesh, ...] = FULL
     loose: float = 1.0
+    others: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
 
 
 def _steel() -> Material:
@@ -48,7 +49,7 @@ def _steel() -> Material:
 _CROSS = {"length": 0.1, "thickness": 1e-3, "inner_width": 0.04}
 
 
-def _cross_flexure(*, angle: float, width_ratio: float) -> CrossFlexure:
+def _cross_flexure(*, angle: float, width_ratio: float, gap: float = 0.0) -> CrossFlexure:
     """The cross flexure of paper 1, table 1, at another leaf angle and width ratio."""
     inner = _CROSS["inner_width"]
     return CrossFlexure(
@@ -57,6 +58,7 @@ def _cross_flexure(*, angle: float, width_ratio: float) -> CrossFlexure:
         angle=angle,
         thickness=_CROSS["thickness"],
         widths=(inner, 0.5 * width_ratio * inner),
+        gap=gap,
     )
 
 
@@ -64,7 +66,9 @@ def _crossed_pivot(*, angle: float, ratio: float) -> CrossedPivot:
     return CrossedPivot(_steel(), angle=angle, ratio=ratio, **SHEET)
 
 
-def _balanced_crossed_pivot(*, angle: float, ratio: float, width_ratio: float) -> BalancedCrossedPivot:
+def _balanced_crossed_pivot(
+    *, angle: float, ratio: float, width_ratio: float, gap: float = 0.0
+) -> BalancedCrossedPivot:
     inner = SHEET["width"]
     return BalancedCrossedPivot(
         _steel(),
@@ -74,6 +78,7 @@ def _balanced_crossed_pivot(*, angle: float, ratio: float, width_ratio: float) -
         outer_width=0.5 * width_ratio * inner,
         angle=angle,
         ratio=ratio,
+        gap=gap,
     )
 
 
@@ -93,12 +98,12 @@ def _triple_infinity() -> TripleInfinityHinge:
     return TripleInfinityHinge(_steel())
 
 
-def _parallel_guide() -> ParallelGuide:
-    return ParallelGuide(_steel(), spacing=0.06, **SHEET)
+def _parallel_guide(*, spacing: float = 0.06) -> ParallelGuide:
+    return ParallelGuide(_steel(), spacing=spacing, **SHEET)
 
 
-def _stiffened_guide(*, flexible: float) -> StiffenedGuide:
-    return StiffenedGuide(_steel(), spacing=0.06, flexible=flexible, **SHEET)
+def _stiffened_guide(*, flexible: float, spacing: float = 0.06) -> StiffenedGuide:
+    return StiffenedGuide(_steel(), spacing=spacing, flexible=flexible, **SHEET)
 
 
 def _universal() -> UniversalJoint:
@@ -133,11 +138,16 @@ def _range(name: str, low: float, high: float, *, scale: str = "linear", degrees
     return Parameter(name, unit * low, unit * high, scale)
 
 
+_GAPS = {"gap": (0.01, 0.04)}
+_SPACINGS = {"spacing": (0.03, 0.12)}
 _ANGLE = _range("angle", 30, 60, degrees=True)
 
 ENTRIES: dict[str, Entry] = {
     "cross_flexure": Entry(
-        _cross_flexure, (_ANGLE, _range("width_ratio", 0.25, 4.0, scale="log")), {**STEEL, **_CROSS}
+        _cross_flexure,
+        (_ANGLE, _range("width_ratio", 0.25, 4.0, scale="log")),
+        {**STEEL, **_CROSS},
+        others=_GAPS,
     ),
     "crossed_pivot": Entry(_crossed_pivot, (_ANGLE, _range("ratio", -0.25, 1.25)), {**STEEL, **SHEET}),
     "balanced_crossed_pivot": Entry(
@@ -146,6 +156,7 @@ ENTRIES: dict[str, Entry] = {
         {**STEEL, **SHEET},
         SHORT,
         1.5,
+        _GAPS,
     ),
     "cartwheel": Entry(_cartwheel, (_ANGLE,), {**STEEL, **SHEET}),
     "butterfly": Entry(
@@ -159,9 +170,12 @@ ENTRIES: dict[str, Entry] = {
         _infinity, (_range("reach", 0.3, 0.5), _range("strut", 0.15, 0.45)), {**STEEL, **SHEET}, SHORT, 3.0
     ),
     "triple_infinity_hinge": Entry(_triple_infinity, (), {**STEEL, "length": 0.06, "thickness": 0.45e-3}),
-    "parallel_guide": Entry(_parallel_guide, (), {**STEEL, **SHEET, "spacing": 0.06}),
+    "parallel_guide": Entry(_parallel_guide, (), {**STEEL, **SHEET, "spacing": 0.06}, others=_SPACINGS),
     "stiffened_guide": Entry(
-        _stiffened_guide, (_range("flexible", 0.1, 0.4),), {**STEEL, **SHEET, "spacing": 0.06}
+        _stiffened_guide,
+        (_range("flexible", 0.1, 0.4),),
+        {**STEEL, **SHEET, "spacing": 0.06},
+        others=_SPACINGS,
     ),
     "circular_notch": Entry(
         _circular_notch, (_range("slenderness", 0.02, 0.3, scale="log"),), {**STEEL, **_NOTCH}, loose=3.0

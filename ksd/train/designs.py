@@ -22,7 +22,8 @@ class Design:
     """A family for the trainer: make(**shape) draws the joint at shape parameters within `parameters`.
 
     numbers: what is held fixed, SI. meshes: those trained unless others are asked for; loose: factor on all wanted
-    errors.
+    errors. others: further parameters of make, {name: values}, that must not matter: the record holds the evidence.
+    idle: parameters found not to matter, in the middle of their range while sampling.
     """
 
     family: str
@@ -31,6 +32,17 @@ class Design:
     numbers: Mapping[str, float] = field(default_factory=dict)
     meshes: tuple[Mesh, ...] = FULL
     loose: float = 1.0
+    others: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
+    idle: tuple[str, ...] = ()
+
+    def other_joints(self) -> dict[tuple[str, str], DrawnJoint]:
+        """(parameter, change in words): the joint in the middle of its shapes with one of `others` changed."""
+        middle = self.shape(np.zeros(len(self.parameters)))
+        return {
+            (name, f"{value:.6g}"): bare(self.make(**middle, **{name: value}))
+            for name, values in self.others.items()
+            for value in values
+        }
 
     def joint(self, places: np.ndarray) -> DrawnJoint:
         """The joint at places (s,) in [-1, 1], without mesh choices of its own."""
@@ -47,7 +59,7 @@ def bare(joint: Joint) -> DrawnJoint:
     return redrawn(joint, leafs)
 
 
-def redrawn(joint: Joint, leafs: tuple[Leaf, ...]) -> DrawnJoint:
+def redrawn(joint: Joint, leafs: tuple[Leaf, ...], *, windows: bool | None = None) -> DrawnJoint:
     """The same joint as a drawing with other leafs between its blocks."""
     return DrawnJoint(
         joint.family,
@@ -56,6 +68,7 @@ def redrawn(joint: Joint, leafs: tuple[Leaf, ...]) -> DrawnJoint:
         motions=joint.motions,
         length=joint.length,
         shape=joint.shape(),
+        windows=joint.windows if windows is None else windows,
     )
 
 
@@ -84,6 +97,7 @@ def design_of(
             entry.numbers,
             meshes=entry.meshes,
             loose=entry.loose,
+            others=entry.others,
         )
     else:
         raise SceneError(
@@ -126,11 +140,18 @@ def _thin(section: Section, factor: float) -> Section:
     return replace(s, A=f * s.A, J=f**3 * s.J, Iy=f * s.Iy, Iz=f**3 * s.Iz, thickness=f * s.thickness)
 
 
+def _wide(section: Section, factor: float) -> Section:
+    """`factor` times the width of a thin section."""
+    s, f = section, factor
+    return replace(s, A=f * s.A, J=f * s.J, Iy=f**3 * s.Iy, Iz=f * s.Iz, width=f * s.width)
+
+
 @dataclass(frozen=True)
-class _Thin(Profile):
-    """A profile `factor` times as thick."""
+class _Changed(Profile):
+    """A profile whose sections are changed by `change(section, factor)`."""
 
     profile: Profile
+    change: Callable[[Section, float], Section]
     factor: float
 
     @property
@@ -138,13 +159,16 @@ class _Thin(Profile):
         return self.profile.breaks
 
     def section(self, s: float) -> Section:
-        return _thin(self.profile.section(s), self.factor)
+        return self.change(self.profile.section(s), self.factor)
 
 
-def _thickness(leaf: Leaf, factor: float) -> Leaf:
-    """The leaf with `factor` times the thickness."""
-    profile = None if leaf.profile is None else _Thin(leaf.profile, factor)
-    return replace(leaf, section=_thin(leaf.section, factor), profile=profile)
+def _changed(joint: Joint, change: Callable[[Section, float], Section], factor: float) -> DrawnJoint:
+    """The joint with other sections; wider leafs may overlap, which is no matter to how they bend."""
+    leafs = []
+    for leaf in joint.leafs():
+        profile = None if leaf.profile is None else _Changed(leaf.profile, change, factor)
+        leafs.append(replace(leaf, section=change(leaf.section, factor), profile=profile))
+    return redrawn(joint, tuple(leafs), windows=True)
 
 
 def _material(leaf: Leaf) -> Leaf:
@@ -198,6 +222,7 @@ def _longer(joint: Joint, factor: float) -> DrawnJoint:
         motions=motions,
         length=factor * joint.length,
         shape=joint.shape(),
+        windows=True,
     )
 
 
@@ -205,7 +230,8 @@ def changes(joint: Joint) -> dict[tuple[str, str], DrawnJoint]:
     """(parameter, change in words): the joint with one thing changed that records take to be irrelevant."""
     found = {}
     for factor, words in ((0.5, "half"), (2.0, "twice")):
-        found["thickness", words] = redrawn(joint, tuple(_thickness(leaf, factor) for leaf in joint.leafs()))
+        found["thickness", words] = _changed(joint, _thin, factor)
+        found["width", words] = _changed(joint, _wide, factor)
         found["length", words] = _longer(joint, factor)
     aluminium = tuple(_material(leaf) for leaf in joint.leafs())
     found["material", "aluminium for steel"] = redrawn(joint, aluminium)

@@ -20,7 +20,7 @@ from typing import Any
 
 import numpy as np
 
-from ksd.errors import KsdError
+from ksd.errors import KsdError, SceneError
 from ksd.library.files import write_atomically
 from ksd.scene import DrawnJoint, Leaf
 from ksd.train.sources import source_hash
@@ -33,10 +33,11 @@ SEAL = 32
 
 @dataclass(frozen=True)
 class Job:
-    """One joint to be sampled as planned."""
+    """One joint to be sampled as planned; `tried`: it is no part of the family and may turn out impossible."""
 
     joint: DrawnJoint
     plan: Plan
+    tried: bool = False
 
     def key(self, source: str) -> str:
         """Name of its result: a hash of everything it depends on."""
@@ -58,8 +59,13 @@ def _sampled(leaf: Leaf) -> list[Any]:
 
 
 def perform(job: Job) -> Samples:
-    """Sample the joint of a job; what other processes are asked to do."""
-    return sample_joint(job.joint, job.plan)
+    """Sample the joint of a job; what other processes are asked to do. Nothing for one tried that is impossible."""
+    try:
+        return sample_joint(job.joint, job.plan)
+    except SceneError:
+        if job.tried:
+            return {}
+        raise
 
 
 def _quiet() -> None:

@@ -16,6 +16,7 @@ from pathlib import Path
 import numpy as np
 
 import ksd
+from ksd.errors import SceneError
 from ksd.library import Evidence, Functions, Mesh, Record, Residual, Stroke, write_record
 from ksd.library.files import SUFFIX, shipped_folder, write_atomically
 from ksd.library.record import Array, legendre_products, monomials
@@ -84,6 +85,8 @@ def _trained(
     middle = design.joint(np.zeros(len(design.parameters)))
     check_soft(middle)
     plan, check = _plans(middle, meshes, _orders(design))
+    evidence = _evidence(design, middle, plan, jobs)
+    design = replace(design, idle=_idle(design, evidence, wanted))
     places, samples, fit = _rounds(design, plan, jobs, wanted, most)
     fresh_places = _fresh_places(design)
     fresh = jobs.run([Job(design.joint(p), check) for p in fresh_places])
@@ -91,11 +94,12 @@ def _trained(
         f"trained on {len(places)} shapes, checked on {len(fresh)} fresh ones; total degrees "
         f"{fit.motion_degree} in the motions, {fit.shape_degree} in the shape; leave-one-out errors over "
         f"tolerance {fit.motion_error:.2g} and {fit.shape_error:.2g}."
+        + (f" No dependence on {', '.join(design.idle)}." if design.idle else "")
     )
     return replace(
         _record(design, middle, plan, fit, samples[0]),
         residuals=_residuals(fit, plan, check, (places, samples), (fresh_places, fresh)),
-        evidence=_evidence(design, middle, plan, jobs),
+        evidence=evidence,
         samples=(len(places), len(fresh)),
         version=str(getattr(ksd, "__version__", "0")),
         source=jobs.source,
@@ -125,10 +129,26 @@ def _strokes(joint: Joint) -> tuple[Stroke, ...]:
     return tuple(found)
 
 
+def _corners(design: Design) -> list[DrawnJoint]:
+    """The joint at every corner of the shapes. Raises SceneError, naming the shape, where it cannot be drawn."""
+    ends = [(-1.0, 1.0) if p.high > p.low else (0.0,) for p in design.parameters]
+    found = []
+    for places in itertools.product(*ends):
+        try:
+            found.append(design.joint(np.array(places)))
+        except SceneError as error:
+            shape = ", ".join(
+                f"{name} = {value:.4g}" for name, value in design.shape(np.array(places)).items()
+            )
+            raise SceneError(
+                f"{design.family}: the range of shapes holds one that cannot be drawn, {shape}: {error}"
+            ) from None
+    return found
+
+
 def _orders(design: Design) -> tuple[int, int, int]:
     """Curvature modes that serve every leaf at every corner of the shapes; curved leafs need more of them."""
-    ends = [(-1.0, 1.0) if p.high > p.low else (0.0,) for p in design.parameters]
-    corners = [design.joint(np.array(places)) for places in itertools.product(*ends)]
+    corners = _corners(design)
     mesh = LeafMesh("strain", orders=ORDERS, points=max(ORDERS) + 2)
     found = [raised_orders(leaf, mesh)[0] for joint in corners for leaf in joint.leafs()]
     nx, ny, nz = (max(o[axis] for o in found) for axis in range(3))
@@ -146,14 +166,33 @@ def _plans(
     return Plan(fitted, meshes, orders), Plan(checked, meshes, orders)
 
 
-def _free(design: Design) -> list[int]:
+def _ranging(design: Design) -> list[int]:
+    """Parameters that have a range."""
     return [i for i, p in enumerate(design.parameters) if p.high > p.low]
 
 
-def _spread(design: Design, unit: Array) -> Array:
-    """Places (k, s) from points (k, free) in [-1, 1]; parameters of a single value stay in the middle."""
+def _free(design: Design) -> list[int]:
+    """Parameters that have a range and matter."""
+    return [i for i in _ranging(design) if design.parameters[i].name not in design.idle]
+
+
+def _idle(design: Design, evidence: tuple[Evidence, ...], wanted: Mapping[str, float]) -> tuple[str, ...]:
+    """Shape parameters whose ends move no function by more than its wanted error: the record leaves them out. The fresh
+    shapes vary them all the same."""
+    matter = {
+        e.parameter
+        for e in evidence
+        if e.interface > wanted["interface"] or e.rotations > wanted["rotations"]
+    }
+    return tuple(
+        p.name for i, p in enumerate(design.parameters) if i in _ranging(design) and p.name not in matter
+    )
+
+
+def _spread(design: Design, which: list[int], unit: Array) -> Array:
+    """Places (k, s) from points (k, len(which)) in [-1, 1]; the other parameters stay in the middle."""
     places = np.zeros((len(unit), len(design.parameters)))
-    places[:, _free(design)] = unit
+    places[:, which] = unit
     return places
 
 
@@ -161,18 +200,18 @@ def _shape_places(design: Design, count: int) -> Array:
     """The first `count` shapes: Sobol points gathered toward the ends like Chebyshev points."""
     from scipy.stats import qmc
 
-    free = len(_free(design))
-    if free == 0:
+    free = _free(design)
+    if not free:
         return np.zeros((1, len(design.parameters)))
-    points = qmc.Sobol(free, scramble=False).random(count)
-    return _spread(design, -np.cos(math.pi * points))
+    points = qmc.Sobol(len(free), scramble=False).random(count)
+    return _spread(design, free, -np.cos(math.pi * points))
 
 
 def _fresh_places(design: Design) -> Array:
-    free = len(_free(design))
-    if free == 0:
+    ranging = _ranging(design)
+    if not ranging:
         return np.zeros((1, len(design.parameters)))
-    return _spread(design, np.random.default_rng(2).uniform(-1, 1, (FRESH, free)))
+    return _spread(design, ranging, np.random.default_rng(2).uniform(-1, 1, (FRESH, len(ranging))))
 
 
 def _rounds(
@@ -250,22 +289,27 @@ def _residuals(
 
 
 def _evidence(design: Design, middle: DrawnJoint, plan: Plan, jobs: Jobs) -> tuple[Evidence, ...]:
-    """Change of the functions when thickness, length, material or one shape parameter changes, from the
-    middle.
+    """Change of the functions when thickness, width, length, material, another parameter or one of the shape changes,
+    from the middle; inf where the changed joint cannot make the motion.
     """
     chains = [mesh for mesh in plan.meshes if isinstance(mesh, int)]
     chain = min(chains, key=lambda n: abs(n - 4)) if chains else None
     seen: tuple[Mesh, ...] = tuple(mesh for mesh in ("strain", chain) if mesh in plan.meshes)
-    cases = dict(changes(middle))
-    for i in _free(design):
+    cases = {**changes(middle), **design.other_joints()}
+    for i in _ranging(design):
         for end in (-1.0, 1.0):
             places = np.zeros(len(design.parameters))
             places[i] = end
             p = design.parameters[i]
             cases[p.name, f"{p.value(end):.6g} for {p.value(0.0):.6g}"] = design.joint(places)
-    base, *others = jobs.run([Job(j, Plan(plan.lines, seen, plan.orders)) for j in (middle, *cases.values())])
+    # the joint itself first: what is wrong with it is said of it, not of a changed one
+    (base,) = jobs.run([Job(middle, Plan(plan.lines, seen, plan.orders))])
+    others = jobs.run([Job(j, Plan(plan.lines, seen, plan.orders), tried=True) for j in cases.values()])
     found = []
     for (parameter, words), other in zip(cases, others, strict=True):
+        if not other:
+            found.append(Evidence(parameter, words, math.inf, math.inf))
+            continue
         pose = np.abs(other[seen[0], "interface"] - base[seen[0], "interface"]).max()
         turns = [np.abs(other[k] - base[k]).max() for k in base if k[1] in ("rotations", "amplitudes")]
         rotations = turns[-1] if turns else 0.0

@@ -20,6 +20,7 @@ from ksd.model.arrays import COROTATIONAL, Motion, make_work
 from ksd.model.compile import Model, compile_scene
 from ksd.model.leafs import Mesh as LeafMesh
 from ksd.scene import Joint, Leaf, Mechanism
+from ksd.scene.clearance import BENT, PIECES, clash, pieces
 from ksd.solve.configuration import Configuration
 from ksd.solve.conventional import conventional
 from ksd.train.designs import redrawn
@@ -68,13 +69,15 @@ def sample_joint(joint: Joint, plan: Plan, meshes: tuple[Mesh, ...] | None = Non
     """Everything a record needs of `joint` at all grid points, for the meshes of `plan` or those given.
 
     Raises SceneError when the joint cannot be represented: a state is not reached, is not the stable one, or
-    leaves the plane of a one-axis joint.
+    leaves the plane of a one-axis joint, or its leafs run into each other.
     """
     found: Samples = {}
     for mesh in meshes or plan.meshes:
         model = _model(joint, mesh, plan)
         states = _walk(joint, model, plan, mesh)
         _check_plane(joint, model, states, plan)
+        if mesh == (meshes or plan.meshes)[0]:
+            _check_clear(joint, states, plan)
         for group, values in _read(joint, model, states).items():
             found[mesh, group] = values
     return found
@@ -160,6 +163,29 @@ def _check_plane(joint: Joint, model: Model, states: list[Configuration], plan: 
             f"{joint.family}: interface B leaves its plane by {worst:.2g} (rad or joint lengths) "
             f"under a pure {load}; place its leafs symmetrically about that plane."
         )
+
+
+def _check_clear(joint: Joint, states: list[Configuration], plan: Plan) -> None:
+    """No leaf runs through another at the corners of the motions; at rest the drawing has been checked."""
+    if joint.windows:
+        return
+    leafs = {f"joint/{leaf.name}": leaf for leaf in joint.leafs()}
+    ends = np.abs(plan.grid) >= np.abs(plan.grid).max(axis=0) - 1e-12
+    for k in np.flatnonzero(ends.all(axis=1)):
+        bodies = []
+        for line in states[k].shape(points=PIECES + 1).leafs:
+            leaf = leafs[line.name]
+            width = 0.5 * (line.axes[1:, :, 2] + line.axes[:-1, :, 2])
+            bodies.append(
+                pieces(leaf.name, (leaf.start_block, leaf.end_block), line.place, leaf, width=width)
+            )
+        found = clash(bodies, touch=BENT)
+        if found is not None:
+            said = _spoken({**joint.shape(), **states[k].targets})
+            raise SceneError(
+                f"{joint.family}: leafs '{found[0]}' and '{found[1]}' run into each other at {said}; reduce the range of "
+                "motion or of the shape, or say windows=True where one passes through a window of the other."
+            )
 
 
 def _pose(model: Model, states: list[Motion], node: int, point: Array, length: float) -> Array:

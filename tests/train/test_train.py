@@ -16,7 +16,7 @@ import pytest
 import ksd
 import ksd.train.jobs as jobs_module
 from ksd.errors import SceneError
-from ksd.library import read_record
+from ksd.library import Parameter, read_record
 from ksd.library.files import shipped_folder
 from ksd.scene import CrossFlexure, DrawnJoint, Material, Motion
 from ksd.section import rectangle
@@ -194,7 +194,7 @@ def test_ctrl_c_in_a_process_run_keeps_finished_shapes(tmp_path):
         [sys.executable, str(script)], env=environment, stderr=subprocess.PIPE, start_new_session=True
     )
     folder = tmp_path / ".cross_flexure.partial"
-    deadline = time.monotonic() + 120
+    deadline = time.monotonic() + 60
     while time.monotonic() < deadline and len(list(folder.glob("*.npz"))) < 5:
         time.sleep(0.02)
     # as a terminal does it: to the whole group
@@ -293,6 +293,134 @@ def test_a_stroke_that_cannot_be_reached_is_a_sentence(tmp_path, threads):
     far = DrawnJoint("far", blocks=whole.blocks(), leafs=whole.leafs(), motions=motions)
     with pytest.raises(SceneError, match=r"far .1 mesh. at angle = .* reduce its range"):
         train(far, out=tmp_path, executor=threads, meshes=(1,), progress=False)
+
+
+def shuttle(rise):
+    """Two pairs of inclined leafs against each other, a bistable shuttle that moves along x."""
+    leafs = [
+        ksd.Leaf(
+            start=(x, 0.1 * side, 0), end=(x + rise, 0.005 * side, 0), width_axis=(0, 0, 1),
+            section=rectangle(5e-4, 0.02), material=STEEL, name=f"{side} {x}",
+        )
+        for x in (0.0, 0.06) for side in (-1, 1)
+    ]  # fmt: skip
+    motion = Motion("push", "translation", (1, 0, 0), (-2 * rise, 0.4 * rise))
+    return DrawnJoint(
+        "shuttle", blocks={"A": (0, 0, 0), "B": (rise, 0, 0)}, leafs=leafs, motions=[motion], length=0.1
+    )
+
+
+def test_buckling_on_the_way_is_refused(tmp_path, threads):
+    """Pushed through, the leafs pass their Euler load where the rise is above 2.56 thicknesses."""
+    with pytest.raises(SceneError, match=r"shuttle .*push = .*buckles or leaves the intended branch"):
+        train(shuttle(0.0025), out=tmp_path, executor=threads, meshes=("strain",), progress=False)
+    record = train(shuttle(0.0010), out=tmp_path, executor=threads, meshes=("strain",), progress=False)
+    assert record.motion_range[0] == pytest.approx((-0.02, 0.004))
+    # of half the thickness it would buckle: the record says that thickness matters here
+    assert math.inf in [e.interface for e in record.evidence if e.change == "half"]
+
+
+def test_leafs_that_run_through_each_other_are_refused(tmp_path, threads):
+    """At rest when drawn, at the corner of a range before any work, and within the stroke."""
+    whole = cross()
+    crossing = [
+        replace(leaf, start=(*leaf.start[:2], 0.0), end=(*leaf.end[:2], 0.0)) for leaf in whole.leafs()[:2]
+    ]
+    words = {"blocks": whole.blocks(), "leafs": crossing, "motions": whole.motions}
+    with pytest.raises(SceneError, match="leafs 'inner' and 'outer_low' run through each other at rest"):
+        DrawnJoint("flat", **words)
+    assert DrawnJoint("flat", **words, windows=True).windows
+    with pytest.raises(SceneError, match="CrossFlexure: leafs 'inner' and 'outer_low'"):
+        cross(spacing=0.02)
+    with pytest.raises(SceneError, match=r"infinity_hinge: the range of shapes holds .* strut = 0.6"):
+        train(
+            "infinity_hinge", shapes={"reach": (0.25, 0.4), "strut": (0.3, 0.6)}, out=tmp_path, progress=False
+        )
+    apart = ksd.ParallelGuide(STEEL, length=0.1, thickness=5e-4, width=0.03, spacing=0.06)
+    high = apart.leafs()[1]
+    twin = replace(high, start=(0, 0.03055, 0), end=(0.1, 0.03055, 0), name="twin")
+    far = Motion("stroke", "translation", (0, 1, 0), (-0.04, 0.04), (0.05, 0, 0))
+    close = DrawnJoint("close", blocks=apart.blocks(), leafs=[*apart.leafs(), twin], motions=[far])
+    with pytest.raises(SceneError, match="leafs 'high' and 'twin' run into each other at stroke = -0.04"):
+        train(close, out=tmp_path, executor=threads, meshes=("strain",), progress=False)
+
+
+def gapped(*, angle, gap):
+    return cross(angle=angle, gap=0.01 * gap)
+
+
+def test_parameters_that_do_not_matter_are_left_out(tmp_path, threads):
+    """The gap between the leafs of a cross flexure moves none of its functions; the record says so."""
+    ranges = (Parameter("angle", 0.75, 0.8), Parameter("gap", 0.0, 1.0))
+    record = train(
+        Design("gapped", ranges, gapped), out=tmp_path, executor=threads, meshes=("strain",), progress=False
+    )
+    m = len(record.motions)
+    assert record.powers[:, m].any() and not record.powers[:, m + 1].any()
+    assert "No dependence on gap." in record.history[-1]
+    # the fresh shapes vary the gap too
+    assert record.worst("strain") < 2e-6
+    assert max(e.rotations for e in record.evidence if e.parameter == "gap") < 1e-6
+
+
+def test_shipped_records_hold_the_evidence():
+    """What a record takes to be irrelevant was changed, and what it depends on matters."""
+    for path in sorted((ROOT / "database").glob("*.h5")):
+        record = read_record(path)
+        moved = {}
+        for e in record.evidence:
+            moved[e.parameter] = max(moved.get(e.parameter, 0.0), e.rotations, e.interface)
+        assert {"thickness", "width", "length", "material"} <= set(moved)
+        for name in record.shape_names:
+            assert moved[name] > 1e-3, (path.name, name)
+        for name in {"width", "gap", "spacing", "material"} & set(moved):
+            assert moved[name] < 1e-3, (path.name, name)
+
+
+KILLED = """
+from ksd.train import train
+if __name__ == "__main__":
+    train("cartwheel", meshes=("strain", 2), out={out!r}, trained="2024-05-01", progress=False)
+"""
+
+
+@pytest.mark.skipif(os.name != "posix", reason="sends a POSIX signal")
+def test_a_killed_run_resumes_to_the_same_bytes(tmp_path, threads):
+    script = tmp_path / "run.py"
+    script.write_text(KILLED.format(out=str(tmp_path)))
+    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+    process = subprocess.Popen([sys.executable, str(script)], env=environment, start_new_session=True)
+    folder = tmp_path / ".cartwheel.partial"
+    while process.poll() is None and len(list(folder.glob("*.npz"))) < 4:
+        time.sleep(0.01)
+    os.killpg(process.pid, signal.SIGKILL)
+    process.wait()
+    kept = len(list(folder.glob("*.npz")))
+    assert kept >= 4 and not (tmp_path / "cartwheel.h5").exists()
+    options = {"meshes": ("strain", 2), "executor": threads, "trained": "2024-05-01", "progress": False}
+    train("cartwheel", out=tmp_path, **options)
+    train("cartwheel", out=tmp_path / "whole.h5", **options)
+    assert (tmp_path / "cartwheel.h5").read_bytes() == (tmp_path / "whole.h5").read_bytes()
+
+
+@pytest.mark.parametrize("name", ["stiffened_guide", "arc_hinge", "universal", "infinity_hinge"])
+def test_every_kind_of_family_gives_the_same_bytes(name, tmp_path, threads, monkeypatch):
+    """Broken off and taken up again at another moment in each, against a run in one go."""
+    options = {"meshes": ("strain",), "executor": threads, "trained": "2024-05-01", "progress": False}
+    narrow = {p.name: (p.value(-0.1), p.value(0.1)) for p in design_of(name).parameters}
+    train(name, shapes=narrow, out=tmp_path / "whole.h5", **options)
+    left = iter(range(3 + len(name) % 5))
+
+    def broken(job):
+        if next(left, None) is None:
+            raise KeyboardInterrupt
+        return sample_joint(job.joint, job.plan)
+
+    with monkeypatch.context() as patch, pytest.raises(KeyboardInterrupt):
+        patch.setattr(jobs_module, "perform", broken)
+        train(name, shapes=narrow, out=tmp_path / "part.h5", **options)
+    train(name, shapes=narrow, out=tmp_path / "part.h5", **options)
+    assert (tmp_path / "part.h5").read_bytes() == (tmp_path / "whole.h5").read_bytes()
 
 
 def test_wrong_words(tmp_path):

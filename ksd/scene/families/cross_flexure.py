@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 from ksd.errors import SceneError
+from ksd.scene.clearance import check_clear
 from ksd.scene.joint import Joint, Motion
 from ksd.scene.leaf import Leaf, mesh
 from ksd.scene.material import Material
@@ -84,6 +85,7 @@ class CrossFlexure(Joint):
             )
         for key, value in clean.items():
             object.__setattr__(self, key, value)
+        check_clear(self.leafs(), owner=name, advice="raise the spacing to half the sum of the widths")
 
     @property
     def pose_B(self) -> Vector:

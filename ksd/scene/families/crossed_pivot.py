@@ -49,6 +49,7 @@ class CrossedPivot(Joint):
     """
 
     family: ClassVar[str] = "crossed_pivot"
+    windows = True
     quantities: ClassVar[dict[str, str]] = {
         "length": "length",
         "angle": "angle",

@@ -12,6 +12,7 @@ import math
 from dataclasses import KW_ONLY, dataclass
 from typing import ClassVar
 
+from ksd.scene.clearance import check_clear
 from ksd.scene.families.sheet import Point, check_sheet, flat, inside, strip
 from ksd.scene.joint import Joint, Motion
 from ksd.scene.leaf import Leaf
@@ -62,6 +63,7 @@ class InfinityHinge(Joint):
         name = type(self).__name__
         object.__setattr__(self, "reach", inside(self.reach, "reach", (0.25, 0.6), owner=name))
         object.__setattr__(self, "strut", inside(self.strut, "strut", (0.1, 0.6), owner=name))
+        check_clear(self.leafs(), owner=name, advice="raise reach or reduce strut")
 
     @property
     def pose_B(self) -> Vector:
@@ -128,6 +130,7 @@ class TripleInfinityHinge(Joint):
     """
 
     family: ClassVar[str] = "triple_infinity_hinge"
+    windows = True
     quantities: ClassVar[dict[str, str]] = {"thickness": "length", "length": "length"}
 
     material: Material

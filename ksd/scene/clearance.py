@@ -1,0 +1,138 @@
+"""Leafs that run through each other: oriented boxes around pieces of leafs, parted by the separating-axis test."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ksd.errors import SceneError
+from ksd.scene.leaf import Leaf
+
+Array = NDArray[np.float64]
+TRIM = 0.06
+"""Fraction of a leaf next to a block where it may come close to another leaf of that block: both are clamped there."""
+TOUCH = 1e-6
+"""Overlap, over the size of the boxes, that still counts as touching: leafs cut side by side from one sheet do."""
+BENT = 0.05
+"""The same in a deformed joint, where neighbours cut from one sheet rub along their edges."""
+PIECES = 8
+"""Boxes along a curved or deformed leaf."""
+
+
+@dataclass(frozen=True)
+class Body:
+    """A leaf as boxes: name, blocks it hangs on (start, end); centre (k, 3), axes (k, 3, 3) as columns, half (k, 3):
+    half sizes along them, from its start to its end."""
+
+    name: str
+    blocks: tuple[str, str]
+    centre: Array
+    axes: Array
+    half: Array
+
+
+def leaf_body(leaf: Leaf) -> Body:
+    """The boxes of a leaf at rest: one for a straight leaf, PIECES along a curved one."""
+    line = np.array([leaf.start, leaf.end]) if leaf.curve is None else _curved(leaf)
+    return pieces(leaf.name, (leaf.start_block, leaf.end_block), line, leaf)
+
+
+def _curved(leaf: Leaf) -> Array:
+    """Points along a curved leaf: its curvature integrated in the plane or space, then laid on its chord."""
+    assert leaf.curve is not None
+    count = 16 * PIECES
+    h, R, points = leaf.length / count, np.eye(3), [np.zeros(3)]
+    for k in range(count):
+        x, y, z = 0.5 * h * np.asarray(leaf.curve.curvature((k + 0.5) / count), float)
+        W = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+        # Cayley's rotation, of second order in h like the rule for the position
+        turned = R @ np.linalg.solve(np.eye(3) - W, np.eye(3) + W)
+        points.append(points[-1] + 0.5 * h * (R[:, 0] + turned[:, 0]))
+        R = turned
+    shape = np.array(points)[:: count // PIECES]
+    chord = shape[-1] / np.linalg.norm(shape[-1])
+    across = np.array([0.0, 0.0, 1.0])
+    own = np.column_stack([chord, np.cross(across, chord), across])
+    return np.asarray(leaf.start) + shape @ own @ leaf.axes.T
+
+
+def pieces(
+    name: str, blocks: tuple[str, str], line: Array, leaf: Leaf, *, width: Array | None = None
+) -> Body:
+    """Boxes between the points `line` (k+1, 3) of a leaf; width (k, 3): direction of its width at each, at rest when
+    None."""
+    along = np.diff(line, axis=0)
+    length = np.linalg.norm(along, axis=1)
+    e1 = along / length[:, None]
+    e3 = np.broadcast_to(leaf.axes[:, 2] if width is None else width, e1.shape)
+    e3 = e3 - np.sum(e3 * e1, axis=1)[:, None] * e1
+    e3 = e3 / np.linalg.norm(e3, axis=1)[:, None]
+    axes = np.stack([e1, np.cross(e3, e1), e3], axis=2)
+    q = leaf.section
+    across = [q.thickness or np.sqrt(12 * q.Iz / q.A), q.width or np.sqrt(12 * q.Iy / q.A)]
+    half = 0.5 * np.column_stack([length, *(np.full(len(length), w) for w in across)])
+    return Body(name, blocks, 0.5 * (line[1:] + line[:-1]), axes, half)
+
+
+def clash(bodies: Sequence[Body], *, touch: float = TOUCH) -> tuple[str, str] | None:
+    """Names of two leafs that run through each other by more than `touch`, None when all are clear."""
+    for one, two in combinations(bodies, 2):
+        if not _far(one, two) and _overlap(_trimmed(one, two), _trimmed(two, one), touch):
+            return one.name, two.name
+    return None
+
+
+def check_clear(leafs: Sequence[Leaf], *, owner: str, advice: str = "move them apart") -> None:
+    """Raise SceneError naming two leafs of `owner` that run through each other at rest."""
+    found = clash([leaf_body(leaf) for leaf in leafs])
+    if found is not None:
+        raise SceneError(
+            f"{owner}: leafs '{found[0]}' and '{found[1]}' run through each other at rest; {advice}."
+        )
+
+
+def _far(one: Body, two: Body) -> bool:
+    """Whether the leafs are further apart than they are large."""
+    reach = sum(
+        float(np.linalg.norm(np.ptp(b.centre, axis=0)) + 2 * np.linalg.norm(b.half[0])) for b in (one, two)
+    )
+    gap = np.linalg.norm(one.centre.mean(axis=0) - two.centre.mean(axis=0))
+    return bool(gap > reach)
+
+
+def _trimmed(body: Body, other: Body) -> Body:
+    """The body without its ends on blocks it shares with the other."""
+    cut = np.array([TRIM * (block in other.blocks) for block in body.blocks])
+    if not cut.any():
+        return body
+    length = 2 * body.half[:, 0]
+    at = np.concatenate([[0.0], np.cumsum(length)])
+    low, high = at[-1] * cut[0], at[-1] * (1 - cut[1])
+    start, end = np.clip(at[:-1], low, high), np.clip(at[1:], low, high)
+    kept = end > start
+    middle = 0.5 * (start + end) - 0.5 * (at[:-1] + at[1:])
+    half = body.half.copy()
+    half[:, 0] = 0.5 * (end - start)
+    centre = body.centre + middle[:, None] * body.axes[:, :, 0]
+    return Body(body.name, body.blocks, centre[kept], body.axes[kept], half[kept])
+
+
+def _overlap(one: Body, two: Body, touch: float) -> bool:
+    """Whether any box of one overlaps any box of the other (Gottschalk, Lin and Manocha 1996)."""
+    d = two.centre[None] - one.centre[:, None]
+    A, B = np.swapaxes(one.axes, 1, 2)[:, None], np.swapaxes(two.axes, 1, 2)[None]
+    shape = (len(one.half), len(two.half), 3, 3)
+    A, B = np.broadcast_to(A, shape), np.broadcast_to(B, shape)
+    crossed = np.cross(A[:, :, :, None], B[:, :, None]).reshape(*shape[:2], 9, 3)
+    axes = np.concatenate([A, B, crossed], axis=2)
+    size = np.linalg.norm(axes, axis=3)
+    reach = np.abs(axes @ np.swapaxes(A, 2, 3)) @ one.half[:, None, :, None]
+    reach = reach + np.abs(axes @ np.swapaxes(B, 2, 3)) @ two.half[None, :, :, None]
+    gap = np.abs(axes @ d[..., None])[..., 0] - (1 - touch) * reach[..., 0]
+    # parallel edges give no axis
+    apart = (gap > 0.0) & (size > 1e-9)
+    return bool(np.any(~apart.any(axis=2)))
