@@ -341,7 +341,7 @@ def test_leafs_that_run_through_each_other_are_refused(tmp_path, threads):
     twin = replace(high, start=(0, 0.03055, 0), end=(0.1, 0.03055, 0), name="twin")
     far = Motion("stroke", "translation", (0, 1, 0), (-0.04, 0.04), (0.05, 0, 0))
     close = DrawnJoint("close", blocks=apart.blocks(), leafs=[*apart.leafs(), twin], motions=[far])
-    with pytest.raises(SceneError, match="leafs 'high' and 'twin' run into each other at stroke = -0.04"):
+    with pytest.raises(SceneError, match=r"leafs 'high' and 'twin' run into each other at stroke = -0\.04"):
         train(close, out=tmp_path, executor=threads, meshes=("strain",), progress=False)
 
 

@@ -1,0 +1,124 @@
+"""Layouts that hold a motion twice: how often, and the internal stress of misplaced leafs, against closed forms."""
+
+import numpy as np
+import pytest
+
+import ksd
+from ksd.errors import KinematicsError, SceneError
+from ksd.scene import CrossedPivot, CrossFlexure, Material, Motion, ParallelGuide
+from ksd.scene.joint import DrawnJoint
+
+STEEL = Material(E=200e9, G=76.9e9)
+SIZES = {"length": 0.1, "thickness": 5e-4}
+
+
+def solved(*joints, value=0.0, tilt=0.0, method="conventional"):
+    """Joints 0.2 m apart in y between ground and one link, the first one's motion driven."""
+    scene = ksd.Mechanism("layout")
+    table = scene.link("table")
+    for k, joint in enumerate(joints):
+        scene.join(
+            scene.ground,
+            table,
+            joint,
+            at=(0, 0.2 * k, 0),
+            axis="z",
+            toward=(1, tilt * k, 0),
+            name=f"joint{k}",
+        )
+    scene.actuate_joint("joint0", name="drive")
+    return ksd.solve(scene, drive=value, method=method)
+
+
+def guide(count=2, width=0.03):
+    """A guide of `count` leafs, drawn."""
+    leafs = [
+        ksd.Leaf(
+            start=(0, y, 0), end=(0.1, y, 0), width_axis=(0, 0, 1), section=ksd.rectangle(5e-4, width),
+            material=STEEL, name=f"leaf{k}",
+        )
+        for k, y in enumerate(np.linspace(-0.03, 0.03, count).tolist())
+    ]  # fmt: skip
+    motion = Motion("stroke", "translation", (0, 1, 0), (-0.02, 0.02), (0.05, 0, 0))
+    return DrawnJoint("guide", blocks={"A": (0, 0, 0), "B": (0.1, 0, 0)}, leafs=leafs, motions=[motion])
+
+
+@pytest.mark.parametrize(
+    "joint, count",
+    [
+        # a leaf holds three motions of six, the drive the last
+        (CrossedPivot(STEEL, angle=0.8, width=0.03, **SIZES), 1),
+        (CrossFlexure(STEEL, angle=0.8, widths=(0.03, 0.015), **SIZES), 4),
+        (ParallelGuide(STEEL, width=0.03, spacing=0.06, **SIZES), 1),
+        (guide(3), 4),
+    ],
+    ids=["two crossed leafs", "three crossed leafs", "guide", "guide of three"],
+)
+def test_count(joint, count):
+    found = solved(joint).overconstraint()
+    assert found.count == count and found.freedoms == 0
+    assert len(found.leafs) == len(joint.leafs())
+
+
+def test_two_guides_in_parallel_hold_seven_motions_twice():
+    one = ParallelGuide(STEEL, width=0.03, spacing=0.06, **SIZES)
+    found = solved(one, one).overconstraint()
+    assert found.count == 7
+    assert "overconstrained 7 times, through joint0/low, joint0/high, joint1/low" in str(found)
+
+
+def test_a_folded_leaf_and_a_wire_hold_one_motion_each():
+    """Exact constraint: six wires and folded leafs on a body, none twice."""
+    scene = ksd.Mechanism("hexapod")
+    body = scene.link("body")
+    wire = ksd.WireFlexure(STEEL, length=0.05, diameter=5e-4)
+    for k, (at, axis, toward) in enumerate(
+        [((0.05 * i, 0.05 * j, 0), "x", "z") for i, j in ((0, 0), (1, 0), (0, 1))]
+        + [((0, 0, 0.05), "z", "x"), ((0, 0.05, 0.05), "z", "x"), ((0, 0, 0.07), "z", "y")]
+    ):
+        scene.constrain(scene.ground, body, wire, at=at, axis=axis, toward=toward, name=f"wire{k}")
+    scene.load(body, force=(0, 0, 1), at=(0, 0, 0.05))
+    found = ksd.solve(scene, method="conventional").overconstraint()
+    assert (found.count, found.freedoms) == (0, 0)
+    assert "exactly constrained" in str(found)
+
+
+def test_the_middle_leaf_of_three_misplaced_along():
+    """Closed form: E/L offset 2/3, the outer leafs in series with it."""
+    pose = solved(guide(3), value=0.0)
+    found = pose.internal_stress(leafs=("joint0/leaf1",), offset=1e-5)
+    expected = STEEL.E * 1e-5 / 0.1 * 2 / 3
+    assert found.stress_Pa["joint0/leaf1", "along"] == pytest.approx(expected, rel=1e-3)
+    # bent into an S: 6 E (t/2) offset / L^2
+    bent = 3 * STEEL.E * 5e-4 * 1e-5 / 0.1**2
+    assert found.stress_Pa["joint0/leaf1", "across"] == pytest.approx(bent, rel=1e-3)
+    twice = pose.internal_stress(leafs=("joint0/leaf1",), offset=2e-5)
+    assert twice.stress_Pa["joint0/leaf1", "along"] == pytest.approx(2 * expected, rel=1e-3)
+
+
+def test_misplacing_costs_little_where_nothing_is_held_twice():
+    """One cantilever leaf driven at its end is strained by no misplacement but that of what is driven."""
+    one, two = guide(2), guide(3)
+    along = [
+        solved(g).internal_stress(leafs=("joint0/leaf0",)).stress_Pa["joint0/leaf0", "along"]
+        for g in (one, two)
+    ]
+    assert along[0] < 0.05 * along[1]
+
+
+def test_misaligned_guides_are_refused_by_name_and_yield_in_the_full_model():
+    one = ParallelGuide(STEEL, width=0.03, spacing=0.06, **SIZES)
+    with pytest.raises(KinematicsError, match="overconstrained and its joints are not aligned"):
+        solved(one, one, tilt=2e-3, value=0.005, method="full")
+    straight, bent = (solved(one, one, tilt=t, value=0.005) for t in (0.0, 2e-3))
+    # 2e-3 rad times 5 mm of stroke is 10 um that the two guides, four leafs, have to yield
+    extra = bent.stress().largest_Pa - straight.stress().largest_Pa
+    assert extra > 1e6 and bent.stable
+
+
+def test_wrong_words():
+    pose = solved(guide(2))
+    with pytest.raises(SceneError, match="leaf 'low' is not part"):
+        pose.internal_stress(leafs=("low",))
+    with pytest.raises(SceneError, match="must be positive"):
+        pose.internal_stress(offset=0.0)
