@@ -30,6 +30,8 @@ _HOMES = {
         "WireFlexure", "joint_families", "wire",
     ),
     "ksd.section": ("Section", "circle", "numbers", "polygon", "rectangle", "tube"),
+    "ksd.scene.effects": ("LinkMatrix",),
+    "ksd.scene.mentioned": ("link_matrix",),
     "ksd.scene.toml_file": ("load_scene", "save_scene"),
     "ksd.model.mesh": ("Mesh",),
     "ksd.model.compile": ("Model", "compile_scene"),
@@ -86,6 +88,8 @@ if TYPE_CHECKING:
         joint_families,
         wire,
     )
+    from ksd.scene.effects import LinkMatrix
+    from ksd.scene.mentioned import link_matrix
     from ksd.scene.toml_file import load_scene, save_scene
     from ksd.section import Section, circle, numbers, polygon, rectangle, tube
     from ksd.solve.choose import Solver, prepare, solve

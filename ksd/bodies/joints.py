@@ -17,7 +17,14 @@ from ksd.bodies.bench import Inside
 from ksd.bodies.kinematics import Loops
 from ksd.errors import KinematicsError, RecordError, SceneError
 from ksd.model.arrays import COROTATIONAL, LINEAR, Arrays, Motion
-from ksd.model.compile import Model, constraint_rows, external_loads, joint_members_of, reference_points
+from ksd.model.compile import (
+    Model,
+    constraint_rows,
+    elastic_parts,
+    external_loads,
+    joint_members_of,
+    reference_points,
+)
 from ksd.model.leafs import leaf_member
 from ksd.model.pack import Assembly, Member, pack
 from ksd.scene.joint import leafs_of
@@ -250,7 +257,8 @@ def build_reduced(model: Model) -> tuple[Arrays, Motion]:
             leaf_member(leaf.leaf, model.mesh, name=leaf.name, nodes=(a, b), places=(places[a], places[b]))
         )
     rows, _, _ = constraint_rows(scene, places)
-    return pack(Assembly(places, members, rows, external_loads(scene, places)))
+    springs = elastic_parts(scene, places)
+    return pack(Assembly(places, members, rows, external_loads(scene, places), springs))
 
 
 def _contracted(joint: Any, record: Any, mesh: str | int, extrapolate: bool) -> Any:

@@ -14,7 +14,7 @@ from importlib import import_module
 
 from ksd.errors import KsdError
 
-COMMANDS = ("demo", "solve", "doctor", "sweep", "report", "train", "info", "bench")
+COMMANDS = ("demo", "solve", "effects", "doctor", "sweep", "report", "train", "info", "bench")
 """Modules of this package, in the order of the help; each has `add(subparsers)` and `run(options) -> int`."""
 INTERRUPTED = 130
 BAD_INPUT = 2

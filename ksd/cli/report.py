@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from ksd.cli.output import console
-from ksd.cli.solve import OPTIONS, drive_value, mesh_of, settings
+from ksd.cli.solve import OPTIONS, drive_value, effect_words, mesh_of, settings
 from ksd.errors import KsdError, SceneError
 
 POSES = 31
@@ -34,6 +34,8 @@ def add(commands: Any) -> argparse.ArgumentParser:
     )
     parser.add_argument("--both", action="store_true", help="stroke from minus to plus the drive values")
     parser.add_argument("--quiet", action="store_true", help="no progress bar")
+    for word in ("effects", "with", "without"):
+        parser.add_argument(f"--{word}", metavar="E", help="as in ksd solve")
     parser.set_defaults(accuracy=None, elements=None, passes=None, extrapolate=None)
     return parser
 
@@ -58,14 +60,15 @@ def run(options: argparse.Namespace) -> int:
         raise SceneError(f"--out {target}: folder '{target.parent}' does not exist; make it first")
     mesh = mesh_of(asked)
     how = {"method": asked["method"], "accuracy": asked["accuracy"], "passes": asked["passes"] or 0}
-    solver = prepare(scene, mesh=mesh, extrapolate=bool(asked["extrapolate"]))
+    words = effect_words(asked) | {"targets": targets}
+    solver = prepare(scene, mesh=mesh, extrapolate=bool(asked["extrapolate"]), **words)
     solver(targets, **how)
     # once more: the times shown are without the loading of kernels
     pose = solver(targets, **how)
     share = np.linspace(-1.0 if options.both else 0.0, 1.0, options.poses)
     table = sweep(
         scene, {n: v * share for n, v in targets.items()}, together=True, mesh=mesh, progress=not options.quiet,
-        questions=_possible(scene), extrapolate=bool(asked["extrapolate"]), **how,
+        questions=_possible(scene), extrapolate=bool(asked["extrapolate"]), effects=solver.model.choice.present, **how,
     )  # fmt: skip
     compared = [_compared(f"{pose.method} (this report)", lambda: pose), *_other_ways(solver, targets, pose)]
     try:
@@ -133,6 +136,8 @@ def _other_ways(solver: Any, targets: dict[str, float], pose: Any) -> list[Any]:
         *found,
         _compared(
             f"conventional, {said}",
-            lambda: prepare(solver.model.scene, mesh=fine)(targets, method="conventional"),
+            lambda: prepare(solver.model.said, mesh=fine, effects=solver.model.choice.present)(
+                targets, method="conventional"
+            ),
         ),
     ]

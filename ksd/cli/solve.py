@@ -9,7 +9,10 @@ from typing import Any
 from ksd.cli.output import STDOUT, check_json, check_plot, console, write_json
 from ksd.errors import SceneError
 
-OPTIONS = {"method": str, "accuracy": float, "elements": int, "passes": int, "extrapolate": bool}
+OPTIONS = {
+    "method": str, "accuracy": float, "elements": int, "passes": int, "extrapolate": bool,
+    "effects": str, "with": str, "without": str,
+}  # fmt: skip
 """Keys of [options] in a scene file, with their types; the command line wins over them."""
 QUICK = 20.0
 """A first solve shorter than this [s] is repeated, so that its times do not hold the loading of kernels."""
@@ -33,6 +36,9 @@ _WORDS: tuple[tuple[str, dict[str, Any]], ...] = (
         "--extrapolate",
         {"action": "store_true", "default": None, "help": "use joint records beyond their range"},
     ),
+    ("--effects", {"metavar": "E", "help": "auto (by estimate), all, or names: shear,gravity"}),
+    ("--with", {"metavar": "E", "help": "effects to simulate besides, such as warping,plate"}),
+    ("--without", {"metavar": "E", "help": "effects to leave out, such as shear"}),
     ("--json", {"metavar": "FILE", "help": "write every number; - is stdout, without tables"}),
     ("--plot", {"metavar": "FILE", "help": "write a picture (.png, .pdf, .svg) or a ParaView file (.vtu)"}),
 )
@@ -110,6 +116,21 @@ def settings(written: dict[str, Any], options: argparse.Namespace) -> dict[str, 
 _TYPES = {str: "text", float: "a number", int: "a whole number", bool: "true or false"}
 
 
+def effect_words(asked: dict[str, Any]) -> dict[str, Any]:
+    """The words of `ksd.prepare` about effects, from what was asked: names parted by commas."""
+
+    def names(text: str | None) -> tuple[str, ...]:
+        return tuple(n.strip() for n in (text or "").split(",") if n.strip())
+
+    said = asked.get("effects") or "auto"
+    return {
+        "effects": said if said in ("auto", "all") else names(said),
+        "with_": names(asked.get("with")),
+        "without": names(asked.get("without")),
+        "accuracy": asked.get("accuracy"),
+    }
+
+
 def drive_value(scene: Any, text: str) -> tuple[str, float]:
     """Name and value (SI) from "top=300mm"; plain numbers are SI. SceneError for unknown drives and units."""
     from ksd.scene.toml_table import quantity
@@ -134,7 +155,13 @@ def solved(scene: Any, targets: dict[str, float], asked: dict[str, Any]) -> Any:
     """The configuration, solved twice when that is quick: kernels are loaded in the first solve."""
     from ksd.solve.choose import prepare
 
-    solver = prepare(scene, mesh=mesh_of(asked), extrapolate=bool(asked["extrapolate"]))
+    solver = prepare(
+        scene,
+        mesh=mesh_of(asked),
+        extrapolate=bool(asked["extrapolate"]),
+        **effect_words(asked),
+        targets=targets,
+    )
     how = {"method": asked["method"], "accuracy": asked["accuracy"], "passes": asked["passes"] or 0}
     result = solver(targets, **how)
     return solver(targets, **how) if result.time < QUICK else result

@@ -28,6 +28,7 @@ class Recipe:
     passes: int = 0
     mesh: Mesh | None = None
     extrapolate: bool = False
+    effects: tuple[tuple[str, Any], ...] = ()
 
 
 @dataclass(frozen=True)
@@ -87,7 +88,9 @@ def run_line(line: Line, recipe: Recipe, solver: Solver | None, rows: list[Row])
         rows.extend(blank_rows(line, line.failure))
         return None
     try:
-        solver = solver or Solver(line.scene, mesh=recipe.mesh, extrapolate=recipe.extrapolate)
+        solver = solver or Solver(
+            line.scene, mesh=recipe.mesh, extrapolate=recipe.extrapolate, **dict(recipe.effects)
+        )
     except CAUGHT as reason:
         rows.extend(blank_rows(line, spoken(reason)))
         return None

@@ -54,6 +54,9 @@ def sweep(
     passes: int = 0,
     mesh: Mesh | None = None,
     extrapolate: bool = False,
+    effects: Any = "auto",
+    with_: Any = (),
+    without: Any = (),
     together: bool = False,
     executor: Executor | None = None,
     progress: bool = True,
@@ -69,7 +72,8 @@ def sweep(
     a list of dict(link=, force=, moment=, at=) added to the scene's own. questions: of "force", "drive_stiffness",
     "support_stiffness", "frequencies", "stress", "parasitic", "energy", "buckling"; link, at: the point asked about;
     freed: drives let go for frequencies (all when None), modes: how many are followed besides the intended. executor: any
-    concurrent.futures.Executor; without one, this process or, for many poses, a pool of processes. resume: a file that
+    concurrent.futures.Executor; without one, this process or, for many poses, a pool of processes. effects,
+    with_, without: as in `ksd.solve`; what depends on drive values is kept. resume: a file that
     keeps finished lines; give it again to go on. A pose that fails is a row whose `status` says why.
 
     Raises SceneError for what is wrong before any solve; SweepInterrupted (a KeyboardInterrupt with `.table`) on Ctrl-C.
@@ -77,6 +81,7 @@ def sweep(
     recipe = _recipe(
         _asked(questions, link, at, freed, modes=modes),
         method=method, accuracy=accuracy, passes=passes, mesh=mesh, extrapolate=extrapolate,
+        effects=(("effects", effects), ("with_", with_), ("without", without)),
     )  # fmt: skip
     lines, name = plan_lines(mechanism, {**(targets or {}), **drives}, designs, loads, together=together)
     kept = Kept(resume, fingerprint(lines, recipe))

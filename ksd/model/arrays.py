@@ -12,7 +12,7 @@ import numpy as np
 
 from ksd.numerics.blocks import Blocks
 
-STRAIN, COROTATIONAL, LINEAR = 0, 1, 2
+STRAIN, COROTATIONAL, LINEAR, COIL, TURN = 0, 1, 2, 3, 4
 TRANSLATION, ROTATION = 0, 1
 
 
@@ -70,7 +70,12 @@ class Loads(NamedTuple):
 
 
 class Arrays(NamedTuple):
-    """One mechanism as numbers. start (k,): first unknown of each node, -1 when fixed; size: length scale [m]."""
+    """One mechanism as numbers. start (k,): first unknown of each node, -1 when fixed; size: length scale [m].
+
+    springs: what resists without inner unknowns, packed as members: kind COIL with value (stiffness [N/m], free length
+    [m]), TURN with (stiffness [Nm/rad], rest angle [rad]) about e3 of end p, LINEAR with the constants of
+    `ksd.beam.linear`. Their rows of Work.lam and Work.pose follow those of the members.
+    """
 
     plan: Blocks
     start: np.ndarray
@@ -78,6 +83,7 @@ class Arrays(NamedTuple):
     terms: Terms
     loads: Loads
     size: float
+    springs: Members
 
 
 class Motion(NamedTuple):
@@ -121,7 +127,8 @@ class Work(NamedTuple):
 def make_work(arrays: Arrays, *, near: np.ndarray | None = None) -> Work:
     """Storage for one thread working on `arrays`; `near` (m,) lengths of the near configurations, if any."""
     members = arrays.members
-    count = len(members.kind)
+    count = len(members.kind) + len(arrays.springs.kind)
+    held = len(members.kind)
     return Work(
         np.zeros(arrays.plan.values),
         np.zeros(arrays.plan.values),
@@ -131,7 +138,7 @@ def make_work(arrays: Arrays, *, near: np.ndarray | None = None) -> Work:
         np.zeros((count, 18)),
         np.zeros((len(arrays.start), 2)),
         np.zeros(0 if near is None else int(np.sum(near))),
-        np.zeros(count + 1, np.int64)
+        np.zeros(held + 1, np.int64)
         if near is None
         else np.concatenate([[0], np.cumsum(near)]).astype(np.int64),
     )

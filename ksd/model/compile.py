@@ -5,8 +5,8 @@ Rigid links and connector blocks are neither elements nor constraints: leaf ends
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from typing import Any
 
@@ -14,9 +14,9 @@ import numpy as np
 
 from ksd.errors import SceneError
 from ksd.model.arrays import ROTATION, TRANSLATION, Arrays, Motion
+from ksd.model.effects import Choice, applied, choose
 from ksd.model.leafs import Mesh, leaf_member, split_leaf
 from ksd.model.pack import Assembly, Member, Push, Row, pack
-from ksd.scene.joint import leafs_of
 from ksd.section.checks import number, show
 
 
@@ -25,8 +25,9 @@ class Model:
     """What the computer solves: frozen arrays of one scene with one mesh, and its rest state.
 
     node_names: "ground", links, then "joint/block"; member_names: "joint/leaf", then free leafs. joint_members[j]
-    is the slice of members of joint j. drive_names: the first rows; supports follow, held at zero. dead: index
-    ranges of loads by name.
+    is the slice of members of joint j. drive_names: the first rows; supports follow, held at zero. spring_names: of
+    `arrays.springs`. scene: what is simulated, so without the effects left out and with elastic links taken apart;
+    said: the scene as it was described. choice: the effects and why, None when the scene was compiled as given.
     """
 
     scene: Any
@@ -38,7 +39,9 @@ class Model:
     joint_members: tuple[slice, ...]
     drive_names: tuple[str, ...]
     support_names: tuple[str, ...]
-    left_out: tuple[str, ...] = field(default=())
+    spring_names: tuple[str, ...] = field(default=())
+    said: Any = field(default=None)
+    choice: Any = field(default=None)
 
     def __repr__(self) -> str:
         unknowns = self.arrays.plan.unknowns
@@ -46,29 +49,9 @@ class Model:
 
     def __str__(self) -> str:
         """What is simulated and what is left out, with the reason, in a few lines."""
-        scene, arrays = self.scene, self.arrays
-        rows = len(self.drive_names) + len(self.support_names)
-        inner = arrays.members.inner_at[-1]
-        said = [
-            f"{scene.name}: {len(scene.links) - 1} links, {len(scene.joints)} joints, {len(self.member_names)} leafs "
-            f"as {self.mesh}",
-            f"unknowns: {arrays.plan.unknowns - rows} at nodes, {rows} multipliers, {inner} condensed inside the leafs",
-            "simulated: bending, torsion, stretch and shear of the leafs; rigid links and blocks are eliminated"
-            + ("; warping restrained at clamped ends" if self.mesh.warping else ""),
-        ]
-        if len(arrays.loads.node):
-            said.append(
-                f"loads: {len(arrays.loads.node)} on links"
-                + (", gravity among them" if scene.gravity else "")
-            )
-        left = [] if self.mesh.warping else ["restrained warping (Mesh(warping=True) adds it)"]
-        left += [] if scene.gravity else ["gravity (the scene names none)"]
-        left += [
-            "the weight of the leafs",
-            "mass (made when frequencies are asked)",
-            "compliance of links (no section)",
-        ]
-        return "\n".join([*said, "left out: " + "; ".join(left)])
+        from ksd.model.listing import listing
+
+        return "\n".join(f"{head}: {said}" for head, said in listing(self))
 
     @property
     def links(self) -> int:
@@ -108,7 +91,7 @@ def joint_members_of(
 ) -> list[Member]:
     """Members of one joint whose blocks are `nodes` (by block name), at reference `places` (k, 3)."""
     members = []
-    for leaf in leafs_of(placed.joint):
+    for leaf in placed.leafs():
         pair = (nodes[leaf.start_block], nodes[leaf.end_block])
         members.append(
             leaf_member(
@@ -209,7 +192,7 @@ class _Parts:
                 self.names.append(f"{placed.name}/{block}")
         first = len(self.members)
         if self.mesh.nodal:
-            for leaf in leafs_of(placed.joint):
+            for leaf in placed.leafs():
                 pair = (nodes[leaf.start_block], nodes[leaf.end_block])
                 self._add_nodal(leaf, f"{placed.name}/{leaf.name}", pair, turn)
         else:
@@ -229,10 +212,54 @@ class _Parts:
         self.members += _nodal_members(leaf, self.mesh, name, pair, (self.places, self.names, turn))
 
 
-def compile_scene(scene: Any, *, mesh: Mesh | None = None) -> Model:
-    """The full model of a scene (a Mechanism or its frozen Scene): every leaf a member, every block a node.
+def compile_given(scene: Any, mesh: Mesh) -> Model:
+    """The full model of a frozen scene exactly as it stands, no effect chosen: every leaf a member, every block a node."""
+    parts = _Parts(scene, mesh)
+    slices = [parts.add_joint(placed) for placed in scene.joints]
+    for leaf in scene.leafs:
+        parts.add_leaf(leaf)
+    places = np.array(parts.places)
+    rows, drives, supports = constraint_rows(scene, places)
+    springs = elastic_parts(scene, places)
+    pushes = external_loads(scene, places)
+    arrays, rest = pack(Assembly(places, parts.members, rows, pushes, springs))
+    names = tuple(m.name for m in parts.members)
+    return Model(
+        scene, mesh, arrays, rest, tuple(parts.names), names, tuple(slices), drives, supports,
+        tuple(s.name for s in springs), scene,
+    )  # fmt: skip
 
-    Raises SceneError where the scene cannot be compiled (see `Mechanism.validate`).
+
+def elastic_parts(scene: Any, places: np.ndarray) -> list[Member]:
+    """Springs of a scene and its links with a matrix, between links at reference `places`; empty where it has none."""
+    links = [c for c in scene.compliances if c.matrix is not None and f"{c.link}/2" in scene.links]
+    if not scene.springs and not links:
+        return []
+    from ksd.model.springs import matrix_member, spring_members
+
+    index = {link: i for i, link in enumerate(scene.links)}
+    found = spring_members(scene.springs, index, places)
+    for c in links:
+        nodes = (index[c.link], index[f"{c.link}/2"])
+        found.append(matrix_member(c.link, c.matrix, nodes, places, np.asarray(c.width_axis)))
+    return found
+
+
+def compile_scene(
+    scene: Any,
+    *,
+    mesh: Mesh | None = None,
+    effects: str | Iterable[str] = "auto",
+    with_: str | Iterable[str] = (),
+    without: str | Iterable[str] = (),
+    accuracy: float = 1e-3,
+    targets: Mapping[str, float] | None = None,
+) -> Model:
+    """The full model of a scene (a Mechanism or its frozen Scene) with the effects it calls for.
+
+    effects: "auto", "all" or the names wanted; with_, without: single effects put on or off; accuracy (relative) and
+    targets (drive values, m or rad): what the estimates are made for. See `ksd.model.effects`. Raises SceneError where
+    the scene cannot be compiled (see `Mechanism.validate`) or an effect is unknown.
     """
     scene = scene.scene() if hasattr(scene, "scene") else scene
     if not hasattr(scene, "fingerprint"):
@@ -242,12 +269,26 @@ def compile_scene(scene: Any, *, mesh: Mesh | None = None) -> Model:
         raise SceneError(
             f"mesh = {show(mesh)}: give a ksd.Mesh, for example ksd.Mesh('corotational', elements=5)."
         )
-    parts = _Parts(scene, mesh)
-    slices = [parts.add_joint(placed) for placed in scene.joints]
-    for leaf in scene.leafs:
-        parts.add_leaf(leaf)
-    places = np.array(parts.places)
-    rows, drives, supports = constraint_rows(scene, places)
-    arrays, rest = pack(Assembly(places, parts.members, rows, external_loads(scene, places)))
-    names = tuple(m.name for m in parts.members)
-    return Model(scene, mesh, arrays, rest, tuple(parts.names), names, tuple(slices), drives, supports)
+    words: dict[str, Any] = {
+        "effects": effects,
+        "with_": with_,
+        "without": without,
+        "accuracy": accuracy,
+        "targets": targets,
+    }
+    return compile_chosen(scene, mesh, choose(scene, mesh, **words))
+
+
+def compile_chosen(scene: Any, mesh: Mesh, choice: Choice) -> Model:
+    """The model of a frozen scene with the effects of `choice`."""
+    return marked(compile_given(*applied(scene, mesh, choice)), scene, choice)
+
+
+def marked(model: Model, said: Any, choice: Choice | None) -> Model:
+    """The model with what it stands for: the scene as described, and the choice of its effects."""
+    model = replace(model, said=said, choice=choice)
+    if choice is not None and choice["spatial"].present:
+        from ksd.model.plane import refuse_plane
+
+        refuse_plane(model, f"six unknowns per node are wanted: {choice['spatial'].reason}")
+    return model

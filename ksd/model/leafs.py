@@ -6,6 +6,7 @@ bending compliance, so that a moment linear along it needs two modes however dee
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from itertools import pairwise
@@ -21,7 +22,10 @@ from ksd.errors import SceneError
 from ksd.model.arrays import COROTATIONAL, STRAIN
 from ksd.model.mesh import Mesh
 from ksd.model.pack import Member
+from ksd.scene.leaf import Condition
+from ksd.scene.profile import Curve
 from ksd.section import Section, restrained_warping_factor
+from ksd.section.plate import plate_factor
 
 PANELS = 8
 """Quadrature panels of a leaf with a profile, between its breaks."""
@@ -51,12 +55,40 @@ def leaf_axes(start: np.ndarray, end: np.ndarray, width_axis: np.ndarray | None,
 
 def rigidities(section: Section, leaf: Any, mesh: Mesh) -> tuple[np.ndarray, np.ndarray]:
     """(GJ, EIy, EIz) [N m^2] and (1/EA, 1/(ky GA), 1/(kz GA)) [1/N] of one section of a leaf."""
-    E, G = leaf.material.E, leaf.material.G
-    factor = 1.0
+    E, G, nu = leaf.material.E, leaf.material.G, leaf.material.nu
+    state = leaf.condition or Condition()
+    torsion, plate = 1.0, 1.0
     if mesh.warping and section.Iw > 0.0:
-        factor = restrained_warping_factor(leaf.length, section.width, leaf.material.nu)
-    stiff = np.array([factor * G * section.J, E * section.Iy, E * section.Iz])
-    return stiff, 1.0 / np.array([E * section.A, section.ky * G * section.A, section.kz * G * section.A])
+        torsion = restrained_warping_factor(state.span or leaf.length, section.width, nu)
+    if mesh.plate and section.width > section.thickness > 0.0:
+        plate = plate_factor(section.width, section.thickness, state.bend, nu)
+    stiff = np.array([torsion * G * section.J, E * section.Iy, plate * E * section.Iz])
+    shear = np.array([1.0 / (section.ky * G * section.A), 1.0 / (section.kz * G * section.A)])
+    return stiff, np.concatenate([[1.0 / (E * section.A)], shear if mesh.shear else 0.0 * shear])
+
+
+@dataclass(frozen=True)
+class _Natural(Curve):
+    """The stress-free shape of a leaf in its condition: its own curve stretched, and bowed about e3."""
+
+    leaf: Any
+    length: float
+
+    def curvature(self, s: float) -> np.ndarray:
+        """(3,) 1/m at fraction s of the arc length."""
+        own = np.zeros(3) if self.leaf.curve is None else self.leaf.curve.curvature(s)
+        return own / self.leaf.condition.stretch + np.array([0.0, 0.0, self.leaf.condition.bow])
+
+
+def natural(leaf: Any) -> Any:
+    """The leaf as it is when nothing loads it: as drawn, unless heat or prestress have changed that."""
+    state = leaf.condition
+    if state is None or (state.stretch == 1.0 and state.bow == 0.0):
+        return leaf
+    if state.bow == 0.0 and leaf.curve is None:
+        end = np.asarray(leaf.start) + state.stretch * np.subtract(leaf.end, leaf.start)
+        return replace(leaf, end=tuple(end.tolist()))
+    return replace(leaf, curve=_Natural(leaf, leaf.length * state.stretch))
 
 
 @dataclass(frozen=True)
@@ -80,10 +112,12 @@ def raised_orders(leaf: Any, mesh: Mesh) -> tuple[tuple[int, int, int], int]:
     """
     orders = tuple(leaf.orders or mesh.orders)
     points = max(mesh.points, max(orders) + 1)
-    if leaf.curve is None or leaf.orders is not None:
+    # what heat bends is little, and the same modes with and without it keep the difference free of their error
+    curve = leaf.curve.leaf.curve if isinstance(leaf.curve, _Natural) else leaf.curve
+    if curve is None or leaf.orders is not None:
         return orders, points
     stations = np.linspace(0.0, 1.0, 65)
-    turning = leaf.length * np.mean([np.linalg.norm(leaf.curve.curvature(s)) for s in stations])
+    turning = leaf.length * np.mean([np.linalg.norm(curve.curvature(s)) for s in stations])
     more = int(np.ceil(np.rad2deg(turning) / 30.0))
     orders = tuple(min(n + more, 16) for n in orders)
     return orders, max(points, max(orders) + 3)
@@ -152,16 +186,17 @@ def _undeformed_end(
 def _numbers(section: Section, leaf: Any, mesh: Mesh) -> SimpleNamespace:
     """Section and material numbers in one place, as the chain set-up reads them."""
     material = leaf.material
-    J = rigidities(section, leaf, mesh)[0][0] / material.G
+    stiff, _ = rigidities(section, leaf, mesh)
+    free = 1.0 if mesh.shear else math.inf
     return SimpleNamespace(
         E=material.E,
         G=material.G,
         A=section.A,
-        J=J,
+        J=stiff[0] / material.G,
         Iy=section.Iy,
-        Iz=section.Iz,
-        ky=section.ky,
-        kz=section.kz,
+        Iz=stiff[2] / material.E,
+        ky=free * section.ky,
+        kz=free * section.kz,
     )
 
 
@@ -223,6 +258,18 @@ def _placed(
     return axes, start + axes @ body.d
 
 
+def _misfit(
+    state: Condition, axes: np.ndarray, tip: np.ndarray, clamp: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Where end q is clamped, and its axes there, when the clamp is off what is drawn."""
+    from scipy.spatial.transform import Rotation
+
+    tip = tip + axes @ np.asarray(state.shift)
+    if any(state.turn):
+        clamp = Rotation.from_rotvec(axes @ np.asarray(state.turn)).as_matrix() @ clamp
+    return tip, clamp
+
+
 def leaf_member(
     leaf: Any,
     mesh: Mesh,
@@ -241,14 +288,20 @@ def leaf_member(
     start = origin + rotation @ np.asarray(leaf.start, float)
     end = origin + rotation @ np.asarray(leaf.end, float)
     width = None if leaf.width_axis is None else rotation @ np.asarray(leaf.width_axis, float)
-    body = _strain_body(leaf, mesh) if mesh.leaf == "strain" else _chain_body(leaf, mesh)
-    axes, tip = _placed(start, end, width, body, name)
+    make = _strain_body if mesh.leaf == "strain" else _chain_body
+    drawn = make(leaf, mesh)
+    axes, tip = _placed(start, end, width, drawn, name)
+    loose = natural(leaf)
+    body = drawn if loose is leaf else make(loose, mesh)
+    clamp = axes @ drawn.Q
+    if leaf.condition is not None:
+        tip, clamp = _misfit(leaf.condition, axes, tip, clamp)
     return Member(
         name=name,
         kind=body.kind,
         nodes=nodes,
         offset=np.array([start - places[0], tip - places[1]]),
-        frame=np.array([axes, axes @ body.Q]),
+        frame=np.array([axes, clamp]),
         value=body.value,
         number=body.number,
         inner=body.inner,
@@ -262,10 +315,22 @@ def split_leaf(leaf: Any, elements: int) -> tuple[list[Any], list[np.ndarray]]:
     """The leaf cut into single-element pieces, and the points (3,) between them in the leaf's own coordinates."""
     if leaf.curve is not None or leaf.profile is not None:
         raise SceneError(f"leaf '{leaf.name}': nodal meshes are for straight uniform leafs; leave nodal out")
+    state = leaf.condition or Condition()
+    if replace(state, bend=0.0, span=0.0) != Condition():
+        raise SceneError(
+            f"leaf '{leaf.name}': nodal meshes are for leafs without heat, prestress and misfit; leave nodal out"
+        )
     start, end = np.asarray(leaf.start, float), np.asarray(leaf.end, float)
     cuts = [start + (end - start) * k / elements for k in range(elements + 1)]
     pieces = [
-        replace(leaf, start=tuple(a), end=tuple(b), elements=1, name=f"{leaf.name}.{k + 1}")
+        replace(
+            leaf,
+            start=tuple(a),
+            end=tuple(b),
+            elements=1,
+            name=f"{leaf.name}.{k + 1}",
+            condition=replace(state, span=leaf.length),
+        )
         for k, (a, b) in enumerate(pairwise(cuts))
     ]
     return pieces, cuts[1:-1]

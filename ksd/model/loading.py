@@ -95,11 +95,11 @@ def term_value(terms, x, R, t, gradient, tangent, weight):
             n[r] = weight * u[r]
         geometric_tangent(n, zero, lever, q, tangent)
         return value
-    return _twist(R[a], R[b], u, gradient, tangent, weight)
+    return twist(R[a], R[b], u, gradient, tangent, weight)
 
 
 @kernel
-def _twist(Ra, Rb, u, gradient, tangent, weight):
+def twist(Ra, Rb, u, gradient, tangent, weight):
     """Twist angle 2 atan2(q.u, q0) of the relative rotation, with derivatives in D = dphi_b - dphi_a.
 
     Quaternion (q0, q) of Rb Ra^T in global axes, u turning with a: the same number as in base axes.

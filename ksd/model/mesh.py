@@ -18,7 +18,9 @@ class Mesh(metaclass=Worded):
     extrapolated stresses (True) or plain Newton (False). nodal: every element node is a node of the model, as in
     the paper's own program, instead of being condensed inside its chain: the same equilibria by other Newton
     iterates. warping: multiply the torsion constant by the factor of warping restrained at both clamped ends
-    (`ksd.section.restrained_warping_factor`). Raises SceneError for what is out of bounds: below orders (3, 2, 4)
+    (`ksd.section.restrained_warping_factor`); plate: multiply E Iz by the factor of suppressed anticlastic bending
+    (`ksd.section.plate_factor`); shear: Timoshenko shear, False makes the leaf stiff in shear. The last three are
+    chosen by the words of `ksd.model.effects`. Raises SceneError for what is out of bounds: below orders (3, 2, 4)
     support stiffness is off by factors.
     """
 
@@ -29,6 +31,8 @@ class Mesh(metaclass=Worded):
     mip: bool = True
     nodal: bool = False
     warping: bool = False
+    plate: bool = False
+    shear: bool = True
 
     def __post_init__(self) -> None:
         if self.leaf not in ("strain", "corotational"):

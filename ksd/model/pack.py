@@ -54,12 +54,14 @@ class Assembly:
     members: Sequence[Member]
     rows: Sequence[Row] = field(default=())
     pushes: Sequence[Push] = field(default=())
+    springs: Sequence[Member] = field(default=())
     last: int = 0
 
 
 def _pairs(parts: Assembly, nodes: int) -> list[tuple[int, int]]:
     """Coupled blocks: block b of node k is k - 1, constraint i is nodes - 1 + i; ground has none."""
-    found = [(m.nodes[0] - 1, m.nodes[1] - 1) for m in parts.members if min(m.nodes) > 0]
+    both = (*parts.members, *parts.springs)
+    found = [(m.nodes[0] - 1, m.nodes[1] - 1) for m in both if min(m.nodes) > 0]
     for i, row in enumerate(parts.rows):
         for _, _, a, b, *_ in row.terms:
             found += [(k - 1, nodes - 1 + i) for k in (a, b) if k > 0]
@@ -123,6 +125,10 @@ def _pack_members(members: Sequence[Member], places: Places) -> tuple[Members, n
     return packed, np.concatenate([np.zeros(0), *[m.inner for m in members]])
 
 
+NO_SPRINGS = _pack_members((), Places({}, np.zeros(0, np.int64)))[0]
+"""What all models without springs share."""
+
+
 def _pack_rows(rows: Sequence[Row], places: Places, nodes: int, start: np.ndarray) -> Terms:
     first, flat, block, flip = [0], [], [], []
     for i, row in enumerate(rows):
@@ -168,6 +174,7 @@ def pack(parts: Assembly) -> tuple[Arrays, Motion]:
     start = np.full(nodes, -1, np.int64)
     start[1:] = plan.start[position[: nodes - 1]]
     members, inner = _pack_members(parts.members, places)
+    springs = _pack_members(parts.springs, places)[0] if parts.springs else NO_SPRINGS
     extent = np.ptp(parts.reference, axis=0).max() if nodes > 1 else 0.0
     length = float(max(extent, members.length.max(initial=0.0)))
     arrays = Arrays(
@@ -177,6 +184,7 @@ def pack(parts: Assembly) -> tuple[Arrays, Motion]:
         _pack_rows(parts.rows, places, nodes, plan.start[position[nodes - 1 :]]),
         _pack_loads(parts.pushes, places),
         length,
+        springs,
     )
     rest = Motion(np.array(parts.reference, float), np.tile(np.eye(3), (nodes, 1, 1)), inner, np.zeros(rows))
     return arrays, rest

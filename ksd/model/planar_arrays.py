@@ -2,7 +2,8 @@
 
 The arrays are those of `ksd.model.arrays`, two-dimensional: offset (m, 2, 2), frame (m, 2) angle of e1 at both
 ends, direction (t, 2) of a translation (for a rotation its sense about k and 0), point (.., 2), force (l, 2),
-moment (l,). The plane has axes i, j and normal k; angles are about k. Lengths m, angles rad, forces N, Nm.
+moment (l,). Springs: value of LINEAR (which also stands for TURN) is end0 (3), F (3), K (9). The plane has axes i, j and
+normal k; angles are about k. Lengths m, angles rad, forces N, Nm.
 """
 
 from __future__ import annotations
@@ -38,7 +39,7 @@ def make_planar_work(arrays: Arrays) -> Work:
     about node p, lever about node q; near (2k,): cos, sin of every node.
     """
     members = arrays.members
-    count = len(members.kind)
+    count = len(members.kind) + len(arrays.springs.kind)
     return Work(
         np.zeros(arrays.plan.values),
         np.zeros(arrays.plan.values),

@@ -20,7 +20,8 @@ from ksd.beam.planar_entry import (
     planar_strain_condense,
     planar_strain_recover,
 )
-from ksd.model.arrays import STRAIN, TRANSLATION
+from ksd.beam.spring import planar_coil_condense, planar_linear_condense
+from ksd.model.arrays import COIL, STRAIN, TRANSLATION
 from ksd.numerics.kernel import kernel
 
 TURN = 2.0 * math.pi
@@ -137,6 +138,36 @@ def add_planar_members(members, start, nodes, inners, work, rtol, noise):
                 rhs[u + 1] += sign * ny
                 rhs[u + 2] += sign * moment
     return negatives, worst, status
+
+
+@kernel
+def add_planar_springs(springs, first, start, nodes, work, rtol, noise):
+    """All springs into work.value and work.rhs; `first`: the row of work.pose and work.lam of the first one."""
+    K, end = np.empty((3, 3)), np.empty(3)
+    status = 0
+    for i in range(len(springs.kind)):
+        pose, lam = work.pose[first + i], work.lam[first + i]
+        _planar_pose(springs.node[i], springs.offset[i], springs.frame[i], nodes, work.near, pose, end)
+        value = springs.value[springs.value_at[i] :]
+        if springs.kind[i] == COIL:
+            status = max(status, planar_coil_condense(value, end, lam, K))
+        else:
+            planar_linear_condense(value, end, lam, K)
+        _planar_tangent(work.value, springs.block[i], pose, lam, K)
+        n, m = math.sqrt(lam[0] ** 2 + lam[1] ** 2), abs(lam[2])
+        L, floor = springs.length[i], noise * springs.floor[i]
+        nx, ny = pose[0] * lam[0] - pose[1] * lam[1], pose[1] * lam[0] + pose[0] * lam[1]
+        for e in range(2):
+            k, sign = springs.node[i, e], 2.0 * e - 1.0
+            moment = pose[2 + 2 * e] * ny - pose[3 + 2 * e] * nx + lam[2]
+            work.scale[k, 0] += rtol * (n + m / L) + floor
+            work.scale[k, 1] += rtol * (max(abs(moment), m) + n * L) + floor * L
+            u = start[k]
+            if u >= 0:
+                work.rhs[u] += sign * nx
+                work.rhs[u + 1] += sign * ny
+                work.rhs[u + 2] += sign * moment
+    return status
 
 
 @kernel(inline="always")

@@ -6,52 +6,18 @@ taken from the spatial ones, so whatever they describe (taper, curvature in the 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
 from itertools import pairwise
 
 import numpy as np
 
 from ksd.beam import planar_corotational as chain
-from ksd.beam import planar_strain as strain
 from ksd.model.arrays import ROTATION, STRAIN, Arrays, Loads, Members, Terms
 from ksd.model.pack import Places
+from ksd.model.planar_flat import Flat
 from ksd.model.planar_lift import Lifting, inner_copies
+from ksd.model.planar_springs import pack_springs
 from ksd.numerics.blocks import plan_blocks
-
-SAME = 11
-"""Digits (of the mechanism's size, and of angles) to which coinciding members agree."""
-
-
-@dataclass(frozen=True)
-class Flat:
-    """One member in the plane: constants of one leaf, and how many spatial members it stands for."""
-
-    kind: int
-    node: tuple[int, int]
-    offset: np.ndarray
-    frame: np.ndarray
-    value: np.ndarray
-    number: np.ndarray
-    length: float
-    floor: float
-
-    def key(self, size: float) -> tuple:
-        """Equal for members that coincide in the plane."""
-        places = np.round(self.offset / size, SAME) + 0.0
-        angles = np.round(self.frame, SAME) + 0.0
-        return (
-            self.kind,
-            self.node,
-            places.tobytes(),
-            angles.tobytes(),
-            self.value.tobytes(),
-            self.number.tobytes(),
-        )
-
-    def sizes(self) -> tuple[int, int]:
-        """Lengths of inner state and scratch."""
-        count = int(self.number[0])
-        return strain.sizes(count) if self.kind == STRAIN else chain.sizes(count)[1:]
 
 
 def strain_in_plane(value: np.ndarray, number: np.ndarray, sense: float) -> np.ndarray | str:
@@ -216,7 +182,8 @@ def _pack_loads(loads: Loads, axes: np.ndarray, places: Places) -> Loads:
 def _pairs(arrays: Arrays, rows: np.ndarray) -> list[tuple[int, int]]:
     """Coupled blocks: block b of node k is k - 1, constraint i is nodes - 1 + i; ground has none."""
     nodes, terms = len(arrays.start), arrays.terms
-    found = [(int(a) - 1, int(b) - 1) for a, b in arrays.members.node]
+    ends = np.concatenate([arrays.members.node, arrays.springs.node])
+    found = [(int(a) - 1, int(b) - 1) for a, b in ends]
     for i, row in enumerate(rows):
         for a, b in terms.node[terms.first[row] : terms.first[row + 1]]:
             found += [(int(k) - 1, nodes - 1 + i) for k in (a, b)] + [(int(a) - 1, int(b) - 1)]
@@ -231,11 +198,12 @@ def flatten(
     axes: np.ndarray,
     rows: np.ndarray,
     rest: np.ndarray,
+    springs: Sequence[Flat] = (),
 ) -> tuple[Arrays, Lifting]:
     """Planar arrays and how they stand in space.
 
     flats: every member in the plane, e3 = sense (m,) times k; axes (3, 3): columns i, j, k; rows (c,): constraint rows
-    that act in the plane; rest (k, 3): positions at rest [m].
+    that act in the plane; rest (k, 3): positions at rest [m]; springs: in the plane, as the members.
     """
     nodes = len(arrays.start)
     size = np.array([3] * (nodes - 1) + [1] * len(rows), np.int64)
@@ -253,6 +221,7 @@ def flatten(
         _pack_rows(arrays.terms, rows, axes, places, row_start),
         _pack_loads(arrays.loads, axes, places),
         arrays.size,
+        pack_springs(springs, places),
     )
     to, of, factor, *turns = inner_copies(arrays.members, made.members, np.array(twin), sense)
     return made, Lifting(axes, rest @ axes[:, 2], to, of, factor, turns[0], turns[1], turns[2], rows)

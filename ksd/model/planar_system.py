@@ -7,7 +7,12 @@ from __future__ import annotations
 
 import math
 
-from ksd.model.planar_assembly import add_planar_loads, add_planar_members, add_planar_terms
+from ksd.model.planar_assembly import (
+    add_planar_loads,
+    add_planar_members,
+    add_planar_springs,
+    add_planar_terms,
+)
 from ksd.numerics.kernel import kernel
 
 
@@ -29,6 +34,9 @@ def assemble_planar(arrays, motion, target, factor, work, rtol, grain):
     negatives, worst, status = add_planar_members(
         arrays.members, start, pose, motion.inner, work, rtol, noise
     )
+    if len(arrays.springs.kind) > 0:
+        first = len(arrays.members.kind)
+        status = max(status, add_planar_springs(arrays.springs, first, start, pose, work, rtol, noise))
     if len(arrays.loads.node) > 0:
         add_planar_loads(arrays.loads, start, work, factor, rtol)
     gap = add_planar_terms(arrays.terms, start, motion, target, work, arrays.size, rtol)

@@ -16,8 +16,10 @@ import numpy as np
 from ksd.model.arrays import LINEAR, ROTATION, Arrays, Motion, Work
 from ksd.model.compile import Model
 from ksd.model.planar_arrays import PlanarMotion
+from ksd.model.planar_flat import Flat
 from ksd.model.planar_lift import Lifting, lift_inner, lift_nodes
-from ksd.model.planar_pack import Flat, flat_member, flatten
+from ksd.model.planar_pack import flat_member, flatten
+from ksd.model.planar_springs import flat_spring
 
 PARALLEL = 1e-9
 """Sine of the angle below which two directions count as parallel."""
@@ -120,6 +122,17 @@ def _flat_members(model: Model, axes: np.ndarray) -> tuple[list[Flat], np.ndarra
     return flats, senses
 
 
+def _flat_springs(model: Model, axes: np.ndarray) -> list[Flat] | str:
+    """Every spring in the plane, or why one is not."""
+    found = []
+    for i, name in enumerate(model.spring_names):
+        flat = flat_spring(model.arrays.springs, i, axes, model.rest.x)
+        if isinstance(flat, str):
+            return f"{name} {flat}"
+        found.append(flat)
+    return found
+
+
 def _planar_rows(model: Model, k: np.ndarray) -> np.ndarray | str:
     """Constraint rows (c,) that act in the plane; supports that only hold the mechanism in it are left out."""
     terms, drives = model.arrays.terms, len(model.drive_names)
@@ -174,8 +187,13 @@ def _find_plane(model: Model) -> Plane | str:
     reason = _leaving_load(model, axes[:, 2])
     if reason:
         return reason
+    springs = _flat_springs(model, axes)
+    if isinstance(springs, str):
+        return springs
     flats, senses = found
-    arrays, lifting = flatten(model.arrays, flats, senses, axes=axes, rows=rows, rest=model.rest.x)
+    arrays, lifting = flatten(
+        model.arrays, flats, senses, axes=axes, rows=rows, rest=model.rest.x, springs=springs
+    )
     rest = _flatten(lifting, model.rest, int(arrays.members.inner_at[-1]))
     return Plane(model.arrays, arrays, lifting, rest)
 

@@ -8,6 +8,7 @@ import numpy as np
 
 from ksd.model.assembly import add_members, recover_member
 from ksd.model.loading import add_loads, add_terms
+from ksd.model.springs import add_springs
 from ksd.numerics.blocks import factor_blocks, solve_blocks
 from ksd.numerics.kernel import kernel
 from ksd.numerics.rotations import straighten, turn
@@ -28,7 +29,10 @@ def assemble(arrays, motion, target, factor, work, rtol, near, grain):
             reach = max(reach, abs(motion.x[k, r]))
     noise = grain * 2.220446049250313e-16 * reach
     negatives, worst, status = add_members(arrays, motion.x, motion.R, motion.inner, work, rtol, noise, near)
-    add_loads(arrays, motion.R, work, factor, rtol)
+    if len(arrays.springs.kind) > 0:
+        status = max(status, add_springs(arrays, motion.x, motion.R, work, rtol, noise))
+    if len(arrays.loads.node) > 0:
+        add_loads(arrays, motion.R, work, factor, rtol)
     gap = add_terms(arrays, motion.x, motion.R, motion.multiplier, target, work, rtol)
     worst = max(worst, gap / (1e-11 * arrays.size + 2e-15 * reach))
     for k in range(len(arrays.start)):
@@ -41,8 +45,8 @@ def assemble(arrays, motion, target, factor, work, rtol, near, grain):
             worst = max(
                 worst, math.sqrt(f) / (work.scale[k, 0] + 1e-300), math.sqrt(m) / (work.scale[k, 1] + 1e-300)
             )
-    if not math.isfinite(worst):
-        status = 2
+    if not math.isfinite(worst) or status == 2:
+        worst, status = math.inf, 2
     return worst, gap, negatives, status
 
 

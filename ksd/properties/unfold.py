@@ -16,7 +16,7 @@ import numpy as np
 
 from ksd.errors import SceneError
 from ksd.model.arrays import COROTATIONAL, STRAIN, Motion, make_work
-from ksd.model.compile import Model, compile_scene
+from ksd.model.compile import Model, compile_given
 from ksd.model.system import assemble, take_step
 from ksd.properties.kept import per_model
 from ksd.properties.shape import scene_leafs
@@ -38,13 +38,11 @@ def finer(model: Model) -> Model:
                     f"leaf '{name}' is curved or has a profile: its frequencies and buckling are answered by "
                     "strain-mode leafs (leaf='strain') only, not by chains of elements"
                 )
-        return compile_scene(model.scene, mesh=replace(mesh, nodal=True))
+        return compile_given(model.scene, replace(mesh, nodal=True))
     if np.any(kind == STRAIN) and max(mesh.orders) < MOST:
         nx, ny, nz = mesh.orders
         more = (nx + 1, ny + 1, nz + 1)
-        return compile_scene(
-            model.scene, mesh=replace(mesh, orders=more, points=max(mesh.points, nz + 2) + 1)
-        )
+        return compile_given(model.scene, replace(mesh, orders=more, points=max(mesh.points, nz + 2) + 1))
     return model
 
 

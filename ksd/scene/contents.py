@@ -11,8 +11,9 @@ from typing import Any
 import numpy as np
 
 from ksd.scene.drive import GROUND, Drive, Load, PointMass
-from ksd.scene.joint import Joint, Motion
-from ksd.scene.leaf import Leaf
+from ksd.scene.effects import Compliance, Fit, Heat, Spring, TurnSpring
+from ksd.scene.joint import Joint, Motion, leafs_of
+from ksd.scene.leaf import Condition, Leaf
 from ksd.scene.profile import Curve, Profile
 from ksd.section.checks import Vector
 
@@ -24,7 +25,7 @@ class PlacedJoint:
     """A joint between links `a` (interface A) and `b` (interface B).
 
     origin (3,) [m]: interface A, global; rotation (3, 3): columns are the joint's x, y, z axes in global
-    axes.
+    axes. conditions: of its leafs by name, set by the model from the heats and fits of a scene.
     """
 
     name: str
@@ -33,6 +34,15 @@ class PlacedJoint:
     joint: Joint
     origin: Vector
     rotation: Matrix
+    conditions: tuple[tuple[str, Condition], ...] = ()
+
+    def leafs(self) -> tuple[Leaf, ...]:
+        """The leafs of the joint, in joint axes, with their conditions."""
+        leafs = leafs_of(self.joint)
+        if not self.conditions:
+            return leafs
+        found = dict(self.conditions)
+        return tuple(replace(leaf, condition=found.get(leaf.name)) for leaf in leafs)
 
     def place(self, point: Any) -> np.ndarray:
         """Global position (3,) [m] at rest of a point (3,) given in joint axes."""
@@ -57,7 +67,8 @@ class PlacedLeaf:
 class Scene:
     """A mechanism as described: links[0] is "ground"; all positions global at rest, SI units.
 
-    gravity (3,) [m/s^2] or None when the scene does not mention it. Two scenes are equal when everything said
+    gravity (3,) [m/s^2] or None when the scene does not mention it; springs, compliances, heats, fits: see
+    `ksd.scene.effects`; consider: effects of the leaf that may be taken up. Two scenes are equal when everything said
     in them is; `fingerprint` is the same for equal scenes in every process and on every machine.
     """
 
@@ -70,6 +81,16 @@ class Scene:
     loads: tuple[Load, ...] = ()
     masses: tuple[PointMass, ...] = ()
     gravity: Vector | None = None
+    springs: tuple[Spring | TurnSpring, ...] = ()
+    compliances: tuple[Compliance, ...] = ()
+    heats: tuple[Heat, ...] = ()
+    fits: tuple[Fit, ...] = ()
+    consider: tuple[str, ...] = ()
+
+    def leaf_names(self) -> dict[str, Leaf]:
+        """Every leaf by its full name: "joint/leaf", and free-form leafs by their own."""
+        inside = {f"{j.name}/{leaf.name}": leaf for j in self.joints for leaf in j.leafs()}
+        return inside | {placed.name: placed.leaf for placed in self.leafs}
 
     def fingerprint(self) -> str:
         """SHA-256 (hexadecimal) of all contents."""

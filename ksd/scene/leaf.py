@@ -15,6 +15,23 @@ from ksd.section import Section, circle
 from ksd.section.checks import Vector, Worded, direction, positive, show, vector, whole, word
 
 
+@dataclass(frozen=True)
+class Condition:
+    """How a leaf differs from what is drawn when nothing loads it; made from the heats and fits of a scene.
+
+    stretch: natural over drawn length; bow [1/m]: natural curvature about e3 on top of the drawn one; shift (3,) [m]
+    and turn (3,) [rad]: where end q is clamped, seen from where it is drawn, in leaf axes. bend [1/m]: curvature at
+    which plate stiffening is taken; span [m]: length between its clamps where the leaf is a piece of one, 0 its own.
+    """
+
+    stretch: float = 1.0
+    bow: float = 0.0
+    shift: Vector = (0.0, 0.0, 0.0)
+    turn: Vector = (0.0, 0.0, 0.0)
+    bend: float = 0.0
+    span: float = 0.0
+
+
 @dataclass(frozen=True, kw_only=True)
 class Leaf(metaclass=Worded):
     """A flexible leaf between a point on one rigid block and a point on another, clamped at both.
@@ -25,7 +42,8 @@ class Leaf(metaclass=Worded):
     directions. start_block, end_block: names of the blocks (links) it is clamped to. elements: Appendix A
     elements along the leaf; orders: curvature modes (about e1, e2, e3) of the strain-mode leaf; None leaves
     the choice to the model. profile: how the section varies along it (`section` is then its nominal one); None is
-    uniform. curve: its stress-free shape, whose chord must fit start and end; None is straight.
+    uniform. curve: its stress-free shape, whose chord must fit start and end; None is straight. condition: set by the
+    model from the heats and fits of a scene (`Mechanism.heat`, `Mechanism.fit`).
     Raises SceneError for a leaf without
     length, a width axis not perpendicular to it, or numbers that are not finite.
     """
@@ -42,6 +60,7 @@ class Leaf(metaclass=Worded):
     orders: tuple[int, int, int] | None = None
     profile: Profile | None = None
     curve: Curve | None = None
+    condition: Condition | None = None
 
     def __post_init__(self) -> None:
         owner = f"leaf '{word(self.name, 'name', owner='leaf')}'"

@@ -5,12 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 from ksd.errors import SceneError
-from ksd.section.checks import Worded, between, positive
+from ksd.section.checks import Worded, between, number, positive
 
 
 @dataclass(frozen=True, init=False)
 class Material(metaclass=Worded):
-    """Linear elastic material: two of E, G [Pa] and Poisson's ratio nu; density [kg/m^3] when masses matter.
+    """Linear elastic material: two of E, G [Pa] and Poisson's ratio nu; density [kg/m^3] when masses matter,
+    expansion [1/K] (linear, thermal) when temperatures do.
 
     The third of E, G, nu follows from E = 2 G (1 + nu); with E and G given any positive pair is accepted (an
     anisotropic leaf). Raises SceneError for a modulus or density that is not positive and finite, nu outside
@@ -22,6 +23,7 @@ class Material(metaclass=Worded):
     nu: float = field(compare=False)
     density: float | None
     name: str
+    expansion: float | None
 
     def __init__(
         self,
@@ -31,6 +33,7 @@ class Material(metaclass=Worded):
         nu: float | None = None,
         density: float | None = None,
         name: str = "",
+        expansion: float | None = None,
     ) -> None:
         owner = f"Material '{name}'" if name else "Material"
         E = None if E is None else positive(E, "E", owner=owner, unit="Pa")
@@ -42,7 +45,10 @@ class Material(metaclass=Worded):
             density = positive(density, "density", owner=owner, unit="kg/m^3")
         if not isinstance(name, str):
             raise SceneError(f"Material: name = {name!r} must be text.")
-        for key, value in {"E": E, "G": G, "nu": nu, "density": density, "name": name}.items():
+        if expansion is not None:
+            expansion = number(expansion, "expansion", owner=owner, unit="1/K")
+        clean = {"E": E, "G": G, "nu": nu, "density": density, "name": name, "expansion": expansion}
+        for key, value in clean.items():
             object.__setattr__(self, key, value)
 
 

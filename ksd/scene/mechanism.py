@@ -11,8 +11,9 @@ from ksd.scene.drive import GROUND, Drive, DriveTerm, Load
 from ksd.scene.joint import Joint
 from ksd.scene.leaf import Leaf
 from ksd.scene.leaf import wire as make_wire
-from ksd.scene.links import Link, Links, spoken
+from ksd.scene.links import Link, spoken
 from ksd.scene.material import Material
+from ksd.scene.mentioned import Mentioned
 from ksd.scene.placing import axis_word, numbered, rotation_at
 from ksd.scene.profile import Curve, Profile
 from ksd.scene.rules import check_scene
@@ -20,7 +21,7 @@ from ksd.section import Section
 from ksd.section.checks import Vector, direction, nearest, show, vector, word
 
 
-class Mechanism(Links):
+class Mechanism(Mentioned):
     """A mechanism under construction: links, joints between them, drives, supports and loads.
 
     All positions [m] and directions are global, in the state of rest, where every link is at zero
@@ -379,4 +380,5 @@ class Mechanism(Links):
             loads=tuple(self._loads),
             masses=tuple(self._masses),
             gravity=self._gravity,
+            **self._mentioned(),
         )

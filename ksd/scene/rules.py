@@ -8,6 +8,7 @@ from collections.abc import Iterable
 from ksd.errors import SceneError
 from ksd.scene.contents import Scene
 from ksd.scene.drive import GROUND
+from ksd.scene.effects import leaf_conditions
 from ksd.section.checks import nearest
 
 
@@ -25,6 +26,8 @@ def check_scene(scene: Scene) -> None:
     _check_known(scene)
     _check_attached(scene)
     _check_freedoms(scene)
+    if scene.heats or scene.fits:
+        leaf_conditions(scene.leaf_names(), scene.heats, scene.fits)
 
 
 def _unique(kind: str, names: Iterable[str]) -> None:
@@ -49,6 +52,8 @@ def _check_known(scene: Scene) -> None:
     for kind, drives in (("drive", scene.drives), ("support", scene.supports)):
         spoken += [(f"{kind} '{d.name}'", link) for d in drives for t in d.terms for link in (t.base, t.link)]
     spoken += [(f"load '{load.name}'", load.link) for load in scene.loads]
+    spoken += [(f"spring '{s.name}'", link) for s in scene.springs for link in (s.a, s.b)]
+    spoken += [("compliance", c.link) for c in scene.compliances]
     spoken += [(f"mass {i + 1}", mass.link) for i, mass in enumerate(scene.masses)]
     for owner, link in spoken:
         if link not in scene.links:

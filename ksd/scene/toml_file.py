@@ -10,7 +10,7 @@
     [[leaf]]           a, b, start, end, width_axis, section (or thickness and width), material
     [[wire]]           a, b, start, end, diameter, material
     [[actuate]]        link, about = "z", value = "30 deg"; or along and at; or joint; or terms = [{...}, ...]
-    [[support]] [[load]] [[mass]]   as the methods of `Mechanism`
+    [[support]] [[load]] [[mass]]   as the methods of `Mechanism`; springs, elastic links, heat: `ksd.scene.toml_effects`
     [options]          what the solver is asked, e.g. method = "reduced"
 
 Numbers are SI, or text with a unit ("100 mm", "45 deg", "200 GPa"); files are read as UTF-8.
@@ -33,6 +33,7 @@ from ksd.scene.joint import DrawnJoint, Joint, Motion
 from ksd.scene.leaf import Leaf
 from ksd.scene.material import Material
 from ksd.scene.mechanism import Mechanism
+from ksd.scene.toml_effects import read_effects
 from ksd.scene.toml_table import Table, placed_at
 from ksd.scene.toml_writer import save_scene
 from ksd.section import Section, circle, numbers, polygon, rectangle, tube
@@ -74,6 +75,7 @@ def load_scene(path: str | os.PathLike[str], *, option_names: Collection[str] | 
     for table in top.tables("support"):
         _said(table, mechanism.support, _motion(mechanism, table))
     _loads(mechanism, top)
+    read_effects(mechanism, top, file.parent, {"section": parts.sections, "material": parts.materials})
     options = _options(top, option_names)
     top.finish()
     with placed_at(file.name):
@@ -200,6 +202,7 @@ def _material(table: Table, name: str) -> Material:
         "G": table.quantity("G", "stress", None),
         "nu": table.quantity("nu", "number", None),
         "density": table.quantity("density", "density", None),
+        "expansion": table.quantity("expansion", "number", None),
         "name": table.text("name", name),
     }
     return _said(table, Material, words)

@@ -19,6 +19,7 @@ from ksd.scene.leaf import Leaf
 from ksd.scene.material import Material
 from ksd.scene.mechanism import Mechanism
 from ksd.scene.placing import numbered
+from ksd.scene.toml_effects import effects_tree
 from ksd.section import Section, circle, rectangle
 from ksd.section.checks import number, show
 
@@ -56,6 +57,7 @@ def _scene_tree(scene: Scene, targets: dict[str, float]) -> Tree:
         tree["gravity"] = scene.gravity
     joins = [_join(j, names) for j in scene.joints]
     leafs = [_placed_leaf(leaf, names) for leaf in scene.leafs]
+    effects = effects_tree(scene, names)
     drives = [_drive(d) | _value(d.name, targets) for d in scene.drives]
     if targets:
         raise SceneError(f"target '{next(iter(targets))}' belongs to no drive of '{scene.name}'.")
@@ -68,6 +70,9 @@ def _scene_tree(scene: Scene, targets: dict[str, float]) -> Tree:
         for p in scene.loads
     ]
     tree["mass"] = [{"link": m.link, "mass": m.mass, "inertia": m.inertia, "at": m.at} for m in scene.masses]
+    # plain values before tables
+    consider = {"consider": effects.pop("consider")} if "consider" in effects else {}
+    tree = consider | tree | effects
     return {key: value for key, value in tree.items() if value not in ({}, [])}
 
 
@@ -107,6 +112,8 @@ def _material(material: Material, label: str) -> Tree:
     tree: Tree = {"E": material.E, "G": material.G}
     if material.density is not None:
         tree["density"] = material.density
+    if material.expansion is not None:
+        tree["expansion"] = material.expansion
     return tree if material.name == label else tree | {"name": material.name}
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 from collections import OrderedDict
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
 import numpy as np
@@ -14,6 +14,7 @@ from ksd.bodies.joints import JointBodies, joint_bodies
 from ksd.errors import ConvergenceError, KinematicsError, KsdError, RangeError, RecordError, SceneError
 from ksd.library import find_record
 from ksd.model.compile import Model, compile_scene
+from ksd.model.effects import mentioned
 from ksd.model.mesh import Mesh
 from ksd.model.orders import highest_share, mesh_for, raised
 from ksd.model.plane import Plane, plane_of
@@ -47,8 +48,11 @@ class Solver:
         mesh: Mesh | None = None,
         records: Callable[[str], Any] = find_record,
         extrapolate: bool = False,
+        **effects: Any,
     ) -> None:
-        self.model = mechanism if isinstance(mechanism, Model) else compile_scene(mechanism, mesh=mesh)
+        self.model = (
+            mechanism if isinstance(mechanism, Model) else compile_scene(mechanism, mesh=mesh, **effects)
+        )
         self.records, self.extrapolate = records, extrapolate
         self._bench: Bench | None = None
 
@@ -81,11 +85,23 @@ class Solver:
             "passes": passes,
             "estimate": estimate,
         }
-        found = self._solve(values, **ways)
+        found = self._settled(values, ways) if self.model.mesh.plate else self._solve(values, **ways)
         if method is not None and needs_walk(found):
             against, _ = beside(found, lambda: by_load_steps(self.model, values, self._told))
             found = _with(found, doubts=(*found.doubts, *filter(None, [against])))
         return insist(found) if strict else found
+
+    def _settled(self, values: Mapping[str, float], ways: dict[str, Any]) -> Configuration:
+        """The answer whose plate factors fit its own curvatures; see `ksd.solve.plates`."""
+        from ksd.solve.plates import settled
+
+        def again(model: Model) -> Configuration:
+            if model is not self.model:
+                self.model, self._bench = model, None
+            return self._solve(values, **ways)
+
+        found: Configuration = settled(self.model, again, 0.1 * _accuracy(ways["accuracy"]))
+        return found
 
     def _solve(
         self,
@@ -267,13 +283,25 @@ def _accuracy(value: float | None) -> float:
 _recent: OrderedDict[tuple, Solver] = OrderedDict()
 
 
-def prepare(mechanism: Any, *, mesh: Mesh | None = None, extrapolate: bool = False) -> Solver:
+def prepare(
+    mechanism: Any,
+    *,
+    mesh: Mesh | None = None,
+    extrapolate: bool = False,
+    effects: str | Iterable[str] = "auto",
+    with_: str | Iterable[str] = (),
+    without: str | Iterable[str] = (),
+    accuracy: float | None = None,
+    targets: Mapping[str, float] | None = None,
+) -> Solver:
     """A `Solver` of this mechanism for many solves: everything that does not depend on the drive values is done once.
 
     mesh: leaf model and its fineness (strain-mode leafs when None). extrapolate: use joint records beyond their trained
-    range, with a warning in the result. Raises SceneError for a scene that cannot be compiled.
+    range, with a warning in the result. effects, with_, without: what is simulated, chosen for accuracy and, when given,
+    for drive values `targets` (see `ksd.model.effects`). Raises SceneError for a scene that cannot be compiled.
     """
-    return Solver(mechanism, mesh=mesh, extrapolate=extrapolate)
+    words: dict[str, Any] = {"effects": effects, "with_": with_, "without": without, "targets": targets}
+    return Solver(mechanism, mesh=mesh, extrapolate=extrapolate, accuracy=_accuracy(accuracy), **words)
 
 
 def solve(
@@ -286,6 +314,9 @@ def solve(
     passes: int = 0,
     extrapolate: bool = False,
     strict: bool = True,
+    effects: str | Iterable[str] = "auto",
+    with_: str | Iterable[str] = (),
+    without: str | Iterable[str] = (),
     **drives: float,
 ) -> Configuration:
     """Solve one configuration of a mechanism at drive values given by name [m or rad].
@@ -294,11 +325,15 @@ def solve(
     within `accuracy` (relative, 1e-3 by default). passes: extra relinearised passes of `reduced`. mesh: leaf model; without
     one, strain-mode leafs of orders fit for `accuracy`, raised when their highest modes carry too much energy. extrapolate:
     see `prepare`. strict: raise TrustError where the answer is unstable or on a doubtful branch; False returns it with its
-    verdicts (`trust`). Raises SceneError (bad input), RangeError (outside a trained range), RecordError (joint record
+    verdicts (`trust`). effects: "auto" simulates what the scene mentions and an estimate says matters, "all" everything,
+    a list of names just these; with_="warping", without="shear" override single ones (`ksd.model.effects`; print(pose.model)
+    says what was simulated). Raises SceneError (bad input), RangeError (outside a trained range), RecordError (joint record
     missing or damaged), KinematicsError (indeterminate or over-driven), ConvergenceError (says how far it got).
     """
     values = {**(targets or {}), **drives}
     if isinstance(mechanism, Model):
+        if effects != "auto" or with_ or without:
+            raise SceneError("effects are chosen when a model is compiled: pass them to ksd.compile_scene")
         return Solver(mechanism, extrapolate=extrapolate)(
             values, method=method, accuracy=accuracy, passes=passes, strict=strict
         )
@@ -306,7 +341,8 @@ def solve(
     wanted = _accuracy(accuracy)
     chosen = mesh or (Mesh() if accuracy is None else mesh_for(wanted))
     for rise in range(MOST_RISES + 1):
-        solver = _recent_solver(scene, chosen, extrapolate)
+        said = {"effects": effects, "with_": with_, "without": without, "accuracy": wanted}
+        solver = _recent_solver(scene, chosen, extrapolate, said, values)
         found = solver(values, method=method, accuracy=accuracy, passes=passes, strict=strict)
         share, where, axis = highest_share(found.model, found.motion)
         if share <= wanted:
@@ -334,13 +370,20 @@ MOST_RISES = 3
 _AXIS = ("torsion", "strong bending", "weak bending")
 
 
-def _recent_solver(scene: Any, mesh: Mesh, extrapolate: bool) -> Solver:
-    """A prepared solver of this scene, mesh and thread; the last few are kept."""
+def _recent_solver(
+    scene: Any, mesh: Mesh, extrapolate: bool, said: dict[str, Any], values: Mapping[str, float]
+) -> Solver:
+    """A prepared solver of this scene, mesh, choice of effects and thread; the last few are kept."""
     if not hasattr(scene, "fingerprint") or not isinstance(mesh, Mesh):
         return Solver(scene, mesh=mesh, extrapolate=extrapolate)  # says what is wrong
-    key = (threading.get_ident(), scene.fingerprint(), mesh, extrapolate)
+    # estimates depend on the drive values only where the scene mentions more than leafs, drives and dead loads
+    aim = dict(values) if mentioned(scene, mesh) - {"spatial", "shear", "warping"} else None
+    key = (
+        threading.get_ident(), scene.fingerprint(), mesh, extrapolate, repr(said),
+        None if aim is None else tuple(sorted(aim.items())),
+    )  # fmt: skip
     if key not in _recent:
-        _recent[key] = Solver(scene, mesh=mesh, extrapolate=extrapolate)
+        _recent[key] = Solver(scene, mesh=mesh, extrapolate=extrapolate, targets=aim, **said)
         while len(_recent) > 16:
             _recent.popitem(last=False)
     return _recent[key]

@@ -17,7 +17,7 @@ from ksd.errors import ConvergenceError, SceneError
 from ksd.library.chains import rotation_vectors
 from ksd.library.record import Array, Mesh
 from ksd.model.arrays import COROTATIONAL, Motion, make_work
-from ksd.model.compile import Model, compile_scene
+from ksd.model.compile import Model, compile_given
 from ksd.model.leafs import Mesh as LeafMesh
 from ksd.scene import Joint, Leaf, Mechanism
 from ksd.scene.clearance import BENT, PIECES, clash, pieces
@@ -98,8 +98,8 @@ def _model(joint: Joint, mesh: Mesh, plan: Plan) -> Model:
             scene.actuate(link, name=motion.name, along=motion.axis, at=motion.point or joint.pose_B)
     if mesh == "strain":
         points = max(plan.orders) + (2 if all(leaf.curve is None for leaf in joint.leafs()) else 3)
-        return compile_scene(scene, mesh=LeafMesh("strain", orders=plan.orders, points=max(7, points)))
-    return compile_scene(scene, mesh=LeafMesh("corotational", elements=int(mesh)))
+        return compile_given(scene.scene(), LeafMesh("strain", orders=plan.orders, points=max(7, points)))
+    return compile_given(scene.scene(), LeafMesh("corotational", elements=int(mesh)))
 
 
 def _walk(joint: Joint, model: Model, plan: Plan, mesh: Mesh) -> list[Configuration]:

@@ -1,0 +1,124 @@
+"""`ksd effects SCENE.toml`: what every effect changes and costs, as a table and a bar picture."""
+
+from __future__ import annotations
+
+import argparse
+import math
+from typing import Any
+
+from ksd.cli.output import STDOUT, check_json, check_plot, console, write_json
+
+
+def add(commands: Any) -> argparse.ArgumentParser:
+    """The parser of this command."""
+    parser: argparse.ArgumentParser = commands.add_parser(
+        "effects",
+        help="price list of the effects of a scene",
+        description="Solve a scene with and without every effect it can have, and show what each changes in the drive "
+        "forces, displacements, support stiffness and first frequency, and what it costs in time and unknowns.",
+    )
+    parser.add_argument("scene", metavar="SCENE.toml")
+    said = "a drive value, such as top=300mm or hinge=45deg; may be repeated"
+    parser.add_argument("--set", action="append", default=[], metavar="DRIVE=VALUE", help=said)
+    parser.add_argument(
+        "--accuracy", type=float, default=None, metavar="A", help="relative error allowed (1e-3)"
+    )
+    parser.add_argument("--json", metavar="FILE", help="write every number; - is stdout, without tables")
+    parser.add_argument("--plot", metavar="FILE", help="write the bars (.png, .pdf, .svg)")
+    return parser
+
+
+def run(options: argparse.Namespace) -> int:
+    """Load, solve every variant, print, write. Errors as in `ksd.solve` and `ksd.load_scene`."""
+    check_json(options.json)
+    check_plot(options.plot)
+    from ksd.cli.solve import OPTIONS, drive_value
+    from ksd.design.prices import prices
+    from ksd.scene.toml_file import load_scene
+
+    mechanism, targets, written = load_scene(options.scene, option_names=tuple(OPTIONS))
+    scene = mechanism.scene()
+    for text in options.set:
+        name, value = drive_value(scene, text)
+        targets[name] = value
+    accuracy = options.accuracy or written.get("accuracy") or 1e-3
+    choice, rows = prices(scene, targets, accuracy=accuracy)
+    if options.json:
+        write_json(as_dict(choice, rows), options.json)
+    if options.json != STDOUT:
+        _print(scene.name, choice, rows)
+    if options.plot:
+        _draw(rows, accuracy, options.plot)
+    return 0
+
+
+def _print(name: str, choice: Any, rows: list[Any]) -> None:
+    from rich.table import Table
+
+    table = Table(title=f"{name}: effects with and without, beside those chosen", title_justify="left")
+    keys = list(dict.fromkeys(key for row in rows for key in row.without))
+    for column in ("effect", "chosen"):
+        table.add_column(column)
+    for column in (*keys, "time [\N{MICRO SIGN}s]", "unknowns"):
+        table.add_column(column, justify="right")
+    for row in rows:
+        changes = row.changes()
+        cells = [_change(changes[k]) if k in changes else "-" for k in keys]
+        on, off = row.times
+        time = "-" if row.failed else f"{1e6 * off:.0f} to {1e6 * on:.0f}"
+        count = "-" if row.failed else f"{row.unknowns[1]} to {row.unknowns[0]}"
+        table.add_row(row.name, "with" if row.kept else "without", *cells, time, count)
+    screen = console()
+    screen.print(table)
+    for row in rows:
+        if row.failed:
+            screen.print(f"{row.name}: no numbers, {row.failed}", soft_wrap=True)
+    for effect in choice.effects:
+        screen.print(f"{'with' if effect.present else 'without'} {effect}", soft_wrap=True)
+
+
+def _change(value: float) -> str:
+    """A relative change in percent, its sign that of putting the effect on."""
+    if not math.isfinite(value):
+        return "-"
+    return "0" if abs(value) < 1e-9 else f"{100 * value:+.2g} %"
+
+
+def _draw(rows: list[Any], accuracy: float, path: str) -> None:
+    from ksd.view.figure import new_figure, save_figure
+    from ksd.view.prices import plot_prices
+
+    done = [row for row in rows if not row.failed]
+    figure = new_figure(9.0, 1.4 + 0.42 * len(done))
+    axes = figure.subplots(1, 2, gridspec_kw={"width_ratios": (3, 2)})
+    worst = [max((abs(c) for c in r.changes().values() if math.isfinite(c)), default=0.0) for r in done]
+    costs = [r.times[0] / r.times[1] - 1.0 for r in done]
+    plot_prices(
+        tuple(axes), [r.name for r in done], worst, costs, kept=[r.kept for r in done], accuracy=accuracy
+    )
+    save_figure(figure, path)
+
+
+def as_dict(choice: Any, rows: list[Any]) -> dict[str, Any]:
+    """Every number of the table; relative changes are those of putting the effect on."""
+    return {
+        "effects": {e.name: {"simulated": e.present, "reason": e.reason} for e in choice.effects},
+        "prices": {
+            r.name: {
+                "simulated": r.kept,
+                "with": _finite(r.with_),
+                "without": _finite(r.without),
+                "relative_change": _finite(r.changes()),
+                "time_with_s": None if r.failed else r.times[0],
+                "time_without_s": None if r.failed else r.times[1],
+                "unknowns_with": r.unknowns[0],
+                "unknowns_without": r.unknowns[1],
+                "failed": r.failed,
+            }
+            for r in rows
+        },
+    }
+
+
+def _finite(values: Any) -> dict[str, float | None]:
+    return {key: (value if math.isfinite(value) else None) for key, value in values.items()}

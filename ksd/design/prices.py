@@ -1,0 +1,143 @@
+"""The price list of a scene: what every effect changes, and what it costs in time and unknowns.
+
+Each effect is put on and taken off alone, beside the effects chosen for the scene; both are solved conventionally (so
+that no difference of methods is mixed in), asked the same questions and timed.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import math
+import statistics
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ksd.errors import KsdError, SceneError
+from ksd.model.compile import Model
+from ksd.model.effects import NATURE, Choice, choose, mentioned
+from ksd.model.mesh import Mesh
+from ksd.model.plane import plane_of
+from ksd.solve.choose import Solver
+
+ROUNDS = 9
+"""Timed solves of every variant, interleaved; their median is shown."""
+
+
+@dataclass(frozen=True)
+class Price:
+    """One effect with and without: answers by quantity, thread time of a solve [s], unknowns solved for.
+
+    kept: is it simulated when ksd chooses; why: the reason. failed says why there are no numbers.
+    """
+
+    name: str
+    kept: bool
+    why: str
+    with_: Mapping[str, float]
+    without: Mapping[str, float]
+    times: tuple[float, float] = (math.nan, math.nan)
+    unknowns: tuple[int, int] = (0, 0)
+    failed: str = ""
+
+    def changes(self) -> dict[str, float]:
+        """Relative change of every quantity when the effect is put on."""
+        found = {}
+        for key, off in self.without.items():
+            on = self.with_.get(key, math.nan)
+            most = max(abs(on), abs(off))
+            found[key] = (on - off) / most if most > 0.0 else 0.0
+        return found
+
+
+def unknowns(model: Model) -> int:
+    """Unknowns a solve of this model has, those condensed inside the leafs included: in its plane where it has one."""
+    plane = plane_of(model)
+    arrays = model.arrays if isinstance(plane, str) else plane.arrays
+    return int(arrays.plan.unknowns + arrays.members.inner_at[-1])
+
+
+def quantities(pose: Any) -> dict[str, float]:
+    """What is asked of every variant: drive forces, how far links move, softest support stiffness, first frequency."""
+    found = {f"force {name}": float(value) for name, value in pose.forces.items()}
+    model, motion = pose.model, pose.motion
+    moved = np.linalg.norm(motion.x[1 : model.links] - model.rest.x[1 : model.links], axis=1)
+    found["largest displacement"] = float(moved.max())
+    terms = [t for d in model.scene.drives for t in d.terms] or [None]
+    link = model.scene.links[1] if terms[0] is None else terms[0].link
+    try:
+        found["support stiffness"] = _softest(pose.stiffness(link))
+    except KsdError:
+        found["support stiffness"] = math.nan
+    # where nothing has mass there is none
+    with contextlib.suppress(KsdError, IndexError):
+        found["first frequency"] = float(pose.frequencies(count=1).frequency_Hz[0])
+    return found
+
+
+def _softest(stiffness: Any) -> float:
+    """Smallest translational stiffness [N/m] of a link."""
+    most = float(np.linalg.eigvalsh(np.asarray(stiffness.compliance)[:3, :3])[-1])
+    return 1.0 / most if most > 0.0 else math.inf
+
+
+def prices(
+    scene: Any,
+    targets: Mapping[str, float],
+    *,
+    accuracy: float = 1e-3,
+    mesh: Mesh | None = None,
+    rounds: int = ROUNDS,
+) -> tuple[Choice, list[Price]]:
+    """The choice ksd makes, and the price of every effect the scene can have.
+
+    scene: a Mechanism or Scene; targets: drive values [m or rad]. Raises SceneError for what is wrong with the scene;
+    a variant that fails says so in its row.
+    """
+    frozen = scene.scene() if hasattr(scene, "scene") else scene
+    grid = mesh or Mesh()
+    choice = choose(frozen, grid, accuracy=accuracy, targets=targets)
+    spoken = mentioned(frozen, grid)
+    names = [e.name for e in choice.effects if e.name in spoken or e.name in NATURE]
+    solvers: dict[tuple[str, ...], Solver] = {}
+
+    def variant(present: set[str]) -> Solver:
+        key = tuple(sorted(present))
+        if key not in solvers:
+            solvers[key] = Solver(frozen, mesh=grid, effects=key, accuracy=accuracy, targets=targets)
+        return solvers[key]
+
+    chosen = set(choice.present)
+    return choice, [
+        _price(choice, name, (variant(chosen | {name}), variant(chosen - {name})), targets, rounds)
+        for name in names
+    ]
+
+
+def _price(
+    choice: Choice, name: str, pair: tuple[Solver, Solver], targets: Mapping[str, float], rounds: int
+) -> Price:
+    kept, why = choice[name].present, choice[name].reason
+    try:
+        # the first solve of each loads what it needs
+        answers = [quantities(solver(targets, method="conventional")) for solver in pair]
+        times = _times(pair, targets, rounds)
+    except SceneError:
+        raise
+    except KsdError as reason:
+        return Price(name, kept, why, {}, {}, failed=str(reason))
+    counts = (unknowns(pair[0].model), unknowns(pair[1].model))
+    return Price(name, kept, why, answers[0], answers[1], times, counts)
+
+
+def _times(pair: tuple[Solver, Solver], targets: Mapping[str, float], rounds: int) -> tuple[float, float]:
+    found: tuple[list[int], list[int]] = ([], [])
+    for _ in range(rounds):
+        for solver, mine in zip(pair, found, strict=True):
+            begin = time.thread_time_ns()
+            solver(targets, method="conventional")
+            mine.append(time.thread_time_ns() - begin)
+    return 1e-9 * statistics.median(found[0]), 1e-9 * statistics.median(found[1])

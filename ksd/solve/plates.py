@@ -1,0 +1,64 @@
+"""Plate stiffening settled with the answer: the coefficient of a wide leaf depends on how much it is bent.
+
+One coefficient per leaf, taken at the root mean square of its elastic curvature about e3: solve, take the curvatures,
+compile again with the factors that belong to them, until these no longer change. The factor lies between 1 and
+1/(1 - nu^2), so two or three rounds do. The tangent of the answer is that at fixed factors.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from ksd.model.arrays import Motion
+from ksd.model.compile import Model, compile_given, marked
+from ksd.model.effects import with_conditions
+from ksd.model.leafs import rigidities
+from ksd.properties.section_forces import section_forces
+from ksd.scene.leaf import Condition
+from ksd.section.plate import plate_factor
+
+MOST = 8
+"""Rounds; the change shrinks at least tenfold in each."""
+
+
+def curvatures(model: Model, motion: Motion) -> dict[str, float]:
+    """Root mean square of M / (E Iz), the elastic curvature about e3 [1/m], of every leaf by full name."""
+    leafs, found = model.scene.leaf_names(), {}
+    for name, forces in section_forces(model, motion).items():
+        stiff = rigidities(leafs[name].section, leafs[name], model.mesh)[0][2]
+        square = np.trapezoid(forces.values[:, 5] ** 2, forces.s) / forces.s[-1]
+        found[name] = math.sqrt(float(square)) / float(stiff)
+    return found
+
+
+def bent(model: Model, motion: Motion) -> tuple[dict[str, Condition], float]:
+    """Conditions of all wide leafs at their present curvature, and the largest relative change of their factors."""
+    known = curvatures(model, motion)
+    conditions, worst = {}, 0.0
+    for name, leaf in model.scene.leaf_names().items():
+        q = leaf.section
+        if not (q.width > q.thickness > 0.0 and name in known):
+            continue
+        state = leaf.condition or Condition()
+        factors = [plate_factor(q.width, q.thickness, b, leaf.material.nu) for b in (state.bend, known[name])]
+        worst = max(worst, abs(factors[1] / factors[0] - 1.0))
+        conditions[name] = replace(state, bend=known[name])
+    return conditions, worst
+
+
+def settled(model: Model, solve: Callable[[Model], Any], bound: float) -> Any:
+    """`solve(model)` repeated with plate factors that fit the answer, until they change by less than `bound`."""
+    found = solve(model)
+    for _ in range(MOST):
+        conditions, moved = bent(found.model, found.motion)
+        if moved <= bound:
+            break
+        scene = with_conditions(found.model.scene, conditions)
+        model = marked(compile_given(scene, found.model.mesh), model.said, model.choice)
+        found = solve(model)
+    return found

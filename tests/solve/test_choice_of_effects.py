@@ -1,0 +1,311 @@
+"""Effects chosen by estimate: right on thirty scenes, named on request, and nothing of what is absent is made or called."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scenes import STEEL, cross_flexure, fourbar, single_joint
+
+import ksd
+from ksd.errors import SceneError
+from ksd.model import compile as compiling
+from ksd.model import effects, leafs, pack, planar_springs, system
+from ksd.model.arrays import make_work
+from ksd.model.effects import WORDS, choose
+from ksd.model.plane import plane_of
+
+ACCURACY = 1e-3
+HOT = ksd.Material(E=200e9, nu=0.3, density=7800, expansion=12e-6, name="steel")
+PLASTIC = ksd.Material(E=2e9, nu=0.35, density=1200, expansion=8e-5, name="plastic")
+
+
+def lever(t=1e-3, w=20e-3, L=0.1, material=HOT, *, space=False, push=0.0, following=False):
+    """A parallel pair of leafs or, in space, crossed ones, with a tip driven across them."""
+    scene = ksd.Mechanism(f"lever {t} {w} {L}")
+    tip = scene.link("tip")
+    words = {"section": ksd.rectangle(t, w), "material": material, "width_axis": (0, 0, 1)}
+    scene.leaf("ground", tip, start=(0, 0, 0), end=(L, 0, 0), name="one", **words)
+    words |= {"width_axis": (0, 1, 0)} if space else {}
+    scene.leaf("ground", tip, start=(0, 0.3 * L, 0), end=(L, 0.3 * L, 0), name="two", **words)
+    scene.actuate(tip, along="y", at=(L, 0.15 * L, 0), name="d")
+    if push:
+        scene.load(tip, force=(0, 0, push) if space else (push, 0, 0), at=(L, 0, 0), following=following)
+    return scene
+
+
+def wires(d=0.5e-3, L=0.08):
+    """A table on three wires."""
+    scene = ksd.Mechanism("wires")
+    table = scene.link("table")
+    for k in range(3):
+        x, y = 0.05 * np.cos(2 * k), 0.05 * np.sin(2 * k)
+        scene.wire("ground", table, start=(x, y, 0), end=(x, y, L), diameter=d, material=HOT)
+    scene.actuate(table, along="x", at=(0, 0, L), name="d")
+    return scene
+
+
+def also(scene, *sentences):
+    """The scene with more said of it; every scene considers both effects of the leaf material."""
+    for say in sentences:
+        say(scene)
+    scene.consider("warping", "plate")
+    return scene
+
+
+def weight(mass, link, at, g=(0, -9.81, 0)):
+    def say(scene):
+        scene.mass(link, mass=mass, at=at)
+        scene.gravity = g
+
+    return say
+
+
+def thirty():
+    """(scene, targets) of thirty scenes, planar and spatial, with all effects strong somewhere and weak elsewhere."""
+    top, tip = (0, 0.37, 0), (0.1, 0.015, 0)
+    link = {"section": ksd.rectangle(0.1, 0.1), "material": STEEL}
+    weak = {"section": ksd.rectangle(3e-3, 20e-3), "material": STEEL}
+    pull = {"start": (0, -0.1, 0), "end": (0, 0.37, 0)}
+    found = [(fourbar(), {"top": d}) for d in (0.01, 0.1, 0.3)]
+    found += [(also(fourbar(), weight(m, "top", top)), {"top": 0.1}) for m in (1e-5, 1e-3, 1.0)]
+    found += [
+        (also(fourbar(), lambda s, k=k: s.spring("ground", "top", stiffness=k, **pull)), {"top": 0.1})
+        for k in (1e-5, 200.0)
+    ]
+    found += [(also(fourbar(), lambda s, c=c: s.compliance("top", **c)), {"top": 0.1}) for c in (link, weak)]
+    found += [
+        (single_joint(cross_flexure(thickness=t)), {"turn": a})
+        for t, a in ((1e-3, 0.5), (0.2e-3, 0.1), (3e-3, 0.3))
+    ]
+    found += [
+        (also(single_joint(), lambda s, k=k: s.joint_spring("hinge", stiffness=k)), {"turn": 0.4})
+        for k in (1e-6, 0.5)
+    ]
+    found += [
+        (lever(t=t, w=w), {"d": 2e-3})
+        for t, w in ((1e-3, 20e-3), (0.3e-3, 3e-3), (4e-3, 5e-3), (0.2e-3, 60e-3))
+    ]
+    found += [(lever(material=PLASTIC, t=2e-3), {"d": 5e-3}), (lever(space=True), {"d": 1e-4})]
+    found += [(also(lever(), lambda s, h=h: s.heat(h)), {"d": 1e-3}) for h in (1e-5, 30.0)]
+    found += [
+        (also(lever(), lambda s, n=n: s.fit("one", natural_length=n)), {"d": 1e-3})
+        for n in (0.1 * (1 - 1e-10), 0.0999)
+    ]
+    found += [(also(lever(), weight(m, "tip", tip, (0, 0, -9.81))), {"d": 1e-3}) for m in (1e-5, 0.4)]
+    found += [(lever(push=1e-4, following=True), {"d": 1e-4})]
+    turning = {"force": (0, 1.0, 0), "at": (0.1, 0, 0), "following": True}
+    found += [(also(single_joint(), lambda s: s.load("tip", **turning)), {"turn": 0.4})]
+    found += [(wires(), {"d": 2e-3})]
+    return found
+
+
+SCENES = thirty()
+
+
+def answers(pose):
+    """Drive forces, then displacement (m) and rotation (rad, times 0.1 m) of every link both variants have."""
+    links = [n for n in pose.model.scene.links if "/" not in n]
+    index = [pose.model.scene.links.index(n) for n in links[1:]]
+    rest = pose.model.rest
+    shift = (pose.motion.x - rest.x)[index]
+    turned = 0.1 * (pose.motion.R[index] - np.eye(3)).reshape(len(index), 9)
+    return np.array(list(pose.forces.values())), np.hstack([shift, turned])
+
+
+@pytest.fixture(scope="module")
+def compared():
+    rows = []
+    for scene, targets in SCENES:
+        scene.consider("warping", "plate")
+        chosen = ksd.solve(scene, targets, method="conventional", accuracy=ACCURACY, mesh=ksd.Mesh())
+        everything = ksd.solve(scene, targets, method="conventional", effects="all", mesh=ksd.Mesh())
+        rows.append((chosen, everything))
+    return rows
+
+
+def test_thirty_scenes_are_answered_within_the_accuracy(compared):
+    assert len(compared) == 30
+    for k, (chosen, everything) in enumerate(compared):
+        for mine, theirs in zip(answers(chosen), answers(everything), strict=True):
+            most = np.abs(theirs).max()
+            assert np.abs(mine - theirs).max() <= ACCURACY * most, f"scene {k}: {chosen.model}"
+
+
+def test_half_of_the_effects_are_off_on_average(compared):
+    absent = [len(chosen.model.choice.absent) / len(WORDS) for chosen, _ in compared]
+    assert np.mean(absent) >= 0.5
+    # also among those that the scene mentions at all, counting the plane
+    decided = [[e for e in c.model.choice.effects if "says nothing" not in e.reason] for c, _ in compared]
+    off = [np.mean([not e.present for e in row]) for row in decided]
+    print(f"off: {np.mean(absent):.2f} of all effects, {np.mean(off):.2f} of those mentioned")
+    # no estimate is idle: each effect is left out somewhere and kept somewhere
+    for name in set(WORDS) - {"spatial"}:
+        kept = {
+            c.model.choice[name].present
+            for c, _ in compared
+            if "says nothing" not in c.model.choice[name].reason
+        }
+        assert kept == {True, False}, name
+
+
+def test_what_is_left_out_comes_with_a_number():
+    scene = also(fourbar(), weight(1e-5, "top", (0, 0.37, 0)))
+    pose = ksd.solve(scene, top=0.1)
+    text = str(pose.model)
+    assert not pose.model.choice["gravity"].present
+    assert "without gravity: weight 9.81e-05 N against a drive force of 59.3 N" in text and "left out" in text
+    assert pose.model.choice["gravity"].change < 1e-4
+    # the bare model says what leaving out the effects of the material costs
+    bare = str(ksd.compile_scene(fourbar()))
+    assert "without warping: not mentioned; would be 23 % more torsional stiffness" in bare
+    assert "without plate: not mentioned; would be 9.9 % more bending stiffness" in bare
+
+
+def test_effects_of_the_material_stay_off_unless_mentioned():
+    plain = ksd.solve(fourbar(), top=0.3)
+    assert {"warping", "plate"} <= set(plain.model.choice.absent)
+    said = fourbar()
+    said.consider("plate")
+    assert ksd.solve(said, top=0.3).forces["top"] > 1.02 * plain.forces["top"]
+    for words in ({"with_": "plate"}, {"effects": "all"}, {"effects": ("shear", "plate")}):
+        assert ksd.solve(fourbar(), top=0.3, **words).forces["top"] > 1.02 * plain.forces["top"]
+
+
+def test_single_words_and_lists():
+    scene = also(fourbar(), weight(1.0, "top", (0, 0.37, 0)))
+    model = ksd.compile_scene(scene, without="gravity")
+    assert not len(model.arrays.loads.node) and "switched off" in model.choice["gravity"].reason
+    model = ksd.compile_scene(scene, effects=())
+    assert model.choice.present == () and not model.mesh.shear
+    model = ksd.compile_scene(scene, effects=["shear", "gravity"])
+    assert model.choice.present == ("shear", "gravity")
+    model = ksd.compile_scene(scene, effects="all")
+    assert model.choice.present == ("spatial", "shear", "warping", "plate", "gravity")
+    assert isinstance(plane_of(model), str)
+    assert ksd.compile_scene(scene, mesh=ksd.Mesh(warping=True)).mesh.warping
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        ({"without": "sheer"}, "did you mean .shear."),
+        ({"with_": "springs"}, "mechanism.spring"),
+        ({"with_": "shear", "without": "shear"}, "both in with_ and in without"),
+        ({"effects": "most"}, "no effect"),
+        ({"effects": 3}, "name effects"),
+    ],
+)
+def test_wrong_words_get_a_sentence(words, said):
+    with pytest.raises(SceneError, match=said):
+        ksd.solve(fourbar(), top=0.1, **words)
+    with pytest.raises(SceneError, match=said):
+        ksd.compile_scene(fourbar(), **words)
+
+
+COUNTED = {
+    "springs": (
+        ("ksd.model.springs", "spring_members"),
+        lambda s: s.joint_spring("lower left", stiffness=1.0),
+    ),
+    "compliance": (
+        ("ksd.model.elastic_links", "with_elastic_links"),
+        lambda s: s.compliance("top", section=ksd.rectangle(5e-3, 20e-3), material=STEEL),
+    ),
+    "heat": (
+        ("ksd.scene.effects", "leaf_conditions"),
+        lambda s: s.fit("lower left/inner", turn=(0, 0, 1e-3)),
+    ),
+    "plate": (("ksd.solve.plates", "settled"), lambda s: s.consider("plate")),
+}
+
+
+@pytest.mark.parametrize("name", COUNTED)
+def test_an_absent_effect_is_not_called(name, monkeypatch):
+    (home, function), mention = COUNTED[name]
+    module = __import__(home, fromlist=[function])
+    calls, original = [], getattr(module, function)
+
+    def counted(*args, **options):
+        calls.append(1)
+        return original(*args, **options)
+
+    monkeypatch.setattr(module, function, counted)
+    ksd.prepare(fourbar())(top=0.05)
+    assert not calls
+    scene = fourbar()
+    mention(scene)
+    ksd.prepare(scene)(top=0.05, method="conventional")
+    assert calls
+
+
+def test_the_assembly_calls_nothing_for_what_is_absent(monkeypatch):
+    """The compiled assembly, run as Python with its parts replaced by counters."""
+    calls = []
+    answers = {"add_members": (0, 0.0, 0), "add_springs": 0, "add_loads": None, "add_terms": 0.0}
+    for part, answer in answers.items():
+        monkeypatch.setattr(
+            system, part, lambda *a, part=part, answer=answer: (calls.append(part), answer)[1]
+        )
+
+    def assembled(scene):
+        calls.clear()
+        model = ksd.compile_scene(scene)
+        system.assemble.py_func(
+            model.arrays, model.rest, np.zeros(1), 1.0, make_work(model.arrays), 1e-8, 0, 10.0
+        )
+        return set(calls)
+
+    assert assembled(fourbar()) == {"add_members", "add_terms"}
+    sprung = fourbar()
+    sprung.joint_spring("lower left", stiffness=1.0)
+    assert assembled(sprung) == {"add_members", "add_terms", "add_springs"}
+    heavy = also(fourbar(), weight(1.0, "top", (0, 0.37, 0)))
+    assert assembled(heavy) == {"add_members", "add_terms", "add_loads"}
+
+
+def size(arrays):
+    """Bytes of all arrays of a model but those every model without springs shares."""
+    if arrays is pack.NO_SPRINGS or arrays is planar_springs.NO_PLANAR_SPRINGS:
+        return 0
+    return sum(map(size, arrays)) if isinstance(arrays, tuple) else getattr(arrays, "nbytes", 0)
+
+
+def test_an_absent_effect_allocates_nothing():
+    plain = ksd.compile_scene(fourbar())
+    assert plain.arrays.springs is pack.NO_SPRINGS
+    assert plane_of(plain).arrays.springs is planar_springs.NO_PLANAR_SPRINGS
+    for _, mention in COUNTED.values():
+        scene = fourbar()
+        mention(scene)
+        off = ksd.compile_scene(scene, without=_switched(scene))
+        assert size(off.arrays) == size(plain.arrays) and off.arrays.springs is pack.NO_SPRINGS
+        assert off.arrays.plan.unknowns == plain.arrays.plan.unknowns
+    assert len(plain.arrays.loads.node) == 0
+    sprung = fourbar()
+    sprung.joint_spring("lower left", stiffness=1.0)
+    assert size(ksd.compile_scene(sprung).arrays) > size(plain.arrays)
+
+
+def _switched(scene):
+    """The words that switch off whatever the scene mentions."""
+    return tuple(effects.mentioned(scene.scene(), ksd.Mesh()) - {"spatial", "shear"})
+
+
+def test_gravity_without_mass_and_the_mesh_without_shear():
+    scene = fourbar()
+    scene.gravity = (0, -9.81, 0)
+    massless = ksd.Material(E=200e9, G=76.9e9)
+    joint = ksd.CrossFlexure(massless, length=0.1, angle=np.pi / 4, thickness=1e-3, widths=(0.04, 0.02))
+    bare = fourbar(joint=joint)
+    bare.gravity = (0, -9.81, 0)
+    assert "gravity" not in effects.mentioned(bare.scene(), ksd.Mesh())
+    assert "gravity" in effects.mentioned(scene.scene(), ksd.Mesh())
+    choice = choose(scene.scene(), ksd.Mesh(shear=False))
+    assert not choice["shear"].present
+
+
+def test_listed_parts_of_the_drawing():
+    joint = ksd.CircularNotchHinge(STEEL, radius=3e-3, minimum=0.3e-3, width=10e-3)
+    assert "with a circular notch" in str(ksd.compile_scene(single_joint(joint)))
+    assert replace(ksd.compile_scene(fourbar()).choice, listed=()).listed == ()
+    assert compiling.compile_given and leafs.natural
