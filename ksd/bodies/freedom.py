@@ -72,9 +72,9 @@ def check_freedoms(model: Model, bodies: JointBodies) -> None:
     held = J[loops:] @ free
     names = (*model.drive_names, *model.support_names)
     scale = np.abs(J).max(initial=1e-300)
-    _refuse_misaligned(J[:loops], free.shape[1])
     for name, row in zip(names, held, strict=True):
         if np.abs(row).max(initial=0.0) < RANK * scale:
+            _refuse_misaligned(J[:loops], free.shape[1])
             raise KinematicsError(
                 f"drive '{name}' moves nothing: no intended motion of the joints changes it at rest; drive another "
                 "component, or start from a pose that is not a dead centre"
@@ -87,6 +87,7 @@ def check_freedoms(model: Model, bodies: JointBodies) -> None:
             f"held ({free.shape[1]} freedoms, {len(names)} drives and supports); add a drive or a support"
         )
     if len(names) > free.shape[1]:
+        _refuse_misaligned(J[:loops], free.shape[1])
         pair = _dependent(held, names)
         raise KinematicsError(
             f"drives {pair} act on the same freedom: the joints leave {free.shape[1]}, the scene prescribes "
@@ -95,7 +96,8 @@ def check_freedoms(model: Model, bodies: JointBodies) -> None:
 
 
 def _refuse_misaligned(J: np.ndarray, free: int) -> None:
-    """Raise KinematicsError where closed loops leave fewer freedoms than they would if their joints were aligned."""
+    """Raise KinematicsError where closed loops leave fewer freedoms than they would if their joints were aligned; asked
+    only of what cannot be solved anyway, as short levers look alike."""
     loose = _null_space(J, LOOSE).shape[1] if len(J) else free
     if loose > free:
         _, s, _ = np.linalg.svd(J)

@@ -183,15 +183,9 @@ class Configuration:
 
         return strain_energy(self.model, self.motion)
 
-    def overconstraint(self) -> Any:
-        """How often drives and leafs hold the same motion twice: `ksd.properties.overconstraint.Overconstraint`."""
-        from ksd.properties.overconstraint import overconstraint
-
-        return overconstraint(self.model)
-
     def internal_stress(self, **options: Any) -> Any:
-        """Stress [Pa] when leafs are clamped beside their place: `ksd.properties.overconstraint.internal_stress`."""
-        from ksd.properties.overconstraint import internal_stress
+        """Stress [Pa] when leafs are clamped beside their place: `ksd.properties.internal_stress.internal_stress`."""
+        from ksd.properties.internal_stress import internal_stress
 
         return internal_stress(self.model, self.motion, load_factor=self.load_factor, **options)
 

@@ -1,18 +1,13 @@
-"""Overconstrained layouts: how often the leafs hold the same motion twice, and the internal stress that costs.
+"""Internal stress of overconstrained layouts: what it costs when a leaf is clamped a little beside its place.
 
-Counting: a leaf holds three motions of its end (along e1, along its width e3, about e2 across its middle surface), a wire
-of equal width and thickness only the one along it, drives and supports one each. The self-stresses are what the
-equilibrium of the blocks leaves free: count = holds - rank (Maxwell; Blanding, Exact Constraint, 1999, for the rule).
-
-Internal stress: an end that is clamped a little beside its place strains a leaf that is held twice over; the change of
-the state is the linear response of the exact tangent to that misplacement, at any pose.
+A leaf that is held twice over (see `ksd.properties.doctor`) cannot give way to a misplaced end, and is strained by it;
+one that is held once moves along. The change of the state is the linear response of the exact tangent, at any pose.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,107 +15,14 @@ from numpy.typing import NDArray
 from ksd.errors import SceneError
 from ksd.model.arrays import STRAIN, Motion
 from ksd.model.compile import Model
-from ksd.model.loading import term_value
 from ksd.properties.alike import Flexible, alike_leafs, flexible_leafs, inner_unknowns
-from ksd.properties.shape import members_of_leafs, scene_leafs
+from ksd.properties.shape import members_of_leafs
 from ksd.properties.stress import stress
 from ksd.properties.tangent import Tangent, factored_tangent
 
 Array = NDArray[np.float64]
 DIRECTIONS = ("along", "across", "sideways", "twist", "tilt", "yaw")
 """Misplacement of a leaf's end in its own axes: along e1, e2 (thickness), e3 (width); about e1, e3 and e2."""
-RANK = 1e-9
-
-
-@dataclass(frozen=True)
-class Overconstraint:
-    """count: how many motions are held twice; freedoms: how many are held by nothing (leafs bend in them); states
-    (count, holds): independent self-stresses, largest entry 1; holds: what each entry is, (leaf, drive or support; word)."""
-
-    count: int
-    freedoms: int
-    states: Array
-    holds: tuple[tuple[str, str], ...]
-
-    @property
-    def leafs(self) -> tuple[str, ...]:
-        """Leafs that take part in a self-stress."""
-        used = np.abs(self.states).max(axis=0, initial=0.0) > 1e-6
-        return tuple(dict.fromkeys(name for (name, _), u in zip(self.holds, used, strict=True) if u))
-
-    def __str__(self) -> str:
-        if not self.count:
-            return "exactly constrained: no motion is held twice, so misplacements cause no internal stress"
-        times = "once" if self.count == 1 else f"{self.count} times"
-        return f"overconstrained {times}, through {', '.join(self.leafs)}"
-
-
-def overconstraint(model: Model) -> Overconstraint:
-    """Count what holds the blocks of `model` at rest, drives and supports included; see the module docstring."""
-    rows, names = [], []
-    leafs = scene_leafs(model)
-    for name, members in members_of_leafs(model).items():
-        for word, row in _holds(model, leafs[name], members):
-            rows.append(row)
-            names.append((name, word))
-    for k, row in enumerate(_drive_rows(model)):
-        rows.append(row)
-        names.append(((*model.drive_names, *model.support_names)[k], "held"))
-    blocks = sorted(
-        {
-            int(n)
-            for m in members_of_leafs(model).values()
-            for i in (m[0], m[-1])
-            for n in model.arrays.members.node[i]
-        }
-    )
-    free = [b for b in blocks if model.arrays.start[b] >= 0]
-    J = np.array(rows).reshape(len(rows), -1, 6)[:, free].reshape(len(rows), -1)
-    u, s, _ = np.linalg.svd(J)
-    rank = int(np.sum(s > RANK * s.max(initial=1.0)))
-    states = u[:, rank:].T
-    states = states / np.maximum(np.abs(states).max(axis=1, keepdims=True), 1e-300)
-    return Overconstraint(len(rows) - rank, J.shape[1] - rank, states, tuple(names))
-
-
-def _holds(model: Model, leaf: Any, members: list[int]) -> Iterable[tuple[str, Array]]:
-    """(word, row (nodes * 6,)): the relative motions of both blocks a leaf holds; rotations count times its length."""
-    at, rest = model.arrays.members, model.rest
-    first, last = members[0], members[-1]
-    a, b = int(at.node[first, 0]), int(at.node[last, 1])
-    start = rest.x[a] + rest.R[a] @ at.offset[first, 0]
-    end = rest.x[b] + rest.R[b] @ at.offset[last, 1]
-    e1 = (end - start) / np.linalg.norm(end - start)
-    e3 = (rest.R[a] @ at.frame[first, 0])[:, 2]
-    e3 = e3 - (e3 @ e1) * e1
-    e3 /= np.linalg.norm(e3)
-    middle, q = 0.5 * (start + end), leaf.section
-    wire = q.Iy < 4 * q.Iz and q.Iz < 4 * q.Iy
-    kinds = [("along", e1, False)]
-    if not wire:
-        kinds += [("sideways", e3, False), ("yaw", np.cross(e3, e1), True)]
-    for word, axis, turns in kinds:
-        row = np.zeros((len(rest.x), 6))
-        for node, sign in ((a, -1.0), (b, 1.0)):
-            if turns:
-                row[node, 3:] += sign * np.linalg.norm(end - start) * axis
-            else:
-                row[node, :3] += sign * axis
-                row[node, 3:] += sign * np.cross(middle - rest.x[node], axis)
-        yield word, row.ravel()
-
-
-def _drive_rows(model: Model) -> Iterable[Array]:
-    """Row (nodes * 6,) of every drive and support at rest."""
-    terms = model.arrays.terms
-    gradient, scratch = np.empty(12), np.empty((12, 12))
-    for i in range(len(terms.start)):
-        row = np.zeros((len(model.rest.x), 6))
-        for t in range(terms.first[i], terms.first[i + 1]):
-            term_value(terms, model.rest.x, model.rest.R, t, gradient, scratch, 0.0)
-            for e in range(2):
-                row[terms.node[t, e]] += terms.coefficient[t] * gradient[6 * e : 6 * e + 6]
-        yield row.ravel()
 
 
 @dataclass(frozen=True)
