@@ -94,17 +94,26 @@ def chain(n: int, *, mip: bool = True, nodal: bool = False) -> Mesh:
 class PlainNewton:
     """The conventional method of paper 1, Appendix B, with the eps_max best for it at the given drive values.
 
-    Plain Newton on all element nodes (`nodal`) or on the condensed chains; a step is given up when the
-    residual exceeds eps_max, and halved; in space as in the paper, or in the plane (`planar`). eps_max is chosen
-    once, from EPS_MAX, by the number of matrix solves among those that end in the state found with the smallest.
-    Raises ConvergenceError when none converges.
+    Plain Newton on all element nodes (`nodal`) or on the condensed chains, or with mixed integration points (`mip`);
+    a step is given up when the residual exceeds eps_max, and halved; in space as in the paper, or in the plane
+    (`planar`). Whatever converges is believed, as in the paper. eps_max is chosen once, from EPS_MAX, by the
+    number of matrix solves among those that end in the state found with the smallest. `scene` may be a compiled
+    model, which is then solved as it is. Raises ConvergenceError when none converges.
     """
 
     def __init__(
-        self, scene: Any, n: int, targets: Mapping[str, float], *, nodal: bool = True, planar: bool = False
+        self,
+        scene: Any,
+        n: int,
+        targets: Mapping[str, float],
+        *,
+        nodal: bool = True,
+        planar: bool = False,
+        mip: bool = False,
     ) -> None:
         self.planar = planar
-        self.model = ksd.compile_scene(scene, mesh=chain(n, mip=False, nodal=nodal))
+        compiled = isinstance(scene, ksd.Model)
+        self.model = scene if compiled else ksd.compile_scene(scene, mesh=chain(n, mip=mip, nodal=nodal))
         self.targets = dict(targets)
         self.tried: dict[float, int | None] = {}
         first: np.ndarray | None = None
@@ -123,11 +132,19 @@ class PlainNewton:
         right = {e: k for e, k in self.tried.items() if k is not None}
         self.eps_max = min(right, key=lambda e: right[e])
 
-    def __call__(self, eps_max: float | None = None) -> ksd.Configuration:
+    def __call__(
+        self, eps_max: float | None = None, targets: Mapping[str, float] | None = None
+    ) -> ksd.Configuration:
         """Solve from rest; `most` and `cap` leave the decisions to eps_max, as in the paper."""
         limit = self.eps_max if eps_max is None else eps_max
+        # a finite limit also switches off the walk that confirms a doubtful branch, which the paper has not
         return conventional(
-            self.model, self.targets, eps_max=limit, most=60, cap=math.inf, planar=self.planar
+            self.model,
+            self.targets if targets is None else targets,
+            eps_max=min(limit, 1e300),
+            most=60,
+            cap=math.inf,
+            planar=self.planar,
         )
 
 

@@ -14,9 +14,10 @@ import ksd
 from ksd.model.arrays import Arrays, Motion, Work, make_work
 from ksd.model.system import assemble, take_step
 from ksd.numerics.blocks import backward_blocks, factor_blocks, solve_blocks
-from ksd.solve import pipeline
 from ksd.solve.conventional import CAP, RTOL
 from ksd.solve.newton import iterate
+from ksd.solve.planar_steps import GAP
+from ksd.solve.space_steps import KINEMATIC, space_steps
 
 TARGET = np.array([STROKE])
 WARM = 3
@@ -40,8 +41,8 @@ def systems() -> dict[str, System]:
     for name, mesh in (("5 elements", chain(5)), ("strain-mode", ksd.Mesh())):
         solver = ksd.prepare(fourbar(1), mesh=mesh)
         b = solver.bench
-        pipeline.close(b, TARGET)
-        pipeline.linearise(b, near=1, first=True)
+        # steps 1 and 2
+        space_steps(b.held, TARGET, KINEMATIC, 0, 0, RTOL, CAP, GAP, np.zeros((5, 5)))
         arrays, reduced = b.model.arrays, b.bodies.reduced
         found[f"full, {name}"] = System(arrays, b.model.rest.copy(), b.full_work, (1, 4))
         found[f"reduced, {name}"] = System(reduced, b.reduced.copy(), b.reduced_work, (0, 2))

@@ -40,7 +40,7 @@ _HOMES = {
     "ksd.solve.path": ("Path", "follow"),
     "ksd.properties.doctor": ("doctor",),
     "ksd.train": ("train",),
-    "ksd.design": ("SweepInterrupted", "Table", "frequency_curve", "state_space", "sweep"),
+    "ksd.design": ("Batch", "SweepInterrupted", "Table", "batch", "frequency_curve", "state_space", "sweep"),
     "ksd.library": ("Record", "find_record", "read_result"),
 }  # fmt: skip
 _HOME = {name: home for home, names in _HOMES.items() for name in names}
@@ -50,7 +50,7 @@ _KEPT = (
 )  # fmt: skip
 
 if TYPE_CHECKING:
-    from ksd.design import SweepInterrupted, Table, frequency_curve, state_space, sweep
+    from ksd.design import Batch, SweepInterrupted, Table, batch, frequency_curve, state_space, sweep
     from ksd.library import Record, find_record, read_result
     from ksd.model.compile import Model, compile_scene
     from ksd.model.mesh import Mesh

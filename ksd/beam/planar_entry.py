@@ -6,7 +6,7 @@
 
 from __future__ import annotations
 
-from ksd.beam import planar_corotational, planar_strain
+from ksd.beam import planar_corotational, planar_near, planar_strain
 from ksd.numerics.kernel import carray, isolated
 
 _P = "CPointer(float64)"
@@ -51,3 +51,13 @@ def planar_chain_recover(value, number, inner, store, xi, scale, size):
         carray(value, (size[0],)), carray(number, (4,)), carray(inner, (size[1],)), carray(store, (size[2],)),
         carray(xi, (3,)), scale,
     )  # fmt: skip
+
+
+@isolated(f"void({_P}, {_I}, {_P}, {_P}, {_P}, {_P}, {_P}, {_P}, {_P}, {_I})")
+def planar_chain_near(value, number, inner, store, near, pose, lam, K, out, size):
+    """A planar chain linearised about the element orientations `near`; size[3] is the length of near."""
+    back, force, moment, status = planar_near.near_condense(
+        carray(value, (size[0],)), carray(number, (4,)), carray(inner, (size[1],)), carray(store, (size[2],)),
+        carray(near, (size[3],)), carray(pose, (3,)), carray(lam, (6,)), carray(K, (3, 3)),
+    )  # fmt: skip
+    out[0], out[1], out[2], out[3] = back, force, moment, status

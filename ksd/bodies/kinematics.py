@@ -13,7 +13,6 @@ from typing import NamedTuple
 import numpy as np
 
 from ksd.model.arrays import TRANSLATION
-from ksd.model.loading import term_value
 from ksd.numerics.kernel import kernel
 from ksd.numerics.rotations import exp_tangent, rotation_exp, rotation_log
 
@@ -65,6 +64,26 @@ def monomials(loops, theta, j, value, slope):
 
 
 @kernel
+def _in_plane(f, g, length, motions, place):
+    """`pose_from` for a motion in the x-y plane of the joint, ten times as fast; False where its slopes leave it."""
+    for k in range(motions):
+        if not (g[k, 0] == 0.0 and g[k, 1] == 0.0 and g[k, 5] == 0.0):
+            return False
+    c, s = math.cos(f[2]), math.sin(f[2])
+    place[0], place[1], place[2], place[3], place[4], place[5] = c, -s, 0.0, s, c, 0.0
+    place[6], place[7], place[8] = 0.0, 0.0, 1.0
+    c, s = length * math.cos(0.5 * f[2]), length * math.sin(0.5 * f[2])
+    x, y = c * f[3] - s * f[4], s * f[3] + c * f[4]
+    place[9], place[10], place[11] = x, y, 0.0
+    for k in range(motions):
+        at, w = 12 + 6 * k, 0.5 * g[k, 2]
+        place[at] = c * g[k, 3] - s * g[k, 4] - w * y
+        place[at + 1] = s * g[k, 3] + c * g[k, 4] + w * x
+        place[at + 2], place[at + 3], place[at + 4], place[at + 5] = 0.0, 0.0, 0.0, g[k, 2]
+    return True
+
+
+@kernel
 def pose_from(coefficient, length, value, slope, count, motions, place):
     """Pose and its derivatives from rotation-vector and chord polynomials, coefficient (6, M).
 
@@ -76,6 +95,8 @@ def pose_from(coefficient, length, value, slope, count, motions, place):
             f[r] += coefficient[r, i] * value[i]
             g[0, r] += coefficient[r, i] * slope[0, i]
             g[1, r] += coefficient[r, i] * slope[1, i]
+    if f[0] == 0.0 and f[1] == 0.0 and f[5] == 0.0 and _in_plane(f, g, length, motions, place):
+        return
     R, H = np.empty((3, 3)), np.empty((3, 3))
     T, S = np.empty((3, 3)), np.empty((3, 3))
     half = np.empty(3)
@@ -141,8 +162,12 @@ def _point(R, s, x, p):
 def _hang(loops, place, j, forward, x, R, W, motions):
     """Pose of the link beyond tree joint j and its twist columns W (node, motion, 6), from the link before it."""
     a, b = loops.node[j, 0], loops.node[j, 1]
-    RA, RB, rel = np.empty((3, 3)), np.empty((3, 3)), place[j, 0:9].copy().reshape(3, 3)
-    pA, pB = np.empty(3), np.empty(3)
+    scratch = np.empty((4, 3, 3))
+    RA, RB, rel, ends = scratch[0], scratch[1], scratch[2], scratch[3]
+    pA, pB = ends[0], ends[1]
+    for r in range(3):
+        for c in range(3):
+            rel[r, c] = place[j, 3 * r + c]
     d = place[j, 9:12]
     if forward == 1:
         _axes(R[a], loops.frame[j], RA)
@@ -176,15 +201,25 @@ def _hang(loops, place, j, forward, x, R, W, motions):
 @kernel
 def _own_twist(place, k, RA, pB, y, sign, column):
     """Add the joint's own motion k: w = RA dphi, velocity RA dd + w x (y - pB), times sign."""
-    w, v = np.empty(3), np.empty(3)
     at = 12 + 6 * k
-    for r in range(3):
-        v[r] = RA[r, 0] * place[at] + RA[r, 1] * place[at + 1] + RA[r, 2] * place[at + 2]
-        w[r] = RA[r, 0] * place[at + 3] + RA[r, 1] * place[at + 4] + RA[r, 2] * place[at + 5]
-    for r in range(3):
-        i, j = (r + 1) % 3, (r + 2) % 3
-        column[3 + r] += sign * w[r]
-        column[r] += sign * (v[r] + w[i] * (y[j] - pB[j]) - w[j] * (y[i] - pB[i]))
+    d0, d1, d2, p0, p1, p2 = (
+        place[at],
+        place[at + 1],
+        place[at + 2],
+        place[at + 3],
+        place[at + 4],
+        place[at + 5],
+    )
+    w0 = RA[0, 0] * p0 + RA[0, 1] * p1 + RA[0, 2] * p2
+    w1 = RA[1, 0] * p0 + RA[1, 1] * p1 + RA[1, 2] * p2
+    w2 = RA[2, 0] * p0 + RA[2, 1] * p1 + RA[2, 2] * p2
+    a0, a1, a2 = y[0] - pB[0], y[1] - pB[1], y[2] - pB[2]
+    column[0] += sign * (RA[0, 0] * d0 + RA[0, 1] * d1 + RA[0, 2] * d2 + w1 * a2 - w2 * a1)
+    column[1] += sign * (RA[1, 0] * d0 + RA[1, 1] * d1 + RA[1, 2] * d2 + w2 * a0 - w0 * a2)
+    column[2] += sign * (RA[2, 0] * d0 + RA[2, 1] * d1 + RA[2, 2] * d2 + w0 * a1 - w1 * a0)
+    column[3] += sign * w0
+    column[4] += sign * w1
+    column[5] += sign * w2
 
 
 @kernel
@@ -236,10 +271,60 @@ def loop_equations(arrays, loops, theta, target, motion, place, W, J, residual):
 
 
 @kernel
+def term_slope(terms, x, R, t, gradient, scratch):
+    """Value of constraint term t and its gradient (12,) on (base, node); see `ksd.model.loading.term_value`.
+
+    scratch (18,). A rotation is 2 atan2(q.u, q0) of the relative rotation's quaternion.
+    """
+    a, b = terms.node[t, 0], terms.node[t, 1]
+    u, q, lever = scratch[0:3], scratch[3:6], scratch[6:9]
+    value = 0.0
+    for r in range(3):
+        u[r] = (
+            R[a, r, 0] * terms.direction[t, 0]
+            + R[a, r, 1] * terms.direction[t, 1]
+            + R[a, r, 2] * terms.direction[t, 2]
+        )
+    if terms.kind[t] == TRANSLATION:
+        for r in range(3):
+            q[r], p = 0.0, 0.0
+            for c in range(3):
+                p += R[a, r, c] * terms.point[t, 0, c]
+                q[r] += R[b, r, c] * terms.point[t, 1, c]
+            lever[r] = x[b, r] + q[r] - x[a, r]
+            value += u[r] * (lever[r] - p)
+        for r in range(3):
+            j, k = (r + 1) % 3, (r + 2) % 3
+            gradient[r] = -u[r]
+            gradient[3 + r] = u[j] * lever[k] - u[k] * lever[j]
+            gradient[6 + r] = u[r]
+            gradient[9 + r] = q[j] * u[k] - q[k] * u[j]
+        return value
+    rel = scratch[9:18].reshape(3, 3)
+    for i in range(3):
+        for j in range(3):
+            rel[i, j] = R[b, i, 0] * R[a, j, 0] + R[b, i, 1] * R[a, j, 1] + R[b, i, 2] * R[a, j, 2]
+    rotation_log(rel, q)
+    turn = math.sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2])
+    q0 = math.cos(0.5 * turn)
+    f = 0.5 if turn < 1e-12 else math.sin(0.5 * turn) / turn
+    along = f * (q[0] * u[0] + q[1] * u[1] + q[2] * u[2])
+    size = along * along + q0 * q0
+    for i in range(3):
+        j, k = (i + 1) % 3, (i + 2) % 3
+        # d(q.u) and d(q0) of a turn about axis i
+        across = 0.5 * (q0 * u[i] + f * (q[j] * u[k] - q[k] * u[j]))
+        slope = 2.0 * (q0 * across + 0.5 * along * f * q[i]) / size
+        gradient[i], gradient[6 + i] = 0.0, 0.0
+        gradient[3 + i], gradient[9 + i] = -slope, slope
+    return 2.0 * math.atan2(along, q0)
+
+
+@kernel
 def _constraint_equations(arrays, target, x, R, W, J, residual, row):
     """One equation per drive or support: sum of terms minus target, with its derivative along the twist columns."""
     terms = arrays.terms
-    gradient, tangent = np.empty(12), np.empty((12, 12))
+    gradient, scratch = np.empty(12), np.empty(18)
     for i in range(len(terms.start)):
         rotations = 0
         residual[row + i] = -target[i]
@@ -247,7 +332,7 @@ def _constraint_equations(arrays, target, x, R, W, J, residual, row):
             J[row + i, q] = 0.0
         for t in range(terms.first[i], terms.first[i + 1]):
             c = terms.coefficient[t]
-            residual[row + i] += c * term_value(terms, x, R, t, gradient, tangent, 0.0)
+            residual[row + i] += c * term_slope(terms, x, R, t, gradient, scratch)
             if terms.kind[t] != TRANSLATION:
                 rotations += 1
             a, b = terms.node[t, 0], terms.node[t, 1]

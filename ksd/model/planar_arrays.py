@@ -32,14 +32,17 @@ class PlanarMotion(NamedTuple):
             mine[...] = theirs
 
 
-def make_planar_work(arrays: Arrays) -> Work:
+def make_planar_work(arrays: Arrays, *, near: np.ndarray | None = None) -> Work:
     """Storage for one thread working on planar `arrays`, as `Work`.
 
     lam (m, 6): end wrench, then the one the geometric terms use; pose (m, 6): cos, sin of frame p, lever of end q
-    about node p, lever about node q; near (2k,): cos, sin of every node.
+    about node p, lever about node q; near (2k + ..,): cos, sin of every node, then, in the joint bench, the element
+    and node angles of the near configuration, `near` (m,) per member, from near_at (m+1,) on.
     """
     members = arrays.members
     count = len(members.kind) + len(arrays.springs.kind)
+    lengths = np.zeros(len(members.kind), np.int64) if near is None else near
+    at = 2 * len(arrays.start) + np.concatenate([[0], np.cumsum(lengths)]).astype(np.int64)
     return Work(
         np.zeros(arrays.plan.values),
         np.zeros(arrays.plan.values),
@@ -48,6 +51,6 @@ def make_planar_work(arrays: Arrays) -> Work:
         np.zeros((count, 6)),
         np.zeros((count, 6)),
         np.zeros((len(arrays.start), 2)),
-        np.zeros(2 * len(arrays.start)),
-        np.zeros(1, np.int64),
+        np.zeros(int(at[-1])),
+        at,
     )

@@ -16,19 +16,20 @@ import numpy as np
 
 from ksd.beam.planar_entry import (
     planar_chain_condense,
+    planar_chain_near,
     planar_chain_recover,
     planar_strain_condense,
     planar_strain_recover,
 )
 from ksd.beam.spring import planar_coil_condense, planar_linear_condense
-from ksd.model.arrays import COIL, STRAIN, TRANSLATION
+from ksd.model.arrays import COIL, COROTATIONAL, LINEAR, STRAIN, TRANSLATION
 from ksd.numerics.kernel import kernel
 
 TURN = 2.0 * math.pi
 
 
 @kernel(inline="always")
-def _planar_pose(node, offset, frame, nodes, turns, pose, end):
+def planar_pose(node, offset, frame, nodes, turns, pose, end):
     """pose (6,) = cos, sin of frame p, levers w and s (global); end (3,) = pose of end q in frame p.
 
     node (2,), offset (2, 2), frame (2,) of one member; nodes (k, 3) poses and turns (2k,) cos, sin of all nodes.
@@ -96,8 +97,11 @@ def _planar_tangent(value, block, pose, lam, K):
 
 
 @kernel
-def add_planar_members(members, start, nodes, inners, work, rtol, noise):
-    """All members into work.value and work.rhs. Returns (negatives, worst inner residual over its bound, status)."""
+def add_planar_members(members, start, nodes, inners, work, rtol, noise, near):
+    """All members into work.value and work.rhs. Returns (negatives, worst inner residual over its bound, status).
+
+    near: 1 linearises chains about the element orientations in work.near from work.near_at on (paper 1, section 3).
+    """
     kind, node, number, block = members.kind, members.node, members.number, members.block
     value_at, inner_at, store_at = members.value_at, members.inner_at, members.store_at
     values, stores, scale, rhs = members.value, work.store, work.scale, work.rhs
@@ -107,13 +111,21 @@ def add_planar_members(members, start, nodes, inners, work, rtol, noise):
     K, end, out, size = np.empty((3, 3)), np.empty(3), np.empty(4), np.empty(4, np.int64)
     for i in range(len(kind)):
         pose, lam = poses[i], lams[i]
-        _planar_pose(node[i], offset[i], frame[i], nodes, turns, pose, end)
+        planar_pose(node[i], offset[i], frame[i], nodes, turns, pose, end)
         value, inner = values[value_at[i] :], inners[inner_at[i] : inner_at[i + 1]]
         store = stores[store_at[i] : store_at[i + 1]]
         size[0], size[1], size[2] = len(value), len(inner), len(store)
         V, N, S, W = value.ctypes, number[i].ctypes, inner.ctypes, store.ctypes
         if kind[i] == STRAIN:
             planar_strain_condense(V, N, S, W, end.ctypes, lam.ctypes, K.ctypes, out.ctypes, size.ctypes)
+        elif kind[i] == LINEAR:
+            planar_linear_condense(inner, end, lam, K)
+            out[:] = 0.0
+        elif near == 1:
+            rotations = turns[work.near_at[i] : work.near_at[i + 1]]
+            size[3] = len(rotations)
+            O = rotations.ctypes
+            planar_chain_near(V, N, S, W, O, end.ctypes, lam.ctypes, K.ctypes, out.ctypes, size.ctypes)
         else:
             planar_chain_condense(V, N, S, W, end.ctypes, lam.ctypes, K.ctypes, out.ctypes, size.ctypes)
         dn, dm = out[1], out[2]
@@ -147,7 +159,7 @@ def add_planar_springs(springs, first, start, nodes, work, rtol, noise):
     status = 0
     for i in range(len(springs.kind)):
         pose, lam = work.pose[first + i], work.lam[first + i]
-        _planar_pose(springs.node[i], springs.offset[i], springs.frame[i], nodes, work.near, pose, end)
+        planar_pose(springs.node[i], springs.offset[i], springs.frame[i], nodes, work.near, pose, end)
         value = springs.value[springs.value_at[i] :]
         if springs.kind[i] == COIL:
             status = max(status, planar_coil_condense(value, end, lam, K))
@@ -199,7 +211,7 @@ def add_planar_loads(loads, start, work, factor, rtol):
 
 
 @kernel(inline="always")
-def _planar_term(kind, node, direction, point, nodes, turns, g):
+def planar_term(kind, node, direction, point, nodes, turns, g):
     """Value of one constraint term; see `ksd.model.loading.term_value`.
 
     g (10,): gradient on base and node (x, y, angle each), then per unit multiplier the second derivatives
@@ -239,7 +251,7 @@ def add_planar_terms(terms, start, motion, target, work, size, rtol):
         gap, reach = -target[i], 1.0
         for t in range(first[i], first[i + 1]):
             k = factor[t]
-            gap += k * _planar_term(kind[t], node[t], direction[t], point[t], nodes, turns, g)
+            gap += k * planar_term(kind[t], node[t], direction[t], point[t], nodes, turns, g)
             if kind[t] != TRANSLATION:
                 reach = size
             weight = multiplier[i] * k
@@ -293,5 +305,5 @@ def recover_planar(members, start, inners, step, poses, stores, scale):
         V, N, S, W = value.ctypes, number[i].ctypes, inner.ctypes, store.ctypes
         if kind[i] == STRAIN:
             planar_strain_recover(V, N, S, W, xi.ctypes, scale, size.ctypes)
-        else:
+        elif kind[i] == COROTATIONAL:
             planar_chain_recover(V, N, S, W, xi.ctypes, scale, size.ctypes)

@@ -8,8 +8,10 @@ import numpy as np
 
 from ksd.beam import planar_corotational as chain
 from ksd.beam import planar_strain as strain
-from ksd.model.arrays import STRAIN
+from ksd.model.arrays import LINEAR, STRAIN
 
+PLANAR_LINEAR = 15
+"""Numbers of a linear body in the plane: end pose, wrench and stiffness, see `ksd.beam.spring`."""
 SAME = 11
 """Digits (of the mechanism's size, and of angles) to which coinciding members agree."""
 
@@ -43,4 +45,6 @@ class Flat:
     def sizes(self) -> tuple[int, int]:
         """Lengths of inner state and scratch."""
         count = int(self.number[0])
+        if self.kind == LINEAR:
+            return PLANAR_LINEAR, 0
         return strain.sizes(count) if self.kind == STRAIN else chain.sizes(count)[1:]

@@ -190,6 +190,35 @@ def _pairs(arrays: Arrays, rows: np.ndarray) -> list[tuple[int, int]]:
     return [pair for pair in found if min(pair) >= 0]
 
 
+def pack_flat(
+    arrays: Arrays,
+    flats: list[Flat],
+    *,
+    axes: np.ndarray,
+    rows: np.ndarray,
+    springs: Sequence[Flat] = (),
+    last: int = 0,
+) -> tuple[Arrays, np.ndarray]:
+    """Planar arrays of the members `flats`, and the planar member that stands for each of them, (m,).
+
+    arrays: the spatial ones, for nodes, rows and loads; axes (3, 3): columns i, j, k; rows (c,): constraint rows that
+    act in the plane; last: nodes eliminated last, see `plan_blocks`.
+    """
+    nodes = len(arrays.start)
+    size = np.array([3] * (nodes - 1) + [1] * len(rows), np.int64)
+    waits = np.arange(len(size)) >= nodes - 1
+    plan, position, offsets = plan_blocks(size, _pairs(arrays, rows), waits=waits, last=last)
+    places = Places(offsets, position)
+    start = np.full(nodes, -1, np.int64)
+    start[1:] = plan.start[position[: nodes - 1]]
+    first, twin = _merge(flats, arrays.size)
+    members = _pack_members([flats[i] for i in first], np.bincount(twin), places)
+    terms = _pack_rows(arrays.terms, rows, axes, places, plan.start[position[nodes - 1 :]])
+    loads = _pack_loads(arrays.loads, axes, places)
+    made = Arrays(plan, start, members, terms, loads, arrays.size, pack_springs(springs, places))
+    return made, np.array(twin)
+
+
 def flatten(
     arrays: Arrays,
     flats: list[Flat],
@@ -205,23 +234,6 @@ def flatten(
     flats: every member in the plane, e3 = sense (m,) times k; axes (3, 3): columns i, j, k; rows (c,): constraint rows
     that act in the plane; rest (k, 3): positions at rest [m]; springs: in the plane, as the members.
     """
-    nodes = len(arrays.start)
-    size = np.array([3] * (nodes - 1) + [1] * len(rows), np.int64)
-    plan, position, offsets = plan_blocks(size, _pairs(arrays, rows), waits=np.arange(len(size)) >= nodes - 1)
-    places = Places(offsets, position)
-    start = np.full(nodes, -1, np.int64)
-    start[1:] = plan.start[position[: nodes - 1]]
-    first, twin = _merge(flats, arrays.size)
-    times = np.bincount(twin)
-    row_start = plan.start[position[nodes - 1 :]]
-    made = Arrays(
-        plan,
-        start,
-        _pack_members([flats[i] for i in first], times, places),
-        _pack_rows(arrays.terms, rows, axes, places, row_start),
-        _pack_loads(arrays.loads, axes, places),
-        arrays.size,
-        pack_springs(springs, places),
-    )
-    to, of, factor, *turns = inner_copies(arrays.members, made.members, np.array(twin), sense)
+    made, twin = pack_flat(arrays, flats, axes=axes, rows=rows, springs=springs)
+    to, of, factor, *turns = inner_copies(arrays.members, made.members, twin, sense)
     return made, Lifting(axes, rest @ axes[:, 2], to, of, factor, turns[0], turns[1], turns[2], rows)

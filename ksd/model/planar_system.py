@@ -17,10 +17,10 @@ from ksd.numerics.kernel import kernel
 
 
 @kernel(inline="always")
-def assemble_planar(arrays, motion, target, factor, work, rtol, grain):
+def assemble_planar(arrays, motion, target, factor, work, rtol, grain, near):
     """Residual and tangent at `motion`. Returns (residual over its bound, negatives, status).
 
-    grain: how many times the rounding of stiffness times position the bounds include.
+    grain: how many times the rounding of stiffness times position the bounds include. near: see `add_planar_members`.
     """
     start, pose, rhs, scale, turns = arrays.start, motion.pose, work.rhs, work.scale, work.near
     work.value[:] = 0.0
@@ -32,7 +32,7 @@ def assemble_planar(arrays, motion, target, factor, work, rtol, grain):
         turns[2 * k], turns[2 * k + 1] = math.cos(pose[k, 2]), math.sin(pose[k, 2])
     noise = grain * 2.220446049250313e-16 * reach
     negatives, worst, status = add_planar_members(
-        arrays.members, start, pose, motion.inner, work, rtol, noise
+        arrays.members, start, pose, motion.inner, work, rtol, noise, near
     )
     if len(arrays.springs.kind) > 0:
         first = len(arrays.members.kind)

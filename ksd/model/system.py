@@ -7,19 +7,18 @@ import math
 import numpy as np
 
 from ksd.model.assembly import add_members, recover_member
+from ksd.model.blank import System, blank_system
 from ksd.model.loading import add_loads, add_terms
 from ksd.model.springs import add_springs
 from ksd.numerics.blocks import factor_blocks, solve_blocks
-from ksd.numerics.kernel import kernel
+from ksd.numerics.held import Kind, address_of, found_at
+from ksd.numerics.kernel import isolated, kernel
 from ksd.numerics.rotations import straighten, turn
 
 
 @kernel
-def assemble(arrays, motion, target, factor, work, rtol, near, grain):
-    """Residual and tangent at `motion`. Returns (residual over its bound, largest gap [m], negatives, status).
-
-    grain: how many times the rounding of stiffness times position the bounds include (design section 5: 10 eps).
-    """
+def _assemble(arrays, motion, target, factor, work, rtol, near, grain):
+    """See `assemble`."""
     work.value[:] = 0.0
     work.rhs[:] = 0.0
     work.scale[:] = 0.0
@@ -48,6 +47,31 @@ def assemble(arrays, motion, target, factor, work, rtol, near, grain):
     if not math.isfinite(worst) or status == 2:
         worst, status = math.inf, 2
     return worst, gap, negatives, status
+
+
+_KIND = Kind(blank_system())
+
+
+@isolated("void(int64, float64, float64, int64, float64, CPointer(float64))")
+def assemble_apart(address, factor, rtol, near, grain, out):
+    """`assemble` on the `System` at `address`; out (4,) is what it returns."""
+    s = found_at(address, _KIND)
+    out[0], out[1], out[2], out[3] = _assemble(
+        s.arrays, s.motion, s.target, factor, s.work, rtol, near, grain
+    )
+
+
+@kernel
+def assemble(arrays, motion, target, factor, work, rtol, near, grain):
+    """Residual and tangent at `motion`. Returns (residual over its bound, largest gap [m], negatives, status).
+
+    grain: how many times the rounding of stiffness times position the bounds include (design section 5: 10 eps).
+    """
+    out = np.empty(4)
+    assemble_apart(
+        address_of(System(arrays, motion, target, work), _KIND), factor, rtol, near, grain, out.ctypes
+    )
+    return out[0], out[1], int(out[2]), int(out[3])
 
 
 @kernel

@@ -27,7 +27,7 @@ def source_hash() -> str:
     digest = hashlib.sha256(f"{numba.__version__} {sys.version_info[:2]}".encode())
     for path in sorted(_PACKAGE.rglob("*.py")):
         text = path.read_bytes()
-        if b"@kernel" in text:
+        if b"@kernel" in text or b"intrinsic(" in text:
             digest.update(path.relative_to(_PACKAGE).as_posix().encode() + b"\0" + text)
     return digest.hexdigest()[:16]
 
@@ -169,6 +169,15 @@ def isolated(signature: str) -> Any:
         return types.ExternalFunction(symbol, compiled._sig)  # type: ignore[attr-defined]
 
     return decorate
+
+
+def external(symbol: str, signature: str) -> Any:
+    """A function of the C library for compiled code to call; `signature` in numba's words, C types only."""
+    from numba import types
+    from numba.core.sigutils import normalize_signature
+
+    arguments, result = normalize_signature(signature)
+    return types.ExternalFunction(symbol, result(*arguments))
 
 
 def __getattr__(name: str) -> Any:

@@ -114,7 +114,8 @@ def stability(c: Configuration) -> str:
     """Whether the configuration stays where it is, in words."""
     surplus = c.negatives - c.expected
     if surplus == 0:
-        return "stable: a minimum of energy under the held drives"
+        where = "stable in its plane (out of it only an error estimate looks)" if c.plane_alone else "stable"
+        return f"{where}: a minimum of energy under the held drives"
     if surplus > 0:
         ways = "one direction" if surplus == 1 else f"{surplus} directions"
         return f"UNSTABLE: the mechanism would leave this state by itself in {ways}"

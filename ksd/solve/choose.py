@@ -21,13 +21,10 @@ from ksd.model.plane import Plane, plane_of
 from ksd.section.checks import number, whole
 from ksd.solve import pipeline
 from ksd.solve.beside import beside, needs_walk
-from ksd.solve.configuration import Configuration, ErrorEstimate, Step
-from ksd.solve.confirm import wandered
+from ksd.solve.configuration import Configuration, ErrorEstimate
 from ksd.solve.conventional import by_load_steps, conventional
-from ksd.solve.driving import CAP, RTOL
+from ksd.solve.five import FiveSteps
 from ksd.solve.pipeline import Bench
-from ksd.solve.reach import closed, in_range
-from ksd.solve.stops import Stop
 from ksd.solve.trust import insist
 from ksd.solve.warm import ready
 
@@ -48,23 +45,29 @@ class Solver:
         mesh: Mesh | None = None,
         records: Callable[[str], Any] = find_record,
         extrapolate: bool = False,
+        planar: bool = True,
         **effects: Any,
     ) -> None:
         self.model = (
             mechanism if isinstance(mechanism, Model) else compile_scene(mechanism, mesh=mesh, **effects)
         )
-        self.records, self.extrapolate = records, extrapolate
-        self._bench: Bench | None = None
+        self.records, self.extrapolate, self.planar = records, extrapolate, planar
+        self._five: FiveSteps | None = None
 
     @property
-    def bench(self) -> Bench:
-        """Storage of the five steps, made on first use. Raises RecordError, RangeError, KinematicsError, SceneError."""
-        if self._bench is None:
+    def five_steps(self) -> FiveSteps:
+        """The five steps, prepared on first use. Raises RecordError, RangeError, KinematicsError, SceneError."""
+        if self._five is None:
             ready()
             bodies: JointBodies = joint_bodies(self.model, self.records, extrapolate=self.extrapolate)
             check_freedoms(self.model, bodies)
-            self._bench = Bench.of(self.model, bodies)
-        return self._bench
+            self._five = FiveSteps(self.model, bodies, extrapolate=self.extrapolate, planar=self.planar)
+        return self._five
+
+    @property
+    def bench(self) -> Bench:
+        """Storage of the five steps in space; raises what `five_steps` does."""
+        return self.five_steps.bench
 
     def __call__(
         self,
@@ -97,7 +100,7 @@ class Solver:
 
         def again(model: Model) -> Configuration:
             if model is not self.model:
-                self.model, self._bench = model, None
+                self.model, self._five = model, None
             return self._solve(values, **ways)
 
         found: Configuration = settled(self.model, again, 0.1 * _accuracy(ways["accuracy"]))
@@ -121,7 +124,7 @@ class Solver:
             return by_load_steps(self.model, values, self._told)
         if whole(passes, "passes", least=0) > 50:
             raise SceneError(f"passes = {passes}: between 0 and 50 relinearised passes are possible")
-        return self._five_steps(values, target, method=method, passes=passes, estimate=estimate)
+        return self.five_steps(values, target, method=method, passes=passes, estimate=estimate)
 
     def _cheapest(self, values: Mapping[str, float], target: np.ndarray, accuracy: float) -> Configuration:
         """The first that meets `accuracy`, in the order of measured cost.
@@ -139,10 +142,10 @@ class Solver:
             pass
         try:
             for passes in range(2):
-                result = self._five_steps(values, target, method="reduced", passes=passes, estimate=True)
+                result = self.five_steps(values, target, method="reduced", passes=passes, estimate=True)
                 if result.error is not None and result.error.relative <= accuracy and result.trusted:
                     return self._beside(result, values)
-            found = self._five_steps(values, target, method="full", passes=1, estimate=False)
+            found = self.five_steps(values, target, method="full", passes=1, estimate=False)
             if found.trusted:
                 return self._beside(found, values)
             raise ConvergenceError(str(found.trust.trusted))
@@ -182,95 +185,11 @@ class Solver:
         warnings = (*result.warnings, *unknown)
         return _with(result, motions=motions, unintended=unintended, warnings=warnings)
 
-    def _five_steps(
-        self, values: Mapping[str, float], target: np.ndarray, *, method: str, passes: int, estimate: bool
-    ) -> Configuration:
-        b = self.bench
-        b.restart()
-        steps = [closed(b, target)]
-        warnings = in_range(b, extrapolate=self.extrapolate)
-        steps.append(_checked(pipeline.linearise(b, near=1, first=True), steps))
-        if method == "kinematic":
-            pipeline.kinematic_forces(b, target)
-            pipeline.place_full(b)
-            return self._kinematic(values, target, steps, (warnings, estimate))
-        negatives = self._reduced(b, target, passes, steps)
-        error = None
-        if method == "full":
-            step, negatives = pipeline.full_equilibrium(b, target, rtol=RTOL, most=30, cap=CAP)
-            steps.append(_checked(step, steps))
-        elif estimate:
-            # condensed joints cannot buckle: the inertia is that of the full model at the recovered state
-            error, step, negatives = pipeline.corrector(b, target, rtol=RTOL)
-            steps.append(step)
-        return self._configuration(values, method, steps, negatives=negatives, error=error, warnings=warnings)
-
-    def _reduced(self, b: Bench, target: np.ndarray, passes: int, steps: list[Step]) -> int:
-        """Steps 3 and 4, then `passes` relinearised rounds; returns the negative pivots."""
-        negatives = 0
-        for n in range(passes + 1):
-            if n > 0:
-                steps.append(_checked(pipeline.linearise(b, near=0, first=False), steps))
-            step, negatives = pipeline.reduced_equilibrium(b, target, rtol=RTOL, most=25)
-            steps.append(_checked(step, steps))
-            steps.append(pipeline.recover(b))
-        return negatives
-
-    def _kinematic(
-        self, values: Mapping[str, float], target: np.ndarray, steps: list[Step], more: tuple[list[str], bool]
-    ) -> Configuration:
-        """The kinematic answer; its error is its distance to the reduced one plus the estimate of that."""
-        warnings, estimate = more
-        b = self.bench
-        answer = self._configuration(
-            values, "kinematic", steps, negatives=len(target), error=None, warnings=warnings
-        )
-        if not estimate:
-            return answer
-        extra: list[Step] = []
-        self._reduced(b, target, 0, extra)
-        rest, step, negatives = pipeline.corrector(b, target, rtol=RTOL)
-        error = pipeline.distance(answer.motion, b, rest)
-        spent = sum(s.time for s in extra) + step.time
-        counted = sum(s.iterations for s in extra) + step.iterations
-        steps.append(Step("error estimate", counted, spent, step.residual, step.stop, "by steps 3 and 4"))
-        return _with(answer, error=error, steps=tuple(steps), negatives=negatives)
-
-    def _configuration(
-        self,
-        values: Mapping[str, float],
-        method: str,
-        steps: list[Step],
-        *,
-        negatives: int,
-        error: Any,
-        warnings: list[str],
-    ) -> Configuration:
-        b = self.bench
-        motions, unintended, unknown = pipeline.joint_motions(b, b.full)
-        expected = len(b.model.drive_names) + len(b.model.support_names)
-        return Configuration(
-            self.model, b.full.copy(), method, dict(values), tuple(steps), negatives, expected,
-            motions, unintended, error, (*warnings, *unknown), doubts=wandered(s for s in steps if s.name[0] in "35"),
-        )  # fmt: skip
-
 
 def _with(result: Configuration, **changes: Any) -> Configuration:
     from dataclasses import replace
 
     return replace(result, **changes)
-
-
-def _checked(step: Step, before: list[Step]) -> Step:
-    """The step if it converged, else ConvergenceError saying which step stopped and why."""
-    if step.stop is not Stop.CONVERGED:
-        raise ConvergenceError(
-            f"step '{step.name}' stopped after {step.iterations} iterations: {step.stop.sentence}; "
-            "try method='conventional'",
-            reached=0.0,
-            result=(*before, step),
-        )
-    return step
 
 
 def _accuracy(value: float | None) -> float:
@@ -293,14 +212,17 @@ def prepare(
     without: str | Iterable[str] = (),
     accuracy: float | None = None,
     targets: Mapping[str, float] | None = None,
+    planar: bool = True,
 ) -> Solver:
     """A `Solver` of this mechanism for many solves: everything that does not depend on the drive values is done once.
 
     mesh: leaf model and its fineness (strain-mode leafs when None). extrapolate: use joint records beyond their trained
     range, with a warning in the result. effects, with_, without: what is simulated, chosen for accuracy and, when given,
-    for drive values `targets` (see `ksd.model.effects`). Raises SceneError for a scene that cannot be compiled.
+    for drive values `targets` (see `ksd.model.effects`). planar: False takes the five steps in space even where the scene
+    stays in its plane. Raises SceneError for a scene that cannot be compiled.
     """
     words: dict[str, Any] = {"effects": effects, "with_": with_, "without": without, "targets": targets}
+    words["planar"] = planar
     return Solver(mechanism, mesh=mesh, extrapolate=extrapolate, accuracy=_accuracy(accuracy), **words)
 
 

@@ -49,7 +49,7 @@ class Configuration:
     name [rad or m], unintended: per joint (6,) displacement [m] and rotation [rad] of interface B off its intended pose,
     in joint axes. error: estimate for the fast methods, None where the method is exact. negatives: negative pivots
     at the end, expected: those the constraint rows explain. doubts: what speaks against the branch and was not cleared up
-    by smaller steps.
+    by smaller steps. plane_alone: the pivots were counted in the plane alone, so buckling out of it was not looked at.
     """
 
     model: Model
@@ -65,6 +65,7 @@ class Configuration:
     warnings: tuple[str, ...] = ()
     load_factor: float = 1.0
     doubts: tuple[str, ...] = ()
+    plane_alone: bool = False
 
     def __repr__(self) -> str:
         forces = ", ".join(f"{n} {v:.6g}" for n, v in self.forces.items())

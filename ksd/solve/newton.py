@@ -12,9 +12,13 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+
+from ksd.model.blank import System, blank_system
 from ksd.model.system import assemble, largest_move, largest_turn, solve_step, take_step
 from ksd.numerics.blocks import factor_blocks
-from ksd.numerics.kernel import kernel
+from ksd.numerics.held import Kind, address_of, found_at
+from ksd.numerics.kernel import isolated, kernel
 
 GRAIN = 10.0
 """Multiples of rounding in the residual bounds."""
@@ -25,14 +29,8 @@ CONVERGED, TOO_MANY, LOCAL_ANGLE, SINGULAR, DIVERGED, NOT_FINITE = 0, 1, 2, 3, 4
 
 
 @kernel
-def iterate(arrays, motion, target, factor, work, rtol, most, cap, blow_up):
-    """Newton to equilibrium at the drive values `target` (c,) and load `factor`, in place.
-
-    The first step (the predictor) is taken whole; later ones are scaled so that no node turns more than `cap` rad.
-    `blow_up`: stop when the residual norm exceeds it (the eps_max of Appendix B); inf switches it off.
-    Local angles beyond 60 degrees may pass on the way; a converged state that has one is refused.
-    Returns (reason, steps taken, residual over its bound, negative pivots, smallest relative pivot).
-    """
+def _iterate(arrays, motion, target, factor, work, rtol, most, cap, blow_up):
+    """See `iterate`."""
     negatives, pivot = 0, 1.0
     worst, moved = math.inf, math.inf
     # a variable, not the literal 0, for which numba would compile `assemble` a second time
@@ -72,3 +70,30 @@ def iterate(arrays, motion, target, factor, work, rtol, most, cap, blow_up):
         )
         take_step(arrays, motion, work.rhs, work, scale)
     return TOO_MANY, most, worst, negatives, pivot
+
+
+_KIND = Kind(blank_system())
+
+
+@isolated("void(int64, float64, float64, int64, float64, float64, CPointer(float64))")
+def iterate_apart(address, factor, rtol, most, cap, blow_up, out):
+    """`iterate` on the `System` at `address`; out (5,) is what it returns."""
+    s = found_at(address, _KIND)
+    out[0], out[1], out[2], out[3], out[4] = _iterate(
+        s.arrays, s.motion, s.target, factor, s.work, rtol, most, cap, blow_up
+    )
+
+
+@kernel
+def iterate(arrays, motion, target, factor, work, rtol, most, cap, blow_up):
+    """Newton to equilibrium at the drive values `target` (c,) and load `factor`, in place.
+
+    The first step (the predictor) is taken whole; later ones are scaled so that no node turns more than `cap` rad.
+    `blow_up`: stop when the residual norm exceeds it (the eps_max of Appendix B); inf switches it off.
+    Local angles beyond 60 degrees may pass on the way; a converged state that has one is refused.
+    Returns (reason, steps taken, residual over its bound, negative pivots, smallest relative pivot).
+    """
+    out = np.empty(5)
+    at = address_of(System(arrays, motion, target, work), _KIND)
+    iterate_apart(at, factor, rtol, most, cap, blow_up, out.ctypes)
+    return int(out[0]), int(out[1]), out[2], int(out[3]), out[4]

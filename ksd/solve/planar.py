@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from ksd.model.arrays import Motion, Work
+from ksd.model.blank import PlanarSystem, blank_planar_system
 from ksd.model.compile import Model
 from ksd.model.planar_arrays import make_planar_work
 from ksd.model.planar_assembly import recover_planar
@@ -20,7 +21,8 @@ from ksd.model.planar_system import assemble_planar, move_planar, planar_size
 from ksd.model.plane import Plane, plane_of, refuse_plane
 from ksd.model.system import assemble
 from ksd.numerics.blocks import factor_blocks, solve_blocks
-from ksd.numerics.kernel import kernel
+from ksd.numerics.held import Kind, address_of, found_at
+from ksd.numerics.kernel import isolated, kernel
 from ksd.solve.driving import Driven, drive_to
 from ksd.solve.newton import (
     CONVERGED,
@@ -40,16 +42,18 @@ POLISH = 3
 
 
 @kernel
-def iterate_planar(arrays, motion, target, factor, work, rtol, most, cap, blow_up):
-    """Newton to equilibrium in the plane; arguments, rules and returns are those of `ksd.solve.newton.iterate`."""
+def _iterate_planar(arrays, motion, target, factor, work, rtol, most, cap, blow_up):
+    """See `iterate_planar`."""
     plan, start, rhs = arrays.plan, arrays.start, work.rhs
     blocks = len(plan.size)
     negatives, pivot = 0, 1.0
     worst, moved = math.inf, math.inf
+    # a variable, not the literal 0, for which numba would compile twice
+    near = 0 * most
     # at first the bounds have no grain, so that the smallest load gets its step
     for n in range(most + 1):
         worst, inside, status = assemble_planar(
-            arrays, motion, target, factor, work, rtol, GRAIN if n > 0 else 0.0
+            arrays, motion, target, factor, work, rtol, GRAIN if n > 0 else 0.0, near
         )
         if not math.isfinite(worst):
             return NOT_FINITE, n, worst, negatives, pivot
@@ -78,6 +82,27 @@ def iterate_planar(arrays, motion, target, factor, work, rtol, most, cap, blow_u
         recover_planar(arrays.members, start, motion.inner, rhs, work.pose, work.store, scale)
         move_planar(start, arrays.terms.start, motion, rhs, scale)
     return TOO_MANY, most, worst, negatives, pivot
+
+
+_KIND = Kind(blank_planar_system())
+
+
+@isolated("void(int64, float64, float64, int64, float64, float64, CPointer(float64))")
+def iterate_planar_apart(address, factor, rtol, most, cap, blow_up, out):
+    """`iterate_planar` on the `PlanarSystem` at `address`; out (5,) is what it returns."""
+    s = found_at(address, _KIND)
+    out[0], out[1], out[2], out[3], out[4] = _iterate_planar(
+        s.arrays, s.motion, s.target, factor, s.work, rtol, most, cap, blow_up
+    )
+
+
+@kernel
+def iterate_planar(arrays, motion, target, factor, work, rtol, most, cap, blow_up):
+    """Newton to equilibrium in the plane; arguments, rules and returns are those of `ksd.solve.newton.iterate`."""
+    out = np.empty(5)
+    at = address_of(PlanarSystem(arrays, motion, target, work), _KIND)
+    iterate_planar_apart(at, factor, rtol, most, cap, blow_up, out.ctypes)
+    return int(out[0]), int(out[1]), out[2], int(out[3]), out[4]
 
 
 def _accept(

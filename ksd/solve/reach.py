@@ -8,15 +8,13 @@ from ksd.errors import ConvergenceError, RangeError
 from ksd.solve import pipeline
 from ksd.solve.configuration import Step
 from ksd.solve.pipeline import Bench
+from ksd.solve.planar_steps import GAP
 from ksd.solve.stops import Stop
-
-GAP = 2e-3
-"""Largest gap of the closed loops over the size of the mechanism: overconstrained joints never fit exactly, and their
-elasticity takes it up in step 3; a linkage that locks leaves more."""
 
 
 def closed(b: Bench, target: np.ndarray) -> Step:
     """Step 1, in one go or, failing that, along the drive; ConvergenceError says how far it got."""
+    b.restart()
     step = pipeline.close(b, target)
     if step.stop is Stop.CONVERGED and step.residual < GAP * b.bodies.reduced.size:
         return step
@@ -42,17 +40,17 @@ def closed(b: Bench, target: np.ndarray) -> Step:
     return Step(step.name, count, spent, step.residual, step.stop, "in steps along the drive")
 
 
-def in_range(b: Bench, *, extrapolate: bool) -> list[str]:
-    """Refuse motions outside the trained range, or warn when extrapolation was asked for."""
+def in_range(b: Bench, theta: np.ndarray, *, extrapolate: bool) -> list[str]:
+    """Refuse motions theta (q,) outside the trained range, or warn when extrapolation was asked for."""
+    if np.all((theta >= b.lowest) & (theta <= b.highest)):
+        return []
     warnings = []
-    for name, value, (low, high), scale in zip(
-        b.bodies.motion_names, b.theta, b.bodies.motion_range, b.bodies.motion_scale, strict=True
+    for k, (name, value, scale) in enumerate(
+        zip(b.bodies.motion_names, theta, b.bodies.motion_scale, strict=True)
     ):
-        # a hair over the trained end is rounding, not extrapolation
-        slack = 1e-5 * (high - low)
-        if low - slack <= value <= high + slack:
+        if b.lowest[k] <= value <= b.highest[k]:
             continue
-        said = _spoken_range(name, value, low, high, scale=scale)
+        said = _spoken_range(name, value, *b.bodies.motion_range[k], scale=scale)
         if not extrapolate:
             raise RangeError(f"{said}; ask for less, or pass extrapolate=True to use the functions beyond it")
         warnings.append(f"{said}; extrapolated")

@@ -7,6 +7,7 @@ there. Each verdict is a truth value and a sentence.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -58,16 +59,20 @@ def _rolled(c: Configuration) -> str:
     Two full turns on 7 points counted as a minimum what finer leafs and chains of 40 elements know to be a saddle.
     """
     members = c.model.arrays.members
-    for i in np.flatnonzero(members.kind == STRAIN):
-        nx, ny, _, points = members.number[i]
-        first = int(members.inner_at[i])
-        mean = c.motion.inner[[first, first + nx, first + nx + ny]]
-        turn = float(np.linalg.norm(mean) * members.length[i])
-        if turn > MOST_GAP * points:
-            return (
-                f"leaf '{c.model.member_names[i]}' turns {np.rad2deg(turn):.0f} degrees from end to end, too much for "
-                f"{points} quadrature points; give a mesh with {int(np.ceil(turn / MOST_GAP)) + 1} or more"
-            )
+    strain = np.flatnonzero(members.kind == STRAIN)
+    if not len(strain):
+        return ""
+    number, first = members.number[strain], members.inner_at[strain]
+    # the constant modes about x, y, z
+    at = first + np.cumsum([0 * number[:, 0], number[:, 0], number[:, 1]], axis=0)
+    turns = np.sqrt(np.square(c.motion.inner[at]).sum(axis=0)) * members.length[strain]
+    worst = int(np.argmax(turns / number[:, 3]))
+    turn, points = float(turns[worst]), int(number[worst, 3])
+    if turn > MOST_GAP * points:
+        return (
+            f"leaf '{c.model.member_names[strain[worst]]}' turns {np.rad2deg(turn):.0f} degrees from end to end, too "
+            f"much for {points} quadrature points; give a mesh with {int(np.ceil(turn / MOST_GAP)) + 1} or more"
+        )
     return ""
 
 
@@ -89,7 +94,8 @@ def _furthest(c: Configuration) -> tuple[str, float, float, float]:
         off = c.unintended.get(placed.name)
         if off is None:
             continue
-        shift, turn = float(np.linalg.norm(off[:3])), float(np.linalg.norm(off[3:]))
+        x, y, z, *turned = off.tolist()
+        shift, turn = math.hypot(x, y, z), math.hypot(*turned)
         if not shift < placed.joint.length:
             # the nearest intended motion was not found: nothing is known of this joint
             continue

@@ -10,13 +10,14 @@ import math
 
 import numpy as np
 
-from ksd.bodies import bench, kinematics, readout
+from ksd.bodies import kinematics, readout
 from ksd.bodies.joints import joint_bodies
 from ksd.errors import KsdError
 from ksd.library import find_record
 from ksd.model import system
 from ksd.model.arrays import make_work
 from ksd.model.compile import Model, compile_scene
+from ksd.numerics.held import Held
 from ksd.numerics.kernel import compile_for, second_compiler_runs, wait_for_second_compiler
 from ksd.scene import CrossFlexure, Material, Mechanism
 from ksd.solve.newton import iterate
@@ -44,34 +45,27 @@ def compile_solvers(model: Model) -> None:
 
 
 def compile_bodies(model: Model) -> None:
-    """The five steps; needs the record of the cross flexure."""
+    """The five steps in space; needs the record of the cross flexure."""
+    from ksd.solve.space_steps import look_over, space_set, space_steps
+
     bodies = joint_bodies(model, find_record)
-    reduced, motion, loops = bodies.reduced, bodies.reduced_rest, bodies.loops
-    theta, place, relative, off = np.zeros(1), np.zeros((1, 24)), np.zeros((1, 12)), np.zeros((1, 6))
-    target = np.zeros(1)
-    work = make_work(bodies.bench, near=bodies.near)
-    inside = bodies.inside
-    compile_for(kinematics.close_loops, reduced, loops, theta, target, motion, place, 40)
-    compile_for(readout.drive_forces, reduced, loops, theta, target, motion, place, motion.inner, target)
-    compile_for(readout.intended_motions, loops, relative, theta, place, off, np.zeros(1, np.int64))
-    compile_for(bench.set_near, bodies.bench, loops, inside, theta, place, bodies.bench_rest, work)
-    compile_for(bench.condense_joints, bodies.bench, 1, bodies.bench_rest, work, 1, motion.inner)
-    compile_for(bench.recover_joints, bodies.bench, reduced, 1, motion, bodies.bench_rest, work)
-    compile_for(bench.relative_poses, reduced, 1, motion.x, motion.R, relative)
+    held, target, out = Held(space_set(model, bodies)), np.zeros(1), np.zeros((5, 5))
+    reduced, motion, theta, place = bodies.reduced, bodies.reduced_rest, np.zeros(1), np.zeros((1, 24))
     compile_for(
-        bench.place_insides,
-        loops,
-        inside.block_joint,
-        inside.block_node,
-        bodies.full_node,
-        motion,
-        model.rest,
+        readout.drive_forces, reduced, bodies.loops, theta, target, motion, place, motion.inner, target
     )
+    J, residual, W = np.zeros((1, 1)), np.zeros(1), np.zeros((2, 1, 6))
+    compile_for(
+        kinematics.loop_equations, reduced, bodies.loops, theta, target, motion, place, W, J, residual
+    )
+    compile_for(look_over, held, target, 1e-8, 0)
+    compile_for(space_steps, held, target, 1, 0, 0, 1e-8, 0.3, 2e-3, out)
 
 
 def compile_planar(model: Model) -> None:
     """The planar Newton, which the first process takes on while it waits for the second."""
     from ksd.model.planar_arrays import make_planar_work
+    from ksd.model.planar_lift import lift_inner, lift_nodes
     from ksd.model.plane import plane_of
     from ksd.solve.planar import iterate_planar
 
@@ -79,6 +73,8 @@ def compile_planar(model: Model) -> None:
     if isinstance(plane, str):
         return
     work = make_planar_work(plane.arrays)
+    compile_for(lift_nodes, *plane.lifting[:2], plane.rest.pose, model.rest.x, model.rest.R)
+    compile_for(lift_inner, *plane.lifting[2:8], plane.rest.inner, model.rest.inner)
     compile_for(iterate_planar, plane.arrays, plane.rest, np.zeros(1), 1.0, work, 1e-8, 30, 0.3, math.inf)
 
 

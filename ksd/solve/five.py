@@ -1,0 +1,222 @@
+"""The five steps of one model, prepared for many configurations: in its plane where it has one, else in space.
+
+One compiled call does all steps of a configuration (`ksd.solve.planar_steps`, `ksd.solve.space_steps`); what happens
+between is looked at afterwards: the trained ranges, the inertia, and in the plane the balance across it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from ksd.bodies.joints import JointBodies
+from ksd.errors import ConvergenceError
+from ksd.model.compile import Model
+from ksd.model.plane import Plane, plane_of, refuse_plane
+from ksd.solve import pipeline
+from ksd.solve.configuration import Configuration, ErrorEstimate, Step
+from ksd.solve.confirm import wandered
+from ksd.solve.driving import CAP, RTOL
+from ksd.solve.pipeline import Bench
+from ksd.solve.planar_steps import GAP, PlanarSteps, prepare_planar, steps_of
+from ksd.solve.reach import closed, in_range
+from ksd.solve.space_steps import FULL, KINEMATIC, REDUCED, look_over, space_steps
+from ksd.solve.stops import Stop
+
+_CODES = {"kinematic": KINEMATIC, "reduced": REDUCED, "full": FULL}
+
+
+class FiveSteps:
+    """Call with drive values; storage is used again each time, so not from two threads at once."""
+
+    def __init__(self, model: Model, bodies: JointBodies, *, extrapolate: bool, planar: bool) -> None:
+        self.model, self.extrapolate = model, extrapolate
+        self.bench = Bench.of(model, bodies)
+        self._planar = planar
+        self._flat: PlanarSteps | str | None = None
+        self._balanced = 0.0
+        self._out: dict[int, np.ndarray] = {}
+        self._sense = _senses(model, bodies)
+
+    def __call__(
+        self, values: Mapping[str, float], target: np.ndarray, *, method: str, passes: int, estimate: bool
+    ) -> Configuration:
+        """Solve at the right-hand sides `target` (c,). Raises RangeError, ConvergenceError."""
+        if method != "kinematic":
+            found = self._in_plane(values, target, method=method, passes=passes, estimate=estimate)
+            if found is not None:
+                return found
+        return self._in_space(values, target, method=method, passes=passes, estimate=estimate)
+
+    @property
+    def flat(self) -> PlanarSteps | str:
+        """The planar five steps, or why there are none."""
+        if self._flat is None:
+            self._flat = prepare_planar(self.model, self.bench.bodies) if self._planar else "planar = False"
+        return self._flat
+
+    def _in_plane(
+        self, values: Mapping[str, float], target: np.ndarray, *, method: str, passes: int, estimate: bool
+    ) -> Configuration | None:
+        """The planar answer, lifted and looked at in space; None where space has to do it."""
+        flat = self.flat
+        if isinstance(flat, str):
+            return None
+        plane, b, code = plane_of(self.model), self.bench, _CODES[method]
+        if isinstance(plane, str):
+            return None
+        rows = plane.lifting.row
+        out, count, negatives = flat(target[rows], method=code, passes=passes)
+        if out[0, 0] != 0 or not out[0, 2] < GAP * b.bodies.reduced.size:
+            return None
+        warnings = in_range(b, flat.state.theta, extrapolate=self.extrapolate)
+        if not flat.converged(out, count, method=code, passes=passes):
+            return None
+        plane.lift(flat.state.full, b.full)
+        negatives += len(target) - len(rows)
+        steps, error, alone = list(steps_of(out, count, passes)), None, False
+        if method == "full":
+            seen = self._accepted(plane, target, bound=max(1.0, 2.0 * steps[-1].residual))
+            if seen is None:
+                return None
+            negatives = seen
+        elif not self._balances(plane, flat, target):
+            return None
+        elif estimate:
+            error, step, negatives = self._estimate(target)
+            steps.append(step)
+        else:
+            alone = True
+        return self._configuration(
+            (dict(values), method, tuple(steps)),
+            (flat.state.found, _lifted(flat.state.off, self._sense), flat.state.known),
+            negatives=negatives, error=error, warnings=warnings, plane_alone=alone,
+        )  # fmt: skip
+
+    def _accepted(self, plane: Plane, target: np.ndarray, *, bound: float) -> int | None:
+        """Negative pivots in space of the lifted equilibrium; None when it is none in space."""
+        b = self.bench
+        residual, negatives, status = look_over(b.held, target, RTOL, 0)
+        if residual > 1.0 and plane.imbalance(b.full_work)[0] > 1.0:
+            refuse_plane(self.model, "its leafs and loads do not balance across the plane")
+            return None
+        return negatives if residual <= bound and status == 0 else None
+
+    def _balances(self, plane: Plane, flat: PlanarSteps, target: np.ndarray) -> bool:
+        """Whether leafs and loads balance across the plane: looked at once, and again at twice the deflection."""
+        b, moved = self.bench, float(np.abs(flat.state.found).max(initial=0.0))
+        if moved <= 2.0 * self._balanced:
+            return True
+        look_over(b.held, target, RTOL, 0)
+        if plane.imbalance(b.full_work)[0] > 1.0:
+            refuse_plane(self.model, "its leafs and loads do not balance across the plane")
+            return False
+        self._balanced = moved
+        return True
+
+    def _estimate(self, target: np.ndarray) -> tuple[ErrorEstimate, Step, int]:
+        """Error estimate and inertia from one Newton step in space, looked at and not taken."""
+        clock = pipeline.Clock()
+        residual, negatives, status = look_over(self.bench.held, target, RTOL, 1)
+        return *pipeline.estimated(self.bench, residual, status, clock), negatives
+
+    def _in_space(
+        self, values: Mapping[str, float], target: np.ndarray, *, method: str, passes: int, estimate: bool
+    ) -> Configuration:
+        b, code = self.bench, _CODES[method]
+        out = self._out.setdefault(passes, np.zeros((2 + 3 * (passes + 1), 5)))
+        first: Step | None = None
+        ready = 0
+        if b.bodies.hanging:
+            first, ready = closed(b, target), 1
+        count, negatives = space_steps(b.held, target, code, passes, ready, RTOL, CAP, GAP, out)
+        if not ready and (out[0, 0] != 0 or not out[0, 2] < GAP * b.bodies.reduced.size):
+            first = closed(b, target)
+            count, negatives = space_steps(b.held, target, code, passes, 1, RTOL, CAP, GAP, out)
+        warnings = in_range(b, b.theta, extrapolate=self.extrapolate)
+        steps = list(steps_of(out, count, passes))
+        if first is not None:
+            steps[0] = first
+        _insist(steps)
+        error = None
+        if method == "kinematic":
+            return self._kinematic((dict(values), target, steps), warnings, estimate=estimate)
+        if estimate and method == "reduced":
+            # condensed joints cannot buckle: the inertia is that of the full model at the recovered state
+            error, step, negatives = self._estimate(target)
+            steps.append(step)
+        return self._configuration(
+            (dict(values), method, tuple(steps)), (b.found, b.off.copy(), b.known), negatives=negatives, error=error,
+            warnings=warnings,
+        )  # fmt: skip
+
+    def _kinematic(
+        self, solved: tuple[dict[str, float], np.ndarray, list[Step]], warnings: list[str], *, estimate: bool
+    ) -> Configuration:
+        """The kinematic answer; its error is its distance to the reduced one plus the estimate of that."""
+        values, target, steps = solved
+        b = self.bench
+        clock = pipeline.Clock()
+        pipeline.kinematic_forces(b, target)
+        steps[-1] = replace(steps[-1], time=steps[-1].time + clock())
+        answer = self._configuration(
+            (values, "kinematic", tuple(steps)), (b.found, b.off.copy(), b.known), negatives=len(target), error=None,
+            warnings=warnings,
+        )  # fmt: skip
+        if not estimate:
+            return answer
+        reduced = self._in_space(values, target, method="reduced", passes=0, estimate=True)
+        assert reduced.error is not None
+        error = pipeline.distance(answer.motion, b, reduced.error)
+        extra = reduced.steps[2:]
+        spent, counted = sum(s.time for s in extra), sum(s.iterations for s in extra)
+        last = Step("error estimate", counted, spent, extra[-1].residual, extra[-1].stop, "by steps 3 and 4")
+        return replace(answer, error=error, steps=(*answer.steps, last), negatives=reduced.negatives)
+
+    def _configuration(
+        self,
+        solved: tuple[dict[str, float], str, tuple[Step, ...]],
+        moved: tuple[np.ndarray, np.ndarray, np.ndarray],
+        *,
+        negatives: int,
+        error: Any,
+        warnings: list[str],
+        plane_alone: bool = False,
+    ) -> Configuration:
+        b, (values, method, steps) = self.bench, solved
+        motions, unintended, unknown = pipeline.named_motions(b, *moved)
+        expected = len(b.model.drive_names) + len(b.model.support_names)
+        return Configuration(
+            self.model, b.full.copy(), method, values, steps, negatives, expected, motions, unintended, error,
+            (*warnings, *unknown), doubts=wandered(s for s in steps if s.name[0] in "35"), plane_alone=plane_alone,
+        )  # fmt: skip
+
+
+def _senses(model: Model, bodies: JointBodies) -> np.ndarray:
+    """(J,): 1 where the z axis of a joint is along the plane's normal, -1 where against; 1 without a plane."""
+    plane = plane_of(model)
+    if isinstance(plane, str):
+        return np.ones(len(bodies.loops.node))
+    return np.sign(bodies.loops.frame[:, :, 2] @ plane.normal)
+
+
+def _lifted(off: np.ndarray, sense: np.ndarray) -> np.ndarray:
+    """Planar remainders (J, 3) as displacement and rotation vector (J, 6) in the axes of each joint."""
+    found = np.zeros((len(off), 6))
+    found[:, 0], found[:, 1], found[:, 5] = off[:, 0], sense * off[:, 1], sense * off[:, 2]
+    return found
+
+
+def _insist(steps: list[Step]) -> None:
+    """ConvergenceError saying which step stopped and why, unless all converged."""
+    for k, step in enumerate(steps):
+        if step.stop is not Stop.CONVERGED:
+            raise ConvergenceError(
+                f"step '{step.name}' stopped after {step.iterations} iterations: {step.stop.sentence}; "
+                "try method='conventional'",
+                reached=0.0,
+                result=tuple(steps[: k + 1]),
+            )

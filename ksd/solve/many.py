@@ -1,0 +1,172 @@
+"""Many configurations of one design in one compiled call, releasing the interpreter: for batches in threads.
+
+Every configuration starts from rest, as a single solve does, and gets a status: solved, or why not. `tabulated_many`
+takes the condensed matrices of the joints from a table over their stroke (`ksd.solve.tables`) instead of step 2, and
+leaves the insides alone.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from ksd.bodies.bench import relative_poses
+from ksd.bodies.readout import intended_motions
+from ksd.numerics.held import opened
+from ksd.numerics.kernel import kernel
+from ksd.solve.newton import iterate
+from ksd.solve.planar_steps import take_planar_steps
+from ksd.solve.space_steps import LINEAR_SIZE, space_steps, start_space
+from ksd.solve.trust import FAR_SHIFT, FAR_TURN
+
+LOCKED, OUT_OF_RANGE, UNSTABLE, FAR = 10, 11, 12, 13
+"""Statuses beyond those of `ksd.solve.stops.Stop`."""
+SPOKEN = {
+    LOCKED: "the joints cannot reach this pose by their intended motions",
+    OUT_OF_RANGE: "a joint would leave its trained range",
+    UNSTABLE: "the state found is not a minimum of energy",
+    FAR: "a joint is too far off its intended motion to be the state its record describes",
+}
+PIECES = 27
+"""Numbers of a condensed joint: wrench (6), then the upper triangle of its stiffness (21)."""
+
+
+@kernel
+def _outside(theta, limits):
+    """Whether a motion (q,) is outside limits (q, 2)."""
+    # any() of a generator does not compile
+    for q in range(len(theta)):  # noqa: SIM110
+        if not limits[q, 0] <= theta[q] <= limits[q, 1]:
+            return True
+    return False
+
+
+@kernel
+def _far(off, turn_at, length):
+    """Whether a joint is further off its intended motion, off (J, ..), than its record describes; length (J,)."""
+    for j in range(len(off)):
+        shift, turn = 0.0, 0.0
+        for r in range(off.shape[1]):
+            if r < turn_at:
+                shift += off[j, r] ** 2
+            else:
+                turn += off[j, r] ** 2
+        # beyond a whole length nothing is known of the joint, and nothing is said
+        if shift < length[j] ** 2 and (shift > (FAR_SHIFT * length[j]) ** 2 or turn > FAR_TURN**2):
+            return True
+    return False
+
+
+@kernel
+def planar_many(held, targets, expected, method, passes, ways, limits, force, pose, motion, status):
+    """Solve at targets (N, c) in the plane; ways = (rtol, cap, gap), limits (q, 2): trained ranges with slack.
+
+    expected: negative pivots of the rows. Writes force (N, c), pose (N, links, 3), motion (N, q), status (N,).
+    """
+    parts = opened(held)
+    state, loops = parts.state, parts.bodies.loops
+    out = np.zeros((2 + 3 * (passes + 1), 5))
+    for n in range(len(targets)):
+        rows, negatives = take_planar_steps(
+            parts.bodies, parts.rest, state, targets[n], method, passes, ways[0], ways[1], ways[2], out
+        )
+        status[n] = int(out[rows - 1, 0])
+        if out[0, 0] != 0 or not out[0, 2] < ways[2] * parts.bodies.reduced.size:
+            status[n] = LOCKED
+        elif _outside(state.theta, limits):
+            status[n] = OUT_OF_RANGE
+        elif status[n] == 0 and negatives != expected:
+            status[n] = UNSTABLE
+        elif status[n] == 0 and _far(state.off, 2, loops.length):
+            status[n] = FAR
+        force[n] = -state.full.multiplier
+        pose[n] = state.full.pose[: pose.shape[1]]
+        motion[n] = state.found
+
+
+@kernel
+def space_many(held, targets, expected, method, passes, ways, limits, force, x, R, motion, status):
+    """As `planar_many`, in space: x (N, links, 3), R (N, links, 3, 3)."""
+    parts = opened(held)
+    state, loops = parts.state, parts.bodies.loops
+    out = np.zeros((2 + 3 * (passes + 1), 5))
+    closed = 0 * passes
+    for n in range(len(targets)):
+        rows, negatives = space_steps(
+            held, targets[n], method, passes, closed, ways[0], ways[1], ways[2], out
+        )
+        status[n] = int(out[rows - 1, 0])
+        if out[0, 0] != 0 or not out[0, 2] < ways[2] * parts.bodies.reduced.size:
+            status[n] = LOCKED
+        elif _outside(state.theta, limits):
+            status[n] = OUT_OF_RANGE
+        elif status[n] == 0 and negatives != expected:
+            status[n] = UNSTABLE
+        elif status[n] == 0 and _far(state.off, 3, loops.length):
+            status[n] = FAR
+        force[n] = -state.full.multiplier
+        x[n], R[n] = state.full.x[: x.shape[1]], state.full.R[: x.shape[1]]
+        motion[n] = state.found
+
+
+@kernel
+def _from_table(table, which, share, inner):
+    """Wrench and stiffness of a joint at `share` (0 to 1) of its trained range, into inner (54,)."""
+    pieces = table.shape[1]
+    at = min(max(share * pieces, 0.0), pieces - 1e-9)
+    k = int(at)
+    u = at - k
+    cubic = table[which, k]
+    for e in range(6):
+        inner[12 + e] = cubic[0, e] + u * (cubic[1, e] + u * (cubic[2, e] + u * cubic[3, e]))
+    e = 6
+    for r in range(6):
+        for c in range(r, 6):
+            value = cubic[0, e] + u * (cubic[1, e] + u * (cubic[2, e] + u * cubic[3, e]))
+            inner[18 + 6 * r + c], inner[18 + 6 * c + r] = value, value
+            e += 1
+
+
+@kernel
+def tabulated_many(held, table, which, targets, expected, ways, limits, force, x, R, motion, status):
+    """Steps 1 and 3 at targets (N, c), the joints from table (T, pieces, 4, 27); which (J,): table of every joint.
+
+    limits (q, 4): trained ranges with slack, then as they are. Otherwise as `space_many`.
+    """
+    parts = opened(held)
+    bodies, state = parts.bodies, parts.state
+    loops, reduced = bodies.loops, state.reduced
+    joints, size = len(loops.node), bodies.reduced.size
+    for n in range(len(targets)):
+        status[n] = 0
+        reason, _, gap = start_space(bodies, parts.rest, state, targets[n])
+        motion[n] = state.theta
+        if reason != 0 or not gap < ways[2] * size:
+            status[n] = LOCKED
+            continue
+        if _outside(state.theta, limits):
+            status[n] = OUT_OF_RANGE
+            continue
+        for j in range(joints):
+            q, inner = loops.first[j], reduced.inner[LINEAR_SIZE * j : LINEAR_SIZE * (j + 1)]
+            for r in range(3):
+                inner[r] = state.place[j, 9 + r]
+                for c in range(3):
+                    inner[3 + 3 * r + c] = state.place[j, 3 * r + c]
+            share = (state.theta[q] - limits[q, 2]) / (limits[q, 3] - limits[q, 2])
+            _from_table(table, which[j], share, inner)
+        reason, _, _, negatives, _ = iterate(
+            bodies.reduced, reduced, targets[n], 1.0, state.reduced_work, ways[0], 25, math.inf, math.inf
+        )
+        status[n] = reason
+        relative_poses(bodies.reduced, joints, reduced.x, reduced.R, state.relative)
+        state.found[:] = state.theta
+        intended_motions(loops, state.relative, state.found, state.place, state.off, state.known)
+        if reason == 0 and negatives != expected:
+            status[n] = UNSTABLE
+        elif reason == 0 and _far(state.off, 3, loops.length):
+            status[n] = FAR
+        force[n] = -reduced.multiplier
+        x[n], R[n] = reduced.x, reduced.R
+        motion[n] = state.found

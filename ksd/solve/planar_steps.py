@@ -1,0 +1,218 @@
+"""The five steps in a plane, one compiled call per configuration: no Python between the steps.
+
+Twin of `ksd.solve.pipeline` with three unknowns per node. The state found is lifted to space; `full` is accepted there as
+the conventional planar answer is (`ksd.solve.planar`), `reduced` is looked at there by its error estimate.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ksd.bodies.planar_bench import (
+    condense_planar,
+    place_planar,
+    planar_relative,
+    recover_planar_joints,
+    set_planar_near,
+)
+from ksd.bodies.planar_bodies import PlanarBodies, PlanarStart
+from ksd.bodies.planar_kinematics import PLACE, close_planar, planar_motions
+from ksd.model.arrays import Work
+from ksd.model.planar_arrays import PlanarMotion, make_planar_work
+from ksd.numerics.clock import thread_time
+from ksd.numerics.held import Held, opened
+from ksd.numerics.kernel import kernel
+from ksd.solve.configuration import Step
+from ksd.solve.driving import CAP, RTOL
+from ksd.solve.planar import iterate_planar
+from ksd.solve.space_steps import note_step
+from ksd.solve.stops import Stop
+
+GAP = 2e-3
+"""Largest gap of the closed loops over the size of the mechanism: overconstrained joints never fit exactly, and their
+elasticity takes it up in step 3; a linkage that locks leaves more."""
+REDUCED, FULL = 1, 2
+
+
+class PlanarState(NamedTuple):
+    """Storage of one thread for repeated planar solves: every array the five steps write into.
+
+    theta (q,): intended motions of step 1; place (J, 9), relative (J, 3), value (J, M), slope (2, M): of the joints;
+    found (q,), off (J, 3), known (J,): intended motions of the answer, and what is left; see `planar_motions`.
+    """
+
+    theta: np.ndarray
+    place: np.ndarray
+    relative: np.ndarray
+    value: np.ndarray
+    slope: np.ndarray
+    found: np.ndarray
+    off: np.ndarray
+    known: np.ndarray
+    bench: PlanarMotion
+    reduced: PlanarMotion
+    full: PlanarMotion
+    bench_work: Work
+    reduced_work: Work
+    full_work: Work
+    clock: np.ndarray
+
+
+class PlanarSet(NamedTuple):
+    """What one solve reads and writes."""
+
+    bodies: PlanarBodies
+    rest: PlanarStart
+    state: PlanarState
+
+
+def planar_state(bodies: PlanarBodies, start: PlanarStart) -> PlanarState:
+    """Prepared storage for `bodies`."""
+    loops = bodies.loops
+    joints, size, motions = len(loops.node), loops.pose.shape[2], int(loops.first[-1])
+    return PlanarState(
+        np.zeros(motions), np.zeros((joints, PLACE)), np.zeros((joints, 3)), np.zeros((joints, size)),
+        np.zeros((2, size)), np.zeros(motions), np.zeros((joints, 3)),
+        np.zeros(joints, np.int64),
+        start.bench.copy(), start.reduced.copy(), start.full.copy(),
+        make_planar_work(bodies.bench, near=start.near), make_planar_work(bodies.reduced),
+        make_planar_work(bodies.full), np.zeros(2, np.int64),
+    )  # fmt: skip
+
+
+@kernel
+def _assign(motion, rest):
+    motion.pose[:] = rest.pose
+    motion.inner[:] = rest.inner
+    motion.multiplier[:] = rest.multiplier
+
+
+@kernel
+def planar_steps(held, target, method, passes, rtol, cap, gap, out):
+    """One configuration of the held `PlanarSet`; see `take_planar_steps`."""
+    parts = opened(held)
+    return take_planar_steps(
+        parts.bodies, parts.rest, parts.state, target, method, passes, rtol, cap, gap, out
+    )
+
+
+@kernel
+def take_planar_steps(bodies, rest, state, target, method, passes, rtol, cap, gap, out):
+    """Steps 1 to 4, and 5 when `method` is 2, at the drive values target (c,), with `passes` relinearised rounds.
+
+    out (2 + 3 (passes + 1), 5): see `note_step`; the fifth column of step 4 is the largest unintended angle. Returns (rows
+    of `out` written, negative pivots of the last equilibrium); the last row says why it stopped.
+    """
+    loops, clock, joints = bodies.loops, state.clock, len(bodies.loops.node)
+    before = thread_time(clock)
+    _assign(state.reduced, rest.reduced)
+    _assign(state.bench, rest.bench)
+    state.theta[:] = 0.0
+    size, turns = bodies.reduced.size, state.reduced_work.near
+    reason, count, left, _ = close_planar(
+        loops, bodies.reduced.terms, size, state.theta, target, state.reduced.pose, turns,
+        state.value, state.slope, state.place, 40,
+    )  # fmt: skip
+    before = note_step(out, 0, reason, count, left, clock, before)
+    if reason != 0 or not left < gap * size:
+        return 1, 0
+    set_planar_near(
+        bodies.bench,
+        loops,
+        bodies.inside,
+        state.value,
+        state.slope,
+        state.place,
+        state.bench,
+        state.bench_work,
+    )
+    row, negatives = 1, 0
+    for n in range(passes + 1):
+        near = 1 if n == 0 else 0
+        _, _, status = condense_planar(
+            bodies.bench, joints, state.bench, state.bench_work, near, state.reduced.inner
+        )
+        # the third stop of a leaf is a singular one
+        before = note_step(out, row, status + (status > 0), 0, 0.0, clock, before)
+        if status != 0:
+            return row + 1, negatives
+        reason, count, worst, negatives, _ = iterate_planar(
+            bodies.reduced, state.reduced, target, 1.0, state.reduced_work, rtol, 25, math.inf, math.inf
+        )
+        before = note_step(out, row + 1, reason, count, worst, clock, before)
+        if reason != 0:
+            return row + 2, negatives
+        shift, twist = recover_planar_joints(
+            bodies.bench, bodies.reduced, joints, state.reduced.pose, turns,
+            state.bench, state.bench_work, state.relative,
+        )  # fmt: skip
+        if n == passes:
+            place_planar(loops, bodies.inside, bodies.full_node, state.bench, state.reduced, state.full)
+        before = note_step(out, row + 2, 0, 0, shift, clock, before)
+        out[row + 2, 4] = twist
+        row += 3
+    if method == FULL:
+        reason, count, worst, negatives, _ = iterate_planar(
+            bodies.full, state.full, target, 1.0, state.full_work, rtol, 30, cap, math.inf
+        )
+        before = note_step(out, row, reason, count, worst, clock, before)
+        row += 1
+        links = state.full.pose[: len(state.reduced.pose)]
+        planar_relative(bodies.reduced.members, joints, links, turns, state.relative)
+    state.found[:] = state.theta
+    planar_motions(
+        loops, state.relative, state.found, state.value, state.slope, state.place, state.off, state.known
+    )
+    return row, negatives
+
+
+_NAMES = ("1 close loops", "2 joint stiffness", "3 reduced equilibrium", "4 recovery")
+
+
+def steps_of(out: np.ndarray, rows: int, passes: int) -> tuple[Step, ...]:
+    """The record of `planar_steps` in words."""
+    found = []
+    for row, (reason, count, residual, spent, twist) in enumerate(out[:rows].tolist()):
+        kind = 0 if row == 0 else 1 + (row - 1) % 3
+        name = _NAMES[kind] if row <= 3 * (passes + 1) else "5 full equilibrium"
+        note = f"gap {residual:.1e} m" if kind == 0 else ""
+        if name is _NAMES[3]:
+            note, residual = f"moved {residual:.1e} m, {twist:.1e} rad", 0.0
+        found.append(Step(name, int(count), spent, residual, Stop(int(reason)), note))
+    return tuple(found)
+
+
+class PlanarSteps:
+    """The planar five steps of one model, prepared: call with drive values (c,) of the rows that act in the plane."""
+
+    def __init__(self, bodies: PlanarBodies, start: PlanarStart) -> None:
+        self.bodies, self.start = bodies, start
+        self.state = planar_state(bodies, start)
+        self.held = Held(PlanarSet(bodies, start, self.state))
+        self._out: dict[int, np.ndarray] = {}
+
+    def __call__(self, target: np.ndarray, *, method: int, passes: int) -> tuple[np.ndarray, int, int]:
+        """Solve in place; returns the record, its rows, and the negative pivots."""
+        out = self._out.setdefault(passes, np.zeros((2 + 3 * (passes + 1), 5)))
+        rows, negatives = planar_steps(self.held, target, method, passes, RTOL, CAP, GAP, out)
+        return out, rows, negatives
+
+    def converged(self, out: np.ndarray, rows: int, *, method: int, passes: int) -> bool:
+        """Whether all steps were taken and the last one converged."""
+        whole = 1 + 3 * (passes + 1) + (method == FULL)
+        return rows == whole and out[rows - 1, 0] == 0 and bool(out[0, 2] < GAP * self.bodies.reduced.size)
+
+
+def prepare_planar(model: Any, bodies: Any) -> PlanarSteps | str:
+    """The planar five steps of `model`, or why it has none."""
+    from ksd.bodies.planar_bodies import planar_bodies
+    from ksd.model.plane import plane_of
+
+    plane = plane_of(model)
+    if isinstance(plane, str):
+        return plane
+    made = planar_bodies(model, plane, bodies)
+    return made if isinstance(made, str) else PlanarSteps(*made)

@@ -1,0 +1,129 @@
+"""Condensed joints tabulated over their stroke: a second level of reduction, with its own error figure.
+
+Step 2 gives the wrench and the stiffness of a joint at any intended motion; both are smooth in it. They are computed
+once on a grid and interpolated by cubic splines; the error is measured half-way between all grid points.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ksd.bodies.bench import condense_joints, set_near
+from ksd.bodies.joints import JointBodies
+from ksd.bodies.kinematics import joint_places
+from ksd.errors import SceneError
+from ksd.numerics.held import Held, opened
+from ksd.numerics.kernel import kernel
+from ksd.solve.many import PIECES
+from ksd.solve.space_steps import LINEAR_SIZE
+
+FIRST, MOST = 32, 2048
+"""Pieces tried first, and most."""
+_UPPER = np.triu_indices(6)
+
+
+@dataclass(frozen=True)
+class JointTables:
+    """Tables of the joints of one design.
+
+    cubic (T, pieces, 4, 27): coefficients, rising powers, of wrench (6) and stiffness (21, upper triangle) within a
+    piece; which (J,): table of every joint; limits (q, 2): trained ranges they cover. error: largest interpolation
+    error, of a stiffness relative to the geometric mean of its diagonal, of a wrench relative to its largest value.
+    """
+
+    cubic: np.ndarray
+    which: np.ndarray
+    limits: np.ndarray
+    error: float
+
+    def __str__(self) -> str:
+        count, pieces = self.cubic.shape[:2]
+        return f"{count} table{'s' * (count > 1)} of {pieces} pieces, interpolation error {self.error:.1e}"
+
+
+@kernel
+def condense_along(held, thetas, found):
+    """Condensed joints at thetas (N, q): found (N, J, 42), wrench and stiffness. Returns the worst status."""
+    parts = opened(held)
+    bodies, state = parts.bodies, parts.state
+    joints, worst = len(bodies.loops.node), 0
+    # a variable, for which numba does not compile `condense_joints` again
+    near = 1 + 0 * joints
+    for n in range(len(thetas)):
+        state.theta[:] = thetas[n]
+        joint_places(bodies.loops, state.theta, state.place)
+        set_near(
+            bodies.bench, bodies.loops, bodies.inside, state.theta, state.place, state.bench, state.bench_work
+        )
+        _, _, status = condense_joints(
+            bodies.bench, joints, state.bench, state.bench_work, near, state.reduced.inner
+        )
+        worst = max(worst, status)
+        for j in range(joints):
+            for e in range(42):
+                found[n, j, e] = state.reduced.inner[LINEAR_SIZE * j + 12 + e]
+    return worst
+
+
+def _sampled(held: Held, bodies: JointBodies, shares: np.ndarray) -> np.ndarray:
+    """(N, J, 27): all joints at `shares` (N,) of their trained ranges."""
+    low, high = bodies.motion_range.T
+    thetas = low + shares[:, None] * (high - low)
+    found = np.empty((len(shares), len(bodies.loops.node), 42))
+    if condense_along(held, thetas, found) != 0:
+        raise SceneError(
+            "tabulated = True: a joint cannot be condensed over its whole trained range; leave it out"
+        )
+    matrix = found[:, :, 6:].reshape(*found.shape[:2], 6, 6)
+    return np.concatenate([found[:, :, :6], matrix[:, :, _UPPER[0], _UPPER[1]]], axis=2)
+
+
+def _error(exact: np.ndarray, near: np.ndarray) -> float:
+    """Largest difference of two (N, J, 27), each number relative to what it counts by."""
+    diagonal = exact[:, :, 6 + np.flatnonzero(_UPPER[0] == _UPPER[1])]
+    scale = np.sqrt(np.abs(diagonal[:, :, _UPPER[0]] * diagonal[:, :, _UPPER[1]]))
+    stiffness = np.abs(near - exact)[:, :, 6:] / np.maximum(scale, 1e-300)
+    most = np.abs(exact[:, :, :6]).max(axis=0)
+    parts = [most[:, :3].max(axis=1), most[:, 3:].max(axis=1)]
+    size = np.maximum(np.repeat(np.array(parts).T, 3, axis=1), 1e-300)
+    wrench = np.abs(near - exact)[:, :, :6] / size
+    return float(max(stiffness.max(initial=0.0), wrench.max(initial=0.0)))
+
+
+def joint_tables(held: Held, bodies: JointBodies, *, accuracy: float = 1e-6) -> JointTables:
+    """Tables of all joints, refined until the interpolation error is below `accuracy` or pieces run out.
+
+    Raises SceneError for joints of more than one intended motion.
+    """
+    from scipy.interpolate import CubicSpline
+
+    loops = bodies.loops
+    if np.any(np.diff(loops.first) != 1):
+        raise SceneError(
+            "tabulated = True: only joints of one intended motion can be tabulated; leave it out"
+        )
+    pieces = FIRST
+    grid = np.linspace(0.0, 1.0, pieces + 1)
+    values = _sampled(held, bodies, grid)
+    while True:
+        halves = grid[:-1] + 0.5 / pieces
+        between = _sampled(held, bodies, halves)
+        spline = CubicSpline(grid, values, axis=0)
+        error = _error(between, spline(halves))
+        if error <= accuracy or pieces >= MOST:
+            break
+        merged = np.empty((2 * pieces + 1, *values.shape[1:]))
+        merged[::2], merged[1::2] = values, between
+        pieces *= 2
+        grid, values = np.linspace(0.0, 1.0, pieces + 1), merged
+    # within a piece the variable runs from 0 to 1
+    power = (1.0 / pieces) ** np.arange(4)
+    cubic = np.moveaxis(spline.c[::-1] * power[:, None, None, None], (2, 1, 0, 3), (0, 1, 2, 3))
+    keys = [cubic[j].tobytes() for j in range(len(loops.node))]
+    distinct = list(dict.fromkeys(keys))
+    first = [keys.index(k) for k in distinct]
+    assert cubic.shape[-1] == PIECES
+    which = np.array([distinct.index(k) for k in keys], np.int64)
+    return JointTables(np.ascontiguousarray(cubic[first]), which, bodies.motion_range, error)
