@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from ksd.beam.strain_values import DEFAULT_ORDERS, DEFAULT_POINTS
 from ksd.errors import SceneError
-from ksd.section.checks import Worded, show, whole
+from ksd.section.checks import Worded, show, truth, whole
 
 
 @dataclass(frozen=True)
@@ -35,8 +35,10 @@ class Mesh(metaclass=Worded):
     shear: bool = True
 
     def __post_init__(self) -> None:
-        if self.leaf not in ("strain", "corotational"):
-            raise SceneError(f"leaf = {self.leaf!r}: the leaf models are 'strain' and 'corotational'")
+        if not isinstance(self.leaf, str) or self.leaf not in ("strain", "corotational"):
+            raise SceneError(f"leaf = {show(self.leaf)}: the leaf models are 'strain' and 'corotational'")
+        for name in ("mip", "nodal", "warping"):
+            truth(getattr(self, name), name, owner="Mesh")
         for name, value in (("points", self.points), ("elements", self.elements)):
             object.__setattr__(self, name, whole(value, name, owner="Mesh"))
         if self.elements > 500:

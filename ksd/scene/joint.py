@@ -82,7 +82,7 @@ class Joint(metaclass=Worded):
         if name is None and len(found) == 1:
             return found[0]
         for motion in found:
-            if motion.name == name:
+            if isinstance(name, str) and motion.name == name:
                 return motion
         names = ", ".join(repr(m.name) for m in found)
         raise SceneError(f"{self.family}: motion = {show(name)} must be one of its intended motions {names}.")

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 from ksd.errors import SceneError
-from ksd.section.checks import Worded, between, number, positive
+from ksd.section.checks import Worded, between, number, positive, show
 
 
 @dataclass(frozen=True, init=False)
@@ -35,6 +35,8 @@ class Material(metaclass=Worded):
         name: str = "",
         expansion: float | None = None,
     ) -> None:
+        if not isinstance(name, str):
+            raise SceneError(f"Material: name = {show(name)} must be text.")
         owner = f"Material '{name}'" if name else "Material"
         E = None if E is None else positive(E, "E", owner=owner, unit="Pa")
         G = None if G is None else positive(G, "G", owner=owner, unit="Pa")
@@ -43,8 +45,6 @@ class Material(metaclass=Worded):
         E, G, nu = _complete(E, G, nu, owner)
         if density is not None:
             density = positive(density, "density", owner=owner, unit="kg/m^3")
-        if not isinstance(name, str):
-            raise SceneError(f"Material: name = {name!r} must be text.")
         if expansion is not None:
             expansion = number(expansion, "expansion", owner=owner, unit="1/K")
         clean = {"E": E, "G": G, "nu": nu, "density": density, "name": name, "expansion": expansion}

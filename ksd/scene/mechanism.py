@@ -291,7 +291,7 @@ class Mechanism(Mentioned):
     def _placed(self, joint: PlacedJoint | str) -> PlacedJoint:
         name = joint.name if isinstance(joint, PlacedJoint) else joint
         for placed in self._joints:
-            if placed.name == name:
+            if isinstance(name, str) and placed.name == name:
                 return placed
         raise SceneError(f"joint {show(name)} does not exist{nearest(name, [j.name for j in self._joints])}")
 
@@ -323,7 +323,7 @@ class Mechanism(Mentioned):
         following=True turns both with the link. The default name is "link.load". Raises SceneError.
         """
         used = {load.name for load in self._loads}
-        label = numbered(f"{spoken(link)}.load", used) if name is None else name
+        label = numbered(f"{spoken(link)}.load", used) if name is None else word(name, "name", owner="load")
         owner = f"load '{label}'"
         known = self._known(link, owner)
         if label in used:

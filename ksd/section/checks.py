@@ -18,6 +18,10 @@ import numpy as np
 from ksd.errors import SceneError
 
 Vector = tuple[float, float, float]
+LARGEST = 1e30
+"""The largest size of a number in SI units."""
+SMALLEST = 1e-90
+"""The smallest number above zero (the warping constant of a micrometre leaf is 1e-50 m^6)."""
 
 
 class Worded(type):
@@ -79,6 +83,11 @@ def number(value: Any, what: str, *, owner: str = "", unit: str = "") -> float:
         raise SceneError(
             f"{label(what, owner)} = {show(value)} is not finite; give a finite number{in_unit}."
         )
+    if abs(result) > LARGEST:
+        # powers of it would leave the range of floating point numbers
+        raise SceneError(
+            f"{label(what, owner)} = {show(value)} is too large; at most {LARGEST:g} can be used."
+        )
     return result
 
 
@@ -95,7 +104,18 @@ def positive(value: Any, what: str, *, owner: str = "", unit: str = "") -> float
     if result <= 0.0:
         in_unit = f" {unit}" if unit else ""
         raise SceneError(f"{label(what, owner)} = {show(value)}{in_unit} must be positive.")
+    if result < SMALLEST:
+        raise SceneError(
+            f"{label(what, owner)} = {show(value)} is too small; at least {SMALLEST:g} can be used."
+        )
     return result
+
+
+def truth(value: Any, what: str, *, owner: str = "") -> bool:
+    """True or False, and nothing that merely counts as one of them."""
+    if not isinstance(value, bool | np.bool_):
+        raise SceneError(f"{label(what, owner)} = {show(value)} must be True or False.")
+    return bool(value)
 
 
 def not_negative(value: Any, what: str, *, owner: str = "", unit: str = "") -> float:

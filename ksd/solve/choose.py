@@ -18,7 +18,7 @@ from ksd.model.effects import mentioned
 from ksd.model.mesh import Mesh
 from ksd.model.orders import highest_share, mesh_for, raised
 from ksd.model.plane import Plane, plane_of
-from ksd.section.checks import number, whole
+from ksd.section.checks import number, show, truth, whole
 from ksd.solve import pipeline
 from ksd.solve.beside import beside, needs_walk
 from ksd.solve.configuration import Configuration, ErrorEstimate
@@ -81,7 +81,8 @@ class Solver:
         **drives: float,
     ) -> Configuration:
         """Solve at drive values given by name [m or rad]; see `ksd.solve` for the options."""
-        values = {**(targets or {}), **drives}
+        values = _asked(targets, drives)
+        truth(strict, "strict")
         ways: dict[str, Any] = {
             "method": method,
             "accuracy": accuracy,
@@ -118,8 +119,8 @@ class Solver:
         target = self.model.targets(values)
         if method is None:
             return self._cheapest(values, target, _accuracy(accuracy))
-        if method not in METHODS:
-            raise SceneError(f"method = {method!r}: choose one of {', '.join(METHODS)}")
+        if not isinstance(method, str) or method not in METHODS:
+            raise SceneError(f"method = {show(method)}: choose one of {', '.join(METHODS)}")
         if method == "conventional":
             return by_load_steps(self.model, values, self._told)
         if whole(passes, "passes", least=0) > 50:
@@ -184,6 +185,15 @@ class Solver:
             return result
         warnings = (*result.warnings, *unknown)
         return _with(result, motions=motions, unintended=unintended, warnings=warnings)
+
+
+def _asked(targets: Any, drives: Mapping[str, float]) -> dict[str, float]:
+    """Drive values by name, from a mapping and from words; SceneError for what is no mapping."""
+    if targets is not None and not isinstance(targets, Mapping):
+        raise SceneError(
+            f"targets = {show(targets)}: give drive values by name, for example top=0.1 or {{'top': 0.1}}"
+        )
+    return {**(targets or {}), **drives}
 
 
 def _with(result: Configuration, **changes: Any) -> Configuration:
@@ -252,7 +262,9 @@ def solve(
     says what was simulated). Raises SceneError (bad input), RangeError (outside a trained range), RecordError (joint record
     missing or damaged), KinematicsError (indeterminate or over-driven), ConvergenceError (says how far it got).
     """
-    values = {**(targets or {}), **drives}
+    values = _asked(targets, drives)
+    for word, given in (("extrapolate", extrapolate), ("strict", strict)):
+        truth(given, word)
     if isinstance(mechanism, Model):
         if effects != "auto" or with_ or without:
             raise SceneError("effects are chosen when a model is compiled: pass them to ksd.compile_scene")
@@ -261,7 +273,7 @@ def solve(
         )
     scene = mechanism.scene() if hasattr(mechanism, "scene") else mechanism
     wanted = _accuracy(accuracy)
-    chosen = mesh or (Mesh() if accuracy is None else mesh_for(wanted))
+    chosen = mesh if mesh is not None else (Mesh() if accuracy is None else mesh_for(wanted))
     for rise in range(MOST_RISES + 1):
         said = {"effects": effects, "with_": with_, "without": without, "accuracy": wanted}
         solver = _recent_solver(scene, chosen, extrapolate, said, values)

@@ -107,6 +107,8 @@ def iterate_pivoted(arrays: Arrays, motion: Motion, *aim: Any) -> tuple[int, int
         if not math.isfinite(worst):
             return Stop.NOT_FINITE, n, worst, 0, condition
         K = stored_matrix(arrays, work.value)
+        if not np.isfinite(K).all():
+            return Stop.NOT_FINITE, n, worst, 0, condition
         if worst <= 1.0 or (worst <= LOOSE and moved <= 1.0):
             reason = (Stop.CONVERGED, Stop.LOCAL_ANGLE, Stop.SINGULAR)[status]
             return reason, n, worst, inertia(K) + inside, condition
