@@ -9,10 +9,12 @@ from typing import Any
 
 import numpy as np
 
+from ksd.design.table import spoken_column
 from ksd.design.tracking import SPARE, Tracks, follow
 from ksd.errors import KsdError, SceneError
 from ksd.properties.stiffness import DIRECTIONS, drive_stiffness, finer_tangent, point_stiffness
 from ksd.solve.answer import drive_kind
+from ksd.solve.corrected import FAST, corrected
 
 Row = dict[str, Any]
 VALUE = {"translation": ("mm", 1e3), "rotation": ("deg", 180 / np.pi), "mixed": ("SI", 1.0)}
@@ -23,7 +25,8 @@ EFFORT = {"translation": "force_N", "rotation": "moment_Nm", "mixed": "effort_SI
 class Asked:
     """The questions and their options. questions: names in QUESTIONS; link, at (3,) [m at rest]: the point whose
     support stiffness and parasitic motion are asked, by default where the first drive acts; freed: drives let go for
-    the frequencies, all when None; modes: how many to follow besides the intended; points: stations per leaf for stress."""
+    the frequencies, all when None; modes: how many to follow besides the intended; points: stations per leaf for stress;
+    errors: every question once more after a Newton step of the full model, where the method is a fast one."""
 
     questions: tuple[str, ...]
     link: str | None = None
@@ -31,6 +34,7 @@ class Asked:
     freed: tuple[str, ...] | None = None
     modes: int = 3
     points: int = 25
+    errors: bool = False
 
     def point(self, scene: Any) -> tuple[str, tuple[float, float, float] | None]:
         """Link and point asked about; SceneError when the scene has no drive to take it from."""
@@ -190,6 +194,8 @@ _ANSWERS: dict[str, Callable[[Any, Asked], Row]] = {
 }
 QUESTIONS = ("force", "drive_stiffness", "support_stiffness", "frequencies", "stress", "parasitic", "energy")
 """Asked by default; "buckling" on demand, as it costs more than all of them together."""
+ROUNDING = 1e-9
+"""Numbers below this, in the units of the columns, are rounding of a state at rest."""
 UNLOADED = 1e9
 """Buckling multipliers beyond this mean that the state carries no stress but rounding."""
 KNOWN = (*_ANSWERS, "frequencies")
@@ -218,6 +224,7 @@ def answers(
     row: Row = {}
     failed: dict[str, Exception] = {}
     tracks, pose = before, Pose(configuration)
+    better = _better(configuration, asked)
     for name in asked.questions:
         try:
             if name == "frequencies":
@@ -225,6 +232,34 @@ def answers(
             else:
                 found = _ANSWERS[name](pose, asked)
             row |= found
+            if better is not None:
+                again = (
+                    frequency_row(better, asked, before)[0]
+                    if name == "frequencies"
+                    else _ANSWERS[name](better, asked)
+                )
+                row[f"{name}_error_percent"] = _error_percent(found, again)
         except CAUGHT as reason:
             failed[name] = reason
     return row, tracks, failed
+
+
+def _better(configuration: Any, asked: Asked) -> Pose | None:
+    """The state one Newton step further, for error figures; None where none are asked or there is no error."""
+    if not asked.errors or configuration.method not in FAST:
+        return None
+    return Pose(corrected(configuration))
+
+
+def _error_percent(one: Row, other: Row) -> float:
+    """Largest change of the numbers of a question [%]: of stiffnesses and frequencies each relative to itself, of others to
+    the largest of their unit, as some of them are zero; zero for what is rounding."""
+    changes: dict[str, list[float]] = {}
+    for column, value in one.items():
+        if isinstance(value, float) and np.isfinite(value) and "error" not in column:
+            unit = spoken_column(column)[1]
+            own = unit == "Hz" or "/" in unit
+            worst = changes.setdefault(column if own else unit, [0.0, 0.0])
+            worst[0] = max(worst[0], abs(other.get(column, np.nan) - value))
+            worst[1] = max(worst[1], abs(value))
+    return 100.0 * max((change / size for change, size in changes.values() if size > ROUNDING), default=0.0)

@@ -49,6 +49,7 @@ def sweep(
     at: Any = None,
     freed: Any = None,
     modes: int = 3,
+    errors: bool = False,
     method: str | None = None,
     accuracy: float | None = None,
     passes: int = 0,
@@ -71,7 +72,8 @@ def sweep(
     step. designs: {"thickness": [...], ...} for all combinations, or a list of such mappings. loads: cases by name, each
     a list of dict(link=, force=, moment=, at=) added to the scene's own. questions: of "force", "drive_stiffness",
     "support_stiffness", "frequencies", "stress", "parasitic", "energy", "buckling"; link, at: the point asked about;
-    freed: drives let go for frequencies (all when None), modes: how many are followed besides the intended. executor: any
+    freed: drives let go for frequencies (all when None), modes: how many are followed besides the intended. errors: with
+    fast methods, a column per question with the error of its answers, at twice the cost. executor: any
     concurrent.futures.Executor; without one, this process or, for many poses, a pool of processes. effects,
     with_, without: as in `ksd.solve`; what depends on drive values is kept. resume: a file that
     keeps finished lines; give it again to go on. A pose that fails is a row whose `status` says why.
@@ -79,7 +81,7 @@ def sweep(
     Raises SceneError for what is wrong before any solve; SweepInterrupted (a KeyboardInterrupt with `.table`) on Ctrl-C.
     """
     recipe = _recipe(
-        _asked(questions, link, at, freed, modes=modes),
+        _asked(questions, link, at, freed, modes=modes, errors=errors),
         method=method, accuracy=accuracy, passes=passes, mesh=mesh, extrapolate=extrapolate,
         effects=(("effects", effects), ("with_", with_), ("without", without)),
     )  # fmt: skip
@@ -108,7 +110,7 @@ def _collected(
     return _table(lines, kept.found, name, facts)
 
 
-def _asked(questions: Any, link: Any, at: Any, freed: Any, *, modes: int) -> Asked:
+def _asked(questions: Any, link: Any, at: Any, freed: Any, *, modes: int, errors: bool) -> Asked:
     names = (questions,) if isinstance(questions, str) else tuple(questions)
     for q in names:
         if q not in KNOWN:
@@ -120,7 +122,8 @@ def _asked(questions: Any, link: Any, at: Any, freed: Any, *, modes: int) -> Ask
         raise SceneError(f"at = {at!r}: three coordinates [m] of a point at rest are needed")
     if freed is not None:
         freed = (freed,) if isinstance(freed, str) else tuple(freed)
-    return Asked(names, None if link is None else str(getattr(link, "name", link)), point, freed, modes)  # type: ignore[arg-type]
+    name = None if link is None else str(getattr(link, "name", link))
+    return Asked(names, name, point, freed, modes, errors=errors)  # type: ignore[arg-type]
 
 
 def _recipe(asked: Asked, *, method: str | None, **how: Any) -> Recipe:

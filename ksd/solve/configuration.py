@@ -184,6 +184,12 @@ class Configuration:
 
         return strain_energy(self.model, self.motion)
 
+    def with_error(self, question: Any) -> tuple[Any, Any]:
+        """Answer and error figure of ``question(pose)`` (number, array, mapping): `ksd.solve.corrected.with_error`."""
+        from ksd.solve.corrected import with_error
+
+        return with_error(self, question)
+
     def internal_stress(self, **options: Any) -> Any:
         """Stress [Pa] when leafs are clamped beside their place: `ksd.properties.internal_stress.internal_stress`."""
         from ksd.properties.internal_stress import internal_stress

@@ -242,6 +242,35 @@ def test_a_stroke_with_all_standard_questions(method):
         assert np.all(np.isfinite(table[column])), column
 
 
+def test_error_figures_of_a_fast_method():
+    """Every question of `reduced`, with and without a relinearised pass, against `full`: the estimate is the error."""
+    at = {"top": np.array([0.0, 0.15, 0.28])}
+    exact = sweep(fourbar(), method="full", questions=KNOWN, **at, **QUIET)
+    assert not [c for c in exact.columns if c.endswith("_error_percent")]
+    for passes, least in ((0, 0.02), (1, 1e-6)):
+        fast = sweep(fourbar(), method="reduced", passes=passes, questions=KNOWN, errors=True, **at, **QUIET)
+        for question, column in (
+            ("force", "top_force_N"), ("drive_stiffness", "top_stiffness_N_per_m"), ("energy", "strain_energy_J"),
+            ("frequencies", "intended_Hz"), ("support_stiffness", "support_rz_Nm_per_rad"), ("stress", "stress_MPa"),
+        ):  # fmt: skip
+            told = fast[f"{question}_error_percent"]
+            true = 100 * np.abs(fast[column] / np.where(exact[column] == 0, 1, exact[column]) - 1)
+            assert told[0] == pytest.approx(0, abs=1e-6)
+            # the worst of its columns, to first order
+            assert np.all(told[1:] > 0.6 * true[1:] - 1e-6) and told[2] > least * (question != "energy")
+            assert told[2] < 40
+
+
+def test_a_question_with_its_error_figure():
+    solve = ksd.prepare(fourbar())
+    fast, exact = (solve(top=0.2, method=m) for m in ("reduced", "full"))
+    value, error = fast.with_error(lambda pose: pose.drive_stiffness()["top"])
+    assert error == pytest.approx(abs(value - exact.drive_stiffness()["top"]), rel=0.1)
+    stresses, errors = fast.with_error(lambda pose: {n: s.largest_Pa for n, s in pose.stress().leafs.items()})
+    assert errors.keys() == stresses.keys() and max(errors.values()) > 0
+    assert exact.with_error(lambda pose: pose.stress().largest_Pa)[1] == 0
+
+
 def test_printed_table_fits_the_terminal(stroke):
     lines = str(stroke).splitlines()
     assert max(map(len, lines)) <= 120 and "[N/m]" in str(stroke)

@@ -1,0 +1,57 @@
+"""Error figures for questions asked of a fast method's state: the same question after one Newton step of the full model.
+
+The answers of `full` and `conventional` are those of an equilibrium and have no error but the mesh's. A `kinematic` or
+`reduced` state is off it; a Newton step squares its distance, so the change of an answer over that step is its error to
+first order, whatever the question is.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from ksd.errors import ConvergenceError
+from ksd.model.arrays import make_work
+from ksd.model.system import assemble, solve_step, take_step
+from ksd.solve.configuration import Configuration
+
+FAST = ("kinematic", "reduced")
+"""Methods whose states are not equilibria of the full model."""
+
+
+def corrected(pose: Configuration) -> Configuration:
+    """The state one Newton step of the full model further; the pose itself where it is an equilibrium.
+
+    Raises ConvergenceError where the step leaves what the leafs can follow.
+    """
+    if pose.method not in FAST:
+        return pose
+    arrays, motion = pose.model.arrays, pose.motion.copy()
+    work, target = make_work(arrays), pose.model.targets(pose.targets)
+    _, _, inside, status = assemble(arrays, motion, target, pose.load_factor, work, 1e-8, 0, 10.0)
+    negatives, _ = solve_step(arrays, work)
+    take_step(arrays, motion, work.rhs.copy(), work, 1.0)
+    if status != 0 or not all(np.isfinite(part).all() for part in motion):
+        raise ConvergenceError(
+            "the error of this answer cannot be told: the state is too far from equilibrium for a Newton step; "
+            "ask the question of method='full'"
+        )
+    return replace(pose, motion=motion, negatives=int(negatives + inside))
+
+
+def with_error(pose: Configuration, question: Callable[[Configuration], Any]) -> tuple[Any, Any]:
+    """The answer of question(pose) and its error: |change| over one Newton step, in the shape of the answer (number,
+    array, or mapping of them); zero for methods that are exact but for the mesh."""
+    answer = question(pose)
+    better = answer if pose.method not in FAST else question(corrected(pose))
+    if isinstance(answer, Mapping):
+        return answer, {k: _change(v, better[k]) for k, v in answer.items()}
+    return answer, _change(answer, better)
+
+
+def _change(one: Any, other: Any) -> Any:
+    found = np.abs(np.asarray(other, float) - np.asarray(one, float))
+    return float(found) if found.ndim == 0 else found
