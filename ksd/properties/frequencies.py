@@ -18,6 +18,8 @@ from numpy.typing import NDArray
 from ksd.model.arrays import Motion
 from ksd.model.compile import Model
 from ksd.model.loading import term_value
+from ksd.model.system import move_nodes
+from ksd.properties.alike import alike_leafs
 from ksd.properties.krylov import outermost
 from ksd.properties.mass import Inertia, inertia
 from ksd.properties.tangent import Tangent, factored_tangent
@@ -51,6 +53,7 @@ class Modes:
     freed: tuple[str, ...]
     massless: tuple[str, ...]
     mass: Inertia = field(repr=False)
+    motion: Motion = field(repr=False)
 
     def __len__(self) -> int:
         return len(self.frequency_Hz)
@@ -67,6 +70,19 @@ class Modes:
             cross = cross + one.T @ two
             own, theirs = own + np.sum(one**2, axis=0), theirs + np.sum(two**2, axis=0)
         return np.asarray(cross**2 / np.outer(own, theirs))
+
+    def moved(self, number: int, size: float) -> Motion:
+        """The state of `model` displaced by `size` times mode `number`, to first order, leafs included."""
+        state, x = self.motion.copy(), size * self.vector[number]
+        for group, leaf in zip(alike_leafs(self.model), self.mass.leafs, strict=True):
+            starts = self.model.arrays.start[self.model.arrays.members.node[group.members]]
+            ends = np.where(
+                starts[..., None] < 0, 0.0, x[np.maximum(starts, 0)[..., None] + np.arange(6)]
+            ).reshape(len(starts), 12, 1)
+            bent = x[leaf.inner] + (leaf.P @ (leaf.relative @ ends))[..., 0]
+            state.inner[group.places[:, : group.modes]] += bent
+        move_nodes(self.model.arrays, state, np.ascontiguousarray(x[: self.model.arrays.plan.unknowns]), 1.0)
+        return state
 
     @property
     def intended(self) -> int | None:
@@ -182,6 +198,7 @@ def frequencies(
         freed=freed,
         massless=mass.massless,
         mass=mass,
+        motion=state,
     )
 
 

@@ -161,13 +161,13 @@ ENTRIES: dict[str, Entry] = {
     "cartwheel": Entry(_cartwheel, (_ANGLE,), {**STEEL, **SHEET}),
     "butterfly": Entry(
         _butterfly,
-        (_range("inner_ratio", 0.1, 0.6), _range("half_angle", 8, 25, degrees=True)),
+        (_range("inner_ratio", 0.1, 0.6), _range("half_angle", 8, 21, degrees=True)),
         {**STEEL, **SHEET},
         SHORT,
         1.0,
     ),
     "infinity_hinge": Entry(
-        _infinity, (_range("reach", 0.3, 0.5), _range("strut", 0.15, 0.45)), {**STEEL, **SHEET}, SHORT, 3.0
+        _infinity, (_range("reach", 0.35, 0.5), _range("strut", 0.15, 0.4)), {**STEEL, **SHEET}, SHORT, 3.0
     ),
     "triple_infinity_hinge": Entry(_triple_infinity, (), {**STEEL, "length": 0.06, "thickness": 0.45e-3}),
     "parallel_guide": Entry(_parallel_guide, (), {**STEEL, **SHEET, "spacing": 0.06}, others=_SPACINGS),

@@ -5,7 +5,7 @@ What is drawn comes from `Configuration.shape` and from the table of a sweep; no
 matplotlib is imported on first use. Figures are made without pyplot, so they need no display.
 """
 
-from ksd.view.animate import animate_stroke
+from ksd.view.animate import animate_mode, animate_stroke
 from ksd.view.figure import save_figure
 from ksd.view.flat import plot_mechanism
 from ksd.view.solid import plot_mechanism_3d
@@ -13,6 +13,7 @@ from ksd.view.strokes import plot_stroke
 from ksd.view.vtk import write_vtu
 
 __all__ = [
+    "animate_mode",
     "animate_stroke",
     "plot_mechanism",
     "plot_mechanism_3d",

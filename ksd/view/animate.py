@@ -1,9 +1,10 @@
-"""The stroke as an animation (GIF): one frame per configuration, axes that stand still."""
+"""The stroke, or a mode, as an animation (GIF): one frame per configuration, axes that stand still."""
 
 from __future__ import annotations
 
 import os
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -28,28 +29,76 @@ def animate_stroke(
     plane: as in `plot_mechanism`, the widest of the last configuration when None. Returns the path. Raises SceneError
     for no configurations, another file type than .gif, or a folder that does not exist.
     """
+    target = _target(path)
+    if not configurations:
+        raise SceneError(f"animation '{target}': there are no configurations to show")
+    order = [*configurations, *(configurations[-2:0:-1] if back else ())]
+    return _written(order, target, plane=plane, fps=frames_per_second, dpi=dpi)
+
+
+def animate_mode(
+    pose: Any,
+    path: str | os.PathLike[str],
+    *,
+    mode: int = 0,
+    modes: Any = None,
+    amplitude: float = 0.08,
+    plane: str | None = None,
+    frames: int = 24,
+    dpi: int = 80,
+) -> Path:
+    """Write one swing of a mode of a `Configuration` about its deformed state as an animated GIF.
+
+    mode: its number in `modes` (`pose.frequencies()` with all drives let go when None), lowest first. amplitude:
+    largest displacement over the size of the mechanism, for the eye only. plane: as in `plot_mechanism`, where the
+    mode moves most when None. Returns the path. Raises SceneError as `animate_stroke`, and for a mode that is not there.
+    """
+    target = _target(path)
+    found = pose.frequencies(freed=pose.model.drive_names) if modes is None else modes
+    if not 0 <= mode < len(found):
+        raise SceneError(f"mode = {mode}: there are modes 0 to {len(found) - 1}")
+    moved = np.abs(found.shape[mode, :, :3])
+    unit = amplitude * float(found.model.arrays.size) / max(float(moved.max()), 1e-300)
+    if plane is None:
+        most = moved.max(axis=0)
+        plane = (
+            best_plane(pose.shape()) if most[2] < most[:2].max() else ("xz" if most[0] >= most[1] else "yz")
+        )
+    swing = np.sin(2 * np.pi * np.arange(frames) / frames)
+    order = [replace(pose, model=found.model, motion=found.moved(mode, unit * float(s))) for s in swing]
+    title = f"mode {mode + 1} at {found.frequency_Hz[mode]:.4g} Hz, amplitude for the eye"
+    return _written(order, target, plane=plane, fps=frames, dpi=dpi, title=title)
+
+
+def _target(path: str | os.PathLike[str]) -> Path:
     target = Path(path)
     if target.suffix.lower() != ".gif":
         raise SceneError(f"animation '{target}': write it as .gif")
     if not target.parent.is_dir():
         raise SceneError(f"animation '{target}': folder '{target.parent}' does not exist; make it first")
-    if not configurations:
-        raise SceneError(f"animation '{target}': there are no configurations to show")
+    return target
+
+
+def _written(
+    order: Sequence[Any], target: Path, *, plane: str | None, fps: int, dpi: int, title: str | None = None
+) -> Path:
+    """One frame per configuration, in a window that holds them all."""
     from matplotlib.animation import PillowWriter
 
-    shapes = [c.shape() for c in configurations]
-    plane = plane or best_plane(shapes[-1])
+    shapes = [c.shape() for c in order]
+    plane = plane or best_plane(shapes[len(shapes) // 2])
     pick = ["xyz".index(a) for a in plane]
     low, high = _window(shapes, pick)
     wide, tall = high - low
     figure = new_figure(7.0, float(np.clip(6.2 * tall / wide + 0.9, 2.8, 7.0)), dpi=dpi)
     axes = figure.add_subplot()
-    order = [*configurations, *(configurations[-2:0:-1] if back else ())]
-    writer = PillowWriter(fps=frames_per_second)
+    writer = PillowWriter(fps=fps)
     with writer.saving(figure, str(target), dpi):
         for c in order:
             axes.clear()
-            plot_mechanism(c, axes=axes, plane=plane)
+            plot_mechanism(
+                c, axes=axes, plane=plane, **({} if title is None else {"title": title, "labels": False})
+            )
             axes.set_xlim(low[0], high[0])
             axes.set_ylim(low[1], high[1])
             writer.grab_frame()

@@ -7,7 +7,7 @@ from scenes import cross_flexure, fourbar, single_joint
 
 import ksd
 from ksd.design.questions import KNOWN
-from ksd.view import animate_stroke
+from ksd.view import animate_mode, animate_stroke
 
 
 @pytest.fixture(scope="module")
@@ -75,3 +75,23 @@ def test_animation_of_the_stroke(tmp_path):
     for path, words in ((tmp_path / "a.mp4", "gif"), (tmp_path / "no" / "a.gif", "folder")):
         with pytest.raises(ksd.SceneError, match=words):
             animate_stroke(poses, path)
+
+
+def test_animation_of_a_mode(tmp_path):
+    """The leafs follow their links: a swing closes, and the moved state is the mode to first order."""
+    pose = ksd.solve(fourbar(), top=0.2, method="full")
+    modes = pose.frequencies(freed=("top",))
+    with Image.open(animate_mode(pose, tmp_path / "m.gif", mode=1, modes=modes, frames=4)) as gif:
+        assert gif.n_frames == 4
+    size = 1e-6
+    moved = modes.moved(1, size)
+    assert (moved.x - modes.motion.x) / size == pytest.approx(modes.shape[1, :, :3], abs=1e-9)
+    # a leaf drawn from its own curvature ends where its link is, but for its stretch
+    from ksd.properties.shape import member_ends, member_parts, strain_curve
+
+    for i in range(len(modes.model.arrays.members.kind)):
+        ends = [member_ends(modes.model, m, i).d for m in (modes.motion, moved)]
+        tips = [strain_curve(*member_parts(modes.model, m, i), 25)[1][-1] for m in (modes.motion, moved)]
+        assert (tips[1] - tips[0]) / size == pytest.approx((ends[1] - ends[0]) / size, abs=5e-3)
+    with pytest.raises(ksd.SceneError, match="modes 0 to"):
+        animate_mode(pose, tmp_path / "m.gif", mode=99, modes=modes)
