@@ -63,6 +63,36 @@ def measured(name: str, *, shapes: int) -> dict[str, float]:
     return {"force_error": force, "interface_error": place}
 
 
+SOURCES = {
+    "cross_flexure": "paper 1, 4.1",
+    "crossed_pivot": "Haringx 1949",
+    "balanced_crossed_pivot": "Haringx 1949, in three leafs",
+    "cartwheel": "Smith 2000, 5.3",
+    "butterfly": "Henein 2003, own arrangement",
+    "infinity_hinge": "DSPE case, own proportions",
+    "triple_infinity_hinge": "paper 1, 4.4, own dimensions",
+    "parallel_guide": "van Eijk 1985",
+    "stiffened_guide": "van Eijk 1985",
+    "circular_notch": "Paros and Weisbord 1965",
+    "filleted_notch": "Lobontiu 2003",
+    "arc_hinge": "paper 3",
+    "universal": "own",
+}
+
+
+def symmetry(record: Any) -> str:
+    """What the record need not hold: of its strain-mode functions, how many vanish and how many are even or odd in the
+    (first) motion, as measured over all shapes sampled."""
+    counts = dict.fromkeys(("zero", "even", "odd", "neither"), 0)
+    power = record.powers[:, 0]
+    functions = record.functions["strain"]
+    for group in ("interface", "blocks", "amplitudes", "wrench"):
+        for row in getattr(functions, group).reshape(-1, len(power)):
+            odd, even = np.any(row[power % 2 == 1]), np.any(row[power % 2 == 0])
+            counts["neither" if odd and even else "odd" if odd else "even" if even else "zero"] += 1
+    return ", ".join(f"{n} {word}" for word, n in counts.items() if n)
+
+
 def _range(low: float, high: float, *, angle: bool) -> str:
     scale = 180 / math.pi if angle else 1.0
     return f"{scale * low:.4g} to {scale * high:.4g}" + ("°" if angle else "")
@@ -84,6 +114,8 @@ def facts(name: str) -> dict[str, Any]:
         "motions": ", ".join(motions),
         "shape": ", ".join(shapes) or "fixed",
         "closed_form": "yes" if closed else "-",
+        "symmetry": symmetry(record),
+        "source": SOURCES[name],
         "record_kB": round((shipped_folder() / f"{name}.h5").stat().st_size / 1000),
         "fresh_interface": record.worst("strain"),
     }
@@ -92,31 +124,69 @@ def facts(name: str) -> dict[str, Any]:
 def table(found: dict[str, dict[str, Any]]) -> str:
     """Markdown, one row per family."""
     lines = [
-        "| family | leafs | intended motions | shape parameters | closed-form stiffness | record [kB] | "
-        "reduced force error | interface error / L |",
-        "|---" * 8 + "|",
+        "| family | source | leafs | intended motions | shape parameters | closed-form stiffness | its functions | "
+        "record [kB] | reduced force error | interface error / L |",
+        "|---" * 10 + "|",
     ]
     for name, row in found.items():
         lines.append(
-            f"| {name} | {row['leafs']} | {row['motions']} | {row['shape']} | {row['closed_form']} | {row['record_kB']} | "
+            f"| {name} | {row['source']} | {row['leafs']} | {row['motions']} | {row['shape']} | {row['closed_form']} | "
+            f"{row['symmetry']} | {row['record_kB']} | "
             f"{row['force_error']:.1e} | {row['interface_error']:.1e} |"
         )
     return "\n".join(lines) + "\n"
 
 
+CONSTRAINTS: dict[str, tuple[Joint, float]] = {
+    "folded leaf": (
+        ksd.FoldedLeaf(ksd.Material(E=200e9, G=76.9e9), length=0.05, thickness=3e-4, width=0.02),
+        0.1,
+    ),
+    "wire": (ksd.WireFlexure(ksd.Material(E=200e9, G=76.9e9), length=0.05, diameter=5e-4), 0.15),
+}
+"""Flexible constraints, and how far B is moved across them in the picture, over their length."""
+
+
+def constrained(joint: Joint, share: float) -> ksd.Configuration:
+    """A flexible constraint with B moved along y."""
+    scene = ksd.Mechanism(joint.family)
+    tip = scene.link("B")
+    scene.constrain(scene.ground, tip, joint, at=(0, 0, 0), axis="z", toward="x", name="joint")
+    scene.actuate(tip, along="y", at=joint.pose_B, name="across")
+    scene.actuate(tip, about="z", name="turn")
+    return ksd.solve(scene, across=share * joint.length, turn=0.0, method="conventional")
+
+
+def thick(axes: Any, pose: ksd.Configuration) -> None:
+    """The outline of leafs whose thickness varies, to scale: the hinge cut into a block."""
+    for leaf in pose.shape(points=61).leafs:
+        if np.ptp(leaf.thickness) > 0.0:
+            half = 0.5 * leaf.thickness[:, None] * leaf.axes[:, :, 1]
+            ring = 1e3 * np.concatenate([leaf.place + half, (leaf.place - half)[::-1]])
+            axes.fill(
+                ring[:, 0], ring[:, 1], facecolor="#f3d2c1", edgecolor="#c2410c", linewidth=1.2, zorder=4
+            )
+
+
 def gallery(names: Sequence[str]) -> Any:
-    """All families, at rest and at 0.8 of their first motion."""
-    columns = 4
-    rows = -(-len(names) // columns)
-    figure = new_figure(3.2 * columns, 2.9 * rows)
-    axes = figure.subplots(rows, columns, squeeze=False)
-    for place, name in zip(axes.flat, names, strict=False):
+    """All families, at rest and at 0.8 of their first motion, and the flexible constraints."""
+    columns = 5
+    panels: list[tuple[str, ksd.Configuration]] = []
+    for name in names:
         joint = drawn(name, None)
         values = {m.name: 0.8 * m.range[1] * (i == 0) for i, m in enumerate(joint.motions)}
-        state = ksd.prepare(alone(joint))(values, method="full")
-        plot_mechanism(state, plane="xy", axes=place, labels=False, title=name.replace("_", " "))
+        panels.append((name.replace("_", " "), ksd.prepare(alone(joint))(values, method="full")))
+    panels += [(name, constrained(joint, share)) for name, (joint, share) in CONSTRAINTS.items()]
+    rows = -(-len(panels) // columns)
+    figure = new_figure(2.9 * columns, 2.9 * rows)
+    axes = figure.subplots(rows, columns, squeeze=False)
+    for place, (title, state) in zip(axes.flat, panels, strict=False):
+        plot_mechanism(state, plane="xy", axes=place, labels=False, title=title)
+        thick(place, state)
+        place.margins(0.12)
+        place.autoscale()
         place.set_axis_off()
-    for place in axes.flat[len(names) :]:
+    for place in axes.flat[len(panels) :]:
         place.set_axis_off()
     return figure
 
