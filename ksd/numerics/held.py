@@ -160,9 +160,10 @@ def _found_at(_context, address, kind):
 def _unowned(context: Any, builder: Any, kind: Any, value: Any) -> Any:
     """`value` with arrays that do not count their users."""
     if isinstance(kind, types.BaseTuple):
+        inside: Any = kind
         fields = [
             _unowned(context, builder, field, builder.extract_value(value, i))
-            for i, field in enumerate(kind)  # type: ignore[arg-type,var-annotated]
+            for i, field in enumerate(inside)
         ]
         return context.make_tuple(builder, kind, fields)
     if isinstance(kind, types.Array):

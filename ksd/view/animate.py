@@ -96,9 +96,8 @@ def _written(
     with writer.saving(figure, str(target), dpi):
         for c in order:
             axes.clear()
-            plot_mechanism(
-                c, axes=axes, plane=plane, **({} if title is None else {"title": title, "labels": False})
-            )
+            said: dict[str, Any] = {} if title is None else {"title": title, "labels": False}
+            plot_mechanism(c, axes=axes, plane=plane, **said)
             axes.set_xlim(low[0], high[0])
             axes.set_ylim(low[1], high[1])
             writer.grab_frame()
