@@ -96,7 +96,7 @@ def settings(written: dict[str, Any], options: argparse.Namespace) -> dict[str, 
         )
         if value is not None and not fits:
             raise SceneError(f"[options] {key} = {value!r}: {_TYPES[kind]} is needed")
-        given = getattr(options, key)
+        given = getattr(options, key, None)
         asked[key] = value if given is None else given
     if options.accuracy is not None and options.method is None:
         asked["method"] = None

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from ksd.cli.output import check_plot, console
-from ksd.cli.solve import OPTIONS, drive_value, mesh_of, settings
+from ksd.cli.solve import OPTIONS, drive_value, effect_words, mesh_of, settings
 from ksd.errors import ConvergenceError, SceneError
 
 POSES = 31
@@ -39,6 +39,8 @@ def add(commands: Any) -> argparse.ArgumentParser:
     parser.add_argument(
         "--extrapolate", action="store_true", default=None, help="use records beyond their range"
     )
+    for word in ("effects", "with", "without"):
+        parser.add_argument(f"--{word}", metavar="E", help="as in ksd solve")
     parser.add_argument("--out", metavar="FILE", help="write the table: .csv, .h5 or .mat")
     parser.add_argument("--plot", metavar="FILE", help="write a picture of the answers (.png, .pdf, .svg)")
     parser.add_argument("--resume", metavar="FILE", help="keep finished poses here; give it again to go on")
@@ -61,8 +63,9 @@ def run(options: argparse.Namespace) -> int:
     if not found:  # the values of the file are the end of the stroke
         found = {n: np.linspace(0.0, v, POSES) for n, v in targets.items()}
     stroke = {n: v for n, v in targets.items() if n not in found} | found
+    words = {k: v for k, v in effect_words(asked).items() if k != "accuracy"}
     table = sweep(
-        scene, stroke, questions=tuple(options.question) or QUESTIONS, together=not options.set,
+        scene, stroke, **words, questions=tuple(options.question) or QUESTIONS, together=not options.set,
         mesh=mesh_of(asked), method=asked["method"], accuracy=asked["accuracy"], passes=asked["passes"] or 0,
         extrapolate=bool(asked["extrapolate"]), progress=not options.quiet, resume=options.resume,
     )  # fmt: skip

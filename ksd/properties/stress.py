@@ -228,14 +228,19 @@ def stress(model: Model, motion: Motion, *, points: int = POINTS) -> Stress:
 
 
 def strain_energy(model: Model, motion: Motion) -> dict[str, float]:
-    """Strain energy [J] of every leaf by full name; their sum is what the mechanism stores."""
+    """Strain energy [J] of every leaf by full name, and of springs; their sum is what the mechanism stores."""
     stored: dict[int, float] = {}
     for group in alike_leafs(model):
         stored |= zip(group.members.tolist(), _strain_energies(group, motion).tolist(), strict=True)
-    return {
+    leafs = {
         n: sum(stored[i] if i in stored else _chain_energy(model, motion, i) for i in found)
         for n, found in members_of_leafs(model).items()
     }
+    if not model.spring_names:
+        return leafs
+    from ksd.properties.springs import spring_energy
+
+    return leafs | spring_energy(model, motion)
 
 
 def _strain_energies(group: Alike, motion: Motion) -> Array:

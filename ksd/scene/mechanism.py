@@ -18,7 +18,7 @@ from ksd.scene.placing import axis_word, numbered, rotation_at
 from ksd.scene.profile import Curve, Profile
 from ksd.scene.rules import check_scene
 from ksd.section import Section
-from ksd.section.checks import Vector, direction, nearest, show, vector, word
+from ksd.section.checks import direction, nearest, show, vector, word
 
 
 class Mechanism(Mentioned):
@@ -37,7 +37,6 @@ class Mechanism(Mentioned):
         self._drives: list[Drive] = []
         self._supports: list[Drive] = []
         self._loads: list[Load] = []
-        self._gravity: Vector | None = None
 
     def __repr__(self) -> str:
         return (
@@ -344,15 +343,6 @@ class Mechanism(Mentioned):
         self._loads.append(push)
         return push
 
-    @property
-    def gravity(self) -> Vector | None:
-        """Acceleration (3,) [m/s^2], e.g. (0, -9.81, 0); None when the scene does not mention gravity."""
-        return self._gravity
-
-    @gravity.setter
-    def gravity(self, value: Any) -> None:
-        self._gravity = None if value is None else vector(value, "gravity", owner=self.name, unit="m/s^2")
-
     # The whole
 
     def validate(self) -> None:
@@ -379,6 +369,5 @@ class Mechanism(Mentioned):
             supports=tuple(self._supports),
             loads=tuple(self._loads),
             masses=tuple(self._masses),
-            gravity=self._gravity,
             **self._mentioned(),
         )

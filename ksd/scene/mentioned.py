@@ -17,7 +17,7 @@ from ksd.scene.links import Link, Links
 from ksd.scene.material import Material
 from ksd.scene.placing import numbered
 from ksd.section import Section
-from ksd.section.checks import nearest, show, vector
+from ksd.section.checks import Vector, nearest, show, vector
 
 READERS = {".npz": "ksd.scene.mentioned:read_npz", ".h5": "ksd.library.link_matrix:read_hdf5"}
 """Who reads a link matrix, by the end of the file name; loaded on use, since the scene imports numpy alone."""
@@ -77,6 +77,7 @@ class Mentioned(Links):
         self._heats: list[Heat] = []
         self._fits: list[Fit] = []
         self._consider: tuple[str, ...] = ()
+        self._gravity: Vector | None = None
 
     def _mentioned(self) -> dict[str, Any]:
         """The words of `Scene` for all of it."""
@@ -86,7 +87,17 @@ class Mentioned(Links):
             "heats": tuple(self._heats),
             "fits": tuple(self._fits),
             "consider": self._consider,
+            "gravity": self._gravity,
         }
+
+    @property
+    def gravity(self) -> Vector | None:
+        """Acceleration (3,) [m/s^2], e.g. (0, -9.81, 0); None when the scene does not mention gravity."""
+        return self._gravity
+
+    @gravity.setter
+    def gravity(self, value: Any) -> None:
+        self._gravity = None if value is None else vector(value, "gravity", owner=self.name, unit="m/s^2")
 
     def _placed(self, joint: Any) -> Any:
         """The placed joint of this name; see `Mechanism`."""

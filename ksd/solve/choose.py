@@ -25,6 +25,7 @@ from ksd.solve.configuration import Configuration, ErrorEstimate
 from ksd.solve.conventional import by_load_steps, conventional
 from ksd.solve.five import FiveSteps
 from ksd.solve.pipeline import Bench
+from ksd.solve.plates import settled
 from ksd.solve.trust import insist
 from ksd.solve.warm import ready
 
@@ -69,6 +70,10 @@ class Solver:
         """Storage of the five steps in space; raises what `five_steps` does."""
         return self.five_steps.bench
 
+    def use(self, model: Model) -> None:
+        """Solve this model of the same scene from now on."""
+        self.model, self._five = model, None
+
     def __call__(
         self,
         targets: Mapping[str, float] | None = None,
@@ -89,23 +94,11 @@ class Solver:
             "passes": passes,
             "estimate": estimate,
         }
-        found = self._settled(values, ways) if self.model.mesh.plate else self._solve(values, **ways)
+        found = settled(self, lambda: self._solve(values, **ways), 0.1 * _accuracy(accuracy))
         if method is not None and needs_walk(found):
             against, _ = beside(found, lambda: by_load_steps(self.model, values, self._told))
             found = _with(found, doubts=(*found.doubts, *filter(None, [against])))
         return insist(found) if strict else found
-
-    def _settled(self, values: Mapping[str, float], ways: dict[str, Any]) -> Configuration:
-        """The answer whose plate factors fit its own curvatures; see `ksd.solve.plates`."""
-        from ksd.solve.plates import settled
-
-        def again(model: Model) -> Configuration:
-            if model is not self.model:
-                self.model, self._five = model, None
-            return self._solve(values, **ways)
-
-        found: Configuration = settled(self.model, again, 0.1 * _accuracy(ways["accuracy"]))
-        return found
 
     def _solve(
         self,

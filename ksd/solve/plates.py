@@ -22,6 +22,8 @@ from ksd.properties.section_forces import section_forces
 from ksd.scene.leaf import Condition
 from ksd.section.plate import plate_factor
 
+POINTS = 9
+"""Stations along a leaf at which its moment is taken."""
 MOST = 8
 """Rounds; the change shrinks at least tenfold in each."""
 
@@ -29,7 +31,7 @@ MOST = 8
 def curvatures(model: Model, motion: Motion) -> dict[str, float]:
     """Root mean square of M / (E Iz), the elastic curvature about e3 [1/m], of every leaf by full name."""
     leafs, found = model.scene.leaf_names(), {}
-    for name, forces in section_forces(model, motion).items():
+    for name, forces in section_forces(model, motion, points=POINTS).items():
         stiff = rigidities(leafs[name].section, leafs[name], model.mesh)[0][2]
         square = np.trapezoid(forces.values[:, 5] ** 2, forces.s) / forces.s[-1]
         found[name] = math.sqrt(float(square)) / float(stiff)
@@ -51,14 +53,19 @@ def bent(model: Model, motion: Motion) -> tuple[dict[str, Condition], float]:
     return conditions, worst
 
 
-def settled(model: Model, solve: Callable[[Model], Any], bound: float) -> Any:
-    """`solve(model)` repeated with plate factors that fit the answer, until they change by less than `bound`."""
-    found = solve(model)
+def settled(solver: Any, solve: Callable[[], Any], bound: float) -> Any:
+    """The answer of `solve()`, repeated with plate factors that fit it until they change by less than `bound`.
+
+    solver: has the model and can `use` another. A model without plate stiffening is solved once.
+    """
+    found = solve()
+    if not solver.model.mesh.plate:
+        return found
     for _ in range(MOST):
         conditions, moved = bent(found.model, found.motion)
         if moved <= bound:
             break
         scene = with_conditions(found.model.scene, conditions)
-        model = marked(compile_given(scene, found.model.mesh), model.said, model.choice)
-        found = solve(model)
+        solver.use(marked(compile_given(scene, found.model.mesh), solver.model.said, solver.model.choice))
+        found = solve()
     return found

@@ -215,7 +215,7 @@ COUNTED = {
         ("ksd.scene.effects", "leaf_conditions"),
         lambda s: s.fit("lower left/inner", turn=(0, 0, 1e-3)),
     ),
-    "plate": (("ksd.solve.plates", "settled"), lambda s: s.consider("plate")),
+    "plate": (("ksd.solve.plates", "bent"), lambda s: s.consider("plate")),
 }
 
 
@@ -302,6 +302,18 @@ def test_gravity_without_mass_and_the_mesh_without_shear():
     assert "gravity" in effects.mentioned(scene.scene(), ksd.Mesh())
     choice = choose(scene.scene(), ksd.Mesh(shear=False))
     assert not choice["shear"].present
+
+
+def test_segments_that_meet_are_named():
+    scene = ksd.Mechanism("two segments")
+    middle, tip = scene.links("middle", "tip")
+    words = {"section": ksd.rectangle(0.5e-3, 20e-3), "material": HOT, "width_axis": (0, 0, 1)}
+    scene.leaf("ground", middle, start=(0, 0, 0), end=(0.02, 0, 0), name="first", **words)
+    scene.leaf(middle, tip, start=(0.02, 0, 0), end=(0.04, 0, 0), name="second", **words)
+    said = str(ksd.compile_scene(scene))
+    # the factors of leafs as long as wide, and twice as long
+    assert "'first' and 'second' meet end to end" in said and "is 1.3 instead of 1.83" in said
+    assert "meet end to end" not in str(ksd.compile_scene(fourbar()))
 
 
 def test_listed_parts_of_the_drawing():

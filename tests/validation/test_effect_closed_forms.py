@@ -171,6 +171,20 @@ def test_a_joint_spring_adds_its_moment():
         assert found == pytest.approx(plain + 4.0 * 0.3, rel=1e-4 if method == "reduced" else 1e-9)
 
 
+def test_energy_stored_is_work_done():
+    scene = ksd.Mechanism("hinge")
+    tip = scene.link("tip")
+    placed = scene.join("ground", tip, cross_flexure(), at=(0, 0, 0), axis="z", toward="x", name="hinge")
+    scene.actuate_joint(placed, name="turn")
+    scene.joint_spring("hinge", stiffness=4.0, rest_angle=0.2)
+    scene.spring("ground", tip, start=(0.1, 0.2, 0.05), end=(0.15, 0, 0), stiffness=700.0, free_length=0.1)
+    solver, h = ksd.prepare(scene, with_="spatial"), 1e-4
+    lower, here, upper = (solver(turn=0.5 + k * h, method="conventional") for k in (-1, 0, 1))
+    gained = sum(upper.strain_energy().values()) - sum(lower.strain_energy().values())
+    assert gained / (2 * h) == pytest.approx(here.forces["turn"], rel=1e-6)
+    assert "spring 'hinge.spring'" in here.strain_energy()
+
+
 # source: acceptance numbers, section A: factor on GJ at nu = .3
 @pytest.mark.parametrize(("aspect", "factor"), [(1, 1.828058), (3, 1.183652)])
 @pytest.mark.parametrize("mesh", [*MESHES.values(), ksd.Mesh("corotational", elements=4, nodal=True)])
