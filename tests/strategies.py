@@ -254,7 +254,7 @@ def broken_calls(draw):
 
 SOLVE_WORDS = {
     "targets": junk, "method": junk, "accuracy": junk, "mesh": junk, "passes": junk, "extrapolate": junk, "strict": junk,
-    "turn": junk, "tip": junk,
+    "turn": junk, "tip": junk, "effects": junk, "with_": junk, "without": junk,
 }  # fmt: skip
 
 

@@ -347,19 +347,16 @@ class Mechanism(Mentioned):
 
     def validate(self) -> None:
         """Raise SceneError for what only the whole shows: loose links, two drives on one freedom."""
-        check_scene(self._frozen())
+        check_scene(self.draft())
 
     def scene(self) -> Scene:
         """The frozen, validated description."""
-        frozen = self._frozen()
+        frozen = self.draft()
         check_scene(frozen)
         return frozen
 
     def draft(self) -> Scene:
         """The frozen description as it stands, not validated."""
-        return self._frozen()
-
-    def _frozen(self) -> Scene:
         return Scene(
             name=self.name,
             links=tuple(self._links),
