@@ -277,6 +277,12 @@ def solve(
         if mesh is not None or rise == MOST_RISES:
             break
         chosen = raised(chosen, axis)
+    found = _unresolved(found, share, where, axis)
+    return insist(found) if strict else found
+
+
+def _unresolved(found: Configuration, share: float, where: str, axis: int) -> Configuration:
+    """The answer with a warning that the highest modes carry much energy, and a doubt where it matters."""
     note = (
         f"leaf '{where}' has {100 * share:.2g} % of its energy in its highest {_AXIS[axis]} mode; "
         f"the curvature modes {found.model.mesh.orders} are few for this state: raise the orders of the mesh"
@@ -285,7 +291,7 @@ def solve(
     energy = found.strain_energy()
     if share > BLIND and share * energy[where] > SLIGHT * sum(energy.values()):
         found = _with(found, doubts=(*found.doubts, note))
-    return insist(found) if strict else found
+    return found
 
 
 BLIND = 0.05
