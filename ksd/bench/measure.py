@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from ksd.bench.engines import EngineRow, measure_engines
 from ksd.bench.suite import Case
 from ksd.bench.ways import FINEST, Way, ways_of
 from ksd.errors import ConvergenceError, KsdError
@@ -21,6 +22,8 @@ from ksd.solve.conventional import conventional
 
 WARM = 2
 """Rounds not counted."""
+SLOW, LONGEST = 2e4, 1e6
+"""Ways whose first call takes longer than SLOW us are repeated less, at least thrice and not beyond LONGEST us in all."""
 
 
 @dataclass(frozen=True)
@@ -48,11 +51,12 @@ class Row:
 
 @dataclass(frozen=True)
 class Measured:
-    """All rows of one case, and how often every way was run."""
+    """All rows of one case, how often every way was run, and what other engines took."""
 
     case: str
     repeats: int
     rows: tuple[Row, ...]
+    engines: tuple[EngineRow, ...] = ()
 
 
 def quartiles(spent: Sequence[float]) -> tuple[float, float, float]:
@@ -82,11 +86,16 @@ def measure(case: Case, *, quick: bool = False, repeats: int = 15) -> Measured:
             first[k] = 1e-3 * (time.thread_time_ns() - begin)
         except KsdError as error:
             rows[k] = _failed(way, str(error))
-    calls, steps = _in_turns({k: ways[k] for k in results}, repeats)
+    rounds = {k: _rounds(first[k], repeats) for k in results}
+    calls, steps = _in_turns({k: ways[k] for k in results}, rounds)
     for k, c in results.items():
         times = (quartiles(calls[k]), quartiles(steps[k]), first[k])
         rows[k] = _row(ways[k], c, times, (exact, right, case))
-    return Measured(case.name, repeats, tuple(r for r in rows if r is not None))
+    other: list[EngineRow] = []
+    if case.engines:
+        force = next(iter(exact.forces.values()))
+        other = measure_engines(scene, targets, force, elements=case.engines[:1] if quick else case.engines)
+    return Measured(case.name, repeats, tuple(r for r in rows if r is not None), tuple(other))
 
 
 def _converged(scene: Any, targets: dict[str, float]) -> Configuration:
@@ -97,16 +106,27 @@ def _converged(scene: Any, targets: dict[str, float]) -> Configuration:
         return Solver(scene, mesh=FINEST, extrapolate=True)(targets, method="full", passes=1)
 
 
-def _in_turns(ways: dict[int, Way], repeats: int) -> tuple[dict[int, list[float]], dict[int, list[float]]]:
-    """Thread times [us] of the calls and of their steps."""
+def _rounds(took: float, repeats: int) -> int:
+    """How often a way is timed whose first call took so many us, compilation perhaps among them."""
+    return repeats if took <= SLOW else max(3, min(repeats, int(LONGEST / took)))
+
+
+def _in_turns(
+    ways: dict[int, Way], rounds: dict[int, int]
+) -> tuple[dict[int, list[float]], dict[int, list[float]]]:
+    """Thread times [us] of the calls and of their steps; way k is timed rounds[k] times after the warm-up."""
     calls: dict[int, list[float]] = {k: [] for k in ways}
     steps: dict[int, list[float]] = {k: [] for k in ways}
-    for turn in range(WARM + repeats):
+    for turn in range(WARM + max(rounds.values(), default=0)):
         for k, way in ways.items():
+            # the slow ones have no need of a warm-up
+            warm = WARM if rounds[k] > 3 else 0
+            if turn >= warm + rounds[k]:
+                continue
             begin = time.thread_time_ns()
             found = way.solve()
             took = 1e-3 * (time.thread_time_ns() - begin)
-            if turn >= WARM:
+            if turn >= warm:
                 calls[k].append(took)
                 steps[k].append(1e6 * found.time)
     return calls, steps

@@ -83,7 +83,14 @@ def front(rows: Iterable[Row], key: str) -> list[Row]:
 
 def numbers(results: Sequence[Measured]) -> dict[str, Any]:
     """Everything for JSON: "machine", and per case its rows as in `Row`; what is not finite is None."""
-    cases = {m.case: {"repeats": m.repeats, "rows": [_clean(asdict(r)) for r in m.rows]} for m in results}
+    cases = {
+        m.case: {
+            "repeats": m.repeats,
+            "rows": [_clean(asdict(r)) for r in m.rows],
+            "engines": [_clean(asdict(r)) for r in m.engines],
+        }
+        for m in results
+    }
     return {
         "machine": machine(),
         "times": "thread CPU time [us]: lower quartile, median, upper",
@@ -99,7 +106,8 @@ def _clean(value: Any) -> Any:
     return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
-def _percent(error: float) -> str:
+def percent(error: float) -> str:
+    """A relative error in percent, two digits."""
     if not math.isfinite(error):
         return "-"
     if error < 1e-9:
@@ -129,9 +137,7 @@ def table(measured: Measured) -> Any:
             continue
         name = r.method + " *" * (id(r) in marked) + " !" * (not r.stable)
         times = [f"{r.call[1]:.0f}", f"{r.steps[1]:.0f}"]
-        found.add_row(
-            name, r.leafs, str(r.iterations), *times, *[_percent(getattr(r, key)) for key in ERRORS]
-        )
+        found.add_row(name, r.leafs, str(r.iterations), *times, *[percent(getattr(r, key)) for key in ERRORS])
     return found
 
 
@@ -150,7 +156,19 @@ def summary(measured: Measured) -> list[str]:
         ]
         if parts:
             lines.append(f"{leafs}: full / reduced {', '.join(parts)}.")
-    return lines
+    return lines + engine_lines(measured)
+
+
+def engine_lines(measured: Measured) -> list[str]:
+    """What other engines took, one sentence each."""
+    found = []
+    for r in measured.engines:
+        said = r.said or (
+            f"{r.us:.0f} us of analysis in the plane with {r.elements} elements per leaf, {r.iterations} iterations, force "
+            f"error {percent(r.force_error)}"
+        )
+        found.append(f"{r.engine}: {said}.")
+    return found
 
 
 _COLORS = {
@@ -159,6 +177,9 @@ _COLORS = {
     "reduced, 1 pass": "#3b6ea5",
     "reduced, 2 passes": "#4fa3a0",
     "full": "#c2410c",
+    "reduced, planar": "#93c47d",
+    "reduced, 1 pass, planar": "#7aa6d6",
+    "full, planar": "#e8875a",
     "conventional": "#8a63b0",
     "conventional, planar": "#d14f8f",
     "plain Newton": "#444b57",

@@ -7,9 +7,12 @@ three 3x-infinity joints about z, y, y and links of our own choice.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
+
+import numpy as np
 
 from ksd.scene import CrossFlexure, Material, Mechanism
 from ksd.scene.families.guide import ParallelGuide
@@ -27,7 +30,8 @@ class Case:
 
     link, at (3,) [m]: whose support stiffness is compared, at which point at rest. elements: Appendix A meshes tried;
     baseline: those also solved by plain Newton on all element nodes, which is slow. quick: the one of `--quick`.
-    extrapolate: joints may leave their trained range by the little that a coarse mesh needs.
+    extrapolate: joints may leave their trained range by the little that a coarse mesh needs. engines: elements per leaf
+    that other engines are given, if installed.
     """
 
     name: str
@@ -38,6 +42,7 @@ class Case:
     baseline: tuple[int, ...] = (1, 2, 3, 4, 5, 6)
     quick: int = 5
     extrapolate: bool = False
+    engines: tuple[int, ...] = ()
 
 
 def cross() -> CrossFlexure:
@@ -128,16 +133,67 @@ def arm_by_location() -> tuple[Mechanism, Targets]:
     return scene, {f"end {axis}": float(v) for axis, v in zip("xyz", place, strict=True)}
 
 
+def six_joint_arm() -> tuple[Mechanism, Targets]:
+    """The arm of six 3x-infinity joints that the package brings, the pose of its last link driven."""
+    from importlib.resources import as_file, files
+
+    from ksd.scene.toml_file import load_scene
+
+    with as_file(files("ksd") / "scenes" / "six_joint_arm.toml") as path:
+        scene, targets, _ = load_scene(path)
+    return scene, dict(targets)
+
+
+def random_stage(seed: int = 7) -> tuple[Mechanism, Targets]:
+    """A stage on three legs of three cross flexures each, placed at random (two closed loops), moved in x, y and angle."""
+    rng = np.random.default_rng(seed)
+    joint = CrossFlexure(STEEL, length=40 * mm, angle=45 * deg, thickness=0.3 * mm, widths=(12 * mm, 6 * mm))
+    scene = Mechanism("random stage")
+    stage = scene.link("stage")
+    for k in range(3):
+        turn = (90 + 120 * k + rng.uniform(-15, 15)) * deg
+        inner, outer = 0.08 + rng.uniform(-0.01, 0.01), 0.2 + rng.uniform(-0.02, 0.02)
+        bend = rng.uniform(40, 70) * deg
+        radial = np.array([math.cos(turn), math.sin(turn), 0.0])
+        aside = np.array([-math.sin(turn), math.cos(turn), 0.0])
+        elbow = 0.5 * (inner + outer) * radial + 0.5 * (outer - inner) * math.tan(bend) * aside
+        lower, upper = scene.links(f"lower {k + 1}", f"upper {k + 1}")
+        links = (scene.ground, lower, upper, stage)
+        for n, at in enumerate((outer * radial, elbow, inner * radial)):
+            scene.join(
+                links[n],
+                links[n + 1],
+                joint,
+                at=tuple(at),
+                axis="z",
+                toward=tuple(-radial),
+                name=f"joint {k + 1}.{n + 1}",
+            )
+    for along in "xy":
+        scene.actuate(stage, along=along, at=(0, 0, 0), name=f"stage {along}")
+    scene.actuate(stage, about="z", name="stage turn")
+    return scene, {"stage x": 8 * mm, "stage y": -6 * mm, "stage turn": 5 * deg}
+
+
 _TOP = REACH + cross().length_AB
 _FEW: tuple[int, ...] = (1, 2, 4)
+_GIVEN = (5, 10, 20)
 
 SUITE: tuple[Case, ...] = (
     Case("cross flexure, 45 degrees", hinge, "tip", cross().pose_B),
-    Case("fourbar, reading 1, d = 0.3 m", lambda: fourbar(REACH), "top", (0.0, _TOP, 0.0)),
-    Case("fourbar, reading 2, d = 0.3 m", lambda: fourbar(_TOP), "top", (0.0, _TOP + cross().length_AB, 0.0)),
+    Case("fourbar, reading 1, d = 0.3 m", lambda: fourbar(REACH), "top", (0.0, _TOP, 0.0), engines=_GIVEN),
+    Case(
+        "fourbar, reading 2, d = 0.3 m",
+        lambda: fourbar(_TOP),
+        "top",
+        (0.0, _TOP + cross().length_AB, 0.0),
+        engines=_GIVEN,
+    ),
     Case("parallel guide, 20 mm", guide, "shuttle", (0.1, 0.0, 0.0)),
     Case("three-joint arm by joints, 45 degrees", arm_by_joints, "link 3", _END, _FEW, (1,), 1, True),
     Case("three-joint arm by location, 45 degrees", arm_by_location, "link 3", _END, _FEW, (1,), 1, True),
+    Case("six-joint arm", six_joint_arm, "sixth", (0.85, 0.0, 0.15), (1, 2), (), 1, True),
+    Case("random closed-loop stage", random_stage, "stage", (0.0, 0.0, 0.0), _FEW, (2,), 2),
     Case("chain of 3 joints, 20 degrees", lambda: chain(3), "link 3", (0.6, 0.0, 0.0), _FEW, (), 2),
     Case("chain of 100 joints, 20 degrees", lambda: chain(100), "link 100", (20.0, 0.0, 0.0), (2,), (), 2),
 )

@@ -39,7 +39,7 @@ def five_step_ways(
     scene: Any, targets: Mapping[str, float], mesh: Mesh, *, extrapolate: bool = False
 ) -> list[Way]:
     """Every method of one prepared solver; the fast ones without their error estimate."""
-    solver = Solver(scene, mesh=mesh, extrapolate=extrapolate)
+    solver = Solver(scene, mesh=mesh, extrapolate=extrapolate, planar=False)
     strain = mesh.leaf == "strain"
     leafs = (
         f"strain {','.join(map(str, mesh.orders))}"
@@ -48,8 +48,8 @@ def five_step_ways(
     )
     size = sum(mesh.orders) if strain else mesh.elements
 
-    def way(name: str, method: str, **more: Any) -> Way:
-        return Way(name, leafs, size, lambda: solver(targets, method=method, **more))
+    def way(name: str, method: str, of: Solver = solver, **more: Any) -> Way:
+        return Way(name, leafs, size, lambda: of(targets, method=method, **more))
 
     def in_space(planar: bool) -> Configuration:
         return conventional(solver.model, targets, planar=planar)
@@ -60,6 +60,10 @@ def five_step_ways(
         found.append(way(name, "reduced", passes=passes, estimate=False))
     found += [way("full", "full"), Way("conventional", leafs, size, lambda: in_space(False))]
     if _is_planar(solver, targets):
+        flat = Solver(solver.model, extrapolate=extrapolate)
+        found.append(way("reduced, planar", "reduced", flat, estimate=False))
+        found.append(way("reduced, 1 pass, planar", "reduced", flat, passes=1, estimate=False))
+        found.append(way("full, planar", "full", flat))
         found.append(Way("conventional, planar", leafs, size, lambda: in_space(True)))
     return found
 

@@ -14,7 +14,6 @@ from ksd.bodies.joints import JointBodies
 from ksd.bodies.kinematics import Loops
 from ksd.bodies.planar_kinematics import PlanarLoops
 from ksd.model.arrays import LINEAR, Arrays
-from ksd.model.compile import Model
 from ksd.model.planar_arrays import PlanarMotion
 from ksd.model.planar_flat import Flat
 from ksd.model.planar_lift import inner_copies
@@ -185,49 +184,49 @@ def _start_inner(arrays: Arrays, full: PlanarMotion, count: int) -> np.ndarray:
     return inner
 
 
-def planar_bodies(model: Model, plane: Plane, bodies: JointBodies) -> tuple[PlanarBodies, PlanarStart] | str:
-    """The joint bodies of `model` in its `plane`, or why there are none there."""
-    axes, loops = plane.lifting.axes, bodies.loops
+def _outside(bodies: JointBodies, across: np.ndarray) -> str:
+    """Why the joints have no place in the plane, or nothing; across (J, 3): its normal in their axes."""
+    if bodies.hanging:
+        return "a link hangs on leafs alone"
+    if np.abs(across[:, :2]).max(initial=0.0) > 1e-9:
+        return "a joint lies across the plane"
+    return "a joint has more than one intended motion" if np.any(np.diff(bodies.loops.first) != 1) else ""
+
+
+def _same_leafs(bench: Arrays, full: Arrays, free: int) -> bool:
+    """Whether the members of `full` are those of the bench, in order, and then `free` others."""
+    head, mine, theirs = len(bench.members.kind), bench.members.value, full.members.value
+    return head + free == len(full.members.kind) and np.array_equal(theirs[: len(mine)], mine)
+
+
+def planar_bodies(plane: Plane, bodies: JointBodies) -> tuple[PlanarBodies, PlanarStart] | str:
+    """The joint `bodies` of a model in its `plane`, or why there are none there."""
+    axes, loops, inside = plane.lifting.axes, bodies.loops, bodies.inside
     across = loops.frame.transpose(0, 2, 1) @ axes[:, 2]
-    if np.abs(across[:, :2]).max(initial=0.0) > 1e-9 or bodies.hanging:
-        return "a joint lies across the plane" if not bodies.hanging else "a link hangs on leafs alone"
-    if np.any(np.diff(loops.first) != 1):
-        return "a joint has more than one intended motion"
-    flip, reach = np.sign(across[:, 2]), _reach(bodies)
+    reason = _outside(bodies, across)
+    if reason:
+        return reason
+    flip, reach, owner = np.sign(across[:, 2]), _reach(bodies), inside.block_joint
     pose = _poses(loops.pose, flip, reach)
-    owner = bodies.inside.block_joint
-    blocks = _poses(bodies.inside.block_pose, flip[owner], reach[owner])
-    made, reduced = _bench_flats(bodies, flip), _reduced_flats(bodies, axes)
-    if pose is None or blocks is None or isinstance(made, str) or isinstance(reduced, str):
+    blocks = _poses(inside.block_pose, flip[owner], reach[owner])
+    made, reduced, springs = _bench_flats(bodies, flip), _reduced_flats(bodies, axes), _springs(bodies, axes)
+    if isinstance(made, str) or isinstance(reduced, str) or isinstance(springs, str):
+        return next(part for part in (made, reduced, springs) if isinstance(part, str))
+    if pose is None or blocks is None:
         return "the intended motion of a joint leaves the plane"
-    flats, sense = made
-    none = np.zeros(0, np.int64)
-    bench, twin = pack_flat(bodies.bench, flats, axes=np.eye(3), rows=none, last=len(loops.node))
-    springs = _springs(bodies, axes)
-    if isinstance(springs, str):
-        return springs
+    joints = len(loops.node)
+    bench, twin = pack_flat(bodies.bench, made[0], axes=np.eye(3), rows=np.zeros(0, np.int64), last=joints)
     small, _ = pack_flat(bodies.reduced, reduced, axes=axes, rows=plane.lifting.row, springs=springs)
-    copies = inner_copies(bodies.bench.members, bench.members, twin, sense)
-    joints, free = len(loops.node), len(reduced) - len(loops.node)
-    head = len(bench.members.kind)
-    same = head + free == len(plane.arrays.members.kind) and np.array_equal(
-        plane.arrays.members.value[: len(bench.members.value)], bench.members.value
-    )
-    if not same:
+    if not _same_leafs(bench, plane.arrays, len(reduced) - joints):
         return "leafs of different joints coincide in the plane"
-    *near, lengths = _near_functions(bodies, bench, twin, sense)
-    inside = PlanarInside(bodies.inside.block_node, owner, blocks, *_inner_functions(bodies, copies), *near)
-    start = PlanarStart(
-        _bench_rest(bodies, bench, copies, flip),
-        PlanarMotion(plane.rest.pose[: len(small.start)].copy(), _start_inner(small, plane.rest, joints),
-                     np.zeros(len(plane.lifting.row))),
-        plane.rest,
-        lengths,
-    )  # fmt: skip
-    both = PlanarBodies(
-        _planar_loops(loops, pose, axes), inside, bodies.full_node, bench, small, plane.arrays
-    )
-    return both, start
+    copies = inner_copies(bodies.bench.members, bench.members, twin, made[1])
+    *near, lengths = _near_functions(bodies, bench, twin, made[1])
+    functions = PlanarInside(inside.block_node, owner, blocks, *_inner_functions(bodies, copies), *near)
+    links = plane.rest.pose[: len(small.start)].copy()
+    rest = PlanarMotion(links, _start_inner(small, plane.rest, joints), np.zeros(len(plane.lifting.row)))
+    start = PlanarStart(_bench_rest(bodies, bench, copies, flip), rest, plane.rest, lengths)
+    parts = (_planar_loops(loops, pose, axes), functions, bodies.full_node, bench, small, plane.arrays)
+    return PlanarBodies(*parts), start
 
 
 def _bench_rest(

@@ -3,7 +3,8 @@
 Layout of the JSON file: "machine" (date, processor, versions), "times" (what the triples mean), "cases": by name
 "repeats" and "rows", each with method, leafs, size, iterations, call and steps (lower quartile, median and upper
 quartile of the thread time in us), first_us (the first call, not counted), force_error, displacement_error,
-stiffness_error (relative; null where unknown), stable, note, failed (why, where it did not converge).
+stiffness_error (relative; null where unknown), stable, note, failed (why, where it did not converge); "engines": what
+other engines took (engine, elements, us, iterations, force_error, said), or why they were skipped.
 """
 
 from __future__ import annotations
@@ -29,6 +30,7 @@ def add(commands: Any) -> argparse.ArgumentParser:
     parser.add_argument("--case", metavar="WORD", action="append", help="only cases whose name holds WORD")
     parser.add_argument("--json", metavar="FILE", help="write every number; - is stdout, without the tables")
     parser.add_argument("--plot", metavar="FILE", help="draw error over time, with the Pareto front")
+    parser.add_argument("--readme", metavar="FILE", help="renew the tables between the bench marks of FILE")
     return parser
 
 
@@ -37,6 +39,7 @@ def run(options: argparse.Namespace) -> int:
     check_json(options.json)
     check_plot(options.plot)
     from ksd.bench import SUITE, measure
+    from ksd.bench.equal import renew
     from ksd.bench.report import numbers, picture, summary, table
 
     words = options.case or [""]
@@ -61,6 +64,8 @@ def run(options: argparse.Namespace) -> int:
             screen.print()
     if options.json:
         write_json(numbers(results), options.json)
+    if options.readme:
+        renew(options.readme, results)
     if options.plot:
         picture(results, options.plot)
         if not quiet:

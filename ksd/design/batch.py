@@ -20,6 +20,7 @@ from ksd.model.mesh import Mesh
 from ksd.model.plane import Plane, plane_of
 from ksd.solve.choose import Solver
 from ksd.solve.driving import CAP, RTOL
+from ksd.solve.five import FiveSteps
 from ksd.solve.many import SPOKEN, planar_many, space_many, tabulated_many
 from ksd.solve.planar_steps import FULL, GAP, REDUCED, PlanarSteps
 from ksd.solve.stops import Stop
@@ -116,7 +117,7 @@ def batch(
 
     def solve(maker: Callable[[], Any]) -> Any:
         try:
-            return _solved(Solver(maker(), **more), values, **ways)
+            return Prepared(Solver(maker(), **more), **ways)(values)
         except KsdError as reason:
             return reason
 
@@ -164,52 +165,68 @@ class _Found:
     error: float = np.nan
 
 
-def _solved(
-    solver: Solver, values: Mapping[str, np.ndarray], *, method: int, passes: int, tabulated: bool
-) -> _Found:
-    """All poses of one prepared design."""
-    model, five = solver.model, solver.five_steps
-    model.targets({n: float(v[0]) for n, v in values.items()})
-    count, rows = len(next(iter(values.values()))), len(model.drive_names) + len(model.support_names)
-    targets = np.zeros((count, rows))
-    for k, name in enumerate(model.drive_names):
-        targets[:, k] = values[name]
-    b = five.bench
-    motion, status = np.zeros((count, len(b.theta))), np.zeros(count, np.int64)
-    limits = np.column_stack([b.lowest, b.highest])
-    if solver.extrapolate:
-        limits = limits + np.array([-np.inf, np.inf])
-    put = (motion, status)
-    names = (model.scene.links, model.drive_names, b.bodies.motion_names)
-    flat = _balanced(five, values, targets)
-    if isinstance(flat, PlanarSteps):
-        force, x, R = _in_plane(five, flat, targets, (method, passes, limits), put)
-        return _Found(*names, force, x, R, motion * b.bodies.motion_scale, status)
-    links = len(model.scene.links)
-    force, x, R = np.zeros((count, rows)), np.zeros((count, links, 3)), np.zeros((count, links, 3, 3))
-    if not tabulated:
-        space_many(b.held, targets, rows, method, passes, _WAYS, limits, force, x, R, motion, status)
-        return _Found(*names, force, x, R, motion * b.bodies.motion_scale, status)
-    tables = joint_tables(b.held, b.bodies)
-    limits = np.column_stack([b.lowest, b.highest, tables.limits])
-    tabulated_many(
-        b.held, tables.cubic, tables.which, targets, rows, _WAYS, limits, force, x, R, motion, status
-    )
-    return _Found(*names, force, x, R, motion * b.bodies.motion_scale, status, tables.error)
+class Prepared:
+    """One design prepared for batches: call it with drive values, arrays of one length by name."""
+
+    def __init__(
+        self, solver: Solver, *, method: int = REDUCED, passes: int = 0, tabulated: bool = False
+    ) -> None:
+        self.solver, self.five = solver, solver.five_steps
+        self.method, self.passes = method, passes
+        self.tables = joint_tables(self.five.bench.held, self.five.bench.bodies) if tabulated else None
+        b = self.five.bench
+        limits = np.column_stack([b.lowest, b.highest])
+        self._limits = limits + (np.array([-np.inf, np.inf]) if solver.extrapolate else 0.0)
+
+    def __call__(self, values: Mapping[str, np.ndarray]) -> _Found:
+        """All poses, from rest each."""
+        model, b = self.solver.model, self.five.bench
+        model.targets({n: float(v[0]) for n, v in values.items()})
+        count, rows = len(next(iter(values.values()))), len(model.drive_names) + len(model.support_names)
+        targets = np.zeros((count, rows))
+        for k, name in enumerate(model.drive_names):
+            targets[:, k] = values[name]
+        motion, status = np.zeros((count, len(b.theta))), np.zeros(count, np.int64)
+        flat = None if self.tables else _balanced(self.five, values, targets)
+        if flat is not None:
+            ways = (self.method, self.passes, self._limits)
+            force, x, R = _in_plane(self.five, flat, targets, ways, (motion, status))
+        else:
+            force, x, R = self._in_space(targets, motion, status)
+        names = (model.scene.links, model.drive_names, b.bodies.motion_names)
+        error = self.tables.error if self.tables else np.nan
+        return _Found(*names, force, x, R, motion * b.bodies.motion_scale, status, error)
+
+    def _in_space(
+        self, targets: np.ndarray, motion: np.ndarray, status: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Forces (N, rows), positions and rotations of the links."""
+        b, (count, rows) = self.five.bench, targets.shape
+        links = len(self.solver.model.scene.links)
+        force, x, R = np.zeros((count, rows)), np.zeros((count, links, 3)), np.zeros((count, links, 3, 3))
+        put = (force, x, R, motion, status)
+        if self.tables is None:
+            space_many(b.held, targets, rows, self.method, self.passes, _WAYS, self._limits, *put)
+        else:
+            t = self.tables
+            limits = np.column_stack([self._limits, t.limits])
+            tabulated_many(b.held, t.cubic, t.which, targets, rows, _WAYS, limits, *put)
+        return force, x, R
 
 
-def _balanced(five: Any, values: Mapping[str, np.ndarray], targets: np.ndarray) -> Any:
+def _balanced(five: FiveSteps, values: Mapping[str, np.ndarray], targets: np.ndarray) -> PlanarSteps | None:
     """The planar five steps, if one pose shows that leafs and loads balance across the plane."""
     widest = int(np.argmax(np.abs(targets).sum(axis=1)))
     if isinstance(five.flat, PlanarSteps):
         with contextlib.suppress(KsdError):
             at = {n: float(v[widest]) for n, v in values.items()}
             five(at, targets[widest], method="reduced", passes=0, estimate=False)
-    return five.flat if isinstance(plane_of(five.model), Plane) else None
+    flat = five.flat
+    return flat if isinstance(flat, PlanarSteps) and isinstance(plane_of(five.model), Plane) else None
 
 
 def _in_plane(
-    five: Any, flat: PlanarSteps, targets: np.ndarray, ways: tuple, put: tuple[np.ndarray, np.ndarray]
+    five: FiveSteps, flat: PlanarSteps, targets: np.ndarray, ways: tuple, put: tuple[np.ndarray, np.ndarray]
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Forces (N, rows), positions and rotations of the links, from the planar solves."""
     method, passes, limits = ways

@@ -95,7 +95,7 @@ def _build(context: Any, builder: Any, place: tuple[Any, int], kind: Any) -> tup
 
     if isinstance(kind, types.BaseTuple):
         fields = []
-        for field in kind:  # type: ignore[attr-defined]
+        for field in _fields(kind):
             value, at = _build(context, builder, (table, at), field)
             fields.append(value)
         return context.make_tuple(builder, kind, fields), at
@@ -157,13 +157,17 @@ def _found_at(_context, address, kind):
     return kind.inner(address, kind), generate
 
 
+def _fields(kind: Any) -> list[Any]:
+    """Types of the fields of a tuple type."""
+    return list(kind)
+
+
 def _unowned(context: Any, builder: Any, kind: Any, value: Any) -> Any:
     """`value` with arrays that do not count their users."""
     if isinstance(kind, types.BaseTuple):
-        inside: Any = kind
         fields = [
             _unowned(context, builder, field, builder.extract_value(value, i))
-            for i, field in enumerate(inside)
+            for i, field in enumerate(_fields(kind))
         ]
         return context.make_tuple(builder, kind, fields)
     if isinstance(kind, types.Array):

@@ -214,5 +214,5 @@ def prepare_planar(model: Any, bodies: Any) -> PlanarSteps | str:
     plane = plane_of(model)
     if isinstance(plane, str):
         return plane
-    made = planar_bodies(model, plane, bodies)
+    made = planar_bodies(plane, bodies)
     return made if isinstance(made, str) else PlanarSteps(*made)

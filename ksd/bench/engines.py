@@ -1,0 +1,216 @@
+"""Other engines on the scenes of the benchmark, where they are installed: an optional extra, `pip install ksd[engines]`.
+
+The planar model of a scene driven along one axis is handed over element by element: leafs as chains of equal beams,
+links as much stiffer beams between the points that hang on them. OpenSees: corotational
+Euler-Bernoulli elements in two dimensions, drive moved in load steps that are halved on failure.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import ctypes
+import math
+import statistics
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import partial
+from importlib.util import find_spec
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ksd.errors import SceneError
+from ksd.model.arrays import TRANSLATION
+from ksd.model.compile import compile_scene
+from ksd.model.mesh import Mesh
+from ksd.model.plane import Plane, plane_of
+
+STIFF = (1e3, 1e6)
+"""Stiffness of links over that of the stiffest leaf, in stretch and in bending."""
+ENGINES = {"OpenSees": "openseespy"}
+"""Engines by name, and the package each needs."""
+
+
+@dataclass(frozen=True)
+class Bar:
+    """A straight beam between two points: node numbers, EA [N], EI [N m^2]."""
+
+    a: int
+    b: int
+    EA: float
+    EI: float
+
+
+@dataclass(frozen=True)
+class Frame:
+    """A planar frame: points (k, 2) [m], those fixed, bars, and the drive: point, axis 0 or 1, displacement [m]."""
+
+    points: np.ndarray
+    fixed: tuple[int, ...]
+    bars: tuple[Bar, ...]
+    drive: tuple[int, int, float]
+
+
+@dataclass(frozen=True)
+class EngineRow:
+    """What an engine took: thread time [us] of a solve (build excluded), steps, iterations, force error; or why not."""
+
+    engine: str
+    elements: int
+    us: float
+    iterations: int
+    force_error: float
+    said: str = ""
+
+
+class _Points:
+    """Points of the frame while they are collected."""
+
+    def __init__(self) -> None:
+        self.places: list[np.ndarray] = []
+        self.fixed: list[int] = []
+        self.bars: list[Bar] = []
+
+    def add(self, place: np.ndarray) -> int:
+        self.places.append(place)
+        return len(self.places) - 1
+
+
+def frame_of(scene: Any, targets: Mapping[str, float], elements: int) -> Frame:
+    """The planar frame of a scene. Raises SceneError for one that is not planar or not driven along one axis."""
+    plane = plane_of(compile_scene(scene, mesh=Mesh("corotational", elements=elements)))
+    if not isinstance(plane, Plane):
+        raise SceneError(f"other engines are given planar scenes; {scene.name}: {plane}")
+    arrays, members, found = plane.arrays, plane.arrays.members, _Points()
+    centre = [found.add(p) for p in plane.rest.pose[:, :2]]
+    found.fixed.append(centre[0])
+    leafs = [_leaf(members, i) for i in range(len(members.kind))]
+    EA, EI = (times * max(k) for times, k in zip(STIFF, zip(*leafs, strict=True), strict=True))
+
+    def hung(node: int, offset: np.ndarray) -> int:
+        if np.linalg.norm(offset) < 1e-9 * arrays.size:
+            return centre[node]
+        point = found.add(plane.rest.pose[node, :2] + offset)
+        if node == 0:
+            found.fixed.append(point)
+        else:
+            found.bars.append(Bar(centre[node], point, EA, EI))
+        return point
+
+    for i, stiffness in enumerate(leafs):
+        ends = [hung(int(members.node[i, e]), members.offset[i, e]) for e in range(2)]
+        p, q = (found.places[e] for e in ends)
+        between = [found.add(p + (q - p) * k / elements) for k in range(1, elements)]
+        chain = [ends[0], *between, ends[1]]
+        found.bars += [Bar(a, b, *stiffness) for a, b in pairwise(chain)]
+    terms = arrays.terms
+    if len(terms.kind) != 1 or terms.kind[0] != TRANSLATION or terms.node[0, 0] != 0:
+        raise SceneError("other engines are given scenes with one drive along one axis")
+    axis = int(np.argmax(np.abs(terms.direction[0])))
+    sign = float(np.sign(terms.direction[0, axis]))
+    point = hung(int(terms.node[0, 1]), terms.point[0, 1])
+    value = sign * next(iter(targets.values()))
+    return Frame(np.array(found.places), tuple(found.fixed), tuple(found.bars), (point, axis, value))
+
+
+def _leaf(members: Any, i: int) -> tuple[float, float]:
+    """EA and EI of planar chain i, from the stiffness numbers of its first element."""
+    length, s1, a, b = members.value[members.value_at[i] : members.value_at[i] + 4]
+    return float(s1 * length), float(0.5 * (a + b) * length**3)
+
+
+def _preload_blas() -> None:
+    """The Linux wheel of OpenSees brings the library it needs where the loader does not look for it."""
+    found = find_spec("openseespylinux")
+    if found is not None and found.origin:
+        with contextlib.suppress(OSError):
+            ctypes.CDLL(str(Path(found.origin).parent / "lib" / "libblas.so.3"), mode=ctypes.RTLD_GLOBAL)
+
+
+Solve = tuple[Callable[[], None], Callable[[], tuple[float, int]]]
+
+
+def opensees(frame: Frame) -> Solve:
+    """OpenSees: what builds the frame anew, and what solves it and returns (drive force [N], iterations)."""
+    _preload_blas()
+    import openseespy.opensees as ops  # type: ignore[import-not-found]
+
+    return partial(_build, ops, frame), partial(_analyse, ops, frame)
+
+
+def _build(ops: Any, frame: Frame) -> None:
+    """The frame in OpenSees, at rest, its drive in one load pattern."""
+    ops.wipe()
+    ops.model("basic", "-ndm", 2, "-ndf", 3)
+    for k, (x, y) in enumerate(frame.points):
+        ops.node(k + 1, float(x), float(y))
+    loose = set(range(len(frame.points))) - {n for bar in frame.bars for n in (bar.a, bar.b)}
+    for k in {*frame.fixed, *loose}:
+        ops.fix(k + 1, 1, 1, 1)
+    ops.geomTransf("Corotational", 1)
+    for k, bar in enumerate(frame.bars):
+        ops.element("elasticBeamColumn", k + 1, bar.a + 1, bar.b + 1, bar.EA, 1.0, bar.EI, 1)
+    point, axis, value = frame.drive
+    ops.timeSeries("Linear", 1)
+    ops.pattern("Plain", 1, 1)
+    ops.sp(point + 1, axis + 1, value)
+    ops.constraints("Transformation")
+    ops.numberer("RCM")
+    ops.system("UmfPack")
+    ops.test("NormDispIncr", 1e-8, 20, 0)
+    ops.algorithm("Newton")
+    ops.integrator("LoadControl", 1.0)
+    ops.analysis("Static", "-noWarnings")
+
+
+def _analyse(ops: Any, frame: Frame) -> tuple[float, int]:
+    """Load steps, halved on failure."""
+    done, size, count = 0.0, 1.0, 0
+    while done < 1.0 - 1e-12:
+        size = min(size, 1.0 - done)
+        ops.integrator("LoadControl", size)
+        failed = ops.analyze(1)
+        count += int(ops.testIter())
+        if failed == 0:
+            done += size
+            continue
+        size *= 0.5
+        if size < 1e-4:
+            return math.nan, count
+    ops.reactions()
+    point, axis, _ = frame.drive
+    return float(ops.nodeReaction(point + 1, axis + 1)), count
+
+
+_MAKERS = {"OpenSees": opensees}
+
+
+def measure_engines(
+    scene: Any, targets: Mapping[str, float], force: float, *, elements: tuple[int, ...], repeats: int = 5
+) -> list[EngineRow]:
+    """Every engine on a scene; `force` [N] is the exact one. What is not installed gets a row that says so."""
+    rows = []
+    for engine, package in ENGINES.items():
+        try:
+            if find_spec(package) is None:
+                raise ImportError(f"{package} is not installed")
+            rows += [_row(engine, n, frame_of(scene, targets, n), force, repeats) for n in elements]
+        except (ImportError, RuntimeError, SceneError) as reason:
+            rows.append(EngineRow(engine, 0, math.nan, 0, math.nan, f"skipped: {reason}"))
+    return rows
+
+
+def _row(engine: str, elements: int, frame: Frame, force: float, repeats: int) -> EngineRow:
+    build, solve = _MAKERS[engine](frame)
+    spent, found, count = [], math.nan, 0
+    for _ in range(repeats):
+        build()
+        begin = time.thread_time_ns()
+        found, count = solve()
+        spent.append(1e-3 * (time.thread_time_ns() - begin))
+    said = "" if math.isfinite(found) else "did not converge"
+    error = abs(abs(found) / abs(force) - 1.0)
+    return EngineRow(engine, elements, statistics.median(spent), count, error, said)

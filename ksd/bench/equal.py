@@ -1,0 +1,112 @@
+"""The benchmark at equal accuracy, and its ratios, as the Markdown tables of the README."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+
+from ksd.bench.measure import Measured, Row
+from ksd.bench.report import engine_lines, good, machine, percent
+from ksd.errors import SceneError
+
+METHODS = (
+    "kinematic", "reduced", "reduced, 1 pass", "reduced, 2 passes", "full", "reduced, planar", "reduced, 1 pass, planar",
+    "full, planar", "conventional", "conventional, planar", "plain Newton",
+)  # fmt: skip
+BEGIN, END = "<!-- bench:begin -->", "<!-- bench:end -->"
+
+
+def equal_accuracy(results: Sequence[Measured]) -> str:
+    """Markdown: the cheapest setting of every method within GOOD, in us of a whole call, and its error in force.
+
+    Appendix A elements and strain-mode leafs apart; with the ratios of the papers' comparison below.
+    """
+    cases = [m for m in results if any(good(r) for r in m.rows)]
+    lines = ["| method | leafs | " + " | ".join(m.case for m in cases) + " |"]
+    lines.append("|---" * (2 + len(cases)) + "|")
+    for method in METHODS:
+        for strain in (True, False):
+            cells = [_cheapest_cell(m.rows, method, strain=strain) for m in cases]
+            if any(c != "-" for c in cells):
+                kind = "strain-mode" if strain else "Appendix A"
+                lines.append(f"| {method} | {kind} | " + " | ".join(cells) + " |")
+    return "\n".join(lines)
+
+
+def _cheapest_cell(rows: Iterable[Row], method: str, *, strain: bool) -> str:
+    mine = [r for r in rows if r.method == method and r.leafs.startswith("strain") == strain]
+    fit = [r for r in mine if good(r)]
+    if not fit:
+        return "not reached" if mine else "-"
+    best = min(fit, key=lambda r: r.call[1])
+    error = percent(best.force_error)
+    which = best.leafs.removeprefix("strain ").replace(" elements", "").replace(" element", "")
+    return f"{best.call[1]:.0f} ({which}; {error})"
+
+
+def ratios(results: Sequence[Measured], elements: int = 5) -> str:
+    """Markdown: how many times as fast the five steps are on Appendix A elements, whole calls, like beside like."""
+    leafs = f"{elements} element{'s' * (elements > 1)}"
+    lines = ["| scene | " + " | ".join(name for name, *_ in _COMPARED) + " |"]
+    lines.append("|---" * (1 + len(_COMPARED)) + "|")
+    for m in results:
+        times = {r.method: r.call[1] for r in m.rows if r.leafs == leafs and not r.failed}
+        cells = [
+            f"{times[base] / times[way]:.3g}" if base in times and way in times else "-"
+            for _, way, base in _COMPARED
+        ]
+        if any(c != "-" for c in cells):
+            lines.append(f"| {m.case} | " + " | ".join(cells) + " |")
+    return "\n".join(lines)
+
+
+_COMPARED = (
+    ("full / plain Newton", "full", "plain Newton"),
+    ("reduced / plain Newton", "reduced", "plain Newton"),
+    ("full / MIP, in space", "full", "conventional"),
+    ("reduced / MIP, in space", "reduced", "conventional"),
+    ("planar full / plain Newton", "full, planar", "plain Newton"),
+    ("planar reduced / plain Newton", "reduced, planar", "plain Newton"),
+    ("full / MIP, in the plane", "full, planar", "conventional, planar"),
+    ("reduced / MIP, in the plane", "reduced, planar", "conventional, planar"),
+    ("planar full / MIP in space", "full, planar", "conventional"),
+    ("planar reduced / MIP in space", "reduced, planar", "conventional"),
+)
+"""What is compared: heading, the fast way, the base it is held against."""
+
+
+def readme_text(results: Sequence[Measured]) -> str:
+    """What stands between BEGIN and END of a README: the comparison at equal accuracy, and the ratios."""
+    m = machine()
+    return "\n".join(
+        [
+            f"Cheapest setting of every method within 0.1 % of the drive force and 1 % of the support stiffness: thread "
+            f"time of a whole call [µs] (orders, or elements per leaf; force error). {m['date']}, one thread of "
+            f"{m['processor']}; `ksd bench --readme README.md` renews it.",
+            "",
+            equal_accuracy(results),
+            "",
+            "Times as fast, 5 Appendix A elements per leaf, whole calls (plain Newton: on all element nodes, in space, best "
+            "eps_max; MIP: on condensed leafs):",
+            "",
+            ratios(results),
+            "",
+            "Other engines, given the planar model of the same scene: "
+            + " ".join(f"{m.case}: {line}" for m in results for line in engine_lines(m)),
+        ]
+    )
+
+
+def renew(path: str, results: Sequence[Measured]) -> None:
+    """Replace what stands between the marks of the file `path`. Raises SceneError without them."""
+    file = Path(path)
+    try:
+        text = file.read_text(encoding="utf-8")
+    except OSError as error:
+        raise SceneError(f"--readme {path}: {error.strerror}; name a text file") from None
+    if text.count(BEGIN) != 1 or text.count(END) != 1 or text.index(BEGIN) > text.index(END):
+        raise SceneError(
+            f"--readme {path}: the lines '{BEGIN}' and '{END}' are needed, once each, in this order"
+        )
+    head, rest = text.split(BEGIN)
+    file.write_text(f"{head}{BEGIN}\n{readme_text(results)}\n{END}{rest.split(END)[1]}", encoding="utf-8")

@@ -1,0 +1,140 @@
+"""The five steps in one compiled call: in the plane they are those in space, batches are single solves, tables are close."""
+
+import numpy as np
+import pytest
+from scenes import STEEL, cross_flexure, fourbar
+
+import ksd
+from ksd.design.batch import NOT_BUILT
+from ksd.model.mesh import Mesh
+from ksd.numerics.held import Held
+from ksd.solve.many import LOCKED, OUT_OF_RANGE
+from ksd.solve.planar_steps import PlanarSteps
+from ksd.units import deg, mm
+
+MESHES = {"strain": Mesh(), "chain": Mesh("corotational", elements=3)}
+
+
+def slider(axis="z", toward="x"):
+    """A stiffened guide carrying a cartwheel: internal blocks, a sliding motion, joints seen from both sides."""
+    scene = ksd.Mechanism("slider")
+    stage, arm = scene.links("stage", "arm")
+    guide = ksd.ParallelGuide(STEEL, length=100 * mm, thickness=0.5 * mm, width=30 * mm, spacing=60 * mm)
+    wheel = ksd.Cartwheel(STEEL, length=80 * mm, angle=45 * deg, thickness=0.6 * mm, width=20 * mm)
+    scene.join(scene.ground, stage, guide, at=(0, 0, 0), axis="z", toward="x", name="guide")
+    scene.join(stage, arm, wheel, at=(0.1, 0, 0), axis=axis, toward=toward, name="wheel")
+    scene.actuate(stage, along="y", at=(0.1, 0, 0), name="stroke")
+    scene.actuate_joint("wheel", name="turn")
+    scene.load(arm, force=(0.5, 1.0, 0), at=(0.15, 0.02, 0))
+    return scene
+
+
+def same(flat, space, tolerance=1e-9):
+    """Two answers agree in force, state, intended motions and what is left of them."""
+    for name, force in space.forces.items():
+        assert flat.forces[name] == pytest.approx(force, rel=1e-8)
+    for mine, theirs in zip(flat.motion, space.motion, strict=True):
+        assert np.abs(mine - theirs).max(initial=0) <= tolerance * max(np.abs(theirs).max(initial=0), 1e-9)
+    for name, value in space.motions.items():
+        assert flat.motions[name] == pytest.approx(value, abs=1e-10)
+    for name, off in space.unintended.items():
+        assert flat.unintended[name] == pytest.approx(off, abs=1e-10)
+
+
+@pytest.mark.parametrize("mesh", MESHES)
+def test_planar_steps_are_those_in_space(mesh):
+    for scene, targets in ((fourbar(), {"top": 0.2}), (fourbar(reading=2), {"top": -0.1})):
+        flat, space = (ksd.prepare(scene, mesh=MESHES[mesh], planar=p) for p in (True, False))
+        assert isinstance(flat.five_steps.flat, PlanarSteps)
+        for method, passes in (("reduced", 0), ("reduced", 2), ("full", 0)):
+            one, other = (s(targets, method=method, passes=passes) for s in (flat, space))
+            same(one, other)
+            assert [s.iterations for s in one.steps] == [s.iterations for s in other.steps]
+            if one.error is not None:
+                assert one.error.relative == pytest.approx(other.error.relative, rel=1e-6)
+
+
+@pytest.mark.parametrize("mesh", MESHES)
+@pytest.mark.parametrize("axis", ["z", "-z"])
+def test_blocks_slides_and_joints_seen_from_behind(mesh, axis):
+    scene = slider(axis)
+    flat, space = (ksd.prepare(scene, mesh=MESHES[mesh], planar=p) for p in (True, False))
+    assert isinstance(flat.five_steps.flat, PlanarSteps)
+    targets = {"stroke": 0.01, "turn": 0.15}
+    for method in ("reduced", "full"):
+        same(flat(targets, method=method), space(targets, method=method))
+
+
+def test_inertia_is_that_of_space_unless_nobody_looked():
+    solver = ksd.prepare(fourbar())
+    assert not solver(top=0.1, method="full").plane_alone
+    assert not solver(top=0.1, method="reduced").plane_alone
+    alone = solver(top=0.1, method="reduced", estimate=False)
+    assert alone.plane_alone
+    assert "in its plane" in str(alone.trust.stable)
+
+
+def test_scene_that_leaves_its_plane_is_solved_in_space():
+    scene = fourbar()
+    scene.load("top", force=(0, 0, 20.0), at=(0, 0.37, 0))
+    solver = ksd.prepare(scene)
+    assert "out of the plane" in solver.five_steps.flat
+    assert abs(solver(top=0.1, method="full").links["top"][0][2]) > 1e-6
+
+
+def test_refusals_are_the_same_in_both():
+    said = []
+    for planar in (True, False):
+        solver = ksd.prepare(fourbar(), planar=planar)
+        for top in (0.36, 0.9):
+            with pytest.raises(ksd.KsdError) as caught:
+                solver(top=top, method="reduced")
+            said.append(str(caught.value))
+    assert said[:2] == said[2:]
+    assert "outside its trained range" in said[0]
+
+
+def test_batch_is_what_single_solves_are():
+    tops = np.array([0.0, 0.12, 0.3])
+    solver = ksd.prepare(fourbar())
+    for options in ({}, {"passes": 1}, {"method": "full"}, {"planar": False}):
+        found = ksd.batch(fourbar(), top=tops, **options)
+        ways = {"method": "reduced", "estimate": False} | {k: v for k, v in options.items() if k != "planar"}
+        for n, top in enumerate(tops):
+            single = solver(top=top, **ways)
+            assert found.forces["top"][0, n] == pytest.approx(single.forces["top"], rel=1e-8, abs=1e-9)
+            assert found.positions[0, n] == pytest.approx(single.motion.x[:4], abs=1e-10)
+            assert found.rotations[0, n] == pytest.approx(single.motion.R[:4], abs=1e-10)
+            assert found.motions["lower left"][0, n] == pytest.approx(single.motions["lower left"], abs=1e-9)
+    assert found.solved == 3 and not found.failures
+
+
+def test_batch_says_of_every_configuration_what_became_of_it():
+    def design(thickness, angle):
+        return fourbar(joint=cross_flexure(thickness=thickness, angle=angle))
+
+    good, bad = {"thickness": 1e-3, "angle": 45 * deg}, {"thickness": 1e-3, "angle": 5 * deg}
+    found = ksd.batch(design, designs=[good, bad, good], top=[0.1, 0.36, 0.9], threads=2)
+    assert found.status[0].tolist() == [0, OUT_OF_RANGE, LOCKED]
+    assert (found.status[1] == NOT_BUILT).all() and "angle" in found.why(1, 0)
+    assert np.isnan(found.forces["top"][found.status != 0]).all()
+    assert np.isfinite(found.forces["top"][found.status == 0]).all()
+    assert len(found.failures) == 7 and found.solved == 2
+    assert "design 0, pose 1" in str(found)
+    for words, options in (("method", {"method": "kinematic"}), ("drive values", {"top": [[1.0]]})):
+        with pytest.raises(ksd.SceneError, match=words):
+            ksd.batch(fourbar(), **({"top": 0.1} | options))
+
+
+def test_tabulated_joints_are_as_close_as_they_say():
+    tops = np.linspace(-0.25, 0.3, 12)
+    exact, near = (ksd.batch(fourbar(), top=tops, tabulated=t) for t in (False, True))
+    assert 0 < near.errors[0] <= 1e-6
+    off = np.abs(near.forces["top"] - exact.forces["top"]).max() / np.abs(exact.forces["top"]).max()
+    assert off <= 30 * near.errors[0]
+    assert near.status.tolist() == exact.status.tolist()
+
+
+def test_only_plain_arrays_are_held():
+    with pytest.raises(TypeError, match="contiguous"):
+        Held((np.zeros((4, 4))[:, ::2],))
