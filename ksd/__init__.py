@@ -34,6 +34,7 @@ _HOMES = {
     "ksd.scene.mentioned": ("link_matrix",),
     "ksd.scene.toml_file": ("load_scene", "save_scene"),
     "ksd.model.mesh": ("Mesh",),
+    "ksd.modal.choices": ("ModalBasis",),
     "ksd.model.compile": ("Model", "compile_scene"),
     "ksd.solve.choose": ("Solver", "prepare", "solve"),
     "ksd.solve.configuration": ("Configuration",),
@@ -52,6 +53,7 @@ _KEPT = (
 if TYPE_CHECKING:
     from ksd.design import Batch, SweepInterrupted, Table, batch, frequency_curve, state_space, sweep
     from ksd.library import Record, find_record, read_result
+    from ksd.modal.choices import ModalBasis
     from ksd.model.compile import Model, compile_scene
     from ksd.model.mesh import Mesh
     from ksd.properties.doctor import doctor

@@ -6,7 +6,7 @@ Every entry takes flat pointers and their lengths; see `ksd.beam.strain` and `ks
 
 from __future__ import annotations
 
-from ksd.beam import corotational, strain
+from ksd.beam import corotational, modal, polynomial, strain
 from ksd.numerics.kernel import carray, isolated
 
 _P = "CPointer(float64)"
@@ -48,6 +48,35 @@ def chain_condense(value, number, inner, store, d, Q, lam, K, out, size):
 def chain_recover(value, number, inner, store, xi, scale, size):
     """Inner update of a chain."""
     corotational.recover(
+        carray(value, (size[0],)), carray(number, (4,)), carray(inner, (size[1],)), carray(store, (size[2],)),
+        carray(xi, (6,)), scale,
+    )  # fmt: skip
+
+
+@isolated(_CONDENSE)
+def modal_condense(value, number, inner, store, d, Q, lam, K, out, size):
+    """size = lengths of value, inner, store, near."""
+    back, force, moment, status = modal.modal_condense(
+        carray(value, (size[0],)), carray(number, (4,)), carray(inner, (size[1],)), carray(store, (size[2],)),
+        carray(d, (3,)), carray(Q, (3, 3)), carray(lam, (12,)), carray(K, (6, 6)),
+    )  # fmt: skip
+    out[0], out[1], out[2], out[3] = back, force, moment, status
+
+
+@isolated(_CONDENSE)
+def polynomial_condense(value, number, inner, store, d, Q, lam, K, out, size):
+    """size = lengths of value, inner, store, near."""
+    back, force, moment, status = polynomial.polynomial_condense(
+        carray(value, (size[0],)), carray(number, (4,)), carray(inner, (size[1],)), carray(store, (size[2],)),
+        carray(d, (3,)), carray(Q, (3, 3)), carray(lam, (12,)), carray(K, (6, 6)),
+    )  # fmt: skip
+    out[0], out[1], out[2], out[3] = back, force, moment, status
+
+
+@isolated(_RECOVER)
+def modal_recover(value, number, inner, store, xi, scale, size):
+    """Inner update of a modal or a polynomial body."""
+    modal.modal_recover(
         carray(value, (size[0],)), carray(number, (4,)), carray(inner, (size[1],)), carray(store, (size[2],)),
         carray(xi, (6,)), scale,
     )  # fmt: skip

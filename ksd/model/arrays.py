@@ -12,7 +12,7 @@ import numpy as np
 
 from ksd.numerics.blocks import Blocks
 
-STRAIN, COROTATIONAL, LINEAR, COIL, TURN = 0, 1, 2, 3, 4
+STRAIN, COROTATIONAL, LINEAR, COIL, TURN, MODAL, SOLID = 0, 1, 2, 3, 4, 5, 6
 TRANSLATION, ROTATION = 0, 1
 
 

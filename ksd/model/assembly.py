@@ -13,9 +13,18 @@ import math
 
 import numpy as np
 
-from ksd.beam.entry import chain_condense, chain_near, chain_recover, strain_condense, strain_recover
+from ksd.beam.entry import (
+    chain_condense,
+    chain_near,
+    chain_recover,
+    modal_condense,
+    modal_recover,
+    polynomial_condense,
+    strain_condense,
+    strain_recover,
+)
 from ksd.beam.linear import linear_condense
-from ksd.model.arrays import COROTATIONAL, LINEAR, STRAIN
+from ksd.model.arrays import COROTATIONAL, LINEAR, MODAL, SOLID, STRAIN
 from ksd.numerics.kernel import kernel
 
 
@@ -177,6 +186,10 @@ def condense_member(members, inner, work, i, d, Q, K, near):
     V, N, S, W = value.ctypes, number.ctypes, state.ctypes, kept.ctypes
     if members.kind[i] == STRAIN:
         strain_condense(V, N, S, W, d.ctypes, Q.ctypes, lam.ctypes, K.ctypes, out.ctypes, size.ctypes)
+    elif members.kind[i] == MODAL:
+        modal_condense(V, N, S, W, d.ctypes, Q.ctypes, lam.ctypes, K.ctypes, out.ctypes, size.ctypes)
+    elif members.kind[i] == SOLID:
+        polynomial_condense(V, N, S, W, d.ctypes, Q.ctypes, lam.ctypes, K.ctypes, out.ctypes, size.ctypes)
     elif near > 0:
         rotations = work.near[work.near_at[i] : work.near_at[i + 1]]
         size[3] = len(rotations)
@@ -208,6 +221,8 @@ def recover_member(members, inner, store, i, xi, scale):
         strain_recover(V, N, S, W, xi.ctypes, scale, size.ctypes)
     elif members.kind[i] == COROTATIONAL:
         chain_recover(V, N, S, W, xi.ctypes, scale, size.ctypes)
+    elif members.kind[i] >= MODAL:
+        modal_recover(V, N, S, W, xi.ctypes, scale, size.ctypes)
 
 
 @kernel

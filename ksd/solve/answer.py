@@ -22,7 +22,7 @@ FORMAT = 1
 SCHEMA: dict[str, str] = {
     "format": "version of this layout",
     "mechanism": "name of the scene",
-    "method": "kinematic, reduced, full or conventional",
+    "method": "kinematic, reduced, full, conventional or modal",
     "leaf_model": "leaf model and its fineness, in words",
     "converged": "whether the last step reached its bound",
     "stable": "whether the state is a minimum of energy under the held drives",
@@ -244,5 +244,5 @@ def _leafs(c: Configuration) -> dict[str, dict[str, Any]]:
             "end_force_N": _list(f.end[:3]),
             "end_moment_Nm": _list(f.end[3:]),
         }
-        for name, f in section_forces(c.model, c.motion).items()
+        for name, f in section_forces(*c.unreduced).items()
     }

@@ -29,7 +29,7 @@ from ksd.solve.plates import settled
 from ksd.solve.trust import insist
 from ksd.solve.warm import ready
 
-METHODS = ("kinematic", "reduced", "full", "conventional")
+METHODS = ("kinematic", "reduced", "full", "conventional", "modal")
 DEFAULT_ACCURACY = 1e-3
 
 
@@ -47,12 +47,14 @@ class Solver:
         records: Callable[[str], Any] = find_record,
         extrapolate: bool = False,
         planar: bool = True,
+        basis: Any = None,
         **effects: Any,
     ) -> None:
         self.model = (
             mechanism if isinstance(mechanism, Model) else compile_scene(mechanism, mesh=mesh, **effects)
         )
         self.records, self.extrapolate, self.planar = records, extrapolate, planar
+        self.basis, self.modal = basis, None  # both of method "modal"
         self._five: FiveSteps | None = None
 
     @property
@@ -116,6 +118,10 @@ class Solver:
             raise SceneError(f"method = {show(method)}: choose one of {', '.join(METHODS)}")
         if method == "conventional":
             return by_load_steps(self.model, values, self._told)
+        if method == "modal":
+            from ksd.solve.modal import by_modal_bodies
+
+            return by_modal_bodies(self, values, estimate=estimate)
         if whole(passes, "passes", least=0) > 50:
             raise SceneError(f"passes = {passes}: between 0 and 50 relinearised passes are possible")
         return self.five_steps(values, target, method=method, passes=passes, estimate=estimate)
@@ -216,16 +222,17 @@ def prepare(
     accuracy: float | None = None,
     targets: Mapping[str, float] | None = None,
     planar: bool = True,
+    basis: Any = None,
 ) -> Solver:
     """A `Solver` of this mechanism for many solves: everything that does not depend on the drive values is done once.
 
     mesh: leaf model and its fineness (strain-mode leafs when None). extrapolate: use joint records beyond their trained
     range, with a warning in the result. effects, with_, without: what is simulated, chosen for accuracy and, when given,
     for drive values `targets` (see `ksd.model.effects`). planar: False takes the five steps in space even where the scene
-    stays in its plane. Raises SceneError for a scene that cannot be compiled.
+    stays in its plane. basis: a `ksd.ModalBasis` for method "modal". Raises SceneError for a scene that cannot be compiled.
     """
     words: dict[str, Any] = {"effects": effects, "with_": with_, "without": without, "targets": targets}
-    words["planar"] = planar
+    words |= {"planar": planar, "basis": basis}
     return Solver(mechanism, mesh=mesh, extrapolate=extrapolate, accuracy=_accuracy(accuracy), **words)
 
 
@@ -242,13 +249,15 @@ def solve(
     effects: str | Iterable[str] = "auto",
     with_: str | Iterable[str] = (),
     without: str | Iterable[str] = (),
+    basis: Any = None,
     **drives: float,
 ) -> Configuration:
     """Solve one configuration of a mechanism at drive values given by name [m or rad].
 
-    method: "kinematic", "reduced", "full" or "conventional"; without one, the cheapest whose estimated error is
-    within `accuracy` (relative, 1e-3 by default). passes: extra relinearised passes of `reduced`. mesh: leaf model; without
-    one, strain-mode leafs of orders fit for `accuracy`, raised when their highest modes carry too much energy. extrapolate:
+    method: "kinematic", "reduced", "full", "conventional" or "modal" (leafs as modal bodies; `basis`: a
+    `ksd.ModalBasis`); without one, the cheapest whose estimated error is within `accuracy` (relative, 1e-3 by default).
+    passes: extra relinearised passes of `reduced`. mesh: leaf model; without one, strain-mode leafs of orders fit for
+    `accuracy`, raised when their highest modes carry too much energy. extrapolate:
     see `prepare`. strict: raise TrustError where the answer is unstable or on a doubtful branch; False returns it with its
     verdicts (`trust`). effects: "auto" simulates what the scene mentions and an estimate says matters, "all" everything,
     a list of names just these; with_="warping", without="shear" override single ones (`ksd.model.effects`; print(pose.model)
@@ -261,14 +270,14 @@ def solve(
     if isinstance(mechanism, Model):
         if effects != "auto" or with_ or without:
             raise SceneError("effects are chosen when a model is compiled: pass them to ksd.compile_scene")
-        return Solver(mechanism, extrapolate=extrapolate)(
+        return Solver(mechanism, extrapolate=extrapolate, basis=basis)(
             values, method=method, accuracy=accuracy, passes=passes, strict=strict
         )
     scene = mechanism.scene() if hasattr(mechanism, "scene") else mechanism
     wanted = _accuracy(accuracy)
     chosen = mesh if mesh is not None else (Mesh() if accuracy is None else mesh_for(wanted))
     for rise in range(MOST_RISES + 1):
-        said = {"effects": effects, "with_": with_, "without": without, "accuracy": wanted}
+        said = {"effects": effects, "with_": with_, "without": without, "accuracy": wanted, "basis": basis}
         solver = _recent_solver(scene, chosen, extrapolate, said, values)
         found = solver(values, method=method, accuracy=accuracy, passes=passes, strict=strict)
         share, where, axis = highest_share(found.model, found.motion)

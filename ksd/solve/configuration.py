@@ -45,11 +45,12 @@ class Configuration:
     """A deformed configuration: the model, its state, and the record of the solve that found it.
 
     motion: state of the full model (positions m, rotation matrices, inner states, multipliers). method: kinematic,
-    reduced, full or conventional. targets: drive values by name [m or rad]. motions: intended motion of every joint by
-    name [rad or m], unintended: per joint (6,) displacement [m] and rotation [rad] of interface B off its intended pose,
-    in joint axes. error: estimate for the fast methods, None where the method is exact. negatives: negative pivots
-    at the end, expected: those the constraint rows explain. doubts: what speaks against the branch and was not cleared up
-    by smaller steps. plane_alone: the pivots were counted in the plane alone, so buckling out of it was not looked at.
+    reduced, full, conventional or modal. targets: drive values by name [m or rad]. motions: intended motion of every
+    joint by name [rad or m], unintended: per joint (6,) displacement [m] and rotation [rad] of interface B off its
+    intended pose, in joint axes. error: estimate for the fast methods, None where the method is exact. negatives:
+    negative pivots at the end, expected: those the constraint rows explain. doubts: what speaks against the branch and
+    was not cleared up by smaller steps. plane_alone: the pivots were counted in the plane alone, so buckling out of it
+    was not looked at.
     """
 
     model: Model
@@ -148,6 +149,16 @@ class Configuration:
         arm = np.asarray(at, float) - self.model.rest.x[i]
         return self.motion.x[i] + self.motion.R[i] @ arm - np.asarray(at, float)
 
+    @property
+    def unreduced(self) -> tuple[Model, Motion]:
+        """Model and state with every leaf's own insides: those of the configuration, or, of modal bodies, the chains
+        they reduce at the nodes they have. Stress, shape, mass and buckling are asked of these."""
+        from ksd.modal.bodies import ModalModel, inside
+
+        if not isinstance(self.model, ModalModel):
+            return self.model, self.motion
+        return self.model.full, inside(self.model, self.motion)
+
     def stiffness(self, link: Any, **options: Any) -> Any:
         """Compliance and stiffness of a point of a link: `ksd.properties.stiffness.point_stiffness`."""
         from ksd.properties.stiffness import point_stiffness
@@ -164,25 +175,25 @@ class Configuration:
         """Eigenfrequencies [Hz] and modes about this state: `ksd.properties.frequencies.frequencies`."""
         from ksd.properties.frequencies import frequencies
 
-        return frequencies(self.model, self.motion, load_factor=self.load_factor, **options)
+        return frequencies(*self.unreduced, load_factor=self.load_factor, **options)
 
     def buckling(self, link: Any = None, **options: Any) -> Any:
         """Multipliers of an added load, or of the state's own stresses: `ksd.properties.buckling.buckling`."""
         from ksd.properties.buckling import buckling
 
-        return buckling(self.model, self.motion, link, load_factor=self.load_factor, **options)
+        return buckling(*self.unreduced, link, load_factor=self.load_factor, **options)
 
     def stress(self, *, points: int = 25) -> Any:
         """Stress [Pa] along every leaf, where and how much: `ksd.properties.stress.stress`."""
         from ksd.properties.stress import stress
 
-        return stress(self.model, self.motion, points=points)
+        return stress(*self.unreduced, points=points)
 
     def strain_energy(self) -> dict[str, float]:
         """Strain energy [J] of every leaf by name."""
         from ksd.properties.stress import strain_energy
 
-        return strain_energy(self.model, self.motion)
+        return strain_energy(*self.unreduced)
 
     def with_error(self, question: Any) -> tuple[Any, Any]:
         """Answer and error figure of ``question(pose)`` (number, array, mapping): `ksd.solve.corrected.with_error`."""
@@ -200,13 +211,13 @@ class Configuration:
         """Section forces along every leaf by name, see `ksd.properties.section_forces`."""
         from ksd.properties.section_forces import section_forces
 
-        return section_forces(self.model, self.motion, points=points)
+        return section_forces(*self.unreduced, points=points)
 
     def shape(self, *, points: int = 25) -> Any:
         """Centrelines of all leafs and outlines of all links, see `ksd.properties.shape.Shape`."""
         from ksd.properties.shape import mechanism_shape
 
-        return mechanism_shape(self.model, self.motion, points=points)
+        return mechanism_shape(*self.unreduced, points=points)
 
     def as_dict(self) -> dict[str, Any]:
         """Every number of the tables and more, units in the keys; layout in `ksd.solve.answer.SCHEMA`."""

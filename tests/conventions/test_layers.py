@@ -8,12 +8,13 @@ import pytest
 PACKAGE = Path(__file__).resolve().parents[2] / "ksd"
 LAYER = {
     "errors": 0, "units": 0, "numerics": 0, "section": 1, "beam": 1, "scene": 2, "model": 3, "library": 3,
-    "bodies": 4, "properties": 4, "view": 4, "solve": 5, "train": 6, "design": 6, "bench": 6.5, "cli": 7, "__main__": 8,
+    "bodies": 4, "modal": 4, "properties": 4, "view": 4, "solve": 5, "train": 6, "design": 6, "bench": 6.5, "cli": 7,
+    "__main__": 8,
 }  # fmt: skip
 BASE = {"errors", "units"}
 HOME = {
     "h5py": {"library"},
-    "skfem": {"section"},
+    "skfem": {"section", "modal"},
     "matplotlib": {"view"},
     "pyvista": {"view"},
     "vtk": {"view"},

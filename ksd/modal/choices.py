@@ -1,0 +1,67 @@
+"""The choices of a modal basis, each with its reason."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from ksd.errors import SceneError
+
+PRINTED = {"coordinates": "angle", "frame": "node", "internal": 0, "order": 2}
+"""Paper 2 as printed: for reference, not for use (errata, paper 2)."""
+
+
+@dataclass(frozen=True)
+class ModalBasis:
+    """How the basis of a leaf is made.
+
+    coordinates: "director" (position and two directors of every node; r' = director is linear, so a linear span can
+    keep a bent leaf free of shear) or "angle" (as printed: position and rotation vector; stiffens with the fourth
+    power of the stroke, and more with a finer mesh). frame: "chord" (turns with the line between the ends and gains a
+    factor of 25 to 70 at 0.1 L) or "node" (as printed: the frame of end p). internal: fixed-interface modes (without
+    them the support compliance of a guide is 2 to 100 times too low). order: highest derivative of the static path, 2
+    or 3 (twice the unknowns; cures the angles). elements: Appendix A elements per leaf of the model that is reduced.
+    expansion: "rest", or "trained": about the kinematic state of the joints' records at the asked drive
+    values (tangent basis), where unintended loads then find all they need. plane: derivatives of in-plane modes only:
+    half the unknowns, but wrong support stiffness across the plane; for planar comparisons.
+    cut: singular values below this fraction are dropped. Raises SceneError for what is not a choice.
+    """
+
+    coordinates: str = "director"
+    frame: str = "chord"
+    internal: int = 2
+    order: int = 2
+    elements: int = 10
+    expansion: str = "rest"
+    plane: bool = False
+    cut: float = 1e-8
+
+    def __post_init__(self) -> None:
+        _among("coordinates", self.coordinates, ("director", "angle"))
+        _among("frame", self.frame, ("chord", "node"))
+        _among("expansion", self.expansion, ("rest", "trained"))
+        if self.order not in (1, 2, 3):
+            raise SceneError(f"order = {self.order}: 1 (no derivatives), 2 or 3 are possible")
+        if not 0 <= self.internal <= 12:
+            raise SceneError(
+                f"internal = {self.internal}: between 0 and 12 fixed-interface modes are possible"
+            )
+        if not 2 <= self.elements <= 500:
+            raise SceneError(f"elements = {self.elements}: between 2 and 500 elements per leaf are possible")
+        if not 0.0 < self.cut < 1e-2:
+            raise SceneError(f"cut = {self.cut}: give a fraction between 0 and 0.01, for example 1e-8")
+
+    def __str__(self) -> str:
+        across = ", in-plane derivatives" if self.plane else ""
+        at = "" if self.expansion == "rest" else ", about the trained configuration"
+        return (
+            f"{self.coordinates} coordinates, {self.frame} frame, {self.internal} internal modes, order {self.order}, "
+            f"{self.elements} elements per leaf{at}{across}"
+        )
+
+
+def _among(name: str, value: object, known: tuple[str, ...]) -> None:
+    if value not in known:
+        raise SceneError(f"{name} = {value!r}: choose one of {', '.join(known)}")
+
+
+__all__ = ["PRINTED", "ModalBasis"]

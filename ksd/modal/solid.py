@@ -1,0 +1,211 @@
+"""A solid flexure by scikit-fem: Green-Lagrange strain, Saint-Venant-Kirchhoff material, two rigid end faces.
+
+The full model that `ksd.modal.solid_basis` reduces: a thick leaf or a notch hinge, meshed in 2D (plane stress) or 3D
+with elements of second order. Axes: x along, y across the thickness, z along the width, origin in the middle of face A.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from ksd.errors import SceneError
+
+
+@dataclass
+class Solid:
+    """A meshed solid. basis: scikit-fem basis; moduli (lambda, mu) [Pa]; width [m] of a 2D solid (1 in 3D); length [m].
+
+    component, place: component and coordinates (3,) m of every degree of freedom; face_a, face_b: those on the faces.
+    """
+
+    basis: Any
+    moduli: tuple[float, float]
+    density: float
+    width: float
+    length: float
+    component: np.ndarray
+    place: np.ndarray
+    face_a: np.ndarray
+    face_b: np.ndarray
+
+    @property
+    def size(self) -> int:
+        """Degrees of freedom."""
+        return len(self.component)
+
+    @property
+    def flat(self) -> bool:
+        """Whether it is meshed in 2D."""
+        return int(self.component.max()) == 1
+
+    @property
+    def inner(self) -> Any:
+        """Degrees of freedom that are on neither face."""
+        return np.setdiff1d(np.arange(self.size), np.concatenate([self.face_a, self.face_b]))
+
+    def tangent(self, u: np.ndarray) -> Any:
+        """Sparse tangent stiffness (size, size) [N/m] at the displacements u (size,) m."""
+        return self._strained(u)[1]
+
+    def force(self, u: np.ndarray) -> np.ndarray:
+        """Internal force (size,) [N] at the displacements u."""
+        return self._strained(u, tangent=False)[0]
+
+    def force_and_tangent(self, u: np.ndarray) -> tuple[np.ndarray, Any]:
+        """Both at once."""
+        return self._strained(u)
+
+    def _strained(self, u: np.ndarray, *, tangent: bool = True) -> tuple[np.ndarray, Any]:
+        """Total Lagrangian: dE = sym(F^T grad v); all elements at once, as products of stacked matrices.
+
+        The form loop of scikit-fem visits every pair of shape functions in Python: 81 x 81 of them in 3D.
+        """
+        G, w, places = self._shapes
+        dim, shapes, elements, points = G.shape[0], G.shape[2], G.shape[3], G.shape[4]
+        H = np.einsum("ijaeq,ea->ijeq", G, u[places], optimize=True)
+        F = H + np.eye(dim)[:, :, None, None]
+        E = 0.5 * (H + H.swapaxes(0, 1) + np.einsum("kieq,kjeq->ijeq", H, H))
+        lam, mu = self.moduli
+        S = 2.0 * mu * E + lam * np.trace(E) * np.eye(dim)[:, :, None, None]
+        P = np.einsum("ikeq,kjeq->ijeq", F, S) * w
+        force = np.einsum("ijeq,ijaeq->ea", P, G, optimize=True)
+        total = np.bincount(places.ravel(), force.ravel(), self.size)
+        if not tangent:
+            return total, None
+        # rows (elements, shapes, entries x points) of strain variations, turned by the root of the elasticity
+        varied = np.einsum("kieq,kjaeq->ijaeq", F, G)
+        pairs = [(r, r) for r in range(dim)] + [(r, c) for r in range(dim) for c in range(r + 1, dim)]
+        B = np.stack(
+            [varied[r, c] if r == c else (varied[r, c] + varied[c, r]) / np.sqrt(2) for r, c in pairs]
+        )
+        B = np.tensordot(self.elastic_root, B, axes=1) * np.sqrt(w)
+        B = B.transpose(2, 1, 0, 3).reshape(elements, shapes, len(pairs) * points)
+        K = B @ B.transpose(0, 2, 1)
+        flat = G.transpose(3, 2, 0, 1, 4).reshape(elements, shapes, dim * dim * points)
+        SG = np.einsum("ikaeq,kjeq->eaijq", G, S * w, optimize=True).reshape(flat.shape)
+        K += SG @ flat.transpose(0, 2, 1)
+        return total, self._sparse(K)
+
+    def _sparse(self, K: np.ndarray) -> Any:
+        from scipy.sparse import coo_matrix
+
+        places = self._shapes[2]
+        rows = np.broadcast_to(places[:, :, None], K.shape).ravel()
+        columns = np.broadcast_to(places[:, None, :], K.shape).ravel()
+        return coo_matrix((K.ravel(), (rows, columns)), shape=(self.size, self.size)).tocsr()
+
+    @property
+    def elastic_root(self) -> np.ndarray:
+        """C^1/2 (upper triangular) in the components 11, 22, (33,) 12, (13, 23), shear times sqrt 2."""
+        lam, mu = self.moduli
+        dim = 2 if self.flat else 3
+        C = 2.0 * mu * np.eye(dim * (dim + 1) // 2)
+        C[:dim, :dim] += lam
+        return np.asarray(np.linalg.cholesky(C).T)
+
+    @cached_property
+    def _shapes(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Gradients (dim, dim, shapes, elements, points), volumes (elements, points), dofs (elements, shapes)."""
+        gradients = np.stack(
+            [np.broadcast_to(f[0].grad, self._full(f[0].grad)) for f in self.basis.basis], axis=2
+        )
+        return gradients, np.asarray(self.basis.dx) * self.width, np.asarray(self.basis.element_dofs).T
+
+    def _full(self, gradient: Any) -> tuple[int, ...]:
+        return (*np.shape(gradient)[:2], *np.shape(self.basis.dx))
+
+    def mass(self) -> Any:
+        """Sparse mass matrix [kg]."""
+        shape = np.shape(self.basis.dx)
+        N = np.stack(
+            [np.broadcast_to(np.asarray(f[0]), (len(np.asarray(f[0])), *shape)) for f in self.basis.basis], 1
+        )
+        return self._sparse(
+            np.einsum("iaeq,ibeq,eq->eab", N, N, self._shapes[1] * self.density, optimize=True)
+        )
+
+    def gradients(self, u: np.ndarray) -> np.ndarray:
+        """Displacement gradient (dim, dim, quadrature points) of u."""
+        G, _, places = self._shapes
+        found = np.einsum("ijaeq,ea->ijeq", G, u[places], optimize=True)
+        return found.reshape(*found.shape[:2], -1)
+
+    @property
+    def weights(self) -> np.ndarray:
+        """Volume of every quadrature point, m^3."""
+        return self._shapes[1].ravel()
+
+    def pattern(self, end: str, row: int, column: int) -> np.ndarray:
+        """Displacement (size,) of one face by a unit entry (row, column) of its rotation matrix; column -1: unit shift."""
+        dofs, at = (self.face_a, 0.0) if end == "a" else (self.face_b, self.length)
+        u = np.zeros(self.size)
+        mine = dofs[self.component[dofs] == row]
+        u[mine] = 1.0 if column < 0 else self.place[mine, column] - (at if column == 0 else 0.0)
+        return u
+
+
+def block(
+    material: Any,
+    length: float,
+    thickness: float,
+    *,
+    width: float,
+    cells: tuple[int, ...],
+    outline: Callable[[np.ndarray], np.ndarray] | None = None,
+) -> Solid:
+    """A straight solid of `length` x `thickness` x `width` m with cells (nx, ny) in 2D or (nx, ny, nz) in 3D.
+
+    outline: thickness over `thickness` as a function of x / length (a notch), 1 at both ends. Raises SceneError for
+    numbers that are not positive or a wrong count of cells.
+    """
+    import skfem
+
+    for name, value in (("length", length), ("thickness", thickness), ("width", width)):
+        if not value > 0.0:
+            raise SceneError(f"solid: {name} = {value} m must be positive")
+    if len(cells) not in (2, 3) or min(cells) < 1:
+        raise SceneError(
+            f"solid: cells = {cells}: give (nx, ny) for 2D or (nx, ny, nz) for 3D, each at least 1"
+        )
+    lines = [np.linspace(0.0, length, cells[0] + 1), np.linspace(-thickness / 2, thickness / 2, cells[1] + 1)]
+    if len(cells) == 3:
+        lines.append(np.linspace(-width / 2, width / 2, cells[2] + 1))
+    flat = len(cells) == 2
+    mesh = (skfem.MeshQuad if flat else skfem.MeshHex).init_tensor(*lines)
+    if outline is not None:
+        p = mesh.p.copy()
+        p[1] *= outline(p[0] / length)
+        mesh = type(mesh)(p, mesh.t)
+    element = skfem.ElementVector(skfem.ElementQuad2() if flat else skfem.ElementHex2())
+    basis = skfem.Basis(mesh, element, intorder=4)
+    component, place = _dofs(basis)
+    tiny = 1e-9 * length
+    lame = material.E * material.nu / (1 - material.nu**2) if flat else None
+    nu = material.nu
+    lam = lame if lame is not None else material.E * nu / ((1 + nu) * (1 - 2 * nu))
+    return Solid(
+        basis, (lam, material.E / (2 * (1 + nu))), material.density, width if flat else 1.0, length,
+        component, place, np.flatnonzero(place[:, 0] < tiny), np.flatnonzero(place[:, 0] > length - tiny),
+    )  # fmt: skip
+
+
+def _dofs(basis: Any) -> tuple[np.ndarray, np.ndarray]:
+    """Component and place (3,) of every degree of freedom."""
+    component = np.zeros(basis.N, np.int64)
+    for table in (basis.nodal_dofs, basis.edge_dofs, basis.facet_dofs, basis.interior_dofs):
+        if table is None or not np.size(table):
+            continue
+        dim = basis.mesh.dim()
+        for row in range(table.shape[0]):
+            component[np.asarray(table[row]).ravel()] = row % dim
+    place = np.zeros((basis.N, 3))
+    place[:, : basis.doflocs.shape[0]] = basis.doflocs.T
+    return component, place
+
+
+__all__ = ["Solid", "block"]

@@ -1,0 +1,216 @@
+"""A reduced solid: Craig-Bampton modes and modal derivatives of a meshed solid, and its exact polynomial energy.
+
+The displacement patterns of the two rigid end faces are linear in the rotation matrices of the faces, so finite
+rotations are exact and the second-order terms of a rotation are boundary patterns, not derivatives. Between them the
+chord frame (default) or node frame, internal modes and derivatives are those of the leafs. Because Green-Lagrange
+strain is quadratic, the projected energy is a polynomial of fourth order whose tensors are computed once.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ksd.beam.modal import modal_sizes
+from ksd.errors import SceneError
+from ksd.modal.solid import Solid
+from ksd.model.arrays import SOLID
+from ksd.model.compile import Model
+from ksd.numerics.reduction import Modes, conditioned, craig_bampton, extended, modal_derivatives
+
+
+@dataclass(frozen=True)
+class SolidBasis:
+    """A reduced solid: displacement = patterns (size, nb) (b - b0) + inner (size, m) eta, in the frame `frame`.
+
+    b (nb,): the entries `chosen` of the pose values of `ksd.beam.polynomial.face_jets`; b0 theirs at rest; value, number:
+    the constants of that kernel. condition: of the inner columns.
+    """
+
+    solid: Solid
+    frame: str
+    chosen: tuple[int, ...]
+    b0: np.ndarray
+    patterns: np.ndarray
+    inner: np.ndarray
+    value: np.ndarray
+    number: np.ndarray
+    condition: float
+
+    @property
+    def unknowns(self) -> int:
+        """Coordinates in which the energy is a polynomial."""
+        return int(self.number[1] + self.number[2])
+
+
+def _faces(solid: Solid, frame: str) -> tuple[list[int], list[float], list[np.ndarray]]:
+    """Places among the pose values, values at rest, and patterns of the faces; rotation columns along x act on nothing."""
+    flat = solid.flat
+    dim, length = (2, solid.length) if flat else (3, solid.length)
+    found: list[tuple[int, float, np.ndarray]] = []
+    ends = [("b", 3 if frame == "node" else 10)] + ([("a", 1)] if frame == "chord" else [])
+    for row in range(dim if frame == "node" else 1):
+        found.append((row, length if row == 0 else 0.0, solid.pattern("b", row, -1)))
+    for end, first in ends:
+        for column in range(1, dim):
+            for row in range(dim):
+                found.append(
+                    (first + 3 * column + row, float(row == column), solid.pattern(end, row, column))
+                )
+    at, rest, patterns = zip(*found, strict=True)
+    return list(at), list(rest), list(patterns)
+
+
+def _turning(solid: Solid, frame: str) -> list[np.ndarray]:
+    """First-order motions (size,) of the faces: the boundary modes that are followed to second order."""
+    flat = solid.flat
+    axes = [2] if flat else [1, 2]
+
+    def turn(end: str, axis: int) -> np.ndarray:
+        u = np.zeros(solid.size)
+        # unit rotation about `axis`: u_i = x_j, u_j = -x_i with (i, j, axis) cyclic reversed
+        i, j = (axis + 1) % 3, (axis + 2) % 3
+        for row, column, sign in ((j, i, 1.0), (i, j, -1.0)):
+            if row < (2 if flat else 3) and column > 0:
+                u += sign * solid.pattern(end, row, column)
+        return u
+
+    shifts = range(1 if frame == "chord" else (2 if flat else 3))
+    found = [solid.pattern("b", row, -1) for row in shifts]
+    found += [turn("b", axis) for axis in ([2] if flat else [0, 1, 2])]
+    if frame == "chord":
+        found += [turn("a", axis) for axis in axes]
+    return found
+
+
+def _derivatives(solid: Solid, modes: np.ndarray, inner: Any, order: int) -> list[np.ndarray]:
+    """Derivatives of the modes (size, k) with each other."""
+    some = Modes(modes, 0, np.zeros(0))
+    found = modal_derivatives(solid.tangent, some, inner, step=1e-3 * solid.length, order=order)
+    return list(found.shapes.T)
+
+
+def reduce_solid(
+    solid: Solid, *, frame: str = "chord", internal: int = 2, order: int = 2, cut: float = 1e-7
+) -> SolidBasis:
+    """Basis and polynomial of a solid.
+
+    frame, internal, order, cut: as in `ksd.ModalBasis`. Raises SceneError for words that are not choices.
+    """
+    if frame not in ("chord", "node"):
+        raise SceneError(f"frame = {frame!r}: choose one of chord, node")
+    if order not in (1, 2, 3) or not 0 <= internal <= 12:
+        raise SceneError(
+            f"order = {order}, internal = {internal}: order 1 to 3 and 0 to 12 internal modes are possible"
+        )
+    rest, inner = solid.tangent(np.zeros(solid.size)), solid.inner
+    at, b0, faces = _faces(solid, frame)
+    patterns = np.array(faces).T + extended(rest, np.array(faces).T, inner)
+    first = np.array(_turning(solid, frame)).T
+    first = first + extended(rest, first, inner)
+    vibration = craig_bampton(rest, [], inner, M=solid.mass(), internal=internal).shapes
+    modes = np.hstack([first, vibration * solid.length])
+    columns = [*vibration.T]
+    if order > 1:
+        columns += _derivatives(solid, modes, inner, order)
+    basis = conditioned(np.array(columns).T.reshape(solid.size, -1), cut=cut)
+    every = np.hstack([patterns, basis.columns])
+    value = np.concatenate([at, b0, energy_tensors(solid, every)])
+    number = np.array([0, basis.columns.shape[1], len(at), int(frame == "chord")], np.int64)
+    return SolidBasis(
+        solid, frame, tuple(at), np.array(b0), patterns, basis.columns, value, number, basis.condition
+    )
+
+
+def energy_tensors(solid: Solid, columns: np.ndarray) -> np.ndarray:
+    """K1 (M,), K2 (P,), K3 (M, P), K4 (P, P) of the energy of displacements columns (size, M) y, one after the other.
+
+    With H_a the gradients of the columns, E = sym(H_a) y_a + sym(H_a^T H_b) y_a y_b / 2; the tensors are the
+    integrals of products of these by the elasticity, made symmetric in all indices.
+    """
+    M = columns.shape[1]
+    H = np.array([solid.gradients(c) for c in columns.T])
+    i, j = np.triu_indices(M)
+    lin = _strain(H)
+    quad = np.empty((len(i), *lin.shape[1:]))
+    for p, (a, b) in enumerate(zip(i, j, strict=True)):
+        quad[p] = _strain(np.einsum("kiq,kjq->ijq", H[a], H[b])[None])[0]
+    lin, quad = (_stressed(solid, s).reshape(len(s), -1) for s in (lin, quad))
+    K2 = lin @ lin.T
+    cross, fourth = lin @ quad.T, quad @ quad.T
+    at = np.zeros((M, M), np.int64)
+    at[i, j] = at[j, i] = np.arange(len(i))
+    third = _third(cross, at, i, j)
+    return np.concatenate([np.zeros(M), K2[i, j], third.ravel(), _fourth(fourth, at, i, j).ravel()])
+
+
+def _third(cross: np.ndarray, at: np.ndarray, i: np.ndarray, j: np.ndarray) -> np.ndarray:
+    """K3[a, bc] = L[a, bc] + L[b, ac] + L[c, ab] from L = linear times quadratic strain."""
+    M = len(cross)
+    a = np.arange(M)[:, None]
+    return cross + cross[i[None, :], at[a, j[None, :]]] + cross[j[None, :], at[a, i[None, :]]]
+
+
+def _fourth(square: np.ndarray, at: np.ndarray, i: np.ndarray, j: np.ndarray) -> np.ndarray:
+    """K4[ab, cd] = Q[ab, cd] + Q[ac, bd] + Q[ad, bc]."""
+    total = square.copy()
+    for p in range(len(i)):
+        a, b = i[p], j[p]
+        total[p] += square[at[a, i], at[b, j]] + square[at[a, j], at[b, i]]
+    return total
+
+
+def _strain(H: np.ndarray) -> np.ndarray:
+    """Symmetric parts (k, components, points) of gradients (k, dim, dim, points), shear entries times sqrt 2."""
+    dim = H.shape[1]
+    parts = [H[:, r, r] for r in range(dim)]
+    parts += [(H[:, r, c] + H[:, c, r]) / np.sqrt(2) for r in range(dim) for c in range(r + 1, dim)]
+    return np.stack(parts, axis=1)
+
+
+def _stressed(solid: Solid, strain: np.ndarray) -> np.ndarray:
+    """Strains turned so that their products, summed, are the elastic energy: C^1/2 E sqrt(volume)."""
+    return np.einsum("rc,kcq->krq", solid.elastic_root, strain) * np.sqrt(solid.weights)
+
+
+def with_solids(model: Model, solids: dict[str, SolidBasis]) -> Model:
+    """`model` with the members named in `solids` replaced by reduced solids that lie where these leafs lie.
+
+    Raises SceneError for unknown names and for a solid of another length than its leaf. A solid meshed in 2D resists
+    nothing across its plane: hold the mechanism there by supports.
+    """
+    members, inner = model.arrays.members, model.rest.inner
+    parts = [inner[members.inner_at[i] : members.inner_at[i + 1]] for i in range(len(members.kind))]
+    stores = np.diff(members.store_at).astype(np.int64)
+    kind, number, value_at = members.kind.copy(), members.number.copy(), members.value_at.copy()
+    frame, values, at = members.frame.copy(), [members.value], len(members.value)
+    for name, body in solids.items():
+        if name not in model.member_names:
+            raise SceneError(
+                f"there is no leaf '{name}' to be a solid; the leafs are: {', '.join(model.member_names)}"
+            )
+        i = model.member_names.index(name)
+        if abs(members.length[i] - body.solid.length) > 1e-9 * body.solid.length:
+            raise SceneError(
+                f"leaf '{name}' is {members.length[i]:.6g} m long, its solid {body.solid.length:.6g} m; make them equal"
+            )
+        kind[i], number[i], value_at[i] = SOLID, body.number, at
+        values.append(body.value)
+        at += len(body.value)
+        frame[i, 1] = frame[i, 0]
+        size, stores[i] = modal_sizes(int(body.number[1]))
+        parts[i] = np.zeros(size)
+    made = members._replace(
+        kind=kind, number=number, value_at=value_at, frame=frame, value=np.concatenate([*values, np.zeros(1)]),
+        inner_at=np.cumsum([0] + [len(p) for p in parts]).astype(np.int64),
+        store_at=np.cumsum([0, *stores]).astype(np.int64),
+    )  # fmt: skip
+    from dataclasses import replace
+
+    rest = model.rest._replace(inner=np.concatenate([np.zeros(0), *parts]))
+    return replace(model, arrays=model.arrays._replace(members=made), rest=rest)
+
+
+__all__ = ["SolidBasis", "energy_tensors", "reduce_solid", "with_solids"]

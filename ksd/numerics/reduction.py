@@ -1,0 +1,268 @@
+"""Reduction bases as pure numerics: Craig-Bampton modes, modal derivatives, conditioning, energy-conserving sampling.
+
+They work on matrices, dense or sparse, and on a tangent function K(q) of additive coordinates q (n,), of which nothing
+else is known: a leaf, a joint or a free-form body. With boundary coordinates held, the static path through q = 0 is
+q(eta) = sum phi_i eta_i + 1/2 sum theta_ij eta_i eta_j + 1/6 sum chi_ijk eta_i eta_j eta_k. **theta_ij is here the
+second derivative of the path, symmetric, so the quadratic manifold carries the factor 1/2** (paper 2, eq. 5, has
+none: its theta is half of ours). Internal vibration modes are followed like boundary modes, with the forces that hold
+their amplitude constant left out, as in eq. 4.
+Source: paper 2, eqs. 4-8; Craig and Bampton 1968; Farhat et al. 2014 and 2015 for the sampling.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Tangent = Callable[[Array], Any]
+"""Tangent matrix (n, n), dense or scipy sparse, at coordinates (n,)."""
+
+
+class Modes(NamedTuple):
+    """First-order basis: shapes (n, k), the first `boundary` of them boundary modes; omega (k - boundary,) rad/s."""
+
+    shapes: Array
+    boundary: int
+    omega: Array
+
+
+class Derivatives(NamedTuple):
+    """Derivatives of the static path: shapes (n, p) and their index tuples, two long for theta, three for chi."""
+
+    shapes: Array
+    pairs: tuple[tuple[int, ...], ...]
+
+
+def craig_bampton(
+    K: Any, boundary: Sequence[int], inner: Sequence[int], *, M: Any = None, internal: int = 0
+) -> Modes:
+    """Boundary modes and fixed-interface vibration modes (paper 2, eqs. 6-7) of a tangent K (n, n).
+
+    boundary: coordinates that get a unit value each; inner: free coordinates; all others stay zero. internal: number of
+    fixed-interface modes, lowest first, by the mass matrix M (n, n), scaled to a largest entry of 1. Raises ValueError
+    when the inner block is singular (a mechanism inside the body) or modes are asked for without mass.
+    """
+    if internal and M is None:
+        raise ValueError(f"internal = {internal}: vibration modes need the mass matrix M")
+    shapes = np.zeros((K.shape[0], len(boundary) + internal))
+    for k, b in enumerate(boundary):
+        shapes[b, k] = 1.0
+    shapes[:, : len(boundary)] += extended(K, shapes[:, : len(boundary)], inner)
+    omega = np.zeros(0)
+    if internal:
+        square, found = _lowest(_part(K, inner, inner), _part(M, inner, inner), internal)
+        peak = found[np.abs(found).argmax(axis=0), np.arange(internal)]
+        shapes[inner, len(boundary) :] = found / peak
+        omega = np.sqrt(np.maximum(square, 0.0))
+    return Modes(shapes, len(boundary), omega)
+
+
+def extended(K: Any, patterns: Array, inner: Sequence[int]) -> Array:
+    """What the inner coordinates (n, k), zero elsewhere, do when the others follow `patterns` (n, k): static extension."""
+    found = np.zeros_like(patterns)
+    if patterns.shape[1]:
+        found[inner] = _solve(_part(K, inner, inner), -(K @ patterns)[inner])
+    return found
+
+
+def _part(K: Any, rows: Sequence[int], columns: Sequence[int]) -> Any:
+    return K[rows][:, columns]
+
+
+def _lowest(K: Any, M: Any, count: int) -> tuple[Array, Array]:
+    """The lowest `count` eigenvalues and vectors of K v = w M v."""
+    if isinstance(K, np.ndarray):
+        from scipy.linalg import eigh
+
+        values, vectors = eigh(K, M, subset_by_index=(0, count - 1))
+        return values, vectors
+    from scipy.sparse.linalg import eigsh
+
+    values, vectors = eigsh(K.tocsc(), count, M.tocsc(), sigma=0.0, v0=np.ones(K.shape[0]))
+    return values, vectors
+
+
+def _solve(K: Any, right: Array) -> Array:
+    """K^-1 right; ValueError where K is singular to working precision."""
+    from scipy.linalg import lu_factor, lu_solve
+
+    if not isinstance(K, np.ndarray):
+        from scipy.sparse.linalg import splu
+
+        return np.asarray(
+            splu(K.tocsc(), permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True}).solve(right)
+        )
+    scale = 1.0 / np.sqrt(np.abs(np.diag(K)) + 1e-300)
+    with warnings.catch_warnings():
+        # the pivots tell it better than the warning
+        warnings.simplefilter("ignore")
+        factor = lu_factor(scale[:, None] * K * scale)
+    pivots = np.abs(np.diag(factor[0]))
+    if not pivots.min() > 1e-13 * pivots.max():
+        raise ValueError(
+            "the tangent of the inner coordinates is singular: something inside the body can move freely"
+        )
+    return np.asarray(scale[:, None] * lu_solve(factor, scale[:, None] * right))
+
+
+def tangent_derivative(K: Tangent, direction: Array, *, step: float, at: Array | None = None) -> Any:
+    """dK along `direction` (n,) at `at` (zero if None), by central differences of fourth order with `step`."""
+    q = np.zeros(len(direction)) if at is None else at
+    near = K(q + step * direction) - K(q - step * direction)
+    far = K(q + 2 * step * direction) - K(q - 2 * step * direction)
+    return (8 * near - far) / (12 * step)
+
+
+def modal_derivatives(
+    K: Tangent,
+    modes: Modes,
+    inner: Sequence[int],
+    *,
+    step: float = 1e-3,
+    order: int = 2,
+    analytic: Callable[[Array], Any] | None = None,
+) -> Derivatives:
+    """theta_ij, and chi_ijk with order = 3, of all modes: derivatives of the static path, zero at the boundary.
+
+    Paper 2, eq. 8, with the inner coordinates free; what its theta has at the boundary is in the span of the boundary
+    modes. analytic: dK along a direction, where it is known; central differences with `step` (of a mode of unit size)
+    otherwise. Raises ValueError for another order than 2 or 3.
+    """
+    if order not in (2, 3):
+        raise ValueError(f"order = {order}: modal derivatives of order 2 or 3 are made")
+    k, n = modes.shapes.shape[1], len(modes.shapes)
+    rest = _part(K(np.zeros(n)), inner, inner)
+
+    def along(v: Array) -> Any:
+        if analytic is not None:
+            return analytic(v)
+        size = np.abs(v).max()
+        return tangent_derivative(K, v / size, step=step) * size
+
+    first = [along(modes.shapes[:, i]) for i in range(k)]
+    pairs = [(i, j) for i in range(k) for j in range(i, k)]
+    # symmetrised: equal where K is the Hessian of an energy in these coordinates
+    right = np.array(
+        [0.5 * (first[j] @ modes.shapes[:, i] + first[i] @ modes.shapes[:, j]) for i, j in pairs]
+    )
+    shapes = np.zeros((n, len(pairs)))
+    shapes[inner] = _solve(rest, -right.T[inner])
+    if order == 2:
+        return Derivatives(shapes, tuple(pairs))
+    third, triples = _third(K, modes, (first, dict(zip(pairs, shapes.T, strict=True))), step)
+    more = np.zeros((n, len(triples)))
+    more[inner] = _solve(rest, -third.T[inner])
+    return Derivatives(np.column_stack([shapes, more]), (*pairs, *triples))
+
+
+def _third(
+    K: Tangent, modes: Modes, lower: tuple[list[Any], dict], step: float
+) -> tuple[Array, list[tuple[int, int, int]]]:
+    """Right-hand sides (p, n) of chi_ijk: d2K[i, j] phi_k + dK[i] theta_jk + dK[j] theta_ik + dK[k] theta_ij."""
+    first, theta = lower
+    k, phi = modes.shapes.shape[1], modes.shapes
+    h, zero = 10 * step, np.zeros(len(phi))
+    triples = [(a, b, c) for a in range(k) for b in range(a, k) for c in range(b, k)]
+    second = {}
+    for a, b in theta:
+        u, v = phi[:, a], phi[:, b]
+        second[a, b] = (
+            K(h * (u + v)) - K(h * (u - v)) - K(h * (v - u)) + K(-h * (u + v))
+            if a != b
+            else 4 * (K(h * u) - 2 * K(zero) + K(-h * u))
+        ) / (4 * h * h)
+    found = []
+    for a, b, c in triples:
+        r = first[a] @ theta[b, c] + first[b] @ theta[a, c] + first[c] @ theta[a, b]
+        r += (second[b, c] @ phi[:, a] + second[a, c] @ phi[:, b] + second[a, b] @ phi[:, c]) / 3
+        found.append(r)
+    return np.array(found), triples
+
+
+class Basis(NamedTuple):
+    """A conditioned basis: columns (n, r) orthonormal in the scaled coordinates, rank r, condition of what was kept
+    (of the unit columns before they were made orthonormal), dropped: zero and dependent columns left out."""
+
+    columns: Array
+    rank: int
+    condition: float
+    dropped: int
+
+
+def conditioned(columns: Array, *, scale: Array | None = None, cut: float = 1e-8) -> Basis:
+    """Nondimensionalise rows by `scale` (n,), drop zero columns, scale to unit columns, cut by singular values.
+
+    cut: singular values below this fraction of the largest are left out.
+    """
+    scaled = columns if scale is None else columns / scale[:, None]
+    size = np.linalg.norm(scaled, axis=0)
+    keep = size > 1e-9 * size.max(initial=0.0)
+    if not np.any(keep):
+        return Basis(np.zeros((len(columns), 0)), 0, 1.0, columns.shape[1])
+    left, values, _ = np.linalg.svd(scaled[:, keep] / size[keep], full_matrices=False)
+    rank = int(np.sum(values > cut * values[0]))
+    found = left[:, :rank] if scale is None else left[:, :rank] * scale[:, None]
+    return Basis(found, rank, float(values[0] / values[rank - 1]), columns.shape[1] - rank)
+
+
+def split_boundary(columns: Array, rows: Sequence[int]) -> tuple[Array, Array]:
+    """Columns (n, len(rows)) with unit values at `rows` as far as the span has them, and those that are zero there.
+
+    The second set (n, p) spans all that is left, so that values at the boundary become coordinates of their own.
+    """
+    size = np.linalg.norm(columns, axis=0)
+    unit = columns[:, size > 0] / size[size > 0]
+    left, values, right = np.linalg.svd(unit[rows], full_matrices=True)
+    rank = int(np.sum(values > 1e-9 * values[0]))
+    inverse = (right[:rank].T / values[:rank]) @ left[:, :rank].T
+    return unit @ inverse, unit @ right[rank:].T
+
+
+def sampled_weights(training: Array, total: Array, *, tolerance: float = 1e-4) -> Array:
+    """Nonnegative weights (e,) of few elements with training @ weights = total within `tolerance` (ECSW).
+
+    training (s, e): reduced forces of every element in every training state, stacked; total (s,): their sums. Raises
+    ValueError when the tolerance cannot be met.
+    """
+    size = np.linalg.norm(total)
+    G, b = training / size, total / size
+    chosen: list[int] = []
+    weights, rest = np.zeros(G.shape[1]), b
+    from scipy.optimize import nnls
+
+    # greedy growth, nonnegative least squares on the elements chosen so far (Farhat et al. 2015, algorithm 1)
+    while np.linalg.norm(rest) > tolerance:
+        gain = G.T @ rest
+        gain[chosen] = -np.inf
+        best = int(np.argmax(gain))
+        if len(chosen) == G.shape[1] or not gain[best] > 0.0:
+            raise ValueError(
+                f"{len(chosen)} of {G.shape[1]} elements leave {np.linalg.norm(rest):.2g} of the forces; the tolerance "
+                f"{tolerance:g} cannot be met: raise it"
+            )
+        chosen.append(best)
+        found, _ = nnls(G[:, chosen], b)
+        chosen = [c for c, w in zip(chosen, found, strict=True) if w > 0.0] or chosen
+        weights[:] = 0.0
+        weights[chosen] = nnls(G[:, chosen], b)[0]
+        rest = b - G @ weights
+    return weights
+
+
+__all__ = [
+    "Basis",
+    "Derivatives",
+    "Modes",
+    "conditioned",
+    "craig_bampton",
+    "extended",
+    "modal_derivatives",
+    "sampled_weights",
+    "split_boundary",
+    "tangent_derivative",
+]

@@ -1,0 +1,223 @@
+"""Method `modal`: equilibrium of a mechanism whose leafs are modal bodies (paper 2, section 4), with an error figure.
+
+Bodies share interface nodes, which is eq. 11 with its multipliers eliminated; drives and supports keep theirs. Loads
+and drives are stepped and Newton iterated by the solver of everything else. The error indicator takes corrector
+steps of the full model from the recovered nodes and looks how far they lead.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from ksd.errors import ConvergenceError, SceneError
+from ksd.modal.basis import shortest_turn
+from ksd.modal.bodies import ModalModel, body_nodes, inside, member_pose, with_modal_bodies
+from ksd.modal.choices import ModalBasis
+from ksd.model.arrays import Motion, make_work
+from ksd.model.compile import Model, compile_scene
+from ksd.model.mesh import Mesh
+from ksd.properties.tangent import exact
+from ksd.solve import pipeline
+from ksd.solve.configuration import Configuration, ErrorEstimate, Step
+from ksd.solve.conventional import conventional
+from ksd.solve.driving import CAP, RTOL
+from ksd.solve.newton import iterate
+from ksd.solve.reach import closed, in_range
+from ksd.solve.stops import Stop
+
+CORRECTORS = 3
+"""Corrector steps of the error indicator: one sees a third of a large error, three are within [0.6, 1.4] of it."""
+SUCCESSFUL = 0.05
+"""Estimated relative error beyond which a basis is no longer successful."""
+Near = Callable[[Mapping[str, float]], Motion]
+
+
+class ModalSolver:
+    """A mechanism of modal bodies, prepared for repeated solves."""
+
+    def __init__(self, scene: Any, basis: ModalBasis | None = None, *, mesh: Mesh | None = None) -> None:
+        self.basis = basis or ModalBasis()
+        if not isinstance(self.basis, ModalBasis):
+            raise SceneError(f"basis = {basis!r}: give a ksd.ModalBasis")
+        warping = mesh.warping if mesh is not None else False
+        chains = Mesh("corotational", elements=self.basis.elements, warping=warping)
+        self.full: Model = compile_scene(scene, mesh=chains)
+        self._at_rest: ModalModel | None = None
+
+    @property
+    def at_rest(self) -> ModalModel:
+        """The bodies expanded at the undeformed state, made on first use."""
+        if self._at_rest is None:
+            self._at_rest = with_modal_bodies(self.full, self.basis)
+        return self._at_rest
+
+    def __call__(
+        self, targets: Mapping[str, float], *, near: Near | None = None, estimate: bool = True
+    ) -> Configuration:
+        """Solve at drive values by name [m or rad]. near: the state to expand at for given targets (trained basis).
+
+        Raises ConvergenceError where the reduced equilibrium is not found, which says "basis no longer successful".
+        """
+        if self.basis.expansion == "trained":
+            assert near is not None
+            found = tangent_solve(self.full, self.basis, targets, near(targets))
+        else:
+            try:
+                found = conventional(self.at_rest, targets, planar=False)
+            except ConvergenceError as reason:
+                raise ConvergenceError(
+                    f"basis no longer successful: {reason}; ask for less, raise internal or order, take "
+                    "expansion='trained', or use another method",
+                    reached=reason.reached,
+                    result=reason.result,
+                ) from reason
+        found = replace(found, method="modal")
+        return judged(found) if estimate else found
+
+
+def by_modal_bodies(solver: Any, targets: Mapping[str, float], *, estimate: bool = True) -> Configuration:
+    """Method `modal` of a `ksd.solve.choose.Solver`; for a trained expansion the chains stand as its steps 1 and 2
+    place them."""
+    if solver.modal is None:
+        from ksd.solve.warm import ready
+
+        ready()
+        bodies = ModalSolver(solver.model.scene, solver.basis, mesh=solver.model.mesh)
+        words = {"records": solver.records, "extrapolate": solver.extrapolate}
+        solver.modal = bodies, type(solver)(bodies.full, **words)
+    bodies, chains = solver.modal
+    return bodies(
+        targets,
+        near=lambda t: kinematic_state(chains.bench, chains.model.targets(t), extrapolate=chains.extrapolate),
+        estimate=estimate,
+    )
+
+
+def kinematic_state(b: pipeline.Bench, target: np.ndarray, *, extrapolate: bool) -> Motion:
+    """State of the full model as the joints' records place it: steps 1 and 2 of KSD. Raises RangeError, ConvergenceError."""
+    b.restart()
+    closed(b, target)
+    in_range(b, extrapolate=extrapolate)
+    pipeline.linearise(b, near=1, first=True)
+    pipeline.place_full(b)
+    return b.full.copy()
+
+
+def tangent_solve(
+    full: Model, basis: ModalBasis, targets: Mapping[str, float], about: Motion
+) -> Configuration:
+    """Equilibrium of bodies expanded at the state `about` of the full model, from there in one go."""
+    clock = time.thread_time_ns()
+    model = with_modal_bodies(full, basis, about=about)
+    made = (time.thread_time_ns() - clock) * 1e-9
+    motion = model.rest.copy()
+    motion.x[:], motion.R[:] = about.x, about.R
+    clock = time.thread_time_ns()
+    reason, count, residual, negatives, _ = iterate(
+        model.arrays, motion, model.targets(targets), 1.0, make_work(model.arrays), RTOL, 40, CAP, math.inf
+    )
+    spent = (time.thread_time_ns() - clock) * 1e-9
+    steps = (
+        Step("tangent bases", 0, made, 0.0, Stop.CONVERGED, f"{len(model.bodies)} bodies"),
+        Step("modal equilibrium", count, spent, residual, Stop(reason)),
+    )
+    expected = len(model.drive_names) + len(model.support_names)
+    found = Configuration(model, motion, "modal", dict(targets), steps, negatives, expected)
+    if Stop(reason) is not Stop.CONVERGED:
+        raise ConvergenceError(
+            f"basis no longer successful: from the trained configuration {Stop(reason).sentence}; use method='full'",
+            result=found,
+        )
+    return found
+
+
+def indicator(
+    model: ModalModel, motion: Motion, target: np.ndarray, *, correctors: int = CORRECTORS
+) -> tuple[ErrorEstimate, Step]:
+    """Error of a modal state by `correctors` Newton steps of the full model from its nodes; the state is left alone."""
+    clock = time.thread_time_ns()
+    full, state = model.full, inside(model, motion)
+    arrays = exact(full.arrays)
+    reason, count, residual, _, _ = iterate(
+        arrays, state, target, 1.0, make_work(arrays), RTOL, correctors, CAP, math.inf
+    )
+    sound = reason not in (Stop.NOT_FINITE, Stop.SINGULAR)
+    lost = ErrorEstimate(np.full(len(model.drive_names), math.inf), math.inf, math.inf, math.inf)
+    estimate = relative_error(model, motion, state) if sound else lost
+    spent = (time.thread_time_ns() - clock) * 1e-9
+    stop = Stop.CONVERGED if sound else Stop(reason)
+    return estimate, Step(
+        "error estimate", count, spent, residual, stop, f"{count} corrector steps of the full model"
+    )
+
+
+def relative_error(model: Model, motion: Motion, truth: Motion) -> ErrorEstimate:
+    """Difference of two states, relative: forces by the largest, displacement by the largest of a link. Rounding is none."""
+    from scipy.spatial.transform import Rotation
+
+    links, drives = model.links, len(model.drive_names)
+    force = np.abs(truth.multiplier[:drives] - motion.multiplier[:drives])
+    shift = float(np.linalg.norm(truth.x[:links] - motion.x[:links], axis=1).max())
+    between = np.einsum("kij,klj->kil", truth.R[:links], motion.R[:links])
+    turn = float(Rotation.from_matrix(between).magnitude().max())
+    grain = 1e-11 * model.arrays.size
+    moved = grain + float(np.linalg.norm(motion.x[:links] - model.rest.x[:links], axis=1).max())
+    noise = grain * model.arrays.members.floor.max() * min(1.0, model.arrays.size)
+    scale = np.abs(motion.multiplier[:drives]) + noise
+    of_force = float((force / np.maximum(scale, scale.max(initial=0.0))).max(initial=0.0))
+    relative = max(of_force, shift / moved)
+    return ErrorEstimate(force, shift, turn, relative if math.isfinite(relative) else math.inf)
+
+
+def bent(model: ModalModel, motion: Motion) -> tuple[str, float, float]:
+    """The leaf bent furthest: name, stroke of its end over its length, largest rotation [rad] against its chord."""
+    worst, members = ("", 0.0, 0.0), model.arrays.members
+    for i, body in enumerate(model.bodies):
+        if body is None:
+            continue
+        d, Q = member_pose(members, i, motion)
+        x, R = body_nodes(body, d, Q, motion.inner[members.inner_at[i] : members.inner_at[i + 1]])
+        cosine = np.einsum("i,ki->k", shortest_turn(x[-1])[:, 0], R[:, :, 0]).min()
+        stroke = float(np.linalg.norm(x[-1] - body.rest_end) / members.length[i])
+        turn = float(np.arccos(np.clip(cosine, -1.0, 1.0)))
+        if turn >= worst[2]:
+            worst = (model.member_names[i], stroke, turn)
+    return worst
+
+
+def judged(found: Configuration) -> Configuration:
+    """The configuration with its error estimate, and a doubt where the basis was no longer successful."""
+    model = found.model
+    assert isinstance(model, ModalModel)
+    estimate, step = indicator(model, found.motion, model.targets(found.targets))
+    name, stroke, turn = bent(model, found.motion)
+    last = found.steps[-1]
+    steps = (*found.steps[:-1], step, last)
+    doubts = found.doubts
+    if not estimate.relative <= SUCCESSFUL:
+        said = f"{100 * estimate.relative:.2g} %" if math.isfinite(estimate.relative) else "beyond measure"
+        doubts = (
+            *doubts,
+            f"basis no longer successful: its estimated error is {said}, with leaf '{name}' at a stroke of "
+            f"{stroke:.2g} L and bent {np.rad2deg(turn):.3g} degrees from its chord; use ksd.ModalBasis() with "
+            "coordinates='director', frame='chord', more internal modes, or expansion='trained'",
+        )
+    return replace(found, error=estimate, steps=steps, doubts=doubts)
+
+
+__all__ = [
+    "CORRECTORS",
+    "SUCCESSFUL",
+    "ModalSolver",
+    "bent",
+    "by_modal_bodies",
+    "indicator",
+    "judged",
+    "tangent_solve",
+]

@@ -1,0 +1,229 @@
+"""Modal bodies as members: kernels against differences, rigid motion, mixing, the method and what it refuses."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+import ksd
+from ksd.beam.corotational_values import ElementSection, chain_values, sizes
+from ksd.beam.modal import SCRATCH, modal_condense, modal_energy, modal_recover, modal_sizes
+from ksd.beam.modal_jets import JET, boundary_jets
+from ksd.beam.modal_nodes import element_values
+from ksd.modal import inside, with_modal_bodies
+from ksd.modal.basis import chain_records, rest_basis
+from ksd.model.compile import compile_scene
+from ksd.model.mesh import Mesh
+from ksd.solve.conventional import conventional
+from ksd.units import deg
+from tests.scenes import cross_flexure, fourbar, single_joint
+
+CHAINS = Mesh("corotational", elements=6)
+SECTION = ElementSection(E=1e6, G=4e5, A=0.01, J=8e-6, Iy=3.3e-5, Iz=2.1e-6)
+TURN = Rotation.from_rotvec
+
+
+def differences(function, size, step=1e-6):
+    """Central differences (.., size) of an array function."""
+    unit = step * np.eye(size)
+    return np.stack([(function(e) - function(-e)) / (2 * step) for e in unit], axis=-1)
+
+
+@pytest.mark.parametrize(("frame", "angle"), [(0, 0), (0, 1), (1, 0), (1, 1)])
+def test_boundary_values_and_their_derivatives(frame, angle):
+    """First and second derivatives in the chart Q <- exp(psi) Q."""
+    d, Q = np.array([1.0, 0.2, -0.1]), TURN([0.2, 0.3, -0.4]).as_matrix()
+    reference = np.concatenate([TURN(v).as_matrix().T.ravel() for v in ([0, 0.1, 0.2], [0.1, 0.1, -0.2])])
+    count = {(0, 0): 9, (0, 1): 6, (1, 0): 13, (1, 1): 7}[frame, angle]
+
+    def jets(xi):
+        out = np.empty((count, JET))
+        boundary_jets(frame, angle, reference, d + xi[:3], TURN(xi[3:]).as_matrix() @ Q, out)
+        return out
+
+    found = jets(np.zeros(6))
+    assert found[:, 1:7] == pytest.approx(differences(lambda e: jets(e)[:, 0], 6), abs=1e-8)
+    upper = np.triu_indices(6)
+    h = 1e-4
+    E = h * np.eye(6)
+    for k, (i, j) in enumerate(zip(*upper, strict=True)):
+        second = jets(E[i] + E[j]) - jets(E[i] - E[j]) - jets(E[j] - E[i]) + jets(-E[i] - E[j])
+        assert found[:, 7 + k] == pytest.approx(second[:, 0] / (4 * h * h), abs=1e-6)
+
+
+@pytest.mark.parametrize("angle", [0, 1])
+def test_element_in_node_values(angle):
+    """Gradient and tangent by directors that are neither unit nor orthogonal, and by rotation vectors."""
+    rng, q = np.random.default_rng(0), 6 if angle else 9
+    Ra, Rb = TURN([0.1, 0.2, 0.3]).as_matrix(), TURN([0.2, 0.05, 0.4]).as_matrix()
+    xb = Ra @ np.array([1.02, 0.05, 0.03])
+    z = np.concatenate([np.zeros(3), 0.25 * rng.normal(size=3), xb, 0.25 * rng.normal(size=3)])
+    if not angle:
+        tilted = Rb[:, 1] * 1.1 - 0.07 * Rb[:, 0]
+        z = np.concatenate([np.zeros(3), 1.1 * Ra[:, 0], 0.95 * Ra[:, 1], xb, 0.95 * Rb[:, 0], tilted])
+    orientation = np.concatenate([Ra.T.ravel(), Rb.T.ravel()])
+    record = chain_values(SECTION, 1.0, 1)
+
+    def both(v):
+        g, H = np.zeros(2 * q), np.zeros((2 * q, 2 * q))
+        assert element_values(record, np.zeros(6 + sizes(1).store), v, orientation, angle, g, H) == 0
+        return g, H
+
+    H = both(z)[1]
+    near = differences(lambda e: both(z + e)[0], 2 * q)
+    assert near == pytest.approx(H, abs=1e-6 * np.abs(H).max())
+    assert pytest.approx(H.T, abs=1e-10 * np.abs(H).max()) == H
+
+
+@pytest.mark.parametrize(
+    "basis",
+    [ksd.ModalBasis(elements=6), ksd.ModalBasis(coordinates="angle", frame="node", internal=0, elements=6)],
+    ids=["default", "printed"],
+)
+def test_condensed_body(basis):
+    """Energy, its pose and its condensation at a bent state, against differences and plain linear algebra."""
+    body = rest_basis(chain_records(chain_values(SECTION, 1.0, 6), 6), basis)
+    value, number = body.constants()
+    size, nb = len(body.b0) + body.inner.shape[1], len(body.b0)
+    d, Q = np.array([0.995, 0.08, 0.02]), TURN([0.05, -0.02, 0.15]).as_matrix()
+    jets, eta = np.empty((nb, JET)), 0.01 * np.random.default_rng(1).normal(size=size - nb)
+    boundary_jets(int(number[3]) % 2, int(number[3]) // 2, value[:18], d, Q, jets)
+    y = np.concatenate([jets[:, 0] - body.b0, eta])
+
+    def energy(v):
+        g, G = np.empty(size), np.empty((size, size))
+        assert modal_energy(value, number, v, np.empty(SCRATCH), g, G) == 0
+        return g, np.tril(G) + np.tril(G, -1).T
+
+    g, G = energy(y)
+    near = differences(lambda e: energy(y + e)[0], size, 1e-7)
+    assert near == pytest.approx(G, abs=1e-6 * np.abs(G).max())
+    J, H = jets[:, 1:7], np.zeros((nb, 6, 6))
+    H[:, *np.triu_indices(6)] = jets[:, 7:]
+    H = H + np.triu(H, 1).transpose(0, 2, 1)
+    T = np.block([[J, np.zeros((nb, size - nb))], [np.zeros((size - nb, 6)), np.eye(size - nb)]])
+    force, whole = T.T @ g, T.T @ G @ T
+    whole[:6, :6] += np.einsum("b,bij->ij", g[:nb], H)
+    across = np.linalg.solve(whole[6:, 6:], np.column_stack([whole[6:, :6], force[6:]]))
+    lam, K, store = np.empty(12), np.empty((6, 6)), np.zeros(modal_sizes(size - nb)[1])
+    negatives, *_, status = modal_condense(value, number, eta, store, d, Q, lam, K)
+    assert status == 0 and negatives == np.sum(np.linalg.eigvalsh(whole[6:, 6:]) < 0)
+    exact = whole[:6, :6] - whole[:6, 6:] @ across[:, :6]
+    assert pytest.approx(exact, abs=1e-8 * np.abs(exact).max()) == K
+    assert lam[6:] == pytest.approx(force[:6], abs=1e-9 * np.abs(force).max())
+    assert lam[:6] == pytest.approx(force[:6] - whole[:6, 6:] @ across[:, 6], abs=1e-7 * np.abs(force).max())
+    xi, before = np.array([1e-3, 2e-3, 0, 0, 1e-3, -2e-3]), eta.copy()
+    modal_recover(value, number, eta, store, xi, 0.5)
+    step = before - 0.5 * (across[:, :6] @ xi + across[:, 6])
+    assert eta == pytest.approx(step, abs=1e-8 * np.abs(step).max())
+
+
+@pytest.fixture(scope="module")
+def chains():
+    return compile_scene(single_joint(), mesh=CHAINS)
+
+
+def test_rigid_motion_costs_nothing(chains):
+    """A mechanism turned at random gives the same moment and the same links, turned."""
+    model = with_modal_bodies(chains, ksd.ModalBasis(elements=6))
+    found = conventional(model, {"turn": 25 * deg}, planar=False)
+    scene = ksd.Mechanism("turned")
+    tip, turn = scene.link("tip"), TURN([0.4, -1.0, 0.7]).as_matrix()
+    placed = scene.join(
+        scene.ground,
+        tip,
+        cross_flexure(),
+        at=(0.3, 0.1, -0.2),
+        axis=turn[:, 2],
+        toward=turn[:, 0],
+        name="hinge",
+    )
+    scene.actuate_joint(placed, name="turn")
+    other = with_modal_bodies(compile_scene(scene, mesh=CHAINS), ksd.ModalBasis(elements=6))
+    moved = conventional(other, {"turn": 25 * deg}, planar=False)
+    assert moved.forces["turn"] == pytest.approx(found.forces["turn"], rel=1e-8)
+    assert turn.T @ moved.links["tip"][0] == pytest.approx(found.links["tip"][0], abs=1e-10)
+
+
+def test_nothing_happens_without_load(chains):
+    found = conventional(with_modal_bodies(chains, ksd.ModalBasis(elements=6)), {"turn": 0.0}, planar=False)
+    assert found.forces["turn"] == pytest.approx(0.0, abs=1e-12)
+    assert found.iterations == 0
+
+
+def test_inside_places_the_nodes_of_the_full_model(chains):
+    """The recovered nodes are those of the full model; stress and shape are asked of them."""
+    reduced = conventional(
+        with_modal_bodies(chains, ksd.ModalBasis(elements=6)), {"turn": 30 * deg}, planar=False
+    )
+    full = conventional(chains, {"turn": 30 * deg}, planar=False)
+    state = inside(reduced.model, reduced.motion)
+    for i in range(3):
+        at = chains.arrays.members.inner_at[i]
+        mine, theirs = (m.inner[at : at + 60].reshape(5, 12) for m in (state, full.motion))
+        assert mine[:, :3] == pytest.approx(theirs[:, :3], abs=1e-8)
+        assert mine[:, 3:] == pytest.approx(theirs[:, 3:], abs=1e-5)
+    a, b = (c.strain_energy() for c in (reduced, full))
+    assert a == pytest.approx(b, rel=1e-4)
+
+
+def test_modal_bodies_beside_chains(chains):
+    """One leaf reduced, the others as they are."""
+    names = chains.member_names
+    mixed = with_modal_bodies(chains, ksd.ModalBasis(elements=6), only=[names[0]])
+    assert [b is not None for b in mixed.bodies] == [True, False, False]
+    full = conventional(chains, {"turn": 30 * deg}, planar=False)
+    found = conventional(mixed, {"turn": 30 * deg}, planar=False)
+    assert found.forces["turn"] == pytest.approx(full.forces["turn"], rel=1e-5)
+    with pytest.raises(ksd.SceneError, match="there is no leaf 'spring'"):
+        with_modal_bodies(chains, ksd.ModalBasis(), only=["spring"])
+
+
+def test_method_modal_on_the_fourbar():
+    """In every mechanism: 12 bodies, 70 degrees; by both expansions, with an honest error and stiffness."""
+    scene = fourbar()
+    exact = ksd.solve(scene, top=0.2, method="conventional", mesh=Mesh("corotational", elements=10))
+    for basis in (ksd.ModalBasis(), ksd.ModalBasis(expansion="trained", internal=0, frame="node")):
+        found = ksd.solve(scene, top=0.2, method="modal", basis=basis)
+        assert found.method == "modal" and found.stable
+        assert found.forces["top"] == pytest.approx(exact.forces["top"], rel=2e-5)
+        assert found.error.relative < 1e-4
+        a, b = (c.stiffness("top", at=(0, 0.3, 0)).supports for c in (found, exact))
+        assert [a[d] for d in "yz"] == pytest.approx([b[d] for d in "yz"], rel=0.03)
+        assert "modal bodies" in str(found)
+
+
+def test_basis_no_longer_successful():
+    """As printed it fails at 30 degrees, and says so; strict=False gives the state with its verdict."""
+    printed = ksd.ModalBasis(coordinates="angle", frame="node", internal=0, plane=True)
+    scene = single_joint(cross_flexure(thickness=0.5e-3))
+    with pytest.raises(ksd.KsdError, match="basis no longer successful"):
+        ksd.solve(scene, turn=30 * deg, method="modal", basis=printed)
+    try:
+        found = ksd.solve(scene, turn=30 * deg, method="modal", basis=printed, strict=False)
+    except ksd.ConvergenceError:
+        return
+    assert not found.trusted and found.error.relative > 0.05
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        ({"coordinates": "quaternion"}, "coordinates = 'quaternion': choose one of director, angle"),
+        ({"frame": "mean"}, "choose one of chord, node"),
+        ({"order": 4}, "order = 4"),
+        ({"internal": -1}, "internal = -1"),
+        ({"elements": 1}, "elements = 1"),
+        ({"expansion": "now"}, "choose one of rest, trained"),
+    ],
+)
+def test_choices_are_checked(words, said):
+    with pytest.raises(ksd.SceneError, match=said):
+        ksd.ModalBasis(**words)
+
+
+def test_a_basis_is_asked_for_by_name():
+    with pytest.raises(ksd.SceneError, match=r"give a ksd\.ModalBasis"):
+        ksd.solve(single_joint(), turn=0.1, method="modal", basis="director")
+    assert replace(ksd.ModalBasis(), order=3).order == 3
