@@ -85,3 +85,29 @@ def test_stroke(script, tmp_path):
     assert all(row["failures"] == 0 and len(row["largest_errors"]) == 4 for row in rows.values())
     assert max(rows["full"]["largest_errors"].values()) < 1e-5
     assert rows["reduced"]["largest_errors"]["top_force_N"] < 0.013
+
+
+def test_figures_of_paper_2(script, tmp_path):
+    found = script("paper2").main(["--quick", "--out", str(tmp_path)])
+    # as printed slightly stiffer, and no longer successful at the increased load of fig. 6
+    full, printed = (found["figure_4"][n] for n in ("full, 10 elements", "modal derivatives as printed"))
+    assert 0.97 < printed / full < 1.0
+    assert found["figure_6"]["modal derivatives as printed"] < 0.8 * found["figure_6"]["full, 10 elements"]
+    # both bases of fig. 3 similar, the quadratic manifold stiffer than either
+    tip = found["figure_3"]
+    two = [tip[n] for n in ("2 vibration modes, 3 derivatives", "2 Craig-Bampton modes, 3 derivatives")]
+    assert two[0] == pytest.approx(two[1], rel=5e-3)
+    assert len(list(tmp_path.glob("paper2_fig*.png"))) == 6
+    missed = [r["what"] for r in found["acceptance"] if not r["met"]]
+    assert missed == ["as printed: order of the error there"]
+
+
+def test_cost_and_health_of_modal_bodies(script, tmp_path):
+    cost = script("modal_cost").main(["--quick", "--out", str(tmp_path)])
+    rows = {r["way"]: r for r in cost["leafs"]}
+    assert rows["modal, default"]["in_plane_error"] < 1.05 * rows["full, 10 elements"]["in_plane_error"]
+    assert rows["strain modes (4, 3, 5)"]["across_error"] < 1e-4
+    assert cost["solids"][0]["tip_error"] < 1e-4
+    health = script("modal_health").main(["--quick", "--out", str(tmp_path)])
+    ratios = [r["ratio"][None] for r in health["rows"]]
+    assert len(ratios) >= 15 and all(0.6 <= r <= 1.4 for r in ratios)

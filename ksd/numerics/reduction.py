@@ -184,6 +184,36 @@ def _third(
     return np.array(found), triples
 
 
+class QuadraticManifold(NamedTuple):
+    """q = shapes eta + 1/2 sum theta_ij eta_i eta_j: the derivatives tied to the modes (paper 2, eq. 5, with the 1/2).
+
+    shapes (n, k), theta (k, k, n), symmetric. For comparison: few unknowns, but stiffer than the subspace in which
+    modes and derivatives move freely, and sensitive to what the path leaves out.
+    """
+
+    shapes: Array
+    theta: Array
+
+    def at(self, eta: Array) -> tuple[Array, Array]:
+        """Coordinates q (n,) and their derivatives (n, k) at eta (k,)."""
+        bent = np.einsum("ijn,j->in", self.theta, eta)
+        return self.shapes @ eta + 0.5 * bent.T @ eta, self.shapes + bent.T
+
+    def curved(self, force: Array) -> Array:
+        """Second derivatives (k, k) of force . q, for the tangent of a system with `force` (n,) along q."""
+        return np.asarray(self.theta @ force)
+
+
+def quadratic_manifold(modes: Modes, derived: Derivatives) -> QuadraticManifold:
+    """The manifold of modes and their second-order derivatives; third-order ones are left out."""
+    k, n = modes.shapes.shape[1], len(modes.shapes)
+    theta = np.zeros((k, k, n))
+    for pair, shape in zip(derived.pairs, derived.shapes.T, strict=True):
+        if len(pair) == 2:
+            theta[pair[0], pair[1]] = theta[pair[1], pair[0]] = shape
+    return QuadraticManifold(modes.shapes, theta)
+
+
 class Basis(NamedTuple):
     """A conditioned basis: columns (n, r) orthonormal in the scaled coordinates, rank r, condition of what was kept
     (of the unit columns before they were made orthonormal), dropped: zero and dependent columns left out."""
@@ -258,10 +288,12 @@ __all__ = [
     "Basis",
     "Derivatives",
     "Modes",
+    "QuadraticManifold",
     "conditioned",
     "craig_bampton",
     "extended",
     "modal_derivatives",
+    "quadratic_manifold",
     "sampled_weights",
     "split_boundary",
     "tangent_derivative",

@@ -32,7 +32,10 @@ from ksd.solve.reach import closed, in_range
 from ksd.solve.stops import Stop
 
 CORRECTORS = 3
-"""Corrector steps of the error indicator: one sees a third of a large error, three are within [0.6, 1.4] of it."""
+"""Corrector steps of the error indicator; more are taken while they still change it (see `indicator`)."""
+MOST_CORRECTORS = 12
+SETTLED = 0.1
+"""Relative change of the indicator by further steps at which it is believed."""
 SUCCESSFUL = 0.05
 """Estimated relative error beyond which a basis is no longer successful."""
 Near = Callable[[Mapping[str, float]], Motion]
@@ -138,22 +141,32 @@ def tangent_solve(
 
 
 def indicator(
-    model: ModalModel, motion: Motion, target: np.ndarray, *, correctors: int = CORRECTORS
+    model: ModalModel, motion: Motion, target: np.ndarray, *, correctors: int | None = None
 ) -> tuple[ErrorEstimate, Step]:
-    """Error of a modal state by `correctors` Newton steps of the full model from its nodes; the state is left alone."""
+    """Error of a modal state by Newton steps of the full model from its nodes; the state is left alone.
+
+    correctors: how many; when None, three, and two more each time while these change the result by a tenth or more: far
+    from equilibrium the first steps of the full model lead astray.
+    """
     clock = time.thread_time_ns()
     full, state = model.full, inside(model, motion)
     arrays = exact(full.arrays)
-    reason, count, residual, _, _ = iterate(
-        arrays, state, target, 1.0, make_work(arrays), RTOL, correctors, CAP, math.inf
-    )
-    sound = reason not in (Stop.NOT_FINITE, Stop.SINGULAR)
+    work, taken, last = make_work(arrays), 0, math.inf
     lost = ErrorEstimate(np.full(len(model.drive_names), math.inf), math.inf, math.inf, math.inf)
-    estimate = relative_error(model, motion, state) if sound else lost
+    while True:
+        most = correctors or (CORRECTORS if taken == 0 else 2)
+        reason, count, residual, _, _ = iterate(arrays, state, target, 1.0, work, RTOL, most, CAP, math.inf)
+        taken += count
+        sound = reason not in (Stop.NOT_FINITE, Stop.SINGULAR)
+        estimate = relative_error(model, motion, state) if sound else lost
+        settled = abs(estimate.relative - last) <= SETTLED * estimate.relative
+        last = estimate.relative
+        if correctors or settled or count < most or not sound or taken >= MOST_CORRECTORS:
+            break
     spent = (time.thread_time_ns() - clock) * 1e-9
     stop = Stop.CONVERGED if sound else Stop(reason)
     return estimate, Step(
-        "error estimate", count, spent, residual, stop, f"{count} corrector steps of the full model"
+        "error estimate", taken, spent, residual, stop, f"{taken} corrector steps of the full model"
     )
 
 

@@ -8,6 +8,7 @@ from ksd.numerics.reduction import (
     conditioned,
     craig_bampton,
     modal_derivatives,
+    quadratic_manifold,
     sampled_weights,
     split_boundary,
     tangent_derivative,
@@ -70,6 +71,22 @@ def test_path_with_its_factors_follows_the_static_solution(order):
     assert np.log2(wrong[0] / wrong[1]) == pytest.approx(order + 1, abs=0.3)
     twice = modes.shapes @ eta + (path(modes, derived, eta) - modes.shapes @ eta) * 2
     assert np.abs(twice - static(eta)).max() > 5 * np.abs(path(modes, derived, eta) - static(eta)).max()
+
+
+def test_quadratic_manifold():
+    """The manifold is the path to second order; its derivatives are those of itself."""
+    modes = craig_bampton(K2, BOUNDARY, INNER)
+    derived = modal_derivatives(tangent, modes, INNER)
+    curve, eta = quadratic_manifold(modes, derived), np.array([0.3, -0.2])
+    q, slope = curve.at(eta)
+    assert q == pytest.approx(path(modes, derived, eta))
+    h = 1e-6 * np.eye(2)
+    assert slope == pytest.approx(
+        np.array([(curve.at(eta + e)[0] - curve.at(eta - e)[0]) / 2e-6 for e in h]).T, abs=1e-8
+    )
+    force = np.arange(N, dtype=float)
+    near = np.array([force @ (curve.at(eta + e)[1] - curve.at(eta - e)[1]) / 2e-6 for e in h])
+    assert curve.curved(force) == pytest.approx(near, abs=1e-7)
 
 
 def test_craig_bampton_modes():

@@ -1,0 +1,242 @@
+"""What a modal body costs beside what it gives: time per iteration and solve, error of moment AND support stiffness.
+
+    python benchmarks/modal_cost.py [--quick] [--out FOLDER]
+
+The cross flexure of paper 1 at 45 degrees, in space, by chains of 4, 10 and 48 elements, strain-mode leafs of several
+orders and modal bodies, interleaved in one process, thread CPU time, medians; then solids by scikit-fem against their
+tensors. Errors against strain-mode leafs of orders (6, 5, 9). A reduction slower than four plain elements says so.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import statistics
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from common import machine
+
+import ksd
+from ksd.beam.modal import modal_recover, modal_sizes
+from ksd.beam.polynomial import polynomial_condense
+from ksd.modal import ModalBasis, with_modal_bodies
+from ksd.modal.solid import block
+from ksd.modal.solid_basis import SolidBasis, reduce_solid
+from ksd.modal.solid_solve import Pressed, press, press_reduced
+from ksd.model.compile import Model, compile_scene
+from ksd.model.mesh import Mesh
+from ksd.solve.configuration import Configuration
+from ksd.solve.conventional import conventional
+from ksd.solve.modal import tangent_solve
+
+RESULTS = Path(__file__).resolve().parent / "results"
+STEEL = ksd.Material(E=200e9, G=76.9e9, density=7800)
+LENGTH, STROKE = 0.1, np.deg2rad(45.0)
+DIRECTIONS = ("x", "y", "z", "rx", "ry")
+FINEST = Mesh(orders=(6, 5, 9), points=14)
+
+
+def hinge() -> ksd.Mechanism:
+    """The joint of paper 1, table 1, driven by its angle."""
+    scene = ksd.Mechanism("cross flexure")
+    tip = scene.link("tip")
+    joint = ksd.CrossFlexure(STEEL, length=LENGTH, angle=np.pi / 4, thickness=1e-3, widths=(0.04, 0.02))
+    scene.actuate_joint(
+        scene.join(scene.ground, tip, joint, at=(0, 0, 0), axis="z", toward="x", name="h"), name="turn"
+    )
+    return scene
+
+
+def ways() -> dict[str, Callable[[], Configuration]]:
+    """Every way to the same answer, prepared: a call solves from the undeformed state, or from the trained one."""
+    scene = hinge()
+
+    def model(**words: Any) -> Model:
+        return compile_scene(scene, mesh=Mesh(**words))
+
+    def solving(made: Model) -> Callable[[], Configuration]:
+        return lambda: conventional(made, {"turn": STROKE}, planar=False)
+
+    found = {f"full, {n} elements": solving(model(leaf="corotational", elements=n)) for n in (4, 10, 48)}
+    for orders, points in (((4, 2, 4), 6), ((4, 3, 5), 7), ((5, 3, 6), 8)):
+        found[f"strain modes {orders}"] = solving(model(orders=orders, points=points))
+    chains = model(leaf="corotational", elements=10)
+    bases = {
+        "modal, as printed (in space)": ModalBasis(coordinates="angle", frame="node", internal=0),
+        "modal, default": ModalBasis(),
+        "modal, 3 internal": ModalBasis(internal=3),
+        "modal, in-plane derivatives only": ModalBasis(plane=True),
+    }
+    for name, basis in bases.items():
+        found[name] = solving(with_modal_bodies(chains, basis))
+    about = conventional(chains, {"turn": STROKE - np.deg2rad(5.0)}, planar=False).motion
+    tangent = ModalBasis(frame="node", internal=0)
+    found["modal, tangent basis 5 deg away"] = lambda: tangent_solve(chains, tangent, {"turn": STROKE}, about)
+    return found
+
+
+def measure(repeats: int) -> list[dict[str, Any]]:
+    """One row per way: time of an iteration and of a solve [us], errors of moment and support stiffness."""
+    best = conventional(compile_scene(hinge(), mesh=FINEST), {"turn": STROKE}, planar=False)
+    aim = _answers(best)
+    prepared = ways()
+    times: dict[str, list[tuple[float, float]]] = {n: [] for n in prepared}
+    last: dict[str, Configuration] = {}
+    for k in range(repeats + 1):
+        for name, call in prepared.items():
+            last[name] = found = call()
+            step = found.steps[-1]
+            if k > 0:
+                times[name].append((step.time / max(step.iterations, 1), step.time))
+    rows = []
+    plain = statistics.median(t[1] for t in times["full, 4 elements"])
+    for name, found in last.items():
+        answers = _answers(found)
+        iteration, whole = (1e6 * statistics.median(t[i] for t in times[name]) for i in (0, 1))
+        basis = 1e6 * found.steps[0].time if found.steps[0].name == "tangent bases" else 0.0
+        bodies = getattr(found.model, "unknowns_per_body", 0)
+        rows.append(
+            {"way": name, "unknowns per leaf": bodies, "iterations": found.steps[-1].iterations,
+             "iteration_us": iteration, "solve_us": whole, "basis_us": basis,
+             "moment_error": abs(answers[0] / aim[0] - 1),
+             "in_plane_error": max(abs(a / b - 1) for a, b in zip(answers[1:3], aim[1:3], strict=True)),
+             "across_error": max(abs(a / b - 1) for a, b in zip(answers[3:], aim[3:], strict=True)),
+             "slower_than_4_elements": whole > 1e6 * plain}
+        )  # fmt: skip
+    return rows
+
+
+def _answers(found: Configuration) -> list[float]:
+    """Drive moment, then support stiffness in five directions at the crossing point."""
+    at = np.array([LENGTH * np.cos(np.pi / 4) / 2, 0.0, 0.0])
+    stiff = found.stiffness("tip", at=tuple(at)).supports
+    return [found.forces["turn"], *(stiff[d] for d in DIRECTIONS)]
+
+
+def notch(s: np.ndarray) -> np.ndarray:
+    """Thickness of a notch hinge over that of its ends: a smooth notch to 0.4 in the middle."""
+    return 1.0 - 0.6 * np.exp(-(((s - 0.5) / 0.15) ** 2)) * (1.0 - (2.0 * s - 1.0) ** 8)
+
+
+def timed(body: SolidBasis, at: Pressed) -> Callable[[], float]:
+    """What times one iteration [s] of a reduced solid at a state: force, tangent, condensation and recovery."""
+    d, inner = at.shift + np.array([body.solid.length, 0.0, 0.0]), at.state.copy()
+    store, lam, K = np.zeros(modal_sizes(len(inner))[1]), np.empty(12), np.empty((6, 6))
+    still, rounds = np.zeros(6), 20
+
+    def iteration() -> float:
+        clock = time.thread_time_ns()
+        for _ in range(rounds):
+            polynomial_condense(body.value, body.number, inner, store, d, at.R, lam, K)
+            modal_recover(body.value, body.number, inner, store, still, 1.0)
+            np.linalg.solve(K[:3, :3], lam[:3])
+        return (time.thread_time_ns() - clock) * 1e-9 / rounds
+
+    return iteration
+
+
+def solids(*, quick: bool) -> list[dict[str, Any]]:
+    """Solids: unknowns and time per iteration of both models, error of the tip and of the axial compliance at its stroke."""
+    cases: list[tuple[str, float, tuple[int, ...], Any, float]] = [
+        ("thick flexure, 2D", 0.01, (40, 4), None, 0.63),
+        ("thick flexure, 2D, finer", 0.01, (80, 6), None, 0.63),
+        ("notch hinge, 2D", 0.01, (48, 6), notch, 0.15),
+    ]
+    if not quick:
+        cases += [
+            ("thick flexure, 3D", 0.01, (16, 2, 2), None, 0.63),
+            ("notch hinge, 3D", 0.01, (20, 2, 2), notch, 0.15),
+        ]
+    rows = []
+    for name, thickness, cells, outline, load in cases[: 1 if quick else None]:
+        solid = block(STEEL, LENGTH, thickness, width=0.02, cells=cells, outline=outline)
+        clock = time.thread_time()
+        body = reduce_solid(solid)
+        made = time.thread_time() - clock
+        force = np.array([0.0, load * STEEL.E * 0.02 * thickness**3 / 12 / LENGTH**2, 0.0])
+        full = press(solid, force, np.zeros(3))
+        fast = press_reduced(body, force, np.zeros(3))
+        iteration = timed(body, fast)
+        pairs = [(iteration(), press(solid, 1e-3 * force, np.zeros(3), steps=1).time) for _ in range(4)]
+        spent, whole = (statistics.median(p[k] for p in pairs[1:]) for k in (0, 1))
+        free = [0, 1, 5]
+        axial = [np.linalg.inv(p.stiffness[np.ix_(free, free)]) for p in (full, fast)]
+        # along x with the stroke y held
+        held = [C[0, 0] - C[0, 1] ** 2 / C[1, 1] for C in axial]
+        rows.append(
+            {"solid": name, "dofs": solid.size, "unknowns": body.unknowns, "basis_s": made,
+             "stroke": full.shift[1] / LENGTH, "full_us": 1e6 * whole, "reduced_us": 1e6 * spent,
+             "faster": whole / spent,
+             "tip_error": float(np.linalg.norm(fast.shift - full.shift) / np.linalg.norm(full.shift)),
+             "support_error": held[1] / held[0] - 1.0}
+        )  # fmt: skip
+    return rows
+
+
+def _row(*cells: Any) -> str:
+    return "| " + " | ".join(str(c) for c in cells) + " |"
+
+
+def table(found: dict[str, Any]) -> str:
+    """Markdown of both tables."""
+    said = [
+        "# What modal bodies cost",
+        "",
+        f"{found['machine']}",
+        "",
+        "Cross flexure of paper 1, 45 degrees, in space.",
+        "",
+    ]
+    said += ["| leafs | unknowns per leaf | iterations | iteration [us] | solve [us] | moment | kx, ky | kz, rx, ry | |",
+             "|---|---:|---:|---:|---:|---:|---:|---:|---|"]  # fmt: skip
+    for r in found["leafs"]:
+        verdict = "slower than 4 plain elements" if r["slower_than_4_elements"] else ""
+        if r["basis_us"]:
+            verdict += f"; and {1e-3 * r['basis_us']:.0f} ms for the bases"
+        errors = [f"{100 * r[k]:.2g} %" for k in ("moment_error", "in_plane_error", "across_error")]
+        times = [r["iterations"], f"{r['iteration_us']:.0f}", f"{r['solve_us']:.0f}"]
+        said.append(_row(r["way"], r["unknowns per leaf"] or "", *times, *errors, verdict))
+    said += ["", "## Solids with exact polynomial tensors", "",
+             "Thread time of a Newton iteration, interleaved, medians: the full model in stacked products of numpy on a",
+             "scikit-fem mesh and solved by SuperLU; the reduced one compiled: force, tangent, condensation, recovery.", "",
+             _row("solid", "dofs", "unknowns", "stroke", "full [us]", "reduced [us]", "faster", "tip error",
+                  "support error", "aim: 300 times, 0.01 %"),
+             "|---|---:|---:|---:|---:|---:|---:|---:|---:|---|"]  # fmt: skip
+    for r in found["solids"]:
+        met = r["faster"] >= 300 and r["tip_error"] <= 1e-4
+        numbers = [
+            r["dofs"],
+            r["unknowns"],
+            f"{r['stroke']:.3g} L",
+            f"{r['full_us']:.0f}",
+            f"{r['reduced_us']:.0f}",
+        ]
+        errors = [f"{r['faster']:.0f}", f"{100 * r['tip_error']:.2g} %", f"{100 * r['support_error']:.2g} %"]
+        said.append(_row(r["solid"], *numbers, *errors, "met" if met else "MISSED"))
+    return "\n".join([*said, ""])
+
+
+def main(arguments: list[str] | None = None) -> dict[str, Any]:
+    """Run, write, return the numbers."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--quick", action="store_true")
+    parser.add_argument("--out", type=Path, default=RESULTS)
+    chosen = parser.parse_args(arguments)
+    chosen.out.mkdir(parents=True, exist_ok=True)
+    found = {
+        "machine": machine(),
+        "leafs": measure(2 if chosen.quick else 15),
+        "solids": solids(quick=chosen.quick),
+    }
+    (chosen.out / "modal_cost.json").write_text(json.dumps(found, indent=1, default=float))
+    (chosen.out / "modal_cost.md").write_text(table(found))
+    print(table(found))
+    return found
+
+
+if __name__ == "__main__":
+    main()
