@@ -129,9 +129,9 @@ def main(arguments: list[str] | None = None) -> dict[str, Any]:
     said = [
         "# Error indicator of modal bodies", "",
         f"{len(rows)} random states with true errors of 0.1 to 10 %; share of indicators within [0.6, 1.4] of them, and",
-        "the extremes of indicator over true error, by corrector steps of the full model; the method goes on",
-        "until the indicator settles.", "",
-        "| body | states | " + " | ".join(f"{k} steps" if k else "as the method" for k in CORRECTORS) + " | no state found |",
+        "the extremes of indicator over true error, by corrector steps of the full model; the method goes",
+        "on until the indicator settles.", "",
+        " | ".join(["| body", "states", *(f"{k} steps" if k else "as the method" for k in CORRECTORS), "no state found |"]),
         "|---|---:|" + "---:|" * (len(CORRECTORS) + 1),
     ]  # fmt: skip
     for name in (*BODIES, "all"):

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ksd.model.arrays import LINEAR, ROTATION, Arrays, Motion, Work
+from ksd.model.arrays import LINEAR, MODAL, ROTATION, SOLID, Arrays, Motion, Work
 from ksd.model.compile import Model
 from ksd.model.planar_arrays import PlanarMotion
 from ksd.model.planar_flat import Flat
@@ -111,6 +111,8 @@ def _flat_members(model: Model, axes: np.ndarray) -> tuple[list[Flat], np.ndarra
     for i, name in enumerate(model.member_names):
         if members.kind[i] == LINEAR:
             return f"'{name}' is a condensed joint, which has no planar form"
+        if members.kind[i] in (MODAL, SOLID):
+            return f"'{name}' is a reduced body, which has no planar form"
         for e3 in members.frame[i, :, :, 2]:
             if np.linalg.norm(np.cross(e3, k)) > PARALLEL:
                 return f"the width of leaf '{name}' is along {_spoken(e3)}, that of the others along {_spoken(k)}"

@@ -11,7 +11,7 @@ import math
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import replace
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
@@ -20,15 +20,13 @@ from ksd.modal.basis import shortest_turn
 from ksd.modal.bodies import ModalModel, body_nodes, inside, member_pose, with_modal_bodies
 from ksd.modal.choices import ModalBasis
 from ksd.model.arrays import Motion, make_work
-from ksd.model.compile import Model, compile_scene
-from ksd.model.mesh import Mesh
+from ksd.model.compile import Model, compile_given, marked
 from ksd.properties.tangent import exact
-from ksd.solve import pipeline
+from ksd.section.checks import show
 from ksd.solve.configuration import Configuration, ErrorEstimate, Step
 from ksd.solve.conventional import conventional
 from ksd.solve.driving import CAP, RTOL
 from ksd.solve.newton import iterate
-from ksd.solve.reach import closed, in_range
 from ksd.solve.stops import Stop
 
 CORRECTORS = 3
@@ -42,15 +40,16 @@ Near = Callable[[Mapping[str, float]], Motion]
 
 
 class ModalSolver:
-    """A mechanism of modal bodies, prepared for repeated solves."""
+    """A mechanism of modal bodies, prepared for repeated solves: the scene and effects of `model`, its leafs reduced."""
 
-    def __init__(self, scene: Any, basis: ModalBasis | None = None, *, mesh: Mesh | None = None) -> None:
+    def __init__(self, model: Model, basis: ModalBasis | None = None) -> None:
         self.basis = basis or ModalBasis()
         if not isinstance(self.basis, ModalBasis):
-            raise SceneError(f"basis = {basis!r}: give a ksd.ModalBasis")
-        warping = mesh.warping if mesh is not None else False
-        chains = Mesh("corotational", elements=self.basis.elements, warping=warping)
-        self.full: Model = compile_scene(scene, mesh=chains)
+            raise SceneError(f"basis = {show(basis)}: give a ksd.ModalBasis")
+        # the same effects, on chains
+        mesh = replace(model.mesh, leaf="corotational", elements=self.basis.elements, nodal=False)
+        full = compile_given(model.scene, mesh)
+        self.full: Model = marked(full, model.said, model.choice)
         self._at_rest: ModalModel | None = None
 
     @property
@@ -91,25 +90,16 @@ def by_modal_bodies(solver: Any, targets: Mapping[str, float], *, estimate: bool
         from ksd.solve.warm import ready
 
         ready()
-        bodies = ModalSolver(solver.model.scene, solver.basis, mesh=solver.model.mesh)
+        bodies = ModalSolver(solver.model, solver.basis)
         words = {"records": solver.records, "extrapolate": solver.extrapolate}
         solver.modal = bodies, type(solver)(bodies.full, **words)
     bodies, chains = solver.modal
-    return bodies(
-        targets,
-        near=lambda t: kinematic_state(chains.bench, chains.model.targets(t), extrapolate=chains.extrapolate),
-        estimate=estimate,
-    )
 
+    def near(values: Mapping[str, float]) -> Motion:
+        placed = chains(values, method="kinematic", estimate=False, strict=False)
+        return cast(Motion, placed.motion)
 
-def kinematic_state(b: pipeline.Bench, target: np.ndarray, *, extrapolate: bool) -> Motion:
-    """State of the full model as the joints' records place it: steps 1 and 2 of KSD. Raises RangeError, ConvergenceError."""
-    b.restart()
-    closed(b, target)
-    in_range(b, extrapolate=extrapolate)
-    pipeline.linearise(b, near=1, first=True)
-    pipeline.place_full(b)
-    return b.full.copy()
+    return bodies(targets, near=near, estimate=estimate)
 
 
 def tangent_solve(
