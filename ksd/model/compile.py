@@ -284,6 +284,17 @@ def compile_chosen(scene: Any, mesh: Mesh, choice: Choice) -> Model:
     return marked(compile_given(*applied(scene, mesh, choice)), scene, choice)
 
 
+def fit_for(model: Model, accuracy: float | None) -> Model:
+    """The model, or one with the effects that its choice left out for a lesser accuracy than this."""
+    if model.choice is None or accuracy is None:
+        return model
+    more = model.choice.too_coarse(accuracy)
+    if not more:
+        return model
+    present = (*model.choice.present, *more)
+    return compile_scene(model.said, mesh=replace(model.mesh, shear=True), effects=present)
+
+
 def marked(model: Model, said: Any, choice: Choice | None) -> Model:
     """The model with what it stands for: the scene as described, and the choice of its effects."""
     model = replace(model, said=said, choice=choice)

@@ -45,12 +45,16 @@ NATURE = ("spatial", "shear", "warping", "plate")
 
 @dataclass(frozen=True)
 class Effect:
-    """One effect: is it simulated, why, and by how much it changes the answer at most, relative (None: not estimated)."""
+    """One effect: is it simulated, why, and by how much it changes the answer at most, relative (None: not estimated).
+
+    by_estimate: it is left out because that is little.
+    """
 
     name: str
     present: bool
     reason: str
     change: float | None = None
+    by_estimate: bool = False
 
     def __str__(self) -> str:
         return f"{self.name}: {self.reason}"
@@ -72,6 +76,13 @@ class Choice:
     def absent(self) -> tuple[str, ...]:
         """Names of the effects left out."""
         return tuple(e.name for e in self.effects if not e.present)
+
+    def too_coarse(self, accuracy: float) -> tuple[str, ...]:
+        """Effects left out by an estimate that is too large for this accuracy."""
+        limit = MARGIN * accuracy
+        return tuple(
+            e.name for e in self.effects if e.by_estimate and e.change is not None and e.change > limit
+        )
 
     def __getitem__(self, name: str) -> Effect:
         return next(e for e in self.effects if e.name == name)
@@ -214,7 +225,7 @@ def _estimated(name: str, looked: estimates.Estimates, limit: float) -> Effect:
         return Effect(name, True, said)
     kept = change > limit or not math.isfinite(change)
     tail = "" if kept else ", left out"
-    return Effect(name, kept, said + tail, change)
+    return Effect(name, kept, said + tail, change, by_estimate=not kept)
 
 
 def applied(scene: Any, mesh: Mesh, choice: Choice) -> tuple[Any, Mesh]:

@@ -227,7 +227,9 @@ class Estimates:
     def _gravity(self) -> Found:
         if self.first is None:
             return None, "kept: its weight against the drive force is known only with drive values"
+        # the leafs hang in it too
         weight = sum(m.mass for m in self.scene.masses)
+        weight += sum((f.material.density or 0.0) * f.section.A * f.length for f in self.leafs.values())
         weight *= float(np.linalg.norm(self.scene.gravity))
         said = f"weight {weight:.3g} N against a drive force of {self._force:.3g} N"
         return self._against(said, self._ratio(weight), replace(bare(self.scene), gravity=self.scene.gravity))

@@ -13,7 +13,7 @@ from ksd.bodies.freedom import check_freedoms
 from ksd.bodies.joints import JointBodies, joint_bodies
 from ksd.errors import ConvergenceError, KinematicsError, KsdError, RangeError, RecordError, SceneError
 from ksd.library import find_record
-from ksd.model.compile import Model, compile_scene
+from ksd.model.compile import Model, compile_scene, fit_for
 from ksd.model.effects import mentioned
 from ksd.model.mesh import Mesh
 from ksd.model.orders import highest_share, mesh_for, raised
@@ -96,6 +96,9 @@ class Solver:
             "passes": passes,
             "estimate": estimate,
         }
+        fit = fit_for(self.model, accuracy)
+        if fit is not self.model:
+            self.use(fit)
         found = settled(self, lambda: self._solve(values, **ways), 0.1 * _accuracy(accuracy))
         if method is not None and needs_walk(found):
             against, _ = beside(found, lambda: by_load_steps(self.model, values, self._told))

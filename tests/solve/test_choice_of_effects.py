@@ -16,6 +16,7 @@ from ksd.model.plane import plane_of
 
 ACCURACY = 1e-3
 HOT = ksd.Material(E=200e9, nu=0.3, density=7800, expansion=12e-6, name="steel")
+LIGHT = ksd.Material(E=200e9, nu=0.3, name="steel without weight")
 PLASTIC = ksd.Material(E=2e9, nu=0.35, density=1200, expansion=8e-5, name="plastic")
 
 
@@ -31,6 +32,12 @@ def lever(t=1e-3, w=20e-3, L=0.1, material=HOT, *, space=False, push=0.0, follow
     if push:
         scene.load(tip, force=(0, 0, push) if space else (push, 0, 0), at=(L, 0, 0), following=following)
     return scene
+
+
+def light():
+    """The fourbar of leafs that weigh nothing."""
+    sizes = {"length": 0.1, "angle": np.pi / 4, "thickness": 1e-3, "widths": (0.04, 0.02)}
+    return fourbar(joint=ksd.CrossFlexure(LIGHT, **sizes))
 
 
 def wires(d=0.5e-3, L=0.08):
@@ -67,7 +74,7 @@ def thirty():
     weak = {"section": ksd.rectangle(3e-3, 20e-3), "material": STEEL}
     pull = {"start": (0, -0.1, 0), "end": (0, 0.37, 0)}
     found = [(fourbar(), {"top": d}) for d in (0.01, 0.1, 0.3)]
-    found += [(also(fourbar(), weight(m, "top", top)), {"top": 0.1}) for m in (1e-5, 1e-3, 1.0)]
+    found += [(also(light(), weight(m, "top", top)), {"top": 0.1}) for m in (1e-5, 1e-3, 1.0)]
     found += [
         (also(fourbar(), lambda s, k=k: s.spring("ground", "top", stiffness=k, **pull)), {"top": 0.1})
         for k in (1e-5, 200.0)
@@ -91,7 +98,9 @@ def thirty():
         (also(lever(), lambda s, n=n: s.fit("one", natural_length=n)), {"d": 1e-3})
         for n in (0.1 * (1 - 1e-10), 0.0999)
     ]
-    found += [(also(lever(), weight(m, "tip", tip, (0, 0, -9.81))), {"d": 1e-3}) for m in (1e-5, 0.4)]
+    found += [
+        (also(lever(material=LIGHT), weight(m, "tip", tip, (0, 0, -9.81))), {"d": 1e-3}) for m in (1e-5, 0.4)
+    ]
     found += [(lever(push=1e-4, following=True), {"d": 1e-4})]
     turning = {"force": (0, 1.0, 0), "at": (0.1, 0, 0), "following": True}
     found += [(also(single_joint(), lambda s: s.load("tip", **turning)), {"turn": 0.4})]
@@ -149,7 +158,7 @@ def test_half_of_the_effects_are_off_on_average(compared):
 
 
 def test_what_is_left_out_comes_with_a_number():
-    scene = also(fourbar(), weight(1e-5, "top", (0, 0.37, 0)))
+    scene = also(light(), weight(1e-5, "top", (0, 0.37, 0)))
     pose = ksd.solve(scene, top=0.1)
     text = str(pose.model)
     assert not pose.model.choice["gravity"].present
@@ -302,6 +311,14 @@ def test_gravity_without_mass_and_the_mesh_without_shear():
     assert "gravity" in effects.mentioned(scene.scene(), ksd.Mesh())
     choice = choose(scene.scene(), ksd.Mesh(shear=False))
     assert not choice["shear"].present
+
+
+def test_a_prepared_solver_takes_up_what_a_finer_accuracy_needs():
+    solver = ksd.prepare(wires(d=0.5e-3))
+    solver(d=1e-3)
+    assert "shear" in solver.model.choice.absent and not solver.model.mesh.shear
+    solver(d=1e-3, accuracy=1e-6)
+    assert "shear" in solver.model.choice.present and solver.model.mesh.shear
 
 
 def test_segments_that_meet_are_named():
