@@ -24,7 +24,7 @@ from ksd.model.compile import Model
 from ksd.model.system import assemble, move_nodes
 from ksd.properties.alike import Alike, alike_leafs, alike_parts, end_frames, end_levers, inner_unknowns
 from ksd.properties.stiffness import node_of, point_motion
-from ksd.properties.stress_stiffness import corners, node_terms, own_stress, refuse_stressless
+from ksd.properties.stress_stiffness import corners, node_terms, own_stress, refuse_stressless, relaxed
 from ksd.properties.tangent import Tangent, exact, factored_tangent, free_rows, row_numbers, stored_matrix
 from ksd.properties.unfold import unfolded
 
@@ -164,6 +164,7 @@ def _unstressed(model: Model, motion: Motion, rows: list[int]) -> Array:
     # with mixed integration points the geometric stiffness follows the stored stresses, which are now zero
     number = members.number.copy()
     number[:, 1] = 1
+    model = relaxed(model, motion)
     model = replace(model, arrays=model.arrays._replace(members=members._replace(number=number)))
     return full_tangent(model, state, rows=rows, load_factor=0.0)
 

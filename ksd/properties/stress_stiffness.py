@@ -9,17 +9,18 @@ of `ksd.beam.strain_mass` (a = P xi + b), in which K0 falls apart into the nodes
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ksd.errors import KinematicsError, SceneError
-from ksd.model.arrays import Motion, make_work
+from ksd.model.arrays import COIL, TURN, Motion, make_work
 from ksd.model.assembly import geometric_tangent
 from ksd.model.compile import Model
-from ksd.model.loading import add_loads, add_terms
+from ksd.model.loading import add_loads, add_terms, twist
+from ksd.model.springs import add_springs
 from ksd.properties.alike import (
     Alike,
     EndFrames,
@@ -36,14 +37,38 @@ Array = NDArray[np.float64]
 
 
 def node_terms(model: Model, motion: Motion, rows: Iterable[int], load_factor: float) -> Array:
-    """What constraint rows and loads add to the tangent of the nodes (unknowns, unknowns); `rows` are taken out."""
+    """What constraint rows, loads and springs add to the tangent of the nodes (unknowns, unknowns); `rows` are taken out."""
     arrays = model.arrays
     work = make_work(arrays)
     target = np.zeros(len(arrays.terms.start))
+    if len(arrays.springs.kind):
+        add_springs(arrays, motion.x, motion.R, work, 1e-8, 0.0)
     add_loads(arrays, motion.R, work, load_factor, 1e-8)
     add_terms(arrays, motion.x, motion.R, motion.multiplier, target, work, 1e-8)
     free_rows(arrays, work.value, rows)
     return stored_matrix(arrays, work.value)
+
+
+def relaxed(model: Model, motion: Motion) -> Model:
+    """The model with springs and elastic links that are free of force at `motion`."""
+    springs = model.arrays.springs
+    if not len(springs.kind):
+        return model
+    value = springs.value.copy()
+    for i, (a, b) in enumerate(springs.node.tolist()):
+        here, R = value[springs.value_at[i] :], motion.R
+        frame = R[a] @ springs.frame[i, 0]
+        ends = [motion.x[n] + R[n] @ springs.offset[i, e] for e, n in enumerate((a, b))]
+        d = frame.T @ (ends[1] - ends[0])
+        if springs.kind[i] == COIL:
+            here[1] = np.linalg.norm(d)
+        elif springs.kind[i] == TURN:
+            here[1] = twist(R[a], R[b], frame[:, 2].copy(), np.zeros(12), np.zeros((12, 12)), 0.0)
+        else:
+            # place and rotation at rest, then the wrench there
+            here[:3], here[3:12] = d, (frame.T @ R[b] @ springs.frame[i, 1]).ravel()
+            here[12:18] = 0.0
+    return replace(model, arrays=model.arrays._replace(springs=springs._replace(value=value)))
 
 
 def corners(motion: Motion, group: Alike, ends: EndFrames) -> Array:
@@ -95,7 +120,7 @@ def _elastic(model: Model, motion: Motion, leafs: list[Flexible], rows: list[int
     """G of the stressless tangent, and its constraint part (n, n). Raises KinematicsError where a motion meets no
     elastic resistance."""
     still = Motion(motion.x, motion.R, motion.inner, np.zeros_like(motion.multiplier))
-    terms = node_terms(model, still, rows, 0.0)
+    terms = node_terms(relaxed(model, motion), still, rows, 0.0)
     K = np.pad(terms, (0, 1))
     for leaf, unknowns in zip(leafs, inner_unknowns(model), strict=True):
         parts = leaf.parts

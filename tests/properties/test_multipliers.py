@@ -105,3 +105,31 @@ def test_wrong_words_are_refused():
         buckling(model, model.rest, "tip")
     with pytest.raises(SceneError, match="'top' is not part"):
         buckling(model, model.rest, "top", force=(1, 0, 0))
+
+
+@pytest.mark.parametrize("kind", ["strain", "chain"])
+def test_springs_take_part(kind):
+    """A column that is held at its free end by a coil spring across it: from P = pi^2 EI/(4 L^2) up to where
+    tan(kL) = kL - (kL)^3 EI/(c L^3) (Timoshenko and Gere, Theory of elastic stability, 2.7)."""
+    from scipy.optimize import brentq
+
+    EI = STEEL.E * W * T**3 / 12
+    scene = ksd.Mechanism("propped")
+    tip = scene.link("tip")
+    scene.leaf(
+        scene.ground, tip, start=(0, 0, 0), end=(L, 0, 0), section=rectangle(T, W), material=STEEL,
+        width_axis=(0, 0, 1), name="leaf",
+    )  # fmt: skip
+    # from so far away that its direction does not turn
+    scene.spring(
+        scene.ground, tip, start=(L, 100 * L, 0), end=(L, 0, 0), stiffness=5 * EI / L**3, free_length=100 * L
+    )
+    mesh = Mesh() if kind == "strain" else Mesh("corotational", elements=16)
+    state = conventional(compile_scene(scene.scene(), mesh=mesh), {})
+    found = state.buckling("tip", at=(L, 0, 0), force=(-1, 0, 0))
+    kL = brentq(lambda x: np.sin(x) - np.cos(x) * (x - x**3 / 5), 0.5 * np.pi + 1e-6, np.pi)
+    assert found.positive == pytest.approx(kL**2 * EI / L**2, rel=2e-3)
+    # and under 60 % of that, from the stresses of the state
+    scene.load(tip, force=(-0.6 * kL**2 * EI / L**2, 0, 0), at=(L, 0, 0))
+    state = conventional(compile_scene(scene.scene(), mesh=mesh), {})
+    assert state.buckling().positive == pytest.approx(1 / 0.6, rel=2e-3)
