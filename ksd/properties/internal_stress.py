@@ -7,7 +7,7 @@ one that is held once moves along. The change of the state is the linear respons
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,8 +16,9 @@ from ksd.errors import SceneError
 from ksd.model.arrays import STRAIN, Motion
 from ksd.model.compile import Model
 from ksd.properties.alike import Flexible, alike_leafs, flexible_leafs, inner_unknowns
+from ksd.properties.section_forces import section_forces
 from ksd.properties.shape import members_of_leafs
-from ksd.properties.stress import stress
+from ksd.properties.stress import stress_of
 from ksd.properties.tangent import Tangent, factored_tangent
 
 Array = NDArray[np.float64]
@@ -86,20 +87,25 @@ def internal_stress(
         )
     tangent = factored_tangent(model, motion, load_factor=load_factor)
     flexible = flexible_leafs(model, motion)
+    before = section_forces(model, motion, points=points)
     found: dict[tuple[str, str], float] = {}
     where: dict[tuple[str, str], str] = {}
     for name in asked:
         for k, direction in enumerate(DIRECTIONS):
             misplaced = np.zeros(6)
             misplaced[(0, 1, 2, 3, 5, 4)[k]] = offset if k < 3 else rotation
-            change = _change(tangent, flexible, names[name][0], misplaced)
-            extra = stress(model, change, points=points)
+            after = section_forces(
+                model, _change(tangent, flexible, names[name][0], misplaced), points=points
+            )
+            extra = stress_of(
+                model, {n: replace(f, values=f.values - before[n].values) for n, f in after.items()}
+            )
             found[name, direction], where[name, direction] = extra.largest_Pa, extra.where[0]
     return Misplaced(offset, rotation, found, where)
 
 
 def _change(tangent: Tangent, flexible: list[Flexible], member: int, misplaced: Array) -> Motion:
-    """The rest state with the stresses of the change alone: linear response to end q of `member` moved (6,) in its axes."""
+    """The leafs after the linear response to end q of `member` moved (6,) in its axes; nodes stay where they were."""
     model, motion = tangent.model, tangent.motion
     loads = np.zeros(model.arrays.plan.unknowns + 1)
     moved = []
@@ -117,11 +123,10 @@ def _change(tangent: Tangent, flexible: list[Flexible], member: int, misplaced: 
     response = tangent.solve(loads[:-1, None])[:, 0]
     nodes = np.append(response, 0.0)
     state = motion.copy()
-    state.inner[:] = model.rest.inner
     for group, leaf, at, xi, K in moved:
         total = xi + (leaf.relative @ nodes[at][..., None])[..., 0]
         bent, wrench = (leaf.P @ total[..., None])[..., 0], (K @ total[..., None])[..., 0]
-        state.inner[group.places] = model.rest.inner[group.places] + np.hstack([bent, wrench])
+        state.inner[group.places] += np.hstack([bent, wrench])
     return state
 
 

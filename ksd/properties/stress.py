@@ -213,8 +213,12 @@ class Stress:
 
 def stress(model: Model, motion: Motion, *, points: int = POINTS) -> Stress:
     """Stress at `points` stations of every strain-mode leaf, or at both ends of every element of a chain."""
+    return stress_of(model, section_forces(model, motion, points=points))
+
+
+def stress_of(model: Model, found: dict[str, SectionForces]) -> Stress:
+    """Stress that section forces of leafs (by full name) cause, of a state or of the change between two."""
     leafs = scene_leafs(model)
-    found = section_forces(model, motion, points=points)
     alike: dict[Any, list[str]] = {}
     for name, forces in found.items():
         leaf = leafs[name]

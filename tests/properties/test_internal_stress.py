@@ -1,10 +1,13 @@
 """Layouts that hold a motion twice: the internal stress of misplaced leafs, against closed forms."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 import ksd
 from ksd.errors import KinematicsError, SceneError
+from ksd.properties.stress import stress_of
 from ksd.scene import CrossedPivot, CrossFlexure, Material, Motion, ParallelGuide
 from ksd.scene.joint import DrawnJoint
 
@@ -72,6 +75,37 @@ def test_the_middle_leaf_of_three_misplaced_along():
     assert found.stress_Pa["joint0/leaf1", "across"] == pytest.approx(bent, rel=1e-3)
     twice = pose.internal_stress(leafs=("joint0/leaf1",), offset=2e-5)
     assert twice.stress_Pa["joint0/leaf1", "along"] == pytest.approx(2 * expected, rel=1e-3)
+
+
+@pytest.mark.parametrize("turn", [0.0, 0.3])
+@pytest.mark.parametrize(
+    "direction, misfit",
+    [
+        ("along", {"shift": (1e-7, 0, 0)}),
+        ("across", {"shift": (0, 1e-7, 0)}),
+        ("sideways", {"shift": (0, 0, 1e-7)}),
+        ("yaw", {"turn": (0, 1e-6, 0)}),
+        ("tilt", {"turn": (0, 0, 1e-6)}),
+    ],
+)
+def test_against_a_misfit_in_the_scene(direction, misfit, turn):
+    """Three crossed leafs, one of them put in beside its place: the change of the state solved for is the one told."""
+    joint = CrossFlexure(STEEL, angle=0.8, widths=(0.03, 0.015), **SIZES)
+    forces = []
+    for put_in in (False, True):
+        scene = ksd.Mechanism("misfit")
+        table = scene.link("table")
+        scene.join(scene.ground, table, joint, at=(0, 0, 0), axis="z", toward="x", name="joint0")
+        scene.actuate_joint("joint0", name="drive")
+        if put_in:
+            scene.fit("joint0/outer_low", **misfit)
+        pose = ksd.solve(scene, drive=turn, method="conventional", effects="all")
+        if not put_in:
+            told = pose.internal_stress(leafs=("joint0/outer_low",), offset=1e-7, rotation=1e-6)
+        forces.append(pose.section_forces(points=13))
+    change = {n: replace(f, values=f.values - forces[0][n].values) for n, f in forces[1].items()}
+    expected = stress_of(pose.model, change).largest_Pa
+    assert told.stress_Pa["joint0/outer_low", direction] == pytest.approx(expected, rel=2e-2)
 
 
 def test_misplacing_costs_little_where_nothing_is_held_twice():
