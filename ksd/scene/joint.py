@@ -89,7 +89,7 @@ class Joint(metaclass=Worded):
 
     def blocks(self) -> dict[str, Vector]:
         """Rigid blocks by name with a reference point (3,) [m]; always "A" and "B", then internal ones."""
-        raise NotImplementedError
+        return {"A": (0.0, 0.0, 0.0), "B": self.pose_B}
 
     def leafs(self) -> tuple[Leaf, ...]:
         """The flexible leafs between the blocks."""

@@ -19,7 +19,9 @@ def joint_families() -> dict[str, type[Joint]]:
     for info in pkgutil.iter_modules(__path__):
         module = importlib.import_module(f"{__name__}.{info.name}")
         for value in vars(module).values():
-            if inspect.isclass(value) and issubclass(value, Joint) and value.__module__ == module.__name__:
+            own = inspect.isclass(value) and value.__module__ == module.__name__
+            # a base shared by families has no name of its own
+            if own and issubclass(value, Joint) and hasattr(value, "family"):
                 found[value.family] = value
     return dict(sorted(found.items()))
 

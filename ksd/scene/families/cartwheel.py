@@ -8,7 +8,7 @@ from typing import ClassVar
 
 from ksd.errors import SceneError
 from ksd.scene.families.crossed_pivot import pivot_stiffness
-from ksd.scene.families.sheet import Point, bending, check_sheet, flat, strip
+from ksd.scene.families.sheet import Point, bending, check_sheet, flat, strip, turns
 from ksd.scene.joint import Joint, Motion
 from ksd.scene.leaf import Leaf
 from ksd.scene.material import Material
@@ -59,10 +59,10 @@ class Cartwheel(Joint):
 
     @property
     def motions(self) -> tuple[Motion, ...]:
-        return (Motion("angle", "rotation", (0.0, 0.0, 1.0), (-_CARTWHEEL, _CARTWHEEL)),)
+        return turns(_CARTWHEEL)
 
     def blocks(self) -> dict[str, Vector]:
-        return {"A": (0.0, 0.0, 0.0), "B": self.pose_B, "hub": (0.5 * self.pose_B[0], 0.0, 0.0)}
+        return {**super().blocks(), "hub": (0.5 * self.pose_B[0], 0.0, 0.0)}
 
     def leafs(self) -> tuple[Leaf, ...]:
         x, h = self.pose_B[0], 0.5 * self.length * math.sin(self.angle)
@@ -140,7 +140,7 @@ class Butterfly(Joint):
 
     @property
     def motions(self) -> tuple[Motion, ...]:
-        return (Motion("angle", "rotation", (0.0, 0.0, 1.0), (-_BUTTERFLY, _BUTTERFLY)),)
+        return turns(_BUTTERFLY)
 
     def _on_ray(self, radius: float, angle: float) -> Point:
         return self._outer + radius * math.cos(angle), radius * math.sin(angle)
@@ -153,7 +153,7 @@ class Butterfly(Joint):
             }
         )
         right = flat({"right": self._on_ray(self.inner, math.radians(30))})
-        return {"A": (0.0, 0.0, 0.0), "B": self.pose_B, **inner, **right}
+        return {**super().blocks(), **inner, **right}
 
     def leafs(self) -> tuple[Leaf, ...]:
         found = []

@@ -54,7 +54,7 @@ class FoldedLeaf(Joint):
         return ()
 
     def blocks(self) -> dict[str, Vector]:
-        return {"A": (0.0, 0.0, 0.0), "B": self.pose_B, "fold": (self._reach, self._reach, 0.0)}
+        return {**super().blocks(), "fold": (self._reach, self._reach, 0.0)}
 
     def leafs(self) -> tuple[Leaf, ...]:
         c = self._reach
@@ -106,9 +106,6 @@ class WireFlexure(Joint):
     @property
     def motions(self) -> tuple[Motion, ...]:
         return ()
-
-    def blocks(self) -> dict[str, Vector]:
-        return {"A": (0.0, 0.0, 0.0), "B": self.pose_B}
 
     def leafs(self) -> tuple[Leaf, ...]:
         words: dict[str, Any] = {"elements": self.elements, "orders": self.orders}

@@ -8,6 +8,7 @@ from typing import Any, ClassVar
 
 from ksd.errors import SceneError
 from ksd.scene.clearance import check_clear
+from ksd.scene.families.sheet import turns
 from ksd.scene.joint import Joint, Motion
 from ksd.scene.leaf import Leaf, mesh
 from ksd.scene.material import Material
@@ -93,10 +94,7 @@ class CrossFlexure(Joint):
 
     @property
     def motions(self) -> tuple[Motion, ...]:
-        return (Motion("angle", "rotation", (0.0, 0.0, 1.0), (-_STROKE, _STROKE)),)
-
-    def blocks(self) -> dict[str, Vector]:
-        return {"A": (0.0, 0.0, 0.0), "B": self.pose_B}
+        return turns(_STROKE)
 
     def leafs(self) -> tuple[Leaf, ...]:
         inner, outer = (rectangle(self.thickness, w) for w in self.widths)

@@ -6,7 +6,7 @@ import math
 from dataclasses import KW_ONLY, dataclass
 from typing import ClassVar
 
-from ksd.scene.families.sheet import bending, check_sheet, inside, strip
+from ksd.scene.families.sheet import bending, check_sheet, inside, strip, turns
 from ksd.scene.joint import Joint, Motion
 from ksd.scene.leaf import Leaf
 from ksd.scene.material import Material
@@ -33,8 +33,22 @@ def _check_shape(joint: CrossedPivot | BalancedCrossedPivot) -> None:
     object.__setattr__(joint, "ratio", inside(joint.ratio, "ratio", _RATIOS, owner=owner))
 
 
+class _Crossed(Joint):
+    """What crossed pivots share: the line AB and the motion."""
+
+    angle: float
+
+    @property
+    def pose_B(self) -> Vector:
+        return (self.length * math.cos(self.angle), 0.0, 0.0)
+
+    @property
+    def motions(self) -> tuple[Motion, ...]:
+        return turns(_STROKE)
+
+
 @dataclass(frozen=True)
-class CrossedPivot(Joint):
+class CrossedPivot(_Crossed):
     """Two leafs crossing at the fraction `ratio` of their length from A; B turns about z, +-30 degrees.
 
     Joint axes: A at the origin, B at (L cos(angle), 0, 0). With s = L sin(angle) the rising leaf runs from
@@ -72,17 +86,6 @@ class CrossedPivot(Joint):
         check_sheet(self, "width")
         _check_shape(self)
 
-    @property
-    def pose_B(self) -> Vector:
-        return (self.length * math.cos(self.angle), 0.0, 0.0)
-
-    @property
-    def motions(self) -> tuple[Motion, ...]:
-        return (Motion("angle", "rotation", (0.0, 0.0, 1.0), (-_STROKE, _STROKE)),)
-
-    def blocks(self) -> dict[str, Vector]:
-        return {"A": (0.0, 0.0, 0.0), "B": self.pose_B}
-
     def leafs(self) -> tuple[Leaf, ...]:
         x, s = self.pose_B[0], self.length * math.sin(self.angle)
         low, high = -self.ratio * s, (1 - self.ratio) * s
@@ -99,7 +102,7 @@ class CrossedPivot(Joint):
 
 
 @dataclass(frozen=True)
-class BalancedCrossedPivot(Joint):
+class BalancedCrossedPivot(_Crossed):
     """The crossed pivot with an inner leaf and two outer ones, symmetric in z; B turns about z, +-30 degrees.
 
     The inner leaf is the rising one of `CrossedPivot`, the outer leafs are the falling one at z = +-c, c =
@@ -138,17 +141,6 @@ class BalancedCrossedPivot(Joint):
         _check_shape(self)
         gap = not_negative(self.gap, "gap", owner=type(self).__name__, unit="m")
         object.__setattr__(self, "gap", gap)
-
-    @property
-    def pose_B(self) -> Vector:
-        return (self.length * math.cos(self.angle), 0.0, 0.0)
-
-    @property
-    def motions(self) -> tuple[Motion, ...]:
-        return (Motion("angle", "rotation", (0.0, 0.0, 1.0), (-_STROKE, _STROKE)),)
-
-    def blocks(self) -> dict[str, Vector]:
-        return {"A": (0.0, 0.0, 0.0), "B": self.pose_B}
 
     def leafs(self) -> tuple[Leaf, ...]:
         x, s = self.pose_B[0], self.length * math.sin(self.angle)

@@ -14,21 +14,23 @@ from ksd.section.checks import Vector
 _STROKE = 0.25
 
 
-def _stroke(length: float) -> tuple[Motion, ...]:
-    # driven level with the middle of the leafs, where a force meets no moment
-    return (
-        Motion(
-            "stroke",
-            "translation",
-            (0.0, 1.0, 0.0),
-            (-_STROKE * length, _STROKE * length),
-            (0.5 * length, 0.0, 0.0),
-        ),
-    )
+class _Guide(Joint):
+    """What guides share: where B is, and its motion, driven level with the middle of the leafs, where a force meets no
+    moment."""
+
+    @property
+    def pose_B(self) -> Vector:
+        return (self.length, 0.0, 0.0)
+
+    @property
+    def motions(self) -> tuple[Motion, ...]:
+        L = self.length
+        reach = (-_STROKE * L, _STROKE * L)
+        return (Motion("stroke", "translation", (0.0, 1.0, 0.0), reach, (0.5 * L, 0.0, 0.0)),)
 
 
 @dataclass(frozen=True)
-class ParallelGuide(Joint):
+class ParallelGuide(_Guide):
     """Two parallel leafs; B moves along y, +-L/4, and sinks toward A by 0.6 stroke^2 / L.
 
     Joint axes: A at the origin, B at (L, 0, 0); the leafs run along x at y = +-spacing/2. The stroke is that
@@ -59,17 +61,6 @@ class ParallelGuide(Joint):
     def __post_init__(self) -> None:
         check_sheet(self, "width", "spacing")
 
-    @property
-    def pose_B(self) -> Vector:
-        return (self.length, 0.0, 0.0)
-
-    @property
-    def motions(self) -> tuple[Motion, ...]:
-        return _stroke(self.length)
-
-    def blocks(self) -> dict[str, Vector]:
-        return {"A": (0.0, 0.0, 0.0), "B": self.pose_B}
-
     def leafs(self) -> tuple[Leaf, ...]:
         return tuple(
             strip(self, name, ((0.0, y), (self.length, y)), self.width)
@@ -86,7 +77,7 @@ class ParallelGuide(Joint):
 
 
 @dataclass(frozen=True)
-class StiffenedGuide(Joint):
+class StiffenedGuide(_Guide):
     """The parallel guide with a stiffened middle in both leafs; B moves along y, +-L/4.
 
     As `ParallelGuide`, each leaf being two of length `flexible` L at its ends and a rigid block ("low",
@@ -120,20 +111,12 @@ class StiffenedGuide(Joint):
         share = inside(self.flexible, "flexible", (0.05, 0.45), owner=type(self).__name__)
         object.__setattr__(self, "flexible", share)
 
-    @property
-    def pose_B(self) -> Vector:
-        return (self.length, 0.0, 0.0)
-
-    @property
-    def motions(self) -> tuple[Motion, ...]:
-        return _stroke(self.length)
-
     def _sides(self) -> tuple[tuple[str, float], ...]:
         return (("low", -0.5 * self.spacing), ("high", 0.5 * self.spacing))
 
     def blocks(self) -> dict[str, Vector]:
         middles = {name: (0.5 * self.length, y, 0.0) for name, y in self._sides()}
-        return {"A": (0.0, 0.0, 0.0), "B": self.pose_B, **middles}
+        return {**super().blocks(), **middles}
 
     def leafs(self) -> tuple[Leaf, ...]:
         a, L = self.flexible * self.length, self.length

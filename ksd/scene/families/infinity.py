@@ -13,7 +13,7 @@ from dataclasses import KW_ONLY, dataclass
 from typing import ClassVar
 
 from ksd.scene.clearance import check_clear
-from ksd.scene.families.sheet import Point, check_sheet, flat, inside, strip
+from ksd.scene.families.sheet import Point, check_sheet, flat, inside, strip, turns
 from ksd.scene.joint import Joint, Motion
 from ksd.scene.leaf import Leaf
 from ksd.scene.material import Material
@@ -71,12 +71,12 @@ class InfinityHinge(Joint):
 
     @property
     def motions(self) -> tuple[Motion, ...]:
-        return (Motion("angle", "rotation", (0.0, 0.0, 1.0), (-_INFINITY, _INFINITY)),)
+        return turns(_INFINITY)
 
     def blocks(self) -> dict[str, Vector]:
         L, y = self.length, self.reach * self.length
         folds = flat({"fold_low": (0.5 * L, -y), "fold_high": (0.5 * L, y)})
-        return {"A": (0.0, 0.0, 0.0), "B": self.pose_B, **folds}
+        return {**super().blocks(), **folds}
 
     def leafs(self) -> tuple[Leaf, ...]:
         L, w = self.length, self.width
@@ -154,7 +154,7 @@ class TripleInfinityHinge(Joint):
 
     @property
     def motions(self) -> tuple[Motion, ...]:
-        return (Motion("angle", "rotation", (0.0, 0.0, 1.0), (-_TRIPLE, _TRIPLE)),)
+        return turns(_TRIPLE)
 
     def blocks(self) -> dict[str, Vector]:
         points: dict[str, Point] = {

@@ -7,6 +7,7 @@ from dataclasses import KW_ONLY, dataclass
 from typing import Any, ClassVar
 
 from ksd.errors import SceneError
+from ksd.scene.families.sheet import turns
 from ksd.scene.joint import Joint, Motion
 from ksd.scene.leaf import Leaf, mesh
 from ksd.scene.material import Material
@@ -30,12 +31,20 @@ def _check(joint: Any, *lengths: str) -> None:
         object.__setattr__(joint, key, value)
 
 
-def _turns(reach: float) -> tuple[Motion, ...]:
-    return (Motion("angle", "rotation", (0.0, 0.0, 1.0), (-reach, reach)),)
+class _Notch(Joint):
+    """What notch hinges share: B at the end of the neck, and the motion."""
+
+    @property
+    def pose_B(self) -> Vector:
+        return (self.length, 0.0, 0.0)
+
+    @property
+    def motions(self) -> tuple[Motion, ...]:
+        return turns(_NOTCH)
 
 
 @dataclass(frozen=True)
-class CircularNotchHinge(Joint):
+class CircularNotchHinge(_Notch):
     """A neck between two half circles; B turns about z, +-10 degrees.
 
     Joint axes: A at the origin, B at (2R, 0, 0); the neck runs along x, t(x) = minimum + 2 (R - sqrt(R^2 - (x - R)^2))
@@ -67,17 +76,6 @@ class CircularNotchHinge(Joint):
         """Length of the neck [m], 2R."""
         return 2 * self.radius
 
-    @property
-    def pose_B(self) -> Vector:
-        return (self.length, 0.0, 0.0)
-
-    @property
-    def motions(self) -> tuple[Motion, ...]:
-        return _turns(_NOTCH)
-
-    def blocks(self) -> dict[str, Vector]:
-        return {"A": (0.0, 0.0, 0.0), "B": self.pose_B}
-
     def leafs(self) -> tuple[Leaf, ...]:
         return (_neck(self, CircularNotch(self.radius, self.minimum, self.width)),)
 
@@ -106,7 +104,7 @@ def _notch_integral(g: float) -> float:
 
 
 @dataclass(frozen=True)
-class FilletedNotchHinge(Joint):
+class FilletedNotchHinge(_Notch):
     """A straight neck with quarter-circle fillets at both ends; B turns about z, +-10 degrees.
 
     Joint axes: A at the origin, B at (length, 0, 0); the neck runs along x, width along z (Lobontiu, Compliant
@@ -139,17 +137,6 @@ class FilletedNotchHinge(Joint):
             raise SceneError(
                 f"FilletedNotchHinge: minimum = {self.minimum:g} m must be below half its length, {self.length / 2:g} m."
             )
-
-    @property
-    def pose_B(self) -> Vector:
-        return (self.length, 0.0, 0.0)
-
-    @property
-    def motions(self) -> tuple[Motion, ...]:
-        return _turns(_NOTCH)
-
-    def blocks(self) -> dict[str, Vector]:
-        return {"A": (0.0, 0.0, 0.0), "B": self.pose_B}
 
     def leafs(self) -> tuple[Leaf, ...]:
         return (_neck(self, FilletedNotch(self.length, self.radius, self.minimum, self.width)),)
@@ -221,10 +208,7 @@ class ArcHinge(Joint):
 
     @property
     def motions(self) -> tuple[Motion, ...]:
-        return _turns(_ARC)
-
-    def blocks(self) -> dict[str, Vector]:
-        return {"A": (0.0, 0.0, 0.0), "B": self.pose_B}
+        return turns(_ARC)
 
     def leafs(self) -> tuple[Leaf, ...]:
         arc = Leaf(

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from ksd.errors import SceneError
+from ksd.scene.joint import Motion
 from ksd.scene.leaf import Leaf, mesh
 from ksd.scene.material import Material
 from ksd.section import rectangle
@@ -57,6 +58,11 @@ def strip(
         elements=joint.elements,
         orders=joint.orders,
     )
+
+
+def turns(reach: float) -> tuple[Motion, ...]:
+    """The intended rotation of a hinge about z, +-reach [rad]."""
+    return (Motion("angle", "rotation", (0.0, 0.0, 1.0), (-reach, reach)),)
 
 
 def bending(joint: Any, width: float) -> float:

@@ -61,7 +61,7 @@ class UniversalJoint(Joint):
         )
 
     def blocks(self) -> dict[str, Vector]:
-        return {"A": (0.0, 0.0, 0.0), "B": self.pose_B, "middle": (self._step, 0.0, 0.0)}
+        return {**super().blocks(), "middle": (self._step, 0.0, 0.0)}
 
     def leafs(self) -> tuple[Leaf, ...]:
         h, c = 0.5 * self.length * math.sin(_ANGLE), 0.75 * self.width
