@@ -300,32 +300,34 @@ def _constraint_equations(arrays, target, x, R, W, J, residual, row):
 
 @kernel
 def least_squares(J, residual, step):
-    """step (q,) minimising |J step + residual| by normal equations and LDL^T; returns the smallest relative pivot."""
+    """step (q,) minimising |J step + residual| by normal equations and LDL^T; returns the smallest relative pivot.
+
+    Zeros are skipped, so that a chain of joints costs each of them the same.
+    """
     rows, n = J.shape
-    A = np.zeros((n, n))
+    A, before = np.zeros((n, n)), np.zeros(n)
     for i in range(n):
-        for j in range(i + 1):
-            s = 0.0
-            for r in range(rows):
-                s += J[r, i] * J[r, j]
-            A[i, j] = s
         s = 0.0
         for r in range(rows):
-            s -= J[r, i] * residual[r]
-        step[i] = s
+            v = J[r, i]
+            if v != 0.0:
+                s -= v * residual[r]
+                for j in range(i + 1):
+                    A[i, j] += v * J[r, j]
+        step[i], before[i] = s, A[i, i]
     worst = 1.0
     for j in range(n):
-        before = A[j, j]
-        for c in range(j):
-            A[j, j] -= A[j, c] * A[j, c] * A[c, c]
-        if not A[j, j] > 0.0:
+        d = A[j, j]
+        if not d > 0.0:
             return 0.0
-        worst = min(worst, A[j, j] / before)
+        worst = min(worst, d / before[j])
         for i in range(j + 1, n):
-            s = A[i, j]
-            for c in range(j):
-                s -= A[i, c] * A[j, c] * A[c, c]
-            A[i, j] = s / A[j, j]
+            v = A[i, j] / d
+            if v != 0.0:
+                for k in range(j + 1, i + 1):
+                    A[i, k] -= v * A[k, j]
+        for i in range(j + 1, n):
+            A[i, j] /= d
     for i in range(n):
         for c in range(i):
             step[i] -= A[i, c] * step[c]

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from scenes import STEEL, cross_flexure, fourbar
+from scenes import STEEL, cross_flexure, fourbar, single_joint
 
 import ksd
 from ksd.design.batch import NOT_BUILT
@@ -85,13 +85,12 @@ def test_scene_that_leaves_its_plane_is_solved_in_space():
 def test_refusals_are_the_same_in_both():
     said = []
     for planar in (True, False):
-        solver = ksd.prepare(fourbar(), planar=planar)
-        for top in (0.36, 0.9):
+        for scene, targets in ((single_joint(), {"turn": 80 * deg}), (fourbar(), {"top": 0.9})):
             with pytest.raises(ksd.KsdError) as caught:
-                solver(top=top, method="reduced")
+                ksd.prepare(scene, planar=planar)(targets, method="reduced")
             said.append(str(caught.value))
     assert said[:2] == said[2:]
-    assert "outside its trained range" in said[0]
+    assert "outside its trained range" in said[0] and "cannot reach this pose" in said[1]
 
 
 def test_batch_is_what_single_solves_are():
@@ -115,7 +114,8 @@ def test_batch_says_of_every_configuration_what_became_of_it():
 
     good, bad = {"thickness": 1e-3, "angle": 45 * deg}, {"thickness": 1e-3, "angle": 5 * deg}
     found = ksd.batch(design, designs=[good, bad, good], top=[0.1, 0.36, 0.9], threads=2)
-    assert found.status[0].tolist() == [0, OUT_OF_RANGE, LOCKED]
+    assert found.status[0].tolist() == [0, LOCKED, LOCKED]
+    assert ksd.batch(single_joint(), turn=[0.2, 80 * deg]).status.tolist() == [[0, OUT_OF_RANGE]]
     assert (found.status[1] == NOT_BUILT).all() and "angle" in found.why(1, 0)
     assert np.isnan(found.forces["top"][found.status != 0]).all()
     assert np.isfinite(found.forces["top"][found.status == 0]).all()
