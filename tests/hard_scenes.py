@@ -1,7 +1,7 @@
 """Scenes of the hard cases: arches, frames, columns, beams that snap, roll up or buckle."""
 
 import numpy as np
-from scenes import STEEL
+from scenes import STEEL, cross_flexure
 
 import ksd
 from ksd.section import numbers, rectangle
@@ -119,6 +119,20 @@ def frame(*, unit=1.0, turn=None, shift=(0.0, 0.0, 0.0), force=0.0):
     scene.actuate(top, along=tuple(T[:, 0]), at=at(0, high))
     if force:
         scene.load(top, force=tuple(force * T[:, 2]), at=at(0, high))
+    return scene
+
+
+def askew(tilt):
+    """The fourbar of paper 1 with one joint mounted `tilt` rad askew about x, at d = 0 without stress."""
+    joint = cross_flexure()
+    scene = ksd.Mechanism("askew")
+    left, top, right = scene.links("left", "top", "right")
+    places = ((scene.ground, left, -0.2, 0.0), (left, top, -0.2, 0.3), (right, top, 0.2, 0.3))
+    for a, b, x, y in places:
+        scene.join(a, b, joint, at=(x, y, 0), axis="z", toward="y")
+    c, s = np.cos(tilt), np.sin(tilt)
+    scene.join(scene.ground, right, joint, at=(0.2, 0, 0), axis=(0, -s, c), toward=(0, c, s), name="askew")
+    scene.actuate(top, along="x", at=(0, 0.3 + joint.length_AB, 0))
     return scene
 
 

@@ -9,8 +9,10 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+import numpy as np
+
 from ksd.errors import ConvergenceError
-from ksd.solve.configuration import Configuration
+from ksd.solve.configuration import Configuration, ErrorEstimate
 from ksd.solve.confirm import difference, laden
 
 EXACT, NEAR = 1e-5, 0.02
@@ -43,3 +45,19 @@ def beside(found: Configuration, walk: Callable[[], Configuration]) -> tuple[str
         f"loads do much of the work, and load steps end in another minimum (strain energy {theirs:.4g} J, here "
         f"{energy:.4g} J)"
     ), other
+
+
+def measured(found: Configuration, other: Configuration | None) -> ErrorEstimate | None:
+    """The error of a fast answer: its estimate, or its distance to the exact state `other` where that is larger."""
+    error = found.error
+    if error is None or other is None:
+        return error
+    links, drives = found.model.links, len(found.model.drive_names)
+    one, exact = found.motion, other.motion
+    force = np.maximum(error.force, np.abs(one.multiplier - exact.multiplier)[:drives])
+    shift = float(np.linalg.norm((one.x - exact.x)[:links], axis=1).max())
+    turn = max(float(np.linalg.norm(found.rotation(k) - other.rotation(k))) for k in found.links)
+    moved = float(np.abs(exact.x - found.model.rest.x)[:links].max())
+    largest = max(float(np.abs(exact.multiplier[:drives]).max(initial=0.0)), 1e-300)
+    relative = max(error.relative, float(force.max(initial=0.0)) / largest, shift / max(moved, 1e-300))
+    return ErrorEstimate(force, max(error.displacement, shift), max(error.rotation, turn), relative)

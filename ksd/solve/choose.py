@@ -20,7 +20,7 @@ from ksd.model.orders import highest_share, mesh_for, raised
 from ksd.model.plane import Plane, plane_of
 from ksd.section.checks import number, show, truth, whole
 from ksd.solve import pipeline
-from ksd.solve.beside import beside, needs_walk
+from ksd.solve.beside import beside, measured, needs_walk
 from ksd.solve.configuration import Configuration, ErrorEstimate
 from ksd.solve.conventional import by_load_steps, conventional
 from ksd.solve.five import FiveSteps
@@ -101,8 +101,9 @@ class Solver:
             self.use(fit)
         found = settled(self, lambda: self._solve(values, **ways), 0.1 * _accuracy(accuracy))
         if method is not None and needs_walk(found):
-            against, _ = beside(found, lambda: by_load_steps(self.model, values, self._told))
-            found = _with(found, doubts=(*found.doubts, *filter(None, [against])))
+            against, other = beside(found, lambda: by_load_steps(self.model, values, self._told))
+            doubts = (*found.doubts, *filter(None, [against]))
+            found = _with(found, doubts=doubts, error=measured(found, other))
         return insist(found) if strict else found
 
     def _solve(

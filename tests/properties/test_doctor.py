@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from hard_scenes import cantilever, guide
-from scenes import STEEL, cross_flexure, fourbar, single_joint
+from hard_scenes import askew, cantilever, guide
+from scenes import STEEL, fourbar, single_joint
 
 import ksd
 from ksd.cli import main
@@ -88,28 +88,6 @@ def test_drives_that_fight_are_named():
     scene = fourbar()
     scene.actuate("left", about="z", name="other")
     assert any(f.what == "drive 'other'" for f in ksd.doctor(scene).fights)
-
-
-def askew(tilt):
-    """The fourbar, one of its joints mounted `tilt` rad askew about x."""
-    joint = cross_flexure()
-    scene = ksd.Mechanism("askew")
-    left, top, right = scene.links("left", "top", "right")
-    places = ((scene.ground, left, -0.2, 0.0), (left, top, -0.2, 0.3), (right, top, 0.2, 0.3))
-    for a, b, x, y in places:
-        scene.join(a, b, joint, at=(x, y, 0), axis="z", toward="y")
-    axis = (0, -np.sin(tilt), np.cos(tilt))
-    scene.join(
-        scene.ground,
-        right,
-        joint,
-        at=(0.2, 0, 0),
-        axis=axis,
-        toward=(0, np.cos(tilt), np.sin(tilt)),
-        name="askew",
-    )
-    scene.actuate(top, along="x", at=(0, 0.3 + joint.length_AB, 0))
-    return scene
 
 
 @pytest.mark.parametrize("tilt", [1e-3, 5e-3])
