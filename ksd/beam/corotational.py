@@ -9,7 +9,8 @@ it is S eps. The inner nodes are eliminated by a 6x6 block sweep from p to q, so
 Arrays (float64, SI): `value` holds n records of 16 (L0, S1, S2, S3a, S3b, S4a, S4b, T (9, row-major, columns
 n_x n_y n_z)) and the undeformed orientation Q0 (9) of end q; `inner` holds n-1 nodes of 12 (position 3,
 rotation from the undeformed state 9, row-major), then n x 6 stresses; `number` = [n, 1 for MIP or 0 for plain
-Newton]; `store` is scratch kept from `condense` to `recover`. `corotational_values` makes them.
+Newton]; `store` is scratch kept from `condense` to `recover`. `corotational_values` makes them. A chain with
+weight has its lumped masses after that in `value` and a longer `store`: see `ksd.beam.weight`.
 
 Compiled code raises nothing; status is 0 (fine), 1 (a local angle beyond 60 degrees, short of the 90 degrees
 where asin in A.4 folds back), 2 (a pivot vanished or a number is not finite).
@@ -44,12 +45,13 @@ from ksd.beam.corotational_element import (
     stresses,
     tangent,
 )
+from ksd.beam.weight import PULL, eliminate_inner, finish_chain, load_inner, start_chain
 from ksd.numerics.kernel import kernel
-from ksd.numerics.rotations import rotation_exp, rotation_log
+from ksd.numerics.local import local_matrix
 
 
 @kernel
-def _finish(s, tail, sigma, lam, K):
+def finish(s, tail, sigma, lam, K):
     """Write lam and K (6, 6) of end q; returns squared norms of the change of force and moment."""
     for i in range(6):
         tail[S_AT + i] = sigma[i]
@@ -70,12 +72,27 @@ def _finish(s, tail, sigma, lam, K):
 
 
 @kernel
-def _end_rotation(value, n, Q, R):
+def end_rotation(value, n, Q, R):
     """R (3, 3) = Q Q0^T: rotation of end q from the undeformed state."""
     Q0 = value[16 * n : 16 * n + 9]
     for i in range(3):
         for j in range(3):
             R[i, j] = Q[i, 0] * Q0[3 * j] + Q[i, 1] * Q0[3 * j + 1] + Q[i, 2] * Q0[3 * j + 2]
+
+
+@kernel
+def ready_weight(value, n, store):
+    """Masses (n+7,), pull and couplings of a chain with weight, made ready; empty arrays for one without."""
+    at = KEPT * n + TAIL
+    if len(store) == at:
+        return value[:0], store[:0], store[:0]
+    mass, pull, spread = (
+        value[16 * n + 9 : 17 * n + 16],
+        store[len(store) - PULL :],
+        store[at : len(store) - PULL],
+    )
+    start_chain(mass, n, pull, spread)
+    return mass, pull, spread
 
 
 @kernel
@@ -101,9 +118,10 @@ def condense(value, number, inner, store, d, Q, lam, K):
     """
     n = number[0]
     tail = store[KEPT * n : KEPT * n + TAIL]
-    R = np.empty((3, 3))
-    _end_rotation(value, n, Q, R)
+    R = local_matrix(3, 3)
+    end_rotation(value, n, Q, R)
     fix_start(tail)
+    mass, pull, spread = ready_weight(value, n, store)
     negatives = angle = 0
     force = moment = 0.0
     for k in range(n):
@@ -117,6 +135,8 @@ def condense(value, number, inner, store, d, Q, lam, K):
         angle = max(angle, status)
         at = 12 * (n - 1) + 6 * k
         sigma = inner[at : at + 6] if number[1] != 0 else tail[S_AT : S_AT + 6]
+        if k > 0 and len(pull) > 0:
+            load_inner(mass[k], pull, tail)
         rf, rm = tangent(v, sigma, s, tail, k == 0)
         if k > 0:
             force, moment = max(force, rf), max(moment, rm)
@@ -124,9 +144,15 @@ def condense(value, number, inner, store, d, Q, lam, K):
             if found < 0:
                 return negatives, math.inf, math.inf, 2
             negatives += found
+            if len(pull) > 0:
+                eliminate_inner(
+                    mass[k], s, pull, spread[18 * k : 18 * k + 18], spread[18 * k + 18 : 18 * k + 36]
+                )
         if k == n - 1:
-            ef, em = _finish(s, tail, sigma, lam, K)
+            ef, em = finish(s, tail, sigma, lam, K)
             force, moment = max(force, ef), max(moment, em)
+    if len(pull) > 0:
+        finish_chain(mass, n, pull, spread[18 * n : 18 * n + 18], d, Q, lam, K)
     sound = math.isfinite(force + moment + lam[0] + K[0, 0])
     return negatives, math.sqrt(force), math.sqrt(moment), angle if sound else 2
 
@@ -183,7 +209,9 @@ def recover(value, number, inner, store, xi, scale):
     was solved for. The stresses of the geometric stiffness are extrapolated, S (eps + scale D dq).
     """
     n = number[0]
-    move = store[KEPT * n : KEPT * n + 12]
+    at = KEPT * n + TAIL
+    heavy = len(store) > at
+    move, spread, pull = store[KEPT * n : KEPT * n + 12], store[at:], store[max(at, len(store) - 3) :]
     for i in range(6):
         move[6 + i] = xi[i]
     for k in range(n - 1, -1, -1):
@@ -196,6 +224,9 @@ def recover(value, number, inner, store, xi, scale):
                 b = s[B_AT + 8 * i + 6]
                 for j in range(6):
                     b += s[B_AT + 8 * i + j] * move[6 + j]
+                if heavy:
+                    for j in range(3):
+                        b += spread[18 * k + 3 * i + j] * pull[j]
                 b *= -s[A_AT + 7 * i]
                 for j in range(i + 1, 6):
                     b -= s[A_AT + 6 * i + j] * move[j]
@@ -211,123 +242,13 @@ def recover(value, number, inner, store, xi, scale):
 
 
 @kernel
-def _direction(v, s, tail, near, H):
-    """H (3, 3) = exp(near): chord of an undeformed element in the near configuration (paper 1, 3.2)."""
-    rotation_exp(near, H)
-    for i in range(3):
-        s[L_AT + i] = H[i, 0] * v[7] + H[i, 1] * v[10] + H[i, 2] * v[13]
-    tail[N_AT] = v[0]
-
-
-@kernel
-def _flexible_strains(v, s, tail, H, work):
-    """e = D times the flexible displacement (3.6): node rotations from H, gap L - L0 n_l."""
-    R, turn = work[:9].reshape(3, 3), work[9:12]
-    move = work[12:24]
-    for e in range(2):
-        for i in range(3):
-            move[6 * e + i] = tail[12 * e + i]
-            for j in range(3):
-                b = 12 * e + 3 + 3 * i
-                R[i, j] = tail[b] * H[j, 0] + tail[b + 1] * H[j, 1] + tail[b + 2] * H[j, 2]
-        rotation_log(R, turn)
-        for i in range(3):
-            move[6 * e + 3 + i] = turn[i]
-    for i in range(6):
-        s[i] = 0.0
-    for i in range(3):
-        u = move[6 + i] - move[i] - v[0] * s[L_AT + i]
-        p, q = move[3 + i], move[9 + i]
-        s[0] += s[L_AT + i] * u
-        s[1] += s[T_AT + i] * (p - q)
-        s[2] += s[U_AT + i] * u + s[V_AT + i] * p
-        s[3] += s[U_AT + 3 + i] * u + s[V_AT + 3 + i] * q
-        s[4] += s[U_AT + 6 + i] * u + s[V_AT + 6 + i] * p
-        s[5] += s[U_AT + 9 + i] * u + s[V_AT + 9 + i] * q
-
-
-@kernel
-def _place_nodes(value, n, inner, near, d, work):
-    """Inner nodes of the near configuration: undeformed elements chained, the gap at q spread linearly."""
-    H = work[:9].reshape(3, 3)
-    x = work[9:12]
-    x[:] = 0.0
-    for k in range(n):
-        rotation_exp(near[3 * k : 3 * k + 3], H)
-        v = value[16 * k : 16 * k + 16]
-        for i in range(3):
-            x[i] += v[0] * (H[i, 0] * v[7] + H[i, 1] * v[10] + H[i, 2] * v[13])
-            if k < n - 1:
-                inner[12 * k + i] = x[i]
-    for k in range(n - 1):
-        rotation_exp(near[3 * (n + k) : 3 * (n + k) + 3], H)
-        for i in range(3):
-            inner[12 * k + i] += (d[i] - x[i]) * (k + 1) / n
-            for j in range(3):
-                inner[12 * k + 3 + 3 * i + j] = H[i, j]
-
-
-@kernel
-def near_condense(value, number, inner, store, near, d, Q, lam, K, geometric):
-    """Condensed stiffness linearised in the near configuration (element orientations; paper 1, section 3).
-
-    `near` (3 (2n-1),): rotation vectors from the undeformed state of the n elements, then of the n-1 inner
-    nodes, frame of p. The elements are undeformed at these orientations; the small rest is linear, force
-    D^T S e, tangent D^T S D (geometric = 0), plus the second derivatives with stresses S e (1) or with the
-    stresses in `inner` (2). Use 2 after a pass with 0 and `recover`: those stresses are in balance, and the
-    moment under an unintended load comes out 25 times better than with 0; the S e of nodes not yet in
-    balance make it worse. Sets the inner nodes and leaves `store` so that `recover` gives the deformed inner
-    state with extrapolated stresses. Arguments and returns otherwise as `condense`.
-    """
-    n = number[0]
-    tail = store[KEPT * n : KEPT * n + TAIL]
-    R, H = np.empty((3, 3)), np.empty((3, 3))
-    work = np.zeros(24)
-    rest = np.zeros(6)
-    _place_nodes(value, n, inner, near, d, work)
-    _end_rotation(value, n, Q, R)
-    fix_start(tail)
-    negatives = 0
-    force = moment = 0.0
-    for k in range(n):
-        v = value[16 * k : 16 * k + 16]
-        s = store[KEPT * k : KEPT * k + KEPT]
-        load_node(tail, inner, k if k < n - 1 else -1, d, R)
-        node_axes(v, tail)
-        _direction(v, s, tail, near[3 * k : 3 * k + 3], H)
-        status = gradients(v[0], s, tail)
-        if status != 0:
-            return negatives, math.inf, math.inf, status
-        _flexible_strains(v, s, tail, H, work)
-        stresses(v, s, tail)
-        at = 12 * (n - 1) + 6 * k
-        sigma = rest
-        if geometric == 1:
-            sigma = tail[S_AT : S_AT + 6]
-        elif geometric == 2:
-            sigma = inner[at : at + 6]
-        rf, rm = tangent(v, sigma, s, tail, k == 0)
-        if k > 0:
-            force, moment = max(force, rf), max(moment, rm)
-            found = eliminate(s, tail)
-            if found < 0:
-                return negatives, math.inf, math.inf, 2
-            negatives += found
-        if k == n - 1:
-            ef, em = _finish(s, tail, sigma, lam, K)
-            force, moment = max(force, ef), max(moment, em)
-    sound = math.isfinite(force + moment + lam[0] + K[0, 0])
-    return negatives, math.sqrt(force), math.sqrt(moment), 0 if sound else 2
-
-
-@kernel
 def energy(value, number, inner, d, Q):
     """Strain energy [J], sum of eps S eps / 2, with end q at d (3,), Q (3, 3)."""
     n = number[0]
     store = np.empty(KEPT + TAIL)
     s, tail = store[:KEPT], store[KEPT:]
-    R = np.empty((3, 3))
-    _end_rotation(value, n, Q, R)
+    R = local_matrix(3, 3)
+    end_rotation(value, n, Q, R)
     fix_start(tail)
     total = 0.0
     for k in range(n):
@@ -349,8 +270,8 @@ def section_forces(value, number, inner, d, Q, out):
     n = number[0]
     store = np.empty(KEPT + TAIL)
     s, tail = store[:KEPT], store[KEPT:]
-    R = np.empty((3, 3))
-    _end_rotation(value, n, Q, R)
+    R = local_matrix(3, 3)
+    end_rotation(value, n, Q, R)
     fix_start(tail)
     for k in range(n):
         v = value[16 * k : 16 * k + 16]

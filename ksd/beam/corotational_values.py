@@ -10,6 +10,8 @@ from typing import NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from ksd.beam.strain_values import PULL
+
 Array = NDArray[np.float64]
 RECORD = 16
 """Numbers per element in `value`."""
@@ -62,9 +64,23 @@ class ChainSizes(NamedTuple):
     store: int
 
 
-def sizes(n: int) -> ChainSizes:
-    """Lengths of `value`, `inner` and `store` for a chain of n elements."""
-    return ChainSizes(RECORD * n + 9, NODE * (n - 1) + 6 * n, KEPT * n + TAIL)
+def sizes(n: int, *, heavy: bool = False) -> ChainSizes:
+    """Lengths of `value`, `inner` and `store` for a chain of n elements; heavy: with weight."""
+    more = 18 * (n + 1) + PULL if heavy else 0
+    return ChainSizes(RECORD * n + 9 + heavy * (n + 7), NODE * (n - 1) + 6 * n, KEPT * n + TAIL + more)
+
+
+def lumped_masses(value: Array, n: int, line_mass: Array) -> Array:
+    """Masses (n + 7,) of a chain with `line_mass` (n,) [kg/m] per element, as `ksd.beam.weight` takes them.
+
+    Half of every element at each of its nodes [kg]; then the first moments [kg m] of the halves at end p, in its
+    frame, and at end q, in its frame: levers of a sixth of the element, work-equivalent to its cubic deflection.
+    """
+    records = value[: RECORD * n].reshape(n, RECORD)
+    half = 0.5 * line_mass * records[:, 0]
+    first, last = (half[k] * records[k, 0] / 6.0 * records[k, [7, 10, 13]] for k in (0, n - 1))
+    Q0 = value[RECORD * n : RECORD * n + 9].reshape(3, 3)
+    return np.concatenate([np.append(half, 0.0) + np.append(0.0, half), first, -Q0.T @ last])
 
 
 def stiffness_numbers(section: SectionNumbers, length: float) -> tuple[float, ...]:

@@ -6,21 +6,22 @@ Every entry takes flat pointers and their lengths; see `ksd.beam.strain` and `ks
 
 from __future__ import annotations
 
-from ksd.beam import corotational, modal, polynomial, strain
+from ksd.beam import corotational, corotational_near, modal, polynomial, strain
 from ksd.numerics.kernel import carray, isolated
 
 _P = "CPointer(float64)"
 _I = "CPointer(int64)"
 _CONDENSE = f"void({_P}, {_I}, {_P}, {_P}, {_P}, {_P}, {_P}, {_P}, {_P}, {_I})"
+_WITH_SCRATCH = f"void({_P}, {_I}, {_P}, {_P}, {_P}, {_P}, {_P}, {_P}, {_P}, {_P}, {_I})"
 _RECOVER = f"void({_P}, {_I}, {_P}, {_P}, {_P}, float64, {_I})"
 
 
-@isolated(_CONDENSE)
-def strain_condense(value, number, inner, store, d, Q, lam, K, out, size):
-    """size = lengths of value, inner, store, near."""
+@isolated(_WITH_SCRATCH)
+def strain_condense(value, number, inner, store, scratch, d, Q, lam, K, out, size):
+    """size = lengths of value, inner, store, near, scratch."""
     back, force, moment, status = strain.strain_condense(
         carray(value, (size[0],)), carray(number, (4,)), carray(inner, (size[1],)), carray(store, (size[2],)),
-        carray(d, (3,)), carray(Q, (3, 3)), carray(lam, (12,)), carray(K, (6, 6)),
+        carray(scratch, (size[4],)), carray(d, (3,)), carray(Q, (3, 3)), carray(lam, (12,)), carray(K, (6, 6)),
     )  # fmt: skip
     out[0], out[1], out[2], out[3] = back, force, moment, status
 
@@ -85,7 +86,7 @@ def modal_recover(value, number, inner, store, xi, scale, size):
 @isolated(f"void({_P}, {_I}, {_P}, {_P}, {_P}, {_P}, {_P}, {_P}, {_P}, int64, {_P}, {_I})")
 def chain_near(value, number, inner, store, near, d, Q, lam, K, geometric, out, size):
     """A chain linearised about the element orientations `near` (paper 1, section 3)."""
-    back, force, moment, status = corotational.near_condense(
+    back, force, moment, status = corotational_near.near_condense(
         carray(value, (size[0],)), carray(number, (4,)), carray(inner, (size[1],)), carray(store, (size[2],)),
         carray(near, (size[3],)), carray(d, (3,)), carray(Q, (3, 3)), carray(lam, (12,)), carray(K, (6, 6)), geometric,
     )  # fmt: skip

@@ -8,7 +8,9 @@ from atan2 and not from asin, so nothing folds; beyond 60 degrees the element is
 Arrays (float64, SI): `value` holds n records (L0, S1, S4a, S4b, undeformed chord angle) and the undeformed
 angle of end q; `inner` holds n-1 nodes (x, y, rotation from the undeformed state), then n x 3 stresses for
 the geometric stiffness (MIP); `number` = [n, 1 for MIP or 0 for plain Newton]; `store` is kept for
-`recover`.
+`recover`. A chain with weight has its masses after that in `value` (n+1 lumps [kg], first moments of the end
+lumps in their frames 2 + 2 [kg m]) and a longer `store`: couplings of the nodes with gravity (n+1, 3, 2), then
+the pull of `ksd.beam.weight`.
 """
 
 from __future__ import annotations
@@ -19,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ksd.beam.corotational_values import SectionNumbers, stiffness_numbers
+from ksd.beam.weight import PLANAR_PULL
 from ksd.numerics.kernel import kernel
 
 Array = NDArray[np.float64]
@@ -60,6 +63,63 @@ def _nodes(value, n, inner, pose, k, move):
 
 
 @kernel
+def _start(value, n, store):
+    """Masses (n+5,), couplings and pull of a chain with weight, made ready; empty arrays for one without."""
+    at = KEPT * n + 6
+    if len(store) == at:
+        return value[:0], store[:0], store[:0]
+    mass, pull = value[RECORD * n + 1 : RECORD * n + n + 6], store[len(store) - PLANAR_PULL :]
+    for r in range(2):
+        pull[2 + r] = pull[4 + r] = mass[n + 1 + r]
+    for r in range(6, 16):
+        pull[r] = 0.0
+    spread = store[at : len(store) - PLANAR_PULL]
+    spread[:] = 0.0
+    return mass, spread, pull
+
+
+@kernel
+def _eliminate_inner(s, pull, own, carried):
+    """Eliminate a node from the couplings with gravity, factors and coupling of `s`; see `ksd.beam.weight`."""
+    for c in range(2):
+        u0 = own[c]
+        u1 = own[2 + c] - s[6] * u0
+        u2 = own[4 + c] - s[7] * u0 - s[8] * u1
+        own[c], own[2 + c], own[4 + c] = u0, u1, u2
+        w0, w1, w2 = s[9] * u0, s[10] * u1, s[11] * u2
+        for i in range(3):
+            carried[2 * i + c] -= s[12 + i] * w0 + s[16 + i] * w1 + s[20 + i] * w2
+        pull[2 + c] += s[15] * w0 + s[19] * w1 + s[23] * w2
+    for i in range(2):
+        for c in range(2):
+            for r in range(3):
+                pull[12 + 2 * i + c] -= own[2 * r + i] * s[9 + r] * own[2 * r + c]
+
+
+@kernel
+def _finish(mass, n, pull, carried, pose, turned, lam, K):
+    """The lump at end q, turned by `turned` [rad], into lam, K and the pull."""
+    m, g0, g1 = mass[n], pull[0], pull[1]
+    c, s = math.cos(turned), math.sin(turned)
+    x, y = c * mass[n + 3] - s * mass[n + 4], s * mass[n + 3] + c * mass[n + 4]
+    for o in range(0, len(lam), 3):
+        lam[o] -= m * g0
+        lam[o + 1] -= m * g1
+        lam[o + 2] -= x * g1 - y * g0
+    K[2, 2] += x * g0 + y * g1
+    for r in range(6):
+        pull[6 + r] = carried[r]
+    for o in (2, 4):
+        pull[o] += m * pose[0] + x
+        pull[o + 1] += m * pose[1] + y
+    # -m I, and the moment -(x g1 - y g0) of a change of g
+    pull[6] -= m
+    pull[9] -= m
+    pull[10] += y
+    pull[11] -= x
+
+
+@kernel
 def condense(value, number, inner, store, pose, lam, K):
     """Force and moment on end q at pose (3,) (m, m, rad) and their tangent K (3, 3), frame of p.
 
@@ -71,6 +131,8 @@ def condense(value, number, inner, store, pose, lam, K):
     """
     n = number[0]
     move = store[KEPT * n : KEPT * n + 6]
+    mass, spread, pull = _start(value, n, store)
+    heavy = len(pull) > 0
     negatives = angle = 0
     ef = em = 0.0
     # block and residual of node q, raw force of the previous element on it, and MIP force
@@ -105,6 +167,12 @@ def condense(value, number, inner, store, pose, lam, K):
         shear = q * (n5 - n6)
         h0, h1 = n1 * lx - shear * ly, n1 * ly + shear * lx
         if k > 0:
+            if heavy:
+                x, y = mass[k] * pull[0], mass[k] * pull[1]
+                f0, f1, r0, r1 = f0 - x, f1 - y, r0 - x, r1 - y
+                for c in range(2):
+                    pull[2 + c] += mass[k] * move[c]
+                    pull[4 + c] += mass[k] * move[c]
             # node p: block A (from the element before) and coupling B = K_pq, residual in the fourth column
             e0, e1, e2 = f0 - h0, f1 - h1, f2 - L * n5
             ef, em = max(ef, e0 * e0 + e1 * e1), max(em, e2 * e2)
@@ -136,6 +204,10 @@ def condense(value, number, inner, store, pose, lam, K):
             s[12], s[13], s[14], s[15] = b00, b01, b02, d0
             s[16], s[17], s[18], s[19] = b10, b11, b12, d1
             s[20], s[21], s[22], s[23] = b20, b21, b22, d2
+            if heavy:
+                spread[6 * k] -= mass[k]
+                spread[6 * k + 3] -= mass[k]
+                _eliminate_inner(s, pull, spread[6 * k : 6 * k + 6], spread[6 * k + 6 : 6 * k + 12])
             # C = K_qq - B^T D^-1 B
             x0, x1, x2 = i0 * b00, i1 * b10, i2 * b20
             y0, y1, y2 = i0 * b01, i1 * b11, i2 * b21
@@ -161,6 +233,8 @@ def condense(value, number, inner, store, pose, lam, K):
     K[0, 0], K[0, 1], K[0, 2] = c00, c01, c02
     K[1, 0], K[1, 1], K[1, 2] = c01, c11, c12
     K[2, 0], K[2, 1], K[2, 2] = c02, c12, c22
+    if heavy:
+        _finish(mass, n, pull, spread[6 * n : 6 * n + 6], pose, pose[2], lam, K)
     ef = math.sqrt(max(ef, (r0 - f0) ** 2 + (r1 - f1) ** 2))
     em = max(math.sqrt(em), abs(r2 - f2))
     return negatives, ef, em, angle if math.isfinite(ef + em + r0 + c00) else 2
@@ -174,14 +248,24 @@ def recover(value, number, inner, store, xi, scale):
     """
     n = number[0]
     q0, q1, q2 = xi[0], xi[1], xi[2]
+    heavy = len(store) > KEPT * n + 6
+    g0 = g1 = 0.0
+    if heavy:
+        g0, g1 = store[len(store) - 2], store[len(store) - 1]
     for k in range(n - 1, -1, -1):
         v = value[RECORD * k : RECORD * k + RECORD]
         s = store[KEPT * k : KEPT * k + KEPT]
         p0 = p1 = p2 = 0.0
         if k > 0:
-            p2 = -s[11] * (s[20] * q0 + s[21] * q1 + s[22] * q2 + s[23])
-            p1 = -s[10] * (s[16] * q0 + s[17] * q1 + s[18] * q2 + s[19]) - s[8] * p2
-            p0 = -s[9] * (s[12] * q0 + s[13] * q1 + s[14] * q2 + s[15]) - s[6] * p1 - s[7] * p2
+            u0, u1, u2 = s[15], s[19], s[23]
+            if heavy:
+                own = store[KEPT * n + 6 + 6 * k : KEPT * n + 12 + 6 * k]
+                u0 += own[0] * g0 + own[1] * g1
+                u1 += own[2] * g0 + own[3] * g1
+                u2 += own[4] * g0 + own[5] * g1
+            p2 = -s[11] * (s[20] * q0 + s[21] * q1 + s[22] * q2 + u2)
+            p1 = -s[10] * (s[16] * q0 + s[17] * q1 + s[18] * q2 + u1) - s[8] * p2
+            p0 = -s[9] * (s[12] * q0 + s[13] * q1 + s[14] * q2 + u0) - s[6] * p1 - s[7] * p2
             inner[3 * k - 3] += scale * p0
             inner[3 * k - 2] += scale * p1
             inner[3 * k - 1] += scale * p2
@@ -227,9 +311,10 @@ def section_forces(value, number, inner, pose, out):
         out[k, 0, 2], out[k, 1, 2] = v[0] * at_p, v[0] * at_q
 
 
-def sizes(n: int) -> tuple[int, int, int]:
-    """Lengths of `value`, `inner` and `store` for a chain of n elements."""
-    return RECORD * n + 1, 3 * (n - 1) + 3 * n, KEPT * n + 6
+def sizes(n: int, *, heavy: bool = False) -> tuple[int, int, int]:
+    """Lengths of `value`, `inner` and `store` for a chain of n elements; heavy: with weight."""
+    more = 6 * (n + 1) + PLANAR_PULL if heavy else 0
+    return RECORD * n + 1 + heavy * (n + 5), 3 * (n - 1) + 3 * n, KEPT * n + 6 + more
 
 
 def chain_values(

@@ -6,12 +6,14 @@ In the plane the angle is the integral of kappa, theta = sum a_k psi_k with psi_
 beforehand, so the mixed functional 1/2 a K a - H + lam.(closure) needs one sum over the Gauss points: H = L
 sum w h(theta) + m theta(L), h = N + (cN N^2 + cV V^2)/2, N + i V = (nx + i ny) exp(-i theta), whence h' = V
 + (cN - cV) N V and h'' = -N + (cN - cV)(V^2 - N^2). This is the S model of the strain-mode note restricted
-to kappa_z; the integration matrix of the spatial form drops out by partial summation, which Gauss points
-satisfy exactly for polynomial modes.
+to kappa_z; the integration matrix of the spatial form drops out by partial summation, which turns the modes
+B_k of its residual into test functions t_k: those are the psi_k for polynomial modes, and differ from them by
+the error of quadrature for the modes of a leaf with a profile. With them both forms have the same equilibria.
 
 `value`: L, stiffness (nz, nz) [N m^3], stress-free a0 (nz), then per Gauss point: weight times L, cN =
-1/EA, cV = 1/(ky G A), psi (nz), EI, B (nz); then psi at the end (nz). `number` = [nz, points]. `inner` =
-(a, lam).
+1/EA, cV = 1/(ky G A), psi (nz), EI, B (nz), t (nz); then psi and t at the end (2 nz); of a leaf with weight
+the mass beyond each point [kg]. `number` = [nz, points]. `inner` = (a, lam). With weight, N + i V of a point
+is that of n + M g, `store` is longer, and its last numbers are the pull of `ksd.beam.weight`.
 """
 
 from __future__ import annotations
@@ -21,103 +23,13 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from ksd.beam.planar_strain_fields import TINY_PIVOT, follow_gravity, gather, solve
+from ksd.beam.weight import PLANAR_PULL
 from ksd.numerics.kernel import kernel
+from ksd.numerics.local import local_vector
 
 Array = NDArray[np.float64]
 TURN = 2.0 * math.pi
-TINY_PIVOT = 1e-15
-
-
-@kernel
-def _gather(value, number, inner, W, J, out):
-    """W (nz, nz, lower), J (nz, 4) = (dr/da, dtheta/da, residual g), out = r (2), theta, force block (3)."""
-    nz, points = number[0], number[1]
-    n0, n1, moment = inner[nz], inner[nz + 1], inner[nz + 2]
-    end = value[1 + nz * nz + nz + points * (2 * nz + 4) :]
-    angle = 0.0
-    for i in range(nz):
-        g = -moment * end[i]
-        for j in range(nz):
-            stiffness = value[1 + i * nz + j]
-            W[i * nz + j] = stiffness
-            g += stiffness * (inner[j] - value[1 + nz * nz + j])
-        J[4 * i] = J[4 * i + 1] = 0.0
-        J[4 * i + 2] = end[i]
-        J[4 * i + 3] = g
-        angle += inner[i] * end[i]
-    x = y = xx = xy = yy = 0.0
-    for p in range(points):
-        at = 1 + nz * nz + nz + p * (2 * nz + 4)
-        point = value[at : at + 3 + nz]
-        w, cn, cv = point[0], point[1], point[2]
-        theta = 0.0
-        for i in range(nz):
-            theta += inner[i] * point[3 + i]
-        c, s = math.cos(theta), math.sin(theta)
-        N, V = c * n0 + s * n1, c * n1 - s * n0
-        slack = cn - cv
-        # r' = R (1 + cN N, cV V) and R C R^T
-        a, b = w * (1.0 + cn * N), w * cv * V
-        x += c * a - s * b
-        y += s * a + c * b
-        xx += w * (cn * c * c + cv * s * s)
-        yy += w * (cn * s * s + cv * c * c)
-        xy += w * slack * c * s
-        # h', h'' and d h'/d(nx, ny)
-        first = w * (V + slack * N * V)
-        second = w * (slack * (V * V - N * N) - N)
-        a, b = w * slack * V, w * (1.0 + slack * N)
-        hx, hy = c * a - s * b, s * a + c * b
-        for i in range(nz):
-            psi = point[3 + i]
-            J[4 * i] += hx * psi
-            J[4 * i + 1] += hy * psi
-            J[4 * i + 3] -= first * psi
-            psi *= second
-            for j in range(i + 1):
-                W[i * nz + j] -= psi * point[3 + j]
-    out[0], out[1], out[2], out[3], out[4], out[5] = x, y, angle, xx, xy, yy
-
-
-@kernel
-def _solve(nz, W, J, Y):
-    """Y (nz, 4) = W^-1 J by LDL^T in place of W (lower); returns (negative pivots, status)."""
-    negatives, status = 0, 0
-    for j in range(nz):
-        before = abs(W[j * nz + j])
-        for c in range(j):
-            W[j * nz + j] -= W[j * nz + c] * W[j * nz + c] * W[c * nz + c]
-        pivot = W[j * nz + j]
-        if not abs(pivot) > TINY_PIVOT * before:
-            return negatives, 2
-        if pivot < 0.0:
-            negatives += 1
-        inverse = 1.0 / pivot
-        for i in range(j + 1, nz):
-            t = W[i * nz + j]
-            for c in range(j):
-                t -= W[i * nz + c] * W[j * nz + c] * W[c * nz + c]
-            W[i * nz + j] = t * inverse
-        y0, y1, y2, y3 = J[4 * j], J[4 * j + 1], J[4 * j + 2], J[4 * j + 3]
-        for c in range(j):
-            t = W[j * nz + c]
-            y0 -= t * Y[4 * c]
-            y1 -= t * Y[4 * c + 1]
-            y2 -= t * Y[4 * c + 2]
-            y3 -= t * Y[4 * c + 3]
-        Y[4 * j], Y[4 * j + 1], Y[4 * j + 2], Y[4 * j + 3] = y0, y1, y2, y3
-    for j in range(nz - 1, -1, -1):
-        inverse = 1.0 / W[j * nz + j]
-        y0, y1 = Y[4 * j] * inverse, Y[4 * j + 1] * inverse
-        y2, y3 = Y[4 * j + 2] * inverse, Y[4 * j + 3] * inverse
-        for c in range(j + 1, nz):
-            t = W[c * nz + j]
-            y0 -= t * Y[4 * c]
-            y1 -= t * Y[4 * c + 1]
-            y2 -= t * Y[4 * c + 2]
-            y3 -= t * Y[4 * c + 3]
-        Y[4 * j], Y[4 * j + 1], Y[4 * j + 2], Y[4 * j + 3] = y0, y1, y2, y3
-    return negatives, status
 
 
 @kernel
@@ -132,8 +44,18 @@ def condense(value, number, inner, store, pose, lam, K):
     Y, J = store[: 4 * nz], store[4 * nz + 12 : 8 * nz + 12]
     W = store[8 * nz + 12 : 8 * nz + 12 + nz * nz]
     kept = store[4 * nz : 4 * nz + 12]
-    _gather(value, number, inner, W, J, kept)
-    negatives, status = _solve(nz, W, J, Y)
+    light = 8 * nz + 12 + nz * nz
+    heavy = len(store) > light
+    pull = store[len(store) - PLANAR_PULL if heavy else light :]
+    E, sums = store[light : len(store) - len(pull)], kept
+    if heavy:
+        # X (2 nz), E (2 nz), sums (14)
+        sums = E[4 * nz : 4 * nz + 14]
+        E = E[2 * nz : 4 * nz]
+    gather(value, number, inner, W, J, sums, pull, E)
+    if heavy:
+        kept[:6] = sums[:6]
+    negatives, status = solve(nz, W, J, Y)
     if status != 0:
         return negatives, math.inf, math.inf, status
     # F = J W^-1 J^T + L sum w R C R^T, gap = closure + J W^-1 g
@@ -179,6 +101,10 @@ def condense(value, number, inner, store, pose, lam, K):
     lam[0], lam[1], lam[2] = inner[nz] + c0, inner[nz + 1] + c1, inner[nz + 2] + c2
     if len(lam) >= 6:
         lam[3], lam[4], lam[5] = inner[nz], inner[nz + 1], inner[nz + 2]
+    if heavy:
+        step = local_vector(3)
+        step[0], step[1], step[2] = c0, c1, c2
+        follow_gravity(nz, W, J, Y, K, sums, step, E, store[light : light + 2 * nz], pull)
     force, moment = math.sqrt(c0 * c0 + c1 * c1), abs(c2)
     return negatives, force, moment, 0 if math.isfinite(force + moment + k00) else 2
 
@@ -192,6 +118,15 @@ def recover(value, number, inner, store, xi, scale):
     d0 = k[3] * x + k[4] * y + k[5] * turn
     d1 = k[4] * x + k[6] * y + k[7] * turn
     d2 = k[5] * x + k[7] * y + k[8] * turn
+    light = 8 * nz + 12 + nz * nz
+    if len(store) > light:
+        pull = store[len(store) - PLANAR_PULL :]
+        g0, g1 = pull[16], pull[17]
+        d0 += pull[6] * g0 + pull[7] * g1
+        d1 += pull[8] * g0 + pull[9] * g1
+        d2 += pull[10] * g0 + pull[11] * g1
+        for i in range(nz):
+            inner[i] += scale * (store[light + 2 * i] * g0 + store[light + 2 * i + 1] * g1)
     for i in range(nz):
         Y = store[4 * i : 4 * i + 4]
         inner[i] += scale * (Y[0] * d0 + Y[1] * d1 + Y[2] * d2 - Y[3])
@@ -205,7 +140,7 @@ def section_forces(value, number, inner, out):
     """Section forces out (points, 3) at the Gauss points: N, V [N], M [Nm], in the axes of the section."""
     nz, points = number[0], number[1]
     for p in range(points):
-        at = 1 + nz * nz + nz + p * (2 * nz + 4)
+        at = 1 + nz * nz + nz + p * (3 * nz + 4)
         theta = bend = 0.0
         for i in range(nz):
             theta += inner[i] * value[at + 3 + i]
@@ -226,7 +161,7 @@ def energy(value, number, inner):
             bend = (inner[i] - value[1 + nz * nz + i]) * (inner[j] - value[1 + nz * nz + j])
             total += 0.5 * value[1 + i * nz + j] * bend
     for p in range(points):
-        at = 1 + nz * nz + nz + p * (2 * nz + 4)
+        at = 1 + nz * nz + nz + p * (3 * nz + 4)
         theta = 0.0
         for i in range(nz):
             theta += inner[i] * value[at + 3 + i]
@@ -236,9 +171,9 @@ def energy(value, number, inner):
     return total
 
 
-def sizes(nz: int) -> tuple[int, int]:
-    """Lengths of `inner` and `store` for nz modes."""
-    return nz + 3, 8 * nz + 12 + nz * nz
+def sizes(nz: int, *, heavy: bool = False) -> tuple[int, int]:
+    """Lengths of `inner` and `store` for nz modes; heavy: with weight."""
+    return nz + 3, 8 * nz + 12 + nz * nz + heavy * (4 * nz + 14 + PLANAR_PULL)
 
 
 def leaf_values(
@@ -268,11 +203,11 @@ def leaf_values(
     bending, stretch, shear = (np.broadcast_to(np.asarray(v, float), points) for v in (EI, cN, cV))
     weight = 0.5 * length * w
     stiffness = basis.T @ (basis * (weight * bending)[:, None])
-    table = np.column_stack([weight, stretch, shear, psi, bending, basis])
+    table = np.column_stack([weight, stretch, shear, psi, bending, basis, psi])
     start = np.zeros(modes) if amplitudes is None else np.asarray(amplitudes, float)
     end = np.zeros(modes)
     end[0] = length
-    parts = [[length], stiffness.ravel(), start, table.ravel(), end]
+    parts = [[length], stiffness.ravel(), start, table.ravel(), end, end]
     return np.concatenate(parts), np.array([modes, points], np.int64)
 
 

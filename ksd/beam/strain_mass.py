@@ -15,7 +15,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ksd.beam.strain_fields import strain_fields, strain_tangent
+from ksd.beam.strain_fields import places, strain_fields, strain_tangent
+from ksd.beam.strain_values import strain_scratch
 
 Array = NDArray[np.float64]
 
@@ -64,28 +65,28 @@ def many_parts(value: Array, number: NDArray[np.int64], inner: Array) -> StrainP
     at = 1 + nx * nx + ny * ny + nz * nz + N
     L, weight = value[:, 0], value[:, at : at + ng]
     integral = value[:, at + ng : at + ng + ng * ng].reshape(k, ng, ng)
-    R, v, S = np.empty((k, ng + 1, 3, 3)), np.empty((k, ng, 3)), np.empty((k, ng, 6))
-    psi, rho, W = np.zeros((k, ng + 1, 3, N)), np.zeros((k, ng + 1, 3, N)), np.zeros((k, N, N))
-    m, scratch, spare, gain = np.empty((ng, 3)), np.empty((ng, 3, N)), np.zeros(N), np.empty((3, N))
-    end = np.empty((k, 3))
+    scratch, none, at = np.zeros((k, strain_scratch(number))), np.zeros(0), places(N, ng)
     for i in range(k):
-        leaf = value[i], number, inner[i]
-        end[i] = strain_fields(*leaf, R[i], v[i], S[i], m, psi[i], rho[i], scratch)
-        strain_tangent(*leaf, R[i], m, psi[i], rho[i], W[i], spare, gain)
-    lower = np.tril(W)
+        leaf = np.ascontiguousarray(value[i]), number, np.ascontiguousarray(inner[i]), none, scratch[i]
+        strain_fields(*leaf)
+        strain_tangent(*leaf)
+    v = scratch[:, at.v : at.S].reshape(k, ng, 4)[..., :3]
+    S = scratch[:, at.S : at.m].reshape(k, ng, 6)
+    both = scratch[:, at.fields : at.W].reshape(k, ng + 1, 6, N)
+    upper = np.triu(scratch[:, at.W : at.t].reshape(k, N, N + 8)[..., :N])
     soft = L[:, None] * (weight[:, None] @ S)[:, 0]
     return StrainParts(
-        W=lower + np.tril(W, -1).swapaxes(1, 2),
-        J=np.concatenate([rho[:, ng], psi[:, ng]], axis=1),
+        W=upper + np.triu(upper, 1).swapaxes(1, 2),
+        J=np.concatenate([both[:, 0, 3:], both[:, 0, :3]], axis=1),
         S=soft[:, [[0, 1, 2], [1, 3, 4], [2, 4, 5]]],
         length=L,
         s=integral.sum(axis=2),
         weight=weight,
         r=L[:, None, None] * (integral @ v),
-        end=end,
-        R=R[:, :ng],
-        rho=rho[:, :ng],
-        psi=psi[:, :ng],
+        end=scratch[:, at.m : at.m + 3],
+        R=scratch[:, : at.v].reshape(k, ng + 1, 3, 3)[:, :ng],
+        rho=both[:, 1:, 3:],
+        psi=both[:, 1:, :3],
     )
 
 

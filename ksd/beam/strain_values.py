@@ -2,7 +2,8 @@
 
 Layout of the flat array (N = nx + ny + nz modes, ng points): L; stiffness blocks (nx^2, ny^2, nz^2) [N m^3 .. per
 (1/m)^2]; stress-free amplitudes a0 (N); weights (ng), sum 1; integration matrix (ng, ng); modes (N, ng); compliances
-(ng, 3): 1/EA, 1/(ky GA), 1/(kz GA); gap integrals (N, ng+1); gap pair integrals yz, zx, xy, gap last.
+(ng, 3): 1/EA, 1/(ky GA), 1/(kz GA); gap integrals (N, ng+1); gap pair integrals yz, zx, xy, gap last; of a leaf with
+weight the mass beyond each point (ng) [kg].
 """
 
 from __future__ import annotations
@@ -16,6 +17,8 @@ import numpy as np
 
 DEFAULT_ORDERS = (4, 3, 5)
 DEFAULT_POINTS = 7
+PULL = 39
+"""Numbers of the pull of a leaf with weight, see `ksd.beam.weight`."""
 
 
 class Modes(NamedTuple):
@@ -115,11 +118,12 @@ def strain_values(
     points: int = DEFAULT_POINTS,
     modes: Modes | None = None,
     amplitudes: np.ndarray | None = None,
+    line_mass: np.ndarray | None = None,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Flat constants and settings (value, number) of one leaf.
 
     length [m]; rigidity (3,) or (ng, 3): GJ, EIy, EIz [N m^2]; compliance (3,) or (ng, 3): 1/EA, 1/(ky G A),
-    1/(kz G A) [1/N]; amplitudes (N,) stress-free [1/m], zero when None.
+    1/(kz G A) [1/N]; amplitudes (N,) stress-free [1/m], zero when None; line_mass (ng,) [kg/m], None without weight.
     """
     table = modes or _cached_modes(tuple(orders), points)
     nx, ny, nz = orders
@@ -142,10 +146,28 @@ def strain_values(
         np.moveaxis(pair[:, z, x], 0, -1).ravel(),
         np.moveaxis(pair[:, x, y], 0, -1).ravel(),
     ]
+    if line_mass is not None:
+        parts.append(length * (table.weight - table.integral) @ line_mass)
     return np.concatenate(parts).astype(float), np.array([nx, ny, nz, ng], np.int64)
 
 
-def strain_sizes(number: np.ndarray) -> tuple[int, int]:
-    """Lengths of the inner state and of the scratch of one leaf."""
+def strain_sizes(number: np.ndarray, *, heavy: bool = False) -> tuple[int, int]:
+    """Lengths of the inner state and of the `store` of one leaf; heavy: with weight."""
     total = int(number[0] + number[1] + number[2])
-    return total + 6, 7 * total + 36 + 6
+    return total + 6, 7 * total + 42 + heavy * (3 * total + PULL)
+
+
+def strain_scratch(number: np.ndarray) -> int:
+    """Numbers of scratch `ksd.beam.strain.strain_condense` needs, with weight or without."""
+    N, ng = int(number[0] + number[1] + number[2]), int(number[3])
+    # as `ksd.beam.strain_fields.places` lays it out
+    return 9 * (ng + 1) + 10 * ng + 4 * (ng + 1) + 12 * N * ng + 9 * N + 2 * N * N + 8 * N + 4 * ng
+
+
+def masses_beyond(value: np.ndarray, number: np.ndarray) -> np.ndarray:
+    """Mass (ng,) [kg] of a leaf with weight between every quadrature point and end q."""
+    nx, ny, nz, ng = (int(n) for n in number[:4])
+    N = nx + ny + nz
+    at = 1 + nx * nx + ny * ny + nz * nz + N + ng * (1 + ng + N + 3)
+    at += (N + ny * nz + nz * nx + nx * ny) * (ng + 1)
+    return value[at : at + ng]

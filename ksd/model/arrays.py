@@ -74,7 +74,8 @@ class Arrays(NamedTuple):
 
     springs: what resists without inner unknowns, packed as members: kind COIL with value (stiffness [N/m], free length
     [m]), TURN with (stiffness [Nm/rad], rest angle [rad]) about e3 of end p, LINEAR with the constants of
-    `ksd.beam.linear`. Their rows of Work.lam and Work.pose follow those of the members.
+    `ksd.beam.linear`. Their rows of Work.lam and Work.pose follow those of the members. scratch: how many numbers the
+    kernel of the largest member needs.
     """
 
     plan: Blocks
@@ -84,6 +85,7 @@ class Arrays(NamedTuple):
     loads: Loads
     size: float
     springs: Members
+    scratch: int
 
 
 class Motion(NamedTuple):
@@ -105,12 +107,14 @@ class Motion(NamedTuple):
 
 
 class Work(NamedTuple):
-    """Storage prepared once per model; the kernels only take small scratch of their own in an iteration.
+    """Storage prepared once per model; with either leaf model an iteration allocates nothing (small arrays of fixed size
+    are on the stack); modal bodies and solids still take scratch of their own.
 
-    value, spare: block matrix and its scaled rows; rhs (n,): residual, then the step; store: scratch of the
-    members; lam (m, 12): end wrenches; pose (m, 18): frame p (9), lever of q about node p, lever of q, d; scale
-    (k, 2): sums of force and moment norms at each node. near (flat), from near_at (m+1,): element and node
-    rotation vectors of the near configuration of paper 1, empty except in the joint bench.
+    value, spare: block matrix and its scaled rows; rhs (n,): residual, then the step; store: what members keep
+    from assembly to update; lam (m, 12): end wrenches; pose (m, 18): frame p (9), lever of q about node p, lever
+    of q, d; scale (k, 2): sums of force and moment norms at each node. near (flat), from near_at (m+1,): element
+    and node rotation vectors of the near configuration of paper 1, empty except in the joint bench. scratch: of
+    the member at work.
     """
 
     value: np.ndarray
@@ -122,6 +126,7 @@ class Work(NamedTuple):
     scale: np.ndarray
     near: np.ndarray
     near_at: np.ndarray
+    scratch: np.ndarray
 
 
 def make_work(arrays: Arrays, *, near: np.ndarray | None = None) -> Work:
@@ -141,4 +146,5 @@ def make_work(arrays: Arrays, *, near: np.ndarray | None = None) -> Work:
         np.zeros(held + 1, np.int64)
         if near is None
         else np.concatenate([[0], np.cumsum(near)]).astype(np.int64),
+        np.zeros(arrays.scratch),
     )

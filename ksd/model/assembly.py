@@ -11,8 +11,6 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-
 from ksd.beam.entry import (
     chain_condense,
     chain_near,
@@ -26,6 +24,7 @@ from ksd.beam.entry import (
 from ksd.beam.linear import linear_condense
 from ksd.model.arrays import COROTATIONAL, LINEAR, MODAL, SOLID, STRAIN
 from ksd.numerics.kernel import kernel
+from ksd.numerics.local import local_counts, local_matrix, local_vector
 
 
 @kernel
@@ -58,7 +57,7 @@ def member_pose(members, x, R, i, pose, Q):
 @kernel
 def _turn_stiffness(pose, K, A):
     """A (6, 6) = diag(Rp, Rp) K diag(Rp, Rp)^T."""
-    T = np.empty((6, 6))
+    T = local_matrix(6, 6)
     for b in range(2):
         for r in range(3):
             for c in range(6):
@@ -127,8 +126,8 @@ def geometric_tangent(n, m, w, s, T):
 @kernel
 def member_tangent(pose, lam, K, T, force):
     """Node tangent T (12, 12) and forces (12,) on nodes a, b of one member, global axes."""
-    A = np.empty((6, 6))
-    M = np.empty((6, 12))
+    A = local_matrix(6, 6)
+    M = local_matrix(6, 12)
     _turn_stiffness(pose, K, A)
     w, s = pose[9:12], pose[12:15]
     _times_levers(A, w, s, M)
@@ -143,7 +142,7 @@ def member_tangent(pose, lam, K, T, force):
         T[9, c] = a2 * s[1] - a1 * s[2] + M[3, c]
         T[10, c] = a0 * s[2] - a2 * s[0] + M[4, c]
         T[11, c] = a1 * s[0] - a0 * s[1] + M[5, c]
-    n, m = np.empty(3), np.empty(3)
+    n, m = local_vector(3), local_vector(3)
     for r in range(3):
         n[r] = pose[3 * r] * lam[6] + pose[3 * r + 1] * lam[7] + pose[3 * r + 2] * lam[8]
         m[r] = pose[3 * r] * lam[9] + pose[3 * r + 1] * lam[10] + pose[3 * r + 2] * lam[11]
@@ -160,15 +159,14 @@ def member_tangent(pose, lam, K, T, force):
 
 
 @kernel
-def _parts(members, inner, store, i):
-    """Constants, settings, inner state and scratch of member i, and the lengths its C entry needs."""
+def _parts(members, inner, store, i, size):
+    """Constants, settings, inner state and `store` of member i; the lengths its C entry needs into size (5,)."""
     number = members.number[i]
     state = inner[members.inner_at[i] : members.inner_at[i + 1]]
     kept = store[members.store_at[i] : members.store_at[i + 1]]
     value = members.value[members.value_at[i] :]
-    size = np.empty(4, np.int64)
-    size[0], size[1], size[2], size[3] = len(value), len(state), len(kept), 0
-    return value, number, state, kept, size
+    size[0], size[1], size[2], size[3], size[4] = len(value), len(state), len(kept), 0, 0
+    return value, number, state, kept
 
 
 @kernel
@@ -179,13 +177,18 @@ def condense_member(members, inner, work, i, d, Q, K, near):
     in work.near instead (paper 1, section 3), without (1) or with (2) the geometric stiffness.
     """
     lam = work.lam[i]
-    value, number, state, kept, size = _parts(members, inner, work.store, i)
+    size = local_counts(5)
+    value, number, state, kept = _parts(members, inner, work.store, i, size)
     if members.kind[i] == LINEAR:
         return linear_condense(state, d, Q, lam, K)
-    out = np.empty(4)
+    out = local_vector(4)
     V, N, S, W = value.ctypes, number.ctypes, state.ctypes, kept.ctypes
     if members.kind[i] == STRAIN:
-        strain_condense(V, N, S, W, d.ctypes, Q.ctypes, lam.ctypes, K.ctypes, out.ctypes, size.ctypes)
+        scratch = work.scratch
+        size[4] = len(scratch)
+        strain_condense(
+            V, N, S, W, scratch.ctypes, d.ctypes, Q.ctypes, lam.ctypes, K.ctypes, out.ctypes, size.ctypes
+        )
     elif members.kind[i] == MODAL:
         modal_condense(V, N, S, W, d.ctypes, Q.ctypes, lam.ctypes, K.ctypes, out.ctypes, size.ctypes)
     elif members.kind[i] == SOLID:
@@ -215,7 +218,8 @@ def condense_member(members, inner, work, i, d, Q, K, near):
 @kernel
 def recover_member(members, inner, store, i, xi, scale):
     """Inner update of member i after its end q moved by xi (6,) relative to its end p."""
-    value, number, state, kept, size = _parts(members, inner, store, i)
+    size = local_counts(5)
+    value, number, state, kept = _parts(members, inner, store, i, size)
     V, N, S, W = value.ctypes, number.ctypes, state.ctypes, kept.ctypes
     if members.kind[i] == STRAIN:
         strain_recover(V, N, S, W, xi.ctypes, scale, size.ctypes)
@@ -249,9 +253,9 @@ def add_members(arrays, x, R, inner, work, rtol, noise, near):
     """All members into work.value and work.rhs. Returns (negatives, worst inner residual over its bound, status)."""
     members = arrays.members
     negatives, worst, status = 0, 0.0, 0
-    Q, K = np.empty((3, 3)), np.empty((6, 6))
-    T, force, d = np.empty((12, 12)), np.empty(12), np.empty(3)
-    starts = np.empty(2, np.int64)
+    Q, K = local_matrix(3, 3), local_matrix(6, 6)
+    T, force, d = local_matrix(12, 12), local_vector(12), local_vector(3)
+    starts = local_counts(2)
     for i in range(len(members.kind)):
         pose, lam = work.pose[i], work.lam[i]
         member_pose(members, x, R, i, pose, Q)

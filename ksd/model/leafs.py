@@ -16,8 +16,8 @@ from typing import Any
 import numpy as np
 
 from ksd.beam import corotational_values as chains
-from ksd.beam.strain_fields import strain_fields
-from ksd.beam.strain_values import Modes, make_modes, strain_sizes, strain_values
+from ksd.beam.strain_fields import places, strain_fields
+from ksd.beam.strain_values import Modes, make_modes, strain_scratch, strain_sizes, strain_values
 from ksd.errors import SceneError
 from ksd.model.arrays import COROTATIONAL, STRAIN
 from ksd.model.mesh import Mesh
@@ -177,10 +177,10 @@ def _undeformed_end(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Pose of end q by the leaf's own integration, so that a curved leaf is free of stress at rest."""
     ng, N = int(number[3]), int(sum(number[:3]))
-    R, v, S, m = np.empty((ng + 1, 3, 3)), np.empty((ng, 3)), np.empty((ng, 6)), np.empty((ng, 3))
-    psi, rho = np.zeros((ng + 1, 3, N)), np.zeros((ng + 1, 3, N))
-    d = strain_fields(value, number, inner, R, v, S, m, psi, rho, np.empty((ng, 3, N)))
-    return np.array(d, float), R[ng].copy()
+    scratch = np.zeros(strain_scratch(number))
+    strain_fields(value, number, inner, np.zeros(0), scratch)
+    at = places(N, ng)
+    return scratch[at.m :][:3].copy(), scratch[at.R + 9 * ng :][:9].reshape(3, 3).copy()
 
 
 def _numbers(section: Section, leaf: Any, mesh: Mesh) -> SimpleNamespace:

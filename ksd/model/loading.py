@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-
 from ksd.model.arrays import TRANSLATION
 from ksd.model.assembly import geometric_tangent
 from ksd.numerics.kernel import kernel
+from ksd.numerics.local import local_matrix, local_vector
 from ksd.numerics.rotations import rotation_log
 
 
@@ -20,7 +19,7 @@ def add_loads(arrays, R, work, factor, rtol):
     its symmetric part is what is added, so convergence is linear there (exact where the load does not turn).
     """
     loads = arrays.loads
-    F, M, s = np.empty(3), np.empty(3), np.empty(3)
+    F, M, s = local_vector(3), local_vector(3), local_vector(3)
     for i in range(len(loads.node)):
         node = loads.node[i]
         u, block = arrays.start[node], loads.block[i]
@@ -65,7 +64,7 @@ def term_value(terms, x, R, t, gradient, tangent, weight):
     Translation: u.(x_b + s_b - x_a - s_a) with u, s_a turning with base. Rotation: twist of R_a^T R_b about u.
     """
     a, b = terms.node[t, 0], terms.node[t, 1]
-    u, p, q = np.empty(3), np.empty(3), np.empty(3)
+    u, p, q = local_vector(3), local_vector(3), local_vector(3)
     for r in range(3):
         u[r], p[r], q[r] = 0.0, 0.0, 0.0
         for c in range(3):
@@ -78,7 +77,7 @@ def term_value(terms, x, R, t, gradient, tangent, weight):
             tangent[i, j] = 0.0
     if terms.kind[t] == TRANSLATION:
         value = 0.0
-        lever = np.empty(3)
+        lever = local_vector(3)
         for r in range(3):
             # the base's own point only shifts the value by a constant along u fixed in base
             lever[r] = x[b, r] + q[r] - x[a, r]
@@ -89,10 +88,9 @@ def term_value(terms, x, R, t, gradient, tangent, weight):
             gradient[3 + r] = u[j] * lever[k] - u[k] * lever[j]
             gradient[6 + r] = u[r]
             gradient[9 + r] = q[j] * u[k] - q[k] * u[j]
-        zero = np.zeros(3)
-        n = np.empty(3)
+        zero, n = local_vector(3), local_vector(3)
         for r in range(3):
-            n[r] = weight * u[r]
+            zero[r], n[r] = 0.0, weight * u[r]
         geometric_tangent(n, zero, lever, q, tangent)
         return value
     return twist(R[a], R[b], u, gradient, tangent, weight)
@@ -105,11 +103,11 @@ def twist(Ra, Rb, u, gradient, tangent, weight):
     Quaternion (q0, q) of Rb Ra^T in global axes, u turning with a: the same number as in base axes.
     Second derivatives keep the part symmetric in D; with dphi_a they add -1/2 [m]x coupling, m = gradient.
     """
-    rel = np.empty((3, 3))
+    rel = local_matrix(3, 3)
     for i in range(3):
         for j in range(3):
             rel[i, j] = Rb[i, 0] * Ra[j, 0] + Rb[i, 1] * Ra[j, 1] + Rb[i, 2] * Ra[j, 2]
-    v = np.empty(3)
+    v = local_vector(3)
     rotation_log(rel, v)
     t = math.sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2])
     q0 = math.cos(0.5 * t)
@@ -119,8 +117,8 @@ def twist(Ra, Rb, u, gradient, tangent, weight):
     N = v[0] * u[0] + v[1] * u[1] + v[2] * u[2]
     r2 = N * N + q0 * q0
     # q0' = -q.D/2, (q.u)' = (q0 u + q x u ... ).D/2 : d(q)/dD = (q0 D + D x q)/2
-    g = np.empty(3)
-    dN, d0 = np.empty(3), np.empty(3)
+    g = local_vector(3)
+    dN, d0 = local_vector(3), local_vector(3)
     for i in range(3):
         j, k = (i + 1) % 3, (i + 2) % 3
         dN[i] = 0.5 * (q0 * u[i] + v[j] * u[k] - v[k] * u[j])
@@ -155,7 +153,7 @@ def add_terms(arrays, x, R, multiplier, target, work, rtol):
     Returns the largest gap, in metres (rotations times the model's length scale).
     """
     terms = arrays.terms
-    gradient, tangent = np.empty(12), np.empty((12, 12))
+    gradient, tangent = local_vector(12), local_matrix(12, 12)
     largest = 0.0
     for i in range(len(terms.start)):
         gap, reach = -target[i], 1.0

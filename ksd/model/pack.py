@@ -7,7 +7,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from ksd.model.arrays import LINEAR, Arrays, Loads, Members, Motion, Terms
+from ksd.beam.strain_values import strain_scratch
+from ksd.model.arrays import LINEAR, STRAIN, Arrays, Loads, Members, Motion, Terms
 from ksd.numerics.blocks import plan_blocks
 
 
@@ -185,6 +186,7 @@ def pack(parts: Assembly) -> tuple[Arrays, Motion]:
         _pack_loads(parts.pushes, places),
         length,
         springs,
+        max((strain_scratch(m.number) for m in parts.members if m.kind == STRAIN), default=0),
     )
     rest = Motion(np.array(parts.reference, float), np.tile(np.eye(3), (nodes, 1, 1)), inner, np.zeros(rows))
     return arrays, rest

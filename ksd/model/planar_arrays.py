@@ -53,4 +53,5 @@ def make_planar_work(arrays: Arrays, *, near: np.ndarray | None = None) -> Work:
         np.zeros((len(arrays.start), 2)),
         np.zeros(int(at[-1])),
         at,
+        np.zeros(0),
     )

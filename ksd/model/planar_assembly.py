@@ -12,8 +12,6 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-
 from ksd.beam.planar_entry import (
     planar_chain_condense,
     planar_chain_near,
@@ -24,6 +22,7 @@ from ksd.beam.planar_entry import (
 from ksd.beam.spring import planar_coil_condense, planar_linear_condense
 from ksd.model.arrays import COIL, COROTATIONAL, LINEAR, STRAIN, TRANSLATION
 from ksd.numerics.kernel import kernel
+from ksd.numerics.local import local_counts, local_matrix, local_vector
 
 TURN = 2.0 * math.pi
 
@@ -108,7 +107,7 @@ def add_planar_members(members, start, nodes, inners, work, rtol, noise, near):
     lams, poses, matrix, turns = work.lam, work.pose, work.value, work.near
     offset, frame, lengths, floors = members.offset, members.frame, members.length, members.floor
     negatives, worst, status = 0, 0.0, 0
-    K, end, out, size = np.empty((3, 3)), np.empty(3), np.empty(4), np.empty(4, np.int64)
+    K, end, out, size = local_matrix(3, 3), local_vector(3), local_vector(4), local_counts(4)
     for i in range(len(kind)):
         pose, lam = poses[i], lams[i]
         planar_pose(node[i], offset[i], frame[i], nodes, turns, pose, end)
@@ -155,7 +154,7 @@ def add_planar_members(members, start, nodes, inners, work, rtol, noise, near):
 @kernel
 def add_planar_springs(springs, first, start, nodes, work, rtol, noise):
     """All springs into work.value and work.rhs; `first`: the row of work.pose and work.lam of the first one."""
-    K, end = np.empty((3, 3)), np.empty(3)
+    K, end = local_matrix(3, 3), local_vector(3)
     status = 0
     for i in range(len(springs.kind)):
         pose, lam = work.pose[first + i], work.lam[first + i]
@@ -245,7 +244,7 @@ def add_planar_terms(terms, start, motion, target, work, size, rtol):
     first, row, factor, kind, node = terms.first, terms.start, terms.coefficient, terms.kind, terms.node
     direction, point, block, flip = terms.direction, terms.point, terms.block, terms.flip
     rhs, value, scale, turns = work.rhs, work.value, work.scale, work.near
-    g = np.empty(10)
+    g = local_vector(10)
     largest = 0.0
     for i in range(len(row)):
         gap, reach = -target[i], 1.0
@@ -288,7 +287,7 @@ def recover_planar(members, start, inners, step, poses, stores, scale):
     """Inner update of every member for the step (n,); poses and stores are those of the assembly."""
     kind, node, number, values = members.kind, members.node, members.number, members.value
     value_at, inner_at, store_at = members.value_at, members.inner_at, members.store_at
-    move, xi, size = np.empty(6), np.empty(3), np.empty(4, np.int64)
+    move, xi, size = local_vector(6), local_vector(3), local_counts(4)
     for i in range(len(kind)):
         pose = poses[i]
         for e in range(2):

@@ -18,6 +18,7 @@ from ksd.model.assembly import _scatter, member_pose, member_tangent
 from ksd.model.loading import twist
 from ksd.model.pack import Member
 from ksd.numerics.kernel import kernel
+from ksd.numerics.local import local_counts, local_matrix, local_vector
 from ksd.scene.effects import LinkMatrix, Spring, TurnSpring
 
 
@@ -30,9 +31,9 @@ def add_springs(arrays, x, R, work, rtol, noise):
     """
     springs, first = arrays.springs, len(arrays.members.kind)
     status = 0
-    Q, K = np.empty((3, 3)), np.empty((6, 6))
-    T, force, d = np.empty((12, 12)), np.empty(12), np.empty(3)
-    starts = np.empty(2, np.int64)
+    Q, K = local_matrix(3, 3), local_matrix(6, 6)
+    T, force, d = local_matrix(12, 12), local_vector(12), local_vector(3)
+    starts = local_counts(2)
     for i in range(len(springs.kind)):
         pose, lam = work.pose[first + i], work.lam[first + i]
         member_pose(springs, x, R, i, pose, Q)

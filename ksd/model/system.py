@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-
 from ksd.model.assembly import add_members, recover_member
 from ksd.model.blank import System, blank_system
 from ksd.model.loading import add_loads, add_terms
@@ -13,6 +11,7 @@ from ksd.model.springs import add_springs
 from ksd.numerics.blocks import factor_blocks, solve_blocks
 from ksd.numerics.held import Kind, address_of, found_at
 from ksd.numerics.kernel import isolated, kernel
+from ksd.numerics.local import local_vector
 from ksd.numerics.rotations import straighten, turn
 
 
@@ -67,7 +66,7 @@ def assemble(arrays, motion, target, factor, work, rtol, near, grain):
 
     grain: how many times the rounding of stiffness times position the bounds include (design section 5: 10 eps).
     """
-    out = np.empty(4)
+    out = local_vector(4)
     assemble_apart(
         address_of(System(arrays, motion, target, work), _KIND), factor, rtol, near, grain, out.ctypes
     )
@@ -110,7 +109,7 @@ def largest_move(arrays, step):
 def take_step(arrays, motion, step, work, scale):
     """motion <- motion + scale * step (n,): members first (their frames are the old ones), then nodes, multipliers."""
     members = arrays.members
-    xi, move = np.empty(6), np.empty(12)
+    xi, move = local_vector(6), local_vector(12)
     for i in range(len(members.kind)):
         pose = work.pose[i]
         for e in range(2):
@@ -125,7 +124,7 @@ def take_step(arrays, motion, step, work, scale):
 @kernel
 def relative_motion(pose, move, xi):
     """xi (6,) in frame p from the motion (12,) of nodes a, b: (dxb - dxa + dphib x s - dphia x w, dphib - dphia)."""
-    g = np.empty(6)
+    g = local_vector(6)
     for r in range(3):
         j, k = (r + 1) % 3, (r + 2) % 3
         g[r] = (
@@ -142,7 +141,7 @@ def relative_motion(pose, move, xi):
 @kernel
 def move_nodes(arrays, motion, step, scale):
     """Positions, rotations (R <- exp(dphi) R) and multipliers."""
-    v = np.empty(3)
+    v = local_vector(3)
     for k in range(len(arrays.start)):
         u = arrays.start[k]
         if u >= 0:

@@ -125,20 +125,21 @@ def factor_blocks(plan, value, spare, stop):
     A pivot is measured against its diagonal entry as assembled (multipliers, zero there, are left out).
 
     After it, diagonal blocks hold unit L and D; the blocks below hold A_ik (unscaled), and `spare`, as long as
-    `value`, the rows A_ik D_k^-1 needed by the solves. Columns from `stop` on hold the Schur complement.
+    `value`, the rows A_ik D_k^-1 needed by the solves; its own diagonal blocks keep the assembled diagonal. Columns
+    from `stop` on hold the Schur complement.
     """
     negatives = 0
     worst = 1.0
-    assembled = np.empty(plan.unknowns)
     for k in range(len(plan.size)):
+        at = plan.diagonal[k]
         for j in range(plan.size[k]):
-            assembled[plan.start[k] + j] = abs(value[plan.diagonal[k] + j * plan.size[k] + j])
+            spare[at + j] = abs(value[at + j * plan.size[k] + j])
     for k in range(stop):
         n = plan.size[k]
         at = plan.diagonal[k]
         # dense LDL^T of the pivot block
         for j in range(n):
-            before = assembled[plan.start[k] + j]
+            before = spare[at + j]
             for c in range(j):
                 value[at + j * n + j] -= value[at + j * n + c] * value[at + j * n + c] * value[at + c * n + c]
             d = value[at + j * n + j]

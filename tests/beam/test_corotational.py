@@ -9,6 +9,7 @@ import pytest
 
 from ksd.beam import corotational as chain
 from ksd.beam import corotational_values as setup
+from ksd.beam.corotational_near import near_condense
 from ksd.numerics.rotations import rotation_exp, rotation_log
 
 L = 0.1
@@ -293,7 +294,7 @@ def near_rotations(leaf):
 
 def near(leaf, rotations, geometric):
     args = leaf.value, leaf.number, leaf.inner, leaf.store, rotations, leaf.d, leaf.Q, leaf.lam, leaf.K
-    found = chain.near_condense(*args, geometric)
+    found = near_condense(*args, geometric)
     assert found[3] == 0
 
 

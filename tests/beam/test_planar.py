@@ -12,7 +12,7 @@ from ksd.beam import corotational_values as spatial_setup
 from ksd.beam import planar_corotational as chain
 from ksd.beam import planar_strain as strain
 from ksd.beam.strain import strain_condense, strain_recover
-from ksd.beam.strain_values import strain_sizes, strain_values
+from ksd.beam.strain_values import strain_scratch, strain_sizes, strain_values
 
 L = 0.1
 LEAF = spatial_setup.ElementSection(E=200e9, G=76.9e9, A=3e-5, J=0.98e-11, Iy=2.25e-9, Iz=2.5e-12)
@@ -177,7 +177,12 @@ def test_planar_modes_equal_the_spatial_ones():
         compliance=np.array([1 / (s.E * s.A), 1 / (s.ky * s.G * s.A), 1 / (s.kz * s.G * s.A)]),
     )
     inner, store = strain_sizes(number)
-    lam, K = lifted(strain_condense, strain_recover, value, number, np.zeros(inner), store)
+    scratch = np.zeros(strain_scratch(number))
+
+    def with_scratch(value, number, inner, store, *rest):
+        return strain_condense(value, number, inner, store, scratch, *rest)
+
+    lam, K = lifted(with_scratch, strain_recover, value, number, np.zeros(inner), store)
     assert np.allclose(leaf.lam[:3], lam, rtol=1e-11, atol=1e-12 * np.abs(lam).max())
     assert np.allclose(leaf.K, K, rtol=1e-10, atol=1e-12 * np.abs(K).max())
 
