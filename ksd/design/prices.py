@@ -90,12 +90,12 @@ def prices(
     *,
     accuracy: float = 1e-3,
     mesh: Mesh | None = None,
-    rounds: int = ROUNDS,
+    rounds: int | None = None,
 ) -> tuple[Choice, list[Price]]:
     """The choice ksd makes, and the price of every effect the scene can have.
 
     scene: a Mechanism or Scene; targets: drive values [m or rad]. Raises SceneError for what is wrong with the scene;
-    a variant that fails says so in its row.
+    a variant that fails says so in its row. rounds: timed solves of each, `ROUNDS` when None.
     """
     frozen = scene.scene() if hasattr(scene, "scene") else scene
     grid = mesh or Mesh()
@@ -112,7 +112,7 @@ def prices(
 
     chosen = set(choice.present)
     return choice, [
-        _price(choice, name, (variant(chosen | {name}), variant(chosen - {name})), targets, rounds)
+        _price(choice, name, (variant(chosen | {name}), variant(chosen - {name})), targets, rounds or ROUNDS)
         for name in names
     ]
 
