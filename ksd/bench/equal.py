@@ -13,6 +13,7 @@ METHODS = (
     "kinematic", "reduced", "reduced, 1 pass", "reduced, 2 passes", "full", "reduced, planar", "reduced, 1 pass, planar",
     "full, planar", "conventional", "conventional, planar", "plain Newton",
 )  # fmt: skip
+_MISSED = "not reached"
 BEGIN, END = "<!-- bench:begin -->", "<!-- bench:end -->"
 
 
@@ -27,7 +28,7 @@ def equal_accuracy(results: Sequence[Measured]) -> str:
     for method in METHODS:
         for strain in (True, False):
             cells = [_cheapest_cell(m.rows, method, strain=strain) for m in cases]
-            if any(c != "-" for c in cells):
+            if any(c not in ("-", _MISSED) for c in cells):
                 kind = "strain-mode" if strain else "Appendix A"
                 lines.append(f"| {method} | {kind} | " + " | ".join(cells) + " |")
     return "\n".join(lines)
@@ -37,7 +38,7 @@ def _cheapest_cell(rows: Iterable[Row], method: str, *, strain: bool) -> str:
     mine = [r for r in rows if r.method == method and r.leafs.startswith("strain") == strain]
     fit = [r for r in mine if good(r)]
     if not fit:
-        return "not reached" if mine else "-"
+        return _MISSED if mine else "-"
     best = min(fit, key=lambda r: r.call[1])
     error = percent(best.force_error)
     which = best.leafs.removeprefix("strain ").replace(" elements", "").replace(" element", "")
@@ -82,7 +83,7 @@ def readme_text(results: Sequence[Measured]) -> str:
         [
             f"Cheapest setting of every method within 0.1 % of the drive force and 1 % of the support stiffness: thread "
             f"time of a whole call [µs] (orders, or elements per leaf; force error). {m['date']}, one thread of "
-            f"{m['processor']}; `ksd bench --readme README.md` renews it.",
+            f"{m['processor']}; load average {m['load_average']}; `ksd bench --readme README.md` renews it.",
             "",
             equal_accuracy(results),
             "",

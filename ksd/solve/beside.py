@@ -21,7 +21,7 @@ EXACT, NEAR = 1e-5, 0.02
 
 def needs_walk(found: Configuration) -> bool:
     """Whether an answer of the five steps is compared with load steps."""
-    if found.method not in ("reduced", "full"):
+    if found.method not in ("reduced", "full") or not len(found.model.arrays.loads.node):
         return False
     longest = max((s.iterations for s in found.steps if s.name[0] in "35"), default=0)
     return laden(found.model, found.motion, found.model.targets(found.targets), longest)
