@@ -169,7 +169,7 @@ def _fourbars() -> list[Case]:
             partial(pushed, (0, 0, 500)),
             (542.33,),
             {"top": 0.3},
-            verified="independent finite element code (shared acceptance values)",
+            verified="independent finite element code",
             tolerance=1e-4,
             mesh=chain(4),
         )
