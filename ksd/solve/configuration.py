@@ -201,6 +201,12 @@ class Configuration:
 
         return with_error(self, question)
 
+    def sensitivity(self, question: Any, link: Any, **load: Any) -> Any:
+        """Change of ``question(pose)`` per load on a link: `ksd.solve.sensitivity.sensitivity`."""
+        from ksd.solve.sensitivity import sensitivity
+
+        return sensitivity(self, question, link, **load)
+
     def internal_stress(self, **options: Any) -> Any:
         """Stress [Pa] when leafs are clamped beside their place: `ksd.properties.internal_stress.internal_stress`."""
         from ksd.properties.internal_stress import internal_stress

@@ -1,0 +1,59 @@
+"""How the answer to any question changes with a load: central difference of two equilibria beside the present one."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from ksd.errors import SceneError
+from ksd.model.compile import compile_scene
+from ksd.scene.drive import Load
+from ksd.solve.configuration import Configuration
+from ksd.solve.conventional import conventional
+
+STEP = 1e-3
+"""Part of the load that is added and taken away."""
+RTOL = 1e-11
+
+
+def sensitivity(
+    pose: Configuration,
+    question: Callable[[Configuration], Any],
+    link: Any,
+    *,
+    at: Any,
+    force: Any = (0.0, 0.0, 0.0),
+    moment: Any = (0.0, 0.0, 0.0),
+) -> Any:
+    """Change of ``question(pose)`` (number, array, or mapping of numbers) per whole of a dead load, to first order.
+
+    The load: force (3,) [N], moment (3,) [Nm], global, on the point of `link` that is at `at` (3,) [m] at rest; it
+    is added to those of the scene while the drives stay. A thousandth of it either way is solved for with the full
+    model from the present state, so anything may be asked: a stiffness, a frequency, a stress. Raises SceneError for
+    wrong names or a load of zero, ConvergenceError where a state beside this one is not found.
+    """
+    name = getattr(link, "name", link)
+    model, scene = pose.model, pose.model.said or pose.model.scene
+    kept = {} if model.choice is None else {"effects": model.choice.present}
+    if name not in scene.links:
+        raise SceneError(
+            f"link '{name}' is not part of '{scene.name}'; its links are {', '.join(scene.links)}"
+        )
+    wrench = np.concatenate([np.asarray(force, float), np.asarray(moment, float)])
+    if wrench.shape != (6,) or not np.isfinite(wrench).all() or not wrench.any():
+        raise SceneError(f"load on '{name}': give a finite force (3,) or moment (3,) that is not zero")
+    answers = []
+    for sign in (1.0, -1.0):
+        f, m = (tuple((sign * STEP * part).tolist()) for part in (wrench[:3], wrench[3:]))
+        extra = Load("sensitivity", name, f, m, tuple(np.asarray(at, float).tolist()))
+        loaded = compile_scene(replace(scene, loads=(*scene.loads, extra)), mesh=model.mesh, **kept)
+        start = replace(pose, model=loaded, method="conventional", error=None)
+        answers.append(question(conventional(loaded, pose.targets, start=start, planar=False, rtol=RTOL)))
+    plus, minus = answers
+    if isinstance(plus, Mapping):
+        return {k: (v - minus[k]) / (2 * STEP) for k, v in plus.items()}
+    found = (np.asarray(plus, float) - np.asarray(minus, float)) / (2 * STEP)
+    return float(found) if found.ndim == 0 else found
