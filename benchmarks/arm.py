@@ -23,6 +23,7 @@ from typing import Any
 
 import numpy as np
 from common import PlainNewton, chain, machine, options, write_json
+from scipy.interpolate import CubicSpline
 
 import ksd
 from ksd.design.batch import Prepared
@@ -92,7 +93,8 @@ class Case:
         """
         at = np.linspace(0.0, 1.0, MANY)
         given = np.linspace(0.0, 1.0, len(next(iter(targets.values()))))
-        fine = {n: np.interp(at, given, v) for n, v in targets.items()}
+        # three positions of --quick are too few: straight lines between them leave the reach of the arm
+        fine = {n: CubicSpline(given, v)(at) for n, v in targets.items()}
         solver = Prepared(self.solver, tabulated=True)
         spent = []
         for _ in range(3):
@@ -197,11 +199,9 @@ def targets_table(found: Mapping[str, Any], mesh: str) -> str:
             best = max(_ratios(r)[k] or 0.0 for r in rows.values())
             base = here["plain_ms" if k < 2 else "mip_ms"]
             quick = f"{1e3 * base / table_us:.3g}" if k % 2 else "-"
-            said = (
-                "met"
-                if value >= least
-                else ("met by tables" if k % 2 and 1e3 * base / table_us >= least else "MISSED")
-            )
+            solved = found[f"{case} tabulated"]["unsolved"] == 0
+            by_tables = k % 2 and solved and 1e3 * base / table_us >= least
+            said = "met" if value >= least else ("met by tables alone" if by_tables else "MISSED")
             lines.append(f"| {case} | {NAMES[k]} | {least} | {value:.3g} | {best:.3g} | {quick} | {said} |")
         lines.append(_floor(case, here, found[f"{case} tabulated"]))
     return "\n".join([*lines, ""])
@@ -215,7 +215,8 @@ def _floor(case: str, row: Mapping[str, Any], tabulated: Mapping[str, Any]) -> s
     return (
         f"| {case} | floor | | {row['mip'] / passes:.3g} | | | MIP takes {row['mip']} passes over the leafs "
         f"({1e3 * each:.0f} us each), full {passes} (step 2, step 5 and its check); steps of full [us]: {parts}; "
-        f"tabulated {tabulated['us']:.0f} us, interpolation error {tabulated['error']:.0e} |"
+        f"tabulated {tabulated['us']:.0f} us, interpolation error {tabulated['error']:.0e}, {tabulated['unsolved']} of "
+        f"{MANY} not solved |"
     )
 
 
