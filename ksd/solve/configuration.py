@@ -159,6 +159,12 @@ class Configuration:
             return self.model, self.motion
         return self.model.full, inside(self.model, self.motion)
 
+    def validity(self, **options: Any) -> Any:
+        """Stroke and local rotation up to which the modal basis of a leaf is good: `ksd.solve.validity.validity`."""
+        from ksd.solve.validity import validity
+
+        return validity(self.model, **options)  # type: ignore[arg-type]
+
     def stiffness(self, link: Any, **options: Any) -> Any:
         """Compliance and stiffness of a point of a link: `ksd.properties.stiffness.point_stiffness`."""
         from ksd.properties.stiffness import point_stiffness

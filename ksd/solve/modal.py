@@ -28,6 +28,7 @@ from ksd.solve.conventional import conventional
 from ksd.solve.driving import CAP, RTOL
 from ksd.solve.newton import iterate
 from ksd.solve.stops import Stop
+from ksd.solve.validity import validity
 
 CORRECTORS = 3
 """Corrector steps of the error indicator; more are taken while they still change it (see `indicator`)."""
@@ -87,9 +88,6 @@ def by_modal_bodies(solver: Any, targets: Mapping[str, float], *, estimate: bool
     """Method `modal` of a `ksd.solve.choose.Solver`; for a trained expansion the chains stand as its steps 1 and 2
     place them."""
     if solver.modal is None:
-        from ksd.solve.warm import ready
-
-        ready()
         bodies = ModalSolver(solver.model, solver.basis)
         words = {"records": solver.records, "extrapolate": solver.extrapolate}
         solver.modal = bodies, type(solver)(bodies.full, **words)
@@ -205,10 +203,12 @@ def judged(found: Configuration) -> Configuration:
     doubts = found.doubts
     if not estimate.relative <= SUCCESSFUL:
         said = f"{100 * estimate.relative:.2g} %" if math.isfinite(estimate.relative) else "beyond measure"
+        basis = next(b.choices for b in model.bodies if b is not None)
+        good = f" ({validity(model, leaf=name).sentence})" if basis.expansion == "rest" else ""
         doubts = (
             *doubts,
             f"basis no longer successful: its estimated error is {said}, with leaf '{name}' at a stroke of "
-            f"{stroke:.2g} L and bent {np.rad2deg(turn):.3g} degrees from its chord; use ksd.ModalBasis() with "
+            f"{stroke:.2g} L and bent {np.rad2deg(turn):.3g} degrees from its chord{good}; use ksd.ModalBasis() with "
             "coordinates='director', frame='chord', more internal modes, or expansion='trained'",
         )
     return replace(found, error=estimate, steps=steps, doubts=doubts)

@@ -207,6 +207,20 @@ def test_basis_no_longer_successful():
     assert not found.trusted and found.error.relative > 0.05
 
 
+def test_validity_range():
+    """As printed the leaf is good to about the strokes of acceptance E, row 1; the default goes as far as is tried."""
+    printed = ksd.ModalBasis(coordinates="angle", frame="node", internal=0, plane=True)
+    scene = single_joint(cross_flexure(thickness=0.5e-3))
+    found = ksd.solve(scene, turn=5 * deg, method="modal", basis=printed).validity()
+    assert 0.05 < found.stroke["across"] < 0.15 and found.beyond == ()
+    assert 4 * deg < found.turn["turned"] < 12 * deg
+    assert "to a stroke of" in found.sentence
+    far = ksd.solve(scene, turn=5 * deg, method="modal").validity()
+    assert set(far.beyond) == {"across", "guided", "turned"} and far.stroke["across"] > 0.55
+    with pytest.raises(ksd.SceneError, match="belongs to modal bodies"):
+        ksd.solve(scene, turn=5 * deg, method="conventional").validity()
+
+
 @pytest.mark.parametrize(
     ("words", "said"),
     [

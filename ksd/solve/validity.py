@@ -1,0 +1,138 @@
+"""How far a modal basis is good: stroke and local rotation of one leaf, found by driving it alone.
+
+Three ways of bending bound what a leaf meets in a mechanism: a tip driven across with its rotation free, the same with
+the rotation held (a guide), and a rotation. Each is driven further until the error indicator passes the wanted error.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+
+from ksd.errors import ConvergenceError, SceneError
+from ksd.modal.bodies import ModalModel, with_modal_bodies
+from ksd.modal.choices import ModalBasis
+from ksd.model.compile import compile_given
+from ksd.model.mesh import Mesh
+from ksd.properties.shape import scene_leafs
+from ksd.scene.mechanism import Mechanism
+from ksd.solve.conventional import conventional
+
+WAYS = ("across", "guided", "turned")
+"""Tip driven across, across without turning, and turned."""
+FAR = {"across": 0.6, "guided": 0.6, "turned": np.deg2rad(75.0)}
+"""As far as is tried: strokes over the length, and a rotation [rad]."""
+STEPS, HALVINGS = 8, 4
+
+
+@dataclass(frozen=True)
+class Validity:
+    """How far the basis of `leaf` stays within `error`, by way of bending (`WAYS`).
+
+    stroke: displacement of its end over its length; turn: largest rotation against its chord, rad; beyond: ways in which
+    the limit lies further than was tried (`FAR`).
+    """
+
+    leaf: str
+    error: float
+    stroke: dict[str, float]
+    turn: dict[str, float]
+    beyond: tuple[str, ...]
+
+    @property
+    def sentence(self) -> str:
+        """The range in words: the smallest of all ways."""
+        at = min(self.stroke.values()), np.rad2deg(min(self.turn.values()))
+        return f"leaf '{self.leaf}' is within {100 * self.error:g} % to a stroke of {at[0]:.2g} L and {at[1]:.2g} degrees"
+
+
+def _bench(leaf: Any, way: str) -> Mechanism:
+    """The leaf alone along x, its end driven in one way."""
+    scene = Mechanism(f"leaf {way}")
+    tip = scene.link("tip")
+    reach = float(np.linalg.norm(np.subtract(leaf.end, leaf.start)))
+    scene.leaf(
+        scene.ground, tip, start=(0, 0, 0), end=(reach, 0, 0), section=leaf.section, material=leaf.material,
+        width_axis="z", profile=leaf.profile, curve=leaf.curve, name="leaf",
+    )  # fmt: skip
+    if way == "turned":
+        scene.actuate(tip, about="z", name="way")
+        return scene
+    scene.actuate(tip, along="y", at=(reach, 0, 0), name="way")
+    if way == "guided":
+        scene.support(tip, about="z")
+    return scene
+
+
+def _limit(leaf: Any, mesh: Mesh, basis: ModalBasis, way: str, error: float) -> tuple[float, float, bool]:
+    """Stroke and rotation at which the indicator passes `error` in one way, and whether it was further than tried."""
+    from ksd.solve.modal import bent, indicator
+
+    model = with_modal_bodies(compile_given(_bench(leaf, way).scene(), mesh), basis)
+    size = FAR[way] * (1.0 if way == "turned" else leaf.length)
+    good, start = (0.0, 0.0), None
+
+    def tried(share: float) -> tuple[Any, tuple[float, float] | None]:
+        try:
+            found = conventional(model, {"way": share * size}, start=start, planar=False)
+        except ConvergenceError:
+            return None, None
+        estimate, _ = indicator(model, found.motion, model.targets(found.targets))
+        _, stroke, turn = bent(model, found.motion)
+        return found, (stroke, turn) if estimate.relative <= error else None
+
+    low, high = 0.0, 1.0
+    for k in range(1, STEPS + 1):
+        found, reached = tried(k / STEPS)
+        if reached is None:
+            high = k / STEPS
+            break
+        low, good, start = k / STEPS, reached, found
+    if low == 1.0:
+        return *good, True
+    for _ in range(HALVINGS):
+        found, reached = tried(0.5 * (low + high))
+        if reached is None:
+            high = 0.5 * (low + high)
+        else:
+            low, good, start = 0.5 * (low + high), reached, found
+    return *good, False
+
+
+@lru_cache(maxsize=32)
+def _range(leaf: Any, mesh: Mesh, basis: ModalBasis, error: float) -> tuple[tuple[float, float, bool], ...]:
+    return tuple(_limit(leaf, mesh, basis, way, error) for way in WAYS)
+
+
+def validity(model: ModalModel, *, leaf: str | None = None, error: float = 0.01) -> Validity:
+    """The range of the basis of one leaf (the first when None), expanded at rest, within a relative `error`.
+
+    Raises SceneError for an unknown leaf, and for bases expanded at a trained state: their range is about that state.
+    """
+    if not isinstance(model, ModalModel):
+        raise SceneError("a validity range belongs to modal bodies; solve with method='modal'")
+    basis = next(b.choices for b in model.bodies if b is not None)
+    if basis.expansion != "rest":
+        raise SceneError(
+            "the basis is expanded at a trained state: it is good about that state, see the error estimate"
+        )
+    leafs = scene_leafs(model.full)
+    name = leaf or next(iter(leafs))
+    if name not in leafs:
+        raise SceneError(f"there is no leaf '{name}'; the leafs are: {', '.join(leafs)}")
+    try:
+        ranges = _range(leafs[name], model.full.mesh, basis, error)
+    except TypeError:
+        # a profile or curve of the user's own that cannot be remembered
+        ranges = _range.__wrapped__(leafs[name], model.full.mesh, basis, error)
+    found = dict(zip(WAYS, ranges, strict=True))
+    return Validity(
+        name, error, {w: f[0] for w, f in found.items()}, {w: f[1] for w, f in found.items()},
+        tuple(w for w, f in found.items() if f[2]),
+    )  # fmt: skip
+
+
+__all__ = ["WAYS", "Validity", "validity"]
