@@ -259,7 +259,7 @@ def test_the_assembly_calls_nothing_for_what_is_absent(monkeypatch):
     def assembled(scene):
         calls.clear()
         model = ksd.compile_scene(scene)
-        system.assemble.py_func(
+        system._assemble.py_func(
             model.arrays, model.rest, np.zeros(1), 1.0, make_work(model.arrays), 1e-8, 0, 10.0
         )
         return set(calls)
