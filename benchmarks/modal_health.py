@@ -141,7 +141,7 @@ def main(arguments: list[str] | None = None) -> dict[str, Any]:
             ratio = np.array([r["ratio"][k] for r in mine])
             share = np.mean((ratio >= 0.6) & (ratio <= 1.4)) if len(ratio) else float("nan")
             cells.append(
-                f"{100 * share:.0f} % ({ratio.min():.3g} .. {ratio.max():.3g})" if len(ratio) else "-"
+                f"{100 * share:.1f} % ({ratio.min():.3g} .. {ratio.max():.3g})" if len(ratio) else "-"
             )
         said.append(
             f"| {name} | {len(mine)} | " + " | ".join(cells) + f" | {lost.get(name, sum(lost.values()))} |"
