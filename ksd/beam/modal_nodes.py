@@ -13,6 +13,7 @@ import math
 import numpy as np
 
 from ksd.beam.corotational import condense
+from ksd.beam.corotational_element import KEPT, TAIL
 from ksd.numerics.kernel import kernel
 from ksd.numerics.rotations import rotation_exp
 
@@ -147,7 +148,8 @@ def _element(record, scratch, xa, Ra, xb, Rb, force, T):
             Q[r, c] = Ra[0, r] * Rb[0, c] + Ra[1, r] * Rb[1, c] + Ra[2, r] * Rb[2, c]
     number = np.empty(4, np.int64)
     number[0], number[1] = 1, 0
-    _, _, _, status = condense(record, number, scratch[:6], scratch[6:], d, Q, lam, K)
+    # a longer store would mean a chain with weight
+    _, _, _, status = condense(record, number, scratch[:6], scratch[6 : 6 + KEPT + TAIL], d, Q, lam, K)
     # to global axes
     A, B = np.empty((6, 6)), np.empty((6, 6))
     for e in range(2):

@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from ksd.beam.corotational_values import sizes as chain_sizes
 from ksd.beam.modal import modal_sizes
 from ksd.beam.modal_jets import JET, boundary_jets
 from ksd.errors import SceneError
@@ -115,6 +116,12 @@ def _chosen(model: Model, only: Collection[str] | None) -> set[int]:
         if model.arrays.members.kind[i] != COROTATIONAL or model.arrays.members.number[i, 0] < 2:
             raise SceneError(
                 f"leaf '{names[i]}' is not a chain of elements: compile with Mesh('corotational', elements=10)"
+            )
+        count = int(model.arrays.members.number[i, 0])
+        if np.diff(model.arrays.members.store_at)[i] > chain_sizes(count).store:
+            raise SceneError(
+                f"leaf '{names[i]}' carries its own weight, which modal bodies do not know: leave the effect out, or use "
+                "another method"
             )
     return found
 
