@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scenes import cross_flexure, fourbar, single_joint
 from scipy.spatial.transform import Rotation
 
 import ksd
@@ -17,7 +18,6 @@ from ksd.model.compile import compile_scene
 from ksd.model.mesh import Mesh
 from ksd.solve.conventional import conventional
 from ksd.units import deg
-from tests.scenes import cross_flexure, fourbar, single_joint
 
 CHAINS = Mesh("corotational", elements=6)
 SECTION = ElementSection(E=1e6, G=4e5, A=0.01, J=8e-6, Iy=3.3e-5, Iz=2.1e-6)

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scenes import single_joint
 
 import ksd
 from ksd.modal import ModalBasis, with_modal_bodies
@@ -10,7 +11,6 @@ from ksd.model.compile import compile_scene
 from ksd.model.mesh import Mesh
 from ksd.solve.conventional import conventional
 from ksd.units import deg
-from tests.scenes import single_joint
 
 BASIS = ModalBasis(elements=40, plane=True)
 

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scenes import cross_flexure, single_joint
 
 import ksd
 from ksd.modal import with_modal_bodies
@@ -15,7 +16,6 @@ from ksd.properties.stiffness import point_stiffness
 from ksd.solve.conventional import conventional
 from ksd.solve.modal import tangent_solve
 from ksd.units import deg
-from tests.scenes import cross_flexure, single_joint
 
 
 @pytest.fixture(scope="module")
