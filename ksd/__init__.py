@@ -51,7 +51,10 @@ _KEPT = (
 )  # fmt: skip
 
 if TYPE_CHECKING:
-    from ksd.design import Batch, SweepInterrupted, Table, batch, frequency_curve, state_space, sweep
+    from ksd.design import Batch, SweepInterrupted, Table, frequency_curve
+    from ksd.design.batch import batch
+    from ksd.design.state_space import state_space
+    from ksd.design.sweep import sweep
     from ksd.library import Record, find_record, read_result
     from ksd.modal.choices import ModalBasis
     from ksd.model.compile import Model, compile_scene

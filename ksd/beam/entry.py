@@ -7,7 +7,7 @@ Every entry takes flat pointers and their lengths; see `ksd.beam.strain` and `ks
 from __future__ import annotations
 
 from ksd.beam import corotational, corotational_near, modal, polynomial, strain
-from ksd.numerics.kernel import carray, isolated
+from ksd.numerics.kernel import carray, isolated, late
 
 _P = "CPointer(float64)"
 _I = "CPointer(int64)"
@@ -35,7 +35,7 @@ def strain_recover(value, number, inner, store, xi, scale, size):
     )  # fmt: skip
 
 
-@isolated(_CONDENSE)
+@late(_CONDENSE)
 def chain_condense(value, number, inner, store, d, Q, lam, K, out, size):
     """size = lengths of value, inner, store, near."""
     back, force, moment, status = corotational.condense(
@@ -45,7 +45,7 @@ def chain_condense(value, number, inner, store, d, Q, lam, K, out, size):
     out[0], out[1], out[2], out[3] = back, force, moment, status
 
 
-@isolated(_RECOVER)
+@late(_RECOVER)
 def chain_recover(value, number, inner, store, xi, scale, size):
     """Inner update of a chain."""
     corotational.recover(
@@ -54,7 +54,7 @@ def chain_recover(value, number, inner, store, xi, scale, size):
     )  # fmt: skip
 
 
-@isolated(_CONDENSE)
+@late(_CONDENSE)
 def modal_condense(value, number, inner, store, d, Q, lam, K, out, size):
     """size = lengths of value, inner, store, near."""
     back, force, moment, status = modal.modal_condense(
@@ -64,7 +64,7 @@ def modal_condense(value, number, inner, store, d, Q, lam, K, out, size):
     out[0], out[1], out[2], out[3] = back, force, moment, status
 
 
-@isolated(_CONDENSE)
+@late(_CONDENSE)
 def polynomial_condense(value, number, inner, store, d, Q, lam, K, out, size):
     """size = lengths of value, inner, store, near."""
     back, force, moment, status = polynomial.polynomial_condense(
@@ -74,7 +74,7 @@ def polynomial_condense(value, number, inner, store, d, Q, lam, K, out, size):
     out[0], out[1], out[2], out[3] = back, force, moment, status
 
 
-@isolated(_RECOVER)
+@late(_RECOVER)
 def modal_recover(value, number, inner, store, xi, scale, size):
     """Inner update of a modal or a polynomial body."""
     modal.modal_recover(
@@ -83,7 +83,7 @@ def modal_recover(value, number, inner, store, xi, scale, size):
     )  # fmt: skip
 
 
-@isolated(f"void({_P}, {_I}, {_P}, {_P}, {_P}, {_P}, {_P}, {_P}, {_P}, int64, {_P}, {_I})")
+@late(f"void({_P}, {_I}, {_P}, {_P}, {_P}, {_P}, {_P}, {_P}, {_P}, int64, {_P}, {_I})")
 def chain_near(value, number, inner, store, near, d, Q, lam, K, geometric, out, size):
     """A chain linearised about the element orientations `near` (paper 1, section 3)."""
     back, force, moment, status = corotational_near.near_condense(

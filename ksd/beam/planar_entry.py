@@ -7,7 +7,7 @@
 from __future__ import annotations
 
 from ksd.beam import planar_corotational, planar_near, planar_strain
-from ksd.numerics.kernel import carray, isolated
+from ksd.numerics.kernel import carray, isolated, late
 
 _P = "CPointer(float64)"
 _I = "CPointer(int64)"
@@ -34,7 +34,7 @@ def planar_strain_recover(value, number, inner, store, xi, scale, size):
     )  # fmt: skip
 
 
-@isolated(_CONDENSE)
+@late(_CONDENSE)
 def planar_chain_condense(value, number, inner, store, pose, lam, K, out, size):
     """Force, moment and tangent of a planar chain."""
     back, force, moment, status = planar_corotational.condense(
@@ -44,7 +44,7 @@ def planar_chain_condense(value, number, inner, store, pose, lam, K, out, size):
     out[0], out[1], out[2], out[3] = back, force, moment, status
 
 
-@isolated(_RECOVER)
+@late(_RECOVER)
 def planar_chain_recover(value, number, inner, store, xi, scale, size):
     """Inner update of a planar chain."""
     planar_corotational.recover(
@@ -53,7 +53,7 @@ def planar_chain_recover(value, number, inner, store, xi, scale, size):
     )  # fmt: skip
 
 
-@isolated(f"void({_P}, {_I}, {_P}, {_P}, {_P}, {_P}, {_P}, {_P}, {_P}, {_I})")
+@late(f"void({_P}, {_I}, {_P}, {_P}, {_P}, {_P}, {_P}, {_P}, {_P}, {_I})")
 def planar_chain_near(value, number, inner, store, near, pose, lam, K, out, size):
     """A planar chain linearised about the element orientations `near`; size[3] is the length of near."""
     back, force, moment, status = planar_near.near_condense(

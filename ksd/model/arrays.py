@@ -11,9 +11,16 @@ from typing import NamedTuple
 import numpy as np
 
 from ksd.numerics.blocks import Blocks
+from ksd.numerics.kernel import compile_late
 
 STRAIN, COROTATIONAL, LINEAR, COIL, TURN, MODAL, SOLID = 0, 1, 2, 3, 4, 5, 6
 TRANSLATION, ROTATION = 0, 1
+ENTRIES = {
+    COROTATIONAL: ("chain_condense", "chain_recover"),
+    MODAL: ("modal_condense", "modal_recover"),
+    SOLID: ("polynomial_condense", "modal_recover"),
+}
+"""Kernels of `ksd.beam.entry` that are compiled only where a model has members of the kind."""
 
 
 class Members(NamedTuple):
@@ -130,8 +137,17 @@ class Work(NamedTuple):
 
 
 def make_work(arrays: Arrays, *, near: np.ndarray | None = None) -> Work:
-    """Storage for one thread working on `arrays`; `near` (m,) lengths of the near configurations, if any."""
+    """Storage for one thread working on `arrays`; `near` (m,) lengths of the near configurations, if any.
+
+    Compiles the kernels of the kinds of members there are, where that has not been done.
+    """
+    from ksd.beam import entry  # noqa: F401, declares the entry points
+
     members = arrays.members
+    kinds = {int(k) for k in np.unique(members.kind)}
+    compile_late(*(name for kind in kinds for name in ENTRIES.get(kind, ())))
+    if near is not None and COROTATIONAL in kinds:
+        compile_late("chain_near")
     count = len(members.kind) + len(arrays.springs.kind)
     held = len(members.kind)
     return Work(

@@ -12,7 +12,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ksd.model.arrays import Arrays, Work
+from ksd.model.arrays import COROTATIONAL, Arrays, Work
+from ksd.numerics.kernel import compile_late
 
 
 class PlanarMotion(NamedTuple):
@@ -37,9 +38,16 @@ def make_planar_work(arrays: Arrays, *, near: np.ndarray | None = None) -> Work:
 
     lam (m, 6): end wrench, then the one the geometric terms use; pose (m, 6): cos, sin of frame p, lever of end q
     about node p, lever about node q; near (2k + ..,): cos, sin of every node, then, in the joint bench, the element
-    and node angles of the near configuration, `near` (m,) per member, from near_at (m+1,) on.
+    and node angles of the near configuration, `near` (m,) per member, from near_at (m+1,) on. Compiles the kernels of
+    chains where there are some.
     """
+    from ksd.beam import planar_entry  # noqa: F401, declares the entry points
+
     members = arrays.members
+    if np.any(members.kind == COROTATIONAL):
+        compile_late("planar_chain_condense", "planar_chain_recover")
+        if near is not None:
+            compile_late("planar_chain_near")
     count = len(members.kind) + len(arrays.springs.kind)
     lengths = np.zeros(len(members.kind), np.int64) if near is None else near
     at = 2 * len(arrays.start) + np.concatenate([[0], np.cumsum(lengths)]).astype(np.int64)

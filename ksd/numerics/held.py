@@ -1,7 +1,7 @@
 """Many arrays handed to compiled code as one: what a call costs no longer grows with their number.
 
 Numba unpacks every array of an argument at every call, about 0.15 us each, 30 us for the two hundred of a mechanism.
-`Held` looks them up once and keeps them alive; `opened` gives them back inside compiled code. `address_of` and `found_at`
+`Held` looks them up once and keeps them alive; `part` gives one back inside compiled code. `address_of` and `found_at`
 hand a named tuple from one compiled function to another that was compiled apart (`ksd.numerics.kernel.isolated`).
 """
 
@@ -72,18 +72,34 @@ def _unbox(_kind: HeldType, value: Any, c: Any) -> NativeValue:
     return NativeValue(number, is_error=cgutils.is_not_null(c.builder, c.pyapi.err_occurred()))
 
 
-def _opened(_context, held):
-    """The named tuple in `held`, as views that own nothing."""
+def _words(kind: Any) -> int:
+    """How many words of the table a value of type `kind` takes."""
+    if isinstance(kind, types.BaseTuple):
+        return sum(_words(field) for field in _fields(kind))
+    return 1 + kind.ndim if isinstance(kind, types.Array) else 1
 
-    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+
+def _part(_context, held, path):
+    """One field in `held`, such as "state.theta", and nothing besides.
+
+    A named tuple of two hundred arrays carried through a kernel as a whole takes the compiler half a minute.
+    """
+    if not isinstance(path, types.StringLiteral):
+        return None
+    kind, skip = held.inner, 0
+    for name in path.literal_value.split("."):
+        before = kind.fields.index(name)
+        skip += sum(_words(field) for field in _fields(kind)[:before])
+        kind = _fields(kind)[before]
+
+    def generate(context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:
         table = builder.inttoptr(arguments[0], ir.IntType(64).as_pointer())
-        value, _ = _build(context, builder, (table, 0), signature.return_type)
-        return value
+        return _build(context, builder, (table, skip), kind)[0]
 
-    return held.inner(held), generate
+    return kind(held, path), generate
 
 
-opened: Any = intrinsic(_opened)
+part: Any = intrinsic(prefer_literal=True)(_part)
 
 
 def _build(context: Any, builder: Any, place: tuple[Any, int], kind: Any) -> tuple[Any, int]:

@@ -171,6 +171,71 @@ def isolated(signature: str) -> Any:
     return decorate
 
 
+_LATE: dict[str, tuple[Any, str, Any]] = {}
+"""Entry points compiled when first needed: Python function, signature, and the cell its address goes to."""
+
+
+def late(signature: str) -> Any:
+    """As `isolated`, but compiled by `compile_late` and not at import: for what few models need.
+
+    Compiled code calls through a cell that holds the address; a call before `compile_late` ends the process.
+    """
+    import llvmlite.binding
+    import numpy as np
+    from numba.core.sigutils import normalize_signature
+
+    def decorate(inner: Callable[..., Any]) -> Any:
+        name, cell = inner.__name__, np.full(1, _abort(), np.int64)
+        llvmlite.binding.add_symbol(f"ksd_cell_{name}", cell.ctypes.data)
+        _LATE[name] = (inner, signature, cell)
+        return _call_through(f"ksd_cell_{name}", normalize_signature(signature)[0])
+
+    return decorate
+
+
+def _abort() -> int:
+    """Address of the C library's abort()."""
+    import ctypes
+
+    library = ctypes.cdll.msvcrt if os.name == "nt" else ctypes.CDLL(None)
+    return int(ctypes.cast(library.abort, ctypes.c_void_p).value or 0)
+
+
+def _call_through(symbol: str, arguments: Any) -> Any:
+    """A call of type void(arguments) of the function whose address is in the cell `symbol`."""
+    from llvmlite import ir
+    from numba import types
+    from numba.extending import intrinsic
+
+    def generate(context: Any, builder: Any, _signature: Any, values: Any) -> Any:
+        kind = ir.FunctionType(ir.VoidType(), [context.get_value_type(a) for a in arguments])
+        cell = builder.module.globals.get(symbol) or ir.GlobalVariable(builder.module, ir.IntType(64), symbol)
+        builder.call(builder.inttoptr(builder.load(cell), kind.as_pointer()), values)
+        return context.get_dummy_value()
+
+    # numba reads the number of arguments off the function
+    names = ", ".join(f"a{k}" for k in range(len(arguments)))
+    made: dict[str, Any] = {"answer": (types.void(*arguments), generate)}
+    exec(f"def call(typing_context, {names}):\n    return answer", made)
+    return intrinsic(made["call"])
+
+
+def compile_late(*names: str) -> None:
+    """Compile (or load from the cache) the late entry points of these names, once per process."""
+    from numba import cfunc
+
+    for name in names:
+        inner, signature, cell = _LATE[name]
+        if name not in _READY:
+            compiled = cfunc(signature, cache=FOLDER is not None, error_model="numpy")(inner)
+            cell[0] = compiled.address
+            _ALIVE.append(compiled)
+            _READY.add(name)
+
+
+_READY: set[str] = set()
+
+
 def external(symbol: str, signature: str) -> Any:
     """A function of the C library for compiled code to call; `signature` in numba's words, C types only."""
     from numba import types

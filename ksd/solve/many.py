@@ -13,10 +13,10 @@ import numpy as np
 
 from ksd.bodies.bench import relative_poses
 from ksd.bodies.readout import intended_motions
-from ksd.numerics.held import opened
+from ksd.numerics.held import part
 from ksd.numerics.kernel import kernel
 from ksd.solve.newton import iterate
-from ksd.solve.planar_steps import take_planar_steps
+from ksd.solve.planar_steps import planar_steps
 from ksd.solve.space_steps import LINEAR_SIZE, space_steps, start_space
 from ksd.solve.trust import FAR_SHIFT, FAR_TURN
 
@@ -64,32 +64,38 @@ def planar_many(held, targets, expected, method, passes, ways, limits, force, po
 
     expected: negative pivots of the rows. Writes force (N, c), pose (N, links, 3), motion (N, q), status (N,).
     """
-    parts = opened(held)
-    state, loops = parts.state, parts.bodies.loops
+    theta, off, found = part(held, "state.theta"), part(held, "state.off"), part(held, "state.found")
+    full, length, size = (
+        part(held, "state.full"),
+        part(held, "bodies.loops.length"),
+        part(held, "bodies.reduced.size"),
+    )
     out = np.zeros((2 + 3 * (passes + 1), 5))
     for n in range(len(targets)):
-        rows, negatives = take_planar_steps(
-            parts.bodies, parts.rest, state, targets[n], method, passes, ways[0], ways[1], ways[2], out
-        )
+        rows, negatives = planar_steps(held, targets[n], method, passes, ways[0], ways[1], ways[2], out)
         status[n] = int(out[rows - 1, 0])
-        if out[0, 0] != 0 or not out[0, 2] < ways[2] * parts.bodies.reduced.size:
+        if out[0, 0] != 0 or not out[0, 2] < ways[2] * size:
             status[n] = LOCKED
-        elif _outside(state.theta, limits):
+        elif _outside(theta, limits):
             status[n] = OUT_OF_RANGE
         elif status[n] == 0 and negatives != expected:
             status[n] = UNSTABLE
-        elif status[n] == 0 and _far(state.off, 2, loops.length):
+        elif status[n] == 0 and _far(off, 2, length):
             status[n] = FAR
-        force[n] = -state.full.multiplier
-        pose[n] = state.full.pose[: pose.shape[1]]
-        motion[n] = state.found
+        force[n] = -full.multiplier
+        pose[n] = full.pose[: pose.shape[1]]
+        motion[n] = found
 
 
 @kernel
 def space_many(held, targets, expected, method, passes, ways, limits, force, x, R, motion, status):
     """As `planar_many`, in space: x (N, links, 3), R (N, links, 3, 3)."""
-    parts = opened(held)
-    state, loops = parts.state, parts.bodies.loops
+    theta, off, found = part(held, "state.theta"), part(held, "state.off"), part(held, "state.found")
+    full, length, size = (
+        part(held, "state.full"),
+        part(held, "bodies.loops.length"),
+        part(held, "bodies.reduced.size"),
+    )
     out = np.zeros((2 + 3 * (passes + 1), 5))
     closed = 0 * passes
     for n in range(len(targets)):
@@ -97,17 +103,17 @@ def space_many(held, targets, expected, method, passes, ways, limits, force, x, 
             held, targets[n], method, passes, closed, ways[0], ways[1], ways[2], out
         )
         status[n] = int(out[rows - 1, 0])
-        if out[0, 0] != 0 or not out[0, 2] < ways[2] * parts.bodies.reduced.size:
+        if out[0, 0] != 0 or not out[0, 2] < ways[2] * size:
             status[n] = LOCKED
-        elif _outside(state.theta, limits):
+        elif _outside(theta, limits):
             status[n] = OUT_OF_RANGE
         elif status[n] == 0 and negatives != expected:
             status[n] = UNSTABLE
-        elif status[n] == 0 and _far(state.off, 3, loops.length):
+        elif status[n] == 0 and _far(off, 3, length):
             status[n] = FAR
-        force[n] = -state.full.multiplier
-        x[n], R[n] = state.full.x[: x.shape[1]], state.full.R[: x.shape[1]]
-        motion[n] = state.found
+        force[n] = -full.multiplier
+        x[n], R[n] = full.x[: x.shape[1]], full.R[: x.shape[1]]
+        motion[n] = found
 
 
 @kernel
@@ -134,39 +140,40 @@ def tabulated_many(held, table, which, targets, expected, ways, limits, force, x
 
     limits (q, 4): trained ranges with slack, then as they are. Otherwise as `space_many`.
     """
-    parts = opened(held)
-    bodies, state = parts.bodies, parts.state
-    loops, reduced = bodies.loops, state.reduced
-    joints, size = len(loops.node), bodies.reduced.size
+    theta, place, found = part(held, "state.theta"), part(held, "state.place"), part(held, "state.found")
+    off, relative, loops = part(held, "state.off"), part(held, "state.relative"), part(held, "bodies.loops")
+    reduced, arrays = part(held, "state.reduced"), part(held, "bodies.reduced")
+    work = part(held, "state.reduced_work")
+    joints, size = len(loops.node), arrays.size
     for n in range(len(targets)):
         status[n] = 0
-        reason, _, gap = start_space(bodies, parts.rest, state, targets[n])
-        motion[n] = state.theta
+        reason, _, gap = start_space(held, targets[n])
+        motion[n] = theta
         if reason != 0 or not gap < ways[2] * size:
             status[n] = LOCKED
             continue
-        if _outside(state.theta, limits):
+        if _outside(theta, limits):
             status[n] = OUT_OF_RANGE
             continue
         for j in range(joints):
             q, inner = loops.first[j], reduced.inner[LINEAR_SIZE * j : LINEAR_SIZE * (j + 1)]
             for r in range(3):
-                inner[r] = state.place[j, 9 + r]
+                inner[r] = place[j, 9 + r]
                 for c in range(3):
-                    inner[3 + 3 * r + c] = state.place[j, 3 * r + c]
-            share = (state.theta[q] - limits[q, 2]) / (limits[q, 3] - limits[q, 2])
+                    inner[3 + 3 * r + c] = place[j, 3 * r + c]
+            share = (theta[q] - limits[q, 2]) / (limits[q, 3] - limits[q, 2])
             _from_table(table, which[j], share, inner)
         reason, _, _, negatives, _ = iterate(
-            bodies.reduced, reduced, targets[n], 1.0, state.reduced_work, ways[0], 25, math.inf, math.inf
+            arrays, reduced, targets[n], 1.0, work, ways[0], 25, math.inf, math.inf
         )
         status[n] = reason
-        relative_poses(bodies.reduced, joints, reduced.x, reduced.R, state.relative)
-        state.found[:] = state.theta
-        intended_motions(loops, state.relative, state.found, state.place, state.off, state.known)
+        relative_poses(arrays, joints, reduced.x, reduced.R, relative)
+        found[:] = theta
+        intended_motions(loops, relative, found, place, off, part(held, "state.known"))
         if reason == 0 and negatives != expected:
             status[n] = UNSTABLE
-        elif reason == 0 and _far(state.off, 3, loops.length):
+        elif reason == 0 and _far(off, 3, loops.length):
             status[n] = FAR
         force[n] = -reduced.multiplier
         x[n], R[n] = reduced.x, reduced.R
-        motion[n] = state.found
+        motion[n] = found

@@ -23,7 +23,7 @@ from ksd.bodies.planar_kinematics import PLACE, close_planar, planar_motions
 from ksd.model.arrays import Work
 from ksd.model.planar_arrays import PlanarMotion, make_planar_work
 from ksd.numerics.clock import thread_time
-from ksd.numerics.held import Held, opened
+from ksd.numerics.held import Held, part
 from ksd.numerics.kernel import kernel
 from ksd.solve.configuration import Step
 from ksd.solve.driving import CAP, RTOL
@@ -91,81 +91,119 @@ def _assign(motion, rest):
 
 
 @kernel
-def planar_steps(held, target, method, passes, rtol, cap, gap, out):
-    """One configuration of the held `PlanarSet`; see `take_planar_steps`."""
-    parts = opened(held)
-    return take_planar_steps(
-        parts.bodies, parts.rest, parts.state, target, method, passes, rtol, cap, gap, out
-    )
+def start_planar(held, target):
+    """Back to rest, then step 1. Returns (reason, iterations, gap left [m])."""
+    reduced, theta = part(held, "state.reduced"), part(held, "state.theta")
+    _assign(reduced, part(held, "rest.reduced"))
+    _assign(part(held, "state.bench"), part(held, "rest.bench"))
+    theta[:] = 0.0
+    reason, count, left, _ = close_planar(
+        part(held, "bodies.loops"), part(held, "bodies.reduced.terms"), part(held, "bodies.reduced.size"), theta, target,
+        reduced.pose, part(held, "state.reduced_work.near"), part(held, "state.value"), part(held, "state.slope"),
+        part(held, "state.place"), 40,
+    )  # fmt: skip
+    return reason, count, left
 
 
 @kernel
-def take_planar_steps(bodies, rest, state, target, method, passes, rtol, cap, gap, out):
+def near_planar(held):
+    """Step 2, first half: the near configuration of all joints."""
+    set_planar_near(
+        part(held, "bodies.bench"), part(held, "bodies.loops"), part(held, "bodies.inside"), part(held, "state.value"),
+        part(held, "state.slope"), part(held, "state.place"), part(held, "state.bench"), part(held, "state.bench_work"),
+    )  # fmt: skip
+
+
+@kernel
+def condense_flat(held, near):
+    """Step 2, second half: the joints condensed. Returns the worst status of a leaf."""
+    _, _, status = condense_planar(
+        part(held, "bodies.bench"), len(part(held, "bodies.loops.node")), part(held, "state.bench"),
+        part(held, "state.bench_work"), near, part(held, "state.reduced.inner"),
+    )  # fmt: skip
+    return status
+
+
+@kernel
+def recover_flat(held):
+    """Step 4. Returns the largest displacement [m] and rotation [rad] of an interface off its near pose."""
+    return recover_planar_joints(
+        part(held, "bodies.bench"), part(held, "bodies.reduced"), len(part(held, "bodies.loops.node")),
+        part(held, "state.reduced.pose"), part(held, "state.reduced_work.near"), part(held, "state.bench"),
+        part(held, "state.bench_work"), part(held, "state.relative"),
+    )  # fmt: skip
+
+
+@kernel
+def place_flat(held):
+    """Links, internal blocks, inner states and multipliers into the full state."""
+    place_planar(
+        part(held, "bodies.loops"), part(held, "bodies.inside"), part(held, "bodies.full_node"),
+        part(held, "state.bench"), part(held, "state.reduced"), part(held, "state.full"),
+    )  # fmt: skip
+
+
+@kernel
+def read_planar(held, again):
+    """Intended motions of the answer; again: the links have moved since step 4."""
+    loops, turns, relative = (
+        part(held, "bodies.loops"),
+        part(held, "state.reduced_work.near"),
+        part(held, "state.relative"),
+    )
+    if again:
+        links = part(held, "state.full.pose")[: len(part(held, "state.reduced.pose"))]
+        planar_relative(part(held, "bodies.reduced.members"), len(loops.node), links, turns, relative)
+    found = part(held, "state.found")
+    found[:] = part(held, "state.theta")
+    value, slope = part(held, "state.value"), part(held, "state.slope")
+    place, off = part(held, "state.place"), part(held, "state.off")
+    planar_motions(loops, relative, found, value, slope, place, off, part(held, "state.known"))
+
+
+@kernel
+def planar_steps(held, target, method, passes, rtol, cap, gap, out):
     """Steps 1 to 4, and 5 when `method` is 2, at the drive values target (c,), with `passes` relinearised rounds.
 
     out (2 + 3 (passes + 1), 5): see `note_step`; the fifth column of step 4 is the largest unintended angle. Returns (rows
     of `out` written, negative pivots of the last equilibrium); the last row says why it stopped.
     """
-    loops, clock, joints = bodies.loops, state.clock, len(bodies.loops.node)
+    clock = part(held, "state.clock")
     before = thread_time(clock)
-    _assign(state.reduced, rest.reduced)
-    _assign(state.bench, rest.bench)
-    state.theta[:] = 0.0
-    size, turns = bodies.reduced.size, state.reduced_work.near
-    reason, count, left, _ = close_planar(
-        loops, bodies.reduced.terms, size, state.theta, target, state.reduced.pose, turns,
-        state.value, state.slope, state.place, 40,
-    )  # fmt: skip
+    reason, count, left = start_planar(held, target)
     before = note_step(out, 0, reason, count, left, clock, before)
-    if reason != 0 or not left < gap * size:
+    if reason != 0 or not left < gap * part(held, "bodies.reduced.size"):
         return 1, 0
-    set_planar_near(
-        bodies.bench,
-        loops,
-        bodies.inside,
-        state.value,
-        state.slope,
-        state.place,
-        state.bench,
-        state.bench_work,
-    )
+    near_planar(held)
     row, negatives = 1, 0
     for n in range(passes + 1):
         near = 1 if n == 0 else 0
-        _, _, status = condense_planar(
-            bodies.bench, joints, state.bench, state.bench_work, near, state.reduced.inner
-        )
+        status = condense_flat(held, near)
         # the third stop of a leaf is a singular one
         before = note_step(out, row, status + (status > 0), 0, 0.0, clock, before)
         if status != 0:
             return row + 1, negatives
         reason, count, worst, negatives, _ = iterate_planar(
-            bodies.reduced, state.reduced, target, 1.0, state.reduced_work, rtol, 25, math.inf, math.inf
-        )
+            part(held, "bodies.reduced"), part(held, "state.reduced"), target, 1.0, part(held, "state.reduced_work"),
+            rtol, 25, math.inf, math.inf,
+        )  # fmt: skip
         before = note_step(out, row + 1, reason, count, worst, clock, before)
         if reason != 0:
             return row + 2, negatives
-        shift, twist = recover_planar_joints(
-            bodies.bench, bodies.reduced, joints, state.reduced.pose, turns,
-            state.bench, state.bench_work, state.relative,
-        )  # fmt: skip
+        shift, twist = recover_flat(held)
         if n == passes:
-            place_planar(loops, bodies.inside, bodies.full_node, state.bench, state.reduced, state.full)
+            place_flat(held)
         before = note_step(out, row + 2, 0, 0, shift, clock, before)
         out[row + 2, 4] = twist
         row += 3
     if method == FULL:
         reason, count, worst, negatives, _ = iterate_planar(
-            bodies.full, state.full, target, 1.0, state.full_work, rtol, 30, cap, math.inf
-        )
+            part(held, "bodies.full"), part(held, "state.full"), target, 1.0, part(held, "state.full_work"), rtol, 30,
+            cap, math.inf,
+        )  # fmt: skip
         before = note_step(out, row, reason, count, worst, clock, before)
         row += 1
-        links = state.full.pose[: len(state.reduced.pose)]
-        planar_relative(bodies.reduced.members, joints, links, turns, state.relative)
-    state.found[:] = state.theta
-    planar_motions(
-        loops, state.relative, state.found, state.value, state.slope, state.place, state.off, state.known
-    )
+    read_planar(held, method == FULL)
     return row, negatives
 
 

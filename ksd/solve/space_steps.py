@@ -26,7 +26,7 @@ from ksd.model.compile import Model
 from ksd.model.system import assemble
 from ksd.numerics.blocks import factor_blocks, solve_blocks
 from ksd.numerics.clock import thread_time
-from ksd.numerics.held import Held, opened
+from ksd.numerics.held import Held, part
 from ksd.numerics.kernel import kernel
 from ksd.solve.newton import GRAIN, iterate
 
@@ -115,65 +115,106 @@ def note_step(out, row, reason, count, residual, clock, before):
 
 
 @kernel
-def start_space(bodies, rest, state, target):
+def start_space(held, target):
     """Back to rest, then step 1. Returns (reason, iterations, gap left [m])."""
-    _assign(state.reduced, rest.reduced)
-    _assign(state.bench, rest.bench)
-    state.theta[:] = 0.0
+    reduced, theta = part(held, "state.reduced"), part(held, "state.theta")
+    _assign(reduced, part(held, "rest.reduced"))
+    _assign(part(held, "state.bench"), part(held, "rest.bench"))
+    theta[:] = 0.0
     reason, count, left, _ = close_loops(
-        bodies.reduced, bodies.loops, state.theta, target, state.reduced, state.place, 40
+        part(held, "bodies.reduced"),
+        part(held, "bodies.loops"),
+        theta,
+        target,
+        reduced,
+        part(held, "state.place"),
+        40,
     )
     return reason, count, left
 
 
 @kernel
-def place_space(bodies, state):
+def place_space(held):
     """Links, internal blocks, inner states and multipliers into the full state."""
-    full, reduced, bench = state.full, state.reduced, state.bench
+    full, reduced, bench = part(held, "state.full"), part(held, "state.reduced"), part(held, "state.bench")
+    loops, inside = part(held, "bodies.loops"), part(held, "bodies.inside")
     links, inner = len(reduced.x), len(bench.inner)
     full.x[:links] = reduced.x
     full.R[:links] = reduced.R
     full.inner[:inner] = bench.inner
-    full.inner[inner:] = reduced.inner[LINEAR_SIZE * len(bodies.loops.node) :]
+    full.inner[inner:] = reduced.inner[LINEAR_SIZE * len(loops.node) :]
     full.multiplier[:] = reduced.multiplier
-    inside = bodies.inside
-    place_insides(bodies.loops, inside.block_joint, inside.block_node, bodies.full_node, bench, full)
+    place_insides(loops, inside.block_joint, inside.block_node, part(held, "bodies.full_node"), bench, full)
 
 
 @kernel
-def reduce_space(bodies, state, target, passes, kinematic, rtol, out, before):
+def near_space(held):
+    """Step 2, first half: the near configuration of all joints."""
+    set_near(
+        part(held, "bodies.bench"), part(held, "bodies.loops"), part(held, "bodies.inside"), part(held, "state.theta"),
+        part(held, "state.place"), part(held, "state.bench"), part(held, "state.bench_work"),
+    )  # fmt: skip
+
+
+@kernel
+def condense_space(held, near):
+    """Step 2, second half: the joints condensed. Returns the worst status of a leaf."""
+    _, _, status = condense_joints(
+        part(held, "bodies.bench"), len(part(held, "bodies.loops.node")), part(held, "state.bench"),
+        part(held, "state.bench_work"), near, part(held, "state.reduced").inner,
+    )  # fmt: skip
+    return status
+
+
+@kernel
+def recover_space(held):
+    """Step 4. Returns the largest displacement [m] and rotation [rad] of an interface off its near pose."""
+    return recover_joints(
+        part(held, "bodies.bench"), part(held, "bodies.reduced"), len(part(held, "bodies.loops.node")),
+        part(held, "state.reduced"), part(held, "state.bench"), part(held, "state.bench_work"),
+    )  # fmt: skip
+
+
+@kernel
+def reduce_space(held, target, passes, kinematic, rtol, out, before):
     """Steps 2 to 4 from the closed loops on, with `passes` relinearised rounds; kinematic: step 2 alone.
 
     Returns (row after the last one written, negative pivots, time now, 1 when all went well).
     """
-    joints, row, negatives, clock = len(bodies.loops.node), 1, 0, state.clock
-    set_near(
-        bodies.bench, bodies.loops, bodies.inside, state.theta, state.place, state.bench, state.bench_work
-    )
+    row, negatives, clock = 1, 0, part(held, "state.clock")
+    near_space(held)
     for n in range(passes + 1):
         near = 1 if n == 0 else 0
-        _, _, status = condense_joints(
-            bodies.bench, joints, state.bench, state.bench_work, near, state.reduced.inner
-        )
+        status = condense_space(held, near)
         # stops of leafs: 1 a local angle, 2 singular
         before = note_step(out, row, status + (status > 0), 0, 0.0, clock, before)
         if status != 0 or kinematic:
             return row + 1, negatives, before, status == 0
         reason, count, worst, negatives, _ = iterate(
-            bodies.reduced, state.reduced, target, 1.0, state.reduced_work, rtol, 25, math.inf, math.inf
-        )
+            part(held, "bodies.reduced"), part(held, "state.reduced"), target, 1.0, part(held, "state.reduced_work"),
+            rtol, 25, math.inf, math.inf,
+        )  # fmt: skip
         before = note_step(out, row + 1, reason, count, worst, clock, before)
         if reason != 0:
             return row + 2, negatives, before, False
-        shift, twist = recover_joints(
-            bodies.bench, bodies.reduced, joints, state.reduced, state.bench, state.bench_work
-        )
+        shift, twist = recover_space(held)
         if n == passes:
-            place_space(bodies, state)
+            place_space(held)
         before = note_step(out, row + 2, 0, 0, shift, clock, before)
         out[row + 2, 4] = twist
         row += 3
     return row, negatives, before, True
+
+
+@kernel
+def read_space(held):
+    """Intended motions of the answer."""
+    loops, full, relative = part(held, "bodies.loops"), part(held, "state.full"), part(held, "state.relative")
+    found = part(held, "state.found")
+    relative_poses(part(held, "bodies.reduced"), len(loops.node), full.x, full.R, relative)
+    found[:] = part(held, "state.theta")
+    place, off = part(held, "state.place"), part(held, "state.off")
+    intended_motions(loops, relative, found, place, off, part(held, "state.known"))
 
 
 @kernel
@@ -183,30 +224,26 @@ def space_steps(held, target, method, passes, closed, rtol, cap, gap, out):
     closed: 1 when step 1 is done already, in the held state. out (2 + 3 (passes + 1), 5): see `note_step`; the fifth
     column of step 4 is the largest unintended angle. Returns (rows written, negative pivots of the last equilibrium).
     """
-    parts = opened(held)
-    bodies, state, clock = parts.bodies, parts.state, parts.state.clock
+    clock = part(held, "state.clock")
     before = thread_time(clock)
     if closed == 0:
-        reason, count, left = start_space(bodies, parts.rest, state, target)
+        reason, count, left = start_space(held, target)
         before = note_step(out, 0, reason, count, left, clock, before)
-        if reason != 0 or not left < gap * bodies.reduced.size:
+        if reason != 0 or not left < gap * part(held, "bodies.reduced.size"):
             return 1, 0
-    row, negatives, before, sound = reduce_space(
-        bodies, state, target, passes, method == KINEMATIC, rtol, out, before
-    )
+    row, negatives, before, sound = reduce_space(held, target, passes, method == KINEMATIC, rtol, out, before)
     if not sound:
         return row, negatives
     if method == KINEMATIC:
-        place_space(bodies, state)
+        place_space(held)
     if method == FULL:
         reason, count, worst, negatives, _ = iterate(
-            bodies.full, state.full, target, 1.0, state.full_work, rtol, 30, cap, math.inf
-        )
+            part(held, "bodies.full"), part(held, "state.full"), target, 1.0, part(held, "state.full_work"), rtol, 30,
+            cap, math.inf,
+        )  # fmt: skip
         before = note_step(out, row, reason, count, worst, clock, before)
         row += 1
-    relative_poses(bodies.reduced, len(bodies.loops.node), state.full.x, state.full.R, state.relative)
-    state.found[:] = state.theta
-    intended_motions(bodies.loops, state.relative, state.found, state.place, state.off, state.known)
+    read_space(held)
     return row, negatives
 
 
@@ -216,9 +253,9 @@ def look_over(held, target, rtol, step):
 
     Returns (residual over its bound, negative pivots, status).
     """
-    parts = opened(held)
-    full, work = parts.bodies.full, parts.state.full_work
-    worst, _, inside, status = assemble(full, parts.state.full, target, 1.0, work, rtol, 0 * step, GRAIN)
+    full, work = part(held, "bodies.full"), part(held, "state.full_work")
+    motion = part(held, "state.full")
+    worst, _, inside, status = assemble(full, motion, target, 1.0, work, rtol, 0 * step, GRAIN)
     negatives, _ = factor_blocks(full.plan, work.value, work.spare, len(full.plan.size))
     if step == 1:
         for i in range(len(work.rhs)):

@@ -14,7 +14,7 @@ from ksd.bodies.bench import condense_joints, set_near
 from ksd.bodies.joints import JointBodies
 from ksd.bodies.kinematics import joint_places
 from ksd.errors import SceneError
-from ksd.numerics.held import Held, opened
+from ksd.numerics.held import Held, part
 from ksd.numerics.kernel import kernel
 from ksd.solve.many import PIECES
 from ksd.solve.space_steps import LINEAR_SIZE
@@ -46,24 +46,25 @@ class JointTables:
 @kernel
 def condense_along(held, thetas, found):
     """Condensed joints at thetas (N, q): found (N, J, 42), wrench and stiffness. Returns the worst status."""
-    parts = opened(held)
-    bodies, state = parts.bodies, parts.state
-    joints, worst = len(bodies.loops.node), 0
+    theta, place, inner = (
+        part(held, "state.theta"),
+        part(held, "state.place"),
+        part(held, "state.reduced.inner"),
+    )
+    loops, bench, work = part(held, "bodies.loops"), part(held, "state.bench"), part(held, "state.bench_work")
+    arrays, inside = part(held, "bodies.bench"), part(held, "bodies.inside")
+    joints, worst = len(loops.node), 0
     # a variable, for which numba does not compile `condense_joints` again
     near = 1 + 0 * joints
     for n in range(len(thetas)):
-        state.theta[:] = thetas[n]
-        joint_places(bodies.loops, state.theta, state.place)
-        set_near(
-            bodies.bench, bodies.loops, bodies.inside, state.theta, state.place, state.bench, state.bench_work
-        )
-        _, _, status = condense_joints(
-            bodies.bench, joints, state.bench, state.bench_work, near, state.reduced.inner
-        )
+        theta[:] = thetas[n]
+        joint_places(loops, theta, place)
+        set_near(arrays, loops, inside, theta, place, bench, work)
+        _, _, status = condense_joints(arrays, joints, bench, work, near, inner)
         worst = max(worst, status)
         for j in range(joints):
             for e in range(42):
-                found[n, j, e] = state.reduced.inner[LINEAR_SIZE * j + 12 + e]
+                found[n, j, e] = inner[LINEAR_SIZE * j + 12 + e]
     return worst
 
 

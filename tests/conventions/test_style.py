@@ -22,7 +22,7 @@ def code_lines(source: str) -> set[int]:
 
 
 def is_kernel(node: ast.FunctionDef) -> bool:
-    return any(word in ast.unparse(d) for d in node.decorator_list for word in ("kernel", "isolated"))
+    return any(word in ast.unparse(d) for d in node.decorator_list for word in ("kernel", "isolated", "late"))
 
 
 @pytest.mark.parametrize("path", FILES, ids=lambda p: str(p.relative_to(ROOT)))
