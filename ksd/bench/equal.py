@@ -48,16 +48,14 @@ def _cheapest_cell(rows: Iterable[Row], method: str, *, strain: bool) -> str:
 def ratios(results: Sequence[Measured], elements: int = 5) -> str:
     """Markdown: how many times as fast the five steps are on Appendix A elements, whole calls, like beside like."""
     leafs = f"{elements} element{'s' * (elements > 1)}"
-    lines = ["| scene | " + " | ".join(name for name, *_ in _COMPARED) + " |"]
-    lines.append("|---" * (1 + len(_COMPARED)) + "|")
-    for m in results:
-        times = {r.method: r.call[1] for r in m.rows if r.leafs == leafs and not r.failed}
-        cells = [
-            f"{times[base] / times[way]:.3g}" if base in times and way in times else "-"
-            for _, way, base in _COMPARED
-        ]
+    times = [{r.method: r.call[1] for r in m.rows if r.leafs == leafs and not r.failed} for m in results]
+    shown = [(m.case, t) for m, t in zip(results, times, strict=True) if len(t) > 1]
+    lines = ["| times as fast | " + " | ".join(case for case, _ in shown) + " |"]
+    lines.append("|---" + "|---:" * len(shown) + "|")
+    for name, way, base in _COMPARED:
+        cells = [f"{t[base] / t[way]:.3g}" if base in t and way in t else "-" for _, t in shown]
         if any(c != "-" for c in cells):
-            lines.append(f"| {m.case} | " + " | ".join(cells) + " |")
+            lines.append(f"| {name} | " + " | ".join(cells) + " |")
     return "\n".join(lines)
 
 
@@ -92,8 +90,9 @@ def readme_text(results: Sequence[Measured]) -> str:
             "",
             ratios(results),
             "",
-            "Other engines, given the planar model of the same scene: "
-            + " ".join(f"{m.case}: {line}" for m in results for line in engine_lines(m)),
+            "Other engines, given the planar model of the same scene:",
+            "",
+            *(f"- {m.case}: {line}" for m in results for line in engine_lines(m)),
         ]
     )
 

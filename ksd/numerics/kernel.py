@@ -119,7 +119,7 @@ def _prepare() -> subprocess.Popen[bytes] | None:
     numba.config.CACHE_DIR = str(FOLDER)  # type: ignore[attr-defined]
     if compiled_before() or os.environ.get(ALONE):
         return None
-    print("ksd: compiling its kernels for this machine (once; about half a minute) ...", file=sys.stderr)
+    print("ksd: compiling its kernels for this machine (once; one to three minutes) ...", file=sys.stderr)
     return _start_second_compiler()
 
 
