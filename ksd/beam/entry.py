@@ -7,7 +7,7 @@ Every entry takes flat pointers and their lengths; see `ksd.beam.strain` and `ks
 from __future__ import annotations
 
 from ksd.beam import corotational, corotational_near, modal, polynomial, strain
-from ksd.numerics.kernel import carray, isolated, late
+from ksd.numerics.kernel import carray, late
 
 _P = "CPointer(float64)"
 _I = "CPointer(int64)"
@@ -16,7 +16,7 @@ _WITH_SCRATCH = f"void({_P}, {_I}, {_P}, {_P}, {_P}, {_P}, {_P}, {_P}, {_P}, {_P
 _RECOVER = f"void({_P}, {_I}, {_P}, {_P}, {_P}, float64, {_I})"
 
 
-@isolated(_WITH_SCRATCH)
+@late(_WITH_SCRATCH)
 def strain_condense(value, number, inner, store, scratch, d, Q, lam, K, out, size):
     """size = lengths of value, inner, store, near, scratch."""
     back, force, moment, status = strain.strain_condense(
@@ -26,7 +26,7 @@ def strain_condense(value, number, inner, store, scratch, d, Q, lam, K, out, siz
     out[0], out[1], out[2], out[3] = back, force, moment, status
 
 
-@isolated(_RECOVER)
+@late(_RECOVER)
 def strain_recover(value, number, inner, store, xi, scale, size):
     """Inner update of a strain-mode leaf."""
     strain.strain_recover(

@@ -7,7 +7,7 @@
 from __future__ import annotations
 
 from ksd.beam import planar_corotational, planar_near, planar_strain
-from ksd.numerics.kernel import carray, isolated, late
+from ksd.numerics.kernel import carray, late
 
 _P = "CPointer(float64)"
 _I = "CPointer(int64)"
@@ -15,7 +15,7 @@ _CONDENSE = f"void({_P}, {_I}, {_P}, {_P}, {_P}, {_P}, {_P}, {_P}, {_I})"
 _RECOVER = f"void({_P}, {_I}, {_P}, {_P}, {_P}, float64, {_I})"
 
 
-@isolated(_CONDENSE)
+@late(_CONDENSE)
 def planar_strain_condense(value, number, inner, store, pose, lam, K, out, size):
     """Force, moment and tangent of a planar strain-mode leaf."""
     back, force, moment, status = planar_strain.condense(
@@ -25,7 +25,7 @@ def planar_strain_condense(value, number, inner, store, pose, lam, K, out, size)
     out[0], out[1], out[2], out[3] = back, force, moment, status
 
 
-@isolated(_RECOVER)
+@late(_RECOVER)
 def planar_strain_recover(value, number, inner, store, xi, scale, size):
     """Inner update of a planar strain-mode leaf."""
     planar_strain.recover(

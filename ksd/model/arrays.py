@@ -16,11 +16,12 @@ from ksd.numerics.kernel import compile_late
 STRAIN, COROTATIONAL, LINEAR, COIL, TURN, MODAL, SOLID = 0, 1, 2, 3, 4, 5, 6
 TRANSLATION, ROTATION = 0, 1
 ENTRIES = {
+    STRAIN: ("strain_condense", "strain_recover"),
     COROTATIONAL: ("chain_condense", "chain_recover"),
     MODAL: ("modal_condense", "modal_recover"),
     SOLID: ("polynomial_condense", "modal_recover"),
 }
-"""Kernels of `ksd.beam.entry` that are compiled only where a model has members of the kind."""
+"""Entry points of `ksd.beam.entry`, compiled only where a model has members of the kind."""
 
 
 class Members(NamedTuple):
@@ -142,6 +143,7 @@ def make_work(arrays: Arrays, *, near: np.ndarray | None = None) -> Work:
     Compiles the kernels of the kinds of members there are, where that has not been done.
     """
     from ksd.beam import entry  # noqa: F401, declares the entry points
+    from ksd.model import system  # noqa: F401, as above
 
     members = arrays.members
     kinds = {int(k) for k in np.unique(members.kind)}
@@ -149,6 +151,8 @@ def make_work(arrays: Arrays, *, near: np.ndarray | None = None) -> Work:
     if near is not None and COROTATIONAL in kinds:
         compile_late("chain_near")
     count = len(members.kind) + len(arrays.springs.kind)
+    if count:
+        compile_late("assemble_apart")
     held = len(members.kind)
     return Work(
         np.zeros(arrays.plan.values),

@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ksd.model.arrays import COROTATIONAL, Arrays, Work
+from ksd.model.arrays import COROTATIONAL, STRAIN, Arrays, Work
 from ksd.numerics.kernel import compile_late
 
 
@@ -39,11 +39,13 @@ def make_planar_work(arrays: Arrays, *, near: np.ndarray | None = None) -> Work:
     lam (m, 6): end wrench, then the one the geometric terms use; pose (m, 6): cos, sin of frame p, lever of end q
     about node p, lever about node q; near (2k + ..,): cos, sin of every node, then, in the joint bench, the element
     and node angles of the near configuration, `near` (m,) per member, from near_at (m+1,) on. Compiles the kernels of
-    chains where there are some.
+    the kinds of members there are.
     """
     from ksd.beam import planar_entry  # noqa: F401, declares the entry points
 
     members = arrays.members
+    if np.any(members.kind == STRAIN):
+        compile_late("planar_strain_condense", "planar_strain_recover")
     if np.any(members.kind == COROTATIONAL):
         compile_late("planar_chain_condense", "planar_chain_recover")
         if near is not None:

@@ -10,7 +10,7 @@ from ksd.model.loading import add_loads, add_terms
 from ksd.model.springs import add_springs
 from ksd.numerics.blocks import factor_blocks, solve_blocks
 from ksd.numerics.held import Kind, address_of, found_at
-from ksd.numerics.kernel import isolated, kernel
+from ksd.numerics.kernel import kernel, late
 from ksd.numerics.local import local_vector
 from ksd.numerics.rotations import straighten, turn
 
@@ -51,7 +51,7 @@ def _assemble(arrays, motion, target, factor, work, rtol, near, grain):
 _KIND = Kind(blank_system())
 
 
-@isolated("void(int64, float64, float64, int64, float64, CPointer(float64))")
+@late("void(int64, float64, float64, int64, float64, CPointer(float64))")
 def assemble_apart(address, factor, rtol, near, grain, out):
     """`assemble` on the `System` at `address`; out (4,) is what it returns."""
     s = found_at(address, _KIND)

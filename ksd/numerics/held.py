@@ -2,7 +2,7 @@
 
 Numba unpacks every array of an argument at every call, about 0.15 us each, 30 us for the two hundred of a mechanism.
 `Held` looks them up once and keeps them alive; `part` gives one back inside compiled code. `address_of` and `found_at`
-hand a named tuple from one compiled function to another that was compiled apart (`ksd.numerics.kernel.isolated`).
+hand a named tuple from one compiled function to another that was compiled apart (`ksd.numerics.kernel.late`).
 """
 
 from __future__ import annotations

@@ -28,7 +28,6 @@ from ksd.solve.five import FiveSteps
 from ksd.solve.pipeline import Bench
 from ksd.solve.plates import settled
 from ksd.solve.trust import insist
-from ksd.solve.warm import ready
 
 METHODS = ("kinematic", "reduced", "full", "conventional", "modal")
 DEFAULT_ACCURACY = 1e-3
@@ -62,7 +61,6 @@ class Solver:
     def five_steps(self) -> FiveSteps:
         """The five steps, prepared on first use. Raises RecordError, RangeError, KinematicsError, SceneError."""
         if self._five is None:
-            ready()
             bodies: JointBodies = joint_bodies(self.model, self.records, extrapolate=self.extrapolate)
             check_freedoms(self.model, bodies)
             self._five = FiveSteps(self.model, bodies, extrapolate=self.extrapolate, planar=self.planar)

@@ -19,7 +19,6 @@ import numpy as np
 from ksd.errors import ConvergenceError, SceneError
 from ksd.model.arrays import Loads, Motion, Work, make_work
 from ksd.model.compile import Model
-from ksd.numerics.kernel import second_compiler_runs
 from ksd.solve.arc import Course
 from ksd.solve.configuration import Configuration, Step
 from ksd.solve.confirm import confirmed, doubt
@@ -102,10 +101,6 @@ def conventional(
     """
     if planar not in ("auto", True, False):
         raise SceneError(f"planar = {planar!r}: choose 'auto', True or False")
-    if second_compiler_runs():
-        from ksd.solve.warm import ready
-
-        ready()
     target = model.targets(targets)
     begin = model.targets(start.targets) if start else np.zeros(len(target))
     ways: dict[str, Any] = {"steps": steps, "rtol": rtol, "cap": cap, "eps_max": eps_max, "most": most}

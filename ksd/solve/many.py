@@ -58,7 +58,7 @@ def _far(off, turn_at, length):
     return False
 
 
-@kernel
+@kernel(needs=("iterate_planar_apart",))
 def planar_many(held, targets, expected, method, passes, ways, limits, force, pose, motion, status):
     """Solve at targets (N, c) in the plane; ways = (rtol, cap, gap), limits (q, 2): trained ranges with slack.
 
@@ -87,7 +87,7 @@ def planar_many(held, targets, expected, method, passes, ways, limits, force, po
         motion[n] = found
 
 
-@kernel
+@kernel(needs=("iterate_apart",))
 def space_many(held, targets, expected, method, passes, ways, limits, force, x, R, motion, status):
     """As `planar_many`, in space: x (N, links, 3), R (N, links, 3, 3)."""
     theta, off, found = part(held, "state.theta"), part(held, "state.off"), part(held, "state.found")
@@ -134,7 +134,7 @@ def _from_table(table, which, share, inner):
             e += 1
 
 
-@kernel
+@kernel(needs=("iterate_apart",))
 def tabulated_many(held, table, which, targets, expected, ways, limits, force, x, R, motion, status):
     """Steps 1 and 3 at targets (N, c), the joints from table (T, pieces, 4, 27); which (J,): table of every joint.
 

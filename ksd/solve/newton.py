@@ -18,7 +18,7 @@ from ksd.model.blank import System, blank_system
 from ksd.model.system import assemble, largest_move, largest_turn, solve_step, take_step
 from ksd.numerics.blocks import factor_blocks
 from ksd.numerics.held import Kind, address_of, found_at
-from ksd.numerics.kernel import isolated, kernel
+from ksd.numerics.kernel import kernel, late
 
 GRAIN = 10.0
 """Multiples of rounding in the residual bounds."""
@@ -75,7 +75,7 @@ def _iterate(arrays, motion, target, factor, work, rtol, most, cap, blow_up):
 _KIND = Kind(blank_system())
 
 
-@isolated("void(int64, float64, float64, int64, float64, float64, CPointer(float64))")
+@late("void(int64, float64, float64, int64, float64, float64, CPointer(float64))")
 def iterate_apart(address, factor, rtol, most, cap, blow_up, out):
     """`iterate` on the `System` at `address`; out (5,) is what it returns."""
     s = found_at(address, _KIND)
@@ -84,7 +84,7 @@ def iterate_apart(address, factor, rtol, most, cap, blow_up, out):
     )
 
 
-@kernel
+@kernel(needs=("iterate_apart",))
 def iterate(arrays, motion, target, factor, work, rtol, most, cap, blow_up):
     """Newton to equilibrium at the drive values `target` (c,) and load `factor`, in place.
 

@@ -22,7 +22,7 @@ from ksd.model.plane import Plane, plane_of, refuse_plane
 from ksd.model.system import assemble
 from ksd.numerics.blocks import factor_blocks, solve_blocks
 from ksd.numerics.held import Kind, address_of, found_at
-from ksd.numerics.kernel import isolated, kernel
+from ksd.numerics.kernel import kernel, late
 from ksd.solve.driving import Driven, drive_to
 from ksd.solve.newton import (
     CONVERGED,
@@ -87,7 +87,7 @@ def _iterate_planar(arrays, motion, target, factor, work, rtol, most, cap, blow_
 _KIND = Kind(blank_planar_system())
 
 
-@isolated("void(int64, float64, float64, int64, float64, float64, CPointer(float64))")
+@late("void(int64, float64, float64, int64, float64, float64, CPointer(float64))")
 def iterate_planar_apart(address, factor, rtol, most, cap, blow_up, out):
     """`iterate_planar` on the `PlanarSystem` at `address`; out (5,) is what it returns."""
     s = found_at(address, _KIND)
@@ -96,7 +96,7 @@ def iterate_planar_apart(address, factor, rtol, most, cap, blow_up, out):
     )
 
 
-@kernel
+@kernel(needs=("iterate_planar_apart",))
 def iterate_planar(arrays, motion, target, factor, work, rtol, most, cap, blow_up):
     """Newton to equilibrium in the plane; arguments, rules and returns are those of `ksd.solve.newton.iterate`."""
     out = np.empty(5)

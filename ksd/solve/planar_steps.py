@@ -161,7 +161,7 @@ def read_planar(held, again):
     planar_motions(loops, relative, found, value, slope, place, off, part(held, "state.known"))
 
 
-@kernel
+@kernel(needs=("iterate_planar_apart",))
 def planar_steps(held, target, method, passes, rtol, cap, gap, out):
     """Steps 1 to 4, and 5 when `method` is 2, at the drive values target (c,), with `passes` relinearised rounds.
 

@@ -1,29 +1,32 @@
-"""Compile the kernels above the leafs into the cache, without running them: what a second process does meanwhile.
+"""Compile kernels into the cache, without running them: what other processes do while the first one needs its own.
 
-On a cold cache the first process compiles the leaf kernels (on import), this one everything that calls them. Run as
-``python -m ksd.solve.warm`` by `ksd.numerics.kernel`; harmless by hand.
+Run as ``python -m ksd.solve.warm`` by `ksd.numerics.kernel` where the cache is cold; harmless by hand. Every entry is
+compiled by the process that comes to it first (`ksd.numerics.cache.turn`), so the order only shares the work out.
 """
 
 from __future__ import annotations
 
+import contextlib
 import math
 import os
+import sys
 import threading
 import time
+from collections.abc import Callable
 
 import numpy as np
 
-from ksd.bodies import kinematics, readout
 from ksd.bodies.joints import joint_bodies
 from ksd.errors import KsdError
 from ksd.library import find_record
-from ksd.model import system
 from ksd.model.arrays import make_work
 from ksd.model.compile import Model, compile_scene
 from ksd.numerics.held import Held
-from ksd.numerics.kernel import compile_for, second_compiler_runs, wait_for_second_compiler
+from ksd.numerics.kernel import compile_late
 from ksd.scene import CrossFlexure, Material, Mechanism
 from ksd.solve.newton import iterate
+
+Job = Callable[[], None]
 
 
 def _model() -> Model:
@@ -38,54 +41,51 @@ def _model() -> Model:
     return compile_scene(scene)
 
 
-def compile_solvers(model: Model) -> None:
-    """Assembly, Newton and its parts, for spatial models."""
-    arrays, motion, work = model.arrays, model.rest, make_work(model.arrays)
-    target = np.zeros(1)
-    compile_for(system.assemble, arrays, motion, target, 1.0, work, 1e-8, 0, 10.0)
-    compile_for(iterate, arrays, motion, target, 1.0, work, 1e-8, 30, 0.3, math.inf)
-    compile_for(system.solve_step, arrays, work)
-
-
-def compile_bodies(model: Model) -> None:
-    """The five steps in space; needs the record of the cross flexure."""
-    from ksd.solve.space_steps import look_over, space_set, space_steps
-
-    bodies = joint_bodies(model, find_record)
-    held, target, out = Held(space_set(model, bodies)), np.zeros(1), np.zeros((5, 5))
-    reduced, motion, theta, place = bodies.reduced, bodies.reduced_rest, np.zeros(1), np.zeros((1, 24))
-    compile_for(
-        readout.drive_forces, reduced, bodies.loops, theta, target, motion, place, motion.inner, target
-    )
-    J, residual, W = np.zeros((1, 1)), np.zeros(1), np.zeros((2, 1, 6))
-    compile_for(
-        kinematics.loop_equations, reduced, bodies.loops, theta, target, motion, place, W, J, residual
-    )
-    compile_for(look_over, held, target, 1e-8, 0)
-    compile_for(space_steps, held, target, 1, 0, 0, 1e-8, 0.3, 2e-3, out)
-
-
-def compile_planar(model: Model) -> None:
-    """The planar Newton, which the first process takes on while it waits for the second."""
+def planar_jobs(model: Model) -> list[Job]:
+    """What planar scenes need, the longest first."""
+    from ksd.bodies.planar_bodies import planar_bodies
     from ksd.model.planar_arrays import make_planar_work
-    from ksd.model.planar_lift import lift_inner, lift_nodes
     from ksd.model.plane import plane_of
     from ksd.solve.planar import iterate_planar
+    from ksd.solve.planar_steps import PlanarSet, planar_state, planar_steps
 
     plane = plane_of(model)
     if isinstance(plane, str):
-        return
-    work = make_planar_work(plane.arrays)
-    compile_for(lift_nodes, *plane.lifting[:2], plane.rest.pose, model.rest.x, model.rest.R)
-    compile_for(lift_inner, *plane.lifting[2:8], plane.rest.inner, model.rest.inner)
-    compile_for(iterate_planar, plane.arrays, plane.rest, np.zeros(1), 1.0, work, 1e-8, 30, 0.3, math.inf)
+        return []
+    flat, target, out = plane, np.zeros(1), np.zeros((5, 5))
+
+    def steps() -> None:
+        made = planar_bodies(flat, joint_bodies(model, find_record))
+        if not isinstance(made, str):
+            held = Held(PlanarSet(*made, planar_state(*made)))
+            planar_steps.compile_for(held, target, 1, 0, 1e-8, 0.3, 2e-3, out)
+
+    def newton() -> None:
+        work = make_planar_work(flat.arrays)
+        iterate_planar.compile_for(flat.arrays, flat.rest, target, 1.0, work, 1e-8, 30, 0.3, math.inf)
+
+    return [steps, lambda: compile_late("iterate_planar_apart"), newton]
 
 
-def ready() -> None:
-    """Return when the cache holds everything; at once unless this process found it cold."""
-    if second_compiler_runs():
-        compile_planar(_model())
-        wait_for_second_compiler()
+def spatial_jobs(model: Model) -> list[Job]:
+    """What spatial scenes need, the longest first."""
+    from ksd.solve.space_steps import look_over, space_set, space_steps
+
+    arrays, motion, target, out = model.arrays, model.rest, np.zeros(1), np.zeros((5, 5))
+
+    def held() -> Held:
+        return Held(space_set(model, joint_bodies(model, find_record)))
+
+    def newton() -> None:
+        work = make_work(arrays)
+        iterate.compile_for(arrays, motion, target, 1.0, work, 1e-8, 30, 0.3, math.inf)
+
+    return [
+        lambda: space_steps.compile_for(held(), target, 1, 0, 0, 1e-8, 0.3, 2e-3, out),
+        lambda: compile_late("iterate_apart"),
+        lambda: look_over.compile_for(held(), target, 1e-8, 0),
+        newton,
+    ]
 
 
 def leave_with(parent: int) -> None:
@@ -95,16 +95,20 @@ def leave_with(parent: int) -> None:
     os._exit(0)
 
 
-def main() -> None:
-    """All of it; without a record, the solvers alone."""
+def main(number: int = 0) -> None:
+    """All of it, in an order that differs with `number`; without a record, the solvers alone."""
     threading.Thread(target=leave_with, args=(os.getppid(),), daemon=True).start()
     model = _model()
-    compile_solvers(model)
-    try:
-        compile_bodies(model)
-    except KsdError:
-        return
+    jobs = [
+        *planar_jobs(model),
+        *spatial_jobs(model),
+        lambda: compile_late("chain_condense", "planar_chain_condense"),
+    ]
+    first = number * len(jobs) // 3
+    for job in jobs[first:] + jobs[:first]:
+        with contextlib.suppress(KsdError):
+            job()
 
 
 if __name__ == "__main__":
-    main()
+    main(*(int(word) for word in sys.argv[1:]))

@@ -1,0 +1,88 @@
+"""How a kernel is compiled for other kernels to call: lowered and simplified, but neither optimised nor assembled.
+
+Numba optimises and assembles every function with all it calls, and again inside every caller; with kernels ten deep
+that was three quarters of the compile time. What is only called by compiled code needs neither: it is optimised once,
+as part of what Python or a C pointer calls. Numba's documented way to that is a compiler pipeline of one's own.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numba
+from numba.core.codegen import JITCodeLibrary
+from numba.core.compiler import CompilerBase, DefaultPassBuilder
+from numba.core.compiler_machinery import register_pass
+from numba.core.extending import typeof_impl
+from numba.core.typed_passes import NativeLowering
+
+
+class _NoEnvironment:
+    """Stands for the code generator where numba would tell assembled code its environment."""
+
+    def set_env(self, name: str, environment: Any) -> None:
+        """Nothing is assembled, so there is nobody to tell."""
+
+
+class _Unassembled(JITCodeLibrary):  # type: ignore[misc]
+    """Code to be linked into callers."""
+
+    @property
+    def codegen(self) -> Any:
+        return _NoEnvironment() if self._finalized else self._codegen
+
+    def _optimize_functions(self, ll_module: Any) -> None:
+        ll_module.data_layout = self._codegen._data_layout
+        passes, builder = self._codegen._function_pass_manager()
+        for function in ll_module.functions:
+            if not function.is_declaration:
+                passes.run(function, builder)
+
+    def _optimize_final_module(self) -> None:
+        pass
+
+    def _finalize_final_module(self) -> None:
+        self._finalize_dynamic_globals()
+        self._finalized = True
+
+    def get_pointer_to_function(self, name: str) -> int:
+        """0: no such code. Also what closes the library, as in numba."""
+        self._ensure_finalized()
+        return 0
+
+
+@register_pass(mutates_CFG=True, analysis_only=False)
+class _Lowering(NativeLowering):  # type: ignore[misc]
+    """Numba's lowering into a library that is not assembled."""
+
+    _name = "ksd_lowering"
+
+    def run_pass(self, state: Any) -> bool:
+        state.library = _Unassembled(state.targetctx.codegen(), state.func_id.func_qualname)
+        return bool(super().run_pass(state))
+
+
+class _Compiler(CompilerBase):  # type: ignore[misc]
+    """Numba's passes with our lowering."""
+
+    def define_pipelines(self) -> list[Any]:
+        passes = DefaultPassBuilder.define_nopython_pipeline(self.state)
+        passes.passes = [
+            (_Lowering if found is NativeLowering else found, words) for found, words in passes.passes
+        ]
+        passes.finalize()
+        return [passes]
+
+
+def within(function: Any, settings: dict[str, Any]) -> Any:
+    """The compiled function for callers that are compiled themselves."""
+    plain = {**settings, "cache": False, "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+    return numba.njit(pipeline_class=_Compiler, **plain)(function)
+
+
+def answers_as(kind: type) -> None:
+    """Let compiled code that names an object of class `kind` call its attribute `within`."""
+
+    @typeof_impl.register(kind)
+    def found(value: Any, _context: Any) -> Any:
+        return numba.types.Dispatcher(value.within)
