@@ -22,7 +22,8 @@ from ksd.solve.choose import Solver
 from ksd.solve.driving import CAP, RTOL
 from ksd.solve.five import FiveSteps
 from ksd.solve.many import SPOKEN, planar_many, space_many, tabulated_many
-from ksd.solve.planar_steps import FULL, GAP, REDUCED, PlanarSteps
+from ksd.solve.planar_steps import GAP, PlanarSteps
+from ksd.solve.space_steps import FULL, REDUCED
 from ksd.solve.stops import Stop
 from ksd.solve.tables import joint_tables
 

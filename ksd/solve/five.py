@@ -45,10 +45,9 @@ class FiveSteps:
         self, values: Mapping[str, float], target: np.ndarray, *, method: str, passes: int, estimate: bool
     ) -> Configuration:
         """Solve at the right-hand sides `target` (c,). Raises RangeError, ConvergenceError."""
-        if method != "kinematic":
-            found = self._in_plane(values, target, method=method, passes=passes, estimate=estimate)
-            if found is not None:
-                return found
+        found = self._in_plane(values, target, method=method, passes=passes, estimate=estimate)
+        if found is not None:
+            return found
         return self._in_space(values, target, method=method, passes=passes, estimate=estimate)
 
     @property
@@ -78,6 +77,11 @@ class FiveSteps:
         plane.lift(flat.state.full, b.full)
         negatives += len(target) - len(rows)
         steps, error, alone = list(steps_of(out, count, passes)), None, False
+        if method == "kinematic":
+            if not self._balances(plane, flat, target):
+                return None
+            moved = flat.state.found.copy(), _lifted(flat.state.off, self._sense), flat.state.known.copy()
+            return self._kinematic((values, target, steps), moved, warnings, estimate=estimate)
         if method == "full":
             seen = self._accepted(plane, target, bound=max(1.0, 2.0 * steps[-1].residual))
             if seen is None:
@@ -143,7 +147,11 @@ class FiveSteps:
         _insist(steps)
         error = None
         if method == "kinematic":
-            return self._kinematic((dict(values), target, steps), warnings, estimate=estimate)
+            clock = pipeline.Clock()
+            pipeline.kinematic_forces(b, target)
+            steps[-1] = replace(steps[-1], time=steps[-1].time + clock())
+            moved = b.found.copy(), b.off.copy(), b.known.copy()
+            return self._kinematic((values, target, steps), moved, warnings, estimate=estimate)
         if estimate and method == "reduced":
             # condensed joints cannot buckle: the inertia is that of the full model at the recovered state
             error, step, negatives = self._estimate(target)
@@ -154,21 +162,26 @@ class FiveSteps:
         )  # fmt: skip
 
     def _kinematic(
-        self, solved: tuple[dict[str, float], np.ndarray, list[Step]], warnings: list[str], *, estimate: bool
+        self,
+        solved: tuple[Mapping[str, float], np.ndarray, list[Step]],
+        moved: tuple[np.ndarray, np.ndarray, np.ndarray],
+        warnings: list[str],
+        *,
+        estimate: bool,
     ) -> Configuration:
         """The kinematic answer; its error is its distance to the reduced one plus the estimate of that."""
         values, target, steps = solved
         b = self.bench
-        clock = pipeline.Clock()
-        pipeline.kinematic_forces(b, target)
-        steps[-1] = replace(steps[-1], time=steps[-1].time + clock())
         answer = self._configuration(
-            (values, "kinematic", tuple(steps)), (b.found, b.off.copy(), b.known), negatives=len(target), error=None,
+            (dict(values), "kinematic", tuple(steps)),
+            moved,
+            negatives=len(target),
+            error=None,
             warnings=warnings,
-        )  # fmt: skip
+        )
         if not estimate:
             return answer
-        reduced = self._in_space(values, target, method="reduced", passes=0, estimate=True)
+        reduced = self(values, target, method="reduced", passes=0, estimate=True)
         assert reduced.error is not None
         error = pipeline.distance(answer.motion, b, reduced.error)
         extra = reduced.steps[2:]

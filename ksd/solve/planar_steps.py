@@ -20,6 +20,7 @@ from ksd.bodies.planar_bench import (
 )
 from ksd.bodies.planar_bodies import PlanarBodies, PlanarStart
 from ksd.bodies.planar_kinematics import PLACE, close_planar, planar_motions
+from ksd.bodies.planar_readout import planar_drive_forces
 from ksd.model.arrays import Work
 from ksd.model.planar_arrays import PlanarMotion, make_planar_work
 from ksd.numerics.clock import thread_time
@@ -28,13 +29,12 @@ from ksd.numerics.kernel import kernel
 from ksd.solve.configuration import Step
 from ksd.solve.driving import CAP, RTOL
 from ksd.solve.planar import iterate_planar
-from ksd.solve.space_steps import note_step
+from ksd.solve.space_steps import FULL, KINEMATIC, note_step
 from ksd.solve.stops import Stop
 
 GAP = 2e-3
 """Largest gap of the closed loops over the size of the mechanism: overconstrained joints never fit exactly, and their
 elasticity takes it up in step 3; a linkage that locks leaves more."""
-REDUCED, FULL = 1, 2
 
 
 class PlanarState(NamedTuple):
@@ -144,6 +144,17 @@ def place_flat(held):
 
 
 @kernel
+def weigh_flat(held, target):
+    """Drive forces of the kinematic answer, which is the closed loops as they are."""
+    planar_drive_forces(
+        part(held, "bodies.reduced"), part(held, "bodies.loops"), part(held, "state.theta"), target,
+        part(held, "state.reduced"), part(held, "state.reduced_work.near"), part(held, "state.place"),
+        part(held, "state.reduced.multiplier"),
+    )  # fmt: skip
+    place_flat(held)
+
+
+@kernel
 def read_planar(held, again):
     """Intended motions of the answer; again: the links have moved since step 4."""
     loops, turns, relative = (
@@ -163,10 +174,11 @@ def read_planar(held, again):
 
 @kernel(needs=("iterate_planar_apart",))
 def planar_steps(held, target, method, passes, rtol, cap, gap, out):
-    """Steps 1 to 4, and 5 when `method` is 2, at the drive values target (c,), with `passes` relinearised rounds.
+    """Steps 1 to 4, and 5 when `method` is 2, 1 and 2 alone when it is 0, at the drive values target (c,).
 
-    out (2 + 3 (passes + 1), 5): see `note_step`; the fifth column of step 4 is the largest unintended angle. Returns (rows
-    of `out` written, negative pivots of the last equilibrium); the last row says why it stopped.
+    passes: relinearised rounds. out (2 + 3 (passes + 1), 5): see `note_step`; the fifth column of step 4 is the largest
+    unintended angle. Returns (rows of `out` written, negative pivots of the last equilibrium); the last row says why it
+    stopped.
     """
     clock = part(held, "state.clock")
     before = thread_time(clock)
@@ -182,6 +194,11 @@ def planar_steps(held, target, method, passes, rtol, cap, gap, out):
         # the third stop of a leaf is a singular one
         before = note_step(out, row, status + (status > 0), 0, 0.0, clock, before)
         if status != 0:
+            return row + 1, negatives
+        if method == KINEMATIC:
+            weigh_flat(held, target)
+            note_step(out, row, 0, 0, 0.0, clock, before)
+            read_planar(held, method == KINEMATIC)
             return row + 1, negatives
         reason, count, worst, negatives, _ = iterate_planar(
             part(held, "bodies.reduced"), part(held, "state.reduced"), target, 1.0, part(held, "state.reduced_work"),
@@ -240,7 +257,7 @@ class PlanarSteps:
 
     def converged(self, out: np.ndarray, rows: int, *, method: int, passes: int) -> bool:
         """Whether all steps were taken and the last one converged."""
-        whole = 1 + 3 * (passes + 1) + (method == FULL)
+        whole = 2 if method == KINEMATIC else 1 + 3 * (passes + 1) + (method == FULL)
         return rows == whole and out[rows - 1, 0] == 0 and bool(out[0, 2] < GAP * self.bodies.reduced.size)
 
 

@@ -46,7 +46,7 @@ def test_planar_steps_are_those_in_space(mesh):
     for scene, targets in ((fourbar(), {"top": 0.2}), (fourbar(reading=2), {"top": -0.1})):
         flat, space = (ksd.prepare(scene, mesh=MESHES[mesh], planar=p) for p in (True, False))
         assert isinstance(flat.five_steps.flat, PlanarSteps)
-        for method, passes in (("reduced", 0), ("reduced", 2), ("full", 0)):
+        for method, passes in (("kinematic", 0), ("reduced", 0), ("reduced", 2), ("full", 0)):
             one, other = (s(targets, method=method, passes=passes) for s in (flat, space))
             same(one, other)
             assert [s.iterations for s in one.steps] == [s.iterations for s in other.steps]
@@ -61,7 +61,7 @@ def test_blocks_slides_and_joints_seen_from_behind(mesh, axis):
     flat, space = (ksd.prepare(scene, mesh=MESHES[mesh], planar=p) for p in (True, False))
     assert isinstance(flat.five_steps.flat, PlanarSteps)
     targets = {"stroke": 0.01, "turn": 0.15}
-    for method in ("reduced", "full"):
+    for method in ("kinematic", "reduced", "full"):
         same(flat(targets, method=method), space(targets, method=method))
 
 
