@@ -1,4 +1,4 @@
-"""Scenes shared by all tests: the cross flexure and the fourbar of paper 1."""
+"""Scenes shared by all tests: the cross flexure and the fourbar of paper 1, a guide that carries a cartwheel."""
 
 import ksd
 from ksd.units import GPa, deg, mm
@@ -40,4 +40,18 @@ def fourbar(*, reading=1, joint=None):
     scene.join(right, top, joint, at=(0.2, high, 0), axis="z", toward="y", name="upper right")
     scene.join(scene.ground, right, joint, at=(0.2, 0, 0), axis="z", toward="y", name="lower right")
     scene.actuate(top, along="x", at=(0, high + joint.length_AB, 0))
+    return scene
+
+
+def slider(axis="z", toward="x"):
+    """A stiffened guide carrying a cartwheel: internal blocks, a sliding motion, joints seen from both sides."""
+    scene = ksd.Mechanism("slider")
+    stage, arm = scene.links("stage", "arm")
+    guide = ksd.ParallelGuide(STEEL, length=100 * mm, thickness=0.5 * mm, width=30 * mm, spacing=60 * mm)
+    wheel = ksd.Cartwheel(STEEL, length=80 * mm, angle=45 * deg, thickness=0.6 * mm, width=20 * mm)
+    scene.join(scene.ground, stage, guide, at=(0, 0, 0), axis="z", toward="x", name="guide")
+    scene.join(stage, arm, wheel, at=(0.1, 0, 0), axis=axis, toward=toward, name="wheel")
+    scene.actuate(stage, along="y", at=(0.1, 0, 0), name="stroke")
+    scene.actuate_joint("wheel", name="turn")
+    scene.load(arm, force=(0.5, 1.0, 0), at=(0.15, 0.02, 0))
     return scene

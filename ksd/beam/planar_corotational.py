@@ -63,7 +63,7 @@ def _nodes(value, n, inner, pose, k, move):
 
 
 @kernel
-def _start(value, n, store):
+def ready_weight(value, n, store):
     """Masses (n+5,), couplings and pull of a chain with weight, made ready; empty arrays for one without."""
     at = KEPT * n + 6
     if len(store) == at:
@@ -79,7 +79,7 @@ def _start(value, n, store):
 
 
 @kernel
-def _eliminate_inner(s, pull, own, carried):
+def eliminate_weight(s, pull, own, carried):
     """Eliminate a node from the couplings with gravity, factors and coupling of `s`; see `ksd.beam.weight`."""
     for c in range(2):
         u0 = own[c]
@@ -97,7 +97,7 @@ def _eliminate_inner(s, pull, own, carried):
 
 
 @kernel
-def _finish(mass, n, pull, carried, pose, turned, lam, K):
+def finish_weight(mass, n, pull, carried, pose, turned, lam, K):
     """The lump at end q, turned by `turned` [rad], into lam, K and the pull."""
     m, g0, g1 = mass[n], pull[0], pull[1]
     c, s = math.cos(turned), math.sin(turned)
@@ -131,7 +131,7 @@ def condense(value, number, inner, store, pose, lam, K):
     """
     n = number[0]
     move = store[KEPT * n : KEPT * n + 6]
-    mass, spread, pull = _start(value, n, store)
+    mass, spread, pull = ready_weight(value, n, store)
     heavy = len(pull) > 0
     negatives = angle = 0
     ef = em = 0.0
@@ -207,7 +207,7 @@ def condense(value, number, inner, store, pose, lam, K):
             if heavy:
                 spread[6 * k] -= mass[k]
                 spread[6 * k + 3] -= mass[k]
-                _eliminate_inner(s, pull, spread[6 * k : 6 * k + 6], spread[6 * k + 6 : 6 * k + 12])
+                eliminate_weight(s, pull, spread[6 * k : 6 * k + 6], spread[6 * k + 6 : 6 * k + 12])
             # C = K_qq - B^T D^-1 B
             x0, x1, x2 = i0 * b00, i1 * b10, i2 * b20
             y0, y1, y2 = i0 * b01, i1 * b11, i2 * b21
@@ -234,7 +234,7 @@ def condense(value, number, inner, store, pose, lam, K):
     K[1, 0], K[1, 1], K[1, 2] = c01, c11, c12
     K[2, 0], K[2, 1], K[2, 2] = c02, c12, c22
     if heavy:
-        _finish(mass, n, pull, spread[6 * n : 6 * n + 6], pose, pose[2], lam, K)
+        finish_weight(mass, n, pull, spread[6 * n : 6 * n + 6], pose, pose[2], lam, K)
     ef = math.sqrt(max(ef, (r0 - f0) ** 2 + (r1 - f1) ** 2))
     em = max(math.sqrt(em), abs(r2 - f2))
     return negatives, ef, em, angle if math.isfinite(ef + em + r0 + c00) else 2

@@ -11,7 +11,7 @@ import math
 
 import numpy as np
 
-from ksd.beam.planar_corotational import KEPT, RECORD, TURN
+from ksd.beam.planar_corotational import KEPT, RECORD, TURN, eliminate_weight, finish_weight, ready_weight
 from ksd.numerics.kernel import kernel
 
 
@@ -68,6 +68,8 @@ def near_condense(value, number, inner, store, near, pose, lam, K):
     S, f, before, r, e = np.zeros(5), np.zeros(4), np.zeros(3), np.zeros(3), np.zeros(3)
     p, q = np.zeros(3), np.zeros(3)
     _place(value, n, inner, near, pose)
+    mass, spread, pull = ready_weight(value, n, store)
+    heavy = len(pull) > 0
     negatives, worst_f, worst_m = 0, 0.0, 0.0
     for k in range(n):
         v, s = value[RECORD * k : RECORD * k + RECORD], store[KEPT * k : KEPT * k + KEPT]
@@ -85,6 +87,12 @@ def near_condense(value, number, inner, store, near, pose, lam, K):
             B[0, 0], B[0, 1], B[0, 2] = -S[0], -S[1], -S[3]
             B[1, 0], B[1, 1], B[1, 2] = -S[1], -S[2], -S[4]
             B[2, 0], B[2, 1], B[2, 2] = S[3], S[4], cross
+            if heavy:
+                for c in range(2):
+                    before[c] -= mass[k] * pull[c]
+                    r[c] -= mass[k] * pull[c]
+                    pull[2 + c] += mass[k] * p[c]
+                    pull[4 + c] += mass[k] * p[c]
             e[0], e[1], e[2] = r[0] - f[0], r[1] - f[1], r[2] - f[2]
             raw0, raw1, raw2 = before[0] - f[0], before[1] - f[1], before[2] - f[2]
             worst_f, worst_m = max(worst_f, raw0 * raw0 + raw1 * raw1), max(worst_m, abs(raw2))
@@ -108,6 +116,10 @@ def near_condense(value, number, inner, store, near, pose, lam, K):
                 for j in range(3):
                     s[12 + 4 * i + j] = B[i, j]
                 s[15 + 4 * i] = e[i]
+            if heavy:
+                spread[6 * k] -= mass[k]
+                spread[6 * k + 3] -= mass[k]
+                eliminate_weight(s, pull, spread[6 * k : 6 * k + 6], spread[6 * k + 6 : 6 * k + 12])
             for i in range(3):
                 r[i] = -(i0 * B[0, i] * e[0] + i1 * B[1, i] * e[1] + i2 * B[2, i] * e[2])
                 for j in range(3):
@@ -126,6 +138,8 @@ def near_condense(value, number, inner, store, near, pose, lam, K):
         lam[3 + i] = 0.0
         for j in range(3):
             K[i, j] = C[min(i, j), max(i, j)]
+    if heavy:
+        finish_weight(mass, n, pull, spread[6 * n : 6 * n + 6], pose, pose[2], lam, K)
     force = math.sqrt(max(worst_f, (r[0] - before[0]) ** 2 + (r[1] - before[1]) ** 2))
     moment = max(worst_m, abs(r[2] - before[2]))
     return negatives, force, moment, 0 if math.isfinite(force + moment + r[0] + C[0, 0]) else 2

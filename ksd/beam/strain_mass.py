@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ksd.beam.strain_fields import places, strain_fields, strain_tangent
-from ksd.beam.strain_values import strain_scratch
+from ksd.beam.strain_values import masses_beyond, strain_scratch
 
 Array = NDArray[np.float64]
 
@@ -50,6 +50,17 @@ def strain_stations(value: Array, number: NDArray[np.int64]) -> Array:
     return value[at : at + ng * ng].reshape(ng, ng).sum(axis=1)
 
 
+@dataclass(frozen=True)
+class StrainPull:
+    """How the uncondensed leaf follows gravity g in frame p, see `ksd.beam.weight`: first moment s (3,) [kg m] and its
+    derivatives eta (3, N) by a, B (3, 3) by n and D (3, 3) by g."""
+
+    s: Array
+    eta: Array
+    B: Array
+    D: Array
+
+
 def strain_parts(value: Array, number: NDArray[np.int64], inner: Array) -> StrainParts:
     """Tangent blocks and fields of a leaf with constants `value`, `number` at inner state `inner` (N +
     6,)."""
@@ -57,17 +68,38 @@ def strain_parts(value: Array, number: NDArray[np.int64], inner: Array) -> Strai
     return StrainParts(**{f.name: getattr(found, f.name)[0] for f in fields(StrainParts)})
 
 
-def many_parts(value: Array, number: NDArray[np.int64], inner: Array) -> StrainParts:
+def many_parts(
+    value: Array, number: NDArray[np.int64], inner: Array, gravity: Array | None = None
+) -> StrainParts:
     """Those of k leafs of equal settings `number`, from constants (k, v) and inner states (k, N + 6); every array has
-    a leading axis (k,), so that all are worked on in one call."""
+    a leading axis (k,), so that all are worked on in one call. gravity (k, 3) [m/s^2] in frames p of leafs with weight.
+    """
+    return _many(value, number, inner, gravity)[0]
+
+
+def many_pulls(value: Array, number: NDArray[np.int64], inner: Array, gravity: Array) -> StrainPull:
+    """How k leafs with weight follow gravity (k, 3) [m/s^2], frames p; arrays as in `many_parts`."""
+    parts, v, S, eta = _many(value, number, inner, gravity)
+    M = np.stack([masses_beyond(leaf, number) for leaf in value])
+    amount = parts.length[:, None] * parts.weight * M
+    full = S[..., [[0, 1, 2], [1, 3, 4], [2, 4, 5]]]
+    B, D = (np.einsum("kg,kgij->kij", a, full) for a in (amount, amount * M))
+    return StrainPull(np.einsum("kg,kgi->ki", amount, v), eta[:, 0], B, D)
+
+
+def _many(
+    value: Array, number: NDArray[np.int64], inner: Array, gravity: Array | None
+) -> tuple[StrainParts, Array, Array, Array]:
+    """The parts, and v (k, ng, 3), S (k, ng, 6), eta (k, ng+1, 3, N) of `ksd.beam.strain_fields`."""
     nx, ny, nz, ng = (int(n) for n in number[:4])
     k, N = len(value), nx + ny + nz
     at = 1 + nx * nx + ny * ny + nz * nz + N
     L, weight = value[:, 0], value[:, at : at + ng]
     integral = value[:, at + ng : at + ng + ng * ng].reshape(k, ng, ng)
-    scratch, none, at = np.zeros((k, strain_scratch(number))), np.zeros(0), places(N, ng)
+    scratch, at = np.zeros((k, strain_scratch(number))), places(N, ng)
+    pull = np.zeros((k, 0)) if gravity is None else np.ascontiguousarray(gravity)
     for i in range(k):
-        leaf = np.ascontiguousarray(value[i]), number, np.ascontiguousarray(inner[i]), none, scratch[i]
+        leaf = np.ascontiguousarray(value[i]), number, np.ascontiguousarray(inner[i]), pull[i], scratch[i]
         strain_fields(*leaf)
         strain_tangent(*leaf)
     v = scratch[:, at.v : at.S].reshape(k, ng, 4)[..., :3]
@@ -75,7 +107,7 @@ def many_parts(value: Array, number: NDArray[np.int64], inner: Array) -> StrainP
     both = scratch[:, at.fields : at.W].reshape(k, ng + 1, 6, N)
     upper = np.triu(scratch[:, at.W : at.t].reshape(k, N, N + 8)[..., :N])
     soft = L[:, None] * (weight[:, None] @ S)[:, 0]
-    return StrainParts(
+    parts = StrainParts(
         W=upper + np.triu(upper, 1).swapaxes(1, 2),
         J=np.concatenate([both[:, 0, 3:], both[:, 0, :3]], axis=1),
         S=soft[:, [[0, 1, 2], [1, 3, 4], [2, 4, 5]]],
@@ -88,6 +120,7 @@ def many_parts(value: Array, number: NDArray[np.int64], inner: Array) -> StrainP
         rho=both[:, 1:, 3:],
         psi=both[:, 1:, :3],
     )
+    return parts, v, S, scratch[:, at.eta : at.end].reshape(k, ng + 1, 3, N)
 
 
 def strain_flexibility(parts: StrainParts) -> tuple[Array, Array]:

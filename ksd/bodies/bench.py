@@ -88,7 +88,7 @@ def condense_joints(bench, joints, motion, work, near, reduced_inner):
     near: see `condense_member`. Returns (negative pivots inside, smallest relative pivot, status).
     """
     none = np.empty(0)
-    _, _, inside, status = assemble(bench, motion, none, 0.0, work, 1e-8, near, 10.0)
+    _, _, inside, status = assemble(bench, motion, none, 1.0, work, 1e-8, near, 10.0)
     stop = len(bench.plan.size) - joints
     negatives, pivot = factor_blocks(bench.plan, work.value, work.spare, stop)
     forward_blocks(bench.plan, work.spare, work.rhs, stop)

@@ -15,6 +15,7 @@ import numpy as np
 from ksd.beam.linear import LINEAR_INNER
 from ksd.bodies.bench import Inside
 from ksd.bodies.kinematics import Loops
+from ksd.bodies.weight import NOTHING_HUNG, Hung
 from ksd.errors import KinematicsError, RecordError, SceneError
 from ksd.model.arrays import COROTATIONAL, LINEAR, Arrays, Motion
 from ksd.model.compile import (
@@ -23,10 +24,11 @@ from ksd.model.compile import (
     elastic_parts,
     external_loads,
     joint_members_of,
+    pulls,
     reference_points,
 )
 from ksd.model.leafs import leaf_member
-from ksd.model.pack import Assembly, Member, pack
+from ksd.model.pack import Assembly, Member, Push, pack
 from ksd.scene.joint import leafs_of
 
 
@@ -37,7 +39,8 @@ class JointBodies:
     reduced: the mechanism of links and condensed joints (its members: one linear body per joint, then free leafs).
     near (members of the bench,): lengths of the near data. full_node (K,): internal blocks in the full model.
     motion_range (motions, 2): trained range, rad or stroke over joint length, as theta; motion_scale (motions,):
-    theta to rad or m; motion_names. hanging: links on leafs alone, each with the nodes that place it (`hang_links`).
+    theta to rad or m; motion_names. hung: the weight of the joints. hanging: links on leafs alone, each with the nodes
+    that place it (`hang_links`).
     """
 
     loops: Loops
@@ -51,6 +54,7 @@ class JointBodies:
     motion_range: np.ndarray
     motion_scale: np.ndarray
     motion_names: tuple[str, ...]
+    hung: Hung
     hanging: tuple[tuple[int, np.ndarray], ...] = ()
 
 
@@ -183,7 +187,8 @@ class _Bench:
         for block, node in nodes.items():
             table[node] = joint.pose_B if block == "B" else (0.0 if block == "A" else places[block])
         first = len(self.members)
-        self.members += joint_members_of(placed, self.model.mesh, nodes, table, None)
+        heavy = pulls(self.model.scene)
+        self.members += joint_members_of(placed, self.model.mesh, nodes, table, None, heavy=heavy)
         for n, leaf in enumerate(leafs_of(joint)):
             self._functions(j, self.members[first + n], leaf, functions, n)
 
@@ -225,7 +230,9 @@ def build_bench(model: Model, contracted: list[Any]) -> tuple[Arrays, Motion, In
     for j, (placed, functions) in enumerate(zip(joints, contracted, strict=True)):
         bench.add(j, placed, functions, 1 + blocks + j)
     places = np.array([*bench.places, *[np.asarray(j.joint.pose_B, float) for j in joints]]).reshape(-1, 3)
-    arrays, rest = pack(Assembly(places, bench.members, last=len(joints)))
+    # as given; turned into the axes of every joint before it is condensed
+    gravity = model.scene.gravity
+    arrays, rest = pack(Assembly(places, bench.members, last=len(joints), gravity=gravity))
     joint, target, coefficient = _flat(bench.inner, size)
     near_joint, near_target, near_coefficient = _flat(bench.near, size)
     inside = Inside(
@@ -237,8 +244,9 @@ def build_bench(model: Model, contracted: list[Any]) -> tuple[Arrays, Motion, In
     return arrays, rest, inside, np.array(bench.near_length, np.int64), np.array(bench.full_node, np.int64)
 
 
-def build_reduced(model: Model) -> tuple[Arrays, Motion]:
-    """The reduced mechanism: links are the nodes, every joint one linear body, free leafs as they are."""
+def build_reduced(model: Model) -> tuple[Arrays, Motion, Hung]:
+    """The reduced mechanism: links are the nodes, every joint one linear body and its weight a load, free leafs as they
+    are."""
     scene = model.scene
     places = reference_points(scene)
     index = {link: i for i, link in enumerate(scene.links)}
@@ -253,12 +261,28 @@ def build_reduced(model: Model) -> tuple[Arrays, Motion]:
         )  # fmt: skip
     for leaf in scene.leafs:
         a, b = index[leaf.a], index[leaf.b]
-        members.append(
-            leaf_member(leaf.leaf, model.mesh, name=leaf.name, nodes=(a, b), places=(places[a], places[b]))
-        )
+        ends: dict[str, Any] = {"nodes": (a, b), "places": (places[a], places[b])}
+        members.append(leaf_member(leaf.leaf, model.mesh, name=leaf.name, heavy=pulls(scene), **ends))
     rows, _, _ = constraint_rows(scene, places)
     springs = elastic_parts(scene, places)
-    return pack(Assembly(places, members, rows, external_loads(scene, places), springs))
+    pushes, hung = _hung(model, external_loads(scene, places), index)
+    return *pack(Assembly(places, members, rows, pushes, springs, gravity=scene.gravity)), hung
+
+
+def _hung(model: Model, pushes: list[Push], index: dict[str, int]) -> tuple[list[Push], Hung]:
+    """The loads with those that stand for the weight of the joints, at points that step 2 sets, and which they are."""
+    weight, joints = model.arrays.weight, model.scene.joints
+    leafs = [len(leafs_of(placed.joint)) for placed in joints]
+    if not len(weight) or not any(weight[s, 0].any() for s in model.joint_members):
+        return pushes, NOTHING_HUNG
+    load = np.full(len(joints), -1)
+    for j, (placed, own) in enumerate(zip(joints, model.joint_members, strict=True)):
+        mass = weight[own, 0].sum()
+        if index[placed.a] > 0 and mass > 0.0:
+            load[j] = len(pushes)
+            force = mass * np.asarray(model.scene.gravity, float)
+            pushes = [*pushes, Push(index[placed.a], np.zeros(3), force, np.zeros(3))]
+    return pushes, Hung(np.repeat(np.arange(len(joints)), leafs), load, np.array([sum(leafs), len(joints)]))
 
 
 def _contracted(joint: Any, record: Any, mesh: str | int, extrapolate: bool) -> Any:
@@ -289,7 +313,7 @@ def joint_bodies(model: Model, records: Callable[[str], Any], *, extrapolate: bo
     contracted = [known[id(placed.joint)] for placed in model.scene.joints]
     loops = build_loops(model, contracted)
     bench, bench_rest, inside, near, full_node = build_bench(model, contracted)
-    reduced, reduced_rest = build_reduced(model)
+    reduced, reduced_rest, hung = build_reduced(model)
     ranges, scales, names = [], [], []
     for placed, functions in zip(model.scene.joints, contracted, strict=True):
         for k, motion in enumerate(placed.joint.motions):
@@ -299,5 +323,5 @@ def joint_bodies(model: Model, records: Callable[[str], Any], *, extrapolate: bo
     return JointBodies(
         loops, inside, bench, bench_rest, reduced, reduced_rest, near, full_node,
         np.array(ranges, float).reshape(-1, 2), np.array(scales), tuple(names),
-        _hanging(model, loops.tree.tolist(), loops.node),
+        hung, _hanging(model, loops.tree.tolist(), loops.node),
     )  # fmt: skip

@@ -47,7 +47,7 @@ def set_planar_near(bench, loops, inside, value, slope, place, motion, work):
 def condense_planar(bench, joints, motion, work, near, reduced_inner):
     """Linearise all joints at `motion` and condense them to their interfaces; see `ksd.bodies.bench.condense_joints`."""
     none = np.empty(0)
-    _, inside, status = assemble_planar(bench, motion, none, 0.0, work, 1e-8, 10.0, near)
+    _, inside, status = assemble_planar(bench, motion, none, 1.0, work, 1e-8, 10.0, near)
     plan, value, rhs = bench.plan, work.value, work.rhs
     stop = len(plan.size) - joints
     negatives, pivot = factor_blocks(plan, value, work.spare, stop)
@@ -95,7 +95,7 @@ def recover_planar_joints(bench, reduced, joints, pose, turns, motion, work, rel
         rhs[u + 2] -= TURN * round(rhs[u + 2] / TURN)
         shift, twist = max(shift, abs(rhs[u]), abs(rhs[u + 1])), max(twist, abs(rhs[u + 2]))
     backward_blocks(bench.plan, work.value, work.spare, rhs, stop)
-    recover_planar(bench.members, bench.start, motion.inner, rhs, work.pose, work.store, 1.0)
+    recover_planar(bench.members, bench.start, motion, rhs, work, 1.0)
     move_planar(bench.start, bench.terms.start, motion, rhs, 1.0)
     return shift, twist
 

@@ -13,6 +13,7 @@ import numpy as np
 from ksd.bodies.joints import JointBodies
 from ksd.bodies.kinematics import Loops
 from ksd.bodies.planar_kinematics import PlanarLoops
+from ksd.bodies.weight import Hung
 from ksd.model.arrays import LINEAR, Arrays
 from ksd.model.planar_arrays import PlanarMotion
 from ksd.model.planar_flat import Flat
@@ -50,6 +51,7 @@ class PlanarBodies(NamedTuple):
     bench: Arrays
     reduced: Arrays
     full: Arrays
+    hung: Hung
 
 
 class PlanarStart(NamedTuple):
@@ -216,6 +218,7 @@ def planar_bodies(plane: Plane, bodies: JointBodies) -> tuple[PlanarBodies, Plan
         return "the intended motion of a joint leaves the plane"
     joints = len(loops.node)
     bench, twin = pack_flat(bodies.bench, made[0], axes=np.eye(3), rows=np.zeros(0, np.int64), last=joints)
+    bench, hung = _hung(bodies, bench, twin, axes)
     small, _ = pack_flat(bodies.reduced, reduced, axes=axes, rows=plane.lifting.row, springs=springs)
     if not _same_leafs(bench, plane.arrays, len(reduced) - joints):
         return "leafs of different joints coincide in the plane"
@@ -225,8 +228,18 @@ def planar_bodies(plane: Plane, bodies: JointBodies) -> tuple[PlanarBodies, Plan
     links = plane.rest.pose[: len(small.start)].copy()
     rest = PlanarMotion(links, _start_inner(small, plane.rest, joints), np.zeros(len(plane.lifting.row)))
     start = PlanarStart(_bench_rest(bodies, bench, copies, flip), rest, plane.rest, lengths)
-    parts = (_planar_loops(loops, pose, axes), functions, bodies.full_node, bench, small, plane.arrays)
+    parts = (_planar_loops(loops, pose, axes), functions, bodies.full_node, bench, small, plane.arrays, hung)
     return PlanarBodies(*parts), start
+
+
+def _hung(bodies: JointBodies, bench: Arrays, twin: np.ndarray, axes: np.ndarray) -> tuple[Arrays, Hung]:
+    """The bench with gravity in the plane, and the weight of the joints there; twin (m,): planar member of each."""
+    if not len(bench.weight):
+        return bench, bodies.hung
+    bench.weight[:, 1:] = bodies.bench.weight[0, 1:] @ axes[:, :2]
+    first = np.unique(twin, return_index=True)[1]
+    size = np.array([len(first), bodies.hung.size[1]])
+    return bench, Hung(bodies.hung.owner[first], bodies.hung.load, size)
 
 
 def _bench_rest(

@@ -120,8 +120,8 @@ def _chosen(model: Model, only: Collection[str] | None) -> set[int]:
         count = int(model.arrays.members.number[i, 0])
         if np.diff(model.arrays.members.store_at)[i] > chain_sizes(count).store:
             raise SceneError(
-                f"leaf '{names[i]}' carries its own weight, which modal bodies do not know: leave the effect out, or use "
-                "another method"
+                f"leaf '{names[i]}' carries its own weight, which modal bodies do not know: compile "
+                "without='gravity', or use another method"
             )
     return found
 

@@ -192,6 +192,11 @@ def with_solids(model: Model, solids: dict[str, SolidBasis]) -> Model:
                 f"there is no leaf '{name}' to be a solid; the leafs are: {', '.join(model.member_names)}"
             )
         i = model.member_names.index(name)
+        if len(model.arrays.weight) and model.arrays.weight[i, 0] > 0.0:
+            raise SceneError(
+                f"leaf '{name}' carries its own weight, which solids do not know: compile without='gravity', or give its "
+                "material no density"
+            )
         if abs(members.length[i] - body.solid.length) > 1e-9 * body.solid.length:
             raise SceneError(
                 f"leaf '{name}' is {members.length[i]:.6g} m long, its solid {body.solid.length:.6g} m; make them equal"

@@ -22,6 +22,8 @@ ENTRIES = {
     SOLID: ("polynomial_condense", "modal_recover"),
 }
 """Entry points of `ksd.beam.entry`, compiled only where a model has members of the kind."""
+WEIGHT_ENTRIES = ("pull_member", "weigh_member", "turn_pull")
+"""Entry points of `ksd.beam.weight_entry`, compiled only where a model has members with weight."""
 
 
 class Members(NamedTuple):
@@ -29,8 +31,9 @@ class Members(NamedTuple):
 
     offset (m, 2, 3): end minus node reference point, in node axes; frame (m, 2, 3, 3): end axes (columns) in node
     axes; number (m, 4), value (flat) from value_at (m,): settings and constants; inner_at, store_at (m+1,): where
-    inner state and scratch sit; length (m,), floor (m,): EA/L [N/m]; block (m, 4): offsets of the stored
-    blocks pp, qq, and coupling, -1 when an end is fixed, last: 1 when the coupling is stored as (p, q).
+    inner state and what is kept from assembly to update sit; length (m,), floor (m,): EA/L [N/m]; block (m, 4):
+    offsets of the stored blocks pp, qq, and coupling, -1 when an end is fixed, last: 1 when the coupling is stored as
+    (p, q).
     """
 
     kind: np.ndarray
@@ -83,7 +86,8 @@ class Arrays(NamedTuple):
     springs: what resists without inner unknowns, packed as members: kind COIL with value (stiffness [N/m], free length
     [m]), TURN with (stiffness [Nm/rad], rest angle [rad]) about e3 of end p, LINEAR with the constants of
     `ksd.beam.linear`. Their rows of Work.lam and Work.pose follow those of the members. scratch: how many numbers the
-    kernel of the largest member needs.
+    kernel of the largest member needs. weight (m, 4): mass of every member [kg], 0 where it weighs nothing, and the
+    gravity that pulls at it [m/s^2]; (0, 4) where no member has weight.
     """
 
     plan: Blocks
@@ -94,6 +98,12 @@ class Arrays(NamedTuple):
     size: float
     springs: Members
     scratch: int
+    weight: np.ndarray
+
+
+def carries_load(arrays: Arrays) -> bool:
+    """Whether there are loads on links or leafs with weight."""
+    return len(arrays.loads.node) > 0 or len(arrays.weight) > 0
 
 
 class Motion(NamedTuple):
@@ -122,7 +132,7 @@ class Work(NamedTuple):
     from assembly to update; lam (m, 12): end wrenches; pose (m, 18): frame p (9), lever of q about node p, lever
     of q, d; scale (k, 2): sums of force and moment norms at each node. near (flat), from near_at (m+1,): element
     and node rotation vectors of the near configuration of paper 1, empty except in the joint bench. scratch: of
-    the member at work.
+    the member at work. weight: as in `Arrays`, with the gravity of every joint on the bench in the axes of its A.
     """
 
     value: np.ndarray
@@ -135,6 +145,7 @@ class Work(NamedTuple):
     near: np.ndarray
     near_at: np.ndarray
     scratch: np.ndarray
+    weight: np.ndarray
 
 
 def make_work(arrays: Arrays, *, near: np.ndarray | None = None) -> Work:
@@ -142,7 +153,7 @@ def make_work(arrays: Arrays, *, near: np.ndarray | None = None) -> Work:
 
     Compiles the kernels of the kinds of members there are, where that has not been done.
     """
-    from ksd.beam import entry  # noqa: F401, declares the entry points
+    from ksd.beam import entry, weight_entry  # noqa: F401, declares the entry points
     from ksd.model import system  # noqa: F401, as above
 
     members = arrays.members
@@ -150,6 +161,8 @@ def make_work(arrays: Arrays, *, near: np.ndarray | None = None) -> Work:
     compile_late(*(name for kind in kinds for name in ENTRIES.get(kind, ())))
     if near is not None and COROTATIONAL in kinds:
         compile_late("chain_near")
+    if len(arrays.weight):
+        compile_late(*WEIGHT_ENTRIES)
     count = len(members.kind) + len(arrays.springs.kind)
     if count:
         compile_late("assemble_apart")
@@ -167,4 +180,5 @@ def make_work(arrays: Arrays, *, near: np.ndarray | None = None) -> Work:
         if near is None
         else np.concatenate([[0], np.cumsum(near)]).astype(np.int64),
         np.zeros(arrays.scratch),
+        arrays.weight.copy(),
     )

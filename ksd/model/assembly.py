@@ -22,6 +22,7 @@ from ksd.beam.entry import (
     strain_recover,
 )
 from ksd.beam.linear import linear_condense
+from ksd.beam.weight_entry import pull_member, weigh_member
 from ksd.model.arrays import COROTATIONAL, LINEAR, MODAL, SOLID, STRAIN
 from ksd.numerics.kernel import kernel
 from ksd.numerics.local import local_counts, local_matrix, local_vector
@@ -249,9 +250,13 @@ def _scatter(block, T, force, rhs, starts, value):
 
 
 @kernel
-def add_members(arrays, x, R, inner, work, rtol, noise, near):
-    """All members into work.value and work.rhs. Returns (negatives, worst inner residual over its bound, status)."""
+def add_members(arrays, x, R, inner, work, factor, rtol, noise, near):
+    """All members, their weight times `factor`, into work.value and work.rhs.
+
+    Returns (negatives, worst inner residual over its bound, status).
+    """
     members = arrays.members
+    weight = work.weight
     negatives, worst, status = 0, 0.0, 0
     Q, K = local_matrix(3, 3), local_matrix(6, 6)
     T, force, d = local_matrix(12, 12), local_vector(12), local_vector(3)
@@ -261,10 +266,16 @@ def add_members(arrays, x, R, inner, work, rtol, noise, near):
         member_pose(members, x, R, i, pose, Q)
         for c in range(3):
             d[c] = pose[c] * pose[15] + pose[3 + c] * pose[16] + pose[6 + c] * pose[17]
+        kept = work.store[members.store_at[i] : members.store_at[i + 1]]
+        heavy = len(weight) > 0 and weight[i, 0] > 0.0
+        if heavy:
+            pull_member(pose.ctypes, weight[i].ctypes, factor, kept.ctypes, len(kept))
         back, dn, dm, failed = condense_member(members, inner, work, i, d, Q, K, near)
         negatives += back
         status = max(status, failed)
         member_tangent(pose, lam, K, T, force)
+        if heavy:
+            weigh_member(pose.ctypes, kept.ctypes, len(kept), weight[i, 0], T.ctypes, force.ctypes)
         n = math.sqrt(lam[0] ** 2 + lam[1] ** 2 + lam[2] ** 2)
         m = math.sqrt(lam[3] ** 2 + lam[4] ** 2 + lam[5] ** 2)
         L = members.length[i]
@@ -277,7 +288,8 @@ def add_members(arrays, x, R, inner, work, rtol, noise, near):
             starts[e] = arrays.start[node]
             o = 6 * e
             fm = math.sqrt(force[o + 3] ** 2 + force[o + 4] ** 2 + force[o + 5] ** 2)
-            work.scale[node, 0] += rtol * (n + m / L) + floor
+            fn = math.sqrt(force[o] ** 2 + force[o + 1] ** 2 + force[o + 2] ** 2)
+            work.scale[node, 0] += rtol * (max(fn, n) + m / L) + floor
             work.scale[node, 1] += rtol * (max(fm, m) + n * L) + floor * L
         _scatter(members.block[i], T, force, work.rhs, starts, work.value)
     return negatives, worst, status

@@ -42,6 +42,8 @@ def blank_planar_system() -> PlanarSystem:
     members = arrays.members._replace(offset=np.zeros((0, 2, 2)), frame=np.zeros((0, 2)))
     terms = arrays.terms._replace(direction=np.zeros((0, 2)), point=np.zeros((0, 2, 2)))
     loads = arrays.loads._replace(point=np.zeros((0, 2)), force=np.zeros((0, 2)), moment=np.zeros(0))
-    flat = arrays._replace(members=members, terms=terms, loads=loads, springs=NO_PLANAR_SPRINGS)
+    flat = arrays._replace(
+        members=members, terms=terms, loads=loads, springs=NO_PLANAR_SPRINGS, weight=np.zeros((0, 3))
+    )
     motion = PlanarMotion(np.zeros((2, 3)), np.zeros(0), np.zeros(0))
     return PlanarSystem(flat, motion, np.zeros(0), make_planar_work(flat))

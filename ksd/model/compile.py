@@ -86,8 +86,13 @@ def reference_points(scene: Any) -> np.ndarray:
     return places
 
 
+def pulls(scene: Any) -> bool:
+    """Whether the scene has gravity, so that leafs of known density have weight."""
+    return scene.gravity is not None and any(scene.gravity)
+
+
 def joint_members_of(
-    placed: Any, mesh: Mesh, nodes: Mapping[str, int], places: np.ndarray, turn: Any
+    placed: Any, mesh: Mesh, nodes: Mapping[str, int], places: np.ndarray, turn: Any, *, heavy: bool = False
 ) -> list[Member]:
     """Members of one joint whose blocks are `nodes` (by block name), at reference `places` (k, 3)."""
     members = []
@@ -101,16 +106,17 @@ def joint_members_of(
                 nodes=pair,
                 places=(places[pair[0]], places[pair[1]]),
                 turn=turn,
+                heavy=heavy,
             )
         )
     return members
 
 
 def _nodal_members(
-    leaf: Any, mesh: Mesh, name: str, pair: tuple[int, int], found: tuple[list, list, Any]
+    leaf: Any, mesh: Mesh, name: str, pair: tuple[int, int], found: tuple[list, list, Any, bool]
 ) -> list[Member]:
-    """One member per element, with a new model node at every cut; `found` = (places, node names, turn)."""
-    places, names, turn = found
+    """One member per element, with a new model node at every cut; `found` = (places, node names, turn, heavy)."""
+    places, names, turn, heavy = found
     pieces, cuts = split_leaf(leaf, leaf.elements or mesh.elements)
     nodes = [pair[0], *range(len(places), len(places) + len(cuts)), pair[1]]
     origin, rotation = turn if turn is not None else (np.zeros(3), np.eye(3))
@@ -118,7 +124,13 @@ def _nodal_members(
     names += [f"{name}.{k + 1}" for k in range(len(cuts))]
     return [
         leaf_member(
-            piece, mesh, name=f"{name}.{k + 1}", nodes=(a, b), places=(places[a], places[b]), turn=turn
+            piece,
+            mesh,
+            name=f"{name}.{k + 1}",
+            nodes=(a, b),
+            places=(places[a], places[b]),
+            turn=turn,
+            heavy=heavy,
         )
         for k, (piece, (a, b)) in enumerate(zip(pieces, pairwise(nodes), strict=True))
     ]
@@ -175,7 +187,7 @@ class _Parts:
     """Nodes and members of the full model while they are collected."""
 
     def __init__(self, scene: Any, mesh: Mesh) -> None:
-        self.mesh = mesh
+        self.mesh, self.heavy = mesh, pulls(scene)
         self.index = {link: i for i, link in enumerate(scene.links)}
         self.names = list(scene.links)
         self.places = list(reference_points(scene))
@@ -196,7 +208,8 @@ class _Parts:
                 pair = (nodes[leaf.start_block], nodes[leaf.end_block])
                 self._add_nodal(leaf, f"{placed.name}/{leaf.name}", pair, turn)
         else:
-            self.members += joint_members_of(placed, self.mesh, nodes, np.array(self.places), turn)
+            places = np.array(self.places)
+            self.members += joint_members_of(placed, self.mesh, nodes, places, turn, heavy=self.heavy)
         return slice(first, len(self.members))
 
     def add_leaf(self, leaf: Any) -> None:
@@ -206,10 +219,13 @@ class _Parts:
             self._add_nodal(leaf.leaf, leaf.name, pair, None)
             return
         places = (self.places[pair[0]], self.places[pair[1]])
-        self.members.append(leaf_member(leaf.leaf, self.mesh, name=leaf.name, nodes=pair, places=places))
+        self.members.append(
+            leaf_member(leaf.leaf, self.mesh, name=leaf.name, nodes=pair, places=places, heavy=self.heavy)
+        )
 
     def _add_nodal(self, leaf: Any, name: str, pair: tuple[int, int], turn: Any) -> None:
-        self.members += _nodal_members(leaf, self.mesh, name, pair, (self.places, self.names, turn))
+        found = self.places, self.names, turn, self.heavy
+        self.members += _nodal_members(leaf, self.mesh, name, pair, found)
 
 
 def compile_given(scene: Any, mesh: Mesh) -> Model:
@@ -222,7 +238,7 @@ def compile_given(scene: Any, mesh: Mesh) -> Model:
     rows, drives, supports = constraint_rows(scene, places)
     springs = elastic_parts(scene, places)
     pushes = external_loads(scene, places)
-    arrays, rest = pack(Assembly(places, parts.members, rows, pushes, springs))
+    arrays, rest = pack(Assembly(places, parts.members, rows, pushes, springs, gravity=scene.gravity))
     names = tuple(m.name for m in parts.members)
     return Model(
         scene, mesh, arrays, rest, tuple(parts.names), names, tuple(slices), drives, supports,

@@ -29,7 +29,7 @@ WORDS = {
     "shear": "Timoshenko shear of the leafs",
     "warping": "warping restrained at clamped ends",
     "plate": "plate stiffening of wide leafs",
-    "gravity": "gravity on links and payloads",
+    "gravity": "gravity on links, payloads and along the leafs",
     "following": "loads that turn with their link",
     "compliance": "compliance of links",
     "springs": "springs",
@@ -184,7 +184,7 @@ def _decided(name: str, asked: _Asked, looked: estimates.Estimates) -> Effect:
 
 
 _HOW = {
-    "gravity": "say mechanism.gravity = (0, -9.81, 0) and give links a mass",
+    "gravity": "say mechanism.gravity = (0, -9.81, 0) and give links a mass or materials a density",
     "following": "say following=True of a load",
     "compliance": "give a link a section (mechanism.compliance)",
     "springs": "say mechanism.spring or mechanism.joint_spring",

@@ -102,6 +102,7 @@ class _Body:
     store: int
     d: np.ndarray
     Q: np.ndarray
+    mass: float = 0.0
 
 
 def raised_orders(leaf: Any, mesh: Mesh) -> tuple[tuple[int, int, int], int]:
@@ -149,8 +150,16 @@ def leaf_modes(leaf: Any, mesh: Mesh) -> Modes:
     return make_modes(orders, max(6, max(orders) // 2), breaks=(0.0, *inner, 1.0), shape=softness)
 
 
+def line_mass(leaf: Any, s: np.ndarray) -> np.ndarray:
+    """Mass per length (len(s),) [kg/m] of a leaf at fractions s of its length; zero for a material without density."""
+    density = leaf.material.density or 0.0
+    if leaf.profile is None:
+        return np.full(len(s), density * leaf.section.A)
+    return density * np.array([leaf.profile.section(float(x)).A for x in s])
+
+
 @lru_cache(maxsize=512)
-def _strain_body(leaf: Any, mesh: Mesh) -> _Body:
+def _strain_body(leaf: Any, mesh: Mesh, heavy: bool) -> _Body:
     # the same leaf is asked for by the full model, the bench and every equal joint; its arrays are copied when packed
     orders, points = raised_orders(leaf, mesh)
     stiff, soft = rigidities(leaf.section, leaf, mesh)
@@ -162,14 +171,19 @@ def _strain_body(leaf: Any, mesh: Mesh) -> _Body:
             stiff, soft = np.array([b[0] for b in both]), np.array([b[1] for b in both])
         if leaf.curve is not None:
             words["amplitudes"] = _fitted(leaf, modes, orders)
+    mass = 0.0
+    if heavy:
+        words["modes"] = modes = words.get("modes") or make_modes(orders, points)
+        words["line_mass"] = line_mass(leaf, modes.s)
+        mass = leaf.length * float(modes.weight @ words["line_mass"])
     value, number = strain_values(rigidity=stiff, compliance=soft, **words)
-    size, store = strain_sizes(number)
+    size, store = strain_sizes(number, heavy=heavy)
     inner = np.zeros(size)
     if leaf.curve is None:
-        return _Body(STRAIN, value, number, inner, store, np.array([leaf.length, 0, 0]), np.eye(3))
+        return _Body(STRAIN, value, number, inner, store, np.array([leaf.length, 0, 0]), np.eye(3), mass)
     inner[: len(words["amplitudes"])] = words["amplitudes"]
     d, Q = _undeformed_end(value, number, inner)
-    return _Body(STRAIN, value, number, inner, store, d, Q)
+    return _Body(STRAIN, value, number, inner, store, d, Q, mass)
 
 
 def _undeformed_end(
@@ -222,7 +236,7 @@ def integrate_curve(curve: Any, stations: int) -> tuple[np.ndarray, np.ndarray]:
     return positions, orientations
 
 
-def _chain_body(leaf: Any, mesh: Mesh) -> _Body:
+def _chain_body(leaf: Any, mesh: Mesh, heavy: bool) -> _Body:
     count = leaf.elements or mesh.elements
     curve = None if leaf.curve is None else integrate_curve(leaf.curve, count)
     value = chains.chain_values(_numbers(leaf.section, leaf, mesh), leaf.length, count, curve)
@@ -234,9 +248,11 @@ def _chain_body(leaf: Any, mesh: Mesh) -> _Body:
             value[at + 1 : at + 7] = chains.stiffness_numbers(_numbers(section, leaf, mesh), value[at])
     number = np.array([count, int(mesh.mip)], np.int64)
     d, Q = chains.undeformed_end(value, number)
-    return _Body(
-        COROTATIONAL, value, number, chains.start_inner(value, number), chains.sizes(count).store, d, Q
-    )
+    inner, store, mass = chains.start_inner(value, number), chains.sizes(count, heavy=heavy).store, 0.0
+    if heavy:
+        lumps = chains.lumped_masses(value, count, line_mass(leaf, (np.arange(count) + 0.5) / count))
+        value, mass = np.concatenate([value, lumps]), float(lumps[: count + 1].sum())
+    return _Body(COROTATIONAL, value, number, inner, store, d, Q, mass)
 
 
 def _placed(
@@ -278,8 +294,9 @@ def leaf_member(
     nodes: tuple[int, int],
     places: tuple[np.ndarray, np.ndarray],
     turn: Any = None,
+    heavy: bool = False,
 ) -> Member:
-    """The member of `leaf` between two nodes.
+    """The member of `leaf` between two nodes; heavy: with its weight, if its material has a density.
 
     `places`: reference positions (3,) of the two nodes; `turn` = (origin, rotation) takes the leaf's own coordinates
     to the nodes' (identity when None). Mesh choices carried by the leaf itself win over `mesh`.
@@ -289,10 +306,11 @@ def leaf_member(
     end = origin + rotation @ np.asarray(leaf.end, float)
     width = None if leaf.width_axis is None else rotation @ np.asarray(leaf.width_axis, float)
     make = _strain_body if mesh.leaf == "strain" else _chain_body
-    drawn = make(leaf, mesh)
+    heavy = heavy and bool(leaf.material.density)
+    drawn = make(leaf, mesh, heavy)
     axes, tip = _placed(start, end, width, drawn, name)
     loose = natural(leaf)
-    body = drawn if loose is leaf else make(loose, mesh)
+    body = drawn if loose is leaf else make(loose, mesh, heavy)
     clamp = axes @ drawn.Q
     if leaf.condition is not None:
         tip, clamp = _misfit(leaf.condition, axes, tip, clamp)
@@ -308,6 +326,7 @@ def leaf_member(
         store=body.store,
         length=leaf.length,
         floor=1.0 / (rigidities(leaf.section, leaf, mesh)[1][0] * leaf.length),
+        mass=body.mass,
     )
 
 
@@ -342,6 +361,7 @@ __all__ = [
     "leaf_axes",
     "leaf_member",
     "leaf_modes",
+    "line_mass",
     "raised_orders",
     "rigidities",
     "split_leaf",

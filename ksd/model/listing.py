@@ -32,11 +32,9 @@ def listing(model: Any) -> list[tuple[str, str]]:
         weights = ", gravity among them" if scene.gravity else ""
         lines.append(("loads", f"{len(arrays.loads.node)} on links{weights}"))
     lines += _present(model)
-    weight = unloaded_weight(model)
-    if weight > 0.0:
-        lines.append(
-            ("without the weight of the leafs", f"{weight:.3g} N, which gravity here does not pull at")
-        )
+    if len(arrays.weight):
+        mass, pull = arrays.weight[:, 0].sum(), np.linalg.norm(arrays.weight[0, 1:])
+        lines.append(("weight of the leafs", f"{mass:.3g} kg along them, {mass * pull:.3g} N"))
     plane = plane_of(model)
     if isinstance(plane, str):
         lines.append(("with spatial", f"six unknowns per node, since {plane}"))
@@ -49,15 +47,6 @@ def listing(model: Any) -> list[tuple[str, str]]:
         ("made when asked for", "mass (frequencies, state space), spatial stiffness, stress, buckling")
     )
     return lines
-
-
-def unloaded_weight(model: Any) -> float:
-    """Weight [N] of the leafs themselves under the gravity of the model: known, and not simulated."""
-    scene = model.scene
-    if scene.gravity is None:
-        return 0.0
-    mass = sum((f.material.density or 0.0) * f.section.A * f.length for f in scene.leaf_names().values())
-    return float(mass * np.linalg.norm(scene.gravity))
 
 
 def _drawn(model: Any) -> str:

@@ -14,7 +14,10 @@ from ksd.numerics.blocks import plan_blocks
 
 @dataclass(frozen=True)
 class Member:
-    """One elastic body between two nodes, before packing: offsets (2, 3) m, end frames (2, 3, 3), constants."""
+    """One elastic body between two nodes, before packing: offsets (2, 3) m, end frames (2, 3, 3), constants.
+
+    mass [kg]: what weighs of it, 0 for a member without weight.
+    """
 
     name: str
     kind: int
@@ -27,6 +30,7 @@ class Member:
     store: int
     length: float
     floor: float
+    mass: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -49,7 +53,7 @@ class Push:
 
 @dataclass(frozen=True)
 class Assembly:
-    """What `pack` is given: reference positions (k, 3) of all nodes, node 0 fixed; the rest by lists."""
+    """What `pack` is given: reference positions (k, 3) of all nodes, node 0 fixed; the rest by lists; gravity (3,)."""
 
     reference: np.ndarray
     members: Sequence[Member]
@@ -57,6 +61,7 @@ class Assembly:
     pushes: Sequence[Push] = field(default=())
     springs: Sequence[Member] = field(default=())
     last: int = 0
+    gravity: np.ndarray | None = None
 
 
 def _pairs(parts: Assembly, nodes: int) -> list[tuple[int, int]]:
@@ -165,6 +170,13 @@ def _pack_loads(pushes: Sequence[Push], places: Places) -> Loads:
     )
 
 
+def _weight(parts: Assembly) -> np.ndarray:
+    """Mass of every member and the gravity that pulls at it (m, 4); (0, 4) where none weighs anything."""
+    if parts.gravity is None or not any(m.mass for m in parts.members):
+        return np.zeros((0, 4))
+    return np.array([[m.mass, *parts.gravity] for m in parts.members])
+
+
 def pack(parts: Assembly) -> tuple[Arrays, Motion]:
     """Arrays of a mechanism and its rest state. Nodes 1.. get six unknowns each, every row one multiplier."""
     nodes, rows = len(parts.reference), len(parts.rows)
@@ -187,6 +199,7 @@ def pack(parts: Assembly) -> tuple[Arrays, Motion]:
         length,
         springs,
         max((strain_scratch(m.number) for m in parts.members if m.kind == STRAIN), default=0),
+        _weight(parts),
     )
     rest = Motion(np.array(parts.reference, float), np.tile(np.eye(3), (nodes, 1, 1)), inner, np.zeros(rows))
     return arrays, rest

@@ -2,8 +2,8 @@
 
 The arrays are those of `ksd.model.arrays`, two-dimensional: offset (m, 2, 2), frame (m, 2) angle of e1 at both
 ends, direction (t, 2) of a translation (for a rotation its sense about k and 0), point (.., 2), force (l, 2),
-moment (l,). Springs: value of LINEAR (which also stands for TURN) is end0 (3), F (3), K (9). The plane has axes i, j and
-normal k; angles are about k. Lengths m, angles rad, forces N, Nm.
+moment (l,), weight (m, 3). Springs: value of LINEAR (which also stands for TURN) is end0 (3), F (3), K (9). The plane
+has axes i, j and normal k; angles are about k. Lengths m, angles rad, forces N, Nm.
 """
 
 from __future__ import annotations
@@ -14,6 +14,9 @@ import numpy as np
 
 from ksd.model.arrays import COROTATIONAL, STRAIN, Arrays, Work
 from ksd.numerics.kernel import compile_late
+
+PLANAR_WEIGHT_ENTRIES = ("pull_planar", "weigh_planar", "turn_planar_pull")
+"""Kernels of `ksd.beam.planar_weight_entry` that are compiled only where a model has members with weight."""
 
 
 class PlanarMotion(NamedTuple):
@@ -41,7 +44,7 @@ def make_planar_work(arrays: Arrays, *, near: np.ndarray | None = None) -> Work:
     and node angles of the near configuration, `near` (m,) per member, from near_at (m+1,) on. Compiles the kernels of
     the kinds of members there are.
     """
-    from ksd.beam import planar_entry  # noqa: F401, declares the entry points
+    from ksd.beam import planar_entry, planar_weight_entry  # noqa: F401, declares the entry points
 
     members = arrays.members
     if np.any(members.kind == STRAIN):
@@ -50,6 +53,8 @@ def make_planar_work(arrays: Arrays, *, near: np.ndarray | None = None) -> Work:
         compile_late("planar_chain_condense", "planar_chain_recover")
         if near is not None:
             compile_late("planar_chain_near")
+    if len(arrays.weight):
+        compile_late(*PLANAR_WEIGHT_ENTRIES)
     count = len(members.kind) + len(arrays.springs.kind)
     lengths = np.zeros(len(members.kind), np.int64) if near is None else near
     at = 2 * len(arrays.start) + np.concatenate([[0], np.cumsum(lengths)]).astype(np.int64)
@@ -64,4 +69,5 @@ def make_planar_work(arrays: Arrays, *, near: np.ndarray | None = None) -> Work:
         np.zeros(int(at[-1])),
         at,
         np.zeros(0),
+        arrays.weight.copy(),
     )

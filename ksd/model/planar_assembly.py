@@ -19,6 +19,7 @@ from ksd.beam.planar_entry import (
     planar_strain_condense,
     planar_strain_recover,
 )
+from ksd.beam.planar_weight_entry import pull_planar, turn_planar_pull, weigh_planar
 from ksd.beam.spring import planar_coil_condense, planar_linear_condense
 from ksd.model.arrays import COIL, COROTATIONAL, LINEAR, STRAIN, TRANSLATION
 from ksd.numerics.kernel import kernel
@@ -96,9 +97,10 @@ def _planar_tangent(value, block, pose, lam, K):
 
 
 @kernel
-def add_planar_members(members, start, nodes, inners, work, rtol, noise, near):
-    """All members into work.value and work.rhs. Returns (negatives, worst inner residual over its bound, status).
+def add_planar_members(members, start, nodes, inners, work, factor, rtol, noise, near):
+    """All members, their weight times `factor`, into work.value and work.rhs.
 
+    Returns (negatives, worst inner residual over its bound, status).
     near: 1 linearises chains about the element orientations in work.near from work.near_at on (paper 1, section 3).
     """
     kind, node, number, block = members.kind, members.node, members.number, members.block
@@ -106,7 +108,7 @@ def add_planar_members(members, start, nodes, inners, work, rtol, noise, near):
     values, stores, scale, rhs = members.value, work.store, work.scale, work.rhs
     lams, poses, matrix, turns = work.lam, work.pose, work.value, work.near
     offset, frame, lengths, floors = members.offset, members.frame, members.length, members.floor
-    negatives, worst, status = 0, 0.0, 0
+    negatives, worst, status, weight = 0, 0.0, 0, work.weight
     K, end, out, size = local_matrix(3, 3), local_vector(3), local_vector(4), local_counts(4)
     for i in range(len(kind)):
         pose, lam = poses[i], lams[i]
@@ -115,6 +117,9 @@ def add_planar_members(members, start, nodes, inners, work, rtol, noise, near):
         store = stores[store_at[i] : store_at[i + 1]]
         size[0], size[1], size[2] = len(value), len(inner), len(store)
         V, N, S, W = value.ctypes, number[i].ctypes, inner.ctypes, store.ctypes
+        heavy = len(weight) > 0 and weight[i, 0] > 0.0
+        if heavy:
+            pull_planar(pose.ctypes, weight[i].ctypes, factor, W, len(store))
         if kind[i] == STRAIN:
             planar_strain_condense(V, N, S, W, end.ctypes, lam.ctypes, K.ctypes, out.ctypes, size.ctypes)
         elif kind[i] == LINEAR:
@@ -138,6 +143,14 @@ def add_planar_members(members, start, nodes, inners, work, rtol, noise, near):
             worst, dn / (rtol * (n + m / L) + floor + tiny), dm / (rtol * (n * L + m) + floor * L + tiny)
         )
         nx, ny = pose[0] * lam[0] - pose[1] * lam[1], pose[1] * lam[0] + pose[0] * lam[1]
+        if heavy:
+            B, k, u = block[i].ctypes, node[i, 0], start[node[i, 0]]
+            weigh_planar(matrix.ctypes, B, pose.ctypes, end.ctypes, W, len(store), weight[i, 0], out.ctypes)
+            scale[k, 0] += rtol * math.sqrt(out[0] ** 2 + out[1] ** 2)
+            scale[k, 1] += rtol * abs(out[2])
+            if u >= 0:
+                for r in range(3):
+                    rhs[u + r] += out[r]
         for e in range(2):
             k, sign = node[i, e], 2.0 * e - 1.0
             moment = pose[2 + 2 * e] * ny - pose[3 + 2 * e] * nx + lam[2]
@@ -283,10 +296,11 @@ def add_planar_terms(terms, start, motion, target, work, size, rtol):
 
 
 @kernel
-def recover_planar(members, start, inners, step, poses, stores, scale):
-    """Inner update of every member for the step (n,); poses and stores are those of the assembly."""
+def recover_planar(members, start, motion, step, work, scale):
+    """Inner update of every member for the step (n,); work: as assembled."""
     kind, node, number, values = members.kind, members.node, members.number, members.value
     value_at, inner_at, store_at = members.value_at, members.inner_at, members.store_at
+    inners, stores, poses, weight = motion.inner, work.store, work.pose, work.weight
     move, xi, size = local_vector(6), local_vector(3), local_counts(4)
     for i in range(len(kind)):
         pose = poses[i]
@@ -300,6 +314,8 @@ def recover_planar(members, start, inners, step, poses, stores, scale):
         xi[2] = move[5] - move[2]
         value, inner = values[value_at[i] :], inners[inner_at[i] : inner_at[i + 1]]
         store = stores[store_at[i] : store_at[i + 1]]
+        if len(weight) > 0 and weight[i, 0] > 0.0:
+            turn_planar_pull(move[2], store.ctypes, len(store))
         size[0], size[1], size[2] = len(value), len(inner), len(store)
         V, N, S, W = value.ctypes, number[i].ctypes, inner.ctypes, store.ctypes
         if kind[i] == STRAIN:

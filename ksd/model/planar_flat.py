@@ -28,6 +28,7 @@ class Flat:
     number: np.ndarray
     length: float
     floor: float
+    heavy: bool = False
 
     def key(self, size: float) -> tuple:
         """Equal for members that coincide in the plane."""
@@ -47,4 +48,6 @@ class Flat:
         count = int(self.number[0])
         if self.kind == LINEAR:
             return PLANAR_LINEAR, 0
-        return strain.sizes(count) if self.kind == STRAIN else chain.sizes(count)[1:]
+        if self.kind == STRAIN:
+            return strain.sizes(count, heavy=self.heavy)
+        return chain.sizes(count, heavy=self.heavy)[1:]

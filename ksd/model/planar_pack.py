@@ -33,13 +33,13 @@ def _test_functions(
     return psi if np.abs(found - psi).max() < 1e-10 * weight.sum() else found
 
 
-def strain_in_plane(value: np.ndarray, number: np.ndarray, sense: float) -> np.ndarray | str:
+def strain_in_plane(value: np.ndarray, number: np.ndarray, sense: float, *, heavy: bool) -> np.ndarray | str:
     """Constants of `ksd.beam.planar_strain` from those of `ksd.beam.strain`, or why there are none."""
-    nx, ny, nz, ng = (int(n) for n in number)
+    nx, ny, nz, ng = (int(n) for n in number[:4])
     total, first = nx + ny + nz, nx + ny
-    ends = np.cumsum(
-        [0, 1, nx * nx, ny * ny, nz * nz, total, ng, ng * ng, total * ng, 3 * ng, (ng + 1) * total]
-    )
+    sizes = [1, nx * nx, ny * ny, nz * nz, total, ng, ng * ng, total * ng, 3 * ng, (ng + 1) * total]
+    pairs = (ny * nz + nz * nx + nx * ny) * (ng + 1)
+    ends = np.cumsum([0, *sizes, pairs, heavy * ng])
     parts = [value[a:b] for a, b in pairwise(ends)]
     length, start = float(parts[0][0]), parts[4]
     if np.any(start[:first] != 0.0):
@@ -54,10 +54,11 @@ def strain_in_plane(value: np.ndarray, number: np.ndarray, sense: float) -> np.n
     # the modes of a profile are shaped like its compliance, so the first one tells the rigidity
     bending = stiffness[0] / (weight @ basis[0]) / basis[0]
     table = np.column_stack([weight, slack[:, 0], slack[:, 1], psi[:-1], bending, basis.T, test[:-1]])
-    return np.concatenate([[length], stiffness, sense * start[first:], table.ravel(), psi[-1], test[-1]])
+    flat = [[length], stiffness, sense * start[first:], table.ravel(), psi[-1], test[-1], parts[11]]
+    return np.concatenate(flat)
 
 
-def chain_in_plane(value: np.ndarray, number: np.ndarray, sense: float) -> np.ndarray | str:
+def chain_in_plane(value: np.ndarray, number: np.ndarray, sense: float, *, heavy: bool) -> np.ndarray | str:
     """Constants of `ksd.beam.planar_corotational` from those of `ksd.beam.corotational`, or why there are none."""
     n = int(number[0])
     record = value[: 16 * n].reshape(n, 16)
@@ -65,7 +66,12 @@ def chain_in_plane(value: np.ndarray, number: np.ndarray, sense: float) -> np.nd
     if np.abs(turned[:, [2, 5, 6, 7]]).max() > 1e-12:
         return "is curved or twisted out of the plane at rest"
     angle = sense * np.unwrap(np.arctan2(turned[:, 3], turned[:, 0]))
-    return np.concatenate([np.column_stack([record[:, [0, 1, 5, 6]], angle[:n]]).ravel(), angle[n:]])
+    flat = [np.column_stack([record[:, [0, 1, 5, 6]], angle[:n]]).ravel(), angle[n:]]
+    if heavy:
+        lumps = value[16 * n + 9 : 17 * n + 16]
+        levers = lumps[n + 1 :].reshape(2, 3)[:, :2] * [1.0, sense]
+        flat += [lumps[: n + 1], levers.ravel()]
+    return np.concatenate(flat)
 
 
 def stiffer(flat: Flat, times: int) -> np.ndarray:
@@ -74,13 +80,17 @@ def stiffer(flat: Flat, times: int) -> np.ndarray:
     if times == 1:
         return value
     if flat.kind != STRAIN:
-        value[:-1].reshape(count, chain.RECORD)[:, 1:4] *= times
+        end = chain.RECORD * count
+        value[:end].reshape(count, chain.RECORD)[:, 1:4] *= times
+        value[end + 1 :] *= times
         return value
     value[1 : 1 + count * count] *= times
     first, points, width = 1 + count * count + count, int(flat.number[1]), 3 * count + 4
     table = value[first : first + points * width].reshape(points, width)
     table[:, 1:3] /= times
     table[:, 3 + count] *= times
+    # the mass beyond the points, of a leaf with weight
+    value[first + points * width + 2 * count :] *= times
     return value
 
 
@@ -88,11 +98,12 @@ def flat_member(arrays: Arrays, i: int, axes: np.ndarray, sense: float) -> Flat 
     """Member i of a spatial model in the plane `axes` (columns i, j, k), its e3 being sense * k; or why not."""
     members = arrays.members
     number, value = members.number[i], members.value[members.value_at[i] :]
+    heavy = len(arrays.weight) > 0 and bool(arrays.weight[i, 0] > 0.0)
     if members.kind[i] == STRAIN:
-        made = strain_in_plane(value, number, sense)
+        made = strain_in_plane(value, number, sense, heavy=heavy)
         settings = number[2:4]
     else:
-        made = chain_in_plane(value, number, sense)
+        made = chain_in_plane(value, number, sense, heavy=heavy)
         settings = number[:2]
     if isinstance(made, str):
         return made
@@ -106,6 +117,7 @@ def flat_member(arrays: Arrays, i: int, axes: np.ndarray, sense: float) -> Flat 
         number=settings,
         length=float(members.length[i]),
         floor=float(members.floor[i]),
+        heavy=heavy,
     )
 
 
@@ -224,10 +236,14 @@ def pack_flat(
     start = np.full(nodes, -1, np.int64)
     start[1:] = plan.start[position[: nodes - 1]]
     first, twin = _merge(flats, arrays.size)
-    members = _pack_members([flats[i] for i in first], np.bincount(twin), places)
+    times = np.bincount(twin)
+    members = _pack_members([flats[i] for i in first], times, places)
     terms = _pack_rows(arrays.terms, rows, axes, places, plan.start[position[nodes - 1 :]])
     loads = _pack_loads(arrays.loads, axes, places)
-    made = Arrays(plan, start, members, terms, loads, arrays.size, pack_springs(springs, places), 0)
+    weight = np.zeros((0, 3))
+    if len(arrays.weight):
+        weight = np.column_stack([times * arrays.weight[first, 0], arrays.weight[first, 1:] @ axes[:, :2]])
+    made = Arrays(plan, start, members, terms, loads, arrays.size, pack_springs(springs, places), 0, weight)
     return made, np.array(twin)
 
 

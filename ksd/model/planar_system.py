@@ -32,7 +32,7 @@ def assemble_planar(arrays, motion, target, factor, work, rtol, grain, near):
         turns[2 * k], turns[2 * k + 1] = math.cos(pose[k, 2]), math.sin(pose[k, 2])
     noise = grain * 2.220446049250313e-16 * reach
     negatives, worst, status = add_planar_members(
-        arrays.members, start, pose, motion.inner, work, rtol, noise, near
+        arrays.members, start, pose, motion.inner, work, factor, rtol, noise, near
     )
     if len(arrays.springs.kind) > 0:
         first = len(arrays.members.kind)

@@ -172,6 +172,9 @@ def _leaving_load(model: Model, k: np.ndarray) -> str:
             return f"{_load_name(model, i)} pushes along {_spoken(force)} N, out of the plane across {_spoken(k)}"
         if np.linalg.norm(np.cross(moment, k)) > PARALLEL * np.linalg.norm(moment):
             return f"{_load_name(model, i)} turns about {_spoken(moment)} Nm, out of the plane across {_spoken(k)}"
+    gravity = model.arrays.weight[:1, 1:].ravel()
+    if len(gravity) and abs(gravity @ k) > PARALLEL * np.linalg.norm(gravity):
+        return f"the weight of the leafs pulls along {_spoken(gravity)} m/s^2, out of the plane across {_spoken(k)}"
     return ""
 
 

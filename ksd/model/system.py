@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+from ksd.beam.weight_entry import turn_pull
 from ksd.model.assembly import add_members, recover_member
 from ksd.model.blank import System, blank_system
 from ksd.model.loading import add_loads, add_terms
@@ -26,7 +27,9 @@ def _assemble(arrays, motion, target, factor, work, rtol, near, grain):
         for r in range(3):
             reach = max(reach, abs(motion.x[k, r]))
     noise = grain * 2.220446049250313e-16 * reach
-    negatives, worst, status = add_members(arrays, motion.x, motion.R, motion.inner, work, rtol, noise, near)
+    negatives, worst, status = add_members(
+        arrays, motion.x, motion.R, motion.inner, work, factor, rtol, noise, near
+    )
     if len(arrays.springs.kind) > 0:
         status = max(status, add_springs(arrays, motion.x, motion.R, work, rtol, noise))
     if len(arrays.loads.node) > 0:
@@ -108,7 +111,7 @@ def largest_move(arrays, step):
 @kernel
 def take_step(arrays, motion, step, work, scale):
     """motion <- motion + scale * step (n,): members first (their frames are the old ones), then nodes, multipliers."""
-    members = arrays.members
+    members, weight = arrays.members, work.weight
     xi, move = local_vector(6), local_vector(12)
     for i in range(len(members.kind)):
         pose = work.pose[i]
@@ -117,6 +120,9 @@ def take_step(arrays, motion, step, work, scale):
             for r in range(6):
                 move[6 * e + r] = step[u + r] if u >= 0 else 0.0
         relative_motion(pose, move, xi)
+        if len(weight) > 0 and weight[i, 0] > 0.0:
+            kept = work.store[members.store_at[i] : members.store_at[i + 1]]
+            turn_pull(pose.ctypes, move.ctypes, kept.ctypes, len(kept))
         recover_member(members, motion.inner, work.store, i, xi, scale)
     move_nodes(arrays, motion, step, scale)
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ksd.beam.strain_mass import StrainParts, many_parts, strain_flexibility
+from ksd.beam.strain_mass import StrainParts, StrainPull, many_parts, many_pulls, strain_flexibility
 from ksd.model.arrays import STRAIN, Motion
 from ksd.model.compile import Model
 from ksd.properties.kept import per_model
@@ -19,12 +19,13 @@ Array = NDArray[np.float64]
 @dataclass(frozen=True)
 class Alike:
     """k leafs of one make: members (k,), number (4,), value (k, v): their constants, places (k, N + 6): their inner
-    states in the flat inner state of the model."""
+    states in the flat inner state of the model; heavy: whether they have weight."""
 
     members: NDArray[np.int64]
     number: NDArray[np.int64]
     value: Array
     places: NDArray[np.int64]
+    heavy: bool = False
 
     @property
     def modes(self) -> int:
@@ -36,18 +37,20 @@ class Alike:
 def alike_leafs(model: Model) -> tuple[Alike, ...]:
     """All strain-mode members of a model by make, in order of first appearance."""
     members = model.arrays.members
-    found: dict[tuple[bytes, bytes], list[int]] = {}
+    found: dict[tuple[bytes, bytes, bool], list[int]] = {}
+    heavy = np.zeros(len(members.kind), bool)
+    heavy[: len(model.arrays.weight)] = model.arrays.weight[:, 0] > 0.0
     for i in np.flatnonzero(members.kind == STRAIN).tolist():
         nx, ny, nz, ng = (int(n) for n in members.number[i, :4])
         panels = int(members.value_at[i]) + 1 + nx * nx + ny * ny + nz * nz + nx + ny + nz
-        key = members.number[i].tobytes(), members.value[panels : panels + ng * (ng + 1)].tobytes()
-        found.setdefault(key, []).append(i)
+        made = members.number[i].tobytes(), members.value[panels : panels + ng * (ng + 1)].tobytes()
+        found.setdefault((*made, bool(heavy[i])), []).append(i)
     groups = []
-    for same in found.values():
-        size = _constants(members.number[same[0]])
+    for (*_, weighs), same in found.items():
+        size = _constants(members.number[same[0]]) + weighs * int(members.number[same[0], 3])
         value = np.stack([members.value[members.value_at[i] :][:size] for i in same])
         places = np.stack([np.arange(members.inner_at[i], members.inner_at[i + 1]) for i in same])
-        groups.append(Alike(np.array(same), members.number[same[0]], value, places))
+        groups.append(Alike(np.array(same), members.number[same[0]], value, places, weighs))
     return tuple(groups)
 
 
@@ -104,9 +107,48 @@ def end_levers(ends: EndFrames) -> tuple[Array, Array]:
     return own, relative
 
 
-def alike_parts(group: Alike, motion: Motion) -> StrainParts:
+def own_gravity(model: Model, motion: Motion, group: Alike, load_factor: float) -> Array | None:
+    """Gravity (k, 3) [m/s^2] times the load factor in the frames p of a group of leafs; None without weight."""
+    if not group.heavy:
+        return None
+    members, weight = model.arrays.members, model.arrays.weight[group.members]
+    frame = motion.R[members.node[group.members, 0]] @ members.frame[group.members, 0]
+    found: Array = load_factor * (weight[:, None, 1:] @ frame)[:, 0]
+    return found
+
+
+def alike_parts(model: Model, motion: Motion, group: Alike, load_factor: float) -> StrainParts:
     """Tangent blocks and mode fields of all leafs of a group, stacked (k, ...), see `ksd.beam.strain_mass`."""
-    return many_parts(group.value, group.number, motion.inner[group.places])
+    gravity = own_gravity(model, motion, group, load_factor)
+    return many_parts(group.value, group.number, motion.inner[group.places], gravity)
+
+
+@dataclass(frozen=True)
+class Weighed:
+    """The weight of k leafs: pull, turn (k, 3, 12): change of gravity in frame p by the motions of both nodes; corner
+    (k, 12, 12): second derivatives of the weight itself, which acts at end p with the first moment of the leaf."""
+
+    pull: StrainPull
+    turn: Array
+    corner: Array
+
+
+def weighed(model: Model, motion: Motion, group: Alike, load_factor: float) -> Weighed | None:
+    """What the weight of a group of leafs adds to their tangents, see `ksd.beam.weight_entry`; None without weight."""
+    gravity = own_gravity(model, motion, group, load_factor)
+    if gravity is None:
+        return None
+    pull = many_pulls(group.value, group.number, motion.inner[group.places], gravity)
+    ends = end_frames(model, motion, group.members)
+    turn, corner = np.zeros((len(gravity), 3, 12)), np.zeros((len(gravity), 12, 12))
+    turn[:, :, 3:6] = np.cross(gravity[:, None], ends.frame).swapaxes(1, 2)
+    weight = model.arrays.weight[group.members]
+    g = load_factor * weight[:, 1:]
+    first = weight[:, :1] * ends.arms[:, 0] + (ends.frame @ pull.s[..., None])[..., 0]
+    both = first[:, :, None] * g[:, None]
+    trace = np.einsum("kii->k", both)[:, None, None] * np.eye(3)
+    corner[:, 3:6, 3:6] = trace - 0.5 * (both + both.swapaxes(1, 2))
+    return Weighed(pull, turn, corner)
 
 
 @per_model
@@ -164,11 +206,13 @@ class Flexible:
     inner: NDArray[np.int64]
 
 
-def flexible_leafs(model: Model, motion: Motion, *, stressless: bool = False) -> list[Flexible]:
+def flexible_leafs(
+    model: Model, motion: Motion, *, stressless: bool = False, load_factor: float = 1.0
+) -> list[Flexible]:
     """Every group of leafs at `motion`; stressless: with the tangent of the amplitudes at zero stress."""
     found = []
     for group, unknowns in zip(alike_leafs(model), inner_unknowns(model), strict=True):
-        parts = alike_parts(group, motion)
+        parts = alike_parts(model, motion, group, load_factor)
         W = elastic(group) if stressless else parts.W
         P, Z = strain_flexibility(replace(parts, W=W))
         own, relative = end_levers(end_frames(model, motion, group.members))

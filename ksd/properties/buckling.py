@@ -22,7 +22,15 @@ from ksd.errors import SceneError
 from ksd.model.arrays import STRAIN, Motion, make_work
 from ksd.model.compile import Model
 from ksd.model.system import assemble, move_nodes
-from ksd.properties.alike import Alike, alike_leafs, alike_parts, end_frames, end_levers, inner_unknowns
+from ksd.properties.alike import (
+    Alike,
+    alike_leafs,
+    alike_parts,
+    end_frames,
+    end_levers,
+    inner_unknowns,
+    weighed,
+)
 from ksd.properties.stiffness import node_of, point_motion
 from ksd.properties.stress_stiffness import corners, node_terms, own_stress, refuse_stressless, relaxed
 from ksd.properties.tangent import Tangent, exact, factored_tangent, free_rows, row_numbers, stored_matrix
@@ -82,13 +90,13 @@ def full_tangent(
     for group, unknowns in zip(alike_leafs(model), inner_unknowns(model), strict=True):
         at = np.where(unknowns[:, :12] < 0, size, unknowns[:, :12])
         at = np.hstack([at, nodes + group.places])
-        np.add.at(K, (at[:, :, None], at[:, None, :]), _leaf_tangents(model, motion, group))
+        np.add.at(K, (at[:, :, None], at[:, None, :]), _leaf_tangents(model, motion, group, load_factor))
     return K[:size, :size]
 
 
-def _leaf_tangents(model: Model, motion: Motion, group: Alike) -> Array:
+def _leaf_tangents(model: Model, motion: Motion, group: Alike, load_factor: float) -> Array:
     """Tangents (k, 18 + N, 18 + N) of leafs in (motions of both nodes, a, lam)."""
-    parts, ends = alike_parts(group, motion), end_frames(model, motion, group.members)
+    parts, ends = alike_parts(model, motion, group, load_factor), end_frames(model, motion, group.members)
     N = group.modes
     relative = end_levers(ends)[1]
     block = np.zeros((len(group.members), 18 + N, 18 + N))
@@ -98,25 +106,39 @@ def _leaf_tangents(model: Model, motion: Motion, group: Alike) -> Array:
     block[:, 12 : 12 + N, 12 + N :] = -parts.J.swapaxes(1, 2)
     block[:, 12 + N : 15 + N, 12 + N : 15 + N] = -parts.S
     block[:, 12 + N :, :12] = relative
-    block[:, :12, 12 + N :] = relative.swapaxes(1, 2)
+    weight = weighed(model, motion, group, load_factor)
+    if weight is not None:
+        turn, pull = weight.turn, weight.pull
+        block[:, 12 : 12 + N, :12] -= pull.eta.swapaxes(1, 2) @ turn
+        block[:, 12 + N : 15 + N, :12] -= pull.B @ turn
+        block[:, :12, :12] += weight.corner - turn.swapaxes(1, 2) @ pull.D @ turn
+    block[:, :12, 12:] = block[:, 12:, :12].swapaxes(1, 2)
     return block
 
 
-def _response(tangent: Tangent, loads: Array) -> tuple[Array, Array]:
+def _response(tangent: Tangent, loads: Array, load_factor: float) -> tuple[Array, Array]:
     """Linear response of the node unknowns (n,) and of all inner states (flat) to nodal `loads` (n,)."""
     model, motion = tangent.model, tangent.motion
     members = model.arrays.members
     nodes = tangent.solve(loads[:, None])[:, 0]
     inner = np.zeros(len(motion.inner))
     for group in alike_leafs(model):
-        parts = alike_parts(group, motion)
+        parts = alike_parts(model, motion, group, load_factor)
         F = parts.J @ np.linalg.solve(parts.W, parts.J.swapaxes(1, 2))
         F[:, :3, :3] += parts.S
         starts = model.arrays.start[members.node[group.members]]
         moves = np.where(starts[..., None] < 0, 0.0, nodes[np.maximum(starts, 0)[..., None] + np.arange(6)])
-        xi = end_levers(end_frames(model, motion, group.members))[1] @ moves.reshape(-1, 12, 1)
+        moves = moves.reshape(-1, 12, 1)
+        xi = end_levers(end_frames(model, motion, group.members))[1] @ moves
+        pushed = np.zeros((len(moves), group.modes, 1))
+        weight = weighed(model, motion, group, load_factor)
+        if weight is not None:
+            turned = weight.turn @ moves
+            pushed = weight.pull.eta.swapaxes(1, 2) @ turned
+            xi[:, :3] -= weight.pull.B @ turned
+            xi -= parts.J @ np.linalg.solve(parts.W, pushed)
         wrench = np.linalg.solve(F, xi)
-        bent = np.linalg.solve(parts.W, parts.J.swapaxes(1, 2) @ wrench)
+        bent = np.linalg.solve(parts.W, parts.J.swapaxes(1, 2) @ wrench + pushed)
         inner[group.places] = np.concatenate([bent, wrench], axis=1)[..., 0]
     return nodes, inner
 
@@ -133,7 +155,7 @@ def _derivative(tangent: Tangent, loads: Array, rows: list[int], load_factor: fl
     """K': derivative of the uncondensed tangent along the response to `loads`; the step is set by K and K'
     themselves."""
     model, motion = tangent.model, tangent.motion
-    response = _response(tangent, loads)
+    response = _response(tangent, loads, load_factor)
     free = model.arrays.start[model.arrays.start >= 0]
     reach = max(
         max(
@@ -226,7 +248,7 @@ def buckling(
     SceneError for unknown names, a load that is zero, or a state without stress.
     """
     rows = row_numbers(model, freed)
-    fine, state = unfolded(model, motion)
+    fine, state = unfolded(model, motion, load_factor=load_factor)
     tangent = factored_tangent(fine, state, freed=freed, load_factor=load_factor)
     if link is None and np.all(fine.arrays.members.kind == STRAIN):
         multiplier, vectors = own_stress(fine, state, rows, load_factor=load_factor, count=count)

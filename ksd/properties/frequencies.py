@@ -173,8 +173,8 @@ def frequencies(
     SceneError when nothing has mass, KinematicsError when nothing resists a motion.
     """
     freed = (freed,) if isinstance(freed, str) else tuple(freed)
-    fine, state = unfolded(model, motion)
-    mass = inertia(fine, state)
+    fine, state = unfolded(model, motion, load_factor=load_factor)
+    mass = inertia(fine, state, load_factor=load_factor)
     tangent = factored_tangent(fine, state, freed=freed, load_factor=load_factor)
     # the dense route costs by the unknowns that have mass
     small = np.unique(mass.root.indices).size <= DENSE if dense is None else dense

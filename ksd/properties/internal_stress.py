@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -86,17 +87,16 @@ def internal_stress(
             "internal stress is answered by strain-mode leafs only; compile without chains of elements"
         )
     tangent = factored_tangent(model, motion, load_factor=load_factor)
-    flexible = flexible_leafs(model, motion)
-    before = section_forces(model, motion, points=points)
+    flexible = flexible_leafs(model, motion, load_factor=load_factor)
+    told: dict[str, Any] = {"points": points, "load_factor": load_factor}
+    before = section_forces(model, motion, **told)
     found: dict[tuple[str, str], float] = {}
     where: dict[tuple[str, str], str] = {}
     for name in asked:
         for k, direction in enumerate(DIRECTIONS):
             misplaced = np.zeros(6)
             misplaced[(0, 1, 2, 3, 5, 4)[k]] = offset if k < 3 else rotation
-            after = section_forces(
-                model, _change(tangent, flexible, names[name][0], misplaced), points=points
-            )
+            after = section_forces(model, _change(tangent, flexible, names[name][0], misplaced), **told)
             extra = stress_of(
                 model, {n: replace(f, values=f.values - before[n].values) for n, f in after.items()}
             )

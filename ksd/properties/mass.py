@@ -159,10 +159,10 @@ def _layout(model: Model) -> _Layout:
     return _Layout(lines, chains, Stacked(places, rows, size), tuple(bare))
 
 
-def inertia(model: Model, motion: Motion) -> Inertia:
+def inertia(model: Model, motion: Motion, *, load_factor: float = 1.0) -> Inertia:
     """Mass of an unfolded model at a state; SceneError when nothing in the scene has mass."""
     layout, owner = _layout(model), _leafs_and_lines(model)
-    leafs = tuple(flexible_leafs(model, motion))
+    leafs = tuple(flexible_leafs(model, motion, load_factor=load_factor))
     roots = [_leaf_roots(leaf, line) for leaf, line in zip(leafs, layout.lines, strict=True)]
     roots += [_root(_chain_element(model, motion, i, owner[i][0], owner[i][1][0])) for i in layout.chains]
     roots += [_root(_link_mass(model, motion, mass)[1]) for mass in model.scene.masses]

@@ -2,7 +2,8 @@
 
 Positive on the section whose outward normal points along the leaf, in the axes of the deformed section. For
 both leaf models they follow from the leaf's end wrench (n, m) by equilibrium: force n and moment m + (r(L)
-- r(s)) x n, turned into the section. The other ways are worse where stress is largest. In a strain-mode
+- r(s)) x n, and of a leaf with weight that of what is beyond s, turned into the section. The other ways are worse where
+stress is largest. In a strain-mode
 leaf the curvature series times the rigidity is right in the mean, not at the ends (7e-4 of the moment off
 in a cross flexure turned by 45 degrees). In a chain the strains of Appendix A give bending moments, but as
 shear only their difference over an element whose two ends have different axes, which under twist mixes weak
@@ -16,9 +17,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from ksd.beam.weight import PULL
 from ksd.model.arrays import Motion, Work, make_work
 from ksd.model.compile import Model
-from ksd.properties.alike import Alike, alike_leafs
+from ksd.properties.alike import Alike, alike_leafs, own_gravity
 from ksd.properties.shape import (
     Ends,
     chain_axes,
@@ -58,16 +60,19 @@ class SectionForces:
         return self.values[-1]
 
 
-def section_forces(model: Model, motion: Motion, *, points: int = POINTS) -> dict[str, SectionForces]:
-    """Section forces of all leafs by full name; `points` stations in a strain-mode leaf."""
+def section_forces(
+    model: Model, motion: Motion, *, points: int = POINTS, load_factor: float = 1.0
+) -> dict[str, SectionForces]:
+    """Section forces of all leafs by full name; `points` stations in a strain-mode leaf; their weight times load_factor."""
     parts: dict[int, tuple[Array, Array]] = {}
     for group in alike_leafs(model):
-        parts |= zip(group.members.tolist(), _strain_forces(group, motion, points), strict=True)
+        gravity = own_gravity(model, motion, group, load_factor)
+        parts |= zip(group.members.tolist(), _strain_forces(group, motion, points, gravity), strict=True)
     found, work = {}, make_work(model.arrays)
     for name, members in members_of_leafs(model).items():
         at, stations, values = 0.0, [], []
         for i in members:
-            s, forces = parts[i] if i in parts else _chain_forces(model, motion, i, work)
+            s, forces = parts[i] if i in parts else _chain_forces(model, motion, i, (work, load_factor))
             stations.append(at + s)
             values.append(forces)
             at += s[-1]
@@ -75,37 +80,69 @@ def section_forces(model: Model, motion: Motion, *, points: int = POINTS) -> dic
     return found
 
 
-def _strain_forces(group: Alike, motion: Motion, points: int) -> list[tuple[Array, Array]]:
-    """Stations (k,) and section forces (k, 6) of every leaf of a group."""
+def _strain_forces(
+    group: Alike, motion: Motion, points: int, gravity: Array | None
+) -> list[tuple[Array, Array]]:
+    """Stations (k,) and section forces (k, 6) of every leaf of a group; gravity (leafs, 3) in their frames p."""
     inner = motion.inner[group.places]
-    s, r, R = strain_curves(group.value, group.number, inner, points)
-    n, m = inner[:, None, group.modes : group.modes + 3], inner[:, None, group.modes + 3 :]
-    return list(zip(s, _along(r, R, n, m), strict=True))
+    s, r, R, *beyond = strain_curves(group.value, group.number, inner, points, gravity)
+    weight = () if gravity is None else (gravity[:, None], *beyond)
+    return list(zip(s, _along(r, R, inner[:, None, group.modes :], *weight), strict=True))
 
 
-def _chain_forces(model: Model, motion: Motion, i: int, work: Work) -> tuple[Array, Array]:
-    """Stations (k,) and section forces (k, 6) of a chain, at its nodes."""
+def _chain_forces(model: Model, motion: Motion, i: int, how: tuple[Work, float]) -> tuple[Array, Array]:
+    """Stations (k,) and section forces (k, 6) of a chain, at its nodes; how: storage and load factor."""
     value, number, inner = member_parts(model, motion, i)
     ends = member_ends(model, motion, i)
     lengths = value[: 16 * int(number[0])].reshape(-1, 16)[:, 0]
     r, turned = chain_nodes(value, number, inner, ends)
-    wrench = _chain_wrench(model, motion, i, ends, work)
-    forces = _along(r[None], (turned @ chain_axes(value, number))[None], wrench[None, :3], wrench[None, 3:])
+    gravity, wrench = _chain_wrench(model, motion, i, ends, how)
+    weight = () if gravity is None else (gravity, *_chain_masses(value, int(number[0]), r))
+    forces = _along(r[None], (turned @ chain_axes(value, number))[None], wrench[None, None], *weight)
     return np.concatenate([[0.0], np.cumsum(lengths)]), forces[0]
 
 
-def _along(r: Array, R: Array, n: Array, m: Array) -> Array:
-    """Section forces (leafs, k, 6) from positions and axes along leafs, and the wrench n, m (leafs, 1, 3) on end q."""
-    moment = m + crossed(r[:, -1:] - r, n)
-    forces = np.broadcast_to(n, r.shape)
+def _chain_masses(value: Array, count: int, r: Array) -> tuple[Array, Array]:
+    """Mass (1, k) [kg] beyond every node of a chain, and its first moment up to there (1, k, 3) [kg m]: int M dr."""
+    lumps = value[16 * count + 9 : 17 * count + 10]
+    # half of the first element at node 0, so the elements follow one by one
+    masses = np.empty(count)
+    carried = 0.0
+    for k in range(count):
+        masses[k] = 2 * (lumps[k] - carried)
+        carried = 0.5 * masses[k]
+    mass = np.append(np.cumsum(masses[::-1])[::-1], 0.0)
+    middle = 0.5 * (mass[1:] + mass[:-1])[:, None]
+    first = np.concatenate([np.zeros((1, 3)), np.cumsum(middle * np.diff(r, axis=0), axis=0)])
+    return mass[None], first[None]
+
+
+def _along(r: Array, R: Array, wrench: Array, *weight: Array) -> Array:
+    """Section forces (leafs, k, 6) from positions and axes along leafs, and the wrench (leafs, 1, 6) on end q.
+
+    weight: gravity (leafs, 1, 3), mass beyond every station (leafs, k), and int M dr up to there (leafs, k, 3).
+    """
+    n = wrench[..., :3]
+    moment, forces = wrench[..., 3:] + crossed(r[:, -1:] - r, n), np.broadcast_to(n, r.shape)
+    if weight:
+        gravity, mass, first = weight
+        forces = forces + mass[..., None] * gravity
+        moment = moment + crossed(first[:, -1:] - first, gravity)
     found: Array = np.concatenate([forces, moment], axis=2).reshape(*r.shape[:2], 2, 3) @ R
     return found.reshape(*r.shape[:2], 6)
 
 
-def _chain_wrench(model: Model, motion: Motion, i: int, ends: Ends, work: Work) -> Array:
-    """Force and moment (6,) on end q of a chain, in frame p, inner residual condensed out."""
+def _chain_wrench(
+    model: Model, motion: Motion, i: int, ends: Ends, how: tuple[Work, float]
+) -> tuple[Array | None, Array]:
+    """Gravity (3,) on a chain, None without weight, and force and moment (6,) on its end q, inner residual condensed out;
+    frame p."""
     from ksd.model.assembly import condense_member
 
-    members, stiffness = model.arrays.members, np.empty((6, 6))
+    members, stiffness, gravity, (work, factor) = model.arrays.members, np.empty((6, 6)), None, how
+    if len(work.weight) and work.weight[i, 0] > 0.0:
+        gravity = factor * (work.weight[i, 1:] @ ends.frame)
+        at = int(members.store_at[i + 1]) - PULL
+        work.store[at : at + 3] = gravity
     condense_member(members, motion.inner, work, i, ends.d, np.ascontiguousarray(ends.Q), stiffness, 0)
-    return work.lam[i, :6]
+    return gravity, work.lam[i, :6]

@@ -17,6 +17,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ksd.beam.strain_values import masses_beyond
 from ksd.model.arrays import COROTATIONAL, STRAIN, Motion
 from ksd.model.compile import Model
 from ksd.properties.kept import per_model
@@ -207,12 +208,19 @@ def strain_curve(value: Array, number: NDArray[np.int64], inner: Array, points: 
     return s[0], r[0], R[0]
 
 
-def strain_curves(value: Array, number: NDArray[np.int64], inner: Array, points: int) -> tuple[Array, ...]:
-    """The same of leafs of one make: constants (leafs, v), inner states (leafs, N + 6); all with a first axis (leafs,)."""
+def strain_curves(
+    value: Array, number: NDArray[np.int64], inner: Array, points: int, gravity: Array | None = None
+) -> tuple[Array, ...]:
+    """The same of leafs of one make: constants (leafs, v), inner states (leafs, N + 6); all with a first axis (leafs,).
+
+    With gravity (leafs, 3) [m/s^2] in frame p also the mass beyond every station (leafs, k) [kg] and its first moment up
+    to there, int M dr (leafs, k, 3) [kg m].
+    """
     total, L = int(number[:3].sum()), value[:, 0]
     tables, n = _tables(value, number, inner[:, :total]), inner[:, None, total : total + 3]
     R = np.broadcast_to(np.eye(3), (len(value), 1, 3, 3))
     s, r, turned = [np.zeros((len(value), 1))], [np.zeros((len(value), 1, 3))], [R]
+    weight = _Beyond(value, number, gravity)
     for k, (a, b) in enumerate(pairwise(tables.edges)):
         half = 2 * max(1, round((points - 1) * (b - a)))
         x = np.linspace(a, b, half + 1)
@@ -223,12 +231,48 @@ def strain_curves(value: Array, number: NDArray[np.int64], inner: Array, points:
         R = _products(np.concatenate([R[:, -1:], steps], axis=1))
         # r' = R (e1 + C R^T n)
         soft = _between(tables, tables.soft, x, k)
-        v = R[..., 0] + (R @ (soft * (n[:, :, None] @ R)[:, :, 0])[..., None])[..., 0]
+        v = (
+            R[..., 0]
+            + (R @ (soft * ((n + weight.pull(tables, x, k))[:, :, None] @ R)[:, :, 0])[..., None])[..., 0]
+        )
+        weight.add(h, v)
         pieces = h / 3 * (v[:, :-2:2] + 4 * v[:, 1::2] + v[:, 2::2])
         s.append(L[:, None] * x[2::2])
         r.append(r[-1][:, -1:] + np.cumsum(pieces, axis=1))
         turned.append(R[:, 2::2])
-    return np.concatenate(s, axis=1), np.concatenate(r, axis=1), np.concatenate(turned, axis=1)
+    return *(np.concatenate(found, axis=1) for found in (s, r, turned)), *weight.found()
+
+
+class _Beyond:
+    """Collects, panel by panel, the mass beyond the stations of leafs with weight and its first moment; nothing without
+    gravity (leafs, 3)."""
+
+    def __init__(self, value: Array, number: NDArray[np.int64], gravity: Array | None) -> None:
+        self.gravity = gravity
+        if gravity is not None:
+            self.beyond = np.stack([masses_beyond(leaf, number) for leaf in value])[..., None]
+            self.mass: list[Array] = []
+            self.first = [np.zeros((len(value), 1, 3))]
+
+    def pull(self, tables: _Tables, x: Array, k: int) -> Array | float:
+        """Weight (leafs, len(x), 3) beyond x in panel k, frame p."""
+        if self.gravity is None:
+            return 0.0
+        self.here = _between(tables, self.beyond, x, k)
+        self.mass.append(self.here[:, (0 if k == 0 else 2) :: 2, 0])
+        return self.here * self.gravity[:, None]
+
+    def add(self, h: Array, v: Array) -> None:
+        """The moment of the panel `pull` was asked for, v (leafs, len(x), 3) being r'; Simpson's rule."""
+        if self.gravity is not None:
+            y = self.here * v
+            pieces = h / 3 * (y[:, :-2:2] + 4 * y[:, 1::2] + y[:, 2::2])
+            self.first.append(self.first[-1][:, -1:] + np.cumsum(pieces, axis=1))
+
+    def found(self) -> tuple[Array, ...]:
+        """Mass (leafs, k) and first moment (leafs, k, 3)."""
+        both = (self.mass, self.first) if self.gravity is not None else ()
+        return tuple(np.concatenate(parts, axis=1) for parts in both)
 
 
 def chain_nodes(value: Array, number: NDArray[np.int64], inner: Array, ends: Ends) -> tuple[Array, Array]:

@@ -143,7 +143,7 @@ def finer_tangent(
     """The factored tangent these questions stand on; with `finer`, strain-mode leafs take part with one more
     mode per axis than in the state (see `ksd.properties.unfold`), chains as they are."""
     if finer and model.mesh.leaf == "strain":
-        model, motion = unfolded(model, motion)
+        model, motion = unfolded(model, motion, load_factor=load_factor)
     return factored_tangent(model, motion, freed=freed, load_factor=load_factor)
 
 

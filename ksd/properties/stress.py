@@ -20,9 +20,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ksd.beam.strain_mass import many_pulls
 from ksd.model.arrays import Motion
 from ksd.model.compile import Model
-from ksd.properties.alike import Alike, alike_leafs, alike_parts, elastic
+from ksd.properties.alike import Alike, alike_leafs, alike_parts, elastic, own_gravity
 from ksd.properties.section_forces import SectionForces, section_forces
 from ksd.properties.shape import member_ends, member_parts, members_of_leafs, scene_leafs
 
@@ -211,9 +212,9 @@ class Stress:
         return "\n".join(str(leaf) for leaf in self.leafs.values())
 
 
-def stress(model: Model, motion: Motion, *, points: int = POINTS) -> Stress:
+def stress(model: Model, motion: Motion, *, points: int = POINTS, load_factor: float = 1.0) -> Stress:
     """Stress at `points` stations of every strain-mode leaf, or at both ends of every element of a chain."""
-    return stress_of(model, section_forces(model, motion, points=points))
+    return stress_of(model, section_forces(model, motion, points=points, load_factor=load_factor))
 
 
 def stress_of(model: Model, found: dict[str, SectionForces]) -> Stress:
@@ -231,11 +232,13 @@ def stress_of(model: Model, found: dict[str, SectionForces]) -> Stress:
     return Stress({name: known[name] for name in found})
 
 
-def strain_energy(model: Model, motion: Motion) -> dict[str, float]:
+def strain_energy(model: Model, motion: Motion, *, load_factor: float = 1.0) -> dict[str, float]:
     """Strain energy [J] of every leaf by full name, and of springs; their sum is what the mechanism stores."""
     stored: dict[int, float] = {}
     for group in alike_leafs(model):
-        stored |= zip(group.members.tolist(), _strain_energies(group, motion).tolist(), strict=True)
+        stored |= zip(
+            group.members.tolist(), _strain_energies(model, motion, group, load_factor).tolist(), strict=True
+        )
     leafs = {
         n: sum(stored[i] if i in stored else _chain_energy(model, motion, i) for i in found)
         for n, found in members_of_leafs(model).items()
@@ -247,15 +250,24 @@ def strain_energy(model: Model, motion: Motion) -> dict[str, float]:
     return leafs | spring_energy(model, motion)
 
 
-def _strain_energies(group: Alike, motion: Motion) -> Array:
-    """(k,): 1/2 (a - a0) K (a - a0) + 1/2 int n.(R C R^T n) of every leaf of a group."""
+def _strain_energies(model: Model, motion: Motion, group: Alike, load_factor: float) -> Array:
+    """(k,): 1/2 (a - a0) K (a - a0) + 1/2 int n(s).(R C R^T n(s)) of every leaf of a group."""
     N, inner = group.modes, motion.inner[group.places]
     rest = 1 + sum(int(n) ** 2 for n in group.number[:3])
     bent = inner[:, :N] - group.value[:, rest : rest + N]
     force = inner[:, N : N + 3]
-    soft = alike_parts(group, motion).S
+    soft, gravity = (
+        alike_parts(model, motion, group, load_factor).S,
+        own_gravity(model, motion, group, load_factor),
+    )
     found: Array = 0.5 * np.einsum("ki,kij,kj->k", bent, elastic(group), bent)
-    return found + 0.5 * np.einsum("ki,kij,kj->k", force, soft, force)
+    found += 0.5 * np.einsum("ki,kij,kj->k", force, soft, force)
+    if gravity is not None:
+        # n(s) = n + M(s) g
+        pull = many_pulls(group.value, group.number, inner, gravity)
+        found += np.einsum("ki,kij,kj->k", force, pull.B, gravity)
+        found += 0.5 * np.einsum("ki,kij,kj->k", gravity, pull.D, gravity)
+    return found
 
 
 def _chain_energy(model: Model, motion: Motion, i: int) -> float:

@@ -25,10 +25,12 @@ from ksd.properties.alike import (
     Alike,
     EndFrames,
     Flexible,
+    Weighed,
     alike_leafs,
     end_frames,
     flexible_leafs,
     inner_unknowns,
+    weighed,
 )
 from ksd.properties.krylov import outermost
 from ksd.properties.tangent import free_rows, stored_matrix
@@ -163,7 +165,7 @@ def own_stress(
 ) -> tuple[Array, Array]:
     """The `count` multipliers mu of smallest magnitude on all stresses of the state, with phi (size, count) in node
     unknowns and b. rows: constraint rows let go. Raises SceneError for a state without stress."""
-    leafs = flexible_leafs(model, motion, stressless=True)
+    leafs = flexible_leafs(model, motion, stressless=True, load_factor=load_factor)
     G, terms = _elastic(model, motion, leafs, rows)
     n = len(terms)
     nodes = np.pad(node_terms(model, motion, rows, load_factor) - terms, (0, 1))
@@ -172,9 +174,15 @@ def own_stress(
         change = leaf.parts.W - leaf.stiffness
         follow = leaf.P @ leaf.relative
         both = change @ follow
-        block = corners(motion, group, end_frames(model, motion, group.members))
+        block = (
+            corners(motion, group, end_frames(model, motion, group.members)) + follow.swapaxes(1, 2) @ both
+        )
+        weight = weighed(model, motion, group, load_factor)
+        if weight is not None:
+            swing, corner = _hanging(leaf, weight, follow)
+            both, block = both + swing, block + corner
         at = unknowns[:, :12]
-        np.add.at(nodes, (at[:, :, None], at[:, None, :]), block + follow.swapaxes(1, 2) @ both)
+        np.add.at(nodes, (at[:, :, None], at[:, None, :]), block)
         pieces.append((leaf.inner, at, change, both))
     S = nodes[:n, :n]
     # node and leaf unknowns have scales of their own
@@ -197,6 +205,18 @@ def own_stress(
     values, y = outermost(apply, G.reduced, wanted)
     order = np.argsort(-np.abs(values))
     return 1.0 / values[order], G.out(y[:, order])
+
+
+def _hanging(leaf: Flexible, weight: Weighed, follow: Array) -> tuple[Array, Array]:
+    """What weight adds to S, linear in it: coupling (k, N, 12) of b with the nodes, and node blocks (k, 12, 12).
+
+    Gravity turns in frame p: it pushes at the amplitudes, and at the stretch, whose force n is eliminated.
+    """
+    stiff = np.linalg.solve(leaf.parts.S, weight.pull.B)
+    swing: Array = leaf.parts.J[:, :3].swapaxes(1, 2) @ stiff - weight.pull.eta.swapaxes(1, 2)
+    swing = swing @ weight.turn
+    cross = follow.swapaxes(1, 2) @ swing - leaf.relative[:, :3].swapaxes(1, 2) @ (stiff @ weight.turn)
+    return swing, weight.corner + cross + cross.swapaxes(1, 2)
 
 
 def _stress_forces(S: Array, pieces: list[tuple[Any, ...]], x: Array) -> Array:

@@ -46,7 +46,7 @@ def finer(model: Model) -> Model:
     return model
 
 
-def unfolded(model: Model, motion: Motion) -> tuple[Model, Motion]:
+def unfolded(model: Model, motion: Motion, *, load_factor: float = 1.0) -> tuple[Model, Motion]:
     """The finer model and the same state on it: same nodes, forces and stresses; new amplitudes are zero."""
     fine = finer(model)
     if fine is model:
@@ -54,17 +54,17 @@ def unfolded(model: Model, motion: Motion) -> tuple[Model, Motion]:
     if fine.mesh.nodal:
         return fine, _open_chains(model, motion, fine)
     state = Motion(motion.x.copy(), motion.R.copy(), _padded(model, motion, fine), motion.multiplier.copy())
-    _settle(fine, state)
+    _settle(fine, state, load_factor)
     return fine, state
 
 
-def _settle(model: Model, motion: Motion) -> None:
+def _settle(model: Model, motion: Motion, load_factor: float) -> None:
     """Equilibrium inside every leaf at the present end poses, by Newton on all of them together, in place."""
     arrays = model.arrays
     work = make_work(arrays)
     still, target = np.zeros(arrays.plan.unknowns), np.zeros(len(arrays.terms.start))
     for _ in range(PASSES):
-        assemble(arrays, motion, target, 1.0, work, 1e-8, 0, 10.0)
+        assemble(arrays, motion, target, load_factor, work, 1e-8, 0, 10.0)
         take_step(arrays, motion, still, work, 1.0)
 
 

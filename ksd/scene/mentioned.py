@@ -92,7 +92,10 @@ class Mentioned(Links):
 
     @property
     def gravity(self) -> Vector | None:
-        """Acceleration (3,) [m/s^2], e.g. (0, -9.81, 0); None when the scene does not mention gravity."""
+        """Acceleration (3,) [m/s^2], e.g. (0, -9.81, 0); None when the scene does not mention gravity.
+
+        It pulls at the masses of links, and along every leaf whose material has a density.
+        """
         return self._gravity
 
     @gravity.setter

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from ksd.model.arrays import Motion, Work
 from ksd.model.compile import Model
 from ksd.model.system import assemble, largest_move, largest_turn, take_step
+from ksd.model.weight import weight_force
 from ksd.properties.tangent import stored_matrix
 from ksd.solve.driving import RTOL
 from ksd.solve.newton import GRAIN, LOOSE
@@ -51,8 +52,8 @@ class Place:
     fits: bool = True
 
 
-def factor_force(model: Model, motion: Motion, course: Course) -> Array:
-    """Derivative (n,) of the residual by the path parameter."""
+def factor_force(model: Model, motion: Motion, course: Course, work: Work) -> Array:
+    """Derivative (n,) of the residual by the path parameter; work: as assembled at `motion`."""
     arrays = model.arrays
     b = np.zeros(arrays.plan.unknowns)
     b[arrays.terms.start] = -course.span
@@ -64,6 +65,8 @@ def factor_force(model: Model, motion: Motion, course: Course) -> Array:
         moment = turn @ loads.moment[i] + np.cross(T @ loads.point[i], force)
         b[u : u + 3] -= course.rise * force
         b[u + 3 : u + 6] -= course.rise * moment
+    if course.rise and len(arrays.weight):
+        b += course.rise * weight_force(arrays, work)
     return b
 
 
@@ -121,7 +124,7 @@ class Tracer:
             worst, _, inside, status = assemble(arrays, motion, *self.course.aim(f), work, RTOL, 0, GRAIN)
             if not math.isfinite(worst):
                 return None
-            K, b = stored_matrix(arrays, work.value), factor_force(self.model, motion, self.course)
+            K, b = stored_matrix(arrays, work.value), factor_force(self.model, motion, self.course, work)
             if step is None and (worst <= 1.0 or (worst <= LOOSE and moved <= 1.0)):
                 if status == 2:
                     return None

@@ -12,6 +12,7 @@ from collections.abc import Callable
 import numpy as np
 
 from ksd.errors import ConvergenceError
+from ksd.model.arrays import carries_load
 from ksd.solve.configuration import Configuration, ErrorEstimate
 from ksd.solve.confirm import difference, laden
 
@@ -21,7 +22,7 @@ EXACT, NEAR = 1e-5, 0.02
 
 def needs_walk(found: Configuration) -> bool:
     """Whether an answer of the five steps is compared with load steps."""
-    if found.method not in ("reduced", "full") or not len(found.model.arrays.loads.node):
+    if found.method not in ("reduced", "full") or not carries_load(found.model.arrays):
         return False
     longest = max((s.iterations for s in found.steps if s.name[0] in "35"), default=0)
     return laden(found.model, found.motion, found.model.targets(found.targets), longest)

@@ -15,7 +15,6 @@ from ksd.errors import ConvergenceError, KinematicsError, KsdError, RangeError, 
 from ksd.library import find_record
 from ksd.model.compile import Model, compile_scene, fit_for
 from ksd.model.effects import mentioned
-from ksd.model.listing import unloaded_weight
 from ksd.model.mesh import Mesh
 from ksd.model.orders import highest_share, mesh_for, raised
 from ksd.model.plane import Plane, plane_of
@@ -103,10 +102,6 @@ class Solver:
             against, other = beside(found, lambda: by_load_steps(self.model, values, self._told))
             doubts = (*found.doubts, *filter(None, [against]))
             found = _with(found, doubts=doubts, error=measured(found, other))
-        weight = unloaded_weight(self.model)
-        if weight > 0.0:
-            said = f"gravity does not pull at the leafs themselves: their weight of {weight:.3g} N is not simulated"
-            found = _with(found, warnings=(*found.warnings, said))
         return insist(found) if strict else found
 
     def _solve(

@@ -193,13 +193,13 @@ class Configuration:
         """Stress [Pa] along every leaf, where and how much: `ksd.properties.stress.stress`."""
         from ksd.properties.stress import stress
 
-        return stress(*self.unreduced, points=points)
+        return stress(*self.unreduced, points=points, load_factor=self.load_factor)
 
     def strain_energy(self) -> dict[str, float]:
         """Strain energy [J] of every leaf by name."""
         from ksd.properties.stress import strain_energy
 
-        return strain_energy(*self.unreduced)
+        return strain_energy(*self.unreduced, load_factor=self.load_factor)
 
     def with_error(self, question: Any) -> tuple[Any, Any]:
         """Answer and error figure of ``question(pose)`` (number, array, mapping): `ksd.solve.corrected.with_error`."""
@@ -223,7 +223,7 @@ class Configuration:
         """Section forces along every leaf by name, see `ksd.properties.section_forces`."""
         from ksd.properties.section_forces import section_forces
 
-        return section_forces(*self.unreduced, points=points)
+        return section_forces(*self.unreduced, points=points, load_factor=self.load_factor)
 
     def shape(self, *, points: int = 25) -> Any:
         """Centrelines of all leafs and outlines of all links, see `ksd.properties.shape.Shape`."""

@@ -15,7 +15,7 @@ from collections.abc import Callable, Iterable
 import numpy as np
 
 from ksd.errors import ConvergenceError
-from ksd.model.arrays import Motion
+from ksd.model.arrays import Motion, carries_load
 from ksd.model.compile import Model
 from ksd.solve.configuration import Step
 from ksd.solve.driving import Driven
@@ -53,12 +53,18 @@ def works(model: Model, motion: Motion, target: np.ndarray) -> tuple[float, floa
             from scipy.spatial.transform import Rotation
 
             work += float(loads.moment[i] @ Rotation.from_matrix(motion.R[node]).as_rotvec())
+    members, weight = model.arrays.members, model.arrays.weight
+    for k in np.flatnonzero(weight[:, 0]):
+        # the centre of mass of a leaf moves about as the mean of its ends
+        for end, offset in zip(members.node[k], members.offset[k], strict=True):
+            lever = (motion.R[end] - np.eye(3)) @ offset
+            work += 0.5 * weight[k, 0] * float(weight[k, 1:] @ (motion.x[end] - model.rest.x[end] + lever))
     return driving, 0.5 * work
 
 
 def laden(model: Model, motion: Motion, target: np.ndarray, longest: int) -> bool:
     """Whether loads do so much of the work, and a step took so many iterations, that one step proves little."""
-    if longest <= EASY or not len(model.arrays.loads.node):
+    if longest <= EASY or not carries_load(model.arrays):
         return False
     driving, loading = works(model, motion, target)
     # work that depends on the path is not small

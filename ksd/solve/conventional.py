@@ -17,7 +17,7 @@ from typing import Any, Literal
 import numpy as np
 
 from ksd.errors import ConvergenceError, SceneError
-from ksd.model.arrays import Loads, Motion, Work, make_work
+from ksd.model.arrays import Arrays, Loads, Motion, Work, carries_load, make_work
 from ksd.model.compile import Model
 from ksd.solve.arc import Course
 from ksd.solve.configuration import Configuration, Step
@@ -147,7 +147,7 @@ def loads_last(model: Model, targets: Mapping[str, float], *, steps: int = 4) ->
 
     The way of a designer who thinks of the intended motion first. Raises ConvergenceError as `conventional`.
     """
-    bare = replace(model, arrays=model.arrays._replace(loads=without(model.arrays.loads)))
+    bare = replace(model, arrays=without_loads(model.arrays))
     moved = conventional(bare, targets)
     start = replace(moved, model=model, load_factor=0.0)
     return conventional(model, targets, start=start, steps=steps)
@@ -165,7 +165,7 @@ def by_load_steps(
         result = told(conventional(model, targets))
     except ConvergenceError as reason:
         stopped = reason
-    if len(model.arrays.loads.node) and not (result is not None and result.trusted):
+    if carries_load(model.arrays) and not (result is not None and result.trusted):
         with contextlib.suppress(ConvergenceError):
             other = told(loads_last(model, targets))
             if other.trusted or result is None:
@@ -176,6 +176,7 @@ def by_load_steps(
     return result
 
 
-def without(loads: Loads) -> Loads:
-    """No loads, in arrays of the same kind."""
-    return Loads(*(a[:0] for a in loads))
+def without_loads(arrays: Arrays) -> Arrays:
+    """The same mechanism without loads and weight, in arrays of the same kind."""
+    loads = Loads(*(a[:0] for a in arrays.loads))
+    return arrays._replace(loads=loads, weight=arrays.weight[:0])

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ksd.errors import ConvergenceError, SceneError
-from ksd.model.arrays import Motion, make_work
+from ksd.model.arrays import Motion, carries_load, make_work
 from ksd.model.compile import Model, compile_scene
 from ksd.model.mesh import Mesh
 from ksd.solve.arc import Course, Place, Tracer
@@ -259,7 +259,7 @@ def _course(
     held = dict(start.targets) if start else dict.fromkeys(model.drive_names, 0.0)
     level = start.load_factor if start else 0.0
     if control == "load":
-        if not len(model.arrays.loads.node):
+        if not carries_load(model.arrays):
             raise SceneError("control = 'load': this mechanism carries no load; use control = 'drives'")
         target = model.targets({**held, **(targets or {})})
         return Course(target, np.zeros(len(target)), 0.0, 1.0), level

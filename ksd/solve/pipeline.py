@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 import time
+from dataclasses import replace
 
 import numpy as np
 
@@ -37,6 +38,11 @@ class Bench:
     """
 
     def __init__(self, model: Model, bodies: JointBodies) -> None:
+        if len(bodies.hung.owner):
+            # step 2 sets where the weight of the joints pulls; another thread has its own
+            loads = bodies.reduced.loads
+            own = bodies.reduced._replace(loads=loads._replace(point=loads.point.copy()))
+            bodies = replace(bodies, reduced=own)
         self.model, self.bodies = model, bodies
         parts = space_set(model, bodies)
         self.held = hold(parts)

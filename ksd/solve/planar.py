@@ -79,7 +79,7 @@ def _iterate_planar(arrays, motion, target, factor, work, rtol, most, cap, blow_
         shift, turn = planar_size(start, rhs)
         scale = cap / turn if n > 0 and turn > cap else 1.0
         moved = max(turn / 1e-6, shift / (1e-7 * arrays.size))
-        recover_planar(arrays.members, start, motion.inner, rhs, work.pose, work.store, scale)
+        recover_planar(arrays.members, start, motion, rhs, work, scale)
         move_planar(start, arrays.terms.start, motion, rhs, scale)
     return TOO_MANY, most, worst, negatives, pivot
 

@@ -21,11 +21,12 @@ from ksd.bodies.planar_bench import (
 from ksd.bodies.planar_bodies import PlanarBodies, PlanarStart
 from ksd.bodies.planar_kinematics import PLACE, close_planar, planar_motions
 from ksd.bodies.planar_readout import planar_drive_forces
+from ksd.bodies.weight import PLANAR_JOINT_ENTRIES, hang_planar_joints, turn_planar_gravity
 from ksd.model.arrays import Work
 from ksd.model.planar_arrays import PlanarMotion, make_planar_work
 from ksd.numerics.clock import thread_time
 from ksd.numerics.held import Held, part
-from ksd.numerics.kernel import kernel
+from ksd.numerics.kernel import compile_late, kernel
 from ksd.solve.configuration import Step
 from ksd.solve.driving import CAP, RTOL
 from ksd.solve.planar import iterate_planar
@@ -117,10 +118,26 @@ def near_planar(held):
 @kernel
 def condense_flat(held, near):
     """Step 2, second half: the joints condensed. Returns the worst status of a leaf."""
+    hung = part(held, "bodies.hung")
+    if len(hung.owner) > 0:
+        turn_planar_gravity(
+            hung.size.ctypes, hung.owner.ctypes, part(held, "bodies.loops.node").ctypes,
+            part(held, "state.reduced.pose").ctypes, part(held, "bodies.loops.frame").ctypes,
+            part(held, "bodies.bench.weight").ctypes, part(held, "state.bench_work.weight").ctypes,
+        )  # fmt: skip
     _, _, status = condense_planar(
         part(held, "bodies.bench"), len(part(held, "bodies.loops.node")), part(held, "state.bench"),
         part(held, "state.bench_work"), near, part(held, "state.reduced.inner"),
     )  # fmt: skip
+    if len(hung.owner) > 0:
+        hang_planar_joints(
+            hung.size.ctypes, hung.owner.ctypes, hung.load.ctypes, part(held, "bodies.bench.members.node").ctypes,
+            part(held, "bodies.bench.members.store_at").ctypes, part(held, "state.bench.pose").ctypes,
+            part(held, "bodies.bench.members.offset").ctypes, part(held, "state.bench_work.pose").ctypes,
+            part(held, "state.bench_work.store").ctypes, part(held, "state.bench_work.weight").ctypes,
+            part(held, "bodies.loops.anchor").ctypes, part(held, "bodies.loops.frame").ctypes,
+            part(held, "bodies.reduced.loads.point").ctypes,
+        )  # fmt: skip
     return status
 
 
@@ -245,6 +262,8 @@ class PlanarSteps:
 
     def __init__(self, bodies: PlanarBodies, start: PlanarStart) -> None:
         self.bodies, self.start = bodies, start
+        if len(bodies.hung.owner):
+            compile_late(*PLANAR_JOINT_ENTRIES)
         self.state = planar_state(bodies, start)
         self.held = Held(PlanarSet(bodies, start, self.state))
         self._out: dict[int, np.ndarray] = {}

@@ -21,13 +21,14 @@ from ksd.bodies.bench import (
 from ksd.bodies.joints import JointBodies
 from ksd.bodies.kinematics import Loops, close_loops
 from ksd.bodies.readout import intended_motions
+from ksd.bodies.weight import JOINT_ENTRIES, Hung, hang_joints, turn_gravity
 from ksd.model.arrays import Arrays, Motion, Work, make_work
 from ksd.model.compile import Model
 from ksd.model.system import assemble
 from ksd.numerics.blocks import factor_blocks, solve_blocks
 from ksd.numerics.clock import thread_time
 from ksd.numerics.held import Held, part
-from ksd.numerics.kernel import kernel
+from ksd.numerics.kernel import compile_late, kernel
 from ksd.solve.newton import GRAIN, iterate
 
 KINEMATIC, REDUCED, FULL = 0, 1, 2
@@ -43,6 +44,7 @@ class SpaceBodies(NamedTuple):
     bench: Arrays
     reduced: Arrays
     full: Arrays
+    hung: Hung
 
 
 class SpaceStart(NamedTuple):
@@ -94,7 +96,11 @@ def space_set(model: Model, bodies: JointBodies) -> SpaceSet:
         make_work(bodies.bench, near=bodies.near), make_work(bodies.reduced), make_work(model.arrays),
         np.zeros(2, np.int64),
     )  # fmt: skip
-    parts = (bodies.loops, bodies.inside, bodies.full_node, bodies.bench, bodies.reduced, model.arrays)
+    if len(bodies.hung.owner):
+        compile_late(*JOINT_ENTRIES)
+    parts = (
+        bodies.loops, bodies.inside, bodies.full_node, bodies.bench, bodies.reduced, model.arrays, bodies.hung,
+    )  # fmt: skip
     return SpaceSet(SpaceBodies(*parts), rest, state)
 
 
@@ -159,10 +165,25 @@ def near_space(held):
 @kernel
 def condense_space(held, near):
     """Step 2, second half: the joints condensed. Returns the worst status of a leaf."""
+    hung = part(held, "bodies.hung")
+    if len(hung.owner) > 0:
+        turn_gravity(
+            hung.size.ctypes, hung.owner.ctypes, part(held, "bodies.loops.node").ctypes,
+            part(held, "state.reduced.R").ctypes, part(held, "bodies.loops.frame").ctypes,
+            part(held, "bodies.bench.weight").ctypes, part(held, "state.bench_work.weight").ctypes,
+        )  # fmt: skip
     _, _, status = condense_joints(
         part(held, "bodies.bench"), len(part(held, "bodies.loops.node")), part(held, "state.bench"),
         part(held, "state.bench_work"), near, part(held, "state.reduced").inner,
     )  # fmt: skip
+    if len(hung.owner) > 0:
+        hang_joints(
+            hung.size.ctypes, hung.owner.ctypes, hung.load.ctypes, part(held, "bodies.bench.members.node").ctypes,
+            part(held, "bodies.bench.members.store_at").ctypes, part(held, "state.bench.x").ctypes,
+            part(held, "state.bench_work.pose").ctypes, part(held, "state.bench_work.store").ctypes,
+            part(held, "state.bench_work.weight").ctypes, part(held, "bodies.loops.anchor").ctypes,
+            part(held, "bodies.loops.frame").ctypes, part(held, "bodies.reduced.loads.point").ctypes,
+        )  # fmt: skip
     return status
 
 

@@ -96,7 +96,7 @@ def _error(exact: np.ndarray, near: np.ndarray) -> float:
 def joint_tables(held: Held, bodies: JointBodies, *, accuracy: float = 1e-6) -> JointTables:
     """Tables of all joints, refined until the interpolation error is below `accuracy` or pieces run out.
 
-    Raises SceneError for joints of more than one intended motion.
+    Raises SceneError for joints of more than one intended motion, and for leafs with weight.
     """
     from scipy.interpolate import CubicSpline
 
@@ -104,6 +104,11 @@ def joint_tables(held: Held, bodies: JointBodies, *, accuracy: float = 1e-6) -> 
     if np.any(np.diff(loops.first) != 1):
         raise SceneError(
             "tabulated = True: only joints of one intended motion can be tabulated; leave it out"
+        )
+    if len(bodies.hung.owner):
+        raise SceneError(
+            "tabulated = True: joints whose leafs have weight depend on how they stand, not on their stroke alone; leave it "
+            "out, or compile without='gravity'"
         )
     pieces = FIRST
     grid = np.linspace(0.0, 1.0, pieces + 1)

@@ -51,8 +51,8 @@ def hinge(effect, amount=1.0, *, turned=None, wide=1.0):
 def say(scene, effect, amount, at, along):
     """The sentence that brings the effect, of size `amount`."""
     if effect == "gravity":
-        scene.mass("tip", mass=2.0 * amount, at=at(0.1, 0.05, 0.02))
-        scene.gravity = along(0, -9.81, 3.0)
+        scene.mass("tip", mass=2.0, at=at(0.1, 0.05, 0.02))
+        scene.gravity = along(0, -9.81 * amount, 3.0 * amount)
     elif effect == "following":
         scene.load("tip", force=along(0, 5 * amount, 2 * amount), at=at(0.1, 0.05, 0.02), following=True)
     elif effect == "springs":

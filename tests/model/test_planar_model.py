@@ -80,7 +80,7 @@ def settled(plane, state, target):
     for _ in range(8):
         assemble_planar(arrays, state, target, 1.0, work, 1e-8, 10.0, 0)
         zero = np.zeros(arrays.plan.unknowns)
-        recover_planar(arrays.members, arrays.start, state.inner, zero, work.pose, work.store, 1.0)
+        recover_planar(arrays.members, arrays.start, state, zero, work, 1.0)
     assemble_planar(arrays, state, target, 1.0, work, 1e-8, 10.0, 0)
     return work.rhs.copy(), dense(arrays, work)
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from scenes import STEEL, cross_flexure, fourbar, single_joint
+from scenes import cross_flexure, fourbar, single_joint, slider
 
 import ksd
 from ksd.design.batch import NOT_BUILT
@@ -10,23 +10,9 @@ from ksd.model.mesh import Mesh
 from ksd.numerics.held import Held
 from ksd.solve.many import LOCKED, OUT_OF_RANGE
 from ksd.solve.planar_steps import PlanarSteps
-from ksd.units import deg, mm
+from ksd.units import deg
 
 MESHES = {"strain": Mesh(), "chain": Mesh("corotational", elements=3)}
-
-
-def slider(axis="z", toward="x"):
-    """A stiffened guide carrying a cartwheel: internal blocks, a sliding motion, joints seen from both sides."""
-    scene = ksd.Mechanism("slider")
-    stage, arm = scene.links("stage", "arm")
-    guide = ksd.ParallelGuide(STEEL, length=100 * mm, thickness=0.5 * mm, width=30 * mm, spacing=60 * mm)
-    wheel = ksd.Cartwheel(STEEL, length=80 * mm, angle=45 * deg, thickness=0.6 * mm, width=20 * mm)
-    scene.join(scene.ground, stage, guide, at=(0, 0, 0), axis="z", toward="x", name="guide")
-    scene.join(stage, arm, wheel, at=(0.1, 0, 0), axis=axis, toward=toward, name="wheel")
-    scene.actuate(stage, along="y", at=(0.1, 0, 0), name="stroke")
-    scene.actuate_joint("wheel", name="turn")
-    scene.load(arm, force=(0.5, 1.0, 0), at=(0.15, 0.02, 0))
-    return scene
 
 
 def same(flat, space, tolerance=1e-9):

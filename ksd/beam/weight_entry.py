@@ -1,0 +1,101 @@
+"""C entry points of the weight of a leaf: dead distributed load with its exact tangent, compiled where a model has some.
+
+A leaf with weight has the potential V(xi, g) - mass g.x_p: x_p the place of end p, g gravity in the frame of end p
+(`ksd.beam.weight`). When that frame turns by dphi, g turns in it by g x dphi; so beside the terms of every member stand
+
+residual: -mass g on the force and -(P x g) on the moment of node a, P = mass o + s, the first moment of the mass
+about the node (o the lever from the node to end p);
+tangent: -(P g' + g P')/2 + (P.g) I + [g]x' V_g,g [g]x on the rotation of node a, and levers' V_xi,g [g]x between the
+motion of both nodes and that rotation.
+"""
+
+from __future__ import annotations
+
+from ksd.beam.weight import PULL
+from ksd.numerics.kernel import carray, kernel, late
+from ksd.numerics.local import local_matrix, local_vector
+
+_P = "CPointer(float64)"
+
+
+@late(f"void({_P}, {_P}, float64, {_P}, int64)")
+def pull_member(pose, weight, factor, store, size):
+    """Gravity, weight (4,) = mass and acceleration, times `factor` into the pull of a leaf, in its frame p."""
+    o = size - PULL
+    for r in range(3):
+        store[o + r] = factor * (pose[r] * weight[1] + pose[3 + r] * weight[2] + pose[6 + r] * weight[3])
+
+
+@late(f"void({_P}, {_P}, {_P}, int64)")
+def turn_pull(pose, move, store, size):
+    """Change of gravity in frame p when node a turns by move[3:6] (rad), into the pull, for `recover`."""
+    o = size - PULL
+    x = pose[0] * move[3] + pose[3] * move[4] + pose[6] * move[5]
+    y = pose[1] * move[3] + pose[4] * move[4] + pose[7] * move[5]
+    z = pose[2] * move[3] + pose[5] * move[4] + pose[8] * move[5]
+    g0, g1, g2 = store[o], store[o + 1], store[o + 2]
+    store[o + 36], store[o + 37], store[o + 38] = g1 * z - g2 * y, g2 * x - g0 * z, g0 * y - g1 * x
+
+
+@kernel
+def _swung(pose, pull, at, g, U):
+    """U (3, 3) = Rp B Rp^T [g]x, B row-major in the pull from `at`, g global."""
+    T = local_matrix(3, 3)
+    for i in range(3):
+        for j in range(3):
+            T[i, j] = (
+                pose[3 * i] * pull[at + j]
+                + pose[3 * i + 1] * pull[at + 3 + j]
+                + pose[3 * i + 2] * pull[at + 6 + j]
+            )
+    for i in range(3):
+        for j in range(3):
+            U[i, j] = T[i, 0] * pose[3 * j] + T[i, 1] * pose[3 * j + 1] + T[i, 2] * pose[3 * j + 2]
+    for i in range(3):
+        a0, a1, a2 = U[i, 0], U[i, 1], U[i, 2]
+        U[i, 0], U[i, 1], U[i, 2] = a1 * g[2] - a2 * g[1], a2 * g[0] - a0 * g[2], a0 * g[1] - a1 * g[0]
+
+
+@kernel
+def _add_weight(pose, pull, mass, T, force):
+    """Add the terms of the module docstring to T (12, 12) and force (12,) of one member; its pull is as condensed."""
+    U, M = local_matrix(3, 3), local_matrix(3, 3)
+    g, P, O, column = local_vector(3), local_vector(3), local_vector(3), local_vector(12)
+    for r in range(3):
+        a, b, c = pose[3 * r], pose[3 * r + 1], pose[3 * r + 2]
+        g[r] = a * pull[0] + b * pull[1] + c * pull[2]
+        lever = mass * (pose[9 + r] - pose[15 + r])
+        P[r] = lever + a * pull[3] + b * pull[4] + c * pull[5]
+        O[r] = lever + a * pull[6] + b * pull[7] + c * pull[8]
+    w, s = pose[9:12], pose[12:15]
+    Og = O[0] * g[0] + O[1] * g[1] + O[2] * g[2]
+    at = 27
+    _swung(pose, pull, at, g, U)
+    for r in range(3):
+        j, k = (r + 1) % 3, (r + 2) % 3
+        force[r] -= mass * g[r]
+        force[3 + r] -= P[j] * g[k] - P[k] * g[j]
+        T[3 + r, 3 + r] += Og
+        for c in range(3):
+            # [g]x' U, column by column: [g]x' u = u x g
+            T[3 + r, 3 + c] += U[j, c] * g[k] - U[k, c] * g[j] - 0.5 * (O[r] * g[c] + g[r] * O[c])
+    at -= 18
+    _swung(pose, pull, at, g, U)
+    at += 9
+    _swung(pose, pull, at, g, M)
+    for c in range(3):
+        for r in range(3):
+            j, k = (r + 1) % 3, (r + 2) % 3
+            column[r], column[6 + r] = -U[r, c], U[r, c]
+            column[3 + r] = U[j, c] * w[k] - U[k, c] * w[j] - M[r, c]
+            column[9 + r] = U[k, c] * s[j] - U[j, c] * s[k] + M[r, c]
+        for r in range(12):
+            T[r, 3 + c] += column[r]
+            T[3 + c, r] += column[r]
+
+
+@late(f"void({_P}, {_P}, int64, float64, {_P}, {_P})")
+def weigh_member(pose, store, size, mass, T, force):
+    """Weight of a leaf of `mass` [kg] into its tangent T (12, 12) and forces (12,) on both nodes."""
+    pull = carray(store, (size,))[size - PULL :]
+    _add_weight(carray(pose, (18,)), pull, mass, carray(T, (12, 12)), carray(force, (12,)))

@@ -1,0 +1,110 @@
+"""Weight of the leafs of condensed joints, compiled where a model has some.
+
+On the bench every joint stands in the axes of its interface A, so gravity is turned into those. Condensed, the weight of
+a joint is a dead load on the link of A, at the centre of mass of its leafs, and what the wrench of its linear body says
+hangs on B instead; both are exact, and turn with A until the joint is linearised again.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from ksd.beam.weight import PLANAR_PULL, PULL
+from ksd.numerics.kernel import late
+
+_P = "CPointer(float64)"
+_I = "CPointer(int64)"
+JOINT_ENTRIES = ("turn_gravity", "hang_joints")
+PLANAR_JOINT_ENTRIES = ("turn_planar_gravity", "hang_planar_joints")
+
+
+class Hung(NamedTuple):
+    """owner (m,): joint of every member of the bench; load (J,): the load of the reduced mechanism that stands for the
+    weight of a joint, -1 where A is on ground; size (2,): m, J. All empty without weight."""
+
+    owner: np.ndarray
+    load: np.ndarray
+    size: np.ndarray
+
+
+NOTHING_HUNG = Hung(np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros(2, np.int64))
+
+
+@late(f"void({_I}, {_I}, {_I}, {_P}, {_P}, {_P}, {_P})")
+def turn_gravity(size, owner, node, R, frame, given, weight):
+    """Gravity of the bench members `given` (m, 4), global, into `weight` (m, 4), in the axes of A of their joint.
+
+    node (J, 2): links of the joints, R (k, 3, 3): their rotations, frame (J, 3, 3): joint axes at rest.
+    """
+    for i in range(size[0]):
+        a, F, o = node[2 * owner[i]], 9 * owner[i], 4 * i + 1
+        for r in range(3):
+            weight[o + r] = 0.0
+            for c in range(3):
+                along = 0.0
+                for k in range(3):
+                    along += R[9 * a + 3 * c + k] * frame[F + 3 * k + r]
+                weight[o + r] += along * given[o + c]
+
+
+@late(f"void({_I}, {_I}, {_I}, {_I}, {_I}, {_P}, {_P}, {_P}, {_P}, {_P}, {_P}, {_P})")
+def hang_joints(size, owner, load, node, store_at, x, pose, store, weight, anchor, frame, point):
+    """Centres of mass of the joints, bench as condensed, into the points (l, 3) of their loads, axes of link A.
+
+    node (m, 2), store_at (m + 1,): of the bench members; x (k, 3): bench nodes; anchor (J, 2, 3), frame (J, 3, 3).
+    """
+    total = np.zeros((size[1], 4))
+    for i in range(size[0]):
+        if weight[4 * i] > 0.0:
+            j, mass, p, o = owner[i], weight[4 * i], 18 * i, store_at[i + 1] - PULL
+            total[j, 0] += mass
+            for r in range(3):
+                start = x[3 * node[2 * i] + r] + pose[p + 9 + r] - pose[p + 15 + r]
+                total[j, 1 + r] += mass * start
+                for c in range(3):
+                    total[j, 1 + r] += pose[p + 3 * r + c] * store[o + 3 + c]
+    for j in range(size[1]):
+        if load[j] >= 0:
+            for r in range(3):
+                s = anchor[6 * j + r]
+                for c in range(3):
+                    s += frame[9 * j + 3 * r + c] * total[j, 1 + c] / total[j, 0]
+                point[3 * load[j] + r] = s
+
+
+@late(f"void({_I}, {_I}, {_I}, {_P}, {_P}, {_P}, {_P})")
+def turn_planar_gravity(size, owner, node, links, frame, given, weight):
+    """As `turn_gravity`, in the plane: links (k, 3) poses, frame (J,) angles of the joints; weights (m, 3)."""
+    for i in range(size[0]):
+        turn = links[3 * node[2 * owner[i]] + 2] + frame[owner[i]]
+        c, s, o = math.cos(turn), math.sin(turn), 3 * i + 1
+        x, y = given[o], given[o + 1]
+        weight[o], weight[o + 1] = c * x + s * y, c * y - s * x
+
+
+@late(f"void({_I}, {_I}, {_I}, {_I}, {_I}, {_P}, {_P}, {_P}, {_P}, {_P}, {_P}, {_P}, {_P})")
+def hang_planar_joints(
+    size, owner, load, node, store_at, nodes, offset, pose, store, weight, anchor, frame, point
+):
+    """As `hang_joints`, in the plane: nodes (k, 3) poses on the bench, offset (m, 2, 2), anchor (J, 2, 2)."""
+    total = np.zeros((size[1], 3))
+    for i in range(size[0]):
+        if weight[3 * i] > 0.0:
+            j, mass, p, o, k = owner[i], weight[3 * i], 6 * i, store_at[i + 1] - PLANAR_PULL, 3 * node[2 * i]
+            c, s, x, y = math.cos(nodes[k + 2]), math.sin(nodes[k + 2]), offset[4 * i], offset[4 * i + 1]
+            total[j, 0] += mass
+            total[j, 1] += (
+                mass * (nodes[k] + c * x - s * y) + pose[p] * store[o + 2] - pose[p + 1] * store[o + 3]
+            )
+            total[j, 2] += (
+                mass * (nodes[k + 1] + s * x + c * y) + pose[p + 1] * store[o + 2] + pose[p] * store[o + 3]
+            )
+    for j in range(size[1]):
+        if load[j] >= 0:
+            c, s = math.cos(frame[j]), math.sin(frame[j])
+            x, y = total[j, 1] / total[j, 0], total[j, 2] / total[j, 0]
+            point[2 * load[j]] = anchor[4 * j] + c * x - s * y
+            point[2 * load[j] + 1] = anchor[4 * j + 1] + s * x + c * y
