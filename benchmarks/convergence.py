@@ -55,6 +55,11 @@ def support_z(mesh: Mesh) -> float:
     return _support(mesh, "z")
 
 
+def support_y(mesh: Mesh) -> float:
+    """The same across, in the plane of motion [N/m]."""
+    return _support(mesh, "y")
+
+
 def _guide(mesh: Mesh, direction: str) -> float:
     scene = ksd.Mechanism("guide")
     shuttle = scene.link("shuttle")
@@ -84,6 +89,11 @@ def fourbar_force(mesh: Mesh) -> float:
     return _state(common.fourbar(2), mesh, steps=3, top=0.3).forces["top"]
 
 
+def fourbar_rotation(mesh: Mesh) -> float:
+    """Rotation of its top link there [rad]."""
+    return float(_state(common.fourbar(2), mesh, steps=3, top=0.3).rotation("top")[2])
+
+
 def _strip(**leaf: object) -> ksd.Mechanism:
     scene = ksd.Mechanism("strip")
     tip = scene.link("tip")
@@ -107,15 +117,25 @@ def strip(mesh: Mesh) -> float:
     return float(buckling(model, model.rest, "tip", force=(0, 0, 1), at=(0.1, 0, 0)).positive)
 
 
-def frequency(mesh: Mesh) -> float:
-    """First frequency of a clamped-clamped leaf so thin that the inertia of its shear does not count [Hz]."""
+def _clamped(mesh: Mesh) -> np.ndarray:
+    """Frequencies [Hz] of a clamped-clamped leaf so thin that the inertia of its shear does not count."""
     scene = _strip(section=ksd.rectangle(0.05e-3, 20e-3))
     scene.actuate("tip", along="x", at=(0.1, 0, 0), name="pull")
     for axis in "yz":
         scene.support("tip", along=axis, at=(0.1, 0, 0))
     for axis in "xyz":
         scene.support("tip", about=axis)
-    return float(_state(scene, mesh, pull=0.0).frequencies(count=1).frequency_Hz[0])
+    return _state(scene, mesh, pull=0.0).frequencies(count=2).frequency_Hz
+
+
+def frequency(mesh: Mesh) -> float:
+    """First frequency of a clamped-clamped leaf [Hz]."""
+    return float(_clamped(mesh)[0])
+
+
+def second_frequency(mesh: Mesh) -> float:
+    """Its second one [Hz]."""
+    return float(_clamped(mesh)[1])
 
 
 def elastica(mesh: Mesh) -> float:
@@ -144,9 +164,25 @@ def taper(mesh: Mesh) -> float:
     return float(_state(scene, mesh).links["tip"][0][1])
 
 
+def notch(mesh: Mesh) -> float:
+    """Rotation of a circular notch hinge, t/R = 0.2, under a moment [rad]."""
+    profile = ksd.CircularNotch(5e-3, 1e-3, 10e-3)
+    scene = _strip(section=profile.section(0.5), profile=profile, end=(10e-3, 0, 0))
+    scene.load("tip", moment=(0, 0, 1e-3), at=(10e-3, 0, 0))
+    return float(_state(scene, mesh).rotation("tip")[2])
+
+
+def arc(mesh: Mesh) -> float:
+    """Linear compliance of a circular arc of 180 degrees, across its ends [m]."""
+    end = (0.0, 0.1, 0.0)
+    scene = _strip(end=end, curve=ksd.Arc(0.05, math.pi))
+    scene.load("tip", force=(0, 1e-4, 0), at=end)
+    return float(_state(scene, mesh).links["tip"][0][1])
+
+
 QUANTITIES: tuple[Callable[[Mesh], float], ...] = (
-    hinge_moment, hinge_length, support_x, support_z, guide_x, guide_z, fourbar_force, column, strip, frequency,
-    elastica, curved, taper,
+    hinge_moment, hinge_length, support_x, support_y, support_z, guide_x, guide_z, fourbar_force, fourbar_rotation,
+    column, strip, frequency, second_frequency, elastica, curved, arc, taper, notch,
 )  # fmt: skip
 
 
@@ -166,7 +202,7 @@ def _draw(table: dict[str, list[float]]) -> None:
 
     figure = Figure(figsize=(8.5, 5.5), layout="constrained")
     axes = figure.add_subplot()
-    marks = "osv^<>DPXdhp*"
+    marks = "osv^<>DPXdhp*8H+x1"
     for (name, found), mark in zip(table.items(), marks, strict=False):
         axes.loglog(ELEMENTS, found, marker=mark, lw=1, ms=5, label=name.replace("_", " "))
     slope = [0.5 * (ELEMENTS[0] / n) ** 2 for n in ELEMENTS]

@@ -80,6 +80,19 @@ def test_strain_mode_leafs_are_exact_in_reading_2(method):
     assert found.iterations <= (8 if method == "conventional" else 13)
 
 
+@pytest.mark.parametrize("reading", [1, 2])
+@pytest.mark.parametrize("planar", [True, False], ids=["plane", "space"])
+def test_strain_mode_leafs_from_straight_and_from_the_database(planar, reading):
+    """Issue of the strain-mode leaf: to d = .3 in one step in at most 8 iterations, from the database in 2 to 3."""
+    solve = ksd.prepare(fourbar(reading=reading), planar=planar)
+    straight, near = (solve(top=0.3, method=m) for m in ("conventional", "full"))
+    assert len(straight.steps) == 1 and straight.steps[0].note.startswith("1 load step")
+    assert straight.iterations <= 8
+    counts = {step.name[0]: step.iterations for step in near.steps}
+    assert 2 <= counts["5"] <= 3 and counts["3"] <= 4
+    assert near.forces["top"] == pytest.approx(straight.forces["top"], rel=1e-9)
+
+
 def test_driven_at_the_joint_centres_gives_the_other_force():
     """Acceptance C: n = 4, driven at the joint centres 526.8 N, at the upper interfaces 518.6 N."""
     mesh = Mesh("corotational", elements=4)
