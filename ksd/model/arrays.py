@@ -157,7 +157,7 @@ def make_work(arrays: Arrays, *, near: np.ndarray | None = None) -> Work:
     from ksd.model import system  # noqa: F401, as above
 
     members = arrays.members
-    kinds = {int(k) for k in np.unique(members.kind)}
+    kinds = set(members.kind.tolist())
     compile_late(*(name for kind in kinds for name in ENTRIES.get(kind, ())))
     if near is not None and COROTATIONAL in kinds:
         compile_late("chain_near")

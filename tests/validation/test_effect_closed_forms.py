@@ -14,6 +14,7 @@ from ksd.solve.conventional import conventional
 L, T, W = 0.1, 0.5e-3, 10e-3
 ALPHA = 12e-6
 STEEL = ksd.Material(E=200e9, nu=0.3, density=7800, expansion=ALPHA, name="steel")
+WEIGHTLESS = ksd.Material(E=200e9, G=76.9e9)
 A, INERTIA = T * W, W * T**3 / 12
 MESHES = {"strain": ksd.Mesh(), "chain": ksd.Mesh("corotational", elements=8)}
 
@@ -79,18 +80,22 @@ def test_thermal_force_between_clamps(mesh):
     assert found.forces["c"] == pytest.approx(200e9 * INERTIA * ALPHA * 30 / T, rel=1e-5)
 
 
-def test_sag_under_a_payload_in_any_direction():
-    for gravity in ((0, -9.81, 0), (0, 0, 9.81), (-9.81, 0, 0)):
+def test_sag_under_a_payload_and_its_own_weight_in_any_direction():
+    # P l^3/3EI + P l/kGA and, of the weight W of the leaf, W l^3/8EI + W l/2kGA
+    for gravity in ((0, -9.81e-3, 0), (0, 0, 9.81e-3), (-9.81e-3, 0, 0)):
         scene = blade()
         scene.mass("tip", mass=1e-4, at=(L, 0, 0))
         scene.gravity = gravity
         found = conventional(ksd.compile_scene(scene), {})
-        P = 1e-4 * np.array(gravity)
+        P, own = 1e-4 * np.array(gravity), STEEL.density * A * L * np.array(gravity)
         G, k = STEEL.G, 5 / 6
         strong = T * W**3 / 12
         soft = [L / (200e9 * A), *(L**3 / (3 * 200e9 * i) + L / (k * G * A) for i in (INERTIA, strong))]
-        # small: cubic terms of the sag are below 1e-6
-        assert moved(found)[0] == pytest.approx(P * soft, rel=2e-5, abs=2e-9)
+        spread = [L / (400e9 * A), *(L**3 / (8 * 200e9 * i) + L / (2 * k * G * A) for i in (INERTIA, strong))]
+        # small: quadratic terms of the sag are below 1e-6
+        assert moved(found)[0] == pytest.approx(
+            P * soft + own * spread, rel=2e-5, abs=1e-5 * np.abs(moved(found)[0]).max()
+        )
 
 
 @pytest.mark.parametrize("pull", [5.0, -2.0])
@@ -133,7 +138,7 @@ def test_misfit_of_a_clamp():
 
 def test_a_zero_free_length_spring_balances_a_weight_at_every_angle():
     # m g l sin = k a b sin: the balanced hinge has the moment of the bare one (Herder, Energy-free systems, 2001)
-    joint = cross_flexure()
+    joint = ksd.CrossFlexure(WEIGHTLESS, length=0.1, angle=np.pi / 4, thickness=1e-3, widths=(0.04, 0.02))
     arm, high, mass = 0.3, 0.2, 2.0
     middle = 0.05 * np.sqrt(0.5) * 2 / 2
 
