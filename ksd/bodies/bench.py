@@ -111,11 +111,11 @@ def condense_joints(bench, joints, motion, work, near, reduced_inner):
 
 
 @kernel
-def relative_poses(reduced, joints, x, R, relative):
+def relative_poses(members, joints, x, R, relative):
     """relative (J, 12): position d and rotation (row-major) of interface B in the axes of interface A."""
     pose, Q = np.empty(18), np.empty((3, 3))
     for j in range(joints):
-        member_pose(reduced.members, x, R, j, pose, Q)
+        member_pose(members, x, R, j, pose, Q)
         for r in range(3):
             relative[j, r] = pose[r] * pose[15] + pose[3 + r] * pose[16] + pose[6 + r] * pose[17]
             for c in range(3):
@@ -129,7 +129,7 @@ def recover_joints(bench, reduced, joints, reduced_motion, motion, work):
     Returns the largest unintended displacement of an interface B from its reference, (m, rad).
     """
     relative = np.empty((joints, 12))
-    relative_poses(reduced, joints, reduced_motion.x, reduced_motion.R, relative)
+    relative_poses(reduced.members, joints, reduced_motion.x, reduced_motion.R, relative)
     stop = len(bench.plan.size) - joints
     turned, v = np.empty((3, 3)), np.empty(3)
     nodes = len(bench.start)

@@ -47,17 +47,19 @@ def make_planar_work(arrays: Arrays, *, near: np.ndarray | None = None) -> Work:
     from ksd.beam import planar_entry, planar_weight_entry  # noqa: F401, declares the entry points
 
     members = arrays.members
-    if np.any(members.kind == STRAIN):
+    kinds = set(members.kind.tolist())
+    if STRAIN in kinds:
         compile_late("planar_strain_condense", "planar_strain_recover")
-    if np.any(members.kind == COROTATIONAL):
+    if COROTATIONAL in kinds:
         compile_late("planar_chain_condense", "planar_chain_recover")
         if near is not None:
             compile_late("planar_chain_near")
     if len(arrays.weight):
         compile_late(*PLANAR_WEIGHT_ENTRIES)
     count = len(members.kind) + len(arrays.springs.kind)
-    lengths = np.zeros(len(members.kind), np.int64) if near is None else near
-    at = 2 * len(arrays.start) + np.concatenate([[0], np.cumsum(lengths)]).astype(np.int64)
+    at = np.full(len(members.kind) + 1, 2 * len(arrays.start))
+    if near is not None:
+        at[1:] += np.cumsum(near)
     return Work(
         np.zeros(arrays.plan.values),
         np.zeros(arrays.plan.values),

@@ -43,6 +43,8 @@ def works(model: Model, motion: Motion, target: np.ndarray) -> tuple[float, floa
     """
     loads = model.arrays.loads
     driving = -0.5 * float(motion.multiplier @ target)
+    if not carries_load(model.arrays):
+        return driving, 0.0
     if np.any(loads.following == 1):
         return driving, float("nan")
     work = 0.0

@@ -167,7 +167,7 @@ def tabulated_many(held, table, which, targets, expected, ways, limits, force, x
             arrays, reduced, targets[n], 1.0, work, ways[0], 25, math.inf, math.inf
         )
         status[n] = reason
-        relative_poses(arrays, joints, reduced.x, reduced.R, relative)
+        relative_poses(arrays.members, joints, reduced.x, reduced.R, relative)
         found[:] = theta
         intended_motions(loops, relative, found, place, off, part(held, "state.known"))
         if reason == 0 and negatives != expected:

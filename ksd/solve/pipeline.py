@@ -182,7 +182,7 @@ def joint_motions(b: Bench, motion: Motion) -> Motions:
     """
     loops, joints = b.bodies.loops, len(b.bodies.loops.node)
     relative = np.empty((joints, 12))
-    relative_poses(b.bodies.reduced, joints, motion.x, motion.R, relative)
+    relative_poses(b.bodies.reduced.members, joints, motion.x, motion.R, relative)
     theta, place, off = b.theta.copy(), np.empty_like(b.place), np.zeros((joints, 6))
     found = np.zeros(joints, np.int64)
     intended_motions(loops, relative, theta, place, off, found)

@@ -232,7 +232,7 @@ def read_space(held):
     """Intended motions of the answer."""
     loops, full, relative = part(held, "bodies.loops"), part(held, "state.full"), part(held, "state.relative")
     found = part(held, "state.found")
-    relative_poses(part(held, "bodies.reduced"), len(loops.node), full.x, full.R, relative)
+    relative_poses(part(held, "bodies.reduced.members"), len(loops.node), full.x, full.R, relative)
     found[:] = part(held, "state.theta")
     place, off = part(held, "state.place"), part(held, "state.off")
     intended_motions(loops, relative, found, place, off, part(held, "state.known"))

@@ -9,12 +9,14 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from ksd.errors import TrustError
 from ksd.model.arrays import STRAIN
+from ksd.model.compile import Model
+from ksd.properties.kept import per_model
 from ksd.solve.stops import Stop
 
 if TYPE_CHECKING:
@@ -53,24 +55,38 @@ class Trust:
     trusted: Verdict
 
 
+class _Turning(NamedTuple):
+    """Strain-mode leafs: member, places (3, m) of the constant modes about x, y, z, length [m], quadrature points."""
+
+    strain: np.ndarray
+    at: np.ndarray
+    length: np.ndarray
+    points: np.ndarray
+
+
+@per_model
+def _turning(model: Model) -> _Turning:
+    members = model.arrays.members
+    strain = np.flatnonzero(members.kind == STRAIN)
+    number, first = members.number[strain], members.inner_at[strain]
+    at = first + np.cumsum([0 * number[:, 0], number[:, 0], number[:, 1]], axis=0)
+    return _Turning(strain, at, members.length[strain], number[:, 3])
+
+
 def _rolled(c: Configuration) -> str:
     """The strain-mode leaf that is rolled up too far for its quadrature points, in words, or nothing.
 
     Two full turns on 7 points counted as a minimum what finer leafs and chains of 40 elements know to be a saddle.
     """
-    members = c.model.arrays.members
-    strain = np.flatnonzero(members.kind == STRAIN)
-    if not len(strain):
+    leafs = _turning(c.model)
+    if not len(leafs.strain):
         return ""
-    number, first = members.number[strain], members.inner_at[strain]
-    # the constant modes about x, y, z
-    at = first + np.cumsum([0 * number[:, 0], number[:, 0], number[:, 1]], axis=0)
-    turns = np.sqrt(np.square(c.motion.inner[at]).sum(axis=0)) * members.length[strain]
-    worst = int(np.argmax(turns / number[:, 3]))
-    turn, points = float(turns[worst]), int(number[worst, 3])
+    turns = np.sqrt(np.square(c.motion.inner[leafs.at]).sum(axis=0)) * leafs.length
+    worst = int((turns / leafs.points).argmax())
+    turn, points = float(turns[worst]), int(leafs.points[worst])
     if turn > MOST_GAP * points:
         return (
-            f"leaf '{c.model.member_names[strain[worst]]}' turns {np.rad2deg(turn):.0f} degrees from end to end, too "
+            f"leaf '{c.model.member_names[leafs.strain[worst]]}' turns {np.rad2deg(turn):.0f} degrees from end to end, too "
             f"much for {points} quadrature points; give a mesh with {int(np.ceil(turn / MOST_GAP)) + 1} or more"
         )
     return ""
@@ -82,7 +98,7 @@ def _stable(c: Configuration) -> Verdict:
     said, rolled = stability(c), _rolled(c)
     if rolled:
         return Verdict(False, f"NOT CERTAIN: {rolled}")
-    if np.any(c.model.arrays.loads.following == 1):
+    if c.model.arrays.loads.following.any():
         said += "; loads follow, so this judges slow motions alone"
     return Verdict(c.stable, said)
 
