@@ -4,6 +4,7 @@ import json
 import os
 import subprocess
 import sys
+from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
 
@@ -237,6 +238,41 @@ def test_train_reports_errors(monkeypatch, capsys):
     assert main(["train", "cross_flexure", "--out", "here", "--restart", "--quiet"]) == 0
     assert seen == {"family": "cross_flexure", "out": "here", "resume": False, "progress": False}
     assert "largest error" in capsys.readouterr().out
+
+
+def test_checking_a_record_against_a_fresh_one(monkeypatch, capsys):
+    """What differs by more than rounding is an error; the sources it was trained with are told apart."""
+    from ksd.library import find_record
+
+    monkeypatch.setenv("KSD_DATABASE", str(ROOT / "database"))
+    kept = find_record("cartwheel")
+    strain = kept.functions["strain"]
+    made = {"record": kept}
+    monkeypatch.setattr(import_module("ksd.train"), "train", lambda family, **_: made["record"])
+    assert main(["train", "cartwheel", "--check", "--quiet"]) == 0
+    assert "what the same sources give, coefficients within 0" in capsys.readouterr().out
+    made["record"] = replace(kept, source="other")
+    assert main(["train", "cartwheel", "--check", "--quiet"]) == 0
+    assert "changed since" in capsys.readouterr().out
+    moved = replace(strain, interface=strain.interface + 1e-8)
+    made["record"] = replace(kept, functions={**kept.functions, "strain": moved})
+    refused(capsys, ["train", "cartwheel", "--check"], 4, "differ by up to 1e-08; run `ksd train cartwheel`")
+    made["record"] = replace(kept, orders=(4, 3, 6))
+    refused(capsys, ["train", "cartwheel", "--check"], 4, "orders differ")
+
+
+def test_training_all_families(monkeypatch, capsys):
+    from ksd.library import find_record
+
+    asked = []
+    monkeypatch.setattr(
+        import_module("ksd.train"), "train", lambda family, **_: asked.append(family) or find_record(family)
+    )
+    assert main(["train", "all", "--quiet"]) == 0
+    assert asked == sorted(set(asked), key=asked.index) and len(asked) == len(
+        list((ROOT / "database").glob("*.h5"))
+    )
+    assert f"{len(asked)} families in " in capsys.readouterr().out
 
 
 def test_interruption_exits_130(monkeypatch, capsys):

@@ -1,12 +1,22 @@
-"""`ksd train FAMILY`: make the record of a joint family."""
+"""`ksd train FAMILY`: make the record of a joint family, of all, or check that a record is what the sources give."""
 
 from __future__ import annotations
 
 import argparse
 import time
+import warnings
+from dataclasses import fields
+from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
+import numpy as np
+
 from ksd.cli.output import console
+from ksd.errors import RecordError
+
+ROUNDING = 2e-9
+"""Difference of a coefficient, of ten decimals, that another machine or another order of sums may make."""
 
 
 def add(commands: Any) -> argparse.ArgumentParser:
@@ -16,29 +26,44 @@ def add(commands: Any) -> argparse.ArgumentParser:
         help="train the record of a joint family",
         description="Sweep a joint's own finite element model over stroke and shape; write its record.",
     )
-    parser.add_argument("family", metavar="FAMILY", help="for example cross_flexure")
+    parser.add_argument("family", metavar="FAMILY", help="for example cross_flexure, or all")
     parser.add_argument(
         "--out", metavar="FOLDER", help="where the record goes; $KSD_DATABASE or ./database when left out"
     )
     parser.add_argument("--restart", action="store_true", help="forget what an interrupted run has finished")
+    parser.add_argument(
+        "--check", action="store_true", help="train beside the record in use and compare; writes nothing"
+    )
     parser.add_argument("--quiet", action="store_true", help="no progress bar")
     return parser
 
 
 def run(options: argparse.Namespace) -> int:
-    """Train and say how good the record is. SceneError for an unknown family."""
+    """Train and say how good the record is. SceneError for an unknown family, RecordError where a check fails."""
+    from ksd.train import known_designs
+
+    begin = time.perf_counter()
+    families = known_designs() if options.family == "all" else (options.family,)
+    for family in families:
+        (_check if options.check else _train)(family, options)
+    if len(families) > 1:
+        console().print(f"{len(families)} families in {time.perf_counter() - begin:.0f} s")
+    return 0
+
+
+def _train(family: str, options: argparse.Namespace) -> None:
     from ksd.train import train
 
     begin = time.perf_counter()
+    screen = console()
     try:
-        record = train(
-            options.family, out=options.out, resume=not options.restart, progress=not options.quiet
-        )
+        with warnings.catch_warnings(record=True) as told:
+            warnings.simplefilter("always", UserWarning)
+            record = train(family, out=options.out, resume=not options.restart, progress=not options.quiet)
     except KeyboardInterrupt:
         raise KeyboardInterrupt(
             "interrupted; the finished shapes are kept, run the same command again to go on"
         ) from None
-    screen = console()
     screen.print(
         f"{record.family}: trained in {time.perf_counter() - begin:.0f} s on {record.samples[0]} shapes"
     )
@@ -46,4 +71,44 @@ def run(options: argparse.Namespace) -> int:
         rows = [r for r in record.residuals if r.group == group]
         worst = max(rows, key=lambda r: r.fresh_max)
         screen.print(f"  {group}: largest error {worst.fresh_max:.2g} on fresh shapes, mesh {worst.mesh}")
-    return 0
+    for message in told:
+        screen.print(f"  warning: {message.message}", soft_wrap=True)
+
+
+def _check(family: str, options: argparse.Namespace) -> None:
+    """Train into a folder that is thrown away and compare with the record in use."""
+    from ksd.library import find_record
+    from ksd.train import train
+
+    kept = find_record(family)
+    with TemporaryDirectory() as folder:
+        made = train(family, out=Path(folder), trained=kept.trained, resume=False, progress=not options.quiet)
+    said = _difference(kept, made)
+    console().print(f"{family}: {said}", soft_wrap=True)
+
+
+def _difference(kept: Any, made: Any) -> str:
+    """How the record in use differs from one just made, in words; RecordError where it is more than rounding."""
+    unlike = [
+        f.name
+        for f in fields(kept)
+        if f.name not in ("functions", "powers", "source", "residuals", "evidence")
+        and getattr(kept, f.name) != getattr(made, f.name)
+    ]
+    if unlike or not np.array_equal(kept.powers, made.powers):
+        raise RecordError(
+            f"record '{kept.family}' is not what the sources give: {', '.join(unlike) or 'its terms'} differ; "
+            f"run `ksd train {kept.family}`"
+        )
+    most = max(
+        float(np.abs(table - made.functions[mesh].groups()[group]).max(initial=0.0))
+        for mesh, functions in kept.functions.items()
+        for group, table in functions.groups().items()
+    )
+    if most > ROUNDING:
+        raise RecordError(
+            f"record '{kept.family}' is not what the sources give: its coefficients differ by up to {most:.2g}; "
+            f"run `ksd train {kept.family}`"
+        )
+    sources = "the same sources" if kept.source == made.source else "sources that have changed since"
+    return f"the record is what {sources} give, coefficients within {most:.2g}"

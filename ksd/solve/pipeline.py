@@ -27,7 +27,9 @@ from ksd.solve.stops import Stop
 FAR_OUT = 1.0
 """Distance from the middle of a trained range, over its width, beyond which its polynomials mean nothing."""
 SLACK = 1e-5
-"""Fraction of a trained range by which a motion may be over its end: rounding, not extrapolation."""
+"""Fraction of a trained range by which a motion may be over its end: rounding, not extrapolation. A joint driven to the very
+end is found there to within the error of its interface functions, 2.2e-6 of the range at most in the shipped records; and a
+residual of degree 12 grows by no more than 2 * 12^2 * 1e-5 = 0.3 % on that much more (Markov's inequality)."""
 
 
 class Bench:

@@ -8,6 +8,7 @@ import datetime
 import itertools
 import math
 import os
+import warnings
 from collections.abc import Mapping
 from concurrent.futures import Executor
 from dataclasses import replace
@@ -34,6 +35,8 @@ TOLERANCE = {"interface": 8e-7, "blocks": 8e-7, "rotations": 4e-6, "amplitudes":
 """Wanted leave-one-out rms errors; units as in `ksd.library.Residual`."""
 POINTS = {1: 25, 2: 11}
 """Points per motion, by number of motions."""
+WALKED = 9
+"""Points per motion at the corners of the shapes."""
 FIRST, FRESH = 16, 8
 """Shapes of the first round (doubled from round to round), and shapes kept out of the fit."""
 
@@ -61,7 +64,7 @@ def train(
     sampling. tolerance: wanted errors by group, see TOLERANCE.
 
     Raises SceneError for unknown names and for joints that cannot be represented (see `ksd.train.sweep`),
-    RecordError when the record cannot be written.
+    RecordError when the record cannot be written. Warns (UserWarning) when the wanted errors are missed.
     """
     design = design_of(family_or_joint, shapes)
     target = _target(design.family, out)
@@ -83,11 +86,15 @@ def _trained(
 ) -> Record:
     """Sample, fit, check on fresh shapes and gather evidence; the record lacks only its date."""
     middle = design.joint(np.zeros(len(design.parameters)))
-    check_soft(middle)
-    plan, check = _plans(middle, meshes, _orders(design))
+    corners = _corners(design)
+    for joint in corners if len(corners) == 1 else (middle, *corners):
+        check_soft(joint)
+    plan, check = _plans(middle, meshes, _orders(corners))
     evidence = _evidence(design, middle, plan, jobs)
+    _walk(corners, plan, jobs)
     design = replace(design, idle=_idle(design, evidence, wanted))
     places, samples, fit = _rounds(design, plan, jobs, wanted, most)
+    _warn_of(design, fit)
     fresh_places = _fresh_places(design)
     fresh = jobs.run([Job(design.joint(p), check) for p in fresh_places])
     sentence = (
@@ -105,6 +112,16 @@ def _trained(
         source=jobs.source,
         history=(sentence,),
     )
+
+
+def _warn_of(design: Design, fit: Fit) -> None:
+    if not fit.converged:
+        warnings.warn(
+            f"{design.family}: the functions are fitted no better than {max(fit.motion_error, fit.shape_error):.2g} times "
+            "the wanted errors; the residuals in the record tell them. Reduce the range of motion or of the shape, or "
+            "raise most_shapes.",
+            stacklevel=4,
+        )
 
 
 def _target(family: str, out: str | os.PathLike[str] | None) -> Path:
@@ -146,9 +163,8 @@ def _corners(design: Design) -> list[DrawnJoint]:
     return found
 
 
-def _orders(design: Design) -> tuple[int, int, int]:
+def _orders(corners: list[DrawnJoint]) -> tuple[int, int, int]:
     """Curvature modes that serve every leaf at every corner of the shapes; curved leafs need more of them."""
-    corners = _corners(design)
     mesh = LeafMesh("strain", orders=ORDERS, points=max(ORDERS) + 2)
     found = [raised_orders(leaf, mesh)[0] for joint in corners for leaf in joint.leafs()]
     nx, ny, nz = (max(o[axis] for o in found) for axis in range(3))
@@ -164,6 +180,14 @@ def _plans(
     fitted = tuple(chebyshev_line(low, high, count) for low, high in ranges)
     checked = tuple(even_line(low, high, count - 2) for low, high in ranges)
     return Plan(fitted, meshes, orders), Plan(checked, meshes, orders)
+
+
+def _walk(corners: list[DrawnJoint], plan: Plan, jobs: Jobs) -> None:
+    """Take the joint at every corner of the shapes over its whole stroke. Raises SceneError, naming shape and motion, where
+    it buckles, leaves its plane or runs into itself: between the corners the sampled shapes are looked at."""
+    lines = tuple(even_line(*motion.range, WALKED) for motion in corners[0].motions)
+    walk = Plan(lines, ("strain",), plan.orders, whole=True)
+    jobs.run([Job(joint, walk) for joint in corners])
 
 
 def _ranging(design: Design) -> list[int]:

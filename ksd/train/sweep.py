@@ -35,13 +35,15 @@ class Plan:
     """How a joint is sampled: points of each motion as fractions of its reach, meshes, curvature modes of a
     leaf.
 
-    plane: how far B may leave the plane of a one-axis joint, in rad and joint lengths.
+    plane: how far B may leave the plane of a one-axis joint, in rad and joint lengths. whole: leafs are looked for that
+    run into each other at every point, not at the corners of the motions alone.
     """
 
     lines: tuple[tuple[float, ...], ...]
     meshes: tuple[Mesh, ...]
     orders: tuple[int, int, int]
     plane: float = 1e-6
+    whole: bool = False
 
     @property
     def grid(self) -> Array:
@@ -113,7 +115,7 @@ def _walk(joint: Joint, model: Model, plan: Plan, mesh: Mesh) -> list[Configurat
         near = min(known, key=lambda k: float(np.linalg.norm(grid[k] - grid[i]))) if known else None
         use = near is not None and np.linalg.norm(grid[near] - grid[i]) < np.linalg.norm(grid[i])
         values = {m.name: float(v) for m, v in zip(joint.motions, grid[i] * reach, strict=True)}
-        state = f"{joint.family} ({mesh} mesh) at {_spoken(values)}"
+        state = f"{joint.family} ({mesh} mesh) at {_where(joint, values)}"
         try:
             found = conventional(
                 model, values, start=solved[near] if near is not None and use else None, rtol=RTOL, work=work
@@ -128,8 +130,12 @@ def _walk(joint: Joint, model: Model, plan: Plan, mesh: Mesh) -> list[Configurat
     return [solved[i] for i in range(len(grid))]
 
 
-def _spoken(values: Mapping[str, float]) -> str:
-    return ", ".join(f"{name} = {value:.4g}" for name, value in values.items())
+def _where(joint: Joint, values: Mapping[str, float]) -> str:
+    """The motions, and the shape they are made in, in words."""
+    motion, shape = (
+        ", ".join(f"{name} = {value:.4g}" for name, value in told.items()) for told in (values, joint.shape())
+    )
+    return motion + (f" (shape {shape})" if shape else "")
 
 
 def _normal(joint: Joint) -> Array | None:
@@ -166,12 +172,13 @@ def _check_plane(joint: Joint, model: Model, states: list[Configuration], plan: 
 
 
 def _check_clear(joint: Joint, states: list[Configuration], plan: Plan) -> None:
-    """No leaf runs through another at the corners of the motions; at rest the drawing has been checked."""
+    """No leaf runs through another at the corners of the motions, or anywhere; at rest the drawing has been checked."""
     if joint.windows:
         return
     leafs = {f"joint/{leaf.name}": leaf for leaf in joint.leafs()}
-    ends = np.abs(plan.grid) >= np.abs(plan.grid).max(axis=0) - 1e-12
-    for k in np.flatnonzero(ends.all(axis=1)):
+    low, high = plan.grid.min(axis=0), plan.grid.max(axis=0)
+    ends = np.isclose(plan.grid, low, atol=1e-12) | np.isclose(plan.grid, high, atol=1e-12)
+    for k in np.flatnonzero(ends.all(axis=1) | plan.whole):
         bodies = []
         for line in states[k].shape(points=PIECES + 1).leafs:
             leaf = leafs[line.name]
@@ -181,9 +188,9 @@ def _check_clear(joint: Joint, states: list[Configuration], plan: Plan) -> None:
             )
         found = clash(bodies, touch=BENT)
         if found is not None:
-            said = _spoken({**joint.shape(), **states[k].targets})
             raise SceneError(
-                f"{joint.family}: leafs '{found[0]}' and '{found[1]}' run into each other at {said}; reduce the range of "
+                f"{joint.family}: leafs '{found[0]}' and '{found[1]}' run into each other at "
+                f"{_where(joint, states[k].targets)}; reduce the range of "
                 "motion or of the shape, or say windows=True where one passes through a window of the other."
             )
 

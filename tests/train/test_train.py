@@ -23,7 +23,7 @@ from ksd.section import rectangle
 from ksd.train import Design, train
 from ksd.train.designs import bare, design_of
 from ksd.train.softness import rest_stiffness
-from ksd.train.sweep import Plan, even_line, sample_joint
+from ksd.train.sweep import Plan, _check_clear, _model, _walk, even_line, sample_joint
 
 ROOT = Path(__file__).resolve().parents[2]
 STEEL = Material(E=200e9, G=76.9e9)
@@ -345,6 +345,45 @@ def test_leafs_that_run_through_each_other_are_refused(tmp_path, threads):
     close = DrawnJoint("close", blocks=apart.blocks(), leafs=[*apart.leafs(), twin], motions=[far])
     with pytest.raises(SceneError, match=r"leafs 'high' and 'twin' run into each other at stroke = -0\.04"):
         train(close, out=tmp_path, executor=threads, meshes=("strain",), progress=False)
+
+
+def twins(*, near):
+    """A guide of three leafs, the third up to 0.55 mm beside the second where near = 1, deflected by 0.4 of its length."""
+    apart = ksd.ParallelGuide(STEEL, length=0.1, thickness=5e-4, width=0.03, spacing=0.06)
+    y = 0.03 + 0.01 - 0.00945 * near
+    twin = replace(apart.leafs()[1], start=(0, y, 0), end=(0.1, y, 0), name="twin")
+    far = Motion("stroke", "translation", (0, 1, 0), (-0.04, 0.04), (0.05, 0, 0))
+    return DrawnJoint(
+        "twins", blocks=apart.blocks(), leafs=[*apart.leafs(), twin], motions=[far], shape={"near": near}
+    )
+
+
+def test_leafs_that_meet_at_a_corner_of_shapes_and_stroke_are_refused(tmp_path, threads):
+    """Clear at rest, and at every shape sampled; the far end of the shapes is no sample."""
+    options = {"out": tmp_path, "executor": threads, "meshes": ("strain",), "progress": False}
+    clear = Parameter("near", 0.0, 0.98)
+    train(Design("twins", (clear,), twins), **options)
+    with pytest.raises(SceneError, match=r"run into each other at stroke = -0\.04 \(shape near = 1\)"):
+        train(Design("twins", (replace(clear, high=1.0),), twins), **options)
+
+
+def test_leafs_that_meet_between_the_ends_of_the_stroke_are_seen():
+    """The state at the end of the stroke put in the middle of one: at the corners alone nothing is seen."""
+    joint = twins(near=1.0)
+    plan = Plan(((0.0, -1.0),), ("strain",), (4, 3, 5))
+    rest, bent = _walk(joint, _model(joint, "strain", plan), plan, "strain")
+    between = Plan(((-1.0, 0.0, 1.0),), ("strain",), (4, 3, 5))
+    _check_clear(joint, [rest, bent, rest], between)
+    with pytest.raises(SceneError, match="'high' and 'twin' run into each other"):
+        _check_clear(joint, [rest, bent, rest], replace(between, whole=True))
+
+
+def test_a_record_worse_than_wanted_is_told(tmp_path, threads):
+    options = {"out": tmp_path, "executor": threads, "meshes": ("strain",), "progress": False}
+    with pytest.warns(
+        UserWarning, match="guide: the functions are fitted no better than .* times the wanted"
+    ):
+        train(guide(), tolerance={"amplitudes": 1e-17}, **options)
 
 
 def gapped(*, angle, gap):

@@ -122,6 +122,11 @@ class CrossFlexure(Joint):
         """angle [rad] and width_ratio = both outer widths over the inner one."""
         return {"angle": self.angle, "width_ratio": 2 * self.widths[1] / self.widths[0]}
 
+    def stiffness_at_rest(self) -> float:
+        """Drive stiffness at rest [Nm/rad]: E I / L of all leafs together, at any angle; each bends to a circle (paper 1,
+        eq. 4.3 without its factor 2, see errata)."""
+        return self.material.E * (self.widths[0] + 2 * self.widths[1]) * self.thickness**3 / 12 / self.length
+
 
 def _widths(widths: Any, owner: str) -> tuple[float, float]:
     if not isinstance(widths, tuple | list) or len(widths) != 2:

@@ -145,6 +145,13 @@ class FilletedNotchHinge(_Notch):
         """slenderness = minimum / length and fillet = radius / length."""
         return {"slenderness": self.minimum / self.length, "fillet": self.radius / self.length}
 
+    def stiffness_at_rest(self) -> float:
+        """Drive stiffness at rest [Nm/rad], E I of every section in series: both fillets together are a circular notch,
+        the straight neck of length - 2 radius has E width minimum^3 / 12 (Lobontiu 2003)."""
+        fillets = self.radius * _notch_integral(1 + 0.5 * self.minimum / self.radius) / (2 * self.radius) ** 3
+        neck = (self.length - 2 * self.radius) / self.minimum**3
+        return self.material.E * self.width / 12 / (fillets + neck)
+
 
 def _neck(joint: Any, profile: CircularNotch | FilletedNotch) -> Leaf:
     return Leaf(
