@@ -225,18 +225,24 @@ def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
     add = [lambda p: p.add_argument("--elements", type=int, nargs="*", default=list(ELEMENTS))]
     chosen = options(__doc__, argv, *add)
     angles = (-45.0, 0.0, 45.0) if chosen.quick else tuple(np.arange(-45.0, 46.0, 5.0).tolist())
+    begin = time.perf_counter()
     found: dict[str, Any] = {"machine": machine(), "angles_deg": angles}
     elements = chosen.elements[:1] if chosen.quick else chosen.elements
     meshes = {f"{n} element{'s' * (n > 1)} per leaf": chain(n) for n in elements}
-    tables = []
+    tables, spent = [], {}
     if not chosen.quick:
         meshes["strain-mode leafs"] = Mesh()
     for name, mesh in meshes.items():
+        since = time.perf_counter()
         found[name] = run(mesh, angles, repeats=2 if chosen.quick else REPEATS)
+        spent[name] = time.perf_counter() - since
         for case in WANTED:
             tables.append(table(f"{case}, {name}", found[name][case]))
         if mesh.leaf == "corotational":
             tables.append(targets_table(found[name], name))
+    found["script_s"] = spent
+    parts = ", ".join(f"{name} {value:.0f} s" for name, value in spent.items())
+    tables.append(f"The script took {time.perf_counter() - begin:.0f} s: {parts}.\n")
     text = "\n".join(tables)
     print(text)
     (chosen.out / "arm.md").write_text(text)

@@ -380,6 +380,9 @@ def _driven(model: Model, motion: Motion) -> tuple[DrivenPoint, ...]:
     for drive in model.scene.drives:
         term = drive.terms[0]
         node, rest = index[term.link], np.asarray(term.point, float)
+        if term.kind == "rotation" and not rest.any():
+            # said without a place: it turns the whole link
+            rest = model.rest.x[node]
         place = motion.x[node] + motion.R[node] @ (rest - model.rest.x[node])
         along = motion.R[index[term.base]] @ np.asarray(term.direction, float)
         found.append(DrivenPoint(drive.name, term.kind, rest, place, along))

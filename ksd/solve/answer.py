@@ -244,5 +244,5 @@ def _leafs(c: Configuration) -> dict[str, dict[str, Any]]:
             "end_force_N": _list(f.end[:3]),
             "end_moment_Nm": _list(f.end[3:]),
         }
-        for name, f in section_forces(*c.unreduced, load_factor=c.load_factor).items()
+        for name, f in section_forces(*c.insides, load_factor=c.load_factor).items()
     }

@@ -146,7 +146,7 @@ class Solver:
             for passes in range(2):
                 result = self.five_steps(values, target, method="reduced", passes=passes, estimate=True)
                 if result.error is not None and result.error.relative <= accuracy and result.trusted:
-                    return self._beside(result, values)
+                    return self._beside(_with(result, chosen=True), values)
             found = self.five_steps(values, target, method="full", passes=1, estimate=False)
             if found.trusted:
                 return self._beside(found, values)

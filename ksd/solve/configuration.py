@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -67,6 +68,7 @@ class Configuration:
     load_factor: float = 1.0
     doubts: tuple[str, ...] = ()
     plane_alone: bool = False
+    chosen: bool = False
 
     def __repr__(self) -> str:
         forces = ", ".join(f"{n} {v:.6g}" for n, v in self.forces.items())
@@ -149,15 +151,31 @@ class Configuration:
         arm = np.asarray(at, float) - self.model.rest.x[i]
         return self.motion.x[i] + self.motion.R[i] @ arm - np.asarray(at, float)
 
+    @cached_property
+    def answering(self) -> Motion:
+        """The state that questions beyond forces and poses are asked of: its own, or, where `solve` chose a fast method
+        itself, the equilibrium next to it. Raises ConvergenceError where that is not found."""
+        from ksd.solve.corrected import FAST, settled
+
+        return settled(self) if self.chosen and self.method in FAST else self.motion
+
+    @property
+    def insides(self) -> tuple[Model, Motion]:
+        """Model and state with every leaf's own insides: those of the configuration, or, of modal bodies, the chains they
+        reduce at the nodes they have."""
+        return self._opened(self.motion)
+
     @property
     def unreduced(self) -> tuple[Model, Motion]:
-        """Model and state with every leaf's own insides: those of the configuration, or, of modal bodies, the chains
-        they reduce at the nodes they have. Stress, shape, mass and buckling are asked of these."""
+        """As `insides`, of the state `answering`. Stress, energy, mass and buckling are asked of these."""
+        return self._opened(self.answering)
+
+    def _opened(self, motion: Motion) -> tuple[Model, Motion]:
         from ksd.modal.bodies import ModalModel, inside
 
         if not isinstance(self.model, ModalModel):
-            return self.model, self.motion
-        return self.model.full, inside(self.model, self.motion)
+            return self.model, motion
+        return self.model.full, inside(self.model, motion)
 
     def validity(self, **options: Any) -> Any:
         """Stroke and local rotation up to which the modal basis of a leaf is good: `ksd.solve.validity.validity`."""
@@ -169,13 +187,13 @@ class Configuration:
         """Compliance and stiffness of a point of a link: `ksd.properties.stiffness.point_stiffness`."""
         from ksd.properties.stiffness import point_stiffness
 
-        return point_stiffness(self.model, self.motion, link, load_factor=self.load_factor, **options)
+        return point_stiffness(self.model, self.answering, link, load_factor=self.load_factor, **options)
 
     def drive_stiffness(self, **options: Any) -> Any:
         """dF/dd [N/m, Nm/rad] of all held drives: `ksd.properties.stiffness.drive_stiffness`."""
         from ksd.properties.stiffness import drive_stiffness
 
-        return drive_stiffness(self.model, self.motion, load_factor=self.load_factor, **options)
+        return drive_stiffness(self.model, self.answering, load_factor=self.load_factor, **options)
 
     def frequencies(self, **options: Any) -> Any:
         """Eigenfrequencies [Hz] and modes about this state: `ksd.properties.frequencies.frequencies`."""
@@ -217,7 +235,7 @@ class Configuration:
         """Stress [Pa] when leafs are clamped beside their place: `ksd.properties.internal_stress.internal_stress`."""
         from ksd.properties.internal_stress import internal_stress
 
-        return internal_stress(self.model, self.motion, load_factor=self.load_factor, **options)
+        return internal_stress(self.model, self.answering, load_factor=self.load_factor, **options)
 
     def section_forces(self, *, points: int = 25) -> dict[str, Any]:
         """Section forces along every leaf by name, see `ksd.properties.section_forces`."""
@@ -229,7 +247,7 @@ class Configuration:
         """Centrelines of all leafs and outlines of all links, see `ksd.properties.shape.Shape`."""
         from ksd.properties.shape import mechanism_shape
 
-        return mechanism_shape(*self.unreduced, points=points)
+        return mechanism_shape(*self.insides, points=points)
 
     def as_dict(self) -> dict[str, Any]:
         """Every number of the tables and more, units in the keys; layout in `ksd.solve.answer.SCHEMA`."""

@@ -65,9 +65,18 @@ def animate_mode(
             best_plane(pose.shape()) if most[2] < most[:2].max() else ("xz" if most[0] >= most[1] else "yz")
         )
     swing = np.sin(2 * np.pi * np.arange(frames) / frames)
-    order = [replace(pose, model=found.model, motion=found.moved(mode, unit * float(s))) for s in swing]
-    title = f"mode {mode + 1} at {found.frequency_Hz[mode]:.4g} Hz, amplitude for the eye"
+    still = replace(pose, model=found.model, chosen=False)
+    order = [replace(still, motion=found.moved(mode, unit * float(s))) for s in swing]
+    title = f"mode {mode}{_named(found, mode)}: {found.frequency_Hz[mode]:.4g} Hz, amplitude for the eye"
     return _written(order, target, plane=plane, fps=frames, dpi=dpi, title=title)
+
+
+def _named(modes: Any, mode: int) -> str:
+    """What a mode is to the designer: the intended motion, or the first parasitic one."""
+    if modes.intended == mode:
+        return ", the intended motion"
+    others = [k for k in range(len(modes)) if k != modes.intended]
+    return ", the first parasitic one" if modes.intended is not None and others[0] == mode else ""
 
 
 def _target(path: str | os.PathLike[str]) -> Path:

@@ -52,7 +52,8 @@ def plot_mechanism(
     if plane not in ("xy", "xz", "yz"):
         raise SceneError(f'plane = {plane!r}: choose "xy", "xz" or "yz"')
     pick = [_AXES.index(a) for a in plane]
-    if axes is None:
+    own = axes is None
+    if own:
         axes = _fitting_figure(shape, pick).add_subplot()
     _rest(axes, shape, pick)
     _links(axes, shape, pick, labels)
@@ -70,7 +71,23 @@ def plot_mechanism(
     axes.set_axisbelow(True)
     for side in ("top", "right"):
         axes.spines[side].set_visible(False)
+    if own and labels:
+        from ksd.view.labels import part_labels
+
+        leafs = 1e3 * np.concatenate([leaf.place for leaf in shape.leafs])[:, pick]
+        part_labels(axes, _arrows(configuration, shape, pick), leafs)
     return axes.figure
+
+
+def _arrows(configuration: Any, shape: Any, pick: list[int]) -> Array:
+    """Points (n, 2) [mm] along the arrows of the drives and at the driven points."""
+    along, found = np.linspace(0.0, 1.0, 25)[:, None], []
+    for driven in shape.driven:
+        found.append(1e3 * driven.place[None, pick])
+        if driven.kind == "translation":
+            way = configuration.targets[driven.name] * driven.direction[pick]
+            found.append(1e3 * (driven.rest[pick] + along * way))
+    return np.concatenate(found) if found else np.zeros((0, 2))
 
 
 def _fitting_figure(shape: Any, pick: list[int]) -> Any:

@@ -2,11 +2,13 @@
 
 import xml.etree.ElementTree as ElementTree
 from itertools import combinations
+from pathlib import Path
 
 import numpy as np
 import pytest
 from scenes import fourbar, single_joint
 
+import ksd
 from ksd.errors import SceneError
 from ksd.model.compile import compile_scene
 from ksd.model.leafs import Mesh
@@ -14,6 +16,8 @@ from ksd.solve.conventional import conventional
 from ksd.view import plot_mechanism, plot_mechanism_3d, save_figure
 from ksd.view.compare import Mark, plot_cost
 from ksd.view.figure import hull, new_figure
+
+SCENES = Path(ksd.__file__).parent / "scenes"
 
 
 @pytest.fixture(scope="module")
@@ -55,6 +59,20 @@ def test_labels_do_not_overlap(scene, value):
         assert inside.x0 <= box.x0 and box.x1 <= inside.x1 and inside.y0 <= box.y0 and box.y1 <= inside.y1, (
             name
         )
+
+
+@pytest.mark.parametrize("name", ["arm", "delta_stage", "rrr_stage"])
+def test_labels_of_crowded_mechanisms_are_parted(name):
+    """Three drives at one point, links on top of each other: every label whole, and apart from all others."""
+    mechanism, targets, _ = ksd.load_scene(SCENES / f"{name}.toml")
+    figure = plot_mechanism(conventional(compile_scene(mechanism), targets))
+    named = boxes(figure)
+    for (one, a), (two, b) in combinations(named, 2):
+        assert not a.overlaps(b), f"'{one}' on '{two}'"
+    (axes,) = figure.axes
+    for label, box in named:
+        assert axes.bbox.x0 <= box.x0 and box.x1 <= axes.bbox.x1, label
+        assert axes.bbox.y0 <= box.y0 and box.y1 <= axes.bbox.y1, label
 
 
 @pytest.mark.parametrize("kind", ["svg", "pdf"])

@@ -1,0 +1,62 @@
+"""Labels of a picture moved so that none lies on another, on a drive's arrow or outside the axes."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from matplotlib.transforms import Bbox
+
+from ksd.view.figure import Array
+
+_FAR = (12.0, 22.0, 34.0, 48.0, 64.0, 84.0, 112.0)
+"""Distances tried, in points, from the place a label was given."""
+_WAYS = np.array([(0, 1), (0, -1), (1, 0), (-1, 0), (1, 1), (-1, -1), (1, -1), (-1, 1)], float)
+_MOVES = np.concatenate([np.zeros((1, 2)), *(far * _WAYS for far in _FAR)])
+_CROSSED, _MOVED = 0.03, 2e-3
+"""Cost, in label areas, of a point of a leaf that is covered, and of each point of distance."""
+
+
+def part_labels(axes: Any, keep_off: Array, avoid: Array) -> None:
+    """Move the labels of `axes` in turn to the best place about them. keep_off, avoid (n, 2): points in data coordinates
+    that no label may cover, and that labels had better not cover."""
+    figure = axes.figure
+    labels = [text for text in axes.texts if text.get_text()]
+    for text in labels:
+        # the picture must not shrink to make room for a label that will be moved
+        text.set_in_layout(False)
+    figure.draw_without_rendering()
+    figure.set_layout_engine("none")
+    renderer, scale = figure.canvas.get_renderer(), figure.dpi / 72
+    marks, lines = (axes.transData.transform(np.reshape(p, (-1, 2))) for p in (keep_off, avoid))
+    taken: list[Bbox] = []
+    for text in labels:
+        box = text.get_window_extent(renderer)
+        boxes = [box.translated(*(scale * move)) for move in _MOVES]
+        costs = [
+            _lost(b, taken, axes.bbox)
+            + _covered(b, marks)
+            + _CROSSED * _covered(b, lines)
+            + _MOVED * np.abs(move).max()
+            for b, move in zip(boxes, _MOVES, strict=True)
+        ]
+        best = int(np.argmin(costs))
+        text.set_position(tuple(np.array(text.get_position(), float) + _MOVES[best]))
+        taken.append(boxes[best])
+
+
+def _lost(box: Bbox, taken: list[Bbox], frame: Bbox) -> float:
+    """Share of the label that lies on others or outside the frame."""
+    area = box.width * box.height
+    # what is cut off cannot be read at all
+    lost = 5.0 * (area - _shared(box, frame)) + sum(_shared(box.padded(2.0), other) for other in taken)
+    return float(lost / area)
+
+
+def _shared(one: Bbox, other: Bbox) -> float:
+    both = Bbox.intersection(one, other)
+    return 0.0 if both is None else float(both.width * both.height)
+
+
+def _covered(box: Bbox, points: Array) -> int:
+    return int(np.all((points > box.min) & (points < box.max), axis=1).sum())
