@@ -58,7 +58,7 @@ def page(pose: Any, table: Table, compared: Sequence[Compared]) -> str:
         f'<p class="sub">Flexure mechanism report, ksd {ksd.__version__}, {datetime.date.today():%d %B %Y}</p>',
         *(f'<p class="warn">{_text(w)}</p>' for w in _warnings(pose, facts, table)),
         _cards(pose, table),
-        _figure(pose.plot(), "The mechanism at the pose below, over the undeformed one (grey)."),
+        _figure(pose.plot(color="stress"), "The mechanism at the pose below, over the undeformed one (grey)."),
         "<h2>The scene</h2>", *_scene(scene),
         "<h2>What was simulated, and what was left out</h2>", *_model(pose.model),
         "<h2>The pose</h2>", *_pose(facts),

@@ -263,11 +263,13 @@ class Configuration:
         figure = plot_mechanism(self, **options)
         return figure if path is None else save_figure(figure, path)
 
-    def view(self, path: Any) -> Any:
-        """Write the deformed mechanism to `path` (.vtu, for ParaView); returns the path."""
-        from ksd.view import write_vtu
+    def view(self, path: Any = None) -> Any:
+        """The deformed mechanism in three dimensions: a window to turn it in, a .png rendered without one (both by the
+        `view` extra), or a .vtu file for ParaView; returns the path. See `ksd.view`."""
+        from ksd.view import show_mechanism, write_vtu
 
-        return write_vtu(self, path)
+        picture = path is None or str(path).lower().endswith(".png")
+        return show_mechanism(self, path) if picture else write_vtu(self, path)
 
     def tables(self) -> list[Any]:
         """Rich renderables of the result, see `ksd.solve.report`."""

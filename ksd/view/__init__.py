@@ -10,7 +10,8 @@ from ksd.view.figure import save_figure
 from ksd.view.flat import plot_mechanism
 from ksd.view.solid import plot_mechanism_3d
 from ksd.view.strokes import plot_stroke
-from ksd.view.vtk import write_vtu
+from ksd.view.vtk import write_pvd, write_vtu
+from ksd.view.window import show_mechanism
 
 __all__ = [
     "animate_mode",
@@ -19,5 +20,7 @@ __all__ = [
     "plot_mechanism_3d",
     "plot_stroke",
     "save_figure",
+    "show_mechanism",
+    "write_pvd",
     "write_vtu",
 ]

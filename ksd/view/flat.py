@@ -21,6 +21,7 @@ from ksd.view.figure import (
     spoken_force,
     spoken_value,
 )
+from ksd.view.heat import heat_of
 
 _AXES = "xyz"
 _BACKING = {"boxstyle": "round,pad=0.15", "fc": "white", "ec": "none", "alpha": 0.75}
@@ -40,12 +41,13 @@ def plot_mechanism(
     plane: str | None = None,
     labels: bool = True,
     title: str | None = None,
+    color: str | None = None,
 ) -> Any:
     """Draw the deformed mechanism over the undeformed one (grey); returns the matplotlib figure.
 
     axes: matplotlib axes to draw into, a new figure when None. plane: "xy", "xz" or "yz", the widest when
-    None. labels: names of links and drives, with drive values and forces. Raises SceneError for another
-    plane.
+    None. labels: names of links and drives, with drive values and forces. color: "stress" colours the leafs by their
+    von Mises stress, with a scale. Raises SceneError for another plane or colour.
     """
     shape = configuration.shape()
     plane = plane or best_plane(shape)
@@ -57,8 +59,14 @@ def plot_mechanism(
         axes = _fitting_figure(shape, pick).add_subplot()
     _rest(axes, shape, pick)
     _links(axes, shape, pick, labels)
+    heat = heat_of(configuration, shape, color)
     for leaf in shape.leafs:
-        _line(axes, leaf.place[:, pick], color=LEAF, linewidth=1.8, zorder=4)
+        if heat is None:
+            _line(axes, leaf.place[:, pick], color=LEAF, linewidth=1.8, zorder=4)
+        else:
+            _hot(axes, 1e3 * leaf.place[:, pick], heat.between(leaf.name))
+    if heat is not None:
+        heat.bar(axes, shrink=0.8, aspect=30, pad=0.02)
     axes.set_aspect("equal")
     axes.margins(0.16, 0.12)
     _drives(axes, configuration, shape, pick, labels)
@@ -103,6 +111,16 @@ def _caption(configuration: Any) -> str:
 
 def _line(axes: Any, points: Array, **style: Any) -> None:
     axes.plot(1e3 * points[:, 0], 1e3 * points[:, 1], solid_capstyle="round", **style)
+
+
+def _hot(axes: Any, points: Array, colors: Array) -> None:
+    """A leaf as pieces between its stations, each in its colour."""
+    from matplotlib.collections import LineCollection
+
+    pieces = np.stack([points[:-1], points[1:]], axis=1)
+    axes.add_collection(
+        LineCollection(list(pieces), colors=colors, linewidths=2.4, capstyle="round", zorder=4)
+    )
 
 
 def _outline(axes: Any, points: Array, color: str, alpha: float, zorder: float) -> None:

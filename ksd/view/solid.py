@@ -8,6 +8,7 @@ import numpy as np
 
 from ksd.view.figure import FAINT, GROUND, INK, LEAF, LINKS, REST, Array, new_figure
 from ksd.view.flat import _BACKING, _caption
+from ksd.view.heat import heat_of
 
 
 def ribbon(place: Array, axes: Array, width: Array) -> tuple[Array, Array]:
@@ -23,17 +24,22 @@ def plot_mechanism_3d(
     elevation: float = 30.0,
     azimuth: float = -60.0,
     title: str | None = None,
+    color: str | None = None,
 ) -> Any:
     """Draw ribbons and links in perspective; returns the matplotlib figure.
 
-    axes: 3D matplotlib axes, a new figure when None. elevation, azimuth [deg]: where it is seen from.
+    axes: 3D matplotlib axes, a new figure when None. elevation, azimuth [deg]: where it is seen from. color: as in
+    `plot_mechanism`.
     """
     shape = configuration.shape()
+    heat = heat_of(configuration, shape, color)
     if axes is None:
         axes = new_figure(7.0, 5.4).add_subplot(projection="3d")
     for leaf in shape.leafs:
         _outline(axes, ribbon(leaf.rest, leaf.rest_axes, leaf.width), REST)
-        _ribbon(axes, ribbon(leaf.place, leaf.axes, leaf.width))
+        _ribbon(
+            axes, ribbon(leaf.place, leaf.axes, leaf.width), None if heat is None else heat.between(leaf.name)
+        )
     _links(axes, shape)
     edges = [
         ribbon(*f, leaf.width)
@@ -48,6 +54,8 @@ def plot_mechanism_3d(
         getattr(axes, f"set_{name}label")(f"{name} [mm]", labelpad=4 + 10 * r / reach.max())
         getattr(axes, f"{name}axis").set_major_locator(_few_ticks(r / reach.max()))
     axes.set_box_aspect(reach, zoom=0.95)
+    if heat is not None:
+        heat.bar(axes, shrink=0.6, aspect=25, pad=0.1)
     axes.view_init(elev=elevation, azim=azimuth)
     axes.set_title(title if title is not None else _caption(configuration), fontsize=10, color=INK)
     return axes.figure
@@ -60,15 +68,17 @@ def _few_ticks(share: float) -> Any:
     return MaxNLocator(nbins=max(2, round(5 * share)))
 
 
-def _ribbon(axes: Any, edges: tuple[Array, Array]) -> None:
+def _ribbon(axes: Any, edges: tuple[Array, Array], colors: Array | None) -> None:
     from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
     low, high = (1e3 * e for e in edges)
     quads = np.stack([low[:-1], low[1:], high[1:], high[:-1]], axis=1)
+    # shading would change what a colour says
+    plain = LEAF if colors is None else colors
     axes.add_collection3d(
-        Poly3DCollection(quads, facecolors=LEAF, edgecolors=LEAF, linewidths=0.2, shade=True)
+        Poly3DCollection(quads, facecolors=plain, edgecolors=plain, linewidths=0.2, shade=colors is None)
     )
-    _outline(axes, edges, LEAF)
+    _outline(axes, edges, LEAF if colors is None else INK)
 
 
 def _outline(axes: Any, edges: tuple[Array, Array], color: str) -> None:

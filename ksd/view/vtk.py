@@ -1,12 +1,14 @@
 """Files for ParaView: leafs as ribbons of quadrilaterals, rigid blocks as lines, in VTK's XML format (.vtu).
 
-Positions in m. Point array: displacement [m]. Cell arrays: body (number in the list of the file's
-comment, leafs first) and rigid (0 leaf, 1 block). No VTK library is needed to write it.
+Positions in m. Point arrays: displacement [m] and von_mises_MPa, the largest stress over the section of a leaf, 0 on
+blocks. Cell arrays: body (number in the list of the file's comment, leafs first) and rigid (0 leaf, 1 block). A stroke is
+one file per pose and a .pvd that lists them. No VTK library is needed to write them.
 """
 
 from __future__ import annotations
 
 import os
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 from xml.sax.saxutils import escape, quoteattr
@@ -15,6 +17,7 @@ import numpy as np
 
 from ksd.errors import SceneError
 from ksd.view.figure import Array
+from ksd.view.heat import stress_along
 from ksd.view.solid import ribbon
 
 _LINE, _QUAD = 3, 9
@@ -26,15 +29,19 @@ class _Grid:
     def __init__(self) -> None:
         self.points: list[Array] = []
         self.displacement: list[Array] = []
+        self.stress: list[Array] = []
         self.cells: list[np.ndarray] = []
         self.kinds: list[int] = []
         self.body: list[int] = []
         self.names: list[str] = []
         self.count = 0
 
-    def add(self, name: str, rest: Array, place: Array, cells: np.ndarray) -> None:
-        """A body of points (k, 3) and cells (n, corners) of its own point numbers."""
+    def add(
+        self, name: str, rest: Array, place: Array, cells: np.ndarray, *, stress: Array | None = None
+    ) -> None:
+        """A body of points (k, 3) and cells (n, corners) of its own point numbers; stress (k,) [MPa], none when None."""
         self.points.append(place)
+        self.stress.append(np.zeros(len(place)) if stress is None else stress)
         self.displacement.append(place - rest)
         self.cells += list(cells + self.count)
         self.kinds += [_QUAD if cells.shape[1] == 4 else _LINE] * len(cells)
@@ -43,14 +50,17 @@ class _Grid:
         self.count += len(place)
 
 
-def _collect(shape: Any) -> _Grid:
-    grid = _Grid()
+def collect(configuration: Any) -> _Grid:
+    """Ribbons and blocks of a configuration."""
+    shape, grid = configuration.shape(), _Grid()
+    stress = stress_along(configuration, shape)
     for leaf in shape.leafs:
         k = len(leaf.s)
         rest = np.vstack(ribbon(leaf.rest, leaf.rest_axes, leaf.width))
         place = np.vstack(ribbon(leaf.place, leaf.axes, leaf.width))
         i = np.arange(k - 1)
-        grid.add(leaf.name, rest, place, np.stack([i, i + 1, i + 1 + k, i + k], axis=1))
+        cells = np.stack([i, i + 1, i + 1 + k, i + k], axis=1)
+        grid.add(leaf.name, rest, place, cells, stress=np.tile(stress[leaf.name], 2))
     for block in shape.blocks:
         k = len(block.rest)
         rest = np.vstack([block.rest.mean(axis=0), block.rest])
@@ -67,9 +77,9 @@ def _array(kind: str, name: str, values: Any, parts: int = 1) -> str:
     return f"{head}{text}</DataArray>"
 
 
-def vtu_text(shape: Any) -> str:
-    """The file's text, for a `Shape`."""
-    grid = _collect(shape)
+def vtu_text(configuration: Any) -> str:
+    """The file's text."""
+    grid = collect(configuration)
     offsets = np.cumsum([len(c) for c in grid.cells])
     rigid = [int(k == _LINE) for k in grid.kinds]
     names = escape("\n".join(f"{i} {name}" for i, name in enumerate(grid.names)).replace("--", "- -"))
@@ -79,8 +89,9 @@ def vtu_text(shape: Any) -> str:
             f"<!-- lengths in m; bodies by number:\n{names}\n-->",
             '<VTKFile type="UnstructuredGrid" version="0.1" byte_order="LittleEndian"><UnstructuredGrid>',
             f'<Piece NumberOfPoints="{grid.count}" NumberOfCells="{len(grid.cells)}">',
-            '<PointData Vectors="displacement">',
+            '<PointData Vectors="displacement" Scalars="von_mises_MPa">',
             _array("Float64", "displacement", np.concatenate(grid.displacement), 3),
+            _array("Float64", "von_mises_MPa", np.concatenate(grid.stress)),
             "</PointData>",
             "<CellData>",
             _array("Int32", "body", grid.body),
@@ -106,7 +117,37 @@ def write_vtu(configuration: Any, path: str | os.PathLike[str]) -> Path:
     if target.suffix.lower() != ".vtu":
         raise SceneError(f"'{target}': VTK files of this kind end in .vtu")
     try:
-        target.write_text(vtu_text(configuration.shape()), encoding="utf-8")
+        target.write_text(vtu_text(configuration), encoding="utf-8")
+    except OSError as error:
+        raise SceneError(f"'{target}' cannot be written: {error.strerror}") from error
+    return target
+
+
+def write_pvd(configurations: Sequence[Any], path: str | os.PathLike[str]) -> Path:
+    """Write a stroke for ParaView: one .vtu per configuration beside `path`, a .pvd file that lists them in order, with the
+    value of the first drive [m or rad] as their time, or their number where it does not rise. Returns the path. Raises
+    SceneError for no configurations, another file type, or what cannot be written.
+    """
+    target = Path(path)
+    if target.suffix.lower() != ".pvd":
+        raise SceneError(f"'{target}': lists of VTK files end in .pvd")
+    if not configurations:
+        raise SceneError(f"'{target}': there are no configurations to write")
+    times = [next(iter(c.targets.values()), 0.0) for c in configurations]
+    if np.any(np.diff(times) <= 0.0):
+        times = list(range(len(configurations)))
+    digits = len(str(len(configurations) - 1))
+    names = [f"{target.stem}_{k:0{digits}d}.vtu" for k in range(len(configurations))]
+    for configuration, name in zip(configurations, names, strict=True):
+        write_vtu(configuration, target.with_name(name))
+    listed = [
+        f'<DataSet timestep="{time:.9g}" part="0" file={quoteattr(name)}/>'
+        for time, name in zip(times, names, strict=True)
+    ]
+    head = '<VTKFile type="Collection" version="0.1" byte_order="LittleEndian"><Collection>'
+    text = "\n".join(['<?xml version="1.0"?>', head, *listed, "</Collection></VTKFile>", ""])
+    try:
+        target.write_text(text, encoding="utf-8")
     except OSError as error:
         raise SceneError(f"'{target}' cannot be written: {error.strerror}") from error
     return target

@@ -1,11 +1,16 @@
 """Pictures and ParaView files: made without a display, of what the configuration holds."""
 
+import os
+import subprocess
+import sys
 import xml.etree.ElementTree as ElementTree
 from itertools import combinations
 from pathlib import Path
 
 import numpy as np
 import pytest
+from matplotlib.collections import LineCollection
+from PIL import Image
 from scenes import fourbar, single_joint
 
 import ksd
@@ -13,9 +18,10 @@ from ksd.errors import SceneError
 from ksd.model.compile import compile_scene
 from ksd.model.leafs import Mesh
 from ksd.solve.conventional import conventional
-from ksd.view import plot_mechanism, plot_mechanism_3d, save_figure
+from ksd.view import plot_mechanism, plot_mechanism_3d, save_figure, write_pvd
 from ksd.view.compare import Mark, plot_cost
 from ksd.view.figure import hull, new_figure
+from ksd.view.heat import heat_of
 
 SCENES = Path(ksd.__file__).parent / "scenes"
 
@@ -132,6 +138,65 @@ def test_vtu_is_read_by_vtk(bent, tmp_path):
     bent.view(tmp_path / "a.vtu")
     grid = pyvista.read(tmp_path / "a.vtu")
     assert grid.n_cells > 300 and "displacement" in grid.point_data
+    assert grid["von_mises_MPa"].max() == pytest.approx(1e-6 * bent.stress().largest_Pa, rel=1e-6)
+
+
+def test_a_stroke_for_paraview(bent, tmp_path):
+    """One file per pose, listed with the drive value as time, which VTK reads back."""
+    pyvista = pytest.importorskip("pyvista")
+    rest = conventional(bent.model, {"top": 0.1})
+    write_pvd([rest, bent], tmp_path / "stroke.pvd")
+    reader = pyvista.get_reader(str(tmp_path / "stroke.pvd"))
+    assert reader.time_values == pytest.approx([0.1, 0.3])
+    reader.set_active_time_value(0.3)
+    points = reader.read()[0].points
+    assert np.abs(points - pyvista.read(tmp_path / "stroke_1.vtu").points).max() == 0.0
+    with pytest.raises(SceneError, match=r"end in \.pvd"):
+        write_pvd([bent], tmp_path / "stroke.vtu")
+    with pytest.raises(SceneError, match="no configurations"):
+        write_pvd([], tmp_path / "stroke.pvd")
+
+
+def test_leafs_coloured_by_stress(bent, tmp_path):
+    """Every piece of a leaf has the colour its stress has on the scale, in both pictures; the scale has its unit."""
+    figure = plot_mechanism(bent, color="stress")
+    axes, bar = figure.axes
+    assert bar.get_ylabel() == "von Mises stress [MPa]"
+    assert bar.get_ylim() == pytest.approx((0.0, 1e-6 * bent.stress().largest_Pa), rel=1e-3)
+    shape, heat = bent.shape(), heat_of(bent, bent.shape(), "stress")
+    drawn = [c for c in axes.collections if isinstance(c, LineCollection)]
+    assert len(drawn) == len(shape.leafs)
+    for leaf, lines in zip(shape.leafs, drawn, strict=True):
+        mean = 0.5 * (heat.values[leaf.name][1:] + heat.values[leaf.name][:-1])
+        assert lines.get_colors() == pytest.approx(heat.map(heat.norm(mean)))
+    solid = plot_mechanism_3d(bent, color="stress")
+    assert solid.axes[1].get_ylabel() == "von Mises stress [MPa]"
+    with pytest.raises(SceneError, match="color = 'heat': choose 'stress'"):
+        plot_mechanism(bent, color="heat")
+
+
+def test_a_window_rendered_without_a_display(bent, tmp_path):
+    """In a process of its own, which VTK may end where there is no way to render at all."""
+    pytest.importorskip("pyvista")
+    code = (
+        "import sys, ksd; from ksd.scene.toml_file import load_scene;"
+        f"m, t, _ = load_scene({str(SCENES / 'fourbar.toml')!r}); ksd.solve(m, t).view(sys.argv[1])"
+    )
+    words = {**os.environ, "VTK_DEFAULT_OPENGL_WINDOW": "vtkEGLRenderWindow"}
+    done = subprocess.run(
+        [sys.executable, "-c", code, str(tmp_path / "a.png")], env=words, capture_output=True
+    )
+    if done.returncode < 0:
+        pytest.skip("this machine cannot render without a display")
+    assert done.returncode == 0, done.stderr.decode()
+    picture = np.asarray(Image.open(tmp_path / "a.png").convert("RGB"), float)
+    assert picture.shape == (900, 1200, 3) and np.ptp(picture, axis=2).max() > 100
+
+
+def test_a_window_without_pyvista_is_a_sentence(bent, monkeypatch, tmp_path):
+    monkeypatch.setitem(sys.modules, "pyvista", None)
+    with pytest.raises(SceneError, match=r"pip install 'ksd\[view\]'"):
+        bent.view()
 
 
 def test_cost_picture_names_every_method():

@@ -1,0 +1,60 @@
+"""Leafs coloured by stress: the largest von Mises stress over the section at every station drawn."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from ksd.errors import SceneError
+from ksd.view.figure import Array
+
+COLORS = ("stress",)
+LABEL = "von Mises stress [MPa]"
+_FIRST, _LAST = 0.0, 0.9
+"""Part of the colour map used: its lightest end is lost on white."""
+
+
+def stress_along(configuration: Any, shape: Any) -> dict[str, Array]:
+    """Largest von Mises stress [MPa] over the section at the stations of every leaf of `shape`, by name."""
+    found = configuration.stress()
+    return {
+        leaf.name: 1e-6 * np.interp(leaf.s, found[leaf.name].s, found[leaf.name].von_mises_Pa.max(axis=1))
+        for leaf in shape.leafs
+    }
+
+
+class Heat:
+    """Stress of every leaf [MPa] by name, `values`, and the colours it has."""
+
+    def __init__(self, configuration: Any, shape: Any) -> None:
+        from matplotlib import colormaps
+        from matplotlib.colors import ListedColormap, Normalize
+
+        self.values = stress_along(configuration, shape)
+        most = max(float(v.max()) for v in self.values.values())
+        self.norm = Normalize(0.0, most or 1.0)
+        self.map = ListedColormap(colormaps["plasma"](np.linspace(_FIRST, _LAST, 256)))
+
+    def between(self, name: str) -> Array:
+        """Colours (k-1, 4) of a leaf between its k stations."""
+        v = self.values[name]
+        return np.asarray(self.map(self.norm(0.5 * (v[1:] + v[:-1]))))
+
+    def bar(self, axes: Any, **place: Any) -> None:
+        """The scale beside the picture."""
+        from matplotlib.cm import ScalarMappable
+
+        bar = axes.figure.colorbar(ScalarMappable(self.norm, self.map), ax=axes, **place)
+        bar.set_label(LABEL, fontsize=9)
+        bar.ax.tick_params(labelsize=8)
+        bar.outline.set_visible(False)
+
+
+def heat_of(configuration: Any, shape: Any, color: str | None) -> Heat | None:
+    """The colours asked for; None for the plain picture. SceneError for a word that is none."""
+    if color is None:
+        return None
+    if color not in COLORS:
+        raise SceneError(f"color = {color!r}: choose {', '.join(map(repr, COLORS))}, or leave it out")
+    return Heat(configuration, shape)

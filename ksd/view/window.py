@@ -1,0 +1,74 @@
+"""The mechanism in a window of its own, to be turned by hand, or rendered without a display; needs the `view` extra."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ksd.errors import SceneError
+from ksd.view.figure import GROUND, INK, REST
+from ksd.view.heat import LABEL
+from ksd.view.solid import ribbon
+from ksd.view.vtk import collect
+
+
+def show_mechanism(configuration: Any, path: str | os.PathLike[str] | None = None) -> Path | None:
+    """Show leafs coloured by von Mises stress, blocks as lines, and the undeformed leafs in grey.
+
+    path: a .png rendered off-screen in place of a window; returned. Raises SceneError where pyvista is not installed, and
+    for another file type.
+    """
+    try:
+        import pyvista
+    except ImportError:
+        raise SceneError(
+            "a three-dimensional window needs pyvista: pip install 'ksd[view]'; pose.plot() and .vtu files do without"
+        ) from None
+    target = None if path is None else Path(path)
+    if target is not None and (target.suffix.lower() != ".png" or not target.parent.is_dir()):
+        raise SceneError(f"picture '{target}': give a .png in a folder that exists")
+    plotter = pyvista.Plotter(off_screen=target is not None, window_size=(1200, 900))
+    plotter.set_background("white")
+    grid = collect(configuration)
+    cells = np.concatenate([np.concatenate([[len(c)], c]) for c in grid.cells])
+    mesh = pyvista.UnstructuredGrid(cells, np.array(grid.kinds), 1e3 * np.concatenate(grid.points))
+    mesh[LABEL] = np.concatenate(grid.stress)
+    rigid = np.array(grid.kinds) == pyvista.CellType.LINE
+    bar = {
+        "title": f"{LABEL}\n",
+        "color": INK,
+        "position_x": 0.3,
+        "position_y": 0.03,
+        "width": 0.4,
+        "height": 0.1,
+    }
+    bar |= {"title_font_size": 20, "label_font_size": 16, "fmt": "%.4g", "n_labels": 4}
+    scale = [0.0, max(float(mesh[LABEL].max()), 1e-9)]
+    # light would change what a colour says
+    plotter.add_mesh(
+        mesh.extract_cells(~rigid),
+        scalars=LABEL,
+        cmap="plasma",
+        clim=scale,
+        lighting=False,
+        scalar_bar_args=bar,
+    )
+    plotter.add_mesh(mesh.extract_cells(rigid), color=GROUND, line_width=4, scalars=None)
+    for leaf in configuration.shape().leafs:
+        low, high = (1e3 * e for e in ribbon(leaf.rest, leaf.rest_axes, leaf.width))
+        plotter.add_lines(np.vstack([low, high[::-1], low[:1]]), color=REST, width=1, connected=True)
+    plotter.show_axes()
+    plotter.show_bounds(
+        color=INK, xtitle="x [mm]", ytitle="y [mm]", ztitle="z [mm]", location="outer", font_size=11, n_xlabels=4,
+        n_ylabels=4, n_zlabels=3, fmt="%.0f",
+    )  # fmt: skip
+    plotter.view_vector((0.43, -0.75, 0.5), viewup=(0, 0, 1))
+    if target is None:
+        plotter.show()
+        return None
+    plotter.screenshot(str(target))
+    plotter.close()
+    return target
