@@ -32,7 +32,14 @@ from ksd.properties.alike import (
     weighed,
 )
 from ksd.properties.stiffness import node_of, point_motion
-from ksd.properties.stress_stiffness import corners, node_terms, own_stress, refuse_stressless, relaxed
+from ksd.properties.stress_stiffness import (
+    corners,
+    node_terms,
+    outer_of_both_signs,
+    own_stress,
+    refuse_stressless,
+    relaxed,
+)
 from ksd.properties.tangent import Tangent, exact, factored_tangent, free_rows, row_numbers, stored_matrix
 from ksd.properties.unfold import unfolded
 
@@ -43,7 +50,7 @@ DENSE = 250
 
 @dataclass(frozen=True)
 class Buckling:
-    """Buckling multipliers, smallest magnitude first.
+    """Buckling multipliers, smallest magnitude first: as many as were asked for, and the smallest of either sign.
 
     multiplier (k,): how many times the load may be added (or all stresses be multiplied); negative: against
     its direction. shape (k, nodes, 6): displacement [m] and rotation [rad] of the nodes of `model`, largest
@@ -58,12 +65,12 @@ class Buckling:
 
     @property
     def positive(self) -> float:
-        """Smallest positive multiplier; inf when there is none."""
+        """Smallest positive multiplier; inf when there is none within a thousand times the smallest of all."""
         return float(min((m for m in self.multiplier if m > 0.0), default=np.inf))
 
     @property
     def negative(self) -> float:
-        """Smallest negative multiplier, in magnitude; -inf when there is none."""
+        """Smallest negative multiplier, in magnitude; -inf when there is none within a thousand times the smallest."""
         return float(max((m for m in self.multiplier if m < 0.0), default=-np.inf))
 
 
@@ -192,7 +199,7 @@ def _unstressed(model: Model, motion: Motion, rows: list[int]) -> Array:
 
 
 def _smallest(K: Array, change: Array, count: int) -> tuple[Array, Array]:
-    """Real mu of smallest magnitude in (K + mu change) phi = 0, with phi as columns."""
+    """Real mu of smallest magnitude in (K + mu change) phi = 0, and the smallest of either sign, with phi as columns."""
     from scipy import linalg
     from scipy.sparse import csc_matrix
     from scipy.sparse.linalg import LinearOperator, eigs, splu
@@ -205,11 +212,18 @@ def _smallest(K: Array, change: Array, count: int) -> tuple[Array, Array]:
         factor, sparse = splu(csc_matrix(A)), csc_matrix(B)
         operator = LinearOperator(A.shape, matvec=lambda x: -factor.solve(sparse @ x), dtype=float)
         start = np.random.default_rng(0).normal(size=len(A))
-        values, vectors = eigs(operator, k=min(2 * count + 4, len(A) - 2), which="LM", v0=start, tol=1e-9)
+        number = min(2 * count + 4, len(A) - 2)
+        values, vectors = eigs(operator, k=number, which="LM", v0=start, tol=1e-9)
+        for sign, end in ((1.0, "LR"), (-1.0, "SR")):
+            if not np.any(sign * values[np.abs(values.imag) <= 1e-6 * np.abs(values)].real > 0.0):
+                more = eigs(operator, k=2, which=end, v0=start, tol=1e-9)
+                values, vectors = (
+                    np.concatenate(pair, axis=-1) for pair in zip((values, vectors), more, strict=True)
+                )
     largest = np.abs(values).max(initial=0.0)
     real = (np.abs(values.imag) <= 1e-6 * np.abs(values)) & (np.abs(values) > 1e-10 * largest)
     found = np.flatnonzero(real)
-    found = found[np.argsort(-np.abs(values[found]))][:count]
+    found = found[outer_of_both_signs(values[found].real, count)]
     return 1.0 / values[found].real, (vectors[:, found] * scale[:, None]).real
 
 

@@ -88,6 +88,10 @@ def refuse_stressless(change: Array, elastic: Array) -> None:
         raise SceneError("this state carries no stress, so nothing buckles; name a link and a load")
 
 
+OTHER = 1e-3
+"""Share of the largest 1/mu below which one of the other sign is not looked for."""
+
+
 @dataclass(frozen=True)
 class _Elastic:
     """G (size, reduced) with K0^-1 = G G^T: nodes (n, r) and root of Z (k, N, N) of every group of leafs; largest:
@@ -163,8 +167,8 @@ def _root(Z: Array) -> Array:
 def own_stress(
     model: Model, motion: Motion, rows: list[int], *, load_factor: float, count: int
 ) -> tuple[Array, Array]:
-    """The `count` multipliers mu of smallest magnitude on all stresses of the state, with phi (size, count) in node
-    unknowns and b. rows: constraint rows let go. Raises SceneError for a state without stress."""
+    """The `count` multipliers mu of smallest magnitude on all stresses of the state, and the smallest of either sign, with
+    phi (size, k) in node unknowns and b. rows: constraint rows let go. Raises SceneError for a state without stress."""
     leafs = flexible_leafs(model, motion, stressless=True, load_factor=load_factor)
     G, terms = _elastic(model, motion, leafs, rows)
     n = len(terms)
@@ -199,8 +203,7 @@ def own_stress(
 
     def wanted(values: Array) -> Any:
         # to rounding, the smaller ones are no stress at all
-        order = np.argsort(-np.abs(values))[:count]
-        return order[np.abs(values[order]) > 1e-10 * np.abs(values).max(initial=0.0)]
+        return outer_of_both_signs(values, count)
 
     values, y = outermost(apply, G.reduced, wanted)
     order = np.argsort(-np.abs(values))
@@ -217,6 +220,19 @@ def _hanging(leaf: Flexible, weight: Weighed, follow: Array) -> tuple[Array, Arr
     swing = swing @ weight.turn
     cross = follow.swapaxes(1, 2) @ swing - leaf.relative[:, :3].swapaxes(1, 2) @ (stiff @ weight.turn)
     return swing, weight.corner + cross + cross.swapaxes(1, 2)
+
+
+def outer_of_both_signs(values: Array, count: int) -> NDArray[np.intp]:
+    """Numbers of the `count` largest of values = 1/mu in magnitude, and of the largest of either sign that is no less than
+    OTHER times the largest of all."""
+    order = np.argsort(-np.abs(values))
+    sizes = np.abs(values[order])
+    most = sizes.max(initial=0.0)
+    taken = (np.arange(len(order)) < count) & (sizes > 1e-10 * most)
+    for sign in (1.0, -1.0):
+        side = np.flatnonzero((sign * values[order] > 0.0) & (sizes > OTHER * most))
+        taken[side[:1]] = True
+    return order[taken]
 
 
 def _stress_forces(S: Array, pieces: list[tuple[Any, ...]], x: Array) -> Array:

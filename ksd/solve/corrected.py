@@ -24,19 +24,24 @@ from ksd.solve.driving import CAP, RTOL
 from ksd.solve.newton import iterate
 from ksd.solve.stops import Stop
 
-FAST = ("kinematic", "reduced")
+FAST = ("kinematic", "reduced", "modal")
 """Methods whose states are not equilibria of the full model."""
 MOST = 20
 """Newton steps to the equilibrium next to such a state; two or three are usual."""
 
 
 def corrected(pose: Configuration) -> Configuration:
-    """The state one Newton step of the full model further; the pose itself where it is an equilibrium.
+    """The state one Newton step of the full model further; the pose itself where it is an equilibrium. Of modal bodies the
+    equilibrium of the chains they stand for, found from their nodes: one step is not enough there.
 
-    Raises ConvergenceError where the step leaves what the leafs can follow.
+    Raises ConvergenceError where the steps leave what the leafs can follow.
     """
     if pose.method not in FAST:
         return pose
+    if pose.method == "modal":
+        full, state = pose.insides
+        chains = replace(pose, model=full, motion=state)
+        return replace(chains, motion=settled(chains), method="conventional", error=None)
     arrays, motion = pose.model.arrays, pose.motion.copy()
     work, target = make_work(arrays), pose.model.targets(pose.targets)
     _, _, inside, status = assemble(arrays, motion, target, pose.load_factor, work, 1e-8, 0, 10.0)
@@ -67,8 +72,8 @@ def settled(pose: Configuration) -> Motion:
 
 
 def with_error(pose: Configuration, question: Callable[[Configuration], Any]) -> tuple[Any, Any]:
-    """The answer of question(pose) and its error: |change| over one Newton step, in the shape of the answer (number,
-    array, or mapping of them); zero for methods that are exact but for the mesh."""
+    """The answer of question(pose) and its error: |change| over one Newton step (see `corrected`), in the shape of the
+    answer (number, array, or mapping of them); zero for methods that are exact but for the mesh."""
     answer = question(pose)
     better = answer if pose.method not in FAST else question(corrected(pose))
     if isinstance(answer, Mapping):

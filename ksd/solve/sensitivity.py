@@ -32,11 +32,13 @@ def sensitivity(
 
     The load: force (3,) [N], moment (3,) [Nm], global, on the point of `link` that is at `at` (3,) [m] at rest; it
     is added to those of the scene while the drives stay. A thousandth of it either way is solved for with the full
-    model from the present state, so anything may be asked: a stiffness, a frequency, a stress. Raises SceneError for
-    wrong names or a load of zero, ConvergenceError where a state beside this one is not found.
+    model (of modal bodies the chains they stand for) from the present state, so anything may be asked: a stiffness,
+    a frequency, a stress. Raises SceneError for wrong names or a load of zero, ConvergenceError where a state beside
+    this one is not found.
     """
     name = getattr(link, "name", link)
-    model, scene = pose.model, pose.model.said or pose.model.scene
+    model, state = pose.insides
+    scene = model.said or model.scene
     kept = {} if model.choice is None else {"effects": model.choice.present}
     if name not in scene.links:
         raise SceneError(
@@ -50,7 +52,7 @@ def sensitivity(
         f, m = (tuple((sign * STEP * part).tolist()) for part in (wrench[:3], wrench[3:]))
         extra = Load("sensitivity", name, f, m, tuple(np.asarray(at, float).tolist()))
         loaded = compile_scene(replace(scene, loads=(*scene.loads, extra)), mesh=model.mesh, **kept)
-        start = replace(pose, model=loaded, method="conventional", error=None)
+        start = replace(pose, model=loaded, motion=state, method="conventional", error=None)
         answers.append(question(conventional(loaded, pose.targets, start=start, planar=False, rtol=RTOL)))
     plus, minus = answers
     if isinstance(plus, Mapping):

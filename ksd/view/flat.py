@@ -21,7 +21,7 @@ from ksd.view.figure import (
     spoken_force,
     spoken_value,
 )
-from ksd.view.heat import heat_of
+from ksd.view.heat import Heat, heat_of
 
 _AXES = "xyz"
 _BACKING = {"boxstyle": "round,pad=0.15", "fc": "white", "ec": "none", "alpha": 0.75}
@@ -59,7 +59,21 @@ def plot_mechanism(
         axes = _fitting_figure(shape, pick).add_subplot()
     _rest(axes, shape, pick)
     _links(axes, shape, pick, labels)
-    heat = heat_of(configuration, shape, color)
+    _leafs(axes, shape, pick, heat_of(configuration, shape, color))
+    axes.set_aspect("equal")
+    axes.margins(0.16, 0.12)
+    _drives(axes, configuration, shape, pick, labels)
+    _frame(axes, plane, title if title is not None else _caption(configuration))
+    if own and labels:
+        from ksd.view.labels import part_labels
+
+        leafs = 1e3 * np.concatenate([leaf.place for leaf in shape.leafs])[:, pick]
+        part_labels(axes, _arrows(configuration, shape, pick), leafs)
+    return axes.figure
+
+
+def _leafs(axes: Any, shape: Any, pick: list[int], heat: Heat | None) -> None:
+    """The deformed leafs, in one colour or in those of their stress."""
     for leaf in shape.leafs:
         if heat is None:
             _line(axes, leaf.place[:, pick], color=LEAF, linewidth=1.8, zorder=4)
@@ -67,24 +81,16 @@ def plot_mechanism(
             _hot(axes, 1e3 * leaf.place[:, pick], heat.between(leaf.name))
     if heat is not None:
         heat.bar(axes, shrink=0.8, aspect=30, pad=0.02)
-    axes.set_aspect("equal")
-    axes.margins(0.16, 0.12)
-    _drives(axes, configuration, shape, pick, labels)
+
+
+def _frame(axes: Any, plane: str, title: str) -> None:
     axes.set_xlabel(f"{plane[0]} [mm]")
     axes.set_ylabel(f"{plane[1]} [mm]")
-    axes.set_title(
-        title if title is not None else _caption(configuration), fontsize=10, color=INK, loc="left"
-    )
+    axes.set_title(title, fontsize=10, color=INK, loc="left")
     axes.grid(True, color="#eceff4", linewidth=0.8)
     axes.set_axisbelow(True)
     for side in ("top", "right"):
         axes.spines[side].set_visible(False)
-    if own and labels:
-        from ksd.view.labels import part_labels
-
-        leafs = 1e3 * np.concatenate([leaf.place for leaf in shape.leafs])[:, pick]
-        part_labels(axes, _arrows(configuration, shape, pick), leafs)
-    return axes.figure
 
 
 def _arrows(configuration: Any, shape: Any, pick: list[int]) -> Array:

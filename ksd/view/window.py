@@ -18,11 +18,11 @@ from ksd.view.vtk import collect
 def show_mechanism(configuration: Any, path: str | os.PathLike[str] | None = None) -> Path | None:
     """Show leafs coloured by von Mises stress, blocks as lines, and the undeformed leafs in grey.
 
-    path: a .png rendered off-screen in place of a window; returned. Raises SceneError where pyvista is not installed, and
-    for another file type.
+    path: a .png rendered off-screen in place of a window; returned. Raises SceneError where pyvista is not installed,
+    and for another file type.
     """
     try:
-        import pyvista
+        import pyvista as library
     except ImportError:
         raise SceneError(
             "a three-dimensional window needs pyvista: pip install 'ksd[view]'; pose.plot() and .vtu files do without"
@@ -30,22 +30,30 @@ def show_mechanism(configuration: Any, path: str | os.PathLike[str] | None = Non
     target = None if path is None else Path(path)
     if target is not None and (target.suffix.lower() != ".png" or not target.parent.is_dir()):
         raise SceneError(f"picture '{target}': give a .png in a folder that exists")
+    # its signatures are made at run time
+    pyvista: Any = library
     plotter = pyvista.Plotter(off_screen=target is not None, window_size=(1200, 900))
     plotter.set_background("white")
+    _deformed(pyvista, plotter, configuration)
+    _rest(plotter, configuration)
+    _axes(plotter)
+    if target is None:
+        plotter.show()
+        return None
+    plotter.screenshot(str(target))
+    plotter.close()
+    return target
+
+
+def _deformed(pyvista: Any, plotter: Any, configuration: Any) -> None:
+    """Leafs in the colours of their stress, blocks as lines."""
     grid = collect(configuration)
     cells = np.concatenate([np.concatenate([[len(c)], c]) for c in grid.cells])
     mesh = pyvista.UnstructuredGrid(cells, np.array(grid.kinds), 1e3 * np.concatenate(grid.points))
     mesh[LABEL] = np.concatenate(grid.stress)
     rigid = np.array(grid.kinds) == pyvista.CellType.LINE
-    bar = {
-        "title": f"{LABEL}\n",
-        "color": INK,
-        "position_x": 0.3,
-        "position_y": 0.03,
-        "width": 0.4,
-        "height": 0.1,
-    }
-    bar |= {"title_font_size": 20, "label_font_size": 16, "fmt": "%.4g", "n_labels": 4}
+    bar = {"title": f"{LABEL}\n", "color": INK, "position_x": 0.3, "position_y": 0.03, "width": 0.4}
+    bar |= {"height": 0.1, "title_font_size": 20, "label_font_size": 16, "fmt": "%.4g", "n_labels": 4}
     scale = [0.0, max(float(mesh[LABEL].max()), 1e-9)]
     # light would change what a colour says
     plotter.add_mesh(
@@ -57,18 +65,17 @@ def show_mechanism(configuration: Any, path: str | os.PathLike[str] | None = Non
         scalar_bar_args=bar,
     )
     plotter.add_mesh(mesh.extract_cells(rigid), color=GROUND, line_width=4, scalars=None)
+
+
+def _rest(plotter: Any, configuration: Any) -> None:
     for leaf in configuration.shape().leafs:
         low, high = (1e3 * e for e in ribbon(leaf.rest, leaf.rest_axes, leaf.width))
         plotter.add_lines(np.vstack([low, high[::-1], low[:1]]), color=REST, width=1, connected=True)
+
+
+def _axes(plotter: Any) -> None:
     plotter.show_axes()
-    plotter.show_bounds(
-        color=INK, xtitle="x [mm]", ytitle="y [mm]", ztitle="z [mm]", location="outer", font_size=11, n_xlabels=4,
-        n_ylabels=4, n_zlabels=3, fmt="%.0f",
-    )  # fmt: skip
+    titles = {"xtitle": "x [mm]", "ytitle": "y [mm]", "ztitle": "z [mm]"}
+    counts = {"n_xlabels": 4, "n_ylabels": 4, "n_zlabels": 3}
+    plotter.show_bounds(color=INK, location="outer", font_size=11, fmt="%.0f", **titles, **counts)
     plotter.view_vector((0.43, -0.75, 0.5), viewup=(0, 0, 1))
-    if target is None:
-        plotter.show()
-        return None
-    plotter.screenshot(str(target))
-    plotter.close()
-    return target

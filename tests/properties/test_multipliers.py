@@ -133,3 +133,14 @@ def test_springs_take_part(kind):
     scene.load(tip, force=(-0.6 * kL**2 * EI / L**2, 0, 0), at=(L, 0, 0))
     state = conventional(compile_scene(scene.scene(), mesh=mesh), {})
     assert state.buckling().positive == pytest.approx(1 / 0.6, rel=2e-3)
+
+
+@pytest.mark.parametrize("mesh", [Mesh(), Mesh("corotational", elements=3)], ids=("strain", "chain"))
+def test_the_smallest_of_either_sign_is_found(mesh):
+    """At a large stroke the smallest multipliers are all negative; the positive one is the same however many are asked."""
+    state = conventional(compile_scene(fourbar(), mesh=mesh), {"top": 0.28}, steps=3)
+    few, many = state.buckling(count=2), state.buckling(count=24)
+    assert np.all(many.multiplier[:2] < 0.0) and np.isfinite(few.positive)
+    assert few.positive == pytest.approx(many.positive, rel=1e-6)
+    assert few.negative == pytest.approx(many.negative, rel=1e-6)
+    assert np.all(np.diff(np.abs(few.multiplier)) >= 0.0)
