@@ -68,7 +68,7 @@ def run(options: argparse.Namespace) -> int:
     share = np.linspace(-1.0 if options.both else 0.0, 1.0, options.poses)
     table = sweep(
         scene, {n: v * share for n, v in targets.items()}, together=True, mesh=mesh, progress=not options.quiet,
-        questions=_possible(scene), extrapolate=bool(asked["extrapolate"]), effects=solver.model.choice.present, **how,
+        questions=_possible(scene), extrapolate=bool(asked["extrapolate"]), effects=solver.model.choice.wanted, **how,
     )  # fmt: skip
     compared = [_compared(f"{pose.method} (this report)", lambda: pose), *_other_ways(solver, targets, pose)]
     try:
@@ -136,7 +136,7 @@ def _other_ways(solver: Any, targets: dict[str, float], pose: Any) -> list[Any]:
         *found,
         _compared(
             f"conventional, {said}",
-            lambda: prepare(solver.model.said, mesh=fine, effects=solver.model.choice.present)(
+            lambda: prepare(solver.model.said, mesh=fine, effects=solver.model.choice.wanted)(
                 targets, method="conventional"
             ),
         ),

@@ -78,7 +78,7 @@ class Pose:
     @cached_property
     def tangent(self) -> Any:
         """`finer_tangent` with all drives held."""
-        return finer_tangent(self.model, self.answering, load_factor=self.load_factor)
+        return finer_tangent(*self.questioned, load_factor=self.load_factor)
 
 
 def _force(pose: Any, asked: Asked) -> Row:
@@ -96,7 +96,7 @@ def _force(pose: Any, asked: Asked) -> Row:
 
 
 def _drive_stiffness(pose: Any, asked: Asked) -> Row:
-    found = drive_stiffness(pose.model, pose.answering, tangent=pose.tangent)
+    found = drive_stiffness(*pose.questioned, tangent=pose.tangent)
     return {
         f"{n}_stiffness_{unit.replace('/', '_per_')}": found[n]
         for n, unit in zip(found.names, found.units, strict=True)
@@ -105,7 +105,8 @@ def _drive_stiffness(pose: Any, asked: Asked) -> Row:
 
 def _support_stiffness(pose: Any, asked: Asked) -> Row:
     link, at = asked.point(pose.model.scene)
-    found = point_stiffness(pose.model, pose.answering, link, at=at, tangent=pose.tangent).supports
+    model, motion = pose.questioned
+    found = point_stiffness(model, motion, link, at=at, tangent=pose.tangent).supports
     held = _held(pose.model.scene, link, at)
     return {
         f"support_{d}_{'N_per_m' if len(d) == 1 else 'Nm_per_rad'}": float("nan")

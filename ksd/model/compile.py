@@ -307,7 +307,7 @@ def fit_for(model: Model, accuracy: float | None) -> Model:
     more = model.choice.too_coarse(accuracy)
     if not more:
         return model
-    present = (*model.choice.present, *more)
+    present = (*model.choice.wanted, *more)
     return compile_scene(model.said, mesh=replace(model.mesh, shear=True), effects=present)
 
 

@@ -47,7 +47,8 @@ NATURE = ("spatial", "shear", "warping", "plate")
 class Effect:
     """One effect: is it simulated, why, and by how much it changes the answer at most, relative (None: not estimated).
 
-    by_estimate: it is left out because that is little.
+    by_estimate: it is left out because that is little; kept: it is simulated because that is much. later: it is left out
+    of the motion and taken up by questions (`ksd.properties.later`).
     """
 
     name: str
@@ -55,6 +56,8 @@ class Effect:
     reason: str
     change: float | None = None
     by_estimate: bool = False
+    kept: bool = False
+    later: bool = False
 
     def __str__(self) -> str:
         return f"{self.name}: {self.reason}"
@@ -76,6 +79,11 @@ class Choice:
     def absent(self) -> tuple[str, ...]:
         """Names of the effects left out."""
         return tuple(e.name for e in self.effects if not e.present)
+
+    @property
+    def wanted(self) -> tuple[str, ...]:
+        """Names of the effects simulated now or taken up by questions: what to compile the same model from."""
+        return tuple(e.name for e in self.effects if e.present or e.later)
 
     def too_coarse(self, accuracy: float) -> tuple[str, ...]:
         """Effects left out by an estimate that is too large for this accuracy."""
@@ -225,7 +233,7 @@ def _estimated(name: str, looked: estimates.Estimates, limit: float) -> Effect:
         return Effect(name, True, said)
     kept = change > limit or not math.isfinite(change)
     tail = "" if kept else ", left out"
-    return Effect(name, kept, said + tail, change, by_estimate=not kept)
+    return Effect(name, kept, said + tail, change, by_estimate=not kept, kept=kept)
 
 
 def applied(scene: Any, mesh: Mesh, choice: Choice) -> tuple[Any, Mesh]:

@@ -18,6 +18,7 @@ from ksd.model.effects import mentioned
 from ksd.model.mesh import Mesh
 from ksd.model.orders import highest_share, mesh_for, raised
 from ksd.model.plane import Plane, plane_of
+from ksd.properties.later import for_moving, for_questions
 from ksd.section.checks import number, show, truth, whole
 from ksd.solve import pipeline
 from ksd.solve.beside import beside, measured, needs_walk
@@ -49,9 +50,9 @@ class Solver:
         basis: Any = None,
         **effects: Any,
     ) -> None:
-        self.model = (
-            mechanism if isinstance(mechanism, Model) else compile_scene(mechanism, mesh=mesh, **effects)
-        )
+        if not isinstance(mechanism, Model):
+            mechanism = for_moving(compile_scene(mechanism, mesh=mesh, **effects))
+        self.model: Model = mechanism
         self.records, self.extrapolate, self.planar = records, extrapolate, planar
         self.basis, self.modal = basis, None  # both of method "modal"
         self._five: FiveSteps | None = None
@@ -97,7 +98,13 @@ class Solver:
         fit = fit_for(self.model, accuracy)
         if fit is not self.model:
             self.use(fit)
-        found = settled(self, lambda: self._solve(values, **ways), 0.1 * _accuracy(accuracy))
+        bound = 0.1 * _accuracy(accuracy)
+        found = settled(self, lambda: self._solve(values, **ways), bound)
+        whole_model = for_questions(self.model)
+        if whole_model is not self.model and isinstance(plane_of(self.model), str):
+            # it was not to be held in its plane after all: now its leafs twist
+            self.use(whole_model)
+            found = settled(self, lambda: self._solve(values, **ways), bound)
         if method is not None and needs_walk(found):
             against, other = beside(found, lambda: by_load_steps(self.model, values, self._told))
             doubts = (*found.doubts, *filter(None, [against]))

@@ -163,19 +163,22 @@ class Configuration:
     def insides(self) -> tuple[Model, Motion]:
         """Model and state with every leaf's own insides: those of the configuration, or, of modal bodies, the chains they
         reduce at the nodes they have."""
-        return self._opened(self.motion)
+        return _opened(self.model, self.motion)
+
+    @property
+    def questioned(self) -> tuple[Model, Motion]:
+        """Model and state that questions are asked of: the state `answering`, the model with the effects that only
+        questions call for (`ksd.properties.later`)."""
+        from ksd.properties.later import for_questions
+
+        return for_questions(self.model), self.answering
 
     @property
     def unreduced(self) -> tuple[Model, Motion]:
-        """As `insides`, of the state `answering`. Stress, energy, mass and buckling are asked of these."""
-        return self._opened(self.answering)
-
-    def _opened(self, motion: Motion) -> tuple[Model, Motion]:
-        from ksd.modal.bodies import ModalModel, inside
-
-        if not isinstance(self.model, ModalModel):
-            return self.model, motion
-        return self.model.full, inside(self.model, motion)
+        """As `questioned`, with every leaf's own insides (see `insides`). Stress, energy, mass and buckling are asked of
+        these."""
+        model, motion = self.questioned
+        return _opened(model, motion)
 
     def validity(self, **options: Any) -> Any:
         """Stroke and local rotation up to which the modal basis of a leaf is good: `ksd.solve.validity.validity`."""
@@ -187,13 +190,13 @@ class Configuration:
         """Compliance and stiffness of a point of a link: `ksd.properties.stiffness.point_stiffness`."""
         from ksd.properties.stiffness import point_stiffness
 
-        return point_stiffness(self.model, self.answering, link, load_factor=self.load_factor, **options)
+        return point_stiffness(*self.questioned, link, load_factor=self.load_factor, **options)
 
     def drive_stiffness(self, **options: Any) -> Any:
         """dF/dd [N/m, Nm/rad] of all held drives: `ksd.properties.stiffness.drive_stiffness`."""
         from ksd.properties.stiffness import drive_stiffness
 
-        return drive_stiffness(self.model, self.answering, load_factor=self.load_factor, **options)
+        return drive_stiffness(*self.questioned, load_factor=self.load_factor, **options)
 
     def frequencies(self, **options: Any) -> Any:
         """Eigenfrequencies [Hz] and modes about this state: `ksd.properties.frequencies.frequencies`."""
@@ -235,7 +238,7 @@ class Configuration:
         """Stress [Pa] when leafs are clamped beside their place: `ksd.properties.internal_stress.internal_stress`."""
         from ksd.properties.internal_stress import internal_stress
 
-        return internal_stress(self.model, self.answering, load_factor=self.load_factor, **options)
+        return internal_stress(*self.questioned, load_factor=self.load_factor, **options)
 
     def section_forces(self, *, points: int = 25) -> dict[str, Any]:
         """Section forces along every leaf by name, see `ksd.properties.section_forces`."""
@@ -287,3 +290,10 @@ class Configuration:
         for table in self.tables():
             console.print(table)
         return "\n".join(line.rstrip() for line in text.getvalue().splitlines())
+
+
+def _opened(model: Model, motion: Motion) -> tuple[Model, Motion]:
+    """The chains of modal bodies at the nodes they have; any other model and state as they are."""
+    from ksd.modal.bodies import ModalModel, inside
+
+    return (model.full, inside(model, motion)) if isinstance(model, ModalModel) else (model, motion)

@@ -21,6 +21,7 @@ from ksd.modal.bodies import ModalModel, body_nodes, inside, member_pose, with_m
 from ksd.modal.choices import ModalBasis
 from ksd.model.arrays import Motion, make_work
 from ksd.model.compile import Model, compile_given, marked
+from ksd.properties.later import for_questions
 from ksd.properties.tangent import exact
 from ksd.section.checks import show
 from ksd.solve.configuration import Configuration, ErrorEstimate, Step
@@ -88,7 +89,8 @@ def by_modal_bodies(solver: Any, targets: Mapping[str, float], *, estimate: bool
     """Method `modal` of a `ksd.solve.choose.Solver`; for a trained expansion the chains stand as its steps 1 and 2
     place them."""
     if solver.modal is None:
-        bodies = ModalSolver(solver.model, solver.basis)
+        # bodies have one stiffness for motion and questions
+        bodies = ModalSolver(for_questions(solver.model), solver.basis)
         words = {"records": solver.records, "extrapolate": solver.extrapolate}
         solver.modal = bodies, type(solver)(bodies.full, **words)
     bodies, chains = solver.modal

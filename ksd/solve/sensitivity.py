@@ -39,7 +39,7 @@ def sensitivity(
     name = getattr(link, "name", link)
     model, state = pose.insides
     scene = model.said or model.scene
-    kept = {} if model.choice is None else {"effects": model.choice.present}
+    kept = {} if model.choice is None else {"effects": model.choice.wanted}
     if name not in scene.links:
         raise SceneError(
             f"link '{name}' is not part of '{scene.name}'; its links are {', '.join(scene.links)}"
