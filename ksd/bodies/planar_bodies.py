@@ -76,7 +76,7 @@ def _poses(functions: np.ndarray, flip: np.ndarray, reach: np.ndarray) -> np.nda
     return found
 
 
-def _reach(bodies: JointBodies) -> np.ndarray:
+def monomial_reach(bodies: JointBodies) -> np.ndarray:
     """(J, M): the largest value of every monomial of every joint over its trained motions."""
     loops = bodies.loops
     found = np.zeros((len(loops.node), loops.pose.shape[2]))
@@ -112,7 +112,7 @@ def _bench_flats(bodies: JointBodies, flip: np.ndarray) -> tuple[list[Flat], np.
     return flats, sense
 
 
-def _inner_functions(bodies: JointBodies, copies: tuple[np.ndarray, ...]) -> tuple[np.ndarray, ...]:
+def inner_functions(bodies: JointBodies, copies: tuple[np.ndarray, ...]) -> tuple[np.ndarray, ...]:
     """(joint, target, coefficient) of the planar inner states: one spatial entry for each, made planar."""
     to, of, factor = copies[:3]
     inside = bodies.inside
@@ -125,7 +125,7 @@ def _inner_functions(bodies: JointBodies, copies: tuple[np.ndarray, ...]) -> tup
     return inside.joint[rows], np.array(list(chosen), np.int64), inside.coefficient[rows] * scale
 
 
-def _near_functions(
+def near_functions(
     bodies: JointBodies, flat: Arrays, twin: np.ndarray, sense: np.ndarray
 ) -> tuple[np.ndarray, ...]:
     """(joint, target, coefficient) of the near angles, and their number for every planar member."""
@@ -208,7 +208,7 @@ def planar_bodies(plane: Plane, bodies: JointBodies) -> tuple[PlanarBodies, Plan
     reason = _outside(bodies, across)
     if reason:
         return reason
-    flip, reach, owner = np.sign(across[:, 2]), _reach(bodies), inside.block_joint
+    flip, reach, owner = np.sign(across[:, 2]), monomial_reach(bodies), inside.block_joint
     pose = _poses(loops.pose, flip, reach)
     blocks = _poses(inside.block_pose, flip[owner], reach[owner])
     made, reduced, springs = _bench_flats(bodies, flip), _reduced_flats(bodies, axes), _springs(bodies, axes)
@@ -223,8 +223,8 @@ def planar_bodies(plane: Plane, bodies: JointBodies) -> tuple[PlanarBodies, Plan
     if not _same_leafs(bench, plane.arrays, len(reduced) - joints):
         return "leafs of different joints coincide in the plane"
     copies = inner_copies(bodies.bench.members, bench.members, twin, made[1])
-    *near, lengths = _near_functions(bodies, bench, twin, made[1])
-    functions = PlanarInside(inside.block_node, owner, blocks, *_inner_functions(bodies, copies), *near)
+    *near, lengths = near_functions(bodies, bench, twin, made[1])
+    functions = PlanarInside(inside.block_node, owner, blocks, *inner_functions(bodies, copies), *near)
     links = plane.rest.pose[: len(small.start)].copy()
     rest = PlanarMotion(links, _start_inner(small, plane.rest, joints), np.zeros(len(plane.lifting.row)))
     start = PlanarStart(_bench_rest(bodies, bench, copies, flip), rest, plane.rest, lengths)

@@ -1,35 +1,29 @@
 """`ksd.batch`: forces and poses of very many configurations and designs by the fast methods, in threads.
 
 What `ksd.sweep` answers with every question, this does with numbers alone: one compiled call for all poses of a design, the
-interpreter released, designs in parallel threads. Nothing fails silently: every configuration has a status.
+interpreter released, designs in parallel threads; designs that differ in numbers only take over each other's storage
+(`ksd.design.refill`). Nothing fails silently: every configuration has a status.
 """
 
 from __future__ import annotations
 
-import contextlib
 import os
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from ksd.errors import KsdError, SceneError
+from ksd.design.designs import Designs, makers_of
+from ksd.design.prepared import Found
+from ksd.errors import SceneError
 from ksd.model.mesh import Mesh
-from ksd.model.plane import Plane, plane_of
-from ksd.solve.choose import Solver
-from ksd.solve.driving import CAP, RTOL
-from ksd.solve.five import FiveSteps
-from ksd.solve.many import SPOKEN, planar_many, space_many, tabulated_many
-from ksd.solve.planar_steps import GAP, PlanarSteps
+from ksd.solve.many import SPOKEN
 from ksd.solve.space_steps import FULL, REDUCED
 from ksd.solve.stops import Stop
-from ksd.solve.tables import joint_tables
 
 NOT_BUILT = 20
 """Status of all poses of a design that could not be prepared."""
-_WAYS = np.array([RTOL, CAP, GAP])
 
 
 @dataclass(frozen=True)
@@ -93,6 +87,7 @@ def batch(
     extrapolate: bool = False,
     planar: bool = True,
     threads: int | None = None,
+    executor: Any = None,
     **drives: Any,
 ) -> Batch:
     """Solve every design at every pose by `method` "reduced" or "full", without error estimates; returns a `Batch`.
@@ -100,8 +95,9 @@ def batch(
     mechanism: a Mechanism or Scene, or, with `designs` (a list of parameters by name), a function of those parameters that
     returns one. Drive values [m or rad] by name, numbers or arrays of one length. tabulated: take the condensed joints
     from tables over their stroke, made once per design; it pays from some hundred poses on. planar: False solves in
-    space. threads: cores when None. In the plane stability is that in the plane. Raises SceneError for bad input; designs
-    and poses that fail are in the result.
+    space. threads: cores when None. executor: any concurrent.futures executor instead of threads; with processes, where
+    Python works in parallel too, `mechanism` must be a function they can import. In the plane stability is that in the
+    plane. Raises SceneError for bad input; designs and poses that fail are in the result.
     """
     if method not in ("reduced", "full"):
         raise SceneError(f"method = {method!r}: a batch is solved by 'reduced' or 'full'")
@@ -114,18 +110,11 @@ def batch(
         "tabulated": tabulated,
     }
     more: dict[str, Any] = {"mesh": mesh, "extrapolate": extrapolate, "planar": planar and not tabulated}
-    makers = _makers(mechanism, designs)
-
-    def solve(maker: Callable[[], Any]) -> Any:
-        try:
-            return Prepared(Solver(maker(), **more), **ways)(values)
-        except KsdError as reason:
-            return reason
-
-    # the first one alone, so that kernels are compiled once
-    found = [solve(makers[0])]
-    with ThreadPoolExecutor(threads or os.cpu_count() or 1) as pool:
-        found += pool.map(solve, makers[1:])
+    solver, makers = Designs(values, ways, more), _makers(mechanism, designs)
+    if executor is None or designs is None:
+        found = solver.solve(makers, threads or os.cpu_count() or 1)
+    else:
+        found = solver.solve_in(executor, mechanism, designs)
     return _together(found, len(next(iter(values.values()))))
 
 
@@ -148,117 +137,23 @@ def _makers(mechanism: Any, designs: Any) -> list[Callable[[], Any]]:
         raise SceneError("designs: mechanism must be a function of the parameters that returns a Mechanism")
     if not len(designs):
         raise SceneError("designs: give at least one set of parameters")
-    return [lambda d=d: mechanism(**d) for d in designs]  # type: ignore[misc]
-
-
-@dataclass
-class _Found:
-    """Numbers of one design."""
-
-    links: tuple[str, ...]
-    drives: tuple[str, ...]
-    joints: tuple[str, ...]
-    force: np.ndarray
-    x: np.ndarray
-    R: np.ndarray
-    motion: np.ndarray
-    status: np.ndarray
-    error: float = np.nan
-
-
-class Prepared:
-    """One design prepared for batches: call it with drive values, arrays of one length by name."""
-
-    def __init__(
-        self, solver: Solver, *, method: int = REDUCED, passes: int = 0, tabulated: bool = False
-    ) -> None:
-        self.solver, self.five = solver, solver.five_steps
-        self.method, self.passes = method, passes
-        self.tables = joint_tables(self.five.bench.held, self.five.bench.bodies) if tabulated else None
-        b = self.five.bench
-        limits = np.column_stack([b.lowest, b.highest])
-        self._limits = limits + (np.array([-np.inf, np.inf]) if solver.extrapolate else 0.0)
-
-    def __call__(self, values: Mapping[str, np.ndarray]) -> _Found:
-        """All poses, from rest each."""
-        model, b = self.solver.model, self.five.bench
-        model.targets({n: float(v[0]) for n, v in values.items()})
-        count, rows = len(next(iter(values.values()))), len(model.drive_names) + len(model.support_names)
-        targets = np.zeros((count, rows))
-        for k, name in enumerate(model.drive_names):
-            targets[:, k] = values[name]
-        motion, status = np.zeros((count, len(b.theta))), np.zeros(count, np.int64)
-        flat = None if self.tables else _balanced(self.five, values, targets)
-        if flat is not None:
-            ways = (self.method, self.passes, self._limits)
-            force, x, R = _in_plane(self.five, flat, targets, ways, (motion, status))
-        else:
-            force, x, R = self._in_space(targets, motion, status)
-        names = (model.scene.links, model.drive_names, b.bodies.motion_names)
-        error = self.tables.error if self.tables else np.nan
-        return _Found(*names, force, x, R, motion * b.bodies.motion_scale, status, error)
-
-    def _in_space(
-        self, targets: np.ndarray, motion: np.ndarray, status: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Forces (N, rows), positions and rotations of the links."""
-        b, (count, rows) = self.five.bench, targets.shape
-        links = len(self.solver.model.scene.links)
-        force, x, R = np.zeros((count, rows)), np.zeros((count, links, 3)), np.zeros((count, links, 3, 3))
-        put = (force, x, R, motion, status)
-        if self.tables is None:
-            space_many(b.held, targets, rows, self.method, self.passes, _WAYS, self._limits, *put)
-        else:
-            t = self.tables
-            limits = np.column_stack([self._limits, t.limits])
-            tabulated_many(b.held, t.cubic, t.which, targets, rows, _WAYS, limits, *put)
-        return force, x, R
-
-
-def _balanced(five: FiveSteps, values: Mapping[str, np.ndarray], targets: np.ndarray) -> PlanarSteps | None:
-    """The planar five steps, if one pose shows that leafs and loads balance across the plane."""
-    widest = int(np.argmax(np.abs(targets).sum(axis=1)))
-    if isinstance(five.flat, PlanarSteps):
-        with contextlib.suppress(KsdError):
-            at = {n: float(v[widest]) for n, v in values.items()}
-            five(at, targets[widest], method="reduced", passes=0, estimate=False)
-    flat = five.flat
-    return flat if isinstance(flat, PlanarSteps) and isinstance(plane_of(five.model), Plane) else None
-
-
-def _in_plane(
-    five: FiveSteps, flat: PlanarSteps, targets: np.ndarray, ways: tuple, put: tuple[np.ndarray, np.ndarray]
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Forces (N, rows), positions and rotations of the links, from the planar solves."""
-    method, passes, limits = ways
-    lifting = plane_of(five.model).lifting  # type: ignore[union-attr]
-    count, links = len(targets), len(five.model.scene.links)
-    inside = np.ascontiguousarray(targets[:, lifting.row])
-    force, pose = np.zeros((count, len(lifting.row))), np.zeros((count, links, 3))
-    planar_many(flat.held, inside, len(lifting.row), method, passes, _WAYS, limits, force, pose, *put)
-    all_rows = np.zeros(targets.shape)
-    all_rows[:, lifting.row] = force
-    i, j, k = lifting.axes.T
-    x = pose[..., :1] * i + pose[..., 1:2] * j + lifting.height[:links, None] * k
-    c, s = np.cos(pose[..., 2])[..., None, None], np.sin(pose[..., 2])[..., None, None]
-    R = c * (np.outer(i, i) + np.outer(j, j)) + s * (np.outer(j, i) - np.outer(i, j)) + np.outer(k, k)
-    return all_rows, x, R
+    return makers_of(mechanism, designs)
 
 
 def _together(found: list[Any], count: int) -> Batch:
     """One result of all designs; those that failed are nan."""
-    good = [f for f in found if isinstance(f, _Found)]
-    reasons = {d: str(f) for d, f in enumerate(found) if not isinstance(f, _Found)}
+    good = [f for f in found if isinstance(f, Found)]
+    reasons = {d: str(f) for d, f in enumerate(found) if not isinstance(f, Found)}
     if not good:
         raise SceneError(f"no design could be prepared; the first: {reasons[0]}")
     like = good[0]
 
     def stacked(field: str) -> np.ndarray:
         blank = np.full(getattr(like, field).shape, np.nan)
-        parts = [getattr(f, field) if isinstance(f, _Found) else blank for f in found]
+        parts = [getattr(f, field) if isinstance(f, Found) else blank for f in found]
         return np.array(parts, float)
 
-    status = np.array([f.status if isinstance(f, _Found) else np.full(count, NOT_BUILT) for f in found])
+    status = np.array([f.status if isinstance(f, Found) else np.full(count, NOT_BUILT) for f in found])
     numbers = {field: stacked(field) for field in ("force", "x", "R", "motion")}
     for array in numbers.values():
         array[status != 0] = np.nan
@@ -270,6 +165,6 @@ def _together(found: list[Any], count: int) -> Batch:
         numbers["R"],
         {n: motion[:, :, k] for k, n in enumerate(like.joints)},
         status,
-        np.array([f.error if isinstance(f, _Found) else np.nan for f in found]),
+        np.array([f.error if isinstance(f, Found) else np.nan for f in found]),
         reasons,
     )

@@ -12,7 +12,19 @@ from ksd.errors import SceneError
 from ksd.scene.material import Material
 from ksd.scene.profile import Curve, Profile
 from ksd.section import Section, circle
-from ksd.section.checks import Vector, Worded, direction, positive, show, vector, whole, word
+from ksd.section.checks import (
+    Vector,
+    Worded,
+    cross,
+    direction,
+    dot,
+    positive,
+    show,
+    unit,
+    vector,
+    whole,
+    word,
+)
 
 
 @dataclass(frozen=True)
@@ -90,16 +102,15 @@ class Leaf(metaclass=Worded):
             raise SceneError(
                 f"{owner}: from start {self.start} to end {self.end} its length is {length:g} m."
             )
-        e1 = np.subtract(self.end, self.start) / length
-        e1 /= np.linalg.norm(e1)
+        e1 = unit(tuple((b - a) / length for a, b in zip(self.start, self.end, strict=True)))
         if self.width_axis is None:
             least = np.eye(3)[np.argmin(np.abs(e1))]
             axis = direction(np.cross(e1, least), "width_axis", owner=owner)
         else:
             axis = direction(self.width_axis, "width_axis", owner=owner)
-        lean = float(np.dot(axis, e1))
+        lean = dot(axis, e1)
         if abs(lean) > 1e-6:
-            flat = np.asarray(axis) - lean * e1
+            flat = [a - lean * b for a, b in zip(axis, e1, strict=True)]
             hint = f"; nearest: ({', '.join(f'{c:.6g}' for c in flat)})" if abs(lean) < 0.999 else ""
             raise SceneError(
                 f"{owner}: width_axis = {show(self.width_axis)} must be perpendicular to the leaf along "
@@ -115,10 +126,11 @@ class Leaf(metaclass=Worded):
     @property
     def axes(self) -> np.ndarray:
         """(3, 3) columns e1 along the chord, e2 thickness, e3 width, orthonormal, in the frame of start and end."""
-        e1 = np.subtract(self.end, self.start) / math.dist(self.start, self.end)
-        e3 = np.asarray(self.width_axis) - np.dot(np.asarray(self.width_axis), e1) * e1
-        e3 /= np.linalg.norm(e3)
-        return np.column_stack([e1, np.cross(e3, e1), e3])
+        e1 = unit(tuple(b - a for a, b in zip(self.start, self.end, strict=True)))
+        width = self.width_axis or (0.0, 0.0, 0.0)
+        lean = dot(width, e1)
+        e3 = unit(tuple(a - lean * b for a, b in zip(width, e1, strict=True)))
+        return np.array([e1, cross(e3, e1), e3]).T.copy()
 
 
 def wire(*, diameter: float, material: Material, name: str = "wire", **leaf: Any) -> Leaf:

@@ -9,7 +9,7 @@ import numpy as np
 from ksd.errors import SceneError
 from ksd.scene.contents import Matrix
 from ksd.scene.drive import DriveTerm
-from ksd.section.checks import direction, show
+from ksd.section.checks import cross, direction, dot, show, unit
 
 
 def numbered(default: str, used: set[str]) -> str:
@@ -31,17 +31,17 @@ def axis_word(term: DriveTerm) -> str:
 
 def rotation_at(axis: Any, toward: Any, owner: str) -> Matrix:
     """Columns x = toward, y = axis x toward, z = axis, after a check that the two are perpendicular."""
-    z = np.asarray(direction(axis, "axis", owner=owner))
-    x = np.asarray(direction(toward, "toward", owner=owner))
-    lean = float(x @ z)
+    # plain numbers: a design loop comes by here for every joint, and arrays of three cost ten times as much
+    z = direction(axis, "axis", owner=owner)
+    x = direction(toward, "toward", owner=owner)
+    lean = dot(x, z)
     if abs(lean) > 1e-6:
         raise SceneError(
             f"{owner}: toward = {show(toward)} must be perpendicular to axis = {show(axis)}; "
             f"the angle between them is {np.degrees(np.arccos(np.clip(lean, -1, 1))):.4g} degrees."
         )
     if abs(lean) > 1e-15:
-        x = x - lean * z
-        x = x / np.linalg.norm(x)
-    R = np.column_stack([x, np.cross(z, x), z]) + 0.0
-    rows = [tuple(float(c) for c in row) for row in R]
-    return rows[0], rows[1], rows[2]  # type: ignore[return-value]
+        x = unit(tuple(a - lean * b for a, b in zip(x, z, strict=True)))
+    y = cross(z, x)
+    # -0.0 becomes 0.0
+    return tuple((x[r] + 0.0, y[r] + 0.0, z[r] + 0.0) for r in range(3))  # type: ignore[return-value]

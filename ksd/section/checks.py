@@ -179,6 +179,22 @@ def direction(value: Any, what: str, *, owner: str = "") -> Vector:
     return x / length, y / length, z / length
 
 
+def dot(a: Vector, b: Vector) -> float:
+    """Scalar product of three numbers each."""
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+def cross(a: Vector, b: Vector) -> Vector:
+    """Vector product of three numbers each."""
+    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
+
+
+def unit(a: Any) -> Vector:
+    """Three numbers, not all zero, scaled to length one."""
+    length = math.hypot(*a)
+    return a[0] / length, a[1] / length, a[2] / length
+
+
 def word(value: Any, what: str, *, owner: str = "") -> str:
     """A name: text that is not empty."""
     if not isinstance(value, str) or not value.strip():

@@ -30,12 +30,15 @@ _CODES = {"kinematic": KINEMATIC, "reduced": REDUCED, "full": FULL}
 
 
 class FiveSteps:
-    """Call with drive values; storage is used again each time, so not from two threads at once."""
+    """Call with drive values; storage is used again each time, so not from two threads at once.
+
+    wants_plane: whether the plane is taken where there is one.
+    """
 
     def __init__(self, model: Model, bodies: JointBodies, *, extrapolate: bool, planar: bool) -> None:
         self.model, self.extrapolate = model, extrapolate
         self.bench = Bench.of(model, bodies)
-        self._planar = planar
+        self.wants_plane = planar
         self._flat: PlanarSteps | str | None = None
         self._balanced = 0.0
         self._out: dict[int, np.ndarray] = {}
@@ -54,7 +57,9 @@ class FiveSteps:
     def flat(self) -> PlanarSteps | str:
         """The planar five steps, or why there are none."""
         if self._flat is None:
-            self._flat = prepare_planar(self.model, self.bench.bodies) if self._planar else "planar = False"
+            self._flat = (
+                prepare_planar(self.model, self.bench.bodies) if self.wants_plane else "planar = False"
+            )
         return self._flat
 
     def _in_plane(

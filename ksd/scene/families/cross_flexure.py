@@ -9,7 +9,7 @@ from typing import Any, ClassVar
 from ksd.errors import SceneError
 from ksd.scene.clearance import check_clear
 from ksd.scene.families.sheet import turns
-from ksd.scene.joint import Joint, Motion
+from ksd.scene.joint import Joint, Motion, leafs_of
 from ksd.scene.leaf import Leaf, mesh
 from ksd.scene.material import Material
 from ksd.section import rectangle
@@ -86,7 +86,7 @@ class CrossFlexure(Joint):
             )
         for key, value in clean.items():
             object.__setattr__(self, key, value)
-        check_clear(self.leafs(), owner=name, advice="raise the spacing to half the sum of the widths")
+        check_clear(leafs_of(self), owner=name, advice="raise the spacing to half the sum of the widths")
 
     @property
     def pose_B(self) -> Vector:

@@ -14,7 +14,7 @@ from typing import ClassVar
 
 from ksd.scene.clearance import check_clear
 from ksd.scene.families.sheet import Point, check_sheet, flat, inside, strip, turns
-from ksd.scene.joint import Joint, Motion
+from ksd.scene.joint import Joint, Motion, leafs_of
 from ksd.scene.leaf import Leaf
 from ksd.scene.material import Material
 from ksd.section.checks import Vector
@@ -63,7 +63,7 @@ class InfinityHinge(Joint):
         name = type(self).__name__
         object.__setattr__(self, "reach", inside(self.reach, "reach", (0.25, 0.6), owner=name))
         object.__setattr__(self, "strut", inside(self.strut, "strut", (0.1, 0.6), owner=name))
-        check_clear(self.leafs(), owner=name, advice="raise reach or reduce strut")
+        check_clear(leafs_of(self), owner=name, advice="raise reach or reduce strut")
 
     @property
     def pose_B(self) -> Vector:

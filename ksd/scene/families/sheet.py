@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import lru_cache
 from typing import Any
 
 from ksd.errors import SceneError
@@ -60,6 +61,7 @@ def strip(
     )
 
 
+@lru_cache(maxsize=64)
 def turns(reach: float) -> tuple[Motion, ...]:
     """The intended rotation of a hinge about z, +-reach [rad]."""
     return (Motion("angle", "rotation", (0.0, 0.0, 1.0), (-reach, reach)),)

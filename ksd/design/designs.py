@@ -1,0 +1,172 @@
+"""Many designs in threads: the first of a kind is prepared, those like it are refilled into its storage."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import threading
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any
+
+import numpy as np
+
+from ksd.design.prepared import Found, Prepared
+from ksd.design.refill import Drawing, Refill, drawing
+from ksd.design.refill.drawing import numbers_of
+from ksd.design.refill.refill import Ready, shear_matters
+from ksd.errors import KsdError
+from ksd.model.mesh import Mesh
+from ksd.model.plane import Plane
+from ksd.solve.choose import Solver
+from ksd.solve.driving import RTOL
+from ksd.solve.planar_steps import GAP, PlanarSteps
+from ksd.solve.reach import in_range
+from ksd.solve.space_steps import REDUCED, look_over
+
+Maker = Callable[[], Any]
+CHUNK = 64
+"""Designs whose numbers are computed together."""
+ALIKE = 3
+"""Designs of one topology from which on refilling is worth its preparation."""
+
+
+class Designs:
+    """Solves designs at drive values; ways: method, passes, tabulated (`Prepared`), more: words of `Solver`."""
+
+    def __init__(
+        self, values: Mapping[str, np.ndarray], ways: Mapping[str, Any], more: Mapping[str, Any]
+    ) -> None:
+        self.values, self.ways, self.more = values, ways, more
+        self.mesh: Mesh = more["mesh"] or Mesh()
+        self._own = threading.local()
+
+    def solve(self, makers: Sequence[Maker], threads: int) -> list[Any]:
+        """What was found of every design, or the KsdError that stopped it."""
+        # the first one alone, so that kernels are compiled once
+        found = self._chunk(makers[:1])
+        size = max(1, min(CHUNK, -(-len(makers) // (4 * threads))))
+        chunks = [makers[k : k + size] for k in range(1, len(makers), size)]
+        with ThreadPoolExecutor(threads) as pool:
+            for part in pool.map(self._chunk, chunks):
+                found += part
+        return found
+
+    def solve_in(self, executor: Any, mechanism: Any, designs: Sequence[Mapping[str, Any]]) -> list[Any]:
+        """As `solve`, in the workers of a concurrent.futures executor; `mechanism` must be known there by name."""
+        workers = int(getattr(executor, "_max_workers", None) or os.cpu_count() or 1)
+        size = max(CHUNK, -(-len(designs) // (2 * workers)))
+        parts = [designs[k : k + size] for k in range(0, len(designs), size)]
+        said = (mechanism, self.values, self.ways, self.more)
+        waiting = [executor.submit(_elsewhere, said, list(part)) for part in parts]
+        return [found for job in waiting for found in job.result()]
+
+    def _chunk(self, makers: Sequence[Maker]) -> list[Any]:
+        """Some designs in one thread: those alike by refilling, the others one by one."""
+        scenes: list[Any] = []
+        for maker in makers:
+            try:
+                made = maker()
+                scenes.append(made.scene() if hasattr(made, "scene") else made)
+            except KsdError as reason:
+                scenes.append(reason)
+        found: list[Any] = [s if isinstance(s, KsdError) else None for s in scenes]
+        for key, group in self._alike(scenes).items():
+            self._refilled(key, group, scenes, found)
+        for d, scene in enumerate(scenes):
+            if found[d] is None:
+                found[d] = self._fresh(scene)
+        return found
+
+    def _fresh(self, scene: Any) -> Any:
+        try:
+            return Prepared(Solver(scene, **self.more), **self.ways)(self.values)
+        except KsdError as reason:
+            return reason
+
+    def _alike(self, scenes: Sequence[Any]) -> dict[tuple, list[tuple[int, Drawing]]]:
+        """Groups of (design, drawing) of equal topology and equal effects."""
+        groups: dict[tuple, list[tuple[int, Drawing]]] = {}
+        if self.ways["tabulated"] or not isinstance(self.mesh, Mesh):
+            return groups
+        for d, scene in enumerate(scenes):
+            drawn = drawing(scene) if hasattr(scene, "fingerprint") else None
+            if drawn is not None:
+                groups.setdefault(drawn.words, []).append((d, drawn))
+        found: dict[tuple, list[tuple[int, Drawing]]] = {}
+        for words, group in groups.items():
+            first = group[0]
+            n = numbers_of(scenes[first[0]], first[1].joints, [drawn.numbers for _, drawn in group])
+            for member, shear in zip(group, shear_matters(n.leaf, self.mesh), strict=True):
+                found.setdefault((words, bool(shear)), []).append(member)
+        return found
+
+    def _refilled(
+        self, key: tuple, group: list[tuple[int, Drawing]], scenes: Sequence[Any], found: list[Any]
+    ) -> None:
+        """Solve those of a group that fit the storage of the first of their kind; leaves the others None."""
+        kept: dict[Any, tuple[Prepared, Refill] | None] = self._own.__dict__
+        if key not in kept:
+            if len(group) < ALIKE:
+                return
+            kept[key] = self._storage(scenes[group[0][0]], group[0][1])
+        storage = kept[key]
+        if storage is None:
+            return
+        prepared, refill = storage
+        ready = refill.ready([drawn for _, drawn in group])
+        targets = prepared.targets(self.values)
+        for k, (d, _) in enumerate(group):
+            if ready.fits[k]:
+                try:
+                    size = refill.put(ready, k)
+                    found[d] = self._poses(prepared, ready, k, targets, size)
+                except KsdError as reason:
+                    found[d] = reason
+
+    def _storage(self, scene: Any, drawn: Drawing) -> tuple[Prepared, Refill] | None:
+        """A prepared design and how others get into its storage; None where they cannot."""
+        try:
+            prepared = Prepared(Solver(scene, **self.more), **self.ways)
+            prepared.targets(self.values)
+        except KsdError:
+            return None
+        refill = Refill(prepared.five, drawn)
+        return (prepared, refill) if refill.works else None
+
+    def _poses(self, prepared: Prepared, ready: Ready, k: int, targets: np.ndarray, size: float) -> Found:
+        """All poses of the design in the storage."""
+        flat = prepared.five.flat
+        inside = isinstance(flat, PlanarSteps) and balanced(prepared, targets, size)
+        steps = flat if inside and isinstance(flat, PlanarSteps) else None
+        return prepared.solved(targets, steps, ready.motion_scale[k])
+
+
+def makers_of(mechanism: Any, designs: Sequence[Mapping[str, Any]]) -> list[Maker]:
+    """What makes each design."""
+    return [lambda d=d: mechanism(**d) for d in designs]  # type: ignore[misc]
+
+
+def _elsewhere(said: tuple, designs: list[Mapping[str, Any]]) -> list[Any]:
+    """Some designs in a worker of an executor."""
+    mechanism, *words = said
+    return Designs(*words).solve(makers_of(mechanism, designs), 1)
+
+
+def balanced(prepared: Prepared, targets: np.ndarray, size: float) -> bool:
+    """Whether leafs and loads of the design in the storage balance across the plane: looked at once, as single solves
+    do, at the widest pose; size: its length scale [m]. True where that pose is not reached."""
+    five, plane = prepared.five, prepared.plane
+    flat, b = five.flat, five.bench
+    assert isinstance(flat, PlanarSteps) and isinstance(plane, Plane)
+    target = targets[int(np.argmax(np.abs(targets).sum(axis=1)))]
+    out, rows, _ = flat(target[plane.lifting.row], method=REDUCED, passes=0)
+    if out[0, 0] != 0 or not out[0, 2] < GAP * size or rows != 4 or out[3, 0] != 0:
+        return True
+    with contextlib.suppress(KsdError):
+        in_range(b, flat.state.theta, extrapolate=five.extrapolate)
+        plane.lift(flat.state.full, b.full)
+        if np.abs(flat.state.found).max(initial=0.0) > 0.0:
+            look_over(b.held, target, RTOL, 0)
+            return bool(plane.imbalance(b.full_work)[0] <= 1.0)
+    return True

@@ -1,0 +1,188 @@
+"""The storage of one prepared design, and how the numbers of other designs get into it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+
+from ksd.bodies.freedom import check_freedoms
+from ksd.design.refill.drawing import Drawing, Numbers, numbers_of
+from ksd.design.refill.plane import Flat, stays_in_plane
+from ksd.design.refill.polynomials import Polynomials
+from ksd.design.refill.scales import scales
+from ksd.design.refill.space import Filled, Space
+from ksd.library import find_record
+from ksd.model.effects import MARGIN
+from ksd.model.mesh import Mesh
+from ksd.model.plane import Plane, plane_of
+from ksd.solve.five import FiveSteps
+from ksd.solve.planar_steps import PlanarSteps
+
+SAME = 1e-12
+"""Relative difference, to the largest number of an array, below which a refilled array is that of a fresh model."""
+ACCURACY = 1e-3
+"""What models are compiled for when nobody says otherwise."""
+
+
+def shear_matters(leaf: np.ndarray, mesh: Mesh) -> np.ndarray:
+    """(D,): whether the estimate keeps the shear of the leafs (D, F, LEAF), see `ksd.model.estimates`."""
+    if not mesh.shear:
+        return np.zeros(len(leaf), bool)
+    L, E, G, A, _, Iy, Iz, ky, kz = np.moveaxis(leaf[:, :, 9:], 2, 0)
+    parts = [12.0 * E * inertia / (k * G * A * L * L) for inertia, k in ((Iz, ky), (Iy, kz))]
+    change = np.maximum(*parts).max(axis=1)
+    return np.asarray((change > MARGIN * ACCURACY) | ~np.isfinite(change))
+
+
+@dataclass(frozen=True)
+class Ready:
+    """Numbers of D designs computed: for the storage in space and in the plane, trained shapes and same topology (D,).
+
+    motion_scale (D, q): from intended motions to rad or m. size (D,): length scale of the mechanism.
+    """
+
+    space: Filled
+    flat: Filled
+    fits: np.ndarray
+    motion_scale: np.ndarray
+
+
+class Refill:
+    """Made of one design prepared afresh; `ready` computes the arrays of others, `put` writes one of them."""
+
+    def __init__(self, five: FiveSteps, drawn: Drawing) -> None:
+        self.five, self.model, self.joints = five, five.model, drawn.joints
+        bodies = five.bench.bodies
+        plane, steps = plane_of(self.model), five.flat
+        self.own = self.numbers([drawn])
+        self.polynomials = Polynomials(
+            drawn.joints, [find_record(j.family) for j in drawn.joints], self.model.mesh
+        )
+        self.works = False
+        if not self.polynomials.known or bodies.hanging or self.model.mesh.nodal:
+            return
+        self.space = Space(self.model, bodies, drawn.joints, self.polynomials, self.own)
+        self.flat: Flat | None = None
+        self.plane: Plane | None = None
+        if isinstance(plane, Plane) and isinstance(steps, PlanarSteps):
+            self.plane = plane
+            self.flat = Flat(five, plane, steps, self.space, self.own)
+            self.flat_words = _Words(steps.held)
+        self.space_words = _Words(five.bench.held)
+        self.kinds = np.array(
+            [m.kind == "translation" for p in self.model.scene.joints for m in p.joint.motions]
+        )
+        self.of_motion = np.repeat(
+            self.space.top.joint, [len(p.joint.motions) for p in self.model.scene.joints]
+        )
+        stack, _ = self.polynomials([self.polynomials.shapes(drawn.joints)])
+        self.works = self.space.keep(stack, self._scale(self.own)[0]) and self._reproduces(drawn)
+
+    def numbers(self, drawn: Sequence[Drawing]) -> Numbers:
+        """The numbers of drawings with the words of this design."""
+        return numbers_of(self.model.scene, self.joints, [d.numbers for d in drawn])
+
+    def _scale(self, n: Numbers) -> np.ndarray:
+        return scales(n.leaf, self.model.mesh, self.space.counts)
+
+    def _reproduces(self, drawn: Drawing) -> bool:
+        """Whether the arrays computed for the design it was made of are those it has."""
+        ready = self.ready([drawn])
+        if not ready.fits[0]:
+            return False
+        pairs = [(self.space_words, ready.space)] + ([(self.flat_words, ready.flat)] if self.flat else [])
+        return all(words.holds(filled) for words, filled in pairs)
+
+    def ready(self, drawn: Sequence[Drawing]) -> Ready:
+        """Compute the arrays of designs with the words of this one."""
+        n = self.numbers(drawn)
+        shapes, known = [], np.ones(len(drawn), bool)
+        for d, drawing in enumerate(drawn):
+            try:
+                shapes.append(self.polynomials.shapes(drawing.joints))
+            except KeyError:
+                shapes.append(self.polynomials.shapes(self.joints))
+                known[d] = False
+        stack, trained = self.polynomials(shapes)
+        filled, fits = self.space(n, stack)
+        fits &= known & trained
+        flat: Filled = {}
+        if self.flat is not None:
+            fits &= self.flat.fits(n, filled)
+            flat = self.flat(filled, self._scale(n))
+        elif self.five.wants_plane and not self._flat_by_drawing(self.own, None)[0]:
+            fits &= ~self._flat_by_drawing(n, filled)
+        scale = np.where(self.kinds, n.length[:, self.of_motion], 1.0)
+        return Ready(filled, flat, fits, scale)
+
+    def _flat_by_drawing(self, n: Numbers, filled: Filled | None) -> np.ndarray:
+        """(D,): whether designs might have planar five steps where this one has none."""
+        arrays, frames = self.model.arrays, None
+        frames = arrays.members.frame[None] if filled is None else filled["bodies.full.members.frame"]
+        drives = range(int(arrays.terms.first[len(self.model.drive_names)]))
+        return stays_in_plane(n, frames, arrays.terms.kind, drives, self.space.top.load_kept)
+
+    def put(self, ready: Ready, d: int) -> float:
+        """Write design d into the storage. Returns its length scale. Raises KinematicsError as a fresh model does."""
+        self.space_words.put(ready.space, d)
+        if self.flat is not None and self.plane is not None:
+            self.flat_words.put(ready.flat, d)
+            self.plane.lifting.height[:] = ready.flat["height"][d]
+        size = float(ready.space["bodies.reduced.size"][d])
+        parts = self.five.bench.held.parts
+        loose: Any = SimpleNamespace(
+            loops=parts.bodies.loops, reduced=parts.bodies.reduced._replace(size=size),
+            reduced_rest=parts.rest.reduced, motion_names=self.five.bench.bodies.motion_names,
+        )  # fmt: skip
+        check_freedoms(self.model, loose)
+        return size
+
+
+class _Words:
+    """The arrays and numbers of held storage by their names."""
+
+    def __init__(self, held: Any) -> None:
+        self.held = held
+        self.arrays: dict[str, np.ndarray] = {}
+        self.numbers: dict[str, int] = {}
+        self._collect(held.parts, "", 0)
+        self.bits = held.table.view(np.float64)
+
+    def _collect(self, part: Any, name: str, at: int) -> int:
+        """Walk in the order of `ksd.numerics.held`; returns the next word."""
+        if isinstance(part, np.ndarray):
+            self.arrays[name] = part
+            return at + 1 + part.ndim
+        if not isinstance(part, tuple):
+            self.numbers[name] = at
+            return at + 1
+        for field in part._fields:  # type: ignore[attr-defined]
+            at = self._collect(getattr(part, field), f"{name}.{field}" if name else field, at)
+        return at
+
+    def put(self, filled: Filled, d: int) -> None:
+        """Write row d of all."""
+        for name, values in filled.items():
+            if name in self.arrays:
+                self.arrays[name][...] = values[d]
+            elif name in self.numbers:
+                self.bits[self.numbers[name]] = values[d]
+
+    def holds(self, filled: Filled) -> bool:
+        """Whether row 0 of all is what is held."""
+        for name, values in filled.items():
+            if name in self.numbers:
+                have: Any = self.bits[self.numbers[name]]
+            elif name in self.arrays:
+                have = self.arrays[name]
+            else:
+                continue
+            if values[0].shape != have.shape:
+                return False
+            if np.abs(values[0] - have).max(initial=0.0) > SAME * np.abs(have).max(initial=0.0):
+                return False
+        return True

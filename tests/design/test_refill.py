@@ -1,0 +1,208 @@
+"""Designs refilled in place give the arrays and the answers of designs prepared afresh."""
+
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+import pytest
+from scenes import STEEL, cross_flexure, fourbar
+
+import ksd
+from ksd.design import designs as many
+from ksd.design.batch import NOT_BUILT
+from ksd.design.prepared import Prepared
+from ksd.design.refill import Refill, drawing
+from ksd.design.refill.refill import _Words
+from ksd.model.mesh import Mesh
+from ksd.solve.choose import Solver
+from ksd.solve.planar_steps import PlanarSteps
+from ksd.units import GPa, deg, mm
+
+MESHES = {"strain": Mesh(), "chain": Mesh("corotational", elements=3)}
+
+
+def bar(length=100 * mm, angle=45 * deg, thickness=1 * mm, inner=40 * mm, high=0.3, E=200.0, **_):
+    """The fourbar with upper joints of another material."""
+    joint = ksd.CrossFlexure(STEEL, length=length, angle=angle, thickness=thickness, widths=(inner, 20 * mm))
+    other = ksd.CrossFlexure(
+        ksd.Material(E=E * GPa, G=0.4 * E * GPa),
+        length=length,
+        angle=angle,
+        thickness=thickness,
+        widths=(inner, 20 * mm),
+    )
+    scene = ksd.Mechanism("fourbar")
+    left, top, right = scene.links("left", "top", "right")
+    scene.join(scene.ground, left, joint, at=(-0.2, 0, 0), axis="z", toward="y")
+    scene.join(left, top, other, at=(-0.2, high, 0), axis="z", toward="y")
+    scene.join(right, top, other, at=(0.2, high, 0), axis="-z", toward="y")
+    scene.join(scene.ground, right, joint, at=(0.2, 0, 0), axis="z", toward="y")
+    scene.actuate(top, along="x", at=(0, high + joint.length_AB, 0), name="drive")
+    scene.load(left, force=(3.0 * E / 200, -5.0, 0), moment=(0, 0, 0.1), at=(-0.2, 0.5 * high, 0))
+    return scene
+
+
+def slider(length=100 * mm, thickness=0.5 * mm, wheel=80 * mm, aside=0.0, **_):
+    """A guide carrying a cartwheel seen from behind: a sliding motion, internal blocks, two drives, a support."""
+    scene = ksd.Mechanism("slider")
+    stage, arm = scene.links("stage", "arm")
+    guide = ksd.ParallelGuide(STEEL, length=length, thickness=thickness, width=30 * mm, spacing=60 * mm)
+    pivot = ksd.Cartwheel(STEEL, length=wheel, angle=45 * deg, thickness=0.6 * mm, width=20 * mm)
+    scene.join(scene.ground, stage, guide, at=(0, 0, 0), axis="z", toward="x", name="guide")
+    scene.join(stage, arm, pivot, at=(0.1, aside, 0), axis="-z", toward="x", name="wheel")
+    scene.actuate_joint("guide", name="drive")
+    scene.actuate_joint("wheel", name="turn")
+    scene.load(arm, force=(0.5, 1.0, 0), at=(0.15, 0.02, 0))
+    return scene
+
+
+def arm(length=100 * mm, angle=45 * deg, thickness=1 * mm, high=0.3, **_):
+    """Two cross flexures about z and y: nothing planar."""
+    joint, scene = cross_flexure(length=length, angle=angle, thickness=thickness), ksd.Mechanism("arm")
+    one, two = scene.links("one", "two")
+    scene.actuate_joint(
+        scene.join(scene.ground, one, joint, at=(0, 0, 0), axis="z", toward="x"), name="drive"
+    )
+    scene.actuate_joint(scene.join(one, two, joint, at=(0.1, 0, high), axis="y", toward="x"), name="second")
+    scene.load(two, force=(0, 2.0, -3.0), at=(0.3, 0, high))
+    return scene
+
+
+SCENES = {"bar": (bar, {}), "slider": (slider, {"turn": 0.1}), "arm": (arm, {"second": 0.2})}
+RANGES = {
+    "length": (90 * mm, 110 * mm), "angle": (40 * deg, 50 * deg), "thickness": (0.4 * mm, 1.2 * mm),
+    "inner": (30 * mm, 45 * mm), "high": (0.28, 0.32), "E": (70.0, 210.0), "wheel": (70 * mm, 90 * mm),
+    "aside": (0.0, 0.02),
+}  # fmt: skip
+
+
+def drawn(count, seed=1):
+    rng = np.random.default_rng(seed)
+    return [{n: float(rng.uniform(*r)) for n, r in RANGES.items()} for _ in range(count)]
+
+
+def stored(five):
+    """Everything the five steps read, by name."""
+    found = {f"space {n}": a for n, a in _Words(five.bench.held).arrays.items() if not n.startswith("state")}
+    if isinstance(five.flat, PlanarSteps):
+        words = _Words(five.flat.held)
+        found |= {f"plane {n}": a for n, a in words.arrays.items() if not n.startswith("state")}
+        found |= {f"plane {n}": words.bits[at] for n, at in words.numbers.items() if n.endswith("size")}
+    words = _Words(five.bench.held)
+    return found | {f"space {n}": words.bits[at] for n, at in words.numbers.items() if n.endswith("size")}
+
+
+@pytest.mark.parametrize("mesh", MESHES)
+@pytest.mark.parametrize("name", SCENES)
+def test_refilled_arrays_are_those_of_a_fresh_model(name, mesh):
+    maker, _ = SCENES[name]
+    first, *others = [maker(**d) for d in drawn(3)]
+    five = Solver(first, mesh=MESHES[mesh]).five_steps
+    refill = Refill(five, drawing(first.scene()))
+    assert refill.works and (refill.flat is None) == (name == "arm")
+    ready = refill.ready([drawing(m.scene()) for m in others])
+    assert ready.fits.all()
+    for d, other in enumerate(others):
+        refill.put(ready, d)
+        mine, theirs = stored(five), stored(Solver(other, mesh=MESHES[mesh]).five_steps)
+        assert mine.keys() == theirs.keys()
+        for key, wanted in theirs.items():
+            scale = np.abs(wanted).max(initial=0.0)
+            assert np.abs(mine[key] - wanted).max(initial=0.0) <= 1e-13 * scale, key
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_batches_of_refilled_designs_answer_as_designs_prepared_one_by_one(name, monkeypatch):
+    maker, more = SCENES[name]
+    stroke = np.linspace(0.0, 0.01 if name == "slider" else 0.15, 3)
+    asked = {"designs": drawn(6), "drive": stroke, "threads": 1, **more}
+    for options in ({}, {"method": "full", "mesh": MESHES["chain"]}):
+        near = ksd.batch(maker, **asked, **options)
+        with monkeypatch.context() as patch:
+            patch.setattr(many, "ALIKE", 10**9)
+            exact = ksd.batch(maker, **asked, **options)
+        assert near.status.tolist() == exact.status.tolist() and exact.solved >= 15
+        for field in ("forces", "motions"):
+            for key, wanted in getattr(exact, field).items():
+                scale = np.nanmax(np.abs(wanted))
+                assert np.nanmax(np.abs(getattr(near, field)[key] - wanted)) <= 1e-10 * scale
+        assert np.nanmax(np.abs(near.positions - exact.positions)) <= 1e-13
+        assert np.nanmax(np.abs(near.rotations - exact.rotations)) <= 1e-12
+
+
+def odd(kind, thickness=1 * mm):
+    """Fourbars that differ in more than numbers, or cannot be solved."""
+    if kind == "steep":
+        return fourbar(joint=cross_flexure(thickness=thickness, angle=5 * deg))
+    if kind == "refused":
+        return fourbar(joint=cross_flexure(thickness=-thickness))
+    scene = fourbar(joint=cross_flexure(thickness=thickness))
+    if kind == "taller":
+        scene = fourbar(joint=cross_flexure(thickness=thickness), reading=2)
+    if kind == "heavy":
+        scene.gravity = (0, -9.81, 0)
+        scene.mass("top", mass=1.0, at=(0, 0.3, 0))
+    if kind == "pushed":
+        scene.load("top", force=(0, 1.0, 0), at=(0, 0.3, 0))
+    return scene
+
+
+def test_designs_of_other_kinds_in_one_batch_are_prepared_afresh_and_failures_told():
+    kinds = ["plain", "steep", "pushed", "plain", "refused", "taller", "plain", "heavy", "plain"]
+    sizes = [{"kind": k, "thickness": (0.8 + 0.05 * i) * mm} for i, k in enumerate(kinds)]
+    found = ksd.batch(odd, designs=[sizes[0], *sizes], top=[0.05, 0.1], threads=1)
+    for d, size in enumerate(sizes, start=1):
+        if size["kind"] in ("steep", "refused"):
+            assert (found.status[d] == NOT_BUILT).all()
+            assert ("angle" if size["kind"] == "steep" else "thickness") in found.why(d, 0)
+            continue
+        single = Prepared(Solver(odd(**size)))({"top": np.array([0.05, 0.1])})
+        assert found.forces["top"][d] == pytest.approx(single.force[:, 0], rel=1e-12)
+    assert len(found.failures) == 4
+
+
+def test_a_refilled_design_that_locks_or_leaves_its_plane_is_seen():
+    def pushed(shift):
+        """A load that pushes out of the plane, or is none."""
+        scene = fourbar()
+        scene.load("top", force=(0, 0, shift), at=(0, 0.3, 0))
+        return scene
+
+    flat = ksd.batch(pushed, designs=[{"shift": 0.0}] * 4 + [{"shift": 5.0}] * 2, top=[0.1], threads=1)
+    assert flat.solved == 6
+    assert flat.positions[5, 0, 2, 2] != pytest.approx(0.0, abs=1e-9)
+    assert flat.positions[3, 0, 2, 2] == pytest.approx(0.0, abs=1e-12)
+
+    def driven(turn):
+        """Two joints in a row; across the row the end moves, along it nothing does."""
+        scene = ksd.Mechanism("driven")
+        one, two = scene.links("one", "two")
+        first = scene.join(scene.ground, one, cross_flexure(), at=(0, 0, 0), axis="z", toward="x")
+        scene.join(one, two, cross_flexure(), at=(0.2, 0, 0), axis="z", toward="x")
+        scene.actuate_joint(first, name="turn")
+        scene.actuate(two, along=(np.cos(turn), np.sin(turn), 0), at=(0.4, 0, 0), name="end")
+        return scene
+
+    turns = [{"turn": t * deg} for t in (90, 80, 70, 60, 0)]
+    found = ksd.batch(driven, designs=turns, turn=0.0, end=0.001, threads=1)
+    assert found.status[:, 0].tolist() == [0, 0, 0, 0, NOT_BUILT]
+    assert "moves nothing" in found.why(4, 0)
+
+
+def test_shear_is_kept_where_its_estimate_says_so_design_by_design():
+    def thin(width):
+        return fourbar(joint=cross_flexure(thickness=0.05 * mm, widths=(width, 0.5 * width)))
+
+    sizes = [{"width": w * mm} for w in (0.5, 0.52, 0.54, 0.6, 0.62, 0.64)]
+    assert [Solver(thin(**s)).model.mesh.shear for s in sizes] == [False] * 3 + [True] * 3
+    found = ksd.batch(thin, designs=[sizes[0], *sizes], top=0.05, threads=1)
+    for d, size in enumerate(sizes, start=1):
+        single = Prepared(Solver(thin(**size)))({"top": np.array([0.05])})
+        assert found.forces["top"][d] == pytest.approx(single.force[:, 0], rel=1e-12)
+
+
+def test_designs_go_to_any_executor():
+    sizes = drawn(5)
+    here = ksd.batch(bar, designs=sizes, drive=[0.05, 0.1], threads=1)
+    with ThreadPoolExecutor(2) as pool:
+        there = ksd.batch(bar, designs=sizes, drive=[0.05, 0.1], executor=pool)
+    assert there.forces["drive"] == pytest.approx(here.forces["drive"], rel=1e-12)
