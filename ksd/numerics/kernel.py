@@ -70,7 +70,9 @@ class Kernel:
         """What Python calls."""
         import numba
 
-        return numba.njit(**self.targetoptions)(self.py_func)
+        from ksd.numerics.within import Outside
+
+        return numba.njit(pipeline_class=Outside, **self.targetoptions)(self.py_func)
 
     def __call__(self, *arguments: Any) -> Any:
         return self._call(*arguments)
@@ -170,11 +172,15 @@ def compile_late(*names: str) -> None:
     """Compile (or load from the cache) the late entry points of these names, once per process."""
     from numba import cfunc
 
+    from ksd.numerics.within import Outside
+
     for name in names:
         inner, signature, cell = _LATE[name]
         if name not in _READY:
             with turn(name):
-                compiled = cfunc(signature, cache=FOLDER is not None, error_model="numpy")(inner)
+                compiled = cfunc(
+                    signature, cache=FOLDER is not None, pipeline_class=Outside, error_model="numpy"
+                )(inner)
             cell[0] = compiled.address
             _ALIVE.append(compiled)
             _READY.add(name)

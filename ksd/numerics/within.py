@@ -11,7 +11,7 @@ from typing import Any
 
 import numba
 from numba.core.codegen import JITCodeLibrary
-from numba.core.compiler import CompilerBase, DefaultPassBuilder
+from numba.core.compiler import CompilerBase, DefaultPassBuilder, Flags
 from numba.core.compiler_machinery import register_pass
 from numba.core.extending import typeof_impl
 from numba.core.typed_passes import NativeLowering
@@ -62,11 +62,41 @@ class _Lowering(NativeLowering):  # type: ignore[misc]
         return bool(super().run_pass(state))
 
 
-class _Compiler(CompilerBase):  # type: ignore[misc]
-    """Numba's passes with our lowering."""
+class _Flags(Flags):  # type: ignore[misc]
+    """Numba's compiler flags, compared by what is set: it compares all of them whenever it types a call."""
+
+    __slots__ = ()
+
+    def __hash__(self) -> int:
+        return _HASH
+
+    def __eq__(self, other: object) -> bool:
+        if isinstance(other, Flags) and self._values == other._values:
+            return True
+        return bool(super().__eq__(other))
+
+
+_HASH = hash(Flags())
+"""Numba hashes the names of the flags, which all flags share."""
+
+
+class Outside(CompilerBase):  # type: ignore[misc]
+    """Numba's passes, with our flags."""
+
+    def __init__(
+        self, typingctx: Any, targetctx: Any, library: Any, args: Any, return_type: Any, flags: Any, local: Any
+    ) -> None:
+        super().__init__(typingctx, targetctx, library, args, return_type, _Flags(flags), local)
 
     def define_pipelines(self) -> list[Any]:
-        passes = DefaultPassBuilder.define_nopython_pipeline(self.state)
+        return [DefaultPassBuilder.define_nopython_pipeline(self.state)]
+
+
+class _Within(Outside):
+    """The same with our lowering."""
+
+    def define_pipelines(self) -> list[Any]:
+        (passes,) = super().define_pipelines()
         passes.passes = [
             (_Lowering if found is NativeLowering else found, words) for found, words in passes.passes
         ]
@@ -77,7 +107,7 @@ class _Compiler(CompilerBase):  # type: ignore[misc]
 def within(function: Any, settings: dict[str, Any]) -> Any:
     """The compiled function for callers that are compiled themselves."""
     plain = {**settings, "cache": False, "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
-    return numba.njit(pipeline_class=_Compiler, **plain)(function)
+    return numba.njit(pipeline_class=_Within, **plain)(function)
 
 
 def answers_as(kind: type) -> None:
