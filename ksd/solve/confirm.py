@@ -55,12 +55,12 @@ def works(model: Model, motion: Motion, target: np.ndarray) -> tuple[float, floa
             from scipy.spatial.transform import Rotation
 
             work += float(loads.moment[i] @ Rotation.from_matrix(motion.R[node]).as_rotvec())
-    members, weight = model.arrays.members, model.arrays.weight
-    for k in np.flatnonzero(weight[:, 0]):
+    weight, members = model.arrays.weight, model.arrays.members
+    if len(weight):
         # the centre of mass of a leaf moves about as the mean of its ends
-        for end, offset in zip(members.node[k], members.offset[k], strict=True):
-            lever = (motion.R[end] - np.eye(3)) @ offset
-            work += 0.5 * weight[k, 0] * float(weight[k, 1:] @ (motion.x[end] - model.rest.x[end] + lever))
+        lever = ((motion.R - np.eye(3))[members.node] @ members.offset[..., None])[..., 0]
+        moved = (motion.x - model.rest.x)[members.node] + lever
+        work += 0.5 * float(weight[:, 0] @ (weight[:, None, 1:] @ moved.swapaxes(1, 2)).sum(axis=(1, 2)))
     return driving, 0.5 * work
 
 

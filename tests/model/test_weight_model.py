@@ -9,6 +9,7 @@ from scipy.integrate import solve_bvp
 from scipy.spatial.transform import Rotation
 
 import ksd
+from ksd.model import arrays, planar_arrays
 from ksd.model.arrays import make_work
 from ksd.model.compile import compile_scene
 from ksd.model.mesh import Mesh
@@ -218,6 +219,23 @@ def test_plane_and_space_agree_on_a_mechanism(mesh):
 def test_gravity_out_of_the_plane_is_named():
     model = compile_scene(blade((0, -1.0, 1.0)))
     assert "the weight of the leafs pulls along (0, -1, 1) m/s^2" in plane_of(model)
+
+
+def test_kernels_of_the_weight_are_asked_for_by_what_has_weight_alone(monkeypatch):
+    """Without weight they are not compiled, and a call of what is not compiled would end the process."""
+    asked = []
+    for module in (arrays, planar_arrays):
+        compiled = module.compile_late
+        monkeypatch.setattr(
+            module, "compile_late", lambda *names, c=compiled: (asked.extend(names), c(*names))
+        )
+    of_weight = {*arrays.WEIGHT_ENTRIES, *planar_arrays.PLANAR_WEIGHT_ENTRIES}
+    scene = fourbar()
+    conventional(compile_scene(scene), {"top": 0.1})
+    assert asked and not of_weight & set(asked)
+    scene.gravity = (0, -9.81, 0)
+    conventional(compile_scene(scene, with_="gravity"), {"top": 0.1})
+    assert of_weight <= set(asked)
 
 
 @pytest.mark.parametrize("mesh", ["modes", "chain"])
