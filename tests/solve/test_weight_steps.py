@@ -56,12 +56,13 @@ def test_weight_in_the_plane_is_that_in_space(mesh, axis):
     assert isinstance(flat.five_steps.flat, PlanarSteps)
     exact = space(targets, method="conventional")
     far = []
-    for method, passes in (("reduced", 0), ("reduced", 1), ("full", 0)):
+    for method, passes in (("kinematic", 0), ("reduced", 0), ("reduced", 1), ("full", 0)):
         one, other = (s(targets, method=method, passes=passes) for s in (flat, space))
         assert one.forces == pytest.approx(other.forces, rel=1e-8)
         assert np.abs(one.motion.x - other.motion.x).max() < 1e-9
         far.append(max(abs(one.forces[n] / exact.forces[n] - 1) for n in targets))
-    assert far[0] > 10 * far[1] > 10 * far[2] and far[2] < 1e-8
+    # the kinematic forces know no springs
+    assert far[1] > 10 * far[2] > 10 * far[3] and far[3] < 1e-8
     assert (
         abs(ksd.solve(scene, targets, without="gravity").forces["stroke"] / exact.forces["stroke"] - 1) > 0.1
     )
