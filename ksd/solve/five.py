@@ -66,11 +66,8 @@ class FiveSteps:
         self, values: Mapping[str, float], target: np.ndarray, *, method: str, passes: int, estimate: bool
     ) -> Configuration | None:
         """The planar answer, lifted and looked at in space; None where space has to do it."""
-        flat = self.flat
-        if isinstance(flat, str):
-            return None
-        plane, b, code = plane_of(self.model), self.bench, _CODES[method]
-        if isinstance(plane, str):
+        flat, plane, b, code = self.flat, plane_of(self.model), self.bench, _CODES[method]
+        if isinstance(flat, str) or isinstance(plane, str):
             return None
         rows = plane.lifting.row
         out, count, negatives = flat(target[rows], method=code, passes=passes)
