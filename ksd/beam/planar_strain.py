@@ -54,7 +54,8 @@ def condense(value, number, inner, store, pose, lam, K):
         E = E[2 * nz : 4 * nz]
     gather(value, number, inner, W, J, sums, pull, E)
     if heavy:
-        kept[:6] = sums[:6]
+        for r in range(6):
+            kept[r] = sums[r]
     negatives, status = solve(nz, W, J, Y)
     if status != 0:
         return negatives, math.inf, math.inf, status

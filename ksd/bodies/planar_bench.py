@@ -11,6 +11,7 @@ from ksd.model.planar_assembly import TURN, planar_pose, recover_planar
 from ksd.model.planar_flat import PLANAR_LINEAR
 from ksd.model.planar_system import assemble_planar, move_planar
 from ksd.numerics.blocks import backward_blocks, factor_blocks, forward_blocks
+from ksd.numerics.copies import copy_numbers, copy_rows
 from ksd.numerics.kernel import kernel
 
 
@@ -103,12 +104,13 @@ def recover_planar_joints(bench, reduced, joints, pose, turns, motion, work, rel
 @kernel
 def place_planar(loops, inside, full_node, bench, reduced, full):
     """Everything into the planar full state: links, internal blocks, inner states, multipliers."""
-    links, joints, inner = len(reduced.pose), len(loops.node), len(bench.inner)
+    joints, inner = len(loops.node), len(bench.inner)
     pose = full.pose
-    pose[:links] = reduced.pose
-    full.inner[:inner] = bench.inner
-    full.inner[inner:] = reduced.inner[PLANAR_LINEAR * joints :]
-    full.multiplier[:] = reduced.multiplier
+    first = 0 * inner
+    copy_rows(pose, reduced.pose)
+    copy_numbers(full.inner, first, bench.inner, first)
+    copy_numbers(full.inner, inner, reduced.inner, PLANAR_LINEAR * joints)
+    copy_numbers(full.multiplier, first, reduced.multiplier, first)
     for k in range(len(full_node)):
         j, b, f = inside.block_joint[k], inside.block_node[k], full_node[k]
         a = loops.node[j, 0]

@@ -148,6 +148,14 @@ class Work(NamedTuple):
     weight: np.ndarray
 
 
+def ready_near(bench: Arrays) -> None:
+    """Make the kernels ready that linearise members of `bench` about a near configuration, before step 2 in space."""
+    from ksd.beam import entry  # noqa: F401, declares the entry points
+
+    if np.any(bench.members.kind == COROTATIONAL):
+        compile_late("chain_near")
+
+
 def make_work(arrays: Arrays, *, near: np.ndarray | None = None) -> Work:
     """Storage for one thread working on `arrays`; `near` (m,) lengths of the near configurations, if any.
 
@@ -159,8 +167,6 @@ def make_work(arrays: Arrays, *, near: np.ndarray | None = None) -> Work:
     members = arrays.members
     kinds = set(members.kind.tolist())
     compile_late(*(name for kind in kinds for name in ENTRIES.get(kind, ())))
-    if near is not None and COROTATIONAL in kinds:
-        compile_late("chain_near")
     if len(arrays.weight):
         compile_late(*WEIGHT_ENTRIES)
     count = len(members.kind) + len(arrays.springs.kind)

@@ -83,10 +83,9 @@ _HASH = hash(Flags())
 class Outside(CompilerBase):  # type: ignore[misc]
     """Numba's passes, with our flags."""
 
-    def __init__(
-        self, typingctx: Any, targetctx: Any, library: Any, args: Any, return_type: Any, flags: Any, local: Any
-    ) -> None:
-        super().__init__(typingctx, targetctx, library, args, return_type, _Flags(flags), local)
+    def __init__(self, *given: Any) -> None:
+        # typing and target contexts, library, argument and return types, then the flags
+        super().__init__(*given[:5], _Flags(given[5]), *given[6:])
 
     def define_pipelines(self) -> list[Any]:
         return [DefaultPassBuilder.define_nopython_pipeline(self.state)]

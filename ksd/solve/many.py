@@ -13,6 +13,7 @@ import numpy as np
 
 from ksd.bodies.bench import relative_poses
 from ksd.bodies.readout import intended_motions
+from ksd.numerics.copies import copy_numbers
 from ksd.numerics.held import part
 from ksd.numerics.kernel import kernel
 from ksd.solve.newton import iterate
@@ -168,7 +169,7 @@ def tabulated_many(held, table, which, targets, expected, ways, limits, force, x
         )
         status[n] = reason
         relative_poses(arrays.members, joints, reduced.x, reduced.R, relative)
-        found[:] = theta
+        copy_numbers(found, 0 * n, theta, 0 * n)
         intended_motions(loops, relative, found, place, off, part(held, "state.known"))
         if reason == 0 and negatives != expected:
             status[n] = UNSTABLE

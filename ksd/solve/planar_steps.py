@@ -25,6 +25,7 @@ from ksd.bodies.weight import PLANAR_JOINT_ENTRIES, hang_planar_joints, turn_pla
 from ksd.model.arrays import Work
 from ksd.model.planar_arrays import PlanarMotion, make_planar_work
 from ksd.numerics.clock import thread_time
+from ksd.numerics.copies import copy_numbers, copy_rows
 from ksd.numerics.held import Held, part
 from ksd.numerics.kernel import compile_late, kernel
 from ksd.solve.configuration import Step
@@ -86,9 +87,10 @@ def planar_state(bodies: PlanarBodies, start: PlanarStart) -> PlanarState:
 
 @kernel
 def _assign(motion, rest):
-    motion.pose[:] = rest.pose
-    motion.inner[:] = rest.inner
-    motion.multiplier[:] = rest.multiplier
+    first = 0 * len(rest.pose)
+    copy_rows(motion.pose, rest.pose)
+    copy_numbers(motion.inner, first, rest.inner, first)
+    copy_numbers(motion.multiplier, first, rest.multiplier, first)
 
 
 @kernel
@@ -183,7 +185,8 @@ def read_planar(held, again):
         links = part(held, "state.full.pose")[: len(part(held, "state.reduced.pose"))]
         planar_relative(part(held, "bodies.reduced.members"), len(loops.node), links, turns, relative)
     found = part(held, "state.found")
-    found[:] = part(held, "state.theta")
+    first = 0 * len(found)
+    copy_numbers(found, first, part(held, "state.theta"), first)
     value, slope = part(held, "state.value"), part(held, "state.slope")
     place, off = part(held, "state.place"), part(held, "state.off")
     planar_motions(loops, relative, found, value, slope, place, off, part(held, "state.known"))

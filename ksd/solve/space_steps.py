@@ -27,6 +27,7 @@ from ksd.model.compile import Model
 from ksd.model.system import assemble
 from ksd.numerics.blocks import factor_blocks, solve_blocks
 from ksd.numerics.clock import thread_time
+from ksd.numerics.copies import copy_frames, copy_numbers, copy_rows
 from ksd.numerics.held import Held, part
 from ksd.numerics.kernel import compile_late, kernel
 from ksd.solve.newton import GRAIN, iterate
@@ -106,10 +107,11 @@ def space_set(model: Model, bodies: JointBodies) -> SpaceSet:
 
 @kernel
 def _assign(motion, rest):
-    motion.x[:] = rest.x
-    motion.R[:] = rest.R
-    motion.inner[:] = rest.inner
-    motion.multiplier[:] = rest.multiplier
+    first = 0 * len(rest.x)
+    copy_rows(motion.x, rest.x)
+    copy_frames(motion.R, rest.R)
+    copy_numbers(motion.inner, first, rest.inner, first)
+    copy_numbers(motion.multiplier, first, rest.multiplier, first)
 
 
 @kernel
@@ -144,12 +146,13 @@ def place_space(held):
     """Links, internal blocks, inner states and multipliers into the full state."""
     full, reduced, bench = part(held, "state.full"), part(held, "state.reduced"), part(held, "state.bench")
     loops, inside = part(held, "bodies.loops"), part(held, "bodies.inside")
-    links, inner = len(reduced.x), len(bench.inner)
-    full.x[:links] = reduced.x
-    full.R[:links] = reduced.R
-    full.inner[:inner] = bench.inner
-    full.inner[inner:] = reduced.inner[LINEAR_SIZE * len(loops.node) :]
-    full.multiplier[:] = reduced.multiplier
+    inner = len(bench.inner)
+    first = 0 * inner
+    copy_rows(full.x, reduced.x)
+    copy_frames(full.R, reduced.R)
+    copy_numbers(full.inner, first, bench.inner, first)
+    copy_numbers(full.inner, inner, reduced.inner, LINEAR_SIZE * len(loops.node))
+    copy_numbers(full.multiplier, first, reduced.multiplier, first)
     place_insides(loops, inside.block_joint, inside.block_node, part(held, "bodies.full_node"), bench, full)
 
 
@@ -233,7 +236,8 @@ def read_space(held):
     loops, full, relative = part(held, "bodies.loops"), part(held, "state.full"), part(held, "state.relative")
     found = part(held, "state.found")
     relative_poses(part(held, "bodies.reduced.members"), len(loops.node), full.x, full.R, relative)
-    found[:] = part(held, "state.theta")
+    first = 0 * len(found)
+    copy_numbers(found, first, part(held, "state.theta"), first)
     place, off = part(held, "state.place"), part(held, "state.off")
     intended_motions(loops, relative, found, place, off, part(held, "state.known"))
 

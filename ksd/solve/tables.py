@@ -14,6 +14,7 @@ from ksd.bodies.bench import condense_joints, set_near
 from ksd.bodies.joints import JointBodies
 from ksd.bodies.kinematics import joint_places
 from ksd.errors import SceneError
+from ksd.model.arrays import ready_near
 from ksd.numerics.held import Held, part
 from ksd.numerics.kernel import kernel
 from ksd.solve.many import PIECES
@@ -101,6 +102,7 @@ def joint_tables(held: Held, bodies: JointBodies, *, accuracy: float = 1e-6) -> 
     from scipy.interpolate import CubicSpline
 
     loops = bodies.loops
+    ready_near(bodies.bench)
     if np.any(np.diff(loops.first) != 1):
         raise SceneError(
             "tabulated = True: only joints of one intended motion can be tabulated; leave it out"

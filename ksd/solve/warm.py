@@ -22,7 +22,7 @@ from ksd.library import find_record
 from ksd.model.arrays import make_work
 from ksd.model.compile import Model, compile_scene
 from ksd.numerics.held import Held
-from ksd.numerics.kernel import compile_late
+from ksd.numerics.kernel import compile_now
 from ksd.scene import CrossFlexure, Material, Mechanism
 from ksd.solve.newton import iterate
 
@@ -42,7 +42,7 @@ def _model() -> Model:
 
 
 def planar_jobs(model: Model) -> list[Job]:
-    """What planar scenes need, the longest first."""
+    """What planar scenes need, besides the leafs."""
     from ksd.bodies.planar_bodies import planar_bodies
     from ksd.model.planar_arrays import make_planar_work
     from ksd.model.plane import plane_of
@@ -64,12 +64,37 @@ def planar_jobs(model: Model) -> list[Job]:
         work = make_planar_work(flat.arrays)
         iterate_planar.compile_for(flat.arrays, flat.rest, target, 1.0, work, 1e-8, 30, 0.3, math.inf)
 
-    return [steps, lambda: compile_late("iterate_planar_apart"), newton]
+    return [steps, *every_jobs(model), lambda: compile_now("iterate_planar_apart"), newton]
+
+
+def every_jobs(model: Model) -> list[Job]:
+    """What scenes with joints need in the plane and in space."""
+    from ksd.bodies.kinematics import loop_equations
+    from ksd.bodies.readout import intended_motions
+    from ksd.solve.space_steps import look_over, space_set
+
+    def loops() -> None:
+        bodies, target = joint_bodies(model, find_record), np.zeros(1)
+        place, W, J = np.zeros((1, 24)), np.zeros((2, 1, 6)), np.zeros((1, 1))
+        loop_equations.compile_for(
+            bodies.reduced, bodies.loops, target, target, bodies.reduced_rest, place, W, J, target
+        )
+
+    def look() -> None:
+        held = Held(space_set(model, joint_bodies(model, find_record)))
+        look_over.compile_for(held, np.zeros(1), 1e-8, 0)
+
+    def motions() -> None:
+        bodies = joint_bodies(model, find_record)
+        theta, relative, off, found = np.zeros(1), np.zeros((1, 12)), np.zeros((1, 6)), np.zeros(1, np.int64)
+        intended_motions.compile_for(bodies.loops, relative, theta, np.zeros((1, 24)), off, found)
+
+    return [loops, look, motions]
 
 
 def spatial_jobs(model: Model) -> list[Job]:
-    """What spatial scenes need, the longest first."""
-    from ksd.solve.space_steps import look_over, space_set, space_steps
+    """What spatial scenes need, besides the leafs."""
+    from ksd.solve.space_steps import space_set, space_steps
 
     arrays, motion, target, out = model.arrays, model.rest, np.zeros(1), np.zeros((5, 5))
 
@@ -82,8 +107,7 @@ def spatial_jobs(model: Model) -> list[Job]:
 
     return [
         lambda: space_steps.compile_for(held(), target, 1, 0, 0, 1e-8, 0.3, 2e-3, out),
-        lambda: compile_late("iterate_apart"),
-        lambda: look_over.compile_for(held(), target, 1e-8, 0),
+        lambda: compile_now("iterate_apart"),
         newton,
     ]
 
@@ -101,8 +125,8 @@ def main(number: int = 0) -> None:
     model = _model()
     jobs = [
         *planar_jobs(model),
+        lambda: compile_now("planar_chain_condense", "planar_chain_near", "planar_chain_recover"),
         *spatial_jobs(model),
-        lambda: compile_late("chain_condense", "planar_chain_condense"),
     ]
     first = number * len(jobs) // 3
     for job in jobs[first:] + jobs[:first]:
