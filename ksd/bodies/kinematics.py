@@ -15,6 +15,7 @@ import numpy as np
 from ksd.bodies.slopes import term_slope
 from ksd.model.arrays import TRANSLATION
 from ksd.numerics.kernel import kernel
+from ksd.numerics.local import local_matrix, local_vector
 from ksd.numerics.rotations import exp_tangent, rotation_exp, rotation_log
 
 
@@ -90,17 +91,18 @@ def pose_from(coefficient, length, value, slope, count, motions, place):
 
     place[0:9] rotation exp(omega), place[9:12] d = L exp(omega/2) c, then per motion (dd, dphi), six each.
     """
-    f, g = np.zeros(6), np.zeros((2, 6))
+    f, g = local_vector(6), local_matrix(2, 6)
     for r in range(6):
+        f[r], g[0, r], g[1, r] = 0.0, 0.0, 0.0
         for i in range(count):
             f[r] += coefficient[r, i] * value[i]
             g[0, r] += coefficient[r, i] * slope[0, i]
             g[1, r] += coefficient[r, i] * slope[1, i]
     if f[0] == 0.0 and f[1] == 0.0 and f[5] == 0.0 and _in_plane(f, g, length, motions, place):
         return
-    R, H = np.empty((3, 3)), np.empty((3, 3))
-    T, S = np.empty((3, 3)), np.empty((3, 3))
-    half = np.empty(3)
+    R, H = local_matrix(3, 3), local_matrix(3, 3)
+    T, S = local_matrix(3, 3), local_matrix(3, 3)
+    half, spin = local_vector(3), local_vector(3)
     for r in range(3):
         half[r] = 0.5 * f[r]
     rotation_exp(f, R)
@@ -111,7 +113,6 @@ def pose_from(coefficient, length, value, slope, count, motions, place):
         place[9 + r] = length * (H[r, 0] * f[3] + H[r, 1] * f[4] + H[r, 2] * f[5])
         for c in range(3):
             place[3 * r + c] = R[r, c]
-    spin = np.empty(3)
     for k in range(motions):
         at = 12 + 6 * k
         for r in range(3):
@@ -153,19 +154,18 @@ def _axes_turned(A, B, C):
 
 
 @kernel
-def _point(R, s, x, p):
-    """p = x + R s."""
+def _point(R, s, sign, x, p):
+    """p = x + sign R s."""
     for r in range(3):
-        p[r] = x[r] + R[r, 0] * s[0] + R[r, 1] * s[1] + R[r, 2] * s[2]
+        p[r] = x[r] + sign * (R[r, 0] * s[0] + R[r, 1] * s[1] + R[r, 2] * s[2])
 
 
 @kernel
 def _hang(loops, place, j, forward, x, R, W, motions):
     """Pose of the link beyond tree joint j and its twist columns W (node, motion, 6), from the link before it."""
     a, b = loops.node[j, 0], loops.node[j, 1]
-    scratch = np.empty((4, 3, 3))
-    RA, RB, rel, ends = scratch[0], scratch[1], scratch[2], scratch[3]
-    pA, pB = ends[0], ends[1]
+    RA, RB, rel = local_matrix(3, 3), local_matrix(3, 3), local_matrix(3, 3)
+    pA, pB = local_vector(3), local_vector(3)
     for r in range(3):
         for c in range(3):
             rel[r, c] = place[j, 3 * r + c]
@@ -173,18 +173,18 @@ def _hang(loops, place, j, forward, x, R, W, motions):
     if forward == 1:
         _axes(R[a], loops.frame[j], RA)
         _axes(RA, rel, RB)
-        _point(R[a], loops.anchor[j, 0], x[a], pA)
-        _point(RA, d, pA, pB)
+        _point(R[a], loops.anchor[j, 0], 1.0, x[a], pA)
+        _point(RA, d, 1.0, pA, pB)
         _axes_turned(RB, loops.frame[j], R[b])
-        _point(R[b], -loops.anchor[j, 1], pB, x[b])
+        _point(R[b], loops.anchor[j, 1], -1.0, pB, x[b])
         near, far, sign = a, b, 1.0
     else:
         _axes(R[b], loops.frame[j], RB)
         _axes_turned(RB, rel, RA)
-        _point(R[b], loops.anchor[j, 1], x[b], pB)
-        _point(RA, -d, pB, pA)
+        _point(R[b], loops.anchor[j, 1], 1.0, x[b], pB)
+        _point(RA, d, -1.0, pB, pA)
         _axes_turned(RA, loops.frame[j], R[a])
-        _point(R[a], -loops.anchor[j, 0], pA, x[a])
+        _point(R[a], loops.anchor[j, 0], -1.0, pA, x[a])
         near, far, sign = b, a, -1.0
     for q in range(motions):
         for r in range(3):
@@ -236,18 +236,21 @@ def loop_equations(arrays, loops, theta, target, motion, place, W, J, residual):
     for t in range(len(loops.tree)):
         _hang(loops, place, loops.tree[t, 0], loops.tree[t, 1], x, R, W, motions)
     size = arrays.size
-    RA, RB, want, rel = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))
-    pA, pB, pW, turned = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
-    own = np.empty(6)
+    RA, RB, want, rel = local_matrix(3, 3), local_matrix(3, 3), local_matrix(3, 3), local_matrix(3, 3)
+    pA, pB, pW, turned = local_vector(3), local_vector(3), local_vector(3), local_vector(3)
+    own = local_vector(6)
     for c in range(len(loops.closing)):
         j = loops.closing[c]
         a, b = loops.node[j, 0], loops.node[j, 1]
         _axes(R[a], loops.frame[j], RA)
-        _axes(RA, place[j, 0:9].copy().reshape(3, 3), want)
+        for r in range(3):
+            for k in range(3):
+                rel[r, k] = place[j, 3 * r + k]
+        _axes(RA, rel, want)
         _axes(R[b], loops.frame[j], RB)
-        _point(R[a], loops.anchor[j, 0], x[a], pA)
-        _point(RA, place[j, 9:12], pA, pW)
-        _point(R[b], loops.anchor[j, 1], x[b], pB)
+        _point(R[a], loops.anchor[j, 0], 1.0, x[a], pA)
+        _point(RA, place[j, 9:12], 1.0, pA, pW)
+        _point(R[b], loops.anchor[j, 1], 1.0, x[b], pB)
         _axes_turned(RB, want, rel)
         rotation_log(rel, turned)
         row = 6 * c
@@ -275,7 +278,7 @@ def loop_equations(arrays, loops, theta, target, motion, place, W, J, residual):
 def _constraint_equations(arrays, target, x, R, W, J, residual, row):
     """One equation per drive or support: sum of terms minus target, with its derivative along the twist columns."""
     terms = arrays.terms
-    gradient, scratch = np.empty(12), np.empty(18)
+    gradient, scratch = local_vector(12), local_vector(18)
     for i in range(len(terms.start)):
         rotations = 0
         residual[row + i] = -target[i]

@@ -9,6 +9,7 @@ import numpy as np
 from ksd.bodies.kinematics import _axes_turned, joint_places, least_squares, loop_equations
 from ksd.model.arrays import TRANSLATION
 from ksd.numerics.kernel import kernel
+from ksd.numerics.local import local_matrix, local_vector
 from ksd.numerics.rotations import rotation_log
 
 MATCHES = 1e-9
@@ -23,23 +24,25 @@ def intended_motions(loops, relative, theta, place, off, found):
     motion turns it, else to its displacement; a correction is limited to 0.3. off (J, 6): displacement and rotation
     vector of B off its intended pose. found (J,): 1 where the corrections died out, 0 where theta means nothing.
     """
-    rel, v = np.empty((3, 3)), np.empty(3)
-    A, b, step = np.empty((2, 2)), np.empty(2), np.empty(2)
+    rel, is_at, should = local_matrix(3, 3), local_matrix(3, 3), local_matrix(3, 3)
+    v, A, b, step = local_vector(3), local_matrix(2, 2), local_vector(2), local_vector(2)
     J = len(loops.node)
     found[:] = 0
     for _ in range(40):
-        # one look more after the last correction, so that `off` belongs to the theta returned
         joint_places(loops, theta, place)
         missing = 0
         for j in range(J):
-            _axes_turned(relative[j, 3:12].copy().reshape(3, 3), place[j, 0:9].copy().reshape(3, 3), rel)
+            if found[j] == 1:
+                continue
+            missing += 1
+            for r in range(3):
+                for c in range(3):
+                    is_at[r, c], should[r, c] = relative[j, 3 + 3 * r + c], place[j, 3 * r + c]
+            _axes_turned(is_at, should, rel)
             rotation_log(rel, v)
             for r in range(3):
                 off[j, r] = relative[j, r] - place[j, 9 + r]
                 off[j, 3 + r] = v[r]
-            if found[j] == 1:
-                continue
-            missing += 1
             motions = loops.first[j + 1] - loops.first[j]
             spin, slide = 0.0, 0.0
             for k in range(motions):
@@ -73,6 +76,12 @@ def intended_motions(loops, relative, theta, place, off, found):
                 theta[loops.first[j] + k] += scale * step[k]
             if largest < MATCHES:
                 found[j] = 1
+                missing -= 1
+                # so small a correction is followed by `off` to first order
+                for k in range(motions):
+                    for r in range(3):
+                        off[j, r] -= step[k] * place[j, 12 + 6 * k + r]
+                        off[j, 3 + r] -= step[k] * place[j, 15 + 6 * k + r]
         if missing == 0:
             break
 

@@ -14,9 +14,11 @@ import numpy as np
 from ksd.bodies.bench import relative_poses
 from ksd.bodies.readout import intended_motions
 from ksd.numerics.copies import copy_numbers
+from ksd.model.system import assemble, largest_move, largest_turn, solve_step, take_step
+from ksd.numerics.blocks import factor_blocks
 from ksd.numerics.held import part
 from ksd.numerics.kernel import kernel
-from ksd.solve.newton import iterate
+from ksd.solve.newton import CONVERGED, GRAIN, LOCAL_ANGLE, LOOSE, NOT_FINITE, SINGULAR, TOO_MANY
 from ksd.solve.planar_steps import planar_steps
 from ksd.solve.space_steps import LINEAR_SIZE, space_steps, start_space
 from ksd.solve.trust import FAR_SHIFT, FAR_TURN
@@ -135,7 +137,35 @@ def _from_table(table, which, share, inner):
             e += 1
 
 
-@kernel(needs=("iterate_apart",))
+@kernel
+def _newton(arrays, motion, target, work, rtol, most):
+    """As `ksd.solve.newton.iterate` for links and condensed joints alone, without the crossing into a function compiled
+    apart, which costs as much as an iteration. Returns (reason, negative pivots)."""
+    worst, moved = math.inf, math.inf
+    # a variable, not the literal 0, for which numba would compile `assemble` a second time
+    near = 0 * most
+    for n in range(most + 1):
+        worst, _, inside, status = assemble(
+            arrays, motion, target, 1.0, work, rtol, near, GRAIN if n > 0 else 0.0
+        )
+        if not math.isfinite(worst):
+            return NOT_FINITE, 0
+        if worst <= 1.0 or (worst <= LOOSE and moved <= 1.0):
+            negatives, _ = factor_blocks(arrays.plan, work.value, work.spare, len(arrays.plan.size))
+            return LOCAL_ANGLE if status == 1 else (
+                SINGULAR if status == 2 else CONVERGED
+            ), negatives + inside
+        _, pivot = solve_step(arrays, work)
+        if not pivot > 0.0:
+            return SINGULAR, 0
+        moved = max(
+            largest_turn(arrays, work.rhs) / 1e-6, largest_move(arrays, work.rhs) / (1e-7 * arrays.size)
+        )
+        take_step(arrays, motion, work.rhs, work, 1.0)
+    return TOO_MANY, 0
+
+
+@kernel
 def tabulated_many(held, table, which, targets, expected, ways, limits, force, x, R, motion, status):
     """Steps 1 and 3 at targets (N, c), the joints from table (T, pieces, 4, 27); which (J,): table of every joint.
 
@@ -164,9 +194,7 @@ def tabulated_many(held, table, which, targets, expected, ways, limits, force, x
                     inner[3 + 3 * r + c] = place[j, 3 * r + c]
             share = (theta[q] - limits[q, 2]) / (limits[q, 3] - limits[q, 2])
             _from_table(table, which[j], share, inner)
-        reason, _, _, negatives, _ = iterate(
-            arrays, reduced, targets[n], 1.0, work, ways[0], 25, math.inf, math.inf
-        )
+        reason, negatives = _newton(arrays, reduced, targets[n], work, ways[0], 25)
         status[n] = reason
         relative_poses(arrays.members, joints, reduced.x, reduced.R, relative)
         copy_numbers(found, 0 * n, theta, 0 * n)

@@ -12,13 +12,12 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-
 from ksd.model.blank import System, blank_system
-from ksd.model.system import assemble, largest_move, largest_turn, solve_step, take_step
+from ksd.model.system import assemble_apart, largest_move, largest_turn, solve_step, take_step
 from ksd.numerics.blocks import factor_blocks
 from ksd.numerics.held import Kind, address_of, found_at
 from ksd.numerics.kernel import kernel, late
+from ksd.numerics.local import local_vector
 
 GRAIN = 10.0
 """Multiples of rounding in the residual bounds."""
@@ -29,17 +28,17 @@ CONVERGED, TOO_MANY, LOCAL_ANGLE, SINGULAR, DIVERGED, NOT_FINITE = 0, 1, 2, 3, 4
 
 
 @kernel
-def _iterate(arrays, motion, target, factor, work, rtol, most, cap, blow_up):
-    """See `iterate`."""
+def _iterate(address, arrays, motion, factor, work, rtol, most, cap, blow_up):
+    """See `iterate`; address: of the same arrays, for assembly, which is compiled apart too."""
+    seen = local_vector(4)
     negatives, pivot = 0, 1.0
     worst, moved = math.inf, math.inf
     # a variable, not the literal 0, for which numba would compile `assemble` a second time
     near = 0 * most
     for n in range(most + 1):
         # a load too small to rise above rounding still gets one step: at first the bounds have no grain
-        worst, _, inside, status = assemble(
-            arrays, motion, target, factor, work, rtol, near, GRAIN if n > 0 else 0.0
-        )
+        assemble_apart(address, factor, rtol, near, GRAIN if n > 0 else 0.0, seen.ctypes)
+        worst, inside, status = seen[0], int(seen[2]), int(seen[3])
         if not math.isfinite(worst):
             return NOT_FINITE, n, worst, negatives, pivot
         if worst <= 1.0 or (worst <= LOOSE and moved <= 1.0):
@@ -80,7 +79,7 @@ def iterate_apart(address, factor, rtol, most, cap, blow_up, out):
     """`iterate` on the `System` at `address`; out (5,) is what it returns."""
     s = found_at(address, _KIND)
     out[0], out[1], out[2], out[3], out[4] = _iterate(
-        s.arrays, s.motion, s.target, factor, s.work, rtol, most, cap, blow_up
+        address, s.arrays, s.motion, factor, s.work, rtol, most, cap, blow_up
     )
 
 
@@ -93,7 +92,7 @@ def iterate(arrays, motion, target, factor, work, rtol, most, cap, blow_up):
     Local angles beyond 60 degrees may pass on the way; a converged state that has one is refused.
     Returns (reason, steps taken, residual over its bound, negative pivots, smallest relative pivot).
     """
-    out = np.empty(5)
+    out = local_vector(5)
     at = address_of(System(arrays, motion, target, work), _KIND)
     iterate_apart(at, factor, rtol, most, cap, blow_up, out.ctypes)
     return int(out[0]), int(out[1]), out[2], int(out[3]), out[4]

@@ -23,6 +23,7 @@ from ksd.model.system import assemble
 from ksd.numerics.blocks import factor_blocks, solve_blocks
 from ksd.numerics.held import Kind, address_of, found_at
 from ksd.numerics.kernel import kernel, late
+from ksd.numerics.local import local_vector
 from ksd.solve.driving import Driven, drive_to
 from ksd.solve.newton import (
     CONVERGED,
@@ -99,7 +100,7 @@ def iterate_planar_apart(address, factor, rtol, most, cap, blow_up, out):
 @kernel(needs=("iterate_planar_apart",))
 def iterate_planar(arrays, motion, target, factor, work, rtol, most, cap, blow_up):
     """Newton to equilibrium in the plane; arguments, rules and returns are those of `ksd.solve.newton.iterate`."""
-    out = np.empty(5)
+    out = local_vector(5)
     at = address_of(PlanarSystem(arrays, motion, target, work), _KIND)
     iterate_planar_apart(at, factor, rtol, most, cap, blow_up, out.ctypes)
     return int(out[0]), int(out[1]), out[2], int(out[3]), out[4]
