@@ -111,3 +111,19 @@ def test_cost_and_health_of_modal_bodies(script, tmp_path):
     health = script("modal_health").main(["--quick", "--out", str(tmp_path)])
     ratios = [r["ratio"][None] for r in health["rows"]]
     assert len(ratios) >= 15 and all(0.6 <= r <= 1.4 for r in ratios)
+
+
+def test_batches_and_tabulated_joints(script):
+    batch = script("batch")
+    stroke = [0.02, 0.2]
+    designs = batch.drawn(12, seed=3)
+    near, exact = (batch._batch(designs, stroke, refilled) for refilled in (True, False))
+    assert near.forces["top"] == pytest.approx(exact.forces["top"], rel=1e-10, nan_ok=True)
+    rows = {(r["case"], r["leafs"]): r for r in batch.tabulated(12)}
+    assert len(rows) == 4 and all(r["solved"] == 12 and r["force_error"] < 1e-6 for r in rows.values())
+
+
+def test_chain(script, tmp_path):
+    found = script("chain").main(["--quick", "--out", str(tmp_path)])
+    assert len(found["rows"]) == 8 and all(r["solved"] for r in found["rows"])
+    assert (tmp_path / "chain.json").exists()

@@ -2,7 +2,8 @@
 
 The planar model of a scene driven along one axis is handed over element by element: leafs as chains of equal beams,
 links as much stiffer beams between the points that hang on them. OpenSees: corotational
-Euler-Bernoulli elements in two dimensions, drive moved in load steps that are halved on failure.
+Euler-Bernoulli elements in two dimensions, drive moved in load steps that are halved on failure. Exudyn: see
+`ksd.bench.exudyn_frame`.
 """
 
 from __future__ import annotations
@@ -23,6 +24,7 @@ from typing import Any
 
 import numpy as np
 
+from ksd.bench.exudyn_frame import exudyn
 from ksd.errors import SceneError
 from ksd.model.arrays import TRANSLATION
 from ksd.model.compile import compile_scene
@@ -31,18 +33,19 @@ from ksd.model.plane import Plane, plane_of
 
 STIFF = (1e3, 1e6)
 """Stiffness of links over that of the stiffest leaf, in stretch and in bending."""
-ENGINES = {"OpenSees": "openseespy"}
+ENGINES = {"OpenSees": "openseespy", "Exudyn": "exudyn"}
 """Engines by name, and the package each needs."""
 
 
 @dataclass(frozen=True)
 class Bar:
-    """A straight beam between two points: node numbers, EA [N], EI [N m^2]."""
+    """A straight beam between two points: node numbers, EA [N], EI [N m^2], k GA [N]; inf: stiff in shear."""
 
     a: int
     b: int
     EA: float
     EI: float
+    GA: float = math.inf
 
 
 @dataclass(frozen=True)
@@ -89,7 +92,7 @@ def frame_of(scene: Any, targets: Mapping[str, float], elements: int) -> Frame:
     centre = [found.add(p) for p in plane.rest.pose[:, :2]]
     found.fixed.append(centre[0])
     leafs = [_leaf(members, i) for i in range(len(members.kind))]
-    EA, EI = (times * max(k) for times, k in zip(STIFF, zip(*leafs, strict=True), strict=True))
+    EA, EI = (times * max(leaf[k] for leaf in leafs) for k, times in enumerate(STIFF))
 
     def hung(node: int, offset: np.ndarray) -> int:
         if np.linalg.norm(offset) < 1e-9 * arrays.size:
@@ -117,10 +120,13 @@ def frame_of(scene: Any, targets: Mapping[str, float], elements: int) -> Frame:
     return Frame(np.array(found.places), tuple(found.fixed), tuple(found.bars), (point, axis, value))
 
 
-def _leaf(members: Any, i: int) -> tuple[float, float]:
-    """EA and EI of planar chain i, from the stiffness numbers of its first element."""
+def _leaf(members: Any, i: int) -> tuple[float, float, float]:
+    """EA, EI and k GA of planar chain i, from the stiffness numbers of its first element."""
     length, s1, a, b = members.value[members.value_at[i] : members.value_at[i] + 4]
-    return float(s1 * length), float(0.5 * (a + b) * length**3)
+    EI = float(0.5 * (a + b) * length**3)
+    # a = (4 + Phi) s, b = (-2 + Phi) s with s = EI / ((1 + Phi) L^3) and Phi = 12 EI / (k GA L^2)
+    phi = EI * 6.0 / ((a - b) * length**3) - 1.0
+    return float(s1 * length), EI, float(12.0 * EI / (phi * length**2)) if phi > 1e-12 else math.inf
 
 
 def _preload_blas() -> None:
@@ -188,7 +194,7 @@ def _analyse(ops: Any, frame: Frame) -> tuple[float, int]:
     return float(ops.nodeReaction(point + 1, axis + 1)), count
 
 
-_MAKERS = {"OpenSees": opensees}
+_MAKERS = {"OpenSees": opensees, "Exudyn": exudyn}
 
 
 def measure_engines(

@@ -5,16 +5,23 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
+from ksd.bench import asked
 from ksd.bench.measure import Measured, Row
 from ksd.bench.report import engine_lines, good, machine, percent
 from ksd.errors import SceneError
 
 METHODS = (
     "kinematic", "reduced", "reduced, 1 pass", "reduced, 2 passes", "full", "reduced, planar", "reduced, 1 pass, planar",
-    "full, planar", "conventional", "conventional, planar", "plain Newton",
+    "reduced, 2 passes, planar", "full, planar", "conventional", "conventional, planar", "modal", "plain Newton",
 )  # fmt: skip
+KINDS = ("strain-mode", "Appendix A", "modal")
 _MISSED = "not reached"
 BEGIN, END = "<!-- bench:begin -->", "<!-- bench:end -->"
+
+
+def kind_of(row: Row) -> str:
+    """Which leaf model a row has."""
+    return {"strain": "strain-mode", "modal": "modal"}.get(row.leafs.split(",")[0].split()[0], "Appendix A")
 
 
 def equal_accuracy(results: Sequence[Measured]) -> str:
@@ -26,22 +33,22 @@ def equal_accuracy(results: Sequence[Measured]) -> str:
     lines = ["| method | leafs | " + " | ".join(m.case for m in cases) + " |"]
     lines.append("|---" * (2 + len(cases)) + "|")
     for method in METHODS:
-        for strain in (True, False):
-            cells = [_cheapest_cell(m.rows, method, strain=strain) for m in cases]
+        for kind in KINDS:
+            cells = [_cheapest_cell(m.rows, method, kind) for m in cases]
             if any(c not in ("-", _MISSED) for c in cells):
-                kind = "strain-mode" if strain else "Appendix A"
                 lines.append(f"| {method} | {kind} | " + " | ".join(cells) + " |")
     return "\n".join(lines)
 
 
-def _cheapest_cell(rows: Iterable[Row], method: str, *, strain: bool) -> str:
-    mine = [r for r in rows if r.method == method and r.leafs.startswith("strain") == strain]
+def _cheapest_cell(rows: Iterable[Row], method: str, kind: str) -> str:
+    mine = [r for r in rows if r.method == method and kind_of(r) == kind]
     fit = [r for r in mine if good(r)]
     if not fit:
         return _MISSED if mine else "-"
     best = min(fit, key=lambda r: r.call[1])
     error = percent(best.force_error)
-    which = best.leafs.removeprefix("strain ").replace(" elements", "").replace(" element", "")
+    which = best.leafs.removeprefix("strain ").removeprefix("modal, ")
+    which = which.replace(" elements", "").replace(" element", "")
     return f"{best.call[1]:.0f} ({which}; {error})"
 
 
@@ -89,6 +96,11 @@ def readme_text(results: Sequence[Measured]) -> str:
             "eps_max; MIP: on condensed leafs):",
             "",
             ratios(results),
+            "",
+            "What was asked, in thread time of whole calls; a pass is one condensation of all leafs with its way into the "
+            "matrix:",
+            "",
+            asked.table(results),
             "",
             "Other engines, given the planar model of the same scene:",
             "",

@@ -5,13 +5,14 @@ from __future__ import annotations
 import math
 import statistics
 import time
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
 from ksd.bench.engines import EngineRow, measure_engines
+from ksd.bench.floor import one_pass
 from ksd.bench.suite import Case
 from ksd.bench.ways import FINEST, Way, ways_of
 from ksd.errors import ConvergenceError, KsdError
@@ -31,7 +32,7 @@ class Row:
     """One way to a case. Thread times [us] as (lower quartile, median, upper quartile): of the whole call, and
     of the compiled steps alone. Errors are relative to the converged state: largest drive force error over the
     largest force, largest link displacement error over the largest displacement, worst support stiffness of
-    the case's point. nan where unknown; failed: why it did not converge.
+    the case's point. nan where unknown; failed: why it did not converge. passes: over all leafs, each a condensation.
     """
 
     method: str
@@ -47,16 +48,19 @@ class Row:
     stable: bool
     note: str = ""
     failed: str = ""
+    passes: int = 0
 
 
 @dataclass(frozen=True)
 class Measured:
-    """All rows of one case, how often every way was run, and what other engines took."""
+    """All rows of one case, how often every way was run, what other engines took, and, by leaf model, operations and bytes
+    of one pass over all leafs, in words."""
 
     case: str
     repeats: int
     rows: tuple[Row, ...]
     engines: tuple[EngineRow, ...] = ()
+    floors: Mapping[str, str] = field(default_factory=dict)
 
 
 def quartiles(spent: Sequence[float]) -> tuple[float, float, float]:
@@ -95,7 +99,8 @@ def measure(case: Case, *, quick: bool = False, repeats: int = 15) -> Measured:
     if case.engines:
         force = next(iter(exact.forces.values()))
         other = measure_engines(scene, targets, force, elements=case.engines[:1] if quick else case.engines)
-    return Measured(case.name, repeats, tuple(r for r in rows if r is not None), tuple(other))
+    floors = {ways[k].leafs: str(one_pass(c.model.arrays)) for k, c in results.items() if c.method == "full"}
+    return Measured(case.name, repeats, tuple(r for r in rows if r is not None), tuple(other), floors)
 
 
 def _converged(scene: Any, targets: dict[str, float]) -> Configuration:
@@ -152,8 +157,22 @@ def _row(way: Way, c: Configuration, times: Any, truth: tuple[Configuration, np.
     return Row(
         way.method, way.leafs, way.size, c.iterations, call, steps, first,
         float(np.abs(forces - wanted).max() / np.abs(wanted).max()), float(off / moved), stiffness,
-        bool(c.stable), way.note,
+        bool(c.stable), way.note, passes=passes_of(c),
     )  # fmt: skip
+
+
+def passes_of(c: Configuration) -> int:
+    """How often a solve went over all leafs: condensations of step 2, and every look at the equilibrium of everything."""
+    count = 0
+    for step in c.steps:
+        if step.name[0] == "2":
+            count += 1
+        elif step.name[0] == "5":
+            count += step.iterations + 1
+        elif step.name == "equilibrium":
+            # one look more at the end of every load step; the note begins with their number
+            count += step.iterations + int(step.note.split()[0])
+    return count
 
 
 def _failed(way: Way, why: str) -> Row:

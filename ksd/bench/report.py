@@ -89,6 +89,7 @@ def numbers(results: Sequence[Measured]) -> dict[str, Any]:
             "repeats": m.repeats,
             "rows": [_clean(asdict(r)) for r in m.rows],
             "engines": [_clean(asdict(r)) for r in m.engines],
+            "one_pass": dict(m.floors),
         }
         for m in results
     }
@@ -180,9 +181,11 @@ _COLORS = {
     "full": "#c2410c",
     "reduced, planar": "#93c47d",
     "reduced, 1 pass, planar": "#7aa6d6",
+    "reduced, 2 passes, planar": "#8fd0cd",
     "full, planar": "#e8875a",
     "conventional": "#8a63b0",
     "conventional, planar": "#d14f8f",
+    "modal": "#a0522d",
     "plain Newton": "#444b57",
 }
 
@@ -216,11 +219,13 @@ def _panel(axes: Any, rows: Sequence[Row], key: str) -> None:
     shown = [r for r in rows if not r.failed and math.isfinite(getattr(r, key))]
     for method, color in _COLORS.items():
         for strain, mark in ((True, "o"), (False, "s")):
-            mine = [r for r in shown if r.method == method and r.leafs.startswith("strain") == strain]
+            mine = [
+                r for r in shown if r.method == method and r.leafs.startswith(("strain", "modal")) == strain
+            ]
             x, y = [r.call[1] for r in mine], [100 * max(getattr(r, key), 1e-13) for r in mine]
             if not mine:
                 continue
-            label = f"{method}, {'strain-mode' if strain else 'elements'}"
+            label = "modal" if method == "modal" else f"{method}, {'strain-mode' if strain else 'elements'}"
             size = 6 if strain else 4
             axes.plot(x, y, mark, color=color, markersize=size, markeredgecolor="white", label=label)
     best = front(shown, key)

@@ -63,6 +63,7 @@ def five_step_ways(
         flat = Solver(solver.model, extrapolate=extrapolate)
         found.append(way("reduced, planar", "reduced", flat, estimate=False))
         found.append(way("reduced, 1 pass, planar", "reduced", flat, passes=1, estimate=False))
+        found.append(way("reduced, 2 passes, planar", "reduced", flat, passes=2, estimate=False))
         found.append(way("full, planar", "full", flat))
         found.append(Way("conventional, planar", leafs, size, lambda: in_space(True)))
     return found
@@ -105,6 +106,21 @@ def plain_newton(scene: Any, targets: Mapping[str, float], elements: int) -> Way
     return Way("plain Newton", leafs, elements, lambda: solve(best), f"eps_max {best:g}")
 
 
+def modal_way(scene: Any, targets: Mapping[str, float], basis: Any, *, extrapolate: bool = False) -> Way:
+    """Leafs as bodies of modes and modal derivatives (paper 2), the bases made once."""
+    solver = Solver(scene, extrapolate=extrapolate, basis=basis)
+    label = f"modal, order {basis.order}, {basis.internal} internal"
+    if basis.coordinates == "angle":
+        label += ", as printed"
+    return Way(
+        "modal", label, basis.order, lambda: solver(targets, method="modal", estimate=False, strict=False)
+    )
+
+
+def _not_run(why: str) -> Configuration:
+    raise ConvergenceError(why)
+
+
 def ways_of(case: Any, *, quick: bool) -> Iterator[Way]:
     """All ways to a case of the suite; `quick` takes one mesh of each leaf model."""
     scene, targets = case.build()
@@ -114,6 +130,14 @@ def ways_of(case: Any, *, quick: bool) -> Iterator[Way]:
     meshes += [Mesh("corotational", elements=n) for n in elements]
     for mesh in meshes:
         yield from five_step_ways(scene, targets, mesh, extrapolate=case.extrapolate)
+    from ksd.modal.choices import ModalBasis
+
+    printed = ModalBasis(coordinates="angle", frame="node", internal=0)
+    for basis in (ModalBasis(),) if quick else (ModalBasis(), ModalBasis(order=3), printed):
+        if case.no_modal:
+            yield Way("modal", "modal", basis.order, lambda: _not_run(case.no_modal))
+            break
+        yield modal_way(scene, targets, basis, extrapolate=case.extrapolate)
     for n in case.baseline:
         if not quick or n in elements:
             try:

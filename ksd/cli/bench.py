@@ -2,9 +2,10 @@
 
 Layout of the JSON file: "machine" (date, processor, versions), "times" (what the triples mean), "cases": by name
 "repeats" and "rows", each with method, leafs, size, iterations, call and steps (lower quartile, median and upper
-quartile of the thread time in us), first_us (the first call, not counted), force_error, displacement_error,
-stiffness_error (relative; null where unknown), stable, note, failed (why, where it did not converge); "engines": what
-other engines took (engine, elements, us, iterations, force_error, said), or why they were skipped.
+quartile of the thread time in us), passes (over all leafs), first_us (the first call, not counted), force_error,
+displacement_error, stiffness_error (relative; null where unknown), stable, note, failed (why, where it did not
+converge); "engines": what other engines took (engine, elements, us, iterations, force_error, said), or why they were
+skipped; "one_pass": by leafs, operations and bytes of one pass over all leafs, in words.
 """
 
 from __future__ import annotations

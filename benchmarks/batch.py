@@ -1,0 +1,204 @@
+"""Very many configurations: 10,000 designs of the fourbar at 10 poses each, and tabulated joints of the three-joint arm.
+
+Designs differ in thickness, leaf length, angle, inner width, height and Young's modulus; some are drawn outside the trained
+range or beyond what the linkage reaches, and must be told as failures. Wall time in threads of one process and in worker
+processes, with the CPU time of one design and its parts; forces against designs prepared one by one. Tabulated joints:
+thread time of a configuration of the arm, by joints and by location, beside the same without tables, and the force error.
+Targets: 100,000 configurations under 20 s on two cores, a tabulated configuration of the arm under 30 us.
+Run: python benchmarks/batch.py
+"""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from typing import Any
+
+import numpy as np
+from common import interleaved, machine, options, write_json
+
+import ksd
+from ksd.bench.suite import arm_by_joints, arm_by_location
+from ksd.design import designs as many
+from ksd.design.prepared import Prepared
+from ksd.solve.choose import Solver
+from ksd.units import GPa, deg, mm
+
+DESIGNS, POSES = 10_000, 10
+TARGET_S, TARGET_US = 20.0, 30.0
+RANGES = {
+    "thickness": (0.6 * mm, 1.2 * mm), "length": (90 * mm, 110 * mm), "angle": (40 * deg, 50 * deg),
+    "inner": (30 * mm, 45 * mm), "high": (0.28, 0.32), "E": (70 * GPa, 210 * GPa),
+}  # fmt: skip
+ODD = 0.01
+"""Share of designs drawn with an angle that was never trained."""
+
+
+def fourbar(
+    *, thickness: float, length: float, angle: float, inner: float, high: float, E: float
+) -> ksd.Mechanism:
+    """One design; lengths in m, the angle in rad."""
+    joint = ksd.CrossFlexure(
+        ksd.Material(E=E, G=E / 2.6),
+        length=length,
+        angle=angle,
+        thickness=thickness,
+        widths=(inner, 0.5 * inner),
+    )
+    scene = ksd.Mechanism("fourbar")
+    left, top, right = scene.links("left", "top", "right")
+    scene.join(scene.ground, left, joint, at=(-0.2, 0, 0), axis="z", toward="y")
+    scene.join(left, top, joint, at=(-0.2, high, 0), axis="z", toward="y")
+    scene.join(right, top, joint, at=(0.2, high, 0), axis="z", toward="y")
+    scene.join(scene.ground, right, joint, at=(0.2, 0, 0), axis="z", toward="y")
+    scene.actuate(top, along="x", at=(0, high + joint.length_AB, 0))
+    return scene
+
+
+def drawn(count: int, seed: int = 1) -> list[dict[str, float]]:
+    """Random designs, one in a hundred of an angle no record knows."""
+    rng = np.random.default_rng(seed)
+    found = [{name: float(rng.uniform(*r)) for name, r in RANGES.items()} for _ in range(count)]
+    for design in found:
+        if rng.uniform() < ODD:
+            design["angle"] = 10 * deg
+    return found
+
+
+def many_designs(count: int) -> dict[str, Any]:
+    """Wall and CPU time of a batch in threads and in processes, its failures, and its forces against fresh models."""
+    designs, stroke = drawn(count), np.linspace(0.02, 0.3, POSES)
+    workers = os.cpu_count() or 1
+    ksd.batch(fourbar, designs=designs[:5], top=stroke)
+    ways: dict[str, Any] = {"one thread": {"threads": 1}, f"{workers} threads": {"threads": workers}}
+    with ProcessPoolExecutor(workers) as pool:
+        # workers that have started and loaded their kernels
+        ksd.batch(fourbar, designs=designs[: 200 * workers], top=stroke, executor=pool)
+        ways[f"{workers} processes"] = {"executor": pool}
+        rows = []
+        for name, how in ways.items():
+            begin, spent = time.perf_counter(), time.process_time()
+            found = ksd.batch(fourbar, designs=designs, top=stroke, **how)
+            row = {"way": name, "wall_s": time.perf_counter() - begin, "cpu_s": time.process_time() - spent}
+            row["met"] = row["wall_s"] <= TARGET_S * count / DESIGNS
+            rows.append(row)
+            print(f"{count} designs x {POSES} poses, {name:12}: {row['wall_s']:6.2f} s wall; {found}")
+    few = designs[:40]
+    near, exact = (_batch(few, stroke, refilled) for refilled in (True, False))
+    scale = np.nanmax(np.abs(exact.forces["top"]))
+    off = float(np.nanmax(np.abs(near.forces["top"] - exact.forces["top"])) / scale)
+    print(f"largest difference of a force from designs prepared one by one: {off:.1e}")
+    return {
+        "designs": count, "poses": POSES, "target_s": TARGET_S, "rows": rows, "solved": found.solved,
+        "failures": len(found.failures), "reasons": sorted({why for _, _, why in found.failures})[:5],
+        "difference_from_fresh": off, "parts_us": parts(designs[1:641], stroke),
+    }  # fmt: skip
+
+
+def _batch(designs: list[dict[str, float]], stroke: np.ndarray, refilled: bool) -> Any:
+    """The batch with designs refilled, or each prepared afresh."""
+    before = many.ALIKE
+    many.ALIKE = before if refilled else len(designs) + 1
+    try:
+        return ksd.batch(fourbar, designs=designs, top=stroke, threads=1)
+    finally:
+        many.ALIKE = before
+
+
+def parts(designs: list[dict[str, float]], stroke: np.ndarray) -> dict[str, float]:
+    """Thread time [us] of a design: making its scene, the rest of its preparation, and one pose; fresh beside refilled."""
+    scenes = [fourbar(**d).scene() for d in designs]
+    one = stroke[:1]
+
+    def batch(poses: np.ndarray) -> None:
+        made = iter([scenes[0], *scenes])
+        ksd.batch(lambda **_: next(made), designs=[designs[0], *designs], top=poses, threads=1)
+
+    # threads of a batch are not this one, so process time is what tells
+    spent = {"scene": 0.0, "refilled, one pose": 0.0, f"refilled, {POSES} poses": 0.0, "fresh, one pose": 0.0}
+    calls = {
+        "scene": lambda: [fourbar(**d) for d in designs],
+        "refilled, one pose": lambda: batch(one),
+        f"refilled, {POSES} poses": lambda: batch(stroke),
+        "fresh, one pose": lambda: [Prepared(Solver(s))({"top": one}) for s in scenes if _trained(s)],
+    }
+    for name, call in calls.items():
+        call()
+        begin = time.process_time()
+        call()
+        spent[name] = 1e6 * (time.process_time() - begin) / len(designs)
+        print(f"{name:24} {spent[name]:7.0f} us per design")
+    return spent
+
+
+def _trained(scene: Any) -> bool:
+    return bool(scene.joints[0].joint.angle > 20 * deg)
+
+
+def tabulated(count: int) -> list[dict[str, Any]]:
+    """The arm by joints and by location, with tables and without: time of a configuration and error of its forces."""
+    rows = []
+    for case, (scene, targets) in {"by joints": arm_by_joints(), "by location": arm_by_location()}.items():
+        for leafs, mesh in {
+            "strain-mode": ksd.Mesh(),
+            "5 elements": ksd.Mesh("corotational", elements=5),
+        }.items():
+            near, exact = (
+                Prepared(Solver(scene, mesh=mesh, planar=False), tabulated=t) for t in (True, False)
+            )
+            values = positions(case, targets, count)
+            few = {name: v[:: max(1, count // 20)] for name, v in values.items()}
+            times = interleaved(
+                {"near": lambda n=near, v=values: n(v), "exact": lambda e=exact, v=few: e(v)}, repeats=5
+            )
+            a, b = near(few), exact(few)
+            good = (a.status == 0) & (b.status == 0)
+            off = float(np.abs(a.force - b.force)[good].max() / np.abs(b.force[good]).max())
+            us = times["near"].median / count
+            assert near.tables is not None
+            rows.append({
+                "case": case, "leafs": leafs, "us": us, "target_us": TARGET_US, "met": us <= TARGET_US,
+                "without_tables_us": times["exact"].median / len(few[next(iter(few))]),
+                "solved": int(np.sum(near(values).status == 0)), "of": count, "force_error": off,
+                "interpolation_error": near.tables.error, "pieces": near.tables.cubic.shape[1],
+            })  # fmt: skip
+            verdict = "met" if rows[-1]["met"] else "MISSED"
+            print(
+                f"arm {case:11} {leafs:11}: {us:5.1f} us (target {TARGET_US:g}: {verdict}), without tables "
+                f"{rows[-1]['without_tables_us']:.0f} us; {rows[-1]['solved']} of {count} solved; force error {off:.1e}, "
+                f"{near.tables}"
+            )
+    return rows
+
+
+def positions(case: str, targets: Mapping[str, float], count: int) -> dict[str, np.ndarray]:
+    """Drive values where all joints of the arm turn by 0.05 to 0.99 times their angle; by location these are the places that
+    takes its end to."""
+    scene, angles = arm_by_joints()
+    shares = np.linspace(0.05, 0.99, count)
+    by_joints = {name: shares * value for name, value in angles.items()}
+    if case == "by joints":
+        return by_joints
+    found = Prepared(Solver(scene, planar=False), tabulated=True)(by_joints)
+    rest = Solver(scene, planar=False).model.rest.x
+    link, end = found.links.index("link 3"), np.array([0.76, 0.0, 0.2])
+    moved = found.x[:, link] + found.R[:, link] @ (end - rest[link]) - end
+    return {name: moved[:, k].copy() for k, name in enumerate(targets)}
+
+
+def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
+    """Measure, print, write batch.json; returns what was found."""
+    asked = options(__doc__, argv)
+    found = {
+        "machine": machine(),
+        "designs": many_designs(200 if asked.quick else DESIGNS),
+        "tabulated": tabulated(100 if asked.quick else 2000),
+    }
+    write_json(found, asked.out / "batch.json")
+    return found
+
+
+if __name__ == "__main__":
+    main()

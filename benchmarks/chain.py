@@ -1,0 +1,77 @@
+"""What a joint costs in a chain of 3, 10, 30 and 100 cross flexures, by `reduced` and by `full`.
+
+Every joint turned by 10 to 20 degrees, left and right in turns; thread time of one configuration over the number of joints,
+many configurations in one compiled call, cases in turns. `reduced` and `full`, in space and in the
+plane, both leaf models. Target: from 3 to 100 joints the cost of a joint stays within 25 %.
+Run: python benchmarks/chain.py
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from common import interleaved, machine, options, write_json
+
+import ksd
+from ksd.bench.suite import chain
+from ksd.design.prepared import Prepared
+from ksd.solve.choose import Solver
+from ksd.solve.planar_steps import FULL, REDUCED
+
+JOINTS = (3, 10, 30, 100)
+BOUND = 0.25
+WAYS = {"reduced": REDUCED, "full": FULL}
+LEAFS = {"strain-mode": ksd.Mesh(), "5 elements": ksd.Mesh("corotational", elements=5)}
+
+
+class Case:
+    """One chain by one method: called, it solves `count` configurations."""
+
+    def __init__(self, joints: int, method: int, mesh: ksd.Mesh, *, planar: bool) -> None:
+        scene, targets = chain(joints)
+        self.prepared = Prepared(Solver(scene, mesh=mesh, planar=planar), method=method)
+        self.count = max(3, 300 // joints)
+        self.values = {n: np.linspace(0.5, 1.0, self.count) * v for n, v in targets.items()}
+        self.solved = bool((self.prepared(self.values).status == 0).all())
+
+    def __call__(self) -> None:
+        self.prepared(self.values)
+
+
+def measured(leafs: str, method: str, joints: Sequence[int], *, planar: bool, repeats: int) -> dict[str, Any]:
+    """Time per joint and configuration [us] for every number of joints, and how far it is from that of the shortest."""
+    cases = {n: Case(n, WAYS[method], LEAFS[leafs], planar=planar) for n in joints}
+    times = interleaved({str(n): case for n, case in cases.items()}, repeats=repeats)
+    each = {n: times[str(n)].median / case.count / n for n, case in cases.items()}
+    off = max(abs(us / each[joints[0]] - 1.0) for us in each.values())
+    row = {
+        "where": "plane" if planar else "space", "leafs": leafs, "method": method, "us_per_joint": each,
+        "largest_change": off, "met": off <= BOUND, "solved": all(c.solved for c in cases.values()),
+    }  # fmt: skip
+    said = ", ".join(f"{n}: {us:.2f}" for n, us in each.items())
+    verdict = "met" if row["met"] else "MISSED"
+    print(
+        f"{row['where']} {leafs:11} {method:8} us per joint: {said}; changes by {100 * off:.0f} % ({verdict})"
+    )
+    return row
+
+
+def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
+    """Measure, print, write chain.json; returns what was found."""
+    asked = options(__doc__, argv)
+    joints, repeats = ((3, 10), 2) if asked.quick else (JOINTS, 9)
+    rows = [
+        measured(leafs, method, joints, planar=planar, repeats=repeats)
+        for planar in (False, True)
+        for leafs in LEAFS
+        for method in WAYS
+    ]
+    found = {"machine": machine(), "bound": BOUND, "rows": rows}
+    write_json(found, asked.out / "chain.json")
+    return found
+
+
+if __name__ == "__main__":
+    main()
