@@ -1,8 +1,8 @@
 """Many configurations of one design in one compiled call, releasing the interpreter: for batches in threads.
 
-Every configuration starts from rest, as a single solve does, and gets a status: solved, or why not. `tabulated_many`
-takes the condensed matrices of the joints from a table over their stroke (`ksd.solve.tables`) instead of step 2, and
-leaves the insides alone.
+Every configuration starts from rest, as a single solve does (tabulated ones from their neighbour where that is near), and
+gets a status: solved, or why not. `tabulated_many` takes the condensed matrices of the joints from a table over their
+stroke (`ksd.solve.tables`) instead of step 2, and leaves the insides alone.
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ import math
 import numpy as np
 
 from ksd.bodies.bench import relative_poses
+from ksd.bodies.kinematics import close_loops
 from ksd.bodies.readout import intended_motions
 from ksd.numerics.copies import copy_numbers
 from ksd.model.system import assemble, largest_move, largest_turn, solve_step, take_step
@@ -166,10 +167,21 @@ def _newton(arrays, motion, target, work, rtol, most):
 
 
 @kernel
+def _nearer(target, before):
+    """Whether target (c,) is much nearer to `before` than to rest."""
+    far, near = 0.0, 0.0
+    for i in range(len(target)):
+        far += target[i] ** 2
+        near += (target[i] - before[i]) ** 2
+    return near < 0.1 * far
+
+
+@kernel
 def tabulated_many(held, table, which, targets, expected, ways, limits, force, x, R, motion, status):
     """Steps 1 and 3 at targets (N, c), the joints from table (T, pieces, 4, 27); which (J,): table of every joint.
 
-    limits (q, 4): trained ranges with slack, then as they are. Otherwise as `space_many`.
+    limits (q, 4): trained ranges with slack, then as they are. A pose much nearer to the one before than to rest starts
+    there, and from rest if that fails. Otherwise as `space_many`.
     """
     theta, place, found = part(held, "state.theta"), part(held, "state.place"), part(held, "state.found")
     off, relative, loops = part(held, "state.off"), part(held, "state.relative"), part(held, "bodies.loops")
@@ -177,8 +189,12 @@ def tabulated_many(held, table, which, targets, expected, ways, limits, force, x
     work = part(held, "state.reduced_work")
     joints, size = len(loops.node), arrays.size
     for n in range(len(targets)):
+        reason, gap = TOO_MANY, math.inf
+        if n > 0 and status[n - 1] == 0 and _nearer(targets[n], targets[n - 1]):
+            reason, _, gap, _ = close_loops(arrays, loops, theta, targets[n], reduced, place, 40)
         status[n] = 0
-        reason, _, gap = start_space(held, targets[n])
+        if reason != 0 or not gap < ways[2] * size or _outside(theta, limits):
+            reason, _, gap = start_space(held, targets[n])
         motion[n] = theta
         if reason != 0 or not gap < ways[2] * size:
             status[n] = LOCKED
