@@ -18,7 +18,7 @@ import ksd
 from ksd.bench.suite import chain
 from ksd.design.prepared import Prepared
 from ksd.solve.choose import Solver
-from ksd.solve.planar_steps import FULL, REDUCED
+from ksd.solve.space_steps import FULL, REDUCED
 
 JOINTS = (3, 10, 30, 100)
 BOUND = 0.25

@@ -77,6 +77,9 @@ def _ratios(m: Measured) -> list[str]:
         if asked.case not in m.case or asked.way not in rows or asked.base not in rows:
             continue
         fast, slow = rows[asked.way], rows[asked.base]
+        other = rows.get("MIP, best eps_max")
+        if asked.base == "conventional" and other is not None and other.call[1] < slow.call[1]:
+            slow = other
         times = slow.call[1] / fast.call[1]
         name = {"conventional": "MIP"}.get(asked.base, asked.base)
         said = "met" if times >= asked.times else f"missed: {_slow(m, fast, slow)}"

@@ -186,6 +186,7 @@ _COLORS = {
     "conventional": "#8a63b0",
     "conventional, planar": "#d14f8f",
     "modal": "#a0522d",
+    "MIP, best eps_max": "#7d6b2b",
     "plain Newton": "#444b57",
 }
 

@@ -109,10 +109,11 @@ def test_operations_of_a_pass_grow_with_the_mechanism():
     # a full matrix of six in blocks of three: n^3 / 3 and what the lower blocks take whole
     plan, *_ = plan_blocks(np.array([3, 3]), [(0, 1)])
     assert factor_operations(plan) == 9 + 27 + 54 + 9
-    three, nine = (one_pass(compile_scene(chain(n)[0]).arrays) for n in (3, 9))
-    assert nine.leafs == 3 * three.leafs and nine.matrix == 3 * three.matrix
-    assert nine.factor == pytest.approx(3 * three.factor, rel=0.2)
-    assert nine.bytes == pytest.approx(3 * three.bytes, rel=0.1)
+    few, many = (one_pass(compile_scene(chain(n)[0]).arrays) for n in (8, 24))
+    assert many.leafs == 3 * few.leafs and many.matrix == 3 * few.matrix
+    # the ends of the chain are cheaper
+    assert 3.0 * few.factor <= many.factor <= 3.3 * few.factor
+    assert 2.2 * few.bytes <= many.bytes <= 3 * few.bytes
 
 
 def test_the_frame_other_engines_get_is_the_scene():
