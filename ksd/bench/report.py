@@ -236,7 +236,9 @@ def _panel(axes: Any, rows: Sequence[Row], key: str) -> None:
     axes.set_xscale("log")
     axes.set_yscale("log")
     low, high = axes.get_xlim()
-    ticks = [m * 10.0**k for k in range(1, 7) for m in (1, 2, 5) if low <= m * 10.0**k <= high]
+    # beyond two decades the labels between the powers of ten would touch
+    marks = (1, 2, 5) if high < 100.0 * low else (1,)
+    ticks = [m * 10.0**k for k in range(1, 8) for m in marks if low <= m * 10.0**k <= high]
     axes.set_xticks(ticks, labels=[f"{t:.0f}" for t in ticks])
     axes.set_xticks([], minor=True)
     axes.grid(True, color="#eceff4", linewidth=0.8)

@@ -100,8 +100,7 @@ def pose_from(coefficient, length, value, slope, count, motions, place):
             g[1, r] += coefficient[r, i] * slope[1, i]
     if f[0] == 0.0 and f[1] == 0.0 and f[5] == 0.0 and _in_plane(f, g, length, motions, place):
         return
-    R, H = local_matrix(3, 3), local_matrix(3, 3)
-    T, S = local_matrix(3, 3), local_matrix(3, 3)
+    R, H, T, S = local_matrix(3, 3), local_matrix(3, 3), local_matrix(3, 3), local_matrix(3, 3)
     half, spin = local_vector(3), local_vector(3)
     for r in range(3):
         half[r] = 0.5 * f[r]
