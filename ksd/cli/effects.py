@@ -53,20 +53,22 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _print(name: str, choice: Any, rows: list[Any]) -> None:
+    from rich import box
     from rich.table import Table
 
-    table = Table(title=f"{name}: effects with and without, beside those chosen", title_justify="left")
+    said = f"{name}: effects with and without, beside those chosen"
+    table = Table(title=said, title_justify="left", box=box.SIMPLE_HEAD, pad_edge=False)
     keys = list(dict.fromkeys(key for row in rows for key in row.without))
     for column in ("effect", "chosen"):
         table.add_column(column)
     for column in (*keys, "time [\N{MICRO SIGN}s]", "unknowns"):
-        table.add_column(column, justify="right")
+        table.add_column(column, justify="right", min_width=max(map(len, column.split())))
     for row in rows:
         changes = row.changes()
         cells = [_change(changes[k]) if k in changes else "-" for k in keys]
         on, off = row.times
-        time = "-" if row.failed else f"{1e6 * off:.0f} to {1e6 * on:.0f}"
-        count = "-" if row.failed else f"{row.unknowns[1]} to {row.unknowns[0]}"
+        time = "-" if row.failed else f"{1e6 * off:.0f}\N{EN DASH}{1e6 * on:.0f}"
+        count = "-" if row.failed else f"{row.unknowns[1]}\N{EN DASH}{row.unknowns[0]}"
         table.add_row(row.name, "with" if row.kept else "without", *cells, time, count)
     screen = console()
     screen.print(table)

@@ -21,6 +21,7 @@ from typing import Any
 from ksd.errors import SceneError
 from ksd.model import estimates
 from ksd.model.mesh import Mesh
+from ksd.model.runs import free_runs
 from ksd.scene.leaf import Condition
 from ksd.section.checks import nearest, number
 
@@ -260,12 +261,25 @@ def applied(scene: Any, mesh: Mesh, choice: Choice) -> tuple[Any, Mesh]:
     plain = replace(scene, **dropped) if dropped else scene
     if heats or fits:
         plain = with_conditions(plain, leaf_conditions(scene.leaf_names(), heats, fits))
+    if "warping" in there:
+        plain = with_runs(plain, free_runs(scene))
     if scene.compliances:
         plain = with_elastic_links(plain) if "compliance" in there else replace(plain, compliances=())
     words: dict[str, Any] = {name: name in there for name in ("shear", "warping", "plate")}
     if any(getattr(mesh, name) != value for name, value in words.items()):
         mesh = replace(mesh, **words)
     return plain, mesh
+
+
+def with_runs(scene: Any, runs: Mapping[str, float]) -> Any:
+    """The scene whose leafs, by full name, know the length [m] of the run their warping passes through."""
+    leafs = scene.leaf_names()
+    own = {name: leafs[name].condition or Condition() for name in runs}
+    return (
+        with_conditions(scene, {n: replace(own[n], span=length) for n, length in runs.items()})
+        if runs
+        else scene
+    )
 
 
 def with_conditions(scene: Any, conditions: Mapping[str, Condition]) -> Any:

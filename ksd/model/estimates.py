@@ -17,6 +17,7 @@ import numpy as np
 
 from ksd.errors import KsdError
 from ksd.model.mesh import Mesh
+from ksd.model.runs import free_runs, meetings
 from ksd.scene.effects import Spring, leaf_conditions
 from ksd.section import restrained_warping_factor
 from ksd.section.plate import plate_factor
@@ -177,30 +178,34 @@ class Estimates:
         return worst, f"{percent(worst / (1.0 + worst))} of the compliance of a guided leaf ({said})"
 
     def _warping(self) -> Found:
-        """The factor of warping restrained at both ends, less one."""
+        """The factor of warping restrained at both ends, of a leaf or of the run it is part of, less one."""
         worst, said = 0.0, "no leaf has warping"
+        runs = free_runs(self.scene)
         for name, leaf in self.leafs.items():
             if leaf.section.Iw > 0.0:
-                more = restrained_warping_factor(leaf.length, leaf.section.width, leaf.material.nu) - 1.0
+                length = runs.get(name, leaf.length)
+                more = restrained_warping_factor(length, leaf.section.width, leaf.material.nu) - 1.0
                 if more > worst:
                     worst = more
-                    said = f"leaf '{name}', L/w = {leaf.length / leaf.section.width:.3g}"
+                    said = f"leaf '{name}', L/w = {length / leaf.section.width:.3g}"
         return worst, f"{percent(worst)} more torsional stiffness ({said}){self._meeting()}"
 
     def _meeting(self) -> str:
-        """Words on leafs that meet end to end, where warping may pass from one to the other; empty where none do.
-
-        All other leafs end on rigid blocks, which hold their ends plane: there a seventh unknown (the bimoment) would
-        stay zero. Where segments meet its answer lies between that of one long leaf and that of two short ones.
-        """
-        for a, b in meeting_leafs(self.scene):
-            one, two = self.leafs[a], self.leafs[b]
-            w, nu = one.section.width, one.material.nu
-            short = restrained_warping_factor(min(one.length, two.length), w, nu)
-            long = restrained_warping_factor(one.length + two.length, w, nu)
+        """Words on leafs that meet end to end: runs that warping passes through, or what it would be if it did."""
+        for one, two, block, passes in meetings(self.scene):
+            a, b = self.leafs[one], self.leafs[two]
+            w, nu = a.section.width, a.material.nu
+            short = restrained_warping_factor(min(a.length, b.length), w, nu)
+            long = restrained_warping_factor(a.length + b.length, w, nu)
+            if passes:
+                run = restrained_warping_factor(free_runs(self.scene)[one], w, nu)
+                return (
+                    f"; warping passes from leaf '{one}' to '{two}', as '{block}' carries nothing else: one run, "
+                    f"whose factor is {run:.3g} instead of {short:.3g}"
+                )
             return (
-                f"; leafs '{a}' and '{b}' meet end to end: with warping free to pass between them the factor is "
-                f"{long:.3g} instead of {short:.3g} (no seventh unknown for it)"
+                f"; leafs '{one}' and '{two}' meet end to end on '{block}', a body that holds their ends plane: were their "
+                f"warping free to pass the factor would be {long:.3g} instead of {short:.3g}"
             )
         return ""
 
@@ -303,29 +308,6 @@ class Estimates:
             push = max(push, E * q.A * strain, 12.0 * E * (q.Iz * bent + q.Iy * wide) / L)
         said = f"{words} up to {push:.3g} N against a drive force of {self._force:.3g} N"
         return self._against(said, self._ratio(push), with_conditions(bare(self.scene), states))
-
-
-def meeting_leafs(scene: Any) -> list[tuple[str, str]]:
-    """Pairs of leafs, by full name, that are clamped to one block in one point and run on in one line."""
-    ends: dict[tuple, list[tuple[str, np.ndarray]]] = {}
-    groups = [(f"{j.name}/", j.name, j.leafs()) for j in scene.joints]
-    groups += [("", "", (f.leaf,)) for f in scene.leafs]
-    for prefix, home, leafs in groups:
-        for leaf in leafs:
-            e1 = np.subtract(leaf.end, leaf.start) / math.dist(leaf.start, leaf.end)
-            for block, place, out in ((leaf.start_block, leaf.start, -e1), (leaf.end_block, leaf.end, e1)):
-                # beyond 1e-6 m they are apart; free leafs name links, leafs of joints blocks
-                key = (home, block, *(round(float(c), 6) + 0.0 for c in place))
-                ends.setdefault(key, []).append((prefix + leaf.name, out))
-    found = []
-    for here in ends.values():
-        found += [
-            (a, b)
-            for k, (a, u) in enumerate(here)
-            for b, v in here[k + 1 :]
-            if u @ v < -1.0 + 1e-6 and a != b
-        ]
-    return found
 
 
 def drawn(scene: Any) -> tuple[str, ...]:
