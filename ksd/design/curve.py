@@ -8,7 +8,7 @@ and full stroke; configurations solved besides tell the error, the negative end 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -16,6 +16,7 @@ import numpy as np
 from ksd.design.tracking import SPARE, Tracks, first_tracks, follow
 from ksd.errors import SceneError
 from ksd.solve.choose import Solver
+from ksd.solve.corrected import FAST, corrected
 
 
 @dataclass(frozen=True)
@@ -24,6 +25,8 @@ class FrequencyCurve:
 
     drive: name; values (3,) [m or rad] and frequency_Hz (3,): the configurations; coefficients (3,); stroke [m or
     rad]: largest |d|. checked: drive value -> (frequency solved for, relative error) of configurations not used.
+    method_error: largest relative error of the frequencies of a fast method, by a Newton step of the full model; 0 where the
+    method is exact.
     """
 
     drive: str
@@ -31,6 +34,7 @@ class FrequencyCurve:
     frequency_Hz: tuple[float, ...]
     coefficients: tuple[float, ...]
     checked: dict[float, tuple[float, float]]
+    method_error: float = 0.0
 
     @property
     def error(self) -> float:
@@ -91,26 +95,32 @@ def frequency_curve(
     if not stroke > 0.0:
         raise SceneError(f"stroke = {stroke}: a positive drive value [m or rad] is needed")
     wanted = sorted({0.0, 0.5, 1.0, *(float(c) for c in checks)})
-    found = _frequencies(solver, [stroke * w for w in wanted], (drive, held or {}, mode, method))
+    how = (drive, held or {}, mode, method)
+    values = [stroke * w for w in wanted]
+    found = _frequencies(solver, values, how)
     by = dict(zip(wanted, found, strict=True))
     used = (0.0, 0.5, 1.0)
-    return even_curve(
+    curve = even_curve(
         drive, [stroke * u for u in used], [by[u] for u in used],
         {stroke * w: f for w, f in by.items() if w not in used},
     )  # fmt: skip
+    if method not in FAST:
+        return curve
+    better = np.array(_frequencies(solver, values, how, better=True))
+    return replace(curve, method_error=float(np.abs(better / np.array(found) - 1.0).max()))
 
 
 def _frequencies(
-    solver: Solver, values: list[float], how: tuple[str, dict[str, float], str, str]
+    solver: Solver, values: list[float], how: tuple[str, dict[str, float], str, str], *, better: bool = False
 ) -> list[float]:
-    """Frequency [Hz] of the mode at each of `values`, ascending."""
+    """Frequency [Hz] of the mode at each of `values`, ascending; better: after a Newton step of the full model."""
     drive, held, mode, method = how
     freed = solver.model.drive_names
 
     def modes(d: float) -> Any:
-        return solver({**held, drive: d}, method=method, estimate=False).frequencies(
-            count=4 + len(freed) + SPARE, freed=freed
-        )
+        pose = solver({**held, drive: d}, method=method, estimate=False)
+        pose = corrected(pose) if better else pose
+        return pose.frequencies(count=4 + len(freed) + SPARE, freed=freed)
 
     if mode in ("intended", "first_parasitic"):
         tracks = [first_tracks(modes(d), 1) for d in values]
