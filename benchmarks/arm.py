@@ -242,7 +242,12 @@ def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
             tables.append(targets_table(found[name], name))
     found["script_s"] = spent
     parts = ", ".join(f"{name} {value:.0f} s" for name, value in spent.items())
-    tables.append(f"The script took {time.perf_counter() - begin:.0f} s: {parts}.\n")
+    on = found["machine"]
+    tables.insert(
+        0,
+        f"Thread times, medians of {REPEATS} (plain Newton once, MIP twice); {on['date']}, one thread of {on['processor']}, "
+        f"load average {on['load_average']} at the start. The script took {time.perf_counter() - begin:.0f} s: {parts}.\n",
+    )
     text = "\n".join(tables)
     print(text)
     (chosen.out / "arm.md").write_text(text)
