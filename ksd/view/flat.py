@@ -56,7 +56,7 @@ def plot_mechanism(
     pick = [_AXES.index(a) for a in plane]
     own = axes is None
     if own:
-        axes = _fitting_figure(shape, pick).add_subplot()
+        axes = _fitting_figure(shape, pick, wide=7.0 if color is None else 8.0).add_subplot()
     _rest(axes, shape, pick)
     _links(axes, shape, pick, labels)
     _leafs(axes, shape, pick, heat_of(configuration, shape, color))
@@ -104,11 +104,11 @@ def _arrows(configuration: Any, shape: Any, pick: list[int]) -> Array:
     return np.concatenate(found) if found else np.zeros((0, 2))
 
 
-def _fitting_figure(shape: Any, pick: list[int]) -> Any:
-    """A figure 7 inches wide, as high as the mechanism needs at equal scales."""
+def _fitting_figure(shape: Any, pick: list[int], *, wide: float) -> Any:
+    """A figure `wide` inches wide, as high as the mechanism needs at equal scales."""
     points = np.concatenate([np.concatenate([leaf.rest, leaf.place]) for leaf in shape.leafs])[:, pick]
-    wide, high = np.maximum(np.ptp(points, axis=0), 1e-9)
-    return new_figure(7.0, float(np.clip(6.2 * high / wide + 0.9, 2.8, 7.0)))
+    across, high = np.maximum(np.ptp(points, axis=0), 1e-9)
+    return new_figure(wide, float(np.clip(6.2 * high / across + 0.9, 2.8, 7.0)))
 
 
 def _caption(configuration: Any) -> str:
