@@ -85,7 +85,7 @@ class Outside(CompilerBase):  # type: ignore[misc]
 
     def __init__(self, *given: Any) -> None:
         # typing and target contexts, library, argument and return types, then the flags
-        super().__init__(*given[:5], _Flags(given[5]), *given[6:])
+        super().__init__(*given[:5], _Flags(given[5]), *given[6:])  # type: ignore[call-arg]
 
     def define_pipelines(self) -> list[Any]:
         return [DefaultPassBuilder.define_nopython_pipeline(self.state)]

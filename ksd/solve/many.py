@@ -14,9 +14,9 @@ import numpy as np
 from ksd.bodies.bench import relative_poses
 from ksd.bodies.kinematics import close_loops
 from ksd.bodies.readout import intended_motions
-from ksd.numerics.copies import copy_numbers
 from ksd.model.system import assemble, largest_move, largest_turn, solve_step, take_step
 from ksd.numerics.blocks import factor_blocks
+from ksd.numerics.copies import copy_numbers
 from ksd.numerics.held import part
 from ksd.numerics.kernel import kernel
 from ksd.solve.newton import CONVERGED, GRAIN, LOCAL_ANGLE, LOOSE, NOT_FINITE, SINGULAR, TOO_MANY
