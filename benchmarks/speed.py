@@ -53,6 +53,7 @@ def five_steps(scene: Any, mesh: ksd.Mesh, leafs: str, elements: int) -> list[Ca
         case("reduced with estimate", "reduced"),
         case("reduced, 1 pass", "reduced", passes=1, estimate=False),
         case("full", "full"),
+        case("kinematic, planar", "kinematic", flat, estimate=False),
         case("reduced, planar", "reduced", flat, estimate=False),
         case("reduced, planar, with estimate", "reduced", flat),
         case("reduced, 1 pass, planar", "reduced", flat, passes=1, estimate=False),
@@ -136,11 +137,18 @@ def claims(found: dict[str, Any]) -> list[dict[str, Any]]:
         listed.append((f"`reduced`, {r['leafs']}: the steps [µs]", 400.0, r["steps"]["median_us"]))
         listed.append((f"`reduced`, {r['leafs']}: the whole call [µs]", 400.0, r["call"]["median_us"]))
     if "start_up" in found:
-        warm = max(v["prepared_s"] for k, v in found["start_up"].items() if k != "empty cache")
+        warm = max(v["prepared_s"] for k, v in found["start_up"].items() if "empty cache" not in k)
         listed.append(("second process, until it solves [s]", 2.0, warm))
         if "empty cache" in found["start_up"]:
             cold = found["start_up"]["empty cache"]
             listed.append(("empty kernel cache, until solved [s]", 40.0, cold["solved_s"]))
+            listed.append(
+                (
+                    "empty kernel cache, `ksd demo` [s]",
+                    40.0,
+                    found["start_up"]["empty cache, demo"]["solved_s"],
+                )
+            )
     found_claims = [{"what": w, "bound": f"<= {t:g}", "measured": m, "met": m <= t} for w, t, m in listed]
     return found_claims + ratios(found["solves"])
 

@@ -179,7 +179,7 @@ def readme_table(found: dict[str, Any]) -> str:
         f"eps_max best for it. One iteration of everything costs {full:.0f} µs with 5 elements per leaf and",
         f"{strain:.0f} µs with strain-mode leafs; of the reduced mechanism {reduced:.1f} µs. All tables, with spread",
         "and targets met and missed, are in `benchmarks/results/speed.md`. All is solved in space but for the planar",
-        "rows: the way taken by default, `kinematic` apart, where a scene stays in its plane.",
+        "rows: the way taken by default where a scene stays in its plane.",
     ]
     return "\n".join(lines)
 

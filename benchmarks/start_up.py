@@ -27,6 +27,18 @@ CASES = {
     "full, 5 elements": PROGRAM.format(mesh="chain(5)", method="full"),
 }
 
+DEMO = """
+import sys, time, tempfile, pathlib
+begin = float(sys.argv[1])
+from ksd.cli import main
+ready = time.time()
+with tempfile.TemporaryDirectory() as place:
+    main(["demo", "--json", str(pathlib.Path(place, "d.json")), "--plot", str(pathlib.Path(place, "d.png"))])
+print()
+print(ready - begin, time.time() - begin)
+"""
+"""`ksd demo`: both leaf models, every method."""
+
 
 def first_solution(program: str, cache: str | None = None) -> dict[str, Any]:
     """Wall time [s] from starting a process to a prepared solver and to its first solution, and its CPU time [s].
@@ -37,7 +49,7 @@ def first_solution(program: str, cache: str | None = None) -> dict[str, Any]:
     settings = {**os.environ, **({"KSD_CACHE_DIR": cache} if cache else {})}
     command = [sys.executable, "-c", program, repr(time.time())]
     done = subprocess.run(command, capture_output=True, text=True, cwd=HERE, env=settings, check=True)
-    ready, solved = (float(t) for t in done.stdout.split())
+    ready, solved = (float(t) for t in done.stdout.splitlines()[-1].split())
     after = os.times()
     used = after.children_user + after.children_system - before.children_user - before.children_system
     return {"prepared_s": ready, "solved_s": solved, "cpu_s": used, "message": "compiling" in done.stderr}
@@ -55,4 +67,6 @@ def start_up(*, repeats: int = 3, cold: bool = True) -> dict[str, Any]:
     if cold:
         with tempfile.TemporaryDirectory() as empty:
             found["empty cache"] = first_solution(CASES["full, strain-mode"], empty)
+        with tempfile.TemporaryDirectory() as empty:
+            found["empty cache, demo"] = first_solution(DEMO, empty)
     return found
