@@ -9,7 +9,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from ksd.errors import KsdError
-from ksd.model.arrays import ready_near
 from ksd.model.plane import Plane, plane_of
 from ksd.solve.choose import Solver
 from ksd.solve.driving import CAP, RTOL
@@ -93,7 +92,6 @@ class Prepared:
         links = len(self.solver.model.scene.links)
         force, x, R = np.zeros((count, rows)), np.zeros((count, links, 3)), np.zeros((count, links, 3, 3))
         put = (force, x, R, motion, status)
-        ready_near(b.bodies.bench)
         if self.tables is None:
             space_many(b.held, targets, rows, self.method, self.passes, _WAYS, self._limits, *put)
         else:

@@ -148,14 +148,6 @@ class Work(NamedTuple):
     weight: np.ndarray
 
 
-def ready_near(bench: Arrays) -> None:
-    """Make the kernels ready that linearise members of `bench` about a near configuration, before step 2 in space."""
-    from ksd.beam import entry  # noqa: F401, declares the entry points
-
-    if np.any(bench.members.kind == COROTATIONAL):
-        compile_late("chain_near")
-
-
 def make_work(arrays: Arrays, *, near: np.ndarray | None = None) -> Work:
     """Storage for one thread working on `arrays`; `near` (m,) lengths of the near configurations, if any.
 

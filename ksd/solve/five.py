@@ -14,7 +14,6 @@ import numpy as np
 
 from ksd.bodies.joints import JointBodies
 from ksd.errors import ConvergenceError
-from ksd.model.arrays import ready_near
 from ksd.model.compile import Model
 from ksd.model.plane import Plane, plane_of, refuse_plane
 from ksd.solve import pipeline
@@ -134,7 +133,6 @@ class FiveSteps:
         self, values: Mapping[str, float], target: np.ndarray, *, method: str, passes: int, estimate: bool
     ) -> Configuration:
         b, code = self.bench, _CODES[method]
-        ready_near(b.bodies.bench)
         out = self._out.setdefault(passes, np.zeros((2 + 3 * (passes + 1), 5)))
         first: Step | None = None
         ready = 0

@@ -91,7 +91,7 @@ def planar_many(held, targets, expected, method, passes, ways, limits, force, po
         motion[n] = found
 
 
-@kernel(needs=("iterate_apart",))
+@kernel(needs=("iterate_apart", "chain_near"))
 def space_many(held, targets, expected, method, passes, ways, limits, force, x, R, motion, status):
     """As `planar_many`, in space: x (N, links, 3), R (N, links, 3, 3)."""
     theta, off, found = part(held, "state.theta"), part(held, "state.off"), part(held, "state.found")

@@ -242,7 +242,7 @@ def read_space(held):
     intended_motions(loops, relative, found, place, off, part(held, "state.known"))
 
 
-@kernel(needs=("iterate_apart",))
+@kernel(needs=("iterate_apart", "chain_near"))
 def space_steps(held, target, method, passes, closed, rtol, cap, gap, out):
     """Steps 1 to 4, and 5 when `method` is 2, at the drive values target (c,).
 

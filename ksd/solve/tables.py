@@ -14,7 +14,6 @@ from ksd.bodies.bench import condense_joints, set_near
 from ksd.bodies.joints import JointBodies
 from ksd.bodies.kinematics import joint_places
 from ksd.errors import SceneError
-from ksd.model.arrays import ready_near
 from ksd.numerics.held import Held, part
 from ksd.numerics.kernel import kernel
 from ksd.solve.many import PIECES
@@ -44,7 +43,7 @@ class JointTables:
         return f"{count} table{'s' * (count > 1)} of {pieces} pieces, interpolation error {self.error:.1e}"
 
 
-@kernel
+@kernel(needs=("chain_near",))
 def condense_along(held, thetas, found):
     """Condensed joints at thetas (N, q): found (N, J, 42), wrench and stiffness. Returns the worst status."""
     theta, place, inner = (
@@ -102,7 +101,6 @@ def joint_tables(held: Held, bodies: JointBodies, *, accuracy: float = 1e-6) -> 
     from scipy.interpolate import CubicSpline
 
     loops = bodies.loops
-    ready_near(bodies.bench)
     if np.any(np.diff(loops.first) != 1):
         raise SceneError(
             "tabulated = True: only joints of one intended motion can be tabulated; leave it out"
