@@ -26,7 +26,7 @@ from common import PlainNewton, chain, machine, options, write_json
 from scipy.interpolate import CubicSpline
 
 import ksd
-from ksd.design.batch import Prepared
+from ksd.design.prepared import Prepared
 from ksd.model.mesh import Mesh
 from ksd.units import deg
 

@@ -21,7 +21,7 @@ from common import interleaved, machine, options, write_json
 
 import ksd
 from ksd.bench.floor import one_pass
-from ksd.bench.suite import arm_by_joints, arm_by_location
+from ksd.bench.suite import TIP, arm_by_joints, arm_by_location
 from ksd.design import designs as many
 from ksd.design.prepared import Prepared
 from ksd.solve.choose import Solver
@@ -197,7 +197,7 @@ def positions(case: str, targets: Mapping[str, float], count: int) -> dict[str, 
         return by_joints
     found = Prepared(Solver(scene, planar=False), tabulated=True)(by_joints)
     rest = Solver(scene, planar=False).model.rest.x
-    link, end = found.links.index("link 3"), np.array([0.76, 0.0, 0.2])
+    link, end = found.links.index("third"), np.array(TIP)
     moved = found.x[:, link] + found.R[:, link] @ (end - rest[link]) - end
     return {name: moved[:, k].copy() for k, name in enumerate(targets)}
 

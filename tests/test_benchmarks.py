@@ -127,3 +127,13 @@ def test_chain(script, tmp_path):
     found = script("chain").main(["--quick", "--out", str(tmp_path)])
     assert len(found["rows"]) == 8 and all(r["solved"] for r in found["rows"])
     assert (tmp_path / "chain.json").exists()
+
+
+def test_arm(script, tmp_path):
+    found = script("arm").main(["--quick", "--out", str(tmp_path)])
+    (rows,) = (v for k, v in found.items() if "element" in k)
+    for case in ("joint-case", "location-case"):
+        widest = max(rows[case].items(), key=lambda item: abs(float(item[0])))[1]
+        # acceptance F asks for 2 and 2, 4 and 4 iterations of steps 3 and 5; issue: error of the force below 2 %
+        assert widest["step 3"] <= 4 and widest["step 5"] <= 4 and widest["force_error"] < 0.02
+        assert widest["plain"] > widest["mip"] > widest["step 5"]

@@ -16,7 +16,7 @@ from ksd.solve.choose import Solver
 from ksd.solve.configuration import Configuration
 from ksd.solve.conventional import conventional
 
-EPS_MAX = (1e4, 1e5, 1e6, 3e6, 1e7, 3e7, 1e8, 1e9, math.inf)
+EPS_MAX = (1e4, 1e5, 3e5, 1e6, 3e6, 1e7, 3e7, 1e8, 3e8, 1e9, math.inf)
 """Thresholds tried for plain Newton; the paper does not print its own."""
 ORDERS = (((3, 2, 4), 5), ((4, 2, 5), 6), ((4, 3, 5), 7), ((5, 3, 6), 8))
 """Strain-mode leafs compared: curvature modes about x, y, z, and points."""
