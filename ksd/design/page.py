@@ -245,13 +245,7 @@ def _error(pose: Any, facts: dict[str, Any], compared: Sequence[Compared]) -> li
         (s["name"], s["iterations"], s["time_us"], s["residual_over_bound"], s["reason"])
         for s in facts["steps"]
     ]
-    error = facts["error"]
-    said = (
-        "None but that of the mesh: the equilibrium of everything was solved."
-        if error is None
-        else f"{_number(error['relative_percent'], 2)} %: links within {_number(error['displacement_um'], 2)} µm and "
-        f"{_number(error['rotation_mrad'], 2)} mrad of equilibrium, by one correction step of the full model."
-    )
+    said = _said(facts["error"])
     first = compared[0]
     rows: list[tuple[Any, ...]] = []
     for c in compared:
@@ -273,6 +267,17 @@ def _error(pose: Any, facts: dict[str, Any], compared: Sequence[Compared]) -> li
         "<p>“Off by” is the difference from the first line. More modes or elements per leaf show the error of the mesh, "
         "the other methods that of the method.</p>",
     ]  # fmt: skip
+
+
+def _said(error: dict[str, Any] | None) -> str:
+    if error is None:
+        return "None but that of the mesh: the equilibrium of everything was solved."
+    if error["relative_percent"] is None:
+        return "Not known: corrector steps of the full model grow. Do not use this result."
+    return (
+        f"{_number(error['relative_percent'], 2)} %: links within {_number(error['displacement_um'], 2)} µm and "
+        f"{_number(error['rotation_mrad'], 2)} mrad of equilibrium, by correction steps of the full model."
+    )
 
 
 def _off(value: float, reference: float) -> float:

@@ -7,6 +7,7 @@ easily (`ksd.solve.confirm.laden`), load steps are walked and the two states com
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 
 import numpy as np
@@ -39,6 +40,7 @@ def beside(found: Configuration, walk: Callable[[], Configuration]) -> tuple[str
     far = difference(found.model, found.motion, other.motion)
     error, size = found.error, found.model.arrays.size
     own = 0.0 if error is None else 3.0 * max(error.displacement / size, error.rotation)
+    own = own if own < math.inf else 0.0
     if far <= (EXACT if error is None else max(NEAR, own)):
         return "", other
     energy, theirs = (sum(c.strain_energy().values()) for c in (found, other))
@@ -49,16 +51,16 @@ def beside(found: Configuration, walk: Callable[[], Configuration]) -> tuple[str
 
 
 def measured(found: Configuration, other: Configuration | None) -> ErrorEstimate | None:
-    """The error of a fast answer: its estimate, or its distance to the exact state `other` where that is larger."""
+    """The error of a fast answer: its distance to the exact state `other` where there is one, else its estimate."""
     error = found.error
     if error is None or other is None:
         return error
     links, drives = found.model.links, len(found.model.drive_names)
     one, exact = found.motion, other.motion
-    force = np.maximum(error.force, np.abs(one.multiplier - exact.multiplier)[:drives])
+    force = np.abs(one.multiplier - exact.multiplier)[:drives]
     shift = float(np.linalg.norm((one.x - exact.x)[:links], axis=1).max())
     turn = max(float(np.linalg.norm(found.rotation(k) - other.rotation(k))) for k in found.links)
     moved = float(np.abs(exact.x - found.model.rest.x)[:links].max())
     largest = max(float(np.abs(exact.multiplier[:drives]).max(initial=0.0)), 1e-300)
-    relative = max(error.relative, float(force.max(initial=0.0)) / largest, shift / max(moved, 1e-300))
-    return ErrorEstimate(force, max(error.displacement, shift), max(error.rotation, turn), relative)
+    relative = max(float(force.max(initial=0.0)) / largest, shift / max(moved, 1e-300))
+    return ErrorEstimate(force, shift, turn, relative)

@@ -124,7 +124,7 @@ def _verdict(d: dict[str, Any]) -> list[Any]:
     if error is None:
         said = "Error: none but that of the mesh"
     elif error["relative_percent"] is None:
-        said = "Estimated error: not a number; do not use this result"
+        said = "Estimated error: not known, corrector steps grow; do not use this result"
     else:
         shift, turn = (number(error[k], 2, zero=1e-6) for k in ("displacement_um", "rotation_mrad"))
         percent = number(error["relative_percent"], 2, zero=1e-9)

@@ -151,7 +151,12 @@ def judge(c: Configuration) -> Trust:
     elif not branch:
         trusted = Verdict(False, f"not to be trusted: {branch}")
     elif c.error is not None and _worthless(c):
-        trusted = Verdict(False, f"not to be trusted: its estimated error is {100 * c.error.relative:.2g} %")
+        said = (
+            f"its estimated error is {100 * c.error.relative:.2g} %"
+            if math.isfinite(c.error.relative)
+            else "corrector steps of the full model grow from one to the next, so its error is not known"
+        )
+        trusted = Verdict(False, f"not to be trusted: {said}")
     elif c.error is not None:
         trusted = Verdict(True, f"trusted within its estimated error of {100 * c.error.relative:.2g} %")
     else:
