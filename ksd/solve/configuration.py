@@ -29,10 +29,10 @@ class Step:
 
 @dataclass(frozen=True)
 class ErrorEstimate:
-    """Estimated error of a fast method from one corrector step of the full model.
+    """Estimated error of a fast method from corrector steps of the full model: one, or two where it is coarse.
 
     force (drives,): N or Nm; displacement [m] and rotation [rad]: largest correction of any link; relative: the larger
-    of force error over force and displacement error over displacement.
+    of force error over force and displacement error over displacement. All inf where the steps grow: not known.
     """
 
     force: np.ndarray

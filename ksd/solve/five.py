@@ -128,7 +128,7 @@ class FiveSteps:
         return True
 
     def _estimate(self, target: np.ndarray) -> tuple[ErrorEstimate, Step, int]:
-        """Error estimate and inertia from one Newton step in space, looked at and not taken."""
+        """Error estimate and inertia from a Newton step in space, or two, looked at and not taken."""
         clock = pipeline.Clock()
         residual, negatives, status = look_over(self.bench.held, target, RTOL, 1)
         error, step = pipeline.estimated(self.bench, residual, status, clock)
@@ -152,8 +152,10 @@ class FiveSteps:
         second, _ = pipeline.estimated(b, residual, status, pipeline.Clock())
         b.full.assign(kept)
         shrinks = second.relative / error.relative
-        longer = 1.0 / (1.0 - shrinks) if shrinks < 1.0 else math.inf
         e = error
+        if not shrinks < 1.0:
+            return ErrorEstimate(np.full_like(e.force, math.inf), math.inf, math.inf, math.inf)
+        longer = 1.0 / (1.0 - shrinks)
         return ErrorEstimate(
             longer * e.force, longer * e.displacement, longer * e.rotation, longer * e.relative
         )

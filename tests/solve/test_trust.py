@@ -185,4 +185,5 @@ def test_an_error_that_one_corrector_step_does_not_see(planar):
     lax = solver(stroke=5e-3, method="reduced", strict=False)
     # 53 % off
     assert lax.forces["stroke"] < 0.5 * exact[5e-3] and lax.error.relative == np.inf
+    assert np.all(lax.error.force == np.inf) and lax.error.displacement == np.inf
     assert "not known" in str(lax) and lax.as_dict()["error"]["relative_percent"] is None
