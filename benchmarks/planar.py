@@ -11,13 +11,11 @@ import time
 from collections.abc import Callable, Sequence
 
 import ksd
-from ksd.model.arrays import make_work
 from ksd.model.compile import compile_scene
 from ksd.model.mesh import Mesh
-from ksd.model.planar_arrays import make_planar_work
 from ksd.model.plane import Plane, plane_of
 from ksd.solve.conventional import conventional, drive_to
-from ksd.solve.planar import iterate_planar
+from ksd.solve.storage import Storage
 from ksd.units import GPa, deg, mm
 
 STROKE = 300 * mm
@@ -62,15 +60,17 @@ def medians(calls: Sequence[Callable[[], object]], rounds: int) -> list[float]:
 def equilibria(model: ksd.Model, plane: Plane) -> tuple[Callable[[], object], Callable[[], object]]:
     """The Newton solves alone: (spatial, planar)."""
     target, zero = model.targets({"top": STROKE}), model.targets({"top": 0.0})
-    work, planar_work = make_work(model.arrays), make_planar_work(plane.arrays)
+    storage = Storage(model)
+    flat = storage.flat
+    assert not isinstance(flat, str)
 
     def spatial() -> object:
-        return drive_to(model.arrays, model.rest.copy(), work, start=zero, target=target)
+        storage.motion.assign(model.rest)
+        return drive_to(storage.motion, storage.newton, start=zero, target=target)
 
     def planar() -> object:
-        return drive_to(
-            plane.arrays, plane.rest.copy(), planar_work, start=zero, target=target, newton=iterate_planar
-        )
+        flat.motion.assign(plane.rest)
+        return drive_to(flat.motion, flat.newton, start=zero, target=target)
 
     return spatial, planar
 
@@ -84,7 +84,11 @@ def main(rounds: int = 200) -> None:
         model = compile_scene(fourbar(), mesh=mesh)
         plane = plane_of(model)
         assert isinstance(plane, Plane)
-        calls = [lambda m=model, p=p: conventional(m, {"top": STROKE}, planar=p) for p in (False, True)]
+        room = Storage(model)
+        calls = [
+            lambda m=model, r=room, p=p: conventional(m, {"top": STROKE}, planar=p, storage=r)
+            for p in (False, True)
+        ]
         calls += equilibria(model, plane)
         for call in calls:
             call()

@@ -22,7 +22,7 @@ from ksd.solve.choose import Solver
 from ksd.solve.driving import RTOL
 from ksd.solve.planar_steps import GAP, PlanarSteps
 from ksd.solve.reach import in_range
-from ksd.solve.space_steps import REDUCED, look_over
+from ksd.solve.space_steps import REDUCED
 
 Maker = Callable[[], Any]
 CHUNK = 64
@@ -165,8 +165,8 @@ def balanced(prepared: Prepared, targets: np.ndarray, size: float) -> bool:
         return True
     with contextlib.suppress(KsdError):
         in_range(b, flat.state.theta, extrapolate=five.extrapolate)
-        plane.lift(flat.state.full, b.full)
+        five.lift()
         if np.abs(flat.state.found).max(initial=0.0) > 0.0:
-            look_over(b.held, target, RTOL, 0)
+            b.storage.look(target, RTOL)
             return bool(plane.imbalance(b.full_work)[0] <= 1.0)
     return True

@@ -116,7 +116,7 @@ class Motion(NamedTuple):
 
     def copy(self) -> Motion:
         """An independent copy."""
-        return Motion(*(a.copy() for a in self))
+        return Motion(self.x.copy(), self.R.copy(), self.inner.copy(), self.multiplier.copy())
 
     def assign(self, other: Motion) -> None:
         """Take over the numbers of `other`, in place."""

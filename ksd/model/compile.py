@@ -17,7 +17,7 @@ from ksd.model.arrays import ROTATION, TRANSLATION, Arrays, Motion
 from ksd.model.effects import Choice, applied, choose
 from ksd.model.leafs import Mesh, leaf_member, split_leaf
 from ksd.model.pack import Assembly, Member, Push, Row, pack
-from ksd.section.checks import number, show
+from ksd.section.checks import LARGEST, number, show
 
 
 @dataclass(frozen=True, repr=False)
@@ -60,6 +60,9 @@ class Model:
 
     def targets(self, values: Mapping[str, float]) -> np.ndarray:
         """Right-hand sides of all rows for drive values by name [m or rad]; SceneError for unknown or missing ones."""
+        found = [values.get(name) for name in self.drive_names]
+        if len(values) == len(found) and all(type(v) is float and abs(v) <= LARGEST for v in found):
+            return np.array(found + [0.0] * len(self.support_names))
         for name in values:
             if name not in self.drive_names:
                 known = ", ".join(self.drive_names) or "none"

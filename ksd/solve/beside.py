@@ -14,8 +14,9 @@ import numpy as np
 
 from ksd.errors import ConvergenceError
 from ksd.model.arrays import carries_load
-from ksd.solve.configuration import Configuration, ErrorEstimate
+from ksd.solve.configuration import Configuration
 from ksd.solve.confirm import difference, laden
+from ksd.solve.steps import ErrorEstimate
 
 EXACT, NEAR = 1e-5, 0.02
 """Largest difference (of positions over the size, of rotations as they are) of equal states: exact, or reduced."""

@@ -22,11 +22,13 @@ from ksd.properties.later import for_moving, for_questions
 from ksd.section.checks import number, show, truth, whole
 from ksd.solve import pipeline
 from ksd.solve.beside import beside, measured, needs_walk
-from ksd.solve.configuration import Configuration, ErrorEstimate
+from ksd.solve.configuration import Configuration
 from ksd.solve.conventional import by_load_steps, conventional
 from ksd.solve.five import FiveSteps
 from ksd.solve.pipeline import Bench
 from ksd.solve.plates import settled
+from ksd.solve.steps import ErrorEstimate
+from ksd.solve.storage import Storage
 from ksd.solve.trust import insist
 
 METHODS = ("kinematic", "reduced", "full", "conventional", "modal")
@@ -56,6 +58,7 @@ class Solver:
         self.records, self.extrapolate, self.planar = records, extrapolate, planar
         self.basis, self.modal = basis, None  # both of method "modal"
         self._five: FiveSteps | None = None
+        self._storage: Storage | None = None
 
     @property
     def five_steps(self) -> FiveSteps:
@@ -71,9 +74,16 @@ class Solver:
         """Storage of the five steps in space; raises what `five_steps` does."""
         return self.five_steps.bench
 
+    @property
+    def storage(self) -> Storage:
+        """Storage of the conventional solver, prepared on first use."""
+        if self._storage is None:
+            self._storage = Storage(self.model)
+        return self._storage
+
     def use(self, model: Model) -> None:
         """Solve this model of the same scene from now on."""
-        self.model, self._five = model, None
+        self.model, self._five, self._storage = model, None, None
 
     def __call__(
         self,
@@ -106,7 +116,9 @@ class Solver:
             self.use(whole_model)
             found = settled(self, lambda: self._solve(values, **ways), bound)
         if method is not None and needs_walk(found):
-            against, other = beside(found, lambda: by_load_steps(self.model, values, self._told))
+            against, other = beside(
+                found, lambda: by_load_steps(self.model, values, self._told, storage=self.storage)
+            )
             doubts = (*found.doubts, *filter(None, [against]))
             found = _with(found, doubts=doubts, error=measured(found, other))
         return insist(found) if strict else found
@@ -126,7 +138,7 @@ class Solver:
         if not isinstance(method, str) or method not in METHODS:
             raise SceneError(f"method = {show(method)}: choose one of {', '.join(METHODS)}")
         if method == "conventional":
-            return by_load_steps(self.model, values, self._told)
+            return by_load_steps(self.model, values, self._told, storage=self.storage)
         if method == "modal":
             from ksd.solve.modal import by_modal_bodies
 
@@ -143,7 +155,9 @@ class Solver:
         """
         try:
             if isinstance(plane_of(self.model), Plane):
-                found = conventional(self.model, values, planar=True, most=10, smallest=1.0)
+                found = conventional(
+                    self.model, values, planar=True, most=10, smallest=1.0, storage=self.storage
+                )
                 if found.stable and not found.doubts:
                     return self._told(found)
         except (ConvergenceError, SceneError):
@@ -171,7 +185,9 @@ class Solver:
         """An answer of the five steps, or that of load steps where loads are large and it is another."""
         if not needs_walk(found):
             return found
-        against, other = beside(found, lambda: by_load_steps(self.model, values, self._told))
+        against, other = beside(
+            found, lambda: by_load_steps(self.model, values, self._told, storage=self.storage)
+        )
         if not against:
             return found
         if other is None:
@@ -182,7 +198,7 @@ class Solver:
 
     def _load_steps(self, values: Mapping[str, float], note: str) -> Configuration:
         """The conventional solver in all its ways."""
-        result = by_load_steps(self.model, values, self._told)
+        result = by_load_steps(self.model, values, self._told, storage=self.storage)
         return _with(result, warnings=(*result.warnings, note)) if note else result
 
     def _told(self, result: Configuration) -> Configuration:
@@ -192,7 +208,9 @@ class Solver:
         except KsdError:
             return result
         warnings = (*result.warnings, *unknown)
-        return _with(result, motions=motions, unintended=unintended, warnings=warnings)
+        return _with(
+            result, motions=motions, unintended=unintended, warnings=warnings, near=bool(self.bench.seen[1])
+        )
 
 
 def _asked(targets: Any, drives: Mapping[str, float]) -> dict[str, float]:

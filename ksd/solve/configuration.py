@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
@@ -12,33 +12,8 @@ import numpy as np
 
 from ksd.model.arrays import Motion
 from ksd.model.compile import Model
+from ksd.solve.steps import ErrorEstimate, FiveStepRecord, Step
 from ksd.solve.stops import Stop
-
-
-@dataclass(frozen=True)
-class Step:
-    """One step of a solve: name, Newton iterations (matrix solves), thread time [s], residual over its bound, reason."""
-
-    name: str
-    iterations: int
-    time: float
-    residual: float
-    stop: Stop
-    note: str = ""
-
-
-@dataclass(frozen=True)
-class ErrorEstimate:
-    """Estimated error of a fast method from corrector steps of the full model: one, or two where it is coarse.
-
-    force (drives,): N or Nm; displacement [m] and rotation [rad]: largest correction of any link; relative: the larger
-    of force error over force and displacement error over displacement. All inf where the steps grow: not known.
-    """
-
-    force: np.ndarray
-    displacement: float
-    rotation: float
-    relative: float
 
 
 @dataclass(frozen=True, repr=False)
@@ -51,14 +26,14 @@ class Configuration:
     intended pose, in joint axes. error: estimate for the fast methods, None where the method is exact. negatives:
     negative pivots at the end, expected: those the constraint rows explain. doubts: what speaks against the branch and
     was not cleared up by smaller steps. plane_alone: the pivots were counted in the plane alone, so buckling out of it
-    was not looked at.
+    was not looked at. near: every joint was seen near its intended motion, so the verdict need not look again.
     """
 
     model: Model
     motion: Motion
     method: str
     targets: Mapping[str, float]
-    steps: tuple[Step, ...]
+    steps: Sequence[Step]
     negatives: int
     expected: int
     motions: Mapping[str, float] = field(default_factory=dict)
@@ -69,6 +44,7 @@ class Configuration:
     doubts: tuple[str, ...] = ()
     plane_alone: bool = False
     chosen: bool = False
+    near: bool = False
 
     def __repr__(self) -> str:
         forces = ", ".join(f"{n} {v:.6g}" for n, v in self.forces.items())
@@ -79,7 +55,8 @@ class Configuration:
     @property
     def converged(self) -> bool:
         """Whether the last step reached equilibrium (or, for kinematic, closed all loops)."""
-        return self.steps[-1].stop is Stop.CONVERGED
+        steps = self.steps
+        return (steps.last if isinstance(steps, FiveStepRecord) else steps[-1].stop) is Stop.CONVERGED
 
     @property
     def stable(self) -> bool:

@@ -17,9 +17,9 @@ import numpy as np
 from ksd.errors import ConvergenceError
 from ksd.model.arrays import Motion, carries_load
 from ksd.model.compile import Model
-from ksd.solve.configuration import Step
 from ksd.solve.driving import Driven
 from ksd.solve.path import Path
+from ksd.solve.steps import Step
 from ksd.solve.stops import Stop
 
 WANDERED = 12

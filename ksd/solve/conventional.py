@@ -17,63 +17,66 @@ from typing import Any, Literal
 import numpy as np
 
 from ksd.errors import ConvergenceError, SceneError
-from ksd.model.arrays import Arrays, Loads, Motion, Work, carries_load, make_work
+from ksd.model.arrays import Arrays, Loads, Motion, carries_load
 from ksd.model.compile import Model
 from ksd.solve.arc import Course
-from ksd.solve.configuration import Configuration, Step
+from ksd.solve.configuration import Configuration
 from ksd.solve.confirm import confirmed, doubt
 from ksd.solve.driving import CAP, RTOL, Driven, drive_to
 from ksd.solve.path import Path, trace
+from ksd.solve.steps import Step
 from ksd.solve.stops import Stop
+from ksd.solve.storage import Storage
+
+Arrived = tuple[Driven, str, Motion]
+"""How driving went, in what, and where it ended."""
 
 
 def _drive(
-    model: Model, motion: Motion, work: Work, *, planar: bool | Literal["auto"], fresh: bool, **ways: Any
-) -> tuple[Driven, str]:
-    """Drive in the plane where the scene is planar, else in space; says which. fresh: motion is the rest state."""
+    storage: Storage, begin: Motion, *, planar: bool | Literal["auto"], fresh: bool, **ways: Any
+) -> Arrived:
+    """Drive from `begin` in the plane where the scene is planar, else in space. fresh: it is the rest state."""
     found: Driven | str = ""
     if planar is not False:
         # here, so that a scene solved in space never compiles the planar kernels
         from ksd.solve.planar import drive_in_plane
 
-        found = drive_in_plane(model, motion, work, fresh=fresh, **ways)
+        found = drive_in_plane(storage, begin, fresh=fresh, **ways)
         if not isinstance(found, str):
             if planar is True or found.stop in (Stop.CONVERGED, Stop.LOCAL_ANGLE):
-                return found, "planar, 3 unknowns per node"
+                return found, "planar, 3 unknowns per node", storage.motion.copy()
             # space has the Newton with pivoting
             found = f"in the plane {found.stop.sentence}"
         elif planar is True:
             raise SceneError(
                 f"planar = True: this mechanism is not planar: {found}; use planar = 'auto' or False"
             )
-    return drive_to(model.arrays, motion, work, **ways), f"spatial: {found}" if found else ""
+    storage.motion.assign(begin)
+    pivoting = storage.model.arrays, storage.work
+    driven = drive_to(storage.motion, storage.newton, pivoting=pivoting, **ways)
+    return driven, f"spatial: {found}" if found else "", storage.motion.copy()
 
 
-def _doubt(model: Model, motion: Motion, driven: Driven, ways: dict[str, Any]) -> str:
-    return doubt(model, motion, driven, ways["target"], fresh=ways["fresh"], steps=ways["steps"])
-
-
-def _walk(model: Model, motion: Motion, work: Work, *, sure: bool, **ways: Any) -> tuple[Driven, str, Any]:
-    """Drive `motion` in place; unless `sure`, confirm what is doubtful. Returns how it went, in words, and doubts."""
-    begin = motion.copy()
-    driven, how = _drive(model, motion, work, **ways)
-    reason = "" if sure else _doubt(model, motion, driven, ways)
+def _walk(storage: Storage, begin: Motion, *, sure: bool, **ways: Any) -> tuple[Driven, str, Motion, Any]:
+    """Drive from `begin`; unless `sure`, confirm what is doubtful. Returns how it went, in words, where to, and doubts."""
+    model = storage.model
+    first = _drive(storage, begin, **ways)
+    if sure:
+        return *first, ()
+    reason = doubt(model, first[2], first[0], ways["target"], fresh=ways["fresh"], steps=ways["steps"])
     if not reason:
-        return driven, how, ()
+        return *first, ()
 
-    def again(steps: int) -> tuple[Driven, str, Motion]:
-        state = begin.copy()
+    def again(steps: int) -> Arrived:
         finer = {**ways, "steps": steps, "smallest": min(ways["smallest"], 0.25 / steps)}
-        return *_drive(model, state, work, **finer), state
+        return _drive(storage, begin, **finer)
 
     def arc() -> Path:
         low, high = ways["factors"]
         course = Course(ways["start"], ways["target"] - ways["start"], low, high - low)
         return trace(model, course, begin)
 
-    driven, how, state, doubts = confirmed(model, (driven, how, motion.copy()), again, arc, reason)
-    motion.assign(state)
-    return driven, how, doubts
+    return confirmed(model, first, again, arc, reason)
 
 
 def conventional(
@@ -88,7 +91,7 @@ def conventional(
     eps_max: float = math.inf,
     most: int = 30,
     smallest: float = 1e-4,
-    work: Work | None = None,
+    storage: Storage | None = None,
 ) -> Configuration:
     """Solve `model` at the drive values `targets` [m or rad] by load stepping.
 
@@ -96,8 +99,8 @@ def conventional(
     three unknowns per node and checks the answer in space, False never does, True raises SceneError with the reason
     where that is not possible. steps: the number of equal steps tried first (1 as in Appendix B). eps_max [N and Nm
     mixed, as in the paper]: give a step up when the residual norm exceeds it. smallest: fraction of the drive motion
-    below which steps are not halved any more. Raises ConvergenceError with the
-    fraction reached, SceneError for wrong drive names.
+    below which steps are not halved any more. storage: of this model, used again at every call (its own when None).
+    Raises ConvergenceError with the fraction reached, SceneError for wrong drive names.
     """
     if planar not in ("auto", True, False):
         raise SceneError(f"planar = {planar!r}: choose 'auto', True or False")
@@ -106,7 +109,7 @@ def conventional(
     ways: dict[str, Any] = {"steps": steps, "rtol": rtol, "cap": cap, "eps_max": eps_max, "most": most}
     ways |= {"smallest": smallest, "planar": planar, "fresh": start is None}
     ways |= {"start": begin, "target": target, "factors": (start.load_factor if start else 0.0, 1.0)}
-    result, driven = _solved(model, (start.motion if start else model.rest).copy(), work, ways)
+    result, driven = _solved(storage or Storage(model), start.motion if start else model.rest, ways)
     if driven.stop is not Stop.CONVERGED:
         raise ConvergenceError(
             f"the conventional solver stopped at {100 * driven.reached:.3g} % of the drive motion: {driven.stop.sentence}",
@@ -116,14 +119,13 @@ def conventional(
     return result
 
 
-def _solved(
-    model: Model, motion: Motion, work: Work | None, ways: dict[str, Any]
-) -> tuple[Configuration, Driven]:
-    """The walk and its record; `motion` becomes the state of the configuration."""
+def _solved(storage: Storage, motion: Motion, ways: dict[str, Any]) -> tuple[Configuration, Driven]:
+    """The walk from `motion` and its record."""
     clock = time.thread_time_ns()
     # with eps_max it is the paper's own program, which believes whatever converged
     sure = math.isfinite(ways["eps_max"])
-    driven, how, doubts = _walk(model, motion, work or make_work(model.arrays), sure=sure, **ways)
+    model = storage.model
+    driven, how, found, doubts = _walk(storage, motion, sure=sure, **ways)
     spent = (time.thread_time_ns() - clock) * 1e-9
     parts = [
         f"{driven.taken} load step{'s' * (driven.taken != 1)}",
@@ -136,7 +138,7 @@ def _solved(
     values = begin + driven.reached * (target - begin)
     reached = {n: float(v) for n, v in zip(model.drive_names, values, strict=False)}
     result = Configuration(
-        model, motion, "conventional", reached, (step,), driven.negatives, len(target),
+        model, found, "conventional", reached, (step,), driven.negatives, len(target),
         load_factor=low + driven.reached * (high - low), doubts=doubts,
     )  # fmt: skip
     return result, driven
@@ -154,15 +156,19 @@ def loads_last(model: Model, targets: Mapping[str, float], *, steps: int = 4) ->
 
 
 def by_load_steps(
-    model: Model, targets: Mapping[str, float], told: Callable[[Configuration], Configuration]
+    model: Model,
+    targets: Mapping[str, float],
+    told: Callable[[Configuration], Configuration],
+    *,
+    storage: Storage | None = None,
 ) -> Configuration:
     """Drives and loads together; where that fails or cannot be trusted, the drives first and the loads on top of them.
 
-    told: adds what joint records know to a configuration. Raises ConvergenceError.
+    told: adds what joint records know to a configuration. storage: see `conventional`. Raises ConvergenceError.
     """
     result, stopped = None, None
     try:
-        result = told(conventional(model, targets))
+        result = told(conventional(model, targets, storage=storage))
     except ConvergenceError as reason:
         stopped = reason
     if carries_load(model.arrays) and not (result is not None and result.trusted):

@@ -9,7 +9,6 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ksd.model.arrays import Arrays, Motion, Work
-from ksd.solve.newton import iterate
 from ksd.solve.stops import Stop
 
 RTOL = 1e-8
@@ -37,9 +36,8 @@ class Driven(NamedTuple):
 
 
 def drive_to(
-    arrays: Arrays,
     motion: Any,
-    work: Work,
+    newton: Callable[..., tuple[int, int, float, int, float]],
     *,
     start: np.ndarray,
     target: np.ndarray,
@@ -50,11 +48,12 @@ def drive_to(
     cap: float = CAP,
     eps_max: float = math.inf,
     smallest: float = 1e-4,
-    newton: Callable[..., tuple[int, int, float, int, float]] = iterate,
+    pivoting: tuple[Arrays, Work] | None = None,
 ) -> Driven:
     """Move the drives from `start` to `target` (c,), halving on failure; `motion` ends at the last equilibrium.
 
-    newton: the compiled Newton that fits `arrays` and `motion` (spatial, or planar), called as `iterate` is.
+    newton: brings `motion` to equilibrium in place, as `ksd.solve.storage.Storage.newton`. pivoting: spatial arrays and
+    storage with which a step of weak pivots is done again.
     """
     done, size, solves, taken, pivoted, longest = 0.0, 1.0 / steps, 0, 0, 0, 0
     residual, negatives, shortest = math.inf, 0, 1.0 / steps
@@ -64,17 +63,18 @@ def drive_to(
         goal = 1.0 if done + size > 1.0 - 1e-9 else done + size
         level = factors[0] + goal * (factors[1] - factors[0])
         want = start + goal * (target - start)
-        aim = (want, level, work, rtol, most, cap, eps_max)
-        reason, count, residual, negatives, pivot = newton(arrays, motion, *aim)
+        aim = (want, level, rtol, most, cap, eps_max)
+        reason, count, residual, negatives, pivot = newton(*aim)
         solves += count
         taken += 1
-        if newton is iterate and _weak(arrays, reason, pivot):
-            reason, count, residual, negatives, _ = _with_pivoting(arrays, motion, safe, aim, reason)
+        if pivoting is not None and _weak(pivoting[0], reason, pivot):
+            reason, count, residual, negatives, _ = _with_pivoting(pivoting, motion, safe, aim, reason)
             solves, pivoted = solves + count, pivoted + 1
         if reason == Stop.CONVERGED:
             done, longest = goal, max(longest, count)
             shortest = min(shortest, size)
-            safe.assign(motion)
+            if done < 1.0:
+                safe.assign(motion)
             continue
         motion.assign(safe)
         size *= 0.5
@@ -94,7 +94,7 @@ def _weak(arrays: Arrays, reason: int, pivot: float) -> bool:
 
 
 def _with_pivoting(
-    arrays: Arrays, motion: Motion, safe: Motion, aim: tuple, reason: int
+    storage: tuple[Arrays, Work], motion: Motion, safe: Motion, aim: tuple, reason: int
 ) -> tuple[int, int, float, int, float]:
     """The load step again with pivoting, from `safe`; a step that converged is only looked over (no iteration)."""
     # here, so that a scene without weak pivots never imports it
@@ -102,4 +102,5 @@ def _with_pivoting(
 
     if reason != Stop.CONVERGED:
         motion.assign(safe)
-    return iterate_pivoted(arrays, motion, *aim)
+    arrays, work = storage
+    return iterate_pivoted(arrays, motion, *aim[:2], work, *aim[2:])

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -18,19 +18,31 @@ from ksd.errors import ConvergenceError
 from ksd.model.compile import Model
 from ksd.model.plane import Plane, plane_of, refuse_plane
 from ksd.model.system import take_step
+from ksd.numerics.held import Held
 from ksd.solve import pipeline
-from ksd.solve.configuration import Configuration, ErrorEstimate, Step
-from ksd.solve.confirm import wandered
+from ksd.solve.configuration import Configuration
+from ksd.solve.confirm import WANDERED, wandered
 from ksd.solve.driving import CAP, RTOL
 from ksd.solve.pipeline import Bench
-from ksd.solve.planar_steps import GAP, PlanarSteps, prepare_planar, steps_of
+from ksd.solve.planar_steps import GAP, PlanarSteps, prepare_planar
 from ksd.solve.reach import closed, in_range
-from ksd.solve.space_steps import FULL, KINEMATIC, REDUCED, look_over, space_steps
+from ksd.solve.space_steps import FULL, KINEMATIC, REDUCED, space_steps
+from ksd.solve.steps import ErrorEstimate, FiveStepRecord, Step
 from ksd.solve.stops import Stop
+from ksd.solve.storage import Lift, lift_whole
 
 COARSE = 0.01
 """Estimated relative error from which a second corrector step tells whether the first was nearly all."""
 _CODES = {"kinematic": KINEMATIC, "reduced": REDUCED, "full": FULL}
+
+
+class _Moved(NamedTuple):
+    """Intended motions theta (q,), what is left off (J, 6), found (J,), of every joint; near: see `ksd.solve.near`."""
+
+    theta: np.ndarray
+    off: np.ndarray
+    found: np.ndarray
+    near: bool
 
 
 class FiveSteps:
@@ -44,9 +56,11 @@ class FiveSteps:
         self.bench = Bench.of(model, bodies)
         self.wants_plane = planar
         self._flat: PlanarSteps | str | None = None
+        self._lift: Held | None = None
         self._balanced = 0.0
         self._out: dict[int, np.ndarray] = {}
         self._sense = _senses(model, bodies)
+        self._off = np.zeros((len(self._sense), 6))
 
     def __call__(
         self, values: Mapping[str, float], target: np.ndarray, *, method: str, passes: int, estimate: bool
@@ -66,6 +80,16 @@ class FiveSteps:
             )
         return self._flat
 
+    def lift(self) -> None:
+        """Write the spatial state of the planar one, and what is left of the joints' motions."""
+        if self._lift is None:
+            flat, plane = self.flat, plane_of(self.model)
+            assert isinstance(flat, PlanarSteps) and isinstance(plane, Plane)
+            self._lift = Held(
+                Lift(plane.lifting, flat.state.full, self.bench.full, flat.state.off, self._sense, self._off)
+            )
+        lift_whole(self._lift)
+
     def _in_plane(
         self, values: Mapping[str, float], target: np.ndarray, *, method: str, passes: int, estimate: bool
     ) -> Configuration | None:
@@ -73,23 +97,26 @@ class FiveSteps:
         flat, plane, b, code = self.flat, plane_of(self.model), self.bench, _CODES[method]
         if isinstance(flat, str) or isinstance(plane, str):
             return None
-        rows = plane.lifting.row
+        rows, state = plane.lifting.row, flat.state
         out, count, negatives = flat(target[rows], method=code, passes=passes)
         if out[0, 0] != 0 or not out[0, 2] < GAP * b.bodies.reduced.size:
             return None
-        warnings = in_range(b, flat.state.theta, extrapolate=self.extrapolate)
-        if not flat.converged(out, count, method=code, passes=passes):
+        arrived = flat.converged(out, count, method=code, passes=passes)
+        inside = arrived and state.seen[0]
+        warnings = [] if inside else in_range(b, state.theta, extrapolate=self.extrapolate)
+        if not arrived:
             return None
-        plane.lift(flat.state.full, b.full)
+        self.lift()
         negatives += len(target) - len(rows)
-        steps, error, alone = list(steps_of(out, count, passes)), None, False
+        steps, error, alone = FiveStepRecord(out[:count].tolist(), passes), None, False
+        moved = _Moved(state.found, self._off.copy(), state.known, near=bool(state.seen[1]))
         if method == "kinematic":
             if not self._balances(plane, flat, target):
                 return None
-            moved = flat.state.found.copy(), _lifted(flat.state.off, self._sense), flat.state.known.copy()
+            moved = moved._replace(theta=moved.theta.copy(), found=moved.found.copy())
             return self._kinematic((values, target, steps), moved, warnings, estimate=estimate)
         if method == "full":
-            seen = self._accepted(plane, target, bound=max(1.0, 2.0 * steps[-1].residual))
+            seen = self._accepted(plane, target, bound=max(1.0, 2.0 * float(out[count - 1, 2])))
             if seen is None:
                 return None
             negatives = seen
@@ -97,19 +124,17 @@ class FiveSteps:
             return None
         elif estimate:
             error, step, negatives = self._estimate(target)
-            steps.append(step)
+            steps.more = (step,)
         else:
             alone = True
         return self._configuration(
-            (dict(values), method, tuple(steps)),
-            (flat.state.found, _lifted(flat.state.off, self._sense), flat.state.known),
-            negatives=negatives, error=error, warnings=warnings, plane_alone=alone,
+            (dict(values), method, steps), moved, negatives=negatives, error=error, warnings=warnings, plane_alone=alone
         )  # fmt: skip
 
     def _accepted(self, plane: Plane, target: np.ndarray, *, bound: float) -> int | None:
         """Negative pivots in space of the lifted equilibrium; None when it is none in space."""
         b = self.bench
-        residual, negatives, status = look_over(b.held, target, RTOL, 0)
+        residual, negatives, status = b.storage.look(target, RTOL)
         if residual > 1.0 and plane.imbalance(b.full_work)[0] > 1.0:
             refuse_plane(self.model, "its leafs and loads do not balance across the plane")
             return None
@@ -117,10 +142,10 @@ class FiveSteps:
 
     def _balances(self, plane: Plane, flat: PlanarSteps, target: np.ndarray) -> bool:
         """Whether leafs and loads balance across the plane: looked at once, and again at twice the deflection."""
-        b, moved = self.bench, float(np.abs(flat.state.found).max(initial=0.0))
+        b, moved = self.bench, max(map(abs, flat.state.found.tolist()), default=0.0)
         if moved <= 2.0 * self._balanced:
             return True
-        look_over(b.held, target, RTOL, 0)
+        b.storage.look(target, RTOL)
         if plane.imbalance(b.full_work)[0] > 1.0:
             refuse_plane(self.model, "its leafs and loads do not balance across the plane")
             return False
@@ -130,7 +155,7 @@ class FiveSteps:
     def _estimate(self, target: np.ndarray) -> tuple[ErrorEstimate, Step, int]:
         """Error estimate and inertia from a Newton step in space, or two, looked at and not taken."""
         clock = pipeline.Clock()
-        residual, negatives, status = look_over(self.bench.held, target, RTOL, 1)
+        residual, negatives, status = self.bench.storage.look(target, RTOL, step=True)
         error, step = pipeline.estimated(self.bench, residual, status, clock)
         if COARSE < error.relative < math.inf and self._moved():
             error = self._followed(target, error)
@@ -148,7 +173,7 @@ class FiveSteps:
         bound where they hardly shrink (Deuflhard, Newton Methods for Nonlinear Problems, 2.1)."""
         b, kept = self.bench, self.bench.full.copy()
         take_step(b.model.arrays, b.full, b.full_work.rhs, b.full_work, 1.0)
-        residual, _, status = look_over(b.held, target, RTOL, 1)
+        residual, _, status = b.storage.look(target, RTOL, step=True)
         second, _ = pipeline.estimated(b, residual, status, pipeline.Clock())
         b.full.assign(kept)
         shrinks = second.relative / error.relative
@@ -173,31 +198,32 @@ class FiveSteps:
         if not ready and (out[0, 0] != 0 or not out[0, 2] < GAP * b.bodies.reduced.size):
             first = closed(b, target)
             count, negatives = space_steps(b.held, target, code, passes, 1, RTOL, CAP, GAP, out)
-        warnings = in_range(b, b.theta, extrapolate=self.extrapolate)
-        steps = list(steps_of(out, count, passes))
-        if first is not None:
-            steps[0] = first
-        _insist(steps)
+        arrived = bool(out[count - 1, 0] == 0)
+        inside = arrived and b.seen[0]
+        warnings = [] if inside else in_range(b, b.theta, extrapolate=self.extrapolate)
+        steps = FiveStepRecord(out[:count].tolist(), passes, first=first)
+        if not arrived or first is not None:
+            _insist(steps)
         error = None
+        moved = _Moved(b.found, b.off.copy(), b.known, near=bool(b.seen[1]))
         if method == "kinematic":
             clock = pipeline.Clock()
             pipeline.kinematic_forces(b, target)
-            steps[-1] = replace(steps[-1], time=steps[-1].time + clock())
-            moved = b.found.copy(), b.off.copy(), b.known.copy()
+            steps.rows[-1][3] += clock()
+            moved = moved._replace(theta=moved.theta.copy(), found=moved.found.copy())
             return self._kinematic((values, target, steps), moved, warnings, estimate=estimate)
         if estimate and method == "reduced":
             # condensed joints cannot buckle: the inertia is that of the full model at the recovered state
             error, step, negatives = self._estimate(target)
-            steps.append(step)
+            steps.more = (step,)
         return self._configuration(
-            (dict(values), method, tuple(steps)), (b.found, b.off.copy(), b.known), negatives=negatives, error=error,
-            warnings=warnings,
-        )  # fmt: skip
+            (dict(values), method, steps), moved, negatives=negatives, error=error, warnings=warnings
+        )
 
     def _kinematic(
         self,
-        solved: tuple[Mapping[str, float], np.ndarray, list[Step]],
-        moved: tuple[np.ndarray, np.ndarray, np.ndarray],
+        solved: tuple[Mapping[str, float], np.ndarray, FiveStepRecord],
+        moved: _Moved,
         warnings: list[str],
         *,
         estimate: bool,
@@ -206,7 +232,7 @@ class FiveSteps:
         values, target, steps = solved
         b = self.bench
         answer = self._configuration(
-            (dict(values), "kinematic", tuple(steps)),
+            (dict(values), "kinematic", steps),
             moved,
             negatives=len(target),
             error=None,
@@ -220,12 +246,13 @@ class FiveSteps:
         extra = reduced.steps[2:]
         spent, counted = sum(s.time for s in extra), sum(s.iterations for s in extra)
         last = Step("error estimate", counted, spent, extra[-1].residual, extra[-1].stop, "by steps 3 and 4")
-        return replace(answer, error=error, steps=(*answer.steps, last), negatives=reduced.negatives)
+        steps.more = (last,)
+        return replace(answer, error=error, negatives=reduced.negatives)
 
     def _configuration(
         self,
-        solved: tuple[dict[str, float], str, tuple[Step, ...]],
-        moved: tuple[np.ndarray, np.ndarray, np.ndarray],
+        solved: tuple[dict[str, float], str, FiveStepRecord],
+        moved: _Moved,
         *,
         negatives: int,
         error: Any,
@@ -233,11 +260,14 @@ class FiveSteps:
         plane_alone: bool = False,
     ) -> Configuration:
         b, (values, method, steps) = self.bench, solved
-        motions, unintended, unknown = pipeline.named_motions(b, *moved)
+        theta, off, found, near = moved
+        motions, unintended, unknown = pipeline.named_motions(b, theta, off, found, near=near)
         expected = len(b.model.drive_names) + len(b.model.support_names)
+        long = steps.wandered(WANDERED)
+        doubts = wandered(s for s in steps if s.name[0] in "35") if long else ()
         return Configuration(
             self.model, b.full.copy(), method, values, steps, negatives, expected, motions, unintended, error,
-            (*warnings, *unknown), doubts=wandered(s for s in steps if s.name[0] in "35"), plane_alone=plane_alone,
+            (*warnings, *unknown), doubts=doubts, plane_alone=plane_alone, near=near,
         )  # fmt: skip
 
 
@@ -249,14 +279,7 @@ def _senses(model: Model, bodies: JointBodies) -> np.ndarray:
     return np.sign(bodies.loops.frame[:, :, 2] @ plane.normal)
 
 
-def _lifted(off: np.ndarray, sense: np.ndarray) -> np.ndarray:
-    """Planar remainders (J, 3) as displacement and rotation vector (J, 6) in the axes of each joint."""
-    found = np.zeros((len(off), 6))
-    found[:, 0], found[:, 1], found[:, 5] = off[:, 0], sense * off[:, 1], sense * off[:, 2]
-    return found
-
-
-def _insist(steps: list[Step]) -> None:
+def _insist(steps: FiveStepRecord) -> None:
     """ConvergenceError saying which step stopped and why, unless all converged."""
     for k, step in enumerate(steps):
         if step.stop is not Stop.CONVERGED:
@@ -264,5 +287,5 @@ def _insist(steps: list[Step]) -> None:
                 f"step '{step.name}' stopped after {step.iterations} iterations: {step.stop.sentence}; "
                 "try method='conventional'",
                 reached=0.0,
-                result=tuple(steps[: k + 1]),
+                result=steps[: k + 1],
             )

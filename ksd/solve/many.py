@@ -19,10 +19,10 @@ from ksd.numerics.blocks import factor_blocks
 from ksd.numerics.copies import copy_numbers
 from ksd.numerics.held import part
 from ksd.numerics.kernel import kernel
+from ksd.solve.near import far, outside
 from ksd.solve.newton import CONVERGED, GRAIN, LOCAL_ANGLE, LOOSE, NOT_FINITE, SINGULAR, TOO_MANY
 from ksd.solve.planar_steps import planar_steps
 from ksd.solve.space_steps import LINEAR_SIZE, space_steps, start_space
-from ksd.solve.trust import FAR_SHIFT, FAR_TURN
 
 LOCKED, OUT_OF_RANGE, UNSTABLE, FAR = 10, 11, 12, 13
 """Statuses beyond those of `ksd.solve.stops.Stop`."""
@@ -34,32 +34,6 @@ SPOKEN = {
 }
 PIECES = 27
 """Numbers of a condensed joint: wrench (6), then the upper triangle of its stiffness (21)."""
-
-
-@kernel
-def _outside(theta, limits):
-    """Whether a motion (q,) is outside limits (q, 2)."""
-    # any() of a generator does not compile
-    for q in range(len(theta)):  # noqa: SIM110
-        if not limits[q, 0] <= theta[q] <= limits[q, 1]:
-            return True
-    return False
-
-
-@kernel
-def _far(off, turn_at, length):
-    """Whether a joint is further off its intended motion, off (J, ..), than its record describes; length (J,)."""
-    for j in range(len(off)):
-        shift, turn = 0.0, 0.0
-        for r in range(off.shape[1]):
-            if r < turn_at:
-                shift += off[j, r] ** 2
-            else:
-                turn += off[j, r] ** 2
-        # beyond a whole length nothing is known of the joint, and nothing is said
-        if shift < length[j] ** 2 and (shift > (FAR_SHIFT * length[j]) ** 2 or turn > FAR_TURN**2):
-            return True
-    return False
 
 
 @kernel(needs=("iterate_planar_apart",))
@@ -80,11 +54,11 @@ def planar_many(held, targets, expected, method, passes, ways, limits, force, po
         status[n] = int(out[rows - 1, 0])
         if out[0, 0] != 0 or not out[0, 2] < ways[2] * size:
             status[n] = LOCKED
-        elif _outside(theta, limits):
+        elif outside(theta, limits, 0 * n):
             status[n] = OUT_OF_RANGE
         elif status[n] == 0 and negatives != expected:
             status[n] = UNSTABLE
-        elif status[n] == 0 and _far(off, 2, length):
+        elif status[n] == 0 and far(off, 2 + 0 * n, length, 0 * n):
             status[n] = FAR
         force[n] = -full.multiplier
         pose[n] = full.pose[: pose.shape[1]]
@@ -109,11 +83,11 @@ def space_many(held, targets, expected, method, passes, ways, limits, force, x, 
         status[n] = int(out[rows - 1, 0])
         if out[0, 0] != 0 or not out[0, 2] < ways[2] * size:
             status[n] = LOCKED
-        elif _outside(theta, limits):
+        elif outside(theta, limits, 0 * n):
             status[n] = OUT_OF_RANGE
         elif status[n] == 0 and negatives != expected:
             status[n] = UNSTABLE
-        elif status[n] == 0 and _far(off, 3, length):
+        elif status[n] == 0 and far(off, 3 + 0 * n, length, 0 * n):
             status[n] = FAR
         force[n] = -full.multiplier
         x[n], R[n] = full.x[: x.shape[1]], full.R[: x.shape[1]]
@@ -193,13 +167,13 @@ def tabulated_many(held, table, which, targets, expected, ways, limits, force, x
         if n > 0 and status[n - 1] == 0 and _nearer(targets[n], targets[n - 1]):
             reason, _, gap, _ = close_loops(arrays, loops, theta, targets[n], reduced, place, 40)
         status[n] = 0
-        if reason != 0 or not gap < ways[2] * size or _outside(theta, limits):
+        if reason != 0 or not gap < ways[2] * size or outside(theta, limits, 0 * n):
             reason, _, gap = start_space(held, targets[n])
         motion[n] = theta
         if reason != 0 or not gap < ways[2] * size:
             status[n] = LOCKED
             continue
-        if _outside(theta, limits):
+        if outside(theta, limits, 0 * n):
             status[n] = OUT_OF_RANGE
             continue
         for j in range(joints):
@@ -217,7 +191,7 @@ def tabulated_many(held, table, which, targets, expected, ways, limits, force, x
         intended_motions(loops, relative, found, place, off, part(held, "state.known"))
         if reason == 0 and negatives != expected:
             status[n] = UNSTABLE
-        elif reason == 0 and _far(off, 3, loops.length):
+        elif reason == 0 and far(off, 3 + 0 * n, loops.length, 0 * n):
             status[n] = FAR
         force[n] = -reduced.multiplier
         x[n], R[n] = reduced.x, reduced.R

@@ -24,10 +24,11 @@ from ksd.model.compile import Model, compile_given, marked
 from ksd.properties.later import for_questions
 from ksd.properties.tangent import exact
 from ksd.section.checks import show
-from ksd.solve.configuration import Configuration, ErrorEstimate, Step
+from ksd.solve.configuration import Configuration
 from ksd.solve.conventional import conventional
 from ksd.solve.driving import CAP, RTOL
 from ksd.solve.newton import iterate
+from ksd.solve.steps import ErrorEstimate, Step
 from ksd.solve.stops import Stop
 from ksd.solve.validity import validity
 

@@ -16,8 +16,9 @@ from ksd.model.arrays import Motion, carries_load, make_work
 from ksd.model.compile import Model, compile_scene
 from ksd.model.mesh import Mesh
 from ksd.solve.arc import Course, Place, Tracer
-from ksd.solve.configuration import Configuration, Step
+from ksd.solve.configuration import Configuration
 from ksd.solve.pivoted import scaling
+from ksd.solve.steps import Step
 from ksd.solve.stops import Stop
 
 Array = NDArray[np.float64]

@@ -14,29 +14,22 @@ from dataclasses import replace
 
 import numpy as np
 
-from ksd.bodies.bench import relative_poses
 from ksd.bodies.joints import JointBodies, hang_links
 from ksd.bodies.kinematics import close_loops
-from ksd.bodies.readout import drive_forces, intended_motions
+from ksd.bodies.readout import drive_forces
 from ksd.model.arrays import Motion
 from ksd.model.compile import Model
-from ksd.solve.configuration import ErrorEstimate, Step
-from ksd.solve.space_steps import hold, space_set
+from ksd.solve.space_steps import hold, read_space, space_set
+from ksd.solve.steps import ErrorEstimate, Step
 from ksd.solve.stops import Stop
-
-FAR_OUT = 1.0
-"""Distance from the middle of a trained range, over its width, beyond which its polynomials mean nothing."""
-SLACK = 1e-5
-"""Fraction of a trained range by which a motion may be over its end: rounding, not extrapolation. A joint driven to the very
-end is found there to within the error of its interface functions, 2.2e-6 of the range at most in the shipped records; and a
-residual of degree 12 grows by no more than 2 * 12^2 * 1e-5 = 0.3 % on that much more (Markov's inequality)."""
+from ksd.solve.storage import Storage
 
 
 class Bench:
     """Storage of one thread for repeated solves of one model in space: every array the five steps write into.
 
-    held: all of it as the compiled steps take it. lowest, highest (motions,): trained ranges with their slack; far_low,
-    far_high: where the polynomials cease to mean anything.
+    held: all of it as the compiled steps take it; storage: the full model alone. lowest, highest (motions,): trained
+    ranges with their slack; far_low, far_high: where the polynomials cease to mean anything.
     """
 
     def __init__(self, model: Model, bodies: JointBodies) -> None:
@@ -55,10 +48,9 @@ class Bench:
         self.theta, self.place, self.found, self.off = state.theta, state.place, state.found, state.off
         self.known = state.known
         self.joint_names = tuple(p.name for p in model.scene.joints)
-        low, high = bodies.motion_range.T
-        self.lowest, self.highest = low - SLACK * (high - low), high + SLACK * (high - low)
-        middle, reach = 0.5 * (low + high), FAR_OUT * (high - low)
-        self.far_low, self.far_high = middle - reach, middle + reach
+        self.seen = state.seen
+        self.storage = Storage(model, state.full, state.full_work)
+        self.lowest, self.highest, self.far_low, self.far_high = state.limits.T
 
     @classmethod
     def of(cls, model: Model, bodies: JointBodies) -> Bench:
@@ -153,15 +145,15 @@ def distance(motion: Motion, b: Bench, rest: ErrorEstimate) -> ErrorEstimate:
 Motions = tuple[dict[str, float], dict[str, np.ndarray], tuple[str, ...]]
 
 
-def named_motions(b: Bench, theta: np.ndarray, off: np.ndarray, found: np.ndarray) -> Motions:
+def named_motions(b: Bench, theta: np.ndarray, off: np.ndarray, found: np.ndarray, *, near: bool) -> Motions:
     """Intended motion of every joint [rad or m], what is left, and what is not known, in words.
 
     theta (q,), off (J, 6) and found (J,) as of `ksd.bodies.readout.intended_motions`; they are changed where a motion
-    was not found or lies far outside its trained range: nan, and a sentence.
+    was not found or lies far outside its trained range: nan, and a sentence. near: it was seen that there is none such.
     """
     names, unknown = b.joint_names, []
-    inside = (theta >= b.far_low) & (theta <= b.far_high)
-    if not (inside.all() and found.all()):
+    if not near:
+        inside = (theta >= b.far_low) & (theta <= b.far_high)
         first = b.bodies.loops.first
         for j, name in enumerate(names):
             own = slice(first[j], first[j + 1])
@@ -182,10 +174,6 @@ def joint_motions(b: Bench, motion: Motion) -> Motions:
     Unintended: (6,) per joint, displacement [m] and rotation vector [rad] in the axes of interface A. Both are nan for
     a joint whose nearest intended motion was not found, or lies far outside its trained range; the last says so.
     """
-    loops, joints = b.bodies.loops, len(b.bodies.loops.node)
-    relative = np.empty((joints, 12))
-    relative_poses(b.bodies.reduced.members, joints, motion.x, motion.R, relative)
-    theta, place, off = b.theta.copy(), np.empty_like(b.place), np.zeros((joints, 6))
-    found = np.zeros(joints, np.int64)
-    intended_motions(loops, relative, theta, place, off, found)
-    return named_motions(b, theta, off, found)
+    b.full.assign(motion)
+    read_space(b.held)
+    return named_motions(b, b.found.copy(), b.off.copy(), b.known, near=bool(b.seen[1]))

@@ -12,16 +12,13 @@ from typing import Any
 
 import numpy as np
 
-from ksd.model.arrays import Motion, Work
+from ksd.model.arrays import Motion
 from ksd.model.blank import PlanarSystem, blank_planar_system
-from ksd.model.compile import Model
-from ksd.model.planar_arrays import make_planar_work
 from ksd.model.planar_assembly import recover_planar
 from ksd.model.planar_system import assemble_planar, move_planar, planar_size
-from ksd.model.plane import Plane, plane_of, refuse_plane
-from ksd.model.system import assemble
+from ksd.model.plane import Plane, refuse_plane
 from ksd.numerics.blocks import factor_blocks, solve_blocks
-from ksd.numerics.held import Kind, address_of, found_at
+from ksd.numerics.held import Kind, address_of, found_at, part
 from ksd.numerics.kernel import kernel, late
 from ksd.numerics.local import local_vector
 from ksd.solve.driving import Driven, drive_to
@@ -34,9 +31,9 @@ from ksd.solve.newton import (
     NOT_FINITE,
     SINGULAR,
     TOO_MANY,
-    iterate,
 )
 from ksd.solve.stops import Stop
+from ksd.solve.storage import Storage
 
 POLISH = 3
 """Spatial iterations allowed to bring the rounding of a lifted state within the spatial bounds."""
@@ -106,47 +103,45 @@ def iterate_planar(arrays, motion, target, factor, work, rtol, most, cap, blow_u
     return int(out[0]), int(out[1]), out[2], int(out[3]), out[4]
 
 
+@kernel(needs=("iterate_planar_apart",))
+def solve_flat(held, target, factor, rtol, most, cap, blow_up):
+    """`iterate_planar` on the held state."""
+    return iterate_planar(
+        part(held, "arrays"), part(held, "motion"), target, factor, part(held, "work"), rtol, most, cap, blow_up
+    )  # fmt: skip
+
+
 def _accept(
-    model: Model,
-    plane: Plane,
-    motion: Motion,
-    work: Work,
-    *,
-    aim: tuple[np.ndarray, float],
-    bound: float,
-    rtol: float,
+    storage: Storage, plane: Plane, *, aim: tuple[np.ndarray, float], bound: float, rtol: float
 ) -> tuple[int, float, int] | str:
-    """Spatial check of the lifted state `motion` at aim = (drive values, load factor).
+    """Spatial check of the lifted state in `storage` at aim = (drive values, load factor).
 
     Accepted when the residual across the plane is within its bound and the whole one within `bound` times
     its own, as the planar Newton left it. Returns (iterations spent on rounding, residual, negative pivots) or
     a reason.
     """
-    arrays = model.arrays
-    residual, _, inside, status = assemble(arrays, motion, *aim, work, rtol, 0, GRAIN)
-    share, node, force, moment = plane.imbalance(work) if residual > 1.0 else (0.0, 0, 0.0, 0.0)
-    if share > 1.0:
-        said = (
-            f"its leafs and loads do not balance across the plane: {force:.3g} N along its normal and "
-            f"{moment:.3g} Nm across it are left on '{model.node_names[node]}'"
-        )
-        refuse_plane(model, said)
-        return said
+    model, (target, factor) = storage.model, aim
+    residual, negatives, status = storage.look(target, rtol, factor=factor)
+    if residual > 1.0:
+        share, node, force, moment = plane.imbalance(storage.work)
+        if share > 1.0:
+            said = (
+                f"its leafs and loads do not balance across the plane: {force:.3g} N along its normal and "
+                f"{moment:.3g} Nm across it are left on '{model.node_names[node]}'"
+            )
+            refuse_plane(model, said)
+            return said
     if residual <= bound and status == 0:
-        negatives, _ = factor_blocks(arrays.plan, work.value, work.spare, len(arrays.plan.size))
-        return 0, residual, negatives + inside
-    reason, count, residual, negatives, _ = iterate(
-        arrays, motion, *aim, work, rtol, POLISH, math.inf, math.inf
-    )
+        return 0, residual, negatives
+    reason, count, residual, negatives, _ = storage.newton(target, factor, rtol, POLISH, math.inf, math.inf)
     return (
         (count, residual, negatives) if reason == CONVERGED else "what was found is no equilibrium in space"
     )
 
 
 def drive_in_plane(
-    model: Model,
-    motion: Motion,
-    work: Work,
+    storage: Storage,
+    begin: Motion,
     *,
     start: np.ndarray,
     target: np.ndarray,
@@ -155,29 +150,29 @@ def drive_in_plane(
     fresh: bool,
     **ways: Any,
 ) -> Driven | str:
-    """`ksd.solve.conventional.drive_to` in the plane of `model`, or the reason why that is not possible.
+    """`ksd.solve.driving.drive_to` in the plane of the model of `storage`, or the reason why that is not possible.
 
-    fresh: motion is the rest state. motion (spatial) ends at the lifted, checked equilibrium; it is left alone when a
-    reason is returned. The residual and the negative pivots are those of the spatial model.
+    begin: the spatial state to start from; fresh: it is that of rest. The motion of `storage` ends at the lifted, checked
+    equilibrium. The residual and the negative pivots are those of the spatial model.
     """
-    plane = plane_of(model)
-    if isinstance(plane, str):
-        return plane
-    flat = plane.rest.copy() if fresh else plane.flatten(motion)
-    if flat is None:
+    flat = storage.flat
+    if isinstance(flat, str):
+        return flat
+    plane = flat.plane
+    from_here = plane.rest if fresh else plane.flatten(begin)
+    if from_here is None:
         return "the configuration to start from is not in the plane"
+    flat.motion.assign(from_here)
     rows = plane.lifting.row
     ways |= {"start": start[rows], "target": target[rows], "factors": factors, "rtol": rtol}
-    driven = drive_to(plane.arrays, flat, make_planar_work(plane.arrays), newton=iterate_planar, **ways)
-    lifted = motion.copy()
-    plane.lift(flat, lifted)
+    driven = drive_to(flat.motion, flat.newton, **ways)
+    flat.lift()
     goal = driven.reached
     aim = start + goal * (target - start), factors[0] + goal * (factors[1] - factors[0])
     bound = max(1.0, 2.0 * driven.residual) if driven.stop is Stop.CONVERGED else LOOSE
-    found = _accept(model, plane, lifted, work, aim=aim, bound=bound, rtol=rtol)
+    found = _accept(storage, plane, aim=aim, bound=bound, rtol=rtol)
     if isinstance(found, str):
         return found
-    motion.assign(lifted)
     if driven.stop is not Stop.CONVERGED:
         return driven
     return driven._replace(solves=driven.solves + found[0], residual=found[1], negatives=found[2])

@@ -24,15 +24,14 @@ from ksd.bodies.planar_readout import planar_drive_forces
 from ksd.bodies.weight import PLANAR_JOINT_ENTRIES, hang_planar_joints, turn_planar_gravity
 from ksd.model.arrays import Work
 from ksd.model.planar_arrays import PlanarMotion, make_planar_work
-from ksd.numerics.clock import thread_time
+from ksd.numerics.clock import share_time, thread_time, wall_time
 from ksd.numerics.copies import copy_numbers, copy_rows
 from ksd.numerics.held import Held, part
 from ksd.numerics.kernel import compile_late, kernel
-from ksd.solve.configuration import Step
 from ksd.solve.driving import CAP, RTOL
+from ksd.solve.near import look_at_joints, motion_limits
 from ksd.solve.planar import iterate_planar
 from ksd.solve.space_steps import FULL, KINEMATIC, note_step
-from ksd.solve.stops import Stop
 
 GAP = 2e-3
 """Largest gap of the closed loops over the size of the mechanism: overconstrained joints never fit exactly, and their
@@ -43,7 +42,8 @@ class PlanarState(NamedTuple):
     """Storage of one thread for repeated planar solves: every array the five steps write into.
 
     theta (q,): intended motions of step 1; place (J, 9), relative (J, 3), value (J, M), slope (2, M): of the joints;
-    found (q,), off (J, 3), known (J,): intended motions of the answer, and what is left; see `planar_motions`.
+    found (q,), off (J, 3), known (J,): intended motions of the answer, and what is left; see `planar_motions`; limits
+    (q, 4), seen (2,): see `ksd.solve.near`.
     """
 
     theta: np.ndarray
@@ -61,6 +61,8 @@ class PlanarState(NamedTuple):
     reduced_work: Work
     full_work: Work
     clock: np.ndarray
+    limits: np.ndarray
+    seen: np.ndarray
 
 
 class PlanarSet(NamedTuple):
@@ -71,8 +73,8 @@ class PlanarSet(NamedTuple):
     state: PlanarState
 
 
-def planar_state(bodies: PlanarBodies, start: PlanarStart) -> PlanarState:
-    """Prepared storage for `bodies`."""
+def planar_state(bodies: PlanarBodies, start: PlanarStart, motion_range: np.ndarray) -> PlanarState:
+    """Prepared storage for `bodies`, whose motions are trained over motion_range (q, 2)."""
     loops = bodies.loops
     joints, size, motions = len(loops.node), loops.pose.shape[2], int(loops.first[-1])
     return PlanarState(
@@ -81,7 +83,7 @@ def planar_state(bodies: PlanarBodies, start: PlanarStart) -> PlanarState:
         np.zeros(joints, np.int64),
         start.bench.copy(), start.reduced.copy(), start.full.copy(),
         make_planar_work(bodies.bench, near=start.near), make_planar_work(bodies.reduced),
-        make_planar_work(bodies.full), np.zeros(2, np.int64),
+        make_planar_work(bodies.full), np.zeros(2, np.int64), motion_limits(motion_range), np.zeros(2, np.int64),
     )  # fmt: skip
 
 
@@ -189,19 +191,18 @@ def read_planar(held, again):
     copy_numbers(found, first, part(held, "state.theta"), first)
     value, slope = part(held, "state.value"), part(held, "state.slope")
     place, off = part(held, "state.place"), part(held, "state.off")
-    planar_motions(loops, relative, found, value, slope, place, off, part(held, "state.known"))
+    known = part(held, "state.known")
+    planar_motions(loops, relative, found, value, slope, place, off, known)
+    turn_at = 2 + first
+    limits, seen = part(held, "state.limits"), part(held, "state.seen")
+    look_at_joints(part(held, "state.theta"), found, off, known, turn_at, limits, loops.length, seen)
 
 
-@kernel(needs=("iterate_planar_apart",))
-def planar_steps(held, target, method, passes, rtol, cap, gap, out):
-    """Steps 1 to 4, and 5 when `method` is 2, 1 and 2 alone when it is 0, at the drive values target (c,).
-
-    passes: relinearised rounds. out (2 + 3 (passes + 1), 5): see `note_step`; the fifth column of step 4 is the largest
-    unintended angle. Returns (rows of `out` written, negative pivots of the last equilibrium); the last row says why it
-    stopped.
-    """
+@kernel
+def _steps(held, target, method, passes, rtol, cap, gap, out):
+    """See `planar_steps`."""
     clock = part(held, "state.clock")
-    before = thread_time(clock)
+    before = wall_time(clock)
     reason, count, left = start_planar(held, target)
     before = note_step(out, 0, reason, count, left, clock, before)
     if reason != 0 or not left < gap * part(held, "bodies.reduced.size"):
@@ -244,30 +245,30 @@ def planar_steps(held, target, method, passes, rtol, cap, gap, out):
     return row, negatives
 
 
-_NAMES = ("1 close loops", "2 joint stiffness", "3 reduced equilibrium", "4 recovery")
+@kernel(needs=("iterate_planar_apart",))
+def planar_steps(held, target, method, passes, rtol, cap, gap, out):
+    """Steps 1 to 4, and 5 when `method` is 2, 1 and 2 alone when it is 0, at the drive values target (c,).
 
-
-def steps_of(out: np.ndarray, rows: int, passes: int) -> tuple[Step, ...]:
-    """The record of `planar_steps` in words."""
-    found = []
-    for row, (reason, count, residual, spent, twist) in enumerate(out[:rows].tolist()):
-        kind = 0 if row == 0 else 1 + (row - 1) % 3
-        name = _NAMES[kind] if row <= 3 * (passes + 1) else "5 full equilibrium"
-        note = f"gap {residual:.1e} m" if kind == 0 else ""
-        if name is _NAMES[3]:
-            note, residual = f"moved {residual:.1e} m, {twist:.1e} rad", 0.0
-        found.append(Step(name, int(count), spent, residual, Stop(int(reason)), note))
-    return tuple(found)
+    passes: relinearised rounds. out (2 + 3 (passes + 1), 5): see `note_step`, the seconds those of this thread; the fifth
+    column of step 4 is the largest unintended angle. Returns (rows of `out` written, negative pivots of the last
+    equilibrium); the last row says why it stopped.
+    """
+    clock = part(held, "state.clock")
+    cpu, wall = thread_time(clock), wall_time(clock)
+    rows, negatives = _steps(held, target, method, passes, rtol, cap, gap, out)
+    passed = wall_time(clock) - wall
+    share_time(out[:rows, 3], thread_time(clock) - cpu, passed)
+    return rows, negatives
 
 
 class PlanarSteps:
     """The planar five steps of one model, prepared: call with drive values (c,) of the rows that act in the plane."""
 
-    def __init__(self, bodies: PlanarBodies, start: PlanarStart) -> None:
+    def __init__(self, bodies: PlanarBodies, start: PlanarStart, motion_range: np.ndarray) -> None:
         self.bodies, self.start = bodies, start
         if len(bodies.hung.owner):
             compile_late(*PLANAR_JOINT_ENTRIES)
-        self.state = planar_state(bodies, start)
+        self.state = planar_state(bodies, start, motion_range)
         self.held = Held(PlanarSet(bodies, start, self.state))
         self._out: dict[int, np.ndarray] = {}
 
@@ -292,4 +293,4 @@ def prepare_planar(model: Any, bodies: Any) -> PlanarSteps | str:
     if isinstance(plane, str):
         return plane
     made = planar_bodies(plane, bodies)
-    return made if isinstance(made, str) else PlanarSteps(*made)
+    return made if isinstance(made, str) else PlanarSteps(*made, bodies.motion_range)

@@ -6,9 +6,9 @@ import numpy as np
 
 from ksd.errors import ConvergenceError, RangeError
 from ksd.solve import pipeline
-from ksd.solve.configuration import Step
 from ksd.solve.pipeline import Bench
 from ksd.solve.planar_steps import GAP
+from ksd.solve.steps import Step
 from ksd.solve.stops import Stop
 
 

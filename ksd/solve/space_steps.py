@@ -24,13 +24,12 @@ from ksd.bodies.readout import intended_motions
 from ksd.bodies.weight import JOINT_ENTRIES, Hung, hang_joints, turn_gravity
 from ksd.model.arrays import Arrays, Motion, Work, make_work
 from ksd.model.compile import Model
-from ksd.model.system import assemble
-from ksd.numerics.blocks import factor_blocks, solve_blocks
-from ksd.numerics.clock import thread_time
+from ksd.numerics.clock import share_time, thread_time, wall_time
 from ksd.numerics.copies import copy_frames, copy_numbers, copy_rows
 from ksd.numerics.held import Held, part
 from ksd.numerics.kernel import compile_late, kernel
-from ksd.solve.newton import GRAIN, iterate
+from ksd.solve.near import look_at_joints, motion_limits
+from ksd.solve.newton import iterate
 
 KINEMATIC, REDUCED, FULL = 0, 1, 2
 LINEAR_SIZE = 54
@@ -60,7 +59,7 @@ class SpaceState(NamedTuple):
     """Storage of one thread: the states and storage of bench, reduced and full mechanism.
 
     theta (q,), place (J, 24), relative (J, 12): of the joints; found (q,), off (J, 6), known (J,): intended motions of
-    the answer and what is left, see `ksd.bodies.readout.intended_motions`.
+    the answer and what is left, see `ksd.bodies.readout.intended_motions`; limits (q, 4), seen (2,): see `ksd.solve.near`.
     """
 
     theta: np.ndarray
@@ -76,6 +75,8 @@ class SpaceState(NamedTuple):
     reduced_work: Work
     full_work: Work
     clock: np.ndarray
+    limits: np.ndarray
+    seen: np.ndarray
 
 
 class SpaceSet(NamedTuple):
@@ -95,7 +96,7 @@ def space_set(model: Model, bodies: JointBodies) -> SpaceSet:
         np.zeros(joints, np.int64),
         rest.bench.copy(), rest.reduced.copy(), rest.full.copy(),
         make_work(bodies.bench, near=bodies.near), make_work(bodies.reduced), make_work(model.arrays),
-        np.zeros(2, np.int64),
+        np.zeros(2, np.int64), motion_limits(bodies.motion_range), np.zeros(2, np.int64),
     )  # fmt: skip
     if len(bodies.hung.owner):
         compile_late(*JOINT_ENTRIES)
@@ -116,8 +117,8 @@ def _assign(motion, rest):
 
 @kernel
 def note_step(out, row, reason, count, residual, clock, before):
-    """Record of a step: reason, iterations, residual or gap, seconds. Returns the time now."""
-    now = thread_time(clock)
+    """Record of a step: reason, iterations, residual or gap, seconds of the wall. Returns the time now."""
+    now = wall_time(clock)
     out[row, 0], out[row, 1], out[row, 2], out[row, 3] = reason, count, residual, now - before
     return now
 
@@ -239,18 +240,18 @@ def read_space(held):
     first = 0 * len(found)
     copy_numbers(found, first, part(held, "state.theta"), first)
     place, off = part(held, "state.place"), part(held, "state.off")
-    intended_motions(loops, relative, found, place, off, part(held, "state.known"))
+    known = part(held, "state.known")
+    intended_motions(loops, relative, found, place, off, known)
+    turn_at = 3 + first
+    limits, seen = part(held, "state.limits"), part(held, "state.seen")
+    look_at_joints(part(held, "state.theta"), found, off, known, turn_at, limits, loops.length, seen)
 
 
-@kernel(needs=("iterate_apart", "chain_near"))
-def space_steps(held, target, method, passes, closed, rtol, cap, gap, out):
-    """Steps 1 to 4, and 5 when `method` is 2, at the drive values target (c,).
-
-    closed: 1 when step 1 is done already, in the held state. out (2 + 3 (passes + 1), 5): see `note_step`; the fifth
-    column of step 4 is the largest unintended angle. Returns (rows written, negative pivots of the last equilibrium).
-    """
+@kernel
+def _steps(held, target, method, passes, closed, rtol, cap, gap, out):
+    """See `space_steps`."""
     clock = part(held, "state.clock")
-    before = thread_time(clock)
+    before = wall_time(clock)
     if closed == 0:
         reason, count, left = start_space(held, target)
         before = note_step(out, 0, reason, count, left, clock, before)
@@ -272,21 +273,20 @@ def space_steps(held, target, method, passes, closed, rtol, cap, gap, out):
     return row, negatives
 
 
-@kernel
-def look_over(held, target, rtol, step):
-    """Residual and inertia of the full state held; step: 1 leaves one Newton step of it in its storage.
+@kernel(needs=("iterate_apart", "chain_near"))
+def space_steps(held, target, method, passes, closed, rtol, cap, gap, out):
+    """Steps 1 to 4, and 5 when `method` is 2, at the drive values target (c,).
 
-    Returns (residual over its bound, negative pivots, status).
+    closed: 1 when step 1 is done already, in the held state. out (2 + 3 (passes + 1), 5): see `note_step`, the seconds
+    those of this thread; the fifth column of step 4 is the largest unintended angle. Returns (rows written, negative
+    pivots of the last equilibrium).
     """
-    full, work = part(held, "bodies.full"), part(held, "state.full_work")
-    motion = part(held, "state.full")
-    worst, _, inside, status = assemble(full, motion, target, 1.0, work, rtol, 0 * step, GRAIN)
-    negatives, _ = factor_blocks(full.plan, work.value, work.spare, len(full.plan.size))
-    if step == 1:
-        for i in range(len(work.rhs)):
-            work.rhs[i] = -work.rhs[i]
-        solve_blocks(full.plan, work.value, work.spare, work.rhs)
-    return worst, negatives + inside, status
+    clock = part(held, "state.clock")
+    cpu, wall = thread_time(clock), wall_time(clock)
+    rows, negatives = _steps(held, target, method, passes, closed, rtol, cap, gap, out)
+    passed = wall_time(clock) - wall
+    share_time(out[:rows, 3], thread_time(clock) - cpu, passed)
+    return rows, negatives
 
 
 def hold(parts: SpaceSet) -> Held:

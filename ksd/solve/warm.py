@@ -19,12 +19,10 @@ import numpy as np
 from ksd.bodies.joints import joint_bodies
 from ksd.errors import KsdError
 from ksd.library import find_record
-from ksd.model.arrays import make_work
 from ksd.model.compile import Model, compile_scene
 from ksd.numerics.held import Held
 from ksd.numerics.kernel import compile_now
 from ksd.scene import CrossFlexure, Material, Mechanism
-from ksd.solve.newton import iterate
 
 Job = Callable[[], None]
 
@@ -44,10 +42,10 @@ def _model() -> Model:
 def planar_jobs(model: Model) -> list[Job]:
     """What planar scenes need, besides the leafs."""
     from ksd.bodies.planar_bodies import planar_bodies
-    from ksd.model.planar_arrays import make_planar_work
     from ksd.model.plane import plane_of
-    from ksd.solve.planar import iterate_planar
+    from ksd.solve.planar import solve_flat
     from ksd.solve.planar_steps import PlanarSet, planar_state, planar_steps
+    from ksd.solve.storage import FlatStorage
 
     plane = plane_of(model)
     if isinstance(plane, str):
@@ -55,14 +53,15 @@ def planar_jobs(model: Model) -> list[Job]:
     flat, target, out = plane, np.zeros(1), np.zeros((5, 5))
 
     def steps() -> None:
-        made = planar_bodies(flat, joint_bodies(model, find_record))
+        bodies = joint_bodies(model, find_record)
+        made = planar_bodies(flat, bodies)
         if not isinstance(made, str):
-            held = Held(PlanarSet(*made, planar_state(*made)))
+            held = Held(PlanarSet(*made, planar_state(*made, bodies.motion_range)))
             planar_steps.compile_for(held, target, 1, 0, 1e-8, 0.3, 2e-3, out)
 
     def newton() -> None:
-        work = make_planar_work(flat.arrays)
-        iterate_planar.compile_for(flat.arrays, flat.rest, target, 1.0, work, 1e-8, 30, 0.3, math.inf)
+        held = FlatStorage(flat, model.rest.copy()).held
+        solve_flat.compile_for(held, target, 1.0, 1e-8, 30, 0.3, math.inf)
 
     return [steps, *every_jobs(model), lambda: compile_now("iterate_planar_apart"), newton]
 
@@ -70,8 +69,8 @@ def planar_jobs(model: Model) -> list[Job]:
 def every_jobs(model: Model) -> list[Job]:
     """What scenes with joints need in the plane and in space."""
     from ksd.bodies.kinematics import loop_equations
-    from ksd.bodies.readout import intended_motions
-    from ksd.solve.space_steps import look_over, space_set
+    from ksd.solve.space_steps import read_space, space_set
+    from ksd.solve.storage import Storage, look_over
 
     def loops() -> None:
         bodies, target = joint_bodies(model, find_record), np.zeros(1)
@@ -81,13 +80,10 @@ def every_jobs(model: Model) -> list[Job]:
         )
 
     def look() -> None:
-        held = Held(space_set(model, joint_bodies(model, find_record)))
-        look_over.compile_for(held, np.zeros(1), 1e-8, 0)
+        look_over.compile_for(Storage(model).held, np.zeros(1), 1.0, 1e-8, 0)
 
     def motions() -> None:
-        bodies = joint_bodies(model, find_record)
-        theta, relative, off, found = np.zeros(1), np.zeros((1, 12)), np.zeros((1, 6)), np.zeros(1, np.int64)
-        intended_motions.compile_for(bodies.loops, relative, theta, np.zeros((1, 24)), off, found)
+        read_space.compile_for(Held(space_set(model, joint_bodies(model, find_record))))
 
     return [loops, look, motions]
 
@@ -95,15 +91,15 @@ def every_jobs(model: Model) -> list[Job]:
 def spatial_jobs(model: Model) -> list[Job]:
     """What spatial scenes need, besides the leafs."""
     from ksd.solve.space_steps import space_set, space_steps
+    from ksd.solve.storage import Storage, solve_whole
 
-    arrays, motion, target, out = model.arrays, model.rest, np.zeros(1), np.zeros((5, 5))
+    target, out = np.zeros(1), np.zeros((5, 5))
 
     def held() -> Held:
         return Held(space_set(model, joint_bodies(model, find_record)))
 
     def newton() -> None:
-        work = make_work(arrays)
-        iterate.compile_for(arrays, motion, target, 1.0, work, 1e-8, 30, 0.3, math.inf)
+        solve_whole.compile_for(Storage(model).held, target, 1.0, 1e-8, 30, 0.3, math.inf)
 
     return [
         lambda: space_steps.compile_for(held(), target, 1, 0, 0, 1e-8, 0.3, 2e-3, out),

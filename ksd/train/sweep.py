@@ -16,13 +16,14 @@ from ksd.beam.corotational_values import NODE, RECORD
 from ksd.errors import ConvergenceError, SceneError
 from ksd.library.chains import rotation_vectors
 from ksd.library.record import Array, Mesh
-from ksd.model.arrays import COROTATIONAL, Motion, make_work
+from ksd.model.arrays import COROTATIONAL, Motion
 from ksd.model.compile import Model, compile_given
 from ksd.model.leafs import Mesh as LeafMesh
 from ksd.scene import Joint, Leaf, Mechanism
 from ksd.scene.clearance import BENT, PIECES, clash, pieces
 from ksd.solve.configuration import Configuration
 from ksd.solve.conventional import conventional
+from ksd.solve.storage import Storage
 from ksd.train.designs import redrawn
 
 Samples = dict[tuple[Mesh, str], Array]
@@ -108,7 +109,7 @@ def _walk(joint: Joint, model: Model, plan: Plan, mesh: Mesh) -> list[Configurat
     """Equilibrium at every grid point, each reached from the nearest one solved before, outward from rest."""
     reach = np.array([max(abs(low), abs(high)) for low, high in (m.range for m in joint.motions)])
     grid = plan.grid
-    work = make_work(model.arrays)
+    storage = Storage(model)
     solved: dict[int, Configuration] = {}
     for i in np.argsort(np.linalg.norm(grid, axis=1), kind="stable"):
         known = list(solved)
@@ -118,7 +119,11 @@ def _walk(joint: Joint, model: Model, plan: Plan, mesh: Mesh) -> list[Configurat
         state = f"{joint.family} ({mesh} mesh) at {_where(joint, values)}"
         try:
             found = conventional(
-                model, values, start=solved[near] if near is not None and use else None, rtol=RTOL, work=work
+                model,
+                values,
+                start=solved[near] if near is not None and use else None,
+                rtol=RTOL,
+                storage=storage,
             )
         except ConvergenceError as error:
             raise SceneError(f"{state} cannot be trained: {error}; reduce its range of motion.") from error

@@ -12,9 +12,9 @@ from scenes import fourbar, single_joint
 
 import ksd
 from ksd.model.compile import compile_scene
-from ksd.solve.configuration import ErrorEstimate
 from ksd.solve.conventional import conventional
 from ksd.solve.report import SCHEMA, WIDTH, as_dict, number
+from ksd.solve.steps import ErrorEstimate
 
 
 def paths(value, at=""):

@@ -8,9 +8,9 @@ import ksd
 from ksd.errors import ConvergenceError, TrustError
 from ksd.model.compile import compile_scene
 from ksd.section import rectangle
-from ksd.solve.configuration import Step
 from ksd.solve.confirm import WANDERED, wandered
 from ksd.solve.conventional import conventional, loads_last
+from ksd.solve.steps import Step
 from ksd.solve.stops import Stop
 from ksd.units import deg
 

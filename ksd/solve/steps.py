@@ -1,0 +1,94 @@
+"""The steps of a solve: iterations, time, residual and why each stopped; of the compiled ones, put in words when asked."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ksd.solve.stops import Stop
+
+
+@dataclass(frozen=True)
+class Step:
+    """One step of a solve: name, Newton iterations (matrix solves), thread time [s], residual over its bound, reason."""
+
+    name: str
+    iterations: int
+    time: float
+    residual: float
+    stop: Stop
+    note: str = ""
+
+
+@dataclass(frozen=True)
+class ErrorEstimate:
+    """Estimated error of a fast method from corrector steps of the full model: one, or two where it is coarse.
+
+    force (drives,): N or Nm; displacement [m] and rotation [rad]: largest correction of any link; relative: the larger
+    of force error over force and displacement error over displacement. All inf where the steps grow: not known.
+    """
+
+    force: np.ndarray
+    displacement: float
+    rotation: float
+    relative: float
+
+
+_NAMES = ("1 close loops", "2 joint stiffness", "3 reduced equilibrium", "4 recovery")
+
+
+class FiveStepRecord(Sequence[Step]):
+    """What the compiled five steps wrote down, one row per step, as `Step`s; a row is put in words when it is looked at.
+
+    rows: five numbers each, see `ksd.solve.space_steps.note_step`. passes: relinearised rounds. first: step 1 where it was
+    not done by the compiled call; more: steps after the compiled ones.
+    """
+
+    def __init__(
+        self, rows: list[list[float]], passes: int, *, first: Step | None = None, more: tuple[Step, ...] = ()
+    ) -> None:
+        self.rows, self.passes, self.first, self.more = rows, passes, first, more
+
+    def __len__(self) -> int:
+        return len(self.rows) + len(self.more)
+
+    def __getitem__(self, k: Any) -> Any:
+        if isinstance(k, slice):
+            return tuple(self._step(n) for n in range(*k.indices(len(self))))
+        if not -len(self) <= k < len(self):
+            raise IndexError(f"step {k}: there are {len(self)}")
+        return self._step(k % len(self))
+
+    def __iter__(self) -> Iterator[Step]:
+        return iter(self[:])
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Sequence) and self[:] == tuple(other)
+
+    def __repr__(self) -> str:
+        return repr(self[:])
+
+    @property
+    def last(self) -> Stop:
+        """Why the last step stopped."""
+        return self.more[-1].stop if self.more else Stop(int(self.rows[-1][0]))
+
+    def wandered(self, most: int) -> bool:
+        """Whether an equilibrium took more than `most` iterations."""
+        return any(row[1] > most for row in self.rows)
+
+    def _step(self, k: int) -> Step:
+        if k >= len(self.rows):
+            return self.more[k - len(self.rows)]
+        if k == 0 and self.first is not None:
+            return self.first
+        reason, count, residual, spent, twist = self.rows[k]
+        kind = 0 if k == 0 else 1 + (k - 1) % 3
+        name = _NAMES[kind] if k <= 3 * (self.passes + 1) else "5 full equilibrium"
+        note = f"gap {residual:.1e} m" if kind == 0 else ""
+        if name is _NAMES[3]:
+            note, residual = f"moved {residual:.1e} m, {twist:.1e} rad", 0.0
+        return Step(name, int(count), spent, residual, Stop(int(reason)), note)

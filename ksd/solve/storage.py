@@ -1,0 +1,146 @@
+"""Storage of one thread for repeated solves of one model, in space and in its plane, held for compiled code.
+
+A compiled call on held storage costs 2 us whatever the number of arrays; unpacking them at every call costs 20.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ksd.model.arrays import Arrays, Motion, Work, make_work
+from ksd.model.compile import Model
+from ksd.model.planar_arrays import PlanarMotion, make_planar_work
+from ksd.model.planar_lift import Lifting, lift_inner, lift_nodes
+from ksd.model.plane import Plane, plane_of
+from ksd.model.system import assemble
+from ksd.numerics.blocks import factor_blocks, solve_blocks
+from ksd.numerics.held import Held, part
+from ksd.numerics.kernel import kernel
+from ksd.solve.newton import GRAIN, iterate
+
+Newton = tuple[int, int, float, int, float]
+"""Reason, steps taken, residual over its bound, negative pivots, smallest relative pivot: see `ksd.solve.newton.iterate`."""
+
+
+class Whole(NamedTuple):
+    """A mechanism, its state, and storage."""
+
+    arrays: Arrays
+    motion: Motion
+    work: Work
+
+
+class Lift(NamedTuple):
+    """A planar state and the spatial one it is set into; off (J, 3) and lifted (J, 6): what is left of the motions of
+    joints, the latter as displacement and rotation vector in their axes; sense (J,): -1 where z of a joint is against the
+    normal of the plane."""
+
+    lifting: Lifting
+    flat: PlanarMotion
+    motion: Motion
+    off: np.ndarray
+    sense: np.ndarray
+    lifted: np.ndarray
+
+
+@kernel(needs=("iterate_apart",))
+def solve_whole(held, target, factor, rtol, most, cap, blow_up):
+    """`ksd.solve.newton.iterate` on the held state."""
+    return iterate(
+        part(held, "arrays"), part(held, "motion"), target, factor, part(held, "work"), rtol, most, cap, blow_up
+    )  # fmt: skip
+
+
+@kernel
+def look_over(held, target, factor, rtol, step):
+    """Residual and inertia of the held state; step: 1 leaves one Newton step of it in its storage.
+
+    Returns (residual over its bound, negative pivots, status).
+    """
+    arrays, work = part(held, "arrays"), part(held, "work")
+    worst, _, inside, status = assemble(
+        arrays, part(held, "motion"), target, factor, work, rtol, 0 * step, GRAIN
+    )
+    negatives, _ = factor_blocks(arrays.plan, work.value, work.spare, len(arrays.plan.size))
+    if step == 1:
+        for i in range(len(work.rhs)):
+            work.rhs[i] = -work.rhs[i]
+        solve_blocks(arrays.plan, work.value, work.spare, work.rhs)
+    return worst, negatives + inside, status
+
+
+@kernel
+def lift_whole(held):
+    """Write the held spatial state of the planar one."""
+    lifting, flat, motion = part(held, "lifting"), part(held, "flat"), part(held, "motion")
+    lift_nodes(lifting.axes, lifting.height, flat.pose, motion.x, motion.R)
+    lift_inner(
+        lifting.to, lifting.of, lifting.factor, lifting.turn_to, lifting.turn_of, lifting.sense, flat.inner, motion.inner
+    )  # fmt: skip
+    motion.multiplier[:] = 0.0
+    for i in range(len(lifting.row)):
+        motion.multiplier[lifting.row[i]] = flat.multiplier[i]
+    off, sense, lifted = part(held, "off"), part(held, "sense"), part(held, "lifted")
+    for j in range(len(off)):
+        lifted[j, 0], lifted[j, 1], lifted[j, 5] = off[j, 0], sense[j] * off[j, 1], sense[j] * off[j, 2]
+
+
+class Storage:
+    """State and storage of one model in space, and in its plane where it has one. Not for two threads at once.
+
+    motion, work: made here unless given.
+    """
+
+    def __init__(self, model: Model, motion: Motion | None = None, work: Work | None = None) -> None:
+        self.model = model
+        self.motion = model.rest.copy() if motion is None else motion
+        self.work = make_work(model.arrays) if work is None else work
+        self.held = Held(Whole(model.arrays, self.motion, self.work))
+        self._flat: FlatStorage | None = None
+
+    def newton(self, target: np.ndarray, *ways: Any) -> Newton:
+        """Equilibrium from the held state, in place: ways = (load factor, rtol, most, cap, blow_up)."""
+        found: Newton = solve_whole(self.held, target, *ways)
+        return found
+
+    def look(
+        self, target: np.ndarray, rtol: float, *, factor: float = 1.0, step: bool = False
+    ) -> tuple[float, int, int]:
+        """Residual over its bound, negative pivots and status of the held state; step: leaves a Newton step in `work`."""
+        found: tuple[float, int, int] = look_over(self.held, target, factor, rtol, int(step))
+        return found
+
+    @property
+    def flat(self) -> FlatStorage | str:
+        """The same in the plane, or why there is none."""
+        plane = plane_of(self.model)
+        if isinstance(plane, str):
+            return plane
+        if self._flat is None:
+            self._flat = FlatStorage(plane, self.motion)
+        return self._flat
+
+
+class FlatStorage:
+    """State and storage of a model in its plane, and the spatial state `motion` it is set into."""
+
+    def __init__(self, plane: Plane, motion: Motion) -> None:
+        self.plane, self.motion = plane, plane.rest.copy()
+        self.held = Held(Whole(plane.arrays, self.motion, make_planar_work(plane.arrays)))  # type: ignore[arg-type]
+        self._lift = Held(
+            Lift(plane.lifting, self.motion, motion, np.zeros((0, 3)), np.zeros(0), np.zeros((0, 6)))
+        )
+
+    def newton(self, target: np.ndarray, *ways: Any) -> Newton:
+        """As `Storage.newton`, at the rows (r,) that act in the plane."""
+        # here, so that a scene solved in space never compiles the planar kernels
+        from ksd.solve.planar import solve_flat
+
+        found: Newton = solve_flat(self.held, target, *ways)
+        return found
+
+    def lift(self) -> None:
+        """Write the spatial state."""
+        lift_whole(self._lift)
