@@ -46,7 +46,10 @@ def five_steps(scene: Any, mesh: ksd.Mesh, leafs: str, elements: int) -> list[Ca
 
     def in_space(name: str, *, planar: bool) -> Case:
         return Case(
-            name, leafs, elements, lambda: conventional(solver.model, TARGETS, planar=planar, storage=solver.storage)
+            name,
+            leafs,
+            elements,
+            lambda: conventional(solver.model, TARGETS, planar=planar, storage=solver.storage),
         )
 
     return [

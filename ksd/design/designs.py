@@ -165,7 +165,7 @@ def balanced(prepared: Prepared, targets: np.ndarray, size: float) -> bool:
         return True
     with contextlib.suppress(KsdError):
         in_range(b, flat.state.theta, extrapolate=five.extrapolate)
-        five.lift()
+        five.above.lift()
         if np.abs(flat.state.found).max(initial=0.0) > 0.0:
             b.storage.look(target, RTOL)
             return bool(plane.imbalance(b.full_work)[0] <= 1.0)

@@ -6,7 +6,6 @@ between is looked at afterwards: the trained ranges, the inertia, and in the pla
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any, NamedTuple
@@ -17,22 +16,19 @@ from ksd.bodies.joints import JointBodies
 from ksd.errors import ConvergenceError
 from ksd.model.compile import Model
 from ksd.model.plane import Plane, plane_of, refuse_plane
-from ksd.model.system import take_step
-from ksd.numerics.held import Held
 from ksd.solve import pipeline
 from ksd.solve.configuration import Configuration
 from ksd.solve.confirm import WANDERED, wandered
 from ksd.solve.driving import CAP, RTOL
+from ksd.solve.estimate import distance, estimate_error
 from ksd.solve.pipeline import Bench
 from ksd.solve.planar_steps import GAP, PlanarSteps, prepare_planar
 from ksd.solve.reach import closed, in_range
 from ksd.solve.space_steps import FULL, KINEMATIC, REDUCED, space_steps
-from ksd.solve.steps import ErrorEstimate, FiveStepRecord, Step
+from ksd.solve.steps import FiveStepRecord, Step
 from ksd.solve.stops import Stop
-from ksd.solve.storage import Lift, lift_whole
+from ksd.solve.storage import FlatStorage
 
-COARSE = 0.01
-"""Estimated relative error from which a second corrector step tells whether the first was nearly all."""
 _CODES = {"kinematic": KINEMATIC, "reduced": REDUCED, "full": FULL}
 
 
@@ -56,11 +52,10 @@ class FiveSteps:
         self.bench = Bench.of(model, bodies)
         self.wants_plane = planar
         self._flat: PlanarSteps | str | None = None
-        self._lift: Held | None = None
+        self._above: FlatStorage | None = None
         self._balanced = 0.0
         self._out: dict[int, np.ndarray] = {}
         self._sense = _senses(model, bodies)
-        self._off = np.zeros((len(self._sense), 6))
 
     def __call__(
         self, values: Mapping[str, float], target: np.ndarray, *, method: str, passes: int, estimate: bool
@@ -80,15 +75,15 @@ class FiveSteps:
             )
         return self._flat
 
-    def lift(self) -> None:
-        """Write the spatial state of the planar one, and what is left of the joints' motions."""
-        if self._lift is None:
+    @property
+    def above(self) -> FlatStorage:
+        """The planar state with the spatial one it is set into, and what is left of the joints' motions in space."""
+        if self._above is None:
             flat, plane = self.flat, plane_of(self.model)
             assert isinstance(flat, PlanarSteps) and isinstance(plane, Plane)
-            self._lift = Held(
-                Lift(plane.lifting, flat.state.full, self.bench.full, flat.state.off, self._sense, self._off)
-            )
-        lift_whole(self._lift)
+            joints = flat.state.off, self._sense, np.zeros((len(self._sense), 6))
+            self._above = FlatStorage(plane, self.bench.full, (flat.state.full, flat.state.full_work), joints)
+        return self._above
 
     def _in_plane(
         self, values: Mapping[str, float], target: np.ndarray, *, method: str, passes: int, estimate: bool
@@ -106,10 +101,11 @@ class FiveSteps:
         warnings = [] if inside else in_range(b, state.theta, extrapolate=self.extrapolate)
         if not arrived:
             return None
-        self.lift()
+        above = self.above
+        above.lift()
         negatives += len(target) - len(rows)
         steps, error, alone = FiveStepRecord(out[:count].tolist(), passes), None, False
-        moved = _Moved(state.found, self._off.copy(), state.known, near=bool(state.seen[1]))
+        moved = _Moved(state.found, above.lifted.copy(), state.known, near=bool(state.seen[1]))
         if method == "kinematic":
             if not self._balances(plane, flat, target):
                 return None
@@ -123,7 +119,7 @@ class FiveSteps:
         elif not self._balances(plane, flat, target):
             return None
         elif estimate:
-            error, step, negatives = self._estimate(target)
+            error, step, negatives = estimate_error(b, target, above)
             steps.more = (step,)
         else:
             alone = True
@@ -151,39 +147,6 @@ class FiveSteps:
             return False
         self._balanced = moved
         return True
-
-    def _estimate(self, target: np.ndarray) -> tuple[ErrorEstimate, Step, int]:
-        """Error estimate and inertia from a Newton step in space, or two, looked at and not taken."""
-        clock = pipeline.Clock()
-        residual, negatives, status = self.bench.storage.look(target, RTOL, step=True)
-        error, step = pipeline.estimated(self.bench, residual, status, clock)
-        if COARSE < error.relative < math.inf and self._moved():
-            error = self._followed(target, error)
-            step = replace(step, iterations=2, time=step.time + clock())
-        return error, step, negatives
-
-    def _moved(self) -> bool:
-        """Whether links are elsewhere than at rest, but for rounding."""
-        b = self.bench
-        off = np.abs(b.full.x - b.model.rest.x)[: b.model.links]
-        return bool(off.max(initial=0.0) > 1e-9 * b.model.arrays.size)
-
-    def _followed(self, target: np.ndarray, error: ErrorEstimate) -> ErrorEstimate:
-        """The estimate when the steps after the first shrink as the second did: their sum, a geometric series; without
-        bound where they hardly shrink (Deuflhard, Newton Methods for Nonlinear Problems, 2.1)."""
-        b, kept = self.bench, self.bench.full.copy()
-        take_step(b.model.arrays, b.full, b.full_work.rhs, b.full_work, 1.0)
-        residual, _, status = b.storage.look(target, RTOL, step=True)
-        second, _ = pipeline.estimated(b, residual, status, pipeline.Clock())
-        b.full.assign(kept)
-        shrinks = second.relative / error.relative
-        e = error
-        if not shrinks < 1.0:
-            return ErrorEstimate(np.full_like(e.force, math.inf), math.inf, math.inf, math.inf)
-        longer = 1.0 / (1.0 - shrinks)
-        return ErrorEstimate(
-            longer * e.force, longer * e.displacement, longer * e.rotation, longer * e.relative
-        )
 
     def _in_space(
         self, values: Mapping[str, float], target: np.ndarray, *, method: str, passes: int, estimate: bool
@@ -214,7 +177,7 @@ class FiveSteps:
             return self._kinematic((values, target, steps), moved, warnings, estimate=estimate)
         if estimate and method == "reduced":
             # condensed joints cannot buckle: the inertia is that of the full model at the recovered state
-            error, step, negatives = self._estimate(target)
+            error, step, negatives = estimate_error(b, target)
             steps.more = (step,)
         return self._configuration(
             (dict(values), method, steps), moved, negatives=negatives, error=error, warnings=warnings
@@ -242,7 +205,7 @@ class FiveSteps:
             return answer
         reduced = self(values, target, method="reduced", passes=0, estimate=True)
         assert reduced.error is not None
-        error = pipeline.distance(answer.motion, b, reduced.error)
+        error = distance(answer.motion, b, reduced.error)
         extra = reduced.steps[2:]
         spent, counted = sum(s.time for s in extra), sum(s.iterations for s in extra)
         last = Step("error estimate", counted, spent, extra[-1].residual, extra[-1].stop, "by steps 3 and 4")

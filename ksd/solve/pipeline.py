@@ -20,7 +20,7 @@ from ksd.bodies.readout import drive_forces
 from ksd.model.arrays import Motion
 from ksd.model.compile import Model
 from ksd.solve.space_steps import hold, read_space, space_set
-from ksd.solve.steps import ErrorEstimate, Step
+from ksd.solve.steps import Step
 from ksd.solve.stops import Stop
 from ksd.solve.storage import Storage
 
@@ -105,41 +105,6 @@ def kinematic_forces(b: Bench, target: np.ndarray) -> None:
         b.reduced.multiplier,
     )
     b.full.multiplier[:] = b.reduced.multiplier
-
-
-def estimated(b: Bench, residual: float, status: int, clock: Clock) -> tuple[ErrorEstimate, Step]:
-    """Error estimate from one Newton step of the full model, left in its storage."""
-    arrays, links = b.model.arrays, b.model.links
-    step = b.full_work.rhs
-    force = np.abs(step[arrays.terms.start])
-    moves = step[arrays.start[1:links, None] + np.arange(6)]
-    shift = math.sqrt(np.square(moves[:, :3]).sum(axis=1).max(initial=0.0))
-    turn = math.sqrt(np.square(moves[:, 3:]).sum(axis=1).max(initial=0.0))
-    estimate = _estimate(b, b.full, force[: len(b.model.drive_names)], shift, turn)
-    stop = Stop.CONVERGED if status == 0 else (Stop.LOCAL_ANGLE if status == 1 else Stop.NOT_FINITE)
-    return estimate, Step("error estimate", 1, clock(), residual, stop)
-
-
-def _estimate(b: Bench, motion: Motion, force: np.ndarray, shift: float, turn: float) -> ErrorEstimate:
-    """Absolute errors made relative: drive forces by their size, displacement by the largest link displacement."""
-    links, drives = b.model.links, len(b.model.drive_names)
-    moved = float(np.abs(motion.x[:links] - b.model.rest.x[:links]).max())
-    scale = np.abs(motion.multiplier[:drives])
-    of_force = float((force / np.maximum(scale, max(scale.max(initial=0.0), 1e-300))).max(initial=0.0))
-    relative = max(of_force, shift / max(moved, 1e-300))
-    return ErrorEstimate(force.copy(), shift, turn, relative if math.isfinite(relative) else math.inf)
-
-
-def distance(motion: Motion, b: Bench, rest: ErrorEstimate) -> ErrorEstimate:
-    """Distance of a state to the one on the bench, plus the estimate `rest` of the latter's own error."""
-    from scipy.spatial.transform import Rotation
-
-    links, drives = b.model.links, len(b.model.drive_names)
-    force = np.abs(motion.multiplier[:drives] - b.full.multiplier[:drives]) + rest.force
-    shift = float(np.linalg.norm(motion.x[:links] - b.full.x[:links], axis=1).max()) + rest.displacement
-    between = np.einsum("kij,klj->kil", motion.R[:links], b.full.R[:links])
-    turn = float(Rotation.from_matrix(between).magnitude().max()) + rest.rotation
-    return _estimate(b, motion, force, shift, turn)
 
 
 Motions = tuple[dict[str, float], dict[str, np.ndarray], tuple[str, ...]]

@@ -123,15 +123,28 @@ class Storage:
         return self._flat
 
 
-class FlatStorage:
-    """State and storage of a model in its plane, and the spatial state `motion` it is set into."""
+NO_JOINTS = (np.zeros((0, 3)), np.zeros(0), np.zeros((0, 6)))
+"""The joints of `Lift` where those are not asked for."""
 
-    def __init__(self, plane: Plane, motion: Motion) -> None:
-        self.plane, self.motion = plane, plane.rest.copy()
-        self.held = Held(Whole(plane.arrays, self.motion, make_planar_work(plane.arrays)))  # type: ignore[arg-type]
-        self._lift = Held(
-            Lift(plane.lifting, self.motion, motion, np.zeros((0, 3)), np.zeros(0), np.zeros((0, 6)))
-        )
+
+class FlatStorage:
+    """State and storage of a model in its plane, and the spatial state `motion` it is set into.
+
+    flat: planar state and storage, made here unless given. joints: (off, sense, lifted) of `Lift`.
+    """
+
+    def __init__(
+        self,
+        plane: Plane,
+        motion: Motion,
+        flat: tuple[PlanarMotion, Work] | None = None,
+        joints: tuple[np.ndarray, np.ndarray, np.ndarray] = NO_JOINTS,
+    ) -> None:
+        self.plane = plane
+        self.motion, work = flat or (plane.rest.copy(), make_planar_work(plane.arrays))
+        self.lifted = joints[2]
+        self.held = Held(Whole(plane.arrays, self.motion, work))  # type: ignore[arg-type]
+        self._lift = Held(Lift(plane.lifting, self.motion, motion, *joints))
 
     def newton(self, target: np.ndarray, *ways: Any) -> Newton:
         """As `Storage.newton`, at the rows (r,) that act in the plane."""
@@ -142,5 +155,5 @@ class FlatStorage:
         return found
 
     def lift(self) -> None:
-        """Write the spatial state."""
+        """Write the spatial state, and what is left of the joints' motions."""
         lift_whole(self._lift)

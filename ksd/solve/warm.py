@@ -63,7 +63,8 @@ def planar_jobs(model: Model) -> list[Job]:
         held = FlatStorage(flat, model.rest.copy()).held
         solve_flat.compile_for(held, target, 1.0, 1e-8, 30, 0.3, math.inf)
 
-    return [steps, *every_jobs(model), lambda: compile_now("iterate_planar_apart"), newton]
+    # the first process comes to its Newton while this one is at the steps: the chains before that
+    return [steps, *every_jobs(model), *chain_jobs(), lambda: compile_now("iterate_planar_apart"), newton]
 
 
 def every_jobs(model: Model) -> list[Job]:
@@ -86,6 +87,14 @@ def every_jobs(model: Model) -> list[Job]:
         read_space.compile_for(Held(space_set(model, joint_bodies(model, find_record))))
 
     return [loops, look, motions]
+
+
+def chain_jobs() -> list[Job]:
+    """The other leaf model, in space and in the plane."""
+    return [
+        lambda: compile_now("chain_condense", "chain_recover"),
+        lambda: compile_now("planar_chain_condense", "planar_chain_near", "planar_chain_recover"),
+    ]
 
 
 def spatial_jobs(model: Model) -> list[Job]:
@@ -119,11 +128,7 @@ def main(number: int = 0) -> None:
     """All of it, in an order that differs with `number`; without a record, the solvers alone."""
     threading.Thread(target=leave_with, args=(os.getppid(),), daemon=True).start()
     model = _model()
-    jobs = [
-        *planar_jobs(model),
-        lambda: compile_now("planar_chain_condense", "planar_chain_near", "planar_chain_recover"),
-        *spatial_jobs(model),
-    ]
+    jobs = [*planar_jobs(model), *spatial_jobs(model)]
     first = number * len(jobs) // 3
     for job in jobs[first:] + jobs[:first]:
         with contextlib.suppress(KsdError):

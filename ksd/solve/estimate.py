@@ -1,0 +1,110 @@
+"""What a fast answer says of its own error: corrector steps of the full model, looked at and not taken."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from ksd.model.arrays import Motion
+from ksd.model.system import take_step
+from ksd.solve.driving import RTOL
+from ksd.solve.pipeline import Bench, Clock
+from ksd.solve.steps import ErrorEstimate, Step
+from ksd.solve.stops import Stop
+from ksd.solve.storage import FlatStorage
+
+COARSE = 0.01
+"""Estimated relative error from which a second corrector step tells whether the first was nearly all."""
+
+
+def estimate_error(
+    b: Bench, target: np.ndarray, flat: FlatStorage | None = None
+) -> tuple[ErrorEstimate, Step, int]:
+    """Error estimate and inertia of the full state on the bench from a Newton step in space, or two; flat: the same state
+    in its plane, where it has one."""
+    clock = Clock()
+    residual, negatives, status = b.storage.look(target, RTOL, step=True)
+    error = _size_of_step(b)
+    stop = Stop.CONVERGED if status == 0 else (Stop.LOCAL_ANGLE if status == 1 else Stop.NOT_FINITE)
+    count = 1
+    if COARSE < error.relative < math.inf and _moved(b):
+        second = _second_step(b, target) if flat is None else _second_in_plane(b, target, flat)
+        error, count = _followed(error, second), 2
+    return error, Step("error estimate", count, clock(), residual, stop), negatives
+
+
+def _moved(b: Bench) -> bool:
+    """Whether links are elsewhere than at rest, but for rounding."""
+    off = np.abs(b.full.x - b.model.rest.x)[: b.model.links]
+    return bool(off.max(initial=0.0) > 1e-9 * b.model.arrays.size)
+
+
+def _followed(first: ErrorEstimate, second: ErrorEstimate) -> ErrorEstimate:
+    """The estimate when the steps after the first shrink as the second did: their sum, a geometric series; without bound
+    where they hardly shrink (Deuflhard, Newton Methods for Nonlinear Problems, 2.1)."""
+    shrinks = second.relative / first.relative
+    if not shrinks < 1.0:
+        return ErrorEstimate(np.full_like(first.force, math.inf), math.inf, math.inf, math.inf)
+    longer = 1.0 / (1.0 - shrinks)
+    return ErrorEstimate(
+        longer * first.force, longer * first.displacement, longer * first.rotation, longer * first.relative
+    )
+
+
+def _second_step(b: Bench, target: np.ndarray) -> ErrorEstimate:
+    """The Newton step after the one in storage; the state on the bench is put back."""
+    kept = b.full.copy()
+    take_step(b.model.arrays, b.full, b.full_work.rhs, b.full_work, 1.0)
+    b.storage.look(target, RTOL, step=True)
+    found = _size_of_step(b)
+    b.full.assign(kept)
+    return found
+
+
+def _second_in_plane(b: Bench, target: np.ndarray, flat: FlatStorage) -> ErrorEstimate:
+    """The second Newton step of the planar state, which is that in space; the state is put back."""
+    kept, aim = flat.motion.copy(), target[flat.plane.lifting.row]
+    step = (1.0, RTOL, 1, math.inf, math.inf)
+    flat.newton(aim, *step)
+    first = flat.motion.copy()
+    flat.newton(aim, *step)
+    moves = np.abs(flat.motion.pose - first.pose)[: b.model.links]
+    force = np.zeros(len(target))
+    force[flat.plane.lifting.row] = np.abs(flat.motion.multiplier - first.multiplier)
+    flat.motion.assign(kept)
+    shift, turn = np.hypot(moves[:, 0], moves[:, 1]).max(), moves[:, 2].max()
+    return _made_relative(b, b.full, force[: len(b.model.drive_names)], float(shift), float(turn))
+
+
+def _size_of_step(b: Bench) -> ErrorEstimate:
+    """The Newton step of the full model in storage as an error of the state on the bench."""
+    arrays, links = b.model.arrays, b.model.links
+    step = b.full_work.rhs
+    force = np.abs(step[arrays.terms.start])
+    moves = step[arrays.start[1:links, None] + np.arange(6)]
+    shift = math.sqrt(np.square(moves[:, :3]).sum(axis=1).max(initial=0.0))
+    turn = math.sqrt(np.square(moves[:, 3:]).sum(axis=1).max(initial=0.0))
+    return _made_relative(b, b.full, force[: len(b.model.drive_names)], shift, turn)
+
+
+def _made_relative(b: Bench, motion: Motion, force: np.ndarray, shift: float, turn: float) -> ErrorEstimate:
+    """Absolute errors made relative: drive forces by their size, displacement by the largest link displacement."""
+    links, drives = b.model.links, len(b.model.drive_names)
+    moved = float(np.abs(motion.x[:links] - b.model.rest.x[:links]).max())
+    scale = np.abs(motion.multiplier[:drives])
+    of_force = float((force / np.maximum(scale, max(scale.max(initial=0.0), 1e-300))).max(initial=0.0))
+    relative = max(of_force, shift / max(moved, 1e-300))
+    return ErrorEstimate(force.copy(), shift, turn, relative if math.isfinite(relative) else math.inf)
+
+
+def distance(motion: Motion, b: Bench, rest: ErrorEstimate) -> ErrorEstimate:
+    """Distance of a state to the one on the bench, plus the estimate `rest` of the latter's own error."""
+    from scipy.spatial.transform import Rotation
+
+    links, drives = b.model.links, len(b.model.drive_names)
+    force = np.abs(motion.multiplier[:drives] - b.full.multiplier[:drives]) + rest.force
+    shift = float(np.linalg.norm(motion.x[:links] - b.full.x[:links], axis=1).max()) + rest.displacement
+    between = np.einsum("kij,klj->kil", motion.R[:links], b.full.R[:links])
+    turn = float(Rotation.from_matrix(between).magnitude().max()) + rest.rotation
+    return _made_relative(b, motion, force, shift, turn)
