@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 
@@ -23,6 +23,8 @@ BENT = 0.05
 """The same in a deformed joint, where neighbours cut from one sheet rub along their edges."""
 PIECES = 8
 """Boxes along a curved or deformed leaf."""
+FINE = 40
+"""Boxes along a leaf whose windows are measured."""
 
 
 @dataclass(frozen=True)
@@ -90,12 +92,19 @@ def _across(leaf: Leaf) -> tuple[float, float]:
 
 def clash(bodies: Sequence[Body], *, touch: float = TOUCH) -> tuple[str, str] | None:
     """Names of two leafs that run through each other by more than `touch`, None when all are clear."""
+    return next((pair for pair, _ in meetings(bodies, touch=touch)), None)
+
+
+def meetings(bodies: Sequence[Body], *, touch: float) -> Iterator[tuple[tuple[str, str], Array]]:
+    """Names of every two leafs that overlap by more than `touch`, and where: stations (k, 2), as fractions of the length
+    of the one and the other, of all boxes that do."""
     for one, two in combinations(bodies, 2):
         if len(one.half) == len(two.half) == 1 and _parted(one, two, touch):
             continue
-        if not _far(one, two) and _overlap(_trimmed(one, two), _trimmed(two, one), touch):
-            return one.name, two.name
-    return None
+        if not _far(one, two):
+            hit = _overlap(_trimmed(one, two), _trimmed(two, one), touch)
+            if len(hit):
+                yield (one.name, two.name), hit
 
 
 def check_clear(leafs: Sequence[Leaf], *, owner: str, advice: str = "move them apart") -> None:
@@ -145,18 +154,27 @@ def _trimmed(body: Body, other: Body) -> Body:
     return Body(body.name, body.blocks, centre[kept], body.axes[kept], half[kept])
 
 
-def _overlap(one: Body, two: Body, touch: float) -> bool:
-    """Whether any box of one overlaps any box of the other (Gottschalk, Lin and Manocha 1996)."""
+def _overlap(one: Body, two: Body, touch: float) -> Array:
+    """Stations (k, 2) of the boxes of one and of the other that overlap (Gottschalk, Lin and Manocha 1996)."""
     d = two.centre[None] - one.centre[:, None]
-    A, B = np.swapaxes(one.axes, 1, 2)[:, None], np.swapaxes(two.axes, 1, 2)[None]
-    shape = (len(one.half), len(two.half), 3, 3)
-    A, B = np.broadcast_to(A, shape), np.broadcast_to(B, shape)
-    crossed = np.cross(A[:, :, :, None], B[:, :, None]).reshape(*shape[:2], 9, 3)
-    axes = np.concatenate([A, B, crossed], axis=2)
-    size = np.linalg.norm(axes, axis=3)
-    reach = np.abs(axes @ np.swapaxes(A, 2, 3)) @ one.half[:, None, :, None]
-    reach = reach + np.abs(axes @ np.swapaxes(B, 2, 3)) @ two.half[None, :, :, None]
+    radii = (np.linalg.norm(b.half, axis=1) for b in (one, two))
+    i, j = np.nonzero(np.linalg.norm(d, axis=2) < np.add.outer(*radii))
+    if not len(i):
+        return np.zeros((0, 2))
+    d, A, B = d[i, j], np.swapaxes(one.axes, 1, 2)[i], np.swapaxes(two.axes, 1, 2)[j]
+    crossed = np.cross(A[:, :, None], B[:, None]).reshape(-1, 9, 3)
+    axes = np.concatenate([A, B, crossed], axis=1)
+    size = np.linalg.norm(axes, axis=2)
+    reach = np.abs(axes @ np.swapaxes(A, 1, 2)) @ one.half[i][:, :, None]
+    reach = reach + np.abs(axes @ np.swapaxes(B, 1, 2)) @ two.half[j][:, :, None]
     gap = np.abs(axes @ d[..., None])[..., 0] - (1 - touch) * reach[..., 0]
     # parallel edges give no axis
     apart = (gap > 0.0) & (size > 1e-9)
-    return bool(np.any(~apart.any(axis=2)))
+    hit = ~apart.any(axis=1)
+    return np.column_stack([_stations(one)[i[hit]], _stations(two)[j[hit]]])
+
+
+def _stations(body: Body) -> Array:
+    """(k,): where the boxes of a leaf are along it, as fractions of its length."""
+    length = 2 * body.half[:, 0]
+    return np.asarray((np.cumsum(length) - 0.5 * length) / length.sum())

@@ -54,11 +54,14 @@ class Joint(metaclass=Worded):
     all points (3,) in joint axes at rest, where every block is parallel to the joint axes. `length` [m] is
     the length L by which its record is made dimensionless. `quantities` names the dimension ("length",
     "angle") of its numeric parameters, for scene files. `windows`: leafs may cross, one in a window of the other.
+    `held_by_others`: it leaves more free than its intended motions, as a single leaf does its torsion, and the mechanism
+    around it holds that.
     """
 
     family: ClassVar[str]
     quantities: ClassVar[dict[str, str]] = {}
     windows: bool = False
+    held_by_others: bool = False
     length: float
 
     @property
@@ -120,8 +123,9 @@ class DrawnJoint(Joint):
     name: its family name, under which a record may be trained. blocks: {"A": point, "B": point, others} [m],
     A at the origin, B anywhere but there. length [m]: scale of the record, |AB| when not given. shape: its
     dimensionless shape parameters, when it belongs to a range of similar joints. windows: leafs may cross, one in a
-    window of the other (left out of the model). Raises SceneError when A or B is missing, a leaf hangs on an unknown
-    block, a block on no leaf, or leafs run through each other.
+    window of the other (left out of the model). held_by_others: what it leaves free beside the intended motions is held
+    by the mechanism around it (see `ksd.train.softness`). Raises SceneError when A or B is missing, a leaf hangs on an
+    unknown block, a block on no leaf, or leafs run through each other.
     """
 
     name: str
@@ -131,6 +135,7 @@ class DrawnJoint(Joint):
     length: float
     shape_numbers: tuple[tuple[str, float], ...]
     windows: bool
+    held_by_others: bool
 
     def __init__(
         self,
@@ -142,6 +147,7 @@ class DrawnJoint(Joint):
         length: float | None = None,
         shape: Mapping[str, float] | None = None,
         windows: bool = False,
+        held_by_others: bool = False,
     ) -> None:
         owner = f"joint '{word(name, 'name', owner='DrawnJoint')}'"
         points = {
@@ -149,8 +155,9 @@ class DrawnJoint(Joint):
             for k, v in blocks.items()
         }
         _check_blocks(points, leafs, owner)
-        if not isinstance(windows, bool):
-            raise SceneError(f"{owner}: windows = {show(windows)} must be true or false.")
+        for key, said in (("windows", windows), ("held_by_others", held_by_others)):
+            if not isinstance(said, bool):
+                raise SceneError(f"{owner}: {key} = {show(said)} must be true or false.")
         if not windows:
             check_clear(leafs, owner=owner, advice=_ADVICE)
         if not motions or not all(isinstance(m, Motion) for m in motions):
@@ -165,6 +172,7 @@ class DrawnJoint(Joint):
             "length": positive(given, "length", owner=owner, unit="m"),
             "shape_numbers": tuple(numbers.items()),
             "windows": windows,
+            "held_by_others": held_by_others,
         }
         for key, value in clean.items():
             object.__setattr__(self, key, value)

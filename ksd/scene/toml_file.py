@@ -180,6 +180,7 @@ class _Parts:
             "length": table.quantity("length", "length", None),
             "shape": {name: shape.quantity(name, "number") for name in shape.values},
             "windows": table.yes_or_no("windows", False),
+            "held_by_others": table.yes_or_no("held_by_others", False),
         }
         return _said(table, DrawnJoint, words)
 

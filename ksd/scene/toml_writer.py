@@ -150,8 +150,7 @@ def _drawn(joint: DrawnJoint, names: _Names) -> Tree:
     tree: Tree = {"family": "drawn", "name": joint.name, "length": joint.length, "blocks": joint.blocks()}
     if joint.shape():
         tree["shape"] = joint.shape()
-    if joint.windows:
-        tree["windows"] = True
+    tree |= {key: True for key in ("windows", "held_by_others") if getattr(joint, key)}
     tree["leaf"] = [
         {"start_block": leaf.start_block, "end_block": leaf.end_block} | _leaf(leaf, names)
         for leaf in joint.leafs()

@@ -69,6 +69,7 @@ def redrawn(joint: Joint, leafs: tuple[Leaf, ...], *, windows: bool | None = Non
         length=joint.length,
         shape=joint.shape(),
         windows=joint.windows if windows is None else windows,
+        held_by_others=joint.held_by_others,
     )
 
 
@@ -171,6 +172,19 @@ def _changed(joint: Joint, change: Callable[[Section, float], Section], factor: 
     return redrawn(joint, tuple(leafs), windows=True)
 
 
+def _soft(section: Section, factor: float) -> Section:
+    """`factor` times the stiffness against what thin leafs leave free: bending over the thickness and torsion."""
+    # a wire bends both ways; below a width of three thicknesses a leaf counts as one
+    both = section.Iy < 10 * section.Iz
+    Iy = factor * section.Iy if both else section.Iy
+    return replace(section, J=factor * section.J, Iy=Iy, Iz=factor * section.Iz)
+
+
+def softened(joint: Joint, factor: float) -> DrawnJoint:
+    """The joint with `factor` times the weak bending and torsion of every leaf, all else as it is."""
+    return _changed(joint, _soft, factor)
+
+
 def _material(leaf: Leaf) -> Leaf:
     """The leaf in an aluminium alloy."""
     return replace(leaf, material=Material(E=71e9, nu=0.33))
@@ -223,6 +237,7 @@ def _longer(joint: Joint, factor: float) -> DrawnJoint:
         length=factor * joint.length,
         shape=joint.shape(),
         windows=True,
+        held_by_others=joint.held_by_others,
     )
 
 

@@ -45,7 +45,10 @@ class Job:
         # curves and profiles may be functions, which have no contents: sampled
         plain = [replace(leaf, curve=None, profile=None) for leaf in joint.leafs()]
         sampled = [_sampled(leaf) for leaf in joint.leafs()]
-        text = f"{source} {joint.blocks()} {plain} {sampled} {joint.motions} {joint.length} {self.plan}"
+        words = (joint.windows, joint.held_by_others)
+        text = (
+            f"{source} {joint.blocks()} {plain} {sampled} {joint.motions} {joint.length} {words} {self.plan}"
+        )
         return hashlib.sha256(text.encode()).hexdigest()[:20]
 
 

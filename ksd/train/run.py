@@ -328,7 +328,9 @@ def _evidence(design: Design, middle: DrawnJoint, plan: Plan, jobs: Jobs) -> tup
             cases[p.name, f"{p.value(end):.6g} for {p.value(0.0):.6g}"] = design.joint(places)
     # the joint itself first: what is wrong with it is said of it, not of a changed one
     (base,) = jobs.run([Job(middle, Plan(plan.lines, seen, plan.orders))])
-    others = jobs.run([Job(j, Plan(plan.lines, seen, plan.orders), tried=True) for j in cases.values()])
+    # leafs twice as wide may overlap: no matter to how they bend
+    changed = Plan(plan.lines, seen, plan.orders, apart=False)
+    others = jobs.run([Job(j, changed, tried=True) for j in cases.values()])
     found = []
     for (parameter, words), other in zip(cases, others, strict=True):
         if not other:

@@ -7,10 +7,10 @@ rest.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ksd.beam.corotational_values import NODE, RECORD
 from ksd.errors import ConvergenceError, SceneError
@@ -20,11 +20,12 @@ from ksd.model.arrays import COROTATIONAL, Motion
 from ksd.model.compile import Model, compile_given
 from ksd.model.leafs import Mesh as LeafMesh
 from ksd.scene import Joint, Leaf, Mechanism
-from ksd.scene.clearance import BENT, PIECES, clash, pieces
 from ksd.solve.configuration import Configuration
 from ksd.solve.conventional import conventional
 from ksd.solve.storage import Storage
+from ksd.train.checks import check_clear, check_plane, check_stays_soft, where
 from ksd.train.designs import redrawn
+from ksd.train.poses import pose
 
 Samples = dict[tuple[Mesh, str], Array]
 """Values (grid points, *group shape) by mesh and group, groups as in `ksd.library.Functions`."""
@@ -36,8 +37,9 @@ class Plan:
     """How a joint is sampled: points of each motion as fractions of its reach, meshes, curvature modes of a
     leaf.
 
-    plane: how far B may leave the plane of a one-axis joint, in rad and joint lengths. whole: leafs are looked for that
-    run into each other at every point, not at the corners of the motions alone.
+    plane: how far B may leave the plane of a one-axis joint, in rad and joint lengths. whole: the stroke is walked to see
+    whether leafs run into each other, or a motion aside turns soft, at any point, not at the corners of the motions alone.
+    apart: leafs that run into each other are refused.
     """
 
     lines: tuple[tuple[float, ...], ...]
@@ -45,6 +47,7 @@ class Plan:
     orders: tuple[int, int, int]
     plane: float = 1e-6
     whole: bool = False
+    apart: bool = True
 
     @property
     def grid(self) -> Array:
@@ -72,15 +75,18 @@ def sample_joint(joint: Joint, plan: Plan, meshes: tuple[Mesh, ...] | None = Non
     """Everything a record needs of `joint` at all grid points, for the meshes of `plan` or those given.
 
     Raises SceneError when the joint cannot be represented: a state is not reached, is not the stable one, or
-    leaves the plane of a one-axis joint, or its leafs run into each other.
+    leaves the plane of a one-axis joint, its leafs run into each other, or (where the stroke is walked) a motion that is
+    not intended turns soft.
     """
     found: Samples = {}
     for mesh in meshes or plan.meshes:
         model = _model(joint, mesh, plan)
         states = _walk(joint, model, plan, mesh)
-        _check_plane(joint, model, states, plan)
-        if mesh == (meshes or plan.meshes)[0]:
-            _check_clear(joint, states, plan)
+        check_plane(joint, model, states, plan.plane)
+        if plan.apart and mesh == (meshes or plan.meshes)[0]:
+            check_clear(joint, [states[k] for k in np.flatnonzero(_looked_at(plan))])
+        if plan.whole:
+            check_stays_soft(joint, model, states)
         for group, values in _read(joint, model, states).items():
             found[mesh, group] = values
     return found
@@ -116,7 +122,7 @@ def _walk(joint: Joint, model: Model, plan: Plan, mesh: Mesh) -> list[Configurat
         near = min(known, key=lambda k: float(np.linalg.norm(grid[k] - grid[i]))) if known else None
         use = near is not None and np.linalg.norm(grid[near] - grid[i]) < np.linalg.norm(grid[i])
         values = {m.name: float(v) for m, v in zip(joint.motions, grid[i] * reach, strict=True)}
-        state = f"{joint.family} ({mesh} mesh) at {_where(joint, values)}"
+        state = f"{joint.family} ({mesh} mesh) at {where(joint, values)}"
         try:
             found = conventional(
                 model,
@@ -135,84 +141,11 @@ def _walk(joint: Joint, model: Model, plan: Plan, mesh: Mesh) -> list[Configurat
     return [solved[i] for i in range(len(grid))]
 
 
-def _where(joint: Joint, values: Mapping[str, float]) -> str:
-    """The motions, and the shape they are made in, in words."""
-    motion, shape = (
-        ", ".join(f"{name} = {value:.4g}" for name, value in told.items()) for told in (values, joint.shape())
-    )
-    return motion + (f" (shape {shape})" if shape else "")
-
-
-def _normal(joint: Joint) -> Array | None:
-    """Normal (3,) of the plane a joint with one motion stays in: the axis of a rotation, or the common width axis of all
-    leafs across a translation; None when there is no such plane.
-    """
-    if len(joint.motions) != 1:
-        return None
-    motion = joint.motions[0]
-    if motion.kind == "rotation":
-        return np.asarray(motion.axis)
-    widths = np.array([leaf.width_axis for leaf in joint.leafs()])
-    normal = widths[0]
-    aside = np.linalg.norm(np.cross(widths, normal), axis=1).max()
-    return normal if max(aside, abs(normal @ motion.axis)) < 1e-9 else None
-
-
-def _check_plane(joint: Joint, model: Model, states: list[Configuration], plan: Plan) -> None:
-    """B of a joint with one motion may turn about the normal of its plane and shift across it, nothing else."""
-    axis = _normal(joint)
-    if axis is None:
-        return
-    pose = _pose(model, [s.motion for s in states], 1, np.asarray(joint.pose_B, float), joint.length)
-    turn = pose[:, :3] - np.outer(pose[:, :3] @ axis, axis)
-    rest = np.asarray(joint.pose_B, float) / joint.length
-    chord = (pose[:, 3:] - rest) @ axis
-    worst = float(max(np.abs(turn).max(), np.abs(chord).max()))
-    if worst > plan.plane:
-        load = "moment" if joint.motions[0].kind == "rotation" else "force"
-        raise SceneError(
-            f"{joint.family}: interface B leaves its plane by {worst:.2g} (rad or joint lengths) "
-            f"under a pure {load}; place its leafs symmetrically about that plane."
-        )
-
-
-def _check_clear(joint: Joint, states: list[Configuration], plan: Plan) -> None:
-    """No leaf runs through another at the corners of the motions, or anywhere; at rest the drawing has been checked."""
-    if joint.windows:
-        return
-    leafs = {f"joint/{leaf.name}": leaf for leaf in joint.leafs()}
+def _looked_at(plan: Plan) -> NDArray[np.bool_]:
+    """(g,): points where leafs are looked for that meet: the corners of the motions, or all."""
     low, high = plan.grid.min(axis=0), plan.grid.max(axis=0)
     ends = np.isclose(plan.grid, low, atol=1e-12) | np.isclose(plan.grid, high, atol=1e-12)
-    for k in np.flatnonzero(ends.all(axis=1) | plan.whole):
-        bodies = []
-        for line in states[k].shape(points=PIECES + 1).leafs:
-            leaf = leafs[line.name]
-            width = 0.5 * (line.axes[1:, :, 2] + line.axes[:-1, :, 2])
-            bodies.append(
-                pieces(leaf.name, (leaf.start_block, leaf.end_block), line.place, leaf, width=width)
-            )
-        found = clash(bodies, touch=BENT)
-        if found is not None:
-            raise SceneError(
-                f"{joint.family}: leafs '{found[0]}' and '{found[1]}' run into each other at "
-                f"{_where(joint, states[k].targets)}; reduce the range of "
-                "motion or of the shape, or say windows=True where one passes through a window of the other."
-            )
-
-
-def _pose(model: Model, states: list[Motion], node: int, point: Array, length: float) -> Array:
-    """(g, 6): rotation vector and chord of a block about its `point` at rest."""
-    R = np.array([s.R[node] for s in states])
-    x = np.array([s.x[node] for s in states]) + R @ (point - model.rest.x[node])
-    turned = rotation_vectors(R)
-    half = _exp(-0.5 * turned)
-    return np.concatenate([turned, np.einsum("gij,gj->gi", half, x) / length], axis=1)
-
-
-def _exp(v: Array) -> Array:
-    from scipy.spatial.transform import Rotation
-
-    return Rotation.from_rotvec(v).as_matrix()
+    return np.asarray(ends.all(axis=1) | plan.whole)
 
 
 def _read(joint: Joint, model: Model, configurations: list[Configuration]) -> dict[str, Array]:
@@ -221,9 +154,9 @@ def _read(joint: Joint, model: Model, configurations: list[Configuration]) -> di
     inner = [name for name in joint.blocks() if name not in ("A", "B")]
     nodes = [model.node_names.index(f"joint/{name}") for name in inner]
     points = [np.asarray(joint.blocks()[name], float) for name in inner]
-    blocks = [_pose(model, states, n, p, joint.length) for n, p in zip(nodes, points, strict=True)]
+    blocks = [pose(model, states, n, p, joint.length) for n, p in zip(nodes, points, strict=True)]
     found = {
-        "interface": _pose(model, states, 1, np.asarray(joint.pose_B, float), joint.length),
+        "interface": pose(model, states, 1, np.asarray(joint.pose_B, float), joint.length),
         "blocks": np.stack(blocks, axis=1) if blocks else np.zeros((len(states), 0, 6)),
     }
     if model.arrays.members.kind[0] == COROTATIONAL:

@@ -21,9 +21,10 @@ from ksd.library.files import shipped_folder
 from ksd.scene import CrossFlexure, DrawnJoint, Material, Motion
 from ksd.section import rectangle
 from ksd.train import Design, train
+from ksd.train.checks import check_clear
 from ksd.train.designs import bare, design_of
 from ksd.train.softness import rest_stiffness
-from ksd.train.sweep import Plan, _check_clear, _model, _walk, even_line, sample_joint
+from ksd.train.sweep import Plan, _looked_at, _model, _walk, even_line, sample_joint
 
 ROOT = Path(__file__).resolve().parents[2]
 STEEL = Material(E=200e9, G=76.9e9)
@@ -229,7 +230,7 @@ def test_internal_blocks_are_recorded(tmp_path, threads):
     ]  # fmt: skip
     joint = DrawnJoint(
         "double", blocks={"A": (0, 0, 0), "middle": one.pose_B, "B": (2 * shift, 0, 0)}, leafs=first + second,
-        motions=[Motion("angle", "rotation", (0, 0, 1), (-1.0, 1.0))], length=0.1,
+        motions=[Motion("angle", "rotation", (0, 0, 1), (-1.0, 1.0))], length=0.1, held_by_others=True,
     )  # fmt: skip
     record = train(joint, out=tmp_path, executor=threads, meshes=("strain", 2), progress=False)
     assert record.blocks == ("middle",) and read_record(tmp_path / "double.h5").blocks == ("middle",)
@@ -373,9 +374,11 @@ def test_leafs_that_meet_between_the_ends_of_the_stroke_are_seen():
     plan = Plan(((0.0, -1.0),), ("strain",), (4, 3, 5))
     rest, bent = _walk(joint, _model(joint, "strain", plan), plan, "strain")
     between = Plan(((-1.0, 0.0, 1.0),), ("strain",), (4, 3, 5))
-    _check_clear(joint, [rest, bent, rest], between)
+    assert _looked_at(between).tolist() == [True, False, True]
+    assert _looked_at(replace(between, whole=True)).all()
+    check_clear(joint, [rest, rest])
     with pytest.raises(SceneError, match="'high' and 'twin' run into each other"):
-        _check_clear(joint, [rest, bent, rest], replace(between, whole=True))
+        check_clear(joint, [rest, bent, rest])
 
 
 def test_a_record_worse_than_wanted_is_told(tmp_path, threads):

@@ -56,7 +56,7 @@ class CrossedPivot(_Crossed):
     cross at x = ratio L cos(angle). ratio 0.5: the symmetric cross; 0 or 1: crossing at A or B (remote
     centre); outside 0..1: the inverted pivot, whose leafs meet only on their extension. Both leafs lie in
     one plane: where they cross, one passes through a window of the other, whose effect on the stiffness is
-    left out.
+    left out (half the width over up to 0.3 L at 60 degrees).
 
     length L [m] and thickness, width [m] of each leaf; angle [rad] between leaf and the line AB, 0..90
     degrees. Raises SceneError naming the parameter out of bounds.

@@ -1,4 +1,8 @@
-"""Hinges of one flexible part: circular and corner-filleted notches, and the circular arc of paper 3."""
+"""Hinges of one flexible part: circular and corner-filleted notches, and the circular arc of paper 3.
+
+One leaf leaves more free than its bending: its torsion is at most twice as stiff, an arc's shift of B a few times. The
+mechanism around them has to hold that (`held_by_others`).
+"""
 
 from __future__ import annotations
 
@@ -33,6 +37,8 @@ def _check(joint: Any, *lengths: str) -> None:
 
 class _Notch(Joint):
     """What notch hinges share: B at the end of the neck, and the motion."""
+
+    held_by_others = True
 
     @property
     def pose_B(self) -> Vector:
@@ -178,6 +184,7 @@ class ArcHinge(Joint):
     """
 
     family: ClassVar[str] = "arc_hinge"
+    held_by_others = True
     quantities: ClassVar[dict[str, str]] = {
         "radius": "length",
         "angle": "angle",

@@ -1,0 +1,172 @@
+"""What makes a joint one that cannot be represented, seen in its states over the stroke: B leaves the plane, leafs run into
+each other, another motion turns as soft as the intended one."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from ksd.errors import SceneError
+from ksd.library.record import Array
+from ksd.model.compile import Model
+from ksd.properties.stiffness import point_stiffness
+from ksd.scene import Joint, Leaf
+from ksd.scene.clearance import BENT, FINE, PIECES, Body, meetings, pieces
+from ksd.solve.configuration import Configuration
+from ksd.train.poses import pose
+from ksd.train.softness import MARGIN, aside, in_shape, intended_stiffness, scaling
+
+WINDOW = 0.25
+"""Largest part of a leaf's area that windows may take. The window is left out of the model, so it has to be small; crossed
+pivots need 0.15 at most, the 3x-infinity hinge 0.19 (`tests/train/test_windows.py`)."""
+
+
+def where(joint: Joint, values: Mapping[str, float]) -> str:
+    """The motions, and the shape they are made in, in words."""
+    motion, shape = (
+        ", ".join(f"{name} = {value:.4g}" for name, value in told.items()) for told in (values, joint.shape())
+    )
+    return motion + (f" (shape {shape})" if shape else "")
+
+
+def _normal(joint: Joint) -> Array | None:
+    """Normal (3,) of the plane a joint with one motion stays in: the axis of a rotation, or the common width axis of all
+    leafs across a translation; None when there is no such plane.
+    """
+    if len(joint.motions) != 1:
+        return None
+    motion = joint.motions[0]
+    if motion.kind == "rotation":
+        return np.asarray(motion.axis)
+    widths = np.array([leaf.width_axis for leaf in joint.leafs()])
+    normal = widths[0]
+    aside = np.linalg.norm(np.cross(widths, normal), axis=1).max()
+    return normal if max(aside, abs(normal @ motion.axis)) < 1e-9 else None
+
+
+def check_plane(joint: Joint, model: Model, states: list[Configuration], most: float) -> None:
+    """B of a joint with one motion may turn about the normal of its plane and shift across it, nothing else by more than
+    `most` (rad, joint lengths)."""
+    axis = _normal(joint)
+    if axis is None:
+        return
+    found = pose(model, [s.motion for s in states], 1, np.asarray(joint.pose_B, float), joint.length)
+    turn = found[:, :3] - np.outer(found[:, :3] @ axis, axis)
+    rest = np.asarray(joint.pose_B, float) / joint.length
+    chord = (found[:, 3:] - rest) @ axis
+    worst = float(max(np.abs(turn).max(), np.abs(chord).max()))
+    if worst > most:
+        load = "moment" if joint.motions[0].kind == "rotation" else "force"
+        raise SceneError(
+            f"{joint.family}: interface B leaves its plane by {worst:.2g} (rad or joint lengths) "
+            f"under a pure {load}; place its leafs symmetrically about that plane."
+        )
+
+
+def check_clear(joint: Joint, states: list[Configuration]) -> None:
+    """No leaf runs through another in any of the states, but for windows where the joint has them."""
+    if joint.windows:
+        needed = Openings.of(joint, states)
+        leaf, share, others = needed.largest()
+        if share > WINDOW:
+            raise SceneError(
+                f"{joint.family}: the windows of leaf '{leaf}' for {others} would take {share:.0%} of its area over the "
+                f"stroke{in_shape(joint)}, at most {WINDOW:.0%} may be left out of the model; reduce the range of motion or "
+                "of the shape, or let narrower leafs pass."
+            )
+        return
+    for state in states:
+        for (one, two), _ in meetings(_bodies(joint, state, PIECES), touch=BENT):
+            raise SceneError(
+                f"{joint.family}: leafs '{one}' and '{two}' run into each other at "
+                f"{where(joint, state.targets)}; reduce the range of "
+                "motion or of the shape, or say windows=True where one passes through a window of the other."
+            )
+
+
+def _bodies(joint: Joint, state: Configuration, count: int) -> list[Body]:
+    """The leafs as `count` boxes each."""
+    leafs = {f"joint/{leaf.name}": leaf for leaf in joint.leafs()}
+    found = []
+    for line in state.shape(points=count + 1).leafs:
+        leaf = leafs[line.name]
+        width = 0.5 * (line.axes[1:, :, 2] + line.axes[:-1, :, 2])
+        found.append(pieces(leaf.name, (leaf.start_block, leaf.end_block), line.place, leaf, width=width))
+    return found
+
+
+@dataclass(frozen=True)
+class Openings:
+    """Windows a joint needs: part of the area of a leaf, by its name and that of the leaf that passes."""
+
+    shares: dict[tuple[str, str], float]
+
+    @classmethod
+    def of(cls, joint: Joint, states: list[Configuration]) -> Openings:
+        """From where leafs overlap in all states. The wider of two has the window; one as wide passes as a tongue of half
+        its width. Raises SceneError where a leaf sticks out at an edge of the other, which no window makes way for."""
+        leafs = {leaf.name: leaf for leaf in joint.leafs()}
+        seen: dict[tuple[str, str], set[int]] = {}
+        for state in states:
+            for (one, two), stations in meetings(_bodies(joint, state, FINE), touch=BENT):
+                for k, pair in enumerate(((one, two), (two, one))):
+                    seen.setdefault(pair, set()).update((FINE * stations[:, k]).astype(int).tolist())
+                wide, narrow = sorted((leafs[one], leafs[two]), key=lambda leaf: -_width(leaf))
+                if not _within(narrow, wide):
+                    raise SceneError(
+                        f"{joint.family}: leafs '{one}' and '{two}' run into each other at an edge, where no window makes "
+                        f"way, at {where(joint, state.targets)}; move them apart."
+                    )
+        shares = {}
+        for (one, two), boxes in seen.items():
+            ratio = _width(leafs[two]) / _width(leafs[one])
+            if ratio < 1 - 1e-9 or (ratio < 1 + 1e-9 and (two, one) not in shares):
+                shares[one, two] = _reach(boxes) * min(ratio, 0.5)
+        return cls(shares)
+
+    def largest(self) -> tuple[str, float, str]:
+        """The leaf with the largest windows, their part of its area, and the leafs that pass, in words."""
+        if not self.shares:
+            return "", 0.0, ""
+        totals: dict[str, float] = {}
+        for (leaf, _), share in self.shares.items():
+            totals[leaf] = totals.get(leaf, 0.0) + share
+        most = max(totals, key=lambda name: totals[name])
+        return most, totals[most], ", ".join(f"'{two}'" for one, two in self.shares if one == most)
+
+
+def _reach(boxes: set[int]) -> float:
+    """Part of a leaf from the first to the last of its boxes: between two states the place of crossing wanders."""
+    return (max(boxes) - min(boxes) + 1) / FINE
+
+
+def _width(leaf: Leaf) -> float:
+    return float(leaf.section.width or np.sqrt(12 * leaf.section.Iy / leaf.section.A))
+
+
+def _within(narrow: Leaf, wide: Leaf) -> bool:
+    """Whether a leaf at rest lies between the edges of another, seen along its width."""
+    axis = np.asarray(wide.axes[:, 2])
+    ends = np.array([narrow.start, narrow.end]) - np.asarray(wide.start)
+    reach = np.abs(ends @ axis).max() + 0.5 * _width(narrow) * abs(float(narrow.axes[:, 2] @ axis))
+    return bool(reach <= 0.5 * _width(wide) * (1 + 1e-9))
+
+
+def check_stays_soft(joint: Joint, model: Model, states: list[Configuration]) -> None:
+    """Raise SceneError where a motion that is not intended turns softer over the stroke than the intended ones are at
+    rest."""
+    if joint.held_by_others or len(joint.motions) > 5:
+        return
+    own = max(stiffness for _, stiffness in intended_stiffness(joint))
+    scale = scaling(joint)
+    for state in states:
+        found = point_stiffness(model, state.motion, "B", at=joint.pose_B, axes="link")
+        values, vectors = np.linalg.eigh(found.compliance / np.outer(scale, scale))
+        if own > MARGIN / values[-1]:
+            motion = aside(joint, vectors[:, -1], 1.0 / values[-1])
+            raise SceneError(
+                f"{joint.family}: at {where(joint, state.targets)} {motion} is as soft as the intended motion, "
+                f"{1.0 / values[-1] / own:.2g} times its stiffness at rest; reduce the range of motion."
+            )
