@@ -53,9 +53,14 @@ def write_record(record: Record, path: str | os.PathLike[str]) -> Path:
     Raises RecordError when the folder cannot be written.
     """
     target = Path(path)
-    body = _encode(record)[BLOCK:]
-    write_atomically(_seal(body, FORMAT) + body, target)
+    write_atomically(record_bytes(record), target)
     return target
+
+
+def record_bytes(record: Record) -> bytes:
+    """The file of `record`, byte for byte: the same record gives the same bytes."""
+    body = _encode(record)[BLOCK:]
+    return _seal(body, FORMAT) + body
 
 
 def write_atomically(content: bytes, target: Path) -> None:

@@ -23,7 +23,7 @@ import numpy as np
 from ksd.errors import KsdError, SceneError
 from ksd.library.files import write_atomically
 from ksd.scene import DrawnJoint, Leaf
-from ksd.train.sources import source_hash
+from ksd.train.sources import result_hash, source_hash
 from ksd.train.sweep import Plan, Samples, sample_joint
 
 WORKERS = 2
@@ -155,7 +155,7 @@ class Jobs:
         return self._pool
 
     def _path(self, job: Job) -> Path:
-        return self.folder / f"{job.key(self.source)}.npz"
+        return self.folder / f"{job.key(result_hash())}.npz"
 
     def _keep(self, job: Job, samples: Samples) -> None:
         buffer = io.BytesIO()
