@@ -179,7 +179,8 @@ class Residual:
 class Evidence:
     """What a change of one input does to the functions: largest change of interface and of orientations.
 
-    change: what was done, in words ("0.5 times"); interface in rad and joint lengths, rotations in rad.
+    change: what was done, in words ("0.5 times"); interface, and internal blocks, in rad and joint lengths, rotations in
+    rad.
     """
 
     parameter: str

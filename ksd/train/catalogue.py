@@ -98,12 +98,12 @@ def _triple_infinity() -> TripleInfinityHinge:
     return TripleInfinityHinge(_steel())
 
 
-def _parallel_guide(*, spacing: float = 0.06) -> ParallelGuide:
-    return ParallelGuide(_steel(), spacing=spacing, **SHEET)
+def _parallel_guide(*, spacing: float) -> ParallelGuide:
+    return ParallelGuide(_steel(), spacing=spacing * SHEET["length"], **SHEET)
 
 
-def _stiffened_guide(*, flexible: float, spacing: float = 0.06) -> StiffenedGuide:
-    return StiffenedGuide(_steel(), spacing=spacing, flexible=flexible, **SHEET)
+def _stiffened_guide(*, flexible: float, spacing: float) -> StiffenedGuide:
+    return StiffenedGuide(_steel(), spacing=spacing * SHEET["length"], flexible=flexible, **SHEET)
 
 
 def _universal() -> UniversalJoint:
@@ -139,8 +139,9 @@ def _range(name: str, low: float, high: float, *, scale: str = "linear", degrees
 
 
 _GAPS = {"gap": (0.01, 0.04)}
-_SPACINGS = {"spacing": (0.03, 0.12)}
 _ANGLE = _range("angle", 30, 60, degrees=True)
+# closer leafs let B tilt as easily as move at the end of the stroke
+_SPACING = _range("spacing", 0.3, 3.0, scale="log")
 
 ENTRIES: dict[str, Entry] = {
     "cross_flexure": Entry(
@@ -170,13 +171,8 @@ ENTRIES: dict[str, Entry] = {
         _infinity, (_range("reach", 0.35, 0.5), _range("strut", 0.15, 0.4)), {**STEEL, **SHEET}, SHORT, 3.0
     ),
     "triple_infinity_hinge": Entry(_triple_infinity, (), {**STEEL, "length": 0.06, "thickness": 0.45e-3}),
-    "parallel_guide": Entry(_parallel_guide, (), {**STEEL, **SHEET, "spacing": 0.06}, others=_SPACINGS),
-    "stiffened_guide": Entry(
-        _stiffened_guide,
-        (_range("flexible", 0.1, 0.4),),
-        {**STEEL, **SHEET, "spacing": 0.06},
-        others=_SPACINGS,
-    ),
+    "parallel_guide": Entry(_parallel_guide, (_SPACING,), {**STEEL, **SHEET}, loose=0.5),
+    "stiffened_guide": Entry(_stiffened_guide, (_range("flexible", 0.1, 0.4), _SPACING), {**STEEL, **SHEET}),
     "circular_notch": Entry(
         _circular_notch, (_range("slenderness", 0.02, 0.3, scale="log"),), {**STEEL, **_NOTCH}, loose=3.0
     ),

@@ -313,8 +313,8 @@ def _residuals(
 
 
 def _evidence(design: Design, middle: DrawnJoint, plan: Plan, jobs: Jobs) -> tuple[Evidence, ...]:
-    """Change of the functions when thickness, width, length, material, another parameter or one of the shape changes,
-    from the middle; inf where the changed joint cannot make the motion.
+    """Change of the functions, poses of B and of internal blocks and leafs, when thickness, width, length, material, another
+    parameter or one of the shape changes, from the middle; inf where the changed joint cannot make the motion.
     """
     chains = [mesh for mesh in plan.meshes if isinstance(mesh, int)]
     chain = min(chains, key=lambda n: abs(n - 4)) if chains else None
@@ -336,7 +336,8 @@ def _evidence(design: Design, middle: DrawnJoint, plan: Plan, jobs: Jobs) -> tup
         if not other:
             found.append(Evidence(parameter, words, math.inf, math.inf))
             continue
-        pose = np.abs(other[seen[0], "interface"] - base[seen[0], "interface"]).max()
+        moved = [np.abs(other[seen[0], group] - base[seen[0], group]) for group in ("interface", "blocks")]
+        pose = max(float(d.max(initial=0.0)) for d in moved)
         turns = [np.abs(other[k] - base[k]).max() for k in base if k[1] in ("rotations", "amplitudes")]
         rotations = turns[-1] if turns else 0.0
         found.append(Evidence(parameter, words, float(f"{pose:.3g}"), float(f"{rotations:.3g}")))

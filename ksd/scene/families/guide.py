@@ -35,7 +35,8 @@ class ParallelGuide(_Guide):
 
     Joint axes: A at the origin, B at (L, 0, 0); the leafs run along x at y = +-spacing/2. The stroke is that
     of the point of B at (L/2, 0, 0), level with the middle of the leafs, so that its force turns B nowhere.
-    The shape of the leafs depends on no ratio, so the record has no shape parameter.
+    The leafs pull and push, and so tilt B the more the closer they are: at 0.3 L by 3e-4 rad, and there its tilt at the end
+    of the stroke is hardly stiffer than the stroke.
 
     length L, thickness, width [m] of each leaf; spacing [m] of the leafs. Raises SceneError naming the
     parameter out of bounds.
@@ -68,8 +69,8 @@ class ParallelGuide(_Guide):
         )
 
     def shape(self) -> dict[str, float]:
-        """No parameter: leafs of any thickness, width and spacing bend alike."""
-        return {}
+        """spacing over L."""
+        return {"spacing": self.spacing / self.length}
 
     def stiffness_at_rest(self) -> float:
         """Drive stiffness at rest [N/m], two clamped-guided leafs: 24 E I / L^3."""
@@ -127,8 +128,8 @@ class StiffenedGuide(_Guide):
         return tuple(found)
 
     def shape(self) -> dict[str, float]:
-        """flexible: flexible length at each end over L."""
-        return {"flexible": self.flexible}
+        """flexible: flexible length at each end over L; spacing over L, which is where the stiff middles are."""
+        return {"flexible": self.flexible, "spacing": self.spacing / self.length}
 
     def stiffness_at_rest(self) -> float:
         """Drive stiffness at rest [N/m]: 24 E I / (L^3 (1 - (1 - 2 flexible)^3))."""
