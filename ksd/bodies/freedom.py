@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
+from typing import NamedTuple
+
 import numpy as np
 
 from ksd.bodies.joints import JointBodies
@@ -60,53 +63,80 @@ def freedoms(model: Model, bodies: JointBodies) -> int:
     return _null_space(J[: 6 * len(bodies.loops.closing)]).shape[1]
 
 
-def check_freedoms(model: Model, bodies: JointBodies) -> None:
-    """Raise KinematicsError where drives and supports do not hold every freedom exactly once, and say which.
+class Fit(NamedTuple):
+    """How well intended motions alone fit together.
 
-    Judged at rest; a drive that has no effect at rest only because the pose is singular (dead centre) is named so.
+    off: how far the joints of closed loops contradict each other for lack of alignment, over the largest of their
+    equations (about rad); 0 where they are aligned. yielding: drives and supports that no intended motion can meet. In
+    both cases step 1 finds the best compromise, and the leafs take up the rest from step 3 on.
+    """
+
+    off: float = 0.0
+    yielding: tuple[str, ...] = ()
+
+    @property
+    def exact(self) -> bool:
+        """Whether intended motions alone close every loop and meet every drive."""
+        return not self.off and not self.yielding
+
+
+def check_freedoms(model: Model, bodies: JointBodies) -> Fit:
+    """How loops, drives and supports fit together; KinematicsError, saying which, where drives and supports do not hold
+    every freedom exactly once.
+
+    Judged at rest; a drive that has no effect at rest only because the pose is singular (dead centre) is named so. A
+    mechanism that misalignment locks is judged as if it were aligned.
     """
     theta = np.zeros(len(bodies.motion_names))
     J, W = _jacobian(bodies, theta)
     loops = 6 * len(bodies.loops.closing)
-    free = _null_space(J[:loops])
+    free, loose = _null_space(J[:loops]), _null_space(J[:loops], LOOSE)
+    try:
+        fit = Fit(0.0, _yielding(model, J, W, loops, free))
+    except KinematicsError:
+        if loose.shape[1] == free.shape[1]:
+            raise
+        return Fit(_off(J[:loops]), _yielding(model, J, W, loops, loose))
+    if fit.yielding and loose.shape[1] > free.shape[1]:
+        with contextlib.suppress(KinematicsError):
+            other = Fit(_off(J[:loops]), _yielding(model, J, W, loops, loose))
+            fit = other if len(other.yielding) < len(fit.yielding) else fit
+    return fit
+
+
+def _off(J: np.ndarray) -> float:
+    """Largest contradiction of the loops (E, q) that is small enough to be misalignment, over their largest entry."""
+    s = np.linalg.svd(J, compute_uv=False)
+    return float(s[s < LOOSE * s[0]].max() / s[0])
+
+
+def _yielding(model: Model, J: np.ndarray, W: np.ndarray, loops: int, free: np.ndarray) -> tuple[str, ...]:
+    """Drives and supports that move nothing, where the others hold the freedoms `free` (q, f) exactly once."""
     held = J[loops:] @ free
     names = (*model.drive_names, *model.support_names)
-    scale = np.abs(J).max(initial=1e-300)
-    for name, row in zip(names, held, strict=True):
-        if np.abs(row).max(initial=0.0) < RANK * scale:
-            _refuse_misaligned(J[:loops], free.shape[1])
-            raise KinematicsError(
-                f"drive '{name}' moves nothing: no intended motion of the joints changes it at rest; drive another "
-                "component, or start from a pose that is not a dead centre"
-            )
+    scale = RANK * np.abs(J).max(initial=1e-300)
+    idle = [not np.abs(row).max(initial=0.0) >= scale for row in held]
     left = free @ _null_space(held) if free.shape[1] else free
+    if any(idle) and (left.shape[1] or not free.shape[1]):
+        name = names[idle.index(True)]
+        raise KinematicsError(
+            f"drive '{name}' moves nothing: no intended motion of the joints changes it at rest; drive another "
+            "component, or start from a pose that is not a dead centre"
+        )
     if left.shape[1]:
         twist = np.einsum("kqr,q->kr", W, left[:, 0])
         raise KinematicsError(
             f"the mechanism is kinematically indeterminate: {describe_motion(model, twist)} although every drive is "
             f"held ({free.shape[1]} freedoms, {len(names)} drives and supports); add a drive or a support"
         )
-    if len(names) > free.shape[1]:
-        _refuse_misaligned(J[:loops], free.shape[1])
-        pair = _dependent(held, names)
+    if len(names) - sum(idle) > free.shape[1]:
+        rest = [k for k, none in enumerate(idle) if not none]
+        pair = _dependent(held[rest], tuple(names[k] for k in rest))
         raise KinematicsError(
             f"drives {pair} act on the same freedom: the joints leave {free.shape[1]}, the scene prescribes "
-            f"{len(names)}; remove one of them or use method='conventional'"
+            f"{len(rest)}; remove one of them or use method='conventional'"
         )
-
-
-def _refuse_misaligned(J: np.ndarray, free: int) -> None:
-    """Raise KinematicsError where closed loops leave fewer freedoms than they would if their joints were aligned; asked
-    only of what cannot be solved anyway, as short levers look alike."""
-    loose = _null_space(J, LOOSE).shape[1] if len(J) else free
-    if loose > free:
-        _, s, _ = np.linalg.svd(J)
-        off = s[s > RANK * s[0]].min() / s[0]
-        raise KinematicsError(
-            f"the mechanism is overconstrained and its joints are not aligned: their intended motions contradict each other "
-            f"by {off:.1e} rad (or parts of a length), so without elasticity it locks with {free} of {loose} freedoms; "
-            "align the joints, or use method='conventional', which lets the leafs yield and reports their stress"
-        )
+    return tuple(n for n, none in zip(names, idle, strict=True) if none)
 
 
 def _dependent(rows: np.ndarray, names: tuple[str, ...]) -> str:

@@ -20,7 +20,7 @@ from ksd.model.mesh import Mesh
 from ksd.model.plane import Plane
 from ksd.solve.choose import Solver
 from ksd.solve.driving import RTOL
-from ksd.solve.planar_steps import GAP, PlanarSteps
+from ksd.solve.planar_steps import PlanarSteps
 from ksd.solve.reach import in_range
 from ksd.solve.space_steps import REDUCED
 
@@ -120,6 +120,8 @@ class Designs:
             if ready.fits[k]:
                 try:
                     size = refill.put(ready, k)
+                    if size is None:
+                        continue
                     found[d] = self._poses(prepared, ready, k, targets, size)
                 except KsdError as reason:
                     found[d] = reason
@@ -161,7 +163,7 @@ def balanced(prepared: Prepared, targets: np.ndarray, size: float) -> bool:
     assert isinstance(flat, PlanarSteps) and isinstance(plane, Plane)
     target = targets[int(np.argmax(np.abs(targets).sum(axis=1)))]
     out, rows, _ = flat(target[plane.lifting.row], method=REDUCED, passes=0)
-    if out[0, 0] != 0 or not out[0, 2] < GAP * size or rows != 4 or out[3, 0] != 0:
+    if out[0, 0] != 0 or not out[0, 2] < five.gap * size or rows != 4 or out[3, 0] != 0:
         return True
     with contextlib.suppress(KsdError):
         in_range(b, flat.state.theta, extrapolate=five.extrapolate)

@@ -14,11 +14,9 @@ from ksd.solve.choose import Solver
 from ksd.solve.driving import CAP, RTOL
 from ksd.solve.five import FiveSteps
 from ksd.solve.many import planar_many, space_many, tabulated_many
-from ksd.solve.planar_steps import GAP, PlanarSteps
-from ksd.solve.space_steps import REDUCED
+from ksd.solve.planar_steps import PlanarSteps
+from ksd.solve.space_steps import KINEMATIC, REDUCED
 from ksd.solve.tables import joint_tables
-
-_WAYS = np.array([RTOL, CAP, GAP])
 
 
 @dataclass
@@ -44,6 +42,8 @@ class Prepared:
     ) -> None:
         self.solver, self.five = solver, solver.five_steps
         self.method, self.passes = method, passes
+        if method == KINEMATIC:
+            self.five.insist_on_motions()
         self.tables = joint_tables(self.five.bench.held, self.five.bench.bodies) if tabulated else None
         b = self.five.bench
         limits = np.column_stack([b.lowest, b.highest])
@@ -93,12 +93,17 @@ class Prepared:
         force, x, R = np.zeros((count, rows)), np.zeros((count, links, 3)), np.zeros((count, links, 3, 3))
         put = (force, x, R, motion, status)
         if self.tables is None:
-            space_many(b.held, targets, rows, self.method, self.passes, _WAYS, self._limits, *put)
+            space_many(b.held, targets, rows, self.method, self.passes, _ways(self.five), self._limits, *put)
         else:
             t = self.tables
             limits = np.column_stack([self._limits, t.limits])
-            tabulated_many(b.held, t.cubic, t.which, targets, rows, _WAYS, limits, *put)
+            tabulated_many(b.held, t.cubic, t.which, targets, rows, _ways(self.five), limits, *put)
         return force, x, R
+
+
+def _ways(five: FiveSteps) -> np.ndarray:
+    """Tolerances of the compiled steps: residual, turn per iteration, gap of the loops."""
+    return np.array([RTOL, CAP, five.gap])
 
 
 def _balanced(five: FiveSteps, values: Mapping[str, np.ndarray], targets: np.ndarray) -> PlanarSteps | None:
@@ -121,7 +126,7 @@ def _in_plane(
     count, links = len(targets), len(five.model.scene.links)
     inside = np.ascontiguousarray(targets[:, lifting.row])
     force, pose = np.zeros((count, len(lifting.row))), np.zeros((count, links, 3))
-    planar_many(flat.held, inside, len(lifting.row), method, passes, _WAYS, limits, force, pose, *put)
+    planar_many(flat.held, inside, len(lifting.row), method, passes, _ways(five), limits, force, pose, *put)
     all_rows = np.zeros(targets.shape)
     all_rows[:, lifting.row] = force
     i, j, k = lifting.axes.T

@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 
-from ksd.bodies.freedom import check_freedoms
 from ksd.bodies.joints import JointBodies, joint_bodies
 from ksd.errors import ConvergenceError, KinematicsError, KsdError, RangeError, RecordError, SceneError
 from ksd.library import find_record
@@ -65,7 +64,6 @@ class Solver:
         """The five steps, prepared on first use. Raises RecordError, RangeError, KinematicsError, SceneError."""
         if self._five is None:
             bodies: JointBodies = joint_bodies(self.model, self.records, extrapolate=self.extrapolate)
-            check_freedoms(self.model, bodies)
             self._five = FiveSteps(self.model, bodies, extrapolate=self.extrapolate, planar=self.planar)
         return self._five
 

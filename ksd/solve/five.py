@@ -12,8 +12,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ksd.bodies.freedom import Fit, check_freedoms
 from ksd.bodies.joints import JointBodies
-from ksd.errors import ConvergenceError
+from ksd.errors import ConvergenceError, KinematicsError
 from ksd.model.compile import Model
 from ksd.model.plane import Plane, plane_of, refuse_plane
 from ksd.solve import pipeline
@@ -22,7 +23,7 @@ from ksd.solve.confirm import WANDERED, wandered
 from ksd.solve.driving import CAP, RTOL
 from ksd.solve.estimate import distance, estimate_error
 from ksd.solve.pipeline import Bench
-from ksd.solve.planar_steps import GAP, PlanarSteps, prepare_planar
+from ksd.solve.planar_steps import GAP, YIELDING, PlanarSteps, prepare_planar
 from ksd.solve.reach import closed, in_range
 from ksd.solve.space_steps import FULL, KINEMATIC, REDUCED, space_steps
 from ksd.solve.steps import FiveStepRecord, Step
@@ -44,11 +45,15 @@ class _Moved(NamedTuple):
 class FiveSteps:
     """Call with drive values; storage is used again each time, so not from two threads at once.
 
-    wants_plane: whether the plane is taken where there is one.
+    wants_plane: whether the plane is taken where there is one. fit: how intended motions fit together; where they do
+    not, step 1 leaves a larger gap, which the leafs take up. Raises KinematicsError where drives and supports do not hold
+    every freedom once.
     """
 
     def __init__(self, model: Model, bodies: JointBodies, *, extrapolate: bool, planar: bool) -> None:
         self.model, self.extrapolate = model, extrapolate
+        self.fit: Fit = check_freedoms(model, bodies)
+        self.gap = GAP if self.fit.exact else YIELDING
         self.bench = Bench.of(model, bodies)
         self.wants_plane = planar
         self._flat: PlanarSteps | str | None = None
@@ -60,18 +65,43 @@ class FiveSteps:
     def __call__(
         self, values: Mapping[str, float], target: np.ndarray, *, method: str, passes: int, estimate: bool
     ) -> Configuration:
-        """Solve at the right-hand sides `target` (c,). Raises RangeError, ConvergenceError."""
+        """Solve at the right-hand sides `target` (c,). Raises RangeError, ConvergenceError, KinematicsError."""
+        if method == "kinematic":
+            self.insist_on_motions()
         found = self._in_plane(values, target, method=method, passes=passes, estimate=estimate)
         if found is not None:
             return found
         return self._in_space(values, target, method=method, passes=passes, estimate=estimate)
+
+    def insist_on_motions(self) -> None:
+        """KinematicsError where intended motions alone say nothing of a drive or support."""
+        if self.fit.yielding:
+            raise KinematicsError(
+                f"method 'kinematic' knows no force of '{self.fit.yielding[0]}': no intended motion of the joints meets "
+                "it, elasticity alone does; use method='reduced' or 'full'"
+            )
+
+    def _said(self, steps: tuple[Step, ...]) -> tuple[str, ...]:
+        """What the leafs had to take up, as a warning."""
+        if self.fit.exact:
+            return ()
+        why = [f"the joints are overconstrained and misaligned by {1e3 * self.fit.off:.2g} mrad"] * (
+            self.fit.off > 0
+        )
+        why += [f"no intended motion meets '{n}'" for n in self.fit.yielding]
+        said = "; ".join(why)
+        return (
+            f"{said}: step 1 left a gap of {1e3 * steps[0].residual:.2g} mm, which the leafs take up by force",
+        )
 
     @property
     def flat(self) -> PlanarSteps | str:
         """The planar five steps, or why there are none."""
         if self._flat is None:
             self._flat = (
-                prepare_planar(self.model, self.bench.bodies) if self.wants_plane else "planar = False"
+                prepare_planar(self.model, self.bench.bodies, self.gap)
+                if self.wants_plane
+                else "planar = False"
             )
         return self._flat
 
@@ -94,7 +124,7 @@ class FiveSteps:
             return None
         rows, state = plane.lifting.row, flat.state
         out, count, negatives = flat(target[rows], method=code, passes=passes)
-        if out[0, 0] != 0 or not out[0, 2] < GAP * b.bodies.reduced.size:
+        if not flat.closed(out):
             return None
         arrived = flat.converged(out, count, method=code, passes=passes)
         inside = arrived and state.seen[0]
@@ -156,11 +186,11 @@ class FiveSteps:
         first: Step | None = None
         ready = 0
         if b.bodies.hanging:
-            first, ready = closed(b, target), 1
-        count, negatives = space_steps(b.held, target, code, passes, ready, RTOL, CAP, GAP, out)
-        if not ready and (out[0, 0] != 0 or not out[0, 2] < GAP * b.bodies.reduced.size):
-            first = closed(b, target)
-            count, negatives = space_steps(b.held, target, code, passes, 1, RTOL, CAP, GAP, out)
+            first, ready = closed(b, target, self.gap), 1
+        count, negatives = space_steps(b.held, target, code, passes, ready, RTOL, CAP, self.gap, out)
+        if not ready and (out[0, 0] != 0 or not out[0, 2] < self.gap * b.bodies.reduced.size):
+            first = closed(b, target, self.gap)
+            count, negatives = space_steps(b.held, target, code, passes, 1, RTOL, CAP, self.gap, out)
         arrived = bool(out[count - 1, 0] == 0)
         inside = arrived and b.seen[0]
         warnings = [] if inside else in_range(b, b.theta, extrapolate=self.extrapolate)
@@ -230,7 +260,7 @@ class FiveSteps:
         doubts = wandered(s for s in steps if s.name[0] in "35") if long else ()
         return Configuration(
             self.model, b.full.copy(), method, values, steps, negatives, expected, motions, unintended, error,
-            (*warnings, *unknown), doubts=doubts, plane_alone=plane_alone, near=near,
+            (*warnings, *unknown, *self._said(steps)), doubts=doubts, plane_alone=plane_alone, near=near,
         )  # fmt: skip
 
 

@@ -36,6 +36,8 @@ from ksd.solve.space_steps import FULL, KINEMATIC, note_step
 GAP = 2e-3
 """Largest gap of the closed loops over the size of the mechanism: overconstrained joints never fit exactly, and their
 elasticity takes it up in step 3; a linkage that locks leaves more."""
+YIELDING = 0.03
+"""The same where joints are known not to be aligned, or a drive is known to be met by elasticity alone."""
 
 
 class PlanarState(NamedTuple):
@@ -264,8 +266,10 @@ def planar_steps(held, target, method, passes, rtol, cap, gap, out):
 class PlanarSteps:
     """The planar five steps of one model, prepared: call with drive values (c,) of the rows that act in the plane."""
 
-    def __init__(self, bodies: PlanarBodies, start: PlanarStart, motion_range: np.ndarray) -> None:
-        self.bodies, self.start = bodies, start
+    def __init__(
+        self, bodies: PlanarBodies, start: PlanarStart, motion_range: np.ndarray, gap: float = GAP
+    ) -> None:
+        self.bodies, self.start, self.gap = bodies, start, gap
         if len(bodies.hung.owner):
             compile_late(*PLANAR_JOINT_ENTRIES)
         self.state = planar_state(bodies, start, motion_range)
@@ -275,17 +279,21 @@ class PlanarSteps:
     def __call__(self, target: np.ndarray, *, method: int, passes: int) -> tuple[np.ndarray, int, int]:
         """Solve in place; returns the record, its rows, and the negative pivots."""
         out = self._out.setdefault(passes, np.zeros((2 + 3 * (passes + 1), 5)))
-        rows, negatives = planar_steps(self.held, target, method, passes, RTOL, CAP, GAP, out)
+        rows, negatives = planar_steps(self.held, target, method, passes, RTOL, CAP, self.gap, out)
         return out, rows, negatives
 
     def converged(self, out: np.ndarray, rows: int, *, method: int, passes: int) -> bool:
         """Whether all steps were taken and the last one converged."""
         whole = 2 if method == KINEMATIC else 1 + 3 * (passes + 1) + (method == FULL)
-        return rows == whole and out[rows - 1, 0] == 0 and bool(out[0, 2] < GAP * self.bodies.reduced.size)
+        return rows == whole and out[rows - 1, 0] == 0 and self.closed(out)
+
+    def closed(self, out: np.ndarray) -> bool:
+        """Whether step 1 closed the loops."""
+        return out[0, 0] == 0 and bool(out[0, 2] < self.gap * self.bodies.reduced.size)
 
 
-def prepare_planar(model: Any, bodies: Any) -> PlanarSteps | str:
-    """The planar five steps of `model`, or why it has none."""
+def prepare_planar(model: Any, bodies: Any, gap: float = GAP) -> PlanarSteps | str:
+    """The planar five steps of `model`, or why it has none; gap: as GAP."""
     from ksd.bodies.planar_bodies import planar_bodies
     from ksd.model.plane import plane_of
 
@@ -293,4 +301,4 @@ def prepare_planar(model: Any, bodies: Any) -> PlanarSteps | str:
     if isinstance(plane, str):
         return plane
     made = planar_bodies(plane, bodies)
-    return made if isinstance(made, str) else PlanarSteps(*made, bodies.motion_range)
+    return made if isinstance(made, str) else PlanarSteps(*made, bodies.motion_range, gap)

@@ -7,16 +7,15 @@ import numpy as np
 from ksd.errors import ConvergenceError, RangeError
 from ksd.solve import pipeline
 from ksd.solve.pipeline import Bench
-from ksd.solve.planar_steps import GAP
 from ksd.solve.steps import Step
 from ksd.solve.stops import Stop
 
 
-def closed(b: Bench, target: np.ndarray) -> Step:
-    """Step 1, in one go or, failing that, along the drive; ConvergenceError says how far it got."""
+def closed(b: Bench, target: np.ndarray, gap: float) -> Step:
+    """Step 1, in one go or, failing that, along the drive; ConvergenceError says how far it got. gap: as GAP."""
     b.restart()
     step = pipeline.close(b, target)
-    if step.stop is Stop.CONVERGED and step.residual < GAP * b.bodies.reduced.size:
+    if step.stop is Stop.CONVERGED and step.residual < gap * b.bodies.reduced.size:
         return step
     b.restart()
     done, size, count, spent = 0.0, 0.25, step.iterations, step.time
@@ -25,7 +24,7 @@ def closed(b: Bench, target: np.ndarray) -> Step:
         goal = min(1.0, done + size)
         step = pipeline.close(b, goal * target)
         count, spent = count + step.iterations, spent + step.time
-        if step.stop is Stop.CONVERGED and step.residual < GAP * b.bodies.reduced.size:
+        if step.stop is Stop.CONVERGED and step.residual < gap * b.bodies.reduced.size:
             done = goal
             continue
         b.theta[:] = theta

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import ksd
-from ksd.errors import KinematicsError, SceneError
+from ksd.errors import SceneError
 from ksd.properties.stress import stress_of
 from ksd.scene import CrossedPivot, CrossFlexure, Material, Motion, ParallelGuide
 from ksd.scene.joint import DrawnJoint
@@ -118,11 +118,10 @@ def test_misplacing_costs_little_where_nothing_is_held_twice():
     assert along[0] < 0.05 * along[1]
 
 
-def test_misaligned_guides_are_refused_by_name_and_yield_in_the_full_model():
+def test_misaligned_guides_yield_in_the_full_model():
     one = ParallelGuide(STEEL, width=0.03, spacing=0.06, **SIZES)
-    with pytest.raises(KinematicsError, match="overconstrained and its joints are not aligned"):
-        solved(one, one, tilt=2e-3, value=0.005, method="full")
-    straight, bent = (solved(one, one, tilt=t, value=0.005) for t in (0.0, 2e-3))
+    straight, bent = (solved(one, one, tilt=t, value=0.005, method="full") for t in (0.0, 2e-3))
+    assert any("misaligned" in w for w in bent.warnings) and not straight.warnings
     # 2e-3 rad times 5 mm of stroke is 10 um that the two guides, four leafs, have to yield
     extra = bent.stress().largest_Pa - straight.stress().largest_Pa
     assert extra > 1e6 and bent.stable

@@ -126,8 +126,9 @@ class Refill:
         drives = range(int(arrays.terms.first[len(self.model.drive_names)]))
         return stays_in_plane(n, frames, arrays.terms.kind, drives, self.space.top.load_kept)
 
-    def put(self, ready: Ready, d: int) -> float:
-        """Write design d into the storage. Returns its length scale. Raises KinematicsError as a fresh model does."""
+    def put(self, ready: Ready, d: int) -> float | None:
+        """Write design d into the storage. Returns its length scale, None where its joints fit together in another way
+        than those of the first. Raises KinematicsError as a fresh model does."""
         self.space_words.put(ready.space, d)
         if self.flat is not None and self.plane is not None:
             self.flat_words.put(ready.flat, d)
@@ -138,8 +139,8 @@ class Refill:
             loops=parts.bodies.loops, reduced=parts.bodies.reduced._replace(size=size),
             reduced_rest=parts.rest.reduced, motion_names=self.five.bench.bodies.motion_names,
         )  # fmt: skip
-        check_freedoms(self.model, loose)
-        return size
+        fit = check_freedoms(self.model, loose)
+        return size if fit.exact == self.five.fit.exact and fit.yielding == self.five.fit.yielding else None
 
 
 class _Words:
