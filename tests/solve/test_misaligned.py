@@ -1,4 +1,4 @@
-"""Overconstrained mechanisms whose joints are not aligned: loops close in the least-squares sense, leafs take up the rest."""
+"""Overconstrained mechanisms with joints not aligned: loops close in the least-squares sense, leafs take up the rest."""
 
 import numpy as np
 import pytest
