@@ -148,13 +148,20 @@ class Work(NamedTuple):
     weight: np.ndarray
 
 
+def turning_room(arrays: Arrays, width: int) -> int:
+    """Scratch that following loads take in a Newton step (`ksd.model.turning`); width: unknowns per node."""
+    loads = arrays.loads
+    rows = width * int(np.sum((loads.following == 1) & (arrays.start[loads.node] >= 0)))
+    return rows * (arrays.plan.unknowns + rows + 1)
+
+
 def make_work(arrays: Arrays, *, near: np.ndarray | None = None) -> Work:
     """Storage for one thread working on `arrays`; `near` (m,) lengths of the near configurations, if any.
 
     Compiles the kernels of the kinds of members there are, where that has not been done.
     """
     from ksd.beam import entry, weight_entry  # noqa: F401, declares the entry points
-    from ksd.model import system  # noqa: F401, as above
+    from ksd.model import system, turning  # noqa: F401, as above
 
     members = arrays.members
     kinds = set(members.kind.tolist())
@@ -164,6 +171,9 @@ def make_work(arrays: Arrays, *, near: np.ndarray | None = None) -> Work:
     count = len(members.kind) + len(arrays.springs.kind)
     if count:
         compile_late("assemble_apart")
+    room = turning_room(arrays, 6)
+    if room:
+        compile_late("turn_step")
     held = len(members.kind)
     return Work(
         np.zeros(arrays.plan.values),
@@ -177,6 +187,6 @@ def make_work(arrays: Arrays, *, near: np.ndarray | None = None) -> Work:
         np.zeros(held + 1, np.int64)
         if near is None
         else np.concatenate([[0], np.cumsum(near)]).astype(np.int64),
-        np.zeros(arrays.scratch),
+        np.zeros(max(arrays.scratch, room)),
         arrays.weight.copy(),
     )

@@ -16,7 +16,7 @@ def add_loads(arrays, R, work, factor, rtol):
     """External loads, times `factor`: dead forces keep their direction, following ones turn with the node.
 
     Tangent of a dead force at lever s: -[(s F' + F s')/2 - (s.F) I]. A following load has an unsymmetric tangent;
-    its symmetric part is what is added, so convergence is linear there (exact where the load does not turn).
+    its symmetric part is what is added, the rest is for the solve (`ksd.model.turning`).
     """
     loads = arrays.loads
     F, M, s = local_vector(3), local_vector(3), local_vector(3)

@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ksd.model.arrays import COROTATIONAL, STRAIN, Arrays, Work
+from ksd.model.arrays import COROTATIONAL, STRAIN, Arrays, Work, turning_room
 from ksd.numerics.kernel import compile_late
 
 PLANAR_WEIGHT_ENTRIES = ("pull_planar", "weigh_planar", "turn_planar_pull")
@@ -56,6 +56,11 @@ def make_planar_work(arrays: Arrays, *, near: np.ndarray | None = None) -> Work:
             compile_late("planar_chain_near")
     if len(arrays.weight):
         compile_late(*PLANAR_WEIGHT_ENTRIES)
+    room = turning_room(arrays, 3)
+    if room:
+        from ksd.model import turning  # noqa: F401, as above
+
+        compile_late("turn_flat_step")
     count = len(members.kind) + len(arrays.springs.kind)
     at = np.full(len(members.kind) + 1, 2 * len(arrays.start))
     if near is not None:
@@ -70,6 +75,6 @@ def make_planar_work(arrays: Arrays, *, near: np.ndarray | None = None) -> Work:
         np.zeros((len(arrays.start), 2)),
         np.zeros(int(at[-1])),
         at,
-        np.zeros(0),
+        np.zeros(room),
         arrays.weight.copy(),
     )

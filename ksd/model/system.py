@@ -51,13 +51,13 @@ def _assemble(arrays, motion, target, factor, work, rtol, near, grain):
     return worst, gap, negatives, status
 
 
-_KIND = Kind(blank_system())
+SYSTEM = Kind(blank_system())
 
 
 @late("void(int64, float64, float64, int64, float64, CPointer(float64))")
 def assemble_apart(address, factor, rtol, near, grain, out):
     """`assemble` on the `System` at `address`; out (4,) is what it returns."""
-    s = found_at(address, _KIND)
+    s = found_at(address, SYSTEM)
     out[0], out[1], out[2], out[3] = _assemble(
         s.arrays, s.motion, s.target, factor, s.work, rtol, near, grain
     )
@@ -71,7 +71,7 @@ def assemble(arrays, motion, target, factor, work, rtol, near, grain):
     """
     out = local_vector(4)
     assemble_apart(
-        address_of(System(arrays, motion, target, work), _KIND), factor, rtol, near, grain, out.ctypes
+        address_of(System(arrays, motion, target, work), SYSTEM), factor, rtol, near, grain, out.ctypes
     )
     return out[0], out[1], int(out[2]), int(out[3])
 

@@ -40,8 +40,9 @@ class Modes:
     2 pi and comes first. omega_squared (k,) [1/s^2]. shape (k, nodes, 6): displacement [m] and rotation [rad]
     of every node of `model` for unit modal mass [kg m^2]; vector (k, size): all unknowns, inner ones
     included. drive_motion (k, drives): what every drive's coordinate does in each mode [m or rad]; zero where
-    it is held. freed: names let go. massless: materials without a density; their leafs took part without
-    mass.
+    it is held. growth_per_s (k,): rate at which a mode grows by itself: of an unstable one, or, where loads follow
+    their links, of the two that flutter at one frequency, which come first too. freed: names let go. massless:
+    materials without a density; their leafs took part without mass.
     """
 
     model: Model
@@ -50,6 +51,7 @@ class Modes:
     shape: Array
     vector: Array
     drive_motion: Array
+    growth_per_s: Array
     freed: tuple[str, ...]
     massless: tuple[str, ...]
     mass: Inertia = field(repr=False)
@@ -114,8 +116,8 @@ def _apply(tangent: Tangent, mass: Inertia, loads: Array) -> Array:
 
 
 def _dense(tangent: Tangent, mass: Inertia, count: int) -> tuple[Array, Array]:
-    """(1/omega^2, vectors (size, k)) by the dense route."""
-    from scipy.linalg import eigh, lapack
+    """(1/omega^2, vectors (size, k)) by the dense route; complex where loads that follow make modes flutter."""
+    from scipy.linalg import eig, eigh, lapack
 
     M = mass.dense()
     used = np.flatnonzero(M.diagonal() > 0.0)
@@ -125,8 +127,19 @@ def _dense(tangent: Tangent, mass: Inertia, count: int) -> tuple[Array, Array]:
     L[used[order - 1]] = (np.tril(C)[:, :rank].T / scale[order - 1]).T
     x = _apply(tangent, mass, L)
     A = L.T @ x
+    if tangent.turning is not None:
+        values, vectors = eig(A)
+        kept = np.concatenate([np.flatnonzero(_bad(values)), np.argsort(-np.abs(values))[: 2 * count]])
+        kept = np.unique(kept)
+        return values[kept], x @ vectors[:, kept]
     values, vectors = _outermost(0.5 * (A + A.T), count, eigh)
     return values, x @ vectors
+
+
+def _bad(values: Array) -> Any:
+    """Which 1/omega^2 are those of modes that grow."""
+    bound = 1e-9 * np.abs(values).max(initial=0.0)
+    return (values.real < -bound) | (np.abs(values.imag) > np.maximum(bound, 1e-6 * np.abs(values)))
 
 
 def _outermost(A: Array, count: int, eigh: Any) -> tuple[Array, Array]:
@@ -157,6 +170,19 @@ def _lanczos(tangent: Tangent, mass: Inertia, count: int) -> tuple[Array, Array]
     return values, _apply(tangent, mass, back @ y)
 
 
+def _lowest(values: Array, vectors: Array, count: int) -> tuple[Array, Array, Array]:
+    """omega^2, shapes and growth of the modes 1/omega^2 = values: those that grow first, then the lowest."""
+    keep = np.abs(values) > EMPTY * np.abs(values).max(initial=0.0)
+    values, vectors = values[keep], vectors[:, keep]
+    growing, omega = _bad(values), np.sqrt(1.0 / values + 0j)
+    grown = np.where(growing, np.abs(omega.imag), 0.0)
+    # of a fluttering pair the square of its frequency, and the real part of its shape
+    flutters = growing & (np.abs(values.imag) > 1e-6 * np.abs(values))
+    squared = np.where(flutters, omega.real**2, (1.0 / values).real)
+    order = np.lexsort((squared, ~growing))[:count]
+    return squared[order], vectors[:, order].real, grown[order]
+
+
 def frequencies(
     model: Model,
     motion: Motion,
@@ -178,12 +204,9 @@ def frequencies(
     tangent = factored_tangent(fine, state, freed=freed, load_factor=load_factor)
     # the dense route costs by the unknowns that have mass
     small = np.unique(mass.root.indices).size <= DENSE if dense is None else dense
+    small = small or tangent.turning is not None
     values, vectors = (_dense if small else _lanczos)(tangent, mass, count)
-    keep = np.abs(values) > EMPTY * np.abs(values).max(initial=0.0)
-    values, vectors = values[keep], vectors[:, keep]
-    squared = 1.0 / values
-    order = np.argsort(squared)[:count]
-    squared, vectors = squared[order], vectors[:, order]
+    squared, vectors, grown = _lowest(values, vectors, count)
     vectors = vectors / np.sqrt(np.sum((mass.root @ vectors) ** 2, axis=0))
     shape = np.zeros((len(squared), len(fine.node_names), 6))
     for k in range(1, len(fine.node_names)):
@@ -195,6 +218,7 @@ def frequencies(
         shape=shape,
         vector=vectors.T.copy(),
         drive_motion=_drive_motion(fine, state, vectors),
+        growth_per_s=grown,
         freed=freed,
         massless=mass.massless,
         mass=mass,

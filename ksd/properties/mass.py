@@ -23,6 +23,7 @@ from ksd.model.compile import Model
 from ksd.properties.alike import Flexible, Stacked, alike_leafs, flexible_leafs, inner_unknowns
 from ksd.properties.kept import per_model
 from ksd.properties.shape import member_ends, member_parts, members_of_leafs, scene_leafs
+from ksd.properties.turning import cross_matrix
 
 Array = NDArray[np.float64]
 
@@ -45,12 +46,6 @@ class Inertia:
     def dense(self) -> Array:
         """The mass matrix (size, size)."""
         return np.asarray((self.root.T @ self.root).toarray())
-
-
-def cross_matrix(v: Array) -> Array:
-    """[v]x (3, 3)."""
-    x, y, z = v.tolist()
-    return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
 
 
 def leaf_line_mass(leaf: Any, s: Array) -> Array:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +19,7 @@ from ksd.model.arrays import COROTATIONAL, Arrays, Motion, Work, make_work
 from ksd.model.compile import Model
 from ksd.model.system import assemble
 from ksd.numerics.blocks import factor_blocks, solve_blocks
+from ksd.properties.turning import turning_loads
 
 Array = NDArray[np.float64]
 SINGULAR = 1e-14
@@ -60,20 +62,43 @@ def free_rows(arrays: Arrays, value: Array, rows: Iterable[int]) -> None:
 
 @dataclass(frozen=True)
 class Tangent:
-    """Factored tangent: solve with it; unstable: number of directions in which the state is not a minimum."""
+    """Factored tangent: solve with it; unstable: number of directions in which the state is not a minimum.
+
+    turning: what following loads add to it, unsymmetric: the places (k,) of the unknowns of the loaded nodes and (k, k).
+    """
 
     model: Model
     motion: Motion
     arrays: Arrays
     work: Work
     unstable: int
+    turning: tuple[NDArray[np.int64], Array] | None = None
 
     def solve(self, loads: Array) -> Array:
         """Response (unknowns, k) to `loads` (unknowns, k) in the order of the plan."""
+        found = self._symmetric(loads)
+        if self.turning is None:
+            return found
+        # Sherman, Morrison, Woodbury
+        places, rest = self.turning
+        X, small = self._columns
+        taken: Array = found - X @ np.linalg.solve(small, rest @ found[places])
+        return taken
+
+    def _symmetric(self, loads: Array) -> Array:
         found = np.ascontiguousarray(loads.T, dtype=float)
         for x in found:
             solve_blocks(self.arrays.plan, self.work.value, self.work.spare, x)
         return found.T
+
+    @cached_property
+    def _columns(self) -> tuple[Array, Array]:
+        assert self.turning is not None
+        places, rest = self.turning
+        units = np.zeros((self.arrays.plan.unknowns, len(places)))
+        units[places, np.arange(len(places))] = 1.0
+        X = self._symmetric(units)
+        return X, np.eye(len(places)) + rest @ X[places]
 
     def unknowns(self, node: int) -> slice:
         """Where the motion (6,) of a node sits; ground has none."""
@@ -101,7 +126,11 @@ def factored_tangent(
             f"the tangent is singular (relative pivot {pivot:.1e}): a motion is left that nothing resists, or the "
             "state is exactly at its critical load; hold more drives"
         )
-    return Tangent(model, motion, arrays, work, int(negatives + inside) - len(target))
+    rest, turning = turning_loads(arrays, motion, load_factor), None
+    if rest is not None:
+        places = np.flatnonzero(rest.any(axis=1) | rest.any(axis=0))
+        turning = places, rest[np.ix_(places, places)]
+    return Tangent(model, motion, arrays, work, int(negatives + inside) - len(target), turning)
 
 
 def stored_matrix(arrays: Arrays, value: Array) -> Array:

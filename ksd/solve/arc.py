@@ -18,9 +18,11 @@ from ksd.model.compile import Model
 from ksd.model.system import assemble, largest_move, largest_turn, take_step
 from ksd.model.weight import weight_force
 from ksd.properties.tangent import stored_matrix
+from ksd.properties.turning import turning_loads
 from ksd.solve.driving import RTOL
+from ksd.solve.following import divergences
 from ksd.solve.newton import GRAIN, LOOSE
-from ksd.solve.pivoted import inertia, scaling, turning_loads
+from ksd.solve.pivoted import inertia, scaling
 
 Array = NDArray[np.float64]
 
@@ -129,9 +131,10 @@ class Tracer:
                 if status == 2:
                     return None
                 # chains carry stresses extrapolated from the step before; at equilibrium they are the true ones
-                return Place(
-                    motion, f, inertia(K) + int(inside), self._full(K, motion, f), b, count, status == 0
-                )
+                rest = turning_loads(self.model.arrays, motion, self.course.aim(f)[1])
+                below = inertia(K) if rest is None else divergences(arrays, K, rest)
+                full = K if rest is None else K + rest
+                return Place(motion, f, below + int(inside), full, b, count, status == 0)
             if step is None:
                 right = np.append(-work.rhs, 0.0)
                 try:

@@ -23,6 +23,7 @@ from ksd.solve.arc import Course
 from ksd.solve.configuration import Configuration
 from ksd.solve.confirm import confirmed, doubt
 from ksd.solve.driving import CAP, RTOL, Driven, drive_to
+from ksd.solve.following import counted, follows
 from ksd.solve.path import Path, trace
 from ksd.solve.steps import Step
 from ksd.solve.stops import Stop
@@ -44,7 +45,8 @@ def _drive(
         found = drive_in_plane(storage, begin, fresh=fresh, **ways)
         if not isinstance(found, str):
             if planar is True or found.stop in (Stop.CONVERGED, Stop.LOCAL_ANGLE):
-                return found, "planar, 3 unknowns per node", storage.motion.copy()
+                arrived = storage.motion.copy()
+                return _counted(storage.model, arrived, found, ways), "planar, 3 unknowns per node", arrived
             # space has the Newton with pivoting
             found = f"in the plane {found.stop.sentence}"
         elif planar is True:
@@ -54,7 +56,15 @@ def _drive(
     storage.motion.assign(begin)
     pivoting = storage.model.arrays, storage.work
     driven = drive_to(storage.motion, storage.newton, pivoting=pivoting, **ways)
-    return driven, f"spatial: {found}" if found else "", storage.motion.copy()
+    arrived = storage.motion.copy()
+    return _counted(storage.model, arrived, driven, ways), f"spatial: {found}" if found else "", arrived
+
+
+def _counted(model: Model, motion: Motion, driven: Driven, ways: dict[str, Any]) -> Driven:
+    """With what stands for negative pivots where loads follow their links."""
+    if driven.stop is not Stop.CONVERGED or not follows(model):
+        return driven
+    return driven._replace(negatives=counted(model, motion, ways["factors"][1], driven.negatives))
 
 
 def _walk(storage: Storage, begin: Motion, *, sure: bool, **ways: Any) -> tuple[Driven, str, Motion, Any]:

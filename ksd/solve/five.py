@@ -22,6 +22,7 @@ from ksd.solve.configuration import Configuration
 from ksd.solve.confirm import WANDERED, wandered
 from ksd.solve.driving import CAP, RTOL
 from ksd.solve.estimate import distance, estimate_error
+from ksd.solve.following import counted, follows
 from ksd.solve.pipeline import Bench
 from ksd.solve.planar_steps import GAP, YIELDING, PlanarSteps, prepare_planar
 from ksd.solve.reach import closed, in_range
@@ -255,6 +256,8 @@ class FiveSteps:
         b, (values, method, steps) = self.bench, solved
         theta, off, found, near = moved
         motions, unintended, unknown = pipeline.named_motions(b, theta, off, found, near=near)
+        if method != "kinematic" and follows(self.model) and steps.last is Stop.CONVERGED:
+            negatives = counted(self.model, b.full, 1.0, negatives)
         expected = len(b.model.drive_names) + len(b.model.support_names)
         long = steps.wandered(WANDERED)
         doubts = wandered(s for s in steps if s.name[0] in "35") if long else ()

@@ -14,6 +14,7 @@ import math
 
 from ksd.model.blank import System, blank_system
 from ksd.model.system import assemble_apart, largest_move, largest_turn, solve_step, take_step
+from ksd.model.turning import turn_step, turning
 from ksd.numerics.blocks import factor_blocks
 from ksd.numerics.held import Kind, address_of, found_at
 from ksd.numerics.kernel import kernel, late
@@ -35,6 +36,7 @@ def _iterate(address, arrays, motion, factor, work, rtol, most, cap, blow_up):
     worst, moved = math.inf, math.inf
     # a variable, not the literal 0, for which numba would compile `assemble` a second time
     near = 0 * most
+    turn = turning(arrays.loads, arrays.start) > 0
     for n in range(most + 1):
         # a load too small to rise above rounding still gets one step: at first the bounds have no grain
         assemble_apart(address, factor, rtol, near, GRAIN if n > 0 else 0.0, seen.ctypes)
@@ -59,6 +61,8 @@ def _iterate(address, arrays, motion, factor, work, rtol, most, cap, blow_up):
         negatives += inside
         if not pivot > 0.0:
             return SINGULAR, n, worst, negatives, pivot
+        if turn:
+            turn_step(address, factor)
         scale = 1.0
         if n > 0:
             largest = largest_turn(arrays, work.rhs)

@@ -17,6 +17,7 @@ from ksd.model.blank import PlanarSystem, blank_planar_system
 from ksd.model.planar_assembly import recover_planar
 from ksd.model.planar_system import assemble_planar, move_planar, planar_size
 from ksd.model.plane import Plane, refuse_plane
+from ksd.model.turning import turn_flat_step, turning
 from ksd.numerics.blocks import factor_blocks, solve_blocks
 from ksd.numerics.held import Kind, address_of, found_at, part
 from ksd.numerics.kernel import kernel, late
@@ -40,14 +41,15 @@ POLISH = 3
 
 
 @kernel
-def _iterate_planar(arrays, motion, target, factor, work, rtol, most, cap, blow_up):
-    """See `iterate_planar`."""
+def _iterate_planar(address, arrays, motion, target, factor, work, rtol, most, cap, blow_up):
+    """See `iterate_planar`; address: of the same arrays."""
     plan, start, rhs = arrays.plan, arrays.start, work.rhs
     blocks = len(plan.size)
     negatives, pivot = 0, 1.0
     worst, moved = math.inf, math.inf
     # a variable, not the literal 0, for which numba would compile twice
     near = 0 * most
+    turn = turning(arrays.loads, start) > 0
     # at first the bounds have no grain, so that the smallest load gets its step
     for n in range(most + 1):
         worst, inside, status = assemble_planar(
@@ -74,9 +76,11 @@ def _iterate_planar(arrays, motion, target, factor, work, rtol, most, cap, blow_
         solve_blocks(plan, work.value, work.spare, rhs)
         if not pivot > 0.0:
             return SINGULAR, n, worst, negatives, pivot
-        shift, turn = planar_size(start, rhs)
-        scale = cap / turn if n > 0 and turn > cap else 1.0
-        moved = max(turn / 1e-6, shift / (1e-7 * arrays.size))
+        if turn:
+            turn_flat_step(address, factor)
+        shift, largest = planar_size(start, rhs)
+        scale = cap / largest if n > 0 and largest > cap else 1.0
+        moved = max(largest / 1e-6, shift / (1e-7 * arrays.size))
         recover_planar(arrays.members, start, motion, rhs, work, scale)
         move_planar(start, arrays.terms.start, motion, rhs, scale)
     return TOO_MANY, most, worst, negatives, pivot
@@ -90,7 +94,7 @@ def iterate_planar_apart(address, factor, rtol, most, cap, blow_up, out):
     """`iterate_planar` on the `PlanarSystem` at `address`; out (5,) is what it returns."""
     s = found_at(address, _KIND)
     out[0], out[1], out[2], out[3], out[4] = _iterate_planar(
-        s.arrays, s.motion, s.target, factor, s.work, rtol, most, cap, blow_up
+        address, s.arrays, s.motion, s.target, factor, s.work, rtol, most, cap, blow_up
     )
 
 

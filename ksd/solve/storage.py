@@ -10,13 +10,15 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ksd.model.arrays import Arrays, Motion, Work, make_work
+from ksd.model.blank import System
 from ksd.model.compile import Model
 from ksd.model.planar_arrays import PlanarMotion, make_planar_work
 from ksd.model.planar_lift import Lifting, lift_inner, lift_nodes
 from ksd.model.plane import Plane, plane_of
-from ksd.model.system import assemble
+from ksd.model.system import SYSTEM, assemble
+from ksd.model.turning import turn_step, turning
 from ksd.numerics.blocks import factor_blocks, solve_blocks
-from ksd.numerics.held import Held, part
+from ksd.numerics.held import Held, address_of, part
 from ksd.numerics.kernel import kernel
 from ksd.solve.newton import GRAIN, iterate
 
@@ -68,6 +70,8 @@ def look_over(held, target, factor, rtol, step):
         for i in range(len(work.rhs)):
             work.rhs[i] = -work.rhs[i]
         solve_blocks(arrays.plan, work.value, work.spare, work.rhs)
+        if turning(arrays.loads, arrays.start) > 0:
+            turn_step(address_of(System(arrays, part(held, "motion"), target, work), SYSTEM), factor)
     return worst, negatives + inside, status
 
 

@@ -1,0 +1,167 @@
+"""The Newton step with following loads: what their tangent lacks in symmetry, as a correction of low rank.
+
+A load that turns with its node has the tangent K + E B E': K symmetric, as assembled and factored; E picks the unknowns
+of the loaded nodes, B (w, w) per load, w = 6 in space and 3 in the plane, is the rest that `ksd.model.loading` leaves out:
+
+force rows, rotation columns: [F]x / 2; rotation rows, force columns: [F]x / 2; rotations: [M]x / 2, M about the node.
+
+Sherman, Morrison and Woodbury: x = y - X (1 + B E'X)^-1 B E'y, y = K^-1 r, X = K^-1 E: w more solves per load, and Newton
+converges quadratically. Compiled where a model has such loads.
+"""
+
+from __future__ import annotations
+
+from ksd.model.blank import blank_planar_system, blank_system
+from ksd.numerics.blocks import solve_blocks
+from ksd.numerics.held import Kind, found_at
+from ksd.numerics.kernel import kernel, late
+from ksd.numerics.local import local_matrix, local_vector
+
+
+@kernel
+def turning(loads, start):
+    """Number of following loads on nodes that can move."""
+    count = 0
+    for i in range(len(loads.node)):
+        if loads.following[i] == 1 and start[loads.node[i]] >= 0:
+            count += 1
+    return count
+
+
+@kernel
+def _rest(loads, i, R, factor, B):
+    """B (6, 6) of load i: see the module docstring."""
+    T = R[loads.node[i]]
+    p, f, m = loads.point[i], loads.force[i], loads.moment[i]
+    F, M, s = local_vector(3), local_vector(3), local_vector(3)
+    for r in range(3):
+        F[r] = 0.5 * factor * (T[r, 0] * f[0] + T[r, 1] * f[1] + T[r, 2] * f[2])
+        M[r] = 0.5 * factor * (T[r, 0] * m[0] + T[r, 1] * m[1] + T[r, 2] * m[2])
+        s[r] = T[r, 0] * p[0] + T[r, 1] * p[1] + T[r, 2] * p[2]
+    B[:] = 0.0
+    for r in range(3):
+        j, k = (r + 1) % 3, (r + 2) % 3
+        B[r, 3 + j], B[r, 3 + k] = -F[k], F[j]
+        B[3 + r, j], B[3 + r, k] = -F[k], F[j]
+    for r in range(3):
+        M[r] += s[(r + 1) % 3] * F[(r + 2) % 3] - s[(r + 2) % 3] * F[(r + 1) % 3]
+    for r in range(3):
+        j, k = (r + 1) % 3, (r + 2) % 3
+        B[3 + r, 3 + j], B[3 + r, 3 + k] = -M[k], M[j]
+
+
+@kernel
+def _flat_rest(loads, i, turns, factor, B):
+    """B (3, 3) of planar load i; turns: cos and sin of the nodes."""
+    c, s = turns[2 * loads.node[i]], turns[2 * loads.node[i] + 1]
+    fx, fy = 0.5 * factor * loads.force[i, 0], 0.5 * factor * loads.force[i, 1]
+    fx, fy = c * fx - s * fy, s * fx + c * fy
+    B[:] = 0.0
+    B[0, 2], B[1, 2] = fy, -fx
+    B[2, 0], B[2, 1] = -fy, fx
+
+
+@kernel
+def _gauss(G, z):
+    """z <- G^-1 z in place, with pivoting by rows; G (k, k) is lost."""
+    k = len(z)
+    for c in range(k):
+        best = c
+        for r in range(c + 1, k):
+            if abs(G[r, c]) > abs(G[best, c]):
+                best = r
+        if best != c:
+            for q in range(k):
+                G[c, q], G[best, q] = G[best, q], G[c, q]
+            z[c], z[best] = z[best], z[c]
+        for r in range(c + 1, k):
+            f = G[r, c] / G[c, c]
+            if f != 0.0:
+                for q in range(c + 1, k):
+                    G[r, q] -= f * G[c, q]
+                z[r] -= f * z[c]
+    for c in range(k - 1, -1, -1):
+        for q in range(c + 1, k):
+            z[c] -= G[c, q] * z[q]
+        z[c] /= G[c, c]
+
+
+@kernel
+def _columns(loads, start, plan, work, width, X):
+    """X (width m, n): K^-1 for every unknown of the loaded nodes."""
+    row = 0
+    for i in range(len(loads.node)):
+        u = start[loads.node[i]]
+        if loads.following[i] != 1 or u < 0:
+            continue
+        for c in range(width):
+            X[row, :] = 0.0
+            X[row, u + c] = 1.0
+            solve_blocks(plan, work.value, work.spare, X[row])
+            row += 1
+
+
+@kernel
+def _add_rows(B, u, width, row, X, y, G, z):
+    """Rows of one load, from `row` on: G = 1 + B E'X, z = B E'y."""
+    for r in range(width):
+        for q in range(len(z)):
+            G[row + r, q] = 1.0 if row + r == q else 0.0
+            for c in range(width):
+                G[row + r, q] += B[r, c] * X[q, u + c]
+        z[row + r] = 0.0
+        for c in range(width):
+            z[row + r] += B[r, c] * y[u + c]
+
+
+@kernel
+def _take_out(X, z, y):
+    """y <- y - X' z."""
+    for q in range(len(z)):
+        for k in range(len(y)):
+            y[k] -= z[q] * X[q, k]
+
+
+@late("void(int64, float64)")
+def turn_step(address, factor):
+    """Correct the step in work.rhs of the `System` at `address`, whose matrix is factored."""
+    s = found_at(address, _KIND)
+    loads, start, work = s.arrays.loads, s.arrays.start, s.work
+    n, k = len(work.rhs), 6 * turning(loads, start)
+    X = work.scratch[: k * n].reshape(k, n)
+    G = work.scratch[k * n : k * (n + k)].reshape(k, k)
+    z = work.scratch[k * (n + k) : k * (n + k + 1)]
+    B = local_matrix(6, 6)
+    _columns(loads, start, s.arrays.plan, work, 6, X)
+    row = 0
+    for i in range(len(loads.node)):
+        if loads.following[i] == 1 and start[loads.node[i]] >= 0:
+            _rest(loads, i, s.motion.R, factor, B)
+            _add_rows(B, start[loads.node[i]], 6, row, X, work.rhs, G, z)
+            row += 6
+    _gauss(G, z)
+    _take_out(X, z, work.rhs)
+
+
+@late("void(int64, float64)")
+def turn_flat_step(address, factor):
+    """The same for the `PlanarSystem` at `address`."""
+    s = found_at(address, _FLAT)
+    loads, start, work = s.arrays.loads, s.arrays.start, s.work
+    n, k = len(work.rhs), 3 * turning(loads, start)
+    X = work.scratch[: k * n].reshape(k, n)
+    G = work.scratch[k * n : k * (n + k)].reshape(k, k)
+    z = work.scratch[k * (n + k) : k * (n + k + 1)]
+    B = local_matrix(3, 3)
+    _columns(loads, start, s.arrays.plan, work, 3, X)
+    row = 0
+    for i in range(len(loads.node)):
+        if loads.following[i] == 1 and start[loads.node[i]] >= 0:
+            _flat_rest(loads, i, work.near, factor, B)
+            _add_rows(B, start[loads.node[i]], 3, row, X, work.rhs, G, z)
+            row += 3
+    _gauss(G, z)
+    _take_out(X, z, work.rhs)
+
+
+_KIND, _FLAT = Kind(blank_system()), Kind(blank_planar_system())

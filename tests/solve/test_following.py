@@ -1,0 +1,142 @@
+"""Loads that turn with their links: Newton on the unsymmetric tangent, and stability that no count of pivots tells."""
+
+import numpy as np
+import pytest
+from hard_scenes import lee
+from scenes import STEEL, fourbar
+
+import ksd
+from ksd.model.arrays import make_work
+from ksd.model.compile import compile_scene
+from ksd.model.planar_arrays import make_planar_work
+from ksd.model.plane import plane_of
+from ksd.model.system import assemble, take_step
+from ksd.numerics.blocks import factor_blocks
+from ksd.properties.tangent import stored_matrix
+from ksd.properties.turning import turning_loads
+from ksd.section import rectangle
+from ksd.solve.conventional import conventional
+from ksd.solve.newton import GRAIN, iterate
+from ksd.solve.planar import iterate_planar
+
+L, SECTION = 0.1, rectangle(0.5e-3, 0.02)
+EI = STEEL.E * SECTION.Iz
+
+
+def cantilever(force, *, material=STEEL, mesh=None):
+    """A leaf along x with a following force (3,), in units of EI/L^2, on its tip."""
+    scene = ksd.Mechanism("cantilever")
+    tip = scene.link("tip")
+    scene.leaf(scene.ground, tip, start=(0, 0, 0), end=(L, 0, 0), section=SECTION, material=material,
+               width_axis="z")  # fmt: skip
+    scene.load(tip, force=tuple(np.array(force) * EI / L**2), at=(L, 0, 0), following=True)
+    return compile_scene(scene, mesh=mesh)
+
+
+def pushed():
+    """The fourbar with three following loads, two of them on one link, off its reference point."""
+    scene = fourbar()
+    scene.load("left", force=(20.0, 5.0, -3.0), moment=(0.2, 0.1, 0.4), at=(-0.25, 0.2, 0.02), following=True)
+    scene.load("left", force=(-7.0, 9.0, 2.0), at=(-0.2, 0.1, 0), following=True)
+    scene.load("top", force=(4.0, -8.0, 1.0), at=(0.1, 0.4, 0), following=True)
+    return scene
+
+
+def test_the_step_is_that_of_the_unsymmetric_tangent():
+    """One iteration of the compiled Newton against a dense solve with K + rest."""
+    model = compile_scene(pushed())
+    arrays, work, target = model.arrays, make_work(model.arrays), np.array([0.1])
+    state = conventional(model, {"top": 0.05}).motion
+    one = state.copy()
+    iterate(arrays, one, target, 1.3, work, 1e-8, 1, np.inf, np.inf)
+    other = state.copy()
+    assemble(arrays, other, target, 1.3, work, 1e-8, 0, 0 * GRAIN)
+    full = stored_matrix(arrays, work.value) + turning_loads(arrays, other, 1.3)
+    step = np.linalg.solve(full, -work.rhs)
+    factor_blocks(arrays.plan, work.value, work.spare, len(arrays.plan.size))
+    take_step(arrays, other, step, work, 1.0)
+    assert one.x == pytest.approx(other.x, abs=1e-10)
+    assert one.multiplier == pytest.approx(other.multiplier, rel=1e-8)
+    assert np.abs(other.x - state.x).max() > 0.01
+
+
+def test_the_step_in_the_plane_is_that_in_space():
+    model = cantilever((0.3, 2.0, 0.0))
+    plane = plane_of(model)
+    flat, motion = plane.rest.copy(), model.rest.copy()
+    aim = (np.zeros(0), 1.0)
+    for _ in range(2):
+        iterate_planar(plane.arrays, flat, *aim, make_planar_work(plane.arrays), 1e-8, 1, np.inf, np.inf)
+        iterate(model.arrays, motion, *aim, make_work(model.arrays), 1e-8, 1, np.inf, np.inf)
+    lifted = model.rest.copy()
+    plane.lift(flat, lifted)
+    assert lifted.x == pytest.approx(motion.x, abs=1e-12)
+
+
+@pytest.mark.parametrize("planar", ["auto", False])
+def test_newton_converges_quadratically(planar):
+    """With the symmetric part alone the force that stays normal to the tip took 14 iterations and more."""
+    found = conventional(cantilever((0, 2.0, 0)), {}, planar=planar)
+    assert found.iterations <= 4 and found.steps[0].note.startswith("1 load step")
+
+
+def test_the_five_steps_with_following_loads():
+    solver = ksd.prepare(pushed())
+    full, exact = (solver(top=0.2, method=m) for m in ("full", "conventional"))
+    assert full.forces["top"] == pytest.approx(exact.forces["top"], rel=1e-9)
+    assert full.steps[-1].iterations <= 4
+    fast = solver(top=0.2, method="reduced", passes=1)
+    assert abs(fast.forces["top"] - exact.forces["top"]) < 1.5 * fast.error.force[0]
+
+
+def flutters(p, **ways):
+    return conventional(cantilever((-p, 0, 0), **ways), {}).frequencies(count=8).growth_per_s.max() > 0.0
+
+
+@pytest.mark.parametrize("mesh", [None, ksd.Mesh("corotational", elements=8)])
+def test_becks_column(mesh):
+    """Beck 1952: flutter at 20.0510 EI/L^2 (here with shear and rotary inertia, t/L = 1/200), divergence never."""
+    for p in (5.0, 15.0, 19.9):
+        found = conventional(cantilever((-p, 0, 0), mesh=mesh), {})
+        assert found.stable and found.trusted and "no mode of its masses flutters" in str(found.trust.stable)
+        assert found.iterations <= 2
+    low, high = 18.0, 22.0
+    while high - low > 1e-3:
+        middle = 0.5 * (low + high)
+        low, high = (low, middle) if flutters(middle, mesh=mesh) else (middle, high)
+    assert high == pytest.approx(20.0510, rel=5e-4 if mesh is None else 0.03)
+
+
+def test_flutter_is_refused_with_its_frequency():
+    """At the flutter load of Beck's column omega = 11.016 sqrt(EI / rho A L^4)."""
+    with pytest.raises(ksd.TrustError, match="FLUTTER") as refused:
+        ksd.solve(cantilever((-20.06, 0, 0)))
+    modes = refused.value.result.frequencies()
+    pair = np.flatnonzero(modes.growth_per_s)
+    assert len(pair) == 2
+    unit = np.sqrt(EI / (7800 * SECTION.A * L**4)) / (2 * np.pi)
+    assert modes.frequency_Hz[pair] == pytest.approx(11.016 * unit, rel=5e-3)
+    assert ksd.solve(cantilever((-20.06, 0, 0)), strict=False).converged
+
+
+def test_without_mass_flutter_is_said_not_to_be_looked_at():
+    found = ksd.solve(cantilever((-15.0, 0, 0), material=ksd.Material(E=STEEL.E, G=STEEL.G)))
+    assert found.trusted and "flutter was not looked at" in str(found.trust.stable)
+
+
+def test_divergence_under_a_following_load_is_seen():
+    """Lee's frame under a following force has a limit point: beyond it the state diverges."""
+    path = ksd.follow(lee(following=True), control="load", until=60.0)
+    assert path.limits
+    top = path.limits[0]
+    peak = int(np.argmax(np.array(path.factor) > 0.99 * top))
+    assert all(s.stable for s in path.states[:peak])
+    assert not any(s.stable for s in path.states[peak + 2 : peak + 10])
+    # out of the snap it is stable again
+    assert path.states[-1].stable and path.ended
+
+
+def test_modes_of_a_following_load_of_nothing_are_those_without():
+    bare, idle = (conventional(cantilever((0, 1e-9 * k, 0)), {}).frequencies(count=5) for k in (0.0, 1.0))
+    assert idle.frequency_Hz == pytest.approx(bare.frequency_Hz, rel=1e-6)
+    assert not idle.growth_per_s.any()
