@@ -21,7 +21,7 @@ from typing import Any
 from ksd.errors import SceneError
 from ksd.model import estimates
 from ksd.model.mesh import Mesh
-from ksd.model.runs import free_runs
+from ksd.model.runs import run_factors
 from ksd.scene.leaf import Condition
 from ksd.section.checks import nearest, number
 
@@ -262,7 +262,7 @@ def applied(scene: Any, mesh: Mesh, choice: Choice) -> tuple[Any, Mesh]:
     if heats or fits:
         plain = with_conditions(plain, leaf_conditions(scene.leaf_names(), heats, fits))
     if "warping" in there:
-        plain = with_runs(plain, free_runs(scene))
+        plain = with_torsion(plain, run_factors(scene))
     if scene.compliances:
         plain = with_elastic_links(plain) if "compliance" in there else replace(plain, compliances=())
     words: dict[str, Any] = {name: name in there for name in ("shear", "warping", "plate")}
@@ -271,15 +271,12 @@ def applied(scene: Any, mesh: Mesh, choice: Choice) -> tuple[Any, Mesh]:
     return plain, mesh
 
 
-def with_runs(scene: Any, runs: Mapping[str, float]) -> Any:
-    """The scene whose leafs, by full name, know the length [m] of the run their warping passes through."""
+def with_torsion(scene: Any, factors: Mapping[str, float]) -> Any:
+    """The scene whose leafs, by full name, know the factor on GJ of the run they are part of."""
     leafs = scene.leaf_names()
-    own = {name: leafs[name].condition or Condition() for name in runs}
-    return (
-        with_conditions(scene, {n: replace(own[n], span=length) for n, length in runs.items()})
-        if runs
-        else scene
-    )
+    own = {name: leafs[name].condition or Condition() for name in factors}
+    known = {n: replace(own[n], torsion=factor) for n, factor in factors.items()}
+    return with_conditions(scene, known) if known else scene
 
 
 def with_conditions(scene: Any, conditions: Mapping[str, Condition]) -> Any:

@@ -17,9 +17,8 @@ import numpy as np
 
 from ksd.errors import KsdError
 from ksd.model.mesh import Mesh
-from ksd.model.runs import free_runs, meetings
+from ksd.model.runs import meetings, own_factor, run_factors
 from ksd.scene.effects import Spring, leaf_conditions
-from ksd.section import restrained_warping_factor
 from ksd.section.plate import plate_factor
 
 Found = tuple[float | None, str]
@@ -180,32 +179,30 @@ class Estimates:
     def _warping(self) -> Found:
         """The factor of warping restrained at both ends, of a leaf or of the run it is part of, less one."""
         worst, said = 0.0, "no leaf has warping"
-        runs = free_runs(self.scene)
+        runs = run_factors(self.scene)
         for name, leaf in self.leafs.items():
             if leaf.section.Iw > 0.0:
-                length = runs.get(name, leaf.length)
-                more = restrained_warping_factor(length, leaf.section.width, leaf.material.nu) - 1.0
+                more = (runs[name] if name in runs else own_factor(leaf)) - 1.0
                 if more > worst:
                     worst = more
-                    said = f"leaf '{name}', L/w = {length / leaf.section.width:.3g}"
+                    said = f"leaf '{name}', L/w = {leaf.length / max(leaf.section.width, 1e-300):.3g}"
         return worst, f"{percent(worst)} more torsional stiffness ({said}){self._meeting()}"
 
     def _meeting(self) -> str:
         """Words on leafs that meet end to end: runs that warping passes through, or what it would be if it did."""
         for one, two, block, passes in meetings(self.scene):
-            a, b = self.leafs[one], self.leafs[two]
-            w, nu = a.section.width, a.material.nu
-            short = restrained_warping_factor(min(a.length, b.length), w, nu)
-            long = restrained_warping_factor(a.length + b.length, w, nu)
+            if not all(self.leafs[n].section.Iw > 0.0 for n in (one, two)):
+                continue
+            alone = [f"{own_factor(self.leafs[n]):.3g}" for n in (one, two)]
             if passes:
-                run = restrained_warping_factor(free_runs(self.scene)[one], w, nu)
+                runs = run_factors(self.scene)
                 return (
                     f"; warping passes from leaf '{one}' to '{two}', as '{block}' carries nothing else: one run, "
-                    f"whose factor is {run:.3g} instead of {short:.3g}"
+                    f"whose factors are {runs[one]:.3g} and {runs[two]:.3g} instead of {' and '.join(alone)}"
                 )
             return (
-                f"; leafs '{one}' and '{two}' meet end to end on '{block}', a body that holds their ends plane: were their "
-                f"warping free to pass the factor would be {long:.3g} instead of {short:.3g}"
+                f"; leafs '{one}' and '{two}' meet end to end on '{block}', a body that holds their ends plane: their "
+                f"factors are {' and '.join(alone)}, and would be less if warping could pass"
             )
         return ""
 

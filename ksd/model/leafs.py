@@ -22,9 +22,10 @@ from ksd.errors import SceneError
 from ksd.model.arrays import COROTATIONAL, STRAIN
 from ksd.model.mesh import Mesh
 from ksd.model.pack import Member
+from ksd.model.runs import own_factor
 from ksd.scene.leaf import Condition
 from ksd.scene.profile import Curve
-from ksd.section import Section, restrained_warping_factor
+from ksd.section import Section
 from ksd.section.plate import plate_factor
 
 PANELS = 8
@@ -59,12 +60,26 @@ def rigidities(section: Section, leaf: Any, mesh: Mesh) -> tuple[np.ndarray, np.
     state = leaf.condition or Condition()
     torsion, plate = 1.0, 1.0
     if mesh.warping and section.Iw > 0.0:
-        torsion = restrained_warping_factor(state.span or leaf.length, section.width, nu)
+        torsion = state.torsion or _own_torsion(leaf)
     if mesh.plate and section.width > section.thickness > 0.0:
         plate = plate_factor(section.width, section.thickness, state.bend, nu)
     stiff = np.array([torsion * G * section.J, E * section.Iy, plate * E * section.Iz])
     shear = np.array([1.0 / (section.ky * G * section.A), 1.0 / (section.kz * G * section.A)])
     return stiff, np.concatenate([[1.0 / (E * section.A)], shear if mesh.shear else 0.0 * shear])
+
+
+@lru_cache(maxsize=256)
+def _remembered(leaf: Any) -> float:
+    return own_factor(leaf)
+
+
+def _own_torsion(leaf: Any) -> float:
+    """Factor on GJ of a leaf by itself, asked for at every station along it."""
+    try:
+        return _remembered(leaf)
+    except TypeError:
+        # a profile of the user's own that cannot be remembered
+        return own_factor(leaf)
 
 
 @dataclass(frozen=True)
@@ -335,12 +350,13 @@ def split_leaf(leaf: Any, elements: int) -> tuple[list[Any], list[np.ndarray]]:
     if leaf.curve is not None or leaf.profile is not None:
         raise SceneError(f"leaf '{leaf.name}': nodal meshes are for straight uniform leafs; leave nodal out")
     state = leaf.condition or Condition()
-    if replace(state, bend=0.0, span=0.0) != Condition():
+    if replace(state, bend=0.0, torsion=0.0) != Condition():
         raise SceneError(
             f"leaf '{leaf.name}': nodal meshes are for leafs without heat, prestress and misfit; leave nodal out"
         )
     start, end = np.asarray(leaf.start, float), np.asarray(leaf.end, float)
     cuts = [start + (end - start) * k / elements for k in range(elements + 1)]
+    torsion = state.torsion or (_own_torsion(leaf) if leaf.section.Iw > 0.0 else 0.0)
     pieces = [
         replace(
             leaf,
@@ -348,7 +364,7 @@ def split_leaf(leaf: Any, elements: int) -> tuple[list[Any], list[np.ndarray]]:
             end=tuple(b),
             elements=1,
             name=f"{leaf.name}.{k + 1}",
-            condition=replace(state, span=leaf.length),
+            condition=replace(state, torsion=torsion),
         )
         for k, (a, b) in enumerate(pairwise(cuts))
     ]

@@ -1,23 +1,27 @@
 """Leafs that meet end to end, and the runs of them through which warping passes.
 
-A leaf is clamped to blocks that hold its ends plane. Where two pieces of one leaf meet on a block that carries nothing
-else, nothing holds the section between them: its warping and bimoment are continuous. The torque is the same in both, so
-that this seventh unknown can be eliminated in closed form: the run twists like one leaf of the whole length, restrained
-at its outer ends alone (Vlasov 1961; acceptance A gives the factor).
+A leaf is clamped to blocks that hold its ends plane. Where two straight leafs meet on a block that carries nothing else,
+nothing holds the section between them: its warping and bimoment are continuous. The torque is the same in all leafs of such
+a run, so that this seventh unknown can be eliminated (`ksd.section.warping`): every leaf gets the factor on GJ with which
+it twists as it does in the run, restrained at the outer ends alone.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from ksd.section.closed_forms import held_plane
+from ksd.section.warping import SLICES, Slice, decay, twist_factors
+
 
 class Meeting(NamedTuple):
     """Two leafs, by full name, that run on in one line; block: the link or block, by full name, they meet on; passes:
-    whether it carries nothing else and both have one uniform section, so that warping passes."""
+    whether it carries nothing else and the widths of both are parallel, so that warping passes."""
 
     one: str
     two: str
@@ -48,21 +52,60 @@ def meetings(scene: Any) -> list[Meeting]:
             for k, a in enumerate(here):
                 for b in here[k + 1 :]:
                     if a.out @ b.out < -1.0 + 1e-6 and a.name != b.name:
-                        free = count == 2 and block not in busy and _alike(a.leaf, b.leaf)
+                        free = count == 2 and block not in busy and _pass_on(a.leaf, b.leaf)
                         found.append(Meeting(a.name, b.name, block, free))
     return found
 
 
-def free_runs(scene: Any) -> dict[str, float]:
-    """Length [m] of the run through which the warping of a leaf passes, for leafs, by full name, that are part of one."""
+def run_factors(scene: Any) -> dict[str, float]:
+    """Factor on GJ of leafs, by full name, that are part of a run or whose section varies; others have the closed form of
+    `ksd.section.restrained_warping_factor`."""
     leafs = scene.leaf_names()
-    groups: list[set[str]] = []
+    groups: list[set[str]] = [{n} for n, leaf in leafs.items() if leaf.profile is not None and _warps(leaf)]
     for meeting in meetings(scene):
         if meeting.passes:
             pair = {meeting.one, meeting.two}
             touched = [g for g in groups if g & pair]
             groups = [g for g in groups if not g & pair] + [pair.union(*touched)]
-    return {name: sum(leafs[n].length for n in sorted(group)) for group in groups for name in group}
+    found: dict[str, float] = {}
+    for group in groups:
+        run = _in_line({n: leafs[n] for n in sorted(group)})
+        found |= dict(zip(run, twist_factors(list(run.values())), strict=True))
+    return found
+
+
+def own_factor(leaf: Any) -> float:
+    """Factor on GJ of one leaf clamped at both ends, where it cannot warp."""
+    slices = _slices(leaf)
+    return held_plane(slices[0].decay * leaf.length) if len(slices) == 1 else twist_factors([slices])[0]
+
+
+def _warps(leaf: Any) -> bool:
+    return bool(leaf.section.Iw > 0.0)
+
+
+def _in_line(leafs: dict[str, Any]) -> dict[str, list[Slice]]:
+    """The slices of the leafs of one run, by name, from one end of it to the other."""
+    first = next(iter(leafs.values()))
+    along = np.subtract(first.end, first.start)
+    order = sorted(leafs, key=lambda n: float(along @ np.add(leafs[n].start, leafs[n].end)))
+    ahead = {n: along @ np.subtract(leafs[n].end, leafs[n].start) > 0.0 for n in order}
+    return {n: _slices(leafs[n])[:: 1 if ahead[n] else -1] for n in order}
+
+
+def _slices(leaf: Any) -> list[Slice]:
+    """The leaf as uniform slices from start to end."""
+    m = leaf.material
+    if leaf.profile is None:
+        sections, cuts = [leaf.section], [0.0, 1.0]
+    else:
+        edges = sorted({*np.linspace(0.0, 1.0, SLICES + 1).tolist(), *leaf.profile.breaks})
+        sections = [leaf.profile.section(0.5 * (a + b)) for a, b in pairwise(edges)]
+        cuts = edges
+    return [
+        Slice((b - a) * leaf.length, m.G * q.J, decay(q, m.E, m.nu, m.G))
+        for q, (a, b) in zip(sections, pairwise(cuts), strict=True)
+    ]
 
 
 def _ends(scene: Any) -> Iterator[tuple[str, Any, _End]]:
@@ -91,13 +134,12 @@ def _busy(scene: Any) -> set[str]:
     return found | {name for t in terms for name in (t.base, t.link)}
 
 
-def _alike(one: Any, two: Any) -> bool:
-    """Whether two leafs are pieces of one: the same uniform, straight strip."""
-    plain = all(leaf.profile is None and leaf.curve is None for leaf in (one, two))
+def _pass_on(one: Any, two: Any) -> bool:
+    """Whether warping can pass between two leafs in one line: both straight, widths parallel."""
+    straight = all(leaf.curve is None and _warps(leaf) for leaf in (one, two))
     across = (
         np.zeros(3)
         if one.width_axis is None or two.width_axis is None
         else np.cross(one.width_axis, two.width_axis)
     )
-    same = one.section == two.section and one.material == two.material
-    return bool(plain and same and np.abs(across).max() < 1e-9)
+    return bool(straight and np.abs(across).max() < 1e-9)

@@ -33,7 +33,7 @@ class Condition:
 
     stretch: natural over drawn length; bow [1/m]: natural curvature about e3 on top of the drawn one; shift (3,) [m]
     and turn (3,) [rad]: where end q is clamped, seen from where it is drawn, in leaf axes. bend [1/m]: curvature at
-    which plate stiffening is taken; span [m]: length between its clamps where the leaf is a piece of one, 0 its own.
+    which plate stiffening is taken; torsion: factor on GJ where warping is restrained, 0 that of the leaf by itself.
     """
 
     stretch: float = 1.0
@@ -41,7 +41,7 @@ class Condition:
     shift: Vector = (0.0, 0.0, 0.0)
     turn: Vector = (0.0, 0.0, 0.0)
     bend: float = 0.0
-    span: float = 0.0
+    torsion: float = 0.0
 
 
 @dataclass(frozen=True, kw_only=True)

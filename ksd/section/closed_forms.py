@@ -92,6 +92,13 @@ def tube(outer: float, inner: float, *, cowper: float | None = None, name: str =
     return Section(A, 2 * moment, moment, moment, k, k, width=D, thickness=D, name=name)
 
 
+def is_rectangle(section: Section) -> bool:
+    """Whether the warping constant is that of a rectangle of the section's width and thickness."""
+    if not min(section.width, section.thickness) > 0.0:
+        return False
+    return math.isclose(section.Iw, _warping_rectangle(section.thickness, section.width), rel_tol=1e-9)
+
+
 def restrained_warping_factor(length: float, width: float, nu: float) -> float:
     """Factor on GJ of a thin leaf clamped at both ends, where it cannot warp; 1 for long leafs.
 
@@ -101,6 +108,11 @@ def restrained_warping_factor(length: float, width: float, nu: float) -> float:
     a = positive(length, "length", owner="warping factor", unit="m")
     a /= positive(width, "width", owner="warping factor", unit="m")
     x = a * math.sqrt(24 / (1 + between(nu, "nu", -1.0, 0.500001, owner="warping factor")))
+    return held_plane(x)
+
+
+def held_plane(x: float) -> float:
+    """Factor on GJ of a uniform piece that cannot warp at its ends; x: its length times the decay of warping along it."""
     if x < 1e-2:
         # x - 2 tanh(x/2) = x^3/12 (1 - x^2/10 + ..): the difference would lose its digits
         return 12 / x**2 * (1 + x**2 / 10)

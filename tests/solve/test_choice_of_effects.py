@@ -6,6 +6,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 from scenes import STEEL, cross_flexure, fourbar, single_joint
+from scipy.integrate import solve_bvp
 
 import ksd
 from ksd.errors import SceneError
@@ -14,7 +15,7 @@ from ksd.model import effects, leafs, pack, planar_springs, system
 from ksd.model.arrays import make_work
 from ksd.model.effects import WORDS, choose
 from ksd.model.plane import plane_of
-from ksd.model.runs import free_runs
+from ksd.model.runs import run_factors
 
 ACCURACY = 1e-3
 HOT = ksd.Material(E=200e9, nu=0.3, density=7800, expansion=12e-6, name="steel")
@@ -391,7 +392,7 @@ def test_warping_passes_through_pieces_of_one_leaf(lengths):
     assert torsion(pieces) == pytest.approx(torsion(whole), rel=1e-9)
     factor = ksd.section.restrained_warping_factor(0.04, 20e-3, HOT.nu)
     assert torsion(pieces, with_="warping") / torsion(pieces) == pytest.approx(factor, rel=1e-9)
-    assert "carries nothing else: one run, whose factor is 1.3" in str(ksd.compile_scene(pieces))
+    assert "carries nothing else: one run, whose factors are 1." in str(ksd.compile_scene(pieces))
     # bending and its shear know nothing of it
     stiff = [ksd.solve(s, twist=0.0, with_="warping").stiffness("link 0" if s is whole else f"link {len(lengths) - 1}")
              for s in (pieces, whole)]  # fmt: skip
@@ -415,16 +416,124 @@ def test_a_body_between_pieces_holds_their_ends_plane(said):
     assert "a body that holds their ends plane" in str(ksd.compile_scene(scene))
 
 
-def test_unlike_pieces_and_corners_are_no_run():
-    scene = strip((0.02, 0.02))
+def unlike(sizes):
+    """A strip of pieces of (length, thickness, width) [m], clamped at both ends, twisted at the far one."""
+    scene = ksd.Mechanism("unlike")
+    links = [scene.ground, *scene.links(*(f"link {k}" for k in range(len(sizes))))]
+    at = 0.0
+    for k, (long, thick, wide) in enumerate(sizes):
+        words = {"section": ksd.rectangle(thick, wide), "material": HOT, "width_axis": (0, 0, 1)}
+        scene.leaf(
+            links[k], links[k + 1], start=(at, 0, 0), end=(at + long, 0, 0), name=f"piece {k}", **words
+        )
+        at += long
+    scene.actuate(links[-1], about="x", name="twist")
+    return scene
+
+
+def vlasov(sizes):
+    """Twist per torque [rad/Nm] of such a strip by collocation of T = GJ g - (EG g')', and of each piece."""
+    ends = np.cumsum([0.0, *(long for long, _, _ in sizes)])
+    stiff = np.array([HOT.G * ksd.rectangle(t, w).J for _, t, w in sizes])
+    warping = stiff * np.array([w * w * (1 + HOT.nu) / 24 for _, _, w in sizes])
+    scale = float(stiff.mean())
+
+    def slope(u, y):
+        """Every piece on 0..1: rate g (times the scale) and bimoment flux EG g' of each."""
+        rows = []
+        for i, (long, _, _) in enumerate(sizes):
+            g, flux = y[2 * i], y[2 * i + 1]
+            rows += [long * flux * scale / warping[i], long * (stiff[i] * g / scale - 1.0)]
+        return np.array(rows)
+
+    def met(a, b):
+        inner = [
+            v for i in range(len(sizes) - 1) for v in (b[2 * i] - a[2 * i + 2], b[2 * i + 1] - a[2 * i + 3])
+        ]
+        return np.array([a[0], b[-2], *inner])
+
+    grid = np.linspace(0, 1, 201)
+    found = solve_bvp(slope, met, grid, np.zeros((2 * len(sizes), 201)), tol=1e-10, max_nodes=100000)
+    assert found.success
+    fine = np.linspace(0, 1, 20001)
+    rates = found.sol(fine)[::2] / scale
+    return np.array(
+        [long * np.trapezoid(g, fine) for (long, _, _), g in zip(sizes, rates, strict=True)]
+    ), ends
+
+
+@pytest.mark.parametrize(
+    "sizes",
+    [
+        [(0.02, 0.5e-3, 0.02), (0.02, 1e-3, 0.02)],
+        [(0.01, 0.5e-3, 0.02), (0.02, 2e-3, 0.03), (0.015, 0.4e-3, 0.02)],
+    ],
+    ids=["two", "stiff middle"],
+)
+def test_warping_passes_through_unlike_pieces(sizes):
+    """The bimoment between unlike segments: every piece twists as Vlasov's equation along the whole run says."""
+    scene = unlike(sizes)
+    each, _ = vlasov(sizes)
+    assert torsion(scene, with_="warping") == pytest.approx(1.0 / each.sum(), rel=1e-6)
+    factors = run_factors(scene.scene())
+    free = [long / (HOT.G * ksd.rectangle(t, w).J) for long, t, w in sizes]
+    assert [factors[f"piece {k}"] for k in range(len(sizes))] == pytest.approx(list(free / each), rel=1e-6)
+    # between free and held plane at every meeting
+    alone = sum(
+        f / ksd.section.restrained_warping_factor(s[0], s[2], HOT.nu)
+        for f, s in zip(free, sizes, strict=True)
+    )
+    assert alone < each.sum() < sum(free)
+
+
+def test_a_profile_is_a_run_of_its_own():
+    """A stiffened middle drawn as a profile of one leaf twists as the same drawn in three pieces."""
+    whole = ksd.Mechanism("stiff middle")
+    tip = whole.link("tip")
+    words = {"section": ksd.rectangle(0.4e-3, 20e-3), "material": HOT, "width_axis": (0, 0, 1)}
+    middle = ksd.StiffenedMiddle(thickness=0.4e-3, width=20e-3, middle=2e-3, part=0.5)
+    whole.leaf(whole.ground, tip, start=(0, 0, 0), end=(0.04, 0, 0), name="leaf", profile=middle, **words)
+    whole.actuate(tip, about="x", name="twist")
+    pieces = unlike([(0.01, 0.4e-3, 0.02), (0.02, 2e-3, 0.02), (0.01, 0.4e-3, 0.02)])
+    one, three = (torsion(s, with_="warping") for s in (whole, pieces))
+    assert one == pytest.approx(three, rel=1e-6)
+
+
+def test_a_piece_drawn_backwards_is_the_same_run():
+    sizes = [(0.02, 0.5e-3, 0.02), (0.01, 1e-3, 0.02)]
+    taper = ksd.Taper(thickness=(1e-3, 2e-3), width=(0.02, 0.02))
+    words = {"material": HOT, "width_axis": (0, 0, 1)}
+    found = []
+    for turned in (False, True):
+        scene = ksd.Mechanism("backwards")
+        middle, end = scene.links("middle", "end")
+        scene.leaf(
+            scene.ground,
+            middle,
+            start=(0, 0, 0),
+            end=(0.02, 0, 0),
+            name="one",
+            section=ksd.rectangle(*sizes[0][1:]),
+            **words,
+        )
+        ends = {"start": (0.02, 0, 0), "end": (0.03, 0, 0)}
+        profile = taper
+        if turned:
+            ends = {"start": ends["end"], "end": ends["start"]}
+            profile = ksd.Taper(thickness=taper.thickness[::-1], width=taper.width)
+        pair = (end, middle) if turned else (middle, end)
+        scene.leaf(*pair, name="two", section=ksd.rectangle(*sizes[1][1:]), profile=profile, **ends, **words)
+        scene.actuate(end, about="x", name="twist")
+        found.append((run_factors(scene.scene()), torsion(scene, with_="warping")))
+    assert found[0][0] == pytest.approx(found[1][0], rel=1e-12)
+    assert found[0][1] == pytest.approx(found[1][1], rel=1e-6)
+
+
+def test_corners_and_bodies_are_no_run():
     words = {"section": ksd.rectangle(0.5e-3, 20e-3), "material": HOT, "width_axis": (0, 0, 1)}
-    assert free_runs(scene.scene()) == pytest.approx({"piece 0": 0.04, "piece 1": 0.04})
     corner = strip((0.02,))
     corner.leaf("link 0", corner.link("end"), start=(0.02, 0, 0), end=(0.02, 0.02, 0), name="round", **words)
-    thicker = strip((0.02,))
-    words["section"] = ksd.rectangle(1e-3, 20e-3)
-    thicker.leaf("link 0", thicker.link("end"), start=(0.02, 0, 0), end=(0.04, 0, 0), name="on", **words)
-    assert free_runs(corner.scene()) == {} == free_runs(thicker.scene())
+    assert run_factors(corner.scene()) == {}
     assert "meet end to end" not in str(ksd.compile_scene(fourbar()))
 
 
