@@ -82,7 +82,7 @@ class FiveSteps:
                 "it, elasticity alone does; use method='reduced' or 'full'"
             )
 
-    def _said(self, steps: tuple[Step, ...]) -> tuple[str, ...]:
+    def _said(self, steps: FiveStepRecord) -> tuple[str, ...]:
         """What the leafs had to take up, as a warning."""
         if self.fit.exact:
             return ()
