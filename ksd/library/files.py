@@ -205,7 +205,10 @@ def find_record(family: str) -> Record:
         if path.is_file():
             return read_record(path)
     places = ", ".join(str(f) for f in record_folders())
-    raise RecordError(f"No joint record of family {family!r} in {places}; run `ksd train {family}`.")
+    raise RecordError(
+        f"No joint record of family {family!r} in {places}; run `ksd train {family}`, "
+        "or ksd.train(joint) for one of your own."
+    )
 
 
 @dataclass(frozen=True)

@@ -24,6 +24,7 @@ from ksd.library.record import Array, legendre_products, monomials
 from ksd.model.leafs import raised_orders
 from ksd.model.mesh import Mesh as LeafMesh
 from ksd.scene import DrawnJoint, Joint
+from ksd.train.asked import check_design, check_meshes
 from ksd.train.designs import Design, changes, design_of
 from ksd.train.fit import Fit, fit_functions
 from ksd.train.jobs import Job, Jobs
@@ -67,12 +68,14 @@ def train(
     RecordError when the record cannot be written. Warns (UserWarning) when the wanted errors are missed.
     """
     design = design_of(family_or_joint, shapes)
+    check_design(design)
+    asked = design.meshes if meshes is None else check_meshes(design.family, meshes)
     target = _target(design.family, out)
     folder = target.with_name(f".{target.stem}.partial")
     title = f"train {design.family}"
     with Jobs(folder, executor=executor, resume=resume, progress=progress, title=title) as jobs:
         wanted = {group: design.loose * value for group, value in TOLERANCE.items()} | dict(tolerance or {})
-        record = _trained(design, meshes or design.meshes, jobs, wanted, most_shapes)
+        record = _trained(design, asked, jobs, wanted, most_shapes)
     date = trained or datetime.date.today().isoformat()
     record = replace(record, trained=date, history=(f"{date}: {record.history[0]}",))
     write_record(record, target)

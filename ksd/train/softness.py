@@ -89,11 +89,11 @@ def check_soft(joint: DrawnJoint) -> None:
             f"{left:.3g} Nm; declare the motion the leafs allow{'' if other is None else ', ' + other.words}."
         )
     if other is not None and not joint.held_by_others:
+        declare = "declare it as an intended motion, " if len(joint.motions) < 2 else ""
         raise SceneError(
             f"{joint.family}: its leafs leave another motion free that is not declared{in_shape(joint)}: "
-            f"{other.words}, {other.ratio:.3g} times the intended one (over the joint length); declare it "
-            "as an intended motion, hold it by another leaf, or say held_by_others=True where the mechanism "
-            "around the joint holds it."
+            f"{other.words}, {other.ratio:.3g} times the intended one (over the joint length); {declare}hold it by another "
+            "leaf, or say held_by_others=True where the mechanism around the joint holds it."
         )
 
 

@@ -390,7 +390,11 @@ def test_a_record_worse_than_wanted_is_told(tmp_path, threads):
 
 
 def gapped(*, angle, gap):
-    return cross(angle=angle, gap=0.01 * gap)
+    joint = cross(angle=angle, gap=0.01 * gap)
+    return DrawnJoint(
+        "gapped", blocks=joint.blocks(), leafs=joint.leafs(), motions=joint.motions, length=joint.length,
+        shape={"angle": angle, "gap": gap},
+    )  # fmt: skip
 
 
 def test_parameters_that_do_not_matter_are_left_out(tmp_path, threads):
@@ -474,6 +478,70 @@ def test_wrong_words(tmp_path):
         train("cross_flexure", shapes={"angel": (0.5, 0.6)}, out=tmp_path)
     with pytest.raises(SceneError, match="must rise"):
         train("cross_flexure", shapes={"angle": (0.6, 0.5)}, out=tmp_path)
+
+
+def test_wrong_meshes(tmp_path):
+    for meshes in ((), ("fine",), (0,), (True,), (2, 2), "strain", 4):
+        with pytest.raises(
+            SceneError, match=r"cartwheel: meshes = .* must be different ones of .strain. and numbers"
+        ):
+            train("cartwheel", out=tmp_path, meshes=meshes)
+
+
+def strip(*, width, **changed):
+    """A single leaf whose width is its shape parameter."""
+    leaf = ksd.Leaf(
+        start=(0, 0, 0),
+        end=(0.1, 0, 0),
+        width_axis=(0, 0, 1),
+        section=rectangle(5e-4, width),
+        material=STEEL,
+        name="only",
+    )
+    words = {
+        "name": "strip", "blocks": {"A": (0, 0, 0), "B": (0.1, 0, 0)}, "leafs": [leaf], "shape": {"width": width},
+        "motions": [Motion("angle", "rotation", (0, 0, 1), (-0.5, 0.5))], "held_by_others": True,
+    }  # fmt: skip
+    words |= changed
+    return DrawnJoint(words.pop("name"), **words)
+
+
+MOTIONS = [Motion(n, "rotation", a, (-0.1, 0.1)) for n, a in zip("xyz", np.eye(3).tolist(), strict=True)]
+
+
+@pytest.mark.parametrize(
+    "changed, said",
+    [
+        ({"make": lambda width: 5}, "make returned 5; it must return a Joint"),
+        (
+            {"make": lambda width: strip(width=width, shape={})},
+            r"a joint 'strip' of shape \{\}, under which the record would",
+        ),
+        ({"make": lambda width: strip(width=width, name="other")}, "a joint 'other' of shape"),
+        (
+            {"make": lambda width: strip(width=width, motions=MOTIONS)},
+            r"3 intended motions \(x, y, z\); a record holds 2",
+        ),
+        ({"make": 5}, "make = 5 must draw the joint"),
+        ({"family": "../strip"}, "cannot be the name of a record file"),
+        (
+            {"family": "cartwheel", "make": lambda width: strip(width=width, name="cartwheel")},
+            "a family of the catalogue",
+        ),
+        ({"parameters": (Parameter("width", 0.02, 0.01),)}, "range 0.02 to 0.01 of width .linear. must rise"),
+        ({"parameters": (Parameter("width", -0.02, 0.01, "log"),)}, "be positive on a log scale"),
+        ({"parameters": (Parameter("width", math.nan, 0.01),)}, "range nan to 0.01 of width"),
+    ],
+)
+def test_designs_that_make_no_sense(changed, said, tmp_path):
+    whole = {
+        "family": "strip",
+        "parameters": (Parameter("width", 0.01, 0.02),),
+        "make": lambda width: strip(width=width),
+    }
+    with pytest.raises(SceneError, match=said):
+        train(Design(**(whole | changed)), out=tmp_path, progress=False)
+    assert not list(tmp_path.iterdir())
 
 
 def test_shipped_records_equal_the_database():
