@@ -1,13 +1,15 @@
 """Mechanisms of several families: arms, parallel stages, overconstrained guides; every way ends in the same state."""
 
+import itertools
 from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 import ksd
 from ksd.model.mesh import Mesh
-from ksd.scene import CrossedPivot, Material, ParallelGuide, StiffenedGuide
+from ksd.scene import CrossedPivot, Material, ParallelGuide, StiffenedGuide, UniversalJoint
 from ksd.units import deg
 
 SCENES = Path(ksd.__file__).parent / "scenes"
@@ -149,6 +151,36 @@ def test_the_universal_joint_turns_about_both_axes():
     turned = {name: angle for name, angle in found.motions.items() if name.startswith("lower 2")}
     assert set(turned) == {"lower 2.about_z", "lower 2.about_y"}
     assert all(5 * deg < abs(angle) < 25 * deg for angle in turned.values())
+
+
+@pytest.mark.parametrize("method", ["kinematic", "reduced"])
+def test_two_intended_rotations_are_objective(method):
+    """Two universal joints in series under a load, turned in space as a whole, move and resist alike."""
+    joint = UniversalJoint(STEEL, length=0.1, thickness=5e-4, width=0.04)
+
+    def solved(R):
+        scene = ksd.Mechanism("two")
+        arm, tip = scene.links("arm", "tip")
+        x, y, z = R.T
+        scene.join(scene.ground, arm, joint, at=(0, 0, 0), axis=z, toward=x, name="one")
+        scene.join(arm, tip, joint, at=R @ (0.3, 0, 0.1), axis=y, toward=x, name="two")
+        for name, motion in itertools.product(("one", "two"), joint.motions):
+            scene.actuate_joint(name, name=f"{name} {motion.name}", motion=motion.name)
+        scene.load(tip, force=R @ (1, -2, 0.5), at=R @ (0.5, 0, 0.1))
+        given = dict(
+            zip(
+                ("one about_z", "one about_y", "two about_z", "two about_y"),
+                (0.3, -0.2, -0.35, 0.4),
+                strict=True,
+            )
+        )
+        return ksd.solve(scene, given, method=method)
+
+    R = Rotation.random(random_state=4).as_matrix()
+    rest, turned = solved(np.eye(3)), solved(R)
+    assert turned.forces == pytest.approx(rest.forces, rel=1e-10, abs=1e-12)
+    np.testing.assert_allclose(turned.motion.x[1:3], rest.motion.x[1:3] @ R.T, atol=1e-12)
+    np.testing.assert_allclose(turned.motion.R[1:3], R @ rest.motion.R[1:3] @ R.T, atol=1e-12)
 
 
 def test_crossed_pivots_of_two_shapes_in_one_mechanism():
