@@ -11,8 +11,8 @@ its joints from tables over their stroke, per configuration of a batch of a thou
 solver's steps. Prints the tables, writes arm.md and arm.json. Figures 13 and 14 of the paper are lost; dimensions are
 ours, so counts differ from those quoted (plain Newton about 235 solves, MIP about 98, step 3: 2 and step 5: 2 joint-case,
 4 and 4 location-case). The counts of Appendix B are sums over all its steps, given-up ones included, and eps_max, not given
-there, decides them: with one element per leaf (30 flexible elements, as in the paper) the joint-case at 45 degrees takes plain
-Newton 262 solves at eps_max = 1e4, 174 at 1e5, 231 at 3e8, and MIP 198, 68 (97 at 7e4), 31; the best are quoted here.
+there, decides them: with one element per leaf (30 flexible elements, as in the paper) the joint-case at 45 degrees takes
+plain Newton 262 solves at eps_max = 1e4, 174 at 1e5, 231 at 3e8, and MIP 198, 68 (97 at 7e4), 31; the best are quoted here.
 """
 
 from __future__ import annotations
