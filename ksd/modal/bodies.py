@@ -7,7 +7,7 @@ that is not replaced (a strain-mode leaf, a condensed KSD joint) works next to t
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -26,12 +26,16 @@ from ksd.model.mesh import Mesh
 
 @dataclass(frozen=True)
 class ModalMesh(Mesh):
-    """Chains of which leafs are reduced."""
+    """Chains of which leafs are reduced, all by `choices`, or, where some leafs only, by what stands in `named`."""
 
     choices: ModalBasis = field(default_factory=ModalBasis)
+    named: tuple[tuple[ModalBasis, tuple[str, ...]], ...] = ()
 
     def __str__(self) -> str:
-        return f"modal bodies: {self.choices}"
+        if not self.named:
+            return f"modal bodies: {self.choices}"
+        said = "; ".join(f"{', '.join(names)}: {choices}" for choices, names in self.named)
+        return f"modal bodies ({said}) beside {super().__str__()}"
 
 
 @dataclass(frozen=True, repr=False)
@@ -72,32 +76,26 @@ def chain_shape(arrays: Arrays, i: int, motion: Motion) -> LeafShape:
 
 def with_modal_bodies(
     model: Model,
-    choices: ModalBasis,
+    choices: ModalBasis | Mapping[str, ModalBasis],
     *,
     about: Motion | None = None,
     only: Collection[str] | None = None,
+    at_rest: Collection[str] = (),
 ) -> ModalModel:
-    """`model`, compiled with chains, with its leafs as modal bodies.
+    """`model`, in which the leafs to reduce are chains, with these as modal bodies.
 
-    about: state of `model` to expand the bases at (a trained configuration: the tangent basis); rest when None. only:
-    names of the members to reduce (all when None). Raises SceneError for unknown names and for leafs that are not
-    chains or whose tangent is singular.
+    choices: of all, or by name of the leaf, the others staying what they are. about: state of `model` to expand the
+    bases at (a trained configuration: the tangent basis); rest when None. only: names of the leafs to reduce (all when
+    None). at_rest: names of those expanded at rest all the same. Raises SceneError for unknown names and for leafs that
+    are not chains or whose tangent is singular.
     """
-    members = model.arrays.members
-    chosen = _chosen(model, only)
+    chosen = _chosen(model, choices, only)
     bodies: list[LeafBasis | None] = []
-    for i in range(len(members.kind)):
-        if i not in chosen:
-            bodies.append(None)
-            continue
-        shape = chain_shape(model.arrays, i, model.rest if about is None else about)
-        try:
-            bodies.append(rest_basis(shape.record, choices) if about is None else make_basis(shape, choices))
-        except ValueError as reason:
-            raise SceneError(f"leaf '{model.member_names[i]}' has no modal basis: {reason}") from reason
+    for i, name in enumerate(model.member_names):
+        place = None if name in at_rest else about
+        bodies.append(_body(model, i, chosen[i], place) if i in chosen else None)
     arrays, inner = replaced(model.arrays, model.rest.inner, bodies)
-    words = {k: getattr(model.mesh, k) for k in Mesh.__dataclass_fields__}
-    mesh = ModalMesh(**{**words, "elements": choices.elements}, choices=choices)
+    mesh = _described(model, chosen)
     rest = model.rest._replace(inner=inner)
     kept = {k: getattr(model, k) for k in Model.__dataclass_fields__}
     return ModalModel(
@@ -105,13 +103,35 @@ def with_modal_bodies(
     )
 
 
-def _chosen(model: Model, only: Collection[str] | None) -> set[int]:
+def _body(model: Model, i: int, choices: ModalBasis, about: Motion | None) -> LeafBasis:
+    """The basis of member i, about the state `about` or at rest."""
+    shape = chain_shape(model.arrays, i, model.rest if about is None else about)
+    try:
+        return rest_basis(shape.record, choices) if about is None else make_basis(shape, choices)
+    except ValueError as reason:
+        raise SceneError(f"leaf '{model.member_names[i]}' has no modal basis: {reason}") from reason
+
+
+def _described(model: Model, chosen: Mapping[int, ModalBasis]) -> ModalMesh:
+    """The mesh of a model of which some members are reduced, in words a result prints."""
+    words = {k: getattr(model.mesh, k) for k in Mesh.__dataclass_fields__}
+    different = list(dict.fromkeys(chosen.values()))
+    if len(different) == 1 and len(chosen) == len(model.member_names):
+        return ModalMesh(**{**words, "elements": different[0].elements}, choices=different[0])
+    named = tuple((c, tuple(model.member_names[i] for i in chosen if chosen[i] == c)) for c in different)
+    return ModalMesh(**words, choices=different[0] if different else ModalBasis(), named=named)
+
+
+def _chosen(
+    model: Model, choices: ModalBasis | Mapping[str, ModalBasis], only: Collection[str] | None
+) -> dict[int, ModalBasis]:
+    """The members to reduce, each with its basis."""
     names = model.member_names
-    wanted = names if only is None else only
-    for name in wanted:
+    by_name = choices if isinstance(choices, Mapping) else dict.fromkeys(only or names, choices)
+    for name in by_name:
         if name not in names:
             raise SceneError(f"there is no leaf '{name}' to reduce; the leafs are: {', '.join(names)}")
-    found = {i for i, name in enumerate(names) if name in wanted}
+    found = {i: by_name[name] for i, name in enumerate(names) if name in by_name}
     for i in found:
         if model.arrays.members.kind[i] != COROTATIONAL or model.arrays.members.number[i, 0] < 2:
             raise SceneError(

@@ -101,11 +101,12 @@ def joint_members_of(
     members = []
     for leaf in placed.leafs():
         pair = (nodes[leaf.start_block], nodes[leaf.end_block])
+        name = f"{placed.name}/{leaf.name}"
         members.append(
             leaf_member(
                 leaf,
-                mesh,
-                name=f"{placed.name}/{leaf.name}",
+                mesh.of(name),
+                name=name,
                 nodes=pair,
                 places=(places[pair[0]], places[pair[1]]),
                 turn=turn,
@@ -206,29 +207,24 @@ class _Parts:
                 self.places.append(turn[0] + turn[1] @ np.asarray(point, float))
                 self.names.append(f"{placed.name}/{block}")
         first = len(self.members)
-        if self.mesh.nodal:
-            for leaf in placed.leafs():
-                pair = (nodes[leaf.start_block], nodes[leaf.end_block])
-                self._add_nodal(leaf, f"{placed.name}/{leaf.name}", pair, turn)
-        else:
-            places = np.array(self.places)
-            self.members += joint_members_of(placed, self.mesh, nodes, places, turn, heavy=self.heavy)
+        for leaf in placed.leafs():
+            pair = (nodes[leaf.start_block], nodes[leaf.end_block])
+            self._add(leaf, f"{placed.name}/{leaf.name}", pair, turn)
         return slice(first, len(self.members))
 
     def add_leaf(self, leaf: Any) -> None:
         """A free leaf between two links, in global coordinates."""
-        pair = (self.index[leaf.a], self.index[leaf.b])
-        if self.mesh.nodal:
-            self._add_nodal(leaf.leaf, leaf.name, pair, None)
-            return
-        places = (self.places[pair[0]], self.places[pair[1]])
-        self.members.append(
-            leaf_member(leaf.leaf, self.mesh, name=leaf.name, nodes=pair, places=places, heavy=self.heavy)
-        )
+        self._add(leaf.leaf, leaf.name, (self.index[leaf.a], self.index[leaf.b]), None)
 
-    def _add_nodal(self, leaf: Any, name: str, pair: tuple[int, int], turn: Any) -> None:
-        found = self.places, self.names, turn, self.heavy
-        self.members += _nodal_members(leaf, self.mesh, name, pair, found)
+    def _add(self, leaf: Any, name: str, pair: tuple[int, int], turn: Any) -> None:
+        """The member of a leaf, or those of its elements."""
+        mesh = self.mesh.of(name)
+        if mesh.nodal:
+            found = self.places, self.names, turn, self.heavy
+            self.members += _nodal_members(leaf, mesh, name, pair, found)
+            return
+        ends: dict[str, Any] = {"nodes": pair, "places": (self.places[pair[0]], self.places[pair[1]])}
+        self.members.append(leaf_member(leaf, mesh, name=name, turn=turn, heavy=self.heavy, **ends))
 
 
 def compile_given(scene: Any, mesh: Mesh) -> Model:

@@ -57,8 +57,27 @@ class Mesh(metaclass=Worded):
                 f"points = {self.points}: orders {self.orders} need at least {max(self.orders) + 1} points"
             )
 
+    def of(self, name: str) -> Mesh:
+        """The mesh of one leaf, by its name ("joint/leaf", or that of a free leaf)."""
+        return self
+
     def __str__(self) -> str:
         if self.leaf == "strain":
             return f"strain-mode leafs, orders {self.orders}, {self.points} points"
         newton = "mixed integration points" if self.mip else "plain Newton"
         return f"{self.elements} Appendix A elements per leaf, {newton}{', nodal' if self.nodal else ''}"
+
+
+@dataclass(frozen=True)
+class MixedMesh(Mesh):
+    """A mesh with others for some leafs: pairs of a mesh and the names of its leafs."""
+
+    others: tuple[tuple[Mesh, tuple[str, ...]], ...] = ()
+
+    def of(self, name: str) -> Mesh:
+        """The mesh of one leaf."""
+        return next((mesh for mesh, names in self.others if name in names), self)
+
+    def __str__(self) -> str:
+        said = "; ".join(f"{', '.join(names)}: {mesh}" for mesh, names in self.others)
+        return f"{super().__str__()} ({said})"

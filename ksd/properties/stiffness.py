@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ksd.errors import KinematicsError, SceneError
-from ksd.model.arrays import ROTATION, Motion
+from ksd.model.arrays import ROTATION, STRAIN, Motion
 from ksd.model.compile import Model
 from ksd.properties.tangent import Tangent, factored_tangent
 from ksd.properties.unfold import unfolded
@@ -141,8 +141,8 @@ def finer_tangent(
     model: Model, motion: Motion, *, freed: Iterable[str] = (), load_factor: float = 1.0, finer: bool = True
 ) -> Tangent:
     """The factored tangent these questions stand on; with `finer`, strain-mode leafs take part with one more
-    mode per axis than in the state (see `ksd.properties.unfold`), chains as they are."""
-    if finer and model.mesh.leaf == "strain":
+    mode per axis than in the state (see `ksd.properties.unfold`), chains and mixtures as they are."""
+    if finer and np.all(model.arrays.members.kind == STRAIN):
         model, motion = unfolded(model, motion, load_factor=load_factor)
     return factored_tangent(model, motion, freed=freed, load_factor=load_factor)
 

@@ -17,6 +17,7 @@ import numpy as np
 from ksd.errors import SceneError
 from ksd.model.arrays import COROTATIONAL, STRAIN, Motion, make_work
 from ksd.model.compile import Model, compile_given
+from ksd.model.mesh import Mesh, MixedMesh
 from ksd.model.system import assemble, take_step
 from ksd.properties.kept import per_model
 from ksd.properties.shape import scene_leafs
@@ -31,19 +32,34 @@ PASSES = 1
 def finer(model: Model) -> Model:
     """The model with chain nodes in the open and one more mode per axis in strain-mode leafs."""
     mesh, kind = model.mesh, model.arrays.members.kind
-    if np.any(kind == COROTATIONAL) and not mesh.nodal:
-        for name, leaf in scene_leafs(model).items():
-            if leaf.curve is not None or leaf.profile is not None:
-                raise SceneError(
-                    f"leaf '{name}' is curved or has a profile: its frequencies and buckling are answered by "
-                    "strain-mode leafs (leaf='strain') only, not by chains of elements"
-                )
-        return compile_given(model.scene, replace(mesh, nodal=True))
-    if np.any(kind == STRAIN) and max(mesh.orders) < MOST:
-        nx, ny, nz = mesh.orders
-        more = (nx + 1, ny + 1, nz + 1)
-        return compile_given(model.scene, replace(mesh, orders=more, points=max(mesh.points, nz + 2) + 1))
-    return model
+    if np.any(kind == COROTATIONAL):
+        _insist_on_straight(model)
+    opened = _opened(mesh, kind)
+    return model if opened == mesh else compile_given(model.scene, opened)
+
+
+def _insist_on_straight(model: Model) -> None:
+    """SceneError for a chain that cannot be cut into nodes."""
+    for name, leaf in scene_leafs(model).items():
+        mesh = model.mesh.of(name)
+        if (leaf.curve is not None or leaf.profile is not None) and mesh.leaf != "strain" and not mesh.nodal:
+            raise SceneError(
+                f"leaf '{name}' is curved or has a profile: its frequencies and buckling are answered by "
+                "strain-mode leafs (leaf='strain') only, not by chains of elements"
+            )
+
+
+def _opened(mesh: Mesh, kind: np.ndarray) -> Mesh:
+    """The finer mesh, part by part."""
+    if isinstance(mesh, MixedMesh):
+        others = tuple((_opened(other, kind), names) for other, names in mesh.others)
+        mesh = replace(mesh, others=others)
+    if mesh.leaf != "strain":
+        return mesh if mesh.nodal else replace(mesh, nodal=True)
+    if not np.any(kind == STRAIN) or max(mesh.orders) >= MOST:
+        return mesh
+    nx, ny, nz = mesh.orders
+    return replace(mesh, orders=(nx + 1, ny + 1, nz + 1), points=max(mesh.points, nz + 2) + 1)
 
 
 def unfolded(model: Model, motion: Motion, *, load_factor: float = 1.0) -> tuple[Model, Motion]:
@@ -51,10 +67,9 @@ def unfolded(model: Model, motion: Motion, *, load_factor: float = 1.0) -> tuple
     fine = finer(model)
     if fine is model:
         return model, motion
-    if fine.mesh.nodal:
-        return fine, _open_chains(model, motion, fine)
-    state = Motion(motion.x.copy(), motion.R.copy(), _padded(model, motion, fine), motion.multiplier.copy())
-    _settle(fine, state, load_factor)
+    state = _open_chains(model, motion, fine)
+    if np.any(model.arrays.members.kind == STRAIN):
+        _settle(fine, state, load_factor)
     return fine, state
 
 
@@ -68,23 +83,19 @@ def _settle(model: Model, motion: Motion, load_factor: float) -> None:
         take_step(arrays, motion, still, work, 1.0)
 
 
-def _padded(model: Model, motion: Motion, fine: Model) -> np.ndarray:
-    """Inner states with zeros for the new modes of every axis."""
-    old, new = model.arrays.members, fine.arrays.members
-    inner = fine.rest.inner.copy()
-    for i in range(len(old.kind)):
-        read, write = int(old.inner_at[i]), int(new.inner_at[i])
-        for axis in range(3):
-            n = int(old.number[i, axis])
-            inner[write : write + n] = motion.inner[read : read + n]
-            read, write = read + n, write + int(new.number[i, axis])
-        inner[write : write + 6] = motion.inner[read : read + 6]
-    return inner
+def _pad(number: np.ndarray, inner: np.ndarray, wider: np.ndarray, state: np.ndarray) -> None:
+    """The inner state of a strain-mode leaf in one of more modes per axis, zeros for these; numbers (3,) of both."""
+    read, write = 0, 0
+    for axis in range(3):
+        n = int(number[axis])
+        state[write : write + n] = inner[read : read + n]
+        read, write = read + n, write + int(wider[axis])
+    state[write : write + 6] = inner[read : read + 6]
 
 
 def _open_chains(model: Model, motion: Motion, fine: Model) -> Motion:
-    """State of the nodal model from the inner nodes and stresses of the chains."""
-    members = model.arrays.members
+    """State of the finer model: strain-mode leafs with more modes, the inner nodes and stresses of chains in the open."""
+    members, more = model.arrays.members, fine.arrays.members
     state = fine.rest.copy()
     index = {name: k for k, name in enumerate(fine.node_names)}
     member = {name: i for i, name in enumerate(fine.member_names)}
@@ -93,10 +104,17 @@ def _open_chains(model: Model, motion: Motion, fine: Model) -> Motion:
     state.multiplier[:] = motion.multiplier
     for i, name in enumerate(model.member_names):
         inner = motion.inner[members.inner_at[i] : members.inner_at[i + 1]]
+        if name in member:
+            own = state.inner[more.inner_at[member[name]] : more.inner_at[member[name] + 1]]
+            if members.kind[i] == STRAIN:
+                _pad(members.number[i], inner, more.number[member[name]], own)
+            else:
+                own[:] = inner
+            continue
         nodes = int(members.number[i, 0]) - 1
         _open_chain(model, motion, i, inner, [index[f"{name}.{k + 1}"] for k in range(nodes)], state)
         for k, stress in enumerate(inner[12 * nodes :].reshape(-1, 6)):
-            at = fine.arrays.members.inner_at[member[f"{name}.{k + 1}"]]
+            at = more.inner_at[member[f"{name}.{k + 1}"]]
             state.inner[at : at + 6] = stress
     return state
 

@@ -81,7 +81,7 @@ class Solver:
 
     def use(self, model: Model) -> None:
         """Solve this model of the same scene from now on."""
-        self.model, self._five, self._storage = model, None, None
+        self.model, self._five, self._storage, self.modal = model, None, None, None
 
     def __call__(
         self,
@@ -137,12 +137,12 @@ class Solver:
             raise SceneError(f"method = {show(method)}: choose one of {', '.join(METHODS)}")
         if method == "conventional":
             return by_load_steps(self.model, values, self._told, storage=self.storage)
+        if whole(passes, "passes", least=0) > 50:
+            raise SceneError(f"passes = {passes}: between 0 and 50 relinearised passes are possible")
         if method == "modal":
             from ksd.solve.modal import by_modal_bodies
 
-            return by_modal_bodies(self, values, estimate=estimate)
-        if whole(passes, "passes", least=0) > 50:
-            raise SceneError(f"passes = {passes}: between 0 and 50 relinearised passes are possible")
+            return by_modal_bodies(self, values, estimate=estimate, passes=passes)
         return self.five_steps(values, target, method=method, passes=passes, estimate=estimate)
 
     def _cheapest(self, values: Mapping[str, float], target: np.ndarray, accuracy: float) -> Configuration:
@@ -254,7 +254,7 @@ def prepare(
     mesh: leaf model and its fineness (strain-mode leafs when None). extrapolate: use joint records beyond their trained
     range, with a warning in the result. effects, with_, without: what is simulated, chosen for accuracy and, when given,
     for drive values `targets` (see `ksd.model.effects`). planar: False takes the five steps in space even where the scene
-    stays in its plane. basis: a `ksd.ModalBasis` for method "modal". Raises SceneError for a scene that cannot be compiled.
+    stays in its plane. basis: for method "modal", see `solve`. Raises SceneError for a scene that cannot be compiled.
     """
     words: dict[str, Any] = {"effects": effects, "with_": with_, "without": without, "targets": targets}
     words |= {"planar": planar, "basis": basis}
@@ -280,7 +280,9 @@ def solve(
     """Solve one configuration of a mechanism at drive values given by name [m or rad].
 
     method: "kinematic", "reduced", "full", "conventional" or "modal" (leafs as modal bodies; `basis`: a
-    `ksd.ModalBasis`); without one, the cheapest whose estimated error is within `accuracy` (relative, 1e-3 by default).
+    `ksd.ModalBasis` for all, or several by joint or leaf, {"hinge": ksd.ModalBasis()}: then joints not named are condensed
+    as in "reduced", and other leafs computed in full); without one, the cheapest whose estimated error is within `accuracy`
+    (relative, 1e-3 by default).
     passes: extra relinearised passes of `reduced`. mesh: leaf model; without one, strain-mode leafs of orders fit for
     `accuracy`, raised when their highest modes carry too much energy. extrapolate:
     see `prepare`. strict: raise TrustError where the answer is unstable or on a doubtful branch; False returns it with its

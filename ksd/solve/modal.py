@@ -9,9 +9,9 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import replace
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 
@@ -19,14 +19,16 @@ from ksd.errors import ConvergenceError, SceneError
 from ksd.modal.basis import shortest_turn
 from ksd.modal.bodies import ModalModel, body_nodes, inside, member_pose, with_modal_bodies
 from ksd.modal.choices import ModalBasis
+from ksd.modal.mixed import condensed_joints, meshed, named_leafs, standing, with_chains
 from ksd.model.arrays import Motion, make_work
-from ksd.model.compile import Model, compile_given, marked
+from ksd.model.compile import Model
 from ksd.properties.later import for_questions
 from ksd.properties.tangent import exact
 from ksd.section.checks import show
 from ksd.solve.configuration import Configuration
 from ksd.solve.conventional import conventional
 from ksd.solve.driving import CAP, RTOL
+from ksd.solve.mixed import MixedSolver, Near
 from ksd.solve.newton import iterate
 from ksd.solve.steps import ErrorEstimate, Step
 from ksd.solve.stops import Stop
@@ -39,20 +41,17 @@ SETTLED = 0.1
 """Relative change of the indicator by further steps at which it is believed."""
 SUCCESSFUL = 0.05
 """Estimated relative error beyond which a basis is no longer successful."""
-Near = Callable[[Mapping[str, float]], Motion]
 
 
 class ModalSolver:
-    """A mechanism of modal bodies, prepared for repeated solves: the scene and effects of `model`, its leafs reduced."""
+    """A mechanism of modal bodies, prepared for repeated solves.
 
-    def __init__(self, model: Model, basis: ModalBasis | None = None) -> None:
-        self.basis = basis or ModalBasis()
-        if not isinstance(self.basis, ModalBasis):
-            raise SceneError(f"basis = {show(basis)}: give a ksd.ModalBasis")
-        # the same effects, on chains
-        mesh = replace(model.mesh, leaf="corotational", elements=self.basis.elements, nodal=False)
-        full = compile_given(model.scene, mesh)
-        self.full: Model = marked(full, model.said, model.choice)
+    full: the model, its leafs to reduce as chains; basis: of all leafs, or by leaf; near: the state of `full` to expand
+    trained bases at, for given drive values.
+    """
+
+    def __init__(self, full: Model, basis: ModalBasis | Mapping[str, ModalBasis], near: Near) -> None:
+        self.full, self.basis, self.near = full, basis, near
         self._at_rest: ModalModel | None = None
 
     @property
@@ -62,53 +61,92 @@ class ModalSolver:
             self._at_rest = with_modal_bodies(self.full, self.basis)
         return self._at_rest
 
-    def __call__(
-        self, targets: Mapping[str, float], *, near: Near | None = None, estimate: bool = True
-    ) -> Configuration:
-        """Solve at drive values by name [m or rad]. near: the state to expand at for given targets (trained basis).
+    def __call__(self, targets: Mapping[str, float]) -> Configuration:
+        """Solve at drive values by name [m or rad].
 
         Raises ConvergenceError where the reduced equilibrium is not found, which says "basis no longer successful".
         """
-        if self.basis.expansion == "trained":
-            assert near is not None
-            found = tangent_solve(self.full, self.basis, targets, near(targets))
-        else:
-            try:
-                found = conventional(self.at_rest, targets, planar=False)
-            except ConvergenceError as reason:
-                raise ConvergenceError(
-                    f"basis no longer successful: {reason}; ask for less, raise internal or order, take "
-                    "expansion='trained', or use another method",
-                    reached=reason.reached,
-                    result=reason.result,
-                ) from reason
-        found = replace(found, method="modal")
-        return judged(found) if estimate else found
+        still = expanded_at_rest(self.full, self.basis)
+        if len(still) < len(leafs_by_name(self.full, self.basis)):
+            about = self.near(targets)
+            return replace(
+                tangent_solve(self.full, self.basis, targets, about, at_rest=still), method="modal"
+            )
+        try:
+            found = conventional(self.at_rest, targets, planar=False)
+        except ConvergenceError as reason:
+            raise ConvergenceError(
+                f"basis no longer successful: {reason}; ask for less, raise internal or order, take "
+                "expansion='trained', or use another method",
+                reached=reason.reached,
+                result=reason.result,
+            ) from reason
+        return replace(found, method="modal")
 
 
-def by_modal_bodies(solver: Any, targets: Mapping[str, float], *, estimate: bool = True) -> Configuration:
+def leafs_by_name(full: Model, basis: ModalBasis | Mapping[str, ModalBasis]) -> Mapping[str, ModalBasis]:
+    """The basis of every leaf that is reduced."""
+    return basis if isinstance(basis, Mapping) else dict.fromkeys(full.member_names, basis)
+
+
+def expanded_at_rest(full: Model, basis: ModalBasis | Mapping[str, ModalBasis]) -> set[str]:
+    """Leafs expanded at rest: by choice, or because no record places a free leaf."""
+    free = full.member_names[full.joint_members[-1].stop if full.joint_members else 0 :]
+    return {n for n, b in leafs_by_name(full, basis).items() if b.expansion == "rest" or n in free}
+
+
+def by_modal_bodies(
+    solver: Any, targets: Mapping[str, float], *, estimate: bool = True, passes: int = 0
+) -> Configuration:
     """Method `modal` of a `ksd.solve.choose.Solver`; for a trained expansion the chains stand as its steps 1 and 2
-    place them."""
+    place them. With a basis by name, joints none of whose leafs are named are condensed as in `reduced`."""
     if solver.modal is None:
-        # bodies have one stiffness for motion and questions
-        bodies = ModalSolver(for_questions(solver.model), solver.basis)
-        words = {"records": solver.records, "extrapolate": solver.extrapolate}
-        solver.modal = bodies, type(solver)(bodies.full, **words)
-    bodies, chains = solver.modal
+        solver.modal = _prepared(solver)
+    bodies = solver.modal
+    found = bodies(targets, passes=passes) if isinstance(bodies, MixedSolver) else bodies(targets)
+    return judged(found) if estimate else found
+
+
+def _prepared(solver: Any) -> ModalSolver | MixedSolver:
+    """What solves with the basis of `solver`. Raises SceneError for what is no basis, and what `MixedSolver` does."""
+    # bodies have one stiffness for motion and questions
+    model, basis = for_questions(solver.model), ModalBasis() if solver.basis is None else solver.basis
+    words = {"records": solver.records, "extrapolate": solver.extrapolate}
+    if isinstance(basis, Mapping):
+        leafs = named_leafs(model, basis)
+        model = meshed(model)
+        full = with_chains(model, leafs)
+    elif isinstance(basis, ModalBasis):
+        leafs = dict.fromkeys(model.member_names, basis)
+        full = meshed(model, basis.elements)
+    else:
+        raise SceneError(f"basis = {show(basis)}: give a ksd.ModalBasis, or several by joint or leaf")
+    counts = {b.elements for b in leafs.values() if b.expansion == "trained"}
+    chains = {n: type(solver)(meshed(model, n), **words) for n in counts}
 
     def near(values: Mapping[str, float]) -> Motion:
-        placed = chains(values, method="kinematic", estimate=False, strict=False)
-        return cast(Motion, placed.motion)
+        placed = {
+            n: s(values, method="kinematic", estimate=False, strict=False).motion for n, s in chains.items()
+        }
+        return standing(full, leafs, {n: (chains[n].model, m) for n, m in placed.items()})
 
-    return bodies(targets, near=near, estimate=estimate)
+    if isinstance(basis, Mapping) and any(condensed_joints(full, leafs)):
+        return MixedSolver(model, full, leafs, near=near, **words)
+    return ModalSolver(full, basis if isinstance(basis, ModalBasis) else leafs, near)
 
 
 def tangent_solve(
-    full: Model, basis: ModalBasis, targets: Mapping[str, float], about: Motion
+    full: Model,
+    basis: ModalBasis | Mapping[str, ModalBasis],
+    targets: Mapping[str, float],
+    about: Motion,
+    *,
+    at_rest: Collection[str] = (),
 ) -> Configuration:
-    """Equilibrium of bodies expanded at the state `about` of the full model, from there in one go."""
+    """Equilibrium of bodies expanded at the state `about` of the full model, from there in one go; at_rest: leafs
+    expanded at rest."""
     clock = time.thread_time_ns()
-    model = with_modal_bodies(full, basis, about=about)
+    model = with_modal_bodies(full, basis, about=about, at_rest=at_rest)
     made = (time.thread_time_ns() - clock) * 1e-9
     motion = model.rest.copy()
     motion.x[:], motion.R[:] = about.x, about.R
@@ -202,17 +240,20 @@ def judged(found: Configuration) -> Configuration:
     estimate, step = indicator(model, found.motion, model.targets(found.targets))
     name, stroke, turn = bent(model, found.motion)
     last = found.steps[-1]
+    # the last step is the one that says whether it converged
     steps = (*found.steps[:-1], step, last)
     doubts = found.doubts
     if not estimate.relative <= SUCCESSFUL:
         said = f"{100 * estimate.relative:.2g} %" if math.isfinite(estimate.relative) else "beyond measure"
-        basis = next(b.choices for b in model.bodies if b is not None)
-        good = f" ({validity(model, leaf=name).sentence})" if basis.expansion == "rest" else ""
+        body = model.bodies[model.member_names.index(name)]
+        assert body is not None
+        good = f" ({validity(model, leaf=name).sentence})" if body.choices.expansion == "rest" else ""
+        joints = "take passes=1 or name the condensed joints too, or " if last.name.startswith("4") else ""
         doubts = (
             *doubts,
             f"basis no longer successful: its estimated error is {said}, with leaf '{name}' at a stroke of "
-            f"{stroke:.2g} L and bent {np.rad2deg(turn):.3g} degrees from its chord{good}; use ksd.ModalBasis() with "
-            "coordinates='director', frame='chord', more internal modes, or expansion='trained'",
+            f"{stroke:.2g} L and bent {np.rad2deg(turn):.3g} degrees from its chord{good}; {joints}use ksd.ModalBasis() "
+            "with coordinates='director', frame='chord', more internal modes, or expansion='trained'",
         )
     return replace(found, error=estimate, steps=steps, doubts=doubts)
 

@@ -6,7 +6,7 @@ the rotation held (a guide), and a rotation. Each is driven further until the er
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Any
 
@@ -114,20 +114,21 @@ def validity(model: ModalModel, *, leaf: str | None = None, error: float = 0.01)
     """
     if not isinstance(model, ModalModel):
         raise SceneError("a validity range belongs to modal bodies; solve with method='modal'")
-    basis = next(b.choices for b in model.bodies if b is not None)
+    bases = {n: b.choices for n, b in zip(model.member_names, model.bodies, strict=True) if b is not None}
+    name = leaf or next((n for n, b in bases.items() if b.expansion == "rest"), next(iter(bases)))
+    if name not in bases:
+        raise SceneError(f"there is no modal leaf '{name}'; the modal leafs are: {', '.join(bases)}")
+    basis, leafs = bases[name], scene_leafs(model.full)
     if basis.expansion != "rest":
         raise SceneError(
             "the basis is expanded at a trained state: it is good about that state, see the error estimate"
         )
-    leafs = scene_leafs(model.full)
-    name = leaf or next(iter(leafs))
-    if name not in leafs:
-        raise SceneError(f"there is no leaf '{name}'; the leafs are: {', '.join(leafs)}")
+    mesh = replace(model.full.mesh, leaf="corotational", elements=basis.elements)
     try:
-        ranges = _range(leafs[name], model.full.mesh, basis, error)
+        ranges = _range(leafs[name], mesh, basis, error)
     except TypeError:
         # a profile or curve of the user's own that cannot be remembered
-        ranges = _range.__wrapped__(leafs[name], model.full.mesh, basis, error)
+        ranges = _range.__wrapped__(leafs[name], mesh, basis, error)
     found = dict(zip(WAYS, ranges, strict=True))
     return Validity(
         name, error, {w: f[0] for w, f in found.items()}, {w: f[1] for w, f in found.items()},
