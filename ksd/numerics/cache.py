@@ -18,7 +18,10 @@ import time
 from collections.abc import Iterator
 from pathlib import Path
 
+ALONE = "KSD_COMPILE_ALONE"
+"""Set in the environment of the processes that compile beside the first, which must not start more and say nothing."""
 _PACKAGE = Path(__file__).resolve().parent.parent
+_SAID: list[str] = []
 
 
 def source_hash() -> str:
@@ -73,6 +76,13 @@ def compiled_before() -> bool:
     return FOLDER is None or any(FOLDER.rglob("*.nbi"))
 
 
+def say(message: str) -> None:
+    """Tell the user, once per process, that compiling is what takes the time."""
+    if not _SAID and not os.environ.get(ALONE):
+        _SAID.append(message)
+        print(f"ksd: {message} ...", file=sys.stderr)
+
+
 def take(name: str) -> bool:
     """Whether this process is the first of all that share the folder to ask for `name`."""
     if FOLDER is None:
@@ -97,6 +107,11 @@ def turn(name: str, *, longest: float = 180.0) -> Iterator[None]:
         return
     mark = FOLDER / f"{name}.compiling"
     mine, until = take(mark.name), time.monotonic() + longest
+    say(
+        "compiling kernels not used before on this machine (once)"
+        if mine
+        else "waiting for kernels that are being compiled"
+    )
     while not mine and time.monotonic() < until and _at_work(mark):
         time.sleep(0.02)
     try:

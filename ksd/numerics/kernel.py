@@ -11,10 +11,7 @@ from collections.abc import Callable, Iterator
 from functools import cached_property
 from typing import Any
 
-from ksd.numerics.cache import FOLDER, compiled_before, take, turn
-
-ALONE = "KSD_COMPILE_ALONE"
-"""Set in the environment of the processes that compile beside the first, which must not start more."""
+from ksd.numerics.cache import ALONE, FOLDER, compiled_before, say, take, turn
 
 
 def _prepare() -> None:
@@ -25,7 +22,7 @@ def _prepare() -> None:
     numba.config.CACHE_DIR = str(FOLDER)  # type: ignore[attr-defined]
     if compiled_before() or os.environ.get(ALONE):
         return
-    print("ksd: compiling its kernels for this machine (once; about a minute) ...", file=sys.stderr)
+    say("compiling its kernels for this machine (once; about a minute)")
     _start_beside()
 
 
