@@ -123,20 +123,22 @@ def _many(
     return parts, v, S, scratch[:, at.eta : at.end].reshape(k, ng + 1, 3, N)
 
 
-def strain_flexibility(parts: StrainParts) -> tuple[Array, Array]:
-    """(P (N, 6), Z (N, N)): a = P xi + b, with b = Z f under inner loads f while the ends are held; of stacked parts
-    (k, N, 6) and (k, N, N).
+def strain_flexibility(parts: StrainParts) -> tuple[Array, Array, Array]:
+    """(P (N, 6), Z (N, N), K (6, 6)): a = P xi + b, with b = Z f under inner loads f while the ends are held, and K xi the
+    wrench at end q; of stacked parts (k, N, 6), (k, N, N) and (k, 6, 6).
 
     With a = P xi + b the stiffness of a leaf falls apart into its condensed K6 on xi and Z^-1 on b: nothing
     is left out by keeping b as an unknown beside the end motions, and nothing has to be factored anew.
     """
-    Y = np.linalg.solve(parts.W, parts.J.swapaxes(-1, -2))
+    soft = np.linalg.inv(parts.W)
+    Y = soft @ parts.J.swapaxes(-1, -2)
     F = parts.J @ Y
     F[..., :3, :3] += parts.S
-    Yt = Y.swapaxes(-1, -2)
-    P = np.linalg.solve(F, Yt).swapaxes(-1, -2)
-    Z = np.linalg.inv(parts.W) - P @ Yt
-    return P, 0.5 * (Z + Z.swapaxes(-1, -2))
+    K = np.linalg.inv(F)
+    K = 0.5 * (K + K.swapaxes(-1, -2))
+    P = Y @ K
+    Z = soft - P @ Y.swapaxes(-1, -2)
+    return P, 0.5 * (Z + Z.swapaxes(-1, -2)), K
 
 
 def strain_mass_root(parts: StrainParts, P: Array, line: Array) -> Array:

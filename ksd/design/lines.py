@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from ksd.design.questions import CAUGHT, Asked, answers, columns_of_drives
+from ksd.design.questions import CAUGHT, Asked, Before, answers, columns_of_drives
 from ksd.design.table import OK, STATUS
 from ksd.errors import ConvergenceError
 from ksd.model.mesh import Mesh
@@ -94,7 +94,7 @@ def run_line(line: Line, recipe: Recipe, solver: Solver | None, rows: list[Row])
     except CAUGHT as reason:
         rows.extend(blank_rows(line, spoken(reason)))
         return None
-    walk, tracks = Walk(solver, recipe), None
+    walk, before = Walk(solver, recipe), Before()
     for values in line.poses:
         row = _labels(line, values)
         try:
@@ -102,7 +102,7 @@ def run_line(line: Line, recipe: Recipe, solver: Solver | None, rows: list[Row])
         except CAUGHT as reason:
             rows.append(row | {STATUS: spoken(reason)})
             continue
-        told, tracks, troubles = answers(pose, recipe.asked, tracks)
+        told, before, troubles = answers(pose, recipe.asked, before)
         row |= told
         row |= {"stable": float(pose.stable), "method": pose.method, "warnings": "; ".join(pose.warnings)}
         rows.append(

@@ -12,6 +12,8 @@ import numpy as np
 from ksd.design.table import spoken_column
 from ksd.design.tracking import SPARE, Tracks, follow
 from ksd.errors import KsdError, SceneError
+from ksd.properties.buckling import Buckling
+from ksd.properties.opened import Opened
 from ksd.properties.stiffness import DIRECTIONS, drive_stiffness, finer_tangent, point_stiffness
 from ksd.solve.answer import drive_kind
 from ksd.solve.corrected import FAST, corrected
@@ -67,18 +69,41 @@ def columns_of_drives(scene: Any) -> dict[str, tuple[str, float]]:
 
 
 @dataclass(frozen=True)
+class Before:
+    """What the pose before was found to do, for the next one to go on from."""
+
+    tracks: Tracks | None = None
+    buckling: Buckling | None = None
+
+
+@dataclass(frozen=True)
 class Pose:
-    """A configuration under question, with the factored tangent that several questions stand on."""
+    """A configuration under question, with what several questions stand on."""
 
     configuration: Any
+    before: Before = Before()
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self.configuration, name)
 
     @cached_property
+    def opened(self) -> Opened:
+        """The state with every leaf's own insides, opened."""
+        return Opened(*self.unreduced, load_factor=self.load_factor)
+
+    @cached_property
     def tangent(self) -> Any:
         """`finer_tangent` with all drives held."""
-        return finer_tangent(*self.questioned, load_factor=self.load_factor)
+        model, motion = self.questioned
+        if model.mesh.leaf == "strain" and model is self.unreduced[0]:
+            return self.opened.tangent()
+        return finer_tangent(model, motion, load_factor=self.load_factor)
+
+    @cached_property
+    def buckled(self) -> Buckling:
+        """The smallest multipliers of either sign on all stresses."""
+        found: Buckling = self.buckling(count=1, near=self.before.buckling, opened=self.opened)
+        return found
 
 
 def _force(pose: Any, asked: Asked) -> Row:
@@ -173,7 +198,7 @@ def _energy(pose: Any, asked: Asked) -> Row:
 def _buckling(pose: Any, asked: Asked) -> Row:
     """Factors on all stresses of the state; a state without stress has none."""
     try:
-        found = pose.buckling()
+        found = pose.buckled
     except SceneError as reason:
         if "no stress" not in str(reason):
             raise
@@ -204,11 +229,14 @@ CAUGHT: tuple[type[Exception], ...] = (KsdError, ArithmeticError, np.linalg.LinA
 """What one pose may raise without ending the sweep: our own errors, and arithmetic gone wrong."""
 
 
-def frequency_row(pose: Any, asked: Asked, before: Tracks | None) -> tuple[Row, Tracks]:
+def frequency_row(pose: Pose, asked: Asked) -> tuple[Row, Tracks]:
     """Frequencies [Hz] of the followed modes, and the tracks for the next pose."""
     freed = tuple(pose.model.drive_names) if asked.freed is None else asked.freed
+    before = pose.before.tracks
+    near = None if before is None else before.modes
+    count = asked.modes + len(freed) + SPARE
     tracks = follow(
-        before, pose.frequencies(count=asked.modes + len(freed) + SPARE, freed=freed), asked.modes
+        before, pose.frequencies(count=count, freed=freed, near=near, opened=pose.opened), asked.modes
     )
     row: Row = {f"{n}_Hz": tracks.frequency_Hz(t) for t, n in enumerate(tracks.names) if tracks.rank[t] >= 0}
     first = tracks.first_parasitic
@@ -218,38 +246,36 @@ def frequency_row(pose: Any, asked: Asked, before: Tracks | None) -> tuple[Row, 
     return row, tracks
 
 
-def answers(
-    configuration: Any, asked: Asked, before: Tracks | None
-) -> tuple[Row, Tracks | None, dict[str, Exception]]:
-    """Row and tracks of one pose, and why a question could not be answered, by question."""
+def answers(configuration: Any, asked: Asked, before: Before) -> tuple[Row, Before, dict[str, Exception]]:
+    """Row of one pose, what the next one goes on from, and why a question could not be answered, by question."""
     row: Row = {}
     failed: dict[str, Exception] = {}
-    tracks, pose = before, Pose(configuration)
-    better = _better(configuration, asked)
+    tracks, pose = before.tracks, Pose(configuration, before)
+    better = _better(configuration, asked, before)
     for name in asked.questions:
         try:
             if name == "frequencies":
-                found, tracks = frequency_row(pose, asked, before)
+                found, tracks = frequency_row(pose, asked)
             else:
                 found = _ANSWERS[name](pose, asked)
             row |= found
             if better is not None:
                 again = (
-                    frequency_row(better, asked, before)[0]
+                    frequency_row(better, asked)[0]
                     if name == "frequencies"
                     else _ANSWERS[name](better, asked)
                 )
                 row[f"{name}_error_percent"] = _error_percent(found, again)
         except CAUGHT as reason:
             failed[name] = reason
-    return row, tracks, failed
+    return row, Before(tracks, pose.__dict__.get("buckled", before.buckling)), failed
 
 
-def _better(configuration: Any, asked: Asked) -> Pose | None:
+def _better(configuration: Any, asked: Asked, before: Before) -> Pose | None:
     """The state one Newton step further, for error figures; None where none are asked or there is no error."""
     if not asked.errors or configuration.method not in FAST:
         return None
-    return Pose(corrected(configuration))
+    return Pose(corrected(configuration), before)
 
 
 def _error_percent(one: Row, other: Row) -> float:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -193,30 +194,38 @@ class Flexible:
     """The leafs of one group at one state, in (motions of both nodes, b) with a = P xi + b.
 
     parts: tangent blocks and fields; stiffness (k, N, N): of the amplitudes, parts.W or without its stress; P (k, N, 6);
-    Z (k, N, N): flexibility of b with the ends held; own, relative (k, 6, 12): motion of end p, and xi of end q
-    relative to it, from the motions of both nodes; inner (k, N): the unknowns of b.
+    Z (k, N, N): flexibility of b with the ends held; ends (k, 6, 6): end wrench per xi; own, relative (k, 6, 12): motion of
+    end p, and xi of end q relative to it, from the motions of both nodes; inner (k, N): the unknowns of b.
     """
 
     parts: StrainParts
     stiffness: Array
     P: Array
     Z: Array
+    ends: Array
     own: Array
     relative: Array
     inner: NDArray[np.int64]
 
 
-def flexible_leafs(
-    model: Model, motion: Motion, *, stressless: bool = False, load_factor: float = 1.0
-) -> list[Flexible]:
-    """Every group of leafs at `motion`; stressless: with the tangent of the amplitudes at zero stress."""
+def flexible_leafs(model: Model, motion: Motion, *, load_factor: float = 1.0) -> list[Flexible]:
+    """Every group of leafs at `motion`."""
     found = []
     for group, unknowns in zip(alike_leafs(model), inner_unknowns(model), strict=True):
         parts = alike_parts(model, motion, group, load_factor)
-        W = elastic(group) if stressless else parts.W
-        P, Z = strain_flexibility(replace(parts, W=W))
+        P, Z, K = strain_flexibility(parts)
         own, relative = end_levers(end_frames(model, motion, group.members))
-        found.append(Flexible(parts, W, P, Z, own, relative, unknowns[:, 12:]))
+        found.append(Flexible(parts, parts.W, P, Z, K, own, relative, unknowns[:, 12:]))
+    return found
+
+
+def unstressed_leafs(model: Model, leafs: Sequence[Flexible]) -> list[Flexible]:
+    """`leafs` of a state with the tangent of the amplitudes at zero stress, in the same geometry."""
+    found = []
+    for group, leaf in zip(alike_leafs(model), leafs, strict=True):
+        W = elastic(group)
+        P, Z, K = strain_flexibility(replace(leaf.parts, W=W))
+        found.append(replace(leaf, stiffness=W, P=P, Z=Z, ends=K))
     return found
 
 

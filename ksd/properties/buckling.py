@@ -6,7 +6,8 @@ geometry and constraint directions change as they really do, so mu times the loa
 either direction. Without one, all stresses of the state grow together: K is the tangent with stresses, drive
 forces and loads set to zero in the deformed geometry, K' the exact stress stiffness (their difference), and
 mu = 1 is the state itself. Strain-mode leafs enter with amplitudes and end wrenches as unknowns, in which the
-tangent is linear in the stress; the condensed 6x6 would have poles where a leaf buckles between its ends.
+tangent is linear in the stress; the condensed 6x6 would have poles where a leaf buckles between its ends. Chains under
+a load enter with their stresses (`ksd.properties.chain_tangent`).
 """
 
 from __future__ import annotations
@@ -31,6 +32,8 @@ from ksd.properties.alike import (
     inner_unknowns,
     weighed,
 )
+from ksd.properties.chain_tangent import with_stresses
+from ksd.properties.opened import Opened
 from ksd.properties.stiffness import node_of, point_motion
 from ksd.properties.stress_stiffness import (
     corners,
@@ -40,8 +43,7 @@ from ksd.properties.stress_stiffness import (
     refuse_stressless,
     relaxed,
 )
-from ksd.properties.tangent import Tangent, exact, factored_tangent, free_rows, row_numbers, stored_matrix
-from ksd.properties.unfold import unfolded
+from ksd.properties.tangent import Tangent, exact, free_rows, row_numbers, stored_matrix
 
 Array = NDArray[np.float64]
 DENSE = 250
@@ -54,13 +56,14 @@ class Buckling:
 
     multiplier (k,): how many times the load may be added (or all stresses be multiplied); negative: against
     its direction. shape (k, nodes, 6): displacement [m] and rotation [rad] of the nodes of `model`, largest
-    entry of each mode 1; all zero where a leaf buckles between ends that stand still. unstable: directions in
-    which the state itself is no minimum.
+    entry of each mode 1; all zero where a leaf buckles between ends that stand still. vector (k, size): all
+    unknowns, inner ones included. unstable: directions in which the state itself is no minimum.
     """
 
     model: Model
     multiplier: Array
     shape: Array
+    vector: Array
     unstable: int
 
     @property
@@ -174,9 +177,15 @@ def _derivative(tangent: Tangent, loads: Array, rows: list[int], load_factor: fl
     model = _exact_model(model)
 
     def tangent_at(step: float) -> Array:
-        return full_tangent(model, _moved(model, motion, response, step), rows=rows, load_factor=load_factor)
+        return _mixed(model, _moved(model, motion, response, step), rows, load_factor)
 
     return (tangent_at(size) - tangent_at(-size)) / (2 * size)
+
+
+def _mixed(model: Model, motion: Motion, rows: list[int], load_factor: float) -> Array:
+    """The tangent in motions and stresses: `full_tangent`, of chains with theirs."""
+    K = full_tangent(model, motion, rows=rows, load_factor=load_factor)
+    return K if np.any(model.arrays.members.kind == STRAIN) else with_stresses(model, motion, K)
 
 
 def _exact_model(model: Model) -> Model:
@@ -252,27 +261,32 @@ def buckling(
     count: int = 4,
     freed: Iterable[str] = (),
     load_factor: float = 1.0,
+    near: Buckling | None = None,
+    opened: Opened | None = None,
 ) -> Buckling:
     """Buckling multipliers of a dead load added to the state at `motion`, or of its own stresses when no link
     is named.
 
     link: link (or internal block) the force (3,) [N] and moment (3,) [Nm], global, act on, at the point that
     is at `at` (3,) [m] at rest (reference point when None). freed: drives and supports let go at their
-    present force; they keep that force, as do the loads of the scene, while the added load grows. Raises
-    SceneError for unknown names, a load that is zero, or a state without stress.
+    present force; they keep that force, as do the loads of the scene, while the added load grows. near: multipliers of
+    a state nearby to start from; opened: this state, opened. Raises SceneError for unknown names, a load that is zero, or
+    a state without stress.
     """
     rows = row_numbers(model, freed)
-    fine, state = unfolded(model, motion, load_factor=load_factor)
-    tangent = factored_tangent(fine, state, freed=freed, load_factor=load_factor)
+    opened = opened or Opened(model, motion, load_factor=load_factor)
+    fine, state, tangent = opened.model, opened.motion, opened.tangent(freed)
     if link is None and np.all(fine.arrays.members.kind == STRAIN):
-        multiplier, vectors = own_stress(fine, state, rows, load_factor=load_factor, count=count)
+        start = (near.vector.T,) if near is not None and near.model is fine and len(near.multiplier) else ()
+        multiplier, vectors = own_stress(opened, rows, count=count, near=start)
     else:
-        K = full_tangent(_exact_model(fine), state, rows=rows, load_factor=load_factor)
+        whole = _exact_model(fine)
         if link is None:
-            base = _unstressed(fine, state, rows)
-            K, change = base, K - base
+            K = _unstressed(fine, state, rows)
+            change = full_tangent(whole, state, rows=rows, load_factor=load_factor) - K
             refuse_stressless(change, K)
         else:
+            K = _mixed(whole, state, rows, load_factor)
             loads = _loads(tangent, link, at, (force, moment))
             change = _derivative(tangent, loads, rows, load_factor)
         multiplier, vectors = _smallest(K, 0.5 * (change + change.T), count)
@@ -281,4 +295,4 @@ def buckling(
         shape[:, k] = vectors[tangent.unknowns(k)].T
     largest = np.abs(shape).max(axis=(1, 2), initial=0.0)
     shape /= np.where(largest > 0.0, largest, 1.0)[:, None, None]
-    return Buckling(fine, multiplier, shape, tangent.unstable)
+    return Buckling(fine, multiplier, shape, vectors.T, tangent.unstable)

@@ -20,10 +20,11 @@ from ksd.model.compile import Model
 from ksd.model.loading import term_value
 from ksd.model.system import move_nodes
 from ksd.properties.alike import alike_leafs
+from ksd.properties.followed import MOST_NODES, followed
 from ksd.properties.krylov import outermost
 from ksd.properties.mass import Inertia, inertia
-from ksd.properties.tangent import Tangent, factored_tangent
-from ksd.properties.unfold import unfolded
+from ksd.properties.opened import Opened
+from ksd.properties.tangent import Tangent
 
 Array = NDArray[np.float64]
 DENSE = 120
@@ -66,12 +67,10 @@ class Modes:
         For following modes along a stroke: the partner of a mode is the one with the largest number in its
         row.
         """
-        cross, own, theirs = 0.0, 0.0, 0.0
-        for root in (self.mass.root, other.mass.root):
-            one, two = root @ self.vector.T, root @ other.vector.T
-            cross = cross + one.T @ two
-            own, theirs = own + np.sum(one**2, axis=0), theirs + np.sum(two**2, axis=0)
-        return np.asarray(cross**2 / np.outer(own, theirs))
+        one, two = (
+            np.vstack([mass.rooted(m.vector.T) for mass in (self.mass, other.mass)]) for m in (self, other)
+        )
+        return np.asarray((one.T @ two) ** 2 / np.outer(np.sum(one**2, axis=0), np.sum(two**2, axis=0)))
 
     def moved(self, number: int, size: float) -> Motion:
         """The state of `model` displaced by `size` times mode `number`, to first order, leafs included."""
@@ -183,6 +182,26 @@ def _lowest(values: Array, vectors: Array, count: int) -> tuple[Array, Array, Ar
     return squared[order], vectors[:, order].real, grown[order]
 
 
+def _followed(
+    opened: Opened, near: Modes | None, tangent: Tangent, mass: Inertia, count: int
+) -> tuple[Array, Array] | None:
+    """The same by inverse iteration, from the modes of a neighbouring state if there are any; None where that is no way,
+    or did not find them all."""
+    model = opened.model
+    if tangent.unstable or tangent.turning is not None or not mass.leafs:
+        return None
+    if model.arrays.plan.unknowns > MOST_NODES:
+        return None
+    pencil, forces = mass.pencil(opened.assembled.matrix(tangent.freed)), None
+    if near is not None and near.model is model and near.freed == tangent.freed and len(near) >= count:
+        forces = pencil.forces(mass.times(near.vector.T))
+    rows = len(model.arrays.terms.start)
+    found = followed(pencil, forces, lambda s: np.argsort(s)[:count], most=count + 2, rows=rows)
+    if found is None or len(found[0]) < count:
+        return None
+    return 1.0 / found[0], pencil.vectors(found[1], mass.size)
+
+
 def frequencies(
     model: Model,
     motion: Motion,
@@ -191,26 +210,40 @@ def frequencies(
     freed: Iterable[str] = (),
     load_factor: float = 1.0,
     dense: bool | None = None,
+    near: Modes | None = None,
+    opened: Opened | None = None,
 ) -> Modes:
     """The `count` lowest eigenfrequencies at `motion`, drives and supports held but for those named in
     `freed`.
 
-    Freed drives keep their present force. dense: True or False forces one of the two routes. Raises
-    SceneError when nothing has mass, KinematicsError when nothing resists a motion.
+    Freed drives keep their present force. dense: True or False forces one of the two routes. near: modes of a state
+    nearby, with the same drives freed, to start from; opened: this state, opened. Raises SceneError when nothing has
+    mass, KinematicsError when nothing resists a motion.
     """
     freed = (freed,) if isinstance(freed, str) else tuple(freed)
-    fine, state = unfolded(model, motion, load_factor=load_factor)
-    mass = inertia(fine, state, load_factor=load_factor)
-    tangent = factored_tangent(fine, state, freed=freed, load_factor=load_factor)
-    # the dense route costs by the unknowns that have mass
-    small = np.unique(mass.root.indices).size <= DENSE if dense is None else dense
-    small = small or tangent.turning is not None
-    values, vectors = (_dense if small else _lanczos)(tangent, mass, count)
+    opened = opened or Opened(model, motion, load_factor=load_factor)
+    fine, state = opened.model, opened.motion
+    mass = inertia(fine, state, load_factor=load_factor, leafs=opened.leafs)
+    tangent = opened.tangent(freed)
+    found = _followed(opened, near, tangent, mass, count) if dense is None else None
+    if found is None:
+        # the dense route costs by the unknowns that have mass
+        small = np.unique(mass.root.indices).size <= DENSE if dense is None else dense
+        small = small or tangent.turning is not None
+        found = (_dense if small else _lanczos)(tangent, mass, count)
+    return _modes(opened, mass, found, count, freed)
+
+
+def _modes(
+    opened: Opened, mass: Inertia, found: tuple[Array, Array], count: int, freed: tuple[str, ...]
+) -> Modes:
+    """Modes from 1/omega^2 (k,) and vectors (size, k), in order and of unit modal mass."""
+    fine, state, (values, vectors) = opened.model, opened.motion, found
     squared, vectors, grown = _lowest(values, vectors, count)
-    vectors = vectors / np.sqrt(np.sum((mass.root @ vectors) ** 2, axis=0))
+    vectors = vectors / np.sqrt(np.sum(mass.rooted(vectors) ** 2, axis=0))
     shape = np.zeros((len(squared), len(fine.node_names), 6))
     for k in range(1, len(fine.node_names)):
-        shape[:, k] = vectors[tangent.unknowns(k)].T
+        shape[:, k] = vectors[int(fine.arrays.start[k]) :][:6].T
     return Modes(
         model=fine,
         frequency_Hz=np.sign(squared) * np.sqrt(np.abs(squared)) / (2 * np.pi),

@@ -1,12 +1,13 @@
 """Internal stress of overconstrained layouts: what it costs when a leaf is clamped a little beside its place.
 
 A leaf that is held twice over (see `ksd.properties.doctor`) cannot give way to a misplaced end, and is strained by it;
-one that is held once moves along. The change of the state is the linear response of the exact tangent, at any pose.
+one that is held once moves along. The change of the state is the linear response of the exact tangent, at any pose; of
+chains of elements (which modal bodies stand for) it is a Newton step after a small part of the misplacement.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -14,13 +15,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ksd.errors import SceneError
-from ksd.model.arrays import STRAIN, Motion
+from ksd.model.arrays import STRAIN, Motion, make_work
 from ksd.model.compile import Model
+from ksd.model.loading import add_terms
+from ksd.model.system import assemble, solve_step, take_step
 from ksd.properties.alike import Flexible, alike_leafs, flexible_leafs, inner_unknowns
-from ksd.properties.section_forces import section_forces
+from ksd.properties.section_forces import SectionForces, section_forces
 from ksd.properties.shape import members_of_leafs
 from ksd.properties.stress import stress_of
-from ksd.properties.tangent import Tangent, factored_tangent
+from ksd.properties.tangent import Tangent, exact, factored_tangent
 
 Array = NDArray[np.float64]
 DIRECTIONS = ("along", "across", "sideways", "twist", "tilt", "yaw")
@@ -73,7 +76,7 @@ def internal_stress(
     """Internal stress when the end of a leaf is clamped beside its place, one leaf and direction at a time.
 
     offset [m] and rotation [rad] of the end in the leaf's own axes, see DIRECTIONS; leafs: full names, all when empty.
-    Linear in both. Raises SceneError for unknown names, sizes that are not positive, or chains of elements.
+    Linear in both. Raises SceneError for unknown names or sizes that are not positive.
     """
     names = members_of_leafs(model)
     asked = tuple(leafs) or tuple(names)
@@ -82,26 +85,76 @@ def internal_stress(
             raise SceneError(f"leaf '{name}' is not part of this mechanism; its leafs are {', '.join(names)}")
     if not (offset > 0 and rotation > 0):
         raise SceneError(f"offset = {offset}, rotation = {rotation}: both misplacements must be positive")
-    if np.any(model.arrays.members.kind != STRAIN):
-        raise SceneError(
-            "internal stress is answered by strain-mode leafs only; compile without chains of elements"
-        )
-    tangent = factored_tangent(model, motion, load_factor=load_factor)
-    flexible = flexible_leafs(model, motion, load_factor=load_factor)
-    told: dict[str, Any] = {"points": points, "load_factor": load_factor}
-    before = section_forces(model, motion, **told)
+    forces = (_of_strain if np.all(model.arrays.members.kind == STRAIN) else _of_chains)(
+        model, motion, load_factor, points
+    )
     found: dict[tuple[str, str], float] = {}
     where: dict[tuple[str, str], str] = {}
     for name in asked:
         for k, direction in enumerate(DIRECTIONS):
             misplaced = np.zeros(6)
             misplaced[(0, 1, 2, 3, 5, 4)[k]] = offset if k < 3 else rotation
-            after = section_forces(model, _change(tangent, flexible, names[name][0], misplaced), **told)
-            extra = stress_of(
-                model, {n: replace(f, values=f.values - before[n].values) for n, f in after.items()}
-            )
+            extra = stress_of(model, forces(names[name][-1], misplaced))
             found[name, direction], where[name, direction] = extra.largest_Pa, extra.where[0]
     return Misplaced(offset, rotation, found, where)
+
+
+Change = Callable[[int, Array], dict[str, SectionForces]]
+"""Change of the section forces by end q of a member misplaced (6,) in its axes."""
+
+
+def _of_strain(model: Model, motion: Motion, load_factor: float, points: int) -> Change:
+    told: dict[str, Any] = {"points": points, "load_factor": load_factor}
+    tangent = factored_tangent(model, motion, load_factor=load_factor)
+    flexible = flexible_leafs(model, motion, load_factor=load_factor)
+    before = section_forces(model, motion, **told)
+
+    def change(member: int, misplaced: Array) -> dict[str, SectionForces]:
+        after = section_forces(model, _change(tangent, flexible, member, misplaced), **told)
+        return {n: replace(f, values=f.values - before[n].values) for n, f in after.items()}
+
+    return change
+
+
+PART = 1e-4
+"""Share of a misplacement that chains are stepped by."""
+
+
+def _of_chains(model: Model, motion: Motion, load_factor: float, points: int) -> Change:
+    arrays, told = exact(model.arrays), {"points": points, "load_factor": load_factor}
+    target = _present(model, motion)
+
+    def forces(member: int, misplaced: Array) -> dict[str, SectionForces]:
+        from scipy.spatial.transform import Rotation
+
+        members = arrays.members
+        offset, frame = members.offset.copy(), members.frame.copy()
+        offset[member, 1] += frame[member, 1] @ misplaced[:3]
+        frame[member, 1] = frame[member, 1] @ Rotation.from_rotvec(misplaced[3:]).as_matrix()
+        moved = arrays._replace(members=members._replace(offset=offset, frame=frame))
+        state, work = motion.copy(), make_work(moved)
+        assemble(moved, state, target, load_factor, work, 1e-8, 0, 10.0)
+        solve_step(moved, work)
+        take_step(moved, state, work.rhs.copy(), work, 1.0)
+        return section_forces(replace(model, arrays=moved), state, **told)  # type: ignore[arg-type]
+
+    # a state that is not quite an equilibrium of the chains takes the step to it with and without
+    before = forces(0, np.zeros(6))
+
+    def change(member: int, misplaced: Array) -> dict[str, SectionForces]:
+        after = forces(member, PART * misplaced)
+        return {n: replace(f, values=(f.values - before[n].values) / PART) for n, f in after.items()}
+
+    return change
+
+
+def _present(model: Model, motion: Motion) -> Array:
+    """Values (c,) of the drives and supports at `motion`, which hold it there."""
+    terms, work = model.arrays.terms, make_work(model.arrays)
+    zero = np.zeros(len(terms.start))
+    add_terms(model.arrays, motion.x, motion.R, motion.multiplier, zero, work, 1e-8)
+    found: Array = work.rhs[terms.start]
+    return found
 
 
 def _change(tangent: Tangent, flexible: list[Flexible], member: int, misplaced: Array) -> Motion:
@@ -115,7 +168,7 @@ def _change(tangent: Tangent, flexible: list[Flexible], member: int, misplaced: 
         here = group.members == member
         R = _end_turn(model, motion, member)
         xi[here] = np.concatenate([R @ misplaced[:3], R @ misplaced[3:]])
-        K = _condensed(leaf)
+        K = leaf.ends
         pull = leaf.relative.swapaxes(1, 2) @ (K @ xi[..., None])
         at = np.where(unknowns[:, :12] < 0, len(loads) - 1, unknowns[:, :12])
         np.add.at(loads, at, -pull[..., 0])
@@ -137,11 +190,3 @@ def _end_turn(model: Model, motion: Motion, member: int) -> Array:
     one, two = motion.R[a] @ members.frame[member, 0], motion.R[b] @ members.frame[member, 1]
     found: Array = one.T @ two
     return found
-
-
-def _condensed(leaf: Flexible) -> Array:
-    """(k, 6, 6): end wrench per relative motion of the ends."""
-    parts = leaf.parts
-    F = parts.J @ np.linalg.solve(leaf.stiffness, parts.J.swapaxes(1, 2))
-    F[:, :3, :3] += parts.S
-    return np.linalg.inv(F)

@@ -9,7 +9,9 @@ so that they have no inner coordinates.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -21,6 +23,7 @@ from ksd.errors import SceneError
 from ksd.model.arrays import STRAIN, Motion
 from ksd.model.compile import Model
 from ksd.properties.alike import Flexible, Stacked, alike_leafs, flexible_leafs, inner_unknowns
+from ksd.properties.followed import LeafPencil, Pencil
 from ksd.properties.kept import per_model
 from ksd.properties.shape import member_ends, member_parts, members_of_leafs, scene_leafs
 from ksd.properties.turning import cross_matrix
@@ -30,22 +33,59 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Inertia:
-    """Mass of a model at a state. root: scipy CSR B (rows, size) with the mass matrix B^T B, inner unknowns behind those
-    of the nodes; leafs: the strain-mode leafs at this state, by make; massless: materials without a density, whose leafs
-    carry no mass."""
+    """Mass of a model at a state: the mass matrix is B^T B, inner unknowns behind those of the nodes.
 
-    root: Any
+    stacks: what B is made of, leafs first: unknowns (k, n), -1 for none, and rows (k, m, n); pattern: where they sit in B;
+    leafs: the strain-mode leafs at this state, by make; massless: materials without a density, whose leafs carry no mass.
+    """
+
+    stacks: tuple[tuple[NDArray[np.int64], Array], ...]
+    pattern: Stacked
     leafs: tuple[Flexible, ...]
     massless: tuple[str, ...]
 
     @property
     def size(self) -> int:
         """Unknowns, inner ones included."""
-        return int(self.root.shape[1])
+        return self.pattern.shape[1]
+
+    @cached_property
+    def root(self) -> Any:
+        """B (rows, size), scipy CSR."""
+        return self.pattern.matrix([B for _, B in self.stacks])
+
+    def rooted(self, vectors: Array) -> Array:
+        """B times vectors (size, k)."""
+        padded = np.vstack([vectors, np.zeros((1, vectors.shape[1]))])
+        return np.concatenate([(B @ padded[at]).reshape(-1, vectors.shape[1]) for at, B in self.stacks])
+
+    def times(self, vectors: Array) -> Array:
+        """The mass matrix times vectors (size, k)."""
+        padded = np.vstack([vectors, np.zeros((1, vectors.shape[1]))])
+        found = np.zeros_like(padded)
+        for at, B in self.stacks:
+            np.add.at(found, at, B.swapaxes(1, 2) @ (B @ padded[at]))
+        return found[:-1]
 
     def dense(self) -> Array:
         """The mass matrix (size, size)."""
         return np.asarray((self.root.T @ self.root).toarray())
+
+    def pencil(self, K: Array) -> Pencil:
+        """K - omega^2 M for the node tangent K (n, n), chains without nodes of their own left out."""
+        n, leafs = len(K), []
+        M = np.zeros((n + 1, n + 1))
+        for k, (places, B) in enumerate(self.stacks):
+            mass = B.swapaxes(1, 2) @ B
+            if k < len(self.leafs):
+                leafs.append(
+                    LeafPencil(
+                        places[:, :12], places[:, 12:], self.leafs[k].Z, mass[:, 12:, 12:], mass[:, 12:, :12]
+                    )
+                )
+                places, mass = places[:, :12], mass[:, :12, :12]
+            np.add.at(M, (places[:, :, None], places[:, None, :]), mass)
+        return Pencil(K, M[:n, :n], leafs)
 
 
 def leaf_line_mass(leaf: Any, s: Array) -> Array:
@@ -131,10 +171,11 @@ def _root(M: Array) -> Array:
 @dataclass(frozen=True)
 class _Layout:
     """What the mass of every state has in common: mass per length of the leafs by make, members of chains, the pattern
-    of the matrix, materials without a density."""
+    of the matrix with the unknowns of its stacks, materials without a density."""
 
     lines: tuple[Array, ...]
     chains: tuple[int, ...]
+    places: tuple[NDArray[np.int64], ...]
     pattern: Stacked
     massless: tuple[str, ...]
 
@@ -151,14 +192,16 @@ def _layout(model: Model) -> _Layout:
     rows = [6 * line.shape[1] for line in lines] + [12] * len(chains) + [6] * len(model.scene.masses)
     size = model.arrays.plan.unknowns + sum(g.modes * len(g.members) for g in groups)
     bare = sorted({f.material.name or "unnamed" for f, _ in owner.values() if f.material.density is None})
-    return _Layout(lines, chains, Stacked(places, rows, size), tuple(bare))
+    return _Layout(lines, chains, tuple(places), Stacked(places, rows, size), tuple(bare))
 
 
-def inertia(model: Model, motion: Motion, *, load_factor: float = 1.0) -> Inertia:
-    """Mass of an unfolded model at a state; SceneError when nothing in the scene has mass."""
+def inertia(
+    model: Model, motion: Motion, *, load_factor: float = 1.0, leafs: Sequence[Flexible] | None = None
+) -> Inertia:
+    """Mass of an unfolded model at a state; SceneError when nothing in the scene has mass. leafs: where they are known."""
     layout, owner = _layout(model), _leafs_and_lines(model)
-    leafs = tuple(flexible_leafs(model, motion, load_factor=load_factor))
-    roots = [_leaf_roots(leaf, line) for leaf, line in zip(leafs, layout.lines, strict=True)]
+    found = tuple(leafs if leafs is not None else flexible_leafs(model, motion, load_factor=load_factor))
+    roots = [_leaf_roots(leaf, line) for leaf, line in zip(found, layout.lines, strict=True)]
     roots += [_root(_chain_element(model, motion, i, owner[i][0], owner[i][1][0])) for i in layout.chains]
     roots += [_root(_link_mass(model, motion, mass)[1]) for mass in model.scene.masses]
     if not any(np.any(b) for b in roots):
@@ -166,4 +209,5 @@ def inertia(model: Model, motion: Motion, *, load_factor: float = 1.0) -> Inerti
             "nothing in this scene has mass, so it has no frequencies: give a material its density "
             "[kg/m^3] or a link its mass [kg]"
         )
-    return Inertia(layout.pattern.matrix(roots), leafs, layout.massless)
+    stacks = tuple(zip(layout.places, roots, strict=True))
+    return Inertia(stacks, layout.pattern, found, layout.massless)

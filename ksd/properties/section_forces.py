@@ -68,7 +68,7 @@ def section_forces(
     for group in alike_leafs(model):
         gravity = own_gravity(model, motion, group, load_factor)
         parts |= zip(group.members.tolist(), _strain_forces(group, motion, points, gravity), strict=True)
-    found, work = {}, make_work(model.arrays)
+    found, work = {}, make_work(model.arrays) if len(parts) < len(model.arrays.members.kind) else None
     for name, members in members_of_leafs(model).items():
         at, stations, values = 0.0, [], []
         for i in members:
@@ -90,7 +90,9 @@ def _strain_forces(
     return list(zip(s, _along(r, R, inner[:, None, group.modes :], *weight), strict=True))
 
 
-def _chain_forces(model: Model, motion: Motion, i: int, how: tuple[Work, float]) -> tuple[Array, Array]:
+def _chain_forces(
+    model: Model, motion: Motion, i: int, how: tuple[Work | None, float]
+) -> tuple[Array, Array]:
     """Stations (k,) and section forces (k, 6) of a chain, at its nodes; how: storage and load factor."""
     value, number, inner = member_parts(model, motion, i)
     ends = member_ends(model, motion, i)
@@ -133,13 +135,14 @@ def _along(r: Array, R: Array, wrench: Array, *weight: Array) -> Array:
 
 
 def _chain_wrench(
-    model: Model, motion: Motion, i: int, ends: Ends, how: tuple[Work, float]
+    model: Model, motion: Motion, i: int, ends: Ends, how: tuple[Work | None, float]
 ) -> tuple[Array | None, Array]:
     """Gravity (3,) on a chain, None without weight, and force and moment (6,) on its end q, inner residual condensed out;
     frame p."""
     from ksd.model.assembly import condense_member
 
     members, stiffness, gravity, (work, factor) = model.arrays.members, np.empty((6, 6)), None, how
+    assert work is not None
     if len(work.weight) and work.weight[i, 0] > 0.0:
         gravity = factor * (work.weight[i, 1:] @ ends.frame)
         at = int(members.store_at[i + 1]) - PULL

@@ -28,11 +28,13 @@ from ksd.properties.alike import (
     Weighed,
     alike_leafs,
     end_frames,
-    flexible_leafs,
     inner_unknowns,
+    unstressed_leafs,
     weighed,
 )
+from ksd.properties.followed import MOST_NODES, LeafPencil, Pencil, followed
 from ksd.properties.krylov import outermost
+from ksd.properties.opened import Opened
 from ksd.properties.tangent import free_rows, stored_matrix
 
 Array = NDArray[np.float64]
@@ -94,11 +96,9 @@ OTHER = 1e-3
 
 @dataclass(frozen=True)
 class _Elastic:
-    """G (size, reduced) with K0^-1 = G G^T: nodes (n, r) and root of Z (k, N, N) of every group of leafs; largest:
-    entry of the node part of K0."""
+    """G (size, reduced) with K0^-1 = G G^T: nodes (n, r) and root of Z (k, N, N) of every group of leafs."""
 
     nodes: Array
-    largest: float
     leafs: list[tuple[NDArray[np.int64], Array]]
 
     def out(self, y: Array) -> Array:
@@ -122,23 +122,23 @@ class _Elastic:
         return self.nodes.shape[1] + sum(p.size for p, _ in self.leafs)
 
 
-def _elastic(model: Model, motion: Motion, leafs: list[Flexible], rows: list[int]) -> tuple[_Elastic, Array]:
-    """G of the stressless tangent, and its constraint part (n, n). Raises KinematicsError where a motion meets no
-    elastic resistance."""
+def _unstressed_nodes(
+    model: Model, motion: Motion, leafs: list[Flexible], rows: list[int]
+) -> tuple[Array, Array]:
+    """Node tangent without stress (n, n), leafs condensed, and the part of constraint rows and springs in it."""
     still = Motion(motion.x, motion.R, motion.inner, np.zeros_like(motion.multiplier))
     terms = node_terms(relaxed(model, motion), still, rows, 0.0)
     K = np.pad(terms, (0, 1))
     for leaf, unknowns in zip(leafs, inner_unknowns(model), strict=True):
-        parts = leaf.parts
-        # condensed stiffness at the ends: P = W^-1 J^T F^-1, so J P = 1 - S F^-1
-        F = parts.J @ np.linalg.solve(leaf.stiffness, parts.J.swapaxes(1, 2))
-        F[:, :3, :3] += parts.S
         at = unknowns[:, :12]
         np.add.at(
-            K,
-            (at[:, :, None], at[:, None, :]),
-            leaf.relative.swapaxes(1, 2) @ np.linalg.solve(F, leaf.relative),
+            K, (at[:, :, None], at[:, None, :]), leaf.relative.swapaxes(1, 2) @ leaf.ends @ leaf.relative
         )
+    return K[:-1, :-1], terms
+
+
+def _elastic(model: Model, K: Array, terms: Array, leafs: list[Flexible], rows: list[int]) -> _Elastic:
+    """G of the stressless tangent K (n, n). Raises KinematicsError where a motion meets no elastic resistance."""
     held = model.arrays.terms.start
     move = np.setdiff1d(np.arange(len(terms)), held)
     rules = np.delete(terms[np.ix_(held, move)], rows, axis=0)
@@ -154,7 +154,7 @@ def _elastic(model: Model, motion: Motion, leafs: list[Flexible], rows: list[int
         ) from error
     nodes = np.zeros((len(terms), free.shape[1]))
     nodes[move] = np.linalg.solve(L, free.T).T
-    return _Elastic(nodes, float(np.abs(K).max()), [(leaf.inner, _root(leaf.Z)) for leaf in leafs]), terms
+    return _Elastic(nodes, [(leaf.inner, _root(leaf.Z)) for leaf in leafs])
 
 
 def _root(Z: Array) -> Array:
@@ -165,13 +165,41 @@ def _root(Z: Array) -> Array:
 
 
 def own_stress(
-    model: Model, motion: Motion, rows: list[int], *, load_factor: float, count: int
+    opened: Opened, rows: list[int], *, count: int, near: tuple[Array, ...] = ()
 ) -> tuple[Array, Array]:
     """The `count` multipliers mu of smallest magnitude on all stresses of the state, and the smallest of either sign, with
-    phi (size, k) in node unknowns and b. rows: constraint rows let go. Raises SceneError for a state without stress."""
-    leafs = flexible_leafs(model, motion, stressless=True, load_factor=load_factor)
-    G, terms = _elastic(model, motion, leafs, rows)
-    n = len(terms)
+    phi (size, k) in node unknowns and b. rows: constraint rows let go; near: phi of a state nearby to start from. Raises
+    SceneError for a state without stress, KinematicsError where nothing but stress resists a motion."""
+    model, motion = opened.model, opened.motion
+    leafs = unstressed_leafs(model, opened.leafs)
+    K, terms = _unstressed_nodes(model, motion, leafs, rows)
+    S, pieces = _stresses(opened, leafs, terms, rows)
+    # node and leaf unknowns have scales of their own
+    sizes = [(S, np.abs(K).max(initial=0.0))]
+    sizes += [(p[2], np.abs(leaf.stiffness).max()) for p, leaf in zip(pieces, leafs, strict=True)]
+    refuse_stressless(
+        np.array([np.abs(change).max(initial=0.0) / scale for change, scale in sizes]), np.ones(1)
+    )
+    if len(K) <= MOST_NODES:
+        each = zip(leafs, pieces, strict=True)
+        pencil = Pencil(
+            K, -S, [LeafPencil(at, inner, f.Z, -own, -both) for f, (inner, at, own, both) in each]
+        )
+        forces = pencil.forces(-_stress_forces(S, pieces, near[0])) if near else None
+        found = followed(
+            pencil, forces, lambda s: outer_of_both_signs(1.0 / s, count),
+            most=count + 4, rows=len(model.arrays.terms.start), reach=1.0 / OTHER,
+        )  # fmt: skip
+        if found is not None:
+            return found[0], pencil.vectors(found[1], len(K) + sum(leaf.inner.size for leaf in leafs))
+    return _by_lanczos(_elastic(model, K, terms, leafs, rows), S, pieces, count)
+
+
+def _stresses(
+    opened: Opened, leafs: list[Flexible], terms: Array, rows: list[int]
+) -> tuple[Array, list[tuple[Any, ...]]]:
+    """S: of the nodes (n, n), and of every make of leafs (b, unknowns of its nodes, S of b, S of b with the nodes)."""
+    model, motion, load_factor = opened.model, opened.motion, opened.load_factor
     nodes = np.pad(node_terms(model, motion, rows, load_factor) - terms, (0, 1))
     pieces: list[tuple[Any, ...]] = []
     for group, leaf, unknowns in zip(alike_leafs(model), leafs, inner_unknowns(model), strict=True):
@@ -188,15 +216,11 @@ def own_stress(
         at = unknowns[:, :12]
         np.add.at(nodes, (at[:, :, None], at[:, None, :]), block)
         pieces.append((leaf.inner, at, change, both))
-    S = nodes[:n, :n]
-    # node and leaf unknowns have scales of their own
-    sizes = [
-        (S, G.largest),
-        *((p[2], np.abs(leaf.stiffness).max()) for p, leaf in zip(pieces, leafs, strict=True)),
-    ]
-    refuse_stressless(
-        np.array([np.abs(change).max(initial=0.0) / scale for change, scale in sizes]), np.ones(1)
-    )
+    return nodes[:-1, :-1], pieces
+
+
+def _by_lanczos(G: _Elastic, S: Array, pieces: list[tuple[Any, ...]], count: int) -> tuple[Array, Array]:
+    """The same of -G^T S G."""
 
     def apply(y: Array) -> Array:
         return -G.back(_stress_forces(S, pieces, G.out(y)))

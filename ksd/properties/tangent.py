@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ksd.errors import KinematicsError, SceneError
-from ksd.model.arrays import COROTATIONAL, Arrays, Motion, Work, make_work
+from ksd.model.arrays import COROTATIONAL, Arrays, Motion, make_work
 from ksd.model.compile import Model
 from ksd.model.system import assemble
 from ksd.numerics.blocks import factor_blocks, solve_blocks
@@ -61,8 +61,28 @@ def free_rows(arrays: Arrays, value: Array, rows: Iterable[int]) -> None:
 
 
 @dataclass(frozen=True)
+class Assembled:
+    """The exact tangent of a model at a state before it is factored: value in the storage of the plan; inside: negative
+    pivots met inside the members; turning: see `Tangent`."""
+
+    model: Model
+    motion: Motion
+    arrays: Arrays
+    value: Array
+    inside: int
+    turning: tuple[NDArray[np.int64], Array] | None
+
+    def matrix(self, freed: Iterable[str] = ()) -> Array:
+        """The symmetric matrix (unknowns, unknowns), with the drives and supports in `freed` let go."""
+        value = self.value.copy()
+        free_rows(self.arrays, value, row_numbers(self.model, freed))
+        return stored_matrix(self.arrays, value)
+
+
+@dataclass(frozen=True)
 class Tangent:
-    """Factored tangent: solve with it; unstable: number of directions in which the state is not a minimum.
+    """Factored tangent: solve with it; unstable: number of directions in which the state is not a minimum; freed: the
+    drives and supports let go.
 
     turning: what following loads add to it, unsymmetric: the places (k,) of the unknowns of the loaded nodes and (k, k).
     """
@@ -70,8 +90,10 @@ class Tangent:
     model: Model
     motion: Motion
     arrays: Arrays
-    work: Work
+    value: Array
+    spare: Array
     unstable: int
+    freed: tuple[str, ...] = ()
     turning: tuple[NDArray[np.int64], Array] | None = None
 
     def solve(self, loads: Array) -> Array:
@@ -88,7 +110,7 @@ class Tangent:
     def _symmetric(self, loads: Array) -> Array:
         found = np.ascontiguousarray(loads.T, dtype=float)
         for x in found:
-            solve_blocks(self.arrays.plan, self.work.value, self.work.spare, x)
+            solve_blocks(self.arrays.plan, self.value, self.spare, x)
         return found.T
 
     @cached_property
@@ -106,31 +128,47 @@ class Tangent:
         return slice(start, start + 6)
 
 
-def factored_tangent(
-    model: Model, motion: Motion, *, freed: Iterable[str] = (), load_factor: float = 1.0
-) -> Tangent:
-    """Factor the exact tangent at `motion`, with the drives and supports named in `freed` let go at constant
-    force.
-
-    Raises SceneError for an unknown name, KinematicsError where a motion is left that nothing resists.
-    """
-    rows = row_numbers(model, freed)
+def assembled_tangent(model: Model, motion: Motion, *, load_factor: float = 1.0) -> Assembled:
+    """The exact tangent at `motion`, drives held."""
     arrays = exact(model.arrays)
     work = make_work(arrays)
     target = np.zeros(len(arrays.terms.start))
     _, _, inside, _ = assemble(arrays, motion, target, load_factor, work, 1e-8, 0, 10.0)
-    free_rows(arrays, work.value, rows)
-    negatives, pivot = factor_blocks(arrays.plan, work.value, work.spare, len(arrays.plan.size))
+    rest, turning = turning_loads(arrays, motion, load_factor), None
+    if rest is not None:
+        places = np.flatnonzero(rest.any(axis=1) | rest.any(axis=0))
+        turning = places, rest[np.ix_(places, places)]
+    return Assembled(model, motion, arrays, work.value, int(inside), turning)
+
+
+def factored(assembled: Assembled, freed: Iterable[str] = ()) -> Tangent:
+    """Factor a copy of a tangent, with the drives and supports named in `freed` let go at constant force.
+
+    Raises SceneError for an unknown name, KinematicsError where a motion is left that nothing resists.
+    """
+    freed = (freed,) if isinstance(freed, str) else tuple(freed)
+    arrays, value = assembled.arrays, assembled.value.copy()
+    spare = np.zeros_like(value)
+    free_rows(arrays, value, row_numbers(assembled.model, freed))
+    negatives, pivot = factor_blocks(arrays.plan, value, spare, len(arrays.plan.size))
     if not pivot > SINGULAR:
         raise KinematicsError(
             f"the tangent is singular (relative pivot {pivot:.1e}): a motion is left that nothing resists, or the "
             "state is exactly at its critical load; hold more drives"
         )
-    rest, turning = turning_loads(arrays, motion, load_factor), None
-    if rest is not None:
-        places = np.flatnonzero(rest.any(axis=1) | rest.any(axis=0))
-        turning = places, rest[np.ix_(places, places)]
-    return Tangent(model, motion, arrays, work, int(negatives + inside) - len(target), turning)
+    unstable = int(negatives + assembled.inside) - len(arrays.terms.start)
+    return Tangent(
+        assembled.model, assembled.motion, arrays, value, spare, unstable, freed, assembled.turning
+    )
+
+
+def factored_tangent(
+    model: Model, motion: Motion, *, freed: Iterable[str] = (), load_factor: float = 1.0
+) -> Tangent:
+    """Assemble and factor the exact tangent at `motion` in one go, see `factored`."""
+    # wrong names are told before any work is done
+    row_numbers(model, freed)
+    return factored(assembled_tangent(model, motion, load_factor=load_factor), freed)
 
 
 def stored_matrix(arrays: Arrays, value: Array) -> Array:

@@ -215,7 +215,7 @@ class Configuration:
         """Stress [Pa] when leafs are clamped beside their place: `ksd.properties.internal_stress.internal_stress`."""
         from ksd.properties.internal_stress import internal_stress
 
-        return internal_stress(*self.questioned, load_factor=self.load_factor, **options)
+        return internal_stress(*self.unreduced, load_factor=self.load_factor, **options)
 
     def section_forces(self, *, points: int = 25) -> dict[str, Any]:
         """Section forces along every leaf by name, see `ksd.properties.section_forces`."""

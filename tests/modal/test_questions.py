@@ -26,6 +26,7 @@ QUESTIONS = {
     "frequencies": lambda c: c.frequencies(count=3, freed="turn").frequency_Hz,
     "stress": lambda c: c.stress().largest_Pa,
     "strain energy": lambda c: sum(c.strain_energy().values()),
+    "internal stress": lambda c: np.array(list(c.internal_stress().stress_Pa.values())),
     "buckling": lambda c: np.array([c.buckling().negative, c.buckling().positive]),
 }
 

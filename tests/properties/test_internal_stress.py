@@ -108,6 +108,23 @@ def test_against_a_misfit_in_the_scene(direction, misfit, turn):
     assert told.stress_Pa["joint0/outer_low", direction] == pytest.approx(expected, rel=2e-2)
 
 
+def test_chains_tell_what_strain_modes_do():
+    """Appendix A elements, stepped by a part of the misplacement, against the linear response of strain-mode leafs."""
+    joint = CrossFlexure(STEEL, angle=0.8, widths=(0.03, 0.015), **SIZES)
+    scene = ksd.Mechanism("both")
+    table = scene.link("table")
+    scene.join(scene.ground, table, joint, at=(0, 0, 0), axis="z", toward="x", name="joint0")
+    scene.actuate_joint("joint0", name="drive")
+    strain, chains = (
+        ksd.prepare(scene, mesh=mesh)(drive=0.3, method="conventional").internal_stress(
+            leafs=["joint0/inner"]
+        )
+        for mesh in (ksd.Mesh(), ksd.Mesh("corotational", elements=16))
+    )
+    assert chains.stress_Pa == pytest.approx(strain.stress_Pa, rel=0.02)
+    assert chains.worst == strain.worst
+
+
 def test_misplacing_costs_little_where_nothing_is_held_twice():
     """One cantilever leaf driven at its end is strained by no misplacement but that of what is driven."""
     one, two = guide(2), guide(3)

@@ -53,7 +53,7 @@ def uncondensed(model, motion, freed=()):
 
 
 @pytest.mark.parametrize("freed", [(), ("top",)], ids=("held", "freed"))
-@pytest.mark.parametrize("dense", [True, False], ids=("dense", "lanczos"))
+@pytest.mark.parametrize("dense", [True, False, None], ids=("dense", "lanczos", "followed"))
 def test_against_a_dense_eigensolution_of_the_same_matrices(bent, freed, dense):
     K, M = uncondensed(bent.model, bent.motion, freed)
     values = scipy.linalg.eigvals(np.linalg.solve(K, M))

@@ -12,6 +12,7 @@ from ksd.errors import SceneError
 from ksd.model.compile import compile_scene
 from ksd.model.leafs import Mesh
 from ksd.properties.buckling import buckling, full_tangent
+from ksd.properties.chain_tangent import with_stresses
 from ksd.properties.tangent import factored_tangent
 from ksd.properties.unfold import unfolded
 from ksd.scene.drive import Load
@@ -95,6 +96,36 @@ def test_uncondensed_tangent_condenses_to_the_solver_s(mesh):
 
 def _of(configuration):
     return configuration.model, configuration.motion
+
+
+@pytest.mark.parametrize("mesh", [Mesh(), Mesh("corotational", elements=4)], ids=("strain", "chain"))
+def test_what_may_be_added_to_a_deformed_pose(mesh):
+    """Both leaf models at mid-stroke: stable under half of what they say may be added, unstable under all of it. (Chains
+    converge from above; taken in motions alone they would buckle at 1609 N, strain-mode leafs say 4410.)"""
+    scene, at = fourbar(), (0, 0.35, 0)
+    bent = conventional(compile_scene(scene, mesh=mesh), {"top": 0.1}, steps=4)
+    critical = bent.buckling("top", at=at, force=(0, -1, 0), count=1).positive
+    assert critical == pytest.approx(4410.0 if mesh.leaf == "strain" else 4700.0, rel=5e-3)
+    for share in (0.5, 1.0):
+        load = Load("p", "top", (0.0, -share * critical, 0.0), (0.0, 0.0, 0.0), at)
+        model = compile_scene(replace(scene.scene(), loads=(load,)), mesh=mesh)
+        bent = conventional(model, {"top": 0.1}, start=replace(bent, model=model), planar=False)
+        assert bent.stable == (share < 1.0)
+
+
+def test_stresses_eliminated_give_back_the_tangent_of_chains():
+    mesh = Mesh("corotational", elements=3)
+    fine, state = unfolded(*_of(conventional(compile_scene(fourbar(), mesh=mesh), {"top": 0.1}, steps=4)))
+    K = full_tangent(fine, state)
+    mixed, n = with_stresses(fine, state, K), len(K)
+    back = mixed[:n, :n] - mixed[:n, n:] @ np.linalg.solve(mixed[n:, n:], mixed[n:, :n])
+    assert back == pytest.approx(K, abs=1e-9 * np.abs(K).max())
+    # without stress the motions are stiff through B alone
+    free = unfolded(compile_scene(fourbar(), mesh=mesh), compile_scene(fourbar(), mesh=mesh).rest)
+    still = full_tangent(*free)
+    left = with_stresses(*free, still)[:n, :n]
+    rows = fine.arrays.terms.start
+    assert np.delete(np.delete(left, rows, 0), rows, 1) == pytest.approx(0.0, abs=1e-9 * np.abs(still).max())
 
 
 def test_wrong_words_are_refused():
