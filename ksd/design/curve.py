@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from ksd.design.tracking import SPARE, Tracks, first_tracks, follow
+from ksd.design.tracking import SPARE, Tracks, first_tracks, follow_through
 from ksd.errors import SceneError
 from ksd.solve.choose import Solver
 from ksd.solve.corrected import FAST, corrected
@@ -117,10 +117,10 @@ def _frequencies(
     drive, held, mode, method = how
     freed = solver.model.drive_names
 
-    def modes(d: float) -> Any:
+    def modes(d: float, more: int = 0) -> Any:
         pose = solver({**held, drive: d}, method=method, estimate=False)
         pose = corrected(pose) if better else pose
-        return pose.frequencies(count=4 + len(freed) + SPARE, freed=freed)
+        return pose.frequencies(count=4 + len(freed) + SPARE + more, freed=freed)
 
     if mode in ("intended", "first_parasitic"):
         tracks = [first_tracks(modes(d), 1) for d in values]
@@ -135,9 +135,14 @@ def _frequencies(
         way = sorted(
             {abs(d) for d in values if d * sign >= 0.0} | set(np.linspace(0, largest, STEPS).tolist())
         )
+        last = 0.0
         for d in way if any(v * sign > 0.0 for v in values) else [0.0]:
-            now = follow(now, modes(sign * d), 4)
-            by[sign * d] = now.frequency_Hz(start.names.index(mode))
+
+            def between(share: float, more: int, a: float = sign * last, b: float = sign * d) -> Any:
+                return modes((1.0 - share) * a + share * b, more)
+
+            now = follow_through(now, modes(sign * d), 4, between)
+            by[sign * d], last = now.frequency_Hz(start.names.index(mode)), d
     return [by[d] for d in values]
 
 

@@ -72,6 +72,14 @@ class Walk:
             return self.before
         return self.solver(values, method=r.method, accuracy=r.accuracy, passes=r.passes, strict=False)
 
+    def aside(self, values: Mapping[str, float]) -> Configuration:
+        """A pose beside the line, which goes on from where it was."""
+        kept = self.before
+        try:
+            return self.pose(values)
+        finally:
+            self.before = kept
+
     def _continued(self, values: Mapping[str, float]) -> Configuration:
         """From the pose before; from rest where that fails."""
         if self.before is not None:
@@ -94,7 +102,8 @@ def run_line(line: Line, recipe: Recipe, solver: Solver | None, rows: list[Row])
     except CAUGHT as reason:
         rows.extend(blank_rows(line, spoken(reason)))
         return None
-    walk, before = Walk(solver, recipe), Before()
+    walk = Walk(solver, recipe)
+    before = Before(between=walk.aside)
     for values in line.poses:
         row = _labels(line, values)
         try:

@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 
 from ksd.design.table import spoken_column
-from ksd.design.tracking import SPARE, Tracks, follow
+from ksd.design.tracking import SPARE, Between, Tracks, follow_through
 from ksd.errors import KsdError, SceneError
 from ksd.properties.buckling import Buckling
+from ksd.properties.frequencies import Modes
 from ksd.properties.opened import Opened
 from ksd.properties.stiffness import DIRECTIONS, drive_stiffness, finer_tangent, point_stiffness
 from ksd.solve.answer import drive_kind
@@ -70,10 +71,13 @@ def columns_of_drives(scene: Any) -> dict[str, tuple[str, float]]:
 
 @dataclass(frozen=True)
 class Before:
-    """What the pose before was found to do, for the next one to go on from."""
+    """What the pose before was found to do, for the next one to go on from, and the pose itself. between: solves for a pose
+    on the way at drive values by name [m or rad]."""
 
     tracks: Tracks | None = None
     buckling: Buckling | None = None
+    pose: Any = None
+    between: Callable[[Row], Any] | None = None
 
 
 @dataclass(frozen=True)
@@ -229,15 +233,34 @@ CAUGHT: tuple[type[Exception], ...] = (KsdError, ArithmeticError, np.linalg.LinA
 """What one pose may raise without ending the sweep: our own errors, and arithmetic gone wrong."""
 
 
+def _modes(pose: Pose, asked: Asked, near: Modes | None, *, more: int = 0) -> Modes:
+    """The modes of a pose, as many as are followed and some to spare."""
+    freed = tuple(pose.model.drive_names) if asked.freed is None else asked.freed
+    count = asked.modes + len(freed) + SPARE + more
+    found: Modes = pose.frequencies(count=count, freed=freed, near=near, opened=pose.opened)
+    return found
+
+
+def _on_the_way(pose: Pose, asked: Asked) -> Between | None:
+    """Modes at a share of the way from the pose before to this one."""
+    first, solve, known = pose.before.pose, pose.before.between, pose.before.tracks
+    if first is None or solve is None or known is None:
+        return None
+
+    def between(share: float, more: int) -> Modes:
+        if share in (0.0, 1.0):
+            return _modes(pose if share else Pose(first), asked, None, more=more)
+        values = {n: (1.0 - share) * first.targets[n] + share * v for n, v in pose.targets.items()}
+        return _modes(Pose(solve(values)), asked, known.modes, more=more)
+
+    return between
+
+
 def frequency_row(pose: Pose, asked: Asked) -> tuple[Row, Tracks]:
     """Frequencies [Hz] of the followed modes, and the tracks for the next pose."""
-    freed = tuple(pose.model.drive_names) if asked.freed is None else asked.freed
     before = pose.before.tracks
-    near = None if before is None else before.modes
-    count = asked.modes + len(freed) + SPARE
-    tracks = follow(
-        before, pose.frequencies(count=count, freed=freed, near=near, opened=pose.opened), asked.modes
-    )
+    modes = _modes(pose, asked, None if before is None else before.modes)
+    tracks = follow_through(before, modes, asked.modes, _on_the_way(pose, asked))
     row: Row = {f"{n}_Hz": tracks.frequency_Hz(t) for t, n in enumerate(tracks.names) if tracks.rank[t] >= 0}
     first = tracks.first_parasitic
     row["first_parasitic_Hz"] = float("nan") if first is None else tracks.frequency_Hz(first)
@@ -268,7 +291,8 @@ def answers(configuration: Any, asked: Asked, before: Before) -> tuple[Row, Befo
                 row[f"{name}_error_percent"] = _error_percent(found, again)
         except CAUGHT as reason:
             failed[name] = reason
-    return row, Before(tracks, pose.__dict__.get("buckled", before.buckling)), failed
+    buckled = pose.__dict__.get("buckled", before.buckling)
+    return row, replace(before, tracks=tracks, buckling=buckled, pose=configuration), failed
 
 
 def _better(configuration: Any, asked: Asked, before: Before) -> Pose | None:

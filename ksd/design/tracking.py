@@ -1,30 +1,45 @@
 """Modes followed along a stroke by the modal assurance criterion (MAC), so that a name stays with its mode.
 
 Between neighbouring poses the modes are paired so that the sum of their assurances (mass-weighted, in 0..1) is largest
-(Allemang and Brown 1982; the assignment is solved exactly). Crossing frequencies then swap rank and keep their name. A
-track without a partner of assurance LOST or more ends, and the lowest mode without a track begins a new one.
+(Allemang and Brown 1982; the assignment is solved exactly). Crossing frequencies then swap rank and keep their name. Where
+one of the lowest tracks has no partner of assurance SURE or more, the way between the poses is halved, and halved again:
+modes that veer exchange their shapes within a small part of the stroke. Modes of nearly equal frequency (at rest all leafs
+of one size vibrate alike, and any mixture of them is a mode) are in the end compared by what they span together. A track
+without a partner of assurance LOST or more even so ends. Of the lowest modes every one without a track begins a new one.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ksd.errors import KsdError
 from ksd.properties.frequencies import Modes
 
 SPARE = 2
 """Modes computed beyond those followed, so that one which rises in rank is still there."""
-
-
 LOST = 0.5
 """Assurance below which two modes are not the same one."""
+SURE = 0.8
+"""Assurance below which poses in between are looked at."""
+NEAR = 0.01
+"""Relative distance of neighbouring frequencies below which modes are compared by what they span together."""
+MORE = 10
+"""Modes computed besides where a track is lost: as many may be nearly equal."""
+HALVES = 5
+"""How often the way between two poses is halved at the most."""
+
+
+Between = Callable[[float, int], Modes]
+"""Modes at a share 0..1 of the way between two poses, and so many more than usual."""
 
 
 @dataclass(frozen=True)
 class Tracks:
     """Modes at one pose, by track: rank (t,) of each track among the modes of this pose (-1: lost), names (t,),
-    assurance (t,) with its mode at the pose before (1 where the track begins)."""
+    assurance (t,) with its mode at the pose before, or the last one in between (1 where the track begins)."""
 
     modes: Modes
     rank: tuple[int, ...]
@@ -68,31 +83,90 @@ def first_tracks(modes: Modes, count: int) -> Tracks:
     return Tracks(modes, tuple(ranks), tuple(named[k] for k in ranks), (1.0,) * len(ranks))
 
 
-def follow(before: Tracks | None, modes: Modes, count: int) -> Tracks:
-    """The tracks of the pose before, found again among the `modes` of this one; new ones when there was none."""
+def follow(before: Tracks | None, modes: Modes, count: int, *, together: bool = False) -> Tracks:
+    """The tracks of the pose before, found again among the `modes` of this one; new ones when there was none.
+
+    together: modes of nearly equal frequency are compared by what they span.
+    """
     from scipy.optimize import linear_sum_assignment
 
     if before is None:
         return first_tracks(modes, count)
     alive = [t for t, k in enumerate(before.rank) if k >= 0]
-    mac = before.modes.assurance(modes)[[before.rank[t] for t in alive]]
-    rows, columns = linear_sum_assignment(mac, maximize=True)
+    ranks = [before.rank[t] for t in alive]
+    own = before.modes.assurance(modes)
+    mac = (_spanned(own, before.modes, modes) if together else own)[ranks]
+    # of modes that span the same, the one most alike
+    rows, columns = linear_sum_assignment(mac + own[ranks] if together else mac, maximize=True)
     rank, sure = [-1] * len(before.rank), [0.0] * len(before.rank)
     for i, k in zip(rows.tolist(), columns.tolist(), strict=True):
         if mac[i, k] >= LOST:
             rank[alive[i]], sure[alive[i]] = k, float(mac[i, k])
     names = list(before.names)
-    own = intended_modes(modes)
+    intended = intended_modes(modes)
     for t, n in enumerate(names):
         # an intended motion is known by what it does, should the chain of assurances break
-        left = [k for k in own if k not in rank]
+        left = [k for k in intended if k not in rank]
         if n.startswith("intended") and rank[t] < 0 and left:
             rank[t], sure[t] = left[0], 1.0
-    for k in (k for k in range(len(modes)) if k not in rank):
-        alive_now = sum(r >= 0 and not n.startswith("intended") for r, n in zip(rank, names, strict=True))
-        if alive_now >= count:
-            break
+    # whatever comes from above, the lowest are followed
+    for k in (k for k in range(min(len(intended) + count, len(modes))) if k not in rank):
         names.append(f"parasitic_{1 + sum(not n.startswith('intended') for n in names)}")
         rank.append(k)
         sure.append(1.0)
     return Tracks(modes, tuple(rank), tuple(names), tuple(sure))
+
+
+def _spanned(mac: np.ndarray, one: Modes, two: Modes) -> np.ndarray:
+    """Assurance of groups of nearly equal frequency, in the shape of `mac`: the share of the smaller span in the other."""
+    found = mac.copy()
+    for rows in _groups(one):
+        for columns in _groups(two):
+            share = mac[np.ix_(rows, columns)].sum() / min(len(rows), len(columns))
+            found[np.ix_(rows, columns)] = min(1.0, share)
+    return found
+
+
+def _groups(modes: Modes) -> list[np.ndarray]:
+    """Numbers of modes, ascending, in groups of nearly equal frequency."""
+    f = modes.frequency_Hz
+    apart = np.flatnonzero(np.diff(f) > NEAR * np.abs(f[1:])) + 1
+    return np.split(np.arange(len(f)), apart)
+
+
+def follow_through(before: Tracks | None, modes: Modes, count: int, between: Between | None) -> Tracks:
+    """As `follow`; where one of the lowest tracks is in doubt, by the modes of poses in between.
+
+    between(share, more) (None where there is no way): modes at a share 0..1 of the way from the pose before to this one,
+    `more` than usual.
+    """
+    found = follow(before, modes, count)
+    if before is None or between is None or not _in_doubt(before, found, count):
+        return found
+    try:
+        return _halved(before, modes, count, between, way=(0.0, 1.0, HALVES))
+    except (KsdError, ArithmeticError, np.linalg.LinAlgError):
+        return found
+
+
+def _halved(
+    before: Tracks, modes: Modes, count: int, between: Between, *, way: tuple[float, float, int]
+) -> Tracks:
+    start, end, left = way
+    found = follow(before, modes, count)
+    if not _in_doubt(before, found, count):
+        return found
+    if left == 0:
+        if not _in_doubt(before, found, count, sure=LOST):
+            return found
+        # the same modes come first among more of them
+        return follow(replace(before, modes=between(start, MORE)), between(end, MORE), count, together=True)
+    middle = 0.5 * (start + end)
+    half = _halved(before, between(middle, 0), count, between, way=(start, middle, left - 1))
+    return _halved(half, modes, count, between, way=(middle, end, left - 1))
+
+
+def _in_doubt(before: Tracks, found: Tracks, count: int, *, sure: float = SURE) -> bool:
+    """Whether one of the lowest tracks of the pose before has no partner, or none that is `sure`."""
+    lowest = count + sum(n.startswith("intended") for n in before.names)
+    return any(0 <= k < lowest and found.assurance[t] < sure for t, k in enumerate(before.rank))

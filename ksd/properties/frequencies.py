@@ -194,7 +194,7 @@ def _followed(
         return None
     pencil, forces = mass.pencil(opened.assembled.matrix(tangent.freed)), None
     if near is not None and near.model is model and near.freed == tangent.freed and len(near) >= count:
-        forces = pencil.forces(mass.times(near.vector.T))
+        forces = pencil.forces(mass.times(near.vector[: count + 2].T))
     rows = len(model.arrays.terms.start)
     found = followed(pencil, forces, lambda s: np.argsort(s)[:count], most=count + 2, rows=rows)
     if found is None or len(found[0]) < count:
