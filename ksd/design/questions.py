@@ -247,11 +247,15 @@ def _on_the_way(pose: Pose, asked: Asked) -> Between | None:
     if first is None or solve is None or known is None:
         return None
 
+    latest = known.modes
+
     def between(share: float, more: int) -> Modes:
+        nonlocal latest
         if share in (0.0, 1.0):
             return _modes(pose if share else Pose(first), asked, None, more=more)
         values = {n: (1.0 - share) * first.targets[n] + share * v for n, v in pose.targets.items()}
-        return _modes(Pose(solve(values)), asked, known.modes, more=more)
+        latest = _modes(Pose(solve(values)), asked, latest, more=more)
+        return latest
 
     return between
 

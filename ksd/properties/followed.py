@@ -5,7 +5,7 @@ neighbour (or random ones) take steps of inverse iteration, then steps with shif
 Rayleigh-Ritz projection on their span, which parts equal eigenvalues (Parlett, The symmetric eigenvalue problem, ch. 4
 and 14); their residuals are those asked of Lanczos. The negative pivots of K - s M below the outermost pair wanted must
 then count the pairs found and no more, so that none is missed, whatever the neighbour looked like. Where that fails
-random vectors are tried, and then there is no answer, and Lanczos is asked.
+more, random vectors are tried, and then there is no answer, and Lanczos is asked.
 """
 
 from __future__ import annotations
@@ -25,6 +25,8 @@ MOST_NODES = 150
 """Unknowns of the nodes up to which their dense elimination is the cheaper way."""
 STEPS = 5
 """Steps with shifts at the most; two are usual."""
+MANY = 12
+"""Vectors taken besides where a first attempt fails: the leafs of a mechanism may all vibrate nearly alike."""
 ROUNDS = 6
 """Inverse iterations without a shift from random vectors."""
 SPARE = 4
@@ -138,22 +140,21 @@ def followed(
     most: int,
     rows: int,
     reach: float = 0.0,
-) -> tuple[Array, Array] | None:
-    """Eigenvalues s (k,) and rows X (k, size) of the pairs `wanted`(s) out of the values found.
+) -> tuple[Array, Array, NDArray[np.intp]] | None:
+    """Eigenvalues s (k,), rows X (k, size), and the numbers of the pairs `wanted`(s) out of them; the others come along.
 
-    forces: M x (p, size) of approximate vectors; None where none are known: then `most` vectors are iterated from random
-    ones. rows: constraint rows, the negative pivots of K. reach: where M has both signs, how many times the smallest
-    eigenvalue a side that none was found on is looked through. None where they do not converge, or where the count of
-    pivots tells of others.
+    forces: M x (p, size) of approximate vectors; None where none are known: then `most` are iterated from random ones.
+    rows: constraint rows, the negative pivots of K. reach: where M has both signs, how many times the smallest eigenvalue
+    a side that none was found on is looked through. None where they do not converge, or where the count of pivots tells of
+    others.
     """
-    for start in (forces, None) if forces is not None else (None,):
+    for start, many in ((forces, most), (None, most + MANY)):
         with contextlib.suppress(np.linalg.LinAlgError):
-            found = _refined(pencil, _started(pencil, start, wanted, most=most, rows=rows), wanted)
+            found = _refined(pencil, _started(pencil, start, wanted, most=many, rows=rows), wanted)
             if found is None:
                 continue
-            s, X, chosen = found
-            if _complete(pencil, (s, chosen), rows, reach):
-                return s[chosen], X[chosen]
+            if _complete(pencil, (found[0], found[2]), rows, reach):
+                return found
     return None
 
 

@@ -29,6 +29,8 @@ from ksd.properties.tangent import Tangent
 Array = NDArray[np.float64]
 DENSE = 120
 """Unknowns up to which the dense eigensolution is the faster one."""
+CLOSE = 1.1
+"""Ratio to the highest frequency asked for within which those of a pose nearby may come in."""
 EMPTY = 1e-13
 """Modes with 1/omega^2 below this fraction of the largest are rounding of the constraints."""
 
@@ -43,7 +45,8 @@ class Modes:
     included. drive_motion (k, drives): what every drive's coordinate does in each mode [m or rad]; zero where
     it is held. growth_per_s (k,): rate at which a mode grows by itself: of an unstable one, or, where loads follow
     their links, of the two that flutter at one frequency, which come first too. freed: names let go. massless:
-    materials without a density; their leafs took part without mass.
+    materials without a density; their leafs took part without mass. around: omega_squared and vectors with the next
+    ones up, as they come, to start from at a pose nearby.
     """
 
     model: Model
@@ -57,6 +60,7 @@ class Modes:
     massless: tuple[str, ...]
     mass: Inertia = field(repr=False)
     motion: Motion = field(repr=False)
+    around: tuple[Array, Array] = field(repr=False)
 
     def __len__(self) -> int:
         return len(self.frequency_Hz)
@@ -194,11 +198,15 @@ def _followed(
         return None
     pencil, forces = mass.pencil(opened.assembled.matrix(tangent.freed)), None
     if near is not None and near.model is model and near.freed == tangent.freed and len(near) >= count:
-        forces = pencil.forces(mass.times(near.vector[: count + 2].T))
+        squared, vectors = near.around
+        # with those that may come in from above
+        start = (np.arange(len(squared)) < count + 2) | (squared < CLOSE**2 * squared[count - 1])
+        forces = pencil.forces(mass.times(vectors[start].T))
     rows = len(model.arrays.terms.start)
     found = followed(pencil, forces, lambda s: np.argsort(s)[:count], most=count + 2, rows=rows)
-    if found is None or len(found[0]) < count:
+    if found is None or len(found[2]) < count:
         return None
+    # the others found are above those chosen
     return 1.0 / found[0], pencil.vectors(found[1], mass.size)
 
 
@@ -239,7 +247,9 @@ def _modes(
 ) -> Modes:
     """Modes from 1/omega^2 (k,) and vectors (size, k), in order and of unit modal mass."""
     fine, state, (values, vectors) = opened.model, opened.motion, found
-    squared, vectors, grown = _lowest(values, vectors, count)
+    squared, vectors, grown = _lowest(values, vectors, len(values))
+    around, vectors = (squared, vectors.T), vectors[:, :count]
+    squared, grown = squared[:count], grown[:count]
     vectors = vectors / np.sqrt(np.sum(mass.rooted(vectors) ** 2, axis=0))
     shape = np.zeros((len(squared), len(fine.node_names), 6))
     for k in range(1, len(fine.node_names)):
@@ -256,6 +266,7 @@ def _modes(
         massless=mass.massless,
         mass=mass,
         motion=state,
+        around=around,
     )
 
 

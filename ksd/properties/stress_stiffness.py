@@ -191,7 +191,8 @@ def own_stress(
             most=count + 4, rows=len(model.arrays.terms.start), reach=1.0 / OTHER,
         )  # fmt: skip
         if found is not None:
-            return found[0], pencil.vectors(found[1], len(K) + sum(leaf.inner.size for leaf in leafs))
+            s, X, chosen = found
+            return s[chosen], pencil.vectors(X[chosen], len(K) + sum(leaf.inner.size for leaf in leafs))
     return _by_lanczos(_elastic(model, K, terms, leafs, rows), S, pieces, count)
 
 

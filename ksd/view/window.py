@@ -14,6 +14,9 @@ from ksd.view.heat import LABEL
 from ksd.view.solid import ribbon
 from ksd.view.vtk import collect
 
+FLAT = 0.5
+"""Ratio of the two smaller extents below which a mechanism is flat."""
+
 
 def show_mechanism(configuration: Any, path: str | os.PathLike[str] | None = None) -> Path | None:
     """Show leafs coloured by von Mises stress, blocks as lines, and the undeformed leafs in grey.
@@ -52,8 +55,16 @@ def _deformed(pyvista: Any, plotter: Any, configuration: Any) -> None:
     mesh = pyvista.UnstructuredGrid(cells, np.array(grid.kinds), 1e3 * np.concatenate(grid.points))
     mesh[LABEL] = np.concatenate(grid.stress)
     rigid = np.array(grid.kinds) == pyvista.CellType.LINE
-    bar = {"title": f"{LABEL}\n", "color": INK, "position_x": 0.3, "position_y": 0.03, "width": 0.4}
-    bar |= {"height": 0.1, "title_font_size": 20, "label_font_size": 16, "fmt": "%.4g", "n_labels": 4}
+    # upright at the side, where nothing of the mechanism is
+    bar = {"title": f"{LABEL}\n", "color": INK, "vertical": True, "position_x": 0.86, "position_y": 0.25}
+    bar |= {
+        "width": 0.08,
+        "height": 0.5,
+        "title_font_size": 18,
+        "label_font_size": 16,
+        "fmt": "%.4g",
+        "n_labels": 4,
+    }
     scale = [0.0, max(float(mesh[LABEL].max()), 1e-9)]
     # light would change what a colour says
     plotter.add_mesh(
@@ -75,7 +86,22 @@ def _rest(plotter: Any, configuration: Any) -> None:
 
 def _axes(plotter: Any) -> None:
     plotter.show_axes()
+    spans = np.ptp(np.reshape(plotter.bounds, (3, 2)), axis=1)
     titles = {"xtitle": "x [mm]", "ytitle": "y [mm]", "ztitle": "z [mm]"}
-    counts = {"n_xlabels": 4, "n_ylabels": 4, "n_zlabels": 3}
-    plotter.show_bounds(color=INK, location="outer", font_size=11, fmt="%.0f", **titles, **counts)
-    plotter.view_vector((0.43, -0.75, 0.5), viewup=(0, 0, 1))
+    counts = {f"n_{a}labels": 4 if s > 0.3 * spans.max() else 2 for a, s in zip("xyz", spans, strict=True)}
+    flat = {"color": INK, "location": "outer", "font_size": 12, "fmt": "%.0f", "use_3d_text": False}
+    plotter.show_bounds(**flat, padding=0.05, **titles, **counts)
+    towards, up = _view(spans)
+    plotter.view_vector(towards, viewup=up)
+    plotter.camera.zoom(0.85)
+
+
+def _view(spans: np.ndarray) -> tuple[tuple[float, ...], tuple[float, ...]]:
+    """Where to look from, and what is up: onto the broad side of what is flat, aslant from above otherwise."""
+    thin = int(np.argmin(spans))
+    if spans[thin] > FLAT * np.sort(spans)[1]:
+        return (0.43, -0.75, 0.5), (0.0, 0.0, 1.0)
+    upward = 1 if thin == 2 else 2
+    towards = np.full(3, 0.3)
+    towards[thin], towards[upward] = -0.85 if thin == 1 else 0.85, 0.4
+    return tuple(towards.tolist()), tuple(np.eye(3)[upward].tolist())
