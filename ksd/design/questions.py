@@ -223,7 +223,7 @@ _ANSWERS: dict[str, Callable[[Any, Asked], Row]] = {
     "buckling": _buckling,
 }
 QUESTIONS = ("force", "drive_stiffness", "support_stiffness", "frequencies", "stress", "parasitic", "energy")
-"""Asked by default; "buckling" on demand, as it costs more than all of them together."""
+"""Asked by default; "buckling" on demand: its factors are on all stresses of the state, of which rest has none."""
 ROUNDING = 1e-9
 """Numbers below this, in the units of the columns, are rounding of a state at rest."""
 UNLOADED = 1e9
