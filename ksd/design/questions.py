@@ -12,6 +12,7 @@ import numpy as np
 from ksd.design.table import spoken_column
 from ksd.design.tracking import SPARE, Between, Tracks, follow_through
 from ksd.errors import KsdError, SceneError
+from ksd.model.arrays import STRAIN
 from ksd.properties.buckling import Buckling
 from ksd.properties.frequencies import Modes
 from ksd.properties.opened import Opened
@@ -99,7 +100,7 @@ class Pose:
     def tangent(self) -> Any:
         """`finer_tangent` with all drives held."""
         model, motion = self.questioned
-        if model.mesh.leaf == "strain" and model is self.unreduced[0]:
+        if np.all(model.arrays.members.kind == STRAIN) and model is self.unreduced[0]:
             return self.opened.tangent()
         return finer_tangent(model, motion, load_factor=self.load_factor)
 

@@ -250,6 +250,14 @@ def _loads(tangent: Tangent, link: Any, at: Any, wrench: tuple[Any, Any]) -> Arr
     return loads
 
 
+def _refuse_mixture(model: Model) -> None:
+    kinds = set(model.arrays.members.kind.tolist())
+    if STRAIN in kinds and len(kinds) > 1:
+        raise SceneError(
+            "buckling of strain-mode leafs beside chains of elements is not known; give all leafs of the model one mesh"
+        )
+
+
 def buckling(
     model: Model,
     motion: Motion,
@@ -274,6 +282,7 @@ def buckling(
     a state without stress.
     """
     rows = row_numbers(model, freed)
+    _refuse_mixture(model)
     opened = opened or Opened(model, motion, load_factor=load_factor)
     fine, state, tangent = opened.model, opened.motion, opened.tangent(freed)
     if link is None and np.all(fine.arrays.members.kind == STRAIN):
