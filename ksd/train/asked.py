@@ -42,9 +42,10 @@ def check_design(design: Design) -> None:
             "give it another name."
         )
     said = joint.shape()
-    if joint.family != design.family or any(
-        not math.isclose(said.get(k, math.nan), v, rel_tol=1e-9, abs_tol=1e-12) for k, v in shape.items()
-    ):
+    same = set(said) == set(shape) and all(
+        math.isclose(said[k], v, rel_tol=1e-9, abs_tol=1e-12) for k, v in shape.items()
+    )
+    if joint.family != design.family or not same:
         raise SceneError(
             f"{design.family}: at {shape} make returned a joint '{joint.family}' of shape {said}, under which the record "
             "would not be found; say the same family and shape={...} in the joint."

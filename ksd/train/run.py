@@ -38,6 +38,8 @@ POINTS = {1: 25, 2: 11}
 """Points per motion, by number of motions."""
 WALKED = 9
 """Points per motion at the corners of the shapes."""
+MATTERS = 1e-4
+"""Change of a pose [rad, joint lengths] from which a parameter that a record leaves out is told of."""
 FIRST, FRESH = 16, 8
 """Shapes of the first round (doubled from round to round), and shapes kept out of the fit."""
 
@@ -95,6 +97,7 @@ def _trained(
     plan, check = _plans(middle, meshes, _orders(corners))
     evidence = _evidence(design, middle, plan, jobs)
     _walk(corners, plan, jobs)
+    _warn_of_others(design, evidence)
     design = replace(design, idle=_idle(design, evidence, wanted))
     places, samples, fit = _rounds(design, plan, jobs, wanted, most)
     _warn_of(design, fit)
@@ -125,6 +128,17 @@ def _warn_of(design: Design, fit: Fit) -> None:
             "raise most_shapes.",
             stacklevel=4,
         )
+
+
+def _warn_of_others(design: Design, evidence: tuple[Evidence, ...]) -> None:
+    for name in design.others:
+        most = max(e.interface for e in evidence if e.parameter == name)
+        if most > MATTERS:
+            warnings.warn(
+                f"{design.family}: {name} moves interface B or a block by {most:.2g} (rad or joint lengths), and the record "
+                "does not know it; make it one of the parameters.",
+                stacklevel=4,
+            )
 
 
 def _target(family: str, out: str | os.PathLike[str] | None) -> Path:

@@ -411,6 +411,28 @@ def test_parameters_that_do_not_matter_are_left_out(tmp_path, threads):
     assert max(e.rotations for e in record.evidence if e.parameter == "gap") < 1e-6
 
 
+def middled(*, width, aside=0.02):
+    """Two leafs in series with a block between them, whose reference point lies `aside`."""
+    blocks = {"A": (0, 0, 0), "middle": (0.05, aside, 0), "B": (0.1, 0, 0)}
+    pieces = (("one", 0.0, 0.05, "A", "middle"), ("two", 0.05, 0.1, "middle", "B"))
+    leafs = [
+        ksd.Leaf(start=(x, 0, 0), end=(y, 0, 0), width_axis=(0, 0, 1), section=rectangle(5e-4, width), material=STEEL,
+                 name=name, start_block=a, end_block=b)
+        for name, x, y, a, b in pieces
+    ]  # fmt: skip
+    return strip(width=width, name="middled", blocks=blocks, leafs=leafs)
+
+
+def test_a_parameter_left_out_that_matters_is_told(tmp_path, threads):
+    """Interface and leafs do not see where an internal block is, but the block does."""
+    design = Design("middled", (Parameter("width", 0.02, 0.02),), middled, others={"aside": (0.03,)})
+    with pytest.warns(
+        UserWarning, match=r"middled: aside moves interface B or a block by 0\.1 .*make it one of the param"
+    ):
+        record = train(design, out=tmp_path, executor=threads, meshes=("strain",), progress=False)
+    assert max(e.rotations for e in record.evidence if e.parameter == "aside") < 1e-8
+
+
 def test_shipped_records_hold_the_evidence():
     """What a record takes to be irrelevant was changed, and what it depends on matters."""
     for path in sorted((ROOT / "database").glob("*.h5")):

@@ -35,7 +35,7 @@ class InfinityHinge(Joint):
     that meet at the fold, the internal block ("fold_low", "fold_high") at (L/2, +-reach L, 0). The strut, a leaf of 0.2
     width at z = 0, runs along y from A at (L/2, -strut L/2, 0) to B at (L/2, strut L/2, 0).
 
-    length L, thickness, width [m]; reach 0.15..0.8 and strut 0.1..0.6, dimensionless. Raises SceneError
+    length L, thickness, width [m]; reach 0.25..0.6 and strut 0.1..0.6, dimensionless. Raises SceneError
     naming the parameter out of bounds.
     """
 
