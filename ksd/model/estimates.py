@@ -237,15 +237,16 @@ class Estimates:
         return self._against(said, self._ratio(weight), replace(bare(self.scene), gravity=self.scene.gravity))
 
     def _following(self) -> Found:
-        if self.first is None:
-            return None, "kept: how far its link turns is known only with drive values"
+        if self.first is None or not self._force > 0.0:
+            return None, "kept: whether a state is stable depends on it, however little its link turns"
         turning = [p for p in self.scene.loads if p.following]
         turned = max(float(np.linalg.norm(self.first.turn[p.link])) for p in turning)
         push = max(np.linalg.norm(p.force) + np.linalg.norm(p.moment) / self.first.size for p in turning)
-        worst = AGAIN * turned * min(1.0, self._ratio(float(push)))
+        # a state may lean any way before it is left: LEAN counts for that
+        worst = max(AGAIN * turned, LEAN) * min(1.0, self._ratio(float(push)))
         return (
             worst,
-            f"the loaded link turns by {np.rad2deg(turned):.2g} deg at first: {percent(worst)} of the load",
+            f"the loaded link turns by {np.rad2deg(turned):.2g} deg at first: {percent(worst)} of the drive force",
         )
 
     def _springs(self) -> Found:
@@ -324,3 +325,6 @@ _PROFILES = {
     "FilletedNotch": "with a filleted notch",
     "StiffenedMiddle": "with a stiffened middle",
 }
+LEAN = 0.1
+"""Turn [rad] of a link under a following load that is counted whatever its first turn: stability asks for directions that
+the first state does not show."""

@@ -5,7 +5,8 @@ All cases by all methods: `python benchmarks/hard_cases.py`.
 
 import numpy as np
 import pytest
-from hard_cases import CASES
+from hard_bank import CASES
+from hard_classics import RODS, pushed_arm, rod
 from hard_scenes import cantilever, frame
 from scenes import fourbar
 
@@ -18,9 +19,17 @@ QUICK = [c for c in CASES if c.quick]
 
 
 def test_the_bank_is_as_large_as_it_says():
-    assert len(CASES) >= 60
+    assert len(CASES) >= 110
     assert len({c.name for c in CASES}) == len(CASES)
     assert len(QUICK) >= 15
+
+
+def test_the_independent_rod_finds_what_the_bank_holds():
+    load = 4.03 * np.pi**2 / 4
+    assert rod(-load, 1e-4 * load) == pytest.approx(RODS[4.03], abs=1e-8)
+    assert pushed_arm(20.0) == pytest.approx(RODS["following"], abs=1e-8)
+    # Timoshenko and Gere 1961, table 2-3: 160 degrees
+    assert RODS[4.03] == pytest.approx((-0.340, 0.625), abs=6e-4)
 
 
 @pytest.mark.parametrize("case", QUICK, ids=lambda c: c.name)
