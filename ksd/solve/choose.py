@@ -22,7 +22,7 @@ from ksd.section.checks import number, show, truth, whole
 from ksd.solve import pipeline
 from ksd.solve.beside import beside, measured, needs_walk
 from ksd.solve.configuration import Configuration
-from ksd.solve.conventional import by_load_steps, conventional
+from ksd.solve.conventional import bare, by_load_steps, conventional
 from ksd.solve.five import FiveSteps
 from ksd.solve.pipeline import Bench
 from ksd.solve.plates import settled
@@ -114,9 +114,7 @@ class Solver:
             self.use(whole_model)
             found = settled(self, lambda: self._solve(values, **ways), bound)
         if method is not None and needs_walk(found):
-            against, other = beside(
-                found, lambda: by_load_steps(self.model, values, self._told, storage=self.storage)
-            )
+            against, other = beside(found, lambda: self._by_load_steps(values))
             doubts = (*found.doubts, *filter(None, [against]))
             found = _with(found, doubts=doubts, error=measured(found, other))
         return insist(found) if strict else found
@@ -136,7 +134,7 @@ class Solver:
         if not isinstance(method, str) or method not in METHODS:
             raise SceneError(f"method = {show(method)}: choose one of {', '.join(METHODS)}")
         if method == "conventional":
-            return by_load_steps(self.model, values, self._told, storage=self.storage)
+            return self._by_load_steps(values)
         if whole(passes, "passes", least=0) > 50:
             raise SceneError(f"passes = {passes}: between 0 and 50 relinearised passes are possible")
         if method == "modal":
@@ -183,9 +181,7 @@ class Solver:
         """An answer of the five steps, or that of load steps where loads are large and it is another."""
         if not needs_walk(found):
             return found
-        against, other = beside(
-            found, lambda: by_load_steps(self.model, values, self._told, storage=self.storage)
-        )
+        against, other = beside(found, lambda: self._by_load_steps(values))
         if not against:
             return found
         if other is None:
@@ -194,9 +190,23 @@ class Solver:
             other, warnings=(*other.warnings, f"load steps used: the five steps led elsewhere: {against}")
         )
 
+    def _by_load_steps(self, values: Mapping[str, float]) -> Configuration:
+        """The conventional solver, in the fixed order of its ways."""
+
+        def unloaded() -> Configuration:
+            model = bare(self.model)
+            bodies = joint_bodies(model, self.records, extrapolate=self.extrapolate)
+            five = FiveSteps(model, bodies, extrapolate=self.extrapolate, planar=self.planar)
+            return five(values, model.targets(values), method="full", passes=0, estimate=False)
+
+        # the storage of leafs with weight is another one
+        light = self.model.scene.joints and not len(self.model.arrays.weight)
+        kinematic = unloaded if light else None
+        return by_load_steps(self.model, values, self._told, storage=self.storage, kinematic=kinematic)
+
     def _load_steps(self, values: Mapping[str, float], note: str) -> Configuration:
         """The conventional solver in all its ways."""
-        result = by_load_steps(self.model, values, self._told, storage=self.storage)
+        result = self._by_load_steps(values)
         return _with(result, warnings=(*result.warnings, note)) if note else result
 
     def _told(self, result: Configuration) -> Configuration:

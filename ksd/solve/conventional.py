@@ -16,7 +16,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from ksd.errors import ConvergenceError, SceneError
+from ksd.errors import ConvergenceError, KsdError, SceneError
 from ksd.model.arrays import Arrays, Loads, Motion, carries_load
 from ksd.model.compile import Model
 from ksd.solve.arc import Course
@@ -154,13 +154,15 @@ def _solved(storage: Storage, motion: Motion, ways: dict[str, Any]) -> tuple[Con
     return result, driven
 
 
-def loads_last(model: Model, targets: Mapping[str, float], *, steps: int = 4) -> Configuration:
+def loads_last(
+    model: Model, targets: Mapping[str, float], *, steps: int = 4, unloaded: Configuration | None = None
+) -> Configuration:
     """Solve at `targets` by moving the drives without the loads first, and putting the loads on there.
 
-    The way of a designer who thinks of the intended motion first. Raises ConvergenceError as `conventional`.
+    The way of a designer who thinks of the intended motion first. unloaded: the state without loads, where it is known.
+    Raises ConvergenceError as `conventional`.
     """
-    bare = replace(model, arrays=without_loads(model.arrays))
-    moved = conventional(bare, targets)
+    moved = unloaded or conventional(bare(model), targets)
     start = replace(moved, model=model, load_factor=0.0)
     return conventional(model, targets, start=start, steps=steps)
 
@@ -171,8 +173,10 @@ def by_load_steps(
     told: Callable[[Configuration], Configuration],
     *,
     storage: Storage | None = None,
+    kinematic: Callable[[], Configuration] | None = None,
 ) -> Configuration:
-    """Drives and loads together; where that fails or cannot be trusted, the drives first and the loads on top of them.
+    """Drives and loads together; where that fails or cannot be trusted, the drives first and the loads on top of them; at
+    last the loads on top of the unloaded state of the five steps, that of `kinematic`.
 
     told: adds what joint records know to a configuration. storage: see `conventional`. Raises ConvergenceError.
     """
@@ -181,15 +185,26 @@ def by_load_steps(
         result = told(conventional(model, targets, storage=storage))
     except ConvergenceError as reason:
         stopped = reason
-    if carries_load(model.arrays) and not (result is not None and result.trusted):
-        with contextlib.suppress(ConvergenceError):
-            other = told(loads_last(model, targets))
+    ways: dict[str, Callable[[], Configuration | None]] = {"loads put on after the drives": lambda: None}
+    if kinematic is not None:
+        ways["loads put on the unloaded state of the five steps"] = kinematic
+    for said, begin in ways.items() if carries_load(model.arrays) else ():
+        if result is not None and result.trusted:
+            break
+        with contextlib.suppress(KsdError):
+            other = told(loads_last(model, targets, unloaded=begin()))
             if other.trusted or result is None:
-                result = replace(other, warnings=(*other.warnings, "loads put on after the drives"))
+                result = replace(other, warnings=(*other.warnings, said))
     if result is None:
         assert stopped is not None
         raise stopped
     return result
+
+
+def bare(model: Model) -> Model:
+    """The same mechanism without loads and weight, in arrays of the same kind."""
+    scene = replace(model.scene, loads=(), gravity=None)
+    return replace(model, scene=scene, arrays=without_loads(model.arrays))
 
 
 def without_loads(arrays: Arrays) -> Arrays:

@@ -187,3 +187,27 @@ def test_an_error_that_one_corrector_step_does_not_see(planar):
     assert lax.forces["stroke"] < 0.5 * exact[5e-3] and lax.error.relative == np.inf
     assert np.all(lax.error.force == np.inf) and lax.error.displacement == np.inf
     assert "not known" in str(lax) and lax.as_dict()["error"]["relative_percent"] is None
+
+
+def test_loads_on_the_unloaded_state_of_the_five_steps(monkeypatch):
+    """The last of the ways of load steps, after the two before it have failed, and recorded as such."""
+    import ksd.solve.conventional as module
+
+    scene = fourbar()
+    scene.load("top", force=(0, 0, 700), at=(0, 0.37, 0))
+    right = ksd.prepare(scene)(top=0.3, method="conventional")
+    assert not right.warnings
+    own = module.conventional
+
+    def from_a_state_alone(model, targets, **ways):
+        if ways.get("start") is None:
+            raise ConvergenceError("not from rest", reached=0.0)
+        return own(model, targets, **ways)
+
+    monkeypatch.setattr(module, "conventional", from_a_state_alone)
+    found = ksd.prepare(scene)(top=0.3, method="conventional")
+    assert found.warnings == ("loads put on the unloaded state of the five steps",)
+    assert found.forces["top"] == pytest.approx(right.forces["top"], rel=1e-8)
+    monkeypatch.setattr(module, "loads_last", lambda *a, **k: from_a_state_alone(*a))
+    with pytest.raises(ConvergenceError, match="not from rest"):
+        ksd.prepare(scene)(top=0.3, method="conventional")
