@@ -167,33 +167,37 @@ def _columns(choices: ModalBasis, modes: Modes, derived: Derivatives, R: np.ndar
     k = modes.shapes.shape[1]
     index = {(i,): i for i in range(k)} | {p: k + n for n, p in enumerate(derived.pairs)}
     psi = every[:, :, 3:]
+    spin = np.zeros((*psi.shape, 3))
+    for i, j, c in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
+        spin[..., i, j], spin[..., j, i] = -psi[..., c], psi[..., c]
     found = []
     for key, at in index.items():
-        turned = [np.cross(psi[at], R[:, :, c]) for c in (0, 1)]
-        for c in (0, 1):
-            turned[c] = turned[c] + _higher(key, index, psi, R[:, :, c])
-        found.append(np.hstack([every[at, :, :3], *turned]).ravel())
+        turned = spin[at] @ R[:, :, :2] + _higher(key, index, spin, R[:, :, :2])
+        found.append(np.hstack([every[at, :, :3], turned[..., 0], turned[..., 1]]).ravel())
     return np.array(found).T
 
 
-def _higher(key: tuple[int, ...], index: dict, psi: np.ndarray, v: np.ndarray) -> np.ndarray:
-    """Second and third order terms of exp(psi) v in the derivative `key` of the path; psi (.., n+1, 3), v (n+1, 3)."""
+def _higher(key: tuple[int, ...], index: dict, spin: np.ndarray, v: np.ndarray) -> np.ndarray:
+    """Second and third order terms of exp(psi) v in the derivative `key` of the path; spin (.., n+1, 3, 3) = [psi]x, v (n+1,
+    3, 2)."""
 
-    def turn(parts: tuple[tuple[int, ...], ...], w: np.ndarray) -> np.ndarray:
+    def turn(*parts: tuple[int, ...]) -> np.ndarray:
+        w = v
         for part in reversed(parts):
-            w = np.cross(psi[index[tuple(sorted(part))]], w)
+            w = spin[index[part]] @ w
         return w
 
     total = np.zeros_like(v)
     if len(key) == 2:
         i, j = (key[0],), (key[1],)
-        total += 0.5 * (turn((i, j), v) + turn((j, i), v))
+        total += 0.5 * (turn(i, j) + turn(j, i))
     if len(key) == 3:
         for one in range(3):
+            # what is left of a sorted key is sorted
             i, rest = (key[one],), tuple(k for n, k in enumerate(key) if n != one)
-            total += 0.5 * (turn((i, rest), v) + turn((rest, i), v))
-        for order in permutations(key):
-            total += turn(tuple((k,) for k in order), v) / 6
+            total += 0.5 * (turn(i, rest) + turn(rest, i))
+        for a, b, c in permutations(key):
+            total += turn((a,), (b,), (c,)) / 6
     return total
 
 

@@ -24,6 +24,10 @@ from ksd.model.compile import Model
 from ksd.model.mesh import Mesh
 
 
+ALIKE = 10
+"""Decimals of positions over length, and of rotations, to which leafs of one shape share their basis."""
+
+
 @dataclass(frozen=True)
 class ModalMesh(Mesh):
     """Chains of which leafs are reduced, all by `choices`, or, where some leafs only, by what stands in `named`."""
@@ -91,9 +95,10 @@ def with_modal_bodies(
     """
     chosen = _chosen(model, choices, only)
     bodies: list[LeafBasis | None] = []
+    alike: dict[tuple, LeafBasis] = {}
     for i, name in enumerate(model.member_names):
         place = None if name in at_rest else about
-        bodies.append(_body(model, i, chosen[i], place) if i in chosen else None)
+        bodies.append(_body(model, i, chosen[i], place, alike) if i in chosen else None)
     arrays, inner = replaced(model.arrays, model.rest.inner, bodies)
     mesh = _described(model, chosen)
     rest = model.rest._replace(inner=inner)
@@ -103,11 +108,20 @@ def with_modal_bodies(
     )
 
 
-def _body(model: Model, i: int, choices: ModalBasis, about: Motion | None) -> LeafBasis:
-    """The basis of member i, about the state `about` or at rest."""
+def _body(
+    model: Model, i: int, choices: ModalBasis, about: Motion | None, alike: dict[tuple, LeafBasis]
+) -> LeafBasis:
+    """The basis of member i, about the state `about` or at rest; alike: those made so far, by shape to rounding."""
     shape = chain_shape(model.arrays, i, model.rest if about is None else about)
     try:
-        return rest_basis(shape.record, choices) if about is None else make_basis(shape, choices)
+        if about is None:
+            return rest_basis(shape.record, choices)
+        places = np.round(np.hstack([shape.x / shape.length, shape.R.reshape(-1, 9)]), ALIKE)
+        # -0.0 and 0.0 are alike
+        key = shape.record.tobytes(), (places + 0.0).tobytes(), choices
+        if key not in alike:
+            alike[key] = make_basis(shape, choices)
+        return alike[key]
     except ValueError as reason:
         raise SceneError(f"leaf '{model.member_names[i]}' has no modal basis: {reason}") from reason
 

@@ -92,8 +92,11 @@ class MixedSolver:
             self._at_rest = _Prepared(with_modal_bodies(self.full, self.leafs), self.steps)
         return self._at_rest
 
-    def __call__(self, values: Mapping[str, float], *, passes: int = 0) -> Configuration:
-        """Solve at drive values. passes: rounds in which the joints are condensed again where they are.
+    def __call__(
+        self, values: Mapping[str, float], *, passes: int = 0, patient: bool = True
+    ) -> Configuration:
+        """Solve at drive values. passes: rounds in which the joints are condensed again where they are; patient: take
+        parts of loads and drives where the whole of them fails.
 
         Raises RangeError, ConvergenceError.
         """
@@ -106,8 +109,10 @@ class MixedSolver:
         motion, settled = self._start(ready)
         steps.append(Step("bodies settled", settled, clock(), 0.0, Stop.CONVERGED, "ends held"))
         try:
-            steps.append(_equilibrium(ready, motion, target, again=False))
+            steps.append(_equilibrium(ready, motion, target, once=not patient))
         except ConvergenceError as reason:
+            if not patient:
+                raise
             motion, count = self._along(ready, values, reason)
             steps.append(
                 Step("3 reduced equilibrium", count, clock(), 0.0, Stop.CONVERGED, "along the drive")
@@ -116,9 +121,10 @@ class MixedSolver:
             if n > 0:
                 condense_space(b.held, 0)
                 self._condensed(ready, motion)
-                steps.append(_equilibrium(ready, motion, target, again=True))
+                steps.append(_equilibrium(ready, motion, target, once=True))
             links = self.model.links
             b.reduced.x[:], b.reduced.R[:] = motion.x[:links], motion.R[:links]
+            clock()
             shift, _ = recover_space(b.held)
             steps.append(Step("4 recovery", 0, clock(), shift, Stop.CONVERGED))
         return self._answer(ready, motion, values, steps, placed)
@@ -167,11 +173,16 @@ class MixedSolver:
         motion, count = mix.rest.copy(), 0
         motion.x[:], motion.R[:] = placed.x[mix.nodes], placed.R[mix.nodes]
         at, free = self.model.arrays.members.inner_at, self.model.joint_members[-1].stop
+        alike: dict[tuple, np.ndarray] = {}
         for m, i in enumerate(mix.member):
             if m in ready.settling:
                 d, Q = member_pose(mix.arrays.members, m, motion)
-                found, taken = _settled(ready.settling[m], ready.settling_work[m], d, Q)
-                mix.own(motion, m)[:], count = found, count + taken
+                pose = np.round(np.concatenate([d / mix.arrays.size, Q.ravel()]), 10) + 0.0
+                key = int(mix.arrays.members.value_at[m]), pose.tobytes()
+                if key not in alike:
+                    alike[key], taken = _settled(ready.settling[m], ready.settling_work[m], d, Q)
+                    count += taken
+                mix.own(motion, m)[:] = alike[key]
             elif 0 <= i < free:
                 mix.own(motion, m)[:] = placed.inner[at[i] : at[i + 1]]
         self._condensed(ready, motion)
@@ -214,8 +225,8 @@ class MixedSolver:
         )  # fmt: skip
 
 
-def _equilibrium(ready: _Prepared, motion: Motion, target: np.ndarray, *, again: bool) -> Step:
-    """Step 3, in place: loads put on at once or, failing that, in parts; again: in a further pass, where they are on.
+def _equilibrium(ready: _Prepared, motion: Motion, target: np.ndarray, *, once: bool) -> Step:
+    """Step 3, in place: loads put on at once or, failing that, in parts, unless `once`.
 
     Raises ConvergenceError.
     """
@@ -229,7 +240,7 @@ def _equilibrium(ready: _Prepared, motion: Motion, target: np.ndarray, *, again:
         return drive_to(motion, newton, start=target, target=target, **ways)
 
     driven = driven_from(0.0, 1.0)
-    if driven.stop is not Stop.CONVERGED and not again:
+    if driven.stop is not Stop.CONVERGED and not once:
         # without loads first: the place steps 1 and 2 give is no equilibrium of theirs
         reason, count, *_ = newton(target, 0.0, RTOL, 30, CAP, math.inf)
         if reason == Stop.CONVERGED:
@@ -237,7 +248,7 @@ def _equilibrium(ready: _Prepared, motion: Motion, target: np.ndarray, *, again:
             driven = more._replace(solves=driven.solves + count + more.solves, taken=more.taken + 1)
     parts = f"{driven.taken} load steps" if driven.taken > 1 else ""
     step = Step("3 reduced equilibrium", driven.solves, clock(), driven.residual, driven.stop, parts)
-    if driven.stop is not Stop.CONVERGED and again:
+    if driven.stop is not Stop.CONVERGED and once:
         raise ConvergenceError(
             f"in a further pass {driven.stop.sentence}: the loads bend the joints too far from their intended motion to "
             "condense them there; take fewer passes, or use method='full'"

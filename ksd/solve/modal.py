@@ -7,6 +7,7 @@ steps of the full model from the recovered nodes and looks how far they lead.
 
 from __future__ import annotations
 
+import contextlib
 import math
 import time
 from collections.abc import Collection, Mapping
@@ -15,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from ksd.errors import ConvergenceError, SceneError
+from ksd.errors import ConvergenceError, KinematicsError, RangeError, RecordError, SceneError
 from ksd.modal.basis import shortest_turn
 from ksd.modal.bodies import ModalModel, body_nodes, inside, member_pose, with_modal_bodies
 from ksd.modal.choices import ModalBasis
@@ -47,11 +48,17 @@ class ModalSolver:
     """A mechanism of modal bodies, prepared for repeated solves.
 
     full: the model, its leafs to reduce as chains; basis: of all leafs, or by leaf; near: the state of `full` to expand
-    trained bases at, for given drive values.
+    trained bases at, for given drive values; placing: starts where the joints' records put everything, None without them.
     """
 
-    def __init__(self, full: Model, basis: ModalBasis | Mapping[str, ModalBasis], near: Near) -> None:
-        self.full, self.basis, self.near = full, basis, near
+    def __init__(
+        self,
+        full: Model,
+        basis: ModalBasis | Mapping[str, ModalBasis],
+        near: Near,
+        placing: MixedSolver | None = None,
+    ) -> None:
+        self.full, self.basis, self.near, self.placing = full, basis, near, placing
         self._at_rest: ModalModel | None = None
 
     @property
@@ -72,6 +79,10 @@ class ModalSolver:
             return replace(
                 tangent_solve(self.full, self.basis, targets, about, at_rest=still), method="modal"
             )
+        if self.placing is not None:
+            # a few iterations from there, tens of them from rest
+            with contextlib.suppress(ConvergenceError, RangeError):
+                return self.placing(targets, patient=False)
         try:
             found = conventional(self.at_rest, targets, planar=False)
         except ConvergenceError as reason:
@@ -130,9 +141,12 @@ def _prepared(solver: Any) -> ModalSolver | MixedSolver:
         }
         return standing(full, leafs, {n: (chains[n].model, m) for n, m in placed.items()})
 
-    if isinstance(basis, Mapping) and any(condensed_joints(full, leafs)):
+    if any(condensed_joints(full, leafs)):
         return MixedSolver(model, full, leafs, near=near, **words)
-    return ModalSolver(full, basis if isinstance(basis, ModalBasis) else leafs, near)
+    placing = None
+    with contextlib.suppress(RecordError, RangeError, KinematicsError, SceneError):
+        placing = MixedSolver(meshed(model), full, leafs, near=near, **words)
+    return ModalSolver(full, basis if isinstance(basis, ModalBasis) else leafs, near, placing)
 
 
 def tangent_solve(
