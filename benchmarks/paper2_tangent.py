@@ -99,9 +99,7 @@ def in_space(angles: tuple[float, ...] = ANGLES) -> list[dict[str, Any]]:
     for angle in angles:
         turn = -np.deg2rad(angle)
         best = ksd.solve(scene, turn=turn, method="conventional", mesh=fine)
-        full = ksd.solve(
-            scene, turn=turn, method="conventional", mesh=Mesh("corotational", elements=10)
-        )
+        full = ksd.solve(scene, turn=turn, method="conventional", mesh=Mesh("corotational", elements=10))
         ways = {
             "tangent basis": (
                 ksd.solve(scene, turn=turn, method="modal", basis=ModalBasis(expansion="trained", frame="node", internal=0)),

@@ -23,7 +23,6 @@ from ksd.model.arrays import COROTATIONAL, MODAL, Arrays, Members, Motion
 from ksd.model.compile import Model
 from ksd.model.mesh import Mesh
 
-
 ALIKE = 10
 """Decimals of positions over length, and of rotations, to which leafs of one shape share their basis."""
 
