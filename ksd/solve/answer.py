@@ -113,6 +113,8 @@ def _trust(c: Configuration) -> dict[str, dict[str, Any]]:
 def stability(c: Configuration) -> str:
     """Whether the configuration stays where it is, in words."""
     surplus = c.negatives - c.expected
+    if surplus == 0 and c.still is not None:
+        return c.still[1]
     if surplus == 0:
         where = "stable in its plane (out of it only an error estimate looks)" if c.plane_alone else "stable"
         return f"{where}: a minimum of energy under the held drives"

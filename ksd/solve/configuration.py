@@ -60,8 +60,19 @@ class Configuration:
 
     @property
     def stable(self) -> bool:
-        """No negative pivots beyond those of the constraint rows: a minimum of energy under the held drives."""
-        return self.negatives == self.expected
+        """No negative pivots beyond those of the constraint rows: a minimum of energy under the held drives; where loads
+        follow their links, no divergence and no flutter."""
+        return self.negatives == self.expected and (self.still is None or self.still[0])
+
+    @cached_property
+    def still(self) -> tuple[bool, str] | None:
+        """Whether it flutters, in words, where loads follow their links; else None."""
+        following = self.model.arrays.loads.following
+        if not len(following) or not following.any() or not self.converged:
+            return None
+        from ksd.solve.following import keeps_still
+
+        return keeps_still(*self.unreduced, self.load_factor)
 
     @property
     def trust(self) -> Any:

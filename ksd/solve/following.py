@@ -11,9 +11,11 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from ksd.errors import SceneError
 from ksd.model.arrays import Arrays, Motion, make_work
 from ksd.model.compile import Model
 from ksd.model.system import assemble
+from ksd.properties.frequencies import frequencies
 from ksd.properties.tangent import exact, stored_matrix
 from ksd.properties.turning import turning_loads
 from ksd.solve.newton import GRAIN
@@ -26,6 +28,20 @@ REAL = 1e-9
 def follows(model: Model) -> bool:
     """Whether a load turns with its link."""
     return bool(np.any(model.arrays.loads.following == 1))
+
+
+def keeps_still(model: Model, motion: Motion, load_factor: float) -> tuple[bool, str]:
+    """Whether a state that following loads do not leave slowly is not left in growing oscillations either, in words."""
+    still = "stable: no slow motion leaves it"
+    try:
+        modes = frequencies(model, motion, count=8, load_factor=load_factor)
+    except SceneError:
+        return True, f"{still}; loads follow and nothing has mass, so flutter was not looked at"
+    worst = int(np.argmax(modes.growth_per_s))
+    if modes.growth_per_s[worst] > 0.0:
+        said = f"{modes.frequency_Hz[worst]:.3g} Hz, growing by {modes.growth_per_s[worst]:.3g} per second"
+        return False, f"UNSTABLE: FLUTTER under loads that follow, at {said} (without damping)"
+    return True, f"{still}, and no mode of its masses flutters (without damping)"
 
 
 def divergences(arrays: Arrays, K: Array, rest: Array) -> int:

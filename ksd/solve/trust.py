@@ -13,11 +13,10 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from ksd.errors import SceneError, TrustError
+from ksd.errors import TrustError
 from ksd.model.arrays import STRAIN
 from ksd.model.compile import Model
 from ksd.properties.kept import per_model
-from ksd.solve.following import follows
 from ksd.solve.near import FAR_SHIFT, FAR_TURN
 from ksd.solve.stops import Stop
 
@@ -102,23 +101,7 @@ def _stable(c: Configuration) -> Verdict:
     said, rolled = stability(c), _rolled(c)
     if rolled:
         return Verdict(False, f"NOT CERTAIN: {rolled}")
-    if c.stable and c.converged and follows(c.model):
-        return _keeps_still(c)
     return Verdict(c.stable, said)
-
-
-def _keeps_still(c: Configuration) -> Verdict:
-    """A state that following loads do not leave slowly: whether they leave it in growing oscillations."""
-    still = "stable: no slow motion leaves it"
-    try:
-        modes = c.frequencies(count=8)
-    except SceneError:
-        return Verdict(True, f"{still}; loads follow and nothing has mass, so flutter was not looked at")
-    worst = int(np.argmax(modes.growth_per_s))
-    if modes.growth_per_s[worst] > 0.0:
-        said = f"{modes.frequency_Hz[worst]:.3g} Hz, growing by {modes.growth_per_s[worst]:.3g} per second"
-        return Verdict(False, f"UNSTABLE: FLUTTER under loads that follow, at {said} (without damping)")
-    return Verdict(True, f"{still}, and no mode of its masses flutters (without damping)")
 
 
 def _furthest(c: Configuration) -> tuple[str, float, float, float]:
@@ -186,7 +169,7 @@ def judge(c: Configuration) -> Trust:
 
 def _evident(c: Configuration) -> bool:
     """Whether `judge` would trust it, as far as numbers at hand tell: verdicts are put in words when they are read."""
-    settled = c.near and c.stable and not c.doubts and c.converged and not follows(c.model)
+    settled = c.near and c.stable and not c.doubts and c.converged
     return settled and (c.error is None or c.error.relative <= 1.0) and not _rolled(c)
 
 

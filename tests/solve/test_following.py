@@ -140,3 +140,9 @@ def test_modes_of_a_following_load_of_nothing_are_those_without():
     bare, idle = (conventional(cantilever((0, 1e-9 * k, 0)), {}).frequencies(count=5) for k in (0.0, 1.0))
     assert idle.frequency_Hz == pytest.approx(bare.frequency_Hz, rel=1e-6)
     assert not idle.growth_per_s.any()
+
+
+def test_the_verdicts_agree():
+    found = ksd.solve(cantilever((-21.0, 0, 0)), strict=False)
+    assert not found.stable and not found.trusted and not found.trust.stable
+    assert "FLUTTER" in found.as_dict()["stability"] and found.as_dict()["stable"] is False
