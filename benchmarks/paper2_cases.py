@@ -23,8 +23,9 @@ from ksd.solve.conventional import conventional
 STEEL = ksd.Material(E=200e9, G=76.9e9, density=7800)
 L, W, T = 0.1, 0.02, 0.5e-3
 EI = STEEL.E * W * T**3 / 12
-SPREAD = 0.05
-"""Distance [m] of the leafs of the parallel guide."""
+SPREAD = 0.1
+"""Distance [m] of the leafs of the parallel guide. The closer they are, the more the shuttle turns with one leaf pulled and
+the other pushed, which hides the order of the error and asks for shapes of a buckled leaf (`paper2.spacings`)."""
 PRINTED = ModalBasis(coordinates="angle", frame="node", internal=0, plane=True)
 """Paper 2 as printed."""
 DEFAULT = ModalBasis(plane=True)
@@ -48,11 +49,16 @@ def cantilever(load: float) -> ksd.Mechanism:
     return scene
 
 
-def guide(load: float) -> ksd.Mechanism:
-    """Two parallel leafs, loaded across [EI/L^2] at the level of their ends; stroke: deflection over L."""
+def guide(load: float, *, spread: float = SPREAD, held: bool = False) -> ksd.Mechanism:
+    """Two parallel leafs, loaded across [EI/L^2] at the level of their ends; stroke: deflection over L.
+
+    held: the shuttle does not turn.
+    """
     scene = ksd.Mechanism("parallel guide")
     tip = scene.link("tip")
-    _leafs(scene, tip, [((0, y), (L, y)) for y in (-0.5 * SPREAD, 0.5 * SPREAD)])
+    _leafs(scene, tip, [((0, y), (L, y)) for y in (-0.5 * spread, 0.5 * spread)])
+    if held:
+        scene.support(tip, about="z")
     scene.load(tip, force=(0, load * EI / L**2, 0), at=(L, 0, 0))
     return scene
 

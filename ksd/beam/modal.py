@@ -7,8 +7,9 @@ the elements, summed over those that carry a weight (all with weight 1, or the s
 
 Arrays (float64, SI): `value` = reference orientations 18 (columns of ends p and q), boundary values at the expansion
 point (nb,), stiffness holding inner coordinates that have none of their own (m,), then per element: weight, constants
-25 as in `ksd.beam.corotational` with n = 1, orientations 18, z0 (2 q,), Z (2 q, nb + m) of its two nodes; `inner` =
-eta (m,); `number` = [elements, m, nb, frame + 2 angle]; `store` keeps the factor of the inner tangent, its coupling
+25 as in `ksd.beam.corotational` with n = 1, orientations 18, z0 (2 q,), Z (2 q, nb + m) of its two nodes, and on a
+quadratic manifold, z = z0 + Z y + T y y / 2, T (2 q, nb + m, nb + m); `inner` = eta (m,); `number` = [elements, m, nb,
+frame + 2 angle + 4 manifold]; `store` keeps the factor of the inner tangent, its coupling
 and residual.
 """
 
@@ -89,13 +90,40 @@ def add_projected(Z, gradient, H, weight, g, G, Y):
 
 
 @kernel
+def bend_columns(T, y, Z, z, J):
+    """J (rows, M) = Z + T y, and z (rows,) += T y y / 2, of a quadratic manifold T (rows, M, M)."""
+    rows, M = Z.shape
+    for r in range(rows):
+        s = 0.0
+        for i in range(M):
+            t = 0.0
+            for k in range(M):
+                t += T[r, i, k] * y[k]
+            J[r, i] = Z[r, i] + t
+            s += t * y[i]
+        z[r] += 0.5 * s
+
+
+@kernel
+def add_curvature(T, gradient, weight, G):
+    """G (lower triangle) += w gradient . T, the curvature of the manifold."""
+    rows, M = T.shape[0], T.shape[1]
+    for r in range(rows):
+        f = weight * gradient[r]
+        for i in range(M):
+            for c in range(i + 1):
+                G[i, c] += f * T[r, i, c]
+
+
+@kernel
 def modal_energy(value, number, y, store, g, G):
     """Gradient g (M,) and tangent G (M, M), lower triangle, by the coordinates y = (b - b0, eta); returns the status."""
-    angle = number[3] // 2
+    angle, curved = (number[3] // 2) % 2, number[3] // 4
     q2 = 12 if angle else 18
     M = number[1] + number[2]
     at, status = 18 + M, 0
     z, gradient, H, Y = np.empty(q2), np.empty(q2), np.empty((q2, q2)), np.empty((q2, M))
+    J = np.empty((q2, M))
     g[:] = 0.0
     G[:] = 0.0
     for i in range(number[2], M):
@@ -104,15 +132,22 @@ def modal_energy(value, number, y, store, g, G):
     for _ in range(number[0]):
         record, R0 = value[at + 1 : at + 26], value[at + 26 : at + CONSTANTS]
         first = at + CONSTANTS + q2
-        Z = value[first : first + q2 * M].reshape(q2, M)
+        last = first + q2 * M
+        Z = value[first:last].reshape(q2, M)
+        T = value[last : last + curved * q2 * M * M].reshape(curved * q2, M, M)
         for r in range(q2):
             s = value[at + CONSTANTS + r]
             for c in range(M):
                 s += Z[r, c] * y[c]
+                J[r, c] = Z[r, c]
             z[r] = s
+        if curved:
+            bend_columns(T, y, Z, z, J)
         status = max(status, element_values(record, store, z, R0, angle, gradient, H))
-        add_projected(Z, gradient, H, value[at], g, G, Y)
-        at = first + q2 * M
+        add_projected(J, gradient, H, value[at], g, G, Y)
+        if curved:
+            add_curvature(T, gradient, value[at], G)
+        at = last + curved * q2 * M * M
     return status
 
 
@@ -193,7 +228,7 @@ def modal_condense(value, number, inner, store, d, Q, lam, K):
     m, nb = number[1], number[2]
     M = m + nb
     jets = np.empty((nb, JET))
-    boundary_jets(number[3] % 2, number[3] // 2, value[:18], d, Q, jets)
+    boundary_jets(number[3] % 2, (number[3] // 2) % 2, value[:18], d, Q, jets)
     y, g, G = np.empty(M), np.empty(M), np.empty((M, M))
     for i in range(nb):
         y[i] = jets[i, 0] - value[18 + i]

@@ -21,6 +21,7 @@ from ksd.numerics.reduction import (
     conditioned,
     craig_bampton,
     modal_derivatives,
+    quadratic_manifold,
     split_boundary,
 )
 
@@ -52,7 +53,8 @@ class LeafBasis:
 
     z0 ((n+1) q,), boundary (.., nb), inner (.., m), hold (m,) Nm (see `_separated`), b0 (nb,), orientation (n+1, 9)
     (columns of the expansion point, in the floating frame); q = 9 values per node for directors, 6 for angles. modes,
-    derivatives: what it was made of; condition: of `inner` before it was made orthonormal.
+    derivatives: what it was made of; condition: of `inner` before it was made orthonormal. tied ((n+1) q, nb + m, nb + m):
+    second derivatives of z by all coordinates, on a quadratic manifold.
     """
 
     choices: ModalBasis
@@ -66,6 +68,13 @@ class LeafBasis:
     modes: Modes
     derivatives: Derivatives
     condition: float
+    tied: np.ndarray | None = None
+
+    def nodes(self, b: np.ndarray, eta: np.ndarray) -> np.ndarray:
+        """Values z ((n+1) q,) of all nodes at boundary values b (nb,) and inner coordinates eta (m,)."""
+        y = np.concatenate([b - self.b0, eta])
+        z = self.z0 + np.hstack([self.boundary, self.inner]) @ y
+        return z if self.tied is None else z + 0.5 * (self.tied @ y) @ y
 
     @property
     def rank(self) -> int:
@@ -92,7 +101,10 @@ class LeafBasis:
             rows = slice(q * e, q * (e + 2))
             parts += [[w[e]], self.record[e], self.orientation[e : e + 2].ravel(), self.z0[rows]]
             parts.append(columns[rows].ravel())
+            if self.tied is not None:
+                parts.append(self.tied[rows].ravel())
         flags = (self.choices.frame == "chord") + 2 * (self.choices.coordinates == "angle")
+        flags += 4 * (self.tied is not None)
         number = np.array([np.count_nonzero(w), self.inner.shape[1], len(self.b0), flags], np.int64)
         return np.concatenate([np.asarray(p, float).ravel() for p in parts]), number
 
@@ -247,6 +259,8 @@ def make_basis(shape: LeafShape, choices: ModalBasis) -> LeafBasis:
     K = tangent_function(shape.record, x, orientation)
     modes = _modes(K(np.zeros(6 * (n + 1))), boundary, inner, _mass(shape, R), choices)
     derived = _derived(K, modes, inner, choices, shape.length)
+    if choices.derivatives == "tied":
+        return _manifold(LeafShape(shape.record, x, R), choices, modes, derived, boundary)
     columns = _columns(choices, modes, derived, R)
     rows = _boundary_rows(choices, n)
     edge, rest = split_boundary(columns, rows)
@@ -260,6 +274,27 @@ def make_basis(shape: LeafShape, choices: ModalBasis) -> LeafBasis:
     return LeafBasis(
         choices, shape.record, orientation, z0, edge, columns, hold, z0[rows], modes, derived, basis.condition
     )
+
+
+def _manifold(
+    shape: LeafShape, choices: ModalBasis, modes: Modes, derived: Derivatives, boundary: list[int]
+) -> LeafBasis:
+    """The quadratic manifold: boundary values and internal modes are all there is, derivatives hang on them."""
+    n = len(shape.record)
+    rows = _boundary_rows(choices, n)
+    nb, m = len(rows), modes.shapes.shape[1] - modes.boundary
+    curve = quadratic_manifold(modes, derived)
+    place = [*(rows.index(b) for b in boundary), *range(nb, nb + m)]
+    columns = np.zeros((6 * (n + 1), nb + m))
+    columns[:, place] = modes.shapes
+    tied = np.zeros((6 * (n + 1), nb + m, nb + m))
+    tied[:, np.array(place)[:, None], place] = np.moveaxis(curve.theta, 2, 0)
+    z0 = _expansion(choices, shape.x, shape.R)
+    unit = conditioned(modes.shapes / np.tile([shape.length] * 3 + [1.0] * 3, n + 1)[:, None])
+    return LeafBasis(
+        choices, shape.record, shape.R.transpose(0, 2, 1).reshape(n + 1, 9), z0, columns[:, :nb], columns[:, nb:],
+        np.zeros(m), z0[rows], modes, derived, unit.condition, tied,
+    )  # fmt: skip
 
 
 def _separated(

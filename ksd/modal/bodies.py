@@ -208,8 +208,7 @@ def body_nodes(
     jets = np.empty((len(body.b0), JET))
     angle = body.choices.coordinates == "angle"
     boundary_jets(int(body.choices.frame == "chord"), int(angle), reference, d, Q, jets)
-    z = body.z0 + body.boundary @ (jets[:, 0] - body.b0) + body.inner @ eta
-    z = z.reshape(-1, body.values_per_node)
+    z = body.nodes(jets[:, 0], eta).reshape(-1, body.values_per_node)
     if angle:
         start = body.orientation.reshape(-1, 3, 3).transpose(0, 2, 1)
         R = Rotation.from_rotvec(z[:, 3:]).as_matrix() @ start

@@ -19,10 +19,13 @@ class ModalBasis:
     power of the stroke, and more with a finer mesh). frame: "chord" (turns with the line between the ends and gains a
     factor of 25 to 70 at 0.1 L) or "node" (as printed: the frame of end p). internal: fixed-interface modes (without
     them the support compliance of a guide is 2 to 100 times too low). order: highest derivative of the static path, 2
-    or 3 (twice the unknowns; cures the angles). elements: Appendix A elements per leaf of the model that is reduced.
-    expansion: "rest", or "trained": about the kinematic state of the joints' records at the asked drive
-    values (tangent basis), where unintended loads then find all they need. plane: derivatives of in-plane modes only:
-    half the unknowns, but wrong support stiffness across the plane; for planar comparisons.
+    or 3 (twice the unknowns; cures the angles). derivatives: "free" (an unknown each, as printed) or "tied" to the
+    products of their modes, the quadratic manifold, for comparison: 6 unknowns, but locked, its stroke eight times too
+    short at 0.1 L, since what the path leaves out can go nowhere; by angles and order 2 only. elements: Appendix A
+    elements per leaf of the model that is reduced. expansion: "rest", or "trained": about the kinematic state of the
+    joints' records at the asked drive values (tangent basis), where unintended loads then find all they need. plane:
+    derivatives of in-plane modes only: half the unknowns, but wrong support stiffness across the plane; for planar
+    comparisons.
     cut: singular values below this fraction are dropped. Raises SceneError for what is not a choice.
     """
 
@@ -30,6 +33,7 @@ class ModalBasis:
     frame: str = "chord"
     internal: int = 2
     order: int = 2
+    derivatives: str = "free"
     elements: int = 10
     expansion: str = "rest"
     plane: bool = False
@@ -39,6 +43,12 @@ class ModalBasis:
         _among("coordinates", self.coordinates, ("director", "angle"))
         _among("frame", self.frame, ("chord", "node"))
         _among("expansion", self.expansion, ("rest", "trained"))
+        _among("derivatives", self.derivatives, ("free", "tied"))
+        if self.derivatives == "tied" and (self.coordinates != "angle" or self.order != 2):
+            raise SceneError(
+                "derivatives = 'tied': the quadratic manifold is one of coordinates='angle' and order=2, where every "
+                "mode has one amplitude"
+            )
         if self.order not in (1, 2, 3):
             raise SceneError(f"order = {self.order}: 1 (no derivatives), 2 or 3 are possible")
         if not 0 <= self.internal <= 12:
@@ -53,8 +63,9 @@ class ModalBasis:
     def __str__(self) -> str:
         across = ", in-plane derivatives" if self.plane else ""
         at = "" if self.expansion == "rest" else ", about the trained configuration"
+        tied = " on a quadratic manifold" if self.derivatives == "tied" else ""
         return (
-            f"{self.coordinates} coordinates, {self.frame} frame, {self.internal} internal modes, order {self.order}, "
+            f"{self.coordinates} coordinates, {self.frame} frame, {self.internal} internal modes, order {self.order}{tied}, "
             f"{self.elements} elements per leaf{at}{across}"
         )
 

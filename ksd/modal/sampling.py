@@ -76,6 +76,10 @@ def with_samples(model: ModalModel, states: Sequence[Motion], *, tolerance: floa
     for i, body in enumerate(model.bodies):
         if body is None:
             continue
+        if body.tied is not None:
+            raise SceneError(
+                f"leaf '{model.member_names[i]}' is on a quadratic manifold: only bodies of free derivatives are sampled"
+            )
         parts = [
             (*member_pose(members, i, s), s.inner[members.inner_at[i] : members.inner_at[i + 1]])
             for s in states

@@ -78,8 +78,12 @@ def test_element_in_node_values(angle):
 
 @pytest.mark.parametrize(
     "basis",
-    [ksd.ModalBasis(elements=6), ksd.ModalBasis(coordinates="angle", frame="node", internal=0, elements=6)],
-    ids=["default", "printed"],
+    [
+        ksd.ModalBasis(elements=6),
+        ksd.ModalBasis(coordinates="angle", frame="node", internal=0, elements=6),
+        ksd.ModalBasis(coordinates="angle", derivatives="tied", elements=6),
+    ],
+    ids=["default", "printed", "manifold"],
 )
 def test_condensed_body(basis):
     """Energy, its pose and its condensation at a bent state, against differences and plain linear algebra."""
@@ -230,6 +234,8 @@ def test_validity_range():
         ({"internal": -1}, "internal = -1"),
         ({"elements": 1}, "elements = 1"),
         ({"expansion": "now"}, "choose one of rest, trained"),
+        ({"derivatives": "bound"}, "choose one of free, tied"),
+        ({"derivatives": "tied"}, "the quadratic manifold is one of coordinates='angle'"),
     ],
 )
 def test_choices_are_checked(words, said):

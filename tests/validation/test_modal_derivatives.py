@@ -31,8 +31,8 @@ def cases():
     [
         ("cantilever", 0.097, 0.005, 4.0, 0.3),
         ("cross flexure", 9.6, 0.5, 4.0, 0.3),
-        # the guide grows with 3.4 near its 1 % point
-        ("parallel guide", 0.129, 0.006, 3.4, 0.3),
+        # with leafs a length apart; half of that lets the shuttle turn, and the order is 3.4 (benchmarks/results/paper2.md)
+        ("parallel guide", 0.129, 0.006, 4.0, 0.3),
     ],
 )
 def test_as_printed(cases, case, stroke, slack, order, width):
@@ -53,7 +53,7 @@ def test_as_printed_a_finer_mesh_makes_it_worse(cases):
 
 
 @pytest.mark.parametrize(
-    ("case", "load"), [("cantilever", 2.1), ("parallel guide", 15.3), ("cross flexure", 2.45)]
+    ("case", "load"), [("cantilever", 2.1), ("parallel guide", 16.0), ("cross flexure", 2.45)]
 )
 def test_director_coordinates(cases, case, load):
     """Row 2, up to 0.5 L and 60 degrees: stroke 0.02 %, support compliance 0.5 %, and 160 elements no worse."""
@@ -61,16 +61,17 @@ def test_director_coordinates(cases, case, load):
     assert found["stroke"] > (59.0 if case == "cross flexure" else 0.49)
     assert abs(found["stroke_error"]) < 2e-4
     assert abs(found["support_error"]) < 5e-3
-    if case == "cantilever":
+    if case != "cross flexure":
         fine = cases.measured(case, load, replace(cases.DEFAULT, elements=160))
         assert abs(fine["stroke_error"]) < 2 * abs(found["stroke_error"]) + 1e-6
+        assert abs(fine["support_error"]) < 2 * abs(found["support_error"]) + 1e-6
 
 
 @pytest.mark.parametrize(("order", "stroke", "support"), [(4, 1e-4, 1.5e-2), (6, 2e-5, 1e-4)])
 def test_strain_modes_beside(cases, order, stroke, support):
     """Row 3: the measure a modal basis must beat."""
     reference = Mesh(orders=(6, 4, 12), points=15)
-    for case, load in (("cantilever", 2.1), ("parallel guide", 15.3), ("cross flexure", 2.45)):
+    for case, load in (("cantilever", 2.1), ("parallel guide", 16.0), ("cross flexure", 2.45)):
         found = cases.strain_measured(case, load, order, reference)
         assert abs(found["stroke_error"]) < stroke
         assert abs(found["support_error"]) < support
@@ -108,6 +109,23 @@ def test_tangent_basis(hinge):
         near = 1e-6 if angle == 30 else 2e-4
         for d in ("x", "y", "z", "rx", "ry"):
             assert a[d] == pytest.approx(b[d], rel=near)
+
+
+@pytest.mark.parametrize("case", ["cantilever", "parallel guide", "cross flexure"])
+def test_tangent_basis_in_the_plane(cases, case):
+    """Row 4: load within 0.02 % to +-0.05 L or +-5 degrees of the trained configuration, support stiffness exact at it."""
+    rows = import_module("paper2_tangent").around(case)
+    for row in rows:
+        assert abs(row["value"]) < (1e-6 if "support" in row["what"] else 2e-4), row
+
+
+def test_quadratic_manifold_is_locked(cases):
+    """The choice for comparison: right for infinitesimal strokes, eight times too short at 0.1 L, with 6 unknowns."""
+    tied = replace(cases.PRINTED, derivatives="tied")
+    little, far = (cases.measured("cantilever", load, tied) for load in (3e-4, 0.3))
+    assert abs(little["stroke_error"]) < 1e-4
+    assert little["unknowns"] == 6
+    assert far["stroke_error"] == pytest.approx(-0.873, abs=0.005)
 
 
 def test_trained_basis_in_space():
