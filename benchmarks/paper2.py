@@ -317,7 +317,7 @@ def table(found: dict[str, Any]) -> str:
              "A close pair lets the shuttle turn, one leaf pulled and the other pushed. That rotation, not the basis, sets",
              "the order of the error, and at half a length it bends the pushed leaf as if buckled. The error of 160",
              "elements there is neither conditioning nor the stiffness that holds idle columns: cutting singular values",
-             "at 1e-4 to 1e-10, or holding with 1e-6 to 1e-2, changes no digit of it. It settles with the mesh (50 mm apart:",
+             "at 1e-4 to 1e-10, or holding with 1e-6 to 1e-2, changes no digit of it. It settles with the mesh (50 mm:",
              "0.11, 0.29, 0.31, 0.34, 0.37 % with 10, 20, 40, 80, 160 elements; 19 unknowns are most of the 27 of 10",
              "elements), and a third internal mode takes it to 0.09 %.", "",
              "| guide | 1 % stroke error at [L] | order there | support error, 10 elements | 160 elements |",
