@@ -148,9 +148,10 @@ def followed(
     a side that none was found on is looked through. None where they do not converge, or where the count of pivots tells of
     others.
     """
-    for start, many in ((forces, most), (None, most + MANY)):
+    for more in (0, MANY):
         with contextlib.suppress(np.linalg.LinAlgError):
-            found = _refined(pencil, _started(pencil, start, wanted, most=many, rows=rows), wanted)
+            start = _started(pencil, forces, wanted, most=most, more=more, rows=rows)
+            found = _refined(pencil, start, wanted)
             if found is None:
                 continue
             if _complete(pencil, (found[0], found[2]), rows, reach):
@@ -164,21 +165,27 @@ def _started(
     wanted: Callable[[Array], NDArray[np.intp]],
     *,
     most: int,
+    more: int,
     rows: int,
 ) -> _Found:
-    """Ritz pairs after inverse iteration without a shift. Raises LinAlgError where K is not positive beside its rows."""
-    rounds = 1 if forces is not None else ROUNDS
+    """Ritz pairs after inverse iteration without a shift, `more` than usual. Raises LinAlgError where K is not positive
+    beside its rows."""
+    rounds, random = 1 if forces is not None else ROUNDS, more
     if forces is None:
+        random, forces = most + more + SPARE, np.zeros((0, pencil.size))
+    elif more:
+        rounds = ROUNDS // 2
+    if random:
         # times M: no motion of what is prescribed
-        start = np.random.default_rng(0).normal(size=(min(most + SPARE, pencil.size), pencil.size))
-        forces = pencil.times(start)
+        start = np.random.default_rng(0).normal(size=(min(random, pencil.size), pencil.size))
+        forces = np.vstack([forces, pencil.times(start)])
     for _ in range(rounds):
         X, negatives = pencil.solves(np.zeros(1), forces[None])
         if negatives[0] != rows:
             raise np.linalg.LinAlgError("K is not positive")
         found = _ritz(X[0], pencil.times(X[0]), forces)
         forces = found.MX
-    outer = np.union1d(np.argsort(np.abs(found.s))[:most], wanted(found.s))
+    outer = np.union1d(np.argsort(np.abs(found.s))[: most + more], wanted(found.s))
     return _Found(*(part[outer] for part in found))
 
 
@@ -186,16 +193,21 @@ def _refined(
     pencil: Pencil, found: _Found, wanted: Callable[[Array], NDArray[np.intp]]
 ) -> tuple[Array, Array, NDArray[np.intp]] | None:
     """All eigenvalues and rows after steps with shifts, and the numbers of those wanted, whose residuals are small."""
+    left = np.arange(len(found.s))
     for _ in range(STEPS):
-        X = pencil.solves(found.s, found.MX[:, None])[0][:, 0]
-        if not np.isfinite(X).all():
+        Z = pencil.solves(found.s[left], found.MX[left][:, None])[0][:, 0]
+        if not np.isfinite(Z).all():
             return None
-        MX = pencil.times(X)
-        found = _ritz(X, MX, found.MX + found.s[:, None] * MX)
+        MZ = pencil.times(Z)
+        X, MX, KX = found.X.copy(), found.MX.copy(), found.KX.copy()
+        X[left], MX[left], KX[left] = Z, MZ, found.MX[left] + found.s[left, None] * MZ
+        found = _ritz(X, MX, KX)
         chosen = wanted(found.s)
         rest = found.KX[chosen] - found.s[chosen, None] * found.MX[chosen]
         off = np.einsum("pi,pi->p", rest, pencil.solves(np.zeros(1), rest[None])[0][0])
-        if np.all(off <= ACCURACY**2):
+        # those that are right already stay as they are
+        left = chosen[off > ACCURACY**2]
+        if not len(left):
             return found.s, found.X, chosen
     return None
 
