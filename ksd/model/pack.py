@@ -177,6 +177,15 @@ def _weight(parts: Assembly) -> np.ndarray:
     return np.array([[m.mass, *parts.gravity] for m in parts.members])
 
 
+def spread(places: np.ndarray, offset: np.ndarray, node: np.ndarray) -> np.ndarray:
+    """(D,): largest extent of the nodes at places (D, k, 3) along an axis; ground, node 0, counts where members hang on
+    it in the mean, not where its origin is: a mechanism far from there is no larger. offset (D, m, 2, 3), node (m, 2)."""
+    on_ground, seen = node == 0, places[:, 1:]
+    if on_ground.any():
+        seen = np.concatenate([places[:, :1] + offset[:, on_ground].mean(axis=1)[:, None], seen], axis=1)
+    return np.ptp(seen, axis=1).max(axis=1) if seen.shape[1] else np.zeros(len(places))
+
+
 def pack(parts: Assembly) -> tuple[Arrays, Motion]:
     """Arrays of a mechanism and its rest state. Nodes 1.. get six unknowns each, every row one multiplier."""
     nodes, rows = len(parts.reference), len(parts.rows)
@@ -188,7 +197,7 @@ def pack(parts: Assembly) -> tuple[Arrays, Motion]:
     start[1:] = plan.start[position[: nodes - 1]]
     members, inner = _pack_members(parts.members, places)
     springs = _pack_members(parts.springs, places)[0] if parts.springs else NO_SPRINGS
-    extent = np.ptp(parts.reference, axis=0).max() if nodes > 1 else 0.0
+    extent = spread(np.asarray(parts.reference, float)[None], members.offset[None], members.node)[0]
     length = float(max(extent, members.length.max(initial=0.0)))
     arrays = Arrays(
         plan,

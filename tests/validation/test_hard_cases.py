@@ -81,16 +81,23 @@ def states(way, method, force=0.0):
 
 
 @pytest.mark.parametrize("force", [0.0, 100.0])
-@pytest.mark.parametrize("method", ["full", "conventional"])
+@pytest.mark.parametrize("method", ["kinematic", "full", "conventional"])
 def test_units_size_place_and_orientation_do_not_matter(method, force, rng):
     """The same scene from micrometres to kilometres, a kilometre away, turned at random: the same digits to 1e-9."""
     here = states({}, method, force)
     ways = [{"unit": 1e-6}, {"unit": 1e-3}, {"unit": 1e6}, {"shift": (1e3, -1e3, 1e3)}]
+    ways += [{"unit": 1e-3, "shift": (1.0, -1.0, 1.0)}]
     for _ in range(3):
         turn = np.linalg.qr(rng.normal(size=(3, 3)))[0]
         ways.append({"turn": turn * np.sign(np.linalg.det(turn))})
     for way in ways:
         assert states(way, method, force) == pytest.approx(here, abs=1e-9), way
+
+
+def test_a_mechanism_far_from_the_origin_is_no_larger():
+    """Its size is what gaps, steps and singular values are measured by; ground was taken to reach back to the origin."""
+    here, far = (compile_scene(frame(**way)).arrays.size for way in ({}, {"shift": (1e3, -1e3, 1e3)}))
+    assert far == pytest.approx(here, rel=1e-9)
 
 
 def test_stiff_and_soft_materials():

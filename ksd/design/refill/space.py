@@ -17,6 +17,7 @@ from ksd.design.refill.polynomials import Polynomials
 from ksd.design.refill.scales import Table, element_counts, floors, inner_table, scales, value_table
 from ksd.model.arrays import STRAIN
 from ksd.model.compile import Model
+from ksd.model.pack import spread
 from ksd.scene.joint import leafs_of
 
 Filled = dict[str, np.ndarray]
@@ -82,9 +83,9 @@ def leaf_axes(start: np.ndarray, end: np.ndarray, width: np.ndarray) -> np.ndarr
     return np.stack([e1, np.cross(e3, e1), e3], axis=-1)
 
 
-def extent(places: np.ndarray, lengths: np.ndarray) -> np.ndarray:
-    """(D,): length scale of mechanisms with nodes (D, k, 3) and members of lengths (D, m)."""
-    return np.maximum(np.ptp(places, axis=1).max(axis=1), lengths.max(axis=1))
+def extent(places: np.ndarray, lengths: np.ndarray, offset: np.ndarray, node: np.ndarray) -> np.ndarray:
+    """(D,): length scale of mechanisms with nodes (D, k, 3) and members of lengths (D, m); see `ksd.model.pack.spread`."""
+    return np.maximum(spread(places, offset, node), lengths.max(axis=1))
 
 
 class Space:
@@ -94,6 +95,8 @@ class Space:
         self, model: Model, bodies: JointBodies, joints: Sequence[Any], polynomials: Polynomials, own: Numbers
     ) -> None:
         self.top, self.mesh = topology(model, joints), model.mesh
+        every = {"full": model.arrays, "bench": bodies.bench, "reduced": bodies.reduced}
+        self.ends = {name: arrays.members.node for name, arrays in every.items()}
         top, leafs = self.top, [leaf for joint in joints for leaf in leafs_of(joint)]
         self.counts = element_counts(leafs, model.mesh)
         scale = scales(own.leaf, model.mesh, self.counts)[0]
@@ -162,8 +165,10 @@ class Space:
         )
         nodes = np.concatenate([links, points], axis=1)
         length = n.leaf[:, top.member[:, 1], 9]
-        found: Filled = {"rest.full.x": nodes, "bodies.full.size": extent(nodes, length)}
-        found |= self._members(n, nodes, scale)
+        found: Filled = {"rest.full.x": nodes, **self._members(n, nodes, scale)}
+        found["bodies.full.size"] = extent(
+            nodes, length, found["bodies.full.members.offset"], self.ends["full"]
+        )
         found |= self._bench(n, length, scale)
         found |= self._reduced(n, links, tips, found["bodies.full.members.floor"])
         found |= _rows(n, links, top)
@@ -225,7 +230,7 @@ class Space:
             "bodies.bench.members.value": self.values["bench"](scale),
             "bodies.bench.members.length": length,
             "bodies.bench.members.floor": floors(n.leaf)[:, f],
-            "bodies.bench.size": extent(x, length),
+            "bodies.bench.size": extent(x, length, offset[:, f], self.ends["bench"]),
             "rest.bench.x": x,
             "rest.bench.inner": self.inners["bench"](scale),
         }
@@ -239,7 +244,7 @@ class Space:
             "bodies.reduced.members.frame": np.stack([n.rotation, n.rotation], axis=2),
             "bodies.reduced.members.length": length,
             "bodies.reduced.members.floor": np.stack([floor[:, s].max(axis=1) for s in top.span], axis=1),
-            "bodies.reduced.size": extent(links, length),
+            "bodies.reduced.size": extent(links, length, offset, self.ends["reduced"]),
             "rest.reduced.x": links,
         }
 
