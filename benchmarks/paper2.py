@@ -147,21 +147,26 @@ def draw_modes(modes: dict[str, np.ndarray], path: Path, title: str) -> None:
     plt.close(figure)
 
 
-def draw_shapes(shapes: dict[str, list[np.ndarray]], path: Path, title: str) -> None:
-    """Deformed leafs, one colour per model."""
+def draw_shapes(state: dict[str, Any], path: Path, title: str) -> None:
+    """Deformed leafs, one colour per model, with their strokes in the legend."""
     import matplotlib
 
     matplotlib.use("Agg")
     from matplotlib import pyplot as plt
 
     figure, axis = plt.subplots(figsize=(6, 4), layout="constrained")
-    for k, (name, drawn) in enumerate(shapes.items()):
+    unit = " degrees" if "cross" in title else " L"
+    for k, (name, drawn) in enumerate(state["lines"].items()):
+        label = f"{name}: {state['stroke'][name]:.4f}{unit}"
         style = {"color": f"C{k}", "marker": "." if k else None, "linewidth": 2.0 if k == 0 else 1.0}
         for n, line in enumerate(drawn):
-            axis.plot(*(1e3 * line.T), label=name if n == 0 else None, **style)
-    axis.set_aspect("equal")
+            axis.plot(*(1e3 * line.T), label=label if n == 0 else None, **style)
+    if np.ptp(axis.get_ylim()) > 0.3 * np.ptp(axis.get_xlim()):
+        axis.set_aspect("equal")
+    else:
+        title += " (y drawn larger)"
     axis.set(xlabel="x [mm]", ylabel="y [mm]", title=title)
-    axis.legend(fontsize=7)
+    figure.legend(fontsize=7, loc="outside lower center", ncols=2)
     figure.savefig(path, dpi=120)
     plt.close(figure)
 
@@ -186,7 +191,7 @@ def figures(folder: Path) -> dict[str, Any]:
         tip["stroke"][name] = float(line[-1, 1] / L)
     manifold = with_modal_bodies(full_model("cantilever", load, 10), replace(PRINTED, derivatives="tied"))
     tip["stroke"]["quadratic manifold"] = stroke(solved(manifold))
-    draw_shapes(tip["lines"], folder / "paper2_fig3.png", "Fig. 3: cantilever under a tip load")
+    draw_shapes(tip, folder / "paper2_fig3.png", "Fig. 3: cantilever under a tip load")
     found["figure_3"] = tip["stroke"]
     for figure, case, load in (
         (4, "parallel guide", PRINTED_LOADS["parallel guide"]),
@@ -194,7 +199,7 @@ def figures(folder: Path) -> dict[str, Any]:
         (6, "parallel guide", 15.0),
     ):
         state = deformed(case, load)
-        draw_shapes(state["lines"], folder / f"paper2_fig{figure}.png", f"Fig. {figure}: {case}")
+        draw_shapes(state, folder / f"paper2_fig{figure}.png", f"Fig. {figure}: {case}")
         found[f"figure_{figure}"] = state["stroke"]
     return found
 
