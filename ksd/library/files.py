@@ -98,8 +98,9 @@ def _encode(record: Record) -> bytes:
         for name in _TABLES:
             file.attrs[name] = json.dumps([asdict(item) for item in getattr(record, name)])
         _store(file, "powers", np.asarray(record.powers, np.int16), "1")
-        for mesh, functions in record.functions.items():
-            for group, array in functions.groups().items():
+        # in the order they are read back, so that a record read and written is the same file
+        for mesh, functions in sorted(record.functions.items(), key=lambda item: str(item[0])):
+            for group, array in sorted(functions.groups().items()):
                 if array.size == 0:
                     continue
                 _store(file, f"functions/{mesh}/{group}", np.asarray(array, float), _UNITS[group])

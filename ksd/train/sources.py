@@ -18,8 +18,8 @@ PACKAGE = Path(__file__).resolve().parent.parent
 START = "train/run.py"
 ASIDE = (
     # refuse a joint or look at a state, but give no number to a record
-    "properties/", "scene/clearance.py", "scene/rules.py", "solve/arc.py", "solve/confirm.py", "solve/path.py",
-    "train/asked.py", "train/checks.py", "train/softness.py",
+    "properties/", "model/estimates.py", "scene/clearance.py", "scene/rules.py", "solve/arc.py", "solve/confirm.py",
+    "solve/path.py", "train/asked.py", "train/checks.py", "train/softness.py",
     # run the jobs, tell of them, or say what went wrong
     "errors.py", "numerics/cache.py", "solve/configuration.py", "train/jobs.py", "train/sources.py",
     # bodies, loads and unknowns that a joint between two blocks does not have

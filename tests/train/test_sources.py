@@ -2,7 +2,10 @@
 
 import pytest
 
+from ksd.library import read_record
+from ksd.library.files import record_bytes, shipped_folder
 from ksd.train import sources as module
+from ksd.train.catalogue import ENTRIES
 from ksd.train.sources import ASIDE, PACKAGE, REFUSALS, code, source_hash, sources
 
 
@@ -51,3 +54,20 @@ def test_the_hash_changes_with_a_number_and_not_with_a_comment(copy):
     assert now()[0] == before[0] and now()[1] != before[1]
     place.write_text(place.read_text().replace("DIGITS = 10", "DIGITS = 9"))
     assert now()[0] != before[0]
+
+
+@pytest.mark.parametrize("path", sorted(shipped_folder().glob("*.h5")), ids=lambda path: path.stem)
+def test_shipped_records_are_of_these_sources(path):
+    """What ships was trained with the sources beside it: `ksd train all` writes all records anew in a few minutes."""
+    assert read_record(path).source == source_hash(), (
+        "sources that give numbers have changed: run `ksd train all`"
+    )
+
+
+def test_every_family_of_the_catalogue_ships():
+    assert {path.stem for path in shipped_folder().glob("*.h5")} == set(ENTRIES)
+
+
+@pytest.mark.parametrize("path", sorted(shipped_folder().glob("*.h5")), ids=lambda path: path.stem)
+def test_a_shipped_record_written_again_is_the_same_file(path):
+    assert record_bytes(read_record(path)) == path.read_bytes()
