@@ -99,7 +99,7 @@ def test_figures_of_paper_2(script, tmp_path):
     assert two[0] == pytest.approx(two[1], rel=5e-3)
     assert len(list(tmp_path.glob("paper2_fig*.png"))) == 6
     missed = [r["what"] for r in found["acceptance"] if not r["met"]]
-    assert missed == ["as printed: order of the error there"]
+    assert missed == []
 
 
 def test_cost_and_health_of_modal_bodies(script, tmp_path):

@@ -178,11 +178,10 @@ def _weight(parts: Assembly) -> np.ndarray:
 
 
 def spread(places: np.ndarray, offset: np.ndarray, node: np.ndarray) -> np.ndarray:
-    """(D,): largest extent of the nodes at places (D, k, 3) along an axis; ground, node 0, counts where members hang on
-    it in the mean, not where its origin is: a mechanism far from there is no larger. offset (D, m, 2, 3), node (m, 2)."""
-    on_ground, seen = node == 0, places[:, 1:]
-    if on_ground.any():
-        seen = np.concatenate([places[:, :1] + offset[:, on_ground].mean(axis=1)[:, None], seen], axis=1)
+    """(D,): largest extent along an axis of the nodes at places (D, k, 3) and of the ends of members on them, offset
+    (D, m, 2, 3), node (m, 2); ground, node 0, counts by those alone: a mechanism far from its origin is no larger."""
+    ends = (places[:, node] + offset).reshape(len(places), -1, 3)
+    seen = np.concatenate([ends, places[:, 1:]], axis=1)
     return np.ptp(seen, axis=1).max(axis=1) if seen.shape[1] else np.zeros(len(places))
 
 

@@ -7,12 +7,12 @@ either direction. Without one, all stresses of the state grow together: K is the
 forces and loads set to zero in the deformed geometry, K' the exact stress stiffness (their difference), and
 mu = 1 is the state itself. Strain-mode leafs enter with amplitudes and end wrenches as unknowns, in which the
 tangent is linear in the stress; the condensed 6x6 would have poles where a leaf buckles between its ends. Chains under
-a load enter with their stresses (`ksd.properties.chain_tangent`).
+a load enter with their stresses where the state has any (`ksd.properties.chain_tangent`).
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -161,9 +161,10 @@ def _moved(model: Model, motion: Motion, response: tuple[Array, Array], size: fl
     return state
 
 
-def _derivative(tangent: Tangent, loads: Array, rows: list[int], load_factor: float) -> Array:
-    """K': derivative of the uncondensed tangent along the response to `loads`; the step is set by K and K'
-    themselves."""
+def _derivative(
+    tangent: Tangent, loads: Array, at_state: Callable[[Motion], Array], load_factor: float
+) -> Array:
+    """K': derivative of the tangent `at_state` along the response to `loads`."""
     model, motion = tangent.model, tangent.motion
     response = _response(tangent, loads, load_factor)
     free = model.arrays.start[model.arrays.start >= 0]
@@ -174,18 +175,26 @@ def _derivative(tangent: Tangent, loads: Array, rows: list[int], load_factor: fl
         for u in free
     )
     size = 1e-5 / max(reach, 1e-300)
-    model = _exact_model(model)
 
     def tangent_at(step: float) -> Array:
-        return _mixed(model, _moved(model, motion, response, step), rows, load_factor)
+        return at_state(_moved(model, motion, response, step))
 
     return (tangent_at(size) - tangent_at(-size)) / (2 * size)
 
 
-def _mixed(model: Model, motion: Motion, rows: list[int], load_factor: float) -> Array:
-    """The tangent in motions and stresses: `full_tangent`, of chains with theirs."""
-    K = full_tangent(model, motion, rows=rows, load_factor=load_factor)
-    return K if np.any(model.arrays.members.kind == STRAIN) else with_stresses(model, motion, K)
+def _mixed(model: Model, state: Motion, rows: list[int], load_factor: float) -> Callable[[Motion], Array]:
+    """The tangent in motions and stresses: `full_tangent`, of chains with theirs where `state` has any.
+
+    Free of stress node motions alone are right, and give the classical theory, without the deflection before buckling
+    (0.1 % of the load of a strip).
+    """
+    plain = bool(np.any(model.arrays.members.kind == STRAIN)) or not state.inner.any()
+
+    def at_state(motion: Motion) -> Array:
+        K = full_tangent(model, motion, rows=rows, load_factor=load_factor)
+        return K if plain else with_stresses(model, motion, K)
+
+    return at_state
 
 
 def _exact_model(model: Model) -> Model:
@@ -295,9 +304,9 @@ def buckling(
             change = full_tangent(whole, state, rows=rows, load_factor=load_factor) - K
             refuse_stressless(change, K)
         else:
-            K = _mixed(whole, state, rows, load_factor)
+            at_state = _mixed(whole, state, rows, load_factor)
             loads = _loads(tangent, link, at, (force, moment))
-            change = _derivative(tangent, loads, rows, load_factor)
+            K, change = at_state(state), _derivative(tangent, loads, at_state, load_factor)
         multiplier, vectors = _smallest(K, 0.5 * (change + change.T), count)
     shape = np.zeros((len(multiplier), len(fine.node_names), 6))
     for k in range(1, len(fine.node_names)):
