@@ -92,8 +92,8 @@ def every_jobs(model: Model) -> list[Job]:
 def chain_jobs() -> list[Job]:
     """The other leaf model, in space and in the plane."""
     return [
-        lambda: compile_now("chain_condense", "chain_recover"),
         lambda: compile_now("planar_chain_condense", "planar_chain_near", "planar_chain_recover"),
+        lambda: compile_now("chain_condense", "chain_recover"),
     ]
 
 
