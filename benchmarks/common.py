@@ -25,6 +25,7 @@ import numpy as np
 import ksd
 from ksd.model.leafs import Mesh
 from ksd.solve.conventional import conventional
+from ksd.solve.storage import Storage
 from ksd.units import GPa, deg, mm
 
 RESULTS = Path(__file__).resolve().parent / "results"
@@ -114,7 +115,7 @@ class PlainNewton:
         self.planar = planar
         compiled = isinstance(scene, ksd.Model)
         self.model = scene if compiled else ksd.compile_scene(scene, mesh=chain(n, mip=mip, nodal=nodal))
-        self.targets = dict(targets)
+        self.targets, self.storage = dict(targets), Storage(self.model)
         self.tried: dict[float, int | None] = {}
         first: np.ndarray | None = None
         for eps_max in EPS_MAX:
@@ -145,6 +146,7 @@ class PlainNewton:
             most=60,
             cap=math.inf,
             planar=self.planar,
+            storage=self.storage,
         )
 
 

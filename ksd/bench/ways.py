@@ -15,6 +15,7 @@ from ksd.model.leafs import Mesh
 from ksd.solve.choose import Solver
 from ksd.solve.configuration import Configuration
 from ksd.solve.conventional import conventional
+from ksd.solve.storage import Storage
 
 EPS_MAX = (1e4, 1e5, 3e5, 1e6, 3e6, 1e7, 3e7, 1e8, 3e8, 1e9, math.inf)
 """Thresholds tried for plain Newton; the paper does not print its own."""
@@ -52,7 +53,7 @@ def five_step_ways(
         return Way(name, leafs, size, lambda: of(targets, method=method, **more))
 
     def in_space(planar: bool) -> Configuration:
-        return conventional(solver.model, targets, planar=planar)
+        return conventional(solver.model, targets, planar=planar, storage=solver.storage)
 
     found = [way("kinematic", "kinematic", estimate=False)]
     for passes in range(3):
@@ -72,7 +73,7 @@ def five_step_ways(
 def _is_planar(solver: Solver, targets: Mapping[str, float]) -> bool:
     """Whether the conventional solver finds that the scene stays in its plane."""
     try:
-        conventional(solver.model, targets, planar=True)
+        conventional(solver.model, targets, planar=True, storage=solver.storage)
     except KsdError:
         return False
     return True
@@ -85,9 +86,12 @@ def baseline(scene: Any, targets: Mapping[str, float], elements: int, *, mip: bo
     Best: fewest matrix solves among those that end where the smallest eps_max does. Raises ConvergenceError.
     """
     model = compile_scene(scene, mesh=Mesh("corotational", elements=elements, mip=mip, nodal=not mip))
+    storage = Storage(model)
 
     def solve(eps_max: float) -> Configuration:
-        return conventional(model, targets, eps_max=eps_max, most=60, cap=math.inf, planar=False)
+        return conventional(
+            model, targets, eps_max=eps_max, most=60, cap=math.inf, planar=False, storage=storage
+        )
 
     counts: dict[float, int] = {}
     first: np.ndarray | None = None
