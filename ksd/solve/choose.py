@@ -15,9 +15,10 @@ from ksd.library import find_record
 from ksd.model.compile import Model, compile_scene, fit_for
 from ksd.model.effects import mentioned
 from ksd.model.mesh import Mesh
-from ksd.model.orders import highest_share, mesh_for, raised
+from ksd.model.orders import mesh_for, raised
 from ksd.model.plane import Plane, plane_of
 from ksd.properties.later import for_moving, for_questions
+from ksd.properties.resolution import highest_share
 from ksd.section.checks import number, show, truth, whole
 from ksd.solve import pipeline
 from ksd.solve.beside import beside, measured, needs_walk
@@ -26,6 +27,7 @@ from ksd.solve.conventional import bare, by_load_steps, conventional
 from ksd.solve.five import FiveSteps
 from ksd.solve.pipeline import Bench
 from ksd.solve.plates import settled
+from ksd.solve.resolved import resolved
 from ksd.solve.steps import ErrorEstimate
 from ksd.solve.storage import Storage
 from ksd.solve.trust import insist
@@ -94,9 +96,27 @@ class Solver:
         strict: bool = True,
         **drives: float,
     ) -> Configuration:
-        """Solve at drive values given by name [m or rad]; see `ksd.solve` for the options."""
+        """Solve at drive values given by name [m or rad]; see `ksd.solve` for the options.
+
+        The mesh stays as prepared: where its curvature modes are few for the state a warning says so, and strictly a
+        leaf that is not resolved at all is refused.
+        """
         values = _asked(targets, drives)
         truth(strict, "strict")
+        found = self.on_mesh(values, method=method, accuracy=accuracy, passes=passes, estimate=estimate)
+        found = resolved(found, _accuracy(accuracy))
+        return insist(found) if strict else found
+
+    def on_mesh(
+        self,
+        values: Mapping[str, float],
+        *,
+        method: str | None = None,
+        accuracy: float | None = None,
+        passes: int = 0,
+        estimate: bool = True,
+    ) -> Configuration:
+        """The answer as it is, whether the mesh resolves it or not, trusted or not."""
         ways: dict[str, Any] = {
             "method": method,
             "accuracy": accuracy,
@@ -117,7 +137,7 @@ class Solver:
             against, other = beside(found, lambda: self._by_load_steps(values))
             doubts = (*found.doubts, *filter(None, [against]))
             found = _with(found, doubts=doubts, error=measured(found, other))
-        return insist(found) if strict else found
+        return found
 
     def _solve(
         self,
@@ -316,37 +336,19 @@ def solve(
     for rise in range(MOST_RISES + 1):
         said = {"effects": effects, "with_": with_, "without": without, "accuracy": wanted, "basis": basis}
         solver = _recent_solver(scene, chosen, extrapolate, said, values)
-        found = solver(values, method=method, accuracy=accuracy, passes=passes, strict=strict)
-        share, where, axis = highest_share(found.model, found.motion)
-        if share <= wanted:
-            return found
-        if mesh is not None or rise == MOST_RISES:
+        found = solver.on_mesh(values, method=method, accuracy=accuracy, passes=passes)
+        if strict:
+            insist(found)
+        share, _, axis = highest_share(found.model, found.motion)
+        if share <= wanted or mesh is not None or rise == MOST_RISES:
             break
         chosen = raised(chosen, axis)
-    found = _unresolved(found, share, where, axis)
+    found = resolved(found, wanted)
     return insist(found) if strict else found
 
 
-def _unresolved(found: Configuration, share: float, where: str, axis: int) -> Configuration:
-    """The answer with a warning that the highest modes carry much energy, and a doubt where it matters."""
-    note = (
-        f"leaf '{where}' has {100 * share:.2g} % of its energy in its highest {_AXIS[axis]} mode; "
-        f"the curvature modes {found.model.mesh.orders} are few for this state: raise the orders of the mesh"
-    )
-    found = _with(found, warnings=(*found.warnings, note))
-    energy = found.strain_energy()
-    if share > BLIND and share * energy[where] > SLIGHT * sum(energy.values()):
-        found = _with(found, doubts=(*found.doubts, note))
-    return found
-
-
-BLIND = 0.05
-"""Share of the energy of a leaf in its highest mode beyond which its curvature is not resolved at all."""
-SLIGHT = 1e-3
-"""Share of that mode in the energy of the whole mechanism below which it does not matter."""
 MOST_RISES = 3
 """How often `solve` raises the orders of the strain-mode leafs when their highest modes are not negligible."""
-_AXIS = ("torsion", "strong bending", "weak bending")
 
 
 def _recent_solver(

@@ -27,7 +27,7 @@ from ksd.solve.following import counted, follows
 from ksd.solve.path import Path, trace
 from ksd.solve.steps import Step
 from ksd.solve.stops import Stop
-from ksd.solve.storage import Storage
+from ksd.solve.storage import Storage, storage_of
 
 Arrived = tuple[Driven, str, Motion]
 """How driving went, in what, and where it ended."""
@@ -109,7 +109,8 @@ def conventional(
     three unknowns per node and checks the answer in space, False never does, True raises SceneError with the reason
     where that is not possible. steps: the number of equal steps tried first (1 as in Appendix B). eps_max [N and Nm
     mixed, as in the paper]: give a step up when the residual norm exceeds it. smallest: fraction of the drive motion
-    below which steps are not halved any more. storage: of this model, used again at every call (its own when None).
+    below which steps are not halved any more. storage: of this model, not used by another thread meanwhile (that of the
+    last call in this thread when None).
     Raises ConvergenceError with the fraction reached, SceneError for wrong drive names.
     """
     if planar not in ("auto", True, False):
@@ -119,7 +120,7 @@ def conventional(
     ways: dict[str, Any] = {"steps": steps, "rtol": rtol, "cap": cap, "eps_max": eps_max, "most": most}
     ways |= {"smallest": smallest, "planar": planar, "fresh": start is None}
     ways |= {"start": begin, "target": target, "factors": (start.load_factor if start else 0.0, 1.0)}
-    result, driven = _solved(storage or Storage(model), start.motion if start else model.rest, ways)
+    result, driven = _solved(storage or storage_of(model), start.motion if start else model.rest, ways)
     if driven.stop is not Stop.CONVERGED:
         raise ConvergenceError(
             f"the conventional solver stopped at {100 * driven.reached:.3g} % of the drive motion: {driven.stop.sentence}",

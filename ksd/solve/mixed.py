@@ -13,7 +13,6 @@ from typing import Any
 
 import numpy as np
 
-from ksd.bodies.freedom import check_freedoms
 from ksd.bodies.joints import joint_bodies
 from ksd.errors import ConvergenceError, SceneError
 from ksd.modal.bodies import ModalModel, member_pose, with_modal_bodies
@@ -75,7 +74,6 @@ class MixedSolver:
                 "leafs with weight beside modal bodies are not possible: compile without='gravity', or use another method"
             )
         bodies = joint_bodies(model, records, extrapolate=extrapolate)
-        check_freedoms(model, bodies)
         self.model, self.full, self.leafs, self.near = model, full, leafs, near
         self.steps = FiveSteps(model, bodies, extrapolate=extrapolate, planar=False)
         self._at_rest: _Prepared | None = None

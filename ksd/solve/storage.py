@@ -5,6 +5,7 @@ A compiled call on held storage costs 2 us whatever the number of arrays; unpack
 
 from __future__ import annotations
 
+import threading
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -125,6 +126,22 @@ class Storage:
         if self._flat is None:
             self._flat = FlatStorage(plane, self.motion)
         return self._flat
+
+
+KEPT = 4
+"""Storages that `storage_of` keeps in each thread."""
+_kept = threading.local()
+
+
+def storage_of(model: Model) -> Storage:
+    """Storage of `model` for this thread, that of the last call where the model is one of the last few."""
+    recent: dict[int, Storage] = _kept.__dict__.setdefault("recent", {})
+    # a storage holds its model, so the number is not given to another meanwhile
+    found = recent.pop(id(model), None) or Storage(model)
+    recent[id(model)] = found
+    while len(recent) > KEPT:
+        del recent[next(iter(recent))]
+    return found
 
 
 NO_JOINTS = (np.zeros((0, 3)), np.zeros(0), np.zeros((0, 6)))

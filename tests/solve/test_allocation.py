@@ -6,10 +6,11 @@ iteration is one call, so no Python function may run in it.
 """
 
 import sys
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
-from scenes import fourbar
+from scenes import fourbar, single_joint
 
 import ksd
 from ksd.model.arrays import make_work
@@ -17,8 +18,10 @@ from ksd.model.compile import compile_scene
 from ksd.model.planar_arrays import make_planar_work
 from ksd.model.plane import plane_of
 from ksd.numerics.kernel import kernel
+from ksd.solve.conventional import conventional
 from ksd.solve.newton import iterate
 from ksd.solve.planar import iterate_planar
+from ksd.solve.storage import KEPT, storage_of
 
 MESHES = {
     "modes": ksd.Mesh(),
@@ -109,3 +112,25 @@ def test_no_python_runs_inside_the_iteration(space):
     call = newton(space, compile_scene(fourbar()))
     call(3)()
     assert calls(call(4)) == calls(call(0))
+
+
+def test_bare_calls_keep_their_storage_in_each_thread():
+    """The second bare call prepares nothing, threads do not share, and answers are not overwritten by later ones."""
+    model = compile_scene(fourbar())
+    first = conventional(model, {"top": 0.1})
+    before, mine = first.motion.copy(), storage_of(model)
+    second = conventional(model, {"top": 0.2})
+    assert storage_of(model) is mine
+    np.testing.assert_array_equal(first.motion.x, before.x)
+    np.testing.assert_array_equal(first.motion.inner, before.inner)
+    with ThreadPoolExecutor(1) as pool:
+        assert pool.submit(storage_of, model).result() is not mine
+        others = pool.submit(conventional, model, {"top": 0.2}).result()
+    np.testing.assert_array_equal(others.motion.x, second.motion.x)
+
+
+def test_only_the_last_few_storages_are_kept():
+    models = [compile_scene(single_joint()) for _ in range(KEPT + 1)]
+    kept = [storage_of(m) for m in models]
+    assert [storage_of(m) for m in models[1:]] == kept[1:]
+    assert storage_of(models[0]) is not kept[0]

@@ -174,12 +174,13 @@ def facing_guides():
 
 @pytest.mark.parametrize("planar", [True, False])
 def test_an_error_that_one_corrector_step_does_not_see(planar):
-    solver = ksd.prepare(facing_guides(), planar=planar)
+    # modes enough for the boundary layers of leafs drawn out: with the default ones 5 mm is refused for their curvature
+    solver = ksd.prepare(facing_guides(), planar=planar, mesh=ksd.Mesh(orders=(4, 3, 9), points=12))
     exact = {d: solver(stroke=d, method="full").forces["stroke"] for d in (2e-3, 5e-3)}
     found = solver(stroke=2e-3, method="reduced")
-    # 8 % off, told 6 % by the first step alone
+    # 8 % off, told more; the first step alone says 6 %
     off = abs(found.forces["stroke"] / exact[2e-3] - 1)
-    assert off < found.error.relative < 1.5 * off
+    assert off < found.error.relative < 2 * off
     with pytest.raises(ksd.TrustError, match="corrector steps of the full model grow"):
         solver(stroke=5e-3, method="reduced")
     lax = solver(stroke=5e-3, method="reduced", strict=False)
@@ -195,7 +196,8 @@ def test_loads_on_the_unloaded_state_of_the_five_steps(monkeypatch):
 
     scene = fourbar()
     scene.load("top", force=(0, 0, 700), at=(0, 0.37, 0))
-    right = ksd.prepare(scene)(top=0.3, method="conventional")
+    fine = ksd.Mesh(orders=(8, 3, 7), points=10)
+    right = ksd.prepare(scene, mesh=fine)(top=0.3, method="conventional")
     assert not right.warnings
     own = module.conventional
 
@@ -205,7 +207,7 @@ def test_loads_on_the_unloaded_state_of_the_five_steps(monkeypatch):
         return own(model, targets, **ways)
 
     monkeypatch.setattr(module, "conventional", from_a_state_alone)
-    found = ksd.prepare(scene)(top=0.3, method="conventional")
+    found = ksd.prepare(scene, mesh=fine)(top=0.3, method="conventional")
     assert found.warnings == ("loads put on the unloaded state of the five steps",)
     assert found.forces["top"] == pytest.approx(right.forces["top"], rel=1e-8)
     monkeypatch.setattr(module, "loads_last", lambda *a, **k: from_a_state_alone(*a))

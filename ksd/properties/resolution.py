@@ -1,0 +1,92 @@
+"""Whether the curvature modes of strain-mode leafs are enough for a state.
+
+Looked at: the share of the strain energy in the highest mode of every axis, and where the series of the other parity goes; a
+Legendre series that has converged has next to nothing there.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ksd.model.arrays import STRAIN, Motion
+from ksd.model.compile import Model
+from ksd.properties.kept import per_model
+
+IDLE = 1e-6
+"""Energy of a leaf, over the largest of any, below which it hardly takes part and does not decide."""
+Array = NDArray[np.float64]
+
+
+class _Tables(NamedTuple):
+    """Strain-mode leafs, flat: member (m,) of each; place, rest (n,) of all amplitudes in the inner state, and their
+    values at rest; one, two, stiff (p,): all pairs of amplitudes about one axis with their entry of K, the pairs of leaf i
+    from start[i] on; own (n,): diagonal of K; last, second, fourth (m, 3): amplitudes from the highest mode of an axis
+    down, the highest itself where an axis has fewer than four."""
+
+    member: NDArray[np.int64]
+    place: NDArray[np.int64]
+    rest: Array
+    one: NDArray[np.int64]
+    two: NDArray[np.int64]
+    stiff: Array
+    start: NDArray[np.int64]
+    own: Array
+    last: NDArray[np.int64]
+    second: NDArray[np.int64]
+    fourth: NDArray[np.int64]
+
+
+@per_model
+def _tables(model: Model) -> _Tables:
+    """See `_Tables`; the layout of the values is that of `ksd.beam.strain_values`."""
+    members = model.arrays.members
+    strain = np.flatnonzero(members.kind == STRAIN)
+    place, rest, one, two, stiff, own, start = [], [], [], [], [], [], []
+    ends = np.zeros((3, len(strain), 3), np.int64)
+    count = pairs = 0
+    for m, i in enumerate(strain.tolist()):
+        value, orders = members.value[members.value_at[i] :], members.number[i, :3].tolist()
+        start.append(pairs)
+        pairs += sum(n * n for n in orders)
+        at, first, still = 1, int(members.inner_at[i]), 1 + sum(n * n for n in orders)
+        for axis, n in enumerate(orders):
+            K, mine = value[at : at + n * n].reshape(n, n), count + np.arange(n)
+            place.append(first + np.arange(n))
+            rest.append(value[still : still + n])
+            one.append(np.repeat(mine, n))
+            two.append(np.tile(mine, n))
+            stiff.append(0.5 * K.ravel())
+            own.append(0.5 * np.diagonal(K))
+            ends[:, m, axis] = mine[[-1, -2, -4]] if n >= 4 else mine[-1]
+            at, first, still, count = at + n * n, first + n, still + n, count + n
+    flat = [np.concatenate(part) if part else np.zeros(0) for part in (place, rest, one, two, stiff, own)]
+    place_, rest_, one_, two_, stiff_, own_ = flat
+    return _Tables(
+        strain, place_.astype(np.int64), rest_, one_.astype(np.int64), two_.astype(np.int64), stiff_,
+        np.array(start, np.int64), own_, *ends,
+    )  # fmt: skip
+
+
+def highest_share(model: Model, motion: Motion) -> tuple[float, str, int]:
+    """Largest share of a leaf's bending and torsion energy that its modes may miss about an axis: (share, member name,
+    axis 0, 1, 2). Missed is what the highest mode has, or what the series of the other parity, even or odd, would give the
+    next: a guided leaf has nothing in every other mode."""
+    t = _tables(model)
+    if not len(t.member):
+        return 0.0, "", 0
+    a = motion.inner.take(t.place) - t.rest
+    total = np.add.reduceat(t.stiff * a.take(t.one) * a.take(t.two), t.start)
+    energy = t.own * a * a
+    last, second, fourth = energy.take(t.last), energy.take(t.second), energy.take(t.fourth)
+    # second (second / fourth) where the series falls, second where it does not; nothing where there is no fourth
+    next_ = second * np.minimum(second, fourth) / np.maximum(fourth, 1e-300)
+    missing = np.maximum(last, next_)
+    busy = total > max(IDLE * float(total.max()), 0.0)
+    share = np.where(busy, missing.max(axis=1) / np.where(busy, total, 1.0), 0.0)
+    worst = int(share.argmax())
+    if not share[worst] > 0.0:
+        return 0.0, "", 0
+    return float(share[worst]), model.member_names[t.member[worst]], int(missing[worst].argmax())
