@@ -27,7 +27,7 @@ WANDERED = 12
 EASY, LADEN = 5, 0.1
 """Iterations of a step, and share of the loads in the work done, above both of which its branch is confirmed."""
 FINE = 16
-"""Load steps from which on an answer is believed as it is, and up to which it is confirmed."""
+"""Load steps up to which an answer is confirmed, at least."""
 CUT = 0.2
 """A load step that had to be cut below this fraction of the way is confirmed."""
 SAME = 1e-6
@@ -77,7 +77,7 @@ def doubt(
     model: Model, motion: Motion, driven: Driven, target: np.ndarray, *, fresh: bool, steps: int
 ) -> str:
     """Why the state reached in `steps` may not be the one meant, or nothing. fresh: the mechanism was at rest before."""
-    if driven.stop is not Stop.CONVERGED or steps >= FINE:
+    if driven.stop is not Stop.CONVERGED:
         return ""
     if driven.negatives != len(target):
         return SADDLE
