@@ -18,6 +18,7 @@ from ksd.design.designs import Designs, makers_of
 from ksd.design.prepared import Found
 from ksd.errors import SceneError
 from ksd.model.mesh import Mesh
+from ksd.properties.words import Shown
 from ksd.solve.many import SPOKEN
 from ksd.solve.space_steps import FULL, REDUCED
 from ksd.solve.stops import Stop
@@ -26,8 +27,8 @@ NOT_BUILT = 20
 """Status of all poses of a design that could not be prepared."""
 
 
-@dataclass(frozen=True)
-class Batch:
+@dataclass(frozen=True, repr=False)
+class Batch(Shown):
     """D designs at N poses: what was found, and what was not.
 
     forces: drive force or moment by drive name (D, N) [N, Nm]; positions (D, N, links, 3) [m] and rotations (D, N, links,
@@ -61,6 +62,10 @@ class Batch:
         if code == NOT_BUILT:
             return self.reasons[int(design)]
         return SPOKEN[code] if code in SPOKEN else Stop(code).sentence
+
+    def _line(self) -> str:
+        designs, poses = self.status.shape
+        return f"designs: {designs}, poses: {poses}, solved: {self.solved} of {self.status.size}"
 
     def __str__(self) -> str:
         total = self.status.size

@@ -15,12 +15,13 @@ import numpy as np
 
 from ksd.design.tracking import SPARE, Tracks, first_tracks, follow_through
 from ksd.errors import SceneError
+from ksd.properties.words import Shown, listed, number
 from ksd.solve.choose import Solver
 from ksd.solve.corrected import FAST, corrected
 
 
-@dataclass(frozen=True)
-class FrequencyCurve:
+@dataclass(frozen=True, repr=False)
+class FrequencyCurve(Shown):
     """A frequency over the stroke from three configurations: 1/omega^2 = c0 + c2 d^2 + c4 d^4.
 
     drive: name; values (3,) [m or rad] and frequency_Hz (3,): the configurations; coefficients (3,); stroke [m or
@@ -35,6 +36,19 @@ class FrequencyCurve:
     coefficients: tuple[float, ...]
     checked: dict[float, tuple[float, float]]
     method_error: float = 0.0
+
+    def _line(self) -> str:
+        return f"{number(self.frequency_Hz[0])} to {number(self.frequency_Hz[-1])} Hz over '{self.drive}'"
+
+    def __str__(self) -> str:
+        rows = [
+            (number(d, 6), number(f, 6), "used") for d, f in zip(self.values, self.frequency_Hz, strict=True)
+        ]
+        rows += [
+            (number(d, 6), number(f, 6), f"curve {100 * e:+.2g} % off") for d, (f, e) in self.checked.items()
+        ]
+        said = f"Frequency over drive '{self.drive}' [m or rad], from three configurations"
+        return listed(("drive", "[Hz]", "<"), rows, said)
 
     @property
     def error(self) -> float:

@@ -18,13 +18,14 @@ from numpy.typing import NDArray
 
 from ksd.design.questions import VALUE
 from ksd.errors import SceneError
+from ksd.properties.words import Shown, listed, number
 from ksd.solve.answer import drive_kind
 
 Array = NDArray[np.float64]
 
 
-@dataclass(frozen=True)
-class StateSpace:
+@dataclass(frozen=True, repr=False)
+class StateSpace(Shown):
     """x' = A x + B u, y = C x + D u. u: force or moment of every freed drive beyond its present one [N or Nm]; y: its
     motion from the pose [m or rad]; x (2k,): modal amplitudes [m kg^0.5] and their rates. drives, input_units,
     output_units name the entries of u and y; frequency_Hz (k,): of the modes; pose: drive values [m or rad]."""
@@ -38,6 +39,26 @@ class StateSpace:
     output_units: tuple[str, ...]
     frequency_Hz: Array
     pose: dict[str, float]
+
+    def _line(self) -> str:
+        return f"{len(self.A)} states, drives {', '.join(self.drives)}"
+
+    def __str__(self) -> str:
+        gain = self.C @ np.linalg.solve(-self.A, self.B) + self.D
+        rows = [
+            (f"{n} [{o}]", *(number(g, 5) for g in row))
+            for n, o, row in zip(self.drives, self.output_units, gain, strict=True)
+        ]
+        at = ", ".join(
+            f"{n} = {v:.6g} {u}" for (n, v), u in zip(self.pose.items(), self.output_units, strict=False)
+        )
+        return listed(
+            ("motion", *(f"{n} [{u}]" for n, u in zip(self.drives, self.input_units, strict=True))),
+            rows,
+            f"State-space model about {at}: {len(self.A)} states",
+            f"Modes of {', '.join(number(f) for f in self.frequency_Hz)} Hz",
+            "Gain at zero frequency, motion of a row per force or moment of a column:",
+        )
 
     def response(self, frequency_Hz: Any) -> Array:
         """Complex frequency response (n, outputs, inputs) at frequencies (n,) [Hz]."""

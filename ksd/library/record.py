@@ -189,7 +189,7 @@ class Evidence:
     rotations: float
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Record:
     """All that training found out about one joint family; see the module docstring for the functions.
 
@@ -216,6 +216,11 @@ class Record:
     version: str = ""
     source: str = ""
     history: tuple[str, ...] = ()
+
+    def __repr__(self) -> str:
+        motions = ", ".join(f"{m.name} {m.low:.4g} to {m.high:.4g}" for m in self.motions)
+        shape = f"shape by {', '.join(p.name for p in self.parameters) or 'nothing'}"
+        return f"<Record of {self.family}: {motions}; {shape}; {len(self.powers)} polynomials>"
 
     @property
     def motion_range(self) -> Array:

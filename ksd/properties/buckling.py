@@ -44,14 +44,15 @@ from ksd.properties.stress_stiffness import (
     relaxed,
 )
 from ksd.properties.tangent import Tangent, exact, free_rows, row_numbers, stored_matrix
+from ksd.properties.words import Shown, listed, movement, number
 
 Array = NDArray[np.float64]
 DENSE = 250
 """Unknowns up to which all eigenvalues are computed; above, the largest ones by Arnoldi iteration."""
 
 
-@dataclass(frozen=True)
-class Buckling:
+@dataclass(frozen=True, repr=False)
+class Buckling(Shown):
     """Buckling multipliers, smallest magnitude first: as many as were asked for, and the smallest of either sign.
 
     multiplier (k,): how many times the load may be added (or all stresses be multiplied); negative: against
@@ -65,6 +66,19 @@ class Buckling:
     shape: Array
     vector: Array
     unstable: int
+
+    def _line(self) -> str:
+        return ", ".join(number(m) for m in self.multiplier) or "no multiplier"
+
+    def __str__(self) -> str:
+        between = "leafs between ends that stand still"
+        rows = [
+            (number(m), movement(self.model, v) or between)
+            for m, v in zip(self.multiplier, self.shape, strict=True)
+        ]
+        bad = [f"The state itself is no minimum, in {self.unstable} directions"] * bool(self.unstable)
+        said = "Buckling multipliers: times the load may be added, or stresses grow, all else held; negative: reversed"
+        return listed(("multiplier", "<link that moves most"), rows, said, *bad)
 
     @property
     def positive(self) -> float:

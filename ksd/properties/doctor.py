@@ -26,6 +26,7 @@ from ksd.properties.constraints import (
     leaf_spring,
     prescribed_rows,
 )
+from ksd.properties.words import Shown
 from ksd.scene.contents import Scene
 
 Array = NDArray[np.float64]
@@ -64,8 +65,8 @@ class Fight:
         return f"{said}; to release it, {self.release}"
 
 
-@dataclass(frozen=True)
-class Diagnosis:
+@dataclass(frozen=True, repr=False)
+class Diagnosis(Shown):
     """What the doctor found. freedoms: left by joints, leafs and supports, for drives to move; held: those the drives
     hold; constraints, independent: rows of joints, leafs and supports, and their rank; free: motions left with
     all drives held; fights: directions held twice, of the mechanism and then inside joints; singular_values: of all
@@ -84,6 +85,9 @@ class Diagnosis:
     def exact(self) -> bool:
         """Whether every freedom is held once, insides of joints left aside."""
         return not self.free and not any(not f.inside for f in self.fights)
+
+    def _line(self) -> str:
+        return str(self).splitlines()[0]
 
     def __str__(self) -> str:
         own = [f for f in self.fights if not f.inside]

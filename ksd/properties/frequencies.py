@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -25,6 +26,7 @@ from ksd.properties.krylov import outermost
 from ksd.properties.mass import Inertia, inertia
 from ksd.properties.opened import Opened
 from ksd.properties.tangent import Tangent
+from ksd.properties.words import Shown, held, listed, movement, number
 
 Array = NDArray[np.float64]
 DENSE = 120
@@ -35,8 +37,8 @@ EMPTY = 1e-13
 """Modes with 1/omega^2 below this fraction of the largest are rounding of the constraints."""
 
 
-@dataclass(frozen=True)
-class Modes:
+@dataclass(frozen=True, repr=False)
+class Modes(Shown):
     """Eigenfrequencies about a state, lowest first, and their shapes.
 
     frequency_Hz (k,): omega / 2 pi; an unstable mode (omega^2 < 0) has the negative number -sqrt(-omega^2) /
@@ -64,6 +66,46 @@ class Modes:
 
     def __len__(self) -> int:
         return len(self.frequency_Hz)
+
+    def _line(self) -> str:
+        first, last = (number(f) for f in self.frequency_Hz[[0, -1]])
+        return f"{len(self)} modes, {first} to {last} Hz, {held(self.freed)}" if len(self) else "no modes"
+
+    def __str__(self) -> str:
+        kind, rows = self.intended, []
+        for k, f in enumerate(self.frequency_Hz):
+            said = (
+                [self.movements[k]]
+                + ["intended"] * (k == kind)
+                + ["unstable"] * bool(self.omega_squared[k] < 0.0)
+            )
+            rows.append((str(k + 1), number(f, 5), ", ".join(said)))
+        bare = [f"Without mass, for want of a density: {', '.join(self.massless)}"] * bool(self.massless)
+        return listed(("mode", "[Hz]", "<what moves"), rows, f"Eigenfrequencies, {held(self.freed)}", *bare)
+
+    @cached_property
+    def movements(self) -> tuple[str, ...]:
+        """What every mode does most, in words: a link or block that moves, or, where more than half of the kinetic energy is
+        that of leafs between ends that stand still, the leafs that do."""
+        still = self._between_ends()
+        leafs = np.array(list(self.model.member_names), dtype=object)
+        said = []
+        for k, shape in enumerate(self.shape):
+            if still[:, k].sum() <= 0.5:
+                said.append(movement(self.model, shape) or "the leafs")
+                continue
+            busy = leafs[still[:, k] > 0.25 * still[:, k].max()]
+            more = f" and {len(busy) - 2} more" if len(busy) > 2 else ""
+            said.append(", ".join(f"'{n}'" for n in busy[:2]) + f"{more} between the ends")
+        return tuple(said)
+
+    def _between_ends(self) -> Array:
+        """(members, k): share of the kinetic energy in the motion of every leaf between its ends held still."""
+        share = np.zeros((len(self.model.member_names), len(self)))
+        for group, (places, B) in zip(alike_leafs(self.model), self.mass.stacks, strict=False):
+            moving = B[:, :, 12:] @ self.vector.T[places[:, 12:]]
+            share[group.members] = (moving**2).sum(axis=1)
+        return share
 
     def assurance(self, other: Modes) -> Array:
         """Mode assurance (k, k') in 0..1 between these modes and `other`, by the mean of both masses.

@@ -24,14 +24,15 @@ from ksd.properties.section_forces import SectionForces, section_forces
 from ksd.properties.shape import members_of_leafs
 from ksd.properties.stress import stress_of
 from ksd.properties.tangent import Tangent, exact, factored_tangent
+from ksd.properties.words import Shown
 
 Array = NDArray[np.float64]
 DIRECTIONS = ("along", "across", "sideways", "twist", "tilt", "yaw")
 """Misplacement of a leaf's end in its own axes: along e1, e2 (thickness), e3 (width); about e1, e3 and e2."""
 
 
-@dataclass(frozen=True)
-class Misplaced:
+@dataclass(frozen=True, repr=False)
+class Misplaced(Shown):
     """What misplacements of leaf ends do: per (leaf, direction) the largest von Mises stress anywhere [Pa] of the change,
     and where: the leaf it is in. offset [m] and rotation [rad] are the misplacements asked about."""
 
@@ -49,6 +50,9 @@ class Misplaced:
     def largest_Pa(self) -> float:
         """Largest internal stress of any one misplacement."""
         return self.stress_Pa[self.worst]
+
+    def _line(self) -> str:
+        return str(self)
 
     def __str__(self) -> str:
         leaf, direction = self.worst

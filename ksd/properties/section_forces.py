@@ -31,6 +31,7 @@ from ksd.properties.shape import (
     members_of_leafs,
     strain_curves,
 )
+from ksd.properties.words import Shown, listed, number
 
 Array = NDArray[np.float64]
 COMPONENTS = ("N", "Vy", "Vz", "T", "My", "Mz")
@@ -38,8 +39,8 @@ COMPONENTS = ("N", "Vy", "Vz", "T", "My", "Mz")
 POINTS = 25
 
 
-@dataclass(frozen=True)
-class SectionForces:
+@dataclass(frozen=True, repr=False)
+class SectionForces(Shown):
     """Section forces of one leaf: stations s (k,) [m] from its start, values (k, 6), columns COMPONENTS.
 
     Stations of a chain are its nodes.
@@ -48,6 +49,18 @@ class SectionForces:
     name: str
     s: Array
     values: Array
+
+    def _line(self) -> str:
+        most = np.abs(self.values).max(axis=0)
+        said = ", ".join(f"{c} {number(v, 3)}" for c, v in zip(COMPONENTS, most, strict=True))
+        return f"'{self.name}', at most {said} [N, Nm]"
+
+    def __str__(self) -> str:
+        rows = [
+            (number(1e3 * s, 4), *(number(v, 4, zero=1e-9 * float(np.abs(self.values).max())) for v in row))
+            for s, row in zip(self.s, self.values, strict=True)
+        ]
+        return listed(("s [mm]", *COMPONENTS), rows, f"Section forces [N, Nm] along leaf '{self.name}'")
 
     @property
     def start(self) -> Array:

@@ -23,16 +23,19 @@ from ksd.model.arrays import ROTATION, STRAIN, Motion
 from ksd.model.compile import Model
 from ksd.properties.tangent import Tangent, factored_tangent
 from ksd.properties.unfold import unfolded
+from ksd.properties.words import Shown, held, listed, number
 
 Array = NDArray[np.float64]
 DIRECTIONS = ("x", "y", "z", "rx", "ry", "rz")
 """Columns of every (6, 6) matrix here: three translations, three rotations."""
+UNITS, INVERSE = ("N/m",) * 3 + ("Nm/rad",) * 3, ("m/N",) * 3 + ("rad/Nm",) * 3
+"""Units of a stiffness and of a compliance in each direction."""
 RIGID = 1e-13
 """Compliance below this fraction of the largest (rotations times the model's size) counts as none."""
 
 
-@dataclass(frozen=True)
-class PointStiffness:
+@dataclass(frozen=True, repr=False)
+class PointStiffness(Shown):
     """Compliance of one point of a link, and every stiffness that follows from it.
 
     compliance (6, 6): motion of the point (m, rad) per unit force and moment (N, Nm) on it, rows and columns
@@ -47,6 +50,34 @@ class PointStiffness:
     compliance: Array
     freed: tuple[str, ...]
     size: float
+
+    def _line(self) -> str:
+        rows = (f"{d} {number(k)}" for d, k in self.supports.items())
+        return f"'{self.link}', {', '.join(rows)} [N/m, Nm/rad], {held(self.freed)}"
+
+    def __str__(self) -> str:
+        rows = []
+        for d, unit, inverse in zip(DIRECTIONS, UNITS, INVERSE, strict=True):
+            k = self.support(d)
+            known = (f"{k:.5g}", unit, f"{1.0 / k:.4e}", inverse)
+            rows.append((d, *(known if np.isfinite(k) else ("held", "", "0", inverse)), self._coupled(d)))
+        at = ", ".join(f"{1e3 * v:.6g}" for v in np.round(self.point, 12))
+        return listed(
+            ("direction", "stiffness", "<", "compliance", "<", "<most coupled with"),
+            rows,
+            f"Stiffness of link '{self.link}' at ({at}) mm, each direction with the others free; {held(self.freed)}",
+        )
+
+    def _coupled(self, direction: str) -> str:
+        """The direction whose motion goes along most with that of `direction`, and C_ij / sqrt(C_ii C_jj)."""
+        C, i = self._scaled(), _number(direction)
+        if C[i, i] < RIGID * np.abs(C).max():
+            return ""
+        own = np.diagonal(C)
+        share = np.abs(C[i]) / np.sqrt(C[i, i] * np.maximum(own, 1e-300))
+        share[(own < RIGID * np.abs(C).max()) | (np.arange(6) == i)] = 0.0
+        other = int(np.argmax(share))
+        return f"{DIRECTIONS[other]} ({share[other]:.2f})" if share[other] > 1e-6 else ""
 
     def matrix(self, directions: Sequence[str] = DIRECTIONS) -> Array:
         """Stiffness (k, k) [N/m, N/rad, Nm/rad] in `directions`, the other ones being free.
@@ -179,14 +210,25 @@ def point_stiffness(
     return PointStiffness(model.node_names[node], point, columns, 0.5 * (C + C.T), freed, model.arrays.size)
 
 
-@dataclass(frozen=True)
-class DriveStiffness:
+@dataclass(frozen=True, repr=False)
+class DriveStiffness(Shown):
     """Stiffness between drives: matrix (d, d), force of drive i [N or Nm] per motion of drive j [m or rad],
     others held."""
 
     names: tuple[str, ...]
     units: tuple[str, ...]
     matrix: Array
+
+    def _line(self) -> str:
+        return ", ".join(f"{n} {number(self[n])} {u}" for n, u in zip(self.names, self.units, strict=True))
+
+    def __str__(self) -> str:
+        rows = [
+            (n, u, *(number(k, 5) for k in row))
+            for n, u, row in zip(self.names, self.units, self.matrix, strict=True)
+        ]
+        said = "Stiffness of the drives: force or moment of a row's drive per motion of a column's, the others held"
+        return listed(("drive", "<", *self.names), rows, said)
 
     def __getitem__(self, name: str) -> float:
         """Stiffness of one drive, the others held: N/m for a translation, Nm/rad for a rotation."""

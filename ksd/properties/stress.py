@@ -26,6 +26,7 @@ from ksd.model.compile import Model
 from ksd.properties.alike import Alike, alike_leafs, alike_parts, elastic, own_gravity
 from ksd.properties.section_forces import SectionForces, section_forces
 from ksd.properties.shape import member_ends, member_parts, members_of_leafs, scene_leafs
+from ksd.properties.words import Shown
 
 Array = NDArray[np.float64]
 POINTS = 25
@@ -44,8 +45,8 @@ class StressPoints:
     along_z: Array
 
 
-@dataclass(frozen=True)
-class LeafStress:
+@dataclass(frozen=True, repr=False)
+class LeafStress(Shown):
     """Stress of one leaf at k stations s (k,) [m] and p points of its section (points: where they are).
 
     y, z (k, p) [m]: the points in section axes. normal_Pa, shear_Pa, von_mises_Pa (k, p). bending_Pa,
@@ -75,6 +76,9 @@ class LeafStress:
         """Station s [m] and point of the section where it is."""
         k, p = np.unravel_index(int(np.argmax(self.von_mises_Pa)), self.von_mises_Pa.shape)
         return float(self.s[k]), self.points[int(p)]
+
+    def _line(self) -> str:
+        return str(self)
 
     def __str__(self) -> str:
         s, point = self.where
@@ -188,8 +192,8 @@ def _leaf_stresses(forces: list[SectionForces], leaf: Any) -> list[LeafStress]:
     ]
 
 
-@dataclass(frozen=True)
-class Stress:
+@dataclass(frozen=True, repr=False)
+class Stress(Shown):
     """Stress of all leafs by full name."""
 
     leafs: dict[str, LeafStress]
@@ -207,6 +211,10 @@ class Stress:
         """Leaf, station s [m] and point of the section where it is."""
         worst = max(self.leafs.values(), key=lambda leaf: leaf.largest_Pa)
         return worst.name, *worst.where
+
+    def _line(self) -> str:
+        name, s, point = self.where
+        return f"at most {self.largest_Pa / 1e6:.4g} MPa, in '{name}' at s = {s * 1e3:.4g} mm, {point}"
 
     def __str__(self) -> str:
         return "\n".join(str(leaf) for leaf in self.leafs.values())

@@ -74,6 +74,9 @@ class Solver:
         """Storage of the five steps in space; raises what `five_steps` does."""
         return self.five_steps.bench
 
+    def __repr__(self) -> str:
+        return f"<Solver of {self.model!r}>"
+
     @property
     def storage(self) -> Storage:
         """Storage of the conventional solver, prepared on first use."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -15,6 +15,7 @@ from ksd.errors import ConvergenceError, SceneError
 from ksd.model.arrays import Motion, carries_load, make_work
 from ksd.model.compile import Model, compile_scene
 from ksd.model.mesh import Mesh
+from ksd.properties.words import Shown, listed, number
 from ksd.solve.arc import Course, Place, Tracer
 from ksd.solve.configuration import Configuration
 from ksd.solve.pivoted import scaling
@@ -44,8 +45,8 @@ class Turning:
     mode: Array
 
 
-@dataclass(frozen=True)
-class Path:
+@dataclass(frozen=True, repr=False)
+class Path(Shown):
     """Equilibria in order along the path: factor (k,) of the loads or of the drive motion, one state for each.
 
     turnings: limit points and bifurcations passed; stop: why it ended, in words.
@@ -55,6 +56,18 @@ class Path:
     states: tuple[Configuration, ...]
     turnings: tuple[Turning, ...]
     stop: str
+
+    def _line(self) -> str:
+        return f"{len(self.states)} states to {number(self.factor[-1])}, {len(self.turnings)} turning points; {self.stop}"
+
+    def __str__(self) -> str:
+        rows = [(number(f), *(number(v) for v in s.forces.values()), "yes" if s.stable else "no")
+                for f, s in zip(self.factor, self.states, strict=True)]  # fmt: skip
+        turns = [f"A {t.kind} point at factor {number(t.factor)}" for t in self.turnings]
+        forces = (f"force or moment of {n}" for n in self.states[0].forces)
+        return listed(
+            ("factor", *forces, "<stable"), rows, f"Path of {len(rows)} equilibria: {self.stop}", *turns
+        )
 
     @property
     def limits(self) -> tuple[float, ...]:
@@ -202,14 +215,16 @@ def follow(
     """Follow the equilibrium path by arc length, through limit points.
 
     scene: a Mechanism, Scene or Model. control "load": the loads times a factor from 0 (that of `start`) to `until`, the
-    drives held at `targets`. control "drives": the fraction of the way to `targets`, from 0 (`start`) to `until`, loads
-    held. branch: switch to the other branch at this bifurcation of an earlier path, on the `side` (+-1, times 0.01 rad
-    or size) of its mode. first: first step in the parameter; most: largest number of steps. until < 0 goes backward.
-    Raises SceneError for a path without a parameter (no load, no drive motion), ConvergenceError where its start is no
-    equilibrium.
+    drives held at `targets`, brought there first. control "drives": the fraction of the way to `targets`, from 0 (`start`)
+    to `until`, loads held. branch: switch to the other branch at this bifurcation of an earlier path, on the `side` (+-1,
+    times 0.01 rad or size) of its mode. first: first step in the parameter; most: largest number of steps. until < 0 goes
+    backward. Raises SceneError for a path without a parameter (no load, no drive motion), ConvergenceError where its start
+    is no equilibrium.
     """
     model = scene if isinstance(scene, Model) else compile_scene(scene, mesh=mesh)
     begin = start or (branch.configuration if branch else None)
+    if begin is None and control == "load" and any((targets or {}).values()):
+        begin = _unloaded(model, targets or {})
     course, f = _course(model, targets, control, start=begin, branched=branch is not None)
     walk = _Walk(model, course)
     clock = time.thread_time_ns()
@@ -238,6 +253,13 @@ def trace(
     ahead = walk.tracer.tangent(at, None)
     stop = walk.go(at, ahead, until=1.0, arc=first / max(abs(float(ahead[-1])), 1e-9), most=most)
     return Path(np.array(walk.factors), tuple(walk.states), tuple(walk.turnings), stop)
+
+
+def _unloaded(model: Model, targets: Mapping[str, float]) -> Configuration:
+    """The equilibrium at drive values `targets` before the loads come on."""
+    from ksd.solve.conventional import bare, conventional
+
+    return replace(conventional(bare(model), targets), model=model, load_factor=0.0)
 
 
 def _found(at: Place | None) -> Place:

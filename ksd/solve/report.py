@@ -5,14 +5,13 @@ They print the numbers of `as_dict` and no others; layout and units of those are
 
 from __future__ import annotations
 
-import math
 from typing import Any
 
+from ksd.properties.words import WIDTH, number
+from ksd.properties.words import table as _table
 from ksd.solve.answer import SCHEMA, as_dict
 from ksd.solve.configuration import Configuration
 
-WIDTH = 100
-"""Columns all tables fit in."""
 _STOPS = {
     "converged": "within bound",
     "too_many": "iteration limit",
@@ -44,32 +43,6 @@ def tables(configuration: Configuration) -> list[Any]:
         parts += _links(d)
     parts += [Text(f"Warning: {w}.", style="yellow") for w in d["warnings"]]
     return parts
-
-
-def number(value: float | None, digits: int = 4, *, zero: float = 0.0) -> str:
-    """`value` to significant digits, without an exponent where readable; up to `zero` it is noise: 0."""
-    if value is None:
-        return "-"
-    if abs(value) <= zero:
-        return "0"
-    if not 1e-3 <= abs(value) < 1e6:
-        return f"{value:.{min(digits, 3) - 1}e}"
-    places = max(0, digits - 1 - math.floor(math.log10(abs(value))))
-    return f"{value:.{places}f}"
-
-
-def _table(*columns: str) -> Any:
-    """An empty table: the first column is text, the others are numbers on the right unless marked by '<'."""
-    from rich import box
-    from rich.table import Table
-    from rich.text import Text
-
-    table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
-    for i, column in enumerate(columns):
-        left = i == 0 or column.startswith("<")
-        # as text, or rich would take a unit in brackets for markup
-        table.add_column(Text(column.removeprefix("<")), justify="left" if left else "right", overflow="fold")
-    return table
 
 
 def _title(words: str) -> Any:

@@ -51,6 +51,9 @@ class Trust:
     branch: Verdict
     trusted: Verdict
 
+    def __str__(self) -> str:
+        return "\n".join(f"{n}: {v.sentence}" for n, v in vars(self).items())
+
 
 class _Turning(NamedTuple):
     """Strain-mode leafs: member, places (3, m) of the constant modes about x, y, z, length [m], quadrature points; least: a

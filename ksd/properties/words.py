@@ -1,0 +1,113 @@
+"""Answers in print: numbers to significant digits, plain tables, and what a mode does in words.
+
+Every answer has two ways to be shown: its table by ``print``, and one line where a list, a notebook or a debugger shows it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ksd.model.compile import Model
+
+Array = NDArray[np.float64]
+WIDTH = 100
+"""Columns all tables fit in."""
+AXES = "xyz"
+LEVER = 0.25
+"""Lever, over the size of the mechanism, at which the turn of a link is compared with its way."""
+PLAIN = 0.97
+"""Share of one axis in a direction from which on that axis names it."""
+
+
+def number(value: float | None, digits: int = 4, *, zero: float = 0.0) -> str:
+    """`value` to significant digits, without an exponent where readable; up to `zero` it is noise: 0."""
+    if value is None:
+        return "-"
+    if abs(value) <= zero:
+        return "0"
+    if not math.isfinite(value):
+        return f"{value}"
+    if not 1e-3 <= abs(value) < 1e6:
+        return f"{value:.{min(digits, 3) - 1}e}"
+    places = max(0, digits - 1 - math.floor(math.log10(abs(value))))
+    return f"{value:.{places}f}"
+
+
+def table(*columns: str) -> Any:
+    """An empty table: the first column is text, the others are numbers on the right unless marked by '<'."""
+    from rich import box
+    from rich.table import Table
+    from rich.text import Text
+
+    grid = Table(box=box.SIMPLE_HEAD, pad_edge=False)
+    for i, column in enumerate(columns):
+        left = i == 0 or column.startswith("<")
+        # as text, or rich would take a unit in brackets for markup
+        grid.add_column(Text(column.removeprefix("<")), justify="left" if left else "right", overflow="fold")
+    return grid
+
+
+def printed(*parts: Any) -> str:
+    """Rich renderables and plain text as text of WIDTH columns."""
+    from rich.console import Console
+
+    console = Console(width=WIDTH, highlight=False, markup=False, color_system=None)
+    with console.capture() as text:
+        for part in parts:
+            console.print(part)
+    return "\n".join(line.rstrip() for line in text.get().splitlines())
+
+
+def listed(columns: Sequence[str], rows: Sequence[Sequence[str]], *said: str) -> str:
+    """Lines `said`, then a table of texts."""
+    from rich.text import Text
+
+    grid = table(*columns)
+    for row in rows:
+        grid.add_row(*(Text(cell) for cell in row))
+    return printed(*said, grid)
+
+
+def held(freed: Sequence[str]) -> str:
+    """Which drives and supports are let go, in words."""
+    return f"freed: {', '.join(freed)}" if freed else "drives and supports held"
+
+
+def axis_in_words(direction: Array) -> str:
+    """The axis a direction (3,) is along, or its components where it is oblique."""
+    size = float(np.linalg.norm(direction))
+    unit = direction / size if size > 0.0 else direction
+    largest = int(np.argmax(np.abs(unit)))
+    if abs(unit[largest]) >= PLAIN:
+        return AXES[largest]
+    # a mode has no sense: its largest component is shown positive
+    return "(" + ", ".join(f"{v:.2f}" for v in np.round(unit * np.sign(unit[largest]), 2) + 0.0) + ")"
+
+
+def movement(model: Model, shape: Array) -> str:
+    """What a displacement field, shape (nodes, 6) [m, rad], does most: the link or block that moves farthest, rotations
+    counted by LEVER; nothing where no link moves."""
+    turn = np.linalg.norm(shape[:, 3:], axis=1) * LEVER * model.arrays.size
+    shift = np.linalg.norm(shape[:, :3], axis=1)
+    link = int(np.argmax(np.maximum(turn, shift)))
+    if max(turn[link], shift[link]) == 0.0:
+        return ""
+    name = model.node_names[link]
+    if turn[link] > shift[link]:
+        return f"'{name}' turns about {axis_in_words(shape[link, 3:])}"
+    return f"'{name}' moves along {axis_in_words(shape[link, :3])}"
+
+
+class Shown:
+    """Mixed into answers: one line of `_line` and, in angle brackets, the name of the class where lists show them."""
+
+    def _line(self) -> str:
+        raise NotImplementedError
+
+    def __repr__(self) -> str:
+        return f"<{type(self).__name__}: {self._line()}>"
