@@ -8,8 +8,9 @@ import numpy as np
 
 from ksd.model.arrays import Motion
 from ksd.model.system import take_step
+from ksd.numerics.stopwatch import Stopwatch
 from ksd.solve.driving import RTOL
-from ksd.solve.pipeline import Bench, Clock
+from ksd.solve.pipeline import Bench
 from ksd.solve.steps import ErrorEstimate, Step
 from ksd.solve.stops import Stop
 from ksd.solve.storage import FlatStorage
@@ -23,7 +24,7 @@ def estimate_error(
 ) -> tuple[ErrorEstimate, Step, int]:
     """Error estimate and inertia of the full state on the bench from a Newton step in space, or two; flat: the same state
     in its plane, where it has one."""
-    clock = Clock()
+    clock = Stopwatch()
     residual, negatives, status = b.storage.look(target, RTOL, step=True)
     error = _size_of_step(b)
     stop = Stop.CONVERGED if status == 0 else (Stop.LOCAL_ANGLE if status == 1 else Stop.NOT_FINITE)

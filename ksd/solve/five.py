@@ -17,6 +17,7 @@ from ksd.bodies.joints import JointBodies
 from ksd.errors import ConvergenceError, KinematicsError
 from ksd.model.compile import Model
 from ksd.model.plane import Plane, plane_of, refuse_plane
+from ksd.numerics.stopwatch import Stopwatch
 from ksd.solve import pipeline
 from ksd.solve.configuration import Configuration
 from ksd.solve.confirm import WANDERED, wandered
@@ -201,7 +202,7 @@ class FiveSteps:
         error = None
         moved = _Moved(b.found, b.off.copy(), b.known, near=bool(b.seen[1]))
         if method == "kinematic":
-            clock = pipeline.Clock()
+            clock = Stopwatch()
             pipeline.kinematic_forces(b, target)
             steps.rows[-1][3] += clock()
             moved = moved._replace(theta=moved.theta.copy(), found=moved.found.copy())

@@ -22,6 +22,7 @@ from ksd.model.arrays import Motion, Work, make_work
 from ksd.model.compile import Model
 from ksd.model.system import assemble
 from ksd.numerics.blocks import factor_blocks
+from ksd.numerics.stopwatch import Stopwatch
 from ksd.solve import pipeline
 from ksd.solve.configuration import Configuration
 from ksd.solve.driving import CAP, RTOL, Driven, drive_to
@@ -100,7 +101,7 @@ class MixedSolver:
         """
         target = self.model.targets(values)
         placed = self.steps(values, target, method="kinematic", passes=0, estimate=False)
-        clock = pipeline.Clock()
+        clock = Stopwatch()
         ready = self._prepared(values)
         steps = [*placed.steps, Step("modal bases", 0, clock(), 0.0, Stop.CONVERGED)]
         b = self.steps.bench
@@ -228,7 +229,7 @@ def _equilibrium(ready: _Prepared, motion: Motion, target: np.ndarray, *, once: 
 
     Raises ConvergenceError.
     """
-    clock, arrays = pipeline.Clock(), ready.mix.arrays
+    clock, arrays = Stopwatch(), ready.mix.arrays
 
     def newton(want: np.ndarray, level: float, rtol: float, most: int, cap: float, limit: float) -> Any:
         return iterate(arrays, motion, want, level, ready.work, rtol, most, cap, limit)

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import contextlib
 import math
-import time
 from collections.abc import Collection, Mapping
 from dataclasses import replace
 from typing import Any
@@ -23,6 +22,7 @@ from ksd.modal.choices import ModalBasis
 from ksd.modal.mixed import condensed_joints, meshed, named_leafs, standing, with_chains
 from ksd.model.arrays import Motion, make_work
 from ksd.model.compile import Model
+from ksd.numerics.stopwatch import Stopwatch
 from ksd.properties.later import for_questions
 from ksd.properties.tangent import exact
 from ksd.section.checks import show
@@ -159,16 +159,16 @@ def tangent_solve(
 ) -> Configuration:
     """Equilibrium of bodies expanded at the state `about` of the full model, from there in one go; at_rest: leafs
     expanded at rest."""
-    clock = time.thread_time_ns()
+    clock = Stopwatch()
     model = with_modal_bodies(full, basis, about=about, at_rest=at_rest)
-    made = (time.thread_time_ns() - clock) * 1e-9
+    made = clock()
     motion = model.rest.copy()
     motion.x[:], motion.R[:] = about.x, about.R
-    clock = time.thread_time_ns()
+    clock = Stopwatch()
     reason, count, residual, negatives, _ = iterate(
         model.arrays, motion, model.targets(targets), 1.0, make_work(model.arrays), RTOL, 40, CAP, math.inf
     )
-    spent = (time.thread_time_ns() - clock) * 1e-9
+    spent = clock()
     steps = (
         Step("tangent bases", 0, made, 0.0, Stop.CONVERGED, f"{len(model.bodies)} bodies"),
         Step("modal equilibrium", count, spent, residual, Stop(reason)),
@@ -191,7 +191,7 @@ def indicator(
     correctors: how many; when None, three, and two more each time while these change the result by a tenth or more: far
     from equilibrium the first steps of the full model lead astray.
     """
-    clock = time.thread_time_ns()
+    clock = Stopwatch()
     full, state = model.full, inside(model, motion)
     arrays = exact(full.arrays)
     work, taken, last = make_work(arrays), 0, math.inf
@@ -206,7 +206,7 @@ def indicator(
         last = estimate.relative
         if correctors or settled or count < most or not sound or taken >= MOST_CORRECTORS:
             break
-    spent = (time.thread_time_ns() - clock) * 1e-9
+    spent = clock()
     stop = Stop.CONVERGED if sound else Stop(reason)
     return estimate, Step(
         "error estimate", taken, spent, residual, stop, f"{taken} corrector steps of the full model"

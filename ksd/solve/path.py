@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import time
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Literal
@@ -15,6 +14,7 @@ from ksd.errors import ConvergenceError, SceneError
 from ksd.model.arrays import Motion, carries_load, make_work
 from ksd.model.compile import Model, compile_scene
 from ksd.model.mesh import Mesh
+from ksd.numerics.stopwatch import Stopwatch
 from ksd.properties.words import Shown, listed, number
 from ksd.solve.arc import Course, Place, Tracer
 from ksd.solve.configuration import Configuration
@@ -227,7 +227,7 @@ def follow(
         begin = _unloaded(model, targets or {})
     course, f = _course(model, targets, control, start=begin, branched=branch is not None)
     walk = _Walk(model, course)
-    clock = time.thread_time_ns()
+    clock = Stopwatch()
     motion = (begin.motion if begin else model.rest).copy()
     if branch is not None:
         at, ahead = _switched(walk.tracer, motion, f, branch.mode * side)
@@ -237,7 +237,7 @@ def follow(
         ahead = ahead if until >= at.f else -ahead
     arc = first / max(abs(float(ahead[-1])), 1e-9) if branch is None else 0.01
     stop = walk.go(at, ahead, until=until, arc=arc, most=most)
-    spent = (time.thread_time_ns() - clock) * 1e-9
+    spent = clock()
     return Path(np.array(walk.factors), tuple(walk.states), tuple(walk.turnings), f"{stop} ({spent:.2f} s)")
 
 

@@ -9,7 +9,6 @@ relinearise every joint, geometric stiffness included, at the state recovered be
 from __future__ import annotations
 
 import math
-import time
 from dataclasses import replace
 
 import numpy as np
@@ -19,6 +18,7 @@ from ksd.bodies.kinematics import close_loops
 from ksd.bodies.readout import drive_forces
 from ksd.model.arrays import Motion
 from ksd.model.compile import Model
+from ksd.numerics.stopwatch import Stopwatch
 from ksd.solve.space_steps import hold, read_space, space_set
 from ksd.solve.steps import Step
 from ksd.solve.stops import Stop
@@ -65,21 +65,9 @@ class Bench:
         self.theta[:] = 0.0
 
 
-class Clock:
-    """Thread time since the last call."""
-
-    def __init__(self) -> None:
-        self.at = time.thread_time_ns()
-
-    def __call__(self) -> float:
-        now = time.thread_time_ns()
-        spent, self.at = (now - self.at) * 1e-9, now
-        return spent
-
-
 def close(b: Bench, target: np.ndarray, *, most: int = 40) -> Step:
     """Step 1: intended motions and link poses, from the constraint functions alone."""
-    clock = Clock()
+    clock = Stopwatch()
     reason, count, gap, _ = close_loops(
         b.bodies.reduced, b.bodies.loops, b.theta, target, b.reduced, b.place, most
     )
