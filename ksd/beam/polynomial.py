@@ -5,9 +5,12 @@ material, projected on any basis, is exactly V = K1 y + K2 yy/2 + K3 yyy/6 + K4 
 y = (b, eta): b the displacement patterns of the end faces, which are linear in position and rotation columns of
 end q and so exact for finite rotations, eta the inner coordinates, condensed here inside every Newton step.
 
-Arrays (float64, SI): `number` = [jets chosen, m, nb, frame]; `value` = nb places among the pose values of
-`face_jets`, nb pose values at rest, K1 (M,), K2 (P,), K3 (M, P), K4 (P, P), where P = M (M + 1) / 2 pairs i <= j by
-rows; `inner` = eta (m,); `store` as in `ksd.beam.modal`.
+Products y_i y_j fall into families that do not meet in the tensors: a body symmetric about two planes has four (even or
+odd in each), one of no symmetry has one. Each family is contracted on its own, as dense rows.
+
+Arrays (float64, SI): `number` = [0, m, nb, frame]; `value` = nb places among the pose values of `face_jets`, nb pose
+values at rest, K1 (M,), the number of families, and of each: s, p, its s coordinates, first and second indices i <= j of
+its p products, K2 (p,), K3 (s, p), K4 (p, p); `inner` = eta (m,); `store` as in `ksd.beam.modal`.
 """
 
 from __future__ import annotations
@@ -47,40 +50,52 @@ def face_jets(frame, d, Q, out):
 
 
 @kernel
+def add_rows(table, weights, out):
+    """out (n,) += weights (rows,) times table (rows, n), four rows in one go; weights and out may be longer."""
+    rows, n = table.shape
+    r = 0
+    while r + 3 < rows:
+        a, b, c, d = weights[r], weights[r + 1], weights[r + 2], weights[r + 3]
+        A, B, C, D = table[r], table[r + 1], table[r + 2], table[r + 3]
+        for q in range(n):
+            out[q] += a * A[q] + b * B[q] + c * C[q] + d * D[q]
+        r += 4
+    while r < rows:
+        a, A = weights[r], table[r]
+        for q in range(n):
+            out[q] += a * A[q]
+        r += 1
+
+
+@kernel
 def quartic(value, M, y, g, G):
     """Gradient g (M,) and tangent G (M, M), lower triangle, of the quartic energy with constants `value` at y (M,)."""
-    P = M * (M + 1) // 2
-    K1, K2 = value[:M], value[M : M + P]
-    K3 = value[M + P : M + P + M * P].reshape(M, P)
-    at = M + P + M * P
-    K4 = value[at : at + P * P].reshape(P, P)
-    third, fourth, pairs = np.zeros(P), np.zeros(P), np.empty(P)
-    p = 0
     for i in range(M):
-        pairs[p] = y[i] * y[i]
-        for j in range(i + 1, M):
-            pairs[p + j - i] = 2.0 * y[i] * y[j]
-        p += M - i
-    for i in range(M):
-        w, row = y[i], K3[i]
-        for q in range(P):
-            third[q] += w * row[q]
-    for i in range(P):
-        w, row = pairs[i], K4[i]
-        if w != 0.0:
-            for q in range(P):
-                fourth[q] += w * row[q]
-    for i in range(M):
-        g[i] = K1[i]
-    p = 0
-    for i in range(M):
-        for j in range(i, M):
-            G[j, i] = K2[p] + third[p] + 0.5 * fourth[p]
-            f = K2[p] + 0.5 * third[p] + fourth[p] / 6.0
+        g[i] = value[i]
+    some, products = np.empty(M), np.empty(M * (M + 1) // 2)
+    third, fourth = np.empty(len(products)), np.empty(len(products))
+    at = M + 1
+    for _ in range(int(value[M])):
+        s, p = int(value[at]), int(value[at + 1])
+        ones, first = at + 2, at + 2 + s
+        second, K2 = first + p, first + 2 * p
+        for q in range(s):
+            some[q] = y[int(value[ones + q])]
+        for q in range(p):
+            i, j = int(value[first + q]), int(value[second + q])
+            products[q] = y[i] * y[j] * (2.0 if i < j else 1.0)
+            third[q] = fourth[q] = 0.0
+        K3, K4 = K2 + p, K2 + p + s * p
+        add_rows(value[K3:K4].reshape(s, p), some, third)
+        add_rows(value[K4 : K4 + p * p].reshape(p, p), products, fourth)
+        for q in range(p):
+            i, j = int(value[first + q]), int(value[second + q])
+            G[j, i] = value[K2 + q] + third[q] + 0.5 * fourth[q]
+            f = value[K2 + q] + 0.5 * third[q] + fourth[q] / 6.0
             g[i] += f * y[j]
             if j > i:
                 g[j] += f * y[i]
-            p += 1
+        at = K4 + p * p
 
 
 @kernel

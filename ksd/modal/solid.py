@@ -78,26 +78,47 @@ class Solid:
         if not tangent:
             return total, None
         # rows (elements, shapes, entries x points) of strain variations, turned by the root of the elasticity
-        varied = np.einsum("kieq,kjaeq->ijaeq", F, G)
         pairs = [(r, r) for r in range(dim)] + [(r, c) for r in range(dim) for c in range(r + 1, dim)]
-        B = np.stack(
-            [varied[r, c] if r == c else (varied[r, c] + varied[c, r]) / np.sqrt(2) for r, c in pairs]
-        )
-        B = np.tensordot(self.elastic_root, B, axes=1) * np.sqrt(w)
-        B = B.transpose(2, 1, 0, 3).reshape(elements, shapes, len(pairs) * points)
+        g, of = self._scalars
+        B = np.empty((elements, shapes, len(pairs), points))
+        for c in range(dim):
+            # variation of component c alone: dE = sym(F[c, :] grad N)
+            varied = F[c, :, None, None] * g
+            terms = [varied[r, k] if r == k else (varied[r, k] + varied[k, r]) / np.sqrt(2) for r, k in pairs]
+            turned = np.tensordot(self.elastic_root, np.stack(terms), axes=1) * np.sqrt(w)
+            B[:, of[c]] = turned.transpose(2, 1, 0, 3)
+        B = B.reshape(elements, shapes, len(pairs) * points)
         K = B @ B.transpose(0, 2, 1)
-        flat = G.transpose(3, 2, 0, 1, 4).reshape(elements, shapes, dim * dim * points)
-        SG = np.einsum("ikaeq,kjeq->eaijq", G, S * w, optimize=True).reshape(flat.shape)
-        K += SG @ flat.transpose(0, 2, 1)
+        # stresses act on every component alike
+        flat = g.transpose(2, 1, 0, 3).reshape(elements, -1, dim * points)
+        SG = np.einsum("kseq,kjeq->esjq", g, S * w, optimize=True).reshape(flat.shape)
+        initial = SG @ flat.transpose(0, 2, 1)
+        for rows in of:
+            K[:, rows[:, None], rows] += initial
         return total, self._sparse(K)
 
     def _sparse(self, K: np.ndarray) -> Any:
-        from scipy.sparse import coo_matrix
+        from scipy.sparse import csr_matrix
 
+        entry, columns, starts = self._pattern
+        summed = np.bincount(entry, K.ravel(), len(columns))
+        return csr_matrix((summed, columns, starts), shape=(self.size, self.size))
+
+    @cached_property
+    def _pattern(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Of the sparse matrices: place of every entry of the element matrices, columns, starts of the rows."""
         places = self._shapes[2]
-        rows = np.broadcast_to(places[:, :, None], K.shape).ravel()
-        columns = np.broadcast_to(places[:, None, :], K.shape).ravel()
-        return coo_matrix((K.ravel(), (rows, columns)), shape=(self.size, self.size)).tocsr()
+        spots = (places[:, :, None] * self.size + places[:, None, :]).ravel()
+        used, entry = np.unique(spots, return_inverse=True)
+        starts = np.searchsorted(used // self.size, np.arange(self.size + 1))
+        return entry, used % self.size, starts
+
+    @cached_property
+    def _scalars(self) -> tuple[np.ndarray, list[np.ndarray]]:
+        """Gradients (dim, scalar shapes, elements, points), and the vector shapes of every component, in their order."""
+        G, _, places = self._shapes
+        of = [np.flatnonzero(self.component[places[0]] == c) for c in range(len(G))]
+        return np.ascontiguousarray(G[0][:, of[0]]), of
 
     @property
     def elastic_root(self) -> np.ndarray:

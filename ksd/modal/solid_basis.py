@@ -16,9 +16,10 @@ import numpy as np
 from ksd.beam.modal import modal_sizes
 from ksd.errors import SceneError
 from ksd.modal.solid import Solid
+from ksd.modal.symmetry import Mirrors, conditioned_by_parity, mirrors, sorted_by_parity
 from ksd.model.arrays import SOLID
 from ksd.model.compile import Model
-from ksd.numerics.reduction import Modes, conditioned, craig_bampton, extended, modal_derivatives
+from ksd.numerics.reduction import Modes, craig_bampton, extended, modal_derivatives
 
 
 @dataclass(frozen=True)
@@ -88,7 +89,16 @@ def _turning(solid: Solid, frame: str) -> list[np.ndarray]:
 def _derivatives(solid: Solid, modes: np.ndarray, inner: Any, order: int) -> list[np.ndarray]:
     """Derivatives of the modes (size, k) with each other."""
     some = Modes(modes, 0, np.zeros(0))
-    found = modal_derivatives(solid.tangent, some, inner, step=1e-3 * solid.length, order=order)
+    far = 0.1 * solid.length
+
+    def along(v: np.ndarray) -> Any:
+        # the tangent is quadratic in displacement: this difference is exact, however far
+        scale = far / np.abs(v).max()
+        return (solid.tangent(scale * v) - solid.tangent(-scale * v)) / (2.0 * scale)
+
+    found = modal_derivatives(
+        solid.tangent, some, inner, step=0.1 * far, order=order, analytic=along
+    )
     return list(found.shapes.T)
 
 
@@ -105,45 +115,67 @@ def reduce_solid(
         raise SceneError(
             f"order = {order}, internal = {internal}: order 1 to 3 and 0 to 12 internal modes are possible"
         )
-    rest, inner = solid.tangent(np.zeros(solid.size)), solid.inner
+    rest, inner, planes = solid.tangent(np.zeros(solid.size)), solid.inner, mirrors(solid)
     at, b0, faces = _faces(solid, frame)
     patterns = np.array(faces).T + extended(rest, np.array(faces).T, inner)
+    patterns, sides = sorted_by_parity(patterns, planes)
     first = np.array(_turning(solid, frame)).T
     first = first + extended(rest, first, inner)
-    vibration = craig_bampton(rest, [], inner, M=solid.mass(), internal=internal).shapes
-    modes = np.hstack([first, vibration * solid.length])
+    vibration = _vibration(solid, rest, internal, planes)
     columns = [*vibration.T]
     if order > 1:
-        columns += _derivatives(solid, modes, inner, order)
-    basis = conditioned(np.array(columns).T.reshape(solid.size, -1), cut=cut)
-    every = np.hstack([patterns, basis.columns])
-    value = np.concatenate([at, b0, energy_tensors(solid, every)])
+        columns += _derivatives(solid, np.hstack([first, vibration * solid.length]), inner, order)
+    basis, parity = conditioned_by_parity(
+        np.array(columns).T.reshape(solid.size, -1), planes, cut=cut
+    )
+    every, parity = np.hstack([patterns, basis.columns]), np.concatenate([sides, parity])
+    value = np.concatenate([at, b0, energy_tensors(solid, every, parity)])
     number = np.array([0, basis.columns.shape[1], len(at), int(frame == "chord")], np.int64)
     return SolidBasis(
         solid, frame, tuple(at), np.array(b0), patterns, basis.columns, value, number, basis.condition
     )
 
 
-def energy_tensors(solid: Solid, columns: np.ndarray) -> np.ndarray:
-    """K1 (M,), K2 (P,), K3 (M, P), K4 (P, P) of the energy of displacements columns (size, M) y, one after the other.
+def _vibration(solid: Solid, rest: Any, internal: int, planes: Mirrors) -> np.ndarray:
+    """Fixed-interface modes (size, internal); of two of one frequency, which may mix, those that are even or odd."""
+    mass = solid.mass()
+    found = craig_bampton(rest, [], solid.inner, M=mass, internal=internal).shapes
+    pure, _ = sorted_by_parity(found, planes)
+    if pure.shape[1] == internal:
+        return pure
+    single = conditioned_by_parity(found, planes, cut=1e-3)[0].columns
+    square = np.einsum("ik,ik->k", single, rest @ single) / np.einsum("ik,ik->k", single, mass @ single)
+    chosen = single[:, np.argsort(square, kind="stable")[:internal]]
+    return np.asarray(chosen / np.abs(chosen).max(axis=0))
+
+
+def energy_tensors(solid: Solid, columns: np.ndarray, parity: np.ndarray) -> np.ndarray:
+    """Constants of `ksd.beam.polynomial.quartic`: the energy of displacements columns (size, M) y of given parity (M,).
 
     With H_a the gradients of the columns, E = sym(H_a) y_a + sym(H_a^T H_b) y_a y_b / 2; the tensors are the
-    integrals of products of these by the elasticity, made symmetric in all indices.
+    integrals of products of these by the elasticity, made symmetric in all indices. Products of other parity are zero.
     """
     M = columns.shape[1]
     H = np.array([solid.gradients(c) for c in columns.T])
     i, j = np.triu_indices(M)
-    lin = _strain(H)
-    quad = np.empty((len(i), *lin.shape[1:]))
-    for p, (a, b) in enumerate(zip(i, j, strict=True)):
-        quad[p] = _strain(np.einsum("kiq,kjq->ijq", H[a], H[b])[None])[0]
-    lin, quad = (_stressed(solid, s).reshape(len(s), -1) for s in (lin, quad))
-    K2 = lin @ lin.T
-    cross, fourth = lin @ quad.T, quad @ quad.T
     at = np.zeros((M, M), np.int64)
     at[i, j] = at[j, i] = np.arange(len(i))
-    third = _third(cross, at, i, j)
-    return np.concatenate([np.zeros(M), K2[i, j], third.ravel(), _fourth(fourth, at, i, j).ravel()])
+    lin = _stressed(solid, _strain(H)).reshape(M, -1)
+    cross, square = np.zeros((M, len(i))), np.zeros((len(i), len(i)))
+    both, families = parity[i] ^ parity[j], []
+    for code in np.unique(both):
+        some, pairs = np.flatnonzero(parity == code), np.flatnonzero(both == code)
+        quad = np.array([_strain(np.einsum("kiq,kjq->ijq", H[i[p]], H[j[p]])[None])[0] for p in pairs])
+        quad = _stressed(solid, quad).reshape(len(pairs), -1)
+        cross[np.ix_(some, pairs)], square[np.ix_(pairs, pairs)] = lin[some] @ quad.T, quad @ quad.T
+        families.append((some, pairs))
+    K2, K3, K4 = (lin @ lin.T)[i, j], _third(cross, at, i, j), _fourth(square, at, i, j)
+    K2[both > 0] = 0.0
+    parts: list[Any] = [np.zeros(M), [len(families)]]
+    for some, pairs in families:
+        parts += [[len(some), len(pairs)], some, i[pairs], j[pairs], K2[pairs]]
+        parts += [K3[np.ix_(some, pairs)].ravel(), K4[np.ix_(pairs, pairs)].ravel()]
+    return np.concatenate([np.asarray(p, float).ravel() for p in parts])
 
 
 def _third(cross: np.ndarray, at: np.ndarray, i: np.ndarray, j: np.ndarray) -> np.ndarray:

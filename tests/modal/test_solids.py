@@ -1,5 +1,7 @@
 """Reduced solids: tensors against scikit-fem, finite rotations, the full model beside them, and use in a mechanism."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -8,6 +10,7 @@ from ksd.beam.polynomial import quartic
 from ksd.modal.solid import block
 from ksd.modal.solid_basis import reduce_solid, with_solids
 from ksd.modal.solid_solve import press, press_reduced
+from ksd.modal.symmetry import mirrors, sorted_by_parity
 from ksd.model.compile import compile_scene
 from ksd.model.mesh import Mesh
 from ksd.section import rectangle
@@ -58,6 +61,35 @@ def test_tensors_are_the_energy(which, request):
     near, tangent = projected(body, y)
     assert g == pytest.approx(near, abs=1e-9 * np.abs(near).max())
     assert np.tril(G) == pytest.approx(np.tril(tangent), abs=1e-9 * np.abs(tangent).max())
+
+
+def test_products_that_do_not_meet_are_kept_apart(spatial, reduced, monkeypatch):
+    """Half of the largest tensor is left with one plane of symmetry; without it the same energy stands in one family."""
+    assert len(mirrors(spatial)) == 2
+    assert len(mirrors(replace(spatial, place=spatial.place + [0.0, 1e-4, 0.0]))) == 1
+    force = np.array([0.0, 0.5 * EI / LENGTH**2, 0.0])
+    fast = press_reduced(reduced, force, np.zeros(3))
+    monkeypatch.setattr("ksd.modal.solid_basis.mirrors", lambda solid: [])
+    whole = reduce_solid(reduced.solid)
+    assert whole.unknowns == reduced.unknowns
+    assert len(reduced.value) < 0.6 * len(whole.value)
+    slow = press_reduced(whole, force, np.zeros(3))
+    assert fast.shift == pytest.approx(slow.shift, abs=1e-9 * LENGTH)
+    assert fast.stiffness == pytest.approx(slow.stiffness, abs=1e-6 * np.abs(slow.stiffness).max())
+
+
+def test_a_square_rod_keeps_its_planes():
+    """Two bending modes of one frequency: made even and odd, whatever mixture the eigenvalues come with."""
+    rod = block(STEEL, LENGTH, THICK, width=THICK, cells=(3, 1, 1))
+    body = reduce_solid(rod, internal=2, order=1)
+    planes = mirrors(rod)
+    found = sorted_by_parity(np.hstack([body.patterns, body.inner]), planes)[0]
+    assert found.shape[1] == body.unknowns
+    both = [
+        press_reduced(body, f * EI / LENGTH**2, np.zeros(3)).shift
+        for f in np.array([[0, 0.1, 0], [0, 0, 0.1]])
+    ]
+    assert both[0][1] == pytest.approx(both[1][2], rel=1e-9)
 
 
 def test_small_load_is_beam_theory(flat):
