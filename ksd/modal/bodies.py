@@ -198,18 +198,32 @@ def _rest_end(members: Members, i: int) -> np.ndarray:
     return members.value[at : at + 9].reshape(3, 3)
 
 
+def boundary_values(body: LeafBasis, d: np.ndarray, Q: np.ndarray) -> np.ndarray:
+    """Boundary values b (nb,) of a body with its end q at d (3,) m, Q (3, 3) in the frame of its end p."""
+    reference = np.concatenate([body.orientation[0], body.orientation[-1]])
+    jets = np.empty((len(body.b0), JET))
+    angle = body.choices.coordinates == "angle"
+    boundary_jets(int(body.choices.frame == "chord"), int(angle), reference, d, Q, jets)
+    return np.asarray(jets[:, 0])
+
+
+def carried_over(
+    smaller: LeafBasis, body: LeafBasis, d: np.ndarray, Q: np.ndarray, eta: np.ndarray
+) -> np.ndarray:
+    """Inner coordinates of `body` with the nodes nearest to those of another basis of the same leaf, at its eta."""
+    b = boundary_values(body, d, Q)
+    rest = smaller.nodes(b, eta) - body.nodes(b, np.zeros(body.inner.shape[1]))
+    return np.asarray(np.linalg.lstsq(body.inner, rest, rcond=None)[0])
+
+
 def body_nodes(
     body: LeafBasis, d: np.ndarray, Q: np.ndarray, eta: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Positions (n+1, 3) and rotations from rest (n+1, 3, 3) of a body's nodes, in the frame of its end p."""
     from scipy.spatial.transform import Rotation
 
-    reference = np.concatenate([body.orientation[0], body.orientation[-1]])
-    jets = np.empty((len(body.b0), JET))
-    angle = body.choices.coordinates == "angle"
-    boundary_jets(int(body.choices.frame == "chord"), int(angle), reference, d, Q, jets)
-    z = body.nodes(jets[:, 0], eta).reshape(-1, body.values_per_node)
-    if angle:
+    z = body.nodes(boundary_values(body, d, Q), eta).reshape(-1, body.values_per_node)
+    if body.choices.coordinates == "angle":
         start = body.orientation.reshape(-1, 3, 3).transpose(0, 2, 1)
         R = Rotation.from_rotvec(z[:, 3:]).as_matrix() @ start
     else:
@@ -255,6 +269,7 @@ __all__ = [
     "ModalMesh",
     "ModalModel",
     "body_nodes",
+    "carried_over",
     "chain_shape",
     "inside",
     "member_pose",

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from ksd.errors import SceneError
 
 PRINTED = {"coordinates": "angle", "frame": "node", "internal": 0, "order": 2}
 """Paper 2 as printed: for reference, not for use (errata, paper 2)."""
+
+SMALL = {"order": 2, "internal": 2}
+"""The default size of a basis, which is found from where the joints' records put its ends."""
 
 
 @dataclass(frozen=True)
@@ -19,7 +22,7 @@ class ModalBasis:
     power of the stroke, and more with a finer mesh). frame: "chord" (turns with the line between the ends and gains a
     factor of 25 to 70 at 0.1 L) or "node" (as printed: the frame of end p). internal: fixed-interface modes (without
     them the support compliance of a guide is 2 to 100 times too low). order: highest derivative of the static path, 2
-    or 3 (twice the unknowns; cures the angles). derivatives: "free" (an unknown each, as printed) or "tied" to the
+    or 3 (twice the unknowns; cures the angles; with directors and ten elements more unknowns than the chain has). derivatives: "free" (an unknown each, as printed) or "tied" to the
     products of their modes, the quadratic manifold, for comparison: 6 unknowns, but locked, its stroke eight times too
     short at 0.1 L, since what the path leaves out can go nowhere; by angles and order 2 only. elements: Appendix A
     elements per leaf of the model that is reduced. expansion: "rest", or "trained": about the kinematic state of the
@@ -59,6 +62,17 @@ class ModalBasis:
             raise SceneError(f"elements = {self.elements}: between 2 and 500 elements per leaf are possible")
         if not 0.0 < self.cut < 1e-2:
             raise SceneError(f"cut = {self.cut}: give a fraction between 0 and 0.01, for example 1e-8")
+
+    @property
+    def large(self) -> bool:
+        """Whether it has so many director columns without energy that Newton is lost from a rough start."""
+        more = self.order == 3 or self.internal > SMALL["internal"]
+        return self.coordinates == "director" and more
+
+    @property
+    def smaller(self) -> ModalBasis:
+        """A basis within this one, or nearly, whose state this one starts from."""
+        return replace(self, **SMALL)
 
     def __str__(self) -> str:
         across = ", in-plane derivatives" if self.plane else ""

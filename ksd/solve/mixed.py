@@ -9,13 +9,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from ksd.bodies.joints import joint_bodies
 from ksd.errors import ConvergenceError, SceneError
-from ksd.modal.bodies import ModalModel, member_pose, with_modal_bodies
+from ksd.modal.bodies import ModalModel, carried_over, member_pose, with_modal_bodies
 from ksd.modal.choices import ModalBasis
 from ksd.modal.mixed import LINEAR_INNER, Mixture, Settling, mixture
 from ksd.model.arrays import Motion, Work, make_work
@@ -38,19 +39,55 @@ PARTS = (2, 4, 8, 16)
 """Equal parts of drives and loads together where the whole of them fails."""
 SMALLEST = 1 / 128
 """Smallest part of the loads put on at a time."""
+STIFFLY = 1e3
+"""How much more stiffly columns without energy are held while a large basis finds its way."""
 WAYS_THERE = (1, 2, 4, 8, 16)
 """Equal steps from rest in which the ends of a body are turned until its inner coordinates follow."""
 
 
 class _Prepared:
-    """The mixture of one modal model, with storage."""
+    """The mixture of one modal model, with storage; smaller: the same of smaller bases, where a large one starts."""
 
-    def __init__(self, modal: ModalModel, steps: FiveSteps) -> None:
+    def __init__(self, modal: ModalModel, steps: FiveSteps, smaller: _Prepared | None = None) -> None:
+        self.smaller = smaller
         self.mix: Mixture = mixture(modal, steps.bench.bodies.reduced)
         self.work: Work = make_work(self.mix.arrays)
         self.settling = {m: Settling(self.mix, m) for m in self.mix.bodies}
         self.settling_work = {m: make_work(s.arrays) for m, s in self.settling.items()}
         self.modal_work: Work = make_work(modal.arrays)
+        self.held = _held(self.mix)
+        self.own = [h.copy() for h in self.held]
+
+    def stiffen(self, factor: float) -> None:
+        """Hold columns without energy `factor` times as stiffly as their bodies do."""
+        for held, own in zip(self.held, self.own, strict=True):
+            held[:] = factor * own
+
+    def settled(self, m: int, d: np.ndarray, Q: np.ndarray) -> tuple[np.ndarray, int]:
+        """Inner coordinates of body m with its end q held at d, Q, and Newton steps taken."""
+        body, work = self.settling[m], self.settling_work[m]
+        large = self.mix.modal.bodies[body.member]
+        if self.smaller is None or large is None or not large.choices.large:
+            return _settled(body, work, d, Q)
+        found, taken = self.smaller.settled(m, d, Q)
+        small = self.smaller.mix.modal.bodies[body.member]
+        assert small is not None
+        motion = body.rest.copy()
+        motion.inner[:] = start = carried_over(small, large, d, Q, found)
+        body.hold(d, Q)
+        reason, count, *_ = iterate(
+            body.arrays, motion, np.zeros(0), 1.0, work, 1e-6, MOST_SETTLING, CAP, math.inf
+        )
+        return (motion.inner if reason == 0 else start), taken + count
+
+
+def _held(mix: Mixture) -> list[np.ndarray]:
+    """Views of the stiffnesses that hold columns without energy, of every basis once."""
+    members, found = mix.arrays.members, {}
+    for m in mix.bodies:
+        first = int(members.value_at[m] + 18 + members.number[m, 2])
+        found[first] = members.value[first : first + int(members.number[m, 1])]
+    return list(found.values())
 
 
 class MixedSolver:
@@ -84,12 +121,19 @@ class MixedSolver:
         free = set(self.model.member_names[self.model.joint_members[-1].stop :])
         trained = {n for n, b in self.leafs.items() if b.expansion == "trained"} - free
         if trained:
-            still = set(self.leafs) - trained
-            modal = with_modal_bodies(self.full, self.leafs, about=self.near(values), at_rest=still)
-            return _Prepared(modal, self.steps)
+            words = {"about": self.near(values), "at_rest": set(self.leafs) - trained}
+            return self._made(words)
         if self._at_rest is None:
-            self._at_rest = _Prepared(with_modal_bodies(self.full, self.leafs), self.steps)
+            self._at_rest = self._made({})
         return self._at_rest
+
+    def _made(self, words: dict[str, Any]) -> _Prepared:
+        """Bodies and storage, with those of smaller bases where one is large."""
+        small = None
+        if any(b.large for b in self.leafs.values()):
+            fewer = {n: b.smaller if b.large else b for n, b in self.leafs.items()}
+            small = _Prepared(with_modal_bodies(self.full, fewer, **words), self.steps)
+        return _Prepared(with_modal_bodies(self.full, self.leafs, **words), self.steps, small)
 
     def __call__(
         self, values: Mapping[str, float], *, passes: int = 0, patient: bool = True
@@ -179,7 +223,7 @@ class MixedSolver:
                 pose = np.round(np.concatenate([d / mix.arrays.size, Q.ravel()]), 10) + 0.0
                 key = int(mix.arrays.members.value_at[m]), pose.tobytes()
                 if key not in alike:
-                    alike[key], taken = _settled(ready.settling[m], ready.settling_work[m], d, Q)
+                    alike[key], taken = ready.settled(m, d, Q)
                     count += taken
                 mix.own(motion, m)[:] = alike[key]
             elif 0 <= i < free:
@@ -225,10 +269,23 @@ class MixedSolver:
 
 
 def _equilibrium(ready: _Prepared, motion: Motion, target: np.ndarray, *, once: bool) -> Step:
-    """Step 3, in place: loads put on at once or, failing that, in parts, unless `once`.
+    """Step 3, in place: loads put on at once or, failing that, in parts, unless `once`; large bases held stiffly first.
 
     Raises ConvergenceError.
     """
+    if ready.smaller is None:
+        return _loaded(ready, motion, target, once=once)
+    try:
+        ready.stiffen(STIFFLY)
+        first = _loaded(ready, motion, target, once=once)
+    finally:
+        ready.stiffen(1.0)
+    last = _loaded(ready, motion, target, once=True)
+    return replace(last, iterations=first.iterations + last.iterations, time=first.time + last.time)
+
+
+def _loaded(ready: _Prepared, motion: Motion, target: np.ndarray, *, once: bool) -> Step:
+    """Step 3 with columns without energy held as they are."""
     clock, arrays = Stopwatch(), ready.mix.arrays
 
     def newton(want: np.ndarray, level: float, rtol: float, most: int, cap: float, limit: float) -> Any:
