@@ -49,8 +49,8 @@ def cantilever(load: float) -> ksd.Mechanism:
     return scene
 
 
-def guide(load: float, *, spread: float = SPREAD, held: bool = False) -> ksd.Mechanism:
-    """Two parallel leafs, loaded across [EI/L^2] at the level of their ends; stroke: deflection over L.
+def guide(load: float, *, spread: float = SPREAD, held: bool = False, level: float = 1.0) -> ksd.Mechanism:
+    """Two parallel leafs, loaded across [EI/L^2] at `level` of their length; stroke: deflection over L.
 
     held: the shuttle does not turn.
     """
@@ -59,7 +59,7 @@ def guide(load: float, *, spread: float = SPREAD, held: bool = False) -> ksd.Mec
     _leafs(scene, tip, [((0, y), (L, y)) for y in (-0.5 * spread, 0.5 * spread)])
     if held:
         scene.support(tip, about="z")
-    scene.load(tip, force=(0, load * EI / L**2, 0), at=(L, 0, 0))
+    scene.load(tip, force=(0, load * EI / L**2, 0), at=(level * L, 0, 0))
     return scene
 
 

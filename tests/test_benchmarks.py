@@ -90,11 +90,18 @@ def test_stroke(script, tmp_path):
 def test_figures_of_paper_2(script, tmp_path):
     found = script("paper2").main(["--quick", "--out", str(tmp_path)])
     # as printed slightly stiffer, and no longer successful at the increased load of fig. 6
-    full, printed = (found["figure_4"][n] for n in ("full, 10 elements", "modal derivatives as printed"))
+    strokes = {k: found[k]["stroke"] for k in ("figure_3", "figure_4", "figure_6")}
+    names = ("full, 10 elements", "modal derivatives as printed", "director, chord, 2 internal")
+    full, printed, default = (strokes["figure_4"][n] for n in names)
     assert 0.97 < printed / full < 1.0
-    assert found["figure_6"]["modal derivatives as printed"] < 0.8 * found["figure_6"]["full, 10 elements"]
+    assert default == pytest.approx(full, rel=1e-5)
+    assert strokes["figure_6"][names[1]] < 0.8 * strokes["figure_6"][names[0]]
+    # the support side of the same states: as printed several times too stiff
+    support = found["figure_4"]["support"]
+    assert support[names[1]] < 0.3 * support[names[0]]
+    assert support[names[2]] == pytest.approx(support[names[0]], rel=1e-4)
     # both bases of fig. 3 similar, the quadratic manifold stiffer than either
-    tip = found["figure_3"]
+    tip = strokes["figure_3"]
     two = [tip[n] for n in ("2 vibration modes, 3 derivatives", "2 Craig-Bampton modes, 3 derivatives")]
     assert two[0] == pytest.approx(two[1], rel=5e-3)
     assert len(list(tmp_path.glob("paper2_fig*.png"))) == 6

@@ -9,8 +9,8 @@ from ksd.errors import SceneError
 PRINTED = {"coordinates": "angle", "frame": "node", "internal": 0, "order": 2}
 """Paper 2 as printed: for reference, not for use (errata, paper 2)."""
 
-SMALL = {"order": 2, "internal": 2}
-"""The default size of a basis, which is found from where the joints' records put its ends."""
+FEW = 2
+"""Internal modes by default; bodies of order 2 with so many are found from where the joints' records put their ends."""
 
 
 @dataclass(frozen=True)
@@ -22,7 +22,8 @@ class ModalBasis:
     power of the stroke, and more with a finer mesh). frame: "chord" (turns with the line between the ends and gains a
     factor of 25 to 70 at 0.1 L) or "node" (as printed: the frame of end p). internal: fixed-interface modes (without
     them the support compliance of a guide is 2 to 100 times too low). order: highest derivative of the static path, 2
-    or 3 (twice the unknowns; cures the angles; with directors and ten elements more unknowns than the chain has). derivatives: "free" (an unknown each, as printed) or "tied" to the
+    or 3 (twice the unknowns; cures the angles; with directors and ten elements more unknowns than the chain itself).
+    derivatives: "free" (an unknown each, as printed) or "tied" to the
     products of their modes, the quadratic manifold, for comparison: 6 unknowns, but locked, its stroke eight times too
     short at 0.1 L, since what the path leaves out can go nowhere; by angles and order 2 only. elements: Appendix A
     elements per leaf of the model that is reduced. expansion: "rest", or "trained": about the kinematic state of the
@@ -34,7 +35,7 @@ class ModalBasis:
 
     coordinates: str = "director"
     frame: str = "chord"
-    internal: int = 2
+    internal: int = FEW
     order: int = 2
     derivatives: str = "free"
     elements: int = 10
@@ -66,13 +67,13 @@ class ModalBasis:
     @property
     def large(self) -> bool:
         """Whether it has so many director columns without energy that Newton is lost from a rough start."""
-        more = self.order == 3 or self.internal > SMALL["internal"]
+        more = self.order == 3 or self.internal > FEW
         return self.coordinates == "director" and more
 
     @property
     def smaller(self) -> ModalBasis:
         """A basis within this one, or nearly, whose state this one starts from."""
-        return replace(self, **SMALL)
+        return replace(self, order=2, internal=FEW)
 
     def __str__(self) -> str:
         across = ", in-plane derivatives" if self.plane else ""

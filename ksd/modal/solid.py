@@ -80,21 +80,21 @@ class Solid:
         # rows (elements, shapes, entries x points) of strain variations, turned by the root of the elasticity
         pairs = [(r, r) for r in range(dim)] + [(r, c) for r in range(dim) for c in range(r + 1, dim)]
         g, of = self._scalars
-        B = np.empty((elements, shapes, len(pairs), points))
+        rows = np.empty((elements, shapes, len(pairs), points))
         for c in range(dim):
             # variation of component c alone: dE = sym(F[c, :] grad N)
             varied = F[c, :, None, None] * g
             terms = [varied[r, k] if r == k else (varied[r, k] + varied[k, r]) / np.sqrt(2) for r, k in pairs]
             turned = np.tensordot(self.elastic_root, np.stack(terms), axes=1) * np.sqrt(w)
-            B[:, of[c]] = turned.transpose(2, 1, 0, 3)
-        B = B.reshape(elements, shapes, len(pairs) * points)
+            rows[:, of[c]] = turned.transpose(2, 1, 0, 3)
+        B = rows.reshape(elements, shapes, len(pairs) * points)
         K = B @ B.transpose(0, 2, 1)
         # stresses act on every component alike
         flat = g.transpose(2, 1, 0, 3).reshape(elements, -1, dim * points)
         SG = np.einsum("kseq,kjeq->esjq", g, S * w, optimize=True).reshape(flat.shape)
         initial = SG @ flat.transpose(0, 2, 1)
-        for rows in of:
-            K[:, rows[:, None], rows] += initial
+        for own in of:
+            K[:, own[:, None], own] += initial
         return total, self._sparse(K)
 
     def _sparse(self, K: np.ndarray) -> Any:

@@ -96,9 +96,7 @@ def _derivatives(solid: Solid, modes: np.ndarray, inner: Any, order: int) -> lis
         scale = far / np.abs(v).max()
         return (solid.tangent(scale * v) - solid.tangent(-scale * v)) / (2.0 * scale)
 
-    found = modal_derivatives(
-        solid.tangent, some, inner, step=0.1 * far, order=order, analytic=along
-    )
+    found = modal_derivatives(solid.tangent, some, inner, step=0.1 * far, order=order, analytic=along)
     return list(found.shapes.T)
 
 
@@ -125,9 +123,7 @@ def reduce_solid(
     columns = [*vibration.T]
     if order > 1:
         columns += _derivatives(solid, np.hstack([first, vibration * solid.length]), inner, order)
-    basis, parity = conditioned_by_parity(
-        np.array(columns).T.reshape(solid.size, -1), planes, cut=cut
-    )
+    basis, parity = conditioned_by_parity(np.array(columns).T.reshape(solid.size, -1), planes, cut=cut)
     every, parity = np.hstack([patterns, basis.columns]), np.concatenate([sides, parity])
     value = np.concatenate([at, b0, energy_tensors(solid, every, parity)])
     number = np.array([0, basis.columns.shape[1], len(at), int(frame == "chord")], np.int64)

@@ -49,9 +49,7 @@ def sorted_by_parity(columns: np.ndarray, planes: Mirrors) -> tuple[np.ndarray, 
     return columns, parity
 
 
-def conditioned_by_parity(
-    columns: np.ndarray, planes: Mirrors, *, cut: float
-) -> tuple[Basis, np.ndarray]:
+def conditioned_by_parity(columns: np.ndarray, planes: Mirrors, *, cut: float) -> tuple[Basis, np.ndarray]:
     """`conditioned`, each parity on its own, so that no column mixes two; and the parity of every column."""
     size = np.linalg.norm(columns, axis=0)
     columns = columns[:, size > 1e-9 * size.max(initial=0.0)]

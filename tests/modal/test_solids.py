@@ -66,7 +66,7 @@ def test_tensors_are_the_energy(which, request):
 def test_products_that_do_not_meet_are_kept_apart(spatial, reduced, monkeypatch):
     """Half of the largest tensor is left with one plane of symmetry; without it the same energy stands in one family."""
     assert len(mirrors(spatial)) == 2
-    assert len(mirrors(replace(spatial, place=spatial.place + [0.0, 1e-4, 0.0]))) == 1
+    assert len(mirrors(replace(spatial, place=spatial.place + np.array([0.0, 1e-4, 0.0])))) == 1
     force = np.array([0.0, 0.5 * EI / LENGTH**2, 0.0])
     fast = press_reduced(reduced, force, np.zeros(3))
     monkeypatch.setattr("ksd.modal.solid_basis.mirrors", lambda solid: [])
