@@ -239,7 +239,7 @@ def solids(*, quick: bool) -> list[dict[str, Any]]:
             {"solid": name, "dofs": solid.size, "unknowns": body.unknowns, "basis_s": made,
              "stroke": full.shift[1] / LENGTH, "full_us": 1e6 * whole, "reduced_us": 1e6 * spent,
              "faster": whole / spent,
-             "tip_error": float(np.linalg.norm(fast.shift - full.shift) / np.linalg.norm(full.shift)),
+             "told": fast.error, "tip_error": float(np.linalg.norm(fast.shift - full.shift) / np.linalg.norm(full.shift)),
              "support_error": held[1] / held[0] - 1.0}
         )  # fmt: skip
     return rows
@@ -264,11 +264,9 @@ def table(found: dict[str, Any]) -> str:
     chain = next(r["solve_us"] for r in found["leafs"] if r["way"] == "full, 10 elements")
     for r in found["leafs"]:
         slow = r["slower_than_4_elements"] and not r["way"].startswith("full")
-        verdict = (
-            f"slower than 4 plain elements, {r['solve_us'] / chain:.2g} times the 10 it reduces"
-            if slow
-            else ""
-        )
+        verdict = "slower than 4 plain elements" if slow else ""
+        if r["way"].startswith("modal"):
+            verdict += f"; {r['solve_us'] / chain:.2g} times its chain of 10"
         if r["basis_us"]:
             verdict += f"; and {1e-3 * r['basis_us']:.0f} ms for the bases"
         errors = [f"{100 * r[k]:.2g} %" for k in ("moment_error", "in_plane_error", "across_error")]
@@ -284,9 +282,9 @@ def table(found: dict[str, Any]) -> str:
     said += ["", "## Solids with exact polynomial tensors", "",
              "Thread time of a Newton iteration, interleaved, medians: the full model in stacked products of numpy on a",
              "scikit-fem mesh and solved by SuperLU; the reduced one compiled: force, tangent, condensation, recovery.", "",
-             _row("solid", "dofs", "unknowns", "stroke", "full [us]", "reduced [us]", "faster", "tip error",
+             _row("solid", "dofs", "unknowns", "stroke", "full [us]", "reduced [us]", "faster", "tip error", "told",
                   "support error", "aim: 300 times, 0.01 %"),
-             "|---|---:|---:|---:|---:|---:|---:|---:|---:|---|"]  # fmt: skip
+             "|---|---:|---:|---:|---:|---:|---:|---:|---:|---:|---|"]  # fmt: skip
     for r in found["solids"]:
         met = r["faster"] >= 300 and r["tip_error"] <= 1e-4
         numbers = [
@@ -296,7 +294,10 @@ def table(found: dict[str, Any]) -> str:
             f"{r['full_us']:.0f}",
             f"{r['reduced_us']:.0f}",
         ]
-        errors = [f"{r['faster']:.0f}", f"{100 * r['tip_error']:.2g} %", f"{100 * r['support_error']:.2g} %"]
+        errors = [
+            f"{r['faster']:.0f}",
+            *(f"{100 * r[k]:.2g} %" for k in ("tip_error", "told", "support_error")),
+        ]
         said.append(_row(r["solid"], *numbers, *errors, "met" if met else "MISSED"))
     return "\n".join([*said, ""])
 

@@ -5,25 +5,33 @@ Face A is held; face B is rigid, its pose (shift, rotation) is unknown, and a de
 
 from __future__ import annotations
 
+import math
 import time
 from dataclasses import dataclass
 
 import numpy as np
 
 from ksd.beam.modal import modal_recover, modal_sizes
-from ksd.beam.polynomial import polynomial_condense
+from ksd.beam.modal_jets import JET
+from ksd.beam.polynomial import face_jets, polynomial_condense
 from ksd.errors import ConvergenceError
 from ksd.modal.solid import Solid
 from ksd.modal.solid_basis import SolidBasis
 
 MOST = 40
+MOST_CORRECTORS = 12
+SETTLED = 0.02
+"""Relative change of the indicator by one more step at which it is believed."""
+SUCCESSFUL = 0.05
+"""Estimated relative error beyond which a basis is no longer successful."""
 
 
 @dataclass(frozen=True)
 class Pressed:
     """Face B under load: shift (3,) m, rotation R (3, 3), stiffness (6, 6) of force and moment about it with the
     inside condensed (rows out of the plane zero for 2D), iterations, thread time [s] of one iteration, and the state
-    (displacements of the full model, inner coordinates of the reduced one)."""
+    (displacements of the full model, inner coordinates of the reduced one); error: relative, of the shift, of a reduced
+    solid by `indicator`."""
 
     shift: np.ndarray
     R: np.ndarray
@@ -31,6 +39,7 @@ class Pressed:
     iterations: int
     time: float
     state: np.ndarray
+    error: float = 0.0
 
 
 def _turned(R: np.ndarray, psi: np.ndarray) -> np.ndarray:
@@ -44,36 +53,50 @@ def _free(flat: bool) -> list[int]:
     return [0, 1, 5] if flat else [0, 1, 2, 3, 4, 5]
 
 
+class FullSolid:
+    """The full model on its way: displacements u (size,) m, and shift (3,) m and rotation R (3, 3) of face B."""
+
+    def __init__(self, solid: Solid, u: np.ndarray, shift: np.ndarray, R: np.ndarray) -> None:
+        self.solid, self.u, self.shift, self.R = solid, u.copy(), shift, R
+        self.inner, self.face, self.free = solid.inner, solid.face_b, _free(solid.flat)
+        self.arm = solid.place[self.face] - np.array([solid.length, 0.0, 0.0])
+        self.row = solid.component[self.face]
+        self.stiffness = np.zeros((6, 6))
+
+    def step(self, wrench: np.ndarray) -> bool:
+        """One Newton step under `wrench` (6,) on face B, in place; whether it was at rest before, to rounding."""
+        solid, row = self.solid, self.row
+        turned, every = self.arm @ self.R.T, np.arange(len(self.face))
+        self.u[self.face] = (self.shift + turned - self.arm)[every, row]
+        T = np.zeros((len(self.face), 6))
+        T[every, row] = 1.0
+        for axis in range(3):
+            T[:, 3 + axis] = np.cross(np.eye(3)[axis], turned)[every, row]
+        parts = self.inner, self.face, T, turned, row
+        step, self.stiffness, worst = _newton(solid, self.u, parts, wrench)
+        self.u[self.inner] += step[0]
+        move = np.zeros(6)
+        move[self.free] = step[1][self.free]
+        self.shift, self.R = self.shift + move[:3], _turned(self.R, move[3:])
+        return worst < 1e-9 or bool(np.abs(step[0]).max() < 1e-12 * solid.length)
+
+
 def press(solid: Solid, force: np.ndarray, moment: np.ndarray, *, steps: int = 4) -> Pressed:
     """The full model under `force` (3,) [N] and `moment` (3,) [Nm], in load steps. Raises ConvergenceError."""
-    u, shift, R = np.zeros(solid.size), np.zeros(3), np.eye(3)
-    inner, face, free = solid.inner, solid.face_b, _free(solid.flat)
-    arm = solid.place[face] - np.array([solid.length, 0.0, 0.0])
-    row = solid.component[face]
+    full = FullSolid(solid, np.zeros(solid.size), np.zeros(3), np.eye(3))
     count, spent, wrench = 0, 0.0, np.concatenate([force, moment])
-    stiffness = np.zeros((6, 6))
     for k in range(1, steps + 1):
         for _ in range(MOST):
             clock = time.thread_time()
-            turned = arm @ R.T
-            u[face] = (shift + turned - arm)[np.arange(len(face)), row]
-            T = np.zeros((len(face), 6))
-            T[np.arange(len(face)), row] = 1.0
-            for axis in range(3):
-                T[:, 3 + axis] = np.cross(np.eye(3)[axis], turned)[np.arange(len(face)), row]
-            step, stiffness, worst = _newton(solid, u, (inner, face, T, turned, row), k / steps * wrench)
+            rests = full.step(k / steps * wrench)
             count, spent = count + 1, spent + time.thread_time() - clock
-            u[inner] += step[0]
-            move = np.zeros(6)
-            move[free] = step[1][free]
-            shift, R = shift + move[:3], _turned(R, move[3:])
-            if worst < 1e-9 or np.abs(step[0]).max() < 1e-12 * solid.length:
+            if rests:
                 break
         else:
             raise ConvergenceError(
                 f"the solid did not come to rest within {MOST} iterations at {100 * k / steps:.3g} %"
             )
-    return Pressed(shift, R, stiffness, count, spent / count, u)
+    return Pressed(full.shift, full.R, full.stiffness, count, spent / count, full.u)
 
 
 def _newton(
@@ -97,15 +120,27 @@ def _newton(
     rest = T.T @ f[face] - Kib.T @ X[:, 6] - wrench
     pose = np.zeros(6)
     pose[free] = -np.linalg.solve(S[np.ix_(free, free)], rest[free])
-    size = np.abs(wrench).max() + np.abs(f).max()
+    size = np.abs(wrench).max() + np.abs(f).max() + 1e-300
     worst = max(np.abs(f[inner]).max(), np.abs((T.T @ f[face] - wrench)[free]).max() / solid.length) / size
     held = np.zeros((6, 6))
     held[np.ix_(free, free)] = S[np.ix_(free, free)]
     return (-X[:, 6] - X[:, :6] @ pose, pose), held, float(worst)
 
 
-def press_reduced(body: SolidBasis, force: np.ndarray, moment: np.ndarray, *, steps: int = 4) -> Pressed:
-    """The same of the reduced solid."""
+def press_reduced(
+    body: SolidBasis,
+    force: np.ndarray,
+    moment: np.ndarray,
+    *,
+    steps: int = 4,
+    estimate: bool = True,
+    strict: bool = True,
+) -> Pressed:
+    """The same of the reduced solid, with its error by corrector steps of the full one, unless estimate=False.
+
+    Raises ConvergenceError "basis no longer successful" where there is no equilibrium or, unless strict=False, the error
+    is beyond `SUCCESSFUL`.
+    """
     free = _free(body.solid.flat)
     m = int(body.number[1])
     d, R, inner = np.array([body.solid.length, 0.0, 0.0]), np.eye(3), np.zeros(m)
@@ -130,7 +165,54 @@ def press_reduced(body: SolidBasis, force: np.ndarray, moment: np.ndarray, *, st
             )
     held = np.zeros((6, 6))
     held[np.ix_(free, free)] = K[np.ix_(free, free)]
-    return Pressed(d - [body.solid.length, 0, 0], R, held, count, spent / count, inner)
+    error = indicator(body, d, R, inner, wrench) if estimate else math.nan
+    if estimate and strict and not error <= SUCCESSFUL:
+        stroke = np.linalg.norm(d[1:]) / body.solid.length
+        raise ConvergenceError(
+            f"basis no longer successful: the estimated error of the solid is {100 * error:.2g} % at a stroke of "
+            f"{stroke:.2g} L; ask for less, raise internal or order, or press the full solid"
+        )
+    return Pressed(d - [body.solid.length, 0, 0], R, held, count, spent / count, inner, error)
 
 
-__all__ = ["Pressed", "press", "press_reduced"]
+def displaced(body: SolidBasis, d: np.ndarray, R: np.ndarray, eta: np.ndarray) -> np.ndarray:
+    """Displacements u (size,) m of the full model at a state of the reduced one: face B at d (3,) m, turned by R (3, 3)."""
+    solid, jets = body.solid, np.empty((19, JET))
+    face_jets(int(body.frame == "chord"), d, R, jets)
+    u = body.patterns @ (jets[list(body.chosen), 0] - body.b0) + body.inner @ eta
+    if body.frame == "node":
+        return np.asarray(u)
+    # turned from the frame of the chord into that of face A
+    turn, found = jets[1:10, 0].reshape(3, 3), np.empty_like(u)
+    dim = 2 if solid.flat else 3
+    at = [np.flatnonzero(solid.component == c) for c in range(dim)]
+    at = [a[np.lexsort(solid.place[a].T)] for a in at]
+    spots = np.zeros((3, len(at[0])))
+    for c in range(dim):
+        spots[c] = solid.place[at[c], c] + u[at[c]]
+    spots = turn @ spots
+    for c in range(dim):
+        found[at[c]] = spots[c] - solid.place[at[c], c]
+    return found
+
+
+def indicator(body: SolidBasis, d: np.ndarray, R: np.ndarray, eta: np.ndarray, wrench: np.ndarray) -> float:
+    """Relative error of where face B is under `wrench` (6,), by Newton steps of the full model until they settle.
+
+    Infinite where they do not. For a solid in a mechanism the wrench is what its member exerts.
+    """
+    length = np.array([body.solid.length, 0.0, 0.0])
+    full = FullSolid(body.solid, displaced(body, d, R, eta), d - length, R)
+    moved, last = np.linalg.norm(d - length) + 1e-12 * body.solid.length, math.inf
+    for k in range(MOST_CORRECTORS):
+        rests = full.step(wrench)
+        error = float(np.linalg.norm(full.shift - (d - length)) / moved)
+        if not math.isfinite(error):
+            return math.inf
+        if k > 0 and (rests or abs(error - last) <= SETTLED * error):
+            return error
+        last = error
+    return math.inf
+
+
+__all__ = ["FullSolid", "Pressed", "displaced", "indicator", "press", "press_reduced"]

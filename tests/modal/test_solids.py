@@ -9,6 +9,7 @@ import ksd
 from ksd.beam.polynomial import quartic
 from ksd.modal.solid import block
 from ksd.modal.solid_basis import reduce_solid, with_solids
+from ksd.modal.solid_health import solid_errors, solid_range
 from ksd.modal.solid_solve import press, press_reduced
 from ksd.modal.symmetry import mirrors, sorted_by_parity
 from ksd.model.compile import compile_scene
@@ -86,7 +87,7 @@ def test_a_square_rod_keeps_its_planes():
     found = sorted_by_parity(np.hstack([body.patterns, body.inner]), planes)[0]
     assert found.shape[1] == body.unknowns
     both = [
-        press_reduced(body, f * EI / LENGTH**2, np.zeros(3)).shift
+        press_reduced(body, f * EI / LENGTH**2, np.zeros(3), strict=False).shift
         for f in np.array([[0, 0.1, 0], [0, 0, 0.1]])
     ]
     assert both[0][1] == pytest.approx(both[1][2], rel=1e-9)
@@ -119,8 +120,36 @@ def test_without_derivatives_it_is_too_stiff(flat):
     """The linear modes alone."""
     force = np.array([0.0, 0.3 * EI / LENGTH**2, 0.0])
     full = press(flat, force, np.zeros(3))
-    linear = press_reduced(reduce_solid(flat, order=1), force, np.zeros(3))
+    stiff = reduce_solid(flat, order=1)
+    linear = press_reduced(stiff, force, np.zeros(3), strict=False)
     assert linear.shift[1] < 0.95 * full.shift[1]
+    with pytest.raises(
+        ksd.ConvergenceError, match="basis no longer successful: the estimated error of the solid is 2"
+    ):
+        press_reduced(stiff, force, np.zeros(3))
+    assert max(solid_range(stiff).stroke.values()) < 0.1
+
+
+@pytest.mark.parametrize("frame", ["chord", "node"])
+def test_the_error_told_is_the_true_one(flat, frame):
+    """From a hundred thousandth to a fifth, by basis and load."""
+    errors = []
+    for words in ({}, {"order": 1}):
+        body = reduce_solid(flat, frame=frame, **words)
+        for load in (0.1, 3.0) if words == {} else (0.05,):
+            force = np.array([0.2, 1.0, 0.0]) * load * EI / LENGTH**2
+            full = press(flat, force, np.zeros(3))
+            fast = press_reduced(body, force, np.zeros(3), strict=False)
+            errors.append(np.linalg.norm(fast.shift - full.shift) / np.linalg.norm(fast.shift))
+            assert fast.error == pytest.approx(errors[-1], rel=0.05)
+    assert min(errors) < 1e-7 and max(errors) > 5e-3
+
+
+def test_range_of_a_solid(reduced):
+    """The default goes as far as is tried, by force and by moment."""
+    found = solid_range(reduced)
+    assert found.beyond == ("across", "turned")
+    assert min(found.stroke.values()) > 0.3 and min(found.turn.values()) > 0.7
 
 
 def leaf_scene(load):
@@ -146,6 +175,9 @@ def test_a_solid_in_a_mechanism(spatial):
     assert moved == pytest.approx([-alone.shift[1], alone.shift[0], 0.0], abs=1e-9)
     assert found.stable
     full = press(spatial, np.array([0.0, load, 0.0]), np.zeros(3))
+    told = solid_errors(found.model, found.motion, {"spring": body})["spring"]
+    true = np.linalg.norm(alone.shift - full.shift) / np.linalg.norm(alone.shift)
+    assert told == pytest.approx(true, rel=0.05) and 1e-6 < true < 2e-3
     assert alone.shift == pytest.approx(full.shift, rel=2e-3, abs=1e-9)
 
 
