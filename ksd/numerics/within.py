@@ -1,12 +1,18 @@
-"""How a kernel is compiled for other kernels to call: lowered and simplified, but neither optimised nor assembled.
+"""How kernels are compiled: what makes numba compile them in half the time, without changing what they do.
 
-Numba optimises and assembles every function with all it calls, and again inside every caller; with kernels ten deep
-that was three quarters of the compile time. What is only called by compiled code needs neither: it is optimised once,
-as part of what Python or a C pointer calls. Numba's documented way to that is a compiler pipeline of one's own.
+- A kernel for other kernels to call is lowered and simplified, but neither optimised nor assembled. Numba optimises and
+  assembles every function with all it calls, and again inside every caller; with kernels ten deep that was three quarters
+  of the compile time. What is only called by compiled code is optimised once, as part of what Python or a C pointer calls.
+- The passes of numba that look for what no kernel has (closures, array expressions, loops over literals) are left out.
+- What a call of a built-in function is, is found once per types of its arguments (`remembering`).
+
+Numba's documented way to the first two is a compiler pipeline of one's own.
 """
 
 from __future__ import annotations
 
+import contextlib
+from collections.abc import Iterator
 from typing import Any
 
 import numba
@@ -15,6 +21,7 @@ from numba.core.compiler import CompilerBase, DefaultPassBuilder, Flags
 from numba.core.compiler_machinery import register_pass
 from numba.core.extending import typeof_impl
 from numba.core.typed_passes import NativeLowering
+from numba.core.types.functions import BaseFunction
 
 
 class _NoEnvironment:
@@ -80,15 +87,37 @@ _HASH = hash(Flags())
 """Numba hashes the names of the flags, which all flags share."""
 
 
+_NOT_NEEDED = {
+    "with_lifting",
+    "inline_closure_likes",
+    "make_function_op_code_to_jit_function",
+    "find_literally",
+    "literal_unroll",
+    "LiteralPropagation",
+    "inline_overloads",
+    "nopython_rewrites",
+    "dump_parfor_diagnostics",
+}
+"""Passes, by numba's names, that find nothing to do in a kernel: they cost a tenth of the time."""
+
+
 class Outside(CompilerBase):  # type: ignore[misc]
-    """Numba's passes, with our flags."""
+    """Numba's passes as far as kernels need them, with our flags."""
 
     def __init__(self, *given: Any) -> None:
         # typing and target contexts, library, argument and return types, then the flags
         super().__init__(*given[:5], _Flags(given[5]), *given[6:])  # type: ignore[call-arg]
 
     def define_pipelines(self) -> list[Any]:
-        return [DefaultPassBuilder.define_nopython_pipeline(self.state)]
+        passes = DefaultPassBuilder.define_nopython_pipeline(self.state)
+        passes.passes = [p for p in passes.passes if p[0].name() not in _NOT_NEEDED]
+        passes.finalize()
+        return [passes]
+
+    def compile_extra(self, function: Any) -> Any:
+        """As numba, under its lock, with calls remembered."""
+        with remembering():
+            return super().compile_extra(function)
 
 
 class _Within(Outside):
@@ -115,3 +144,31 @@ def answers_as(kind: type) -> None:
     @typeof_impl.register(kind)
     def found(value: Any, _context: Any) -> Any:
         return numba.types.Dispatcher(value.within)
+
+
+_NAME = "get_call_type"
+_find_call: Any = getattr(BaseFunction, _NAME)
+_FOUND: dict[tuple[Any, ...], tuple[Any, Any]] = {}
+"""What numba found, by function type and types of the arguments; with the function type, so that it stays alive."""
+
+
+def _find_call_once(function: Any, context: Any, arguments: Any, named: Any) -> Any:
+    """As `_find_call`, which tries a dozen templates, one by one, for every `a * b`."""
+    if named:
+        return _find_call(function, context, arguments, named)
+    key = id(function), id(context), tuple(arguments)
+    found = _FOUND.get(key)
+    if found is None:
+        found = _FOUND[key] = _find_call(function, context, arguments, named), function
+    return found[0]
+
+
+@contextlib.contextmanager
+def remembering() -> Iterator[None]:
+    """Find once, inside, what a call of a built-in is; what else the process compiles with numba is left alone."""
+    before = getattr(BaseFunction, _NAME)
+    setattr(BaseFunction, _NAME, _find_call_once)
+    try:
+        yield
+    finally:
+        setattr(BaseFunction, _NAME, before)

@@ -7,6 +7,7 @@ compiled by the process that comes to it first (`ksd.numerics.cache.turn`), so t
 from __future__ import annotations
 
 import contextlib
+import gc
 import math
 import os
 import sys
@@ -128,6 +129,8 @@ def main(number: int = 0) -> None:
     """All of it, in an order that differs with `number`; without a record, the solvers alone."""
     threading.Thread(target=leave_with, args=(os.getppid(),), daemon=True).start()
     model = _model()
+    # what is there by now stays to the end: the collector of garbage need not walk through it after every entry
+    gc.freeze()
     jobs = [*planar_jobs(model), *spatial_jobs(model)]
     first = number * len(jobs) // 3
     for job in jobs[first:] + jobs[:first]:

@@ -8,19 +8,29 @@ import time
 
 import numpy as np
 import pytest
+from numba.core.errors import NumbaError
+from numba.core.types.functions import BaseFunction
 
 from ksd.numerics import cache
 from ksd.numerics.kernel import kernel
 
 
 @kernel(cache=False)
-def _part(x, y):
-    return x * y + len(x)
+def _part(x, y, out):
+    for i in range(len(x)):
+        out[i] = x[i] * y + len(x)
 
 
 @kernel(cache=False)
 def _whole(x):
-    return _part(x, 2.0).sum()
+    out = np.zeros(len(x))
+    _part(x, 2.0, out)
+    return out.sum()
+
+
+@kernel(cache=False)
+def _sum_of_two(x, y):
+    return x + y
 
 
 def test_a_kernel_called_by_a_kernel_has_no_machine_code_of_its_own():
@@ -28,9 +38,20 @@ def test_a_kernel_called_by_a_kernel_has_no_machine_code_of_its_own():
     (inside,) = _part.within.overloads.values()
     assert inside.library.get_pointer_to_function("anything") == 0
     # from Python it gets some
-    assert _part(np.ones(2), 3.0).tolist() == [5.0, 5.0]
+    out = np.zeros(2)
+    _part(np.ones(2), 3.0, out)
+    assert out.tolist() == [5.0, 5.0]
     assert _part.outside.signatures
     assert gc.isenabled()
+
+
+def test_calls_are_remembered_by_type_and_only_while_a_kernel_compiles():
+    numbas = BaseFunction.get_call_type
+    assert _sum_of_two(1, 2) == 3 and isinstance(_sum_of_two(1, 2), int)
+    assert _sum_of_two(1.5, 2) == 3.5 and _sum_of_two(1, 2j) == 1 + 2j
+    with pytest.raises(NumbaError):
+        _sum_of_two("word", 1.0)
+    assert BaseFunction.get_call_type is numbas
 
 
 @pytest.fixture
