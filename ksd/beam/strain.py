@@ -13,15 +13,17 @@ from __future__ import annotations
 
 import math
 
-from ksd.beam.strain_fields import places, strain_fields, strain_tangent
+from ksd.beam.strain_fields import strain_fields, strain_tangent
+from ksd.beam.strain_points import places, tables
 from ksd.beam.weight import PULL
 from ksd.numerics.kernel import kernel
+from ksd.numerics.lanes import load4, spread, store4, transpose4
 from ksd.numerics.local import local_matrix, local_vector
 from ksd.numerics.rotations import rotation_log
-from ksd.numerics.sums import weighted_sum, weighted_sums
+from ksd.numerics.sums import weighted_rows
 
 
-@kernel
+@kernel(forceinline=True)
 def _invert6(F, K):
     """K (6, 6) = F^-1 for symmetric F (6, 7+) by sweeping pivot after pivot; returns (negative pivots, ok)."""
     negatives = 0
@@ -52,67 +54,115 @@ def _invert6(F, K):
     return negatives, True
 
 
-@kernel
-def _factor(N, scratch, W, t):
-    """W = U^T D U in place, row by row of its upper triangle (rows D U), and Y = W^-1 Y, the 8 columns beside it;
-    1/D from t on. What stands below the diagonal is used up.
+@kernel(forceinline=True)
+def _pivot(x, before):
+    """(1 / pivot, 1 if negative, 2 where it had to be replaced else 0), for one that was `before` at first."""
+    status = 0
+    if not abs(x) > 1e-15 * abs(before):
+        status = 2
+        x = 1e-15 * abs(before) + 1e-300
+    return 1.0 / x, x < 0.0, status
+
+
+@kernel(fastmath={"contract"}, forceinline=True)
+def _factor(M, number, scratch, W, t):
+    """W = U^T D U by fours of rows, and Y = W^-1 Y for the 8 columns beside it: W (M, M + 8) keeps D U in its upper
+    triangle; t (M + 1, M + 8) gets U with the new Y beside it, and 1/D as its last row.
 
     Returns (negative pivots, 2 where one had to be replaced, else 0).
     """
-    negatives, status, wide = 0, 0, N + 8
-    o = t + N
-    for i in range(N):
-        row = W + wide * i
-        before = abs(scratch[row + i])
-        for j in range(i):
-            scratch[o + j] = scratch[W + wide * j + i] * scratch[t + j]
-        # whole vectors of four from the last one that starts before the diagonal
-        c = i & -4
-        weighted_sum(scratch, row + c, 0, wide - c, scratch, o, 0, 1, i, scratch, W + c, wide, -1.0, True)
-        pivot = scratch[row + i]
-        if not abs(pivot) > 1e-15 * before:
-            status = 2
-            pivot = 1e-15 * before + 1e-300
-        if pivot < 0.0:
-            negatives += 1
-        scratch[t + i] = 1.0 / pivot
-    for i in range(N - 1, -1, -1):
-        o, y = W + wide * i + i + 1, W + wide * i + N
-        weighted_sum(scratch, y, 0, 8, scratch, o, 0, 1, N - 1 - i, scratch, y + wide, wide, -1.0, True)
-        w = scratch[t + i]
-        for e in range(7):
-            scratch[y + e] *= w
+    wide = M + 8
+    negatives, status, inverse = 0, 0, t + wide * M
+    for p in range(0, M, 4):
+        o = W + (wide + 1) * p
+        w0, w1, w2, w3 = (
+            scratch[o],
+            scratch[o + wide + 1],
+            scratch[o + 2 * wide + 2],
+            scratch[o + 3 * wide + 3],
+        )
+        if p > 0:
+            weighted_rows(
+                number, scratch, o, scratch, W + p, scratch, t + p, 0, wide, 0, 1, wide, 0, wide, 1, 4, p, wide - p,
+                -1.0, True,
+            )  # fmt: skip
+        # the four rows among themselves: pivots and U between them
+        i0, n0, s0 = _pivot(scratch[o], w0)
+        a1, a2, a3 = scratch[o + 1], scratch[o + 2], scratch[o + 3]
+        l1, l2, l3 = a1 * i0, a2 * i0, a3 * i0
+        o += wide
+        i1, n1, s1 = _pivot(scratch[o + 1] - l1 * a1, w1)
+        b2, b3 = scratch[o + 2] - l1 * a2, scratch[o + 3] - l1 * a3
+        k2, k3 = b2 * i1, b3 * i1
+        o += wide
+        i2, n2, s2 = _pivot(scratch[o + 2] - l2 * a2 - k2 * b2, w2)
+        c3 = scratch[o + 3] - l2 * a3 - k2 * b3
+        j3 = c3 * i2
+        i3, n3, s3 = _pivot(scratch[o + wide + 3] - l3 * a3 - k3 * b3 - j3 * c3, w3)
+        negatives += n0 + n1 + n2 + n3
+        status = max(status, s0, s1, s2, s3)
+        scratch[inverse + p], scratch[inverse + p + 1] = i0, i1
+        scratch[inverse + p + 2], scratch[inverse + p + 3] = i2, i3
+        for c in range(p, wide, 4):
+            o, q = W + wide * p + c, t + wide * p + c
+            r0 = load4(scratch, o)
+            r1 = load4(scratch, o + wide) - l1 * r0
+            r2 = load4(scratch, o + 2 * wide) - l2 * r0 - k2 * r1
+            r3 = load4(scratch, o + 3 * wide) - l3 * r0 - k3 * r1 - j3 * r2
+            store4(scratch, o + wide, r1)
+            store4(scratch, o + 2 * wide, r2)
+            store4(scratch, o + 3 * wide, r3)
+            store4(scratch, q, i0 * r0)
+            store4(scratch, q + wide, i1 * r1)
+            store4(scratch, q + 2 * wide, i2 * r2)
+            store4(scratch, q + 3 * wide, i3 * r3)
+    for p in range(M - 4, -1, -4):
+        o = t + wide * p
+        y = o + M
+        weighted_rows(
+            number, scratch, y, scratch, o + p + 4, scratch, y + 4 * wide, 0, wide, 0, wide, 1, 0, wide, 1, 4,
+            M - p - 4, 8, -1.0, True,
+        )  # fmt: skip
+        o += p
+        l1, l2, l3 = scratch[o + 1], scratch[o + 2], scratch[o + 3]
+        k2, k3, j3 = scratch[o + wide + 2], scratch[o + wide + 3], scratch[o + 2 * wide + 3]
+        for c in range(y, y + 8, 4):
+            r3 = load4(scratch, c + 3 * wide)
+            r2 = load4(scratch, c + 2 * wide) - j3 * r3
+            r1 = load4(scratch, c + wide) - k2 * r2 - k3 * r3
+            store4(scratch, c + 2 * wide, r2)
+            store4(scratch, c + wide, r1)
+            store4(scratch, c, load4(scratch, c) - l1 * r1 - l2 * r2 - l3 * r3)
     return negatives, status
 
 
 @kernel
-def _solve_more(N, scratch, W, t, X):
-    """X (N, 3) = W^-1 X for W as `_factor` leaves it."""
+def _solve_more(N, M, scratch, t, X):
+    """X (N, 3) = W^-1 X with t as `_factor` leaves it."""
+    wide = M + 8
     for i in range(N):
         for j in range(i):
-            w = scratch[W + (N + 8) * j + i] * scratch[t + j]
             for c in range(3):
-                X[i, c] -= w * X[j, c]
+                X[i, c] -= scratch[t + wide * j + i] * X[j, c]
     for i in range(N - 1, -1, -1):
+        for c in range(3):
+            X[i, c] *= scratch[t + wide * M + i]
         for k in range(i + 1, N):
             for c in range(3):
-                X[i, c] -= scratch[W + (N + 8) * i + k] * X[k, c]
-        for c in range(3):
-            X[i, c] *= scratch[t + i]
+                X[i, c] -= scratch[t + wide * i + k] * X[k, c]
 
 
 @kernel
-def _add_flexibility(w, scratch, S, A):
-    """A (3, 3) += w S, S: place of a symmetric matrix as xx, xy, xz, yy, yz, zz."""
-    A[0, 0] += w * scratch[S]
-    A[0, 1] += w * scratch[S + 1]
-    A[0, 2] += w * scratch[S + 2]
-    A[1, 0] += w * scratch[S + 1]
-    A[1, 1] += w * scratch[S + 3]
-    A[1, 2] += w * scratch[S + 4]
-    A[2, 0] += w * scratch[S + 2]
-    A[2, 1] += w * scratch[S + 4]
-    A[2, 2] += w * scratch[S + 5]
+def _add_flexibility(w, scratch, S, lanes, A):
+    """A (3, 3) += w S, S: place of a symmetric matrix as xx, xy, xz, yy, yz, zz, `lanes` apart."""
+    first = 0
+    for i in range(3):
+        for j in range(i, 3):
+            x = w * scratch[S + lanes * (first + j)]
+            A[i, j] += x
+            if i != j:
+                A[j, i] += x
+        first += 2 - i
 
 
 @kernel
@@ -125,11 +175,11 @@ def _follow_gravity(value, number, pull, scratch, K, step, X):
     nx, ny, nz, ng = number[0], number[1], number[2], number[3]
     N = nx + ny + nz
     L = value[0]
-    weight = 1 + nx * nx + ny * ny + nz * nz + N
-    beyond = weight + ng + ng * ng + N * ng + 3 * ng + (N + ny * nz + nz * nx + nx * ny) * (ng + 1)
-    at = places(N, ng)
-    v, S, W, eta = at.v, at.S, at.W, at.eta
-    psi, rho = at.fields, at.fields + 3 * N
+    M, lanes = (N + 3) & -4, (ng + 4) & -4
+    of, at = tables(nx, ny, nz, ng), places(N, ng)
+    weight, beyond = of.weight, of.beyond
+    v, S, eta = at.v, at.S, at.eta + 3 * M * ng
+    rho = at.fields + 6 * M * ng
     Z, G = local_matrix(6, 3), local_matrix(3, 3)
     for c in range(3):
         pull[3 + c] = 0.0
@@ -138,21 +188,21 @@ def _follow_gravity(value, number, pull, scratch, K, step, X):
     for g in range(ng):
         w = L * value[weight + g] * value[beyond + g]
         for c in range(3):
-            pull[3 + c] += w * scratch[v + 4 * g + c]
-        _add_flexibility(w, scratch, S + 6 * g, Z)
-        _add_flexibility(w * value[beyond + g], scratch, S + 6 * g, G)
+            pull[3 + c] += w * scratch[v + lanes * c + g]
+        _add_flexibility(w, scratch, S + g, lanes, Z)
+        _add_flexibility(w * value[beyond + g], scratch, S + g, lanes, G)
     for i in range(N):
         for c in range(3):
-            X[i, c] = scratch[eta + N * c + i]
-    _solve_more(N, scratch, W, at.t, X)
+            X[i, c] = scratch[eta + M * c + i]
+    _solve_more(N, M, scratch, at.t, X)
     for c in range(3):
         pull[6 + c] = pull[3 + c]
         for i in range(N):
-            pull[3 + c] -= scratch[eta + N * c + i] * scratch[W + (N + 8) * i + N + 6]
+            pull[3 + c] -= scratch[eta + M * c + i] * scratch[at.t + (M + 8) * i + M + 6]
             for r in range(3):
-                Z[r, c] += scratch[rho + N * r + i] * X[i, c]
-                Z[3 + r, c] += scratch[psi + N * r + i] * X[i, c]
-                G[r, c] += scratch[eta + N * r + i] * X[i, c]
+                Z[r, c] += scratch[rho + M * r + i] * X[i, c]
+                Z[3 + r, c] += scratch[rho + M * (3 + r) + i] * X[i, c]
+                G[r, c] += scratch[eta + M * r + i] * X[i, c]
     for c in range(3):
         for r in range(6):
             pull[3 + c] += Z[r, c] * step[r]
@@ -173,56 +223,74 @@ def strain_condense(value, number, inner, store, scratch, d, Q, lam, K):
     """Condense one leaf at end pose d (3,) [m], Q (3, 3); see the module docstring for the equations.
 
     inner = (a (N,), lam (6,)). Writes lam[0:6] condensed end wrench, lam[6:12] the wrench the geometric terms
-    use (the one before this step), K (6, 6). store keeps W^-1 J^T (N, 6), W^-1 g (N,), K (6, 6) and
+    use (the one before this step), K (6, 6). store keeps W^-1 J^T, W^-1 g and a spare number (N, 8), K (6, 6) and
     c + J W^-1 g (6,); a leaf with weight also W^-1 eta(L)^T (N, 3) and its pull (see `ksd.beam.weight`).
     scratch: `strain_values.strain_scratch` numbers or more, left undefined.
     Returns (negative pivots of W minus those of F, |change of n| [N], |change of m| [Nm], status).
     """
     nx, ny, nz, ng = number[0], number[1], number[2], number[3]
     N = nx + ny + nz
-    L = value[0]
-    # where the weights sit, see strain_values.py
-    weight = 1 + nx * nx + ny * ny + nz * nz + N
-    tail = N * 7
+    M, lanes = (N + 3) & -4, (ng + 4) & -4
+    L, weight = value[0], tables(nx, ny, nz, ng).weight
+    tail = N * 8
     c0 = tail + 36
     heavy = len(store) > tail + 42
     pull = store[len(store) - PULL if heavy else len(store) :]
     at = places(N, ng)
-    R, S, m, f, fields, W = at.R, at.S, at.m, at.f, at.fields, at.W
-    wide, Y = N + 8, W + N
+    W, f, wide = at.W, at.f, M + 8
+    end, Y = at.fields + 6 * M * ng, at.t + M
     strain_fields(value, number, inner, pull, scratch)
     strain_tangent(value, number, inner, pull, scratch)
     # Y = W^-1 [J^T, g], seven right-hand sides at once; J = (rho(L), psi(L))
-    psi, rho = fields, fields + 3 * N
-    for i in range(N):
-        o = Y + wide * i
-        for r in range(3):
-            scratch[o + r] = scratch[rho + N * r + i]
-            scratch[o + 3 + r] = scratch[psi + N * r + i]
-        scratch[o + 7] = 0.0
-    negatives, status = _factor(N, scratch, W, at.t)
+    for i in range(0, M, 4):
+        o, p = W + wide * i + M, end + i
+        a, b, c, e = transpose4(
+            load4(scratch, p), load4(scratch, p + M), load4(scratch, p + 2 * M), load4(scratch, p + 3 * M)
+        )
+        p += 4 * M
+        a4, b4, c4, e4 = transpose4(
+            load4(scratch, p), load4(scratch, p + M), load4(scratch, at.t + i), spread(0.0)
+        )
+        store4(scratch, o, a)
+        store4(scratch, o + 4, a4)
+        store4(scratch, o + wide, b)
+        store4(scratch, o + wide + 4, b4)
+        store4(scratch, o + 2 * wide, c)
+        store4(scratch, o + 2 * wide + 4, c4)
+        store4(scratch, o + 3 * wide, e)
+        store4(scratch, o + 3 * wide + 4, e4)
+    negatives, status = _factor(M, number, scratch, W, at.t)
     # F = J W^-1 J^T + L sum w S (force block);  c = closure + J W^-1 g
-    weighted_sums(scratch, f, 8, 8, scratch, rho, N, 1, N, scratch, Y, wide, 1.0, False)
-    weighted_sums(scratch, f + 24, 8, 8, scratch, psi, N, 1, N, scratch, Y, wide, 1.0, False)
+    weighted_rows(
+        number, scratch, f, scratch, end, scratch, Y, 0, 8, 0, M, 1, 0, wide, 1, 6, N, 8, 1.0, False,
+    )  # fmt: skip
     F = scratch[f : f + 48].reshape((6, 8))
-    for g in range(ng):
-        w = L * value[weight + g]
-        _add_flexibility(w, scratch, S + 6 * g, F)
-    gap, step = local_vector(3), local_matrix(3, 3)
-    T = scratch[R + 9 * ng : R + 9 * ng + 9].reshape((3, 3))
+    first = 0
     for i in range(3):
-        for j in range(3):
-            step[i, j] = Q[i, 0] * T[j, 0] + Q[i, 1] * T[j, 1] + Q[i, 2] * T[j, 2]
+        for j in range(i, 3):
+            x = 0.0
+            for g in range(ng):
+                x += value[weight + g] * scratch[at.S + lanes * (first + j) + g]
+            F[i, j] += L * x
+            if i != j:
+                F[j, i] += L * x
+        first += 2 - i
+    gap, step = local_vector(3), local_matrix(3, 3)
+    for j in range(3):
+        o = at.R + ng + 3 * lanes * j
+        x, y, z = scratch[o], scratch[o + lanes], scratch[o + 2 * lanes]
+        for i in range(3):
+            step[i, j] = Q[i, 0] * x + Q[i, 1] * y + Q[i, 2] * z
     rotation_log(step, gap)
     back, fine = _invert6(F, K)
     if not fine:
         status = 2
     for r in range(3):
-        store[c0 + r] = d[r] - scratch[m + r] + F[r, 6]
+        store[c0 + r] = d[r] - scratch[at.r + lanes * r + ng] + F[r, 6]
         store[c0 + 3 + r] = gap[r] + F[3 + r, 6]
     for i in range(N):
-        for e in range(7):
-            store[i * 7 + e] = scratch[Y + wide * i + e]
+        store4(store, 8 * i, load4(scratch, Y + wide * i))
+        store4(store, 8 * i + 4, load4(scratch, Y + wide * i + 4))
     dn, dm = 0.0, 0.0
     for r in range(6):
         s = 0.0
@@ -253,7 +321,7 @@ def strain_recover(value, number, inner, store, xi, scale):
     A leaf with weight follows the change of gravity in frame p, the last three numbers of its pull.
     """
     N = number[0] + number[1] + number[2]
-    tail = N * 7
+    tail = N * 8
     c0 = tail + 36
     heavy = len(store) > tail + 42
     o = len(store) - PULL
@@ -268,9 +336,9 @@ def strain_recover(value, number, inner, store, xi, scale):
         step[r] = s
         inner[N + r] += scale * s
     for i in range(N):
-        s = -store[i * 7 + 6]
+        s = -store[i * 8 + 6]
         for e in range(6):
-            s += store[i * 7 + e] * step[e]
+            s += store[i * 8 + e] * step[e]
         if heavy:
             for e in range(3):
                 s += store[c0 + 6 + 3 * i + e] * store[o + 36 + e]

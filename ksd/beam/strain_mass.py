@@ -15,7 +15,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ksd.beam.strain_fields import places, strain_fields, strain_tangent
+from ksd.beam.strain_fields import strain_fields, strain_tangent
+from ksd.beam.strain_points import places
 from ksd.beam.strain_values import masses_beyond, strain_scratch
 
 Array = NDArray[np.float64]
@@ -84,13 +85,13 @@ def many_pulls(value: Array, number: NDArray[np.int64], inner: Array, gravity: A
     amount = parts.length[:, None] * parts.weight * M
     full = S[..., [[0, 1, 2], [1, 3, 4], [2, 4, 5]]]
     B, D = (np.einsum("kg,kgij->kij", a, full) for a in (amount, amount * M))
-    return StrainPull(np.einsum("kg,kgi->ki", amount, v), eta[:, 0], B, D)
+    return StrainPull(np.einsum("kg,kgi->ki", amount, v), eta[:, -1], B, D)
 
 
 def _many(
     value: Array, number: NDArray[np.int64], inner: Array, gravity: Array | None
 ) -> tuple[StrainParts, Array, Array, Array]:
-    """The parts, and v (k, ng, 3), S (k, ng, 6), eta (k, ng+1, 3, N) of `ksd.beam.strain_fields`."""
+    """The parts, and v (k, ng, 3), S (k, ng, 6), eta (k, ng+1, 3, N), last at end q, of `ksd.beam.strain_fields`."""
     nx, ny, nz, ng = (int(n) for n in number[:4])
     k, N = len(value), nx + ny + nz
     at = 1 + nx * nx + ny * ny + nz * nz + N
@@ -102,25 +103,26 @@ def _many(
         leaf = np.ascontiguousarray(value[i]), number, np.ascontiguousarray(inner[i]), pull[i], scratch[i]
         strain_fields(*leaf)
         strain_tangent(*leaf)
-    v = scratch[:, at.v : at.S].reshape(k, ng, 4)[..., :3]
-    S = scratch[:, at.S : at.m].reshape(k, ng, 6)
-    both = scratch[:, at.fields : at.W].reshape(k, ng + 1, 6, N)
-    upper = np.triu(scratch[:, at.W : at.t].reshape(k, N, N + 8)[..., :N])
+    l, M = (at.v - at.R) // 9, (at.fields - at.f) // (3 * ng)
+    v = scratch[:, at.v : at.S].reshape(k, 3, l)[..., :ng].swapaxes(1, 2)
+    S = scratch[:, at.S : at.r].reshape(k, 6, l)[..., :ng].swapaxes(1, 2)
+    both = scratch[:, at.fields : at.W].reshape(k, ng + 1, 6, M)[..., :N]
+    upper = np.triu(scratch[:, at.W : at.t].reshape(k, M, M + 8)[:, :N, :N])
     soft = L[:, None] * (weight[:, None] @ S)[:, 0]
     parts = StrainParts(
         W=upper + np.triu(upper, 1).swapaxes(1, 2),
-        J=np.concatenate([both[:, 0, 3:], both[:, 0, :3]], axis=1),
+        J=both[:, ng],
         S=soft[:, [[0, 1, 2], [1, 3, 4], [2, 4, 5]]],
         length=L,
         s=integral.sum(axis=2),
         weight=weight,
         r=L[:, None, None] * (integral @ v),
-        end=scratch[:, at.m : at.m + 3],
-        R=scratch[:, : at.v].reshape(k, ng + 1, 3, 3)[:, :ng],
-        rho=both[:, 1:, 3:],
-        psi=both[:, 1:, :3],
+        end=scratch[:, at.r : at.m].reshape(k, 3, l)[..., ng],
+        R=np.moveaxis(scratch[:, : at.v].reshape(k, 3, 3, l)[..., :ng], 3, 1),
+        rho=both[:, :ng, :3],
+        psi=both[:, :ng, 3:],
     )
-    return parts, v, S, scratch[:, at.eta : at.end].reshape(k, ng + 1, 3, N)
+    return parts, v, S, scratch[:, at.eta : at.end].reshape(k, ng + 1, 3, M)[..., :N]
 
 
 def strain_flexibility(parts: StrainParts) -> tuple[Array, Array, Array]:

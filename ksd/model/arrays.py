@@ -16,12 +16,14 @@ from ksd.numerics.kernel import compile_late
 STRAIN, COROTATIONAL, LINEAR, COIL, TURN, MODAL, SOLID = 0, 1, 2, 3, 4, 5, 6
 TRANSLATION, ROTATION = 0, 1
 ENTRIES = {
-    STRAIN: ("strain_condense", "strain_recover"),
+    STRAIN: ("strain_recover",),
     COROTATIONAL: ("chain_condense", "chain_recover"),
     MODAL: ("modal_condense", "modal_recover"),
     SOLID: ("polynomial_condense", "modal_recover"),
 }
 """Entry points of `ksd.beam.entry`, compiled only where a model has members of the kind."""
+STRAIN_ENTRIES = ("strain_condense", "strain_condense_default")
+"""The same for strain-mode members of any, and of the default orders."""
 WEIGHT_ENTRIES = ("pull_member", "weigh_member", "turn_pull")
 """Entry points of `ksd.beam.weight_entry`, compiled only where a model has members with weight."""
 
@@ -166,6 +168,10 @@ def make_work(arrays: Arrays, *, near: np.ndarray | None = None) -> Work:
     members = arrays.members
     kinds = set(members.kind.tolist())
     compile_late(*(name for kind in kinds for name in ENTRIES.get(kind, ())))
+    default = np.all(members.number == entry.DEFAULT, axis=1) & (
+        np.diff(members.store_at) == entry.LENGTHS[1]
+    )
+    compile_late(*(STRAIN_ENTRIES[d] for d in set(default[members.kind == STRAIN].tolist())))
     if len(arrays.weight):
         compile_late(*WEIGHT_ENTRIES)
     count = len(members.kind) + len(arrays.springs.kind)

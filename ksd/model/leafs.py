@@ -16,7 +16,8 @@ from typing import Any
 import numpy as np
 
 from ksd.beam import corotational_values as chains
-from ksd.beam.strain_fields import places, strain_fields
+from ksd.beam.strain_fields import strain_fields
+from ksd.beam.strain_points import places
 from ksd.beam.strain_values import Modes, make_modes, strain_scratch, strain_sizes, strain_values
 from ksd.errors import SceneError
 from ksd.model.arrays import COROTATIONAL, STRAIN
@@ -209,7 +210,8 @@ def _undeformed_end(
     scratch = np.zeros(strain_scratch(number))
     strain_fields(value, number, inner, np.zeros(0), scratch)
     at = places(N, ng)
-    return scratch[at.m :][:3].copy(), scratch[at.R + 9 * ng :][:9].reshape(3, 3).copy()
+    end, turned = scratch[at.r : at.m].reshape(3, -1), scratch[at.R : at.v].reshape(3, 3, -1)
+    return end[:, ng].copy(), turned[..., ng].copy()
 
 
 def _numbers(section: Section, leaf: Any, mesh: Mesh) -> SimpleNamespace:

@@ -12,6 +12,7 @@ from itertools import pairwise
 import numpy as np
 
 from ksd.beam import planar_corotational as chain
+from ksd.beam.strain_values import masses_beyond
 from ksd.model.arrays import ROTATION, STRAIN, Arrays, Loads, Members, Terms
 from ksd.model.pack import Places
 from ksd.model.planar_flat import Flat
@@ -39,8 +40,9 @@ def strain_in_plane(value: np.ndarray, number: np.ndarray, sense: float, *, heav
     total, first = nx + ny + nz, nx + ny
     sizes = [1, nx * nx, ny * ny, nz * nz, total, ng, ng * ng, total * ng, 3 * ng, (ng + 1) * total]
     pairs = (ny * nz + nz * nx + nx * ny) * (ng + 1)
-    ends = np.cumsum([0, *sizes, pairs, heavy * ng])
+    ends = np.cumsum([0, *sizes, pairs])
     parts = [value[a:b] for a, b in pairwise(ends)]
+    mass = masses_beyond(value, number) if heavy else value[:0]
     length, start = float(parts[0][0]), parts[4]
     if np.any(start[:first] != 0.0):
         return "is curved or twisted out of the plane at rest"
@@ -54,7 +56,7 @@ def strain_in_plane(value: np.ndarray, number: np.ndarray, sense: float, *, heav
     # the modes of a profile are shaped like its compliance, so the first one tells the rigidity
     bending = stiffness[0] / (weight @ basis[0]) / basis[0]
     table = np.column_stack([weight, slack[:, 0], slack[:, 1], psi[:-1], bending, basis.T, test[:-1]])
-    flat = [[length], stiffness, sense * start[first:], table.ravel(), psi[-1], test[-1], parts[11]]
+    flat = [[length], stiffness, sense * start[first:], table.ravel(), psi[-1], test[-1], mass]
     return np.concatenate(flat)
 
 

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ksd.beam.strain_mass import StrainParts, StrainPull, many_parts, many_pulls, strain_flexibility
+from ksd.beam.strain_values import strain_constants
 from ksd.model.arrays import STRAIN, Motion
 from ksd.model.compile import Model
 from ksd.properties.kept import per_model
@@ -48,19 +49,11 @@ def alike_leafs(model: Model) -> tuple[Alike, ...]:
         found.setdefault((*made, bool(heavy[i])), []).append(i)
     groups = []
     for (*_, weighs), same in found.items():
-        size = _constants(members.number[same[0]]) + weighs * int(members.number[same[0], 3])
+        size = strain_constants(members.number[same[0]], heavy=weighs)
         value = np.stack([members.value[members.value_at[i] :][:size] for i in same])
         places = np.stack([np.arange(members.inner_at[i], members.inner_at[i + 1]) for i in same])
         groups.append(Alike(np.array(same), members.number[same[0]], value, places, weighs))
     return tuple(groups)
-
-
-def _constants(number: NDArray[np.int64]) -> int:
-    """How many numbers `ksd.beam.strain_values.strain_values` lays out."""
-    nx, ny, nz, ng = (int(n) for n in number[:4])
-    N = nx + ny + nz
-    pairs = ny * nz + nz * nx + nx * ny
-    return 1 + nx * nx + ny * ny + nz * nz + N + ng * (1 + ng + N + 3) + (N + pairs) * (ng + 1)
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,181 @@
+"""What one leaf costs per iteration: the strain-mode leaf beside chains of Appendix A elements, in space and in the plane.
+
+Condensing to the end frames and recovering the inner unknowns, through the C entry points a Newton iteration uses, one
+leaf again and again, in turns with all other cases; thread time. Target: the default orders at no more than four
+elements. Run: python benchmarks/leaf_cost.py
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+from common import interleaved, machine, options, write_json
+
+from ksd.beam import corotational_values, planar_corotational, planar_entry, planar_strain
+from ksd.beam import entry as space_entry
+from ksd.beam.strain_values import DEFAULT_ORDERS, DEFAULT_POINTS, strain_scratch, strain_sizes, strain_values
+from ksd.numerics.kernel import compile_late, kernel
+
+LENGTH = 0.1
+SECTION = corotational_values.ElementSection(E=200e9, G=76.9e9, A=4e-5, J=1.3e-11, Iy=5.33e-9, Iz=3.33e-12)
+"""A leaf of 40 by 1 mm."""
+DEFAULT = (*DEFAULT_ORDERS, DEFAULT_POINTS)
+ORDERS = ((4, 2, 4, 6), DEFAULT, (4, 3, 6, 8), (5, 3, 6, 8))
+ELEMENTS = (2, 4, 10)
+CALLS = 2000
+
+
+@kernel
+def _default(value, number, inner, store, scratch, d, Q, lam, K, out, size, xi, calls):
+    for _ in range(calls):
+        space_entry.strain_condense_default(
+            value.ctypes, number.ctypes, inner.ctypes, store.ctypes, scratch.ctypes, d.ctypes, Q.ctypes, lam.ctypes,
+            K.ctypes, out.ctypes, size.ctypes,
+        )  # fmt: skip
+        space_entry.strain_recover(
+            value.ctypes, number.ctypes, inner.ctypes, store.ctypes, xi.ctypes, 1e-12, size.ctypes
+        )
+
+
+@kernel
+def _any(value, number, inner, store, scratch, d, Q, lam, K, out, size, xi, calls):
+    for _ in range(calls):
+        space_entry.strain_condense(
+            value.ctypes, number.ctypes, inner.ctypes, store.ctypes, scratch.ctypes, d.ctypes, Q.ctypes, lam.ctypes,
+            K.ctypes, out.ctypes, size.ctypes,
+        )  # fmt: skip
+        space_entry.strain_recover(
+            value.ctypes, number.ctypes, inner.ctypes, store.ctypes, xi.ctypes, 1e-12, size.ctypes
+        )
+
+
+@kernel
+def _chain(value, number, inner, store, scratch, d, Q, lam, K, out, size, xi, calls):
+    for _ in range(calls):
+        space_entry.chain_condense(
+            value.ctypes, number.ctypes, inner.ctypes, store.ctypes, d.ctypes, Q.ctypes, lam.ctypes, K.ctypes,
+            out.ctypes, size.ctypes,
+        )  # fmt: skip
+        space_entry.chain_recover(
+            value.ctypes, number.ctypes, inner.ctypes, store.ctypes, xi.ctypes, 1e-12, size.ctypes
+        )
+
+
+@kernel
+def _flat(value, number, inner, store, scratch, d, Q, lam, K, out, size, xi, calls):
+    for _ in range(calls):
+        planar_entry.planar_strain_condense(
+            value.ctypes, number.ctypes, inner.ctypes, store.ctypes, d.ctypes, lam.ctypes, K.ctypes, out.ctypes,
+            size.ctypes,
+        )  # fmt: skip
+        planar_entry.planar_strain_recover(
+            value.ctypes, number.ctypes, inner.ctypes, store.ctypes, xi.ctypes, 1e-12, size.ctypes
+        )
+
+
+@kernel
+def _flat_chain(value, number, inner, store, scratch, d, Q, lam, K, out, size, xi, calls):
+    for _ in range(calls):
+        planar_entry.planar_chain_condense(
+            value.ctypes, number.ctypes, inner.ctypes, store.ctypes, d.ctypes, lam.ctypes, K.ctypes, out.ctypes,
+            size.ctypes,
+        )  # fmt: skip
+        planar_entry.planar_chain_recover(
+            value.ctypes, number.ctypes, inner.ctypes, store.ctypes, xi.ctypes, 1e-12, size.ctypes
+        )
+
+
+NEEDS = {
+    _default: ("strain_condense_default", "strain_recover"),
+    _any: ("strain_condense", "strain_recover"),
+    _chain: ("chain_condense", "chain_recover"),
+    _flat: ("planar_strain_condense", "planar_strain_recover"),
+    _flat_chain: ("planar_chain_condense", "planar_chain_recover"),
+}
+
+
+def _case(
+    call: Any, value: np.ndarray, number: np.ndarray, inner: np.ndarray, store: int, scratch: int
+) -> Callable[[], None]:
+    """`CALLS` iterations of one leaf."""
+    compile_late(*NEEDS[call])
+    flat = call in (_flat, _flat_chain)
+    number = np.array([*number, 0, 0, 0, 0][:4], np.int64)
+    kept, room = np.zeros(store), np.zeros(scratch)
+    size = np.array([len(value), len(inner), store, 0, scratch], np.int64)
+    d, Q = np.array([0.99 * LENGTH, 0.003, 0.02 if flat else 1e-4]), np.eye(3)
+    K, xi = np.zeros((3, 3) if flat else (6, 6)), np.full(6, 1e-3)
+    lam, out = np.zeros(12), np.zeros(4)
+
+    def run() -> None:
+        call(value, number, inner, kept, room, d, Q, lam, K, out, size, xi, CALLS)
+        if out[3] != 0.0 or not np.isfinite(K).all():
+            raise RuntimeError("the leaf did not condense")
+
+    return run
+
+
+def _modes(orders: Sequence[int]) -> Callable[[], None]:
+    """A strain-mode leaf bent about all three axes."""
+    s = SECTION
+    value, number = strain_values(
+        length=LENGTH,
+        rigidity=np.array([s.G * s.J, s.E * s.Iy, s.E * s.Iz]),
+        compliance=1.0 / np.array([s.E * s.A, s.ky * s.G * s.A, s.kz * s.G * s.A]),
+        orders=tuple(orders[:3]),
+        points=orders[3],
+    )
+    state, store = strain_sizes(number)
+    inner = np.random.default_rng(1).normal(size=state)
+    call = _default if tuple(orders) == DEFAULT else _any
+    return _case(call, value, number, inner, store, strain_scratch(number))
+
+
+def _elements(count: int) -> Callable[[], None]:
+    value, number = corotational_values.chain_values(SECTION, LENGTH, count), np.array([count, 1])
+    inner = corotational_values.start_inner(value, number)
+    return _case(_chain, value, number, inner, corotational_values.sizes(count).store, 1)
+
+
+def _flat_modes(modes: int, points: int) -> Callable[[], None]:
+    s = SECTION
+    value, number = planar_strain.leaf_values(
+        length=LENGTH,
+        EI=s.E * s.Iz,
+        cN=1 / (s.E * s.A),
+        cV=1 / (s.ky * s.G * s.A),
+        modes=modes,
+        points=points,
+    )
+    state, store = planar_strain.sizes(modes)
+    return _case(_flat, value, number, np.random.default_rng(1).normal(size=state), store, 1)
+
+
+def _flat_elements(count: int) -> Callable[[], None]:
+    value, number = planar_corotational.chain_values(SECTION, LENGTH, count), np.array([count, 1])
+    inner = planar_corotational.start_inner(value, number)
+    return _case(_flat_chain, value, number, inner, planar_corotational.sizes(count)[2], 1)
+
+
+def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
+    """Print and store times [us] of all leafs, and their ratio to four elements."""
+    chosen = options(__doc__, argv)
+    cases = {f"space: strain modes {o[:3]}, {o[3]} points": _modes(o) for o in ORDERS}
+    cases |= {f"space: {n} elements": _elements(n) for n in ELEMENTS}
+    cases |= {f"plane: {o[2]} strain modes, {o[3]} points": _flat_modes(*o[2:]) for o in ORDERS[:3]}
+    cases |= {f"plane: {n} elements": _flat_elements(n) for n in ELEMENTS}
+    times = interleaved(cases, repeats=10 if chosen.quick else 200)
+    found: dict[str, Any] = {"machine": machine(), "us": {}, "ratio_to_four_elements": {}}
+    for name, spent in times.items():
+        us = spent.median / CALLS
+        ratio = spent.median / times[f"{name[:5]}: 4 elements"].median
+        found["us"][name], found["ratio_to_four_elements"][name] = us, ratio
+        print(f"{name:44s}{us:8.3f} us{ratio:8.2f} times four elements")
+    write_json(found, chosen.out / "leaf_cost.json")
+    return found
+
+
+if __name__ == "__main__":
+    main()
