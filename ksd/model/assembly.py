@@ -177,7 +177,7 @@ def _parts(members, inner, store, i, size):
 def condense_member(members, inner, work, i, d, Q, K, near):
     """Wrench and stiffness of member i at relative pose d (3,), Q (3, 3): the one place that knows the kinds.
 
-    near 0: exact tangent at the state. near 1, 2: Appendix A chains are linearised about the element orientations
+    near 0 or less: exact tangent at the state. near 1, 2: Appendix A chains are linearised about the element orientations
     in work.near instead (paper 1, section 3), without (1) or with (2) the geometric stiffness.
     """
     lam = work.lam[i]
@@ -261,17 +261,40 @@ def _scatter(block, T, force, rhs, starts, value):
 
 
 @kernel
-def add_members(arrays, x, R, inner, work, factor, rtol, noise, near):
-    """All members, their weight times `factor`, into work.value and work.rhs.
+def _as_before(members, inner, i, d, Q, before):
+    """Whether member i has the constants, the inner state and the pose of the one before, whose d and Q are in before (12,),
+    to the last bit; otherwise its own d and Q are written there."""
+    same = i > 0 and members.value_at[i] == members.value_at[i - 1] and members.kind[i] == members.kind[i - 1]
+    for c in range(4):
+        same = same and members.number[i, c] == members.number[i - 1, c]
+    if same:
+        one, two = members.inner_at[i - 1], members.inner_at[i]
+        for k in range(two - one):
+            same = same and inner[one + k] == inner[two + k]
+    for r in range(3):
+        same = same and before[r] == d[r]
+        before[r] = d[r]
+        for c in range(3):
+            same = same and before[3 + 3 * r + c] == Q[r, c]
+            before[3 + 3 * r + c] = Q[r, c]
+    return same
 
-    Returns (negatives, worst inner residual over its bound, status).
+
+@kernel
+def add_members(arrays, x, R, inner, work, factor, rtol, noise, near):
+    """All members, their weight times `factor`, into work.value and work.rhs; near: see `condense_member`.
+
+    near -1: nothing is left in work.store for `recover_member`, so that of neighbours without weight that are in the same
+    state, as the two outer leafs of a cross flexure in its plane, one is worked on. Returns (negatives, worst inner
+    residual over its bound, status).
     """
     members = arrays.members
     weight = work.weight
     negatives, worst, status = 0, 0.0, 0
     Q, K = local_matrix(3, 3), local_matrix(6, 6)
     T, force, d = local_matrix(12, 12), local_vector(12), local_vector(3)
-    starts = local_counts(2)
+    starts, before = local_counts(2), local_vector(12)
+    back, dn, dm, failed = 0, 0.0, 0.0, 0
     for i in range(len(members.kind)):
         pose, lam = work.pose[i], work.lam[i]
         member_pose(members, x, R, i, pose, Q)
@@ -281,7 +304,12 @@ def add_members(arrays, x, R, inner, work, factor, rtol, noise, near):
         heavy = len(weight) > 0 and weight[i, 0] > 0.0
         if heavy:
             pull_member(pose.ctypes, weight[i].ctypes, factor, kept.ctypes, len(kept))
-        back, dn, dm, failed = condense_member(members, inner, work, i, d, Q, K, near)
+            before[0] = math.nan
+        if near < 0 and not heavy and _as_before(members, inner, i, d, Q, before):
+            # K is still that of the one before
+            lam[:] = work.lam[i - 1]
+        else:
+            back, dn, dm, failed = condense_member(members, inner, work, i, d, Q, K, near)
         negatives += back
         status = max(status, failed)
         member_tangent(pose, lam, K, T, force)

@@ -60,8 +60,8 @@ class Model:
 
     def targets(self, values: Mapping[str, float]) -> np.ndarray:
         """Right-hand sides of all rows for drive values by name [m or rad]; SceneError for unknown or missing ones."""
-        found = [values.get(name) for name in self.drive_names]
-        if len(values) == len(found) and all(type(v) is float and abs(v) <= LARGEST for v in found):
+        found = [v for n in self.drive_names if type(v := values.get(n)) is float and abs(v) <= LARGEST]
+        if len(values) == len(found) == len(self.drive_names):
             return np.array(found + [0.0] * len(self.support_names))
         for name in values:
             if name not in self.drive_names:

@@ -42,7 +42,7 @@ def works(model: Model, motion: Motion, target: np.ndarray) -> tuple[float, floa
     That of the loads is nan where following loads make it depend on the path.
     """
     loads = model.arrays.loads
-    driving = -0.5 * float(motion.multiplier @ target)
+    driving = -0.5 * float(motion.multiplier.dot(target))
     if not carries_load(model.arrays):
         return driving, 0.0
     if np.any(loads.following == 1):

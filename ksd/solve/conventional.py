@@ -34,15 +34,16 @@ Arrived = tuple[Driven, str, Motion]
 
 
 def _drive(
-    storage: Storage, begin: Motion, *, planar: bool | Literal["auto"], fresh: bool, **ways: Any
+    storage: Storage, begin: Motion, ways: Mapping[str, Any], planar: bool | Literal["auto"], fresh: bool
 ) -> Arrived:
-    """Drive from `begin` in the plane where the scene is planar, else in space. fresh: it is the rest state."""
+    """Drive from `begin` in the plane where the scene is planar, else in space; ways: options of `drive_to`. fresh: it is
+    the rest state."""
     found: Driven | str = ""
     if planar is not False:
         # here, so that a scene solved in space never compiles the planar kernels
         from ksd.solve.planar import drive_in_plane
 
-        found = drive_in_plane(storage, begin, fresh=fresh, **ways)
+        found = drive_in_plane(storage, begin, ways, fresh)
         if not isinstance(found, str):
             if planar is True or found.stop in (Stop.CONVERGED, Stop.LOCAL_ANGLE):
                 arrived = storage.motion.copy()
@@ -55,31 +56,34 @@ def _drive(
             )
     storage.motion.assign(begin)
     pivoting = storage.model.arrays, storage.work
-    driven = drive_to(storage.motion, storage.newton, pivoting=pivoting, **ways)
+    driven = drive_to(storage.motion, storage.newton, pivoting=pivoting, begin=begin, **ways)
     arrived = storage.motion.copy()
     return _counted(storage.model, arrived, driven, ways), f"spatial: {found}" if found else "", arrived
 
 
-def _counted(model: Model, motion: Motion, driven: Driven, ways: dict[str, Any]) -> Driven:
+def _counted(model: Model, motion: Motion, driven: Driven, ways: Mapping[str, Any]) -> Driven:
     """With what stands for negative pivots where loads follow their links."""
     if driven.stop is not Stop.CONVERGED or not follows(model):
         return driven
     return driven._replace(negatives=counted(model, motion, ways["factors"][1], driven.negatives))
 
 
-def _walk(storage: Storage, begin: Motion, *, sure: bool, **ways: Any) -> tuple[Driven, str, Motion, Any]:
-    """Drive from `begin`; unless `sure`, confirm what is doubtful. Returns how it went, in words, where to, and doubts."""
+def _walk(
+    storage: Storage, begin: Motion, ways: Mapping[str, Any], planar: bool | Literal["auto"], fresh: bool
+) -> tuple[Driven, str, Motion, Any]:
+    """As `_drive`, and what is doubtful is confirmed. Returns how it went, in words, where to, and doubts."""
     model = storage.model
-    first = _drive(storage, begin, **ways)
-    if sure:
+    first = _drive(storage, begin, ways, planar, fresh)
+    # with eps_max it is the paper's own program, which believes whatever converged
+    if math.isfinite(ways["eps_max"]):
         return *first, ()
-    reason = doubt(model, first[2], first[0], ways["target"], fresh=ways["fresh"], steps=ways["steps"])
+    reason = doubt(model, first[2], first[0], ways["target"], fresh=fresh, steps=ways["steps"])
     if not reason:
         return *first, ()
 
     def again(steps: int) -> Arrived:
         finer = {**ways, "steps": steps, "smallest": min(ways["smallest"], 0.25 / steps)}
-        return _drive(storage, begin, **finer)
+        return _drive(storage, begin, finer, planar, fresh)
 
     def arc() -> Path:
         low, high = ways["factors"]
@@ -117,10 +121,11 @@ def conventional(
         raise SceneError(f"planar = {planar!r}: choose 'auto', True or False")
     target = model.targets(targets)
     begin = model.targets(start.targets) if start else np.zeros(len(target))
-    ways: dict[str, Any] = {"steps": steps, "rtol": rtol, "cap": cap, "eps_max": eps_max, "most": most}
-    ways |= {"smallest": smallest, "planar": planar, "fresh": start is None}
-    ways |= {"start": begin, "target": target, "factors": (start.load_factor if start else 0.0, 1.0)}
-    result, driven = _solved(storage or storage_of(model), start.motion if start else model.rest, ways)
+    ways: dict[str, Any] = {
+        "start": begin, "target": target, "factors": (start.load_factor if start else 0.0, 1.0), "steps": steps,
+        "rtol": rtol, "cap": cap, "eps_max": eps_max, "most": most, "smallest": smallest,
+    }  # fmt: skip
+    result, driven = _solved(storage or storage_of(model), start, ways, planar)
     if driven.stop is not Stop.CONVERGED:
         raise ConvergenceError(
             f"the conventional solver stopped at {100 * driven.reached:.3g} % of the drive motion: {driven.stop.sentence}",
@@ -130,26 +135,24 @@ def conventional(
     return result
 
 
-def _solved(storage: Storage, motion: Motion, ways: dict[str, Any]) -> tuple[Configuration, Driven]:
-    """The walk from `motion` and its record."""
+def _solved(
+    storage: Storage, start: Configuration | None, ways: Mapping[str, Any], planar: bool | Literal["auto"]
+) -> tuple[Configuration, Driven]:
+    """The walk from `start` and its record."""
     # storage is prepared once for many solves
-    _ = storage.flat if ways["planar"] else None
-    clock = Stopwatch()
-    # with eps_max it is the paper's own program, which believes whatever converged
-    sure = math.isfinite(ways["eps_max"])
-    model = storage.model
-    driven, how, found, doubts = _walk(storage, motion, sure=sure, **ways)
+    _ = storage.flat if planar else None
+    clock, model = Stopwatch(), storage.model
+    motion = model.rest if start is None else start.motion
+    driven, how, found, doubts = _walk(storage, motion, ways, planar, start is None)
     spent = clock()
-    parts = [
-        f"{driven.taken} load step{'s' * (driven.taken != 1)}",
-        how,
-        "with pivoting" * bool(driven.pivoted),
-    ]
-    note = ", ".join(filter(None, parts))
+    note = f"{driven.taken} load step{'s' * (driven.taken != 1)}{', ' * bool(how)}{how}"
+    if driven.pivoted:
+        note += ", with pivoting"
     step = Step("equilibrium", driven.solves, spent, driven.residual, driven.stop, note)
     begin, target, (low, high) = ways["start"], ways["target"], ways["factors"]
-    values = begin + driven.reached * (target - begin)
-    reached = {n: float(v) for n, v in zip(model.drive_names, values, strict=False)}
+    values = target if driven.reached == 1.0 else begin + driven.reached * (target - begin)
+    # supports follow the drives
+    reached = dict(zip(model.drive_names, values.tolist(), strict=False))
     result = Configuration(
         model, found, "conventional", reached, (step,), driven.negatives, len(target),
         load_factor=low + driven.reached * (high - low), doubts=doubts,

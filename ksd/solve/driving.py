@@ -49,20 +49,21 @@ def drive_to(
     eps_max: float = math.inf,
     smallest: float = 1e-4,
     pivoting: tuple[Arrays, Work] | None = None,
+    begin: Any = None,
 ) -> Driven:
     """Move the drives from `start` to `target` (c,), halving on failure; `motion` ends at the last equilibrium.
 
     newton: brings `motion` to equilibrium in place, as `ksd.solve.storage.Storage.newton`. pivoting: spatial arrays and
-    storage with which a step of weak pivots is done again.
+    storage with which a step of weak pivots is done again. begin: what `motion` starts from, where that is kept elsewhere.
     """
     done, size, solves, taken, pivoted, longest = 0.0, 1.0 / steps, 0, 0, 0, 0
     residual, negatives, shortest = math.inf, 0, 1.0 / steps
-    safe = motion.copy()
+    safe = motion.copy() if begin is None else begin
     while done < 1.0:
         # land on the end exactly, whatever the rounding of the steps
         goal = 1.0 if done + size > 1.0 - 1e-9 else done + size
         level = factors[0] + goal * (factors[1] - factors[0])
-        want = start + goal * (target - start)
+        want = target if goal == 1.0 else start + goal * (target - start)
         aim = (want, level, rtol, most, cap, eps_max)
         reason, count, residual, negatives, pivot = newton(*aim)
         solves += count
@@ -74,7 +75,7 @@ def drive_to(
             done, longest = goal, max(longest, count)
             shortest = min(shortest, size)
             if done < 1.0:
-                safe.assign(motion)
+                safe = motion.copy()
             continue
         motion.assign(safe)
         size *= 0.5

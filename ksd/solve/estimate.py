@@ -25,7 +25,7 @@ def estimate_error(
     """Error estimate and inertia of the full state on the bench from a Newton step in space, or two; flat: the same state
     in its plane, where it has one."""
     clock = Stopwatch()
-    residual, negatives, status = b.storage.look(target, RTOL, step=True)
+    residual, negatives, status = b.storage.look(target, RTOL, step=2 if flat is None else 1)
     error = _size_of_step(b)
     stop = Stop.CONVERGED if status == 0 else (Stop.LOCAL_ANGLE if status == 1 else Stop.NOT_FINITE)
     count = 1
@@ -57,7 +57,7 @@ def _second_step(b: Bench, target: np.ndarray) -> ErrorEstimate:
     """The Newton step after the one in storage; the state on the bench is put back."""
     kept = b.full.copy()
     take_step(b.model.arrays, b.full, b.full_work.rhs, b.full_work, 1.0)
-    b.storage.look(target, RTOL, step=True)
+    b.storage.look(target, RTOL, step=1)
     found = _size_of_step(b)
     b.full.assign(kept)
     return found

@@ -27,7 +27,8 @@ REAL = 1e-9
 
 def follows(model: Model) -> bool:
     """Whether a load turns with its link."""
-    return bool(np.any(model.arrays.loads.following == 1))
+    following = model.arrays.loads.following
+    return len(following) > 0 and bool(np.any(following == 1))
 
 
 def keeps_still(model: Model, motion: Motion, load_factor: float) -> tuple[bool, str]:

@@ -8,6 +8,7 @@ out of the plane is seen.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
@@ -34,7 +35,7 @@ from ksd.solve.newton import (
     TOO_MANY,
 )
 from ksd.solve.stops import Stop
-from ksd.solve.storage import Storage
+from ksd.solve.storage import FlatStorage, Newton, Storage, lift_whole, look_over
 
 POLISH = 3
 """Spatial iterations allowed to bring the rounding of a lifted state within the spatial bounds."""
@@ -115,6 +116,18 @@ def solve_flat(held, target, factor, rtol, most, cap, blow_up):
     )  # fmt: skip
 
 
+@kernel(needs=("iterate_planar_apart",))
+def solve_and_look(flat, lift, whole, aim, target, factor, rtol, most, cap, blow_up):
+    """`solve_flat` at aim (r,) and, where it converged, the state set into space and looked over there at target (c,): one
+    compiled call in place of three. Returns what `iterate_planar` and `ksd.solve.storage.look_over` do."""
+    reason, count, worst, negatives, pivot = solve_flat(flat, aim, factor, rtol, most, cap, blow_up)
+    residual, across, status = math.inf, negatives, 2
+    if reason == CONVERGED:
+        lift_whole(lift)
+        residual, across, status = look_over(whole, target, factor, rtol, 0 * most)
+    return reason, count, worst, negatives, pivot, residual, across, status
+
+
 def _accept(
     storage: Storage, plane: Plane, *, aim: tuple[np.ndarray, float], bound: float, rtol: float
 ) -> tuple[int, float, int] | str:
@@ -125,7 +138,7 @@ def _accept(
     a reason.
     """
     model, (target, factor) = storage.model, aim
-    residual, negatives, status = storage.look(target, rtol, factor=factor)
+    residual, negatives, status = storage.look(target, rtol, factor)
     if residual > 1.0:
         share, node, force, moment = plane.imbalance(storage.work)
         if share > 1.0:
@@ -143,21 +156,11 @@ def _accept(
     )
 
 
-def drive_in_plane(
-    storage: Storage,
-    begin: Motion,
-    *,
-    start: np.ndarray,
-    target: np.ndarray,
-    factors: tuple[float, float],
-    rtol: float,
-    fresh: bool,
-    **ways: Any,
-) -> Driven | str:
+def drive_in_plane(storage: Storage, begin: Motion, ways: Mapping[str, Any], fresh: bool) -> Driven | str:
     """`ksd.solve.driving.drive_to` in the plane of the model of `storage`, or the reason why that is not possible.
 
-    begin: the spatial state to start from; fresh: it is that of rest. The motion of `storage` ends at the lifted, checked
-    equilibrium. The residual and the negative pivots are those of the spatial model.
+    begin: the spatial state to start from; fresh: it is that of rest; ways: all options of `drive_to`. The motion of
+    `storage` ends at the lifted, checked equilibrium. The residual and the negative pivots are those of the spatial model.
     """
     flat = storage.flat
     if isinstance(flat, str):
@@ -167,16 +170,42 @@ def drive_in_plane(
     if from_here is None:
         return "the configuration to start from is not in the plane"
     flat.motion.assign(from_here)
-    rows = plane.lifting.row
-    ways |= {"start": start[rows], "target": target[rows], "factors": factors, "rtol": rtol}
-    driven = drive_to(flat.motion, flat.newton, **ways)
+    start, target, factors, rtol = ways["start"], ways["target"], ways["factors"], ways["rtol"]
+    rows, newton = plane.lifting.row, flat.newton
+    high = target[rows]
+    if ways["steps"] == 1:
+        how = high, factors[1], rtol, ways["most"], ways["cap"], ways["eps_max"]
+        found, newton = _at_once(storage, flat, target, how)
+        if found is not None:
+            return found
+    ways = {**ways, "start": start[rows], "target": high, "begin": from_here}
+    driven = drive_to(flat.motion, newton, **ways)
     flat.lift()
     goal = driven.reached
     aim = start + goal * (target - start), factors[0] + goal * (factors[1] - factors[0])
     bound = max(1.0, 2.0 * driven.residual) if driven.stop is Stop.CONVERGED else LOOSE
-    found = _accept(storage, plane, aim=aim, bound=bound, rtol=rtol)
-    if isinstance(found, str):
-        return found
+    accepted = _accept(storage, plane, aim=aim, bound=bound, rtol=rtol)
+    if isinstance(accepted, str):
+        return accepted
     if driven.stop is not Stop.CONVERGED:
         return driven
-    return driven._replace(solves=driven.solves + found[0], residual=found[1], negatives=found[2])
+    return driven._replace(solves=driven.solves + accepted[0], residual=accepted[1], negatives=accepted[2])
+
+
+def _at_once(
+    storage: Storage, flat: FlatStorage, target: np.ndarray, aim: tuple[Any, ...]
+) -> tuple[Driven | None, Callable[..., Newton]]:
+    """The whole way in one step with the look across the plane, aim: as for `FlatStorage.newton`; None where that is not
+    all there is to do, and then the Newton that remembers it."""
+    *found, residual, across, status = solve_and_look(
+        flat.held, flat.lifted_into, storage.held, aim[0], target, *aim[1:]
+    )
+    reason, count = found[:2]
+    if reason == CONVERGED and status == 0 and residual <= 1.0:
+        return Driven(Stop.CONVERGED, count, residual, across, 1.0, 1, 0, count), flat.newton
+    left = [tuple(found)]
+
+    def newton(*aim: Any) -> Newton:
+        return left.pop() if left else flat.newton(*aim)
+
+    return None, newton

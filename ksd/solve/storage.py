@@ -58,16 +58,18 @@ def solve_whole(held, target, factor, rtol, most, cap, blow_up):
 
 @kernel
 def look_over(held, target, factor, rtol, step):
-    """Residual and inertia of the held state; step: 1 leaves one Newton step of it in its storage.
+    """Residual and inertia of the held state; step: 1 leaves one Newton step of it in its storage to be looked at, 2 to be
+    taken.
 
     Returns (residual over its bound, negative pivots, status).
     """
     arrays, work = part(held, "arrays"), part(held, "work")
-    worst, _, inside, status = assemble(
-        arrays, part(held, "motion"), target, factor, work, rtol, 0 * step, GRAIN
-    )
+    near = 0 * step
+    if step < 2:
+        near -= 1
+    worst, _, inside, status = assemble(arrays, part(held, "motion"), target, factor, work, rtol, near, GRAIN)
     negatives, _ = factor_blocks(arrays.plan, work.value, work.spare, len(arrays.plan.size))
-    if step == 1:
+    if step > 0:
         for i in range(len(work.rhs)):
             work.rhs[i] = -work.rhs[i]
         solve_blocks(arrays.plan, work.value, work.spare, work.rhs)
@@ -111,10 +113,11 @@ class Storage:
         return found
 
     def look(
-        self, target: np.ndarray, rtol: float, *, factor: float = 1.0, step: bool = False
+        self, target: np.ndarray, rtol: float, factor: float = 1.0, *, step: int = 0
     ) -> tuple[float, int, int]:
-        """Residual over its bound, negative pivots and status of the held state; step: leaves a Newton step in `work`."""
-        found: tuple[float, int, int] = look_over(self.held, target, factor, rtol, int(step))
+        """Residual over its bound, negative pivots and status of the held state; step: 1 leaves a Newton step in `work`, 2
+        one that can be taken."""
+        found: tuple[float, int, int] = look_over(self.held, target, factor, rtol, step)
         return found
 
     @property
@@ -151,7 +154,8 @@ NO_JOINTS = (np.zeros((0, 3)), np.zeros(0), np.zeros((0, 6)))
 class FlatStorage:
     """State and storage of a model in its plane, and the spatial state `motion` it is set into.
 
-    flat: planar state and storage, made here unless given. joints: (off, sense, lifted) of `Lift`.
+    held, lifted_into: both for compiled code. flat: planar state and storage, made here unless given. joints: (off,
+    sense, lifted) of `Lift`.
     """
 
     def __init__(
@@ -165,16 +169,17 @@ class FlatStorage:
         self.motion, work = flat or (plane.rest.copy(), make_planar_work(plane.arrays))
         self.lifted = joints[2]
         self.held = Held(Whole(plane.arrays, self.motion, work))  # type: ignore[arg-type]
-        self._lift = Held(Lift(plane.lifting, self.motion, motion, *joints))
-
-    def newton(self, target: np.ndarray, *ways: Any) -> Newton:
-        """As `Storage.newton`, at the rows (r,) that act in the plane."""
+        self.lifted_into = Held(Lift(plane.lifting, self.motion, motion, *joints))
         # here, so that a scene solved in space never compiles the planar kernels
         from ksd.solve.planar import solve_flat
 
-        found: Newton = solve_flat(self.held, target, *ways)
+        self._solve = solve_flat
+
+    def newton(self, target: np.ndarray, *ways: Any) -> Newton:
+        """As `Storage.newton`, at the rows (r,) that act in the plane."""
+        found: Newton = self._solve(self.held, target, *ways)
         return found
 
     def lift(self) -> None:
         """Write the spatial state, and what is left of the joints' motions."""
-        lift_whole(self._lift)
+        lift_whole(self.lifted_into)
