@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from ksd.beam.strain_fields import strain_fields, strain_tangent
 from ksd.beam.strain_points import places
 from ksd.beam.strain_values import masses_beyond, strain_scratch
+from ksd.numerics.kernel import kernel
 
 Array = NDArray[np.float64]
 
@@ -88,6 +89,28 @@ def many_pulls(value: Array, number: NDArray[np.int64], inner: Array, gravity: A
     return StrainPull(np.einsum("kg,kgi->ki", amount, v), eta[:, -1], B, D)
 
 
+@kernel
+def _every_leaf(value, number, inner, pull, scratch, tangent):
+    """Fields and, where tangent is 1, tangent of every leaf, rows of all arrays but number."""
+    for i in range(len(value)):
+        strain_fields(value[i], number, inner[i], pull[i], scratch[i])
+        if tangent == 1:
+            strain_tangent(value[i], number, inner[i], pull[i], scratch[i])
+
+
+def many_slacks(value: Array, number: NDArray[np.int64], inner: Array) -> Array:
+    """S (k, 3, 3) [m/N] of k leafs, without the rest of `many_parts`."""
+    nx, ny, nz, ng = (int(n) for n in number[:4])
+    k, at = len(value), places(nx + ny + nz, ng)
+    first = 1 + nx * nx + ny * ny + nz * nz + nx + ny + nz
+    scratch, none = np.zeros((k, strain_scratch(number))), np.zeros((k, 0))
+    _every_leaf(np.ascontiguousarray(value), number, np.ascontiguousarray(inner), none, scratch, 0)
+    weight = value[:, :1] * value[:, first : first + ng]
+    S = scratch[:, at.S : at.r].reshape(k, 6, (at.v - at.R) // 9)[..., :ng]
+    found: Array = np.einsum("kg,kig->ki", weight, S)
+    return found[:, [[0, 1, 2], [1, 3, 4], [2, 4, 5]]]
+
+
 def _many(
     value: Array, number: NDArray[np.int64], inner: Array, gravity: Array | None
 ) -> tuple[StrainParts, Array, Array, Array]:
@@ -99,10 +122,7 @@ def _many(
     integral = value[:, at + ng : at + ng + ng * ng].reshape(k, ng, ng)
     scratch, at = np.zeros((k, strain_scratch(number))), places(N, ng)
     pull = np.zeros((k, 0)) if gravity is None else np.ascontiguousarray(gravity)
-    for i in range(k):
-        leaf = np.ascontiguousarray(value[i]), number, np.ascontiguousarray(inner[i]), pull[i], scratch[i]
-        strain_fields(*leaf)
-        strain_tangent(*leaf)
+    _every_leaf(np.ascontiguousarray(value), number, np.ascontiguousarray(inner), pull, scratch, 1)
     l, M = (at.v - at.R) // 9, (at.fields - at.f) // (3 * ng)
     v = scratch[:, at.v : at.S].reshape(k, 3, l)[..., :ng].swapaxes(1, 2)
     S = scratch[:, at.S : at.r].reshape(k, 6, l)[..., :ng].swapaxes(1, 2)

@@ -6,7 +6,7 @@ answer; a reason is returned where the plane has no room for a joint.
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -102,10 +102,11 @@ def _bench_flats(bodies: JointBodies, flip: np.ndarray) -> tuple[list[Flat], np.
     joint_of[bodies.inside.block_node] = bodies.inside.block_joint
     joint_of[nodes - len(flip) :] = np.arange(len(flip))
     flats, sense = [], np.ones(len(members.kind))
+    known: dict[Any, np.ndarray | str] = {}
     for i in range(len(members.kind)):
         axes = _LOCAL[int(flip[joint_of[members.node[i].max()]] < 0)]
         sense[i] = np.sign(members.frame[i, 0, :, 2] @ axes[:, 2])
-        flat = flat_member(bodies.bench, i, axes, sense[i])
+        flat = flat_member(bodies.bench, i, axes, sense[i], known)
         if isinstance(flat, str):
             return flat
         flats.append(flat)
@@ -149,10 +150,11 @@ def near_functions(
 def _reduced_flats(bodies: JointBodies, axes: np.ndarray) -> list[Flat] | str:
     """The condensed joints as planar linear members, then the free leafs."""
     members, flats = bodies.reduced.members, []
+    known: dict[Any, np.ndarray | str] = {}
     for i in range(len(members.kind)):
         if members.kind[i] != LINEAR:
             sense = float(np.sign(members.frame[i, 0, :, 2] @ axes[:, 2]))
-            flat = flat_member(bodies.reduced, i, axes, sense)
+            flat = flat_member(bodies.reduced, i, axes, sense, known)
             if isinstance(flat, str):
                 return flat
             flats.append(flat)

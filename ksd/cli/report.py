@@ -68,7 +68,7 @@ def run(options: argparse.Namespace) -> int:
     share = np.linspace(-1.0 if options.both else 0.0, 1.0, options.poses)
     table = sweep(
         scene, {n: v * share for n, v in targets.items()}, together=True, mesh=mesh, progress=not options.quiet,
-        questions=_possible(scene), extrapolate=bool(asked["extrapolate"]), effects=solver.model.choice.wanted, **how,
+        questions=_possible(scene, pose), extrapolate=bool(asked["extrapolate"]), effects=solver.model.choice.wanted, **how,
     )  # fmt: skip
     compared = [_compared(f"{pose.method} (this report)", lambda: pose), *_other_ways(solver, targets, pose)]
     try:
@@ -81,13 +81,18 @@ def run(options: argparse.Namespace) -> int:
     return 0
 
 
-def _possible(scene: Any) -> tuple[str, ...]:
-    """The standard questions, without frequencies where nothing has mass."""
-    from ksd.design.questions import QUESTIONS
+def _possible(scene: Any, pose: Any) -> tuple[str, ...]:
+    """All questions, without frequencies where nothing has mass and without buckling where `pose` has no answer to it."""
+    from ksd.design.questions import KNOWN
 
     leafs = [leaf for j in scene.joints for leaf in j.joint.leafs()] + [f.leaf for f in scene.leafs]
     heavy = scene.masses or any(leaf.material.density for leaf in leafs)
-    return tuple(q for q in QUESTIONS if heavy or q != "frequencies")
+    missing = set() if heavy else {"frequencies"}
+    try:
+        pose.buckling(count=1)
+    except KsdError:
+        missing.add("buckling")
+    return tuple(q for q in KNOWN if q not in missing)
 
 
 def _compared(name: str, solve: Any) -> Any:

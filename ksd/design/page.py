@@ -29,13 +29,22 @@ figure{margin:1rem 0} img{max-width:100%;height:auto;display:block} figcaption{c
 table{border-collapse:collapse;font-size:.86rem;font-variant-numeric:tabular-nums;margin:.4rem 0}
 th{text-align:right;font-weight:600;border-bottom:1px solid #9aa3b2;padding:.25rem .7rem;vertical-align:bottom}
 th small{font-weight:400;color:#5a6375} td{text-align:right;padding:.18rem .7rem;border-bottom:1px solid #eceff4}
-th:first-child,td:first-child,td.t{text-align:left} .wide{overflow-x:auto}
+th:first-child,td:first-child,th.t,td.t{text-align:left} .wide{overflow-x:auto}
 .cards{display:flex;flex-wrap:wrap;gap:.8rem;margin:1rem 0}
 .card{border:1px solid #dfe3ea;border-radius:.4rem;padding:.5rem .9rem;min-width:8.5rem}
 .card b{display:block;font-size:1.25rem} .card span{color:#5a6375;font-size:.8rem}
 .warn{background:#fff4e5;border-left:4px solid #c2410c;padding:.5rem .9rem;margin:.5rem 0}
 @media print{body{background:#fff}main{padding:0;max-width:none}h2{break-after:avoid}figure,table{break-inside:avoid}}
 """
+
+
+BUCKLING = ("buckling_positive", "buckling_negative")
+FACTORS = (
+    "Buckling multipliers: by what factor all stresses of a pose may grow, at its geometry and with its drives held, before "
+    "it buckles; negative ones with all stresses reversed."
+)
+WIDE = 10
+"""Columns of numbers that fit on the page."""
 
 
 @dataclass(frozen=True)
@@ -85,8 +94,15 @@ def _number(value: Any, digits: int = 5) -> str:
 
 
 def grid(heads: Iterable[tuple[str, str]], rows: Iterable[Iterable[Any]]) -> str:
-    """An HTML table; heads: (words, unit); texts to the left, numbers to the right."""
-    top = "".join(f"<th>{_text(w)}{f'<br><small>{_text(u)}</small>' if u else ''}</th>" for w, u in heads)
+    """An HTML table; heads: (words, unit); texts to the left, numbers to the right, heads as the column below them."""
+    rows = [list(row) for row in rows]
+    words = [any(isinstance(v, str) and v for v in column) for column in zip(*rows, strict=True)] or [
+        False
+    ] * 64
+    top = "".join(
+        f"<th{' class=t' if left else ''}>{_text(w)}{f'<br><small>{_text(u)}</small>' if u else ''}</th>"
+        for (w, u), left in zip(heads, words, strict=False)
+    )
     body = "".join(
         "<tr>"
         + "".join(f"<td{' class=t' if isinstance(v, str) else ''}>{_number(v)}</td>" for v in row)
@@ -131,6 +147,9 @@ def _cards(pose: Any, table: Table) -> str:
             said.append(
                 (f"{_number(min(values) if least else max(values), 4)} {spoken_column(column)[1]}", what)
             )
+    factors = [abs(v) for c in BUCKLING for v in table.columns.get(c, ()) if math.isfinite(v)]
+    if factors:
+        said.append((_number(min(factors), 4), "smallest buckling factor on all stresses"))
     cards = "".join(f'<div class="card"><b>{v}</b><span>{_text(w)}</span></div>' for v, w in said)
     return f'<div class="cards">{cards}</div>'
 
@@ -229,8 +248,21 @@ def _stroke(table: Table) -> list[str]:
         for c in shown
         if any(not isinstance(v, float) or (math.isfinite(v) and v) for v in table.columns[c])
     ]
-    rows = ([row[c] for c in shown] for row in table.rows())
-    return [*parts, grid([spoken_column(c) for c in shown], rows)]
+    beside = [c for c in shown if c in table.labels]
+    others = [c for c in shown if c not in table.labels]
+    if any(c in shown for c in BUCKLING):
+        parts.append(f"<p>{FACTORS}</p>")
+    count = max(1, math.ceil(len(others) / max(3, WIDE - len(beside))))
+    # parts of about one width
+    size = max(1, math.ceil(len(others) / count))
+    for first in range(0, max(1, len(others)), size):
+        columns = [*beside, *others[first : first + size]]
+        parts.append(grid([_head(c) for c in columns], ([row[c] for c in columns] for row in table.rows())))
+    return parts
+
+
+def _head(column: str) -> tuple[str, str]:
+    return (column.replace("_", " "), "factor") if column in BUCKLING else spoken_column(column)
 
 
 def _error(pose: Any, facts: dict[str, Any], compared: Sequence[Compared]) -> list[str]:

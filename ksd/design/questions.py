@@ -156,7 +156,7 @@ def _held(scene: Any, link: str, at: Any) -> set[str]:
                 continue
             if term.kind == "rotation":
                 found.add("r" + "xyz"[axis])
-            elif at is None or np.allclose(at, term.point):
+            elif at is None or max(abs(a - b) for a, b in zip(at, term.point, strict=True)) < SAME:
                 found.add("xyz"[axis])
     return found
 
@@ -170,7 +170,7 @@ def _stress(pose: Any, asked: Asked) -> Row:
     found = pose.stress(points=asked.points)
     leaf, s, point = found.where
     return {
-        "stress_MPa": 1e-6 * found.largest_Pa,
+        "stress_MPa": 1e-6 * found[leaf].largest_Pa,
         "stress_leaf": leaf,
         "stress_s_mm": 1e3 * s,
         "stress_point": point,
@@ -227,9 +227,11 @@ QUESTIONS = ("force", "drive_stiffness", "support_stiffness", "frequencies", "st
 """Asked by default; "buckling" on demand: its factors are on all stresses of the state, of which rest has none."""
 ROUNDING = 1e-9
 """Numbers below this, in the units of the columns, are rounding of a state at rest."""
+SAME = 1e-9
+"""Distance of points [m] that are one."""
 UNLOADED = 1e9
 """Buckling multipliers beyond this mean that the state carries no stress but rounding."""
-KNOWN = (*_ANSWERS, "frequencies")
+KNOWN = (*QUESTIONS, "buckling")
 CAUGHT: tuple[type[Exception], ...] = (KsdError, ArithmeticError, np.linalg.LinAlgError, RuntimeError)
 """What one pose may raise without ending the sweep: our own errors, and arithmetic gone wrong."""
 

@@ -68,6 +68,8 @@ def intended_modes(modes: Modes) -> list[int]:
     share = modes.drive_motion**2 / np.abs(modes.omega_squared)[:, None]
     total = share.sum(axis=0)
     free = total > 0.0
+    if len(total) == 1:
+        return [int(share[:, 0].argmax())] if free[0] else []
     rows, _ = linear_sum_assignment(share[:, free] / total[free], maximize=True)
     return sorted(rows.tolist())
 

@@ -24,7 +24,8 @@ def listing(model: Any) -> list[tuple[str, str]]:
         ),
         (
             "unknowns",
-            f"{arrays.plan.unknowns - rows} at nodes, {rows} multipliers, {inner} condensed inside the leafs",
+            f"{arrays.plan.unknowns - rows} at nodes, {rows} multiplier{'s' * (rows != 1)}, "
+            f"{inner} condensed inside the leafs",
         ),
         ("simulated", f"bending, torsion and stretch of the leafs{_drawn(model)}; {_rigid(model)}"),
     ]

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 
@@ -96,17 +97,19 @@ def stiffer(flat: Flat, times: int) -> np.ndarray:
     return value
 
 
-def flat_member(arrays: Arrays, i: int, axes: np.ndarray, sense: float) -> Flat | str:
-    """Member i of a spatial model in the plane `axes` (columns i, j, k), its e3 being sense * k; or why not."""
+def flat_member(
+    arrays: Arrays, i: int, axes: np.ndarray, sense: float, known: dict[Any, np.ndarray | str]
+) -> Flat | str:
+    """Member i of a spatial model in the plane `axes` (columns i, j, k), its e3 being sense * k; or why not. known: planar
+    constants of the members before, by what they were made of."""
     members = arrays.members
     number, value = members.number[i], members.value[members.value_at[i] :]
     heavy = len(arrays.weight) > 0 and bool(arrays.weight[i, 0] > 0.0)
-    if members.kind[i] == STRAIN:
-        made = strain_in_plane(value, number, sense, heavy=heavy)
-        settings = number[2:4]
-    else:
-        made = chain_in_plane(value, number, sense, heavy=heavy)
-        settings = number[:2]
+    strain = members.kind[i] == STRAIN
+    of = int(members.value_at[i]), bool(strain), number.tobytes(), sense, heavy
+    if of not in known:
+        known[of] = (strain_in_plane if strain else chain_in_plane)(value, number, sense, heavy=heavy)
+    made, settings = known[of], number[2:4] if strain else number[:2]
     if isinstance(made, str):
         return made
     e1 = members.frame[i, :, :, 0] @ axes

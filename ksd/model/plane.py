@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 import weakref
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -108,6 +109,7 @@ def _flat_members(model: Model, axes: np.ndarray) -> tuple[list[Flat], np.ndarra
     """Every member in the plane and the sense of its e3 about k, or why one is not."""
     members, k = model.arrays.members, axes[:, 2]
     flats, senses = [], np.ones(len(members.kind))
+    made: dict[Any, np.ndarray | str] = {}
     for i, name in enumerate(model.member_names):
         if members.kind[i] == LINEAR:
             return f"'{name}' is a condensed joint, which has no planar form"
@@ -117,7 +119,7 @@ def _flat_members(model: Model, axes: np.ndarray) -> tuple[list[Flat], np.ndarra
             if np.linalg.norm(np.cross(e3, k)) > PARALLEL:
                 return f"the width of leaf '{name}' is along {_spoken(e3)}, that of the others along {_spoken(k)}"
         senses[i] = math.copysign(1.0, members.frame[i, 0, :, 2] @ k)
-        flat = flat_member(model.arrays, i, axes, senses[i])
+        flat = flat_member(model.arrays, i, axes, senses[i], made)
         if isinstance(flat, str):
             return f"leaf '{name}' {flat}"
         flats.append(flat)

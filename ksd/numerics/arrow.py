@@ -7,6 +7,7 @@ between zero and the shift (Sylvester), so that none can be missed. No pivoting,
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -105,6 +106,9 @@ def arrow_solves(arrow, shift, F, rows, nodes, negatives):
         for leaf in range(len(arrow.A)):
             # rows [1 - s A, s C, f] of the leaf, made upper triangular
             first = n + leaf * modes
+            if s == 0.0:
+                # K of a leaf is the identity: F holds the solution already
+                continue
             for i in range(modes):
                 for j in range(i, modes):
                     rows[leaf, i, j] = -s * arrow.A[leaf, i, j]
@@ -150,6 +154,8 @@ def arrow_solves(arrow, shift, F, rows, nodes, negatives):
                 F[g, r, i] = t / nodes[i, i]
             for leaf in range(len(arrow.A)):
                 first = n + leaf * modes
+                if s == 0.0:
+                    continue
                 for i in range(modes - 1, -1, -1):
                     t = rows[leaf, i, modes + 12 + r]
                     for j in range(12):
@@ -159,3 +165,27 @@ def arrow_solves(arrow, shift, F, rows, nodes, negatives):
                     for j in range(i + 1, modes):
                         t -= rows[leaf, i, j] * F[g, r, first + j]
                     F[g, r, first + i] = t / rows[leaf, i, i]
+
+
+@kernel
+def row_products(X, MX, KX, a, b):
+    """Scale the rows of X, MX, KX (p, size), in place, so that those of X and KX have products of one; a, b (p, p): the
+    symmetric parts of X KX^T and X MX^T."""
+    count, size = X.shape
+    for p in range(count):
+        t = 0.0
+        for i in range(size):
+            t += X[p, i] * KX[p, i]
+        f = 1.0 / math.sqrt(abs(t))
+        for i in range(size):
+            X[p, i] *= f
+            MX[p, i] *= f
+            KX[p, i] *= f
+    for p in range(count):
+        for q in range(p + 1):
+            k, m = 0.0, 0.0
+            for i in range(size):
+                k += X[p, i] * KX[q, i] + X[q, i] * KX[p, i]
+                m += X[p, i] * MX[q, i] + X[q, i] * MX[p, i]
+            a[p, q] = a[q, p] = 0.5 * k
+            b[p, q] = b[q, p] = 0.5 * m

@@ -8,6 +8,12 @@ forces and loads set to zero in the deformed geometry, K' the exact stress stiff
 mu = 1 is the state itself. Strain-mode leafs enter with amplitudes and end wrenches as unknowns, in which the
 tangent is linear in the stress; the condensed 6x6 would have poles where a leaf buckles between its ends. Chains under
 a load enter with their stresses where the state has any (`ksd.properties.chain_tangent`).
+
+The derivative is that of the first order: it says what happens while the response moves little. Multipliers by which the
+load alone would have turned a link by more than FAR, or moved it by that share of the size, are left out, whatever their
+value: a fourbar pressed down with its drive let go swings by 0.26 rad before the 188 N that chains would give there, and is
+stable up to 300 N when it is followed (strain-mode leafs find no real multiplier there, and no more do finer chains agree
+with coarser ones). `Buckling.reach` tells how far that is; beyond it, put the load on and look, or follow it (`ksd.follow`).
 """
 
 from __future__ import annotations
@@ -19,7 +25,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ksd.errors import SceneError
+from ksd.errors import ConvergenceError, SceneError
 from ksd.model.arrays import STRAIN, Motion, make_work
 from ksd.model.compile import Model
 from ksd.model.system import assemble, move_nodes
@@ -47,8 +53,11 @@ from ksd.properties.tangent import Tangent, exact, free_rows, row_numbers, store
 from ksd.properties.words import Shown, listed, movement, number
 
 Array = NDArray[np.float64]
-DENSE = 250
-"""Unknowns up to which all eigenvalues are computed; above, the largest ones by Arnoldi iteration."""
+DENSE, MOST_DENSE = 250, 1000
+"""Unknowns up to which all eigenvalues are computed; above, the largest ones by Arnoldi iteration, and up to the second
+number all of them where that finds none."""
+FAR = 0.1
+"""Rotation [rad], or displacement over the size of the mechanism, of a link beyond which linear theory is not asked."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -58,7 +67,8 @@ class Buckling(Shown):
     multiplier (k,): how many times the load may be added (or all stresses be multiplied); negative: against
     its direction. shape (k, nodes, 6): displacement [m] and rotation [rad] of the nodes of `model`, largest
     entry of each mode 1; all zero where a leaf buckles between ends that stand still. vector (k, size): all
-    unknowns, inner ones included. unstable: directions in which the state itself is no minimum.
+    unknowns, inner ones included. unstable: directions in which the state itself is no minimum. reach: multipliers up to
+    this size are looked for; a larger load would move a link too far for linear theory. inf where all stresses grow.
     """
 
     model: Model
@@ -66,6 +76,7 @@ class Buckling(Shown):
     shape: Array
     vector: Array
     unstable: int
+    reach: float = np.inf
 
     def _line(self) -> str:
         return ", ".join(number(m) for m in self.multiplier) or "no multiplier"
@@ -177,8 +188,8 @@ def _moved(model: Model, motion: Motion, response: tuple[Array, Array], size: fl
 
 def _derivative(
     tangent: Tangent, loads: Array, at_state: Callable[[Motion], Array], load_factor: float
-) -> Array:
-    """K': derivative of the tangent `at_state` along the response to `loads`."""
+) -> tuple[Array, float]:
+    """K': derivative of the tangent `at_state` along the response to `loads`, and how many times these move a link FAR."""
     model, motion = tangent.model, tangent.motion
     response = _response(tangent, loads, load_factor)
     free = model.arrays.start[model.arrays.start >= 0]
@@ -193,7 +204,10 @@ def _derivative(
     def tangent_at(step: float) -> Array:
         return at_state(_moved(model, motion, response, step))
 
-    return (tangent_at(size) - tangent_at(-size)) / (2 * size)
+    links = response[0][np.add.outer([u for u in model.arrays.start[: model.links] if u >= 0], np.arange(6))]
+    links[:, :3] /= model.arrays.size
+    far = float(np.abs(links).max(initial=0.0))
+    return (tangent_at(size) - tangent_at(-size)) / (2 * size), FAR / max(far, 1e-300)
 
 
 def _mixed(model: Model, state: Motion, rows: list[int], load_factor: float) -> Callable[[Motion], Array]:
@@ -233,30 +247,46 @@ def _unstressed(model: Model, motion: Motion, rows: list[int]) -> Array:
 def _smallest(K: Array, change: Array, count: int) -> tuple[Array, Array]:
     """Real mu of smallest magnitude in (K + mu change) phi = 0, and the smallest of either sign, with phi as columns."""
     from scipy import linalg
-    from scipy.sparse import csc_matrix
-    from scipy.sparse.linalg import LinearOperator, eigs, splu
 
     scale = 1.0 / np.sqrt(np.abs(K).max(axis=0))
     A, B = K * np.outer(scale, scale), change * np.outer(scale, scale)
-    if len(K) <= DENSE:
+    values, vectors = (np.zeros(0), B[:, :0]) if len(K) <= DENSE else _by_arnoldi(A, B, count)
+    if len(K) <= MOST_DENSE and not np.any(_real(values)):
         values, vectors = linalg.eig(-np.linalg.solve(A, B))
-    else:
-        factor, sparse = splu(csc_matrix(A)), csc_matrix(B)
-        operator = LinearOperator(A.shape, matvec=lambda x: -factor.solve(sparse @ x), dtype=float)
-        start = np.random.default_rng(0).normal(size=len(A))
-        number = min(2 * count + 4, len(A) - 2)
-        values, vectors = eigs(operator, k=number, which="LM", v0=start, tol=1e-9)
+    largest = np.abs(values).max(initial=0.0)
+    found = np.flatnonzero(_real(values) & (np.abs(values) > 1e-10 * largest))
+    found = found[outer_of_both_signs(values[found].real, count)]
+    return 1.0 / values[found].real, (vectors[:, found] * scale[:, None]).real
+
+
+def _by_arnoldi(A: Array, B: Array, count: int) -> tuple[Array, Array]:
+    """The largest 1/mu, and those to the right and left where the real ones are all of one sign; none where the iteration
+    does not converge and all can be computed. Raises ConvergenceError where they are too many for that."""
+    from scipy.sparse import csc_matrix
+    from scipy.sparse.linalg import ArpackNoConvergence, LinearOperator, eigs, splu
+
+    factor, sparse = splu(csc_matrix(A)), csc_matrix(B)
+    operator = LinearOperator(A.shape, matvec=lambda x: -factor.solve(sparse @ x), dtype=float)
+    start = np.random.default_rng(0).normal(size=len(A))
+    try:
+        values, vectors = eigs(operator, k=min(2 * count + 4, len(A) - 2), which="LM", v0=start, tol=1e-9)
         for sign, end in ((1.0, "LR"), (-1.0, "SR")):
-            if not np.any(sign * values[np.abs(values.imag) <= 1e-6 * np.abs(values)].real > 0.0):
+            if not np.any(sign * values[_real(values)].real > 0.0):
                 more = eigs(operator, k=2, which=end, v0=start, tol=1e-9)
                 values, vectors = (
                     np.concatenate(pair, axis=-1) for pair in zip((values, vectors), more, strict=True)
                 )
-    largest = np.abs(values).max(initial=0.0)
-    real = (np.abs(values.imag) <= 1e-6 * np.abs(values)) & (np.abs(values) > 1e-10 * largest)
-    found = np.flatnonzero(real)
-    found = found[outer_of_both_signs(values[found].real, count)]
-    return 1.0 / values[found].real, (vectors[:, found] * scale[:, None]).real
+    except ArpackNoConvergence as reason:
+        if len(A) <= MOST_DENSE:
+            return np.zeros(0), B[:, :0]
+        raise ConvergenceError(
+            f"buckling: the smallest multipliers of {len(A)} unknowns were not found; give fewer elements per leaf"
+        ) from reason
+    return values, vectors
+
+
+def _real(values: Array) -> Any:
+    return np.abs(values.imag) <= 1e-6 * np.abs(values)
 
 
 def _loads(tangent: Tangent, link: Any, at: Any, wrench: tuple[Any, Any]) -> Array:
@@ -301,13 +331,13 @@ def buckling(
     link: link (or internal block) the force (3,) [N] and moment (3,) [Nm], global, act on, at the point that
     is at `at` (3,) [m] at rest (reference point when None). freed: drives and supports let go at their
     present force; they keep that force, as do the loads of the scene, while the added load grows. near: multipliers of
-    a state nearby to start from; opened: this state, opened. Raises SceneError for unknown names, a load that is zero, or
-    a state without stress.
+    a state nearby to start from; opened: this state, opened. Multipliers beyond `reach` are left out. Raises SceneError
+    for unknown names, a load that is zero, or a state without stress, ConvergenceError where none were found.
     """
     rows = row_numbers(model, freed)
     _refuse_mixture(model)
     opened = opened or Opened(model, motion, load_factor=load_factor)
-    fine, state, tangent = opened.model, opened.motion, opened.tangent(freed)
+    fine, state, tangent, reach = opened.model, opened.motion, opened.tangent(freed), np.inf
     if link is None and np.all(fine.arrays.members.kind == STRAIN):
         start = (near.vector.T,) if near is not None and near.model is fine and len(near.multiplier) else ()
         multiplier, vectors = own_stress(opened, rows, count=count, near=start)
@@ -320,11 +350,13 @@ def buckling(
         else:
             at_state = _mixed(whole, state, rows, load_factor)
             loads = _loads(tangent, link, at, (force, moment))
-            K, change = at_state(state), _derivative(tangent, loads, at_state, load_factor)
+            K, (change, reach) = at_state(state), _derivative(tangent, loads, at_state, load_factor)
         multiplier, vectors = _smallest(K, 0.5 * (change + change.T), count)
+        near_by = np.abs(multiplier) <= reach
+        multiplier, vectors = multiplier[near_by], vectors[:, near_by]
     shape = np.zeros((len(multiplier), len(fine.node_names), 6))
     for k in range(1, len(fine.node_names)):
         shape[:, k] = vectors[tangent.unknowns(k)].T
     largest = np.abs(shape).max(axis=(1, 2), initial=0.0)
     shape /= np.where(largest > 0.0, largest, 1.0)[:, None, None]
-    return Buckling(fine, multiplier, shape, vectors.T, tangent.unstable)
+    return Buckling(fine, multiplier, shape, vectors.T, tangent.unstable, reach)

@@ -17,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ksd.numerics.arrow import Arrow, arrow_solves, arrow_times, flexibility_roots
+from ksd.numerics.arrow import Arrow, arrow_solves, arrow_times, flexibility_roots, row_products
 from ksd.properties.krylov import ACCURACY
 
 Array = NDArray[np.float64]
@@ -117,14 +117,12 @@ class _Found(NamedTuple):
 
 
 def _ritz(X: Array, MX: Array, KX: Array) -> _Found:
-    """Ritz pairs in the span of rows X. Raises LinAlgError where K is not positive on it."""
+    """Ritz pairs in the span of rows X, which are scaled in place. Raises LinAlgError where K is not positive on it."""
     from scipy.linalg.lapack import dsygvd
 
-    scale = 1.0 / np.sqrt(np.abs(np.einsum("pi,pi->p", X, KX)))[:, None]
-    X, MX, KX = X * scale, MX * scale, KX * scale
-    # sums, not a threaded product, which costs more than it does at this size
-    a, b = np.einsum("pi,qi->pq", X, KX), np.einsum("pi,qi->pq", X, MX)
-    theta, w, failed = dsygvd(0.5 * (b + b.T), 0.5 * (a + a.T))
+    a, b = np.empty((len(X), len(X))), np.empty((len(X), len(X)))
+    row_products(X, MX, KX, a, b)
+    theta, w, failed = dsygvd(b, a)
     if failed:
         raise np.linalg.LinAlgError("K is not positive on the vectors")
     keep = np.abs(theta) > 1e-12 * np.abs(theta).max()

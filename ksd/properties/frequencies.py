@@ -113,10 +113,13 @@ class Modes(Shown):
         For following modes along a stroke: the partner of a mode is the one with the largest number in its
         row.
         """
-        one, two = (
-            np.vstack([mass.rooted(m.vector.T) for mass in (self.mass, other.mass)]) for m in (self, other)
-        )
+        one = np.vstack([self._rooted, other.mass.rooted(self.vector.T)])
+        two = np.vstack([self.mass.rooted(other.vector.T), other._rooted])
         return np.asarray((one.T @ two) ** 2 / np.outer(np.sum(one**2, axis=0), np.sum(two**2, axis=0)))
+
+    @cached_property
+    def _rooted(self) -> Array:
+        return self.mass.rooted(self.vector.T)
 
     def moved(self, number: int, size: float) -> Motion:
         """The state of `model` displaced by `size` times mode `number`, to first order, leafs included."""

@@ -3,12 +3,16 @@ state."""
 
 from __future__ import annotations
 
+import threading
 import weakref
 from collections.abc import Callable
 from functools import wraps
 from typing import TypeVar
 
+from ksd.model.arrays import Work, make_work
 from ksd.model.compile import Model
+
+_rooms = threading.local()
 
 T = TypeVar("T")
 
@@ -28,3 +32,12 @@ def per_model(function: Callable[[Model], T]) -> Callable[[Model], T]:
         return answer
 
     return ask
+
+
+def room_of(model: Model) -> Work:
+    """Storage for assembly of `model`, the same at every call in this thread: to be read before anything else is asked."""
+    mine: dict[int, tuple[weakref.ref[Model], Work]] = _rooms.__dict__.setdefault("mine", {})
+    key, found = id(model), mine.get(id(model))
+    if found is None or found[0]() is not model:
+        found = mine[key] = weakref.ref(model, lambda _: mine.pop(key, None)), make_work(model.arrays)
+    return found[1]

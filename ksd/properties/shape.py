@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ksd.beam.strain_values import masses_beyond
+from ksd.beam.strain_walk import walk
 from ksd.model.arrays import COROTATIONAL, STRAIN, Motion
 from ksd.model.compile import Model
 from ksd.properties.kept import per_model
@@ -181,24 +182,6 @@ def crossed(a: Array, b: Array) -> Array:
 _NEXT, _LAST = [1, 2, 0], [2, 0, 1]
 
 
-def _turns(v: Array) -> Array:
-    """Rotation matrices (..., 3, 3) of rotation vectors (..., 3), by Rodrigues."""
-    t = np.sqrt(np.sum(v * v, axis=-1))[..., None, None]
-    W = np.zeros((*v.shape, 3))
-    W[..., 0, 1], W[..., 0, 2], W[..., 1, 2] = -v[..., 2], v[..., 1], -v[..., 0]
-    W -= np.swapaxes(W, -1, -2)
-    return np.eye(3) + np.sinc(t / math.pi) * W + 0.5 * np.sinc(0.5 * t / math.pi) ** 2 * (W @ W)
-
-
-def _products(steps: Array) -> Array:
-    """Products steps[0] ... steps[k] for every k along axis 1 of (leafs, n, 3, 3), by doubling: log2(n) calls, not n."""
-    found, reach = steps.copy(), 1
-    while reach < found.shape[1]:
-        found[:, reach:] = found[:, :-reach] @ found[:, reach:]
-        reach *= 2
-    return found
-
-
 def strain_curve(value: Array, number: NDArray[np.int64], inner: Array, points: int) -> tuple[Array, ...]:
     """Stations (k,) [m], positions (k, 3) [m], orientations (k, 3, 3) along a strain-mode leaf, in frame p.
 
@@ -218,7 +201,7 @@ def strain_curves(
     """
     total, L = int(number[:3].sum()), value[:, 0]
     tables, n = _tables(value, number, inner[:, :total]), inner[:, None, total : total + 3]
-    R = np.broadcast_to(np.eye(3), (len(value), 1, 3, 3))
+    R = np.broadcast_to(np.eye(3), (len(value), 1, 3, 3)).copy()
     s, r, turned = [np.zeros((len(value), 1))], [np.zeros((len(value), 1, 3))], [R]
     weight = _Beyond(value, number, gravity)
     for k, (a, b) in enumerate(pairwise(tables.edges)):
@@ -226,14 +209,11 @@ def strain_curves(
         x = np.linspace(a, b, half + 1)
         middle, reach = 0.5 * (x[1:] + x[:-1]), (b - a) / (2 * math.sqrt(3) * half)
         h = (L * (b - a) / half)[:, None, None]
-        one, two = (_between(tables, tables.kappa, middle + sign * reach, k) for sign in (-1, 1))
-        steps = _turns(0.5 * h * (one + two) + math.sqrt(3) / 12 * h * h * crossed(one, two))
-        R = _products(np.concatenate([R[:, -1:], steps], axis=1))
-        # r' = R (e1 + C R^T n)
-        soft = _between(tables, tables.soft, x, k)
-        v = (
-            R[..., 0]
-            + (R @ (soft * ((n + weight.pull(tables, x, k))[:, :, None] @ R)[:, :, 0])[..., None])[..., 0]
+        bends = _between(tables, tables.kappa, np.concatenate([middle - reach, middle + reach]), k)
+        before, R, v = R[:, -1], np.empty((len(value), len(x), 3, 3)), np.empty((len(value), len(x), 3))
+        pulled = np.broadcast_to(n + weight.pull(tables, x, k), v.shape)
+        walk(
+            bends, _between(tables, tables.soft, x, k), np.ascontiguousarray(pulled), h[:, 0, 0], before, R, v
         )
         weight.add(h, v)
         pieces = h / 3 * (v[:, :-2:2] + 4 * v[:, 1::2] + v[:, 2::2])

@@ -103,8 +103,10 @@ class PointStiffness(Shown):
 
         inf where the held drives and supports leave no compliance.
         """
+        return self._support(self._scaled(), direction, held)
+
+    def _support(self, C: Array, direction: str, held: Sequence[str]) -> float:
         i, fixed = _number(direction), [_number(d) for d in held if d != direction]
-        C = self._scaled()
         value = C[i, i]
         if fixed:
             value -= (
@@ -119,7 +121,8 @@ class PointStiffness(Shown):
     @property
     def supports(self) -> dict[str, float]:
         """`support` of all six directions: x, y, z [N/m], rx, ry, rz [Nm/rad]."""
-        return {d: self.support(d) for d in DIRECTIONS}
+        C = self._scaled()
+        return {d: self._support(C, d, ()) for d in DIRECTIONS}
 
     def _scaled(self) -> Array:
         """Compliance with rotations times the size, all in m/N."""

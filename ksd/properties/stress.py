@@ -20,10 +20,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ksd.beam.strain_mass import many_pulls
+from ksd.beam.strain_mass import many_pulls, many_slacks
 from ksd.model.arrays import Motion
 from ksd.model.compile import Model
-from ksd.properties.alike import Alike, alike_leafs, alike_parts, elastic, own_gravity
+from ksd.properties.alike import Alike, alike_leafs, elastic, own_gravity
 from ksd.properties.section_forces import SectionForces, section_forces
 from ksd.properties.shape import member_ends, member_parts, members_of_leafs, scene_leafs
 from ksd.properties.words import Shown
@@ -162,22 +162,31 @@ def stress_points(section: Any) -> StressPoints:
     return _rectangle(section)
 
 
+@lru_cache(maxsize=1024)
+def _stations(sections: tuple[Any, ...]) -> tuple[Array, ...]:
+    """y, z (s, p), A, Iy, Iz (s, 1) of the sections along a leaf, and torsion, along_y, along_z (2, 1, s, p) of their
+    points, components first; s is 1 where all are one."""
+    found = [stress_points(q) for q in sections]
+    sizes = (np.array([[getattr(q, n)] for q in sections]) for n in ("A", "Iy", "Iz"))
+    shear = (
+        np.array([getattr(f, n).T for f in found]).swapaxes(0, 1)[:, None]
+        for n in ("torsion", "along_y", "along_z")
+    )
+    return np.array([f.y for f in found]), np.array([f.z for f in found]), *sizes, *shear
+
+
 def _leaf_stresses(forces: list[SectionForces], leaf: Any) -> list[LeafStress]:
     """Stress of leafs with the section, or the profile, of `leaf`, all with the same stations."""
     profile, s = getattr(leaf, "profile", None), forces[0].s
     # a station on a step of the profile takes the section just inside
     at = np.clip(s / s[-1], 1e-9, 1 - 1e-9)
-    sections = [leaf.section] if profile is None else [profile.section(float(x)) for x in at]
-    found = [stress_points(q) for q in sections]
-    y, z = np.array([f.y for f in found]), np.array([f.z for f in found])
-    A, Iy, Iz = (np.array([[getattr(q, n)] for q in sections]) for n in ("A", "Iy", "Iz"))
+    sections = (leaf.section,) if profile is None else tuple(profile.section(float(x)) for x in at)
+    y, z, A, Iy, Iz, torsion, along_y, along_z = _stations(sections)
     N, Vy, Vz, T, My, Mz = np.moveaxis(np.array([f.values for f in forces]), 2, 0)[..., None]
     axial = N / A
     bending = My * z / Iy - Mz * y / Iz
     # first axis: the shear stress along y and z
-    twist = T * np.array([f.torsion.T for f in found]).swapaxes(0, 1)[:, None]
-    across = Vy * np.array([f.along_y.T for f in found]).swapaxes(0, 1)[:, None]
-    across = across + Vz * np.array([f.along_z.T for f in found]).swapaxes(0, 1)[:, None]
+    twist, across = T * torsion, Vy * along_y + Vz * along_z
     if leaf.section.outline is not None:
         shear = np.abs(twist).sum(axis=0) + np.abs(across).sum(axis=0)
     else:
@@ -188,7 +197,8 @@ def _leaf_stresses(forces: list[SectionForces], leaf: Any) -> list[LeafStress]:
     parts = (*parts, np.hypot(*twist).max(axis=2), np.hypot(*across).max(axis=2))
     places = [np.broadcast_to(v, (len(s), v.shape[1])) for v in (y, z)]
     return [
-        LeafStress(f.name, f.s, found[0].names, *places, *(v[k] for v in parts)) for k, f in enumerate(forces)
+        LeafStress(f.name, f.s, stress_points(sections[0]).names, *places, *(v[k] for v in parts))
+        for k, f in enumerate(forces)
     ]
 
 
@@ -264,10 +274,8 @@ def _strain_energies(model: Model, motion: Motion, group: Alike, load_factor: fl
     rest = 1 + sum(int(n) ** 2 for n in group.number[:3])
     bent = inner[:, :N] - group.value[:, rest : rest + N]
     force = inner[:, N : N + 3]
-    soft, gravity = (
-        alike_parts(model, motion, group, load_factor).S,
-        own_gravity(model, motion, group, load_factor),
-    )
+    soft = many_slacks(group.value, group.number, inner)
+    gravity = own_gravity(model, motion, group, load_factor)
     found: Array = 0.5 * np.einsum("ki,kij,kj->k", bent, elastic(group), bent)
     found += 0.5 * np.einsum("ki,kij,kj->k", force, soft, force)
     if gravity is not None:

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ksd.errors import KinematicsError, SceneError
-from ksd.model.arrays import COIL, TURN, Motion, make_work
+from ksd.model.arrays import COIL, TURN, Motion
 from ksd.model.assembly import geometric_tangent
 from ksd.model.compile import Model
 from ksd.model.loading import add_loads, add_terms, twist
@@ -33,6 +33,7 @@ from ksd.properties.alike import (
     weighed,
 )
 from ksd.properties.followed import MOST_NODES, LeafPencil, Pencil, followed
+from ksd.properties.kept import room_of
 from ksd.properties.krylov import outermost
 from ksd.properties.opened import Opened
 from ksd.properties.tangent import free_rows, stored_matrix
@@ -43,7 +44,9 @@ Array = NDArray[np.float64]
 def node_terms(model: Model, motion: Motion, rows: Iterable[int], load_factor: float) -> Array:
     """What constraint rows, loads and springs add to the tangent of the nodes (unknowns, unknowns); `rows` are taken out."""
     arrays = model.arrays
-    work = make_work(arrays)
+    work = room_of(model)
+    for part in (work.value, work.rhs, work.scale):
+        part[:] = 0.0
     target = np.zeros(len(arrays.terms.start))
     if len(arrays.springs.kind):
         add_springs(arrays, motion.x, motion.R, work, 1e-8, 0.0)

@@ -15,10 +15,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ksd.errors import KinematicsError, SceneError
-from ksd.model.arrays import COROTATIONAL, Arrays, Motion, make_work
+from ksd.model.arrays import COROTATIONAL, Arrays, Motion
 from ksd.model.compile import Model
 from ksd.model.system import assemble
 from ksd.numerics.blocks import factor_blocks, solve_blocks
+from ksd.properties.kept import room_of
 from ksd.properties.turning import turning_loads
 
 Array = NDArray[np.float64]
@@ -131,14 +132,14 @@ class Tangent:
 def assembled_tangent(model: Model, motion: Motion, *, load_factor: float = 1.0) -> Assembled:
     """The exact tangent at `motion`, drives held."""
     arrays = exact(model.arrays)
-    work = make_work(arrays)
+    work = room_of(model)
     target = np.zeros(len(arrays.terms.start))
     _, _, inside, _ = assemble(arrays, motion, target, load_factor, work, 1e-8, 0, 10.0)
     rest, turning = turning_loads(arrays, motion, load_factor), None
     if rest is not None:
         places = np.flatnonzero(rest.any(axis=1) | rest.any(axis=0))
         turning = places, rest[np.ix_(places, places)]
-    return Assembled(model, motion, arrays, work.value, int(inside), turning)
+    return Assembled(model, motion, arrays, work.value.copy(), int(inside), turning)
 
 
 def factored(assembled: Assembled, freed: Iterable[str] = ()) -> Tangent:

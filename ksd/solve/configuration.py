@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from ksd.errors import SceneError
 from ksd.model.arrays import Motion
 from ksd.model.compile import Model
 from ksd.solve.steps import ErrorEstimate, FiveStepRecord, Step
@@ -128,16 +129,26 @@ class Configuration:
         }
 
     def rotation(self, link: str) -> np.ndarray:
-        """Rotation vector (3,) [rad] of a link from rest, global axes."""
-        from scipy.spatial.transform import Rotation
+        """Rotation vector (3,) [rad] of a link from rest, global axes. Raises SceneError for an unknown name."""
+        from ksd.numerics.rotations import rotation_log
 
-        return Rotation.from_matrix(self.links[link][1]).as_rotvec()
+        found = np.empty(3)
+        rotation_log(self.motion.R[self._node(link)], found)
+        return found
 
     def displacement(self, link: str, at: Any) -> np.ndarray:
-        """Displacement (3,) [m] of the point of a link that is at `at` (3,) [m] at rest."""
-        i = self.model.node_names.index(link)
+        """Displacement (3,) [m] of the point of a link that is at `at` (3,) [m] at rest. Raises SceneError for an unknown
+        name."""
+        i = self._node(link)
         arm = np.asarray(at, float) - self.model.rest.x[i]
         return self.motion.x[i] + self.motion.R[i] @ arm - np.asarray(at, float)
+
+    def _node(self, link: str) -> int:
+        """Number of a link or internal block."""
+        known = self.model.node_names
+        if link not in known:
+            raise SceneError(f"link '{link}' is not part of this mechanism; there are {', '.join(known)}")
+        return known.index(link)
 
     @cached_property
     def answering(self) -> Motion:

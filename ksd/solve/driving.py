@@ -56,8 +56,8 @@ def drive_to(
     newton: brings `motion` to equilibrium in place, as `ksd.solve.storage.Storage.newton`. pivoting: spatial arrays and
     storage with which a step of weak pivots is done again. begin: what `motion` starts from, where that is kept elsewhere.
     """
-    done, size, solves, taken, pivoted, longest = 0.0, 1.0 / steps, 0, 0, 0, 0
-    residual, negatives, shortest = math.inf, 0, 1.0 / steps
+    done, solves, taken, pivoted, longest, residual, negatives = 0.0, 0, 0, 0, 0, math.inf, 0
+    size = shortest = 1.0 / steps
     safe = motion.copy() if begin is None else begin
     while done < 1.0:
         # land on the end exactly, whatever the rounding of the steps
@@ -66,8 +66,7 @@ def drive_to(
         want = target if goal == 1.0 else start + goal * (target - start)
         aim = (want, level, rtol, most, cap, eps_max)
         reason, count, residual, negatives, pivot = newton(*aim)
-        solves += count
-        taken += 1
+        solves, taken = solves + count, taken + 1
         if pivoting is not None and _weak(pivoting[0], reason, pivot):
             reason, count, residual, negatives, _ = _with_pivoting(pivoting, motion, safe, aim, reason)
             solves, pivoted = solves + count, pivoted + 1

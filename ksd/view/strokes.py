@@ -139,6 +139,9 @@ def _groups(table: Any, over: str) -> dict[str, np.ndarray]:
 
 def _draw(axes: Any, table: Any, panel: _Panel, columns: dict[str, str], *, over: str, groups: Any) -> None:
     x = table[over]
+    # all panels alike, whatever they have no numbers for
+    low, high = float(np.nanmin(x)), float(np.nanmax(x))
+    axes.set_xlim(low - 0.04 * (high - low), high + 0.04 * (high - low))
     largest = max(np.nanmax(np.abs(table[c])) for c in columns if np.isfinite(table[c]).any())
     noise = 0.0 if panel.log else _NOISE * largest
     # a single point is no line

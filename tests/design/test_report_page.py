@@ -72,6 +72,9 @@ def test_page_holds_the_numbers(written):
         "left out",
         "stable: a minimum",
         "0.78",
+        "buckling negative",
+        "-4.5123",
+        "smallest buckling factor",
     ):
         assert words in text, words
     assert "nan" not in re.sub(r"base64,[^\"]*", "", text)

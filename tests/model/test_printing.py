@@ -9,7 +9,7 @@ def test_a_model_says_what_is_simulated_and_left_out():
     model = ksd.compile_scene(fourbar())
     text = str(model)
     assert "3 links, 4 joints, 12 leafs" in text
-    assert "18 at nodes, 1 multipliers" in text
+    assert "18 at nodes, 1 multiplier," in text
     assert "left out:" in text and "gravity" in text
     assert repr(model).count("\n") == 0 and len(repr(model)) < 200
     heavy = fourbar()
