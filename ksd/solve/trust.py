@@ -182,5 +182,7 @@ def insist(c: Configuration) -> Configuration:
         return c
     trusted = judge(c).trusted
     if not trusted:
-        raise TrustError(f"{trusted}; strict=False (in Python) returns the state all the same", reached=1.0, result=c)
+        raise TrustError(
+            f"{trusted}; strict=False (in Python) returns the state all the same", reached=1.0, result=c
+        )
     return c
