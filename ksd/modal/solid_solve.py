@@ -166,13 +166,18 @@ def press_reduced(
     held = np.zeros((6, 6))
     held[np.ix_(free, free)] = K[np.ix_(free, free)]
     error = indicator(body, d, R, inner, wrench) if estimate else math.nan
-    if estimate and strict and not error <= SUCCESSFUL:
-        stroke = np.linalg.norm(d[1:]) / body.solid.length
+    if estimate and strict:
+        _believed(error, float(np.linalg.norm(d[1:]) / body.solid.length))
+    return Pressed(d - [body.solid.length, 0, 0], R, held, count, spent / count, inner, error)
+
+
+def _believed(error: float, stroke: float) -> None:
+    """Raises ConvergenceError where the error is beyond `SUCCESSFUL`."""
+    if not error <= SUCCESSFUL:
         raise ConvergenceError(
             f"basis no longer successful: the estimated error of the solid is {100 * error:.2g} % at a stroke of "
             f"{stroke:.2g} L; ask for less, raise internal or order, or press the full solid"
         )
-    return Pressed(d - [body.solid.length, 0, 0], R, held, count, spent / count, inner, error)
 
 
 def displaced(body: SolidBasis, d: np.ndarray, R: np.ndarray, eta: np.ndarray) -> np.ndarray:
