@@ -28,6 +28,7 @@ PLACES = {"cantilever": (0.2, 0.4), "parallel guide": (0.2, 0.4), "cross flexure
 AWAY = {"cantilever": 0.05, "parallel guide": 0.05, "cross flexure": np.deg2rad(5)}
 REACH = 0.1 * np.sqrt(0.5)
 """Distance [m] of the interfaces of the cross flexure in space."""
+ABSOLUTE = "tangent basis of 16 elements against strain modes (6, 5, 9)"
 ANGLES = (0.0, 15.0, 30.0, 45.0)
 
 
@@ -106,6 +107,13 @@ def in_space(angles: tuple[float, ...] = ANGLES) -> list[dict[str, Any]]:
                 ksd.solve(scene, turn=turn, method="modal", basis=ModalBasis(expansion="trained", frame="node", internal=0)),
                 full,
             ),
+            ABSOLUTE: (
+                ksd.solve(
+                    scene, turn=turn, method="modal",
+                    basis=ModalBasis(expansion="trained", frame="node", internal=0, elements=16),
+                ),
+                best,
+            ),
             "modal, default": (ksd.solve(scene, turn=turn, method="modal"), full),
             "strain modes (4, 3, 5)": (ksd.solve(scene, turn=turn, method="full"), best),
             "chains of 10 elements": (full, best),
@@ -123,7 +131,7 @@ def in_space(angles: tuple[float, ...] = ANGLES) -> list[dict[str, Any]]:
 def space_acceptance(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
     """The largest errors over all angles beside what is asked."""
     found = []
-    for way in ("tangent basis", "strain modes (4, 3, 5)"):
+    for way in ("tangent basis", ABSOLUTE, "strain modes (4, 3, 5)"):
         for what, aim in (("moment", 3e-3), ("frequency", 5e-3)):
             worst = max((r[what] for r in rows if r["way"] == way), key=abs)
             found.append({"what": f"{way}: {what}, 0 to 45 degrees", "case": "cross flexure in space", "value": worst,
@@ -134,8 +142,8 @@ def space_acceptance(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
 def space_table(rows: list[dict[str, Any]]) -> list[str]:
     """Markdown lines."""
     said = ["", "## Cross flexure in space, from joint records", "",
-            "Errors of modal bodies against the chains they reduce, of the others against strain modes (6, 5, 9). Known: "
-            "283.5, 97.3, 54.5 Hz at 0, 20, 45 degrees.", "",
+            "Errors of modal bodies against the chains they reduce (of 10 elements, 0.5 % off in frequency), of the "
+            "others against strain modes (6, 5, 9). Known: 283.5, 97.3, 54.5 Hz at 0, 20, 45 degrees.", "",
             "| angle | way | moment | worst support stiffness | first frequency | Hz |",
             "|---:|---|---:|---:|---:|---:|"]  # fmt: skip
     for r in rows:
