@@ -76,6 +76,18 @@ def _flat(value, number, inner, store, scratch, d, Q, lam, K, out, size, xi, cal
 
 
 @kernel
+def _flat_default(value, number, inner, store, scratch, d, Q, lam, K, out, size, xi, calls):
+    for _ in range(calls):
+        planar_entry.planar_strain_condense_default(
+            value.ctypes, number.ctypes, inner.ctypes, store.ctypes, d.ctypes, lam.ctypes, K.ctypes, out.ctypes,
+            size.ctypes,
+        )  # fmt: skip
+        planar_entry.planar_strain_recover(
+            value.ctypes, number.ctypes, inner.ctypes, store.ctypes, xi.ctypes, 1e-12, size.ctypes
+        )
+
+
+@kernel
 def _flat_chain(value, number, inner, store, scratch, d, Q, lam, K, out, size, xi, calls):
     for _ in range(calls):
         planar_entry.planar_chain_condense(
@@ -92,6 +104,7 @@ NEEDS = {
     _any: ("strain_condense", "strain_recover"),
     _chain: ("chain_condense", "chain_recover"),
     _flat: ("planar_strain_condense", "planar_strain_recover"),
+    _flat_default: ("planar_strain_condense_default", "planar_strain_recover"),
     _flat_chain: ("planar_chain_condense", "planar_chain_recover"),
 }
 
@@ -101,7 +114,7 @@ def _case(
 ) -> Callable[[], None]:
     """`CALLS` iterations of one leaf."""
     compile_late(*NEEDS[call])
-    flat = call in (_flat, _flat_chain)
+    flat = call in (_flat, _flat_default, _flat_chain)
     number = np.array([*number, 0, 0, 0, 0][:4], np.int64)
     kept, room = np.zeros(store), np.zeros(scratch)
     size = np.array([len(value), len(inner), store, 0, scratch], np.int64)
@@ -150,7 +163,8 @@ def _flat_modes(modes: int, points: int) -> Callable[[], None]:
         points=points,
     )
     state, store = planar_strain.sizes(modes)
-    return _case(_flat, value, number, np.random.default_rng(1).normal(size=state), store, 1)
+    call = _flat_default if (modes, points) == planar_entry.DEFAULT else _flat
+    return _case(call, value, number, np.random.default_rng(1).normal(size=state), store, 1)
 
 
 def _flat_elements(count: int) -> Callable[[], None]:

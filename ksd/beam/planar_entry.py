@@ -7,8 +7,13 @@
 from __future__ import annotations
 
 from ksd.beam import planar_corotational, planar_near, planar_strain
+from ksd.beam.strain_values import DEFAULT_ORDERS, DEFAULT_POINTS
 from ksd.numerics.kernel import carray, late
 
+DEFAULT = (DEFAULT_ORDERS[2], DEFAULT_POINTS)
+"""Modes and points for which the compiler has a planar leaf of its own."""
+LENGTHS = planar_strain.sizes(DEFAULT[0])
+"""Lengths of its inner state and store."""
 _P = "CPointer(float64)"
 _I = "CPointer(int64)"
 _CONDENSE = f"void({_P}, {_I}, {_P}, {_P}, {_P}, {_P}, {_P}, {_P}, {_I})"
@@ -20,6 +25,16 @@ def planar_strain_condense(value, number, inner, store, pose, lam, K, out, size)
     """Force, moment and tangent of a planar strain-mode leaf."""
     back, force, moment, status = planar_strain.condense(
         carray(value, (size[0],)), carray(number, (4,)), carray(inner, (size[1],)), carray(store, (size[2],)),
+        carray(pose, (3,)), carray(lam, (6,)), carray(K, (3, 3)),
+    )  # fmt: skip
+    out[0], out[1], out[2], out[3] = back, force, moment, status
+
+
+@late(_CONDENSE)
+def planar_strain_condense_default(value, number, inner, store, pose, lam, K, out, size):
+    """The same for a leaf without weight of the default modes and points, which the compiler knows."""
+    back, force, moment, status = planar_strain.condense(
+        carray(value, (size[0],)), DEFAULT, carray(inner, (LENGTHS[0],)), carray(store, (LENGTHS[1],)),
         carray(pose, (3,)), carray(lam, (6,)), carray(K, (3, 3)),
     )  # fmt: skip
     out[0], out[1], out[2], out[3] = back, force, moment, status

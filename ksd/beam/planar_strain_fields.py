@@ -5,15 +5,15 @@ Notation, layouts and source: `ksd.beam.planar_strain`.
 
 from __future__ import annotations
 
-import math
-
 from ksd.numerics.kernel import kernel
+from ksd.numerics.lanes import load4, store4
 from ksd.numerics.local import local_vector
+from ksd.numerics.rotations import cosine_sine
 
 TINY_PIVOT = 1e-15
 
 
-@kernel
+@kernel(fastmath={"contract"}, forceinline=True)
 def gather(value, number, inner, W, J, out, pull, E):
     """W (nz, nz, lower), J (nz, 4) = (dr/da, dtheta/da, residual g), out = r (2), theta, force block (3).
 
@@ -43,18 +43,28 @@ def gather(value, number, inner, W, J, out, pull, E):
             out[i] = 0.0
         for i in range(2 * nz):
             E[i] = 0.0
+    turn, cosine, sine = local_vector(8), local_vector(8), local_vector(8)
     for p in range(points):
         at = 1 + nz * nz + nz + p * width
+        if p & 7 == 0:
+            # angles of the next eight points
+            for k in range(8):
+                theta = 0.0
+                if p + k < points:
+                    for i in range(nz):
+                        theta += inner[i] * value[at + k * width + 3 + i]
+                turn[k] = theta
+            for k in range(0, 8, 4):
+                c4, s4 = cosine_sine(load4(turn, k))
+                store4(cosine, k, c4)
+                store4(sine, k, s4)
         point = value[at : at + width]
         n0, n1, mass = inner[nz], inner[nz + 1], 0.0
         if heavy:
             mass = value[last + 2 * nz + p]
             n0, n1 = n0 + mass * pull[0], n1 + mass * pull[1]
         w, cn, cv = point[0], point[1], point[2]
-        theta = 0.0
-        for i in range(nz):
-            theta += inner[i] * point[3 + i]
-        c, s = math.cos(theta), math.sin(theta)
+        c, s = cosine[p & 7], sine[p & 7]
         N, V = c * n0 + s * n1, c * n1 - s * n0
         slack = cn - cv
         # r' = R (1 + cN N, cV V) and R C R^T
@@ -93,7 +103,7 @@ def gather(value, number, inner, W, J, out, pull, E):
     out[0], out[1], out[2], out[3], out[4], out[5] = x, y, angle, xx, xy, yy
 
 
-@kernel
+@kernel(fastmath={"contract"}, forceinline=True)
 def solve(nz, W, J, Y):
     """Y (nz, 4) = W^-1 J by LDL^T in place of W (lower); returns (negative pivots, status)."""
     negatives, status = 0, 0

@@ -13,7 +13,6 @@ int M rho_i' its derivative by the amplitudes. `pull` holds g, and is empty for 
 from __future__ import annotations
 
 from ksd.beam.strain_points import (
-    gravity_couplings,
     places,
     point_matrices,
     point_moments,
@@ -74,6 +73,24 @@ def strain_fields(value, number, inner, pull, scratch):
 
 
 @kernel(forceinline=True)
+def _gravity_couplings(value, pull, lanes, weight, scratch, R, couple):
+    """-g x e_c times L and the weight of the point, as the first rows of couple; see `point_matrices`."""
+    for o in range(0, lanes, 4):
+        w = value[0] * load4(value, weight + o)
+        for c in range(3):
+            p = R + c * lanes + o
+            e0, e1, e2 = (
+                w * load4(scratch, p),
+                w * load4(scratch, p + 3 * lanes),
+                w * load4(scratch, p + 6 * lanes),
+            )
+            p = couple + 6 * c * lanes + o
+            store4(scratch, p, e1 * pull[2] - e2 * pull[1])
+            store4(scratch, p + lanes, e2 * pull[0] - e0 * pull[2])
+            store4(scratch, p + 2 * lanes, e0 * pull[1] - e1 * pull[0])
+
+
+@kernel(forceinline=True)
 def _crossed(scratch, x0, x1, x2, psi, M, to):
     """x cross psi_i of all modes, from `to` on (3, M)."""
     for i in range(0, M, 4):
@@ -117,7 +134,7 @@ def strain_tangent(value, number, inner, pull, scratch):
         1.0, False,
     )  # fmt: skip
     if heavy:
-        gravity_couplings(value, pull, lanes, of.weight, scratch, at.R, at.couple)
+        _gravity_couplings(value, pull, lanes, of.weight, scratch, at.R, at.couple)
         weighted_rows(
             number, scratch, f, scratch, at.couple, scratch, at.eta, 3 * M, M, 1, 6 * lanes, lanes, 3 * M, M, ng, 3,
             3, M, 1.0, True,

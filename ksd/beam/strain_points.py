@@ -355,21 +355,3 @@ def point_matrices(value, inner, pull, N, lanes, weight, beyond, scratch, at):
             store4(scratch, p + lanes, e2 * m0 - e0 * m2)
             store4(scratch, p + 2 * lanes, e0 * m1 - e1 * m0)
             store4(scratch, work + c * lanes + o, e0 * m0 + e1 * m1 + e2 * m2)
-
-
-@kernel(forceinline=True)
-def gravity_couplings(value, pull, lanes, weight, scratch, R, couple):
-    """-g x e_c times L and the weight of the point, as the first rows of couple; see `point_matrices`."""
-    for o in range(0, lanes, 4):
-        w = value[0] * load4(value, weight + o)
-        for c in range(3):
-            p = R + c * lanes + o
-            e0, e1, e2 = (
-                w * load4(scratch, p),
-                w * load4(scratch, p + 3 * lanes),
-                w * load4(scratch, p + 6 * lanes),
-            )
-            p = couple + 6 * c * lanes + o
-            store4(scratch, p, e1 * pull[2] - e2 * pull[1])
-            store4(scratch, p + lanes, e2 * pull[0] - e0 * pull[2])
-            store4(scratch, p + 2 * lanes, e0 * pull[1] - e1 * pull[0])

@@ -49,7 +49,12 @@ def make_planar_work(arrays: Arrays, *, near: np.ndarray | None = None) -> Work:
     members = arrays.members
     kinds = set(members.kind.tolist())
     if STRAIN in kinds:
-        compile_late("planar_strain_condense", "planar_strain_recover")
+        default = np.all(members.number[:, :2] == planar_entry.DEFAULT, axis=1)
+        default &= np.diff(members.store_at) == planar_entry.LENGTHS[1]
+        names = ("planar_strain_condense", "planar_strain_condense_default")
+        compile_late(
+            "planar_strain_recover", *(names[d] for d in set(default[members.kind == STRAIN].tolist()))
+        )
     if COROTATIONAL in kinds:
         compile_late("planar_chain_condense", "planar_chain_recover")
         if near is not None:

@@ -13,10 +13,13 @@ from __future__ import annotations
 import math
 
 from ksd.beam.planar_entry import (
+    DEFAULT,
+    LENGTHS,
     planar_chain_condense,
     planar_chain_near,
     planar_chain_recover,
     planar_strain_condense,
+    planar_strain_condense_default,
     planar_strain_recover,
 )
 from ksd.beam.planar_weight_entry import pull_planar, turn_planar_pull, weigh_planar
@@ -121,7 +124,12 @@ def add_planar_members(members, start, nodes, inners, work, factor, rtol, noise,
         if heavy:
             pull_planar(pose.ctypes, weight[i].ctypes, factor, W, len(store))
         if kind[i] == STRAIN:
-            planar_strain_condense(V, N, S, W, end.ctypes, lam.ctypes, K.ctypes, out.ctypes, size.ctypes)
+            if number[i, 0] == DEFAULT[0] and number[i, 1] == DEFAULT[1] and len(store) == LENGTHS[1]:
+                planar_strain_condense_default(
+                    V, N, S, W, end.ctypes, lam.ctypes, K.ctypes, out.ctypes, size.ctypes
+                )
+            else:
+                planar_strain_condense(V, N, S, W, end.ctypes, lam.ctypes, K.ctypes, out.ctypes, size.ctypes)
         elif kind[i] == LINEAR:
             planar_linear_condense(inner, end, lam, K)
             out[:] = 0.0

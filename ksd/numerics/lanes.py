@@ -126,6 +126,23 @@ def _spread(_: Any, x: Any) -> Any:
 
 
 @kernel_code
+def _whole4(_: Any, x: Any) -> Any:
+    def generate(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        kind = ir.FunctionType(VECTOR, [VECTOR])
+        return builder.call(cgutils.get_or_insert_function(builder.module, kind, "llvm.rint.v4f64"), args)
+
+    return (FOUR(FOUR), generate) if x is FOUR else None
+
+
+@kernel_code
+def _where4(_: Any, x: Any, a: Any, b: Any) -> Any:
+    def generate(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        return builder.select(builder.fcmp_ordered(">", args[0], ir.Constant(VECTOR, [0.0] * 4)), *args[1:])
+
+    return (FOUR(FOUR, FOUR, FOUR), generate) if x is FOUR else None
+
+
+@kernel_code
 def _transpose4(_: Any, a: Any, b: Any, c: Any, d: Any) -> Any:
     def generate(context: Any, builder: Any, sig: Any, args: Any) -> Any:
         def mix(x: Any, y: Any, places: list[int]) -> Any:
@@ -153,5 +170,9 @@ store4: Any = _store4
 """store4(array, at, four): write four numbers of a flat array from `at` on."""
 transpose4: Any = _transpose4
 """transpose4(a, b, c, d): the columns of four rows, as a tuple of four."""
+whole4: Any = _whole4
+"""whole4(x): the nearest whole numbers."""
+where4: Any = _where4
+"""where4(x, a, b): a in the lanes where x > 0, else b."""
 spread: Any = _spread
 """spread(x): x four times."""

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 
 from ksd.numerics.kernel import kernel
+from ksd.numerics.lanes import where4, whole4
 
 
 @kernel
@@ -41,6 +42,34 @@ def rotation_exp(v, R):
     R[2, 0] = b * x * z - a * y
     R[1, 2] = b * y * z - a * x
     R[2, 1] = b * y * z + a * x
+
+
+@kernel(forceinline=True)
+def cosine_sine(x):
+    """(cos x, sin x) of four angles at a time (`ksd.numerics.lanes`), to rounding for |x| < 1e5.
+
+    Quarter turns are taken off with pi/2 in three parts (Cody and Waite), polynomials of fdlibm for the rest.
+    """
+    q = whole4(x * (2.0 / math.pi))
+    r = x - q * 1.57079632673412561417
+    r = r - q * 6.07710050630396597660e-11
+    r = r - q * 2.02226624879595063154e-21
+    z = r * r
+    s = z * 1.58969099521155010221e-10 - 2.50507602534068634195e-08
+    s = z * (z * s + 2.75573137070700676789e-06) - 1.98412698298579493134e-04
+    s = z * (z * s + 8.33333333332248946124e-03) - 1.66666666666666324348e-01
+    s = r + r * (z * s)
+    c = 2.08757232129817482790e-09 - z * 1.13596475577881948265e-11
+    c = z * (z * c - 2.75573143513906633035e-07) + 2.48015872894767294178e-05
+    c = z * (z * c - 1.38888888888741095749e-03) + 4.16666666666666019037e-02
+    c = 1.0 - (z * 0.5 - z * (z * c))
+    # quarter turns: odd ones exchange the two, and signs follow q mod 4
+    half = q * 0.5
+    odd = (half - whole4(half)) * (half - whole4(half)) - 0.1
+    a, b = where4(odd, s, c), where4(odd, c, s)
+    # q mod 4: cos is negative for 1, 2, sin for 2, 3
+    k = q - 4.0 * whole4(q * 0.25 - 0.375)
+    return where4((k - 0.5) * (2.5 - k), -1.0 * a, a), where4(k - 1.5, -1.0 * b, b)
 
 
 @kernel
