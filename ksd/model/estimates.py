@@ -17,7 +17,7 @@ import numpy as np
 
 from ksd.errors import KsdError
 from ksd.model.mesh import Mesh
-from ksd.model.runs import meetings, own_factor, run_factors
+from ksd.model.runs import corners, half_held_factor, meetings, own_factor, run_factors
 from ksd.scene.effects import Spring, leaf_conditions
 from ksd.section.plate import plate_factor
 
@@ -204,6 +204,16 @@ class Estimates:
                 f"; leafs '{one}' and '{two}' meet end to end on '{block}', a body that holds their ends plane: their "
                 f"factors are {' and '.join(alone)}, and would be less if warping could pass"
             )
+        for one, two, block, _ in corners(self.scene):
+            if all(self.leafs[n].section.Iw > 0.0 for n in (one, two)):
+                factors = [
+                    " and ".join(f"{f(self.leafs[n]):.3g}" for n in (one, two))
+                    for f in (own_factor, half_held_factor)
+                ]
+                return (
+                    f"; leafs '{one}' and '{two}' meet at an angle on '{block}', taken to hold their ends plane: their "
+                    f"factors are {factors[0]}, and {factors[1]} if it did not hold them at all"
+                )
         return ""
 
     def _plate(self) -> Found:

@@ -18,6 +18,9 @@ import numpy as np
 from ksd.section.closed_forms import held_plane
 from ksd.section.warping import SLICES, Slice, decay, twist_factors
 
+IN_LINE = -1.0 + 1e-6
+"""Product of the directions out of two leafs below which one goes on where the other ends."""
+
 
 class Meeting(NamedTuple):
     """Two leafs, by full name, that run on in one line; block: the link or block, by full name, they meet on; passes:
@@ -39,22 +42,36 @@ class _End(NamedTuple):
 
 def meetings(scene: Any) -> list[Meeting]:
     """All pairs of leafs that are clamped to one block in one point and run on in one line."""
+    return [
+        Meeting(a.name, b.name, block, alone and _pass_on(a.leaf, b.leaf))
+        for block, a, b, alone in _pairs(scene)
+        if a.out @ b.out < IN_LINE
+    ]
+
+
+def corners(scene: Any) -> list[Meeting]:
+    """All pairs of leafs that are clamped in one point to a block that carries nothing else, at an angle: a fold, which is
+    taken to hold both ends plane."""
+    return [
+        Meeting(a.name, b.name, block, False)
+        for block, a, b, alone in _pairs(scene)
+        if alone and a.out @ b.out >= IN_LINE
+    ]
+
+
+def _pairs(scene: Any) -> Iterator[tuple[str, _End, _End, bool]]:
+    """Ends of two leafs in one point of a block, and whether it carries nothing else."""
     blocks: dict[str, dict[tuple[float, ...], list[_End]]] = {}
     for block, place, end in _ends(scene):
         # beyond 1e-6 m they are apart
         key = tuple(round(float(c), 6) + 0.0 for c in place)
         blocks.setdefault(block, {}).setdefault(key, []).append(end)
     busy = _busy(scene)
-    found = []
     for block, places in blocks.items():
-        count = sum(map(len, places.values()))
+        alone = sum(map(len, places.values())) == 2 and block not in busy
         for here in places.values():
             for k, a in enumerate(here):
-                for b in here[k + 1 :]:
-                    if a.out @ b.out < -1.0 + 1e-6 and a.name != b.name:
-                        free = count == 2 and block not in busy and _pass_on(a.leaf, b.leaf)
-                        found.append(Meeting(a.name, b.name, block, free))
-    return found
+                yield from ((block, a, b, alone) for b in here[k + 1 :] if a.name != b.name)
 
 
 def run_factors(scene: Any) -> dict[str, float]:
@@ -78,6 +95,14 @@ def own_factor(leaf: Any) -> float:
     """Factor on GJ of one leaf clamped at both ends, where it cannot warp."""
     slices = _slices(leaf)
     return held_plane(slices[0].decay * leaf.length) if len(slices) == 1 else twist_factors([slices])[0]
+
+
+def half_held_factor(leaf: Any) -> float:
+    """Factor on GJ of one leaf that cannot warp at one end and is free to at the other: as if it went on in its mirror."""
+    slices = _slices(leaf)
+    if len(slices) == 1:
+        return held_plane(2.0 * slices[0].decay * leaf.length)
+    return twist_factors([slices + slices[::-1]])[0]
 
 
 def _warps(leaf: Any) -> bool:

@@ -44,25 +44,28 @@ def planar_jobs(model: Model) -> list[Job]:
     """What planar scenes need, besides the leafs."""
     from ksd.bodies.planar_bodies import planar_bodies
     from ksd.model.plane import plane_of
-    from ksd.solve.planar import solve_flat
+    from ksd.solve.planar import solve_and_look
     from ksd.solve.planar_steps import PlanarSet, planar_state, planar_steps
-    from ksd.solve.storage import FlatStorage
+    from ksd.solve.storage import Storage
 
     plane = plane_of(model)
     if isinstance(plane, str):
         return []
-    flat, target, out = plane, np.zeros(1), np.zeros((5, 5))
+    target, out = np.zeros(1), np.zeros((5, 5))
 
     def steps() -> None:
         bodies = joint_bodies(model, find_record)
-        made = planar_bodies(flat, bodies)
+        made = planar_bodies(plane, bodies)
         if not isinstance(made, str):
             held = Held(PlanarSet(*made, planar_state(*made, bodies.motion_range)))
             planar_steps.compile_for(held, target, 1, 0, 1e-8, 0.3, 2e-3, out)
 
     def newton() -> None:
-        held = FlatStorage(flat, model.rest.copy()).held
-        solve_flat.compile_for(held, target, 1.0, 1e-8, 30, 0.3, math.inf)
+        storage = Storage(model)
+        flat = storage.flat
+        assert not isinstance(flat, str)
+        states = flat.held, flat.lifted_into, storage.held
+        solve_and_look.compile_for(*states, target, target, 1.0, 1e-8, 30, 0.3, math.inf)
 
     # the first process comes to its Newton while this one is at the steps: the chains before that
     return [steps, *every_jobs(model), *chain_jobs(), lambda: compile_now("iterate_planar_apart"), newton]

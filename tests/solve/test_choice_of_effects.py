@@ -15,7 +15,7 @@ from ksd.model import effects, leafs, pack, planar_springs, system
 from ksd.model.arrays import make_work
 from ksd.model.effects import WORDS, choose
 from ksd.model.plane import plane_of
-from ksd.model.runs import run_factors
+from ksd.model.runs import _slices, half_held_factor, own_factor, run_factors
 
 ACCURACY = 1e-3
 HOT = ksd.Material(E=200e9, nu=0.3, density=7800, expansion=12e-6, name="steel")
@@ -534,6 +534,18 @@ def test_corners_and_bodies_are_no_run():
     corner = strip((0.02,))
     corner.leaf("link 0", corner.link("end"), start=(0.02, 0, 0), end=(0.02, 0.02, 0), name="round", **words)
     assert run_factors(corner.scene()) == {}
+    leaf = corner.scene().leaf_names()["round"]
+    x = leaf.length * _slices(leaf)[0].decay
+    # torque of a strip that cannot warp at one end: G J / (1 - tanh(x) / x) per twist (Timoshenko 1945)
+    assert half_held_factor(leaf) == pytest.approx(1 / (1 - np.tanh(x) / x), rel=1e-12)
+    fold = ksd.Mechanism("fold")
+    middle, end = fold.links("middle", "end")
+    fold.leaf(fold.ground, middle, start=(0, 0, 0), end=(0.02, 0, 0), name="first", **words)
+    fold.leaf(middle, end, start=(0.02, 0, 0), end=(0.02, 0.02, 0), name="round", **words)
+    fold.actuate(end, along="x", at=(0.02, 0.02, 0))
+    said = str(ksd.compile_scene(fold, with_="warping"))
+    assert "leafs 'first' and 'round' meet at an angle on 'middle'" in said
+    assert f"{own_factor(leaf):.3g}" in said and f"{half_held_factor(leaf):.3g} if it did not hold" in said
     assert "meet end to end" not in str(ksd.compile_scene(fourbar()))
 
 
