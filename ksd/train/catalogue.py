@@ -24,6 +24,7 @@ STEEL = {"E": 200e9, "G": 76.9e9}
 _NOTCH: dict[str, Any] = {"radius": 0.01, "width": 0.01}
 _NECK = {"length": 0.02, "width": 0.01}
 SHEET: dict[str, Any] = {"length": 0.1, "thickness": 5e-4, "width": 0.04}
+_LEAF = {"length": SHEET["length"], "thickness": SHEET["thickness"]}
 FULL: tuple[Mesh, ...] = ("strain", 1, 2, 3, 4, 5, 6, 7, 8)
 SHORT: tuple[Mesh, ...] = ("strain", 1, 2, 3, 4, 5, 6)
 
@@ -106,8 +107,8 @@ def _stiffened_guide(*, flexible: float, spacing: float) -> StiffenedGuide:
     return StiffenedGuide(_steel(), spacing=spacing * SHEET["length"], flexible=flexible, **SHEET)
 
 
-def _universal() -> UniversalJoint:
-    return UniversalJoint(_steel(), **SHEET)
+def _universal(*, aspect: float) -> UniversalJoint:
+    return UniversalJoint(_steel(), **{**SHEET, "width": aspect * SHEET["length"]})
 
 
 def _circular_notch(*, slenderness: float) -> CircularNotchHinge:
@@ -185,5 +186,7 @@ ENTRIES: dict[str, Entry] = {
         3.0,
     ),
     "arc_hinge": Entry(_arc_hinge, (_range("angle", 20, 150, degrees=True),), {**STEEL, **SHEET}, loose=3.0),
-    "universal": Entry(_universal, (), {**STEEL, **SHEET}, loose=10.0),
+    "universal": Entry(
+        _universal, (_range("aspect", 0.2, 0.8, scale="log"),), {**STEEL, **_LEAF}, SHORT, loose=10.0
+    ),
 }

@@ -26,8 +26,8 @@ class UniversalJoint(Joint):
     width, from A to the middle; the second is the same, shifted by D and turned about x by -90 degrees, so
     that its axis is y. Its rotations are the twist angles of B relative to A about z and y, in the axes of A.
 
-    length L [m] of a leaf; thickness [m]; width [m] of the inner leafs. Raises SceneError naming the
-    parameter out of bounds.
+    length L [m] of a leaf; thickness [m]; width [m] of the inner leafs, whose ratio to L is the shape parameter
+    `aspect`. Raises SceneError naming the parameter out of bounds.
     """
 
     family: ClassVar[str] = "universal"
@@ -93,8 +93,8 @@ class UniversalJoint(Joint):
         )
 
     def shape(self) -> dict[str, float]:
-        """No parameter: the proportions are fixed."""
-        return {}
+        """aspect = width / L: how far apart the outer leafs lie, in which a turned flexure moves across its own plane."""
+        return {"aspect": self.width / self.length}
 
     def stiffness_at_rest(self) -> float:
         """Drive stiffness at rest [Nm/rad] about either axis, the other free: E I_sum / L (errata, eq. 4.3)."""
