@@ -288,7 +288,7 @@ class Record:
                     raise RangeError(
                         f"Shape parameter {p.name} = {value:.6g} of {self.family} is outside "
                         f"its trained range {p.low:.6g} to {p.high:.6g} (SI, angles in rad); change it, "
-                        "train a wider record, or accept extrapolation with extrapolate=True."
+                        "train a wider record, or accept extrapolation with extrapolate=True (--extrapolate)."
                     )
                 outside.append(p.name)
             places.append(p.place(value))

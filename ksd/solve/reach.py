@@ -51,7 +51,9 @@ def in_range(b: Bench, theta: np.ndarray, *, extrapolate: bool) -> list[str]:
             continue
         said = _spoken_range(name, value, *b.bodies.motion_range[k], scale=scale)
         if not extrapolate:
-            raise RangeError(f"{said}; ask for less, or pass extrapolate=True to use the functions beyond it")
+            raise RangeError(
+                f"{said}; ask for less, or pass extrapolate=True (--extrapolate) to use the functions beyond it"
+            )
         warnings.append(f"{said}; extrapolated")
     return warnings
 

@@ -187,6 +187,6 @@ ENTRIES: dict[str, Entry] = {
     ),
     "arc_hinge": Entry(_arc_hinge, (_range("angle", 20, 150, degrees=True),), {**STEEL, **SHEET}, loose=3.0),
     "universal": Entry(
-        _universal, (_range("aspect", 0.3, 0.5, scale="log"),), {**STEEL, **_LEAF}, SHORT, loose=1.0
+        _universal, (_range("aspect", 0.32, 0.64, scale="log"),), {**STEEL, **_LEAF}, SHORT, loose=1.0
     ),
 }

@@ -113,7 +113,8 @@ def test_operations_of_a_pass_grow_with_the_mechanism():
     assert many.leafs == 3 * few.leafs and many.matrix == 3 * few.matrix
     # the ends of the chain are cheaper
     assert 3.0 * few.factor <= many.factor <= 3.3 * few.factor
-    assert 2.2 * few.bytes <= many.bytes <= 3 * few.bytes
+    # the scratch of one leaf is the same for all
+    assert 2.0 * few.bytes <= many.bytes <= 3 * few.bytes
 
 
 def test_the_frame_other_engines_get_is_the_scene():
