@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from ksd.model.arrays import STRAIN, Motion
 from ksd.model.compile import Model
+from ksd.numerics.kernel import kernel
 from ksd.properties.kept import per_model
 
 IDLE = 1e-6
@@ -22,9 +23,9 @@ Array = NDArray[np.float64]
 
 class _Tables(NamedTuple):
     """Strain-mode leafs, flat: member (m,) of each; place, rest (n,) of all amplitudes in the inner state, and their
-    values at rest; one, two, stiff (p,): all pairs of amplitudes about one axis with their entry of K, the pairs of leaf i
-    from start[i] on; own (n,): diagonal of K; last, second, fourth (m, 3): amplitudes from the highest mode of an axis
-    down, the highest itself where an axis has fewer than four."""
+    values at rest; one, two, stiff (p,): pairs of amplitudes about one axis with their entry of K where it is not zero,
+    those of leaf i from start[i] to start[i + 1]; own (n,): diagonal of K; last, second, fourth (m, 3): amplitudes from the
+    highest mode of an axis down, the highest itself where an axis has fewer than four."""
 
     member: NDArray[np.int64]
     place: NDArray[np.int64]
@@ -50,18 +51,20 @@ def _tables(model: Model) -> _Tables:
     for m, i in enumerate(strain.tolist()):
         value, orders = members.value[members.value_at[i] :], members.number[i, :3].tolist()
         start.append(pairs)
-        pairs += sum(n * n for n in orders)
         at, first, still = 1, int(members.inner_at[i]), 1 + sum(n * n for n in orders)
         for axis, n in enumerate(orders):
             K, mine = value[at : at + n * n].reshape(n, n), count + np.arange(n)
             place.append(first + np.arange(n))
             rest.append(value[still : still + n])
-            one.append(np.repeat(mine, n))
-            two.append(np.tile(mine, n))
-            stiff.append(0.5 * K.ravel())
+            rows, columns = np.nonzero(K)
+            one.append(mine[rows])
+            two.append(mine[columns])
+            stiff.append(0.5 * K[rows, columns])
+            pairs += len(rows)
             own.append(0.5 * np.diagonal(K))
             ends[:, m, axis] = mine[[-1, -2, -4]] if n >= 4 else mine[-1]
             at, first, still, count = at + n * n, first + n, still + n, count + n
+    start.append(pairs)
     flat = [np.concatenate(part) if part else np.zeros(0) for part in (place, rest, one, two, stiff, own)]
     place_, rest_, one_, two_, stiff_, own_ = flat
     return _Tables(
@@ -70,23 +73,38 @@ def _tables(model: Model) -> _Tables:
     )  # fmt: skip
 
 
+@kernel
+def _shares(inner, place, rest, one, two, stiff, start, own, last, second, fourth, total, missing):
+    """Energy `total` (m,) of every leaf, and of it what its modes may miss about each axis, missing (m, 3)."""
+    leafs = len(start) - 1
+    for i in range(leafs):
+        total[i] = 0.0
+        for p in range(start[i], start[i + 1]):
+            x, y = one[p], two[p]
+            total[i] += stiff[p] * (inner[place[x]] - rest[x]) * (inner[place[y]] - rest[y])
+        for axis in range(3):
+            x, y, z = last[i, axis], second[i, axis], fourth[i, axis]
+            top = own[x] * (inner[place[x]] - rest[x]) ** 2
+            near = own[y] * (inner[place[y]] - rest[y]) ** 2
+            far = own[z] * (inner[place[z]] - rest[z]) ** 2
+            # near (near / far) where the series falls, near where it does not; nothing where there is no fourth
+            missing[i, axis] = max(top, near * min(near, far) / max(far, 1e-300))
+
+
 def highest_share(model: Model, motion: Motion) -> tuple[float, str, int]:
     """Largest share of a leaf's bending and torsion energy that its modes may miss about an axis: (share, member name,
     axis 0, 1, 2). Missed is what the highest mode has, or what the series of the other parity, even or odd, would give the
     next: a guided leaf has nothing in every other mode."""
     t = _tables(model)
-    if not len(t.member):
+    count = len(t.member)
+    if not count:
         return 0.0, "", 0
-    a = motion.inner.take(t.place) - t.rest
-    total = np.add.reduceat(t.stiff * a.take(t.one) * a.take(t.two), t.start)
-    energy = t.own * a * a
-    last, second, fourth = energy.take(t.last), energy.take(t.second), energy.take(t.fourth)
-    # second (second / fourth) where the series falls, second where it does not; nothing where there is no fourth
-    next_ = second * np.minimum(second, fourth) / np.maximum(fourth, 1e-300)
-    missing = np.maximum(last, next_)
-    busy = total > max(IDLE * float(total.max()), 0.0)
-    share = np.where(busy, missing.max(axis=1) / np.where(busy, total, 1.0), 0.0)
-    worst = int(share.argmax())
-    if not share[worst] > 0.0:
+    total, missing = np.empty(count), np.empty((count, 3))
+    _shares(motion.inner, *t[1:], total, missing)
+    least = max(IDLE * float(total.max()), 1e-300)
+    share = missing / np.maximum(total, least)[:, None]
+    share[total < least] = 0.0
+    worst, axis = divmod(int(share.argmax()), 3)
+    if not share[worst, axis] > 0.0:
         return 0.0, "", 0
-    return float(share[worst]), model.member_names[t.member[worst]], int(missing[worst].argmax())
+    return float(share[worst, axis]), model.member_names[t.member[worst]], axis
