@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from ksd.model.arrays import STRAIN, Motion
 from ksd.model.compile import Model
+from ksd.numerics.held import Held, part
 from ksd.numerics.kernel import kernel
 from ksd.properties.kept import per_model
 
@@ -40,7 +41,18 @@ class _Tables(NamedTuple):
     fourth: NDArray[np.int64]
 
 
+class _Set(NamedTuple):
+    """What is held for compiled code."""
+
+    tables: _Tables
+
+
 @per_model
+def _held(model: Model) -> Held:
+    """The tables of a model for compiled code."""
+    return Held(_Set(_tables(model)))
+
+
 def _tables(model: Model) -> _Tables:
     """See `_Tables`; the layout of the values is that of `ksd.beam.strain_values`."""
     members = model.arrays.members
@@ -74,37 +86,46 @@ def _tables(model: Model) -> _Tables:
 
 
 @kernel
-def _shares(inner, place, rest, one, two, stiff, start, own, last, second, fourth, total, missing):
-    """Energy `total` (m,) of every leaf, and of it what its modes may miss about each axis, missing (m, 3)."""
-    leafs = len(start) - 1
+def _energy(t, inner, i):
+    """Energy of leaf i."""
+    total = 0.0
+    for p in range(t.start[i], t.start[i + 1]):
+        x, y = t.one[p], t.two[p]
+        total += t.stiff[p] * (inner[t.place[x]] - t.rest[x]) * (inner[t.place[y]] - t.rest[y])
+    return total
+
+
+@kernel
+def _worst(held, inner):
+    """(share, leaf, axis) of `highest_share`; share 0 where no leaf has any."""
+    t = part(held, "tables")
+    leafs, most = len(t.member), 0.0
     for i in range(leafs):
-        total[i] = 0.0
-        for p in range(start[i], start[i + 1]):
-            x, y = one[p], two[p]
-            total[i] += stiff[p] * (inner[place[x]] - rest[x]) * (inner[place[y]] - rest[y])
+        most = max(most, _energy(t, inner, i))
+    share, leaf, about = 0.0, 0, 0
+    for i in range(leafs):
+        total = _energy(t, inner, i)
+        if not total > IDLE * most:
+            continue
         for axis in range(3):
-            x, y, z = last[i, axis], second[i, axis], fourth[i, axis]
-            top = own[x] * (inner[place[x]] - rest[x]) ** 2
-            near = own[y] * (inner[place[y]] - rest[y]) ** 2
-            far = own[z] * (inner[place[z]] - rest[z]) ** 2
+            x, y, z = t.last[i, axis], t.second[i, axis], t.fourth[i, axis]
+            top = t.own[x] * (inner[t.place[x]] - t.rest[x]) ** 2
+            near = t.own[y] * (inner[t.place[y]] - t.rest[y]) ** 2
+            far = t.own[z] * (inner[t.place[z]] - t.rest[z]) ** 2
             # near (near / far) where the series falls, near where it does not; nothing where there is no fourth
-            missing[i, axis] = max(top, near * min(near, far) / max(far, 1e-300))
+            missing = max(top, near * min(near, far) / max(far, 1e-300))
+            if missing > share * total:
+                share, leaf, about = missing / total, i, axis
+    return share, leaf, about
 
 
 def highest_share(model: Model, motion: Motion) -> tuple[float, str, int]:
     """Largest share of a leaf's bending and torsion energy that its modes may miss about an axis: (share, member name,
     axis 0, 1, 2). Missed is what the highest mode has, or what the series of the other parity, even or odd, would give the
     next: a guided leaf has nothing in every other mode."""
-    t = _tables(model)
-    count = len(t.member)
-    if not count:
+    held = _held(model)
+    members = held.parts.tables.member
+    if not len(members):
         return 0.0, "", 0
-    total, missing = np.empty(count), np.empty((count, 3))
-    _shares(motion.inner, *t[1:], total, missing)
-    least = max(IDLE * float(total.max()), 1e-300)
-    share = missing / np.maximum(total, least)[:, None]
-    share[total < least] = 0.0
-    worst, axis = divmod(int(share.argmax()), 3)
-    if not share[worst, axis] > 0.0:
-        return 0.0, "", 0
-    return float(share[worst, axis]), model.member_names[t.member[worst]], axis
+    share, leaf, axis = _worst(held, motion.inner)
+    return (share, model.member_names[members[leaf]], axis) if share > 0.0 else (0.0, "", 0)
