@@ -27,94 +27,64 @@ ELEMENTS = (2, 4, 10)
 CALLS = 2000
 
 
-@kernel
-def _default(value, number, inner, store, scratch, d, Q, lam, K, out, size, xi, calls):
-    for _ in range(calls):
-        space_entry.strain_condense_default(
-            value.ctypes, number.ctypes, inner.ctypes, store.ctypes, scratch.ctypes, d.ctypes, Q.ctypes, lam.ctypes,
-            K.ctypes, out.ctypes, size.ctypes,
-        )  # fmt: skip
-        space_entry.strain_recover(
-            value.ctypes, number.ctypes, inner.ctypes, store.ctypes, xi.ctypes, 1e-12, size.ctypes
-        )
+def _in_space(condense: Any, recover: Any) -> Any:
+    """Iterations of a leaf in space with these entry points and scratch."""
+
+    @kernel(cache=False)
+    def repeat(value, number, inner, store, scratch, d, Q, lam, K, out, size, xi, calls):
+        for _ in range(calls):
+            condense(
+                value.ctypes, number.ctypes, inner.ctypes, store.ctypes, scratch.ctypes, d.ctypes, Q.ctypes, lam.ctypes,
+                K.ctypes, out.ctypes, size.ctypes,
+            )  # fmt: skip
+            recover(value.ctypes, number.ctypes, inner.ctypes, store.ctypes, xi.ctypes, 1e-12, size.ctypes)
+
+    return repeat
 
 
-@kernel
-def _any(value, number, inner, store, scratch, d, Q, lam, K, out, size, xi, calls):
-    for _ in range(calls):
-        space_entry.strain_condense(
-            value.ctypes, number.ctypes, inner.ctypes, store.ctypes, scratch.ctypes, d.ctypes, Q.ctypes, lam.ctypes,
-            K.ctypes, out.ctypes, size.ctypes,
-        )  # fmt: skip
-        space_entry.strain_recover(
-            value.ctypes, number.ctypes, inner.ctypes, store.ctypes, xi.ctypes, 1e-12, size.ctypes
-        )
+def _chain_in_space(condense: Any, recover: Any) -> Any:
+    """The same for entry points that take no scratch."""
+
+    @kernel(cache=False)
+    def repeat(value, number, inner, store, scratch, d, Q, lam, K, out, size, xi, calls):
+        for _ in range(calls):
+            condense(
+                value.ctypes, number.ctypes, inner.ctypes, store.ctypes, d.ctypes, Q.ctypes, lam.ctypes, K.ctypes,
+                out.ctypes, size.ctypes,
+            )  # fmt: skip
+            recover(value.ctypes, number.ctypes, inner.ctypes, store.ctypes, xi.ctypes, 1e-12, size.ctypes)
+
+    return repeat
 
 
-@kernel
-def _chain(value, number, inner, store, scratch, d, Q, lam, K, out, size, xi, calls):
-    for _ in range(calls):
-        space_entry.chain_condense(
-            value.ctypes, number.ctypes, inner.ctypes, store.ctypes, d.ctypes, Q.ctypes, lam.ctypes, K.ctypes,
-            out.ctypes, size.ctypes,
-        )  # fmt: skip
-        space_entry.chain_recover(
-            value.ctypes, number.ctypes, inner.ctypes, store.ctypes, xi.ctypes, 1e-12, size.ctypes
-        )
+def _in_the_plane(condense: Any, recover: Any) -> Any:
+    """The same in the plane, either leaf model."""
 
+    @kernel(cache=False)
+    def repeat(value, number, inner, store, scratch, d, Q, lam, K, out, size, xi, calls):
+        for _ in range(calls):
+            condense(
+                value.ctypes, number.ctypes, inner.ctypes, store.ctypes, d.ctypes, lam.ctypes, K.ctypes, out.ctypes,
+                size.ctypes,
+            )  # fmt: skip
+            recover(value.ctypes, number.ctypes, inner.ctypes, store.ctypes, xi.ctypes, 1e-12, size.ctypes)
 
-@kernel
-def _flat(value, number, inner, store, scratch, d, Q, lam, K, out, size, xi, calls):
-    for _ in range(calls):
-        planar_entry.planar_strain_condense(
-            value.ctypes, number.ctypes, inner.ctypes, store.ctypes, d.ctypes, lam.ctypes, K.ctypes, out.ctypes,
-            size.ctypes,
-        )  # fmt: skip
-        planar_entry.planar_strain_recover(
-            value.ctypes, number.ctypes, inner.ctypes, store.ctypes, xi.ctypes, 1e-12, size.ctypes
-        )
-
-
-@kernel
-def _flat_default(value, number, inner, store, scratch, d, Q, lam, K, out, size, xi, calls):
-    for _ in range(calls):
-        planar_entry.planar_strain_condense_default(
-            value.ctypes, number.ctypes, inner.ctypes, store.ctypes, d.ctypes, lam.ctypes, K.ctypes, out.ctypes,
-            size.ctypes,
-        )  # fmt: skip
-        planar_entry.planar_strain_recover(
-            value.ctypes, number.ctypes, inner.ctypes, store.ctypes, xi.ctypes, 1e-12, size.ctypes
-        )
-
-
-@kernel
-def _flat_chain(value, number, inner, store, scratch, d, Q, lam, K, out, size, xi, calls):
-    for _ in range(calls):
-        planar_entry.planar_chain_condense(
-            value.ctypes, number.ctypes, inner.ctypes, store.ctypes, d.ctypes, lam.ctypes, K.ctypes, out.ctypes,
-            size.ctypes,
-        )  # fmt: skip
-        planar_entry.planar_chain_recover(
-            value.ctypes, number.ctypes, inner.ctypes, store.ctypes, xi.ctypes, 1e-12, size.ctypes
-        )
-
-
-NEEDS = {
-    _default: ("strain_condense_default", "strain_recover"),
-    _any: ("strain_condense", "strain_recover"),
-    _chain: ("chain_condense", "chain_recover"),
-    _flat: ("planar_strain_condense", "planar_strain_recover"),
-    _flat_default: ("planar_strain_condense_default", "planar_strain_recover"),
-    _flat_chain: ("planar_chain_condense", "planar_chain_recover"),
-}
+    return repeat
 
 
 def _case(
-    call: Any, value: np.ndarray, number: np.ndarray, inner: np.ndarray, store: int, scratch: int
+    kind: Any,
+    names: tuple[str, str],
+    value: np.ndarray,
+    number: np.ndarray,
+    inner: np.ndarray,
+    store: int,
+    scratch: int,
 ) -> Callable[[], None]:
-    """`CALLS` iterations of one leaf."""
-    compile_late(*NEEDS[call])
-    flat = call in (_flat, _flat_default, _flat_chain)
+    """`CALLS` iterations of one leaf, by the entry points of these names."""
+    compile_late(*names)
+    flat = kind is _in_the_plane
+    call = kind(*(getattr(planar_entry if flat else space_entry, n) for n in names))
     number = np.array([*number, 0, 0, 0, 0][:4], np.int64)
     kept, room = np.zeros(store), np.zeros(scratch)
     size = np.array([len(value), len(inner), store, 0, scratch], np.int64)
@@ -142,14 +112,22 @@ def _modes(orders: Sequence[int]) -> Callable[[], None]:
     )
     state, store = strain_sizes(number)
     inner = np.random.default_rng(1).normal(size=state)
-    call = _default if tuple(orders) == DEFAULT else _any
-    return _case(call, value, number, inner, store, strain_scratch(number))
+    names = "strain_condense" + "_default" * (tuple(orders) == DEFAULT), "strain_recover"
+    return _case(_in_space, names, value, number, inner, store, strain_scratch(number))
 
 
 def _elements(count: int) -> Callable[[], None]:
     value, number = corotational_values.chain_values(SECTION, LENGTH, count), np.array([count, 1])
     inner = corotational_values.start_inner(value, number)
-    return _case(_chain, value, number, inner, corotational_values.sizes(count).store, 1)
+    return _case(
+        _chain_in_space,
+        ("chain_condense", "chain_recover"),
+        value,
+        number,
+        inner,
+        corotational_values.sizes(count).store,
+        1,
+    )
 
 
 def _flat_modes(modes: int, points: int) -> Callable[[], None]:
@@ -163,14 +141,16 @@ def _flat_modes(modes: int, points: int) -> Callable[[], None]:
         points=points,
     )
     state, store = planar_strain.sizes(modes)
-    call = _flat_default if (modes, points) == planar_entry.DEFAULT else _flat
-    return _case(call, value, number, np.random.default_rng(1).normal(size=state), store, 1)
+    own = "_default" * ((modes, points) == planar_entry.DEFAULT)
+    names = f"planar_strain_condense{own}", "planar_strain_recover"
+    return _case(_in_the_plane, names, value, number, np.random.default_rng(1).normal(size=state), store, 1)
 
 
 def _flat_elements(count: int) -> Callable[[], None]:
     value, number = planar_corotational.chain_values(SECTION, LENGTH, count), np.array([count, 1])
     inner = planar_corotational.start_inner(value, number)
-    return _case(_flat_chain, value, number, inner, planar_corotational.sizes(count)[2], 1)
+    names = "planar_chain_condense", "planar_chain_recover"
+    return _case(_in_the_plane, names, value, number, inner, planar_corotational.sizes(count)[2], 1)
 
 
 def main(argv: Sequence[str] | None = None) -> dict[str, Any]:

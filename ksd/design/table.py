@@ -64,19 +64,16 @@ class Table:
         return f"<Table of '{self.name}': {len(self)} rows, {len(self.columns)} columns, {bad} failed>"
 
     def __str__(self) -> str:
-        from rich.console import Console
+        from ksd.properties.words import printed
 
-        console = Console(width=120, highlight=False)
-        with console.capture() as text:
-            console.print(self._short())
-        return "\n".join(line.rstrip() for line in text.get().splitlines())
+        return printed(self._short(), width=120)
 
     def _short(self) -> Any:
         from rich import box
         from rich.table import Table as Grid
         from rich.text import Text
 
-        from ksd.solve.report import number
+        from ksd.properties.words import number
 
         shown = [n for n in self.columns if n not in ("method", STATUS)][:8]
         grid = Grid(box=box.SIMPLE_HEAD, pad_edge=False, title=repr(self).strip("<>"), title_justify="left")

@@ -52,11 +52,11 @@ def table(*columns: str) -> Any:
     return grid
 
 
-def printed(*parts: Any) -> str:
-    """Rich renderables and plain text as text of WIDTH columns."""
+def printed(*parts: Any, width: int = WIDTH) -> str:
+    """Rich renderables and plain text as text of so many columns."""
     from rich.console import Console
 
-    console = Console(width=WIDTH, highlight=False, markup=False, color_system=None)
+    console = Console(width=width, highlight=False, markup=False, color_system=None)
     with console.capture() as text:
         for part in parts:
             console.print(part)

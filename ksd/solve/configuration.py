@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -280,15 +279,9 @@ class Configuration:
         return tables(self)
 
     def __str__(self) -> str:
-        from rich.console import Console
+        from ksd.properties.words import printed
 
-        from ksd.solve.report import WIDTH
-
-        text = io.StringIO()
-        console = Console(file=text, width=WIDTH, highlight=False)
-        for table in self.tables():
-            console.print(table)
-        return "\n".join(line.rstrip() for line in text.getvalue().splitlines())
+        return printed(*self.tables())
 
 
 def _opened(model: Model, motion: Motion) -> tuple[Model, Motion]:

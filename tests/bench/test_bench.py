@@ -109,12 +109,11 @@ def test_operations_of_a_pass_grow_with_the_mechanism():
     # a full matrix of six in blocks of three: n^3 / 3 and what the lower blocks take whole
     plan, *_ = plan_blocks(np.array([3, 3]), [(0, 1)])
     assert factor_operations(plan) == 9 + 27 + 54 + 9
-    few, many = (one_pass(compile_scene(chain(n)[0]).arrays) for n in (8, 24))
+    few, many = (one_pass(compile_scene(chain(n)[0]).arrays) for n in (16, 48))
     assert many.leafs == 3 * few.leafs and many.matrix == 3 * few.matrix
     # the ends of the chain are cheaper
     assert 3.0 * few.factor <= many.factor <= 3.3 * few.factor
-    # the scratch of one leaf is the same for all
-    assert 2.0 * few.bytes <= many.bytes <= 3 * few.bytes
+    assert 2.2 * few.bytes <= many.bytes <= 3 * few.bytes
 
 
 def test_the_frame_other_engines_get_is_the_scene():
