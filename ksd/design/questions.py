@@ -16,6 +16,7 @@ from ksd.model.arrays import STRAIN
 from ksd.properties.buckling import Buckling
 from ksd.properties.frequencies import Modes
 from ksd.properties.opened import Opened
+from ksd.properties.parasitic import default_point, parasitic
 from ksd.properties.stiffness import DIRECTIONS, drive_stiffness, finer_tangent, point_stiffness
 from ksd.solve.answer import drive_kind
 from ksd.solve.corrected import FAST, corrected
@@ -44,21 +45,8 @@ class Asked:
         """Link and point asked about; SceneError when the scene has no drive to take it from."""
         if self.link is not None:
             return self.link, self.at
-        if not scene.drives:
-            raise SceneError("name a link: this mechanism has no drive whose point could be asked about")
-        term = scene.drives[0].terms[0]
-        return term.link, self.at if self.at is not None else _pivot(scene, term)
-
-
-def _pivot(scene: Any, term: Any) -> tuple[float, float, float]:
-    """The driven point; for a joint's own rotation the middle between its interfaces, so that its motion is the
-    pivot shift."""
-    if term.kind == "rotation":
-        for j in scene.joints:
-            if {j.a, j.b} == {term.base, term.link} and np.allclose(j.place(j.joint.pose_B), term.point):
-                x, y, z = (0.5 * (np.asarray(j.origin) + np.asarray(term.point))).tolist()
-                return x, y, z
-    return term.point
+        link, point = default_point(scene)
+        return link, self.at if self.at is not None else point
 
 
 def columns_of_drives(scene: Any) -> dict[str, tuple[str, float]]:
@@ -179,19 +167,9 @@ def _stress(pose: Any, asked: Asked) -> Row:
 
 def _parasitic(pose: Any, asked: Asked) -> Row:
     """Motion of the point and rotation of its link, less what the drives of this link prescribe along their axes."""
-    scene = pose.model.scene
-    link, at = asked.point(scene)
-    node = pose.model.node_names.index(link)
-    shift = pose.displacement(link, pose.model.rest.x[node] if at is None else at)
-    turn = pose.rotation(link)
-    for term in (d.terms[0] for d in scene.drives if len(d.terms) == 1):
-        if term.link != link or term.base != "ground":
-            continue
-        along = np.asarray(term.direction)
-        if term.kind == "translation":
-            shift = shift - along * (along @ shift)
-        else:
-            turn = turn - along * (along @ turn)
+    link, at = asked.point(pose.model.scene)
+    found = parasitic(pose.model, pose.motion, link, at=at)
+    shift, turn = found.shift, found.turn
     row: Row = {f"parasitic_{a}_mm": 1e3 * float(v) for a, v in zip("xyz", shift, strict=True)}
     return row | {f"parasitic_r{a}_mrad": 1e3 * float(v) for a, v in zip("xyz", turn, strict=True)}
 

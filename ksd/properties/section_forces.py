@@ -31,7 +31,7 @@ from ksd.properties.shape import (
     members_of_leafs,
     strain_curves,
 )
-from ksd.properties.words import Shown, listed, number
+from ksd.properties.words import Named, Shown, listed, number
 
 Array = NDArray[np.float64]
 COMPONENTS = ("N", "Vy", "Vz", "T", "My", "Mz")
@@ -75,7 +75,7 @@ class SectionForces(Shown):
 
 def section_forces(
     model: Model, motion: Motion, *, points: int = POINTS, load_factor: float = 1.0
-) -> dict[str, SectionForces]:
+) -> Named[SectionForces]:
     """Section forces of all leafs by full name; `points` stations in a strain-mode leaf; their weight times load_factor."""
     parts: dict[int, tuple[Array, Array]] = {}
     for group in alike_leafs(model):
@@ -90,6 +90,29 @@ def section_forces(
             values.append(forces)
             at += s[-1]
         found[name] = SectionForces(name, np.concatenate(stations), np.concatenate(values))
+    said = "Section forces, the largest along every leaf"
+    units = [f"{c} [{'N' if c in COMPONENTS[:3] else 'Nm'}]" for c in COMPONENTS]
+    return Named(found, said, ("leaf", *units), _most)
+
+
+def _most(forces: SectionForces) -> list[str]:
+    """Largest amounts of the six components, in words."""
+    most = np.abs(forces.values).max(axis=0)
+    return [number(float(v), 4, zero=1e-9 * float(most.max())) for v in most]
+
+
+def end_wrenches(model: Model, motion: Motion, *, load_factor: float = 1.0) -> Array:
+    """Force and moment (members, 6) [N, Nm] on end q of every member, in the frame of its end p."""
+    members = model.arrays.members
+    found, work = np.empty((len(members.kind), 6)), None
+    strain = set()
+    for group in alike_leafs(model):
+        found[group.members] = motion.inner[group.places][:, group.modes :]
+        strain |= set(group.members.tolist())
+    for i in range(len(found)):
+        if i not in strain:
+            work = work or make_work(model.arrays)
+            found[i] = _chain_wrench(model, motion, i, member_ends(model, motion, i), (work, load_factor))[1]
     return found
 
 

@@ -13,10 +13,10 @@ from ksd.model.compile import Model
 
 def spring_energy(model: Model, motion: Motion) -> dict[str, float]:
     """Energy [J] of every spring and link with a matrix, by name; empty where the model has none."""
-    return {name: _energy(model, motion, i) for i, name in enumerate(model.spring_names)}
+    return {name: energy_of_spring(model, motion, i) for i, name in enumerate(model.spring_names)}
 
 
-def _energy(model: Model, motion: Motion, i: int) -> float:
+def energy_of_spring(model: Model, motion: Motion, i: int) -> float:
     """k (l - l0)^2 / 2, k (angle - rest)^2 / 2, or xi K xi / 2 of spring i."""
     springs = model.arrays.springs
     value, pose, Q = springs.value[springs.value_at[i] :], np.empty(18), np.empty((3, 3))

@@ -26,7 +26,7 @@ from ksd.model.compile import Model
 from ksd.properties.alike import Alike, alike_leafs, elastic, own_gravity
 from ksd.properties.section_forces import SectionForces, section_forces
 from ksd.properties.shape import member_ends, member_parts, members_of_leafs, scene_leafs
-from ksd.properties.words import Shown
+from ksd.properties.words import Named, Shown, number
 
 Array = NDArray[np.float64]
 POINTS = 25
@@ -250,7 +250,7 @@ def stress_of(model: Model, found: dict[str, SectionForces]) -> Stress:
     return Stress({name: known[name] for name in found})
 
 
-def strain_energy(model: Model, motion: Motion, *, load_factor: float = 1.0) -> dict[str, float]:
+def strain_energy(model: Model, motion: Motion, *, load_factor: float = 1.0) -> Named[float]:
     """Strain energy [J] of every leaf by full name, and of springs; their sum is what the mechanism stores."""
     stored: dict[int, float] = {}
     for group in alike_leafs(model):
@@ -261,11 +261,12 @@ def strain_energy(model: Model, motion: Motion, *, load_factor: float = 1.0) -> 
         n: sum(stored[i] if i in stored else _chain_energy(model, motion, i) for i in found)
         for n, found in members_of_leafs(model).items()
     }
-    if not model.spring_names:
-        return leafs
-    from ksd.properties.springs import spring_energy
+    if model.spring_names:
+        from ksd.properties.springs import spring_energy
 
-    return leafs | spring_energy(model, motion)
+        leafs |= spring_energy(model, motion)
+    said = f"Strain energy: {number(sum(leafs.values()), 5)} J in all"
+    return Named(leafs, said, ("leaf or spring", "energy [J]"), lambda energy: (number(energy, 5),))
 
 
 def _strain_energies(model: Model, motion: Motion, group: Alike, load_factor: float) -> Array:

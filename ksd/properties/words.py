@@ -6,14 +6,15 @@ Every answer has two ways to be shown: its table by ``print``, and one line wher
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from typing import Any
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ksd.model.compile import Model
 
+T = TypeVar("T")
 Array = NDArray[np.float64]
 WIDTH = 100
 """Columns all tables fit in."""
@@ -101,6 +102,25 @@ def movement(model: Model, shape: Array) -> str:
     if turn[link] > shift[link]:
         return f"'{name}' turns about {axis_in_words(shape[link, 3:])}"
     return f"'{name}' moves along {axis_in_words(shape[link, :3])}"
+
+
+class Named(dict[str, T]):
+    """Answers by name, a mapping that prints as a table: one row per name, made by `row` of the answer."""
+
+    def __init__(
+        self, answers: Mapping[str, T], said: str, columns: Sequence[str], row: Callable[[T], Sequence[str]]
+    ) -> None:
+        super().__init__(answers)
+        self._said, self._columns, self._row = said, columns, row
+
+    def __repr__(self) -> str:
+        names = ", ".join(f"'{name}'" for name in list(self)[:4])
+        return f"<{self._said}: of {names}{' ...' * (len(self) > 4)}>"
+
+    def __str__(self) -> str:
+        return listed(
+            self._columns, [(name, *self._row(answer)) for name, answer in self.items()], self._said
+        )
 
 
 class Shown:

@@ -238,6 +238,24 @@ class Configuration:
 
         return internal_stress(*self.unreduced, load_factor=self.load_factor, **options)
 
+    def interface_forces(self) -> Any:
+        """What joints, free leafs and springs exert on the links and on ground: `ksd.properties.interface_forces`."""
+        from ksd.properties.interface_forces import interface_forces
+
+        return interface_forces(*self.unreduced, load_factor=self.load_factor)
+
+    def parasitic(self, link: Any = None, *, at: Any = None) -> Any:
+        """Motion of a point that no drive prescribes: `ksd.properties.parasitic.parasitic`."""
+        from ksd.properties.parasitic import parasitic
+
+        return parasitic(self.model, self.motion, link, at=at)
+
+    def pivot_shift(self, joint: Any, *, at: Any = None) -> Any:
+        """How far the pivot of a joint has moved: `ksd.properties.parasitic.pivot_shift`."""
+        from ksd.properties.parasitic import pivot_shift
+
+        return pivot_shift(self.model, self.motion, joint, at=at)
+
     def section_forces(self, *, points: int = 25) -> dict[str, Any]:
         """Section forces along every leaf by name, see `ksd.properties.section_forces`."""
         from ksd.properties.section_forces import section_forces

@@ -60,6 +60,11 @@ def test_stiffness_in_print(pose):
         lambda p: p.buckling(),
         lambda p: p.stress(),
         lambda p: next(iter(p.section_forces().values())),
+        lambda p: p.section_forces(),
+        lambda p: p.strain_energy(),
+        lambda p: p.interface_forces(),
+        lambda p: p.parasitic(),
+        lambda p: p.pivot_shift("lower left"),
         lambda p: p.internal_stress(),
         lambda p: p.trust,
         lambda p: ksd.state_space(p),
@@ -92,3 +97,16 @@ def test_words_of_directions_and_numbers():
     model = ksd.compile_scene(fourbar())
     assert movement(model, np.zeros((len(model.node_names), 6))) == ""
     assert number(float("inf")) == "inf" and number(None) == "-" and number(1e-15, zero=1e-12) == "0"
+
+
+def test_mappings_of_answers_print_their_numbers(pose):
+    energy = pose.strain_energy()
+    rows = {
+        line.rsplit(maxsplit=1)[0]: line.rsplit(maxsplit=1)[1]
+        for line in str(energy).splitlines()[4:]
+        if line
+    }
+    assert {n.strip(): float(v) for n, v in rows.items()} == pytest.approx(energy, rel=1e-4)
+    assert number(sum(energy.values()), 5) in str(energy).splitlines()[0]
+    largest = str(pose.section_forces())
+    assert "Mz [Nm]" in largest and all(name in largest for name in pose.section_forces())

@@ -1,0 +1,147 @@
+"""Parasitic motion of a point, and the pivot shift of a joint."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ksd.errors import SceneError
+from ksd.model.arrays import Motion
+from ksd.model.compile import Model
+from ksd.numerics.rotations import rotation_log
+from ksd.properties.stiffness import node_of, point_motion
+from ksd.properties.words import Shown, number
+
+Array = NDArray[np.float64]
+ONE_POINT = 1e-6
+"""Distance, over the size of a joint, up to which its leafs count as crossing in one point."""
+
+
+@dataclass(frozen=True, repr=False)
+class Parasitic(Shown):
+    """Motion of a point of a link from rest that its drives do not prescribe: shift (3,) [m] and turn (3,) [rad, rotation
+    vector], global axes, at `point` (3,) [m] at rest. drives: whose direction is taken out."""
+
+    link: str
+    point: Array
+    shift: Array
+    turn: Array
+    drives: tuple[str, ...]
+
+    def _line(self) -> str:
+        beside = f"beside what {', '.join(self.drives)} prescribe{'s' * (len(self.drives) == 1)}"
+        size = f"{_told(self.shift, 1e3)} mm, {_told(self.turn, 1e3)} mrad (x y z)"
+        return f"'{self.link}' {size}, {beside if self.drives else 'all of its motion: no drive acts on it alone'}"
+
+    def __str__(self) -> str:
+        return f"Parasitic motion: {self._line()}"
+
+
+@dataclass(frozen=True, repr=False)
+class PivotShift(Shown):
+    """How far the pivot of a joint has moved: shift (3,) [m] of the point of interface B that is at `pivot` (3,) [m] at
+    rest, seen from interface A, in joint axes; turn (3,) [rad], rotation vector of B in A."""
+
+    joint: str
+    pivot: Array
+    shift: Array
+    turn: Array
+
+    def _line(self) -> str:
+        return f"'{self.joint}' {_told(self.shift, 1e3)} mm along its axes at a turn of {_told(self.turn, 180 / np.pi)} deg"
+
+    def __str__(self) -> str:
+        return f"Pivot shift: {self._line()}"
+
+
+def _told(values: Array, factor: float) -> str:
+    return "(" + " ".join(number(factor * float(v), 4, zero=1e-9) for v in values) + ")"
+
+
+def default_point(scene: Any) -> tuple[str, Any]:
+    """Link and point (3,) asked about where none is named: those of the first drive; for the turn of a joint the middle
+    between its interfaces. Raises SceneError when the scene has no drive to take them from."""
+    if not scene.drives:
+        raise SceneError("name a link: this mechanism has no drive whose point could be asked about")
+    term = scene.drives[0].terms[0]
+    if term.kind == "rotation":
+        for j in scene.joints:
+            if {j.a, j.b} == {term.base, term.link} and np.allclose(j.place(j.joint.pose_B), term.point):
+                return term.link, tuple((0.5 * (np.asarray(j.origin) + np.asarray(term.point))).tolist())
+    return term.link, term.point
+
+
+def parasitic(model: Model, motion: Motion, link: Any = None, *, at: Any = None) -> Parasitic:
+    """Motion of the point of `link` at `at` (3,) [m] at rest, less what drives from ground prescribe on this link along
+    their axes; by default link and point of the first drive.
+
+    Raises SceneError for an unknown link, or where there is no drive and none is named.
+    """
+    if link is None:
+        link, point = default_point(model.scene)
+        at = point if at is None else at
+    node = node_of(model, link)
+    now, _ = point_motion(model, motion, node, at)
+    point = model.rest.x[node] if at is None else np.asarray(at, float)
+    shift, turn = now - point, np.empty(3)
+    rotation_log(motion.R[node], turn)
+    name, drives = model.node_names[node], []
+    for drive in model.scene.drives:
+        term = drive.terms[0]
+        if len(drive.terms) > 1 or term.link != name or term.base != "ground":
+            continue
+        along = np.asarray(term.direction)
+        drives.append(drive.name)
+        if term.kind == "translation":
+            shift = shift - along * (along @ shift)
+        else:
+            turn = turn - along * (along @ turn)
+    return Parasitic(name, point, shift, turn, tuple(drives))
+
+
+def pivot_shift(model: Model, motion: Motion, joint: Any, *, at: Any = None) -> PivotShift:
+    """Shift of the pivot of a joint that turns: of the point of B that is at `at` (3,) [m, global, at rest], seen from A,
+    in joint axes. By default the point its leafs, or their extensions, cross in, seen along the axis; where they do not
+    all cross in one, the middle between the interfaces.
+
+    Raises SceneError for an unknown joint or one whose intended motion is not a rotation.
+    """
+    name = getattr(joint, "name", joint)
+    placed = next((j for j in model.scene.joints if j.name == name), None)
+    if placed is None:
+        known = ", ".join(j.name for j in model.scene.joints) or "none"
+        raise SceneError(f"joint '{name}' is not part of this mechanism; its joints are {known}")
+    axis = next((np.asarray(m.axis) for m in placed.joint.motions if m.kind == "rotation"), None)
+    if axis is None:
+        raise SceneError(
+            f"joint '{name}' has no intended rotation, so no pivot; ask `parasitic` for its motion"
+        )
+    turned = np.asarray(placed.rotation)
+    rest = placed.place(_crossing(placed, axis)) if at is None else np.asarray(at, float)
+    a, b = (model.node_names.index(link) for link in (placed.a, placed.b))
+    moved = [motion.x[k] + motion.R[k] @ (rest - model.rest.x[k]) for k in (a, b)]
+    turn = np.empty(3)
+    rotation_log(motion.R[a].T @ motion.R[b], turn)
+    shift = turned.T @ motion.R[a].T @ (moved[1] - moved[0])
+    return PivotShift(placed.name, rest, shift, turned.T @ turn)
+
+
+def _crossing(placed: Any, axis: Array) -> Array:
+    """The point (3,), in joint axes, that the lines of all leafs pass seen along the axis, at the height of the middle
+    between the interfaces; that middle where they do not."""
+    middle = 0.5 * np.asarray(placed.joint.pose_B, float)
+    across = np.linalg.svd(axis[None])[2][1:]
+    lines = [(across @ np.asarray(f.start), across @ np.asarray(f.end)) for f in placed.joint.leafs()]
+    lines = [(p, q) for p, q in lines if np.linalg.norm(q - p) > 0.0]
+    if not lines:
+        return middle
+    normals = np.array([np.array([p[1] - q[1], q[0] - p[0]]) / np.linalg.norm(q - p) for p, q in lines])
+    wanted = np.einsum("ki,ki->k", normals, np.array([p for p, _ in lines]))
+    point, _, rank, _ = np.linalg.lstsq(normals, wanted, rcond=1e-6)
+    size = max(float(np.linalg.norm(q - p)) for p, q in lines)
+    if rank < 2 or np.abs(normals @ point - wanted).max() > ONE_POINT * size:
+        return middle
+    return np.asarray(across.T @ point + axis * (axis @ middle))
