@@ -34,13 +34,15 @@ class Recipe:
 @dataclass(frozen=True)
 class Line:
     """number: place in the sweep; labels: design parameters and load case; scene: None where the design could not be
-    built, `failure` says why; poses: drive values by name [m or rad], in the order they are walked."""
+    built, `failure` says why; poses: drive values by name [m or rad], in the order they are walked. like: a design that
+    could be built, whose drives name the columns of this one."""
 
     number: int
     labels: Mapping[str, Any]
     scene: Any
     poses: tuple[Mapping[str, float], ...]
     failure: str = ""
+    like: Any = None
 
 
 def blank_rows(line: Line, reason: str, *, first: int = 0) -> list[Row]:
@@ -49,7 +51,8 @@ def blank_rows(line: Line, reason: str, *, first: int = 0) -> list[Row]:
 
 
 def _labels(line: Line, values: Mapping[str, float]) -> Row:
-    known = columns_of_drives(line.scene) if line.scene is not None else {}
+    scene = line.like if line.scene is None else line.scene
+    known = {} if scene is None else columns_of_drives(scene)
     row: Row = dict(line.labels)
     for name, value in values.items():
         column, factor = known.get(name, (name, 1.0))

@@ -38,7 +38,8 @@ def plan_lines(
             lines += [
                 Line(len(lines) + k, labels, loaded, p, failure or trouble) for k, p in enumerate(paths)
             ]
-    return lines, name
+    built = next((line.scene for line in lines if line.scene is not None), None)
+    return [line if line.scene is not None else replace(line, like=built) for line in lines], name
 
 
 def drive_paths(values: Mapping[str, Any], *, together: bool) -> Paths:

@@ -78,6 +78,9 @@ def test_designs_that_cannot_be_built_are_rows_too():
     table = sweep(thin, designs={"thickness": [1e-3, -1e-3]}, questions="force", turn=[0.1, 0.2], **QUIET)
     assert len(table) == 4 and len(table.failures) == 2
     assert all("cannot be built" in row["status"] and row["thickness"] == -1e-3 for row in table.failures)
+    # in the columns of the designs that could be
+    assert table["turn_deg"] == pytest.approx(np.rad2deg([0.1, 0.2, 0.1, 0.2]))
+    assert "turn" not in table.columns
 
 
 def test_designs_loads_and_drives_combine():
