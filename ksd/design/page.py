@@ -70,7 +70,7 @@ def page(pose: Any, table: Table, compared: Sequence[Compared]) -> str:
         _figure(pose.plot(color="stress"), "The mechanism at the pose below, over the undeformed one (grey)."),
         "<h2>The scene</h2>", *_scene(scene),
         "<h2>What was simulated, and what was left out</h2>", *_model(pose.model),
-        "<h2>The pose</h2>", *_pose(facts),
+        "<h2>The pose</h2>", *_pose(facts), *_interfaces(pose),
         "<h2>Over the stroke</h2>", *_stroke(table),
         "<h2>Convergence and error</h2>", *_error(pose, facts, compared),
     ]  # fmt: skip
@@ -222,6 +222,15 @@ def _pose(facts: dict[str, Any]) -> list[str]:
         ]
         parts += ["<h3>Intended motion of the joints</h3>", grid(heads, turned)]
     return parts
+
+
+def _interfaces(pose: Any) -> list[str]:
+    """What joints, leafs and springs exert on links and ground."""
+    rows = [(name, link, *wrench) for name, link, wrench in pose.interface_forces().listing]
+    heads = [("of", ""), ("on link", ""), *((f"force {a}", "N") for a in "xyz")]
+    heads += [(f"moment {a}", "Nm") for a in "xyz"]
+    said = "<p>On the link, ground too; moments about the interface where it is now, global axes.</p>"
+    return ["<h3>Forces of joints and leafs</h3>", grid(heads, rows), said]
 
 
 def _stroke(table: Table) -> list[str]:

@@ -24,6 +24,8 @@ from ksd.properties.words import Shown, listed, number
 Array = NDArray[np.float64]
 STEP = 1e-4
 """Step of the differences that give spring forces, over the length of a spring."""
+NOISE = 1e-9
+"""Amounts below this fraction of the largest force are rounding."""
 LIGHT = 1e-6
 """Change of the force along a leaf, over the force, up to which it counts as one without weight."""
 
@@ -41,7 +43,7 @@ class InterfaceForce(Shown):
 
     def _line(self) -> str:
         force, moment = (
-            " ".join(number(v, 4, zero=1e-9 * float(np.abs(part).max())) for v in part)
+            " ".join(number(float(v), 4, zero=NOISE * float(np.abs(part).max())) for v in part)
             for part in (self.force, self.moment)
         )
         return f"'{self.name}' on '{self.link}': {force} N, {moment} Nm"
@@ -61,17 +63,17 @@ class InterfaceForces(Shown):
         most = max(self.rows, key=lambda row: float(np.linalg.norm(row.force)))
         return f"{len(self.rows)} interfaces, at most {number(float(np.linalg.norm(most.force)))} N, of '{most.name}'"
 
+    @property
+    def listing(self) -> list[tuple[str, str, list[float]]]:
+        """Name, link, and force and moment (6) of every row, amounts that are rounding as zero."""
+        noise = NOISE * max((float(np.abs(r.force).max()) for r in self.rows), default=0.0)
+        bounds = np.repeat([noise, noise * self.size], 3)
+        wrenches = (np.concatenate([r.force, r.moment]) for r in self.rows)
+        cleaned = (np.where(np.abs(w) > bounds, w, 0.0).tolist() for w in wrenches)
+        return [(r.name, r.link, wrench) for r, wrench in zip(self.rows, cleaned, strict=True)]
+
     def __str__(self) -> str:
-        noise = 1e-9 * max((float(np.abs(r.force).max()) for r in self.rows), default=0.0)
-        rows = [
-            (
-                r.name,
-                r.link,
-                *(number(float(v), 4, zero=noise) for v in r.force),
-                *(number(float(v), 4, zero=noise * self.size) for v in r.moment),
-            )
-            for r in self.rows
-        ]
+        rows = [(name, link, *(number(v, 4) for v in wrench)) for name, link, wrench in self.listing]
         columns = (*(f"F{a} [N]" for a in "xyz"), *(f"M{a} [Nm]" for a in "xyz"))
         said = "Interface forces: on the link, moments about the interface, global axes"
         return listed(("of", "<on link", *columns), rows, said)

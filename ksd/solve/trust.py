@@ -182,7 +182,16 @@ def insist(c: Configuration) -> Configuration:
         return c
     trusted = judge(c).trusted
     if not trusted:
-        raise TrustError(
-            f"{trusted}; strict=False (in Python) returns the state all the same", reached=1.0, result=c
-        )
+        said = f"{trusted}{_fighting_drives(c)}; strict=False (in Python) returns the state all the same"
+        raise TrustError(said, reached=1.0, result=c)
     return c
+
+
+def _fighting_drives(c: Configuration) -> str:
+    """What else is wrong where drives of one freedom tear at each other; nothing otherwise."""
+    if c.stable or len(c.model.drive_names) < 2:
+        return ""
+    from ksd.properties.doctor import doctor
+
+    fights = [f.sentence for f in doctor(c.model.said or c.model.scene).fights if f.what.startswith("drive ")]
+    return "".join(f"; {sentence}" for sentence in fights)

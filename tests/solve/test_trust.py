@@ -219,3 +219,12 @@ def test_loads_on_the_unloaded_state_of_the_five_steps(monkeypatch):
     monkeypatch.setattr(module, "loads_last", lambda *a, **k: from_a_state_alone(*a))
     with pytest.raises(ConvergenceError, match="not from rest"):
         ksd.prepare(scene)(top=0.3, method="conventional")
+
+
+def test_drives_that_tear_at_one_freedom_are_named_where_that_makes_it_unstable():
+    scene = fourbar()
+    scene.actuate_joint("lower left", name="knee")
+    with pytest.raises(
+        TrustError, match=r"UNSTABLE.*; drive 'knee' fights .*drive 'top'; to release it, remove drive 'knee'"
+    ):
+        ksd.solve(scene, top=0.1, knee=-0.2, method="conventional")
