@@ -103,6 +103,15 @@ def test_value_comes_from_the_file_and_json_goes_to_stdout(record, capsys):
     assert numbers["drives"]["top"]["force_N"] == pytest.approx(521.195, rel=1e-4)
 
 
+def test_curvature_modes_are_raised_as_ksd_solve_does(capsys):
+    """The arm twists one leaf so much that its highest torsion mode holds a share of its energy."""
+    assert main(["solve", str(SCENES / "arm.toml"), "--json", "-"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    mechanism, targets, _ = ksd.load_scene(SCENES / "arm.toml")
+    assert told["leaf_model"] == str(ksd.solve(mechanism, targets).model.mesh) != str(ksd.Mesh())
+    assert told["warnings"] == []
+
+
 def test_elements_passes_accuracy_and_vtu(record, capsys, tmp_path):
     assert (
         main(["solve", FOURBAR, "--method", "reduced", "--passes", "1", "--elements", "5", "--json", "-"])

@@ -152,19 +152,13 @@ def drive_value(scene: Any, text: str) -> tuple[str, float]:
 
 
 def solved(scene: Any, targets: dict[str, float], asked: dict[str, Any]) -> Any:
-    """The configuration, solved twice when that is quick: kernels are loaded in the first solve."""
-    from ksd.solve.choose import prepare
+    """The configuration by `ksd.solve`, twice when that is quick: kernels are loaded in the first solve."""
+    from ksd.solve.choose import solve
 
-    solver = prepare(
-        scene,
-        mesh=mesh_of(asked),
-        extrapolate=bool(asked["extrapolate"]),
-        **effect_words(asked),
-        targets=targets,
-    )
-    how = {"method": asked["method"], "accuracy": asked["accuracy"], "passes": asked["passes"] or 0}
-    result = solver(targets, **how)
-    return solver(targets, **how) if result.time < QUICK else result
+    how = {"method": asked["method"], "passes": asked["passes"] or 0, "mesh": mesh_of(asked)}
+    how |= {"extrapolate": bool(asked["extrapolate"]), **effect_words(asked)}
+    result = solve(scene, targets, **how)
+    return solve(scene, targets, **how) if result.time < QUICK else result
 
 
 def mesh_of(asked: dict[str, Any]) -> Any:

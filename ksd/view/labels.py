@@ -49,7 +49,7 @@ def _lost(box: Bbox, taken: list[Bbox], frame: Bbox) -> float:
     """Share of the label that lies on others or outside the frame."""
     area = box.width * box.height
     # what is cut off cannot be read at all
-    lost = 5.0 * (area - _shared(box, frame)) + sum(_shared(box.padded(2.0), other) for other in taken)
+    lost = 5.0 * (area - _shared(box, frame)) + sum(_shared(box.padded(12.0, 2.0), other) for other in taken)
     return float(lost / area)
 
 
