@@ -18,6 +18,7 @@ from ksd.model.arrays import Motion
 from ksd.model.compile import Model, compile_given, marked
 from ksd.model.effects import with_conditions
 from ksd.model.leafs import rigidities
+from ksd.properties.kept import per_model
 from ksd.properties.section_forces import section_forces
 from ksd.scene.leaf import Condition
 from ksd.section.plate import plate_factor
@@ -30,19 +31,32 @@ MOST = 8
 
 def curvatures(model: Model, motion: Motion) -> dict[str, float]:
     """Root mean square of M / (E Iz), the elastic curvature about e3 [1/m], of every leaf by full name."""
-    leafs, found = model.scene.leaf_names(), {}
+    stiff, found = _bending_stiffness(model), {}
     for name, forces in section_forces(model, motion, points=POINTS).items():
-        stiff = rigidities(leafs[name].section, leafs[name], model.mesh)[0][2]
         square = np.trapezoid(forces.values[:, 5] ** 2, forces.s) / forces.s[-1]
-        found[name] = math.sqrt(float(square)) / float(stiff)
+        found[name] = math.sqrt(float(square)) / stiff[name]
     return found
+
+
+@per_model
+def _leafs(model: Model) -> dict[str, Any]:
+    """All leafs by full name, with their conditions."""
+    return dict(model.scene.leaf_names())
+
+
+@per_model
+def _bending_stiffness(model: Model) -> dict[str, float]:
+    """E Iz [N m^2] of every leaf, with its factor."""
+    return {
+        name: float(rigidities(leaf.section, leaf, model.mesh)[0][2]) for name, leaf in _leafs(model).items()
+    }
 
 
 def bent(model: Model, motion: Motion) -> tuple[dict[str, Condition], float]:
     """Conditions of all wide leafs at their present curvature, and the largest relative change of their factors."""
     known = curvatures(model, motion)
     conditions, worst = {}, 0.0
-    for name, leaf in model.scene.leaf_names().items():
+    for name, leaf in _leafs(model).items():
         q = leaf.section
         if not (q.width > q.thickness > 0.0 and name in known):
             continue
