@@ -11,7 +11,9 @@ from ksd.design.questions import CAUGHT, Asked, Before, answers, columns_of_driv
 from ksd.design.table import OK, STATUS
 from ksd.errors import ConvergenceError
 from ksd.model.mesh import Mesh
-from ksd.solve.choose import Solver
+from ksd.model.orders import raised
+from ksd.properties.resolution import highest_share
+from ksd.solve.choose import DEFAULT_ACCURACY, MOST_RISES, Solver
 from ksd.solve.configuration import Configuration
 from ksd.solve.conventional import conventional
 
@@ -93,15 +95,31 @@ class Walk:
         return conventional(self.solver.model, values)
 
 
+def _fine_enough(line: Line, recipe: Recipe, solver: Solver | None) -> Solver:
+    """The solver given, or a new one; without a mesh asked for, its curvature modes raised until they are enough at the
+    farthest pose of the line, as `ksd.solve` does. Errors of `Solver`; a pose that fails says so when it is walked."""
+    words = {"extrapolate": recipe.extrapolate, **dict(recipe.effects)}
+    solver = solver or Solver(line.scene, mesh=recipe.mesh, **words)
+    farthest = max(line.poses, key=lambda pose: sum(v * v for v in pose.values()))
+    for _ in range(MOST_RISES if recipe.mesh is None else 0):
+        try:
+            found = Walk(solver, recipe).pose(farthest)
+        except CAUGHT:
+            break
+        share, _, axis = highest_share(found.model, found.motion)
+        if share <= (recipe.accuracy or DEFAULT_ACCURACY):
+            break
+        solver = Solver(line.scene, mesh=raised(solver.model.mesh, axis), **words)
+    return solver
+
+
 def run_line(line: Line, recipe: Recipe, solver: Solver | None, rows: list[Row]) -> Solver | None:
     """Walk a line, appending a row per pose to `rows`; returns the solver for a next line of the same scene."""
     if line.scene is None:
         rows.extend(blank_rows(line, line.failure))
         return None
     try:
-        solver = solver or Solver(
-            line.scene, mesh=recipe.mesh, extrapolate=recipe.extrapolate, **dict(recipe.effects)
-        )
+        solver = _fine_enough(line, recipe, solver)
     except CAUGHT as reason:
         rows.extend(blank_rows(line, spoken(reason)))
         return None

@@ -172,13 +172,13 @@ def test_dask_cluster():
 
 
 class Impatient(ksd.Solver):
-    """Presses Ctrl-C at the third pose."""
+    """Presses Ctrl-C where the second line begins: a line of two poses is one look ahead and two solves."""
 
     count = 0
 
     def __call__(self, *values, **options):
         Impatient.count += 1
-        if Impatient.count == 3:
+        if Impatient.count == 4:
             raise KeyboardInterrupt
         return super().__call__(*values, **options)
 
@@ -200,13 +200,13 @@ def test_interrupted_sweep_keeps_its_rows_and_goes_on(tmp_path, monkeypatch):
     assert "not reached" in table["status"][2] and "resume" in str(stop.value)
     Impatient.count = 10
     whole = sweep(thin, resume=kept, **how)
-    assert Impatient.count == 12, "only the two poses missing"
+    assert Impatient.count == 13, "only the line missing"
     assert not whole.failures and whole["turn_moment_Nm"][:2] == pytest.approx(table["turn_moment_Nm"][:2])
     with pytest.raises(ksd.SceneError, match="another sweep"):
         sweep(thin, resume=kept, **{**how, "turn": [0.3]})
     kept.write_text(kept.read_text()[:-30])
     again = sweep(thin, resume=kept, **how)
-    assert Impatient.count == 14 and again.columns["turn_moment_Nm"] == whole.columns["turn_moment_Nm"]
+    assert Impatient.count == 16 and again.columns["turn_moment_Nm"] == whole.columns["turn_moment_Nm"]
 
 
 def test_exports(stroke, tmp_path):
@@ -294,3 +294,16 @@ def test_pool_by_default_in_a_script(tmp_path):
         env={**__import__("os").environ, "PYTHONPATH": paths},
     )  # fmt: skip
     assert done.stdout.split() == ["202", "0"], done.stderr
+
+
+def test_a_sweep_raises_the_curvature_modes_as_solve_does():
+    mechanism, targets, _ = ksd.load_scene(ROOT / "ksd/scenes/arm.toml")
+    share = np.array([0.5, 1.0])
+    values = {name: share * value for name, value in targets.items()}
+    table = sweep(mechanism, values, together=True, questions="force", **QUIET)
+    assert not table.failures and list(table["warnings"]) == ["", ""]
+    alone = ksd.solve(mechanism, targets)
+    assert table["x_force_N"][1] == pytest.approx(alone.forces["x"], rel=1e-6)
+    # a mesh that is asked for stays
+    coarse = sweep(mechanism, values, together=True, questions="force", mesh=ksd.Mesh(), **QUIET)
+    assert "curvature modes" in coarse["warnings"][1]
