@@ -308,15 +308,16 @@ def least_squares(J, residual, step):
     """
     rows, n = J.shape
     A, before = np.zeros((n, n)), np.zeros(n)
-    for i in range(n):
-        s = 0.0
-        for r in range(rows):
+    step[:] = 0.0
+    for r in range(rows):
+        for i in range(n):
             v = J[r, i]
             if v != 0.0:
-                s -= v * residual[r]
+                step[i] -= v * residual[r]
                 for j in range(i + 1):
                     A[i, j] += v * J[r, j]
-        step[i], before[i] = s, A[i, i]
+    for i in range(n):
+        before[i] = A[i, i]
     worst = 1.0
     for j in range(n):
         d = A[j, j]
@@ -324,19 +325,21 @@ def least_squares(J, residual, step):
             return 0.0
         worst = min(worst, d / before[j])
         for i in range(j + 1, n):
-            v = A[i, j] / d
-            if v != 0.0:
+            if A[i, j] != 0.0:
+                v = A[i, j] / d
                 for k in range(j + 1, i + 1):
                     A[i, k] -= v * A[k, j]
         for i in range(j + 1, n):
-            A[i, j] /= d
+            if A[i, j] != 0.0:
+                A[i, j] /= d
     for i in range(n):
         for c in range(i):
             step[i] -= A[i, c] * step[c]
-    for i in range(n - 1, -1, -1):
+    for i in range(n):
         step[i] /= A[i, i]
-        for c in range(i + 1, n):
-            step[i] -= A[c, i] * step[c]
+    for i in range(n - 1, -1, -1):
+        for c in range(i):
+            step[c] -= A[i, c] * step[i]
     return worst
 
 

@@ -77,8 +77,9 @@ def _arm(turn, s):
 
 
 @kernel
-def _hang(loops, place, j, forward, pose, W):
-    """Pose of the link beyond tree joint j and its twist columns W (node, motion, 3), from the link before it."""
+def _hang(loops, place, j, forward, pose, W, reach):
+    """Pose of the link beyond tree joint j and its twist columns W (node, motion, 3), from the link before it; motions
+    from reach (node,) on do not move a link."""
     a, b = loops.node[j, 0], loops.node[j, 1]
     near, far, sign = (a, b, 1.0) if forward == 1 else (b, a, -1.0)
     pose[far, 2] = pose[near, 2] + sign * place[j, 0]
@@ -92,9 +93,12 @@ def _hang(loops, place, j, forward, pose, W):
     x, y = pose[far, 0] - pose[near, 0], pose[far, 1] - pose[near, 1]
     # from interface B to the far link's reference point
     rx, ry = pose[far, 0] - pose[b, 0] - bx, pose[far, 1] - pose[b, 1] - by
-    for q in range(W.shape[1]):
+    for q in range(reach[near]):
         w = W[near, q, 2]
         W[far, q, 0], W[far, q, 1], W[far, q, 2] = W[near, q, 0] - w * y, W[near, q, 1] + w * x, w
+    reach[far] = max(reach[near], loops.first[j + 1])
+    for q in range(reach[near], reach[far]):
+        W[far, q, 0], W[far, q, 1], W[far, q, 2] = 0.0, 0.0, 0.0
     for q in range(loops.first[j], loops.first[j + 1]):
         at = 3 + 3 * (q - loops.first[j])
         w, vx, vy = place[j, at], place[j, at + 1], place[j, at + 2]
@@ -130,10 +134,13 @@ def _close(loops, place, c, size, pose, W, J, residual):
 
 @kernel
 def planar_equations(loops, terms, size, target, pose, turns, place, W, J, residual):
-    """Link poses (k, 3) from the joints' `place`, residual (E,) and Jacobian J (E, motions) of loops and rows."""
-    W[:] = 0.0
+    """Link poses (k, 3) from the joints' `place`, residual (E,) and Jacobian J (E, motions) of loops and rows.
+
+    W and J hold zeros at the first call; what stays zero is not written, so that a joint of a long chain costs little more.
+    """
+    reach = np.zeros(len(pose), np.int64)
     for t in range(len(loops.tree)):
-        _hang(loops, place, loops.tree[t, 0], loops.tree[t, 1], pose, W)
+        _hang(loops, place, loops.tree[t, 0], loops.tree[t, 1], pose, W, reach)
     for c in range(len(loops.closing)):
         _close(loops, place, c, size, pose, W, J, residual)
     for k in range(len(pose)):
@@ -141,9 +148,11 @@ def planar_equations(loops, terms, size, target, pose, turns, place, W, J, resid
     first, row = terms.first, 3 * len(loops.closing)
     g = np.empty(10)
     for i in range(len(target)):
-        rotations = 0
+        rotations, last = 0, 0
         residual[row + i] = -target[i]
-        for q in range(J.shape[1]):
+        for t in range(first[i], first[i + 1]):
+            last = max(last, reach[terms.node[t, 0]], reach[terms.node[t, 1]])
+        for q in range(last):
             J[row + i, q] = 0.0
         for t in range(first[i], first[i + 1]):
             c, a, b = terms.coefficient[t], terms.node[t, 0], terms.node[t, 1]
@@ -151,12 +160,12 @@ def planar_equations(loops, terms, size, target, pose, turns, place, W, J, resid
                 terms.kind[t], terms.node[t], terms.direction[t], terms.point[t], pose, turns, g
             )
             rotations += terms.kind[t] != TRANSLATION
-            for q in range(J.shape[1]):
+            for q in range(last):
                 for r in range(3):
                     J[row + i, q] += c * (g[r] * W[a, q, r] + g[3 + r] * W[b, q, r])
         if rotations == first[i + 1] - first[i]:
             residual[row + i] *= size
-            for q in range(J.shape[1]):
+            for q in range(last):
                 J[row + i, q] *= size
 
 
