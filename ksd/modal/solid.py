@@ -60,6 +60,14 @@ class Solid:
         """Both at once."""
         return self._strained(u)
 
+    def energy(self, u: np.ndarray) -> float:
+        """Strain energy [J] at the displacements u."""
+        G, w, places = self._shapes
+        H = np.einsum("ijaeq,ea->ijeq", G, u[places], optimize=True)
+        E = 0.5 * (H + H.swapaxes(0, 1) + np.einsum("kieq,kjeq->ijeq", H, H))
+        lam, mu = self.moduli
+        return float(np.sum(w * (0.5 * lam * np.trace(E) ** 2 + mu * np.einsum("ijeq,ijeq->eq", E, E))))
+
     def _strained(self, u: np.ndarray, *, tangent: bool = True) -> tuple[np.ndarray, Any]:
         """Total Lagrangian: dE = sym(F^T grad v); all elements at once, as products of stacked matrices.
 

@@ -8,42 +8,23 @@ strain is quadratic, the projected energy is a polynomial of fourth order whose 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
 from ksd.beam.modal import modal_sizes
 from ksd.errors import SceneError
+from ksd.modal.bodies import ModalModel
 from ksd.modal.solid import Solid
+from ksd.modal.solid_body import SolidBasis, displaced, middle_line
 from ksd.modal.symmetry import Mirrors, conditioned_by_parity, mirrors, sorted_by_parity
 from ksd.model.arrays import SOLID
 from ksd.model.compile import Model
+from ksd.model.mesh import Mesh
 from ksd.numerics.reduction import Modes, craig_bampton, extended, modal_derivatives
-
-
-@dataclass(frozen=True)
-class SolidBasis:
-    """A reduced solid: displacement = patterns (size, nb) (b - b0) + inner (size, m) eta, in the frame `frame`.
-
-    b (nb,): the entries `chosen` of the pose values of `ksd.beam.polynomial.face_jets`; b0 theirs at rest; value, number:
-    the constants of that kernel. condition: of the inner columns.
-    """
-
-    solid: Solid
-    frame: str
-    chosen: tuple[int, ...]
-    b0: np.ndarray
-    patterns: np.ndarray
-    inner: np.ndarray
-    value: np.ndarray
-    number: np.ndarray
-    condition: float
-
-    @property
-    def unknowns(self) -> int:
-        """Coordinates in which the energy is a polynomial."""
-        return int(self.number[1] + self.number[2])
+from ksd.section.checks import show
 
 
 def _faces(solid: Solid, frame: str) -> tuple[list[int], list[float], list[np.ndarray]]:
@@ -203,18 +184,90 @@ def _stressed(solid: Solid, strain: np.ndarray) -> np.ndarray:
     return np.einsum("rc,kcq->krq", solid.elastic_root, strain) * np.sqrt(solid.weights)
 
 
-def with_solids(model: Model, solids: dict[str, SolidBasis]) -> Model:
+@dataclass(frozen=True)
+class SolidMesh(Mesh):
+    """A mesh of leafs beside reduced solids, `named`."""
+
+    named: tuple[str, ...] = ()
+
+    def __str__(self) -> str:
+        return f"reduced solids ({', '.join(self.named)}) beside {super().__str__()}"
+
+
+@dataclass(frozen=True, repr=False)
+class SolidModel(Model):
+    """A model with reduced solids, by the name of the leaf each stands for."""
+
+    solids: Mapping[str, SolidBasis] = field(default_factory=dict)
+
+    def remade(self, model: Model) -> SolidModel:
+        """The same solids in another model of the same scene."""
+        return with_solids(model, self.solids)
+
+    def inner_of(self, name: str, inner: np.ndarray) -> np.ndarray:
+        """Inner coordinates (m,) of a solid in the inner states of a motion, a view."""
+        i, at = self.member_names.index(name), self.arrays.members.inner_at
+        return inner[at[i] : at[i + 1]]
+
+    def solid_line(
+        self, i: int, d: np.ndarray, Q: np.ndarray, inner: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Stations, positions and axes along member i, a solid: `ksd.modal.solid_body.middle_line`."""
+        return middle_line(self.solids[self.member_names[i]], d, Q, inner)
+
+    def solid_energy(self, i: int, d: np.ndarray, Q: np.ndarray, inner: np.ndarray) -> float:
+        """Strain energy [J] of member i, a solid."""
+        body = self.solids[self.member_names[i]]
+        return body.solid.energy(displaced(body, d, Q, inner))
+
+
+def with_solids(model: Model, solids: Mapping[str, SolidBasis]) -> SolidModel:
     """`model` with the members named in `solids` replaced by reduced solids that lie where these leafs lie.
 
-    Raises SceneError for unknown names and for a solid of another length than its leaf. A solid meshed in 2D resists
-    nothing across its plane: hold the mechanism there by supports.
+    Raises SceneError for unknown names, for a solid of another length than its leaf, and for models whose other leafs are
+    modal bodies or plates. A solid meshed in 2D resists nothing across its plane: hold the mechanism there by supports.
     """
+    _fit(model, solids)
     members, inner = model.arrays.members, model.rest.inner
     parts = [inner[members.inner_at[i] : members.inner_at[i + 1]] for i in range(len(members.kind))]
     stores = np.diff(members.store_at).astype(np.int64)
     kind, number, value_at = members.kind.copy(), members.number.copy(), members.value_at.copy()
     frame, values, at = members.frame.copy(), [members.value], len(members.value)
     for name, body in solids.items():
+        i = model.member_names.index(name)
+        kind[i], number[i], value_at[i] = SOLID, body.number, at
+        values.append(body.value)
+        at += len(body.value)
+        frame[i, 1] = frame[i, 0]
+        size, stores[i] = modal_sizes(int(body.number[1]))
+        parts[i] = np.zeros(size)
+    made = members._replace(
+        kind=kind, number=number, value_at=value_at, frame=frame, value=np.concatenate([*values, np.zeros(1)]),
+        inner_at=np.cumsum([0] + [len(p) for p in parts]).astype(np.int64),
+        store_at=np.cumsum([0, *stores]).astype(np.int64),
+    )  # fmt: skip
+    kept = {k: getattr(model, k) for k in Model.__dataclass_fields__}
+    kept |= {"arrays": model.arrays._replace(members=made)}
+    kept |= {"rest": model.rest._replace(inner=np.concatenate([np.zeros(0), *parts]))}
+    every = {**getattr(model, "solids", {}), **solids}
+    words = {k: getattr(model.mesh, k) for k in Mesh.__dataclass_fields__}
+    return SolidModel(**{**kept, "mesh": SolidMesh(**words, named=tuple(every))}, solids=every)
+
+
+def _fit(model: Model, solids: Mapping[str, SolidBasis]) -> None:
+    """Raises SceneError where a solid cannot stand where it is to stand."""
+    if isinstance(model, ModalModel):
+        raise SceneError("solids beside modal bodies are not possible; leave the other leafs as they are")
+    if model.choice is not None and model.choice["plate"].present:
+        raise SceneError(
+            "solids beside leafs with plate stiffening are not possible: compile without='plate'"
+        )
+    members = model.arrays.members
+    for name, body in solids.items():
+        if not isinstance(body, SolidBasis):
+            raise SceneError(
+                f"solid '{name}' = {show(body)}: give what ksd.modal.solid_basis.reduce_solid returns"
+            )
         if name not in model.member_names:
             raise SceneError(
                 f"there is no leaf '{name}' to be a solid; the leafs are: {', '.join(model.member_names)}"
@@ -229,21 +282,6 @@ def with_solids(model: Model, solids: dict[str, SolidBasis]) -> Model:
             raise SceneError(
                 f"leaf '{name}' is {members.length[i]:.6g} m long, its solid {body.solid.length:.6g} m; make them equal"
             )
-        kind[i], number[i], value_at[i] = SOLID, body.number, at
-        values.append(body.value)
-        at += len(body.value)
-        frame[i, 1] = frame[i, 0]
-        size, stores[i] = modal_sizes(int(body.number[1]))
-        parts[i] = np.zeros(size)
-    made = members._replace(
-        kind=kind, number=number, value_at=value_at, frame=frame, value=np.concatenate([*values, np.zeros(1)]),
-        inner_at=np.cumsum([0] + [len(p) for p in parts]).astype(np.int64),
-        store_at=np.cumsum([0, *stores]).astype(np.int64),
-    )  # fmt: skip
-    from dataclasses import replace
-
-    rest = model.rest._replace(inner=np.concatenate([np.zeros(0), *parts]))
-    return replace(model, arrays=model.arrays._replace(members=made), rest=rest)
 
 
-__all__ = ["SolidBasis", "energy_tensors", "reduce_solid", "with_solids"]
+__all__ = ["SolidBasis", "SolidModel", "energy_tensors", "reduce_solid", "with_solids"]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -11,13 +12,13 @@ from ksd.beam.modal import modal_sizes
 from ksd.beam.polynomial import polynomial_condense
 from ksd.errors import ConvergenceError, SceneError
 from ksd.modal.bodies import member_pose
-from ksd.modal.solid_basis import SolidBasis
-from ksd.modal.solid_solve import indicator, press_reduced
+from ksd.modal.solid_body import SolidBasis
+from ksd.modal.solid_solve import Pressed, indicator, press_reduced
 from ksd.model.arrays import Motion
 from ksd.model.compile import Model
 
-FAR, STEPS = 0.8, 8
-"""Linear stroke over the length up to which a range is tried, and in how many steps."""
+FAR, STEPS, HALVINGS = 0.8, 8, 4
+"""Linear stroke over the length up to which a range is tried, in how many steps, and halvings of the last one at least."""
 
 
 def solid_errors(model: Model, motion: Motion, solids: Mapping[str, SolidBasis]) -> dict[str, float]:
@@ -48,6 +49,14 @@ class SolidRange:
     stroke: dict[str, float]
     turn: dict[str, float]
     beyond: tuple[str, ...]
+    solid: str = ""
+
+    @property
+    def sentence(self) -> str:
+        """The range in words: the smallest of all ways."""
+        at = min(self.stroke.values()), np.rad2deg(min(self.turn.values()))
+        name = f"solid '{self.solid}'" if self.solid else "the solid"
+        return f"{name} is within {100 * self.error:g} % to a stroke of {at[0]:.2g} L and {at[1]:.2g} degrees"
 
 
 def solid_range(body: SolidBasis, *, error: float = 0.01) -> SolidRange:
@@ -60,21 +69,29 @@ def solid_range(body: SolidBasis, *, error: float = 0.01) -> SolidRange:
         ("across", 1, FAR * length / soft[0, 0]),
         ("turned", 5, FAR / soft[1, 1]),
     ):
-        unit = np.eye(6)[row]
-        stroke[way] = turn[way] = 0.0
-        for k in range(1, STEPS + 1):
-            wrench = k / STEPS * load * unit
-            try:
-                found = press_reduced(body, wrench[:3], wrench[3:], strict=False)
-            except ConvergenceError:
-                break
-            if not found.error <= error:
-                break
-            stroke[way] = float(np.linalg.norm(found.shift) / length)
+        unit, high = np.eye(6)[row], math.inf
+        stroke[way] = turn[way] = low = 0.0
+        for k in range(1, STEPS + HALVINGS + 1):
+            share = k / STEPS if math.isinf(high) else 0.5 * (low + high)
+            found = _within(body, share * load * unit, error)
+            if found is None:
+                high = share
+                continue
+            low, stroke[way] = share, float(np.linalg.norm(found.shift) / length)
             turn[way] = float(np.arccos(np.clip(0.5 * (np.trace(found.R) - 1.0), -1.0, 1.0)))
-        else:
-            beyond.append(way)
+            if low == 1.0:
+                beyond.append(way)
+                break
     return SolidRange(error, stroke, turn, tuple(beyond))
+
+
+def _within(body: SolidBasis, wrench: np.ndarray, error: float) -> Pressed | None:
+    """The state under a load, None where its error is beyond `error` or there is none."""
+    try:
+        found = press_reduced(body, wrench[:3], wrench[3:], strict=False)
+    except ConvergenceError:
+        return None
+    return found if found.error <= error else None
 
 
 __all__ = ["SolidRange", "solid_errors", "solid_range"]

@@ -12,11 +12,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from ksd.beam.modal import modal_recover, modal_sizes
-from ksd.beam.modal_jets import JET
-from ksd.beam.polynomial import face_jets, polynomial_condense
+from ksd.beam.polynomial import polynomial_condense
 from ksd.errors import ConvergenceError
 from ksd.modal.solid import Solid
-from ksd.modal.solid_basis import SolidBasis
+from ksd.modal.solid_body import SolidBasis, displaced
 
 MOST = 40
 MOST_CORRECTORS = 12
@@ -48,6 +47,12 @@ def _turned(R: np.ndarray, psi: np.ndarray) -> np.ndarray:
     return np.asarray(Rotation.from_rotvec(psi).as_matrix() @ R)
 
 
+def _turn(R: np.ndarray) -> np.ndarray:
+    from scipy.spatial.transform import Rotation
+
+    return np.asarray(Rotation.from_matrix(R).as_rotvec())
+
+
 def _free(flat: bool) -> list[int]:
     """Motions of face B that exist: x, y and the rotation about z in 2D."""
     return [0, 1, 5] if flat else [0, 1, 2, 3, 4, 5]
@@ -61,24 +66,63 @@ class FullSolid:
         self.inner, self.face, self.free = solid.inner, solid.face_b, _free(solid.flat)
         self.arm = solid.place[self.face] - np.array([solid.length, 0.0, 0.0])
         self.row = solid.component[self.face]
-        self.stiffness = np.zeros((6, 6))
+        self.stiffness, self.wrench, self.held = np.zeros((6, 6)), np.zeros(6), np.zeros(6)
+        self._inside = np.zeros((len(self.inner), 7))
 
     def step(self, wrench: np.ndarray) -> bool:
         """One Newton step under `wrench` (6,) on face B, in place; whether it was at rest before, to rounding."""
-        solid, row = self.solid, self.row
-        turned, every = self.arm @ self.R.T, np.arange(len(self.face))
-        self.u[self.face] = (self.shift + turned - self.arm)[every, row]
-        T = np.zeros((len(self.face), 6))
+        away, X, size = self._condensed()
+        free, rest = self.free, self.wrench - wrench
+        pose = np.zeros(6)
+        pose[free] = -np.linalg.solve(self.stiffness[np.ix_(free, free)], rest[free])
+        size += float(np.abs(wrench).max()) + 1e-300
+        outside = float(np.abs((self.held - wrench)[free]).max()) / self.solid.length
+        step = -X[:, 6] - X[:, :6] @ pose
+        self.u[self.inner] += step
+        self.shift, self.R = self.shift + pose[:3], _turned(self.R, pose[3:])
+        worst = max(away, outside) / size
+        return worst < 1e-9 or bool(np.abs(step).max() < 1e-12 * self.solid.length)
+
+    def condense(self) -> None:
+        """Force and moment on face B where it is, the inside on its way to rest to first order: `wrench` (6,) N, Nm about
+        its middle, in the axes of face A, and `stiffness` (6, 6)."""
+        _, self._inside, _ = self._condensed()
+
+    def follow(self, d: np.ndarray, R: np.ndarray) -> None:
+        """Face B to d (3,) m, R (3, 3) in the frame of face A, and the inside after it, as `condense` left it."""
+        shift = d - np.array([self.solid.length, 0.0, 0.0])
+        move = np.concatenate([shift - self.shift, _turn(R @ self.R.T)])
+        self.u[self.inner] -= self._inside[:, 6] + self._inside[:, :6] @ move
+        self.shift, self.R = shift, R.copy()
+
+    def _condensed(self) -> tuple[float, np.ndarray, float]:
+        """Largest force inside that is not balanced [N], response (inner, 7) of the inside to the pose of face B and to that
+        force, and the largest force anywhere; sets `wrench`, `stiffness`, and `held`, the force on face B as it is."""
+        from scipy.sparse.linalg import splu
+
+        solid, inner, face, row = self.solid, self.inner, self.face, self.row
+        turned, every = self.arm @ self.R.T, np.arange(len(face))
+        self.u[face] = (self.shift + turned - self.arm)[every, row]
+        T = np.zeros((len(face), 6))
         T[every, row] = 1.0
         for axis in range(3):
             T[:, 3 + axis] = np.cross(np.eye(3)[axis], turned)[every, row]
-        parts = self.inner, self.face, T, turned, row
-        step, self.stiffness, worst = _newton(solid, self.u, parts, wrench)
-        self.u[self.inner] += step[0]
-        move = np.zeros(6)
-        move[self.free] = step[1][self.free]
-        self.shift, self.R = self.shift + move[:3], _turned(self.R, move[3:])
-        return worst < 1e-9 or bool(np.abs(step[0]).max() < 1e-12 * solid.length)
+        f, K = solid.force_and_tangent(self.u)
+        Kib = K[inner][:, face] @ T
+        factor = splu(K[inner][:, inner].tocsc(), permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True})
+        X = factor.solve(np.column_stack([Kib, f[inner]]))
+        S = T.T @ (K[face][:, face] @ T) - Kib.T @ X[:, :6]
+        g = np.zeros((len(face), 3))
+        g[every, row] = f[face]
+        # second derivatives of the rotated arms: (g r^T + r g^T)/2 - (g.r) I
+        gr = g.T @ turned
+        S[3:, 3:] += 0.5 * (gr + gr.T) - np.trace(gr) * np.eye(3)
+        self.stiffness, self.wrench, self.held = np.zeros((6, 6)), np.zeros(6), np.zeros(6)
+        free = np.ix_(self.free, self.free)
+        self.stiffness[free] = S[free]
+        self.held[self.free] = (T.T @ f[face])[self.free]
+        self.wrench[self.free] = (T.T @ f[face] - Kib.T @ X[:, 6])[self.free]
+        return float(np.abs(f[inner]).max()), X, float(np.abs(f).max())
 
 
 def press(solid: Solid, force: np.ndarray, moment: np.ndarray, *, steps: int = 4) -> Pressed:
@@ -97,34 +141,6 @@ def press(solid: Solid, force: np.ndarray, moment: np.ndarray, *, steps: int = 4
                 f"the solid did not come to rest within {MOST} iterations at {100 * k / steps:.3g} %"
             )
     return Pressed(full.shift, full.R, full.stiffness, count, spent / count, full.u)
-
-
-def _newton(
-    solid: Solid, u: np.ndarray, parts: tuple[np.ndarray, ...], wrench: np.ndarray
-) -> tuple[tuple[np.ndarray, np.ndarray], np.ndarray, float]:
-    """Newton step (inner, pose), condensed stiffness (6, 6) of the pose, and the relative residual."""
-    from scipy.sparse.linalg import splu
-
-    inner, face, T, turned, row = parts
-    free = _free(solid.flat)
-    f, K = solid.force_and_tangent(u)
-    Kib = K[inner][:, face] @ T
-    factor = splu(K[inner][:, inner].tocsc(), permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True})
-    X = factor.solve(np.column_stack([Kib, f[inner]]))
-    S = T.T @ (K[face][:, face] @ T) - Kib.T @ X[:, :6]
-    g = np.zeros((len(face), 3))
-    g[np.arange(len(face)), row] = f[face]
-    # second derivatives of the rotated arms: (g r^T + r g^T)/2 - (g.r) I
-    gr = g.T @ turned
-    S[3:, 3:] += 0.5 * (gr + gr.T) - np.trace(gr) * np.eye(3)
-    rest = T.T @ f[face] - Kib.T @ X[:, 6] - wrench
-    pose = np.zeros(6)
-    pose[free] = -np.linalg.solve(S[np.ix_(free, free)], rest[free])
-    size = np.abs(wrench).max() + np.abs(f).max() + 1e-300
-    worst = max(np.abs(f[inner]).max(), np.abs((T.T @ f[face] - wrench)[free]).max() / solid.length) / size
-    held = np.zeros((6, 6))
-    held[np.ix_(free, free)] = S[np.ix_(free, free)]
-    return (-X[:, 6] - X[:, :6] @ pose, pose), held, float(worst)
 
 
 def press_reduced(
@@ -155,8 +171,8 @@ def press_reduced(
             modal_recover(body.value, body.number, inner, store, xi, 1.0)
             d, R = d + xi[:3], _turned(R, xi[3:])
             count, spent = count + 1, spent + time.thread_time() - clock
-            if np.abs(xi).max() < 1e-11 and np.abs(inner - before).max() <= 1e-9 * (
-                1e-12 + np.abs(inner).max()
+            if np.abs(xi).max() < 1e-11 and np.abs(inner - before).max(initial=0.0) <= 1e-9 * (
+                1e-12 + np.abs(inner).max(initial=0.0)
             ):
                 break
         else:
@@ -178,27 +194,6 @@ def _believed(error: float, stroke: float) -> None:
             f"basis no longer successful: the estimated error of the solid is {100 * error:.2g} % at a stroke of "
             f"{stroke:.2g} L; ask for less, raise internal or order, or press the full solid"
         )
-
-
-def displaced(body: SolidBasis, d: np.ndarray, R: np.ndarray, eta: np.ndarray) -> np.ndarray:
-    """Displacements u (size,) m of the full model at a state of the reduced one: face B at d (3,) m, turned by R (3, 3)."""
-    solid, jets = body.solid, np.empty((19, JET))
-    face_jets(int(body.frame == "chord"), d, R, jets)
-    u = body.patterns @ (jets[list(body.chosen), 0] - body.b0) + body.inner @ eta
-    if body.frame == "node":
-        return np.asarray(u)
-    # turned from the frame of the chord into that of face A
-    turn, found = jets[1:10, 0].reshape(3, 3), np.empty_like(u)
-    dim = 2 if solid.flat else 3
-    at = [np.flatnonzero(solid.component == c) for c in range(dim)]
-    at = [a[np.lexsort(solid.place[a].T)] for a in at]
-    spots = np.zeros((3, len(at[0])))
-    for c in range(dim):
-        spots[c] = solid.place[at[c], c] + u[at[c]]
-    spots = turn @ spots
-    for c in range(dim):
-        found[at[c]] = spots[c] - solid.place[at[c], c]
-    return found
 
 
 def indicator(body: SolidBasis, d: np.ndarray, R: np.ndarray, eta: np.ndarray, wrench: np.ndarray) -> float:

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ksd.beam.weight import PULL
-from ksd.model.arrays import Motion, Work, make_work
+from ksd.model.arrays import SOLID, Motion, Work, make_work
 from ksd.model.compile import Model
 from ksd.properties.alike import Alike, alike_leafs, own_gravity
 from ksd.properties.shape import (
@@ -85,7 +85,8 @@ def section_forces(
     for name, members in members_of_leafs(model).items():
         at, stations, values = 0.0, [], []
         for i in members:
-            s, forces = parts[i] if i in parts else _chain_forces(model, motion, i, (work, load_factor))
+            other = _solid_forces if model.arrays.members.kind[i] == SOLID else _chain_forces
+            s, forces = parts[i] if i in parts else other(model, motion, i, (work, load_factor))
             stations.append(at + s)
             values.append(forces)
             at += s[-1]
@@ -138,6 +139,16 @@ def _chain_forces(
     weight = () if gravity is None else (gravity, *_chain_masses(value, int(number[0]), r))
     forces = _along(r[None], (turned @ chain_axes(value, number))[None], wrench[None, None], *weight)
     return np.concatenate([[0.0], np.cumsum(lengths)]), forces[0]
+
+
+def _solid_forces(
+    model: Model, motion: Motion, i: int, how: tuple[Work | None, float]
+) -> tuple[Array, Array]:
+    """Stations (k,) and section forces (k, 6) along the middle of a reduced solid."""
+    ends = member_ends(model, motion, i)
+    s, r, R = model.solid_line(i, ends.d, ends.Q, member_parts(model, motion, i)[2])  # type: ignore[attr-defined]
+    _, wrench = _chain_wrench(model, motion, i, ends, how)
+    return s, _along(r[None], R[None], wrench[None, None])[0]
 
 
 def _chain_masses(value: Array, count: int, r: Array) -> tuple[Array, Array]:

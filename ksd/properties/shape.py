@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from ksd.beam.strain_values import masses_beyond
 from ksd.beam.strain_walk import walk
-from ksd.model.arrays import COROTATIONAL, STRAIN, Motion
+from ksd.model.arrays import COROTATIONAL, SOLID, STRAIN, Motion
 from ksd.model.compile import Model
 from ksd.properties.kept import per_model
 
@@ -314,6 +314,8 @@ def _member_line(model: Model, motion: Motion, i: int, points: int) -> tuple[Arr
         r = r + (s / s[-1])[:, None] * (ends.d - r[-1])
     elif kind == COROTATIONAL:
         s, r, R = _chain_curve(value, number, inner, ends, points)
+    elif kind == SOLID:
+        s, r, R = model.solid_line(i, ends.d, ends.Q, inner)  # type: ignore[attr-defined]
     else:
         raise ValueError(f"member '{model.member_names[i]}' is a condensed joint, which has no centreline")
     return s, ends.start + r @ ends.frame.T, ends.frame @ R

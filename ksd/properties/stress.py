@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ksd.beam.strain_mass import many_pulls, many_slacks
-from ksd.model.arrays import Motion
+from ksd.model.arrays import SOLID, Motion
 from ksd.model.compile import Model
 from ksd.properties.alike import Alike, alike_leafs, elastic, own_gravity
 from ksd.properties.section_forces import SectionForces, section_forces
@@ -291,6 +291,9 @@ def _chain_energy(model: Model, motion: Motion, i: int) -> float:
     """Sum of S eps^2/2 of the elements of a chain."""
     from ksd.beam import corotational
 
+    if model.arrays.members.kind[i] == SOLID:
+        solid = member_ends(model, motion, i), member_parts(model, motion, i)[2]
+        return float(model.solid_energy(i, solid[0].d, solid[0].Q, solid[1]))  # type: ignore[attr-defined]
     value, number, inner = member_parts(model, motion, i)
     ends = member_ends(model, motion, i)
     d, Q = np.ascontiguousarray(ends.d), np.ascontiguousarray(ends.Q)

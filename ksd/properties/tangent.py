@@ -8,17 +8,18 @@ negative pivots (one per row) what it was, so stability is judged in the same wa
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ksd.errors import KinematicsError, SceneError
-from ksd.model.arrays import COROTATIONAL, Arrays, Motion
+from ksd.model.arrays import COROTATIONAL, LINEAR, SOLID, Arrays, Motion
 from ksd.model.compile import Model
 from ksd.model.system import assemble
 from ksd.numerics.blocks import factor_blocks, solve_blocks
+from ksd.numerics.indefinite import inertia, scaling, solve_scaled
 from ksd.properties.kept import room_of
 from ksd.properties.turning import turning_loads
 
@@ -129,6 +130,20 @@ class Tangent:
         return slice(start, start + 6)
 
 
+@dataclass(frozen=True)
+class DenseTangent(Tangent):
+    """The same of a mechanism with members that resist nothing in some direction, supports alone holding them there."""
+
+    matrix: Array = field(default_factory=lambda: np.zeros((0, 0)))
+
+    def _symmetric(self, loads: Array) -> Array:
+        K, b = self.matrix, np.asarray(loads, float)
+        scale = scaling(K)
+        x = solve_scaled(K, b, scale)[0]
+        # once more on what is left: what supports hold is to come out as held, not as rounding
+        return np.asarray(x + solve_scaled(K, b - K @ x, scale)[0])
+
+
 def assembled_tangent(model: Model, motion: Motion, *, load_factor: float = 1.0) -> Assembled:
     """The exact tangent at `motion`, drives held."""
     arrays = exact(model.arrays)
@@ -149,6 +164,8 @@ def factored(assembled: Assembled, freed: Iterable[str] = ()) -> Tangent:
     """
     freed = (freed,) if isinstance(freed, str) else tuple(freed)
     arrays, value = assembled.arrays, assembled.value.copy()
+    if np.any(arrays.members.kind == SOLID) or np.any(arrays.members.kind == LINEAR):
+        return _dense(assembled, freed)
     spare = np.zeros_like(value)
     free_rows(arrays, value, row_numbers(assembled.model, freed))
     negatives, pivot = factor_blocks(arrays.plan, value, spare, len(arrays.plan.size))
@@ -161,6 +178,22 @@ def factored(assembled: Assembled, freed: Iterable[str] = ()) -> Tangent:
     return Tangent(
         assembled.model, assembled.motion, arrays, value, spare, unstable, freed, assembled.turning
     )
+
+
+def _dense(assembled: Assembled, freed: tuple[str, ...]) -> Tangent:
+    """`factored` with pivoting: a solid meshed in 2D has zeros on its diagonal, which no bound on pivots sees."""
+    K, arrays = assembled.matrix(freed), assembled.arrays
+    _, condition = solve_scaled(K, np.zeros((len(K), 1)), scaling(K))
+    if not condition > SINGULAR:
+        raise KinematicsError(
+            f"the tangent is singular (reciprocal condition {condition:.1e}): a motion is left that nothing resists, or the "
+            "state is exactly at its critical load; hold more drives, and by supports what a solid meshed in 2D cannot"
+        )
+    unstable = inertia(K) + assembled.inside - len(arrays.terms.start)
+    return DenseTangent(
+        assembled.model, assembled.motion, arrays, assembled.value, assembled.value, unstable, freed,
+        assembled.turning, matrix=K,
+    )  # fmt: skip
 
 
 def factored_tangent(

@@ -35,7 +35,11 @@ def finer(model: Model) -> Model:
     if np.any(kind == COROTATIONAL):
         _insist_on_straight(model)
     opened = _opened(mesh, kind)
-    return model if opened == mesh else compile_given(model.scene, opened)
+    if opened == mesh:
+        return model
+    made = compile_given(model.scene, opened)
+    # solids are no part of the scene
+    return model.remade(made) if hasattr(model, "remade") else made
 
 
 def _insist_on_straight(model: Model) -> None:

@@ -57,7 +57,8 @@ class Solver:
             mechanism = for_moving(compile_scene(mechanism, mesh=mesh, **effects))
         self.model: Model = mechanism
         self.records, self.extrapolate, self.planar = records, extrapolate, planar
-        self.basis, self.modal = basis, None  # both of method "modal"
+        self.basis = basis
+        self.modal: Any = None  # prepared for `basis`
         self._five: FiveSteps | None = None
         self._storage: Storage | None = None
 
@@ -126,6 +127,11 @@ class Solver:
             "passes": passes,
             "estimate": estimate,
         }
+        solids = self._with_solids(method)
+        if solids is not None:
+            from ksd.solve.solids import by_solids
+
+            return by_solids(solids, values, method=method, estimate=estimate)
         fit = fit_for(self.model, accuracy)
         if fit is not self.model:
             self.use(fit)
@@ -141,6 +147,18 @@ class Solver:
             doubts = (*found.doubts, *filter(None, [against]))
             found = _with(found, doubts=doubts, error=measured(found, other))
         return found
+
+    def _with_solids(self, method: str | None) -> Any:
+        """The model with its reduced solids, None where there are none."""
+        if hasattr(self.model, "solids"):
+            return self.model
+        if not isinstance(self.basis, Mapping) or method not in (None, "modal"):
+            return None
+        from ksd.solve.solids import holds_solids, solid_model
+
+        if holds_solids(self.basis) and self.modal is None:
+            self.modal = solid_model(self.model, self.basis)
+        return self.modal if hasattr(self.modal, "solids") else None
 
     def _solve(
         self,
@@ -308,15 +326,18 @@ def solve(
     with_: str | Iterable[str] = (),
     without: str | Iterable[str] = (),
     basis: Any = None,
+    estimate: bool = True,
     **drives: float,
 ) -> Configuration:
     """Solve one configuration of a mechanism at drive values given by name [m or rad].
 
     method: "kinematic", "reduced", "full", "conventional" or "modal" (leafs as modal bodies; `basis`: a
     `ksd.ModalBasis` for all, or several by joint or leaf, {"hinge": ksd.ModalBasis()}: then joints not named are condensed
-    as in "reduced", and other leafs computed in full); without one, the cheapest whose estimated error is within `accuracy`
+    as in "reduced", and other leafs computed in full; or reduced solids by leaf, {"spring": reduce_solid(...)}, see
+    `ksd.modal.solid_basis`); without one, the cheapest whose estimated error is within `accuracy`
     (relative, 1e-3 by default).
-    passes: extra relinearised passes of `reduced`. mesh: leaf model; without one, strain-mode leafs of orders fit for
+    estimate: False leaves out the error figure of a fast method, and its cost. passes: extra relinearised passes of
+    `reduced`. mesh: leaf model; without one, strain-mode leafs of orders fit for
     `accuracy`, raised when their highest modes carry too much energy. extrapolate:
     see `prepare`. strict: raise TrustError where the answer is unstable or on a doubtful branch; False returns it with its
     verdicts (`trust`). effects: "auto" simulates what the scene mentions and an estimate says matters, "all" everything,
@@ -325,13 +346,13 @@ def solve(
     missing or damaged), KinematicsError (indeterminate or over-driven), ConvergenceError (says how far it got).
     """
     values = _asked(targets, drives)
-    for word, given in (("extrapolate", extrapolate), ("strict", strict)):
+    for word, given in (("extrapolate", extrapolate), ("strict", strict), ("estimate", estimate)):
         truth(given, word)
     if isinstance(mechanism, Model):
         if effects != "auto" or with_ or without:
             raise SceneError("effects are chosen when a model is compiled: pass them to ksd.compile_scene")
         return Solver(mechanism, extrapolate=extrapolate, basis=basis)(
-            values, method=method, accuracy=accuracy, passes=passes, strict=strict
+            values, method=method, accuracy=accuracy, passes=passes, strict=strict, estimate=estimate
         )
     scene = mechanism.scene() if hasattr(mechanism, "scene") else mechanism
     wanted = _accuracy(accuracy)
@@ -339,9 +360,8 @@ def solve(
     for rise in range(MOST_RISES + 1):
         said = {"effects": effects, "with_": with_, "without": without, "accuracy": wanted, "basis": basis}
         solver = _recent_solver(scene, chosen, extrapolate, said, values)
-        found = solver.on_mesh(values, method=method, accuracy=accuracy, passes=passes)
-        if strict:
-            insist(found)
+        found = solver.on_mesh(values, method=method, accuracy=accuracy, passes=passes, estimate=estimate)
+        found = insist(found) if strict else found
         share, _, axis = highest_share(found.model, found.motion)
         if share <= wanted or mesh is not None or rise == MOST_RISES:
             break

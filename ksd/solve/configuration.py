@@ -178,6 +178,15 @@ class Configuration:
         model, motion = self.questioned
         return _opened(model, motion)
 
+    def _of_leafs(self, question: str) -> None:
+        """Raises SceneError where the leafs that a question is asked of are reduced solids."""
+        solids = getattr(self.model, "solids", None)
+        if solids:
+            raise SceneError(
+                f"{question} is not known of reduced solids ({', '.join(solids)}); ask it of the leafs in their place, "
+                "or of the meshed solid itself"
+            )
+
     def validity(self, **options: Any) -> Any:
         """Stroke and local rotation up to which the modal basis of a leaf is good: `ksd.solve.validity.validity`."""
         from ksd.solve.validity import validity
@@ -200,18 +209,21 @@ class Configuration:
         """Eigenfrequencies [Hz] and modes about this state: `ksd.properties.frequencies.frequencies`."""
         from ksd.properties.frequencies import frequencies
 
+        self._of_leafs("frequencies")
         return frequencies(*self.unreduced, load_factor=self.load_factor, **options)
 
     def buckling(self, link: Any = None, **options: Any) -> Any:
         """Multipliers of an added load, or of the state's own stresses: `ksd.properties.buckling.buckling`."""
         from ksd.properties.buckling import buckling
 
+        self._of_leafs("buckling")
         return buckling(*self.unreduced, link, load_factor=self.load_factor, **options)
 
     def stress(self, *, points: int = 25) -> Any:
         """Stress [Pa] along every leaf, where and how much: `ksd.properties.stress.stress`."""
         from ksd.properties.stress import stress
 
+        self._of_leafs("stress")
         return stress(*self.unreduced, points=points, load_factor=self.load_factor)
 
     def strain_energy(self) -> dict[str, float]:
@@ -236,6 +248,7 @@ class Configuration:
         """Stress [Pa] when leafs are clamped beside their place: `ksd.properties.internal_stress.internal_stress`."""
         from ksd.properties.internal_stress import internal_stress
 
+        self._of_leafs("internal stress")
         return internal_stress(*self.unreduced, load_factor=self.load_factor, **options)
 
     def interface_forces(self) -> Any:

@@ -36,6 +36,10 @@ def corrected(pose: Configuration) -> Configuration:
 
     Raises ConvergenceError where the steps leave what the leafs can follow.
     """
+    if hasattr(pose.model, "solids"):
+        from ksd.solve.solids import settled as of_solids
+
+        return of_solids(pose)
     if pose.method not in FAST:
         return pose
     if pose.method == "modal":
@@ -75,7 +79,8 @@ def with_error(pose: Configuration, question: Callable[[Configuration], Any]) ->
     """The answer of question(pose) and its error: |change| over one Newton step (see `corrected`), in the shape of the
     answer (number, array, or mapping of them); zero for methods that are exact but for the mesh."""
     answer = question(pose)
-    better = answer if pose.method not in FAST else question(corrected(pose))
+    exact = pose.method not in FAST and not hasattr(pose.model, "solids")
+    better = answer if exact else question(corrected(pose))
     if isinstance(answer, Mapping):
         return answer, {k: _change(v, better[k]) for k, v in answer.items()}
     return answer, _change(answer, better)

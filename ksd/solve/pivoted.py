@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from ksd.model.arrays import Arrays, Motion, Work
 from ksd.model.system import assemble, largest_move, largest_turn, take_step
+from ksd.numerics.indefinite import inertia, scaling, solve_scaled
 from ksd.properties.tangent import exact, stored_matrix
 from ksd.properties.turning import turning_loads
 from ksd.solve.newton import GRAIN, LOOSE
@@ -25,46 +26,6 @@ from ksd.solve.stops import Stop
 Array = NDArray[np.float64]
 SINGULAR = 1e-15
 """Reciprocal condition of the equilibrated matrix below which it counts as singular."""
-
-
-def scaling(K: Array) -> Array:
-    """Factors (n,) such that rows and columns of the symmetric K (n, n) times them have entries of order 1."""
-    scale = np.ones(len(K))
-    for _ in range(3):
-        row = np.abs(K * np.outer(scale, scale)).max(axis=1, initial=0.0)
-        scale /= np.sqrt(np.where(row > 0.0, row, 1.0))
-    return scale
-
-
-def inertia(K: Array) -> int:
-    """Number of negative eigenvalues of the symmetric K (n, n), by Bunch-Kaufman (Sylvester's law)."""
-    from scipy.linalg import ldl
-
-    scale = scaling(K)
-    _, D, _ = ldl(K * np.outer(scale, scale))
-    count, k = 0, 0
-    while k < len(D):
-        if k + 1 < len(D) and D[k + 1, k] != 0.0:
-            # a 2 x 2 pivot has a negative determinant in this method: one eigenvalue of each sign
-            count += int((np.linalg.eigvalsh(D[k : k + 2, k : k + 2]) < 0.0).sum())
-            k += 2
-            continue
-        count += int(D[k, k] < 0.0)
-        k += 1
-    return count
-
-
-def solve_scaled(A: Array, b: Array, scale: Array) -> tuple[Array, float]:
-    """x of A x = b for b (n, k), rows and columns equilibrated by `scale` (n,), and 1 over the condition number."""
-    from scipy.linalg import lapack
-
-    S = A * np.outer(scale, scale)
-    lu, pivots, info = lapack.dgetrf(S)
-    if info != 0 or not np.isfinite(lu).all():
-        return np.zeros_like(b), 0.0
-    reciprocal, _ = lapack.dgecon(lu, np.abs(S).sum(axis=0).max())
-    x, _ = lapack.dgetrs(lu, pivots, scale[:, None] * b)
-    return scale[:, None] * x, float(reciprocal)
 
 
 def iterate_pivoted(arrays: Arrays, motion: Motion, *aim: Any) -> tuple[int, int, float, int, float]:

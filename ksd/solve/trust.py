@@ -161,6 +161,10 @@ def judge(c: Configuration) -> Trust:
             else "corrector steps of the full model grow from one to the next, so its error is not known"
         )
         trusted = Verdict(False, f"not to be trusted: {said}")
+    elif c.error is None and hasattr(c.model, "solids"):
+        trusted = Verdict(
+            True, "trusted but for the bases of its solids, whose error was not estimated (ksd.solve does)"
+        )
     elif c.error is not None:
         trusted = Verdict(True, f"trusted within its estimated error of {100 * c.error.relative:.2g} %")
     else:

@@ -107,11 +107,15 @@ def _range(leaf: Any, mesh: Mesh, basis: ModalBasis, error: float) -> tuple[tupl
     return tuple(_limit(leaf, mesh, basis, way, error) for way in WAYS)
 
 
-def validity(model: ModalModel, *, leaf: str | None = None, error: float = 0.01) -> Validity:
-    """The range of the basis of one leaf (the first when None), expanded at rest, within a relative `error`.
+def validity(model: ModalModel, *, leaf: str | None = None, error: float = 0.01) -> Any:
+    """The range of the basis of one leaf, or solid, (the first when None), expanded at rest, within a relative `error`.
 
     Raises SceneError for an unknown leaf, and for bases expanded at a trained state: their range is about that state.
     """
+    if hasattr(model, "solids"):
+        from ksd.solve.solids import validity as of_solids
+
+        return of_solids(model, solid=leaf, error=error)  # type: ignore[arg-type]
     if not isinstance(model, ModalModel):
         raise SceneError("a validity range belongs to modal bodies; solve with method='modal'")
     bases = {n: b.choices for n, b in zip(model.member_names, model.bodies, strict=True) if b is not None}

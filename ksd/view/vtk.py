@@ -53,14 +53,16 @@ class _Grid:
 def collect(configuration: Any) -> _Grid:
     """Ribbons and blocks of a configuration."""
     shape, grid = configuration.shape(), _Grid()
-    stress = stress_along(configuration, shape)
+    # beam theory says nothing of the stress in a solid
+    known = not hasattr(configuration.model, "solids")
+    stress = stress_along(configuration, shape) if known else {}
     for leaf in shape.leafs:
         k = len(leaf.s)
         rest = np.vstack(ribbon(leaf.rest, leaf.rest_axes, leaf.width))
         place = np.vstack(ribbon(leaf.place, leaf.axes, leaf.width))
         i = np.arange(k - 1)
         cells = np.stack([i, i + 1, i + 1 + k, i + k], axis=1)
-        grid.add(leaf.name, rest, place, cells, stress=np.tile(stress[leaf.name], 2))
+        grid.add(leaf.name, rest, place, cells, stress=np.tile(stress.get(leaf.name, np.full(k, np.nan)), 2))
     for block in shape.blocks:
         k = len(block.rest)
         rest = np.vstack([block.rest.mean(axis=0), block.rest])

@@ -1,0 +1,240 @@
+"""Mechanisms with reduced solids: their error figure, the range of their bases, and the refusal of what lies beyond.
+
+The figure takes corrector steps of the full model: every solid is condensed, whole, to its face B at the state found, the
+mechanism comes to equilibrium on these linear bodies, and each solid follows to where its faces went. That is Newton's
+method of the mechanism of full solids; how far it leads is the error of forces and poses.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from ksd.errors import ConvergenceError, SceneError
+from ksd.modal.bodies import member_pose
+from ksd.modal.solid_basis import SolidModel, with_solids
+from ksd.modal.solid_body import SolidBasis, displaced
+from ksd.modal.solid_health import SolidRange, solid_range
+from ksd.modal.solid_solve import MOST_CORRECTORS, SETTLED, SUCCESSFUL, FullSolid
+from ksd.model.arrays import LINEAR, Arrays, Motion, make_work
+from ksd.model.compile import Model
+from ksd.numerics.stopwatch import Stopwatch
+from ksd.properties.later import for_questions
+from ksd.properties.tangent import exact
+from ksd.section.checks import show
+from ksd.solve.configuration import Configuration
+from ksd.solve.conventional import by_load_steps
+from ksd.solve.driving import CAP
+from ksd.solve.modal import relative_error
+from ksd.solve.newton import iterate
+from ksd.solve.steps import ErrorEstimate, Step
+from ksd.solve.stops import Stop
+
+LINEAR_INNER = 54
+"""Pose, force and stiffness of a linear body: `ksd.beam.linear`."""
+GRAIN = 1e-7
+"""Change of the figure that is none: below it bases are as good as the solve of either."""
+TIGHT = 1e-10
+"""Residual of a node over the forces on it in a corrector step: a good basis is off by less than the bound of a solve."""
+
+
+def holds_solids(basis: Any) -> bool:
+    """Whether a basis by name names reduced solids. Raises SceneError for solids beside modal leafs."""
+    if not isinstance(basis, Mapping):
+        return False
+    solids = [isinstance(b, SolidBasis) for b in basis.values()]
+    if any(solids) and not all(solids):
+        raise SceneError(
+            "basis: solids beside modal leafs are not possible; name the solids alone, other leafs stay as they are"
+        )
+    return any(solids)
+
+
+def solid_model(model: Model, basis: Mapping[str, SolidBasis]) -> SolidModel:
+    """`model` with the solids of `basis`, by leaf, or by joint where that has one leaf only."""
+    named = {}
+    for name, body in basis.items():
+        own = [n for n in model.member_names if n.startswith(f"{name}/")]
+        named[own[0] if len(own) == 1 and name not in model.member_names else name] = body
+    return with_solids(for_questions(model), named)
+
+
+def by_solids(
+    model: SolidModel, targets: Mapping[str, float], *, method: str | None = None, estimate: bool = True
+) -> Configuration:
+    """Equilibrium of a mechanism with reduced solids at drive values [m or rad], by load steps, with its error figure unless
+    estimate=False. Raises ConvergenceError, and SceneError for a method that would leave the solids out."""
+    if method not in (None, "conventional", "modal"):
+        raise SceneError(
+            f"method = {show(method)}: a mechanism with reduced solids is solved in load steps; give no method, or "
+            "'conventional'"
+        )
+    try:
+        found = by_load_steps(model, targets, lambda c: c)
+    except ConvergenceError as reason:
+        loose = reason.reached == 0.0 and any(b.solid.flat for b in model.solids.values())
+        hold = (
+            "; a solid meshed in 2D resists nothing across its plane: hold that by supports" if loose else ""
+        )
+        said = f"basis no longer successful, or no equilibrium: {reason}{hold}"
+        raise ConvergenceError(said, reached=reason.reached, result=reason.result) from reason
+    found = replace(found, method=method or "conventional")
+    return judged(found) if estimate else found
+
+
+def judged(found: Configuration) -> Configuration:
+    """The configuration with its error figure, and a doubt where a basis was no longer successful."""
+    model = found.model
+    assert isinstance(model, SolidModel)
+    estimate, step = indicator(model, found.motion, model.targets(found.targets), found.load_factor)
+    doubts = found.doubts
+    if not estimate.relative <= SUCCESSFUL:
+        name, stroke, turn = bent(model, found.motion)
+        known = math.isfinite(estimate.relative)
+        said = f"{100 * estimate.relative:.2g} %" if known else "beyond measure"
+        doubts = (
+            *doubts,
+            f"basis no longer successful: its estimated error is {said}, with solid '{name}' at a stroke of {stroke:.2g} L "
+            f"and its face turned {np.rad2deg(turn):.3g} degrees ({validity(model, solid=name).sentence}); ask for less, or "
+            "reduce the solid with more internal modes or order=3",
+        )
+    steps = (*found.steps[:-1], step, found.steps[-1])
+    return replace(found, error=estimate, steps=steps, doubts=doubts)
+
+
+def indicator(
+    model: SolidModel, motion: Motion, target: np.ndarray, factor: float = 1.0
+) -> tuple[ErrorEstimate, Step]:
+    """Error of a state by corrector steps of the full solids, until they settle; not known where they do not."""
+    clock, full = Stopwatch(), _Full(model, motion)
+    lost = ErrorEstimate(np.full(len(model.drive_names), math.inf), math.inf, math.inf, math.inf)
+    estimate, last, taken = lost, math.inf, 0
+    while taken < MOST_CORRECTORS:
+        taken += 1
+        if not full.step(target, factor):
+            estimate = lost
+            break
+        estimate = relative_error(model, motion, full.state)
+        # the second of two steps says whether the first was all
+        if abs(estimate.relative - last) <= max(SETTLED * estimate.relative, GRAIN):
+            break
+        last, estimate = estimate.relative, lost
+    count = f"{taken} corrector steps of the full solids"
+    return estimate, Step("error estimate", taken, clock(), full.residual, Stop.CONVERGED, count)
+
+
+def settled(found: Configuration) -> Configuration:
+    """The equilibrium of the full solids next to a state, every solid condensed to its faces: for questions about stiffness.
+
+    Raises ConvergenceError.
+    """
+    model = found.model
+    assert isinstance(model, SolidModel)
+    full, target, before = _Full(model, found.motion), model.targets(found.targets), math.inf
+    for _ in range(MOST_CORRECTORS):
+        if not full.step(target, found.load_factor):
+            break
+        error = relative_error(model, found.motion, full.state).relative
+        if abs(error - before) <= 1e-9 * (1.0 + error):
+            return replace(found, model=full.model, motion=full.state, error=None)
+        before = error
+    raise ConvergenceError("the full solids find no equilibrium next to this state; ask for less")
+
+
+@dataclass(frozen=True, repr=False)
+class CondensedModel(Model):
+    """A model whose full solids, by leaf, are condensed to their faces, as linear bodies."""
+
+    condensed: tuple[str, ...] = ()
+
+    def remade(self, model: Model) -> CondensedModel:
+        """The same bodies in another model of the same scene; what they hold is of a state."""
+        arrays, rest = _linear(
+            model.arrays, model.rest, [model.member_names.index(n) for n in self.condensed]
+        )
+        kept = {k: getattr(model, k) for k in Model.__dataclass_fields__}
+        return CondensedModel(**{**kept, "arrays": arrays, "rest": rest}, condensed=self.condensed)
+
+
+class _Full:
+    """The mechanism with its solids in full, on its way from a state of the reduced ones; state: where it is."""
+
+    def __init__(self, model: SolidModel, motion: Motion) -> None:
+        self.wholes = {}
+        for name, body in model.solids.items():
+            i = model.member_names.index(name)
+            d, R = member_pose(model.arrays.members, i, motion)
+            u = displaced(body, d, R, model.inner_of(name, motion.inner))
+            self.wholes[i] = FullSolid(body.solid, u, d - np.array([body.solid.length, 0.0, 0.0]), R)
+        arrays, self.state = _linear(exact(model.arrays), motion, list(self.wholes))
+        kept = {k: getattr(model, k) for k in Model.__dataclass_fields__}
+        self.model = CondensedModel(**{**kept, "arrays": arrays}, condensed=tuple(model.solids))
+        self.arrays, self.work, self.residual = arrays, make_work(arrays), math.inf
+
+    def step(self, target: np.ndarray, factor: float) -> bool:
+        """One step of all, in place; whether it was possible."""
+        for i, whole in self.wholes.items():
+            _set(self.arrays, self.state, i, whole)
+        found = iterate(self.arrays, self.state, target, factor, self.work, TIGHT, 30, CAP, math.inf)
+        self.residual = found[2]
+        if found[0] not in (Stop.CONVERGED, Stop.TOO_MANY) or not np.isfinite(self.state.x).all():
+            return False
+        for i, whole in self.wholes.items():
+            whole.follow(*member_pose(self.arrays.members, i, self.state))
+        return True
+
+
+def _linear(arrays: Arrays, motion: Motion, solids: list[int]) -> tuple[Arrays, Motion]:
+    """Arrays and state with the members in `solids` as linear bodies."""
+    members = arrays.members
+    parts = [motion.inner[members.inner_at[i] : members.inner_at[i + 1]] for i in range(len(members.kind))]
+    kind, number, stores = members.kind.copy(), members.number.copy(), np.diff(members.store_at)
+    for i in solids:
+        kind[i], number[i], parts[i], stores[i] = LINEAR, 0, np.zeros(LINEAR_INNER), 0
+    made = members._replace(
+        kind=kind, number=number,
+        inner_at=np.cumsum([0] + [len(p) for p in parts]).astype(np.int64),
+        store_at=np.cumsum([0, *stores]).astype(np.int64),
+    )  # fmt: skip
+    state = motion.copy()._replace(inner=np.concatenate([np.zeros(0), *parts]))
+    return arrays._replace(members=made), state
+
+
+def _set(arrays: Arrays, state: Motion, i: int, whole: FullSolid) -> None:
+    """Condense a full solid into the linear body that is member i."""
+    whole.condense()
+    inner = state.inner[arrays.members.inner_at[i] : arrays.members.inner_at[i + 1]]
+    K = whole.stiffness.copy()
+    # across its plane a solid meshed in 2D moves nowhere: supports hold it, and any stiffness does
+    idle = np.setdiff1d(np.arange(6), whole.free)
+    K[idle, idle] = np.abs(np.diagonal(K)[[0, 0, 0, 5, 5, 5]])[idle]
+    inner[:3] = whole.shift + np.array([whole.solid.length, 0.0, 0.0])
+    inner[3:12], inner[12:18], inner[18:] = whole.R.ravel(), whole.wrench, K.ravel()
+
+
+def bent(model: SolidModel, motion: Motion) -> tuple[str, float, float]:
+    """The solid bent furthest: name, displacement of face B over its length, its rotation [rad]."""
+    worst = ("", 0.0, -1.0)
+    for name, body in model.solids.items():
+        d, R = member_pose(model.arrays.members, model.member_names.index(name), motion)
+        stroke = float(np.linalg.norm(d - [body.solid.length, 0.0, 0.0]) / body.solid.length)
+        turn = float(np.arccos(np.clip(0.5 * (np.trace(R) - 1.0), -1.0, 1.0)))
+        if turn > worst[2]:
+            worst = (name, stroke, turn)
+    return worst
+
+
+def validity(model: SolidModel, *, solid: str | None = None, error: float = 0.01) -> SolidRange:
+    """The range of the basis of one solid (the first when None) within a relative `error`. Raises SceneError for an unknown
+    name."""
+    name = solid or next(iter(model.solids))
+    if name not in model.solids:
+        raise SceneError(f"there is no solid '{name}'; the solids are: {', '.join(model.solids)}")
+    return replace(solid_range(model.solids[name], error=error), solid=name)
+
+
+__all__ = ["bent", "by_solids", "holds_solids", "indicator", "judged", "settled", "solid_model", "validity"]

@@ -1,0 +1,168 @@
+"""Mechanisms with reduced solids judge themselves: error of forces and poses, range, refusal, questions."""
+
+import numpy as np
+import pytest
+
+import ksd
+from ksd.modal.solid import block
+from ksd.modal.solid_basis import reduce_solid, with_solids
+from ksd.modal.solid_solve import press
+from ksd.section import rectangle
+from ksd.solve.conventional import conventional
+from ksd.solve.solids import bent
+
+STEEL = ksd.Material(E=200e9, G=76.9e9, density=7800)
+LENGTH, THICK, WIDTH = 0.1, 0.01, 0.02
+EI = STEEL.E * WIDTH * THICK**3 / 12
+END = (LENGTH, 0.0, 0.0)
+
+
+def spring(*, load=0.0, flat=False, driven=False):
+    """A thick leaf along x with a load [EI/L^2] across its end, or driven there."""
+    scene = ksd.Mechanism("thick leaf")
+    tip = scene.link("tip")
+    scene.leaf(
+        scene.ground, tip, start=(0, 0, 0), end=END, section=rectangle(THICK, WIDTH), material=STEEL, width_axis="z",
+        name="spring",
+    )  # fmt: skip
+    if load:
+        scene.load(tip, force=(0, load * EI / LENGTH**2, 0), at=END)
+    if driven:
+        scene.actuate(tip, along="y", at=END, name="across")
+    if flat:
+        scene.support(tip, along="z", at=END)
+        scene.support(tip, about="x")
+        scene.support(tip, about="y")
+    return scene
+
+
+@pytest.fixture(scope="module")
+def plane():
+    return block(STEEL, LENGTH, THICK, width=WIDTH, cells=(8, 1))
+
+
+@pytest.fixture(scope="module")
+def coarse(plane):
+    """Without derivatives and internal modes: per cent off at a tenth of the length."""
+    return reduce_solid(plane, order=1, internal=0)
+
+
+@pytest.fixture(scope="module")
+def fine(plane):
+    return reduce_solid(plane)
+
+
+def moved(pose):
+    return pose.displacement("tip", END)
+
+
+@pytest.mark.parametrize("load", [0.03, 0.1])
+def test_the_error_told_is_that_against_the_full_solid(plane, coarse, load):
+    """Against the solid pressed on its own, 0.3 and 3 %."""
+    pose = ksd.solve(spring(load=load, flat=True), basis={"spring": coarse}, strict=False)
+    full = press(plane, np.array([0.0, load * EI / LENGTH**2, 0.0]), np.zeros(3))
+    true = np.linalg.norm(full.shift - moved(pose)) / np.linalg.norm(full.shift)
+    assert 1e-3 < true < 0.05
+    assert pose.error.relative == pytest.approx(true, rel=0.1)
+    assert "error estimate" in [s.name for s in pose.steps]
+    assert f"{100 * pose.error.relative:.2g} %" in str(pose.trust.trusted)
+
+
+def test_a_driven_solid_tells_the_error_of_its_force(plane, coarse, fine):
+    """Drive force and drive stiffness of the coarse basis, with their errors, against those of the fine one."""
+    scene = spring(flat=True, driven=True)
+    poor, good = (
+        ksd.solve(scene, across=0.1 * LENGTH, basis={"spring": b}, strict=False) for b in (coarse, fine)
+    )
+    off = abs(poor.forces["across"] - good.forces["across"])
+    assert good.error.relative < 1e-4 < off / good.forces["across"]
+    assert poor.error.force[0] == pytest.approx(off, rel=0.02)
+    value, error = poor.with_error(lambda p: p.drive_stiffness()["across"])
+    true = abs(value - good.drive_stiffness()["across"])
+    assert error == pytest.approx(true, rel=0.1) and error > 1e-3 * value
+
+
+def test_beyond_its_range_it_is_refused(coarse):
+    """By `ksd.solve`, from a scene and from a model, and by a prepared solver; `strict` and `estimate` switch."""
+    scene = spring(load=0.5, flat=True)
+    model = with_solids(ksd.compile_scene(scene), {"spring": coarse})
+    refused = pytest.raises(ksd.TrustError, match=r"basis no longer successful.*solid 'spring' is within 1 %")
+    with refused:
+        ksd.solve(scene, basis={"spring": coarse})
+    with refused:
+        ksd.solve(model)
+    with refused:
+        ksd.prepare(model)()
+    assert not ksd.solve(model, strict=False).trusted
+    unknown = ksd.solve(model, estimate=False)
+    assert unknown.error is None and "not estimated" in str(unknown.trust.trusted)
+    assert "not estimated" in str(conventional(model, {}).trust.trusted)
+    name, stroke, turn = bent(model, unknown.motion)
+    assert name == "spring" and 0.05 < stroke < 0.3 and 0.1 < turn < 0.4
+
+
+def test_a_range_is_told(coarse):
+    pose = ksd.solve(spring(load=0.02, flat=True), basis={"spring": coarse})
+    found = pose.validity()
+    assert found.solid == "spring" and 0.0 < min(found.stroke.values()) < 0.2
+    with pytest.raises(ksd.SceneError, match="there is no solid 'beam'"):
+        pose.validity(leaf="beam")
+
+
+def test_beside_joints_and_leafs():
+    """A 3D solid behind a cross flexure, with a leaf: near the same mechanism of leafs, and every question is answered or
+    refused with its reason."""
+    thin = {"section": rectangle(3e-4, WIDTH), "material": STEEL, "width_axis": "z"}
+    scene = ksd.Mechanism("mixed")
+    middle, tip = scene.links("middle", "tip")
+    hinge = ksd.CrossFlexure(STEEL, length=0.03, angle=np.pi / 4, thickness=4e-4, widths=(0.012, 0.006))
+    at = hinge.length_AB
+    scene.join(scene.ground, middle, hinge, at=(0, 0, 0), axis="z", toward="x", name="hinge")
+    scene.leaf(middle, tip, start=(at, 0, 0), end=(at + LENGTH, 0, 0), **{**thin, "section": rectangle(THICK, WIDTH)},
+               name="spring")  # fmt: skip
+    scene.leaf(scene.ground, tip, start=(at + 0.2, 0, 0), end=(at + LENGTH, 0, 0), **thin, name="strut")
+    scene.actuate(tip, along="y", at=(at + LENGTH, 0, 0), name="lift")
+    body = reduce_solid(block(STEEL, LENGTH, THICK, width=WIDTH, cells=(4, 1, 1)), order=1, internal=0)
+    mesh = ksd.Mesh(orders=(4, 3, 9), points=12)
+    pose = ksd.solve(scene, lift=0.008, basis={"spring": body}, mesh=mesh)
+    leafs = ksd.solve(scene, lift=0.008, method="conventional", mesh=mesh)
+    assert pose.forces["lift"] == pytest.approx(leafs.forces["lift"], rel=0.03)
+    assert pose.strain_energy() == pytest.approx(leafs.strain_energy(), rel=0.15, abs=1e-3)
+    assert pose.section_forces()["spring"].end == pytest.approx(
+        leafs.section_forces()["spring"].end, abs=0.05 * abs(leafs.section_forces()["spring"].end).max()
+    )
+    line = next(leaf for leaf in pose.shape().leafs if leaf.name == "spring")
+    assert line.place[-1] == pytest.approx(
+        np.array([at + LENGTH, 0, 0]) + pose.displacement("tip", (at + LENGTH, 0, 0)), abs=1e-12
+    )
+    C, error = pose.with_error(lambda p: p.stiffness("tip", at=(at + LENGTH, 0, 0)).compliance)
+    assert 0 < error.max() < 0.2 * np.abs(C).max()
+    assert "reduced solids (spring)" in str(pose)
+    for question in ("stress", "frequencies", "buckling", "internal_stress"):
+        with pytest.raises(ksd.SceneError, match=r"not known of reduced solids \(spring\)"):
+            getattr(pose, question)()
+
+
+def test_support_stiffness_of_a_flat_solid(fine):
+    """What supports alone hold is held; in its plane it is as stiff as pressed on its own."""
+    pose = ksd.solve(spring(load=0.3, flat=True), basis={"spring": fine})
+    found = pose.stiffness("tip", at=END)
+    assert all(np.isinf(found.support(d)) for d in ("z", "rx", "ry"))
+    full = press(fine.solid, np.array([0.0, 0.3 * EI / LENGTH**2, 0.0]), np.zeros(3))
+    free = [0, 1, 5]
+    flexible = np.linalg.inv(full.stiffness[np.ix_(free, free)])
+    assert found.compliance[np.ix_(free, free)] == pytest.approx(flexible, abs=1e-3 * np.abs(flexible).max())
+
+
+def test_what_is_not_possible_is_said(coarse):
+    scene = spring(load=0.02, flat=True)
+    model = with_solids(ksd.compile_scene(scene), {"spring": coarse})
+    for method in ("reduced", "full", "kinematic"):
+        with pytest.raises(ksd.SceneError, match="solved in load steps"):
+            ksd.solve(model, method=method)
+    with pytest.raises(ksd.SceneError, match=r"give what ksd\.modal\.solid_basis\.reduce_solid returns"):
+        with_solids(model, {"spring": 3})
+    with pytest.raises(ksd.SceneError, match="solids beside modal leafs"):
+        ksd.solve(scene, method="modal", basis={"spring": coarse, "other": ksd.ModalBasis()})
+    with pytest.raises(ksd.ConvergenceError, match="resists nothing across its plane: hold that by supports"):
+        ksd.solve(spring(driven=True), across=0.001, basis={"spring": coarse})
