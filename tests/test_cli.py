@@ -208,6 +208,36 @@ def test_a_damaged_record_exits_4(capsys, monkeypatch, tmp_path):
     assert "problem" in out and "damaged" in out
 
 
+def test_info_of_every_family(capsys):
+    """Source, symmetry, closed form, ranges, evidence and errors on fresh shapes are printed for all that ships."""
+    from ksd.library import describe_database
+    from ksd.scene import joint_families
+    from ksd.train.catalogue import ENTRIES
+
+    shipped = {entry.family for entry in describe_database()}
+    assert shipped >= set(ENTRIES)
+    for family in joint_families():
+        assert main(["info", family]) == 0
+        out = " ".join(capsys.readouterr().out.split())
+        rows = ["source", "symmetry", "closed form"]
+        if family in ENTRIES:
+            rows += [
+                "motion",
+                "fresh ones that the fit has not seen",
+                "thickness twice",
+                "fresh shapes rms",
+                "trained at",
+            ]
+            rows += [f"shape {p.name}" for p in ENTRIES[family].parameters]
+            rows += [] if family in ("infinity_hinge", "triple_infinity_hinge") else ["Here"]
+        assert all(row in out for row in rows), (family, [row for row in rows if row not in out])
+        assert ("flexible constraint" in out) == (family not in ENTRIES)
+
+
+def test_info_of_an_unknown_family(capsys):
+    refused(capsys, ["info", "cros_flexure"], 2, "did you mean")
+
+
 def test_info_lists_the_record(record, capsys):
     assert main(["info"]) == 0
     out = capsys.readouterr().out

@@ -24,8 +24,10 @@ def add(commands: Any) -> argparse.ArgumentParser:
     parser: argparse.ArgumentParser = commands.add_parser(
         "info",
         help="what the joint database holds",
-        description="List the joint records: trained ranges, errors on fresh shapes, age, checksum.",
+        description="List the joint records: trained ranges, errors on fresh shapes, age, checksum. With a FAMILY all that "
+        "is known of it: source, symmetry, closed-form stiffness, evidence of what matters, errors mesh by mesh.",
     )
+    parser.add_argument("family", nargs="?", metavar="FAMILY", help="name of a joint family")
     return parser
 
 
@@ -34,6 +36,8 @@ def run(options: argparse.Namespace) -> int:
     import ksd
     from ksd.library import describe_database, record_folders
 
+    if options.family is not None:
+        return _one(options.family)
     screen = console()
     folders = [f"{f}" + ("" if f.is_dir() else " (none)") for f in record_folders()]
     screen.print(
@@ -53,8 +57,87 @@ def run(options: argparse.Namespace) -> int:
     return 0
 
 
+def _one(family: str) -> int:
+    """Print all that is known of one family. Raises SceneError for an unknown name, RecordError for a damaged record."""
+    from ksd.errors import SceneError
+    from ksd.library import describe_database, read_record
+    from ksd.scene import joint_families
+    from ksd.section.checks import nearest
+    from ksd.train.designs import known_designs
+    from ksd.train.portrait import counted, described
+
+    listings = {entry.family: entry for entry in describe_database()}
+    known = sorted({*listings, *joint_families()})
+    if family not in known:
+        raise SceneError(f"joint family {family!r} is unknown{nearest(family, known)}")
+    screen, rows = console(), described(family)
+    listing = listings.get(family)
+    if listing is None:
+        none = "none, and none needed: a flexible constraint, said with Mechanism.constrain"
+        rows.append(("record", f"none; run `ksd train {family}`" if family in known_designs() else none))
+        screen.print(_columns(family, rows))
+        return 0
+    if listing.problem:
+        raise RecordError(listing.problem)
+    record = read_record(listing.path)
+    signs = ", ".join(f"{n} {word}" for word, n in counted(record).items())
+    rows.append(("so its functions", f"in the (first) motion {signs}"))
+    fitted, fresh = record.samples
+    rows.append(("shapes", f"{fitted} fitted, {fresh} fresh ones that the fit has not seen"))
+    rows += [("history", sentence) for sentence in record.history]
+    screen.print(_columns(family, [*rows, *_rows(listing)]))
+    screen.print()
+    screen.print(_evidence(record))
+    screen.print()
+    screen.print(_residuals(record))
+    return 0
+
+
+def _evidence(record: Any) -> Any:
+    """What a change of one input does to the functions."""
+    table = _headed("What matters: largest change of the functions in the middle of the shapes")
+    for column in ("input", "changed to", "poses [rad, joint lengths]", "leafs [rad]", "in the record"):
+        table.add_column(
+            column, justify="left" if column in ("input", "changed to", "in the record") else "right"
+        )
+    free = {p.name for p in record.parameters}
+    for e in record.evidence:
+        table.add_row(
+            e.parameter,
+            e.change,
+            f"{e.interface:.2g}",
+            f"{e.rotations:.2g}",
+            "yes" if e.parameter in free else "",
+        )
+    return table
+
+
+def _residuals(record: Any) -> Any:
+    """Errors of the fit, by mesh and group."""
+    table = _headed("Errors of the fit, largest and root mean square")
+    for column in ("mesh", "functions", "fitted shapes", "rms", "fresh shapes", "rms", "unit"):
+        table.add_column(column, justify="left" if column in ("mesh", "functions", "unit") else "right")
+    for r in record.residuals:
+        numbers = (f"{v:.2g}" for v in (r.fit_max, r.fit_rms, r.fresh_max, r.fresh_rms))
+        table.add_row(str(r.mesh), r.group, *numbers, _UNITS.get(r.group, "1"))
+    return table
+
+
+def _headed(title: str) -> Any:
+    from rich.table import Table
+
+    return Table(
+        box=None, pad_edge=False, title=title, title_justify="left", title_style="bold", header_style="dim"
+    )
+
+
 def _entry(listing: Any) -> Any:
     """One record as a borderless table of two columns."""
+    return _columns(listing.family, _rows(listing))
+
+
+def _columns(title: str, rows: list[tuple[str, str]]) -> Any:
+    """A borderless table of two columns."""
     from rich.table import Table
     from rich.text import Text
 
@@ -62,13 +145,13 @@ def _entry(listing: Any) -> Any:
         box=None,
         show_header=False,
         pad_edge=False,
-        title=listing.family,
+        title=title,
         title_justify="left",
         title_style="bold",
     )
     table.add_column(style="dim", no_wrap=True)
     table.add_column(overflow="fold")
-    for name, value in _rows(listing):
+    for name, value in rows:
         table.add_row(name, Text(value))
     return table
 

@@ -1,6 +1,7 @@
 """Paper 2 and section E of the acceptance numbers: planar leafs, t/L = 1/200; in 3D the tangent basis."""
 
 from dataclasses import replace
+from functools import partial
 from importlib import import_module
 from pathlib import Path
 
@@ -31,7 +32,6 @@ def cases():
     [
         ("cantilever", 0.097, 0.005, 4.0, 0.3),
         ("cross flexure", 9.6, 0.5, 4.0, 0.3),
-        # with leafs a length apart; half of that lets the shuttle turn, and the order is 3.4 (benchmarks/results/paper2.md)
         ("parallel guide", 0.129, 0.006, 4.0, 0.3),
     ],
 )
@@ -41,6 +41,29 @@ def test_as_printed(cases, case, stroke, slack, order, width):
     assert found == pytest.approx(stroke, abs=slack)
     assert power == pytest.approx(order, abs=width)
     assert cases.measured(case, 1.0 if case == "parallel guide" else 0.2, cases.PRINTED)["stroke_error"] < 0
+
+
+def test_the_order_depends_on_the_distance_of_the_leafs(cases, monkeypatch):
+    """Why the guide of the tables has its leafs a length apart: at 50 mm the stroke of 1 % error is as asked, the order
+    at it is not, while near rest it is about 4 there too; with the shuttle kept from turning it is 4 throughout."""
+    assert cases.SPREAD == cases.L
+    early = import_module("paper2").early_order
+    for words, stroke, order in (({"spread": 0.05}, 0.128, 3.4), ({"held": True}, 0.136, 3.9)):
+        monkeypatch.setitem(
+            cases.CASES, "parallel guide", (partial(cases.guide, **words), (cases.L, 0.0, 0.0))
+        )
+        found, power = cases.one_percent("parallel guide", cases.PRINTED)
+        assert found == pytest.approx(stroke, abs=1e-3)
+        assert power == pytest.approx(order, abs=0.05)
+        assert early() == pytest.approx(3.87, abs=0.2)
+
+
+def test_support_is_asked_at_the_end_of_the_leaf(cases):
+    """At the driven end itself, wherever it is: held across there, a cantilever is compliant along by its bent shape."""
+    found = cases.solved(cases.full_model("cantilever", 0.6, 10), planar=True)
+    C = found.stiffness("tip", at=(cases.L, 0, 0)).compliance
+    expected = C[0, 0] - C[0, 1] ** 2 / C[1, 1]
+    assert cases.support_compliance(found, (cases.L, 0.0, 0.0)) == pytest.approx(expected, rel=1e-9)
 
 
 def test_as_printed_a_finer_mesh_makes_it_worse(cases):
