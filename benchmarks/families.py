@@ -146,12 +146,13 @@ def table(found: dict[str, dict[str, Any]]) -> str:
     lines = [
         "# Joint families",
         "",
-        "Largest errors over random shapes inside the trained ranges and four motions each, ends included: of the reduced",
-        "drive force against the joint's own element model (asked 1e-3), and of the positions of B and all blocks by the record",
-        "over the joint length (asked 1e-4); the force also with four Appendix A elements per leaf, and both at lengths,",
-        "thicknesses and widths off the trained ones by up to 1.5 each way, which a record does not know: leafs that are thick",
-        "for their length stretch more, by the square of that ratio. Beyond a range a solve is refused. What matters to each",
-        "family, and its errors on fresh shapes group by group, is printed by `ksd info FAMILY`.",
+        "Largest errors over random shapes inside the trained ranges and four motions each, ends included: of the",
+        "reduced drive force against the joint's own element model (asked 1e-3), and of the positions of B and all",
+        "blocks by the record over the joint length (asked 1e-4); the force also with four Appendix A elements per",
+        "leaf, and both at lengths, thicknesses and widths off the trained ones by up to 1.5 each way, which a record",
+        "does not know: leafs that are thick for their length stretch more, by the square of that ratio. Beyond a",
+        "range a solve is refused. What matters to each family, and its errors on fresh shapes group by group, is",
+        "printed by `ksd info FAMILY`.",
         "",
         "| family | source | leafs | intended motions | shape parameters | closed-form stiffness | its functions | "
         "record [kB] | reduced force error | positions / L | force, 4 elements per leaf | force, other sizes | "
