@@ -324,14 +324,12 @@ def least_squares(J, residual, step):
         if not d > 0.0:
             return 0.0
         worst = min(worst, d / before[j])
-        for i in range(j + 1, n):
+        for i in range(n - 1, j, -1):
             if A[i, j] != 0.0:
                 v = A[i, j] / d
                 for k in range(j + 1, i + 1):
                     A[i, k] -= v * A[k, j]
-        for i in range(j + 1, n):
-            if A[i, j] != 0.0:
-                A[i, j] /= d
+                A[i, j] = v
     for i in range(n):
         for c in range(i):
             step[i] -= A[i, c] * step[c]
