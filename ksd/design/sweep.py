@@ -3,16 +3,12 @@
 from __future__ import annotations
 
 import math
-import multiprocessing
 import os
-import pickle
 import signal
-import sys
 from collections.abc import Iterator, Mapping
 from concurrent.futures import Executor, Future, ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
-from pathlib import Path
 from typing import Any
 
 from ksd.design.kept import Kept
@@ -22,6 +18,7 @@ from ksd.design.questions import KNOWN, QUESTIONS, Asked
 from ksd.design.table import Table
 from ksd.errors import KsdError, SceneError
 from ksd.model.mesh import Mesh
+from ksd.numerics.processes import spawning
 from ksd.solve.choose import METHODS
 
 PER_PROCESS = 4
@@ -157,14 +154,14 @@ def _moving(lines: list[Line]) -> tuple[str, ...]:
 def _run(missing: list[Line], recipe: Recipe, executor: Executor | None, where: Any) -> None:
     """Compute the missing lines, here or elsewhere, keeping each as it is finished."""
     poses = sum(len(line.poses) for line in missing)
-    if executor is None and (len(missing) < 2 or poses < WORTH or not _can_spawn(missing, recipe)):
-        _run_here(missing, recipe, where)
-        return
     if executor is not None:
         _run_on(executor, missing, recipe, where)
         return
     # spawned, not forked: compiled kernels and threads do not survive a fork safely
-    context = multiprocessing.get_context("spawn")
+    context = spawning(missing[0], recipe) if len(missing) > 1 and poses >= WORTH else None
+    if context is None:
+        _run_here(missing, recipe, where)
+        return
     pool = ProcessPoolExecutor(os.cpu_count() or 1, mp_context=context, initializer=_quiet)
     try:
         _run_on(pool, missing, recipe, where)
@@ -219,18 +216,6 @@ def _run_on(executor: Executor, missing: list[Line], recipe: Recipe, where: Any)
     finally:
         for future in waiting:
             future.cancel()
-
-
-def _can_spawn(lines: list[Line], recipe: Recipe) -> bool:
-    """Whether a fresh process can import the running script and be sent a line."""
-    main = getattr(sys.modules["__main__"], "__file__", None)
-    if main is not None and not Path(main).is_file():
-        return False
-    try:
-        pickle.dumps((lines[0], recipe))
-    except (pickle.PicklingError, AttributeError, TypeError):
-        return False
-    return True
 
 
 def _quiet() -> None:

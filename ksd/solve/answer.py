@@ -55,10 +55,19 @@ SCHEMA: dict[str, str] = {
     "supports.*.force_N": "force the support exerts",
     "supports.*.moment_Nm": "moment the support exerts",
     "supports.*.effort": "force [N] or moment [Nm] of a support that is a sum of both kinds",
-    "error": "null where the method is exact (no error but that of the mesh)",
+    "error": "null where the method is exact (no error but that of the mesh), or where no estimate was asked for",
     "error.relative_percent": "larger of force error over force and displacement error over displacement",
     "error.displacement_um": "estimated error of the worst link position",
     "error.rotation_mrad": "estimated error of the worst link rotation",
+    "basis": "of the reduced body bent furthest, a leaf or a solid; null where nothing is reduced",
+    "basis.of": "its name",
+    "basis.coordinates": "independent coordinates of its basis (rank)",
+    "basis.condition": "condition number of their columns",
+    "basis.stroke": "displacement of its end over its length in this state",
+    "basis.turn_deg": "its largest rotation against its chord, of a solid that of its face B",
+    "basis.within_percent": "the basis is within this error; null for one about a trained state, good about that alone",
+    "basis.most_stroke": "... up to this stroke",
+    "basis.most_turn_deg": "... and this rotation",
     "links.*.displacement_mm": "displacement of the link's reference point, the mean of what hangs on it",
     "links.*.reference_mm": "that reference point at rest",
     "links.*.rotation_deg": "rotation vector of the link from rest",
@@ -97,6 +106,7 @@ def as_dict(configuration: Configuration) -> dict[str, Any]:
         "drives": _drives(c),
         "supports": _supports(c),
         "error": _error(c),
+        "basis": _basis(c),
         "links": _links(c),
         "joints": _joints(c),
         "leafs": _leafs(c),
@@ -189,6 +199,24 @@ def _error(c: Configuration) -> dict[str, float | None] | None:
         "relative_percent": _finite(100 * c.error.relative),
         "displacement_um": _finite(1e6 * c.error.displacement),
         "rotation_mrad": _finite(1e3 * c.error.rotation),
+    }
+
+
+def _basis(c: Configuration) -> dict[str, Any] | None:
+    from ksd.solve.validity import carried
+
+    found = carried(c.model, c.motion)
+    if found is None:
+        return None
+    return {
+        "of": found.name,
+        "coordinates": found.coordinates,
+        "condition": _finite(found.condition),
+        "stroke": _finite(found.stroke),
+        "turn_deg": _finite(180 / math.pi * found.turn),
+        "within_percent": _finite(100 * found.error),
+        "most_stroke": _finite(found.most_stroke),
+        "most_turn_deg": _finite(180 / math.pi * found.most_turn),
     }
 
 

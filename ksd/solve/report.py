@@ -94,7 +94,9 @@ def _verdict(d: dict[str, Any]) -> list[Any]:
     from rich.text import Text
 
     error = d["error"]
-    if error is None:
+    if error is None and (d["basis"] is not None or d["method"] in ("kinematic", "reduced", "modal")):
+        said = "Error: not estimated"
+    elif error is None:
         said = "Error: none but that of the mesh"
     elif error["relative_percent"] is None:
         said = "Estimated error: not known, corrector steps grow; do not use this result"
@@ -102,12 +104,31 @@ def _verdict(d: dict[str, Any]) -> list[Any]:
         shift, turn = (number(error[k], 2, zero=1e-6) for k in ("displacement_um", "rotation_mrad"))
         percent = number(error["relative_percent"], 2, zero=1e-9)
         said = f"Estimated error: {percent} % (links within {shift} um and {turn} mrad)"
-    lines = [Text(said), Text(f"State: {d['stability']}", style="" if d["stable"] else "bold red")]
+    lines = [
+        Text(said),
+        *_range(d["basis"]),
+        Text(f"State: {d['stability']}", style="" if d["stable"] else "bold red"),
+    ]
     for prefix, name in (("Branch: ", "branch"), ("", "trusted")):
         verdict = d["trust"][name]
         said = prefix + verdict["sentence"]
         lines.append(Text(said[0].upper() + said[1:], style="" if verdict["yes"] else "bold red"))
     return lines
+
+
+def _range(basis: dict[str, Any] | None) -> list[Any]:
+    """How far the basis of the reduced body bent furthest is good, and how far it is bent."""
+    from rich.text import Text
+
+    if basis is None:
+        return []
+    good = "good about the trained configuration alone"
+    if basis["within_percent"] is not None:
+        limits = f"{number(basis['most_stroke'], 2)} L and {number(basis['most_turn_deg'], 2)} deg"
+        good = f"within {basis['within_percent']:g} % to {limits}"
+    at = f"{number(basis['stroke'], 2)} L and {number(basis['turn_deg'], 2)} deg"
+    size = f"{basis['coordinates']} coordinates, condition {number(basis['condition'], 2)}"
+    return [Text(f"Basis of '{basis['of']}', bent furthest, to {at}: {good} ({size})")]
 
 
 def _joints(d: dict[str, Any]) -> list[Any]:

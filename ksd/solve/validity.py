@@ -6,6 +6,7 @@ the rotation held (a guide), and a rotation. Each is driven further until the er
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Any
@@ -140,4 +141,47 @@ def validity(model: ModalModel, *, leaf: str | None = None, error: float = 0.01)
     )  # fmt: skip
 
 
-__all__ = ["WAYS", "Validity", "validity"]
+@dataclass(frozen=True)
+class Carried:
+    """The reduced body bent furthest in a state, and how far its basis is good.
+
+    name: of the leaf or solid; coordinates: independent ones of its basis, condition: of their columns; stroke: displacement
+    of its end over its length, turn [rad]: largest rotation against its chord (of a solid: of face B); error, most_stroke,
+    most_turn: it stays within this relative error up to these, nan for a basis expanded about a trained state.
+    """
+
+    name: str
+    coordinates: int
+    condition: float
+    stroke: float
+    turn: float
+    error: float
+    most_stroke: float
+    most_turn: float
+
+
+def carried(model: Any, motion: Any) -> Carried | None:
+    """What an answer of reduced bodies says of its bases; None where there are none."""
+    if hasattr(model, "solids"):
+        from ksd.solve.solids import bent as bent_solid
+
+        name, stroke, turn = bent_solid(model, motion)
+        body, found = model.solids[name], validity(model, leaf=name)
+        size, condition = body.unknowns, body.condition
+    elif isinstance(model, ModalModel):
+        from ksd.solve.modal import bent
+
+        name, stroke, turn = bent(model, motion)
+        basis = model.bodies[model.member_names.index(name)]
+        assert basis is not None
+        size, condition = basis.rank, basis.condition
+        found = validity(model, leaf=name) if basis.choices.expansion == "rest" else None
+    else:
+        return None
+    if found is None:
+        return Carried(name, size, condition, stroke, turn, math.nan, math.nan, math.nan)
+    limits = min(found.stroke.values()), min(found.turn.values())
+    return Carried(name, size, condition, stroke, turn, found.error, *limits)
+
+
+__all__ = ["WAYS", "Carried", "Validity", "carried", "validity"]

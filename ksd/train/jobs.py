@@ -6,11 +6,8 @@ from __future__ import annotations
 
 import hashlib
 import io
-import multiprocessing
-import pickle
 import shutil
 import signal
-import sys
 from concurrent.futures import Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass, replace
@@ -22,6 +19,7 @@ import numpy as np
 
 from ksd.errors import KsdError, SceneError
 from ksd.library.files import write_atomically
+from ksd.numerics.processes import spawning
 from ksd.scene import DrawnJoint, Leaf
 from ksd.train.sources import result_hash, source_hash
 from ksd.train.sweep import Plan, Samples, sample_joint
@@ -74,18 +72,6 @@ def perform(job: Job) -> Samples:
 def _quiet() -> None:
     """Ctrl-C is the business of the process that started the workers."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-
-
-def _can_spawn(job: Job) -> bool:
-    """Whether a fresh process can import the running script and be sent the job."""
-    main = getattr(sys.modules["__main__"], "__file__", None)
-    if main is not None and not Path(main).is_file():
-        return False
-    try:
-        pickle.dumps(job)
-    except (pickle.PicklingError, AttributeError, TypeError):
-        return False
-    return True
 
 
 class Jobs:
@@ -146,9 +132,9 @@ class Jobs:
         if self._given is not None:
             return self._given
         if self._pool is None:
-            if _can_spawn(job):
-                # spawned, not forked: compiled kernels and threads do not survive a fork safely
-                context = multiprocessing.get_context("spawn")
+            # spawned, not forked: compiled kernels and threads do not survive a fork safely
+            context = spawning(job)
+            if context is not None:
                 self._pool = ProcessPoolExecutor(WORKERS, mp_context=context, initializer=_quiet)
             else:
                 self._pool = ThreadPoolExecutor(WORKERS)

@@ -62,7 +62,8 @@ def test_every_documented_key_of_a_mechanism_occurs(estimated):
     scene = single_joint()
     scene.support("tip", along="z", at=(0.1, 0, 0))
     turned = replace(conventional(compile_scene(scene), {"turn": 0.2}), error=estimated.error)
-    seen = {*paths(as_dict(estimated)), *paths(as_dict(turned))}
+    modal = ksd.solve(single_joint(), turn=0.2, method="modal")
+    seen = {*paths(as_dict(estimated)), *paths(as_dict(turned)), *paths(as_dict(modal))}
     rare = {
         "drives.*.value",
         "drives.*.effort",
@@ -74,6 +75,25 @@ def test_every_documented_key_of_a_mechanism_occurs(estimated):
     for key in SCHEMA:
         found = any(fnmatch.fnmatch(p.replace("[", "("), key.replace("[", "(")) for p in seen)
         assert found or key in rare, key
+
+
+def test_a_reduced_answer_carries_its_range():
+    """Size of the basis, how far its leaf is bent and how far it is good; without an estimate no exactness is claimed."""
+    words = {"turn": 0.2, "method": "modal"}
+    found = ksd.solve(single_joint(), **words)
+    basis = as_dict(found)["basis"]
+    assert (
+        0.05 < basis["stroke"] < 0.3 < basis["most_stroke"]
+        and 2 < basis["turn_deg"] < 15 < basis["most_turn_deg"]
+    )
+    assert basis["coordinates"] == found.model.unknowns_per_body and basis["condition"] > 1
+    assert f"Basis of '{basis['of']}', bent furthest" in str(found) and "within 1 % to" in str(found)
+    trained = ksd.ModalBasis(expansion="trained", frame="node", internal=0)
+    assert "good about the trained configuration alone" in " ".join(
+        str(ksd.solve(single_joint(), basis=trained, **words)).split()
+    )
+    plain = ksd.solve(single_joint(), estimate=False, **words)
+    assert plain.error is None and "Error: not estimated" in str(plain)
 
 
 @pytest.mark.parametrize("which", ["exact", "estimated"])

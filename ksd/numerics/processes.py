@@ -1,0 +1,59 @@
+"""Fresh processes that do not run the user's script once more, unless what they are sent is defined in it.
+
+A spawned process imports the running script, as a module, to find what is defined there. A script without the guard
+`if __name__ == "__main__":` is then run again in every process, as far as the call that asked for processes. Nothing of that
+is needed where all that is sent comes from imported modules.
+"""
+
+from __future__ import annotations
+
+import pickle
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from multiprocessing.context import SpawnContext, SpawnProcess
+from pathlib import Path
+from typing import Any
+
+
+class _Apart(SpawnProcess):
+    """A spawned process that does not see the script."""
+
+    def start(self) -> None:
+        """Start it while the script is hidden."""
+        with _script_hidden():
+            super().start()
+
+
+class _WithoutScript(SpawnContext):
+    Process = _Apart  # type: ignore[assignment]
+
+
+@contextmanager
+def _script_hidden() -> Iterator[None]:
+    """What `multiprocessing.spawn` tells a new process of the main module, taken away for the moment."""
+    main = sys.modules["__main__"]
+    told: tuple[str, ...] = ("__spec__", "__file__")
+    kept = {name: main.__dict__[name] for name in told if name in main.__dict__}
+    main.__dict__.pop("__file__", None)
+    main.__dict__["__spec__"] = None
+    try:
+        yield
+    finally:
+        main.__dict__.update(kept)
+
+
+def spawning(*sent: Any) -> SpawnContext | None:
+    """What to spawn processes with that are sent objects like `sent`; None where they cannot be: not picklable, or defined
+    in a script that is no file."""
+    try:
+        content = pickle.dumps(sent)
+    except (pickle.PicklingError, AttributeError, TypeError):
+        return None
+    if b"__main__" not in content:
+        return _WithoutScript()
+    script = getattr(sys.modules["__main__"], "__file__", None)
+    return SpawnContext() if script is None or Path(script).is_file() else None
+
+
+__all__ = ["spawning"]

@@ -1,0 +1,47 @@
+"""Processes started from a script without a guard do not run it again."""
+
+import subprocess
+import sys
+
+import pytest
+
+PLAIN = """
+import math
+from concurrent.futures import ProcessPoolExecutor
+from ksd.numerics.processes import spawning
+
+print("the script runs")
+with ProcessPoolExecutor(1, mp_context=spawning(math.sqrt)) as pool:
+    print(pool.submit(math.sqrt, 4.0).result())
+"""
+OWN = """
+from concurrent.futures import ProcessPoolExecutor
+from ksd.numerics.processes import spawning
+
+def own(x):
+    return 2 * x
+
+if __name__ == "__main__":
+    with ProcessPoolExecutor(1, mp_context=spawning(own)) as pool:
+        print(pool.submit(own, 2.0).result(), __file__ is not None)
+"""
+
+
+@pytest.mark.parametrize(
+    ("script", "expected"), [(PLAIN, ["the script runs", "2.0"]), (OWN, ["4.0 True"])], ids=["plain", "own"]
+)
+def test_a_script_runs_once(tmp_path, script, expected):
+    """Without a guard where only imported things are sent; what the script defines is found by running it, as ever."""
+    file = tmp_path / "script.py"
+    file.write_text(script)
+    done = subprocess.run([sys.executable, file], capture_output=True, text=True, timeout=120)
+    assert done.stdout.split("\n")[:-1] == expected, done.stderr
+    assert done.returncode == 0
+
+
+def test_from_standard_input():
+    """A script that is no file: what it defines cannot be sent."""
+    text = "from ksd.numerics.processes import spawning\nclass Own: pass\nimport math\n"
+    text += "print(spawning(Own()), spawning(lambda: 0), spawning(math.pi) is not None)"
+    done = subprocess.run([sys.executable], input=text, capture_output=True, text=True, timeout=60)
+    assert done.stdout.split() == ["None", "None", "True"], done.stderr
