@@ -153,7 +153,7 @@ HEADS = {"mip_free": "MIP, no eps_max", "mip": "MIP"}
 def table(title: str, rows: Mapping[float, Mapping[str, Any]]) -> str:
     """The rows as Markdown, with a last row of sums."""
     heads = [HEADS.get(c, c.replace("mip", "MIP").replace("_ms", " [ms]")) for c in COLUMNS]
-    more = ["full/plain", "reduced/plain", "full/MIP", "reduced/MIP", "force error"]
+    more = ["full/plain", "reduced/plain", "full/MIP", "reduced/MIP", "force error", "displacement error"]
     lines = [f"### {title}", "", "| angle | " + " | ".join([*heads, *more]) + " |"]
     lines.append("|---" * (len(COLUMNS) + len(more) + 1) + "|")
     for angle, row in rows.items():
@@ -161,7 +161,7 @@ def table(title: str, rows: Mapping[float, Mapping[str, Any]]) -> str:
     sums: dict[str, Any] = {
         c: sum(r[c] for r in rows.values()) for c in COLUMNS if c in next(iter(rows.values()))
     }
-    sums["force_error"] = max(r["force_error"] for r in rows.values())
+    sums |= {e: max(r[e] for r in rows.values()) for e in ("force_error", "displacement_error")}
     return "\n".join([*lines, _line("all", sums), ""])
 
 
@@ -177,7 +177,39 @@ def _ratios(row: Mapping[str, Any]) -> list[float | None]:
 def _line(name: str, row: Mapping[str, Any]) -> str:
     cells = [(f"{row[c]:.2f}" if c.endswith("_ms") else str(row[c])) if c in row else "-" for c in COLUMNS]
     cells += ["-" if r is None else f"{r:.3g}" for r in _ratios(row)]
-    return f"| {name} | " + " | ".join(cells) + f" | {row['force_error']:.1e} |"
+    return (
+        f"| {name} | "
+        + " | ".join(cells)
+        + f" | {row['force_error']:.1e} | {row['displacement_error']:.1e} |"
+    )
+
+
+ACCURACY = (
+    ("joint-case", "force_error", "moments", 1e-4, "exact to 1e-4"),
+    ("location-case", "force_error", "force", 7e-3, "2 % (paper), aim 0.7 %"),
+    ("location-case", "displacement_error", "displacement", 5e-4, "0.3 % (paper), aim 0.05 %"),
+)
+"""What is asked of the reduced answers at all positions."""
+
+
+def accuracy(found: Mapping[str, Any], meshes: Sequence[str]) -> str:
+    """Largest errors of the reduced answers over all positions, against the equilibrium of the same leafs."""
+    lines = ["### Errors of the reduced answers, all positions", ""]
+    lines += [
+        "Against `full` on the same leafs; 0 where the reduced state is within its bound and it takes no step.",
+        "",
+    ]
+    lines += [
+        "| case | error of the | asked | " + " | ".join(meshes) + " | |",
+        "|---" * (len(meshes) + 4) + "|",
+    ]
+    for case, key, words, limit, asked in ACCURACY:
+        worst = [max(row[key] for row in found[mesh][case].values()) for mesh in meshes]
+        said = "met" if max(worst) <= limit else "MISSED"
+        lines.append(
+            f"| {case} | {words} | {asked} | " + " | ".join(f"{w:.1e}" for w in worst) + f" | {said} |"
+        )
+    return "\n".join([*lines, ""])
 
 
 WANTED = {"joint-case": (80, 600, 40, 300), "location-case": (65, 600, 20, 200)}
@@ -242,6 +274,7 @@ def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
             tables.append(table(f"{case}, {name}", found[name][case]))
         if mesh.leaf == "corotational":
             tables.append(targets_table(found[name], name))
+    tables.insert(0, accuracy(found, list(meshes)))
     found["script_s"] = spent
     parts = ", ".join(f"{name} {value:.0f} s" for name, value in spent.items())
     on = found["machine"]
