@@ -25,7 +25,9 @@ def walk(kappa, soft, force, step, start, R, v):
         for g in range(steps + 1):
             here = R[leaf, g]
             if g == 0:
-                here[:] = start[leaf]
+                for i in range(3):
+                    for j in range(3):
+                        here[i, j] = start[leaf, i, j]
             else:
                 one, two, last = kappa[leaf, g - 1], kappa[leaf, steps + g - 1], R[leaf, g - 1]
                 for c in range(3):

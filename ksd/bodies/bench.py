@@ -16,6 +16,7 @@ from ksd.model.assembly import member_pose
 from ksd.model.system import assemble, take_step
 from ksd.numerics.blocks import backward_blocks, factor_blocks, forward_blocks
 from ksd.numerics.kernel import kernel
+from ksd.numerics.local import local_matrix, local_vector
 from ksd.numerics.rotations import rotation_log
 
 
@@ -56,7 +57,7 @@ def set_near(bench, loops, inside, theta, place, motion, work):
             motion.x[B, r] = place[j, 9 + r]
             for c in range(3):
                 motion.R[B, r, c] = place[j, 3 * r + c]
-    put = np.empty(24)
+    put = local_vector(24)
     slope[:] = 0.0
     # no derivatives wanted; a variable, since a literal 0 would compile `pose_from` a second time
     motions = 0 * J
@@ -87,7 +88,7 @@ def condense_joints(bench, joints, motion, work, near, reduced_inner):
 
     near: see `condense_member`. Returns (negative pivots inside, smallest relative pivot, status).
     """
-    none = np.empty(0)
+    none = work.rhs[:0]
     _, _, inside, status = assemble(bench, motion, none, 1.0, work, 1e-8, near, 10.0)
     stop = len(bench.plan.size) - joints
     negatives, pivot = factor_blocks(bench.plan, work.value, work.spare, stop)
@@ -113,7 +114,7 @@ def condense_joints(bench, joints, motion, work, near, reduced_inner):
 @kernel
 def relative_poses(members, joints, x, R, relative):
     """relative (J, 12): position d and rotation (row-major) of interface B in the axes of interface A."""
-    pose, Q = np.empty(18), np.empty((3, 3))
+    pose, Q = local_vector(18), local_matrix(3, 3)
     for j in range(joints):
         member_pose(members, x, R, j, pose, Q)
         for r in range(3):
@@ -131,7 +132,7 @@ def recover_joints(bench, reduced, joints, reduced_motion, motion, work):
     relative = np.empty((joints, 12))
     relative_poses(reduced.members, joints, reduced_motion.x, reduced_motion.R, relative)
     stop = len(bench.plan.size) - joints
-    turned, v = np.empty((3, 3)), np.empty(3)
+    turned, v = local_matrix(3, 3), local_vector(3)
     nodes = len(bench.start)
     shift, twist = 0.0, 0.0
     for i in range(bench.plan.start[stop]):
@@ -163,7 +164,7 @@ def place_insides(loops, block_joint, block_node, full_node, motion, full):
 
     A block's frame is identity at rest in both, so R_full = R_a F R_bench F^T with F the joint axes at rest.
     """
-    RA, T = np.empty((3, 3)), np.empty((3, 3))
+    RA, T = local_matrix(3, 3), local_matrix(3, 3)
     for k in range(len(block_node)):
         j, b, f = block_joint[k], block_node[k], full_node[k]
         a = loops.node[j, 0]

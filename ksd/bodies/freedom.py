@@ -31,7 +31,8 @@ def _jacobian(bodies: JointBodies, theta: np.ndarray) -> tuple[np.ndarray, np.nd
     W = np.zeros((len(arrays.start), motions, 6))
     place = np.zeros((len(loops.node), 24))
     target = np.zeros(len(arrays.terms.start))
-    loop_equations(arrays, loops, theta, target, bodies.reduced_rest.copy(), place, W, J, residual)
+    rest, terms, size = bodies.reduced_rest, arrays.terms, arrays.size
+    loop_equations(terms, size, loops, theta, target, rest.x.copy(), rest.R.copy(), place, W, J, residual)
     return J, W
 
 

@@ -223,18 +223,16 @@ def _own_twist(place, k, RA, pB, y, sign, column):
 
 
 @kernel
-def loop_equations(arrays, loops, theta, target, motion, place, W, J, residual):
-    """Link poses for theta (in motion), residual (E,) and Jacobian J (E, motions); rotations times the size scale.
+def loop_equations(terms, size, loops, theta, target, x, R, place, W, J, residual):
+    """Link poses for theta (into x, R), residual (E,) and Jacobian J (E, motions); rotations times `size`.
 
     Rows: six per closing joint, then one per constraint row of the model.
     """
     motions = len(theta)
-    x, R = motion.x, motion.R
     joint_places(loops, theta, place)
     W[:] = 0.0
     for t in range(len(loops.tree)):
         _hang(loops, place, loops.tree[t, 0], loops.tree[t, 1], x, R, W, motions)
-    size = arrays.size
     RA, RB, want, rel = local_matrix(3, 3), local_matrix(3, 3), local_matrix(3, 3), local_matrix(3, 3)
     pA, pB, pW, turned = local_vector(3), local_vector(3), local_vector(3), local_vector(3)
     own = local_vector(6)
@@ -270,13 +268,12 @@ def loop_equations(arrays, loops, theta, target, motion, place, W, J, residual):
             for r in range(3):
                 J[row + r, q] -= own[r]
                 J[row + 3 + r, q] -= size * own[3 + r]
-    _constraint_equations(arrays, target, x, R, W, J, residual, 6 * len(loops.closing))
+    _constraint_equations(terms, size, target, x, R, W, J, residual, 6 * len(loops.closing))
 
 
 @kernel
-def _constraint_equations(arrays, target, x, R, W, J, residual, row):
+def _constraint_equations(terms, size, target, x, R, W, J, residual, row):
     """One equation per drive or support: sum of terms minus target, with its derivative along the twist columns."""
-    terms = arrays.terms
     gradient, scratch = local_vector(12), local_vector(18)
     for i in range(len(terms.start)):
         rotations = 0
@@ -295,9 +292,9 @@ def _constraint_equations(arrays, target, x, R, W, J, residual, row):
                     s += gradient[r] * W[a, q, r] + gradient[6 + r] * W[b, q, r]
                 J[row + i, q] += c * s
         if rotations == terms.first[i + 1] - terms.first[i]:
-            residual[row + i] *= arrays.size
+            residual[row + i] *= size
             for q in range(J.shape[1]):
-                J[row + i, q] *= arrays.size
+                J[row + i, q] *= size
 
 
 @kernel
@@ -347,13 +344,14 @@ def close_loops(arrays, loops, theta, target, motion, place, most):
 
     A step of theta is limited to 0.5 (rad, or stroke over joint length); converged when it falls below 1e-11.
     """
-    rows = 6 * len(loops.closing) + len(arrays.terms.start)
+    terms, size, x, R = arrays.terms, arrays.size, motion.x, motion.R
+    rows = 6 * len(loops.closing) + len(terms.start)
     motions = len(theta)
-    W = np.zeros((len(motion.x), motions, 6))
+    W = np.zeros((len(x), motions, 6))
     J, residual, step = np.zeros((rows, motions)), np.zeros(rows), np.zeros(motions)
     pivot, gap = 1.0, 0.0
     for n in range(most):
-        loop_equations(arrays, loops, theta, target, motion, place, W, J, residual)
+        loop_equations(terms, size, loops, theta, target, x, R, place, W, J, residual)
         pivot = least_squares(J, residual, step)
         if not pivot > 1e-13:
             return 3, n, math.inf, pivot
@@ -367,7 +365,7 @@ def close_loops(arrays, loops, theta, target, motion, place, most):
             return 5, n, math.inf, pivot
         if largest < 1e-6:
             # quadratic: the error left is the square of this step; poses follow it
-            loop_equations(arrays, loops, theta, target, motion, place, W, J, residual)
+            loop_equations(terms, size, loops, theta, target, x, R, place, W, J, residual)
             for r in range(rows):
                 gap = max(gap, abs(residual[r]))
             return 0, n + 1, gap, pivot

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-
 from ksd.bodies.planar_kinematics import PLACE, planar_place
 from ksd.model.planar_assembly import TURN, planar_pose, recover_planar
 from ksd.model.planar_flat import PLANAR_LINEAR
@@ -13,6 +11,7 @@ from ksd.model.planar_system import assemble_planar, move_planar
 from ksd.numerics.blocks import backward_blocks, factor_blocks, forward_blocks
 from ksd.numerics.copies import copy_numbers, copy_rows
 from ksd.numerics.kernel import kernel
+from ksd.numerics.local import local_vector
 
 
 @kernel
@@ -24,7 +23,7 @@ def set_planar_near(bench, loops, inside, value, slope, place, motion, work):
         B = nodes - J + j
         pose[B, 0], pose[B, 1], pose[B, 2] = place[j, 1], place[j, 2], place[j, 0]
     if len(inside.block_node) > 0:
-        put = np.empty(PLACE)
+        put = local_vector(PLACE)
         # no derivatives wanted; a variable, since a literal 0 would compile `planar_place` a second time
         motions = 0 * J
         for k in range(len(inside.block_node)):
@@ -47,7 +46,7 @@ def set_planar_near(bench, loops, inside, value, slope, place, motion, work):
 @kernel
 def condense_planar(bench, joints, motion, work, near, reduced_inner):
     """Linearise all joints at `motion` and condense them to their interfaces; see `ksd.bodies.bench.condense_joints`."""
-    none = np.empty(0)
+    none = work.rhs[:0]
     _, inside, status = assemble_planar(bench, motion, none, 1.0, work, 1e-8, 10.0, near)
     plan, value, rhs = bench.plan, work.value, work.rhs
     stop = len(plan.size) - joints
@@ -71,7 +70,7 @@ def planar_relative(members, joints, pose, turns, relative):
     """relative (J, 3): pose of interface B in the axes of interface A; pose (k, 3) of the links; turns: scratch."""
     for k in range(len(pose)):
         turns[2 * k], turns[2 * k + 1] = math.cos(pose[k, 2]), math.sin(pose[k, 2])
-    put = np.empty(6)
+    put = local_vector(6)
     for j in range(joints):
         planar_pose(members.node[j], members.offset[j], members.frame[j], pose, turns, put, relative[j])
 

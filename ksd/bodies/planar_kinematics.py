@@ -14,6 +14,7 @@ from ksd.bodies.kinematics import least_squares, monomials
 from ksd.model.arrays import TRANSLATION
 from ksd.model.planar_assembly import TURN, planar_term
 from ksd.numerics.kernel import kernel
+from ksd.numerics.local import local_vector
 
 MATCHES = 1e-9
 """Last correction of an intended motion (rad, or stroke over joint length) at which it counts as found."""
@@ -146,7 +147,7 @@ def planar_equations(loops, terms, size, target, pose, turns, place, W, J, resid
     for k in range(len(pose)):
         turns[2 * k], turns[2 * k + 1] = math.cos(pose[k, 2]), math.sin(pose[k, 2])
     first, row = terms.first, 3 * len(loops.closing)
-    g = np.empty(10)
+    g = local_vector(10)
     for i in range(len(target)):
         rotations, last = 0, 0
         residual[row + i] = -target[i]

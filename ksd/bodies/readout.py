@@ -97,14 +97,14 @@ def drive_forces(arrays, loops, theta, target, motion, place, wrench, mu):
     rows = closing + len(target)
     W = np.zeros((len(motion.x), motions, 6))
     J, residual, Q, rate = np.zeros((rows, motions)), np.zeros(rows), np.zeros(motions), np.zeros(motions)
-    loop_equations(arrays, loops, theta, target, motion, place, W, J, residual)
+    loop_equations(arrays.terms, arrays.size, loops, theta, target, motion.x, motion.R, place, W, J, residual)
     for j in range(len(loops.node)):
         for q in range(loops.first[j], loops.first[j + 1]):
             at = 12 + 6 * (q - loops.first[j])
             for r in range(6):
                 Q[q] += wrench[54 * j + 12 + r] * place[j, at + r]
     loads = arrays.loads
-    arm, force, moment = np.empty(3), np.empty(3), np.empty(3)
+    arm, force, moment = local_vector(3), local_vector(3), local_vector(3)
     for i in range(len(loads.node)):
         node = loads.node[i]
         for r in range(3):

@@ -177,6 +177,8 @@ def make_work(arrays: Arrays, *, near: np.ndarray | None = None) -> Work:
     count = len(members.kind) + len(arrays.springs.kind)
     if count:
         compile_late("assemble_apart")
+    if len(arrays.springs.kind) or len(arrays.loads.node):
+        compile_late("add_effects")
     room = turning_room(arrays, 6)
     if room:
         compile_late("turn_step")

@@ -307,7 +307,8 @@ def add_members(arrays, x, R, inner, work, factor, rtol, noise, near):
             before[0] = math.nan
         if near < 0 and not heavy and _as_before(members, inner, i, d, Q, before):
             # K is still that of the one before
-            lam[:] = work.lam[i - 1]
+            for r in range(12):
+                lam[r] = work.lam[i - 1, r]
         else:
             back, dn, dm, failed = condense_member(members, inner, work, i, d, Q, K, near)
         negatives += back

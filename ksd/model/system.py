@@ -15,10 +15,23 @@ from ksd.numerics.kernel import kernel, late
 from ksd.numerics.local import local_vector
 from ksd.numerics.rotations import straighten, turn
 
+SYSTEM = Kind(blank_system())
+
+
+@late("void(int64, float64, float64, float64, CPointer(float64))")
+def add_effects(address, factor, rtol, noise, out):
+    """Springs and loads of the `System` at `address`, which few mechanisms have; out (1,): the status."""
+    s = found_at(address, SYSTEM)
+    out[0] = 0.0
+    if len(s.arrays.springs.kind) > 0:
+        out[0] = add_springs(s.arrays, s.motion.x, s.motion.R, s.work, rtol, noise)
+    if len(s.arrays.loads.node) > 0:
+        add_loads(s.arrays, s.motion.R, s.work, factor, rtol)
+
 
 @kernel
-def _assemble(arrays, motion, target, factor, work, rtol, near, grain):
-    """See `assemble`."""
+def _assemble(address, arrays, motion, target, factor, work, rtol, near, grain):
+    """See `assemble`; address: of the same arrays."""
     work.value[:] = 0.0
     work.rhs[:] = 0.0
     work.scale[:] = 0.0
@@ -30,10 +43,10 @@ def _assemble(arrays, motion, target, factor, work, rtol, near, grain):
     negatives, worst, status = add_members(
         arrays, motion.x, motion.R, motion.inner, work, factor, rtol, noise, near
     )
-    if len(arrays.springs.kind) > 0:
-        status = max(status, add_springs(arrays, motion.x, motion.R, work, rtol, noise))
-    if len(arrays.loads.node) > 0:
-        add_loads(arrays, motion.R, work, factor, rtol)
+    if len(arrays.springs.kind) > 0 or len(arrays.loads.node) > 0:
+        out = local_vector(1)
+        add_effects(address, factor, rtol, noise, out.ctypes)
+        status = max(status, int(out[0]))
     gap = add_terms(arrays, motion.x, motion.R, motion.multiplier, target, work, rtol)
     worst = max(worst, gap / (1e-11 * arrays.size + 2e-15 * reach))
     for k in range(len(arrays.start)):
@@ -51,15 +64,12 @@ def _assemble(arrays, motion, target, factor, work, rtol, near, grain):
     return worst, gap, negatives, status
 
 
-SYSTEM = Kind(blank_system())
-
-
 @late("void(int64, float64, float64, int64, float64, CPointer(float64))")
 def assemble_apart(address, factor, rtol, near, grain, out):
     """`assemble` on the `System` at `address`; out (4,) is what it returns."""
     s = found_at(address, SYSTEM)
     out[0], out[1], out[2], out[3] = _assemble(
-        s.arrays, s.motion, s.target, factor, s.work, rtol, near, grain
+        address, s.arrays, s.motion, s.target, factor, s.work, rtol, near, grain
     )
 
 

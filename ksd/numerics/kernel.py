@@ -73,7 +73,9 @@ class Kernel:
 
         from ksd.numerics.within import Outside
 
-        return numba.njit(pipeline_class=Outside, **self.targetoptions)(self.py_func)
+        # Python calls need no second wrapper, for C
+        settings = {**self.targetoptions, "no_cfunc_wrapper": True}
+        return numba.njit(pipeline_class=Outside, **settings)(self.py_func)
 
     def __call__(self, *arguments: Any) -> Any:
         return self._call(*arguments)
@@ -164,7 +166,7 @@ def _call_through(symbol: str, arguments: Any) -> Any:
 
     # numba reads the number of arguments off the function
     names = ", ".join(f"a{k}" for k in range(len(arguments)))
-    made: dict[str, Any] = {"answer": (types.void(*arguments), generate)}
+    made: dict[str, Any] = {"__name__": __name__, "answer": (types.void(*arguments), generate)}
     exec(f"def call(typing_context, {names}):\n    return answer", made)
     return intrinsic(made["call"])
 
@@ -195,16 +197,25 @@ def compile_now(*names: str) -> None:
 
 @contextlib.contextmanager
 def _keeping() -> Iterator[None]:
-    """Without the collection of garbage, of which compiling makes little and which costs it a fifteenth of its time."""
+    """Without the collection of garbage, of which compiling makes little and which costs it a fifteenth of its time.
+
+    What compiling leaves behind lives as long as the process: the collector is not to walk through it afterwards either.
+    """
     collects, begin, known = gc.isenabled(), time.thread_time_ns(), readied_ns()
     gc.disable()
     try:
         yield
     finally:
+        if time.thread_time_ns() - begin > COMPILED:
+            gc.freeze()
         if collects:
             gc.enable()
         # what was counted within is part of this
         _SPENT.ns = known + time.thread_time_ns() - begin
+
+
+COMPILED = 100_000_000
+"""CPU time [ns] above which a kernel was compiled, not loaded from the cache."""
 
 
 def readied_ns() -> int:

@@ -4,6 +4,7 @@
   assembles every function with all it calls, and again inside every caller; with kernels ten deep that was three quarters
   of the compile time. What is only called by compiled code is optimised once, as part of what Python or a C pointer calls.
 - The passes of numba that look for what no kernel has (closures, array expressions, loops over literals) are left out.
+- Kernels that own no array do not count users (`ksd.numerics.borrowed`).
 - What a call of a built-in function is, is found once per types of its arguments (`remembering`).
 
 Numba's documented way to the first two is a compiler pipeline of one's own.
@@ -22,6 +23,8 @@ from numba.core.compiler_machinery import register_pass
 from numba.core.extending import typeof_impl
 from numba.core.typed_passes import NativeLowering
 from numba.core.types.functions import BaseFunction
+
+from ksd.numerics.borrowed import borrows, uncounted
 
 
 class _NoEnvironment:
@@ -65,8 +68,28 @@ class _Lowering(NativeLowering):  # type: ignore[misc]
     _name = "ksd_lowering"
 
     def run_pass(self, state: Any) -> bool:
+        _count_no_borrower(state)
         state.library = _Unassembled(state.targetctx.codegen(), state.func_id.func_qualname)
         return bool(super().run_pass(state))
+
+
+@register_pass(mutates_CFG=True, analysis_only=False)
+class _EntryLowering(NativeLowering):  # type: ignore[misc]
+    """Numba's lowering of what Python or a C pointer calls."""
+
+    _name = "ksd_entry_lowering"
+
+    def run_pass(self, state: Any) -> bool:
+        # what Python calls counts the arrays that it is given
+        if state.flags.no_cpython_wrapper:
+            _count_no_borrower(state)
+        return bool(super().run_pass(state))
+
+
+def _count_no_borrower(state: Any) -> None:
+    """Leave the counting of users out of a kernel that owns no array."""
+    if borrows(state):
+        state.targetctx = uncounted(state.targetctx)
 
 
 class _Flags(Flags):  # type: ignore[misc]
@@ -110,7 +133,11 @@ class Outside(CompilerBase):  # type: ignore[misc]
 
     def define_pipelines(self) -> list[Any]:
         passes = DefaultPassBuilder.define_nopython_pipeline(self.state)
-        passes.passes = [p for p in passes.passes if p[0].name() not in _NOT_NEEDED]
+        passes.passes = [
+            (_EntryLowering if found is NativeLowering else found, words)
+            for found, words in passes.passes
+            if found.name() not in _NOT_NEEDED
+        ]
         passes.finalize()
         return [passes]
 
@@ -126,7 +153,7 @@ class _Within(Outside):
     def define_pipelines(self) -> list[Any]:
         (passes,) = super().define_pipelines()
         passes.passes = [
-            (_Lowering if found is NativeLowering else found, words) for found, words in passes.passes
+            (_Lowering if found is _EntryLowering else found, words) for found, words in passes.passes
         ]
         passes.finalize()
         return [passes]

@@ -41,7 +41,7 @@ def _model() -> Model:
 
 
 def planar_jobs(model: Model) -> list[Job]:
-    """What planar scenes need, besides the leafs."""
+    """What planar scenes need."""
     from ksd.bodies.planar_bodies import planar_bodies
     from ksd.model.plane import plane_of
     from ksd.solve.planar import solve_and_look
@@ -67,8 +67,17 @@ def planar_jobs(model: Model) -> list[Job]:
         states = flat.held, flat.lifted_into, storage.held
         solve_and_look.compile_for(*states, target, target, 1.0, 1e-8, 30, 0.3, math.inf)
 
-    # the first process comes to its Newton while this one is at the steps: the chains before that
-    return [steps, *every_jobs(model), *chain_jobs(), lambda: compile_now("iterate_planar_apart"), newton]
+    # while this process is at the steps, the first one compiles its Newton, or the leafs it begins with
+    leaf = "strain_condense_default"
+    return [
+        steps,
+        lambda: compile_now(leaf),
+        *every_jobs(model),
+        lambda: compile_now("iterate_planar_apart"),
+        newton,
+        lambda: compile_now(f"planar_{leaf}", "strain_recover", "planar_strain_recover"),
+        *chain_jobs(),
+    ]
 
 
 def every_jobs(model: Model) -> list[Job]:
@@ -80,8 +89,9 @@ def every_jobs(model: Model) -> list[Job]:
     def loops() -> None:
         bodies, target = joint_bodies(model, find_record), np.zeros(1)
         place, W, J = np.zeros((1, 24)), np.zeros((2, 1, 6)), np.zeros((1, 1))
+        terms, size, rest = bodies.reduced.terms, bodies.reduced.size, bodies.reduced_rest
         loop_equations.compile_for(
-            bodies.reduced, bodies.loops, target, target, bodies.reduced_rest, place, W, J, target
+            terms, size, bodies.loops, target, target, rest.x, rest.R, place, W, J, target
         )
 
     def look() -> None:
