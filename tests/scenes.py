@@ -1,5 +1,7 @@
 """Scenes shared by all tests: the cross flexure and the fourbar of paper 1, a guide that carries a cartwheel."""
 
+import numpy as np
+
 import ksd
 from ksd.units import GPa, deg, mm
 
@@ -55,3 +57,18 @@ def slider(axis="z", toward="x"):
     scene.actuate_joint("wheel", name="turn")
     scene.load(arm, force=(0.5, 1.0, 0), at=(0.15, 0.02, 0))
     return scene
+
+
+def dense(arrays, work):
+    """The assembled matrix (n, n), in elimination order."""
+    plan = arrays.plan
+    found = np.zeros((plan.unknowns, plan.unknowns))
+    for k in range(len(plan.size)):
+        places = [(k, plan.diagonal[k])]
+        places += [(plan.row[e], plan.place[e]) for e in range(plan.first[k], plan.first[k + 1])]
+        for i, at in places:
+            block = work.value[at : at + plan.size[i] * plan.size[k]].reshape(plan.size[i], plan.size[k])
+            rows, columns = (slice(plan.start[b], plan.start[b] + plan.size[b]) for b in (i, k))
+            found[rows, columns] = block
+            found[columns, rows] = block.T
+    return found

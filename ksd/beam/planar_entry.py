@@ -6,7 +6,7 @@
 
 from __future__ import annotations
 
-from ksd.beam import planar_corotational, planar_near, planar_strain
+from ksd.beam import planar_across, planar_corotational, planar_near, planar_strain
 from ksd.beam.strain_values import DEFAULT_ORDERS, DEFAULT_POINTS
 from ksd.numerics.kernel import carray, late
 
@@ -76,3 +76,14 @@ def planar_chain_near(value, number, inner, store, near, pose, lam, K, out, size
         carray(near, (size[3],)), carray(pose, (3,)), carray(lam, (6,)), carray(K, (3, 3)),
     )  # fmt: skip
     out[0], out[1], out[2], out[3] = back, force, moment, status
+
+
+@late(f"void({_P}, {_I}, {_P}, float64, {_P}, {_P}, {_P}, int64, int64, int64)")
+def planar_strain_across(value, number, inner, share, scratch, K, out, values, inners, room):
+    """Stiffness of a strain-mode leaf across the plane, see `ksd.beam.planar_across`; out (2,): negative pivots, 1 where
+    these can be told."""
+    negatives, sound = planar_across.across(
+        carray(value, (values,)), carray(number, (4,)), carray(inner, (inners,)), share, carray(scratch, (room,)),
+        carray(K, (3, 3)),
+    )  # fmt: skip
+    out[0], out[1] = negatives, 1.0 if sound else 0.0

@@ -45,6 +45,7 @@ def make_planar_work(arrays: Arrays, *, near: np.ndarray | None = None) -> Work:
     the kinds of members there are.
     """
     from ksd.beam import planar_entry, planar_weight_entry  # noqa: F401, declares the entry points
+    from ksd.model import planar_system, turning  # noqa: F401, as above
 
     members = arrays.members
     kinds = set(members.kind.tolist())
@@ -63,10 +64,10 @@ def make_planar_work(arrays: Arrays, *, near: np.ndarray | None = None) -> Work:
         compile_late(*PLANAR_WEIGHT_ENTRIES)
     room = turning_room(arrays, 3)
     if room:
-        from ksd.model import turning  # noqa: F401, as above
-
         compile_late("turn_flat_step")
     count = len(members.kind) + len(arrays.springs.kind)
+    if count:
+        compile_late("assemble_planar_apart")
     at = np.full(len(members.kind) + 1, 2 * len(arrays.start))
     if near is not None:
         at[1:] += np.cumsum(near)

@@ -83,6 +83,15 @@ def lift_nodes(axes, height, pose, x, R):
 
 
 @kernel
+def spatial_shift(axes, x, y):
+    """Largest component in space of a displacement (x, y) in the plane `axes` (3, 3)."""
+    found = 0.0
+    for r in range(3):
+        found = max(found, abs(axes[r, 0] * x + axes[r, 1] * y))
+    return found
+
+
+@kernel
 def lift_inner(to, of, factor, turn_to, turn_of, sense, flat, inner):
     """Write the spatial inner states from the planar ones `flat`; out of the plane everything is zero."""
     inner[:] = 0.0

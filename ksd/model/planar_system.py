@@ -7,21 +7,21 @@ from __future__ import annotations
 
 import math
 
+from ksd.model.blank import PlanarSystem, blank_planar_system
 from ksd.model.planar_assembly import (
     add_planar_loads,
     add_planar_members,
     add_planar_springs,
     add_planar_terms,
 )
-from ksd.numerics.kernel import kernel
+from ksd.numerics.held import Kind, address_of, found_at
+from ksd.numerics.kernel import kernel, late
+from ksd.numerics.local import local_vector
 
 
-@kernel(inline="always")
-def assemble_planar(arrays, motion, target, factor, work, rtol, grain, near):
-    """Residual and tangent at `motion`. Returns (residual over its bound, negatives, status).
-
-    grain: how many times the rounding of stiffness times position the bounds include. near: see `add_planar_members`.
-    """
+@kernel
+def _assemble(arrays, motion, target, factor, work, rtol, grain, near):
+    """See `assemble_planar`."""
     start, pose, rhs, scale, turns = arrays.start, motion.pose, work.rhs, work.scale, work.near
     work.value[:] = 0.0
     rhs[:] = 0.0
@@ -47,6 +47,28 @@ def assemble_planar(arrays, motion, target, factor, work, rtol, grain, near):
             f, m = math.sqrt(rhs[u] ** 2 + rhs[u + 1] ** 2), abs(rhs[u + 2])
             worst = max(worst, f / (scale[k, 0] + 1e-300), m / (scale[k, 1] + 1e-300))
     return math.inf if status == 2 else worst, negatives, status
+
+
+_KIND = Kind(blank_planar_system())
+
+
+@late("void(int64, float64, float64, float64, int64, CPointer(float64))")
+def assemble_planar_apart(address, factor, rtol, grain, near, out):
+    """`assemble_planar` on the `PlanarSystem` at `address`; out (3,) is what it returns."""
+    s = found_at(address, _KIND)
+    out[0], out[1], out[2] = _assemble(s.arrays, s.motion, s.target, factor, s.work, rtol, grain, near)
+
+
+@kernel(needs=("assemble_planar_apart",))
+def assemble_planar(arrays, motion, target, factor, work, rtol, grain, near):
+    """Residual and tangent at `motion`. Returns (residual over its bound, negatives, status).
+
+    grain: how many times the rounding of stiffness times position the bounds include. near: see `add_planar_members`.
+    """
+    out = local_vector(3)
+    at = address_of(PlanarSystem(arrays, motion, target, work), _KIND)
+    assemble_planar_apart(at, factor, rtol, grain, near, out.ctypes)
+    return out[0], int(out[1]), int(out[2])
 
 
 @kernel(inline="always")

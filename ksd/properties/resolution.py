@@ -19,6 +19,8 @@ from ksd.properties.kept import per_model
 
 IDLE = 1e-6
 """Energy of a leaf, over the largest of any, below which it hardly takes part and does not decide."""
+ROUNDING = 1e-13
+"""Entry of a stiffness matrix, over the diagonal ones beside it, that is a zero with rounding."""
 Array = NDArray[np.float64]
 
 
@@ -68,7 +70,8 @@ def _tables(model: Model) -> _Tables:
             K, mine = value[at : at + n * n].reshape(n, n), count + np.arange(n)
             place.append(first + np.arange(n))
             rest.append(value[still : still + n])
-            rows, columns = np.nonzero(K)
+            own_scale = np.sqrt(np.abs(np.diagonal(K)))
+            rows, columns = np.nonzero(np.abs(K) > ROUNDING * np.outer(own_scale, own_scale))
             one.append(mine[rows])
             two.append(mine[columns])
             stiff.append(0.5 * K[rows, columns])

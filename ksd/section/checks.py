@@ -113,7 +113,7 @@ def positive(value: Any, what: str, *, owner: str = "", unit: str = "") -> float
 
 def truth(value: Any, what: str, *, owner: str = "") -> bool:
     """True or False, and nothing that merely counts as one of them."""
-    if not isinstance(value, bool | np.bool_):
+    if value is not True and value is not False and not isinstance(value, np.bool_):
         raise SceneError(f"{label(what, owner)} = {show(value)} must be True or False.")
     return bool(value)
 

@@ -85,9 +85,12 @@ def doubt(
         return f"a load step took {driven.longest} iterations"
     if driven.shortest < min(CUT, 0.9 / steps):
         return f"a load step had to be cut to {100 * driven.shortest:.2g} % of the way"
-    if fresh and sum(works(model, motion, target)) < 0.0:
+    if not fresh:
+        return ""
+    loaded = carries_load(model.arrays)
+    if (sum(works(model, motion, target)) if loaded else -motion.multiplier.dot(target)) < 0.0:
         return "drives and loads did negative work on it"
-    if fresh and laden(model, motion, target, driven.longest):
+    if loaded and laden(model, motion, target, driven.longest):
         return f"loads do much of the work, and a load step took {driven.longest} iterations"
     return ""
 

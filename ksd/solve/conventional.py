@@ -18,7 +18,7 @@ import numpy as np
 from ksd.errors import ConvergenceError, KsdError, SceneError
 from ksd.model.arrays import Arrays, Loads, Motion, carries_load
 from ksd.model.compile import Model
-from ksd.numerics.stopwatch import Stopwatch
+from ksd.numerics.stopwatch import thread_ns
 from ksd.solve.arc import Course
 from ksd.solve.configuration import Configuration
 from ksd.solve.confirm import confirmed, doubt
@@ -141,10 +141,10 @@ def _solved(
     """The walk from `start` and its record."""
     # storage is prepared once for many solves
     _ = storage.flat if planar else None
-    clock, model = Stopwatch(), storage.model
+    model, clock = storage.model, thread_ns()
     motion = model.rest if start is None else start.motion
     driven, how, found, doubts = _walk(storage, motion, ways, planar, start is None)
-    spent = clock()
+    spent = 1e-9 * (thread_ns() - clock)
     note = f"{driven.taken} load step{'s' * (driven.taken != 1)}{', ' * bool(how)}{how}"
     if driven.pivoted:
         note += ", with pivoting"
@@ -154,7 +154,7 @@ def _solved(
     # supports follow the drives
     reached = dict(zip(model.drive_names, values.tolist(), strict=False))
     result = Configuration(
-        model, found, "conventional", reached, (step,), driven.negatives, len(target),
+        model, found, "conventional", reached, (step,), negatives=driven.negatives, expected=len(target),
         load_factor=low + driven.reached * (high - low), doubts=doubts,
     )  # fmt: skip
     return result, driven

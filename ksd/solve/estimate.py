@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
 from ksd.model.arrays import Motion
 from ksd.model.system import take_step
-from ksd.numerics.stopwatch import Stopwatch
+from ksd.numerics.stopwatch import thread_ns
 from ksd.solve.driving import RTOL
 from ksd.solve.pipeline import Bench
 from ksd.solve.steps import ErrorEstimate, Step
@@ -23,16 +24,48 @@ def estimate_error(
     b: Bench, target: np.ndarray, flat: FlatStorage | None = None
 ) -> tuple[ErrorEstimate, Step, int]:
     """Error estimate and inertia of the full state on the bench from a Newton step in space, or two; flat: the same state
-    in its plane, where it has one."""
-    clock = Stopwatch()
-    residual, negatives, status = b.storage.look(target, RTOL, step=2 if flat is None else 1)
-    error = _size_of_step(b)
+    in its plane, where it has one, from which both are seen where that is its mirror."""
+    begin = thread_ns()
+    seen = None if flat is None else _from_plane(b, target, flat)
+    if seen is None or flat is None or seen.sound < 2 or seen.negatives != len(target):
+        residual, negatives, status = b.storage.look(target, RTOL, step=2 if flat is None else 1)
+        error = _size_of_step(b)
+        if (
+            seen is not None
+            and flat is not None
+            and seen.sound
+            and seen.negatives == negatives == len(target)
+        ):
+            flat.note()
+    else:
+        error, residual, negatives, status = seen[:4]
     stop = Stop.CONVERGED if status == 0 else (Stop.LOCAL_ANGLE if status == 1 else Stop.NOT_FINITE)
     count = 1
     if COARSE < error.relative < math.inf and _moved(b):
         second = _second_step(b, target) if flat is None else _second_in_plane(b, target, flat)
         error, count = _followed(error, second), 2
-    return error, Step("error estimate", count, clock(), residual, stop), negatives
+    return error, Step("error estimate", count, 1e-9 * (thread_ns() - begin), residual, stop), negatives
+
+
+class _Seen(NamedTuple):
+    """What a Newton step in the plane says: error, residual over its bound, negative pivots, status; sound: see
+    `ksd.solve.planar.step_in_plane`."""
+
+    error: ErrorEstimate
+    residual: float
+    negatives: int
+    status: int
+    sound: int
+
+
+def _from_plane(b: Bench, target: np.ndarray, flat: FlatStorage) -> _Seen | None:
+    """The Newton step seen from the plane; None where that is not the mirror of the mechanism."""
+    if not flat.mirror:
+        return None
+    rows, force = flat.plane.lifting.row, np.empty(len(target))
+    (moved, shift, turn, residual), *counted = flat.step(target[rows], b.model.links, RTOL, force)
+    drives = len(b.model.drive_names)
+    return _Seen(_over(b.full.multiplier, force[:drives], moved, shift, turn), residual, *counted)
 
 
 def _moved(b: Bench) -> bool:
@@ -91,11 +124,21 @@ def _size_of_step(b: Bench) -> ErrorEstimate:
 
 def _made_relative(b: Bench, motion: Motion, force: np.ndarray, shift: float, turn: float) -> ErrorEstimate:
     """Absolute errors made relative: drive forces by their size, displacement by the largest link displacement."""
-    links, drives = b.model.links, len(b.model.drive_names)
+    links = b.model.links
     moved = float(np.abs(motion.x[:links] - b.model.rest.x[:links]).max())
-    scale = np.abs(motion.multiplier[:drives])
-    of_force = float((force / np.maximum(scale, max(scale.max(initial=0.0), 1e-300))).max(initial=0.0))
-    relative = max(of_force, shift / max(moved, 1e-300))
+    return _over(motion.multiplier, force, moved, shift, turn)
+
+
+def _over(
+    multiplier: np.ndarray, force: np.ndarray, moved: float, shift: float, turn: float
+) -> ErrorEstimate:
+    """The same with the largest link displacement `moved`."""
+    errors, scales = force.tolist(), [abs(m) for m in multiplier.tolist()[: len(force)]]
+    largest = max(scales, default=0.0)
+    # a number that is none stays: it is no small error
+    ratios = [e / max(s, largest, 1e-300) for e, s in zip(errors, scales, strict=True)]
+    ratios.append(shift / max(moved, 1e-300))
+    relative = math.nan if any(r != r for r in ratios) else max(ratios)
     return ErrorEstimate(force.copy(), shift, turn, relative if math.isfinite(relative) else math.inf)
 
 

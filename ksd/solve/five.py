@@ -126,25 +126,26 @@ class FiveSteps:
             return None
         rows, state = plane.lifting.row, flat.state
         out, count, negatives = flat(target[rows], method=code, passes=passes)
-        if not flat.closed(out):
+        record = out[:count].tolist()
+        if not flat.closed(record):
             return None
-        arrived = flat.converged(out, count, method=code, passes=passes)
-        inside = arrived and state.seen[0]
-        warnings = [] if inside else in_range(b, state.theta, extrapolate=self.extrapolate)
+        arrived = flat.converged(record, method=code, passes=passes)
+        in_reach, near = state.seen.tolist()
+        warnings = [] if arrived and in_reach else in_range(b, state.theta, extrapolate=self.extrapolate)
         if not arrived:
             return None
         above = self.above
         above.lift()
         negatives += len(target) - len(rows)
-        steps, error, alone = FiveStepRecord(out[:count].tolist(), passes), None, False
-        moved = _Moved(state.found, above.lifted.copy(), state.known, near=bool(state.seen[1]))
+        steps, error, alone = FiveStepRecord(record, passes), None, False
+        moved = _Moved(state.found, above.lifted.copy(), state.known, near=near == 1)
         if method == "kinematic":
             if not self._balances(plane, flat, target):
                 return None
             moved = moved._replace(theta=moved.theta.copy(), found=moved.found.copy())
             return self._kinematic((values, target, steps), moved, warnings, estimate=estimate)
         if method == "full":
-            seen = self._accepted(plane, target, bound=max(1.0, 2.0 * float(out[count - 1, 2])))
+            seen = self._accepted(plane, target, record[-1][2], negatives)
             if seen is None:
                 return None
             negatives = seen
@@ -159,10 +160,13 @@ class FiveSteps:
             (dict(values), method, steps), moved, negatives=negatives, error=error, warnings=warnings, plane_alone=alone
         )  # fmt: skip
 
-    def _accepted(self, plane: Plane, target: np.ndarray, *, bound: float) -> int | None:
-        """Negative pivots in space of the lifted equilibrium; None when it is none in space."""
-        b = self.bench
-        residual, negatives, status = b.storage.look(target, RTOL)
+    def _accepted(self, plane: Plane, target: np.ndarray, worst: float, negatives: int) -> int | None:
+        """Negative pivots in space of the lifted equilibrium, in the plane those given; None when it is none in space.
+
+        worst: the residual over its bound that it has in the plane.
+        """
+        b, bound = self.bench, max(1.0, 2.0 * worst)
+        residual, negatives, status = self.above.look(b.storage, target, RTOL, worst, negatives)
         if residual > 1.0 and plane.imbalance(b.full_work)[0] > 1.0:
             refuse_plane(self.model, "its leafs and loads do not balance across the plane")
             return None
@@ -263,8 +267,9 @@ class FiveSteps:
         long = steps.wandered(WANDERED)
         doubts = wandered(s for s in steps if s.name[0] in "35") if long else ()
         return Configuration(
-            self.model, b.full.copy(), method, values, steps, negatives, expected, motions, unintended, error,
-            (*warnings, *unknown, *self._said(steps)), doubts=doubts, plane_alone=plane_alone, near=near,
+            self.model, b.full.copy(), method, values, steps, negatives=negatives, expected=expected, motions=motions,
+            unintended=unintended, error=error, warnings=(*warnings, *unknown, *self._said(steps)), doubts=doubts,
+            plane_alone=plane_alone, near=near,
         )  # fmt: skip
 
 

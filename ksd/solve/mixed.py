@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -263,7 +262,8 @@ class MixedSolver:
         )
         expected = len(modal.drive_names) + len(modal.support_names)
         return Configuration(
-            modal, state, "modal", dict(values), tuple(steps), int(negatives + inside), expected, motions, unintended,
+            modal, state, "modal", dict(values), tuple(steps), negatives=int(negatives + inside),
+            expected=expected, motions=motions, unintended=unintended,
             warnings=(*placed.warnings, *unknown), near=bool(b.seen[1]),
         )  # fmt: skip
 
@@ -281,7 +281,7 @@ def _equilibrium(ready: _Prepared, motion: Motion, target: np.ndarray, *, once: 
     finally:
         ready.stiffen(1.0)
     last = _loaded(ready, motion, target, once=True)
-    return replace(last, iterations=first.iterations + last.iterations, time=first.time + last.time)
+    return last._replace(iterations=first.iterations + last.iterations, time=first.time + last.time)
 
 
 def _loaded(ready: _Prepared, motion: Motion, target: np.ndarray, *, once: bool) -> Step:

@@ -174,7 +174,9 @@ def tangent_solve(
         Step("modal equilibrium", count, spent, residual, Stop(reason)),
     )
     expected = len(model.drive_names) + len(model.support_names)
-    found = Configuration(model, motion, "modal", dict(targets), steps, negatives, expected)
+    found = Configuration(
+        model, motion, "modal", dict(targets), steps, negatives=negatives, expected=expected
+    )
     if Stop(reason) is not Stop.CONVERGED:
         raise ConvergenceError(
             f"basis no longer successful: from the trained configuration {Stop(reason).sentence}; use method='full'",

@@ -101,8 +101,8 @@ class _Walk:
         names = zip(self.model.drive_names, target, strict=False)
         step = Step("path", at.iterations, 0.0, 0.0, Stop.CONVERGED if at.fits else Stop.LOCAL_ANGLE)
         return Configuration(
-            self.model, at.motion, "path", {n: float(v) for n, v in names}, (step,), at.negatives,
-            len(target), load_factor=factor,
+            self.model, at.motion, "path", {n: float(v) for n, v in names}, (step,),
+            negatives=at.negatives, expected=len(target), load_factor=factor,
         )  # fmt: skip
 
     def keep(self, at: Place) -> None:

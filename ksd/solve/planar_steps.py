@@ -282,14 +282,14 @@ class PlanarSteps:
         rows, negatives = planar_steps(self.held, target, method, passes, RTOL, CAP, self.gap, out)
         return out, rows, negatives
 
-    def converged(self, out: np.ndarray, rows: int, *, method: int, passes: int) -> bool:
+    def converged(self, record: list[list[float]], *, method: int, passes: int) -> bool:
         """Whether all steps were taken and the last one converged."""
         whole = 2 if method == KINEMATIC else 1 + 3 * (passes + 1) + (method == FULL)
-        return rows == whole and out[rows - 1, 0] == 0 and self.closed(out)
+        return len(record) == whole and record[-1][0] == 0.0 and self.closed(record)
 
-    def closed(self, out: np.ndarray) -> bool:
+    def closed(self, record: list[list[float]]) -> bool:
         """Whether step 1 closed the loops."""
-        return out[0, 0] == 0 and bool(out[0, 2] < self.gap * self.bodies.reduced.size)
+        return record[0][0] == 0.0 and record[0][2] < self.gap * self.bodies.reduced.size
 
 
 def prepare_planar(model: Any, bodies: Any, gap: float = GAP) -> PlanarSteps | str:

@@ -4,15 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from ksd.solve.stops import Stop
 
 
-@dataclass(frozen=True)
-class Step:
+class Step(NamedTuple):
     """One step of a solve: name, Newton iterations (matrix solves), thread time [s], residual over its bound, reason."""
 
     name: str

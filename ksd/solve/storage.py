@@ -13,6 +13,7 @@ import numpy as np
 from ksd.model.arrays import Arrays, Motion, Work, make_work
 from ksd.model.blank import System
 from ksd.model.compile import Model
+from ksd.model.planar_across import Mirror, make_across
 from ksd.model.planar_arrays import PlanarMotion, make_planar_work
 from ksd.model.planar_lift import Lifting, lift_inner, lift_nodes
 from ksd.model.plane import Plane, plane_of
@@ -33,6 +34,15 @@ class Whole(NamedTuple):
     arrays: Arrays
     motion: Motion
     work: Work
+
+
+class WholeFlat(NamedTuple):
+    """The same in the plane, and its state of rest."""
+
+    arrays: Arrays
+    motion: PlanarMotion
+    work: Work
+    rest: PlanarMotion
 
 
 class Lift(NamedTuple):
@@ -154,8 +164,8 @@ NO_JOINTS = (np.zeros((0, 3)), np.zeros(0), np.zeros((0, 6)))
 class FlatStorage:
     """State and storage of a model in its plane, and the spatial state `motion` it is set into.
 
-    held, lifted_into: both for compiled code. flat: planar state and storage, made here unless given. joints: (off,
-    sense, lifted) of `Lift`.
+    held, lifted_into, across (`ksd.model.planar_across`): for compiled code; mirror: whether the last says anything. flat:
+    planar state and storage, made here unless given. joints: (off, sense, lifted) of `Lift`.
     """
 
     def __init__(
@@ -168,18 +178,45 @@ class FlatStorage:
         self.plane = plane
         self.motion, work = flat or (plane.rest.copy(), make_planar_work(plane.arrays))
         self.lifted = joints[2]
-        self.held = Held(Whole(plane.arrays, self.motion, work))  # type: ignore[arg-type]
+        self.held = Held(WholeFlat(plane.arrays, self.motion, work, plane.rest))
         self.lifted_into = Held(Lift(plane.lifting, self.motion, motion, *joints))
+        self.across = Held(Mirror(make_across(plane.space, plane.arrays, plane.lifting, plane.rest)))
+        self._sizes = np.zeros(4)
+        self.mirror = len(self.across.parts.across.times) > 0
         # here, so that a scene solved in space never compiles the planar kernels
-        from ksd.solve.planar import solve_flat
+        from ksd.solve import planar
 
-        self._solve = solve_flat
+        self._kernels: Any = planar
 
     def newton(self, target: np.ndarray, *ways: Any) -> Newton:
         """As `Storage.newton`, at the rows (r,) that act in the plane."""
-        found: Newton = self._solve(self.held, target, *ways)
+        found: Newton = self._kernels.solve_flat(self.held, target, *ways)
         return found
 
     def lift(self) -> None:
         """Write the spatial state, and what is left of the joints' motions."""
         lift_whole(self.lifted_into)
+
+    def look(
+        self, whole: Storage, target: np.ndarray, rtol: float, worst: float, negatives: int
+    ) -> tuple[float, int, int]:
+        """As `Storage.look` on what the planar Newton found, its residual `worst` and `negatives`, set into space before."""
+        found: tuple[float, int, int] = self._kernels.look_from_plane(
+            self.held, whole.held, self.across, target, 1.0, rtol, worst, negatives
+        )
+        return found
+
+    def step(
+        self, target: np.ndarray, links: int, rtol: float, force: np.ndarray
+    ) -> tuple[list[float], int, int, int]:
+        """The Newton step of the held planar state, not taken: (found, negative pivots, status, sound) of
+        `ksd.solve.planar.step_in_plane`; force (r,) is written."""
+        sizes = self._sizes
+        counted = self._kernels.step_in_plane(
+            self.held, self.lifted_into, self.across, target, links, rtol, force, sizes
+        )
+        return sizes.tolist(), *counted
+
+    def note(self) -> None:
+        """Space was asked about the held state, and saw what is seen from the plane."""
+        self._kernels.note_plane(self.held, self.across)

@@ -85,7 +85,7 @@ def _rolled(c: Configuration) -> str:
     if not len(leafs.strain):
         return ""
     bends = c.motion.inner.take(leafs.at)
-    if max(bends.max(), -bends.min()) * leafs.least < MOST_GAP:
+    if max(map(abs, bends.ravel().tolist())) * leafs.least < MOST_GAP:
         return ""
     turns = np.sqrt(np.square(bends).sum(axis=0)) * leafs.length
     worst = int((turns / leafs.points).argmax())

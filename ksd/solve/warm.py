@@ -26,6 +26,8 @@ from ksd.numerics.kernel import compile_now
 from ksd.scene import CrossFlexure, Material, Mechanism
 
 Job = Callable[[], None]
+PLANAR = "assemble_planar_apart", "planar_strain_across", "iterate_planar_apart", "stable_across_apart"
+"""What the Newton in the plane and its look across are made of."""
 
 
 def _model() -> Model:
@@ -64,8 +66,8 @@ def planar_jobs(model: Model) -> list[Job]:
         storage = Storage(model)
         flat = storage.flat
         assert not isinstance(flat, str)
-        states = flat.held, flat.lifted_into, storage.held
-        solve_and_look.compile_for(*states, target, target, 1.0, 1e-8, 30, 0.3, math.inf)
+        states = flat.held, flat.lifted_into, storage.held, flat.across
+        solve_and_look.compile_for(*states, 1, target, target, 1.0, 1e-8, 30, 0.3, math.inf)
 
     # while this process is at the steps, the first one compiles its Newton, or the leafs it begins with
     leaf = "strain_condense_default"
@@ -73,7 +75,7 @@ def planar_jobs(model: Model) -> list[Job]:
         steps,
         lambda: compile_now(leaf),
         *every_jobs(model),
-        lambda: compile_now("iterate_planar_apart"),
+        lambda: compile_now(*PLANAR),
         newton,
         lambda: compile_now(f"planar_{leaf}", "strain_recover", "planar_strain_recover"),
         *chain_jobs(),

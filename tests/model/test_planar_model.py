@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from scenes import STEEL, cross_flexure, fourbar, single_joint
+from scenes import STEEL, cross_flexure, dense, fourbar, single_joint
 
 import ksd
 from ksd.model.compile import compile_scene
@@ -45,21 +45,6 @@ def guide(*, axis=(0, 0, 1), along=(1, 0, 0), spread=0.0):
         )  # fmt: skip
     scene.actuate(stage, along=e2, at=100 * mm * e1, name="stroke")
     return scene
-
-
-def dense(arrays, work):
-    """The assembled matrix (n, n), in elimination order."""
-    plan = arrays.plan
-    found = np.zeros((plan.unknowns, plan.unknowns))
-    for k in range(len(plan.size)):
-        places = [(k, plan.diagonal[k])]
-        places += [(plan.row[e], plan.place[e]) for e in range(plan.first[k], plan.first[k + 1])]
-        for i, at in places:
-            block = work.value[at : at + plan.size[i] * plan.size[k]].reshape(plan.size[i], plan.size[k])
-            rows, columns = (slice(plan.start[b], plan.start[b] + plan.size[b]) for b in (i, k))
-            found[rows, columns] = block
-            found[columns, rows] = block.T
-    return found
 
 
 def moved(plane, state, step):
