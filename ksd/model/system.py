@@ -18,15 +18,22 @@ from ksd.numerics.rotations import straighten, turn
 SYSTEM = Kind(blank_system())
 
 
+@kernel
+def _add_effects(arrays, motion, factor, work, rtol, noise):
+    """Springs and loads. Returns the status."""
+    status = 0
+    if len(arrays.springs.kind) > 0:
+        status = add_springs(arrays, motion.x, motion.R, work, rtol, noise)
+    if len(arrays.loads.node) > 0:
+        add_loads(arrays, motion.R, work, factor, rtol)
+    return status
+
+
 @late("void(int64, float64, float64, float64, CPointer(float64))")
 def add_effects(address, factor, rtol, noise, out):
     """Springs and loads of the `System` at `address`, which few mechanisms have; out (1,): the status."""
     s = found_at(address, SYSTEM)
-    out[0] = 0.0
-    if len(s.arrays.springs.kind) > 0:
-        out[0] = add_springs(s.arrays, s.motion.x, s.motion.R, s.work, rtol, noise)
-    if len(s.arrays.loads.node) > 0:
-        add_loads(s.arrays, s.motion.R, s.work, factor, rtol)
+    out[0] = _add_effects(s.arrays, s.motion, factor, s.work, rtol, noise)
 
 
 @kernel

@@ -301,20 +301,28 @@ def test_the_assembly_calls_nothing_for_what_is_absent(monkeypatch):
             system, part, lambda *a, part=part, answer=answer: (calls.append(part), answer)[1]
         )
 
+    # on the stack of a compiled kernel
+    monkeypatch.setattr(system, "local_vector", np.zeros)
+
     def assembled(scene):
         calls.clear()
         model = ksd.compile_scene(scene)
-        system._assemble.py_func(
-            model.arrays, model.rest, np.zeros(1), 1.0, make_work(model.arrays), 1e-8, 0, 10.0
-        )
+        arrays, rest, work = model.arrays, model.rest, make_work(model.arrays)
+
+        def apart(_address, factor, rtol, noise, _out):
+            calls.append("apart")
+            system._add_effects.py_func(arrays, rest, factor, work, rtol, noise)
+
+        monkeypatch.setattr(system, "add_effects", apart)
+        system._assemble.py_func(0, arrays, rest, np.zeros(1), 1.0, work, 1e-8, 0, 10.0)
         return set(calls)
 
     assert assembled(fourbar()) == {"add_members", "add_terms"}
     sprung = fourbar()
     sprung.joint_spring("lower left", stiffness=1.0)
-    assert assembled(sprung) == {"add_members", "add_terms", "add_springs"}
+    assert assembled(sprung) == {"add_members", "add_terms", "apart", "add_springs"}
     heavy = also(fourbar(), weight(1.0, "top", (0, 0.37, 0)))
-    assert assembled(heavy) == {"add_members", "add_terms", "add_loads"}
+    assert assembled(heavy) == {"add_members", "add_terms", "apart", "add_loads"}
 
 
 def size(arrays):
