@@ -28,7 +28,7 @@ from ksd.scene import Joint
 from ksd.solve.conventional import conventional
 from ksd.train.catalogue import ENTRIES
 from ksd.train.designs import design_of
-from ksd.train.portrait import ORIGINS, counted
+from ksd.train.portrait import ORIGINS, TYPICAL, counted
 from ksd.view.figure import new_figure
 from ksd.view.flat import plot_mechanism
 
@@ -192,12 +192,10 @@ def constrained(joint: Joint, share: float) -> ksd.Configuration:
 HOLDS = {"folded leaf": ("z", "along its fold"), "wire": ("x", "along its axis")}
 """The one direction a flexible constraint is stiff in."""
 STEEL = ksd.Material(E=200e9, G=76.9e9)
-SHAPES = {"folded leaf": "t/L 1/400 to 1/50, w/L 0.2 to 1", "wire": "d/L 1/200 to 1/25"}
-"""Typical ranges, from which the shapes are drawn at random (evenly in the logarithm)."""
 
 
 def random_constraint(name: str, rng: np.random.Generator) -> Joint:
-    """A flexible constraint of random size and shape."""
+    """A flexible constraint of random size and of a shape within its typical ranges, evenly in the logarithm."""
 
     def between(low: float, high: float) -> float:
         return float(np.exp(rng.uniform(math.log(low), math.log(high))))
@@ -225,7 +223,7 @@ def constraint_facts(name: str, *, shapes: int) -> dict[str, Any]:
         for share in left:
             left[share] = min(left[share], _stiffness(joint, share).support(axis, held=turns) / k)
     return {
-        "source": ORIGINS[family].short, "holds": along, "shapes": SHAPES[name], "closed_form_error": off,
+        "source": ORIGINS[family].short, "holds": along, "shapes": TYPICAL[family], "closed_form_error": off,
         "times_stiffer": soft, "left": {f"{100 * share:g} %": value for share, value in left.items()},
     }  # fmt: skip
 

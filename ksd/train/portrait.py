@@ -100,6 +100,13 @@ ORIGINS: dict[str, Origin] = {
 }
 
 
+TYPICAL: dict[str, str] = {
+    "folded_leaf": "t/L 1/400 to 1/50, w/L 0.2 to 1",
+    "wire_flexure": "d/L 1/200 to 1/25",
+}
+"""Typical ranges of families without a record, which no training bounds."""
+
+
 def counted(record: Record) -> dict[str, int]:
     """How many strain-mode functions of a record are zero, even, odd, or neither in the (first) motion, over all shapes."""
     counts = dict.fromkeys(("zero", "even", "odd", "neither"), 0)
@@ -129,6 +136,7 @@ def described(family: str) -> list[tuple[str, str]]:
             )
     elif kind is not None:
         found += [("closed form", _formula(kind) or "none")]
+        found += [("typical ranges", TYPICAL[family])] if family in TYPICAL else []
     return found
 
 
@@ -148,4 +156,4 @@ def _formula(kind: type[Joint]) -> str:
     return " ".join((inspect.getdoc(method) or "").split("\n\n")[0].split()) if method else ""
 
 
-__all__ = ["ORIGINS", "Origin", "closed_form", "counted", "described"]
+__all__ = ["ORIGINS", "TYPICAL", "Origin", "closed_form", "counted", "described"]
