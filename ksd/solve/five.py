@@ -130,15 +130,14 @@ class FiveSteps:
         if not flat.closed(record):
             return None
         arrived = flat.converged(record, method=code, passes=passes)
-        in_reach, near = state.seen.tolist()
-        warnings = [] if arrived and in_reach else in_range(b, state.theta, extrapolate=self.extrapolate)
+        warnings = [] if arrived and state.seen[0] else in_range(b, state.theta, extrapolate=self.extrapolate)
         if not arrived:
             return None
         above = self.above
         above.lift()
         negatives += len(target) - len(rows)
         steps, error, alone = FiveStepRecord(record, passes), None, False
-        moved = _Moved(state.found, above.lifted.copy(), state.known, near=near == 1)
+        moved = _Moved(state.found, above.lifted.copy(), state.known, near=bool(state.seen[1] == 1))
         if method == "kinematic":
             if not self._balances(plane, flat, target):
                 return None
