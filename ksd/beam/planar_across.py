@@ -53,7 +53,7 @@ def across_scratch(number: np.ndarray) -> int:
     """Numbers of scratch `across` needs."""
     ng, m = int(number[1]), int(number[2])
     l, M = (ng + 4) & -4, (m + 3) & -4
-    return 10 * l + 4 * ng * M + 3 * (ng + 1) * M + M * M + 3 * M
+    return 10 * l + 4 * ng * M + 3 * (ng + 1) * M + M * (M + 4)
 
 
 @kernel
@@ -92,7 +92,7 @@ def _points(value, number, inner, n0, n1, m2, scratch):
 
 @kernel
 def _modes(value, number, n0, n1, scratch, D, psi, rho, W):
-    """Modes from what `_points` left: psi (ng + 1, 2, M), rho (ng + 1, M), and W (M, M) less K, not symmetric."""
+    """Modes from what `_points` left: psi (ng + 1, 2, M), rho (ng + 1, M), and W (M, M + 4) less K, not symmetric."""
     nz, ng = number[0], number[1]
     l, M, L = (ng + 4) & -4, (number[2] + 3) & -4, value[0]
     sums = 1 + nz * l + 4 * l
@@ -124,25 +124,26 @@ def _modes(value, number, n0, n1, scratch, D, psi, rho, W):
             store4(scratch, o, -q * load4(scratch, p + M) - n1 * far)
             store4(scratch, o + M, q * load4(scratch, p) + n0 * far)
     weighted_rows(
-        number, scratch, W, scratch, D, scratch, f, 0, M, 0, 1, M, 0, M, 1, M, 2 * ng, M, -1.0,
+        number, scratch, W, scratch, D, scratch, f, 0, M + 4, 0, 1, M, 0, M, 1, M, 2 * ng, M, -1.0,
         False,
     )  # fmt: skip
 
 
-@kernel(fastmath={"contract"})
-def _eliminated(scratch, W, stiff, value, y, M, F):
-    """F (3, 3) += J W^-1 J^T, rows of J (3, M) from y on. Returns (negative pivots of W, whether none is tiny)."""
-    negatives, sound = 0, True
+@kernel
+def _eliminated(scratch, W, stiff, value, M, F):
+    """F (3, 3) += J W^-1 J^T, W (M, M) less K with J^T (M, 4) beside it. Returns (negative pivots, whether none is tiny)."""
+    negatives, sound, wide = 0, True, M + 4
     for i in range(M):
-        for j in range(i + 1):
-            x = value[stiff + i * M + j] + 0.5 * (scratch[W + i * M + j] + scratch[W + j * M + i])
-            scratch[W + i * M + j] = x
+        for j in range(i, M):
+            x = value[stiff + i * M + j] + 0.5 * (scratch[W + i * wide + j] + scratch[W + j * wide + i])
+            scratch[W + i * wide + j] = x
     for j in range(M):
-        d = scratch[W + j * M + j]
+        o = W + j * wide
+        d = scratch[o + j]
         sound = sound and abs(d) > TINY * value[stiff + j * M + j]
         negatives += d < 0.0
         inverse = 1.0 / d
-        a, b, c = scratch[y + j], scratch[y + M + j], scratch[y + 2 * M + j]
+        a, b, c = scratch[o + M], scratch[o + M + 1], scratch[o + M + 2]
         F[0, 0] += a * a * inverse
         F[1, 0] += b * a * inverse
         F[1, 1] += b * b * inverse
@@ -150,12 +151,10 @@ def _eliminated(scratch, W, stiff, value, y, M, F):
         F[2, 1] += c * b * inverse
         F[2, 2] += c * c * inverse
         for i in range(j + 1, M):
-            t = scratch[W + i * M + j] * inverse
-            scratch[y + i] -= t * a
-            scratch[y + M + i] -= t * b
-            scratch[y + 2 * M + i] -= t * c
-            for k in range(j + 1, i + 1):
-                scratch[W + i * M + k] -= t * scratch[W + k * M + j]
+            t, p = scratch[o + i] * inverse, W + i * wide
+            # by fours from the diagonal on; what is left of it is read no more
+            for k in range(i & -4, wide, 4):
+                store4(scratch, p + k, load4(scratch, p + k) - t * load4(scratch, o + k))
     return negatives, sound
 
 
@@ -195,20 +194,18 @@ def across(value, number, inner, share, scratch, K):
     psi = D + 2 * ng * M
     rho = psi + (ng + 1) * 2 * M
     W = rho + (ng + 1) * M + 2 * ng * M
-    y = W + M * M
     wide = 1 + nz * l
     stiff = wide + 4 * l + ng * l + 2 * ng * M
     _points(value, number, inner, n0, n1, m2, scratch)
     _modes(value, number, n0, n1, scratch, D, psi, rho, W)
-    for i in range(0, M, 4):
-        p = psi + 2 * ng * M + i
-        store4(scratch, y + i, load4(scratch, rho + ng * M + i))
-        store4(scratch, y + M + i, load4(scratch, p))
-        store4(scratch, y + 2 * M + i, load4(scratch, p + M))
+    for i in range(M):
+        o, p = W + i * (M + 4) + M, psi + 2 * ng * M + i
+        scratch[o], scratch[o + 1], scratch[o + 2] = scratch[rho + ng * M + i], scratch[p], scratch[p + M]
+        scratch[o + 3] = 0.0
     F = local_matrix(3, 3)
     F[0, 0] = F[1, 0] = F[1, 1] = F[2, 0] = F[2, 1] = F[2, 2] = 0.0
     for g in range(ng):
         F[0, 0] += value[wide + g] * value[wide + 3 * l + g]
-    negatives, sound = _eliminated(scratch, W, stiff, value, y, M, F)
+    negatives, sound = _eliminated(scratch, W, stiff, value, M, F)
     back, fine = _inverse(F, K)
     return negatives - back, sound and fine

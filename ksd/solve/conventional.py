@@ -40,10 +40,10 @@ def _drive(
     the rest state."""
     found: Driven | str = ""
     if planar is not False:
-        # here, so that a scene solved in space never compiles the planar kernels
-        from ksd.solve.planar import drive_in_plane
-
-        found = drive_in_plane(storage, begin, ways, fresh)
+        flat = storage.flat
+        found = (
+            flat if isinstance(flat, str) else flat.planar.drive_in_plane(storage, flat, begin, ways, fresh)
+        )
         if not isinstance(found, str):
             if planar is True or found.stop in (Stop.CONVERGED, Stop.LOCAL_ANGLE):
                 arrived = storage.motion.copy()

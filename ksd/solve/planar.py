@@ -231,15 +231,14 @@ def _accept(
     )
 
 
-def drive_in_plane(storage: Storage, begin: Motion, ways: Mapping[str, Any], fresh: bool) -> Driven | str:
-    """`ksd.solve.driving.drive_to` in the plane of the model of `storage`, or the reason why that is not possible.
+def drive_in_plane(
+    storage: Storage, flat: FlatStorage, begin: Motion, ways: Mapping[str, Any], fresh: bool
+) -> Driven | str:
+    """`ksd.solve.driving.drive_to` in the plane `flat` of the model of `storage`, or the reason why that is not possible.
 
     begin: the spatial state to start from; fresh: it is that of rest; ways: all options of `drive_to`. The motion of
     `storage` ends at the lifted, checked equilibrium. The residual and the negative pivots are those of the spatial model.
     """
-    flat = storage.flat
-    if isinstance(flat, str):
-        return flat
     plane = flat.plane
     from_here = plane.rest if fresh else plane.flatten(begin)
     if from_here is None:

@@ -164,8 +164,9 @@ NO_JOINTS = (np.zeros((0, 3)), np.zeros(0), np.zeros((0, 6)))
 class FlatStorage:
     """State and storage of a model in its plane, and the spatial state `motion` it is set into.
 
-    held, lifted_into, across (`ksd.model.planar_across`): for compiled code; mirror: whether the last says anything. flat:
-    planar state and storage, made here unless given. joints: (off, sense, lifted) of `Lift`.
+    held, lifted_into, across (`ksd.model.planar_across`): for compiled code; mirror: whether the last says anything; planar:
+    the module of the planar solver. flat: planar state and storage, made here unless given. joints: (off, sense, lifted) of
+    `Lift`.
     """
 
     def __init__(
@@ -186,11 +187,11 @@ class FlatStorage:
         # here, so that a scene solved in space never compiles the planar kernels
         from ksd.solve import planar
 
-        self._kernels: Any = planar
+        self.planar: Any = planar
 
     def newton(self, target: np.ndarray, *ways: Any) -> Newton:
         """As `Storage.newton`, at the rows (r,) that act in the plane."""
-        found: Newton = self._kernels.solve_flat(self.held, target, *ways)
+        found: Newton = self.planar.solve_flat(self.held, target, *ways)
         return found
 
     def lift(self) -> None:
@@ -201,7 +202,7 @@ class FlatStorage:
         self, whole: Storage, target: np.ndarray, rtol: float, worst: float, negatives: int
     ) -> tuple[float, int, int]:
         """As `Storage.look` on what the planar Newton found, its residual `worst` and `negatives`, set into space before."""
-        found: tuple[float, int, int] = self._kernels.look_from_plane(
+        found: tuple[float, int, int] = self.planar.look_from_plane(
             self.held, whole.held, self.across, target, 1.0, rtol, worst, negatives
         )
         return found
@@ -212,11 +213,11 @@ class FlatStorage:
         """The Newton step of the held planar state, not taken: (found, negative pivots, status, sound) of
         `ksd.solve.planar.step_in_plane`; force (r,) is written."""
         sizes = self._sizes
-        counted = self._kernels.step_in_plane(
+        counted = self.planar.step_in_plane(
             self.held, self.lifted_into, self.across, target, links, rtol, force, sizes
         )
         return sizes.tolist(), *counted
 
     def note(self) -> None:
         """Space was asked about the held state, and saw what is seen from the plane."""
-        self._kernels.note_plane(self.held, self.across)
+        self.planar.note_plane(self.held, self.across)
