@@ -316,17 +316,18 @@ def least_squares(J, residual, step):
     for i in range(n):
         before[i] = A[i, i]
     worst = 1.0
-    for j in range(n):
-        d = A[j, j]
+    for i in range(n):
+        for j in range(i):
+            v = A[i, j]
+            if v != 0.0:
+                for k in range(j + 1, i):
+                    A[i, k] -= v * A[k, j]
+                A[i, j] = v / A[j, j]
+                A[i, i] -= v * A[i, j]
+        d = A[i, i]
         if not d > 0.0:
             return 0.0
-        worst = min(worst, d / before[j])
-        for i in range(n - 1, j, -1):
-            if A[i, j] != 0.0:
-                v = A[i, j] / d
-                for k in range(j + 1, i + 1):
-                    A[i, k] -= v * A[k, j]
-                A[i, j] = v
+        worst = min(worst, d / before[i])
     for i in range(n):
         for c in range(i):
             step[i] -= A[i, c] * step[c]

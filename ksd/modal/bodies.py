@@ -49,6 +49,11 @@ class ModalModel(Model):
     bodies: tuple[LeafBasis | None, ...] = ()
 
     @property
+    def reduced(self) -> tuple[str, ...]:
+        """Names of the leafs that are modal bodies."""
+        return tuple(n for n, b in zip(self.member_names, self.bodies, strict=True) if b is not None)
+
+    @property
     def unknowns_per_body(self) -> int:
         """The largest number of independent coordinates of a body."""
         return max((b.rank for b in self.bodies if b is not None), default=0)

@@ -13,9 +13,9 @@ from typing import Any
 import numpy as np
 
 from ksd.errors import SceneError
-from ksd.modal.bodies import ModalModel, member_pose
+from ksd.modal.bodies import member_pose
 from ksd.modal.choices import ModalBasis
-from ksd.model.arrays import LINEAR, MODAL, Arrays, Motion
+from ksd.model.arrays import LINEAR, MODAL, SOLID, Arrays, Motion
 from ksd.model.compile import Model, compile_given, constraint_rows, elastic_parts, external_loads, marked
 from ksd.model.mesh import Mesh, MixedMesh
 from ksd.model.pack import Assembly, Member, pack
@@ -82,13 +82,13 @@ def standing(
 
 @dataclass(frozen=True)
 class Mixture:
-    """The mechanism of condensed joints and of the members of `modal` that are not inside one.
+    """The mechanism of condensed joints and of the members of `modal`, with modal bodies or solids, that are not in one.
 
     arrays, rest: its nodes are the links and the blocks of joints not condensed, node k being `nodes[k]` of `modal`.
     joint (m,): the condensed joint a member stands for, else -1; member (m,): the member of `modal` it is, else -1.
     """
 
-    modal: ModalModel
+    modal: Any
     arrays: Arrays
     rest: Motion
     nodes: np.ndarray
@@ -97,8 +97,8 @@ class Mixture:
 
     @property
     def bodies(self) -> list[int]:
-        """Members of `arrays` that are modal bodies."""
-        return np.flatnonzero(self.arrays.members.kind == MODAL).tolist()
+        """Members of `arrays` that are modal bodies or reduced solids."""
+        return np.flatnonzero(np.isin(self.arrays.members.kind, (MODAL, SOLID))).tolist()
 
     def own(self, motion: Motion, m: int) -> np.ndarray:
         """Inner state of member m in a state of `arrays`, a view."""
@@ -116,10 +116,10 @@ def condensed_joints(model: Model, leafs: Collection[str]) -> list[bool]:
     return [not any(n in leafs for n in model.member_names[s]) for s in model.joint_members]
 
 
-def mixture(modal: ModalModel, linear: Arrays) -> Mixture:
-    """The mechanism of both; linear: that of all joints condensed, whose first members are taken over."""
-    reduced = [n for n, b in zip(modal.member_names, modal.bodies, strict=True) if b is not None]
-    kept = condensed_joints(modal, reduced)
+def mixture(modal: Any, linear: Arrays) -> Mixture:
+    """The mechanism of both; modal: with modal bodies or with reduced solids; linear: that of all joints condensed, whose
+    first members are taken over."""
+    kept = condensed_joints(modal, modal.reduced)
     blocks = {f"{p.name}/" for p, k in zip(modal.scene.joints, kept, strict=True) if k}
     nodes = [
         k for k, name in enumerate(modal.node_names)

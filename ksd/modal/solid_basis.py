@@ -200,6 +200,11 @@ class SolidModel(Model):
 
     solids: Mapping[str, SolidBasis] = field(default_factory=dict)
 
+    @property
+    def reduced(self) -> tuple[str, ...]:
+        """Names of the leafs that are solids."""
+        return tuple(self.solids)
+
     def remade(self, model: Model) -> SolidModel:
         """The same solids in another model of the same scene."""
         return with_solids(model, self.solids)

@@ -59,6 +59,7 @@ class Solver:
         self.records, self.extrapolate, self.planar = records, extrapolate, planar
         self.basis = basis
         self.modal: Any = None  # prepared for `basis`
+        self.mixed: Any = None  # the same beside condensed joints, where the bodies are solids
         self._five: FiveSteps | None = None
         self._storage: Storage | None = None
 
@@ -87,7 +88,7 @@ class Solver:
 
     def use(self, model: Model) -> None:
         """Solve this model of the same scene from now on."""
-        self.model, self._five, self._storage, self.modal = model, None, None, None
+        self.model, self._five, self._storage, self.modal, self.mixed = model, None, None, None, None
 
     def __call__(
         self,
@@ -131,7 +132,7 @@ class Solver:
         if solids is not None:
             from ksd.solve.solids import by_solids
 
-            return by_solids(solids, values, method=method, estimate=estimate)
+            return by_solids(solids, values, method=method, estimate=estimate, passes=passes, solver=self)
         fit = fit_for(self.model, accuracy)
         if fit is not self.model:
             self.use(fit)
@@ -334,8 +335,8 @@ def solve(
     method: "kinematic", "reduced", "full", "conventional" or "modal" (leafs as modal bodies; `basis`: a
     `ksd.ModalBasis` for all, or several by joint or leaf, {"hinge": ksd.ModalBasis()}: then joints not named are condensed
     as in "reduced", and other leafs computed in full; or reduced solids by leaf, {"spring": reduce_solid(...)}, see
-    `ksd.modal.solid_basis`); without one, the cheapest whose estimated error is within `accuracy`
-    (relative, 1e-3 by default).
+    `ksd.modal.solid_basis`: by "modal" beside condensed joints, without a method beside leafs in full); without one, the
+    cheapest whose estimated error is within `accuracy` (relative, 1e-3 by default).
     estimate: False leaves out the error figure of a fast method, and its cost. passes: extra relinearised passes of
     `reduced`. mesh: leaf model; without one, strain-mode leafs of orders fit for
     `accuracy`, raised when their highest modes carry too much energy. extrapolate:

@@ -15,10 +15,10 @@ import numpy as np
 
 from ksd.bodies.joints import joint_bodies
 from ksd.errors import ConvergenceError, SceneError
-from ksd.modal.bodies import ModalModel, carried_over, member_pose, with_modal_bodies
+from ksd.modal.bodies import carried_over, member_pose, with_modal_bodies
 from ksd.modal.choices import ModalBasis
 from ksd.modal.mixed import LINEAR_INNER, Mixture, Settling, mixture
-from ksd.model.arrays import Motion, Work, make_work
+from ksd.model.arrays import MODAL, Motion, Work, make_work
 from ksd.model.compile import Model
 from ksd.model.system import assemble
 from ksd.numerics.blocks import factor_blocks
@@ -44,10 +44,11 @@ WAYS_THERE = (1, 2, 4, 8, 16)
 """Equal steps from rest in which the ends of a body are turned until its inner coordinates follow."""
 
 
-class _Prepared:
-    """The mixture of one modal model, with storage; smaller: the same of smaller bases, where a large one starts."""
+class Prepared:
+    """The mixture of one model with modal bodies or solids, with storage; smaller: the same of smaller bases, where a large
+    one starts."""
 
-    def __init__(self, modal: ModalModel, steps: FiveSteps, smaller: _Prepared | None = None) -> None:
+    def __init__(self, modal: Any, steps: FiveSteps, smaller: Prepared | None = None) -> None:
         self.smaller = smaller
         self.mix: Mixture = mixture(modal, steps.bench.bodies.reduced)
         self.work: Work = make_work(self.mix.arrays)
@@ -65,7 +66,7 @@ class _Prepared:
     def settled(self, m: int, d: np.ndarray, Q: np.ndarray) -> tuple[np.ndarray, int]:
         """Inner coordinates of body m with its end q held at d, Q, and Newton steps taken."""
         body, work = self.settling[m], self.settling_work[m]
-        large = self.mix.modal.bodies[body.member]
+        large = None if self.smaller is None else self.mix.modal.bodies[body.member]
         if self.smaller is None or large is None or not large.choices.large:
             return _settled(body, work, d, Q)
         found, taken = self.smaller.settled(m, d, Q)
@@ -83,7 +84,7 @@ class _Prepared:
 def _held(mix: Mixture) -> list[np.ndarray]:
     """Views of the stiffnesses that hold columns without energy, of every basis once."""
     members, found = mix.arrays.members, {}
-    for m in mix.bodies:
+    for m in np.flatnonzero(members.kind == MODAL).tolist():
         first = int(members.value_at[m] + 18 + members.number[m, 2])
         found[first] = members.value[first : first + int(members.number[m, 1])]
     return list(found.values())
@@ -113,9 +114,9 @@ class MixedSolver:
         bodies = joint_bodies(model, records, extrapolate=extrapolate)
         self.model, self.full, self.leafs, self.near = model, full, leafs, near
         self.steps = FiveSteps(model, bodies, extrapolate=extrapolate, planar=False)
-        self._at_rest: _Prepared | None = None
+        self._at_rest: Prepared | None = None
 
-    def _prepared(self, values: Mapping[str, float]) -> _Prepared:
+    def _prepared(self, values: Mapping[str, float]) -> Prepared:
         """Bodies and storage; made once, unless a basis is expanded where the mechanism stands."""
         free = set(self.model.member_names[self.model.joint_members[-1].stop :])
         trained = {n for n, b in self.leafs.items() if b.expansion == "trained"} - free
@@ -126,13 +127,13 @@ class MixedSolver:
             self._at_rest = self._made({})
         return self._at_rest
 
-    def _made(self, words: dict[str, Any]) -> _Prepared:
+    def _made(self, words: dict[str, Any]) -> Prepared:
         """Bodies and storage, with those of smaller bases where one is large."""
         small = None
         if any(b.large for b in self.leafs.values()):
             fewer = {n: b.smaller if b.large else b for n, b in self.leafs.items()}
-            small = _Prepared(with_modal_bodies(self.full, fewer, **words), self.steps)
-        return _Prepared(with_modal_bodies(self.full, self.leafs, **words), self.steps, small)
+            small = Prepared(with_modal_bodies(self.full, fewer, **words), self.steps)
+        return Prepared(with_modal_bodies(self.full, self.leafs, **words), self.steps, small)
 
     def __call__(
         self, values: Mapping[str, float], *, passes: int = 0, patient: bool = True
@@ -171,7 +172,7 @@ class MixedSolver:
             steps.append(Step("4 recovery", 0, clock(), shift, Stop.CONVERGED))
         return self._answer(ready, motion, values, steps, placed)
 
-    def _condensed(self, ready: _Prepared, motion: Motion) -> None:
+    def _condensed(self, ready: Prepared, motion: Motion) -> None:
         """The condensed joints of step 2 into `motion`."""
         inner = self.steps.bench.reduced.inner
         for m in np.flatnonzero(ready.mix.joint >= 0).tolist():
@@ -179,7 +180,7 @@ class MixedSolver:
             ready.mix.own(motion, m)[:] = inner[at : at + LINEAR_INNER]
 
     def _along(
-        self, ready: _Prepared, values: Mapping[str, float], reason: ConvergenceError
+        self, ready: Prepared, values: Mapping[str, float], reason: ConvergenceError
     ) -> tuple[Motion, int]:
         """The equilibrium by way of others on the way to the drive values and loads; raises `reason` where it fails."""
         taken, target = 0, self.model.targets(values)
@@ -209,7 +210,7 @@ class MixedSolver:
                 return motion, taken
         raise reason
 
-    def _start(self, ready: _Prepared) -> tuple[Motion, int]:
+    def _start(self, ready: Prepared) -> tuple[Motion, int]:
         """Where steps 1 and 2 put everything, the bodies settled there; and Newton steps taken for that."""
         mix, placed = ready.mix, self.steps.bench.full
         motion, count = mix.rest.copy(), 0
@@ -232,7 +233,7 @@ class MixedSolver:
 
     def _answer(
         self,
-        ready: _Prepared,
+        ready: Prepared,
         motion: Motion,
         values: Mapping[str, float],
         steps: list[Step],
@@ -268,7 +269,7 @@ class MixedSolver:
         )  # fmt: skip
 
 
-def _equilibrium(ready: _Prepared, motion: Motion, target: np.ndarray, *, once: bool) -> Step:
+def _equilibrium(ready: Prepared, motion: Motion, target: np.ndarray, *, once: bool) -> Step:
     """Step 3, in place: loads put on at once or, failing that, in parts, unless `once`; large bases held stiffly first.
 
     Raises ConvergenceError.
@@ -284,7 +285,7 @@ def _equilibrium(ready: _Prepared, motion: Motion, target: np.ndarray, *, once: 
     return last._replace(iterations=first.iterations + last.iterations, time=first.time + last.time)
 
 
-def _loaded(ready: _Prepared, motion: Motion, target: np.ndarray, *, once: bool) -> Step:
+def _loaded(ready: Prepared, motion: Motion, target: np.ndarray, *, once: bool) -> Step:
     """Step 3 with columns without energy held as they are."""
     clock, arrays = Stopwatch(), ready.mix.arrays
 
@@ -339,4 +340,4 @@ def _settled(body: Settling, work: Work, d: np.ndarray, Q: np.ndarray) -> tuple[
     return body.rest.inner, taken
 
 
-__all__ = ["MixedSolver"]
+__all__ = ["MixedSolver", "Prepared"]

@@ -16,6 +16,7 @@ import numpy as np
 
 from ksd.errors import ConvergenceError, SceneError
 from ksd.modal.bodies import member_pose
+from ksd.modal.mixed import condensed_joints
 from ksd.modal.solid_basis import SolidModel, with_solids
 from ksd.modal.solid_body import SolidBasis, displaced
 from ksd.modal.solid_health import SolidRange, solid_range
@@ -29,6 +30,7 @@ from ksd.section.checks import show
 from ksd.solve.configuration import Configuration
 from ksd.solve.conventional import by_load_steps
 from ksd.solve.driving import CAP
+from ksd.solve.mixed import MixedSolver, Prepared
 from ksd.solve.modal import relative_error
 from ksd.solve.newton import iterate
 from ksd.solve.steps import ErrorEstimate, Step
@@ -63,16 +65,55 @@ def solid_model(model: Model, basis: Mapping[str, SolidBasis]) -> SolidModel:
     return with_solids(for_questions(model), named)
 
 
+class SolidMixture(MixedSolver):
+    """A mechanism of reduced solids and condensed joints, prepared for repeated solves: steps 1 to 4 with the solids as
+    they are and every other joint condensed by its record.
+
+    model: the leafs in full; solids: the same with its solids. Raises what `MixedSolver` does.
+    """
+
+    def __init__(self, model: Model, solids: SolidModel, *, records: Any, extrapolate: bool) -> None:
+        super().__init__(
+            model, solids, {}, near=lambda _: solids.rest, records=records, extrapolate=extrapolate
+        )
+        self.solids = solids
+
+    def _prepared(self, values: Mapping[str, float]) -> Prepared:
+        if self._at_rest is None:
+            self._at_rest = Prepared(self.solids, self.steps)
+        return self._at_rest
+
+
+def mixes(model: SolidModel) -> bool:
+    """Whether there are joints beside the solids that could be condensed."""
+    return any(condensed_joints(model, model.reduced))
+
+
 def by_solids(
-    model: SolidModel, targets: Mapping[str, float], *, method: str | None = None, estimate: bool = True
+    model: SolidModel,
+    targets: Mapping[str, float],
+    *,
+    method: str | None = None,
+    estimate: bool = True,
+    passes: int = 0,
+    solver: Any = None,
 ) -> Configuration:
     """Equilibrium of a mechanism with reduced solids at drive values [m or rad], by load steps, with its error figure unless
-    estimate=False. Raises ConvergenceError, and SceneError for a method that would leave the solids out."""
+    estimate=False; by "modal" the joints of `solver` without solids are condensed, with relinearised `passes`.
+
+    Raises ConvergenceError, what `SolidMixture` does, and SceneError for a method that would leave the solids out.
+    """
     if method not in (None, "conventional", "modal"):
         raise SceneError(
             f"method = {show(method)}: a mechanism with reduced solids is solved in load steps; give no method, or "
             "'conventional'"
         )
+    if method == "modal" and solver is not None and solver.model is not model and mixes(model):
+        if solver.mixed is None:
+            words = {"records": solver.records, "extrapolate": solver.extrapolate}
+            solver.mixed = SolidMixture(for_questions(solver.model), model, **words)
+        found = solver.mixed(targets, passes=passes)
+        return judged(found) if estimate else found
     try:
         found = by_load_steps(model, targets, lambda c: c)
     except ConvergenceError as reason:
@@ -237,4 +278,15 @@ def validity(model: SolidModel, *, solid: str | None = None, error: float = 0.01
     return replace(solid_range(model.solids[name], error=error), solid=name)
 
 
-__all__ = ["bent", "by_solids", "holds_solids", "indicator", "judged", "settled", "solid_model", "validity"]
+__all__ = [
+    "SolidMixture",
+    "bent",
+    "by_solids",
+    "holds_solids",
+    "indicator",
+    "judged",
+    "mixes",
+    "settled",
+    "solid_model",
+    "validity",
+]

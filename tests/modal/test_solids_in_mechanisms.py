@@ -143,6 +143,37 @@ def test_beside_joints_and_leafs():
             getattr(pose, question)()
 
 
+def test_beside_condensed_joints():
+    """By "modal" the other joints are condensed by their records; the error told is that against their leafs in full."""
+    body = reduce_solid(block(STEEL, LENGTH, THICK, width=WIDTH, cells=(4, 1, 1)), order=1, internal=0)
+    hinge = ksd.CrossFlexure(STEEL, length=0.1, angle=np.pi / 4, thickness=1e-3, widths=(0.04, 0.02))
+    scene = ksd.Mechanism("mixed")
+    arm, far, tip = scene.links("arm", "far", "tip")
+    scene.join(scene.ground, arm, hinge, at=(0, 0, 0), axis="z", toward="x", name="base")
+    scene.join(arm, far, hinge, at=(0.2, 0, 0), axis="z", toward="x", name="elbow")
+    scene.leaf(far, tip, start=(0.35, 0, 0), end=(0.45, 0, 0), section=rectangle(THICK, WIDTH), material=STEEL,
+               width_axis="z", name="spring")  # fmt: skip
+    scene.actuate_joint("base", name="a")
+    scene.actuate_joint("elbow", name="b")
+    scene.load(tip, force=(0, 0.05 * EI / LENGTH**2, 0), at=(0.45, 0, 0))
+    values = {"a": 0.2, "b": -0.3}
+    solver = ksd.prepare(scene, basis={"spring": body})
+    pose = solver(values, method="modal", passes=1)
+    whole = ksd.solve(scene, values, basis={"spring": body})
+    off = np.array([pose.forces[d] - whole.forces[d] for d in values])
+    assert 1e-6 < np.abs(off).max() / abs(whole.forces["a"]) < 1e-3
+    # what the solid misses is in the error of both
+    assert pose.error.force == pytest.approx(np.abs(off), abs=1.1 * whole.error.force.max())
+    assert whole.error.force.max() < 0.1 * np.abs(off).max()
+    assert [s.name for s in pose.steps][:2] == ["1 close loops", "2 joint stiffness"]
+    assert pose.motions == pytest.approx({"base": 0.2, "elbow": -0.3}, abs=1e-3)
+    assert pose.trusted and pose.links["tip"][0] == pytest.approx(whole.links["tip"][0], abs=1e-4)
+    again = solver(values, method="modal", passes=1)
+    assert again.forces == pytest.approx(pose.forces, rel=1e-9)
+    blind = solver(values, method="modal", estimate=False)
+    assert blind.error is None and "not estimated" in str(blind.trust.trusted)
+
+
 def test_support_stiffness_of_a_flat_solid(fine):
     """What supports alone hold is held; in its plane it is as stiff as pressed on its own."""
     pose = ksd.solve(spring(load=0.3, flat=True), basis={"spring": fine})
