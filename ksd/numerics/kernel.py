@@ -11,6 +11,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from functools import cached_property
+from pathlib import Path
 from typing import Any
 
 from ksd.numerics.cache import ALONE, FOLDER, compiled_before, say, take, turn
@@ -35,10 +36,13 @@ def _start_beside() -> None:
     # one process of many that start together may do this
     if others < 1 or not take("compiling"):
         return
+    # this package and no other one in the working folder, as a checkout has: numba asks where the sources are
+    package = Path(os.path.abspath(__file__)).parents[2]
     for number in range(others):
         subprocess.Popen(
             [sys.executable, "-m", "ksd.solve.warm", str(number)],
-            env={**os.environ, ALONE: "1"},
+            cwd=package,
+            env={**os.environ, ALONE: "1", "KSD_CACHE_DIR": os.path.abspath(FOLDER.parent)},
             stdout=subprocess.DEVNULL,
             stderr=subprocess.DEVNULL,
             stdin=subprocess.DEVNULL,
