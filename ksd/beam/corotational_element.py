@@ -197,7 +197,6 @@ def tangent(v, sigma, s, tail, first):
     normal = sigma[0] * r - r * r * (wp + wq)
     axial = v[1] - normal
     twist = ga * wa + gb * wb
-    worst_force = worst_moment = 0.0
     for i in range(3):
         l, t, g = s[L_AT + i], v[2] * s[T_AT + i], tail[G_AT + 12 + i]
         ta, tb = ka * tail[R_AT + 4 + i], kb * tail[R_AT + 7 + i]
@@ -245,6 +244,42 @@ def tangent(v, sigma, s, tail, first):
             tail[C_AT + 8 * i + 3 + j] = lq
             tail[C_AT + 8 * j + 24 + i] = lq
             tail[C_AT + 8 * i + 27 + j] = qq
+    return _carry_forces(s, tail, first)
+
+
+@kernel
+def unstressed_tangent(v, s, tail, first):
+    """`tangent` for stresses zero in it: D^T S D alone; the force is still that of the stresses in `tail`."""
+    for i in range(3):
+        l, t = v[1] * s[L_AT + i], v[2] * s[T_AT + i]
+        u3, u4, u5, u6 = s[U_AT + i], s[U_AT + 3 + i], s[U_AT + 6 + i], s[U_AT + 9 + i]
+        m3, m4, m5, m6 = v[3] * u3 + v[4] * u4, v[4] * u3 + v[3] * u4, v[5] * u5 + v[6] * u6, v[6] * u5 + v[5] * u6
+        v3, v4, v5, v6 = s[V_AT + i], s[V_AT + 3 + i], s[V_AT + 6 + i], s[V_AT + 9 + i]
+        for j in range(3):
+            x3, x4, x5, x6 = s[V_AT + j], s[V_AT + 3 + j], s[V_AT + 6 + j], s[V_AT + 9 + j]
+            ll = l * s[L_AT + j] + m3 * s[U_AT + j] + m4 * s[U_AT + 3 + j]
+            ll += m5 * s[U_AT + 6 + j] + m6 * s[U_AT + 9 + j]
+            lp, lq = m3 * x3 + m5 * x5, m4 * x4 + m6 * x6
+            rank = t * s[T_AT + j]
+            if not first:
+                s[A_AT + 6 * i + j] = tail[C_AT + 8 * i + j] + ll
+                s[A_AT + 6 * i + 3 + j] = tail[C_AT + 8 * i + 3 + j] - lp
+                s[A_AT + 6 * i + 21 + j] = tail[C_AT + 8 * i + 27 + j] + v[3] * v3 * x3 + v[5] * v5 * x5 + rank
+                s[B_AT + 8 * i + j] = -ll
+                s[B_AT + 8 * i + 3 + j] = -lq
+                s[B_AT + 8 * j + 24 + i] = lp
+                s[B_AT + 8 * i + 27 + j] = v[4] * v3 * x4 + v[6] * v5 * x6 - rank
+            tail[C_AT + 8 * i + j] = ll
+            tail[C_AT + 8 * i + 3 + j] = lq
+            tail[C_AT + 8 * j + 24 + i] = lq
+            tail[C_AT + 8 * i + 27 + j] = v[3] * v4 * x4 + v[5] * v6 * x6 + rank
+    return _carry_forces(s, tail, first)
+
+
+@kernel
+def _carry_forces(s, tail, first):
+    """Forces of the element on both nodes; returns the largest squared force and moment residual of node p."""
+    worst_force = worst_moment = 0.0
     for i in range(3):
         force, at_p, at_q = node_forces(s, tail, i)
         if not first:

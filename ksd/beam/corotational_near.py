@@ -24,6 +24,7 @@ from ksd.beam.corotational_element import (
     node_axes,
     stresses,
     tangent,
+    unstressed_tangent,
 )
 from ksd.beam.weight import eliminate_inner, finish_chain, load_inner
 from ksd.numerics.kernel import kernel
@@ -130,7 +131,10 @@ def near_condense(value, number, inner, store, near, d, Q, lam, K, geometric):
             sigma = inner[at : at + 6]
         if k > 0 and len(pull) > 0:
             load_inner(mass[k], pull, tail)
-        rf, rm = tangent(v, sigma, s, tail, k == 0)
+        if geometric == 0:
+            rf, rm = unstressed_tangent(v, s, tail, k == 0)
+        else:
+            rf, rm = tangent(v, sigma, s, tail, k == 0)
         if k > 0:
             force, moment = max(force, rf), max(moment, rm)
             found = eliminate(s, tail)

@@ -187,6 +187,7 @@ _COLORS = {
     "conventional, planar": "#d14f8f",
     "modal": "#a0522d",
     "MIP, best eps_max": "#7d6b2b",
+    "MIP on all nodes": "#a89a5b",
     "plain Newton": "#444b57",
 }
 

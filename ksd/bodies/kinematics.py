@@ -40,28 +40,34 @@ class Loops(NamedTuple):
     pose: np.ndarray
 
 
+POWERS = 24
+"""Powers of a motion that are made by repeated multiplication; ``a ** p`` takes ten times as long."""
+
+
+@kernel
+def _power(powers, a, p):
+    """a ** p by the first powers of a."""
+    return powers[p] if p < POWERS else a**p
+
+
 @kernel
 def monomials(loops, theta, j, value, slope):
     """value (M,) and slope (2, M): the monomials of joint j and their derivatives; returns how many."""
     first = loops.first[j]
-    motions = loops.first[j + 1] - first
     a = theta[first]
-    b = theta[first + 1] if motions > 1 else 0.0
+    b = theta[first + 1] if loops.first[j + 1] - first > 1 else 0.0
     at = loops.power_first[j]
     count = loops.power_first[j + 1] - at
-    # powers by repeated multiplication: a ** p costs ten times as much
-    top = 1
-    for i in range(count):
-        top = max(top, loops.power[at + i, 0], loops.power[at + i, 1])
-    A, B = np.empty(top + 1), np.empty(top + 1)
+    A, B = local_vector(24), local_vector(24)
     A[0], B[0] = 1.0, 1.0
-    for k in range(top):
+    for k in range(POWERS - 1):
         A[k + 1], B[k + 1] = A[k] * a, B[k] * b
     for i in range(count):
         p, q = loops.power[at + i, 0], loops.power[at + i, 1]
-        value[i] = A[p] * B[q]
-        slope[0, i] = p * A[p - 1] * B[q] if p > 0 else 0.0
-        slope[1, i] = q * A[p] * B[q - 1] if q > 0 else 0.0
+        one, two = _power(A, a, p), _power(B, b, q)
+        value[i] = one * two
+        slope[0, i] = p * _power(A, a, p - 1) * two if p > 0 else 0.0
+        slope[1, i] = q * one * _power(B, b, q - 1) if q > 0 else 0.0
     return count
 
 
@@ -126,9 +132,10 @@ def pose_from(coefficient, length, value, slope, count, motions, place):
 
 
 @kernel
-def joint_places(loops, theta, place):
-    """place (J, 24): pose of interface B of every joint and its derivatives, in the axes of interface A."""
-    value, slope = np.empty(loops.pose.shape[2]), np.empty((2, loops.pose.shape[2]))
+def joint_places(loops, theta, place, series):
+    """place (J, 24): pose of interface B of every joint and its derivatives, in the axes of interface A; series (3, M):
+    scratch."""
+    value, slope = series[0], series[1:]
     for j in range(len(loops.node)):
         count = monomials(loops, theta, j, value, slope)
         pose_from(
@@ -223,13 +230,13 @@ def _own_twist(place, k, RA, pB, y, sign, column):
 
 
 @kernel
-def loop_equations(terms, size, loops, theta, target, x, R, place, W, J, residual):
+def loop_equations(terms, size, loops, theta, target, x, R, place, series, W, J, residual):
     """Link poses for theta (into x, R), residual (E,) and Jacobian J (E, motions); rotations times `size`.
 
     Rows: six per closing joint, then one per constraint row of the model.
     """
     motions = len(theta)
-    joint_places(loops, theta, place)
+    joint_places(loops, theta, place, series)
     W[:] = 0.0
     for t in range(len(loops.tree)):
         _hang(loops, place, loops.tree[t, 0], loops.tree[t, 1], x, R, W, motions)
@@ -298,13 +305,14 @@ def _constraint_equations(terms, size, target, x, R, W, J, residual, row):
 
 
 @kernel
-def least_squares(J, residual, step):
+def least_squares(J, residual, step, room):
     """step (q,) minimising |J step + residual| by normal equations and LDL^T; returns the smallest relative pivot.
 
-    Zeros are skipped, so that a chain of joints costs each of them the same.
+    Zeros are skipped, so that a chain of joints costs each of them the same. room (q + 1, q): scratch.
     """
     rows, n = J.shape
-    A, before = np.zeros((n, n)), np.zeros(n)
+    A, before = room, room[n]
+    room[:] = 0.0
     step[:] = 0.0
     for r in range(rows):
         for i in range(n):
@@ -343,31 +351,47 @@ def least_squares(J, residual, step):
 def close_loops(arrays, loops, theta, target, motion, place, most):
     """Solve step 1 in place. Returns (reason 0 closed / 1 too many / 3 singular, iterations, gap left [m], pivot).
 
-    A step of theta is limited to 0.5 (rad, or stroke over joint length); converged when it falls below 1e-11.
+    A step of theta is limited to 0.5 (rad, or stroke over joint length); converged when it falls below 1e-6, which leaves
+    the square of that.
     """
-    terms, size, x, R = arrays.terms, arrays.size, motion.x, motion.R
-    rows = 6 * len(loops.closing) + len(terms.start)
-    motions = len(theta)
-    W = np.zeros((len(x), motions, 6))
+    rows, motions = 6 * len(loops.closing) + len(arrays.terms.start), len(theta)
+    W, series = np.empty((len(motion.x), motions, 6)), np.empty((3, loops.pose.shape[2]))
     J, residual, step = np.zeros((rows, motions)), np.zeros(rows), np.zeros(motions)
+    room = np.empty((motions + 1, motions))
+    return _close(arrays, loops, theta, target, motion, place, most, series, W, J, residual, step, room)
+
+
+@kernel
+def _close(arrays, loops, theta, target, motion, place, most, series, W, J, residual, step, room):
+    """`close_loops` in given storage."""
+    terms, size, x, R = arrays.terms, arrays.size, motion.x, motion.R
     pivot, gap = 1.0, 0.0
     for n in range(most):
-        loop_equations(terms, size, loops, theta, target, x, R, place, W, J, residual)
-        pivot = least_squares(J, residual, step)
+        loop_equations(terms, size, loops, theta, target, x, R, place, series, W, J, residual)
+        pivot = least_squares(J, residual, step, room)
         if not pivot > 1e-13:
             return 3, n, math.inf, pivot
-        largest = 0.0
-        for q in range(motions):
-            largest = max(largest, abs(step[q]))
-        scale = 0.5 / largest if largest > 0.5 else 1.0
-        for q in range(motions):
-            theta[q] += scale * step[q]
+        largest = stride(theta, step)
         if not math.isfinite(largest):
             return 5, n, math.inf, pivot
         if largest < 1e-6:
             # quadratic: the error left is the square of this step; poses follow it
-            loop_equations(terms, size, loops, theta, target, x, R, place, W, J, residual)
-            for r in range(rows):
+            loop_equations(terms, size, loops, theta, target, x, R, place, series, W, J, residual)
+            for r in range(len(residual)):
                 gap = max(gap, abs(residual[r]))
             return 0, n + 1, gap, pivot
     return 1, most, math.inf, pivot
+
+
+@kernel
+def stride(theta, step):
+    """theta <- theta + step, no entry by more than 0.5; returns the largest entry of the whole step, nothing done where
+    that is not finite."""
+    largest = 0.0
+    for q in range(len(step)):
+        largest = max(largest, abs(step[q])) if step[q] == step[q] else math.inf
+    if math.isfinite(largest):
+        scale = 0.5 / largest if largest > 0.5 else 1.0
+        for q in range(len(step)):
+            theta[q] += scale * step[q]
+    return largest

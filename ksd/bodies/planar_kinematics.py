@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ksd.bodies.kinematics import least_squares, monomials
+from ksd.bodies.kinematics import least_squares, monomials, stride
 from ksd.model.arrays import TRANSLATION
 from ksd.model.planar_assembly import TURN, planar_term
 from ksd.numerics.kernel import kernel
@@ -134,12 +134,13 @@ def _close(loops, place, c, size, pose, W, J, residual):
 
 
 @kernel
-def planar_equations(loops, terms, size, target, pose, turns, place, W, J, residual):
+def planar_equations(loops, terms, size, target, pose, turns, place, reach, W, J, residual):
     """Link poses (k, 3) from the joints' `place`, residual (E,) and Jacobian J (E, motions) of loops and rows.
 
     W and J hold zeros at the first call; what stays zero is not written, so that a joint of a long chain costs little more.
+    reach (k,): scratch.
     """
-    reach = np.zeros(len(pose), np.int64)
+    reach[:] = 0
     for t in range(len(loops.tree)):
         _hang(loops, place, loops.tree[t, 0], loops.tree[t, 1], pose, W, reach)
     for c in range(len(loops.closing)):
@@ -174,28 +175,34 @@ def planar_equations(loops, terms, size, target, pose, turns, place, W, J, resid
 def close_planar(loops, terms, size, theta, target, pose, turns, value, slope, place, most):
     """Step 1 in place; rules and returns are those of `ksd.bodies.kinematics.close_loops`."""
     motions, rows = len(theta), 3 * len(loops.closing) + len(target)
-    W = np.zeros((len(pose), motions, 3))
+    W, reach = np.zeros((len(pose), motions, 3)), np.empty(len(pose), np.int64)
     J, residual, step = np.zeros((rows, motions)), np.zeros(rows), np.zeros(motions)
+    room = np.empty((motions + 1, motions))
+    return _close_all(
+        loops, terms, size, theta, target, pose, turns, value, slope, place, most, reach, W, J, residual, step, room
+    )  # fmt: skip
+
+
+@kernel
+def _close_all(
+    loops, terms, size, theta, target, pose, turns, value, slope, place, most, reach, W, J, residual, step, room
+):  # fmt: skip
+    """`close_planar` in given storage."""
     pivot, gap = 1.0, 0.0
     for n in range(most):
         planar_places(loops, theta, value, slope, place)
-        planar_equations(loops, terms, size, target, pose, turns, place, W, J, residual)
-        pivot = least_squares(J, residual, step)
+        planar_equations(loops, terms, size, target, pose, turns, place, reach, W, J, residual)
+        pivot = least_squares(J, residual, step, room)
         if not pivot > 1e-13:
             return 3, n, math.inf, pivot
-        largest = 0.0
-        for q in range(motions):
-            largest = max(largest, abs(step[q]))
+        largest = stride(theta, step)
         if not math.isfinite(largest):
             return 5, n, math.inf, pivot
-        scale = 0.5 / largest if largest > 0.5 else 1.0
-        for q in range(motions):
-            theta[q] += scale * step[q]
         if largest < 1e-6:
             # quadratic: the error left is the square of this step; poses follow it
             planar_places(loops, theta, value, slope, place)
-            planar_equations(loops, terms, size, target, pose, turns, place, W, J, residual)
-            for r in range(rows):
+            planar_equations(loops, terms, size, target, pose, turns, place, reach, W, J, residual)
+            for r in range(len(residual)):
                 gap = max(gap, abs(residual[r]))
             return 0, n + 1, gap, pivot
     return 1, most, math.inf, pivot

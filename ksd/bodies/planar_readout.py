@@ -38,7 +38,8 @@ def planar_drive_forces(arrays, loops, theta, target, motion, turns, place, mu):
     rows = closing + len(target)
     W = np.zeros((len(motion.pose), motions, 3))
     J, residual, Q, rate = np.zeros((rows, motions)), np.zeros(rows), np.zeros(motions), np.zeros(motions)
-    planar_equations(loops, arrays.terms, arrays.size, target, motion.pose, turns, place, W, J, residual)
+    reach, room = np.empty(len(motion.pose), np.int64), np.empty((motions + 1, motions))
+    planar_equations(loops, arrays.terms, arrays.size, target, motion.pose, turns, place, reach, W, J, residual)
     for j in range(len(loops.node)):
         o = PLANAR_LINEAR * j + 3
         for q in range(loops.first[j], loops.first[j + 1]):
@@ -51,7 +52,7 @@ def planar_drive_forces(arrays, loops, theta, target, motion, turns, place, mu):
         residual[:] = 0.0
         residual[closing + i] = -1.0
         mu[i] = math.nan
-        if least_squares(J, residual, rate) > 1e-13:
+        if least_squares(J, residual, rate, room) > 1e-13:
             s, rotations = 0.0, 0
             for q in range(motions):
                 s -= Q[q] * rate[q]

@@ -17,19 +17,19 @@ MATCHES = 1e-9
 
 
 @kernel
-def intended_motions(loops, relative, theta, place, off, found):
+def intended_motions(loops, relative, theta, place, series, off, found):
     """Split the relative poses of all joints into intended motion theta and the rest, in place (Gauss-Newton).
 
     relative (J, 12): d and rotation (row-major) of B in the axes of A. theta is matched to the rotation of B where the
     motion turns it, else to its displacement; a correction is limited to 0.3. off (J, 6): displacement and rotation
-    vector of B off its intended pose. found (J,): 1 where the corrections died out, 0 where theta means nothing.
+    vector of B off its intended pose. found (J,): 1 where the corrections died out, 0 where theta means nothing. series (3, M): scratch.
     """
     rel, is_at, should = local_matrix(3, 3), local_matrix(3, 3), local_matrix(3, 3)
     v, A, b, step = local_vector(3), local_matrix(2, 2), local_vector(2), local_vector(2)
     J = len(loops.node)
     found[:] = 0
     for _ in range(40):
-        joint_places(loops, theta, place)
+        joint_places(loops, theta, place, series)
         missing = 0
         for j in range(J):
             if found[j] == 1:
@@ -97,7 +97,8 @@ def drive_forces(arrays, loops, theta, target, motion, place, wrench, mu):
     rows = closing + len(target)
     W = np.zeros((len(motion.x), motions, 6))
     J, residual, Q, rate = np.zeros((rows, motions)), np.zeros(rows), np.zeros(motions), np.zeros(motions)
-    loop_equations(arrays.terms, arrays.size, loops, theta, target, motion.x, motion.R, place, W, J, residual)
+    series, room = np.empty((3, loops.pose.shape[2])), np.empty((motions + 1, motions))
+    loop_equations(arrays.terms, arrays.size, loops, theta, target, motion.x, motion.R, place, series, W, J, residual)
     for j in range(len(loops.node)):
         for q in range(loops.first[j], loops.first[j + 1]):
             at = 12 + 6 * (q - loops.first[j])
@@ -125,7 +126,7 @@ def drive_forces(arrays, loops, theta, target, motion, place, wrench, mu):
         residual[:] = 0.0
         residual[closing + i] = -1.0
         mu[i] = math.nan
-        if least_squares(J, residual, rate) > 1e-13:
+        if least_squares(J, residual, rate, room) > 1e-13:
             s = 0.0
             for q in range(motions):
                 s -= Q[q] * rate[q]

@@ -12,7 +12,7 @@ from ksd.design.table import OK, STATUS
 from ksd.errors import ConvergenceError
 from ksd.model.mesh import Mesh
 from ksd.model.orders import raised
-from ksd.properties.resolution import highest_share
+from ksd.properties.resolution import look_at_modes
 from ksd.solve.choose import DEFAULT_ACCURACY, MOST_RISES, Solver
 from ksd.solve.configuration import Configuration
 from ksd.solve.conventional import conventional
@@ -106,7 +106,7 @@ def _fine_enough(line: Line, recipe: Recipe, solver: Solver | None) -> Solver:
             found = Walk(solver, recipe).pose(farthest)
         except CAUGHT:
             break
-        share, _, axis = highest_share(found.model, found.motion)
+        share, _, axis, _ = look_at_modes(found.model, found.motion)
         if share <= (recipe.accuracy or DEFAULT_ACCURACY):
             break
         solver = Solver(line.scene, mesh=raised(solver.model.mesh, axis), **words)

@@ -261,32 +261,49 @@ def _scatter(block, T, force, rhs, starts, value):
 
 
 @kernel
-def _as_before(members, inner, i, d, Q, before):
+def _as_before(members, inner, work, i, d, Q, near, before):
     """Whether member i has the constants, the inner state and the pose of the one before, whose d and Q are in before (12,),
-    to the last bit; otherwise its own d and Q are written there."""
+    to the last bit; otherwise its own d and Q are written there. Inner nodes set by orientations are taken over."""
     same = i > 0 and members.value_at[i] == members.value_at[i - 1] and members.kind[i] == members.kind[i - 1]
-    for c in range(4):
-        same = same and members.number[i, c] == members.number[i - 1, c]
-    if same:
-        one, two = members.inner_at[i - 1], members.inner_at[i]
-        for k in range(two - one):
-            same = same and inner[one + k] == inner[two + k]
     for r in range(3):
         same = same and before[r] == d[r]
         before[r] = d[r]
         for c in range(3):
             same = same and before[3 + 3 * r + c] == Q[r, c]
             before[3 + 3 * r + c] = Q[r, c]
-    return same
+    if not same:
+        return False
+    for c in range(4):
+        if members.number[i, c] != members.number[i - 1, c]:
+            return False
+    if near == 1 and members.kind[i] == COROTATIONAL:
+        # what is made of the orientations alone: the inner nodes are set by them
+        if not _equal(work.near, work.near_at, i):
+            return False
+        one, two = members.inner_at[i - 1], members.inner_at[i]
+        for k in range(12 * (members.number[i, 0] - 1)):
+            inner[two + k] = inner[one + k]
+        return True
+    return near <= 1 and _equal(inner, members.inner_at, i)
+
+
+@kernel
+def _equal(numbers, at, i):
+    """Whether part i of `numbers` holds the same as the part before, of the same length."""
+    one, two = at[i - 1], at[i]
+    for k in range(at[i + 1] - two):  # noqa: SIM110
+        if numbers[one + k] != numbers[two + k]:
+            return False
+    return True
 
 
 @kernel
 def add_members(arrays, x, R, inner, work, factor, rtol, noise, near):
     """All members, their weight times `factor`, into work.value and work.rhs; near: see `condense_member`.
 
-    near -1: nothing is left in work.store for `recover_member`, so that of neighbours without weight that are in the same
-    state, as the two outer leafs of a cross flexure in its plane, one is worked on. Returns (negatives, worst inner
-    residual over its bound, status).
+    Of neighbours without weight that are in the same state, as the two outer leafs of a cross flexure in its plane, one is
+    worked on. near -1: nothing is left in work.store for `recover_member`. Returns (negatives, worst inner residual over
+    its bound, status).
     """
     members = arrays.members
     weight = work.weight
@@ -305,10 +322,14 @@ def add_members(arrays, x, R, inner, work, factor, rtol, noise, near):
         if heavy:
             pull_member(pose.ctypes, weight[i].ctypes, factor, kept.ctypes, len(kept))
             before[0] = math.nan
-        if near < 0 and not heavy and _as_before(members, inner, i, d, Q, before):
+        if not heavy and _as_before(members, inner, work, i, d, Q, near, before):
             # K is still that of the one before
             for r in range(12):
                 lam[r] = work.lam[i - 1, r]
+            if near >= 0:
+                last = members.store_at[i - 1]
+                for k in range(len(kept)):
+                    kept[k] = work.store[last + k]
         else:
             back, dn, dm, failed = condense_member(members, inner, work, i, d, Q, K, near)
         negatives += back

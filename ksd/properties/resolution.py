@@ -6,6 +6,7 @@ Legendre series that has converged has next to nothing there.
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -28,7 +29,8 @@ class _Tables(NamedTuple):
     """Strain-mode leafs, flat: member (m,) of each; place, rest (n,) of all amplitudes in the inner state, and their
     values at rest; one, two, stiff (p,): pairs of amplitudes about one axis with their entry of K where it is not zero,
     those of leaf i from start[i] to start[i + 1]; own (n,): diagonal of K; last, second, fourth (m, 3): amplitudes from the
-    highest mode of an axis down, the highest itself where an axis has fewer than four."""
+    highest mode of an axis down, the highest itself where an axis has fewer than four; constant (m, 3): the lowest; gap
+    (m,): length per quadrature point."""
 
     member: NDArray[np.int64]
     place: NDArray[np.int64]
@@ -41,6 +43,8 @@ class _Tables(NamedTuple):
     last: NDArray[np.int64]
     second: NDArray[np.int64]
     fourth: NDArray[np.int64]
+    constant: NDArray[np.int64]
+    gap: Array
 
 
 class _Set(NamedTuple):
@@ -60,7 +64,7 @@ def _tables(model: Model) -> _Tables:
     members = model.arrays.members
     strain = np.flatnonzero(members.kind == STRAIN)
     place, rest, one, two, stiff, own, start = [], [], [], [], [], [], []
-    ends = np.zeros((3, len(strain), 3), np.int64)
+    ends = np.zeros((4, len(strain), 3), np.int64)
     count = pairs = 0
     for m, i in enumerate(strain.tolist()):
         value, orders = members.value[members.value_at[i] :], members.number[i, :3].tolist()
@@ -77,14 +81,15 @@ def _tables(model: Model) -> _Tables:
             stiff.append(0.5 * K[rows, columns])
             pairs += len(rows)
             own.append(0.5 * np.diagonal(K))
-            ends[:, m, axis] = mine[[-1, -2, -4]] if n >= 4 else mine[-1]
+            ends[:3, m, axis] = mine[[-1, -2, -4]] if n >= 4 else mine[-1]
+            ends[3, m, axis] = mine[0]
             at, first, still, count = at + n * n, first + n, still + n, count + n
     start.append(pairs)
     flat = [np.concatenate(part) if part else np.zeros(0) for part in (place, rest, one, two, stiff, own)]
     place_, rest_, one_, two_, stiff_, own_ = flat
     return _Tables(
         strain, place_.astype(np.int64), rest_, one_.astype(np.int64), two_.astype(np.int64), stiff_,
-        np.array(start, np.int64), own_, *ends,
+        np.array(start, np.int64), own_, *ends, members.length[strain] / members.number[strain, 3],
     )  # fmt: skip
 
 
@@ -100,11 +105,15 @@ def _energy(t, inner, i):
 
 @kernel
 def _worst(held, inner):
-    """(share, leaf, axis) of `highest_share`; share 0 where no leaf has any."""
+    """(share, leaf, axis, turned) of `Look`; share 0 where no leaf has any."""
     t = part(held, "tables")
-    leafs, most = len(t.member), 0.0
+    leafs, most, turned = len(t.member), 0.0, 0.0
     for i in range(leafs):
         most = max(most, _energy(t, inner, i))
+        bend = 0.0
+        for axis in range(3):
+            bend += inner[t.place[t.constant[i, axis]]] ** 2
+        turned = max(turned, math.sqrt(bend) * t.gap[i])
     share, leaf, about = 0.0, 0, 0
     for i in range(leafs):
         total = _energy(t, inner, i)
@@ -119,16 +128,30 @@ def _worst(held, inner):
             missing = max(top, near * min(near, far) / max(far, 1e-300))
             if missing > share * total:
                 share, leaf, about = missing / total, i, axis
-    return share, leaf, about
+    return share, leaf, about, turned
 
 
-def highest_share(model: Model, motion: Motion) -> tuple[float, str, int]:
-    """Largest share of a leaf's bending and torsion energy that its modes may miss about an axis: (share, member name,
-    axis 0, 1, 2). Missed is what the highest mode has, or what the series of the other parity, even or odd, would give the
-    next: a guided leaf has nothing in every other mode."""
+class Look(NamedTuple):
+    """Largest share of a leaf's bending and torsion energy that its modes may miss about an axis, member name, axis 0, 1, 2.
+
+    Missed is what the highest mode has, or what the series of the other parity, even or odd, would give the next: a guided
+    leaf has nothing in every other mode. turned: largest turn of a leaf per quadrature point [rad].
+    """
+
+    share: float
+    member: str
+    axis: int
+    turned: float
+
+
+_NOTHING = Look(0.0, "", 0, 0.0)
+
+
+def look_at_modes(model: Model, motion: Motion) -> Look:
+    """What the strain-mode leafs of a state say of their modes and points."""
     held = _held(model)
     members = held.parts.tables.member
     if not len(members):
-        return 0.0, "", 0
-    share, leaf, axis = _worst(held, motion.inner)
-    return (share, model.member_names[members[leaf]], axis) if share > 0.0 else (0.0, "", 0)
+        return _NOTHING
+    share, leaf, axis, turned = _worst(held, motion.inner)
+    return Look(share, model.member_names[members[leaf]] if share > 0.0 else "", axis, turned)

@@ -12,13 +12,14 @@ import numpy as np
 from ksd.bodies.joints import JointBodies, joint_bodies
 from ksd.errors import ConvergenceError, KinematicsError, KsdError, RangeError, RecordError, SceneError
 from ksd.library import find_record
+from ksd.model.arrays import carries_load
 from ksd.model.compile import Model, compile_scene, fit_for
 from ksd.model.effects import mentioned
 from ksd.model.mesh import Mesh
 from ksd.model.orders import mesh_for, raised
 from ksd.model.plane import Plane, plane_of
 from ksd.properties.later import for_moving, for_questions
-from ksd.properties.resolution import highest_share
+from ksd.properties.resolution import look_at_modes
 from ksd.section.checks import number, show, truth, whole
 from ksd.solve import pipeline
 from ksd.solve.beside import beside, measured, needs_walk
@@ -62,6 +63,7 @@ class Solver:
         self.mixed: Any = None  # the same beside condensed joints, where the bodies are solids
         self._five: FiveSteps | None = None
         self._storage: Storage | None = None
+        self._plain: dict[tuple[Any, ...], float] = {}
 
     @property
     def five_steps(self) -> FiveSteps:
@@ -89,6 +91,7 @@ class Solver:
     def use(self, model: Model) -> None:
         """Solve this model of the same scene from now on."""
         self.model, self._five, self._storage, self.modal, self.mixed = model, None, None, None, None
+        self._plain = {}
 
     def __call__(
         self,
@@ -106,11 +109,44 @@ class Solver:
         The mesh stays as prepared: where its curvature modes are few for the state a warning says so, and strictly a
         leaf that is not resolved at all is refused.
         """
-        values = _asked(targets, drives)
+        values = drives if targets is None else _asked(targets, drives)
         truth(strict, "strict")
-        found = self.on_mesh(values, method=method, accuracy=accuracy, passes=passes, estimate=estimate)
-        found = resolved(found, _accuracy(accuracy))
+        ways = method, accuracy, passes, estimate
+        wanted = self._wanted(ways)
+        if wanted > 0.0:
+            found = self._plainly(values, method, passes=passes, estimate=estimate, accuracy=wanted)
+        else:
+            found = self.on_mesh(values, method=method, accuracy=accuracy, passes=passes, estimate=estimate)
+            wanted = _accuracy(accuracy)
+            if self._is_plain(method, accuracy):
+                self._plain[ways] = wanted
+        found = resolved(found, wanted)
         return insist(found) if strict else found
+
+    def _wanted(self, ways: tuple[Any, ...]) -> float:
+        """The accuracy wanted in calls like these, where they were seen to be plain; else 0."""
+        try:
+            return self._plain.get(ways, 0.0)
+        except TypeError:
+            return 0.0
+
+    def _is_plain(self, method: str | None, accuracy: float | None) -> bool:
+        """Whether calls like this one need nothing of what `on_mesh` does around a solve: another model for the accuracy,
+        plates, solids, load steps beside the answer."""
+        model = self.model
+        same = fit_for(model, accuracy) is model and for_questions(model) is model and not model.mesh.plate
+        return same and method != "modal" and self._with_solids(method) is None and not carries_load(model.arrays)
+
+    def _plainly(
+        self, values: Mapping[str, float], method: str | None, *, passes: int, estimate: bool, accuracy: float
+    ) -> Configuration:
+        """What `on_mesh` comes to where nothing else is called for."""
+        if method == "conventional":
+            return self._told(conventional(self.model, values, storage=self.storage))
+        target = self.model.targets(values)
+        if method is None:
+            return self._cheapest(values, target, accuracy)
+        return self.five_steps(values, target, method=method, passes=passes, estimate=estimate)
 
     def on_mesh(
         self,
@@ -254,13 +290,10 @@ class Solver:
     def _told(self, result: Configuration) -> Configuration:
         """A conventional result with the joints' intended and unintended motions, where their records are there."""
         try:
-            motions, unintended, unknown = pipeline.joint_motions(self.bench, result.motion)
+            reading, unknown = pipeline.joint_motions(self.bench, result.motion)
         except KsdError:
             return result
-        warnings = (*result.warnings, *unknown)
-        return _with(
-            result, motions=motions, unintended=unintended, warnings=warnings, near=bool(self.bench.seen[1])
-        )
+        return result.told(reading, unknown, near=bool(self.bench.seen[1]))
 
 
 def _asked(targets: Any, drives: Mapping[str, float]) -> dict[str, float]:
@@ -269,7 +302,7 @@ def _asked(targets: Any, drives: Mapping[str, float]) -> dict[str, float]:
         raise SceneError(
             f"targets = {show(targets)}: give drive values by name, for example top=0.1 or {{'top': 0.1}}"
         )
-    return {**(targets or {}), **drives}
+    return {**(targets or {}), **drives} if drives else dict(targets or {})
 
 
 def _with(result: Configuration, **changes: Any) -> Configuration:
@@ -363,7 +396,7 @@ def solve(
         solver = _recent_solver(scene, chosen, extrapolate, said, values)
         found = solver.on_mesh(values, method=method, accuracy=accuracy, passes=passes, estimate=estimate)
         found = insist(found) if strict else found
-        share, _, axis = highest_share(found.model, found.motion)
+        share, _, axis, _ = look_at_modes(found.model, found.motion)
         if share <= wanted or mesh is not None or rise == MOST_RISES:
             break
         chosen = raised(chosen, axis)

@@ -12,6 +12,7 @@ import numpy as np
 from ksd.errors import SceneError
 from ksd.model.arrays import Motion
 from ksd.model.compile import Model
+from ksd.solve.reading import Reading
 from ksd.solve.steps import ErrorEstimate, FiveStepRecord, Step
 from ksd.solve.stops import Stop
 
@@ -58,6 +59,7 @@ class Configuration:
         expected: int,
         motions: Mapping[str, float] | None = None,
         unintended: Mapping[str, np.ndarray] | None = None,
+        reading: Reading | None = None,
         error: ErrorEstimate | None = None,
         warnings: tuple[str, ...] = (),
         load_factor: float = 1.0,
@@ -69,10 +71,34 @@ class Configuration:
         # at once: a frozen dataclass of its own takes 5 us for so many fields, a tenth of a planar solve
         self.__dict__.update(
             model=model, motion=motion, method=method, targets=targets, steps=steps, negatives=negatives,
-            expected=expected, motions={} if motions is None else motions,
-            unintended={} if unintended is None else unintended, error=error, warnings=warnings, load_factor=load_factor,
+            expected=expected, error=error, warnings=warnings, load_factor=load_factor,
             doubts=doubts, plane_alone=plane_alone, chosen=chosen, near=near,
         )  # fmt: skip
+        if reading is not None:
+            self.__dict__["_reading"] = reading
+        else:
+            self.__dict__.update(motions=motions or {}, unintended=unintended or {})
+
+    def __getattr__(self, name: str) -> Any:
+        # of an answer just found the motions of its joints are not yet under their names
+        reading = self.__dict__.get("_reading")
+        if reading is None or name not in ("motions", "unintended"):
+            raise AttributeError(f"a configuration has no '{name}'")
+        found = reading.by_motion() if name == "motions" else reading.by_joint()
+        self.__dict__[name] = found
+        return found
+
+    def seen_turned(self, turned: float) -> None:
+        """Remember the largest turn of a strain-mode leaf per quadrature point [rad], for the verdict."""
+        self.__dict__["_turned"] = turned
+
+    def told(self, reading: Reading, warnings: tuple[str, ...], *, near: bool) -> Configuration:
+        """The same with the motions of its joints, as read where their records are known, and what was not found."""
+        found = object.__new__(Configuration)
+        found.__dict__.update(self.__dict__, _reading=reading, warnings=(*self.warnings, *warnings), near=near)
+        for name in ("motions", "unintended"):
+            found.__dict__.pop(name, None)
+        return found
 
     def __repr__(self) -> str:
         forces = ", ".join(f"{n} {v:.6g}" for n, v in self.forces.items())
@@ -90,7 +116,9 @@ class Configuration:
     def stable(self) -> bool:
         """No negative pivots beyond those of the constraint rows: a minimum of energy under the held drives; where loads
         follow their links, no divergence and no flutter."""
-        return self.negatives == self.expected and (self.still is None or self.still[0])
+        if self.negatives != self.expected:
+            return False
+        return not len(self.model.arrays.loads.following) or self.still is None or self.still[0]
 
     @cached_property
     def still(self) -> tuple[bool, str] | None:

@@ -63,6 +63,7 @@ class FiveSteps:
         self._balanced = 0.0
         self._out: dict[int, np.ndarray] = {}
         self._sense = _senses(model, bodies)
+        self._follows, self._expected = follows(model), len(model.drive_names) + len(model.support_names)
 
     def __call__(
         self, values: Mapping[str, float], target: np.ndarray, *, method: str, passes: int, estimate: bool
@@ -70,9 +71,10 @@ class FiveSteps:
         """Solve at the right-hand sides `target` (c,). Raises RangeError, ConvergenceError, KinematicsError."""
         if method == "kinematic":
             self.insist_on_motions()
-        found = self._in_plane(values, target, method=method, passes=passes, estimate=estimate)
-        if found is not None:
-            return found
+        if self.wants_plane and not isinstance(self._flat, str):
+            found = self._in_plane(values, target, method=method, passes=passes, estimate=estimate)
+            if found is not None:
+                return found
         return self._in_space(values, target, method=method, passes=passes, estimate=estimate)
 
     def insist_on_motions(self) -> None:
@@ -137,11 +139,11 @@ class FiveSteps:
         above.lift()
         negatives += len(target) - len(rows)
         steps, error, alone = FiveStepRecord(record, passes), None, False
-        moved = _Moved(state.found, above.lifted.copy(), state.known, near=bool(state.seen[1] == 1))
+        moved = _Moved(state.found.copy(), above.lifted.copy(), state.known, near=bool(state.seen[1] == 1))
         if method == "kinematic":
             if not self._balances(plane, flat, target):
                 return None
-            moved = moved._replace(theta=moved.theta.copy(), found=moved.found.copy())
+            moved = moved._replace(found=moved.found.copy())
             return self._kinematic((values, target, steps), moved, warnings, estimate=estimate)
         if method == "full":
             seen = self._accepted(plane, target, record[-1][2], negatives)
@@ -187,7 +189,9 @@ class FiveSteps:
         self, values: Mapping[str, float], target: np.ndarray, *, method: str, passes: int, estimate: bool
     ) -> Configuration:
         b, code = self.bench, _CODES[method]
-        out = self._out.setdefault(passes, np.zeros((2 + 3 * (passes + 1), 5)))
+        out = self._out.get(passes)
+        if out is None:
+            out = self._out[passes] = np.zeros((2 + 3 * (passes + 1), 5))
         first: Step | None = None
         ready = 0
         if b.bodies.hanging:
@@ -196,19 +200,19 @@ class FiveSteps:
         if not ready and (out[0, 0] != 0 or not out[0, 2] < self.gap * b.bodies.reduced.size):
             first = closed(b, target, self.gap)
             count, negatives = space_steps(b.held, target, code, passes, 1, RTOL, CAP, self.gap, out)
-        arrived = bool(out[count - 1, 0] == 0)
-        inside = arrived and b.seen[0]
-        warnings = [] if inside else in_range(b, b.theta, extrapolate=self.extrapolate)
-        steps = FiveStepRecord(out[:count].tolist(), passes, first=first)
+        record, (inside, near) = out[:count].tolist(), b.seen.tolist()
+        arrived = record[-1][0] == 0.0
+        warnings = [] if arrived and inside else in_range(b, b.theta, extrapolate=self.extrapolate)
+        steps = FiveStepRecord(record, passes, first=first)
         if not arrived or first is not None:
             _insist(steps)
         error = None
-        moved = _Moved(b.found, b.off.copy(), b.known, near=bool(b.seen[1]))
+        moved = _Moved(b.found.copy(), b.off.copy(), b.known, near=near == 1)
         if method == "kinematic":
             clock = Stopwatch()
             pipeline.kinematic_forces(b, target)
             steps.rows[-1][3] += clock()
-            moved = moved._replace(theta=moved.theta.copy(), found=moved.found.copy())
+            moved = moved._replace(found=moved.found.copy())
             return self._kinematic((values, target, steps), moved, warnings, estimate=estimate)
         if estimate and method == "reduced":
             # condensed joints cannot buckle: the inertia is that of the full model at the recovered state
@@ -259,16 +263,16 @@ class FiveSteps:
     ) -> Configuration:
         b, (values, method, steps) = self.bench, solved
         theta, off, found, near = moved
-        motions, unintended, unknown = pipeline.named_motions(b, theta, off, found, near=near)
-        if method != "kinematic" and follows(self.model) and steps.last is Stop.CONVERGED:
+        reading, unknown = pipeline.read_motions(b, theta, off, found, near=near)
+        if self._follows and method != "kinematic" and steps.last is Stop.CONVERGED:
             negatives = counted(self.model, b.full, 1.0, negatives)
-        expected = len(b.model.drive_names) + len(b.model.support_names)
-        long = steps.wandered(WANDERED)
-        doubts = wandered(s for s in steps if s.name[0] in "35") if long else ()
+        doubts = (
+            wandered(s for s in steps if s.name[0] in "35") if steps.wandered(WANDERED) else ()
+        )
         return Configuration(
-            self.model, b.full.copy(), method, values, steps, negatives=negatives, expected=expected, motions=motions,
-            unintended=unintended, error=error, warnings=(*warnings, *unknown, *self._said(steps)), doubts=doubts,
-            plane_alone=plane_alone, near=near,
+            self.model, b.full.copy(), method, values, steps, negatives=negatives, expected=self._expected, reading=reading,
+            error=error, warnings=(*warnings, *unknown, *self._said(steps)), doubts=doubts, plane_alone=plane_alone,
+            near=near,
         )  # fmt: skip
 
 

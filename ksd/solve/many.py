@@ -188,7 +188,8 @@ def tabulated_many(held, table, which, targets, expected, ways, limits, force, x
         status[n] = reason
         relative_poses(arrays.members, joints, reduced.x, reduced.R, relative)
         copy_numbers(found, 0 * n, theta, 0 * n)
-        intended_motions(loops, relative, found, place, off, part(held, "state.known"))
+        series = part(held, "state.series")
+        intended_motions(loops, relative, found, place, series, off, part(held, "state.known"))
         if reason == 0 and negatives != expected:
             status[n] = UNSTABLE
         elif reason == 0 and far(off, 3 + 0 * n, loops.length, 0 * n):

@@ -258,14 +258,12 @@ class MixedSolver:
         plan = modal.arrays.plan
         negatives, _ = factor_blocks(plan, ready.modal_work.value, ready.modal_work.spare, len(plan.size))
         read_space(b.held)
-        motions, unintended, unknown = pipeline.named_motions(
-            b, b.found.copy(), b.off.copy(), b.known, near=bool(b.seen[1])
-        )
+        near = bool(b.seen[1])
+        reading, unknown = pipeline.read_motions(b, b.found.copy(), b.off.copy(), b.known, near=near)
         expected = len(modal.drive_names) + len(modal.support_names)
         return Configuration(
             modal, state, "modal", dict(values), tuple(steps), negatives=int(negatives + inside),
-            expected=expected, motions=motions, unintended=unintended,
-            warnings=(*placed.warnings, *unknown), near=bool(b.seen[1]),
+            expected=expected, reading=reading, warnings=(*placed.warnings, *unknown), near=near,
         )  # fmt: skip
 
 

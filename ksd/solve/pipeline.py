@@ -19,6 +19,7 @@ from ksd.bodies.readout import drive_forces
 from ksd.model.arrays import Motion
 from ksd.model.compile import Model
 from ksd.numerics.stopwatch import Stopwatch
+from ksd.solve.reading import Reading
 from ksd.solve.space_steps import hold, read_space, space_set
 from ksd.solve.steps import Step
 from ksd.solve.stops import Stop
@@ -95,11 +96,10 @@ def kinematic_forces(b: Bench, target: np.ndarray) -> None:
     b.full.multiplier[:] = b.reduced.multiplier
 
 
-Motions = tuple[dict[str, float], dict[str, np.ndarray], tuple[str, ...]]
-
-
-def named_motions(b: Bench, theta: np.ndarray, off: np.ndarray, found: np.ndarray, *, near: bool) -> Motions:
-    """Intended motion of every joint [rad or m], what is left, and what is not known, in words.
+def read_motions(
+    b: Bench, theta: np.ndarray, off: np.ndarray, found: np.ndarray, *, near: bool
+) -> tuple[Reading, tuple[str, ...]]:
+    """Intended motion of every joint and what is left, and what is not known, in words.
 
     theta (q,), off (J, 6) and found (J,) as of `ksd.bodies.readout.intended_motions`; they are changed where a motion
     was not found or lies far outside its trained range: nan, and a sentence. near: it was seen that there is none such.
@@ -117,16 +117,15 @@ def named_motions(b: Bench, theta: np.ndarray, off: np.ndarray, found: np.ndarra
             unknown.append(
                 f"the intended motion of joint '{name}' is not known: the one nearest to its pose {why}"
             )
-    motions = dict(zip(b.bodies.motion_names, (theta * b.bodies.motion_scale).tolist(), strict=True))
-    return motions, dict(zip(names, off, strict=True)), tuple(unknown)
+    return Reading(b.bodies.motion_names, names, b.bodies.motion_scale, theta, off), tuple(unknown)
 
 
-def joint_motions(b: Bench, motion: Motion) -> Motions:
-    """Intended motions at `motion` of the full model, as `named_motions`.
+def joint_motions(b: Bench, motion: Motion) -> tuple[Reading, tuple[str, ...]]:
+    """Intended motions at `motion` of the full model, as `read_motions`.
 
     Unintended: (6,) per joint, displacement [m] and rotation vector [rad] in the axes of interface A. Both are nan for
     a joint whose nearest intended motion was not found, or lies far outside its trained range; the last says so.
     """
     b.full.assign(motion)
     read_space(b.held)
-    return named_motions(b, b.found.copy(), b.off.copy(), b.known, near=bool(b.seen[1]))
+    return read_motions(b, b.found.copy(), b.off.copy(), b.known, near=bool(b.seen[1]))

@@ -278,7 +278,9 @@ class PlanarSteps:
 
     def __call__(self, target: np.ndarray, *, method: int, passes: int) -> tuple[np.ndarray, int, int]:
         """Solve in place; returns the record, its rows, and the negative pivots."""
-        out = self._out.setdefault(passes, np.zeros((2 + 3 * (passes + 1), 5)))
+        out = self._out.get(passes)
+        if out is None:
+            out = self._out[passes] = np.zeros((2 + 3 * (passes + 1), 5))
         rows, negatives = planar_steps(self.held, target, method, passes, RTOL, CAP, self.gap, out)
         return out, rows, negatives
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from ksd.properties.resolution import highest_share
+from ksd.properties.resolution import look_at_modes
 from ksd.solve.configuration import Configuration
 
 BLIND = 0.05
@@ -17,7 +17,8 @@ _AXIS = ("torsion", "strong bending", "weak bending")
 def resolved(found: Configuration, wanted: float) -> Configuration:
     """The answer, with a warning where a leaf has more than `wanted` of its energy in its highest modes, and a doubt where
     that is much and matters."""
-    share, where, axis = highest_share(found.model, found.motion)
+    share, where, axis, turned = look_at_modes(found.model, found.motion)
+    found.seen_turned(turned)
     if share <= wanted:
         return found
     note = (

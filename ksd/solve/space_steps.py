@@ -58,13 +58,14 @@ class SpaceStart(NamedTuple):
 class SpaceState(NamedTuple):
     """Storage of one thread: the states and storage of bench, reduced and full mechanism.
 
-    theta (q,), place (J, 24), relative (J, 12): of the joints; found (q,), off (J, 6), known (J,): intended motions of
+    theta (q,), place (J, 24), relative (J, 12), series (3, M): of the joints; found (q,), off (J, 6), known (J,): intended motions of
     the answer and what is left, see `ksd.bodies.readout.intended_motions`; limits (q, 4), seen (2,): see `ksd.solve.near`.
     """
 
     theta: np.ndarray
     place: np.ndarray
     relative: np.ndarray
+    series: np.ndarray
     found: np.ndarray
     off: np.ndarray
     known: np.ndarray
@@ -92,7 +93,8 @@ def space_set(model: Model, bodies: JointBodies) -> SpaceSet:
     joints, motions = len(bodies.loops.node), len(bodies.motion_names)
     rest = SpaceStart(bodies.bench_rest, bodies.reduced_rest, model.rest)
     state = SpaceState(
-        np.zeros(motions), np.zeros((joints, 24)), np.zeros((joints, 12)), np.zeros(motions), np.zeros((joints, 6)),
+        np.zeros(motions), np.zeros((joints, 24)), np.zeros((joints, 12)),
+        np.zeros((3, bodies.loops.pose.shape[2])), np.zeros(motions), np.zeros((joints, 6)),
         np.zeros(joints, np.int64),
         rest.bench.copy(), rest.reduced.copy(), rest.full.copy(),
         make_work(bodies.bench, near=bodies.near), make_work(bodies.reduced), make_work(model.arrays),
@@ -241,7 +243,7 @@ def read_space(held):
     copy_numbers(found, first, part(held, "state.theta"), first)
     place, off = part(held, "state.place"), part(held, "state.off")
     known = part(held, "state.known")
-    intended_motions(loops, relative, found, place, off, known)
+    intended_motions(loops, relative, found, place, part(held, "state.series"), off, known)
     turn_at = 3 + first
     limits, seen = part(held, "state.limits"), part(held, "state.seen")
     look_at_joints(part(held, "state.theta"), found, off, known, turn_at, limits, loops.length, seen)

@@ -73,11 +73,13 @@ class FiveStepRecord(Sequence[Step]):
     @property
     def last(self) -> Stop:
         """Why the last step stopped."""
-        return self.more[-1].stop if self.more else Stop(int(self.rows[-1][0]))
+        if self.more:
+            return self.more[-1].stop
+        return Stop.CONVERGED if self.rows[-1][0] == 0.0 else Stop(int(self.rows[-1][0]))
 
     def wandered(self, most: int) -> bool:
         """Whether an equilibrium took more than `most` iterations."""
-        return any(row[1] > most for row in self.rows)
+        return max([row[1] for row in self.rows]) > most
 
     def _step(self, k: int) -> Step:
         if k >= len(self.rows):

@@ -58,7 +58,7 @@ def condense_along(held, thetas, found):
     near = 1 + 0 * joints
     for n in range(len(thetas)):
         theta[:] = thetas[n]
-        joint_places(loops, theta, place)
+        joint_places(loops, theta, place, part(held, "state.series"))
         set_near(arrays, loops, inside, theta, place, bench, work)
         _, _, status = condense_joints(arrays, joints, bench, work, near, inner)
         worst = max(worst, status)

@@ -56,14 +56,12 @@ class Trust:
 
 
 class _Turning(NamedTuple):
-    """Strain-mode leafs: member, places (3, m) of the constant modes about x, y, z, length [m], quadrature points; least: a
-    bound on the turn per point [rad] when multiplied by the largest of the modes."""
+    """Strain-mode leafs: member, places (3, m) of the constant modes about x, y, z, length [m], quadrature points."""
 
     strain: np.ndarray
     at: np.ndarray
     length: np.ndarray
     points: np.ndarray
-    least: float
 
 
 @per_model
@@ -73,7 +71,7 @@ def _turning(model: Model) -> _Turning:
     number, first = members.number[strain], members.inner_at[strain]
     at = first + np.cumsum([0 * number[:, 0], number[:, 0], number[:, 1]], axis=0)
     length, points = members.length[strain], number[:, 3]
-    return _Turning(strain, at, length, points, float((math.sqrt(3.0) * length / points).max(initial=0.0)))
+    return _Turning(strain, at, length, points)
 
 
 def _rolled(c: Configuration) -> str:
@@ -81,13 +79,12 @@ def _rolled(c: Configuration) -> str:
 
     Two full turns on 7 points counted as a minimum what finer leafs and chains of 40 elements know to be a saddle.
     """
+    if c.__dict__.get("_turned", MOST_GAP) < MOST_GAP:
+        return ""
     leafs = _turning(c.model)
     if not len(leafs.strain):
         return ""
-    bends = c.motion.inner.take(leafs.at)
-    if max(map(abs, bends.ravel().tolist())) * leafs.least < MOST_GAP:
-        return ""
-    turns = np.sqrt(np.square(bends).sum(axis=0)) * leafs.length
+    turns = np.sqrt(np.square(c.motion.inner.take(leafs.at)).sum(axis=0)) * leafs.length
     worst = int((turns / leafs.points).argmax())
     turn, points = float(turns[worst]), int(leafs.points[worst])
     if turn > MOST_GAP * points:
