@@ -24,7 +24,7 @@ from ksd.bench.floor import one_pass
 from ksd.bench.suite import TIP, arm_by_joints, arm_by_location
 from ksd.design import designs as many
 from ksd.design.prepared import Prepared
-from ksd.solve.choose import Solver
+from ksd.solve.solver import Solver
 from ksd.units import GPa, deg, mm
 
 DESIGNS, POSES = 10_000, 10

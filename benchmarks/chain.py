@@ -17,7 +17,7 @@ from common import interleaved, machine, options, write_json
 import ksd
 from ksd.bench.suite import chain
 from ksd.design.prepared import Prepared
-from ksd.solve.choose import Solver
+from ksd.solve.solver import Solver
 from ksd.solve.space_steps import FULL, REDUCED
 
 JOINTS = (3, 10, 30, 100)

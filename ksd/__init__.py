@@ -36,7 +36,8 @@ _HOMES = {
     "ksd.model.mesh": ("Mesh",),
     "ksd.modal.choices": ("ModalBasis",),
     "ksd.model.compile": ("Model", "compile_scene"),
-    "ksd.solve.choose": ("Solver", "prepare", "solve"),
+    "ksd.solve.choose": ("prepare", "solve"),
+    "ksd.solve.solver": ("Solver",),
     "ksd.solve.configuration": ("Configuration",),
     "ksd.solve.path": ("Path", "follow"),
     "ksd.properties.doctor": ("doctor",),
@@ -97,9 +98,10 @@ if TYPE_CHECKING:
     from ksd.scene.mentioned import link_matrix
     from ksd.scene.toml_file import load_scene, save_scene
     from ksd.section import Section, circle, numbers, polygon, rectangle, tube
-    from ksd.solve.choose import Solver, prepare, solve
+    from ksd.solve.choose import prepare, solve
     from ksd.solve.configuration import Configuration
     from ksd.solve.path import Path, follow
+    from ksd.solve.solver import Solver
     from ksd.train import train
 
 

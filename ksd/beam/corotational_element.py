@@ -253,7 +253,12 @@ def unstressed_tangent(v, s, tail, first):
     for i in range(3):
         l, t = v[1] * s[L_AT + i], v[2] * s[T_AT + i]
         u3, u4, u5, u6 = s[U_AT + i], s[U_AT + 3 + i], s[U_AT + 6 + i], s[U_AT + 9 + i]
-        m3, m4, m5, m6 = v[3] * u3 + v[4] * u4, v[4] * u3 + v[3] * u4, v[5] * u5 + v[6] * u6, v[6] * u5 + v[5] * u6
+        m3, m4, m5, m6 = (
+            v[3] * u3 + v[4] * u4,
+            v[4] * u3 + v[3] * u4,
+            v[5] * u5 + v[6] * u6,
+            v[6] * u5 + v[5] * u6,
+        )
         v3, v4, v5, v6 = s[V_AT + i], s[V_AT + 3 + i], s[V_AT + 6 + i], s[V_AT + 9 + i]
         for j in range(3):
             x3, x4, x5, x6 = s[V_AT + j], s[V_AT + 3 + j], s[V_AT + 6 + j], s[V_AT + 9 + j]
@@ -264,7 +269,9 @@ def unstressed_tangent(v, s, tail, first):
             if not first:
                 s[A_AT + 6 * i + j] = tail[C_AT + 8 * i + j] + ll
                 s[A_AT + 6 * i + 3 + j] = tail[C_AT + 8 * i + 3 + j] - lp
-                s[A_AT + 6 * i + 21 + j] = tail[C_AT + 8 * i + 27 + j] + v[3] * v3 * x3 + v[5] * v5 * x5 + rank
+                s[A_AT + 6 * i + 21 + j] = (
+                    tail[C_AT + 8 * i + 27 + j] + v[3] * v3 * x3 + v[5] * v5 * x5 + rank
+                )
                 s[B_AT + 8 * i + j] = -ll
                 s[B_AT + 8 * i + 3 + j] = -lq
                 s[B_AT + 8 * j + 24 + i] = lp

@@ -18,7 +18,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-DEFAULT_ORDERS = (4, 3, 5)
+DEFAULT_ORDERS = (4, 3, 6)
 DEFAULT_POINTS = 7
 PULL = 39
 """Numbers of the pull of a leaf with weight, see `ksd.beam.weight`."""

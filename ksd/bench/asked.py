@@ -58,7 +58,7 @@ BOUNDS = (
         Bound(f"fourbar, reading {r}", method, leafs, us)
         for r in (1, 2)
         for method, us in (("full", 1000), ("conventional", 3000))
-        for leafs in ("strain 4,3,5", "4 elements")
+        for leafs in ("strain 4,3,6", "4 elements")
     ),
     Bound("fourbar, reading 2", "conventional", "good", 700),
     Bound("fourbar, reading 2", "full", "good", 300),

@@ -111,8 +111,8 @@ def readme_text(results: Sequence[Measured]) -> str:
             equal_accuracy(shown),
             "",
             "Times as fast, 5 Appendix A elements per leaf, whole calls, warm (plain Newton and MIP on all "
-            "nodes: the papers' program, on all element nodes, in space, best eps_max; MIP: the best conventional we know, on "
-            "condensed leafs, the better of our steps and the best eps_max):",
+            "nodes: the papers' program, on all element nodes, in space, best eps_max; MIP: the best conventional we know, "
+            "on condensed leafs, the better of our steps and the best eps_max):",
             "",
             ratios(shown),
             "",

@@ -12,14 +12,14 @@ import numpy as np
 from ksd.errors import ConvergenceError, KsdError
 from ksd.model.compile import compile_scene
 from ksd.model.leafs import Mesh
-from ksd.solve.choose import Solver
 from ksd.solve.configuration import Configuration
 from ksd.solve.conventional import conventional
+from ksd.solve.solver import Solver
 from ksd.solve.storage import Storage
 
 EPS_MAX = (1e4, 1e5, 3e5, 1e6, 3e6, 1e7, 3e7, 1e8, 3e8, 1e9, math.inf)
 """Thresholds tried for plain Newton; the paper does not print its own."""
-ORDERS = (((3, 2, 4), 5), ((4, 2, 5), 6), ((4, 3, 5), 7), ((5, 3, 6), 8))
+ORDERS = (((3, 2, 4), 5), ((4, 2, 5), 6), ((4, 3, 6), 7), ((5, 3, 6), 8))
 """Strain-mode leafs compared: curvature modes about x, y, z, and points."""
 FINEST = Mesh(orders=(6, 5, 9), points=14)
 """The leaf model errors are counted from."""
@@ -79,14 +79,16 @@ def _is_planar(solver: Solver, targets: Mapping[str, float]) -> bool:
     return True
 
 
-BASELINES = {"plain Newton": (False, True), "MIP on all nodes": (True, True), "MIP, best eps_max": (True, False)}
+BASELINES = {
+    "plain Newton": (False, True),
+    "MIP on all nodes": (True, True),
+    "MIP, best eps_max": (True, False),
+}
 """Conventional methods compared with, as (mixed integration points, on all element nodes). The papers' own program is on all
 nodes; on condensed leafs is the best we know."""
 
 
-def baseline(
-    scene: Any, targets: Mapping[str, float], elements: int, *, name: str = "plain Newton"
-) -> Way:
+def baseline(scene: Any, targets: Mapping[str, float], elements: int, *, name: str = "plain Newton") -> Way:
     """The conventional method of paper 1, Appendix B, in one of its BASELINES: in space, its steps by the best eps_max.
 
     Best: fewest matrix solves among those that end where the smallest eps_max does. Raises ConvergenceError.

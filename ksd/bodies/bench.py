@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ksd.bodies.kinematics import monomials, pose_from
+from ksd.bodies.series import monomials, pose_from
 from ksd.model.assembly import member_pose
 from ksd.model.system import assemble, take_step
 from ksd.numerics.blocks import backward_blocks, factor_blocks, forward_blocks

@@ -32,7 +32,9 @@ def _jacobian(bodies: JointBodies, theta: np.ndarray) -> tuple[np.ndarray, np.nd
     place, series = np.zeros((len(loops.node), 24)), np.zeros((3, loops.pose.shape[2]))
     target = np.zeros(len(arrays.terms.start))
     rest, terms, size = bodies.reduced_rest, arrays.terms, arrays.size
-    loop_equations(terms, size, loops, theta, target, rest.x.copy(), rest.R.copy(), place, series, W, J, residual)
+    loop_equations(
+        terms, size, loops, theta, target, rest.x.copy(), rest.R.copy(), place, series, W, J, residual
+    )
     return J, W
 
 

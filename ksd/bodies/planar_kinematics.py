@@ -10,7 +10,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ksd.bodies.kinematics import least_squares, monomials, stride
+from ksd.bodies.kinematics import least_squares, stride
+from ksd.bodies.series import monomials
 from ksd.model.arrays import TRANSLATION
 from ksd.model.planar_assembly import TURN, planar_term
 from ksd.numerics.kernel import kernel

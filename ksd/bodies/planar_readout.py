@@ -39,7 +39,9 @@ def planar_drive_forces(arrays, loops, theta, target, motion, turns, place, mu):
     W = np.zeros((len(motion.pose), motions, 3))
     J, residual, Q, rate = np.zeros((rows, motions)), np.zeros(rows), np.zeros(motions), np.zeros(motions)
     reach, room = np.empty(len(motion.pose), np.int64), np.empty((motions + 1, motions))
-    planar_equations(loops, arrays.terms, arrays.size, target, motion.pose, turns, place, reach, W, J, residual)
+    planar_equations(
+        loops, arrays.terms, arrays.size, target, motion.pose, turns, place, reach, W, J, residual
+    )
     for j in range(len(loops.node)):
         o = PLANAR_LINEAR * j + 3
         for q in range(loops.first[j], loops.first[j + 1]):

@@ -6,7 +6,8 @@ import math
 
 import numpy as np
 
-from ksd.bodies.kinematics import _axes_turned, joint_places, least_squares, loop_equations
+from ksd.bodies.kinematics import _axes_turned, least_squares, loop_equations
+from ksd.bodies.series import joint_places
 from ksd.model.arrays import TRANSLATION
 from ksd.numerics.kernel import kernel
 from ksd.numerics.local import local_matrix, local_vector
@@ -22,7 +23,8 @@ def intended_motions(loops, relative, theta, place, series, off, found):
 
     relative (J, 12): d and rotation (row-major) of B in the axes of A. theta is matched to the rotation of B where the
     motion turns it, else to its displacement; a correction is limited to 0.3. off (J, 6): displacement and rotation
-    vector of B off its intended pose. found (J,): 1 where the corrections died out, 0 where theta means nothing. series (3, M): scratch.
+    vector of B off its intended pose. found (J,): 1 where the corrections died out, 0 where theta means nothing. series
+    (3, M): scratch.
     """
     rel, is_at, should = local_matrix(3, 3), local_matrix(3, 3), local_matrix(3, 3)
     v, A, b, step = local_vector(3), local_matrix(2, 2), local_vector(2), local_vector(2)
@@ -98,7 +100,9 @@ def drive_forces(arrays, loops, theta, target, motion, place, wrench, mu):
     W = np.zeros((len(motion.x), motions, 6))
     J, residual, Q, rate = np.zeros((rows, motions)), np.zeros(rows), np.zeros(motions), np.zeros(motions)
     series, room = np.empty((3, loops.pose.shape[2])), np.empty((motions + 1, motions))
-    loop_equations(arrays.terms, arrays.size, loops, theta, target, motion.x, motion.R, place, series, W, J, residual)
+    loop_equations(
+        arrays.terms, arrays.size, loops, theta, target, motion.x, motion.R, place, series, W, J, residual
+    )
     for j in range(len(loops.node)):
         for q in range(loops.first[j], loops.first[j + 1]):
             at = 12 + 6 * (q - loops.first[j])

@@ -16,8 +16,8 @@ import numpy as np
 from ksd.design.tracking import SPARE, Tracks, first_tracks, follow_through
 from ksd.errors import SceneError
 from ksd.properties.words import Shown, listed, number
-from ksd.solve.choose import Solver
 from ksd.solve.corrected import FAST, corrected
+from ksd.solve.solver import Solver
 
 
 @dataclass(frozen=True, repr=False)

@@ -18,10 +18,10 @@ from ksd.design.refill.refill import Ready, shear_matters
 from ksd.errors import KsdError
 from ksd.model.mesh import Mesh
 from ksd.model.plane import Plane
-from ksd.solve.choose import Solver
 from ksd.solve.driving import RTOL
 from ksd.solve.planar_steps import PlanarSteps
 from ksd.solve.reach import in_range
+from ksd.solve.solver import Solver
 from ksd.solve.space_steps import REDUCED
 
 Maker = Callable[[], Any]

@@ -10,11 +10,11 @@ import numpy as np
 
 from ksd.errors import KsdError
 from ksd.model.plane import Plane, plane_of
-from ksd.solve.choose import Solver
 from ksd.solve.driving import CAP, RTOL
 from ksd.solve.five import FiveSteps
 from ksd.solve.many import planar_many, space_many, tabulated_many
 from ksd.solve.planar_steps import PlanarSteps
+from ksd.solve.solver import Solver
 from ksd.solve.space_steps import KINEMATIC, REDUCED
 from ksd.solve.tables import joint_tables
 

@@ -21,7 +21,7 @@ from ksd.model.compile import Model
 from ksd.model.effects import NATURE, Choice, choose, mentioned
 from ksd.model.mesh import Mesh
 from ksd.model.plane import plane_of
-from ksd.solve.choose import Solver
+from ksd.solve.solver import Solver
 
 ROUNDS = 9
 """Timed solves of every variant, interleaved; their median is shown."""

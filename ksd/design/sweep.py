@@ -19,7 +19,7 @@ from ksd.design.table import Table
 from ksd.errors import KsdError, SceneError
 from ksd.model.mesh import Mesh
 from ksd.numerics.processes import spawning
-from ksd.solve.choose import METHODS
+from ksd.solve.solver import METHODS
 
 PER_PROCESS = 4
 """Blocks handed to each worker, so that none idles long at the end."""

@@ -12,7 +12,7 @@ from dataclasses import replace
 from ksd.model.mesh import Mesh
 
 LADDER = (
-    (1e-4, (4, 3, 5), 7),
+    (1e-4, (4, 3, 6), 7),
     (1e-5, (5, 3, 6), 8),
     (0.0, (6, 4, 8), 10),
 )

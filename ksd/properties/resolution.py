@@ -89,7 +89,8 @@ def _tables(model: Model) -> _Tables:
     place_, rest_, one_, two_, stiff_, own_ = flat
     return _Tables(
         strain, place_.astype(np.int64), rest_, one_.astype(np.int64), two_.astype(np.int64), stiff_,
-        np.array(start, np.int64), own_, *ends, members.length[strain] / members.number[strain, 3],
+        np.array(start, np.int64), own_, ends[0], ends[1], ends[2], ends[3],
+        members.length[strain] / members.number[strain, 3],
     )  # fmt: skip
 
 

@@ -95,7 +95,9 @@ class Configuration:
     def told(self, reading: Reading, warnings: tuple[str, ...], *, near: bool) -> Configuration:
         """The same with the motions of its joints, as read where their records are known, and what was not found."""
         found = object.__new__(Configuration)
-        found.__dict__.update(self.__dict__, _reading=reading, warnings=(*self.warnings, *warnings), near=near)
+        found.__dict__.update(
+            self.__dict__, _reading=reading, warnings=(*self.warnings, *warnings), near=near
+        )
         for name in ("motions", "unintended"):
             found.__dict__.pop(name, None)
         return found

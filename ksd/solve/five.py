@@ -266,9 +266,7 @@ class FiveSteps:
         reading, unknown = pipeline.read_motions(b, theta, off, found, near=near)
         if self._follows and method != "kinematic" and steps.last is Stop.CONVERGED:
             negatives = counted(self.model, b.full, 1.0, negatives)
-        doubts = (
-            wandered(s for s in steps if s.name[0] in "35") if steps.wandered(WANDERED) else ()
-        )
+        doubts = wandered(s for s in steps if s.name[0] in "35") if steps.wandered(WANDERED) else ()
         return Configuration(
             self.model, b.full.copy(), method, values, steps, negatives=negatives, expected=self._expected, reading=reading,
             error=error, warnings=(*warnings, *unknown, *self._said(steps)), doubts=doubts, plane_alone=plane_alone,

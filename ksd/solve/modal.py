@@ -109,7 +109,7 @@ def expanded_at_rest(full: Model, basis: ModalBasis | Mapping[str, ModalBasis]) 
 def by_modal_bodies(
     solver: Any, targets: Mapping[str, float], *, estimate: bool = True, passes: int = 0
 ) -> Configuration:
-    """Method `modal` of a `ksd.solve.choose.Solver`; for a trained expansion the chains stand as its steps 1 and 2
+    """Method `modal` of a `ksd.solve.solver.Solver`; for a trained expansion the chains stand as its steps 1 and 2
     place them. With a basis by name, joints none of whose leafs are named are condensed as in `reduced`."""
     if solver.modal is None:
         solver.modal = _prepared(solver)

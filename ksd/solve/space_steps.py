@@ -58,8 +58,9 @@ class SpaceStart(NamedTuple):
 class SpaceState(NamedTuple):
     """Storage of one thread: the states and storage of bench, reduced and full mechanism.
 
-    theta (q,), place (J, 24), relative (J, 12), series (3, M): of the joints; found (q,), off (J, 6), known (J,): intended motions of
-    the answer and what is left, see `ksd.bodies.readout.intended_motions`; limits (q, 4), seen (2,): see `ksd.solve.near`.
+    theta (q,), place (J, 24), relative (J, 12), series (3, M): of the joints; found (q,), off (J, 6), known
+    (J,): intended motions of the answer and what is left, see `ksd.bodies.readout.intended_motions`; limits (q, 4),
+    seen (2,): see `ksd.solve.near`.
     """
 
     theta: np.ndarray

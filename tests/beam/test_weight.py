@@ -7,6 +7,8 @@ from ksd.beam import corotational, planar_corotational, planar_strain, strain
 from ksd.beam import corotational_values as chains
 from ksd.beam.corotational_values import ElementSection
 from ksd.beam.strain_values import (
+    DEFAULT_ORDERS,
+    DEFAULT_POINTS,
     PULL,
     make_modes,
     masses_beyond,
@@ -31,7 +33,7 @@ class Space:
         self.Q = np.array([[c, -s, 0], [s, c, 0], [0, 0, 1.0]]) @ np.array([[1, 0, 0], [0, a, -b], [0, b, a]])
         self.lam, self.K, self.at = np.zeros(12), np.zeros((6, 6)), PULL
         if kind == "modes":
-            table = make_modes((4, 3, 5), 7)
+            table = make_modes(DEFAULT_ORDERS, DEFAULT_POINTS)
             rigidity = np.array([LEAF.G * LEAF.J, LEAF.E * LEAF.Iy, LEAF.E * LEAF.Iz])
             self.value, self.number = strain_values(
                 length=L, rigidity=rigidity, compliance=COMPLIANCE, modes=table, line_mass=np.full(7, MU)
@@ -70,9 +72,9 @@ class Plane:
     def __init__(self, kind):
         self.pose, self.lam, self.K = np.array([0.99334 * L, 0.1 * L, 0.2]), np.zeros(6), np.zeros((3, 3))
         if kind == "modes":
-            self.kind, sizes = planar_strain, planar_strain.sizes(5, heavy=True)
+            self.kind, sizes = planar_strain, planar_strain.sizes(DEFAULT_ORDERS[2], heavy=True)
             value, self.number = planar_strain.leaf_values(
-                length=L, EI=LEAF.E * LEAF.Iz, cN=COMPLIANCE[0], cV=COMPLIANCE[1]
+                length=L, EI=LEAF.E * LEAF.Iz, cN=COMPLIANCE[0], cV=COMPLIANCE[1], modes=DEFAULT_ORDERS[2]
             )
             s = 0.5 * (1 + np.polynomial.legendre.leggauss(7)[0])
             self.value = np.concatenate([value, MU * L * (1 - s)])

@@ -50,8 +50,8 @@ def test_unknowns_are_those_solved_for():
     model = ksd.compile_scene(fourbar())
     spatial = ksd.compile_scene(fourbar(), with_="spatial")
     inner = model.arrays.members.inner_at[-1]
-    assert unknowns(spatial) == 18 + 1 + inner == 235
-    assert unknowns(model) < 235 / 3
+    assert unknowns(spatial) == 18 + 1 + inner == 247
+    assert unknowns(model) < 247 / 3
 
 
 def test_the_command(tmp_path, capsys, monkeypatch):

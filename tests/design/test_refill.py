@@ -13,8 +13,8 @@ from ksd.design.prepared import Prepared
 from ksd.design.refill import Refill, drawing
 from ksd.design.refill.refill import _Words
 from ksd.model.mesh import Mesh
-from ksd.solve.choose import Solver
 from ksd.solve.planar_steps import PlanarSteps
+from ksd.solve.solver import Solver
 from ksd.units import GPa, deg, mm
 
 MESHES = {"strain": Mesh(), "chain": Mesh("corotational", elements=3)}

@@ -180,7 +180,7 @@ def test_questions_out_of_the_plane_take_up_what_the_motion_did_not_call_for():
         lambda p: p.with_error(lambda q: q.stiffness("top").support("rx"))[0],
     ):
         assert ask(pose) == pytest.approx(ask(warped), rel=1e-8)
-        assert abs(ask(plain) / ask(warped) - 1) > 5e-3
+        assert abs(ask(plain) / ask(warped) - 1) > 4e-3
     table = ksd.sweep(scene, top=[0.1, 0.2], questions=("support_stiffness",), progress=False)
     assert table["support_z_N_per_m"][1] == pytest.approx(
         pose.stiffness("top", at=(0, 0.37071, 0)).support("z"), rel=1e-4

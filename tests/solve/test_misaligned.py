@@ -6,7 +6,7 @@ from scenes import STEEL, cross_flexure, fourbar, single_joint
 from scipy.spatial.transform import Rotation
 
 import ksd
-from ksd.solve.choose import Solver
+from ksd.solve.solver import Solver
 
 GUIDE = ksd.ParallelGuide(STEEL, length=0.1, thickness=0.5e-3, width=0.03, spacing=0.06)
 

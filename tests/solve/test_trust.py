@@ -116,7 +116,7 @@ def test_a_step_that_took_long_is_a_doubt():
     "force, moment, d, right",
     [
         ((275.1, 141.6, 798.1), (23.375, -11.49, -34.355), 0.0602, -236.184),
-        ((-1023.65, -26.55, -549.35), (12.365, -54.55, -42.12), -0.144, 375.552),
+        ((-1023.65, -26.55, -549.35), (12.365, -54.55, -42.12), -0.144, 375.5582),
     ],
 )
 def test_loads_that_do_much_of_the_work_are_walked(force, moment, d, right):
@@ -174,8 +174,8 @@ def facing_guides():
 
 @pytest.mark.parametrize("planar", [True, False])
 def test_an_error_that_one_corrector_step_does_not_see(planar):
-    solver = ksd.prepare(facing_guides(), planar=planar)
-    # the default modes are few for the boundary layers of leafs drawn out, which strict refuses
+    solver = ksd.prepare(facing_guides(), planar=planar, mesh=ksd.Mesh(orders=(4, 3, 5)))
+    # these modes are few for the boundary layers of leafs drawn out, which strict refuses
     with pytest.raises(ksd.TrustError, match=r"curvature modes .* are few"):
         solver(stroke=2e-3, method="reduced")
     found = solver(stroke=2e-3, method="reduced", strict=False)

@@ -1,0 +1,319 @@
+"""A mechanism prepared for repeated solves, by any method, choosing the cheapest that meets the accuracy asked for."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+
+from ksd.bodies.joints import JointBodies, joint_bodies
+from ksd.errors import ConvergenceError, KinematicsError, KsdError, RangeError, RecordError, SceneError
+from ksd.library import find_record
+from ksd.model.arrays import carries_load
+from ksd.model.compile import Model, compile_scene, fit_for
+from ksd.model.mesh import Mesh
+from ksd.model.plane import Plane, plane_of
+from ksd.properties.later import for_moving, for_questions
+from ksd.section.checks import number, show, truth, whole
+from ksd.solve import pipeline
+from ksd.solve.beside import beside, measured, needs_walk
+from ksd.solve.configuration import Configuration
+from ksd.solve.conventional import bare, by_load_steps, conventional
+from ksd.solve.five import FiveSteps
+from ksd.solve.pipeline import Bench
+from ksd.solve.plates import settled
+from ksd.solve.resolved import resolved
+from ksd.solve.storage import Storage
+from ksd.solve.trust import insist
+
+METHODS = ("kinematic", "reduced", "full", "conventional", "modal")
+DEFAULT_ACCURACY = 1e-3
+
+
+class Solver:
+    """A mechanism prepared for repeated solves: compiled model, joint bodies, and storage used again each time.
+
+    Call it with drive values by name: ``solver(top=0.3)``. Not for use from two threads at once; make one for each.
+    """
+
+    def __init__(
+        self,
+        mechanism: Any,
+        *,
+        mesh: Mesh | None = None,
+        records: Callable[[str], Any] = find_record,
+        extrapolate: bool = False,
+        planar: bool = True,
+        basis: Any = None,
+        **effects: Any,
+    ) -> None:
+        if not isinstance(mechanism, Model):
+            mechanism = for_moving(compile_scene(mechanism, mesh=mesh, **effects))
+        self.model: Model = mechanism
+        self.records, self.extrapolate, self.planar = records, extrapolate, planar
+        self.basis = basis
+        self.modal: Any = None  # prepared for `basis`
+        self.mixed: Any = None  # the same beside condensed joints, where the bodies are solids
+        self._five: FiveSteps | None = None
+        self._storage: Storage | None = None
+        self._plain: dict[tuple[Any, ...], float] = {}
+
+    @property
+    def five_steps(self) -> FiveSteps:
+        """The five steps, prepared on first use. Raises RecordError, RangeError, KinematicsError, SceneError."""
+        if self._five is None:
+            bodies: JointBodies = joint_bodies(self.model, self.records, extrapolate=self.extrapolate)
+            self._five = FiveSteps(self.model, bodies, extrapolate=self.extrapolate, planar=self.planar)
+        return self._five
+
+    @property
+    def bench(self) -> Bench:
+        """Storage of the five steps in space; raises what `five_steps` does."""
+        return self.five_steps.bench
+
+    def __repr__(self) -> str:
+        return f"<Solver of {self.model!r}>"
+
+    @property
+    def storage(self) -> Storage:
+        """Storage of the conventional solver, prepared on first use."""
+        if self._storage is None:
+            self._storage = Storage(self.model)
+        return self._storage
+
+    def use(self, model: Model) -> None:
+        """Solve this model of the same scene from now on."""
+        self.model, self._five, self._storage, self.modal, self.mixed = model, None, None, None, None
+        self._plain = {}
+
+    def __call__(
+        self,
+        targets: Mapping[str, float] | None = None,
+        *,
+        method: str | None = None,
+        accuracy: float | None = None,
+        passes: int = 0,
+        estimate: bool = True,
+        strict: bool = True,
+        **drives: float,
+    ) -> Configuration:
+        """Solve at drive values given by name [m or rad]; see `ksd.solve` for the options.
+
+        The mesh stays as prepared: where its curvature modes are few for the state a warning says so, and strictly a
+        leaf that is not resolved at all is refused.
+        """
+        values = drives if targets is None else asked_values(targets, drives)
+        truth(strict, "strict")
+        ways = method, accuracy, passes, estimate
+        wanted = self._wanted(ways)
+        if wanted > 0.0:
+            found = self._plainly(values, method, passes=passes, estimate=estimate, accuracy=wanted)
+        else:
+            found = self.on_mesh(values, method=method, accuracy=accuracy, passes=passes, estimate=estimate)
+            wanted = wanted_accuracy(accuracy)
+            if self._is_plain(method, accuracy):
+                self._plain[ways] = wanted
+        found = resolved(found, wanted)
+        return insist(found) if strict else found
+
+    def _wanted(self, ways: tuple[Any, ...]) -> float:
+        """The accuracy wanted in calls like these, where they were seen to be plain; else 0."""
+        try:
+            return self._plain.get(ways, 0.0)
+        except TypeError:
+            return 0.0
+
+    def _is_plain(self, method: str | None, accuracy: float | None) -> bool:
+        """Whether calls like this one need nothing of what `on_mesh` does around a solve: another model for the accuracy,
+        plates, solids, load steps beside the answer."""
+        model = self.model
+        same = fit_for(model, accuracy) is model and for_questions(model) is model and not model.mesh.plate
+        return (
+            same
+            and method != "modal"
+            and self._with_solids(method) is None
+            and not carries_load(model.arrays)
+        )
+
+    def _plainly(
+        self, values: Mapping[str, float], method: str | None, *, passes: int, estimate: bool, accuracy: float
+    ) -> Configuration:
+        """What `on_mesh` comes to where nothing else is called for."""
+        if method == "conventional":
+            return self._told(conventional(self.model, values, storage=self.storage))
+        target = self.model.targets(values)
+        if method is None:
+            return self._cheapest(values, target, accuracy)
+        return self.five_steps(values, target, method=method, passes=passes, estimate=estimate)
+
+    def on_mesh(
+        self,
+        values: Mapping[str, float],
+        *,
+        method: str | None = None,
+        accuracy: float | None = None,
+        passes: int = 0,
+        estimate: bool = True,
+    ) -> Configuration:
+        """The answer as it is, whether the mesh resolves it or not, trusted or not."""
+        ways: dict[str, Any] = {
+            "method": method,
+            "accuracy": accuracy,
+            "passes": passes,
+            "estimate": estimate,
+        }
+        solids = self._with_solids(method)
+        if solids is not None:
+            from ksd.solve.solids import by_solids
+
+            return by_solids(solids, values, method=method, estimate=estimate, passes=passes, solver=self)
+        fit = fit_for(self.model, accuracy)
+        if fit is not self.model:
+            self.use(fit)
+        bound = 0.1 * wanted_accuracy(accuracy)
+        found = settled(self, lambda: self._solve(values, **ways), bound)
+        whole_model = for_questions(self.model)
+        if whole_model is not self.model and isinstance(plane_of(self.model), str):
+            # it was not to be held in its plane after all: now its leafs twist
+            self.use(whole_model)
+            found = settled(self, lambda: self._solve(values, **ways), bound)
+        if method is not None and needs_walk(found):
+            against, other = beside(found, lambda: self._by_load_steps(values))
+            doubts = (*found.doubts, *filter(None, [against]))
+            found = with_changes(found, doubts=doubts, error=measured(found, other))
+        return found
+
+    def _with_solids(self, method: str | None) -> Any:
+        """The model with its reduced solids, None where there are none."""
+        if hasattr(self.model, "solids"):
+            return self.model
+        if not isinstance(self.basis, Mapping) or method not in (None, "modal"):
+            return None
+        from ksd.solve.solids import holds_solids, solid_model
+
+        if holds_solids(self.basis) and self.modal is None:
+            self.modal = solid_model(self.model, self.basis)
+        return self.modal if hasattr(self.modal, "solids") else None
+
+    def _solve(
+        self,
+        values: Mapping[str, float],
+        *,
+        method: str | None,
+        accuracy: float | None,
+        passes: int,
+        estimate: bool,
+    ) -> Configuration:
+        target = self.model.targets(values)
+        if method is None:
+            return self._cheapest(values, target, wanted_accuracy(accuracy))
+        if not isinstance(method, str) or method not in METHODS:
+            raise SceneError(f"method = {show(method)}: choose one of {', '.join(METHODS)}")
+        if method == "conventional":
+            return self._by_load_steps(values)
+        if whole(passes, "passes", least=0) > 50:
+            raise SceneError(f"passes = {passes}: between 0 and 50 relinearised passes are possible")
+        if method == "modal":
+            from ksd.solve.modal import by_modal_bodies
+
+            return by_modal_bodies(self, values, estimate=estimate, passes=passes)
+        return self.five_steps(values, target, method=method, passes=passes, estimate=estimate)
+
+    def _cheapest(self, values: Mapping[str, float], target: np.ndarray, accuracy: float) -> Configuration:
+        """The first that meets `accuracy`, in the order of measured cost.
+
+        In the plane that is the conventional solver with three unknowns per node, if it gets there in one step; in
+        space reduced, reduced with a pass, full, and the conventional solver last.
+        """
+        try:
+            if isinstance(plane_of(self.model), Plane):
+                found = conventional(
+                    self.model, values, planar=True, most=10, smallest=1.0, storage=self.storage
+                )
+                if found.stable and not found.doubts:
+                    return self._told(found)
+        except (ConvergenceError, SceneError):
+            # not in one step, or not in this plane after all: the kinematic start is what helps
+            pass
+        try:
+            for passes in range(2):
+                result = self.five_steps(values, target, method="reduced", passes=passes, estimate=True)
+                if result.error is not None and result.error.relative <= accuracy and result.trusted:
+                    return self._beside(with_changes(result, chosen=True), values)
+            found = self.five_steps(values, target, method="full", passes=1, estimate=False)
+            if found.trusted:
+                return self._beside(found, values)
+            raise ConvergenceError(str(found.trust.trusted))
+        except (RecordError, KinematicsError, ConvergenceError, RangeError) as reason:
+            if isinstance(reason, KinematicsError) and "same freedom" in str(reason):
+                raise
+            return self._load_steps(values, f"conventional solver used: {reason}")
+        except SceneError:
+            if self.model.scene.joints:
+                raise
+            return self._load_steps(values, "")
+
+    def _beside(self, found: Configuration, values: Mapping[str, float]) -> Configuration:
+        """An answer of the five steps, or that of load steps where loads are large and it is another."""
+        if not needs_walk(found):
+            return found
+        against, other = beside(found, lambda: self._by_load_steps(values))
+        if not against:
+            return found
+        if other is None:
+            return with_changes(found, doubts=(*found.doubts, against))
+        return with_changes(
+            other, warnings=(*other.warnings, f"load steps used: the five steps led elsewhere: {against}")
+        )
+
+    def _by_load_steps(self, values: Mapping[str, float]) -> Configuration:
+        """The conventional solver, in the fixed order of its ways."""
+
+        def unloaded() -> Configuration:
+            model = bare(self.model)
+            bodies = joint_bodies(model, self.records, extrapolate=self.extrapolate)
+            five = FiveSteps(model, bodies, extrapolate=self.extrapolate, planar=self.planar)
+            return five(values, model.targets(values), method="full", passes=0, estimate=False)
+
+        # the storage of leafs with weight is another one
+        light = self.model.scene.joints and not len(self.model.arrays.weight)
+        kinematic = unloaded if light else None
+        return by_load_steps(self.model, values, self._told, storage=self.storage, kinematic=kinematic)
+
+    def _load_steps(self, values: Mapping[str, float], note: str) -> Configuration:
+        """The conventional solver in all its ways."""
+        result = self._by_load_steps(values)
+        return with_changes(result, warnings=(*result.warnings, note)) if note else result
+
+    def _told(self, result: Configuration) -> Configuration:
+        """A conventional result with the joints' intended and unintended motions, where their records are there."""
+        try:
+            reading, unknown = pipeline.joint_motions(self.bench, result.motion)
+        except KsdError:
+            return result
+        return result.told(reading, unknown, near=bool(self.bench.seen[1]))
+
+
+def asked_values(targets: Any, drives: Mapping[str, float]) -> dict[str, float]:
+    """Drive values by name, from a mapping and from words; SceneError for what is no mapping."""
+    if targets is not None and not isinstance(targets, Mapping):
+        raise SceneError(
+            f"targets = {show(targets)}: give drive values by name, for example top=0.1 or {{'top': 0.1}}"
+        )
+    return {**(targets or {}), **drives} if drives else dict(targets or {})
+
+
+def with_changes(result: Configuration, **changes: Any) -> Configuration:
+    """The same configuration with these fields changed."""
+    from dataclasses import replace
+
+    return replace(result, **changes)
+
+
+def wanted_accuracy(value: float | None) -> float:
+    """The relative accuracy asked for, DEFAULT_ACCURACY where none is. Raises SceneError for what is none."""
+    accuracy = DEFAULT_ACCURACY if value is None else number(value, "accuracy")
+    if not 0.0 < accuracy < 1.0:
+        raise SceneError(f"accuracy = {value}: give a relative error between 0 and 1, for example 1e-3")
+    return accuracy
