@@ -24,6 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ksd.beam.planar_strain_fields import TINY_PIVOT, follow_gravity, gather, solve
+from ksd.beam.strain_values import DEFAULT_ORDERS, DEFAULT_POINTS
 from ksd.beam.weight import PLANAR_PULL
 from ksd.numerics.kernel import kernel
 from ksd.numerics.local import local_vector
@@ -183,8 +184,8 @@ def leaf_values(
     EI: float | Array,
     cN: float | Array,
     cV: float | Array,
-    modes: int = 5,
-    points: int = 7,
+    modes: int = DEFAULT_ORDERS[2],
+    points: int = DEFAULT_POINTS,
     amplitudes: Array | None = None,
 ) -> tuple[Array, NDArray[np.int64]]:
     """Constants and settings (value, number) of a leaf with `modes` Legendre curvature modes.

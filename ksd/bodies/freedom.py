@@ -30,10 +30,10 @@ def _jacobian(bodies: JointBodies, theta: np.ndarray) -> tuple[np.ndarray, np.nd
     J, residual = np.zeros((rows, motions)), np.zeros(rows)
     W = np.zeros((len(arrays.start), motions, 6))
     place, series = np.zeros((len(loops.node), 24)), np.zeros((3, loops.pose.shape[2]))
-    target = np.zeros(len(arrays.terms.start))
+    target, reach = np.zeros(len(arrays.terms.start)), np.zeros((2, len(arrays.start)), np.int64)
     rest, terms, size = bodies.reduced_rest, arrays.terms, arrays.size
     loop_equations(
-        terms, size, loops, theta, target, rest.x.copy(), rest.R.copy(), place, series, W, J, residual
+        terms, size, loops, theta, target, rest.x.copy(), rest.R.copy(), place, series, reach, W, J, residual
     )
     return J, W
 

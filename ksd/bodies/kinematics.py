@@ -65,8 +65,9 @@ def _point(R, s, sign, x, p):
 
 
 @kernel
-def _hang(loops, place, j, forward, x, R, W, motions):
-    """Pose of the link beyond tree joint j and its twist columns W (node, motion, 6), from the link before it."""
+def _hang(loops, place, j, forward, x, R, W, reach):
+    """Pose of the link beyond tree joint j and its twist columns W (node, motion, 6), from the link before it; motions from
+    reach[0] (node) on do not move a link, reach[1] is the one before it."""
     a, b = loops.node[j, 0], loops.node[j, 1]
     RA, RB, rel = local_matrix(3, 3), local_matrix(3, 3), local_matrix(3, 3)
     pA, pB = local_vector(3), local_vector(3)
@@ -90,7 +91,11 @@ def _hang(loops, place, j, forward, x, R, W, motions):
         _axes_turned(RA, loops.frame[j], R[a])
         _point(R[a], loops.anchor[j, 0], -1.0, pA, x[a])
         near, far, sign = b, a, -1.0
-    for q in range(motions):
+    reach[0, far], reach[1, far] = max(reach[0, near], loops.first[j + 1]), near
+    for q in range(reach[0, near], reach[0, far]):
+        for r in range(6):
+            W[far, q, r] = 0.0
+    for q in range(reach[0, near]):
         for r in range(3):
             i, k = (r + 1) % 3, (r + 2) % 3
             W[far, q, 3 + r] = W[near, q, 3 + r]
@@ -128,16 +133,17 @@ def _own_twist(place, k, RA, pB, y, sign, column):
 
 
 @kernel
-def loop_equations(terms, size, loops, theta, target, x, R, place, series, W, J, residual):
+def loop_equations(terms, size, loops, theta, target, x, R, place, series, reach, W, J, residual):
     """Link poses for theta (into x, R), residual (E,) and Jacobian J (E, motions); rotations times `size`.
 
-    Rows: six per closing joint, then one per constraint row of the model.
+    Rows: six per closing joint, then one per constraint row of the model. W and J hold zeros at the first call; what stays
+    zero is not written, so that a joint of a long chain costs little more. reach (2, k): scratch.
     """
     motions = len(theta)
     joint_places(loops, theta, place, series)
-    W[:] = 0.0
+    reach[0, :], reach[1, :] = 0, -1
     for t in range(len(loops.tree)):
-        _hang(loops, place, loops.tree[t, 0], loops.tree[t, 1], x, R, W, motions)
+        _hang(loops, place, loops.tree[t, 0], loops.tree[t, 1], x, R, W, reach)
     RA, RB, want, rel = local_matrix(3, 3), local_matrix(3, 3), local_matrix(3, 3), local_matrix(3, 3)
     pA, pB, pW, turned = local_vector(3), local_vector(3), local_vector(3), local_vector(3)
     own = local_vector(6)
@@ -173,61 +179,111 @@ def loop_equations(terms, size, loops, theta, target, x, R, place, series, W, J,
             for r in range(3):
                 J[row + r, q] -= own[r]
                 J[row + 3 + r, q] -= size * own[3 + r]
-    _constraint_equations(terms, size, target, x, R, W, J, residual, 6 * len(loops.closing))
+    _constraint_equations(terms, size, target, x, R, reach, W, J, residual, 6 * len(loops.closing))
 
 
 @kernel
-def _constraint_equations(terms, size, target, x, R, W, J, residual, row):
+def term_columns(terms, reach, t):
+    """First and last but one motion that constraint term t depends on: a rotation between a link and the one it hangs on
+    knows the joint between them alone."""
+    a, b = terms.node[t, 0], terms.node[t, 1]
+    first, last = 0, max(reach[0, a], reach[0, b])
+    if terms.kind[t] != TRANSLATION:
+        if reach[1, b] == a:
+            first = reach[0, a]
+        elif reach[1, a] == b:
+            first = reach[0, b]
+    return first, last
+
+
+@kernel
+def row_columns(terms, reach, i):
+    """The same of row i."""
+    first, last = term_columns(terms, reach, terms.first[i])
+    for t in range(terms.first[i] + 1, terms.first[i + 1]):
+        low, high = term_columns(terms, reach, t)
+        first, last = min(first, low), max(last, high)
+    return first, last
+
+
+@kernel
+def _constraint_equations(terms, size, target, x, R, reach, W, J, residual, row):
     """One equation per drive or support: sum of terms minus target, with its derivative along the twist columns."""
     gradient, scratch = local_vector(12), local_vector(18)
     for i in range(len(terms.start)):
         rotations = 0
         residual[row + i] = -target[i]
-        for q in range(J.shape[1]):
+        first, last = row_columns(terms, reach, i)
+        for q in range(first, last):
             J[row + i, q] = 0.0
         for t in range(terms.first[i], terms.first[i + 1]):
             c = terms.coefficient[t]
             residual[row + i] += c * term_slope(terms, x, R, t, gradient, scratch)
-            if terms.kind[t] != TRANSLATION:
-                rotations += 1
             a, b = terms.node[t, 0], terms.node[t, 1]
-            for q in range(J.shape[1]):
+            low, high = term_columns(terms, reach, t)
+            turns = terms.kind[t] != TRANSLATION
+            rotations += turns
+            for q in range(low, high):
                 s = 0.0
-                for r in range(6):
-                    s += gradient[r] * W[a, q, r] + gradient[6 + r] * W[b, q, r]
+                for r in range(3):
+                    s += gradient[3 + r] * W[a, q, 3 + r] + gradient[9 + r] * W[b, q, 3 + r]
+                if not turns:
+                    for r in range(3):
+                        s += gradient[r] * W[a, q, r] + gradient[6 + r] * W[b, q, r]
                 J[row + i, q] += c * s
         if rotations == terms.first[i + 1] - terms.first[i]:
             residual[row + i] *= size
-            for q in range(J.shape[1]):
+            for q in range(first, last):
                 J[row + i, q] *= size
+
+
+@kernel
+def room_for(rows, motions):
+    """Scratch of `least_squares`."""
+    return np.empty((motions + 4, max(rows, motions)))
 
 
 @kernel
 def least_squares(J, residual, step, room):
     """step (q,) minimising |J step + residual| by normal equations and LDL^T; returns the smallest relative pivot.
 
-    Zeros are skipped, so that a chain of joints costs each of them the same. room (q + 1, q): scratch.
+    A row of the factor begins where that of the normal equations does (skyline), so that a chain of joints costs each of
+    them the same. room: scratch of `room_for`.
     """
     rows, n = J.shape
-    A, before = room, room[n]
-    room[:] = 0.0
-    step[:] = 0.0
+    A, before, low, begin, end = room, room[n], room[n + 1], room[n + 2], room[n + 3]
+    for i in range(n):
+        low[i], step[i] = i, 0.0
     for r in range(rows):
-        for i in range(n):
+        first, last = 0, n
+        while first < n and J[r, first] == 0.0:
+            first += 1
+        while last > first and J[r, last - 1] == 0.0:
+            last -= 1
+        begin[r], end[r] = first, last
+        for i in range(first, last):
+            if J[r, i] != 0.0:
+                low[i] = min(low[i], first)
+    for i in range(n):
+        for j in range(int(low[i]), i + 1):
+            A[i, j] = 0.0
+    for r in range(rows):
+        first = int(begin[r])
+        for i in range(first, int(end[r])):
             v = J[r, i]
             if v != 0.0:
                 step[i] -= v * residual[r]
-                for j in range(i + 1):
+                for j in range(first, i + 1):
                     A[i, j] += v * J[r, j]
-    for i in range(n):
-        before[i] = A[i, i]
     worst = 1.0
     for i in range(n):
-        for j in range(i):
+        before[i] = A[i, i]
+        for j in range(int(low[i]), i):
             v = A[i, j]
             if v != 0.0:
                 for k in range(j + 1, i):
-                    A[i, k] -= v * A[k, j]
+                    if low[k] <= j:
+                        A[i, k] -= v * A[k, j]
                 A[i, j] = v / A[j, j]
                 A[i, i] -= v * A[i, j]
         d = A[i, i]
@@ -235,12 +291,12 @@ def least_squares(J, residual, step, room):
             return 0.0
         worst = min(worst, d / before[i])
     for i in range(n):
-        for c in range(i):
+        for c in range(int(low[i]), i):
             step[i] -= A[i, c] * step[c]
     for i in range(n):
         step[i] /= A[i, i]
     for i in range(n - 1, -1, -1):
-        for c in range(i):
+        for c in range(int(low[i]), i):
             step[c] -= A[i, c] * step[i]
     return worst
 
@@ -253,19 +309,21 @@ def close_loops(arrays, loops, theta, target, motion, place, most):
     the square of that.
     """
     rows, motions = 6 * len(loops.closing) + len(arrays.terms.start), len(theta)
-    W, series = np.empty((len(motion.x), motions, 6)), np.empty((3, loops.pose.shape[2]))
+    W, series = np.zeros((len(motion.x), motions, 6)), np.empty((3, loops.pose.shape[2]))
     J, residual, step = np.zeros((rows, motions)), np.zeros(rows), np.zeros(motions)
-    room = np.empty((motions + 1, motions))
-    return _close(arrays, loops, theta, target, motion, place, most, series, W, J, residual, step, room)
+    room, reach = room_for(rows, motions), np.empty((2, len(motion.x)), np.int64)
+    return _close(
+        arrays, loops, theta, target, motion, place, most, series, reach, W, J, residual, step, room
+    )
 
 
 @kernel
-def _close(arrays, loops, theta, target, motion, place, most, series, W, J, residual, step, room):
+def _close(arrays, loops, theta, target, motion, place, most, series, reach, W, J, residual, step, room):
     """`close_loops` in given storage."""
     terms, size, x, R = arrays.terms, arrays.size, motion.x, motion.R
     pivot, gap = 1.0, 0.0
     for n in range(most):
-        loop_equations(terms, size, loops, theta, target, x, R, place, series, W, J, residual)
+        loop_equations(terms, size, loops, theta, target, x, R, place, series, reach, W, J, residual)
         pivot = least_squares(J, residual, step, room)
         if not pivot > 1e-13:
             return 3, n, math.inf, pivot
@@ -274,7 +332,7 @@ def _close(arrays, loops, theta, target, motion, place, most, series, W, J, resi
             return 5, n, math.inf, pivot
         if largest < 1e-6:
             # quadratic: the error left is the square of this step; poses follow it
-            loop_equations(terms, size, loops, theta, target, x, R, place, series, W, J, residual)
+            loop_equations(terms, size, loops, theta, target, x, R, place, series, reach, W, J, residual)
             for r in range(len(residual)):
                 gap = max(gap, abs(residual[r]))
             return 0, n + 1, gap, pivot

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ksd.bodies.kinematics import least_squares, stride
+from ksd.bodies.kinematics import least_squares, room_for, row_columns, stride, term_columns
 from ksd.bodies.series import monomials
 from ksd.model.arrays import TRANSLATION
 from ksd.model.planar_assembly import TURN, planar_term
@@ -80,8 +80,8 @@ def _arm(turn, s):
 
 @kernel
 def _hang(loops, place, j, forward, pose, W, reach):
-    """Pose of the link beyond tree joint j and its twist columns W (node, motion, 3), from the link before it; motions
-    from reach (node,) on do not move a link."""
+    """Pose of the link beyond tree joint j and its twist columns W (node, motion, 3), from the link before it; reach as in
+    space."""
     a, b = loops.node[j, 0], loops.node[j, 1]
     near, far, sign = (a, b, 1.0) if forward == 1 else (b, a, -1.0)
     pose[far, 2] = pose[near, 2] + sign * place[j, 0]
@@ -95,11 +95,11 @@ def _hang(loops, place, j, forward, pose, W, reach):
     x, y = pose[far, 0] - pose[near, 0], pose[far, 1] - pose[near, 1]
     # from interface B to the far link's reference point
     rx, ry = pose[far, 0] - pose[b, 0] - bx, pose[far, 1] - pose[b, 1] - by
-    for q in range(reach[near]):
+    for q in range(reach[0, near]):
         w = W[near, q, 2]
         W[far, q, 0], W[far, q, 1], W[far, q, 2] = W[near, q, 0] - w * y, W[near, q, 1] + w * x, w
-    reach[far] = max(reach[near], loops.first[j + 1])
-    for q in range(reach[near], reach[far]):
+    reach[0, far], reach[1, far] = max(reach[0, near], loops.first[j + 1]), near
+    for q in range(reach[0, near], reach[0, far]):
         W[far, q, 0], W[far, q, 1], W[far, q, 2] = 0.0, 0.0, 0.0
     for q in range(loops.first[j], loops.first[j + 1]):
         at = 3 + 3 * (q - loops.first[j])
@@ -139,9 +139,9 @@ def planar_equations(loops, terms, size, target, pose, turns, place, reach, W, J
     """Link poses (k, 3) from the joints' `place`, residual (E,) and Jacobian J (E, motions) of loops and rows.
 
     W and J hold zeros at the first call; what stays zero is not written, so that a joint of a long chain costs little more.
-    reach (k,): scratch.
+    reach (2, k): scratch.
     """
-    reach[:] = 0
+    reach[0, :], reach[1, :] = 0, -1
     for t in range(len(loops.tree)):
         _hang(loops, place, loops.tree[t, 0], loops.tree[t, 1], pose, W, reach)
     for c in range(len(loops.closing)):
@@ -151,24 +151,27 @@ def planar_equations(loops, terms, size, target, pose, turns, place, reach, W, J
     first, row = terms.first, 3 * len(loops.closing)
     g = local_vector(10)
     for i in range(len(target)):
-        rotations, last = 0, 0
+        rotations = 0
         residual[row + i] = -target[i]
-        for t in range(first[i], first[i + 1]):
-            last = max(last, reach[terms.node[t, 0]], reach[terms.node[t, 1]])
-        for q in range(last):
+        begin, last = row_columns(terms, reach, i)
+        for q in range(begin, last):
             J[row + i, q] = 0.0
         for t in range(first[i], first[i + 1]):
             c, a, b = terms.coefficient[t], terms.node[t, 0], terms.node[t, 1]
             residual[row + i] += c * planar_term(
                 terms.kind[t], terms.node[t], terms.direction[t], terms.point[t], pose, turns, g
             )
-            rotations += terms.kind[t] != TRANSLATION
-            for q in range(last):
-                for r in range(3):
-                    J[row + i, q] += c * (g[r] * W[a, q, r] + g[3 + r] * W[b, q, r])
+            turning = terms.kind[t] != TRANSLATION
+            rotations += turning
+            low, high = term_columns(terms, reach, t)
+            for q in range(low, high):
+                s = g[2] * W[a, q, 2] + g[5] * W[b, q, 2]
+                if not turning:
+                    s += g[0] * W[a, q, 0] + g[1] * W[a, q, 1] + g[3] * W[b, q, 0] + g[4] * W[b, q, 1]
+                J[row + i, q] += c * s
         if rotations == first[i + 1] - first[i]:
             residual[row + i] *= size
-            for q in range(last):
+            for q in range(begin, last):
                 J[row + i, q] *= size
 
 
@@ -176,9 +179,9 @@ def planar_equations(loops, terms, size, target, pose, turns, place, reach, W, J
 def close_planar(loops, terms, size, theta, target, pose, turns, value, slope, place, most):
     """Step 1 in place; rules and returns are those of `ksd.bodies.kinematics.close_loops`."""
     motions, rows = len(theta), 3 * len(loops.closing) + len(target)
-    W, reach = np.zeros((len(pose), motions, 3)), np.empty(len(pose), np.int64)
+    W, reach = np.zeros((len(pose), motions, 3)), np.empty((2, len(pose)), np.int64)
     J, residual, step = np.zeros((rows, motions)), np.zeros(rows), np.zeros(motions)
-    room = np.empty((motions + 1, motions))
+    room = room_for(rows, motions)
     return _close_all(
         loops, terms, size, theta, target, pose, turns, value, slope, place, most, reach, W, J, residual, step, room
     )  # fmt: skip

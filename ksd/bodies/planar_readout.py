@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from ksd.bodies.kinematics import least_squares
+from ksd.bodies.kinematics import least_squares, room_for
 from ksd.bodies.planar_kinematics import planar_equations
 from ksd.model.arrays import TRANSLATION
 from ksd.model.planar_flat import PLANAR_LINEAR
@@ -38,7 +38,7 @@ def planar_drive_forces(arrays, loops, theta, target, motion, turns, place, mu):
     rows = closing + len(target)
     W = np.zeros((len(motion.pose), motions, 3))
     J, residual, Q, rate = np.zeros((rows, motions)), np.zeros(rows), np.zeros(motions), np.zeros(motions)
-    reach, room = np.empty(len(motion.pose), np.int64), np.empty((motions + 1, motions))
+    reach, room = np.empty((2, len(motion.pose)), np.int64), room_for(rows, motions)
     planar_equations(
         loops, arrays.terms, arrays.size, target, motion.pose, turns, place, reach, W, J, residual
     )

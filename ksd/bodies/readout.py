@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from ksd.bodies.kinematics import _axes_turned, least_squares, loop_equations
+from ksd.bodies.kinematics import _axes_turned, least_squares, loop_equations, room_for
 from ksd.bodies.series import joint_places
 from ksd.model.arrays import TRANSLATION
 from ksd.numerics.kernel import kernel
@@ -99,9 +99,22 @@ def drive_forces(arrays, loops, theta, target, motion, place, wrench, mu):
     rows = closing + len(target)
     W = np.zeros((len(motion.x), motions, 6))
     J, residual, Q, rate = np.zeros((rows, motions)), np.zeros(rows), np.zeros(motions), np.zeros(motions)
-    series, room = np.empty((3, loops.pose.shape[2])), np.empty((motions + 1, motions))
+    series, room = np.empty((3, loops.pose.shape[2])), room_for(rows, motions)
+    reach = np.empty((2, len(motion.x)), np.int64)
     loop_equations(
-        arrays.terms, arrays.size, loops, theta, target, motion.x, motion.R, place, series, W, J, residual
+        arrays.terms,
+        arrays.size,
+        loops,
+        theta,
+        target,
+        motion.x,
+        motion.R,
+        place,
+        series,
+        reach,
+        W,
+        J,
+        residual,
     )
     for j in range(len(loops.node)):
         for q in range(loops.first[j], loops.first[j + 1]):

@@ -91,9 +91,10 @@ def every_jobs(model: Model) -> list[Job]:
     def loops() -> None:
         bodies, target = joint_bodies(model, find_record), np.zeros(1)
         place, series, W, J = np.zeros((1, 24)), np.zeros((3, 4)), np.zeros((2, 1, 6)), np.zeros((1, 1))
+        reach = np.zeros((2, 2), np.int64)
         terms, size, rest = bodies.reduced.terms, bodies.reduced.size, bodies.reduced_rest
         loop_equations.compile_for(
-            terms, size, bodies.loops, target, target, rest.x, rest.R, place, series, W, J, target
+            terms, size, bodies.loops, target, target, rest.x, rest.R, place, series, reach, W, J, target
         )
 
     def look() -> None:
