@@ -9,6 +9,7 @@ import math
 
 from ksd.beam.corotational import end_rotation, finish, ready_weight
 from ksd.beam.corotational_element import (
+    A_AT,
     KEPT,
     L_AT,
     N_AT,
@@ -33,10 +34,11 @@ from ksd.numerics.rotations import rotation_exp, rotation_log
 
 
 @kernel
-def _direction(v, s, tail, near, H):
-    """H (3, 3) = exp(near): chord of an undeformed element in the near configuration (paper 1, 3.2)."""
-    rotation_exp(near, H)
+def _direction(v, s, tail, H):
+    """H (3, 3) = exp(near), kept in `s`: chord of an undeformed element in the near configuration (paper 1, 3.2)."""
     for i in range(3):
+        for j in range(3):
+            H[i, j] = s[A_AT + 3 * i + j]
         s[L_AT + i] = H[i, 0] * v[7] + H[i, 1] * v[10] + H[i, 2] * v[13]
     tail[N_AT] = v[0]
 
@@ -69,14 +71,19 @@ def _flexible_strains(v, s, tail, H, work):
 
 
 @kernel
-def _place_nodes(value, n, inner, near, d, work):
-    """Inner nodes of the near configuration: undeformed elements chained, the gap at q spread linearly."""
+def _place_nodes(value, n, inner, store, near, d, work):
+    """Inner nodes of the near configuration: undeformed elements chained, the gap at q spread linearly.
+
+    Element orientations are kept where the element's block A will be.
+    """
     H = work[:9].reshape(3, 3)
     x = work[9:12]
     x[:] = 0.0
     for k in range(n):
         rotation_exp(near[3 * k : 3 * k + 3], H)
         v = value[16 * k : 16 * k + 16]
+        for i in range(9):
+            store[KEPT * k + A_AT + i] = work[i]
         for i in range(3):
             x[i] += v[0] * (H[i, 0] * v[7] + H[i, 1] * v[10] + H[i, 2] * v[13])
             if k < n - 1:
@@ -106,7 +113,7 @@ def near_condense(value, number, inner, store, near, d, Q, lam, K, geometric):
     R, H = local_matrix(3, 3), local_matrix(3, 3)
     work, rest = local_vector(24), local_vector(6)
     rest[:] = 0.0
-    _place_nodes(value, n, inner, near, d, work)
+    _place_nodes(value, n, inner, store, near, d, work)
     end_rotation(value, n, Q, R)
     fix_start(tail)
     mass, pull, spread = ready_weight(value, n, store)
@@ -117,7 +124,7 @@ def near_condense(value, number, inner, store, near, d, Q, lam, K, geometric):
         s = store[KEPT * k : KEPT * k + KEPT]
         load_node(tail, inner, k if k < n - 1 else -1, d, R)
         node_axes(v, tail)
-        _direction(v, s, tail, near[3 * k : 3 * k + 3], H)
+        _direction(v, s, tail, H)
         status = gradients(v[0], s, tail)
         if status != 0:
             return negatives, math.inf, math.inf, status

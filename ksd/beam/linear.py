@@ -38,22 +38,22 @@ def linear_condense(inner, d, Q, lam, K):
             s += inner[18 + 6 * i + j] * xi[j]
         f[i] = s
     dot = f[3] * xi[3] + f[4] * xi[4] + f[5] * xi[5]
+    # columns 3..5 of K in the chart of xi, times T
+    M = local_matrix(6, 3)
+    for i in range(6):
+        a, b, c = inner[21 + 6 * i], inner[22 + 6 * i], inner[23 + 6 * i]
+        for j in range(3):
+            M[i, j] = a * T[0, j] + b * T[1, j] + c * T[2, j]
     for i in range(3):
         lam[i] = f[i]
         lam[3 + i] = T[0, i] * f[3] + T[1, i] * f[4] + T[2, i] * f[5]
         for j in range(3):
             K[i, j] = inner[18 + 6 * i + j]
-            s = 0.0
             q = (f[3 + i] * xi[3 + j] + xi[3 + i] * f[3 + j]) / 12.0
             if i == j:
                 q -= dot / 6.0
-            for k in range(3):
-                s += inner[18 + 6 * i + 3 + k] * T[k, j]
-                for l in range(3):
-                    q += T[k, i] * inner[18 + 6 * (3 + k) + 3 + l] * T[l, j]
-            K[i, 3 + j] = s
-            K[3 + j, i] = s
-            K[3 + i, 3 + j] = q
+            K[i, 3 + j], K[3 + j, i] = M[i, j], M[i, j]
+            K[3 + i, 3 + j] = q + T[0, i] * M[3, j] + T[1, i] * M[4, j] + T[2, i] * M[5, j]
     for i in range(6):
         lam[6 + i] = lam[i]
     return 0, 0.0, 0.0, 0

