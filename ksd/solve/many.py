@@ -21,8 +21,8 @@ from ksd.numerics.held import part
 from ksd.numerics.kernel import kernel
 from ksd.solve.near import far, outside
 from ksd.solve.newton import CONVERGED, GRAIN, LOCAL_ANGLE, LOOSE, NOT_FINITE, SINGULAR, TOO_MANY
-from ksd.solve.planar_steps import planar_steps
-from ksd.solve.space_steps import LINEAR_SIZE, space_steps, start_space
+from ksd.solve.planar_steps import untimed_planar
+from ksd.solve.space_steps import LINEAR_SIZE, start_space, untimed_space
 
 LOCKED, OUT_OF_RANGE, UNSTABLE, FAR = 10, 11, 12, 13
 """Statuses beyond those of `ksd.solve.stops.Stop`."""
@@ -50,7 +50,7 @@ def planar_many(held, targets, expected, method, passes, ways, limits, force, po
     )
     out = np.zeros((2 + 3 * (passes + 1), 5))
     for n in range(len(targets)):
-        rows, negatives = planar_steps(held, targets[n], method, passes, ways[0], ways[1], ways[2], out)
+        rows, negatives = untimed_planar(held, targets[n], method, passes, ways[0], ways[1], ways[2], out)
         status[n] = int(out[rows - 1, 0])
         if out[0, 0] != 0 or not out[0, 2] < ways[2] * size:
             status[n] = LOCKED
@@ -77,7 +77,7 @@ def space_many(held, targets, expected, method, passes, ways, limits, force, x, 
     out = np.zeros((2 + 3 * (passes + 1), 5))
     closed = 0 * passes
     for n in range(len(targets)):
-        rows, negatives = space_steps(
+        rows, negatives = untimed_space(
             held, targets[n], method, passes, closed, ways[0], ways[1], ways[2], out
         )
         status[n] = int(out[rows - 1, 0])

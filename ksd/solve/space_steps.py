@@ -251,7 +251,7 @@ def read_space(held):
 
 
 @kernel
-def _steps(held, target, method, passes, closed, rtol, cap, gap, out):
+def untimed_space(held, target, method, passes, closed, rtol, cap, gap, out):
     """See `space_steps`."""
     clock = part(held, "state.clock")
     before = wall_time(clock)
@@ -286,7 +286,7 @@ def space_steps(held, target, method, passes, closed, rtol, cap, gap, out):
     """
     clock = part(held, "state.clock")
     cpu, wall = thread_time(clock), wall_time(clock)
-    rows, negatives = _steps(held, target, method, passes, closed, rtol, cap, gap, out)
+    rows, negatives = untimed_space(held, target, method, passes, closed, rtol, cap, gap, out)
     passed = wall_time(clock) - wall
     share_time(out[:rows, 3], thread_time(clock) - cpu, passed)
     return rows, negatives
