@@ -249,7 +249,7 @@ def tangent(v, sigma, s, tail, first):
 
 @kernel
 def unstressed_tangent(v, s, tail, first):
-    """`tangent` for stresses zero in it: D^T S D alone; the force is still that of the stresses in `tail`."""
+    """`tangent` for stresses zero in it: D^T S D alone (A.11, A.13); the force is still that of the stresses in `tail`."""
     for i in range(3):
         l, t = v[1] * s[L_AT + i], v[2] * s[T_AT + i]
         u3, u4, u5, u6 = s[U_AT + i], s[U_AT + 3 + i], s[U_AT + 6 + i], s[U_AT + 9 + i]

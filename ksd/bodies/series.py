@@ -26,7 +26,7 @@ def monomials(loops, theta, j, value, slope):
     b = theta[first + 1] if loops.first[j + 1] - first > 1 else 0.0
     at = loops.power_first[j]
     count = loops.power_first[j + 1] - at
-    A, B = local_vector(24), local_vector(24)
+    A, B = local_vector(POWERS), local_vector(POWERS)
     A[0], B[0] = 1.0, 1.0
     for k in range(POWERS - 1):
         A[k + 1], B[k + 1] = A[k] * a, B[k] * b

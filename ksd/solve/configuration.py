@@ -88,20 +88,6 @@ class Configuration:
         self.__dict__[name] = found
         return found
 
-    def seen_turned(self, turned: float) -> None:
-        """Remember the largest turn of a strain-mode leaf per quadrature point [rad], for the verdict."""
-        self.__dict__["_turned"] = turned
-
-    def told(self, reading: Reading, warnings: tuple[str, ...], *, near: bool) -> Configuration:
-        """The same with the motions of its joints, as read where their records are known, and what was not found."""
-        found = object.__new__(Configuration)
-        found.__dict__.update(
-            self.__dict__, _reading=reading, warnings=(*self.warnings, *warnings), near=near
-        )
-        for name in ("motions", "unintended"):
-            found.__dict__.pop(name, None)
-        return found
-
     def __repr__(self) -> str:
         forces = ", ".join(f"{n} {v:.6g}" for n, v in self.forces.items())
         return (
@@ -371,6 +357,22 @@ class Configuration:
         from ksd.properties.words import printed
 
         return printed(*self.tables())
+
+
+def note_turn(found: Configuration, turned: float) -> None:
+    """Leave the largest turn of a strain-mode leaf per quadrature point [rad] with the answer, for the verdict."""
+    found.__dict__["_turned"] = turned
+
+
+def with_reading(
+    found: Configuration, reading: Reading, warnings: tuple[str, ...], *, near: bool
+) -> Configuration:
+    """The same with the motions of its joints, as read where their records are known, and what was not found."""
+    told = object.__new__(Configuration)
+    told.__dict__.update(found.__dict__, _reading=reading, warnings=(*found.warnings, *warnings), near=near)
+    for name in ("motions", "unintended"):
+        told.__dict__.pop(name, None)
+    return told
 
 
 def _opened(model: Model, motion: Motion) -> tuple[Model, Motion]:

@@ -202,7 +202,7 @@ def read_planar(held, again):
 
 @kernel
 def untimed_planar(held, target, method, passes, rtol, cap, gap, out):
-    """See `planar_steps`."""
+    """`planar_steps` without the clock of the thread, whose reading costs as much as a joint: for batches."""
     clock = part(held, "state.clock")
     before = wall_time(clock)
     reason, count, left = start_planar(held, target)

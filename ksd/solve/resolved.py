@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from ksd.properties.resolution import look_at_modes
-from ksd.solve.configuration import Configuration
+from ksd.solve.configuration import Configuration, note_turn
 
 BLIND = 0.05
 """Share of the energy of a leaf in its highest mode beyond which its curvature is not resolved at all."""
@@ -18,7 +18,7 @@ def resolved(found: Configuration, wanted: float) -> Configuration:
     """The answer, with a warning where a leaf has more than `wanted` of its energy in its highest modes, and a doubt where
     that is much and matters."""
     share, where, axis, turned = look_at_modes(found.model, found.motion)
-    found.seen_turned(turned)
+    note_turn(found, turned)
     if share <= wanted:
         return found
     note = (

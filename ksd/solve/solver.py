@@ -18,7 +18,7 @@ from ksd.properties.later import for_moving, for_questions
 from ksd.section.checks import number, show, truth, whole
 from ksd.solve import pipeline
 from ksd.solve.beside import beside, measured, needs_walk
-from ksd.solve.configuration import Configuration
+from ksd.solve.configuration import Configuration, with_reading
 from ksd.solve.conventional import bare, by_load_steps, conventional
 from ksd.solve.five import FiveSteps
 from ksd.solve.pipeline import Bench
@@ -292,7 +292,7 @@ class Solver:
             reading, unknown = pipeline.joint_motions(self.bench, result.motion)
         except KsdError:
             return result
-        return result.told(reading, unknown, near=bool(self.bench.seen[1]))
+        return with_reading(result, reading, unknown, near=bool(self.bench.seen[1]))
 
 
 def asked_values(targets: Any, drives: Mapping[str, float]) -> dict[str, float]:

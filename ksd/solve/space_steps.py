@@ -252,7 +252,7 @@ def read_space(held):
 
 @kernel
 def untimed_space(held, target, method, passes, closed, rtol, cap, gap, out):
-    """See `space_steps`."""
+    """`space_steps` without the clock of the thread: for batches."""
     clock = part(held, "state.clock")
     before = wall_time(clock)
     if closed == 0:
