@@ -48,6 +48,7 @@ from ksd.beam.corotational_element import (
 from ksd.beam.weight import PULL, eliminate_inner, finish_chain, load_inner, start_chain
 from ksd.numerics.kernel import kernel
 from ksd.numerics.local import local_matrix
+from ksd.numerics.rotations import factors_of_any
 
 
 @kernel
@@ -81,18 +82,10 @@ def end_rotation(value, n, Q, R):
 
 
 @kernel
-def ready_weight(value, n, store):
-    """Masses (n+7,), pull and couplings of a chain with weight, made ready; empty arrays for one without."""
+def weight_from(n, store):
+    """Where the couplings and the pull of a chain with weight begin in its store; of one without, its end."""
     at = KEPT * n + TAIL
-    if len(store) == at:
-        return value[:0], store[:0], store[:0]
-    mass, pull, spread = (
-        value[16 * n + 9 : 17 * n + 16],
-        store[len(store) - PULL :],
-        store[at : len(store) - PULL],
-    )
-    start_chain(mass, n, pull, spread)
-    return mass, pull, spread
+    return at, len(store) - PULL if len(store) > at else at
 
 
 @kernel
@@ -121,7 +114,10 @@ def condense(value, number, inner, store, d, Q, lam, K):
     R = local_matrix(3, 3)
     end_rotation(value, n, Q, R)
     fix_start(tail)
-    mass, pull, spread = ready_weight(value, n, store)
+    coupled, pulled = weight_from(n, store)
+    mass, pull, spread = value[16 * n + 9 :], store[pulled:], store[coupled:pulled]
+    if len(pull) > 0:
+        start_chain(mass, n, pull, spread)
     negatives = angle = 0
     force = moment = 0.0
     for k in range(n):
@@ -129,8 +125,6 @@ def condense(value, number, inner, store, d, Q, lam, K):
         s = store[KEPT * k : KEPT * k + KEPT]
         load_node(tail, inner, k if k < n - 1 else -1, d, R)
         status = _measure(v, s, tail)
-        if status == 2:
-            return negatives, math.inf, math.inf, 2
         # a large angle may pass during the iteration; only a converged state with one is refused
         angle = max(angle, status)
         at = 12 * (n - 1) + 6 * k
@@ -160,15 +154,7 @@ def condense(value, number, inner, store, d, Q, lam, K):
 @kernel
 def _turn(node, x, y, z):
     """Rotation of a node record: R <- exp([x y z]x) R (Rodrigues)."""
-    t2 = x * x + y * y + z * z
-    if t2 < 1e-8:
-        f = 1.0 - t2 / 6.0 * (1.0 - t2 / 20.0)
-        g = 0.5 - t2 / 24.0 * (1.0 - t2 / 30.0)
-    else:
-        t = math.sqrt(t2)
-        f = math.sin(t) / t
-        h = math.sin(0.5 * t)
-        g = 2.0 * h * h / t2
+    f, g = factors_of_any(x * x + y * y + z * z)
     for j in range(3):
         a, b, c = node[3 + j], node[6 + j], node[9 + j]
         u, v, w = y * c - z * b, z * a - x * c, x * b - y * a

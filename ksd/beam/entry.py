@@ -10,6 +10,7 @@ import numpy as np
 
 from ksd.beam import corotational, corotational_near, modal, polynomial, strain
 from ksd.beam.strain_values import DEFAULT_ORDERS, DEFAULT_POINTS, strain_sizes
+from ksd.numerics.fours import four_matrix, fours
 from ksd.numerics.kernel import carray, late
 
 DEFAULT = (*DEFAULT_ORDERS, DEFAULT_POINTS)
@@ -100,11 +101,30 @@ def modal_recover(value, number, inner, store, xi, scale, size):
     )  # fmt: skip
 
 
-@late(f"void({_P}, {_I}, {_P}, {_P}, {_P}, {_P}, {_P}, {_P}, {_P}, int64, {_P}, {_I})")
-def chain_near(value, number, inner, store, near, d, Q, lam, K, geometric, out, size):
-    """A chain linearised about the element orientations `near` (paper 1, section 3)."""
+@late(f"void({_P}, {_I}, {_I}, {_P})")
+def chain_near(four, number, at, out):
+    """Four chains linearised about their element orientations (paper 1, section 3): `four` holds the numbers of all, in
+    parts that begin at `at` (10,), of one: value, near, d, Q, lam, K, errors, inner, store; their end. out (2,): negative
+    pivots, status.
+    """
+    a = carray(at, (10,))
+    held = carray(four, (4 * a[9],))
     back, force, moment, status = corotational_near.near_condense(
-        carray(value, (size[0],)), carray(number, (4,)), carray(inner, (size[1],)), carray(store, (size[2],)),
-        carray(near, (size[3],)), carray(d, (3,)), carray(Q, (3, 3)), carray(lam, (12,)), carray(K, (6, 6)), geometric,
+        fours(held, 4 * a[0], a[1] - a[0]), carray(number, (4,)), fours(held, 4 * a[7], a[8] - a[7]),
+        fours(held, 4 * a[8], a[9] - a[8]), fours(held, 4 * a[1], a[2] - a[1]), fours(held, 4 * a[2], 3),
+        four_matrix(held, 4 * a[3], 3, 3), fours(held, 4 * a[4], 12), four_matrix(held, 4 * a[5], 6, 6),
     )  # fmt: skip
-    out[0], out[1], out[2], out[3] = back, force, moment, status
+    errors = fours(held, 4 * a[6], 2)
+    errors[0], errors[1] = force, moment
+    out[0], out[1] = back, status
+
+
+@late(f"void({_P}, {_I}, {_I}, float64)")
+def chain_recover_four(four, number, at, scale):
+    """Inner update of four chains of `chain_near`; the motion of their ends stands where their wrenches stood."""
+    a = carray(at, (10,))
+    held = carray(four, (4 * a[9],))
+    corotational.recover(
+        fours(held, 4 * a[0], a[1] - a[0]), carray(number, (4,)), fours(held, 4 * a[7], a[8] - a[7]),
+        fours(held, 4 * a[8], a[9] - a[8]), fours(held, 4 * a[4], 6), scale,
+    )  # fmt: skip

@@ -9,10 +9,16 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-
-from ksd.beam.planar_corotational import KEPT, RECORD, TURN, eliminate_weight, finish_weight, ready_weight
+from ksd.beam.planar_corotational import (
+    KEPT,
+    RECORD,
+    TURN,
+    eliminate_weight,
+    finish_weight,
+    ready_weight,
+)
 from ksd.numerics.kernel import kernel
+from ksd.numerics.local import local_matrix, local_vector
 
 
 @kernel
@@ -64,9 +70,13 @@ def near_condense(value, number, inner, store, near, pose, lam, K):
     as `ksd.beam.planar_corotational.condense`.
     """
     n = number[0]
-    C, A, B = np.zeros((3, 3)), np.zeros((3, 3)), np.zeros((3, 3))
-    S, f, before, r, e = np.zeros(5), np.zeros(4), np.zeros(3), np.zeros(3), np.zeros(3)
-    p, q = np.zeros(3), np.zeros(3)
+    C, A, B = local_matrix(3, 3), local_matrix(3, 3), local_matrix(3, 3)
+    S, f, before, r, e = local_vector(5), local_vector(4), local_vector(3), local_vector(3), local_vector(3)
+    p, q = local_vector(3), local_vector(3)
+    for i in range(3):
+        before[i] = r[i] = 0.0
+        for j in range(3):
+            C[i, j] = 0.0
     _place(value, n, inner, near, pose)
     mass, spread, pull = ready_weight(value, n, store)
     heavy = len(pull) > 0

@@ -21,6 +21,7 @@ from ksd.numerics.lanes import load4, spread, store4, transpose4
 from ksd.numerics.local import local_matrix, local_vector
 from ksd.numerics.rotations import rotation_log
 from ksd.numerics.sums import weighted_rows
+from ksd.numerics.views import matrix_at
 
 
 @kernel(forceinline=True)
@@ -264,7 +265,7 @@ def strain_condense(value, number, inner, store, scratch, d, Q, lam, K):
     weighted_rows(
         number, scratch, f, scratch, end, scratch, Y, 0, 8, 0, M, 1, 0, wide, 1, 6, N, 8, 1.0, False,
     )  # fmt: skip
-    F = scratch[f : f + 48].reshape((6, 8))
+    F = matrix_at(scratch, f, 6, 8)
     first = 0
     for i in range(3):
         for j in range(i, 3):
@@ -307,7 +308,7 @@ def strain_condense(value, number, inner, store, scratch, d, Q, lam, K):
         change = local_vector(6)
         for r in range(6):
             change[r] = lam[r] - lam[6 + r]
-        X = store[tail + 42 : tail + 42 + 3 * N].reshape((N, 3))
+        X = matrix_at(store, tail + 42, N, 3)
         _follow_gravity(value, number, pull, scratch, K, change, X)
     if not math.isfinite(dn + dm):
         status = 2

@@ -12,11 +12,12 @@ from typing import NamedTuple
 import numpy as np
 
 from ksd.bodies.series import monomials, pose_from
-from ksd.model.assembly import member_pose
+from ksd.model.poses import member_pose
 from ksd.model.system import assemble, take_step
-from ksd.numerics.blocks import backward_blocks, factor_blocks, forward_blocks
+from ksd.numerics.blocks import backward_blocks, forward_blocks
 from ksd.numerics.kernel import kernel
 from ksd.numerics.local import local_matrix, local_vector
+from ksd.numerics.node_blocks import factor_node_blocks
 from ksd.numerics.rotations import rotation_log
 
 
@@ -45,11 +46,15 @@ def set_near(bench, loops, inside, theta, place, motion, work):
 
     place (J, 24): interface poses of step 1. Node 1 + .. of the bench: see `Inside`; node `last J` are the Bs.
     """
-    J = len(loops.node)
-    nodes = len(bench.start)
-    size = loops.pose.shape[2]
-    values, slope = np.empty((J, size)), np.empty((2, size))
-    counts = np.empty(J, np.int64)
+    J, size = len(loops.node), loops.pose.shape[2]
+    values, slope, counts = np.empty((J, size)), np.empty((2, size)), np.empty(J, np.int64)
+    # apart from what owns these, so that nothing in it counts users (`ksd.numerics.borrowed`)
+    _set_near(bench, loops, inside, theta, place, motion, work, values, slope, counts)
+
+
+@kernel
+def _set_near(bench, loops, inside, theta, place, motion, work, values, slope, counts):
+    J, nodes = len(loops.node), len(bench.start)
     for j in range(J):
         counts[j] = monomials(loops, theta, j, values[j], slope)
         B = nodes - J + j
@@ -86,12 +91,12 @@ def set_near(bench, loops, inside, theta, place, motion, work):
 def condense_joints(bench, joints, motion, work, near, reduced_inner):
     """Linearise all joints at `motion` and condense them; writes the linear bodies (d0, R0, F, K) of step 3.
 
-    near: see `condense_member`. Returns (negative pivots inside, smallest relative pivot, status).
+    near: see `add_members`. Returns (negative pivots inside, smallest relative pivot, status).
     """
     none = work.rhs[:0]
     _, _, inside, status = assemble(bench, motion, none, 1.0, work, 1e-8, near, 10.0)
     stop = len(bench.plan.size) - joints
-    negatives, pivot = factor_blocks(bench.plan, work.value, work.spare, stop)
+    negatives, pivot = factor_node_blocks(bench.plan, work.value, work.spare, stop)
     forward_blocks(bench.plan, work.spare, work.rhs, stop)
     nodes = len(bench.start)
     for j in range(joints):
@@ -124,12 +129,11 @@ def relative_poses(members, joints, x, R, relative):
 
 
 @kernel
-def recover_joints(bench, reduced, joints, reduced_motion, motion, work):
-    """Step 4: bench state at the interface poses of step 3, by the factors of `condense_joints`.
+def recover_joints(bench, reduced, joints, reduced_motion, motion, work, relative):
+    """Step 4: bench state at the interface poses of step 3, by the factors of `condense_joints`; relative (J, 12): those.
 
     Returns the largest unintended displacement of an interface B from its reference, (m, rad).
     """
-    relative = np.empty((joints, 12))
     relative_poses(reduced.members, joints, reduced_motion.x, reduced_motion.R, relative)
     stop = len(bench.plan.size) - joints
     turned, v = local_matrix(3, 3), local_vector(3)

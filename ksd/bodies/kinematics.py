@@ -209,7 +209,7 @@ def row_columns(terms, reach, i):
 @kernel
 def _constraint_equations(terms, size, target, x, R, reach, W, J, residual, row):
     """One equation per drive or support: sum of terms minus target, with its derivative along the twist columns."""
-    gradient, scratch = local_vector(12), local_vector(18)
+    gradient, scratch = local_vector(12), local_vector(9)
     for i in range(len(terms.start)):
         rotations = 0
         residual[row + i] = -target[i]

@@ -6,6 +6,7 @@ import math
 
 from ksd.model.arrays import TRANSLATION
 from ksd.numerics.kernel import kernel
+from ksd.numerics.local import local_matrix
 from ksd.numerics.rotations import rotation_log
 
 
@@ -13,7 +14,7 @@ from ksd.numerics.rotations import rotation_log
 def term_slope(terms, x, R, t, gradient, scratch):
     """Value of constraint term t and its gradient (12,) on (base, node); see `ksd.model.loading.term_value`.
 
-    scratch (18,). A rotation is 2 atan2(q.u, q0) of the relative rotation's quaternion.
+    scratch (9,). A rotation is 2 atan2(q.u, q0) of the relative rotation's quaternion.
     """
     a, b = terms.node[t, 0], terms.node[t, 1]
     u, q, lever = scratch[0:3], scratch[3:6], scratch[6:9]
@@ -39,7 +40,7 @@ def term_slope(terms, x, R, t, gradient, scratch):
             gradient[6 + r] = u[r]
             gradient[9 + r] = q[j] * u[k] - q[k] * u[j]
         return value
-    rel = scratch[9:18].reshape(3, 3)
+    rel = local_matrix(3, 3)
     for i in range(3):
         for j in range(3):
             rel[i, j] = R[b, i, 0] * R[a, j, 0] + R[b, i, 1] * R[a, j, 1] + R[b, i, 2] * R[a, j, 2]

@@ -24,6 +24,8 @@ ENTRIES = {
 """Entry points of `ksd.beam.entry`, compiled only where a model has members of the kind."""
 STRAIN_ENTRIES = ("strain_condense", "strain_condense_default")
 """The same for strain-mode members of any, and of the default orders."""
+FOUR_ENTRIES = ("chain_near", "chain_recover_four", "tangents_of_four")
+"""Entry points of what `ksd.model.fours` takes together."""
 WEIGHT_ENTRIES = ("pull_member", "weigh_member", "turn_pull")
 """Entry points of `ksd.beam.weight_entry`, compiled only where a model has members with weight."""
 
@@ -135,6 +137,7 @@ class Work(NamedTuple):
     of q, d; scale (k, 2): sums of force and moment norms at each node. near (flat), from near_at (m+1,): element
     and node rotation vectors of the near configuration of paper 1, empty except in the joint bench. scratch: of
     the member at work. weight: as in `Arrays`, with the gravity of every joint on the bench in the axes of its A.
+    four_of (m, 3), four: of members worked on by fours, see `ksd.model.fours`.
     """
 
     value: np.ndarray
@@ -148,6 +151,8 @@ class Work(NamedTuple):
     near_at: np.ndarray
     scratch: np.ndarray
     weight: np.ndarray
+    four_of: np.ndarray = np.zeros((0, 3), np.int64)
+    four: np.ndarray = np.zeros(0)
 
 
 def turning_room(arrays: Arrays, width: int) -> int:
@@ -157,11 +162,8 @@ def turning_room(arrays: Arrays, width: int) -> int:
     return rows * (arrays.plan.unknowns + rows + 1)
 
 
-def make_work(arrays: Arrays, *, near: np.ndarray | None = None) -> Work:
-    """Storage for one thread working on `arrays`; `near` (m,) lengths of the near configurations, if any.
-
-    Compiles the kernels of the kinds of members there are, where that has not been done.
-    """
+def _ready(arrays: Arrays) -> None:
+    """Compile the kernels of what there is, where that has not been done."""
     from ksd.beam import entry, weight_entry  # noqa: F401, declares the entry points
     from ksd.model import system, turning  # noqa: F401, as above
 
@@ -174,15 +176,29 @@ def make_work(arrays: Arrays, *, near: np.ndarray | None = None) -> Work:
     compile_late(*(STRAIN_ENTRIES[d] for d in set(default[members.kind == STRAIN].tolist())))
     if len(arrays.weight):
         compile_late(*WEIGHT_ENTRIES)
-    count = len(members.kind) + len(arrays.springs.kind)
-    if count:
+    if len(members.kind) + len(arrays.springs.kind):
         compile_late("assemble_apart")
     if len(arrays.springs.kind) or len(arrays.loads.node):
         compile_late("add_effects")
+
+
+def make_work(arrays: Arrays, *, near: np.ndarray | None = None) -> Work:
+    """Storage for one thread working on `arrays`; `near` (m,) lengths of the near configurations, if any.
+
+    Compiles the kernels of the kinds of members there are, where that has not been done.
+    """
+    from ksd.model.fours import lay_out
+
+    _ready(arrays)
+    members = arrays.members
+    four_of, four = lay_out(members, near, COROTATIONAL)
+    if four:
+        compile_late(*FOUR_ENTRIES)
     room = turning_room(arrays, 6)
     if room:
         compile_late("turn_step")
     held = len(members.kind)
+    count = held + len(arrays.springs.kind)
     return Work(
         np.zeros(arrays.plan.values),
         np.zeros(arrays.plan.values),
@@ -197,4 +213,6 @@ def make_work(arrays: Arrays, *, near: np.ndarray | None = None) -> Work:
         else np.concatenate([[0], np.cumsum(near)]).astype(np.int64),
         np.zeros(max(arrays.scratch, room)),
         arrays.weight.copy(),
+        four_of,
+        np.zeros(four),
     )

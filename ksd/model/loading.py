@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from ksd.model.arrays import TRANSLATION
-from ksd.model.assembly import geometric_tangent
+from ksd.model.tangents import geometric_tangent
 from ksd.numerics.kernel import kernel
 from ksd.numerics.local import local_matrix, local_vector
 from ksd.numerics.rotations import rotation_log

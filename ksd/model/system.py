@@ -7,6 +7,7 @@ import math
 from ksd.beam.weight_entry import turn_pull
 from ksd.model.assembly import add_members, recover_member
 from ksd.model.blank import System, blank_system
+from ksd.model.fours import TAKEN, move_of_four
 from ksd.model.loading import add_loads, add_terms
 from ksd.model.springs import add_springs
 from ksd.numerics.blocks import factor_blocks, solve_blocks
@@ -140,7 +141,10 @@ def take_step(arrays, motion, step, work, scale):
         if len(weight) > 0 and weight[i, 0] > 0.0:
             kept = work.store[members.store_at[i] : members.store_at[i + 1]]
             turn_pull(pose.ctypes, move.ctypes, kept.ctypes, len(kept))
-        recover_member(members, motion.inner, work.store, i, xi, scale)
+        if work.four_of[i, TAKEN] == 1:
+            move_of_four(members, motion.inner, work, i, xi, scale)
+        else:
+            recover_member(members, motion.inner, work.store, i, xi, scale)
     move_nodes(arrays, motion, step, scale)
 
 

@@ -2,7 +2,7 @@
 
 Numba leaves such loops to the compiler, which takes them number by number when they are long bodies over few points. In
 a ``@kernel``, `load4` gives a value that adds, subtracts, multiplies and divides like a float, with floats too;
-products and sums are fused where the processor can.
+products and sums are fused where the processor can. Arrays of such values: `ksd.numerics.fours`.
 """
 
 from __future__ import annotations
@@ -14,7 +14,8 @@ from llvmlite import ir
 from numba.core import cgutils, types
 from numba.core.datamodel.models import PrimitiveModel
 from numba.core.extending import intrinsic as kernel_code
-from numba.core.extending import lower_builtin, register_model
+from numba.core.extending import lower_builtin, lower_cast, register_model
+from numba.core.typeconv import Conversion
 from numba.core.typing.templates import AbstractTemplate, infer_global, signature
 
 _NUMBER, _PLACE = ir.DoubleType(), ir.IntType(32)
@@ -26,6 +27,12 @@ class _Four(types.Type):  # type: ignore[misc]
 
     def __init__(self) -> None:
         super().__init__(name="four")
+
+    def can_convert_from(self, _context: Any, other: Any) -> Any:
+        return Conversion.safe if isinstance(other, types.Float) else None
+
+    def unify(self, _context: Any, other: Any) -> Any:
+        return self if isinstance(other, types.Float) else None
 
 
 FOUR = _Four()
@@ -42,6 +49,22 @@ def spread_number(builder: Any, x: Any) -> Any:
     none = ir.Constant(VECTOR, ir.Undefined)
     one = builder.insert_element(none, x, ir.Constant(_PLACE, 0))
     return builder.shuffle_vector(one, none, ir.Constant(ir.VectorType(_PLACE, 4), [0] * 4))
+
+
+@lower_cast(types.Float, FOUR)
+def _from_float(context: Any, builder: Any, kind: Any, _to: Any, x: Any) -> Any:
+    return spread_number(builder, context.cast(builder, x, kind, types.float64))
+
+
+@infer_global(operator.neg)
+class _Negative(AbstractTemplate):  # type: ignore[misc]
+    def generic(self, args: Any, kws: Any) -> Any:
+        return signature(FOUR, FOUR) if args == (FOUR,) else None
+
+
+@lower_builtin(operator.neg, FOUR)
+def _negate(_context: Any, builder: Any, _sig: Any, args: Any) -> Any:
+    return builder.fneg(args[0])
 
 
 def _operator(symbol: Any, name: str) -> None:
@@ -70,6 +93,9 @@ for _symbol, _name in (
     (operator.sub, "fsub"),
     (operator.mul, "fmul"),
     (operator.truediv, "fdiv"),
+    (operator.iadd, "fadd"),
+    (operator.isub, "fsub"),
+    (operator.imul, "fmul"),
 ):
     _operator(_symbol, _name)
 
@@ -115,6 +141,20 @@ def _store4(_: Any, array: Any, at: Any, four: Any) -> Any:
         return context.get_dummy_value()
 
     return (types.none(array, types.int64, FOUR), generate) if _flat(array) and four is FOUR else None
+
+
+@kernel_code
+def _put4(_: Any, array: Any, at: Any, step: Any, four: Any) -> Any:
+    def generate(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        place = args[1]
+        for k in range(4):
+            number = builder.extract_element(args[3], ir.Constant(_PLACE, k))
+            builder.store(number, _pointer(context, builder, sig.args[0], args[0], place))
+            place = builder.add(place, args[2])
+        return context.get_dummy_value()
+
+    fits = _flat(array) and four is FOUR
+    return (types.none(array, types.int64, types.int64, FOUR), generate) if fits else None
 
 
 @kernel_code
@@ -168,6 +208,8 @@ pick4: Any = _pick4
 """pick4(array, at, step): four numbers of a flat array, `step` apart."""
 store4: Any = _store4
 """store4(array, at, four): write four numbers of a flat array from `at` on."""
+put4: Any = _put4
+"""put4(array, at, step, four): write four numbers of a flat array, `step` apart, from `at` on."""
 transpose4: Any = _transpose4
 """transpose4(a, b, c, d): the columns of four rows, as a tuple of four."""
 whole4: Any = _whole4

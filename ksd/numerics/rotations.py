@@ -8,55 +8,72 @@ from __future__ import annotations
 
 import math
 
+from ksd.numerics.fours import above, root
 from ksd.numerics.kernel import kernel
 from ksd.numerics.lanes import where4, whole4
 
 
 @kernel
-def rotation_exp(v, R):
-    """R (3, 3) = exp([v]x), Rodrigues' formula; series below a quarter turn, in half the time of sines."""
-    x, y, z = v[0], v[1], v[2]
-    t2 = x * x + y * y + z * z
+def _sine_series(u):
+    """sin h / h for u = h^2 up to 2.5, to rounding (Taylor)."""
+    s = 1.0 / 51090942171709440000.0 * u - 1.0 / 121645100408832000.0
+    s = s * u + 1.0 / 355687428096000.0
+    s = s * u - 1.0 / 1307674368000.0
+    s = s * u + 1.0 / 6227020800.0
+    s = s * u - 1.0 / 39916800.0
+    s = s * u + 1.0 / 362880.0
+    s = s * u - 1.0 / 5040.0
+    s = s * u + 1.0 / 120.0
+    s = s * u - 1.0 / 6.0
+    return s * u + 1.0
+
+
+@kernel
+def factors_of_any(t2):
+    """`rotation_factors` of one, or of four (`ksd.numerics.fours`); of half a turn to 8e-16, of less to rounding.
+
+    By series, in half the time of sines; angles beyond a quarter turn by halves: with c = 1 - t^2 b the cosine of t,
+    a(2 t) = a c and b(2 t) = a^2 / 2.
+    """
+    if not above(t2, 0.01):
+        a = 1.0 + t2 * (t2 * (1.0 / 120.0 + t2 * (t2 * (1.0 / 362880.0) - 1.0 / 5040.0)) - 1.0 / 6.0)
+        b = 0.5 + t2 * (t2 * (1.0 / 720.0 + t2 * (t2 * (1.0 / 3628800.0) - 1.0 / 40320.0)) - 1.0 / 24.0)
+        return a, b
+    u, halved = t2, 0
+    # not a number is not worth 300 halves
+    while above(u, 2.5) and halved < 60:
+        u = 0.25 * u
+        halved += 1
+    a, half = _sine_series(u), _sine_series(0.25 * u)
+    b = 0.5 * half * half
+    for _ in range(halved):
+        a, b = a * (1.0 - u * b), 0.5 * a * a
+        u = 4.0 * u
+    return a, b
+
+
+@kernel
+def rotation_factors(t2):
+    """(sin t / t, (1 - cos t) / t^2) of the angle with square t2."""
     if t2 < 2.5:
-        # Taylor series of sin t / t and (1 - cos t) / t^2, to rounding
-        a = -1.0 / 25852016738884976640000.0
-        a = a * t2 + 1.0 / 51090942171709440000.0
-        a = a * t2 - 1.0 / 121645100408832000.0
-        a = a * t2 + 1.0 / 355687428096000.0
-        a = a * t2 - 1.0 / 1307674368000.0
-        a = a * t2 + 1.0 / 6227020800.0
-        a = a * t2 - 1.0 / 39916800.0
-        a = a * t2 + 1.0 / 362880.0
-        a = a * t2 - 1.0 / 5040.0
-        a = a * t2 + 1.0 / 120.0
-        a = a * t2 - 1.0 / 6.0
-        a = a * t2 + 1.0 / 1.0
-        b = -1.0 / 620448401733239439360000.0
-        b = b * t2 + 1.0 / 1124000727777607680000.0
-        b = b * t2 - 1.0 / 2432902008176640000.0
-        b = b * t2 + 1.0 / 6402373705728000.0
-        b = b * t2 - 1.0 / 20922789888000.0
-        b = b * t2 + 1.0 / 87178291200.0
-        b = b * t2 - 1.0 / 479001600.0
-        b = b * t2 + 1.0 / 3628800.0
-        b = b * t2 - 1.0 / 40320.0
-        b = b * t2 + 1.0 / 720.0
-        b = b * t2 - 1.0 / 24.0
-        b = b * t2 + 1.0 / 2.0
-    else:
-        t = math.sqrt(t2)
-        a = math.sin(t) / t
-        h = math.sin(0.5 * t)
-        b = 2.0 * h * h / t2
-    R[0, 0] = 1.0 - b * (y * y + z * z)
-    R[1, 1] = 1.0 - b * (x * x + z * z)
-    R[2, 2] = 1.0 - b * (x * x + y * y)
-    R[0, 1] = b * x * y - a * z
-    R[1, 0] = b * x * y + a * z
-    R[0, 2] = b * x * z + a * y
-    R[2, 0] = b * x * z - a * y
-    R[1, 2] = b * y * z - a * x
-    R[2, 1] = b * y * z + a * x
+        return factors_of_any(t2)
+    t = math.sqrt(t2)
+    h = math.sin(0.5 * t)
+    return math.sin(t) / t, 2.0 * h * h / t2
+
+
+@kernel
+def rotation_exp(v, R):
+    """R (3, 3) = exp([v]x), Rodrigues' formula."""
+    a, b = rotation_factors(v[0] * v[0] + v[1] * v[1] + v[2] * v[2])
+    _series(v[0], v[1], v[2], a, b, R)
+
+
+@kernel
+def rotation_exp_of_any(v, R):
+    """`rotation_exp` of one, or of four."""
+    a, b = factors_of_any(v[0] * v[0] + v[1] * v[1] + v[2] * v[2])
+    _series(v[0], v[1], v[2], a, b, R)
 
 
 @kernel(forceinline=True)
@@ -88,61 +105,68 @@ def cosine_sine(x):
 
 
 @kernel
-def rotation_log(R, v):
-    """v (3,) = rotation vector of R (3, 3), |v| <= pi; through the quaternion, safe near 0 and pi."""
+def rotation_log_below(R, v):
+    """`rotation_log` where all angles are below 150 degrees; of one, or of four.
+
+    The tangent of half the angle, halved to below 11 degrees and turned into the angle by its series.
+    """
     w4 = 1.0 + R[0, 0] + R[1, 1] + R[2, 2]
     x, y, z = R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]
-    if w4 < 0.25:
-        # Shepperd: build on the largest diagonal entry
-        k = 0
-        if R[1, 1] > R[0, 0]:
-            k = 1
-        if R[2, 2] > R[k, k]:
-            k = 2
-        i, j = (k + 1) % 3, (k + 2) % 3
-        q = math.sqrt(max(0.0, 1.0 + R[k, k] - R[i, i] - R[j, j]))
-        v[k] = q * q
-        v[i] = R[i, k] + R[k, i]
-        v[j] = R[j, k] + R[k, j]
-        # the vector above is 2 q (x, y, z); the scalar part is (R[j, i] - R[i, j]) / (2 q)
-        w = R[j, i] - R[i, j]
-        x, y, z = v[0], v[1], v[2]
-        if w < 0.0:
-            x, y, z, w = -x, -y, -z, -w
-        n = math.sqrt(x * x + y * y + z * z)
-        angle = 2.0 * math.atan2(n, w)
-    else:
-        n2 = x * x + y * y + z * z
-        u = n2 / (w4 * w4)
-        if u < 0.04:
-            # below 22 degrees the series of atan, to rounding: half the angle has the tangent sqrt(u)
-            g = 0.0
-            for k in range(11, -1, -1):
-                g = 1.0 / (2 * k + 1) - u * g
-            f = 2.0 * g / w4
-            v[0], v[1], v[2] = f * x, f * y, f * z
-            return
-        n = math.sqrt(n2)
-        angle = 2.0 * math.atan2(n, w4)
-    f = angle / n if n > 1e-300 else 0.5
+    f = 1.0 / w4
+    u = (x * x + y * y + z * z) * (f * f)
+    f = 2.0 * f
+    halved = 0
+    while above(u, 0.04) and halved < 60:
+        h = 1.0 / (1.0 + root(1.0 + u))
+        u = u * (h * h)
+        f = 2.0 * f * h
+        halved += 1
+    g = 1.0 / 19.0 - u * (1.0 / 21.0)
+    g = 1.0 / 17.0 - u * g
+    g = 1.0 / 15.0 - u * g
+    g = 1.0 / 13.0 - u * g
+    g = 1.0 / 11.0 - u * g
+    g = 1.0 / 9.0 - u * g
+    g = 1.0 / 7.0 - u * g
+    g = 1.0 / 5.0 - u * g
+    g = 1.0 / 3.0 - u * g
+    f = f * (1.0 - u * g)
+    v[0], v[1], v[2] = f * x, f * y, f * z
+
+
+@kernel
+def rotation_log(R, v):
+    """v (3,) = rotation vector of R (3, 3), |v| <= pi; through the quaternion, safe near 0 and pi."""
+    if not 1.0 + R[0, 0] + R[1, 1] + R[2, 2] < 0.25:
+        rotation_log_below(R, v)
+        return
+    # Shepperd: build on the largest diagonal entry
+    k = 0
+    if R[1, 1] > R[0, 0]:
+        k = 1
+    if R[2, 2] > R[k, k]:
+        k = 2
+    i, j = (k + 1) % 3, (k + 2) % 3
+    q = math.sqrt(max(0.0, 1.0 + R[k, k] - R[i, i] - R[j, j]))
+    v[k] = q * q
+    v[i] = R[i, k] + R[k, i]
+    v[j] = R[j, k] + R[k, j]
+    # the vector above is 2 q (x, y, z); the scalar part is (R[j, i] - R[i, j]) / (2 q)
+    w = R[j, i] - R[i, j]
+    x, y, z = v[0], v[1], v[2]
+    if w < 0.0:
+        x, y, z, w = -x, -y, -z, -w
+    n = math.sqrt(x * x + y * y + z * z)
+    f = 2.0 * math.atan2(n, w) / n
     v[0] = f * x
     v[1] = f * y
     v[2] = f * z
 
 
 @kernel
-def rotate(v, x):
-    """x (3,) <- exp([v]x) x in place."""
+def _turn_column(v, f, g, x):
+    """x <- x + f v x x + g v x (v x x)."""
     a, b, c = v[0], v[1], v[2]
-    t2 = a * a + b * b + c * c
-    if t2 < 1e-8:
-        f = 1.0 - t2 / 6.0 * (1.0 - t2 / 20.0)
-        g = 0.5 - t2 / 24.0 * (1.0 - t2 / 30.0)
-    else:
-        t = math.sqrt(t2)
-        f = math.sin(t) / t
-        h = math.sin(0.5 * t)
-        g = 2.0 * h * h / t2
     p, q, r = x[0], x[1], x[2]
     cx, cy, cz = b * r - c * q, c * p - a * r, a * q - b * p
     x[0] = p + f * cx + g * (b * cz - c * cy)
@@ -151,10 +175,18 @@ def rotate(v, x):
 
 
 @kernel
+def rotate(v, x):
+    """x (3,) <- exp([v]x) x in place."""
+    f, g = rotation_factors(v[0] * v[0] + v[1] * v[1] + v[2] * v[2])
+    _turn_column(v, f, g, x)
+
+
+@kernel
 def turn(v, R):
     """R (3, 3) <- exp([v]x) R in place, columns turned one by one; orthonormality drifts by rounding only."""
+    f, g = rotation_factors(v[0] * v[0] + v[1] * v[1] + v[2] * v[2])
     for j in range(3):
-        rotate(v, R[:, j])
+        _turn_column(v, f, g, R[:, j])
 
 
 @kernel
@@ -195,8 +227,8 @@ def log_tangent(v, T):
     """T (3, 3): log(exp(dphi) exp(v)) = v + T dphi to first order (inverse of `exp_tangent`)."""
     x, y, z = v[0], v[1], v[2]
     t2 = x * x + y * y + z * z
-    if t2 < 1e-6:
-        c = 1.0 / 12.0 + t2 / 720.0
+    if t2 < 0.01:
+        c = 1.0 / 12.0 + t2 * (1.0 / 720.0 + t2 * (1.0 / 30240.0 + t2 * (1.0 / 1209600.0 + t2 / 47900160.0)))
     else:
         h = 0.5 * math.sqrt(t2)
         c = (1.0 - h / math.tan(h)) / t2

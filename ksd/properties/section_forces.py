@@ -194,5 +194,5 @@ def _chain_wrench(
         gravity = factor * (work.weight[i, 1:] @ ends.frame)
         at = int(members.store_at[i + 1]) - PULL
         work.store[at : at + 3] = gravity
-    condense_member(members, motion.inner, work, i, ends.d, np.ascontiguousarray(ends.Q), stiffness, 0)
+    condense_member(members, motion.inner, work, i, ends.d, np.ascontiguousarray(ends.Q), stiffness)
     return gravity, work.lam[i, :6]

@@ -7,8 +7,8 @@ import math
 import numpy as np
 
 from ksd.model.arrays import COIL, TURN, Motion
-from ksd.model.assembly import member_pose
 from ksd.model.compile import Model
+from ksd.model.poses import member_pose
 
 
 def spring_energy(model: Model, motion: Motion) -> dict[str, float]:

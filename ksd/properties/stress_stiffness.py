@@ -17,10 +17,10 @@ from numpy.typing import NDArray
 
 from ksd.errors import KinematicsError, SceneError
 from ksd.model.arrays import COIL, TURN, Motion
-from ksd.model.assembly import geometric_tangent
 from ksd.model.compile import Model
 from ksd.model.loading import add_loads, add_terms, twist
 from ksd.model.springs import add_springs
+from ksd.model.tangents import geometric_tangent
 from ksd.properties.alike import (
     Alike,
     EndFrames,

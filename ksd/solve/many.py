@@ -19,6 +19,8 @@ from ksd.numerics.blocks import factor_blocks
 from ksd.numerics.copies import copy_numbers
 from ksd.numerics.held import part
 from ksd.numerics.kernel import kernel
+from ksd.numerics.local import local_matrix, local_vector
+from ksd.numerics.rotations import rotation_log, turn
 from ksd.solve.near import far, outside
 from ksd.solve.newton import CONVERGED, GRAIN, LOCAL_ANGLE, LOOSE, NOT_FINITE, SINGULAR, TOO_MANY
 from ksd.solve.planar_steps import untimed_planar
@@ -65,7 +67,7 @@ def planar_many(held, targets, expected, method, passes, ways, limits, force, po
         motion[n] = found
 
 
-@kernel(needs=("iterate_apart", "chain_near"))
+@kernel(needs=("iterate_apart",))
 def space_many(held, targets, expected, method, passes, ways, limits, force, x, R, motion, status):
     """As `planar_many`, in space: x (N, links, 3), R (N, links, 3, 3)."""
     theta, off, found = part(held, "state.theta"), part(held, "state.off"), part(held, "state.found")
@@ -151,21 +153,106 @@ def _nearer(target, before):
 
 
 @kernel
+def _go_on(target, last, before, theta, then):
+    """theta (q,) along the line through the motions of the last two poses, `then` and theta, as far as target (c,) is along
+    that of theirs, `before` and `last`; left alone where that is more than thrice as far, or back. then becomes theta."""
+    along, square = 0.0, 0.0
+    for i in range(len(target)):
+        way = last[i] - before[i]
+        along += way * (target[i] - last[i])
+        square += way * way
+    share = along / square if 0.0 < along < 3.0 * square else 0.0
+    for q in range(len(theta)):
+        now = theta[q]
+        theta[q] += share * (now - then[q])
+        then[q] = now
+
+
+@kernel
+def _note_offset(motion, kept, off):
+    """off (links, 6): displacement and rotation of every link since `kept` (links, 12), its position and rotation."""
+    turned, v = local_matrix(3, 3), local_vector(3)
+    for k in range(len(kept)):
+        for r in range(3):
+            off[k, r] = motion.x[k, r] - kept[k, r]
+            for c in range(3):
+                turned[r, c] = (
+                    motion.R[k, r, 0] * kept[k, 3 + 3 * c]
+                    + motion.R[k, r, 1] * kept[k, 4 + 3 * c]
+                    + motion.R[k, r, 2] * kept[k, 5 + 3 * c]
+                )
+        rotation_log(turned, v)
+        for r in range(3):
+            off[k, 3 + r] = v[r]
+
+
+@kernel
+def _keep_links(motion, kept):
+    """kept (links, 12): positions and rotations of the links."""
+    for k in range(len(kept)):
+        for r in range(3):
+            kept[k, r] = motion.x[k, r]
+            for c in range(3):
+                kept[k, 3 + 3 * r + c] = motion.R[k, r, c]
+
+
+@kernel
+def _set_links(motion, kept, off):
+    """Links at `kept` and off it by off (links, 6)."""
+    for k in range(len(kept)):
+        for r in range(3):
+            motion.x[k, r] = kept[k, r] + off[k, r]
+            for c in range(3):
+                motion.R[k, r, c] = kept[k, 3 + 3 * r + c]
+        turn(off[k, 3:6], motion.R[k])
+
+
+@kernel
+def _settle(arrays, motion, target, work, rtol, kept, off):
+    """Equilibrium of links and condensed joints, first as far off the kinematic pose as the pose before was, off (links, 6),
+    where that is anything; which becomes what this one is. Returns (reason, negative pivots)."""
+    _keep_links(motion, kept)
+    warm = False
+    for k in range(len(off)):
+        for r in range(6):
+            warm = warm or off[k, r] != 0.0
+    reason, negatives = TOO_MANY, 0
+    if warm:
+        _set_links(motion, kept, off)
+        reason, negatives = _newton(arrays, motion, target, work, rtol, 4 + 0 * len(kept))
+    if reason != CONVERGED:
+        off[:] = 0.0
+        _set_links(motion, kept, off)
+        reason, negatives = _newton(arrays, motion, target, work, rtol, 25 + 0 * len(kept))
+    if reason == CONVERGED:
+        _note_offset(motion, kept, off)
+    return reason, negatives
+
+
+@kernel
 def tabulated_many(held, table, which, targets, expected, ways, limits, force, x, R, motion, status):
     """Steps 1 and 3 at targets (N, c), the joints from table (T, pieces, 4, 27); which (J,): table of every joint.
 
     limits (q, 4): trained ranges with slack, then as they are. A pose much nearer to the one before than to rest starts
-    there, and from rest if that fails. Otherwise as `space_many`.
+    where the last two lead to, and from rest if that fails. Otherwise as `space_many`.
     """
     theta, place, found = part(held, "state.theta"), part(held, "state.place"), part(held, "state.found")
     off, relative, loops = part(held, "state.off"), part(held, "state.relative"), part(held, "bodies.loops")
     reduced, arrays = part(held, "state.reduced"), part(held, "bodies.reduced")
     work = part(held, "state.reduced_work")
     joints, size = len(loops.node), arrays.size
+    then, links = theta.copy(), len(reduced.x)
+    kept, shift = np.empty((links, 12)), np.zeros((links, 6))
     for n in range(len(targets)):
         reason, gap = TOO_MANY, math.inf
         if n > 0 and status[n - 1] == 0 and _nearer(targets[n], targets[n - 1]):
+            if n > 1 and status[n - 2] == 0:
+                _go_on(targets[n], targets[n - 1], targets[n - 2], theta, then)
+            else:
+                then[:] = theta
             reason, _, gap, _ = close_loops(arrays, loops, theta, targets[n], reduced, place, 40)
+        else:
+            shift[:] = 0.0
         status[n] = 0
         if reason != 0 or not gap < ways[2] * size or outside(theta, limits, 0 * n):
             reason, _, gap = start_space(held, targets[n])
@@ -184,7 +271,7 @@ def tabulated_many(held, table, which, targets, expected, ways, limits, force, x
                     inner[3 + 3 * r + c] = place[j, 3 * r + c]
             share = (theta[q] - limits[q, 2]) / (limits[q, 3] - limits[q, 2])
             _from_table(table, which[j], share, inner)
-        reason, negatives = _newton(arrays, reduced, targets[n], work, ways[0], 25)
+        reason, negatives = _settle(arrays, reduced, targets[n], work, ways[0], kept, shift)
         status[n] = reason
         relative_poses(arrays.members, joints, reduced.x, reduced.R, relative)
         copy_numbers(found, 0 * n, theta, 0 * n)

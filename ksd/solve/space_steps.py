@@ -200,6 +200,7 @@ def recover_space(held):
     return recover_joints(
         part(held, "bodies.bench"), part(held, "bodies.reduced"), len(part(held, "bodies.loops.node")),
         part(held, "state.reduced"), part(held, "state.bench"), part(held, "state.bench_work"),
+        part(held, "state.relative"),
     )  # fmt: skip
 
 
@@ -276,7 +277,7 @@ def untimed_space(held, target, method, passes, closed, rtol, cap, gap, out):
     return row, negatives
 
 
-@kernel(needs=("iterate_apart", "chain_near"))
+@kernel(needs=("iterate_apart",))
 def space_steps(held, target, method, passes, closed, rtol, cap, gap, out):
     """Steps 1 to 4, and 5 when `method` is 2, at the drive values target (c,).
 

@@ -43,7 +43,7 @@ class JointTables:
         return f"{count} table{'s' * (count > 1)} of {pieces} pieces, interpolation error {self.error:.1e}"
 
 
-@kernel(needs=("chain_near",))
+@kernel
 def condense_along(held, thetas, found):
     """Condensed joints at thetas (N, q): found (N, J, 42), wrench and stiffness. Returns the worst status."""
     theta, place, inner = (

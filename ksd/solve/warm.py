@@ -20,6 +20,7 @@ import numpy as np
 from ksd.bodies.joints import joint_bodies
 from ksd.errors import KsdError
 from ksd.library import find_record
+from ksd.model.arrays import FOUR_ENTRIES
 from ksd.model.compile import Model, compile_scene
 from ksd.numerics.held import Held
 from ksd.numerics.kernel import compile_now
@@ -110,6 +111,7 @@ def chain_jobs() -> list[Job]:
     """The other leaf model, in space and in the plane."""
     return [
         lambda: compile_now("planar_chain_condense", "planar_chain_near", "planar_chain_recover"),
+        lambda: compile_now(*FOUR_ENTRIES),
         lambda: compile_now("chain_condense", "chain_recover"),
     ]
 

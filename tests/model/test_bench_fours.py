@@ -1,0 +1,97 @@
+"""The chains of the joint bench, four at a time, are those of each on its own."""
+
+import numpy as np
+import pytest
+from scenes import fourbar
+
+import ksd
+from ksd.beam.corotational import recover
+from ksd.beam.corotational_near import near_condense
+from ksd.bodies.bench import set_near
+from ksd.model.arrays import COROTATIONAL, make_work
+from ksd.model.fours import LANE, PLACE, TAKEN, lay_out
+from ksd.model.poses import member_pose
+from ksd.model.system import assemble, take_step
+from ksd.units import GPa, deg, mm
+
+
+def hinge(**more):
+    """One joint of three leafs, or of the family given: fours that are not full."""
+    scene = ksd.Mechanism("hinge")
+    tip = scene.link("tip")
+    steel = ksd.Material(E=200 * GPa, G=76.9 * GPa, density=7800)
+    joint = ksd.CrossFlexure(
+        steel, length=100 * mm, angle=45 * deg, thickness=1 * mm, widths=(40 * mm, 20 * mm)
+    )
+    placed = scene.join(scene.ground, tip, joint, at=(0, 0, 0), axis="z", toward="x")
+    scene.actuate_joint(placed, name="turn")
+    for name, value in more.items():
+        setattr(scene, name, value)
+    return scene
+
+
+def bench(scene, elements, **drives):
+    """The bench of a reduced solve, near its pose."""
+    steps = ksd.prepare(scene, mesh=ksd.Mesh("corotational", elements=elements), planar=False)
+    steps(method="reduced", estimate=False, **drives)
+    return steps.bench
+
+
+@pytest.mark.parametrize(
+    ("scene", "elements", "drives"),
+    [(hinge, 1, {"turn": 0.4}), (hinge, 3, {"turn": -0.5}), (fourbar, 5, {"top": 0.25})],
+)
+def test_wrenches_and_inner_nodes_are_those_of_each(scene, elements, drives, rng):
+    b = bench(scene(), elements, **drives)
+    given, state, work = b.bodies.bench, b.bench, b.bench_work
+    members = given.members
+    state.assign(b.bodies.bench_rest)
+    set_near(given, b.bodies.loops, b.bodies.inside, b.theta, b.place, state, work)
+    assemble(given, state, np.zeros(0), 1.0, work, 1e-8, 1, 10.0)
+    assert np.all(work.four_of[:, TAKEN] == 1)
+    alone, kept = [], []
+    pose, Q = np.zeros(18), np.zeros((3, 3))
+    for i in range(len(members.kind)):
+        member_pose(members, state.x, state.R, i, pose, Q)
+        d = pose[:9].reshape(3, 3).T @ pose[15:]
+        inner = np.zeros(members.inner_at[i + 1] - members.inner_at[i])
+        store = np.zeros(members.store_at[i + 1] - members.store_at[i])
+        value, number = members.value[members.value_at[i] :], members.number[i]
+        lam, K = np.zeros(12), np.zeros((6, 6))
+        near = work.near[work.near_at[i] : work.near_at[i + 1]]
+        assert near_condense(value, number, inner, store, near, d, Q, lam, K)[3] == 0
+        assert work.lam[i] == pytest.approx(lam, rel=1e-8, abs=1e-9 * np.abs(work.lam).max())
+        alone.append((value, number, inner, store))
+        kept.append(pose.copy())
+    step = 1e-4 * rng.normal(size=given.plan.unknowns)
+    take_step(given, state, step, work, 0.5)
+    for i, (value, number, inner, store) in enumerate(alone):
+        # interface A is ground; the step of end q about it, in frame p
+        u = given.start[members.node[i, 1]]
+        v = given.start[members.node[i, 0]]
+        frame = kept[i][:9].reshape(3, 3)
+        at_b = step[u : u + 6] if u >= 0 else np.zeros(6)
+        at_a = step[v : v + 6] if v >= 0 else np.zeros(6)
+        moved = at_b[:3] - at_a[:3] + np.cross(at_b[3:], kept[i][12:15]) - np.cross(at_a[3:], kept[i][9:12])
+        xi = np.concatenate([frame.T @ moved, frame.T @ (at_b[3:] - at_a[3:])])
+        recover(value, number, inner, store, xi, 0.5)
+        mine = state.inner[members.inner_at[i] : members.inner_at[i + 1]]
+        assert mine == pytest.approx(inner, rel=1e-7, abs=1e-8 * np.abs(inner).max(initial=1e-6))
+
+
+def test_members_alike_stand_side_by_side():
+    b = bench(fourbar(), 2, top=0.1)
+    of, end = lay_out(b.bodies.bench.members, b.bodies.near, COROTATIONAL)
+    assert of[:, LANE].tolist() == [0, 1, 2, 3] * 3
+    assert np.all(np.diff(of[:, PLACE]) >= 0)
+    assert end == of[-1, PLACE] + of[4, PLACE]
+    assert make_work(b.bodies.bench).four.size == 0, "without orientations each is worked on alone"
+
+
+def test_weight_goes_with_them():
+    """The reduced answer with weight next to the full one, as without."""
+    heavy = hinge(gravity=(0, -9.81, 0))
+    mesh = ksd.Mesh("corotational", elements=3)
+    full = ksd.solve(heavy, turn=0.3, method="full", mesh=mesh, accuracy=1e-3)
+    reduced = ksd.solve(heavy, turn=0.3, method="reduced", mesh=mesh, strict=False, accuracy=1e-3)
+    assert reduced.forces["turn"] == pytest.approx(full.forces["turn"], rel=5e-3)
