@@ -24,7 +24,7 @@ ENTRIES = {
 """Entry points of `ksd.beam.entry`, compiled only where a model has members of the kind."""
 STRAIN_ENTRIES = ("strain_condense", "strain_condense_default")
 """The same for strain-mode members of any, and of the default orders."""
-FOUR_ENTRIES = ("chain_near", "chain_recover_four", "tangents_of_four")
+FOUR_ENTRIES = ("chain_near", "chain_recover_four", "tangents_of_four", "condense_four", "move_four")
 """Entry points of what `ksd.model.fours` takes together."""
 WEIGHT_ENTRIES = ("pull_member", "weigh_member", "turn_pull")
 """Entry points of `ksd.beam.weight_entry`, compiled only where a model has members with weight."""

@@ -19,7 +19,8 @@ from ksd.beam.entry import (
 from ksd.beam.linear import linear_condense
 from ksd.beam.weight_entry import pull_member, weigh_member
 from ksd.model.arrays import COROTATIONAL, LINEAR, MODAL, SOLID, STRAIN
-from ksd.model.fours import LANE, TAKEN, take_four, told_of_four
+from ksd.model.fours import LANE, TAKEN, told_of_four
+from ksd.model.fours_apart import condense_four
 from ksd.model.poses import member_pose
 from ksd.model.tangents import member_norms, member_tangent
 from ksd.numerics.kernel import kernel
@@ -155,8 +156,8 @@ def _take_member(members, x, R, inner, work, factor, keep, i, K, before, told):
 
 
 @kernel
-def add_members(arrays, x, R, inner, work, factor, rtol, noise, near):
-    """All members, their weight times `factor`, into work.value and work.rhs.
+def add_members(address, arrays, x, R, inner, work, factor, rtol, noise, near):
+    """All members, their weight times `factor`, into work.value and work.rhs; address: of the `System` they are part of.
 
     near 0: exact tangents at the state; -1: the same, but nothing is left in work.store for `recover_member`; 1: Appendix A
     chains are linearised about the element orientations in work.near (paper 1, section 3), four at a time
@@ -174,7 +175,7 @@ def add_members(arrays, x, R, inner, work, factor, rtol, noise, near):
             lane = four_of[i, LANE]
             told[0] = 0.0
             if lane == 0:
-                take_four(members, x, R, inner, work, factor, i, found, told)
+                condense_four(address, factor, i, found.ctypes, told.ctypes)
                 before[0] = math.nan
             told_of_four(members, work, i, told, norms)
             T, force = found[lane], found[lane, 12]

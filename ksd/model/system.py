@@ -7,7 +7,8 @@ import math
 from ksd.beam.weight_entry import turn_pull
 from ksd.model.assembly import add_members, recover_member
 from ksd.model.blank import System, blank_system
-from ksd.model.fours import TAKEN, move_of_four
+from ksd.model.fours import TAKEN
+from ksd.model.fours_apart import move_four
 from ksd.model.loading import add_loads, add_terms
 from ksd.model.springs import add_springs
 from ksd.numerics.blocks import factor_blocks, solve_blocks
@@ -49,7 +50,7 @@ def _assemble(address, arrays, motion, target, factor, work, rtol, near, grain):
             reach = max(reach, abs(motion.x[k, r]))
     noise = grain * 2.220446049250313e-16 * reach
     negatives, worst, status = add_members(
-        arrays, motion.x, motion.R, motion.inner, work, factor, rtol, noise, near
+        address, arrays, motion.x, motion.R, motion.inner, work, factor, rtol, noise, near
     )
     if len(arrays.springs.kind) > 0 or len(arrays.loads.node) > 0:
         out = local_vector(1)
@@ -129,8 +130,10 @@ def largest_move(arrays, step):
 @kernel
 def take_step(arrays, motion, step, work, scale):
     """motion <- motion + scale * step (n,): members first (their frames are the old ones), then nodes, multipliers."""
-    members, weight = arrays.members, work.weight
+    members, weight, address = arrays.members, work.weight, 0
     xi, move = local_vector(6), local_vector(12)
+    if len(work.four) > 0:
+        address = address_of(System(arrays, motion, work.four[:0], work), SYSTEM)
     for i in range(len(members.kind)):
         pose = work.pose[i]
         for e in range(2):
@@ -142,7 +145,7 @@ def take_step(arrays, motion, step, work, scale):
             kept = work.store[members.store_at[i] : members.store_at[i + 1]]
             turn_pull(pose.ctypes, move.ctypes, kept.ctypes, len(kept))
         if work.four_of[i, TAKEN] == 1:
-            move_of_four(members, motion.inner, work, i, xi, scale)
+            move_four(address, i, xi.ctypes, scale)
         else:
             recover_member(members, motion.inner, work.store, i, xi, scale)
     move_nodes(arrays, motion, step, scale)
