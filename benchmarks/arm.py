@@ -9,7 +9,8 @@ position), by mixed integration points (MIP) on all element nodes, as in the pap
 own best eps_max, there also without one, and by
 KSD reduced and full; with 1, 2 and 5 Appendix A elements per leaf, and strain-mode leafs. Tabulated: the reduced arm with
 its joints from tables over their stroke, per configuration of a batch of a thousand. Times are thread times of the
-solver's steps, of brief calls in bursts. Prints the tables, writes arm.md and arm.json. Figures 13 and 14 of the paper are lost; dimensions are
+solver's steps, of brief calls in bursts.
+Prints the tables, writes arm.md and arm.json. Figures 13 and 14 of the paper are lost; dimensions are
 ours, so counts differ from those quoted (plain Newton about 235 solves, MIP about 98, step 3: 2 and step 5: 2 joint-case,
 4 and 4 location-case). The counts of Appendix B are sums over all its steps, given-up ones included, and eps_max, not given
 there, decides them: with one element per leaf (30 flexible elements, as in the paper) the joint-case at 45 degrees takes

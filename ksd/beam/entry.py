@@ -9,9 +9,10 @@ from __future__ import annotations
 import numpy as np
 
 from ksd.beam import corotational, corotational_near, modal, polynomial, strain
+from ksd.beam.corotational_element import KEPT, TAIL
 from ksd.beam.strain_values import DEFAULT_ORDERS, DEFAULT_POINTS, strain_sizes
 from ksd.numerics.fours import four_matrix, fours
-from ksd.numerics.kernel import carray, late
+from ksd.numerics.kernel import carray, kernel, late
 
 DEFAULT = (*DEFAULT_ORDERS, DEFAULT_POINTS)
 """Orders and points for which the compiler has a strain-mode leaf of its own."""
@@ -101,18 +102,24 @@ def modal_recover(value, number, inner, store, xi, scale, size):
     )  # fmt: skip
 
 
+@kernel
+def _chain_values(n, store):
+    """Constants of a chain of n elements with so long a store: more, with weight."""
+    return 16 * n + 9 + (n + 7 if store > KEPT * n + TAIL else 0)
+
+
 @late(f"void({_P}, {_I}, {_I}, {_P})")
 def chain_near(four, number, at, out):
     """Four chains linearised about their element orientations (paper 1, section 3): `four` holds the numbers of all, in
-    parts that begin at `at` (10,), of one: value, near, d, Q, lam, K, errors, inner, store; their end. out (2,): negative
+    parts that begin at `at` (10,), in fours: value, near, d, Q, lam, K, errors, inner, store; its length. out (2,): negative
     pivots, status.
     """
-    a = carray(at, (10,))
-    held = carray(four, (4 * a[9],))
+    a, n = carray(at, (10,)), number[0]
+    held, values = carray(four, (4 * (a[8] + a[9]),)), _chain_values(n, a[9])
     back, force, moment, status = corotational_near.near_condense(
-        fours(held, 4 * a[0], a[1] - a[0]), carray(number, (4,)), fours(held, 4 * a[7], a[8] - a[7]),
-        fours(held, 4 * a[8], a[9] - a[8]), fours(held, 4 * a[1], a[2] - a[1]), fours(held, 4 * a[2], 3),
-        four_matrix(held, 4 * a[3], 3, 3), fours(held, 4 * a[4], 12), four_matrix(held, 4 * a[5], 6, 6),
+        fours(held, 4 * a[0], values), carray(number, (4,)), fours(held, 4 * a[7], 18 * n - 12), fours(held, 4 * a[8], a[9]),
+        fours(held, 4 * a[1], 3 * (2 * n - 1)), fours(held, 4 * a[2], 3), four_matrix(held, 4 * a[3], 3, 3),
+        fours(held, 4 * a[4], 12), four_matrix(held, 4 * a[5], 6, 6),
     )  # fmt: skip
     errors = fours(held, 4 * a[6], 2)
     errors[0], errors[1] = force, moment
@@ -122,9 +129,9 @@ def chain_near(four, number, at, out):
 @late(f"void({_P}, {_I}, {_I}, float64)")
 def chain_recover_four(four, number, at, scale):
     """Inner update of four chains of `chain_near`; the motion of their ends stands where their wrenches stood."""
-    a = carray(at, (10,))
-    held = carray(four, (4 * a[9],))
+    a, n = carray(at, (10,)), number[0]
+    held = carray(four, (4 * (a[8] + a[9]),))
     corotational.recover(
-        fours(held, 4 * a[0], a[1] - a[0]), carray(number, (4,)), fours(held, 4 * a[7], a[8] - a[7]),
-        fours(held, 4 * a[8], a[9] - a[8]), fours(held, 4 * a[4], 6), scale,
+        fours(held, 4 * a[0], _chain_values(n, a[9])), carray(number, (4,)), fours(held, 4 * a[7], 18 * n - 12),
+        fours(held, 4 * a[8], a[9]), fours(held, 4 * a[4], 6), scale,
     )  # fmt: skip

@@ -22,11 +22,13 @@ from ksd.numerics.local import local_counts, local_matrix, local_vector
 from ksd.numerics.views import flat
 
 LANE, PLACE, TAKEN = 0, 1, 2
-"""Columns of `Work.four_of`: number of a member among its four, -1 for one that is worked on alone; where the numbers of
-its four begin; 1 while they hold what `move_of_four` needs."""
-VALUE, NEAR, D, TURN, LAM, STIFFNESS, ERRORS, INNER, STORE, POSE, TANGENT, FORCE, NORMS, END = range(14)
-"""Parts of a four, in their order; the first nine as `ksd.beam.entry.chain_near` takes them."""
-PARTS = 14
+"""Columns of `Work.four_of`: number of a member among its four, -1 for one that is worked on alone; where what is kept of
+its four begins, in fours; 1 while that is what `move_of_four` needs."""
+VALUE, NEAR, D, TURN, LAM, STIFFNESS, ERRORS, INNER, STORE, LENGTH, POSE, TANGENT, FORCE, NORMS, END = range(
+    15
+)
+"""Parts of a four; LENGTH is that of the store."""
+PARTS = 15
 NODES = 156
 """Numbers of a tangent and a force on two nodes."""
 
@@ -36,42 +38,52 @@ def lay_out(members: Any, near: np.ndarray | None, chain: int) -> tuple[np.ndarr
     count = len(members.kind)
     found = np.zeros((count, 3), np.int64)
     found[:, LANE] = -1
-    stores, end, at = np.diff(members.store_at), 0, np.zeros(PARTS, np.int64)
-    for i in range(count):
-        if near is None or members.kind[i] != chain:
-            continue
+    chains = np.flatnonzero(members.kind == chain) if near is not None else np.zeros(0, np.int64)
+    if not len(chains):
+        return found, 0
+    stores, at = np.diff(members.store_at), np.zeros(PARTS, np.int64)
+    # the parts that are not kept stand before all others, once
+    longest = chains[np.argmax(members.number[chains, 0])]
+    _parts.py_func(members, longest, 0, at)
+    end = at[NORMS] + 6
+    for i in chains:
         alike = i > 0 and 0 <= found[i - 1, LANE] < 3
         if alike and np.array_equal(members.number[i], members.number[i - 1]) and stores[i] == stores[i - 1]:
             found[i] = found[i - 1, LANE] + 1, found[i - 1, PLACE], 0
         else:
             found[i] = 0, end, 0
-            _parts.py_func(members, i, at)
-            end += 4 * int(at[END])
-    return found, end
+            _parts.py_func(members, i, end, at)
+            end = at[END]
+    # scratch of the last one
+    return found, 4 * int(end + TAIL)
 
 
 @kernel
-def _parts(members, i, at):
-    """Where the parts of a four begin, of one of its chains: value, near, d, Q, lam, K, errors, inner, store, pose,
-    tangent and force on the nodes, norms; the end. Returns whether it has weight."""
+def _parts(members, i, place, at):
+    """Where the parts of the four of member i begin, in fours: what `move_of_four` needs from `place` on, the rest, which
+    all fours share, from the start on. Returns whether it has weight.
+
+    The scratch at the end of a store reaches into the next four: there the wrench, then the motion of end q, comes after.
+    """
     n = members.number[i, 0]
     inner = members.inner_at[i + 1] - members.inner_at[i]
     store = members.store_at[i + 1] - members.store_at[i]
     heavy = store > KEPT * n + TAIL
-    at[VALUE] = 0
-    at[NEAR] = 16 * n + 9 + (n + 7 if heavy else 0)
-    at[D] = at[NEAR] + 3 * (2 * n - 1)
+    at[NEAR] = 0
+    at[D] = 3 * (2 * n - 1)
     at[TURN] = at[D] + 3
-    at[LAM] = at[TURN] + 9
-    at[STIFFNESS] = at[LAM] + 12
+    at[STIFFNESS] = at[TURN] + 9
     at[ERRORS] = at[STIFFNESS] + 36
-    at[INNER] = at[ERRORS] + 2
-    at[STORE] = at[INNER] + inner
-    at[POSE] = at[STORE] + store
+    at[POSE] = at[ERRORS] + 2
     at[TANGENT] = at[POSE] + 18
     at[FORCE] = at[TANGENT] + 144
     at[NORMS] = at[FORCE] + 12
-    at[END] = at[NORMS] + 6
+    at[LAM] = place
+    at[VALUE] = at[LAM] + 12
+    at[INNER] = at[VALUE] + 16 * n + 9 + (n + 7 if heavy else 0)
+    at[STORE] = at[INNER] + inner
+    at[LENGTH] = store
+    at[END] = at[STORE] + (store if heavy else KEPT * n)
     return heavy
 
 
@@ -164,7 +176,7 @@ def _pose_four(members, x, R, work, factor, i, four, at, heavy):
             kept = work.store[: members.store_at[j + 1]]
             pull_member(pose.ctypes, work.weight[j].ctypes, factor, kept.ctypes, len(kept))
             for c in range(3):
-                four[4 * (at[POSE] - PULL + c) + lane] = kept[len(kept) - PULL + c]
+                four[4 * (at[STORE] + at[LENGTH] - PULL + c) + lane] = kept[len(kept) - PULL + c]
     _evenly(18 * i, 18, count, starts)
     _gather(flat(work.pose), starts, 18, four, at[POSE])
     return count
@@ -176,12 +188,12 @@ def take_four(members, x, R, inner, work, factor, i, found, told):
 
     told (4,): negative pivots of all, status in the last.
     """
-    four = work.four[work.four_of[i, PLACE] :]
+    four = work.four
     at, starts, out = local_counts(PARTS), local_counts(4), local_vector(2)
-    heavy = _parts(members, i, at)
+    heavy = _parts(members, i, work.four_of[i, PLACE], at)
     count = _pose_four(members, x, R, work, factor, i, four, at, heavy)
     _starts(members.value_at, i, count, starts)
-    _gather(members.value, starts, at[NEAR], four, 0)
+    _gather(members.value, starts, at[INNER] - at[VALUE], four, at[VALUE])
     _starts(work.near_at, i, count, starts)
     _gather(work.near, starts, at[D] - at[NEAR], four, at[NEAR])
     chain_near(four.ctypes, members.number[i].ctypes, at.ctypes, out.ctypes)
@@ -197,7 +209,7 @@ def take_four(members, x, R, inner, work, factor, i, found, told):
         _starts(members.store_at, i + 1, count, starts)
         for lane in range(4):
             starts[lane] -= PULL
-        _spread_out(four, at[POSE] - PULL, PULL, work.store, starts)
+        _spread_out(four, at[STORE] + at[LENGTH] - PULL, PULL, work.store, starts)
     for lane in range(count):
         work.four_of[i + lane, TAKEN] = 1
 
@@ -205,20 +217,19 @@ def take_four(members, x, R, inner, work, factor, i, found, told):
 @kernel
 def told_of_four(members, work, i, told, norms):
     """Errors [N], [Nm] of member i, one of a four, into told[1:3], and its `member_norms`."""
-    at = local_counts(PARTS)
-    _parts(members, i, at)
-    place, four = work.four_of[i, PLACE] + work.four_of[i, LANE], work.four
-    told[1], told[2] = four[place + 4 * at[ERRORS]], four[place + 4 * at[ERRORS] + 4]
+    at, lane, four = local_counts(PARTS), work.four_of[i, LANE], work.four
+    _parts(members, i, 0, at)
+    told[1], told[2] = four[4 * at[ERRORS] + lane], four[4 * at[ERRORS] + 4 + lane]
     for k in range(6):
-        norms[k] = four[place + 4 * (at[NORMS] + k)]
+        norms[k] = four[4 * (at[NORMS] + k) + lane]
 
 
 @kernel
 def move_of_four(members, inner, work, i, xi, scale):
     """Inner update of member i after its end q moved by xi (6,) relative to its end p; with the last one of its four."""
-    four = work.four[work.four_of[i, PLACE] :]
+    four = work.four
     at, lane = local_counts(PARTS), work.four_of[i, LANE]
-    heavy = _parts(members, i, at)
+    heavy = _parts(members, i, work.four_of[i, PLACE], at)
     count = _members_of(work.four_of, i - lane)
     last = 4 if lane == count - 1 else lane + 1
     for k in range(lane, last):
@@ -227,7 +238,7 @@ def move_of_four(members, inner, work, i, xi, scale):
             four[4 * (at[LAM] + r) + k] = xi[r]
         if heavy:
             for r in range(3):
-                four[4 * (at[POSE] - 3 + r) + k] = work.store[members.store_at[i + 1] - 3 + r]
+                four[4 * (at[STORE] + at[LENGTH] - 3 + r) + k] = work.store[members.store_at[i + 1] - 3 + r]
     if last < 4:
         return
     chain_recover_four(four.ctypes, members.number[i].ctypes, at.ctypes, scale)
