@@ -1,6 +1,8 @@
 """The factorisation of `ksd.numerics.blocks` where every block is a node with six unknowns, four rows at a time.
 
-The joint bench is that: no multipliers, and 15 inner blocks in every hinge of 30 leafs.
+The joint bench is that: no multipliers, and 15 inner blocks in every hinge of 30 leafs. Equilibria have multipliers among
+their nodes and keep the general one. A mixture of both was measured in them: `full` of the three-joint arm takes a tenth
+less, a mechanism on all element nodes, the papers' conventional program, three tenths less.
 """
 
 from __future__ import annotations
