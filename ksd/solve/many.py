@@ -221,8 +221,10 @@ def _settle(arrays, motion, target, work, rtol, kept, off):
         _set_links(motion, kept, off)
         reason, negatives = _newton(arrays, motion, target, work, rtol, 4 + 0 * len(kept))
     if reason != CONVERGED:
+        # from the kinematic pose itself, with nothing of an attempt that may have left numbers that are none
         off[:] = 0.0
         _set_links(motion, kept, off)
+        motion.multiplier[:] = 0.0
         reason, negatives = _newton(arrays, motion, target, work, rtol, 25 + 0 * len(kept))
     if reason == CONVERGED:
         _note_offset(motion, kept, off)
@@ -252,6 +254,7 @@ def tabulated_many(held, table, which, targets, expected, ways, limits, force, x
                 then[:] = theta
             reason, _, gap, _ = close_loops(arrays, loops, theta, targets[n], reduced, place, 40)
         else:
+            then[:] = theta
             shift[:] = 0.0
         status[n] = 0
         if reason != 0 or not gap < ways[2] * size or outside(theta, limits, 0 * n):

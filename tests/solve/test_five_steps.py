@@ -6,6 +6,7 @@ from scenes import cross_flexure, fourbar, single_joint, slider
 
 import ksd
 from ksd.design.batch import NOT_BUILT
+from ksd.design.prepared import Prepared
 from ksd.model.mesh import Mesh
 from ksd.numerics.held import Held
 from ksd.solve.many import LOCKED, OUT_OF_RANGE
@@ -119,6 +120,23 @@ def test_tabulated_joints_are_as_close_as_they_say():
     off = np.abs(near.forces["top"] - exact.forces["top"]).max() / np.abs(exact.forces["top"]).max()
     assert off <= 30 * near.errors[0]
     assert near.status.tolist() == exact.status.tolist()
+
+
+def test_tabulated_poses_do_not_depend_on_those_before_them(rng):
+    """To and fro, with jumps and poses nobody reaches in between: each is what it is on its own."""
+    fine = np.linspace(0.05, 0.3, 40)
+    tops = np.concatenate(
+        [fine, fine[::-1], [0.9, -0.2, 0.29, 0.9, 0.9], fine[:7], rng.permutation(fine), [0.1, 0.1]]
+    )
+    design = Prepared(ksd.prepare(fourbar(), planar=False), tabulated=True)
+    along = design({"top": tops})
+    assert (along.status != 0).sum() == 3
+    for n, top in enumerate(tops):
+        alone = design({"top": np.array([top])})
+        assert along.status[n] == alone.status[0]
+        if alone.status[0] == 0:
+            assert along.force[n] == pytest.approx(alone.force[0], rel=1e-7, abs=1e-7)
+            assert along.x[n] == pytest.approx(alone.x[0], abs=1e-9)
 
 
 def test_only_plain_arrays_are_held():
