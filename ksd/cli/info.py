@@ -7,7 +7,7 @@ import math
 from typing import Any
 
 from ksd.cli.output import console
-from ksd.errors import RecordError
+from ksd.errors import RecordError, SceneError
 
 _PER_RADIAN = 180 / math.pi
 _UNITS = {
@@ -28,6 +28,9 @@ def add(commands: Any) -> argparse.ArgumentParser:
         "is known of it: source, symmetry, closed-form stiffness, evidence of what matters, errors mesh by mesh.",
     )
     parser.add_argument("family", nargs="?", metavar="FAMILY", help="name of a joint family")
+    parser.add_argument(
+        "--check", action="store_true", help="solve the probe states of the record again and compare"
+    )
     return parser
 
 
@@ -37,7 +40,9 @@ def run(options: argparse.Namespace) -> int:
     from ksd.library import describe_database, record_folders
 
     if options.family is not None:
-        return _one(options.family)
+        return _one(options.family, check=options.check)
+    if options.check:
+        raise SceneError("ksd info --check needs the name of a family")
     screen = console()
     folders = [f"{f}" + ("" if f.is_dir() else " (none)") for f in record_folders()]
     screen.print(
@@ -57,13 +62,14 @@ def run(options: argparse.Namespace) -> int:
     return 0
 
 
-def _one(family: str) -> int:
-    """Print all that is known of one family. Raises SceneError for an unknown name, RecordError for a damaged record."""
-    from ksd.errors import SceneError
+def _one(family: str, *, check: bool) -> int:
+    """Print all that is known of one family. Raises SceneError for an unknown name, RecordError for a damaged record and,
+    with `check`, for one that does not agree with the solver.
+    """
     from ksd.library import describe_database, read_record
     from ksd.scene import joint_families
     from ksd.section.checks import nearest
-    from ksd.train.designs import known_designs
+    from ksd.train import check_record, design_of, known_designs
     from ksd.train.portrait import counted, described
 
     listings = {entry.family: entry for entry in describe_database()}
@@ -85,6 +91,10 @@ def _one(family: str) -> int:
     fitted, fresh = record.samples
     rows.append(("shapes", f"{fitted} fitted, {fresh} fresh ones that the fit has not seen"))
     rows += [("history", sentence) for sentence in record.history]
+    if check:
+        rows.append(
+            ("checked", check_record(record, design_of(family) if family in known_designs() else None))
+        )
     screen.print(_columns(family, [*rows, *_rows(listing)]))
     screen.print()
     screen.print(_evidence(record))

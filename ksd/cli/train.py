@@ -30,7 +30,9 @@ def add(commands: Any) -> argparse.ArgumentParser:
     parser.add_argument(
         "--out", metavar="FOLDER", help="where the record goes; $KSD_DATABASE or ./database when left out"
     )
-    parser.add_argument("--restart", action="store_true", help="forget what an interrupted run has finished")
+    parser.add_argument(
+        "--restart", action="store_true", help="train also where the record is up to date, and from the start"
+    )
     parser.add_argument(
         "--check", action="store_true", help="train beside the record in use and compare; writes nothing"
     )
@@ -53,10 +55,13 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _train(family: str, options: argparse.Namespace) -> None:
-    from ksd.train import train
+    from ksd.train import train, up_to_date
 
     begin = time.perf_counter()
     screen = console()
+    if not options.restart and (words := up_to_date(family, out=options.out)):
+        screen.print(f"{family}: up to date; {words} (--restart trains all the same)", soft_wrap=True)
+        return
     try:
         with warnings.catch_warnings(record=True) as told:
             warnings.simplefilter("always", UserWarning)
@@ -97,7 +102,7 @@ def _difference(kept: Any, made: Any) -> str:
     unlike = [
         f.name
         for f in fields(kept)
-        if f.name not in ("functions", "powers", "source", "residuals", "evidence")
+        if f.name not in ("functions", "powers", "probes", "residuals", "evidence")
         and getattr(kept, f.name) != getattr(made, f.name)
     ]
     if unlike or not np.array_equal(kept.powers, made.powers):
@@ -115,5 +120,4 @@ def _difference(kept: Any, made: Any) -> str:
             f"record '{kept.family}' is not what the sources give: its coefficients differ by up to {most:.2g}; "
             f"run `ksd train {kept.family}`"
         )
-    sources = "the same sources" if kept.source == made.source else "sources that have changed since"
-    return f"the record is what {sources} give, coefficients within {most:.2g}"
+    return f"the record is what the sources give, coefficients within {most:.2g}"

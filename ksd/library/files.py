@@ -21,9 +21,9 @@ from typing import Any
 import numpy as np
 
 from ksd.errors import RecordError
-from ksd.library.record import Evidence, Functions, Mesh, Parameter, Record, Residual, Stroke
+from ksd.library.record import Evidence, Functions, Mesh, Parameter, Probes, Record, Residual, Stroke
 
-FORMAT = 1
+FORMAT = 2
 """Format this version writes, and the newest it reads."""
 SIGNATURE = b"ksd joint record\n"
 BLOCK = 512
@@ -35,7 +35,12 @@ _UNITS = {
     "wrench": "EIz/leaf length^2 (0:3), EIz/leaf length (3:6)",
     "rotations": "rad",
 }
-_TEXTS = ("family", "trained", "version", "source")
+_PROBES = {
+    "shapes": "SI, as the parameters",
+    "motions": "rad, or joint lengths",
+    "values": "as the functions, side by side",
+}
+_TEXTS = ("family", "trained", "version")
 _LISTS = ("leafs", "blocks", "orders", "samples", "history")
 _TABLES = {"motions": Stroke, "parameters": Parameter, "residuals": Residual, "evidence": Evidence}
 _cache: dict[str, tuple[tuple[int, ...], Record]] = {}
@@ -104,6 +109,9 @@ def _encode(record: Record) -> bytes:
                 if array.size == 0:
                     continue
                 _store(file, f"functions/{mesh}/{group}", np.asarray(array, float), _UNITS[group])
+        if record.probes is not None:
+            for name, units in _PROBES.items():
+                _store(file, f"probes/{name}", np.asarray(getattr(record.probes, name), float), units)
     return buffer.getvalue()
 
 
@@ -179,16 +187,22 @@ def _decode(content: bytes) -> Record:
         for name, group in file["functions"].items():
             stored = {part: np.asarray(data[()], float) for part, data in group.items()}
             functions[int(name) if name.isdigit() else name] = Functions(**{**none, **stored})
+        probes = (
+            Probes(*(np.asarray(file["probes"][n][()], float) for n in _PROBES)) if "probes" in file else None
+        )
     found: dict[str, Any] = {k: tuple(json.loads(words[k])) for k in _LISTS}
     found |= {k: str(words[k]) for k in _TEXTS}
     for name, kind in _TABLES.items():
         found[name] = tuple(kind(**item) for item in json.loads(words[name]))
-    return Record(powers=powers, functions=functions, design=json.loads(words["design"]), **found)
+    design = json.loads(words["design"])
+    return Record(powers=powers, functions=functions, design=design, probes=probes, **found)
 
 
 def shipped_folder() -> Path:
-    """The records that ship inside the package."""
-    return Path(__file__).resolve().parent.parent / "records"
+    """The records that ship: `database` inside an installed package, beside the package in a source tree."""
+    package = Path(__file__).resolve().parent.parent
+    installed = package / "database"
+    return installed if installed.is_dir() else package.parent / "database"
 
 
 def record_folders() -> list[Path]:

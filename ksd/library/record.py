@@ -189,6 +189,19 @@ class Evidence:
     rotations: float
 
 
+@dataclass(frozen=True)
+class Probes:
+    """States that a record is judged by: what its functions are there, as fitted.
+
+    shapes (k, s): shape parameters, SI. motions (k, m): intended motions, rad or stroke over joint length. values (k,
+    rows): all functions side by side, in the order of `Record.at`.
+    """
+
+    shapes: Array
+    motions: Array
+    values: Array
+
+
 @dataclass(frozen=True, repr=False)
 class Record:
     """All that training found out about one joint family; see the module docstring for the functions.
@@ -196,8 +209,8 @@ class Record:
     powers (M, motions + parameters): exponents of the motions, then Legendre degrees of the parameters.
     functions: by mesh. leafs, blocks: names in the order of the arrays. orders: curvature modes (nx, ny, nz)
     of a leaf. design: the joint trained on (SI numbers by name); samples: shapes fitted and fresh. trained:
-    date as given to the trainer, ISO; version, source: trainer version and hash of the sources; history: one
-    sentence per event.
+    date as given to the trainer, ISO; version: of the trainer; history: one sentence per event; probes: states by
+    which `ksd.train.check_record` tells whether the record still agrees with this code, None in files of format 1.
     """
 
     family: str
@@ -214,8 +227,8 @@ class Record:
     samples: tuple[int, int] = (0, 0)
     trained: str = ""
     version: str = ""
-    source: str = ""
     history: tuple[str, ...] = ()
+    probes: Probes | None = None
 
     def __repr__(self) -> str:
         motions = ", ".join(f"{m.name} {m.low:.4g} to {m.high:.4g}" for m in self.motions)
@@ -241,6 +254,16 @@ class Record:
         """Largest error of a group on fresh shapes; nan when none was measured."""
         found = [r.fresh_max for r in self.residuals if (r.mesh, r.group) == (mesh, group)]
         return found[0] if found else math.nan
+
+    def at(self, shapes: Array, motions: Array) -> dict[tuple[Mesh, str], Array]:
+        """All functions (k, size of the group) by mesh and group, at k shapes (k, s) SI and motions (k, m)."""
+        found: dict[tuple[Mesh, str], Array] = {}
+        for mesh in sorted(self.functions, key=str):
+            joints = [self.contract(dict(zip(self.shape_names, s, strict=True)), mesh) for s in shapes]
+            for group in sorted(self.functions[mesh].groups()):
+                values = [joint.at(m, group).ravel() for joint, m in zip(joints, motions, strict=True)]
+                found[mesh, group] = np.array(values)
+        return found
 
     def contract(
         self, shape: Mapping[str, float], mesh: Mesh, *, extrapolate: bool = False

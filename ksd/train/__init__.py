@@ -7,10 +7,11 @@ import sys
 from types import ModuleType
 from typing import Any
 
-from ksd.train.designs import Design, known_designs
-from ksd.train.run import train
+from ksd.train.designs import Design, design_of, known_designs
+from ksd.train.probes import check_record
+from ksd.train.run import train, up_to_date
 
-__all__ = ["Design", "known_designs", "train"]
+__all__ = ["Design", "check_record", "design_of", "known_designs", "train", "up_to_date"]
 
 
 class _Callable(ModuleType):

@@ -17,9 +17,9 @@ from pathlib import Path
 import numpy as np
 
 import ksd
-from ksd.errors import SceneError
-from ksd.library import Evidence, Functions, Mesh, Record, Residual, Stroke, write_record
-from ksd.library.files import SUFFIX, shipped_folder, write_atomically
+from ksd.errors import ConvergenceError, RecordError, SceneError
+from ksd.library import Evidence, Functions, Mesh, Record, Residual, Stroke, read_record, write_record
+from ksd.library.files import SUFFIX
 from ksd.library.record import Array, legendre_products, monomials
 from ksd.model.leafs import raised_orders
 from ksd.model.mesh import Mesh as LeafMesh
@@ -28,6 +28,7 @@ from ksd.train.asked import check_design, check_meshes
 from ksd.train.designs import Design, changes, design_of
 from ksd.train.fit import Fit, fit_functions
 from ksd.train.jobs import Job, Jobs
+from ksd.train.probes import check_record, probes_of
 from ksd.train.softness import check_soft
 from ksd.train.sweep import Plan, Samples, chebyshev_line, even_line
 
@@ -81,7 +82,6 @@ def train(
     date = trained or datetime.date.today().isoformat()
     record = replace(record, trained=date, history=(f"{date}: {record.history[0]}",))
     write_record(record, target)
-    _ship(target)
     jobs.forget()
     return record
 
@@ -109,15 +109,40 @@ def _trained(
         f"tolerance {fit.motion_error:.2g} and {fit.shape_error:.2g}."
         + (f" No dependence on {', '.join(design.idle)}." if design.idle else "")
     )
+    record = _record(design, middle, plan, fit, samples[0])
     return replace(
-        _record(design, middle, plan, fit, samples[0]),
+        record,
+        probes=probes_of(record, fresh_places, check.grid),
         residuals=_residuals(fit, plan, check, (places, samples), (fresh_places, fresh)),
         evidence=evidence,
         samples=(len(places), len(fresh)),
         version=str(getattr(ksd, "__version__", "0")),
-        source=jobs.source,
         history=(sentence,),
     )
+
+
+def up_to_date(family_or_joint: str | Joint | Design, *, out: str | os.PathLike[str] | None = None) -> str:
+    """How the record that `train` would replace agrees with this code, in words; empty where it has to be trained.
+
+    It has to where there is none that can be read, or one of another joint, of other ranges, meshes or wider errors, or
+    where its probe states come out otherwise than told.
+    """
+    design = design_of(family_or_joint)
+    target = _target(design.family, out)
+    if not target.is_file():
+        return ""
+    corners = _corners(design)
+    middle = design.joint(np.zeros(len(design.parameters)))
+    try:
+        record = read_record(target)
+        asked = _skeleton(design, middle, _orders(corners))
+        alike = all(getattr(record, name) == getattr(asked, name) for name in _ASKED)
+        fitted = all(r.fit_rms <= design.loose * TOLERANCE[r.group] for r in record.residuals)
+        if not (alike and fitted and set(record.functions) == set(design.meshes)):
+            return ""
+        return check_record(record, design)
+    except (RecordError, SceneError, ConvergenceError):
+        return ""
 
 
 def _warn_of(design: Design, fit: Fit) -> None:
@@ -144,14 +169,6 @@ def _warn_of_others(design: Design, evidence: tuple[Evidence, ...]) -> None:
 def _target(family: str, out: str | os.PathLike[str] | None) -> Path:
     folder = Path(out or os.environ.get("KSD_DATABASE") or "database")
     return folder if folder.suffix == SUFFIX else folder / f"{family}{SUFFIX}"
-
-
-def _ship(target: Path) -> None:
-    """In a source tree the records in database/ have an identical copy inside the package, for the wheel."""
-    package = shipped_folder().parent
-    tree = package.parent
-    if (tree / "pyproject.toml").is_file() and target.resolve().parent == (tree / "database").resolve():
-        write_atomically(target.read_bytes(), shipped_folder() / target.name)
 
 
 def _strokes(joint: Joint) -> tuple[Stroke, ...]:
@@ -367,14 +384,24 @@ def _record(design: Design, joint: DrawnJoint, plan: Plan, fit: Fit, sample: Sam
     for (mesh, group), rows in _slices(sample).items():
         shape = sample[mesh, group].shape[1:]
         tables.setdefault(mesh, {})[group] = fit.coefficients[rows].reshape(*shape, len(fit.powers))
+    functions = {mesh: Functions(**groups) for mesh, groups in tables.items()}
+    return replace(_skeleton(design, joint, plan.orders), powers=fit.powers, functions=functions)
+
+
+_ASKED = ("family", "motions", "parameters", "leafs", "blocks", "orders", "design")
+"""What a record has from its design, before anything is solved."""
+
+
+def _skeleton(design: Design, joint: DrawnJoint, orders: tuple[int, int, int]) -> Record:
+    """The record with nothing but what its design says."""
     return Record(
         family=design.family,
         motions=_strokes(joint),
         parameters=design.parameters,
         leafs=tuple(leaf.name for leaf in joint.leafs()),
         blocks=tuple(name for name in joint.blocks() if name not in ("A", "B")),
-        orders=plan.orders,
-        powers=fit.powers,
-        functions={mesh: Functions(**groups) for mesh, groups in tables.items()},
+        orders=orders,
+        powers=np.zeros((0, len(joint.motions) + len(design.parameters)), np.int64),
+        functions={},
         design=dict(design.numbers),
     )

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from ksd.library import Evidence, Functions, Parameter, Record, Residual, Stroke
+from ksd.library import Evidence, Functions, Parameter, Probes, Record, Residual, Stroke
 
 
 @pytest.fixture
@@ -34,6 +34,8 @@ def record() -> Record:
         samples=(64, 8),
         trained="2024-01-01",
         version="0.1.0",
-        source="abc",
         history=("trained",),
+        probes=Probes(
+            np.array([[0.6, 1.0], [0.8, 2.0]]), np.array([[-1.2], [0.4]]), rng.standard_normal((2, 98))
+        ),
     )

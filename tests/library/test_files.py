@@ -27,8 +27,18 @@ def test_round_trip_keeps_every_number(record, tmp_path):
             np.testing.assert_array_equal(back.functions[mesh].groups()[group], array)
     np.testing.assert_array_equal(back.powers, record.powers)
     for field in fields(record):
-        if field.name not in ("functions", "powers"):
+        if field.name not in ("functions", "powers", "probes"):
             assert getattr(back, field.name) == getattr(record, field.name), field.name
+    for field in fields(record.probes):
+        np.testing.assert_array_equal(getattr(back.probes, field.name), getattr(record.probes, field.name))
+
+
+def test_a_file_of_format_1_is_read_and_holds_no_probes(record, tmp_path):
+    path = tmp_path / "toy.h5"
+    body = files.record_bytes(replace(record, probes=None))[files.BLOCK :]
+    path.write_bytes(files._seal(body, 1) + body)
+    back = read_record(path)
+    assert back.probes is None and back.history == record.history
 
 
 def test_a_joint_without_internal_blocks(record, tmp_path):
@@ -48,7 +58,7 @@ def test_any_hdf5_program_reads_it_and_finds_units_and_checksums(record, tmp_pat
     with h5py.File(write_record(record, tmp_path / "toy.h5")) as file:
         found = []
         file.visititems(lambda name, item: found.append(item) if isinstance(item, h5py.Dataset) else None)
-        assert len(found) == 8
+        assert len(found) == 11
         for item in found:
             assert item.attrs["units"]
             assert item.fletcher32
@@ -86,10 +96,10 @@ def test_foreign_missing_and_newer_files_are_refused(record, tmp_path, monkeypat
         file["x"] = 1.0
     refused(path, "not a ksd joint record")
     refused(tmp_path, "Cannot read")
-    monkeypatch.setattr(files, "FORMAT", 2)
+    monkeypatch.setattr(files, "FORMAT", 3)
     write_record(record, path)
     monkeypatch.undo()
-    refused(path, "format 2, newer than the 1")
+    refused(path, "format 3, newer than the 2")
 
 
 def test_sealed_but_incomplete_content_is_refused(tmp_path):
