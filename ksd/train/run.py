@@ -132,10 +132,9 @@ def up_to_date(family_or_joint: str | Joint | Design, *, out: str | os.PathLike[
     if not target.is_file():
         return ""
     corners = _corners(design)
-    middle = design.joint(np.zeros(len(design.parameters)))
+    asked = _skeleton(design, design.joint(np.zeros(len(design.parameters))), _orders(corners))
     try:
         record = read_record(target)
-        asked = _skeleton(design, middle, _orders(corners))
         alike = all(getattr(record, name) == getattr(asked, name) for name in _ASKED)
         fitted = all(r.fit_rms <= design.loose * TOLERANCE[r.group] for r in record.residuals)
         if not (alike and fitted and set(record.functions) == set(design.meshes)):
