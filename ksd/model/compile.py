@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from itertools import pairwise
 from typing import Any
 
@@ -42,6 +43,14 @@ class Model:
     spring_names: tuple[str, ...] = field(default=())
     said: Any = field(default=None)
     choice: Any = field(default=None)
+
+    @cached_property
+    def derived(self) -> dict[Any, Any]:
+        """What was computed from this model and nothing else, by what computed it; lives and dies with the model."""
+        return {}
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {name: value for name, value in vars(self).items() if name != "derived"}
 
     def __repr__(self) -> str:
         unknowns = self.arrays.plan.unknowns

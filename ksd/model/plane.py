@@ -8,7 +8,6 @@ the leafs balance across it is seen when a planar state is lifted to space and i
 from __future__ import annotations
 
 import math
-import weakref
 from dataclasses import dataclass
 from typing import Any
 
@@ -205,15 +204,6 @@ def _find_plane(model: Model) -> Plane | str:
     return Plane(model.arrays, arrays, lifting, rest)
 
 
-_known: dict[int, Plane | str] = {}
-
-
-def _remember(model: Model, found: Plane | str) -> None:
-    if id(model) not in _known:
-        weakref.finalize(model, _known.pop, id(model), None)
-    _known[id(model)] = found
-
-
 def plane_of(model: Model) -> Plane | str:
     """The model in its plane, or the reason (a clause naming leaf, drive, support or load) why it is not planar.
 
@@ -221,13 +211,12 @@ def plane_of(model: Model) -> Plane | str:
     about k), forces across k and moments about k. Supports that hold the mechanism in the plane are allowed and left
     out. The answer is remembered for as long as the model lives.
     """
-    found = _known.get(id(model))
+    found: Plane | str | None = model.derived.get("plane")
     if found is None:
-        found = _find_plane(model)
-        _remember(model, found)
+        found = model.derived["plane"] = _find_plane(model)
     return found
 
 
 def refuse_plane(model: Model, reason: str) -> None:
     """Remember that the leafs of `model` do not balance across its plane, so that it is not tried again."""
-    _remember(model, reason)
+    model.derived["plane"] = reason

@@ -7,7 +7,7 @@ import threading
 import weakref
 from collections.abc import Callable
 from functools import wraps
-from typing import TypeVar
+from typing import Any, TypeVar
 
 from ksd.model.arrays import Work, make_work
 from ksd.model.compile import Model
@@ -18,18 +18,21 @@ T = TypeVar("T")
 
 
 def per_model(function: Callable[[Model], T]) -> Callable[[Model], T]:
-    """Call `function(model)` once per model object; models are frozen, so the answer stays right."""
-    known: dict[int, tuple[weakref.ref[Model], T]] = {}
+    """Call `function(model)` once per model object; models are frozen, so the answer stays right.
+
+    It is kept in the model, or it would keep alive every model that it refers to.
+    """
 
     @wraps(function)
     def ask(model: Model) -> T:
-        found = known.get(id(model))
-        if found is not None and found[0]() is model:
-            return found[1]
-        key = id(model)
-        answer = function(model)
-        known[key] = (weakref.ref(model, lambda _: known.pop(key, None)), answer)
-        return answer
+        known = model.derived
+        if function not in known:
+            answer = function(model)
+            # a model that is its own answer does not hold itself, which only the garbage collector would undo
+            known[function] = None if answer is model else answer
+        found: Any = known[function]
+        answered: T = model if found is None else found
+        return answered
 
     return ask
 

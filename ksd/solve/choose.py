@@ -20,7 +20,10 @@ from ksd.solve.solver import METHODS, Solver, asked_values, wanted_accuracy
 from ksd.solve.steps import ErrorEstimate
 from ksd.solve.trust import insist
 
+KEPT = 16
+"""Solvers that `solve` keeps."""
 _recent: OrderedDict[tuple, Solver] = OrderedDict()
+_turn = threading.Lock()
 
 
 def prepare(
@@ -122,11 +125,16 @@ def _recent_solver(
         threading.get_ident(), scene.fingerprint(), mesh, extrapolate, repr(said),
         None if aim is None else tuple(sorted(aim.items())),
     )  # fmt: skip
-    if key not in _recent:
-        _recent[key] = Solver(scene, mesh=mesh, extrapolate=extrapolate, targets=aim, **said)
-        while len(_recent) > 16:
+    with _turn:
+        if key in _recent:
+            _recent.move_to_end(key)
+            return _recent[key]
+    made = Solver(scene, mesh=mesh, extrapolate=extrapolate, targets=aim, **said)
+    with _turn:
+        _recent[key] = made
+        while len(_recent) > KEPT:
             _recent.popitem(last=False)
-    return _recent[key]
+    return made
 
 
 __all__ = ["METHODS", "ErrorEstimate", "Solver", "prepare", "solve"]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Callable, Mapping
 from typing import Any
 
@@ -34,7 +35,8 @@ DEFAULT_ACCURACY = 1e-3
 class Solver:
     """A mechanism prepared for repeated solves: compiled model, joint bodies, and storage used again each time.
 
-    Call it with drive values by name: ``solver(top=0.3)``. Not for use from two threads at once; make one for each.
+    Call it with drive values by name: ``solver(top=0.3)``. Threads that share one take turns, since all solves write into
+    the same storage; to solve in parallel make one for each.
     """
 
     def __init__(
@@ -58,6 +60,7 @@ class Solver:
         self._five: FiveSteps | None = None
         self._storage: Storage | None = None
         self._plain: dict[tuple[Any, ...], float] = {}
+        self._turn = threading.RLock()
 
     @property
     def five_steps(self) -> FiveSteps:
@@ -106,14 +109,17 @@ class Solver:
         values = drives if targets is None else asked_values(targets, drives)
         truth(strict, "strict")
         ways = method, accuracy, passes, estimate
-        wanted = self._wanted(ways)
-        if wanted > 0.0:
-            found = self._plainly(values, method, passes=passes, estimate=estimate, accuracy=wanted)
-        else:
-            found = self.on_mesh(values, method=method, accuracy=accuracy, passes=passes, estimate=estimate)
-            wanted = wanted_accuracy(accuracy)
-            if self._is_plain(method, accuracy):
-                self._plain[ways] = wanted
+        with self._turn:
+            wanted = self._wanted(ways)
+            if wanted > 0.0:
+                found = self._plainly(values, method, passes=passes, estimate=estimate, accuracy=wanted)
+            else:
+                found = self.on_mesh(
+                    values, method=method, accuracy=accuracy, passes=passes, estimate=estimate
+                )
+                wanted = wanted_accuracy(accuracy)
+                if self._is_plain(method, accuracy):
+                    self._plain[ways] = wanted
         found = resolved(found, wanted)
         return insist(found) if strict else found
 
@@ -157,6 +163,18 @@ class Solver:
         estimate: bool = True,
     ) -> Configuration:
         """The answer as it is, whether the mesh resolves it or not, trusted or not."""
+        with self._turn:
+            return self._on_mesh(values, method=method, accuracy=accuracy, passes=passes, estimate=estimate)
+
+    def _on_mesh(
+        self,
+        values: Mapping[str, float],
+        *,
+        method: str | None,
+        accuracy: float | None,
+        passes: int,
+        estimate: bool,
+    ) -> Configuration:
         ways: dict[str, Any] = {
             "method": method,
             "accuracy": accuracy,
