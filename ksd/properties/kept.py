@@ -7,7 +7,7 @@ import threading
 import weakref
 from collections.abc import Callable
 from functools import wraps
-from typing import Any, TypeVar
+from typing import TypeVar, cast
 
 from ksd.model.arrays import Work, make_work
 from ksd.model.compile import Model
@@ -30,9 +30,8 @@ def per_model(function: Callable[[Model], T]) -> Callable[[Model], T]:
             answer = function(model)
             # a model that is its own answer does not hold itself, which only the garbage collector would undo
             known[function] = None if answer is model else answer
-        found: Any = known[function]
-        answered: T = model if found is None else found
-        return answered
+        found = known[function]
+        return cast(T, model if found is None else found)
 
     return ask
 
