@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Generator
 from typing import NamedTuple
 
 import numpy as np
 
 from ksd.model.arrays import Motion
+from ksd.model.planar_arrays import PlanarMotion
 from ksd.model.system import take_step
 from ksd.numerics.stopwatch import thread_ns
 from ksd.solve.driving import RTOL
@@ -18,13 +20,23 @@ from ksd.solve.storage import FlatStorage
 
 COARSE = 0.01
 """Estimated relative error from which a second corrector step tells whether the first was nearly all."""
+NEGLIGIBLE = 1e-7
+"""The same of relinearised answers."""
+HALF = 0.5
+"""Size of a step over that of the one before from which it is believed that the next ones shrink alike."""
+MOST = 5
+"""Corrector steps at most."""
 
 
 def estimate_error(
-    b: Bench, target: np.ndarray, flat: FlatStorage | None = None
+    b: Bench, target: np.ndarray, flat: FlatStorage | None = None, *, relinearised: bool = False
 ) -> tuple[ErrorEstimate, Step, int]:
-    """Error estimate and inertia of the full state on the bench from a Newton step in space, or two; flat: the same state
-    in its plane, where it has one, from which both are seen where that is its mirror."""
+    """Error estimate and inertia of the full state on the bench from a Newton step in space, or a few; flat: the same state
+    in its plane, where it has one, from which both are seen where that is its mirror.
+
+    relinearised: joints were condensed anew at the state before, so that what is linear in the error is gone from the
+    forces, and one step is not nearly all.
+    """
     begin = thread_ns()
     seen = None if flat is None else _from_plane(b, target, flat)
     if seen is None or flat is None or seen.sound < 2 or seen.negatives != len(target):
@@ -41,10 +53,15 @@ def estimate_error(
         error, residual, negatives, status = seen[:4]
     stop = Stop.CONVERGED if status == 0 else (Stop.LOCAL_ANGLE if status == 1 else Stop.NOT_FINITE)
     count = 1
-    if COARSE < error.relative < math.inf and _moved(b):
-        second = _second_step(b, target) if flat is None else _second_in_plane(b, target, flat)
-        error, count = _followed(error, second), 2
+    if (NEGLIGIBLE if relinearised else COARSE) < error.relative < math.inf and _moved(b):
+        steps = _steps_in_space(b, target) if flat is None else _steps_in_plane(b, target, flat)
+        error, count = _followed(error, steps)
+        steps.close()
     return error, Step("error estimate", count, 1e-9 * (thread_ns() - begin), residual, stop), negatives
+
+
+Steps = Generator[tuple[ErrorEstimate, ErrorEstimate], None, None]
+"""Corrector steps after the first, each with the distance gone with it."""
 
 
 class _Seen(NamedTuple):
@@ -74,39 +91,68 @@ def _moved(b: Bench) -> bool:
     return bool(off.max(initial=0.0) > 1e-9 * b.model.arrays.size)
 
 
-def _followed(first: ErrorEstimate, second: ErrorEstimate) -> ErrorEstimate:
-    """The estimate when the steps after the first shrink as the second did: their sum, a geometric series; without bound
-    where they hardly shrink (Deuflhard, Newton Methods for Nonlinear Problems, 2.1)."""
-    shrinks = second.relative / first.relative
-    if not shrinks < 1.0:
-        return ErrorEstimate(np.full_like(first.force, math.inf), math.inf, math.inf, math.inf)
-    longer = 1.0 / (1.0 - shrinks)
+def _followed(first: ErrorEstimate, steps: Steps) -> tuple[ErrorEstimate, int]:
+    """How far Newton steps lead, and how many were looked at: the distance gone plus what is left of a geometric series
+    when the next steps shrink as the last one did; without bound where they hardly shrink (Deuflhard, Newton Methods for
+    Nonlinear Problems, 2.1). steps: (step, distance gone so far) of the second and later ones.
+
+    A small first step may be followed by a larger one: the force that lateral errors make grows with their square.
+    """
+    last, count = first, 1
+    for step, gone in steps:
+        count += 1
+        shrinks = step.relative / max(last.relative, 1e-300)
+        settled = count > 2 or step.relative > COARSE
+        if shrinks < HALF or (settled and shrinks < 1.0):
+            return _sum(gone, step, shrinks / (1.0 - shrinks)), count
+        if step.relative > COARSE or count == MOST:
+            break
+        last = step
+    return ErrorEstimate(np.full_like(first.force, math.inf), math.inf, math.inf, math.inf), count
+
+
+def _sum(one: ErrorEstimate, other: ErrorEstimate, share: float) -> ErrorEstimate:
+    """An estimate and a share of another."""
     return ErrorEstimate(
-        longer * first.force, longer * first.displacement, longer * first.rotation, longer * first.relative
-    )
+        one.force + share * other.force, one.displacement + share * other.displacement,
+        one.rotation + share * other.rotation, one.relative + share * other.relative,
+    )  # fmt: skip
 
 
-def _second_step(b: Bench, target: np.ndarray) -> ErrorEstimate:
-    """The Newton step after the one in storage; the state on the bench is put back."""
+def _steps_in_space(b: Bench, target: np.ndarray) -> Steps:
+    """Newton steps after the one in storage, each with the distance gone with it; the state on the bench is put back."""
     kept = b.full.copy()
-    take_step(b.model.arrays, b.full, b.full_work.rhs, b.full_work, 1.0)
-    b.storage.look(target, RTOL, step=1)
-    found = _size_of_step(b)
-    b.full.assign(kept)
-    return found
+    nothing = ErrorEstimate(np.zeros(len(b.model.drive_names)), 0.0, 0.0, 0.0)
+    try:
+        take_step(b.model.arrays, b.full, b.full_work.rhs, b.full_work, 1.0)
+        while True:
+            b.storage.look(target, RTOL, step=2)
+            step = _size_of_step(b)
+            take_step(b.model.arrays, b.full, b.full_work.rhs, b.full_work, 1.0)
+            yield step, distance(kept, b, nothing)
+    finally:
+        b.full.assign(kept)
 
 
-def _second_in_plane(b: Bench, target: np.ndarray, flat: FlatStorage) -> ErrorEstimate:
-    """The second Newton step of the planar state, which is that in space; the state is put back."""
+def _steps_in_plane(b: Bench, target: np.ndarray, flat: FlatStorage) -> Steps:
+    """As `_steps_in_space`, of the planar state, whose steps are those in space."""
     kept, aim = flat.motion.copy(), target[flat.plane.lifting.row]
-    step = (1.0, RTOL, 1, math.inf, math.inf)
-    flat.newton(aim, *step)
-    first = flat.motion.copy()
-    flat.newton(aim, *step)
-    moves = np.abs(flat.motion.pose - first.pose)[: b.model.links]
-    force = np.zeros(len(target))
-    force[flat.plane.lifting.row] = np.abs(flat.motion.multiplier - first.multiplier)
-    flat.motion.assign(kept)
+    one = (1.0, RTOL, 1, math.inf, math.inf)
+    try:
+        flat.newton(aim, *one)
+        while True:
+            before = flat.motion.copy()
+            flat.newton(aim, *one)
+            yield _between(b, flat, before), _between(b, flat, kept)
+    finally:
+        flat.motion.assign(kept)
+
+
+def _between(b: Bench, flat: FlatStorage, before: PlanarMotion) -> ErrorEstimate:
+    """The way from a planar state to the one in storage as an error of the former."""
+    moves = np.abs(flat.motion.pose - before.pose)[: b.model.links]
+    force = np.zeros(len(b.model.drive_names) + len(b.model.support_names))
+    force[flat.plane.lifting.row] = np.abs(flat.motion.multiplier - before.multiplier)
     shift, turn = np.hypot(moves[:, 0], moves[:, 1]).max(), moves[:, 2].max()
     return _made_relative(b, b.full, force[: len(b.model.drive_names)], float(shift), float(turn))
 

@@ -153,7 +153,7 @@ class FiveSteps:
         elif not self._balances(plane, flat, target):
             return None
         elif estimate:
-            error, step, negatives = estimate_error(b, target, above)
+            error, step, negatives = estimate_error(b, target, above, relinearised=passes > 0)
             steps.more = (step,)
         else:
             alone = True
@@ -216,7 +216,7 @@ class FiveSteps:
             return self._kinematic((values, target, steps), moved, warnings, estimate=estimate)
         if estimate and method == "reduced":
             # condensed joints cannot buckle: the inertia is that of the full model at the recovered state
-            error, step, negatives = estimate_error(b, target)
+            error, step, negatives = estimate_error(b, target, relinearised=passes > 0)
             steps.more = (step,)
         return self._configuration(
             (dict(values), method, steps), moved, negatives=negatives, error=error, warnings=warnings

@@ -1,0 +1,239 @@
+"""What answers say of their own error, against the truth, over random scenes; prints counts.
+
+    python benchmarks/robust_estimates.py [--scenes 1000] [--seed 0] [--part NAME ...]
+
+Parts: `relinearised`, the force estimates of `reduced` after one relinearisation, against `full`.
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+import sys
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+
+import ksd
+from ksd.errors import KsdError
+from ksd.train.catalogue import ENTRIES
+
+HINGES = (
+    "cross_flexure", "crossed_pivot", "balanced_crossed_pivot", "cartwheel", "butterfly", "infinity_hinge",
+    "circular_notch", "filleted_notch", "arc_hinge",
+)  # fmt: skip
+STEEL = ksd.Material(E=200e9, G=76.9e9)
+SMALL = 1e-4
+"""Relative error above which an estimate may not be below a third of it."""
+
+
+def random_hinge(rng: np.random.Generator, names: tuple[str, ...] = HINGES) -> Any:
+    """A hinge of any trained family, of any trained shape."""
+    entry = ENTRIES[str(rng.choice(names))]
+    return entry.make(**{p.name: float(rng.uniform(p.low, p.high)) for p in entry.parameters})
+
+
+def softest(joints: list[Any]) -> float:
+    """Smallest EI/L^2 [N] of the leafs of some joints."""
+    return min(f.material.E * f.section.Iz / f.length**2 for j in joints for f in j.leafs())
+
+
+def fourbar(rng: np.random.Generator) -> tuple[Any, dict[str, float]]:
+    """Four equal hinges, sides of any length, driven in its plane."""
+    joint = random_hinge(rng)
+    size = joint.length
+    wide, high = size * rng.uniform(1.5, 5.0), size * rng.uniform(1.5, 5.0)
+    scene = ksd.Mechanism("random fourbar")
+    left, top, right = scene.links("left", "top", "right")
+    for a, b, x, y, name in (
+        (scene.ground, left, -wide / 2, 0.0, "lower left"), (left, top, -wide / 2, high, "upper left"),
+        (right, top, wide / 2, high, "upper right"), (scene.ground, right, wide / 2, 0.0, "lower right"),
+    ):  # fmt: skip
+        scene.join(a, b, joint, at=(x, y, 0), axis="z", toward="y", name=name)
+    scene.actuate(top, along="x", at=(0, high + joint.length_AB, 0), name="drive")
+    if rng.random() < 0.6:
+        scene.load(
+            top, force=tuple(softest([joint]) * rng.uniform(-10, 10, 3) * (1, 1, 0.3)), at=(0, high, 0)
+        )
+    return scene, {"drive": float(high * math.sin(rng.uniform(-1.0, 1.0)))}
+
+
+def arm(rng: np.random.Generator) -> tuple[Any, dict[str, float]]:
+    """One to three hinges in series about any axes, each driven, a force at the end."""
+    scene, at = ksd.Mechanism("random arm"), np.zeros(3)
+    base, targets, stiff = scene.ground, {}, math.inf
+    for k in range(int(rng.integers(1, 4))):
+        joint = random_hinge(rng)
+        link, axis = scene.link(f"link {k}"), rng.normal(size=3)
+        axis /= np.linalg.norm(axis)
+        toward = np.cross(axis, rng.normal(size=3))
+        scene.join(base, link, joint, at=tuple(at), axis=tuple(axis), toward=tuple(toward), name=f"joint {k}")
+        at, base = at + joint.length * rng.uniform(0.5, 2.0) * toward / np.linalg.norm(toward), link
+        stiff = min(stiff, softest([joint]))
+    by_tip = int(rng.integers(0, 2))
+    for k, placed in enumerate(scene.scene().joints[by_tip:]):
+        scene.actuate_joint(placed.name, name=f"turn {k}")
+        targets[f"turn {k}"] = float(rng.uniform(-1.0, 1.0))
+    if by_tip:
+        first = scene.scene().joints[0]
+        along = np.cross(np.asarray(first.rotation)[:, 2], at - np.asarray(first.origin))
+        scene.actuate(base, along=tuple(along / np.linalg.norm(along)), at=tuple(at), name="tip")
+        targets["tip"] = float(np.linalg.norm(along) * rng.uniform(-0.7, 0.7))
+    if rng.random() < 0.8:
+        scene.load(base, force=tuple(stiff * rng.uniform(-5, 5, 3)), at=tuple(at))
+    return scene, targets
+
+
+def unequal(rng: np.random.Generator) -> tuple[Any, dict[str, float]]:
+    """A fourbar of four different hinges under a force, also across its plane."""
+    joints = [random_hinge(rng) for _ in range(4)]
+    size = max(j.length for j in joints)
+    wide, high = size * rng.uniform(1.5, 5.0), size * rng.uniform(1.5, 5.0)
+    scene = ksd.Mechanism("random fourbar of four hinges")
+    left, top, right = scene.links("left", "top", "right")
+    places = (
+        (scene.ground, left, -wide / 2, 0.0), (left, top, -wide / 2, high), (right, top, wide / 2, high),
+        (scene.ground, right, wide / 2, 0.0),
+    )  # fmt: skip
+    for k, (joint, (a, b, x, y)) in enumerate(zip(joints, places, strict=True)):
+        scene.join(a, b, joint, at=(x, y, 0), axis="z", toward="y", name=f"hinge {k}")
+    scene.actuate(top, along="x", at=(0, high, 0), name="drive")
+    scene.load(top, force=tuple(softest(joints) * rng.uniform(-20, 20, 3) * (1, 1, 0.3)), at=(0, high, 0))
+    return scene, {"drive": float(high * math.sin(rng.uniform(-1, 1)))}
+
+
+def door(rng: np.random.Generator) -> tuple[Any, dict[str, float]]:
+    """A link on two hinges of one axis, held more than once, under a force."""
+    joint, scene = random_hinge(rng), ksd.Mechanism("random door")
+    leaf, size = scene.link("door"), joint.length
+    for k in range(2):
+        scene.join(
+            scene.ground, leaf, joint, at=(0, 0, 3 * k * size), axis="z", toward="x", name=f"hinge {k}"
+        )
+    scene.actuate_joint("hinge 0", name="turn")
+    scene.load(leaf, force=tuple(softest([joint]) * rng.uniform(-20, 20, 3)), at=(2 * size, 0, size))
+    return scene, {"turn": float(rng.uniform(-1, 1))}
+
+
+def universal(rng: np.random.Generator) -> tuple[Any, dict[str, float]]:
+    """A universal joint turned about both axes under a force."""
+    joint, scene = random_hinge(rng, ("universal",)), ksd.Mechanism("random universal joint")
+    arm, targets = scene.link("arm"), {}
+    scene.join(scene.ground, arm, joint, at=(0, 0, 0), axis="z", toward="x", name="joint")
+    for motion in joint.motions:
+        scene.actuate_joint("joint", name=motion.name, motion=motion.name)
+        targets[motion.name] = float(rng.uniform(-0.8, 0.8))
+    scene.load(arm, force=tuple(softest([joint]) * rng.uniform(-10, 10, 3)), at=(0.2, 0.05, 0.02))
+    return scene, targets
+
+
+def slider(rng: np.random.Generator) -> tuple[Any, dict[str, float]]:
+    """A parallel guide that carries a hinge about any axis, both driven, a force at the end."""
+    scene = ksd.Mechanism("random slider")
+    stage, hand = scene.links("stage", "hand")
+    guide = random_hinge(rng, ("parallel_guide", "stiffened_guide"))
+    joint = random_hinge(rng)
+    axis = rng.normal(size=3)
+    scene.join(scene.ground, stage, guide, at=(0, 0, 0), axis="z", toward="x", name="guide")
+    toward = tuple(np.cross(axis, rng.normal(size=3)))
+    scene.join(stage, hand, joint, at=(0.12, 0, 0), axis=tuple(axis), toward=toward, name="hinge")
+    scene.actuate(stage, along="y", at=(0.1, 0, 0), name="stroke")
+    scene.actuate_joint("hinge", name="turn")
+    scene.load(hand, force=tuple(softest([joint, guide]) * rng.uniform(-5, 5, 3)), at=(0.15, 0.02, 0))
+    return scene, {"stroke": float(rng.uniform(-0.03, 0.03)), "turn": float(rng.uniform(-1, 1))}
+
+
+def frame(rng: np.random.Generator) -> tuple[Any, dict[str, float]]:
+    """Leafs without joints: a stage on two to four leafs from ground, in a plane or in space, driven or loaded."""
+    scene = ksd.Mechanism("random frame")
+    stage, flat, L = scene.link("stage"), rng.random() < 0.5, 0.1
+    for k in range(int(rng.integers(1, 4))):
+        along = rng.normal(size=3) * (1, 1, 0 if flat else 1)
+        along *= L * rng.uniform(0.5, 1.0) / np.linalg.norm(along)
+        foot = rng.uniform(-L, L, 3) * (1, 1, 0 if flat else 1)
+        section = ksd.rectangle(L / rng.uniform(50, 300), L * rng.uniform(0.1, 0.4))
+        across = (0, 0, 1) if flat else tuple(np.cross(along, rng.normal(size=3)))
+        scene.leaf(scene.ground, stage, start=tuple(foot), end=tuple(foot + along), section=section, material=STEEL,
+                   width_axis=across, name=f"leaf {k}")  # fmt: skip
+    scene.actuate(stage, along="y", at=(0, 0, 0), name="drive")
+    return scene, {"drive": float(L * rng.uniform(-0.3, 0.3))}
+
+
+JOINTED = (fourbar, unequal, door, arm, slider, universal)
+"""Kinds of scenes of joints."""
+
+
+def scenes(seed: int, kinds: tuple[Any, ...]) -> Iterator[tuple[Any, dict[str, float], np.random.Generator]]:
+    """Random scenes with drive values, without end."""
+    number = 0
+    while True:
+        rng = np.random.default_rng((seed, number))
+        scene, targets = kinds[number % len(kinds)](rng)
+        # most mechanisms move half their range
+        share = float(rng.uniform(0.1, 1.0))
+        yield scene, {n: share * v for n, v in targets.items()}, rng
+        number += 1
+
+
+def relative_force(pose: Any, truth: Any) -> tuple[float, float]:
+    """Error of the drive forces over the largest, true and told at solve time (`pose.error`)."""
+    one, other = (np.array(list(p.forces.values())) for p in (pose, truth))
+    most = max(np.abs(other).max(), 1e-300)
+    return float(np.abs(one - other).max() / most), float(np.max(pose.error.force) / most)
+
+
+def relinearised(count: int, seed: int) -> bool:
+    """Force estimates after one relinearisation: 95 % within a factor two, none below a third above SMALL."""
+    ratios, tried = [], 0
+    for scene, targets, _ in scenes(seed, JOINTED):
+        if len(ratios) == count:
+            break
+        tried += 1
+        try:
+            pose = ksd.solve(scene, targets, method="reduced", passes=1, strict=False)
+            truth = ksd.solve(scene, targets, method="full", passes=1)
+        except KsdError:
+            continue
+        true, told = relative_force(pose, truth)
+        if np.linalg.norm(pose.motion.x - truth.motion.x) > 0.2 * pose.model.arrays.size:
+            continue
+        if not math.isfinite(told):
+            continue
+        ratios.append((told / max(true, 1e-300), true, tried - 1))
+    return _report("relinearised", ratios, tried)
+
+
+def _report(name: str, found: list[tuple[float, float, int]], tried: int, factor: float = 2.0) -> bool:
+    """Counts of told over true, where the true error is above rounding; whether they are as wanted."""
+    seen = [(r, t, n) for r, t, n in found if t > 1e-9]
+    within = sum(1 / factor <= r <= factor for r, _, _ in seen)
+    low = [(r, t, n) for r, t, n in seen if r < 1 / 3 and t > SMALL]
+    ratio = np.array([r for r, _, _ in seen])
+    print(
+        f"{name}: {tried} drawn, {len(found)} answered, {len(seen)} with an error above 1e-9; "
+        f"{100 * within / len(seen):.1f} % "
+        f"within a factor {factor:g}; {(ratio < 0.5).sum()} below half, {(ratio > 2).sum()} above twice; "
+        f"{len(low)} below a third where the error exceeds {SMALL:g}; 1, 50, 99 % quantiles of told over true "
+        + ", ".join(f"{q:.3g}" for q in np.quantile(ratio, [0.01, 0.5, 0.99])),
+        flush=True,
+    )
+    for r, t, n in sorted(low)[:10]:
+        print(f"    scene {n}: {100 * t:.3g} % true, {100 * r * t:.3g} % told")
+    return within >= 0.95 * len(seen) and not low
+
+
+def main() -> int:
+    """Returns the number of parts that fall short."""
+    words = argparse.ArgumentParser()
+    words.add_argument("--scenes", type=int, default=1000)
+    words.add_argument("--seed", type=int, default=0)
+    words.add_argument("--part", action="append", choices=PARTS, default=[])
+    asked = words.parse_args()
+    return sum(not PARTS[part](asked.scenes, asked.seed) for part in asked.part or PARTS)
+
+
+PARTS = {"relinearised": relinearised}
+
+if __name__ == "__main__":
+    sys.exit(main())
