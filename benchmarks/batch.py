@@ -18,9 +18,9 @@ from typing import Any
 
 import numpy as np
 from common import interleaved, machine, options, write_json
+from floor import one_pass
 
 import ksd
-from ksd.bench.floor import one_pass
 from ksd.bench.suite import TIP, arm_by_joints, arm_by_location
 from ksd.design import designs as many
 from ksd.design.prepared import Prepared

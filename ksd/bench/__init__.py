@@ -1,7 +1,7 @@
 """The benchmark: every method on the same scenes in one run, time beside error.
 
-`suite` holds the scenes as data, `ways` the methods and leaf models, `measure` runs them in turns, `report` makes
-the table, the JSON numbers and the picture.
+`suite` holds the scenes and the ways to them as data, `measure` runs them in turns and makes the table. What is asked of the
+figures, other engines, the picture and the tables of the README are in `benchmarks/bench.py` of the source tree.
 """
 
 from ksd.bench.measure import Measured, Row, measure

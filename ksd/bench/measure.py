@@ -1,20 +1,23 @@
-"""Run the ways to a case in turns and put the error beside the time."""
+"""Run the ways to a case in turns, put the error beside the time, and say so in a table, in words and in numbers."""
 
 from __future__ import annotations
 
 import math
+import os
+import platform
 import statistics
 import time
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from datetime import date
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from ksd.bench.engines import EngineRow, measure_engines
-from ksd.bench.floor import one_pass
-from ksd.bench.suite import Case
-from ksd.bench.ways import FINEST, Way, ways_of
+import ksd
+from ksd.bench.suite import FINEST, Case, Way, ways_of
 from ksd.errors import ConvergenceError, KsdError
 from ksd.model.compile import compile_scene
 from ksd.solve.configuration import Configuration
@@ -28,6 +31,18 @@ SLOW, LONGEST = 2e4, 1e6
 BRIEF, BURST = 2e3, 5
 """Of calls shorter than BRIEF [us] the mean of BURST in a row is taken, after one that is not timed: as in a loop over one
 mechanism they do not pay for what another way left in the processor's caches. Longer ones fill these themselves."""
+
+
+ERRORS = {
+    "force_error": "drive force",
+    "displacement_error": "displacement",
+    "stiffness_error": "support stiffness",
+}
+"""The three errors of a row and how they are called."""
+GOOD = {"force_error": 1e-3, "stiffness_error": 1e-2}
+"""What the comparison at equal accuracy asks for."""
+ROUNDING = 1e-9
+"""Errors below are not told apart."""
 
 
 @dataclass(frozen=True)
@@ -56,14 +71,12 @@ class Row:
 
 @dataclass(frozen=True)
 class Measured:
-    """All rows of one case, how often every way was run, what other engines took, and, by leaf model, operations and bytes
-    of one pass over all leafs, in words."""
+    """All rows of one case, how often every way was run, and the drive forces [N or Nm] of the converged state."""
 
     case: str
     repeats: int
     rows: tuple[Row, ...]
-    engines: tuple[EngineRow, ...] = ()
-    floors: Mapping[str, str] = field(default_factory=dict)
+    forces: Mapping[str, float]
 
 
 def quartiles(spent: Sequence[float]) -> tuple[float, float, float]:
@@ -98,12 +111,7 @@ def measure(case: Case, *, quick: bool = False, repeats: int = 15) -> Measured:
     for k, c in results.items():
         times = (quartiles(calls[k]), quartiles(steps[k]), first[k])
         rows[k] = _row(ways[k], c, times, (exact, right, case))
-    other: list[EngineRow] = []
-    if case.engines:
-        force = next(iter(exact.forces.values()))
-        other = measure_engines(scene, targets, force, elements=case.engines[:1] if quick else case.engines)
-    floors = {ways[k].leafs: str(one_pass(c.model.arrays)) for k, c in results.items() if c.method == "full"}
-    return Measured(case.name, repeats, tuple(r for r in rows if r is not None), tuple(other), floors)
+    return Measured(case.name, repeats, tuple(r for r in rows if r is not None), dict(exact.forces))
 
 
 def _converged(scene: Any, targets: dict[str, float]) -> Configuration:
@@ -188,3 +196,134 @@ def _failed(way: Way, why: str) -> Row:
     none = (math.nan,) * 3
     errors = (math.nan,) * 3
     return Row(way.method, way.leafs, way.size, 0, none, none, math.nan, *errors, False, way.note, why)
+
+
+def machine() -> dict[str, Any]:
+    """Date, processor, versions; nothing that identifies the computer."""
+    found: dict[str, Any] = {
+        "date": date.today().isoformat(),
+        "processor": _processor(),
+        "logical_cores": os.cpu_count(),
+        "load_average": round(os.getloadavg()[0], 1) if hasattr(os, "getloadavg") else None,
+        "python": platform.python_version(),
+        "ksd": ksd.__version__,
+    }
+    for package in ("numpy", "numba"):
+        try:
+            found[package] = version(package)
+        except PackageNotFoundError:
+            found[package] = "unknown"
+    return found
+
+
+def _processor() -> str:
+    try:
+        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
+    except OSError:
+        return platform.processor() or platform.machine()
+    named = [s.split(":", 1)[1].strip() for s in lines if s.startswith("model name")]
+    return named[0] if named else platform.machine()
+
+
+def good(row: Row) -> bool:
+    """Whether a row is stable and within GOOD."""
+    return row.stable and all(getattr(row, key) <= bound for key, bound in GOOD.items())
+
+
+def cheapest(rows: Iterable[Row]) -> list[Row]:
+    """For every method the cheapest row within GOOD, by the time of a whole call."""
+    found: dict[str, Row] = {}
+    for row in rows:
+        if good(row) and (row.method not in found or row.call[1] < found[row.method].call[1]):
+            found[row.method] = row
+    return sorted(found.values(), key=lambda r: r.call[1])
+
+
+def front(rows: Iterable[Row], key: str) -> list[Row]:
+    """Rows that no other beats in time and in the error `key`, by rising time."""
+    kept: list[Row] = []
+    for row in sorted(rows, key=lambda r: r.call[1]):
+        error = max(getattr(row, key), ROUNDING)
+        if not math.isfinite(error) or not row.stable or not math.isfinite(row.call[1]):
+            continue
+        # less than 1 % better is rounding, not accuracy
+        if not kept or error < 0.99 * max(getattr(kept[-1], key), ROUNDING):
+            kept.append(row)
+    return kept
+
+
+def numbers(results: Sequence[Measured]) -> dict[str, Any]:
+    """Everything for JSON: "machine", and per case its rows as in `Row`; what is not finite is None."""
+    cases = {
+        m.case: {
+            "repeats": m.repeats,
+            "rows": [_clean(asdict(r)) for r in m.rows],
+        }
+        for m in results
+    }
+    return {
+        "machine": machine(),
+        "times": "thread CPU time [us]: lower quartile, median, upper",
+        "cases": cases,
+    }
+
+
+def _clean(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {k: _clean(v) for k, v in value.items()}
+    if isinstance(value, tuple | list):
+        return [_clean(v) for v in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+def percent(error: float) -> str:
+    """A relative error in percent, two digits."""
+    if not math.isfinite(error):
+        return "-"
+    if error < 1e-9:
+        return "<1e-7 %"
+    digits = max(0, 1 - math.floor(math.log10(100 * error)))
+    return f"{100 * error:.{digits}f} %" if digits < 6 else f"{100 * error:.1e} %"
+
+
+def table(measured: Measured) -> Any:
+    """A rich table of one case: * marks a way on the front of any error, ! an unstable state."""
+    from rich import box
+    from rich.table import Table
+
+    marked = {id(r) for key in ERRORS for r in front(measured.rows, key)}
+    found = Table(box=box.SIMPLE_HEAD, title=measured.case, title_justify="left", pad_edge=False)
+    for i, name in enumerate(
+        ("method", "leafs", "it.", "call [us]", "steps [us]", "force", "displ.", "stiffness")
+    ):
+        found.add_column(name, justify="left" if i < 2 else "right", no_wrap=True)
+    before = measured.rows[0]
+    for r in measured.rows:
+        if r.leafs != before.leafs:
+            found.add_section()
+        before = r
+        if r.failed:
+            found.add_row(r.method, r.leafs, *["-"] * 5, "failed")
+            continue
+        name = r.method + " *" * (id(r) in marked) + " !" * (not r.stable)
+        times = [f"{r.call[1]:.0f}", f"{r.steps[1]:.0f}"]
+        found.add_row(name, r.leafs, str(r.iterations), *times, *[percent(getattr(r, key)) for key in ERRORS])
+    return found
+
+
+def summary(measured: Measured) -> list[str]:
+    """What the rows say in words: the cheapest way of each method within GOOD, and ratios on equal meshes."""
+    rows = cheapest(measured.rows)
+    found = [f"{r.method}: {r.call[1]:.0f} us with {r.leafs}" for r in rows]
+    said = "; ".join(found) if found else "no way"
+    lines = [f"Within 0.1 % of the force and 1 % of the support stiffness: {said}."]
+    for leafs in dict.fromkeys(r.leafs for r in measured.rows):
+        times = {r.method: r.call[1] for r in measured.rows if r.leafs == leafs and not r.failed}
+        parts = [
+            f"{' / '.join(f'{times[base] / times[m]:.1f}' for m in ('full', 'reduced'))} times as fast as {name}"
+            for base, name in (("plain Newton", "plain Newton"), ("conventional", "conventional in space"))
+            if base in times and "full" in times and "reduced" in times
+        ]
+        if parts:
+            lines.append(f"{leafs}: full / reduced {', '.join(parts)}.")
+    return lines

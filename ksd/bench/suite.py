@@ -1,4 +1,4 @@
-"""The scenes of the benchmark, as data: what is built, where it is driven to, what is looked at.
+"""What the benchmark compares: scenes as data (built, driven, looked at where), and the ways to a configuration of each.
 
 Cross flexures are those of Dwarshuis et al. (2020), Table 1. The fourbar has two readings, the figure with its
 dimensions being lost: H = 0.3 m between the joint centres, or the length of the rigid side link. The arm has
@@ -8,13 +8,24 @@ three 3x-infinity joints about z, y, y and links of our own choice (`ksd/scenes/
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
+from importlib.resources import as_file, files
+from typing import Any
 
 import numpy as np
 
+from ksd.errors import ConvergenceError, KsdError
+from ksd.modal.choices import ModalBasis
+from ksd.model.compile import compile_scene
+from ksd.model.leafs import Mesh
 from ksd.scene import CrossFlexure, Material, Mechanism
 from ksd.scene.families.guide import ParallelGuide
+from ksd.scene.toml_file import load_scene
+from ksd.solve.configuration import Configuration
+from ksd.solve.conventional import conventional
+from ksd.solve.solver import Solver
+from ksd.solve.storage import Storage
 from ksd.units import GPa, deg, mm
 
 Targets = dict[str, float]
@@ -30,8 +41,7 @@ class Case:
     link, at (3,) [m]: whose support stiffness is compared, at which point at rest. elements: Appendix A meshes tried;
     baseline: those also solved by plain Newton on all element nodes, which is slow. quick: the one of `--quick`.
     no_modal: why modal bodies are not run, empty where they are.
-    extrapolate: joints may leave their trained range by the little that a coarse mesh needs. engines: elements per leaf
-    that other engines are given, if installed.
+    extrapolate: joints may leave their trained range by the little that a coarse mesh needs.
     """
 
     name: str
@@ -42,7 +52,6 @@ class Case:
     baseline: tuple[int, ...] = (1, 2, 3, 4, 5, 6)
     quick: int = 5
     extrapolate: bool = False
-    engines: tuple[int, ...] = ()
     no_modal: str = ""
 
 
@@ -98,10 +107,6 @@ def chain(joints: int) -> tuple[Mechanism, Targets]:
 
 def _brought(name: str) -> tuple[Mechanism, Targets]:
     """A scene the package brings."""
-    from importlib.resources import as_file, files
-
-    from ksd.scene.toml_file import load_scene
-
     with as_file(files("ksd") / "scenes" / f"{name}.toml") as path:
         scene, targets, _ = load_scene(path)
     return scene, dict(targets)
@@ -118,9 +123,6 @@ def arm_by_joints() -> tuple[Mechanism, Targets]:
 
 def arm_by_location() -> tuple[Mechanism, Targets]:
     """The same arm, its end driven along x, y, z to where 45 degrees in every joint take it."""
-    from ksd.model.compile import compile_scene
-    from ksd.solve.conventional import conventional
-
     by_joints, angles = arm_by_joints()
     found = conventional(compile_scene(by_joints), angles)
     place = found.displacement("third", TIP)
@@ -165,17 +167,15 @@ def random_stage(seed: int = 7) -> tuple[Mechanism, Targets]:
 
 _TOP = REACH + cross().length_AB
 _LONG = "not run: one call with bodies for so many leafs takes half a minute"
-_GIVEN = (5, 10, 20)
 
 SUITE: tuple[Case, ...] = (
     Case("cross flexure, 45 degrees", hinge, "tip", cross().pose_B),
-    Case("fourbar, reading 1, d = 0.3 m", lambda: fourbar(REACH), "top", (0.0, _TOP, 0.0), engines=_GIVEN),
+    Case("fourbar, reading 1, d = 0.3 m", lambda: fourbar(REACH), "top", (0.0, _TOP, 0.0)),
     Case(
         "fourbar, reading 2, d = 0.3 m",
         lambda: fourbar(_TOP),
         "top",
         (0.0, _TOP + cross().length_AB, 0.0),
-        engines=_GIVEN,
     ),
     Case("parallel guide, 20 mm", guide, "shuttle", (0.1, 0.0, 0.0)),
     Case(
@@ -187,7 +187,6 @@ SUITE: tuple[Case, ...] = (
         (1, 5),
         1,
         True,
-        (),
         _LONG,
     ),
     Case(
@@ -199,10 +198,9 @@ SUITE: tuple[Case, ...] = (
         (1, 5),
         1,
         True,
-        (),
         _LONG,
     ),
-    Case("six-joint arm", six_joint_arm, "sixth", (0.85, 0.0, 0.15), _ALL, (), 1, True, (), _LONG),
+    Case("six-joint arm", six_joint_arm, "sixth", (0.85, 0.0, 0.15), _ALL, (), 1, True, _LONG),
     Case("random closed-loop stage", random_stage, "stage", (0.0, 0.0, 0.0), _ALL, (2, 5), 2),
     Case("chain of 3 joints, 20 degrees", lambda: chain(3), "link 3", (0.6, 0.0, 0.0), _ALL, (), 2),
     Case(
@@ -217,3 +215,146 @@ SUITE: tuple[Case, ...] = (
     ),
 )
 """All scenes of `ksd bench`."""
+
+
+EPS_MAX = (1e4, 1e5, 3e5, 1e6, 3e6, 1e7, 3e7, 1e8, 3e8, 1e9, math.inf)
+"""Thresholds tried for plain Newton; the paper does not print its own."""
+ORDERS = (((3, 2, 4), 5), ((4, 2, 5), 6), ((4, 3, 6), 7), ((5, 3, 6), 8))
+"""Strain-mode leafs compared: curvature modes about x, y, z, and points."""
+FINEST = Mesh(orders=(6, 5, 9), points=14)
+"""The leaf model errors are counted from."""
+
+
+@dataclass(frozen=True)
+class Way:
+    """One way: method, leaf model in words, its size (elements per leaf, or curvature modes), and the call."""
+
+    method: str
+    leafs: str
+    size: int
+    solve: Callable[[], Configuration]
+    note: str = ""
+
+
+def label_of(mesh: Mesh) -> str:
+    """A leaf model in words."""
+    if mesh.leaf == "strain":
+        return f"strain {','.join(map(str, mesh.orders))}"
+    return f"{mesh.elements} element{'s' * (mesh.elements > 1)}"
+
+
+def meshes_of(case: Case, *, quick: bool) -> list[Mesh]:
+    """The leaf models tried on a case; `quick`: one of each kind."""
+    strain = [Mesh(orders=o, points=p) for o, p in (ORDERS[2:3] if quick else ORDERS)]
+    elements = (case.quick,) if quick else case.elements
+    return strain + [Mesh("corotational", elements=n) for n in elements]
+
+
+def five_step_ways(
+    scene: Any, targets: Mapping[str, float], mesh: Mesh, *, extrapolate: bool = False
+) -> list[Way]:
+    """Every method of one prepared solver; the fast ones without their error estimate."""
+    solver = Solver(scene, mesh=mesh, extrapolate=extrapolate, planar=False)
+    leafs, size = label_of(mesh), sum(mesh.orders) if mesh.leaf == "strain" else mesh.elements
+
+    def way(name: str, method: str, of: Solver = solver, **more: Any) -> Way:
+        return Way(name, leafs, size, lambda: of(targets, method=method, **more))
+
+    def in_space(planar: bool) -> Configuration:
+        return conventional(solver.model, targets, planar=planar, storage=solver.storage)
+
+    found = [way("kinematic", "kinematic", estimate=False)]
+    for passes in range(3):
+        name = ("reduced", "reduced, 1 pass", "reduced, 2 passes")[passes]
+        found.append(way(name, "reduced", passes=passes, estimate=False))
+    found += [way("full", "full"), Way("conventional", leafs, size, lambda: in_space(False))]
+    if _is_planar(solver, targets):
+        flat = Solver(solver.model, extrapolate=extrapolate)
+        found.append(way("reduced, planar", "reduced", flat, estimate=False))
+        found.append(way("reduced, 1 pass, planar", "reduced", flat, passes=1, estimate=False))
+        found.append(way("reduced, 2 passes, planar", "reduced", flat, passes=2, estimate=False))
+        found.append(way("full, planar", "full", flat))
+        found.append(Way("conventional, planar", leafs, size, lambda: in_space(True)))
+    return found
+
+
+def _is_planar(solver: Solver, targets: Mapping[str, float]) -> bool:
+    """Whether the conventional solver finds that the scene stays in its plane."""
+    try:
+        conventional(solver.model, targets, planar=True, storage=solver.storage)
+    except KsdError:
+        return False
+    return True
+
+
+BASELINES = {
+    "plain Newton": (False, True),
+    "MIP on all nodes": (True, True),
+    "MIP, best eps_max": (True, False),
+}
+"""Conventional methods compared with, as (mixed integration points, on all element nodes). The papers' own program is on all
+nodes; on condensed leafs is the best we know."""
+
+
+def baseline(scene: Any, targets: Mapping[str, float], elements: int, *, name: str = "plain Newton") -> Way:
+    """The conventional method of paper 1, Appendix B, in one of its BASELINES: in space, its steps by the best eps_max.
+
+    Best: fewest matrix solves among those that end where the smallest eps_max does. Raises ConvergenceError.
+    """
+    mip, nodal = BASELINES[name]
+    model = compile_scene(scene, mesh=Mesh("corotational", elements=elements, mip=mip, nodal=nodal))
+    storage = Storage(model)
+
+    def solve(eps_max: float) -> Configuration:
+        return conventional(
+            model, targets, eps_max=eps_max, most=60, cap=math.inf, planar=False, storage=storage
+        )
+
+    counts: dict[float, int] = {}
+    first: np.ndarray | None = None
+    for eps_max in EPS_MAX:
+        try:
+            found = solve(eps_max)
+        except ConvergenceError:
+            continue
+        forces = np.array(list(found.forces.values()))
+        first = forces if first is None else first
+        if np.allclose(forces, first, rtol=1e-6, atol=1e-6 * float(np.abs(first).max())):
+            counts[eps_max] = found.iterations
+    if not counts:
+        raise ConvergenceError("it converged for no eps_max")
+    best = min(counts, key=lambda e: counts[e])
+    leafs = label_of(Mesh("corotational", elements=elements))
+    return Way(name, leafs, elements, lambda: solve(best), f"eps_max {best:g}")
+
+
+def modal_way(scene: Any, targets: Mapping[str, float], basis: Any, *, extrapolate: bool = False) -> Way:
+    """Leafs as bodies of modes and modal derivatives (paper 2), the bases made once."""
+    solver = Solver(scene, extrapolate=extrapolate, basis=basis)
+    label = "modal, as printed" if basis.coordinates == "angle" else f"modal, order {basis.order}"
+    return Way(
+        "modal", label, basis.order, lambda: solver(targets, method="modal", estimate=False, strict=False)
+    )
+
+
+def _not_run(why: str) -> Configuration:
+    raise ConvergenceError(why)
+
+
+def ways_of(case: Case, *, quick: bool) -> Iterator[Way]:
+    """All ways to a case of the suite; `quick` takes one mesh of each leaf model."""
+    scene, targets = case.build()
+    for mesh in meshes_of(case, quick=quick):
+        yield from five_step_ways(scene, targets, mesh, extrapolate=case.extrapolate)
+    printed = ModalBasis(coordinates="angle", frame="node", internal=0)
+    for basis in (ModalBasis(),) if quick else (ModalBasis(), ModalBasis(order=3), printed):
+        if case.no_modal:
+            yield Way("modal", "modal", basis.order, lambda: _not_run(case.no_modal))
+            break
+        yield modal_way(scene, targets, basis, extrapolate=case.extrapolate)
+    for n in case.baseline:
+        for name in BASELINES if not quick or n == case.quick else ():
+            try:
+                yield baseline(scene, targets, n, name=name)
+            except KsdError:
+                continue

@@ -4,8 +4,7 @@ Layout of the JSON file: "machine" (date, processor, versions), "times" (what th
 "repeats" and "rows", each with method, leafs, size, iterations, call and steps (lower quartile, median and upper
 quartile of the thread time in us), passes (over all leafs), first_us (the first call, not counted), force_error,
 displacement_error, stiffness_error (relative; null where unknown), stable, note, failed (why, where it did not
-converge); "engines": what other engines took (engine, elements, us, iterations, force_error, said), or why they were
-skipped; "one_pass": by leafs, operations and bytes of one pass over all leafs, in words.
+converge).
 """
 
 from __future__ import annotations
@@ -13,7 +12,7 @@ from __future__ import annotations
 import argparse
 from typing import Any
 
-from ksd.cli.output import STDOUT, check_json, check_plot, console, write_json
+from ksd.cli.output import STDOUT, check_json, console, write_json
 from ksd.errors import SceneError
 
 QUICK, USUAL = 5, 15
@@ -30,18 +29,14 @@ def add(commands: Any) -> argparse.ArgumentParser:
     parser.add_argument("--quick", action="store_true", help="one mesh of each leaf model; under a minute")
     parser.add_argument("--case", metavar="WORD", action="append", help="only cases whose name holds WORD")
     parser.add_argument("--json", metavar="FILE", help="write every number; - is stdout, without the tables")
-    parser.add_argument("--plot", metavar="FILE", help="draw error over time, with the Pareto front")
-    parser.add_argument("--readme", metavar="FILE", help="renew the tables between the bench marks of FILE")
     return parser
 
 
 def run(options: argparse.Namespace) -> int:
     """Measure, print, write. Raises SceneError for a WORD no case holds."""
     check_json(options.json)
-    check_plot(options.plot)
     from ksd.bench import SUITE, measure
-    from ksd.bench.equal import renew
-    from ksd.bench.report import numbers, picture, summary, table
+    from ksd.bench.measure import numbers, summary, table
 
     words = options.case or [""]
     cases = [c for c in SUITE if any(w.lower() in c.name.lower() for w in words)]
@@ -65,10 +60,4 @@ def run(options: argparse.Namespace) -> int:
             screen.print()
     if options.json:
         write_json(numbers(results), options.json)
-    if options.readme:
-        renew(options.readme, results)
-    if options.plot:
-        picture(results, options.plot)
-        if not quiet:
-            screen.print(f"Picture: {options.plot}")
     return 0

@@ -1,0 +1,286 @@
+"""The benchmark at equal accuracy, its ratios, and what is asked of it, met or missed and why, as Markdown tables."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from bench_engines import EngineRow
+
+from ksd.bench.measure import Measured, Row, good, machine, percent
+
+
+@dataclass(frozen=True)
+class Told(Measured):
+    """A case with what other engines took, and, by leaf model, operations and bytes of one pass over all leafs, in words."""
+
+    engines: tuple[EngineRow, ...] = ()
+    floors: Mapping[str, str] = field(default_factory=dict)
+
+
+METHODS = (
+    "kinematic", "reduced", "reduced, 1 pass", "reduced, 2 passes", "full", "reduced, planar", "reduced, 1 pass, planar",
+    "reduced, 2 passes, planar", "full, planar", "conventional", "conventional, planar", "modal", "MIP, best eps_max",
+    "MIP on all nodes", "plain Newton",
+)  # fmt: skip
+KINDS = ("strain-mode", "Appendix A", "modal")
+_MISSED = "not reached"
+BEGIN, END = "<!-- bench:begin -->", "<!-- bench:end -->"
+
+
+def kind_of(row: Row) -> str:
+    """Which leaf model a row has."""
+    return {"strain": "strain-mode", "modal": "modal"}.get(row.leafs.split(",")[0].split()[0], "Appendix A")
+
+
+def equal_accuracy(results: Sequence[Told]) -> str:
+    """Markdown: the cheapest setting of every method within GOOD, in us of a whole call, and its error in force.
+
+    Appendix A elements and strain-mode leafs apart; with the ratios of the papers' comparison below.
+    """
+    cases = [m for m in results if any(good(r) for r in m.rows)]
+    lines = ["| method | leafs | " + " | ".join(m.case for m in cases) + " |"]
+    lines.append("|---" * (2 + len(cases)) + "|")
+    for method in METHODS:
+        for kind in KINDS:
+            cells = [_cheapest_cell(m.rows, method, kind) for m in cases]
+            if any(c not in ("-", _MISSED) for c in cells):
+                lines.append(f"| {method} | {kind} | " + " | ".join(cells) + " |")
+    return "\n".join(lines)
+
+
+def _cheapest_cell(rows: Iterable[Row], method: str, kind: str) -> str:
+    mine = [r for r in rows if r.method == method and kind_of(r) == kind]
+    fit = [r for r in mine if good(r)]
+    if not fit:
+        return _MISSED if mine else "-"
+    best = min(fit, key=lambda r: r.call[1])
+    error = percent(best.force_error)
+    which = best.leafs.removeprefix("strain ").removeprefix("modal, ")
+    which = which.replace(" elements", "").replace(" element", "")
+    return f"{best.call[1]:.0f} ({which}; {error})"
+
+
+def best_times(m: Measured, leafs: str) -> dict[str, float]:
+    """Whole calls [us] by method; "conventional" is the better of its two ways to choose steps."""
+    found = {r.method: r.call[1] for r in m.rows if r.leafs == leafs and not r.failed}
+    if "conventional" in found:
+        found["conventional"] = min(found["conventional"], found.get("MIP, best eps_max", math.inf))
+    return found
+
+
+def ratios(results: Sequence[Told], elements: int = 5) -> str:
+    """Markdown: how many times as fast the five steps are on Appendix A elements, whole calls, like beside like."""
+    leafs = f"{elements} element{'s' * (elements > 1)}"
+    times = [best_times(m, leafs) for m in results]
+    shown = [(m.case, t) for m, t in zip(results, times, strict=True) if len(t) > 1]
+    lines = ["| times as fast | " + " | ".join(case for case, _ in shown) + " |"]
+    lines.append("|---" + "|---:" * len(shown) + "|")
+    for name, way, base in _COMPARED:
+        cells = [f"{t[base] / t[way]:.3g}" if base in t and way in t else "-" for _, t in shown]
+        if any(c != "-" for c in cells):
+            lines.append(f"| {name} | " + " | ".join(cells) + " |")
+    return "\n".join(lines)
+
+
+_COMPARED = (
+    ("full / plain Newton", "full", "plain Newton"),
+    ("reduced / plain Newton", "reduced", "plain Newton"),
+    ("full / MIP on all nodes", "full", "MIP on all nodes"),
+    ("reduced / MIP on all nodes", "reduced", "MIP on all nodes"),
+    ("full / MIP, in space", "full", "conventional"),
+    ("reduced / MIP, in space", "reduced", "conventional"),
+    ("planar full / plain Newton", "full, planar", "plain Newton"),
+    ("planar reduced / plain Newton", "reduced, planar", "plain Newton"),
+    ("full / MIP, in the plane", "full, planar", "conventional, planar"),
+    ("reduced / MIP, in the plane", "reduced, planar", "conventional, planar"),
+    ("planar full / MIP in space", "full, planar", "conventional"),
+    ("planar reduced / MIP in space", "reduced, planar", "conventional"),
+)
+"""What is compared: heading, the fast way, the base it is held against."""
+
+
+EQUAL = 5
+"""Appendix A elements per leaf of the papers' comparison."""
+
+
+@dataclass(frozen=True)
+class Ratio:
+    """Asked: `way` at least `times` as fast as `base`, whole calls in space on EQUAL elements, in the case of that name.
+
+    base "conventional": MIP on condensed leafs, the better of our steps and the best eps_max.
+    """
+
+    case: str
+    way: str
+    base: str
+    times: float
+
+
+@dataclass(frozen=True)
+class Bound:
+    """Asked: `method` below `us` in the case that holds `case`; leafs: one leaf model, or "good", the cheapest setting of
+    strain-mode leafs within the accuracy compared at, or "chain", the same of Appendix A elements."""
+
+    case: str
+    method: str
+    leafs: str
+    us: float
+
+
+_ARMS = (("arm by joints", (80, 600, 40, 300)), ("arm by location", (65, 600, 20, 200)))
+RATIOS = tuple(
+    Ratio(case, way, base, times)
+    for case, four in (("fourbar, reading 1", (10, 60, 1.8, 10)), *_ARMS)
+    for (way, base), times in zip(
+        (
+            ("full", "plain Newton"),
+            ("reduced", "plain Newton"),
+            ("full", "MIP on all nodes"),
+            ("reduced", "MIP on all nodes"),
+            ("full", "conventional"),
+            ("reduced", "conventional"),
+        ),
+        (*four, *four[2:]),
+        strict=True,
+    )
+)
+BOUNDS = (
+    *(
+        Bound(f"fourbar, reading {r}", method, leafs, us)
+        for r in (1, 2)
+        for method, us in (("full", 1000), ("conventional", 3000))
+        for leafs in ("strain 4,3,6", "4 elements")
+    ),
+    Bound("fourbar, reading 2", "conventional", "good", 700),
+    Bound("fourbar, reading 2", "full", "good", 300),
+    Bound("fourbar, reading 2", "reduced, 1 pass", "good", 100),
+    Bound("fourbar, reading 2", "full, planar", "good", 300),
+    Bound("fourbar, reading 2", "reduced, 1 pass, planar", "good", 100),
+)
+
+
+def asked_table(results: Sequence[Told]) -> str:
+    """Markdown: everything asked that was measured, with the verdict."""
+    lines = ["| case | asked | found | verdict |", "|---|---|---:|---|"]
+    lines += [line for m in results for line in (*_ratios(m), *_bounds(m))]
+    return "\n".join(lines) if len(lines) > 2 else ""
+
+
+def _ratios(m: Told) -> list[str]:
+    leafs, found = f"{EQUAL} elements", []
+    rows = {r.method: r for r in m.rows if r.leafs == leafs and not r.failed}
+    for asked in RATIOS:
+        if asked.case not in m.case or asked.way not in rows or asked.base not in rows:
+            continue
+        fast, slow = rows[asked.way], rows[asked.base]
+        other = rows.get("MIP, best eps_max")
+        if asked.base == "conventional" and other is not None and other.call[1] < slow.call[1]:
+            slow = other
+        times = slow.call[1] / fast.call[1]
+        name = {"conventional": "MIP on condensed leafs"}.get(asked.base, asked.base)
+        said = "met" if times >= asked.times else f"missed: {_slow(m, fast, slow, times)}"
+        found.append(f"| {m.case} | {asked.way} / {name} >= {asked.times:g} | {times:.3g} | {said} |")
+    return found
+
+
+def _slow(m: Told, fast: Row, slow: Row, times: float) -> str:
+    """Why a ratio of so many times is missed."""
+    most = slow.passes / max(fast.passes, 1)
+    words = [
+        f"{slow.method} makes {slow.passes} passes over the leafs, {fast.method} {fast.passes}, so at equal cost of a pass "
+        f"{most:.3g} would be the most"
+        + (" (that of step 2, four chains at a time, costs less)" if times > most else "")
+    ]
+    around = fast.call[1] - fast.steps[1]
+    words.append(f"compiled steps {fast.steps[1]:.0f} us, Python around them {around:.0f} us")
+    floor = m.floors.get(fast.leafs)
+    if floor:
+        words.append(f"one pass is {floor}")
+    return "; ".join(words)
+
+
+def _bounds(m: Told) -> list[str]:
+    found = []
+    for asked in BOUNDS:
+        rows = [r for r in m.rows if r.method == asked.method and not r.failed]
+        if asked.leafs == "good":
+            rows = [r for r in rows if r.leafs.startswith("strain") and good(r)]
+        else:
+            rows = [r for r in rows if r.leafs == asked.leafs]
+        if asked.case not in m.case or not rows:
+            continue
+        best = min(rows, key=lambda r: r.call[1])
+        said = "met" if best.call[1] <= asked.us else f"missed: {_long(m, best)}"
+        leafs = f"{best.leafs}, within 0.1 % and 1 %" if asked.leafs == "good" else best.leafs
+        found.append(
+            f"| {m.case} | {asked.method}, {leafs} <= {asked.us:g} us | {best.call[1]:.0f} us | {said} |"
+        )
+    return found
+
+
+def _long(m: Told, row: Row) -> str:
+    """Why a time is missed."""
+    around = row.call[1] - row.steps[1]
+    words = f"compiled steps {row.steps[1]:.0f} us, Python around them {around:.0f} us"
+    floor = m.floors.get(row.leafs)
+    return f"{words}; {row.passes} passes over the leafs, each {floor}" if floor else words
+
+
+def engine_lines(measured: Told) -> list[str]:
+    """What other engines took, one sentence each."""
+    found = []
+    for r in measured.engines:
+        said = r.said or (
+            f"{r.us:.0f} us of analysis in the plane with {r.elements} elements per leaf, {r.iterations} iterations, force "
+            f"error {percent(r.force_error)}"
+        )
+        found.append(f"{r.engine}: {said}.")
+    return found
+
+
+_SHOWN = ("fourbar", "three-joint arm")
+"""Scenes of the tables in the README; all are printed."""
+
+
+def readme_text(results: Sequence[Told]) -> str:
+    """What stands between BEGIN and END of a README: the comparison at equal accuracy, and the ratios."""
+    m = machine()
+    shown = [r for r in results if r.case.startswith(_SHOWN)] or results
+    return "\n".join(
+        [
+            f"Cheapest setting of every method within 0.1 % of the drive force and 1 % of the support stiffness: thread "
+            f"time of a whole call [µs] (orders, or elements per leaf; force error). {m['date']}, one thread of "
+            f"{m['processor']}; load average {m['load_average']}; `python benchmarks/bench.py --readme README.md` "
+            "renews it. Methods and "
+            "leafs that reach it nowhere, with up to 8 elements, are left out; `ksd bench` prints every scene.",
+            "",
+            equal_accuracy(shown),
+            "",
+            "Times as fast, 5 Appendix A elements per leaf, whole calls, warm (plain Newton and MIP on all "
+            "nodes: the papers' program, on all element nodes, in space, best eps_max; MIP: the best conventional we know, "
+            "on condensed leafs, the better of our steps and the best eps_max):",
+            "",
+            ratios(shown),
+            "",
+            "What was asked, in thread time of whole calls; a pass is one condensation of all leafs with its way into the "
+            "matrix:",
+            "",
+            asked_table(results),
+            "",
+            "Other engines, given the planar model of the same scene:",
+            "",
+            *(f"- {m.case}: {line}" for m in results for line in engine_lines(m)),
+        ]
+    )
+
+
+def renew(path: Path, results: Sequence[Told]) -> None:
+    """Replace what stands between the marks of the file `path`. Raises ValueError without them."""
+    text = path.read_text(encoding="utf-8")
+    if text.count(BEGIN) != 1 or text.count(END) != 1 or text.index(BEGIN) > text.index(END):
+        raise ValueError(f"{path}: the lines '{BEGIN}' and '{END}' are needed, once each, in this order")
+    head, rest = text.split(BEGIN)
+    path.write_text(f"{head}{BEGIN}\n{readme_text(results)}\n{END}{rest.split(END)[1]}", encoding="utf-8")
