@@ -8,17 +8,20 @@ interpreter released, designs in parallel threads; designs that differ in number
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from ksd.design.designs import Designs, makers_of
+from ksd.design.plan import design_points, scene_of
 from ksd.design.prepared import Found
+from ksd.design.words import check_drives, check_executor, check_ways, drive_rows
 from ksd.errors import SceneError
 from ksd.model.mesh import Mesh
 from ksd.properties.words import Shown
+from ksd.section.checks import whole
 from ksd.solve.many import SPOKEN
 from ksd.solve.space_steps import FULL, REDUCED
 from ksd.solve.stops import Stop
@@ -84,7 +87,7 @@ def batch(
     mechanism: Any,
     targets: Mapping[str, Any] | None = None,
     *,
-    designs: Sequence[Mapping[str, Any]] | None = None,
+    designs: Any = None,
     method: str = "reduced",
     passes: int = 0,
     tabulated: bool = False,
@@ -97,52 +100,47 @@ def batch(
 ) -> Batch:
     """Solve every design at every pose by `method` "reduced" or "full", without error estimates; returns a `Batch`.
 
-    mechanism: a Mechanism or Scene, or, with `designs` (a list of parameters by name), a function of those parameters that
-    returns one. Drive values [m or rad] by name, numbers or arrays of one length. tabulated: take the condensed joints
-    from tables over their stroke, made once per design; it pays from some hundred poses on. planar: False solves in
-    space. threads: cores when None. executor: any concurrent.futures executor instead of threads; with processes, where
-    Python works in parallel too, `mechanism` must be a function they can import. In the plane stability is that in the
-    plane. Raises SceneError for bad input; designs and poses that fail are in the result.
+    mechanism: a Mechanism or Scene, or, with `designs` (parameters by name, as in `ksd.sweep`), a function of those
+    parameters that returns one. Drive values [m or rad] by name, numbers or arrays of one length. tabulated: take the
+    condensed joints from tables over their stroke, made once per design; it pays from some hundred poses on. planar:
+    False solves in space. threads: cores when None. executor: any concurrent.futures executor instead of threads; with
+    processes, where Python works in parallel too, `mechanism` must be a function they can import. In the plane stability
+    is that in the plane. Raises SceneError for bad input; designs and poses that fail are in the result.
     """
-    if method not in ("reduced", "full"):
-        raise SceneError(f"method = {method!r}: a batch is solved by 'reduced' or 'full'")
+    check_ways(
+        mesh=mesh, passes=passes, method=method, methods=("reduced", "full"),
+        tabulated=tabulated, extrapolate=extrapolate, planar=planar,
+    )  # fmt: skip
     if tabulated and (method != "reduced" or passes):
         raise SceneError("tabulated = True: tabulated joints serve method='reduced' without passes")
-    values = _poses({**(targets or {}), **drives})
+    check_executor(executor)
+    workers = (os.cpu_count() or 1) if threads is None else whole(threads, "threads")
+    values = _poses(drive_rows(targets, drives, batch))
     ways: dict[str, Any] = {
         "method": FULL if method == "full" else REDUCED,
         "passes": passes,
         "tabulated": tabulated,
     }
     more: dict[str, Any] = {"mesh": mesh, "extrapolate": extrapolate, "planar": planar and not tabulated}
-    solver, makers = Designs(values, ways, more), _makers(mechanism, designs)
+    solver, points = Designs(values, ways, more), design_points(mechanism, designs)
+    if designs is None:
+        check_drives(scene_of(mechanism, {}), tuple(values), batch)
     if executor is None or designs is None:
-        found = solver.solve(makers, threads or os.cpu_count() or 1)
+        found = solver.solve(makers_of(mechanism, points), workers)
     else:
-        found = solver.solve_in(executor, mechanism, designs)
+        found = solver.solve_in(executor, mechanism, points)
     return _together(found, len(next(iter(values.values()))))
 
 
-def _poses(values: Mapping[str, Any]) -> dict[str, np.ndarray]:
+def _poses(found: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
     """Drive values as arrays of one length."""
-    found = {n: np.atleast_1d(np.asarray(v, float)) for n, v in values.items()}
     if not found:
         raise SceneError("a batch needs drive values, for example top=np.linspace(0, 0.3, 31)")
     size = max(len(v) for v in found.values())
     for n, v in found.items():
-        if v.ndim != 1 or len(v) not in (1, size) or not np.isfinite(v).all():
-            raise SceneError(f"drive values {n}: give one finite number or {size} of them in a row")
+        if len(v) not in (1, size):
+            raise SceneError(f"drive values {n}: give one number or {size} of them in a row, not {len(v)}")
     return {n: np.broadcast_to(v, size) for n, v in found.items()}
-
-
-def _makers(mechanism: Any, designs: Any) -> list[Callable[[], Any]]:
-    if designs is None:
-        return [lambda: mechanism]
-    if not callable(mechanism):
-        raise SceneError("designs: mechanism must be a function of the parameters that returns a Mechanism")
-    if not len(designs):
-        raise SceneError("designs: give at least one set of parameters")
-    return makers_of(mechanism, designs)
 
 
 def _together(found: list[Any], count: int) -> Batch:

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from ksd.design.plan import scene_of
 from ksd.design.prepared import Found, Prepared
 from ksd.design.refill import Drawing, Refill, drawing
 from ksd.design.refill.drawing import numbers_of
@@ -18,13 +19,14 @@ from ksd.design.refill.refill import Ready, shear_matters
 from ksd.errors import KsdError
 from ksd.model.mesh import Mesh
 from ksd.model.plane import Plane
+from ksd.scene import Scene
 from ksd.solve.driving import RTOL
 from ksd.solve.planar_steps import PlanarSteps
 from ksd.solve.reach import in_range
 from ksd.solve.solver import Solver
 from ksd.solve.space_steps import REDUCED
 
-Maker = Callable[[], Any]
+Maker = Callable[[], Scene]
 CHUNK = 64
 """Designs whose numbers are computed together."""
 ALIKE = 3
@@ -66,8 +68,7 @@ class Designs:
         scenes: list[Any] = []
         for maker in makers:
             try:
-                made = maker()
-                scenes.append(made.scene() if hasattr(made, "scene") else made)
+                scenes.append(maker())
             except KsdError as reason:
                 scenes.append(reason)
         found: list[Any] = [s if isinstance(s, KsdError) else None for s in scenes]
@@ -146,7 +147,7 @@ class Designs:
 
 def makers_of(mechanism: Any, designs: Sequence[Mapping[str, Any]]) -> list[Maker]:
     """What makes each design."""
-    return [lambda d=d: mechanism(**d) for d in designs]  # type: ignore[misc]
+    return [lambda d=d: scene_of(mechanism, d) for d in designs]  # type: ignore[misc]
 
 
 def _elsewhere(said: tuple, designs: list[Mapping[str, Any]]) -> list[Any]:

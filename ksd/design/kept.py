@@ -13,6 +13,7 @@ from typing import Any
 
 from ksd.errors import RecordError, SceneError
 from ksd.library.files import write_atomically
+from ksd.section.checks import show
 
 Rows = list[dict[str, Any]]
 
@@ -24,6 +25,8 @@ class Kept:
     """
 
     def __init__(self, path: str | os.PathLike[str] | None, fingerprint: str) -> None:
+        if path is not None and not isinstance(path, str | os.PathLike):
+            raise SceneError(f"resume = {show(path)}: give the name of a file")
         self.path = None if path is None else Path(path)
         self.found: dict[int, Rows] = {}
         if self.path is None:

@@ -12,17 +12,19 @@ from typing import Any
 import numpy as np
 
 from ksd.design.lines import Line, Recipe
+from ksd.design.words import check_drives, check_parameters
 from ksd.errors import SceneError
-from ksd.scene import Scene
+from ksd.scene import Mechanism, Scene
 from ksd.scene.drive import Load
+from ksd.section.checks import show
 
 Paths = list[tuple[dict[str, float], ...]]
 
 
 def plan_lines(
-    mechanism: Any, values: Mapping[str, Any], designs: Any, loads: Any, *, together: bool
+    mechanism: Any, values: Mapping[str, np.ndarray], designs: Any, loads: Any, *, together: bool, call: Any
 ) -> tuple[list[Line], str]:
-    """All lines, and the name of the mechanism. SceneError for what does not fit together."""
+    """All lines, and the name of the mechanism. SceneError for what does not fit together; call: who asks."""
     paths = drive_paths(values, together=together)
     cases = load_cases(loads)
     lines: list[Line] = []
@@ -31,7 +33,7 @@ def plan_lines(
         scene, failure = _built(mechanism, parameters)
         name = name or getattr(scene, "name", "")
         if scene is not None and designs is None:
-            _check_drives(scene, values)
+            check_drives(scene, tuple(values), call)
         for case, extra in cases.items():
             loaded, trouble = _loaded(scene, extra)
             labels = dict(parameters) | ({} if loads is None else {"load_case": case})
@@ -42,12 +44,8 @@ def plan_lines(
     return [line if line.scene is not None else replace(line, like=built) for line in lines], name
 
 
-def drive_paths(values: Mapping[str, Any], *, together: bool) -> Paths:
+def drive_paths(arrays: Mapping[str, np.ndarray], *, together: bool) -> Paths:
     """Paths through drive values: the drive named last moves along a path; together: all arrays move in step."""
-    arrays = {n: np.atleast_1d(np.asarray(v, float)) for n, v in values.items()}
-    for n, v in arrays.items():
-        if v.ndim != 1 or not v.size or not np.isfinite(v).all():
-            raise SceneError(f"drive values {n} = {values[n]!r}: give finite numbers in a row [m or rad]")
     moving = [n for n, v in arrays.items() if len(v) > 1]
     if not together:
         outer, last = moving[:-1], moving[-1:]
@@ -75,32 +73,62 @@ def design_points(mechanism: Any, designs: Any) -> list[dict[str, Any]]:
         raise SceneError(
             "designs = ... needs a function of these parameters that returns a mechanism in place of the mechanism"
         )
-    if isinstance(designs, Mapping):
-        rows = [np.atleast_1d(np.asarray(v)).tolist() for v in designs.values()]
-        return [dict(zip(designs, row, strict=True)) for row in product(*rows)]
-    found = [dict(d) for d in designs]
-    if not found:
+    found = _combinations(designs) if isinstance(designs, Mapping) else designs
+    if isinstance(found, str) or not isinstance(found, Sequence):
+        raise SceneError(
+            f"designs = {show(designs)}: give sets of parameters by name, [{{'thickness': 1e-3}}, ...]"
+        )
+    if not len(found):
         raise SceneError("designs is empty: give at least one set of parameters")
-    return found
+    check_parameters(mechanism, found)
+    return [dict(d) for d in found]
+
+
+def _combinations(designs: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """All combinations of the values of every parameter."""
+    rows = []
+    for name, values in designs.items():
+        try:
+            rows.append(np.atleast_1d(np.asarray(values)).tolist())
+        except ValueError:
+            raise SceneError(f"designs: {name} = {show(values)}: give the values in one row") from None
+    return [dict(zip(designs, row, strict=True)) for row in product(*rows)]
+
+
+def scene_of(mechanism: Any, parameters: Mapping[str, Any]) -> Scene:
+    """The scene of a design. SceneError where it cannot be built, NoMechanism for what never will be one."""
+    if not callable(mechanism):
+        made = mechanism
+    elif not parameters and _needs_arguments(mechanism):
+        raise NoMechanism("the mechanism is a function of parameters: give their values with designs={...}")
+    else:
+        try:
+            made = mechanism(**parameters)
+            made = made.scene() if isinstance(made, Mechanism) else made
+        except (SceneError, ArithmeticError, ValueError) as reason:
+            raise SceneError(f"this design cannot be built: {reason}") from reason
+    scene = made.scene() if isinstance(made, Mechanism) else made
+    if not isinstance(scene, Scene):
+        raise NoMechanism(
+            f"{show(made)} is not a mechanism: give a Mechanism, a Scene, or a function returning one"
+        )
+    return scene
+
+
+class NoMechanism(SceneError):
+    """What was given is no mechanism, and no function that returns one."""
 
 
 def _built(mechanism: Any, parameters: Mapping[str, Any]) -> tuple[Scene | None, str]:
     """The scene of a design, or None and why it could not be built."""
-    if not callable(mechanism):
-        made = mechanism
-    elif not parameters and _needs_arguments(mechanism):
-        raise SceneError("the mechanism is a function of parameters: give their values with designs={...}")
-    else:
-        try:
-            made = mechanism(**parameters)
-        except (SceneError, ArithmeticError, ValueError) as reason:
-            return None, f"this design cannot be built: {reason}"
-    scene = made if isinstance(made, Scene) else made.scene() if hasattr(made, "scene") else None
-    if scene is None:
-        raise SceneError(
-            f"{made!r} is not a mechanism: give a Mechanism, a Scene, or a function returning one"
-        )
-    return scene, ""
+    try:
+        return scene_of(mechanism, parameters), ""
+    except NoMechanism:
+        raise
+    except SceneError as reason:
+        if not callable(mechanism):
+            raise
+        return None, str(reason)
 
 
 def _needs_arguments(function: Callable[..., Any]) -> bool:
@@ -108,16 +136,6 @@ def _needs_arguments(function: Callable[..., Any]) -> bool:
     return any(
         p.default is p.empty and p.kind not in kinds for p in inspect.signature(function).parameters.values()
     )
-
-
-def _check_drives(scene: Scene, values: Mapping[str, Any]) -> None:
-    """SceneError before the work begins when a drive has no value, or a value no drive."""
-    known = [d.name for d in scene.drives]
-    for n in values:
-        if n not in known:
-            raise SceneError(
-                f"'{n}' is not a drive of '{scene.name}'; its drives are {', '.join(known) or 'none'}"
-            )
 
 
 def load_cases(loads: Any) -> dict[str, tuple[Load, ...]]:
@@ -133,12 +151,18 @@ def load_cases(loads: Any) -> dict[str, tuple[Load, ...]]:
 
 
 def _several(entries: Any) -> Sequence[Any]:
-    return [entries] if isinstance(entries, Mapping | Load) else list(entries)
+    if isinstance(entries, Mapping | Load):
+        return [entries]
+    if isinstance(entries, str) or not isinstance(entries, Sequence):
+        raise SceneError(f"a load case is a list such as [dict(link='top', force=...)], not {show(entries)}")
+    return entries
 
 
 def _load(entry: Any, name: str) -> Any:
     if isinstance(entry, Load):
         return entry
+    if not isinstance(entry, Mapping):
+        raise SceneError(f"load case '{name}': {show(entry)} is no load; give dict(link=, force=, at=)")
     words = {
         "force": (0.0, 0.0, 0.0),
         "moment": (0.0, 0.0, 0.0),

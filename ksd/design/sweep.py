@@ -16,9 +16,11 @@ from ksd.design.lines import Line, Recipe, blank_rows, run_block, run_line
 from ksd.design.plan import fingerprint, plan_lines
 from ksd.design.questions import KNOWN, QUESTIONS, Asked
 from ksd.design.table import Table
+from ksd.design.words import check_executor, check_ways, drive_rows, names_of
 from ksd.errors import KsdError, SceneError
 from ksd.model.mesh import Mesh
 from ksd.numerics.processes import spawning
+from ksd.section.checks import similar, truth, vector, whole, word
 from ksd.solve.solver import METHODS
 
 PER_PROCESS = 4
@@ -82,7 +84,11 @@ def sweep(
         method=method, accuracy=accuracy, passes=passes, mesh=mesh, extrapolate=extrapolate,
         effects=(("effects", effects), ("with_", with_), ("without", without)),
     )  # fmt: skip
-    lines, name = plan_lines(mechanism, {**(targets or {}), **drives}, designs, loads, together=together)
+    check_executor(executor)
+    truth(together, "together")
+    truth(progress, "progress")
+    values = drive_rows(targets, drives, sweep)
+    lines, name = plan_lines(mechanism, values, designs, loads, together=together, call=sweep)
     kept = Kept(resume, fingerprint(lines, recipe))
     return _collected(lines, recipe, kept, name, how=(executor, progress))
 
@@ -108,25 +114,22 @@ def _collected(
 
 
 def _asked(questions: Any, link: Any, at: Any, freed: Any, *, modes: int, errors: bool) -> Asked:
-    names = (questions,) if isinstance(questions, str) else tuple(questions)
+    names = names_of(questions, "questions")
     for q in names:
         if q not in KNOWN:
-            raise SceneError(f"question {q!r} is not known; ask {', '.join(KNOWN)}")
-    if not 1 <= modes <= 50:
+            raise SceneError(f"question {q!r} is not known; ask {', '.join(KNOWN)}{similar(q, KNOWN)}")
+    if whole(modes, "modes") > 50:
         raise SceneError(f"modes = {modes}: between 1 and 50 modes can be followed")
-    point = None if at is None else tuple(float(v) for v in at)
-    if point is not None and len(point) != 3:
-        raise SceneError(f"at = {at!r}: three coordinates [m] of a point at rest are needed")
-    if freed is not None:
-        freed = (freed,) if isinstance(freed, str) else tuple(freed)
-    name = None if link is None else str(getattr(link, "name", link))
-    return Asked(names, name, point, freed, modes, errors=errors)  # type: ignore[arg-type]
+    point = None if at is None else vector(at, "at", unit="m")
+    let_go = None if freed is None else names_of(freed, "freed")
+    name = None if link is None else word(getattr(link, "name", link), "link")
+    return Asked(names, name, point, let_go, modes, errors=truth(errors, "errors"))
 
 
-def _recipe(asked: Asked, *, method: str | None, **how: Any) -> Recipe:
-    if method is not None and method not in METHODS:
-        raise SceneError(f"method = {method!r}: choose one of {', '.join(METHODS)}")
-    return Recipe(asked, method=method, **how)
+def _recipe(asked: Asked, **how: Any) -> Recipe:
+    said = {n: how[n] for n in ("mesh", "passes", "accuracy", "method", "extrapolate")}
+    check_ways(methods=METHODS, **said)
+    return Recipe(asked, **how)
 
 
 def _table(lines: list[Line], found: dict[int, Any], name: str, facts: dict[str, str]) -> Table:

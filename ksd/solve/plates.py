@@ -12,7 +12,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
-import numpy as np
+from scipy.integrate import trapezoid
 
 from ksd.model.arrays import Motion
 from ksd.model.compile import Model, compile_given, marked
@@ -33,7 +33,7 @@ def curvatures(model: Model, motion: Motion) -> dict[str, float]:
     """Root mean square of M / (E Iz), the elastic curvature about e3 [1/m], of every leaf by full name."""
     stiff, found = _bending_stiffness(model), {}
     for name, forces in section_forces(model, motion, points=POINTS).items():
-        square = np.trapezoid(forces.values[:, 5] ** 2, forces.s) / forces.s[-1]
+        square = trapezoid(forces.values[:, 5] ** 2, forces.s) / forces.s[-1]
         found[name] = math.sqrt(float(square)) / stiff[name]
     return found
 

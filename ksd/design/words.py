@@ -1,0 +1,125 @@
+"""Checks of what `sweep` and `batch` are given, before any solve: each raises SceneError with one sentence."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from ksd.errors import SceneError
+from ksd.model.mesh import Mesh
+from ksd.scene import Scene
+from ksd.section.checks import LARGEST, nearest, show, similar, truth, whole, word
+from ksd.solve.solver import asked_values, wanted_accuracy
+
+
+def drive_rows(targets: Any, drives: Mapping[str, Any], call: Callable[..., Any]) -> dict[str, np.ndarray]:
+    """Drive values [m or rad] by name as arrays (N,); call: `sweep` or `batch`, for which a name may have been meant."""
+    return {n: _row(n, v, call) for n, v in asked_values(targets, drives).items()}
+
+
+def _row(name: str, given: Any, call: Callable[..., Any]) -> np.ndarray:
+    try:
+        found = np.atleast_1d(np.asarray(given))
+    except ValueError:
+        # rows of several lengths
+        found = np.empty((0, 0))
+    usual = found.dtype.kind in "iuf" and found.ndim == 1 and found.size > 0
+    if not usual or not np.all(np.abs(found.astype(float)) <= LARGEST):
+        raise SceneError(
+            f"drive values {name} = {show(given)}: give finite numbers in a row [m or rad]"
+            f"{similar(name, _words_of(call), cutoff=0.8)}"
+        )
+    return found.astype(float)
+
+
+def check_drives(scene: Scene, names: Sequence[str], call: Callable[..., Any]) -> None:
+    """SceneError where a value has no drive, or a drive no value."""
+    known = [d.name for d in scene.drives]
+    for n in names:
+        if n not in known:
+            raise SceneError(
+                f"'{n}' is not a drive of '{scene.name}', whose drives are {', '.join(known) or 'none'}"
+                f"{similar(n, [*known, *_words_of(call)])}"
+            )
+    for n in known:
+        if n not in names:
+            raise SceneError(f"drive '{n}' of '{scene.name}' has no value; give one, for example {n}=0.0.")
+
+
+def _words_of(function: Callable[..., Any]) -> list[str]:
+    """Names of the parameters that are given by name."""
+    kinds = (inspect.Parameter.POSITIONAL_OR_KEYWORD, inspect.Parameter.KEYWORD_ONLY)
+    return [p.name for p in inspect.signature(function).parameters.values() if p.kind in kinds]
+
+
+def check_parameters(mechanism: Callable[..., Any], designs: Sequence[Any]) -> None:
+    """SceneError where a set of parameters does not fit the function that draws the mechanism."""
+    try:
+        signature = inspect.signature(mechanism)
+    except ValueError:
+        # functions written in C do not tell
+        return
+    takes_all = any(p.kind is p.VAR_KEYWORD for p in signature.parameters.values())
+    name = getattr(mechanism, "__name__", "the function")
+    needed = [
+        p.name
+        for p in signature.parameters.values()
+        if p.default is p.empty and p.name in _words_of(mechanism)
+    ]
+    known = set(_words_of(mechanism))
+    for design in designs:
+        if not isinstance(design, Mapping) or not all(isinstance(n, str) for n in design):
+            raise SceneError(
+                f"designs: {show(design)} is not a set of parameters by name, such as {{'thickness': 1e-3}}"
+            )
+        for said in design:
+            if said not in known and not takes_all:
+                raise SceneError(f"designs: {name} has no parameter '{said}'{nearest(said, known)}")
+        for said in needed:
+            if said not in design:
+                raise SceneError(
+                    f"designs: parameter '{said}' of {name} has no value in {show(dict(design))}"
+                )
+
+
+def check_executor(executor: Any) -> None:
+    """SceneError for what is no executor, nor None."""
+    if executor is not None and not callable(getattr(executor, "submit", None)):
+        raise SceneError(f"executor = {show(executor)}: give a concurrent.futures.Executor, or None")
+
+
+def check_ways(
+    *,
+    mesh: Any,
+    passes: Any,
+    accuracy: float | None = None,
+    method: Any = None,
+    methods: Sequence[str] = (),
+    **truths: Any,
+) -> None:
+    """SceneError for a mesh, number of passes, accuracy, method or truth value that is none."""
+    if method is not None and method not in methods:
+        raise SceneError(
+            f"method = {show(method)}: choose one of {', '.join(methods)}{similar(method, methods)}"
+        )
+    if mesh is not None and not isinstance(mesh, Mesh):
+        raise SceneError(
+            f"mesh = {show(mesh)}: give a ksd.Mesh, for example ksd.Mesh('corotational', elements=5)."
+        )
+    if whole(passes, "passes", least=0) > 50:
+        raise SceneError(f"passes = {passes}: between 0 and 50 relinearised passes are possible")
+    wanted_accuracy(accuracy)
+    for what, value in truths.items():
+        truth(value, what)
+
+
+def names_of(given: Any, what: str) -> tuple[str, ...]:
+    """One name, or several, as a tuple; objects with a name stand for it."""
+    if isinstance(given, str):
+        return (given,)
+    if not isinstance(given, Iterable):
+        raise SceneError(f"{what} = {show(given)}: give a name, or several in a list")
+    return tuple(word(getattr(name, "name", name), what) for name in given)
