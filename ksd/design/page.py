@@ -122,6 +122,9 @@ def _figure(figure: Any, caption: str) -> str:
 
 def _warnings(pose: Any, facts: dict[str, Any], table: Table) -> list[str]:
     found = [*facts["warnings"]]
+    trusted = facts["trust"]["trusted"]
+    if pose.stable and not trusted["yes"]:
+        found.append(f"{trusted['sentence'][0].upper()}{trusted['sentence'][1:]}.")
     if not pose.stable:
         found.append(f"The state is not a minimum of energy. {facts['stability']}")
     if table.failures:
@@ -205,6 +208,8 @@ def _pose(facts: dict[str, Any]) -> list[str]:
         kinds.setdefault(tuple(row), []).append([name, *row.values()])
     for keys, rows in kinds.items():
         parts.append(grid([("drive", ""), *(spoken_column(k) for k in keys)], rows))
+    said = facts["trust"]["strength"]["sentence"]
+    parts.append(f"<p>{_text(said[0].upper() + said[1:])}.</p>")
     links = facts["links"]
     heads = [("link", ""), *((f"{a}", "mm") for a in "xyz"), *((f"r{a}", "deg") for a in "xyz")]
     parts.append("<h3>Displacement and rotation of the links</h3>")

@@ -28,6 +28,7 @@ from ksd.properties.constraints import (
 )
 from ksd.properties.words import Shown
 from ksd.scene.contents import Scene
+from ksd.scene.plausible import implausible
 
 Array = NDArray[np.float64]
 RANK = 1e-2
@@ -70,7 +71,7 @@ class Diagnosis(Shown):
     """What the doctor found. freedoms: left by joints, leafs and supports, for drives to move; held: those the drives
     hold; constraints, independent: rows of joints, leafs and supports, and their rank; free: motions left with
     all drives held; fights: directions held twice, of the mechanism and then inside joints; singular_values: of all
-    rows, descending."""
+    rows, descending; unusual: sizes and materials that hardly any flexure has (`ksd.scene.plausible`)."""
 
     mechanism: str
     freedoms: int
@@ -80,6 +81,7 @@ class Diagnosis(Shown):
     free: tuple[Free, ...]
     fights: tuple[Fight, ...]
     singular_values: Array
+    unusual: tuple[str, ...] = ()
 
     @property
     def exact(self) -> bool:
@@ -108,6 +110,7 @@ class Diagnosis(Shown):
             lines.append("with all of these released the mechanism would be exactly constrained")
         if self.fights:
             lines.append("what is held twice is solved all the same: the leafs take it up elastically")
+        lines += [f"unusual: {sentence}" for sentence in self.unusual]
         return "\n".join(lines)
 
     def as_dict(self) -> dict[str, Any]:
@@ -126,6 +129,7 @@ class Diagnosis(Shown):
                 for f in self.fights
             ],
             "singular_values": self.singular_values.tolist(),
+            "unusual": list(self.unusual),
         }  # fmt: skip
 
 
@@ -155,6 +159,7 @@ def doctor(mechanism: Any) -> Diagnosis:
         free=tuple(_free(everything, total, springs, (scene.links, places, size))),
         fights=(*fights, *_inside(scene)),
         singular_values=_singular(everything),
+        unusual=implausible(scene),
     )
 
 

@@ -13,8 +13,11 @@ class Material(metaclass=Worded):
     """Linear elastic material: two of E, G [Pa] and Poisson's ratio nu; density [kg/m^3] when masses matter,
     expansion [1/K] (linear, thermal) when temperatures do.
 
+    yield_stress, fatigue_limit [Pa]: what it bears once, and for ever; answers then say the share of them in use. They
+    change no other number.
+
     The third of E, G, nu follows from E = 2 G (1 + nu); with E and G given any positive pair is accepted (an
-    anisotropic leaf). Raises SceneError for a modulus or density that is not positive and finite, nu outside
+    anisotropic leaf). Raises SceneError for a modulus, density or limit that is not positive and finite, nu outside
     (-1, 0.5], fewer than two of the three, or three that contradict each other by more than 1e-3.
     """
 
@@ -24,6 +27,8 @@ class Material(metaclass=Worded):
     density: float | None
     name: str
     expansion: float | None
+    yield_stress: float | None
+    fatigue_limit: float | None
 
     def __init__(
         self,
@@ -34,6 +39,8 @@ class Material(metaclass=Worded):
         density: float | None = None,
         name: str = "",
         expansion: float | None = None,
+        yield_stress: float | None = None,
+        fatigue_limit: float | None = None,
     ) -> None:
         if not isinstance(name, str):
             raise SceneError(f"Material: name = {show(name)} must be text.")
@@ -47,7 +54,10 @@ class Material(metaclass=Worded):
             density = positive(density, "density", owner=owner, unit="kg/m^3")
         if expansion is not None:
             expansion = number(expansion, "expansion", owner=owner, unit="1/K")
-        clean = {"E": E, "G": G, "nu": nu, "density": density, "name": name, "expansion": expansion}
+        limits = {"yield_stress": yield_stress, "fatigue_limit": fatigue_limit}
+        for key, limit in limits.items():
+            limits[key] = None if limit is None else positive(limit, key, owner=owner, unit="Pa")
+        clean = {"E": E, "G": G, "nu": nu, "density": density, "name": name, "expansion": expansion} | limits
         for key, value in clean.items():
             object.__setattr__(self, key, value)
 

@@ -2,7 +2,7 @@
 
     name = "lever"
     links = ["lever"]
-    [material.steel]   E = "200 GPa", G = "76.9 GPa", density = 7800
+    [material.steel]   E = "200 GPa", G = "76.9 GPa", density = 7800, yield_stress = "1 GPa"
     [section.blade]    kind = "rectangle", thickness = "1 mm", width = "40 mm"
     [joint.cross]      family = "cross_flexure", material = "steel", length = "100 mm", angle = "45 deg", ...
     [[join]]           a = "ground", b = "lever", joint = "cross", at = [0, 0, 0], axis = "z", toward = "x"
@@ -204,6 +204,8 @@ def _material(table: Table, name: str) -> Material:
         "nu": table.quantity("nu", "number", None),
         "density": table.quantity("density", "density", None),
         "expansion": table.quantity("expansion", "number", None),
+        "yield_stress": table.quantity("yield_stress", "stress", None),
+        "fatigue_limit": table.quantity("fatigue_limit", "stress", None),
         "name": table.text("name", name),
     }
     return _said(table, Material, words)

@@ -110,10 +110,9 @@ class _Names:
 
 def _material(material: Material, label: str) -> Tree:
     tree: Tree = {"E": material.E, "G": material.G}
-    if material.density is not None:
-        tree["density"] = material.density
-    if material.expansion is not None:
-        tree["expansion"] = material.expansion
+    for key in ("density", "expansion", "yield_stress", "fatigue_limit"):
+        if getattr(material, key) is not None:
+            tree[key] = getattr(material, key)
     return tree if material.name == label else tree | {"name": material.name}
 
 

@@ -27,7 +27,8 @@ SCHEMA: dict[str, str] = {
     "converged": "whether the last step reached its bound",
     "stable": "whether the state is a minimum of energy under the held drives",
     "stability": "the same in words",
-    "trust.*.yes": "verdicts stable, branch (the one that leads here from rest) and trusted (both, and converged)",
+    "trust.*.yes": "verdicts stable, branch (the one that leads here from rest), strength (a linear elastic beam can be in "
+    "this state) and trusted (all three, and converged)",
     "trust.*.sentence": "the reason of the verdict",
     "doubts[]": "what speaks against the branch and was not cleared up",
     "negative_pivots": "negative pivots of the last factorisation",
@@ -68,6 +69,17 @@ SCHEMA: dict[str, str] = {
     "basis.within_percent": "the basis is within this error; null for one about a trained state, good about that alone",
     "basis.most_stroke": "... up to this stroke",
     "basis.most_turn_deg": "... and this rotation",
+    "strength": "what the answer uses of what its materials bear; null where leafs are reduced solids",
+    "strength.largest_strain_percent": "largest principal strain of all leafs",
+    "strength.strain_leaf": "the leaf it is in",
+    "strength.largest_stress_MPa": "largest von Mises stress of all leafs",
+    "strength.stress_leaf": "the leaf it is in",
+    "strength.stress_s_mm": "station along that leaf",
+    "strength.stress_point": "point of its section",
+    "strength.yield_percent": "largest stress over the yield stress of its material; null where no material says it",
+    "strength.yield_leaf": "the leaf where that is; null where no material says it",
+    "strength.fatigue_percent": "largest stress over the fatigue limit of its material; null where no material says it",
+    "strength.fatigue_leaf": "the leaf where that is; null where no material says it",
     "links.*.displacement_mm": "displacement of the link's reference point, the mean of what hangs on it",
     "links.*.reference_mm": "that reference point at rest",
     "links.*.rotation_deg": "rotation vector of the link from rest",
@@ -107,6 +119,7 @@ def as_dict(configuration: Configuration) -> dict[str, Any]:
         "supports": _supports(c),
         "error": _error(c),
         "basis": _basis(c),
+        "strength": _strength(c),
         "links": _links(c),
         "joints": _joints(c),
         "leafs": _leafs(c),
@@ -116,8 +129,7 @@ def as_dict(configuration: Configuration) -> dict[str, Any]:
 
 def _trust(c: Configuration) -> dict[str, dict[str, Any]]:
     trust = c.trust
-    named = {"stable": trust.stable, "branch": trust.branch, "trusted": trust.trusted}
-    return {name: {"yes": bool(v.yes), "sentence": v.sentence} for name, v in named.items()}
+    return {name: {"yes": bool(v.yes), "sentence": v.sentence} for name, v in vars(trust).items()}
 
 
 def stability(c: Configuration) -> str:
@@ -168,7 +180,7 @@ def _step(step: Any) -> dict[str, Any]:
         "residual_over_bound": None if direct or closing else _finite(step.residual),
         "gap_m": _finite(step.residual) if closing else None,
         "stop": stop.name.lower(),
-        "reason": stop.sentence,
+        "reason": step.reason,
         "note": step.note,
     }
 
@@ -217,6 +229,31 @@ def _basis(c: Configuration) -> dict[str, Any] | None:
         "within_percent": _finite(100 * found.error),
         "most_stroke": _finite(found.most_stroke),
         "most_turn_deg": _finite(180 / math.pi * found.most_turn),
+    }
+
+
+def _strength(c: Configuration) -> dict[str, Any] | None:
+    found = c.strength
+    if found is None:
+        return None
+    shares = {
+        "yield": (found.yield_share, found.yield_leaf),
+        "fatigue": (found.fatigue_share, found.fatigue_leaf),
+    }
+    limits: dict[str, Any] = {}
+    for key, (share, leaf) in shares.items():
+        limits |= {
+            f"{key}_percent": None if share is None else _finite(100 * share),
+            f"{key}_leaf": leaf or None,
+        }
+    return {
+        "largest_strain_percent": _finite(100 * found.strain),
+        "strain_leaf": found.strain_leaf,
+        "largest_stress_MPa": _finite(1e-6 * found.stress_Pa),
+        "stress_leaf": found.stress_leaf,
+        "stress_s_mm": _finite(1e3 * found.s),
+        "stress_point": found.point,
+        **limits,
     }
 
 

@@ -17,6 +17,7 @@ from ksd.model.arrays import carries_load
 from ksd.solve.configuration import Configuration
 from ksd.solve.confirm import difference, laden
 from ksd.solve.steps import ErrorEstimate
+from ksd.solve.trust import solved_well
 
 EXACT, NEAR = 1e-5, 0.02
 """Largest difference (of positions over the size, of rotations as they are) of equal states: exact, or reduced."""
@@ -36,8 +37,9 @@ def beside(found: Configuration, walk: Callable[[], Configuration]) -> tuple[str
         other = walk()
     except ConvergenceError as reason:
         return f"loads do much of the work, and load steps do not confirm it: {reason}", None
-    if not other.trusted:
-        return f"loads do much of the work, and load steps do not confirm it: {other.trust.trusted}", None
+    verdict = solved_well(other)
+    if not verdict:
+        return f"loads do much of the work, and load steps do not confirm it: {verdict}", None
     far = difference(found.model, found.motion, other.motion)
     error, size = found.error, found.model.arrays.size
     own = 0.0 if error is None else 3.0 * max(error.displacement / size, error.rotation)

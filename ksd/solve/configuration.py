@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -15,6 +15,9 @@ from ksd.model.compile import Model
 from ksd.solve.reading import Reading
 from ksd.solve.steps import ErrorEstimate, FiveStepRecord, Step
 from ksd.solve.stops import Stop
+
+if TYPE_CHECKING:
+    from ksd.properties.strength import Strength
 
 
 @dataclass(frozen=True, repr=False, init=False)
@@ -27,7 +30,8 @@ class Configuration:
     intended pose, in joint axes. error: estimate for the fast methods, None where the method is exact. negatives:
     negative pivots at the end, expected: those the constraint rows explain. doubts: what speaks against the branch and
     was not cleared up by smaller steps. plane_alone: the pivots were counted in the plane alone, so buckling out of it
-    was not looked at. near: every joint was seen near its intended motion, so the verdict need not look again.
+    was not looked at. notes: what the solve itself warns of, part of `warnings`. near: every joint was seen near its
+    intended motion, so the verdict need not look again.
     """
 
     model: Model
@@ -40,7 +44,7 @@ class Configuration:
     motions: Mapping[str, float]
     unintended: Mapping[str, np.ndarray]
     error: ErrorEstimate | None
-    warnings: tuple[str, ...]
+    notes: tuple[str, ...]
     load_factor: float
     doubts: tuple[str, ...]
     plane_alone: bool
@@ -61,7 +65,7 @@ class Configuration:
         unintended: Mapping[str, np.ndarray] | None = None,
         reading: Reading | None = None,
         error: ErrorEstimate | None = None,
-        warnings: tuple[str, ...] = (),
+        notes: tuple[str, ...] = (),
         load_factor: float = 1.0,
         doubts: tuple[str, ...] = (),
         plane_alone: bool = False,
@@ -71,7 +75,7 @@ class Configuration:
         # at once: a frozen dataclass of its own takes 5 us for so many fields, a tenth of a planar solve
         self.__dict__.update(
             model=model, motion=motion, method=method, targets=targets, steps=steps, negatives=negatives,
-            expected=expected, error=error, warnings=warnings, load_factor=load_factor,
+            expected=expected, error=error, notes=notes, load_factor=load_factor,
             doubts=doubts, plane_alone=plane_alone, chosen=chosen, near=near,
         )  # fmt: skip
         if reading is not None:
@@ -134,6 +138,23 @@ class Configuration:
     def trusted(self) -> bool:
         """Whether it converged, is stable, and lies on the branch meant; `trust.trusted` says why."""
         return bool(self.trust.trusted)
+
+    @cached_property
+    def strength(self) -> Strength | None:
+        """Largest strain and stress of all leafs, and the share of their limits; None where leafs are reduced solids."""
+        from ksd.properties.strength import strength
+
+        if getattr(self.model, "solids", None):
+            return None
+        return strength(*self.insides, load_factor=self.load_factor)
+
+    @cached_property
+    def warnings(self) -> tuple[str, ...]:
+        """What the user should know: of the solve, of the scene (`ksd.scene.plausible`), and of strain and stress."""
+        from ksd.properties.strength import unusual
+
+        strain = () if self.strength is None else self.strength.warnings
+        return (*self.notes, *unusual(self.model), *strain)
 
     @property
     def iterations(self) -> int:
@@ -365,12 +386,12 @@ def note_turn(found: Configuration, turned: float) -> None:
 
 
 def with_reading(
-    found: Configuration, reading: Reading, warnings: tuple[str, ...], *, near: bool
+    found: Configuration, reading: Reading, notes: tuple[str, ...], *, near: bool
 ) -> Configuration:
     """The same with the motions of its joints, as read where their records are known, and what was not found."""
     told = object.__new__(Configuration)
-    told.__dict__.update(found.__dict__, _reading=reading, warnings=(*found.warnings, *warnings), near=near)
-    for name in ("motions", "unintended"):
+    told.__dict__.update(found.__dict__, _reading=reading, notes=(*found.notes, *notes), near=near)
+    for name in ("motions", "unintended", "warnings"):
         told.__dict__.pop(name, None)
     return told
 

@@ -28,6 +28,7 @@ from ksd.solve.path import Path, trace
 from ksd.solve.steps import Step
 from ksd.solve.stops import Stop
 from ksd.solve.storage import Storage, storage_of
+from ksd.solve.trust import solved_well
 
 Arrived = tuple[Driven, str, Motion]
 """How driving went, in what, and where it ended."""
@@ -195,12 +196,12 @@ def by_load_steps(
     if kinematic is not None:
         ways["loads put on the unloaded state of the five steps"] = kinematic
     for said, begin in ways.items() if carries_load(model.arrays) else ():
-        if result is not None and result.trusted:
+        if result is not None and solved_well(result):
             break
         with contextlib.suppress(KsdError):
             other = told(loads_last(model, targets, unloaded=begin()))
-            if other.trusted or result is None:
-                result = replace(other, warnings=(*other.warnings, said))
+            if solved_well(other) or result is None:
+                result = replace(other, notes=(*other.notes, said))
     if result is None:
         assert stopped is not None
         raise stopped

@@ -269,7 +269,7 @@ class FiveSteps:
         doubts = wandered(s for s in steps if s.name[0] in "35") if steps.wandered(WANDERED) else ()
         return Configuration(
             self.model, b.full.copy(), method, values, steps, negatives=negatives, expected=self._expected, reading=reading,
-            error=error, warnings=(*warnings, *unknown, *self._said(steps)), doubts=doubts, plane_alone=plane_alone,
+            error=error, notes=(*warnings, *unknown, *self._said(steps)), doubts=doubts, plane_alone=plane_alone,
             near=near,
         )  # fmt: skip
 

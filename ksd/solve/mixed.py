@@ -263,7 +263,7 @@ class MixedSolver:
         expected = len(modal.drive_names) + len(modal.support_names)
         return Configuration(
             modal, state, "modal", dict(values), tuple(steps), negatives=int(negatives + inside),
-            expected=expected, reading=reading, warnings=(*placed.warnings, *unknown), near=near,
+            expected=expected, reading=reading, notes=(*placed.notes, *unknown), near=near,
         )  # fmt: skip
 
 

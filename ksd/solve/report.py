@@ -109,7 +109,7 @@ def _verdict(d: dict[str, Any]) -> list[Any]:
         *_range(d["basis"]),
         Text(f"State: {d['stability']}", style="" if d["stable"] else "bold red"),
     ]
-    for prefix, name in (("Branch: ", "branch"), ("", "trusted")):
+    for prefix, name in (("Branch: ", "branch"), ("", "strength"), ("", "trusted")):
         verdict = d["trust"][name]
         said = prefix + verdict["sentence"]
         lines.append(Text(said[0].upper() + said[1:], style="" if verdict["yes"] else "bold red"))

@@ -25,7 +25,7 @@ def resolved(found: Configuration, wanted: float) -> Configuration:
         f"leaf '{where}' has {100 * share:.2g} % of its energy in its highest {_AXIS[axis]} mode; "
         f"the curvature modes {found.model.mesh.orders} are few for this state: raise the orders of the mesh"
     )
-    found = replace(found, warnings=(*found.warnings, note))
+    found = replace(found, notes=(*found.notes, note))
     if share > BLIND:
         energy = found.strain_energy()
         if share * energy[where] > SLIGHT * sum(energy.values()):

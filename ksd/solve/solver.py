@@ -26,7 +26,7 @@ from ksd.solve.pipeline import Bench
 from ksd.solve.plates import settled
 from ksd.solve.resolved import resolved
 from ksd.solve.storage import Storage
-from ksd.solve.trust import insist
+from ksd.solve.trust import insist, solved_well
 
 METHODS = ("kinematic", "reduced", "full", "conventional", "modal")
 DEFAULT_ACCURACY = 1e-3
@@ -262,12 +262,13 @@ class Solver:
         try:
             for passes in range(2):
                 result = self.five_steps(values, target, method="reduced", passes=passes, estimate=True)
-                if result.error is not None and result.error.relative <= accuracy and result.trusted:
+                if result.error is not None and result.error.relative <= accuracy and solved_well(result):
                     return self._beside(with_changes(result, chosen=True), values)
             found = self.five_steps(values, target, method="full", passes=1, estimate=False)
-            if found.trusted:
+            verdict = solved_well(found)
+            if verdict:
                 return self._beside(found, values)
-            raise ConvergenceError(str(found.trust.trusted))
+            raise ConvergenceError(str(verdict))
         except (RecordError, KinematicsError, ConvergenceError, RangeError) as reason:
             if isinstance(reason, KinematicsError) and "same freedom" in str(reason):
                 raise
@@ -287,7 +288,7 @@ class Solver:
         if other is None:
             return with_changes(found, doubts=(*found.doubts, against))
         return with_changes(
-            other, warnings=(*other.warnings, f"load steps used: the five steps led elsewhere: {against}")
+            other, notes=(*other.notes, f"load steps used: the five steps led elsewhere: {against}")
         )
 
     def _by_load_steps(self, values: Mapping[str, float]) -> Configuration:
@@ -307,7 +308,7 @@ class Solver:
     def _load_steps(self, values: Mapping[str, float], note: str) -> Configuration:
         """The conventional solver in all its ways."""
         result = self._by_load_steps(values)
-        return with_changes(result, warnings=(*result.warnings, note)) if note else result
+        return with_changes(result, notes=(*result.notes, note)) if note else result
 
     def _told(self, result: Configuration) -> Configuration:
         """A conventional result with the joints' intended and unintended motions, where their records are there."""

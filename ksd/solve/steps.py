@@ -21,6 +21,22 @@ class Step(NamedTuple):
     stop: Stop
     note: str = ""
 
+    @property
+    def reason(self) -> str:
+        """Why it stopped, a sentence that fits its residual."""
+        if self.stop != Stop.CONVERGED:
+            return Stop(self.stop).sentence
+        if self.name.startswith("1 "):
+            return "loops closed"
+        if self.name == "error estimate":
+            return "looked at, not iterated"
+        if self.residual <= 1.0:
+            return Stop.CONVERGED.sentence
+        return (
+            f"equilibrium reached: the last step moved nothing, the residual of {self.residual:.2g} times its bound is what "
+            "rounding leaves in the stiff directions"
+        )
+
 
 @dataclass(frozen=True)
 class ErrorEstimate:

@@ -18,7 +18,6 @@ from ksd.model.arrays import STRAIN
 from ksd.model.compile import Model
 from ksd.properties.kept import per_model
 from ksd.solve.near import FAR_SHIFT, FAR_TURN
-from ksd.solve.stops import Stop
 
 if TYPE_CHECKING:
     from ksd.solve.configuration import Configuration
@@ -45,10 +44,12 @@ class Verdict:
 
 @dataclass(frozen=True)
 class Trust:
-    """stable: a minimum of energy; branch: the one that leads here from rest; trusted: both, and converged."""
+    """stable: a minimum of energy; branch: the one that leads here from rest; strength: a linear elastic beam can be in
+    this state; trusted: all three, and converged."""
 
     stable: Verdict
     branch: Verdict
+    strength: Verdict
     trusted: Verdict
 
     def __str__(self) -> str:
@@ -142,46 +143,64 @@ def _worthless(c: Configuration) -> bool:
     return e is not None and not (e.relative <= 1.0 or e.displacement <= SLIGHT * c.model.arrays.size)
 
 
-def judge(c: Configuration) -> Trust:
-    """Verdicts on a configuration."""
-    stable, branch = _stable(c), _branch(c)
+def solved_well(c: Configuration) -> Verdict:
+    """Whether the equations are solved, at a minimum and on the branch meant, whatever the leafs are strained by."""
+    return _solved_well(c, _stable(c), _branch(c))
+
+
+def _solved_well(c: Configuration, stable: Verdict, branch: Verdict) -> Verdict:
     if not c.converged:
-        trusted = Verdict(False, f"not solved: {c.steps[-1].stop.sentence}")
-    elif not stable:
-        trusted = Verdict(False, "not to be trusted: " + "; ".join([str(stable), *c.doubts]))
-    elif not branch:
-        trusted = Verdict(False, f"not to be trusted: {branch}")
-    elif c.error is not None and _worthless(c):
+        return Verdict(False, f"not solved: {c.steps[-1].stop.sentence}")
+    if not stable:
+        return Verdict(False, "not to be trusted: " + "; ".join([str(stable), *c.doubts]))
+    if not branch:
+        return Verdict(False, f"not to be trusted: {branch}")
+    if c.error is not None and _worthless(c):
         said = (
             f"its estimated error is {100 * c.error.relative:.2g} %"
             if math.isfinite(c.error.relative)
             else "corrector steps of the full model grow from one to the next, so its error is not known"
         )
-        trusted = Verdict(False, f"not to be trusted: {said}")
-    elif c.error is None and hasattr(c.model, "solids"):
-        trusted = Verdict(
+        return Verdict(False, f"not to be trusted: {said}")
+    if c.error is None and hasattr(c.model, "solids"):
+        return Verdict(
             True, "trusted but for the bases of its solids, whose error was not estimated (ksd.solve does)"
         )
-    elif c.error is not None:
-        trusted = Verdict(True, f"trusted within its estimated error of {100 * c.error.relative:.2g} %")
-    else:
-        trusted = Verdict(
-            True, f"trusted: {Stop.CONVERGED.sentence}, it is a minimum, and the branch is the one meant"
-        )
-    return Trust(stable, branch, trusted)
+    if c.error is not None:
+        return Verdict(True, f"trusted within its estimated error of {100 * c.error.relative:.2g} %")
+    return Verdict(True, f"trusted: {c.steps[-1].reason}, it is a minimum, and the branch is the one meant")
+
+
+def _strength(c: Configuration) -> Verdict:
+    found = c.strength if c.converged else None
+    if found is None:
+        return Verdict(True, "strain and stress are not known")
+    return Verdict(not found.beyond, "; ".join(filter(None, [str(found), found.beyond])))
+
+
+def judge(c: Configuration) -> Trust:
+    """Verdicts on a configuration."""
+    stable, branch, strength = _stable(c), _branch(c), _strength(c)
+    trusted = _solved_well(c, stable, branch)
+    if trusted and not strength and c.strength is not None:
+        trusted = Verdict(False, f"not to be trusted: {c.strength.beyond}")
+    return Trust(stable, branch, strength, trusted)
 
 
 def _evident(c: Configuration) -> bool:
-    """Whether `judge` would trust it, as far as numbers at hand tell: verdicts are put in words when they are read."""
+    """Whether it is `solved_well`, as far as numbers at hand tell: verdicts are put in words when they are read."""
     settled = c.near and c.stable and not c.doubts and c.converged
     return settled and (c.error is None or c.error.relative <= 1.0) and not _rolled(c)
 
 
 def insist(c: Configuration) -> Configuration:
-    """The configuration itself if it can be trusted, else TrustError with the reason; its `result` is `c`."""
+    """The configuration itself if it is `solved_well`, else TrustError with the reason; its `result` is `c`.
+
+    Strain and stress are not looked at: they would cost a prepared solve more than its Newton steps.
+    """
     if _evident(c):
         return c
-    trusted = judge(c).trusted
+    trusted = solved_well(c)
     if not trusted:
         said = f"{trusted}{_fighting_drives(c)}; strict=False (in Python) returns the state all the same"
         raise TrustError(said, reached=1.0, result=c)

@@ -204,7 +204,7 @@ def test_loads_on_the_unloaded_state_of_the_five_steps(monkeypatch):
     scene.load("top", force=(0, 0, 700), at=(0, 0.37, 0))
     fine = ksd.Mesh(orders=(8, 3, 7), points=10)
     right = ksd.prepare(scene, mesh=fine)(top=0.3, method="conventional")
-    assert not right.warnings
+    assert not right.notes
     own = module.conventional
 
     def from_a_state_alone(model, targets, **ways):
@@ -214,7 +214,7 @@ def test_loads_on_the_unloaded_state_of_the_five_steps(monkeypatch):
 
     monkeypatch.setattr(module, "conventional", from_a_state_alone)
     found = ksd.prepare(scene, mesh=fine)(top=0.3, method="conventional")
-    assert found.warnings == ("loads put on the unloaded state of the five steps",)
+    assert found.notes == ("loads put on the unloaded state of the five steps",)
     assert found.forces["top"] == pytest.approx(right.forces["top"], rel=1e-8)
     monkeypatch.setattr(module, "loads_last", lambda *a, **k: from_a_state_alone(*a))
     with pytest.raises(ConvergenceError, match="not from rest"):

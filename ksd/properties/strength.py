@@ -1,0 +1,142 @@
+"""How much of what a material bears an answer uses: the largest strain and stress of all leafs, and their limits.
+
+Strain is the largest principal strain of beam theory, from normal strain e = sigma/E and shear strain g = tau/G:
+(1 - nu) e/2 + sqrt(((1 + nu) e)^2 + g^2)/2. Stress is von Mises, see `ksd.properties.stress`. Section forces belong to a
+linear law between force and engineering strain; other laws with the same modulus (Green-Lagrange, logarithmic) differ from
+it by about 1.5 times the strain, so that beyond a per cent the law is a larger error than that of any mesh.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ksd.model.arrays import Motion
+from ksd.model.compile import Model
+from ksd.properties.kept import per_model
+from ksd.properties.section_forces import section_forces
+from ksd.properties.shape import scene_leafs
+from ksd.properties.stress import LeafStress, stress_of
+from ksd.properties.words import Shown, number
+from ksd.scene.material import Material
+from ksd.scene.plausible import implausible
+
+NOTABLE = 0.01
+"""Strain from which a warning says that the linear law is no longer a small error."""
+MOST = 0.05
+"""Strain beyond which no answer of a linear law is to be trusted: metals are torn, and the law alone is 7 % of a force."""
+LAW = 1.5
+"""Difference of a force between common laws of elasticity, over the strain."""
+
+
+@dataclass(frozen=True, repr=False)
+class Strength(Shown):
+    """strain: the largest of all leafs, in `strain_leaf`; stress_Pa: the largest, in `stress_leaf` at s [m] and `point`.
+
+    yield_share, fatigue_share: largest stress over the limit of its own material, in yield_leaf and fatigue_leaf; None
+    (and no name) where no material says its limit.
+    """
+
+    strain: float
+    strain_leaf: str
+    stress_Pa: float
+    stress_leaf: str
+    s: float
+    point: str
+    yield_share: float | None
+    yield_leaf: str
+    fatigue_share: float | None
+    fatigue_leaf: str
+
+    @property
+    def beyond(self) -> str:
+        """Why no beam of this material can be in this state, in words; nothing where it can."""
+        if not self.strain <= MOST:
+            return (
+                f"leaf '{self.strain_leaf}' is strained by {100 * self.strain:.3g} %, where a linear elastic beam is "
+                f"trusted to {100 * MOST:g} %"
+            )
+        if self.yield_share is not None and self.yield_share > 1.0:
+            return f"leaf '{self.yield_leaf}' yields: its stress is {self.yield_share:.3g} times its yield stress"
+        return ""
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """A sentence for every limit that is passed."""
+        found = []
+        if self.strain > NOTABLE:
+            found.append(
+                f"leaf '{self.strain_leaf}' is strained by {100 * self.strain:.3g} %; forces then depend on the law of "
+                f"elasticity by about {100 * LAW * self.strain:.2g} %, and few materials stay elastic"
+            )
+        for share, leaf, what in (
+            (self.yield_share, self.yield_leaf, "yield stress"),
+            (self.fatigue_share, self.fatigue_leaf, "fatigue limit"),
+        ):
+            if share is not None and share > 1.0:
+                found.append(f"the stress in leaf '{leaf}' is {share:.3g} times the {what} of its material")
+        return tuple(found)
+
+    def _line(self) -> str:
+        return str(self)
+
+    def __str__(self) -> str:
+        shares = [
+            f"{number(100 * share, 3)} % of the {what}" + f" in '{leaf}'" * (leaf != self.stress_leaf)
+            for share, leaf, what in (
+                (self.yield_share, self.yield_leaf, "yield stress"),
+                (self.fatigue_share, self.fatigue_leaf, "fatigue limit"),
+            )
+            if share is not None
+        ]
+        limits = ", ".join(shares) or "the material gives no yield_stress or fatigue_limit"
+        place = f"'{self.stress_leaf}' at s = {number(1e3 * self.s, 4, zero=1e-9)} mm, {self.point}"
+        strained = "" if self.strain_leaf == self.stress_leaf else f" in '{self.strain_leaf}'"
+        stress = f"{number(1e-6 * self.stress_Pa, 4)} MPa in {place}"
+        return f"strain at most {number(100 * self.strain, 3)} %{strained}, stress {stress}: {limits}"
+
+
+def strength(model: Model, motion: Motion, *, load_factor: float = 1.0) -> Strength | None:
+    """Largest strain and stress at a state, and their shares of the limits; None where nothing is flexible."""
+    leafs = scene_leafs(model)
+    found = stress_of(model, section_forces(model, motion, load_factor=load_factor)).leafs
+    if not found:
+        return None
+    strains = {name: _strain(stress, leafs[name].material) for name, stress in found.items()}
+    stresses = {name: stress.largest_Pa for name, stress in found.items()}
+    strained, stressed = (max(by, key=lambda n: by[n]) for by in (strains, stresses))
+    shares: list[tuple[float | None, str]] = []
+    for limit in ("yield_stress", "fatigue_limit"):
+        known = {
+            n: v / most
+            for n, v in stresses.items()
+            if (most := getattr(leafs[n].material, limit)) is not None
+        }
+        worst = max(known, key=lambda n: known[n]) if known else ""
+        shares.append((known.get(worst), worst))
+    return Strength(
+        strains[strained],
+        strained,
+        stresses[stressed],
+        stressed,
+        *found[stressed].where,
+        *shares[0],
+        *shares[1],
+    )
+
+
+def _strain(stress: LeafStress, material: Material) -> float:
+    """Largest principal strain of a leaf; Poisson's ratio from its moduli, within what an isotropic material has."""
+    nu = min(max(material.E / (2 * material.G) - 1, 0.0), 0.5)
+    e, g = np.abs(stress.normal_Pa) / material.E, stress.shear_Pa / material.G
+    return float(np.max(0.5 * ((1 - nu) * e + np.hypot((1 + nu) * e, g))))
+
+
+@per_model
+def unusual(model: Model) -> tuple[str, ...]:
+    """What is unusual about the scene that a model was made of, see `ksd.scene.plausible`."""
+    return implausible(model.said or model.scene)
+
+
+__all__ = ["Strength", "strength", "unusual"]

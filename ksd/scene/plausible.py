@@ -1,0 +1,112 @@
+"""What a scene says that hardly any flexure has: lengths and moduli in another unit, leafs that are no beams.
+
+Nothing here is refused: rubber, silicon and giant antennas exist. The sentences go with the doctor and with every answer.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Sequence
+
+from ksd.scene.contents import Scene
+from ksd.scene.leaf import Leaf
+from ksd.scene.material import Material
+from ksd.section import Section
+
+STOUT = 5.0
+"""Length over thickness below which a leaf is a block: plane sections and clamps without compliance do not hold."""
+LENGTHS = (1e-6, 5.0)
+"""Leafs [m] from micromachined to as long as a room."""
+MODULI = (1e6, 1.3e12)
+"""Young's and shear moduli [Pa] from rubber to diamond."""
+DENSITIES = (10.0, 23e3)
+"""Densities [kg/m^3] from foam to osmium."""
+LIMITS = (1e-5, 0.5)
+"""Stress limits over Young's modulus."""
+
+
+def implausible(scene: Scene) -> tuple[str, ...]:
+    """One sentence for everything that is unusual, equal leafs together; nothing where all is as flexures are."""
+    leafs = scene.leaf_names()
+    materials = dict.fromkeys(leaf.material for leaf in leafs.values())
+    found = [said for material in materials for said in _of_material(material)]
+    for judge in (_of_length, _of_thickness, _of_width):
+        found += _together(leafs, judge)
+    return tuple(found)
+
+
+def extents(section: Section) -> tuple[float, float]:
+    """Thickness and width [m]: as given, or of the rectangle with the same area and second moments."""
+    return (
+        section.thickness or math.sqrt(12 * section.Iz / section.A),
+        section.width or math.sqrt(12 * section.Iy / section.A),
+    )
+
+
+def thinnest(leaf: Leaf) -> Section:
+    """The section of a leaf, of one with a profile where it is thinnest (at 33 stations)."""
+    if leaf.profile is None:
+        return leaf.section
+    return min((leaf.profile.section(k / 32) for k in range(33)), key=lambda q: q.Iz)
+
+
+def _of_material(m: Material) -> Iterator[str]:
+    name = f"material '{m.name}'" if m.name else "a material"
+    # a shear modulus that follows from E needs no sentence of its own
+    key, value = ("E", m.E) if not MODULI[0] <= m.E <= MODULI[1] else ("G", m.G)
+    if value < MODULI[0]:
+        yield (
+            f"{name}: {key} = {value:g} Pa is softer than rubber; if it is meant in MPa, write {value:g}e6 in Python or "
+            f"'{value:g} MPa' in a scene file"
+        )
+    elif value > MODULI[1]:
+        yield f"{name}: {key} = {value:g} Pa is stiffer than diamond (1.2e12 Pa); moduli are in Pa"
+    if m.density is not None and not DENSITIES[0] <= m.density <= DENSITIES[1]:
+        yield f"{name}: density = {m.density:g} kg/m^3 is that of no solid; steel has 7800"
+    for key in ("yield_stress", "fatigue_limit"):
+        limit = getattr(m, key)
+        if limit is not None and not LIMITS[0] <= limit / m.E <= LIMITS[1]:
+            yield f"{name}: {key} = {limit:g} Pa is {100 * limit / m.E:.2g} % of E; stresses are in Pa"
+
+
+def _of_length(leaf: Leaf) -> str:
+    if LENGTHS[0] <= leaf.length <= LENGTHS[1]:
+        return ""
+    return f"length {leaf.length:g} m is that of no flexure; lengths are in m"
+
+
+def _of_thickness(leaf: Leaf) -> str:
+    thickness = extents(thinnest(leaf))[0]
+    if leaf.length >= STOUT * thickness:
+        return ""
+    return (
+        f"length {1e3 * leaf.length:.4g} mm is only {leaf.length / thickness:.2g} thicknesses; below {STOUT:g} a beam "
+        "clamped in rigid blocks is a poor model, and the real one is softer"
+    )
+
+
+def _of_width(leaf: Leaf) -> str:
+    width, nu = extents(leaf.section)[1], leaf.material.nu
+    if leaf.length >= width or leaf.profile is not None:
+        return ""
+    more = f"by up to {100 * nu * nu / (1 - nu * nu):.2g} %, " if -1.0 < nu < 1.0 else ""
+    return (
+        f"width {1e3 * width:.4g} mm is more than its length {1e3 * leaf.length:.4g} mm; it bends as a plate, stiffer {more}"
+        "and twists stiffer with its warping restrained: see the effects 'plate' and 'warping'"
+    )
+
+
+def _together(leafs: dict[str, Leaf], judge: Callable[[Leaf], str]) -> list[str]:
+    """The sentences of all leafs, each once, with the names of those it holds for."""
+    said: dict[str, list[str]] = {}
+    for name, leaf in leafs.items():
+        sentence = judge(leaf)
+        if sentence:
+            said.setdefault(sentence, []).append(name)
+    return [f"{_names(names)}: {sentence}" for sentence, names in said.items()]
+
+
+def _names(names: Sequence[str]) -> str:
+    shown = ", ".join(f"'{name}'" for name in names[:3])
+    more = f" and {len(names) - 3} more" if len(names) > 3 else ""
+    return f"leaf{'s' * (len(names) > 1)} {shown}{more}"

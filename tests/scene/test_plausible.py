@@ -1,0 +1,104 @@
+"""Scenes in another unit, and leafs that are no beams, are named; scenes as flexures are stay silent."""
+
+import pytest
+
+import ksd
+from ksd.scene.plausible import implausible
+from ksd.scene.profile import CircularNotch
+
+
+def scene(*, length=0.1, thickness=1e-3, width=0.04, profile=None, **material):
+    m = ksd.Mechanism("leaf")
+    tip = m.link("tip")
+    stuff = ksd.Material(**({"E": 200e9, "nu": 0.3, "name": "steel"} | material))
+    m.leaf(
+        m.ground, tip, start=(0, 0, 0), end=(length, 0, 0), section=ksd.rectangle(thickness, width), material=stuff,
+        width_axis="z", name="leaf", profile=profile,
+    )  # fmt: skip
+    m.actuate(tip, about="z", name="drive")
+    return m
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        ({"E": 210000.0}, "E = 210000 Pa is softer than rubber; if it is meant in MPa"),
+        ({"E": 2.1e14}, "stiffer than diamond"),
+        ({"length": 50.0}, "leaf 'leaf': length 50 m is that of no flexure"),
+        ({"length": 1e-7, "thickness": 1e-9, "width": 1e-8}, "length 1e-07 m"),
+        ({"length": 0.05, "thickness": 0.02, "width": 0.01}, "only 2.5 thicknesses"),
+        ({"length": 0.03}, "width 40 mm is more than its length 30 mm"),
+        ({"density": 7.8}, "density = 7.8 kg/m^3 is that of no solid"),
+        ({"yield_stress": 500.0}, "yield_stress = 500 Pa"),
+        ({"fatigue_limit": 5e11}, "fatigue_limit = 5e+11 Pa"),
+    ],
+)
+def test_what_no_flexure_has_is_said_once_everywhere(words, said):
+    made = scene(**words)
+    found = implausible(made.scene())
+    assert sum(said in sentence for sentence in found) == 1
+    assert all("\n" not in sentence and not sentence.endswith(".") for sentence in found)
+    diagnosis = ksd.doctor(made)
+    assert diagnosis.unusual == found and f"unusual: {found[0]}" in str(diagnosis)
+    assert diagnosis.as_dict()["unusual"] == list(found)
+    pose = ksd.solve(made, {"drive": 1e-3})
+    assert set(found) <= set(pose.warnings) and said in " ".join(str(pose).split())
+
+
+def test_flexures_are_silent():
+    made = scene(density=7800.0, yield_stress=1.2e9, fatigue_limit=0.5e9)
+    assert implausible(made.scene()) == ()
+    assert ksd.solve(made, {"drive": 0.1}).warnings == ()
+
+
+def test_a_notch_is_judged_where_it_is_thinnest():
+    notch = CircularNotch(5e-3, 5e-4, 0.01)
+    assert implausible(scene(length=0.01, thickness=0.0105, width=0.01, profile=notch).scene()) == ()
+
+
+def test_equal_leafs_share_a_sentence():
+    m = ksd.Mechanism("four")
+    tip = m.link("tip")
+    for k in range(5):
+        m.leaf(
+            m.ground, tip, start=(0, 0.1 * k, 0), end=(0.05, 0.1 * k, 0), section=ksd.rectangle(0.02, 0.01),
+            material=ksd.Material(200e9, nu=0.3), width_axis="z", name=f"leaf {k}",
+        )  # fmt: skip
+    m.actuate(tip, about="z", name="drive")
+    (found,) = implausible(m.scene())
+    assert found.startswith("leafs 'leaf 0', 'leaf 1', 'leaf 2' and 2 more: ")
+
+
+def test_a_scene_file_in_the_wrong_units_says_so(tmp_path):
+    file = tmp_path / "wrong.toml"
+    file.write_text(
+        """
+name = "wrong"
+links = ["tip"]
+[material.steel]
+E = 210000
+nu = 0.3
+yield_stress = "800 MPa"
+fatigue_limit = 4e8
+[[leaf]]
+a = "ground"
+b = "tip"
+start = [0, 0, 0]
+end = [50, 0, 0]
+width_axis = "z"
+thickness = 0.5
+width = 10
+material = "steel"
+[[actuate]]
+link = "tip"
+about = "z"
+value = "10 deg"
+"""
+    )
+    made, targets, _ = ksd.load_scene(file)
+    material = made.scene().leafs[0].leaf.material
+    assert (material.yield_stress, material.fatigue_limit) == (8e8, 4e8)
+    said = " ".join(ksd.doctor(made).unusual)
+    assert "E = 210000 Pa" in said and "length 50 m" in said and "yield_stress = 8e+08 Pa" in said
+    ksd.save_scene(made, tmp_path / "again.toml", targets=targets)
+    assert ksd.load_scene(tmp_path / "again.toml")[0].scene() == made.scene()
