@@ -286,8 +286,18 @@ def _hung(model: Model, pushes: list[Push], index: dict[str, int]) -> tuple[list
 
 
 def _contracted(joint: Any, record: Any, mesh: str | int, extrapolate: bool) -> Any:
-    """The record at the shape of a joint; RecordError for a chain it cannot stand for."""
-    plain = all(leaf.profile is None and leaf.curve is None for leaf in leafs_of(joint))
+    """The record at the shape of a joint; RecordError for a chain it cannot stand for, and for another joint's record."""
+    leafs = leafs_of(joint)
+    inner = [name for name in joint.blocks() if name not in ("A", "B")]
+    counts = [(len(leafs), len(record.leafs), "leafs"), (len(inner), len(record.blocks), "internal blocks")]
+    counts.append((len(joint.motions), len(record.motions), "motions"))
+    for here, there, what in counts:
+        if here != there:
+            raise RecordError(
+                f"the record of {joint.family} is of a joint with {there} {what}, this one has {here}; give your joint a "
+                "family name of its own and train it with ksd.train(joint)"
+            )
+    plain = all(leaf.profile is None and leaf.curve is None for leaf in leafs)
     if mesh not in record.functions and not plain:
         known = ", ".join(str(n) for n in record.functions)
         raise RecordError(

@@ -11,8 +11,8 @@ import os
 from pathlib import Path
 from typing import Any
 
-from ksd.errors import RecordError, SceneError
-from ksd.library.files import write_atomically
+from ksd.errors import SceneError
+from ksd.files import check_target, read_file, write_file
 from ksd.section.checks import show
 
 Rows = list[dict[str, Any]]
@@ -31,32 +31,28 @@ class Kept:
         self.found: dict[int, Rows] = {}
         if self.path is None:
             return
-        if not self.path.parent.is_dir():
-            raise SceneError(f"resume = '{self.path}': its folder does not exist; make it first")
+        check_target(self.path, what="resume")
         head = json.dumps({"ksd sweep": fingerprint})
-        try:
-            intact = self._read(head) if self.path.exists() and self.path.stat().st_size else [head]
-            # whole or not at all: a kill here must not cost the lines of the runs before
-            write_atomically(("\n".join(intact) + "\n").encode(), self.path)
-        except (OSError, RecordError) as error:
-            raise SceneError(f"resume = '{self.path}' cannot be used: {error}") from error
+        intact = self._read(head) if self.path.exists() and self.path.stat().st_size else [head]
+        # whole or not at all: a kill here must not cost the lines of the runs before
+        write_file(self.path, "\n".join(intact) + "\n", what="resume")
 
     def _read(self, head: str) -> list[str]:
         """Lines up to the first damaged one."""
         assert self.path is not None
-        lines = self.path.read_bytes().decode("utf-8", errors="replace").splitlines()
-        if lines[0] != head:
+        lines = read_file(self.path, what="resume").decode("utf-8", errors="replace").splitlines()
+        if lines[:1] != [head]:
             raise SceneError(
                 f"resume = '{self.path}' belongs to another sweep (other scene, values, questions or method); give "
-                "another file name, or delete it to begin anew"
+                "another file name, or delete it to begin anew."
             )
         intact = lines[:1]
         for text in lines[1:]:
             mark, _, body = text.partition(" ")
-            if mark != _hash(body):
+            entry = _entry(body) if mark == _hash(body) else None
+            if entry is None:
                 break
-            entry = json.loads(body)
-            self.found[int(entry["line"])] = entry["rows"]
+            self.found[entry["line"]] = entry["rows"]
             intact.append(text)
         return intact
 
@@ -74,8 +70,19 @@ class Kept:
         except OSError as error:
             raise SceneError(
                 f"resume = '{self.path}' cannot be written any more: {error.strerror}; what is in it is kept, make room "
-                "and start again"
+                "and start again."
             ) from error
+
+
+def _entry(body: str) -> dict[str, Any] | None:
+    """What `keep` wrote; None for anything else."""
+    try:
+        entry = json.loads(body)
+        values = [value for row in entry["rows"] for value in row.values()]
+        fits = isinstance(entry["line"], int) and all(isinstance(v, str | int | float | None) for v in values)
+    except (ValueError, LookupError, TypeError, AttributeError, RecursionError):
+        return None
+    return entry if fits else None
 
 
 def _hash(body: str) -> str:

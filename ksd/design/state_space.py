@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ksd.design.questions import VALUE
+from ksd.design.table import write_mat
 from ksd.errors import SceneError
 from ksd.properties.words import Shown, listed, number
 from ksd.solve.answer import drive_kind
@@ -69,17 +70,11 @@ class StateSpace(Shown):
 
     def to_mat(self, path: str | os.PathLike[str]) -> Path:
         """Write A, B, C, D, names and units for MATLAB: ``load file; sys = ss(A, B, C, D)``. Returns the path."""
-        from scipy.io import savemat
-
-        target = Path(path)
-        if not target.parent.is_dir():
-            raise SceneError(f"'{target}': folder '{target.parent}' does not exist; make it first")
         numbers = {"A": self.A, "B": self.B, "C": self.C, "D": self.D, "frequency_Hz": self.frequency_Hz}
         texts = {"drives": self.drives, "input_units": self.input_units, "output_units": self.output_units}
         named = {k: np.array(v, dtype=object) for k, v in texts.items()}
         values = np.array([self.pose.get(d, 0.0) for d in self.drives])
-        savemat(target, {**numbers, **named, "pose": values})
-        return target
+        return write_mat(path, {**numbers, **named, "pose": values})
 
 
 def state_space(

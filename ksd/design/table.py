@@ -14,7 +14,8 @@ from typing import Any
 
 import numpy as np
 
-from ksd.errors import SceneError
+from ksd.errors import RecordError, SceneError
+from ksd.files import write_file
 
 STATUS = "status"
 """The column that says "ok", or why a row has no numbers."""
@@ -110,14 +111,11 @@ class Table:
 
     def to_csv(self, path: str | os.PathLike[str]) -> Path:
         """Write comma-separated values (UTF-8, full precision, one header line). Returns the path."""
-        from ksd.library.files import write_atomically
-
-        target, text = _writable(path), io.StringIO(newline="")
+        text = io.StringIO(newline="")
         writer = csv.writer(text)
         writer.writerow(self.columns)
         writer.writerows(zip(*self.columns.values(), strict=True))
-        write_atomically(text.getvalue().encode(), target)
-        return target
+        return write_file(path, text.getvalue(), what="table")
 
     def to_hdf5(self, path: str | os.PathLike[str]) -> Path:
         """Write one dataset per column, facts as attributes (HDF5, sealed: see `from_hdf5`). Returns the path."""
@@ -125,7 +123,7 @@ class Table:
 
         about = {**self.facts, "name": self.name, "labels": ", ".join(self.labels)}
         about["moving"] = ", ".join(self.moving)
-        return write_columns({n: self[n] for n in self.columns}, _writable(path), about=about)
+        return write_columns({n: self[n] for n in self.columns}, Path(path), about=about)
 
     @classmethod
     def from_hdf5(cls, path: str | os.PathLike[str]) -> Table:
@@ -136,26 +134,20 @@ class Table:
         name, labels, moving = (facts.pop(k, "") for k in ("name", "labels", "moving"))
         split = [tuple(n for n in said.split(", ") if n) for said in (labels, moving)]
         plain = {n: tuple(v if isinstance(v, list) else v.tolist()) for n, v in columns.items()}
+        if {*split[0], *split[1], STATUS} - set(plain) or not isinstance(columns[STATUS], list):
+            raise RecordError(f"{path} holds columns, but no table of a sweep; make it again.")
         return cls(plain, split[0], moving=split[1], name=name, facts=facts)
 
     def to_mat(self, path: str | os.PathLike[str]) -> Path:
         """Write a MATLAB struct `sweep` with a field (rows, 1) per column; field names are the column names with
         what MATLAB does not allow replaced by "_". Returns the path."""
-        from scipy.io import savemat
-
-        from ksd.library.files import write_atomically
-
         fields: dict[str, Any] = {}
         for n in self.columns:
             values = self[n]
             fields[matlab_name(n, fields)] = (
                 np.array(values, dtype=object)[:, None] if isinstance(values, list) else values[:, None]
             )
-        target = _writable(path)
-        content = io.BytesIO()
-        savemat(content, {"sweep": fields, "labels": np.array(self.labels, object)}, long_field_names=True)
-        write_atomically(content.getvalue(), target)
-        return target
+        return write_mat(path, {"sweep": fields, "labels": np.array(self.labels, object)})
 
     def to_xarray(self) -> Any:
         """An xarray Dataset with dimension `row` and the labels as coordinates. SceneError without xarray."""
@@ -200,8 +192,10 @@ def _same(a: Any, b: Any) -> bool:
     return math.isclose(a, float(b), rel_tol=1e-9, abs_tol=1e-12)
 
 
-def _writable(path: str | os.PathLike[str]) -> Path:
-    target = Path(path)
-    if not target.parent.is_dir():
-        raise SceneError(f"table '{target}': folder '{target.parent}' does not exist; make it first")
-    return target
+def write_mat(path: str | os.PathLike[str], values: Mapping[str, Any]) -> Path:
+    """Write arrays and structs for MATLAB, whole or not at all. Returns the path. SceneError where it cannot be written."""
+    from scipy.io import savemat
+
+    content = io.BytesIO()
+    savemat(content, dict(values), long_field_names=True)
+    return write_file(path, content.getvalue(), what="MATLAB file")

@@ -7,7 +7,6 @@ carry Fletcher32 besides, for programs that read the file without us. Same recor
 
 from __future__ import annotations
 
-import contextlib
 import datetime
 import hashlib
 import io
@@ -16,12 +15,18 @@ import math
 import os
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ksd.errors import RecordError
+from ksd.files import read_file, write_file
 from ksd.library.record import Evidence, Functions, Mesh, Parameter, Probes, Record, Residual, Stroke
+from ksd.library.record_checks import check_record
+from ksd.scene.families import joint_families
+
+if TYPE_CHECKING:
+    from ksd.library.hdf5 import Contents
 
 FORMAT = 2
 """Format this version writes, and the newest it reads."""
@@ -53,12 +58,22 @@ def _seal(body: bytes, number: int, signature: bytes = SIGNATURE) -> bytes:
 
 
 def write_record(record: Record, path: str | os.PathLike[str]) -> Path:
-    """Write `record` to `path`, whole or not at all (temporary file, fsync, replace). Returns the path.
+    """Write `record` to `path`, whole or not at all, its folder made where it is missing. Returns the path.
 
-    Raises RecordError when the folder cannot be written.
+    Raises RecordError when it cannot be written.
     """
+    return write_file(in_folder(path), record_bytes(record), what="joint record", error=RecordError)
+
+
+def in_folder(path: str | os.PathLike[str]) -> Path:
+    """The path, its folder made where it is missing. Raises RecordError when that is not possible."""
     target = Path(path)
-    write_atomically(record_bytes(record), target)
+    try:
+        target.parent.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise RecordError(
+            f"folder '{target.parent}' cannot be made: {error.strerror}; choose a folder that can be written."
+        ) from error
     return target
 
 
@@ -66,25 +81,6 @@ def record_bytes(record: Record) -> bytes:
     """The file of `record`, byte for byte: the same record gives the same bytes."""
     body = _encode(record)[BLOCK:]
     return _seal(body, FORMAT) + body
-
-
-def write_atomically(content: bytes, target: Path) -> None:
-    """Put `content` at `target` so that a reader, or a crash, sees the old file or the new one."""
-    partial = target.with_name(f".{target.name}.{os.getpid()}.partial")
-    try:
-        target.parent.mkdir(parents=True, exist_ok=True)
-        with open(partial, "wb") as file:
-            file.write(content)
-            file.flush()
-            os.fsync(file.fileno())
-        os.replace(partial, target)
-    except OSError as error:
-        raise RecordError(
-            f"Cannot write {target}: {error.strerror}; choose a folder that can be written."
-        ) from error
-    finally:
-        with contextlib.suppress(OSError):
-            partial.unlink(missing_ok=True)
 
 
 def _encode(record: Record) -> bytes:
@@ -127,45 +123,58 @@ def read_record(path: str | os.PathLike[str]) -> Record:
     Raises RecordError when the file is missing, foreign, truncated, altered in any bit, or of a newer format.
     """
     place = Path(path)
+    key, stamp = str(place.resolve()), record_stamp(place)
+    if stamp is not None and key in _cache and _cache[key][0] == stamp:
+        return _cache[key][1]
+    again = train_again(place.stem)
+    body = _unseal(read_file(place, what="joint record", error=RecordError, hint=again), place)
+    from ksd.library.hdf5 import contents
+
     try:
-        status = place.stat()
-        # the inode too: clocks of file systems are too coarse to tell two writes within milliseconds
-        key = str(place.resolve())
-        stamp = (status.st_mtime_ns, status.st_ctime_ns, status.st_size, status.st_ino)
-        if key in _cache and _cache[key][0] == stamp:
-            return _cache[key][1]
-        content = place.read_bytes()
-    except OSError as error:
-        reason = error.strerror or type(error).__name__
-        raise RecordError(
-            f"Cannot read joint record {place}: {reason}; run `ksd train {place.stem}`."
-        ) from error
-    body = _unseal(content, place)
-    try:
-        record = _decode(body)
-    except (OSError, KeyError, ValueError, TypeError, RuntimeError) as error:
-        raise RecordError(
-            f"{place} is sealed but not a readable joint record ({error}); train it again."
-        ) from error
-    _cache[key] = (stamp, record)
+        record = contents(body, _decode)
+        check_record(record)
+    except Exception as error:
+        # a seal says that nothing was altered since, not that it was right: h5py, json and numpy raise what they like
+        said = " ".join(str(error).split()).rstrip(".") or type(error).__name__
+        raise RecordError(f"{place} is sealed but not a readable joint record ({said}); {again}.") from error
+    if stamp is not None:
+        _cache[key] = (stamp, record)
     return record
+
+
+def record_stamp(path: Path) -> tuple[int, ...] | None:
+    """What changes when a file is replaced or altered; None where there is none."""
+    try:
+        status = path.stat()
+    except (OSError, ValueError):
+        return None
+    # the inode too: clocks of file systems are too coarse to tell two writes within milliseconds
+    return status.st_mtime_ns, status.st_ctime_ns, status.st_size, status.st_ino
+
+
+def train_again(family: str) -> str:
+    """What to do about a record that is missing or damaged, in words."""
+    if family in joint_families():
+        return f"run `ksd train {family}`"
+    return f"make it with ksd.train(joint), or ksd.train(ksd.Design({family!r}, ...)) for a family with ranges of shape"
 
 
 def _unseal(content: bytes, place: Path) -> bytes:
     """The HDF5 image, after every byte was checked."""
+    again = train_again(place.stem)
     head, body = content[:BLOCK], content[BLOCK:]
     if not head.startswith(SIGNATURE):
-        raise RecordError(f"{place} is not a ksd joint record; remove it or run `ksd train {place.stem}`.")
+        raise RecordError(f"{place} is not a ksd joint record; remove it, or {again}.")
     number = _format_number(head)
     if head != _seal(body, number):
         raise RecordError(
             f"{place} is damaged (its content does not match its checksum: truncated or altered); "
-            f"restore it or run `ksd train {place.stem}`."
+            f"restore it, or {again}."
         )
     if number > FORMAT:
         raise RecordError(
             f"{place} has record format {number}, newer than the {FORMAT} this version of ksd reads; "
-            f"update ksd or run `ksd train {place.stem}`."
+            f"update ksd, or {again}."
         )
     return content
 
@@ -176,26 +185,24 @@ def _format_number(head: bytes) -> int:
     return int(word) if word.isdigit() and len(word) < 10 else -1
 
 
-def _decode(content: bytes) -> Record:
-    import h5py
-
-    with h5py.File(io.BytesIO(content), "r") as file:
-        words = dict(file.attrs)
-        powers = np.asarray(file["powers"][()], np.int64)
-        none = {"blocks": np.zeros((0, 6, len(powers)))}
-        functions: dict[Mesh, Functions] = {}
-        for name, group in file["functions"].items():
-            stored = {part: np.asarray(data[()], float) for part, data in group.items()}
-            functions[int(name) if name.isdigit() else name] = Functions(**{**none, **stored})
-        probes = (
-            Probes(*(np.asarray(file["probes"][n][()], float) for n in _PROBES)) if "probes" in file else None
-        )
-    found: dict[str, Any] = {k: tuple(json.loads(words[k])) for k in _LISTS}
-    found |= {k: str(words[k]) for k in _TEXTS}
+def _decode(found: Contents) -> Record:
+    """A record as the file says it, its numbers in float64; see `check_record` for whether it makes sense."""
+    items, attributes = found.items(found.file), found.file.attrs
+    words: dict[str, Any] = {k: tuple(json.loads(found.text(attributes, k))) for k in _LISTS}
+    words |= {k: found.text(attributes, k) for k in _TEXTS}
     for name, kind in _TABLES.items():
-        found[name] = tuple(kind(**item) for item in json.loads(words[name]))
-    design = json.loads(words["design"])
-    return Record(powers=powers, functions=functions, design=design, probes=probes, **found)
+        words[name] = tuple(kind(**item) for item in json.loads(found.text(attributes, name)))
+    words["design"] = json.loads(found.text(attributes, "design"))
+    powers = found.numbers(items["powers"]).astype(np.int64)
+    none = {"blocks": np.zeros((0, 6, len(powers)))}
+    functions: dict[Mesh, Functions] = {}
+    for name, group in found.items(items["functions"]).items():
+        stored = {part: found.numbers(data) for part, data in found.items(group).items()}
+        functions[int(name) if name.isdigit() else name] = Functions(**{**none, **stored})
+    if "probes" in items:
+        probes = found.items(items["probes"])
+        words["probes"] = Probes(*(found.numbers(probes[name]) for name in _PROBES))
+    return Record(powers=powers, functions=functions, **words)
 
 
 def shipped_folder() -> Path:
@@ -213,17 +220,41 @@ def record_folders() -> list[Path]:
     return [*([Path(named)] if named else []), Path("database"), shipped_folder()]
 
 
+def record_in_use(family: str) -> tuple[str, tuple[int, ...]] | None:
+    """Path and stamp of the record `find_record` takes for `family`; another one once that is replaced. None for none."""
+    for folder in record_folders():
+        path = folder / f"{family}{SUFFIX}"
+        stamp = record_stamp(path)
+        if stamp is not None:
+            return str(path), stamp
+    return None
+
+
 def find_record(family: str) -> Record:
     """The record of `family`. Raises RecordError when there is none or the first found is damaged."""
     for folder in record_folders():
         path = folder / f"{family}{SUFFIX}"
         if path.is_file():
-            return read_record(path)
+            record = read_record(path)
+            if record.family != family:
+                raise RecordError(f"{path} holds the record of {record.family!r}; {train_again(family)}.")
+            return record
     places = ", ".join(str(f) for f in record_folders())
     raise RecordError(
-        f"No joint record of family {family!r} in {places}; run `ksd train {family}`, "
-        "or ksd.train(joint) for one of your own."
+        f"No joint record of family {family!r} in {places}; {train_again(family)}, or name the folder it was trained into "
+        "by the environment variable KSD_DATABASE."
     )
+
+
+def where_looked_for(path: Path, family: str) -> str:
+    """How to make `find_record` use the record of `family` at `path`, in words; empty where it does."""
+    if path.name != f"{family}{SUFFIX}":
+        return f"a record is looked for by the name of its family: rename it {family}{SUFFIX}"
+    named = [folder / path.name for folder in record_folders()]
+    first = next((p for p in named if p.is_file()), None)
+    if first is not None and first.resolve() == path.resolve():
+        return ""
+    return f"it is used where the environment variable KSD_DATABASE names its folder: KSD_DATABASE={path.parent.resolve()}"
 
 
 @dataclass(frozen=True)
@@ -260,12 +291,13 @@ def describe_database(today: datetime.date | None = None) -> list[Listing]:
 
 
 def _describe(path: Path, today: datetime.date) -> Listing:
-    content = path.read_bytes()
-    checksum = hashlib.sha256(content).hexdigest()
+    size, checksum = 0, ""
     try:
+        content = read_file(path, what="joint record", error=RecordError, hint=train_again(path.stem))
+        size, checksum = len(content), hashlib.sha256(content).hexdigest()
         record = read_record(path)
     except RecordError as error:
-        return Listing(path.stem, path, len(content), checksum, problem=str(error))
+        return Listing(path.stem, path, size, checksum, problem=str(error))
     groups = sorted({r.group for r in record.residuals})
     worst = tuple((g, max(r.fresh_max for r in record.residuals if r.group == g)) for g in groups)
     try:
@@ -273,6 +305,6 @@ def _describe(path: Path, today: datetime.date) -> Listing:
     except ValueError:
         age = math.nan
     return Listing(
-        record.family, path, len(content), checksum, FORMAT, record.motions, record.parameters,
+        record.family, path, size, checksum, FORMAT, record.motions, record.parameters,
         tuple(record.functions), worst, record.trained, age, record.version,
     )  # fmt: skip

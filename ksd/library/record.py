@@ -278,9 +278,9 @@ class Record:
         places, outside = self._places(shape, extrapolate)
         if mesh in self.functions:
             return self._contract(places, mesh, outside)
-        if isinstance(mesh, bool) or not isinstance(mesh, int) or mesh < 1:
+        if isinstance(mesh, bool) or not isinstance(mesh, int) or mesh < 1 or "strain" not in self.functions:
             raise SceneError(
-                f"The record of {self.family} has no mesh {mesh!r}; use 'strain' or a number of elements."
+                f"The record of {self.family} has no mesh {mesh!r}; it has {', '.join(map(str, self.functions))}."
             )
         from ksd.library.chains import longer_chain
 

@@ -16,11 +16,14 @@ from typing import Any
 
 import numpy as np
 
-from ksd.errors import RecordError
-from ksd.library.files import BLOCK, _seal, write_atomically
+from ksd.errors import RecordError, SceneError
+from ksd.files import read_file, write_file
+from ksd.library.files import BLOCK, _seal
 
 SIGNATURE, FORMAT = b"ksd table\n", 1
 """First bytes of a table, and the format this version writes and reads."""
+LARGEST = 1 << 26
+"""Bytes of an answer that is read, 64 MiB; as Python objects it takes several times that."""
 SEAL = "sha256"
 """The key of a JSON answer that holds its checksum."""
 
@@ -42,37 +45,38 @@ def write_columns(columns: Mapping[str, Any], path: Path, *, about: Mapping[str,
                 made = file.create_dataset(place, data=np.asarray(values, float), fletcher32=len(values) > 0)
             made.attrs["name"], made.attrs["column"] = name, n
     content = body.getvalue()[BLOCK:]
-    write_atomically(_seal(content, FORMAT, SIGNATURE) + content, path)
-    return path
+    return write_file(path, _seal(content, FORMAT, SIGNATURE) + content, what="table")
 
 
 def read_columns(path: str | os.PathLike[str]) -> tuple[dict[str, Any], dict[str, str]]:
     """Columns and attributes as `write_columns` wrote them, in the same order.
 
-    Raises RecordError when the file is missing, foreign, truncated or altered in any bit.
+    Raises RecordError when the file is missing, foreign, truncated or altered in any bit, or is sealed but no table.
     """
-    import h5py
+    from ksd.library.hdf5 import Contents, contents
 
-    content = _content(path, "table")
+    def read(found: Contents) -> tuple[dict[int, tuple[str, Any]], dict[str, str]]:
+        columns = {}
+        for made in found.items(found.file).values():
+            values = found.numbers(made) if made.dtype.kind == "f" else found.texts(made)
+            columns[found.whole(made.attrs, "column")] = found.text(made.attrs, "name"), values
+        return columns, {key: found.text(found.file.attrs, key) for key in found.file.attrs}
+
+    content = read_file(path, what="table", error=RecordError)
     if content[:BLOCK] != _seal(content[BLOCK:], FORMAT, SIGNATURE):
         raise RecordError(f"{path} is damaged or no ksd table (checksum); make it again or restore it.")
-    found: dict[int, tuple[str, Any]] = {}
-    with h5py.File(io.BytesIO(content), "r") as file:
-        about = {key: str(text) for key, text in file.attrs.items()}
-        for made in file.values():
-            text = h5py.check_string_dtype(made.dtype) is not None
-            values = made.asstr()[()].tolist() if text else made[()]
-            found[int(made.attrs["column"])] = str(made.attrs["name"]), values
-    return {name: values for _, (name, values) in sorted(found.items())}, about
-
-
-def _content(path: str | os.PathLike[str], kind: str) -> bytes:
     try:
-        return Path(path).read_bytes()
-    except OSError as error:
-        raise RecordError(
-            f"Cannot read {kind} {path}: {error.strerror}; check the name of the file."
-        ) from error
+        found, about = contents(content, read)
+        columns = {name: values for _, (name, values) in sorted(found.items())}
+        if len({len(values) for values in columns.values()}) > 1 or any(
+            np.ndim(v) != 1 for v in columns.values()
+        ):
+            raise ValueError("its columns are not of one length")
+        return columns, about
+    except Exception as error:
+        # a seal says that nothing was altered since, not that it was right: h5py raises what it likes
+        said = " ".join(str(error).split()).rstrip(".") or type(error).__name__
+        raise RecordError(f"{path} is sealed but no ksd table ({said}); make it again.") from error
 
 
 def _text(numbers: Mapping[str, Any]) -> str:
@@ -82,11 +86,15 @@ def _text(numbers: Mapping[str, Any]) -> str:
 def write_answer(numbers: Mapping[str, Any], path: str | os.PathLike[str]) -> Path:
     """Write a JSON object to `path` with its checksum as last entry, whole or not at all. Returns the path.
 
-    Raises RecordError when it cannot be written, ValueError for numbers that are not finite.
+    Raises SceneError when it cannot be written, or holds what is no JSON, such as numbers that are not finite.
     """
-    seal = hashlib.sha256(_text(numbers).encode()).hexdigest()
-    write_atomically(_text({**numbers, SEAL: seal}).encode(), Path(path))
-    return Path(path)
+    try:
+        seal = hashlib.sha256(_text(numbers).encode()).hexdigest()
+    except (ValueError, TypeError) as error:
+        raise SceneError(
+            f"result '{path}' cannot be written: {error}; give finite numbers, texts and lists."
+        ) from error
+    return write_file(path, _text({**numbers, SEAL: seal}), what="result")
 
 
 def read_answer(path: str | os.PathLike[str]) -> dict[str, Any]:
@@ -94,13 +102,13 @@ def read_answer(path: str | os.PathLike[str]) -> dict[str, Any]:
 
     Raises RecordError when the file is missing, no such answer, truncated or altered in any bit.
     """
-    content = _content(path, "result")
+    content = read_file(path, what="result", error=RecordError, most=LARGEST)
     damaged = f"{path} is damaged or no ksd result (checksum); solve again or restore it."
     try:
         numbers = json.loads(content)
         seal = numbers.pop(SEAL)
         plain = _text(numbers)
-    except (ValueError, KeyError, AttributeError, TypeError, RecursionError) as error:
+    except (ValueError, KeyError, AttributeError, TypeError, RecursionError, MemoryError) as error:
         raise RecordError(damaged) from error
     # the bytes, not only the numbers: written again they must be the same
     same = content == _text({**numbers, SEAL: seal}).encode()

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import io
 import math
 import os
+import zipfile
 from collections.abc import Sequence
 from importlib import import_module
 from pathlib import Path
@@ -12,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from ksd.errors import SceneError
+from ksd.files import LARGEST, read_file
 from ksd.scene.effects import CONSIDERED, Compliance, Fit, Heat, LinkMatrix, Spring, TurnSpring
 from ksd.scene.links import Link, Links
 from ksd.scene.material import Material
@@ -19,14 +22,37 @@ from ksd.scene.placing import numbered
 from ksd.section import Section
 from ksd.section.checks import Vector, nearest, show, vector
 
-READERS = {".npz": "ksd.scene.mentioned:read_npz", ".h5": "ksd.library.link_matrix:read_hdf5"}
+READERS = {".npz": "ksd.scene.mentioned:read_npz", ".h5": "ksd.library.hdf5:read_hdf5"}
 """Who reads a link matrix, by the end of the file name; loaded on use, since the scene imports numpy alone."""
 
 
 def read_npz(path: Path) -> dict[str, np.ndarray]:
-    """The arrays of a numpy file."""
-    with np.load(path) as file:
-        return {key: file[key] for key in file.files}
+    """The arrays `points` and `K` of a numpy file, where they are there; no array is larger than it unpacks to.
+
+    Raises SceneError for what is no regular file, and whatever zipfile and numpy raise on contents that make no sense.
+    """
+    with zipfile.ZipFile(io.BytesIO(read_file(path, what="link matrix"))) as archive:
+        names = {f"{key}.npy" for key in ("points", "K")} & set(archive.namelist())
+        return {name.removesuffix(".npy"): _array(archive, name) for name in names}
+
+
+def _array(archive: zipfile.ZipFile, name: str) -> np.ndarray:
+    """One array of a numpy file, its size compared with what it declares before anything is made of it."""
+    if archive.getinfo(name).file_size > LARGEST:
+        raise ValueError(f"{name} is larger than the {LARGEST >> 20} MiB that are read")
+    with archive.open(name) as member:
+        content = io.BytesIO(member.read(LARGEST + 1))
+    version = np.lib.format.read_magic(content)
+    header = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
+    shape, _, kind = header(content)
+    if (
+        kind.kind not in "fiu"
+        or math.prod(shape) * kind.itemsize != content.getbuffer().nbytes - content.tell()
+    ):
+        raise ValueError(f"{name} is not the array of numbers it declares")
+    content.seek(0)
+    found: np.ndarray = np.load(content, allow_pickle=False)
+    return found
 
 
 def link_matrix(path: str | os.PathLike[str]) -> LinkMatrix:
@@ -34,27 +60,36 @@ def link_matrix(path: str | os.PathLike[str]) -> LinkMatrix:
 
     Arrays: `points` (2, 3) [m], the interfaces, global at rest; `K` (12 + m, 12 + m), stiffness with the six
     displacements and rotations of each interface first (N/m, N, Nm) and m internal modes last, which statics condenses.
-    Raises SceneError for a file that is missing, of another kind, or without these arrays.
+    Raises SceneError for a file that is missing, of another kind, damaged, or without these arrays.
     """
     file = Path(path)
     reader = READERS.get(file.suffix.lower())
     if reader is None:
         raise SceneError(f"link matrix '{file}': a file of kind {' or '.join(READERS)} is needed.")
     module, name = reader.split(":")
+    read = getattr(import_module(module), name)
     try:
-        arrays = getattr(import_module(module), name)(file)
-    except (OSError, ValueError, KeyError) as reason:
-        raise SceneError(f"link matrix '{file}' cannot be read: {reason}.") from None
+        arrays = read(file)
+    except SceneError:
+        raise
+    except Exception as reason:
+        # the readers of foreign formats do not say what they raise
+        said = " ".join(str(reason).split()) or type(reason).__name__
+        raise SceneError(
+            f"link matrix '{file}' cannot be read: {said.rstrip('.')}; export it again, numpy or HDF5."
+        ) from None
     for key in ("points", "K"):
         if key not in arrays:
             raise SceneError(
-                f"link matrix '{file}': array '{key}' is missing; it holds {', '.join(arrays) or 'none'}."
+                f"link matrix '{file}': array '{key}' is missing; write K and points (see ksd.link_matrix)."
             )
     points, K = np.asarray(arrays["points"], float), np.asarray(arrays["K"], float)
     if points.ndim != 2 or points.shape[1] != 3 or K.ndim != 2 or K.shape[0] != K.shape[1] or len(K) < 12:
         raise SceneError(
             f"link matrix '{file}': points {points.shape} must be (2, 3), K {K.shape} square, 12 or more."
         )
+    if not np.all(np.isfinite(K)):
+        raise SceneError(f"link matrix '{file}': K holds numbers that are not finite; export it again.")
     edge = 6 * len(points)
     inner = K[edge:, edge:]
     if len(inner):

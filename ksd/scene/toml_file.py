@@ -27,6 +27,7 @@ from pathlib import Path
 from typing import Any
 
 from ksd.errors import SceneError
+from ksd.files import read_file
 from ksd.scene.drive import Drive, DriveTerm
 from ksd.scene.families import joint_families, make_joint
 from ksd.scene.joint import DrawnJoint, Joint, Motion
@@ -41,6 +42,8 @@ from ksd.section.checks import nearest, show
 
 __all__ = ["load_scene", "save_scene"]
 
+LARGEST = 1 << 22
+"""Bytes of a scene file that is read, 4 MiB."""
 Loaded = tuple[Mechanism, dict[str, float], dict[str, Any]]
 
 
@@ -84,18 +87,13 @@ def load_scene(path: str | os.PathLike[str], *, option_names: Collection[str] | 
 
 
 def _parsed(file: Path) -> dict[str, Any]:
+    content = read_file(file, what="scene file", most=LARGEST, hint="check the path")
     try:
-        text = file.read_bytes().decode()
-    except FileNotFoundError:
-        raise SceneError(f"scene file '{file}' does not exist; check the path.") from None
+        text = content.decode()
     except UnicodeDecodeError as error:
         raise SceneError(
             f"{file.name}: byte {error.start + 1} is not UTF-8 text; save the file as UTF-8."
         ) from None
-    except (OSError, ValueError) as error:
-        # a path with a null character is a ValueError
-        reason = getattr(error, "strerror", None) or error
-        raise SceneError(f"scene file {show(str(file))} cannot be read: {reason}.") from None
     try:
         return tomllib.loads(text)
     except RecursionError:

@@ -5,12 +5,12 @@ from __future__ import annotations
 import inspect
 import os
 from collections.abc import Mapping
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from ksd.errors import SceneError
+from ksd.files import write_file
 from ksd.scene.contents import PlacedJoint, PlacedLeaf, Scene
 from ksd.scene.drive import GROUND, Drive, DriveTerm
 from ksd.scene.families import joint_families
@@ -44,10 +44,7 @@ def save_scene(
     if options:
         tree["options"] = dict(options)
     text = "\n".join(_lines(tree, ""))
-    try:
-        Path(path).write_text(text.lstrip("\n") + "\n", encoding="utf-8", newline="\n")
-    except OSError as error:
-        raise SceneError(f"scene file '{path}' cannot be written: {error.strerror}.") from None
+    write_file(path, text.lstrip("\n") + "\n", what="scene file")
 
 
 def _scene_tree(scene: Scene, targets: dict[str, float]) -> Tree:

@@ -8,6 +8,7 @@ from collections.abc import Iterable, Mapping
 from typing import Any
 
 from ksd.errors import SceneError
+from ksd.library.files import record_in_use
 from ksd.model.compile import Model
 from ksd.model.effects import mentioned
 from ksd.model.mesh import Mesh
@@ -113,16 +114,21 @@ MOST_RISES = 3
 """How often `solve` raises the orders of the strain-mode leafs when their highest modes are not negligible."""
 
 
+def _records_in_use(scene: Any) -> tuple[Any, ...]:
+    """What tells whether a joint record of this scene has been replaced since."""
+    return tuple(record_in_use(family) for family in sorted({placed.joint.family for placed in scene.joints}))
+
+
 def _recent_solver(
     scene: Any, mesh: Mesh, extrapolate: bool, said: dict[str, Any], values: Mapping[str, float]
 ) -> Solver:
-    """A prepared solver of this scene, mesh, choice of effects and thread; the last few are kept."""
+    """A prepared solver of this scene and its records, mesh, choice of effects and thread; the last few are kept."""
     if not hasattr(scene, "fingerprint") or not isinstance(mesh, Mesh):
         return Solver(scene, mesh=mesh, extrapolate=extrapolate)  # says what is wrong
     # estimates depend on the drive values only where the scene mentions more than leafs, drives and dead loads
     aim = dict(values) if mentioned(scene, mesh) - {"spatial", "shear", "warping"} else None
     key = (
-        threading.get_ident(), scene.fingerprint(), mesh, extrapolate, repr(said),
+        threading.get_ident(), scene.fingerprint(), _records_in_use(scene), mesh, extrapolate, repr(said),
         None if aim is None else tuple(sorted(aim.items())),
     )  # fmt: skip
     with _turn:

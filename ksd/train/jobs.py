@@ -17,8 +17,9 @@ from typing import Any
 
 import numpy as np
 
-from ksd.errors import KsdError, SceneError
-from ksd.library.files import write_atomically
+from ksd.errors import KsdError, RecordError, SceneError
+from ksd.files import read_file, write_file
+from ksd.library.files import in_folder
 from ksd.numerics.processes import spawning
 from ksd.scene import DrawnJoint, Leaf
 from ksd.train.sweep import Plan, Samples, sample_joint
@@ -165,14 +166,15 @@ class Jobs:
         named: dict[str, Any] = {f"{mesh}|{group}": values for (mesh, group), values in samples.items()}
         np.savez(buffer, **named)
         body = buffer.getvalue()
-        write_atomically(hashlib.sha256(body).digest() + body, self._path(job))
-        self._made.add(self._path(job))
+        place = in_folder(self._path(job))
+        write_file(place, hashlib.sha256(body).digest() + body, what="finished shape", error=RecordError)
+        self._made.add(place)
 
     def _load(self, job: Job) -> Samples | None:
         """A kept result; None when there is none, or one with a bit out of place."""
         try:
-            content = self._path(job).read_bytes()
-        except OSError:
+            content = read_file(self._path(job), error=RecordError)
+        except RecordError:
             return None
         if hashlib.sha256(content[SEAL:]).digest() != content[:SEAL]:
             return None

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import os
 from collections.abc import Sequence
 from dataclasses import replace
@@ -11,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from ksd.errors import SceneError
+from ksd.files import check_target, write_file
 from ksd.view.figure import new_figure
 from ksd.view.flat import best_plane, plot_mechanism
 
@@ -83,8 +85,7 @@ def _target(path: str | os.PathLike[str]) -> Path:
     target = Path(path)
     if target.suffix.lower() != ".gif":
         raise SceneError(f"animation '{target}': write it as .gif")
-    if not target.parent.is_dir():
-        raise SceneError(f"animation '{target}': folder '{target.parent}' does not exist; make it first")
+    check_target(target, what="animation")
     return target
 
 
@@ -92,7 +93,7 @@ def _written(
     order: Sequence[Any], target: Path, *, plane: str | None, fps: int, dpi: int, title: str | None = None
 ) -> Path:
     """One frame per configuration, in a window that holds them all."""
-    from matplotlib.animation import PillowWriter
+    from PIL import Image
 
     shapes = [c.shape() for c in order]
     plane = plane or best_plane(shapes[len(shapes) // 2])
@@ -101,16 +102,19 @@ def _written(
     wide, tall = high - low
     figure = new_figure(7.0, float(np.clip(6.2 * tall / wide + 0.9, 2.8, 7.0)), dpi=dpi)
     axes = figure.add_subplot()
-    writer = PillowWriter(fps=fps)
-    with writer.saving(figure, str(target), dpi):
-        for c in order:
-            axes.clear()
-            said: dict[str, Any] = {} if title is None else {"title": title, "labels": False}
-            plot_mechanism(c, axes=axes, plane=plane, **said)
-            axes.set_xlim(low[0], high[0])
-            axes.set_ylim(low[1], high[1])
-            writer.grab_frame()
-    return target
+    frames = []
+    for c in order:
+        axes.clear()
+        said: dict[str, Any] = {} if title is None else {"title": title, "labels": False}
+        plot_mechanism(c, axes=axes, plane=plane, **said)
+        axes.set_xlim(low[0], high[0])
+        axes.set_ylim(low[1], high[1])
+        figure.canvas.draw()
+        frames.append(Image.fromarray(np.asarray(figure.canvas.buffer_rgba())).convert("RGB"))
+    content = io.BytesIO()
+    words = {"save_all": True, "append_images": frames[1:], "duration": int(1000 / fps), "loop": 0}
+    frames[0].save(content, format="GIF", **words)
+    return write_file(target, content.getvalue(), what="animation")
 
 
 def _window(shapes: Sequence[Any], pick: list[int]) -> tuple[np.ndarray, np.ndarray]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import os
 from pathlib import Path
 from typing import Any
@@ -10,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ksd.errors import SceneError
+from ksd.files import check_target, write_file
 
 Array = NDArray[np.float64]
 INK = "#1f2430"
@@ -33,7 +35,7 @@ def new_figure(width: float, height: float, *, dpi: int = 150) -> Any:
 
 
 def check_picture(path: str | os.PathLike[str]) -> Path:
-    """The path, if a picture can be written there. SceneError for an unknown type or a missing folder."""
+    """The path, if a picture can be written there. SceneError for an unknown type, a missing folder, or what is no file."""
     from matplotlib.backend_bases import FigureCanvasBase
 
     target = Path(path)
@@ -41,18 +43,15 @@ def check_picture(path: str | os.PathLike[str]) -> Path:
     kind = target.suffix.lstrip(".").lower()
     if kind not in known:
         raise SceneError(f"picture '{target}': type '{kind}' is unknown; choose one of .png, .pdf, .svg")
-    if not target.parent.is_dir():
-        raise SceneError(f"picture '{target}': folder '{target.parent}' does not exist; make it first")
+    check_target(target, what="picture")
     return target
 
 
 def save_figure(figure: Any, path: str | os.PathLike[str]) -> Any:
     """Write a figure to `path` (.png, .pdf, .svg ...) and return it. SceneError when that is not possible."""
-    target = check_picture(path)
-    try:
-        figure.savefig(target)
-    except OSError as error:
-        raise SceneError(f"picture '{target}' cannot be written: {error.strerror}") from error
+    target, content = check_picture(path), io.BytesIO()
+    figure.savefig(content, format=target.suffix.lstrip(".").lower())
+    write_file(target, content.getvalue(), what="picture")
     return figure
 
 

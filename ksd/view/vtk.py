@@ -16,6 +16,7 @@ from xml.sax.saxutils import escape, quoteattr
 import numpy as np
 
 from ksd.errors import SceneError
+from ksd.files import write_file
 from ksd.view.figure import Array
 from ksd.view.heat import stress_along
 from ksd.view.solid import ribbon
@@ -118,11 +119,7 @@ def write_vtu(configuration: Any, path: str | os.PathLike[str]) -> Path:
     target = Path(path)
     if target.suffix.lower() != ".vtu":
         raise SceneError(f"'{target}': VTK files of this kind end in .vtu")
-    try:
-        target.write_text(vtu_text(configuration), encoding="utf-8")
-    except OSError as error:
-        raise SceneError(f"'{target}' cannot be written: {error.strerror}") from error
-    return target
+    return write_file(target, vtu_text(configuration), what="VTK file")
 
 
 def write_pvd(configurations: Sequence[Any], path: str | os.PathLike[str]) -> Path:
@@ -148,8 +145,4 @@ def write_pvd(configurations: Sequence[Any], path: str | os.PathLike[str]) -> Pa
     ]
     head = '<VTKFile type="Collection" version="0.1" byte_order="LittleEndian"><Collection>'
     text = "\n".join(['<?xml version="1.0"?>', head, *listed, "</Collection></VTKFile>", ""])
-    try:
-        target.write_text(text, encoding="utf-8")
-    except OSError as error:
-        raise SceneError(f"'{target}' cannot be written: {error.strerror}") from error
-    return target
+    return write_file(target, text, what="VTK file")

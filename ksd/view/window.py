@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import os
 from pathlib import Path
 from typing import Any
@@ -9,7 +10,8 @@ from typing import Any
 import numpy as np
 
 from ksd.errors import SceneError
-from ksd.view.figure import GROUND, INK, REST
+from ksd.files import write_file
+from ksd.view.figure import GROUND, INK, REST, check_picture
 from ksd.view.heat import LABEL
 from ksd.view.solid import ribbon
 from ksd.view.vtk import collect
@@ -31,8 +33,8 @@ def show_mechanism(configuration: Any, path: str | os.PathLike[str] | None = Non
             "a three-dimensional window needs pyvista: pip install 'ksd[view]'; pose.plot() and .vtu files do without"
         ) from None
     target = None if path is None else Path(path)
-    if target is not None and (target.suffix.lower() != ".png" or not target.parent.is_dir()):
-        raise SceneError(f"picture '{target}': give a .png in a folder that exists")
+    if target is not None and check_picture(target).suffix.lower() != ".png":
+        raise SceneError(f"picture '{target}': give a .png")
     # its signatures are made at run time
     pyvista: Any = library
     plotter = pyvista.Plotter(off_screen=target is not None, window_size=(1200, 900))
@@ -43,9 +45,10 @@ def show_mechanism(configuration: Any, path: str | os.PathLike[str] | None = Non
     if target is None:
         plotter.show()
         return None
-    plotter.screenshot(str(target))
+    content = io.BytesIO()
+    plotter.screenshot(content)
     plotter.close()
-    return target
+    return write_file(target, content.getvalue(), what="picture")
 
 
 def _deformed(pyvista: Any, plotter: Any, configuration: Any) -> None:

@@ -36,6 +36,6 @@ def record() -> Record:
         version="0.1.0",
         history=("trained",),
         probes=Probes(
-            np.array([[0.6, 1.0], [0.8, 2.0]]), np.array([[-1.2], [0.4]]), rng.standard_normal((2, 98))
+            np.array([[0.6, 1.0], [0.8, 2.0]]), np.array([[-1.2], [0.4]]), rng.standard_normal((2, 78))
         ),
     )

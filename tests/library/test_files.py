@@ -45,7 +45,9 @@ def test_a_joint_without_internal_blocks(record, tmp_path):
     functions = {
         mesh: replace(f, blocks=np.zeros((0, 6, len(record.powers)))) for mesh, f in record.functions.items()
     }
-    back = read_record(write_record(replace(record, blocks=(), functions=functions), tmp_path / "toy.h5"))
+    back = read_record(
+        write_record(replace(record, blocks=(), probes=None, functions=functions), tmp_path / "toy.h5")
+    )
     assert back.functions[2].blocks.shape == (0, 6, len(record.powers))
 
 
@@ -89,13 +91,13 @@ def test_truncated_and_extended_files_are_refused(record, tmp_path):
 
 def test_foreign_missing_and_newer_files_are_refused(record, tmp_path, monkeypatch):
     path = tmp_path / "toy.h5"
-    refused(path, "ksd train toy")
+    refused(path, r"ksd\.train\(joint\)")
     path.write_bytes(b"hello")
     refused(path, "not a ksd joint record")
     with h5py.File(path, "w") as file:
         file["x"] = 1.0
     refused(path, "not a ksd joint record")
-    refused(tmp_path, "Cannot read")
+    refused(tmp_path, "cannot be read")
     monkeypatch.setattr(files, "FORMAT", 3)
     write_record(record, path)
     monkeypatch.undo()
@@ -127,7 +129,7 @@ def test_a_crash_while_writing_leaves_the_old_record(record, tmp_path, monkeypat
 
 def test_a_folder_that_cannot_be_written_is_a_sentence(record, tmp_path):
     (tmp_path / "file").touch()
-    with pytest.raises(RecordError, match="choose a folder"):
+    with pytest.raises(RecordError, match=r"folder .* cannot be made"):
         write_record(record, tmp_path / "file" / "toy.h5")
 
 
@@ -141,7 +143,7 @@ def test_unchanged_files_are_read_once_and_changed_ones_again(record, tmp_path):
 def test_search_order_and_missing_family(record, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("KSD_DATABASE", str(tmp_path / "mine"))
-    with pytest.raises(RecordError, match="ksd train toy"):
+    with pytest.raises(RecordError, match=r"ksd\.train\(joint\).*KSD_DATABASE"):
         find_record("toy")
     write_record(record, tmp_path / "database" / "toy.h5")
     assert find_record("toy").history == record.history

@@ -1,0 +1,130 @@
+"""The one way files are written, and the one way they are read: whole or not at all, regular files only, bounded.
+
+What is written goes to a temporary file beside its target, onto the disk (fsync), and then takes the target's place, so
+that a reader, a crash or a full disk leaves the old file or the new one. What is read is a regular file of limited size, so
+that a pipe nobody writes to, a device without end or a file of 80 GB is a sentence and not a wait.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import secrets
+import stat
+import sys
+from pathlib import Path
+
+from ksd.errors import KsdError, SceneError
+
+LARGEST = 1 << 28
+"""Bytes read from one file at most, 256 MiB; the same limit holds for what it unpacks to."""
+Name = str | os.PathLike[str]
+
+
+def write_file(
+    path: Name, content: bytes | str, *, what: str = "file", error: type[KsdError] = SceneError
+) -> Path:
+    """Put `content` (text as UTF-8) at `path`, whole or not at all; returns the path.
+
+    A file that is there keeps its permissions, and a link to one stays a link. Raises `error`, calling the file `what`,
+    where that is not possible.
+    """
+    place = check_target(path, what=what, error=error)
+    data = content.encode() if isinstance(content, str) else content
+    # a name of its own: two threads may write the same target, and the target's name may be as long as names can be
+    partial = place.with_name(f".ksd-{secrets.token_hex(8)}.partial")
+    try:
+        with open(partial, "xb") as file:
+            with contextlib.suppress(FileNotFoundError):
+                os.chmod(partial, stat.S_IMODE(place.stat().st_mode))
+            file.write(data)
+            file.flush()
+            os.fsync(file.fileno())
+        os.replace(partial, place)
+    except OSError as reason:
+        raise error(_cannot_write(what, path, reason.strerror or str(reason))) from reason
+    finally:
+        with contextlib.suppress(OSError):
+            partial.unlink(missing_ok=True)
+    return Path(path)
+
+
+def check_target(path: Name, *, what: str = "file", error: type[KsdError] = SceneError) -> Path:
+    """Where `write_file` will write, links followed: a regular file, or a new name in a folder that is there.
+
+    Raises `error`, calling the file `what`, for a device, a pipe or a folder, for the file that standard output goes to,
+    and for a missing folder.
+    """
+    try:
+        place = Path(os.path.realpath(path))
+        found = place.stat()
+    except FileNotFoundError:
+        if not place.parent.is_dir():
+            folder = Path(path).parent
+            raise error(
+                f"{what} {_named(path)}: folder {_named(folder)} does not exist; make it first."
+            ) from None
+        return place
+    except (OSError, ValueError, TypeError) as reason:
+        # a null character, half a character, or no name at all
+        raise error(_cannot_write(what, path, getattr(reason, "strerror", None) or str(reason))) from None
+    if _is_output(found):
+        raise error(_cannot_write(what, path, "it is where standard output goes"))
+    if not stat.S_ISREG(found.st_mode):
+        raise error(_cannot_write(what, path, f"it is {_kind(found.st_mode)}, no file"))
+    if not os.access(place, os.W_OK):
+        raise error(_cannot_write(what, path, "Permission denied"))
+    return place
+
+
+def _cannot_write(what: str, path: Name, reason: str) -> str:
+    return f"{what} {_named(path)} cannot be written: {reason}; give a file in a folder with room."
+
+
+def _named(path: Name) -> str:
+    """A path as it is said in a sentence of one line."""
+    text = str(path)
+    return f"'{text}'" if text.isprintable() else repr(text)
+
+
+def _is_output(found: os.stat_result) -> bool:
+    """Whether a regular file is the one standard output goes to, whose tables a replacement would lose."""
+    try:
+        return os.path.samestat(found, os.fstat(sys.stdout.fileno())) and stat.S_ISREG(found.st_mode)
+    except (OSError, ValueError, AttributeError):
+        return False
+
+
+def read_file(
+    path: Name, *, what: str = "file", most: int = LARGEST, error: type[KsdError] = SceneError, hint: str = ""
+) -> bytes:
+    """All bytes of a regular file of at most `most` bytes.
+
+    Raises `error`, calling the file `what` and ending with `hint`, for a file that is missing, no regular file, larger, or
+    not readable.
+    """
+    try:
+        with open(path, "rb", opener=_without_waiting) as file:
+            found = os.fstat(file.fileno())
+            if not stat.S_ISREG(found.st_mode):
+                reason = f"it is {_kind(found.st_mode)}, no file"
+            elif found.st_size > most or len(content := file.read(most + 1)) > most:
+                reason = f"it is larger than the {most >> 20} MiB that are read"
+            else:
+                return content
+    except FileNotFoundError:
+        reason = "it does not exist"
+    except (OSError, ValueError, TypeError, MemoryError) as failure:
+        # a path with a null character is a ValueError, none at all a TypeError
+        reason = getattr(failure, "strerror", None) or str(failure) or type(failure).__name__
+    raise error(f"{what} {_named(path)} cannot be read: {reason}; {hint or 'check the name of the file'}.")
+
+
+def _without_waiting(path: str, flags: int) -> int:
+    """Opens a pipe though nobody is at its other end; it is refused then."""
+    return os.open(path, flags | getattr(os, "O_NONBLOCK", 0))
+
+
+def _kind(mode: int) -> str:
+    kinds = ((stat.S_ISDIR, "a folder"), (stat.S_ISFIFO, "a pipe"), (stat.S_ISSOCK, "a socket"))
+    return next((said for test, said in kinds if test(mode)), "a device")

@@ -1,0 +1,135 @@
+"""The one way HDF5 files are read: out of memory, without trust in what they declare.
+
+What a file says of itself can be a lie: 80 GB of numbers in a kilobyte, numbers and groups that are in other files, filters
+that load foreign code. All of it is refused before anything is read. HDF5 verifies the Fletcher32 checksums of what has
+them.
+"""
+
+from __future__ import annotations
+
+import io
+import math
+import zlib
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, TypeVar
+
+import h5py
+import numpy as np
+from numpy.typing import NDArray
+
+from ksd.files import LARGEST, read_file
+
+T = TypeVar("T")
+GZIP, SHUFFLE, FLETCHER32, LZF = 1, 2, 3, 32000
+ROWS = 256
+"""Texts read at a time."""
+
+
+class Contents:
+    """A file in memory: `items` of a group, `numbers` and `texts` of datasets, `text` and `whole` of attributes.
+
+    All raise ValueError where the file is not what it should be or holds more than LARGEST bytes, and whatever h5py raises.
+    """
+
+    def __init__(self, file: Any) -> None:
+        self.file = file
+        self._left = LARGEST
+
+    def items(self, group: Any) -> dict[str, Any]:
+        """Datasets and groups by name. Links that may lead elsewhere are refused."""
+        if not isinstance(group, h5py.Group):
+            raise ValueError(f"'{getattr(group, 'name', group)}' is no group")
+        for name in group:
+            if not isinstance(group.get(name, getlink=True), h5py.HardLink):
+                raise ValueError(f"'{name}' is a link to another place or file")
+        return dict(group.items())
+
+    def numbers(self, data: Any) -> NDArray[np.float64]:
+        """A dataset of real numbers."""
+        self._take(data)
+        if data.dtype.kind not in "fiu":
+            raise ValueError(f"'{data.name}' holds {data.dtype}, no numbers")
+        found: NDArray[np.float64] = np.asarray(data[()], float)
+        return found
+
+    def texts(self, data: Any) -> list[str]:
+        """A dataset of texts along one axis."""
+        self._take(data)
+        if h5py.check_string_dtype(data.dtype) is None or data.ndim != 1:
+            raise ValueError(f"'{data.name}' holds no texts")
+        found: list[str] = []
+        for first in range(0, len(data), ROWS):
+            # many entries may point at one long text
+            found += data.asstr()[first : first + ROWS].tolist()
+            self._spend(sum(map(len, found[first:])))
+        return found
+
+    def text(self, attributes: Any, name: str) -> str:
+        """An attribute that is one text."""
+        if attributes.get_id(name).shape != ():
+            raise ValueError(f"attribute '{name}' is no text")
+        value = attributes[name]
+        if not isinstance(value, str):
+            raise ValueError(f"attribute '{name}' is no text")
+        return value
+
+    def whole(self, attributes: Any, name: str) -> int:
+        """An attribute that is one whole number."""
+        found = attributes.get_id(name)
+        if found.shape != () or found.dtype.kind not in "iu":
+            raise ValueError(f"attribute '{name}' is no whole number")
+        return int(attributes[name])
+
+    def _spend(self, size: int) -> None:
+        self._left -= size
+        if self._left < 0:
+            raise ValueError(f"it holds more than the {LARGEST >> 20} MiB that are read")
+
+    def _take(self, data: Any) -> None:
+        """Refuses a dataset that cannot be read within bounds from this file alone."""
+        if not isinstance(data, h5py.Dataset) or data.shape is None:
+            raise ValueError(f"'{getattr(data, 'name', data)}' is no dataset")
+        if data.is_virtual or data.external:
+            raise ValueError(f"the numbers of '{data.name}' are in other files")
+        self._spend(data.size * data.dtype.itemsize)
+        plan = data.id.get_create_plist()
+        filters = [plan.get_filter(k)[0] for k in range(plan.get_nfilters())]
+        if not {GZIP, SHUFFLE, FLETCHER32, LZF}.issuperset(filters) or len(set(filters)) < len(filters):
+            raise ValueError(f"'{data.name}' uses filters {filters} that are not read")
+        if data.chunks is not None:
+            size = math.prod(data.chunks) * data.dtype.itemsize
+            if size > LARGEST:
+                raise ValueError(f"'{data.name}' is in pieces of {size} bytes")
+            if GZIP in filters:
+                data.id.chunk_iter(lambda piece: self._fits(data, piece, size))
+
+    def _fits(self, data: Any, piece: Any, size: int) -> None:
+        """Refuses a compressed piece that unpacks to more than its size; HDF5 would unpack it all."""
+        mask, packed = data.id.read_direct_chunk(piece.chunk_offset)
+        unpacking = zlib.decompressobj()
+        try:
+            length = len(unpacking.decompress(packed, size + 1))
+        except zlib.error as error:
+            raise ValueError(f"a piece of '{data.name}' cannot be unpacked") from error
+        if mask or length > size:
+            raise ValueError(f"a piece of '{data.name}' unpacks to more than it should")
+
+
+def contents(content: bytes, read: Callable[[Contents], T]) -> T:
+    """What `read` makes of the bytes of an HDF5 file. Raises whatever h5py does where it is none."""
+    with h5py.File(io.BytesIO(content), "r") as file:
+        return read(Contents(file))
+
+
+def read_hdf5(path: Path) -> dict[str, NDArray[np.float64]]:
+    """The numbers of a link matrix (see `ksd.link_matrix`): `K` and `points`, where they are there.
+
+    Raises SceneError for what is no regular file, ValueError for what may not be read, and whatever h5py raises.
+    """
+
+    def arrays(found: Contents) -> dict[str, NDArray[np.float64]]:
+        items = found.items(found.file)
+        return {name: found.numbers(items[name]) for name in ("points", "K") if name in items}
+
+    return contents(read_file(path, what="link matrix"), arrays)

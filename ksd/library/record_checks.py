@@ -1,0 +1,121 @@
+"""Whether a record makes sense: names, ranges and shapes that fit each other, so that using it cannot go wrong later."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from ksd.library.record import Mesh, Parameter, Record, Stroke
+
+MOST_TERMS, HIGHEST_DEGREE, MOST_ELEMENTS = 8192, 64, 1000
+"""Product terms of a function, degrees, and elements of a leaf's chain; several times what training makes."""
+
+
+def check_record(record: Record) -> None:
+    """Raises ValueError, naming the first thing that does not fit."""
+    texts: dict[str, tuple[str, ...]] = {
+        "family": (record.family,),
+        "trained": (record.trained,),
+        "version": (record.version,),
+    }
+    texts |= {"leafs": record.leafs, "blocks": record.blocks, "history": record.history}
+    for name, values in texts.items():
+        _insist(all(isinstance(v, str) for v in values), f"{name} are no texts")
+    _insist(bool(record.leafs), "it has no leafs")
+    for what, given in (("orders", record.orders), ("samples", record.samples)):
+        fits = all(isinstance(n, int) and 0 <= n <= 10**6 for n in given)
+        _insist(fits and len(given) == (3 if what == "orders" else 2), f"{what} = {given}")
+    _insist(isinstance(record.design, dict) and _numbers(record.design.values()), "design holds no numbers")
+    _insist(bool(record.motions), "it has no motion")
+    for stroke in record.motions:
+        _check_stroke(stroke)
+    for parameter in record.parameters:
+        _check_parameter(parameter)
+    for names in ([m.name for m in record.motions], [p.name for p in record.parameters]):
+        _insist(len(set(names)) == len(names), f"a name is given twice in {names}")
+    _check_powers(record)
+    _insist(bool(record.functions), "it has no functions")
+    for mesh in record.functions:
+        _check_functions(record, mesh)
+    _check_told(record)
+    _check_probes(record)
+
+
+def _insist(fits: bool, otherwise: str) -> None:
+    if not fits:
+        raise ValueError(otherwise)
+
+
+def _numbers(values: Any) -> bool:
+    """Whether all are numbers; those that were not measured are nan or infinite."""
+    return all(isinstance(v, (int, float)) and not isinstance(v, bool) for v in values)
+
+
+def _check_stroke(stroke: Stroke) -> None:
+    known = isinstance(stroke.name, str) and stroke.kind in ("rotation", "translation")
+    fits = known and _numbers((stroke.low, stroke.high)) and -math.inf < stroke.low < stroke.high < math.inf
+    _insist(fits, f"motion {stroke}")
+
+
+def _check_parameter(parameter: Parameter) -> None:
+    low, high = parameter.low, parameter.high
+    known = isinstance(parameter.name, str) and parameter.scale in ("linear", "log")
+    fits = known and _numbers((low, high)) and -math.inf < low <= high < math.inf
+    _insist(fits and (parameter.scale == "linear" or low > 0), f"parameter {parameter}")
+
+
+def _check_powers(record: Record) -> None:
+    powers, m = record.powers, len(record.motions)
+    _insist(
+        powers.ndim == 2 and powers.shape[1] == m + len(record.parameters) and 0 < len(powers) <= MOST_TERMS,
+        f"powers {powers.shape} do not fit {m} motions and {len(record.parameters)} parameters",
+    )
+    _insist(powers.min() >= 0 and powers.max() <= HIGHEST_DEGREE, "degrees out of bounds")
+    with np.errstate(all="ignore"):
+        scale = np.prod(np.array([s.reach for s in record.motions]) ** -powers[:, :m].astype(float), axis=1)
+    _insist(bool(np.all(np.isfinite(scale))), "a stroke is too small for its degree")
+
+
+def _check_functions(record: Record, mesh: Mesh) -> None:
+    leafs, M = len(record.leafs), len(record.powers)
+    shapes: dict[str, tuple[int, ...]] = {"interface": (6, M), "blocks": (len(record.blocks), 6, M)}
+    if mesh == "strain":
+        shapes |= {"amplitudes": (leafs, sum(record.orders), M), "wrench": (leafs, 6, M)}
+    else:
+        _insist(isinstance(mesh, int) and 1 <= mesh <= MOST_ELEMENTS, f"mesh {mesh!r}")
+        shapes |= {"rotations": (leafs, 2 * int(mesh) - 1, 3, M)}
+    groups = record.functions[mesh].groups()
+    _insist(
+        {name: table.shape for name, table in groups.items()} == shapes,
+        f"functions of mesh {mesh} have shapes {[table.shape for table in groups.values()]}",
+    )
+    for name, table in groups.items():
+        _insist(bool(np.all(np.isfinite(table))), f"{name} of mesh {mesh} are not finite")
+
+
+def _check_told(record: Record) -> None:
+    """Residuals and evidence, which are printed."""
+    for r in record.residuals:
+        known = isinstance(r.group, str) and isinstance(r.mesh, (int, str))
+        _insist(known and _numbers((r.fit_max, r.fit_rms, r.fresh_max, r.fresh_rms)), f"residual {r}")
+    for e in record.evidence:
+        known = isinstance(e.parameter, str) and isinstance(e.change, str)
+        _insist(known and _numbers((e.interface, e.rotations)), f"evidence {e}")
+
+
+def _check_probes(record: Record) -> None:
+    probes = record.probes
+    if probes is None:
+        return
+    tables = [table for functions in record.functions.values() for table in functions.groups().values()]
+    rows = sum(table[..., 0].size for table in tables)
+    for name, columns in (
+        ("shapes", len(record.parameters)),
+        ("motions", len(record.motions)),
+        ("values", rows),
+    ):
+        table = getattr(probes, name)
+        fits = table.shape == (len(probes.values), columns) and bool(np.all(np.isfinite(table)))
+        _insist(fits, f"probes: {name} of shape {table.shape}")
