@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 from numpy.polynomial.legendre import legval
+from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
 from ksd.errors import RangeError, RecordError, SceneError
@@ -129,3 +130,19 @@ def test_longer_chain_takes_integrals_and_the_known_difference():
 def test_a_record_serves_chains_longer_than_its_longest(record):
     functions = record.contract({"angle": 0.6, "ratio": 1.0}, 12)
     assert functions.rotations.shape == (2, 23, 3, 5) and functions.blocks.shape == (1, 6, 5)
+
+
+def test_chain_of_a_rod_bent_and_twisted_unevenly():
+    """Curvatures that do not commute, against R' = R [curvature]x integrated in small steps."""
+    orders = (3, 2, 4)
+    amplitudes = np.array([0.5, -0.8, 0.3, 0.4, 0.9, 0.6, -1.1, 0.7, 0.2])
+
+    def slope(s, R):
+        k = [legval(2 * s - 1, a) for a in np.split(amplitudes, [3, 5])]
+        spin = np.array([[0, -k[2], k[1]], [k[2], 0, -k[0]], [-k[1], k[0], 0]])
+        return (R.reshape(3, 3) @ spin).ravel()
+
+    stops = np.arange(1, 4) / 4
+    exact = solve_ivp(slope, (0, 1), np.eye(3).ravel(), t_eval=stops, rtol=1e-12, atol=1e-13).y.T
+    wanted = Rotation.from_matrix(exact.reshape(3, 3, 3)).as_rotvec()
+    np.testing.assert_allclose(chain_rotations(amplitudes, orders, 4)[4:], wanted, atol=2e-6)

@@ -130,3 +130,14 @@ def test_public_names():
     assert set(section.__all__) == {
         "Section", "circle", "numbers", "polygon", "rectangle", "restrained_warping_factor", "tube",
     }  # fmt: skip
+
+
+@pytest.mark.parametrize("nu", [0.0, 0.3, 0.5])
+def test_a_thin_tube_has_the_shear_coefficient_cowper_prints(nu):
+    """2 (1 + nu)/(4 + 3 nu) of a thin round tube: G. R. Cowper, J. Applied Mechanics 33 (1966), table 1."""
+    assert tube(1, 0.999999, cowper=nu).ky == pytest.approx(2 * (1 + nu) / (4 + 3 * nu), rel=1e-5)
+
+
+def test_a_thick_tube_has_the_shear_coefficient_cowper_prints():
+    """The hollow circle of the same table at m = 1/2, nu = 0.3: 12.1875 / 19.65."""
+    assert tube(1, 0.5, cowper=0.3).kz == pytest.approx(12.1875 / 19.65, rel=1e-12)

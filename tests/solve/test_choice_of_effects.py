@@ -14,6 +14,7 @@ from ksd.model import compile as compiling
 from ksd.model import effects, leafs, pack, planar_springs, system
 from ksd.model.arrays import make_work
 from ksd.model.effects import WORDS, choose
+from ksd.model.estimates import Estimates
 from ksd.model.plane import plane_of
 from ksd.model.runs import _slices, half_held_factor, own_factor, run_factors
 
@@ -563,3 +564,22 @@ def test_listed_parts_of_the_drawing():
     assert "with a circular notch" in str(ksd.compile_scene(single_joint(joint)))
     assert replace(ksd.compile_scene(fourbar()).choice, listed=()).listed == ()
     assert compiling.compile_given and leafs.natural
+
+
+def test_shear_is_estimated_as_what_it_adds_to_the_compliance_of_a_guided_leaf():
+    """Across its width, where it matters more: against the forces of the leaf with and without it."""
+    scene = ksd.Mechanism("guided")
+    tip = scene.link("tip")
+    words = {"section": ksd.rectangle(1e-3, 30e-3), "material": HOT, "width_axis": "z", "name": "only"}
+    scene.leaf("ground", tip, start=(0, 0, 0), end=(0.1, 0, 0), **words)
+    for axis in "xyz":
+        scene.support(tip, at=(0.1, 0, 0), about=axis)
+    scene.support(tip, at=(0.1, 0, 0), along="y")
+    scene.actuate(tip, along="z", at=(0.1, 0, 0), name="d")
+    soft, stiff = (
+        ksd.solve(scene, d=1e-6, method="conventional", **{w: "shear"}).forces["d"]
+        for w in ("with_", "without")
+    )
+    found, said = Estimates(scene.scene(), ksd.Mesh(), None).of("shear")
+    assert found == pytest.approx(stiff / soft - 1, rel=1e-3) and found > 0.2
+    assert "leaf 'only', w/L = 0.3" in said

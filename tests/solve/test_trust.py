@@ -1,5 +1,7 @@
 """Whether an answer is believed: jumps to other branches, unstable states, loads, and what strict does."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scenes import STEEL, cross_flexure, fourbar, single_joint
@@ -8,9 +10,10 @@ import ksd
 from ksd.errors import ConvergenceError, TrustError
 from ksd.model.compile import compile_scene
 from ksd.section import rectangle
+from ksd.solve import beside as beside_module
 from ksd.solve.confirm import WANDERED, wandered
 from ksd.solve.conventional import conventional, loads_last
-from ksd.solve.steps import Step
+from ksd.solve.steps import ErrorEstimate, Step
 from ksd.solve.stops import Stop
 from ksd.units import deg
 
@@ -228,3 +231,20 @@ def test_drives_that_tear_at_one_freedom_are_named_where_that_makes_it_unstable(
         TrustError, match=r"UNSTABLE.*; drive 'knee' fights .*drive 'top'; to release it, remove drive 'knee'"
     ):
         ksd.solve(scene, top=0.1, knee=-0.2, method="conventional")
+
+
+@pytest.mark.parametrize(
+    "error, far, same", [(0.01, 0.025, True), (0.01, 0.035, False), (0.001, 0.019, True)]
+)
+def test_load_steps_confirm_a_fast_answer_within_three_of_its_own_errors(error, far, same, monkeypatch):
+    """And within two hundredths whatever it tells."""
+    model = compile_scene(single_joint())
+    other = conventional(model, {"turn": 0.4})
+    size = model.arrays.size
+    monkeypatch.setattr(beside_module, "difference", lambda *_: far)
+    for estimate in (
+        ErrorEstimate(np.zeros(1), size * error, 0.0, 0.0),
+        ErrorEstimate(np.zeros(1), 0.0, error, 0.0),
+    ):
+        said, kept = beside_module.beside(replace(other, error=estimate), lambda: other)
+        assert (said == "") is same and kept is other

@@ -1,9 +1,10 @@
 """Fits recover what they are made of, keep measured symmetries exactly, and choose their degrees."""
 
 import numpy as np
+import pytest
 
 from ksd.library.record import legendre_products, monomials
-from ksd.train.fit import fit_functions, total_degree
+from ksd.train.fit import _leave_one_out, _shape_degree, fit_functions, total_degree
 
 
 def sampled(function, shapes=40, seed=0):
@@ -59,3 +60,31 @@ def test_two_motions_and_no_shape():
     found = monomials(fit.powers, grid) @ fit.coefficients.T
     np.testing.assert_allclose(found, values[0], atol=1e-9)
     assert len(fit.powers) == 4
+
+
+def refitted_without_each(basis, values):
+    """(k, rows): errors at every point of fits that have not seen it."""
+    left = []
+    for i in range(len(basis)):
+        seen = np.delete(np.arange(len(basis)), i)
+        solution = np.linalg.lstsq(basis[seen], values[seen], rcond=None)[0]
+        left.append(values[i] - basis[i] @ solution)
+    return np.array(left)
+
+
+def test_motion_errors_are_those_of_fits_that_left_a_point_out():
+    """On points that weigh alike, where the generalised form is exact."""
+    t = 2 * np.pi * np.arange(12) / 12
+    basis = np.stack([np.ones(12), np.cos(t), np.sin(t), np.cos(2 * t), np.sin(2 * t)], axis=1)
+    values = np.random.default_rng(3).standard_normal((2, 12, 3))
+    for found, of_shape in zip(_leave_one_out(basis, values), values, strict=True):
+        np.testing.assert_allclose(found, refitted_without_each(basis, of_shape), atol=1e-12)
+
+
+def test_shape_errors_are_those_of_fits_that_left_a_shape_out():
+    rng = np.random.default_rng(4)
+    places = rng.uniform(-1, 1, (30, 2))
+    values = 1 + places[:, 0] * places[:, 1] + 0.01 * rng.standard_normal(30)
+    degree, error = _shape_degree(values[:, None, None], np.ones((1, 1)), places, np.full(1, 1e-9), 2)
+    left = refitted_without_each(legendre_products(total_degree(2, 2), places), values)
+    assert degree == 2 and 1e-9 * error == pytest.approx(np.sqrt(np.mean(left**2)), rel=1e-9)

@@ -348,3 +348,12 @@ def test_a_model_compiled_as_given_takes_the_scene_literally():
     model = compile_given(scene.scene(), ksd.Mesh())
     # heat is applied where effects are chosen
     assert moved(conventional(model, {}))[0] == pytest.approx([0, 0, 0], abs=1e-15)
+
+
+def test_plate_stiffening_of_very_wide_strips_goes_on_past_the_closed_form():
+    """Two free edges, each a layer of its own: what is missing to 1/(1 - nu^2) falls with 1/p."""
+    nu, thickness = 0.3, 1e-3
+    for p in (50.0, 250.0, 299.9, 300.1, 1000.0, 1e5):
+        curvature = p**2 / np.sqrt(3 * (1 - nu**2)) * thickness
+        missing = 1 / (1 - nu**2) - plate_factor(1.0, thickness, curvature, nu)
+        assert p * missing == pytest.approx(1.5 * nu**2 / (1 - nu**2), rel=1e-6)
