@@ -74,13 +74,17 @@ class Terms(NamedTuple):
 
 
 class Loads(NamedTuple):
-    """Forces and moments on nodes: node (l,), point (l, 3), force (l, 3), moment (l, 3), following (l,) 0 or 1."""
+    """Forces and moments on nodes: node (l,), point (l, 3), force (l, 3), moment (l, 3), following (l,) 0 or 1.
+
+    skew (l,): 1 where the tangent of the load has a skew part (`ksd.model.turning`): it is not conservative.
+    """
 
     node: np.ndarray
     point: np.ndarray
     force: np.ndarray
     moment: np.ndarray
     following: np.ndarray
+    skew: np.ndarray
     block: np.ndarray
 
 
@@ -156,9 +160,9 @@ class Work(NamedTuple):
 
 
 def turning_room(arrays: Arrays, width: int) -> int:
-    """Scratch that following loads take in a Newton step (`ksd.model.turning`); width: unknowns per node."""
+    """Scratch that loads with a skew tangent take in a Newton step (`ksd.model.turning`); width: unknowns per node."""
     loads = arrays.loads
-    rows = width * int(np.sum((loads.following == 1) & (arrays.start[loads.node] >= 0)))
+    rows = width * int(np.sum((loads.skew == 1) & (arrays.start[loads.node] >= 0)))
     return rows * (arrays.plan.unknowns + rows + 1)
 
 

@@ -15,8 +15,8 @@ from ksd.numerics.rotations import rotation_log
 def add_loads(arrays, R, work, factor, rtol):
     """External loads, times `factor`: dead forces keep their direction, following ones turn with the node.
 
-    Tangent of a dead force at lever s: -[(s F' + F s')/2 - (s.F) I]. A following load has an unsymmetric tangent;
-    its symmetric part is what is added, the rest is for the solve (`ksd.model.turning`).
+    Tangent of a dead force at lever s: -[(s F' + F s')/2 - (s.F) I]. A following load and a moment have an unsymmetric
+    tangent; its symmetric part is what is added, the rest is for the solve (`ksd.model.turning`).
     """
     loads = arrays.loads
     F, M, s = local_vector(3), local_vector(3), local_vector(3)

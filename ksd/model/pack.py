@@ -166,6 +166,7 @@ def _pack_loads(pushes: Sequence[Push], places: Places) -> Loads:
         force=np.array([p.force for p in pushes], float).reshape(-1, 3),
         moment=np.array([p.moment for p in pushes], float).reshape(-1, 3),
         following=np.array([int(p.following) for p in pushes], np.int64),
+        skew=np.array([int(p.following or np.any(p.moment)) for p in pushes], np.int64),
         block=np.array([places.diagonal(p.node) for p in pushes], np.int64),
     )
 

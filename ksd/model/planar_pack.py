@@ -204,6 +204,8 @@ def _pack_loads(loads: Loads, axes: np.ndarray, places: Places) -> Loads:
         force=loads.force @ axes[:, :2],
         moment=loads.moment @ axes[:, 2],
         following=loads.following.copy(),
+        # a moment across the plane turns nothing but the angle it works on
+        skew=loads.following.copy(),
         block=np.array([places.diagonal(int(n)) for n in loads.node], np.int64),
     )
 

@@ -1,9 +1,11 @@
-"""The Newton step with following loads: what their tangent lacks in symmetry, as a correction of low rank.
+"""The Newton step with loads that are not conservative: the skew part of their tangent, as a correction of low rank.
 
-A load that turns with its node has the tangent K + E B E': K symmetric, as assembled and factored; E picks the unknowns
-of the loaded nodes, B (w, w) per load, w = 6 in space and 3 in the plane, is the rest that `ksd.model.loading` leaves out:
-
-force rows, rotation columns: [F]x / 2; rotation rows, force columns: [F]x / 2; rotations: [M]x / 2, M about the node.
+A load that turns with its node, and in space a moment that does not, has the tangent K + E B E': K symmetric, as assembled
+and factored; E picks the unknowns of the loaded nodes, B (w, w) per load, w = 6 in space and 3 in the plane, is skew and
+what `ksd.model.loading` leaves out. Following: force rows, rotation columns: [F]x / 2; rotation rows, force columns:
+[F]x / 2; rotations: [M]x / 2, M about the node. Fixed in space: rotations: -[M]x / 2, M the moment alone. (Of all that has
+an energy the assembly holds the second derivatives along exp(phi) R. The moment itself, which balances M, changes with phi
+by these less [M]x / 2; Argyris et al., Comp. Meth. Appl. Mech. Eng. 14, 1978, and 17/18, 1979.)
 
 Sherman, Morrison and Woodbury: x = y - X (1 + B E'X)^-1 B E'y, y = K^-1 r, X = K^-1 E: w more solves per load, and Newton
 converges quadratically. Compiled where a model has such loads.
@@ -20,10 +22,10 @@ from ksd.numerics.local import local_matrix, local_vector
 
 @kernel
 def turning(loads, start):
-    """Number of following loads on nodes that can move."""
+    """Number of loads with a skew tangent on nodes that can move."""
     count = 0
     for i in range(len(loads.node)):
-        if loads.following[i] == 1 and start[loads.node[i]] >= 0:
+        if loads.skew[i] == 1 and start[loads.node[i]] >= 0:
             count += 1
     return count
 
@@ -35,9 +37,12 @@ def _rest(loads, i, R, factor, B):
     p, f, m = loads.point[i], loads.force[i], loads.moment[i]
     F, M, s = local_vector(3), local_vector(3), local_vector(3)
     for r in range(3):
-        F[r] = 0.5 * factor * (T[r, 0] * f[0] + T[r, 1] * f[1] + T[r, 2] * f[2])
-        M[r] = 0.5 * factor * (T[r, 0] * m[0] + T[r, 1] * m[1] + T[r, 2] * m[2])
-        s[r] = T[r, 0] * p[0] + T[r, 1] * p[1] + T[r, 2] * p[2]
+        F[r], s[r], M[r] = 0.0, 0.0, -0.5 * factor * m[r]
+    if loads.following[i] == 1:
+        for r in range(3):
+            F[r] = 0.5 * factor * (T[r, 0] * f[0] + T[r, 1] * f[1] + T[r, 2] * f[2])
+            M[r] = 0.5 * factor * (T[r, 0] * m[0] + T[r, 1] * m[1] + T[r, 2] * m[2])
+            s[r] = T[r, 0] * p[0] + T[r, 1] * p[1] + T[r, 2] * p[2]
     B[:] = 0.0
     for r in range(3):
         j, k = (r + 1) % 3, (r + 2) % 3
@@ -92,7 +97,7 @@ def _columns(loads, start, plan, work, width, X):
     row = 0
     for i in range(len(loads.node)):
         u = start[loads.node[i]]
-        if loads.following[i] != 1 or u < 0:
+        if loads.skew[i] != 1 or u < 0:
             continue
         for c in range(width):
             X[row, :] = 0.0
@@ -135,7 +140,7 @@ def turn_step(address, factor):
     _columns(loads, start, s.arrays.plan, work, 6, X)
     row = 0
     for i in range(len(loads.node)):
-        if loads.following[i] == 1 and start[loads.node[i]] >= 0:
+        if loads.skew[i] == 1 and start[loads.node[i]] >= 0:
             _rest(loads, i, s.motion.R, factor, B)
             _add_rows(B, start[loads.node[i]], 6, row, X, work.rhs, G, z)
             row += 6
@@ -156,7 +161,7 @@ def turn_flat_step(address, factor):
     _columns(loads, start, s.arrays.plan, work, 3, X)
     row = 0
     for i in range(len(loads.node)):
-        if loads.following[i] == 1 and start[loads.node[i]] >= 0:
+        if loads.skew[i] == 1 and start[loads.node[i]] >= 0:
             _flat_rest(loads, i, work.near, factor, B)
             _add_rows(B, start[loads.node[i]], 3, row, X, work.rhs, G, z)
             row += 3

@@ -31,6 +31,8 @@ from ksd.properties.words import Shown, held, listed, movement, number
 Array = NDArray[np.float64]
 DENSE = 120
 """Unknowns up to which the dense eigensolution is the faster one."""
+MOST_SKEW = 1000
+"""The same where modes may grow that are not among the lowest."""
 CLOSE = 1.1
 """Ratio to the highest frequency asked for within which those of a pose nearby may come in."""
 EMPTY = 1e-13
@@ -45,8 +47,8 @@ class Modes(Shown):
     2 pi and comes first. omega_squared (k,) [1/s^2]. shape (k, nodes, 6): displacement [m] and rotation [rad]
     of every node of `model` for unit modal mass [kg m^2]; vector (k, size): all unknowns, inner ones
     included. drive_motion (k, drives): what every drive's coordinate does in each mode [m or rad]; zero where
-    it is held. growth_per_s (k,): rate at which a mode grows by itself: of an unstable one, or, where loads follow
-    their links, of the two that flutter at one frequency, which come first too. freed: names let go. massless:
+    it is held. growth_per_s (k,): rate at which a mode grows by itself: of an unstable one, or, where loads are not
+    conservative, of the two that flutter at one frequency, which come first too. freed: names let go. massless:
     materials without a density; their leafs took part without mass. around: omega_squared and vectors with the next
     ones up, as they come, to start from at a pose nearby.
     """
@@ -63,6 +65,7 @@ class Modes(Shown):
     mass: Inertia = field(repr=False)
     motion: Motion = field(repr=False)
     around: tuple[Array, Array] = field(repr=False)
+    conservative: bool = True
 
     def __len__(self) -> int:
         return len(self.frequency_Hz)
@@ -80,8 +83,20 @@ class Modes(Shown):
                 + ["unstable"] * bool(self.omega_squared[k] < 0.0)
             )
             rows.append((str(k + 1), number(f, 5), ", ".join(said)))
+        skew = "Loads that follow their link, or moments fixed in space, are not conservative: from the unsymmetric tangent"
+        grows = [f"{skew}; {self._growth()}"] * (not self.conservative)
         bare = [f"Without mass, for want of a density: {', '.join(self.massless)}"] * bool(self.massless)
-        return listed(("mode", "[Hz]", "<what moves"), rows, f"Eigenfrequencies, {held(self.freed)}", *bare)
+        return listed(
+            ("mode", "[Hz]", "<what moves"), rows, f"Eigenfrequencies, {held(self.freed)}", *grows, *bare
+        )
+
+    def _growth(self) -> str:
+        """Which modes grow, in words."""
+        growing = np.flatnonzero(self.growth_per_s > 0.0)
+        if not len(growing):
+            return "none of these grows, neither by itself (divergence) nor in oscillations (flutter)"
+        named = (f"{k + 1} by {number(self.growth_per_s[k])}" for k in growing)
+        return f"modes that grow, per second and without damping: {', '.join(named)}"
 
     @cached_property
     def movements(self) -> tuple[str, ...]:
@@ -164,7 +179,7 @@ def _apply(tangent: Tangent, mass: Inertia, loads: Array) -> Array:
 
 
 def _dense(tangent: Tangent, mass: Inertia, count: int) -> tuple[Array, Array]:
-    """(1/omega^2, vectors (size, k)) by the dense route; complex where loads that follow make modes flutter."""
+    """(1/omega^2, vectors (size, k)) by the dense route; complex where modes flutter."""
     from scipy.linalg import eig, eigh, lapack
 
     M = mass.dense()
@@ -182,6 +197,24 @@ def _dense(tangent: Tangent, mass: Inertia, count: int) -> tuple[Array, Array]:
         return values[kept], x @ vectors[:, kept]
     values, vectors = _outermost(0.5 * (A + A.T), count, eigh)
     return values, x @ vectors
+
+
+def _arnoldi(tangent: Tangent, mass: Inertia, count: int) -> tuple[Array, Array]:
+    """The same of an unsymmetric tangent by Arnoldi iteration: the largest 1/omega^2."""
+    from scipy.sparse.linalg import LinearOperator, eigs
+
+    B = mass.root
+    back = B.T.tocsr()
+    size = B.shape[0]
+    operator = LinearOperator(
+        (size, size),
+        matvec=lambda y: B @ _apply(tangent, mass, (back @ y.ravel())[:, None])[:, 0],
+        dtype=float,
+    )
+    start = np.random.default_rng(0).normal(size=size)
+    values, y = eigs(operator, k=min(2 * count + 4, size - 2), which="LM", v0=start)
+    x = back @ y
+    return values, _apply(tangent, mass, x.real) + 1j * _apply(tangent, mass, x.imag)
 
 
 def _bad(values: Array) -> Any:
@@ -281,9 +314,11 @@ def frequencies(
     found = _followed(opened, near, tangent, mass, count) if dense is None else None
     if found is None:
         # the dense route costs by the unknowns that have mass
-        small = np.unique(mass.root.indices).size <= DENSE if dense is None else dense
-        small = small or tangent.turning is not None
-        found = (_dense if small else _lanczos)(tangent, mass, count)
+        # of an unsymmetric tangent whose symmetric part is not positive definite all are wanted
+        most = MOST_SKEW if tangent.turning is not None and tangent.unstable else DENSE
+        small = np.unique(mass.root.indices).size <= most if dense is None else dense
+        by_iteration = _lanczos if tangent.turning is None else _arnoldi
+        found = (_dense if small else by_iteration)(tangent, mass, count)
     return _modes(opened, mass, found, count, freed)
 
 
@@ -312,6 +347,7 @@ def _modes(
         mass=mass,
         motion=state,
         around=around,
+        conservative=not fine.arrays.loads.skew.any(),
     )
 
 

@@ -30,6 +30,12 @@ DIRECTIONS = ("x", "y", "z", "rx", "ry", "rz")
 """Columns of every (6, 6) matrix here: three translations, three rotations."""
 UNITS, INVERSE = ("N/m",) * 3 + ("Nm/rad",) * 3, ("m/N",) * 3 + ("rad/Nm",) * 3
 """Units of a stiffness and of a compliance in each direction."""
+_UNSYMMETRIC = {
+    True: (),
+    False: (
+        "Loads that follow their link, or moments fixed in space, are not conservative: the matrix is not symmetric",
+    ),
+}
 RIGID = 1e-13
 """Compliance below this fraction of the largest (rotations times the model's size) counts as none."""
 
@@ -41,7 +47,8 @@ class PointStiffness(Shown):
     compliance (6, 6): motion of the point (m, rad) per unit force and moment (N, Nm) on it, rows and columns
     as in DIRECTIONS, in `axes` (3, 3; columns, global) at `point` (3,) [m], where the point is now. freed:
     names of the drives and supports let go. size [m]: length scale by which rotations and translations are
-    compared.
+    compared. conservative: False where loads that follow their link, or moments fixed in space, do work that depends on
+    the way: the matrices are not symmetric then; rows are motions of `compliance`, loads of `matrix`.
     """
 
     link: str
@@ -50,6 +57,7 @@ class PointStiffness(Shown):
     compliance: Array
     freed: tuple[str, ...]
     size: float
+    conservative: bool = True
 
     def _line(self) -> str:
         rows = (f"{d} {number(k)}" for d, k in self.supports.items())
@@ -66,6 +74,7 @@ class PointStiffness(Shown):
             ("direction", "stiffness", "<", "compliance", "<", "<most coupled with"),
             rows,
             f"Stiffness of link '{self.link}' at ({at}) mm, each direction with the others free; {held(self.freed)}",
+            *_UNSYMMETRIC[self.conservative],
         )
 
     def _coupled(self, direction: str) -> str:
@@ -74,7 +83,7 @@ class PointStiffness(Shown):
         if C[i, i] < RIGID * np.abs(C).max():
             return ""
         own = np.diagonal(C)
-        share = np.abs(C[i]) / np.sqrt(C[i, i] * np.maximum(own, 1e-300))
+        share = np.abs(C[:, i]) / np.sqrt(C[i, i] * np.maximum(own, 1e-300))
         share[(own < RIGID * np.abs(C).max()) | (np.arange(6) == i)] = 0.0
         other = int(np.argmax(share))
         return f"{DIRECTIONS[other]} ({share[other]:.2f})" if share[other] > 1e-6 else ""
@@ -88,14 +97,14 @@ class PointStiffness(Shown):
         pick = [_number(d) for d in directions]
         scale = np.where(np.array(pick) < 3, 1.0, self.size)
         part = self.compliance[np.ix_(pick, pick)] * np.outer(scale, scale)
-        values, vectors = np.linalg.eigh(part)
-        if np.abs(values).min() < RIGID * np.abs(self._scaled()).max():
-            worst = np.argmax(np.abs(vectors[:, np.argmin(np.abs(values))]))
+        moves, values, loads = np.linalg.svd(part)
+        if values[-1] < RIGID * np.abs(self._scaled()).max():
+            worst = np.argmax(np.abs(moves[:, -1]))
             raise KinematicsError(
                 f"link '{self.link}' cannot move along {directions[int(worst)]} while the drives and supports "
                 "are held, so its stiffness there is infinite; leave this direction out, or free what holds it"
             )
-        return (vectors / values) @ vectors.T * np.outer(scale, scale)
+        return np.asarray((loads.T / values) @ moves.T * np.outer(scale, scale))
 
     def support(self, direction: str, *, held: Sequence[str] = ()) -> float:
         """Stiffness [N/m or Nm/rad] in one direction: unit force over its motion, the others free but for
@@ -109,11 +118,7 @@ class PointStiffness(Shown):
         i, fixed = _number(direction), [_number(d) for d in held if d != direction]
         value = C[i, i]
         if fixed:
-            value -= (
-                C[i, fixed]
-                @ np.linalg.pinv(C[np.ix_(fixed, fixed)], rcond=RIGID, hermitian=True)
-                @ C[fixed, i]
-            )
+            value -= C[i, fixed] @ np.linalg.pinv(C[np.ix_(fixed, fixed)], rcond=RIGID) @ C[fixed, i]
         if abs(value) < RIGID * np.abs(C).max():
             return float("inf")
         return float((self.size**2 if i >= 3 else 1.0) / value)
@@ -210,17 +215,31 @@ def point_stiffness(
     loads[here] = B.T @ turn
     C = loads[here].T @ found.solve(loads)[here]
     freed = (freed,) if isinstance(freed, str) else tuple(freed)
-    return PointStiffness(model.node_names[node], point, columns, 0.5 * (C + C.T), freed, model.arrays.size)
+    return PointStiffness(
+        model.node_names[node],
+        point,
+        columns,
+        _halved(C, found),
+        freed,
+        model.arrays.size,
+        found.turning is None,
+    )
+
+
+def _halved(C: Array, found: Tangent) -> Array:
+    """C (k, k) without what rounding leaves unsymmetric, where its tangent is symmetric."""
+    return 0.5 * (C + C.T) if found.turning is None else C
 
 
 @dataclass(frozen=True, repr=False)
 class DriveStiffness(Shown):
     """Stiffness between drives: matrix (d, d), force of drive i [N or Nm] per motion of drive j [m or rad],
-    others held."""
+    others held. conservative: see `PointStiffness`."""
 
     names: tuple[str, ...]
     units: tuple[str, ...]
     matrix: Array
+    conservative: bool = True
 
     def _line(self) -> str:
         return ", ".join(f"{n} {number(self[n])} {u}" for n, u in zip(self.names, self.units, strict=True))
@@ -231,7 +250,7 @@ class DriveStiffness(Shown):
             for n, u, row in zip(self.names, self.units, self.matrix, strict=True)
         ]
         said = "Stiffness of the drives: force or moment of a row's drive per motion of a column's, the others held"
-        return listed(("drive", "<", *self.names), rows, said)
+        return listed(("drive", "<", *self.names), rows, said, *_UNSYMMETRIC[self.conservative])
 
     def __getitem__(self, name: str) -> float:
         """Stiffness of one drive, the others held: N/m for a translation, Nm/rad for a rotation."""
@@ -265,7 +284,8 @@ def drive_stiffness(
     terms = model.arrays.terms
     units = tuple("Nm/rad" if terms.kind[terms.first[i]] == ROTATION else "N/m" for i in rows)
     K = -_drive_response(found, rows)[terms.start[rows]]
-    return DriveStiffness(tuple(model.drive_names[i] for i in rows), units, 0.5 * (K + K.T))
+    names = tuple(model.drive_names[i] for i in rows)
+    return DriveStiffness(names, units, _halved(K, found), found.turning is None)
 
 
 def drive_coupling(

@@ -86,7 +86,8 @@ class Tangent:
     """Factored tangent: solve with it; unstable: number of directions in which the state is not a minimum; freed: the
     drives and supports let go.
 
-    turning: what following loads add to it, unsymmetric: the places (k,) of the unknowns of the loaded nodes and (k, k).
+    turning: the skew part that loads add to it which are not conservative: the places (k,) of the unknowns of the loaded
+    nodes and (k, k).
     """
 
     model: Model
@@ -123,6 +124,14 @@ class Tangent:
         units[places, np.arange(len(places))] = 1.0
         X = self._symmetric(units)
         return X, np.eye(len(places)) + rest @ X[places]
+
+    def skew_share(self) -> float:
+        """Largest |x* S x| / x* K x over complex x, S the skew and K the symmetric part, which must be positive definite on
+        the motions that the rows leave."""
+        if self.turning is None:
+            return 0.0
+        places, rest = self.turning
+        return float(np.abs(np.linalg.eigvals(self._columns[0][places] @ rest)).max(initial=0.0))
 
     def unknowns(self, node: int) -> slice:
         """Where the motion (6,) of a node sits; ground has none."""

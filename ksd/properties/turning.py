@@ -1,4 +1,4 @@
-"""What the tangent of following loads lacks in symmetry: matrices for questions to a state (in Newton's steps:
+"""The skew part of the tangent of loads that are not conservative: matrices for questions to a state (in Newton's steps:
 `ksd.model.turning`)."""
 
 from __future__ import annotations
@@ -17,17 +17,16 @@ def cross_matrix(v: Array) -> Array:
 
 
 def turning_loads(arrays: Arrays, motion: Motion, factor: float) -> Array | None:
-    """Unsymmetric rest (n, n) of the tangent of following loads, None without any.
-
-    The assembly holds the symmetric half of [F]x in rows force, columns rotation. The other half, and 1/2 [M]x of the
-    moment about the node in the symmetric chart, make it exact.
-    """
+    """Skew part (n, n) of the tangent of loads that follow and of moments, None without any; see `ksd.model.turning`."""
     loads = arrays.loads
-    if not np.any(loads.following == 1):
+    if not loads.skew.any():
         return None
     rest = np.zeros((arrays.plan.unknowns,) * 2)
-    for i in np.flatnonzero(loads.following == 1):
+    for i in np.flatnonzero(loads.skew):
         u, T = int(arrays.start[loads.node[i]]), motion.R[loads.node[i]]
+        if not loads.following[i]:
+            rest[u + 3 : u + 6, u + 3 : u + 6] -= 0.5 * cross_matrix(factor * loads.moment[i])
+            continue
         F = factor * (T @ loads.force[i])
         half_F = 0.5 * cross_matrix(F)
         half_M = 0.5 * cross_matrix(factor * (T @ loads.moment[i]) + np.cross(T @ loads.point[i], F))

@@ -132,7 +132,9 @@ class Tracer:
                     return None
                 # chains carry stresses extrapolated from the step before; at equilibrium they are the true ones
                 rest = turning_loads(self.model.arrays, motion, self.course.aim(f)[1])
-                below = inertia(K) if rest is None else divergences(arrays, K, rest)
+                below = inertia(K)
+                if rest is not None and below != len(arrays.terms.start):
+                    below = divergences(arrays, K, rest)
                 full = K if rest is None else K + rest
                 return Place(motion, f, below + int(inside), full, b, count, status == 0)
             if step is None:

@@ -107,20 +107,19 @@ class Configuration:
     @property
     def stable(self) -> bool:
         """No negative pivots beyond those of the constraint rows: a minimum of energy under the held drives; where loads
-        follow their links, no divergence and no flutter."""
+        are not conservative, no divergence and no flutter."""
         if self.negatives != self.expected:
             return False
-        return not len(self.model.arrays.loads.following) or self.still is None or self.still[0]
+        return not len(self.model.arrays.loads.skew) or self.still is None or self.still[0]
 
     @cached_property
     def still(self) -> tuple[bool, str] | None:
-        """Whether it flutters, in words, where loads follow their links; else None."""
-        following = self.model.arrays.loads.following
-        if not len(following) or not following.any() or not self.converged:
+        """Whether it flutters, in words, where loads follow their links or are moments; else None."""
+        if not self.model.arrays.loads.skew.any() or not self.converged:
             return None
         from ksd.solve.following import keeps_still
 
-        return keeps_still(*self.unreduced, self.load_factor)
+        return keeps_still(*self.insides, self.load_factor)
 
     @property
     def trust(self) -> Any:

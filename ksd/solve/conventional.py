@@ -23,7 +23,7 @@ from ksd.solve.arc import Course
 from ksd.solve.configuration import Configuration
 from ksd.solve.confirm import confirmed, doubt
 from ksd.solve.driving import CAP, RTOL, Driven, drive_to
-from ksd.solve.following import counted, follows
+from ksd.solve.following import counted
 from ksd.solve.path import Path, trace
 from ksd.solve.steps import Step
 from ksd.solve.stops import Stop
@@ -63,8 +63,8 @@ def _drive(
 
 
 def _counted(model: Model, motion: Motion, driven: Driven, ways: Mapping[str, Any]) -> Driven:
-    """With what stands for negative pivots where loads follow their links."""
-    if driven.stop is not Stop.CONVERGED or not follows(model):
+    """With what stands for negative pivots where loads are not conservative."""
+    if driven.stop is not Stop.CONVERGED:
         return driven
     return driven._replace(negatives=counted(model, motion, ways["factors"][1], driven.negatives))
 

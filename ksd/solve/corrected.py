@@ -18,7 +18,6 @@ import numpy as np
 
 from ksd.errors import ConvergenceError
 from ksd.model.arrays import Motion, make_work
-from ksd.model.system import assemble, solve_step, take_step
 from ksd.solve.configuration import Configuration
 from ksd.solve.driving import CAP, RTOL
 from ksd.solve.newton import iterate
@@ -48,15 +47,14 @@ def corrected(pose: Configuration) -> Configuration:
         return replace(chains, motion=settled(chains), method="conventional", error=None)
     arrays, motion = pose.model.arrays, pose.motion.copy()
     work, target = make_work(arrays), pose.model.targets(pose.targets)
-    _, _, inside, status = assemble(arrays, motion, target, pose.load_factor, work, 1e-8, 0, 10.0)
-    negatives, _ = solve_step(arrays, work)
-    take_step(arrays, motion, work.rhs.copy(), work, 1.0)
-    if status != 0 or not all(np.isfinite(part).all() for part in motion):
+    ways = pose.load_factor, work, 1e-8, 1, math.inf, math.inf
+    reason, *_, negatives, _ = iterate(arrays, motion, target, *ways)
+    if reason not in (Stop.CONVERGED, Stop.TOO_MANY) or not all(np.isfinite(part).all() for part in motion):
         raise ConvergenceError(
             "the error of this answer cannot be told: the state is too far from equilibrium for a Newton step; "
             "ask the question of method='full'"
         )
-    return replace(pose, motion=motion, negatives=int(negatives + inside), chosen=False)
+    return replace(pose, motion=motion, negatives=int(negatives), chosen=False)
 
 
 def settled(pose: Configuration) -> Motion:

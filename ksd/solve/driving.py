@@ -84,13 +84,9 @@ def drive_to(
 
 
 def _weak(arrays: Arrays, reason: int, pivot: float) -> bool:
-    """Whether pivoting may do better: a pivot of rounding, or a following load whose symmetric tangent failed."""
+    """Whether pivoting may do better: a pivot of rounding, or a step that failed under loads with a skew tangent."""
     failed = reason != Stop.CONVERGED
-    return (
-        reason == Stop.SINGULAR
-        or pivot < WEAK_PIVOT
-        or (failed and bool(np.any(arrays.loads.following == 1)))
-    )
+    return reason == Stop.SINGULAR or pivot < WEAK_PIVOT or (failed and bool(arrays.loads.skew.any()))
 
 
 def _with_pivoting(

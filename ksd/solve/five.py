@@ -23,7 +23,7 @@ from ksd.solve.configuration import Configuration
 from ksd.solve.confirm import WANDERED, wandered
 from ksd.solve.driving import CAP, RTOL
 from ksd.solve.estimate import distance, estimate_error
-from ksd.solve.following import counted, follows
+from ksd.solve.following import counted
 from ksd.solve.pipeline import Bench
 from ksd.solve.planar_steps import GAP, YIELDING, PlanarSteps, prepare_planar
 from ksd.solve.reach import closed, in_range
@@ -63,7 +63,7 @@ class FiveSteps:
         self._balanced = 0.0
         self._out: dict[int, np.ndarray] = {}
         self._sense = _senses(model, bodies)
-        self._follows, self._expected = follows(model), len(model.drive_names) + len(model.support_names)
+        self._expected = len(model.drive_names) + len(model.support_names)
 
     def __call__(
         self, values: Mapping[str, float], target: np.ndarray, *, method: str, passes: int, estimate: bool
@@ -264,7 +264,7 @@ class FiveSteps:
         b, (values, method, steps) = self.bench, solved
         theta, off, found, near = moved
         reading, unknown = pipeline.read_motions(b, theta, off, found, near=near)
-        if self._follows and method != "kinematic" and steps.last is Stop.CONVERGED:
+        if method != "kinematic" and steps.last is Stop.CONVERGED:
             negatives = counted(self.model, b.full, 1.0, negatives)
         doubts = wandered(s for s in steps if s.name[0] in "35") if steps.wandered(WANDERED) else ()
         return Configuration(

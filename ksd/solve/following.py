@@ -1,9 +1,13 @@
-"""Stability with following loads, whose tangent is not symmetric: its inertia, the count of negative pivots, says nothing.
+"""Stability under loads that are not conservative, of which no count of pivots tells: loads that follow, moments in space.
 
 A state under such loads is left in one of two ways (Bolotin, Nonconservative Problems of the Theory of Elastic Stability,
-1963). Divergence, slowly: a real negative eigenvalue of the tangent A on the motions that drives and supports leave, counted
-here with displacements over the size of the mechanism as a measure. Flutter, in growing oscillations: a pair of complex
-eigenvalues of A beside the mass, which `ksd.properties.frequencies` finds where something has mass.
+1963). Divergence, slowly: a real negative eigenvalue of the tangent A = K + S, K its symmetric and S its skew part, on the
+motions that drives and supports leave. Flutter, in growing oscillations: a pair of complex eigenvalues of A beside the mass,
+which `ksd.properties.frequencies` finds where something has mass.
+
+Where K is positive definite there, all eigenvalues have positive real parts, whatever S is: nothing diverges. And with rho
+the largest |x* S x| / x* K x, those of A x = omega^2 M x are within the angle rho of the real axis, so that a mode grows by
+no more than rho omega / 2, which a damping ratio of rho / 2 takes away.
 """
 
 from __future__ import annotations
@@ -11,43 +15,58 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from ksd.errors import SceneError
+from ksd.errors import KinematicsError, SceneError
 from ksd.model.arrays import Arrays, Motion, make_work
 from ksd.model.compile import Model
 from ksd.model.system import assemble
 from ksd.properties.frequencies import frequencies
-from ksd.properties.tangent import exact, stored_matrix
+from ksd.properties.tangent import exact, factored_tangent, stored_matrix
 from ksd.properties.turning import turning_loads
 from ksd.solve.newton import GRAIN
 
 Array = NDArray[np.float64]
 REAL = 1e-9
 """Imaginary part of an eigenvalue, over its size, below which it is real."""
-
-
-def follows(model: Model) -> bool:
-    """Whether a load turns with its link."""
-    following = model.arrays.loads.following
-    return len(following) > 0 and bool(np.any(following == 1))
+MILD = 1e-3
+"""Share rho of the skew part up to which flutter is left to damping: half of it, as a ratio, is less than flexures have."""
 
 
 def keeps_still(model: Model, motion: Motion, load_factor: float) -> tuple[bool, str]:
-    """Whether a state that following loads do not leave slowly is not left in growing oscillations either, in words."""
+    """Whether a state that loads which are not conservative do not leave slowly is not left in growing oscillations either,
+    in words that name the criterion."""
+    loads = "loads follow" if model.arrays.loads.following.any() else "moments are not conservative"
+    try:
+        tangent = factored_tangent(model, motion, load_factor=load_factor)
+    except KinematicsError as reason:
+        return False, f"NOT CERTAIN: {reason}"
     still = "stable: no slow motion leaves it"
+    if tangent.unstable == 0:
+        still += " (divergence; the symmetric part of the tangent is positive definite)"
+        share = tangent.skew_share()
+        if share <= MILD:
+            return (
+                True,
+                f"{still}, and none that oscillates with a damping ratio above {0.5 * share:.1g} ({loads})",
+            )
+    else:
+        still += " (divergence; no real negative eigenvalue of the unsymmetric tangent)"
     try:
         modes = frequencies(model, motion, count=8, load_factor=load_factor)
     except SceneError:
-        return True, f"{still}; loads follow and nothing has mass, so flutter was not looked at"
+        return True, f"{still}; {loads} and nothing has mass, so flutter was not looked at"
     worst = int(np.argmax(modes.growth_per_s))
     if modes.growth_per_s[worst] > 0.0:
+        if modes.omega_squared[worst] < 0.0:
+            return False, f"UNSTABLE: it diverges by {modes.growth_per_s[worst]:.3g} per second"
         said = f"{modes.frequency_Hz[worst]:.3g} Hz, growing by {modes.growth_per_s[worst]:.3g} per second"
-        return False, f"UNSTABLE: FLUTTER under loads that follow, at {said} (without damping)"
-    return True, f"{still}, and no mode of its masses flutters (without damping)"
+        return False, f"UNSTABLE: FLUTTER, as {loads}, at {said} (without damping)"
+    return True, f"{still}, and no mode of its masses flutters (without damping; {loads})"
 
 
 def divergences(arrays: Arrays, K: Array, rest: Array) -> int:
     """Real negative eigenvalues of the tangent K + rest (n, n) on the motions that the constraint rows leave, and one for
-    every row, as the inertia of K counts them. K: symmetric, multipliers included; rest: of the following loads."""
+    every row, as the inertia of K counts them. K: symmetric, multipliers included; rest: skew. Displacements count over the
+    size of the mechanism."""
     from scipy.linalg import null_space
 
     rows = arrays.terms.start
@@ -67,8 +86,9 @@ def divergences(arrays: Arrays, K: Array, rest: Array) -> int:
 
 
 def counted(model: Model, motion: Motion, factor: float, negatives: int) -> int:
-    """The negative pivots of a state, or, where loads follow, what stands for them: see `divergences`."""
-    if not follows(model):
+    """The negative pivots of a state, or, where loads are not conservative and the symmetric part of the tangent is not
+    positive definite, what stands for them: see `divergences`."""
+    if not model.arrays.loads.skew.any() or negatives == len(model.arrays.terms.start):
         return negatives
     arrays = exact(model.arrays)
     work = make_work(arrays)
