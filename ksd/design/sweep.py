@@ -229,10 +229,14 @@ def _quiet() -> None:
 @contextmanager
 def _bar(title: str, total: int, shown: bool) -> Iterator[Any]:
     """A progress bar on stderr with the time left; yields a function that moves it on."""
+    if not shown:
+        # some versions of rich print an empty line for a bar that is not there
+        yield lambda _: None
+        return
     from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
-    with Progress(*columns, console=Console(stderr=True), disable=not shown, transient=True) as bar:
+    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
         task = bar.add_task(title, total=total)
         yield lambda count: bar.advance(task, count)
