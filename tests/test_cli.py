@@ -339,6 +339,9 @@ def test_checking_the_probes_of_a_record(monkeypatch, tmp_path, capsys):
     write_record(replace(record, family="mine"), tmp_path / "mine.h5")
     assert main(["info", "mine", "--check"]) == 0
     assert "not solved again" in " ".join(capsys.readouterr().out.split())
+    write_record(replace(record, design={"length": 0.1}), tmp_path / "cartwheel.h5")
+    assert main(["info", "cartwheel", "--check"]) == 0
+    assert "not solved again" in " ".join(capsys.readouterr().out.split())
     moved = replace(record.probes, values=record.probes.values + 1e-8)
     write_record(replace(record, probes=moved), tmp_path / "cartwheel.h5")
     refused(capsys, ["info", "cartwheel", "--check"], 4, "does not agree", "ksd train cartwheel")

@@ -210,7 +210,7 @@ class Record:
     functions: by mesh. leafs, blocks: names in the order of the arrays. orders: curvature modes (nx, ny, nz)
     of a leaf. design: the joint trained on (SI numbers by name); samples: shapes fitted and fresh. trained:
     date as given to the trainer, ISO; version: of the trainer; history: one sentence per event; probes: states by
-    which `ksd.train.check_record` tells whether the record still agrees with this code, None in files of format 1.
+    which `ksd.train.check_probes` tells whether the record still agrees with this code, None in files of format 1.
     """
 
     family: str

@@ -8,10 +8,10 @@ from types import ModuleType
 from typing import Any
 
 from ksd.train.designs import Design, design_of, known_designs
-from ksd.train.probes import check_record
+from ksd.train.probes import check_probes
 from ksd.train.run import train, up_to_date
 
-__all__ = ["Design", "check_record", "design_of", "known_designs", "train", "up_to_date"]
+__all__ = ["Design", "check_probes", "design_of", "known_designs", "train", "up_to_date"]
 
 
 class _Callable(ModuleType):

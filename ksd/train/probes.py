@@ -9,8 +9,9 @@ import numpy as np
 
 from ksd.errors import RecordError
 from ksd.library import Mesh, Probes, Record
+from ksd.library.files import train_again
 from ksd.library.record import Array
-from ksd.train.designs import Design
+from ksd.train.designs import Design, bare
 from ksd.train.fit import DIGITS
 from ksd.train.sweep import Plan, Samples, sample_joint
 
@@ -35,16 +36,17 @@ def probes_of(record: Record, places: Array, grid: Array) -> Probes:
     return Probes(shapes, motions, np.round(values, DIGITS) + 0.0)
 
 
-def check_record(record: Record, design: Design | None = None) -> str:
+def check_probes(record: Record, design: Design | None = None) -> str:
     """How a record agrees with its probes, in words; without the design that draws its joint, nothing is solved.
 
     Raises RecordError where the record holds no probes, where its functions differ from those kept by more than ROUNDING,
     or where a probe solved again differs from them by more than the error on fresh shapes that the record tells;
     SceneError and ConvergenceError where a probe cannot be solved.
     """
-    if record.probes is None:
+    again = train_again(record.family)
+    if record.probes is None or len(record.probes.motions) == 0:
         raise RecordError(
-            f"record '{record.family}' holds no probe states (an older version wrote it); run `ksd train {record.family}`"
+            f"record '{record.family}' holds no probe states (an older version wrote it); {again}"
         )
     now = record.at(record.probes.shapes, record.probes.motions)
     ends = np.cumsum([values.shape[1] for values in now.values()])
@@ -54,7 +56,13 @@ def check_record(record: Record, design: Design | None = None) -> str:
         most = max(most, _furthest(record, key, values, kept[key], ROUNDING, "its functions"))
     said = f"{len(record.probes.motions)} probe states: functions as kept, within {most:.1g}"
     if design is None:
-        return f"{said}; not solved again, as no family draws this joint (ksd.train.check_record with its design does)"
+        return f"{said}; not solved again, as no family draws this joint (ksd.train.check_probes with its design does)"
+    names = tuple(p.name for p in design.parameters)
+    if record.shape_names != names:
+        raise RecordError(
+            f"record '{record.family}' is of the shape parameters {', '.join(record.shape_names) or 'none'}; the joint is "
+            f"drawn by {', '.join(names) or 'none'}; {again}"
+        )
     share = 0.0
     for i, samples in enumerate(_solved(record, design)):
         for key, solved in samples.items():
@@ -74,7 +82,7 @@ def _furthest(
     if not apart <= limit:
         raise RecordError(
             f"record '{record.family}' does not agree with this version of ksd: {key[1]} of mesh {key[0]!r} by {what} "
-            f"differ from the probe states kept by {apart:.2g}, with {limit:.2g} allowed; run `ksd train {record.family}`"
+            f"differ from the probe states kept by {apart:.2g}, with {limit:.2g} allowed; {train_again(record.family)}"
         )
     return apart
 
@@ -85,8 +93,9 @@ def _solved(record: Record, design: Design) -> list[Samples]:
     reach = [motion.reach for motion in record.motions]
     found = []
     for shape, motion in zip(record.probes.shapes, record.probes.motions, strict=True):
-        places = [p.place(float(v)) for p, v in zip(record.parameters, shape, strict=True)]
+        # by name: the ranges of the design may be others than those of the record
+        joint = bare(design.make(**dict(zip(record.shape_names, shape.tolist(), strict=True))))
         point = tuple((float(x),) for x in motion / reach)
         plan = Plan(point, tuple(record.functions), record.orders)
-        found.append(sample_joint(design.joint(np.array(places)), plan))
+        found.append(sample_joint(joint, plan))
     return found

@@ -28,7 +28,7 @@ from ksd.train.asked import check_design, check_meshes
 from ksd.train.designs import Design, changes, design_of
 from ksd.train.fit import Fit, fit_functions
 from ksd.train.jobs import Job, Jobs
-from ksd.train.probes import check_record, probes_of
+from ksd.train.probes import check_probes, probes_of
 from ksd.train.softness import check_soft
 from ksd.train.sweep import Plan, Samples, chebyshev_line, even_line
 
@@ -139,7 +139,7 @@ def up_to_date(family_or_joint: str | Joint | Design, *, out: str | os.PathLike[
         fitted = all(r.fit_rms <= design.loose * TOLERANCE[r.group] for r in record.residuals)
         if not (alike and fitted and set(record.functions) == set(design.meshes)):
             return ""
-        return check_record(record, design)
+        return check_probes(record, design)
     except (RecordError, SceneError, ConvergenceError):
         return ""
 

@@ -7,9 +7,9 @@ import pytest
 
 import ksd.train.probes as module
 from ksd.errors import RecordError
-from ksd.library import find_record, read_record, write_record
+from ksd.library import Probes, find_record, read_record, write_record
 from ksd.library.files import record_bytes, shipped_folder
-from ksd.train import check_record, design_of, up_to_date
+from ksd.train import check_probes, design_of, up_to_date
 from ksd.train.catalogue import ENTRIES
 from ksd.train.sweep import sample_joint
 
@@ -21,7 +21,7 @@ def test_shipped_records_agree_with_the_solver(path):
     """Functions as kept to rounding, and each probe solved again within the error told."""
     record = read_record(path)
     assert len(record.probes.values) == module.STATES
-    assert "solved again, within" in check_record(record, design_of(record.family))
+    assert "solved again, within" in check_probes(record, design_of(record.family))
 
 
 def test_every_family_of_the_catalogue_ships():
@@ -46,13 +46,13 @@ def test_probes_reach_the_ends_of_the_stroke_and_other_shapes(record):
 
 def test_functions_that_come_out_otherwise_are_found_without_solving(record):
     """One coefficient by 1e-6, as a change of how polynomials are evaluated would."""
-    assert "functions as kept" in check_record(record)
+    assert "functions as kept" in check_probes(record)
     tables = record.functions["strain"]
     moved = tables.amplitudes.copy()
     moved[0, 8, 3] += 1e-6
     moved = replace(record, functions={**record.functions, "strain": replace(tables, amplitudes=moved)})
     with pytest.raises(RecordError, match=r"'cartwheel' does not agree .* amplitudes of mesh 'strain'"):
-        check_record(moved)
+        check_probes(moved)
 
 
 def test_a_solver_that_gives_something_else_is_found(record, monkeypatch):
@@ -63,12 +63,28 @@ def test_a_solver_that_gives_something_else_is_found(record, monkeypatch):
     design = design_of("cartwheel")
     monkeypatch.setattr(module, "sample_joint", otherwise)
     with pytest.raises(RecordError, match=r"rotations of mesh 4 by the solver differ .* run `ksd train cart"):
-        check_record(record, design)
+        check_probes(record, design)
 
 
 def test_a_record_without_probes_says_so(record):
     with pytest.raises(RecordError, match="holds no probe states"):
-        check_record(replace(record, probes=None))
+        check_probes(replace(record, probes=None))
+    none = Probes(np.zeros((0, 1)), np.zeros((0, 1)), record.probes.values[:0])
+    with pytest.raises(RecordError, match="holds no probe states"):
+        check_probes(replace(record, probes=none))
+
+
+def test_a_record_of_other_ranges_is_solved_at_its_own_shapes(record):
+    """As of `train(family, shapes=...)`: what the family is trained on by itself does not matter."""
+    narrow = design_of("cartwheel", {"angle": (0.6, 0.7)})
+    assert "solved again, within" in check_probes(record, narrow)
+
+
+def test_a_record_of_other_shape_parameters_says_so(record):
+    with pytest.raises(
+        RecordError, match=r"'cartwheel' is of the shape parameters angle; .* inner_ratio, half_angle"
+    ):
+        check_probes(record, design_of("butterfly"))
 
 
 def test_up_to_date_is_a_record_of_what_is_asked_that_agrees(record, tmp_path, monkeypatch):
