@@ -107,14 +107,11 @@ def _compared(name: str, solve: Any) -> Any:
 
 
 def _first_parasitic(pose: Any) -> float:
-    from ksd.design.tracking import first_tracks
-
     freed = pose.model.drive_names
     try:
-        tracks = first_tracks(pose.frequencies(count=2 + len(freed), freed=freed), 1)
+        return float(pose.frequencies(count=2 + len(freed), freed=freed).first_parasitic_Hz)
     except SceneError:
         return float("nan")
-    return float("nan") if tracks.first_parasitic is None else tracks.frequency_Hz(tracks.first_parasitic)
 
 
 def _other_ways(solver: Any, targets: dict[str, float], pose: Any) -> list[Any]:

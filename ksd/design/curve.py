@@ -163,7 +163,12 @@ def _frequencies(
 def _track(tracks: Tracks, mode: str) -> int:
     """The track of the (lowest) intended or the first parasitic motion."""
     if mode == "intended":
-        return next(t for t, n in enumerate(tracks.names) if n.startswith("intended"))
+        own = [t for t, n in enumerate(tracks.names) if n.startswith("intended")]
+        if not own:
+            raise SceneError(
+                "no mode among the lowest is the intended motion of a drive; ask for 'first_parasitic'"
+            )
+        return own[0]
     first = tracks.first_parasitic
     if first is None:
         raise SceneError("this mechanism has no mode besides its intended ones")

@@ -125,28 +125,9 @@ def _support_stiffness(pose: Any, asked: Asked) -> Row:
     link, at = asked.point(pose.model.scene)
     model, motion = pose.questioned
     found = point_stiffness(model, motion, link, at=at, tangent=pose.tangent).supports
-    held = _held(pose.model.scene, link, at)
     return {
-        f"support_{d}_{'N_per_m' if len(d) == 1 else 'Nm_per_rad'}": float("nan")
-        if d in held
-        else _finite(found[d])
-        for d in DIRECTIONS
+        f"support_{d}_{'N_per_m' if len(d) == 1 else 'Nm_per_rad'}": _finite(found[d]) for d in DIRECTIONS
     }
-
-
-def _held(scene: Any, link: str, at: Any) -> set[str]:
-    """Directions that a drive holds: no support stiffness, however the numbers round."""
-    found = set()
-    for drive in scene.drives:
-        for term in drive.terms if len(drive.terms) == 1 else ():
-            axis = int(np.argmax(np.abs(term.direction)))
-            if abs(term.direction[axis]) < 1 - 1e-9 or term.link != link or term.base != "ground":
-                continue
-            if term.kind == "rotation":
-                found.add("r" + "xyz"[axis])
-            elif at is None or max(abs(a - b) for a, b in zip(at, term.point, strict=True)) < SAME:
-                found.add("xyz"[axis])
-    return found
 
 
 def _finite(value: float, most: float = np.inf) -> float:
@@ -205,8 +186,6 @@ QUESTIONS = ("force", "drive_stiffness", "support_stiffness", "frequencies", "st
 """Asked by default; "buckling" on demand: its factors are on all stresses of the state, of which rest has none."""
 ROUNDING = 1e-9
 """Numbers below this, in the units of the columns, are rounding of a state at rest."""
-SAME = 1e-9
-"""Distance of points [m] that are one."""
 UNLOADED = 1e9
 """Buckling multipliers beyond this mean that the state carries no stress but rounding."""
 KNOWN = (*QUESTIONS, "buckling")

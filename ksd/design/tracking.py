@@ -53,36 +53,16 @@ class Tracks:
 
     @property
     def first_parasitic(self) -> int | None:
-        """The track of lowest frequency that is not the intended motion."""
-        known = [t for t, n in enumerate(self.names) if not n.startswith("intended") and self.rank[t] >= 0]
-        return min(known, key=self.frequency_Hz) if known else None
-
-
-def intended_modes(modes: Modes) -> list[int]:
-    """Ranks of the intended motions, one per freed drive, ascending: the pairing of drives and modes in which the modes
-    carry most of the drives' compliances (drive motion / omega)^2, each drive counted by its own total."""
-    from scipy.optimize import linear_sum_assignment
-
-    if not modes.freed or not modes.drive_motion.size:
-        return []
-    share = modes.drive_motion**2 / np.abs(modes.omega_squared)[:, None]
-    total = share.sum(axis=0)
-    free = total > 0.0
-    if len(total) == 1:
-        return [int(share[:, 0].argmax())] if free[0] else []
-    rows, _ = linear_sum_assignment(share[:, free] / total[free], maximize=True)
-    return sorted(rows.tolist())
+        """The track of the lowest mode that is not intended."""
+        first = self.modes.first_parasitic
+        return self.rank.index(first) if first in self.rank else None
 
 
 def first_tracks(modes: Modes, count: int) -> Tracks:
-    """Tracks of the intended motions and of the `count` lowest modes besides: "intended" ("intended_1", ... where several
-    drives are let go), "parasitic_1", ... in the order of their frequencies."""
-    own = intended_modes(modes)
-    others = [k for k in range(len(modes)) if k not in own][:count]
-    named = {k: "intended" if len(own) == 1 else f"intended_{n + 1}" for n, k in enumerate(own)}
-    named |= {k: f"parasitic_{n + 1}" for n, k in enumerate(others)}
-    ranks = sorted(named)
-    return Tracks(modes, tuple(ranks), tuple(named[k] for k in ranks), (1.0,) * len(ranks))
+    """Tracks of the intended motions and of the `count` lowest modes besides, named as `Modes.names`."""
+    others = [k for k in range(len(modes)) if k not in modes.intended][:count]
+    ranks = sorted([*modes.intended.tolist(), *others])
+    return Tracks(modes, tuple(ranks), tuple(modes.names[k] for k in ranks), (1.0,) * len(ranks))
 
 
 def follow(before: Tracks | None, modes: Modes, count: int, *, together: bool = False) -> Tracks:
@@ -105,18 +85,36 @@ def follow(before: Tracks | None, modes: Modes, count: int, *, together: bool = 
         if mac[i, k] >= LOST:
             rank[alive[i]], sure[alive[i]] = k, float(mac[i, k])
     names = list(before.names)
-    intended = intended_modes(modes)
-    for t, n in enumerate(names):
-        # an intended motion is known by what it does, should the chain of assurances break
-        left = [k for k in intended if k not in rank]
-        if n.startswith("intended") and rank[t] < 0 and left:
-            rank[t], sure[t] = left[0], 1.0
+    _settle_intended(names, rank, sure, modes.intended.tolist())
     # whatever comes from above, the lowest are followed
-    for k in (k for k in range(min(len(intended) + count, len(modes))) if k not in rank):
+    for k in (k for k in range(min(len(modes.intended) + count, len(modes))) if k not in rank):
         names.append(f"parasitic_{1 + sum(not n.startswith('intended') for n in names)}")
         rank.append(k)
         sure.append(1.0)
     return Tracks(modes, tuple(rank), tuple(names), tuple(sure))
+
+
+def _settle_intended(names: list[str], rank: list[int], sure: list[float], intended: list[int]) -> None:
+    """Put the intended tracks on the modes that are intended at this pose, in place.
+
+    Where shapes are exchanged along the way, a motion is known by what it does; the track found there takes the mode left.
+    """
+    mine = [t for t, n in enumerate(names) if n.startswith("intended")]
+    left = [k for k in intended if k not in [rank[t] for t in mine]]
+    for t in mine:
+        if rank[t] in intended:
+            continue
+        k = left.pop(0) if left else -1
+        if k in rank:
+            other = rank.index(k)
+            rank[other], sure[other] = rank[t], sure[t]
+        rank[t], sure[t] = k, 1.0 if k >= 0 else 0.0
+    for number, k in enumerate(left, len(mine) + 1):
+        if k in rank:
+            rank[rank.index(k)] = -1
+        names.append(f"intended_{number}")
+        rank.append(k)
+        sure.append(1.0)
 
 
 def _spanned(mac: np.ndarray, one: Modes, two: Modes) -> np.ndarray:

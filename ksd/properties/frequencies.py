@@ -16,17 +16,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ksd.model.arrays import Motion
+from ksd.model.arrays import STRAIN, Motion
 from ksd.model.compile import Model
-from ksd.model.loading import term_value
 from ksd.model.system import move_nodes
 from ksd.properties.alike import alike_leafs
 from ksd.properties.followed import MOST_NODES, followed
 from ksd.properties.krylov import outermost
 from ksd.properties.mass import Inertia, inertia
 from ksd.properties.opened import Opened
-from ksd.properties.tangent import Tangent
-from ksd.properties.words import Shown, held, listed, movement, number
+from ksd.properties.shape import scene_leafs
+from ksd.properties.tangent import Tangent, row_gradients
+from ksd.properties.words import Shown, held, listed, movement_of, number, ways
 
 Array = NDArray[np.float64]
 DENSE = 120
@@ -35,6 +35,10 @@ MOST_SKEW = 1000
 """The same where modes may grow that are not among the lowest."""
 CLOSE = 1.1
 """Ratio to the highest frequency asked for within which those of a pose nearby may come in."""
+BUSY = 0.25
+"""Share of the largest kinetic energy from which a leaf or a link may give a mode its name."""
+DEPENDENT = 1e-10
+"""Share of the largest compliance below which freed drives move one thing."""
 EMPTY = 1e-13
 """Modes with 1/omega^2 below this fraction of the largest are rounding of the constraints."""
 
@@ -47,10 +51,10 @@ class Modes(Shown):
     2 pi and comes first. omega_squared (k,) [1/s^2]. shape (k, nodes, 6): displacement [m] and rotation [rad]
     of every node of `model` for unit modal mass [kg m^2]; vector (k, size): all unknowns, inner ones
     included. drive_motion (k, drives): what every drive's coordinate does in each mode [m or rad]; zero where
-    it is held. growth_per_s (k,): rate at which a mode grows by itself: of an unstable one, or, where loads are not
-    conservative, of the two that flutter at one frequency, which come first too. freed: names let go. massless:
-    materials without a density; their leafs took part without mass. around: omega_squared and vectors with the next
-    ones up, as they come, to start from at a pose nearby.
+    it is held. drive_compliance (d, d) [m/N, rad/Nm]: static, of the freed drives. growth_per_s (k,): rate at which a mode
+    grows by itself: of an unstable one, or, where loads are not conservative, of the two that flutter at one frequency,
+    which come first too. freed: names let go. massless: materials without a density; their leafs took part without mass.
+    around: omega_squared and vectors with the next ones up, as they come, to start from at a pose nearby.
     """
 
     model: Model
@@ -59,6 +63,7 @@ class Modes(Shown):
     shape: Array
     vector: Array
     drive_motion: Array
+    drive_compliance: Array
     growth_per_s: Array
     freed: tuple[str, ...]
     massless: tuple[str, ...]
@@ -75,11 +80,11 @@ class Modes(Shown):
         return f"{len(self)} modes, {first} to {last} Hz, {held(self.freed)}" if len(self) else "no modes"
 
     def __str__(self) -> str:
-        kind, rows = self.intended, []
+        rows = []
         for k, f in enumerate(self.frequency_Hz):
             said = (
                 [self.movements[k]]
-                + ["intended"] * (k == kind)
+                + [self.names[k]] * (k in self.intended)
                 + ["unstable"] * bool(self.omega_squared[k] < 0.0)
             )
             rows.append((str(k + 1), number(f, 5), ", ".join(said)))
@@ -100,19 +105,42 @@ class Modes(Shown):
 
     @cached_property
     def movements(self) -> tuple[str, ...]:
-        """What every mode does most, in words: a link or block that moves, or, where more than half of the kinetic energy is
-        that of leafs between ends that stand still, the leafs that do."""
-        still = self._between_ends()
+        """What every mode does most, in words: a link that moves, or, where more than half of the kinetic energy is that of
+        leafs between ends that stand still, or of those at an internal block, the leafs that do."""
+        still, energy = self._between_ends(), self._energy_of_nodes()
         leafs = np.array(list(self.model.member_names), dtype=object)
+        own = _bodies(self.model)
         said = []
         for k, shape in enumerate(self.shape):
-            if still[:, k].sum() <= 0.5:
-                said.append(movement(self.model, shape) or "the leafs")
+            if still[:, k].sum() > 0.5:
+                busy = leafs[still[:, k] > BUSY * still[:, k].max()]
+                more = f" and {len(busy) - 2} more" if len(busy) > 2 else ""
+                said.append(", ".join(f"'{n}'" for n in busy[:2]) + f"{more} between the ends")
                 continue
-            busy = leafs[still[:, k] > 0.25 * still[:, k].max()]
-            more = f" and {len(busy) - 2} more" if len(busy) > 2 else ""
-            said.append(", ".join(f"'{n}'" for n in busy[:2]) + f"{more} between the ends")
+            busy = energy[:, k] > BUSY * energy[:, k].max()
+            busy = busy & own if np.any(busy & own) else busy
+            node = int(np.argmax(np.where(busy, ways(self.model, shape), -1.0)))
+            said.append(_spoken(self.model, node, shape[node], bool(own[node])))
         return tuple(said)
+
+    def _energy_of_nodes(self) -> Array:
+        """(nodes, k): kinetic energy of every node's own mass and of the leafs that end there, shared between their ends by
+        how these move."""
+        found = np.zeros((len(self.model.node_names), len(self)))
+        moves = ways(self.model, self.shape).T ** 2
+        members = self.model.arrays.members
+        chains = np.flatnonzero(members.kind != STRAIN)
+        ends = [members.node[group.members] for group in alike_leafs(self.model)]
+        ends += [members.node[i][None] for i in chains]
+        ends += [np.array([[self.model.scene.links.index(m.link)] * 2]) for m in self.model.scene.masses]
+        padded = np.vstack([self.vector.T, np.zeros((1, len(self)))])
+        for nodes, (places, B) in zip(ends, self.mass.stacks, strict=True):
+            energy = ((B @ padded[places]) ** 2).sum(axis=1)
+            both = moves[nodes].sum(axis=1)
+            for e in range(2):
+                share = np.divide(moves[nodes[:, e]], both, out=np.zeros_like(both), where=both > 0.0)
+                np.add.at(found, nodes[:, e], share * energy)
+        return found
 
     def _between_ends(self) -> Array:
         """(members, k): share of the kinetic energy in the motion of every leaf between its ends held still."""
@@ -136,9 +164,9 @@ class Modes(Shown):
     def _rooted(self) -> Array:
         return self.mass.rooted(self.vector.T)
 
-    def moved(self, number: int, size: float) -> Motion:
-        """The state of `model` displaced by `size` times mode `number`, to first order, leafs included."""
-        state, x = self.motion.copy(), size * self.vector[number]
+    def moved(self, row: int, size: float) -> Motion:
+        """The state of `model` displaced by `size` times the mode of this row, to first order, leafs included."""
+        state, x = self.motion.copy(), size * self.vector[row]
         for group, leaf in zip(alike_leafs(self.model), self.mass.leafs, strict=True):
             starts = self.model.arrays.start[self.model.arrays.members.node[group.members]]
             ends = np.where(
@@ -149,23 +177,88 @@ class Modes(Shown):
         move_nodes(self.model.arrays, state, np.ascontiguousarray(x[: self.model.arrays.plan.unknowns]), 1.0)
         return state
 
+    @cached_property
+    def intended(self) -> NDArray[np.intp]:
+        """Rows of the modes that are intended motions, ascending: at most one per freed drive, see `intended_modes`."""
+        own = [i for i, n in enumerate(self.model.drive_names) if n in self.freed]
+        return intended_modes(self.drive_motion[:, own], self.omega_squared, self.drive_compliance)
+
+    @cached_property
+    def names(self) -> tuple[str, ...]:
+        """What every mode is called in tables, sweeps and pictures: "intended" ("intended_1", ... where several are),
+        "parasitic_1", ..., each kind counted from the lowest."""
+        return named_modes(len(self), self.intended)
+
     @property
-    def intended(self) -> int | None:
-        """Number of the mode that is the intended motion: the one with the largest share in the compliance of
-        the freed drives, sum over the modes of (drive motion / omega)^2. None when all drives are held."""
-        if not self.freed or not self.drive_motion.size:
-            return None
-        share = (self.drive_motion**2).max(axis=1) / np.abs(self.omega_squared)
-        return int(np.argmax(share)) if share.max() > 0.0 else None
+    def first_parasitic(self) -> int | None:
+        """Row of the lowest mode that is not intended; None when no other mode was asked for."""
+        return next((k for k in range(len(self)) if k not in self.intended), None)
 
     @property
     def first_parasitic_Hz(self) -> float:
-        """Lowest frequency that is not the intended motion's; with all drives held, the lowest of all.
+        """Lowest frequency that is not that of an intended motion; with all drives held, the lowest of all.
 
         nan when no other mode was asked for.
         """
-        skip = self.intended
-        return float(next((f for k, f in enumerate(self.frequency_Hz) if k != skip), np.nan))
+        first = self.first_parasitic
+        return float("nan") if first is None else float(self.frequency_Hz[first])
+
+
+def intended_modes(motion: Array, omega_squared: Array, compliance: Array) -> NDArray[np.intp]:
+    """Rows of the modes that are the intended motions of freed drives, ascending.
+
+    motion (k, d): what the drives' coordinates do in each mode; compliance (d, d): the static one of the drives, the sum
+    over all modes of motion motion^T / omega^2. In coordinates in which it is one, whatever combinations of motions the
+    drives are, a mode has a share of every direction, and those of all modes add to one. The mode with the largest share
+    is taken, its direction left out, and again, while no mode beyond those computed can have a larger share.
+    """
+    own = motion / np.sqrt(np.abs(omega_squared))[:, None]
+    below = own[omega_squared < 0.0]
+    # unstable modes count by their size, as the others do
+    total = compliance + 2.0 * below.T @ below
+    scale = np.sqrt(np.abs(np.diagonal(total)))
+    scale = np.where(scale > 0.0, scale, 1.0)
+    value, axes = np.linalg.eigh(total / np.outer(scale, scale))
+    kept = value > DEPENDENT * value.max(initial=0.0)
+    share = own / scale @ axes[:, kept] / np.sqrt(value[kept])
+    left, found = share.copy(), []
+    for _ in range(min(left.shape)):
+        size = np.sum(left**2, axis=1)
+        k = int(np.argmax(size))
+        direction = left[k] / np.sqrt(max(size[k], 1e-300))
+        if size[k] <= 1.0 - np.sum((share @ direction) ** 2):
+            break
+        found.append(k)
+        left -= np.outer(left @ direction, direction)
+    return np.array(sorted(found), dtype=np.intp)
+
+
+def named_modes(count: int, intended: NDArray[np.intp]) -> tuple[str, ...]:
+    """Names of `count` modes of which some are `intended` (see `Modes.names`)."""
+    said, numbers = [], {"intended": 0, "parasitic": 0}
+    for k in range(count):
+        kind = "intended" if k in intended else "parasitic"
+        numbers[kind] += 1
+        said.append("intended" if k in intended and len(intended) == 1 else f"{kind}_{numbers[kind]}")
+    return tuple(said)
+
+
+def _bodies(model: Model) -> Any:
+    """(nodes,): which nodes are bodies a mode is named after: links, and internal blocks only with a mass of their own."""
+    heavy = {m.link for m in model.scene.masses if m.mass > 0.0}
+    links = [n in heavy or "/" not in n for n in model.scene.links]
+    return np.array(links + [False] * (len(model.node_names) - len(links)))
+
+
+def _spoken(model: Model, node: int, shape: Array, body: bool) -> str:
+    """What the farthest node does, in words; shape (6,)."""
+    name, does = model.node_names[node], movement_of(model, shape)
+    if body or not does:
+        return f"'{name}' {does}" if does else "the leafs"
+    leaf = name.rpartition(".")[0]
+    return (
+        f"'{leaf}' between the ends" if leaf in scene_leafs(model) else f"the leafs at '{name}', which {does}"
+    )
 
 
 def _apply(tangent: Tangent, mass: Inertia, loads: Array) -> Array:
@@ -331,6 +424,11 @@ def _modes(
     around, vectors = (squared, vectors.T), vectors[:, :count]
     squared, grown = squared[:count], grown[:count]
     vectors = vectors / np.sqrt(np.sum(mass.rooted(vectors) ** 2, axis=0))
+    gradient = np.zeros((len(vectors), len(fine.drive_names)))
+    nodes = fine.arrays.plan.unknowns
+    gradient[:nodes] = row_gradients(fine, state, range(len(fine.drive_names)))
+    own = gradient[:nodes, [i for i, n in enumerate(fine.drive_names) if n in freed]]
+    compliance = own.T @ opened.tangent(freed).solve(own)
     shape = np.zeros((len(squared), len(fine.node_names), 6))
     for k in range(1, len(fine.node_names)):
         shape[:, k] = vectors[int(fine.arrays.start[k]) :][:6].T
@@ -340,7 +438,8 @@ def _modes(
         omega_squared=squared,
         shape=shape,
         vector=vectors.T.copy(),
-        drive_motion=_drive_motion(fine, state, vectors),
+        drive_motion=vectors.T @ gradient,
+        drive_compliance=0.5 * (compliance + compliance.T),
         growth_per_s=grown,
         freed=freed,
         massless=mass.massless,
@@ -349,19 +448,3 @@ def _modes(
         around=around,
         conservative=not fine.arrays.loads.skew.any(),
     )
-
-
-def _drive_motion(model: Model, motion: Motion, vectors: Array) -> Array:
-    """Rate (k, drives) of every drive's coordinate in the modes."""
-    terms = model.arrays.terms
-    out = np.zeros((vectors.shape[1], len(model.drive_names)))
-    gradient, scratch = np.empty(12), np.empty((12, 12))
-    for row in range(len(model.drive_names)):
-        for t in range(terms.first[row], terms.first[row + 1]):
-            term_value(terms, motion.x, motion.R, t, gradient, scratch, 0.0)
-            for e in range(2):
-                start = model.arrays.start[terms.node[t, e]]
-                if start >= 0:
-                    here = vectors[start : start + 6]
-                    out[:, row] += terms.coefficient[t] * gradient[6 * e : 6 * e + 6] @ here
-    return out

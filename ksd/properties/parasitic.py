@@ -13,6 +13,7 @@ from ksd.model.arrays import Motion
 from ksd.model.compile import Model
 from ksd.numerics.rotations import rotation_log
 from ksd.properties.stiffness import node_of, point_motion
+from ksd.properties.tangent import SAME, beyond_rows, row_gradients
 from ksd.properties.words import Shown, number
 
 Array = NDArray[np.float64]
@@ -23,7 +24,7 @@ ONE_POINT = 1e-6
 @dataclass(frozen=True, repr=False)
 class Parasitic(Shown):
     """Motion of a point of a link from rest that its drives do not prescribe: shift (3,) [m] and turn (3,) [rad, rotation
-    vector], global axes, at `point` (3,) [m] at rest. drives: whose direction is taken out."""
+    vector], global axes, at `point` (3,) [m] at rest. drives: what they prescribe is taken out."""
 
     link: str
     point: Array
@@ -75,8 +76,9 @@ def default_point(scene: Any) -> tuple[str, Any]:
 
 
 def parasitic(model: Model, motion: Motion, link: Any = None, *, at: Any = None) -> Parasitic:
-    """Motion of the point of `link` at `at` (3,) [m] at rest, less what drives from ground prescribe on this link along
-    their axes; by default link and point of the first drive.
+    """Motion of the point of `link` at `at` (3,) [m] at rest, less what drives and supports prescribe there: rotations about
+    prescribed axes, displacements along prescribed directions, each by one drive or by several together (three along z
+    prescribe a lift and both tilts). By default link and point of the first drive.
 
     Raises SceneError for an unknown link, or where there is no drive and none is named.
     """
@@ -88,18 +90,33 @@ def parasitic(model: Model, motion: Motion, link: Any = None, *, at: Any = None)
     point = model.rest.x[node] if at is None else np.asarray(at, float)
     shift, turn = now - point, np.empty(3)
     rotation_log(motion.R[node], turn)
-    name, drives = model.node_names[node], []
-    for drive in model.scene.drives:
-        term = drive.terms[0]
-        if len(drive.terms) > 1 or term.link != name or term.base != "ground":
-            continue
-        along = np.asarray(term.direction)
-        drives.append(drive.name)
-        if term.kind == "translation":
-            shift = shift - along * (along @ shift)
-        else:
-            turn = turn - along * (along @ turn)
-    return Parasitic(name, point, shift, turn, tuple(drives))
+    rows = (*model.drive_names, *model.support_names)
+    loads = np.zeros((model.arrays.plan.unknowns, 6))
+    start = int(model.arrays.start[node])
+    loads[start : start + 6] = point_motion(model, motion, node, at)[1].T
+    scale = np.array([1.0] * 3 + [1.0 / model.arrays.size] * 3)
+    left, share = beyond_rows(model, row_gradients(model, motion, range(len(rows))), loads * scale)
+    # combinations of forces and moments that rows take whole: their motion is prescribed
+    _, size, axes = np.linalg.svd(left / np.linalg.norm(loads * scale, axis=0).max())
+    taken = axes[np.append(size, np.zeros(6 - len(size))) < SAME].T
+    turns = taken[3:] @ _null(taken[:3])
+    shift, turn = _off(taken[:3], shift), _off(turns, turn)
+    acts = np.abs(share @ taken).max(axis=1, initial=0.0)
+    drives = tuple(n for n, a in zip(model.drive_names, acts, strict=False) if a > SAME * acts.max())
+    return Parasitic(model.node_names[node], point, shift, turn, drives)
+
+
+def _null(A: Array) -> Array:
+    """Orthonormal columns of the null space of A (3, k)."""
+    _, size, axes = np.linalg.svd(A)
+    return axes[int(np.sum(size > SAME)) :].T
+
+
+def _off(A: Array, vector: Array) -> Array:
+    """`vector` (3,) less its part in the span of the columns of A (3, k)."""
+    axes, size, _ = np.linalg.svd(A)
+    own = axes[:, : int(np.sum(size > SAME))]
+    return np.asarray(vector - own @ (own.T @ vector))
 
 
 def pivot_shift(model: Model, motion: Motion, joint: Any, *, at: Any = None) -> PivotShift:

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from ksd.errors import KinematicsError, SceneError
 from ksd.model.arrays import ROTATION, STRAIN, Motion
 from ksd.model.compile import Model
-from ksd.properties.tangent import Tangent, factored_tangent
+from ksd.properties.tangent import Tangent, beyond_rows, factored_tangent, row_gradients
 from ksd.properties.unfold import unfolded
 from ksd.properties.words import Shown, held, listed, number
 
@@ -213,7 +213,10 @@ def point_stiffness(
     loads = np.zeros((found.arrays.plan.unknowns, 6))
     here = found.unknowns(node)
     loads[here] = B.T @ turn
-    C = loads[here].T @ found.solve(loads)[here]
+    rows = [i for i, n in enumerate((*model.drive_names, *model.support_names)) if n not in found.freed]
+    # what held rows take leaves rounding only where it is left out before
+    loads = beyond_rows(found.model, row_gradients(found.model, found.motion, rows), loads)[0]
+    C = loads.T @ found.solve(loads)
     freed = (freed,) if isinstance(freed, str) else tuple(freed)
     return PointStiffness(
         model.node_names[node],

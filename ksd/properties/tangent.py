@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from ksd.errors import KinematicsError, SceneError
 from ksd.model.arrays import COROTATIONAL, LINEAR, SOLID, Arrays, Motion
 from ksd.model.compile import Model
+from ksd.model.loading import term_value
 from ksd.model.system import assemble
 from ksd.numerics.blocks import factor_blocks, solve_blocks
 from ksd.numerics.indefinite import inertia, scaling, solve_scaled
@@ -26,6 +27,8 @@ from ksd.properties.turning import turning_loads
 Array = NDArray[np.float64]
 SINGULAR = 1e-14
 """Relative pivot below which the tangent counts as singular."""
+SAME = 1e-9
+"""Share of a load below which what rows do not take of it is rounding."""
 
 
 def exact(arrays: Arrays) -> Arrays:
@@ -60,6 +63,36 @@ def free_rows(arrays: Arrays, value: Array, rows: Iterable[int]) -> None:
             if block >= 0:
                 value[block : block + 6] = 0.0
         value[plan.diagonal[int(np.searchsorted(plan.start, terms.start[row]))]] = -1.0
+
+
+def row_gradients(model: Model, motion: Motion, rows: Iterable[int]) -> Array:
+    """(unknowns, len(rows)): how the coordinates of drives and supports change with the motion of the nodes."""
+    terms, rows = model.arrays.terms, list(rows)
+    found = np.zeros((model.arrays.plan.unknowns, len(rows)))
+    gradient, scratch = np.empty(12), np.empty((12, 12))
+    for k, row in enumerate(rows):
+        for t in range(terms.first[row], terms.first[row + 1]):
+            term_value(terms, motion.x, motion.R, t, gradient, scratch, 0.0)
+            for e in range(2):
+                start = model.arrays.start[terms.node[t, e]]
+                if start >= 0:
+                    found[start : start + 6, k] += terms.coefficient[t] * gradient[6 * e : 6 * e + 6]
+    return found
+
+
+def beyond_rows(model: Model, gradients: Array, loads: Array) -> tuple[Array, Array]:
+    """`loads` (unknowns, k) less what is a combination of the `gradients` (unknowns, r) of held rows, and the combinations
+    (r, k). Rows take their part without a motion, so a load that is nothing else is on a held direction: exactly zero."""
+    turns = np.ones(len(loads))
+    for start in model.arrays.start[model.arrays.start >= 0]:
+        turns[start + 3 : start + 6] = model.arrays.size
+    A, b = gradients / turns[:, None], loads / turns[:, None]
+    size = np.linalg.norm(A, axis=0)
+    size = np.where(size > 0.0, size, 1.0)
+    share = np.linalg.lstsq(A / size, b, rcond=SAME)[0]
+    left = b - A / size @ share
+    left[:, np.linalg.norm(left, axis=0) <= SAME * np.linalg.norm(b, axis=0)] = 0.0
+    return left * turns[:, None], share / size[:, None]
 
 
 @dataclass(frozen=True)
@@ -111,7 +144,8 @@ class Tangent:
         return taken
 
     def _symmetric(self, loads: Array) -> Array:
-        found = np.ascontiguousarray(loads.T, dtype=float)
+        # a copy, also of one column
+        found = np.array(loads.T, dtype=float, order="C")
         for x in found:
             solve_blocks(self.arrays.plan, self.value, self.spare, x)
         return found.T

@@ -90,18 +90,30 @@ def axis_in_words(direction: Array) -> str:
     return "(" + ", ".join(f"{v:.2f}" for v in np.round(unit * np.sign(unit[largest]), 2) + 0.0) + ")"
 
 
-def movement(model: Model, shape: Array) -> str:
-    """What a displacement field, shape (nodes, 6) [m, rad], does most: the link or block that moves farthest, rotations
-    counted by LEVER; nothing where no link moves."""
-    turn = np.linalg.norm(shape[:, 3:], axis=1) * LEVER * model.arrays.size
-    shift = np.linalg.norm(shape[:, :3], axis=1)
-    link = int(np.argmax(np.maximum(turn, shift)))
-    if max(turn[link], shift[link]) == 0.0:
+def ways(model: Model, shape: Array) -> Array:
+    """(..., nodes) [m]: how far every node moves in fields, shape (..., nodes, 6) [m, rad], rotations counted by LEVER."""
+    turn = np.linalg.norm(shape[..., 3:], axis=-1) * LEVER * model.arrays.size
+    return np.asarray(np.maximum(turn, np.linalg.norm(shape[..., :3], axis=-1)))
+
+
+def movement_of(model: Model, shape: Array) -> str:
+    """What a node does most, shape (6,) [m, rad]; nothing where it does not move."""
+    turn, shift = np.linalg.norm(shape[3:]) * LEVER * model.arrays.size, np.linalg.norm(shape[:3])
+    if max(turn, shift) == 0.0:
         return ""
-    name = model.node_names[link]
-    if turn[link] > shift[link]:
-        return f"'{name}' turns about {axis_in_words(shape[link, 3:])}"
-    return f"'{name}' moves along {axis_in_words(shape[link, :3])}"
+    return (
+        f"turns about {axis_in_words(shape[3:])}"
+        if turn > shift
+        else f"moves along {axis_in_words(shape[:3])}"
+    )
+
+
+def movement(model: Model, shape: Array) -> str:
+    """What a displacement field, shape (nodes, 6) [m, rad], does most: the link or block that moves farthest; nothing where
+    no link moves."""
+    node = int(np.argmax(ways(model, shape)))
+    does = movement_of(model, shape[node])
+    return does and f"'{model.node_names[node]}' {does}"
 
 
 class Named(dict[str, T]):

@@ -42,7 +42,7 @@ def animate_mode(
     pose: Any,
     path: str | os.PathLike[str],
     *,
-    mode: int = 0,
+    mode: int | str = 1,
     modes: Any = None,
     amplitude: float = 0.08,
     plane: str | None = None,
@@ -51,15 +51,15 @@ def animate_mode(
 ) -> Path:
     """Write one swing of a mode of a `Configuration` about its deformed state as an animated GIF.
 
-    mode: its number in `modes` (`pose.frequencies()` with all drives let go when None), lowest first. amplitude:
-    largest displacement over the size of the mechanism, for the eye only. plane: as in `plot_mechanism`, where the
-    mode moves most when None. Returns the path. Raises SceneError as `animate_stroke`, and for a mode that is not there.
+    mode: its number, from 1, in the table that `modes` prints (`pose.frequencies()` with all drives let go when None), or
+    its name there ("intended", "parasitic_1", see `Modes.names`). amplitude: largest displacement over the size of the
+    mechanism, for the eye only. plane: as in `plot_mechanism`, where the mode moves most when None. Returns the path.
+    Raises SceneError as `animate_stroke`, and for a mode that is not there.
     """
     target = _target(path)
     found = pose.frequencies(freed=pose.model.drive_names) if modes is None else modes
-    if not 0 <= mode < len(found):
-        raise SceneError(f"mode = {mode}: there are modes 0 to {len(found) - 1}")
-    moved = np.abs(found.shape[mode, :, :3])
+    row = _row(found, mode)
+    moved = np.abs(found.shape[row, :, :3])
     unit = amplitude * float(found.model.arrays.size) / max(float(moved.max()), 1e-300)
     if plane is None:
         most = moved.max(axis=0)
@@ -68,17 +68,21 @@ def animate_mode(
         )
     swing = np.sin(2 * np.pi * np.arange(frames) / frames)
     still = replace(pose, model=found.model, chosen=False)
-    order = [replace(still, motion=found.moved(mode, unit * float(s))) for s in swing]
-    title = f"mode {mode}{_named(found, mode)}: {found.frequency_Hz[mode]:.4g} Hz, amplitude for the eye"
+    order = [replace(still, motion=found.moved(row, unit * float(s))) for s in swing]
+    title = f"mode {row + 1}, {found.names[row]}: {found.frequency_Hz[row]:.4g} Hz, amplitude for the eye"
     return _written(order, target, plane=plane, fps=frames, dpi=dpi, title=title)
 
 
-def _named(modes: Any, mode: int) -> str:
-    """What a mode is to the designer: the intended motion, or the first parasitic one."""
-    if modes.intended == mode:
-        return ", the intended motion"
-    others = [k for k in range(len(modes)) if k != modes.intended]
-    return ", the first parasitic one" if modes.intended is not None and others[0] == mode else ""
+def _row(modes: Any, mode: int | str) -> int:
+    """Row of a mode said by its number in the table, from 1, or by its name. Raises SceneError."""
+    if mode in modes.names:
+        return int(modes.names.index(mode))
+    if isinstance(mode, bool) or not isinstance(mode, int | np.integer) or not 1 <= mode <= len(modes):
+        raise SceneError(
+            f"mode = {mode!r}: give the number of a mode as the table of frequencies counts them, 1 to {len(modes)}, or one "
+            f"of the names {', '.join(modes.names)}"
+        )
+    return int(mode) - 1
 
 
 def _target(path: str | os.PathLike[str]) -> Path:

@@ -10,19 +10,23 @@ import ksd
 from ksd.design.curve import even_curve, frequency_curve
 from ksd.design.state_space import state_space
 from ksd.design.sweep import sweep
-from ksd.design.tracking import first_tracks, follow, follow_through, intended_modes
+from ksd.design.tracking import first_tracks, follow, follow_through
+from ksd.properties.frequencies import Modes, intended_modes
 
 
-class Made:
+class Made(Modes):
     """Modes of unit vectors with unit mass."""
+
+    __setattr__ = object.__setattr__
 
     def __init__(self, names, frequency, freed=("drive",)):
         order = np.argsort(frequency)
+        self.model, self.freed = SimpleNamespace(drive_names=("drive",)), freed
         self.frequency_Hz = np.array(frequency)[order]
         self.omega_squared = (2 * np.pi * self.frequency_Hz) ** 2
         self.vector = np.eye(9)[np.array(names)[order]]
-        self.freed = freed
         self.drive_motion = (self.vector[:, :1] > 0).astype(float)
+        self.drive_compliance = self.drive_motion.T @ (self.drive_motion / self.omega_squared[:, None])
 
     def __len__(self):
         return len(self.frequency_Hz)
@@ -56,8 +60,33 @@ def test_a_lost_mode_ends_and_a_new_one_begins():
 
 def test_several_drives_have_several_intended_modes():
     motion = np.array([[0.5, 0.5], [0.5, -0.5], [0.0, 0.01]])
-    modes = SimpleNamespace(freed=("x", "y"), drive_motion=motion, omega_squared=np.array([1.0, 1.0, 2.0]))
-    assert intended_modes(modes) == [0, 1]
+    squared = np.array([1.0, 1.0, 2.0])
+    assert intended_modes(motion, squared, motion.T @ (motion / squared[:, None])).tolist() == [0, 1]
+    # any combination of the motions is as good a drive
+    other = motion @ np.array([[1.0, 1.0], [1.0, 1.0001]])
+    assert intended_modes(other, squared, other.T @ (other / squared[:, None])).tolist() == [0, 1]
+
+
+def test_an_intended_motion_above_the_modes_computed_leaves_its_name_to_no_other():
+    """A stiff second drive: what it does in the modes below is rounding beside its compliance."""
+    motion, squared = (
+        np.array([[1.0, 0.0], [0.0, 0.01], [0.0, 0.02], [0.0, 1.0]]),
+        np.array([1.0, 2.0, 3.0, 50.0]),
+    )
+    whole = motion.T @ (motion / squared[:, None])
+    assert intended_modes(motion[:3], squared[:3], whole).tolist() == [0]
+    assert intended_modes(motion, squared, whole).tolist() == [0, 3]
+
+
+def test_no_track_keeps_a_name_that_the_pose_denies():
+    """The intended motion hands over to the mode beside it: both tracks go on, each with the frequency of its kind."""
+    tracks, after = follow(None, Made([0, 1, 2], [50, 60, 120]), 2), Made([0, 1, 2], [51, 59, 120])
+    after.drive_motion = np.array([[0.0], [1.0], [0.0]])
+    after.drive_compliance = np.array([[1.0 / after.omega_squared[1]]])
+    tracks = follow(tracks, after, 2)
+    assert tracks.names == ("intended", "parasitic_1", "parasitic_2")
+    assert [tracks.frequency_Hz(t) for t in range(3)] == [59, 51, 120]
+    assert tracks.frequency_Hz(tracks.first_parasitic) == after.first_parasitic_Hz == 51
 
 
 def test_modes_of_a_real_crossing_are_followed():
