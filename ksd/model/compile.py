@@ -67,6 +67,22 @@ class Model:
         """Number of links, ground included; they are the first nodes."""
         return len(self.scene.links)
 
+    def refuse_turns(self, target: np.ndarray) -> None:
+        """SceneError for a drive that is to turn by more than the half turn either way that a pose tells."""
+        if not len(target) or np.abs(target).max() <= np.pi:
+            return
+        terms = self.arrays.terms
+        for name, value, first, end in zip(
+            self.drive_names, target, terms.first, terms.first[1:], strict=False
+        ):
+            most = np.pi * float(np.abs(terms.coefficient[first:end]).sum())
+            if np.all(terms.kind[first:end] == ROTATION) and abs(value) > most:
+                raise SceneError(
+                    f"drive '{name}' = {np.rad2deg(value):.6g} deg: a prescribed rotation is read from the pose of its "
+                    f"links, which tells it within {np.rad2deg(most):.6g} deg either way; turn further by a moment "
+                    "(mechanism.load)"
+                )
+
     def targets(self, values: Mapping[str, float]) -> np.ndarray:
         """Right-hand sides of all rows for drive values by name [m or rad]; SceneError for unknown or missing ones."""
         found = [v for n in self.drive_names if type(v := values.get(n)) is float and abs(v) <= LARGEST]

@@ -159,3 +159,24 @@ def by_arc(
         )
     state = path.states[-1]
     return driven._replace(negatives=state.negatives), how, state.motion, ()
+
+
+def rescued(first: Round, arc: Callable[[], Path]) -> tuple[Driven, str, Motion, tuple[str, ...]]:
+    """Where load steps end before the way does: what the path followed by arc length finds at its end, or why there is
+    none. A path that turns on the way is not gone along: the mechanism would snap."""
+    driven, how, motion = first
+    try:
+        path = arc()
+    except (ConvergenceError, np.linalg.LinAlgError):
+        return driven, how, motion, ()
+    driven = driven._replace(solves=driven.solves + sum(s.iterations for s in path.states))
+    if path.turnings:
+        turn = path.turnings[0]
+        kind = "turns back at a limit" if turn.kind == "limit" else "branches at a bifurcation"
+        said = f"the path from its start {kind} point at {100 * turn.factor:.3g} % of the way, where the mechanism snaps or"
+        return driven, how, motion, (f"{said} buckles; ksd.follow goes along the path",)
+    if not path.ended:
+        return driven, how, motion, ()
+    state = path.states[-1]
+    driven = driven._replace(stop=Stop.CONVERGED, residual=1.0, negatives=state.negatives, reached=1.0)
+    return driven, ", ".join(filter(None, [how, "by arc length"])), state.motion, ()

@@ -21,7 +21,7 @@ from ksd.model.compile import Model
 from ksd.numerics.stopwatch import thread_ns
 from ksd.solve.arc import Course
 from ksd.solve.configuration import Configuration
-from ksd.solve.confirm import confirmed, doubt
+from ksd.solve.confirm import confirmed, doubt, rescued
 from ksd.solve.driving import CAP, RTOL, Driven, drive_to
 from ksd.solve.following import counted
 from ksd.solve.path import Path, trace
@@ -79,8 +79,6 @@ def _walk(
     if math.isfinite(ways["eps_max"]):
         return *first, ()
     reason = doubt(model, first[2], first[0], ways["target"], fresh=fresh, steps=ways["steps"])
-    if not reason:
-        return *first, ()
 
     def again(steps: int) -> Arrived:
         finer = {**ways, "steps": steps, "smallest": min(ways["smallest"], 0.25 / steps)}
@@ -91,6 +89,10 @@ def _walk(
         course = Course(ways["start"], ways["target"] - ways["start"], low, high - low)
         return trace(model, course, begin)
 
+    if first[0].stop is not Stop.CONVERGED:
+        return rescued(first, arc)
+    if not reason:
+        return *first, ()
     return confirmed(model, first, again, arc, reason)
 
 
@@ -121,6 +123,7 @@ def conventional(
     if planar not in ("auto", True, False):
         raise SceneError(f"planar = {planar!r}: choose 'auto', True or False")
     target = model.targets(targets)
+    model.refuse_turns(target)
     begin = model.targets(start.targets) if start else np.zeros(len(target))
     ways: dict[str, Any] = {
         "start": begin, "target": target, "factors": (start.load_factor if start else 0.0, 1.0), "steps": steps,
@@ -128,8 +131,9 @@ def conventional(
     }  # fmt: skip
     result, driven = _solved(storage or storage_of(model), start, ways, planar)
     if driven.stop is not Stop.CONVERGED:
+        why = result.doubts[0] if result.doubts else driven.stop.sentence
         raise ConvergenceError(
-            f"the conventional solver stopped at {100 * driven.reached:.3g} % of the drive motion: {driven.stop.sentence}",
+            f"the conventional solver stopped at {100 * driven.reached:.3g} % of the drive motion: {why}",
             reached=driven.reached,
             result=result,
         )
