@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import dataclasses
 import hashlib
+import operator
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -92,13 +94,38 @@ class Scene:
         inside = {f"{j.name}/{leaf.name}": leaf for j in self.joints for leaf in j.leafs()}
         return inside | {placed.name: placed.leaf for placed in self.leafs}
 
+    @cached_property
+    def unchangeable(self) -> bool:
+        """Whether everything in it is frozen: no joint family of the user's own that is not, no function of his."""
+        leafs = self.leaf_names().values()
+        params = (getattr(j.joint, "__dataclass_params__", None) for j in self.joints)
+        return all(p is not None and p.frozen for p in params) and all(
+            leaf.curve is None and leaf.profile is None for leaf in leafs
+        )
+
     def fingerprint(self) -> str:
         """SHA-256 (hexadecimal) of all contents."""
+        return self._fingerprint if self.unchangeable else self._hashed()
+
+    @cached_property
+    def _fingerprint(self) -> str:
+        return self._hashed()
+
+    def _hashed(self) -> str:
         digest = hashlib.sha256()
         for piece in _pieces(self):
             digest.update(piece.encode())
             digest.update(b"\n")
         return digest.hexdigest()
+
+    def holds_what(self, other: Scene) -> bool:
+        """Whether every part is the very object that `other` has: as fast as it is strict."""
+        for field in dataclasses.fields(self):
+            one, two = getattr(self, field.name), getattr(other, field.name)
+            both = isinstance(one, tuple) and isinstance(two, tuple) and len(one) == len(two)
+            if one is not two and not (both and all(map(operator.is_, one, two))):
+                return False
+        return True
 
     def neighbours(self, *, supports: bool = False) -> dict[str, set[str]]:
         """Links next to each link through joints and free-form leafs, and through supports when asked."""

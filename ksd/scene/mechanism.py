@@ -37,6 +37,7 @@ class Mechanism(Mentioned):
         self._drives: list[Drive] = []
         self._supports: list[Drive] = []
         self._loads: list[Load] = []
+        self._last: Scene | None = None
 
     def __repr__(self) -> str:
         return (
@@ -350,9 +351,12 @@ class Mechanism(Mentioned):
         check_scene(self.draft())
 
     def scene(self) -> Scene:
-        """The frozen, validated description."""
-        frozen = self.draft()
+        """The frozen, validated description; the same value again while nothing was changed."""
+        frozen, last = self.draft(), self._last
+        if last is not None and last.unchangeable and frozen.holds_what(last):
+            return last
         check_scene(frozen)
+        self._last = frozen
         return frozen
 
     def draft(self) -> Scene:
