@@ -182,7 +182,7 @@ def test_missing_record_says_what_to_do(monkeypatch, tmp_path):
     )  # fmt: skip
     turn = ksd.Motion("turn", "rotation", (0, 0, 1), (-0.5, 0.5))
     drawn = ksd.DrawnJoint("my own", blocks=points, leafs=[leaf], motions=[turn])
-    with pytest.raises(ksd.RecordError, match="ksd train"):
+    with pytest.raises(ksd.RecordError, match=r"ksd\.train\(joint\)"):
         ksd.solve(single_joint(drawn), turn=0.1, method="reduced")
     assert ksd.solve(single_joint(drawn), turn=0.1).method == "conventional"
 
