@@ -19,8 +19,10 @@ from numpy.typing import NDArray
 from ksd.design.questions import VALUE
 from ksd.design.table import write_mat
 from ksd.errors import SceneError
+from ksd.properties.tangent import factored_tangent
 from ksd.properties.words import Shown, listed, number
 from ksd.solve.answer import drive_kind
+from ksd.solve.following import MILD
 
 Array = NDArray[np.float64]
 
@@ -83,7 +85,8 @@ def state_space(
     """State-space model of a `Configuration` with its `modes` lowest modes.
 
     damping: modal damping ratio zeta of every mode. drives: those let go and used as inputs and outputs, all when None;
-    the others stay held. Raises SceneError for names, modes or damping out of range, and for a scene without mass.
+    the others stay held. Raises SceneError for names, modes or damping out of range, and for a scene without mass or under
+    loads that are not conservative.
     """
     known = pose.model.drive_names
     freed = tuple(known) if drives is None else tuple(drives)
@@ -94,6 +97,14 @@ def state_space(
     if modes < 1:
         raise SceneError(f"modes = {modes}: at least one mode is needed")
     found = pose.frequencies(count=modes, freed=freed)
+    if (
+        not found.conservative
+        and factored_tangent(*pose.insides, load_factor=pose.load_factor).skew_share() > MILD
+    ):
+        raise SceneError(
+            "state_space: the loads follow their link or are moments fixed in space, and not conservative: modes are "
+            "no basis of a linear model then; take those loads off, or put them on as forces that keep their direction"
+        )
     columns = [list(known).index(d) for d in freed]
     phi, squared = found.drive_motion[:, columns].T, found.omega_squared
     k = len(squared)

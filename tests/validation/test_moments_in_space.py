@@ -8,6 +8,7 @@ from scipy.optimize import fsolve
 from scipy.spatial.transform import Rotation
 
 import ksd
+from ksd.design.state_space import state_space
 from ksd.model.arrays import make_work
 from ksd.model.compile import compile_scene
 from ksd.model.system import assemble, move_nodes, take_step
@@ -237,3 +238,10 @@ def test_both_ways_to_modes_that_grow_agree():
     pose = conventional(compile_scene(scene), {"top": 0.2})
     one, other = (pose.frequencies(count=5, dense=dense) for dense in (True, False))
     assert one.frequency_Hz == pytest.approx(other.frequency_Hz, rel=1e-7)
+
+
+def test_a_state_space_model_of_modes_is_refused():
+    """Its modes are not orthogonal, and its static compliance is not symmetric."""
+    pose = conventional(compile_scene(two_drives(False)), {"lift": 2e-3, "tilt": 0.2})
+    with pytest.raises(ksd.SceneError, match="not conservative"):
+        state_space(pose, modes=2)
