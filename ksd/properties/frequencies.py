@@ -20,8 +20,8 @@ from ksd.model.arrays import STRAIN, Motion
 from ksd.model.compile import Model
 from ksd.model.system import move_nodes
 from ksd.properties.alike import alike_leafs
+from ksd.properties.eigenpairs import arnoldi_pairs, dense_pairs, growing_pairs, lanczos_pairs
 from ksd.properties.followed import MOST_NODES, followed
-from ksd.properties.krylov import outermost
 from ksd.properties.mass import Inertia, inertia
 from ksd.properties.opened import Opened
 from ksd.properties.shape import scene_leafs
@@ -261,94 +261,11 @@ def _spoken(model: Model, node: int, shape: Array, body: bool) -> str:
     )
 
 
-def _apply(tangent: Tangent, mass: Inertia, loads: Array) -> Array:
-    """K^-1 loads for loads (size, k): node tangent beside the flexibilities of the leafs."""
-    n = tangent.arrays.plan.unknowns
-    out = np.empty_like(loads)
-    out[:n] = tangent.solve(loads[:n])
-    for leaf in mass.leafs:
-        out[leaf.inner] = leaf.Z @ loads[leaf.inner]
-    return out
-
-
-def _dense(tangent: Tangent, mass: Inertia, count: int) -> tuple[Array, Array]:
-    """(1/omega^2, vectors (size, k)) by the dense route; complex where modes flutter."""
-    from scipy.linalg import eig, eigh, lapack
-
-    M = mass.dense()
-    used = np.flatnonzero(M.diagonal() > 0.0)
-    scale = 1.0 / np.sqrt(M.diagonal()[used])
-    C, order, rank, _ = lapack.dpstrf(M[np.ix_(used, used)] * np.outer(scale, scale), lower=1)
-    L = np.zeros((mass.size, rank))
-    L[used[order - 1]] = (np.tril(C)[:, :rank].T / scale[order - 1]).T
-    x = _apply(tangent, mass, L)
-    A = L.T @ x
-    if tangent.turning is not None:
-        values, vectors = eig(A)
-        kept = np.concatenate([np.flatnonzero(_bad(values)), np.argsort(-np.abs(values))[: 2 * count]])
-        kept = np.unique(kept)
-        return values[kept], x @ vectors[:, kept]
-    values, vectors = _outermost(0.5 * (A + A.T), count, eigh)
-    return values, x @ vectors
-
-
-def _arnoldi(tangent: Tangent, mass: Inertia, count: int) -> tuple[Array, Array]:
-    """The same of an unsymmetric tangent by Arnoldi iteration: the largest 1/omega^2."""
-    from scipy.sparse.linalg import LinearOperator, eigs
-
-    B = mass.root
-    back = B.T.tocsr()
-    size = B.shape[0]
-    operator = LinearOperator(
-        (size, size),
-        matvec=lambda y: B @ _apply(tangent, mass, (back @ y.ravel())[:, None])[:, 0],
-        dtype=float,
-    )
-    start = np.random.default_rng(0).normal(size=size)
-    values, y = eigs(operator, k=min(2 * count + 4, size - 2), which="LM", v0=start)
-    x = back @ y
-    return values, _apply(tangent, mass, x.real) + 1j * _apply(tangent, mass, x.imag)
-
-
-def _bad(values: Array) -> Any:
-    """Which 1/omega^2 are those of modes that grow."""
-    bound = 1e-9 * np.abs(values).max(initial=0.0)
-    return (values.real < -bound) | (np.abs(values.imag) > np.maximum(bound, 1e-6 * np.abs(values)))
-
-
-def _outermost(A: Array, count: int, eigh: Any) -> tuple[Array, Array]:
-    """The `count` largest eigenvalues of A and all clearly negative ones, with vectors."""
-    size = len(A)
-    values, vectors = eigh(A, subset_by_index=(max(0, size - count), size - 1))
-    low, below = eigh(A, subset_by_index=(0, min(size, count) - 1))
-    bad = low < -1e-9 * np.abs(np.concatenate([values, low])).max()
-    keep = values > 0.0
-    return np.concatenate([low[bad], values[keep]]), np.hstack([below[:, bad], vectors[:, keep]])
-
-
-def _lanczos(tangent: Tangent, mass: Inertia, count: int) -> tuple[Array, Array]:
-    """The same by block Lanczos on B K^-1 B^T, which has the eigenvalues 1/omega^2 for M = B^T B."""
-    B = mass.root
-    back = B.T.tocsr()
-
-    def apply(y: Array) -> Array:
-        found: Array = B @ _apply(tangent, mass, back @ y)
-        return found
-
-    def wanted(values: Array) -> Any:
-        # every unstable direction is a negative value; of the others the largest
-        below = np.flatnonzero(values < -1e-9 * np.abs(values).max())[: tangent.unstable]
-        return np.concatenate([below, np.argsort(-values)[:count]])
-
-    values, y = outermost(apply, B.shape[0], wanted)
-    return values, _apply(tangent, mass, back @ y)
-
-
 def _lowest(values: Array, vectors: Array, count: int) -> tuple[Array, Array, Array]:
     """omega^2, shapes and growth of the modes 1/omega^2 = values: those that grow first, then the lowest."""
     keep = np.abs(values) > EMPTY * np.abs(values).max(initial=0.0)
     values, vectors = values[keep], vectors[:, keep]
-    growing, omega = _bad(values), np.sqrt(1.0 / values + 0j)
+    growing, omega = growing_pairs(values), np.sqrt(1.0 / values + 0j)
     grown = np.where(growing, np.abs(omega.imag), 0.0)
     # of a fluttering pair the square of its frequency, and the real part of its shape
     flutters = growing & (np.abs(values.imag) > 1e-6 * np.abs(values))
@@ -410,8 +327,8 @@ def frequencies(
         # of an unsymmetric tangent whose symmetric part is not positive definite all are wanted
         most = MOST_SKEW if tangent.turning is not None and tangent.unstable else DENSE
         small = np.unique(mass.root.indices).size <= most if dense is None else dense
-        by_iteration = _lanczos if tangent.turning is None else _arnoldi
-        found = (_dense if small else by_iteration)(tangent, mass, count)
+        by_iteration = lanczos_pairs if tangent.turning is None else arnoldi_pairs
+        found = (dense_pairs if small else by_iteration)(tangent, mass, count)
     return _modes(opened, mass, found, count, freed)
 
 
