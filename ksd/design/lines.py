@@ -90,10 +90,10 @@ class Walk:
         """From the pose before; from rest where that fails."""
         if self.before is not None:
             try:
-                return conventional(self.solver.model, values, start=self.before)
+                return conventional(self.solver.model, values, start=self.before, planar=self.solver.in_plane)
             except ConvergenceError:
                 self.before = None
-        return conventional(self.solver.model, values)
+        return conventional(self.solver.model, values, planar=self.solver.in_plane)
 
 
 def _fine_enough(line: Line, recipe: Recipe, solver: Solver | None) -> Solver:

@@ -18,7 +18,7 @@ from ksd.model.arrays import ROTATION, TRANSLATION, Arrays, Motion
 from ksd.model.effects import Choice, applied, choose
 from ksd.model.leafs import Mesh, leaf_member, split_leaf
 from ksd.model.pack import Assembly, Member, Push, Row, pack
-from ksd.section.checks import LARGEST, number, show
+from ksd.section.checks import LARGEST, number, show, similar
 
 
 @dataclass(frozen=True, repr=False)
@@ -91,7 +91,8 @@ class Model:
         for name in values:
             if name not in self.drive_names:
                 known = ", ".join(self.drive_names) or "none"
-                raise SceneError(f"drive '{name}' is not in this mechanism; its drives are: {known}")
+                hint = similar(name, self.drive_names)
+                raise SceneError(f"drive '{name}' is not in this mechanism; its drives are: {known}{hint}")
         missing = [n for n in self.drive_names if n not in values]
         if missing:
             raise SceneError(f"drive '{missing[0]}' has no value; give one, for example {missing[0]}=0.0")

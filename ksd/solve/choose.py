@@ -5,6 +5,7 @@ from __future__ import annotations
 import threading
 from collections import OrderedDict
 from collections.abc import Iterable, Mapping
+from inspect import signature
 from typing import Any
 
 from ksd.errors import SceneError
@@ -14,10 +15,10 @@ from ksd.model.effects import mentioned
 from ksd.model.mesh import Mesh
 from ksd.model.orders import mesh_for, raised
 from ksd.properties.resolution import look_at_modes
-from ksd.section.checks import truth
+from ksd.section.checks import nearest, truth
 from ksd.solve.configuration import Configuration
 from ksd.solve.resolved import resolved
-from ksd.solve.solver import METHODS, Solver, asked_values, wanted_accuracy
+from ksd.solve.solver import METHODS, Solver, asked_values, refuse_unknown, wanted_accuracy
 from ksd.solve.steps import ErrorEstimate
 from ksd.solve.trust import insist
 
@@ -39,14 +40,18 @@ def prepare(
     targets: Mapping[str, float] | None = None,
     planar: bool = True,
     basis: Any = None,
+    **unknown: Any,
 ) -> Solver:
     """A `Solver` of this mechanism for many solves: everything that does not depend on the drive values is done once.
 
     mesh: leaf model and its fineness (strain-mode leafs when None). extrapolate: use joint records beyond their trained
     range, with a warning in the result. effects, with_, without: what is simulated, chosen for accuracy and, when given,
-    for drive values `targets` (see `ksd.model.effects`). planar: False takes the five steps in space even where the scene
-    stays in its plane. basis: for method "modal", see `solve`. Raises SceneError for a scene that cannot be compiled.
+    for drive values `targets` (see `ksd.model.effects`). planar: False solves in space, by every method, even where the
+    scene stays in its plane. basis: for method "modal", see `solve`. Raises SceneError for a scene that cannot be compiled.
     """
+    for name in unknown:
+        options = [n for n, p in signature(prepare).parameters.items() if p.kind is p.KEYWORD_ONLY]
+        raise SceneError(f"prepare: it has no option '{name}'{nearest(name, options)}")
     words: dict[str, Any] = {"effects": effects, "with_": with_, "without": without, "targets": targets}
     words |= {"planar": planar, "basis": basis}
     return Solver(mechanism, mesh=mesh, extrapolate=extrapolate, accuracy=wanted_accuracy(accuracy), **words)
@@ -67,6 +72,7 @@ def solve(
     without: str | Iterable[str] = (),
     basis: Any = None,
     estimate: bool = True,
+    planar: bool = True,
     **drives: float,
 ) -> Configuration:
     """Solve one configuration of a mechanism at drive values given by name [m or rad].
@@ -78,7 +84,7 @@ def solve(
     cheapest whose estimated error is within `accuracy` (relative, 1e-3 by default).
     estimate: False leaves out the error figure of a fast method, and its cost. passes: extra relinearised passes of
     `reduced`. mesh: leaf model; without one, strain-mode leafs of orders fit for
-    `accuracy`, raised when their highest modes carry too much energy. extrapolate:
+    `accuracy`, raised when their highest modes carry too much energy. extrapolate, planar:
     see `prepare`. strict: raise TrustError where the answer is unstable or on a doubtful branch; False returns it with its
     verdicts (`trust`). effects: "auto" simulates what the scene mentions and an estimate says matters, "all" everything,
     a list of names just these; with_="warping", without="shear" override single ones (`ksd.model.effects`; print(pose.model)
@@ -86,19 +92,28 @@ def solve(
     missing or damaged), KinematicsError (indeterminate or over-driven), ConvergenceError (says how far it got).
     """
     values = asked_values(targets, drives)
-    for word, given in (("extrapolate", extrapolate), ("strict", strict), ("estimate", estimate)):
+    for word, given in (
+        ("extrapolate", extrapolate),
+        ("strict", strict),
+        ("estimate", estimate),
+        ("planar", planar),
+    ):
         truth(given, word)
     if isinstance(mechanism, Model):
         if effects != "auto" or with_ or without:
             raise SceneError("effects are chosen when a model is compiled: pass them to ksd.compile_scene")
-        return Solver(mechanism, extrapolate=extrapolate, basis=basis)(
+        refuse_unknown(drives, mechanism.drive_names, solve)
+        return Solver(mechanism, extrapolate=extrapolate, basis=basis, planar=planar)(
             values, method=method, accuracy=accuracy, passes=passes, strict=strict, estimate=estimate
         )
     scene = mechanism.scene() if hasattr(mechanism, "scene") else mechanism
+    if hasattr(scene, "drives"):
+        refuse_unknown(drives, (d.name for d in scene.drives), solve)
     wanted = wanted_accuracy(accuracy)
     chosen = mesh if mesh is not None else (Mesh() if accuracy is None else mesh_for(wanted))
     for rise in range(MOST_RISES + 1):
-        said = {"effects": effects, "with_": with_, "without": without, "accuracy": wanted, "basis": basis}
+        said = {"effects": effects, "with_": with_, "without": without, "accuracy": wanted}
+        said |= {"basis": basis, "planar": planar}
         solver = _recent_solver(scene, chosen, extrapolate, said, values)
         found = solver.on_mesh(values, method=method, accuracy=accuracy, passes=passes, estimate=estimate)
         found = insist(found) if strict else found

@@ -166,16 +166,21 @@ def _solved(
 
 
 def loads_last(
-    model: Model, targets: Mapping[str, float], *, steps: int = 4, unloaded: Configuration | None = None
+    model: Model,
+    targets: Mapping[str, float],
+    *,
+    steps: int = 4,
+    unloaded: Configuration | None = None,
+    planar: bool | Literal["auto"] = "auto",
 ) -> Configuration:
     """Solve at `targets` by moving the drives without the loads first, and putting the loads on there.
 
-    The way of a designer who thinks of the intended motion first. unloaded: the state without loads, where it is known.
-    Raises ConvergenceError as `conventional`.
+    The way of a designer who thinks of the intended motion first. unloaded: the state without loads, where it is known;
+    planar: see `conventional`. Raises ConvergenceError as `conventional`.
     """
-    moved = unloaded or conventional(bare(model), targets)
+    moved = unloaded or conventional(bare(model), targets, planar=planar)
     start = replace(moved, model=model, load_factor=0.0)
-    return conventional(model, targets, start=start, steps=steps)
+    return conventional(model, targets, start=start, steps=steps, planar=planar)
 
 
 def by_load_steps(
@@ -185,15 +190,16 @@ def by_load_steps(
     *,
     storage: Storage | None = None,
     kinematic: Callable[[], Configuration] | None = None,
+    planar: bool | Literal["auto"] = "auto",
 ) -> Configuration:
     """Drives and loads together; where that fails or cannot be trusted, the drives first and the loads on top of them; at
     last the loads on top of the unloaded state of the five steps, that of `kinematic`.
 
-    told: adds what joint records know to a configuration. storage: see `conventional`. Raises ConvergenceError.
+    told: adds what joint records know to a configuration. storage, planar: see `conventional`. Raises ConvergenceError.
     """
     result, stopped = None, None
     try:
-        result = told(conventional(model, targets, storage=storage))
+        result = told(conventional(model, targets, storage=storage, planar=planar))
     except ConvergenceError as reason:
         stopped = reason
     ways: dict[str, Callable[[], Configuration | None]] = {"loads put on after the drives": lambda: None}
@@ -203,7 +209,7 @@ def by_load_steps(
         if result is not None and solved_well(result):
             break
         with contextlib.suppress(KsdError):
-            other = told(loads_last(model, targets, unloaded=begin()))
+            other = told(loads_last(model, targets, unloaded=begin(), planar=planar))
             if solved_well(other) or result is None:
                 result = replace(other, notes=(*other.notes, said))
     if result is None:

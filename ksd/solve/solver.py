@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable, Mapping
-from typing import Any
+from collections.abc import Callable, Iterable, Mapping
+from inspect import signature
+from typing import Any, Literal
 
 import numpy as np
 
@@ -16,7 +17,7 @@ from ksd.model.compile import Model, compile_scene, fit_for
 from ksd.model.mesh import Mesh
 from ksd.model.plane import Plane, plane_of
 from ksd.properties.later import for_moving, for_questions
-from ksd.section.checks import number, show, truth, whole
+from ksd.section.checks import nearest, number, show, truth, whole
 from ksd.solve import pipeline
 from ksd.solve.beside import beside, measured, needs_walk
 from ksd.solve.configuration import Configuration, with_reading
@@ -53,7 +54,7 @@ class Solver:
         if not isinstance(mechanism, Model):
             mechanism = for_moving(compile_scene(mechanism, mesh=mesh, **effects))
         self.model: Model = mechanism
-        self.records, self.extrapolate, self.planar = records, extrapolate, planar
+        self.records, self.extrapolate, self.planar = records, extrapolate, truth(planar, "planar")
         self.basis = basis
         self.modal: Any = None  # prepared for `basis`
         self.mixed: Any = None  # the same beside condensed joints, where the bodies are solids
@@ -79,6 +80,11 @@ class Solver:
     def bench(self) -> Bench:
         """Storage of the five steps in space; raises what `five_steps` does."""
         return self.five_steps.bench
+
+    @property
+    def in_plane(self) -> Literal["auto", False]:
+        """Word `planar` of `conventional`: "auto", or never."""
+        return "auto" if self.planar else False
 
     def __repr__(self) -> str:
         return f"<Solver of {self.model!r}>"
@@ -111,6 +117,8 @@ class Solver:
         The mesh stays as prepared: where its curvature modes are few for the state a warning says so, and strictly a
         leaf that is not resolved at all is refused.
         """
+        if not drives.keys() <= set(self.model.drive_names):
+            refuse_unknown(drives, self.model.drive_names, self.__call__)
         values = drives if targets is None else asked_values(targets, drives)
         truth(strict, "strict")
         ways = method, accuracy, passes, estimate
@@ -152,7 +160,7 @@ class Solver:
     ) -> Configuration:
         """What `on_mesh` comes to where nothing else is called for."""
         if method == "conventional":
-            return self._told(conventional(self.model, values, storage=self.storage))
+            return self._told(conventional(self.model, values, storage=self.storage, planar=self.in_plane))
         target = self.model.targets(values)
         if method is None:
             return self._cheapest(values, target, accuracy)
@@ -250,7 +258,7 @@ class Solver:
         space reduced, reduced with a pass, full, and the conventional solver last.
         """
         try:
-            if isinstance(plane_of(self.model), Plane):
+            if self.planar and isinstance(plane_of(self.model), Plane):
                 found = conventional(
                     self.model, values, planar=True, most=10, smallest=1.0, storage=self.storage
                 )
@@ -303,7 +311,9 @@ class Solver:
         # the storage of leafs with weight is another one
         light = self.model.scene.joints and not len(self.model.arrays.weight)
         kinematic = unloaded if light else None
-        return by_load_steps(self.model, values, self._told, storage=self.storage, kinematic=kinematic)
+        return by_load_steps(
+            self.model, values, self._told, storage=self.storage, kinematic=kinematic, planar=self.in_plane
+        )
 
     def _load_steps(self, values: Mapping[str, float], note: str) -> Configuration:
         """The conventional solver in all its ways."""
@@ -326,6 +336,18 @@ def asked_values(targets: Any, drives: Mapping[str, float]) -> dict[str, float]:
             f"targets = {show(targets)}: give drive values by name, for example top=0.1 or {{'top': 0.1}}"
         )
     return {**(targets or {}), **drives} if drives else dict(targets or {})
+
+
+def refuse_unknown(given: Iterable[str], drives: Iterable[str], call: Callable[..., Any]) -> None:
+    """Raise SceneError for the first word `given` that is neither a drive nor an option of `call`, with the nearest ones."""
+    known = tuple(drives)
+    options = [n for n, p in signature(call).parameters.items() if p.kind is p.KEYWORD_ONLY]
+    for name in given:
+        if name not in known:
+            raise SceneError(
+                f"drive '{name}' is not in this mechanism; its drives are: {', '.join(known) or 'none'}; nor is it an "
+                f"option{nearest(name, (*known, *options))}"
+            )
 
 
 def with_changes(result: Configuration, **changes: Any) -> Configuration:

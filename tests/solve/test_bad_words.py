@@ -58,3 +58,40 @@ def test_what_is_no_mechanism_is_named():
 def test_joints_survive_pickling():
     joint = cross_flexure()
     assert pickle.loads(pickle.dumps(joint)) == joint
+
+
+@pytest.mark.parametrize("method", ["conventional", None])
+def test_planar_false_solves_in_space(method):
+    """The same answer with six unknowns per node, as the steps say, asked of `prepare` or of `solve`."""
+    flat = ksd.solve(fourbar(), top=0.1, method=method)
+    for found in (
+        ksd.prepare(fourbar(), planar=False)(top=0.1, method=method),
+        ksd.solve(fourbar(), top=0.1, method=method, planar=False),
+        ksd.solve(ksd.compile_scene(fourbar()), top=0.1, method=method, planar=False),
+    ):
+        assert "planar" in str(flat.steps) and "planar" not in str(found.steps)
+        assert found.forces["top"] == pytest.approx(flat.forces["top"], rel=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("call", "sentence"),
+    [
+        (lambda: ksd.solve(fourbar(), top=0.1, planr=False), 'nor is it an option; did you mean "planar"?'),
+        (
+            lambda: ksd.solve(fourbar(), topp=0.1),
+            'its drives are: top; nor is it an option; did you mean "top"?',
+        ),
+        (lambda: ksd.solve(fourbar(), {"topp": 0.1}), 'its drives are: top; did you mean "top"?'),
+        (lambda: ksd.prepare(fourbar())(top=0.1, metod="full"), 'did you mean "method"?'),
+        (
+            lambda: ksd.prepare(fourbar(), planr=False),
+            "prepare: it has no option 'planr'; did you mean \"planar\"?",
+        ),
+        (lambda: ksd.solve(fourbar(), top=0.1, planar="no"), "planar = 'no'"),
+        (lambda: ksd.prepare(fourbar(), planar=0.3), "planar = 0.3"),
+    ],
+)
+def test_an_unknown_word_is_told_the_nearest(call, sentence):
+    with pytest.raises(SceneError) as caught:
+        call()
+    assert sentence in str(caught.value)
