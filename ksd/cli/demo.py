@@ -142,7 +142,7 @@ def _row(method: str, leafs: str, results: list[Any], reference: Reference) -> R
     (force,) = result.forces.values()
     off = np.linalg.norm(result.motion.x[: len(reference.places)] - reference.places, axis=1).max()
     error = max(abs(force / reference.force - 1), off / reference.moved)
-    estimate = None if result.error is None else result.error.relative
+    estimate = None if result.method_error is None else result.method_error.relative
     return Row(method, leafs, time, statistics.median(spent), count, force, float(error), estimate)
 
 

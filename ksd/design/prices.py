@@ -21,6 +21,7 @@ from ksd.model.compile import Model
 from ksd.model.effects import NATURE, Choice, choose, mentioned
 from ksd.model.mesh import Mesh
 from ksd.model.plane import plane_of
+from ksd.properties.stiffness import softest
 from ksd.solve.solver import Solver
 
 ROUNDS = 9
@@ -69,19 +70,13 @@ def quantities(pose: Any) -> dict[str, float]:
     terms = [t for d in model.scene.drives for t in d.terms] or [None]
     link = model.scene.links[1] if terms[0] is None else terms[0].link
     try:
-        found["support stiffness"] = _softest(pose.stiffness(link))
+        found["support stiffness"] = softest(pose.stiffness(link))
     except KsdError:
         found["support stiffness"] = math.nan
     # where nothing has mass there is none
     with contextlib.suppress(KsdError, IndexError):
         found["first frequency"] = float(pose.frequencies(count=1).frequency_Hz[0])
     return found
-
-
-def _softest(stiffness: Any) -> float:
-    """Smallest translational stiffness [N/m] of a link."""
-    most = float(np.linalg.eigvalsh(np.asarray(stiffness.compliance)[:3, :3])[-1])
-    return 1.0 / most if most > 0.0 else math.inf
 
 
 def prices(

@@ -104,11 +104,11 @@ def _force(pose: Any, asked: Asked) -> Row:
     for i, drive in enumerate(pose.model.scene.drives):
         column = f"{drive.name}_{EFFORT[drive_kind(drive)]}"
         row[column] = float(pose.forces[drive.name])
-        if pose.error is not None:
+        if pose.method_error is not None:
             row[f"{drive.name}_error_{EFFORT[drive_kind(drive)].rsplit('_', 1)[1]}"] = float(
                 pose.error.force[i]
             )
-    if pose.error is not None:
+    if pose.method_error is not None:
         row["error_percent"] = 100.0 * float(pose.error.relative)
     return row
 

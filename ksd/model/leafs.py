@@ -132,12 +132,12 @@ def raised_orders(leaf: Any, mesh: Mesh) -> tuple[tuple[int, int, int], int]:
     # what heat bends is little, and the same modes with and without it keep the difference free of their error
     curve = leaf.curve.leaf.curve if isinstance(leaf.curve, _Natural) else leaf.curve
     if curve is None or leaf.orders is not None:
-        return orders, points
+        return mesh.modes(orders, points)
     stations = np.linspace(0.0, 1.0, 65)
     turning = leaf.length * np.mean([np.linalg.norm(curve.curvature(s)) for s in stations])
     more = int(np.ceil(np.rad2deg(turning) / 30.0))
     orders = tuple(min(n + more, 16) for n in orders)
-    return orders, max(points, max(orders) + 3)
+    return mesh.modes(orders, max(points, max(orders) + 3))
 
 
 def _fitted(leaf: Any, modes: Modes, orders: tuple[int, int, int]) -> np.ndarray:

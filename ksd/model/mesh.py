@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
 
 from ksd.beam.strain_values import DEFAULT_ORDERS, DEFAULT_POINTS
 from ksd.errors import SceneError
@@ -61,11 +61,38 @@ class Mesh(metaclass=Worded):
         """The mesh of one leaf, by its name ("joint/leaf", or that of a free leaf)."""
         return self
 
+    def refined(self) -> Mesh:
+        """The mesh that answers on this one are judged by: strain-mode leafs with more modes and points."""
+        words = {f.name: getattr(self, f.name) for f in fields(Mesh)}
+        return Refined(**{**words, "leaf": "strain", "nodal": False})
+
+    def with_effect(self, name: str) -> Mesh:
+        """The mesh of the same leafs with "warping" or "plate"."""
+        return replace(self, **{name: True})  # type: ignore[arg-type]
+
+    def modes(self, orders: tuple[int, int, int], points: int) -> tuple[tuple[int, int, int], int]:
+        """Curvature modes and quadrature points of a leaf that asks for these."""
+        return orders, points
+
     def __str__(self) -> str:
         if self.leaf == "strain":
             return f"strain-mode leafs, orders {self.orders}, {self.points} points"
         newton = "mixed integration points" if self.mip else "plain Newton"
         return f"{self.elements} Appendix A elements per leaf, {newton}{', nodal' if self.nodal else ''}"
+
+
+MORE, MORE_POINTS = (2, 2, 3), 4
+"""Modes and points by which a leaf is refined: the default leaf becomes one of orders (6, 5, 9) on 11 points."""
+
+
+@dataclass(frozen=True)
+class Refined(Mesh):
+    """Strain-mode leafs with more modes and points than each of them asks for, the orders of its own included."""
+
+    def modes(self, orders: tuple[int, int, int], points: int) -> tuple[tuple[int, int, int], int]:
+        """As `Mesh.modes`, with MORE of them."""
+        nx, ny, nz = (n + m for n, m in zip(orders, MORE, strict=True))
+        return (nx, ny, nz), max(points, *orders) + MORE_POINTS
 
 
 @dataclass(frozen=True)
@@ -77,6 +104,12 @@ class MixedMesh(Mesh):
     def of(self, name: str) -> Mesh:
         """The mesh of one leaf."""
         return next((mesh for mesh, names in self.others if name in names), self)
+
+    def with_effect(self, name: str) -> Mesh:
+        """As `Mesh.with_effect`, of all."""
+        others = tuple((mesh.with_effect(name), names) for mesh, names in self.others)
+        words = {f.name: getattr(self, f.name) for f in fields(Mesh)}
+        return MixedMesh(**{**words, name: True}, others=others)
 
     def __str__(self) -> str:
         said = "; ".join(f"{', '.join(names)}: {mesh}" for mesh, names in self.others)

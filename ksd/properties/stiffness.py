@@ -11,6 +11,7 @@ for).
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -334,3 +335,9 @@ def cross_compliance(
     loads = np.zeros((found.arrays.plan.unknowns, 6))
     loads[found.unknowns(nodes[1])] = levers[1].T
     return levers[0] @ found.solve(loads)[found.unknowns(nodes[0])]
+
+
+def softest(stiffness: Any) -> float:
+    """Smallest translational stiffness [N/m] of a point stiffness; inf where it is held."""
+    most = float(np.linalg.eigvalsh(np.asarray(stiffness.compliance)[:3, :3])[-1])
+    return 1.0 / most if most > 0.0 else math.inf

@@ -87,7 +87,7 @@ def _settle(model: Model, motion: Motion, load_factor: float) -> None:
         take_step(arrays, motion, still, work, 1.0)
 
 
-def _pad(number: np.ndarray, inner: np.ndarray, wider: np.ndarray, state: np.ndarray) -> None:
+def pad(number: np.ndarray, inner: np.ndarray, wider: np.ndarray, state: np.ndarray) -> None:
     """The inner state of a strain-mode leaf in one of more modes per axis, zeros for these; numbers (3,) of both."""
     read, write = 0, 0
     for axis in range(3):
@@ -111,7 +111,7 @@ def _open_chains(model: Model, motion: Motion, fine: Model) -> Motion:
         if name in member:
             own = state.inner[more.inner_at[member[name]] : more.inner_at[member[name] + 1]]
             if members.kind[i] == STRAIN:
-                _pad(members.number[i], inner, more.number[member[name]], own)
+                pad(members.number[i], inner, more.number[member[name]], own)
             else:
                 own[:] = inner
             continue

@@ -50,14 +50,15 @@ SCHEMA: dict[str, str] = {
     "drives.*.force_N": "force the drive exerts on its link, positive along the drive",
     "drives.*.moment_Nm": "moment the drive exerts on its link",
     "drives.*.effort": "force [N] or moment [Nm] of a drive that is a sum of both kinds",
-    "drives.*.force_error_N": "estimated error of the force; null where the method is exact",
-    "drives.*.moment_error_Nm": "estimated error of the moment; null where the method is exact",
-    "drives.*.effort_error": "estimated error of the effort; null where the method is exact",
+    "drives.*.force_error_N": "estimated error of the force; null where it is not known",
+    "drives.*.moment_error_Nm": "estimated error of the moment; null where it is not known",
+    "drives.*.effort_error": "estimated error of the effort; null where it is not known",
     "supports.*.force_N": "force the support exerts",
     "supports.*.moment_Nm": "moment the support exerts",
     "supports.*.effort": "force [N] or moment [Nm] of a support that is a sum of both kinds",
-    "error": "null where the method is exact (no error but that of the mesh), or where no estimate was asked for",
-    "error.relative_percent": "larger of force error over force and displacement error over displacement",
+    "error": "against the truth, that of the mesh included; null where no estimate was asked for, or nothing converged",
+    "error.relative_percent": "larger of force error over force and displacement error over displacement; null: not known",
+    "error.mesh_percent": "the same of the mesh alone; null where it is not known, or the mesh is that of a solid",
     "error.displacement_um": "estimated error of the worst link position",
     "error.rotation_mrad": "estimated error of the worst link rotation",
     "basis": "of the reduced body bent furthest, a leaf or a solid; null where nothing is reduced",
@@ -91,6 +92,9 @@ SCHEMA: dict[str, str] = {
     "leafs.*.start_moment_Nm": "section moments T, My, Mz at the start of the leaf",
     "leafs.*.end_force_N": "section forces N, Vy, Vz at the end of the leaf",
     "leafs.*.end_moment_Nm": "section moments T, My, Mz at the end of the leaf",
+    "left_out.*.force_percent": "change of the drive forces, over the largest, if this effect were in the model",
+    "left_out.*.displacement_percent": "the same of the largest link displacement",
+    "left_out.*.support_stiffness_percent": "the same of the softest support stiffness of the first driven link",
     "warnings[]": "what the user should know",
 }
 """Every key of `as_dict` with its meaning; * stands for a name, [] for the entries of a list."""
@@ -123,6 +127,7 @@ def as_dict(configuration: Configuration) -> dict[str, Any]:
         "links": _links(c),
         "joints": _joints(c),
         "leafs": _leafs(c),
+        "left_out": _left_out(c),
         "warnings": list(c.warnings),
     }
 
@@ -209,8 +214,16 @@ def _error(c: Configuration) -> dict[str, float | None] | None:
         return None
     return {
         "relative_percent": _finite(100 * c.error.relative),
+        "mesh_percent": None if hasattr(c.model, "solids") else _finite(100 * c.error.mesh),
         "displacement_um": _finite(1e6 * c.error.displacement),
         "rotation_mrad": _finite(1e3 * c.error.rotation),
+    }
+
+
+def _left_out(c: Configuration) -> dict[str, dict[str, float | None]]:
+    return {
+        name: {f"{what}_percent": _finite(100 * change) for what, change in changes.items()}
+        for name, changes in c.left_out.items()
     }
 
 

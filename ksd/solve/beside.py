@@ -41,7 +41,7 @@ def beside(found: Configuration, walk: Callable[[], Configuration]) -> tuple[str
     if not verdict:
         return f"loads do much of the work, and load steps do not confirm it: {verdict}", None
     far = difference(found.model, found.motion, other.motion)
-    error, size = found.error, found.model.arrays.size
+    error, size = found.method_error, found.model.arrays.size
     own = 0.0 if error is None else 3.0 * max(error.displacement / size, error.rotation)
     own = own if own < math.inf else 0.0
     if far <= (EXACT if error is None else max(NEAR, own)):
@@ -55,7 +55,7 @@ def beside(found: Configuration, walk: Callable[[], Configuration]) -> tuple[str
 
 def measured(found: Configuration, other: Configuration | None) -> ErrorEstimate | None:
     """The error of a fast answer: its distance to the exact state `other` where there is one, else its estimate."""
-    error = found.error
+    error = found.method_error
     if error is None or other is None:
         return error
     links, drives = found.model.links, len(found.model.drive_names)

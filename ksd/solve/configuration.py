@@ -27,7 +27,8 @@ class Configuration:
     motion: state of the full model (positions m, rotation matrices, inner states, multipliers). method: kinematic,
     reduced, full, conventional or modal. targets: drive values by name [m or rad]. motions: intended motion of every
     joint by name [rad or m], unintended: per joint (6,) displacement [m] and rotation [rad] of interface B off its
-    intended pose, in joint axes. error: estimate for the fast methods, None where the method is exact. negatives:
+    intended pose, in joint axes. method_error: estimate of what the fast methods add to the error of the mesh, made with
+    the solve; None where the method is exact (see `error`). negatives:
     negative pivots at the end, expected: those the constraint rows explain. doubts: what speaks against the branch and
     was not cleared up by smaller steps. plane_alone: the pivots were counted in the plane alone, so buckling out of it
     was not looked at. notes: what the solve itself warns of, part of `warnings`. near: every joint was seen near its
@@ -43,7 +44,7 @@ class Configuration:
     expected: int
     motions: Mapping[str, float]
     unintended: Mapping[str, np.ndarray]
-    error: ErrorEstimate | None
+    method_error: ErrorEstimate | None
     notes: tuple[str, ...]
     load_factor: float
     doubts: tuple[str, ...]
@@ -64,7 +65,7 @@ class Configuration:
         motions: Mapping[str, float] | None = None,
         unintended: Mapping[str, np.ndarray] | None = None,
         reading: Reading | None = None,
-        error: ErrorEstimate | None = None,
+        method_error: ErrorEstimate | None = None,
         notes: tuple[str, ...] = (),
         load_factor: float = 1.0,
         doubts: tuple[str, ...] = (),
@@ -75,7 +76,7 @@ class Configuration:
         # at once: a frozen dataclass of its own takes 5 us for so many fields, a tenth of a planar solve
         self.__dict__.update(
             model=model, motion=motion, method=method, targets=targets, steps=steps, negatives=negatives,
-            expected=expected, error=error, notes=notes, load_factor=load_factor,
+            expected=expected, method_error=method_error, notes=notes, load_factor=load_factor,
             doubts=doubts, plane_alone=plane_alone, chosen=chosen, near=near,
         )  # fmt: skip
         if reading is not None:
@@ -127,6 +128,21 @@ class Configuration:
         from ksd.solve.trust import judge
 
         return judge(self)
+
+    @cached_property
+    def error(self) -> ErrorEstimate | None:
+        """What it is off the truth, the error of its mesh included, found when asked for: `ksd.solve.error.error_of`."""
+        from ksd.solve.error import error_of
+
+        return error_of(self)
+
+    @cached_property
+    def left_out(self) -> dict[str, dict[str, float]]:
+        """What plate stiffening and restrained warping, where they are not in the model, would change here: relative change
+        of "force", "displacement" and "support_stiffness" by effect, measured when asked for: `ksd.solve.left_out`."""
+        from ksd.solve.left_out import left_out
+
+        return left_out(self)
 
     @property
     def branch(self) -> str:

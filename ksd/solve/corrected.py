@@ -21,10 +21,9 @@ from ksd.model.arrays import Motion, make_work
 from ksd.solve.configuration import Configuration
 from ksd.solve.driving import CAP, RTOL
 from ksd.solve.newton import iterate
+from ksd.solve.steps import FAST
 from ksd.solve.stops import Stop
 
-FAST = ("kinematic", "reduced", "modal")
-"""Methods whose states are not equilibria of the full model."""
 MOST = 20
 """Newton steps to the equilibrium next to such a state; two or three are usual."""
 
@@ -44,7 +43,7 @@ def corrected(pose: Configuration) -> Configuration:
     if pose.method == "modal":
         full, state = pose.insides
         chains = replace(pose, model=full, motion=state)
-        return replace(chains, motion=settled(chains), method="conventional", error=None)
+        return replace(chains, motion=settled(chains), method="conventional", method_error=None)
     arrays, motion = pose.model.arrays, pose.motion.copy()
     work, target = make_work(arrays), pose.model.targets(pose.targets)
     ways = pose.load_factor, work, 1e-8, 1, math.inf, math.inf

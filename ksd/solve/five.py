@@ -243,13 +243,13 @@ class FiveSteps:
         if not estimate:
             return answer
         reduced = self(values, target, method="reduced", passes=0, estimate=True)
-        assert reduced.error is not None
-        error = distance(answer.motion, b, reduced.error)
+        assert reduced.method_error is not None
+        error = distance(answer.motion, b, reduced.method_error)
         extra = reduced.steps[2:]
         spent, counted = sum(s.time for s in extra), sum(s.iterations for s in extra)
         last = Step("error estimate", counted, spent, extra[-1].residual, extra[-1].stop, "by steps 3 and 4")
         steps.more = (last,)
-        return replace(answer, error=error, negatives=reduced.negatives)
+        return replace(answer, method_error=error, negatives=reduced.negatives)
 
     def _configuration(
         self,
@@ -269,7 +269,7 @@ class FiveSteps:
         doubts = wandered(s for s in steps if s.name[0] in "35") if steps.wandered(WANDERED) else ()
         return Configuration(
             self.model, b.full.copy(), method, values, steps, negatives=negatives, expected=self._expected, reading=reading,
-            error=error, notes=(*warnings, *unknown, *self._said(steps)), doubts=doubts, plane_alone=plane_alone,
+            method_error=error, notes=(*warnings, *unknown, *self._said(steps)), doubts=doubts, plane_alone=plane_alone,
             near=near,
         )  # fmt: skip
 

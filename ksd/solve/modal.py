@@ -29,6 +29,7 @@ from ksd.section.checks import show
 from ksd.solve.configuration import Configuration
 from ksd.solve.conventional import conventional
 from ksd.solve.driving import CAP, RTOL
+from ksd.solve.error import relative_error
 from ksd.solve.mixed import MixedSolver, Near
 from ksd.solve.newton import iterate
 from ksd.solve.steps import ErrorEstimate, Step
@@ -219,24 +220,6 @@ def indicator(
     )
 
 
-def relative_error(model: Model, motion: Motion, truth: Motion) -> ErrorEstimate:
-    """Difference of two states, relative: forces by the largest, displacement by the largest of a link. Rounding is none."""
-    from scipy.spatial.transform import Rotation
-
-    links, drives = model.links, len(model.drive_names)
-    force = np.abs(truth.multiplier[:drives] - motion.multiplier[:drives])
-    shift = float(np.linalg.norm(truth.x[:links] - motion.x[:links], axis=1).max())
-    between = np.einsum("kij,klj->kil", truth.R[:links], motion.R[:links])
-    turn = float(Rotation.from_matrix(between).magnitude().max())
-    grain = 1e-11 * model.arrays.size
-    moved = grain + float(np.linalg.norm(motion.x[:links] - model.rest.x[:links], axis=1).max())
-    noise = grain * model.arrays.members.floor.max() * min(1.0, model.arrays.size)
-    scale = np.abs(motion.multiplier[:drives]) + noise
-    of_force = float((force / np.maximum(scale, scale.max(initial=0.0))).max(initial=0.0))
-    relative = max(of_force, shift / moved)
-    return ErrorEstimate(force, shift, turn, relative if math.isfinite(relative) else math.inf)
-
-
 def bent(model: ModalModel, motion: Motion) -> tuple[str, float, float]:
     """The leaf bent furthest: name, stroke of its end over its length, largest rotation [rad] against its chord."""
     worst, members = ("", 0.0, 0.0), model.arrays.members
@@ -275,7 +258,7 @@ def judged(found: Configuration) -> Configuration:
             f"{stroke:.2g} L and bent {np.rad2deg(turn):.3g} degrees from its chord{good}; {joints}use ksd.ModalBasis() "
             "with coordinates='director', frame='chord', more internal modes, or expansion='trained'",
         )
-    return replace(found, error=estimate, steps=steps, doubts=doubts)
+    return replace(found, method_error=estimate, steps=steps, doubts=doubts)
 
 
 __all__ = [

@@ -11,6 +11,7 @@ from ksd.properties.words import WIDTH, number
 from ksd.properties.words import table as _table
 from ksd.solve.answer import SCHEMA, as_dict
 from ksd.solve.configuration import Configuration
+from ksd.solve.steps import FAST
 
 _STOPS = {
     "converged": "within bound",
@@ -21,6 +22,9 @@ _STOPS = {
     "not_finite": "numbers overflowed",
     "smallest_step": "smallest drive step",
 }
+LITTLE = 1e-3
+"""Percent below which the weight of an effect is none."""
+EFFECTS = {"plate": "plate stiffening", "warping": "restrained warping"}
 _UNITS = {
     "value_mm": "mm",
     "value_deg": "deg",
@@ -65,7 +69,6 @@ def _steps(d: dict[str, Any]) -> Any:
         why = _STOPS[s["stop"]]
         if s["stop"] == "converged":
             why = "loops closed" if s["gap_m"] is not None else "done" if s["iterations"] is None else why
-            why = "rounding reached" if (s["residual_over_bound"] or 0.0) > 1.0 else why
         if s["name"] == "error estimate":
             why = "not iterated"
         count = "-" if s["iterations"] is None else str(s["iterations"])
@@ -98,15 +101,22 @@ def _verdict(d: dict[str, Any]) -> list[Any]:
     if error is None and (d["basis"] is not None or d["method"] in ("kinematic", "reduced", "modal")):
         said = "Error: not estimated"
     elif error is None:
-        said = "Error: none but that of the mesh"
+        said = "Error: not known, it is not solved"
+    elif error["relative_percent"] is None and error["mesh_percent"] is None and d["method"] not in FAST:
+        said = "Estimated error: not known, a finer mesh has no equilibrium next to this one"
     elif error["relative_percent"] is None:
         said = "Estimated error: not known, corrector steps grow; do not use this result"
     else:
         shift, turn = (number(error[k], 2, zero=1e-6) for k in ("displacement_um", "rotation_mrad"))
         percent = number(error["relative_percent"], 2, zero=1e-9)
-        said = f"Estimated error: {percent} % (links within {shift} um and {turn} mrad)"
+        mesh = "that of its mesh is not known"
+        if error["mesh_percent"] is not None:
+            share = number(error["mesh_percent"], 2, zero=1e-9)
+            mesh = f"of which mesh {share} %" if d["method"] in FAST else "all of it mesh"
+        said = f"Estimated error: {percent} %, {mesh} (links within {shift} um and {turn} mrad)"
     lines = [
         Text(said),
+        *_missing(d["left_out"]),
         *_range(d["basis"]),
         Text(f"State: {d['stability']}", style="" if d["stable"] else "bold red"),
     ]
@@ -115,6 +125,21 @@ def _verdict(d: dict[str, Any]) -> list[Any]:
         said = prefix + verdict["sentence"]
         lines.append(Text(said[0].upper() + said[1:], style="" if verdict["yes"] else "bold red"))
     return lines
+
+
+def _missing(left_out: dict[str, dict[str, float | None]]) -> list[Any]:
+    """What is not in the model, with its weight, in a line."""
+    from rich.text import Text
+
+    said = []
+    for name, changes in left_out.items():
+        weights = [
+            f"{what.removesuffix('_percent').replace('_', ' ')} {value:+.2g} %"
+            for what, value in changes.items()
+            if value is not None and abs(value) >= LITTLE
+        ]
+        said.append(f"{EFFECTS[name]} ({', '.join(weights) or 'changes nothing here'})")
+    return [Text(f"Not in the model: {', '.join(said)}")] if said else []
 
 
 def _range(basis: dict[str, Any] | None) -> list[Any]:

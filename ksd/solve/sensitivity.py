@@ -52,7 +52,7 @@ def sensitivity(
         f, m = (tuple((sign * STEP * part).tolist()) for part in (wrench[:3], wrench[3:]))
         extra = Load("sensitivity", name, f, m, tuple(np.asarray(at, float).tolist()))
         loaded = compile_scene(replace(scene, loads=(*scene.loads, extra)), mesh=model.mesh, **kept)
-        start = replace(pose, model=loaded, motion=state, method="conventional", error=None)
+        start = replace(pose, model=loaded, motion=state, method="conventional", method_error=None)
         answers.append(question(conventional(loaded, pose.targets, start=start, planar=False, rtol=RTOL)))
     plus, minus = answers
     if isinstance(plus, Mapping):

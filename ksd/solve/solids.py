@@ -30,8 +30,8 @@ from ksd.section.checks import show
 from ksd.solve.configuration import Configuration
 from ksd.solve.conventional import by_load_steps
 from ksd.solve.driving import CAP
+from ksd.solve.error import relative_error
 from ksd.solve.mixed import MixedSolver, Prepared
-from ksd.solve.modal import relative_error
 from ksd.solve.newton import iterate
 from ksd.solve.steps import ErrorEstimate, Step
 from ksd.solve.stops import Stop
@@ -144,7 +144,7 @@ def judged(found: Configuration) -> Configuration:
             "reduce the solid with more internal modes or order=3",
         )
     steps = (*found.steps[:-1], step, found.steps[-1])
-    return replace(found, error=estimate, steps=steps, doubts=doubts)
+    return replace(found, method_error=estimate, steps=steps, doubts=doubts)
 
 
 def indicator(
@@ -181,7 +181,7 @@ def settled(found: Configuration) -> Configuration:
             break
         error = relative_error(model, found.motion, full.state).relative
         if abs(error - before) <= 1e-9 * (1.0 + error):
-            return replace(found, model=full.model, motion=full.state, error=None)
+            return replace(found, model=full.model, motion=full.state, method_error=None)
         before = error
     raise ConvergenceError("the full solids find no equilibrium next to this state; ask for less")
 

@@ -212,7 +212,7 @@ class Solver:
         if method is not None and needs_walk(found):
             against, other = beside(found, lambda: self._by_load_steps(values))
             doubts = (*found.doubts, *filter(None, [against]))
-            found = with_changes(found, doubts=doubts, error=measured(found, other))
+            found = with_changes(found, doubts=doubts, method_error=measured(found, other))
         return found
 
     def _with_solids(self, method: str | None) -> Any:
@@ -270,7 +270,8 @@ class Solver:
         try:
             for passes in range(2):
                 result = self.five_steps(values, target, method="reduced", passes=passes, estimate=True)
-                if result.error is not None and result.error.relative <= accuracy and solved_well(result):
+                own = result.method_error
+                if own is not None and own.relative <= accuracy and solved_well(result):
                     return self._beside(with_changes(result, chosen=True), values)
             found = self.five_steps(values, target, method="full", passes=1, estimate=False)
             verdict = solved_well(found)

@@ -38,18 +38,24 @@ class Step(NamedTuple):
         )
 
 
+FAST = ("kinematic", "reduced", "modal")
+"""Methods whose states are not equilibria of the full model."""
+
+
 @dataclass(frozen=True)
 class ErrorEstimate:
-    """Estimated error of a fast method from corrector steps of the full model: one, or two where it is coarse.
+    """Estimated error of an answer: what a fast method adds, by corrector steps of the full model, or all of it.
 
-    force (drives,): N or Nm; displacement [m] and rotation [rad]: largest correction of any link; relative: the larger
-    of force error over force and displacement error over displacement. All inf where the steps grow: not known.
+    force (drives,): N or Nm; displacement [m] and rotation [rad]: largest of any link; relative: the larger of force error
+    over force and displacement error over displacement; mesh: that of the mesh alone, relative alike. All inf where it is
+    not known: corrector steps grow, or there is no equilibrium on a finer mesh.
     """
 
     force: np.ndarray
     displacement: float
     rotation: float
     relative: float
+    mesh: float = 0.0
 
 
 _NAMES = ("1 close loops", "2 joint stiffness", "3 reduced equilibrium", "4 recovery")

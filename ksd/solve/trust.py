@@ -18,6 +18,7 @@ from ksd.model.arrays import STRAIN
 from ksd.model.compile import Model
 from ksd.properties.kept import per_model
 from ksd.solve.near import FAR_SHIFT, FAR_TURN
+from ksd.solve.steps import ErrorEstimate
 
 if TYPE_CHECKING:
     from ksd.solve.configuration import Configuration
@@ -137,38 +138,47 @@ def _branch(c: Configuration) -> Verdict:
     )
 
 
-def _worthless(c: Configuration) -> bool:
-    """Whether the estimated error is larger than the answer, and not only because the answer is next to nothing."""
-    e = c.error
-    return e is not None and not (e.relative <= 1.0 or e.displacement <= SLIGHT * c.model.arrays.size)
+def _worthless(c: Configuration, e: ErrorEstimate) -> bool:
+    """Whether the error is larger than the answer, and not only because the answer is next to nothing."""
+    return not (e.relative <= 1.0 or e.displacement <= SLIGHT * c.model.arrays.size)
 
 
 def solved_well(c: Configuration) -> Verdict:
-    """Whether the equations are solved, at a minimum and on the branch meant, whatever the leafs are strained by."""
-    return _solved_well(c, _stable(c), _branch(c))
+    """Whether the equations are solved, at a minimum and on the branch meant, whatever the leafs are strained by and the
+    mesh is off."""
+    return _solved_well(c, _stable(c), _branch(c), c.method_error)
 
 
-def _solved_well(c: Configuration, stable: Verdict, branch: Verdict) -> Verdict:
+def _solved_well(c: Configuration, stable: Verdict, branch: Verdict, error: ErrorEstimate | None) -> Verdict:
+    """See `solved_well`; error: all of it, or what the method adds to that of the mesh."""
     if not c.converged:
         return Verdict(False, f"not solved: {c.steps[-1].stop.sentence}")
     if not stable:
         return Verdict(False, "not to be trusted: " + "; ".join([str(stable), *c.doubts]))
     if not branch:
         return Verdict(False, f"not to be trusted: {branch}")
-    if c.error is not None and _worthless(c):
+    if error is not None and error.mesh == math.inf:
+        return Verdict(
+            True,
+            "trusted but for the error of its mesh: Newton steps find no equilibrium next to it on a finer one",
+        )
+    if error is not None and _worthless(c, error):
         said = (
-            f"its estimated error is {100 * c.error.relative:.2g} %"
-            if math.isfinite(c.error.relative)
+            f"its estimated error is {100 * error.relative:.2g} %"
+            if math.isfinite(error.relative)
             else "corrector steps of the full model grow from one to the next, so its error is not known"
         )
         return Verdict(False, f"not to be trusted: {said}")
-    if c.error is None and hasattr(c.model, "solids"):
+    if error is None and hasattr(c.model, "solids"):
         return Verdict(
             True, "trusted but for the bases of its solids, whose error was not estimated (ksd.solve does)"
         )
-    if c.error is not None:
-        return Verdict(True, f"trusted within its estimated error of {100 * c.error.relative:.2g} %")
-    return Verdict(True, f"trusted: {c.steps[-1].reason}, it is a minimum, and the branch is the one meant")
+    if c.method_error is not None and error is not None:
+        return Verdict(True, f"trusted within its estimated error of {100 * error.relative:.2g} %")
+    off = "" if error is None else f", within an estimated error of {100 * error.relative:.2g} %"
+    return Verdict(
+        True, f"trusted: {c.steps[-1].reason}, it is a minimum, and the branch is the one meant{off}"
+    )
 
 
 def _strength(c: Configuration) -> Verdict:
@@ -181,7 +191,7 @@ def _strength(c: Configuration) -> Verdict:
 def judge(c: Configuration) -> Trust:
     """Verdicts on a configuration."""
     stable, branch, strength = _stable(c), _branch(c), _strength(c)
-    trusted = _solved_well(c, stable, branch)
+    trusted = _solved_well(c, stable, branch, c.error)
     if trusted and not strength and c.strength is not None:
         trusted = Verdict(False, f"not to be trusted: {c.strength.beyond}")
     return Trust(stable, branch, strength, trusted)
@@ -190,7 +200,7 @@ def judge(c: Configuration) -> Trust:
 def _evident(c: Configuration) -> bool:
     """Whether it is `solved_well`, as far as numbers at hand tell: verdicts are put in words when they are read."""
     settled = c.near and c.stable and not c.doubts and c.converged
-    return settled and (c.error is None or c.error.relative <= 1.0) and not _rolled(c)
+    return settled and (c.method_error is None or c.method_error.relative <= 1.0) and not _rolled(c)
 
 
 def insist(c: Configuration) -> Configuration:

@@ -192,7 +192,8 @@ def test_method_modal_on_the_fourbar():
         found = ksd.solve(scene, top=0.2, method="modal", basis=basis)
         assert found.method == "modal" and found.stable
         assert found.forces["top"] == pytest.approx(exact.forces["top"], rel=2e-5)
-        assert found.error.relative < 1e-4
+        # next to the chain it stands for; its elements are .03 % off
+        assert found.method_error.relative < 1e-4 < found.error.relative < 4e-4
         a, b = (c.stiffness("top", at=(0, 0.3, 0)).supports for c in (found, exact))
         assert [a[d] for d in "yz"] == pytest.approx([b[d] for d in "yz"], rel=0.03)
         assert "modal bodies" in str(found)

@@ -159,7 +159,7 @@ def test_large_bases_start_from_smaller_ones(basis):
     """Hundreds of iterations from rest; from the state of the default basis a few, and closer to the chain they reduce."""
     scene = fourbar()
     found = ksd.solve(scene, top=0.3, method="modal", basis=basis)
-    assert found.trusted and found.error.relative < 3e-6
+    assert found.trusted and found.method_error.relative < 3e-6
     full = ksd.solve(scene, top=0.3, method="full", mesh=Mesh("corotational", elements=10))
     assert found.forces["top"] == pytest.approx(full.forces["top"], rel=3e-6)
     step = next(s for s in found.steps if s.name.startswith("3"))

@@ -185,10 +185,10 @@ def test_an_error_that_one_corrector_step_does_not_see(planar):
     # 8 % off, told 6 % by the first step alone
     exact = solver(stroke=2e-3, method="full", strict=False).forces["stroke"]
     off = abs(found.forces["stroke"] / exact - 1)
-    assert off < found.error.relative < 1.5 * off
+    assert off < found.method_error.relative < 1.5 * off
     # with modes enough it is the error alone that decides
     solver = ksd.prepare(facing_guides(), planar=planar, mesh=ksd.Mesh(orders=(4, 3, 9), points=12))
-    assert solver(stroke=2e-3, method="reduced").error.relative > off
+    assert solver(stroke=2e-3, method="reduced").method_error.relative > off
     exact = solver(stroke=5e-3, method="full").forces["stroke"]
     with pytest.raises(ksd.TrustError, match="corrector steps of the full model grow"):
         solver(stroke=5e-3, method="reduced")
@@ -246,5 +246,5 @@ def test_load_steps_confirm_a_fast_answer_within_three_of_its_own_errors(error, 
         ErrorEstimate(np.zeros(1), size * error, 0.0, 0.0),
         ErrorEstimate(np.zeros(1), 0.0, error, 0.0),
     ):
-        said, kept = beside_module.beside(replace(other, error=estimate), lambda: other)
+        said, kept = beside_module.beside(replace(other, method_error=estimate), lambda: other)
         assert (said == "") is same and kept is other

@@ -1,0 +1,139 @@
+"""What an answer of any method is off the truth, its mesh included.
+
+Every leaf, whatever stands for it (curvature modes, a chain of elements, a modal body), becomes a strain-mode leaf with more
+modes than the answer has (`ksd.model.mesh.Refined`), and Newton steps lead from the state of the answer to equilibrium.
+Strain-mode leafs converge exponentially, so what such a leaf misses is nothing beside what it finds. Done when the error is
+asked for: the model once, a few Newton steps for every state.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ksd.model.arrays import SOLID, STRAIN, Arrays, Motion, make_work
+from ksd.model.compile import Model, compile_given
+from ksd.properties.kept import per_model
+from ksd.properties.section_forces import section_forces
+from ksd.properties.shape import member_ends
+from ksd.properties.tangent import exact
+from ksd.properties.unfold import pad
+from ksd.solve.driving import CAP, RTOL
+from ksd.solve.newton import iterate
+from ksd.solve.steps import FAST, ErrorEstimate
+from ksd.solve.stops import Stop
+
+if TYPE_CHECKING:
+    from ksd.solve.configuration import Configuration
+
+MOST = 20
+"""Newton steps to the equilibrium on the finer mesh; three or four are usual."""
+STATIONS = 25
+"""Stations along a leaf at which its moments are taken where another leaf model asks for them."""
+
+
+def error_of(pose: Configuration) -> ErrorEstimate | None:
+    """The distance of an answer to the equilibrium next to it on a finer mesh.
+
+    None where the method's own error was not estimated, and of what did not converge; without bound where no equilibrium
+    is found on the finer mesh, or where corrector steps of the method's own estimate grow. Of reduced solids the method's
+    alone.
+    """
+    own = pose.method_error
+    if not pose.converged or (own is None and (pose.method in FAST or hasattr(pose.model, "solids"))):
+        return None
+    if own is not None and not math.isfinite(own.relative):
+        return own
+    model, motion = pose.insides
+    if np.any(model.arrays.members.kind == SOLID):
+        return own
+    target, factor = model.targets(pose.targets), pose.load_factor
+    fine = refined(model)
+    truth = equilibrium(fine.arrays, _started(model, motion, fine, factor), target, factor)
+    if truth is None:
+        lost = math.inf
+        return ErrorEstimate(np.full(len(model.drive_names), lost), lost, lost, lost, lost)
+    found = relative_error(pose.model, pose.motion, truth)
+    if pose.method not in FAST:
+        return replace(found, mesh=found.relative)
+    settled = equilibrium(exact(model.arrays), motion.copy(), target, factor)
+    return replace(
+        found, mesh=math.inf if settled is None else relative_error(model, settled, truth).relative
+    )
+
+
+def relative_error(model: Model, motion: Motion, truth: Motion) -> ErrorEstimate:
+    """Difference of two states, relative: forces by the largest, displacement by the largest of a link. Rounding is none."""
+    from scipy.spatial.transform import Rotation
+
+    links, drives = model.links, len(model.drive_names)
+    force = np.abs(truth.multiplier[:drives] - motion.multiplier[:drives])
+    shift = float(np.linalg.norm(truth.x[:links] - motion.x[:links], axis=1).max())
+    between = np.einsum("kij,klj->kil", truth.R[:links], motion.R[:links])
+    turn = float(Rotation.from_matrix(between).magnitude().max())
+    grain = 1e-11 * model.arrays.size
+    moved = grain + float(np.linalg.norm(motion.x[:links] - model.rest.x[:links], axis=1).max())
+    noise = grain * model.arrays.members.floor.max() * min(1.0, model.arrays.size)
+    scale = np.abs(motion.multiplier[:drives]) + noise
+    of_force = float((force / np.maximum(scale, scale.max(initial=0.0))).max(initial=0.0))
+    relative = max(of_force, shift / moved)
+    return ErrorEstimate(force, shift, turn, relative if math.isfinite(relative) else math.inf)
+
+
+def equilibrium(arrays: Arrays, state: Motion, target: np.ndarray, factor: float) -> Motion | None:
+    """The equilibrium next to a state, in place, drives at target (c,) and loads times factor; None where none is found."""
+    reason, *_ = iterate(arrays, state, target, factor, make_work(arrays), RTOL, MOST, CAP, math.inf)
+    return state if Stop(reason) is Stop.CONVERGED else None
+
+
+@per_model
+def refined(model: Model) -> Model:
+    """The model with every leaf as a strain-mode leaf of more modes; its nodes are those of `model` but for chain nodes."""
+    return compile_given(model.scene, model.mesh.refined())
+
+
+def _started(model: Model, motion: Motion, fine: Model, load_factor: float) -> Motion:
+    """The state on the finer model: same nodes and multipliers; amplitudes taken over, or from the moments along a chain."""
+    state, members, more = fine.rest.copy(), model.arrays.members, fine.arrays.members
+    node = {name: k for k, name in enumerate(model.node_names)}
+    same = [node[name] for name in fine.node_names]
+    state.x[:], state.R[:], state.multiplier[:] = motion.x[same], motion.R[same], motion.multiplier
+    own = {name: i for i, name in enumerate(model.member_names)}
+    moments = None
+    for k, name in enumerate(fine.member_names):
+        inner = state.inner[more.inner_at[k] : more.inner_at[k + 1]]
+        i = own.get(name)
+        if i is not None and members.kind[i] == STRAIN:
+            pad(
+                members.number[i],
+                motion.inner[members.inner_at[i] : members.inner_at[i + 1]],
+                more.number[k],
+                inner,
+            )
+            continue
+        if moments is None:
+            moments = section_forces(model, motion, points=STATIONS, load_factor=load_factor)
+        _bend(fine, k, moments[name], member_ends(fine, state, k).Q, inner)
+    return state
+
+
+def _bend(fine: Model, k: int, forces: Any, Q: np.ndarray, inner: np.ndarray) -> None:
+    """Amplitudes that the section forces along leaf k call for, and its end wrench, in place; Q (3, 3): axes of its end."""
+    members = fine.arrays.members
+    # as `ksd.beam.strain_values` lays it out
+    value, (*orders, ng) = members.value[members.value_at[k] :], members.number[k, :4].tolist()
+    N, at = sum(orders), 1
+    table = at + sum(n * n for n in orders) + N
+    weight = value[table : table + ng]
+    s = value[table + ng : table + ng * (1 + ng)].reshape(ng, ng).sum(axis=1)
+    basis = value[table + ng * (1 + ng) :][: N * ng].reshape(N, ng)
+    first = 0
+    for axis, n in enumerate(orders):
+        moment = np.interp(s, forces.s / forces.s[-1], forces.values[:, 3 + axis])
+        weighted = value[0] * (basis[first : first + n] * weight) @ moment
+        inner[first : first + n] += np.linalg.solve(value[at : at + n * n].reshape(n, n), weighted)
+        first, at = first + n, at + n * n
+    inner[N : N + 3], inner[N + 3 : N + 6] = Q @ forces.end[:3], Q @ forces.end[3:]

@@ -1,0 +1,93 @@
+"""What plate stiffening and restrained warping would change of an answer that is without them, measured on it.
+
+Newton steps lead from the state to the equilibrium of the same mesh with the effect; forces, poses and the support stiffness
+of both are compared, as `ksd effects` does for all effects and for a whole solve each.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ksd.errors import KsdError
+from ksd.model.arrays import SOLID, Motion
+from ksd.model.compile import Model, compile_given
+from ksd.model.effects import with_conditions, with_torsion
+from ksd.model.runs import run_factors
+from ksd.properties.kept import per_model
+from ksd.properties.stiffness import point_stiffness, softest
+from ksd.properties.tangent import exact
+from ksd.solve.error import equilibrium
+from ksd.solve.plates import bent
+
+if TYPE_CHECKING:
+    from ksd.solve.configuration import Configuration
+
+
+def left_out(pose: Configuration) -> dict[str, dict[str, float]]:
+    """Relative changes of "force" (of the largest), "displacement" (of the largest) and "support_stiffness" (the softest, of
+    the first driven link), signed, by effect that is left out and that some leaf could have."""
+    model, motion = pose.insides
+    if not pose.converged or np.any(model.arrays.members.kind == SOLID):
+        return {}
+    target, factor = model.targets(pose.targets), pose.load_factor
+    own = equilibrium(exact(model.arrays), motion.copy(), target, factor)
+    if own is None:
+        return {}
+    found = {}
+    for name, other in (("plate", _with_plates(model, own)), ("warping", _with_warping(model))):
+        there = None if other is model else equilibrium(exact(other.arrays), own.copy(), target, factor)
+        if there is not None:
+            found[name] = _changes((model, own), (other, there), factor)
+    return found
+
+
+def _with_plates(model: Model, motion: Motion) -> Model:
+    """The model with plate stiffening at its present curvatures; itself where it has it, or no leaf is wide."""
+    wide = [leaf.section.width > leaf.section.thickness > 0.0 for _, leaf in model.scene.leaf_names().items()]
+    if model.mesh.plate or not any(wide):
+        return model
+    conditions, _ = bent(model, motion)
+    return compile_given(with_conditions(model.scene, conditions), model.mesh.with_effect("plate"))
+
+
+@per_model
+def _with_warping(model: Model) -> Model:
+    """The model with restrained warping; itself where it has it, now or for questions, or no leaf warps."""
+    later = model.choice is not None and model.choice["warping"].later
+    warps = [leaf.section.Iw > 0.0 for _, leaf in model.scene.leaf_names().items()]
+    if model.mesh.warping or later or not any(warps):
+        return model
+    return compile_given(
+        with_torsion(model.scene, run_factors(model.scene)), model.mesh.with_effect("warping")
+    )
+
+
+def _changes(
+    without: tuple[Model, Motion], with_: tuple[Model, Motion], load_factor: float
+) -> dict[str, float]:
+    """Relative changes from one state to another."""
+    (model, one), (_, other) = without, with_
+    drives, links = len(model.drive_names), model.links
+    found = {}
+    if drives:
+        # of the largest force, whichever that is
+        first, second = (np.abs(m.multiplier[:drives]) for m in (one, other))
+        most = int(np.argmax(np.abs(second - first)))
+        found["force"] = _ratio(second[most] - first[most], first.max())
+    moved = [
+        np.linalg.norm(m.x[1:links] - model.rest.x[1:links], axis=1).max(initial=0.0) for m in (one, other)
+    ]
+    found["displacement"] = _ratio(moved[1] - moved[0], moved[0])
+    terms = [t for d in model.scene.drives for t in d.terms]
+    link = terms[0].link if terms else model.scene.links[1]
+    try:
+        soft = [softest(point_stiffness(m, s, link, load_factor=load_factor)) for m, s in (without, with_)]
+    except KsdError:
+        return found
+    return found | {"support_stiffness": _ratio(soft[1] - soft[0], soft[0])}
+
+
+def _ratio(change: float, whole: float) -> float:
+    return float(change / whole) if whole > 0.0 and np.isfinite(whole) else 0.0
