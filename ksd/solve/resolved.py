@@ -11,6 +11,8 @@ BLIND = 0.05
 """Share of the energy of a leaf in its highest mode beyond which its curvature is not resolved at all."""
 SLIGHT = 1e-3
 """Share of that mode in the energy of the whole mechanism below which it does not matter."""
+MOST_ORDER = 12
+"""Curvature modes about an axis that a mesh has at most, see `ksd.model.mesh.Mesh`."""
 _AXIS = ("torsion", "strong bending", "weak bending")
 
 
@@ -21,9 +23,12 @@ def resolved(found: Configuration, wanted: float) -> Configuration:
     note_turn(found, turned)
     if share <= wanted:
         return found
+    more = "raise the orders of the mesh"
+    if found.model.mesh.orders[axis] >= MOST_ORDER:
+        more = "more are not possible; a chain is finer, ksd.Mesh(leaf='corotational', elements=80)"
     note = (
         f"leaf '{where}' has {100 * share:.2g} % of its energy in its highest {_AXIS[axis]} mode; "
-        f"the curvature modes {found.model.mesh.orders} are few for this state: raise the orders of the mesh"
+        f"the curvature modes {found.model.mesh.orders} are few for this state: {more}"
     )
     found = replace(found, notes=(*found.notes, note))
     if share > BLIND:
