@@ -162,6 +162,6 @@ def rod_force(length, thickness, width, way):
         def ends(a, b, p, d=d):
             return np.array([a[0], a[1], a[2], b[0] - length, b[1] - d, b[2]])
 
-        found = solve_bvp(slope, ends, *guess, tol=1e-8, max_nodes=100_000)
+        found = solve_bvp(slope, ends, *guess, tol=1e-6, max_nodes=100_000)
         assert found.success
     return 0.01 * EA * found.p[1]
