@@ -109,20 +109,30 @@ def solve(
     scene = mechanism.scene() if hasattr(mechanism, "scene") else mechanism
     if hasattr(scene, "drives"):
         refuse_unknown(drives, (d.name for d in scene.drives), solve)
+    said = {"effects": effects, "with_": with_, "without": without, "basis": basis, "planar": planar}
+    ways = {"method": method, "accuracy": accuracy, "passes": passes, "estimate": estimate}
+    found = _with_enough_modes(scene, mesh, extrapolate, said, (values, ways, strict))
+    return insist(found) if strict else found
+
+
+def _with_enough_modes(
+    scene: Any, mesh: Mesh | None, extrapolate: bool, said: dict[str, Any], asked: tuple[Any, ...]
+) -> Configuration:
+    """The answer, without a mesh asked for on one whose orders are raised until they are enough; asked: drive values,
+    options of `Solver.on_mesh`, whether to insist on trust."""
+    values, ways, strict = asked
+    accuracy = ways["accuracy"]
     wanted = wanted_accuracy(accuracy)
     chosen = mesh if mesh is not None else (Mesh() if accuracy is None else mesh_for(wanted))
     for rise in range(MOST_RISES + 1):
-        said = {"effects": effects, "with_": with_, "without": without, "accuracy": wanted}
-        said |= {"basis": basis, "planar": planar}
-        solver = _recent_solver(scene, chosen, extrapolate, said, values)
-        found = solver.on_mesh(values, method=method, accuracy=accuracy, passes=passes, estimate=estimate)
+        solver = _recent_solver(scene, chosen, extrapolate, said | {"accuracy": wanted}, values)
+        found = solver.on_mesh(values, **ways)
         found = insist(found) if strict else found
         share, _, axis, _ = look_at_modes(found.model, found.motion)
         if share <= wanted or mesh is not None or rise == MOST_RISES:
             break
         chosen = raised(chosen, axis)
-    found = resolved(found, wanted)
-    return insist(found) if strict else found
+    return resolved(found, wanted)
 
 
 MOST_RISES = 3
