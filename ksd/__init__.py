@@ -42,8 +42,9 @@ _HOMES = {
     "ksd.solve.path": ("Path", "follow"),
     "ksd.properties.doctor": ("doctor",),
     "ksd.train": ("train",),
+    "ksd.train.designs": ("Design",),
     "ksd.design": ("Batch", "SweepInterrupted", "Table", "batch", "frequency_curve", "state_space", "sweep"),
-    "ksd.library": ("Record", "find_record", "read_result"),
+    "ksd.library": ("Parameter", "Record", "find_record", "read_result"),
 }  # fmt: skip
 _HOME = {name: home for home, names in _HOMES.items() for name in names}
 _KEPT = (
@@ -56,7 +57,7 @@ if TYPE_CHECKING:
     from ksd.design.batch import batch
     from ksd.design.state_space import state_space
     from ksd.design.sweep import sweep
-    from ksd.library import Record, find_record, read_result
+    from ksd.library import Parameter, Record, find_record, read_result
     from ksd.modal.choices import ModalBasis
     from ksd.model.compile import Model, compile_scene
     from ksd.model.mesh import Mesh
@@ -103,9 +104,16 @@ if TYPE_CHECKING:
     from ksd.solve.path import Path, follow
     from ksd.solve.solver import Solver
     from ksd.train import train
+    from ksd.train.designs import Design
+
+
+_ROOMS = ("bench", "design", "library", "modal", "scene", "view")
+"""Packages of this one that can be reached without an import of their own, such as ksd.view.write_pvd."""
 
 
 def __getattr__(name: str) -> Any:
+    if name in _ROOMS:
+        return import_module(f"ksd.{name}")
     if name not in _HOME:
         raise AttributeError(f"module 'ksd' has no attribute '{name}'")
     value = getattr(import_module(_HOME[name]), name)
@@ -114,4 +122,4 @@ def __getattr__(name: str) -> Any:
 
 
 def __dir__() -> list[str]:
-    return sorted([*globals(), *_HOME])
+    return sorted([*globals(), *_HOME, *_ROOMS])

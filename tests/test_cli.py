@@ -17,6 +17,7 @@ from ksd.cli import main
 ROOT = Path(__file__).resolve().parents[1]
 SCENES = ROOT / "ksd" / "scenes"
 FOURBAR, CROSS = str(SCENES / "fourbar.toml"), str(SCENES / "cross_flexure.toml")
+needs_full = pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full")
 LEAF = """
 name = "leaf"
 links = ["tip"]
@@ -439,3 +440,133 @@ def test_sweep_with_a_failing_pose_exits_3_and_keeps_the_others(record, capsys, 
     argv = ["sweep", FOURBAR, "--set", "top=300mm:360mm:2", "--method", "reduced", "--question", "force"]
     refused(capsys, [*argv, "--out", str(out), "--quiet"], 3, "1 of 2 poses")
     assert out.read_text().count(",ok") == 1
+
+
+NAME = "[bold red]x[/nope] :smile: $x_{$"
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["solve"],
+        ["effects"],
+        ["doctor"],
+        ["sweep", "--set", "turn=0deg:20deg:3", "--question", "force"],
+        ["report", "--poses", "3"],
+    ],
+    ids=lambda words: words[0],
+)
+def test_names_are_no_markup(words, capsys, tmp_path, monkeypatch):
+    """Brackets, colons and dollars in the name of a mechanism, a drive, a folder."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "[b][").mkdir()
+    path = tmp_path / "[b][/i].toml"
+    # without --set, so that the file gives the value
+    drive = NAME if "--set" not in words else "turn"
+    text = LEAF.replace('name = "leaf"', f'name = "{NAME}"').replace('"turn"', f'"{drive}"\nvalue = "20 deg"')
+    path.write_text(text)
+    picture = [] if words[0] in ("doctor", "report") else ["--plot", "[b][/y].png"]
+    assert main([words[0], str(path), *words[1:], *picture]) == 0
+    out, err = capsys.readouterr()
+    assert "[/i]" in out if words[0] == "report" else NAME in " ".join(out.split()), (out, err)
+
+
+@needs_full
+@pytest.mark.parametrize("option", ["--json", "--plot"])
+def test_a_device_is_no_file(scene, capsys, option):
+    before = os.stat("/dev/full")
+    target = "/dev/full"
+    if option == "--plot":
+        # a picture needs an ending
+        target = os.path.join(os.path.dirname(scene()), "full.png")
+        os.symlink("/dev/full", target)
+    refused(capsys, ["solve", scene(), "--set", "turn=5deg", option, target], 2, "a device")
+    after = os.stat("/dev/full")
+    assert (before.st_ino, before.st_rdev) == (after.st_ino, after.st_rdev)
+
+
+SMALL = """
+import resource, signal, sys
+signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+resource.setrlimit(resource.RLIMIT_FSIZE, (500, 500))
+from ksd.cli import main
+sys.exit(main(sys.argv[1:]))
+"""
+
+
+@needs_full
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["solve", "--set", "turn=5deg", "--json", "a.json"],
+        ["solve", "--set", "turn=5deg", "--plot", "a.png"],
+        ["solve", "--set", "turn=5deg", "--plot", "a.vtu"],
+        ["sweep", "--set", "turn=0deg:5deg:41", "--question", "force", "--quiet", "--out", "a.csv"],
+        ["sweep", "--set", "turn=0deg:5deg:41", "--question", "force", "--quiet", "--plot", "a.pdf"],
+        ["report", "--set", "turn=5deg", "--poses", "3", "--quiet", "--out", "a.html"],
+    ],
+    ids=lambda words: words[-1],
+)
+def test_a_full_disk_leaves_the_old_file_and_exits_2(scene, words, tmp_path):
+    """A limit on the size of files does what a full disk does."""
+    (tmp_path / words[-1]).write_text("old")
+    path = scene()
+    before = {p.name for p in tmp_path.iterdir()}
+    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+    done = subprocess.run(
+        [sys.executable, "-c", SMALL, words[0], path, *words[1:]],
+        cwd=tmp_path, env=environment, capture_output=True, text=True,
+    )  # fmt: skip
+    assert done.returncode == 2, done.stderr
+    assert "cannot be written" in done.stderr and "Traceback" not in done.stderr
+    assert (tmp_path / words[-1]).read_text() == "old"
+    assert {p.name for p in tmp_path.iterdir()} == before
+
+
+@needs_full
+@pytest.mark.parametrize("shell", ["{0} >&-", "{0} >/dev/full", "{0} >&- 2>&-", "{0} 2>&-"])
+def test_streams_that_are_closed_or_full(shell, tmp_path):
+    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+    command = shell.format(f"{sys.executable} -m ksd info")
+    done = subprocess.run(
+        ["sh", "-c", command], env=environment, capture_output=True, text=True, cwd=tmp_path
+    )
+    assert done.returncode == (0 if shell == "{0} 2>&-" else 2), done
+    if "2>&-" not in shell:
+        assert done.stderr.startswith("ksd: ") and done.stderr.count("\n") == 1, done.stderr
+    assert "Traceback" not in done.stdout + done.stderr
+
+
+@pytest.mark.parametrize("resume", [[], ["--resume", "kept.jsonl"]])
+def test_interrupting_a_sweep_says_how_to_go_on(scene, capsys, monkeypatch, tmp_path, resume):
+    monkeypatch.chdir(tmp_path)
+
+    import_module("ksd.design.sweep")
+
+    def stop(*_, **__):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(sys.modules["ksd.design.sweep"], "run_line", stop)
+    argv = ["sweep", scene(), "--set", "turn=0deg:5deg:3", "--out", "a.csv", "--quiet", *resume]
+    said = ("kept.jsonl", "same command") if resume else ("--resume",)
+    assert main(argv) == 130
+    err = capsys.readouterr().err
+    assert "exception" not in err and ".table" not in err and all(word in err for word in said), err
+    assert "no table was written" in err and not Path("a.csv").exists()
+    assert main(["report", scene(), "--set", "turn=5deg", "--quiet"]) == 130
+    assert "no report was written" in capsys.readouterr().err and not Path("leaf.html").exists()
+
+
+def test_training_elsewhere_says_where_it_is_looked_for(monkeypatch, capsys, tmp_path):
+    from ksd.library import find_record
+
+    kept = find_record("cross_flexure")
+    monkeypatch.delenv("KSD_DATABASE", raising=False)
+    monkeypatch.setattr(import_module("ksd.train"), "train", lambda family, **_: kept)
+    argv = ["train", "cross_flexure", "--quiet", "--restart"]
+    assert main([*argv, "--out", str(tmp_path)]) == 0
+    assert f"KSD_DATABASE={tmp_path}" in "".join(capsys.readouterr().out.split("\n"))
+    shutil.copy(ROOT / "database" / "cross_flexure.h5", tmp_path)
+    monkeypatch.setenv("KSD_DATABASE", str(tmp_path))
+    assert main([*argv, "--out", str(tmp_path)]) == 0
+    assert "KSD_DATABASE" not in capsys.readouterr().out

@@ -7,6 +7,7 @@ Exit codes: 0 solved, 2 bad input (also wrong options), 3 not converged, 4 joint
 from __future__ import annotations
 
 import argparse
+import contextlib
 import os
 import sys
 from collections.abc import Sequence
@@ -40,6 +41,11 @@ def parser() -> argparse.ArgumentParser:
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run a command; `argv` without the program name, sys.argv when None. Returns the exit code."""
+    if sys.stderr is None:
+        # closed by the caller: nobody wants to read it
+        sys.stderr = open(os.devnull, "w")  # noqa: SIM115
+    if sys.stdout is None:
+        return _fail("standard output is closed; send it to a file or to /dev/null", BAD_INPUT)
     options = parser().parse_args(argv)
     try:
         code: int = options.run(options)
@@ -50,12 +56,19 @@ def main(argv: Sequence[str] | None = None) -> int:
     except KeyboardInterrupt as stop:
         return _fail(str(stop) or "interrupted; nothing more was written", INTERRUPTED)
     except BrokenPipeError:
-        # the reader (head, less) has left: no more output, and no complaint at interpreter exit
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        # the reader (head, less) has left
+        _say_no_more()
         return BROKEN_PIPE
     except OSError as error:
+        _say_no_more()
         place = f" '{error.filename}'" if error.filename else ""
         return _fail(f"cannot read or write{place}: {error.strerror or error}", BAD_INPUT)
+
+
+def _say_no_more() -> None:
+    """What is still to be printed goes nowhere, or the interpreter would complain of it at its exit."""
+    with contextlib.suppress(OSError, ValueError):
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def _fail(sentence: str, code: int) -> int:

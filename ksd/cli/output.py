@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import json
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from ksd.errors import RecordError, SceneError
+from ksd.files import check_target
 
 STDOUT = "-"
 
@@ -24,14 +26,25 @@ def console() -> Any:
         def on_broken_pipe(self) -> None:
             raise BrokenPipeError
 
-    screen = Screen(highlight=False)
-    return screen if screen.is_terminal else Screen(highlight=False, width=WIDTH)
+    # names are the user's: brackets in them are no markup
+    plain: dict[str, Any] = {"highlight": False, "markup": False, "emoji": False}
+    screen = Screen(**plain)
+    return screen if screen.is_terminal else Screen(**plain, width=WIDTH)
+
+
+@contextmanager
+def interrupted(sentence: str) -> Iterator[None]:
+    """Ctrl-C inside ends the command with this sentence."""
+    try:
+        yield
+    except KeyboardInterrupt:
+        raise KeyboardInterrupt(sentence) from None
 
 
 def check_json(path: str | None) -> None:
-    """Raises SceneError when the folder of a JSON file does not exist."""
-    if path not in (None, STDOUT) and not Path(str(path)).parent.is_dir():
-        raise SceneError(f"--json {path}: folder '{Path(str(path)).parent}' does not exist; make it first")
+    """Raises SceneError when a JSON file cannot be written there."""
+    if path is not None and path != STDOUT:
+        check_target(path, what="--json")
 
 
 def check_plot(path: str | None, *, kinds: tuple[str, ...] = ()) -> None:
@@ -39,8 +52,7 @@ def check_plot(path: str | None, *, kinds: tuple[str, ...] = ()) -> None:
     if path is None:
         return
     if Path(path).suffix.lower() in kinds:
-        if not Path(path).parent.is_dir():
-            raise SceneError(f"--plot {path}: folder '{Path(path).parent}' does not exist; make it first")
+        check_target(path, what="--plot")
         return
     from ksd.view.figure import check_picture
 
@@ -57,7 +69,4 @@ def write_json(numbers: dict[str, Any], path: str) -> None:
         return
     from ksd.library.tables import write_answer
 
-    try:
-        write_answer(numbers, path)
-    except RecordError as error:
-        raise SceneError(f"--json {path} cannot be written: {error}") from error
+    write_answer(numbers, path)

@@ -9,9 +9,10 @@ from typing import Any
 
 import numpy as np
 
-from ksd.cli.output import console
+from ksd.cli.output import console, interrupted
 from ksd.cli.solve import OPTIONS, drive_value, effect_words, settings, solved
 from ksd.errors import KsdError, SceneError
+from ksd.files import check_target, write_file
 
 POSES = 31
 
@@ -56,8 +57,7 @@ def run(options: argparse.Namespace) -> int:
         name, value = drive_value(scene, text)
         targets[name] = value
     target = Path(options.out or Path(options.scene).with_suffix(".html"))
-    if not target.parent.is_dir():
-        raise SceneError(f"--out {target}: folder '{target.parent}' does not exist; make it first")
+    check_target(target, what="--out")
     # a first solve: it raises the curvature modes where they are few, and loads kernels, which no time shown holds
     mesh = solved(scene, targets, asked).model.mesh
     how = {"method": asked["method"], "accuracy": asked["accuracy"], "passes": asked["passes"] or 0}
@@ -65,15 +65,14 @@ def run(options: argparse.Namespace) -> int:
     solver = prepare(scene, mesh=mesh, extrapolate=bool(asked["extrapolate"]), **words)
     pose = solver(targets, **how)
     share = np.linspace(-1.0 if options.both else 0.0, 1.0, options.poses)
-    table = sweep(
-        scene, {n: v * share for n, v in targets.items()}, together=True, mesh=mesh, progress=not options.quiet,
-        questions=_possible(scene, pose), extrapolate=bool(asked["extrapolate"]), effects=solver.model.choice.wanted, **how,
-    )  # fmt: skip
+    with interrupted("interrupted; no report was written"):
+        table = sweep(
+            scene, {n: v * share for n, v in targets.items()}, together=True, mesh=mesh, progress=not options.quiet,
+            questions=_possible(scene, pose), extrapolate=bool(asked["extrapolate"]),
+            effects=solver.model.choice.wanted, **how,
+        )  # fmt: skip
     compared = [_compared(f"{pose.method} (this report)", lambda: pose), *_other_ways(solver, targets, pose)]
-    try:
-        target.write_text(page(pose, table, compared), encoding="utf-8")
-    except OSError as error:
-        raise SceneError(f"--out {target} cannot be written: {error.strerror}") from error
+    write_file(target, page(pose, table, compared), what="--out")
     console().print(
         f"{target}: {len(table)} poses, {len(table.failures)} without full answer", soft_wrap=True
     )

@@ -8,9 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from ksd.cli.output import check_plot, console
+from ksd.cli.output import check_plot, console, interrupted
 from ksd.cli.solve import OPTIONS, drive_value, effect_words, mesh_of, settings
 from ksd.errors import ConvergenceError, SceneError
+from ksd.files import check_target
 
 POSES = 31
 WRITERS = {".csv": "to_csv", ".h5": "to_hdf5", ".hdf5": "to_hdf5", ".mat": "to_mat"}
@@ -64,11 +65,17 @@ def run(options: argparse.Namespace) -> int:
         found = {n: np.linspace(0.0, v, POSES) for n, v in targets.items()}
     stroke = {n: v for n, v in targets.items() if n not in found} | found
     words = {k: v for k, v in effect_words(asked).items() if k != "accuracy"}
-    table = sweep(
-        scene, stroke, **words, questions=tuple(options.question) or QUESTIONS, together=not options.set,
-        mesh=mesh_of(asked), method=asked["method"], accuracy=asked["accuracy"], passes=asked["passes"] or 0,
-        extrapolate=bool(asked["extrapolate"]), progress=not options.quiet, resume=options.resume,
-    )  # fmt: skip
+    again = (
+        "with --resume FILE a sweep keeps its finished lines"
+        if options.resume is None
+        else f"finished lines are in {options.resume}, give the same command again to go on"
+    )
+    with interrupted(f"interrupted; no table was written, {again}"):
+        table = sweep(
+            scene, stroke, **words, questions=tuple(options.question) or QUESTIONS, together=not options.set,
+            mesh=mesh_of(asked), method=asked["method"], accuracy=asked["accuracy"], passes=asked["passes"] or 0,
+            extrapolate=bool(asked["extrapolate"]), progress=not options.quiet, resume=options.resume,
+        )  # fmt: skip
     console().print(str(table), soft_wrap=True)
     if write is not None:
         getattr(table, write)(options.out)
@@ -86,8 +93,7 @@ def _writer(path: str) -> str:
     """Which writer of a Table serves this file name. SceneError for a name no writer knows."""
     if Path(path).suffix.lower() not in WRITERS:
         raise SceneError(f"--out {path}: the ending must be one of {', '.join(WRITERS)}")
-    if not Path(path).parent.is_dir():
-        raise SceneError(f"--out {path}: folder '{Path(path).parent}' does not exist; make it first")
+    check_target(path, what="--out")
     return WRITERS[Path(path).suffix.lower()]
 
 

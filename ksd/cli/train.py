@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from ksd.cli.output import console
+from ksd.cli.output import console, interrupted
 from ksd.errors import RecordError
 
 ROUNDING = 2e-9
@@ -55,21 +55,19 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _train(family: str, options: argparse.Namespace) -> None:
+    from ksd.library.files import where_looked_for
     from ksd.train import train, up_to_date
+    from ksd.train.run import target_of
 
     begin = time.perf_counter()
     screen = console()
     if not options.restart and (words := up_to_date(family, out=options.out)):
         screen.print(f"{family}: up to date; {words} (--restart trains all the same)", soft_wrap=True)
         return
-    try:
-        with warnings.catch_warnings(record=True) as told:
-            warnings.simplefilter("always", UserWarning)
-            record = train(family, out=options.out, resume=not options.restart, progress=not options.quiet)
-    except KeyboardInterrupt:
-        raise KeyboardInterrupt(
-            "interrupted; the finished shapes are kept, run the same command again to go on"
-        ) from None
+    again = "interrupted; the finished shapes are kept, run the same command again to go on"
+    with interrupted(again), warnings.catch_warnings(record=True) as told:
+        warnings.simplefilter("always", UserWarning)
+        record = train(family, out=options.out, resume=not options.restart, progress=not options.quiet)
     screen.print(
         f"{record.family}: trained in {time.perf_counter() - begin:.0f} s on {record.samples[0]} shapes"
     )
@@ -79,6 +77,8 @@ def _train(family: str, options: argparse.Namespace) -> None:
         screen.print(f"  {group}: largest error {worst.fresh_max:.2g} on fresh shapes, mesh {worst.mesh}")
     for message in told:
         screen.print(f"  warning: {message.message}", soft_wrap=True)
+    if unused := where_looked_for(target_of(family, options.out), family):
+        screen.print(f"  {unused}", soft_wrap=True)
 
 
 def _check(family: str, options: argparse.Namespace) -> None:

@@ -9,7 +9,6 @@ from __future__ import annotations
 import base64
 import datetime
 import html
-import io
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -113,9 +112,9 @@ def grid(heads: Iterable[tuple[str, str]], rows: Iterable[Iterable[Any]]) -> str
 
 
 def _figure(figure: Any, caption: str) -> str:
-    content = io.BytesIO()
-    figure.savefig(content, format="png", dpi=140)
-    coded = base64.b64encode(content.getvalue()).decode()
+    from ksd.view.figure import picture
+
+    coded = base64.b64encode(picture(figure, "png", dpi=140)).decode()
     said = _text(caption)
     return f'<figure><img alt="{said}" src="data:image/png;base64,{coded}"><figcaption>{said}</figcaption></figure>'
 

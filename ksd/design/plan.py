@@ -15,6 +15,7 @@ from ksd.design.lines import Line, Recipe
 from ksd.design.words import check_drives, check_parameters
 from ksd.errors import SceneError
 from ksd.scene import Mechanism, Scene
+from ksd.scene.contents import WANTED
 from ksd.scene.drive import Load
 from ksd.section.checks import show
 
@@ -110,7 +111,7 @@ def scene_of(mechanism: Any, parameters: Mapping[str, Any]) -> Scene:
     scene = made.scene() if isinstance(made, Mechanism) else made
     if not isinstance(scene, Scene):
         raise NoMechanism(
-            f"{show(made)} is not a mechanism: give a Mechanism, a Scene, or a function returning one"
+            f"{show(made)} is not a mechanism: give a function returning a mechanism, or {WANTED}."
         )
     return scene
 

@@ -20,6 +20,7 @@ from ksd.design.words import check_executor, check_ways, drive_rows, names_of
 from ksd.errors import KsdError, SceneError
 from ksd.model.mesh import Mesh
 from ksd.numerics.processes import spawning
+from ksd.properties.words import progress_bar
 from ksd.section.checks import similar, truth, vector, whole, word
 from ksd.solve.solver import METHODS
 
@@ -233,10 +234,6 @@ def _bar(title: str, total: int, shown: bool) -> Iterator[Any]:
         # some versions of rich print an empty line for a bar that is not there
         yield lambda _: None
         return
-    from rich.console import Console
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
-
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
-    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+    with progress_bar(shown) as bar:
         task = bar.add_task(title, total=total)
         yield lambda count: bar.advance(task, count)

@@ -18,6 +18,7 @@ from ksd.model.arrays import ROTATION, TRANSLATION, Arrays, Motion
 from ksd.model.effects import Choice, applied, choose
 from ksd.model.leafs import Mesh, leaf_member, split_leaf
 from ksd.model.pack import Assembly, Member, Push, Row, pack
+from ksd.scene.contents import WANTED
 from ksd.section.checks import LARGEST, number, show, similar
 
 
@@ -304,7 +305,7 @@ def compile_scene(
     """
     scene = scene.scene() if hasattr(scene, "scene") else scene
     if not hasattr(scene, "fingerprint"):
-        raise SceneError(f"{show(scene)} is no mechanism; give a ksd.Mechanism or its scene.")
+        raise SceneError(f"{show(scene)} is no mechanism; {WANTED}.")
     mesh = Mesh() if mesh is None else mesh
     if not isinstance(mesh, Mesh):
         raise SceneError(

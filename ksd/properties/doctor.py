@@ -27,7 +27,7 @@ from ksd.properties.constraints import (
     prescribed_rows,
 )
 from ksd.properties.words import Shown
-from ksd.scene.contents import Scene
+from ksd.scene.contents import WANTED, Scene
 from ksd.scene.plausible import implausible
 
 Array = NDArray[np.float64]
@@ -169,9 +169,7 @@ def _described(mechanism: Any) -> Scene:
         return mechanism.scene  # type: ignore[no-any-return]
     scene = mechanism.draft() if hasattr(mechanism, "draft") else mechanism
     if not isinstance(scene, Scene):
-        raise SceneError(
-            f"{type(mechanism).__name__} is not a mechanism; give ksd.doctor a Mechanism or a Scene"
-        )
+        raise SceneError(f"{type(mechanism).__name__} is not a mechanism; {WANTED}.")
     if len(scene.links) < 2:
         raise SceneError(f"mechanism '{scene.name}' has no link; add one with mechanism.link(name).")
     return scene

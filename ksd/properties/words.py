@@ -57,11 +57,21 @@ def printed(*parts: Any, width: int = WIDTH) -> str:
     """Rich renderables and plain text as text of so many columns."""
     from rich.console import Console
 
-    console = Console(width=width, highlight=False, markup=False, color_system=None)
+    console = Console(width=width, highlight=False, markup=False, emoji=False, color_system=None)
     with console.capture() as text:
         for part in parts:
             console.print(part)
     return "\n".join(line.rstrip() for line in text.get().splitlines())
+
+
+def progress_bar(shown: bool) -> Any:
+    """A rich progress bar on stderr, with the count and the time left; what it is called is no markup."""
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+    title = TextColumn("{task.description}", markup=False)
+    columns = (title, BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+    return Progress(*columns, console=Console(stderr=True), disable=not shown, transient=True)
 
 
 def listed(columns: Sequence[str], rows: Sequence[Sequence[str]], *said: str) -> str:

@@ -22,6 +22,13 @@ from ksd.section.checks import Vector
 Matrix = tuple[Vector, Vector, Vector]
 
 
+WANTED = (
+    "give a ksd.Mechanism or its scene; of a file: mechanism, targets, options = ksd.load_scene(file), then "
+    "ksd.solve(mechanism, targets)"
+)
+"""What to give where a mechanism is wanted."""
+
+
 @dataclass(frozen=True)
 class PlacedJoint:
     """A joint between links `a` (interface A) and `b` (interface B).

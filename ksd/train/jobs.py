@@ -21,6 +21,7 @@ from ksd.errors import KsdError, RecordError, SceneError
 from ksd.files import read_file, write_file
 from ksd.library.files import in_folder
 from ksd.numerics.processes import spawning
+from ksd.properties.words import progress_bar
 from ksd.scene import DrawnJoint, Leaf
 from ksd.train.sweep import Plan, Samples, sample_joint
 
@@ -199,8 +200,5 @@ def _same(one: Samples, other: Samples) -> bool:
 
 
 def _progress_bar(title: str, shown: bool) -> tuple[Any, Any]:
-    from rich.console import Console
-    from rich.progress import Progress
-
-    bar = Progress(console=Console(stderr=True), disable=not shown)
+    bar = progress_bar(shown)
     return bar, bar.add_task(title, total=0)

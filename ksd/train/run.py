@@ -62,7 +62,8 @@ def train(
 
     shapes: ranges {parameter: (low, high)} SI in place of those of the family. meshes: "strain" and numbers of
     Appendix A elements per leaf; those of the design when None. out: folder or .h5 file; $KSD_DATABASE or ./database
-    when None. executor: any `concurrent.futures` executor; two processes of its own when None. resume: use the shapes
+    when None; elsewhere a record is found where KSD_DATABASE
+    names its folder. executor: any `concurrent.futures` executor; two processes of its own when None. resume: use the shapes
     an interrupted run has finished (kept beside the record in a .partial folder, also on Ctrl-C). trained: date
     written into the record, ISO, today when None; same inputs give the same bytes. most_shapes: limit of the adaptive
     sampling. tolerance: wanted errors by group, see TOLERANCE.
@@ -73,7 +74,7 @@ def train(
     design = design_of(family_or_joint, shapes)
     check_design(design)
     asked = design.meshes if meshes is None else check_meshes(design.family, meshes)
-    target = _target(design.family, out)
+    target = target_of(design.family, out)
     folder = target.with_name(f".{target.stem}.partial")
     title = f"train {design.family}"
     with Jobs(folder, executor=executor, resume=resume, progress=progress, title=title) as jobs:
@@ -128,7 +129,7 @@ def up_to_date(family_or_joint: str | Joint | Design, *, out: str | os.PathLike[
     where its probe states come out otherwise than told.
     """
     design = design_of(family_or_joint)
-    target = _target(design.family, out)
+    target = target_of(design.family, out)
     if not target.is_file():
         return ""
     corners = _corners(design)
@@ -165,7 +166,8 @@ def _warn_of_others(design: Design, evidence: tuple[Evidence, ...]) -> None:
             )
 
 
-def _target(family: str, out: str | os.PathLike[str] | None) -> Path:
+def target_of(family: str, out: str | os.PathLike[str] | None) -> Path:
+    """Where the record of `family` goes: into folder or .h5 file `out`, $KSD_DATABASE or ./database when None."""
     folder = Path(out or os.environ.get("KSD_DATABASE") or "database")
     return folder if folder.suffix == SUFFIX else folder / f"{family}{SUFFIX}"
 

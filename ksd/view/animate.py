@@ -13,7 +13,7 @@ import numpy as np
 
 from ksd.errors import SceneError
 from ksd.files import check_target, write_file
-from ksd.view.figure import new_figure
+from ksd.view.figure import new_figure, without_formulas
 from ksd.view.flat import best_plane, plot_mechanism
 
 
@@ -113,7 +113,7 @@ def _written(
         plot_mechanism(c, axes=axes, plane=plane, **said)
         axes.set_xlim(low[0], high[0])
         axes.set_ylim(low[1], high[1])
-        figure.canvas.draw()
+        without_formulas(figure).canvas.draw()
         frames.append(Image.fromarray(np.asarray(figure.canvas.buffer_rgba())).convert("RGB"))
     content = io.BytesIO()
     words = {"save_all": True, "append_images": frames[1:], "duration": int(1000 / fps), "loop": 0}

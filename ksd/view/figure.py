@@ -49,9 +49,25 @@ def check_picture(path: str | os.PathLike[str]) -> Path:
 
 def save_figure(figure: Any, path: str | os.PathLike[str]) -> Any:
     """Write a figure to `path` (.png, .pdf, .svg ...) and return it. SceneError when that is not possible."""
-    target, content = check_picture(path), io.BytesIO()
-    figure.savefig(content, format=target.suffix.lstrip(".").lower())
-    write_file(target, content.getvalue(), what="picture")
+    target = check_picture(path)
+    write_file(target, picture(figure, target.suffix.lstrip(".").lower()), what="picture")
+    return figure
+
+
+def picture(figure: Any, kind: str, **words: Any) -> bytes:
+    """The file of a figure, of kind "png", "pdf", "svg" ...; words as for matplotlib's savefig."""
+    content = io.BytesIO()
+    without_formulas(figure).savefig(content, format=kind, **words)
+    return content.getvalue()
+
+
+def without_formulas(figure: Any) -> Any:
+    """The figure, dollars in the names it says taken as they are; numbers along logarithmic axes stay formulas."""
+    from matplotlib.text import Text
+
+    for text in figure.findobj(Text):
+        if "$" in text.get_text() and "\\mathdefault" not in text.get_text():
+            text.set_parse_math(False)
     return figure
 
 

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from matplotlib.transforms import Bbox
 
-from ksd.view.figure import Array
+from ksd.view.figure import Array, without_formulas
 
 _FAR = (12.0, 22.0, 34.0, 48.0, 64.0, 84.0, 112.0)
 """Distances tried, in points, from the place a label was given."""
@@ -25,7 +25,7 @@ def part_labels(axes: Any, keep_off: Array, avoid: Array) -> None:
     for text in labels:
         # the picture must not shrink to make room for a label that will be moved
         text.set_in_layout(False)
-    figure.draw_without_rendering()
+    without_formulas(figure).draw_without_rendering()
     figure.set_layout_engine("none")
     renderer, scale = figure.canvas.get_renderer(), figure.dpi / 72
     marks, lines = (axes.transData.transform(np.reshape(p, (-1, 2))) for p in (keep_off, avoid))

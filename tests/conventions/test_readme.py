@@ -32,3 +32,16 @@ def test_every_command_line_named_exists():
     assert done.returncode == 0
     for word in set(re.findall(r"^\| `ksd (\w+)", TEXT, re.M)):
         assert word in done.stdout, word
+
+
+def test_every_name_of_the_package_is_reached_by_one_import(tmp_path):
+    """`ksd.view.write_pvd` as printed, after `import ksd` alone; each in a process that has imported nothing else."""
+    names = sorted(set(re.findall(r"\bksd(?:\.[A-Za-z_]\w*)+", TEXT)))
+    assert len(names) > 20 and "ksd.Design" in names
+    code = "import sys, ksd\nfor n in sys.argv[1:]:\n eval(n, {'ksd': ksd})"
+    for group in ([n for n in names if n.startswith(f"ksd.{room}.")] for room in ("view", "modal")):
+        assert group
+        done = subprocess.run([sys.executable, "-c", code, *group], capture_output=True, text=True, cwd=ROOT)
+        assert done.returncode == 0, done.stderr
+    done = subprocess.run([sys.executable, "-c", code, *names], capture_output=True, text=True, cwd=ROOT)
+    assert done.returncode == 0, done.stderr
