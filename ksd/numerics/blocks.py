@@ -1,13 +1,19 @@
-"""Sparse symmetric LDL^T over small dense blocks, one block per node or multiplier, with a fixed pattern.
+"""Sparse symmetric LDL^T over small dense blocks, one block per node or constraint row, with a fixed pattern.
 
-`plan_blocks` orders the blocks once (minimum degree on the block graph; a multiplier waits until one of its
-nodes is gone) and lists every update; `factor_blocks` and `solve_blocks` are compiled and allocate nothing.
-No pivoting: the order makes every pivot a stiffness (positive when stable) or a compliance (negative), so the
-number of negative pivots is the inertia (Sylvester). Tiny pivots are reported, never divided by in silence.
+`plan_blocks` orders the blocks once (minimum degree on the block graph; a constraint row waits until all its
+nodes are gone) and lists every update; `factor_blocks` and `solve_blocks` are compiled and allocate nothing.
+No pivoting. Instead K J'; J 0 is factored as K + J' s J, J'; J 0, with s as stiff as what the row J acts on: a
+congruence, so that the number of negative pivots stays the inertia (Sylvester), and the solution stays but for
+s g on the multiplier of a row with the right side g. What a row holds is then stiff before its nodes are
+eliminated: every pivot of a node is a stiffness (positive when stable), that of a row a compliance (negative).
+Without it a node whose rows depend on one another leaves a pivot of pure rounding, and one that rows alone hold
+none at all. (Augmented Lagrangian: Golub and Greif 2003.) Tiny pivots are reported, never divided by in silence.
 """
 
 from __future__ import annotations
 
+import math
+from itertools import combinations
 from typing import NamedTuple
 
 import numpy as np
@@ -16,6 +22,10 @@ from ksd.numerics.kernel import kernel
 
 TINY_PIVOT = 1e-14
 """A pivot below this fraction of its diagonal before elimination counts as zero."""
+REFINEMENTS, ROUNDING = 3, 1e-13
+"""Refinements of a solution at the most, and the share of it below which one is rounding and the last."""
+SOFTEST = 1e-6
+"""Share of the largest diagonal entry of its kind that a smaller one of a node counts as where a row's stiffness is set."""
 
 
 class Blocks(NamedTuple):
@@ -23,6 +33,9 @@ class Blocks(NamedTuple):
 
     Values of block (i, j), i >= j, sit row-major at an offset of the flat value array. `row`/`place` list, for
     each eliminated column, its rows below the diagonal and their offsets; `target` the offset of every update.
+    Constraint row i is block rows[i], of one unknown; its `node` blocks first_node[i] .. are in elimination order, their
+    coefficients at `lever`; from first_pair[i] on, `pair` holds the offsets of all pairs of them. The last values, one for
+    each row, belong to no block.
     """
 
     size: np.ndarray
@@ -33,19 +46,36 @@ class Blocks(NamedTuple):
     place: np.ndarray
     first_target: np.ndarray
     target: np.ndarray
+    rows: np.ndarray
+    first_node: np.ndarray
+    node: np.ndarray
+    lever: np.ndarray
+    first_pair: np.ndarray
+    pair: np.ndarray
     values: int
     unknowns: int
 
 
+def stiffened(K: np.ndarray, rows: np.ndarray) -> np.ndarray:
+    """K + J' s J of a dense symmetric matrix (n, n), J those of its constraint `rows` that are not let go."""
+    found, own = K.copy(), np.abs(np.diagonal(K))
+    move = np.setdiff1d(np.arange(len(K)), rows)
+    J = K[np.ix_(rows, move)]
+    give = np.sum(J * J / np.maximum(own[move], SOFTEST * own.max(initial=0.0)), axis=1)
+    J, give = J[give > 0.0], give[give > 0.0]
+    found[np.ix_(move, move)] += (J.T / give) @ J
+    return found
+
+
 def _elimination_order(neighbours: list[set[int]], size: np.ndarray, waits: np.ndarray) -> list[int]:
-    """Minimum degree; block k with waits[k] is eligible once one of its first neighbours is eliminated."""
+    """Minimum degree; block k with waits[k] is eligible once all its first neighbours are eliminated."""
     graph = [set(n) for n in neighbours]
     left = set(range(len(graph)))
     gone: set[int] = set()
     order: list[int] = []
     while left:
-        ready = [k for k in left if not waits[k] or neighbours[k] & gone or not neighbours[k]]
-        k = min(ready or left, key=lambda b: (sum(int(size[n]) for n in graph[b]), b))
+        ready = [k for k in left if not waits[k] or neighbours[k] <= gone]
+        k = min(ready, key=lambda b: (sum(int(size[n]) for n in graph[b]), b))
         for n in graph[k]:
             graph[n] |= graph[k]
             graph[n] -= {n, k}
@@ -61,14 +91,21 @@ def plan_blocks(
     """Pattern of a symmetric matrix with blocks `size` (b,) coupled by `pairs`.
 
     Returns the plan, `position` (b,) of each block in elimination order, and the offset of every stored block,
-    keyed by (row, column) in that order, row >= column. `waits` marks multipliers; the `last` highest-numbered
-    blocks are eliminated last, in their own order (for condensation onto them).
+    keyed by (row, column) in that order, row >= column. `waits` marks constraint rows; the `last` highest-numbered
+    blocks are eliminated last, in their own order (for condensation onto them); then there are no rows.
     """
     count = len(size)
     waits = np.zeros(count, bool) if waits is None else np.asarray(waits, bool)
     neighbours: list[set[int]] = [set() for _ in range(count)]
     for a, b in pairs:
         if a != b:
+            neighbours[a].add(b)
+            neighbours[b].add(a)
+    rows = np.flatnonzero(waits).tolist()
+    held = {i: sorted(neighbours[i]) for i in rows}
+    for nodes in held.values():
+        # a row is a spring between all its nodes, too
+        for a, b in combinations(nodes, 2):
             neighbours[a].add(b)
             neighbours[b].add(a)
     kept = list(range(count - last, count))
@@ -85,7 +122,8 @@ def plan_blocks(
         rows = sorted(below[k])
         for index, j in enumerate(rows):
             below[j].update(rows[index + 1 :])
-    return _lay_out(np.asarray(size, np.int64)[order], below), position, _offsets(size[order], below)
+    ordered = {int(position[i]): sorted(int(position[n]) for n in nodes) for i, nodes in held.items()}
+    return _lay_out(np.asarray(size, np.int64)[order], below, ordered), position, _offsets(size[order], below)
 
 
 def _offsets(size: np.ndarray, below: list[set[int]]) -> dict[tuple[int, int], int]:
@@ -98,7 +136,7 @@ def _offsets(size: np.ndarray, below: list[set[int]]) -> dict[tuple[int, int], i
     return offsets
 
 
-def _lay_out(size: np.ndarray, below: list[set[int]]) -> Blocks:
+def _lay_out(size: np.ndarray, below: list[set[int]], held: dict[int, list[int]]) -> Blocks:
     offsets = _offsets(size, below)
     count = len(size)
     first, row, place, first_target, target = [0], [], [], [0], []
@@ -109,31 +147,83 @@ def _lay_out(size: np.ndarray, below: list[set[int]]) -> Blocks:
         target += [offsets[(i, j)] for n, j in enumerate(rows) for i in rows[n:]]
         first.append(len(row))
         first_target.append(len(target))
-    values = sum(int(size[i] * size[k]) for i, k in offsets)
-    first_, row_, place_, first_target_, target_ = (
-        np.array(x, np.int64) for x in (first, row, place, first_target, target)
-    )
+    first_node, node, lever, first_pair, pair = [0], [], [], [0], []
+    for i, nodes in held.items():
+        node += nodes
+        lever += [offsets[(i, k)] for k in nodes]
+        pair += [offsets[(a, b)] for n, a in enumerate(nodes) for b in nodes[: n + 1]]
+        first_node.append(len(node))
+        first_pair.append(len(pair))
+    values = sum(int(size[i] * size[k]) for i, k in offsets) + len(held)
+    lists = (first, row, place, first_target, target, list(held), first_node, node, lever, first_pair, pair)
+    first_, row_, place_, first_target_, target_, *held_ = (np.array(x, np.int64) for x in lists)
     start = np.concatenate([[0], np.cumsum(size)]).astype(np.int64)
     diagonal = np.array([offsets[(k, k)] for k in range(count)], np.int64)
-    return Blocks(size, start, diagonal, first_, row_, place_, first_target_, target_, values, int(start[-1]))
+    return Blocks(
+        size, start, diagonal, first_, row_, place_, first_target_, target_, *held_, values, int(start[-1])
+    )
+
+
+@kernel
+def _give_of_rows(plan, value, spare):
+    """1/s of every constraint row, to the end of `spare`: the give of the diagonal entries it acts on; 0 for a row that is
+    let go."""
+    for i in range(len(plan.rows)):
+        to = plan.values - len(plan.rows) + i
+        spare[to] = 0.0
+        for e in range(plan.first_node[i], plan.first_node[i + 1]):
+            k = plan.node[e]
+            n = plan.size[k]
+            for c in range(n):
+                lever = value[plan.lever[e] + c]
+                if lever != 0.0:
+                    own, most = abs(value[plan.diagonal[k] + c * (n + 1)]), 0.0
+                    for b in range(len(plan.size)):
+                        if plan.size[b] == n:
+                            most = max(most, abs(value[plan.diagonal[b] + c * (n + 1)]))
+                    own = max(own, SOFTEST * most)
+                    spare[to] += lever * lever / (own if own > 0.0 else 1.0)
+
+
+@kernel
+def _stiffen(plan, value, spare):
+    """K + J' s J for all constraint rows J, with 1/s as `_give_of_rows` leaves it."""
+    for i in range(len(plan.rows)):
+        give = spare[plan.values - len(plan.rows) + i]
+        p = plan.first_pair[i]
+        for e in range(plan.first_node[i], plan.first_node[i + 1]):
+            m, a = plan.size[plan.node[e]], plan.lever[e]
+            for f in range(plan.first_node[i], e + 1):
+                n, b = plan.size[plan.node[f]], plan.lever[f]
+                if give > 0.0:
+                    for r in range(m):
+                        s = value[a + r] / give
+                        for c in range(n):
+                            value[plan.pair[p] + r * n + c] += s * value[b + c]
+                p += 1
 
 
 @kernel
 def factor_blocks(plan, value, spare, stop):
     """Factor in place, columns 0 .. stop-1; returns (negative pivots, smallest relative pivot).
 
-    A pivot is measured against its diagonal entry as assembled (multipliers, zero there, are left out).
+    A pivot is measured against its diagonal entry before elimination, that of a constraint row against the give 1/s of
+    what it acts on (rows that are let go are left out).
 
     After it, diagonal blocks hold unit L and D; the blocks below hold A_ik (unscaled), and `spare`, as long as
-    `value`, the rows A_ik D_k^-1 needed by the solves; its own diagonal blocks keep the assembled diagonal. Columns
-    from `stop` on hold the Schur complement.
+    `value`, the rows A_ik D_k^-1 needed by the solves; its own diagonal blocks keep what pivots are measured against.
+    Columns from `stop` on hold the Schur complement.
     """
     negatives = 0
     worst = 1.0
+    _give_of_rows(plan, value, spare)
+    _stiffen(plan, value, spare)
     for k in range(len(plan.size)):
         at = plan.diagonal[k]
         for j in range(plan.size[k]):
             spare[at + j] = abs(value[at + j * plan.size[k] + j])
+    for i in range(len(plan.rows)):
+        spare[plan.diagonal[plan.rows[i]]] = spare[plan.values - len(plan.rows) + i]
     for k in range(stop):
         n = plan.size[k]
         at = plan.diagonal[k]
@@ -233,5 +323,58 @@ def backward_blocks(plan, value, spare, x, stop):
 @kernel
 def solve_blocks(plan, value, spare, x):
     """Solve in place with a complete factorisation; x (unknowns,) in elimination order."""
+    rows = len(plan.rows)
+    for i in range(rows):
+        spare[plan.values - rows + i] = x[plan.start[plan.rows[i]]]
     forward_blocks(plan, spare, x, len(plan.size))
     backward_blocks(plan, value, spare, x, len(plan.size))
+    for i in range(rows):
+        give = spare[plan.diagonal[plan.rows[i]]]
+        if give > 0.0:
+            x[plan.start[plan.rows[i]]] += spare[plan.values - rows + i] / give
+
+
+@kernel
+def multiply_blocks(plan, value, x, y):
+    """y = A x of the symmetric matrix in `value`, not factored; x, y (unknowns,)."""
+    y[:] = 0.0
+    for k in range(len(plan.size)):
+        n, a = plan.size[k], plan.start[k]
+        for r in range(n):
+            for c in range(n):
+                y[a + r] += value[plan.diagonal[k] + r * n + c] * x[a + c]
+        for e in range(plan.first[k], plan.first[k + 1]):
+            b, p = plan.start[plan.row[e]], plan.place[e]
+            for r in range(plan.size[plan.row[e]]):
+                for c in range(n):
+                    y[b + r] += value[p + r * n + c] * x[a + c]
+                    y[a + c] += value[p + r * n + c] * x[b + r]
+
+
+@kernel
+def refined_blocks(plan, matrix, value, spare, b, x, change):
+    """Solve A x = b and refine it, b, x, change (unknowns,): A not factored in `matrix`, factored in `value`, `spare`.
+
+    Returns the length of the last refinement, `change`, over that of x, both weighed to energies by the diagonal of A:
+    an estimate of the error before that refinement, and a bound for the one after it.
+    """
+    x[:] = b
+    solve_blocks(plan, value, spare, x)
+    error = 0.0
+    for _ in range(REFINEMENTS):
+        multiply_blocks(plan, matrix, x, change)
+        for i in range(len(x)):
+            change[i] = b[i] - change[i]
+        solve_blocks(plan, value, spare, change)
+        moved, whole = 0.0, 0.0
+        for k in range(len(plan.size)):
+            a = plan.start[k]
+            for c in range(plan.size[k]):
+                weight = spare[plan.diagonal[k] + c]
+                x[a + c] += change[a + c]
+                moved += weight * change[a + c] ** 2
+                whole += weight * x[a + c] ** 2
+        error = math.sqrt(moved / whole) if whole > 0.0 else 0.0
+        if error <= ROUNDING:
+            break
+    return error

@@ -49,7 +49,7 @@ from ksd.properties.stress_stiffness import (
     refuse_stressless,
     relaxed,
 )
-from ksd.properties.tangent import Tangent, exact, free_rows, row_numbers, stored_matrix
+from ksd.properties.tangent import LOST, Tangent, exact, free_rows, row_numbers, stored_matrix
 from ksd.properties.words import Shown, listed, movement, number
 
 Array = NDArray[np.float64]
@@ -256,7 +256,15 @@ def _smallest(K: Array, change: Array, count: int) -> tuple[Array, Array]:
     largest = np.abs(values).max(initial=0.0)
     found = np.flatnonzero(_real(values) & (np.abs(values) > 1e-10 * largest))
     found = found[outer_of_both_signs(values[found].real, count)]
-    return 1.0 / values[found].real, (vectors[:, found] * scale[:, None]).real
+    multiplier, shape = 1.0 / values[found].real, vectors[:, found].real
+    resisted, pushed = A @ shape, B @ (shape * multiplier)
+    off, whole = (np.linalg.norm(part, axis=0) for part in (resisted + pushed, shape))
+    if np.any(off > LOST * (np.linalg.norm(A) * whole + np.linalg.norm(pushed, axis=0))):
+        raise ConvergenceError(
+            "buckling: rounding left no digits of the multipliers: a motion is left that hardly anything resists; hold "
+            "more drives"
+        )
+    return multiplier, shape * scale[:, None]
 
 
 def _by_arnoldi(A: Array, B: Array, count: int) -> tuple[Array, Array]:

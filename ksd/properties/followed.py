@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ksd.numerics.arrow import Arrow, arrow_solves, arrow_times, flexibility_roots, row_products
+from ksd.numerics.blocks import stiffened
 from ksd.properties.krylov import ACCURACY
 
 Array = NDArray[np.float64]
@@ -47,9 +48,9 @@ class LeafPencil(NamedTuple):
 
 
 class Pencil:
-    """K - s M: nodes (n, n) dense, and leafs."""
+    """K - s M: nodes (n, n) dense, `rows` (c,) of them constraint rows, and leafs."""
 
-    def __init__(self, K: Array, M: Array, leafs: Sequence[LeafPencil]) -> None:
+    def __init__(self, K: Array, M: Array, leafs: Sequence[LeafPencil], rows: Sequence[int] = ()) -> None:
         self.nodes, self.leafs = len(K), leafs
         modes, count = max(leaf.inner.shape[1] for leaf in leafs), sum(len(leaf.inner) for leaf in leafs)
         A, C = np.zeros((count, modes, modes)), np.zeros((count, modes, 12))
@@ -66,7 +67,8 @@ class Pencil:
             self.roots.append(R)
             self.places.append(self.nodes + modes * np.arange(first, first + k)[:, None] + np.arange(N))
             first += k
-        self.arrow = Arrow(np.ascontiguousarray(K), np.ascontiguousarray(M), A, C, at)
+        # the same pairs, and no pivots of rounding where rows hold a node alone
+        self.arrow = Arrow(stiffened(K, np.array(rows, np.int64)), np.ascontiguousarray(M), A, C, at)
         self.size = self.nodes + count * modes
 
     def forces(self, f: Array) -> Array:
@@ -89,6 +91,12 @@ class Pencil:
         """M x of rows (p, size)."""
         found = np.empty_like(X)
         arrow_times(self.arrow, X, found)
+        return found
+
+    def resisted(self, X: Array) -> Array:
+        """K x of rows (p, size)."""
+        found = X.copy()
+        found[:, : self.nodes] = X[:, : self.nodes] @ self.arrow.K
         return found
 
     def solves(self, shift: Array, F: Array) -> tuple[Array, NDArray[np.int64]]:
@@ -201,7 +209,8 @@ def _refined(
         X[left], MX[left], KX[left] = Z, MZ, found.MX[left] + found.s[left, None] * MZ
         found = _ritz(X, MX, KX)
         chosen = wanted(found.s)
-        rest = found.KX[chosen] - found.s[chosen, None] * found.MX[chosen]
+        # K x anew: that of the steps believes in its factors
+        rest = pencil.resisted(found.X[chosen]) - found.s[chosen, None] * found.MX[chosen]
         off = np.einsum("pi,pi->p", rest, pencil.solves(np.zeros(1), rest[None])[0][0])
         # those that are right already stay as they are
         left = chosen[off > ACCURACY**2]

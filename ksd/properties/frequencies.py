@@ -284,14 +284,14 @@ def _followed(
         return None
     if model.arrays.plan.unknowns > MOST_NODES:
         return None
-    pencil, forces = mass.pencil(opened.assembled.matrix(tangent.freed)), None
+    rows = model.arrays.terms.start
+    pencil, forces = mass.pencil(opened.assembled.matrix(tangent.freed), rows), None
     if near is not None and near.model is model and near.freed == tangent.freed and len(near) >= count:
         squared, vectors = near.around
         # with those that may come in from above
         start = (np.arange(len(squared)) < count + 2) | (squared < CLOSE**2 * squared[count - 1])
         forces = pencil.forces(mass.times(vectors[start].T))
-    rows = len(model.arrays.terms.start)
-    found = followed(pencil, forces, lambda s: np.argsort(s)[:count], most=count + 2, rows=rows)
+    found = followed(pencil, forces, lambda s: np.argsort(s)[:count], most=count + 2, rows=len(rows))
     if found is None or len(found[2]) < count:
         return None
     # the others found are above those chosen

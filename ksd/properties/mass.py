@@ -71,8 +71,9 @@ class Inertia:
         """The mass matrix (size, size)."""
         return np.asarray((self.root.T @ self.root).toarray())
 
-    def pencil(self, K: Array) -> Pencil:
-        """K - omega^2 M for the node tangent K (n, n), chains without nodes of their own left out."""
+    def pencil(self, K: Array, rows: Sequence[int]) -> Pencil:
+        """K - omega^2 M for the node tangent K (n, n) with its constraint `rows`, chains without nodes of their own left
+        out."""
         n, leafs = len(K), []
         M = np.zeros((n + 1, n + 1))
         for k, (places, B) in enumerate(self.stacks):
@@ -85,7 +86,7 @@ class Inertia:
                 )
                 places, mass = places[:, :12], mass[:, :12, :12]
             np.add.at(M, (places[:, :, None], places[:, None, :]), mass)
-        return Pencil(K, M[:n, :n], leafs)
+        return Pencil(K, M[:n, :n], leafs, rows)
 
 
 def leaf_line_mass(leaf: Any, s: Array) -> Array:

@@ -186,8 +186,9 @@ def own_stress(
     if len(K) <= MOST_NODES:
         each = zip(leafs, pieces, strict=True)
         pencil = Pencil(
-            K, -S, [LeafPencil(at, inner, f.Z, -own, -both) for f, (inner, at, own, both) in each]
-        )
+            K, -S, [LeafPencil(at, inner, f.Z, -own, -both) for f, (inner, at, own, both) in each],
+            model.arrays.terms.start,
+        )  # fmt: skip
         forces = pencil.forces(-_stress_forces(S, pieces, near[0])) if near else None
         found = followed(
             pencil, forces, lambda s: outer_of_both_signs(1.0 / s, count),

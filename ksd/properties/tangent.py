@@ -19,7 +19,7 @@ from ksd.model.arrays import COROTATIONAL, LINEAR, SOLID, Arrays, Motion
 from ksd.model.compile import Model
 from ksd.model.loading import term_value
 from ksd.model.system import assemble
-from ksd.numerics.blocks import factor_blocks, solve_blocks
+from ksd.numerics.blocks import factor_blocks, refined_blocks
 from ksd.numerics.indefinite import inertia, scaling, solve_scaled
 from ksd.properties.kept import room_of
 from ksd.properties.turning import turning_loads
@@ -29,6 +29,8 @@ SINGULAR = 1e-14
 """Relative pivot below which the tangent counts as singular."""
 SAME = 1e-9
 """Share of a load below which what rows do not take of it is rounding."""
+LOST = 1e-6
+"""Change by the last refinement, over the whole solution, beyond which its digits count as lost."""
 
 
 def exact(arrays: Arrays) -> Arrays:
@@ -114,18 +116,28 @@ class Assembled:
         return stored_matrix(self.arrays, value)
 
 
+def _refuse_lost(error: float) -> None:
+    """Raise KinematicsError where refinement still changes a solution by the share `error`."""
+    if not error <= LOST:
+        raise KinematicsError(
+            f"the tangent is all but singular (a refined solution still changes by {error:.1e} of itself): a motion is left "
+            "that hardly anything resists, or the state is at its critical load; hold more drives"
+        )
+
+
 @dataclass(frozen=True)
 class Tangent:
     """Factored tangent: solve with it; unstable: number of directions in which the state is not a minimum; freed: the
     drives and supports let go.
 
-    turning: the skew part that loads add to it which are not conservative: the places (k,) of the unknowns of the loaded
-    nodes and (k, k).
+    assembled: the same as `value` before it was factored; every solution is refined with it. turning: the skew part that
+    loads add to it which are not conservative: the places (k,) of the unknowns of the loaded nodes and (k, k).
     """
 
     model: Model
     motion: Motion
     arrays: Arrays
+    assembled: Array
     value: Array
     spare: Array
     unstable: int
@@ -133,7 +145,8 @@ class Tangent:
     turning: tuple[NDArray[np.int64], Array] | None = None
 
     def solve(self, loads: Array) -> Array:
-        """Response (unknowns, k) to `loads` (unknowns, k) in the order of the plan."""
+        """Response (unknowns, k) to `loads` (unknowns, k) in the order of the plan. Raises KinematicsError where rounding
+        leaves no digits of it."""
         found = self._symmetric(loads)
         if self.turning is None:
             return found
@@ -144,10 +157,10 @@ class Tangent:
         return taken
 
     def _symmetric(self, loads: Array) -> Array:
-        # a copy, also of one column
-        found = np.array(loads.T, dtype=float, order="C")
-        for x in found:
-            solve_blocks(self.arrays.plan, self.value, self.spare, x)
+        plan, right = self.arrays.plan, np.ascontiguousarray(loads.T, dtype=float)
+        found, change = np.empty_like(right), np.empty(plan.unknowns)
+        for b, x in zip(right, found, strict=True):
+            _refuse_lost(refined_blocks(plan, self.assembled, self.value, self.spare, b, x, change))
         return found.T
 
     @cached_property
@@ -184,7 +197,10 @@ class DenseTangent(Tangent):
         scale = scaling(K)
         x = solve_scaled(K, b, scale)[0]
         # once more on what is left: what supports hold is to come out as held, not as rounding
-        return np.asarray(x + solve_scaled(K, b - K @ x, scale)[0])
+        change = solve_scaled(K, b - K @ x, scale)[0]
+        moved, whole = (np.linalg.norm(part / scale[:, None], axis=0) for part in (change, x))
+        _refuse_lost(float(np.max(moved / np.maximum(whole, 1e-300), initial=0.0)))
+        return np.asarray(x + change)
 
 
 def assembled_tangent(model: Model, motion: Motion, *, load_factor: float = 1.0) -> Assembled:
@@ -211,6 +227,7 @@ def factored(assembled: Assembled, freed: Iterable[str] = ()) -> Tangent:
         return _dense(assembled, freed)
     spare = np.zeros_like(value)
     free_rows(arrays, value, row_numbers(assembled.model, freed))
+    stored = value.copy()
     negatives, pivot = factor_blocks(arrays.plan, value, spare, len(arrays.plan.size))
     if not pivot > SINGULAR:
         raise KinematicsError(
@@ -219,7 +236,7 @@ def factored(assembled: Assembled, freed: Iterable[str] = ()) -> Tangent:
         )
     unstable = int(negatives + assembled.inside) - len(arrays.terms.start)
     return Tangent(
-        assembled.model, assembled.motion, arrays, value, spare, unstable, freed, assembled.turning
+        assembled.model, assembled.motion, arrays, stored, value, spare, unstable, freed, assembled.turning
     )
 
 
@@ -234,8 +251,8 @@ def _dense(assembled: Assembled, freed: tuple[str, ...]) -> Tangent:
         )
     unstable = inertia(K) + assembled.inside - len(arrays.terms.start)
     return DenseTangent(
-        assembled.model, assembled.motion, arrays, assembled.value, assembled.value, unstable, freed,
-        assembled.turning, matrix=K,
+        assembled.model, assembled.motion, arrays, assembled.value, assembled.value, assembled.value, unstable,
+        freed, assembled.turning, matrix=K,
     )  # fmt: skip
 
 

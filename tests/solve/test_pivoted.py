@@ -36,8 +36,8 @@ def test_a_root_held_by_supports_alone_is_the_same_as_ground():
     assert free.stable and fixed.stable
     assert free.expected == 6
     assert free.reactions["root.held"] == pytest.approx(0.0, abs=1e-6)
-    assert "pivoting" in free.steps[0].note
-    assert "pivoting" not in fixed.steps[0].note
+    # rows hold a node before it is eliminated
+    assert not any("pivoting" in found.steps[0].note for found in (free, fixed))
 
 
 def test_a_link_carried_by_three_wires_between_held_links():

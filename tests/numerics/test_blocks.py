@@ -1,0 +1,128 @@
+"""Block factorisation with constraint rows: solution, inertia and refinement, where the order without pivots decides."""
+
+import numpy as np
+import pytest
+
+from ksd.numerics.blocks import (
+    factor_blocks,
+    multiply_blocks,
+    plan_blocks,
+    refined_blocks,
+    solve_blocks,
+    stiffened,
+)
+from ksd.numerics.indefinite import inertia
+
+SOFT, STIFF = 0.3, 1e8
+
+
+def spring(rng, free):
+    """A semidefinite (6, 6) stiffness: `free` soft directions, the others stiff."""
+    Q = np.linalg.qr(rng.normal(size=(6, 6)))[0]
+    return (Q * np.where(np.arange(6) < free, SOFT, STIFF)) @ Q.T, Q[:, :free].T
+
+
+def chain(rng, joints=3, free=2, loose=False):
+    """Nodes in a chain from ground; every joint leaves `free` directions, held by a row each. With `loose`, a last node that
+    six rows alone hold. Returns the plan, its values, and the whole matrix in the order of the plan."""
+    nodes = joints + loose
+    rows = joints * free + 6 * loose
+    size = np.array([6] * nodes + [1] * rows)
+    whole, pairs = np.zeros((6 * nodes + rows,) * 2), []
+    row = 0
+    for k in range(joints + loose):
+        K, directions = spring(rng, free) if k < joints else (np.zeros((6, 6)), np.eye(6))
+        J = np.hstack([-np.eye(6), np.eye(6)]) if k else np.eye(6)
+        at = np.arange(6 * max(k - 1, 0), 6 * k + 6)
+        whole[np.ix_(at, at)] += J.T @ K @ J
+        if k:
+            pairs.append((k - 1, k))
+        for direction in directions:
+            here = 6 * nodes + row
+            whole[here, at] = whole[at, here] = direction @ J
+            pairs += [(k, nodes + row)] + [(k - 1, nodes + row)] * bool(k)
+            row += 1
+    plan, position, offsets = plan_blocks(size, pairs, waits=np.arange(len(size)) >= nodes)
+    first = np.concatenate([[0], np.cumsum(size)])
+    order = np.concatenate([np.arange(first[k], first[k + 1]) for k in np.argsort(position)])
+    whole, value = whole[np.ix_(order, order)], np.zeros(plan.values)
+    for (i, j), to in offsets.items():
+        block = whole[plan.start[i] : plan.start[i + 1], plan.start[j] : plan.start[j + 1]]
+        value[to : to + block.size] = block.ravel()
+    return plan, value, whole, len(whole) - 6 * nodes
+
+
+@pytest.mark.parametrize("free", [1, 2, 3])
+@pytest.mark.parametrize("loose", [False, True])
+@pytest.mark.parametrize("joints", [1, 3, 6])
+def test_every_joint_of_a_chain_is_held_by_rows(joints, free, loose, rng):
+    plan, value, whole, rows = chain(rng, joints, free, loose)
+    stored, spare, right = value.copy(), np.zeros_like(value), rng.normal(size=len(whole))
+    negatives, pivot = factor_blocks(plan, value, spare, len(plan.size))
+    assert negatives == rows and pivot > 1e-10
+    scale = 1.0 / np.sqrt(np.abs(whole).max(axis=1))
+    exact = scale * np.linalg.solve(whole * np.outer(scale, scale), scale * right)
+    x, change = right.copy(), np.empty_like(right)
+    solve_blocks(plan, value, spare, x)
+    assert x == pytest.approx(exact, rel=1e-6, abs=1e-7 * np.abs(exact).max())
+    assert refined_blocks(plan, stored, value, spare, right, x, change) < 1e-9
+    # the softness of a row is what its neighbours in other joints do not give
+    for i in plan.start[plan.rows]:
+        unit = np.eye(len(whole))[i]
+        refined_blocks(plan, stored, value, spare, unit, x, change)
+        if abs(x[i]) > 1e-3:
+            assert x[i] == pytest.approx(-SOFT, rel=1e-6)
+
+
+def test_inertia_is_that_of_the_matrix_with_pivoting(rng):
+    for _ in range(20):
+        plan, value, whole, rows = chain(rng, 4, 2)
+        for k in plan.diagonal[np.flatnonzero(plan.size == 6)]:
+            value[k + 7 * int(rng.integers(6))] -= STIFF * rng.uniform(0.0, 1.0)
+        matrix = np.zeros_like(whole)
+        for c in range(len(whole)):
+            multiply_blocks(plan, value, np.eye(len(whole))[c], matrix[c])
+        assert matrix == pytest.approx(matrix.T)
+        negatives, _ = factor_blocks(plan, value, np.zeros_like(value), len(plan.size))
+        assert negatives == inertia(matrix) >= rows
+
+
+def test_rows_that_say_the_same_are_told(rng):
+    plan, value, _, _ = chain(rng, 1, 2)
+    one, two = plan.lever[:2]
+    value[two : two + 6] = value[one : one + 6]
+    _, pivot = factor_blocks(plan, value, np.zeros_like(value), len(plan.size))
+    assert pivot < 1e-12
+
+
+def test_lost_digits_are_told(rng):
+    """What is left free resists by less than the rounding of the rest."""
+    plan, value, whole, _ = chain(rng, 2, 1)
+    row = int(plan.start[plan.rows[0]])
+    for block in plan.lever[plan.first_node[0] : plan.first_node[1]]:
+        value[block : block + 6] = 0.0
+    value[plan.diagonal[plan.rows[0]]] = -1.0
+    # one spring a rounding softer than it was: the soft direction is all rounding
+    shift = rng.normal(size=(6, 6)) * STIFF * 1e-9
+    at = plan.diagonal[0]
+    value[at : at + 36] += (shift + shift.T).ravel()
+    stored, spare = value.copy(), np.zeros_like(value)
+    factor_blocks(plan, value, spare, len(plan.size))
+    value *= 1.0 + 1e-7 * rng.normal(size=value.shape)
+    right, x, change = rng.normal(size=len(whole)), np.empty(len(whole)), np.empty(len(whole))
+    right[row] = 0.0
+    assert refined_blocks(plan, stored, value, spare, right, x, change) > 1e-9
+
+
+def test_a_dense_matrix_stiffened_has_the_same_solution_and_inertia(rng):
+    plan, _, whole, _ = chain(rng, 3, 2)
+    rows = plan.start[plan.rows]
+    found = stiffened(whole, rows)
+    assert inertia(found) == inertia(whole)
+    force = rng.normal(size=len(whole))
+    force[rows] = 0.0
+    scale = 1.0 / np.sqrt(np.abs(whole).max(axis=1))
+    one, two = (scale * np.linalg.solve(K * np.outer(scale, scale), scale * force) for K in (whole, found))
+    assert one == pytest.approx(two, rel=1e-6, abs=1e-8 * np.abs(one).max())
+    move = np.setdiff1d(np.arange(len(whole)), rows)
+    assert np.linalg.eigvalsh(found[np.ix_(move, move)]).min() > 0.0
