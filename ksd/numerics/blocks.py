@@ -13,6 +13,7 @@ none at all. (Augmented Lagrangian: Golub and Greif 2003.) Tiny pivots are repor
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from itertools import combinations
 from typing import NamedTuple
 
@@ -137,6 +138,9 @@ def _offsets(size: np.ndarray, below: list[set[int]]) -> dict[tuple[int, int], i
 
 
 def _lay_out(size: np.ndarray, below: list[set[int]], held: dict[int, list[int]]) -> Blocks:
+    def whole(numbers: Iterable[int]) -> np.ndarray:
+        return np.array(list(numbers), np.int64)
+
     offsets = _offsets(size, below)
     count = len(size)
     first, row, place, first_target, target = [0], [], [], [0], []
@@ -155,13 +159,13 @@ def _lay_out(size: np.ndarray, below: list[set[int]], held: dict[int, list[int]]
         first_node.append(len(node))
         first_pair.append(len(pair))
     values = sum(int(size[i] * size[k]) for i, k in offsets) + len(held)
-    lists = (first, row, place, first_target, target, list(held), first_node, node, lever, first_pair, pair)
-    first_, row_, place_, first_target_, target_, *held_ = (np.array(x, np.int64) for x in lists)
     start = np.concatenate([[0], np.cumsum(size)]).astype(np.int64)
     diagonal = np.array([offsets[(k, k)] for k in range(count)], np.int64)
     return Blocks(
-        size, start, diagonal, first_, row_, place_, first_target_, target_, *held_, values, int(start[-1])
-    )
+        size, start, diagonal, whole(first), whole(row), whole(place), whole(first_target), whole(target),
+        whole(held), whole(first_node), whole(node), whole(lever), whole(first_pair), whole(pair),
+        values, int(start[-1]),
+    )  # fmt: skip
 
 
 @kernel

@@ -22,6 +22,7 @@ from ksd.numerics.blocks import stiffened
 from ksd.properties.krylov import ACCURACY
 
 Array = NDArray[np.float64]
+NO_ROWS: NDArray[np.int64] = np.zeros(0, np.int64)
 MOST_NODES = 150
 """Unknowns of the nodes up to which their dense elimination is the cheaper way."""
 STEPS = 5
@@ -50,7 +51,9 @@ class LeafPencil(NamedTuple):
 class Pencil:
     """K - s M: nodes (n, n) dense, `rows` (c,) of them constraint rows, and leafs."""
 
-    def __init__(self, K: Array, M: Array, leafs: Sequence[LeafPencil], rows: Sequence[int] = ()) -> None:
+    def __init__(
+        self, K: Array, M: Array, leafs: Sequence[LeafPencil], rows: NDArray[np.int64] = NO_ROWS
+    ) -> None:
         self.nodes, self.leafs = len(K), leafs
         modes, count = max(leaf.inner.shape[1] for leaf in leafs), sum(len(leaf.inner) for leaf in leafs)
         A, C = np.zeros((count, modes, modes)), np.zeros((count, modes, 12))
@@ -68,7 +71,7 @@ class Pencil:
             self.places.append(self.nodes + modes * np.arange(first, first + k)[:, None] + np.arange(N))
             first += k
         # the same pairs, and no pivots of rounding where rows hold a node alone
-        self.arrow = Arrow(stiffened(K, np.array(rows, np.int64)), np.ascontiguousarray(M), A, C, at)
+        self.arrow = Arrow(stiffened(K, rows), np.ascontiguousarray(M), A, C, at)
         self.size = self.nodes + count * modes
 
     def forces(self, f: Array) -> Array:

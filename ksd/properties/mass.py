@@ -71,7 +71,7 @@ class Inertia:
         """The mass matrix (size, size)."""
         return np.asarray((self.root.T @ self.root).toarray())
 
-    def pencil(self, K: Array, rows: Sequence[int]) -> Pencil:
+    def pencil(self, K: Array, rows: NDArray[np.int64]) -> Pencil:
         """K - omega^2 M for the node tangent K (n, n) with its constraint `rows`, chains without nodes of their own left
         out."""
         n, leafs = len(K), []
