@@ -25,7 +25,7 @@ TINY_PIVOT = 1e-14
 """A pivot below this fraction of its diagonal before elimination counts as zero."""
 REFINEMENTS, ROUNDING = 3, 1e-13
 """Refinements of a solution at the most, and the share of it below which one is rounding and the last."""
-SOFTEST = 1e-6
+SOFTEST = 1e-2
 """Share of the largest diagonal entry of its kind that a smaller one of a node counts as where a row's stiffness is set."""
 
 
@@ -62,7 +62,7 @@ def stiffened(K: np.ndarray, rows: np.ndarray) -> np.ndarray:
     found, own = K.copy(), np.abs(np.diagonal(K))
     move = np.setdiff1d(np.arange(len(K)), rows)
     J = K[np.ix_(rows, move)]
-    give = np.sum(J * J / np.maximum(own[move], SOFTEST * own.max(initial=0.0)), axis=1)
+    give = np.sum(J * J / (2.0 * np.maximum(own[move], SOFTEST * own.max(initial=0.0))), axis=1)
     J, give = J[give > 0.0], give[give > 0.0]
     found[np.ix_(move, move)] += (J.T / give) @ J
     return found
@@ -185,7 +185,8 @@ def _give_of_rows(plan, value, spare):
                     for b in range(len(plan.size)):
                         if plan.size[b] == n:
                             most = max(most, abs(value[plan.diagonal[b] + c * (n + 1)]))
-                    own = max(own, SOFTEST * most)
+                    # twice: under load it may be negative, and is not to cancel
+                    own = 2.0 * max(own, SOFTEST * most)
                     spare[to] += lever * lever / (own if own > 0.0 else 1.0)
 
 

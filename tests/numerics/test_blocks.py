@@ -87,6 +87,20 @@ def test_inertia_is_that_of_the_matrix_with_pivoting(rng):
         assert negatives == inertia(matrix) >= rows
 
 
+@pytest.mark.parametrize("share", [1e-9, 1e-6, 1e-3, 1.0])
+def test_a_node_pushed_over_that_rows_hold(share, rng):
+    """Geometric stiffness makes the diagonal entry that a row acts on negative; held, it is stable."""
+    plan, value, _, rows = chain(rng, 2, 1)
+    node, to = int(plan.node[plan.first_node[0]]), int(plan.lever[plan.first_node[0]])
+    value[to : to + 6] = np.eye(6)[0]
+    at = plan.diagonal[node]
+    value[at : at + 6] = value[at : at + 36 : 6] = 0.0
+    value[at] = -share * STIFF
+    negatives, pivot = factor_blocks(plan, value, np.zeros_like(value), len(plan.size))
+    assert pivot > 1e-10
+    assert negatives >= rows
+
+
 def test_rows_that_say_the_same_are_told(rng):
     plan, value, _, _ = chain(rng, 1, 2)
     one, two = plan.lever[:2]
