@@ -340,25 +340,44 @@ def solve_blocks(plan, value, spare, x):
 
 
 @kernel
-def multiply_blocks(plan, value, x, y):
-    """y = A x of the symmetric matrix in `value`, not factored; x, y (unknowns,)."""
-    y[:] = 0.0
+def _less_product(high, low, a, b):
+    """high + low - a b as such a sum again, to twice the digits (Dekker 1971, Knuth's sum)."""
+    p, t, u = a * b, 134217729.0 * a, 134217729.0 * b
+    ah, bh = t - (t - a), u - (u - b)
+    al, bl = a - ah, b - bh
+    off = ((ah * bh - p) + ah * bl + al * bh) + al * bl
+    s = high - p
+    v = s - high
+    return s, low + ((high - (s - v)) - (p + v)) - off
+
+
+@kernel
+def residual_blocks(plan, value, b, x, rest, low):
+    """rest = b - A x, summed in twice the digits, of the symmetric matrix in `value`, not factored; low: scratch; all
+    (unknowns,)."""
+    rest[:] = b
+    low[:] = 0.0
     for k in range(len(plan.size)):
         n, a = plan.size[k], plan.start[k]
         for r in range(n):
             for c in range(n):
-                y[a + r] += value[plan.diagonal[k] + r * n + c] * x[a + c]
+                entry = value[plan.diagonal[k] + r * n + c]
+                rest[a + r], low[a + r] = _less_product(rest[a + r], low[a + r], entry, x[a + c])
         for e in range(plan.first[k], plan.first[k + 1]):
-            b, p = plan.start[plan.row[e]], plan.place[e]
+            i, p = plan.start[plan.row[e]], plan.place[e]
             for r in range(plan.size[plan.row[e]]):
                 for c in range(n):
-                    y[b + r] += value[p + r * n + c] * x[a + c]
-                    y[a + c] += value[p + r * n + c] * x[b + r]
+                    entry = value[p + r * n + c]
+                    rest[i + r], low[i + r] = _less_product(rest[i + r], low[i + r], entry, x[a + c])
+                    rest[a + c], low[a + c] = _less_product(rest[a + c], low[a + c], entry, x[i + r])
+    for i in range(len(rest)):
+        rest[i] += low[i]
 
 
 @kernel
-def refined_blocks(plan, matrix, value, spare, b, x, change):
-    """Solve A x = b and refine it, b, x, change (unknowns,): A not factored in `matrix`, factored in `value`, `spare`.
+def refined_blocks(plan, matrix, value, spare, b, x, change, low):
+    """Solve A x = b and refine it: A not factored in `matrix`, factored in `value` and `spare`; b, x, change, low, which is
+    scratch, (unknowns,).
 
     Returns the length of the last refinement, `change`, over that of x, both weighed to energies by the diagonal of A:
     an estimate of the error before that refinement, and a bound for the one after it.
@@ -367,9 +386,7 @@ def refined_blocks(plan, matrix, value, spare, b, x, change):
     solve_blocks(plan, value, spare, x)
     error = 0.0
     for _ in range(REFINEMENTS):
-        multiply_blocks(plan, matrix, x, change)
-        for i in range(len(x)):
-            change[i] = b[i] - change[i]
+        residual_blocks(plan, matrix, b, x, change, low)
         solve_blocks(plan, value, spare, change)
         moved, whole = 0.0, 0.0
         for k in range(len(plan.size)):

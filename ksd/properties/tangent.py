@@ -158,9 +158,9 @@ class Tangent:
 
     def _symmetric(self, loads: Array) -> Array:
         plan, right = self.arrays.plan, np.ascontiguousarray(loads.T, dtype=float)
-        found, change = np.empty_like(right), np.empty(plan.unknowns)
+        found, change, low = np.empty_like(right), np.empty(plan.unknowns), np.empty(plan.unknowns)
         for b, x in zip(right, found, strict=True):
-            _refuse_lost(refined_blocks(plan, self.assembled, self.value, self.spare, b, x, change))
+            _refuse_lost(refined_blocks(plan, self.assembled, self.value, self.spare, b, x, change, low))
         return found.T
 
     @cached_property
