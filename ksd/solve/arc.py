@@ -127,6 +127,7 @@ class Tracer:
             if not math.isfinite(worst):
                 return None
             K, b = stored_matrix(arrays, work.value), factor_force(self.model, motion, self.course, work)
+            # looser than `ksd.solve.newton.settled`: places of a path are passed, and chains close in on them slowly
             if step is None and (worst <= 1.0 or (worst <= LOOSE and moved <= 1.0)):
                 if status == 2:
                     return None

@@ -22,7 +22,7 @@ from ksd.numerics.kernel import kernel
 from ksd.numerics.local import local_matrix, local_vector
 from ksd.numerics.rotations import rotation_log, turn
 from ksd.solve.near import far, outside
-from ksd.solve.newton import CONVERGED, GRAIN, LOCAL_ANGLE, LOOSE, NOT_FINITE, SINGULAR, TOO_MANY
+from ksd.solve.newton import CONVERGED, GRAIN, LOCAL_ANGLE, NOT_FINITE, SINGULAR, TOO_MANY, settled
 from ksd.solve.planar_steps import untimed_planar
 from ksd.solve.space_steps import LINEAR_SIZE, start_space, untimed_space
 
@@ -118,7 +118,7 @@ def _from_table(table, which, share, inner):
 def _newton(arrays, motion, target, work, rtol, most):
     """As `ksd.solve.newton.iterate` for links and condensed joints alone, without the crossing into a function compiled
     apart, which costs as much as an iteration. Returns (reason, negative pivots)."""
-    worst, moved = math.inf, math.inf
+    worst, before, moved = math.inf, math.inf, math.inf
     # a variable, not the literal 0, for which numba would compile `assemble` a second time
     near = 0 * most
     for n in range(most + 1):
@@ -127,7 +127,7 @@ def _newton(arrays, motion, target, work, rtol, most):
         )
         if not math.isfinite(worst):
             return NOT_FINITE, 0
-        if worst <= 1.0 or (worst <= LOOSE and moved <= 1.0):
+        if settled(worst, before, moved):
             negatives, _ = factor_blocks(arrays.plan, work.value, work.spare, len(arrays.plan.size))
             return LOCAL_ANGLE if status == 1 else (
                 SINGULAR if status == 2 else CONVERGED
@@ -135,6 +135,7 @@ def _newton(arrays, motion, target, work, rtol, most):
         _, pivot = solve_step(arrays, work)
         if not pivot > 0.0:
             return SINGULAR, 0
+        before = worst
         moved = max(
             largest_turn(arrays, work.rhs) / 1e-6, largest_move(arrays, work.rhs) / (1e-7 * arrays.size)
         )

@@ -20,7 +20,7 @@ from ksd.model.system import assemble, largest_move, largest_turn, take_step
 from ksd.numerics.indefinite import inertia, scaling, solve_scaled
 from ksd.properties.tangent import exact, stored_matrix
 from ksd.properties.turning import turning_loads
-from ksd.solve.newton import GRAIN, LOOSE
+from ksd.solve.newton import GRAIN, settled
 from ksd.solve.stops import Stop
 
 Array = NDArray[np.float64]
@@ -35,7 +35,7 @@ def iterate_pivoted(arrays: Arrays, motion: Motion, *aim: Any) -> tuple[int, int
     equilibrated matrix.
     """
     target, factor, work, rtol, most, cap, blow_up = aim
-    worst, moved, condition = math.inf, math.inf, 1.0
+    worst, before, moved, condition = math.inf, math.inf, math.inf, 1.0
     for n in range(most + 1):
         worst, _, inside, status = assemble(
             arrays, motion, target, factor, work, rtol, 0, GRAIN if n > 0 else 0.0
@@ -45,7 +45,7 @@ def iterate_pivoted(arrays: Arrays, motion: Motion, *aim: Any) -> tuple[int, int
         K = stored_matrix(arrays, work.value)
         if not np.isfinite(K).all():
             return Stop.NOT_FINITE, n, worst, 0, condition
-        if worst <= 1.0 or (worst <= LOOSE and moved <= 1.0):
+        if settled(worst, before, moved):
             reason = (Stop.CONVERGED, Stop.LOCAL_ANGLE, Stop.SINGULAR)[status]
             return reason, n, worst, inertia(K) + inside, condition
         if n == most:
@@ -57,6 +57,7 @@ def iterate_pivoted(arrays: Arrays, motion: Motion, *aim: Any) -> tuple[int, int
         if not condition > SINGULAR:
             return Stop.SINGULAR, n, worst, 0, condition
         work.rhs[:] = step[:, 0]
+        before = worst
         turn = largest_turn(arrays, work.rhs)
         moved = max(turn / 1e-6, largest_move(arrays, work.rhs) / (1e-7 * arrays.size))
         take_step(arrays, motion, work.rhs, work, cap / turn if n > 0 and turn > cap else 1.0)

@@ -37,6 +37,7 @@ from ksd.solve.newton import (
     NOT_FINITE,
     SINGULAR,
     TOO_MANY,
+    settled,
 )
 from ksd.solve.stops import Stop
 from ksd.solve.storage import FlatStorage, Newton, Storage, lift_whole, look_over
@@ -51,7 +52,7 @@ def _iterate_planar(address, arrays, motion, factor, work, rtol, most, cap, blow
     plan, start, rhs = arrays.plan, arrays.start, work.rhs
     blocks = len(plan.size)
     negatives, pivot, seen = 0, 1.0, local_vector(3)
-    worst, moved = math.inf, math.inf
+    worst, before, moved = math.inf, math.inf, math.inf
     # a variable, not the literal 0, for which numba would compile twice
     near = 0 * most
     turn = turning(arrays.loads, start) > 0
@@ -61,7 +62,7 @@ def _iterate_planar(address, arrays, motion, factor, work, rtol, most, cap, blow
         worst, inside, status = seen[0], int(seen[1]), int(seen[2])
         if not math.isfinite(worst):
             return NOT_FINITE, n, worst, negatives, pivot
-        if worst <= 1.0 or (worst <= LOOSE and moved <= 1.0):
+        if settled(worst, before, moved):
             # the inertia belongs to the converged state
             negatives, pivot = factor_blocks(plan, work.value, work.spare, blocks)
             return LOCAL_ANGLE if status == 1 else CONVERGED, n, worst, negatives + inside, pivot
@@ -82,6 +83,7 @@ def _iterate_planar(address, arrays, motion, factor, work, rtol, most, cap, blow
             return SINGULAR, n, worst, negatives, pivot
         if turn:
             turn_flat_step(address, factor)
+        before = worst
         shift, largest = planar_size(start, rhs)
         scale = cap / largest if n > 0 and largest > cap else 1.0
         moved = max(largest / 1e-6, shift / (1e-7 * arrays.size))

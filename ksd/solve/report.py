@@ -69,6 +69,7 @@ def _steps(d: dict[str, Any]) -> Any:
         why = _STOPS[s["stop"]]
         if s["stop"] == "converged":
             why = "loops closed" if s["gap_m"] is not None else "done" if s["iterations"] is None else why
+            why = "rounding reached" if (s["residual_over_bound"] or 0.0) > 1.0 else why
         if s["name"] == "error estimate":
             why = "not iterated"
         count = "-" if s["iterations"] is None else str(s["iterations"])

@@ -1,0 +1,141 @@
+"""Answers that must not be trusted in silence: scenes in other units, blocks bent like leafs, taut leafs, loose residuals.
+
+    python benchmarks/robust_trust.py [count]
+
+Counted are answers that are wrong, or that no flexure can have, without a word; all counts should be zero.
+"""
+
+from __future__ import annotations
+
+import sys
+from typing import Any
+
+import numpy as np
+from scipy.integrate import solve_bvp
+
+import ksd
+from ksd.errors import KsdError
+
+E, NU = 200e9, 0.3
+ACCURACY = 1e-3
+
+
+def leaf(length: float, thickness: float, width: float, *, held: bool, modulus: float = E) -> ksd.Mechanism:
+    """A leaf along x, its end moved across with length and direction `held`, or turned."""
+    m = ksd.Mechanism("leaf")
+    tip = m.link("tip")
+    m.leaf(
+        m.ground, tip, start=(0, 0, 0), end=(length, 0, 0), section=ksd.rectangle(thickness, width),
+        material=ksd.Material(modulus, nu=NU), width_axis="z", name="leaf",
+    )  # fmt: skip
+    if held:
+        m.actuate(tip, along="y", at=(length, 0, 0), name="drive")
+        m.support(tip, along="x", at=(length, 0, 0))
+        m.support(tip, about="z")
+    else:
+        m.actuate(tip, about="z", name="drive")
+    return m
+
+
+def rod(slenderness: float, way: float, before: Any = None) -> Any:
+    """Clamped Reissner rod of unit length, EA = 1, length over thickness `slenderness`, its end moved across by `way`.
+
+    Returns the solution of scipy; its p are the forces along and across over 0.01 EA.
+    """
+    EI, GA = 1 / (12 * slenderness**2), 5 / 6 / (2 * (1 + NU))
+
+    def slope(_: Any, Y: Any, p: Any) -> Any:
+        c, s = np.cos(Y[2]), np.sin(Y[2])
+        stretch, shear = 1 + 0.01 * (p[0] * c + p[1] * s), 0.01 * (p[1] * c - p[0] * s) / GA
+        dx, dy = stretch * c - shear * s, stretch * s + shear * c
+        return np.vstack([dx, dy, Y[3], -0.01 * (dx * p[1] - dy * p[0]) / EI])
+
+    def ends(a: Any, b: Any, _: Any) -> Any:
+        return np.array([a[0], a[1], a[2], b[0] - 1, b[1] - way, b[2]])
+
+    s = np.linspace(0, 1, 401)
+    if before is None:
+        start = np.vstack([s, way * (3 * s**2 - 2 * s**3), way * 6 * (s - s * s), way * (6 - 12 * s)])
+        found = solve_bvp(slope, ends, s, start, p=np.array([0.01, 0.01]), tol=1e-7, max_nodes=100_000)
+    else:
+        found = solve_bvp(slope, ends, before.x, before.y, p=before.p, tol=1e-7, max_nodes=100_000)
+    if not found.success:
+        raise RuntimeError(found.message)
+    return found
+
+
+def taut(count: int, rng: np.random.Generator) -> None:
+    """Taut leafs against the rod: wrong by more than the accuracy asked for, and trusted without a word."""
+    silent, worst, told = 0, 0.0, 0
+    for _ in range(count):
+        slenderness, way = 10 ** rng.uniform(1.3, 2.5), 10 ** rng.uniform(-1.7, -0.5)
+        solution = None
+        for share in np.linspace(0.25, 1.0, 4):
+            solution = rod(slenderness, share * way, solution)
+        right = 0.01 * solution.p[1] * E * 0.1 / slenderness * 0.02
+        pose = ksd.solve(leaf(0.1, 0.1 / slenderness, 0.02, held=True), {"drive": 0.1 * way}, strict=False)
+        off = abs(pose.forces["drive"] / right - 1)
+        told += bool(pose.warnings)
+        if off > ACCURACY and pose.trusted and not pose.warnings:
+            silent += 1
+        if not pose.warnings:
+            worst = max(worst, off)
+    print(
+        f"taut leafs: {silent} of {count} off by more than {ACCURACY:g} in silence; {told} with a warning, ",
+        end="",
+    )
+    print(f"the others off by at most {worst:.1e}")
+
+
+def units(count: int, rng: np.random.Generator) -> None:
+    """Random leafs in SI, and the same with moduli in MPa, lengths in mm, or the thickness of a block."""
+    loud = silent = trusted = 0
+    for _ in range(count):
+        length = 10 ** rng.uniform(-2.5, -0.3)
+        thickness, width, angle = length / 10 ** rng.uniform(1.5, 2.5), length * rng.uniform(0.1, 0.9), 0.1
+        loud += bool(ksd.solve(leaf(length, thickness, width, held=False), {"drive": angle}).warnings)
+        wrong = (
+            leaf(length, thickness, width, held=False, modulus=1e-6 * E),
+            leaf(1e3 * max(length, 0.01), 1e3 * thickness, 1e3 * width, held=False),
+            leaf(length, length / rng.uniform(1.5, 4.5), 0.5 * length, held=False),
+        )
+        silent += sum(not ksd.solve(scene, {"drive": angle}).warnings for scene in wrong)
+        block = ksd.solve(leaf(length, length / 2.5, 0.2 * length, held=False), {"drive": 0.4})
+        trusted += block.trusted
+    print(
+        f"units: {silent} of {3 * count} scenes in other units or of blocks silent, {loud} of {count} good ones warned of"
+    )
+    print(f"blocks bent to 8 %: {trusted} of {count} trusted")
+
+
+def residuals(count: int, rng: np.random.Generator) -> None:
+    """Residuals beyond their bound beside "within its bound", and forces changed by one more Newton step."""
+    from ksd.solve.conventional import conventional
+
+    wrong, solved, most = 0, 0, 0.0
+    for _ in range(count):
+        slenderness, way = 10 ** rng.uniform(1.3, 3.2), 10 ** rng.uniform(-3.0, -0.5)
+        model = ksd.compile_scene(leaf(0.1, 0.1 / slenderness, 0.02, held=True).scene())
+        try:
+            pose = conventional(model, {"drive": 0.1 * way})
+        except KsdError:
+            continue
+        again = conventional(model, {"drive": 0.1 * way}, start=pose)
+        solved += 1
+        wrong += pose.steps[-1].residual > 1.0 and "within its bound" in pose.steps[-1].reason
+        most = max(most, abs(again.forces["drive"] / pose.forces["drive"] - 1))
+    print(
+        f"residuals: {wrong} of {solved} said to be within a bound they exceed; a force moves by {most:.1e} at most"
+    )
+
+
+def main(count: int = 100) -> None:
+    """All counts."""
+    rng = np.random.default_rng(19)
+    units(count, rng)
+    residuals(count, rng)
+    taut(count, rng)
+
+
+if __name__ == "__main__":
+    main(*(int(word) for word in sys.argv[1:]))
