@@ -39,8 +39,8 @@ th:first-child,td:first-child,th.t,td.t{text-align:left} .wide{overflow-x:auto}
 
 BUCKLING = ("buckling_positive", "buckling_negative")
 FACTORS = (
-    "Buckling multipliers: by what factor all stresses of a pose may grow, at its geometry and with its drives held, before "
-    "it buckles; negative ones with all stresses reversed."
+    "Critical load factors: by what factor all stresses of a pose grow, at its geometry and with its drives held, when it "
+    "buckles; negative ones with all stresses reversed."
 )
 WIDE = 10
 """Columns of numbers that fit on the page."""
@@ -149,9 +149,9 @@ def _cards(pose: Any, table: Table) -> str:
             said.append(
                 (f"{_number(min(values) if least else max(values), 4)} {spoken_column(column)[1]}", what)
             )
-    factors = [abs(v) for c in BUCKLING for v in table.columns.get(c, ()) if math.isfinite(v)]
+    factors = [v for c in BUCKLING for v in table.columns.get(c, ()) if math.isfinite(v)]
     if factors:
-        said.append((_number(min(factors), 4), "smallest buckling factor on all stresses"))
+        said.append((_number(min(factors, key=abs), 4), "smallest critical load factor on all stresses"))
     cards = "".join(f'<div class="card"><b>{v}</b><span>{_text(w)}</span></div>' for v, w in said)
     return f'<div class="cards">{cards}</div>'
 

@@ -94,7 +94,7 @@ class Pose:
 
     @cached_property
     def buckled(self) -> Buckling:
-        """The smallest multipliers of either sign on all stresses."""
+        """The smallest critical load factors of either sign on all stresses."""
         found: Buckling = self.buckling(count=1, near=self.before.buckling, opened=self.opened)
         return found
 
@@ -187,7 +187,7 @@ QUESTIONS = ("force", "drive_stiffness", "support_stiffness", "frequencies", "st
 ROUNDING = 1e-9
 """Numbers below this, in the units of the columns, are rounding of a state at rest."""
 UNLOADED = 1e9
-"""Buckling multipliers beyond this mean that the state carries no stress but rounding."""
+"""Critical load factors beyond this mean that the state carries no stress but rounding."""
 KNOWN = (*QUESTIONS, "buckling")
 CAUGHT: tuple[type[Exception], ...] = (KsdError, ArithmeticError, np.linalg.LinAlgError, RuntimeError)
 """What one pose may raise without ending the sweep: our own errors, and arithmetic gone wrong."""

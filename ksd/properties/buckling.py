@@ -9,10 +9,10 @@ mu = 1 is the state itself. Strain-mode leafs enter with amplitudes and end wren
 tangent is linear in the stress; the condensed 6x6 would have poles where a leaf buckles between its ends. Chains under
 a load enter with their stresses where the state has any (`ksd.properties.chain_tangent`).
 
-The derivative is that of the first order: it says what happens while the response moves little. Multipliers by which the
+The derivative is that of the first order: it says what happens while the response moves little. Factors by which the
 load alone would have turned a link by more than FAR, or moved it by that share of the size, are left out, whatever their
 value: a fourbar pressed down with its drive let go swings by 0.26 rad before the 188 N that chains would give there, and is
-stable up to 300 N when it is followed (strain-mode leafs find no real multiplier there, and no more do finer chains agree
+stable up to 300 N when it is followed (strain-mode leafs find no real factor there, and no more do finer chains agree
 with coarser ones). `Buckling.reach` tells how far that is; beyond it, put the load on and look, or follow it (`ksd.follow`).
 """
 
@@ -62,44 +62,59 @@ FAR = 0.1
 
 @dataclass(frozen=True, repr=False)
 class Buckling(Shown):
-    """Buckling multipliers, smallest magnitude first: as many as were asked for, and the smallest of either sign.
+    """Critical load factors, signed, smallest magnitude first: as many as were asked for, and the smallest of either sign.
 
-    multiplier (k,): how many times the load may be added (or all stresses be multiplied); negative: against
-    its direction. shape (k, nodes, 6): displacement [m] and rotation [rad] of the nodes of `model`, largest
+    factor (k,): how many times the load is to be added (or all stresses multiplied) to the loss of stability; negative:
+    against its direction. shape (k, nodes, 6): displacement [m] and rotation [rad] of the nodes of `model`, largest
     entry of each mode 1; all zero where a leaf buckles between ends that stand still. vector (k, size): all
-    unknowns, inner ones included. unstable: directions in which the state itself is no minimum. reach: multipliers up to
+    unknowns, inner ones included. unstable: directions in which the state itself is no minimum. reach: factors up to
     this size are looked for; a larger load would move a link too far for linear theory. inf where all stresses grow.
+    beyond: the smallest factor left out for that, inf where there is none.
     """
 
     model: Model
-    multiplier: Array
+    factor: Array
     shape: Array
     vector: Array
     unstable: int
     reach: float = np.inf
+    beyond: float = np.inf
 
     def _line(self) -> str:
-        return ", ".join(number(m) for m in self.multiplier) or "no multiplier"
+        return ", ".join(number(m) for m in self.factor) or self.reason
+
+    @property
+    def reason(self) -> str:
+        """Why there is no critical load factor, in one sentence; nothing where there is one."""
+        if len(self.factor):
+            return ""
+        if not np.isfinite(self.reach):
+            return "no critical load factor: linear theory has no real one"
+        left = f" (it would say {number(self.beyond)})" if np.isfinite(self.beyond) else ""
+        far = f"a link has moved by {FAR:g} rad or {100 * FAR:g} % of the size and linear theory ends"
+        upto = f"no critical load factor up to {number(self.reach)}, where {far}{left}"
+        return f"{upto}; put the load on, or follow it (ksd.follow)"
 
     def __str__(self) -> str:
         between = "leafs between ends that stand still"
         rows = [
             (number(m), movement(self.model, v) or between)
-            for m, v in zip(self.multiplier, self.shape, strict=True)
+            for m, v in zip(self.factor, self.shape, strict=True)
         ]
         bad = [f"The state itself is no minimum, in {self.unstable} directions"] * bool(self.unstable)
-        said = "Buckling multipliers: times the load may be added, or stresses grow, all else held; negative: reversed"
-        return listed(("multiplier", "<link that moves most"), rows, said, *bad)
+        none = [self.reason[:1].upper() + self.reason[1:]] * bool(self.reason)
+        said = "Critical load factors: times the load is added, or stresses grow, all else held; negative: reversed"
+        return listed(("factor", "<link that moves most"), rows, said, *none, *bad)
 
     @property
     def positive(self) -> float:
-        """Smallest positive multiplier; inf when there is none within a thousand times the smallest of all."""
-        return float(min((m for m in self.multiplier if m > 0.0), default=np.inf))
+        """Smallest positive factor; inf when there is none within a thousand times the smallest of all."""
+        return float(min((m for m in self.factor if m > 0.0), default=np.inf))
 
     @property
     def negative(self) -> float:
-        """Smallest negative multiplier, in magnitude; -inf when there is none within a thousand times the smallest."""
-        return float(max((m for m in self.multiplier if m < 0.0), default=-np.inf))
+        """Smallest negative factor, in magnitude; -inf when there is none within a thousand times the smallest."""
+        return float(max((m for m in self.factor if m < 0.0), default=-np.inf))
 
 
 def full_tangent(
@@ -288,7 +303,7 @@ def _by_arnoldi(A: Array, B: Array, count: int) -> tuple[Array, Array]:
         if len(A) <= MOST_DENSE:
             return np.zeros(0), B[:, :0]
         raise ConvergenceError(
-            f"buckling: the smallest multipliers of {len(A)} unknowns were not found; give fewer elements per leaf"
+            f"buckling: the smallest critical load factors of {len(A)} unknowns were not found; give fewer elements per leaf"
         ) from reason
     return values, vectors
 
@@ -333,13 +348,13 @@ def buckling(
     near: Buckling | None = None,
     opened: Opened | None = None,
 ) -> Buckling:
-    """Buckling multipliers of a dead load added to the state at `motion`, or of its own stresses when no link
+    """Critical load factors of a dead load added to the state at `motion`, or of its own stresses when no link
     is named.
 
     link: link (or internal block) the force (3,) [N] and moment (3,) [Nm], global, act on, at the point that
     is at `at` (3,) [m] at rest (reference point when None). freed: drives and supports let go at their
-    present force; they keep that force, as do the loads of the scene, while the added load grows. near: multipliers of
-    a state nearby to start from; opened: this state, opened. Multipliers beyond `reach` are left out. Raises SceneError
+    present force; they keep that force, as do the loads of the scene, while the added load grows. near: factors of
+    a state nearby to start from; opened: this state, opened. Factors beyond `reach` are left out. Raises SceneError
     for unknown names, a load that is zero, or a state without stress, ConvergenceError where none were found.
     """
     rows = row_numbers(model, freed)
@@ -347,8 +362,8 @@ def buckling(
     opened = opened or Opened(model, motion, load_factor=load_factor)
     fine, state, tangent, reach = opened.model, opened.motion, opened.tangent(freed), np.inf
     if link is None and np.all(fine.arrays.members.kind == STRAIN):
-        start = (near.vector.T,) if near is not None and near.model is fine and len(near.multiplier) else ()
-        multiplier, vectors = own_stress(opened, rows, count=count, near=start)
+        start = (near.vector.T,) if near is not None and near.model is fine and len(near.factor) else ()
+        factor, vectors = own_stress(opened, rows, count=count, near=start)
     else:
         whole = _exact_model(fine)
         if link is None:
@@ -359,12 +374,12 @@ def buckling(
             at_state = _mixed(whole, state, rows, load_factor)
             loads = _loads(tangent, link, at, (force, moment))
             K, (change, reach) = at_state(state), _derivative(tangent, loads, at_state, load_factor)
-        multiplier, vectors = _smallest(K, 0.5 * (change + change.T), count)
-        near_by = np.abs(multiplier) <= reach
-        multiplier, vectors = multiplier[near_by], vectors[:, near_by]
-    shape = np.zeros((len(multiplier), len(fine.node_names), 6))
+        factor, vectors = _smallest(K, 0.5 * (change + change.T), count)
+    kept = np.abs(factor) <= reach
+    beyond = float(min(factor[~kept], key=abs, default=np.inf))
+    factor, vectors = factor[kept], vectors[:, kept]
+    shape = np.zeros((len(factor), len(fine.node_names), 6))
     for k in range(1, len(fine.node_names)):
         shape[:, k] = vectors[tangent.unknowns(k)].T
-    largest = np.abs(shape).max(axis=(1, 2), initial=0.0)
-    shape /= np.where(largest > 0.0, largest, 1.0)[:, None, None]
-    return Buckling(fine, multiplier, shape, vectors.T, tangent.unstable, reach)
+    shape /= np.maximum(np.abs(shape).max(axis=(1, 2), initial=0.0), 1e-300)[:, None, None]
+    return Buckling(fine, factor, shape, vectors.T, tangent.unstable, reach, beyond)

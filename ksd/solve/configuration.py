@@ -293,7 +293,7 @@ class Configuration:
         return frequencies(*self.unreduced, load_factor=self.load_factor, **options)
 
     def buckling(self, link: Any = None, **options: Any) -> Any:
-        """Multipliers of an added load, or of the state's own stresses: `ksd.properties.buckling.buckling`."""
+        """Critical load factors of an added load, or of the state's own stresses: `ksd.properties.buckling.buckling`."""
         from ksd.properties.buckling import buckling
 
         self._of_leafs("buckling")

@@ -61,7 +61,7 @@ _PANELS: dict[str, tuple[_Panel, ...]] = {
         _Panel(
             r"buckling_(positive|negative)",
             "factor on all stresses, magnitude [-]",
-            "Buckling multipliers",
+            "Critical load factors",
             True,
             True,
         ),

@@ -120,8 +120,14 @@ def test_multipliers_beyond_linear_theory_are_left_out(mesh):
     scene, at = fourbar(), (0, 0.35, 0)
     bent = conventional(compile_scene(scene, mesh=mesh), {"top": 0.1}, steps=4)
     found = bent.buckling("top", at=at, force=(0, -1, 0), freed="top")
-    assert len(found.multiplier) == 0 and np.isinf(found.positive)
+    assert len(found.factor) == 0 and np.isinf(found.positive)
     assert found.reach == pytest.approx(72.0, rel=0.05)
+    # an empty table says why
+    assert str(found).count("o critical load factor up to 7") == 1 and "ksd.follow" in str(found)
+    assert (
+        repr(found).startswith("<Buckling: no critical load factor up to 7")
+        and np.abs(found.beyond) > found.reach
+    )
     described = scene.scene()
     loads = (
         Load(
@@ -198,7 +204,7 @@ def test_the_smallest_of_either_sign_is_found(mesh):
     """At a large stroke the smallest multipliers are all negative; the positive one is the same however many are asked."""
     state = conventional(compile_scene(fourbar(), mesh=mesh), {"top": 0.28}, steps=3)
     few, many = state.buckling(count=2), state.buckling(count=24)
-    assert np.all(many.multiplier[:2] < 0.0) and np.isfinite(few.positive)
+    assert np.all(many.factor[:2] < 0.0) and np.isfinite(few.positive)
     assert few.positive == pytest.approx(many.positive, rel=1e-6)
     assert few.negative == pytest.approx(many.negative, rel=1e-6)
-    assert np.all(np.diff(np.abs(few.multiplier)) >= 0.0)
+    assert np.all(np.diff(np.abs(few.factor)) >= 0.0)

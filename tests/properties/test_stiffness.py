@@ -143,5 +143,5 @@ def test_methods_of_the_configuration():
     assert base.frequencies(count=2).frequency_Hz[0] > 0
     assert base.stress().largest_Pa > 1e8
     # the two smallest, and one of the other sign
-    assert np.sign(base.buckling(count=2).multiplier).tolist() == [-1, -1, 1]
+    assert np.sign(base.buckling(count=2).factor).tolist() == [-1, -1, 1]
     assert sum(base.strain_energy().values()) > 0.0
