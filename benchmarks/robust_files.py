@@ -70,6 +70,9 @@ def kinds(folder: Path) -> dict:
     with h5py.File(folder / "packed.h5", "w") as file:
         for name, values in (("K", stiffness()), ("points", POINTS)):
             file.create_dataset(name, data=values, compression="gzip", shuffle=True, fletcher32=True)
+    with h5py.File(folder / "pieces.h5", "w", libver="latest") as file:
+        for name, values in (("K", stiffness()), ("points", POINTS)):
+            file.create_dataset(name, data=values, chunks=(2, 3))
     scene = folder / "scene.toml"
     scene.write_bytes((ROOT / "ksd" / "scenes" / "fourbar.toml").read_bytes())
     Kept(folder / "sweep.jsonl", "x").keep(0, [{"force_N": 1.0}] * 20)
@@ -80,6 +83,7 @@ def kinds(folder: Path) -> dict:
         "matrix, numpy": (folder / "arm.npz", ksd.link_matrix),
         "matrix, HDF5": (folder / "arm.h5", ksd.link_matrix),
         "matrix, HDF5 packed": (folder / "packed.h5", ksd.link_matrix),
+        "matrix, HDF5 in pieces": (folder / "pieces.h5", ksd.link_matrix),
         "scene": (scene, ksd.load_scene),
         "sweep": (folder / "sweep.jsonl", lambda path: Kept(path, "x")),
     }

@@ -87,6 +87,10 @@ class TurnSpring:
             object.__setattr__(self, key, value)
 
 
+HUGE = 1e30
+"""Stiffness [N/m] beyond which a link matrix is damage: squares and products of it would overflow."""
+
+
 @dataclass(frozen=True)
 class LinkMatrix:
     """Stiffness of a flexible link between its two interfaces, as a Craig-Bampton reduction gives it.
@@ -121,8 +125,13 @@ class LinkMatrix:
             raise SceneError(f"{owner}: both interfaces are at {self.points[0]}; they must be apart.")
         # rotations scaled by the distance, so that all numbers are N/m
         scale = np.tile(np.repeat([1.0, 1.0 / size], 3), 2)
-        S = K * np.outer(scale, scale)
+        with np.errstate(all="ignore"):
+            S = K * np.outer(scale, scale)
         largest = np.abs(S).max()
+        if not largest < HUGE:
+            raise SceneError(
+                f"{owner}: stiffness holds {largest:.3g} N/m; check its units and the distance {size:.3g} m."
+            )
         if not largest > 0.0:
             raise SceneError(f"{owner}: stiffness is zero; leave the matrix out, or check its units.")
         if np.abs(S - S.T).max() > 1e-6 * largest:
