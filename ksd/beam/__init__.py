@@ -1,0 +1,1 @@
+"""Elements: the leaf springs, springs and masses, each with its equations compiled."""

@@ -1,0 +1,1 @@
+"""Compiled linear algebra, rotations and polynomials, and how kernels are compiled and kept."""

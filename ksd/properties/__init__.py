@@ -1,0 +1,1 @@
+"""Answers asked of a configuration: stiffness, modes, buckling, stress, energy."""

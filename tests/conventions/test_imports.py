@@ -1,0 +1,144 @@
+"""Imports go down the layers of the house, in no circle; heavy packages have one home each.
+
+Counted are imports anywhere in a file, inside functions too, and modules named in strings to be loaded later; not those
+for type checkers. The package itself (`ksd/__init__.py`) loads everything on its first use and is left out.
+"""
+
+import ast
+import re
+from graphlib import CycleError, TopologicalSorter
+from pathlib import Path
+
+import pytest
+
+PACKAGE = Path(__file__).resolve().parents[2] / "ksd"
+LAYER = {
+    "errors": 0, "units": 0, "files": 0, "numerics": 1, "section": 2, "beam": 2, "scene": 3, "model": 4, "library": 4,
+    "bodies": 5, "modal": 5, "properties": 5, "view": 5, "solve": 6, "train": 7, "design": 7, "bench": 8, "cli": 9,
+    "__main__": 10,
+}  # fmt: skip
+HOME = {
+    "h5py": {"library"}, "skfem": {"section", "modal"}, "matplotlib": {"view"}, "pyvista": {"view"}, "vtk": {"view"},
+    "numba": {"numerics"},
+}  # fmt: skip
+NUMPY_ALONE = {"errors", "units", "files", "scene"}
+TO_BE_REMOVED = {
+    ("ksd.numerics.kernel", "ksd.solve.warm"),
+    ("ksd.scene.mentioned", "ksd.library.hdf5"),
+    ("ksd.library.record", "ksd.library.chains"),
+    ("ksd.model.arrays", "ksd.model.system"),
+    ("ksd.model.arrays", "ksd.model.turning"),
+    ("ksd.model.compile", "ksd.model.listing"),
+    ("ksd.model.compile", "ksd.model.plane"),
+    ("ksd.model.estimates", "ksd.model.compile"),
+    ("ksd.model.estimates", "ksd.model.effects"),
+    ("ksd.model.planar_arrays", "ksd.model.planar_system"),
+    ("ksd.model.planar_arrays", "ksd.model.turning"),
+    ("ksd.solve.storage", "ksd.solve.planar"),
+    ("ksd.solve.configuration", "ksd.solve.answer"),
+    ("ksd.solve.configuration", "ksd.solve.corrected"),
+    ("ksd.solve.configuration", "ksd.solve.report"),
+    ("ksd.solve.configuration", "ksd.solve.sensitivity"),
+    ("ksd.solve.configuration", "ksd.solve.trust"),
+    ("ksd.solve.configuration", "ksd.solve.validity"),
+    ("ksd.solve.answer", "ksd.solve.validity"),
+    ("ksd.solve.path", "ksd.solve.conventional"),
+    ("ksd.solve.validity", "ksd.solve.modal"),
+}
+"""Imports that go up or close a circle today. The list only gets shorter: an entry no longer needed fails, too."""
+
+
+def named_in(source: str) -> set[str]:
+    """The full names a file imports, or gives as a string like "ksd.room.file" or "ksd.room.file:function"."""
+    tree = ast.parse(source)
+    for node in ast.walk(tree):
+        if isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING":
+            node.body = []
+    names = set()
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import):
+            names |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom):
+            names |= {f"{'.' * node.level}{node.module or ''}.{alias.name}" for alias in node.names}
+        elif isinstance(node, ast.Constant) and isinstance(node.value, str):
+            names |= set(re.findall(r"^(ksd(?:\.\w+)+)(?::\w+)?$", node.value))
+    return names
+
+
+def module_name(path: Path) -> str:
+    return ".".join(path.relative_to(PACKAGE.parent).with_suffix("").parts).removesuffix(".__init__")
+
+
+NAMED = {module_name(path): named_in(path.read_text()) for path in sorted(PACKAGE.rglob("*.py"))}
+del NAMED["ksd"]
+
+
+def module_of(name: str) -> str | None:
+    """The module of the package in which a full name is, e.g. "ksd.scene.leaf" of "ksd.scene.leaf.Leaf"."""
+    while name not in NAMED and "." in name:
+        name = name.rpartition(".")[0]
+    return name if name in NAMED else None
+
+
+def room(module: str) -> str:
+    return module.split(".")[1]
+
+
+def goes_up(edge: tuple[str, str]) -> bool:
+    here, there = map(room, edge)
+    return here != there and (LAYER[here] <= LAYER[there] != 0)
+
+
+def circle(edges: set[tuple[str, str]]) -> list[str]:
+    """The modules of one circle, the first one again at the end; none where there is no circle."""
+    sorter: TopologicalSorter[str] = TopologicalSorter()
+    for here, there in edges:
+        sorter.add(here, there)
+    try:
+        sorter.prepare()
+    except CycleError as error:
+        return error.args[1]
+    return []
+
+
+EDGES = {
+    (here, there)
+    for here, names in NAMED.items()
+    for there in map(module_of, names)
+    if there is not None and there != here
+}
+
+
+def test_imports_go_down_and_in_no_circle():
+    assert not [name for names in NAMED.values() for name in names if name.startswith(".")], "relative import"
+    assert not sorted(filter(goes_up, EDGES - TO_BE_REMOVED))
+    assert not circle(EDGES - TO_BE_REMOVED)
+    for edge in TO_BE_REMOVED:
+        needed = edge in EDGES and (goes_up(edge) or circle(EDGES - TO_BE_REMOVED | {edge}))
+        assert needed, f"{edge} is in order now: take it off the list"
+
+
+def test_heavy_packages_have_one_home_and_a_scene_needs_numpy_alone():
+    heavy = {*HOME, "scipy", "rich"}
+    for module, names in NAMED.items():
+        for top in heavy & {name.split(".")[0] for name in names}:
+            assert room(module) in HOME.get(top, {room(module)}), f"{module}: {top} belongs in {HOME[top]}"
+            assert room(module) not in NUMPY_ALONE, f"{module}: {top}"
+
+
+@pytest.mark.parametrize(
+    "source",
+    [
+        "from ksd.solve.newton import iterate",
+        "from ksd.solve import newton",
+        "def later():\n    import ksd.solve.newton",
+        "HOME = 'ksd.solve.newton:iterate'",
+    ],
+)
+def test_the_check_itself_sees_an_import(source):
+    assert {module_of(name) for name in named_in(source)} == {"ksd.solve.newton"}
+    assert goes_up(("ksd.beam.entry", "ksd.solve.newton")) and not goes_up(
+        ("ksd.solve.newton", "ksd.beam.entry")
+    )
+    assert circle({("a", "b"), ("b", "c"), ("c", "a")}) and not circle({("a", "b"), ("b", "c"), ("a", "c")})
+    assert not named_in("if TYPE_CHECKING:\n    from ksd.solve.newton import iterate")
