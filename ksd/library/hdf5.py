@@ -28,6 +28,10 @@ ROWS = 256
 """Texts read at a time."""
 
 
+_KINDS = [getattr(h5py.h5t, f"IEEE_F{n}{order}") for n in (32, 64) for order in ("LE", "BE")]
+_KINDS += [getattr(h5py.h5t, f"STD_{i}{n}{o}") for i in "IU" for n in (8, 16, 32, 64) for o in ("LE", "BE")]
+
+
 class Contents:
     """A file in memory: `items` of a group, `numbers` and `texts` of datasets, `text` and `whole` of attributes.
 
@@ -50,8 +54,10 @@ class Contents:
     def numbers(self, data: Any) -> NDArray[np.float64]:
         """A dataset of real numbers."""
         self._take(data)
-        if data.dtype.kind not in "fiu":
-            raise ValueError(f"'{data.name}' holds {data.dtype}, no numbers")
+        kind = data.id.get_type()
+        # a float of another exponent, which one damaged byte declares, is read as a float all the same
+        if not any(kind.equal(known) for known in _KINDS):
+            raise ValueError(f"'{data.name}' holds {data.dtype}, no plain numbers")
         found: NDArray[np.float64] = np.asarray(data[()], float)
         return found
 

@@ -183,7 +183,14 @@ def lies(tmp_path):
         data = file.create_dataset("K", (12, 12), float, chunks=(12, 12), compression="gzip", shuffle=True)
         data.id.write_direct_chunk((0, 0), zlib.compress(bytes(100)))
 
+    def biased(file):
+        kind = h5py.h5t.IEEE_F64LE.copy()
+        kind.set_ebias(1023 - 64)
+        space = h5py.h5s.create_simple((12, 12))
+        h5py.h5d.create(file.id, b"K", kind, space).write(h5py.h5s.ALL, h5py.h5s.ALL, stiffness(), kind)
+
     return {
+        "biased": biased,
         "external link": lambda f: f.__setitem__("K", h5py.ExternalLink(str(tmp_path / "other.h5"), "K")),
         "soft link": lambda f: (f.__setitem__("L", stiffness()), f.__setitem__("K", h5py.SoftLink("/L"))),
         "external storage": lambda f: f.create_dataset(
@@ -207,8 +214,8 @@ def lies(tmp_path):
 
 
 LIES = [
-    "external link", "soft link", "external storage", "virtual", "bomb", "short piece", "huge", "huge pieces", "group",
-    "text", "none", "complex", "compound", "one number", "not finite",
+    "biased", "external link", "soft link", "external storage", "virtual", "bomb", "short piece", "huge", "huge pieces",
+    "group", "text", "none", "complex", "compound", "one number", "not finite",
 ]  # fmt: skip
 
 
