@@ -146,9 +146,7 @@ def tabulated(count: int) -> list[dict[str, Any]]:
             "strain-mode": ksd.Mesh(),
             "5 elements": ksd.Mesh("corotational", elements=5),
         }.items():
-            near, exact = (
-                Prepared(Solver(scene, mesh=mesh, planar=False), tabulated=t) for t in (True, False)
-            )
+            near, exact = (Prepared(Solver(scene, mesh=mesh), tabulated=t) for t in (True, False))
             values = positions(case, targets, count)
             few = {name: v[:: max(1, count // 20)] for name, v in values.items()}
             times = interleaved(
@@ -195,8 +193,8 @@ def positions(case: str, targets: Mapping[str, float], count: int) -> dict[str, 
     by_joints = {name: shares * value for name, value in angles.items()}
     if case == "by joints":
         return by_joints
-    found = Prepared(Solver(scene, planar=False), tabulated=True)(by_joints)
-    rest = Solver(scene, planar=False).model.rest.x
+    found = Prepared(Solver(scene), tabulated=True)(by_joints)
+    rest = Solver(scene).model.rest.x
     link, end = found.links.index("third"), np.array(TIP)
     moved = found.x[:, link] + found.R[:, link] @ (end - rest[link]) - end
     return {name: moved[:, k].copy() for k, name in enumerate(targets)}

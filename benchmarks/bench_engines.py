@@ -27,7 +27,7 @@ from typing import Any
 import numpy as np
 
 from ksd.errors import SceneError
-from ksd.model.arrays import TRANSLATION
+from ksd.model.arrays import TRANSLATION, Members
 from ksd.model.compile import compile_scene
 from ksd.model.mesh import Mesh
 from ksd.model.plane import Plane, plane_of
@@ -94,23 +94,25 @@ def frame_of(scene: Any, targets: Mapping[str, float], elements: int) -> Frame:
     if not isinstance(plane, Plane):
         raise SceneError(f"other engines are given planar scenes; {scene.name}: {plane}")
     arrays, members, found = plane.arrays, plane.arrays.members, _Points()
-    centre = [found.add(p) for p in plane.rest.pose[:, :2]]
+    axes = plane.arrays.keep[:2]
+    places = plane.rest.x[:, axes]
+    centre = [found.add(p) for p in places]
     found.fixed.append(centre[0])
-    leafs = [_leaf(members, i) for i in range(len(members.kind))]
-    EA, EI = (times * max(leaf[k] for leaf in leafs) for k, times in enumerate(STIFF))
+    leafs = _leafs(members, axes)
+    EA, EI = (times * max(leaf[k] for leaf in leafs.values()) for k, times in enumerate(STIFF))
 
     def hung(node: int, offset: np.ndarray) -> int:
         if np.linalg.norm(offset) < 1e-9 * arrays.size:
             return centre[node]
-        point = found.add(plane.rest.pose[node, :2] + offset)
+        point = found.add(places[node] + offset)
         if node == 0:
             found.fixed.append(point)
         else:
             found.bars.append(Bar(centre[node], point, EA, EI))
         return point
 
-    for i, stiffness in enumerate(leafs):
-        ends = [hung(int(members.node[i, e]), members.offset[i, e]) for e in range(2)]
+    for where, stiffness in leafs.items():
+        ends = [hung(node, np.array(offset)) for node, offset in where]
         p, q = (found.places[e] for e in ends)
         between = [found.add(p + (q - p) * k / elements) for k in range(1, elements)]
         chain = [ends[0], *between, ends[1]]
@@ -118,16 +120,29 @@ def frame_of(scene: Any, targets: Mapping[str, float], elements: int) -> Frame:
     terms = arrays.terms
     if len(terms.kind) != 1 or terms.kind[0] != TRANSLATION or terms.node[0, 0] != 0:
         raise SceneError("other engines are given scenes with one drive along one axis")
-    axis = int(np.argmax(np.abs(terms.direction[0])))
-    sign = float(np.sign(terms.direction[0, axis]))
-    point = hung(int(terms.node[0, 1]), terms.point[0, 1])
+    direction = terms.direction[0, axes]
+    axis = int(np.argmax(np.abs(direction)))
+    sign = float(np.sign(direction[axis]))
+    point = hung(int(terms.node[0, 1]), terms.point[0, 1, axes])
     value = sign * next(iter(targets.values()))
     return Frame(np.array(found.places), tuple(found.fixed), tuple(found.bars), (point, axis, value))
 
 
-def _leaf(members: Any, i: int) -> tuple[float, float, float]:
-    """EA, EI and k GA of planar chain i, from the stiffness numbers of its first element."""
-    length, s1, a, b = members.value[members.value_at[i] : members.value_at[i] + 4]
+def _leafs(members: Members, axes: np.ndarray) -> dict[Any, tuple[float, float, float]]:
+    """EA, EI and k GA of the chains by (node, offset) of both ends; those that coincide in the plane together."""
+    found: dict[Any, tuple[float, float, float]] = {}
+    for i in range(len(members.kind)):
+        ends = zip(members.node[i].tolist(), np.round(members.offset[i][:, axes], 12).tolist(), strict=True)
+        where = tuple((node, tuple(offset)) for node, offset in ends)
+        more = found.get(where, (0.0, 0.0, 0.0))
+        EA, EI, GA = (a + b for a, b in zip(more, _stiffness(members, i), strict=True))
+        found[where] = EA, EI, GA
+    return found
+
+
+def _stiffness(members: Members, i: int) -> tuple[float, float, float]:
+    """EA, EI and k GA of chain i, from the stiffness numbers of its first element."""
+    length, s1, _, _, _, a, b = members.value[members.value_at[i] : members.value_at[i] + 7]
     EI = float(0.5 * (a + b) * length**3)
     # a = (4 + Phi) s, b = (-2 + Phi) s with s = EI / ((1 + Phi) L^3) and Phi = 12 EI / (k GA L^2)
     phi = EI * 6.0 / ((a - b) * length**3) - 1.0

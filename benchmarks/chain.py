@@ -1,8 +1,8 @@
 """What a joint costs in a chain of 3, 10, 30 and 100 cross flexures, by `reduced` and by `full`.
 
 Every joint turned by 10 to 20 degrees, left and right in turns; thread time of one configuration over the number of joints,
-many configurations in one compiled call, cases in turns. `reduced` and `full`, in space and in the
-plane, both leaf models. Target: from 3 to 100 joints the cost of a joint stays within 25 %.
+many configurations in one compiled call, cases in turns. `reduced` and `full`, both leaf models. Target: from 3 to 100
+joints the cost of a joint stays within 25 %.
 Run: python benchmarks/chain.py
 """
 
@@ -36,23 +36,21 @@ def stored(part: Any) -> int:
 class Case:
     """One chain by one method: called, it solves `count` configurations."""
 
-    def __init__(self, joints: int, method: int, mesh: ksd.Mesh, *, planar: bool) -> None:
+    def __init__(self, joints: int, method: int, mesh: ksd.Mesh) -> None:
         scene, targets = chain(joints)
-        self.prepared = Prepared(Solver(scene, mesh=mesh, planar=planar), method=method)
+        self.prepared = Prepared(Solver(scene, mesh=mesh), method=method)
         self.count = max(3, 300 // joints)
         self.values = {n: np.linspace(0.5, 1.0, self.count) * v for n, v in targets.items()}
-        five = self.prepared.five
-        held = five.flat.held if planar and not isinstance(five.flat, str) else five.bench.held
-        self.bytes = stored(held.parts)
+        self.bytes = stored(self.prepared.five.bench.held.parts)
         self.solved = bool((self.prepared(self.values).status == 0).all())
 
     def __call__(self) -> None:
         self.prepared(self.values)
 
 
-def measured(leafs: str, method: str, joints: Sequence[int], *, planar: bool, repeats: int) -> dict[str, Any]:
+def measured(leafs: str, method: str, joints: Sequence[int], *, repeats: int) -> dict[str, Any]:
     """Time per joint and configuration [us] for every number of joints, and how far it is from that of the shortest."""
-    cases = {n: Case(n, WAYS[method], LEAFS[leafs], planar=planar) for n in joints}
+    cases = {n: Case(n, WAYS[method], LEAFS[leafs]) for n in joints}
     times = interleaved({str(n): case for n, case in cases.items()}, repeats=repeats)
     each = {n: times[str(n)].median / case.count / n for n, case in cases.items()}
     off = max(abs(us / each[joints[0]] - 1.0) for us in each.values())
@@ -61,7 +59,7 @@ def measured(leafs: str, method: str, joints: Sequence[int], *, planar: bool, re
     row = {
         "fixed_us": few * (each[few] - slope),
         "storage_bytes": {n: case.bytes for n, case in cases.items()},
-        "where": "plane" if planar else "space", "leafs": leafs, "method": method, "us_per_joint": each,
+        "leafs": leafs, "method": method, "us_per_joint": each,
         "largest_change": off, "met": off <= BOUND, "solved": all(c.solved for c in cases.values()),
     }  # fmt: skip
     said = ", ".join(f"{n}: {us:.2f}" for n, us in each.items())
@@ -71,9 +69,7 @@ def measured(leafs: str, method: str, joints: Sequence[int], *, planar: bool, re
             f"MISSED: {row['fixed_us']:.0f} us of every configuration belong to no joint; storage of "
             f"{cases[joints[0]].bytes >> 10} to {cases[joints[-1]].bytes >> 10} kB"
         )
-    print(
-        f"{row['where']} {leafs:11} {method:8} us per joint: {said}; changes by {100 * off:.0f} % ({verdict})"
-    )
+    print(f"{leafs:11} {method:8} us per joint: {said}; changes by {100 * off:.0f} % ({verdict})")
     return row
 
 
@@ -81,12 +77,7 @@ def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
     """Measure, print, write chain.json; returns what was found."""
     asked = options(__doc__, argv)
     joints, repeats = ((3, 10), 2) if asked.quick else (JOINTS, 9)
-    rows = [
-        measured(leafs, method, joints, planar=planar, repeats=repeats)
-        for planar in (False, True)
-        for leafs in LEAFS
-        for method in WAYS
-    ]
+    rows = [measured(leafs, method, joints, repeats=repeats) for leafs in LEAFS for method in WAYS]
     found = {"machine": machine(), "bound": BOUND, "rows": rows}
     write_json(found, asked.out / "chain.json")
     return found

@@ -1,4 +1,4 @@
-"""What one leaf costs per iteration: the strain-mode leaf beside chains of Appendix A elements, in space and in the plane.
+"""What one leaf costs per iteration: the strain-mode leaf beside chains of Appendix A elements, and in its plane.
 
 Condensing to the end frames and recovering the inner unknowns, through the C entry points a Newton iteration uses, one
 leaf again and again, in turns with all other cases; thread time. Target: the default orders at no more than four
@@ -13,8 +13,7 @@ from typing import Any
 import numpy as np
 from common import interleaved, machine, options, write_json
 
-from ksd.beam import corotational_values, planar_corotational, planar_entry, planar_strain
-from ksd.beam import entry as space_entry
+from ksd.beam import corotational_values, entry, planar_leaf
 from ksd.beam.strain_values import DEFAULT_ORDERS, DEFAULT_POINTS, strain_scratch, strain_sizes, strain_values
 from ksd.numerics.kernel import compile_late, kernel
 
@@ -27,8 +26,8 @@ ELEMENTS = (2, 4, 10)
 CALLS = 2000
 
 
-def _in_space(condense: Any, recover: Any) -> Any:
-    """Iterations of a leaf in space with these entry points and scratch."""
+def _with_scratch(condense: Any, recover: Any) -> Any:
+    """Iterations of a leaf with these entry points and scratch."""
 
     @kernel(cache=False)
     def repeat(value, number, inner, store, scratch, d, Q, lam, K, out, size, xi, calls):
@@ -42,7 +41,7 @@ def _in_space(condense: Any, recover: Any) -> Any:
     return repeat
 
 
-def _chain_in_space(condense: Any, recover: Any) -> Any:
+def _without_scratch(condense: Any, recover: Any) -> Any:
     """The same for entry points that take no scratch."""
 
     @kernel(cache=False)
@@ -51,21 +50,6 @@ def _chain_in_space(condense: Any, recover: Any) -> Any:
             condense(
                 value.ctypes, number.ctypes, inner.ctypes, store.ctypes, d.ctypes, Q.ctypes, lam.ctypes, K.ctypes,
                 out.ctypes, size.ctypes,
-            )  # fmt: skip
-            recover(value.ctypes, number.ctypes, inner.ctypes, store.ctypes, xi.ctypes, 1e-12, size.ctypes)
-
-    return repeat
-
-
-def _in_the_plane(condense: Any, recover: Any) -> Any:
-    """The same in the plane, either leaf model."""
-
-    @kernel(cache=False)
-    def repeat(value, number, inner, store, scratch, d, Q, lam, K, out, size, xi, calls):
-        for _ in range(calls):
-            condense(
-                value.ctypes, number.ctypes, inner.ctypes, store.ctypes, d.ctypes, lam.ctypes, K.ctypes, out.ctypes,
-                size.ctypes,
             )  # fmt: skip
             recover(value.ctypes, number.ctypes, inner.ctypes, store.ctypes, xi.ctypes, 1e-12, size.ctypes)
 
@@ -83,13 +67,12 @@ def _case(
 ) -> Callable[[], None]:
     """`CALLS` iterations of one leaf, by the entry points of these names."""
     compile_late(*names)
-    flat = kind is _in_the_plane
-    call = kind(*(getattr(planar_entry if flat else space_entry, n) for n in names))
+    call = kind(*(getattr(entry, n) for n in names))
     number = np.array([*number, 0, 0, 0, 0][:4], np.int64)
     kept, room = np.zeros(store), np.zeros(scratch)
     size = np.array([len(value), len(inner), store, 0, scratch], np.int64)
-    d, Q = np.array([0.99 * LENGTH, 0.003, 0.02 if flat else 1e-4]), np.eye(3)
-    K, xi = np.zeros((3, 3) if flat else (6, 6)), np.full(6, 1e-3)
+    d, Q = np.array([0.99 * LENGTH, 0.003, 1e-4]), np.eye(3)
+    K, xi = np.zeros((6, 6)), np.full(6, 1e-3)
     lam, out = np.zeros(12), np.zeros(4)
 
     def run() -> None:
@@ -100,27 +83,31 @@ def _case(
     return run
 
 
-def _modes(orders: Sequence[int]) -> Callable[[], None]:
-    """A strain-mode leaf bent about all three axes."""
+def _constants(orders: Sequence[int]) -> tuple[np.ndarray, np.ndarray]:
     s = SECTION
-    value, number = strain_values(
+    return strain_values(
         length=LENGTH,
         rigidity=np.array([s.G * s.J, s.E * s.Iy, s.E * s.Iz]),
         compliance=1.0 / np.array([s.E * s.A, s.ky * s.G * s.A, s.kz * s.G * s.A]),
         orders=tuple(orders[:3]),
         points=orders[3],
     )
+
+
+def _modes(orders: Sequence[int]) -> Callable[[], None]:
+    """A strain-mode leaf bent about all three axes."""
+    value, number = _constants(orders)
     state, store = strain_sizes(number)
     inner = np.random.default_rng(1).normal(size=state)
     names = "strain_condense" + "_default" * (tuple(orders) == DEFAULT), "strain_recover"
-    return _case(_in_space, names, value, number, inner, store, strain_scratch(number))
+    return _case(_with_scratch, names, value, number, inner, store, strain_scratch(number))
 
 
 def _elements(count: int) -> Callable[[], None]:
     value, number = corotational_values.chain_values(SECTION, LENGTH, count), np.array([count, 1])
     inner = corotational_values.start_inner(value, number)
     return _case(
-        _chain_in_space,
+        _without_scratch,
         ("chain_condense", "chain_recover"),
         value,
         number,
@@ -130,27 +117,13 @@ def _elements(count: int) -> Callable[[], None]:
     )
 
 
-def _flat_modes(modes: int, points: int) -> Callable[[], None]:
-    s = SECTION
-    value, number = planar_strain.leaf_values(
-        length=LENGTH,
-        EI=s.E * s.Iz,
-        cN=1 / (s.E * s.A),
-        cV=1 / (s.ky * s.G * s.A),
-        modes=modes,
-        points=points,
-    )
-    state, store = planar_strain.sizes(modes)
-    own = "_default" * ((modes, points) == planar_entry.DEFAULT)
-    names = f"planar_strain_condense{own}", "planar_strain_recover"
-    return _case(_in_the_plane, names, value, number, np.random.default_rng(1).normal(size=state), store, 1)
-
-
-def _flat_elements(count: int) -> Callable[[], None]:
-    value, number = planar_corotational.chain_values(SECTION, LENGTH, count), np.array([count, 1])
-    inner = planar_corotational.start_inner(value, number)
-    names = "planar_chain_condense", "planar_chain_recover"
-    return _case(_in_the_plane, names, value, number, inner, planar_corotational.sizes(count)[2], 1)
+def _flat_modes(orders: Sequence[int]) -> Callable[[], None]:
+    """A strain-mode leaf that bends in its plane."""
+    value, number = _constants(orders)
+    inner = np.random.default_rng(1).normal(size=strain_sizes(number)[0])
+    value, number = planar_leaf.planar_values(value, number)
+    names = "planar_condense", "planar_recover"
+    return _case(_without_scratch, names, value, number, inner, planar_leaf.store_size(orders[2]), 1)
 
 
 def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
@@ -158,13 +131,12 @@ def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
     chosen = options(__doc__, argv)
     cases = {f"space: strain modes {o[:3]}, {o[3]} points": _modes(o) for o in ORDERS}
     cases |= {f"space: {n} elements": _elements(n) for n in ELEMENTS}
-    cases |= {f"plane: {o[2]} strain modes, {o[3]} points": _flat_modes(*o[2:]) for o in ORDERS[:3]}
-    cases |= {f"plane: {n} elements": _flat_elements(n) for n in ELEMENTS}
+    cases |= {f"plane: {o[2]} strain modes, {o[3]} points": _flat_modes(o) for o in ORDERS[:3]}
     times = interleaved(cases, repeats=10 if chosen.quick else 200)
     found: dict[str, Any] = {"machine": machine(), "us": {}, "ratio_to_four_elements": {}}
     for name, spent in times.items():
         us = spent.median / CALLS
-        ratio = spent.median / times[f"{name[:5]}: 4 elements"].median
+        ratio = spent.median / times["space: 4 elements"].median
         found["us"][name], found["ratio_to_four_elements"][name] = us, ratio
         print(f"{name:44s}{us:8.3f} us{ratio:8.2f} times four elements")
     write_json(found, chosen.out / "leaf_cost.json")

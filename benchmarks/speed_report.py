@@ -15,9 +15,6 @@ SERIES = {
     "full": "#c2410c",
     "conventional": "#8a63b0",
     "conventional, planar": "#2f9c98",
-    "reduced, planar": "#93c47d",
-    "reduced, 1 pass, planar": "#7aa6d6",
-    "full, planar": "#e8875a",
     "plain Newton": "#444b57",
 }
 README_ROWS = ("kinematic", *SERIES)
@@ -113,8 +110,7 @@ def markdown(found: dict[str, Any]) -> str:
         "solve; whole call: that and what Python does around it, as the user pays it. Errors against strain-mode",
         "leafs of orders (6, 5, 9). Plain Newton: the paper's conventional method (all element nodes, best eps_max",
         "per case); capped: no node turns more than 0.3 rad in one iteration, which the paper's does not do.",
-        "Planar: 3 unknowns per node, as all but `kinematic` are solved by themselves where a scene stays in its plane;",
-        "all others are solved in space here (`planar=False`).",
+        "Conventional, planar: 3 unknowns per node, as it is solved by itself where a scene stays in its plane.",
         "",
         "## Targets",
         "",
@@ -179,7 +175,7 @@ def readme_table(found: dict[str, Any]) -> str:
         f"eps_max best for it. One iteration of everything costs {full:.0f} µs with 5 elements per leaf and",
         f"{strain:.0f} µs with strain-mode leafs; of the reduced mechanism {reduced:.1f} µs. All tables, with spread",
         "and targets met and missed, are in `benchmarks/results/speed.md`. All is solved in space but for the planar",
-        "rows: the way taken by default where a scene stays in its plane.",
+        "row: the way taken by default where a scene stays in its plane.",
     ]
     return "\n".join(lines)
 

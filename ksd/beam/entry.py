@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ksd.beam import corotational, corotational_near, modal, polynomial, strain
+from ksd.beam import corotational, corotational_near, modal, planar_leaf, polynomial, strain
 from ksd.beam.corotational_element import KEPT, TAIL
 from ksd.beam.strain_values import DEFAULT_ORDERS, DEFAULT_POINTS, strain_sizes
 from ksd.numerics.fours import four_matrix, fours
@@ -68,6 +68,25 @@ def chain_condense(value, number, inner, store, d, Q, lam, K, out, size):
 def chain_recover(value, number, inner, store, xi, scale, size):
     """Inner update of a chain."""
     corotational.recover(
+        carray(value, (size[0],)), carray(number, (4,)), carray(inner, (size[1],)), carray(store, (size[2],)),
+        carray(xi, (6,)), scale,
+    )  # fmt: skip
+
+
+@late(_CONDENSE)
+def planar_condense(value, number, inner, store, d, Q, lam, K, out, size):
+    """A leaf that bends in its plane; size = lengths of value, inner, store."""
+    back, force, moment, status = planar_leaf.condense(
+        carray(value, (size[0],)), carray(number, (4,)), carray(inner, (size[1],)), carray(store, (size[2],)),
+        carray(d, (3,)), carray(Q, (3, 3)), carray(lam, (12,)), carray(K, (6, 6)),
+    )  # fmt: skip
+    out[0], out[1], out[2], out[3] = back, force, moment, status
+
+
+@late(_RECOVER)
+def planar_recover(value, number, inner, store, xi, scale, size):
+    """Inner update of a leaf that bends in its plane."""
+    planar_leaf.recover(
         carray(value, (size[0],)), carray(number, (4,)), carray(inner, (size[1],)), carray(store, (size[2],)),
         carray(xi, (6,)), scale,
     )  # fmt: skip

@@ -1,4 +1,4 @@
-"""A coil spring between two points, and springs in the plane; interface as `ksd.beam.linear`.
+"""A coil spring between two points; interface as `ksd.beam.linear`.
 
 Energy of a coil spring: k (l - l0)^2 / 2 with l the distance of its ends. Force on end q along u = d / l:
 n = k (l - l0) u, tangent dn/dd = k u u^T + k (1 - l0/l) (I - u u^T); with l0 = 0 simply n = k d.
@@ -29,39 +29,3 @@ def coil_condense(value, d, lam, K):
         for j in range(3):
             K[i, j] += along * d[i] * d[j]
     return 0
-
-
-@kernel
-def planar_coil_condense(value, end, lam, K):
-    """The same in the plane: end (3,) = x, y, angle of q in frame p; lam (6,), K (3, 3)."""
-    k, free = value[0], value[1]
-    l = math.sqrt(end[0] * end[0] + end[1] * end[1])
-    K[:, :] = 0.0
-    lam[:] = 0.0
-    if free > 0.0 and not l > 1e-9 * free:
-        return 2
-    across = k if free == 0.0 else k * (1.0 - free / l)
-    along = 0.0 if free == 0.0 else k * free / (l * l * l)
-    for i in range(2):
-        lam[i] = across * end[i]
-        lam[3 + i] = lam[i]
-        K[i, i] = across
-        for j in range(2):
-            K[i, j] += along * end[i] * end[j]
-    return 0
-
-
-@kernel
-def planar_linear_condense(value, end, lam, K):
-    """f = F + K (end - end0) of value = end0 (3), F (3), K (9): a linear body seen in its plane."""
-    turn = 2.0 * math.pi
-    for i in range(3):
-        f = value[3 + i]
-        for j in range(3):
-            xi = end[j] - value[j]
-            if j == 2:
-                xi -= turn * round(xi / turn)
-            K[i, j] = value[6 + 3 * i + j]
-            f += K[i, j] * xi
-        lam[i] = f
-        lam[3 + i] = f

@@ -5,16 +5,16 @@ potential of a leaf is V(xi, g): xi the motion of end q relative to end p, g the
 frame p. Its derivatives by xi are the force and stiffness every member has. Those by g stand in the last numbers of
 the `store` of a leaf with weight (a leaf without has a shorter `store` and no such numbers), here called its pull:
 
-====== =========  ===================================================================================
-space  plane      meaning
-====== =========  ===================================================================================
-0:3    0:2        g, set before `condense`
-3:6    2:4        s = int r dm = -V_g, first moment of mass about end p [kg m], predicted like lam[0:6]
-6:9    4:6        the same at the present inner state, for the geometric terms
-9:27   6:12       V_xi,g (6, 3) or (3, 2), row-major [kg, kg m]
-27:36  12:16      V_g,g (3, 3) or (2, 2), row-major [kg s^2]
-36:39  16:18      change of g by the step, set before `recover`
-====== =========  ===================================================================================
+=====  ======================================================================================
+place  meaning
+=====  ======================================================================================
+0:3    g, set before `condense`
+3:6    s = int r dm = -V_g, first moment of mass about end p [kg m], predicted like lam[0:6]
+6:9    the same at the present inner state, for the geometric terms
+9:27   V_xi,g (6, 3), row-major [kg, kg m]
+27:36  V_g,g (3, 3), row-major [kg s^2]
+36:39  change of g by the step, set before `recover`
+=====  ======================================================================================
 
 The weight itself, mass times g, acts at end p with the moment s x g. So far no model asks for it: scenes put weight on
 links alone. Here: the inner nodes of
@@ -27,9 +27,6 @@ from __future__ import annotations
 from ksd.beam.corotational_element import A_AT, B_AT, C_AT, P_AT
 from ksd.beam.strain_values import PULL
 from ksd.numerics.kernel import kernel
-
-PLANAR_PULL = 18
-"""Numbers of the pull of a leaf in the plane."""
 
 
 @kernel
@@ -121,4 +118,4 @@ def finish_chain(mass, n, pull, carried, d, Q, lam, K):
     pull[25] -= x
 
 
-__all__ = ["PLANAR_PULL", "PULL", "eliminate_inner", "finish_chain", "load_inner", "start_chain"]
+__all__ = ["PULL", "eliminate_inner", "finish_chain", "load_inner", "start_chain"]

@@ -257,8 +257,8 @@ def five_step_ways(
     solver = Solver(scene, mesh=mesh, extrapolate=extrapolate, planar=False)
     leafs, size = label_of(mesh), sum(mesh.orders) if mesh.leaf == "strain" else mesh.elements
 
-    def way(name: str, method: str, of: Solver = solver, **more: Any) -> Way:
-        return Way(name, leafs, size, lambda: of(targets, method=method, **more))
+    def way(name: str, method: str, **more: Any) -> Way:
+        return Way(name, leafs, size, lambda: solver(targets, method=method, **more))
 
     def in_space(planar: bool) -> Configuration:
         return conventional(solver.model, targets, planar=planar, storage=solver.storage)
@@ -269,11 +269,6 @@ def five_step_ways(
         found.append(way(name, "reduced", passes=passes, estimate=False))
     found += [way("full", "full"), Way("conventional", leafs, size, lambda: in_space(False))]
     if _is_planar(solver, targets):
-        flat = Solver(solver.model, extrapolate=extrapolate)
-        found.append(way("reduced, planar", "reduced", flat, estimate=False))
-        found.append(way("reduced, 1 pass, planar", "reduced", flat, passes=1, estimate=False))
-        found.append(way("reduced, 2 passes, planar", "reduced", flat, passes=2, estimate=False))
-        found.append(way("full, planar", "full", flat))
         found.append(Way("conventional, planar", leafs, size, lambda: in_space(True)))
     return found
 

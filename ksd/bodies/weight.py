@@ -7,18 +7,16 @@ hangs on B instead; both are exact, and turn with A until the joint is linearise
 
 from __future__ import annotations
 
-import math
 from typing import NamedTuple
 
 import numpy as np
 
-from ksd.beam.weight import PLANAR_PULL, PULL
+from ksd.beam.weight import PULL
 from ksd.numerics.kernel import late
 
 _P = "CPointer(float64)"
 _I = "CPointer(int64)"
 JOINT_ENTRIES = ("turn_gravity", "hang_joints")
-PLANAR_JOINT_ENTRIES = ("turn_planar_gravity", "hang_planar_joints")
 
 
 class Hung(NamedTuple):
@@ -73,38 +71,3 @@ def hang_joints(size, owner, load, node, store_at, x, pose, store, weight, ancho
                 for c in range(3):
                     s += frame[9 * j + 3 * r + c] * total[j, 1 + c] / total[j, 0]
                 point[3 * load[j] + r] = s
-
-
-@late(f"void({_I}, {_I}, {_I}, {_P}, {_P}, {_P}, {_P})")
-def turn_planar_gravity(size, owner, node, links, frame, given, weight):
-    """As `turn_gravity`, in the plane: links (k, 3) poses, frame (J,) angles of the joints; weights (m, 3)."""
-    for i in range(size[0]):
-        turn = links[3 * node[2 * owner[i]] + 2] + frame[owner[i]]
-        c, s, o = math.cos(turn), math.sin(turn), 3 * i + 1
-        x, y = given[o], given[o + 1]
-        weight[o], weight[o + 1] = c * x + s * y, c * y - s * x
-
-
-@late(f"void({_I}, {_I}, {_I}, {_I}, {_I}, {_P}, {_P}, {_P}, {_P}, {_P}, {_P}, {_P}, {_P})")
-def hang_planar_joints(
-    size, owner, load, node, store_at, nodes, offset, pose, store, weight, anchor, frame, point
-):
-    """As `hang_joints`, in the plane: nodes (k, 3) poses on the bench, offset (m, 2, 2), anchor (J, 2, 2)."""
-    total = np.zeros((size[1], 3))
-    for i in range(size[0]):
-        if weight[3 * i] > 0.0:
-            j, mass, p, o, k = owner[i], weight[3 * i], 6 * i, store_at[i + 1] - PLANAR_PULL, 3 * node[2 * i]
-            c, s, x, y = math.cos(nodes[k + 2]), math.sin(nodes[k + 2]), offset[4 * i], offset[4 * i + 1]
-            total[j, 0] += mass
-            total[j, 1] += (
-                mass * (nodes[k] + c * x - s * y) + pose[p] * store[o + 2] - pose[p + 1] * store[o + 3]
-            )
-            total[j, 2] += (
-                mass * (nodes[k + 1] + s * x + c * y) + pose[p + 1] * store[o + 2] + pose[p] * store[o + 3]
-            )
-    for j in range(size[1]):
-        if load[j] >= 0:
-            c, s = math.cos(frame[j]), math.sin(frame[j])
-            x, y = total[j, 1] / total[j, 0], total[j, 2] / total[j, 0]
-            point[2 * load[j]] = anchor[4 * j] + c * x - s * y
-            point[2 * load[j] + 1] = anchor[4 * j + 1] + s * x + c * y

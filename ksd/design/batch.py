@@ -93,7 +93,6 @@ def batch(
     tabulated: bool = False,
     mesh: Mesh | None = None,
     extrapolate: bool = False,
-    planar: bool = True,
     threads: int | None = None,
     executor: Any = None,
     **drives: Any,
@@ -102,14 +101,14 @@ def batch(
 
     mechanism: a Mechanism or Scene, or, with `designs` (parameters by name, as in `ksd.sweep`), a function of those
     parameters that returns one. Drive values [m or rad] by name, numbers or arrays of one length. tabulated: take the
-    condensed joints from tables over their stroke, made once per design; it pays from some hundred poses on. planar:
-    False solves in space. threads: cores when None. executor: any concurrent.futures executor instead of threads; with
-    processes, where Python works in parallel too, `mechanism` must be a function they can import. In the plane stability
-    is that in the plane. Raises SceneError for bad input; designs and poses that fail are in the result.
+    condensed joints from tables over their stroke, made once per design; it pays from some hundred poses on. threads:
+    cores when None. executor: any concurrent.futures executor instead of threads; with processes, where Python works in
+    parallel too, `mechanism` must be a function they can import. Raises SceneError for bad input; designs and poses that
+    fail are in the result.
     """
     check_ways(
         mesh=mesh, passes=passes, method=method, methods=("reduced", "full"),
-        tabulated=tabulated, extrapolate=extrapolate, planar=planar,
+        tabulated=tabulated, extrapolate=extrapolate,
     )  # fmt: skip
     if tabulated and (method != "reduced" or passes):
         raise SceneError("tabulated = True: tabulated joints serve method='reduced' without passes")
@@ -121,7 +120,7 @@ def batch(
         "passes": passes,
         "tabulated": tabulated,
     }
-    more: dict[str, Any] = {"mesh": mesh, "extrapolate": extrapolate, "planar": planar and not tabulated}
+    more: dict[str, Any] = {"mesh": mesh, "extrapolate": extrapolate}
     solver, points = Designs(values, ways, more), design_points(mechanism, designs)
     if designs is None:
         check_drives(scene_of(mechanism, {}), tuple(values), batch)

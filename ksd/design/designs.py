@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import os
 import threading
 from collections.abc import Callable, Mapping, Sequence
@@ -12,19 +11,14 @@ from typing import Any
 import numpy as np
 
 from ksd.design.plan import scene_of
-from ksd.design.prepared import Found, Prepared
+from ksd.design.prepared import Prepared
 from ksd.design.refill import Drawing, Refill, drawing
 from ksd.design.refill.drawing import numbers_of
-from ksd.design.refill.refill import Ready, shear_matters
+from ksd.design.refill.refill import shear_matters
 from ksd.errors import KsdError
 from ksd.model.mesh import Mesh
-from ksd.model.plane import Plane
 from ksd.scene import Scene
-from ksd.solve.driving import RTOL
-from ksd.solve.planar_steps import PlanarSteps
-from ksd.solve.reach import in_range
 from ksd.solve.solver import Solver
-from ksd.solve.space_steps import REDUCED
 
 Maker = Callable[[], Scene]
 CHUNK = 64
@@ -120,10 +114,8 @@ class Designs:
         for k, (d, _) in enumerate(group):
             if ready.fits[k]:
                 try:
-                    size = refill.put(ready, k)
-                    if size is None:
-                        continue
-                    found[d] = self._poses(prepared, ready, k, targets, size)
+                    if refill.put(ready, k):
+                        found[d] = prepared.solved(targets, ready.motion_scale[k])
                 except KsdError as reason:
                     found[d] = reason
 
@@ -137,13 +129,6 @@ class Designs:
         refill = Refill(prepared.five, drawn)
         return (prepared, refill) if refill.works else None
 
-    def _poses(self, prepared: Prepared, ready: Ready, k: int, targets: np.ndarray, size: float) -> Found:
-        """All poses of the design in the storage."""
-        flat = prepared.five.flat
-        inside = isinstance(flat, PlanarSteps) and balanced(prepared, targets, size)
-        steps = flat if inside and isinstance(flat, PlanarSteps) else None
-        return prepared.solved(targets, steps, ready.motion_scale[k])
-
 
 def makers_of(mechanism: Any, designs: Sequence[Mapping[str, Any]]) -> list[Maker]:
     """What makes each design."""
@@ -154,22 +139,3 @@ def _elsewhere(said: tuple, designs: list[Mapping[str, Any]]) -> list[Any]:
     """Some designs in a worker of an executor."""
     mechanism, *words = said
     return Designs(*words).solve(makers_of(mechanism, designs), 1)
-
-
-def balanced(prepared: Prepared, targets: np.ndarray, size: float) -> bool:
-    """Whether leafs and loads of the design in the storage balance across the plane: looked at once, as single solves
-    do, at the widest pose; size: its length scale [m]. True where that pose is not reached."""
-    five, plane = prepared.five, prepared.plane
-    flat, b = five.flat, five.bench
-    assert isinstance(flat, PlanarSteps) and isinstance(plane, Plane)
-    target = targets[int(np.argmax(np.abs(targets).sum(axis=1)))]
-    out, rows, _ = flat(target[plane.lifting.row], method=REDUCED, passes=0)
-    if out[0, 0] != 0 or not out[0, 2] < five.gap * size or rows != 4 or out[3, 0] != 0:
-        return True
-    with contextlib.suppress(KsdError):
-        in_range(b, flat.state.theta, extrapolate=five.extrapolate)
-        five.above.lift()
-        if np.abs(flat.state.found).max(initial=0.0) > 0.0:
-            b.storage.look(target, RTOL)
-            return bool(plane.imbalance(b.full_work)[0] <= 1.0)
-    return True

@@ -2,18 +2,14 @@
 
 from __future__ import annotations
 
-import contextlib
 from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
-from ksd.errors import KsdError
-from ksd.model.plane import Plane, plane_of
 from ksd.solve.driving import CAP, RTOL
 from ksd.solve.five import FiveSteps
-from ksd.solve.many import planar_many, space_many, tabulated_many
-from ksd.solve.planar_steps import PlanarSteps
+from ksd.solve.many import space_many, tabulated_many
 from ksd.solve.solver import Solver
 from ksd.solve.space_steps import KINEMATIC, REDUCED
 from ksd.solve.tables import joint_tables
@@ -51,15 +47,7 @@ class Prepared:
 
     def __call__(self, values: Mapping[str, np.ndarray]) -> Found:
         """All poses, from rest each."""
-        targets = self.targets(values)
-        flat = None if self.tables else _balanced(self.five, values, targets)
-        return self.solved(targets, flat, self.five.bench.bodies.motion_scale)
-
-    @property
-    def plane(self) -> Plane | None:
-        """The plane of the model, None without one or where the design it was made of does not balance in it."""
-        found = plane_of(self.solver.model)
-        return found if isinstance(found, Plane) else None
+        return self.solved(self.targets(values), self.five.bench.bodies.motion_scale)
 
     def targets(self, values: Mapping[str, np.ndarray]) -> np.ndarray:
         """Right-hand sides (N, c) of all rows. Raises SceneError for drives that are not there."""
@@ -71,25 +59,11 @@ class Prepared:
             targets[:, k] = values[name]
         return targets
 
-    def solved(self, targets: np.ndarray, flat: PlanarSteps | None, scale: np.ndarray) -> Found:
-        """All poses of the design in the storage, in the plane or not; scale (q,): of the intended motions."""
-        model, b, count = self.solver.model, self.five.bench, len(targets)
+    def solved(self, targets: np.ndarray, scale: np.ndarray) -> Found:
+        """All poses of the design in the storage; scale (q,): of the intended motions."""
+        model, b, (count, rows) = self.solver.model, self.five.bench, targets.shape
+        links = len(model.scene.links)
         motion, status = np.zeros((count, len(b.theta))), np.zeros(count, np.int64)
-        if flat is not None:
-            ways = (self.method, self.passes, self._limits)
-            force, x, R = _in_plane(self.five, flat, targets, ways, (motion, status))
-        else:
-            force, x, R = self._in_space(targets, motion, status)
-        names = (model.scene.links, model.drive_names, b.bodies.motion_names)
-        error = self.tables.error if self.tables else np.nan
-        return Found(*names, force, x, R, motion * scale, status, error)
-
-    def _in_space(
-        self, targets: np.ndarray, motion: np.ndarray, status: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Forces (N, rows), positions and rotations of the links."""
-        b, (count, rows) = self.five.bench, targets.shape
-        links = len(self.solver.model.scene.links)
         force, x, R = np.zeros((count, rows)), np.zeros((count, links, 3)), np.zeros((count, links, 3, 3))
         put = (force, x, R, motion, status)
         if self.tables is None:
@@ -98,39 +72,12 @@ class Prepared:
             t = self.tables
             limits = np.column_stack([self._limits, t.limits])
             tabulated_many(b.held, t.cubic, t.which, targets, rows, _ways(self.five), limits, *put)
-        return force, x, R
+        names = (model.scene.links, model.drive_names, b.bodies.motion_names)
+        return Found(
+            *names, force, x, R, motion * scale, status, self.tables.error if self.tables else np.nan
+        )
 
 
 def _ways(five: FiveSteps) -> np.ndarray:
     """Tolerances of the compiled steps: residual, turn per iteration, gap of the loops."""
     return np.array([RTOL, CAP, five.gap])
-
-
-def _balanced(five: FiveSteps, values: Mapping[str, np.ndarray], targets: np.ndarray) -> PlanarSteps | None:
-    """The planar five steps, if one pose shows that leafs and loads balance across the plane."""
-    widest = int(np.argmax(np.abs(targets).sum(axis=1)))
-    if isinstance(five.flat, PlanarSteps):
-        with contextlib.suppress(KsdError):
-            at = {n: float(v[widest]) for n, v in values.items()}
-            five(at, targets[widest], method="reduced", passes=0, estimate=False)
-    flat = five.flat
-    return flat if isinstance(flat, PlanarSteps) and isinstance(plane_of(five.model), Plane) else None
-
-
-def _in_plane(
-    five: FiveSteps, flat: PlanarSteps, targets: np.ndarray, ways: tuple, put: tuple[np.ndarray, np.ndarray]
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Forces (N, rows), positions and rotations of the links, from the planar solves."""
-    method, passes, limits = ways
-    lifting = plane_of(five.model).lifting  # type: ignore[union-attr]
-    count, links = len(targets), len(five.model.scene.links)
-    inside = np.ascontiguousarray(targets[:, lifting.row])
-    force, pose = np.zeros((count, len(lifting.row))), np.zeros((count, links, 3))
-    planar_many(flat.held, inside, len(lifting.row), method, passes, _ways(five), limits, force, pose, *put)
-    all_rows = np.zeros(targets.shape)
-    all_rows[:, lifting.row] = force
-    i, j, k = lifting.axes.T
-    x = pose[..., :1] * i + pose[..., 1:2] * j + lifting.height[:links, None] * k
-    c, s = np.cos(pose[..., 2])[..., None, None], np.sin(pose[..., 2])[..., None, None]
-    R = c * (np.outer(i, i) + np.outer(j, j)) + s * (np.outer(j, i) - np.outer(i, j)) + np.outer(k, k)
-    return all_rows, x, R

@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 
 from ksd.errors import KsdError, SceneError
+from ksd.model.arrays import PLANAR
 from ksd.model.compile import Model
 from ksd.model.effects import NATURE, Choice, choose, mentioned
 from ksd.model.mesh import Mesh
@@ -58,7 +59,11 @@ def unknowns(model: Model) -> int:
     """Unknowns a solve of this model has, those condensed inside the leafs included: in its plane where it has one."""
     plane = plane_of(model)
     arrays = model.arrays if isinstance(plane, str) else plane.arrays
-    return int(arrays.plan.unknowns + arrays.members.inner_at[-1])
+    members = arrays.members
+    inner = np.diff(members.inner_at)
+    # in its plane a leaf has its weak-bending amplitudes and three numbers of its wrench
+    inner[members.kind == PLANAR] = members.number[members.kind == PLANAR, 0] + 3
+    return int(arrays.plan.unknowns + inner.sum())
 
 
 def quantities(pose: Any) -> dict[str, float]:

@@ -13,13 +13,14 @@ import numpy as np
 from ksd.numerics.blocks import Blocks
 from ksd.numerics.kernel import compile_late
 
-STRAIN, COROTATIONAL, LINEAR, COIL, TURN, MODAL, SOLID = 0, 1, 2, 3, 4, 5, 6
+STRAIN, COROTATIONAL, LINEAR, COIL, TURN, MODAL, SOLID, PLANAR = 0, 1, 2, 3, 4, 5, 6, 7
 TRANSLATION, ROTATION = 0, 1
 ENTRIES = {
     STRAIN: ("strain_recover",),
     COROTATIONAL: ("chain_condense", "chain_recover"),
     MODAL: ("modal_condense", "modal_recover"),
     SOLID: ("polynomial_condense", "modal_recover"),
+    PLANAR: ("planar_condense", "planar_recover"),
 }
 """Entry points of `ksd.beam.entry`, compiled only where a model has members of the kind."""
 STRAIN_ENTRIES = ("strain_condense", "strain_condense_default")
@@ -59,7 +60,8 @@ class Terms(NamedTuple):
 
     Term: coefficient, kind, nodes (base, node), direction (3,) fixed in base, points (2, 3) as offsets in the
     axes of base and node. start (c,): unknown of the multiplier. block (t, 5): offsets of the rows coupling the
-    multiplier with base and node, and of the node blocks base-base, node-node, coupling; flip (t,) as in Members.
+    multiplier with base and node, and of the node blocks base-base, node-node, coupling; flip (t,) as in Members; start is
+    -1 for a row that is left out.
     """
 
     first: np.ndarray
@@ -94,7 +96,8 @@ class Arrays(NamedTuple):
     springs: what resists without inner unknowns, packed as members: kind COIL with value (stiffness [N/m], free length
     [m]), TURN with (stiffness [Nm/rad], rest angle [rad]) about e3 of end p, LINEAR with the constants of
     `ksd.beam.linear`. Their rows of Work.lam and Work.pose follow those of the members. scratch: how many numbers the
-    kernel of the largest member needs. weight (m, 4): mass of every member [kg], 0 where it weighs nothing, and the
+    kernel of the largest member needs. keep (w,): which of x, y, z, rx, ry, rz of every node are unknown: all six, or three
+    in a plane (`ksd.model.plane`). weight (m, 4): mass of every member [kg], 0 where it weighs nothing, and the
     gravity that pulls at it [m/s^2]; (0, 4) where no member has weight.
     """
 
@@ -107,6 +110,7 @@ class Arrays(NamedTuple):
     springs: Members
     scratch: int
     weight: np.ndarray
+    keep: np.ndarray
 
 
 def carries_load(arrays: Arrays) -> bool:
@@ -159,10 +163,10 @@ class Work(NamedTuple):
     four: np.ndarray = np.zeros(0)
 
 
-def turning_room(arrays: Arrays, width: int) -> int:
-    """Scratch that loads with a skew tangent take in a Newton step (`ksd.model.turning`); width: unknowns per node."""
+def turning_room(arrays: Arrays) -> int:
+    """Scratch that loads with a skew tangent take in a Newton step (`ksd.model.turning`)."""
     loads = arrays.loads
-    rows = width * int(np.sum((loads.skew == 1) & (arrays.start[loads.node] >= 0)))
+    rows = len(arrays.keep) * int(np.sum((loads.skew == 1) & (arrays.start[loads.node] >= 0)))
     return rows * (arrays.plan.unknowns + rows + 1)
 
 
@@ -198,7 +202,7 @@ def make_work(arrays: Arrays, *, near: np.ndarray | None = None) -> Work:
     four_of, four = lay_out(members, near, COROTATIONAL)
     if four:
         compile_late(*FOUR_ENTRIES)
-    room = turning_room(arrays, 6)
+    room = turning_room(arrays)
     if room:
         compile_late("turn_step")
     held = len(members.kind)

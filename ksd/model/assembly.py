@@ -11,6 +11,8 @@ from ksd.beam.entry import (
     chain_recover,
     modal_condense,
     modal_recover,
+    planar_condense,
+    planar_recover,
     polynomial_condense,
     strain_condense,
     strain_condense_default,
@@ -18,11 +20,11 @@ from ksd.beam.entry import (
 )
 from ksd.beam.linear import linear_condense
 from ksd.beam.weight_entry import pull_member, weigh_member
-from ksd.model.arrays import COROTATIONAL, LINEAR, MODAL, SOLID, STRAIN
+from ksd.model.arrays import COROTATIONAL, LINEAR, MODAL, PLANAR, SOLID, STRAIN
 from ksd.model.fours import LANE, TAKEN, told_of_four
 from ksd.model.fours_apart import condense_four
 from ksd.model.poses import member_pose
-from ksd.model.tangents import member_norms, member_tangent
+from ksd.model.tangents import member_norms, member_tangent, scatter
 from ksd.numerics.kernel import kernel
 from ksd.numerics.local import local_counts, local_cube, local_matrix, local_vector
 
@@ -40,7 +42,9 @@ def condense_member(members, inner, work, i, d, Q, K):
         return linear_condense(state, d, Q, lam, K)
     out = local_vector(4)
     V, N, S, W = value.ctypes, number.ctypes, state.ctypes, kept.ctypes
-    if members.kind[i] == STRAIN:
+    if members.kind[i] == PLANAR:
+        planar_condense(V, N, S, W, d.ctypes, Q.ctypes, lam.ctypes, K.ctypes, out.ctypes, size.ctypes)
+    elif members.kind[i] == STRAIN:
         scratch = work.scratch
         size[4] = len(scratch)
         own = len(kept) == LENGTHS[1]
@@ -72,31 +76,14 @@ def recover_member(members, inner, store, i, xi, scale):
     kept = store[members.store_at[i] : members.store_at[i + 1]]
     size[0], size[1], size[2], size[3], size[4] = len(value), len(state), len(kept), 0, 0
     V, N, S, W = value.ctypes, number.ctypes, state.ctypes, kept.ctypes
-    if members.kind[i] == STRAIN:
+    if members.kind[i] == PLANAR:
+        planar_recover(V, N, S, W, xi.ctypes, scale, size.ctypes)
+    elif members.kind[i] == STRAIN:
         strain_recover(V, N, S, W, xi.ctypes, scale, size.ctypes)
     elif members.kind[i] == COROTATIONAL:
         chain_recover(V, N, S, W, xi.ctypes, scale, size.ctypes)
-    elif members.kind[i] >= MODAL:
+    elif members.kind[i] == MODAL or members.kind[i] == SOLID:
         modal_recover(V, N, S, W, xi.ctypes, scale, size.ctypes)
-
-
-@kernel
-def scatter(block, T, force, rhs, starts, value):
-    """Add T (12, 12) to the stored blocks (pp, qq, coupling, flipped) and the forces to the residual."""
-    for e in range(2):
-        if block[e] >= 0:
-            o, u = 6 * e, starts[e]
-            for r in range(6):
-                rhs[u + r] += force[o + r]
-                for c in range(6):
-                    value[block[e] + 6 * r + c] += T[o + r, o + c]
-    if block[2] >= 0:
-        for r in range(6):
-            for c in range(6):
-                if block[3] == 1:
-                    value[block[2] + 6 * r + c] += T[r, 6 + c]
-                else:
-                    value[block[2] + 6 * r + c] += T[6 + r, c]
 
 
 @kernel
@@ -204,5 +191,5 @@ def add_members(address, arrays, x, R, inner, work, factor, rtol, noise, near):
             starts[e] = arrays.start[node]
             work.scale[node, 0] += rtol * (max(norms[2 + 2 * e], n) + m / L) + floor
             work.scale[node, 1] += rtol * (max(norms[3 + 2 * e], m) + n * L) + floor * L
-        scatter(members.block[i], T, force, work.rhs, starts, work.value)
+        scatter(arrays.keep, members.block[i], T, force, work.rhs, starts, work.value)
     return int(negatives), worst, int(status)

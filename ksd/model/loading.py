@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from ksd.model.arrays import TRANSLATION
-from ksd.model.tangents import geometric_tangent
+from ksd.model.tangents import couple, geometric_tangent
 from ksd.numerics.kernel import kernel
 from ksd.numerics.local import local_matrix, local_vector
 from ksd.numerics.rotations import rotation_log
@@ -18,8 +18,10 @@ def add_loads(arrays, R, work, factor, rtol):
     Tangent of a dead force at lever s: -[(s F' + F s')/2 - (s.F) I]. A following load and a moment have an unsymmetric
     tangent; its symmetric part is what is added, the rest is for the solve (`ksd.model.turning`).
     """
-    loads = arrays.loads
+    loads, keep = arrays.loads, arrays.keep
     F, M, s = local_vector(3), local_vector(3), local_vector(3)
+    force, tangent = local_vector(6), local_matrix(6, 6)
+    w = len(keep)
     for i in range(len(loads.node)):
         node = loads.node[i]
         u, block = arrays.start[node], loads.block[i]
@@ -36,23 +38,27 @@ def add_loads(arrays, R, work, factor, rtol):
                 M[r] = factor * (T[r, 0] * m[0] + T[r, 1] * m[1] + T[r, 2] * m[2])
         sF = s[0] * F[0] + s[1] * F[1] + s[2] * F[2]
         f2, m2 = 0.0, 0.0
+        tangent[:, :] = 0.0
         for r in range(3):
             j, k = (r + 1) % 3, (r + 2) % 3
-            moment = M[r] + s[j] * F[k] - s[k] * F[j]
+            force[r] = F[r]
+            force[3 + r] = M[r] + s[j] * F[k] - s[k] * F[j]
             f2 += F[r] * F[r]
-            m2 += moment * moment
-            work.rhs[u + r] -= F[r]
-            work.rhs[u + 3 + r] -= moment
+            m2 += force[3 + r] * force[3 + r]
             if loads.following[i] == 0:
                 for c in range(3):
-                    work.value[block + 6 * (3 + r) + 3 + c] -= 0.5 * (s[r] * F[c] + F[r] * s[c])
-                work.value[block + 6 * (3 + r) + 3 + r] += sF
+                    tangent[3 + r, 3 + c] -= 0.5 * (s[r] * F[c] + F[r] * s[c])
+                tangent[3 + r, 3 + r] += sF
             else:
                 # symmetric half of -d(R f)/dphi = [F]x, rows force, columns rotation
-                work.value[block + 6 * r + 3 + j] -= 0.5 * F[k]
-                work.value[block + 6 * j + 3 + r] += 0.5 * F[k]
-                work.value[block + 6 * (3 + j) + r] -= 0.5 * F[k]
-                work.value[block + 6 * (3 + r) + j] += 0.5 * F[k]
+                tangent[r, 3 + j] -= 0.5 * F[k]
+                tangent[j, 3 + r] += 0.5 * F[k]
+                tangent[3 + j, r] -= 0.5 * F[k]
+                tangent[3 + r, j] += 0.5 * F[k]
+        for r in range(w):
+            work.rhs[u + r] -= force[keep[r]]
+            for c in range(w):
+                work.value[block + w * r + c] += tangent[keep[r], keep[c]]
         work.scale[node, 0] += rtol * math.sqrt(f2)
         work.scale[node, 1] += rtol * math.sqrt(m2)
 
@@ -152,10 +158,12 @@ def add_terms(arrays, x, R, multiplier, target, work, rtol):
 
     Returns the largest gap, in metres (rotations times the model's length scale).
     """
-    terms = arrays.terms
+    terms, keep = arrays.terms, arrays.keep
     gradient, tangent = local_vector(12), local_matrix(12, 12)
-    largest = 0.0
+    largest, w = 0.0, len(keep)
     for i in range(len(terms.start)):
+        if terms.start[i] < 0:
+            continue
         gap, reach = -target[i], 1.0
         for t in range(terms.first[i], terms.first[i + 1]):
             c = terms.coefficient[t]
@@ -168,26 +176,20 @@ def add_terms(arrays, x, R, multiplier, target, work, rtol):
                 if u < 0:
                     continue
                 f2, m2 = 0.0, 0.0
-                for r in range(6):
-                    value = c * gradient[6 * e + r]
-                    # the row is stored (multiplier, node) or (node, multiplier): six numbers either way
+                for r in range(w):
+                    value = c * gradient[6 * e + keep[r]]
+                    # the row is stored (multiplier, node) or (node, multiplier): w numbers either way
                     work.value[block[e] + r] += value
                     work.rhs[u + r] += multiplier[i] * value
-                    if r < 3:
+                    if keep[r] < 3:
                         f2 += value * value
                     else:
                         m2 += value * value
-                    for k in range(6):
-                        work.value[block[2 + e] + 6 * r + k] += tangent[6 * e + r, 6 * e + k]
+                    for k in range(w):
+                        work.value[block[2 + e] + w * r + k] += tangent[6 * e + keep[r], 6 * e + keep[k]]
                 work.scale[terms.node[t, e], 0] += rtol * abs(multiplier[i]) * math.sqrt(f2)
                 work.scale[terms.node[t, e], 1] += rtol * abs(multiplier[i]) * math.sqrt(m2)
-            if block[4] >= 0:
-                for r in range(6):
-                    for k in range(6):
-                        if terms.flip[t] == 1:
-                            work.value[block[4] + 6 * r + k] += tangent[r, 6 + k]
-                        else:
-                            work.value[block[4] + 6 * r + k] += tangent[6 + r, k]
+            couple(keep, block[4], terms.flip[t], tangent, work.value)
         work.rhs[terms.start[i]] += gap
         largest = max(largest, abs(gap) * reach)
     return largest

@@ -209,6 +209,7 @@ def pack(parts: Assembly) -> tuple[Arrays, Motion]:
         springs,
         max((strain_scratch(m.number) for m in parts.members if m.kind == STRAIN), default=0),
         _weight(parts),
+        np.arange(6),
     )
     rest = Motion(np.array(parts.reference, float), np.tile(np.eye(3), (nodes, 1, 1)), inner, np.zeros(rows))
     return arrays, rest

@@ -1,64 +1,74 @@
-"""Whether a model is planar, and the same model in its plane with three unknowns per node.
+"""Whether a model is planar, and the same model with three unknowns per node.
 
 Looked at here: the leafs' width axes, drives and supports, loads. Symmetry about the plane is not asked for; whether
-the leafs balance across it is seen when a planar state is lifted to space and its spatial residual is evaluated
-(`imbalance`). A planar scene is thus checked, never trusted (design section 4).
+the leafs balance across it is seen when the spatial residual is evaluated at a planar answer (`Plane.imbalance`). A
+planar scene is thus checked, never trusted (design section 4).
+
+A planar model is the spatial one with z, rx and ry left out of the numbering (`Arrays.keep`), for a plane across one
+of the global axes: same members, same state, same rows; leafs without weight condense in closed form in the angle
+(`ksd.beam.planar_leaf`). An oblique plane is solved in space.
 """
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
-from typing import Any
+from functools import cached_property
 
 import numpy as np
 
-from ksd.model.arrays import LINEAR, MODAL, ROTATION, SOLID, Arrays, Motion, Work
+from ksd.beam.planar_leaf import planar_values, store_size
+from ksd.model.arrays import (
+    COIL,
+    COROTATIONAL,
+    LINEAR,
+    MODAL,
+    PLANAR,
+    ROTATION,
+    SOLID,
+    STRAIN,
+    TURN,
+    Arrays,
+    Members,
+    Motion,
+    Work,
+)
 from ksd.model.compile import Model
-from ksd.model.planar_arrays import PlanarMotion
-from ksd.model.planar_flat import Flat
-from ksd.model.planar_lift import Lifting, lift_inner, lift_nodes
-from ksd.model.planar_pack import flat_member, flatten
-from ksd.model.planar_springs import flat_spring
+from ksd.model.pack import Places
+from ksd.numerics.blocks import plan_blocks
 
 PARALLEL = 1e-9
 """Sine of the angle below which two directions count as parallel."""
+INSIDE, OUTSIDE = (0, 1, 5), (2, 3, 4)
+"""Motions in the plane, and across it, of end q in a frame p whose e3 is the normal."""
 
 
 @dataclass(frozen=True)
 class Plane:
-    """A spatial model in its plane: `space` the spatial arrays, `arrays` the planar ones, `rest` the planar state."""
+    """The plane of a spatial model `space`: across global axis `axis`; rows (r,): constraint rows that act in it."""
 
     space: Arrays
-    arrays: Arrays
-    lifting: Lifting
-    rest: PlanarMotion
+    rest: Motion
+    axis: int
+    rows: np.ndarray
 
     @property
     def normal(self) -> np.ndarray:
         """Unit normal k (3,) of the plane, global axes."""
-        return self.lifting.axes[:, 2].copy()
+        return np.eye(3)[self.axis]
 
-    def lift(self, flat: PlanarMotion, motion: Motion) -> None:
-        """Write the spatial state `motion` of the planar one `flat`, inner states and multipliers included."""
-        axes, height, *copies, row = self.lifting
-        lift_nodes(axes, height, flat.pose, motion.x, motion.R)
-        lift_inner(*copies, flat.inner, motion.inner)
-        motion.multiplier[:] = 0.0
-        motion.multiplier[row] = flat.multiplier
+    @cached_property
+    def arrays(self) -> Arrays:
+        """The spatial arrays with three unknowns per node."""
+        return _masked(self.space, self.axis, self.rows)
 
-    def flatten(self, motion: Motion) -> PlanarMotion | None:
-        """The planar state of a spatial one, None when that is not in the plane."""
-        flat, back = _flatten(self.lifting, motion, len(self.rest.inner)), motion.copy()
-        self.lift(flat, back)
-        bounds = (1e-9 * self.space.size, 1e-9, 1e-7 * np.abs(motion.inner).max(initial=0.0))
-        for mine, theirs, bound in zip(back[:3], motion[:3], bounds, strict=True):
-            if np.abs(mine - theirs).max(initial=0.0) > bound:
-                return None
-        return flat
+    def holds(self, motion: Motion) -> bool:
+        """Whether the nodes of a state are in the plane."""
+        k, size = self.normal, self.space.size
+        off = np.abs((motion.x - self.rest.x) @ k).max(initial=0.0)
+        return bool(off <= 1e-9 * size and np.abs(motion.R @ k - k).max(initial=0.0) <= 1e-9)
 
     def imbalance(self, work: Work) -> tuple[float, int, float, float]:
-        """Residual across the plane in `work`, as assembled by `ksd.model.system.assemble` at a lifted state.
+        """Residual across the plane in `work`, as assembled in space by `ksd.model.system.assemble` at a planar state.
 
         Returns (the largest over its bound, the node it acts on, its force [N] along k, its moment [Nm] across k).
         """
@@ -72,43 +82,104 @@ class Plane:
         return float(share[worst]), worst + 1, float(force[worst]), float(moment[worst])
 
 
-def _flatten(lifting: Lifting, motion: Motion, inner: int) -> PlanarMotion:
-    """The planar part of a spatial state; `inner`: length of the planar inner states."""
-    axes, _, to, of, factor, turn_to, turn_of, sense, row = lifting
-    i, j = axes[:, 0], axes[:, 1]
-    turned = motion.R @ i
-    flat = PlanarMotion(np.empty((len(motion.x), 3)), np.zeros(inner), motion.multiplier[row])
-    flat.pose[:, :2] = motion.x @ axes[:, :2]
-    flat.pose[:, 2] = np.arctan2(turned @ j, turned @ i)
-    flat.inner[of] = motion.inner[to] / factor
-    flat.inner[turn_of] = sense * np.arctan2(motion.inner[turn_to + 3], motion.inner[turn_to])
-    return flat
+def _masked(arrays: Arrays, axis: int, rows: np.ndarray) -> Arrays:
+    """The arrays with those unknowns of every node that are in the plane across global axis `axis`, and `rows` alone."""
+    keep = np.array([*(c for c in range(3) if c != axis), 3 + axis])
+    nodes, terms = len(arrays.start), arrays.terms
+    size = np.array([len(keep)] * (nodes - 1) + [1] * len(rows), np.int64)
+    waits = np.arange(len(size)) >= nodes - 1
+    plan, position, offsets = plan_blocks(size, _pairs(arrays, rows), waits=waits)
+    places = Places(offsets, position)
+    start = np.full(nodes, -1, np.int64)
+    start[1:] = plan.start[position[: nodes - 1]]
+    row_start = np.full(len(terms.start), -1, np.int64)
+    row_start[rows] = plan.start[position[nodes - 1 :]]
+    block, flip = np.full_like(terms.block, -1), np.zeros_like(terms.flip)
+    for i, row in enumerate(rows):
+        for t in range(terms.first[row], terms.first[row + 1]):
+            a, b = (int(n) for n in terms.node[t])
+            ends = [-1 if n == 0 else places.pair(nodes - 1 + i, n - 1)[0] for n in (a, b)]
+            offset, flip[t] = places.coupling(a, b)
+            block[t] = [*ends, places.diagonal(a), places.diagonal(b), offset]
+    load_block = np.array([places.diagonal(int(n)) for n in arrays.loads.node], np.int64)
+    return arrays._replace(
+        plan=plan,
+        start=start,
+        members=_members(arrays, places),
+        terms=terms._replace(start=row_start, block=block, flip=flip),
+        # a moment along the normal has an energy in the plane
+        loads=arrays.loads._replace(block=load_block, skew=arrays.loads.following.copy()),
+        springs=arrays.springs._replace(block=_blocks(arrays.springs.node, places))
+        if len(arrays.springs.kind)
+        else arrays.springs,
+        keep=keep,
+    )
 
 
-def _normal(arrays: Arrays) -> np.ndarray:
-    """Direction (3,) of the first leaf's width, its largest component positive."""
+def _pairs(arrays: Arrays, rows: np.ndarray) -> list[tuple[int, int]]:
+    """Coupled blocks: block b of node k is k - 1, constraint i is nodes - 1 + i; ground has none."""
+    nodes, terms = len(arrays.start), arrays.terms
+    ends = np.concatenate([arrays.members.node, arrays.springs.node])
+    found = [(int(a) - 1, int(b) - 1) for a, b in ends]
+    for i, row in enumerate(rows):
+        for a, b in terms.node[terms.first[row] : terms.first[row + 1]]:
+            found += [(int(k) - 1, nodes - 1 + i) for k in (a, b)] + [(int(a) - 1, int(b) - 1)]
+    return [pair for pair in found if min(pair) >= 0]
+
+
+def _blocks(nodes: np.ndarray, places: Places) -> np.ndarray:
+    """Stored blocks (m, 4) of members between nodes (m, 2), see `Members`."""
+    found = [[places.diagonal(a), places.diagonal(b), *places.coupling(a, b)] for a, b in nodes.tolist()]
+    return np.array(found, np.int64).reshape(-1, 4)
+
+
+def _members(arrays: Arrays, places: Places) -> Members:
+    """The members, light strain-mode leafs by their planar kernel."""
+    members = arrays.members
+    kind, number, value_at = members.kind.copy(), members.number.copy(), members.value_at.copy()
+    store, values, known = np.diff(members.store_at), [members.value], {}
+    end = len(members.value)
+    for i in range(len(kind)):
+        if kind[i] != STRAIN or _heavy(arrays, i):
+            continue
+        of = int(members.value_at[i]), members.number[i].tobytes()
+        if of not in known:
+            made, settings = planar_values(members.value[members.value_at[i] :], members.number[i])
+            known[of] = end, settings
+            values.append(made)
+            end += len(made)
+        value_at[i], number[i] = known[of]
+        kind[i], store[i] = PLANAR, store_size(int(number[i, 0]))
+    return members._replace(
+        kind=kind,
+        number=number,
+        value_at=value_at,
+        value=np.concatenate(values),
+        store_at=np.concatenate([[0], np.cumsum(store)]).astype(np.int64),
+        block=_blocks(members.node, places),
+    )
+
+
+def _heavy(arrays: Arrays, i: int) -> bool:
+    """Whether member i has weight."""
+    return len(arrays.weight) > 0 and bool(arrays.weight[i, 0] > 0.0)
+
+
+def _normal_axis(arrays: Arrays) -> tuple[int, np.ndarray]:
+    """The global axis nearest to the width of the first leaf, and that direction (3,), its largest component positive."""
     k = arrays.members.frame[0, 0, :, 2]
     k = k / np.linalg.norm(k)
-    return k * np.sign(k[np.argmax(np.abs(k))])
-
-
-def _axes(k: np.ndarray) -> np.ndarray:
-    """Columns i, j, k: i the global axis furthest from k, turned across it."""
-    e = np.eye(3)[int(np.argmin(np.abs(k)))]
-    i = e - (e @ k) * k
-    i /= np.linalg.norm(i)
-    return np.column_stack([i, np.cross(k, i), k])
+    axis = int(np.argmax(np.abs(k)))
+    return axis, k * np.sign(k[axis])
 
 
 def _spoken(v: np.ndarray) -> str:
     return f"({', '.join(f'{c + 0.0:.4g}' for c in v)})"
 
 
-def _flat_members(model: Model, axes: np.ndarray) -> tuple[list[Flat], np.ndarray] | str:
-    """Every member in the plane and the sense of its e3 about k, or why one is not."""
-    members, k = model.arrays.members, axes[:, 2]
-    flats, senses = [], np.ones(len(members.kind))
-    made: dict[Any, np.ndarray | str] = {}
+def _leaving_member(model: Model, k: np.ndarray) -> str:
+    """Why a member is not in the plane across k, naming the first; empty when all are."""
+    members = model.arrays.members
     for i, name in enumerate(model.member_names):
         if members.kind[i] == LINEAR:
             return f"'{name}' is a condensed joint, which has no planar form"
@@ -117,23 +188,47 @@ def _flat_members(model: Model, axes: np.ndarray) -> tuple[list[Flat], np.ndarra
         for e3 in members.frame[i, :, :, 2]:
             if np.linalg.norm(np.cross(e3, k)) > PARALLEL:
                 return f"the width of leaf '{name}' is along {_spoken(e3)}, that of the others along {_spoken(k)}"
-        senses[i] = math.copysign(1.0, members.frame[i, 0, :, 2] @ k)
-        flat = flat_member(model.arrays, i, axes, senses[i], made)
-        if isinstance(flat, str):
-            return f"leaf '{name}' {flat}"
-        flats.append(flat)
-    return flats, senses
+        if not _straight_across(members, i):
+            return f"leaf '{name}' is curved or twisted out of the plane at rest"
+    return ""
 
 
-def _flat_springs(model: Model, axes: np.ndarray) -> list[Flat] | str:
-    """Every spring in the plane, or why one is not."""
-    found = []
+def _straight_across(members: Members, i: int) -> bool:
+    """Whether member i is neither curved nor twisted out of its plane at rest."""
+    value, number = members.value[members.value_at[i] :], members.number[i]
+    if members.kind[i] == COROTATIONAL:
+        n = int(number[0])
+        turned = np.concatenate([value[: 16 * n].reshape(n, 16)[:, 7:], value[16 * n : 16 * n + 9][None]])
+        return bool(np.abs(turned[:, [2, 5, 6, 7]]).max() <= 1e-12)
+    nx, ny, nz = (int(n) for n in number[:3])
+    start = 1 + nx * nx + ny * ny + nz * nz
+    return not np.any(value[start : start + nx + ny])
+
+
+def _leaving_spring(model: Model, k: np.ndarray) -> str:
+    """Why a spring is not in the plane across k, naming the first; empty when all are."""
+    springs, rest = model.arrays.springs, model.rest.x
     for i, name in enumerate(model.spring_names):
-        flat = flat_spring(model.arrays.springs, i, axes, model.rest.x)
-        if isinstance(flat, str):
-            return f"{name} {flat}"
-        found.append(flat)
-    return found
+        node, kind = springs.node[i], springs.kind[i]
+        if kind == COIL:
+            ends = rest[node] + springs.offset[i]
+            across = (ends[1] - ends[0]) @ k
+            if abs(across) > PARALLEL * springs.length[i]:
+                return f"{name} pulls across the plane, its ends being {1e3 * across:.3g} mm apart along the normal"
+        elif np.linalg.norm(np.cross(springs.frame[i, :, :, 2], k), axis=1).max() > PARALLEL:
+            return f"{name} has its {'axis' if kind == TURN else 'width axis'} in the plane"
+        elif kind == LINEAR and _couples(springs.value[springs.value_at[i] :]):
+            return f"{name} couples motions in the plane with motions across it"
+    return ""
+
+
+def _couples(value: np.ndarray) -> bool:
+    """Whether a linear body, constants as of `ksd.beam.linear`, couples motions in the plane with motions across it."""
+    d0, R0, F, K = value[:3], value[3:12].reshape(3, 3), value[12:18], value[18:54].reshape(6, 6)
+    leaves = max(
+        np.abs(K[np.ix_(INSIDE, OUTSIDE)]).max() / np.abs(K).max(), abs(d0[2]), np.abs(R0[:2, 2]).max()
+    )
+    return bool(leaves > PARALLEL or np.abs(F[list(OUTSIDE)]).max() > 0.0)
 
 
 def _planar_rows(model: Model, k: np.ndarray) -> np.ndarray | str:
@@ -183,25 +278,20 @@ def _find_plane(model: Model) -> Plane | str:
     """See `plane_of`; this one looks every time."""
     if not len(model.arrays.members.kind):
         return "it has no leafs to show a plane"
-    axes = _axes(_normal(model.arrays))
-    found = _flat_members(model, axes)
-    if isinstance(found, str):
-        return found
-    rows = _planar_rows(model, axes[:, 2])
-    if isinstance(rows, str):
-        return rows
-    reason = _leaving_load(model, axes[:, 2])
+    axis, k = _normal_axis(model.arrays)
+    rows = _planar_rows(model, k)
+    reason = (
+        _leaving_member(model, k)
+        or (rows if isinstance(rows, str) else "")
+        or _leaving_load(model, k)
+        or _leaving_spring(model, k)
+    )
     if reason:
         return reason
-    springs = _flat_springs(model, axes)
-    if isinstance(springs, str):
-        return springs
-    flats, senses = found
-    arrays, lifting = flatten(
-        model.arrays, flats, senses, axes=axes, rows=rows, rest=model.rest.x, springs=springs
-    )
-    rest = _flatten(lifting, model.rest, int(arrays.members.inner_at[-1]))
-    return Plane(model.arrays, arrays, lifting, rest)
+    if np.linalg.norm(np.cross(k, np.eye(3)[axis])) > PARALLEL:
+        return f"its plane, across {_spoken(k)}, is across none of the global axes"
+    assert not isinstance(rows, str)
+    return Plane(model.arrays, model.rest, axis, rows)
 
 
 def plane_of(model: Model) -> Plane | str:

@@ -14,11 +14,10 @@ import numpy as np
 from ksd.beam.linear import linear_condense
 from ksd.beam.spring import coil_condense
 from ksd.model.arrays import COIL, LINEAR, TURN
-from ksd.model.assembly import scatter
 from ksd.model.loading import twist
 from ksd.model.pack import Member
 from ksd.model.poses import member_pose
-from ksd.model.tangents import member_tangent
+from ksd.model.tangents import member_tangent, scatter
 from ksd.numerics.kernel import kernel
 from ksd.numerics.local import local_counts, local_matrix, local_vector
 from ksd.scene.effects import LinkMatrix, Spring, TurnSpring
@@ -75,7 +74,7 @@ def add_springs(arrays, x, R, work, rtol, noise):
             fm = math.sqrt(force[o + 3] ** 2 + force[o + 4] ** 2 + force[o + 5] ** 2)
             work.scale[node, 0] += rtol * (n + m / L) + floor
             work.scale[node, 1] += rtol * (max(fm, m) + n * L) + floor * L
-        scatter(springs.block[i], T, force, work.rhs, starts, work.value)
+        scatter(arrays.keep, springs.block[i], T, force, work.rhs, starts, work.value)
     return status
 
 

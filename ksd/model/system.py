@@ -44,7 +44,7 @@ def _assemble(address, arrays, motion, target, factor, work, rtol, near, grain):
     work.value[:] = 0.0
     work.rhs[:] = 0.0
     work.scale[:] = 0.0
-    reach = arrays.size
+    reach, keep = arrays.size, arrays.keep
     for k in range(len(arrays.start)):
         for r in range(3):
             reach = max(reach, abs(motion.x[k, r]))
@@ -62,9 +62,11 @@ def _assemble(address, arrays, motion, target, factor, work, rtol, near, grain):
         u = arrays.start[k]
         if u >= 0:
             f, m = 0.0, 0.0
-            for r in range(3):
-                f += work.rhs[u + r] ** 2
-                m += work.rhs[u + 3 + r] ** 2
+            for r in range(len(keep)):
+                if keep[r] < 3:
+                    f += work.rhs[u + r] ** 2
+                else:
+                    m += work.rhs[u + r] ** 2
             worst = max(
                 worst, math.sqrt(f) / (work.scale[k, 0] + 1e-300), math.sqrt(m) / (work.scale[k, 1] + 1e-300)
             )
@@ -106,31 +108,37 @@ def solve_step(arrays, work):
 
 
 @kernel
-def largest_turn(arrays, step):
-    """Largest rotation of any node in `step` (n,), rad."""
-    largest = 0.0
+def _largest(arrays, step, first):
+    """Largest norm, over the nodes, of the three components from `first` on, as far as they are unknown."""
+    largest, keep = 0.0, arrays.keep
     for k in range(len(arrays.start)):
         u = arrays.start[k]
         if u >= 0:
-            largest = max(largest, step[u + 3] ** 2 + step[u + 4] ** 2 + step[u + 5] ** 2)
+            s = 0.0
+            for r in range(len(keep)):
+                if first <= keep[r] < first + 3:
+                    s += step[u + r] ** 2
+            largest = max(largest, s)
     return math.sqrt(largest)
+
+
+@kernel
+def largest_turn(arrays, step):
+    """Largest rotation of any node in `step` (n,), rad."""
+    return _largest(arrays, step, 3 + 0 * len(step))
 
 
 @kernel
 def largest_move(arrays, step):
     """Largest displacement of any node in `step` (n,), m."""
-    largest = 0.0
-    for k in range(len(arrays.start)):
-        u = arrays.start[k]
-        if u >= 0:
-            largest = max(largest, step[u] ** 2 + step[u + 1] ** 2 + step[u + 2] ** 2)
-    return math.sqrt(largest)
+    # a variable, not the literal 0, for which numba would compile twice
+    return _largest(arrays, step, 0 * len(step))
 
 
 @kernel
 def take_step(arrays, motion, step, work, scale):
     """motion <- motion + scale * step (n,): members first (their frames are the old ones), then nodes, multipliers."""
-    members, weight, address = arrays.members, work.weight, 0
+    members, weight, keep, address = arrays.members, work.weight, arrays.keep, 0
     xi, move = local_vector(6), local_vector(12)
     if len(work.four) > 0:
         address = address_of(System(arrays, motion, work.four[:0], work), SYSTEM)
@@ -139,7 +147,10 @@ def take_step(arrays, motion, step, work, scale):
         for e in range(2):
             u = arrays.start[members.node[i, e]]
             for r in range(6):
-                move[6 * e + r] = step[u + r] if u >= 0 else 0.0
+                move[6 * e + r] = 0.0
+            if u >= 0:
+                for r in range(len(keep)):
+                    move[6 * e + keep[r]] = step[u + r]
         relative_motion(pose, move, xi)
         if len(weight) > 0 and weight[i, 0] > 0.0:
             kept = work.store[members.store_at[i] : members.store_at[i + 1]]
@@ -171,14 +182,18 @@ def relative_motion(pose, move, xi):
 @kernel
 def move_nodes(arrays, motion, step, scale):
     """Positions, rotations (R <- exp(dphi) R) and multipliers."""
-    v = local_vector(3)
+    v, keep = local_vector(6), arrays.keep
+    for r in range(6):
+        v[r] = 0.0
     for k in range(len(arrays.start)):
         u = arrays.start[k]
         if u >= 0:
+            for r in range(len(keep)):
+                v[keep[r]] = scale * step[u + r]
             for r in range(3):
-                motion.x[k, r] += scale * step[u + r]
-                v[r] = scale * step[u + 3 + r]
-            turn(v, motion.R[k])
+                motion.x[k, r] += v[r]
+            turn(v[3:], motion.R[k])
             straighten(motion.R[k])
     for i in range(len(motion.multiplier)):
-        motion.multiplier[i] += scale * step[arrays.terms.start[i]]
+        if arrays.terms.start[i] >= 0:
+            motion.multiplier[i] += scale * step[arrays.terms.start[i]]

@@ -125,3 +125,31 @@ def member_norms(lam, force, norms):
         o = 0 if k == 0 else 6 * (k - 1)
         norms[2 * k] = root(row[o] * row[o] + row[o + 1] * row[o + 1] + row[o + 2] * row[o + 2])
         norms[2 * k + 1] = root(row[o + 3] * row[o + 3] + row[o + 4] * row[o + 4] + row[o + 5] * row[o + 5])
+
+
+@kernel
+def scatter(keep, block, T, force, rhs, starts, value):
+    """Add T (12, 12) to the stored blocks (pp, qq, coupling, flipped) and force (12,) to the residual, of the unknowns
+    `keep` (w,) of every node."""
+    w = len(keep)
+    for e in range(2):
+        if block[e] >= 0:
+            o, u = 6 * e, starts[e]
+            for r in range(w):
+                rhs[u + r] += force[o + keep[r]]
+                for c in range(w):
+                    value[block[e] + w * r + c] += T[o + keep[r], o + keep[c]]
+    couple(keep, block[2], block[3], T, value)
+
+
+@kernel
+def couple(keep, at, flipped, T, value):
+    """Add the coupling of T (12, 12) to the block stored from `at` on, whose rows are of the first node where flipped."""
+    w = len(keep)
+    if at >= 0:
+        for r in range(w):
+            for c in range(w):
+                if flipped == 1:
+                    value[at + w * r + c] += T[keep[r], 6 + keep[c]]
+                else:
+                    value[at + w * r + c] += T[6 + keep[r], keep[c]]

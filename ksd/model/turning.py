@@ -13,7 +13,7 @@ converges quadratically. Compiled where a model has such loads.
 
 from __future__ import annotations
 
-from ksd.model.blank import blank_planar_system, blank_system
+from ksd.model.blank import blank_system
 from ksd.numerics.blocks import solve_blocks
 from ksd.numerics.held import Kind, found_at
 from ksd.numerics.kernel import kernel, late
@@ -53,17 +53,6 @@ def _rest(loads, i, R, factor, B):
     for r in range(3):
         j, k = (r + 1) % 3, (r + 2) % 3
         B[3 + r, 3 + j], B[3 + r, 3 + k] = -M[k], M[j]
-
-
-@kernel
-def _flat_rest(loads, i, turns, factor, B):
-    """B (3, 3) of planar load i; turns: cos and sin of the nodes."""
-    c, s = turns[2 * loads.node[i]], turns[2 * loads.node[i] + 1]
-    fx, fy = 0.5 * factor * loads.force[i, 0], 0.5 * factor * loads.force[i, 1]
-    fx, fy = c * fx - s * fy, s * fx + c * fy
-    B[:] = 0.0
-    B[0, 2], B[1, 2] = fy, -fx
-    B[2, 0], B[2, 1] = -fy, fx
 
 
 @kernel
@@ -107,16 +96,17 @@ def _columns(loads, start, plan, work, width, X):
 
 
 @kernel
-def _add_rows(B, u, width, row, X, y, G, z):
+def _add_rows(B, u, keep, row, X, y, G, z):
     """Rows of one load, from `row` on: G = 1 + B E'X, z = B E'y."""
+    width = len(keep)
     for r in range(width):
         for q in range(len(z)):
             G[row + r, q] = 1.0 if row + r == q else 0.0
             for c in range(width):
-                G[row + r, q] += B[r, c] * X[q, u + c]
+                G[row + r, q] += B[keep[r], keep[c]] * X[q, u + c]
         z[row + r] = 0.0
         for c in range(width):
-            z[row + r] += B[r, c] * y[u + c]
+            z[row + r] += B[keep[r], keep[c]] * y[u + c]
 
 
 @kernel
@@ -131,42 +121,21 @@ def _take_out(X, z, y):
 def turn_step(address, factor):
     """Correct the step in work.rhs of the `System` at `address`, whose matrix is factored."""
     s = found_at(address, _KIND)
-    loads, start, work = s.arrays.loads, s.arrays.start, s.work
-    n, k = len(work.rhs), 6 * turning(loads, start)
+    loads, start, keep, work = s.arrays.loads, s.arrays.start, s.arrays.keep, s.work
+    n, k = len(work.rhs), len(keep) * turning(loads, start)
     X = work.scratch[: k * n].reshape(k, n)
     G = work.scratch[k * n : k * (n + k)].reshape(k, k)
     z = work.scratch[k * (n + k) : k * (n + k + 1)]
     B = local_matrix(6, 6)
-    _columns(loads, start, s.arrays.plan, work, 6, X)
+    _columns(loads, start, s.arrays.plan, work, len(keep), X)
     row = 0
     for i in range(len(loads.node)):
         if loads.skew[i] == 1 and start[loads.node[i]] >= 0:
             _rest(loads, i, s.motion.R, factor, B)
-            _add_rows(B, start[loads.node[i]], 6, row, X, work.rhs, G, z)
-            row += 6
+            _add_rows(B, start[loads.node[i]], keep, row, X, work.rhs, G, z)
+            row += len(keep)
     _gauss(G, z)
     _take_out(X, z, work.rhs)
 
 
-@late("void(int64, float64)")
-def turn_flat_step(address, factor):
-    """The same for the `PlanarSystem` at `address`."""
-    s = found_at(address, _FLAT)
-    loads, start, work = s.arrays.loads, s.arrays.start, s.work
-    n, k = len(work.rhs), 3 * turning(loads, start)
-    X = work.scratch[: k * n].reshape(k, n)
-    G = work.scratch[k * n : k * (n + k)].reshape(k, k)
-    z = work.scratch[k * (n + k) : k * (n + k + 1)]
-    B = local_matrix(3, 3)
-    _columns(loads, start, s.arrays.plan, work, 3, X)
-    row = 0
-    for i in range(len(loads.node)):
-        if loads.skew[i] == 1 and start[loads.node[i]] >= 0:
-            _flat_rest(loads, i, work.near, factor, B)
-            _add_rows(B, start[loads.node[i]], 3, row, X, work.rhs, G, z)
-            row += 3
-    _gauss(G, z)
-    _take_out(X, z, work.rhs)
-
-
-_KIND, _FLAT = Kind(blank_system()), Kind(blank_planar_system())
+_KIND = Kind(blank_system())

@@ -143,8 +143,7 @@ def stability(c: Configuration) -> str:
     if surplus == 0 and c.still is not None:
         return c.still[1]
     if surplus == 0:
-        where = "stable in its plane (out of it only an error estimate looks)" if c.plane_alone else "stable"
-        return f"{where}: a minimum of energy under the held drives"
+        return "stable: a minimum of energy under the held drives"
     if surplus > 0:
         ways = "one direction" if surplus == 1 else f"{surplus} directions"
         return f"UNSTABLE: the mechanism would leave this state by itself in {ways}"

@@ -30,9 +30,8 @@ class Configuration:
     intended pose, in joint axes. method_error: estimate of what the fast methods add to the error of the mesh, made with
     the solve; None where the method is exact (see `error`). negatives:
     negative pivots at the end, expected: those the constraint rows explain. doubts: what speaks against the branch and
-    was not cleared up by smaller steps. plane_alone: the pivots were counted in the plane alone, so buckling out of it
-    was not looked at. notes: what the solve itself warns of, part of `warnings`. near: every joint was seen near its
-    intended motion, so the verdict need not look again.
+    was not cleared up by smaller steps. notes: what the solve itself warns of, part of `warnings`. near: every joint was
+    seen near its intended motion, so the verdict need not look again.
     """
 
     model: Model
@@ -48,7 +47,6 @@ class Configuration:
     notes: tuple[str, ...]
     load_factor: float
     doubts: tuple[str, ...]
-    plane_alone: bool
     chosen: bool
     near: bool
 
@@ -69,7 +67,6 @@ class Configuration:
         notes: tuple[str, ...] = (),
         load_factor: float = 1.0,
         doubts: tuple[str, ...] = (),
-        plane_alone: bool = False,
         chosen: bool = False,
         near: bool = False,
     ) -> None:
@@ -77,7 +74,7 @@ class Configuration:
         self.__dict__.update(
             model=model, motion=motion, method=method, targets=targets, steps=steps, negatives=negatives,
             expected=expected, method_error=method_error, notes=notes, load_factor=load_factor,
-            doubts=doubts, plane_alone=plane_alone, chosen=chosen, near=near,
+            doubts=doubts, chosen=chosen, near=near,
         )  # fmt: skip
         if reading is not None:
             self.__dict__["_reading"] = reading

@@ -18,6 +18,7 @@ import numpy as np
 from ksd.errors import ConvergenceError, KsdError, SceneError
 from ksd.model.arrays import Arrays, Loads, Motion, carries_load
 from ksd.model.compile import Model
+from ksd.model.plane import Plane, plane_of, refuse_plane
 from ksd.numerics.stopwatch import thread_ns
 from ksd.solve.arc import Course
 from ksd.solve.configuration import Configuration
@@ -27,7 +28,7 @@ from ksd.solve.following import counted
 from ksd.solve.path import Path, trace
 from ksd.solve.steps import Step
 from ksd.solve.stops import Stop
-from ksd.solve.storage import Storage, storage_of
+from ksd.solve.storage import Newton, Storage, storage_of
 from ksd.solve.trust import solved_well
 
 Arrived = tuple[Driven, str, Motion]
@@ -41,10 +42,8 @@ def _drive(
     the rest state."""
     found: Driven | str = ""
     if planar is not False:
-        flat = storage.flat
-        found = (
-            flat if isinstance(flat, str) else flat.planar.drive_in_plane(storage, flat, begin, ways, fresh)
-        )
+        plane = plane_of(storage.model)
+        found = plane if isinstance(plane, str) else _drive_in_plane(storage, plane, begin, ways, fresh)
         if not isinstance(found, str):
             if planar is True or found.stop in (Stop.CONVERGED, Stop.LOCAL_ANGLE):
                 arrived = storage.motion.copy()
@@ -60,6 +59,55 @@ def _drive(
     driven = drive_to(storage.motion, storage.newton, pivoting=pivoting, begin=begin, **ways)
     arrived = storage.motion.copy()
     return _counted(storage.model, arrived, driven, ways), f"spatial: {found}" if found else "", arrived
+
+
+POLISH = 3
+"""Spatial iterations allowed to bring the rounding of a planar answer within the spatial bounds."""
+
+
+def _drive_in_plane(
+    storage: Storage, plane: Plane, begin: Motion, ways: Mapping[str, Any], fresh: bool
+) -> Driven | str:
+    """`drive_to` with three unknowns per node, or the reason why that is not possible.
+
+    What it arrives at is looked at in space: a residual across the plane refuses it, and the residual and the negative
+    pivots told are those of the spatial tangent, so that buckling out of the plane is seen.
+    """
+    model, motion = storage.model, storage.motion
+    motion.assign(begin)
+    if not fresh:
+        if not plane.holds(begin):
+            return "the configuration to start from is not in the plane"
+        # forces that only hold the mechanism in its plane
+        motion.multiplier[np.setdiff1d(np.arange(len(motion.multiplier)), plane.rows)] = 0.0
+
+    def newton(*aim: Any) -> Newton:
+        return storage.planar_newton(plane, *aim)
+
+    driven = drive_to(motion, newton, begin=begin, **ways)
+    start, target, (low, high), rtol = ways["start"], ways["target"], ways["factors"], ways["rtol"]
+    done = driven.reached
+    values, factor = target if done == 1.0 else start + done * (target - start), low + done * (high - low)
+    residual, negatives, status = storage.look(values, rtol, factor)
+    if residual > 1.0:
+        share, node, force, moment = plane.imbalance(storage.work)
+        if share > 1.0:
+            said = (
+                f"its leafs and loads do not balance across the plane: {force:.3g} N along its normal and "
+                f"{moment:.3g} Nm across it are left on '{model.node_names[node]}'"
+            )
+            refuse_plane(model, said)
+            return said
+    if driven.stop is not Stop.CONVERGED:
+        return driven
+    count = 0
+    if residual > max(1.0, 2.0 * driven.residual) or status != 0:
+        reason, count, residual, negatives, _ = storage.newton(
+            values, factor, rtol, POLISH, math.inf, math.inf
+        )
+        if reason != Stop.CONVERGED:
+            return "what was found is no equilibrium in space"
+    return driven._replace(solves=driven.solves + count, residual=residual, negatives=negatives)
 
 
 def _counted(model: Model, motion: Motion, driven: Driven, ways: Mapping[str, Any]) -> Driven:
@@ -144,8 +192,6 @@ def _solved(
     storage: Storage, start: Configuration | None, ways: Mapping[str, Any], planar: bool | Literal["auto"]
 ) -> tuple[Configuration, Driven]:
     """The walk from `start` and its record."""
-    # storage is prepared once for many solves
-    _ = storage.flat if planar else None
     model, clock = storage.model, thread_ns()
     motion = model.rest if start is None else start.motion
     driven, how, found, doubts = _walk(storage, motion, ways, planar, start is None)

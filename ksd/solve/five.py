@@ -1,7 +1,8 @@
-"""The five steps of one model, prepared for many configurations: in its plane where it has one, else in space.
+"""The five steps of one model, prepared for many configurations.
 
-One compiled call does all steps of a configuration (`ksd.solve.planar_steps`, `ksd.solve.space_steps`); what happens
-between is looked at afterwards: the trained ranges, the inertia, and in the plane the balance across it.
+One compiled call does all steps of a configuration (`ksd.solve.space_steps`); what happens between is looked at
+afterwards: the trained ranges and the inertia. All is in space: links and condensed joints are few unknowns, and in the
+plane the conventional solver is as fast.
 """
 
 from __future__ import annotations
@@ -16,7 +17,6 @@ from ksd.bodies.freedom import Fit, check_freedoms
 from ksd.bodies.joints import JointBodies
 from ksd.errors import ConvergenceError, KinematicsError
 from ksd.model.compile import Model
-from ksd.model.plane import Plane, plane_of, refuse_plane
 from ksd.numerics.stopwatch import Stopwatch
 from ksd.solve import pipeline
 from ksd.solve.configuration import Configuration
@@ -25,12 +25,10 @@ from ksd.solve.driving import CAP, RTOL
 from ksd.solve.estimate import distance, estimate_error
 from ksd.solve.following import counted
 from ksd.solve.pipeline import Bench
-from ksd.solve.planar_steps import GAP, YIELDING, PlanarSteps, prepare_planar
 from ksd.solve.reach import closed, in_range
 from ksd.solve.space_steps import FULL, KINEMATIC, REDUCED, space_steps
 from ksd.solve.steps import FiveStepRecord, Step
 from ksd.solve.stops import Stop
-from ksd.solve.storage import FlatStorage
 
 _CODES = {"kinematic": KINEMATIC, "reduced": REDUCED, "full": FULL}
 
@@ -44,25 +42,26 @@ class _Moved(NamedTuple):
     near: bool
 
 
+GAP = 2e-3
+"""Largest gap of the closed loops over the size of the mechanism: overconstrained joints never fit exactly, and their
+elasticity takes it up in step 3; a linkage that locks leaves more."""
+YIELDING = 0.03
+"""The same where joints are known not to be aligned, or a drive is known to be met by elasticity alone."""
+
+
 class FiveSteps:
     """Call with drive values; storage is used again each time, so not from two threads at once.
 
-    wants_plane: whether the plane is taken where there is one. fit: how intended motions fit together; where they do
-    not, step 1 leaves a larger gap, which the leafs take up. Raises KinematicsError where drives and supports do not hold
-    every freedom once.
+    fit: how intended motions fit together; where they do not, step 1 leaves a larger gap, which the leafs take up.
+    Raises KinematicsError where drives and supports do not hold every freedom once.
     """
 
-    def __init__(self, model: Model, bodies: JointBodies, *, extrapolate: bool, planar: bool) -> None:
+    def __init__(self, model: Model, bodies: JointBodies, *, extrapolate: bool) -> None:
         self.model, self.extrapolate = model, extrapolate
         self.fit: Fit = check_freedoms(model, bodies)
         self.gap = GAP if self.fit.exact else YIELDING
         self.bench = Bench.of(model, bodies)
-        self.wants_plane = planar
-        self._flat: PlanarSteps | str | None = None
-        self._above: FlatStorage | None = None
-        self._balanced = 0.0
         self._out: dict[int, np.ndarray] = {}
-        self._sense = _senses(model, bodies)
         self._expected = len(model.drive_names) + len(model.support_names)
 
     def __call__(
@@ -71,123 +70,6 @@ class FiveSteps:
         """Solve at the right-hand sides `target` (c,). Raises RangeError, ConvergenceError, KinematicsError."""
         if method == "kinematic":
             self.insist_on_motions()
-        if self.wants_plane and not isinstance(self._flat, str):
-            found = self._in_plane(values, target, method=method, passes=passes, estimate=estimate)
-            if found is not None:
-                return found
-        return self._in_space(values, target, method=method, passes=passes, estimate=estimate)
-
-    def insist_on_motions(self) -> None:
-        """KinematicsError where intended motions alone say nothing of a drive or support."""
-        if self.fit.yielding:
-            raise KinematicsError(
-                f"method 'kinematic' knows no force of '{self.fit.yielding[0]}': no intended motion of the joints meets "
-                "it, elasticity alone does; use method='reduced' or 'full'"
-            )
-
-    def _said(self, steps: FiveStepRecord) -> tuple[str, ...]:
-        """What the leafs had to take up, as a warning."""
-        if self.fit.exact:
-            return ()
-        why = [f"the joints are overconstrained and misaligned by {1e3 * self.fit.off:.2g} mrad"] * (
-            self.fit.off > 0
-        )
-        why += [f"no intended motion meets '{n}'" for n in self.fit.yielding]
-        said = "; ".join(why)
-        return (
-            f"{said}: step 1 left a gap of {1e3 * steps[0].residual:.2g} mm, which the leafs take up by force",
-        )
-
-    @property
-    def flat(self) -> PlanarSteps | str:
-        """The planar five steps, or why there are none."""
-        if self._flat is None:
-            self._flat = (
-                prepare_planar(self.model, self.bench.bodies, self.gap)
-                if self.wants_plane
-                else "planar = False"
-            )
-        return self._flat
-
-    @property
-    def above(self) -> FlatStorage:
-        """The planar state with the spatial one it is set into, and what is left of the joints' motions in space."""
-        if self._above is None:
-            flat, plane = self.flat, plane_of(self.model)
-            assert isinstance(flat, PlanarSteps) and isinstance(plane, Plane)
-            joints = flat.state.off, self._sense, np.zeros((len(self._sense), 6))
-            self._above = FlatStorage(plane, self.bench.full, (flat.state.full, flat.state.full_work), joints)
-        return self._above
-
-    def _in_plane(
-        self, values: Mapping[str, float], target: np.ndarray, *, method: str, passes: int, estimate: bool
-    ) -> Configuration | None:
-        """The planar answer, lifted and looked at in space; None where space has to do it."""
-        flat, plane, b, code = self.flat, plane_of(self.model), self.bench, _CODES[method]
-        if isinstance(flat, str) or isinstance(plane, str):
-            return None
-        rows, state = plane.lifting.row, flat.state
-        out, count, negatives = flat(target[rows], method=code, passes=passes)
-        record = out[:count].tolist()
-        if not flat.closed(record):
-            return None
-        arrived = flat.converged(record, method=code, passes=passes)
-        warnings = [] if arrived and state.seen[0] else in_range(b, state.theta, extrapolate=self.extrapolate)
-        if not arrived:
-            return None
-        above = self.above
-        above.lift()
-        negatives += len(target) - len(rows)
-        steps, error, alone = FiveStepRecord(record, passes), None, False
-        moved = _Moved(state.found.copy(), above.lifted.copy(), state.known, near=bool(state.seen[1] == 1))
-        if method == "kinematic":
-            if not self._balances(plane, flat, target):
-                return None
-            moved = moved._replace(found=moved.found.copy())
-            return self._kinematic((values, target, steps), moved, warnings, estimate=estimate)
-        if method == "full":
-            seen = self._accepted(plane, target, record[-1][2], negatives)
-            if seen is None:
-                return None
-            negatives = seen
-        elif not self._balances(plane, flat, target):
-            return None
-        elif estimate:
-            error, step, negatives = estimate_error(b, target, above, relinearised=passes > 0)
-            steps.more = (step,)
-        else:
-            alone = True
-        return self._configuration(
-            (dict(values), method, steps), moved, negatives=negatives, error=error, warnings=warnings, plane_alone=alone
-        )  # fmt: skip
-
-    def _accepted(self, plane: Plane, target: np.ndarray, worst: float, negatives: int) -> int | None:
-        """Negative pivots in space of the lifted equilibrium, in the plane those given; None when it is none in space.
-
-        worst: the residual over its bound that it has in the plane.
-        """
-        b, bound = self.bench, max(1.0, 2.0 * worst)
-        residual, negatives, status = self.above.look(b.storage, target, RTOL, worst, negatives)
-        if residual > 1.0 and plane.imbalance(b.full_work)[0] > 1.0:
-            refuse_plane(self.model, "its leafs and loads do not balance across the plane")
-            return None
-        return negatives if residual <= bound and status == 0 else None
-
-    def _balances(self, plane: Plane, flat: PlanarSteps, target: np.ndarray) -> bool:
-        """Whether leafs and loads balance across the plane: looked at once, and again at twice the deflection."""
-        b, moved = self.bench, max(map(abs, flat.state.found.tolist()), default=0.0)
-        if moved <= 2.0 * self._balanced:
-            return True
-        b.storage.look(target, RTOL)
-        if plane.imbalance(b.full_work)[0] > 1.0:
-            refuse_plane(self.model, "its leafs and loads do not balance across the plane")
-            return False
-        self._balanced = moved
-        return True
-
-    def _in_space(
-        self, values: Mapping[str, float], target: np.ndarray, *, method: str, passes: int, estimate: bool
-    ) -> Configuration:
         b, code = self.bench, _CODES[method]
         out = self._out.get(passes)
         if out is None:
@@ -220,6 +102,27 @@ class FiveSteps:
             steps.more = (step,)
         return self._configuration(
             (dict(values), method, steps), moved, negatives=negatives, error=error, warnings=warnings
+        )
+
+    def insist_on_motions(self) -> None:
+        """KinematicsError where intended motions alone say nothing of a drive or support."""
+        if self.fit.yielding:
+            raise KinematicsError(
+                f"method 'kinematic' knows no force of '{self.fit.yielding[0]}': no intended motion of the joints meets "
+                "it, elasticity alone does; use method='reduced' or 'full'"
+            )
+
+    def _said(self, steps: FiveStepRecord) -> tuple[str, ...]:
+        """What the leafs had to take up, as a warning."""
+        if self.fit.exact:
+            return ()
+        why = [f"the joints are overconstrained and misaligned by {1e3 * self.fit.off:.2g} mrad"] * (
+            self.fit.off > 0
+        )
+        why += [f"no intended motion meets '{n}'" for n in self.fit.yielding]
+        said = "; ".join(why)
+        return (
+            f"{said}: step 1 left a gap of {1e3 * steps[0].residual:.2g} mm, which the leafs take up by force",
         )
 
     def _kinematic(
@@ -259,7 +162,6 @@ class FiveSteps:
         negatives: int,
         error: Any,
         warnings: list[str],
-        plane_alone: bool = False,
     ) -> Configuration:
         b, (values, method, steps) = self.bench, solved
         theta, off, found, near = moved
@@ -269,17 +171,9 @@ class FiveSteps:
         doubts = wandered(s for s in steps if s.name[0] in "35") if steps.wandered(WANDERED) else ()
         return Configuration(
             self.model, b.full.copy(), method, values, steps, negatives=negatives, expected=self._expected, reading=reading,
-            method_error=error, notes=(*warnings, *unknown, *self._said(steps)), doubts=doubts, plane_alone=plane_alone,
+            method_error=error, notes=(*warnings, *unknown, *self._said(steps)), doubts=doubts,
             near=near,
         )  # fmt: skip
-
-
-def _senses(model: Model, bodies: JointBodies) -> np.ndarray:
-    """(J,): 1 where the z axis of a joint is along the plane's normal, -1 where against; 1 without a plane."""
-    plane = plane_of(model)
-    if isinstance(plane, str):
-        return np.ones(len(bodies.loops.node))
-    return np.sign(bodies.loops.frame[:, :, 2] @ plane.normal)
 
 
 def _insist(steps: FiveStepRecord) -> None:

@@ -23,7 +23,6 @@ from ksd.numerics.local import local_matrix, local_vector
 from ksd.numerics.rotations import rotation_log, turn
 from ksd.solve.near import far, outside
 from ksd.solve.newton import CONVERGED, GRAIN, LOCAL_ANGLE, NOT_FINITE, SINGULAR, TOO_MANY, settled
-from ksd.solve.planar_steps import untimed_planar
 from ksd.solve.space_steps import LINEAR_SIZE, start_space, untimed_space
 
 LOCKED, OUT_OF_RANGE, UNSTABLE, FAR = 10, 11, 12, 13
@@ -38,38 +37,13 @@ PIECES = 27
 """Numbers of a condensed joint: wrench (6), then the upper triangle of its stiffness (21)."""
 
 
-@kernel(needs=("iterate_planar_apart",))
-def planar_many(held, targets, expected, method, passes, ways, limits, force, pose, motion, status):
-    """Solve at targets (N, c) in the plane; ways = (rtol, cap, gap), limits (q, 2): trained ranges with slack.
-
-    expected: negative pivots of the rows. Writes force (N, c), pose (N, links, 3), motion (N, q), status (N,).
-    """
-    theta, off, found = part(held, "state.theta"), part(held, "state.off"), part(held, "state.found")
-    full, length, size = (
-        part(held, "state.full"),
-        part(held, "bodies.loops.length"),
-        part(held, "bodies.reduced.size"),
-    )
-    out = np.zeros((2 + 3 * (passes + 1), 5))
-    for n in range(len(targets)):
-        rows, negatives = untimed_planar(held, targets[n], method, passes, ways[0], ways[1], ways[2], out)
-        status[n] = int(out[rows - 1, 0])
-        if out[0, 0] != 0 or not out[0, 2] < ways[2] * size:
-            status[n] = LOCKED
-        elif outside(theta, limits, 0 * n):
-            status[n] = OUT_OF_RANGE
-        elif status[n] == 0 and negatives != expected:
-            status[n] = UNSTABLE
-        elif status[n] == 0 and far(off, 2 + 0 * n, length, 0 * n):
-            status[n] = FAR
-        force[n] = -full.multiplier
-        pose[n] = full.pose[: pose.shape[1]]
-        motion[n] = found
-
-
 @kernel(needs=("iterate_apart",))
 def space_many(held, targets, expected, method, passes, ways, limits, force, x, R, motion, status):
-    """As `planar_many`, in space: x (N, links, 3), R (N, links, 3, 3)."""
+    """Solve at targets (N, c); ways = (rtol, cap, gap), limits (q, 2): trained ranges with slack.
+
+    expected: negative pivots of the rows. Writes force (N, c), x (N, links, 3), R (N, links, 3, 3), motion (N, q), status
+    (N,).
+    """
     theta, off, found = part(held, "state.theta"), part(held, "state.off"), part(held, "state.found")
     full, length, size = (
         part(held, "state.full"),

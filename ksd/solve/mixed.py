@@ -113,7 +113,7 @@ class MixedSolver:
             )
         bodies = joint_bodies(model, records, extrapolate=extrapolate)
         self.model, self.full, self.leafs, self.near = model, full, leafs, near
-        self.steps = FiveSteps(model, bodies, extrapolate=extrapolate, planar=False)
+        self.steps = FiveSteps(model, bodies, extrapolate=extrapolate)
         self._at_rest: Prepared | None = None
 
     def _prepared(self, values: Mapping[str, float]) -> Prepared:

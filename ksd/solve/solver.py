@@ -73,7 +73,7 @@ class Solver:
                     "method='conventional', or leave nodal out"
                 )
             bodies: JointBodies = joint_bodies(self.model, self.records, extrapolate=self.extrapolate)
-            self._five = FiveSteps(self.model, bodies, extrapolate=self.extrapolate, planar=self.planar)
+            self._five = FiveSteps(self.model, bodies, extrapolate=self.extrapolate)
         return self._five
 
     @property
@@ -306,7 +306,7 @@ class Solver:
         def unloaded() -> Configuration:
             model = bare(self.model)
             bodies = joint_bodies(model, self.records, extrapolate=self.extrapolate)
-            five = FiveSteps(model, bodies, extrapolate=self.extrapolate, planar=self.planar)
+            five = FiveSteps(model, bodies, extrapolate=self.extrapolate)
             return five(values, model.targets(values), method="full", passes=0, estimate=False)
 
         # the storage of leafs with weight is another one

@@ -27,8 +27,6 @@ from ksd.numerics.kernel import compile_now
 from ksd.scene import CrossFlexure, Material, Mechanism
 
 Job = Callable[[], None]
-PLANAR = "assemble_planar_apart", "planar_strain_across", "iterate_planar_apart", "stable_across_apart"
-"""What the Newton in the plane and its look across are made of."""
 
 
 def _model() -> Model:
@@ -45,40 +43,12 @@ def _model() -> Model:
 
 def planar_jobs(model: Model) -> list[Job]:
     """What planar scenes need."""
-    from ksd.bodies.planar_bodies import planar_bodies
-    from ksd.model.plane import plane_of
-    from ksd.solve.planar import solve_and_look
-    from ksd.solve.planar_steps import PlanarSet, planar_state, planar_steps
-    from ksd.solve.storage import Storage
-
-    plane = plane_of(model)
-    if isinstance(plane, str):
-        return []
-    target, out = np.zeros(1), np.zeros((5, 5))
-
-    def steps() -> None:
-        bodies = joint_bodies(model, find_record)
-        made = planar_bodies(plane, bodies)
-        if not isinstance(made, str):
-            held = Held(PlanarSet(*made, planar_state(*made, bodies.motion_range)))
-            planar_steps.compile_for(held, target, 1, 0, 1e-8, 0.3, 2e-3, out)
-
-    def newton() -> None:
-        storage = Storage(model)
-        flat = storage.flat
-        assert not isinstance(flat, str)
-        states = flat.held, flat.lifted_into, storage.held, flat.across
-        solve_and_look.compile_for(*states, 1, target, target, 1.0, 1e-8, 30, 0.3, math.inf)
-
-    # while this process is at the steps, the first one compiles its Newton, or the leafs it begins with
-    leaf = "strain_condense_default"
+    # while this process is at the Newton, the first one compiles the leafs it begins with
     return [
-        steps,
-        lambda: compile_now(leaf),
+        lambda: compile_now("assemble_apart", "iterate_apart"),
         *every_jobs(model),
-        lambda: compile_now(*PLANAR),
-        newton,
-        lambda: compile_now(f"planar_{leaf}", "strain_recover", "planar_strain_recover"),
+        lambda: compile_now("strain_condense_default", "strain_recover"),
+        lambda: compile_now("planar_condense", "planar_recover"),
         *chain_jobs(),
     ]
 
@@ -108,9 +78,8 @@ def every_jobs(model: Model) -> list[Job]:
 
 
 def chain_jobs() -> list[Job]:
-    """The other leaf model, in space and in the plane."""
+    """The other leaf model."""
     return [
-        lambda: compile_now("planar_chain_condense", "planar_chain_near", "planar_chain_recover"),
         lambda: compile_now(*FOUR_ENTRIES),
         lambda: compile_now("chain_condense", "chain_recover"),
     ]
@@ -131,7 +100,6 @@ def spatial_jobs(model: Model) -> list[Job]:
 
     return [
         lambda: space_steps.compile_for(held(), target, 1, 0, 0, 1e-8, 0.3, 2e-3, out),
-        lambda: compile_now("iterate_apart"),
         newton,
     ]
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from ksd.beam import corotational, planar_corotational, planar_strain, strain
+from ksd.beam import corotational, strain
 from ksd.beam import corotational_values as chains
 from ksd.beam.corotational_values import ElementSection
 from ksd.beam.strain_values import (
@@ -16,7 +16,6 @@ from ksd.beam.strain_values import (
     strain_sizes,
     strain_values,
 )
-from ksd.beam.weight import PLANAR_PULL
 
 L, MU = 0.1, 3.0
 LEAF = ElementSection(E=200e9, G=76.9e9, A=3e-5, J=0.98e-11, Iy=2.25e-9, Iz=2.5e-12)
@@ -66,46 +65,9 @@ class Space:
         )
 
 
-class Plane:
-    """The same in the plane."""
-
-    def __init__(self, kind):
-        self.pose, self.lam, self.K = np.array([0.99334 * L, 0.1 * L, 0.2]), np.zeros(6), np.zeros((3, 3))
-        if kind == "modes":
-            self.kind, sizes = planar_strain, planar_strain.sizes(DEFAULT_ORDERS[2], heavy=True)
-            value, self.number = planar_strain.leaf_values(
-                length=L, EI=LEAF.E * LEAF.Iz, cN=COMPLIANCE[0], cV=COMPLIANCE[1], modes=DEFAULT_ORDERS[2]
-            )
-            s = 0.5 * (1 + np.polynomial.legendre.leggauss(7)[0])
-            self.value = np.concatenate([value, MU * L * (1 - s)])
-        else:
-            self.kind, sizes = planar_corotational, planar_corotational.sizes(4, heavy=True)[1:]
-            value, half = planar_corotational.chain_values(LEAF, L, 4), MU * L / 8
-            lever = half * L / 24
-            masses = [half, *[2 * half] * 3, half, lever, 0.0, -lever, 0.0]
-            self.value, self.number = np.concatenate([value, masses]), np.array([4, 0])
-        self.store = np.zeros(sizes[1])
-        self.inner = self.kind.start_inner(self.value, self.number)
-
-    def answer(self, g):
-        pull = self.store[-PLANAR_PULL:]
-        for _ in range(12):
-            pull[:2], pull[16:] = g, 0.0
-            args = self.value, self.number, self.inner, self.store
-            assert self.kind.condense(*args, self.pose, self.lam, self.K)[3] == 0
-            self.kind.recover(*args, np.zeros(3), 1.0)
-        return (
-            self.lam[:3].copy(),
-            pull[6:12].reshape(3, 2).copy(),
-            pull[2:4].copy(),
-            pull[12:16].reshape(2, 2).copy(),
-        )
-
-
 @pytest.mark.parametrize("kind", ["modes", "chain"])
-@pytest.mark.parametrize("make, gravity", [(Space, (40.0, -90.0, 60.0)), (Plane, (40.0, -90.0))])
-def test_the_pull_is_the_derivative_by_gravity(make, gravity, kind):
-    leaf, g = make(kind), np.array(gravity)
+def test_the_pull_is_the_derivative_by_gravity(kind):
+    leaf, g = Space(kind), np.array((40.0, -90.0, 60.0))
     _, cross, _, own = leaf.answer(g)
     for k in range(len(g)):
         step = 0.5 * np.eye(len(g))[k]
@@ -113,19 +75,3 @@ def test_the_pull_is_the_derivative_by_gravity(make, gravity, kind):
         assert up[0] - down[0] == pytest.approx(cross[:, k], rel=1e-5, abs=1e-7 * np.abs(cross).max())
         # s = -V_g
         assert down[2] - up[2] == pytest.approx(own[:, k], rel=1e-4, abs=1e-6 * np.abs(own).max())
-
-
-@pytest.mark.parametrize("kind", ["modes", "chain"])
-def test_the_plane_says_what_space_says(kind):
-    """Without gravity across the plane."""
-    flat, leaf = Plane(kind), Space(kind)
-    c, s = np.cos(flat.pose[2]), np.sin(flat.pose[2])
-    leaf.d, leaf.Q = np.append(flat.pose[:2], 0.0), np.array([[c, -s, 0], [s, c, 0], [0, 0, 1.0]])
-    one, other = flat.answer(np.array([4.0, -9.0])), leaf.answer(np.array([4.0, -9.0, 0.0]))
-    plane = [0, 1, 5]
-    assert one[0] == pytest.approx(other[0][plane], rel=1e-8)
-    assert one[1] == pytest.approx(other[1][plane, :2], rel=1e-8, abs=1e-10)
-    assert one[2] == pytest.approx(other[2][:2], rel=1e-8)
-    assert one[3] == pytest.approx(other[3][:2, :2], rel=1e-6, abs=1e-10 * np.abs(one[3]).max())
-    light = leaf.answer(np.zeros(3))[0]
-    assert not np.allclose(light, other[0], rtol=1e-3)

@@ -34,7 +34,6 @@ TO_BE_REMOVED = {
     ("ksd.model.estimates", "ksd.model.effects"),
     ("ksd.model.planar_arrays", "ksd.model.planar_system"),
     ("ksd.model.planar_arrays", "ksd.model.turning"),
-    ("ksd.solve.storage", "ksd.solve.planar"),
     ("ksd.solve.configuration", "ksd.solve.answer"),
     ("ksd.solve.configuration", "ksd.solve.corrected"),
     ("ksd.solve.configuration", "ksd.solve.report"),

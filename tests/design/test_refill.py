@@ -13,7 +13,6 @@ from ksd.design.prepared import Prepared
 from ksd.design.refill import Refill, drawing
 from ksd.design.refill.refill import _Words
 from ksd.model.mesh import Mesh
-from ksd.solve.planar_steps import PlanarSteps
 from ksd.solve.solver import Solver
 from ksd.units import GPa, deg, mm
 
@@ -83,10 +82,6 @@ def drawn(count, seed=1):
 def stored(five):
     """Everything the five steps read, by name."""
     found = {f"space {n}": a for n, a in _Words(five.bench.held).arrays.items() if not n.startswith("state")}
-    if isinstance(five.flat, PlanarSteps):
-        words = _Words(five.flat.held)
-        found |= {f"plane {n}": a for n, a in words.arrays.items() if not n.startswith("state")}
-        found |= {f"plane {n}": words.bits[at] for n, at in words.numbers.items() if n.endswith("size")}
     words = _Words(five.bench.held)
     return found | {f"space {n}": words.bits[at] for n, at in words.numbers.items() if n.endswith("size")}
 
@@ -98,7 +93,7 @@ def test_refilled_arrays_are_those_of_a_fresh_model(name, mesh):
     first, *others = [maker(**d) for d in drawn(3)]
     five = Solver(first, mesh=MESHES[mesh]).five_steps
     refill = Refill(five, drawing(first.scene()))
-    assert refill.works and (refill.flat is None) == (name == "arm")
+    assert refill.works
     ready = refill.ready([drawing(m.scene()) for m in others])
     assert ready.fits.all()
     for d, other in enumerate(others):

@@ -116,7 +116,6 @@ def test_no_mechanism(call, mechanism):
         ({"threads": "a"}, "threads = 'a' must be a whole number of at least 1"),
         ({"thread": 2}, 'did you mean "threads"?'),
         ({"tabulated": "yes"}, "tabulated = 'yes' must be True or False"),
-        ({"planar": "no"}, "planar = 'no' must be True or False"),
         ({"top": [[0.1]]}, "drive values top"),
     ],
 )

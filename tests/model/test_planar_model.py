@@ -1,15 +1,15 @@
-"""The planar model: exact tangent, what it refuses and why, half the unknowns, lifting and flattening."""
+"""The planar model: exact tangent, what it refuses and why, half the unknowns, the spatial one masked."""
 
 import numpy as np
 import pytest
 from scenes import STEEL, cross_flexure, dense, fourbar, single_joint
 
 import ksd
+from ksd.model.arrays import make_work
 from ksd.model.compile import compile_scene
 from ksd.model.mesh import Mesh
-from ksd.model.planar_arrays import make_planar_work
-from ksd.model.planar_system import assemble_planar
 from ksd.model.plane import Plane, plane_of
+from ksd.model.system import assemble, move_nodes, take_step
 from ksd.solve.conventional import conventional
 from ksd.units import deg, mm
 
@@ -47,26 +47,20 @@ def guide(*, axis=(0, 0, 1), along=(1, 0, 0), spread=0.0):
     return scene
 
 
-def moved(plane, state, step):
-    """The planar state with nodes and multipliers moved by `step` (n,); inner states as they are."""
+def moved(model, arrays, state, step):
+    """The state with nodes and multipliers moved by `step` (n,) of the unknowns of `arrays`; inner states as they are."""
     new = state.copy()
-    for node, u in enumerate(plane.arrays.start):
-        if u >= 0:
-            new.pose[node] += step[u : u + 3]
-    new.multiplier[:] += step[plane.arrays.terms.start]
+    move_nodes(arrays, new, step, 1.0)
     return new
 
 
-def settled(plane, state, target):
+def settled(arrays, state, target):
     """Residual (n,) and matrix with the inner states iterated to rest at fixed nodes."""
-    from ksd.model.planar_assembly import recover_planar
-
-    work, arrays = make_planar_work(plane.arrays), plane.arrays
+    work = make_work(arrays)
     for _ in range(8):
-        assemble_planar(arrays, state, target, 1.0, work, 1e-8, 10.0, 0)
-        zero = np.zeros(arrays.plan.unknowns)
-        recover_planar(arrays.members, arrays.start, state, zero, work, 1.0)
-    assemble_planar(arrays, state, target, 1.0, work, 1e-8, 10.0, 0)
+        assemble(arrays, state, target, 1.0, work, 1e-8, 0, 10.0)
+        take_step(arrays, state, np.zeros(arrays.plan.unknowns), work, 1.0)
+    assemble(arrays, state, target, 1.0, work, 1e-8, 0, 10.0)
     return work.rhs.copy(), dense(arrays, work)
 
 
@@ -74,43 +68,47 @@ def settled(plane, state, target):
 def test_tangent_is_the_derivative_of_the_residual(mesh, rng):
     scene = loaded_fourbar()
     model = compile_scene(scene, mesh=MESHES[mesh])
-    plane = plane_of(model)
+    arrays = plane_of(model).arrays
     # a following load has an unsymmetric tangent, whose symmetric half is what is added
-    plane.arrays.loads.following[:] = 0
-    state, target = plane.rest.copy(), np.zeros(2)
-    size = np.where(np.isin(np.arange(plane.arrays.plan.unknowns), plane.arrays.terms.start), 50.0, 4e-4)
-    state = moved(plane, state, rng.normal(size=len(size)) * size)
-    _, K = settled(plane, state, target)
+    arrays.loads.following[:] = 0
+    target = np.zeros(2)
+    size = np.where(np.isin(np.arange(arrays.plan.unknowns), arrays.terms.start), 50.0, 4e-4)
+    state = moved(model, arrays, model.rest, rng.normal(size=len(size)) * size)
+    _, K = settled(arrays, state, target)
     assert np.allclose(K, K.T, atol=1e-9 * np.abs(K).max())
     for _ in range(6):
         way = rng.normal(size=len(size)) * size
-        ends = [settled(plane, moved(plane, state, s * 1e-5 * way), target)[0] for s in (1, -1)]
+        ends = [settled(arrays, moved(model, arrays, state, s * 1e-5 * way), target)[0] for s in (1, -1)]
         difference = (ends[0] - ends[1]) / 2e-5
         assert np.abs(difference - K @ way).max() < 1e-7 * np.abs(difference).max()
 
 
-def test_unknowns_are_half_and_coinciding_leafs_are_one():
+def test_unknowns_are_half():
     for model in (compile_scene(fourbar()), compile_scene(fourbar(), mesh=MESHES["nodal"])):
         plane = plane_of(model)
         rows = len(model.drive_names)
         assert plane.arrays.plan.unknowns - rows == (model.arrays.plan.unknowns - rows) // 2
-    assert len(model.arrays.members.kind) == len(plane.arrays.members.kind) == 24
-    assert len(plane_of(compile_scene(fourbar())).arrays.members.kind) == 8
     assert plane_of(model) is plane_of(model)
 
 
-def test_a_state_lifted_and_flattened_is_the_same():
-    for mesh in MESHES.values():
-        model = compile_scene(guide(), mesh=mesh)
-        state = conventional(model, {"stroke": 5 * mm}, planar=False).motion
-        plane = plane_of(model)
-        flat, back = plane.flatten(state), model.rest.copy()
-        plane.lift(flat, back)
-        for mine, theirs in zip(back, state, strict=True):
-            assert np.abs(mine - theirs).max() < 1e-9 * np.abs(theirs).max()
-        leaning = state.copy()
-        leaning.x[1, 2] += 1e-6
-        assert plane.flatten(leaning) is None
+@pytest.mark.parametrize("mesh", MESHES)
+def test_residual_and_tangent_are_those_of_space_in_the_plane(mesh, rng):
+    """Off an equilibrium: what is kept of the spatial residual and matrix."""
+    model = compile_scene(loaded_fourbar(), mesh=MESHES[mesh])
+    plane = plane_of(model)
+    found = []
+    state = conventional(model, dict.fromkeys(model.drive_names, 2e-3)).motion
+    state.x[1:, :2] += 1e-5 * rng.normal(size=(len(state.x) - 1, 2))
+    for arrays in (plane.arrays, model.arrays):
+        work, target = make_work(arrays), np.full(2, 3e-3)
+        assemble(arrays, state, target, 1.0, work, 1e-8, 0, 10.0)
+        at = np.where(arrays.start[1:, None] >= 0, arrays.start[1:, None] + np.arange(len(arrays.keep)), -1)
+        if len(arrays.keep) == 6:
+            at = at[:, plane.arrays.keep]
+        at = np.concatenate([at.ravel(), arrays.terms.start])
+        found.append((work.rhs[at], dense(arrays, work)[np.ix_(at, at)]))
+    assert found[0][0] == pytest.approx(found[1][0], rel=1e-8, abs=1e-10 * np.abs(found[1][0]).max())
+    assert found[0][1] == pytest.approx(found[1][1], rel=1e-8, abs=1e-10 * np.abs(found[1][1]).max())
 
 
 def changed(**change):

@@ -15,12 +15,10 @@ from scenes import fourbar, single_joint
 import ksd
 from ksd.model.arrays import make_work
 from ksd.model.compile import compile_scene
-from ksd.model.planar_arrays import make_planar_work
 from ksd.model.plane import plane_of
 from ksd.numerics.kernel import kernel
 from ksd.solve.conventional import conventional
 from ksd.solve.newton import iterate
-from ksd.solve.planar import iterate_planar
 from ksd.solve.storage import KEPT, storage_of
 
 MESHES = {
@@ -71,15 +69,12 @@ SCENES = {"bare": fourbar, "loaded": loaded_fourbar}
 
 def newton(space, model):
     """The compiled Newton of a model and what it takes, in space or in its plane: call(iterations)."""
-    if space:
-        arrays, rest, work, run = model.arrays, model.rest, make_work(model.arrays), iterate
-    else:
-        plane = plane_of(model)
-        arrays, rest, work, run = plane.arrays, plane.rest, make_planar_work(plane.arrays), iterate_planar
+    arrays = model.arrays if space else plane_of(model).arrays
+    work = make_work(arrays)
 
     def call(most):
-        motion = rest.copy()
-        return lambda: run(arrays, motion, TARGET, 1.0, work, 1e-8, most, 0.3, np.inf)
+        motion = model.rest.copy()
+        return lambda: iterate(arrays, motion, TARGET, 1.0, work, 1e-8, most, 0.3, np.inf)
 
     return call
 

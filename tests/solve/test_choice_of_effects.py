@@ -11,7 +11,7 @@ from scipy.integrate import solve_bvp
 import ksd
 from ksd.errors import SceneError
 from ksd.model import compile as compiling
-from ksd.model import effects, leafs, pack, planar_springs, system
+from ksd.model import effects, leafs, pack, system
 from ksd.model.arrays import make_work
 from ksd.model.effects import WORDS, choose
 from ksd.model.estimates import Estimates
@@ -329,7 +329,7 @@ def test_the_assembly_calls_nothing_for_what_is_absent(monkeypatch):
 
 def size(arrays):
     """Bytes of all arrays of a model but those every model without springs shares."""
-    if arrays is pack.NO_SPRINGS or arrays is planar_springs.NO_PLANAR_SPRINGS:
+    if arrays is pack.NO_SPRINGS:
         return 0
     return sum(map(size, arrays)) if isinstance(arrays, tuple) else getattr(arrays, "nbytes", 0)
 
@@ -337,7 +337,7 @@ def size(arrays):
 def test_an_absent_effect_allocates_nothing():
     plain = ksd.compile_scene(fourbar())
     assert plain.arrays.springs is pack.NO_SPRINGS
-    assert plane_of(plain).arrays.springs is planar_springs.NO_PLANAR_SPRINGS
+    assert plane_of(plain).arrays.springs is pack.NO_SPRINGS
     for _, mention in COUNTED.values():
         scene = fourbar()
         mention(scene)

@@ -1,8 +1,8 @@
-"""The five steps in one compiled call: in the plane they are those in space, batches are single solves, tables are close."""
+"""The five steps in one compiled call: batches are single solves, tables are close."""
 
 import numpy as np
 import pytest
-from scenes import cross_flexure, fourbar, single_joint, slider
+from scenes import cross_flexure, fourbar, single_joint
 
 import ksd
 from ksd.design.batch import NOT_BUILT
@@ -10,82 +10,17 @@ from ksd.design.prepared import Prepared
 from ksd.model.mesh import Mesh
 from ksd.numerics.held import Held
 from ksd.solve.many import LOCKED, OUT_OF_RANGE
-from ksd.solve.planar_steps import PlanarSteps
 from ksd.units import deg
 
 MESHES = {"strain": Mesh(), "chain": Mesh("corotational", elements=3)}
 
 
-def same(flat, space, tolerance=1e-9):
-    """Two answers agree in force, state, intended motions and what is left of them."""
-    for name, force in space.forces.items():
-        assert flat.forces[name] == pytest.approx(force, rel=1e-8)
-    for mine, theirs in zip(flat.motion, space.motion, strict=True):
-        assert np.abs(mine - theirs).max(initial=0) <= tolerance * max(np.abs(theirs).max(initial=0), 1e-9)
-    for name, value in space.motions.items():
-        assert flat.motions[name] == pytest.approx(value, abs=1e-10)
-    for name, off in space.unintended.items():
-        assert flat.unintended[name] == pytest.approx(off, abs=1e-10)
-
-
-@pytest.mark.parametrize("mesh", MESHES)
-def test_planar_steps_are_those_in_space(mesh):
-    for scene, targets in ((fourbar(), {"top": 0.2}), (fourbar(reading=2), {"top": -0.1})):
-        flat, space = (ksd.prepare(scene, mesh=MESHES[mesh], planar=p) for p in (True, False))
-        assert isinstance(flat.five_steps.flat, PlanarSteps)
-        for method, passes in (("kinematic", 0), ("reduced", 0), ("reduced", 2), ("full", 0)):
-            one, other = (s(targets, method=method, passes=passes) for s in (flat, space))
-            same(one, other)
-            assert [s.iterations for s in one.steps] == [s.iterations for s in other.steps]
-            if one.error is not None:
-                assert one.error.relative == pytest.approx(other.error.relative, rel=1e-6)
-
-
-@pytest.mark.parametrize("mesh", MESHES)
-@pytest.mark.parametrize("axis", ["z", "-z"])
-def test_blocks_slides_and_joints_seen_from_behind(mesh, axis):
-    scene = slider(axis)
-    flat, space = (ksd.prepare(scene, mesh=MESHES[mesh], planar=p) for p in (True, False))
-    assert isinstance(flat.five_steps.flat, PlanarSteps)
-    targets = {"stroke": 0.01, "turn": 0.15}
-    for method in ("kinematic", "reduced", "full"):
-        same(flat(targets, method=method), space(targets, method=method))
-
-
-def test_inertia_is_that_of_space_unless_nobody_looked():
-    solver = ksd.prepare(fourbar())
-    assert not solver(top=0.1, method="full").plane_alone
-    assert not solver(top=0.1, method="reduced").plane_alone
-    alone = solver(top=0.1, method="reduced", estimate=False)
-    assert alone.plane_alone
-    assert "in its plane" in str(alone.trust.stable)
-
-
-def test_scene_that_leaves_its_plane_is_solved_in_space():
-    scene = fourbar()
-    scene.load("top", force=(0, 0, 20.0), at=(0, 0.37, 0))
-    solver = ksd.prepare(scene)
-    assert "out of the plane" in solver.five_steps.flat
-    assert abs(solver(top=0.1, method="full").links["top"][0][2]) > 1e-6
-
-
-def test_refusals_are_the_same_in_both():
-    said = []
-    for planar in (True, False):
-        for scene, targets in ((single_joint(), {"turn": 80 * deg}), (fourbar(), {"top": 0.9})):
-            with pytest.raises(ksd.KsdError) as caught:
-                ksd.prepare(scene, planar=planar)(targets, method="reduced")
-            said.append(str(caught.value))
-    assert said[:2] == said[2:]
-    assert "outside its trained range" in said[0] and "cannot reach this pose" in said[1]
-
-
 def test_batch_is_what_single_solves_are():
     tops = np.array([0.0, 0.12, 0.3])
     solver = ksd.prepare(fourbar())
-    for options in ({}, {"passes": 1}, {"method": "full"}, {"planar": False}):
+    for options in ({}, {"passes": 1}, {"method": "full"}):
         found = ksd.batch(fourbar(), top=tops, **options)
-        ways = {"method": "reduced", "estimate": False} | {k: v for k, v in options.items() if k != "planar"}
+        ways = {"method": "reduced", "estimate": False} | options
         for n, top in enumerate(tops):
             single = solver(top=top, **ways)
             assert found.forces["top"][0, n] == pytest.approx(single.forces["top"], rel=1e-8, abs=1e-9)
@@ -128,7 +63,7 @@ def test_tabulated_poses_do_not_depend_on_those_before_them(rng):
     tops = np.concatenate(
         [fine, fine[::-1], [0.9, -0.2, 0.29, 0.9, 0.9], fine[:7], rng.permutation(fine), [0.1, 0.1]]
     )
-    design = Prepared(ksd.prepare(fourbar(), planar=False), tabulated=True)
+    design = Prepared(ksd.prepare(fourbar()), tabulated=True)
     along = design({"top": tops})
     assert (along.status != 0).sum() == 3
     for n, top in enumerate(tops):

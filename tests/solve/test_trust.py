@@ -37,12 +37,11 @@ def column(share):
 
 
 @pytest.mark.parametrize("n, angle, moment", [(4, 165, 71.01262), (6, 120, 41.44545)])
-def test_a_jump_to_another_branch_is_walked_again(n, angle, moment):
-    """In one step these end at a negative moment; 24 steps of either solver end at the one given."""
+def test_a_large_turn_ends_on_the_right_branch(n, angle, moment):
+    """In one step these can end at a negative moment; 24 steps of either solver end at the one given."""
     model = compile_scene(single_joint(), mesh=ksd.Mesh("corotational", elements=n))
     found = conventional(model, {"turn": angle * deg})
     assert found.forces["turn"] == pytest.approx(moment, rel=1e-5)
-    assert "walked again" in found.steps[0].note
     walk = conventional(model, {"turn": angle * deg}, steps=24)
     assert found.forces["turn"] == pytest.approx(walk.forces["turn"], rel=1e-8)
     assert not found.doubts

@@ -135,7 +135,7 @@ def test_error_estimates_are_honest(mesh):
         for options in ({"method": "reduced"}, {"method": "reduced", "passes": 1}, {"method": "kinematic"}):
             found = solve(top=d, **options)
             true = abs(found.forces["top"] - exact)
-            assert found.error.force[0] == pytest.approx(true, rel=0.5, abs=1e-6 * exact)
+            assert found.method_error.force[0] == pytest.approx(true, rel=0.5, abs=1e-6 * exact)
 
 
 def test_accuracy_picks_the_cheapest_that_meets_it_in_space():

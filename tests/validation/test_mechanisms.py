@@ -32,7 +32,7 @@ def test_shipped_scenes(name, mesh):
     assert full.steps[-1].iterations <= 4
     wrong = max(abs(reduced.forces[d] - f) for d, f in exact.forces.items())
     assert wrong < 0.02 * size
-    assert max(reduced.error.force) == pytest.approx(wrong, rel=0.5, abs=1e-6 * size)
+    assert max(reduced.method_error.force) == pytest.approx(wrong, rel=0.5, abs=1e-6 * size)
 
 
 def test_delta_stage_hardly_turns():

@@ -11,16 +11,13 @@ import numpy as np
 
 from ksd.bodies.freedom import check_freedoms
 from ksd.design.refill.drawing import Drawing, Numbers, numbers_of
-from ksd.design.refill.plane import Flat, stays_in_plane
 from ksd.design.refill.polynomials import Polynomials
 from ksd.design.refill.scales import scales
 from ksd.design.refill.space import Filled, Space
 from ksd.library import find_record
 from ksd.model.effects import MARGIN
 from ksd.model.mesh import Mesh
-from ksd.model.plane import Plane, plane_of
 from ksd.solve.five import FiveSteps
-from ksd.solve.planar_steps import PlanarSteps
 
 SAME = 1e-12
 """Relative difference, to the largest number of an array, below which a refilled array is that of a fresh model."""
@@ -40,13 +37,12 @@ def shear_matters(leaf: np.ndarray, mesh: Mesh) -> np.ndarray:
 
 @dataclass(frozen=True)
 class Ready:
-    """Numbers of D designs computed: for the storage in space and in the plane, trained shapes and same topology (D,).
+    """Numbers of D designs computed: `space` for the storage; fits (D,): trained shapes and same topology.
 
-    motion_scale (D, q): from intended motions to rad or m. size (D,): length scale of the mechanism.
+    motion_scale (D, q): from intended motions to rad or m.
     """
 
     space: Filled
-    flat: Filled
     fits: np.ndarray
     motion_scale: np.ndarray
 
@@ -57,7 +53,6 @@ class Refill:
     def __init__(self, five: FiveSteps, drawn: Drawing) -> None:
         self.five, self.model, self.joints = five, five.model, drawn.joints
         bodies = five.bench.bodies
-        plane, steps = plane_of(self.model), five.flat
         self.own = self.numbers([drawn])
         self.polynomials = Polynomials(
             drawn.joints, [find_record(j.family) for j in drawn.joints], self.model.mesh
@@ -66,12 +61,6 @@ class Refill:
         if not self.polynomials.known or bodies.hanging or self.model.mesh.nodal:
             return
         self.space = Space(self.model, bodies, drawn.joints, self.polynomials, self.own)
-        self.flat: Flat | None = None
-        self.plane: Plane | None = None
-        if isinstance(plane, Plane) and isinstance(steps, PlanarSteps):
-            self.plane = plane
-            self.flat = Flat(five, plane, steps, self.space, self.own)
-            self.flat_words = _Words(steps.held)
         self.space_words = _Words(five.bench.held)
         self.kinds = np.array(
             [m.kind == "translation" for p in self.model.scene.joints for m in p.joint.motions]
@@ -92,10 +81,7 @@ class Refill:
     def _reproduces(self, drawn: Drawing) -> bool:
         """Whether the arrays computed for the design it was made of are those it has."""
         ready = self.ready([drawn])
-        if not ready.fits[0]:
-            return False
-        pairs = [(self.space_words, ready.space)] + ([(self.flat_words, ready.flat)] if self.flat else [])
-        return all(words.holds(filled) for words, filled in pairs)
+        return bool(ready.fits[0]) and self.space_words.holds(ready.space)
 
     def ready(self, drawn: Sequence[Drawing]) -> Ready:
         """Compute the arrays of designs with the words of this one."""
@@ -110,29 +96,13 @@ class Refill:
         stack, trained = self.polynomials(shapes)
         filled, fits = self.space(n, stack)
         fits &= known & trained
-        flat: Filled = {}
-        if self.flat is not None:
-            fits &= self.flat.fits(n, filled)
-            flat = self.flat(filled, self._scale(n))
-        elif self.five.wants_plane and not self._flat_by_drawing(self.own, None)[0]:
-            fits &= ~self._flat_by_drawing(n, filled)
         scale = np.where(self.kinds, n.length[:, self.of_motion], 1.0)
-        return Ready(filled, flat, fits, scale)
+        return Ready(filled, fits, scale)
 
-    def _flat_by_drawing(self, n: Numbers, filled: Filled | None) -> np.ndarray:
-        """(D,): whether designs might have planar five steps where this one has none."""
-        arrays, frames = self.model.arrays, None
-        frames = arrays.members.frame[None] if filled is None else filled["bodies.full.members.frame"]
-        drives = range(int(arrays.terms.first[len(self.model.drive_names)]))
-        return stays_in_plane(n, frames, arrays.terms.kind, drives, self.space.top.load_kept)
-
-    def put(self, ready: Ready, d: int) -> float | None:
-        """Write design d into the storage. Returns its length scale, None where its joints fit together in another way
-        than those of the first. Raises KinematicsError as a fresh model does."""
+    def put(self, ready: Ready, d: int) -> bool:
+        """Write design d into the storage. Returns whether its joints fit together in the way of those of the first.
+        Raises KinematicsError as a fresh model does."""
         self.space_words.put(ready.space, d)
-        if self.flat is not None and self.plane is not None:
-            self.flat_words.put(ready.flat, d)
-            self.plane.lifting.height[:] = ready.flat["height"][d]
         size = float(ready.space["bodies.reduced.size"][d])
         parts = self.five.bench.held.parts
         loose: Any = SimpleNamespace(
@@ -140,7 +110,7 @@ class Refill:
             reduced_rest=parts.rest.reduced, motion_names=self.five.bench.bodies.motion_names,
         )  # fmt: skip
         fit = check_freedoms(self.model, loose)
-        return size if fit.exact == self.five.fit.exact and fit.yielding == self.five.fit.yielding else None
+        return bool(fit.exact == self.five.fit.exact and fit.yielding == self.five.fit.yielding)
 
 
 class _Words:

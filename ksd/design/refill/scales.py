@@ -75,52 +75,32 @@ def _space_kinds(value: np.ndarray, number: np.ndarray, kind: int) -> np.ndarray
     return np.array(parts + [ONE] * (len(value) - len(parts)), np.int64)
 
 
-def _flat_kinds(number: np.ndarray, kind: int) -> np.ndarray:
-    """Which scale every constant of a planar member goes with."""
-    count = int(number[0])
-    if kind != STRAIN:
-        return np.array([LENGTH, 2, 6, 7, ONE] * count + [ONE], np.int64)
-    points = int(number[1])
-    row = [LENGTH, 6, 7] + [LENGTH] * count + [5] + [ONE] * count + [LENGTH] * count
-    head = [LENGTH] + [4] * count * count + [ONE] * count
-    return np.array(head + row * points + [LENGTH] * (2 * count), np.int64)
-
-
-def value_table(
-    members: Members, leafs: np.ndarray, scale: np.ndarray, times: np.ndarray, *, flat: bool
-) -> Table:
-    """The constants of packed `members`; leafs (m,): leaf of each, scale (F, KINDS): of the leafs they were made of,
-    times (m,): how many spatial members each stands for."""
+def value_table(members: Members, leafs: np.ndarray, scale: np.ndarray) -> Table:
+    """The constants of packed `members`; leafs (m,): leaf of each, scale (F, KINDS): of the leafs they were made of."""
     unit, leaf = members.value.copy(), np.zeros(len(members.value), np.int64)
     kinds = np.zeros(len(members.value), np.int64)
-    ends = np.append(np.unique(members.value_at), len(unit) - (not flat))
+    ends = np.append(np.unique(members.value_at), len(unit) - 1)
     for i, at in enumerate(members.value_at):
         if members.kind[i] == LINEAR:
             continue
         end = int(ends[np.searchsorted(ends, at) + 1])
         own, number = members.value[at:end], members.number[i]
-        kinds[at:end] = (
-            _flat_kinds(number, members.kind[i]) if flat else _space_kinds(own, number, members.kind[i])
-        )
+        kinds[at:end] = _space_kinds(own, number, members.kind[i])
         leaf[at:end] = leafs[i]
         over = scale[leafs[i], kinds[at:end]]
         soft = np.isin(kinds[at:end], SOFT) & (members.kind[i] == STRAIN)
-        made = np.divide(own, over, out=np.full(len(own), 1.0 / times[i]), where=~soft)
-        unit[at:end] = made
+        unit[at:end] = np.divide(own, over, out=np.ones(len(own)), where=~soft)
     return Table(unit, leaf, kinds)
 
 
-def inner_table(
-    members: Members, leafs: np.ndarray, inner: np.ndarray, scale: np.ndarray, *, flat: bool
-) -> Table:
+def inner_table(members: Members, leafs: np.ndarray, inner: np.ndarray, scale: np.ndarray) -> Table:
     """Inner states at rest: nodes of chains lie along their leaf, all else is fixed."""
     unit, leaf = inner.copy(), np.zeros(len(inner), np.int64)
     kinds = np.zeros(len(inner), np.int64)
-    step = 3 if flat else NODE
     for i in range(len(members.kind)):
         if members.kind[i] in (STRAIN, LINEAR):
             continue
-        at = members.inner_at[i] + step * np.arange(int(members.number[i, 0]) - 1)
+        at = members.inner_at[i] + NODE * np.arange(int(members.number[i, 0]) - 1)
         kinds[at], leaf[at] = LENGTH, leafs[i]
         unit[at] = inner[at] / scale[leafs[i], LENGTH]
     return Table(unit, leaf, kinds)

@@ -100,15 +100,14 @@ class Space:
         top, leafs = self.top, [leaf for joint in joints for leaf in leafs_of(joint)]
         self.counts = element_counts(leafs, model.mesh)
         scale = scales(own.leaf, model.mesh, self.counts)[0]
-        once = np.ones(len(top.member))
         full, bench = model.arrays.members, bodies.bench.members
         self.values = {
-            "full": value_table(full, top.member[:, 1], scale, once, flat=False),
-            "bench": value_table(bench, top.member[:, 1], scale, once, flat=False),
+            "full": value_table(full, top.member[:, 1], scale),
+            "bench": value_table(bench, top.member[:, 1], scale),
         }
         self.inners = {
-            "full": inner_table(full, top.member[:, 1], model.rest.inner, scale, flat=False),
-            "bench": inner_table(bench, top.member[:, 1], bodies.bench_rest.inner, scale, flat=False),
+            "full": inner_table(full, top.member[:, 1], model.rest.inner, scale),
+            "bench": inner_table(bench, top.member[:, 1], bodies.bench_rest.inner, scale),
         }
         self._functions(bodies, polynomials)
         self.coefficients = self._kept(bodies.inside, scale)

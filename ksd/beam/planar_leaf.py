@@ -1,0 +1,227 @@
+"""The strain-mode leaf that bends in its own plane alone: `ksd.beam.strain` in closed form in the angle.
+
+End p at the origin, unrotated; end q at d, turned by Q about e3. Unknowns are the amplitudes a (nz,) of
+kappa = sum a_k B_k(s) [1/m] and lam = (nx, ny, m), force and moment on end q. The angle is the integral of kappa,
+theta = sum a_k psi_k with psi_k(s) = int B_k known beforehand, so the mixed functional 1/2 a K a - H + lam.(closure)
+needs one sum over the Gauss points: H = L sum w h(theta) + m theta(L), h = N + (cN N^2 + cV V^2)/2,
+N + i V = (nx + i ny) exp(-i theta), whence h' = V + (cN - cV) N V and h'' = -N + (cN - cV)(V^2 - N^2). The
+integration matrix of the spatial form drops out by partial summation, which turns the modes B_k of its residual into
+test functions t_k: the psi_k for polynomial modes, and off them by the error of quadrature for the modes of a leaf with
+a profile. With them both forms have the same equilibria. Source: the S model of the strain-mode note.
+
+It works on the inner state of the spatial leaf, of which it changes the amplitudes of weak bending and three numbers of
+the wrench. `number`: nz, points, place of the first weak-bending amplitude, of the wrench. `value`: K (nz, nz) [N m^3],
+stress-free a0 (nz), then per point: weight times L, cN = 1/EA, cV = 1/(ky G A), psi (nz), t (nz); then psi and t at the
+end. `store`: W^-1 (J, g) (nz, 4), J and g (nz, 4), W (nz, nz), gap (3), K (6).
+"""
+
+from __future__ import annotations
+
+import math
+from itertools import pairwise
+
+import numpy as np
+
+from ksd.numerics.kernel import kernel
+
+TINY_PIVOT = 1e-15
+TURN = 2.0 * math.pi
+
+
+@kernel
+def _gather(value, number, inner, store, sums):
+    """W (lower) and (J, g) into the store, at the points: sums (6,) = place and angle of end q, force block of F."""
+    nz, points, first, wrench = number[0], number[1], number[2], number[3]
+    J, W = 4 * nz, 8 * nz
+    nx, ny, moment = inner[wrench], inner[wrench + 1], inner[wrench + 5]
+    width = 3 + 2 * nz
+    end = nz * nz + nz + points * width
+    angle = 0.0
+    for i in range(nz):
+        g = -moment * value[end + nz + i]
+        for j in range(nz):
+            stiffness = value[i * nz + j]
+            store[W + i * nz + j] = stiffness
+            g += stiffness * (inner[first + j] - value[nz * nz + j])
+        store[J + 4 * i], store[J + 4 * i + 1] = 0.0, 0.0
+        store[J + 4 * i + 2], store[J + 4 * i + 3] = value[end + i], g
+        angle += inner[first + i] * value[end + i]
+    x, y, xx, xy, yy = 0.0, 0.0, 0.0, 0.0, 0.0
+    for p in range(points):
+        at = nz * nz + nz + p * width
+        w, cn, cv = value[at], value[at + 1], value[at + 2]
+        theta = 0.0
+        for i in range(nz):
+            theta += inner[first + i] * value[at + 3 + i]
+        c, s = math.cos(theta), math.sin(theta)
+        N, V = c * nx + s * ny, c * ny - s * nx
+        slack = cn - cv
+        # r' = R (1 + cN N, cV V) and R C R^T
+        a, b = w * (1.0 + cn * N), w * cv * V
+        x += c * a - s * b
+        y += s * a + c * b
+        xx += w * (cn * c * c + cv * s * s)
+        xy += w * slack * c * s
+        yy += w * (cn * s * s + cv * c * c)
+        # h', h'' and d h'/d(nx, ny)
+        slope = w * (V + slack * N * V)
+        curve = w * (slack * (V * V - N * N) - N)
+        a, b = w * slack * V, w * (1.0 + slack * N)
+        hx, hy = c * a - s * b, s * a + c * b
+        for i in range(nz):
+            psi = value[at + 3 + i]
+            store[J + 4 * i] += hx * psi
+            store[J + 4 * i + 1] += hy * psi
+            store[J + 4 * i + 3] -= slope * value[at + 3 + nz + i]
+            for j in range(i + 1):
+                store[W + i * nz + j] -= curve * psi * value[at + 3 + j]
+    sums[0], sums[1], sums[2], sums[3], sums[4], sums[5] = x, y, angle, xx, xy, yy
+
+
+@kernel
+def _solve(nz, store):
+    """W^-1 (J, g) by LDL^T in place of W (lower), into the head of the store; returns (negative pivots, status)."""
+    negatives, J, W = 0, 4 * nz, 8 * nz
+    for j in range(nz):
+        pivot = store[W + j * nz + j]
+        before = abs(pivot)
+        for c in range(j):
+            pivot -= store[W + j * nz + c] * store[W + j * nz + c] * store[W + c * nz + c]
+        if not abs(pivot) > TINY_PIVOT * before:
+            return negatives, 2
+        store[W + j * nz + j] = pivot
+        if pivot < 0.0:
+            negatives += 1
+        for i in range(j + 1, nz):
+            t = store[W + i * nz + j]
+            for c in range(j):
+                t -= store[W + i * nz + c] * store[W + j * nz + c] * store[W + c * nz + c]
+            store[W + i * nz + j] = t / pivot
+        for e in range(4):
+            t = store[J + 4 * j + e]
+            for c in range(j):
+                t -= store[W + j * nz + c] * store[4 * c + e]
+            store[4 * j + e] = t
+    for j in range(nz - 1, -1, -1):
+        for e in range(4):
+            t = store[4 * j + e] / store[W + j * nz + j]
+            for c in range(j + 1, nz):
+                t -= store[W + c * nz + j] * store[4 * c + e]
+            store[4 * j + e] = t
+    return negatives, 0
+
+
+@kernel
+def condense(value, number, inner, store, d, Q, lam, K):
+    """Condense one leaf at end pose d (3,) [m], Q (3, 3), as `ksd.beam.strain.strain_condense`; lam (12,) and K (6, 6)
+    are zero out of the plane.
+
+    Returns (negative pivots of W minus those of F, |change of n| [N], |change of m| [Nm], status).
+    """
+    nz, wrench = number[0], number[3]
+    kept = 8 * nz + nz * nz
+    sums = store[kept : kept + 9]
+    for r in range(12):
+        lam[r] = 0.0
+    for r in range(6):
+        for c in range(6):
+            K[r, c] = 0.0
+    _gather(value, number, inner, store, sums)
+    negatives, status = _solve(nz, store)
+    if status != 0:
+        return negatives, math.inf, math.inf, status
+    # F = J W^-1 J^T + L sum w R C R^T, gap = closure + J W^-1 g
+    f00, f01, f11, f02, f12, f22 = sums[3], sums[4], sums[5], 0.0, 0.0, 0.0
+    x, y, turn = d[0] - sums[0], d[1] - sums[1], math.atan2(Q[1, 0], Q[0, 0]) - sums[2]
+    turn -= TURN * round(turn / TURN)
+    for i in range(nz):
+        j = 4 * nz + 4 * i
+        jx, jy, jt = store[j], store[j + 1], store[j + 2]
+        yx, yy, yt, yg = store[4 * i], store[4 * i + 1], store[4 * i + 2], store[4 * i + 3]
+        f00 += jx * yx
+        f01 += jx * yy
+        f11 += jy * yy
+        f02 += jx * yt
+        f12 += jy * yt
+        f22 += jt * yt
+        x += jx * yg
+        y += jy * yg
+        turn += jt * yg
+    # K = F^-1 by LDL^T, the moment first: it is never small
+    l0, l1 = f02 / f22, f12 / f22
+    d0, e = f00 - l0 * f02, f01 - l0 * f12
+    l2 = e / d0
+    d1 = f11 - l1 * f12 - l2 * e
+    if not (abs(f22) > 0.0 and abs(d0) > TINY_PIVOT * abs(f00) and abs(d1) > TINY_PIVOT * abs(f11)):
+        return negatives, math.inf, math.inf, 2
+    negatives -= (f22 < 0.0) + (d0 < 0.0) + (d1 < 0.0)
+    # columns of the unit lower inverse, order (moment, x, y): rows (1), (-l0, 1), (l0 l2 - l1, -l2, 1)
+    u = l0 * l2 - l1
+    k00, k01, k11 = 1.0 / d0 + l2 * l2 / d1, -l2 / d1, 1.0 / d1
+    k02, k12 = -l0 / d0 - l2 * u / d1, u / d1
+    k22 = 1.0 / f22 + l0 * l0 / d0 + u * u / d1
+    K[0, 0], K[0, 1], K[0, 5] = k00, k01, k02
+    K[1, 0], K[1, 1], K[1, 5] = k01, k11, k12
+    K[5, 0], K[5, 1], K[5, 5] = k02, k12, k22
+    sums[0], sums[1], sums[2] = x, y, turn
+    sums[3], sums[4], sums[5], sums[6], sums[7], sums[8] = k00, k01, k02, k11, k12, k22
+    c0, c1 = k00 * x + k01 * y + k02 * turn, k01 * x + k11 * y + k12 * turn
+    c2 = k02 * x + k12 * y + k22 * turn
+    lam[6], lam[7], lam[11] = inner[wrench], inner[wrench + 1], inner[wrench + 5]
+    lam[0], lam[1], lam[5] = lam[6] + c0, lam[7] + c1, lam[11] + c2
+    force, moment = math.sqrt(c0 * c0 + c1 * c1), abs(c2)
+    return negatives, force, moment, 0 if math.isfinite(force + moment + k00) else 2
+
+
+@kernel
+def recover(value, number, inner, store, xi, scale):
+    """dlam = K (xi + gap), da = W^-1 (J^T dlam - g), both times `scale`, after end q moved by xi (6,) in frame p."""
+    nz, first, wrench = number[0], number[2], number[3]
+    kept = 8 * nz + nz * nz
+    k = store[kept : kept + 9]
+    x, y, turn = xi[0] + k[0], xi[1] + k[1], xi[5] + k[2]
+    d0 = k[3] * x + k[4] * y + k[5] * turn
+    d1 = k[4] * x + k[6] * y + k[7] * turn
+    d2 = k[5] * x + k[7] * y + k[8] * turn
+    for i in range(nz):
+        inner[first + i] += scale * (
+            store[4 * i] * d0 + store[4 * i + 1] * d1 + store[4 * i + 2] * d2 - store[4 * i + 3]
+        )
+    inner[wrench] += scale * d0
+    inner[wrench + 1] += scale * d1
+    inner[wrench + 5] += scale * d2
+
+
+def store_size(nz: int) -> int:
+    """Length of the `store` of a leaf with nz modes of weak bending."""
+    return 8 * nz + nz * nz + 9
+
+
+def _test_functions(
+    basis: np.ndarray, psi: np.ndarray, weight: np.ndarray, integral: np.ndarray
+) -> np.ndarray:
+    """Test functions (ng + 1, n) at the points and, last, at the end. Those of polynomial modes are the psi themselves,
+    which hold no rounding of the division by weights."""
+    end = basis @ weight
+    found = end - (basis * weight @ integral).T * (weight.sum() / weight)[:, None]
+    found = np.vstack([found, end])
+    return psi if np.abs(found - psi).max() < 1e-10 * weight.sum() else found
+
+
+def planar_values(value: np.ndarray, number: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Constants and settings from those of the spatial leaf (`ksd.beam.strain_values`), neither curved nor twisted out of
+    its plane at rest."""
+    nx, ny, nz, ng = (int(n) for n in number[:4])
+    total, first = nx + ny + nz, nx + ny
+    sizes = [1, nx * nx, ny * ny, nz * nz, total, ng, ng * ng, total * ng, 3 * ng, (ng + 1) * total]
+    parts = [value[a:b] for a, b in pairwise(np.cumsum([0, *sizes]))]
+    length, start = float(parts[0][0]), parts[4]
+    weight, integral = length * parts[5], parts[6].reshape(ng, ng)
+    basis = parts[7].reshape(total, ng)[first:]
+    slack, gap = parts[8].reshape(ng, 3), parts[9].reshape(total, ng + 1)[first:].T
+    # psi at the points and, last, at the end
+    psi = length * np.cumsum(gap, axis=0)
+    test = _test_functions(basis, psi, weight, integral)
+    table = np.column_stack([weight, slack[:, 0], slack[:, 1], psi[:-1], test[:-1]])
+    flat = [parts[3], start[first:], table.ravel(), psi[-1], test[-1]]
+    return np.concatenate(flat), np.array([nz, ng, first, total], np.int64)
