@@ -32,8 +32,6 @@ TO_BE_REMOVED = {
     ("ksd.model.compile", "ksd.model.plane"),
     ("ksd.model.estimates", "ksd.model.compile"),
     ("ksd.model.estimates", "ksd.model.effects"),
-    ("ksd.model.planar_arrays", "ksd.model.planar_system"),
-    ("ksd.model.planar_arrays", "ksd.model.turning"),
     ("ksd.solve.configuration", "ksd.solve.answer"),
     ("ksd.solve.configuration", "ksd.solve.corrected"),
     ("ksd.solve.configuration", "ksd.solve.report"),
