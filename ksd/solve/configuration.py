@@ -166,7 +166,14 @@ class Configuration:
         from ksd.properties.strength import unusual
 
         strain = () if self.strength is None else self.strength.warnings
-        return (*self.notes, *unusual(self.model), *strain)
+        return (*self.notes, *filter(None, [self.minimum]), *unusual(self.model), *strain)
+
+    @cached_property
+    def minimum(self) -> str:
+        """Which of several minima this is, where preload makes the undeformed configuration unstable; else nothing."""
+        from ksd.solve.rest import minimum_taken
+
+        return minimum_taken(self.model, self.motion, self.stable) if self.model.spring_names else ""
 
     @property
     def iterations(self) -> int:

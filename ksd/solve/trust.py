@@ -212,7 +212,10 @@ def insist(c: Configuration) -> Configuration:
         return c
     trusted = solved_well(c)
     if not trusted:
-        said = f"{trusted}{_fighting_drives(c)}; strict=False (in Python) returns the state all the same"
+        minima = f"; {c.minimum}" * bool(c.minimum)
+        said = (
+            f"{trusted}{minima}{_fighting_drives(c)}; strict=False (in Python) returns the state all the same"
+        )
         raise TrustError(said, reached=1.0, result=c)
     return c
 
