@@ -6,14 +6,14 @@ import numpy as np
 
 import ksd
 from ksd.errors import KsdError
-from ksd.numerics.indefinite import scaling, solve_scaled
+from ksd.numerics.indefinite import inertia, scaling, solve_scaled
 from ksd.properties.alike import unstressed_leafs
 from ksd.properties.frequencies import frequencies
-from ksd.properties.mass import inertia
+from ksd.properties.mass import inertia as inertia_of
 from ksd.properties.opened import Opened
 from ksd.properties.stiffness import drive_stiffness, point_stiffness
 from ksd.properties.stress_stiffness import _elastic, _stress_forces, _stresses, _unstressed_nodes, own_stress
-from ksd.properties.tangent import factored_tangent
+from ksd.properties.tangent import assembled_tangent, factored_tangent
 from ksd.scene.families.universal import UniversalJoint
 from ksd.solve.conventional import conventional
 from ksd.train.catalogue import ENTRIES
@@ -112,13 +112,24 @@ def differences(found, step=4e-3):
     return np.array(columns).T
 
 
-def stiffness_error(found):
-    """Largest error of the drive stiffness of a configuration (mesh as it is), over the diagonal entries beside it."""
+def stiffness_error(found, steps=(4e-3, 5e-4)):
+    """Error of the drive stiffness of a configuration (mesh as it is), over the diagonal entries beside it, against
+    differences: the largest of the better of the steps, one spoilt by what they leave out, the other by rounding."""
     tangent = factored_tangent(found.model, found.motion)
     own = drive_stiffness(found.model, found.motion, tangent=tangent).matrix
-    exact = differences(found)
-    scale = np.sqrt(np.abs(np.diagonal(exact)))
-    return float(np.abs((own - exact) / np.outer(scale, scale)).max())
+    errors = []
+    for step in steps:
+        exact = differences(found, step)
+        scale = np.sqrt(np.abs(np.diagonal(exact)))
+        errors.append(np.abs((own - exact) / np.outer(scale, scale)))
+    return float(np.min(errors, axis=0).max())
+
+
+def no_minimum(refusal):
+    """Whether the state of a TrustError has as many negative eigenvalues as it says, counted with pivoting, and too many."""
+    state = refusal.result
+    assembled = assembled_tangent(state.model, state.motion)
+    return inertia(assembled.matrix()) + assembled.inside == state.negatives > state.expected
 
 
 def pivoted_errors(found, tip):
@@ -145,6 +156,8 @@ def pivoted_errors(found, tip):
         ),
     ):
         size = np.sqrt(np.abs(np.diagonal(exact)))
+        # directions that are held have none
+        size = np.maximum(size, 1e-9 * size.max())
         errors.append(float(np.abs((own - exact) / np.outer(size, size)).max(initial=0.0)))
     return errors
 
@@ -163,7 +176,7 @@ def frequency_error(found, count=4):
     from scipy.linalg import block_diag, eigh
 
     opened = Opened(*found.insides)
-    mass, K = inertia(opened.model, opened.motion, leafs=opened.leafs), opened.assembled.matrix()
+    mass, K = inertia_of(opened.model, opened.motion, leafs=opened.leafs), opened.assembled.matrix()
     free = _free(opened.model, K)
     # G with K^-1 = G G^T: of the free motions, and of every leaf
     roots = [np.linalg.solve(np.linalg.cholesky(free.T @ K @ free), free.T).T]
@@ -198,8 +211,8 @@ def buckling_error(found, count=2):
 
 
 def solved(scene, targets, **options):
-    """The answer, or the sentence it is refused with."""
+    """The answer, or the error it is refused with."""
     try:
         return ksd.solve(scene, targets, **options)
     except KsdError as error:
-        return f"{type(error).__name__}: {error}"
+        return error
