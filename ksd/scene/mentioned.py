@@ -280,6 +280,8 @@ class Mentioned(Links):
         leafs: full names ("joint/leaf"), all of the mechanism when left out; their material needs its expansion.
         """
         names = (leafs,) if isinstance(leafs, str) else leafs
+        if names is not None and not isinstance(names, list | tuple):
+            raise SceneError(f"heat: leafs = {show(leafs)} must be names of leafs in a list.")
         self._heats.append(Heat(temperature, through, None if names is None else tuple(names)))
         return self._heats[-1]
 

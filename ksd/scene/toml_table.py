@@ -1,9 +1,9 @@
-"""Reading one table of a scene file: every key with its type and unit, unknown keys refused by name."""
+"""Reading one table of a scene file: keys by a schema, unknown ones refused by name."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from typing import Any
 
@@ -32,7 +32,7 @@ _EXAMPLES = {
     "density": "7800 kg/m3",
 }
 _QUANTITY = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*([A-Za-z][A-Za-z0-9/]*)\s*")
-_REQUIRED = object()
+Parts = Mapping[str, Mapping[str, Any]]
 
 
 def quantity(value: Any, dimension: str, what: str) -> float:
@@ -73,8 +73,7 @@ def placed_at(where: str) -> Iterator[None]:
 class Table:
     """One table of a scene file and the place to name in messages, e.g. "fourbar.toml, [joint.cross]".
 
-    Every key is taken once with the type it must have; `finish` then refuses the keys nobody knows. A key
-    without a default is required. Messages start with the place and the key.
+    `read` takes the keys of a schema, `finish` then refuses those nobody took. Messages start with place and key.
     """
 
     def __init__(self, values: Any, file: str, path: str = "", row: int = 0) -> None:
@@ -90,75 +89,37 @@ class Table:
     def __contains__(self, key: str) -> bool:
         return key in self.values
 
-    def take(self, key: str, default: Any = _REQUIRED) -> Any:
-        """The raw value of a key."""
-        self._known.add(key)
-        if key in self.values:
-            return self.values[key]
-        if default is _REQUIRED:
-            # a present key of a similar name is probably a misspelling of the missing one
-            hint = similar(key, self.values, cutoff=0.7)
-            raise SceneError(f"{self.where}: key '{key}' is missing{hint}")
-        return default
+    def read(self, schema: Mapping[str, str], parts: Parts | None = None) -> dict[str, Any]:
+        """The values of the keys that are given, as the kinds of a schema say (see `ksd.scene.toml_schema`).
 
-    def _typed(self, key: str, default: Any, read: Callable[[Any], Any]) -> Any:
-        value = self.take(key, default)
-        if key not in self.values:
-            return value
+        parts: the "material"s, "section"s and "joint"s of the file by name. Raises SceneError for a key that is missing, or
+        of a wrong type, unit or name.
+        """
+        self._known |= schema.keys()
+        found = {}
+        for key, kind in schema.items():
+            if key in self.values:
+                with placed_at(self.where):
+                    found[key] = _value(self.values[key], kind.rstrip("!"), key, parts or {})
+            elif kind.endswith("!"):
+                # a present key of a similar name is probably a misspelling of the missing one
+                hint = similar(key, self.values, cutoff=0.7)
+                raise SceneError(f"{self.where}: key '{key}' is missing{hint}")
+        return found
+
+    def say(self, sentence: Callable[..., Any], words: Mapping[str, Any]) -> Any:
+        """Refuse unknown keys, then say the sentence; its errors get file and table in front."""
+        self.finish()
         with placed_at(self.where):
-            return read(value)
-
-    def quantity(self, key: str, dimension: str, default: Any = _REQUIRED) -> Any:
-        """A number in SI, see `quantity`."""
-        return self._typed(key, default, lambda v: quantity(v, dimension, key))
-
-    def quantities(self, key: str, dimension: str, default: Any = _REQUIRED, *, count: int = 3) -> Any:
-        """A tuple of `count` numbers in SI."""
-
-        def read(value: Any) -> tuple[float, ...]:
-            if not isinstance(value, list) or len(value) != count:
-                raise SceneError(f"{key} = {show(value)} must be a list of {count} numbers.")
-            return tuple(quantity(v, dimension, f"{key}[{i}]") for i, v in enumerate(value))
-
-        return self._typed(key, default, read)
-
-    def direction(self, key: str, default: Any = _REQUIRED) -> Any:
-        """A unit vector from "x", "-z" or three numbers."""
-        return self._typed(key, default, lambda v: direction(v, key))
-
-    def text(self, key: str, default: Any = _REQUIRED) -> Any:
-        """Text."""
-        return self._typed(key, default, lambda v: _text(v, key))
-
-    def name_of(self, key: str, known: Collection[str], kind: str, default: Any = _REQUIRED) -> Any:
-        """The name of a material, section or joint defined in this file."""
-
-        def read(value: Any) -> str:
-            if _text(value, key) not in known:
-                raise SceneError(
-                    f"{key} = {show(value)}: there is no {kind} of that name{nearest(value, known)}"
-                )
-            return value
-
-        return self._typed(key, default, read)
-
-    def yes_or_no(self, key: str, default: bool) -> bool:
-        """true or false."""
-
-        def read(value: Any) -> bool:
-            if not isinstance(value, bool):
-                raise SceneError(f"{key} = {show(value)} must be true or false.")
-            return value
-
-        return self._typed(key, default, read)
+            return sentence(**words)
 
     def table(self, key: str) -> Table:
         """A table inside this one, empty when absent."""
-        return Table(self.take(key, {}), self._file, self._inside(key))
+        return Table(self._taken(key, {}), self._file, self._inside(key))
 
     def tables(self, key: str) -> list[Table]:
         """The tables of an array [[key]], empty when absent."""
-        found = self.take(key, [])
+        found = self._taken(key, [])
         if not isinstance(found, list):
             raise SceneError(f"{self.where}: {key} = {show(found)} must be written as [[{key}]] tables.")
         return [Table(v, self._file, self._inside(key), i + 1) for i, v in enumerate(found)]
@@ -174,8 +135,34 @@ class Table:
             if key not in self._known:
                 raise SceneError(f"{self.where}: key '{key}' is unknown{nearest(key, self._known)}")
 
+    def _taken(self, key: str, default: Any) -> Any:
+        self._known.add(key)
+        return self.values.get(key, default)
 
-def _text(value: Any, key: str) -> str:
+
+def _value(value: Any, kind: str, key: str, parts: Parts) -> Any:
+    """One value as its kind says, without the place."""
+    kind, several, count = kind.removesuffix("]").partition("[")
+    if count or (several and isinstance(value, list)):
+        if not isinstance(value, list) or (count and len(value) != int(count)):
+            raise SceneError(f"{key} = {show(value)} must be a list of {count} numbers.")
+        return tuple(quantity(v, kind, f"{key}[{i}]") for i, v in enumerate(value))
+    if kind in DIMENSIONS or kind == "number":
+        return quantity(value, kind, key)
+    if kind == "any":
+        return value
+    if kind == "direction":
+        return direction(value, key)
+    if kind == "flag":
+        if not isinstance(value, bool):
+            raise SceneError(f"{key} = {show(value)} must be true or false.")
+        return value
     if not isinstance(value, str):
         raise SceneError(f"{key} = {show(value)} must be text in quotes.")
-    return value
+    if kind == "text":
+        return value
+    if value not in parts[kind]:
+        raise SceneError(
+            f"{key} = {show(value)}: there is no {kind} of that name{nearest(value, parts[kind])}"
+        )
+    return parts[kind][value]

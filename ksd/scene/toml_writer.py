@@ -2,24 +2,34 @@
 
 from __future__ import annotations
 
-import inspect
 import os
-from collections.abc import Mapping
+from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
 import numpy as np
 
 from ksd.errors import SceneError
 from ksd.files import write_file
-from ksd.scene.contents import PlacedJoint, PlacedLeaf, Scene
+from ksd.scene.contents import PlacedJoint, Scene
 from ksd.scene.drive import GROUND, Drive, DriveTerm
+from ksd.scene.effects import Compliance, Spring, TurnSpring
 from ksd.scene.families import joint_families
 from ksd.scene.joint import DrawnJoint, Joint
 from ksd.scene.leaf import Leaf
 from ksd.scene.material import Material
 from ksd.scene.mechanism import Mechanism
 from ksd.scene.placing import numbered
-from ksd.scene.toml_effects import effects_tree
+from ksd.scene.toml_schema import (
+    BLOCKS,
+    DRAWN,
+    LEAF,
+    MATERIAL,
+    MOTIONS,
+    SECTIONS,
+    SENTENCES,
+    SIZES,
+    of_family,
+)
 from ksd.section import Section, circle, rectangle
 from ksd.section.checks import number, show
 
@@ -49,27 +59,28 @@ def save_scene(
 
 def _scene_tree(scene: Scene, targets: dict[str, float]) -> Tree:
     names = _Names()
-    tree: Tree = {"name": scene.name, "links": list(scene.links[1:])}
-    if scene.gravity is not None:
-        tree["gravity"] = scene.gravity
-    joins = [_join(j, names) for j in scene.joints]
-    leafs = [_placed_leaf(leaf, names) for leaf in scene.leafs]
-    effects = effects_tree(scene, names)
-    drives = [_drive(d) | _value(d.name, targets) for d in scene.drives]
+    said = {
+        "join": [_join(j, names) for j in scene.joints],
+        "leaf": [_leaf(p.leaf, names, {"a": p.a, "b": p.b}) for p in scene.leafs],
+        "actuate": [_drive(d) | _value(d.name, targets) for d in scene.drives],
+        "support": [_drive(s) for s in scene.supports],
+        "compliance": [_compliance(c, names) for c in scene.compliances],
+    }
+    plain: dict[str, Iterable[Any]] = {
+        "load": scene.loads,
+        "mass": scene.masses,
+        "spring": [s for s in scene.springs if isinstance(s, Spring)],
+        "turn_spring": [s for s in scene.springs if isinstance(s, TurnSpring)],
+        "heat": scene.heats,
+        "fit": scene.fits,
+    }
+    said |= {key: [_keys(part, SENTENCES[key], names) for part in parts] for key, parts in plain.items()}
     if targets:
         raise SceneError(f"target '{next(iter(targets))}' belongs to no drive of '{scene.name}'.")
-    tree |= {"material": names.trees("material"), "section": names.trees("section")}
-    tree |= {"joint": names.trees("joint"), "join": joins, "leaf": leafs, "actuate": drives}
-    tree["support"] = [_drive(s) for s in scene.supports]
-    tree["load"] = [
-        {"name": p.name, "link": p.link, "force": p.force, "moment": p.moment, "at": p.at}
-        | {"following": p.following}
-        for p in scene.loads
-    ]
-    tree["mass"] = [{"link": m.link, "mass": m.mass, "inertia": m.inertia, "at": m.at} for m in scene.masses]
-    # plain values before tables
-    consider = {"consider": effects.pop("consider")} if "consider" in effects else {}
-    tree = consider | tree | effects
+    tree: Tree = {"name": scene.name, "links": list(scene.links[1:])}
+    tree |= {"consider": list(scene.consider)} if scene.consider else {}
+    tree |= {} if scene.gravity is None else {"gravity": scene.gravity}
+    tree |= {kind: names.trees(kind) for kind in ("material", "section", "joint")} | said
     return {key: value for key, value in tree.items() if value not in ({}, [])}
 
 
@@ -86,34 +97,32 @@ class _Names:
     def trees(self, kind: str) -> Tree:
         return dict(self._met[kind].values())
 
-    def name(self, kind: str, value: Any, wish: str) -> str:
-        met = self._met[kind]
-        if value not in met:
-            label = numbered(wish or kind, {name for name, _ in met.values()})
-            met[value] = (label, self._tree(kind, value, label))
-        return met[value][0]
-
-    def _tree(self, kind: str, value: Any, label: str) -> Tree:
-        if kind == "material":
-            return _material(value, label)
-        return _section(value) if kind == "section" else _joint(value, self)
-
-    def material(self, material: Material) -> str:
-        return self.name("material", material, material.name)
-
-    def section(self, section: Section) -> str:
-        return self.name("section", section, section.name)
+    def of(self, value: Any) -> Any:
+        """The name of a material, section or joint; anything else as it is."""
+        for kind, (parts, tree) in _NAMED.items():
+            if isinstance(value, parts):
+                met = self._met[kind]
+                if value not in met:
+                    wish = value.family if isinstance(value, Joint) else value.name
+                    label = numbered(wish or kind, {name for name, _ in met.values()})
+                    met[value] = (label, tree(value, self, label))
+                return met[value][0]
+        return value
 
 
-def _material(material: Material, label: str) -> Tree:
-    tree: Tree = {"E": material.E, "G": material.G}
-    for key in ("density", "expansion", "yield_stress", "fatigue_limit"):
-        if getattr(material, key) is not None:
-            tree[key] = getattr(material, key)
-    return tree if material.name == label else tree | {"name": material.name}
+def _keys(value: Any, schema: Iterable[str], names: _Names, own: Tree | None = None) -> Tree:
+    """What a value holds under the keys of a schema, or `own` says instead; without what is None."""
+    tree = {key: getattr(value, key, None) for key in schema} | (own or {})
+    return {key: names.of(v) for key, v in tree.items() if v is not None}
 
 
-def _section(section: Section) -> Tree:
+def _material(material: Material, names: _Names, label: str) -> Tree:
+    return _keys(
+        material, MATERIAL, names, {"nu": None, "name": None if material.name == label else material.name}
+    )
+
+
+def _section(section: Section, names: _Names, label: str) -> Tree:
     """Short where a closed form gives exactly this section, else all its numbers."""
     t, w, name = section.thickness, section.width, section.name
     if t > 0.0 and w > 0.0:
@@ -121,12 +130,10 @@ def _section(section: Section) -> Tree:
             return {"kind": "rectangle", "thickness": t, "width": w, "name": name}
         if section == circle(w, name=name):
             return {"kind": "circle", "diameter": w, "name": name}
-    keys = ("A", "J", "Iy", "Iz", "ky", "kz", "Iw", "width", "thickness", "shear_centre", "tilt", "name")
-    tree: Tree = {"kind": "numbers"} | {key: getattr(section, key) for key in keys}
-    return tree if section.outline is None else tree | {"outline": section.outline}
+    return {"kind": "numbers"} | _keys(section, SECTIONS["numbers"], names)
 
 
-def _joint(joint: Joint, names: _Names) -> Tree:
+def _joint(joint: Joint, names: _Names, label: str) -> Tree:
     if isinstance(joint, DrawnJoint):
         return _drawn(joint, names)
     family = joint_families().get(joint.family)
@@ -134,54 +141,45 @@ def _joint(joint: Joint, names: _Names) -> Tree:
         raise SceneError(
             f"joint family '{joint.family}' is not registered, so it cannot be written to a file."
         )
-    tree: Tree = {"family": joint.family}
-    for key in inspect.signature(family).parameters:
-        value = getattr(joint, key, None)
-        if value is not None:
-            tree[key] = names.material(value) if isinstance(value, Material) else value
-    return tree
+    return {"family": joint.family} | _keys(joint, of_family(family), names)
+
+
+_NAMED: dict[str, tuple[type[Any], Callable[[Any, _Names, str], Tree]]] = {
+    "material": (Material, _material),
+    "section": (Section, _section),
+    "joint": (Joint, _joint),
+}
 
 
 def _drawn(joint: DrawnJoint, names: _Names) -> Tree:
-    tree: Tree = {"family": "drawn", "name": joint.name, "length": joint.length, "blocks": joint.blocks()}
+    flags = {key: getattr(joint, key) or None for key in ("windows", "held_by_others")}
+    tree: Tree = {"family": "drawn"} | _keys(joint, DRAWN, names, flags) | {"blocks": joint.blocks()}
     if joint.shape():
         tree["shape"] = joint.shape()
-    tree |= {key: True for key in ("windows", "held_by_others") if getattr(joint, key)}
-    tree["leaf"] = [
-        {"start_block": leaf.start_block, "end_block": leaf.end_block} | _leaf(leaf, names)
-        for leaf in joint.leafs()
-    ]
-    tree["motion"] = [
-        {"name": m.name, "kind": m.kind, "axis": m.axis, "range": m.range}
-        | ({} if m.point is None else {"point": m.point})
-        for m in joint.motions
-    ]
+    hung = [(leaf, {key: getattr(leaf, key) for key in BLOCKS}) for leaf in joint.leafs()]
+    tree["leaf"] = [_leaf(leaf, names, blocks) for leaf, blocks in hung]
+    tree["motion"] = [_keys(m, MOTIONS[m.kind], names) for m in joint.motions]
     return tree
 
 
-def _leaf(leaf: Leaf, names: _Names) -> Tree:
+def _leaf(leaf: Leaf, names: _Names, ends: Tree) -> Tree:
     for key in ("profile", "curve"):
         if getattr(leaf, key) is not None:
             raise SceneError(
                 f"leaf '{leaf.name}': a leaf with a {key} cannot be written to a file; keep it in Python."
             )
-    tree: Tree = {"name": leaf.name, "start": leaf.start, "end": leaf.end, "width_axis": leaf.width_axis}
-    tree |= {"section": names.section(leaf.section), "material": names.material(leaf.material)}
-    for key in ("elements", "orders"):
-        if getattr(leaf, key) is not None:
-            tree[key] = getattr(leaf, key)
-    return tree
-
-
-def _placed_leaf(placed: PlacedLeaf, names: _Names) -> Tree:
-    return {"a": placed.a, "b": placed.b} | _leaf(placed.leaf, names)
+    return ends | _keys(leaf, LEAF | SIZES["leaf"], names)
 
 
 def _join(placed: PlacedJoint, names: _Names) -> Tree:
     axes = np.asarray(placed.rotation).T.tolist()
-    kind = names.name("joint", placed.joint, placed.joint.family)
-    tree = {"name": placed.name, "a": placed.a, "b": placed.b, "joint": kind}
-    return tree | {"at": placed.origin, "axis": axes[2], "toward": axes[0]}
+    return _keys(placed, SENTENCES["join"], names, {"at": placed.origin, "axis": axes[2], "toward": axes[0]})
+
+
+def _compliance(said: Compliance, names: _Names) -> Tree:
+    matrix = said.matrix
+    own = {"points": matrix.points, "stiffness": matrix.stiffness} if matrix is not None else {}
+    return _keys(said, SENTENCES["compliance"], names, {"matrix": None, **own})
 
 
 def _drive(drive: Drive) -> Tree:

@@ -1,11 +1,15 @@
 """Springs, elastic links, heat and fits in scene files: the words of Python, read, written and refused."""
 
+import inspect
+
 import numpy as np
 import pytest
 from effect_scenes import free_beam
 
 import ksd
 from ksd.errors import SceneError
+from ksd.scene import toml_schema as schema
+from ksd.scene.toml_table import DIMENSIONS
 
 SCENE = """
 name = "all of it"
@@ -236,3 +240,46 @@ def test_missing_matrix_files_are_named(tmp_path):
     np.savez(tmp_path / "half.npz", K=np.eye(12))
     with pytest.raises(SceneError, match="array 'points' is missing"):
         ksd.link_matrix(tmp_path / "half.npz")
+
+
+def test_the_schema_holds_words_of_python_only():
+    """Every table is a sentence of `Mechanism`, its keys are words of that, and every kind is one that is read."""
+    kinds = {*DIMENSIONS, "number", "text", "flag", "direction", "any", "material", "section", "joint"}
+    beside = {
+        "actuate": {"value"},
+        "support": set(),
+        "leaf": {"thickness", "width"},
+        "compliance": {"points", "stiffness"},
+    }
+    for sentence, keys in schema.SENTENCES.items():
+        words = {*inspect.signature(getattr(ksd.Mechanism, sentence)).parameters}
+        if further := {"support": "actuate", "wire": "leaf"}.get(sentence):
+            words |= {*inspect.signature(getattr(ksd.Mechanism, further)).parameters}
+        assert keys.keys() <= words | beside.get(sentence, set()), sentence
+    made = {
+        "rectangle": ksd.rectangle,
+        "circle": ksd.circle,
+        "tube": ksd.tube,
+        "polygon": ksd.polygon,
+        "numbers": ksd.numbers,
+    }
+    assert schema.SECTIONS.keys() == made.keys()
+    for kind, keys in schema.SECTIONS.items():
+        assert keys.keys() == {*inspect.signature(made[kind]).parameters}, kind
+    assert schema.MATERIAL.keys() == {*inspect.signature(ksd.Material).parameters}
+    families = [schema.of_family(family) for family in ksd.joint_families().values()]
+    tables = [
+        *schema.SENTENCES.values(),
+        *schema.SECTIONS.values(),
+        *schema.SIZES.values(),
+        *schema.MOTIONS.values(),
+        *families,
+    ]
+    for keys in (*tables, schema.TOP, schema.MATERIAL, schema.DRAWN, schema.LEAF, schema.BLOCKS, schema.TERM):
+        assert {kind.rstrip("!").partition("[")[0] for kind in keys.values()} <= kinds
+
+
+@pytest.mark.parametrize("leafs", [0.3, -1, {"a": 1}])
+def test_heat_of_leafs_that_are_no_names_is_one_sentence(leafs):
+    with pytest.raises(SceneError, match=r"heat: leafs = .* must be names of leafs in a list\."):
+        ksd.Mechanism("m").heat(10.0, leafs=leafs)

@@ -1,0 +1,110 @@
+"""What a scene file may hold: every table with its keys and what each is. Reading and writing follow from it.
+
+A kind is a dimension ("length": a number in SI, or text with a unit such as "100 mm"), "number", "text", "flag" (true or
+false), "direction" ("x", "-z" or three numbers), the name of a "material", "section" or "joint" of the file, or "any",
+which what the table says judges itself. "length[3]" is a list of three, "length[]" one or a list of any number; "!" is
+required. Keys that are left out take the default of the Python word of the same name: [[join]] is `Mechanism.join`,
+[[leaf]] `Mechanism.leaf`, [material.NAME] `ksd.Material`, [joint.NAME] the class of its family. Bounds are checked there.
+"""
+
+from __future__ import annotations
+
+import inspect
+
+from ksd.scene.joint import Joint
+
+Schema = dict[str, str]
+
+TOP: Schema = {"name": "text", "gravity": "number[3]", "links": "any!", "consider": "any"}
+
+MATERIAL: Schema = {
+    "E": "stress", "G": "stress", "nu": "number", "density": "density", "expansion": "number",
+    "yield_stress": "stress", "fatigue_limit": "stress", "name": "text",
+}  # fmt: skip
+
+SECTIONS: dict[str, Schema] = {
+    "rectangle": {"thickness": "length!", "width": "length!", "cowper": "number", "name": "text"},
+    "circle": {"diameter": "length!", "cowper": "number", "name": "text"},
+    "tube": {"outer": "length!", "inner": "length!", "cowper": "number", "name": "text"},
+    "polygon": {"points": "any!", "holes": "any", "mesh_size": "length", "nu": "number", "name": "text"},
+    "numbers": {
+        "A": "number!", "J": "number!", "Iy": "number!", "Iz": "number!", "ky": "number", "kz": "number", "Iw": "number",
+        "width": "length", "thickness": "length", "shear_centre": "length[2]", "tilt": "number", "name": "text",
+        "outline": "any",
+    },
+}  # fmt: skip
+"""By the `kind` of a [section.NAME], the function of `ksd.section` that makes it."""
+
+DRAWN: Schema = {"name": "text", "length": "length", "windows": "flag", "held_by_others": "flag"}
+"""[joint.NAME] of family "drawn", beside its tables [blocks], [shape], [[leaf]], [[wire]] and [[motion]]."""
+
+MOTIONS: dict[str, Schema] = {
+    kind: {
+        "name": "text!", "kind": "text!", "axis": "direction!", "range": f"{dimension}[2]!", "point": "length[3]",
+    }
+    for kind, dimension in (("rotation", "angle"), ("translation", "length"))
+}  # fmt: skip
+"""[[joint.NAME.motion]] by its kind."""
+
+LEAF: Schema = {
+    "start": "length[3]!", "end": "length[3]!", "width_axis": "direction", "material": "material!", "name": "text",
+    "elements": "any", "orders": "any",
+}  # fmt: skip
+"""Every leaf and wire, beside one of `SIZES`."""
+
+SIZES: dict[str, Schema] = {
+    "wire": {"diameter": "length!"},
+    "leaf": {"section": "section!"},
+    "rectangle": {"thickness": "length!", "width": "length!"},
+}
+
+BLOCKS: Schema = {"start_block": "text!", "end_block": "text!"}
+"""Where a leaf of a drawn joint hangs; a free-form one has `PAIR`."""
+
+PAIR: Schema = {"a": "text!", "b": "text!"}
+
+_PLACED = PAIR | {
+    "joint": "joint!", "at": "length[3]!", "axis": "direction!", "toward": "direction!", "name": "text",
+}  # fmt: skip
+_WAY = {"link": "text", "along": "direction", "about": "direction", "at": "length[3]", "relative_to": "text"}
+_MOTION = _WAY | {"name": "text", "joint": "text", "motion": "text"}
+
+TERM: Schema = _WAY | {"link": "text!", "coefficient": "number"}
+"""An item of the `terms` of [[actuate]] or [[support]]."""
+
+SENTENCES: dict[str, Schema] = {
+    "join": _PLACED,
+    "constrain": _PLACED,
+    "leaf": PAIR | LEAF,
+    "wire": PAIR | LEAF,
+    "actuate": _MOTION,
+    "support": _MOTION,
+    "load": {
+        "link": "text!", "force": "force[3]", "moment": "moment[3]", "at": "length[3]", "following": "flag",
+        "name": "text",
+    },
+    "mass": {"link": "text!", "mass": "mass!", "inertia": "any", "at": "length[3]!"},
+    "spring": PAIR | {
+        "start": "length[3]!", "end": "length[3]!", "stiffness": "number!", "free_length": "length", "name": "text",
+    },
+    "joint_spring": {
+        "joint": "text!", "stiffness": "number!", "rest_angle": "angle", "motion": "text", "name": "text",
+    },
+    "turn_spring": PAIR | {
+        "at": "length[3]!", "axis": "direction!", "stiffness": "number!", "rest_angle": "angle", "name": "text",
+    },
+    "compliance": {
+        "link": "text!", "hub": "length[3]", "width_axis": "direction", "section": "section", "material": "material",
+        "matrix": "text", "points": "any", "stiffness": "any",
+    },
+    "heat": {"temperature": "number", "through": "number", "leafs": "any"},
+    "fit": {"leaf": "text!", "natural_length": "length", "shift": "length[3]", "turn": "angle[3]"},
+}  # fmt: skip
+"""[[tables]] in the order in which they are said, each by the method of `Mechanism` of that name."""
+
+
+def of_family(family: type[Joint]) -> Schema:
+    """The keys of a [joint.NAME]: what its class takes, in the dimensions it declares."""
+    given = {key: f"{dimension}[]" for key, dimension in family.quantities.items()}
+    keys = inspect.signature(family).parameters
+    return {key: "material!" if key == "material" else given.get(key, "any") for key in keys}
