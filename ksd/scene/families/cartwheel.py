@@ -8,8 +8,7 @@ from typing import ClassVar
 
 from ksd.errors import SceneError
 from ksd.scene.families.crossed_pivot import pivot_stiffness
-from ksd.scene.families.sheet import Point, bending, check_sheet, flat, strip, turns
-from ksd.scene.joint import Joint, Motion
+from ksd.scene.families.sheet import Family, Point, bending, check_sheet, flat, measured, strip
 from ksd.scene.leaf import Leaf
 from ksd.scene.material import Material
 from ksd.section.checks import Vector, between
@@ -19,7 +18,7 @@ _BUTTERFLY = math.radians(30)
 
 
 @dataclass(frozen=True)
-class Cartwheel(Joint):
+class Cartwheel(Family):
     """Two leafs crossing in their middle and joined there by a hub; B turns about z, +-20 degrees.
 
     Joint axes: A at the origin, B at (L cos(angle), 0, 0), the hub (internal block) at the middle; the four
@@ -31,12 +30,8 @@ class Cartwheel(Joint):
     """
 
     family: ClassVar[str] = "cartwheel"
-    quantities: ClassVar[dict[str, str]] = {
-        "length": "length",
-        "angle": "angle",
-        "thickness": "length",
-        "width": "length",
-    }
+    stroke = _CARTWHEEL
+    quantities = measured("length", "thickness", "width", angle="angle")
 
     material: Material
     _: KW_ONLY
@@ -56,10 +51,6 @@ class Cartwheel(Joint):
     @property
     def pose_B(self) -> Vector:
         return (self.length * math.cos(self.angle), 0.0, 0.0)
-
-    @property
-    def motions(self) -> tuple[Motion, ...]:
-        return turns(_CARTWHEEL)
 
     def blocks(self) -> dict[str, Vector]:
         return {**super().blocks(), "hub": (0.5 * self.pose_B[0], 0.0, 0.0)}
@@ -87,7 +78,7 @@ _MIRRORED = (("top", "right", math.radians(60)), ("right", "B", 0.0))
 
 
 @dataclass(frozen=True)
-class Butterfly(Joint):
+class Butterfly(Family):
     """Four remote-centre pivots in series around one centre O; B turns about z, +-30 degrees.
 
     Joint axes: A at the origin, O at (R, 0, 0) with R = inner + L, B at (2R, 0, 0). Eight leafs lie on rays
@@ -101,13 +92,8 @@ class Butterfly(Joint):
     """
 
     family: ClassVar[str] = "butterfly"
-    quantities: ClassVar[dict[str, str]] = {
-        "length": "length",
-        "inner": "length",
-        "half_angle": "angle",
-        "thickness": "length",
-        "width": "length",
-    }
+    stroke = _BUTTERFLY
+    quantities = measured("length", "inner", "thickness", "width", half_angle="angle")
 
     material: Material
     _: KW_ONLY
@@ -137,10 +123,6 @@ class Butterfly(Joint):
     @property
     def pose_B(self) -> Vector:
         return (2 * self._outer, 0.0, 0.0)
-
-    @property
-    def motions(self) -> tuple[Motion, ...]:
-        return turns(_BUTTERFLY)
 
     def _on_ray(self, radius: float, angle: float) -> Point:
         return self._outer + radius * math.cos(angle), radius * math.sin(angle)

@@ -9,8 +9,7 @@ import math
 from dataclasses import KW_ONLY, dataclass
 from typing import Any, ClassVar
 
-from ksd.scene.families.sheet import check_sheet, strip
-from ksd.scene.joint import Joint, Motion
+from ksd.scene.families.sheet import Family, check_sheet, measured, strip
 from ksd.scene.leaf import Leaf
 from ksd.scene.leaf import wire as make_wire
 from ksd.scene.material import Material
@@ -18,7 +17,7 @@ from ksd.section.checks import Vector
 
 
 @dataclass(frozen=True)
-class FoldedLeaf(Joint):
+class FoldedLeaf(Family):
     """A leaf spring folded at a right angle: stiff along its fold line only, soft in all other directions.
 
     Joint axes: A at the origin, the fold (internal block) at (c, c, 0), B at (2c, 0, 0) with c = L cos(45 deg); the
@@ -28,7 +27,7 @@ class FoldedLeaf(Joint):
     """
 
     family: ClassVar[str] = "folded_leaf"
-    quantities: ClassVar[dict[str, str]] = {"length": "length", "thickness": "length", "width": "length"}
+    quantities = measured("length", "thickness", "width")
 
     material: Material
     _: KW_ONLY
@@ -49,10 +48,6 @@ class FoldedLeaf(Joint):
     def pose_B(self) -> Vector:
         return (2 * self._reach, 0.0, 0.0)
 
-    @property
-    def motions(self) -> tuple[Motion, ...]:
-        return ()
-
     def blocks(self) -> dict[str, Vector]:
         return {**super().blocks(), "fold": (self._reach, self._reach, 0.0)}
 
@@ -62,10 +57,6 @@ class FoldedLeaf(Joint):
             strip(self, "A_fold", ((0.0, 0.0), (c, c)), self.width, blocks=("A", "fold")),
             strip(self, "fold_B", ((c, c), (2 * c, 0.0)), self.width, blocks=("fold", "B")),
         )
-
-    def shape(self) -> dict[str, float]:
-        """No parameter."""
-        return {}
 
     def stiffness_at_rest(self) -> float:
         """Stiffness [N/m] along the fold line, ends held parallel: 1 / (2 (L^3 / 3 E I + L / k G A)), I = t w^3 / 12.
@@ -79,7 +70,7 @@ class FoldedLeaf(Joint):
 
 
 @dataclass(frozen=True)
-class WireFlexure(Joint):
+class WireFlexure(Family):
     """A round wire, clamped at both ends: stiff along its axis, soft in the five other directions.
 
     Joint axes: A at the origin, B at (L, 0, 0). length L, diameter [m]. Raises SceneError naming the parameter out of
@@ -87,7 +78,7 @@ class WireFlexure(Joint):
     """
 
     family: ClassVar[str] = "wire_flexure"
-    quantities: ClassVar[dict[str, str]] = {"length": "length", "diameter": "length"}
+    quantities = measured("length", "diameter")
 
     material: Material
     _: KW_ONLY
@@ -99,22 +90,10 @@ class WireFlexure(Joint):
     def __post_init__(self) -> None:
         check_sheet(self, "diameter", slender="diameter")
 
-    @property
-    def pose_B(self) -> Vector:
-        return (self.length, 0.0, 0.0)
-
-    @property
-    def motions(self) -> tuple[Motion, ...]:
-        return ()
-
     def leafs(self) -> tuple[Leaf, ...]:
         words: dict[str, Any] = {"elements": self.elements, "orders": self.orders}
         words |= {"start": (0.0, 0.0, 0.0), "end": self.pose_B}
         return (make_wire(diameter=self.diameter, material=self.material, **words),)
-
-    def shape(self) -> dict[str, float]:
-        """No parameter."""
-        return {}
 
     def stiffness_at_rest(self) -> float:
         """Stiffness [N/m] along the wire: E A / L."""

@@ -8,8 +8,8 @@ from typing import Any, ClassVar
 
 from ksd.errors import SceneError
 from ksd.scene.clearance import check_clear
-from ksd.scene.families.sheet import turns
-from ksd.scene.joint import Joint, Motion, leafs_of
+from ksd.scene.families.sheet import Family, measured
+from ksd.scene.joint import leafs_of
 from ksd.scene.leaf import Leaf, mesh
 from ksd.scene.material import Material
 from ksd.section import rectangle
@@ -19,7 +19,7 @@ _STROKE = math.radians(75)
 
 
 @dataclass(frozen=True)
-class CrossFlexure(Joint):
+class CrossFlexure(Family):
     """Three leafs crossing in their middle; B turns about z relative to A, +-75 degrees.
 
     Joint axes: A at the origin, B at (L cos(angle), 0, 0), z along the widths. With h = L sin(angle)/2 the
@@ -33,14 +33,8 @@ class CrossFlexure(Joint):
     """
 
     family: ClassVar[str] = "cross_flexure"
-    quantities: ClassVar[dict[str, str]] = {
-        "length": "length",
-        "angle": "angle",
-        "thickness": "length",
-        "widths": "length",
-        "gap": "length",
-        "spacing": "length",
-    }
+    stroke = _STROKE
+    quantities = measured("length", "thickness", "widths", "gap", "spacing", angle="angle")
 
     material: Material
     length: float
@@ -91,10 +85,6 @@ class CrossFlexure(Joint):
     @property
     def pose_B(self) -> Vector:
         return (self.length * math.cos(self.angle), 0.0, 0.0)
-
-    @property
-    def motions(self) -> tuple[Motion, ...]:
-        return turns(_STROKE)
 
     def leafs(self) -> tuple[Leaf, ...]:
         inner, outer = (rectangle(self.thickness, w) for w in self.widths)

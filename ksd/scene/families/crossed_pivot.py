@@ -6,8 +6,7 @@ import math
 from dataclasses import KW_ONLY, dataclass
 from typing import ClassVar
 
-from ksd.scene.families.sheet import bending, check_sheet, inside, strip, turns
-from ksd.scene.joint import Joint, Motion
+from ksd.scene.families.sheet import Family, bending, check_sheet, inside, measured, strip
 from ksd.scene.leaf import Leaf
 from ksd.scene.material import Material
 from ksd.section.checks import Vector, between, not_negative
@@ -33,18 +32,16 @@ def _check_shape(joint: CrossedPivot | BalancedCrossedPivot) -> None:
     object.__setattr__(joint, "ratio", inside(joint.ratio, "ratio", _RATIOS, owner=owner))
 
 
-class _Crossed(Joint):
+class _Crossed(Family):
     """What crossed pivots share: the line AB and the motion."""
+
+    stroke = _STROKE
 
     angle: float
 
     @property
     def pose_B(self) -> Vector:
         return (self.length * math.cos(self.angle), 0.0, 0.0)
-
-    @property
-    def motions(self) -> tuple[Motion, ...]:
-        return turns(_STROKE)
 
 
 @dataclass(frozen=True)
@@ -64,13 +61,7 @@ class CrossedPivot(_Crossed):
 
     family: ClassVar[str] = "crossed_pivot"
     windows = True
-    quantities: ClassVar[dict[str, str]] = {
-        "length": "length",
-        "angle": "angle",
-        "ratio": "number",
-        "thickness": "length",
-        "width": "length",
-    }
+    quantities = measured("length", "thickness", "width", angle="angle", ratio="number")
 
     material: Material
     _: KW_ONLY
@@ -114,15 +105,9 @@ class BalancedCrossedPivot(_Crossed):
     """
 
     family: ClassVar[str] = "balanced_crossed_pivot"
-    quantities: ClassVar[dict[str, str]] = {
-        "length": "length",
-        "angle": "angle",
-        "ratio": "number",
-        "thickness": "length",
-        "inner_width": "length",
-        "outer_width": "length",
-        "gap": "length",
-    }
+    quantities = measured(
+        "length", "thickness", "inner_width", "outer_width", "gap", angle="angle", ratio="number"
+    )
 
     material: Material
     _: KW_ONLY

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import KW_ONLY, dataclass
 from typing import ClassVar
 
-from ksd.scene.families.sheet import bending, check_sheet, inside, strip
-from ksd.scene.joint import Joint, Motion
+from ksd.scene.families.sheet import Family, bending, check_sheet, inside, measured, strip
+from ksd.scene.joint import Motion
 from ksd.scene.leaf import Leaf
 from ksd.scene.material import Material
 from ksd.section.checks import Vector
@@ -14,13 +14,9 @@ from ksd.section.checks import Vector
 _STROKE = 0.25
 
 
-class _Guide(Joint):
+class _Guide(Family):
     """What guides share: where B is, and its motion, driven level with the middle of the leafs, where a force meets no
     moment."""
-
-    @property
-    def pose_B(self) -> Vector:
-        return (self.length, 0.0, 0.0)
 
     @property
     def motions(self) -> tuple[Motion, ...]:
@@ -43,12 +39,7 @@ class ParallelGuide(_Guide):
     """
 
     family: ClassVar[str] = "parallel_guide"
-    quantities: ClassVar[dict[str, str]] = {
-        "length": "length",
-        "thickness": "length",
-        "width": "length",
-        "spacing": "length",
-    }
+    quantities = measured("length", "thickness", "width", "spacing")
 
     material: Material
     _: KW_ONLY
@@ -89,13 +80,7 @@ class StiffenedGuide(_Guide):
     """
 
     family: ClassVar[str] = "stiffened_guide"
-    quantities: ClassVar[dict[str, str]] = {
-        "length": "length",
-        "flexible": "number",
-        "thickness": "length",
-        "width": "length",
-        "spacing": "length",
-    }
+    quantities = measured("length", "thickness", "width", "spacing", flexible="number")
 
     material: Material
     _: KW_ONLY

@@ -13,8 +13,8 @@ from dataclasses import KW_ONLY, dataclass
 from typing import ClassVar
 
 from ksd.scene.clearance import check_clear
-from ksd.scene.families.sheet import Point, check_sheet, flat, inside, strip, turns
-from ksd.scene.joint import Joint, Motion, leafs_of
+from ksd.scene.families.sheet import Family, Point, check_sheet, flat, inside, measured, strip
+from ksd.scene.joint import leafs_of
 from ksd.scene.leaf import Leaf
 from ksd.scene.material import Material
 from ksd.section.checks import Vector
@@ -26,7 +26,7 @@ _TRIPLE = math.radians(45)
 
 
 @dataclass(frozen=True)
-class InfinityHinge(Joint):
+class InfinityHinge(Family):
     """A main leaf with two folded leafs against its torsion and a strut against its lateral motion; +-30 degrees.
 
     Joint axes: A at the origin, B at (L, 0, 0), everything symmetric in z and, but for the strut, in y. The
@@ -40,13 +40,8 @@ class InfinityHinge(Joint):
     """
 
     family: ClassVar[str] = "infinity_hinge"
-    quantities: ClassVar[dict[str, str]] = {
-        "length": "length",
-        "thickness": "length",
-        "width": "length",
-        "reach": "number",
-        "strut": "number",
-    }
+    stroke = _INFINITY
+    quantities = measured("length", "thickness", "width", reach="number", strut="number")
 
     material: Material
     _: KW_ONLY
@@ -64,14 +59,6 @@ class InfinityHinge(Joint):
         object.__setattr__(self, "reach", inside(self.reach, "reach", (0.25, 0.6), owner=name))
         object.__setattr__(self, "strut", inside(self.strut, "strut", (0.1, 0.6), owner=name))
         check_clear(leafs_of(self), owner=name, advice="raise reach or reduce strut")
-
-    @property
-    def pose_B(self) -> Vector:
-        return (self.length, 0.0, 0.0)
-
-    @property
-    def motions(self) -> tuple[Motion, ...]:
-        return turns(_INFINITY)
 
     def blocks(self) -> dict[str, Vector]:
         L, y = self.length, self.reach * self.length
@@ -108,7 +95,7 @@ _BARS = (("inner", 1.0, 0.0, 4.0), ("outer_low", -1.0, -4.0, 2.0), ("outer_high"
 
 
 @dataclass(frozen=True)
-class TripleInfinityHinge(Joint):
+class TripleInfinityHinge(Family):
     """The 3x-infinity hinge: 30 flexible leafs of 0.45 mm, B turns about z, +-45 degrees.
 
     Joint axes: A at the origin, B at (60, 0, 0) mm, everything symmetric in z. Our own dimensions, in mm at
@@ -132,7 +119,8 @@ class TripleInfinityHinge(Joint):
 
     family: ClassVar[str] = "triple_infinity_hinge"
     windows = True
-    quantities: ClassVar[dict[str, str]] = {"thickness": "length", "length": "length"}
+    stroke = _TRIPLE
+    quantities = measured("thickness", "length")
 
     material: Material
     _: KW_ONLY
@@ -148,14 +136,6 @@ class TripleInfinityHinge(Joint):
     def _unit(self) -> float:
         """Metres per mm of the drawing."""
         return self.length / _LENGTH
-
-    @property
-    def pose_B(self) -> Vector:
-        return (self.length, 0.0, 0.0)
-
-    @property
-    def motions(self) -> tuple[Motion, ...]:
-        return turns(_TRIPLE)
 
     def blocks(self) -> dict[str, Vector]:
         points: dict[str, Point] = {
@@ -215,10 +195,6 @@ class TripleInfinityHinge(Joint):
                 found.append(self._strip(f"{block}_a", (start, near), width, (first, block), z))
                 found.append(self._strip(f"{block}_b", (far, end), width, (block, last), z))
         return found
-
-    def shape(self) -> dict[str, float]:
-        """No parameter: the proportions are fixed."""
-        return {}
 
 
 def _between(start: Point, end: Point, share: float) -> Point:

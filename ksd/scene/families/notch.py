@@ -11,42 +11,22 @@ from dataclasses import KW_ONLY, dataclass
 from typing import Any, ClassVar
 
 from ksd.errors import SceneError
-from ksd.scene.families.sheet import turns
-from ksd.scene.joint import Joint, Motion
-from ksd.scene.leaf import Leaf, mesh
+from ksd.scene.families.sheet import Family, check_lengths, measured
+from ksd.scene.leaf import Leaf
 from ksd.scene.material import Material
 from ksd.scene.profile import Arc, CircularNotch, FilletedNotch
 from ksd.section import rectangle
-from ksd.section.checks import Vector, between, positive, show
+from ksd.section.checks import Vector, between
 
 _NOTCH = math.radians(10)
 _ARC = math.radians(30)
 
 
-def _check(joint: Any, *lengths: str) -> None:
-    """Clean material, mesh and the positive `lengths`."""
-    owner = type(joint).__name__
-    if not isinstance(joint.material, Material):
-        raise SceneError(f"{owner}: material = {show(joint.material)} must be a Material.")
-    clean: dict[str, Any] = mesh(joint.elements, joint.orders, owner=owner)
-    for key in lengths:
-        clean[key] = positive(getattr(joint, key), key, owner=owner, unit="m")
-    for key, value in clean.items():
-        object.__setattr__(joint, key, value)
-
-
-class _Notch(Joint):
+class _Notch(Family):
     """What notch hinges share: B at the end of the neck, and the motion."""
 
     held_by_others = True
-
-    @property
-    def pose_B(self) -> Vector:
-        return (self.length, 0.0, 0.0)
-
-    @property
-    def motions(self) -> tuple[Motion, ...]:
-        return turns(_NOTCH)
+    stroke = _NOTCH
 
 
 @dataclass(frozen=True)
@@ -60,7 +40,7 @@ class CircularNotchHinge(_Notch):
     """
 
     family: ClassVar[str] = "circular_notch"
-    quantities: ClassVar[dict[str, str]] = {"radius": "length", "minimum": "length", "width": "length"}
+    quantities = measured("radius", "minimum", "width")
 
     material: Material
     _: KW_ONLY
@@ -71,7 +51,7 @@ class CircularNotchHinge(_Notch):
     orders: tuple[int, int, int] | None = None
 
     def __post_init__(self) -> None:
-        _check(self, "radius", "minimum", "width")
+        check_lengths(self, "radius", "minimum", "width")
         if self.minimum >= self.radius:
             raise SceneError(
                 f"CircularNotchHinge: minimum = {self.minimum:g} m must be below radius = {self.radius:g} m."
@@ -121,12 +101,7 @@ class FilletedNotchHinge(_Notch):
     """
 
     family: ClassVar[str] = "filleted_notch"
-    quantities: ClassVar[dict[str, str]] = {
-        "length": "length",
-        "radius": "length",
-        "minimum": "length",
-        "width": "length",
-    }
+    quantities = measured("length", "radius", "minimum", "width")
 
     material: Material
     _: KW_ONLY
@@ -138,7 +113,7 @@ class FilletedNotchHinge(_Notch):
     orders: tuple[int, int, int] | None = None
 
     def __post_init__(self) -> None:
-        _check(self, "length", "radius", "minimum", "width")
+        check_lengths(self, "length", "radius", "minimum", "width")
         if self.minimum >= 0.5 * self.length:
             raise SceneError(
                 f"FilletedNotchHinge: minimum = {self.minimum:g} m must be below half its length, {self.length / 2:g} m."
@@ -174,7 +149,7 @@ def _neck(joint: Any, profile: CircularNotch | FilletedNotch) -> Leaf:
 
 
 @dataclass(frozen=True)
-class ArcHinge(Joint):
+class ArcHinge(Family):
     """A leaf bent to a circular arc at rest, the curved beam of paper 3; B turns about z, +-30 degrees.
 
     Joint axes: A at the origin, B at (2 r sin(angle/2), 0, 0), the chord; the arc lies at y < 0 and curves about +z,
@@ -185,12 +160,8 @@ class ArcHinge(Joint):
 
     family: ClassVar[str] = "arc_hinge"
     held_by_others = True
-    quantities: ClassVar[dict[str, str]] = {
-        "radius": "length",
-        "angle": "angle",
-        "thickness": "length",
-        "width": "length",
-    }
+    stroke = _ARC
+    quantities = measured("radius", "thickness", "width", angle="angle")
 
     material: Material
     _: KW_ONLY
@@ -202,7 +173,7 @@ class ArcHinge(Joint):
     orders: tuple[int, int, int] | None = None
 
     def __post_init__(self) -> None:
-        _check(self, "radius", "thickness", "width")
+        check_lengths(self, "radius", "thickness", "width")
         unit = math.radians(1)
         angle = between(self.angle, "angle", 0.0, 1.5 * math.pi, owner="ArcHinge", unit="deg", scale=unit)
         object.__setattr__(self, "angle", angle)
@@ -219,10 +190,6 @@ class ArcHinge(Joint):
     @property
     def pose_B(self) -> Vector:
         return (2 * self.radius * math.sin(0.5 * self.angle), 0.0, 0.0)
-
-    @property
-    def motions(self) -> tuple[Motion, ...]:
-        return turns(_ARC)
 
     def leafs(self) -> tuple[Leaf, ...]:
         arc = Leaf(

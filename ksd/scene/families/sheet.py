@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from functools import lru_cache
-from typing import Any
+from typing import Any, ClassVar
 
 from ksd.errors import SceneError
-from ksd.scene.joint import Motion
+from ksd.scene.joint import Joint, Motion
 from ksd.scene.leaf import Leaf, mesh
 from ksd.scene.material import Material
 from ksd.section import rectangle
@@ -16,20 +16,51 @@ from ksd.section.checks import Vector, positive, show
 Point = tuple[float, float]
 
 
-def check_sheet(joint: Any, *lengths: str, slender: str = "thickness") -> None:
-    """Check and clean material, mesh and the positive `lengths` of a joint whose leafs are `slender` thick.
+class Family(Joint):
+    """What families do unless they say otherwise: B on the x axis at `length`, and no shape parameter.
 
-    Raises SceneError naming joint and parameter, also for a thickness of half the leaf length or more.
+    B turns about z by +-`stroke` [rad]; without one there is no intended motion.
     """
+
+    stroke: ClassVar[float] = 0.0
+
+    @property
+    def pose_B(self) -> Vector:
+        return (self.length, 0.0, 0.0)
+
+    @property
+    def motions(self) -> tuple[Motion, ...]:
+        return turns(self.stroke) if self.stroke else ()
+
+    def shape(self) -> dict[str, float]:
+        """No parameter."""
+        return {}
+
+
+def measured(*lengths: str, **others: str) -> dict[str, str]:
+    """The `quantities` of a family: its lengths, and others by dimension."""
+    return dict.fromkeys(lengths, "length") | others
+
+
+def check_lengths(joint: Any, *lengths: str) -> None:
+    """Check and clean material, mesh and the positive `lengths` of a joint. Raises SceneError naming joint and parameter."""
     owner = type(joint).__name__
     if not isinstance(joint.material, Material):
         raise SceneError(f"{owner}: material = {show(joint.material)} must be a Material.")
     clean: dict[str, Any] = mesh(joint.elements, joint.orders, owner=owner)
-    for key in ("length", slender, *lengths):
+    for key in lengths:
         clean[key] = positive(getattr(joint, key), key, owner=owner, unit="m")
     for key, value in clean.items():
         object.__setattr__(joint, key, value)
-    thick = getattr(joint, slender)
+
+
+def check_sheet(joint: Any, *lengths: str, slender: str = "thickness") -> None:
+    """`check_lengths` of a joint whose leafs are `slender` thick.
+
+    Raises SceneError also for a thickness of half the leaf length or more.
+    """
+    check_lengths(joint, "length", slender, *lengths)
+    owner, thick = type(joint).__name__, getattr(joint, slender)
     if thick >= 0.5 * joint.length:
         raise SceneError(
             f"{owner}: {slender} = {thick:g} m must be below half the leaf length, {joint.length / 2:g} m; "

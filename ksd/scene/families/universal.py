@@ -6,8 +6,8 @@ import math
 from dataclasses import KW_ONLY, dataclass
 from typing import ClassVar
 
-from ksd.scene.families.sheet import bending, check_sheet
-from ksd.scene.joint import Joint, Motion
+from ksd.scene.families.sheet import Family, bending, check_sheet, measured
+from ksd.scene.joint import Motion
 from ksd.scene.leaf import Leaf
 from ksd.scene.material import Material
 from ksd.section import rectangle
@@ -18,7 +18,7 @@ _ANGLE = math.radians(45)
 
 
 @dataclass(frozen=True)
-class UniversalJoint(Joint):
+class UniversalJoint(Family):
     """Two cross flexures in series; B turns about z and about y, +-25 degrees each.
 
     Joint axes: A at the origin, the middle block at (D, 0, 0) with D = L cos(45 deg), B at (2D, 0, 0). The
@@ -31,7 +31,7 @@ class UniversalJoint(Joint):
     """
 
     family: ClassVar[str] = "universal"
-    quantities: ClassVar[dict[str, str]] = {"length": "length", "thickness": "length", "width": "length"}
+    quantities = measured("length", "thickness", "width")
 
     material: Material
     _: KW_ONLY
