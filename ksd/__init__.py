@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 from importlib import import_module
+from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 from ksd import errors, units
@@ -47,10 +48,18 @@ _HOMES = {
     "ksd.library": ("Parameter", "Record", "find_record", "read_result"),
 }  # fmt: skip
 _HOME = {name: home for home, names in _HOMES.items() for name in names}
-_KEPT = (
-    ConvergenceError, KinematicsError, KsdError, RangeError, RecordError, SceneError, TrustError,
-    errors, units,
-)  # fmt: skip
+__all__ = [
+    "Arc", "ArcHinge", "BalancedCrossedPivot", "Batch", "Butterfly", "Cartwheel", "CircularNotch",
+    "CircularNotchHinge", "Configuration", "ConvergenceError", "CrossFlexure", "CrossedPivot", "Design",
+    "DrawnJoint", "FilletedNotch", "FilletedNotchHinge", "FoldedLeaf", "FreeCurve", "InfinityHinge", "Joint",
+    "KinematicsError", "KsdError", "Leaf", "LinkMatrix", "Material", "Mechanism", "Mesh", "ModalBasis", "Model",
+    "Motion", "ParallelGuide", "Parameter", "Path", "RangeError", "Record", "RecordError", "Scene", "SceneError",
+    "Section", "Solver", "StiffenedGuide", "StiffenedMiddle", "SweepInterrupted", "Table", "Taper",
+    "TripleInfinityHinge", "TrustError", "UniversalJoint", "Varying", "WireFlexure", "batch", "circle",
+    "compile_scene", "doctor", "errors", "find_record", "follow", "frequency_curve", "joint_families",
+    "link_matrix", "load_scene", "numbers", "polygon", "prepare", "read_result", "rectangle", "save_scene", "solve",
+    "state_space", "sweep", "train", "tube", "units", "wire",
+]  # fmt: skip
 
 if TYPE_CHECKING:
     from ksd.design import Batch, SweepInterrupted, Table, frequency_curve
@@ -117,9 +126,13 @@ def __getattr__(name: str) -> Any:
     if name not in _HOME:
         raise AttributeError(f"module 'ksd' has no attribute '{name}'")
     value = getattr(import_module(_HOME[name]), name)
+    for hiding in ("solve", "train"):
+        # an import of the package of that name has put it in the place of the function
+        if isinstance(globals().get(hiding), ModuleType):
+            del globals()[hiding]
     globals()[name] = value
     return value
 
 
 def __dir__() -> list[str]:
-    return sorted([*globals(), *_HOME, *_ROOMS])
+    return sorted([*__all__, *_ROOMS, "__version__", "__doc__"])

@@ -24,7 +24,7 @@ from ksd.scene.families.guide import ParallelGuide
 from ksd.scene.toml_file import load_scene
 from ksd.solve.configuration import Configuration
 from ksd.solve.conventional import conventional
-from ksd.solve.solver import Solver
+from ksd.solve.solver import Method, Solver
 from ksd.solve.storage import Storage
 from ksd.units import GPa, deg, mm
 
@@ -257,7 +257,7 @@ def five_step_ways(
     solver = Solver(scene, mesh=mesh, extrapolate=extrapolate, planar=False)
     leafs, size = label_of(mesh), sum(mesh.orders) if mesh.leaf == "strain" else mesh.elements
 
-    def way(name: str, method: str, **more: Any) -> Way:
+    def way(name: str, method: Method, **more: Any) -> Way:
         return Way(name, leafs, size, lambda: solver(targets, method=method, **more))
 
     def in_space(planar: bool) -> Configuration:

@@ -9,13 +9,16 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping
+from concurrent.futures import Executor
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ksd.design.designs import Designs, makers_of
-from ksd.design.plan import design_points, scene_of
+from ksd.design.plan import Designs as Shapes
+from ksd.design.plan import Drawn, design_points, scene_of
 from ksd.design.prepared import Found
 from ksd.design.words import check_drives, check_executor, check_ways, drive_rows
 from ksd.errors import SceneError
@@ -84,18 +87,18 @@ class Batch(Shown):
 
 
 def batch(
-    mechanism: Any,
-    targets: Mapping[str, Any] | None = None,
+    mechanism: Drawn,
+    targets: Mapping[str, ArrayLike] | None = None,
     *,
-    designs: Any = None,
-    method: str = "reduced",
+    designs: Shapes | None = None,
+    method: Literal["reduced", "full"] = "reduced",
     passes: int = 0,
     tabulated: bool = False,
     mesh: Mesh | None = None,
     extrapolate: bool = False,
     threads: int | None = None,
-    executor: Any = None,
-    **drives: Any,
+    executor: Executor | None = None,
+    **drives: ArrayLike,
 ) -> Batch:
     """Solve every design at every pose by `method` "reduced" or "full", without error estimates; returns a `Batch`.
 

@@ -15,9 +15,11 @@ import numpy as np
 
 from ksd.design.tracking import SPARE, Tracks, first_tracks, follow_through
 from ksd.errors import SceneError
+from ksd.model.compile import Model
 from ksd.properties.words import Shown, listed, number
+from ksd.scene import Mechanism, Scene
 from ksd.solve.corrected import FAST, corrected
-from ksd.solve.solver import Solver
+from ksd.solve.solver import Method, Solver
 
 
 @dataclass(frozen=True, repr=False)
@@ -85,13 +87,13 @@ STEPS = 24
 
 
 def frequency_curve(
-    mechanism: Any,
+    mechanism: Mechanism | Scene | Model | Solver,
     drive: str,
     stroke: float,
     *,
     mode: str = "first_parasitic",
     checks: Sequence[float] = (0.25, 0.75, -0.5, -1.0),
-    method: str = "full",
+    method: Method = "full",
     held: dict[str, float] | None = None,
 ) -> FrequencyCurve:
     """The frequency of a mode over drive values -stroke..stroke from three configurations: 0, 1/2 and 1 times stroke.
@@ -125,7 +127,11 @@ def frequency_curve(
 
 
 def _frequencies(
-    solver: Solver, values: list[float], how: tuple[str, dict[str, float], str, str], *, better: bool = False
+    solver: Solver,
+    values: list[float],
+    how: tuple[str, dict[str, float], str, Method],
+    *,
+    better: bool = False,
 ) -> list[float]:
     """Frequency [Hz] of the mode at each of `values`, ascending; better: after a Newton step of the full model."""
     drive, held, mode, method = how

@@ -16,7 +16,7 @@ from ksd.properties.resolution import look_at_modes
 from ksd.solve.choose import MOST_RISES
 from ksd.solve.configuration import Configuration
 from ksd.solve.conventional import conventional
-from ksd.solve.solver import DEFAULT_ACCURACY, Solver
+from ksd.solve.solver import DEFAULT_ACCURACY, Method, Solver
 
 Row = dict[str, Any]
 
@@ -26,7 +26,7 @@ class Recipe:
     """How every pose is solved and what it is asked; see `ksd.sweep`."""
 
     asked: Asked
-    method: str | None = None
+    method: Method | None = None
     accuracy: float | None = None
     passes: int = 0
     mesh: Mesh | None = None

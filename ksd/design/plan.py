@@ -19,6 +19,10 @@ from ksd.scene.contents import WANTED
 from ksd.scene.drive import Load
 from ksd.section.checks import show
 
+Drawn = Mechanism | Scene | Callable[..., Mechanism | Scene]
+"""A mechanism, or a function of its parameters that draws one."""
+Designs = Mapping[str, Sequence[Any] | np.ndarray] | Sequence[Mapping[str, Any]]
+"""Parameters of such a function: values by name for all combinations, or one mapping for every design."""
 Paths = list[tuple[dict[str, float], ...]]
 
 

@@ -13,8 +13,8 @@ from ksd.design.table import spoken_column
 from ksd.design.tracking import SPARE, Between, Tracks, follow_through
 from ksd.errors import KsdError, SceneError
 from ksd.model.arrays import STRAIN
-from ksd.properties.buckling import Buckling
-from ksd.properties.frequencies import Modes
+from ksd.properties.buckling import Buckling, buckling
+from ksd.properties.frequencies import Modes, frequencies
 from ksd.properties.opened import Opened
 from ksd.properties.parasitic import default_point, parasitic
 from ksd.properties.stiffness import DIRECTIONS, drive_stiffness, finer_tangent, point_stiffness
@@ -95,8 +95,14 @@ class Pose:
     @cached_property
     def buckled(self) -> Buckling:
         """The smallest critical load factors of either sign on all stresses."""
-        found: Buckling = self.buckling(count=1, near=self.before.buckling, opened=self.opened)
-        return found
+        self._of_leafs("buckling")
+        return buckling(
+            *self.unreduced,
+            count=1,
+            load_factor=self.load_factor,
+            near=self.before.buckling,
+            opened=self.opened,
+        )
 
 
 def _force(pose: Any, asked: Asked) -> Row:
@@ -197,8 +203,10 @@ def _modes(pose: Pose, asked: Asked, near: Modes | None, *, more: int = 0) -> Mo
     """The modes of a pose, as many as are followed and some to spare."""
     freed = tuple(pose.model.drive_names) if asked.freed is None else asked.freed
     count = asked.modes + len(freed) + SPARE + more
-    found: Modes = pose.frequencies(count=count, freed=freed, near=near, opened=pose.opened)
-    return found
+    pose._of_leafs("frequencies")
+    return frequencies(
+        *pose.unreduced, count=count, freed=freed, load_factor=pose.load_factor, near=near, opened=pose.opened
+    )
 
 
 def _on_the_way(pose: Pose, asked: Asked) -> Between | None:

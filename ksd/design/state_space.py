@@ -22,6 +22,7 @@ from ksd.errors import SceneError
 from ksd.properties.tangent import factored_tangent
 from ksd.properties.words import Shown, listed, number
 from ksd.solve.answer import drive_kind
+from ksd.solve.configuration import Configuration
 from ksd.solve.following import MILD
 
 Array = NDArray[np.float64]
@@ -80,7 +81,7 @@ class StateSpace(Shown):
 
 
 def state_space(
-    pose: Any, *, modes: int = 6, damping: float = 0.01, drives: Iterable[str] | None = None
+    pose: Configuration, *, modes: int = 6, damping: float = 0.01, drives: Iterable[str] | None = None
 ) -> StateSpace:
     """State-space model of a `Configuration` with its `modes` lowest modes.
 

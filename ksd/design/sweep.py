@@ -5,15 +5,17 @@ from __future__ import annotations
 import math
 import os
 import signal
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor, Future, ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from typing import Any
 
+from numpy.typing import ArrayLike
+
 from ksd.design.kept import Kept
 from ksd.design.lines import Line, Recipe, blank_rows, run_block, run_line
-from ksd.design.plan import fingerprint, plan_lines
+from ksd.design.plan import Designs, Drawn, fingerprint, plan_lines
 from ksd.design.questions import KNOWN, QUESTIONS, Asked
 from ksd.design.table import Table
 from ksd.design.words import check_executor, check_ways, drive_rows, names_of
@@ -21,8 +23,9 @@ from ksd.errors import KsdError, SceneError
 from ksd.model.mesh import Mesh
 from ksd.numerics.processes import spawning
 from ksd.properties.words import progress_bar
+from ksd.scene.links import Link
 from ksd.section.checks import similar, truth, vector, whole, word
-from ksd.solve.solver import METHODS
+from ksd.solve.solver import METHODS, Method
 
 PER_PROCESS = 4
 """Blocks handed to each worker, so that none idles long at the end."""
@@ -39,30 +42,30 @@ class SweepInterrupted(KeyboardInterrupt):
 
 
 def sweep(
-    mechanism: Any,
-    targets: Mapping[str, Any] | None = None,
+    mechanism: Drawn,
+    targets: Mapping[str, ArrayLike] | None = None,
     *,
-    designs: Any = None,
-    loads: Any = None,
-    questions: Any = QUESTIONS,
-    link: Any = None,
-    at: Any = None,
-    freed: Any = None,
+    designs: Designs | None = None,
+    loads: Mapping[str, Sequence[Mapping[str, Any]]] | None = None,
+    questions: str | Iterable[str] = QUESTIONS,
+    link: Link | str | None = None,
+    at: ArrayLike | None = None,
+    freed: str | Iterable[str] | None = None,
     modes: int = 3,
     errors: bool = False,
-    method: str | None = None,
+    method: Method | None = None,
     accuracy: float | None = None,
     passes: int = 0,
     mesh: Mesh | None = None,
     extrapolate: bool = False,
-    effects: Any = "auto",
-    with_: Any = (),
-    without: Any = (),
+    effects: str | Iterable[str] = "auto",
+    with_: str | Iterable[str] = (),
+    without: str | Iterable[str] = (),
     together: bool = False,
     executor: Executor | None = None,
     progress: bool = True,
-    resume: Any = None,
-    **drives: Any,
+    resume: str | os.PathLike[str] | None = None,
+    **drives: ArrayLike,
 ) -> Table:
     """Answer `questions` at every pose of every design under every load case; returns a `Table`.
 

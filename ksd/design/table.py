@@ -10,12 +10,15 @@ import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ksd.errors import RecordError, SceneError
 from ksd.files import write_file
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 STATUS = "status"
 """The column that says "ok", or why a row has no numbers."""
@@ -39,7 +42,15 @@ class Table:
     facts: Mapping[str, str] = field(default_factory=dict)
 
     @classmethod
-    def of_rows(cls, rows: Sequence[Mapping[str, Any]], labels: Sequence[str], **more: Any) -> Table:
+    def of_rows(
+        cls,
+        rows: Sequence[Mapping[str, Any]],
+        labels: Sequence[str],
+        *,
+        moving: tuple[str, ...] = (),
+        name: str = "sweep",
+        facts: Mapping[str, str] | None = None,
+    ) -> Table:
         """A table of rows that need not have the same keys; numbers missing are nan, texts empty."""
         names = list(dict.fromkeys([*labels, *(key for row in rows for key in row)]))
         names = [n for n in names if n != STATUS] + [STATUS]
@@ -48,7 +59,7 @@ class Table:
             known = [row[n] for row in rows if n in row]
             blank[n] = "" if any(isinstance(v, str) for v in known) else math.nan
         columns = {n: tuple(row.get(n, blank[n]) for row in rows) for n in names}
-        return cls(columns, tuple(labels), **more)
+        return cls(columns, tuple(labels), moving, name, facts or {})
 
     def __len__(self) -> int:
         return len(self.columns[STATUS])
@@ -97,16 +108,27 @@ class Table:
         keep = (*self.labels, STATUS)
         return [{k: row[k] for k in keep} for row in self.rows() if row[STATUS] != OK]
 
-    def where(self, **labels: Any) -> Table:
+    def where(self, **labels: float | str) -> Table:
         """The rows whose label columns have these values (numbers to 1e-9)."""
         kept = [row for row in self.rows() if all(_same(row[k], v) for k, v in labels.items())]
         return Table.of_rows(kept, self.labels, moving=self.moving, name=self.name, facts=self.facts)
 
-    def plot(self, *questions: str, path: Any = None, **options: Any) -> Any:
-        """Picture of the answers over the stroke, see `ksd.view.plot_stroke`; written to `path` if given."""
+    def plot(
+        self,
+        *questions: str,
+        path: str | os.PathLike[str] | None = None,
+        over: str | None = None,
+        wide: int = 3,
+    ) -> Figure:
+        """Matplotlib figure of the answers over the stroke, written to `path` (.png, .pdf, .svg ...) if given.
+
+        questions: which, all that the table holds when none is named. over: label column of the horizontal axis, the
+        one with most values when None. wide: panels side by side. Raises SceneError for a question the table has no
+        answer to.
+        """
         from ksd.view import plot_stroke, save_figure
 
-        figure = plot_stroke(self, questions, **options)
+        figure = plot_stroke(self, questions, over=over, wide=wide)
         return figure if path is None else save_figure(figure, path)
 
     def to_csv(self, path: str | os.PathLike[str]) -> Path:
@@ -193,7 +215,8 @@ def _same(a: Any, b: Any) -> bool:
 
 
 def write_mat(path: str | os.PathLike[str], values: Mapping[str, Any]) -> Path:
-    """Write arrays and structs for MATLAB, whole or not at all. Returns the path. SceneError where it cannot be written."""
+    """Write arrays and structs for MATLAB, whole or not at all. Returns the path. SceneError where it cannot be
+    written."""
     from scipy.io import savemat
 
     content = io.BytesIO()

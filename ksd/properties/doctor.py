@@ -28,6 +28,7 @@ from ksd.properties.constraints import (
 )
 from ksd.properties.words import Shown
 from ksd.scene.contents import WANTED, Scene
+from ksd.scene.mechanism import Mechanism
 from ksd.scene.plausible import implausible
 
 Array = NDArray[np.float64]
@@ -133,7 +134,7 @@ class Diagnosis(Shown):
         }  # fmt: skip
 
 
-def doctor(mechanism: Any) -> Diagnosis:
+def doctor(mechanism: Mechanism | Scene | Model) -> Diagnosis:
     """Count the freedoms and constraints of a mechanism (or Scene, or Model) at rest, and say what is free, what is
     held twice, and which release would make it exact.
 

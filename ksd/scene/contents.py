@@ -11,13 +11,14 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ksd.scene.drive import GROUND, Drive, Load, PointMass
 from ksd.scene.effects import Compliance, Fit, Heat, Spring, TurnSpring
 from ksd.scene.joint import Joint, Motion, leafs_of
 from ksd.scene.leaf import Condition, Leaf
 from ksd.scene.profile import Curve, Profile
-from ksd.section.checks import Vector
+from ksd.section.checks import Vector, as_given
 
 Matrix = tuple[Vector, Vector, Vector]
 
@@ -53,11 +54,11 @@ class PlacedJoint:
         found = dict(self.conditions)
         return tuple(replace(leaf, condition=found.get(leaf.name)) for leaf in leafs)
 
-    def place(self, point: Any) -> np.ndarray:
+    def place(self, point: ArrayLike) -> np.ndarray:
         """Global position (3,) [m] at rest of a point (3,) given in joint axes."""
         return np.asarray(self.origin) + np.asarray(self.rotation) @ np.asarray(point, float)
 
-    def turn(self, axis: Any) -> np.ndarray:
+    def turn(self, axis: ArrayLike) -> np.ndarray:
         """Global direction (3,) at rest of a direction (3,) given in joint axes."""
         return np.asarray(self.rotation) @ np.asarray(axis, float)
 
@@ -160,7 +161,7 @@ def placed_leaf(joint: PlacedJoint, leaf: Leaf, links: Mapping[str, str]) -> Pla
         leaf,
         start=_triple(joint.place(leaf.start)),
         end=_triple(joint.place(leaf.end)),
-        width_axis=_triple(joint.turn(leaf.width_axis)),
+        width_axis=_triple(joint.turn(as_given(leaf.width_axis))),
         start_block=links[leaf.start_block],
         end_block=links[leaf.end_block],
         name=label,

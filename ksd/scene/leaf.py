@@ -7,14 +7,17 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ksd.errors import SceneError
 from ksd.scene.material import Material
 from ksd.scene.profile import Curve, Profile
 from ksd.section import Section, circle
 from ksd.section.checks import (
+    Axis,
     Vector,
     Worded,
+    as_given,
     cross,
     direction,
     dot,
@@ -24,6 +27,7 @@ from ksd.section.checks import (
     vector,
     whole,
     word,
+    worded,
 )
 
 
@@ -133,10 +137,29 @@ class Leaf(metaclass=Worded):
         return np.array([e1, cross(e3, e1), e3]).T.copy()
 
 
-def wire(*, diameter: float, material: Material, name: str = "wire", **leaf: Any) -> Leaf:
-    """A leaf of circular section, `diameter` in m; other words as in `Leaf` (no width_axis needed)."""
+@worded
+def wire(
+    *,
+    diameter: float,
+    material: Material,
+    start: ArrayLike,
+    end: ArrayLike,
+    width_axis: Axis | None = None,
+    start_block: str = "A",
+    end_block: str = "B",
+    name: str = "wire",
+    elements: int | None = None,
+    orders: tuple[int, int, int] | None = None,
+    profile: Profile | None = None,
+    curve: Curve | None = None,
+) -> Leaf:
+    """A leaf of circular section, `diameter` in m; other words as in `Leaf` (no width_axis needed). Raises SceneError."""
     section = circle(positive(diameter, "diameter", owner=f"wire '{name}'", unit="m"))
-    return Leaf(section=section, material=material, name=name, **{"width_axis": None, **leaf})
+    return Leaf(
+        start=as_given(start), end=as_given(end), width_axis=as_given(width_axis), section=section, material=material,
+        start_block=start_block, end_block=end_block, name=name, elements=elements, orders=orders,
+        profile=profile, curve=curve,
+    )  # fmt: skip
 
 
 def mesh(elements: Any, orders: Any, *, owner: str) -> dict[str, Any]:

@@ -5,9 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any
 
+from numpy.typing import ArrayLike
+
 from ksd.errors import SceneError
 from ksd.scene.drive import GROUND, PointMass
-from ksd.section.checks import nearest, show, word
+from ksd.section.checks import as_given, nearest, show, word
 
 
 @dataclass(frozen=True)
@@ -32,7 +34,14 @@ class Links:
         self._links: dict[str, Link] = {GROUND: self.ground}
         self._masses: list[PointMass] = []
 
-    def link(self, name: str, *, mass: float | None = None, inertia: Any = None, at: Any = None) -> Link:
+    def link(
+        self,
+        name: str,
+        *,
+        mass: float | None = None,
+        inertia: ArrayLike | None = None,
+        at: ArrayLike | None = None,
+    ) -> Link:
         """A new rigid link; mass [kg], inertia [kg m^2] and its centre `at` [m] as in `mass`."""
         word(name, "link name", owner=self.name)
         if name in self._links:
@@ -76,11 +85,13 @@ class Links:
             raise SceneError(f"{owner} connects link '{first}' with itself; it needs two different links.")
         return first, second
 
-    def mass(self, link: Link | str, *, mass: float, inertia: Any = None, at: Any = None) -> PointMass:
+    def mass(
+        self, link: Link | str, *, mass: float, inertia: ArrayLike | None = None, at: ArrayLike | None = None
+    ) -> PointMass:
         """A rigid mass [kg]: centre `at` (3,) [m], inertia (3,) or (3, 3) [kg m^2] about it, global axes."""
         known = self._known(link, "mass")
         if at is None:
             raise SceneError(f"mass on '{known}': 'at' is missing; give its centre (x, y, z) in m.")
-        added = PointMass(known, mass, inertia, at)
+        added = PointMass(known, mass, as_given(inertia), as_given(at))
         self._masses.append(added)
         return added

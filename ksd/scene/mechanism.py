@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
+from numpy.typing import ArrayLike
+
 from ksd.errors import SceneError
 from ksd.scene.contents import PlacedJoint, PlacedLeaf, Scene, joint_angle, placed_leaf
 from ksd.scene.drive import GROUND, Drive, DriveTerm, Load
@@ -18,7 +20,7 @@ from ksd.scene.placing import axis_word, numbered, rotation_at
 from ksd.scene.profile import Curve, Profile
 from ksd.scene.rules import check_scene
 from ksd.section import Section
-from ksd.section.checks import direction, nearest, show, vector, word
+from ksd.section.checks import Axis, as_given, direction, nearest, show, vector, word, worded
 
 
 class Mechanism(Mentioned):
@@ -64,9 +66,9 @@ class Mechanism(Mentioned):
         b: Link | str,
         joint: Joint,
         *,
-        at: Any,
-        axis: Any,
-        toward: Any,
+        at: ArrayLike,
+        axis: Axis,
+        toward: Axis,
         name: str | None = None,
     ) -> PlacedJoint:
         """Connect link `a` (interface A) with link `b` (interface B) by a joint.
@@ -99,9 +101,9 @@ class Mechanism(Mentioned):
         b: Link | str,
         joint: Joint,
         *,
-        at: Any,
-        axis: Any,
-        toward: Any,
+        at: ArrayLike,
+        axis: Axis,
+        toward: Axis,
         name: str | None = None,
     ) -> tuple[PlacedLeaf, ...]:
         """Put the leafs of `joint` between two links as a flexible constraint; at, axis, toward as in `join`.
@@ -123,11 +125,11 @@ class Mechanism(Mentioned):
         a: Link | str,
         b: Link | str,
         *,
-        start: Any,
-        end: Any,
+        start: ArrayLike,
+        end: ArrayLike,
         section: Section,
         material: Material,
-        width_axis: Any = None,
+        width_axis: Axis | None = None,
         name: str | None = None,
         elements: int | None = None,
         orders: tuple[int, int, int] | None = None,
@@ -138,9 +140,9 @@ class Mechanism(Mentioned):
         label = self._new_name(name, "leaf")
         first, second = self._pair(a, b, f"leaf '{label}'")
         made = Leaf(
-            start=start,
-            end=end,
-            width_axis=width_axis,
+            start=as_given(start),
+            end=as_given(end),
+            width_axis=as_given(width_axis),
             section=section,
             material=material,
             start_block=first,
@@ -154,14 +156,30 @@ class Mechanism(Mentioned):
         self._leafs.append(PlacedLeaf(label, first, second, made))
         return self._leafs[-1]
 
+    @worded
     def wire(
-        self, a: Link | str, b: Link | str, *, diameter: float, material: Material, **leaf: Any
+        self,
+        a: Link | str,
+        b: Link | str,
+        *,
+        start: ArrayLike,
+        end: ArrayLike,
+        diameter: float,
+        material: Material,
+        width_axis: Axis | None = None,
+        name: str | None = None,
+        elements: int | None = None,
+        orders: tuple[int, int, int] | None = None,
+        profile: Profile | None = None,
+        curve: Curve | None = None,
     ) -> PlacedLeaf:
-        """A round wire of `diameter` [m] from link `a` to link `b`; the other words are those of `leaf`."""
-        label = self._new_name(leaf.pop("name", None), "wire")
+        """A round wire of `diameter` [m] from link `a` to link `b`; the other words as in `leaf`. Raises SceneError."""
+        label = self._new_name(name, "wire")
         first, second = self._pair(a, b, f"wire '{label}'")
-        ends = {"start_block": first, "end_block": second}
-        made = make_wire(diameter=diameter, material=material, name=label, **{**leaf, **ends})
+        made = make_wire(
+            diameter=diameter, material=material, start=start, end=end, width_axis=width_axis, start_block=first,
+            end_block=second, name=label, elements=elements, orders=orders, profile=profile, curve=curve,
+        )  # fmt: skip
         self._leafs.append(PlacedLeaf(label, first, second, made))
         return self._leafs[-1]
 
@@ -170,9 +188,9 @@ class Mechanism(Mentioned):
     def displacement(
         self,
         link: Link | str,
-        along: Any,
+        along: Axis,
         *,
-        at: Any,
+        at: ArrayLike,
         relative_to: Link | str | None = None,
         coefficient: float = 1.0,
     ) -> DriveTerm:
@@ -182,9 +200,9 @@ class Mechanism(Mentioned):
     def rotation(
         self,
         link: Link | str,
-        about: Any,
+        about: Axis,
         *,
-        at: Any = (0.0, 0.0, 0.0),
+        at: ArrayLike = (0.0, 0.0, 0.0),
         relative_to: Link | str | None = None,
         coefficient: float = 1.0,
     ) -> DriveTerm:
@@ -211,9 +229,9 @@ class Mechanism(Mentioned):
         self,
         link: Link | str | None = None,
         *,
-        along: Any = None,
-        about: Any = None,
-        at: Any = None,
+        along: Axis | None = None,
+        about: Axis | None = None,
+        at: ArrayLike | None = None,
         relative_to: Link | str | None = None,
         name: str | None = None,
         joint: PlacedJoint | str | None = None,
@@ -240,9 +258,22 @@ class Mechanism(Mentioned):
         """Prescribe an intended motion of a joint (the one named, of several): b relative to a, axis fixed in a."""
         return self.actuate(joint=joint, motion=motion, name=name)
 
-    def support(self, link: Link | str | None = None, *, name: str | None = None, **motion: Any) -> Drive:
-        """Hold a component of motion at zero; along, about, at, relative_to, joint, motion, terms as in `actuate`."""
-        parts, default = self._parts(link, **motion)
+    def support(
+        self,
+        link: Link | str | None = None,
+        *,
+        along: Axis | None = None,
+        about: Axis | None = None,
+        at: ArrayLike | None = None,
+        relative_to: Link | str | None = None,
+        name: str | None = None,
+        joint: PlacedJoint | str | None = None,
+        motion: str | None = None,
+        terms: Sequence[DriveTerm] | DriveTerm | None = None,
+    ) -> Drive:
+        """Hold a component of motion at zero; the component is said as in `actuate`. Raises SceneError."""
+        said = {"along": along, "about": about, "at": at, "relative_to": relative_to}
+        parts, default = self._parts(link, **said, joint=joint, motion=motion, terms=terms)
         held = Drive(self._drive_name(name, f"{default}.held", parts), parts)
         self._supports.append(held)
         return held
@@ -312,9 +343,9 @@ class Mechanism(Mentioned):
         self,
         link: Link | str,
         *,
-        force: Any = None,
-        moment: Any = None,
-        at: Any = None,
+        force: ArrayLike | None = None,
+        moment: ArrayLike | None = None,
+        at: ArrayLike | None = None,
         following: bool = False,
         name: str | None = None,
     ) -> Load:
@@ -336,9 +367,9 @@ class Mechanism(Mentioned):
         push = Load(
             label,
             known,
-            zero if force is None else force,
-            zero if moment is None else moment,
-            zero if at is None else at,
+            zero if force is None else as_given(force),
+            zero if moment is None else as_given(moment),
+            zero if at is None else as_given(at),
             following,
         )
         self._loads.append(push)

@@ -12,15 +12,17 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ksd.errors import SceneError
 from ksd.files import LARGEST, read_file
+from ksd.scene.contents import PlacedJoint, PlacedLeaf
 from ksd.scene.effects import CONSIDERED, Compliance, Fit, Heat, LinkMatrix, Spring, TurnSpring
 from ksd.scene.links import Link, Links
 from ksd.scene.material import Material
 from ksd.scene.placing import numbered
 from ksd.section import Section
-from ksd.section.checks import Vector, nearest, show, vector
+from ksd.section.checks import Axis, Vector, as_given, nearest, show, vector
 
 READERS = {".npz": "ksd.scene.mentioned:read_npz", ".h5": "ksd.library.hdf5:read_hdf5"}
 """Who reads a link matrix, by the end of the file name; loaded on use, since the scene imports numpy alone."""
@@ -134,10 +136,10 @@ class Mentioned(Links):
         return self._gravity
 
     @gravity.setter
-    def gravity(self, value: Any) -> None:
+    def gravity(self, value: ArrayLike | None) -> None:
         self._gravity = None if value is None else vector(value, "gravity", owner=self.name, unit="m/s^2")
 
-    def _placed(self, joint: Any) -> Any:
+    def _placed(self, joint: PlacedJoint | str) -> PlacedJoint:
         """The placed joint of this name; see `Mechanism`."""
         raise NotImplementedError
 
@@ -146,8 +148,8 @@ class Mentioned(Links):
         name: str,
         *,
         mass: float | None = None,
-        inertia: Any = None,
-        at: Any = None,
+        inertia: ArrayLike | None = None,
+        at: ArrayLike | None = None,
         section: Section | None = None,
         material: Material | None = None,
     ) -> Link:
@@ -172,8 +174,8 @@ class Mentioned(Links):
         *,
         section: Section | None = None,
         material: Material | None = None,
-        hub: Any = None,
-        width_axis: Any = None,
+        hub: ArrayLike | None = None,
+        width_axis: Axis | None = None,
         matrix: LinkMatrix | str | os.PathLike[str] | None = None,
     ) -> Compliance:
         """Make a link elastic: by section and material, or by a Craig-Bampton matrix (or the file of one).
@@ -191,7 +193,7 @@ class Mentioned(Links):
             raise SceneError(f"compliance of link '{known}' is given twice; keep one.")
         if isinstance(matrix, str | os.PathLike):
             matrix = link_matrix(matrix)
-        made = Compliance(known, section, material, hub, width_axis, matrix)
+        made = Compliance(known, section, material, as_given(hub), as_given(width_axis), matrix)
         self._compliances[known] = made
         return made
 
@@ -200,8 +202,8 @@ class Mentioned(Links):
         a: Link | str,
         b: Link | str,
         *,
-        start: Any,
-        end: Any,
+        start: ArrayLike,
+        end: ArrayLike,
         stiffness: float,
         free_length: float | None = None,
         name: str | None = None,
@@ -223,7 +225,7 @@ class Mentioned(Links):
 
     def joint_spring(
         self,
-        joint: Any,
+        joint: PlacedJoint | str,
         *,
         stiffness: float,
         rest_angle: float = 0.0,
@@ -251,8 +253,8 @@ class Mentioned(Links):
         a: Link | str,
         b: Link | str,
         *,
-        at: Any,
-        axis: Any,
+        at: ArrayLike,
+        axis: Axis,
         stiffness: float,
         rest_angle: float = 0.0,
         name: str | None = None,
@@ -260,7 +262,7 @@ class Mentioned(Links):
         """A torsion spring [Nm/rad] from link `a` to link `b` about `axis` through `at` (3,) [m]; see `joint_spring`."""
         label = self._spring_name(name, "turn spring")
         first, second = self._pair(a, b, f"spring '{label}'")
-        made = TurnSpring(label, first, second, at, axis, stiffness, rest_angle)
+        made = TurnSpring(label, first, second, as_given(at), as_given(axis), stiffness, rest_angle)
         self._springs.append(made)
         return made
 
@@ -287,18 +289,20 @@ class Mentioned(Links):
 
     def fit(
         self,
-        leaf: Any,
+        leaf: PlacedLeaf | str,
         *,
         natural_length: float | None = None,
-        shift: Any = (0.0, 0.0, 0.0),
-        turn: Any = (0.0, 0.0, 0.0),
+        shift: ArrayLike = (0.0, 0.0, 0.0),
+        turn: ArrayLike = (0.0, 0.0, 0.0),
     ) -> Fit:
         """How a leaf is put in: prestress by its natural_length [m], misfit of its clamp by shift [m] and turn [rad].
 
         leaf: full name ("joint/leaf") or a free-form leaf; shift and turn (3,) lead from where end q is drawn to where
         it is clamped, in the axes of the leaf. Raises SceneError.
         """
-        self._fits.append(Fit(str(getattr(leaf, "name", leaf)), natural_length, shift, turn))
+        self._fits.append(
+            Fit(str(getattr(leaf, "name", leaf)), natural_length, as_given(shift), as_given(turn))
+        )
         return self._fits[-1]
 
     def consider(self, *effects: str) -> None:

@@ -9,15 +9,21 @@ from __future__ import annotations
 import difflib
 import inspect
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
+from functools import wraps
 from numbers import Real
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ksd.errors import SceneError
 
+P = ParamSpec("P")
+R = TypeVar("R")
 Vector = tuple[float, float, float]
+Axis = str | ArrayLike
+"""A direction: "x", "-y", ... or three numbers of any length."""
 LARGEST = 1e30
 """The largest size of a number in SI units."""
 SMALLEST = 1e-90
@@ -46,13 +52,36 @@ class Worded(type):
                 raise
 
 
-def _unfit(cls: type, given: dict[str, Any], reason: str) -> str:
-    """The sentence for parameters that do not fit the constructor of `cls`."""
-    known = list(inspect.signature(cls).parameters)
+def worded(function: Callable[P, R]) -> Callable[P, R]:
+    """A function a user calls: an unknown or missing parameter raises SceneError, not TypeError."""
+
+    @wraps(function)
+    def called(*args: P.args, **kwargs: P.kwargs) -> R:
+        try:
+            return function(*args, **kwargs)
+        except TypeError:
+            try:
+                inspect.signature(function).bind(*args, **kwargs)
+            except TypeError as reason:
+                raise SceneError(_unfit(function, kwargs, str(reason))) from None
+            raise
+
+    return called
+
+
+def _unfit(called: Callable[..., Any], given: dict[str, Any], reason: str) -> str:
+    """The sentence for parameters that do not fit a function, or the constructor of a class."""
+    known, name_of = list(inspect.signature(called).parameters), called.__name__
+    what = "parameter" if isinstance(called, type) else "option"
     for name in given:
         if name not in known:
-            return f"{cls.__name__}: it has no parameter '{name}'{nearest(name, known)}"
-    return f"{cls.__name__}: {reason}; its parameters: {', '.join(known)}."
+            return f"{name_of}: it has no {what} '{name}'{nearest(name, known)}"
+    return f"{name_of}: {reason}; its parameters: {', '.join(known)}."
+
+
+def as_given(value: object) -> Any:
+    """What a user gave, on its way to a constructor that checks it."""
+    return value
 
 
 def label(what: str, owner: str) -> str:

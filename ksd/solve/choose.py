@@ -5,7 +5,6 @@ from __future__ import annotations
 import threading
 from collections import OrderedDict
 from collections.abc import Iterable, Mapping
-from inspect import signature
 from typing import Any
 
 from ksd.errors import SceneError
@@ -15,10 +14,12 @@ from ksd.model.effects import mentioned
 from ksd.model.mesh import Mesh
 from ksd.model.orders import mesh_for, raised
 from ksd.properties.resolution import look_at_modes
-from ksd.section.checks import nearest, truth
+from ksd.scene.contents import Scene
+from ksd.scene.mechanism import Mechanism
+from ksd.section.checks import truth, worded
 from ksd.solve.configuration import Configuration
 from ksd.solve.resolved import resolved
-from ksd.solve.solver import METHODS, Solver, asked_values, refuse_unknown, wanted_accuracy
+from ksd.solve.solver import METHODS, Basis, Method, Solver, asked_values, refuse_unknown, wanted_accuracy
 from ksd.solve.steps import ErrorEstimate
 from ksd.solve.trust import insist
 
@@ -28,8 +29,9 @@ _recent: OrderedDict[tuple, Solver] = OrderedDict()
 _turn = threading.Lock()
 
 
+@worded
 def prepare(
-    mechanism: Any,
+    mechanism: Mechanism | Scene | Model,
     *,
     mesh: Mesh | None = None,
     extrapolate: bool = False,
@@ -39,8 +41,7 @@ def prepare(
     accuracy: float | None = None,
     targets: Mapping[str, float] | None = None,
     planar: bool = True,
-    basis: Any = None,
-    **unknown: Any,
+    basis: Basis | None = None,
 ) -> Solver:
     """A `Solver` of this mechanism for many solves: everything that does not depend on the drive values is done once.
 
@@ -49,19 +50,17 @@ def prepare(
     for drive values `targets` (see `ksd.model.effects`). planar: False solves in space, by every method, even where the
     scene stays in its plane. basis: for method "modal", see `solve`. Raises SceneError for a scene that cannot be compiled.
     """
-    for name in unknown:
-        options = [n for n, p in signature(prepare).parameters.items() if p.kind is p.KEYWORD_ONLY]
-        raise SceneError(f"prepare: it has no option '{name}'{nearest(name, options)}")
-    words: dict[str, Any] = {"effects": effects, "with_": with_, "without": without, "targets": targets}
-    words |= {"planar": planar, "basis": basis}
-    return Solver(mechanism, mesh=mesh, extrapolate=extrapolate, accuracy=wanted_accuracy(accuracy), **words)
+    return Solver(
+        mechanism, mesh=mesh, extrapolate=extrapolate, planar=planar, basis=basis, effects=effects, with_=with_,
+        without=without, accuracy=wanted_accuracy(accuracy), targets=targets,
+    )  # fmt: skip
 
 
 def solve(
-    mechanism: Any,
+    mechanism: Mechanism | Scene | Model,
     targets: Mapping[str, float] | None = None,
     *,
-    method: str | None = None,
+    method: Method | None = None,
     accuracy: float | None = None,
     mesh: Mesh | None = None,
     passes: int = 0,
@@ -70,7 +69,7 @@ def solve(
     effects: str | Iterable[str] = "auto",
     with_: str | Iterable[str] = (),
     without: str | Iterable[str] = (),
-    basis: Any = None,
+    basis: Basis | None = None,
     estimate: bool = True,
     planar: bool = True,
     **drives: float,

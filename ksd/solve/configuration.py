@@ -2,22 +2,50 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import os
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal, TypeVar
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ksd.errors import SceneError
+from ksd.modal.bodies import ModalModel, inside
 from ksd.model.arrays import Motion
 from ksd.model.compile import Model
+from ksd.numerics.rotations import rotation_log
+from ksd.properties.buckling import Buckling, buckling
+from ksd.properties.frequencies import Modes, frequencies
+from ksd.properties.interface_forces import InterfaceForces, interface_forces
+from ksd.properties.internal_stress import Misplaced, internal_stress
+from ksd.properties.later import for_questions
+from ksd.properties.parasitic import Parasitic, PivotShift, parasitic, pivot_shift
+from ksd.properties.section_forces import SectionForces, section_forces
+from ksd.properties.shape import Shape, mechanism_shape
+from ksd.properties.stiffness import DriveStiffness, PointStiffness, drive_stiffness, point_stiffness
+from ksd.properties.strength import Strength, strength, unusual
+from ksd.properties.stress import Stress, strain_energy, stress
+from ksd.properties.words import printed
+from ksd.scene.contents import PlacedJoint
+from ksd.scene.links import Link
 from ksd.solve.reading import Reading
 from ksd.solve.steps import ErrorEstimate, FiveStepRecord, Step
 from ksd.solve.stops import Stop
 
 if TYPE_CHECKING:
-    from ksd.properties.strength import Strength
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+    from rich.console import RenderableType
+
+    from ksd.modal.solid_health import SolidRange
+    from ksd.solve.trust import Trust
+    from ksd.solve.validity import Validity
+
+Answer = TypeVar("Answer")
+"""What a question asked of a configuration returns: a number, an array, or a mapping of them."""
 
 
 @dataclass(frozen=True, repr=False, init=False)
@@ -25,13 +53,12 @@ class Configuration:
     """A deformed configuration: the model, its state, and the record of the solve that found it.
 
     motion: state of the full model (positions m, rotation matrices, inner states, multipliers). method: kinematic,
-    reduced, full, conventional or modal. targets: drive values by name [m or rad]. motions: intended motion of every
-    joint by name [rad or m], unintended: per joint (6,) displacement [m] and rotation [rad] of interface B off its
-    intended pose, in joint axes. method_error: estimate of what the fast methods add to the error of the mesh, made with
-    the solve; None where the method is exact (see `error`). negatives:
-    negative pivots at the end, expected: those the constraint rows explain. doubts: what speaks against the branch and
-    was not cleared up by smaller steps. notes: what the solve itself warns of, part of `warnings`. near: every joint was
-    seen near its intended motion, so the verdict need not look again.
+    reduced, full, conventional or modal. targets: drive values by name [m or rad]. steps: those of the solve, in order.
+    reading: where its joints are, for `motions` and `unintended`; None where their records are not known. method_error:
+    estimate of what the fast methods add to the error of the mesh, made with the solve; None where the method is exact
+    (see `error`). negatives: negative pivots at the end, expected: those the constraint rows explain. doubts: what
+    speaks against the branch and was not cleared up by smaller steps. notes: what the solve itself warns of, part of
+    `warnings`. near: every joint was seen near its intended motion, so the verdict need not look again.
     """
 
     model: Model
@@ -41,8 +68,7 @@ class Configuration:
     steps: Sequence[Step]
     negatives: int
     expected: int
-    motions: Mapping[str, float]
-    unintended: Mapping[str, np.ndarray]
+    reading: Reading | None
     method_error: ErrorEstimate | None
     notes: tuple[str, ...]
     load_factor: float
@@ -60,8 +86,6 @@ class Configuration:
         *,
         negatives: int,
         expected: int,
-        motions: Mapping[str, float] | None = None,
-        unintended: Mapping[str, np.ndarray] | None = None,
         reading: Reading | None = None,
         method_error: ErrorEstimate | None = None,
         notes: tuple[str, ...] = (),
@@ -74,27 +98,28 @@ class Configuration:
         self.__dict__.update(
             model=model, motion=motion, method=method, targets=targets, steps=steps, negatives=negatives,
             expected=expected, method_error=method_error, notes=notes, load_factor=load_factor,
-            doubts=doubts, chosen=chosen, near=near,
+            doubts=doubts, chosen=chosen, near=near, reading=reading,
         )  # fmt: skip
-        if reading is not None:
-            self.__dict__["_reading"] = reading
-        else:
-            self.__dict__.update(motions=motions or {}, unintended=unintended or {})
 
-    def __getattr__(self, name: str) -> Any:
-        # of an answer just found the motions of its joints are not yet under their names
-        reading = self.__dict__.get("_reading")
-        if reading is None or name not in ("motions", "unintended"):
-            raise AttributeError(f"a configuration has no '{name}'")
-        found = reading.by_motion() if name == "motions" else reading.by_joint()
-        self.__dict__[name] = found
-        return found
+    def __dir__(self) -> list[str]:
+        return sorted(set(super().__dir__()) - _INSIDE)
 
     def __repr__(self) -> str:
         forces = ", ".join(f"{n} {v:.6g}" for n, v in self.forces.items())
         return (
             f"<Configuration of '{self.model.scene.name}' by {self.method}: {self.targets}, forces {forces}>"
         )
+
+    @cached_property
+    def motions(self) -> dict[str, float]:
+        """Intended motion of every joint by name [rad or m]; empty where the joints have no records."""
+        return {} if self.reading is None else self.reading.by_motion()
+
+    @cached_property
+    def unintended(self) -> dict[str, np.ndarray]:
+        """Displacement [m] and rotation [rad] (6,) of interface B off its intended pose, in joint axes, by joint; empty
+        as `motions`."""
+        return {} if self.reading is None else self.reading.by_joint()
 
     @property
     def converged(self) -> bool:
@@ -120,8 +145,8 @@ class Configuration:
         return keeps_still(*self.insides, self.load_factor)
 
     @property
-    def trust(self) -> Any:
-        """Verdicts `stable`, `branch`, `trusted`, each with a sentence: `ksd.solve.trust.Trust`."""
+    def trust(self) -> Trust:
+        """Verdicts `stable`, `branch`, `strength`, `trusted`, each a truth value with its sentence."""
         from ksd.solve.trust import judge
 
         return judge(self)
@@ -135,8 +160,9 @@ class Configuration:
 
     @cached_property
     def left_out(self) -> dict[str, dict[str, float]]:
-        """What plate stiffening and restrained warping, where they are not in the model, would change here: relative change
-        of "force", "displacement" and "support_stiffness" by effect, measured when asked for: `ksd.solve.left_out`."""
+        """What plate stiffening and restrained warping, where they are not in the model, would change here: relative
+        change of "force", "displacement" and "support_stiffness" by effect, measured when asked for:
+        `ksd.solve.left_out`."""
         from ksd.solve.left_out import left_out
 
         return left_out(self)
@@ -144,18 +170,16 @@ class Configuration:
     @property
     def branch(self) -> str:
         """Why this is, or is not, the branch meant, in one sentence."""
-        return str(self.trust.branch)
+        return self.trust.branch.sentence
 
     @property
     def trusted(self) -> bool:
         """Whether it converged, is stable, and lies on the branch meant; `trust.trusted` says why."""
-        return bool(self.trust.trusted)
+        return self.trust.trusted.yes
 
     @cached_property
     def strength(self) -> Strength | None:
         """Largest strain and stress of all leafs, and the share of their limits; None where leafs are reduced solids."""
-        from ksd.properties.strength import strength
-
         if getattr(self.model, "solids", None):
             return None
         return strength(*self.insides, load_factor=self.load_factor)
@@ -163,8 +187,6 @@ class Configuration:
     @cached_property
     def warnings(self) -> tuple[str, ...]:
         """What the user should know: of the solve, of the scene (`ksd.scene.plausible`), and of strain and stress."""
-        from ksd.properties.strength import unusual
-
         strain = () if self.strength is None else self.strength.warnings
         return (*self.notes, *filter(None, [self.minimum]), *unusual(self.model), *strain)
 
@@ -211,23 +233,22 @@ class Configuration:
             for i, link in enumerate(self.model.scene.links)
         }
 
-    def rotation(self, link: str) -> np.ndarray:
+    def rotation(self, link: Link | str) -> np.ndarray:
         """Rotation vector (3,) [rad] of a link from rest, global axes. Raises SceneError for an unknown name."""
-        from ksd.numerics.rotations import rotation_log
-
         found = np.empty(3)
         rotation_log(self.motion.R[self._node(link)], found)
         return found
 
-    def displacement(self, link: str, at: Any) -> np.ndarray:
+    def displacement(self, link: Link | str, at: ArrayLike) -> np.ndarray:
         """Displacement (3,) [m] of the point of a link that is at `at` (3,) [m] at rest. Raises SceneError for an unknown
         name."""
         i = self._node(link)
-        arm = np.asarray(at, float) - self.model.rest.x[i]
-        return self.motion.x[i] + self.motion.R[i] @ arm - np.asarray(at, float)
+        point = np.asarray(at, float)
+        return self.motion.x[i] + self.motion.R[i] @ (point - self.model.rest.x[i]) - point
 
-    def _node(self, link: str) -> int:
+    def _node(self, named: Link | str) -> int:
         """Number of a link or internal block."""
+        link = named.name if isinstance(named, Link) else named
         known = self.model.node_names
         if link not in known:
             raise SceneError(f"link '{link}' is not part of this mechanism; there are {', '.join(known)}")
@@ -251,8 +272,6 @@ class Configuration:
     def questioned(self) -> tuple[Model, Motion]:
         """Model and state that questions are asked of: the state `answering`, the model with the effects that only
         questions call for (`ksd.properties.later`)."""
-        from ksd.properties.later import for_questions
-
         return for_questions(self.model), self.answering
 
     @property
@@ -271,98 +290,170 @@ class Configuration:
                 "or of the meshed solid itself"
             )
 
-    def validity(self, **options: Any) -> Any:
-        """Stroke and local rotation up to which the modal basis of a leaf is good: `ksd.solve.validity.validity`."""
+    def validity(self, *, leaf: str | None = None, error: float = 0.01) -> Validity | SolidRange:
+        """Stroke (over its length) and rotation [rad] up to which the modal basis of a leaf, or a reduced solid, stays
+        within a relative `error`; the first one where `leaf` is None.
+
+        Raises SceneError for an unknown name, where no body is modal, and for bases expanded at a trained state.
+        """
         from ksd.solve.validity import validity
 
-        return validity(self.model, **options)  # type: ignore[arg-type]
+        return validity(self.model, leaf=leaf, error=error)
 
-    def stiffness(self, link: Any, **options: Any) -> Any:
-        """Compliance and stiffness of a point of a link: `ksd.properties.stiffness.point_stiffness`."""
-        from ksd.properties.stiffness import point_stiffness
+    def stiffness(
+        self,
+        link: Link | str,
+        *,
+        at: ArrayLike | None = None,
+        axes: Literal["global", "link"] | ArrayLike = "global",
+        freed: Iterable[str] = (),
+    ) -> PointStiffness:
+        """Compliance (6, 6) and every stiffness of the point of `link` that is at `at` (3,) [m, global] at rest.
 
-        return point_stiffness(*self.questioned, link, load_factor=self.load_factor, **options)
+        at: reference point of the link when None. axes: "global", "link" (turning with it), or orthonormal columns (3,
+        3). freed: drives and supports let go at their present force. Raises SceneError for unknown names,
+        KinematicsError where nothing resists a motion.
+        """
+        return point_stiffness(
+            *self.questioned, link, at=at, axes=axes, freed=freed, load_factor=self.load_factor
+        )
 
-    def drive_stiffness(self, **options: Any) -> Any:
-        """dF/dd [N/m, Nm/rad] of all held drives: `ksd.properties.stiffness.drive_stiffness`."""
-        from ksd.properties.stiffness import drive_stiffness
+    def drive_stiffness(self, *, freed: Iterable[str] = ()) -> DriveStiffness:
+        """Stiffness dF/dd (d, d) [N/m, Nm/rad, N/rad] between all held drives; those named in `freed` keep their force
+        instead.
 
-        return drive_stiffness(*self.questioned, load_factor=self.load_factor, **options)
+        Raises SceneError for unknown names, KinematicsError where nothing resists a motion.
+        """
+        return drive_stiffness(*self.questioned, freed=freed, load_factor=self.load_factor)
 
-    def frequencies(self, **options: Any) -> Any:
-        """Eigenfrequencies [Hz] and modes about this state: `ksd.properties.frequencies.frequencies`."""
-        from ksd.properties.frequencies import frequencies
+    def frequencies(
+        self,
+        *,
+        count: int = 6,
+        freed: Iterable[str] = (),
+        dense: bool | None = None,
+        near: Modes | None = None,
+    ) -> Modes:
+        """The `count` lowest eigenfrequencies [Hz] and modes about this state, drives and supports held but for those in
+        `freed`, which keep their present force.
 
+        dense: True or False forces dense or iterative eigenvalues. near: modes of a state nearby, with the same drives
+        freed, to start from. Raises SceneError when nothing has mass and of reduced solids, KinematicsError when
+        nothing resists a motion.
+        """
         self._of_leafs("frequencies")
-        return frequencies(*self.unreduced, load_factor=self.load_factor, **options)
+        return frequencies(
+            *self.unreduced, count=count, freed=freed, load_factor=self.load_factor, dense=dense, near=near
+        )
 
-    def buckling(self, link: Any = None, **options: Any) -> Any:
-        """Critical load factors of an added load, or of the state's own stresses: `ksd.properties.buckling.buckling`."""
-        from ksd.properties.buckling import buckling
+    def buckling(
+        self,
+        link: Link | str | None = None,
+        *,
+        at: ArrayLike | None = None,
+        force: ArrayLike = (0.0, 0.0, 0.0),
+        moment: ArrayLike = (0.0, 0.0, 0.0),
+        count: int = 4,
+        freed: Iterable[str] = (),
+        near: Buckling | None = None,
+    ) -> Buckling:
+        """Critical load factors, signed: how many times a dead load on `link` may be added to this state, or, without a
+        link, its own stresses be multiplied.
 
+        force (3,) [N] and moment (3,) [Nm], global, on the point of the link at `at` (3,) [m] at rest (its reference
+        point when None). count: factors wanted; freed: drives and supports let go at their present force; near: those
+        of a state nearby to start from. Raises SceneError for unknown names, a load of zero, a state without stress and
+        reduced solids, ConvergenceError where none were found.
+        """
         self._of_leafs("buckling")
-        return buckling(*self.unreduced, link, load_factor=self.load_factor, **options)
+        return buckling(
+            *self.unreduced, link, at=at, force=force, moment=moment, count=count, freed=freed,
+            load_factor=self.load_factor, near=near,
+        )  # fmt: skip
 
-    def stress(self, *, points: int = 25) -> Any:
-        """Stress [Pa] along every leaf, where and how much: `ksd.properties.stress.stress`."""
-        from ksd.properties.stress import stress
+    def stress(self, *, points: int = 25) -> Stress:
+        """Stress [Pa] of every leaf at `points` stations (at both ends of every element of a chain): where and how much.
 
+        Raises SceneError of reduced solids.
+        """
         self._of_leafs("stress")
         return stress(*self.unreduced, points=points, load_factor=self.load_factor)
 
     def strain_energy(self) -> dict[str, float]:
-        """Strain energy [J] of every leaf by name."""
-        from ksd.properties.stress import strain_energy
-
+        """Strain energy [J] of every leaf by full name, and of springs; the sum is what the mechanism stores."""
         return strain_energy(*self.unreduced, load_factor=self.load_factor)
 
-    def with_error(self, question: Any) -> tuple[Any, Any]:
-        """Answer and error figure of ``question(pose)`` (number, array, mapping): `ksd.solve.corrected.with_error`."""
+    def with_error(self, question: Callable[[Configuration], Answer]) -> tuple[Answer, Any]:
+        """Answer of ``question(pose)`` (number, array, or mapping of them) and its error in the same shape: the change
+        over a Newton step of the full model, zero for methods that are exact but for the mesh.
+
+        Raises ConvergenceError where the state is too far from equilibrium for one.
+        """
         from ksd.solve.corrected import with_error
 
         return with_error(self, question)
 
-    def sensitivity(self, question: Any, link: Any, **load: Any) -> Any:
-        """Change of ``question(pose)`` per load on a link: `ksd.solve.sensitivity.sensitivity`."""
+    def sensitivity(
+        self,
+        question: Callable[[Configuration], Any],
+        link: Link | str,
+        *,
+        at: ArrayLike,
+        force: ArrayLike = (0.0, 0.0, 0.0),
+        moment: ArrayLike = (0.0, 0.0, 0.0),
+    ) -> Any:
+        """Change of ``question(pose)`` (number, array, or mapping of numbers; in the same shape) per whole of a dead
+        load, to first order, the drives held.
+
+        The load: force (3,) [N] and moment (3,) [Nm], global, on the point of `link` at `at` (3,) [m] at rest. Raises
+        SceneError for unknown names and a load of zero, ConvergenceError where an equilibrium beside this one is not
+        found.
+        """
         from ksd.solve.sensitivity import sensitivity
 
-        return sensitivity(self, question, link, **load)
+        return sensitivity(self, question, link, at=at, force=force, moment=moment)
 
-    def internal_stress(self, **options: Any) -> Any:
-        """Stress [Pa] when leafs are clamped beside their place: `ksd.properties.internal_stress.internal_stress`."""
-        from ksd.properties.internal_stress import internal_stress
+    def internal_stress(
+        self, *, offset: float = 1e-5, rotation: float = 1e-4, leafs: Iterable[str] = (), points: int = 13
+    ) -> Misplaced:
+        """Largest von Mises stress [Pa] when the end of a leaf is clamped beside its place, one leaf and direction at a
+        time.
 
+        offset [m] and rotation [rad] of the end in the leaf's own axes, both positive; leafs: full names, all when empty;
+        points: stations per leaf. Raises SceneError for unknown names, sizes that are not positive, and reduced solids.
+        """
         self._of_leafs("internal stress")
-        return internal_stress(*self.unreduced, load_factor=self.load_factor, **options)
+        return internal_stress(
+            *self.unreduced, offset=offset, rotation=rotation, leafs=leafs, load_factor=self.load_factor, points=points
+        )  # fmt: skip
 
-    def interface_forces(self) -> Any:
-        """What joints, free leafs and springs exert on the links and on ground: `ksd.properties.interface_forces`."""
-        from ksd.properties.interface_forces import interface_forces
-
+    def interface_forces(self) -> InterfaceForces:
+        """Force [N] and moment [Nm], global, that joints, free leafs and springs exert on the links and on ground."""
         return interface_forces(*self.unreduced, load_factor=self.load_factor)
 
-    def parasitic(self, link: Any = None, *, at: Any = None) -> Any:
-        """Motion of a point that no drive prescribes: `ksd.properties.parasitic.parasitic`."""
-        from ksd.properties.parasitic import parasitic
+    def parasitic(self, link: Link | str | None = None, *, at: ArrayLike | None = None) -> Parasitic:
+        """Motion from rest, shift [m] and turn [rad], that no drive or support prescribes, of the point of `link` at
+        `at` (3,) [m] at rest; link and point of the first drive when None.
 
+        Raises SceneError for an unknown link, or where there is no drive and none is named.
+        """
         return parasitic(self.model, self.motion, link, at=at)
 
-    def pivot_shift(self, joint: Any, *, at: Any = None) -> Any:
-        """How far the pivot of a joint has moved: `ksd.properties.parasitic.pivot_shift`."""
-        from ksd.properties.parasitic import pivot_shift
+    def pivot_shift(self, joint: PlacedJoint | str, *, at: ArrayLike | None = None) -> PivotShift:
+        """How far the pivot of a joint has moved [m, joint axes]: the point of interface B at `at` (3,) [m, global] at
+        rest, where its leafs cross when None, seen from interface A.
 
+        Raises SceneError for an unknown joint or one without an intended rotation.
+        """
         return pivot_shift(self.model, self.motion, joint, at=at)
 
-    def section_forces(self, *, points: int = 25) -> dict[str, Any]:
-        """Section forces along every leaf by name, see `ksd.properties.section_forces`."""
-        from ksd.properties.section_forces import section_forces
-
+    def section_forces(self, *, points: int = 25) -> dict[str, SectionForces]:
+        """Normal and shear forces [N], torsion and bending moments [Nm] along every leaf by full name, at `points`
+        stations (of a chain at its nodes)."""
         return section_forces(*self.unreduced, points=points, load_factor=self.load_factor)
 
-    def shape(self, *, points: int = 25) -> Any:
-        """Centrelines of all leafs and outlines of all links, see `ksd.properties.shape.Shape`."""
-        from ksd.properties.shape import mechanism_shape
-
+    def shape(self, *, points: int = 25) -> Shape:
+        """Centrelines [m] of all leafs at `points` stations or more, outlines of all links, and driven points, global."""
         return mechanism_shape(*self.insides, points=points)
 
     def as_dict(self) -> dict[str, Any]:
@@ -371,32 +462,53 @@ class Configuration:
 
         return as_dict(self)
 
-    def plot(self, path: Any = None, **options: Any) -> Any:
-        """Picture of the deformed over the undeformed mechanism, written to `path` if given; options of
-        `ksd.view.plot_mechanism`. Returns the matplotlib figure. Raises SceneError for an unknown file type."""
+    def plot(
+        self,
+        path: str | os.PathLike[str] | None = None,
+        *,
+        axes: Axes | None = None,
+        plane: Literal["xy", "xz", "yz"] | None = None,
+        labels: bool = True,
+        title: str | None = None,
+        color: Literal["stress"] | None = None,
+    ) -> Figure:
+        """Matplotlib figure of the deformed over the undeformed mechanism, written to `path` (.png, .pdf, .svg ...) if
+        given.
+
+        axes: drawn into these, a new figure when None. plane: the widest when None. labels: names of links and drives,
+        with values and forces. color: "stress" colours the leafs by von Mises stress. Raises SceneError for an unknown
+        plane, colour or file type.
+        """
         from ksd.view import plot_mechanism, save_figure
 
-        figure = plot_mechanism(self, **options)
+        figure = plot_mechanism(self, axes=axes, plane=plane, labels=labels, title=title, color=color)
         return figure if path is None else save_figure(figure, path)
 
-    def view(self, path: Any = None) -> Any:
+    def view(self, path: str | os.PathLike[str] | None = None) -> Path | None:
         """The deformed mechanism in three dimensions: a window to turn it in, a .png rendered without one (both by the
-        `view` extra), or a .vtu file for ParaView; returns the path. See `ksd.view`."""
+        `view` extra), or a .vtu file for ParaView; returns the path. Raises SceneError for another file type."""
         from ksd.view import show_mechanism, write_vtu
 
         picture = path is None or str(path).lower().endswith(".png")
-        return show_mechanism(self, path) if picture else write_vtu(self, path)
+        return show_mechanism(self, path) if path is None or picture else write_vtu(self, path)
 
-    def tables(self) -> list[Any]:
-        """Rich renderables of the result, see `ksd.solve.report`."""
+    def tables(self) -> list[RenderableType]:
+        """Tables and sentences of the result for rich's `Console.print`."""
         from ksd.solve.report import tables
 
         return tables(self)
 
     def __str__(self) -> str:
-        from ksd.properties.words import printed
-
         return printed(*self.tables())
+
+
+_INSIDE = frozenset(
+    (
+        "answering", "chosen", "doubts", "expected", "insides", "near", "negatives", "notes", "questioned",
+        "reading", "still", "unreduced", "_node", "_of_leafs", "_turned",
+    )
+)  # fmt: skip
+"""What other rooms of the package ask a configuration for; `dir` leaves it out."""
 
 
 def note_turn(found: Configuration, turned: float) -> None:
@@ -409,7 +521,7 @@ def with_reading(
 ) -> Configuration:
     """The same with the motions of its joints, as read where their records are known, and what was not found."""
     told = object.__new__(Configuration)
-    told.__dict__.update(found.__dict__, _reading=reading, notes=(*found.notes, *notes), near=near)
+    told.__dict__.update(found.__dict__, reading=reading, notes=(*found.notes, *notes), near=near)
     for name in ("motions", "unintended", "warnings"):
         told.__dict__.pop(name, None)
     return told
@@ -417,6 +529,4 @@ def with_reading(
 
 def _opened(model: Model, motion: Motion) -> tuple[Model, Motion]:
     """The chains of modal bodies at the nodes they have; any other model and state as they are."""
-    from ksd.modal.bodies import ModalModel, inside
-
     return (model.full, inside(model, motion)) if isinstance(model, ModalModel) else (model, motion)

@@ -16,6 +16,8 @@ from ksd.model.compile import Model, compile_scene
 from ksd.model.mesh import Mesh
 from ksd.numerics.stopwatch import Stopwatch
 from ksd.properties.words import Shown, listed, number
+from ksd.scene.contents import Scene
+from ksd.scene.mechanism import Mechanism
 from ksd.solve.arc import Course, Place, Tracer
 from ksd.solve.configuration import Configuration
 from ksd.solve.pivoted import scaling
@@ -200,7 +202,7 @@ class _Walk:
 
 
 def follow(
-    scene: object,
+    scene: Mechanism | Scene | Model,
     targets: Mapping[str, float] | None = None,
     *,
     control: Literal["load", "drives"] = "load",

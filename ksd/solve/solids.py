@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, TypeGuard
 
 import numpy as np
 
@@ -44,7 +44,7 @@ TIGHT = 1e-10
 """Residual of a node over the forces on it in a corrector step: a good basis is off by less than the bound of a solve."""
 
 
-def holds_solids(basis: Any) -> bool:
+def holds_solids(basis: object) -> TypeGuard[Mapping[str, SolidBasis]]:
     """Whether a basis by name names reduced solids. Raises SceneError for solids beside modal leafs."""
     if not isinstance(basis, Mapping):
         return False

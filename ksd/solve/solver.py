@@ -11,12 +11,16 @@ import numpy as np
 
 from ksd.bodies.joints import JointBodies, joint_bodies
 from ksd.errors import ConvergenceError, KinematicsError, KsdError, RangeError, RecordError, SceneError
-from ksd.library import find_record
+from ksd.library import Record, find_record
+from ksd.modal.choices import ModalBasis
+from ksd.modal.solid_body import SolidBasis
 from ksd.model.arrays import carries_load
 from ksd.model.compile import Model, compile_scene, fit_for
 from ksd.model.mesh import Mesh
 from ksd.model.plane import Plane, plane_of
 from ksd.properties.later import for_moving, for_questions
+from ksd.scene.contents import Scene
+from ksd.scene.mechanism import Mechanism
 from ksd.section.checks import nearest, number, show, truth, whole
 from ksd.solve import pipeline
 from ksd.solve.beside import beside, measured, needs_walk
@@ -29,6 +33,9 @@ from ksd.solve.resolved import resolved
 from ksd.solve.storage import Storage
 from ksd.solve.trust import insist, solved_well
 
+Basis = ModalBasis | Mapping[str, ModalBasis | SolidBasis]
+"""The basis of modal bodies: one for all leafs, or several by the name of a joint, leaf or solid."""
+Method = Literal["kinematic", "reduced", "full", "conventional", "modal"]
 METHODS = ("kinematic", "reduced", "full", "conventional", "modal")
 DEFAULT_ACCURACY = 1e-3
 
@@ -36,23 +43,32 @@ DEFAULT_ACCURACY = 1e-3
 class Solver:
     """A mechanism prepared for repeated solves: compiled model, joint bodies, and storage used again each time.
 
+    Options as in `ksd.prepare`; records: who finds the record of a joint family by its name. A compiled `Model` has its mesh
+    and effects already: mesh, effects, with_, without, accuracy and targets are for what is compiled here.
     Call it with drive values by name: ``solver(top=0.3)``. Threads that share one take turns, since all solves write into
     the same storage; to solve in parallel make one for each.
     """
 
     def __init__(
         self,
-        mechanism: Any,
+        mechanism: Mechanism | Scene | Model,
         *,
         mesh: Mesh | None = None,
-        records: Callable[[str], Any] = find_record,
+        records: Callable[[str], Record] = find_record,
         extrapolate: bool = False,
         planar: bool = True,
-        basis: Any = None,
-        **effects: Any,
+        basis: Basis | None = None,
+        effects: str | Iterable[str] = "auto",
+        with_: str | Iterable[str] = (),
+        without: str | Iterable[str] = (),
+        accuracy: float = DEFAULT_ACCURACY,
+        targets: Mapping[str, float] | None = None,
     ) -> None:
         if not isinstance(mechanism, Model):
-            mechanism = for_moving(compile_scene(mechanism, mesh=mesh, **effects))
+            compiled = compile_scene(
+                mechanism, mesh=mesh, effects=effects, with_=with_, without=without, accuracy=accuracy, targets=targets
+            )  # fmt: skip
+            mechanism = for_moving(compiled)
         self.model: Model = mechanism
         self.records, self.extrapolate, self.planar = records, extrapolate, truth(planar, "planar")
         self.basis = basis
@@ -105,7 +121,7 @@ class Solver:
         self,
         targets: Mapping[str, float] | None = None,
         *,
-        method: str | None = None,
+        method: Method | None = None,
         accuracy: float | None = None,
         passes: int = 0,
         estimate: bool = True,

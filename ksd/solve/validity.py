@@ -16,7 +16,8 @@ import numpy as np
 from ksd.errors import ConvergenceError, SceneError
 from ksd.modal.bodies import ModalModel, with_modal_bodies
 from ksd.modal.choices import ModalBasis
-from ksd.model.compile import compile_given
+from ksd.modal.solid_health import SolidRange
+from ksd.model.compile import Model, compile_given
 from ksd.model.mesh import Mesh
 from ksd.properties.shape import scene_leafs
 from ksd.scene.mechanism import Mechanism
@@ -108,7 +109,7 @@ def _range(leaf: Any, mesh: Mesh, basis: ModalBasis, error: float) -> tuple[tupl
     return tuple(_limit(leaf, mesh, basis, way, error) for way in WAYS)
 
 
-def validity(model: ModalModel, *, leaf: str | None = None, error: float = 0.01) -> Any:
+def validity(model: Model, *, leaf: str | None = None, error: float = 0.01) -> Validity | SolidRange:
     """The range of the basis of one leaf, or solid, (the first when None), expanded at rest, within a relative `error`.
 
     Raises SceneError for an unknown leaf, and for bases expanded at a trained state: their range is about that state.
@@ -162,6 +163,7 @@ class Carried:
 
 def carried(model: Any, motion: Any) -> Carried | None:
     """What an answer of reduced bodies says of its bases; None where there are none."""
+    found: Validity | SolidRange | None
     if hasattr(model, "solids"):
         from ksd.solve.solids import bent as bent_solid
 

@@ -7,7 +7,7 @@ import os
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
@@ -16,12 +16,16 @@ from ksd.files import check_target, write_file
 from ksd.view.figure import new_figure, without_formulas
 from ksd.view.flat import best_plane, plot_mechanism
 
+if TYPE_CHECKING:
+    from ksd.properties.frequencies import Modes
+    from ksd.solve.configuration import Configuration
+
 
 def animate_stroke(
-    configurations: Sequence[Any],
+    configurations: Sequence[Configuration],
     path: str | os.PathLike[str],
     *,
-    plane: str | None = None,
+    plane: Literal["xy", "xz", "yz"] | None = None,
     frames_per_second: int = 12,
     back: bool = True,
     dpi: int = 80,
@@ -39,13 +43,13 @@ def animate_stroke(
 
 
 def animate_mode(
-    pose: Any,
+    pose: Configuration,
     path: str | os.PathLike[str],
     *,
     mode: int | str = 1,
-    modes: Any = None,
+    modes: Modes | None = None,
     amplitude: float = 0.08,
-    plane: str | None = None,
+    plane: Literal["xy", "xz", "yz"] | None = None,
     frames: int = 24,
     dpi: int = 80,
 ) -> Path:
@@ -94,7 +98,13 @@ def _target(path: str | os.PathLike[str]) -> Path:
 
 
 def _written(
-    order: Sequence[Any], target: Path, *, plane: str | None, fps: int, dpi: int, title: str | None = None
+    order: Sequence[Any],
+    target: Path,
+    *,
+    plane: Literal["xy", "xz", "yz"] | None,
+    fps: int,
+    dpi: int,
+    title: str | None = None,
 ) -> Path:
     """One frame per configuration, in a window that holds them all."""
     from PIL import Image
@@ -106,6 +116,7 @@ def _written(
     wide, tall = high - low
     figure = new_figure(7.0, float(np.clip(6.2 * tall / wide + 0.9, 2.8, 7.0)), dpi=dpi)
     axes = figure.add_subplot()
+    canvas: Any = figure.canvas  # that of `new_figure`, which has a buffer
     frames = []
     for c in order:
         axes.clear()
@@ -113,8 +124,9 @@ def _written(
         plot_mechanism(c, axes=axes, plane=plane, **said)
         axes.set_xlim(low[0], high[0])
         axes.set_ylim(low[1], high[1])
-        without_formulas(figure).canvas.draw()
-        frames.append(Image.fromarray(np.asarray(figure.canvas.buffer_rgba())).convert("RGB"))
+        without_formulas(figure)
+        canvas.draw()
+        frames.append(Image.fromarray(np.asarray(canvas.buffer_rgba())).convert("RGB"))
     content = io.BytesIO()
     words = {"save_all": True, "append_images": frames[1:], "duration": int(1000 / fps), "loop": 0}
     frames[0].save(content, format="GIF", **words)

@@ -5,13 +5,16 @@ from __future__ import annotations
 import io
 import os
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ksd.errors import SceneError
 from ksd.files import check_target, write_file
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 Array = NDArray[np.float64]
 INK = "#1f2430"
@@ -24,7 +27,7 @@ LINKS = ("#5b8db8", "#6a9f58", "#9a7bb5", "#b8925b", "#4fa3a0", "#b8657f")
 """Links take these in turn; leafs share one colour so that they stand out."""
 
 
-def new_figure(width: float, height: float, *, dpi: int = 150) -> Any:
+def new_figure(width: float, height: float, *, dpi: int = 150) -> Figure:
     """An empty matplotlib figure of `width` x `height` inches that needs no display."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
@@ -47,7 +50,7 @@ def check_picture(path: str | os.PathLike[str]) -> Path:
     return target
 
 
-def save_figure(figure: Any, path: str | os.PathLike[str]) -> Any:
+def save_figure(figure: Figure, path: str | os.PathLike[str]) -> Figure:
     """Write a figure to `path` (.png, .pdf, .svg ...) and return it. SceneError when that is not possible."""
     target = check_picture(path)
     write_file(target, picture(figure, target.suffix.lstrip(".").lower()), what="picture")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
@@ -23,26 +23,33 @@ from ksd.view.figure import (
 )
 from ksd.view.heat import Heat, heat_of
 
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+    from ksd.solve.configuration import Configuration
+
 _AXES = "xyz"
 _BACKING = {"boxstyle": "round,pad=0.15", "fc": "white", "ec": "none", "alpha": 0.75}
 
 
-def best_plane(shape: Any) -> str:
+def best_plane(shape: Any) -> Literal["xy", "xz", "yz"]:
     """The coordinate plane in which the mechanism is widest: "xy", "xz" or "yz"."""
     points = np.concatenate([np.concatenate([leaf.rest, leaf.place]) for leaf in shape.leafs])
     normal = int(np.argmin(np.ptp(points, axis=0)[::-1]))
-    return ("xy", "xz", "yz")[normal]
+    planes: tuple[Literal["xy", "xz", "yz"], ...] = ("xy", "xz", "yz")
+    return planes[normal]
 
 
 def plot_mechanism(
-    configuration: Any,
+    configuration: Configuration,
     *,
-    axes: Any = None,
-    plane: str | None = None,
+    axes: Axes | None = None,
+    plane: Literal["xy", "xz", "yz"] | None = None,
     labels: bool = True,
     title: str | None = None,
-    color: str | None = None,
-) -> Any:
+    color: Literal["stress"] | None = None,
+) -> Figure:
     """Draw the deformed mechanism over the undeformed one (grey); returns the matplotlib figure.
 
     axes: matplotlib axes to draw into, a new figure when None. plane: "xy", "xz" or "yz", the widest when
@@ -55,7 +62,7 @@ def plot_mechanism(
         raise SceneError(f'plane = {plane!r}: choose "xy", "xz" or "yz"')
     pick = [_AXES.index(a) for a in plane]
     own = axes is None
-    if own:
+    if axes is None:
         axes = _fitting_figure(shape, pick, wide=7.0 if color is None else 8.0).add_subplot()
     _rest(axes, shape, pick)
     _links(axes, shape, pick, labels)
@@ -69,7 +76,8 @@ def plot_mechanism(
 
         leafs = 1e3 * np.concatenate([leaf.place for leaf in shape.leafs])[:, pick]
         part_labels(axes, _arrows(configuration, shape, pick), leafs)
-    return axes.figure
+    figure: Figure = axes.figure  # type: ignore[assignment]
+    return figure
 
 
 def _leafs(axes: Any, shape: Any, pick: list[int], heat: Heat | None) -> None:

@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
 from ksd.view.figure import FAINT, GROUND, INK, LEAF, LINKS, REST, Array, new_figure
 from ksd.view.flat import _BACKING, _caption
 from ksd.view.heat import heat_of
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+    from mpl_toolkits.mplot3d import Axes3D
+
+    from ksd.solve.configuration import Configuration
 
 
 def ribbon(place: Array, axes: Array, width: Array) -> tuple[Array, Array]:
@@ -18,14 +24,14 @@ def ribbon(place: Array, axes: Array, width: Array) -> tuple[Array, Array]:
 
 
 def plot_mechanism_3d(
-    configuration: Any,
+    configuration: Configuration,
     *,
-    axes: Any = None,
+    axes: Axes3D | None = None,
     elevation: float = 30.0,
     azimuth: float = -60.0,
     title: str | None = None,
-    color: str | None = None,
-) -> Any:
+    color: Literal["stress"] | None = None,
+) -> Figure:
     """Draw ribbons and links in perspective; returns the matplotlib figure.
 
     axes: 3D matplotlib axes, a new figure when None. elevation, azimuth [deg]: where it is seen from. color: as in

@@ -4,12 +4,17 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from ksd.errors import SceneError
 from ksd.view.figure import INK, new_figure
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from ksd.design.table import Table
 
 _COLORS = ("#c2410c", "#3b6ea5", "#6a9f58", "#9a7bb5", "#b8925b", "#4fa3a0", "#b8657f", "#1f2430")
 _STYLES = ("-", "--", ":", "-.")
@@ -69,7 +74,9 @@ _PANELS: dict[str, tuple[_Panel, ...]] = {
 }
 
 
-def plot_stroke(table: Any, questions: Sequence[str] = (), *, over: str | None = None, wide: int = 3) -> Any:
+def plot_stroke(
+    table: Table, questions: Sequence[str] = (), *, over: str | None = None, wide: int = 3
+) -> Figure:
     """Draw the answers in `table` (of `ksd.sweep`) over a drive; returns the matplotlib figure.
 
     questions: which, all that the table holds when empty. over: label column of the horizontal axis, the one with most

@@ -10,7 +10,7 @@ from __future__ import annotations
 import os
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 from xml.sax.saxutils import escape, quoteattr
 
 import numpy as np
@@ -20,6 +20,9 @@ from ksd.files import write_file
 from ksd.view.figure import Array
 from ksd.view.heat import stress_along
 from ksd.view.solid import ribbon
+
+if TYPE_CHECKING:
+    from ksd.solve.configuration import Configuration
 
 _LINE, _QUAD = 3, 9
 
@@ -114,7 +117,7 @@ def vtu_text(configuration: Any) -> str:
     )
 
 
-def write_vtu(configuration: Any, path: str | os.PathLike[str]) -> Path:
+def write_vtu(configuration: Configuration, path: str | os.PathLike[str]) -> Path:
     """Write the deformed mechanism to `path`, which it returns. SceneError if not .vtu or not writable."""
     target = Path(path)
     if target.suffix.lower() != ".vtu":
@@ -122,7 +125,7 @@ def write_vtu(configuration: Any, path: str | os.PathLike[str]) -> Path:
     return write_file(target, vtu_text(configuration), what="VTK file")
 
 
-def write_pvd(configurations: Sequence[Any], path: str | os.PathLike[str]) -> Path:
+def write_pvd(configurations: Sequence[Configuration], path: str | os.PathLike[str]) -> Path:
     """Write a stroke for ParaView: one .vtu per configuration beside `path`, a .pvd file that lists them in order, with the
     value of the first drive [m or rad] as their time, or their number where it does not rise. Returns the path. Raises
     SceneError for no configurations, another file type, or what cannot be written.

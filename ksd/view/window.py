@@ -5,7 +5,7 @@ from __future__ import annotations
 import io
 import os
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -16,11 +16,14 @@ from ksd.view.heat import LABEL
 from ksd.view.solid import ribbon
 from ksd.view.vtk import collect
 
+if TYPE_CHECKING:
+    from ksd.solve.configuration import Configuration
+
 FLAT = 0.5
 """Ratio of the two smaller extents below which a mechanism is flat."""
 
 
-def show_mechanism(configuration: Any, path: str | os.PathLike[str] | None = None) -> Path | None:
+def show_mechanism(configuration: Configuration, path: str | os.PathLike[str] | None = None) -> Path | None:
     """Show leafs coloured by von Mises stress, blocks as lines, and the undeformed leafs in grey.
 
     path: a .png rendered off-screen in place of a window; returned. Raises SceneError where pyvista is not installed,

@@ -13,6 +13,7 @@ from scenes import fourbar, single_joint
 import ksd
 from ksd.model.compile import compile_scene
 from ksd.solve.conventional import conventional
+from ksd.solve.reading import Reading
 from ksd.solve.report import SCHEMA, WIDTH, as_dict, number
 from ksd.solve.steps import ErrorEstimate
 
@@ -43,9 +44,10 @@ def exact():
 def estimated(exact):
     """As a fast method returns it: with an error estimate, unintended motion and a warning."""
     estimate = ErrorEstimate(np.array([0.5]), 2e-6, 3e-5, 8e-3, 2e-3)
-    off = {j.name: np.array([1e-6, -2e-6, 0, 1e-15, 0, 3e-4]) for j in exact.model.scene.joints}
-    motions = {j.name: 0.25 for j in exact.model.scene.joints}
-    found = replace(exact, method="reduced", unintended=off, motions=motions, notes=("out of range",))
+    joints = tuple(j.name for j in exact.model.scene.joints)
+    one = np.ones(len(joints))
+    read = Reading(joints, joints, one, 0.25 * one, np.outer(one, [1e-6, -2e-6, 0, 1e-15, 0, 3e-4]))
+    found = replace(exact, method="reduced", reading=read, notes=("out of range",))
     return told(found, estimate)
 
 

@@ -1,0 +1,137 @@
+"""What users call: names that completion shows, documented, every parameter and answer with its type."""
+
+import inspect
+import subprocess
+import sys
+from dataclasses import fields, is_dataclass
+from importlib import import_module
+
+import numpy as np
+import pytest
+
+import ksd
+from ksd.solve.configuration import Configuration
+from ksd.solve.solver import Solver
+
+ROOMS = ("bench", "design", "library", "modal", "scene", "section", "train", "view")
+BY_NAME = {"drives", "labels", "parameters"}
+"""What may stand for words of the user's own: drive values, columns of a table, parameters of a joint family."""
+
+
+def callables():
+    """(name, function) of every public function, constructor and method of what the package and its rooms hold."""
+    found = {f"ksd.{n}": getattr(ksd, n) for n in ksd.__all__}
+    for room in ROOMS:
+        module = import_module(f"ksd.{room}")
+        found |= {f"ksd.{room}.{n}": getattr(module, n) for n in module.__all__}
+    seen = set()
+    for name, thing in found.items():
+        if id(thing) in seen or (inspect.ismodule(thing) and not callable(thing)) or not callable(thing):
+            continue
+        seen.add(id(thing))
+        yield name, thing
+        if isinstance(thing, type) and thing.__module__.startswith("ksd"):
+            for method in dir(thing):
+                own = inspect.getattr_static(thing, method)
+                theirs = any(method in vars(c) for c in thing.__mro__ if c.__module__.startswith("ksd"))
+                if not method.startswith("_") and theirs:
+                    yield f"{name}.{method}", own
+
+
+CALLABLES = dict(callables())
+
+
+def plain(thing):
+    """The function of a method or property, None for what has none (constants of a class)."""
+    for kind, word in ((property, "fget"), (staticmethod, "__func__"), (classmethod, "__func__")):
+        if isinstance(thing, kind):
+            return getattr(thing, word)
+    return getattr(thing, "func", thing) if callable(getattr(thing, "func", thing)) else None
+
+
+@pytest.mark.parametrize("name", CALLABLES)
+def test_documented_with_types_and_real_parameters(name):
+    function = plain(CALLABLES[name])
+    if function is None:
+        return
+    assert inspect.getdoc(CALLABLES[name]) or inspect.getdoc(function), f"{name} has no docstring"
+    if isinstance(function, type):
+        if issubclass(function, Exception) or function.__init__ is object.__init__:
+            return
+        function = function.__init__
+        if not inspect.isfunction(function):
+            return
+    elif inspect.signature(function).return_annotation is inspect.Signature.empty:
+        raise AssertionError(f"{name} does not say what it returns")
+    for word, parameter in inspect.signature(function).parameters.items():
+        if word in ("self", "cls"):
+            continue
+        assert parameter.annotation is not parameter.empty, f"{name}: {word} has no type"
+        assert word not in ("kwargs", "args"), f"{name}: {word} hides what may be said"
+        if parameter.kind is parameter.VAR_KEYWORD:
+            assert word in BY_NAME, f"{name}: **{word} hides what may be said"
+
+
+def test_what_completion_shows_of_the_package():
+    shown = {n for n in dir(ksd) if not n.startswith("_")}
+    assert shown == set(ksd.__all__) | set(ksd._ROOMS)
+    held = set(ksd._HOME) | {kept.__name__.rpartition(".")[2] for kept in (*errors(), ksd.errors, ksd.units)}
+    assert set(ksd.__all__) == held
+    assert len(ksd.__all__) == len(held)
+    for name in shown:
+        assert getattr(ksd, name) is not None
+
+
+def errors():
+    return [e for e in vars(ksd.errors).values() if isinstance(e, type) and issubclass(e, Exception)]
+
+
+def test_what_completion_shows_of_an_answer():
+    shown = {n for n in dir(Configuration) if not n.startswith("_")}
+    own = {n for n in shown if n in ("stiffness", "frequencies", "buckling", "stress", "forces", "trust")}
+    assert len(own) == 6
+    pose = object.__new__(Configuration)
+    assert not {"insides", "questioned", "unreduced", "answering", "reading", "near"} & set(dir(pose))
+    assert {f.name for f in fields(Configuration)} & set(dir(pose)) == set()  # an empty one holds none
+    assert not hasattr(Configuration, "__getattr__")
+    for name in ("motions", "unintended", *own):
+        assert name in dir(pose)
+    with pytest.raises(AttributeError, match="stifness"):
+        pose.stifness  # noqa: B018
+
+
+def test_answers_are_documented_dataclasses():
+    module = vars(import_module("ksd.solve.configuration"))
+    for question in ("stiffness", "drive_stiffness", "frequencies", "buckling", "stress", "internal_stress",
+                     "interface_forces", "parasitic", "pivot_shift", "shape"):  # fmt: skip
+        said = inspect.signature(getattr(Configuration, question)).return_annotation
+        answer = module[said]
+        assert is_dataclass(answer) and inspect.getdoc(answer), question
+
+
+@pytest.mark.parametrize("call", ["solve", "train"])
+def test_a_package_that_hides_its_function_shows_the_signature_of_it(call):
+    code = (
+        f"import inspect, ksd, ksd.{call}; import ksd.errors; hidden = ksd.{call}; said = inspect.signature(hidden);"
+        "from types import ModuleType; assert isinstance(hidden, ModuleType);"
+        f"home = {{'solve': 'ksd.solve.choose', 'train': 'ksd.train.run'}}['{call}'];"
+        f"from importlib import import_module; assert said == inspect.signature(getattr(import_module(home), '{call}'));"
+        f"ksd.Solver; assert inspect.isfunction(ksd.{call})"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+
+
+def test_solver_takes_the_words_of_prepare():
+    said = inspect.signature(ksd.prepare).parameters
+    mine = inspect.signature(Solver).parameters
+    assert set(said) | {"records"} == set(mine)
+    for word in set(said) - {"accuracy"}:
+        assert said[word].default == mine[word].default or said[word].default is mine[word].default
+
+
+def test_wire_refuses_words_it_does_not_know():
+    with pytest.raises(ksd.SceneError, match=r"wire: it has no option 'diametre'; did you mean \"diameter\""):
+        ksd.wire(diametre=1e-3, material=None, start=(0, 0, 0), end=(1, 0, 0))
+    with pytest.raises(ksd.SceneError, match="wire: missing a required argument: 'end'"):
+        ksd.Mechanism().wire("ground", "arm", diameter=1e-3, material=None, start=np.zeros(3))
