@@ -79,16 +79,16 @@ class Designs:
         except KsdError as reason:
             return reason
 
-    def _alike(self, scenes: Sequence[Any]) -> dict[tuple, list[tuple[int, Drawing]]]:
+    def _alike(self, scenes: Sequence[Any]) -> dict[tuple[Any, ...], list[tuple[int, Drawing]]]:
         """Groups of (design, drawing) of equal topology and equal effects."""
-        groups: dict[tuple, list[tuple[int, Drawing]]] = {}
+        groups: dict[tuple[Any, ...], list[tuple[int, Drawing]]] = {}
         if self.ways["tabulated"] or not isinstance(self.mesh, Mesh):
             return groups
         for d, scene in enumerate(scenes):
             drawn = drawing(scene) if hasattr(scene, "fingerprint") else None
             if drawn is not None:
                 groups.setdefault(drawn.words, []).append((d, drawn))
-        found: dict[tuple, list[tuple[int, Drawing]]] = {}
+        found: dict[tuple[Any, ...], list[tuple[int, Drawing]]] = {}
         for words, group in groups.items():
             first = group[0]
             n = numbers_of(scenes[first[0]], first[1].joints, [drawn.numbers for _, drawn in group])
@@ -97,7 +97,7 @@ class Designs:
         return found
 
     def _refilled(
-        self, key: tuple, group: list[tuple[int, Drawing]], scenes: Sequence[Any], found: list[Any]
+        self, key: tuple[Any, ...], group: list[tuple[int, Drawing]], scenes: Sequence[Any], found: list[Any]
     ) -> None:
         """Solve those of a group that fit the storage of the first of their kind; leaves the others None."""
         kept: dict[Any, tuple[Prepared, Refill] | None] = self._own.__dict__
@@ -135,7 +135,7 @@ def makers_of(mechanism: Any, designs: Sequence[Mapping[str, Any]]) -> list[Make
     return [lambda d=d: scene_of(mechanism, d) for d in designs]  # type: ignore[misc]
 
 
-def _elsewhere(said: tuple, designs: list[Mapping[str, Any]]) -> list[Any]:
+def _elsewhere(said: tuple[Any, ...], designs: list[Mapping[str, Any]]) -> list[Any]:
     """Some designs in a worker of an executor."""
     mechanism, *words = said
     return Designs(*words).solve(makers_of(mechanism, designs), 1)

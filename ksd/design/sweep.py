@@ -186,7 +186,7 @@ def _run_here(missing: list[Line], recipe: Recipe, where: Any) -> None:
         kept.keep(line.number, list(partial.pop(line.number)))
 
 
-class _Counted(list):
+class _Counted(list[Any]):
     """Rows of a line under way; each one moves the bar."""
 
     def __init__(self, done: Any) -> None:

@@ -167,7 +167,7 @@ def doctor(mechanism: Mechanism | Scene | Model) -> Diagnosis:
 def _described(mechanism: Any) -> Scene:
     """The scene, also of a mechanism that would not pass validation for a loose link."""
     if isinstance(mechanism, Model):
-        return mechanism.scene  # type: ignore[no-any-return]
+        return mechanism.scene
     scene = mechanism.draft() if hasattr(mechanism, "draft") else mechanism
     if not isinstance(scene, Scene):
         raise SceneError(f"{type(mechanism).__name__} is not a mechanism; {WANTED}.")

@@ -79,14 +79,14 @@ class Drive:
             )
         object.__setattr__(self, "terms", tuple(self.terms))
 
-    def freedom(self) -> tuple:
+    def freedom(self) -> tuple[Any, ...]:
         """What it prescribes, without scale, sign and name: equal for two drives on one freedom."""
         rows = sorted(_component(t) for t in self.terms)
         first = rows[0][-1]
         return tuple((*row[:-1], round(row[-1] / first, 9)) for row in rows)
 
 
-def _component(term: DriveTerm) -> tuple:
+def _component(term: DriveTerm) -> tuple[Any, ...]:
     """(kind, base, link, direction, point, coefficient), the leading part of the direction positive."""
     sign = next(1.0 if c > 0 else -1.0 for c in term.direction if abs(c) > 1e-9)
     along = tuple(round(sign * c, 9) + 0.0 for c in term.direction)

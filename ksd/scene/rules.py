@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable
+from typing import Any
 
 from ksd.errors import SceneError
 from ksd.scene.contents import Scene
@@ -42,7 +43,7 @@ def _check_known(scene: Scene) -> None:
     """Every link that is spoken of exists, and nothing connects a link with itself."""
     spoken: list[tuple[str, str]] = []
     for kind, placed in (("joint", scene.joints), ("leaf", scene.leafs)):
-        for item in placed:  # type: ignore[attr-defined]
+        for item in placed:
             if item.a == item.b:
                 raise SceneError(
                     f"{kind} '{item.name}' connects link '{item.a}' with itself; "
@@ -82,7 +83,7 @@ def _check_attached(scene: Scene) -> None:
 
 def _check_freedoms(scene: Scene) -> None:
     """No two drives or supports prescribe the very same component."""
-    seen: dict[tuple, str] = {}
+    seen: dict[tuple[Any, ...], str] = {}
     for kind, drives in (("drive", scene.drives), ("support", scene.supports)):
         for drive in drives:
             spoken = f"{kind} '{drive.name}'"

@@ -25,7 +25,7 @@ from ksd.solve.trust import insist
 
 KEPT = 16
 """Solvers that `solve` keeps."""
-_recent: OrderedDict[tuple, Solver] = OrderedDict()
+_recent: OrderedDict[tuple[Any, ...], Solver] = OrderedDict()
 _turn = threading.Lock()
 
 

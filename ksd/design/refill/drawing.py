@@ -20,7 +20,7 @@ class Drawing:
     """A scene of joints alone. words: equal for scenes that differ in numbers only; joints: those placed, each once;
     numbers: see `Numbers`."""
 
-    words: tuple
+    words: tuple[Any, ...]
     joints: tuple[Any, ...]
     numbers: list[float]
 
@@ -79,7 +79,7 @@ def _joints(joints: Sequence[Any]) -> tuple[list[Any], list[float]] | None:
     tips: list[float] = []
     points: list[float] = []
     leafs: list[float] = []
-    alike: dict[tuple, int] = {}
+    alike: dict[tuple[Any, ...], int] = {}
     for joint in joints:
         blocks = joint.blocks()
         words.append((joint.family, tuple((m.name, m.kind) for m in joint.motions), tuple(blocks)))
