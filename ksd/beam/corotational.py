@@ -48,7 +48,7 @@ from ksd.beam.corotational_element import (
 from ksd.beam.weight import PULL, eliminate_inner, finish_chain, load_inner, start_chain
 from ksd.numerics.kernel import kernel
 from ksd.numerics.local import local_matrix
-from ksd.numerics.rotations import factors_of_any
+from ksd.numerics.rotations import rotation_factors
 
 
 @kernel
@@ -154,7 +154,7 @@ def condense(value, number, inner, store, d, Q, lam, K):
 @kernel
 def _turn(node, x, y, z):
     """Rotation of a node record: R <- exp([x y z]x) R (Rodrigues)."""
-    f, g = factors_of_any(x * x + y * y + z * z)
+    f, g = rotation_factors(x * x + y * y + z * z)
     for j in range(3):
         a, b, c = node[3 + j], node[6 + j], node[9 + j]
         u, v, w = y * c - z * b, z * a - x * c, x * b - y * a

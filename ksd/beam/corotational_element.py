@@ -1,16 +1,14 @@
 """One corotational Timoshenko element: strains, their derivatives, force and tangent (paper 1, Appendix A).
 
 With corrections 2, 3 and 7 of the errata. Kernels work on two scratch arrays of the chain in `corotational`:
-`s`, the numbers kept per element, and `tail`, shared by all elements; of one chain or of four at a time
-(`ksd.numerics.fours`). Flat loops over constants, so that the compiler unrolls them; the offsets below say where things
-are.
+`s`, the numbers kept per element, and `tail`, shared by all elements. Flat loops over constants, so that the compiler
+unrolls them; the offsets below say where things are.
 """
 
 from __future__ import annotations
 
 import math
 
-from ksd.numerics.fours import above, below_zero, root, vanishes
 from ksd.numerics.kernel import kernel
 
 # In `s`: eps 6, l 3, deps/dL and deps/dphi of strains 3..6 (12 + 12), deps2/dphi_p 3, factor, coupling 6 x 8
@@ -67,7 +65,7 @@ def chord(s, tail):
     x = tail[Q_AT] - tail[P_AT]
     y = tail[Q_AT + 1] - tail[P_AT + 1]
     z = tail[Q_AT + 2] - tail[P_AT + 2]
-    n = root(x * x + y * y + z * z)
+    n = math.sqrt(x * x + y * y + z * z)
     tail[N_AT] = n
     s[L_AT] = x / n
     s[L_AT + 1] = y / n
@@ -83,9 +81,9 @@ def gradients(length, s, tail):
     for i in range(4):
         ax, ay, az = tail[X_AT + 3 * i], tail[X_AT + 3 * i + 1], tail[X_AT + 3 * i + 2]
         w = ax * lx + ay * ly + az * lz
-        if above(w * w, 0.75):
+        if not w * w <= 0.75:
             status = 1
-        f = length / root(1.0 - w * w)
+        f = length / math.sqrt(1.0 - w * w)
         if i == 0 or i == 3:
             f = -f
         tail[W_AT + i] = w
@@ -103,16 +101,16 @@ def gradients(length, s, tail):
     bx, by, bz = tail[X_AT + 9], tail[X_AT + 10], tail[X_AT + 11]
     wa = ax * bx + ay * by + az * bz
     wb = cx * ex + cy * ey + cz * ez
-    if above(wa * wa, 0.75) or above(wb * wb, 0.75):
+    if not (wa * wa <= 0.75 and wb * wb <= 0.75):
         status = 1
     # the folded side: an axis x = y x z of a node against the chord, or a twist past 90 degrees
     xp = lx * (cy * az - cz * ay) + ly * (cz * ax - cx * az) + lz * (cx * ay - cy * ax)
     xq = lx * (by * ez - bz * ey) + ly * (bz * ex - bx * ez) + lz * (bx * ey - by * ex)
     turn = ax * ex + ay * ey + az * ez + bx * cx + by * cy + bz * cz
-    if above(0.0, xp) or above(0.0, xq) or above(0.0, turn):
+    if not (xp >= 0.0 and xq >= 0.0 and turn >= 0.0):
         status = 1
-    fa = 0.5 * length / root(1.0 - wa * wa)
-    fb = -0.5 * length / root(1.0 - wb * wb)
+    fa = 0.5 * length / math.sqrt(1.0 - wa * wa)
+    fb = -0.5 * length / math.sqrt(1.0 - wb * wb)
     tail[R_AT], tail[R_AT + 1], tail[R_AT + 2], tail[R_AT + 3] = wa, fa, wb, fb
     ux, uy, uz = fa * (ay * bz - az * by), fa * (az * bx - ax * bz), fa * (ax * by - ay * bx)
     vx, vy, vz = fb * (cy * ez - cz * ey), fb * (cz * ex - cx * ez), fb * (cx * ey - cy * ex)
@@ -312,16 +310,17 @@ def eliminate(s, tail):
     negatives = 0
     for j in range(6):
         pivot = s[A_AT + 7 * j]
-        if vanishes(pivot, 0.0):
+        if not abs(pivot) > 0.0:
             return -1
-        negatives += below_zero(pivot)
+        if pivot < 0.0:
+            negatives += 1
         inverse = 1.0 / pivot
         for i in range(j + 1, 6):
             f = s[A_AT + 6 * j + i] * inverse
-            before = s[A_AT + 7 * i]
+            before = abs(s[A_AT + 7 * i])
             for c in range(i, 6):
                 s[A_AT + 6 * i + c] -= f * s[A_AT + 6 * j + c]
-            if vanishes(s[A_AT + 7 * i], TINY_PIVOT * before):
+            if not abs(s[A_AT + 7 * i]) > TINY_PIVOT * before:
                 return -1
             for c in range(8):
                 s[B_AT + 8 * i + c] -= f * s[B_AT + 8 * j + c]

@@ -1,7 +1,6 @@
 """Corotational chain linearised about given element orientations: the joint bodies of paper 1, section 3.
 
-Layouts and statuses are those of `ksd.beam.corotational`. Leafs of one family take the same way through this, whatever
-their state, so it works on four of them at a time: the time of one and a half.
+Layouts and statuses are those of `ksd.beam.corotational`.
 """
 
 from __future__ import annotations
@@ -27,12 +26,9 @@ from ksd.beam.corotational_element import (
     unstressed_tangent,
 )
 from ksd.beam.weight import eliminate_inner, finish_chain, load_inner, start_chain
-from ksd.numerics.fours import above, larger, matrix_like, number_like, root, vector_like
 from ksd.numerics.kernel import kernel
-from ksd.numerics.rotations import rotation_exp_of_any, rotation_log_below
-
-LOST = 1e290
-"""Squares of forces and stiffnesses above it count as not finite."""
+from ksd.numerics.local import local_matrix, local_vector
+from ksd.numerics.rotations import rotation_exp, rotation_log_below
 
 
 @kernel
@@ -46,9 +42,9 @@ def _direction(v, s, tail, H):
 
 
 @kernel
-def _flexible_strains(v, s, tail, H, work):
+def _flexible_strains(v, s, tail, H):
     """e = D times the flexible displacement (3.6): node rotations from H, gap L - L0 n_l."""
-    R, turn, move = matrix_like(work, 3, 3), work[9:12], work[12:24]
+    R, turn, move = local_matrix(3, 3), local_vector(3), local_vector(12)
     for e in range(2):
         for i in range(3):
             move[6 * e + i] = tail[12 * e + i]
@@ -72,16 +68,16 @@ def _flexible_strains(v, s, tail, H, work):
 
 
 @kernel
-def _place_nodes(value, n, inner, store, near, d, H, work):
+def _place_nodes(value, n, inner, store, near, d, H):
     """Inner nodes of the near configuration: undeformed elements chained, the gap at q spread linearly.
 
     Element orientations are kept where the element's block A will be.
     """
-    x = work[9:12]
+    x = local_vector(3)
     for i in range(3):
         x[i] = 0.0
     for k in range(n):
-        rotation_exp_of_any(near[3 * k : 3 * k + 3], H)
+        rotation_exp(near[3 * k : 3 * k + 3], H)
         v = value[16 * k : 16 * k + 16]
         for i in range(3):
             for j in range(3):
@@ -91,7 +87,7 @@ def _place_nodes(value, n, inner, store, near, d, H, work):
             if k < n - 1:
                 inner[12 * k + i] = x[i]
     for k in range(n - 1):
-        rotation_exp_of_any(near[3 * (n + k) : 3 * (n + k) + 3], H)
+        rotation_exp(near[3 * (n + k) : 3 * (n + k) + 3], H)
         for i in range(3):
             inner[12 * k + i] += (d[i] - x[i]) * ((k + 1) / n)
             for j in range(3):
@@ -105,16 +101,14 @@ def near_condense(value, number, inner, store, near, d, Q, lam, K):
     `near` (3 (2n-1),): rotation vectors from the undeformed state of the n elements, then of the n-1 inner
     nodes, frame of p. The elements are undeformed at these orientations; the small rest is linear, force D^T S e, tangent
     D^T S D. Sets the inner nodes and leaves `store` so that `recover` gives the deformed inner state with extrapolated
-    stresses. Of one chain, or of four (`ksd.numerics.fours`). Arguments and returns otherwise as `condense`; negative
-    pivots and status are those of all four.
+    stresses. Arguments and returns otherwise as `condense`.
     """
     n = number[0]
     tail = store[KEPT * n : KEPT * n + TAIL]
-    R, H = matrix_like(store, 3, 3), matrix_like(store, 3, 3)
-    work, rest = vector_like(store, 24), vector_like(store, 6)
+    R, H, rest = local_matrix(3, 3), local_matrix(3, 3), local_vector(6)
     for i in range(6):
         rest[i] = 0.0
-    _place_nodes(value, n, inner, store, near, d, H, work)
+    _place_nodes(value, n, inner, store, near, d, H)
     end_rotation(value, n, Q, R)
     fix_start(tail)
     coupled, pulled = weight_from(n, store)
@@ -122,7 +116,7 @@ def near_condense(value, number, inner, store, near, d, Q, lam, K):
     if len(pull) > 0:
         start_chain(mass, n, pull, spread)
     negatives = 0
-    force, moment, none = number_like(store, 0.0), number_like(store, 0.0), number_like(store, math.inf)
+    force = moment = 0.0
     for k in range(n):
         v = value[16 * k : 16 * k + 16]
         s = store[KEPT * k : KEPT * k + KEPT]
@@ -130,17 +124,17 @@ def near_condense(value, number, inner, store, near, d, Q, lam, K):
         node_axes(v, tail)
         _direction(v, s, tail, H)
         if gradients(v[0], s, tail) != 0:
-            return negatives, none, none, 1
-        _flexible_strains(v, s, tail, H, work)
+            return negatives, math.inf, math.inf, 1
+        _flexible_strains(v, s, tail, H)
         stresses(v, s, tail)
         if k > 0 and len(pull) > 0:
             load_inner(mass[k], pull, tail)
         rf, rm = unstressed_tangent(v, s, tail, k == 0)
         if k > 0:
-            force, moment = larger(force, rf), larger(moment, rm)
+            force, moment = max(force, rf), max(moment, rm)
             found = eliminate(s, tail)
             if found < 0:
-                return negatives, none, none, 2
+                return negatives, math.inf, math.inf, 2
             negatives += found
             if len(pull) > 0:
                 eliminate_inner(
@@ -148,9 +142,8 @@ def near_condense(value, number, inner, store, near, d, Q, lam, K):
                 )
         if k == n - 1:
             ef, em = finish(s, tail, rest, lam, K)
-            force, moment = larger(force, ef), larger(moment, em)
+            force, moment = max(force, ef), max(moment, em)
     if len(pull) > 0:
         finish_chain(mass, n, pull, spread[18 * n : 18 * n + 18], d, Q, lam, K)
-    # a number beyond all bounds, or none
-    lost = above(force + moment + lam[0] * lam[0] + K[0, 0] * K[0, 0], LOST)
-    return negatives, root(force), root(moment), 2 if lost else 0
+    sound = math.isfinite(force + moment + lam[0] + K[0, 0])
+    return negatives, math.sqrt(force), math.sqrt(moment), 0 if sound else 2

@@ -9,10 +9,8 @@ from __future__ import annotations
 import numpy as np
 
 from ksd.beam import corotational, corotational_near, modal, planar_leaf, polynomial, strain
-from ksd.beam.corotational_element import KEPT, TAIL
 from ksd.beam.strain_values import DEFAULT_ORDERS, DEFAULT_POINTS, strain_sizes
-from ksd.numerics.fours import four_matrix, fours
-from ksd.numerics.kernel import carray, kernel, late
+from ksd.numerics.kernel import carray, late
 
 DEFAULT = (*DEFAULT_ORDERS, DEFAULT_POINTS)
 """Orders and points for which the compiler has a strain-mode leaf of its own."""
@@ -60,6 +58,16 @@ def chain_condense(value, number, inner, store, d, Q, lam, K, out, size):
     back, force, moment, status = corotational.condense(
         carray(value, (size[0],)), carray(number, (4,)), carray(inner, (size[1],)), carray(store, (size[2],)),
         carray(d, (3,)), carray(Q, (3, 3)), carray(lam, (12,)), carray(K, (6, 6)),
+    )  # fmt: skip
+    out[0], out[1], out[2], out[3] = back, force, moment, status
+
+
+@late(f"void({_P}, {_I}, {_P}, {_P}, {_P}, {_P}, {_P}, {_P}, {_P}, {_P}, {_I})")
+def chain_near(value, number, inner, store, near, d, Q, lam, K, out, size):
+    """A chain linearised about its element orientations `near`; size = lengths of value, inner, store, near."""
+    back, force, moment, status = corotational_near.near_condense(
+        carray(value, (size[0],)), carray(number, (4,)), carray(inner, (size[1],)), carray(store, (size[2],)),
+        carray(near, (size[3],)), carray(d, (3,)), carray(Q, (3, 3)), carray(lam, (12,)), carray(K, (6, 6)),
     )  # fmt: skip
     out[0], out[1], out[2], out[3] = back, force, moment, status
 
@@ -118,39 +126,4 @@ def modal_recover(value, number, inner, store, xi, scale, size):
     modal.modal_recover(
         carray(value, (size[0],)), carray(number, (4,)), carray(inner, (size[1],)), carray(store, (size[2],)),
         carray(xi, (6,)), scale,
-    )  # fmt: skip
-
-
-@kernel
-def _chain_values(n, store):
-    """Constants of a chain of n elements with so long a store: more, with weight."""
-    return 16 * n + 9 + (n + 7 if store > KEPT * n + TAIL else 0)
-
-
-@late(f"void({_P}, {_I}, {_I}, {_P})")
-def chain_near(four, number, at, out):
-    """Four chains linearised about their element orientations (paper 1, section 3): `four` holds the numbers of all, in
-    parts that begin at `at` (10,), in fours: value, near, d, Q, lam, K, errors, inner, store; its length. out (2,): negative
-    pivots, status.
-    """
-    a, n = carray(at, (10,)), number[0]
-    held, values = carray(four, (4 * (a[8] + a[9]),)), _chain_values(n, a[9])
-    back, force, moment, status = corotational_near.near_condense(
-        fours(held, 4 * a[0], values), carray(number, (4,)), fours(held, 4 * a[7], 18 * n - 12), fours(held, 4 * a[8], a[9]),
-        fours(held, 4 * a[1], 3 * (2 * n - 1)), fours(held, 4 * a[2], 3), four_matrix(held, 4 * a[3], 3, 3),
-        fours(held, 4 * a[4], 12), four_matrix(held, 4 * a[5], 6, 6),
-    )  # fmt: skip
-    errors = fours(held, 4 * a[6], 2)
-    errors[0], errors[1] = force, moment
-    out[0], out[1] = back, status
-
-
-@late(f"void({_P}, {_I}, {_I}, float64)")
-def chain_recover_four(four, number, at, scale):
-    """Inner update of four chains of `chain_near`; the motion of their ends stands where their wrenches stood."""
-    a, n = carray(at, (10,)), number[0]
-    held = carray(four, (4 * (a[8] + a[9]),))
-    corotational.recover(
-        fours(held, 4 * a[0], _chain_values(n, a[9])), carray(number, (4,)), fours(held, 4 * a[7], 18 * n - 12),
-        fours(held, 4 * a[8], a[9]), fours(held, 4 * a[4], 6), scale,
     )  # fmt: skip

@@ -14,10 +14,9 @@ import numpy as np
 from ksd.bodies.series import monomials, pose_from
 from ksd.model.poses import member_pose
 from ksd.model.system import assemble, take_step
-from ksd.numerics.blocks import backward_blocks, forward_blocks
+from ksd.numerics.blocks import backward_blocks, factor_blocks, forward_blocks
 from ksd.numerics.kernel import kernel
 from ksd.numerics.local import local_matrix, local_vector
-from ksd.numerics.node_blocks import factor_node_blocks
 from ksd.numerics.rotations import rotation_log
 
 
@@ -96,7 +95,7 @@ def condense_joints(bench, joints, motion, work, near, reduced_inner):
     none = work.rhs[:0]
     _, _, inside, status = assemble(bench, motion, none, 1.0, work, 1e-8, near, 10.0)
     stop = len(bench.plan.size) - joints
-    negatives, pivot = factor_node_blocks(bench.plan, work.value, work.spare, stop)
+    negatives, pivot = factor_blocks(bench.plan, work.value, work.spare, stop)
     forward_blocks(bench.plan, work.spare, work.rhs, stop)
     nodes = len(bench.start)
     for j in range(joints):

@@ -25,8 +25,6 @@ ENTRIES = {
 """Entry points of `ksd.beam.entry`, compiled only where a model has members of the kind."""
 STRAIN_ENTRIES = ("strain_condense", "strain_condense_default")
 """The same for strain-mode members of any, and of the default orders."""
-FOUR_ENTRIES = ("chain_near", "chain_recover_four", "tangents_of_four", "condense_four", "move_four")
-"""Entry points of what `ksd.model.fours` takes together."""
 WEIGHT_ENTRIES = ("pull_member", "weigh_member", "turn_pull")
 """Entry points of `ksd.beam.weight_entry`, compiled only where a model has members with weight."""
 
@@ -145,7 +143,6 @@ class Work(NamedTuple):
     of q, d; scale (k, 2): sums of force and moment norms at each node. near (flat), from near_at (m+1,): element
     and node rotation vectors of the near configuration of paper 1, empty except in the joint bench. scratch: of
     the member at work. weight: as in `Arrays`, with the gravity of every joint on the bench in the axes of its A.
-    four_of (m, 3), four: of members worked on by fours, see `ksd.model.fours`.
     """
 
     value: np.ndarray
@@ -159,8 +156,6 @@ class Work(NamedTuple):
     near_at: np.ndarray
     scratch: np.ndarray
     weight: np.ndarray
-    four_of: np.ndarray = np.zeros((0, 3), np.int64)
-    four: np.ndarray = np.zeros(0)
 
 
 def turning_room(arrays: Arrays) -> int:
@@ -195,13 +190,10 @@ def make_work(arrays: Arrays, *, near: np.ndarray | None = None) -> Work:
 
     Compiles the kernels of the kinds of members there are, where that has not been done.
     """
-    from ksd.model.fours import lay_out
-
     _ready(arrays)
     members = arrays.members
-    four_of, four = lay_out(members, near, COROTATIONAL)
-    if four:
-        compile_late(*FOUR_ENTRIES)
+    if near is not None and np.any(members.kind == COROTATIONAL):
+        compile_late("chain_near")
     room = turning_room(arrays)
     if room:
         compile_late("turn_step")
@@ -221,6 +213,4 @@ def make_work(arrays: Arrays, *, near: np.ndarray | None = None) -> Work:
         else np.concatenate([[0], np.cumsum(near)]).astype(np.int64),
         np.zeros(max(arrays.scratch, room)),
         arrays.weight.copy(),
-        four_of,
-        np.zeros(four),
     )

@@ -8,6 +8,7 @@ from ksd.beam.entry import (
     DEFAULT,
     LENGTHS,
     chain_condense,
+    chain_near,
     chain_recover,
     modal_condense,
     modal_recover,
@@ -21,12 +22,10 @@ from ksd.beam.entry import (
 from ksd.beam.linear import linear_condense
 from ksd.beam.weight_entry import pull_member, weigh_member
 from ksd.model.arrays import COROTATIONAL, LINEAR, MODAL, PLANAR, SOLID, STRAIN
-from ksd.model.fours import LANE, TAKEN, told_of_four
-from ksd.model.fours_apart import condense_four
 from ksd.model.poses import member_pose
 from ksd.model.tangents import member_norms, member_tangent, scatter
 from ksd.numerics.kernel import kernel
-from ksd.numerics.local import local_counts, local_cube, local_matrix, local_vector
+from ksd.numerics.local import local_counts, local_matrix, local_vector
 
 
 @kernel
@@ -68,6 +67,20 @@ def condense_member(members, inner, work, i, d, Q, K):
 
 
 @kernel
+def _condense_near(members, inner, work, i, d, Q, K):
+    """As `condense_member`, of a chain linearised about the element orientations in work.near."""
+    size, out = local_counts(5), local_vector(4)
+    number, value = members.number[i], members.value[members.value_at[i] :]
+    state = inner[members.inner_at[i] : members.inner_at[i + 1]]
+    kept = work.store[members.store_at[i] : members.store_at[i + 1]]
+    near, lam = work.near[work.near_at[i] : work.near_at[i + 1]], work.lam[i]
+    size[0], size[1], size[2], size[3], size[4] = len(value), len(state), len(kept), len(near), 0
+    V, N, S, W = value.ctypes, number.ctypes, state.ctypes, kept.ctypes
+    chain_near(V, N, S, W, near.ctypes, d.ctypes, Q.ctypes, lam.ctypes, K.ctypes, out.ctypes, size.ctypes)
+    return int(out[0]), out[1], out[2], int(out[3])
+
+
+@kernel
 def recover_member(members, inner, store, i, xi, scale):
     """Inner update of member i after its end q moved by xi (6,) relative to its end p."""
     size = local_counts(5)
@@ -87,9 +100,9 @@ def recover_member(members, inner, store, i, xi, scale):
 
 
 @kernel
-def _as_before(members, inner, i, d, Q, before):
-    """Whether member i has the constants, the inner state and the pose of the one before, whose d and Q are in before (12,),
-    to the last bit; otherwise its own d and Q are written there."""
+def _as_before(members, state, at, i, d, Q, before):
+    """Whether member i has the constants, the pose and the part of `state`, from at[i] on, of the one before, whose d and Q
+    are in before (12,), to the last bit; otherwise its own d and Q are written there."""
     same = i > 0 and members.value_at[i] == members.value_at[i - 1] and members.kind[i] == members.kind[i - 1]
     for r in range(3):
         same = same and before[r] == d[r]
@@ -102,7 +115,7 @@ def _as_before(members, inner, i, d, Q, before):
     for c in range(4):
         if members.number[i, c] != members.number[i - 1, c]:
             return False
-    return _equal(inner, members.inner_at, i)
+    return _equal(state, at, i)
 
 
 @kernel
@@ -116,62 +129,65 @@ def _equal(numbers, at, i):
 
 
 @kernel
-def _take_member(members, x, R, inner, work, factor, keep, i, K, before, told):
+def _copy_before(numbers, at, i):
+    """Part i of `numbers` becomes the part before, of the same length."""
+    last, own = at[i - 1], at[i]
+    for k in range(at[i + 1] - own):
+        numbers[own + k] = numbers[last + k]
+
+
+@kernel
+def _take_member(members, x, R, inner, work, factor, near, i, K, before, told):
     """Pose, wrench, stiffness of member i, and told (4,): negatives, errors, status, see `condense_member`.
 
-    K, before (12,) and told are those of the member before when this one is in the same state; keep: whether
-    `recover_member` will come.
+    K, before (12,) and told are those of the member before when this one is in the same state; near: see `add_members`.
     """
     pose, lam = work.pose[i], work.lam[i]
     Q, d = local_matrix(3, 3), local_vector(3)
     member_pose(members, x, R, i, pose, Q)
     for c in range(3):
         d[c] = pose[c] * pose[15] + pose[3 + c] * pose[16] + pose[6 + c] * pose[17]
+    state, at = inner, members.inner_at
+    linearised = near == 1 and work.near_at[i] < work.near_at[i + 1]
+    if linearised:
+        # the inner state follows from these
+        state, at = work.near, work.near_at
     if len(work.weight) > 0 and work.weight[i, 0] > 0.0:
         kept = work.store[members.store_at[i] : members.store_at[i + 1]]
         pull_member(pose.ctypes, work.weight[i].ctypes, factor, kept.ctypes, len(kept))
         before[0] = math.nan
-    elif _as_before(members, inner, i, d, Q, before):
+    elif _as_before(members, state, at, i, d, Q, before):
         for r in range(12):
             lam[r] = work.lam[i - 1, r]
-        if keep:
-            last, own = members.store_at[i - 1], members.store_at[i]
-            for k in range(members.store_at[i + 1] - own):
-                work.store[own + k] = work.store[last + k]
+        if near >= 0:
+            _copy_before(work.store, members.store_at, i)
+        if linearised:
+            _copy_before(inner, members.inner_at, i)
         return
-    told[0], told[1], told[2], told[3] = condense_member(members, inner, work, i, d, Q, K)
+    if linearised:
+        told[0], told[1], told[2], told[3] = _condense_near(members, inner, work, i, d, Q, K)
+    else:
+        told[0], told[1], told[2], told[3] = condense_member(members, inner, work, i, d, Q, K)
 
 
 @kernel
-def add_members(address, arrays, x, R, inner, work, factor, rtol, noise, near):
-    """All members, their weight times `factor`, into work.value and work.rhs; address: of the `System` they are part of.
+def add_members(arrays, x, R, inner, work, factor, rtol, noise, near):
+    """All members, their weight times `factor`, into work.value and work.rhs.
 
     near 0: exact tangents at the state; -1: the same, but nothing is left in work.store for `recover_member`; 1: Appendix A
-    chains are linearised about the element orientations in work.near (paper 1, section 3), four at a time
-    (`ksd.model.fours`). Of neighbours without weight that are in the same state, as the two outer leafs of a cross flexure
-    in its plane, one is worked on. Returns (negatives, worst inner residual over its bound, status).
+    chains are linearised about the element orientations in work.near (paper 1, section 3), their
+    inner state is set. Of neighbours without weight that are in the same state, as the two outer leafs of a cross flexure in
+    its plane, one is worked on. Returns (negatives, worst inner residual over its bound, status).
     """
-    members = arrays.members
-    weight, four_of = work.weight, work.four_of
+    members, weight = arrays.members, work.weight
     negatives, worst, status = 0.0, 0.0, 0.0
-    K, found = local_matrix(6, 6), local_cube(4, 13, 12)
+    K, T, force = local_matrix(6, 6), local_matrix(12, 12), local_vector(12)
     starts, before, told, norms = local_counts(2), local_vector(12), local_vector(4), local_vector(6)
     for i in range(len(members.kind)):
         pose, lam = work.pose[i], work.lam[i]
-        if near == 1 and four_of[i, LANE] >= 0:
-            lane = four_of[i, LANE]
-            told[0] = 0.0
-            if lane == 0:
-                condense_four(address, factor, i, found.ctypes, told.ctypes)
-                before[0] = math.nan
-            told_of_four(members, work, i, told, norms)
-            T, force = found[lane], found[lane, 12]
-        else:
-            four_of[i, TAKEN] = 0
-            T, force = found[0], found[0, 12]
-            _take_member(members, x, R, inner, work, factor, near >= 0, i, K, before, told)
-            member_tangent(pose, lam, K, T, force)
-            member_norms(lam, force, norms)
+        _take_member(members, x, R, inner, work, factor, near, i, K, before, told)
+        member_tangent(pose, lam, K, T, force)
+        member_norms(lam, force, norms)
         dn, dm = told[1], told[2]
         negatives += told[0]
         status = max(status, told[3])

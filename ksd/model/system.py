@@ -7,8 +7,6 @@ import math
 from ksd.beam.weight_entry import turn_pull
 from ksd.model.assembly import add_members, recover_member
 from ksd.model.blank import System, blank_system
-from ksd.model.fours import TAKEN
-from ksd.model.fours_apart import move_four
 from ksd.model.loading import add_loads, add_terms
 from ksd.model.springs import add_springs
 from ksd.numerics.blocks import factor_blocks, solve_blocks
@@ -40,7 +38,7 @@ def add_effects(address, factor, rtol, noise, out):
 
 @kernel
 def _assemble(address, arrays, motion, target, factor, work, rtol, near, grain):
-    """See `assemble`; address: of the same arrays."""
+    """See `assemble`; address: of the `System` these are."""
     work.value[:] = 0.0
     work.rhs[:] = 0.0
     work.scale[:] = 0.0
@@ -50,7 +48,7 @@ def _assemble(address, arrays, motion, target, factor, work, rtol, near, grain):
             reach = max(reach, abs(motion.x[k, r]))
     noise = grain * 2.220446049250313e-16 * reach
     negatives, worst, status = add_members(
-        address, arrays, motion.x, motion.R, motion.inner, work, factor, rtol, noise, near
+        arrays, motion.x, motion.R, motion.inner, work, factor, rtol, noise, near
     )
     if len(arrays.springs.kind) > 0 or len(arrays.loads.node) > 0:
         out = local_vector(1)
@@ -138,10 +136,8 @@ def largest_move(arrays, step):
 @kernel
 def take_step(arrays, motion, step, work, scale):
     """motion <- motion + scale * step (n,): members first (their frames are the old ones), then nodes, multipliers."""
-    members, weight, keep, address = arrays.members, work.weight, arrays.keep, 0
+    members, weight, keep = arrays.members, work.weight, arrays.keep
     xi, move = local_vector(6), local_vector(12)
-    if len(work.four) > 0:
-        address = address_of(System(arrays, motion, work.four[:0], work), SYSTEM)
     for i in range(len(members.kind)):
         pose = work.pose[i]
         for e in range(2):
@@ -155,10 +151,7 @@ def take_step(arrays, motion, step, work, scale):
         if len(weight) > 0 and weight[i, 0] > 0.0:
             kept = work.store[members.store_at[i] : members.store_at[i + 1]]
             turn_pull(pose.ctypes, move.ctypes, kept.ctypes, len(kept))
-        if work.four_of[i, TAKEN] == 1:
-            move_four(address, i, xi.ctypes, scale)
-        else:
-            recover_member(members, motion.inner, work.store, i, xi, scale)
+        recover_member(members, motion.inner, work.store, i, xi, scale)
     move_nodes(arrays, motion, step, scale)
 
 

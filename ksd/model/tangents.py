@@ -1,4 +1,4 @@
-"""What a member does to the two nodes it hangs on, compiled: of one member, or of four (`ksd.numerics.fours`).
+"""What a member does to the two nodes it hangs on, compiled.
 
 A member sees only the relative pose of its ends; this file turns its wrench (n, m) and stiffness K6 into forces
 and a symmetric tangent on the two nodes its ends hang on. With w the lever from node a to end q, s the lever from
@@ -9,14 +9,16 @@ and the second derivatives of n.xi_t + m.xi_r in the chart R <- exp(dphi) R are
 
 from __future__ import annotations
 
-from ksd.numerics.fours import matrix_like, root, vector_like
+import math
+
 from ksd.numerics.kernel import kernel
+from ksd.numerics.local import local_matrix, local_vector
 
 
 @kernel
 def _turn_stiffness(pose, K, A):
     """A (6, 6) = diag(Rp, Rp) K diag(Rp, Rp)^T."""
-    T = matrix_like(K, 6, 6)
+    T = local_matrix(6, 6)
     for b in range(2):
         for r in range(3):
             for c in range(6):
@@ -85,8 +87,7 @@ def geometric_tangent(n, m, w, s, T):
 @kernel
 def member_tangent(pose, lam, K, T, force):
     """Node tangent T (12, 12) and forces (12,) on nodes a, b of one member, global axes."""
-    A = matrix_like(K, 6, 6)
-    M = matrix_like(K, 6, 12)
+    A, M = local_matrix(6, 6), local_matrix(6, 12)
     _turn_stiffness(pose, K, A)
     w, s = pose[9:12], pose[12:15]
     _times_levers(A, w, s, M)
@@ -101,7 +102,7 @@ def member_tangent(pose, lam, K, T, force):
         T[9, c] = a2 * s[1] - a1 * s[2] + M[3, c]
         T[10, c] = a0 * s[2] - a2 * s[0] + M[4, c]
         T[11, c] = a1 * s[0] - a0 * s[1] + M[5, c]
-    n, m = vector_like(lam, 3), vector_like(lam, 3)
+    n, m = local_vector(3), local_vector(3)
     for r in range(3):
         n[r] = pose[3 * r] * lam[6] + pose[3 * r + 1] * lam[7] + pose[3 * r + 2] * lam[8]
         m[r] = pose[3 * r] * lam[9] + pose[3 * r + 1] * lam[10] + pose[3 * r + 2] * lam[11]
@@ -123,8 +124,10 @@ def member_norms(lam, force, norms):
     for k in range(3):
         row = lam if k == 0 else force
         o = 0 if k == 0 else 6 * (k - 1)
-        norms[2 * k] = root(row[o] * row[o] + row[o + 1] * row[o + 1] + row[o + 2] * row[o + 2])
-        norms[2 * k + 1] = root(row[o + 3] * row[o + 3] + row[o + 4] * row[o + 4] + row[o + 5] * row[o + 5])
+        norms[2 * k] = math.sqrt(row[o] * row[o] + row[o + 1] * row[o + 1] + row[o + 2] * row[o + 2])
+        norms[2 * k + 1] = math.sqrt(
+            row[o + 3] * row[o + 3] + row[o + 4] * row[o + 4] + row[o + 5] * row[o + 5]
+        )
 
 
 @kernel

@@ -52,11 +52,6 @@ def _matrix(_: Any, n: Any, m: Any) -> Any:
 
 
 @intrinsic(prefer_literal=True)
-def _cube(_: Any, n: Any, m: Any, k: Any) -> Any:
-    return _on_stack(types.float64, n, m, k)
-
-
-@intrinsic(prefer_literal=True)
 def _counts(_: Any, n: Any) -> Any:
     return _on_stack(types.int64, n)
 
@@ -65,7 +60,5 @@ local_vector: Any = _vector
 """local_vector(n): an array (n,) of floats."""
 local_matrix: Any = _matrix
 """local_matrix(n, m): an array (n, m) of floats."""
-local_cube: Any = _cube
-"""local_cube(n, m, k): an array (n, m, k) of floats."""
 local_counts: Any = _counts
 """local_counts(n): an array (n,) of whole numbers (int64)."""

@@ -8,9 +8,7 @@ from __future__ import annotations
 
 import math
 
-from ksd.numerics.fours import above, root
 from ksd.numerics.kernel import kernel
-from ksd.numerics.lanes import where4, whole4
 
 
 @kernel
@@ -29,34 +27,18 @@ def _sine_series(u):
 
 
 @kernel
-def factors_of_any(t2):
-    """`rotation_factors` of one, or of four (`ksd.numerics.fours`); of half a turn to 8e-16, of less to rounding.
+def rotation_factors(t2):
+    """(sin t / t, (1 - cos t) / t^2) of the angle with square t2.
 
-    By series, in half the time of sines; angles beyond a quarter turn by halves: with c = 1 - t^2 b the cosine of t,
-    a(2 t) = a c and b(2 t) = a^2 / 2.
+    Below a quarter turn by series, in half the time of sines.
     """
-    if not above(t2, 0.01):
+    if t2 <= 0.01:
         a = 1.0 + t2 * (t2 * (1.0 / 120.0 + t2 * (t2 * (1.0 / 362880.0) - 1.0 / 5040.0)) - 1.0 / 6.0)
         b = 0.5 + t2 * (t2 * (1.0 / 720.0 + t2 * (t2 * (1.0 / 3628800.0) - 1.0 / 40320.0)) - 1.0 / 24.0)
         return a, b
-    u, halved = t2, 0
-    # not a number is not worth 300 halves
-    while above(u, 2.5) and halved < 60:
-        u = 0.25 * u
-        halved += 1
-    a, half = _sine_series(u), _sine_series(0.25 * u)
-    b = 0.5 * half * half
-    for _ in range(halved):
-        a, b = a * (1.0 - u * b), 0.5 * a * a
-        u = 4.0 * u
-    return a, b
-
-
-@kernel
-def rotation_factors(t2):
-    """(sin t / t, (1 - cos t) / t^2) of the angle with square t2."""
     if t2 < 2.5:
-        return factors_of_any(t2)
+        half = _sine_series(0.25 * t2)
+        return _sine_series(t2), 0.5 * half * half
     t = math.sqrt(t2)
     h = math.sin(0.5 * t)
     return math.sin(t) / t, 2.0 * h * h / t2
@@ -70,43 +52,8 @@ def rotation_exp(v, R):
 
 
 @kernel
-def rotation_exp_of_any(v, R):
-    """`rotation_exp` of one, or of four."""
-    a, b = factors_of_any(v[0] * v[0] + v[1] * v[1] + v[2] * v[2])
-    _series(v[0], v[1], v[2], a, b, R)
-
-
-@kernel(forceinline=True)
-def cosine_sine(x):
-    """(cos x, sin x) of four angles at a time (`ksd.numerics.lanes`), to rounding for |x| < 1e5.
-
-    Quarter turns are taken off with pi/2 in three parts (Cody and Waite), polynomials of fdlibm for the rest.
-    """
-    q = whole4(x * (2.0 / math.pi))
-    r = x - q * 1.57079632673412561417
-    r = r - q * 6.07710050630396597660e-11
-    r = r - q * 2.02226624879595063154e-21
-    z = r * r
-    s = z * 1.58969099521155010221e-10 - 2.50507602534068634195e-08
-    s = z * (z * s + 2.75573137070700676789e-06) - 1.98412698298579493134e-04
-    s = z * (z * s + 8.33333333332248946124e-03) - 1.66666666666666324348e-01
-    s = r + r * (z * s)
-    c = 2.08757232129817482790e-09 - z * 1.13596475577881948265e-11
-    c = z * (z * c - 2.75573143513906633035e-07) + 2.48015872894767294178e-05
-    c = z * (z * c - 1.38888888888741095749e-03) + 4.16666666666666019037e-02
-    c = 1.0 - (z * 0.5 - z * (z * c))
-    # quarter turns: odd ones exchange the two, and signs follow q mod 4
-    half = q * 0.5
-    odd = (half - whole4(half)) * (half - whole4(half)) - 0.1
-    a, b = where4(odd, s, c), where4(odd, c, s)
-    # q mod 4: cos is negative for 1, 2, sin for 2, 3
-    k = q - 4.0 * whole4(q * 0.25 - 0.375)
-    return where4((k - 0.5) * (2.5 - k), -1.0 * a, a), where4(k - 1.5, -1.0 * b, b)
-
-
-@kernel
 def rotation_log_below(R, v):
-    """`rotation_log` where all angles are below 150 degrees; of one, or of four.
+    """`rotation_log` where the angle is below 150 degrees.
 
     The tangent of half the angle, halved to below 11 degrees and turned into the angle by its series.
     """
@@ -116,8 +63,8 @@ def rotation_log_below(R, v):
     u = (x * x + y * y + z * z) * (f * f)
     f = 2.0 * f
     halved = 0
-    while above(u, 0.04) and halved < 60:
-        h = 1.0 / (1.0 + root(1.0 + u))
+    while u > 0.04 and halved < 60:
+        h = 1.0 / (1.0 + math.sqrt(1.0 + u))
         u = u * (h * h)
         f = 2.0 * f * h
         halved += 1

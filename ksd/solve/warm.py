@@ -20,7 +20,6 @@ import numpy as np
 from ksd.bodies.joints import joint_bodies
 from ksd.errors import KsdError
 from ksd.library import find_record
-from ksd.model.arrays import FOUR_ENTRIES
 from ksd.model.compile import Model, compile_scene
 from ksd.numerics.held import Held
 from ksd.numerics.kernel import compile_now
@@ -80,7 +79,7 @@ def every_jobs(model: Model) -> list[Job]:
 def chain_jobs() -> list[Job]:
     """The other leaf model."""
     return [
-        lambda: compile_now(*FOUR_ENTRIES),
+        lambda: compile_now("chain_near"),
         lambda: compile_now("chain_condense", "chain_recover"),
     ]
 

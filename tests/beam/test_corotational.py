@@ -297,16 +297,17 @@ def near(leaf, rotations):
     assert near_condense(*args)[3] == 0
 
 
-def bent(n=4):
+def bent(n=4, angle=0.7):
     """Pure bending to 0.7 rad, a typical intended motion."""
     leaf = Leaf(LEAF, L, n)
-    leaf.load([0, 0, 0, 0, 0, 0.7 * LEAF.E * LEAF.Iz / L], steps=2)
+    leaf.load([0, 0, 0, 0, 0, angle * LEAF.E * LEAF.Iz / L], steps=2)
     leaf.settle()
     return leaf
 
 
-def test_near_configuration_reproduces_the_state_it_was_made_from():
-    leaf = bent()
+@pytest.mark.parametrize(("n", "angle"), [(1, 0.3), (2, -0.5), (4, 0.7), (5, 1.5)])
+def test_near_configuration_reproduces_the_state_it_was_made_from(n, angle):
+    leaf = bent(n, angle)
     rotations, exact, inner = near_rotations(leaf), leaf.lam[:6].copy(), leaf.inner.copy()
     leaf.inner[:] = 0.0
     near(leaf, rotations)
@@ -314,6 +315,15 @@ def test_near_configuration_reproduces_the_state_it_was_made_from():
     assert np.allclose(leaf.lam[3:6], exact[3:], atol=1e-7 * scale)
     leaf.move(np.zeros(6))
     assert np.allclose(leaf.inner, inner, atol=1e-9, rtol=1e-6)
+
+
+@pytest.mark.parametrize("wrong", [2.5, np.nan])
+def test_a_folded_element_of_the_near_configuration_is_told(wrong):
+    leaf = bent(2)
+    rotations = near_rotations(leaf)
+    rotations[5] = wrong
+    args = leaf.value, leaf.number, leaf.inner, leaf.store, rotations, leaf.d, leaf.Q, leaf.lam, leaf.K
+    assert near_condense(*args)[3] == 1
 
 
 def near_moment_error(shift):

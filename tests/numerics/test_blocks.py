@@ -4,7 +4,9 @@ import numpy as np
 import pytest
 
 from ksd.numerics.blocks import (
+    backward_blocks,
     factor_blocks,
+    forward_blocks,
     plan_blocks,
     refined_blocks,
     residual_blocks,
@@ -134,3 +136,53 @@ def test_a_dense_matrix_stiffened_has_the_same_solution_and_inertia(rng):
     assert one == pytest.approx(two, rel=1e-6, abs=1e-8 * np.abs(one).max())
     move = np.setdiff1d(np.arange(len(whole)), rows)
     assert np.linalg.eigvalsh(found[np.ix_(move, move)]).min() > 0.0
+
+
+def nodes(rng, count, more, last, shift=0.0):
+    """A random matrix of nodes in a loop with `more` couplings: plan, values, the matrix in its order."""
+    pairs = [(k, (k + 1) % count) for k in range(count)]
+    pairs += [tuple(rng.choice(count, 2, replace=False)) for _ in range(more)]
+    plan, position, offsets = plan_blocks(np.full(count, 6), pairs, last=last)
+    whole = np.zeros((6 * count, 6 * count))
+    for a, b in pairs:
+        block = rng.normal(size=(6, 6))
+        i, j = (slice(6 * position[k], 6 * position[k] + 6) for k in (a, b))
+        whole[i, j] += block
+        whole[j, i] += block.T
+    whole += 40.0 * np.eye(6 * count) - shift * np.diag(rng.uniform(size=6 * count) > 0.7)
+    value = np.zeros(plan.values)
+    for (i, j), at in offsets.items():
+        value[at : at + 36] = whole[6 * i : 6 * i + 6, 6 * j : 6 * j + 6].ravel()
+    return plan, value, whole
+
+
+@pytest.mark.parametrize(("count", "more", "last"), [(3, 0, 1), (8, 3, 2), (15, 6, 1), (6, 9, 0)])
+@pytest.mark.parametrize("shift", [0.0, 80.0])
+def test_condensation_onto_the_last_nodes(count, more, last, shift, rng):
+    """Schur complement, condensed right-hand side, inertia and what is recovered, against numpy."""
+    plan, value, whole = nodes(rng, count, more, last, shift)
+    stop, cut = count - last, 6 * (count - last)
+    spare, right = np.zeros_like(value), rng.normal(size=6 * count)
+    x = right.copy()
+    negatives, pivot = factor_blocks(plan, value, spare, stop)
+    A, B, C = whole[:cut, :cut], whole[:cut, cut:], whole[cut:, cut:]
+    assert negatives == np.sum(np.linalg.eigvalsh(A) < 0) and pivot > 1e-4
+    left = C - B.T @ np.linalg.solve(A, B)
+    for j in range(last):
+        at, here = plan.diagonal[stop + j], slice(6 * j, 6 * j + 6)
+        found = np.tril(value[at : at + 36].reshape(6, 6))
+        assert found == pytest.approx(np.tril(left[here, here]), abs=1e-10 * np.abs(left).max())
+    forward_blocks(plan, spare, x, stop)
+    condensed = right[cut:] - B.T @ np.linalg.solve(A, right[:cut])
+    assert x[cut:] == pytest.approx(condensed, abs=1e-10 * np.abs(x).max())
+    x[cut:] = given = rng.normal(size=6 * last)
+    backward_blocks(plan, value, spare, x, stop)
+    inside = np.linalg.solve(A, right[:cut] - B @ given)
+    assert x[:cut] == pytest.approx(inside, abs=1e-10 * np.abs(inside).max())
+
+
+def test_a_pivot_that_vanishes_is_told(rng):
+    plan, value, _ = nodes(rng, 4, 0, 1)
+    at = plan.diagonal[0]
+    value[at : at + 36] = 0.0
+    assert factor_blocks(plan, value, np.zeros_like(value), 3) == (0, 0.0)

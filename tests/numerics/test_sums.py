@@ -6,28 +6,9 @@ import pytest
 from ksd.numerics.kernel import kernel
 from ksd.numerics.lanes import load4, pick4, spread, store4, transpose4
 from ksd.numerics.local import local_counts, local_matrix, local_vector
-from ksd.numerics.rotations import cosine_sine
 from ksd.numerics.sums import weighted_rows
 
 SIZES = (3, 8)
-
-
-@kernel
-def _turned(x, cosine, sine):
-    for k in range(0, len(x), 4):
-        c, s = cosine_sine(load4(x, k))
-        store4(cosine, k, c)
-        store4(sine, k, s)
-
-
-def test_cosines_and_sines_of_four_angles(rng):
-    x = np.concatenate(
-        [np.linspace(-30, 30, 4000), 1e4 * rng.normal(size=400), np.arange(-20, 20) * np.pi / 4]
-    )
-    cosine, sine = np.zeros_like(x), np.zeros_like(x)
-    _turned(x, cosine, sine)
-    assert np.abs(cosine - np.cos(x)).max() < 3e-16
-    assert np.abs(sine - np.sin(x)).max() < 3e-16
 
 
 @kernel

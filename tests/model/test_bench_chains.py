@@ -1,4 +1,4 @@
-"""The chains of the joint bench, four at a time, are those of each on its own."""
+"""The chains of the joint bench, linearised about their element orientations, are those of each on its own."""
 
 import numpy as np
 import pytest
@@ -8,15 +8,13 @@ import ksd
 from ksd.beam.corotational import recover
 from ksd.beam.corotational_near import near_condense
 from ksd.bodies.bench import set_near
-from ksd.model.arrays import COROTATIONAL, make_work
-from ksd.model.fours import LANE, PLACE, TAKEN, lay_out
 from ksd.model.poses import member_pose
 from ksd.model.system import assemble, take_step
 from ksd.units import GPa, deg, mm
 
 
 def hinge(**more):
-    """One joint of three leafs, or of the family given: fours that are not full."""
+    """One joint of three leafs, the outer two of them in the same state."""
     scene = ksd.Mechanism("hinge")
     tip = scene.link("tip")
     steel = ksd.Material(E=200 * GPa, G=76.9 * GPa, density=7800)
@@ -48,7 +46,6 @@ def test_wrenches_and_inner_nodes_are_those_of_each(scene, elements, drives, rng
     state.assign(b.bodies.bench_rest)
     set_near(given, b.bodies.loops, b.bodies.inside, b.theta, b.place, state, work)
     assemble(given, state, np.zeros(0), 1.0, work, 1e-8, 1, 10.0)
-    assert np.all(work.four_of[:, TAKEN] == 1)
     alone, kept = [], []
     pose, Q = np.zeros(18), np.zeros((3, 3))
     for i in range(len(members.kind)):
@@ -77,16 +74,6 @@ def test_wrenches_and_inner_nodes_are_those_of_each(scene, elements, drives, rng
         recover(value, number, inner, store, xi, 0.5)
         mine = state.inner[members.inner_at[i] : members.inner_at[i + 1]]
         assert mine == pytest.approx(inner, rel=1e-7, abs=1e-8 * np.abs(inner).max(initial=1e-6))
-
-
-def test_members_alike_stand_side_by_side():
-    b = bench(fourbar(), 2, top=0.1)
-    of, end = lay_out(b.bodies.bench.members, b.bodies.near, COROTATIONAL)
-    assert of[:, LANE].tolist() == [0, 1, 2, 3] * 3
-    assert np.all(np.diff(of[:, PLACE]) >= 0)
-    step = of[4, PLACE] - of[0, PLACE]
-    assert of[8, PLACE] - of[4, PLACE] == step and end > 4 * (of[8, PLACE] + step)
-    assert make_work(b.bodies.bench).four.size == 0, "without orientations each is worked on alone"
 
 
 def test_weight_goes_with_them():
