@@ -99,7 +99,7 @@ def _modes(orders: Sequence[int]) -> Callable[[], None]:
     value, number = _constants(orders)
     state, store = strain_sizes(number)
     inner = np.random.default_rng(1).normal(size=state)
-    names = "strain_condense" + "_default" * (tuple(orders) == DEFAULT), "strain_recover"
+    names = "strain_condense", "strain_recover"
     return _case(_with_scratch, names, value, number, inner, store, strain_scratch(number))
 
 

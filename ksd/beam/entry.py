@@ -6,16 +6,9 @@ Every entry takes flat pointers and their lengths; see `ksd.beam.strain` and `ks
 
 from __future__ import annotations
 
-import numpy as np
-
 from ksd.beam import corotational, corotational_near, modal, planar_leaf, polynomial, strain
-from ksd.beam.strain_values import DEFAULT_ORDERS, DEFAULT_POINTS, strain_sizes
 from ksd.numerics.kernel import carray, late
 
-DEFAULT = (*DEFAULT_ORDERS, DEFAULT_POINTS)
-"""Orders and points for which the compiler has a strain-mode leaf of its own."""
-LENGTHS = strain_sizes(np.array(DEFAULT))
-"""Lengths of its inner state and store."""
 _P = "CPointer(float64)"
 _I = "CPointer(int64)"
 _CONDENSE = f"void({_P}, {_I}, {_P}, {_P}, {_P}, {_P}, {_P}, {_P}, {_P}, {_I})"
@@ -28,16 +21,6 @@ def strain_condense(value, number, inner, store, scratch, d, Q, lam, K, out, siz
     """size = lengths of value, inner, store, near, scratch."""
     back, force, moment, status = strain.strain_condense(
         carray(value, (size[0],)), carray(number, (4,)), carray(inner, (size[1],)), carray(store, (size[2],)),
-        carray(scratch, (size[4],)), carray(d, (3,)), carray(Q, (3, 3)), carray(lam, (12,)), carray(K, (6, 6)),
-    )  # fmt: skip
-    out[0], out[1], out[2], out[3] = back, force, moment, status
-
-
-@late(_WITH_SCRATCH)
-def strain_condense_default(value, number, inner, store, scratch, d, Q, lam, K, out, size):
-    """The same for a leaf without weight of the default orders, which the compiler knows: nearly twice as fast."""
-    back, force, moment, status = strain.strain_condense(
-        carray(value, (size[0],)), DEFAULT, carray(inner, (LENGTHS[0],)), carray(store, (LENGTHS[1],)),
         carray(scratch, (size[4],)), carray(d, (3,)), carray(Q, (3, 3)), carray(lam, (12,)), carray(K, (6, 6)),
     )  # fmt: skip
     out[0], out[1], out[2], out[3] = back, force, moment, status

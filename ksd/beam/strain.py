@@ -1,46 +1,392 @@
 """The strain-mode leaf: one body per leaf, condensed to its end frames inside the same Newton step.
 
-Unknowns of a leaf: amplitudes a of its curvature modes (nx torsion, ny strong, nz weak bending; 1/m) and lam
-= (n, m), force and moment on end q (N, Nm). Curvature kappa_c = sum_k a_ck B_ck(s); orientation R' = R
-[kappa]x by a fourth-order Magnus step over every gap between quadrature points; r' = v = R (e1 + C R^T n)
-with C = diag(1/EA, 1/kGA, 1/kGA), so stretch and shear are exact without unknowns. All vectors in the frame
-of end p. Interface of all members: see `ksd.model.assembly`. Source: the stationary conditions of the mixed
-functional 1/2 a K a - 1/2 int n.(R C R^T n) + lam.closure; tables are made by `ksd.beam.strain_values`,
-fields and tangent of the modes by `ksd.beam.strain_fields`.
+Unknowns of a leaf: amplitudes a of its curvature modes (nx torsion, ny strong, nz weak bending; 1/m) and lam = (n, m),
+force and moment on end q (N, Nm). Curvature kappa_c = sum_i a_i B_i(s) over the modes of axis c; orientation
+R' = R [kappa]x by a fourth-order Magnus step over every gap between quadrature points; r' = v = R (e1 + C R^T n) with
+C = diag(1/EA, 1/kGA, 1/kGA), so stretch and shear are exact without unknowns. All vectors in the frame of end p.
+Source: the stationary conditions of the mixed functional 1/2 a K a - 1/2 int n.(R C R^T n) + lam.closure. Interface of all
+members: see `ksd.model.assembly`; constants: `ksd.beam.strain_values`.
+
+A leaf with weight has line mass mu [kg/m] in gravity g [m/s^2], in frame p; its tables end with M(s) = int_s^L mu. Then
+the force is n(s) = n + M g, the moment m(s) = m + int_s^L v x n(s), which by parts is m + (r(L) - r(s)) x n +
+(h(L) - h(s)) x g with h = int M v; h(L) is the first moment of the mass about end p, and eta_i = int M rho_i' its
+derivative by the amplitudes. `pull` holds g (`ksd.beam.weight`), and is empty for a leaf without weight.
 """
 
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
-from ksd.beam.strain_fields import strain_fields, strain_tangent
-from ksd.beam.strain_points import places, tables
+import numpy as np
+
 from ksd.beam.weight import PULL
 from ksd.numerics.kernel import kernel
-from ksd.numerics.lanes import load4, spread, store4, transpose4
 from ksd.numerics.local import local_matrix, local_vector
-from ksd.numerics.rotations import rotation_log
-from ksd.numerics.sums import weighted_rows
-from ksd.numerics.views import matrix_at
+from ksd.numerics.rotations import rotation_exp, rotation_log
+
+TINY_PIVOT = 1e-15
 
 
-@kernel(forceinline=True)
+class Constants(NamedTuple):
+    """The constants of a leaf by name, see `ksd.beam.strain_values`."""
+
+    stiffness: np.ndarray
+    rest: np.ndarray
+    weight: np.ndarray
+    integral: np.ndarray
+    basis: np.ndarray
+    soft: np.ndarray
+    gap: np.ndarray
+    pairs: np.ndarray
+    beyond: np.ndarray
+
+
+class Fields(NamedTuple):
+    """A leaf at one inner state, at its ng quadrature points and, last, at end q.
+
+    R (ng+1, 3, 3) orientation; v (ng, 3) = r'; S (ng, 3, 3) = R C R^T [1/N]; r (ng+1, 3) place [m]; m (ng, 3) moment [Nm];
+    psi, rho, eta (ng+1, N, 3): rotation, displacement and first moment of the mass per unit amplitude, at fixed n; eta only
+    with weight. W (N, N) tangent and g (N,) residual of the amplitudes; Y (N, 7) right-hand sides; work (N, 3).
+    """
+
+    R: np.ndarray
+    v: np.ndarray
+    S: np.ndarray
+    r: np.ndarray
+    m: np.ndarray
+    psi: np.ndarray
+    rho: np.ndarray
+    eta: np.ndarray
+    W: np.ndarray
+    g: np.ndarray
+    Y: np.ndarray
+    work: np.ndarray
+
+
+@kernel
+def constants_of(value, number):
+    """`Constants` over the flat array."""
+    nx, ny, nz, ng = number[0], number[1], number[2], number[3]
+    N = nx + ny + nz
+    rest = 1 + nx * nx + ny * ny + nz * nz
+    weight = rest + N
+    integral = weight + ng
+    basis = integral + ng * ng
+    soft = basis + N * ng
+    gap = soft + 3 * ng
+    pairs = gap + N * (ng + 1)
+    beyond = pairs + (ny * nz + nz * nx + nx * ny) * (ng + 1)
+    return Constants(
+        value[1:rest],
+        value[rest:weight],
+        value[weight:integral],
+        value[integral:basis].reshape(ng, ng),
+        value[basis:soft].reshape(N, ng),
+        value[soft:gap].reshape(ng, 3),
+        value[gap:pairs].reshape(N, ng + 1),
+        value[pairs:beyond].reshape(ny * nz + nz * nx + nx * ny, ng + 1),
+        value[beyond:],
+    )
+
+
+@kernel
+def fields_of(number, scratch):
+    """`Fields` over `strain_values.strain_scratch` numbers or more."""
+    N, ng = number[0] + number[1] + number[2], number[3]
+    v = 9 * (ng + 1)
+    S = v + 3 * ng
+    r = S + 9 * ng
+    m = r + 3 * (ng + 1)
+    psi = m + 3 * ng
+    rho = psi + 3 * N * (ng + 1)
+    eta = rho + 3 * N * (ng + 1)
+    W = eta + 3 * N * (ng + 1)
+    g = W + N * N
+    Y = g + N
+    work = Y + 7 * N
+    return Fields(
+        scratch[:v].reshape(ng + 1, 3, 3),
+        scratch[v:S].reshape(ng, 3),
+        scratch[S:r].reshape(ng, 3, 3),
+        scratch[r:m].reshape(ng + 1, 3),
+        scratch[m:psi].reshape(ng, 3),
+        scratch[psi:rho].reshape(ng + 1, N, 3),
+        scratch[rho:eta].reshape(ng + 1, N, 3),
+        scratch[eta:W].reshape(ng + 1, N, 3),
+        scratch[W:g].reshape(N, N),
+        scratch[g:Y],
+        scratch[Y:work].reshape(N, 7),
+        scratch[work : work + 3 * N].reshape(N, 3),
+    )
+
+
+@kernel
+def _orientations(length, number, a, c, R):
+    """R at the points and at end q: over every gap exp(int kappa + 1/2 iint_{s1<s2} kappa(s1) x kappa(s2))."""
+    nx, ny, nz, ng = number[0], number[1], number[2], number[3]
+    phi, E = local_vector(3), local_matrix(3, 3)
+    half = 0.5 * length * length
+    zx, xy = ny * nz, ny * nz + nz * nx
+    for g in range(ng + 1):
+        x, y, z = 0.0, 0.0, 0.0
+        for i in range(nx):
+            x += a[i] * c.gap[i, g]
+        for i in range(nx, nx + ny):
+            y += a[i] * c.gap[i, g]
+        for i in range(nx + ny, nx + ny + nz):
+            z += a[i] * c.gap[i, g]
+        phi[0], phi[1], phi[2] = length * x, length * y, length * z
+        # pairs of modes: y with z turn about x, z with x about y, x with y about z
+        for k in range(ny):
+            for l in range(nz):
+                phi[0] += half * a[nx + k] * a[nx + ny + l] * c.pairs[k * nz + l, g]
+        for k in range(nz):
+            for l in range(nx):
+                phi[1] += half * a[nx + ny + k] * a[l] * c.pairs[zx + k * nx + l, g]
+        for k in range(nx):
+            for l in range(ny):
+                phi[2] += half * a[k] * a[nx + l] * c.pairs[xy + k * ny + l, g]
+        if g == 0:
+            rotation_exp(phi, R[0])
+            continue
+        rotation_exp(phi, E)
+        for i in range(3):
+            for j in range(3):
+                R[g, i, j] = R[g - 1, i, 0] * E[0, j] + R[g - 1, i, 1] * E[1, j] + R[g - 1, i, 2] * E[2, j]
+
+
+@kernel
+def _slopes(number, n, pull, c, f):
+    """v = R (e1 + C R^T n(s)) and S = R C R^T at every point."""
+    for g in range(number[3]):
+        R, S = f.R[g], f.S[g]
+        k0, k1, k2 = n[0], n[1], n[2]
+        if len(pull) > 0:
+            k0 += c.beyond[g] * pull[0]
+            k1 += c.beyond[g] * pull[1]
+            k2 += c.beyond[g] * pull[2]
+        for i in range(3):
+            for j in range(3):
+                S[i, j] = (
+                    c.soft[g, 0] * R[i, 0] * R[j, 0]
+                    + c.soft[g, 1] * R[i, 1] * R[j, 1]
+                    + c.soft[g, 2] * R[i, 2] * R[j, 2]
+                )
+            f.v[g, i] = R[i, 0] + S[i, 0] * k0 + S[i, 1] * k1 + S[i, 2] * k2
+
+
+@kernel
+def _integrate(length, c, slope, found):
+    """found (ng+1, k) = length times the integral of slope (ng, k) from end p to every point and to end q."""
+    ng, k = len(c.weight), slope.shape[1]
+    for g in range(ng + 1):
+        for e in range(k):
+            found[g, e] = 0.0
+        for h in range(ng):
+            w = length * (c.integral[g, h] if g < ng else c.weight[h])
+            for e in range(k):
+                found[g, e] += w * slope[h, e]
+
+
+@kernel
+def _moments(length, number, n, m, pull, c, f):
+    """r, and m(s) = m + (r(L) - r(s)) x n + (h(L) - h(s)) x g at every point."""
+    ng = number[3]
+    _integrate(length, c, f.v, f.r)
+    heavy = len(pull) > 0
+    for g in range(ng):
+        x, y, z = f.r[ng, 0] - f.r[g, 0], f.r[ng, 1] - f.r[g, 1], f.r[ng, 2] - f.r[g, 2]
+        f.m[g, 0] = m[0] + y * n[2] - z * n[1]
+        f.m[g, 1] = m[1] + z * n[0] - x * n[2]
+        f.m[g, 2] = m[2] + x * n[1] - y * n[0]
+        if heavy:
+            # h(L) - h(s)
+            x, y, z = 0.0, 0.0, 0.0
+            for h in range(ng):
+                w = length * (c.weight[h] - c.integral[g, h]) * c.beyond[h]
+                x += w * f.v[h, 0]
+                y += w * f.v[h, 1]
+                z += w * f.v[h, 2]
+            f.m[g, 0] += y * pull[2] - z * pull[1]
+            f.m[g, 1] += z * pull[0] - x * pull[2]
+            f.m[g, 2] += x * pull[1] - y * pull[0]
+
+
+@kernel
+def _mode_fields(length, number, n, pull, c, f):
+    """psi_i = int R e_c B_i, rho_i = int [psi_i x v - S (psi_i x n(s))], eta_i = int M rho_i'."""
+    nx, ny, nz, ng = number[0], number[1], number[2], number[3]
+    N = nx + ny + nz
+    heavy = len(pull) > 0
+    for i in range(N):
+        axis = 0 if i < nx else (1 if i < nx + ny else 2)
+        for g in range(ng + 1):
+            x, y, z = 0.0, 0.0, 0.0
+            for h in range(ng):
+                w = (c.integral[g, h] if g < ng else c.weight[h]) * c.basis[i, h]
+                x += w * f.R[h, 0, axis]
+                y += w * f.R[h, 1, axis]
+                z += w * f.R[h, 2, axis]
+            f.psi[g, i, 0], f.psi[g, i, 1], f.psi[g, i, 2] = length * x, length * y, length * z
+    for g in range(ng + 1):
+        for i in range(N):
+            f.rho[g, i, 0], f.rho[g, i, 1], f.rho[g, i, 2] = 0.0, 0.0, 0.0
+            if heavy:
+                f.eta[g, i, 0], f.eta[g, i, 1], f.eta[g, i, 2] = 0.0, 0.0, 0.0
+    for h in range(ng):
+        S, v = f.S[h], f.v[h]
+        k0, k1, k2 = n[0], n[1], n[2]
+        if heavy:
+            k0 += c.beyond[h] * pull[0]
+            k1 += c.beyond[h] * pull[1]
+            k2 += c.beyond[h] * pull[2]
+        for i in range(N):
+            p0, p1, p2 = f.psi[h, i, 0], f.psi[h, i, 1], f.psi[h, i, 2]
+            q0, q1, q2 = p1 * k2 - p2 * k1, p2 * k0 - p0 * k2, p0 * k1 - p1 * k0
+            f.work[i, 0] = p1 * v[2] - p2 * v[1] - S[0, 0] * q0 - S[0, 1] * q1 - S[0, 2] * q2
+            f.work[i, 1] = p2 * v[0] - p0 * v[2] - S[1, 0] * q0 - S[1, 1] * q1 - S[1, 2] * q2
+            f.work[i, 2] = p0 * v[1] - p1 * v[0] - S[2, 0] * q0 - S[2, 1] * q1 - S[2, 2] * q2
+        for g in range(ng + 1):
+            w = length * (c.integral[g, h] if g < ng else c.weight[h])
+            for i in range(N):
+                for e in range(3):
+                    f.rho[g, i, e] += w * f.work[i, e]
+            if heavy:
+                w *= c.beyond[h]
+                for i in range(N):
+                    for e in range(3):
+                        f.eta[g, i, e] += w * f.work[i, e]
+
+
+@kernel
+def strain_fields(value, number, inner, pull, scratch):
+    """`Fields` of a leaf with inner state `inner` = (a (N,), n (3,), m (3,)) into scratch, without W, g and Y."""
+    N = number[0] + number[1] + number[2]
+    c, f, n = constants_of(value, number), fields_of(number, scratch), inner[N : N + 3]
+    _orientations(value[0], number, inner, c, f.R)
+    _slopes(number, n, pull, c, f)
+    _moments(value[0], number, n, inner[N + 3 : N + 6], pull, c, f)
+    _mode_fields(value[0], number, n, pull, c, f)
+
+
+@kernel
+def strain_tangent(value, number, inner, pull, scratch):
+    """W and g of the amplitudes at fixed end wrench and gravity, into scratch as left by `strain_fields`:
+
+    g_i = K (a - a0) - L sum w B_i (R e_c).m
+    W_ij = K - sym L sum w B_j (R e_cj).[m x psi_i + (rho_i(L) - rho_i) x n + (eta_i(L) - eta_i) x g]
+    """
+    nx, ny, nz, ng = number[0], number[1], number[2], number[3]
+    N, length = nx + ny + nz, value[0]
+    c, f, n = constants_of(value, number), fields_of(number, scratch), inner[N : N + 3]
+    heavy = len(pull) > 0
+    W, X = f.W, f.work
+    for i in range(N):
+        f.g[i] = 0.0
+        for j in range(N):
+            W[i, j] = 0.0
+    for g in range(ng):
+        R, m, w = f.R[g], f.m[g], length * c.weight[g]
+        for i in range(N):
+            p0, p1, p2 = f.psi[g, i, 0], f.psi[g, i, 1], f.psi[g, i, 2]
+            d0, d1, d2 = (
+                f.rho[ng, i, 0] - f.rho[g, i, 0],
+                f.rho[ng, i, 1] - f.rho[g, i, 1],
+                f.rho[ng, i, 2] - f.rho[g, i, 2],
+            )
+            x = m[1] * p2 - m[2] * p1 + d1 * n[2] - d2 * n[1]
+            y = m[2] * p0 - m[0] * p2 + d2 * n[0] - d0 * n[2]
+            z = m[0] * p1 - m[1] * p0 + d0 * n[1] - d1 * n[0]
+            if heavy:
+                d0, d1, d2 = (
+                    f.eta[ng, i, 0] - f.eta[g, i, 0],
+                    f.eta[ng, i, 1] - f.eta[g, i, 1],
+                    f.eta[ng, i, 2] - f.eta[g, i, 2],
+                )
+                x += d1 * pull[2] - d2 * pull[1]
+                y += d2 * pull[0] - d0 * pull[2]
+                z += d0 * pull[1] - d1 * pull[0]
+            for axis in range(3):
+                X[i, axis] = w * (R[0, axis] * x + R[1, axis] * y + R[2, axis] * z)
+        for j in range(N):
+            axis = 0 if j < nx else (1 if j < nx + ny else 2)
+            b = c.basis[j, g]
+            f.g[j] -= w * b * (R[0, axis] * m[0] + R[1, axis] * m[1] + R[2, axis] * m[2])
+            for i in range(N):
+                W[j, i] -= b * X[i, axis]
+    for i in range(N):
+        for j in range(i):
+            W[i, j] = W[j, i] = 0.5 * (W[i, j] + W[j, i])
+    first, at = 0, 0
+    for axis in range(3):
+        count = number[axis]
+        for i in range(count):
+            for j in range(count):
+                k = c.stiffness[at + i * count + j]
+                W[first + i, first + j] += k
+                f.g[first + i] += k * (inner[first + j] - c.rest[first + j])
+        first += count
+        at += count * count
+
+
+@kernel
+def _solve_modes(W, Y):
+    """Y (N, k) <- W^-1 Y by LDL^T in place of W (lower); returns (negative pivots, 2 where one had to be replaced, else 0)."""
+    N, k = Y.shape
+    negatives, status = 0, 0
+    for j in range(N):
+        before, pivot = abs(W[j, j]), W[j, j]
+        for c in range(j):
+            pivot -= W[j, c] * W[j, c] * W[c, c]
+        if not abs(pivot) > TINY_PIVOT * before:
+            status = 2
+            pivot = TINY_PIVOT * before + 1e-300
+        W[j, j] = pivot
+        negatives += pivot < 0.0
+        for i in range(j + 1, N):
+            t = W[i, j]
+            for c in range(j):
+                t -= W[i, c] * W[j, c] * W[c, c]
+            W[i, j] = t / pivot
+    _substitute(W, Y)
+    return negatives, status
+
+
+@kernel
+def _substitute(W, Y):
+    """Y (N, k) <- W^-1 Y, W factored by `_solve_modes`."""
+    N, k = Y.shape
+    for j in range(N):
+        for c in range(j):
+            w = W[j, c]
+            for e in range(k):
+                Y[j, e] -= w * Y[c, e]
+    for j in range(N - 1, -1, -1):
+        for e in range(k):
+            Y[j, e] /= W[j, j]
+        for c in range(j + 1, N):
+            w = W[c, j]
+            for e in range(k):
+                Y[j, e] -= w * Y[c, e]
+
+
+@kernel
 def _invert6(F, K):
-    """K (6, 6) = F^-1 for symmetric F (6, 7+) by sweeping pivot after pivot; returns (negative pivots, ok)."""
+    """K (6, 6) = F^-1 for symmetric F (6, 6) by sweeping pivot after pivot; returns (negative pivots, ok)."""
     negatives = 0
     row = local_vector(6)
     for i in range(6):
         for j in range(6):
-            K[i, j] = 0.5 * (F[i, j] + F[j, i])
+            K[i, j] = F[i, j]
     for k in range(6):
         pivot = K[k, k]
         if not abs(pivot) > 1e-18 * abs(F[k, k]):
             return negatives, False
         if pivot < 0.0:
             negatives += 1
-        inverse = 1.0 / pivot
         for j in range(6):
-            row[j] = K[k, j] * inverse
+            row[j] = K[k, j] / pivot
         for i in range(6):
             w = K[i, k]
             for j in range(6):
@@ -48,175 +394,58 @@ def _invert6(F, K):
         for j in range(6):
             K[k, j] = row[j]
             K[j, k] = row[j]
-        K[k, k] = -inverse
+        K[k, k] = -1.0 / pivot
     for i in range(6):
         for j in range(6):
             K[i, j] = -K[i, j]
     return negatives, True
 
 
-@kernel(forceinline=True)
-def _pivot(x, before):
-    """(1 / pivot, 1 if negative, 2 where it had to be replaced else 0), for one that was `before` at first."""
-    status = 0
-    if not abs(x) > 1e-15 * abs(before):
-        status = 2
-        x = 1e-15 * abs(before) + 1e-300
-    return 1.0 / x, x < 0.0, status
-
-
-@kernel(fastmath={"contract"}, forceinline=True)
-def _factor(M, number, scratch, W, t):
-    """W = U^T D U by fours of rows, and Y = W^-1 Y for the 8 columns beside it: W (M, M + 8) keeps D U in its upper
-    triangle; t (M + 1, M + 8) gets U with the new Y beside it, and 1/D as its last row.
-
-    Returns (negative pivots, 2 where one had to be replaced, else 0).
-    """
-    wide = M + 8
-    negatives, status, inverse = 0, 0, t + wide * M
-    for p in range(0, M, 4):
-        o = W + (wide + 1) * p
-        w0, w1, w2, w3 = (
-            scratch[o],
-            scratch[o + wide + 1],
-            scratch[o + 2 * wide + 2],
-            scratch[o + 3 * wide + 3],
-        )
-        if p > 0:
-            weighted_rows(
-                number, scratch, o, scratch, W + p, scratch, t + p, 0, wide, 0, 1, wide, 0, wide, 1, 4, p, wide - p,
-                -1.0, True,
-            )  # fmt: skip
-        # the four rows among themselves: pivots and U between them
-        i0, n0, s0 = _pivot(scratch[o], w0)
-        a1, a2, a3 = scratch[o + 1], scratch[o + 2], scratch[o + 3]
-        l1, l2, l3 = a1 * i0, a2 * i0, a3 * i0
-        o += wide
-        i1, n1, s1 = _pivot(scratch[o + 1] - l1 * a1, w1)
-        b2, b3 = scratch[o + 2] - l1 * a2, scratch[o + 3] - l1 * a3
-        k2, k3 = b2 * i1, b3 * i1
-        o += wide
-        i2, n2, s2 = _pivot(scratch[o + 2] - l2 * a2 - k2 * b2, w2)
-        c3 = scratch[o + 3] - l2 * a3 - k2 * b3
-        j3 = c3 * i2
-        i3, n3, s3 = _pivot(scratch[o + wide + 3] - l3 * a3 - k3 * b3 - j3 * c3, w3)
-        negatives += n0 + n1 + n2 + n3
-        status = max(status, s0, s1, s2, s3)
-        scratch[inverse + p], scratch[inverse + p + 1] = i0, i1
-        scratch[inverse + p + 2], scratch[inverse + p + 3] = i2, i3
-        for c in range(p, wide, 4):
-            o, q = W + wide * p + c, t + wide * p + c
-            r0 = load4(scratch, o)
-            r1 = load4(scratch, o + wide) - l1 * r0
-            r2 = load4(scratch, o + 2 * wide) - l2 * r0 - k2 * r1
-            r3 = load4(scratch, o + 3 * wide) - l3 * r0 - k3 * r1 - j3 * r2
-            store4(scratch, o + wide, r1)
-            store4(scratch, o + 2 * wide, r2)
-            store4(scratch, o + 3 * wide, r3)
-            store4(scratch, q, i0 * r0)
-            store4(scratch, q + wide, i1 * r1)
-            store4(scratch, q + 2 * wide, i2 * r2)
-            store4(scratch, q + 3 * wide, i3 * r3)
-    for p in range(M - 4, -1, -4):
-        o = t + wide * p
-        y = o + M
-        weighted_rows(
-            number, scratch, y, scratch, o + p + 4, scratch, y + 4 * wide, 0, wide, 0, wide, 1, 0, wide, 1, 4,
-            M - p - 4, 8, -1.0, True,
-        )  # fmt: skip
-        o += p
-        l1, l2, l3 = scratch[o + 1], scratch[o + 2], scratch[o + 3]
-        k2, k3, j3 = scratch[o + wide + 2], scratch[o + wide + 3], scratch[o + 2 * wide + 3]
-        for c in range(y, y + 8, 4):
-            r3 = load4(scratch, c + 3 * wide)
-            r2 = load4(scratch, c + 2 * wide) - j3 * r3
-            r1 = load4(scratch, c + wide) - k2 * r2 - k3 * r3
-            store4(scratch, c + 2 * wide, r2)
-            store4(scratch, c + wide, r1)
-            store4(scratch, c, load4(scratch, c) - l1 * r1 - l2 * r2 - l3 * r3)
-    return negatives, status
-
-
 @kernel
-def _solve_more(N, M, scratch, t, X):
-    """X (N, 3) = W^-1 X with t as `_factor` leaves it."""
-    wide = M + 8
-    for i in range(N):
-        for j in range(i):
-            for c in range(3):
-                X[i, c] -= scratch[t + wide * j + i] * X[j, c]
-    for i in range(N - 1, -1, -1):
-        for c in range(3):
-            X[i, c] *= scratch[t + wide * M + i]
-        for k in range(i + 1, N):
-            for c in range(3):
-                X[i, c] -= scratch[t + wide * i + k] * X[k, c]
-
-
-@kernel
-def _add_flexibility(w, scratch, S, lanes, A):
-    """A (3, 3) += w S, S: place of a symmetric matrix as xx, xy, xz, yy, yz, zz, `lanes` apart."""
-    first = 0
-    for i in range(3):
-        for j in range(i, 3):
-            x = w * scratch[S + lanes * (first + j)]
-            A[i, j] += x
-            if i != j:
-                A[j, i] += x
-        first += 2 - i
-
-
-@kernel
-def _follow_gravity(value, number, pull, scratch, K, step, X):
+def _follow_gravity(length, number, pull, c, f, K, step, X):
     """The pull (39,) of a leaf with weight, see `ksd.beam.weight`; X (N, 3) = W^-1 eta(L)^T is kept for `strain_recover`.
 
     With B = int M S and Z = J X + B (force rows): V_xi,g = -K Z, V_g,g = Z^T K Z - eta X - int M^2 S, and the
     first moment int M v is predicted with the step of the wrench, step = K (c + J W^-1 g).
     """
-    nx, ny, nz, ng = number[0], number[1], number[2], number[3]
-    N = nx + ny + nz
-    L = value[0]
-    M, lanes = (N + 3) & -4, (ng + 4) & -4
-    of, at = tables(nx, ny, nz, ng), places(N, ng)
-    weight, beyond = of.weight, of.beyond
-    v, S, eta = at.v, at.S, at.eta + 3 * M * ng
-    rho = at.fields + 6 * M * ng
+    N, ng = number[0] + number[1] + number[2], number[3]
     Z, G = local_matrix(6, 3), local_matrix(3, 3)
-    for c in range(3):
-        pull[3 + c] = 0.0
+    for e in range(3):
+        pull[3 + e] = 0.0
         for r in range(3):
-            Z[r, c] = Z[3 + r, c] = G[r, c] = 0.0
+            Z[r, e], Z[3 + r, e], G[r, e] = 0.0, 0.0, 0.0
     for g in range(ng):
-        w = L * value[weight + g] * value[beyond + g]
-        for c in range(3):
-            pull[3 + c] += w * scratch[v + lanes * c + g]
-        _add_flexibility(w, scratch, S + g, lanes, Z)
-        _add_flexibility(w * value[beyond + g], scratch, S + g, lanes, G)
+        w = length * c.weight[g] * c.beyond[g]
+        for r in range(3):
+            pull[3 + r] += w * f.v[g, r]
+            for e in range(3):
+                Z[r, e] += w * f.S[g, r, e]
+                G[r, e] += w * c.beyond[g] * f.S[g, r, e]
     for i in range(N):
-        for c in range(3):
-            X[i, c] = scratch[eta + M * c + i]
-    _solve_more(N, M, scratch, at.t, X)
-    for c in range(3):
-        pull[6 + c] = pull[3 + c]
+        for e in range(3):
+            X[i, e] = f.eta[ng, i, e]
+    _substitute(f.W, X)
+    for e in range(3):
+        pull[6 + e] = pull[3 + e]
         for i in range(N):
-            pull[3 + c] -= scratch[eta + M * c + i] * scratch[at.t + (M + 8) * i + M + 6]
+            pull[3 + e] -= f.eta[ng, i, e] * f.Y[i, 6]
             for r in range(3):
-                Z[r, c] += scratch[rho + M * r + i] * X[i, c]
-                Z[3 + r, c] += scratch[rho + M * (3 + r) + i] * X[i, c]
-                G[r, c] += scratch[eta + M * r + i] * X[i, c]
-    for c in range(3):
+                Z[r, e] += f.rho[ng, i, r] * X[i, e]
+                Z[3 + r, e] += f.psi[ng, i, r] * X[i, e]
+                G[r, e] += f.eta[ng, i, r] * X[i, e]
+    for e in range(3):
         for r in range(6):
-            pull[3 + c] += Z[r, c] * step[r]
+            pull[3 + e] += Z[r, e] * step[r]
             s = 0.0
-            for e in range(6):
-                s -= K[r, e] * Z[e, c]
-            pull[9 + 3 * r + c] = s
+            for k in range(6):
+                s -= K[r, k] * Z[k, e]
+            pull[9 + 3 * r + e] = s
     for r in range(3):
-        for c in range(3):
-            s = -G[r, c]
-            for e in range(6):
-                s -= Z[e, r] * pull[9 + 3 * e + c]
-            pull[27 + 3 * r + c] = s
+        for e in range(3):
+            s = -G[r, e]
+            for k in range(6):
+                s -= Z[k, r] * pull[9 + 3 * k + e]
+            pull[27 + 3 * r + e] = s
 
 
 @kernel
@@ -224,92 +453,71 @@ def strain_condense(value, number, inner, store, scratch, d, Q, lam, K):
     """Condense one leaf at end pose d (3,) [m], Q (3, 3); see the module docstring for the equations.
 
     inner = (a (N,), lam (6,)). Writes lam[0:6] condensed end wrench, lam[6:12] the wrench the geometric terms
-    use (the one before this step), K (6, 6). store keeps W^-1 J^T, W^-1 g and a spare number (N, 8), K (6, 6) and
+    use (the one before this step), K (6, 6). store keeps W^-1 J^T and W^-1 g (N, 8, the last a spare), K (6, 6) and
     c + J W^-1 g (6,); a leaf with weight also W^-1 eta(L)^T (N, 3) and its pull (see `ksd.beam.weight`).
     scratch: `strain_values.strain_scratch` numbers or more, left undefined.
     Returns (negative pivots of W minus those of F, |change of n| [N], |change of m| [Nm], status).
     """
-    nx, ny, nz, ng = number[0], number[1], number[2], number[3]
-    N = nx + ny + nz
-    M, lanes = (N + 3) & -4, (ng + 4) & -4
-    L, weight = value[0], tables(nx, ny, nz, ng).weight
+    N, ng = number[0] + number[1] + number[2], number[3]
     tail = N * 8
-    c0 = tail + 36
+    gap = store[tail + 36 : tail + 42]
     heavy = len(store) > tail + 42
     pull = store[len(store) - PULL if heavy else len(store) :]
-    at = places(N, ng)
-    W, f, wide = at.W, at.f, M + 8
-    end, Y = at.fields + 6 * M * ng, at.t + M
     strain_fields(value, number, inner, pull, scratch)
     strain_tangent(value, number, inner, pull, scratch)
+    c, f = constants_of(value, number), fields_of(number, scratch)
     # Y = W^-1 [J^T, g], seven right-hand sides at once; J = (rho(L), psi(L))
-    for i in range(0, M, 4):
-        o, p = W + wide * i + M, end + i
-        a, b, c, e = transpose4(
-            load4(scratch, p), load4(scratch, p + M), load4(scratch, p + 2 * M), load4(scratch, p + 3 * M)
-        )
-        p += 4 * M
-        a4, b4, c4, e4 = transpose4(
-            load4(scratch, p), load4(scratch, p + M), load4(scratch, at.t + i), spread(0.0)
-        )
-        store4(scratch, o, a)
-        store4(scratch, o + 4, a4)
-        store4(scratch, o + wide, b)
-        store4(scratch, o + wide + 4, b4)
-        store4(scratch, o + 2 * wide, c)
-        store4(scratch, o + 2 * wide + 4, c4)
-        store4(scratch, o + 3 * wide, e)
-        store4(scratch, o + 3 * wide + 4, e4)
-    negatives, status = _factor(M, number, scratch, W, at.t)
-    # F = J W^-1 J^T + L sum w S (force block);  c = closure + J W^-1 g
-    weighted_rows(
-        number, scratch, f, scratch, end, scratch, Y, 0, 8, 0, M, 1, 0, wide, 1, 6, N, 8, 1.0, False,
-    )  # fmt: skip
-    F = matrix_at(scratch, f, 6, 8)
-    first = 0
+    for i in range(N):
+        for r in range(3):
+            f.Y[i, r], f.Y[i, 3 + r] = f.rho[ng, i, r], f.psi[ng, i, r]
+        f.Y[i, 6] = f.g[i]
+    negatives, status = _solve_modes(f.W, f.Y)
+    # F = J W^-1 J^T + L sum w S (force block);  gap = closure + J W^-1 g
+    F, turned, twist = local_matrix(6, 6), local_matrix(3, 3), local_vector(3)
+    end = f.R[ng]
     for i in range(3):
-        for j in range(i, 3):
-            x = 0.0
-            for g in range(ng):
-                x += value[weight + g] * scratch[at.S + lanes * (first + j) + g]
-            F[i, j] += L * x
-            if i != j:
-                F[j, i] += L * x
-        first += 2 - i
-    gap, step = local_vector(3), local_matrix(3, 3)
-    for j in range(3):
-        o = at.R + ng + 3 * lanes * j
-        x, y, z = scratch[o], scratch[o + lanes], scratch[o + 2 * lanes]
+        for j in range(3):
+            turned[i, j] = Q[i, 0] * end[j, 0] + Q[i, 1] * end[j, 1] + Q[i, 2] * end[j, 2]
+    rotation_log(turned, twist)
+    for r in range(6):
+        gap[r] = d[r] - f.r[ng, r] if r < 3 else twist[r - 3]
+        for e in range(6):
+            F[r, e] = 0.0
+    for i in range(N):
+        for r in range(6):
+            j = f.rho[ng, i, r] if r < 3 else f.psi[ng, i, r - 3]
+            gap[r] += j * f.Y[i, 6]
+            for e in range(6):
+                F[r, e] += j * f.Y[i, e]
+            store[8 * i + r] = f.Y[i, r]
+        store[8 * i + 6] = f.Y[i, 6]
+    for g in range(ng):
+        w = value[0] * c.weight[g]
         for i in range(3):
-            step[i, j] = Q[i, 0] * x + Q[i, 1] * y + Q[i, 2] * z
-    rotation_log(step, gap)
+            for j in range(3):
+                F[i, j] += w * f.S[g, i, j]
+    for r in range(6):
+        for e in range(r):
+            F[r, e] = F[e, r] = 0.5 * (F[r, e] + F[e, r])
     back, fine = _invert6(F, K)
     if not fine:
         status = 2
-    for r in range(3):
-        store[c0 + r] = d[r] - scratch[at.r + lanes * r + ng] + F[r, 6]
-        store[c0 + 3 + r] = gap[r] + F[3 + r, 6]
-    for i in range(N):
-        store4(store, 8 * i, load4(scratch, Y + wide * i))
-        store4(store, 8 * i + 4, load4(scratch, Y + wide * i + 4))
     dn, dm = 0.0, 0.0
+    change = local_vector(6)
     for r in range(6):
         s = 0.0
         for e in range(6):
             store[tail + r * 6 + e] = K[r, e]
-            s += K[r, e] * store[c0 + e]
-        lam[r] = inner[N + r] + s
-        lam[6 + r] = inner[N + r]
+            s += K[r, e] * gap[e]
+        change[r] = s
+        lam[r], lam[6 + r] = inner[N + r] + s, inner[N + r]
         if r < 3:
             dn += s * s
         else:
             dm += s * s
     if heavy:
-        change = local_vector(6)
-        for r in range(6):
-            change[r] = lam[r] - lam[6 + r]
-        X = matrix_at(store, tail + 42, N, 3)
-        _follow_gravity(value, number, pull, scratch, K, change, X)
+        X = store[tail + 42 : tail + 42 + 3 * N].reshape(N, 3)
+        _follow_gravity(value[0], number, pull, c, f, K, change, X)
     if not math.isfinite(dn + dm):
         status = 2
     return negatives - back, math.sqrt(dn), math.sqrt(dm), status
@@ -317,20 +525,20 @@ def strain_condense(value, number, inner, store, scratch, d, Q, lam, K):
 
 @kernel
 def strain_recover(value, number, inner, store, xi, scale):
-    """dlam = K (xi + c), da = W^-1 (J^T dlam - g), both times `scale`, added to the inner state.
+    """dlam = K (xi + gap), da = W^-1 (J^T dlam - g), both times `scale`, added to the inner state.
 
     A leaf with weight follows the change of gravity in frame p, the last three numbers of its pull.
     """
     N = number[0] + number[1] + number[2]
     tail = N * 8
-    c0 = tail + 36
+    gap = tail + 36
     heavy = len(store) > tail + 42
     o = len(store) - PULL
     step = local_vector(6)
     for r in range(6):
         s = 0.0
         for e in range(6):
-            s += store[tail + r * 6 + e] * (xi[e] + store[c0 + e])
+            s += store[tail + r * 6 + e] * (xi[e] + store[gap + e])
         if heavy:
             for e in range(3):
                 s += store[o + 9 + 3 * r + e] * store[o + 36 + e]
@@ -342,5 +550,5 @@ def strain_recover(value, number, inner, store, xi, scale):
             s += store[i * 8 + e] * step[e]
         if heavy:
             for e in range(3):
-                s += store[c0 + 6 + 3 * i + e] * store[o + 36 + e]
+                s += store[gap + 6 + 3 * i + e] * store[o + 36 + e]
         inner[i] += scale * s

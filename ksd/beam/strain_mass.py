@@ -15,8 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ksd.beam.strain_fields import strain_fields, strain_tangent
-from ksd.beam.strain_points import places
+from ksd.beam.strain import fields_of, strain_fields, strain_tangent
 from ksd.beam.strain_values import masses_beyond, strain_scratch
 from ksd.numerics.kernel import kernel
 
@@ -84,8 +83,7 @@ def many_pulls(value: Array, number: NDArray[np.int64], inner: Array, gravity: A
     parts, v, S, eta = _many(value, number, inner, gravity)
     M = np.stack([masses_beyond(leaf, number) for leaf in value])
     amount = parts.length[:, None] * parts.weight * M
-    full = S[..., [[0, 1, 2], [1, 3, 4], [2, 4, 5]]]
-    B, D = (np.einsum("kg,kgij->kij", a, full) for a in (amount, amount * M))
+    B, D = (np.einsum("kg,kgij->kij", a, S) for a in (amount, amount * M))
     return StrainPull(np.einsum("kg,kgi->ki", amount, v), eta[:, -1], B, D)
 
 
@@ -98,51 +96,51 @@ def _every_leaf(value, number, inner, pull, scratch, tangent):
             strain_tangent(value[i], number, inner[i], pull[i], scratch[i])
 
 
+def _every_field(number: NDArray[np.int64], scratch: Array) -> Any:
+    """`Fields` of k leafs in rows of `scratch`, every array with a leading axis (k,)."""
+    rows = [fields_of(number, row) for row in scratch]
+    return type(rows[0])(*(np.stack(arrays) for arrays in zip(*rows, strict=True)))
+
+
 def many_slacks(value: Array, number: NDArray[np.int64], inner: Array) -> Array:
     """S (k, 3, 3) [m/N] of k leafs, without the rest of `many_parts`."""
     nx, ny, nz, ng = (int(n) for n in number[:4])
-    k, at = len(value), places(nx + ny + nz, ng)
     first = 1 + nx * nx + ny * ny + nz * nz + nx + ny + nz
-    scratch, none = np.zeros((k, strain_scratch(number))), np.zeros((k, 0))
+    scratch, none = np.zeros((len(value), strain_scratch(number))), np.zeros((len(value), 0))
     _every_leaf(np.ascontiguousarray(value), number, np.ascontiguousarray(inner), none, scratch, 0)
     weight = value[:, :1] * value[:, first : first + ng]
-    S = scratch[:, at.S : at.r].reshape(k, 6, (at.v - at.R) // 9)[..., :ng]
-    found: Array = np.einsum("kg,kig->ki", weight, S)
-    return found[:, [[0, 1, 2], [1, 3, 4], [2, 4, 5]]]
+    found: Array = np.einsum("kg,kgij->kij", weight, _every_field(number, scratch).S)
+    return found
 
 
 def _many(
     value: Array, number: NDArray[np.int64], inner: Array, gravity: Array | None
 ) -> tuple[StrainParts, Array, Array, Array]:
-    """The parts, and v (k, ng, 3), S (k, ng, 6), eta (k, ng+1, 3, N), last at end q, of `ksd.beam.strain_fields`."""
+    """The parts, and v (k, ng, 3), S (k, ng, 3, 3), eta (k, ng+1, 3, N), last at end q, of `ksd.beam.strain.Fields`."""
     nx, ny, nz, ng = (int(n) for n in number[:4])
-    k, N = len(value), nx + ny + nz
-    at = 1 + nx * nx + ny * ny + nz * nz + N
+    k = len(value)
+    at = 1 + nx * nx + ny * ny + nz * nz + nx + ny + nz
     L, weight = value[:, 0], value[:, at : at + ng]
     integral = value[:, at + ng : at + ng + ng * ng].reshape(k, ng, ng)
-    scratch, at = np.zeros((k, strain_scratch(number))), places(N, ng)
+    scratch = np.zeros((k, strain_scratch(number)))
     pull = np.zeros((k, 0)) if gravity is None else np.ascontiguousarray(gravity)
     _every_leaf(np.ascontiguousarray(value), number, np.ascontiguousarray(inner), pull, scratch, 1)
-    l, M = (at.v - at.R) // 9, (at.fields - at.f) // (3 * ng)
-    v = scratch[:, at.v : at.S].reshape(k, 3, l)[..., :ng].swapaxes(1, 2)
-    S = scratch[:, at.S : at.r].reshape(k, 6, l)[..., :ng].swapaxes(1, 2)
-    both = scratch[:, at.fields : at.W].reshape(k, ng + 1, 6, M)[..., :N]
-    upper = np.triu(scratch[:, at.W : at.t].reshape(k, M, M + 8)[:, :N, :N])
-    soft = L[:, None] * (weight[:, None] @ S)[:, 0]
+    f = _every_field(number, scratch)
+    rho, psi = f.rho.swapaxes(2, 3), f.psi.swapaxes(2, 3)
     parts = StrainParts(
-        W=upper + np.triu(upper, 1).swapaxes(1, 2),
-        J=both[:, ng],
-        S=soft[:, [[0, 1, 2], [1, 3, 4], [2, 4, 5]]],
+        W=f.W,
+        J=np.concatenate([rho[:, ng], psi[:, ng]], axis=1),
+        S=np.einsum("k,kg,kgij->kij", L, weight, f.S),
         length=L,
         s=integral.sum(axis=2),
         weight=weight,
-        r=L[:, None, None] * (integral @ v),
-        end=scratch[:, at.r : at.m].reshape(k, 3, l)[..., ng],
-        R=np.moveaxis(scratch[:, : at.v].reshape(k, 3, 3, l)[..., :ng], 3, 1),
-        rho=both[:, :ng, :3],
-        psi=both[:, :ng, 3:],
+        r=f.r[:, :ng],
+        end=f.r[:, ng],
+        R=f.R[:, :ng],
+        rho=rho[:, :ng],
+        psi=psi[:, :ng],
     )
-    return parts, v, S, scratch[:, at.eta : at.end].reshape(k, ng + 1, 3, M)[..., :N]
+    return parts, f.v, f.S, f.eta.swapaxes(2, 3)
 
 
 def strain_flexibility(parts: StrainParts) -> tuple[Array, Array, Array]:

@@ -2,11 +2,8 @@
 
 Layout of the flat array (N = nx + ny + nz modes, ng points): L; stiffness blocks (nx^2, ny^2, nz^2) [N m^3 .. per
 (1/m)^2]; stress-free amplitudes a0 (N); weights (ng), sum 1; integration matrix (ng, ng); modes (N, ng); compliances
-(ng, 3): 1/EA, 1/(ky GA), 1/(kz GA); gap integrals (N, ng+1); gap pair integrals yz, zx, xy, gap last; integration
-matrix again, transposed, with the weights for end q beside it, padded (ng, l); modes again, those of every axis in a
-table of their own, zero elsewhere (3, l, M); stiffness again, as one matrix (M, M), 1 where there is no mode; of a leaf
-with weight the mass beyond each point (ng) [kg] and four zeros. l and M: ng + 1 and N rounded up to fours, as vectors of
-the processor take them.
+(ng, 3): 1/EA, 1/(ky GA), 1/(kz GA); gap integrals (N, ng+1); gap pair integrals yz, zx, xy, gap last; of a leaf with
+weight the mass beyond each point (ng) [kg].
 """
 
 from __future__ import annotations
@@ -152,37 +149,9 @@ def strain_values(
         np.moveaxis(pair[:, z, x], 0, -1).ravel(),
         np.moveaxis(pair[:, x, y], 0, -1).ravel(),
     ]
-    parts += [_sums(table), _masked(table, orders), _whole(stiffness, orders)]
     if line_mass is not None:
-        parts += [length * (table.weight - table.integral) @ line_mass, np.zeros(4)]
+        parts.append(length * (table.weight - table.integral) @ line_mass)
     return np.concatenate(parts).astype(float), np.array([nx, ny, nz, ng], np.int64)
-
-
-def _sums(modes: Modes) -> np.ndarray:
-    """Integrals from the start to every point and, last, to end q, of the Lagrange polynomials: (ng l,)."""
-    ng = len(modes.s)
-    found = np.zeros((ng, (ng + 4) // 4 * 4))
-    found[:, :ng], found[:, ng] = modes.integral.T, modes.weight
-    return found.ravel()
-
-
-def _masked(modes: Modes, orders: tuple[int, int, int]) -> np.ndarray:
-    """Modes of each axis among zeros, (3 l M,)."""
-    total, ng = sum(orders), len(modes.s)
-    found = np.zeros((3, (ng + 4) // 4 * 4, (total + 3) // 4 * 4))
-    axis = np.repeat(np.arange(3), orders)
-    found[axis, :ng, np.arange(total)] = modes.basis
-    return found.ravel()
-
-
-def _whole(blocks: list, orders: tuple[int, int, int]) -> np.ndarray:
-    """Stiffness blocks as one matrix, (M M,)."""
-    found = np.eye((sum(orders) + 3) // 4 * 4)
-    first = 0
-    for block, n in zip(blocks, orders, strict=True):
-        found[first : first + n, first : first + n] = block.reshape(n, n)
-        first += n
-    return found.ravel()
 
 
 def strain_sizes(number: np.ndarray, *, heavy: bool = False) -> tuple[int, int]:
@@ -192,21 +161,17 @@ def strain_sizes(number: np.ndarray, *, heavy: bool = False) -> tuple[int, int]:
 
 
 def strain_scratch(number: np.ndarray) -> int:
-    """Numbers of scratch `ksd.beam.strain.strain_condense` needs, with weight or without."""
-    ng = int(number[3])
-    l, M = (ng + 4) // 4 * 4, (int(number[:3].sum()) + 3) // 4 * 4
-    # as `ksd.beam.strain_points.places` lays it out
-    return 54 * l + 3 * M * ng + 9 * M * (ng + 1) + (2 * M + 1) * (M + 8)
+    """Numbers of scratch that `ksd.beam.strain.fields_of` lays out."""
+    N, ng = int(number[:3].sum()), int(number[3])
+    return 12 * (ng + 1) + 15 * ng + 9 * N * (ng + 1) + N * (N + 11)
 
 
 def strain_constants(number: np.ndarray, *, heavy: bool = False) -> int:
     """How many numbers `strain_values` lays out."""
     nx, ny, nz, ng = (int(n) for n in number[:4])
     N = nx + ny + nz
-    l, M = (ng + 4) // 4 * 4, (N + 3) // 4 * 4
     own = 1 + nx * nx + ny * ny + nz * nz + N + ng * (1 + ng + N + 3)
-    gaps = (N + ny * nz + nz * nx + nx * ny) * (ng + 1)
-    return own + gaps + ng * l + 3 * l * M + M * M + heavy * (ng + 4)
+    return own + (N + ny * nz + nz * nx + nx * ny) * (ng + 1) + heavy * ng
 
 
 def masses_beyond(value: np.ndarray, number: np.ndarray) -> np.ndarray:

@@ -16,15 +16,13 @@ from ksd.numerics.kernel import compile_late
 STRAIN, COROTATIONAL, LINEAR, COIL, TURN, MODAL, SOLID, PLANAR = 0, 1, 2, 3, 4, 5, 6, 7
 TRANSLATION, ROTATION = 0, 1
 ENTRIES = {
-    STRAIN: ("strain_recover",),
+    STRAIN: ("strain_condense", "strain_recover"),
     COROTATIONAL: ("chain_condense", "chain_recover"),
     MODAL: ("modal_condense", "modal_recover"),
     SOLID: ("polynomial_condense", "modal_recover"),
     PLANAR: ("planar_condense", "planar_recover"),
 }
 """Entry points of `ksd.beam.entry`, compiled only where a model has members of the kind."""
-STRAIN_ENTRIES = ("strain_condense", "strain_condense_default")
-"""The same for strain-mode members of any, and of the default orders."""
 WEIGHT_ENTRIES = ("pull_member", "weigh_member", "turn_pull")
 """Entry points of `ksd.beam.weight_entry`, compiled only where a model has members with weight."""
 
@@ -171,12 +169,7 @@ def _ready(arrays: Arrays) -> None:
     from ksd.model import system, turning  # noqa: F401, as above
 
     members = arrays.members
-    kinds = set(members.kind.tolist())
-    compile_late(*(name for kind in kinds for name in ENTRIES.get(kind, ())))
-    default = np.all(members.number == entry.DEFAULT, axis=1) & (
-        np.diff(members.store_at) == entry.LENGTHS[1]
-    )
-    compile_late(*(STRAIN_ENTRIES[d] for d in set(default[members.kind == STRAIN].tolist())))
+    compile_late(*(name for kind in set(members.kind.tolist()) for name in ENTRIES.get(kind, ())))
     if len(arrays.weight):
         compile_late(*WEIGHT_ENTRIES)
     if len(members.kind) + len(arrays.springs.kind):

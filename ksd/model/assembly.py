@@ -5,8 +5,6 @@ from __future__ import annotations
 import math
 
 from ksd.beam.entry import (
-    DEFAULT,
-    LENGTHS,
     chain_condense,
     chain_near,
     chain_recover,
@@ -16,7 +14,6 @@ from ksd.beam.entry import (
     planar_recover,
     polynomial_condense,
     strain_condense,
-    strain_condense_default,
     strain_recover,
 )
 from ksd.beam.linear import linear_condense
@@ -44,19 +41,10 @@ def condense_member(members, inner, work, i, d, Q, K):
     if members.kind[i] == PLANAR:
         planar_condense(V, N, S, W, d.ctypes, Q.ctypes, lam.ctypes, K.ctypes, out.ctypes, size.ctypes)
     elif members.kind[i] == STRAIN:
-        scratch = work.scratch
-        size[4] = len(scratch)
-        own = len(kept) == LENGTHS[1]
-        for k in range(4):
-            own = own and number[k] == DEFAULT[k]
-        if own:
-            strain_condense_default(
-                V, N, S, W, scratch.ctypes, d.ctypes, Q.ctypes, lam.ctypes, K.ctypes, out.ctypes, size.ctypes
-            )
-        else:
-            strain_condense(
-                V, N, S, W, scratch.ctypes, d.ctypes, Q.ctypes, lam.ctypes, K.ctypes, out.ctypes, size.ctypes
-            )
+        size[4] = len(work.scratch)
+        strain_condense(
+            V, N, S, W, work.scratch.ctypes, d.ctypes, Q.ctypes, lam.ctypes, K.ctypes, out.ctypes, size.ctypes
+        )
     elif members.kind[i] == MODAL:
         modal_condense(V, N, S, W, d.ctypes, Q.ctypes, lam.ctypes, K.ctypes, out.ctypes, size.ctypes)
     elif members.kind[i] == SOLID:

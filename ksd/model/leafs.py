@@ -16,8 +16,7 @@ from typing import Any
 import numpy as np
 
 from ksd.beam import corotational_values as chains
-from ksd.beam.strain_fields import strain_fields
-from ksd.beam.strain_points import places
+from ksd.beam.strain import fields_of, strain_fields
 from ksd.beam.strain_values import Modes, make_modes, strain_scratch, strain_sizes, strain_values
 from ksd.errors import SceneError
 from ksd.model.arrays import COROTATIONAL, STRAIN
@@ -206,12 +205,10 @@ def _undeformed_end(
     value: np.ndarray, number: np.ndarray, inner: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Pose of end q by the leaf's own integration, so that a curved leaf is free of stress at rest."""
-    ng, N = int(number[3]), int(sum(number[:3]))
     scratch = np.zeros(strain_scratch(number))
     strain_fields(value, number, inner, np.zeros(0), scratch)
-    at = places(N, ng)
-    end, turned = scratch[at.r : at.m].reshape(3, -1), scratch[at.R : at.v].reshape(3, 3, -1)
-    return end[:, ng].copy(), turned[..., ng].copy()
+    fields = fields_of(number, scratch)
+    return fields.r[-1].copy(), fields.R[-1].copy()
 
 
 def _numbers(section: Section, leaf: Any, mesh: Mesh) -> SimpleNamespace:

@@ -46,7 +46,7 @@ def planar_jobs(model: Model) -> list[Job]:
     return [
         lambda: compile_now("assemble_apart", "iterate_apart"),
         *every_jobs(model),
-        lambda: compile_now("strain_condense_default", "strain_recover"),
+        lambda: compile_now("strain_condense", "strain_recover"),
         lambda: compile_now("planar_condense", "planar_recover"),
         *chain_jobs(),
     ]

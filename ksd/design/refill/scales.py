@@ -69,9 +69,6 @@ def _space_kinds(value: np.ndarray, number: np.ndarray, kind: int) -> np.ndarray
     N = nx + ny + nz
     before = N + ng + ng * ng + N * ng
     parts = [LENGTH] + [2] * nx * nx + [3] * ny * ny + [4] * nz * nz + [ONE] * before + [*SOFT] * ng
-    lanes, M = (ng + 4) // 4 * 4, (N + 3) // 4 * 4
-    parts += [ONE] * ((N + ny * nz + nz * nx + nx * ny) * (ng + 1) + ng * lanes + 3 * lanes * M)
-    parts += [2] * nx * M + [3] * ny * M + [4] * nz * M
     return np.array(parts + [ONE] * (len(value) - len(parts)), np.int64)
 
 
