@@ -46,8 +46,9 @@ class Fields(NamedTuple):
     """A leaf at one inner state, at its ng quadrature points and, last, at end q.
 
     R (ng+1, 3, 3) orientation; v (ng, 3) = r'; S (ng, 3, 3) = R C R^T [1/N]; r (ng+1, 3) place [m]; m (ng, 3) moment [Nm];
-    psi, rho, eta (ng+1, N, 3): rotation, displacement and first moment of the mass per unit amplitude, at fixed n; eta only
-    with weight. W (N, N) tangent and g (N,) residual of the amplitudes; Y (N, 7) right-hand sides; work (N, 3).
+    psi, rho, eta (ng+1, 3, N): rotation, displacement and first moment of the mass per unit amplitude, at fixed n; eta only
+    with weight. W (N, N) tangent and g (N,) residual of the amplitudes; Y (N, 7) right-hand sides; slope (ng, 3, N) and
+    turn (3, ng+1): scratch.
     """
 
     R: np.ndarray
@@ -61,7 +62,8 @@ class Fields(NamedTuple):
     W: np.ndarray
     g: np.ndarray
     Y: np.ndarray
-    work: np.ndarray
+    slope: np.ndarray
+    turn: np.ndarray
 
 
 @kernel
@@ -104,56 +106,61 @@ def fields_of(number, scratch):
     W = eta + 3 * N * (ng + 1)
     g = W + N * N
     Y = g + N
-    work = Y + 7 * N
+    slope = Y + 7 * N
+    turn = slope + 3 * N * ng
     return Fields(
         scratch[:v].reshape(ng + 1, 3, 3),
         scratch[v:S].reshape(ng, 3),
         scratch[S:r].reshape(ng, 3, 3),
         scratch[r:m].reshape(ng + 1, 3),
         scratch[m:psi].reshape(ng, 3),
-        scratch[psi:rho].reshape(ng + 1, N, 3),
-        scratch[rho:eta].reshape(ng + 1, N, 3),
-        scratch[eta:W].reshape(ng + 1, N, 3),
+        scratch[psi:rho].reshape(ng + 1, 3, N),
+        scratch[rho:eta].reshape(ng + 1, 3, N),
+        scratch[eta:W].reshape(ng + 1, 3, N),
         scratch[W:g].reshape(N, N),
         scratch[g:Y],
-        scratch[Y:work].reshape(N, 7),
-        scratch[work : work + 3 * N].reshape(N, 3),
+        scratch[Y:slope].reshape(N, 7),
+        scratch[slope:turn].reshape(ng, 3, N),
+        scratch[turn : turn + 3 * (ng + 1)].reshape(3, ng + 1),
     )
 
 
 @kernel
-def _orientations(length, number, a, c, R):
+def _orientations(length, number, a, c, f):
     """R at the points and at end q: over every gap exp(int kappa + 1/2 iint_{s1<s2} kappa(s1) x kappa(s2))."""
-    nx, ny, nz, ng = number[0], number[1], number[2], number[3]
+    gaps, first, pair = number[3] + 1, 0, 0
+    for axis in range(3):
+        turn = f.turn[axis]
+        for g in range(gaps):
+            turn[g] = 0.0
+        for i in range(first, first + number[axis]):
+            for g in range(gaps):
+                turn[g] += length * a[i] * c.gap[i, g]
+        first += number[axis]
+    # pairs of modes: y with z turn about x, z with x about y, x with y about z
+    for axis in range(3):
+        j, k = (axis + 1) % 3, (axis + 2) % 3
+        one = 0 if j == 0 else (number[0] if j == 1 else number[0] + number[1])
+        two = 0 if k == 0 else (number[0] if k == 1 else number[0] + number[1])
+        for m in range(number[j]):
+            for n in range(number[k]):
+                w = 0.5 * length * length * a[one + m] * a[two + n]
+                if w != 0.0:
+                    for g in range(gaps):
+                        f.turn[axis, g] += w * c.pairs[pair, g]
+                pair += 1
     phi, E = local_vector(3), local_matrix(3, 3)
-    half = 0.5 * length * length
-    zx, xy = ny * nz, ny * nz + nz * nx
-    for g in range(ng + 1):
-        x, y, z = 0.0, 0.0, 0.0
-        for i in range(nx):
-            x += a[i] * c.gap[i, g]
-        for i in range(nx, nx + ny):
-            y += a[i] * c.gap[i, g]
-        for i in range(nx + ny, nx + ny + nz):
-            z += a[i] * c.gap[i, g]
-        phi[0], phi[1], phi[2] = length * x, length * y, length * z
-        # pairs of modes: y with z turn about x, z with x about y, x with y about z
-        for k in range(ny):
-            for l in range(nz):
-                phi[0] += half * a[nx + k] * a[nx + ny + l] * c.pairs[k * nz + l, g]
-        for k in range(nz):
-            for l in range(nx):
-                phi[1] += half * a[nx + ny + k] * a[l] * c.pairs[zx + k * nx + l, g]
-        for k in range(nx):
-            for l in range(ny):
-                phi[2] += half * a[k] * a[nx + l] * c.pairs[xy + k * ny + l, g]
+    for g in range(gaps):
+        phi[0], phi[1], phi[2] = f.turn[0, g], f.turn[1, g], f.turn[2, g]
+        R = f.R[g]
         if g == 0:
-            rotation_exp(phi, R[0])
+            rotation_exp(phi, R)
             continue
         rotation_exp(phi, E)
-        for i in range(3):
-            for j in range(3):
-                R[g, i, j] = R[g - 1, i, 0] * E[0, j] + R[g - 1, i, 1] * E[1, j] + R[g - 1, i, 2] * E[2, j]
+        for r in range(3):
+            x, y, z = f.R[g - 1, r, 0], f.R[g - 1, r, 1], f.R[g - 1, r, 2]
+            for e in range(3):
+                R[r, e] = x * E[0, e] + y * E[1, e] + z * E[2, e]
 
 
 @kernel
@@ -179,7 +186,7 @@ def _slopes(number, n, pull, c, f):
 @kernel
 def _integrate(length, c, slope, found):
     """found (ng+1, k) = length times the integral of slope (ng, k) from end p to every point and to end q."""
-    ng, k = len(c.weight), slope.shape[1]
+    ng, k = slope.shape
     for g in range(ng + 1):
         for e in range(k):
             found[g, e] = 0.0
@@ -216,105 +223,95 @@ def _moments(length, number, n, m, pull, c, f):
 @kernel
 def _mode_fields(length, number, n, pull, c, f):
     """psi_i = int R e_c B_i, rho_i = int [psi_i x v - S (psi_i x n(s))], eta_i = int M rho_i'."""
-    nx, ny, nz, ng = number[0], number[1], number[2], number[3]
-    N = nx + ny + nz
+    ng, N = number[3], f.psi.shape[2]
     heavy = len(pull) > 0
-    for i in range(N):
-        axis = 0 if i < nx else (1 if i < nx + ny else 2)
-        for g in range(ng + 1):
-            x, y, z = 0.0, 0.0, 0.0
-            for h in range(ng):
-                w = (c.integral[g, h] if g < ng else c.weight[h]) * c.basis[i, h]
-                x += w * f.R[h, 0, axis]
-                y += w * f.R[h, 1, axis]
-                z += w * f.R[h, 2, axis]
-            f.psi[g, i, 0], f.psi[g, i, 1], f.psi[g, i, 2] = length * x, length * y, length * z
-    for g in range(ng + 1):
-        for i in range(N):
-            f.rho[g, i, 0], f.rho[g, i, 1], f.rho[g, i, 2] = 0.0, 0.0, 0.0
-            if heavy:
-                f.eta[g, i, 0], f.eta[g, i, 1], f.eta[g, i, 2] = 0.0, 0.0, 0.0
-    for h in range(ng):
-        S, v = f.S[h], f.v[h]
+    slopes = f.slope.reshape(ng, 3 * N)
+    for g in range(ng):
+        first = 0
+        for axis in range(3):
+            for i in range(first, first + number[axis]):
+                for r in range(3):
+                    f.slope[g, r, i] = f.R[g, r, axis] * c.basis[i, g]
+            first += number[axis]
+    _integrate(length, c, slopes, f.psi.reshape(ng + 1, 3 * N))
+    for g in range(ng):
+        S, v, psi, slope = f.S[g], f.v[g], f.psi[g], f.slope[g]
         k0, k1, k2 = n[0], n[1], n[2]
         if heavy:
-            k0 += c.beyond[h] * pull[0]
-            k1 += c.beyond[h] * pull[1]
-            k2 += c.beyond[h] * pull[2]
+            k0 += c.beyond[g] * pull[0]
+            k1 += c.beyond[g] * pull[1]
+            k2 += c.beyond[g] * pull[2]
         for i in range(N):
-            p0, p1, p2 = f.psi[h, i, 0], f.psi[h, i, 1], f.psi[h, i, 2]
+            p0, p1, p2 = psi[0, i], psi[1, i], psi[2, i]
             q0, q1, q2 = p1 * k2 - p2 * k1, p2 * k0 - p0 * k2, p0 * k1 - p1 * k0
-            f.work[i, 0] = p1 * v[2] - p2 * v[1] - S[0, 0] * q0 - S[0, 1] * q1 - S[0, 2] * q2
-            f.work[i, 1] = p2 * v[0] - p0 * v[2] - S[1, 0] * q0 - S[1, 1] * q1 - S[1, 2] * q2
-            f.work[i, 2] = p0 * v[1] - p1 * v[0] - S[2, 0] * q0 - S[2, 1] * q1 - S[2, 2] * q2
-        for g in range(ng + 1):
-            w = length * (c.integral[g, h] if g < ng else c.weight[h])
-            for i in range(N):
-                for e in range(3):
-                    f.rho[g, i, e] += w * f.work[i, e]
-            if heavy:
-                w *= c.beyond[h]
-                for i in range(N):
-                    for e in range(3):
-                        f.eta[g, i, e] += w * f.work[i, e]
+            slope[0, i] = p1 * v[2] - p2 * v[1] - S[0, 0] * q0 - S[0, 1] * q1 - S[0, 2] * q2
+            slope[1, i] = p2 * v[0] - p0 * v[2] - S[1, 0] * q0 - S[1, 1] * q1 - S[1, 2] * q2
+            slope[2, i] = p0 * v[1] - p1 * v[0] - S[2, 0] * q0 - S[2, 1] * q1 - S[2, 2] * q2
+    _integrate(length, c, slopes, f.rho.reshape(ng + 1, 3 * N))
+    if heavy:
+        for g in range(ng):
+            for e in range(3 * N):
+                slopes[g, e] *= c.beyond[g]
+        _integrate(length, c, slopes, f.eta.reshape(ng + 1, 3 * N))
 
 
 @kernel
-def strain_fields(value, number, inner, pull, scratch):
-    """`Fields` of a leaf with inner state `inner` = (a (N,), n (3,), m (3,)) into scratch, without W, g and Y."""
+def _fields(value, number, inner, pull, c, f):
+    """See `strain_fields`."""
     N = number[0] + number[1] + number[2]
-    c, f, n = constants_of(value, number), fields_of(number, scratch), inner[N : N + 3]
-    _orientations(value[0], number, inner, c, f.R)
+    n = inner[N : N + 3]
+    _orientations(value[0], number, inner, c, f)
     _slopes(number, n, pull, c, f)
     _moments(value[0], number, n, inner[N + 3 : N + 6], pull, c, f)
     _mode_fields(value[0], number, n, pull, c, f)
 
 
 @kernel
-def strain_tangent(value, number, inner, pull, scratch):
-    """W and g of the amplitudes at fixed end wrench and gravity, into scratch as left by `strain_fields`:
+def strain_fields(value, number, inner, pull, scratch):
+    """`Fields` of a leaf with inner state `inner` = (a (N,), n (3,), m (3,)) into scratch, without W, g and Y."""
+    _fields(value, number, inner, pull, constants_of(value, number), fields_of(number, scratch))
 
-    g_i = K (a - a0) - L sum w B_i (R e_c).m
-    W_ij = K - sym L sum w B_j (R e_cj).[m x psi_i + (rho_i(L) - rho_i) x n + (eta_i(L) - eta_i) x g]
-    """
-    nx, ny, nz, ng = number[0], number[1], number[2], number[3]
-    N, length = nx + ny + nz, value[0]
-    c, f, n = constants_of(value, number), fields_of(number, scratch), inner[N : N + 3]
+
+@kernel
+def _tangent(value, number, inner, pull, c, f):
+    """See `strain_tangent`."""
+    N, ng, length = number[0] + number[1] + number[2], number[3], value[0]
+    n = inner[N : N + 3]
     heavy = len(pull) > 0
-    W, X = f.W, f.work
+    W, X = f.W, f.slope[0]
     for i in range(N):
         f.g[i] = 0.0
         for j in range(N):
             W[i, j] = 0.0
     for g in range(ng):
         R, m, w = f.R[g], f.m[g], length * c.weight[g]
+        psi, rho, eta = f.psi[g], f.rho[g], f.eta[g]
         for i in range(N):
-            p0, p1, p2 = f.psi[g, i, 0], f.psi[g, i, 1], f.psi[g, i, 2]
-            d0, d1, d2 = (
-                f.rho[ng, i, 0] - f.rho[g, i, 0],
-                f.rho[ng, i, 1] - f.rho[g, i, 1],
-                f.rho[ng, i, 2] - f.rho[g, i, 2],
-            )
+            p0, p1, p2 = psi[0, i], psi[1, i], psi[2, i]
+            d0, d1, d2 = f.rho[ng, 0, i] - rho[0, i], f.rho[ng, 1, i] - rho[1, i], f.rho[ng, 2, i] - rho[2, i]
             x = m[1] * p2 - m[2] * p1 + d1 * n[2] - d2 * n[1]
             y = m[2] * p0 - m[0] * p2 + d2 * n[0] - d0 * n[2]
             z = m[0] * p1 - m[1] * p0 + d0 * n[1] - d1 * n[0]
             if heavy:
                 d0, d1, d2 = (
-                    f.eta[ng, i, 0] - f.eta[g, i, 0],
-                    f.eta[ng, i, 1] - f.eta[g, i, 1],
-                    f.eta[ng, i, 2] - f.eta[g, i, 2],
+                    f.eta[ng, 0, i] - eta[0, i],
+                    f.eta[ng, 1, i] - eta[1, i],
+                    f.eta[ng, 2, i] - eta[2, i],
                 )
                 x += d1 * pull[2] - d2 * pull[1]
                 y += d2 * pull[0] - d0 * pull[2]
                 z += d0 * pull[1] - d1 * pull[0]
             for axis in range(3):
-                X[i, axis] = w * (R[0, axis] * x + R[1, axis] * y + R[2, axis] * z)
-        for j in range(N):
-            axis = 0 if j < nx else (1 if j < nx + ny else 2)
-            b = c.basis[j, g]
-            f.g[j] -= w * b * (R[0, axis] * m[0] + R[1, axis] * m[1] + R[2, axis] * m[2])
-            for i in range(N):
-                W[j, i] -= b * X[i, axis]
+                X[axis, i] = w * (R[0, axis] * x + R[1, axis] * y + R[2, axis] * z)
+        first = 0
+        for axis in range(3):
+            work = w * (R[0, axis] * m[0] + R[1, axis] * m[1] + R[2, axis] * m[2])
+            for j in range(first, first + number[axis]):
+                b = c.basis[j, g]
+                f.g[j] -= b * work
+                for i in range(N):
+                    W[j, i] -= b * X[axis, i]
+            first += number[axis]
     for i in range(N):
         for j in range(i):
             W[i, j] = W[j, i] = 0.5 * (W[i, j] + W[j, i])
@@ -331,25 +328,46 @@ def strain_tangent(value, number, inner, pull, scratch):
 
 
 @kernel
-def _solve_modes(W, Y):
-    """Y (N, k) <- W^-1 Y by LDL^T in place of W (lower); returns (negative pivots, 2 where one had to be replaced, else 0)."""
+def strain_tangent(value, number, inner, pull, scratch):
+    """W and g of the amplitudes at fixed end wrench and gravity, into scratch as left by `strain_fields`:
+
+    g_i = K (a - a0) - L sum w B_i (R e_c).m
+    W_ij = K - sym L sum w B_j (R e_cj).[m x psi_i + (rho_i(L) - rho_i) x n + (eta_i(L) - eta_i) x g]
+    """
+    _tangent(value, number, inner, pull, constants_of(value, number), fields_of(number, scratch))
+
+
+@kernel
+def _solve_modes(W, Y, before):
+    """Y (N, k) <- W^-1 Y by LDL^T in place of W, whose diagonal is put into before (N,): L below the diagonal, D on it.
+
+    Returns (negative pivots, 2 where one had to be replaced, else 0).
+    """
     N, k = Y.shape
     negatives, status = 0, 0
     for j in range(N):
-        before, pivot = abs(W[j, j]), W[j, j]
-        for c in range(j):
-            pivot -= W[j, c] * W[j, c] * W[c, c]
-        if not abs(pivot) > TINY_PIVOT * before:
+        before[j] = abs(W[j, j])
+    for j in range(N):
+        pivot = W[j, j]
+        if not abs(pivot) > TINY_PIVOT * before[j]:
             status = 2
-            pivot = TINY_PIVOT * before + 1e-300
-        W[j, j] = pivot
+            pivot = TINY_PIVOT * before[j] + 1e-300
+            W[j, j] = pivot
         negatives += pivot < 0.0
         for i in range(j + 1, N):
-            t = W[i, j]
-            for c in range(j):
-                t -= W[i, c] * W[j, c] * W[c, c]
-            W[i, j] = t / pivot
-    _substitute(W, Y)
+            l = W[j, i] / pivot
+            for c in range(i, N):
+                W[i, c] -= l * W[j, c]
+            for e in range(k):
+                Y[i, e] -= l * Y[j, e]
+            W[i, j] = l
+    for j in range(N - 1, -1, -1):
+        for e in range(k):
+            Y[j, e] /= W[j, j]
+        for c in range(j + 1, N):
+            l = W[c, j]
+            for e in range(k):
+                Y[j, e] -= l * Y[c, e]
     return negatives, status
 
 
@@ -423,16 +441,16 @@ def _follow_gravity(length, number, pull, c, f, K, step, X):
                 G[r, e] += w * c.beyond[g] * f.S[g, r, e]
     for i in range(N):
         for e in range(3):
-            X[i, e] = f.eta[ng, i, e]
+            X[i, e] = f.eta[ng, e, i]
     _substitute(f.W, X)
     for e in range(3):
         pull[6 + e] = pull[3 + e]
         for i in range(N):
-            pull[3 + e] -= f.eta[ng, i, e] * f.Y[i, 6]
+            pull[3 + e] -= f.eta[ng, e, i] * f.Y[i, 6]
             for r in range(3):
-                Z[r, e] += f.rho[ng, i, r] * X[i, e]
-                Z[3 + r, e] += f.psi[ng, i, r] * X[i, e]
-                G[r, e] += f.eta[ng, i, r] * X[i, e]
+                Z[r, e] += f.rho[ng, r, i] * X[i, e]
+                Z[3 + r, e] += f.psi[ng, r, i] * X[i, e]
+                G[r, e] += f.eta[ng, r, i] * X[i, e]
     for e in range(3):
         for r in range(6):
             pull[3 + e] += Z[r, e] * step[r]
@@ -463,15 +481,15 @@ def strain_condense(value, number, inner, store, scratch, d, Q, lam, K):
     gap = store[tail + 36 : tail + 42]
     heavy = len(store) > tail + 42
     pull = store[len(store) - PULL if heavy else len(store) :]
-    strain_fields(value, number, inner, pull, scratch)
-    strain_tangent(value, number, inner, pull, scratch)
     c, f = constants_of(value, number), fields_of(number, scratch)
+    _fields(value, number, inner, pull, c, f)
+    _tangent(value, number, inner, pull, c, f)
     # Y = W^-1 [J^T, g], seven right-hand sides at once; J = (rho(L), psi(L))
     for i in range(N):
         for r in range(3):
-            f.Y[i, r], f.Y[i, 3 + r] = f.rho[ng, i, r], f.psi[ng, i, r]
+            f.Y[i, r], f.Y[i, 3 + r] = f.rho[ng, r, i], f.psi[ng, r, i]
         f.Y[i, 6] = f.g[i]
-    negatives, status = _solve_modes(f.W, f.Y)
+    negatives, status = _solve_modes(f.W, f.Y, f.g)
     # F = J W^-1 J^T + L sum w S (force block);  gap = closure + J W^-1 g
     F, turned, twist = local_matrix(6, 6), local_matrix(3, 3), local_vector(3)
     end = f.R[ng]
@@ -485,7 +503,7 @@ def strain_condense(value, number, inner, store, scratch, d, Q, lam, K):
             F[r, e] = 0.0
     for i in range(N):
         for r in range(6):
-            j = f.rho[ng, i, r] if r < 3 else f.psi[ng, i, r - 3]
+            j = f.rho[ng, r, i] if r < 3 else f.psi[ng, r - 3, i]
             gap[r] += j * f.Y[i, 6]
             for e in range(6):
                 F[r, e] += j * f.Y[i, e]

@@ -126,10 +126,9 @@ def _many(
     pull = np.zeros((k, 0)) if gravity is None else np.ascontiguousarray(gravity)
     _every_leaf(np.ascontiguousarray(value), number, np.ascontiguousarray(inner), pull, scratch, 1)
     f = _every_field(number, scratch)
-    rho, psi = f.rho.swapaxes(2, 3), f.psi.swapaxes(2, 3)
     parts = StrainParts(
         W=f.W,
-        J=np.concatenate([rho[:, ng], psi[:, ng]], axis=1),
+        J=np.concatenate([f.rho[:, ng], f.psi[:, ng]], axis=1),
         S=np.einsum("k,kg,kgij->kij", L, weight, f.S),
         length=L,
         s=integral.sum(axis=2),
@@ -137,10 +136,10 @@ def _many(
         r=f.r[:, :ng],
         end=f.r[:, ng],
         R=f.R[:, :ng],
-        rho=rho[:, :ng],
-        psi=psi[:, :ng],
+        rho=f.rho[:, :ng],
+        psi=f.psi[:, :ng],
     )
-    return parts, f.v, f.S, f.eta.swapaxes(2, 3)
+    return parts, f.v, f.S, f.eta
 
 
 def strain_flexibility(parts: StrainParts) -> tuple[Array, Array, Array]:

@@ -163,7 +163,7 @@ def strain_sizes(number: np.ndarray, *, heavy: bool = False) -> tuple[int, int]:
 def strain_scratch(number: np.ndarray) -> int:
     """Numbers of scratch that `ksd.beam.strain.fields_of` lays out."""
     N, ng = int(number[:3].sum()), int(number[3])
-    return 12 * (ng + 1) + 15 * ng + 9 * N * (ng + 1) + N * (N + 11)
+    return 15 * (ng + 1) + 15 * ng + 9 * N * (ng + 1) + N * (N + 8) + 3 * N * ng
 
 
 def strain_constants(number: np.ndarray, *, heavy: bool = False) -> int:
