@@ -16,7 +16,6 @@ import math
 from ksd.model.blank import System, blank_system
 from ksd.model.system import assemble_apart, largest_move, largest_turn, solve_step, take_step
 from ksd.model.turning import turn_step, turning
-from ksd.numerics.blocks import factor_blocks
 from ksd.numerics.held import Kind, address_of, found_at
 from ksd.numerics.kernel import kernel, late
 from ksd.numerics.local import local_vector
@@ -53,9 +52,19 @@ def _iterate(address, arrays, motion, factor, work, rtol, most, cap, blow_up):
         worst, inside, status = seen[0], int(seen[2]), int(seen[3])
         if not math.isfinite(worst):
             return NOT_FINITE, n, worst, negatives, pivot
-        if settled(worst, before, moved):
+        if worst <= 1.0 or (worst <= LOOSE and moved <= 1.0):
             # the inertia belongs to the converged state
-            negatives, pivot = factor_blocks(arrays.plan, work.value, work.spare, len(arrays.plan.size))
+            negatives, pivot = solve_step(arrays, work)
+            if worst > 1.0 and pivot > 0.0:
+                # its factors also lead the rest of the way, too short to count as a step
+                if turn:
+                    turn_step(address, factor)
+                take_step(arrays, motion, work.rhs, work, 1.0)
+                before = worst
+                assemble_apart(address, factor, rtol, near, GRAIN, seen.ctypes)
+                worst, inside, status = seen[0], int(seen[2]), int(seen[3])
+                if not settled(worst, before, moved):
+                    continue
             # a leaf with a replaced tiny pivot or a folded angle is no answer, however small the residual
             reason = LOCAL_ANGLE if status == 1 else (SINGULAR if status == 2 else CONVERGED)
             return reason, n, worst, negatives + inside, pivot
