@@ -13,7 +13,7 @@ from numba.core import ir
 from numba.core.runtime.context import NRTContext
 
 _LENT = {
-    "_vector", "_matrix", "_counts", "_part", "_found_at", "_address_of", "carray", "_flat", "_matrix_at",
+    "_vector", "_matrix", "_counts", "_part", "_found_at", "_address_of", "carray",
 }  # fmt: skip
 """Names of functions whose arrays belong to somebody else."""
 _VIEWS = {"static_getitem", "getattr", "cast", "phi", "build_tuple", "exhaust_iter"}
