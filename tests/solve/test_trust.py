@@ -1,5 +1,6 @@
 """Whether an answer is believed: jumps to other branches, unstable states, loads, and what strict does."""
 
+import importlib
 from dataclasses import replace
 
 import numpy as np
@@ -200,7 +201,7 @@ def test_an_error_that_one_corrector_step_does_not_see(planar):
 
 def test_loads_on_the_unloaded_state_of_the_five_steps(monkeypatch):
     """The last of the ways of load steps, after the two before it have failed, and recorded as such."""
-    import ksd.solve.conventional as module
+    module = importlib.import_module("ksd.solve.conventional")
 
     scene = fourbar()
     scene.load("top", force=(0, 0, 700), at=(0, 0.37, 0))
