@@ -21,7 +21,7 @@ def add(commands: Any) -> argparse.ArgumentParser:
     said = "a drive value, such as top=300mm or hinge=45deg; may be repeated"
     parser.add_argument("--set", action="append", default=[], metavar="DRIVE=VALUE", help=said)
     parser.add_argument(
-        "--accuracy", type=float, default=None, metavar="A", help="relative error allowed (1e-3)"
+        "--accuracy", type=float, default=None, metavar="A", help="line drawn in the picture (1e-3)"
     )
     parser.add_argument("--json", metavar="FILE", help="write every number; - is stdout, without tables")
     parser.add_argument("--plot", metavar="FILE", help="write the bars (.png, .pdf, .svg)")
@@ -42,21 +42,23 @@ def run(options: argparse.Namespace) -> int:
         name, value = drive_value(scene, text)
         targets[name] = value
     accuracy = options.accuracy or written.get("accuracy") or 1e-3
-    choice, rows = prices(scene, targets, accuracy=accuracy)
+    choice, rows = prices(scene, targets)
     if options.json:
         write_json(as_dict(choice, rows), options.json)
     if options.json != STDOUT:
-        _print(scene.name, choice, rows)
+        _print(scene, choice, rows)
     if options.plot:
         _draw(rows, accuracy, options.plot)
     return 0
 
 
-def _print(name: str, choice: Any, rows: list[Any]) -> None:
+def _print(scene: Any, choice: Any, rows: list[Any]) -> None:
     from rich import box
     from rich.table import Table
 
-    said = f"{name}: effects with and without, beside those chosen"
+    from ksd.model.listing import reason
+
+    said = f"{scene.name}: effects with and without, beside those chosen"
     table = Table(title=said, title_justify="left", box=box.SIMPLE_HEAD, pad_edge=False)
     keys = list(dict.fromkeys(key for row in rows for key in row.without))
     for column in ("effect", "chosen"):
@@ -76,7 +78,10 @@ def _print(name: str, choice: Any, rows: list[Any]) -> None:
         if row.failed:
             screen.print(f"{row.name}: no numbers, {row.failed}", soft_wrap=True)
     for effect in choice.effects:
-        screen.print(f"{'with' if effect.present else 'without'} {effect}", soft_wrap=True)
+        screen.print(
+            f"{'with' if effect.present else 'without'} {effect.name}: {reason(effect, scene)}",
+            soft_wrap=True,
+        )
 
 
 def _change(value: float) -> str:

@@ -61,15 +61,14 @@ def run(options: argparse.Namespace) -> int:
     # a first solve: it raises the curvature modes where they are few, and loads kernels, which no time shown holds
     mesh = solved(scene, targets, asked).model.mesh
     how = {"method": asked["method"], "accuracy": asked["accuracy"], "passes": asked["passes"] or 0}
-    words = effect_words(asked) | {"targets": targets}
-    solver = prepare(scene, mesh=mesh, extrapolate=bool(asked["extrapolate"]), **words)
+    solver = prepare(scene, mesh=mesh, extrapolate=bool(asked["extrapolate"]), **effect_words(asked))
     pose = solver(targets, **how)
     share = np.linspace(-1.0 if options.both else 0.0, 1.0, options.poses)
     with interrupted("interrupted; no report was written"):
         table = sweep(
             scene, {n: v * share for n, v in targets.items()}, together=True, mesh=mesh, progress=not options.quiet,
             questions=_possible(scene, pose), extrapolate=bool(asked["extrapolate"]),
-            effects=solver.model.choice.wanted, **how,
+            effects=solver.model.choice.present, **how,
         )  # fmt: skip
     compared = [_compared(f"{pose.method} (this report)", lambda: pose), *_other_ways(solver, targets, pose)]
     write_file(target, page(pose, table, compared), what="--out")
@@ -136,7 +135,7 @@ def _other_ways(solver: Any, targets: dict[str, float], pose: Any) -> list[Any]:
         *found,
         _compared(
             f"conventional, {said}",
-            lambda: prepare(solver.model.said, mesh=fine, effects=solver.model.choice.wanted)(
+            lambda: prepare(solver.model.said, mesh=fine, effects=solver.model.choice.present)(
                 targets, method="conventional"
             ),
         ),

@@ -36,7 +36,7 @@ _WORDS: tuple[tuple[str, dict[str, Any]], ...] = (
         "--extrapolate",
         {"action": "store_true", "default": None, "help": "use joint records beyond their range"},
     ),
-    ("--effects", {"metavar": "E", "help": "auto (by estimate), all, or names: shear,gravity"}),
+    ("--effects", {"metavar": "E", "help": "auto (what the scene mentions), all, or names: shear,gravity"}),
     ("--with", {"metavar": "E", "help": "effects to simulate besides, such as warping,plate"}),
     ("--without", {"metavar": "E", "help": "effects to leave out, such as shear"}),
     ("--json", {"metavar": "FILE", "help": "write every number; - is stdout, without tables"}),

@@ -13,8 +13,6 @@ import numpy as np
 from ksd.design.plan import scene_of
 from ksd.design.prepared import Prepared
 from ksd.design.refill import Drawing, Refill, drawing
-from ksd.design.refill.drawing import numbers_of
-from ksd.design.refill.refill import shear_matters
 from ksd.errors import KsdError
 from ksd.model.mesh import Mesh
 from ksd.scene import Scene
@@ -80,7 +78,7 @@ class Designs:
             return reason
 
     def _alike(self, scenes: Sequence[Any]) -> dict[tuple[Any, ...], list[tuple[int, Drawing]]]:
-        """Groups of (design, drawing) of equal topology and equal effects."""
+        """Groups of (design, drawing) of equal topology."""
         groups: dict[tuple[Any, ...], list[tuple[int, Drawing]]] = {}
         if self.ways["tabulated"] or not isinstance(self.mesh, Mesh):
             return groups
@@ -88,13 +86,7 @@ class Designs:
             drawn = drawing(scene) if hasattr(scene, "fingerprint") else None
             if drawn is not None:
                 groups.setdefault(drawn.words, []).append((d, drawn))
-        found: dict[tuple[Any, ...], list[tuple[int, Drawing]]] = {}
-        for words, group in groups.items():
-            first = group[0]
-            n = numbers_of(scenes[first[0]], first[1].joints, [drawn.numbers for _, drawn in group])
-            for member, shear in zip(group, shear_matters(n.leaf, self.mesh), strict=True):
-                found.setdefault((words, bool(shear)), []).append(member)
-        return found
+        return groups
 
     def _refilled(
         self, key: tuple[Any, ...], group: list[tuple[int, Drawing]], scenes: Sequence[Any], found: list[Any]

@@ -16,6 +16,7 @@ from ksd.properties.resolution import look_at_modes
 from ksd.solve.choose import MOST_RISES
 from ksd.solve.configuration import Configuration
 from ksd.solve.conventional import conventional
+from ksd.solve.plates import settled
 from ksd.solve.solver import DEFAULT_ACCURACY, Method, Solver
 
 Row = dict[str, Any]
@@ -88,12 +89,16 @@ class Walk:
 
     def _continued(self, values: Mapping[str, float]) -> Configuration:
         """From the pose before; from rest where that fails."""
-        if self.before is not None:
-            try:
-                return conventional(self.solver.model, values, start=self.before, planar=self.solver.in_plane)
-            except ConvergenceError:
-                self.before = None
-        return conventional(self.solver.model, values, planar=self.solver.in_plane)
+
+        def walked(solver: Solver) -> Configuration:
+            if self.before is not None:
+                try:
+                    return conventional(solver.model, values, start=self.before, planar=solver.in_plane)
+                except ConvergenceError:
+                    self.before = None
+            return conventional(solver.model, values, planar=solver.in_plane)
+
+        return settled(self.solver, walked, 0.1 * (self.recipe.accuracy or DEFAULT_ACCURACY))[0]
 
 
 def _fine_enough(line: Line, recipe: Recipe, solver: Solver | None) -> Solver:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ksd.errors import SceneError
 from ksd.solve.driving import CAP, RTOL
 from ksd.solve.five import FiveSteps
 from ksd.solve.many import space_many, tabulated_many
@@ -36,6 +37,11 @@ class Prepared:
     def __init__(
         self, solver: Solver, *, method: int = REDUCED, passes: int = 0, tabulated: bool = False
     ) -> None:
+        if solver.model.mesh.plate:
+            raise SceneError(
+                "plate stiffening depends on how much each leaf is bent, and is not settled pose by pose in batches: use "
+                "ksd.sweep, or leave 'plate' out of what the scene considers"
+            )
         self.solver, self.five = solver, solver.five_steps
         self.method, self.passes = method, passes
         if method == KINEMATIC:

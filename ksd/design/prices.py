@@ -1,6 +1,6 @@
 """The price list of a scene: what every effect changes, and what it costs in time and unknowns.
 
-Each effect is put on and taken off alone, beside the effects chosen for the scene; both are solved conventionally (so
+Each effect is put on and taken off alone, beside those the scene mentions; both are solved conventionally (so
 that no difference of methods is mixed in), asked the same questions and timed.
 """
 
@@ -33,7 +33,7 @@ ROUNDS = 9
 class Price:
     """One effect with and without: answers by quantity, thread time of a solve [s], unknowns solved for.
 
-    kept: is it simulated when ksd chooses; why: the reason. failed says why there are no numbers.
+    kept: is it simulated when nobody says otherwise; why: the reason. failed says why there are no numbers.
     """
 
     name: str
@@ -88,18 +88,17 @@ def prices(
     scene: Any,
     targets: Mapping[str, float],
     *,
-    accuracy: float = 1e-3,
     mesh: Mesh | None = None,
     rounds: int | None = None,
 ) -> tuple[Choice, list[Price]]:
-    """The choice ksd makes, and the price of every effect the scene can have.
+    """What is simulated, and the price of every effect the scene can have.
 
     scene: a Mechanism or Scene; targets: drive values [m or rad]. Raises SceneError for what is wrong with the scene;
     a variant that fails says so in its row. rounds: timed solves of each, `ROUNDS` when None.
     """
     frozen = scene.scene() if hasattr(scene, "scene") else scene
     grid = mesh or Mesh()
-    choice = choose(frozen, grid, accuracy=accuracy, targets=targets)
+    choice = choose(frozen, grid)
     spoken = mentioned(frozen, grid)
     names = [e.name for e in choice.effects if e.name in spoken or e.name in NATURE]
     solvers: dict[tuple[str, ...], Solver] = {}
@@ -107,7 +106,7 @@ def prices(
     def variant(present: set[str]) -> Solver:
         key = tuple(sorted(present))
         if key not in solvers:
-            solvers[key] = Solver(frozen, mesh=grid, effects=key, accuracy=accuracy, targets=targets)
+            solvers[key] = Solver(frozen, mesh=grid, effects=key)
         return solvers[key]
 
     chosen = set(choice.present)

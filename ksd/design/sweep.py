@@ -78,7 +78,7 @@ def sweep(
     freed: drives let go for frequencies (all when None), modes: how many are followed besides the intended. errors: with
     fast methods, a column per question with the error of its answers, at twice the cost. executor: any
     concurrent.futures.Executor; without one, this process or, for many poses, a pool of processes. effects,
-    with_, without: as in `ksd.solve`; what depends on drive values is kept. resume: a file that
+    with_, without: as in `ksd.solve`. resume: a file that
     keeps finished lines; give it again to go on. A pose that fails is a row whose `status` says why.
 
     Raises SceneError for what is wrong before any solve; SweepInterrupted (a KeyboardInterrupt with `.table`) on Ctrl-C.

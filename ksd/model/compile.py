@@ -294,14 +294,11 @@ def compile_scene(
     effects: str | Iterable[str] = "auto",
     with_: str | Iterable[str] = (),
     without: str | Iterable[str] = (),
-    accuracy: float = 1e-3,
-    targets: Mapping[str, float] | None = None,
 ) -> Model:
-    """The full model of a scene (a Mechanism or its frozen Scene) with the effects it calls for.
+    """The full model of a scene (a Mechanism or its frozen Scene) with the effects it mentions.
 
-    effects: "auto", "all" or the names wanted; with_, without: single effects put on or off; accuracy (relative) and
-    targets (drive values, m or rad): what the estimates are made for. See `ksd.model.effects`. Raises SceneError where
-    the scene cannot be compiled (see `Mechanism.validate`) or an effect is unknown.
+    effects: "auto", "all" or the names wanted; with_, without: single effects put on or off, see `ksd.model.effects`.
+    Raises SceneError where the scene cannot be compiled (see `Mechanism.validate`) or an effect is unknown.
     """
     scene = scene.scene() if hasattr(scene, "scene") else scene
     if not hasattr(scene, "fingerprint"):
@@ -311,30 +308,12 @@ def compile_scene(
         raise SceneError(
             f"mesh = {show(mesh)}: give a ksd.Mesh, for example ksd.Mesh('corotational', elements=5)."
         )
-    words: dict[str, Any] = {
-        "effects": effects,
-        "with_": with_,
-        "without": without,
-        "accuracy": accuracy,
-        "targets": targets,
-    }
-    return compile_chosen(scene, mesh, choose(scene, mesh, **words))
+    return compile_chosen(scene, mesh, choose(scene, mesh, effects=effects, with_=with_, without=without))
 
 
 def compile_chosen(scene: Any, mesh: Mesh, choice: Choice) -> Model:
     """The model of a frozen scene with the effects of `choice`."""
     return marked(compile_given(*applied(scene, mesh, choice)), scene, choice)
-
-
-def fit_for(model: Model, accuracy: float | None) -> Model:
-    """The model, or one with the effects that its choice left out for a lesser accuracy than this."""
-    if model.choice is None or accuracy is None:
-        return model
-    more = model.choice.too_coarse(accuracy)
-    if not more:
-        return model
-    present = (*model.choice.wanted, *more)
-    return compile_scene(model.said, mesh=replace(model.mesh, shear=True), effects=present)
 
 
 def marked(model: Model, said: Any, choice: Choice | None) -> Model:

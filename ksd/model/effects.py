@@ -1,29 +1,25 @@
-"""Which effects a model has: chosen by estimate, or by the words of the user, each with its reason.
+"""Which effects a model has: those the scene mentions, or the words of the user.
 
-An effect enters because the scene mentions it (gravity, springs, an elastic link, heat, ...) or because the leafs have
-it by nature (shear); `effects="auto"` then keeps it when an estimate made beforehand says that it changes a quantity
-asked for (drive forces, poses; for shear and warping also the support stiffness that may be asked afterwards) by more
-than a tenth of the accuracy asked for: a tenth, so that all that is left out together stays within it.
+Mentioned is simulated: gravity, springs, an elastic link, heat, fits, loads that follow; shear is the nature of a leaf and
+costs nothing. Drive values, accuracy and estimates have no part in it, so that a scene is one model whatever its drives do.
 
 Restrained warping and plate stiffening change the standard beam, which is what published stiffnesses and closed forms are
-given for, by up to 80 % in torsion and 10 % in bending. Were they put on by estimate alone, no answer could be compared
-with the literature. So they are looked at only where the scene (`Mechanism.consider`), the mesh, `with_` or
-`effects="all"` mention them, and `print(model)` says what leaving them out costs.
+given for, by up to 80 % in torsion and 10 % in bending; no answer could be compared with the literature if they came
+unasked. They are simulated where the scene (`Mechanism.consider`), the mesh, `with_` or `effects="all"` mention them; an
+answer says what leaving them out is worth in its state (`Configuration.left_out`).
 """
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
 from ksd.errors import SceneError
-from ksd.model import estimates
 from ksd.model.mesh import Mesh
 from ksd.model.runs import run_factors
 from ksd.scene.leaf import Condition
-from ksd.section.checks import nearest, number
+from ksd.section.checks import nearest
 
 WORDS = {
     "spatial": "six unknowns per node",
@@ -38,27 +34,17 @@ WORDS = {
     "fit": "prestress and misfit of leafs",
 }
 """The effects that can be switched, with what they are."""
-MARGIN = 0.1
-"""Part of the accuracy asked for that one left-out effect may take."""
 NATURE = ("spatial", "shear", "warping", "plate")
 """Effects that need no sentence of the scene: any leaf can have them."""
 
 
 @dataclass(frozen=True)
 class Effect:
-    """One effect: is it simulated, why, and by how much it changes the answer at most, relative (None: not estimated).
-
-    by_estimate: it is left out because that is little; kept: it is simulated because that is much. later: it is left out
-    of the motion and taken up by questions (`ksd.properties.later`).
-    """
+    """One effect: is it simulated, and why."""
 
     name: str
     present: bool
     reason: str
-    change: float | None = None
-    by_estimate: bool = False
-    kept: bool = False
-    later: bool = False
 
     def __str__(self) -> str:
         return f"{self.name}: {self.reason}"
@@ -66,10 +52,9 @@ class Effect:
 
 @dataclass(frozen=True)
 class Choice:
-    """The effects of one model, in the order of `WORDS`; `listed`: what the drawing itself brings, not switchable."""
+    """The effects of one model, in the order of `WORDS`."""
 
     effects: tuple[Effect, ...]
-    listed: tuple[str, ...] = ()
 
     @property
     def present(self) -> tuple[str, ...]:
@@ -80,18 +65,6 @@ class Choice:
     def absent(self) -> tuple[str, ...]:
         """Names of the effects left out."""
         return tuple(e.name for e in self.effects if not e.present)
-
-    @property
-    def wanted(self) -> tuple[str, ...]:
-        """Names of the effects simulated now or taken up by questions: what to compile the same model from."""
-        return tuple(e.name for e in self.effects if e.present or e.later)
-
-    def too_coarse(self, accuracy: float) -> tuple[str, ...]:
-        """Effects left out by an estimate that is too large for this accuracy."""
-        limit = MARGIN * accuracy
-        return tuple(
-            e.name for e in self.effects if e.by_estimate and e.change is not None and e.change > limit
-        )
 
     def __getitem__(self, name: str) -> Effect:
         return next(e for e in self.effects if e.name == name)
@@ -109,24 +82,55 @@ def _names(words: Any, what: str) -> tuple[str, ...]:
     return found
 
 
-def mentioned(scene: Any, mesh: Mesh) -> set[str]:
-    """The effects the scene or the mesh speaks of; a leaf always has shear, and a place in space."""
-    found = {"spatial", "shear", *scene.consider}
-    found |= {n for n in ("warping", "plate") if getattr(mesh, n)}
-    # without masses there is nothing for gravity to pull at
-    said = {
-        "gravity": scene.gravity is not None and any(scene.gravity) and (scene.masses or _heavy(scene)),
-        "following": any(load.following for load in scene.loads),
-        "compliance": scene.compliances,
-        "springs": scene.springs,
-        "heat": scene.heats,
-        "fit": scene.fits,
-    }
-    return found | {name for name, value in said.items() if value}
+def mentioned(scene: Any, mesh: Mesh) -> dict[str, str]:
+    """The effects the scene or the mesh speaks of, with what is said; a leaf always has shear, and a place in space."""
+    found = {"spatial": "where the scene leaves its plane", "shear": "of every leaf, by its nature"}
+    found |= {n: "the mesh has it" for n in ("warping", "plate") if getattr(mesh, n)}
+    found |= dict.fromkeys(scene.consider, "the scene considers it")
+    if _gravity(scene):
+        heavy = [bool(leaf.material.density) for leaf in scene.leaf_names().values()]
+        pulled = [_count(len(scene.masses), "mass", "masses")] if scene.masses else []
+        if any(heavy):
+            pulled.append(f"{sum(heavy)} of {_count(len(heavy), 'leaf', 'leafs')}, those of known density")
+        # without masses there is nothing for it to pull at
+        if pulled:
+            found["gravity"] = f"{_vector(scene.gravity)} m/s^2 on {' and '.join(pulled)}"
+    following = [load.link for load in scene.loads if load.following]
+    if following:
+        found["following"] = f"a load of {_listed(following)} turns with its link"
+    if scene.compliances:
+        found["compliance"] = f"{_listed([c.link for c in scene.compliances])} said to be elastic"
+    if scene.springs:
+        found["springs"] = _listed([s.name for s in scene.springs])
+    if scene.heats:
+        found["heat"] = "; ".join(_warmed(heat) for heat in scene.heats)
+    if scene.fits:
+        found["fit"] = f"of {_listed([fit.leaf for fit in scene.fits])}"
+    return found
 
 
-def _heavy(scene: Any) -> bool:
-    return any(leaf.material.density for leaf in scene.leaf_names().values())
+def _gravity(scene: Any) -> bool:
+    return scene.gravity is not None and any(scene.gravity)
+
+
+def _vector(values: Any) -> str:
+    return f"({', '.join(f'{v:.4g}' for v in values)})"
+
+
+def _count(number: int, one: str, more: str) -> str:
+    return f"{number} {one if number == 1 else more}"
+
+
+def _listed(names: Iterable[str]) -> str:
+    """Names in quotes, each once; the first four of many."""
+    known = [f"'{n}'" for n in dict.fromkeys(names)]
+    return ", ".join(known[:4]) + (f" and {len(known) - 4} more" if len(known) > 4 else "")
+
+
+def _warmed(heat: Any) -> str:
+    through = f" and {heat.through:.4g} K through the thickness" if heat.through else ""
+    of = "all leafs" if heat.leafs is None else _listed(heat.leafs)
+    return f"{heat.temperature:.4g} K{through} on {of}"
 
 
 def choose(
@@ -136,15 +140,12 @@ def choose(
     effects: str | Iterable[str] = "auto",
     with_: str | Iterable[str] = (),
     without: str | Iterable[str] = (),
-    accuracy: float = 1e-3,
-    targets: Mapping[str, float] | None = None,
 ) -> Choice:
-    """Decide about every effect; see the module for the rules.
+    """Decide about every effect; see the module for the rule.
 
-    effects: "auto", "all" (everything the scene mentions, and all a leaf can have), or the names wanted; with_ and
-    without override single ones. accuracy: relative error allowed. targets: drive values [m or rad] the estimates are
-    made for; effects that depend on them are kept when they are not known. Raises SceneError for an unknown word, or
-    for an effect asked for of which the scene says nothing.
+    effects: "auto" (what the scene mentions), "all" (that, and all a leaf can have), or the names wanted; with_ and
+    without override single ones. Raises SceneError for an unknown word, or for an effect asked for of which the scene
+    says nothing.
     """
     on, off = _names(with_, "with_"), _names(without, "without")
     both = set(on) & set(off)
@@ -153,45 +154,37 @@ def choose(
     named = None
     if not (isinstance(effects, str) and effects in ("auto", "all")):
         named = _names(effects, "effects (beside 'auto' and 'all')")
-    spoken = mentioned(scene, mesh)
-    for name in {*on, *(named or ())} - spoken - set(NATURE):
+    said = mentioned(scene, mesh)
+    for name in {*on, *(named or ())} - {*said, *NATURE}:
         raise SceneError(f"effect '{name}' is asked for, but the scene says nothing of it; {_HOW[name]}")
-    asked = _Asked(
-        frozenset(on), frozenset(off if mesh.shear else (*off, "shear")), named, effects == "all",
-        frozenset(spoken), MARGIN * number(accuracy, "accuracy"),
-    )  # fmt: skip
-    looked = estimates.Estimates(scene, mesh, targets)
-    return Choice(tuple(_decided(name, asked, looked) for name in WORDS), estimates.drawn(scene))
+
+    def decided(name: str) -> Effect:
+        known = name in said or name in NATURE
+        because = f"; {said[name]}" if name in said and name not in NATURE else ""
+        if name in on:
+            return Effect(name, True, f"asked for{because}")
+        if name in off and known:
+            return Effect(name, False, f"switched off{because}")
+        if name == "shear" and not mesh.shear:
+            return Effect(name, False, "the mesh is without it")
+        if named is not None and known:
+            wanted = name in named
+            return Effect(name, wanted, f"{'asked for' if wanted else 'not in the list'}{because}")
+        if effects == "all" and known:
+            return Effect(name, True, f"all effects are asked for{because}")
+        if name == "spatial":
+            # the plane is found by looking at the model, and checked when it is solved (ksd.model.plane)
+            return Effect(name, False, "where the scene stays in its plane; checked in space")
+        if name in said:
+            return Effect(name, True, said[name])
+        if name == "gravity" and _gravity(scene):
+            return Effect(name, False, "no link has a mass and no leaf a density for it to pull at")
+        return Effect(name, False, "not mentioned" if name in NATURE else SILENT)
+
+    return Choice(tuple(map(decided, WORDS)))
 
 
-@dataclass(frozen=True)
-class _Asked:
-    """The words of the user: put on, put off, the list named (None: choose), all, what the scene speaks of, the limit."""
-
-    on: frozenset[str]
-    off: frozenset[str]
-    named: tuple[str, ...] | None
-    all: bool
-    spoken: frozenset[str]
-    limit: float
-
-
-def _decided(name: str, asked: _Asked, looked: estimates.Estimates) -> Effect:
-    """One effect by the words of the user, else by its estimate."""
-    if name in asked.on:
-        return _asked(name, looked, "asked for")
-    if name in asked.off:
-        return _without(name, looked, asked.spoken, said="switched off")
-    if asked.named is not None:
-        wanted = name in asked.named
-        return _asked(name, looked, "asked for") if wanted else _without(name, looked, asked.spoken)
-    if name not in asked.spoken and not (asked.all and name in NATURE):
-        return _unspoken(name, looked)
-    if asked.all:
-        return _asked(name, looked, "all effects are asked for")
-    return _estimated(name, looked, asked.limit)
-
-
+SILENT = "the scene says nothing of it"
 _HOW = {
     "gravity": "say mechanism.gravity = (0, -9.81, 0) and give links a mass or materials a density",
     "following": "say following=True of a load",
@@ -200,41 +193,6 @@ _HOW = {
     "heat": "say mechanism.heat",
     "fit": "say mechanism.fit",
 }
-
-
-def _asked(name: str, looked: estimates.Estimates, said: str) -> Effect:
-    change, words = looked.of(name)
-    return Effect(name, True, f"{said}; {words}" if change is not None else said, change)
-
-
-def _unspoken(name: str, looked: estimates.Estimates) -> Effect:
-    """An effect nobody mentions."""
-    if name in ("warping", "plate"):
-        change, said = looked.of(name)
-        return Effect(name, False, f"not mentioned; would be {said}", change)
-    return Effect(name, False, "the scene says nothing of it")
-
-
-def _without(
-    name: str, looked: estimates.Estimates, spoken: frozenset[str], *, said: str = "not in the list"
-) -> Effect:
-    if name not in spoken and name not in NATURE:
-        return Effect(name, False, "the scene says nothing of it")
-    change, words = looked.of(name)
-    return Effect(name, False, f"{said}; {words}" if words else said, change)
-
-
-def _estimated(name: str, looked: estimates.Estimates, limit: float) -> Effect:
-    """Kept or left out by its estimate."""
-    if name == "spatial":
-        # the plane is found by looking at the model, and checked when it is solved (ksd.model.plane)
-        return Effect(name, False, "where the scene stays in its plane; checked in space")
-    change, said = looked.of(name)
-    if change is None:
-        return Effect(name, True, said)
-    kept = change > limit or not math.isfinite(change)
-    tail = "" if kept else ", left out"
-    return Effect(name, kept, said + tail, change, by_estimate=not kept, kept=kept)
 
 
 def applied(scene: Any, mesh: Mesh, choice: Choice) -> tuple[Any, Mesh]:

@@ -6,10 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from ksd.model.effects import WORDS
+from ksd.model.effects import SILENT, WORDS, Effect
 from ksd.model.plane import plane_of
-
-_SILENT = "the scene says nothing of it"
+from ksd.model.runs import corners, half_held_factor, meetings, own_factor, run_factors
 
 
 def listing(model: Any) -> list[tuple[str, str]]:
@@ -51,8 +50,22 @@ def listing(model: Any) -> list[tuple[str, str]]:
 
 
 def _drawn(model: Any) -> str:
-    listed = model.choice.listed if model.choice is not None else ()
-    return "".join(f"; {words}" for words in listed)
+    """What the drawing itself brings and cannot be switched off: curved, tapered, notched, stiffened leafs."""
+    kinds: dict[str, int] = {}
+    for leaf in model.scene.leaf_names().values():
+        for part, words in ((leaf.curve, "curved at rest"), (leaf.profile, "")):
+            if part is not None:
+                said = words or _PROFILES.get(type(part).__name__, "of varying section")
+                kinds[said] = kinds.get(said, 0) + 1
+    return "".join(f"; {n} leaf{'s' * (n > 1)} {said}" for said, n in kinds.items())
+
+
+_PROFILES = {
+    "Taper": "tapered",
+    "CircularNotch": "with a circular notch",
+    "FilletedNotch": "with a filleted notch",
+    "StiffenedMiddle": "with a stiffened middle",
+}
 
 
 def _rigid(model: Any) -> str:
@@ -69,18 +82,80 @@ def _names(model: Any, *, present: bool) -> tuple[str, ...]:
 def _present(model: Any) -> list[tuple[str, str]]:
     if model.choice is None:
         return [(f"with {n}", "as the mesh says") for n in _names(model, present=True)]
-    return [(f"with {e.name}", e.reason) for e in model.choice.effects if e.present and e.name != "spatial"]
+    return [
+        (f"with {e.name}", reason(e, model.said))
+        for e in model.choice.effects
+        if e.present and e.name != "spatial"
+    ]
 
 
 def _absent(model: Any) -> list[tuple[str, str]]:
     if model.choice is None:
         return [(f"without {n}", "as the mesh says") for n in _names(model, present=False)]
     lines = [
-        (f"without {e.name}", e.reason)
+        (f"without {e.name}", reason(e, model.said))
         for e in model.choice.effects
-        if not e.present and e.name != "spatial" and e.reason != _SILENT
+        if not e.present and e.name != "spatial" and e.reason != SILENT
     ]
-    silent = [WORDS[e.name] for e in model.choice.effects if not e.present and e.reason == _SILENT]
+    silent = [WORDS[e.name] for e in model.choice.effects if not e.present and e.reason == SILENT]
     if silent:
-        lines.append(("left out", f"{', '.join(silent)}: the scene says nothing of them"))
+        lines.append(("left out", f"{', '.join(silent)}: {SILENT.removesuffix('it')}them"))
     return lines
+
+
+def reason(effect: Effect, scene: Any) -> str:
+    """Why an effect is simulated or not; of warping and plate stiffening also what they are worth to the leafs alone."""
+    worth = {"warping": _warping, "plate": _plate}.get(effect.name)
+    if worth is None:
+        return effect.reason
+    return f"{effect.reason}; {'' if effect.present else 'would be '}{worth(scene)}"
+
+
+def _plate(scene: Any) -> str:
+    """The most that suppressed anticlastic bending adds to a leaf, 1 / (1 - nu^2) less one."""
+    worst, said = 0.0, "no leaf is wide"
+    for name, leaf in scene.leaf_names().items():
+        more = 1.0 / (1.0 - leaf.material.nu**2) - 1.0
+        if leaf.section.width > leaf.section.thickness > 0.0 and more > worst:
+            worst, said = more, f"leaf '{name}', at most"
+    return f"{100 * worst:.2g} % more bending stiffness ({said})"
+
+
+def _warping(scene: Any) -> str:
+    """What warping restrained at both ends adds to a leaf, or to the run it is part of."""
+    worst, said, runs = 0.0, "no leaf has warping", run_factors(scene)
+    for name, leaf in scene.leaf_names().items():
+        if leaf.section.Iw > 0.0:
+            more = (runs[name] if name in runs else own_factor(leaf)) - 1.0
+            if more > worst:
+                worst = more
+                said = f"leaf '{name}', L/w = {leaf.length / max(leaf.section.width, 1e-300):.3g}"
+    return f"{100 * worst:.2g} % more torsional stiffness ({said}){_meeting(scene, runs)}"
+
+
+def _meeting(scene: Any, runs: dict[str, float]) -> str:
+    """Words on leafs that meet end to end: runs that warping passes through, or what it would be if it did."""
+    leafs = scene.leaf_names()
+    for one, two, block, passes in meetings(scene):
+        if not all(leafs[n].section.Iw > 0.0 for n in (one, two)):
+            continue
+        alone = [f"{own_factor(leafs[n]):.3g}" for n in (one, two)]
+        if passes:
+            return (
+                f"; warping passes from leaf '{one}' to '{two}', as '{block}' carries nothing else: one run, "
+                f"whose factors are {runs[one]:.3g} and {runs[two]:.3g} instead of {' and '.join(alone)}"
+            )
+        return (
+            f"; leafs '{one}' and '{two}' meet end to end on '{block}', a body that holds their ends plane: their "
+            f"factors are {' and '.join(alone)}, and would be less if warping could pass"
+        )
+    for one, two, block, _ in corners(scene):
+        if all(leafs[n].section.Iw > 0.0 for n in (one, two)):
+            factors = [
+                " and ".join(f"{f(leafs[n]):.3g}" for n in (one, two)) for f in (own_factor, half_held_factor)
+            ]
+            return (
+                f"; leafs '{one}' and '{two}' meet at an angle on '{block}', taken to hold their ends plane: their "
+                f"factors are {factors[0]}, and {factors[1]} if it did not hold them at all"
+            )
+    return ""

@@ -306,7 +306,7 @@ class Mentioned(Links):
         return self._fits[-1]
 
     def consider(self, *effects: str) -> None:
-        """Effects of the leaf material, "warping" and "plate", to be taken up where an estimate says they matter.
+        """Effects of the leaf material, "warping" and "plate", to be simulated.
 
         Without this sentence leafs are standard beams, as in the literature they are compared with.
         """

@@ -10,7 +10,6 @@ from typing import Any
 from ksd.errors import SceneError
 from ksd.library.files import record_in_use
 from ksd.model.compile import Model
-from ksd.model.effects import mentioned
 from ksd.model.mesh import Mesh
 from ksd.model.orders import mesh_for, raised
 from ksd.properties.resolution import look_at_modes
@@ -39,20 +38,19 @@ def prepare(
     with_: str | Iterable[str] = (),
     without: str | Iterable[str] = (),
     accuracy: float | None = None,
-    targets: Mapping[str, float] | None = None,
     planar: bool = True,
     basis: Basis | None = None,
 ) -> Solver:
     """A `Solver` of this mechanism for many solves: everything that does not depend on the drive values is done once.
 
     mesh: leaf model and its fineness (strain-mode leafs when None). extrapolate: use joint records beyond their trained
-    range, with a warning in the result. effects, with_, without: what is simulated, chosen for accuracy and, when given,
-    for drive values `targets` (see `ksd.model.effects`). planar: False solves in space, by every method, even where the
-    scene stays in its plane. basis: for method "modal", see `solve`. Raises SceneError for a scene that cannot be compiled.
+    range, with a warning in the result. effects, with_, without: what is simulated (see `ksd.model.effects`). accuracy: of
+    solves that say none. planar: False solves in space, by every method, even where the scene stays in its plane. basis:
+    for method "modal", see `solve`. Raises SceneError for a scene that cannot be compiled.
     """
     return Solver(
         mechanism, mesh=mesh, extrapolate=extrapolate, planar=planar, basis=basis, effects=effects, with_=with_,
-        without=without, accuracy=wanted_accuracy(accuracy), targets=targets,
+        without=without, accuracy=accuracy,
     )  # fmt: skip
 
 
@@ -85,7 +83,7 @@ def solve(
     `reduced`. mesh: leaf model; without one, strain-mode leafs of orders fit for
     `accuracy`, raised when their highest modes carry too much energy. extrapolate, planar:
     see `prepare`. strict: raise TrustError where the answer is unstable or on a doubtful branch; False returns it with its
-    verdicts (`trust`). effects: "auto" simulates what the scene mentions and an estimate says matters, "all" everything,
+    verdicts (`trust`). effects: "auto" simulates what the scene mentions, "all" also all a leaf can have,
     a list of names just these; with_="warping", without="shear" override single ones (`ksd.model.effects`; print(pose.model)
     says what was simulated). Raises SceneError (bad input), RangeError (outside a trained range), RecordError (joint record
     missing or damaged), KinematicsError (indeterminate or over-driven), ConvergenceError (says how far it got).
@@ -124,7 +122,7 @@ def _with_enough_modes(
     wanted = wanted_accuracy(accuracy)
     chosen = mesh if mesh is not None else (Mesh() if accuracy is None else mesh_for(wanted))
     for rise in range(MOST_RISES + 1):
-        solver = _recent_solver(scene, chosen, extrapolate, said | {"accuracy": wanted}, values)
+        solver = _recent_solver(scene, chosen, extrapolate, said)
         found = solver.on_mesh(values, **ways)
         found = insist(found) if strict else found
         share, _, axis, _ = look_at_modes(found.model, found.motion)
@@ -143,23 +141,18 @@ def _records_in_use(scene: Any) -> tuple[Any, ...]:
     return tuple(record_in_use(family) for family in sorted({placed.joint.family for placed in scene.joints}))
 
 
-def _recent_solver(
-    scene: Any, mesh: Mesh, extrapolate: bool, said: dict[str, Any], values: Mapping[str, float]
-) -> Solver:
+def _recent_solver(scene: Any, mesh: Mesh, extrapolate: bool, said: dict[str, Any]) -> Solver:
     """A prepared solver of this scene and its records, mesh, choice of effects and thread; the last few are kept."""
     if not hasattr(scene, "fingerprint") or not isinstance(mesh, Mesh):
         return Solver(scene, mesh=mesh, extrapolate=extrapolate)  # says what is wrong
-    # estimates depend on the drive values only where the scene mentions more than leafs, drives and dead loads
-    aim = dict(values) if mentioned(scene, mesh) - {"spatial", "shear", "warping"} else None
     key = (
-        threading.get_ident(), scene.fingerprint(), _records_in_use(scene), mesh, extrapolate, repr(said),
-        None if aim is None else tuple(sorted(aim.items())),
+        threading.get_ident(), scene.fingerprint(), _records_in_use(scene), mesh, extrapolate, repr(said)
     )  # fmt: skip
     with _turn:
         if key in _recent:
             _recent.move_to_end(key)
             return _recent[key]
-    made = Solver(scene, mesh=mesh, extrapolate=extrapolate, targets=aim, **said)
+    made = Solver(scene, mesh=mesh, extrapolate=extrapolate, **said)
     with _turn:
         _recent[key] = made
         while len(_recent) > KEPT:

@@ -21,7 +21,6 @@ from ksd.properties.buckling import Buckling, buckling
 from ksd.properties.frequencies import Modes, frequencies
 from ksd.properties.interface_forces import InterfaceForces, interface_forces
 from ksd.properties.internal_stress import Misplaced, internal_stress
-from ksd.properties.later import for_questions
 from ksd.properties.parasitic import Parasitic, PivotShift, parasitic, pivot_shift
 from ksd.properties.section_forces import SectionForces, section_forces
 from ksd.properties.shape import Shape, mechanism_shape
@@ -270,9 +269,8 @@ class Configuration:
 
     @property
     def questioned(self) -> tuple[Model, Motion]:
-        """Model and state that questions are asked of: the state `answering`, the model with the effects that only
-        questions call for (`ksd.properties.later`)."""
-        return for_questions(self.model), self.answering
+        """Model and state that questions are asked of: that of the configuration, and the state `answering`."""
+        return self.model, self.answering
 
     @property
     def unreduced(self) -> tuple[Model, Motion]:

@@ -54,10 +54,9 @@ def _with_plates(model: Model, motion: Motion) -> Model:
 
 @per_model
 def _with_warping(model: Model) -> Model:
-    """The model with restrained warping; itself where it has it, now or for questions, or no leaf warps."""
-    later = model.choice is not None and model.choice["warping"].later
+    """The model with restrained warping; itself where it has it, or no leaf warps."""
     warps = [leaf.section.Iw > 0.0 for _, leaf in model.scene.leaf_names().items()]
-    if model.mesh.warping or later or not any(warps):
+    if model.mesh.warping or not any(warps):
         return model
     return compile_given(
         with_torsion(model.scene, run_factors(model.scene)), model.mesh.with_effect("warping")

@@ -23,7 +23,6 @@ from ksd.modal.mixed import condensed_joints, meshed, named_leafs, standing, wit
 from ksd.model.arrays import Motion, make_work
 from ksd.model.compile import Model
 from ksd.numerics.stopwatch import Stopwatch
-from ksd.properties.later import for_questions
 from ksd.properties.tangent import exact
 from ksd.section.checks import show
 from ksd.solve.configuration import Configuration
@@ -121,8 +120,7 @@ def by_modal_bodies(
 
 def _prepared(solver: Any) -> ModalSolver | MixedSolver:
     """What solves with the basis of `solver`. Raises SceneError for what is no basis, and what `MixedSolver` does."""
-    # bodies have one stiffness for motion and questions
-    model, basis = for_questions(solver.model), ModalBasis() if solver.basis is None else solver.basis
+    model, basis = solver.model, ModalBasis() if solver.basis is None else solver.basis
     words = {"records": solver.records, "extrapolate": solver.extrapolate}
     if isinstance(basis, Mapping):
         leafs = named_leafs(model, basis)

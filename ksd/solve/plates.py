@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from scipy.integrate import trapezoid
 
@@ -22,6 +22,9 @@ from ksd.properties.kept import per_model
 from ksd.properties.section_forces import section_forces
 from ksd.scene.leaf import Condition
 from ksd.section.plate import plate_factor
+
+if TYPE_CHECKING:
+    from ksd.solve.configuration import Configuration
 
 POINTS = 9
 """Stations along a leaf at which its moment is taken."""
@@ -67,19 +70,21 @@ def bent(model: Model, motion: Motion) -> tuple[dict[str, Condition], float]:
     return conditions, worst
 
 
-def settled(solver: Any, solve: Callable[[], Any], bound: float) -> Any:
-    """The answer of `solve()`, repeated with plate factors that fit it until they change by less than `bound`.
+def settled(solver: Any, solve: Callable[[Any], Configuration], bound: float) -> tuple[Configuration, Any]:
+    """The answer of `solve(solver)` with plate factors that fit it to `bound`, relative, and the solver that gave it.
 
-    solver: has the model and can `use` another. A model without plate stiffening is solved once.
+    Each round has a solver of its own: what `solver` holds stays as it was made, and no answer depends on those before
+    it. A model without plate stiffening is solved once.
     """
-    found = solve()
+    found = solve(solver)
     if not solver.model.mesh.plate:
-        return found
+        return found, solver
     for _ in range(MOST):
         conditions, moved = bent(found.model, found.motion)
         if moved <= bound:
             break
         scene = with_conditions(found.model.scene, conditions)
-        solver.use(marked(compile_given(scene, found.model.mesh), solver.model.said, solver.model.choice))
-        found = solve()
-    return found
+        compiled = compile_given(scene, found.model.mesh)
+        solver = solver.of(marked(compiled, solver.model.said, solver.model.choice))
+        found = solve(solver)
+    return found, solver

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from ksd.errors import SceneError
-from ksd.model.compile import compile_scene
+from ksd.model.compile import compile_given, marked
 from ksd.scene.drive import Load
 from ksd.solve.configuration import Configuration
 from ksd.solve.conventional import conventional
@@ -39,7 +39,6 @@ def sensitivity(
     name = getattr(link, "name", link)
     model, state = pose.insides
     scene = model.said or model.scene
-    kept = {} if model.choice is None else {"effects": model.choice.wanted}
     if name not in scene.links:
         raise SceneError(
             f"link '{name}' is not part of '{scene.name}'; its links are {', '.join(scene.links)}"
@@ -51,7 +50,8 @@ def sensitivity(
     for sign in (1.0, -1.0):
         f, m = (tuple((sign * STEP * part).tolist()) for part in (wrench[:3], wrench[3:]))
         extra = Load("sensitivity", name, f, m, tuple(np.asarray(at, float).tolist()))
-        loaded = compile_scene(replace(scene, loads=(*scene.loads, extra)), mesh=model.mesh, **kept)
+        more = replace(model.scene, loads=(*model.scene.loads, extra))
+        loaded = marked(compile_given(more, model.mesh), scene, model.choice)
         start = replace(pose, model=loaded, motion=state, method="conventional", method_error=None)
         answers.append(question(conventional(loaded, pose.targets, start=start, planar=False, rtol=RTOL)))
     plus, minus = answers

@@ -24,7 +24,6 @@ from ksd.modal.solid_solve import MOST_CORRECTORS, SETTLED, SUCCESSFUL, FullSoli
 from ksd.model.arrays import LINEAR, Arrays, Motion, make_work
 from ksd.model.compile import Model
 from ksd.numerics.stopwatch import Stopwatch
-from ksd.properties.later import for_questions
 from ksd.properties.tangent import exact
 from ksd.section.checks import show
 from ksd.solve.configuration import Configuration
@@ -62,7 +61,7 @@ def solid_model(model: Model, basis: Mapping[str, SolidBasis]) -> SolidModel:
     for name, body in basis.items():
         own = [n for n in model.member_names if n.startswith(f"{name}/")]
         named[own[0] if len(own) == 1 and name not in model.member_names else name] = body
-    return with_solids(for_questions(model), named)
+    return with_solids(model, named)
 
 
 class SolidMixture(MixedSolver):
@@ -111,7 +110,7 @@ def by_solids(
     if method == "modal" and solver is not None and solver.model is not model and mixes(model):
         if solver.mixed is None:
             words = {"records": solver.records, "extrapolate": solver.extrapolate}
-            solver.mixed = SolidMixture(for_questions(solver.model), model, **words)
+            solver.mixed = SolidMixture(solver.model, model, **words)
         found = solver.mixed(targets, passes=passes)
         return judged(found) if estimate else found
     try:

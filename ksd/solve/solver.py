@@ -15,10 +15,9 @@ from ksd.library import Record, find_record
 from ksd.modal.choices import ModalBasis
 from ksd.modal.solid_body import SolidBasis
 from ksd.model.arrays import carries_load
-from ksd.model.compile import Model, compile_scene, fit_for
+from ksd.model.compile import Model, compile_scene
 from ksd.model.mesh import Mesh
 from ksd.model.plane import Plane, plane_of
-from ksd.properties.later import for_moving, for_questions
 from ksd.scene.contents import Scene
 from ksd.scene.mechanism import Mechanism
 from ksd.section.checks import nearest, number, show, truth, whole
@@ -61,17 +60,13 @@ class Solver:
         effects: str | Iterable[str] = "auto",
         with_: str | Iterable[str] = (),
         without: str | Iterable[str] = (),
-        accuracy: float = DEFAULT_ACCURACY,
-        targets: Mapping[str, float] | None = None,
+        accuracy: float | None = None,
     ) -> None:
         if not isinstance(mechanism, Model):
-            compiled = compile_scene(
-                mechanism, mesh=mesh, effects=effects, with_=with_, without=without, accuracy=accuracy, targets=targets
-            )  # fmt: skip
-            mechanism = for_moving(compiled)
+            mechanism = compile_scene(mechanism, mesh=mesh, effects=effects, with_=with_, without=without)
         self.model: Model = mechanism
         self.records, self.extrapolate, self.planar = records, extrapolate, truth(planar, "planar")
-        self.basis = basis
+        self.basis, self.accuracy = basis, wanted_accuracy(accuracy)
         self.modal: Any = None  # prepared for `basis`
         self.mixed: Any = None  # the same beside condensed joints, where the bodies are solids
         self._five: FiveSteps | None = None
@@ -112,10 +107,12 @@ class Solver:
             self._storage = Storage(self.model)
         return self._storage
 
-    def use(self, model: Model) -> None:
-        """Solve this model of the same scene from now on."""
-        self.model, self._five, self._storage, self.modal, self.mixed = model, None, None, None, None
-        self._plain = {}
+    def of(self, model: Model) -> Solver:
+        """A solver of another model of the same scene, with the options of this one."""
+        return type(self)(
+            model, records=self.records, extrapolate=self.extrapolate, planar=self.planar, basis=self.basis,
+            accuracy=self.accuracy,
+        )  # fmt: skip
 
     def __call__(
         self,
@@ -146,8 +143,8 @@ class Solver:
                 found = self.on_mesh(
                     values, method=method, accuracy=accuracy, passes=passes, estimate=estimate
                 )
-                wanted = wanted_accuracy(accuracy)
-                if self._is_plain(method, accuracy):
+                wanted = self._or_own(accuracy)
+                if self._is_plain(method):
                     self._plain[ways] = wanted
         found = resolved(found, wanted)
         return insist(found) if strict else found
@@ -159,13 +156,16 @@ class Solver:
         except TypeError:
             return 0.0
 
-    def _is_plain(self, method: str | None, accuracy: float | None) -> bool:
-        """Whether calls like this one need nothing of what `on_mesh` does around a solve: another model for the accuracy,
-        plates, solids, load steps beside the answer."""
+    def _or_own(self, accuracy: float | None) -> float:
+        """The accuracy of one call, that of the solver where it says none."""
+        return self.accuracy if accuracy is None else wanted_accuracy(accuracy)
+
+    def _is_plain(self, method: str | None) -> bool:
+        """Whether calls like this one need nothing of what `on_mesh` does around a solve: plates, solids, load steps
+        beside the answer."""
         model = self.model
-        same = fit_for(model, accuracy) is model and for_questions(model) is model and not model.mesh.plate
         return (
-            same
+            not model.mesh.plate
             and method != "modal"
             and self._with_solids(method) is None
             and not carries_load(model.arrays)
@@ -215,18 +215,10 @@ class Solver:
             from ksd.solve.solids import by_solids
 
             return by_solids(solids, values, method=method, estimate=estimate, passes=passes, solver=self)
-        fit = fit_for(self.model, accuracy)
-        if fit is not self.model:
-            self.use(fit)
-        bound = 0.1 * wanted_accuracy(accuracy)
-        found = settled(self, lambda: self._solve(values, **ways), bound)
-        whole_model = for_questions(self.model)
-        if whole_model is not self.model and isinstance(plane_of(self.model), str):
-            # it was not to be held in its plane after all: now its leafs twist
-            self.use(whole_model)
-            found = settled(self, lambda: self._solve(values, **ways), bound)
+        bound = 0.1 * self._or_own(accuracy)
+        found, used = settled(self, lambda solver: solver._solve(values, **ways), bound)
         if method is not None and needs_walk(found):
-            against, other = beside(found, lambda: self._by_load_steps(values))
+            against, other = beside(found, lambda: used._by_load_steps(values))
             doubts = (*found.doubts, *filter(None, [against]))
             found = with_changes(found, doubts=doubts, method_error=measured(found, other))
         return found
@@ -254,7 +246,7 @@ class Solver:
     ) -> Configuration:
         target = self.model.targets(values)
         if method is None:
-            return self._cheapest(values, target, wanted_accuracy(accuracy))
+            return self._cheapest(values, target, self._or_own(accuracy))
         if not isinstance(method, str) or method not in METHODS:
             raise SceneError(f"method = {show(method)}: choose one of {', '.join(METHODS)}")
         if method == "conventional":
@@ -358,6 +350,8 @@ def asked_values(targets: Any, drives: Mapping[str, float]) -> dict[str, float]:
 def refuse_unknown(given: Iterable[str], drives: Iterable[str], call: Callable[..., Any]) -> None:
     """Raise SceneError for the first word `given` that is neither a drive nor an option of `call`, with the nearest ones."""
     known = tuple(drives)
+    if set(given) <= set(known):
+        return
     options = [n for n, p in signature(call).parameters.items() if p.kind is p.KEYWORD_ONLY]
     for name in given:
         if name not in known:

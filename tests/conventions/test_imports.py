@@ -31,8 +31,6 @@ TO_BE_REMOVED = {
     ("ksd.model.arrays", "ksd.model.turning"),
     ("ksd.model.compile", "ksd.model.listing"),
     ("ksd.model.compile", "ksd.model.plane"),
-    ("ksd.model.estimates", "ksd.model.compile"),
-    ("ksd.model.estimates", "ksd.model.effects"),
     ("ksd.solve.configuration", "ksd.solve.answer"),
     ("ksd.solve.configuration", "ksd.solve.corrected"),
     ("ksd.solve.configuration", "ksd.solve.report"),

@@ -99,5 +99,5 @@ def test_the_report_lists_effects(tmp_path):
     ksd.save_scene(scene, path, targets={"top": 0.05})
     assert main(["report", str(path), "--out", str(out), "--poses", "2", "--quiet"]) == 0
     text = out.read_text()
-    assert "with shear" in text and "with gravity" in text and "against a drive force" in text
+    assert "with shear" in text and "with gravity" in text and "(0, -9.81, 0) m/s^2 on 1 mass" in text
     assert "without plate" in text and "would be" in text

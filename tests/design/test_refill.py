@@ -183,12 +183,12 @@ def test_a_refilled_design_that_locks_or_leaves_its_plane_is_seen():
     assert "moves nothing" in found.why(4, 0)
 
 
-def test_shear_is_kept_where_its_estimate_says_so_design_by_design():
+def test_shear_is_there_in_every_design_however_little_it_is():
     def thin(width):
         return fourbar(joint=cross_flexure(thickness=0.05 * mm, widths=(width, 0.5 * width)))
 
     sizes = [{"width": w * mm} for w in (0.5, 0.52, 0.54, 0.6, 0.62, 0.64)]
-    assert [Solver(thin(**s)).model.mesh.shear for s in sizes] == [False] * 3 + [True] * 3
+    assert all(Solver(thin(**s)).model.mesh.shear for s in sizes)
     found = ksd.batch(thin, designs=[sizes[0], *sizes], top=0.05, threads=1)
     for d, size in enumerate(sizes, start=1):
         single = Prepared(Solver(thin(**size)))({"top": np.array([0.05])})

@@ -74,16 +74,17 @@ def test_batches_carry_the_weight_and_tables_refuse_it():
         ksd.batch(scene, top=tops, tabulated=True)
 
 
-def test_switched_off_or_small_it_is_not_there():
+def test_it_is_there_unless_switched_off_however_small():
     bare, off = (
         ksd.solve(s, top=0.1, method="reduced", **w)
         for s, w in ((fourbar(), {}), (heavy(1.0), {"without": "gravity"}))
     )
     assert bare.forces == off.forces and off.model.arrays.weight.size == 0
-    # 0.25 kg of steel against 64 N: kept under the earth's gravity, left out under a ten thousandth of it
-    for strength, kept in ((1.0, True), (1e-4, False)):
-        choice = ksd.solve(heavy(strength), top=0.1).model.choice["gravity"]
-        assert choice.present is kept and "weight" in choice.reason
+    # 0.25 kg of steel against 64 N, and a ten thousandth of its weight
+    for strength in (1.0, 1e-4):
+        model = ksd.solve(heavy(strength), top=0.1).model
+        assert model.choice["gravity"].present and model.arrays.weight.size > 0
+        assert "m/s^2 on 12 of 12 leafs, those of known density" in model.choice["gravity"].reason
 
 
 @pytest.mark.parametrize("mesh", MESHES)

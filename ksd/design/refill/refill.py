@@ -15,24 +15,10 @@ from ksd.design.refill.polynomials import Polynomials
 from ksd.design.refill.scales import scales
 from ksd.design.refill.space import Filled, Space
 from ksd.library import find_record
-from ksd.model.effects import MARGIN
-from ksd.model.mesh import Mesh
 from ksd.solve.five import FiveSteps
 
 SAME = 1e-12
 """Relative difference, to the largest number of an array, below which a refilled array is that of a fresh model."""
-ACCURACY = 1e-3
-"""What models are compiled for when nobody says otherwise."""
-
-
-def shear_matters(leaf: np.ndarray, mesh: Mesh) -> np.ndarray:
-    """(D,): whether the estimate keeps the shear of the leafs (D, F, LEAF), see `ksd.model.estimates`."""
-    if not mesh.shear:
-        return np.zeros(len(leaf), bool)
-    L, E, G, A, _, Iy, Iz, ky, kz = np.moveaxis(leaf[:, :, 9:], 2, 0)
-    parts = [12.0 * E * inertia / (k * G * A * L * L) for inertia, k in ((Iz, ky), (Iy, kz))]
-    change = np.maximum(*parts).max(axis=1)
-    return np.asarray((change > MARGIN * ACCURACY) | ~np.isfinite(change))
 
 
 @dataclass(frozen=True)
