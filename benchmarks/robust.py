@@ -1,56 +1,35 @@
-"""Files under attack: bit flips, cuts, kills of training at random moments; prints what was tried and what got through.
+"""Everything that may not go wrong in silence, one script after the other, each printing its counts.
 
-    python benchmarks/robust.py [--kills 100] [--flips 20000]
+    python benchmarks/robust.py [arms estimates files kills trust use]
 
-The tests of `tests/library/test_damage.py` with larger numbers. Nothing may get through.
+arms: open chains of joints against differences and pivoting; estimates: error figures against the truth; files: damage;
+kills: bit flips and training killed at random moments; trust: scenes no flexure has, taut leafs; use: memory, threads.
 """
 
 from __future__ import annotations
 
-import argparse
+import subprocess
 import sys
-import tempfile
 from pathlib import Path
 
-import numpy as np
-
-ROOT = Path(__file__).resolve().parents[1]
-sys.path[:0] = [str(ROOT / "tests" / "library"), str(ROOT)]
-
-from test_damage import SMALLEST, all_refused, killed_training  # noqa: E402
-
-from ksd.design import Table  # noqa: E402
-from ksd.library import read_record, read_result  # noqa: E402
-from ksd.library.tables import write_answer  # noqa: E402
+HERE = Path(__file__).resolve().parent
+PARTS = tuple(sorted(path.stem.removeprefix("robust_") for path in HERE.glob("robust_*.py")))
 
 
-def main() -> int:
-    """Returns the number of damaged files that were read without complaint, plus 1 if killed training differs."""
-    words = argparse.ArgumentParser()
-    words.add_argument("--kills", type=int, default=100)
-    words.add_argument("--flips", type=int, default=20_000)
-    asked = words.parse_args()
-    rng, through = np.random.default_rng(0), 0
-    many = {"flips": asked.flips, "cuts": asked.flips // 5}
-    with tempfile.TemporaryDirectory(dir="/dev/shm" if Path("/dev/shm").is_dir() else None) as name:
-        folder = Path(name)
-        record = folder / SMALLEST.name
-        record.write_bytes(SMALLEST.read_bytes())
-        columns = {n: tuple(rng.normal(size=31).tolist()) for n in ("top_mm", "force_N")}
-        table = Table({**columns, "status": ("ok",) * 31}, ("top_mm",)).to_hdf5(folder / "table.h5")
-        answer = write_answer({n: list(v) for n, v in columns.items()}, folder / "answer.json")
-        for path, read in ((record, read_record), (table, Table.from_hdf5), (answer, read_result)):
-            got = all_refused(path, read, rng, **many)
-            through += got
-            print(f"{path.name}: {asked.flips} bit flips and {asked.flips // 5} cuts, {got} read", flush=True)
-        killed_training(folder / "whole", 0, rng, span=(0.0, 1.0))
-        hit = killed_training(folder / "killed", asked.kills, rng, span=(0.3, 2.5))
-        one, other = ((folder / n / "cross_flexure.h5").read_bytes() for n in ("whole", "killed"))
-        print(
-            f"training killed {hit} times of {asked.kills}: {'same bytes' if one == other else 'OTHER BYTES'}"
+def main(wanted: list[str]) -> int:
+    """Returns how many of the parts wanted (all when none is named) ended with something wrong."""
+    unknown = [part for part in wanted if part not in PARTS]
+    if unknown:
+        print(f"'{unknown[0]}' is no part; the parts are {', '.join(PARTS)}", file=sys.stderr)
+        return 2
+    wrong = 0
+    for part in wanted or PARTS:
+        print(f"== {part}", flush=True)
+        wrong += (
+            subprocess.run([sys.executable, str(HERE / f"robust_{part}.py")], check=False).returncode != 0
         )
-        return through + (one != other)
+    return wrong
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(main(sys.argv[1:]))

@@ -285,7 +285,7 @@ def killed_training(folder, kills, rng, *, span):
 
 @pytest.mark.skipif(os.name != "posix", reason="sends a POSIX signal")
 def test_killed_training_resumes_to_the_same_bytes(tmp_path, rng):
-    """A hundred kills: `python benchmarks/robust.py`."""
+    """A hundred kills: `python benchmarks/robust_kills.py`."""
     killed_training(tmp_path / "whole", 0, rng, span=(0, 1))
     assert killed_training(tmp_path / "killed", 3, rng, span=(1.0, 2.5)) >= 1
     whole, resumed = ((tmp_path / n / "cross_flexure.h5").read_bytes() for n in ("whole", "killed"))
