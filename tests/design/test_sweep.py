@@ -301,7 +301,7 @@ def test_a_sweep_raises_the_curvature_modes_as_solve_does():
     share = np.array([0.5, 1.0])
     values = {name: share * value for name, value in targets.items()}
     table = sweep(mechanism, values, together=True, questions="force", **QUIET)
-    assert not table.failures and list(table["warnings"]) == ["", ""]
+    assert not table.failures and not any("curvature modes" in said for said in table["warnings"])
     alone = ksd.solve(mechanism, targets)
     assert table["x_force_N"][1] == pytest.approx(alone.forces["x"], rel=1e-6)
     # a mesh that is asked for stays

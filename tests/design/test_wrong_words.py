@@ -105,7 +105,10 @@ def test_parameters_without_a_value(call):
 @both
 @pytest.mark.parametrize("mechanism", ["fourbar.toml", None, 5, lambda: None])
 def test_no_mechanism(call, mechanism):
-    assert "is not a mechanism: give a Mechanism, a Scene, or a function" in told(call, mechanism, top=0.1)
+    assert (
+        "is not a mechanism: give a function returning a mechanism, or give a ksd.Mechanism or its scene"
+        in told(call, mechanism, top=0.1)
+    )
 
 
 @pytest.mark.parametrize(
