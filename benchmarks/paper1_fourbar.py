@@ -7,6 +7,7 @@ step when the residual exceeds eps_max, with the eps_max best for it in each cas
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import Any
 
@@ -221,7 +222,9 @@ def _panels_12(row: Any, moments: np.ndarray, cases: list[dict[str, Any]]) -> No
         ("full (step 5)", "step 5", {"linewidth": 3.5, "alpha": 0.35}),
         ("reduced", "reduced", {"linewidth": 1.2, "linestyle": "--"}),
     ):
-        turned = [1e3 * cases[k]["rotation_rad"][key] for k in good]
+        # a way that is refused leaves a gap
+        angles = [cases[k]["rotation_rad"][key] for k in good]
+        turned = [math.nan if angle is None else 1e3 * angle for angle in angles]
         row[0].plot(x, turned, color=COLORS["step 5"], label=name, **style)
     if lost:
         bottom = 1e3 * min(cases[k]["rotation_rad"]["step 5"] for k in good)

@@ -69,7 +69,7 @@ def test_a_shape_at_the_end_of_its_range_is_named(tmp_path):
             held_by_others=True,
         )  # fmt: skip
 
-    design = ksd.train.Design("strip", (ksd.library.Parameter("width", 0.5e-3, 10e-3),), drawn)
+    design = ksd.Design("strip", (ksd.library.Parameter("width", 0.5e-3, 10e-3),), drawn)
     assert share(drawn(width=5e-3)) < MARGIN
     with pytest.raises(SceneError, match=r"not the soft one in the shape width = 0.0005"):
         ksd.train(design, out=tmp_path, progress=False)

@@ -14,13 +14,13 @@ import numpy as np
 import pytest
 
 import ksd
-import ksd.train.jobs as jobs_module
 from ksd.errors import SceneError
 from ksd.library import Parameter, read_record
 from ksd.library.files import shipped_folder
 from ksd.scene import CrossFlexure, DrawnJoint, Material, Motion
 from ksd.section import rectangle
 from ksd.train import Design, train
+from ksd.train import jobs as jobs_module
 from ksd.train.checks import check_clear
 from ksd.train.designs import bare, design_of
 from ksd.train.softness import rest_stiffness
