@@ -9,18 +9,8 @@ from ksd.library.files import (
     record_folders,
     write_record,
 )
-from ksd.library.record import (
-    Evidence,
-    Functions,
-    JointFunctions,
-    Mesh,
-    Parameter,
-    Probes,
-    Record,
-    Residual,
-    Stroke,
-    monomials,
-)
+from ksd.library.functions import Functions, JointFunctions, Mesh, monomials
+from ksd.library.record import Evidence, Parameter, Probes, Record, Residual, Stroke
 from ksd.library.tables import read_answer as read_result
 
 __all__ = [

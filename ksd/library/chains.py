@@ -12,7 +12,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from ksd.library.record import Array, Functions, JointFunctions, monomials
+from ksd.library.functions import Array, Functions, JointFunctions, monomials
 
 POINTS = 4
 """Gauss points per element when curvature is integrated."""

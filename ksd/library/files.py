@@ -16,18 +16,17 @@ import os
 from dataclasses import asdict, dataclass
 from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from ksd.errors import RecordError
 from ksd.files import read_file, write_file
-from ksd.library.record import Evidence, Functions, Mesh, Parameter, Probes, Record, Residual, Stroke
+from ksd.hdf5 import Contents, contents
+from ksd.library.functions import Functions, Mesh
+from ksd.library.record import Evidence, Parameter, Probes, Record, Residual, Stroke
 from ksd.library.record_checks import check_record
 from ksd.scene.families import joint_families
-
-if TYPE_CHECKING:
-    from ksd.library.hdf5 import Contents
 
 FORMAT = 2
 """Format this version writes, and the newest it reads."""
@@ -129,8 +128,6 @@ def read_record(path: str | os.PathLike[str]) -> Record:
         return _cache[key][1]
     again = train_again(place.stem)
     body = _unseal(read_file(place, what="joint record", error=RecordError, hint=again), place)
-    from ksd.library.hdf5 import contents
-
     try:
         record = contents(body, _decode)
         check_record(record)

@@ -7,7 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from ksd.library.record import Mesh, Parameter, Record, Stroke
+from ksd.library.functions import Mesh
+from ksd.library.record import Parameter, Record, Stroke
 
 MOST_TERMS, HIGHEST_DEGREE, MOST_ELEMENTS = 8192, 64, 1000
 """Product terms of a function, degrees, and elements of a leaf's chain; several times what training makes."""

@@ -18,6 +18,7 @@ import numpy as np
 
 from ksd.errors import RecordError, SceneError
 from ksd.files import read_file, write_file
+from ksd.hdf5 import Contents, contents
 from ksd.library.files import BLOCK, _seal
 
 SIGNATURE, FORMAT = b"ksd table\n", 1
@@ -53,7 +54,6 @@ def read_columns(path: str | os.PathLike[str]) -> tuple[dict[str, Any], dict[str
 
     Raises RecordError when the file is missing, foreign, truncated or altered in any bit, or is sealed but no table.
     """
-    from ksd.library.hdf5 import Contents, contents
 
     def read(found: Contents) -> tuple[dict[int, tuple[str, Any]], dict[str, str]]:
         columns = {}

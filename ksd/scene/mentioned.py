@@ -7,7 +7,6 @@ import math
 import os
 import zipfile
 from collections.abc import Sequence
-from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +15,7 @@ from numpy.typing import ArrayLike
 
 from ksd.errors import SceneError
 from ksd.files import LARGEST, read_file
+from ksd.hdf5 import read_hdf5
 from ksd.scene.contents import PlacedJoint, PlacedLeaf
 from ksd.scene.effects import CONSIDERED, Compliance, Fit, Heat, LinkMatrix, Spring, TurnSpring
 from ksd.scene.links import Link, Links
@@ -23,9 +23,6 @@ from ksd.scene.material import Material
 from ksd.scene.placing import numbered
 from ksd.section import Section
 from ksd.section.checks import Axis, Vector, as_given, nearest, show, vector
-
-READERS = {".npz": "ksd.scene.mentioned:read_npz", ".h5": "ksd.library.hdf5:read_hdf5"}
-"""Who reads a link matrix, by the end of the file name; loaded on use, since the scene imports numpy alone."""
 
 
 def read_npz(path: Path) -> dict[str, np.ndarray]:
@@ -57,6 +54,10 @@ def _array(archive: zipfile.ZipFile, name: str) -> np.ndarray:
     return found
 
 
+READERS = {".npz": read_npz, ".h5": read_hdf5}
+"""Who reads a link matrix, by the end of the file name."""
+
+
 def link_matrix(path: str | os.PathLike[str]) -> LinkMatrix:
     """The stiffness of a flexible link from a file, `.npz` or `.h5`.
 
@@ -65,11 +66,9 @@ def link_matrix(path: str | os.PathLike[str]) -> LinkMatrix:
     Raises SceneError for a file that is missing, of another kind, damaged, or without these arrays.
     """
     file = Path(path)
-    reader = READERS.get(file.suffix.lower())
-    if reader is None:
+    read = READERS.get(file.suffix.lower())
+    if read is None:
         raise SceneError(f"link matrix '{file}': a file of kind {' or '.join(READERS)} is needed.")
-    module, name = reader.split(":")
-    read = getattr(import_module(module), name)
     try:
         arrays = read(file)
     except SceneError:

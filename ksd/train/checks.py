@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ksd.errors import SceneError
-from ksd.library.record import Array
+from ksd.library.functions import Array
 from ksd.model.compile import Model
 from ksd.properties.stiffness import point_stiffness
 from ksd.scene import Joint, Leaf

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ksd.library.record import Array, legendre_products, monomials
+from ksd.library.functions import Array, legendre_products, monomials
 
 EXACT = 1e-8
 """Below this a sampled symmetry, or a sampled function, counts as exact; solves are converged far below."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ksd.library.chains import rotation_vectors
-from ksd.library.record import Array
+from ksd.library.functions import Array
 from ksd.model.arrays import Motion
 from ksd.model.compile import Model
 

@@ -10,7 +10,7 @@ import numpy as np
 from ksd.errors import RecordError
 from ksd.library import Mesh, Probes, Record
 from ksd.library.files import train_again
-from ksd.library.record import Array
+from ksd.library.functions import Array
 from ksd.train.designs import Design, bare
 from ksd.train.fit import DIGITS
 from ksd.train.sweep import Plan, Samples, sample_joint

@@ -20,7 +20,7 @@ import ksd
 from ksd.errors import ConvergenceError, RecordError, SceneError
 from ksd.library import Evidence, Functions, Mesh, Record, Residual, Stroke, read_record, write_record
 from ksd.library.files import SUFFIX
-from ksd.library.record import Array, legendre_products, monomials
+from ksd.library.functions import Array, legendre_products, monomials
 from ksd.model.leafs import raised_orders
 from ksd.model.mesh import Mesh as LeafMesh
 from ksd.scene import DrawnJoint, Joint

@@ -13,7 +13,7 @@ import numpy as np
 from scipy.linalg import eigh, null_space
 
 from ksd.errors import SceneError
-from ksd.library.record import Array
+from ksd.library.functions import Array
 from ksd.model.compile import compile_scene
 from ksd.scene import DrawnJoint, Joint, Mechanism, Motion
 from ksd.solve.conventional import conventional

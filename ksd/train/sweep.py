@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from ksd.beam.corotational_values import NODE, RECORD
 from ksd.errors import ConvergenceError, SceneError
 from ksd.library.chains import rotation_vectors
-from ksd.library.record import Array, Mesh
+from ksd.library.functions import Array, Mesh
 from ksd.model.arrays import COROTATIONAL, Motion
 from ksd.model.compile import Model, compile_given
 from ksd.model.leafs import Mesh as LeafMesh

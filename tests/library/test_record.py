@@ -10,7 +10,8 @@ from scipy.spatial.transform import Rotation
 
 from ksd.errors import RangeError, RecordError, SceneError
 from ksd.library.chains import chain_rotations, longer_chain, rotation_vectors
-from ksd.library.record import Functions, JointFunctions, Parameter
+from ksd.library.functions import Functions, JointFunctions
+from ksd.library.record import Parameter
 
 
 def direct(record, table, shape, motion):

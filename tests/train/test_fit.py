@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from ksd.library.record import legendre_products, monomials
+from ksd.library.functions import legendre_products, monomials
 from ksd.train.fit import _leave_one_out, _shape_degree, fit_functions, total_degree
 
 

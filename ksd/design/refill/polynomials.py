@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 
 from ksd.design.refill.scales import FORCE, INVERSE, MOMENT, ONE
-from ksd.library.record import EDGE, Record, legendre_products
+from ksd.library.functions import legendre_products
+from ksd.library.record import EDGE, Record
 from ksd.scene.joint import leafs_of
 
 

@@ -14,7 +14,6 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, TypeVar
 
-import h5py
 import numpy as np
 from numpy.typing import NDArray
 
@@ -27,9 +26,8 @@ SUM = 4
 ROWS = 256
 """Texts read at a time."""
 
-
-_KINDS = [getattr(h5py.h5t, f"IEEE_F{n}{order}") for n in (32, 64) for order in ("LE", "BE")]
-_KINDS += [getattr(h5py.h5t, f"STD_{i}{n}{o}") for i in "IU" for n in (8, 16, 32, 64) for o in ("LE", "BE")]
+_KINDS = [f"IEEE_F{n}{order}" for n in (32, 64) for order in ("LE", "BE")]
+_KINDS += [f"STD_{i}{n}{order}" for i in "IU" for n in (8, 16, 32, 64) for order in ("LE", "BE")]
 
 
 class Contents:
@@ -38,16 +36,16 @@ class Contents:
     All raise ValueError where the file is not what it should be or holds more than LARGEST bytes, and whatever h5py raises.
     """
 
-    def __init__(self, file: Any) -> None:
-        self.file = file
+    def __init__(self, file: Any, h5py: Any) -> None:
+        self.file, self._h5py = file, h5py
         self._left = LARGEST
 
     def items(self, group: Any) -> dict[str, Any]:
         """Datasets and groups by name. Links that may lead elsewhere are refused."""
-        if not isinstance(group, h5py.Group):
+        if not isinstance(group, self._h5py.Group):
             raise ValueError(f"'{getattr(group, 'name', group)}' is no group")
         for name in group:
-            if not isinstance(group.get(name, getlink=True), h5py.HardLink):
+            if not isinstance(group.get(name, getlink=True), self._h5py.HardLink):
                 raise ValueError(f"'{name}' is a link to another place or file")
         return dict(group.items())
 
@@ -56,7 +54,7 @@ class Contents:
         self._take(data)
         kind = data.id.get_type()
         # a float of another exponent, which one damaged byte declares, is read as a float all the same
-        if not any(kind.equal(known) for known in _KINDS):
+        if not any(kind.equal(getattr(self._h5py.h5t, known)) for known in _KINDS):
             raise ValueError(f"'{data.name}' holds {data.dtype}, no plain numbers")
         found: NDArray[np.float64] = np.asarray(data[()], float)
         return found
@@ -64,7 +62,7 @@ class Contents:
     def texts(self, data: Any) -> list[str]:
         """A dataset of texts along one axis."""
         self._take(data)
-        if h5py.check_string_dtype(data.dtype) is None or data.ndim != 1:
+        if self._h5py.check_string_dtype(data.dtype) is None or data.ndim != 1:
             raise ValueError(f"'{data.name}' holds no texts")
         found: list[str] = []
         for first in range(0, len(data), ROWS):
@@ -96,7 +94,7 @@ class Contents:
 
     def _take(self, data: Any) -> None:
         """Refuses a dataset that cannot be read within bounds from this file alone."""
-        if not isinstance(data, h5py.Dataset) or data.shape is None:
+        if not isinstance(data, self._h5py.Dataset) or data.shape is None:
             raise ValueError(f"'{getattr(data, 'name', data)}' is no dataset")
         if data.is_virtual or data.external:
             raise ValueError(f"the numbers of '{data.name}' are in other files")
@@ -130,8 +128,10 @@ class Contents:
 
 def contents(content: bytes, read: Callable[[Contents], T]) -> T:
     """What `read` makes of the bytes of an HDF5 file. Raises whatever h5py does where it is none."""
+    import h5py
+
     with h5py.File(io.BytesIO(content), "r") as file:
-        return read(Contents(file))
+        return read(Contents(file, h5py))
 
 
 def read_hdf5(path: Path) -> dict[str, NDArray[np.float64]]:
