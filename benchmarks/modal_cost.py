@@ -253,7 +253,7 @@ FLOOR = """Why a modal body of a leaf is dearer than its chain, however it is co
 polynomial, so every iteration visits its ten elements and projects each tangent (18 x 18) on 44 columns, 13 of
 the ends and 31 inside, then eliminates the full matrix of these 31: 0.7 million operations a leaf by default,
 where the chain eliminates 54 unknowns of a narrow band, some ten thousand. Energy-conserving sampling
-(`ksd.modal.sampling`) saves elements of fine chains, not the projection; the tensors of a solid, below, need
+(`benchmarks/sampling.py`) saves elements of fine chains, not the projection; the tensors of a solid, below, need
 neither. So for leafs take strain modes."""
 
 

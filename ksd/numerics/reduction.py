@@ -1,4 +1,4 @@
-"""Reduction bases as pure numerics: Craig-Bampton modes, modal derivatives, conditioning, energy-conserving sampling.
+"""Reduction bases as pure numerics: Craig-Bampton modes, modal derivatives, conditioning.
 
 They work on matrices, dense or sparse, and on a tangent function K(q) of additive coordinates q (n,), of which nothing
 else is known: a leaf, a joint or a free-form body. With boundary coordinates held, the static path through q = 0 is
@@ -6,7 +6,7 @@ q(eta) = sum phi_i eta_i + 1/2 sum theta_ij eta_i eta_j + 1/6 sum chi_ijk eta_i 
 second derivative of the path, symmetric, so the quadratic manifold carries the factor 1/2** (paper 2, eq. 5, has
 none: its theta is half of ours). Internal vibration modes are followed like boundary modes, with the forces that hold
 their amplitude constant left out, as in eq. 4.
-Source: paper 2, eqs. 4-8; Craig and Bampton 1968; Farhat et al. 2014 and 2015 for the sampling.
+Source: paper 2, eqs. 4-8; Craig and Bampton 1968.
 """
 
 from __future__ import annotations
@@ -253,37 +253,6 @@ def split_boundary(columns: Array, rows: Sequence[int]) -> tuple[Array, Array]:
     return unit @ inverse, unit @ right[rank:].T
 
 
-def sampled_weights(training: Array, total: Array, *, tolerance: float = 1e-4) -> Array:
-    """Nonnegative weights (e,) of few elements with training @ weights = total within `tolerance` (ECSW).
-
-    training (s, e): reduced forces of every element in every training state, stacked; total (s,): their sums. Raises
-    ValueError when the tolerance cannot be met.
-    """
-    size = np.linalg.norm(total)
-    G, b = training / size, total / size
-    chosen: list[int] = []
-    weights, rest = np.zeros(G.shape[1]), b
-    from scipy.optimize import nnls
-
-    # greedy growth, nonnegative least squares on the elements chosen so far (Farhat et al. 2015, algorithm 1)
-    while np.linalg.norm(rest) > tolerance:
-        gain = G.T @ rest
-        gain[chosen] = -np.inf
-        best = int(np.argmax(gain))
-        if len(chosen) == G.shape[1] or not gain[best] > 0.0:
-            raise ValueError(
-                f"{len(chosen)} of {G.shape[1]} elements leave {np.linalg.norm(rest):.2g} of the forces; the tolerance "
-                f"{tolerance:g} cannot be met: raise it"
-            )
-        chosen.append(best)
-        found, _ = nnls(G[:, chosen], b)
-        chosen = [c for c, w in zip(chosen, found, strict=True) if w > 0.0] or chosen
-        weights[:] = 0.0
-        weights[chosen] = nnls(G[:, chosen], b)[0]
-        rest = b - G @ weights
-    return weights
-
-
 __all__ = [
     "Basis",
     "Derivatives",
@@ -294,7 +263,6 @@ __all__ = [
     "extended",
     "modal_derivatives",
     "quadratic_manifold",
-    "sampled_weights",
     "split_boundary",
     "tangent_derivative",
 ]

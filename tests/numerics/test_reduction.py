@@ -9,7 +9,6 @@ from ksd.numerics.reduction import (
     craig_bampton,
     modal_derivatives,
     quadratic_manifold,
-    sampled_weights,
     split_boundary,
     tangent_derivative,
 )
@@ -127,10 +126,3 @@ def test_conditioning_drops_what_says_nothing():
     assert edge[BOUNDARY] == pytest.approx(np.eye(2))
     assert rest.shape == (N, 3)
     assert rest[BOUNDARY] == pytest.approx(0, abs=1e-12)
-
-
-def test_sampled_elements_carry_the_whole_force():
-    field = np.cumsum(RNG.normal(size=(12, 3)) @ RNG.normal(size=(3, 60)), axis=1)
-    weights = sampled_weights(field, field.sum(axis=1), tolerance=1e-3)
-    assert weights.min() >= 0 and np.count_nonzero(weights) <= 12
-    assert field @ weights == pytest.approx(field.sum(axis=1), abs=1.1e-3 * np.linalg.norm(field.sum(axis=1)))

@@ -1,8 +1,8 @@
 """Energy-conserving sampling (ECSW) of modal bodies: few elements, weighted, stand for all of a leaf.
 
 For bodies whose energy is no polynomial. The weights are nonnegative and reproduce the reduced forces of training
-states, so the sampled body still has an energy (Farhat et al. 2014). What it saves grows with the mesh: the cost of a
-sampled body is that of its sample, whatever the number of elements.
+states, so the sampled body still has an energy. What it saves grows with the mesh: the cost of a
+sampled body is that of its sample, whatever the number of elements. Farhat et al. 2014 and 2015.
 """
 
 from __future__ import annotations
@@ -11,6 +11,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
+from scipy.optimize import nnls
 
 from ksd.beam.modal import SCRATCH
 from ksd.beam.modal_jets import JET, boundary_jets
@@ -19,7 +20,35 @@ from ksd.errors import SceneError
 from ksd.modal.basis import LeafBasis
 from ksd.modal.bodies import ModalModel, member_pose, replaced
 from ksd.model.arrays import Motion
-from ksd.numerics.reduction import sampled_weights
+
+
+def sampled_weights(training: np.ndarray, total: np.ndarray, *, tolerance: float = 1e-4) -> np.ndarray:
+    """Nonnegative weights (e,) of few elements with training @ weights = total within `tolerance` (ECSW).
+
+    training (s, e): reduced forces of every element in every training state, stacked; total (s,): their sums. Raises
+    ValueError when the tolerance cannot be met.
+    """
+    size = np.linalg.norm(total)
+    G, b = training / size, total / size
+    chosen: list[int] = []
+    weights, rest = np.zeros(G.shape[1]), b
+    # greedy growth, nonnegative least squares on the elements chosen so far (Farhat et al. 2015, algorithm 1)
+    while np.linalg.norm(rest) > tolerance:
+        gain = G.T @ rest
+        gain[chosen] = -np.inf
+        best = int(np.argmax(gain))
+        if len(chosen) == G.shape[1] or not gain[best] > 0.0:
+            raise ValueError(
+                f"{len(chosen)} of {G.shape[1]} elements leave {np.linalg.norm(rest):.2g} of the forces; the tolerance "
+                f"{tolerance:g} cannot be met: raise it"
+            )
+        chosen.append(best)
+        found, _ = nnls(G[:, chosen], b)
+        chosen = [c for c, w in zip(chosen, found, strict=True) if w > 0.0] or chosen
+        weights[:] = 0.0
+        weights[chosen] = nnls(G[:, chosen], b)[0]
+        rest = b - G @ weights
+    return weights
 
 
 def element_shares(
@@ -93,6 +122,3 @@ def with_samples(model: ModalModel, states: Sequence[Motion], *, tolerance: floa
             raise SceneError(f"leaf '{model.member_names[i]}' cannot be sampled: {reason}") from reason
     arrays, inner = replaced(model.full.arrays, model.full.rest.inner, list(model.bodies), weights)
     return replace(model, arrays=arrays, rest=model.rest._replace(inner=inner))
-
-
-__all__ = ["element_shares", "training", "with_samples"]
