@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -11,10 +12,11 @@ from numpy.typing import NDArray
 from ksd.errors import SceneError
 from ksd.model.arrays import Motion
 from ksd.model.compile import Model
-from ksd.numerics.rotations import rotation_log
+from ksd.numerics.rotations import rotation_exp, rotation_log
 from ksd.properties.stiffness import node_of, point_motion
 from ksd.properties.tangent import SAME, beyond_rows, row_gradients
 from ksd.properties.words import Shown, number
+from ksd.scene.drive import GROUND
 
 Array = NDArray[np.float64]
 ONE_POINT = 1e-6
@@ -68,17 +70,30 @@ def default_point(scene: Any) -> tuple[str, Any]:
     if not scene.drives:
         raise SceneError("name a link: this mechanism has no drive whose point could be asked about")
     term = scene.drives[0].terms[0]
-    if term.kind == "rotation":
-        for j in scene.joints:
-            if {j.a, j.b} == {term.base, term.link} and np.allclose(j.place(j.joint.pose_B), term.point):
-                return term.link, tuple((0.5 * (np.asarray(j.origin) + np.asarray(term.point))).tolist())
-    return term.link, term.point
+    joint = _turned_joint(scene, term)
+    return term.link, term.point if joint is None else _middle(joint)
+
+
+def _turned_joint(scene: Any, term: Any) -> Any:
+    """The joint whose rotation a drive term prescribes, or None."""
+    for j in scene.joints:
+        pair = {j.a, j.b} == {term.base, term.link}
+        if pair and term.kind == "rotation" and np.allclose(j.place(j.joint.pose_B), term.point):
+            return j
+    return None
+
+
+def _middle(joint: Any) -> tuple[float, ...]:
+    """The point (3,) at rest in the middle between the interfaces of a placed joint."""
+    return tuple(joint.place(0.5 * np.asarray(joint.joint.pose_B, float)).tolist())
 
 
 def parasitic(model: Model, motion: Motion, link: Any = None, *, at: Any = None) -> Parasitic:
     """Motion of the point of `link` at `at` (3,) [m] at rest, less what drives and supports prescribe there: rotations about
     prescribed axes, displacements along prescribed directions, each by one drive or by several together (three along z
-    prescribe a lift and both tilts). By default link and point of the first drive.
+    prescribe a lift and both tilts). What drives prescribe of a link that carries this one is taken out too: it moves this
+    one along rigidly; a rotation turns it about the middle of the joint driven, or the point of the drive. By default
+    link and point of the first drive.
 
     Raises SceneError for an unknown link, or where there is no drive and none is named.
     """
@@ -86,24 +101,83 @@ def parasitic(model: Model, motion: Motion, link: Any = None, *, at: Any = None)
         link, point = default_point(model.scene)
         at = point if at is None else at
     node = node_of(model, link)
-    now, _ = point_motion(model, motion, node, at)
+    here, _ = point_motion(model, motion, node, at)
     point = model.rest.x[node] if at is None else np.asarray(at, float)
-    shift, turn = now - point, np.empty(3)
-    rotation_log(motion.R[node], turn)
-    rows = (*model.drive_names, *model.support_names)
+    carriers = [model.node_names.index(name) for name in _carriers(model.scene, model.node_names[node])]
+    frames = [0, *carriers, node]
+    drives: set[str] = set()
+    shift, turn, before = np.zeros(3), np.zeros(3), point
+    for base, end in pairwise(frames):
+        now = motion.x[end] + motion.R[end] @ (point - model.rest.x[end])
+        moved, turned = now - before, np.empty(3)
+        rotation_log(motion.R[end] @ motion.R[base].T, turned)
+        along, about, acting = _prescribed(model, motion, base, end, now)
+        own = about @ (about.T @ turned)
+        pivot = _pivot(model.scene, acting, carried=end != node)
+        if pivot is not None:
+            arm = before - motion.x[base] - motion.R[base] @ (pivot - model.rest.x[base])
+            Q = np.empty((3, 3))
+            rotation_exp(own, Q)
+            moved -= Q @ arm - arm
+        shift, turn, before = shift + moved - along @ (along.T @ moved), turn + turned - own, now
+        drives.update(acting)
+    if carriers:
+        along, about, acting = _prescribed(model, motion, 0, node, here)
+        shift, turn = shift - along @ (along.T @ shift), turn - about @ (about.T @ turn)
+        drives.update(acting)
+    named = tuple(n for n in model.drive_names if n in drives)
+    return Parasitic(model.node_names[node], point, shift, turn, named)
+
+
+def _carriers(scene: Any, link: str) -> list[str]:
+    """Links that drives act on and without which `link` would not hang on ground, in order from ground."""
+    driven = {name for d in scene.drives for t in d.terms for name in (t.base, t.link)} - {GROUND, link}
+    next_to, after = scene.neighbours(), {}
+    for one in driven:
+        reached, rest = {GROUND}, [GROUND]
+        while rest:
+            fresh = next_to.get(rest.pop(), set()) - reached - {one}
+            reached |= fresh
+            rest += fresh
+        if link in next_to and link not in reached:
+            # the fewer links are left without it, the farther out it is
+            after[one] = len(reached)
+    return sorted(after, key=lambda name: after[name])
+
+
+def _prescribed(
+    model: Model, motion: Motion, base: int, end: int, place: Array
+) -> tuple[Array, Array, tuple[str, ...]]:
+    """Orthonormal columns (3, k) along which, and about which, rows prescribe the motion of the point of node `end` that is
+    at `place` (3,) over node `base`, and the drives that do."""
     loads = np.zeros((model.arrays.plan.unknowns, 6))
-    start = int(model.arrays.start[node])
-    loads[start : start + 6] = point_motion(model, motion, node, at)[1].T
+    for node, sign in ((end, 1.0), (base, -1.0)):
+        if node:
+            s, start = place - motion.x[node], int(model.arrays.start[node])
+            loads[start : start + 6] = sign * np.eye(6)
+            loads[start + 3 : start + 6, :3] = sign * np.array(
+                [[0, -s[2], s[1]], [s[2], 0, -s[0]], [-s[1], s[0], 0]]
+            )
+    rows = len(model.drive_names) + len(model.support_names)
     scale = np.array([1.0] * 3 + [1.0 / model.arrays.size] * 3)
-    left, share = beyond_rows(model, row_gradients(model, motion, range(len(rows))), loads * scale)
+    left, share = beyond_rows(model, row_gradients(model, motion, range(rows)), loads * scale)
     # combinations of forces and moments that rows take whole: their motion is prescribed
     _, size, axes = np.linalg.svd(left / np.linalg.norm(loads * scale, axis=0).max())
     taken = axes[np.append(size, np.zeros(6 - len(size))) < SAME].T
-    turns = taken[3:] @ _null(taken[:3])
-    shift, turn = _off(taken[:3], shift), _off(turns, turn)
     acts = np.abs(share @ taken).max(axis=1, initial=0.0)
     drives = tuple(n for n, a in zip(model.drive_names, acts, strict=False) if a > SAME * acts.max())
-    return Parasitic(model.node_names[node], point, shift, turn, drives)
+    return _span(taken[:3]), _span(taken[3:] @ _null(taken[:3])), drives
+
+
+def _pivot(scene: Any, drives: tuple[str, ...], *, carried: bool) -> Array | None:
+    """The point (3,) at rest that what drives turn turns about; None: the point asked about. carried: they turn a link
+    that carries the one asked about."""
+    terms = [t for d in scene.drives if d.name in drives for t in d.terms]
+    if carried and terms and all(t.kind == "translation" for t in terms):
+        return np.mean([t.point for t in terms], axis=0)
+    joints = [(t, _turned_joint(scene, t)) for t in terms if t.kind == "rotation"]
+    points = [t.point if j is None else _middle(j) for t, j in joints if carried or j is not None]
+    return np.mean(points, axis=0) if points else None
 
 
 def _null(A: Array) -> Array:
@@ -112,11 +186,10 @@ def _null(A: Array) -> Array:
     return axes[int(np.sum(size > SAME)) :].T
 
 
-def _off(A: Array, vector: Array) -> Array:
-    """`vector` (3,) less its part in the span of the columns of A (3, k)."""
+def _span(A: Array) -> Array:
+    """Orthonormal columns of the span of the columns of A (3, k)."""
     axes, size, _ = np.linalg.svd(A)
-    own = axes[:, : int(np.sum(size > SAME))]
-    return np.asarray(vector - own @ (own.T @ vector))
+    return np.asarray(axes[:, : int(np.sum(size > SAME))])
 
 
 def pivot_shift(model: Model, motion: Motion, joint: Any, *, at: Any = None) -> PivotShift:
