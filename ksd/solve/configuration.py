@@ -191,10 +191,11 @@ class Configuration:
 
     @cached_property
     def minimum(self) -> str:
-        """Which of several minima this is, where preload makes the undeformed configuration unstable; else nothing."""
+        """Which of several minima this is, where the undeformed configuration is unstable under what strains it (preload,
+        heat, misfit, loads); else nothing."""
         from ksd.solve.rest import minimum_taken
 
-        return minimum_taken(self.model, self.motion, self.stable) if self.model.spring_names else ""
+        return "" if getattr(self.model, "solids", None) else minimum_taken(*self.insides, self.stable)
 
     @property
     def iterations(self) -> int:

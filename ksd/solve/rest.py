@@ -1,4 +1,5 @@
-"""Whether preloaded springs make the undeformed configuration unstable: then several minima are near, and which is taken."""
+"""Whether preload, heat, misfit or loads make the undeformed configuration unstable: then several minima are near, and
+which is taken."""
 
 from __future__ import annotations
 
@@ -16,6 +17,7 @@ from ksd.properties.springs import energy_of_spring
 from ksd.properties.tangent import assembled_tangent, row_gradients
 from ksd.properties.words import axis_in_words, movement_of, ways
 from ksd.solve.driving import CAP, RTOL
+from ksd.solve.stops import Stop
 from ksd.solve.storage import Storage
 
 Array = NDArray[np.float64]
@@ -23,16 +25,18 @@ FREE = 1e-15
 """Energy of a spring, over its stiffness (and the size squared, of a coil spring), up to which it is free of force."""
 NEGATIVE = 1e-9
 """Negative stiffness, over the largest one, that is no rounding."""
-PASSES = 5
-"""Newton steps from the undeformed configuration to the equilibrium beside it, minimum or not."""
+PASSES = 10
+"""Newton steps from the undeformed configuration to the equilibrium next to it, minimum or not."""
+NEXT = 0.05
+"""Displacement of a link, over the size of the mechanism, up to which an equilibrium is next to the undeformed one."""
 
 
 @dataclass(frozen=True)
 class UnstableRest:
-    """The equilibrium beside the undeformed configuration, where preload makes it no minimum: springs: names of those
-    preloaded; count: its unstable directions; shape (nodes, 6) [m, rad]: the one of the most negative stiffness."""
+    """The equilibrium next to the undeformed configuration, where it is no minimum: causes, in words: what of the scene
+    strains it; count: its unstable directions; shape (nodes, 6) [m, rad]: the one of the most negative stiffness."""
 
-    springs: tuple[str, ...]
+    causes: tuple[str, ...]
     motion: Motion
     count: int
     shape: Array
@@ -40,17 +44,23 @@ class UnstableRest:
 
 @per_model
 def unstable_rest(model: Model) -> tuple[UnstableRest, ...]:
-    """The equilibrium of the preload alone, drives at zero, where it is unstable: one, or none."""
-    springs = _preloaded(model)
-    if not springs:
-        return ()
+    """The equilibrium, drives at zero, under preload, heat and misfit, where it is unstable, or else under loads too, where
+    that is: one, or none."""
+    inner, loads = _causes(model)
+    found = _unstable(model, inner, 0.0) if inner else ()
+    return found or (_unstable(model, (*inner, *loads), 1.0) if loads else ())
+
+
+def _unstable(model: Model, causes: tuple[str, ...], factor: float) -> tuple[UnstableRest, ...]:
+    """See `unstable_rest`; loads times factor."""
     storage = Storage(model)
     storage.motion.assign(model.rest)
-    storage.newton(np.zeros(len(model.arrays.terms.start)), 0.0, RTOL, PASSES, CAP, math.inf)
+    stop, *_ = storage.newton(np.zeros(len(model.arrays.terms.start)), factor, RTOL, PASSES, CAP, math.inf)
     motion = storage.motion.copy()
-    if not np.isfinite(motion.x).all():
+    moved = np.abs(motion.x - model.rest.x).max(initial=0.0)
+    if Stop(stop) is not Stop.CONVERGED or not moved < NEXT * model.arrays.size:
         return ()
-    K = assembled_tangent(model, motion, load_factor=0.0).matrix()
+    tangent = assembled_tangent(model, motion, load_factor=factor)
     starts = model.arrays.start[1:]
     scale = np.array([1.0] * 3 + [1.0 / model.arrays.size] * 3)
     moves = (starts[:, None] + np.arange(6)).ravel()
@@ -58,12 +68,26 @@ def unstable_rest(model: Model) -> tuple[UnstableRest, ...]:
     held = scales * row_gradients(model, motion, range(len(model.arrays.terms.start)))[moves]
     _, size, axes = np.linalg.svd(held.T)
     free = scales * axes[int(np.sum(size > NEGATIVE * size.max(initial=0.0))) :].T
-    value, vector = np.linalg.eigh(free.T @ K[np.ix_(moves, moves)] @ free)
-    count = int(np.sum(value < -NEGATIVE * np.abs(value).max(initial=0.0)))
+    value, vector = np.linalg.eigh(free.T @ tangent.matrix()[np.ix_(moves, moves)] @ free)
+    count = tangent.inside + int(np.sum(value < -NEGATIVE * np.abs(value).max(initial=0.0)))
     if not count:
         return ()
-    shape = np.vstack([np.zeros((1, 6)), (free @ vector[:, 0]).reshape(-1, 6)])
-    return (UnstableRest(springs, motion, count, shape),)
+    still = value.min(initial=0.0) >= 0.0
+    shape = np.zeros((len(starts), 6)) if still else (free @ vector[:, 0]).reshape(-1, 6)
+    return (UnstableRest(causes, motion, count, np.vstack([np.zeros((1, 6)), shape])),)
+
+
+def _causes(model: Model) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """What of the scene strains the undeformed configuration, in words: what is inside it, and loads."""
+    springs, said = _preloaded(model), model.said or model.scene
+    stressed = any(f.condition is not None for f in model.scene.leaf_names().values())
+    inner = {
+        f"the preload of {', '.join(springs)}": springs,
+        "heat": stressed and said.heats,
+        f"the fit of {', '.join(repr(fit.leaf) for fit in said.fits)}": stressed and said.fits,
+    }
+    loads = {"loads": len(model.arrays.loads.node), "weight": len(model.arrays.weight)}
+    return tuple(c for c, there in inner.items() if there), tuple(c for c, there in loads.items() if there)
 
 
 def _preloaded(model: Model) -> tuple[str, ...]:
@@ -79,19 +103,21 @@ def _preloaded(model: Model) -> tuple[str, ...]:
 
 
 def minimum_taken(model: Model, motion: Motion, stable: bool) -> str:
-    """That several minima are near because preload makes the undeformed configuration unstable, and which one `motion` is
-    where it is one, in one sentence; nothing where the undeformed configuration is stable."""
+    """That several minima are near because the undeformed configuration is unstable, why, and which one `motion` is where
+    it is one, in one sentence; nothing where the undeformed configuration is stable."""
     for rest in unstable_rest(model):
         node = int(np.argmax(ways(model, rest.shape)))
         name, does = model.node_names[node], movement_of(model, rest.shape[node])
         many = "one direction" if rest.count == 1 else f"{rest.count} directions"
-        said = (
-            f"the preload of {', '.join(rest.springs)} makes the undeformed configuration unstable in {many} ('{name}' "
-            f"{does}): several minima are near"
-        )
+        why = " and ".join(filter(None, [", ".join(rest.causes[:-1]), rest.causes[-1]]))
+        makes = "make" if len(rest.causes) > 1 or why == "loads" else "makes"
+        where = f"'{name}' {does}" if does else "within leafs"
+        said = f"{why} {makes} the undeformed configuration unstable in {many} ({where}): several minima are near"
         if not stable:
             return f"{said}, and this state is between them; a load or another path leads to one (ksd.follow)"
-        return f"{said}; taken is the one with '{name}' {_way(rest, motion, node, does)}"
+        return f"{said}; taken is " + (
+            f"the one with '{name}' {_way(rest, motion, node, does)}" if does else "one of them"
+        )
     return ""
 
 

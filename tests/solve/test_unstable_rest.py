@@ -1,4 +1,5 @@
-"""Springs preloaded so far that the undeformed configuration is no minimum: the answer says so, and which minimum it is."""
+"""Preload, heat, misfit and loads that leave the undeformed configuration no minimum: the answer says so, and which
+minimum it is."""
 
 from dataclasses import replace
 
@@ -81,3 +82,69 @@ def test_rest_is_unstable_from_the_load_on_where_the_tangent_loses_its_sign():
         straight = ksd.solve(column(float(stiffness)), strict=False)
         lowest = straight.frequencies(count=1).frequency_Hz[0]
         assert bool(unstable_rest(straight.model)) == (lowest < 0.0)
+
+
+IRON = ksd.Material(E=200e9, G=76.9e9, density=7800, expansion=12e-6)
+
+
+def guided(cause, share):
+    """A leaf along x whose tip can only move along y, pressed by `share` of its critical load, 4 pi^2 EI / (2 L)^2."""
+    scene, section = ksd.Mechanism("guided"), rectangle(0.5e-3, 0.02)
+    tip = scene.link("tip", at=(L, 0, 0))
+    scene.leaf(
+        scene.ground, tip, start=(0, 0, 0), end=(L, 0, 0), section=section, material=IRON, width_axis=(0, 0, 1), name="leaf",
+    )  # fmt: skip
+    scene.support(tip, about="z", name="upright")
+    if cause != "loads":
+        scene.support(tip, along="x", at=(L, 0, 0), name="held")
+    strain = share * np.pi**2 * section.Iz / (section.A * L**2)
+    if cause == "heat":
+        scene.heat(strain / IRON.expansion)
+    elif cause == "fit":
+        scene.fit("leaf", natural_length=L * (1 + strain))
+    else:
+        scene.load(tip, force=(-strain * IRON.E * section.A, 0, 0), at=(L, 0, 0))
+    return scene
+
+
+SAID = {
+    "heat": "heat makes the undeformed configuration unstable in one direction ('tip' moves along y)",
+    "fit": "the fit of 'leaf' makes the undeformed configuration unstable in one direction ('tip' moves along y)",
+    "loads": "loads make the undeformed configuration unstable in one direction ('tip' moves along y)",
+}
+
+
+@pytest.mark.parametrize("side", [1, -1])
+@pytest.mark.parametrize(
+    ("cause", "share", "far"), [("heat", 3.5, 1e-3), ("fit", 3.5, 1e-3), ("loads", 1.002, 8e-3)]
+)
+def test_of_heat_misfit_and_loads_too(cause, share, far, side):
+    """Led aside by a drive and let go, beyond the critical load; below it nothing is said."""
+    scene, words = guided(cause, share), {"mesh": ksd.Mesh(orders=(4, 3, 7), points=9)}
+    with pytest.raises(ksd.TrustError, match="several minima are near, and this state is between them"):
+        ksd.solve(scene, **words)
+    led = guided(cause, share)
+    led.actuate("tip", along="y", at=(L, 0, 0), name="aside")
+    driven = ksd.solve(led, aside=side * far, method="conventional", **words)
+    between = ksd.solve(scene, strict=False, **words)
+    rows = driven.motion.multiplier[1:]
+    start = replace(between, motion=Motion(driven.motion.x, driven.motion.R, driven.motion.inner, rows))
+    found = conventional(between.model, {}, start=start)
+    aside = 1e3 * found.links["tip"][0][1]
+    said = [w for w in found.warnings if "several minima are near" in w]
+    assert found.stable and aside * side > 0.3 * 1e3 * far
+    assert said == [
+        f"{SAID[cause]}: several minima are near; taken is the one with 'tip' {aside:+.3g} mm along y"
+    ]
+    assert not [w for w in ksd.solve(guided(cause, 0.95)).warnings if "minima" in w]
+
+
+def test_what_buckles_within_leafs():
+    """Both ends held, a hot leaf bows at four times the load at which it would sway."""
+    for share, unstable in ((3.9, False), (4.1, True)):
+        scene = guided("heat", share)
+        scene.support("tip", along="y", at=(L, 0, 0), name="beside")
+        said = " ".join(ksd.solve(scene, strict=False).warnings)
+        assert (
+            "heat makes the undeformed configuration unstable in one direction (within leafs)" in said
+        ) == unstable
