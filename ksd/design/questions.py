@@ -19,7 +19,7 @@ from ksd.properties.opened import Opened
 from ksd.properties.parasitic import default_point, parasitic
 from ksd.properties.stiffness import DIRECTIONS, drive_stiffness, finer_tangent, point_stiffness
 from ksd.solve.answer import drive_kind
-from ksd.solve.corrected import FAST, corrected
+from ksd.solve.corrected import corrected
 
 Row = dict[str, Any]
 VALUE = {"translation": ("mm", 1e3), "rotation": ("deg", 180 / np.pi), "mixed": ("SI", 1.0)}
@@ -31,7 +31,7 @@ class Asked:
     """The questions and their options. questions: names in QUESTIONS; link, at (3,) [m at rest]: the point whose
     support stiffness and parasitic motion are asked, by default where the first drive acts; freed: drives let go for
     the frequencies, all when None; modes: how many to follow besides the intended; points: stations per leaf for stress;
-    errors: every question once more after a Newton step of the full model, where the method is a fast one."""
+    errors: every question once more of the equilibrium on a finer mesh."""
 
     questions: tuple[str, ...]
     link: str | None = None
@@ -61,12 +61,13 @@ def columns_of_drives(scene: Any) -> dict[str, tuple[str, float]]:
 @dataclass(frozen=True)
 class Before:
     """What the pose before was found to do, for the next one to go on from, and the pose itself. between: solves for a pose
-    on the way at drive values by name [m or rad]."""
+    on the way at drive values by name [m or rad]; truth: the same of the equilibria that error figures come from."""
 
     tracks: Tracks | None = None
     buckling: Buckling | None = None
     pose: Any = None
     between: Callable[[Row], Any] | None = None
+    truth: Before | None = None
 
 
 @dataclass(frozen=True)
@@ -246,7 +247,8 @@ def answers(configuration: Any, asked: Asked, before: Before) -> tuple[Row, Befo
     row: Row = {}
     failed: dict[str, Exception] = {}
     tracks, pose = before.tracks, Pose(configuration, before)
-    better = _better(configuration, asked, before)
+    truth = _truth(configuration, before) if asked.errors else None
+    followed = None if truth is None else truth.before.tracks
     for name in asked.questions:
         try:
             if name == "frequencies":
@@ -254,24 +256,24 @@ def answers(configuration: Any, asked: Asked, before: Before) -> tuple[Row, Befo
             else:
                 found = _ANSWERS[name](pose, asked)
             row |= found
-            if better is not None:
-                again = (
-                    frequency_row(better, asked)[0]
-                    if name == "frequencies"
-                    else _ANSWERS[name](better, asked)
-                )
+            if truth is not None:
+                if name == "frequencies":
+                    again, followed = frequency_row(truth, asked)
+                else:
+                    again = _ANSWERS[name](truth, asked)
                 row[f"{name}_error_percent"] = _error_percent(found, again)
         except CAUGHT as reason:
             failed[name] = reason
     buckled = pose.__dict__.get("buckled", before.buckling)
-    return row, replace(before, tracks=tracks, buckling=buckled, pose=configuration), failed
+    after = None if truth is None else replace(truth.before, tracks=followed, pose=truth.configuration)
+    return row, replace(before, tracks=tracks, buckling=buckled, pose=configuration, truth=after), failed
 
 
-def _better(configuration: Any, asked: Asked, before: Before) -> Pose | None:
-    """The state one Newton step further, for error figures; None where none are asked or there is no error."""
-    if not asked.errors or configuration.method not in FAST:
-        return None
-    return Pose(corrected(configuration), before)
+def _truth(configuration: Any, before: Before) -> Pose:
+    """The equilibrium next to a state on a finer mesh, which goes on from that of the pose before."""
+    solve = before.between
+    between = None if solve is None else lambda values: corrected(solve(values))
+    return Pose(corrected(configuration), before.truth or Before(between=between))
 
 
 def _error_percent(one: Row, other: Row) -> float:
@@ -279,16 +281,16 @@ def _error_percent(one: Row, other: Row) -> float:
     the largest of their unit, as some of them are zero; zero for what is rounding."""
     changes: dict[str, list[float]] = {}
     for column, value in one.items():
-        # where the stress is largest may well change ends
+        # where the stress is largest may well change ends; the assurance of modes is no answer
         if (
             isinstance(value, float)
             and np.isfinite(value)
             and "error" not in column
-            and column != "stress_s_mm"
+            and column not in ("stress_s_mm", "assurance")
         ):
             unit = spoken_column(column)[1]
             own = unit == "Hz" or "/" in unit
             worst = changes.setdefault(column if own else unit, [0.0, 0.0])
-            worst[0] = max(worst[0], abs(other.get(column, np.nan) - value))
+            worst[0] = max(worst[0], abs(other.get(column, np.inf) - value))
             worst[1] = max(worst[1], abs(value))
     return 100.0 * max((change / size for change, size in changes.values() if size > ROUNDING), default=0.0)

@@ -258,7 +258,8 @@ class Configuration:
     def answering(self) -> Motion:
         """The state that questions beyond forces and poses are asked of: its own, or, where `solve` chose a fast method
         itself, the equilibrium next to it. Raises ConvergenceError where that is not found."""
-        from ksd.solve.corrected import FAST, settled
+        from ksd.solve.corrected import settled
+        from ksd.solve.steps import FAST
 
         return settled(self) if self.chosen and self.method in FAST else self.motion
 
@@ -383,10 +384,10 @@ class Configuration:
         return strain_energy(*self.unreduced, load_factor=self.load_factor)
 
     def with_error(self, question: Callable[[Configuration], Answer]) -> tuple[Answer, Any]:
-        """Answer of ``question(pose)`` (number, array, or mapping of them) and its error in the same shape: the change
-        over a Newton step of the full model, zero for methods that are exact but for the mesh.
+        """Answer of ``question(pose)`` (number, array, or mapping of them) and its error in the same shape, that of
+        method and mesh: the change to the answer of the equilibrium next to it on a finer mesh.
 
-        Raises ConvergenceError where the state is too far from equilibrium for one.
+        Raises ConvergenceError where none is found.
         """
         from ksd.solve.corrected import with_error
 

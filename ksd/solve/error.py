@@ -51,8 +51,7 @@ def error_of(pose: Configuration) -> ErrorEstimate | None:
     if np.any(model.arrays.members.kind == SOLID):
         return own
     target, factor = model.targets(pose.targets), pose.load_factor
-    fine = refined(model)
-    truth = equilibrium(fine.arrays, _started(model, motion, fine, factor), target, factor)
+    _, truth, _ = truth_of(pose)
     if truth is None:
         lost = math.inf
         return ErrorEstimate(np.full(len(model.drive_names), lost), lost, lost, lost, lost)
@@ -63,6 +62,16 @@ def error_of(pose: Configuration) -> ErrorEstimate | None:
     return replace(
         found, mesh=math.inf if settled is None else relative_error(model, settled, truth).relative
     )
+
+
+def truth_of(pose: Configuration) -> tuple[Model, Motion | None, int]:
+    """The model on the finer mesh, the equilibrium next to the state of `pose` on it (None where none is found), and its
+    negative pivots."""
+    model, motion = pose.insides
+    fine, factor = refined(model), pose.load_factor
+    state = _started(model, motion, fine, factor)
+    stop, negatives = _settle(fine.arrays, state, model.targets(pose.targets), factor)
+    return fine, state if stop is Stop.CONVERGED else None, negatives
 
 
 def relative_error(model: Model, motion: Motion, truth: Motion) -> ErrorEstimate:
@@ -85,8 +94,15 @@ def relative_error(model: Model, motion: Motion, truth: Motion) -> ErrorEstimate
 
 def equilibrium(arrays: Arrays, state: Motion, target: np.ndarray, factor: float) -> Motion | None:
     """The equilibrium next to a state, in place, drives at target (c,) and loads times factor; None where none is found."""
-    reason, *_ = iterate(arrays, state, target, factor, make_work(arrays), RTOL, MOST, CAP, math.inf)
-    return state if Stop(reason) is Stop.CONVERGED else None
+    return state if _settle(arrays, state, target, factor)[0] is Stop.CONVERGED else None
+
+
+def _settle(arrays: Arrays, state: Motion, target: np.ndarray, factor: float) -> tuple[Stop, int]:
+    """Newton steps from `state`, in place: how they ended, and negative pivots."""
+    reason, *_, negatives, _ = iterate(
+        arrays, state, target, factor, make_work(arrays), RTOL, MOST, CAP, math.inf
+    )
+    return Stop(reason), int(negatives)
 
 
 @per_model

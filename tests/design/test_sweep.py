@@ -271,7 +271,33 @@ def test_a_question_with_its_error_figure():
     assert error == pytest.approx(abs(value - exact.drive_stiffness()["top"]), rel=0.1)
     stresses, errors = fast.with_error(lambda pose: {n: s.largest_Pa for n, s in pose.stress().leafs.items()})
     assert errors.keys() == stresses.keys() and max(errors.values()) > 0
-    assert exact.with_error(lambda pose: pose.stress().largest_Pa)[1] == 0
+    finer = ksd.solve(fourbar(), top=0.2, method="full", mesh=ksd.Mesh(orders=(8, 7, 12), points=16))
+    for question in (lambda p: p.stress().largest_Pa, lambda p: p.stiffness("top").support("rz")):
+        value, error = exact.with_error(question)
+        assert error == pytest.approx(abs(value - question(finer)), rel=0.3) and 0 < error < 1e-3 * value
+
+
+QUESTIONS = {
+    "drive stiffness": lambda p: p.drive_stiffness()["top"],
+    "frequencies": lambda p: p.frequencies(count=3, freed="top").frequency_Hz,
+    "stress": lambda p: p.stress().largest_Pa,
+    "buckling": lambda p: p.buckling().positive,
+    "energy": lambda p: sum(p.strain_energy().values()),
+}
+
+
+@pytest.mark.parametrize("name", QUESTIONS)
+@pytest.mark.parametrize("method", ["full", "reduced"])
+def test_the_error_of_a_question_is_against_the_truth(name, method):
+    """Chains of four elements, whose mesh is most of the error of `full`: told none."""
+    coarse = ksd.solve(
+        fourbar(), top=0.2, method=method, mesh=ksd.Mesh("corotational", elements=4), strict=False
+    )
+    finer = ksd.solve(fourbar(), top=0.2, method="full", mesh=ksd.Mesh(orders=(8, 7, 12), points=16))
+    value, error = coarse.with_error(QUESTIONS[name])
+    true = np.abs(value - QUESTIONS[name](finer))
+    assert error == pytest.approx(true, rel=0.05, abs=1e-6 * np.max(np.abs(value)))
+    assert np.max(true / np.abs(value)) > 5e-4
 
 
 def test_printed_table_fits_the_terminal(stroke):
