@@ -7,13 +7,13 @@ import numpy as np
 import ksd
 from ksd.errors import KsdError
 from ksd.numerics.indefinite import inertia, scaling, solve_scaled
-from ksd.properties.alike import unstressed_leafs
+from ksd.properties.buckling import buckling, full_tangent
 from ksd.properties.frequencies import frequencies
 from ksd.properties.mass import inertia as inertia_of
 from ksd.properties.opened import Opened
 from ksd.properties.stiffness import drive_stiffness, point_stiffness
-from ksd.properties.stress_stiffness import _elastic, _stress_forces, _stresses, _unstressed_nodes, own_stress
 from ksd.properties.tangent import assembled_tangent, factored_tangent
+from ksd.properties.unfold import unfolded
 from ksd.scene.families.universal import UniversalJoint
 from ksd.solve.conventional import conventional
 from ksd.train.catalogue import ENTRIES
@@ -195,17 +195,18 @@ def frequency_error(found, count=4):
 
 
 def buckling_error(found, count=2):
-    """Largest relative error of the smallest multipliers on the state's own stresses, against all eigenvalues."""
-    opened = Opened(*found.insides)
-    model, motion = opened.model, opened.motion
-    leafs = unstressed_leafs(model, opened.leafs)
-    K, terms = _unstressed_nodes(model, motion, leafs, [])
-    S, pieces = _stresses(opened, leafs, terms, [])
-    G = _elastic(model, K, terms, leafs, [])
-    A = -G.back(_stress_forces(S, pieces, G.out(np.eye(G.reduced))))
-    values = np.linalg.eigvalsh(0.5 * (A + A.T))
+    """Largest relative error of the smallest critical load factors on the state's own stresses, against all eigenvalues of
+    the symmetric matrix G^T K' G, G G^T the flexibility without stress of the motions and amplitudes that stress acts on."""
+    model, motion = unfolded(*found.insides)
+    K = full_tangent(model, motion, stressed=False)
+    change = full_tangent(model, motion) - K
+    used = np.flatnonzero(change.any(axis=0))
+    flexible = solve_scaled(K, np.eye(len(K))[:, used], scaling(K))[0][used]
+    values, vectors = np.linalg.eigh(0.5 * (flexible + flexible.T))
+    G = vectors * np.sqrt(np.maximum(values, 0.0))
+    values = np.linalg.eigvalsh(-G.T @ change[np.ix_(used, used)] @ G)
     exact = 1.0 / values[np.argsort(-np.abs(values))[:count]]
-    own = own_stress(opened, [], count=count)[0]
+    own = buckling(*found.insides, count=count).factor
     own = own[np.argsort(np.abs(own))][:count]
     return float(np.abs(own / exact - 1.0).max())
 

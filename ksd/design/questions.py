@@ -13,7 +13,6 @@ from ksd.design.table import spoken_column
 from ksd.design.tracking import SPARE, Between, Tracks, follow_through
 from ksd.errors import KsdError, SceneError
 from ksd.model.arrays import STRAIN
-from ksd.properties.buckling import Buckling, buckling
 from ksd.properties.frequencies import Modes, frequencies
 from ksd.properties.opened import Opened
 from ksd.properties.parasitic import default_point, parasitic
@@ -64,7 +63,6 @@ class Before:
     on the way at drive values by name [m or rad]; truth: the same of the equilibria that error figures come from."""
 
     tracks: Tracks | None = None
-    buckling: Buckling | None = None
     pose: Any = None
     between: Callable[[Row], Any] | None = None
     truth: Before | None = None
@@ -92,18 +90,6 @@ class Pose:
         if np.all(model.arrays.members.kind == STRAIN) and model is self.unreduced[0]:
             return self.opened.tangent()
         return finer_tangent(model, motion, load_factor=self.load_factor)
-
-    @cached_property
-    def buckled(self) -> Buckling:
-        """The smallest critical load factors of either sign on all stresses."""
-        self._of_leafs("buckling")
-        return buckling(
-            *self.unreduced,
-            count=1,
-            load_factor=self.load_factor,
-            near=self.before.buckling,
-            opened=self.opened,
-        )
 
 
 def _force(pose: Any, asked: Asked) -> Row:
@@ -169,7 +155,7 @@ def _energy(pose: Any, asked: Asked) -> Row:
 def _buckling(pose: Any, asked: Asked) -> Row:
     """Factors on all stresses of the state; a state without stress has none."""
     try:
-        found = pose.buckled
+        found = pose.buckling(count=1)
     except SceneError as reason:
         if "no stress" not in str(reason):
             raise
@@ -264,9 +250,8 @@ def answers(configuration: Any, asked: Asked, before: Before) -> tuple[Row, Befo
                 row[f"{name}_error_percent"] = _error_percent(found, again)
         except CAUGHT as reason:
             failed[name] = reason
-    buckled = pose.__dict__.get("buckled", before.buckling)
     after = None if truth is None else replace(truth.before, tracks=followed, pose=truth.configuration)
-    return row, replace(before, tracks=tracks, buckling=buckled, pose=configuration, truth=after), failed
+    return row, replace(before, tracks=tracks, pose=configuration, truth=after), failed
 
 
 def _truth(configuration: Any, before: Before) -> Pose:

@@ -1,24 +1,27 @@
-"""Linearised buckling about a loaded state, with sign, all inner unknowns kept.
+"""Critical load factors of a loaded state, signed: linearised buckling with all inner unknowns kept.
 
-(K + mu K') phi = 0. With a load, K is the exact tangent at the state and K' its derivative along the linear
-response to the load (central difference of the exact tangent over the response of all unknowns): stresses,
-geometry and constraint directions change as they really do, so mu times the load is the load to be added, in
-either direction. Without one, all stresses of the state grow together: K is the tangent with stresses, drive
-forces and loads set to zero in the deformed geometry, K' the exact stress stiffness (their difference), and
-mu = 1 is the state itself. Strain-mode leafs enter with amplitudes and end wrenches as unknowns, in which the
-tangent is linear in the stress; the condensed 6x6 would have poles where a leaf buckles between its ends. Chains under
-a load enter with their stresses where the state has any (`ksd.properties.chain_tangent`).
+(K + mu K') phi = 0. With an added load, K is the exact tangent at the state and K' its derivative along the linear response
+to the load, by a central difference over the response of all unknowns, plus the tangent of the load itself: stresses,
+geometry and constraint directions change as they really do, so mu times the load is the load to be added, in either
+direction. Without one, all stresses of the state grow together: K is the tangent with stresses, drive forces and loads set
+to zero in the deformed geometry, K' the stress stiffness (their difference), and mu = 1 is the state itself. Leafs enter
+with their stresses as unknowns beside motions and amplitudes, in which the tangent is linear in the stress: the condensed
+one has poles where a leaf buckles between its ends, and its derivative loses stiffness where none is lost.
+
+Loads that follow their link, and moments fixed in space, make K and K' unsymmetric. Factors are then those at which the
+tangent becomes singular (divergence), real ones only; a state may flutter before it diverges (Beck's column does, and has no
+factor), which no static criterion finds: `ksd.properties.frequencies` does (Bolotin 1963; Ziegler 1968).
 
 The derivative is that of the first order: it says what happens while the response moves little. Factors by which the
 load alone would have turned a link by more than FAR, or moved it by that share of the size, are left out, whatever their
 value: a fourbar pressed down with its drive let go swings by 0.26 rad before the 188 N that chains would give there, and is
-stable up to 300 N when it is followed (strain-mode leafs find no real factor there, and no more do finer chains agree
-with coarser ones). `Buckling.reach` tells how far that is; beyond it, put the load on and look, or follow it (`ksd.follow`).
+stable up to 300 N when it is followed. `Buckling.reach` tells how far that is; beyond it, put the load on and look, or
+follow it (`ksd.follow`).
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -26,38 +29,49 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ksd.errors import ConvergenceError, SceneError
-from ksd.model.arrays import STRAIN, Motion, make_work
+from ksd.model.arrays import COIL, STRAIN, TURN, Motion, make_work
 from ksd.model.compile import Model
+from ksd.model.loading import add_loads, add_terms, twist
+from ksd.model.springs import add_springs
 from ksd.model.system import assemble, move_nodes
+from ksd.model.tangents import geometric_tangent
 from ksd.properties.alike import (
     Alike,
+    EndFrames,
     alike_leafs,
     alike_parts,
+    elastic,
     end_frames,
     end_levers,
     inner_unknowns,
     weighed,
 )
 from ksd.properties.chain_tangent import with_stresses
-from ksd.properties.opened import Opened
 from ksd.properties.stiffness import node_of, point_motion
-from ksd.properties.stress_stiffness import (
-    corners,
-    node_terms,
-    outer_of_both_signs,
-    own_stress,
-    refuse_stressless,
-    relaxed,
+from ksd.properties.tangent import (
+    LOST,
+    Tangent,
+    assembled_tangent,
+    exact,
+    factored,
+    free_rows,
+    row_numbers,
+    stored_matrix,
 )
-from ksd.properties.tangent import LOST, Tangent, exact, free_rows, row_numbers, stored_matrix
+from ksd.properties.turning import divergences, load_tangent, turning_loads
+from ksd.properties.unfold import unfolded
 from ksd.properties.words import Shown, listed, movement, number
 
 Array = NDArray[np.float64]
-DENSE, MOST_DENSE = 250, 1000
-"""Unknowns up to which all eigenvalues are computed; above, the largest ones by Arnoldi iteration, and up to the second
-number all of them where that finds none."""
+DENSE, MOST_DENSE = 80, 1000
+"""Unknowns up to which all eigenvalues are computed; above, those of largest 1/mu by Arnoldi iteration, and up to the second
+number all of them where that finds none, or the matrices are not symmetric."""
 FAR = 0.1
 """Rotation [rad], or displacement over the size of the mechanism, of a link beyond which linear theory is not asked."""
+OTHER = 1e-3
+"""Share of the largest 1/mu below which one of the other sign is not looked for."""
+STRESSLESS = 1e-9
+"""1/mu below which a state carries no stress but rounding."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -69,7 +83,8 @@ class Buckling(Shown):
     entry of each mode 1; all zero where a leaf buckles between ends that stand still. vector (k, size): all
     unknowns, inner ones included. unstable: directions in which the state itself is no minimum. reach: factors up to
     this size are looked for; a larger load would move a link too far for linear theory. inf where all stresses grow.
-    beyond: the smallest factor left out for that, inf where there is none.
+    beyond: the smallest factor left out for that, inf where there is none. conservative: False where loads follow their
+    link, or moments are fixed in space: factors and `unstable` are those of divergence then.
     """
 
     model: Model
@@ -79,9 +94,23 @@ class Buckling(Shown):
     unstable: int
     reach: float = np.inf
     beyond: float = np.inf
+    conservative: bool = True
 
     def _line(self) -> str:
         return ", ".join(number(m) for m in self.factor) or self.reason
+
+    @property
+    def criterion(self) -> str:
+        """What a critical load factor is here, in one sentence."""
+        if self.conservative:
+            return (
+                "at a critical load factor the symmetric tangent is singular: the state stops being a minimum"
+            )
+        return (
+            "loads that follow their link, or moments fixed in space, are not conservative: at a critical load factor the "
+            "unsymmetric tangent is singular (divergence); flutter, which may come first, is not found by a static "
+            "criterion (ask frequencies)"
+        )
 
     @property
     def reason(self) -> str:
@@ -101,7 +130,9 @@ class Buckling(Shown):
             (number(m), movement(self.model, v) or between)
             for m, v in zip(self.factor, self.shape, strict=True)
         ]
-        bad = [f"The state itself is no minimum, in {self.unstable} directions"] * bool(self.unstable)
+        what = "is no minimum" if self.conservative else "diverges"
+        bad = [f"The state itself {what}, in {self.unstable} directions"] * bool(self.unstable)
+        bad += [self.criterion[:1].upper() + self.criterion[1:]] * (not self.conservative)
         none = [self.reason[:1].upper() + self.reason[1:]] * bool(self.reason)
         said = "Critical load factors: times the load is added, or stresses grow, all else held; negative: reversed"
         return listed(("factor", "<link that moves most"), rows, said, *none, *bad)
@@ -118,45 +149,108 @@ class Buckling(Shown):
 
 
 def full_tangent(
-    model: Model, motion: Motion, *, rows: Iterable[int] = (), load_factor: float = 1.0
+    model: Model,
+    motion: Motion,
+    *,
+    rows: Iterable[int] = (),
+    load_factor: float = 1.0,
+    stressed: bool = True,
 ) -> Array:
-    """Uncondensed symmetric tangent: node unknowns and multipliers in plan order, then (a, lam) of every
-    leaf.
+    """Uncondensed tangent: node unknowns and multipliers in plan order, then amplitudes and end wrench (a, lam) of leafs.
 
-    `rows`: constraint rows taken out. Chains must be unfolded (no inner nodes); then it is the node tangent.
+    Symmetric but for what loads add that are not conservative. `rows`: constraint rows taken out. stressed: False for that
+    with stresses, drive forces and loads set to zero. Chains must be unfolded (no inner nodes); then it is the node tangent.
     """
     arrays = model.arrays
-    members = arrays.members
-    if not np.any(members.kind == STRAIN):
-        work = make_work(arrays)
-        assemble(arrays, motion, np.zeros(len(arrays.terms.start)), load_factor, work, 1e-8, 0, 10.0)
-        free_rows(arrays, work.value, rows)
-        return stored_matrix(arrays, work.value)
+    loads = turning_loads(arrays, motion, load_factor) if stressed else None
+    if not np.any(arrays.members.kind == STRAIN):
+        K = (
+            _chain_tangent(model, motion, rows, load_factor)
+            if stressed
+            else _unstressed_chains(model, motion, rows)
+        )
+        return K if loads is None else K + loads
     nodes = arrays.plan.unknowns
-    size = nodes + int(members.inner_at[-1])
+    size = nodes + int(arrays.members.inner_at[-1])
     # one row and column more for what hangs on a fixed node
     K = np.zeros((size + 1, size + 1))
-    K[:nodes, :nodes] = node_terms(model, motion, rows, load_factor)
+    if stressed:
+        K[:nodes, :nodes] = _node_terms(model, motion, rows, load_factor)
+    else:
+        K[:nodes, :nodes] = _node_terms(_relaxed(model, motion), _without_forces(motion), rows, 0.0)
+    if loads is not None:
+        K[:nodes, :nodes] += loads
     for group, unknowns in zip(alike_leafs(model), inner_unknowns(model), strict=True):
         at = np.where(unknowns[:, :12] < 0, size, unknowns[:, :12])
         at = np.hstack([at, nodes + group.places])
-        np.add.at(K, (at[:, :, None], at[:, None, :]), _leaf_tangents(model, motion, group, load_factor))
+        block = _leaf_tangents(model, motion, group, load_factor, stressed)
+        np.add.at(K, (at[:, :, None], at[:, None, :]), block)
     return K[:size, :size]
 
 
-def _leaf_tangents(model: Model, motion: Motion, group: Alike, load_factor: float) -> Array:
+def _node_terms(model: Model, motion: Motion, rows: Iterable[int], load_factor: float) -> Array:
+    """What constraint rows, loads and springs add to the tangent of the nodes (unknowns, unknowns); `rows` are taken out."""
+    arrays = model.arrays
+    work = make_work(arrays)
+    target = np.zeros(len(arrays.terms.start))
+    if len(arrays.springs.kind):
+        add_springs(arrays, motion.x, motion.R, work, 1e-8, 0.0)
+    add_loads(arrays, motion.R, work, load_factor, 1e-8)
+    add_terms(arrays, motion.x, motion.R, motion.multiplier, target, work, 1e-8)
+    free_rows(arrays, work.value, rows)
+    return stored_matrix(arrays, work.value)
+
+
+def _relaxed(model: Model, motion: Motion) -> Model:
+    """The model with springs and elastic links that are free of force at `motion`."""
+    springs = model.arrays.springs
+    if not len(springs.kind):
+        return model
+    value = springs.value.copy()
+    for i, (a, b) in enumerate(springs.node.tolist()):
+        here, R = value[springs.value_at[i] :], motion.R
+        frame = R[a] @ springs.frame[i, 0]
+        ends = [motion.x[n] + R[n] @ springs.offset[i, e] for e, n in enumerate((a, b))]
+        d = frame.T @ (ends[1] - ends[0])
+        if springs.kind[i] == COIL:
+            here[1] = np.linalg.norm(d)
+        elif springs.kind[i] == TURN:
+            here[1] = twist(R[a], R[b], frame[:, 2].copy(), np.zeros(12), np.zeros((12, 12)), 0.0)
+        else:
+            # place and rotation at rest, then the wrench there
+            here[:3], here[3:12] = d, (frame.T @ R[b] @ springs.frame[i, 1]).ravel()
+            here[12:18] = 0.0
+    return replace(model, arrays=model.arrays._replace(springs=springs._replace(value=value)))
+
+
+def _corners(motion: Motion, group: Alike, ends: EndFrames) -> Array:
+    """(k, 12, 12): how the end wrench of every leaf turns with its nodes."""
+    found = np.zeros((len(group.members), 12, 12))
+    wrench = motion.inner[group.places[:, group.modes :]].reshape(-1, 2, 3) @ ends.frame.swapaxes(1, 2)
+    for k in range(len(found)):
+        geometric_tangent(wrench[k, 0], wrench[k, 1], ends.reach[k], ends.arms[k, 1], found[k])
+    return found
+
+
+def _without_forces(motion: Motion) -> Motion:
+    """The same motions, with drive and support forces of zero."""
+    return motion._replace(multiplier=np.zeros_like(motion.multiplier))
+
+
+def _leaf_tangents(model: Model, motion: Motion, group: Alike, load_factor: float, stressed: bool) -> Array:
     """Tangents (k, 18 + N, 18 + N) of leafs in (motions of both nodes, a, lam)."""
     parts, ends = alike_parts(model, motion, group, load_factor), end_frames(model, motion, group.members)
     N = group.modes
     relative = end_levers(ends)[1]
     block = np.zeros((len(group.members), 18 + N, 18 + N))
-    block[:, :12, :12] = corners(motion, group, ends)
-    block[:, 12 : 12 + N, 12 : 12 + N] = parts.W
+    block[:, 12 : 12 + N, 12 : 12 + N] = parts.W if stressed else elastic(group)
     block[:, 12 + N :, 12 : 12 + N] = -parts.J
     block[:, 12 : 12 + N, 12 + N :] = -parts.J.swapaxes(1, 2)
     block[:, 12 + N : 15 + N, 12 + N : 15 + N] = -parts.S
     block[:, 12 + N :, :12] = relative
-    weight = weighed(model, motion, group, load_factor)
+    weight = weighed(model, motion, group, load_factor) if stressed else None
+    if stressed:
+        block[:, :12, :12] = _corners(motion, group, ends)
     if weight is not None:
         turn, pull = weight.turn, weight.pull
         block[:, 12 : 12 + N, :12] -= pull.eta.swapaxes(1, 2) @ turn
@@ -166,120 +260,103 @@ def _leaf_tangents(model: Model, motion: Motion, group: Alike, load_factor: floa
     return block
 
 
-def _response(tangent: Tangent, loads: Array, load_factor: float) -> tuple[Array, Array]:
-    """Linear response of the node unknowns (n,) and of all inner states (flat) to nodal `loads` (n,)."""
-    model, motion = tangent.model, tangent.motion
-    members = model.arrays.members
-    nodes = tangent.solve(loads[:, None])[:, 0]
-    inner = np.zeros(len(motion.inner))
-    for group in alike_leafs(model):
-        parts = alike_parts(model, motion, group, load_factor)
-        F = parts.J @ np.linalg.solve(parts.W, parts.J.swapaxes(1, 2))
-        F[:, :3, :3] += parts.S
-        starts = model.arrays.start[members.node[group.members]]
-        moves = np.where(starts[..., None] < 0, 0.0, nodes[np.maximum(starts, 0)[..., None] + np.arange(6)])
-        moves = moves.reshape(-1, 12, 1)
-        xi = end_levers(end_frames(model, motion, group.members))[1] @ moves
-        pushed = np.zeros((len(moves), group.modes, 1))
-        weight = weighed(model, motion, group, load_factor)
-        if weight is not None:
-            turned = weight.turn @ moves
-            pushed = weight.pull.eta.swapaxes(1, 2) @ turned
-            xi[:, :3] -= weight.pull.B @ turned
-            xi -= parts.J @ np.linalg.solve(parts.W, pushed)
-        wrench = np.linalg.solve(F, xi)
-        bent = np.linalg.solve(parts.W, parts.J.swapaxes(1, 2) @ wrench + pushed)
-        inner[group.places] = np.concatenate([bent, wrench], axis=1)[..., 0]
-    return nodes, inner
+def _chain_tangent(model: Model, motion: Motion, rows: Iterable[int], load_factor: float) -> Array:
+    arrays = model.arrays
+    work = make_work(arrays)
+    assemble(arrays, motion, np.zeros(len(arrays.terms.start)), load_factor, work, 1e-8, 0, 10.0)
+    free_rows(arrays, work.value, rows)
+    return stored_matrix(arrays, work.value)
 
 
-def _moved(model: Model, motion: Motion, response: tuple[Array, Array], size: float) -> Motion:
-    """The state after `size` times the response."""
-    state = motion.copy()
-    state.inner[:] += size * response[1]
-    move_nodes(model.arrays, state, response[0], size)
-    return state
-
-
-def _derivative(
-    tangent: Tangent, loads: Array, at_state: Callable[[Motion], Array], load_factor: float
-) -> tuple[Array, float]:
-    """K': derivative of the tangent `at_state` along the response to `loads`, and how many times these move a link FAR."""
-    model, motion = tangent.model, tangent.motion
-    response = _response(tangent, loads, load_factor)
-    free = model.arrays.start[model.arrays.start >= 0]
-    reach = max(
-        max(
-            np.abs(response[0][u : u + 3]).max() / model.arrays.size, np.abs(response[0][u + 3 : u + 6]).max()
-        )
-        for u in free
-    )
-    size = 1e-5 / max(reach, 1e-300)
-
-    def tangent_at(step: float) -> Array:
-        return at_state(_moved(model, motion, response, step))
-
-    links = response[0][np.add.outer([u for u in model.arrays.start[: model.links] if u >= 0], np.arange(6))]
-    links[:, :3] /= model.arrays.size
-    far = float(np.abs(links).max(initial=0.0))
-    return (tangent_at(size) - tangent_at(-size)) / (2 * size), FAR / max(far, 1e-300)
-
-
-def _mixed(model: Model, state: Motion, rows: list[int], load_factor: float) -> Callable[[Motion], Array]:
-    """The tangent in motions and stresses: `full_tangent`, of chains with theirs where `state` has any.
-
-    Free of stress node motions alone are right, and give the classical theory, without the deflection before buckling
-    (0.1 % of the load of a strip).
-    """
-    plain = bool(np.any(model.arrays.members.kind == STRAIN)) or not state.inner.any()
-
-    def at_state(motion: Motion) -> Array:
-        K = full_tangent(model, motion, rows=rows, load_factor=load_factor)
-        return K if plain else with_stresses(model, motion, K)
-
-    return at_state
-
-
-def _exact_model(model: Model) -> Model:
-    return replace(model, arrays=exact(model.arrays))
-
-
-def _unstressed(model: Model, motion: Motion, rows: list[int]) -> Array:
+def _unstressed_chains(model: Model, motion: Motion, rows: Iterable[int]) -> Array:
     """Tangent of chains in the same geometry with stresses, drive forces and loads set to zero."""
-    members = model.arrays.members
-    state = motion.copy()
-    state.multiplier[:] = 0.0
+    members, state = model.arrays.members, _without_forces(motion.copy())
     for i in range(len(members.kind)):
         state.inner[members.inner_at[i + 1] - 6 : members.inner_at[i + 1]] = 0.0
     # with mixed integration points the geometric stiffness follows the stored stresses, which are now zero
     number = members.number.copy()
     number[:, 1] = 1
-    model = relaxed(model, motion)
+    model = _relaxed(model, motion)
     model = replace(model, arrays=model.arrays._replace(members=members._replace(number=number)))
-    return full_tangent(model, state, rows=rows, load_factor=0.0)
+    return _chain_tangent(model, state, rows, 0.0)
 
 
-def _smallest(K: Array, change: Array, count: int) -> tuple[Array, Array]:
-    """Real mu of smallest magnitude in (K + mu change) phi = 0, and the smallest of either sign, with phi as columns."""
-    from scipy import linalg
+def _derivative(
+    tangent: Tangent, loads: Array, rows: list[int], load_factor: float
+) -> tuple[Array, Array, float]:
+    """K, K' along the linear response to nodal `loads` (n,), and how many times these move a link FAR.
+
+    In motions and stresses: of chains with theirs where the state has any. Free of stress their node motions alone are
+    right, and give the classical theory, without the deflection before buckling (0.1 % of the load of a strip).
+    """
+    model, motion = tangent.model, tangent.motion
+    arrays = model.arrays
+    chains = not np.any(arrays.members.kind == STRAIN)
+
+    def at_state(state: Motion) -> Array:
+        K = full_tangent(model, state, rows=rows, load_factor=load_factor)
+        return with_stresses(model, state, K) if chains and motion.inner.any() else K
+
+    K, nodes, n = at_state(motion), tangent.solve(loads[:, None])[:, 0], len(loads)
+    # those of chains follow from the motions of their nodes
+    inner = np.zeros(len(motion.inner)) if chains else np.linalg.solve(K[n:, n:], -K[n:, :n] @ nodes)
+    starts = arrays.start[arrays.start >= 0]
+    ways = np.abs(nodes[np.add.outer(starts, np.arange(6))]) / ([arrays.size] * 3 + [1.0] * 3)
+    size = 1e-5 / max(float(ways.max()), 1e-300)
+    both = []
+    for step in (size, -size):
+        state = motion.copy()
+        state.inner[:] += step * inner
+        move_nodes(arrays, state, nodes, step)
+        both.append(at_state(state))
+    links = arrays.start[: model.links]
+    far = float(ways[np.isin(starts, links[links >= 0])].max(initial=0.0))
+    return K, (both[0] - both[1]) / (2 * size), FAR / max(far, 1e-300)
+
+
+def critical_factors(
+    K: Array, change: Array, count: int, *, symmetric: bool = True
+) -> tuple[Array, Array, float]:
+    """Real mu of smallest magnitude in (K + mu change) phi = 0, and the smallest of either sign, with phi as columns; and
+    the largest |1/mu|, complex ones too. Raises ConvergenceError where they are not found, or their digits are lost."""
+    from scipy.linalg import eig
 
     scale = 1.0 / np.sqrt(np.abs(K).max(axis=0))
     A, B = K * np.outer(scale, scale), change * np.outer(scale, scale)
-    values, vectors = (np.zeros(0), B[:, :0]) if len(K) <= DENSE else _by_arnoldi(A, B, count)
+    if not B.any():
+        return np.zeros(0), B[:, :0], 0.0
+    values, vectors = np.zeros(0), B[:, :0]
+    if len(K) > (DENSE if symmetric else MOST_DENSE):
+        values, vectors = _by_arnoldi(A, B, count)
     if len(K) <= MOST_DENSE and not np.any(_real(values)):
-        values, vectors = linalg.eig(-np.linalg.solve(A, B))
-    largest = np.abs(values).max(initial=0.0)
-    found = np.flatnonzero(_real(values) & (np.abs(values) > 1e-10 * largest))
-    found = found[outer_of_both_signs(values[found].real, count)]
-    multiplier, shape = 1.0 / values[found].real, vectors[:, found].real
-    resisted, pushed = A @ shape, B @ (shape * multiplier)
+        values, vectors = eig(-np.linalg.solve(A, B))
+    largest = float(np.abs(values).max(initial=0.0))
+    # a rod that cannot diverge has complex ones, and real ones of rounding
+    least = 1e-10 if symmetric else OTHER
+    chosen = np.flatnonzero(_real(values) & (np.abs(values) > least * largest))
+    chosen = chosen[outer_of_both_signs(values[chosen].real, count)]
+    factor, shape = 1.0 / values[chosen].real, vectors[:, chosen].real
+    resisted, pushed = A @ shape, B @ (shape * factor)
     off, whole = (np.linalg.norm(part, axis=0) for part in (resisted + pushed, shape))
     if np.any(off > LOST * (np.linalg.norm(A) * whole + np.linalg.norm(pushed, axis=0))):
         raise ConvergenceError(
-            "buckling: rounding left no digits of the multipliers: a motion is left that hardly anything resists; hold "
-            "more drives"
+            "buckling: rounding left no digits of the critical load factors: a motion is left that hardly anything resists; "
+            "hold more drives"
         )
-    return multiplier, shape * scale[:, None]
+    return factor, shape * scale[:, None], largest
+
+
+def outer_of_both_signs(values: Array, count: int) -> NDArray[np.intp]:
+    """Numbers of the `count` largest of values = 1/mu in magnitude, and of the largest of either sign that is no less than
+    OTHER times the largest of all."""
+    order = np.argsort(-np.abs(values))
+    sizes = np.abs(values[order])
+    most = sizes.max(initial=0.0)
+    taken = (np.arange(len(order)) < count) & (sizes > 1e-10 * most)
+    for sign in (1.0, -1.0):
+        side = np.flatnonzero((sign * values[order] > 0.0) & (sizes > OTHER * most))
+        taken[side[:1]] = True
+    return order[taken]
 
 
 def _by_arnoldi(A: Array, B: Array, count: int) -> tuple[Array, Array]:
@@ -312,8 +389,10 @@ def _real(values: Array) -> Any:
     return np.abs(values.imag) <= 1e-6 * np.abs(values)
 
 
-def _loads(tangent: Tangent, link: Any, at: Any, wrench: tuple[Any, Any]) -> Array:
-    """Nodal loads (unknowns,) of a force and a moment on a point of a link."""
+def _load(
+    tangent: Tangent, link: Any, at: Any, wrench: tuple[Any, Any], following: bool
+) -> tuple[Array, Array]:
+    """Nodal loads (n,) of a force and a moment on a point of a link, and their own tangent (n, n)."""
     model, motion = tangent.model, tangent.motion
     node = node_of(model, link)
     load = np.concatenate([np.asarray(w, float) for w in wrench])
@@ -321,9 +400,12 @@ def _loads(tangent: Tangent, link: Any, at: Any, wrench: tuple[Any, Any]) -> Arr
         raise SceneError(
             f"buckling load on '{link}': give a finite force (3,) or moment (3,) that is not zero"
         )
-    loads = np.zeros(model.arrays.plan.unknowns)
-    loads[tangent.unknowns(node)] = point_motion(model, motion, node, at)[1].T @ load
-    return loads
+    n, here = model.arrays.plan.unknowns, tangent.unknowns(node)
+    point, B = point_motion(model, motion, node, at)
+    loads, own = np.zeros(n), np.zeros((n, n))
+    loads[here] = B.T @ load
+    own[here, here] = load_tangent(load[:3], load[3:], point - motion.x[node], following=following)
+    return loads, own
 
 
 def _refuse_mixture(model: Model) -> None:
@@ -342,44 +424,50 @@ def buckling(
     at: Any = None,
     force: Any = (0.0, 0.0, 0.0),
     moment: Any = (0.0, 0.0, 0.0),
+    following: bool = False,
     count: int = 4,
     freed: Iterable[str] = (),
     load_factor: float = 1.0,
-    near: Buckling | None = None,
-    opened: Opened | None = None,
 ) -> Buckling:
-    """Critical load factors of a dead load added to the state at `motion`, or of its own stresses when no link
-    is named.
+    """Critical load factors of a load added to the state at `motion`, or of its own stresses when no link is named.
 
-    link: link (or internal block) the force (3,) [N] and moment (3,) [Nm], global, act on, at the point that
-    is at `at` (3,) [m] at rest (reference point when None). freed: drives and supports let go at their
-    present force; they keep that force, as do the loads of the scene, while the added load grows. near: factors of
-    a state nearby to start from; opened: this state, opened. Factors beyond `reach` are left out. Raises SceneError
-    for unknown names, a load that is zero, or a state without stress, ConvergenceError where none were found.
+    link: link (or internal block) the force (3,) [N] and moment (3,) [Nm], global, act on, at the point that is at `at`
+    (3,) [m] at rest (reference point when None); fixed in space, or turning with the link where `following`. freed: drives
+    and supports let go at their present force; they keep that force, as do the loads of the scene, while the added load
+    grows. Factors beyond `reach` are left out. Raises SceneError for unknown names, a load that is zero, or a state without
+    stress, ConvergenceError where none were found.
     """
     rows = row_numbers(model, freed)
     _refuse_mixture(model)
-    opened = opened or Opened(model, motion, load_factor=load_factor)
-    fine, state, tangent, reach = opened.model, opened.motion, opened.tangent(freed), np.inf
-    if link is None and np.all(fine.arrays.members.kind == STRAIN):
-        start = (near.vector.T,) if near is not None and near.model is fine and len(near.factor) else ()
-        factor, vectors = own_stress(opened, rows, count=count, near=start)
+    fine, state = unfolded(model, motion, load_factor=load_factor)
+    assembled = assembled_tangent(fine, state, load_factor=load_factor)
+    tangent = factored(assembled, freed)
+    conservative, reach = tangent.turning is None, np.inf
+    whole = replace(fine, arrays=exact(fine.arrays))
+    if link is None:
+        K = full_tangent(whole, state, rows=rows, stressed=False)
+        change = full_tangent(whole, state, rows=rows, load_factor=load_factor) - K
     else:
-        whole = _exact_model(fine)
-        if link is None:
-            K = _unstressed(fine, state, rows)
-            change = full_tangent(whole, state, rows=rows, load_factor=load_factor) - K
-            refuse_stressless(change, K)
-        else:
-            at_state = _mixed(whole, state, rows, load_factor)
-            loads = _loads(tangent, link, at, (force, moment))
-            K, (change, reach) = at_state(state), _derivative(tangent, loads, at_state, load_factor)
-        factor, vectors = _smallest(K, 0.5 * (change + change.T), count)
-    kept = np.abs(factor) <= reach
-    beyond = float(min(factor[~kept], key=abs, default=np.inf))
-    factor, vectors = factor[kept], vectors[:, kept]
+        added, own = _load(tangent, link, at, (force, moment), following)
+        conservative &= not following and not np.any(moment)
+        K, change, reach = _derivative(replace(tangent, model=whole), added, rows, load_factor)
+        n = len(added)
+        change[:n, :n] += own
+    if conservative:
+        change = 0.5 * (change + change.T)
+    factor, vectors, largest = critical_factors(K, change, count, symmetric=conservative)
+    if link is None and largest <= STRESSLESS:
+        raise SceneError("this state carries no stress, so nothing buckles; name a link and a load")
+    near = np.abs(factor) <= reach
+    beyond = float(min(factor[~near], key=abs, default=np.inf))
+    factor, vectors = factor[near], vectors[:, near]
     shape = np.zeros((len(factor), len(fine.node_names), 6))
     for k in range(1, len(fine.node_names)):
         shape[:, k] = vectors[tangent.unknowns(k)].T
     shape /= np.maximum(np.abs(shape).max(axis=(1, 2), initial=0.0), 1e-300)[:, None, None]
-    return Buckling(fine, factor, shape, vectors.T, tangent.unstable, reach, beyond)
+    unstable = tangent.unstable
+    loads = turning_loads(fine.arrays, state, load_factor)
+    if loads is not None and unstable:
+        rest = len(fine.arrays.terms.start) - assembled.inside
+        unstable = divergences(fine.arrays, assembled.matrix(freed), loads) - rest
+    return Buckling(fine, factor, shape, vectors.T, unstable, reach, beyond, conservative)

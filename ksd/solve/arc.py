@@ -18,9 +18,8 @@ from ksd.model.compile import Model
 from ksd.model.system import assemble, largest_move, largest_turn, take_step
 from ksd.model.weight import weight_force
 from ksd.properties.tangent import stored_matrix
-from ksd.properties.turning import turning_loads
+from ksd.properties.turning import divergences, turning_loads
 from ksd.solve.driving import RTOL
-from ksd.solve.following import divergences
 from ksd.solve.newton import GRAIN, LOOSE
 from ksd.solve.pivoted import inertia, scaling
 

@@ -353,22 +353,22 @@ class Configuration:
         at: ArrayLike | None = None,
         force: ArrayLike = (0.0, 0.0, 0.0),
         moment: ArrayLike = (0.0, 0.0, 0.0),
+        following: bool = False,
         count: int = 4,
         freed: Iterable[str] = (),
-        near: Buckling | None = None,
     ) -> Buckling:
-        """Critical load factors, signed: how many times a dead load on `link` may be added to this state, or, without a
-        link, its own stresses be multiplied.
+        """Critical load factors, signed: how many times a load on `link` may be added to this state, or, without a link, its
+        own stresses be multiplied, until it diverges (flutter of loads that are not conservative: `frequencies`).
 
         force (3,) [N] and moment (3,) [Nm], global, on the point of the link at `at` (3,) [m] at rest (its reference
-        point when None). count: factors wanted; freed: drives and supports let go at their present force; near: those
-        of a state nearby to start from. Raises SceneError for unknown names, a load of zero, a state without stress and
-        reduced solids, ConvergenceError where none were found.
+        point when None), fixed in space, or turning with the link where `following`. count: factors wanted; freed: drives
+        and supports let go at their present force. Raises SceneError for unknown names, a load of zero, a state without
+        stress and reduced solids, ConvergenceError where none were found.
         """
         self._of_leafs("buckling")
         return buckling(
-            *self.unreduced, link, at=at, force=force, moment=moment, count=count, freed=freed,
-            load_factor=self.load_factor, near=near,
+            *self.unreduced, link, at=at, force=force, moment=moment, following=following, count=count, freed=freed,
+            load_factor=self.load_factor,
         )  # fmt: skip
 
     def stress(self, *, points: int = 25) -> Stress:

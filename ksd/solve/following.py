@@ -13,20 +13,16 @@ no more than rho omega / 2, which a damping ratio of rho / 2 takes away.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ksd.errors import KinematicsError, SceneError
-from ksd.model.arrays import Arrays, Motion, make_work
+from ksd.model.arrays import Motion, make_work
 from ksd.model.compile import Model
 from ksd.model.system import assemble
 from ksd.properties.frequencies import frequencies
 from ksd.properties.tangent import exact, factored_tangent, stored_matrix
-from ksd.properties.turning import turning_loads
+from ksd.properties.turning import divergences, turning_loads
 from ksd.solve.newton import GRAIN
 
-Array = NDArray[np.float64]
-REAL = 1e-9
-"""Imaginary part of an eigenvalue, over its size, below which it is real."""
 MILD = 1e-3
 """Share rho of the skew part up to which flutter is left to damping: half of it, as a ratio, is less than flexures have."""
 
@@ -61,28 +57,6 @@ def keeps_still(model: Model, motion: Motion, load_factor: float) -> tuple[bool,
         said = f"{modes.frequency_Hz[worst]:.3g} Hz, growing by {modes.growth_per_s[worst]:.3g} per second"
         return False, f"UNSTABLE: FLUTTER, as {loads}, at {said} (without damping)"
     return True, f"{still}, and no mode of its masses flutters (without damping; {loads})"
-
-
-def divergences(arrays: Arrays, K: Array, rest: Array) -> int:
-    """Real negative eigenvalues of the tangent K + rest (n, n) on the motions that the constraint rows leave, and one for
-    every row, as the inertia of K counts them. K: symmetric, multipliers included; rest: skew. Displacements count over the
-    size of the mechanism."""
-    from scipy.linalg import null_space
-
-    rows = arrays.terms.start
-    unit = np.ones(len(K))
-    for u in (int(s) for s in arrays.start if s >= 0):
-        unit[u : u + 3] = arrays.size
-    scaled = (K + rest) * np.outer(unit, unit)
-    free = np.setdiff1d(np.arange(len(K)), rows)
-    A = scaled[np.ix_(free, free)]
-    if len(rows):
-        C = scaled[np.ix_(rows, free)]
-        Z = null_space(C / np.linalg.norm(C, axis=1, keepdims=True))
-        A = Z.T @ A @ Z
-    values = np.linalg.eigvals(A) if A.size else np.zeros(0)
-    negative = (values.real < 0.0) & (np.abs(values.imag) <= REAL * np.abs(values))
-    return len(rows) + int(negative.sum())
 
 
 def counted(model: Model, motion: Motion, factor: float, negatives: int) -> int:
