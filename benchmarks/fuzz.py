@@ -36,8 +36,8 @@ from scenes import single_joint  # noqa: E402
 
 import ksd  # noqa: E402
 from ksd.errors import KsdError  # noqa: E402
-from ksd.solve.confirm import difference, works  # noqa: E402
 from ksd.solve.conventional import conventional, loads_last, without_loads  # noqa: E402
+from ksd.solve.load_steps import difference, works  # noqa: E402
 
 BATCH = 250
 """Examples drawn, tried and written down together."""

@@ -30,7 +30,8 @@ from ksd.model.compile import compile_scene
 from ksd.model.mesh import Mesh
 from ksd.section import rectangle
 from ksd.solve.conventional import conventional
-from ksd.solve.modal import indicator, relative_error
+from ksd.solve.error import relative_error
+from ksd.solve.validity import indicator
 
 RESULTS = Path(__file__).resolve().parent / "results"
 BASES = (PRINTED, replace(PRINTED, internal=1), replace(PRINTED, frame="chord"), replace(DEFAULT, internal=0))

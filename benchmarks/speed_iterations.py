@@ -15,7 +15,7 @@ import ksd
 from ksd.model.arrays import Arrays, Motion, Work, make_work
 from ksd.model.system import assemble, take_step
 from ksd.numerics.blocks import backward_blocks, factor_blocks, solve_blocks
-from ksd.solve.conventional import CAP, RTOL
+from ksd.solve.driving import CAP, RTOL
 from ksd.solve.five import GAP
 from ksd.solve.newton import iterate
 from ksd.solve.space_steps import KINEMATIC, space_steps

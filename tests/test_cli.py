@@ -53,7 +53,7 @@ def record(monkeypatch):
 def no_record(monkeypatch, tmp_path):
     """A place without any joint record."""
     monkeypatch.setattr("ksd.library.files.record_folders", lambda: [tmp_path / "none"])
-    monkeypatch.setattr("ksd.library.record_folders", lambda: [tmp_path / "none"])
+    monkeypatch.setattr("ksd.cli.info.record_folders", lambda: [tmp_path / "none"])
 
 
 @pytest.fixture
@@ -276,7 +276,7 @@ def test_train_reports_errors(monkeypatch, capsys):
         return find_record(family)
 
     monkeypatch.setenv("KSD_DATABASE", str(ROOT / "database"))
-    monkeypatch.setattr(import_module("ksd.train"), "train", stand_in)
+    monkeypatch.setattr(import_module("ksd.cli.train"), "train", stand_in)
     assert main(["train", "cross_flexure", "--out", "here", "--restart", "--quiet"]) == 0
     assert seen == {"family": "cross_flexure", "out": "here", "resume": False, "progress": False}
     assert "largest error" in capsys.readouterr().out
@@ -298,7 +298,7 @@ def test_checking_a_record_against_a_fresh_one(monkeypatch, capsys):
             write_record(made["record"], out / f"{family}.h5")
         return made["record"]
 
-    monkeypatch.setattr(import_module("ksd.train"), "train", stand_in)
+    monkeypatch.setattr(import_module("ksd.cli.train"), "train", stand_in)
     assert main(["train", "cartwheel", "--check", "--quiet"]) == 0
     assert "cartwheel: the record is, byte for byte, what the sources give" in capsys.readouterr().out
     rounded = replace(strain, wrench=strain.wrench + 1e-10)
@@ -318,7 +318,9 @@ def test_training_what_is_up_to_date_says_so(monkeypatch, tmp_path, capsys):
 
     asked = []
     monkeypatch.setattr(
-        import_module("ksd.train"), "train", lambda family, **_: asked.append(family) or find_record(family)
+        import_module("ksd.cli.train"),
+        "train",
+        lambda family, **_: asked.append(family) or find_record(family),
     )
     shutil.copy(ROOT / "database" / "cartwheel.h5", tmp_path)
     before = (tmp_path / "cartwheel.h5").read_bytes()
@@ -354,7 +356,9 @@ def test_training_all_families(monkeypatch, capsys):
 
     asked = []
     monkeypatch.setattr(
-        import_module("ksd.train"), "train", lambda family, **_: asked.append(family) or find_record(family)
+        import_module("ksd.cli.train"),
+        "train",
+        lambda family, **_: asked.append(family) or find_record(family),
     )
     assert main(["train", "all", "--restart", "--quiet"]) == 0
     assert asked == sorted(set(asked), key=asked.index) and len(asked) == len(
@@ -367,9 +371,9 @@ def test_interruption_exits_130(monkeypatch, capsys):
     def interrupted(*arguments, **options):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(import_module("ksd.train"), "train", interrupted)
+    monkeypatch.setattr(import_module("ksd.cli.train"), "train", interrupted)
     refused(capsys, ["train", "cross_flexure", "--restart"], 130, "run the same command again")
-    monkeypatch.setattr("ksd.scene.toml_file.load_scene", interrupted)
+    monkeypatch.setattr("ksd.cli.solve.load_scene", interrupted)
     refused(capsys, ["solve", FOURBAR], 130, "interrupted")
 
 
@@ -567,7 +571,7 @@ def test_training_elsewhere_says_where_it_is_looked_for(monkeypatch, capsys, tmp
 
     kept = find_record("cross_flexure")
     monkeypatch.delenv("KSD_DATABASE", raising=False)
-    monkeypatch.setattr(import_module("ksd.train"), "train", lambda family, **_: kept)
+    monkeypatch.setattr(import_module("ksd.cli.train"), "train", lambda family, **_: kept)
     argv = ["train", "cross_flexure", "--quiet", "--restart"]
     assert main([*argv, "--out", str(tmp_path)]) == 0
     assert f"KSD_DATABASE={tmp_path}" in "".join(capsys.readouterr().out.split("\n"))

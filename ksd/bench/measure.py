@@ -15,6 +15,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from rich import box
+from rich.table import Table
 
 import ksd
 from ksd.bench.suite import FINEST, Case, Way, ways_of
@@ -288,9 +290,6 @@ def percent(error: float) -> str:
 
 def table(measured: Measured) -> Any:
     """A rich table of one case: * marks a way on the front of any error, ! an unstable state."""
-    from rich import box
-    from rich.table import Table
-
     marked = {id(r) for key in ERRORS for r in front(measured.rows, key)}
     found = Table(box=box.SIMPLE_HEAD, title=measured.case, title_justify="left", pad_edge=False)
     for i, name in enumerate(

@@ -1,4 +1,4 @@
-"""The command line, `ksd COMMAND ...`. Every command is a module of this package with `add` and `run`.
+"""The command line, `ksd COMMAND ...`: its words are in `ksd.cli.commands`, every command is a module with `run`.
 
 Exit codes: 0 solved, 2 bad input (also wrong options), 3 not converged, 4 joint record missing or damaged,
 130 interrupted. What went wrong is one sentence on stderr; a traceback is a bug of ours.
@@ -6,37 +6,19 @@ Exit codes: 0 solved, 2 bad input (also wrong options), 3 not converged, 4 joint
 
 from __future__ import annotations
 
-import argparse
 import contextlib
 import os
 import sys
 from collections.abc import Sequence
 from importlib import import_module
 
+from ksd import __version__
+from ksd.cli.commands import parser
 from ksd.errors import KsdError
 
-COMMANDS = ("demo", "solve", "effects", "doctor", "sweep", "report", "train", "info", "bench")
-"""Modules of this package, in the order of the help; each has `add(subparsers)` and `run(options) -> int`."""
 INTERRUPTED = 130
 BAD_INPUT = 2
 BROKEN_PIPE = 141
-
-
-def parser() -> argparse.ArgumentParser:
-    """The parser of all commands; their heavy imports wait until one is run."""
-    import ksd
-
-    top = argparse.ArgumentParser(
-        prog="ksd",
-        description="Deformed configurations of flexure mechanisms in large deflection, from fast to exact.",
-        epilog="exit codes: 0 solved, 2 bad input, 3 not converged, 4 joint record missing or damaged",
-    )
-    top.add_argument("--version", action="version", version=f"ksd {ksd.__version__}")
-    commands = top.add_subparsers(title="commands", metavar="COMMAND", required=True)
-    for name in COMMANDS:
-        module = import_module(f"ksd.cli.{name}")
-        module.add(commands).set_defaults(run=module.run)
-    return top
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -46,9 +28,10 @@ def main(argv: Sequence[str] | None = None) -> int:
         sys.stderr = open(os.devnull, "w")  # noqa: SIM115
     if sys.stdout is None:
         return _fail("standard output is closed; send it to a file or to /dev/null", BAD_INPUT)
-    options = parser().parse_args(argv)
+    options = parser(__version__).parse_args(argv)
     try:
-        code: int = options.run(options)
+        # only the command that was given is loaded, with the solvers and pictures it needs
+        code: int = import_module(f"ksd.cli.{options.command}").run(options)
         sys.stdout.flush()
         return code
     except KsdError as error:

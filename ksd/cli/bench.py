@@ -10,8 +10,9 @@ converge).
 from __future__ import annotations
 
 import argparse
-from typing import Any
 
+from ksd.bench import SUITE, measure
+from ksd.bench.measure import numbers, summary, table
 from ksd.cli.output import STDOUT, check_json, console, write_json
 from ksd.errors import SceneError
 
@@ -19,25 +20,9 @@ QUICK, USUAL = 5, 15
 """Repeats."""
 
 
-def add(commands: Any) -> argparse.ArgumentParser:
-    """The parser of this command."""
-    parser: argparse.ArgumentParser = commands.add_parser(
-        "bench",
-        help="measure every method: time beside error",
-        description="Measure every method and leaf model on the same scenes, interleaved, in thread CPU time.",
-    )
-    parser.add_argument("--quick", action="store_true", help="one mesh of each leaf model; under a minute")
-    parser.add_argument("--case", metavar="WORD", action="append", help="only cases whose name holds WORD")
-    parser.add_argument("--json", metavar="FILE", help="write every number; - is stdout, without the tables")
-    return parser
-
-
 def run(options: argparse.Namespace) -> int:
     """Measure, print, write. Raises SceneError for a WORD no case holds."""
     check_json(options.json)
-    from ksd.bench import SUITE, measure
-    from ksd.bench.measure import numbers, summary, table
-
     words = options.case or [""]
     cases = [c for c in SUITE if any(w.lower() in c.name.lower() for w in words)]
     if not cases:

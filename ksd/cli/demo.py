@@ -16,10 +16,21 @@ from importlib.resources import as_file, files
 from typing import Any
 
 import numpy as np
+from rich import box
+from rich.table import Table
+from rich.text import Text
 
 from ksd.cli.output import STDOUT, check_json, check_plot, console, write_json
+from ksd.model.compile import compile_scene
+from ksd.model.leafs import Mesh
+from ksd.scene.toml_file import load_scene
+from ksd.solve.choose import prepare
+from ksd.solve.conventional import conventional
+from ksd.solve.report import number
+from ksd.view import plot_mechanism, save_figure
+from ksd.view.compare import Mark, plot_cost
+from ksd.view.figure import new_figure
 
-PICTURE = "ksd-demo.png"
 ESTIMATE = "error estimate"
 """Name of the step that is not part of the solve proper."""
 REPEATS = 9
@@ -55,24 +66,10 @@ class Reference:
     words: str = f"{FINER} and {2 * FINER} Appendix A elements per leaf, extrapolated to infinitely many"
 
 
-def add(commands: Any) -> argparse.ArgumentParser:
-    """The parser of this command."""
-    parser: argparse.ArgumentParser = commands.add_parser(
-        "demo",
-        help="solve a fourbar by every method",
-        description="Solve the fourbar of Dwarshuis et al. (2020), moved 300 mm sideways, by every method.",
-    )
-    parser.add_argument("--plot", metavar="FILE", default=PICTURE, help=f"where the picture goes ({PICTURE})")
-    parser.add_argument("--json", metavar="FILE", help="write the table; - is stdout, without the table")
-    return parser
-
-
 def run(options: argparse.Namespace) -> int:
     """Solve, print, draw. Raises RecordError without the record of the cross flexure."""
     check_json(options.json)
     check_plot(options.plot)
-    from ksd.scene.toml_file import load_scene
-
     with as_file(files("ksd") / "scenes" / "fourbar.toml") as path:
         mechanism, targets, _ = load_scene(path)
     scene = mechanism.scene()
@@ -89,10 +86,6 @@ def run(options: argparse.Namespace) -> int:
 
 def limit(scene: Any, targets: dict[str, float]) -> Reference:
     """Where ever finer chains lead to."""
-    from ksd.model.compile import compile_scene
-    from ksd.model.leafs import Mesh
-    from ksd.solve.conventional import conventional
-
     meshes = (Mesh(leaf="corotational", elements=n) for n in (FINER, 2 * FINER))
     coarse, fine = (conventional(compile_scene(scene, mesh=m), targets) for m in meshes)
     ((one, two),) = zip(coarse.forces.values(), fine.forces.values(), strict=True)
@@ -105,11 +98,6 @@ def limit(scene: Any, targets: dict[str, float]) -> Reference:
 
 def compare(scene: Any, targets: dict[str, float]) -> tuple[Reference, Any, list[Row]]:
     """The reference, the configuration solved in full, and a row per method."""
-    from ksd.model.compile import compile_scene
-    from ksd.model.leafs import Mesh
-    from ksd.solve.choose import prepare
-    from ksd.solve.conventional import conventional
-
     strain, chain = prepare(scene), prepare(scene, mesh=Mesh(leaf="corotational", elements=ELEMENTS))
     nodal = compile_scene(scene, mesh=Mesh(leaf="corotational", elements=ELEMENTS, mip=False, nodal=True))
     fine, coarse = "strain-mode", f"{ELEMENTS} elements"
@@ -175,12 +163,6 @@ _COLUMNS = (
 
 
 def _print(shown: Any, rows: list[Row]) -> None:
-    from rich import box
-    from rich.table import Table
-    from rich.text import Text
-
-    from ksd.solve.report import number
-
     screen = console()
     ((drive, value),) = shown.targets.items()
     screen.print(f"{shown.model.scene.name}: drive '{drive}' at {1e3 * value:.6g} mm", style="bold")
@@ -211,10 +193,6 @@ def _print(shown: Any, rows: list[Row]) -> None:
 
 
 def _draw(shown: Any, rows: list[Row], path: str) -> None:
-    from ksd.view import plot_mechanism, save_figure
-    from ksd.view.compare import Mark, plot_cost
-    from ksd.view.figure import new_figure
-
     figure = new_figure(12.0, 4.6)
     left, right = figure.subplots(1, 2, width_ratios=(1.35, 1.0))
     ((_, value),) = shown.targets.items()

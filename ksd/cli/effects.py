@@ -6,36 +6,22 @@ import argparse
 import math
 from typing import Any
 
+from rich import box
+from rich.table import Table
+
 from ksd.cli.output import STDOUT, check_json, check_plot, console, write_json
-
-
-def add(commands: Any) -> argparse.ArgumentParser:
-    """The parser of this command."""
-    parser: argparse.ArgumentParser = commands.add_parser(
-        "effects",
-        help="price list of the effects of a scene",
-        description="Solve a scene with and without every effect it can have, and show what each changes in the drive "
-        "forces, displacements, support stiffness and first frequency, and what it costs in time and unknowns.",
-    )
-    parser.add_argument("scene", metavar="SCENE.toml")
-    said = "a drive value, such as top=300mm or hinge=45deg; may be repeated"
-    parser.add_argument("--set", action="append", default=[], metavar="DRIVE=VALUE", help=said)
-    parser.add_argument(
-        "--accuracy", type=float, default=None, metavar="A", help="line drawn in the picture (1e-3)"
-    )
-    parser.add_argument("--json", metavar="FILE", help="write every number; - is stdout, without tables")
-    parser.add_argument("--plot", metavar="FILE", help="write the bars (.png, .pdf, .svg)")
-    return parser
+from ksd.cli.solve import OPTIONS, drive_value
+from ksd.design.prices import prices
+from ksd.model.listing import reason
+from ksd.scene.toml_file import load_scene
+from ksd.view.figure import new_figure, save_figure
+from ksd.view.prices import plot_prices
 
 
 def run(options: argparse.Namespace) -> int:
     """Load, solve every variant, print, write. Errors as in `ksd.solve` and `ksd.load_scene`."""
     check_json(options.json)
     check_plot(options.plot)
-    from ksd.cli.solve import OPTIONS, drive_value
-    from ksd.design.prices import prices
-    from ksd.scene.toml_file import load_scene
-
     mechanism, targets, written = load_scene(options.scene, option_names=tuple(OPTIONS))
     scene = mechanism.scene()
     for text in options.set:
@@ -53,11 +39,6 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _print(scene: Any, choice: Any, rows: list[Any]) -> None:
-    from rich import box
-    from rich.table import Table
-
-    from ksd.model.listing import reason
-
     said = f"{scene.name}: effects with and without, beside those chosen"
     table = Table(title=said, title_justify="left", box=box.SIMPLE_HEAD, pad_edge=False)
     keys = list(dict.fromkeys(key for row in rows for key in row.without))
@@ -92,9 +73,6 @@ def _change(value: float) -> str:
 
 
 def _draw(rows: list[Any], accuracy: float, path: str) -> None:
-    from ksd.view.figure import new_figure, save_figure
-    from ksd.view.prices import plot_prices
-
     done = [row for row in rows if not row.failed]
     figure = new_figure(9.0, 1.4 + 0.42 * len(done))
     axes = figure.subplots(1, 2, gridspec_kw={"width_ratios": (3, 2)})

@@ -6,8 +6,17 @@ import argparse
 import math
 from typing import Any
 
+from rich.table import Table
+from rich.text import Text
+
+import ksd
 from ksd.cli.output import console
 from ksd.errors import RecordError, SceneError
+from ksd.library import describe_database, read_record, record_folders
+from ksd.scene import joint_families
+from ksd.section.checks import nearest
+from ksd.train import check_probes, design_of, known_designs
+from ksd.train.portrait import counted, described
 
 _PER_RADIAN = 180 / math.pi
 _UNITS = {
@@ -19,26 +28,8 @@ _UNITS = {
 }
 
 
-def add(commands: Any) -> argparse.ArgumentParser:
-    """The parser of this command."""
-    parser: argparse.ArgumentParser = commands.add_parser(
-        "info",
-        help="what the joint database holds",
-        description="List the joint records: trained ranges, errors on fresh shapes, age, checksum. With a FAMILY all that "
-        "is known of it: source, symmetry, closed-form stiffness, evidence of what matters, errors mesh by mesh.",
-    )
-    parser.add_argument("family", nargs="?", metavar="FAMILY", help="name of a joint family")
-    parser.add_argument(
-        "--check", action="store_true", help="solve the probe states of the record again and compare"
-    )
-    return parser
-
-
 def run(options: argparse.Namespace) -> int:
     """Print all records. Raises RecordError when there are none or one is damaged."""
-    import ksd
-    from ksd.library import describe_database, record_folders
-
     if options.family is not None:
         return _one(options.family, check=options.check)
     if options.check:
@@ -66,12 +57,6 @@ def _one(family: str, *, check: bool) -> int:
     """Print all that is known of one family. Raises SceneError for an unknown name, RecordError for a damaged record and,
     with `check`, for one that does not agree with the solver.
     """
-    from ksd.library import describe_database, read_record
-    from ksd.scene import joint_families
-    from ksd.section.checks import nearest
-    from ksd.train import check_probes, design_of, known_designs
-    from ksd.train.portrait import counted, described
-
     listings = {entry.family: entry for entry in describe_database()}
     known = sorted({*listings, *joint_families()})
     if family not in known:
@@ -135,8 +120,6 @@ def _residuals(record: Any) -> Any:
 
 
 def _headed(title: str) -> Any:
-    from rich.table import Table
-
     return Table(
         box=None, pad_edge=False, title=title, title_justify="left", title_style="bold", header_style="dim"
     )
@@ -149,9 +132,6 @@ def _entry(listing: Any) -> Any:
 
 def _columns(title: str, rows: list[tuple[str, str]]) -> Any:
     """A borderless table of two columns."""
-    from rich.table import Table
-    from rich.text import Text
-
     table = Table(
         box=None,
         show_header=False,

@@ -9,16 +9,18 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+from rich.console import Console
+
 from ksd.files import check_target
+from ksd.library.tables import write_answer
+from ksd.properties.words import WIDTH
+from ksd.view.figure import check_picture
 
 STDOUT = "-"
 
 
 def console() -> Any:
     """The terminal, or plain text of 100 columns when the output is read by a program."""
-    from rich.console import Console
-
-    from ksd.solve.report import WIDTH
 
     class Screen(Console):
         """Leaves a broken pipe to the caller, who knows the exit code."""
@@ -54,8 +56,6 @@ def check_plot(path: str | None, *, kinds: tuple[str, ...] = ()) -> None:
     if Path(path).suffix.lower() in kinds:
         check_target(path, what="--plot")
         return
-    from ksd.view.figure import check_picture
-
     check_picture(path)
 
 
@@ -67,6 +67,4 @@ def write_json(numbers: dict[str, Any], path: str) -> None:
     if path == STDOUT:
         sys.stdout.write(json.dumps(numbers, indent=1, allow_nan=False) + "\n")
         return
-    from ksd.library.tables import write_answer
-
     write_answer(numbers, path)

@@ -11,43 +11,17 @@ import numpy as np
 
 from ksd.cli.output import console, interrupted
 from ksd.cli.solve import OPTIONS, drive_value, effect_words, settings, solved
+from ksd.design.page import Compared, page
+from ksd.design.questions import KNOWN
+from ksd.design.sweep import sweep
 from ksd.errors import KsdError, SceneError
 from ksd.files import check_target, write_file
-
-POSES = 31
-
-
-def add(commands: Any) -> argparse.ArgumentParser:
-    """The parser of this command."""
-    parser: argparse.ArgumentParser = commands.add_parser(
-        "report",
-        help="write an HTML report of a scene",
-        description="Solve a scene and its stroke, and write one HTML page that needs no network: scene, what was "
-        "simulated, pictures, tables, convergence and error.",
-    )
-    parser.add_argument("scene", metavar="SCENE.toml")
-    parser.add_argument("--out", metavar="FILE", help="the page; SCENE.html beside the scene when left out")
-    said = "a drive value at the end of the stroke, such as top=300mm; may be repeated"
-    parser.add_argument("--set", action="append", default=[], metavar="DRIVE=VALUE", help=said)
-    parser.add_argument("--method", help="kinematic, reduced, full or conventional")
-    parser.add_argument(
-        "--poses", type=int, default=POSES, metavar="N", help=f"poses of the stroke ({POSES})"
-    )
-    parser.add_argument("--both", action="store_true", help="stroke from minus to plus the drive values")
-    parser.add_argument("--quiet", action="store_true", help="no progress bar")
-    for word in ("effects", "with", "without"):
-        parser.add_argument(f"--{word}", metavar="E", help="as in ksd solve")
-    parser.set_defaults(accuracy=None, elements=None, passes=None, extrapolate=None)
-    return parser
+from ksd.scene.toml_file import load_scene
+from ksd.solve.choose import prepare
 
 
 def run(options: argparse.Namespace) -> int:
     """Solve, sweep, compare, write. Errors as in `ksd.solve` and `ksd.load_scene`."""
-    from ksd.design.page import page
-    from ksd.design.sweep import sweep
-    from ksd.scene.toml_file import load_scene
-    from ksd.solve.choose import prepare
-
     if not 2 <= options.poses <= 10_000:
         raise SceneError(f"--poses {options.poses}: between 2 and 10000 poses are possible")
     mechanism, targets, written = load_scene(options.scene, option_names=tuple(OPTIONS))
@@ -80,8 +54,6 @@ def run(options: argparse.Namespace) -> int:
 
 def _possible(scene: Any, pose: Any) -> tuple[str, ...]:
     """All questions, without frequencies where nothing has mass and without buckling where `pose` has no answer to it."""
-    from ksd.design.questions import KNOWN
-
     leafs = [leaf for j in scene.joints for leaf in j.joint.leafs()] + [f.leaf for f in scene.leafs]
     heavy = scene.masses or any(leaf.material.density for leaf in leafs)
     missing = set() if heavy else {"frequencies"}
@@ -94,8 +66,6 @@ def _possible(scene: Any, pose: Any) -> tuple[str, ...]:
 
 def _compared(name: str, solve: Any) -> Any:
     """Drive force, first parasitic frequency and stress of one way to the pose."""
-    from ksd.design.page import Compared
-
     try:
         pose = solve()
         force = next(iter(pose.forces.values()), float("nan"))
@@ -114,8 +84,6 @@ def _first_parasitic(pose: Any) -> float:
 
 def _other_ways(solver: Any, targets: dict[str, float], pose: Any) -> list[Any]:
     """The same pose by the other methods, and with a finer mesh."""
-    from ksd.solve.choose import prepare
-
     found = [
         _compared(m, lambda m=m: solver(targets, method=m, estimate=False))
         for m in ("reduced", "full", "conventional")

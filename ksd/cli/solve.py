@@ -8,6 +8,11 @@ from typing import Any
 
 from ksd.cli.output import STDOUT, check_json, check_plot, console, write_json
 from ksd.errors import SceneError
+from ksd.model.mesh import Mesh
+from ksd.scene.toml_file import load_scene
+from ksd.scene.toml_table import quantity
+from ksd.section.checks import nearest
+from ksd.solve.choose import solve
 
 OPTIONS = {
     "method": str, "accuracy": float, "elements": int, "passes": int, "extrapolate": bool,
@@ -18,53 +23,10 @@ QUICK = 20.0
 """A first solve shorter than this [s] is repeated, so that its times do not hold the loading of kernels."""
 
 
-_WORDS: tuple[tuple[str, dict[str, Any]], ...] = (
-    (
-        "--method",
-        {"help": "kinematic, reduced, full or conventional; the cheapest that will do when left out"},
-    ),
-    (
-        "--accuracy",
-        {"type": float, "metavar": "A", "help": "relative error allowed when no method is given (1e-3)"},
-    ),
-    (
-        "--elements",
-        {"type": int, "metavar": "N", "help": "N Appendix A elements per leaf, not strain-mode leafs"},
-    ),
-    ("--passes", {"type": int, "metavar": "K", "help": "extra relinearised passes of reduced or full"}),
-    (
-        "--extrapolate",
-        {"action": "store_true", "default": None, "help": "use joint records beyond their range"},
-    ),
-    ("--effects", {"metavar": "E", "help": "auto (what the scene mentions), all, or names: shear,gravity"}),
-    ("--with", {"metavar": "E", "help": "effects to simulate besides, such as warping,plate"}),
-    ("--without", {"metavar": "E", "help": "effects to leave out, such as shear"}),
-    ("--json", {"metavar": "FILE", "help": "write every number; - is stdout, without tables"}),
-    ("--plot", {"metavar": "FILE", "help": "write a picture (.png, .pdf, .svg) or a ParaView file (.vtu)"}),
-)
-
-
-def add(commands: Any) -> argparse.ArgumentParser:
-    """The parser of this command."""
-    parser: argparse.ArgumentParser = commands.add_parser(
-        "solve",
-        help="solve a scene file",
-        description="Solve one configuration of a scene; drive values come from the file or from --set.",
-    )
-    parser.add_argument("scene", metavar="SCENE.toml")
-    said = "a drive value, such as top=300mm or hinge=45deg; may be repeated"
-    parser.add_argument("--set", action="append", default=[], metavar="DRIVE=VALUE", help=said)
-    for word, meaning in _WORDS:
-        parser.add_argument(word, **meaning)
-    return parser
-
-
 def run(options: argparse.Namespace) -> int:
     """Load, solve, print, write. Errors as in `ksd.solve` and `ksd.load_scene`."""
     check_json(options.json)
     check_plot(options.plot, kinds=(".vtu",))
-    from ksd.scene.toml_file import load_scene
-
     mechanism, targets, written = load_scene(options.scene, option_names=tuple(OPTIONS))
     asked = settings(written, options)
     scene = mechanism.scene()
@@ -133,9 +95,6 @@ def effect_words(asked: dict[str, Any]) -> dict[str, Any]:
 
 def drive_value(scene: Any, text: str) -> tuple[str, float]:
     """Name and value (SI) from "top=300mm"; plain numbers are SI. SceneError for unknown drives and units."""
-    from ksd.scene.toml_table import quantity
-    from ksd.section.checks import nearest
-
     name, equals, value = (part.strip() for part in text.rpartition("="))
     drives = {d.name: d for d in scene.drives}
     if not equals or not name:
@@ -153,8 +112,6 @@ def drive_value(scene: Any, text: str) -> tuple[str, float]:
 
 def solved(scene: Any, targets: dict[str, float], asked: dict[str, Any]) -> Any:
     """The configuration by `ksd.solve`, twice when that is quick: kernels are loaded in the first solve."""
-    from ksd.solve.choose import solve
-
     how = {"method": asked["method"], "passes": asked["passes"] or 0, "mesh": mesh_of(asked)}
     how |= {"extrapolate": bool(asked["extrapolate"]), **effect_words(asked)}
     result = solve(scene, targets, **how)
@@ -163,7 +120,5 @@ def solved(scene: Any, targets: dict[str, float], asked: dict[str, Any]) -> Any:
 
 def mesh_of(asked: dict[str, Any]) -> Any:
     """The mesh asked for by `elements`; None leaves strain-mode leafs."""
-    from ksd.model.mesh import Mesh
-
     count = asked["elements"]
     return None if count is None else Mesh(leaf="corotational", elements=count)

@@ -8,53 +8,21 @@ from typing import Any
 
 import numpy as np
 
+from ksd.cli.commands import POSES
 from ksd.cli.output import check_plot, console, interrupted
 from ksd.cli.solve import OPTIONS, drive_value, effect_words, mesh_of, settings
+from ksd.design.questions import QUESTIONS
+from ksd.design.sweep import sweep
 from ksd.errors import ConvergenceError, SceneError
 from ksd.files import check_target
+from ksd.scene.toml_file import load_scene
 
-POSES = 31
 WRITERS = {".csv": "to_csv", ".h5": "to_hdf5", ".hdf5": "to_hdf5", ".mat": "to_mat"}
 """How a table is written, by the ending of the file."""
 
 
-def add(commands: Any) -> argparse.ArgumentParser:
-    """The parser of this command."""
-    parser: argparse.ArgumentParser = commands.add_parser(
-        "sweep",
-        help="answer all questions over the stroke",
-        description="Force, support stiffness, frequencies, stress, parasitic motion and energy at every pose of a "
-        "stroke. Several drives with a range are combined, the last one moving along the stroke.",
-    )
-    parser.add_argument("scene", metavar="SCENE.toml")
-    said = f"a range FROM:TO or FROM:TO:POSES ({POSES} poses), such as top=0mm:300mm:31, or one value; may be repeated"
-    parser.add_argument("--set", action="append", default=[], metavar="DRIVE=RANGE", help=said)
-    said = "force, drive_stiffness, support_stiffness, frequencies, stress, parasitic, energy or buckling; may be repeated"
-    parser.add_argument("--question", action="append", default=[], metavar="Q", help=said)
-    parser.add_argument("--method", help="kinematic, reduced, full or conventional")
-    parser.add_argument("--accuracy", type=float, metavar="A", help="relative error allowed (1e-3)")
-    parser.add_argument("--elements", type=int, metavar="N", help="N Appendix A elements per leaf")
-    parser.add_argument(
-        "--passes", type=int, metavar="K", help="extra relinearised passes of reduced or full"
-    )
-    parser.add_argument(
-        "--extrapolate", action="store_true", default=None, help="use records beyond their range"
-    )
-    for word in ("effects", "with", "without"):
-        parser.add_argument(f"--{word}", metavar="E", help="as in ksd solve")
-    parser.add_argument("--out", metavar="FILE", help="write the table: .csv, .h5 or .mat")
-    parser.add_argument("--plot", metavar="FILE", help="write a picture of the answers (.png, .pdf, .svg)")
-    parser.add_argument("--resume", metavar="FILE", help="keep finished poses here; give it again to go on")
-    parser.add_argument("--quiet", action="store_true", help="no progress bar")
-    return parser
-
-
 def run(options: argparse.Namespace) -> int:
     """Sweep, print, write; a pose that fails is a row that says why, and the exit code is then 3."""
-    from ksd.design.questions import QUESTIONS
-    from ksd.design.sweep import sweep
-    from ksd.scene.toml_file import load_scene
-
     check_plot(options.plot)
     write = None if options.out is None else _writer(options.out)
     mechanism, targets, written = load_scene(options.scene, option_names=tuple(OPTIONS))

@@ -14,37 +14,18 @@ import numpy as np
 
 from ksd.cli.output import console, interrupted
 from ksd.errors import RecordError
+from ksd.library import find_record
+from ksd.library.files import SUFFIX, record_folders, where_looked_for
+from ksd.train import known_designs, train, up_to_date
+from ksd.train.run import target_of
 
 ROUNDING = 2e-9
 """Difference of a coefficient, of ten decimals, that another machine or another order of sums may make."""
 
 
-def add(commands: Any) -> argparse.ArgumentParser:
-    """The parser of this command."""
-    parser: argparse.ArgumentParser = commands.add_parser(
-        "train",
-        help="train the record of a joint family",
-        description="Sweep a joint's own finite element model over stroke and shape; write its record.",
-    )
-    parser.add_argument("family", metavar="FAMILY", help="for example cross_flexure, or all")
-    parser.add_argument(
-        "--out", metavar="FOLDER", help="where the record goes; $KSD_DATABASE or ./database when left out"
-    )
-    parser.add_argument(
-        "--restart", action="store_true", help="train also where the record is up to date, and from the start"
-    )
-    parser.add_argument(
-        "--check", action="store_true", help="train beside the record in use and compare; writes nothing"
-    )
-    parser.add_argument("--quiet", action="store_true", help="no progress bar")
-    return parser
-
-
 def run(options: argparse.Namespace) -> int:
     """Train and say how good the record is. SceneError for an unknown family, RecordError where a check finds more than
     rounding between the record in use and what the sources give."""
-    from ksd.train import known_designs
-
     begin = time.perf_counter()
     families = known_designs() if options.family == "all" else (options.family,)
     for family in families:
@@ -55,10 +36,6 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _train(family: str, options: argparse.Namespace) -> None:
-    from ksd.library.files import where_looked_for
-    from ksd.train import train, up_to_date
-    from ksd.train.run import target_of
-
     begin = time.perf_counter()
     screen = console()
     if not options.restart and (words := up_to_date(family, out=options.out)):
@@ -83,10 +60,6 @@ def _train(family: str, options: argparse.Namespace) -> None:
 
 def _check(family: str, options: argparse.Namespace) -> None:
     """Train into a folder that is thrown away and compare with the record in use."""
-    from ksd.library import find_record
-    from ksd.library.files import SUFFIX, record_folders
-    from ksd.train import train
-
     kept = find_record(family)
     with TemporaryDirectory() as folder:
         made = train(family, out=Path(folder), trained=kept.trained, resume=False, progress=not options.quiet)

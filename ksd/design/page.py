@@ -18,6 +18,7 @@ import ksd
 from ksd.design.table import OK, STATUS, Table, spoken_column
 from ksd.solve.answer import as_dict
 from ksd.solve.report import number
+from ksd.view.figure import picture
 
 STYLE = """
 body{font:15px/1.5 system-ui,"Segoe UI",Helvetica,Arial,sans-serif;color:#1f2430;margin:0;background:#f4f5f8}
@@ -112,8 +113,6 @@ def grid(heads: Iterable[tuple[str, str]], rows: Iterable[Iterable[Any]]) -> str
 
 
 def _figure(figure: Any, caption: str) -> str:
-    from ksd.view.figure import picture
-
     coded = base64.b64encode(picture(figure, "png", dpi=140)).decode()
     said = _text(caption)
     return f'<figure><img alt="{said}" src="data:image/png;base64,{coded}"><figcaption>{said}</figcaption></figure>'

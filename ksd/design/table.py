@@ -13,9 +13,15 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from rich import box
+from rich.table import Table as Grid
+from rich.text import Text
 
 from ksd.errors import RecordError, SceneError
 from ksd.files import write_file
+from ksd.library.tables import read_columns, write_columns
+from ksd.properties.words import number, printed
+from ksd.view import plot_stroke, save_figure
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -76,17 +82,9 @@ class Table:
         return f"<Table of '{self.name}': {len(self)} rows, {len(self.columns)} columns, {bad} failed>"
 
     def __str__(self) -> str:
-        from ksd.properties.words import printed
-
         return printed(self._short(), width=120)
 
     def _short(self) -> Any:
-        from rich import box
-        from rich.table import Table as Grid
-        from rich.text import Text
-
-        from ksd.properties.words import number
-
         shown = [n for n in self.columns if n not in ("method", STATUS)][:8]
         grid = Grid(box=box.SIMPLE_HEAD, pad_edge=False, title=repr(self).strip("<>"), title_justify="left")
         for n in [*shown, STATUS]:
@@ -126,8 +124,6 @@ class Table:
         one with most values when None. wide: panels side by side. Raises SceneError for a question the table has no
         answer to.
         """
-        from ksd.view import plot_stroke, save_figure
-
         figure = plot_stroke(self, questions, over=over, wide=wide)
         return figure if path is None else save_figure(figure, path)
 
@@ -141,8 +137,6 @@ class Table:
 
     def to_hdf5(self, path: str | os.PathLike[str]) -> Path:
         """Write one dataset per column, facts as attributes (HDF5, sealed: see `from_hdf5`). Returns the path."""
-        from ksd.library.tables import write_columns
-
         about = {**self.facts, "name": self.name, "labels": ", ".join(self.labels)}
         about["moving"] = ", ".join(self.moving)
         return write_columns({n: self[n] for n in self.columns}, Path(path), about=about)
@@ -150,8 +144,6 @@ class Table:
     @classmethod
     def from_hdf5(cls, path: str | os.PathLike[str]) -> Table:
         """The table `to_hdf5` wrote. RecordError for a file that is missing, foreign, cut or altered in any bit."""
-        from ksd.library.tables import read_columns
-
         columns, facts = read_columns(path)
         name, labels, moving = (facts.pop(k, "") for k in ("name", "labels", "moving"))
         split = [tuple(n for n in said.split(", ") if n) for said in (labels, moving)]

@@ -10,13 +10,17 @@ the file is strict JSON.
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ksd.properties.section_forces import section_forces
-from ksd.solve.configuration import Configuration
 from ksd.solve.stops import Stop
+from ksd.solve.trust import stability
+from ksd.solve.validity import carried
+
+if TYPE_CHECKING:
+    from ksd.solve.configuration import Configuration
 
 FORMAT = 1
 SCHEMA: dict[str, str] = {
@@ -137,22 +141,6 @@ def _trust(c: Configuration) -> dict[str, dict[str, Any]]:
     return {name: {"yes": bool(v.yes), "sentence": v.sentence} for name, v in vars(trust).items()}
 
 
-def stability(c: Configuration) -> str:
-    """Whether the configuration stays where it is, in words."""
-    surplus = c.negatives - c.expected
-    if surplus == 0 and c.still is not None:
-        return c.still[1]
-    if surplus == 0:
-        return "stable: a minimum of energy under the held drives"
-    if surplus > 0:
-        ways = "one direction" if surplus == 1 else f"{surplus} directions"
-        return f"UNSTABLE: the mechanism would leave this state by itself in {ways}"
-    return (
-        f"NOT CERTAIN: {c.negatives} negative pivots where the drives and supports explain {c.expected}; "
-        "two of them may prescribe the same freedom"
-    )
-
-
 def drive_kind(drive: Any) -> str:
     """ "translation", "rotation", or "mixed" for a sum of both."""
     kinds = {term.kind for term in drive.terms}
@@ -227,8 +215,6 @@ def _left_out(c: Configuration) -> dict[str, dict[str, float | None]]:
 
 
 def _basis(c: Configuration) -> dict[str, Any] | None:
-    from ksd.solve.validity import carried
-
     found = carried(c.model, c.motion)
     if found is None:
         return None

@@ -1,4 +1,4 @@
-"""Newton on a path: the load factor is one more unknown, the arc length one more equation.
+"""An equilibrium path followed by arc length, as states: Newton with the load factor as one more unknown.
 
 Bordered system of Riks (Int. J. Solids Structures 15, 1979) and Keller (1977): the correction stays in the plane normal to
 the predictor, in a metric of displacements over the size of the mechanism, rotations and the scaled factor. The bordered
@@ -8,12 +8,14 @@ matrix is regular at limit points, where the tangent itself is not.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ksd.model.arrays import Motion, Work
+from ksd.errors import ConvergenceError
+from ksd.model.arrays import Motion, Work, make_work
 from ksd.model.compile import Model
 from ksd.model.system import assemble, largest_move, largest_turn, take_step
 from ksd.model.weight import weight_force
@@ -22,8 +24,15 @@ from ksd.properties.turning import divergences, turning_loads
 from ksd.solve.driving import RTOL
 from ksd.solve.newton import GRAIN, LOOSE
 from ksd.solve.pivoted import inertia, scaling
+from ksd.solve.stops import Stop
 
 Array = NDArray[np.float64]
+LARGEST = 0.15
+"""Largest arc of a step: rad, or displacement over the size of the mechanism, summed over the nodes."""
+MOST_BEND = 0.5
+"""Largest turn [rad] of the path's tangent in a step."""
+SHORT = 1e-5
+"""An arc below which its bend is accepted, whatever it is."""
 
 
 @dataclass(frozen=True)
@@ -164,3 +173,163 @@ class Tracer:
         # the members keep scratch of their last assembly, which must be that of this state
         assemble(self.model.arrays, motion, *self.course.aim(at.f), self.work, RTOL, 0, GRAIN)
         return self.correct(motion, at.f, direction, first=length * direction)
+
+
+@dataclass(frozen=True)
+class Turn:
+    """Where the path turns or branches: the kind, the place, and the null vector (n,) of its tangent."""
+
+    kind: Literal["limit", "bifurcation"]
+    at: Place
+    mode: Array
+
+
+REACHED = "the end was reached"
+"""Why a walk stopped that came to the end asked for."""
+
+
+class Walk:
+    """A path while it is followed: places passed (without their tangents), turns found, and why it stopped."""
+
+    def __init__(self, model: Model, course: Course) -> None:
+        self.model, self.course = model, course
+        self.tracer = Tracer(model, course, make_work(model.arrays))
+        self.places: list[Place] = []
+        self.turns: list[Turn] = []
+        self.stop = ""
+
+    @property
+    def iterations(self) -> int:
+        """Matrix solves of all places together."""
+        return sum(at.iterations for at in self.places)
+
+    def keep(self, at: Place) -> None:
+        """Record a place; its dense tangent would fill the memory on a long path."""
+        self.places.append(replace(at, K=np.zeros((0, 0)), b=np.zeros(0)))
+
+    def turn(self, before: Place, direction: Array, after: Place, ahead: Array, arc: float) -> None:
+        """Locate and record what lies between two places, if anything does."""
+        if direction[-1] * ahead[-1] < 0.0:
+            self._record("limit", self._limit(before, direction, after, ahead, arc))
+            if abs(after.negatives - before.negatives) <= 1:
+                return
+        if after.negatives != before.negatives:
+            self._record("bifurcation", self._bifurcation(before, direction, after, arc))
+
+    def _record(self, kind: Literal["limit", "bifurcation"], at: Place) -> None:
+        scale = scaling(0.5 * (at.K + at.K.T))
+        values, vectors = np.linalg.eigh(0.5 * (at.K + at.K.T) * np.outer(scale, scale))
+        mode = scale * vectors[:, int(np.argmin(np.abs(values)))]
+        mode = mode / self.tracer.length(np.append(mode, 0.0))
+        self.turns.append(Turn(kind, at, mode))
+
+    def _limit(self, before: Place, direction: Array, after: Place, ahead: Array, arc: float) -> Place:
+        """Where d(factor)/ds vanishes, by the false position (Illinois) on the arc."""
+        low, high, g_low, g_high = 0.0, arc, float(direction[-1]), float(ahead[-1])
+        best, smallest = after, abs(g_high)
+        for _ in range(12):
+            s = (low * g_high - high * g_low) / (g_high - g_low)
+            at = self.tracer.advance(before, direction, s)
+            if at is None:
+                break
+            g = float(self.tracer.tangent(at, direction)[-1])
+            if abs(g) < smallest:
+                best, smallest = at, abs(g)
+            if abs(g) < 1e-6 * abs(direction[-1] - ahead[-1]):
+                break
+            if g * g_high > 0.0:
+                high, g_high, g_low = s, g, 0.5 * g_low
+            else:
+                low, g_low, g_high = s, g, 0.5 * g_high
+        return best
+
+    def _bifurcation(self, before: Place, direction: Array, after: Place, arc: float) -> Place:
+        """Where the inertia changes, by bisection of the arc."""
+        low, high, best = 0.0, arc, after
+        for _ in range(20):
+            s = 0.5 * (low + high)
+            at = self.tracer.advance(before, direction, s)
+            if at is None:
+                break
+            if at.negatives == before.negatives:
+                low = s
+            else:
+                high, best = s, at
+        return best
+
+    def _arc(self, at: Place, ahead: Array, arc: float, until: float) -> float:
+        """Not past the end: the arc that would just reach `until`, if that is shorter."""
+        slope = float(ahead[-1])
+        if slope * (until - at.f) > 0.0:
+            return min(arc, abs((until - at.f) / slope))
+        return arc
+
+    def go(self, at: Place, ahead: Array, *, until: float, arc: float, most: int) -> None:
+        """Follow from `at` in direction `ahead`."""
+        self.stop = self._go(at, ahead, until=until, arc=arc, most=most)
+
+    def _go(self, at: Place, ahead: Array, *, until: float, arc: float, most: int) -> str:
+        self.keep(at)
+        sign, largest = (1.0 if until >= at.f else -1.0), LARGEST * np.sqrt(len(self.model.node_names))
+        for _ in range(most):
+            length = self._arc(at, ahead, min(arc, largest), until)
+            found = self.tracer.advance(at, ahead, length)
+            if found is None or (found.f - until) * sign > 1e-6 * abs(until):
+                # too far, or no equilibrium in that plane
+                arc = 0.5 * length
+                if arc < 1e-9:
+                    return "the arc was halved to its smallest size without reaching equilibrium"
+                continue
+            onward = self.tracer.tangent(found, ahead)
+            bend = math.acos(min(1.0, float(ahead @ (self.tracer.metric * onward))))
+            if bend > MOST_BEND and length > SHORT:
+                # a sharp turn: closer, lest a limit point and the next one both lie in one step
+                arc = 0.5 * length
+                continue
+            self.turn(at, ahead, found, onward, length)
+            at, ahead = found, onward
+            if abs(at.f - until) <= 2e-6 * abs(until):
+                self.keep(self.tracer.correct(at.motion, until, None) or at)
+                return REACHED
+            self.keep(at)
+            if not at.fits:
+                return Stop.LOCAL_ANGLE.sentence
+            growth = min((4.0 / max(at.iterations, 1)) ** 0.5, 0.5 * MOST_BEND / max(bend, 1e-9))
+            arc = max(arc, length) * float(np.clip(growth, 0.5, 1.5))
+        return f"{most} steps were taken"
+
+
+def starting_place(at: Place | None) -> Place:
+    """The place; ConvergenceError where there is none."""
+    if at is None:
+        raise ConvergenceError(
+            "the start of the path is no equilibrium; solve it first and pass it as start=..."
+        )
+    return at
+
+
+def trace(
+    model: Model, course: Course, motion: Motion, *, f: float = 0.0, first: float = 0.02, most: int = 300
+) -> Walk:
+    """Follow a course of drives and loads from the equilibrium `motion` at parameter f to 1, by arc length.
+
+    Raises ConvergenceError where the start is no equilibrium.
+    """
+    walk = Walk(model, course)
+    at = starting_place(walk.tracer.correct(motion.copy(), f, None, most=40))
+    ahead = walk.tracer.tangent(at, None)
+    walk.go(at, ahead, until=1.0, arc=first / max(abs(float(ahead[-1])), 1e-9), most=most)
+    return walk
+
+
+def switched(tracer: Tracer, motion: Motion, f: float, mode: Array) -> tuple[Place, Array]:
+    """A place on the other branch, 0.01 along `mode`, and the direction away from the bifurcation."""
+    n = len(mode)
+    at = starting_place(tracer.correct(motion, f, None))
+    tracer.tangent(at, None)
+    away = np.append(mode, 0.0)
+    for size in (0.01, 0.003, 0.03, 0.001):
+        found = tracer.advance(at, away, size)
+        if found is not None and tracer.length(np.append(np.zeros(n), found.f - f)) < 50 * size:
+            return found, tracer.tangent(found, away)
+    raise ConvergenceError("the other branch was not found along the mode of this bifurcation")

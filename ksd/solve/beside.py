@@ -2,7 +2,7 @@
 
 The five steps start from the unloaded kinematic state, near which a heavily loaded mechanism may have several minima. The
 one meant is that of the loads put on gradually. Where loads do much of the work and an equilibrium step did not come in
-easily (`ksd.solve.confirm.laden`), load steps are walked and the two states compared.
+easily (`ksd.solve.load_steps.laden`), load steps are walked and the two states compared.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ import numpy as np
 from ksd.errors import ConvergenceError
 from ksd.model.arrays import carries_load
 from ksd.solve.configuration import Configuration
-from ksd.solve.confirm import difference, laden
+from ksd.solve.load_steps import difference, laden
 from ksd.solve.steps import ErrorEstimate
 from ksd.solve.trust import solved_well
 

@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 
 from ksd.errors import SceneError
 from ksd.modal.bodies import ModalModel, inside
+from ksd.modal.solid_health import SolidRange
 from ksd.model.arrays import Motion
 from ksd.model.compile import Model
 from ksd.numerics.rotations import rotation_log
@@ -30,18 +31,26 @@ from ksd.properties.stress import Stress, strain_energy, stress
 from ksd.properties.words import printed
 from ksd.scene.contents import PlacedJoint
 from ksd.scene.links import Link
+from ksd.solve.answer import as_dict
+from ksd.solve.corrected import settled, with_error
+from ksd.solve.error import error_of
+from ksd.solve.following import keeps_still
+from ksd.solve.left_out import left_out
 from ksd.solve.reading import Reading
-from ksd.solve.steps import ErrorEstimate, FiveStepRecord, Step
+from ksd.solve.report import tables
+from ksd.solve.rest import minimum_taken
+from ksd.solve.sensitivity import sensitivity
+from ksd.solve.steps import FAST, ErrorEstimate, FiveStepRecord, Step
 from ksd.solve.stops import Stop
+from ksd.solve.trust import Trust, judge
+from ksd.solve.validity import Validity, validity
+from ksd.view import plot_mechanism, save_figure, show_mechanism, write_vtu
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
     from rich.console import RenderableType
 
-    from ksd.modal.solid_health import SolidRange
-    from ksd.solve.trust import Trust
-    from ksd.solve.validity import Validity
 
 Answer = TypeVar("Answer")
 """What a question asked of a configuration returns: a number, an array, or a mapping of them."""
@@ -139,22 +148,16 @@ class Configuration:
         """Whether it flutters, in words, where loads follow their links or are moments; else None."""
         if not self.model.arrays.loads.skew.any() or not self.converged:
             return None
-        from ksd.solve.following import keeps_still
-
         return keeps_still(*self.insides, self.load_factor)
 
     @property
     def trust(self) -> Trust:
         """Verdicts `stable`, `branch`, `strength`, `trusted`, each a truth value with its sentence."""
-        from ksd.solve.trust import judge
-
         return judge(self)
 
     @cached_property
     def error(self) -> ErrorEstimate | None:
         """What it is off the truth, the error of its mesh included, found when asked for: `ksd.solve.error.error_of`."""
-        from ksd.solve.error import error_of
-
         return error_of(self)
 
     @cached_property
@@ -162,8 +165,6 @@ class Configuration:
         """What plate stiffening and restrained warping, where they are not in the model, would change here: relative
         change of "force", "displacement" and "support_stiffness" by effect, measured when asked for:
         `ksd.solve.left_out`."""
-        from ksd.solve.left_out import left_out
-
         return left_out(self)
 
     @property
@@ -193,8 +194,6 @@ class Configuration:
     def minimum(self) -> str:
         """Which of several minima this is, where the undeformed configuration is unstable under what strains it (preload,
         heat, misfit, loads); else nothing."""
-        from ksd.solve.rest import minimum_taken
-
         return "" if getattr(self.model, "solids", None) else minimum_taken(*self.insides, self.stable)
 
     @property
@@ -258,9 +257,6 @@ class Configuration:
     def answering(self) -> Motion:
         """The state that questions beyond forces and poses are asked of: its own, or, where `solve` chose a fast method
         itself, the equilibrium next to it. Raises ConvergenceError where that is not found."""
-        from ksd.solve.corrected import settled
-        from ksd.solve.steps import FAST
-
         return settled(self) if self.chosen and self.method in FAST else self.motion
 
     @property
@@ -296,8 +292,6 @@ class Configuration:
 
         Raises SceneError for an unknown name, where no body is modal, and for bases expanded at a trained state.
         """
-        from ksd.solve.validity import validity
-
         return validity(self.model, leaf=leaf, error=error)
 
     def stiffness(
@@ -389,8 +383,6 @@ class Configuration:
 
         Raises ConvergenceError where none is found.
         """
-        from ksd.solve.corrected import with_error
-
         return with_error(self, question)
 
     def sensitivity(
@@ -409,8 +401,6 @@ class Configuration:
         SceneError for unknown names and a load of zero, ConvergenceError where an equilibrium beside this one is not
         found.
         """
-        from ksd.solve.sensitivity import sensitivity
-
         return sensitivity(self, question, link, at=at, force=force, moment=moment)
 
     def internal_stress(
@@ -458,8 +448,6 @@ class Configuration:
 
     def as_dict(self) -> dict[str, Any]:
         """Every number of the tables and more, units in the keys; layout in `ksd.solve.answer.SCHEMA`."""
-        from ksd.solve.answer import as_dict
-
         return as_dict(self)
 
     def plot(
@@ -479,23 +467,17 @@ class Configuration:
         with values and forces. color: "stress" colours the leafs by von Mises stress. Raises SceneError for an unknown
         plane, colour or file type.
         """
-        from ksd.view import plot_mechanism, save_figure
-
         figure = plot_mechanism(self, axes=axes, plane=plane, labels=labels, title=title, color=color)
         return figure if path is None else save_figure(figure, path)
 
     def view(self, path: str | os.PathLike[str] | None = None) -> Path | None:
         """The deformed mechanism in three dimensions: a window to turn it in, a .png rendered without one (both by the
         `view` extra), or a .vtu file for ParaView; returns the path. Raises SceneError for another file type."""
-        from ksd.view import show_mechanism, write_vtu
-
         picture = path is None or str(path).lower().endswith(".png")
         return show_mechanism(self, path) if path is None or picture else write_vtu(self, path)
 
     def tables(self) -> list[RenderableType]:
         """Tables and sentences of the result for rich's `Console.print`."""
-        from ksd.solve.report import tables
-
         return tables(self)
 
     def __str__(self) -> str:

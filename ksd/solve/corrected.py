@@ -11,17 +11,20 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ksd.errors import ConvergenceError
 from ksd.model.arrays import Motion, make_work
-from ksd.solve.configuration import Configuration
 from ksd.solve.driving import CAP, RTOL
 from ksd.solve.error import truth_of
 from ksd.solve.newton import iterate
 from ksd.solve.stops import Stop
+from ksd.solve.whole_solids import settled as settled_solids
+
+if TYPE_CHECKING:
+    from ksd.solve.configuration import Configuration
 
 MOST = 20
 """Newton steps to the equilibrium next to such a state; two or three are usual."""
@@ -34,9 +37,7 @@ def corrected(pose: Configuration) -> Configuration:
     Raises ConvergenceError where Newton steps find none.
     """
     if hasattr(pose.model, "solids"):
-        from ksd.solve.solids import settled as of_solids
-
-        return of_solids(pose)
+        return settled_solids(pose)
     fine, state, negatives = truth_of(pose)
     if state is None:
         raise ConvergenceError(

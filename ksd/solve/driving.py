@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ksd.model.arrays import Arrays, Motion, Work
+from ksd.solve.pivoted import iterate_pivoted
 from ksd.solve.stops import Stop
 
 RTOL = 1e-8
@@ -93,9 +94,6 @@ def _with_pivoting(
     storage: tuple[Arrays, Work], motion: Motion, safe: Motion, aim: tuple, reason: int
 ) -> tuple[int, int, float, int, float]:
     """The load step again with pivoting, from `safe`; a step that converged is only looked over (no iteration)."""
-    # here, so that a scene without weak pivots never imports it
-    from ksd.solve.pivoted import iterate_pivoted
-
     if reason != Stop.CONVERGED:
         motion.assign(safe)
     arrays, work = storage

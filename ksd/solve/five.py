@@ -20,10 +20,10 @@ from ksd.model.compile import Model
 from ksd.numerics.stopwatch import Stopwatch
 from ksd.solve import pipeline
 from ksd.solve.configuration import Configuration
-from ksd.solve.confirm import WANDERED, wandered
 from ksd.solve.driving import CAP, RTOL
 from ksd.solve.estimate import distance, estimate_error
 from ksd.solve.following import counted
+from ksd.solve.load_steps import WANDERED, wandered
 from ksd.solve.pipeline import Bench
 from ksd.solve.reach import closed, in_range
 from ksd.solve.space_steps import FULL, KINEMATIC, REDUCED, space_steps

@@ -16,30 +16,22 @@ from typing import Any
 import numpy as np
 
 from ksd.errors import ConvergenceError, KinematicsError, RangeError, RecordError, SceneError
-from ksd.modal.basis import shortest_turn
-from ksd.modal.bodies import ModalModel, body_nodes, inside, member_pose, with_modal_bodies
+from ksd.modal.bodies import ModalModel, with_modal_bodies
 from ksd.modal.choices import ModalBasis
 from ksd.modal.mixed import condensed_joints, meshed, named_leafs, standing, with_chains
 from ksd.model.arrays import Motion, make_work
 from ksd.model.compile import Model
 from ksd.numerics.stopwatch import Stopwatch
-from ksd.properties.tangent import exact
 from ksd.section.checks import show
 from ksd.solve.configuration import Configuration
 from ksd.solve.conventional import conventional
 from ksd.solve.driving import CAP, RTOL
-from ksd.solve.error import relative_error
 from ksd.solve.mixed import MixedSolver, Near
 from ksd.solve.newton import iterate
-from ksd.solve.steps import ErrorEstimate, Step
+from ksd.solve.steps import Step
 from ksd.solve.stops import Stop
-from ksd.solve.validity import validity
+from ksd.solve.validity import CORRECTORS, bent, indicator, validity
 
-CORRECTORS = 3
-"""Corrector steps of the error indicator; more are taken while they still change it (see `indicator`)."""
-MOST_CORRECTORS = 20
-SETTLED = 0.02
-"""Relative change of the indicator by further steps at which it is believed; at 0.1 one of 225 states was 62 % off."""
 SUCCESSFUL = 0.05
 """Estimated relative error beyond which a basis is no longer successful."""
 
@@ -182,56 +174,6 @@ def tangent_solve(
             result=found,
         )
     return found
-
-
-def indicator(
-    model: ModalModel, motion: Motion, target: np.ndarray, *, correctors: int | None = None
-) -> tuple[ErrorEstimate, Step]:
-    """Error of a modal state by Newton steps of the full model from its nodes; the state is left alone.
-
-    correctors: how many; when None, three, and two more each time while these change the result by 2 % or more: far
-    from equilibrium the first steps of the full model lead astray.
-    """
-    clock = Stopwatch()
-    full, state = model.full, inside(model, motion)
-    arrays = exact(full.arrays)
-    work, taken, last = make_work(arrays), 0, math.inf
-    lost = ErrorEstimate(np.full(len(model.drive_names), math.inf), math.inf, math.inf, math.inf)
-    while True:
-        most = correctors or (CORRECTORS if taken == 0 else 2)
-        reason, count, residual, _, _ = iterate(arrays, state, target, 1.0, work, RTOL, most, CAP, math.inf)
-        taken += count
-        sound = reason not in (Stop.NOT_FINITE, Stop.SINGULAR)
-        estimate = relative_error(model, motion, state) if sound else lost
-        settled = abs(estimate.relative - last) <= SETTLED * estimate.relative
-        last = estimate.relative
-        if correctors or settled or count < most or not sound:
-            break
-        if taken >= MOST_CORRECTORS:
-            # what still wanders is no figure
-            estimate = lost
-            break
-    spent = clock()
-    stop = Stop.CONVERGED if sound else Stop(reason)
-    return estimate, Step(
-        "error estimate", taken, spent, residual, stop, f"{taken} corrector steps of the full model"
-    )
-
-
-def bent(model: ModalModel, motion: Motion) -> tuple[str, float, float]:
-    """The leaf bent furthest: name, stroke of its end over its length, largest rotation [rad] against its chord."""
-    worst, members = ("", 0.0, 0.0), model.arrays.members
-    for i, body in enumerate(model.bodies):
-        if body is None:
-            continue
-        d, Q = member_pose(members, i, motion)
-        x, R = body_nodes(body, d, Q, motion.inner[members.inner_at[i] : members.inner_at[i + 1]])
-        cosine = np.einsum("i,ki->k", shortest_turn(x[-1])[:, 0], R[:, :, 0]).min()
-        stroke = float(np.linalg.norm(x[-1] - body.rest_end) / members.length[i])
-        turn = float(np.arccos(np.clip(cosine, -1.0, 1.0)))
-        if turn >= worst[2]:
-            worst = (model.member_names[i], stroke, turn)
-    return worst
 
 
 def judged(found: Configuration) -> Configuration:

@@ -5,13 +5,15 @@ They print the numbers of `as_dict` and no others; layout and units of those are
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from ksd.properties.words import WIDTH, number
 from ksd.properties.words import table as _table
 from ksd.solve.answer import SCHEMA, as_dict
-from ksd.solve.configuration import Configuration
 from ksd.solve.steps import FAST
+
+if TYPE_CHECKING:
+    from ksd.solve.configuration import Configuration
 
 _STOPS = {
     "converged": "within bound",

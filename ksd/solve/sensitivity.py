@@ -4,15 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ksd.errors import SceneError
-from ksd.model.compile import compile_given, marked
+from ksd.errors import ConvergenceError, SceneError
+from ksd.model.arrays import Motion
+from ksd.model.compile import Model, compile_given, marked
+from ksd.numerics.stopwatch import Stopwatch
 from ksd.scene.drive import Load
-from ksd.solve.configuration import Configuration
-from ksd.solve.conventional import conventional
+from ksd.solve.load_steps import load_steps, step_of, stopped
+from ksd.solve.stops import Stop
+from ksd.solve.storage import storage_of
+
+if TYPE_CHECKING:
+    from ksd.solve.configuration import Configuration
 
 STEP = 1e-3
 """Part of the load that is added and taken away."""
@@ -52,10 +58,26 @@ def sensitivity(
         extra = Load("sensitivity", name, f, m, tuple(np.asarray(at, float).tolist()))
         more = replace(model.scene, loads=(*model.scene.loads, extra))
         loaded = marked(compile_given(more, model.mesh), scene, model.choice)
-        start = replace(pose, model=loaded, motion=state, method="conventional", method_error=None)
-        answers.append(question(conventional(loaded, pose.targets, start=start, planar=False, rtol=RTOL)))
+        answers.append(question(_beside(pose, loaded, state)))
     plus, minus = answers
     if isinstance(plus, Mapping):
         return {k: (v - minus[k]) / (2 * STEP) for k, v in plus.items()}
     found = (np.asarray(plus, float) - np.asarray(minus, float)) / (2 * STEP)
     return float(found) if found.ndim == 0 else found
+
+
+def _beside(pose: Configuration, loaded: Model, state: Motion) -> Configuration:
+    """The equilibrium of the loaded model next to `state`, drives as they are."""
+    target, clock = loaded.targets(pose.targets), Stopwatch()
+    driven, how, motion, doubts = load_steps(
+        storage_of(loaded), state, start=target, target=target, fresh=False, factors=(pose.load_factor, 1.0),
+        planar=False, rtol=RTOL,
+    )  # fmt: skip
+    found = replace(
+        pose, model=loaded, motion=motion, method="conventional", method_error=None, chosen=False, load_factor=1.0,
+        steps=(step_of(driven, how, clock()),), negatives=driven.negatives, expected=len(target), doubts=doubts,
+        reading=None, notes=(), near=False,
+    )  # fmt: skip
+    if driven.stop is not Stop.CONVERGED:
+        raise ConvergenceError(stopped(driven, doubts), reached=driven.reached, result=found)
+    return found

@@ -1,7 +1,7 @@
 """Whether an answer can be believed: a minimum of energy, on the branch the designer means, solved to its bound.
 
 A residual of zero proves equilibrium and nothing more. What else is looked at: the inertia of the tangent, the doubts
-that `ksd.solve.confirm` could not clear up, and how far every joint is from its intended motion, where its record is
+that `ksd.solve.load_steps` could not clear up, and how far every joint is from its intended motion, where its record is
 there. Each verdict is a truth value and a sentence.
 """
 
@@ -16,6 +16,7 @@ import numpy as np
 from ksd.errors import TrustError
 from ksd.model.arrays import STRAIN
 from ksd.model.compile import Model
+from ksd.properties.doctor import doctor
 from ksd.properties.kept import per_model
 from ksd.solve.near import FAR_SHIFT, FAR_TURN
 from ksd.solve.steps import ErrorEstimate
@@ -76,6 +77,22 @@ def _turning(model: Model) -> _Turning:
     return _Turning(strain, at, length, points)
 
 
+def stability(c: Configuration) -> str:
+    """Whether the configuration stays where it is, in words."""
+    surplus = c.negatives - c.expected
+    if surplus == 0 and c.still is not None:
+        return c.still[1]
+    if surplus == 0:
+        return "stable: a minimum of energy under the held drives"
+    if surplus > 0:
+        ways = "one direction" if surplus == 1 else f"{surplus} directions"
+        return f"UNSTABLE: the mechanism would leave this state by itself in {ways}"
+    return (
+        f"NOT CERTAIN: {c.negatives} negative pivots where the drives and supports explain {c.expected}; "
+        "two of them may prescribe the same freedom"
+    )
+
+
 def _rolled(c: Configuration) -> str:
     """The strain-mode leaf that is rolled up too far for its quadrature points, in words, or nothing.
 
@@ -98,8 +115,6 @@ def _rolled(c: Configuration) -> str:
 
 
 def _stable(c: Configuration) -> Verdict:
-    from ksd.solve.answer import stability
-
     said, rolled = stability(c), _rolled(c)
     if rolled:
         return Verdict(False, f"NOT CERTAIN: {rolled}")
@@ -224,7 +239,5 @@ def _fighting_drives(c: Configuration) -> str:
     """What else is wrong where drives of one freedom tear at each other; nothing otherwise."""
     if c.stable or len(c.model.drive_names) < 2:
         return ""
-    from ksd.properties.doctor import doctor
-
     fights = [f.sentence for f in doctor(c.model.said or c.model.scene).fights if f.what.startswith("drive ")]
     return "".join(f"; {sentence}" for sentence in fights)

@@ -22,6 +22,7 @@ from ksd.view.figure import (
     spoken_value,
 )
 from ksd.view.heat import Heat, heat_of
+from ksd.view.labels import part_labels
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -72,8 +73,6 @@ def plot_mechanism(
     _drives(axes, configuration, shape, pick, labels)
     _frame(axes, plane, title if title is not None else _caption(configuration))
     if own and labels:
-        from ksd.view.labels import part_labels
-
         leafs = 1e3 * np.concatenate([leaf.place for leaf in shape.leafs])[:, pick]
         part_labels(axes, _arrows(configuration, shape, pick), leafs)
     figure: Figure = axes.figure  # type: ignore[assignment]

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from matplotlib.transforms import Bbox
 
 from ksd.view.figure import Array, without_formulas
+
+if TYPE_CHECKING:
+    from matplotlib.transforms import Bbox
 
 _FAR = (12.0, 22.0, 34.0, 48.0, 64.0, 84.0, 112.0)
 """Distances tried, in points, from the place a label was given."""
@@ -54,7 +56,7 @@ def _lost(box: Bbox, taken: list[Bbox], frame: Bbox) -> float:
 
 
 def _shared(one: Bbox, other: Bbox) -> float:
-    both = Bbox.intersection(one, other)
+    both = one.intersection(one, other)
     return 0.0 if both is None else float(both.width * both.height)
 
 

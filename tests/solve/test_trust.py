@@ -12,8 +12,8 @@ from ksd.errors import ConvergenceError, TrustError
 from ksd.model.compile import compile_scene
 from ksd.section import rectangle
 from ksd.solve import beside as beside_module
-from ksd.solve.confirm import WANDERED, wandered
 from ksd.solve.conventional import conventional, loads_last
+from ksd.solve.load_steps import WANDERED, wandered
 from ksd.solve.steps import ErrorEstimate, Step
 from ksd.solve.stops import Stop
 from ksd.units import deg

@@ -1,0 +1,204 @@
+"""The words of every command: names, options and what they mean. Nothing heavy is loaded to print the help."""
+
+from __future__ import annotations
+
+import argparse
+from typing import Any
+
+PICTURE = "ksd-demo.png"
+"""Where the picture of the demo goes."""
+POSES = 31
+"""Poses of a stroke."""
+
+
+_WORDS: tuple[tuple[str, dict[str, Any]], ...] = (
+    (
+        "--method",
+        {"help": "kinematic, reduced, full or conventional; the cheapest that will do when left out"},
+    ),
+    (
+        "--accuracy",
+        {"type": float, "metavar": "A", "help": "relative error allowed when no method is given (1e-3)"},
+    ),
+    (
+        "--elements",
+        {"type": int, "metavar": "N", "help": "N Appendix A elements per leaf, not strain-mode leafs"},
+    ),
+    ("--passes", {"type": int, "metavar": "K", "help": "extra relinearised passes of reduced or full"}),
+    (
+        "--extrapolate",
+        {"action": "store_true", "default": None, "help": "use joint records beyond their range"},
+    ),
+    ("--effects", {"metavar": "E", "help": "auto (what the scene mentions), all, or names: shear,gravity"}),
+    ("--with", {"metavar": "E", "help": "effects to simulate besides, such as warping,plate"}),
+    ("--without", {"metavar": "E", "help": "effects to leave out, such as shear"}),
+    ("--json", {"metavar": "FILE", "help": "write every number; - is stdout, without tables"}),
+    ("--plot", {"metavar": "FILE", "help": "write a picture (.png, .pdf, .svg) or a ParaView file (.vtu)"}),
+)
+
+
+def _demo(commands: Any) -> None:
+    parser = commands.add_parser(
+        "demo",
+        help="solve a fourbar by every method",
+        description="Solve the fourbar of Dwarshuis et al. (2020), moved 300 mm sideways, by every method.",
+    )
+    parser.add_argument("--plot", metavar="FILE", default=PICTURE, help=f"where the picture goes ({PICTURE})")
+    parser.add_argument("--json", metavar="FILE", help="write the table; - is stdout, without the table")
+
+
+def _solve(commands: Any) -> None:
+    parser = commands.add_parser(
+        "solve",
+        help="solve a scene file",
+        description="Solve one configuration of a scene; drive values come from the file or from --set.",
+    )
+    parser.add_argument("scene", metavar="SCENE.toml")
+    said = "a drive value, such as top=300mm or hinge=45deg; may be repeated"
+    parser.add_argument("--set", action="append", default=[], metavar="DRIVE=VALUE", help=said)
+    for word, meaning in _WORDS:
+        parser.add_argument(word, **meaning)
+
+
+def _effects(commands: Any) -> None:
+    parser = commands.add_parser(
+        "effects",
+        help="price list of the effects of a scene",
+        description="Solve a scene with and without every effect it can have, and show what each changes in the drive "
+        "forces, displacements, support stiffness and first frequency, and what it costs in time and unknowns.",
+    )
+    parser.add_argument("scene", metavar="SCENE.toml")
+    said = "a drive value, such as top=300mm or hinge=45deg; may be repeated"
+    parser.add_argument("--set", action="append", default=[], metavar="DRIVE=VALUE", help=said)
+    parser.add_argument(
+        "--accuracy", type=float, default=None, metavar="A", help="line drawn in the picture (1e-3)"
+    )
+    parser.add_argument("--json", metavar="FILE", help="write every number; - is stdout, without tables")
+    parser.add_argument("--plot", metavar="FILE", help="write the bars (.png, .pdf, .svg)")
+
+
+def _doctor(commands: Any) -> None:
+    parser = commands.add_parser(
+        "doctor",
+        help="count freedoms and constraints of a scene",
+        description="Say what is left free, what is held twice, and which release would make the mechanism exact.",
+    )
+    parser.add_argument("scene", metavar="SCENE.toml")
+    parser.add_argument(
+        "--json", metavar="FILE", help="write counts and sentences; - is stdout, without text"
+    )
+
+
+def _sweep(commands: Any) -> None:
+    parser = commands.add_parser(
+        "sweep",
+        help="answer all questions over the stroke",
+        description="Force, support stiffness, frequencies, stress, parasitic motion and energy at every pose of a "
+        "stroke. Several drives with a range are combined, the last one moving along the stroke.",
+    )
+    parser.add_argument("scene", metavar="SCENE.toml")
+    said = f"a range FROM:TO or FROM:TO:POSES ({POSES} poses), such as top=0mm:300mm:31, or one value; may be repeated"
+    parser.add_argument("--set", action="append", default=[], metavar="DRIVE=RANGE", help=said)
+    said = "force, drive_stiffness, support_stiffness, frequencies, stress, parasitic, energy or buckling; may be repeated"
+    parser.add_argument("--question", action="append", default=[], metavar="Q", help=said)
+    parser.add_argument("--method", help="kinematic, reduced, full or conventional")
+    parser.add_argument("--accuracy", type=float, metavar="A", help="relative error allowed (1e-3)")
+    parser.add_argument("--elements", type=int, metavar="N", help="N Appendix A elements per leaf")
+    parser.add_argument(
+        "--passes", type=int, metavar="K", help="extra relinearised passes of reduced or full"
+    )
+    parser.add_argument(
+        "--extrapolate", action="store_true", default=None, help="use records beyond their range"
+    )
+    for word in ("effects", "with", "without"):
+        parser.add_argument(f"--{word}", metavar="E", help="as in ksd solve")
+    parser.add_argument("--out", metavar="FILE", help="write the table: .csv, .h5 or .mat")
+    parser.add_argument("--plot", metavar="FILE", help="write a picture of the answers (.png, .pdf, .svg)")
+    parser.add_argument("--resume", metavar="FILE", help="keep finished poses here; give it again to go on")
+    parser.add_argument("--quiet", action="store_true", help="no progress bar")
+
+
+def _report(commands: Any) -> None:
+    parser = commands.add_parser(
+        "report",
+        help="write an HTML report of a scene",
+        description="Solve a scene and its stroke, and write one HTML page that needs no network: scene, what was "
+        "simulated, pictures, tables, convergence and error.",
+    )
+    parser.add_argument("scene", metavar="SCENE.toml")
+    parser.add_argument("--out", metavar="FILE", help="the page; SCENE.html beside the scene when left out")
+    said = "a drive value at the end of the stroke, such as top=300mm; may be repeated"
+    parser.add_argument("--set", action="append", default=[], metavar="DRIVE=VALUE", help=said)
+    parser.add_argument("--method", help="kinematic, reduced, full or conventional")
+    parser.add_argument(
+        "--poses", type=int, default=POSES, metavar="N", help=f"poses of the stroke ({POSES})"
+    )
+    parser.add_argument("--both", action="store_true", help="stroke from minus to plus the drive values")
+    parser.add_argument("--quiet", action="store_true", help="no progress bar")
+    for word in ("effects", "with", "without"):
+        parser.add_argument(f"--{word}", metavar="E", help="as in ksd solve")
+    parser.set_defaults(accuracy=None, elements=None, passes=None, extrapolate=None)
+
+
+def _train(commands: Any) -> None:
+    parser = commands.add_parser(
+        "train",
+        help="train the record of a joint family",
+        description="Sweep a joint's own finite element model over stroke and shape; write its record.",
+    )
+    parser.add_argument("family", metavar="FAMILY", help="for example cross_flexure, or all")
+    parser.add_argument(
+        "--out", metavar="FOLDER", help="where the record goes; $KSD_DATABASE or ./database when left out"
+    )
+    parser.add_argument(
+        "--restart", action="store_true", help="train also where the record is up to date, and from the start"
+    )
+    parser.add_argument(
+        "--check", action="store_true", help="train beside the record in use and compare; writes nothing"
+    )
+    parser.add_argument("--quiet", action="store_true", help="no progress bar")
+
+
+def _info(commands: Any) -> None:
+    parser = commands.add_parser(
+        "info",
+        help="what the joint database holds",
+        description="List the joint records: trained ranges, errors on fresh shapes, age, checksum. With a FAMILY all that "
+        "is known of it: source, symmetry, closed-form stiffness, evidence of what matters, errors mesh by mesh.",
+    )
+    parser.add_argument("family", nargs="?", metavar="FAMILY", help="name of a joint family")
+    parser.add_argument(
+        "--check", action="store_true", help="solve the probe states of the record again and compare"
+    )
+
+
+def _bench(commands: Any) -> None:
+    parser = commands.add_parser(
+        "bench",
+        help="measure every method: time beside error",
+        description="Measure every method and leaf model on the same scenes, interleaved, in thread CPU time.",
+    )
+    parser.add_argument("--quick", action="store_true", help="one mesh of each leaf model; under a minute")
+    parser.add_argument("--case", metavar="WORD", action="append", help="only cases whose name holds WORD")
+    parser.add_argument("--json", metavar="FILE", help="write every number; - is stdout, without the tables")
+
+
+COMMANDS = {
+    "demo": _demo, "solve": _solve, "effects": _effects, "doctor": _doctor, "sweep": _sweep, "report": _report,
+    "train": _train, "info": _info, "bench": _bench,
+}  # fmt: skip
+"""What adds the parser of a command, by its name, in the order of the help; `ksd.cli.<name>` runs it."""
+
+
+def parser(version: str) -> argparse.ArgumentParser:
+    """The parser of all commands; `options.command` is the one that was given."""
+    top = argparse.ArgumentParser(
+        prog="ksd",
+        description="Deformed configurations of flexure mechanisms in large deflection, from fast to exact.",
+        epilog="exit codes: 0 solved, 2 bad input, 3 not converged, 4 joint record missing or damaged",
+    )
+    top.add_argument("--version", action="version", version=f"ksd {version}")
+    commands = top.add_subparsers(title="commands", metavar="COMMAND", required=True, dest="command")
+    for add in COMMANDS.values():
+        add(commands)
+    return top

@@ -1,0 +1,327 @@
+"""Equilibrium by load steps from a given state, in the plane where the scene is planar, and on the branch meant.
+
+The whole step is tried first and halved on failure (`ksd.solve.driving`). A residual of zero does not tell the branch: 75
+degrees in one step can end at a moment of the wrong sign. What gives a jump away, at no cost: an inertia that is not that of
+a minimum, loads and drives that together did no positive work on a mechanism that was at rest (the strain energy they should
+have become is positive), an iteration that wandered, or loads that do much of the work and did not come in easily. Then 4,
+8, ... load steps are tried until two rounds end in the same minimum; failing that, the path is followed by arc length, which
+tells limit points and bifurcations on the way.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Mapping
+from typing import Any, Literal
+
+import numpy as np
+
+from ksd.errors import ConvergenceError, SceneError
+from ksd.model.arrays import Motion, carries_load
+from ksd.model.compile import Model
+from ksd.model.plane import Plane, plane_of, refuse_plane
+from ksd.numerics.rotations import rotation_log
+from ksd.solve.arc import REACHED, Course, Walk, trace
+from ksd.solve.driving import CAP, RTOL, Driven, drive_to
+from ksd.solve.following import counted
+from ksd.solve.steps import Step
+from ksd.solve.stops import Stop
+from ksd.solve.storage import Newton, Storage
+
+Arrived = tuple[Driven, str, Motion]
+"""How driving went, in what, and where it ended."""
+WANDERED = 12
+"""Iterations of an accepted load step above which its branch is confirmed."""
+EASY, LADEN = 5, 0.1
+"""Iterations of a step, and share of the loads in the work done, above both of which its branch is confirmed."""
+FINE = 16
+"""Load steps up to which an answer is confirmed, at least."""
+CUT = 0.2
+"""A load step that had to be cut below this fraction of the way is confirmed."""
+SAME = 1e-6
+"""Largest difference of two equal states, over the size of the mechanism."""
+SADDLE = "its inertia is not that of a minimum"
+"""The doubt that only a path by arc length settles: the way there may lead over a limit point or a bifurcation."""
+
+
+def works(model: Model, motion: Motion, target: np.ndarray) -> tuple[float, float]:
+    """Secant work [J] of the drives, and of dead loads, from rest to `motion`; their sum becomes strain energy.
+
+    That of the loads is nan where following loads make it depend on the path.
+    """
+    loads = model.arrays.loads
+    driving = -0.5 * float(motion.multiplier.dot(target))
+    if not carries_load(model.arrays):
+        return driving, 0.0
+    if np.any(loads.following == 1):
+        return driving, float("nan")
+    work, turned = 0.0, np.empty(3)
+    for i, node in enumerate(loads.node):
+        lever = (motion.R[node] - np.eye(3)) @ loads.point[i]
+        work += float(loads.force[i] @ (motion.x[node] - model.rest.x[node] + lever))
+        if np.any(loads.moment[i]):
+            rotation_log(motion.R[node], turned)
+            work += float(loads.moment[i] @ turned)
+    weight, members = model.arrays.weight, model.arrays.members
+    if len(weight):
+        # the centre of mass of a leaf moves about as the mean of its ends
+        lever = ((motion.R - np.eye(3))[members.node] @ members.offset[..., None])[..., 0]
+        moved = (motion.x - model.rest.x)[members.node] + lever
+        work += 0.5 * float(weight[:, 0] @ (weight[:, None, 1:] @ moved.swapaxes(1, 2)).sum(axis=(1, 2)))
+    return driving, 0.5 * work
+
+
+def laden(model: Model, motion: Motion, target: np.ndarray, longest: int) -> bool:
+    """Whether loads do so much of the work, and a step took so many iterations, that one step proves little."""
+    if longest <= EASY or not carries_load(model.arrays):
+        return False
+    driving, loading = works(model, motion, target)
+    # work that depends on the path is not small
+    return not abs(loading) <= LADEN * (abs(driving) + abs(loading))
+
+
+def doubt(
+    model: Model, motion: Motion, driven: Driven, target: np.ndarray, *, fresh: bool, steps: int
+) -> str:
+    """Why the state reached in `steps` may not be the one meant, or nothing. fresh: the mechanism was at rest before."""
+    if driven.stop is not Stop.CONVERGED:
+        return ""
+    if driven.negatives != len(target):
+        return SADDLE
+    if driven.longest > WANDERED:
+        return f"a load step took {driven.longest} iterations"
+    if driven.shortest < min(CUT, 0.9 / steps):
+        return f"a load step had to be cut to {100 * driven.shortest:.2g} % of the way"
+    if not fresh:
+        return ""
+    loaded = carries_load(model.arrays)
+    if (sum(works(model, motion, target)) if loaded else -motion.multiplier.dot(target)) < 0.0:
+        return "drives and loads did negative work on it"
+    if loaded and laden(model, motion, target, driven.longest):
+        return f"loads do much of the work, and a load step took {driven.longest} iterations"
+    return ""
+
+
+def wandered(steps: Iterable[Step]) -> tuple[str, ...]:
+    """Doubts about equilibrium steps of a kinematic start that took long: they may have wandered to another branch."""
+    return tuple(f"step '{s.name}' took {s.iterations} iterations" for s in steps if s.iterations > WANDERED)
+
+
+def difference(model: Model, one: Motion, other: Motion) -> float:
+    """Largest difference of two states over the size of the mechanism (rotations as they are)."""
+    shift = np.abs(one.x - other.x).max(initial=0.0) / model.arrays.size
+    return float(max(shift, np.abs(one.R - other.R).max(initial=0.0)))
+
+
+def confirmed(
+    model: Model, first: Arrived, again: Callable[[int], Arrived], arc: Callable[[], Walk], reason: str
+) -> tuple[Driven, str, Motion, tuple[str, ...]]:
+    """The state that two rounds of load steps agree on, what was done in words, and the doubts that remain.
+
+    first: how the doubtful round went; again: goes the same way in so many steps; arc: goes it by arc length, which is
+    asked last, when smaller steps do not settle it or end in a state that is no minimum.
+    """
+    solves, taken = first[0].solves, first[0].taken
+    last, size = first, max(4, int(np.ceil(2.0 / first[0].shortest)))
+    end, settled, doubts = max(FINE, 4 * size), False, (reason,)
+    while size <= end and not settled:
+        fresh = again(size)
+        solves, taken = solves + fresh[0].solves, taken + fresh[0].taken
+        if fresh[0].stop is not Stop.CONVERGED:
+            doubts = (f"{reason}, and smaller load steps stop at {100 * fresh[0].reached:.3g} % of the way",)
+            break
+        same = difference(model, fresh[2], last[2]) < SAME
+        settled = same and reason != SADDLE and fresh[0].negatives == len(model.arrays.terms.start)
+        last, size = fresh, 2 * size
+        if same and not settled:
+            break
+    how = ", ".join(filter(None, [last[1], f"walked again in smaller steps: {reason}"]))
+    driven = last[0]._replace(solves=solves, taken=taken)
+    if settled:
+        return driven, how, last[2], ()
+    return by_arc(model, (driven, how, last[2]), arc, doubts)
+
+
+def by_arc(
+    model: Model, last: Arrived, arc: Callable[[], Walk], doubts: tuple[str, ...]
+) -> tuple[Driven, str, Motion, tuple[str, ...]]:
+    """The last resort: what the path followed by arc length says of the state `last` and its `doubts`."""
+    driven, how, motion = last
+    try:
+        path = arc()
+    except (ConvergenceError, np.linalg.LinAlgError):
+        return driven, how, motion, doubts
+    driven = driven._replace(solves=driven.solves + path.iterations)
+    how = f"{how}, then by arc length"
+    at = "; ".join(f"a {t.kind} point at {100 * t.at.f:.3g} % of the way" for t in path.turns)
+    if path.stop != REACHED or path.turns:
+        return (
+            driven,
+            how,
+            motion,
+            (f"{doubts[0]}; the path from its start has {at or 'no end: ' + path.stop}",),
+        )
+    state = path.places[-1]
+    return driven._replace(negatives=state.negatives), how, state.motion, ()
+
+
+def rescued(first: Arrived, arc: Callable[[], Walk]) -> tuple[Driven, str, Motion, tuple[str, ...]]:
+    """Where load steps end before the way does: what the path followed by arc length finds at its end, or why there is
+    none. A path that turns on the way is not gone along: the mechanism would snap."""
+    driven, how, motion = first
+    try:
+        path = arc()
+    except (ConvergenceError, np.linalg.LinAlgError):
+        return driven, how, motion, ()
+    driven = driven._replace(solves=driven.solves + path.iterations)
+    if path.turns:
+        turn = path.turns[0]
+        kind = "turns back at a limit" if turn.kind == "limit" else "branches at a bifurcation"
+        said = f"the path from its start {kind} point at {100 * turn.at.f:.3g} % of the way, where the mechanism snaps or"
+        return driven, how, motion, (f"{said} buckles; ksd.follow goes along the path",)
+    if path.stop != REACHED:
+        return driven, how, motion, ()
+    state = path.places[-1]
+    driven = driven._replace(stop=Stop.CONVERGED, residual=1.0, negatives=state.negatives, reached=1.0)
+    return driven, ", ".join(filter(None, [how, "by arc length"])), state.motion, ()
+
+
+def _drive(
+    storage: Storage, begin: Motion, ways: Mapping[str, Any], planar: bool | Literal["auto"], fresh: bool
+) -> Arrived:
+    """Drive from `begin` in the plane where the scene is planar, else in space; ways: options of `drive_to`. fresh: it is
+    the rest state."""
+    found: Driven | str = ""
+    if planar is not False:
+        plane = plane_of(storage.model)
+        found = plane if isinstance(plane, str) else _drive_in_plane(storage, plane, begin, ways, fresh)
+        if not isinstance(found, str):
+            if planar is True or found.stop in (Stop.CONVERGED, Stop.LOCAL_ANGLE):
+                arrived = storage.motion.copy()
+                return _counted(storage.model, arrived, found, ways), "planar, 3 unknowns per node", arrived
+            # space has the Newton with pivoting
+            found = f"in the plane {found.stop.sentence}"
+        elif planar is True:
+            raise SceneError(
+                f"planar = True: this mechanism is not planar: {found}; use planar = 'auto' or False"
+            )
+    storage.motion.assign(begin)
+    pivoting = storage.model.arrays, storage.work
+    driven = drive_to(storage.motion, storage.newton, pivoting=pivoting, begin=begin, **ways)
+    arrived = storage.motion.copy()
+    return _counted(storage.model, arrived, driven, ways), f"spatial: {found}" if found else "", arrived
+
+
+POLISH = 3
+"""Spatial iterations allowed to bring the rounding of a planar answer within the spatial bounds."""
+
+
+def _drive_in_plane(
+    storage: Storage, plane: Plane, begin: Motion, ways: Mapping[str, Any], fresh: bool
+) -> Driven | str:
+    """`drive_to` with three unknowns per node, or the reason why that is not possible.
+
+    What it arrives at is looked at in space: a residual across the plane refuses it, and the residual and the negative
+    pivots told are those of the spatial tangent, so that buckling out of the plane is seen.
+    """
+    model, motion = storage.model, storage.motion
+    motion.assign(begin)
+    if not fresh:
+        if not plane.holds(begin):
+            return "the configuration to start from is not in the plane"
+        # forces that only hold the mechanism in its plane
+        motion.multiplier[np.setdiff1d(np.arange(len(motion.multiplier)), plane.rows)] = 0.0
+
+    def newton(*aim: Any) -> Newton:
+        return storage.planar_newton(plane, *aim)
+
+    driven = drive_to(motion, newton, begin=begin, **ways)
+    start, target, (low, high), rtol = ways["start"], ways["target"], ways["factors"], ways["rtol"]
+    done = driven.reached
+    values, factor = target if done == 1.0 else start + done * (target - start), low + done * (high - low)
+    residual, negatives, status = storage.look(values, rtol, factor)
+    if residual > 1.0:
+        share, node, force, moment = plane.imbalance(storage.work)
+        if share > 1.0:
+            said = (
+                f"its leafs and loads do not balance across the plane: {force:.3g} N along its normal and "
+                f"{moment:.3g} Nm across it are left on '{model.node_names[node]}'"
+            )
+            refuse_plane(model, said)
+            return said
+    if driven.stop is not Stop.CONVERGED:
+        return driven
+    count = 0
+    if residual > max(1.0, 2.0 * driven.residual) or status != 0:
+        reason, count, residual, negatives, _ = storage.newton(
+            values, factor, rtol, POLISH, math.inf, math.inf
+        )
+        if reason != Stop.CONVERGED:
+            return "what was found is no equilibrium in space"
+    return driven._replace(solves=driven.solves + count, residual=residual, negatives=negatives)
+
+
+def _counted(model: Model, motion: Motion, driven: Driven, ways: Mapping[str, Any]) -> Driven:
+    """With what stands for negative pivots where loads are not conservative."""
+    if driven.stop is not Stop.CONVERGED:
+        return driven
+    return driven._replace(negatives=counted(model, motion, ways["factors"][1], driven.negatives))
+
+
+def load_steps(
+    storage: Storage,
+    begin: Motion,
+    *,
+    start: np.ndarray,
+    target: np.ndarray,
+    fresh: bool,
+    factors: tuple[float, float] = (0.0, 1.0),
+    planar: bool | Literal["auto"] = "auto",
+    steps: int = 1,
+    rtol: float = RTOL,
+    cap: float = CAP,
+    eps_max: float = math.inf,
+    most: int = 30,
+    smallest: float = 1e-4,
+) -> tuple[Driven, str, Motion, tuple[str, ...]]:
+    """Move drives from `start` to `target` (c,) and the loads between two factors, from the equilibrium `begin`, confirming
+    what is doubtful: how it went, in words, where to, and the doubts that remain. Options as of `conventional`.
+
+    fresh: `begin` is the rest state.
+    """
+    model = storage.model
+    ways: dict[str, Any] = {
+        "start": start, "target": target, "factors": factors, "steps": steps, "rtol": rtol, "cap": cap,
+        "eps_max": eps_max, "most": most, "smallest": smallest,
+    }  # fmt: skip
+    first = _drive(storage, begin, ways, planar, fresh)
+    # with eps_max it is the paper's own program, which believes whatever converged
+    if math.isfinite(eps_max):
+        return *first, ()
+
+    def again(size: int) -> Arrived:
+        finer = {**ways, "steps": size, "smallest": min(smallest, 0.25 / size)}
+        return _drive(storage, begin, finer, planar, fresh)
+
+    def arc() -> Walk:
+        low, high = factors
+        return trace(model, Course(start, target - start, low, high - low), begin)
+
+    if first[0].stop is not Stop.CONVERGED:
+        return rescued(first, arc)
+    reason = doubt(model, first[2], first[0], target, fresh=fresh, steps=steps)
+    return confirmed(model, first, again, arc, reason) if reason else (*first, ())
+
+
+def step_of(driven: Driven, how: str, time: float) -> Step:
+    """The record of load steps that took `time` [s]; how: as of `load_steps`."""
+    note = f"{driven.taken} load step{'s' * (driven.taken != 1)}{', ' * bool(how)}{how}"
+    if driven.pivoted:
+        note += ", with pivoting"
+    return Step("equilibrium", driven.solves, time, driven.residual, driven.stop, note)
+
+
+def stopped(driven: Driven, doubts: tuple[str, ...]) -> str:
+    """Where and why load steps stopped, a sentence."""
+    why = doubts[0] if doubts else driven.stop.sentence
+    return f"the conventional solver stopped at {100 * driven.reached:.3g} % of the drive motion: {why}"
