@@ -30,7 +30,7 @@ from ksd.errors import ConvergenceError, KsdError  # noqa: E402
 from ksd.model.compile import compile_scene  # noqa: E402
 from ksd.model.mesh import Mesh  # noqa: E402
 from ksd.solve.conventional import conventional  # noqa: E402
-from ksd.solve.trust import insist  # noqa: E402
+from ksd.solve.verdict import insist  # noqa: E402
 
 METHODS: dict[str, dict[str, Any]] = {
     "default": {},

@@ -126,15 +126,6 @@ class Scene:
             digest.update(b"\n")
         return digest.hexdigest()
 
-    def holds_what(self, other: Scene) -> bool:
-        """Whether every part is the very object that `other` has: as fast as it is strict."""
-        for field in dataclasses.fields(self):
-            one, two = getattr(self, field.name), getattr(other, field.name)
-            both = isinstance(one, tuple) and isinstance(two, tuple) and len(one) == len(two)
-            if one is not two and not (both and all(map(operator.is_, one, two))):
-                return False
-        return True
-
     def neighbours(self, *, supports: bool = False) -> dict[str, set[str]]:
         """Links next to each link through joints and free-form leafs, and through supports when asked."""
         found: dict[str, set[str]] = {link: set() for link in self.links}
@@ -145,6 +136,19 @@ class Scene:
             found.setdefault(a, set()).add(b)
             found.setdefault(b, set()).add(a)
         return found
+
+
+def same_parts(one: Mapping[str, Any], other: Mapping[str, Any]) -> bool:
+    """Whether the words of two scenes hold the very same objects: as fast as it is strict."""
+    for key, mine in one.items():
+        theirs = other[key]
+        if mine is theirs:
+            continue
+        if type(mine) is not tuple or type(theirs) is not tuple or len(mine) != len(theirs):
+            return False
+        if not all(map(operator.is_, mine, theirs)):
+            return False
+    return True
 
 
 def joint_angle(joint: PlacedJoint, motion: Motion) -> tuple[str, Vector, Vector]:

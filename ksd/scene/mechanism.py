@@ -8,7 +8,7 @@ from typing import Any
 from numpy.typing import ArrayLike
 
 from ksd.errors import SceneError
-from ksd.scene.contents import PlacedJoint, PlacedLeaf, Scene, joint_angle, placed_leaf
+from ksd.scene.contents import PlacedJoint, PlacedLeaf, Scene, joint_angle, placed_leaf, same_parts
 from ksd.scene.drive import GROUND, Drive, DriveTerm, Load
 from ksd.scene.joint import Joint
 from ksd.scene.leaf import Leaf
@@ -39,7 +39,7 @@ class Mechanism(Mentioned):
         self._drives: list[Drive] = []
         self._supports: list[Drive] = []
         self._loads: list[Load] = []
-        self._last: Scene | None = None
+        self._last: tuple[Scene, dict[str, Any]] | None = None
 
     def __repr__(self) -> str:
         return (
@@ -383,23 +383,28 @@ class Mechanism(Mentioned):
 
     def scene(self) -> Scene:
         """The frozen, validated description; the same value again while nothing was changed."""
-        frozen, last = self.draft(), self._last
-        if last is not None and last.unchangeable and frozen.holds_what(last):
-            return last
+        last, parts = self._last, self._words()
+        if last is not None and last[0].unchangeable and same_parts(parts, last[1]):
+            return last[0]
+        frozen = Scene(**parts)
         check_scene(frozen)
-        self._last = frozen
+        self._last = frozen, parts
         return frozen
 
     def draft(self) -> Scene:
         """The frozen description as it stands, not validated."""
-        return Scene(
-            name=self.name,
-            links=tuple(self._links),
-            joints=tuple(self._joints),
-            leafs=tuple(self._leafs),
-            drives=tuple(self._drives),
-            supports=tuple(self._supports),
-            loads=tuple(self._loads),
-            masses=tuple(self._masses),
+        return Scene(**self._words())
+
+    def _words(self) -> dict[str, Any]:
+        """The words of `Scene`."""
+        return {
+            "name": self.name,
+            "links": tuple(self._links),
+            "joints": tuple(self._joints),
+            "leafs": tuple(self._leafs),
+            "drives": tuple(self._drives),
+            "supports": tuple(self._supports),
+            "loads": tuple(self._loads),
+            "masses": tuple(self._masses),
             **self._mentioned(),
-        )
+        }

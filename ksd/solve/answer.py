@@ -16,8 +16,8 @@ import numpy as np
 
 from ksd.properties.section_forces import section_forces
 from ksd.solve.stops import Stop
-from ksd.solve.trust import stability
 from ksd.solve.validity import carried
+from ksd.solve.verdict import stability
 
 if TYPE_CHECKING:
     from ksd.solve.configuration import Configuration

@@ -12,15 +12,13 @@ from ksd.library.files import record_in_use
 from ksd.model.compile import Model
 from ksd.model.mesh import Mesh
 from ksd.model.orders import mesh_for, raised
-from ksd.properties.resolution import look_at_modes
 from ksd.scene.contents import Scene
 from ksd.scene.mechanism import Mechanism
 from ksd.section.checks import truth, worded
 from ksd.solve.configuration import Configuration
-from ksd.solve.resolved import resolved
 from ksd.solve.solver import METHODS, Basis, Method, Solver, asked_values, refuse_unknown, wanted_accuracy
 from ksd.solve.steps import ErrorEstimate
-from ksd.solve.trust import insist
+from ksd.solve.verdict import insist, mesh_check
 
 KEPT = 16
 """Solvers that `solve` keeps."""
@@ -125,11 +123,11 @@ def _with_enough_modes(
         solver = _recent_solver(scene, chosen, extrapolate, said)
         found = solver.on_mesh(values, **ways)
         found = insist(found) if strict else found
-        share, _, axis, _ = look_at_modes(found.model, found.motion)
+        share, _, axis, _ = found.resolution
         if share <= wanted or mesh is not None or rise == MOST_RISES:
             break
         chosen = raised(chosen, axis)
-    return resolved(found, wanted)
+    return mesh_check(found, wanted)
 
 
 MOST_RISES = 3

@@ -23,6 +23,7 @@ from ksd.properties.frequencies import Modes, frequencies
 from ksd.properties.interface_forces import InterfaceForces, interface_forces
 from ksd.properties.internal_stress import Misplaced, internal_stress
 from ksd.properties.parasitic import Parasitic, PivotShift, parasitic, pivot_shift
+from ksd.properties.resolution import Look, look_at_modes
 from ksd.properties.section_forces import SectionForces, section_forces
 from ksd.properties.shape import Shape, mechanism_shape
 from ksd.properties.stiffness import DriveStiffness, PointStiffness, drive_stiffness, point_stiffness
@@ -42,8 +43,8 @@ from ksd.solve.rest import minimum_taken
 from ksd.solve.sensitivity import sensitivity
 from ksd.solve.steps import FAST, ErrorEstimate, FiveStepRecord, Step
 from ksd.solve.stops import Stop
-from ksd.solve.trust import Trust, judge
 from ksd.solve.validity import Validity, validity
+from ksd.solve.verdict import Trust, judge
 from ksd.view import plot_mechanism, save_figure, show_mechanism, write_vtu
 
 if TYPE_CHECKING:
@@ -149,6 +150,11 @@ class Configuration:
         if not self.model.arrays.loads.skew.any() or not self.converged:
             return None
         return keeps_still(*self.insides, self.load_factor)
+
+    @cached_property
+    def resolution(self) -> Look:
+        """What its curvature modes may miss, and how far its leafs turn per quadrature point."""
+        return look_at_modes(self.model, self.motion)
 
     @property
     def trust(self) -> Trust:
@@ -487,15 +493,10 @@ class Configuration:
 _INSIDE = frozenset(
     (
         "answering", "chosen", "doubts", "expected", "insides", "near", "negatives", "notes", "questioned",
-        "reading", "still", "unreduced", "_node", "_of_leafs", "_turned",
+        "reading", "resolution", "still", "unreduced", "_node", "_of_leafs",
     )
 )  # fmt: skip
 """What other rooms of the package ask a configuration for; `dir` leaves it out."""
-
-
-def note_turn(found: Configuration, turned: float) -> None:
-    """Leave the largest turn of a strain-mode leaf per quadrature point [rad] with the answer, for the verdict."""
-    found.__dict__["_turned"] = turned
 
 
 def with_reading(

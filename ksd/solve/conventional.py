@@ -23,7 +23,7 @@ from ksd.solve.driving import CAP, RTOL
 from ksd.solve.load_steps import load_steps, step_of, stopped
 from ksd.solve.stops import Stop
 from ksd.solve.storage import Storage, storage_of
-from ksd.solve.trust import solved_well
+from ksd.solve.verdict import solved
 
 
 def conventional(
@@ -121,11 +121,11 @@ def by_load_steps(
     if kinematic is not None:
         ways["loads put on the unloaded state of the five steps"] = kinematic
     for said, begin in ways.items() if carries_load(model.arrays) else ():
-        if result is not None and solved_well(result):
+        if result is not None and solved(result):
             break
         with contextlib.suppress(KsdError):
             other = told(loads_last(model, targets, unloaded=begin(), planar=planar))
-            if solved_well(other) or result is None:
+            if solved(other) or result is None:
                 result = replace(other, notes=(*other.notes, said))
     if result is None:
         assert stopped is not None

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Mapping
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
@@ -21,6 +21,7 @@ from ksd.model.arrays import Motion, carries_load
 from ksd.model.compile import Model
 from ksd.model.plane import Plane, plane_of, refuse_plane
 from ksd.numerics.rotations import rotation_log
+from ksd.properties.kept import per_model
 from ksd.solve.arc import REACHED, Course, Walk, trace
 from ksd.solve.driving import CAP, RTOL, Driven, drive_to
 from ksd.solve.following import counted
@@ -53,22 +54,48 @@ def works(model: Model, motion: Motion, target: np.ndarray) -> tuple[float, floa
     driving = -0.5 * float(motion.multiplier.dot(target))
     if not carries_load(model.arrays):
         return driving, 0.0
-    if np.any(loads.following == 1):
+    dead = _dead_loads(model)
+    if dead.follow:
         return driving, float("nan")
-    work, turned = 0.0, np.empty(3)
-    for i, node in enumerate(loads.node):
-        lever = (motion.R[node] - np.eye(3)) @ loads.point[i]
-        work += float(loads.force[i] @ (motion.x[node] - model.rest.x[node] + lever))
-        if np.any(loads.moment[i]):
-            rotation_log(motion.R[node], turned)
-            work += float(loads.moment[i] @ turned)
-    weight, members = model.arrays.weight, model.arrays.members
-    if len(weight):
-        # the centre of mass of a leaf moves about as the mean of its ends
-        lever = ((motion.R - np.eye(3))[members.node] @ members.offset[..., None])[..., 0]
-        moved = (motion.x - model.rest.x)[members.node] + lever
-        work += 0.5 * float(weight[:, 0] @ (weight[:, None, 1:] @ moved.swapaxes(1, 2)).sum(axis=(1, 2)))
+    work, turned = (
+        float(np.vdot(dead.force, motion.x) + np.vdot(dead.lever, motion.R)) - dead.at_rest,
+        np.empty(3),
+    )
+    for i in dead.moments:
+        rotation_log(motion.R[loads.node[i]], turned)
+        work += float(loads.moment[i] @ turned)
     return driving, 0.5 * work
+
+
+class _DeadLoads(NamedTuple):
+    """Dead loads and weight as forces on nodes: force (n, 3) on their places, lever (n, 3, 3) on their rotation matrices.
+
+    Their potential is linear in both; at_rest: what it is there. moments: numbers of the loads with one; follow: whether
+    any load follows its link.
+    """
+
+    force: np.ndarray
+    lever: np.ndarray
+    at_rest: float
+    moments: tuple[int, ...]
+    follow: bool
+
+
+@per_model
+def _dead_loads(model: Model) -> _DeadLoads:
+    """The loads and weight of a model; half the weight of a leaf at each end, since its centre moves about as their mean."""
+    loads, weight, members = model.arrays.loads, model.arrays.weight, model.arrays.members
+    force, lever = np.zeros_like(model.rest.x), np.zeros_like(model.rest.R)
+    np.add.at(force, loads.node, loads.force)
+    np.add.at(lever, loads.node, loads.force[:, :, None] * loads.point[:, None])
+    if len(weight):
+        half = 0.5 * weight[:, :1] * weight[:, 1:]
+        for end in (0, 1):
+            np.add.at(force, members.node[:, end], half)
+            np.add.at(lever, members.node[:, end], half[:, :, None] * members.offset[:, end, None])
+    at_rest = float(np.vdot(force, model.rest.x) + np.trace(lever, axis1=1, axis2=2).sum())
+    moments = tuple(np.flatnonzero(np.any(loads.moment, axis=1)).tolist())
+    return _DeadLoads(force, lever, at_rest, moments, bool(np.any(loads.following == 1)))
 
 
 def laden(model: Model, motion: Motion, target: np.ndarray, longest: int) -> bool:

@@ -22,15 +22,20 @@ from ksd.scene.contents import Scene
 from ksd.scene.mechanism import Mechanism
 from ksd.section.checks import nearest, number, show, truth, whole
 from ksd.solve import pipeline
-from ksd.solve.beside import beside, measured, needs_walk
 from ksd.solve.configuration import Configuration, with_reading
 from ksd.solve.conventional import bare, by_load_steps, conventional
 from ksd.solve.five import FiveSteps
 from ksd.solve.pipeline import Bench
 from ksd.solve.plates import settled
-from ksd.solve.resolved import resolved
 from ksd.solve.storage import Storage
-from ksd.solve.trust import insist, solved_well
+from ksd.solve.verdict import (
+    error_by_load_steps,
+    insist,
+    load_step_check,
+    mesh_check,
+    needs_load_step_check,
+    solved,
+)
 
 Basis = ModalBasis | Mapping[str, ModalBasis | SolidBasis]
 """The basis of modal bodies: one for all leafs, or several by the name of a joint, leaf or solid."""
@@ -146,7 +151,7 @@ class Solver:
                 wanted = self._or_own(accuracy)
                 if self._is_plain(method):
                     self._plain[ways] = wanted
-        found = resolved(found, wanted)
+        found = mesh_check(found, wanted)
         return insist(found) if strict else found
 
     def _wanted(self, ways: tuple[Any, ...]) -> float:
@@ -217,10 +222,10 @@ class Solver:
             return by_solids(solids, values, method=method, estimate=estimate, passes=passes, solver=self)
         bound = 0.1 * self._or_own(accuracy)
         found, used = settled(self, lambda solver: solver._solve(values, **ways), bound)
-        if method is not None and needs_walk(found):
-            against, other = beside(found, lambda: used._by_load_steps(values))
+        if method is not None and needs_load_step_check(found):
+            against, other = load_step_check(found, lambda: used._by_load_steps(values))
             doubts = (*found.doubts, *filter(None, [against]))
-            found = with_changes(found, doubts=doubts, method_error=measured(found, other))
+            found = with_changes(found, doubts=doubts, method_error=error_by_load_steps(found, other))
         return found
 
     def _with_solids(self, method: str | None) -> Any:
@@ -279,10 +284,10 @@ class Solver:
             for passes in range(2):
                 result = self.five_steps(values, target, method="reduced", passes=passes, estimate=True)
                 own = result.method_error
-                if own is not None and own.relative <= accuracy and solved_well(result):
+                if own is not None and own.relative <= accuracy and solved(result):
                     return self._beside(with_changes(result, chosen=True), values)
             found = self.five_steps(values, target, method="full", passes=1, estimate=False)
-            verdict = solved_well(found)
+            verdict = solved(found)
             if verdict:
                 return self._beside(found, values)
             raise ConvergenceError(str(verdict))
@@ -297,9 +302,9 @@ class Solver:
 
     def _beside(self, found: Configuration, values: Mapping[str, float]) -> Configuration:
         """An answer of the five steps, or that of load steps where loads are large and it is another."""
-        if not needs_walk(found):
+        if not needs_load_step_check(found):
             return found
-        against, other = beside(found, lambda: self._by_load_steps(values))
+        against, other = load_step_check(found, lambda: self._by_load_steps(values))
         if not against:
             return found
         if other is None:

@@ -11,7 +11,7 @@ import ksd
 from ksd.errors import ConvergenceError, TrustError
 from ksd.model.compile import compile_scene
 from ksd.section import rectangle
-from ksd.solve import beside as beside_module
+from ksd.solve import verdict
 from ksd.solve.conventional import conventional, loads_last
 from ksd.solve.load_steps import WANDERED, wandered
 from ksd.solve.steps import ErrorEstimate, Step
@@ -241,10 +241,10 @@ def test_load_steps_confirm_a_fast_answer_within_three_of_its_own_errors(error, 
     model = compile_scene(single_joint())
     other = conventional(model, {"turn": 0.4})
     size = model.arrays.size
-    monkeypatch.setattr(beside_module, "difference", lambda *_: far)
+    monkeypatch.setattr(verdict, "difference", lambda *_: far)
     for estimate in (
         ErrorEstimate(np.zeros(1), size * error, 0.0, 0.0),
         ErrorEstimate(np.zeros(1), 0.0, error, 0.0),
     ):
-        said, kept = beside_module.beside(replace(other, method_error=estimate), lambda: other)
+        said, kept = verdict.load_step_check(replace(other, method_error=estimate), lambda: other)
         assert (said == "") is same and kept is other

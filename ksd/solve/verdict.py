@@ -1,0 +1,307 @@
+"""Whether an answer can be believed: the checks in order, each a truth value with its sentence.
+
+`stable`: a minimum of energy, as far as the inertia of the tangent and the quadrature points of the leafs tell.
+`intended_branch`: nothing speaks against the branch (doubts of `ksd.solve.load_steps` that smaller steps did not clear up,
+the load-step check of heavily loaded mechanisms), and every joint is near the intended motion of its record.
+`mesh_check`: the curvature modes of the mesh are enough for the state. `solved`: it converged, is all that, and its error is
+smaller than the answer. `strength`: a linear elastic beam can be in this state. That joints are within their trained ranges
+is checked where they are closed (`ksd.solve.five`), since nothing is solved beyond them unasked.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ksd.errors import ConvergenceError, TrustError
+from ksd.model.arrays import STRAIN, carries_load
+from ksd.properties.doctor import doctor
+from ksd.solve.load_steps import difference, laden
+from ksd.solve.near import FAR_SHIFT, FAR_TURN
+from ksd.solve.steps import ErrorEstimate
+
+if TYPE_CHECKING:
+    from ksd.solve.configuration import Configuration
+
+SLIGHT = 1e-3
+"""Error of a link position, over the size of the mechanism, that is small however small the answer."""
+MOST_GAP = np.deg2rad(60.0)
+"""Turn of a strain-mode leaf per quadrature point [rad] beyond which its inertia is not to be relied on."""
+EXACT, NEAR = 1e-5, 0.02
+"""Largest difference (of positions over the size, of rotations as they are) of equal states: exact, or reduced."""
+UNRESOLVED = 0.05
+"""Share of the energy of a leaf in its highest mode beyond which its curvature is not resolved at all."""
+UNIMPORTANT = 1e-3
+"""Share of that mode in the energy of the whole mechanism below which it does not matter."""
+MOST_ORDER = 12
+"""Curvature modes about an axis that a mesh has at most, see `ksd.model.mesh.Mesh`."""
+_AXIS = ("torsion", "strong bending", "weak bending")
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """Yes or no, and why in one sentence."""
+
+    yes: bool
+    sentence: str
+
+    def __bool__(self) -> bool:
+        return self.yes
+
+    def __str__(self) -> str:
+        return self.sentence
+
+
+@dataclass(frozen=True)
+class Trust:
+    """stable: a minimum of energy; branch: the one that leads here from rest; strength: a linear elastic beam can be in
+    this state; trusted: all three, and converged."""
+
+    stable: Verdict
+    branch: Verdict
+    strength: Verdict
+    trusted: Verdict
+
+    def __str__(self) -> str:
+        return "\n".join(f"{n}: {v.sentence}" for n, v in vars(self).items())
+
+
+def stable(c: Configuration) -> Verdict:
+    """Whether it is a minimum of energy under the held drives."""
+    rolled = _rolled(c)
+    return Verdict(False, f"NOT CERTAIN: {rolled}") if rolled else Verdict(c.stable, stability(c))
+
+
+def stability(c: Configuration) -> str:
+    """Whether the configuration stays where it is, in words."""
+    surplus = c.negatives - c.expected
+    if surplus == 0 and c.still is not None:
+        return c.still[1]
+    if surplus == 0:
+        return "stable: a minimum of energy under the held drives"
+    if surplus > 0:
+        ways = "one direction" if surplus == 1 else f"{surplus} directions"
+        return f"UNSTABLE: the mechanism would leave this state by itself in {ways}"
+    return (
+        f"NOT CERTAIN: {c.negatives} negative pivots where the drives and supports explain {c.expected}; "
+        "two of them may prescribe the same freedom"
+    )
+
+
+def _rolled(c: Configuration) -> str:
+    """The strain-mode leaf that is rolled up too far for its quadrature points, in words, or nothing.
+
+    Two full turns on 7 points counted as a minimum what finer leafs and chains of 40 elements know to be a saddle.
+    """
+    if c.resolution.turned < MOST_GAP:
+        return ""
+    members, inner, worst = c.model.arrays.members, c.motion.inner, ("", 0.0, 1)
+    for i in np.flatnonzero(members.kind == STRAIN).tolist():
+        nx, ny, _, points = members.number[i, :4].tolist()
+        constant = inner[members.inner_at[i] + np.array([0, nx, nx + ny])]
+        turn = float(np.linalg.norm(constant) * members.length[i])
+        if turn / points > worst[1] / worst[2]:
+            worst = (c.model.member_names[i], turn, points)
+    name, turn, points = worst
+    return (
+        f"leaf '{name}' turns {np.rad2deg(turn):.0f} degrees from end to end, too much for {points} quadrature points; "
+        f"give a mesh with {int(np.ceil(turn / MOST_GAP)) + 1} or more"
+    )
+
+
+def intended_branch(c: Configuration) -> Verdict:
+    """Whether it is the branch that leads here from rest by the intended motions of the joints."""
+    if c.doubts:
+        return Verdict(False, "another branch is possible: " + "; ".join(c.doubts))
+    name, share, shift, turn = _furthest(c)
+    off = f"joint '{name}' is {1e3 * shift:.3g} mm and {np.rad2deg(turn):.3g} degrees off its intended motion"
+    if share > 1.0 and c.method != "conventional":
+        return Verdict(False, f"{off}: too far to be the state its record describes")
+    if name:
+        return Verdict(True, f"the branch of the intended motions: at most, {off}")
+    return Verdict(
+        True, f"reached from where it started ({c.steps[-1].note or c.method}), nothing speaks against it"
+    )
+
+
+def _furthest(c: Configuration) -> tuple[str, float, float, float]:
+    """The joint furthest off its intended motion: name, share of what is far, displacement [m], rotation [rad]."""
+    worst = ("", 0.0, 0.0, 0.0)
+    for placed in c.model.scene.joints:
+        off = c.unintended.get(placed.name)
+        if off is None:
+            continue
+        x, y, z, *turned = off.tolist()
+        shift, turn = math.hypot(x, y, z), math.hypot(*turned)
+        if not shift < placed.joint.length:
+            # the nearest intended motion was not found: nothing is known of this joint
+            continue
+        share = max(shift / (FAR_SHIFT * placed.joint.length), turn / FAR_TURN)
+        if share > worst[1] or not worst[0]:
+            worst = (placed.name, share, shift, turn)
+    return worst
+
+
+def needs_load_step_check(found: Configuration) -> bool:
+    """Whether an answer of the five steps is compared with load steps."""
+    if found.method not in ("reduced", "full") or not carries_load(found.model.arrays):
+        return False
+    longest = max((s.iterations for s in found.steps if s.name[0] in "35"), default=0)
+    return laden(found.model, found.motion, found.model.targets(found.targets), longest)
+
+
+def load_step_check(
+    found: Configuration, walk: Callable[[], Configuration]
+) -> tuple[str, Configuration | None]:
+    """What load steps say against `found`, nothing if they end in the same state; and their answer where it is trusted."""
+    try:
+        other = walk()
+    except ConvergenceError as reason:
+        return f"loads do much of the work, and load steps do not confirm it: {reason}", None
+    verdict = solved(other)
+    if not verdict:
+        return f"loads do much of the work, and load steps do not confirm it: {verdict}", None
+    far = difference(found.model, found.motion, other.motion)
+    error, size = found.method_error, found.model.arrays.size
+    own = 0.0 if error is None else 3.0 * max(error.displacement / size, error.rotation)
+    own = own if own < math.inf else 0.0
+    if far <= (EXACT if error is None else max(NEAR, own)):
+        return "", other
+    energy, theirs = (sum(c.strain_energy().values()) for c in (found, other))
+    return (
+        f"loads do much of the work, and load steps end in another minimum (strain energy {theirs:.4g} J, here "
+        f"{energy:.4g} J)"
+    ), other
+
+
+def error_by_load_steps(found: Configuration, other: Configuration | None) -> ErrorEstimate | None:
+    """The error of a fast answer: its distance to the exact state `other` where there is one, else its estimate."""
+    error = found.method_error
+    if error is None or other is None:
+        return error
+    links, drives = found.model.links, len(found.model.drive_names)
+    one, exact = found.motion, other.motion
+    force = np.abs(one.multiplier - exact.multiplier)[:drives]
+    shift = float(np.linalg.norm((one.x - exact.x)[:links], axis=1).max())
+    turn = max(float(np.linalg.norm(found.rotation(k) - other.rotation(k))) for k in found.links)
+    moved = float(np.abs(exact.x - found.model.rest.x)[:links].max())
+    largest = max(float(np.abs(exact.multiplier[:drives]).max(initial=0.0)), 1e-300)
+    relative = max(float(force.max(initial=0.0)) / largest, shift / max(moved, 1e-300))
+    return ErrorEstimate(force, shift, turn, relative)
+
+
+def mesh_check(found: Configuration, wanted: float) -> Configuration:
+    """The answer, with a warning where a leaf has more than `wanted` of its energy in its highest modes, and a doubt where
+    that is much and matters."""
+    share, where, axis, _ = found.resolution
+    if share <= wanted:
+        return found
+    more = "raise the orders of the mesh"
+    if found.model.mesh.orders[axis] >= MOST_ORDER:
+        more = "more are not possible; a chain is finer, ksd.Mesh(leaf='corotational', elements=80)"
+    about = ("torsion", "strong bending", "weak bending")[axis]
+    note = (
+        f"leaf '{where}' has {100 * share:.2g} % of its energy in its highest {about} mode; "
+        f"the curvature modes {found.model.mesh.orders} are few for this state: {more}"
+    )
+    found = replace(found, notes=(*found.notes, note))
+    if share > UNRESOLVED:
+        energy = found.strain_energy()
+        if share * energy[where] > UNIMPORTANT * sum(energy.values()):
+            found = replace(found, doubts=(*found.doubts, note))
+    return found
+
+
+def solved(c: Configuration) -> Verdict:
+    """Whether the equations are solved, at a minimum and on the branch meant, whatever the leafs are strained by and the
+    mesh is off."""
+    return _solved(c, stable(c), intended_branch(c), c.method_error)
+
+
+def _solved(c: Configuration, minimum: Verdict, branch: Verdict, error: ErrorEstimate | None) -> Verdict:
+    """See `solved`; error: all of it, or what the method adds to that of the mesh."""
+    if not c.converged:
+        return Verdict(False, f"not solved: {c.steps[-1].stop.sentence}")
+    if not minimum:
+        return Verdict(False, "not to be trusted: " + "; ".join([str(minimum), *c.doubts]))
+    if not branch:
+        return Verdict(False, f"not to be trusted: {branch}")
+    if error is not None and error.mesh == math.inf:
+        return Verdict(
+            True,
+            "trusted but for the error of its mesh: Newton steps find no equilibrium next to it on a finer one",
+        )
+    if error is not None and _worthless(c, error):
+        said = (
+            f"its estimated error is {100 * error.relative:.2g} %"
+            if math.isfinite(error.relative)
+            else "corrector steps of the full model grow from one to the next, so its error is not known"
+        )
+        return Verdict(False, f"not to be trusted: {said}")
+    if error is None and hasattr(c.model, "solids"):
+        return Verdict(
+            True, "trusted but for the bases of its solids, whose error was not estimated (ksd.solve does)"
+        )
+    if c.method_error is not None and error is not None:
+        return Verdict(True, f"trusted within its estimated error of {100 * error.relative:.2g} %")
+    off = "" if error is None else f", within an estimated error of {100 * error.relative:.2g} %"
+    return Verdict(
+        True, f"trusted: {c.steps[-1].reason}, it is a minimum, and the branch is the one meant{off}"
+    )
+
+
+def _worthless(c: Configuration, e: ErrorEstimate) -> bool:
+    """Whether the error is larger than the answer, and not only because the answer is next to nothing."""
+    return not (e.relative <= 1.0 or e.displacement <= SLIGHT * c.model.arrays.size)
+
+
+def strength(c: Configuration) -> Verdict:
+    """Whether a linear elastic beam can be in this state."""
+    found = c.strength if c.converged else None
+    if found is None:
+        return Verdict(True, "strain and stress are not known")
+    return Verdict(not found.beyond, "; ".join(filter(None, [str(found), found.beyond])))
+
+
+def judge(c: Configuration) -> Trust:
+    """All verdicts on a configuration."""
+    minimum, branch, beam = stable(c), intended_branch(c), strength(c)
+    trusted = _solved(c, minimum, branch, c.error)
+    if trusted and not beam and c.strength is not None:
+        trusted = Verdict(False, f"not to be trusted: {c.strength.beyond}")
+    return Trust(minimum, branch, beam, trusted)
+
+
+def insist(c: Configuration) -> Configuration:
+    """The configuration itself if it is `solved`, else TrustError with the reason; its `result` is `c`.
+
+    Strain and stress are not looked at: they would cost a prepared solve more than its Newton steps.
+    """
+    if _evident(c):
+        return c
+    trusted = solved(c)
+    if not trusted:
+        minima = f"; {c.minimum}" * bool(c.minimum)
+        said = (
+            f"{trusted}{minima}{_fighting_drives(c)}; strict=False (in Python) returns the state all the same"
+        )
+        raise TrustError(said, reached=1.0, result=c)
+    return c
+
+
+def _evident(c: Configuration) -> bool:
+    """Whether it is `solved`, as far as numbers at hand tell: verdicts are put in words when they are read."""
+    at_hand = c.near and c.stable and not c.doubts and c.converged
+    return at_hand and (c.method_error is None or c.method_error.relative <= 1.0) and not _rolled(c)
+
+
+def _fighting_drives(c: Configuration) -> str:
+    """What else is wrong where drives of one freedom tear at each other; nothing otherwise."""
+    if c.stable or len(c.model.drive_names) < 2:
+        return ""
+    fights = [f.sentence for f in doctor(c.model.said or c.model.scene).fights if f.what.startswith("drive ")]
+    return "".join(f"; {sentence}" for sentence in fights)
