@@ -14,6 +14,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
+from functools import lru_cache
+from heapq import heapify, heappop, heappush
 from itertools import combinations
 from typing import NamedTuple
 
@@ -68,41 +70,62 @@ def stiffened(K: np.ndarray, rows: np.ndarray) -> np.ndarray:
     return found
 
 
-def _elimination_order(neighbours: list[set[int]], size: np.ndarray, waits: np.ndarray) -> list[int]:
+def _elimination_order(neighbours: list[set[int]], size: list[int], waits: list[bool]) -> list[int]:
     """Minimum degree; block k with waits[k] is eligible once all its first neighbours are eliminated."""
     graph = [set(n) for n in neighbours]
-    left = set(range(len(graph)))
-    gone: set[int] = set()
+    left = [len(n) if wait else 0 for n, wait in zip(neighbours, waits, strict=True)]
+    degree = [sum(size[n] for n in found) for found in graph]
+    # what is out of date stays in the heap and is passed over
+    heap = [(degree[k], k) for k in range(len(graph)) if not left[k]]
+    heapify(heap)
+    gone = [False] * len(graph)
     order: list[int] = []
-    while left:
-        ready = [k for k in left if not waits[k] or neighbours[k] <= gone]
-        k = min(ready, key=lambda b: (sum(int(size[n]) for n in graph[b]), b))
+    while heap:
+        known, k = heappop(heap)
+        if gone[k] or known != degree[k]:
+            continue
+        gone[k] = True
+        order.append(k)
         for n in graph[k]:
             graph[n] |= graph[k]
             graph[n] -= {n, k}
-        left.remove(k)
-        gone.add(k)
-        order.append(k)
+            degree[n] = sum(size[m] for m in graph[n])
+            if not left[n]:
+                heappush(heap, (degree[n], n))
+        for n in neighbours[k]:
+            if waits[n]:
+                left[n] -= 1
+                if not left[n] and not gone[n]:
+                    heappush(heap, (degree[n], n))
     return order
 
 
+Plan = tuple[Blocks, np.ndarray, dict[tuple[int, int], int]]
+
+
 def plan_blocks(
-    size: np.ndarray, pairs: list[tuple[int, int]], *, waits: np.ndarray | None = None, last: int = 0
-) -> tuple[Blocks, np.ndarray, dict[tuple[int, int], int]]:
-    """Pattern of a symmetric matrix with blocks `size` (b,) coupled by `pairs`.
+    size: np.ndarray, pairs: Iterable[tuple[int, int]], *, waits: np.ndarray | None = None, last: int = 0
+) -> Plan:
+    """Pattern of a symmetric matrix with blocks `size` (b,) coupled by `pairs`; the same object for the same question.
 
     Returns the plan, `position` (b,) of each block in elimination order, and the offset of every stored block,
     keyed by (row, column) in that order, row >= column. `waits` marks constraint rows; the `last` highest-numbered
     blocks are eliminated last, in their own order (for condensation onto them); then there are no rows.
     """
+    sizes = tuple(np.asarray(size).tolist())
+    waiting = (False,) * len(sizes) if waits is None else tuple(np.asarray(waits, bool).tolist())
+    return _planned(sizes, tuple(pairs), waiting, last)
+
+
+@lru_cache(maxsize=128)
+def _planned(size: tuple[int, ...], pairs: tuple[tuple[int, int], ...], waits: tuple[bool, ...], last: int) -> Plan:
     count = len(size)
-    waits = np.zeros(count, bool) if waits is None else np.asarray(waits, bool)
     neighbours: list[set[int]] = [set() for _ in range(count)]
     for a, b in pairs:
         if a != b:
             neighbours[a].add(b)
             neighbours[b].add(a)
-    rows = np.flatnonzero(waits).tolist()
+    rows = [i for i, wait in enumerate(waits) if wait]
     held = {i: sorted(neighbours[i]) for i in rows}
     for nodes in held.values():
         # a row is a spring between all its nodes, too
@@ -110,38 +133,42 @@ def plan_blocks(
             neighbours[a].add(b)
             neighbours[b].add(a)
     kept = list(range(count - last, count))
-    inner = [n - set(kept) for n in neighbours[: count - last]]
-    order = _elimination_order(inner, size, waits[: count - last]) + kept
-    position = np.empty(count, np.int64)
-    position[order] = np.arange(count)
+    inner = [{n for n in found if n < count - last} for found in neighbours[: count - last]]
+    order = _elimination_order(inner, list(size), list(waits[: count - last])) + kept
+    where = np.empty(count, np.int64)
+    where[order] = np.arange(count)
+    position = where.tolist()
     below: list[set[int]] = [set() for _ in range(count)]
     for a in range(count):
         for b in neighbours[a]:
             i, j = position[a], position[b]
-            below[min(i, j)].add(int(max(i, j)))
+            below[min(i, j)].add(max(i, j))
     for k in range(count):
         rows = sorted(below[k])
         for index, j in enumerate(rows):
             below[j].update(rows[index + 1 :])
-    ordered = {int(position[i]): sorted(int(position[n]) for n in nodes) for i, nodes in held.items()}
-    return _lay_out(np.asarray(size, np.int64)[order], below, ordered), position, _offsets(size[order], below)
+    ordered = {position[i]: sorted(position[n] for n in nodes) for i, nodes in held.items()}
+    sizes = np.array(size, np.int64)[order]
+    offsets = _offsets(sizes.tolist(), below)
+    return _lay_out(sizes, below, ordered, offsets), where, offsets
 
 
-def _offsets(size: np.ndarray, below: list[set[int]]) -> dict[tuple[int, int], int]:
+def _offsets(size: list[int], below: list[set[int]]) -> dict[tuple[int, int], int]:
     offsets: dict[tuple[int, int], int] = {}
     at = 0
     for k in range(len(size)):
         for i in [k, *sorted(below[k])]:
             offsets[(i, k)] = at
-            at += int(size[i] * size[k])
+            at += size[i] * size[k]
     return offsets
 
 
-def _lay_out(size: np.ndarray, below: list[set[int]], held: dict[int, list[int]]) -> Blocks:
+def _lay_out(
+    size: np.ndarray, below: list[set[int]], held: dict[int, list[int]], offsets: dict[tuple[int, int], int]
+) -> Blocks:
     def whole(numbers: Iterable[int]) -> np.ndarray:
         return np.array(list(numbers), np.int64)
 
-    offsets = _offsets(size, below)
     count = len(size)
     first, row, place, first_target, target = [0], [], [], [0], []
     for k in range(count):
