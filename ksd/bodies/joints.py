@@ -1,13 +1,15 @@
-"""Build the joint bodies of a model once: the kinematic loops, the bench of apart joints, the reduced mechanism.
+"""The joint bodies of a model: the kinematic loops, the bench of apart joints, the reduced mechanism.
 
 Everything is frozen arrays; a solve only brings its own `Motion` and `Work`. The database enters here and nowhere
-else: records are contracted with the shape of each joint, leaving polynomials in the intended motions.
+else: records are contracted with the shape of each joint, leaving polynomials in the intended motions. Integers are laid out
+once for all models of the same words (`Layout`), numbers come for many designs at once.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+import heapq
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -15,21 +17,19 @@ import numpy as np
 from ksd.beam.linear import LINEAR_INNER
 from ksd.bodies.bench import Inside
 from ksd.bodies.kinematics import Loops
+from ksd.bodies.polynomials import Polynomials
 from ksd.bodies.weight import NOTHING_HUNG, Hung
 from ksd.errors import KinematicsError, RecordError, SceneError
+from ksd.library import Record
 from ksd.model.arrays import COROTATIONAL, LINEAR, Arrays, Motion
-from ksd.model.compile import (
-    Model,
-    constraint_rows,
-    elastic_parts,
-    external_loads,
-    joint_members_of,
-    pulls,
-    reference_points,
-)
-from ksd.model.leafs import leaf_member
-from ksd.model.pack import Assembly, Member, Push, pack
+from ksd.model.compile import Model, drawn
+from ksd.model.drawing import Numbers
+from ksd.model.pack import Shape, skeleton, spread
+from ksd.model.template import Filled, Leaves, Packed, Template, design, motion_design, of_design
 from ksd.scene.joint import leafs_of
+
+ONE, INVERSE, FORCE, MOMENT = 0, 1, 2, 3
+"""What functions of the insides are multiplied by: 1, 1/L, EIz/L^2, EIz/L of their leaf."""
 
 
 @dataclass(frozen=True)
@@ -58,33 +58,40 @@ class JointBodies:
     hanging: tuple[tuple[int, np.ndarray], ...] = ()
 
 
-def _spanning_tree(nodes: np.ndarray) -> tuple[list[list[int]], list[int]]:
-    """Breadth-first tree from ground: (joint, forward) in order, and the joints left to close loops."""
+def _spanning_tree(nodes: list[tuple[int, int]]) -> tuple[list[list[int]], list[int]]:
+    """Tree from ground, of the joints that come first: (joint, forward) in order, and the joints left to close loops."""
+    joints: dict[int, list[int]] = {}
+    for j, pair in enumerate(nodes):
+        for node in pair:
+            joints.setdefault(node, []).append(j)
     reached, tree, used = {0}, [], set()
-    while True:
-        found = [
-            (j, int(a in reached))
-            for j, (a, b) in enumerate(nodes)
-            if j not in used and (a in reached) != (b in reached)
-        ]
-        if not found:
-            break
-        j, forward = found[0]
+    next_ones = list(joints.get(0, ()))
+    heapq.heapify(next_ones)
+    while next_ones:
+        j = heapq.heappop(next_ones)
+        a, b = nodes[j]
+        if (a in reached) == (b in reached):
+            continue
+        forward = int(a in reached)
         used.add(j)
         tree.append([j, forward])
-        reached.add(int(nodes[j][1] if forward else nodes[j][0]))
+        new = b if forward else a
+        reached.add(new)
+        for other in joints[new]:
+            heapq.heappush(next_ones, other)
     return tree, [j for j in range(len(nodes)) if j not in used]
 
 
-def _hanging(model: Model, tree: list[list[int]], nodes: np.ndarray) -> tuple[tuple[int, np.ndarray], ...]:
+def _hanging(
+    template: Template, tree: list[list[int]], nodes: list[tuple[int, int]]
+) -> tuple[tuple[int, np.ndarray], ...]:
     """Links that hang on leafs alone, each with the nodes next to it that are placed before, in order of placing.
 
     Raises KinematicsError for a link nothing leads to.
     """
-    scene = model.scene
-    index = {link: i for i, link in enumerate(scene.links)}
-    reached = {0, *(int(nodes[j][forward]) for j, forward in tree)}
-    pairs = [(index[f.a], index[f.b]) for f in scene.leafs]
+    words = template.words
+    reached = {0, *(nodes[j][forward] for j, forward in tree)}
+    pairs = [(a, b) for _, a, b, _ in words.parts[len(words.joints) :]]
     found = []
     while True:
         near: dict[int, list[int]] = {}
@@ -97,7 +104,7 @@ def _hanging(model: Model, tree: list[list[int]], nodes: np.ndarray) -> tuple[tu
         link = max(near, key=lambda k: (len(near[k]), -k))
         reached.add(link)
         found.append((link, np.array(near[link], np.int64)))
-    lost = [link for link in scene.links if index[link] not in reached]
+    lost = [link for i, link in enumerate(words.links) if i not in reached]
     if lost:
         raise KinematicsError(
             f"link '{lost[0]}' is not connected to ground by joints or leafs, so the kinematic start cannot place it; "
@@ -118,175 +125,299 @@ def hang_links(bodies: JointBodies, motion: Motion) -> None:
         motion.R[link] = u @ np.diag([1.0, 1.0, np.linalg.det(u @ v)]) @ v
 
 
-def _pad(functions: list[np.ndarray], size: int) -> np.ndarray:
-    """Stack coefficient arrays (.., M) with zeros up to `size` monomials."""
-    if not functions:
-        return np.zeros(0)
-    padded = np.zeros((len(functions), *functions[0].shape[:-1], size))
-    for row, f in zip(padded, functions, strict=True):
-        row[..., : f.shape[-1]] = f
-    return padded
+class Layout:
+    """Integers of the joint bodies of all models of a template, with the records of its different joints; call it with
+    numbers of D designs. Raises KinematicsError when joints alone do not place every link."""
+
+    def __init__(self, template: Template, records: Sequence[Record]) -> None:
+        self.template, self.records = template, tuple(records)
+        words, mesh = template.words, template.mesh
+        joints = words.parts[: len(words.joints)]
+        self.nodes = [(a, b) for _, a, b, _ in joints]
+        self.different = [u for *_, u in joints]
+        trained = "strain" if mesh.leaf == "strain" else mesh.elements
+        self.polynomials = [
+            Polynomials(record, trained, len(part.leaves))
+            for record, part in zip(records, words.different, strict=False)
+        ]
+        self.rows = np.cumsum([0] + [p.rows for p in self.polynomials]).tolist()
+        self._lay_loops()
+        self._lay_bench()
+        self._lay_reduced()
+        names, ranges, lengths = [], [], []
+        for name, u in zip(words.joints, self.different, strict=True):
+            motions = words.different[u].motions
+            for motion, kind in motions:
+                names.append(name if len(motions) == 1 else f"{name}.{motion}")
+                lengths.append(u if kind == "translation" else -1)
+            ranges.append(records[u].motion_range)
+        self.motion_names, self.motion_length = tuple(names), np.array(lengths, int)
+        self.motion_range = np.concatenate(ranges).reshape(-1, 2)
+        self.first_member = np.array([s.start for s in template.joint_members], int)
+        self.free_weigh = bool(template.heavy[template.leaf[len(self.leaf) :]].any())
+
+    def _lay_loops(self) -> None:
+        """Integers of the kinematics."""
+        tree, closing = _spanning_tree(self.nodes)
+        power = [self.polynomials[u].powers for u in self.different]
+        none = np.zeros(0)
+        self.loops = Loops(
+            node=np.array(self.nodes, np.int64).reshape(-1, 2), anchor=none, frame=none, length=none,
+            first=np.cumsum([0] + [p.shape[1] for p in power]).astype(np.int64),
+            tree=np.array(tree, np.int64).reshape(-1, 2), closing=np.array(closing, np.int64),
+            power_first=np.cumsum([0] + [len(p) for p in power]).astype(np.int64),
+            power=np.concatenate([np.pad(p, [(0, 0), (0, 2 - p.shape[1])]) for p in power]).astype(np.int64),
+            pose=none,
+        )  # fmt: skip
+        first = np.array([self.rows[u] for u in self.different])
+        self.pose_rows = first[:, None] + np.arange(6)
+        self.hanging = _hanging(self.template, tree, self.nodes)
+
+    def _lay_bench(self) -> None:
+        """Integers of the joints apart: nodes are ground, internal blocks, then the interfaces B of all joints."""
+        template, words = self.template, self.template.words
+        blocks = sum(len(words.different[u].blocks) for u in self.different)
+        shapes, joint, rows, full_node = [], [], [], []
+        node = 1
+        for j, u in enumerate(self.different):
+            part, nodes = words.different[u], {"A": 0, "B": 1 + blocks + j}
+            for k, block in enumerate(part.blocks):
+                nodes[block] = node
+                node += 1
+                joint.append(j)
+                rows.append(self.rows[u] + 6 + 6 * k + np.arange(6))
+                full_node.append(template.node_of[j][block])
+            first = template.joint_members[j].start
+            for n, leaf in enumerate(part.leaves):
+                ends = nodes[leaf.ends[0]], nodes[leaf.ends[1]]
+                shapes.append(template.shapes[first + n]._replace(nodes=ends))
+        self.bench = skeleton(1 + blocks + len(self.nodes), shapes, last=len(self.nodes))
+        self.leaf = template.leaf[: len(shapes)]
+        same = len(shapes) == len(template.shapes)
+        # the constants of the full model where it has no other members
+        self.bench_packed = None if same else Packed(template.leaf_words, self.leaf, self.bench.members)
+        self.full_node = np.array(full_node, np.int64)
+        self.block_rows = np.array(rows, np.int64).reshape(-1, 6)
+        self._lay_inside(np.array(joint, np.int64))
+
+    def _lay_inside(self, block_joint: np.ndarray) -> None:
+        """Which functions go where in the states of the bench, and with which scale of which leaf."""
+        template, words = self.template, self.template.words
+        members = self.bench.members
+        made: dict[int, tuple[np.ndarray, np.ndarray, np.ndarray]] = {}
+        inner, near = [np.zeros((5, 0), np.int64)], [np.zeros((5, 0), np.int64)]
+        near_length = np.zeros(len(self.leaf), np.int64)
+        base = 0
+        for j, u in enumerate(self.different):
+            first, count = template.joint_members[j].start, len(words.different[u].leaves)
+            for i, f in enumerate(self.leaf[first : first + count].tolist(), start=first):
+                if f not in made:
+                    made[f] = self._functions(u, i - first, int(members.kind[i]), members.number[i].tolist())
+                row, to, kind = made[f]
+                chain = members.kind[i] == COROTATIONAL
+                at = base if chain else int(members.inner_at[i])
+                found = np.array([np.full(len(row), j), at + to, row, np.full(len(row), f), kind])
+                (near if chain else inner).append(found)
+                if chain:
+                    near_length[i] = 3 * (2 * int(members.number[i, 0]) - 1)
+                    base += int(near_length[i])
+        self.near = near_length
+        self.inner_rows, self.near_rows = np.concatenate(inner, axis=1), np.concatenate(near, axis=1)
+        block_node = np.arange(1, 1 + len(block_joint))
+        none = np.zeros(0)
+        self.inside = Inside(
+            block_node, block_joint, none, self.inner_rows[0], self.inner_rows[1], none, self.near_rows[0],
+            self.near_rows[1], none,
+        )  # fmt: skip
+
+    def _functions(
+        self, u: int, n: int, kind: int, number: list[int]
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """(row, place in its inner state, or near rotations of a chain, scale) of the functions of leaf n of joint u."""
+        functions, part = self.polynomials[u], self.template.words.different[u]
+        first, scales = self.rows[u] + 6 + 6 * len(part.blocks), []
+        if kind == COROTATIONAL:
+            size = 3 * (2 * number[0] - 1)
+            row, to, scales = first + n * size + np.arange(size), np.arange(size), [ONE] * size
+        else:
+            theirs, total, rows, places, given, wanted = functions.orders, sum(functions.orders), [], [], 0, 0
+            for axis in range(3):
+                for k in range(min(theirs[axis], number[axis])):
+                    rows.append(first + n * total + given + k)
+                    places.append(wanted + k)
+                    scales.append(INVERSE)
+                given, wanted = given + theirs[axis], wanted + number[axis]
+            rows += [first + len(part.leaves) * total + 6 * n + r for r in range(6)]
+            places += [wanted + r for r in range(6)]
+            scales += [FORCE] * 3 + [MOMENT] * 3
+            row, to = np.array(rows), np.array(places)
+        there = functions.there[row - self.rows[u]]
+        return row[there], to[there], np.array(scales)[there]
+
+    def _lay_reduced(self) -> None:
+        """Integers of the reduced mechanism: every joint one linear body and its weight a load, free leafs as they are."""
+        template, words = self.template, self.template.words
+        links, joints = len(words.links), len(self.nodes)
+        own = [Shape(LINEAR, pair, (0,), 0, LINEAR_INNER, 0, -1 - j) for j, pair in enumerate(self.nodes)]
+        free = template.shapes[len(self.leaf) :]
+        loads = list(words.loads)
+        weigh = words.pulls and bool(template.heavy[self.leaf].any())
+        load, held = np.full(joints, -1), len(self.leaf)
+        if weigh:
+            for j, own_members in enumerate(template.joint_members):
+                a = self.nodes[j][0]
+                if a > 0 and template.heavy[template.leaf[own_members]].any():
+                    load[j] = len(loads)
+                    loads.append((a, False, False))
+        hung = Hung(template.part[:held].astype(np.int64), load, np.array([held, joints]))
+        self.hung = hung if weigh else NOTHING_HUNG
+        springs = template.spring_shapes
+        self.reduced = skeleton(links, [*own, *free], words.rows, loads, springs)
+        self.reduced_packed = Packed(
+            template.leaf_words, template.leaf[len(self.leaf) :], self.reduced.members, joints
+        )
+
+    def __call__(
+        self, n: Numbers, filled: Filled, shapes: Sequence[Sequence[Any]], *, extrapolate: bool = False
+    ) -> JointBodies:
+        """Joint bodies of D designs, every float with a leading axis over them; shapes: shape parameters of all designs for
+        each of the different joints. Raises RangeError, see `Polynomials`."""
+        size = max(len(p.powers) for p in self.polynomials)
+        stack = np.zeros((len(n.leaf), self.rows[-1], size))
+        for p, first, own in zip(self.polynomials, self.rows, shapes, strict=False):
+            stack[:, first : first + p.rows, : len(p.powers)] = p(own, extrapolate=extrapolate)
+        length = n.length[:, self.different]
+        places, joints = filled.rest.x, len(self.nodes)
+        anchor = filled.points[:, :joints] - places[:, self.loops.node]
+        frame = n.rotation[:, :joints]
+        loops = self.loops._replace(anchor=anchor, frame=frame, length=length, pose=stack[:, self.pose_rows])
+        scale = _scales(n, filled.leaves)
+        inside = self.inside._replace(
+            block_pose=stack[:, self.block_rows],
+            coefficient=stack[:, self.inner_rows[2]] * scale[:, self.inner_rows[3], self.inner_rows[4], None],
+            near_coefficient=stack[:, self.near_rows[2]],
+        )
+        bench, bench_rest = self._fill_bench(n, filled)
+        reduced, reduced_rest = self._fill_reduced(n, filled, anchor, frame, length)
+        turns = self.motion_length < 0
+        motion_scale = np.where(turns, 1.0, n.length[:, np.maximum(self.motion_length, 0)])
+        return JointBodies(
+            loops, inside, bench, bench_rest, reduced, reduced_rest, self.near, self.full_node, self.motion_range,
+            motion_scale, self.motion_names, self.hung, self.hanging,
+        )  # fmt: skip
+
+    def _fill_bench(self, n: Numbers, filled: Filled) -> tuple[Arrays, Motion]:
+        """The bench of D designs and its rest state."""
+        count, joints, leaf = len(n.leaf), len(self.nodes), self.leaf
+        nodes, leaves, full = len(self.bench.start), filled.leaves, filled.arrays.members
+        x = np.zeros((count, nodes, 3))
+        inside = self.template.block_point[: nodes - 1 - joints]
+        x[:, 1 : nodes - joints] = n.point[:, inside]
+        x[:, nodes - joints :] = n.ends[:, self.different, 1]
+        offset = leaves.ends[:, leaf] - x[:, self.bench.members.node]
+        length = leaves.length[:, leaf]
+        if self.bench_packed is None:
+            value, inner = full.value, filled.rest.inner
+        else:
+            value, inner = self.bench_packed.values(leaves, n.given)
+        members = self.bench.members._replace(
+            offset=offset,
+            frame=leaves.frame[:, leaf],
+            value=value,
+            length=length,
+            floor=leaves.floor[:, leaf],
+        )
+        extent = np.maximum(spread(x, offset, members.node), length.max(axis=1, initial=0.0))
+        # gravity as given; turned into the axes of every joint before it is condensed
+        weight = filled.arrays.weight[:, : len(leaf)]
+        heavy = bool(self.template.heavy[leaf].any())
+        terms, loads = self.bench.terms, self.bench.loads
+        none = np.zeros((count, 0, 3))
+        arrays = self.bench._replace(
+            members=members,
+            terms=terms._replace(coefficient=none[..., 0], direction=none, point=np.zeros((count, 0, 2, 3))),
+            loads=loads._replace(point=none, force=none, moment=none),
+            size=extent,
+            weight=weight if heavy else weight[:, :0],
+        )
+        return arrays, Motion(x, np.tile(np.eye(3), (count, nodes, 1, 1)), inner, np.zeros((count, 0)))
+
+    def _fill_reduced(
+        self, n: Numbers, filled: Filled, anchor: np.ndarray, frame: np.ndarray, length: np.ndarray
+    ) -> tuple[Arrays, Motion]:
+        """The reduced mechanism of D designs and its rest state."""
+        count, links, held = len(n.leaf), len(self.template.words.links), len(self.leaf)
+        full, bones = filled.arrays, self.reduced
+        members = full.members
+        value, inner = self.reduced_packed.values(filled.leaves, n.given)
+        joint_floor = np.maximum.reduceat(members.floor[:, :held], self.first_member, axis=1)
+
+        def joined(own: np.ndarray, free: np.ndarray) -> np.ndarray:
+            return np.concatenate([own, free[:, held:]], axis=1)
+
+        x = filled.rest.x[:, :links]
+        offset, lengths = joined(anchor, members.offset), joined(length, members.length)
+        made = bones.members._replace(
+            offset=offset, frame=joined(np.stack([frame, frame], axis=2), members.frame), value=value,
+            length=lengths, floor=joined(joint_floor, members.floor),
+        )  # fmt: skip
+        loads = full.loads
+        if len(self.hung.owner):
+            loads = self._hang(n, filled)
+        weight = full.weight
+        if weight.shape[1]:
+            free = weight[:, held:]
+            linear = np.zeros((count, len(self.nodes), 4))
+            linear[..., 1:] = n.gravity[:, None]
+            weight = np.concatenate([linear, free], axis=1) if self.free_weigh else weight[:, :0]
+        arrays = bones._replace(
+            members=made,
+            terms=bones.terms._replace(
+                coefficient=full.terms.coefficient, direction=full.terms.direction, point=full.terms.point
+            ),
+            loads=bones.loads._replace(point=loads.point, force=loads.force, moment=loads.moment),
+            size=np.maximum(spread(x, offset, made.node), lengths.max(axis=1, initial=0.0)),
+            springs=full.springs._replace(block=bones.springs.block),
+            weight=weight,
+        )  # fmt: skip
+        turned = np.tile(np.eye(3), (count, links, 1, 1))
+        return arrays, Motion(x, turned, inner, np.zeros((count, len(bones.terms.start))))
+
+    def _hang(self, n: Numbers, filled: Filled) -> Any:
+        """Loads with those that stand for the weight of the joints, at points that step 2 sets."""
+        loads, mass = filled.arrays.loads, filled.arrays.weight[:, : len(self.leaf), 0]
+        joint_mass = np.add.reduceat(mass, self.first_member, axis=1)[:, self.hung.load >= 0]
+        force = joint_mass[..., None] * n.gravity[:, None]
+        none = np.zeros_like(force)
+        return loads._replace(
+            point=np.concatenate([loads.point, none], axis=1),
+            force=np.concatenate([loads.force, force], axis=1),
+            moment=np.concatenate([loads.moment, none], axis=1),
+        )
 
 
-def _tip(placed: Any) -> np.ndarray:
-    """Interface B of a placed joint at rest (3,), global."""
-    return np.asarray(placed.origin) + np.asarray(placed.rotation) @ np.asarray(placed.joint.pose_B)
+def _scales(n: Numbers, leaves: Leaves) -> np.ndarray:
+    """(D, F, 4): what functions of the insides are multiplied by, see ONE .. MOMENT."""
+    L, bending = leaves.length, n.leaf[..., 10] * n.leaf[..., 15]
+    return np.stack([np.ones_like(L), 1.0 / L, bending / L**2, bending / L], axis=2)
 
 
-def build_loops(model: Model, contracted: list[Any]) -> Loops:
-    """The kinematics of all joints, from their contracted records."""
-    scene = model.scene
-    index = {link: i for i, link in enumerate(scene.links)}
-    places = reference_points(scene)
-    nodes = np.array([[index[j.a], index[j.b]] for j in scene.joints], np.int64).reshape(-1, 2)
-    tree, closing = _spanning_tree(nodes)
-    anchor = [
-        [np.asarray(j.origin) - places[a], _tip(j) - places[b]]
-        for j, (a, b) in zip(scene.joints, nodes, strict=True)
-    ]
-    size = max((c.powers.shape[0] for c in contracted), default=1)
-    power = [np.pad(c.powers, [(0, 0), (0, 2 - c.powers.shape[1])]) for c in contracted]
-    return Loops(
-        node=nodes,
-        anchor=np.array(anchor, float).reshape(-1, 2, 3),
-        frame=np.array([j.rotation for j in scene.joints], float).reshape(-1, 3, 3),
-        length=np.array([j.joint.length for j in scene.joints], float),
-        first=np.cumsum([0] + [len(j.joint.motions) for j in scene.joints]).astype(np.int64),
-        tree=np.array(tree, np.int64).reshape(-1, 2),
-        closing=np.array(closing, np.int64),
-        power_first=np.cumsum([0] + [len(p) for p in power]).astype(np.int64),
-        power=np.concatenate([*power, np.zeros((0, 2))]).astype(np.int64),
-        pose=_pad([c.interface for c in contracted], size).reshape(-1, 6, size),
+def body_design(bodies: JointBodies, d: int) -> JointBodies:
+    """Joint bodies of design d of many."""
+    return replace(
+        bodies,
+        loops=of_design(bodies.loops, ("anchor", "frame", "length", "pose"), d),
+        inside=of_design(bodies.inside, ("block_pose", "coefficient", "near_coefficient"), d),
+        bench=design(bodies.bench, d),
+        bench_rest=motion_design(bodies.bench_rest, d),
+        reduced=design(bodies.reduced, d),
+        reduced_rest=motion_design(bodies.reduced_rest, d),
+        motion_scale=bodies.motion_scale[d],
     )
 
 
-class _Bench:
-    """Collects the apart joints: nodes (ground, internal blocks, then all Bs), members, and database functions."""
-
-    def __init__(self, model: Model, size: int) -> None:
-        self.model, self.size = model, size
-        self.places: list[np.ndarray] = [np.zeros(3)]
-        self.members: list[Member] = []
-        self.block: list[tuple[int, int, np.ndarray]] = []
-        self.inner: list[tuple[int, int, np.ndarray]] = []
-        self.near: list[tuple[int, int, np.ndarray]] = []
-        self.near_length: list[int] = []
-        self.full_node: list[int] = []
-
-    def add(self, j: int, placed: Any, functions: Any, node_B: int) -> None:
-        joint = placed.joint
-        nodes = {"A": 0, "B": node_B}
-        inner_blocks = [b for b in joint.blocks() if b not in nodes]
-        places = dict(joint.blocks())
-        for k, block in enumerate(inner_blocks):
-            nodes[block] = len(self.places)
-            self.block.append((nodes[block], j, functions.blocks[k]))
-            self.full_node.append(self.model.node_names.index(f"{placed.name}/{block}"))
-            self.places.append(np.asarray(places[block], float))
-        table = np.zeros((node_B + 1, 3))
-        for block, node in nodes.items():
-            table[node] = joint.pose_B if block == "B" else (0.0 if block == "A" else places[block])
-        first = len(self.members)
-        heavy = pulls(self.model.scene)
-        self.members += joint_members_of(placed, self.model.mesh, nodes, table, None, heavy=heavy)
-        for n, leaf in enumerate(leafs_of(joint)):
-            self._functions(j, self.members[first + n], leaf, functions, n)
-
-    def _functions(self, j: int, member: Member, leaf: Any, functions: Any, n: int) -> None:
-        at = sum(len(m.inner) for m in self.members[: self.members.index(member)])
-        if member.kind == COROTATIONAL:
-            base = sum(self.near_length)
-            rotations = functions.rotations[n]
-            self.near += [
-                (j, base + 3 * i + r, rotations[i, r]) for i in range(len(rotations)) for r in range(3)
-            ]
-            self.near_length.append(3 * len(rotations))
-            return
-        self.near_length.append(0)
-        bending = leaf.material.E * leaf.section.Iz
-        theirs, mine, given, wanted = functions.orders, member.number[:3], 0, 0
-        for axis in range(3):
-            for k in range(min(theirs[axis], mine[axis])):
-                self.inner.append((j, at + wanted + k, functions.amplitudes[n, given + k] / member.length))
-            given, wanted = given + theirs[axis], wanted + int(mine[axis])
-        for r in range(6):
-            scale = bending / member.length ** (2 if r < 3 else 1)
-            self.inner.append((j, at + wanted + r, functions.wrench[n, r] * scale))
-
-
-def _flat(found: list[tuple[int, int, np.ndarray]], size: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    kept = [f for f in found if np.any(f[2])]
-    joint = np.array([f[0] for f in kept], np.int64)
-    target = np.array([f[1] for f in kept], np.int64)
-    return joint, target, _pad([f[2] for f in kept], size).reshape(-1, size)
-
-
-def build_bench(model: Model, contracted: list[Any]) -> tuple[Arrays, Motion, Inside, np.ndarray, np.ndarray]:
-    """The bench of all joints: arrays, rest state, database functions, near lengths, full-model nodes of the blocks."""
-    joints = model.scene.joints
-    size = max((c.powers.shape[0] for c in contracted), default=1)
-    blocks = sum(len([b for b in j.joint.blocks() if b not in ("A", "B")]) for j in joints)
-    bench = _Bench(model, size)
-    for j, (placed, functions) in enumerate(zip(joints, contracted, strict=True)):
-        bench.add(j, placed, functions, 1 + blocks + j)
-    places = np.array([*bench.places, *[np.asarray(j.joint.pose_B, float) for j in joints]]).reshape(-1, 3)
-    # as given; turned into the axes of every joint before it is condensed
-    gravity = model.scene.gravity
-    arrays, rest = pack(Assembly(places, bench.members, last=len(joints), gravity=gravity))
-    joint, target, coefficient = _flat(bench.inner, size)
-    near_joint, near_target, near_coefficient = _flat(bench.near, size)
-    inside = Inside(
-        np.array([b[0] for b in bench.block], np.int64),
-        np.array([b[1] for b in bench.block], np.int64),
-        _pad([b[2] for b in bench.block], size).reshape(-1, 6, size),
-        joint, target, coefficient, near_joint, near_target, near_coefficient,
-    )  # fmt: skip
-    return arrays, rest, inside, np.array(bench.near_length, np.int64), np.array(bench.full_node, np.int64)
-
-
-def build_reduced(model: Model) -> tuple[Arrays, Motion, Hung]:
-    """The reduced mechanism: links are the nodes, every joint one linear body and its weight a load, free leafs as they
-    are."""
-    scene = model.scene
-    places = reference_points(scene)
-    index = {link: i for i, link in enumerate(scene.links)}
-    members: list[Member] = []
-    for placed in scene.joints:
-        a, b = index[placed.a], index[placed.b]
-        floor = max(model.arrays.members.floor[model.joint_members[len(members)]], default=1.0)
-        members.append(
-            Member(placed.name, LINEAR, (a, b), np.array([np.asarray(placed.origin) - places[a], _tip(placed) - places[b]]),
-                   np.array([placed.rotation] * 2), np.zeros(0), np.zeros(1, np.int64), np.zeros(LINEAR_INNER), 0,
-                   placed.joint.length, float(floor))
-        )  # fmt: skip
-    for leaf in scene.leafs:
-        a, b = index[leaf.a], index[leaf.b]
-        ends: dict[str, Any] = {"nodes": (a, b), "places": (places[a], places[b])}
-        members.append(leaf_member(leaf.leaf, model.mesh, name=leaf.name, heavy=pulls(scene), **ends))
-    rows, _, _ = constraint_rows(scene, places)
-    springs = elastic_parts(scene, places)
-    pushes, hung = _hung(model, external_loads(scene, places), index)
-    return *pack(Assembly(places, members, rows, pushes, springs, gravity=scene.gravity)), hung
-
-
-def _hung(model: Model, pushes: list[Push], index: dict[str, int]) -> tuple[list[Push], Hung]:
-    """The loads with those that stand for the weight of the joints, at points that step 2 sets, and which they are."""
-    weight, joints = model.arrays.weight, model.scene.joints
-    leafs = [len(leafs_of(placed.joint)) for placed in joints]
-    if not len(weight) or not any(weight[s, 0].any() for s in model.joint_members):
-        return pushes, NOTHING_HUNG
-    load = np.full(len(joints), -1)
-    for j, (placed, own) in enumerate(zip(joints, model.joint_members, strict=True)):
-        mass = weight[own, 0].sum()
-        if index[placed.a] > 0 and mass > 0.0:
-            load[j] = len(pushes)
-            force = mass * np.asarray(model.scene.gravity, float)
-            pushes = [*pushes, Push(index[placed.a], np.zeros(3), force, np.zeros(3))]
-    return pushes, Hung(np.repeat(np.arange(len(joints)), leafs), load, np.array([sum(leafs), len(joints)]))
-
-
-def _contracted(joint: Any, record: Any, mesh: str | int, extrapolate: bool) -> Any:
-    """The record at the shape of a joint; RecordError for a chain it cannot stand for, and for another joint's record."""
+def _check_record(joint: Any, record: Record, mesh: str | int) -> None:
+    """RecordError for a record of another joint, and for a chain it cannot stand for."""
     leafs = leafs_of(joint)
     inner = [name for name in joint.blocks() if name not in ("A", "B")]
     counts = [(len(leafs), len(record.leafs), "leafs"), (len(inner), len(record.blocks), "internal blocks")]
@@ -297,41 +428,41 @@ def _contracted(joint: Any, record: Any, mesh: str | int, extrapolate: bool) -> 
                 f"the record of {joint.family} is of a joint with {there} {what}, this one has {here}; give your joint a "
                 "family name of its own and train it with ksd.train(joint)"
             )
-    plain = all(leaf.profile is None and leaf.curve is None for leaf in leafs)
-    if mesh not in record.functions and not plain:
-        known = ", ".join(str(n) for n in record.functions)
-        raise RecordError(
-            f"the record of {joint.family} has no chains of {mesh} elements, and its leafs are not straight and uniform, "
-            f"so none can be derived; use one of its meshes ({known}) or train it with meshes=(..., {mesh})"
+    if mesh in record.functions or all(leaf.profile is None and leaf.curve is None for leaf in leafs):
+        return
+    known = ", ".join(str(n) for n in record.functions)
+    raise RecordError(
+        f"the record of {joint.family} has no chains of {mesh} elements, and its leafs are not straight and uniform, "
+        f"so none can be derived; use one of its meshes ({known}) or train it with meshes=(..., {mesh})"
+    )
+
+
+def layout_of(template: Template, joints: Sequence[Any], records: Callable[[str], Record]) -> Layout:
+    """The layout of a template with the records of its different joints, that of the last call where they are the same.
+
+    Raises SceneError without joints, RecordError for a record of another joint, and what `Layout` raises.
+    """
+    if not joints:
+        raise SceneError(
+            "this mechanism has no catalogue joints, so there is nothing to reduce; use method='conventional'"
         )
-    return record.contract(joint.shape(), mesh, extrapolate=extrapolate)
+    mesh = "strain" if template.mesh.leaf == "strain" else template.mesh.elements
+    found = [records(joint.family) for joint in joints]
+    for joint, record in zip(joints, found, strict=True):
+        _check_record(joint, record, mesh)
+    last = template.layout
+    if last is None or any(a is not b for a, b in zip(last.records, found, strict=True)):
+        last = template.layout = Layout(template, found)
+    return last
 
 
-def joint_bodies(model: Model, records: Callable[[str], Any], *, extrapolate: bool = False) -> JointBodies:
+def joint_bodies(model: Model, records: Callable[[str], Record], *, extrapolate: bool = False) -> JointBodies:
     """Bodies of every joint of `model`; `records(family)` returns the trained record.
 
     Raises SceneError without joints, RangeError for a shape outside the trained range (unless `extrapolate`),
     KinematicsError when joints alone do not place every link.
     """
-    if not model.scene.joints:
-        raise SceneError(
-            "this mechanism has no catalogue joints, so there is nothing to reduce; use method='conventional'"
-        )
-    mesh = "strain" if model.mesh.leaf == "strain" else model.mesh.elements
-    different = {id(placed.joint): placed.joint for placed in model.scene.joints}
-    known = {i: _contracted(j, records(j.family), mesh, extrapolate) for i, j in different.items()}
-    contracted = [known[id(placed.joint)] for placed in model.scene.joints]
-    loops = build_loops(model, contracted)
-    bench, bench_rest, inside, near, full_node = build_bench(model, contracted)
-    reduced, reduced_rest, hung = build_reduced(model)
-    ranges, scales, names = [], [], []
-    for placed, functions in zip(model.scene.joints, contracted, strict=True):
-        for k, motion in enumerate(placed.joint.motions):
-            scales.append(placed.joint.length if motion.kind == "translation" else 1.0)
-            ranges.append(functions.motion_range[k])
-            names.append(placed.name if len(placed.joint.motions) == 1 else f"{placed.name}.{motion.name}")
-    return JointBodies(
-        loops, inside, bench, bench_rest, reduced, reduced_rest, near, full_node,
-        np.array(ranges, float).reshape(-1, 2), np.array(scales), tuple(names),
-        hung, _hanging(model, loops.tree.tolist(), loops.node),
-    )  # fmt: skip
+    made = drawn(model)
+    shapes = [[joint.shape()] for joint in made.drawing.joints]
+    layout = layout_of(made.template, made.drawing.joints, records)
+    return body_design(layout(made.numbers, made.filled, shapes, extrapolate=extrapolate), 0)

@@ -183,7 +183,7 @@ class Record:
         SceneError for an unknown or missing parameter or a mesh that makes no sense, RangeError outside the
         trained range unless `extrapolate`.
         """
-        places, outside = self._places(shape, extrapolate)
+        places, outside = self.places(shape, extrapolate=extrapolate)
         if mesh in self.functions:
             return self._contract(places, mesh, outside)
         if isinstance(mesh, bool) or not isinstance(mesh, int) or mesh < 1 or "strain" not in self.functions:
@@ -194,7 +194,11 @@ class Record:
         known = self._contract(places, longest, outside) if 1 < longest < mesh else None
         return longer_chain(self._contract(places, "strain", outside), mesh, known=known)
 
-    def _places(self, shape: Mapping[str, float], extrapolate: bool) -> tuple[Array, tuple[str, ...]]:
+    def places(
+        self, shape: Mapping[str, float], *, extrapolate: bool = False
+    ) -> tuple[Array, tuple[str, ...]]:
+        """Shape parameters as numbers in [-1, 1], in the order of `parameters`, and the names of those outside; raises as
+        `contract`."""
         for name in shape:
             if name not in self.shape_names:
                 near = get_close_matches(name, self.shape_names, 1)

@@ -16,7 +16,8 @@ from ksd.errors import SceneError
 from ksd.modal.bodies import member_pose
 from ksd.modal.choices import ModalBasis
 from ksd.model.arrays import LINEAR, MODAL, SOLID, Arrays, Motion
-from ksd.model.compile import Model, compile_given, constraint_rows, elastic_parts, external_loads, marked
+from ksd.model.compile import Model, compile_given, constraint_rows, external_loads, marked
+from ksd.model.drawing import elastic_parts
 from ksd.model.mesh import Mesh, MixedMesh
 from ksd.model.pack import Assembly, Member, pack
 from ksd.section.checks import show

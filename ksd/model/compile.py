@@ -8,16 +8,17 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from itertools import pairwise
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from ksd.errors import SceneError
 from ksd.model.arrays import ROTATION, TRANSLATION, Arrays, Motion
+from ksd.model.drawing import Drawing, Numbers, draw
 from ksd.model.effects import Choice, applied, choose
-from ksd.model.leafs import Mesh, leaf_member, split_leaf
-from ksd.model.pack import Assembly, Member, Push, Row, pack
+from ksd.model.mesh import Mesh
+from ksd.model.pack import Push, Row
+from ksd.model.template import Filled, Template, design, motion_design, template_of
 from ksd.scene.contents import WANTED
 from ksd.section.checks import LARGEST, number, show, similar
 
@@ -116,57 +117,6 @@ def reference_points(scene: Any) -> np.ndarray:
     return places
 
 
-def pulls(scene: Any) -> bool:
-    """Whether the scene has gravity, so that leafs of known density have weight."""
-    return scene.gravity is not None and any(scene.gravity)
-
-
-def joint_members_of(
-    placed: Any, mesh: Mesh, nodes: Mapping[str, int], places: np.ndarray, turn: Any, *, heavy: bool = False
-) -> list[Member]:
-    """Members of one joint whose blocks are `nodes` (by block name), at reference `places` (k, 3)."""
-    members = []
-    for leaf in placed.leafs():
-        pair = (nodes[leaf.start_block], nodes[leaf.end_block])
-        name = f"{placed.name}/{leaf.name}"
-        members.append(
-            leaf_member(
-                leaf,
-                mesh.of(name),
-                name=name,
-                nodes=pair,
-                places=(places[pair[0]], places[pair[1]]),
-                turn=turn,
-                heavy=heavy,
-            )
-        )
-    return members
-
-
-def _nodal_members(
-    leaf: Any, mesh: Mesh, name: str, pair: tuple[int, int], found: tuple[list, list, Any, bool]
-) -> list[Member]:
-    """One member per element, with a new model node at every cut; `found` = (places, node names, turn, heavy)."""
-    places, names, turn, heavy = found
-    pieces, cuts = split_leaf(leaf, leaf.elements or mesh.elements)
-    nodes = [pair[0], *range(len(places), len(places) + len(cuts)), pair[1]]
-    origin, rotation = turn if turn is not None else (np.zeros(3), np.eye(3))
-    places += [origin + rotation @ cut for cut in cuts]
-    names += [f"{name}.{k + 1}" for k in range(len(cuts))]
-    return [
-        leaf_member(
-            piece,
-            mesh,
-            name=f"{name}.{k + 1}",
-            nodes=(a, b),
-            places=(places[a], places[b]),
-            turn=turn,
-            heavy=heavy,
-        )
-        for k, (piece, (a, b)) in enumerate(zip(pieces, pairwise(nodes), strict=True))
-    ]
-
-
 def _row(terms: Any, index: Mapping[str, int], places: np.ndarray) -> Row:
     """A drive or support: its value is measured from rest, so the rest value of a translation is zero by choice of
     the base point: the base's own point coincides with the driven point at rest."""
@@ -214,77 +164,40 @@ def external_loads(scene: Any, places: np.ndarray) -> list[Push]:
     return [p for p in pushes if p.node != 0]
 
 
-class _Parts:
-    """Nodes and members of the full model while they are collected."""
+class Drawn(NamedTuple):
+    """What a model was made of: its drawing, the template of its words, its numbers and, D = 1, its arrays."""
 
-    def __init__(self, scene: Any, mesh: Mesh) -> None:
-        self.mesh, self.heavy = mesh, pulls(scene)
-        self.index = {link: i for i, link in enumerate(scene.links)}
-        self.names = list(scene.links)
-        self.places = list(reference_points(scene))
-        self.members: list[Member] = []
+    drawing: Drawing
+    template: Template
+    numbers: Numbers
+    filled: Filled
 
-    def add_joint(self, placed: Any) -> slice:
-        """Internal blocks as nodes, leafs as members; returns the slice of its members."""
-        turn = (np.asarray(placed.origin, float), np.asarray(placed.rotation, float))
-        nodes = {"A": self.index[placed.a], "B": self.index[placed.b]}
-        for block, point in placed.joint.blocks().items():
-            if block not in nodes:
-                nodes[block] = len(self.places)
-                self.places.append(turn[0] + turn[1] @ np.asarray(point, float))
-                self.names.append(f"{placed.name}/{block}")
-        first = len(self.members)
-        for leaf in placed.leafs():
-            pair = (nodes[leaf.start_block], nodes[leaf.end_block])
-            self._add(leaf, f"{placed.name}/{leaf.name}", pair, turn)
-        return slice(first, len(self.members))
 
-    def add_leaf(self, leaf: Any) -> None:
-        """A free leaf between two links, in global coordinates."""
-        self._add(leaf.leaf, leaf.name, (self.index[leaf.a], self.index[leaf.b]), None)
+def _drawn(scene: Any, mesh: Mesh) -> Drawn:
+    drawing = draw(scene, mesh)
+    template = template_of(drawing.words, mesh)
+    numbers = template.numbers([drawing.numbers])
+    return Drawn(drawing, template, numbers, template(numbers))
 
-    def _add(self, leaf: Any, name: str, pair: tuple[int, int], turn: Any) -> None:
-        """The member of a leaf, or those of its elements."""
-        mesh = self.mesh.of(name)
-        if mesh.nodal:
-            found = self.places, self.names, turn, self.heavy
-            self.members += _nodal_members(leaf, mesh, name, pair, found)
-            return
-        ends: dict[str, Any] = {"nodes": pair, "places": (self.places[pair[0]], self.places[pair[1]])}
-        self.members.append(leaf_member(leaf, mesh, name=name, turn=turn, heavy=self.heavy, **ends))
+
+def drawn(model: Model) -> Drawn:
+    """What the model of this scene and mesh is made of."""
+    found: Drawn | None = model.derived.get("drawn")
+    if found is None:
+        found = model.derived["drawn"] = _drawn(model.scene, model.mesh)
+    return found
 
 
 def compile_given(scene: Any, mesh: Mesh) -> Model:
     """The full model of a frozen scene exactly as it stands, no effect chosen: every leaf a member, every block a node."""
-    parts = _Parts(scene, mesh)
-    slices = [parts.add_joint(placed) for placed in scene.joints]
-    for leaf in scene.leafs:
-        parts.add_leaf(leaf)
-    places = np.array(parts.places)
-    rows, drives, supports = constraint_rows(scene, places)
-    springs = elastic_parts(scene, places)
-    pushes = external_loads(scene, places)
-    arrays, rest = pack(Assembly(places, parts.members, rows, pushes, springs, gravity=scene.gravity))
-    names = tuple(m.name for m in parts.members)
-    return Model(
-        scene, mesh, arrays, rest, tuple(parts.names), names, tuple(slices), drives, supports,
-        tuple(s.name for s in springs), scene,
+    made = _drawn(scene, mesh)
+    words, template = made.drawing.words, made.template
+    model = Model(
+        scene, mesh, design(made.filled.arrays, 0), motion_design(made.filled.rest, 0), template.node_names,
+        template.member_names, template.joint_members, words.drives, words.supports, template.spring_names, scene,
     )  # fmt: skip
-
-
-def elastic_parts(scene: Any, places: np.ndarray) -> list[Member]:
-    """Springs of a scene and its links with a matrix, between links at reference `places`; empty where it has none."""
-    links = [c for c in scene.compliances if c.matrix is not None and f"{c.link}/2" in scene.links]
-    if not scene.springs and not links:
-        return []
-    from ksd.model.springs import matrix_member, spring_members
-
-    index = {link: i for i, link in enumerate(scene.links)}
-    found = spring_members(scene.springs, index, places)
-    for c in links:
-        nodes = (index[c.link], index[f"{c.link}/2"])
-        found.append(matrix_member(c.link, c.matrix, nodes, places, np.asarray(c.width_axis)))
-    return found
+    model.derived["drawn"] = made
+    return model
 
 
 def compile_scene(
@@ -318,7 +231,9 @@ def compile_chosen(scene: Any, mesh: Mesh, choice: Choice) -> Model:
 
 def marked(model: Model, said: Any, choice: Choice | None) -> Model:
     """The model with what it stands for: the scene as described, and the choice of its effects."""
+    made = model.derived
     model = replace(model, said=said, choice=choice)
+    model.derived.update(made)
     if choice is not None and choice["spatial"].present:
         from ksd.model.plane import refuse_plane
 

@@ -54,15 +54,21 @@ def leaf_axes(start: np.ndarray, end: np.ndarray, width_axis: np.ndarray | None,
     return np.array([e1, e2, e3]).T
 
 
-def rigidities(section: Section, leaf: Any, mesh: Mesh) -> tuple[np.ndarray, np.ndarray]:
-    """(GJ, EIy, EIz) [N m^2] and (1/EA, 1/(ky GA), 1/(kz GA)) [1/N] of one section of a leaf."""
-    E, G, nu = leaf.material.E, leaf.material.G, leaf.material.nu
-    state = leaf.condition or Condition()
+def factors(section: Section, leaf: Any, mesh: Mesh) -> tuple[float, float]:
+    """What restrained warping multiplies GJ by, and plate stiffening E Iz, in one section of a leaf."""
     torsion, plate = 1.0, 1.0
     if mesh.warping and section.Iw > 0.0:
-        torsion = state.torsion or _own_torsion(leaf)
+        torsion = (leaf.condition and leaf.condition.torsion) or _own_torsion(leaf)
     if mesh.plate and section.width > section.thickness > 0.0:
-        plate = plate_factor(section.width, section.thickness, state.bend, nu)
+        bend = leaf.condition.bend if leaf.condition else 0.0
+        plate = plate_factor(section.width, section.thickness, bend, leaf.material.nu)
+    return torsion, plate
+
+
+def rigidities(section: Section, leaf: Any, mesh: Mesh) -> tuple[np.ndarray, np.ndarray]:
+    """(GJ, EIy, EIz) [N m^2] and (1/EA, 1/(ky GA), 1/(kz GA)) [1/N] of one section of a leaf."""
+    E, G = leaf.material.E, leaf.material.G
+    torsion, plate = factors(section, leaf, mesh)
     stiff = np.array([torsion * G * section.J, E * section.Iy, plate * E * section.Iz])
     shear = np.array([1.0 / (section.ky * G * section.A), 1.0 / (section.kz * G * section.A)])
     return stiff, np.concatenate([[1.0 / (E * section.A)], shear if mesh.shear else 0.0 * shear])
@@ -300,29 +306,15 @@ def _misfit(
     return tip, clamp
 
 
-def leaf_member(
-    leaf: Any,
-    mesh: Mesh,
-    *,
-    name: str,
-    nodes: tuple[int, int],
-    places: tuple[np.ndarray, np.ndarray],
-    turn: Any = None,
-    heavy: bool = False,
-) -> Member:
-    """The member of `leaf` between two nodes; heavy: with its weight, if its material has a density.
+def leaf_member(leaf: Any, mesh: Mesh, *, name: str, heavy: bool = False) -> Member:
+    """The member of `leaf`, its ends as drawn; heavy: with its weight, if its material has a density.
 
-    `places`: reference positions (3,) of the two nodes; `turn` = (origin, rotation) takes the leaf's own coordinates
-    to the nodes' (identity when None). Mesh choices carried by the leaf itself win over `mesh`.
+    Mesh choices carried by the leaf itself win over `mesh`.
     """
-    origin, rotation = turn if turn is not None else (np.zeros(3), np.eye(3))
-    start = origin + rotation @ np.asarray(leaf.start, float)
-    end = origin + rotation @ np.asarray(leaf.end, float)
-    width = None if leaf.width_axis is None else rotation @ np.asarray(leaf.width_axis, float)
     make = _strain_body if mesh.leaf == "strain" else _chain_body
-    heavy = heavy and bool(leaf.material.density)
     drawn = make(leaf, mesh, heavy)
-    axes, tip = _placed(start, end, width, drawn, name)
+    start = np.asarray(leaf.start, float)
+    axes, tip = _placed(start, np.asarray(leaf.end, float), np.asarray(leaf.width_axis, float), drawn, name)
     loose = natural(leaf)
     body = drawn if loose is leaf else make(loose, mesh, heavy)
     clamp = axes @ drawn.Q
@@ -331,8 +323,8 @@ def leaf_member(
     return Member(
         name=name,
         kind=body.kind,
-        nodes=nodes,
-        offset=np.array([start - places[0], tip - places[1]]),
+        nodes=(0, 0),
+        offset=np.array([start, tip]),
         frame=np.array([axes, clamp]),
         value=body.value,
         number=body.number,

@@ -1,15 +1,20 @@
-"""From lists of members, constraint rows and loads to the frozen arrays of `ksd.model.arrays`."""
+"""The integers of a model, and its arrays from lists of members, constraint rows and loads.
+
+`skeleton` lays out everything that does not depend on numbers; `ksd.model.template` fills in those of many designs, `pack`
+those of members made one by one.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 
 from ksd.beam.strain_values import strain_scratch
 from ksd.model.arrays import LINEAR, STRAIN, Arrays, Loads, Members, Motion, Terms
-from ksd.numerics.blocks import plan_blocks
+from ksd.numerics.blocks import Blocks, plan_blocks
 
 
 @dataclass(frozen=True)
@@ -64,23 +69,30 @@ class Assembly:
     gravity: np.ndarray | None = None
 
 
-def _pairs(parts: Assembly, nodes: int) -> list[tuple[int, int]]:
-    """Coupled blocks: block b of node k is k - 1, constraint i is nodes - 1 + i; ground has none."""
-    both = (*parts.members, *parts.springs)
-    found = [(m.nodes[0] - 1, m.nodes[1] - 1) for m in both if min(m.nodes) > 0]
-    for i, row in enumerate(parts.rows):
-        for _, _, a, b, *_ in row.terms:
-            found += [(k - 1, nodes - 1 + i) for k in (a, b) if k > 0]
-            if min(a, b) > 0 and a != b:
-                found.append((a - 1, b - 1))
-    return found
+class Shape(NamedTuple):
+    """What of a member does not depend on numbers: kind, nodes, settings, how many constants, inner states and stored
+    numbers, and its group: members of one group have the same constants."""
+
+    kind: int
+    nodes: tuple[int, int]
+    number: tuple[int, ...]
+    values: int
+    inner: int
+    store: int
+    group: int
+
+
+TermShape = tuple[int, int, int]
+"""Kind, base node and node of a term of a constraint row."""
+LoadShape = tuple[int, bool, bool]
+"""Node of a load, whether it turns with it, and whether its tangent has a skew part."""
 
 
 class Places:
     """Offsets of stored blocks by (node or row) pairs; -1 where an end is fixed."""
 
-    def __init__(self, offsets: dict, position: np.ndarray) -> None:
-        self.offsets, self.position = offsets, position
+    def __init__(self, offsets: dict[tuple[int, int], int], position: np.ndarray) -> None:
+        self.offsets, self.position = offsets, position.tolist()
 
     def diagonal(self, node: int) -> int:
         """Offset of the block of `node` itself."""
@@ -88,94 +100,138 @@ class Places:
 
     def pair(self, a: int, b: int) -> tuple[int, int]:
         """Offset of the block coupling block numbers a, b, and 1 when a is its row."""
-        i, j = int(self.position[a]), int(self.position[b])
+        i, j = self.position[a], self.position[b]
         return self.offsets[(max(i, j), min(i, j))], int(i > j)
 
     def coupling(self, a: int, b: int) -> tuple[int, int]:
         """Offset of the block coupling nodes a, b and 1 when a is its row; (-1, 0) when there is none."""
         return (-1, 0) if min(a, b) == 0 or a == b else self.pair(a - 1, b - 1)
 
+    def member(self, a: int, b: int) -> list[int]:
+        """Stored blocks (4,) of a member between nodes, see `Members`."""
+        return [self.diagonal(a), self.diagonal(b), *self.coupling(a, b)]
 
-def _pack_members(members: Sequence[Member], places: Places) -> tuple[Members, np.ndarray]:
-    values: list[np.ndarray] = []
-    seen: dict[bytes, int] = {}
-    at, total = [], 0
-    for m in members:
-        key = m.value.tobytes()
-        if key not in seen or m.kind == LINEAR:
-            seen[key] = total
-            values.append(m.value)
-            total += len(m.value)
-        at.append(seen[key])
-    block = [
-        [places.diagonal(m.nodes[0]), places.diagonal(m.nodes[1]), *places.coupling(*m.nodes)]
-        for m in members
-    ]
-    number = np.zeros((len(members), 4), np.int64)
-    for row, m in zip(number, members, strict=True):
+    def term(self, row: int, a: int, b: int) -> tuple[list[int], int]:
+        """Stored blocks (5,) of a term of constraint block `row` between nodes, and its flip, see `Terms`."""
+        ends = [-1 if k == 0 else self.pair(row, k - 1)[0] for k in (a, b)]
+        offset, turned = self.coupling(a, b)
+        return [*ends, self.diagonal(a), self.diagonal(b), offset], turned
+
+
+def coupled(
+    nodes: int, members: Iterable[Sequence[int]], rows: Iterable[Sequence[TermShape]]
+) -> list[tuple[int, int]]:
+    """Coupled blocks: block b of node k is k - 1, constraint i is nodes - 1 + i; ground has none."""
+    found = [(a - 1, b - 1) for a, b in members if a > 0 and b > 0]
+    for i, row in enumerate(rows):
+        for _, a, b in row:
+            found += [(k - 1, nodes - 1 + i) for k in (a, b) if k > 0]
+            if min(a, b) > 0 and a != b:
+                found.append((a - 1, b - 1))
+    return found
+
+
+def numbering(
+    nodes: int, width: int, pairs: list[tuple[int, int]], rows: int, last: int = 0
+) -> tuple[Blocks, Places, np.ndarray, np.ndarray]:
+    """Plan of `width` unknowns per node and one multiplier per row, offsets of its blocks, first unknown of every node, -1
+    for ground, and of every row."""
+    size = np.array([width] * (nodes - 1) + [1] * rows, np.int64)
+    waits = np.arange(len(size)) >= nodes - 1
+    plan, position, offsets = plan_blocks(size, pairs, waits=waits, last=last)
+    start = np.full(nodes, -1, np.int64)
+    start[1:] = plan.start[position[: nodes - 1]]
+    return plan, Places(offsets, position), start, plan.start[position[nodes - 1 :]]
+
+
+def _members(shapes: Sequence[Shape], places: Places) -> Members:
+    """Integers of members; the floats are zero."""
+    first: dict[int, int] = {}
+    at, total, count = [], 0, len(shapes)
+    for m in shapes:
+        if m.group not in first:
+            first[m.group] = total
+            total += m.values
+        at.append(first[m.group])
+    number = np.zeros((count, 4), np.int64)
+    for row, m in zip(number, shapes, strict=True):
         row[: len(m.number)] = m.number
-    packed = Members(
-        kind=np.array([m.kind for m in members], np.int64),
-        node=np.array([m.nodes for m in members], np.int64).reshape(-1, 2),
-        offset=np.array([m.offset for m in members], float).reshape(-1, 2, 3),
-        frame=np.array([m.frame for m in members], float).reshape(-1, 2, 3, 3),
+    return Members(
+        kind=np.array([m.kind for m in shapes], np.int64),
+        node=np.array([m.nodes for m in shapes], np.int64).reshape(-1, 2),
+        offset=np.zeros((count, 2, 3)),
+        frame=np.zeros((count, 2, 3, 3)),
         number=number,
         value_at=np.array(at, np.int64),
-        value=np.concatenate([*values, np.zeros(1)]),
-        inner_at=np.cumsum([0] + [len(m.inner) for m in members]).astype(np.int64),
-        store_at=np.cumsum([0] + [m.store for m in members]).astype(np.int64),
-        length=np.array([m.length for m in members], float),
-        floor=np.array([m.floor for m in members], float),
-        block=np.array(block, np.int64).reshape(-1, 4),
+        value=np.zeros(total + 1),
+        inner_at=np.cumsum([0] + [m.inner for m in shapes]).astype(np.int64),
+        store_at=np.cumsum([0] + [m.store for m in shapes]).astype(np.int64),
+        length=np.zeros(count),
+        floor=np.zeros(count),
+        block=np.array([places.member(*m.nodes) for m in shapes], np.int64).reshape(-1, 4),
     )
-    return packed, np.concatenate([np.zeros(0), *[m.inner for m in members]])
 
 
-NO_SPRINGS = _pack_members((), Places({}, np.zeros(0, np.int64)))[0]
+NO_SPRINGS = _members((), Places({}, np.zeros(0, np.int64)))
 """What all models without springs share."""
 
 
-def _pack_rows(rows: Sequence[Row], places: Places, nodes: int, start: np.ndarray) -> Terms:
-    first, flat, block, flip = [0], [], [], []
-    for i, row in enumerate(rows):
-        for term in row.terms:
-            a, b = term[2], term[3]
-            ends = [-1 if k == 0 else places.pair(nodes - 1 + i, k - 1)[0] for k in (a, b)]
-            offset, turned = places.coupling(a, b)
-            block.append([*ends, places.diagonal(a), places.diagonal(b), offset])
-            flip.append(turned)
-            flat.append(term)
-        first.append(len(flat))
+def _terms(rows: Sequence[Sequence[TermShape]], places: Places, nodes: int, start: np.ndarray) -> Terms:
+    """Integers of constraint rows; the floats are zero."""
+    found = [places.term(nodes - 1 + i, a, b) for i, row in enumerate(rows) for _, a, b in row]
+    flat = [term for row in rows for term in row]
     return Terms(
-        first=np.array(first, np.int64),
+        first=np.cumsum([0] + [len(row) for row in rows]).astype(np.int64),
         start=start,
-        coefficient=np.array([t[0] for t in flat], float),
-        kind=np.array([t[1] for t in flat], np.int64),
-        node=np.array([t[2:4] for t in flat], np.int64).reshape(-1, 2),
-        direction=np.array([t[4] for t in flat], float).reshape(-1, 3),
-        point=np.array([t[5:7] for t in flat], float).reshape(-1, 2, 3),
-        block=np.array(block, np.int64).reshape(-1, 5),
-        flip=np.array(flip, np.int64),
+        coefficient=np.zeros(len(flat)),
+        kind=np.array([t[0] for t in flat], np.int64),
+        node=np.array([t[1:] for t in flat], np.int64).reshape(-1, 2),
+        direction=np.zeros((len(flat), 3)),
+        point=np.zeros((len(flat), 2, 3)),
+        block=np.array([block for block, _ in found], np.int64).reshape(-1, 5),
+        flip=np.array([turned for _, turned in found], np.int64),
     )
 
 
-def _pack_loads(pushes: Sequence[Push], places: Places) -> Loads:
+def _loads(shapes: Sequence[LoadShape], places: Places) -> Loads:
+    """Integers of loads; the floats are zero."""
+    count = len(shapes)
     return Loads(
-        node=np.array([p.node for p in pushes], np.int64),
-        point=np.array([p.point for p in pushes], float).reshape(-1, 3),
-        force=np.array([p.force for p in pushes], float).reshape(-1, 3),
-        moment=np.array([p.moment for p in pushes], float).reshape(-1, 3),
-        following=np.array([int(p.following) for p in pushes], np.int64),
-        skew=np.array([int(p.following or np.any(p.moment)) for p in pushes], np.int64),
-        block=np.array([places.diagonal(p.node) for p in pushes], np.int64),
+        node=np.array([s[0] for s in shapes], np.int64),
+        point=np.zeros((count, 3)),
+        force=np.zeros((count, 3)),
+        moment=np.zeros((count, 3)),
+        following=np.array([s[1] for s in shapes], np.int64),
+        skew=np.array([s[2] for s in shapes], np.int64),
+        block=np.array([places.diagonal(s[0]) for s in shapes], np.int64),
     )
 
 
-def _weight(parts: Assembly) -> np.ndarray:
-    """Mass of every member and the gravity that pulls at it (m, 4); (0, 4) where none weighs anything."""
-    if parts.gravity is None or not any(m.mass for m in parts.members):
-        return np.zeros((0, 4))
-    return np.array([[m.mass, *parts.gravity] for m in parts.members])
+def skeleton(
+    nodes: int,
+    members: Sequence[Shape],
+    rows: Sequence[Sequence[TermShape]] = (),
+    loads: Sequence[LoadShape] = (),
+    springs: Sequence[Shape] = (),
+    *,
+    last: int = 0,
+) -> Arrays:
+    """Arrays of a mechanism, all of whose floats are still zero. Nodes 1.. get six unknowns each, every row one
+    multiplier; the `last` nodes are eliminated last."""
+    pairs = coupled(nodes, (m.nodes for m in (*members, *springs)), rows)
+    plan, places, start, row_start = numbering(nodes, 6, pairs, len(rows), last)
+    return Arrays(
+        plan,
+        start,
+        _members(members, places),
+        _terms(rows, places, nodes, row_start),
+        _loads(loads, places),
+        0.0,
+        _members(springs, places) if springs else NO_SPRINGS,
+        max((strain_scratch(np.array(m.number)) for m in members if m.kind == STRAIN), default=0),
+        np.zeros((0, 4)),
+        np.arange(6),
+    )
 
 
 def spread(places: np.ndarray, offset: np.ndarray, node: np.ndarray) -> np.ndarray:
@@ -186,30 +242,61 @@ def spread(places: np.ndarray, offset: np.ndarray, node: np.ndarray) -> np.ndarr
     return np.ptp(seen, axis=1).max(axis=1) if seen.shape[1] else np.zeros(len(places))
 
 
-def pack(parts: Assembly) -> tuple[Arrays, Motion]:
-    """Arrays of a mechanism and its rest state. Nodes 1.. get six unknowns each, every row one multiplier."""
-    nodes, rows = len(parts.reference), len(parts.rows)
-    size = np.array([6] * (nodes - 1) + [1] * rows, np.int64)
-    waits = np.arange(len(size)) >= nodes - 1
-    plan, position, offsets = plan_blocks(size, _pairs(parts, nodes), waits=waits, last=parts.last)
-    places = Places(offsets, position)
-    start = np.full(nodes, -1, np.int64)
-    start[1:] = plan.start[position[: nodes - 1]]
-    members, inner = _pack_members(parts.members, places)
-    springs = _pack_members(parts.springs, places)[0] if parts.springs else NO_SPRINGS
-    extent = spread(np.asarray(parts.reference, float)[None], members.offset[None], members.node)[0]
-    length = float(max(extent, members.length.max(initial=0.0)))
-    arrays = Arrays(
-        plan,
-        start,
-        members,
-        _pack_rows(parts.rows, places, nodes, plan.start[position[nodes - 1 :]]),
-        _pack_loads(parts.pushes, places),
-        length,
-        springs,
-        max((strain_scratch(m.number) for m in parts.members if m.kind == STRAIN), default=0),
-        _weight(parts),
-        np.arange(6),
+def _shapes(members: Sequence[Member]) -> list[Shape]:
+    """Shapes of members; those of equal constants are a group."""
+    known: dict[bytes, int] = {}
+    found = []
+    for i, m in enumerate(members):
+        key = str(i).encode() if m.kind == LINEAR else m.value.tobytes()
+        number = tuple(m.number.tolist())
+        group = known.setdefault(key, i)
+        found.append(Shape(m.kind, m.nodes, number, len(m.value), len(m.inner), m.store, group))
+    return found
+
+
+def _filled(packed: Members, members: Sequence[Member]) -> Members:
+    """Integers of members with their numbers."""
+    value = packed.value.copy()
+    for at, m in zip(packed.value_at, members, strict=True):
+        value[at : at + len(m.value)] = m.value
+    return packed._replace(
+        offset=np.array([m.offset for m in members], float).reshape(-1, 2, 3),
+        frame=np.array([m.frame for m in members], float).reshape(-1, 2, 3, 3),
+        value=value,
+        length=np.array([m.length for m in members], float),
+        floor=np.array([m.floor for m in members], float),
     )
-    rest = Motion(np.array(parts.reference, float), np.tile(np.eye(3), (nodes, 1, 1)), inner, np.zeros(rows))
-    return arrays, rest
+
+
+def pack(parts: Assembly) -> tuple[Arrays, Motion]:
+    """Arrays of a mechanism given by its members, and its rest state."""
+    flat = [term for row in parts.rows for term in row.terms]
+    loads = [(p.node, p.following, bool(p.following or np.any(p.moment))) for p in parts.pushes]
+    rows = [[(t[1], t[2], t[3]) for t in row.terms] for row in parts.rows]
+    nodes = len(parts.reference)
+    laid = skeleton(nodes, _shapes(parts.members), rows, loads, _shapes(parts.springs), last=parts.last)
+    members = _filled(laid.members, parts.members)
+    reference = np.array(parts.reference, float)
+    extent = spread(reference[None], members.offset[None], members.node)[0]
+    weight = laid.weight
+    if parts.gravity is not None and any(m.mass for m in parts.members):
+        weight = np.array([[m.mass, *parts.gravity] for m in parts.members])
+    arrays = laid._replace(
+        members=members,
+        terms=laid.terms._replace(
+            coefficient=np.array([t[0] for t in flat], float),
+            direction=np.array([t[4] for t in flat], float).reshape(-1, 3),
+            point=np.array([t[5:7] for t in flat], float).reshape(-1, 2, 3),
+        ),
+        loads=laid.loads._replace(
+            point=np.array([p.point for p in parts.pushes], float).reshape(-1, 3),
+            force=np.array([p.force for p in parts.pushes], float).reshape(-1, 3),
+            moment=np.array([p.moment for p in parts.pushes], float).reshape(-1, 3),
+        ),
+        size=float(max(extent, members.length.max(initial=0.0))),
+        springs=_filled(laid.springs, parts.springs) if parts.springs else laid.springs,
+        weight=weight,
+    )
+    inner = np.concatenate([np.zeros(0), *[m.inner for m in parts.members]])
+    turned = np.tile(np.eye(3), (nodes, 1, 1))
+    return arrays, Motion(reference, turned, inner, np.zeros(len(parts.rows)))

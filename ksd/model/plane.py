@@ -33,8 +33,7 @@ from ksd.model.arrays import (
     Work,
 )
 from ksd.model.compile import Model
-from ksd.model.pack import Places
-from ksd.numerics.blocks import plan_blocks
+from ksd.model.pack import Places, coupled, numbering
 
 PARALLEL = 1e-9
 """Sine of the angle below which two directions count as parallel."""
@@ -85,23 +84,18 @@ class Plane:
 def _masked(arrays: Arrays, axis: int, rows: np.ndarray) -> Arrays:
     """The arrays with those unknowns of every node that are in the plane across global axis `axis`, and `rows` alone."""
     keep = np.array([*(c for c in range(3) if c != axis), 3 + axis])
-    nodes, terms = len(arrays.start), arrays.terms
-    size = np.array([len(keep)] * (nodes - 1) + [1] * len(rows), np.int64)
-    waits = np.arange(len(size)) >= nodes - 1
-    plan, position, offsets = plan_blocks(size, _pairs(arrays, rows), waits=waits)
-    places = Places(offsets, position)
-    start = np.full(nodes, -1, np.int64)
-    start[1:] = plan.start[position[: nodes - 1]]
+    nodes, terms, springs = len(arrays.start), arrays.terms, arrays.springs
+    first, node = terms.first.tolist(), terms.node.tolist()
+    own = [[(0, *node[t]) for t in range(first[row], first[row + 1])] for row in rows.tolist()]
+    ends = [*arrays.members.node.tolist(), *springs.node.tolist()]
+    plan, places, start, start_of_rows = numbering(nodes, len(keep), coupled(nodes, ends, own), len(rows))
     row_start = np.full(len(terms.start), -1, np.int64)
-    row_start[rows] = plan.start[position[nodes - 1 :]]
+    row_start[rows] = start_of_rows
     block, flip = np.full_like(terms.block, -1), np.zeros_like(terms.flip)
-    for i, row in enumerate(rows):
-        for t in range(terms.first[row], terms.first[row + 1]):
-            a, b = (int(n) for n in terms.node[t])
-            ends = [-1 if n == 0 else places.pair(nodes - 1 + i, n - 1)[0] for n in (a, b)]
-            offset, flip[t] = places.coupling(a, b)
-            block[t] = [*ends, places.diagonal(a), places.diagonal(b), offset]
-    load_block = np.array([places.diagonal(int(n)) for n in arrays.loads.node], np.int64)
+    for i, row in enumerate(rows.tolist()):
+        for t in range(first[row], first[row + 1]):
+            block[t], flip[t] = places.term(nodes - 1 + i, *node[t])
+    load_block = np.array([places.diagonal(n) for n in arrays.loads.node.tolist()], np.int64)
     return arrays._replace(
         plan=plan,
         start=start,
@@ -109,28 +103,14 @@ def _masked(arrays: Arrays, axis: int, rows: np.ndarray) -> Arrays:
         terms=terms._replace(start=row_start, block=block, flip=flip),
         # a moment along the normal has an energy in the plane
         loads=arrays.loads._replace(block=load_block, skew=arrays.loads.following.copy()),
-        springs=arrays.springs._replace(block=_blocks(arrays.springs.node, places))
-        if len(arrays.springs.kind)
-        else arrays.springs,
+        springs=springs._replace(block=_blocks(springs.node, places)) if len(springs.kind) else springs,
         keep=keep,
     )
 
 
-def _pairs(arrays: Arrays, rows: np.ndarray) -> list[tuple[int, int]]:
-    """Coupled blocks: block b of node k is k - 1, constraint i is nodes - 1 + i; ground has none."""
-    nodes, terms = len(arrays.start), arrays.terms
-    ends = np.concatenate([arrays.members.node, arrays.springs.node])
-    found = [(int(a) - 1, int(b) - 1) for a, b in ends]
-    for i, row in enumerate(rows):
-        for a, b in terms.node[terms.first[row] : terms.first[row + 1]]:
-            found += [(int(k) - 1, nodes - 1 + i) for k in (a, b)] + [(int(a) - 1, int(b) - 1)]
-    return [pair for pair in found if min(pair) >= 0]
-
-
 def _blocks(nodes: np.ndarray, places: Places) -> np.ndarray:
     """Stored blocks (m, 4) of members between nodes (m, 2), see `Members`."""
-    found = [[places.diagonal(a), places.diagonal(b), *places.coupling(a, b)] for a, b in nodes.tolist()]
-    return np.array(found, np.int64).reshape(-1, 4)
+    return np.array([places.member(a, b) for a, b in nodes.tolist()], np.int64).reshape(-1, 4)
 
 
 def _members(arrays: Arrays, places: Places) -> Members:

@@ -118,7 +118,9 @@ def plan_blocks(
 
 
 @lru_cache(maxsize=128)
-def _planned(size: tuple[int, ...], pairs: tuple[tuple[int, int], ...], waits: tuple[bool, ...], last: int) -> Plan:
+def _planned(
+    size: tuple[int, ...], pairs: tuple[tuple[int, int], ...], waits: tuple[bool, ...], last: int
+) -> Plan:
     count = len(size)
     neighbours: list[set[int]] = [set() for _ in range(count)]
     for a, b in pairs:

@@ -1,0 +1,315 @@
+"""A scene taken apart: words, which say what hangs on what, and numbers in a fixed order.
+
+Scenes of equal words differ in numbers alone, and make models of the same unknowns (`ksd.model.template`). A part is a
+placed joint, or a free leaf between two links; leaves that bring their constants along (curved, tapered, heated,
+prestressed) have them among the numbers.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ksd.model.arrays import COROTATIONAL, ROTATION, STRAIN, TRANSLATION
+from ksd.model.leafs import factors, leaf_member, raised_orders, split_leaf
+from ksd.model.mesh import Mesh
+from ksd.model.pack import Member
+from ksd.model.springs import matrix_member, spring_members
+from ksd.scene.leaf import Condition
+
+LEAF = 21
+"""Numbers of a leaf: start, end, width axis (3 each), length, E, G, A, J, Iy, Iz, ky, kz, density, factors on GJ, E Iz."""
+SPRING = 26
+"""Numbers of a spring beside its constants: ends (2, 3), end frames (2, 3, 3), length, floor."""
+GIVEN = 25
+"""Numbers of a leaf that brings its constants, beside these: ends (2, 3), end frames (2, 3, 3), mass."""
+DIGITS = 12
+"""To which lengths of leaves, over that of their joint, are compared: leaves drawn alike differ in the last digits."""
+
+
+class LeafWords(NamedTuple):
+    """name; blocks at start and end; kind and settings of the member; whether it has weight; group: leaves of one group have
+    the same constants; given: (constants, inner state), how many numbers it brings, None where they follow from LEAF."""
+
+    name: str
+    ends: tuple[str, str]
+    kind: int
+    number: tuple[int, ...]
+    heavy: bool
+    group: int
+    given: tuple[int, int] | None
+
+
+class PartWords(NamedTuple):
+    """family, "" for a free leaf; name and kind of every intended motion; internal blocks; leaves."""
+
+    family: str
+    motions: tuple[tuple[str, str], ...]
+    blocks: tuple[str, ...]
+    leaves: tuple[LeafWords, ...]
+
+
+class Words(NamedTuple):
+    """What scenes have in common that make models of the same unknowns.
+
+    parts: (what stands before the names of its blocks and leaves, link at A, link at B, number in `different`), the placed
+    joints first; joints: their names. rows: (kind, base, link) of every term of drives, then supports; loads: (link,
+    following, whether its tangent has a skew part); springs: (name, kind, links, constants); pulls: there is gravity.
+    """
+
+    links: tuple[str, ...]
+    joints: tuple[str, ...]
+    parts: tuple[tuple[str, int, int, int], ...]
+    different: tuple[PartWords, ...]
+    rows: tuple[tuple[tuple[int, int, int], ...], ...]
+    drives: tuple[str, ...]
+    supports: tuple[str, ...]
+    loads: tuple[tuple[int, bool, bool], ...]
+    springs: tuple[tuple[str, int, tuple[int, int], int], ...]
+    pulls: bool
+
+
+@dataclass(frozen=True)
+class Drawing:
+    """Words and numbers (flat, see `Numbers`) of a scene; joints: the different ones, in the order of `Words.different`."""
+
+    words: Words
+    numbers: list[float]
+    joints: tuple[Any, ...]
+
+
+class Numbers(NamedTuple):
+    """The numbers of D scenes of equal words.
+
+    origin (D, P, 3), rotation (D, P, 3, 3): of the parts; length (D, U), ends (D, U, 2, 3): of the different ones, and their
+    points A and B; point (D, B, 3): internal blocks; leaf (D, F, LEAF); terms (D, T, 7): coefficient, direction and point;
+    loads (D, L, 9): place, force, moment; gravity (D, 3); springs, given (D, ..): of all springs, and of leaves that bring
+    their constants.
+    """
+
+    origin: np.ndarray
+    rotation: np.ndarray
+    length: np.ndarray
+    ends: np.ndarray
+    point: np.ndarray
+    leaf: np.ndarray
+    terms: np.ndarray
+    loads: np.ndarray
+    gravity: np.ndarray
+    springs: np.ndarray
+    given: np.ndarray
+
+
+def apart(words: Words, rows: np.ndarray) -> Numbers:
+    """The numbers (D, k) of scenes of these words by what they are of."""
+    leaves = sum(len(p.leaves) for p in words.different)
+    shapes: tuple[tuple[int, ...], ...] = (
+        (len(words.parts), 3), (len(words.parts), 3, 3), (len(words.different),), (len(words.different), 2, 3),
+        (sum(len(p.blocks) for p in words.different), 3), (leaves, LEAF), (sum(map(len, words.rows)), 7),
+        (len(words.loads), 9), (3,), (sum(SPRING + s[3] for s in words.springs),),
+    )  # fmt: skip
+    parts, at = [], 0
+    for shape in shapes:
+        end = at + int(np.prod(shape))
+        parts.append(rows[:, at:end].reshape(len(rows), *shape))
+        at = end
+    return Numbers(*parts, rows[:, at:])  # type: ignore[call-arg]
+
+
+class _Parts:
+    """Words and numbers of parts while they are collected."""
+
+    def __init__(self, mesh: Mesh, heavy: bool) -> None:
+        self.mesh, self.heavy = mesh, heavy
+        self.different: list[PartWords] = []
+        self.length: list[float] = []
+        self.ends: list[float] = []
+        self.point: list[float] = []
+        self.leaf: list[float] = []
+        self.given: list[float] = []
+        self.groups: dict[Any, int] = {}
+
+    def add(
+        self, joint: Any, leaves: Iterable[tuple[str, Any]], before: str, ends: tuple[Any, Any], length: float
+    ) -> None:
+        """A joint, or (None) a free leaf, with its leaves by name; before: what their full names begin with."""
+        blocks = {} if joint is None else {n: p for n, p in joint.blocks().items() if n not in ("A", "B")}
+        for point in blocks.values():
+            self.point += point
+        names, found = list(blocks), []
+        for name, leaf in leaves:
+            mesh = self.mesh.of(before + name)
+            own = (leaf.start_block, leaf.end_block) if joint is not None else ("A", "B")
+            if not mesh.nodal:
+                found.append(self._leaf(leaf, mesh, (before, name), own, length))
+                continue
+            # every element a leaf of its own, between nodes that are drawn as blocks
+            pieces, cuts = split_leaf(leaf, leaf.elements or mesh.elements)
+            between = [f"{name}.{k + 1}" for k in range(len(cuts))]
+            names += between
+            for cut in cuts:
+                self.point += cut.tolist()
+            pairs = pairwise([own[0], *between, own[1]])
+            for k, (piece, pair) in enumerate(zip(pieces, pairs, strict=True)):
+                found.append(self._leaf(piece, mesh, (before, f"{name}.{k + 1}"), pair, length))
+        self.length.append(length)
+        for end in ends:
+            self.ends += end
+        motions = () if joint is None else tuple((m.name, m.kind) for m in joint.motions)
+        family = "" if joint is None else joint.family
+        self.different.append(PartWords(family, motions, tuple(names), tuple(found)))
+
+    def _leaf(
+        self, leaf: Any, mesh: Mesh, name: tuple[str, str], ends: tuple[str, str], length: float
+    ) -> LeafWords:
+        """Words of a leaf, name in two parts; its numbers are put down."""
+        section, material, state = leaf.section, leaf.material, leaf.condition
+        torsion, plate = factors(section, leaf, mesh)
+        long, density = leaf.length, material.density or 0.0
+        heavy = self.heavy and density > 0.0
+        size = (
+            material.E, material.G, section.A, section.J, section.Iy, section.Iz, section.ky, section.kz, density,
+        )  # fmt: skip
+        self.leaf += (*leaf.start, *leaf.end, *leaf.width_axis, long, *size, torsion, plate)
+        plain = leaf.profile is None and leaf.curve is None and (state is None or _as_drawn(state))
+        if not plain:
+            return self._given(leaf, mesh, name, ends, heavy)
+        number: tuple[int, ...]
+        if mesh.leaf == "strain":
+            orders, points = raised_orders(leaf, mesh)
+            kind, number = STRAIN, (*orders, points)
+        else:
+            kind, number = COROTATIONAL, (leaf.elements or mesh.elements, int(mesh.mip))
+        rounded = tuple(round(v, DIGITS) for v in (long / length, torsion, plate))
+        key = (*rounded, length, size, kind, number, heavy)
+        group = self.groups.setdefault(key, len(self.groups))
+        return LeafWords(name[1], ends, kind, number, heavy, group, None)
+
+    def _given(
+        self, leaf: Any, mesh: Mesh, name: tuple[str, str], ends: tuple[str, str], heavy: bool
+    ) -> LeafWords:
+        """Words of a leaf that brings its constants."""
+        made = leaf_member(leaf, mesh, name="".join(name), heavy=heavy)
+        for array in (made.offset, made.frame):
+            self.given += array.ravel().tolist()
+        self.given += [made.mass, *made.inner.tolist(), *made.value.tolist()]
+        key = made.value.tobytes(), made.kind, made.number.tobytes()
+        group = self.groups.setdefault(key, len(self.groups))
+        sizes = len(made.value), len(made.inner)
+        return LeafWords(name[1], ends, made.kind, tuple(made.number.tolist()), heavy, group, sizes)
+
+
+def _as_drawn(state: Condition) -> bool:
+    """Whether a leaf in this condition is free of stress as drawn."""
+    return state.stretch == 1.0 and state.bow == 0.0 and not any(state.shift) and not any(state.turn)
+
+
+_STILL = (0.0, 0.0, 0.0)
+_AXES = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)
+
+
+def draw(scene: Any, mesh: Mesh) -> Drawing:
+    """Words and numbers of a frozen scene exactly as it stands. Raises SceneError for leaves that have no model."""
+    index = {link: i for i, link in enumerate(scene.links)}
+    parts = _Parts(mesh, pulls(scene))
+    known: dict[Any, int] = {}
+    placed_parts: list[tuple[str, int, int, int]] = []
+    places: list[float] = []
+    turns: list[float] = []
+    joints: list[Any] = []
+    plain = type(mesh).of is Mesh.of
+    for placed in scene.joints:
+        joint, before = placed.joint, f"{placed.name}/"
+        key = (id(joint), placed.conditions, "" if plain else before)
+        u = known.setdefault(key, len(joints))
+        if u == len(joints):
+            joints.append(joint)
+            own = ((leaf.name, leaf) for leaf in placed.leafs())
+            parts.add(joint, own, before, (_STILL, joint.pose_B), joint.length)
+        placed_parts.append((before, index[placed.a], index[placed.b], u))
+        places += placed.origin
+        for row in placed.rotation:
+            turns += row
+    for free in scene.leafs:
+        leaf = free.leaf
+        placed_parts.append(("", index[free.a], index[free.b], len(parts.different)))
+        parts.add(None, ((free.name, leaf),), "", (leaf.start, leaf.end), leaf.length)
+        places += _STILL
+        turns += _AXES
+    rows, terms = _rows(scene, index)
+    loads, pushed = _loads(scene, index)
+    springs = elastic_parts(scene, np.zeros((len(index), 3)))
+    words = Words(
+        scene.links, tuple(p.name for p in scene.joints), tuple(placed_parts), tuple(parts.different), rows,
+        tuple(d.name for d in scene.drives), tuple(s.name for s in scene.supports), loads,
+        tuple((s.name, s.kind, s.nodes, len(s.value)) for s in springs), parts.heavy,
+    )  # fmt: skip
+    numbers = [
+        *places, *turns, *parts.length, *parts.ends, *parts.point, *parts.leaf, *terms, *pushed,
+        *(scene.gravity or _STILL), *_spring_numbers(springs), *parts.given,
+    ]  # fmt: skip
+    return Drawing(words, numbers, tuple(joints))
+
+
+def pulls(scene: Any) -> bool:
+    """Whether the scene has gravity, so that leafs of known density have weight."""
+    return scene.gravity is not None and any(scene.gravity)
+
+
+def _rows(scene: Any, index: dict[str, int]) -> tuple[tuple[Any, ...], list[float]]:
+    """Words and numbers of drives and supports."""
+    words: list[tuple[tuple[int, int, int], ...]] = []
+    numbers: list[float] = []
+    for row in (*scene.drives, *scene.supports):
+        words.append(
+            tuple(
+                (ROTATION if t.kind == "rotation" else TRANSLATION, index[t.base], index[t.link])
+                for t in row.terms
+            )
+        )
+        for t in row.terms:
+            numbers += (t.coefficient, *t.direction, *t.point)
+    return tuple(words), numbers
+
+
+def _loads(scene: Any, index: dict[str, int]) -> tuple[tuple[Any, ...], list[float]]:
+    """Words and numbers of the loads on links that move; gravity acts at the centre of every mass the scene names."""
+    words: list[tuple[int, bool, bool]] = []
+    numbers: list[float] = []
+    for load in scene.loads:
+        node = index[load.link]
+        if node:
+            following = bool(load.following)
+            words.append((node, following, following or any(load.moment)))
+            numbers += (*load.at, *load.force, *load.moment)
+    for mass in scene.masses if scene.gravity is not None else ():
+        node = index[mass.link]
+        if node:
+            words.append((node, False, False))
+            numbers += (*mass.at, *(mass.mass * g for g in scene.gravity), 0.0, 0.0, 0.0)
+    return tuple(words), numbers
+
+
+def elastic_parts(scene: Any, places: np.ndarray) -> list[Member]:
+    """Springs of a scene and its links with a matrix, between links at reference `places`; empty where it has none."""
+    links = [c for c in scene.compliances if c.matrix is not None and f"{c.link}/2" in scene.links]
+    if not scene.springs and not links:
+        return []
+    index = {link: i for i, link in enumerate(scene.links)}
+    found = spring_members(scene.springs, index, places)
+    for c in links:
+        nodes = (index[c.link], index[f"{c.link}/2"])
+        found.append(matrix_member(c.link, c.matrix, nodes, places, np.asarray(c.width_axis)))
+    return found
+
+
+def _spring_numbers(springs: Sequence[Member]) -> list[float]:
+    """Numbers of springs whose ends are given from the origin."""
+    found: list[float] = []
+    for s in springs:
+        found += [*s.offset.ravel().tolist(), *s.frame.ravel().tolist(), s.length, s.floor, *s.value.tolist()]
+    return found

@@ -1,0 +1,413 @@
+"""The model of all scenes with the same words: integers made once, floats from the numbers of many designs at once.
+
+Every float array of `Arrays` and of the rest state has a leading axis over designs here; one design is D = 1. `design` takes
+one of them out.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import cached_property, lru_cache
+from itertools import pairwise
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ksd.beam import corotational_values as chains
+from ksd.beam.strain_values import strain_constants, strain_sizes, strain_values
+from ksd.model.arrays import STRAIN, Arrays, Members, Motion
+from ksd.model.drawing import GIVEN, LEAF, SPRING, LeafWords, Numbers, Words, apart
+from ksd.model.mesh import Mesh
+from ksd.model.pack import Shape, skeleton, spread
+
+Array = np.ndarray
+SCALES = 19
+"""Scales of a leaf: 1, L; L GJ, L EIy, L EIz, 1/EA, 1/(ky GA), 1/(kz GA), L rho A of a strain-mode leaf; length, the six
+stiffness numbers, rho A l and rho A l^2 of an element of a chain; 1/L."""
+
+
+class Unit(NamedTuple):
+    """Constants, or rest inner state, of a leaf of unit scales: which entries are numbers times one of its scales."""
+
+    value: Array
+    scale: Array
+
+
+@lru_cache(maxsize=256)
+def _constants(kind: int, number: tuple[int, ...], heavy: bool) -> Unit:
+    """Constants of a straight uniform leaf."""
+    if kind == STRAIN:
+        orders, points = number[:3], number[3]
+        ones = np.ones(3)
+        value, settings = strain_values(
+            length=1.0, rigidity=ones, compliance=ones, orders=(orders[0], orders[1], orders[2]), points=points,
+            line_mass=None,
+        )  # fmt: skip
+        total = sum(orders)
+        scale = np.zeros(len(value), np.int64)
+        scale[0] = 1
+        squares = [n * n for n in orders]
+        scale[1 : 1 + sum(squares)] = np.repeat([2, 3, 4], squares)
+        soft = 1 + sum(squares) + total + points * (1 + points + total)
+        scale[soft : soft + 3 * points] = np.tile([5, 6, 7], points)
+        if heavy:
+            ready, _ = strain_values(
+                length=1.0, rigidity=ones, compliance=ones, orders=(orders[0], orders[1], orders[2]),
+                points=points, line_mass=np.ones(points),
+            )  # fmt: skip
+            more = len(ready) - strain_constants(settings)
+            value, scale = ready, np.append(scale, np.full(more, 8))
+        return Unit(value, scale)
+    n = number[0]
+    value = np.concatenate([np.tile(np.append(np.ones(7), np.eye(3)), n), np.eye(3).ravel()])
+    scale = np.concatenate([np.tile(np.append(np.arange(9, 16), np.zeros(9)), n), np.zeros(9)])
+    if heavy:
+        half = np.append(np.full(n, 0.5), 0.0) + np.append(0.0, np.full(n, 0.5))
+        lever = np.array([1.0, 0.0, 0.0]) / 12
+        value = np.concatenate([value, half, lever, -lever])
+        scale = np.concatenate([scale, np.full(n + 1, 16), np.full(6, 17)])
+    return Unit(value, scale.astype(np.int64))
+
+
+def _sizes(leaf: LeafWords) -> tuple[int, int, int]:
+    """How many constants, inner states and stored numbers a leaf has."""
+    number = np.array(leaf.number, np.int64)
+    if leaf.kind == STRAIN:
+        inner, store = strain_sizes(number, heavy=leaf.heavy)
+        constants = strain_constants(number, heavy=leaf.heavy)
+    else:
+        constants, inner, store = chains.sizes(leaf.number[0], heavy=leaf.heavy)
+    return (*leaf.given, store) if leaf.given else (constants, inner, store)
+
+
+class Leaves(NamedTuple):
+    """Geometry of all different leaves, in the axes of their part: ends (D, F, 2, 3), end frames (D, F, 2, 3, 3); their
+    scales (D, F, SCALES), mass (D, F), floor EA/L (D, F), length (D, F)."""
+
+    ends: Array
+    frame: Array
+    scale: Array
+    mass: Array
+    floor: Array
+    length: Array
+
+
+def leaf_axes(start: Array, end: Array, width: Array) -> Array:
+    """(..., 3, 3): columns e1 (along), e2 (thickness), e3 (width) of straight leaves."""
+    along = end - start
+    e1 = along / np.sqrt(np.sum(along * along, axis=-1, keepdims=True))
+    e3 = width - np.sum(width * e1, axis=-1, keepdims=True) * e1
+    e3 = e3 / np.sqrt(np.sum(e3 * e3, axis=-1, keepdims=True))
+    axes = np.empty((*start.shape, 3))
+    axes[..., 0], axes[..., 2] = e1, e3
+    for r, i, j in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
+        axes[..., r, 1] = e3[..., i] * e1[..., j] - e3[..., j] * e1[..., i]
+    return axes
+
+
+class Packed:
+    """Members that are leaves: where they are, and how their numbers follow from those of the leaves.
+
+    words (F,): of all leaves; leaf (m,): which of them each member is, from member `start` on.
+    """
+
+    def __init__(self, words: Sequence[LeafWords], leaf: Array, members: Members, start: int = 0) -> None:
+        at, scale = [], []
+        seen = set()
+        given: list[tuple[Array, Array]] = []
+        first = np.cumsum([0] + [0 if w.given is None else GIVEN + sum(w.given) for w in words])
+        rest, inner_at, inner_scale = np.zeros(int(members.inner_at[-1])), [], []
+        given_rest: list[tuple[Array, Array]] = []
+        self.value = np.zeros(len(members.value))
+        for i, f in enumerate(leaf.tolist(), start=start):
+            w, to, own = words[f], int(members.value_at[i]), int(members.inner_at[i])
+            if w.given is not None:
+                brought = int(first[f]) + GIVEN
+                given_rest.append((own + np.arange(w.given[1]), brought + np.arange(w.given[1])))
+                if to not in seen:
+                    given.append((to + np.arange(w.given[0]), brought + w.given[1] + np.arange(w.given[0])))
+                seen.add(to)
+                continue
+            if w.kind != STRAIN:
+                n = w.number[0]
+                nodes = own + chains.NODE * np.arange(n - 1)
+                for c in (3, 7, 11):
+                    rest[nodes + c] = 1.0
+                rest[nodes] = np.arange(1, n)
+                inner_at.append(nodes)
+                inner_scale.append(np.full(n - 1, f * SCALES + 9))
+            if to in seen:
+                continue
+            seen.add(to)
+            unit = _constants(w.kind, w.number, w.heavy)
+            self.value[to : to + len(unit.value)] = unit.value
+            varies = np.flatnonzero(unit.scale)
+            at.append(to + varies)
+            scale.append(f * SCALES + unit.scale[varies])
+        self.at, self.scale = _joined(at), _joined(scale)
+        self.inner, self.inner_at, self.inner_scale = rest, _joined(inner_at), _joined(inner_scale)
+        self.given = _joined([a for a, _ in given]), _joined([b for _, b in given])
+        self.given_inner = _joined([a for a, _ in given_rest]), _joined([b for _, b in given_rest])
+
+    def values(self, leaves: Leaves, given: Array) -> tuple[Array, Array]:
+        """Constants (D, v) and rest inner states (D, s)."""
+        count = len(leaves.scale)
+        scale = leaves.scale.reshape(count, -1)
+        value, inner = np.tile(self.value, (count, 1)), np.tile(self.inner, (count, 1))
+        value[:, self.at] *= scale[:, self.scale]
+        if len(self.inner_at):
+            inner[:, self.inner_at] *= scale[:, self.inner_scale]
+        if len(self.given_inner[0]):
+            value[:, self.given[0]] = given[:, self.given[1]]
+            inner[:, self.given_inner[0]] = given[:, self.given_inner[1]]
+        return value, inner
+
+
+def _joined(parts: list[Array]) -> Array:
+    return np.concatenate([np.zeros(0, np.int64), *parts])
+
+
+class Filled(NamedTuple):
+    """Models of D designs: arrays and rest state with a leading axis over designs in every float, and what joint bodies take
+    over: the leaves, and points A and B of all parts (D, P, 2, 3), global."""
+
+    arrays: Arrays
+    rest: Motion
+    leaves: Leaves
+    points: Array
+
+
+class Template:
+    """What models of the same words and mesh have in common; call it with the numbers of D designs."""
+
+    def __init__(self, words: Words, mesh: Mesh) -> None:
+        self.words, self.mesh = words, mesh
+        self.leaf_words = [leaf for part in words.different for leaf in part.leaves]
+        self._name_nodes()
+        self.shapes = self._list_members()
+        self.spring_shapes = [
+            Shape(kind, nodes, (0,), values, 0, 0, i)
+            for i, (_, kind, nodes, values) in enumerate(words.springs)
+        ]
+        self.skeleton = skeleton(
+            len(self.node_names), self.shapes, words.rows, words.loads, self.spring_shapes
+        )
+        self.packed = Packed(self.leaf_words, self.leaf, self.skeleton.members)
+        self.heavy = np.array([w.heavy for w in self.leaf_words], bool)
+        self.elements = np.array([float(w.number[0]) for w in self.leaf_words])
+        self.given_leaves = [f for f, w in enumerate(self.leaf_words) if w.given is not None]
+        self._attach()
+        terms, loads = self.skeleton.terms, self.skeleton.loads
+        self.term_nodes, self.load_nodes = terms.node, loads.node
+        sizes = [SPRING + s[3] for s in words.springs]
+        self.spring_first = np.cumsum([0, *sizes])
+        # integers of the joint bodies, of `ksd.bodies.joints`
+        self.layout: Any = None
+
+    def _name_nodes(self) -> None:
+        """Nodes: links, then the blocks of every part; their names, and where they are drawn."""
+        words = self.words
+        names, block_part, block_point = list(words.links), [], []
+        first = np.cumsum([0] + [len(p.blocks) for p in words.different]).tolist()
+        self.node_of: list[dict[str, int]] = []
+        for p, (before, a, b, u) in enumerate(words.parts):
+            nodes = {"A": a, "B": b}
+            for k, block in enumerate(words.different[u].blocks):
+                nodes[block] = len(names)
+                names.append(before + block)
+                block_part.append(p)
+                block_point.append(first[u] + k)
+            self.node_of.append(nodes)
+        self.node_names = tuple(names)
+        self.block_part, self.block_point = np.array(block_part, int), np.array(block_point, int)
+        self.part_different = np.array([p[3] for p in words.parts], int)
+
+    def _list_members(self) -> list[Shape]:
+        """Members: the leaves of every part."""
+        words = self.words
+        shapes: list[Shape] = []
+        names, leaf, part, slices = [], [], [], []
+        first = np.cumsum([0] + [len(p.leaves) for p in words.different]).tolist()
+        sizes = [_sizes(w) for w in self.leaf_words]
+        for p, (before, _, _, u) in enumerate(words.parts):
+            nodes, start = self.node_of[p], len(shapes)
+            for n, w in enumerate(words.different[u].leaves):
+                f = first[u] + n
+                constants, inner, store = sizes[f]
+                pair = nodes[w.ends[0]], nodes[w.ends[1]]
+                shapes.append(Shape(w.kind, pair, w.number, constants, inner, store, w.group))
+                names.append(before + w.name)
+                leaf.append(f)
+                part.append(p)
+            slices.append(slice(start, len(shapes)))
+        self.member_names = tuple(names)
+        self.joint_members = tuple(slices[: len(words.joints)])
+        self.leaf, self.part = np.array(leaf, int), np.array(part, int)
+        return shapes
+
+    def _attach(self) -> None:
+        """Which points of parts hang on each link, whose mean is its reference point; ground stays at the origin."""
+        links = [
+            (link, 2 * p + e)
+            for p, (_, *ends, _) in enumerate(self.words.parts)
+            for e, link in enumerate(ends)
+        ]
+        links = sorted(pair for pair in links if pair[0] > 0)
+        self.hung = np.array([point for _, point in links], int)
+        self.hung_link, self.hung_first, count = np.unique(
+            np.array([link for link, _ in links], int), return_index=True, return_counts=True
+        )
+        self.hung_count = count[:, None].astype(float)
+
+    def __call__(self, n: Numbers) -> Filled:
+        """Models of D designs."""
+        leaves = self.leaves(n)
+        count, links = len(n.leaf), len(self.words.links)
+        points = n.origin[:, :, None] + n.ends[:, self.part_different] @ np.swapaxes(n.rotation, 2, 3)
+        places = np.zeros((count, len(self.node_names), 3))
+        if len(self.hung):
+            flat = points.reshape(count, -1, 3)[:, self.hung]
+            places[:, self.hung_link] = np.add.reduceat(flat, self.hung_first, axis=1) / self.hung_count
+        if len(self.block_part):
+            own = n.rotation[:, self.block_part] @ n.point[:, self.block_point, :, None]
+            places[:, links:] = n.origin[:, self.block_part] + own[..., 0]
+        bones, R = self.skeleton, n.rotation[:, self.part]
+        node = bones.members.node
+        ends = leaves.ends[:, self.leaf] @ np.swapaxes(R, 2, 3)
+        offset = n.origin[:, self.part, None] + ends - places[:, node]
+        value, inner = self.packed.values(leaves, n.given)
+        length = leaves.length[:, self.leaf]
+        members = bones.members._replace(
+            offset=offset, frame=R[:, :, None] @ leaves.frame[:, self.leaf], value=value, length=length,
+            floor=leaves.floor[:, self.leaf],
+        )  # fmt: skip
+        at = n.terms[..., 4:7]
+        terms = bones.terms._replace(
+            coefficient=n.terms[..., 0],
+            direction=n.terms[..., 1:4],
+            point=at[:, :, None] - places[:, self.term_nodes],
+        )
+        loads = bones.loads._replace(
+            point=n.loads[..., :3] - places[:, self.load_nodes],
+            force=n.loads[..., 3:6],
+            moment=n.loads[..., 6:9],
+        )
+        size = np.maximum(spread(places, offset, node), length.max(axis=1, initial=0.0))
+        arrays = bones._replace(
+            members=members, terms=terms, loads=loads, size=size, springs=self._springs(n, places),
+            weight=self._weight(leaves.mass[:, self.leaf], n),
+        )  # fmt: skip
+        turned = np.tile(np.eye(3), (count, len(self.node_names), 1, 1))
+        rest = Motion(places, turned, inner, np.zeros((count, len(bones.terms.start))))
+        return Filled(arrays, rest, leaves, points)
+
+    def leaves(self, n: Numbers) -> Leaves:
+        """Geometry and scales of all different leaves."""
+        leaf = n.leaf
+        start, width, L = leaf[..., :3], leaf[..., 6:9], leaf[..., 9]
+        E, G, A, J, Iy, Iz, ky, kz, density, torsion, plate = (leaf[..., k] for k in range(10, LEAF))
+        axes = leaf_axes(start, leaf[..., 3:6], width)
+        ends = np.stack([start, start + L[..., None] * axes[..., 0]], axis=2)
+        frame = np.stack([axes, axes], axis=2)
+        soft = 1.0 / (E * A)
+        shear = [1.0 / (ky * G * A), 1.0 / (kz * G * A)] if self.mesh.shear else [0.0 * A, 0.0 * A]
+        stiff = torsion * G * J, E * Iy, plate * E * Iz
+        line = density * A
+        scale = np.zeros((*L.shape, SCALES))
+        scale[..., 0], scale[..., 1], scale[..., 18] = 1.0, L, 1.0 / L
+        for k, value in enumerate((L * stiff[0], L * stiff[1], L * stiff[2], soft, *shear, L * line)):
+            scale[..., 2 + k] = value
+        if self.mesh.leaf != "strain" or hasattr(self.mesh, "others"):
+            self._chains(scale, L, soft, shear, stiff, line)
+        mass = np.where(self.heavy, L * line, 0.0)
+        self._given(n, ends, frame, mass)
+        return Leaves(ends, frame, scale, mass, 1.0 / (soft * L), L)
+
+    def _chains(
+        self, scale: Array, L: Array, soft: Array, shear: list[Array], stiff: tuple[Array, ...], line: Array
+    ) -> None:
+        """Scales of chains: `ksd.beam.corotational_values.stiffness_numbers` of all of them."""
+        h = L / self.elements
+        phi_y, phi_z = 12 * stiff[2] * shear[0] / h**2, 12 * stiff[1] * shear[1] / h**2
+        s3, s4 = stiff[1] / ((1 + phi_z) * h**3), stiff[2] / ((1 + phi_y) * h**3)
+        found = (
+            h, 1.0 / (soft * h), stiff[0] / h**3, s3 * (4 + phi_z), s3 * (-2 + phi_z), s4 * (4 + phi_y),
+            s4 * (-2 + phi_y), line * h, line * h**2,
+        )  # fmt: skip
+        for k, value in enumerate(found):
+            scale[..., 9 + k] = value
+
+    def _given(self, n: Numbers, ends: Array, frame: Array, mass: Array) -> None:
+        """Geometry and mass of the leaves that bring them."""
+        at = 0
+        for f in self.given_leaves:
+            ends[:, f] = n.given[:, at : at + 6].reshape(-1, 2, 3)
+            frame[:, f] = n.given[:, at + 6 : at + 24].reshape(-1, 2, 3, 3)
+            mass[:, f] = n.given[:, at + 24]
+            at += GIVEN + sum(self.leaf_words[f].given or ())
+
+    def _weight(self, mass: Array, n: Numbers) -> Array:
+        """Mass of every member and the gravity that pulls at it (D, m, 4); (D, 0, 4) where none weighs anything."""
+        if not (self.words.pulls and self.heavy.any()):
+            return np.zeros((len(mass), 0, 4))
+        gravity = np.broadcast_to(n.gravity[:, None], (*mass.shape, 3))
+        return np.concatenate([mass[..., None], gravity], axis=2)
+
+    def _springs(self, n: Numbers, places: Array) -> Members:
+        """Springs with their numbers."""
+        springs = self.skeleton.springs
+        if not len(springs.kind):
+            return springs
+        count, first = len(places), self.spring_first
+        rows = [n.springs[:, a : a + SPRING] for a in first[:-1]]
+        fixed = np.stack(rows, axis=1)
+        value = [n.springs[:, a + SPRING : b] for a, b in pairwise(first)]
+        return springs._replace(
+            offset=fixed[..., :6].reshape(count, -1, 2, 3) - places[:, springs.node],
+            frame=fixed[..., 6:24].reshape(count, -1, 2, 3, 3),
+            length=fixed[..., 24],
+            floor=fixed[..., 25],
+            value=np.concatenate([*value, np.zeros((count, 1))], axis=1),
+        )
+
+    @cached_property
+    def spring_names(self) -> tuple[str, ...]:
+        """Names of the springs."""
+        return tuple(s[0] for s in self.words.springs)
+
+    def numbers(self, rows: Sequence[Sequence[float]]) -> Numbers:
+        """The numbers of designs of these words, by what they are of."""
+        return apart(self.words, np.array(rows, float).reshape(len(rows), -1))
+
+
+def of_design(part: Any, names: Sequence[str], d: int) -> Any:
+    """A named tuple of arrays whose fields `names` have a leading axis over designs, for design d."""
+    return part._replace(**{name: np.ascontiguousarray(getattr(part, name)[d]) for name in names})
+
+
+MEMBER_FLOATS = ("offset", "frame", "value", "length", "floor")
+
+
+def design(arrays: Arrays, d: int) -> Arrays:
+    """Arrays of design d of many."""
+    springs = arrays.springs
+    return arrays._replace(
+        members=of_design(arrays.members, MEMBER_FLOATS, d),
+        springs=of_design(springs, MEMBER_FLOATS, d) if len(springs.kind) else springs,
+        terms=of_design(arrays.terms, ("coefficient", "direction", "point"), d),
+        loads=of_design(arrays.loads, ("point", "force", "moment"), d),
+        size=float(arrays.size[d]),  # type: ignore[index]
+        weight=np.ascontiguousarray(arrays.weight[d]),
+    )
+
+
+def motion_design(motion: Motion, d: int) -> Motion:
+    """State of design d of many."""
+    made: Motion = of_design(motion, Motion._fields, d)
+    return made
+
+
+@lru_cache(maxsize=64)
+def template_of(words: Words, mesh: Mesh) -> Template:
+    """The template of these words and mesh, of the last few."""
+    return Template(words, mesh)
