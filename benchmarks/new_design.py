@@ -33,9 +33,7 @@ def pivot(length: float = 60 * mm, thickness: float = 0.4 * mm) -> ksd.Mechanism
     joint = ksd.CrossedPivot(STEEL, length=length, angle=45 * deg, thickness=thickness, width=20 * mm)
     scene = ksd.Mechanism("pivot")
     arm = scene.link("arm")
-    scene.actuate_joint(
-        scene.join(scene.ground, arm, joint, at=(0, 0, 0), axis="z", toward="x"), name="turn"
-    )
+    scene.actuate_joint(scene.join(scene.ground, arm, joint, at=(0, 0, 0), axis="z", toward="x"), name="turn")
     return scene
 
 

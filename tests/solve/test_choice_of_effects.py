@@ -314,7 +314,7 @@ def test_wrong_words_get_a_sentence(words, said):
 
 COUNTED = {
     "springs": (
-        ("ksd.model.springs", "spring_members"),
+        ("ksd.model.drawing", "spring_members"),
         lambda s: s.joint_spring("lower left", stiffness=1.0),
     ),
     "compliance": (
