@@ -3,8 +3,9 @@
     python benchmarks/robust_estimates.py [--scenes 1000] [--seed 0] [--part NAME ...]
 
 Parts: `relinearised`, the force estimates of `reduced` after one relinearisation, against `full`; `mesh`, the error of
-answers on chains of elements and strain-mode leafs of few modes by every method; `modal`, that of modal bodies. The truth of
-the last two is on strain-mode leafs of orders (8, 8, 12), more than what an error is found with.
+answers on chains of elements and strain-mode leafs of few modes by every method; `modal`, that of modal bodies, all joints
+of a scene or one; `questions`, that of stiffness, frequencies, stress and energy (`with_error`). The truth of the last three
+is on strain-mode leafs of orders (8, 8, 12), more than what an error is found with.
 """
 
 from __future__ import annotations
@@ -12,13 +13,14 @@ from __future__ import annotations
 import argparse
 import math
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import numpy as np
 
 import ksd
 from ksd.errors import KsdError
+from ksd.modal import ModalBasis
 from ksd.solve.error import relative_error
 from ksd.train.catalogue import ENTRIES
 
@@ -197,53 +199,96 @@ def both(scene: Any, targets: dict[str, float], method: str, mesh: Any, **words:
     truth = equilibrium_near(pose)
     if truth is None or pose.error is None:
         raise KsdError("no truth next to it")
-    return relative_error(pose.model, pose.motion, truth).relative, pose.error.relative
+    return relative_error(pose.model, pose.motion, truth.motion).relative, pose.error.relative
 
 
 def equilibrium_near(pose: Any) -> Any:
     """The state of a whole solve of its own on the finest mesh, where that is the branch of `pose`; else None."""
     truth = ksd.solve(pose.model.scene, dict(pose.targets), method="conventional", mesh=TRUTH, strict=False)
     far = np.abs(truth.motion.x[: pose.model.links] - pose.motion.x[: pose.model.links]).max()
-    return truth.motion if far < 0.05 * pose.model.arrays.size else None
+    return truth if far < 0.05 * pose.model.arrays.size else None
+
+
+def any_mesh(scene: Any, rng: np.random.Generator) -> tuple[str, Any]:
+    """Any method and a coarse mesh."""
+    elements = int(rng.integers(2, 11))
+    grid = ksd.Mesh("corotational", elements=elements) if rng.random() < 0.7 else ksd.Mesh(orders=(3, 2, 4))
+    jointed = scene.scene().joints
+    return str(rng.choice(["conventional", "full", "reduced"])) if jointed else "conventional", grid
 
 
 def mesh(count: int, seed: int) -> bool:
-    """Errors on coarse meshes, by every method: 95 % within a factor three, none below a third above SMALL."""
-    ratios, tried = [], 0
-    for scene, targets, rng in scenes(seed, (*JOINTED, frame, frame)):
-        if len(ratios) == count:
-            break
-        tried += 1
-        elements = int(rng.integers(2, 11))
-        grid = (
-            ksd.Mesh("corotational", elements=elements) if rng.random() < 0.7 else ksd.Mesh(orders=(3, 2, 4))
-        )
-        method = (
-            str(rng.choice(["conventional", "full", "reduced"])) if scene.scene().joints else "conventional"
-        )
-        try:
-            true, told = both(scene, targets, method, grid)
-        except (KsdError, np.linalg.LinAlgError):
-            continue
-        if math.isfinite(told):
-            ratios.append((told / max(true, 1e-300), true, tried - 1))
-    return _report("mesh", ratios, tried, 3.0)
+    """Errors on coarse meshes, by every method."""
+
+    def one(scene: Any, targets: dict[str, float], rng: np.random.Generator) -> list[tuple[float, float]]:
+        return [both(scene, targets, *any_mesh(scene, rng))]
+
+    return _counted("mesh", count, scenes(seed, (*JOINTED, frame, frame)), one)
 
 
 def modal(count: int, seed: int) -> bool:
-    """Errors of modal bodies: 95 % within a factor three, none below a third above SMALL."""
-    ratios, tried = [], 0
-    for scene, targets, _ in scenes(seed, (hinge, hinge, fourbar, arm, slider)):
-        if len(ratios) == count:
+    """Errors of modal bodies: of all joints, or of one joint of several with the others condensed."""
+
+    def one(scene: Any, targets: dict[str, float], rng: np.random.Generator) -> list[tuple[float, float]]:
+        names, words = [j.name for j in scene.scene().joints], {}
+        if len(names) > 1 and rng.random() < 0.4:
+            words["basis"] = {str(rng.choice(names)): ModalBasis()}
+        return [both(scene, targets, "modal", None, **words)]
+
+    return _counted("modal", count, scenes(seed, (hinge, hinge, fourbar, arm, slider)), one)
+
+
+QUESTIONS = (
+    lambda p: p.drive_stiffness()[p.model.drive_names[0]],
+    lambda p: p.stiffness(p.model.scene.drives[0].terms[0].link).compliance.trace(),
+    lambda p: p.stress().largest_Pa,
+    lambda p: sum(p.strain_energy().values()),
+    lambda p: p.frequencies(count=1, freed=p.model.drive_names).frequency_Hz[0],
+)
+
+
+def questions(count: int, seed: int) -> bool:
+    """Errors of questions, on coarse meshes by every method and of modal bodies."""
+
+    def one(scene: Any, targets: dict[str, float], rng: np.random.Generator) -> list[tuple[float, float]]:
+        method, grid = any_mesh(scene, rng)
+        if scene.scene().joints and rng.random() < 0.2:
+            method, grid = "modal", None
+        driven = {t.link for d in scene.scene().drives for t in d.terms}
+        for link in driven:
+            scene.mass(link, mass=0.1, inertia=(1e-5, 1e-5, 1e-5), at=(0.05, 0.02, 0.0))
+        pose = ksd.solve(scene, targets, method=method, mesh=grid)
+        truth = equilibrium_near(pose)
+        if truth is None:
+            raise KsdError("no truth next to it")
+        found = []
+        for question in QUESTIONS:
+            try:
+                answer, told = pose.with_error(question)
+                right = question(truth)
+            except KsdError:
+                continue
+            found.append((abs(answer - right) / abs(right), told / abs(right)))
+        return found
+
+    return _counted("questions", count, scenes(seed, (*JOINTED, frame)), one)
+
+
+def _counted(
+    name: str, count: int, drawn: Iterator[Any], one: Callable[..., list[tuple[float, float]]]
+) -> bool:
+    """`one` (scene, drive values, random numbers): errors, true and told, or KsdError, of so many scenes; see `_report`."""
+    ratios, answered, number = [], 0, 0
+    for number, (scene, targets, rng) in enumerate(drawn):
+        if answered == count:
             break
-        tried += 1
         try:
-            true, told = both(scene, targets, "modal", None)
+            found = one(scene, targets, rng)
         except (KsdError, np.linalg.LinAlgError):
             continue
-        if math.isfinite(told):
-            ratios.append((told / max(true, 1e-300), true, tried - 1))
-    return _report("modal", ratios, tried, 3.0)
+        answered += 1
+        ratios += [(told / max(true, 1e-300), true, number) for true, told in found if math.isfinite(told)]
+    return _report(name, ratios, number)
 
 
 def hinge(rng: np.random.Generator) -> tuple[Any, dict[str, float]]:
@@ -277,7 +322,8 @@ def relinearised(count: int, seed: int) -> bool:
 
 
 def _report(name: str, found: list[tuple[float, float, int]], tried: int, factor: float = 2.0) -> bool:
-    """Counts of told over true, where the true error is above rounding; whether they are as wanted."""
+    """Counts of told over true, where the true error is above rounding; whether 95 % are within a factor and none is below
+    a third above SMALL."""
     seen = [(r, t, n) for r, t, n in found if t > 1e-9]
     within = sum(1 / factor <= r <= factor for r, _, _ in seen)
     low = [(r, t, n) for r, t, n in seen if r < 1 / 3 and t > SMALL]
@@ -305,7 +351,7 @@ def main() -> int:
     return sum(not PARTS[part](asked.scenes, asked.seed) for part in asked.part or PARTS)
 
 
-PARTS = {"relinearised": relinearised, "mesh": mesh, "modal": modal}
+PARTS = {"relinearised": relinearised, "mesh": mesh, "modal": modal, "questions": questions}
 
 if __name__ == "__main__":
     sys.exit(main())

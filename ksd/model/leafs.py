@@ -141,7 +141,7 @@ def raised_orders(leaf: Any, mesh: Mesh) -> tuple[tuple[int, int, int], int]:
     stations = np.linspace(0.0, 1.0, 65)
     turning = leaf.length * np.mean([np.linalg.norm(curve.curvature(s)) for s in stations])
     more = int(np.ceil(np.rad2deg(turning) / 30.0))
-    orders = tuple(min(n + more, 16) for n in orders)
+    orders = tuple(min(n + more, max(n, 16)) for n in orders)
     return mesh.modes(orders, max(points, max(orders) + 3))
 
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from ksd.model.mesh import Mesh
+from ksd.model.mesh import MOST_ORDER, Mesh
 
 LADDER = (
     (1e-4, (4, 3, 6), 7),
@@ -29,7 +29,10 @@ def mesh_for(accuracy: float) -> Mesh:
 
 
 def raised(mesh: Mesh, axis: int) -> Mesh:
-    """The same mesh with two more modes about `axis` (0 torsion, 1 strong, 2 weak bending) and points to match."""
-    nx, ny, nz = (n + 2 * (k == axis) for k, n in enumerate(mesh.orders))
+    """The same mesh with half as many modes more (two at least) about `axis` (0 torsion, 1 strong, 2 weak bending) and
+    points to match."""
+    nx, ny, nz = (
+        min(n + max(2, n // 4 * 2), MOST_ORDER) if k == axis else n for k, n in enumerate(mesh.orders)
+    )
     orders = (nx, ny, nz)
     return replace(mesh, orders=orders, points=max(mesh.points, max(orders) + 2))

@@ -130,7 +130,7 @@ def _with_enough_modes(
     return mesh_check(found, wanted)
 
 
-MOST_RISES = 3
+MOST_RISES = 5
 """How often `solve` raises the orders of the strain-mode leafs when their highest modes are not negligible."""
 
 

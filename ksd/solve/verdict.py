@@ -19,6 +19,7 @@ import numpy as np
 
 from ksd.errors import ConvergenceError, TrustError
 from ksd.model.arrays import STRAIN, carries_load
+from ksd.model.mesh import MOST_ORDER
 from ksd.properties.doctor import doctor
 from ksd.solve.load_steps import difference, laden
 from ksd.solve.near import FAR_SHIFT, FAR_TURN
@@ -37,8 +38,6 @@ UNRESOLVED = 0.05
 """Share of the energy of a leaf in its highest mode beyond which its curvature is not resolved at all."""
 UNIMPORTANT = 1e-3
 """Share of that mode in the energy of the whole mechanism below which it does not matter."""
-MOST_ORDER = 12
-"""Curvature modes about an axis that a mesh has at most, see `ksd.model.mesh.Mesh`."""
 _AXIS = ("torsion", "strong bending", "weak bending")
 
 
