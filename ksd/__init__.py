@@ -37,8 +37,7 @@ _HOMES = {
     "ksd.model.mesh": ("Mesh",),
     "ksd.modal.choices": ("ModalBasis",),
     "ksd.model.compile": ("Model", "compile_scene"),
-    "ksd.solve.choose": ("prepare", "solve"),
-    "ksd.solve.solver": ("Solver",),
+    "ksd.solve.solver": ("Solver", "prepare", "solve"),
     "ksd.solve.configuration": ("Configuration",),
     "ksd.solve.path": ("Path", "follow"),
     "ksd.properties.doctor": ("doctor",),
@@ -108,10 +107,9 @@ if TYPE_CHECKING:
     from ksd.scene.mentioned import link_matrix
     from ksd.scene.toml_file import load_scene, save_scene
     from ksd.section import Section, circle, numbers, polygon, rectangle, tube
-    from ksd.solve.choose import prepare, solve
     from ksd.solve.configuration import Configuration
     from ksd.solve.path import Path, follow
-    from ksd.solve.solver import Solver
+    from ksd.solve.solver import Solver, prepare, solve
     from ksd.train import train
     from ksd.train.designs import Design
 

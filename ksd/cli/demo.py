@@ -24,9 +24,9 @@ from ksd.cli.output import STDOUT, check_json, check_plot, console, write_json
 from ksd.model.compile import compile_scene
 from ksd.model.leafs import Mesh
 from ksd.scene.toml_file import load_scene
-from ksd.solve.choose import prepare
 from ksd.solve.conventional import conventional
 from ksd.solve.report import number
+from ksd.solve.solver import prepare
 from ksd.view import plot_mechanism, save_figure
 from ksd.view.compare import Mark, plot_cost
 from ksd.view.figure import new_figure

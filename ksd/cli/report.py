@@ -17,7 +17,7 @@ from ksd.design.sweep import sweep
 from ksd.errors import KsdError, SceneError
 from ksd.files import check_target, write_file
 from ksd.scene.toml_file import load_scene
-from ksd.solve.choose import prepare
+from ksd.solve.solver import prepare
 
 
 def run(options: argparse.Namespace) -> int:

@@ -12,7 +12,7 @@ from ksd.model.mesh import Mesh
 from ksd.scene.toml_file import load_scene
 from ksd.scene.toml_table import quantity
 from ksd.section.checks import nearest
-from ksd.solve.choose import solve
+from ksd.solve.solver import solve
 
 OPTIONS = {
     "method": str, "accuracy": float, "elements": int, "passes": int, "extrapolate": bool,

@@ -13,11 +13,10 @@ from ksd.errors import ConvergenceError
 from ksd.model.mesh import Mesh
 from ksd.model.orders import raised
 from ksd.properties.resolution import look_at_modes
-from ksd.solve.choose import MOST_RISES
 from ksd.solve.configuration import Configuration
 from ksd.solve.conventional import conventional
 from ksd.solve.plates import settled
-from ksd.solve.solver import DEFAULT_ACCURACY, Method, Solver
+from ksd.solve.solver import DEFAULT_ACCURACY, MOST_RISES, Method, Solver
 
 Row = dict[str, Any]
 

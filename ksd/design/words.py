@@ -12,12 +12,12 @@ from ksd.errors import SceneError
 from ksd.model.mesh import Mesh
 from ksd.scene import Scene
 from ksd.section.checks import LARGEST, nearest, show, similar, truth, whole, word
-from ksd.solve.solver import asked_values, wanted_accuracy
+from ksd.solve.solver import given_values, wanted_accuracy
 
 
 def drive_rows(targets: Any, drives: Mapping[str, Any], call: Callable[..., Any]) -> dict[str, np.ndarray]:
     """Drive values [m or rad] by name as arrays (N,); call: `sweep` or `batch`, for which a name may have been meant."""
-    return {n: _row(n, v, call) for n, v in asked_values(targets, drives).items()}
+    return {n: _row(n, v, call) for n, v in given_values(targets, drives).items()}
 
 
 def _row(name: str, given: Any, call: Callable[..., Any]) -> np.ndarray:

@@ -290,7 +290,7 @@ def _drive_in_plane(
 
 def _counted(model: Model, motion: Motion, driven: Driven, ways: Mapping[str, Any]) -> Driven:
     """With what stands for negative pivots where loads are not conservative."""
-    if driven.stop is not Stop.CONVERGED:
+    if driven.stop is not Stop.CONVERGED or not len(model.arrays.loads.skew):
         return driven
     return driven._replace(negatives=counted(model, motion, ways["factors"][1], driven.negatives))
 

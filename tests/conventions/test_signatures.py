@@ -114,7 +114,7 @@ def test_a_package_that_hides_its_function_shows_the_signature_of_it(call):
     code = (
         f"import inspect, ksd, ksd.{call}; import ksd.errors; hidden = ksd.{call}; said = inspect.signature(hidden);"
         "from types import ModuleType; assert isinstance(hidden, ModuleType);"
-        f"home = {{'solve': 'ksd.solve.choose', 'train': 'ksd.train.run'}}['{call}'];"
+        f"home = {{'solve': 'ksd.solve.solver', 'train': 'ksd.train.run'}}['{call}'];"
         f"from importlib import import_module; assert said == inspect.signature(getattr(import_module(home), '{call}'));"
         f"ksd.Solver; assert inspect.isfunction(ksd.{call})"
     )

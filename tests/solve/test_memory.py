@@ -6,7 +6,7 @@ import weakref
 from scenes import cross_flexure, fourbar
 
 import ksd
-from ksd.solve import choose
+from ksd.solve import solver as choose
 
 
 def _model_of(number, *, asked):

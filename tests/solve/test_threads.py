@@ -45,15 +45,15 @@ def test_a_second_thread_waits_until_the_first_has_its_answer(monkeypatch):
     solver = ksd.prepare(fourbar())
     solver(top=0.1)
     inside, go_on, count = threading.Event(), threading.Event(), []
-    plainly = solver._plainly
+    once = solver._solve
 
     def slow(*words, **ways):
         count.append(threading.get_ident())
         inside.set()
         assert go_on.wait(60)
-        return plainly(*words, **ways)
+        return once(*words, **ways)
 
-    monkeypatch.setattr(solver, "_plainly", slow)
+    monkeypatch.setattr(solver, "_solve", slow)
     first = threading.Thread(target=lambda: solver(top=0.1))
     second = threading.Thread(target=lambda: solver(top=0.05))
     first.start()
