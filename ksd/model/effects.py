@@ -16,8 +16,10 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from ksd.errors import SceneError
+from ksd.model.elastic_links import with_elastic_links
 from ksd.model.mesh import Mesh
 from ksd.model.runs import run_factors
+from ksd.scene.effects import leaf_conditions
 from ksd.scene.leaf import Condition
 from ksd.section.checks import nearest
 
@@ -200,9 +202,6 @@ def applied(scene: Any, mesh: Mesh, choice: Choice) -> tuple[Any, Mesh]:
 
     What is left out is not there any more: no unknown, no array, no call.
     """
-    from ksd.model.elastic_links import with_elastic_links
-    from ksd.scene.effects import leaf_conditions
-
     there = set(choice.present)
     dropped: dict[str, Any] = {}
     for name, empty in (("gravity", None), ("springs", ())):

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from ksd.beam.weight import PULL
 from ksd.model.arrays import SOLID, Motion, Work, make_work
+from ksd.model.assembly import condense_member
 from ksd.model.compile import Model
 from ksd.properties.alike import Alike, alike_leafs, own_gravity
 from ksd.properties.shape import (
@@ -186,8 +187,6 @@ def _chain_wrench(
 ) -> tuple[Array | None, Array]:
     """Gravity (3,) on a chain, None without weight, and force and moment (6,) on its end q, inner residual condensed out;
     frame p."""
-    from ksd.model.assembly import condense_member
-
     members, stiffness, gravity, (work, factor) = model.arrays.members, np.empty((6, 6)), None, how
     assert work is not None
     if len(work.weight) and work.weight[i, 0] > 0.0:

@@ -20,12 +20,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ksd.beam import corotational
 from ksd.beam.strain_mass import many_pulls, many_slacks
 from ksd.model.arrays import SOLID, Motion
 from ksd.model.compile import Model
 from ksd.properties.alike import Alike, alike_leafs, elastic, own_gravity
 from ksd.properties.section_forces import SectionForces, section_forces
 from ksd.properties.shape import member_ends, member_parts, members_of_leafs, scene_leafs
+from ksd.properties.springs import spring_energy
 from ksd.properties.words import Named, Shown, number
 
 Array = NDArray[np.float64]
@@ -262,8 +264,6 @@ def strain_energy(model: Model, motion: Motion, *, load_factor: float = 1.0) -> 
         for n, found in members_of_leafs(model).items()
     }
     if model.spring_names:
-        from ksd.properties.springs import spring_energy
-
         leafs |= spring_energy(model, motion)
     said = f"Strain energy: {number(sum(leafs.values()), 5)} J in all"
     return Named(leafs, said, ("leaf or spring", "energy [J]"), lambda energy: (number(energy, 5),))
@@ -289,8 +289,6 @@ def _strain_energies(model: Model, motion: Motion, group: Alike, load_factor: fl
 
 def _chain_energy(model: Model, motion: Motion, i: int) -> float:
     """Sum of S eps^2/2 of the elements of a chain."""
-    from ksd.beam import corotational
-
     if model.arrays.members.kind[i] == SOLID:
         solid = member_ends(model, motion, i), member_parts(model, motion, i)[2]
         return float(model.solid_energy(i, solid[0].d, solid[0].Q, solid[1]))  # type: ignore[attr-defined]
