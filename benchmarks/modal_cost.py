@@ -20,6 +20,7 @@ from typing import Any
 
 import numpy as np
 from common import machine
+from paper2_tangent import tangent_solve
 
 import ksd
 from ksd.beam.modal import factor_dense, modal_recover, modal_sizes, solve_dense
@@ -32,7 +33,6 @@ from ksd.model.compile import Model, compile_scene
 from ksd.model.mesh import Mesh
 from ksd.solve.configuration import Configuration
 from ksd.solve.conventional import conventional
-from ksd.solve.modal import tangent_solve
 
 RESULTS = Path(__file__).resolve().parent / "results"
 STEEL = ksd.Material(E=200e9, G=76.9e9, density=7800)
@@ -76,7 +76,7 @@ def ways() -> dict[str, Callable[[], Configuration]]:
     }
     for name, basis in bases.items():
         found[name] = solving(with_modal_bodies(chains, basis))
-    about = conventional(chains, {"turn": STROKE - np.deg2rad(5.0)}, planar=False).motion
+    about = conventional(chains, {"turn": STROKE - np.deg2rad(5.0)}, planar=False)
     tangent = ModalBasis(frame="node", internal=0)
     found["modal, tangent basis 5 deg away"] = lambda: tangent_solve(chains, tangent, {"turn": STROKE}, about)
     return found
@@ -101,7 +101,7 @@ def measure(repeats: int) -> list[dict[str, Any]]:
         answers = _answers(found)
         iteration, whole = (1e6 * statistics.median(t[i] for t in times[name]) for i in (0, 1))
         basis = 1e6 * found.steps[0].time if found.steps[0].name == "tangent bases" else 0.0
-        bodies = getattr(found.model, "unknowns_per_body", 0)
+        bodies = max((b.unknowns for b in found.model.bodies.values()), default=0)
         rows.append(
             {"way": name, "unknowns per leaf": bodies, "iterations": found.steps[-1].iterations,
              "iteration_us": iteration, "solve_us": whole, "basis_us": basis,

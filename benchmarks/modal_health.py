@@ -31,7 +31,7 @@ from ksd.model.mesh import Mesh
 from ksd.section import rectangle
 from ksd.solve.conventional import conventional
 from ksd.solve.error import relative_error
-from ksd.solve.validity import indicator
+from ksd.solve.full_bodies import indicator
 
 RESULTS = Path(__file__).resolve().parent / "results"
 BASES = (PRINTED, replace(PRINTED, internal=1), replace(PRINTED, frame="chord"), replace(DEFAULT, internal=0))

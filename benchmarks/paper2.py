@@ -113,7 +113,7 @@ def lines(found: Configuration) -> list[np.ndarray]:
         a = members.node[i, 0]
         axes = motion.R[a] @ members.frame[i, 0]
         start = motion.x[a] + motion.R[a] @ members.offset[i, 0]
-        drawn.append((start + chain_shape(model.arrays, i, motion).x @ axes.T)[:, :2])
+        drawn.append((start + chain_shape(model, i, motion).x @ axes.T)[:, :2])
     return drawn
 
 

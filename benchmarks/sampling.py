@@ -8,18 +8,18 @@ sampled body is that of its sample, whatever the number of elements. Farhat et a
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.optimize import nnls
 
 from ksd.beam.modal import SCRATCH
-from ksd.beam.modal_jets import JET, boundary_jets
 from ksd.beam.modal_nodes import element_values
 from ksd.errors import SceneError
 from ksd.modal.basis import LeafBasis
-from ksd.modal.bodies import ModalModel, member_pose, replaced
 from ksd.model.arrays import Motion
+from ksd.model.compile import Model
+from ksd.model.reduced import inner_state, member_pose, with_bodies
 
 
 def sampled_weights(training: np.ndarray, total: np.ndarray, *, tolerance: float = 1e-4) -> np.ndarray:
@@ -51,6 +51,17 @@ def sampled_weights(training: np.ndarray, total: np.ndarray, *, tolerance: float
     return weights
 
 
+@dataclass(frozen=True)
+class SampledBasis(LeafBasis):
+    """A basis whose energy is that of few elements of its leaf; weights (n,) of all of them."""
+
+    weights: np.ndarray | None = None
+
+    def constants(self, weights: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
+        """With the elements of nonzero weight."""
+        return super().constants(self.weights)
+
+
 def element_shares(
     body: LeafBasis, d: np.ndarray, Q: np.ndarray, eta: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
@@ -59,11 +70,7 @@ def element_shares(
     Their sums over the elements are gradient and second derivatives of its energy.
     """
     angle, q = body.choices.coordinates == "angle", body.values_per_node
-    jets = np.empty((len(body.b0), JET))
-    reference = np.concatenate([body.orientation[0], body.orientation[-1]])
-    boundary_jets(int(body.choices.frame == "chord"), int(angle), reference, d, Q, jets)
-    columns = np.hstack([body.boundary, body.inner])
-    z = body.z0 + columns @ np.concatenate([jets[:, 0] - body.b0, eta])
+    columns, z = np.hstack([body.boundary, body.inner]), body.values(d, Q, eta)
     store, g, H = np.empty(SCRATCH), np.empty(2 * q), np.empty((2 * q, 2 * q))
     force = np.empty((columns.shape[1], len(body.record)))
     tangent = np.empty((*columns.shape[1:], *force.shape))
@@ -94,31 +101,26 @@ def training(body: LeafBasis, states: list[tuple[np.ndarray, np.ndarray, np.ndar
     return np.vstack(rows)
 
 
-def with_samples(model: ModalModel, states: Sequence[Motion], *, tolerance: float = 1e-4) -> ModalModel:
+def with_samples(model: Model, states: Sequence[Motion], *, tolerance: float = 1e-4) -> Model:
     """`model` with every body sampled so that its forces and tangents at `states` (of `model`) are kept.
 
     tolerance: of the norm of all of them, each scaled by its own size. Raises SceneError without states, or where the
     tolerance cannot be met.
     """
-    weights: dict[int, np.ndarray] = {}
-    members = model.arrays.members
-    for i, body in enumerate(model.bodies):
-        if body is None:
-            continue
+    bodies = {}
+    for name, body in model.bodies.items():
+        i = model.member_names.index(name)
         if body.tied is not None:
             raise SceneError(
-                f"leaf '{model.member_names[i]}' is on a quadratic manifold: only bodies of free derivatives are sampled"
+                f"leaf '{name}' is on a quadratic manifold: only bodies of free derivatives are sampled"
             )
-        parts = [
-            (*member_pose(members, i, s), s.inner[members.inner_at[i] : members.inner_at[i + 1]])
-            for s in states
-        ]
+        parts = [(*member_pose(model.arrays.members, i, s), inner_state(model, s, i)) for s in states]
         if not parts:
             raise SceneError("there are no training states: give deformed states of the modal model")
         G = training(body, parts)
         try:
-            weights[i] = sampled_weights(G, G.sum(axis=1), tolerance=tolerance)
+            weights = sampled_weights(G, G.sum(axis=1), tolerance=tolerance)
         except ValueError as reason:
-            raise SceneError(f"leaf '{model.member_names[i]}' cannot be sampled: {reason}") from reason
-    arrays, inner = replaced(model.full.arrays, model.full.rest.inner, list(model.bodies), weights)
-    return replace(model, arrays=arrays, rest=model.rest._replace(inner=inner))
+            raise SceneError(f"leaf '{name}' cannot be sampled: {reason}") from reason
+        bodies[name] = SampledBasis(**vars(body), weights=weights)
+    return replace(with_bodies(model.full, bodies), full=model.full)

@@ -14,7 +14,9 @@ from itertools import permutations
 import numpy as np
 
 from ksd.beam.modal import chain_tangent
+from ksd.beam.modal_jets import JET, boundary_jets
 from ksd.modal.choices import ModalBasis
+from ksd.model.arrays import MODAL
 from ksd.numerics.reduction import (
     Derivatives,
     Modes,
@@ -70,21 +72,54 @@ class LeafBasis:
     condition: float
     tied: np.ndarray | None = None
 
-    def nodes(self, b: np.ndarray, eta: np.ndarray) -> np.ndarray:
-        """Values z ((n+1) q,) of all nodes at boundary values b (nb,) and inner coordinates eta (m,)."""
-        y = np.concatenate([b - self.b0, eta])
+    kind = MODAL
+
+    def __str__(self) -> str:
+        return str(self.choices)
+
+    def boundary_values(self, d: np.ndarray, Q: np.ndarray) -> np.ndarray:
+        """Boundary values b (nb,) with end q at d (3,) m, Q (3, 3) in the frame of end p."""
+        reference = np.concatenate([self.orientation[0], self.orientation[-1]])
+        jets = np.empty((len(self.b0), JET))
+        angle = self.choices.coordinates == "angle"
+        boundary_jets(int(self.choices.frame == "chord"), int(angle), reference, d, Q, jets)
+        return np.asarray(jets[:, 0])
+
+    def values(self, d: np.ndarray, Q: np.ndarray, eta: np.ndarray) -> np.ndarray:
+        """Values z ((n+1) q,) of all nodes with end q at d, Q and inner coordinates eta (m,)."""
+        y = np.concatenate([self.boundary_values(d, Q) - self.b0, eta])
         z = self.z0 + np.hstack([self.boundary, self.inner]) @ y
         return z if self.tied is None else z + 0.5 * (self.tied @ y) @ y
 
-    @property
-    def rank(self) -> int:
-        """Unknowns of the body: independent boundary values and inner coordinates."""
-        return int(np.linalg.matrix_rank(self.boundary)) + self.inner.shape[1]
+    def nodes(self, d: np.ndarray, Q: np.ndarray, eta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Positions (n+1, 3) and rotations from rest (n+1, 3, 3) of all nodes, in the frame of end p."""
+        from scipy.spatial.transform import Rotation
+
+        z = self.values(d, Q, eta).reshape(-1, self.values_per_node)
+        if self.choices.coordinates == "angle":
+            start = self.orientation.reshape(-1, 3, 3).transpose(0, 2, 1)
+            R = Rotation.from_rotvec(z[:, 3:]).as_matrix() @ start
+        else:
+            R = _frames(z[:, 3:6], z[:, 6:])
+        return (z[:, :3] - z[0, :3]) @ R[0], np.einsum("ji,kjl->kil", R[0], R)
+
+    def bend(self, d: np.ndarray, Q: np.ndarray, eta: np.ndarray) -> tuple[float, float]:
+        """Displacement of end q over the length, and the largest rotation [rad] of a node against the chord."""
+        x, R = self.nodes(d, Q, eta)
+        rest = rest_shape(self.record)
+        cosine = np.einsum("i,ki->k", shortest_turn(x[-1])[:, 0], R[:, :, 0]).min()
+        turn = float(np.arccos(np.clip(cosine, -1.0, 1.0)))
+        return float(np.linalg.norm(x[-1] - rest.x[-1])) / rest.length, turn
+
+    def like(self, other: LeafBasis, d: np.ndarray, Q: np.ndarray, eta: np.ndarray) -> np.ndarray:
+        """Inner coordinates (m,) with the nodes nearest to those of another basis of the same leaf at its eta."""
+        left = other.values(d, Q, eta) - self.values(d, Q, np.zeros(self.inner.shape[1]))
+        return np.asarray(np.linalg.lstsq(self.inner, left, rcond=None)[0])
 
     @property
-    def rest_end(self) -> np.ndarray:
-        """Undeformed position (3,) of end q in the frame of end p, m."""
-        return rest_shape(self.record).x[-1]
+    def unknowns(self) -> int:
+        """Independent boundary values and inner coordinates."""
+        return int(np.linalg.matrix_rank(self.boundary)) + self.inner.shape[1]
 
     @property
     def values_per_node(self) -> int:
@@ -128,6 +163,14 @@ def shortest_turn(d: np.ndarray) -> np.ndarray:
     return np.array(
         [[u[0], -u[1], -u[2]], [u[1], 1 - k * u[1] ** 2, -k * u[1] * u[2]], [u[2], -k * u[1] * u[2], 1 - k * u[2] ** 2]]
     )  # fmt: skip
+
+
+def _frames(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Gram-Schmidt frames (k, 3, 3) of directors a, b (k, 3)."""
+    e1 = a / np.linalg.norm(a, axis=1)[:, None]
+    e2 = b - np.einsum("ki,ki->k", b, e1)[:, None] * e1
+    e2 /= np.linalg.norm(e2, axis=1)[:, None]
+    return np.stack([e1, e2, np.cross(e1, e2)], axis=2)
 
 
 def _mass(shape: LeafShape, R: np.ndarray) -> np.ndarray:

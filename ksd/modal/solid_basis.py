@@ -9,22 +9,112 @@ strain is quadratic, the projected energy is a polynomial of fourth order whose 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from ksd.beam.modal import modal_sizes
+from ksd.beam.modal_jets import JET
+from ksd.beam.polynomial import face_jets
 from ksd.errors import SceneError
-from ksd.modal.bodies import ModalModel
 from ksd.modal.solid import Solid
-from ksd.modal.solid_body import SolidBasis, displaced, middle_line
 from ksd.modal.symmetry import Mirrors, conditioned_by_parity, mirrors, sorted_by_parity
 from ksd.model.arrays import SOLID
 from ksd.model.compile import Model
-from ksd.model.mesh import Mesh
+from ksd.model.reduced import with_bodies
 from ksd.numerics.reduction import Modes, craig_bampton, extended, modal_derivatives
 from ksd.section.checks import show
+
+
+@dataclass(frozen=True, repr=False)
+class SolidBasis:
+    """A reduced solid: displacement = patterns (size, nb) (b - b0) + inner (size, m) eta, in the frame `frame`.
+
+    b (nb,): the entries `chosen` of the pose values of `ksd.beam.polynomial.face_jets`; b0 theirs at rest; value, number:
+    the constants of that kernel. condition: of the inner columns.
+    """
+
+    solid: Solid
+    frame: str
+    chosen: tuple[int, ...]
+    b0: np.ndarray
+    patterns: np.ndarray
+    inner: np.ndarray
+    value: np.ndarray
+    number: np.ndarray
+    condition: float
+    kind = SOLID
+
+    def __repr__(self) -> str:
+        # told apart by identity: solvers are kept by what their basis prints
+        return f"<SolidBasis of {self.unknowns} coordinates, {self.frame} frame, at {id(self):#x}>"
+
+    @property
+    def unknowns(self) -> int:
+        """Coordinates in which the energy is a polynomial."""
+        return int(self.number[1] + self.number[2])
+
+    def constants(self) -> tuple[np.ndarray, np.ndarray]:
+        """`value` and `number` of `ksd.beam.polynomial`."""
+        return self.value, self.number
+
+    def bend(self, d: np.ndarray, R: np.ndarray, eta: np.ndarray) -> tuple[float, float]:
+        """Displacement of face B over the length, and its rotation [rad], in the frame of face A."""
+        stroke = float(np.linalg.norm(d - [self.solid.length, 0.0, 0.0])) / self.solid.length
+        return stroke, float(np.arccos(np.clip(0.5 * (np.trace(R) - 1.0), -1.0, 1.0)))
+
+    def energy(self, d: np.ndarray, R: np.ndarray, eta: np.ndarray) -> float:
+        """Strain energy [J]."""
+        return self.solid.energy(self.displaced(d, R, eta))
+
+    def displaced(self, d: np.ndarray, R: np.ndarray, eta: np.ndarray) -> np.ndarray:
+        """Displacements u (size,) m of the full model at a state of the reduced one: face B at d (3,) m, R (3, 3)."""
+        solid, jets = self.solid, np.empty((19, JET))
+        face_jets(int(self.frame == "chord"), d, R, jets)
+        u = self.patterns @ (jets[list(self.chosen), 0] - self.b0) + self.inner @ eta
+        if self.frame == "node":
+            return np.asarray(u)
+        # turned from the frame of the chord into that of face A
+        turn, found = jets[1:10, 0].reshape(3, 3), np.empty_like(u)
+        dim = 2 if solid.flat else 3
+        at = [np.flatnonzero(solid.component == c) for c in range(dim)]
+        at = [a[np.lexsort(solid.place[a].T)] for a in at]
+        spots = np.zeros((3, len(at[0])))
+        for c in range(dim):
+            spots[c] = solid.place[at[c], c] + u[at[c]]
+        spots = turn @ spots
+        for c in range(dim):
+            found[at[c]] = spots[c] - solid.place[at[c], c]
+        return found
+
+    def line(
+        self, d: np.ndarray, R: np.ndarray, eta: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Stations (k,) m, positions (k, 3) m and axes (k, 3, 3) along the middle of the solid, in the frame of face A.
+
+        The middle of a section is the mean of what is on it at rest; its axes follow the line and the width.
+        """
+        solid, u = self.solid, self.displaced(d, R, eta)
+        dim = 2 if solid.flat else 3
+        grain = 1e-9 * solid.length
+        ends = solid.place[:, 0]
+        s, section = np.unique(np.round(ends / grain), return_inverse=True)
+        s, count = grain * s, len(s)
+        place = np.zeros((count, 3))
+        place[:, 0] = s
+        for c in range(dim):
+            mine = solid.component == c
+            place[:, c] += np.bincount(section[mine], u[mine], count) / np.bincount(
+                section[mine], None, count
+            )
+        along: np.ndarray = np.asarray(np.gradient(place, s, axis=0))
+        along[0], along[-1] = (1.0, 0.0, 0.0), R[:, 0]
+        # the width of face B, turned back along the line by the share of the way
+        wide = (1 - s / s[-1])[:, None] * np.array([0.0, 0.0, 1.0]) + (s / s[-1])[:, None] * R[:, 2]
+        e1 = along / np.linalg.norm(along, axis=1)[:, None]
+        e2 = np.cross(wide, e1)
+        e2 /= np.linalg.norm(e2, axis=1)[:, None]
+        return s, place, np.stack([e1, e2, np.cross(e1, e2)], axis=2)
 
 
 def _faces(solid: Solid, frame: str) -> tuple[list[int], list[float], list[np.ndarray]]:
@@ -184,85 +274,18 @@ def _stressed(solid: Solid, strain: np.ndarray) -> np.ndarray:
     return np.einsum("rc,kcq->krq", solid.elastic_root, strain) * np.sqrt(solid.weights)
 
 
-@dataclass(frozen=True)
-class SolidMesh(Mesh):
-    """A mesh of leafs beside reduced solids, `named`."""
+def with_solids(model: Model, solids: Mapping[str, SolidBasis]) -> Model:
+    """`model` with the leafs named in `solids` replaced by reduced solids that lie where these leafs lie.
 
-    named: tuple[str, ...] = ()
-
-    def __str__(self) -> str:
-        return f"reduced solids ({', '.join(self.named)}) beside {super().__str__()}"
-
-
-@dataclass(frozen=True, repr=False)
-class SolidModel(Model):
-    """A model with reduced solids, by the name of the leaf each stands for."""
-
-    solids: Mapping[str, SolidBasis] = field(default_factory=dict)
-
-    @property
-    def reduced(self) -> tuple[str, ...]:
-        """Names of the leafs that are solids."""
-        return tuple(self.solids)
-
-    def remade(self, model: Model) -> SolidModel:
-        """The same solids in another model of the same scene."""
-        return with_solids(model, self.solids)
-
-    def inner_of(self, name: str, inner: np.ndarray) -> np.ndarray:
-        """Inner coordinates (m,) of a solid in the inner states of a motion, a view."""
-        i, at = self.member_names.index(name), self.arrays.members.inner_at
-        return inner[at[i] : at[i + 1]]
-
-    def solid_line(
-        self, i: int, d: np.ndarray, Q: np.ndarray, inner: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Stations, positions and axes along member i, a solid: `ksd.modal.solid_body.middle_line`."""
-        return middle_line(self.solids[self.member_names[i]], d, Q, inner)
-
-    def solid_energy(self, i: int, d: np.ndarray, Q: np.ndarray, inner: np.ndarray) -> float:
-        """Strain energy [J] of member i, a solid."""
-        body = self.solids[self.member_names[i]]
-        return body.solid.energy(displaced(body, d, Q, inner))
-
-
-def with_solids(model: Model, solids: Mapping[str, SolidBasis]) -> SolidModel:
-    """`model` with the members named in `solids` replaced by reduced solids that lie where these leafs lie.
-
-    Raises SceneError for unknown names, for a solid of another length than its leaf, and for models whose other leafs are
-    modal bodies or plates. A solid meshed in 2D resists nothing across its plane: hold the mechanism there by supports.
+    Raises SceneError for unknown names, for a solid of another length than its leaf, and for models with plates. A solid
+    meshed in 2D resists nothing across its plane: hold the mechanism there by supports.
     """
     _fit(model, solids)
-    members, inner = model.arrays.members, model.rest.inner
-    parts = [inner[members.inner_at[i] : members.inner_at[i + 1]] for i in range(len(members.kind))]
-    stores = np.diff(members.store_at).astype(np.int64)
-    kind, number, value_at = members.kind.copy(), members.number.copy(), members.value_at.copy()
-    frame, values, at = members.frame.copy(), [members.value], len(members.value)
-    for name, body in solids.items():
-        i = model.member_names.index(name)
-        kind[i], number[i], value_at[i] = SOLID, body.number, at
-        values.append(body.value)
-        at += len(body.value)
-        frame[i, 1] = frame[i, 0]
-        size, stores[i] = modal_sizes(int(body.number[1]))
-        parts[i] = np.zeros(size)
-    made = members._replace(
-        kind=kind, number=number, value_at=value_at, frame=frame, value=np.concatenate([*values, np.zeros(1)]),
-        inner_at=np.cumsum([0] + [len(p) for p in parts]).astype(np.int64),
-        store_at=np.cumsum([0, *stores]).astype(np.int64),
-    )  # fmt: skip
-    kept = {k: getattr(model, k) for k in Model.__dataclass_fields__}
-    kept |= {"arrays": model.arrays._replace(members=made)}
-    kept |= {"rest": model.rest._replace(inner=np.concatenate([np.zeros(0), *parts]))}
-    every = {**getattr(model, "solids", {}), **solids}
-    words = {k: getattr(model.mesh, k) for k in Mesh.__dataclass_fields__}
-    return SolidModel(**{**kept, "mesh": SolidMesh(**words, named=tuple(every))}, solids=every)
+    return with_bodies(model, solids)
 
 
 def _fit(model: Model, solids: Mapping[str, SolidBasis]) -> None:
     """Raises SceneError where a solid cannot stand where it is to stand."""
-    if isinstance(model, ModalModel):
-        raise SceneError("solids beside modal bodies are not possible; leave the other leafs as they are")
     if model.choice is not None and model.choice["plate"].present:
         raise SceneError(
             "solids beside leafs with plate stiffening are not possible: compile without='plate'"
@@ -289,4 +312,4 @@ def _fit(model: Model, solids: Mapping[str, SolidBasis]) -> None:
             )
 
 
-__all__ = ["SolidBasis", "SolidModel", "energy_tensors", "reduce_solid", "with_solids"]
+__all__ = ["SolidBasis", "energy_tensors", "reduce_solid", "with_solids"]

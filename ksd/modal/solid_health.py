@@ -1,43 +1,18 @@
-"""How far reduced solids can be believed: their error inside a mechanism, and the range of a basis."""
+"""How far the basis of a reduced solid can be believed."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
-from ksd.beam.modal import modal_sizes
-from ksd.beam.polynomial import polynomial_condense
-from ksd.errors import ConvergenceError, SceneError
-from ksd.modal.bodies import member_pose
-from ksd.modal.solid_body import SolidBasis
-from ksd.modal.solid_solve import Pressed, indicator, press_reduced
-from ksd.model.arrays import Motion
-from ksd.model.compile import Model
+from ksd.errors import ConvergenceError
+from ksd.modal.solid_basis import SolidBasis
+from ksd.modal.solid_solve import Pressed, press_reduced
 
 FAR, STEPS, HALVINGS = 0.8, 8, 4
 """Linear stroke over the length up to which a range is tried, in how many steps, and halvings of the last one at least."""
-
-
-def solid_errors(model: Model, motion: Motion, solids: Mapping[str, SolidBasis]) -> dict[str, float]:
-    """Error of every solid of `with_solids` at a state: its full model under the force and moment it exerts there.
-
-    Relative, of the displacement of its face B seen from face A; inf where the full model does not settle: beyond
-    `ksd.modal.solid_solve.SUCCESSFUL` a basis is no longer successful. Raises SceneError for unknown names.
-    """
-    members, found = model.arrays.members, {}
-    for name, body in solids.items():
-        if name not in model.member_names:
-            raise SceneError(f"there is no solid '{name}'; the leafs are: {', '.join(model.member_names)}")
-        i = model.member_names.index(name)
-        d, R = member_pose(members, i, motion)
-        eta = motion.inner[members.inner_at[i] : members.inner_at[i + 1]].copy()
-        lam, K = np.zeros(12), np.zeros((6, 6))
-        polynomial_condense(body.value, body.number, eta, np.zeros(modal_sizes(len(eta))[1]), d, R, lam, K)
-        found[name] = indicator(body, d, R, eta, lam[:6])
-    return found
 
 
 @dataclass(frozen=True)
@@ -94,4 +69,4 @@ def _within(body: SolidBasis, wrench: np.ndarray, error: float) -> Pressed | Non
     return found if found.error <= error else None
 
 
-__all__ = ["SolidRange", "solid_errors", "solid_range"]
+__all__ = ["SolidRange", "solid_range"]

@@ -15,7 +15,7 @@ from ksd.beam.modal import modal_recover, modal_sizes
 from ksd.beam.polynomial import polynomial_condense
 from ksd.errors import ConvergenceError
 from ksd.modal.solid import Solid
-from ksd.modal.solid_body import SolidBasis, displaced
+from ksd.modal.solid_basis import SolidBasis
 
 MOST = 40
 MOST_CORRECTORS = 12
@@ -202,7 +202,7 @@ def indicator(body: SolidBasis, d: np.ndarray, R: np.ndarray, eta: np.ndarray, w
     Infinite where they do not. For a solid in a mechanism the wrench is what its member exerts.
     """
     length = np.array([body.solid.length, 0.0, 0.0])
-    full = FullSolid(body.solid, displaced(body, d, R, eta), d - length, R)
+    full = FullSolid(body.solid, body.displaced(d, R, eta), d - length, R)
     moved, last = np.linalg.norm(d - length) + 1e-12 * body.solid.length, math.inf
     for k in range(MOST_CORRECTORS):
         rests = full.step(wrench)
@@ -215,4 +215,4 @@ def indicator(body: SolidBasis, d: np.ndarray, R: np.ndarray, eta: np.ndarray, w
     return math.inf
 
 
-__all__ = ["FullSolid", "Pressed", "displaced", "indicator", "press", "press_reduced"]
+__all__ = ["FullSolid", "Pressed", "indicator", "press", "press_reduced"]

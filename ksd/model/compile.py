@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ksd.errors import SceneError
-from ksd.model.arrays import ROTATION, TRANSLATION, Arrays, Motion
+from ksd.model.arrays import MODAL, ROTATION, SOLID, TRANSLATION, Arrays, Motion
 from ksd.model.drawing import Drawing, Numbers, draw
 from ksd.model.effects import Choice, applied, choose
 from ksd.model.mesh import Mesh
@@ -30,7 +30,9 @@ class Model:
     node_names: "ground", links, then "joint/block"; member_names: "joint/leaf", then free leafs. joint_members[j]
     is the slice of members of joint j. drive_names: the first rows; supports follow, held at zero. spring_names: of
     `arrays.springs`. scene: what is simulated, so without the effects left out and with elastic links taken apart;
-    said: the scene as it was described. choice: the effects and why, None when the scene was compiled as given.
+    said: the scene as it was described. choice: the effects and why, None when the scene was compiled as given. bodies:
+    reduced bodies in the place of leafs, by name (`ksd.model.reduced`); full: the model whose chains the modal ones among
+    them reduce, None without.
     """
 
     scene: Any
@@ -45,6 +47,27 @@ class Model:
     spring_names: tuple[str, ...] = field(default=())
     said: Any = field(default=None)
     choice: Any = field(default=None)
+    bodies: Mapping[str, Any] = field(default_factory=dict)
+    full: Model | None = None
+
+    @property
+    def solids(self) -> tuple[str, ...]:
+        """Names of the leafs that are reduced solids."""
+        return tuple(name for name, body in self.bodies.items() if body.kind == SOLID)
+
+    @property
+    def leaf_models(self) -> str:
+        """What the leafs are, in words."""
+        modal = {n: b for n, b in self.bodies.items() if b.kind == MODAL}
+        if len(modal) == len(self.member_names) and len({str(b) for b in modal.values()}) == 1:
+            return f"modal bodies: {next(iter(modal.values()))}"
+        words = "; ".join(
+            f"{', '.join(n for n in modal if str(modal[n]) == said)}: {said}"
+            for said in dict.fromkeys(map(str, modal.values()))
+        )
+        said = [f"modal bodies ({words})"] * bool(modal)
+        said += [f"reduced solids ({', '.join(self.solids)})"] * bool(self.solids)
+        return " beside ".join([*said, Mesh.__str__(self.mesh) if said else str(self.mesh)])
 
     @cached_property
     def derived(self) -> dict[Any, Any]:
@@ -56,7 +79,7 @@ class Model:
 
     def __repr__(self) -> str:
         unknowns = self.arrays.plan.unknowns
-        return f"<Model of '{self.scene.name}': {len(self.member_names)} members, {unknowns} unknowns, {self.mesh}>"
+        return f"<Model of '{self.scene.name}': {len(self.member_names)} members, {unknowns} unknowns, {self.leaf_models}>"
 
     def __str__(self) -> str:
         """What is simulated and what is left out, with the reason, in a few lines."""

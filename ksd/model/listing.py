@@ -19,7 +19,8 @@ def listing(model: Any) -> list[tuple[str, str]]:
     lines = [
         (
             scene.name,
-            f"{len(scene.links) - 1} links, {len(scene.joints)} joints, {len(model.member_names)} leafs as {model.mesh}",
+            f"{len(scene.links) - 1} links, {len(scene.joints)} joints, {len(model.member_names)} leafs as "
+            f"{model.leaf_models}",
         ),
         (
             "unknowns",

@@ -147,7 +147,8 @@ def _solid_forces(
 ) -> tuple[Array, Array]:
     """Stations (k,) and section forces (k, 6) along the middle of a reduced solid."""
     ends = member_ends(model, motion, i)
-    s, r, R = model.solid_line(i, ends.d, ends.Q, member_parts(model, motion, i)[2])  # type: ignore[attr-defined]
+    solid = model.bodies[model.member_names[i]]
+    s, r, R = solid.line(ends.d, ends.Q, member_parts(model, motion, i)[2])
     _, wrench = _chain_wrench(model, motion, i, ends, how)
     return s, _along(r[None], R[None], wrench[None, None])[0]
 

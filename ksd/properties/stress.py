@@ -289,10 +289,9 @@ def _strain_energies(model: Model, motion: Motion, group: Alike, load_factor: fl
 
 def _chain_energy(model: Model, motion: Motion, i: int) -> float:
     """Sum of S eps^2/2 of the elements of a chain."""
-    if model.arrays.members.kind[i] == SOLID:
-        solid = member_ends(model, motion, i), member_parts(model, motion, i)[2]
-        return float(model.solid_energy(i, solid[0].d, solid[0].Q, solid[1]))  # type: ignore[attr-defined]
     value, number, inner = member_parts(model, motion, i)
     ends = member_ends(model, motion, i)
+    if model.arrays.members.kind[i] == SOLID:
+        return float(model.bodies[model.member_names[i]].energy(ends.d, ends.Q, inner))
     d, Q = np.ascontiguousarray(ends.d), np.ascontiguousarray(ends.Q)
     return float(corotational.energy(value, number, np.ascontiguousarray(inner), d, Q))

@@ -18,6 +18,7 @@ from ksd.errors import SceneError
 from ksd.model.arrays import COROTATIONAL, STRAIN, Motion
 from ksd.model.compile import Model, compile_given
 from ksd.model.mesh import Mesh, MixedMesh
+from ksd.model.reduced import with_bodies
 from ksd.model.system import assemble, take_step
 from ksd.properties.kept import per_model, room_of
 from ksd.properties.shape import scene_leafs
@@ -37,9 +38,8 @@ def finer(model: Model) -> Model:
     opened = _opened(mesh, kind)
     if opened == mesh:
         return model
-    made = compile_given(model.scene, opened)
-    # solids are no part of the scene
-    return model.remade(made) if hasattr(model, "remade") else made
+    # bodies are no part of the scene
+    return with_bodies(compile_given(model.scene, opened), model.bodies)
 
 
 def _insist_on_straight(model: Model) -> None:

@@ -111,7 +111,7 @@ def as_dict(configuration: Configuration) -> dict[str, Any]:
         "format": FORMAT,
         "mechanism": c.model.scene.name,
         "method": c.method,
-        "leaf_model": str(c.model.mesh),
+        "leaf_model": c.model.leaf_models,
         "converged": c.converged,
         "stable": c.stable,
         "stability": stability(c),
@@ -201,7 +201,7 @@ def _error(c: Configuration) -> dict[str, float | None] | None:
         return None
     return {
         "relative_percent": _finite(100 * c.error.relative),
-        "mesh_percent": None if hasattr(c.model, "solids") else _finite(100 * c.error.mesh),
+        "mesh_percent": None if c.model.solids else _finite(100 * c.error.mesh),
         "displacement_um": _finite(1e6 * c.error.displacement),
         "rotation_mrad": _finite(1e3 * c.error.rotation),
     }

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ksd.errors import SceneError
-from ksd.modal.bodies import ModalModel, inside
+from ksd.modal.bodies import inside
 from ksd.modal.solid_health import SolidRange
 from ksd.model.arrays import Motion
 from ksd.model.compile import Model
@@ -186,7 +186,7 @@ class Configuration:
     @cached_property
     def strength(self) -> Strength | None:
         """Largest strain and stress of all leafs, and the share of their limits; None where leafs are reduced solids."""
-        if getattr(self.model, "solids", None):
+        if self.model.solids:
             return None
         return strength(*self.insides, load_factor=self.load_factor)
 
@@ -200,7 +200,7 @@ class Configuration:
     def minimum(self) -> str:
         """Which of several minima this is, where the undeformed configuration is unstable under what strains it (preload,
         heat, misfit, loads); else nothing."""
-        return "" if getattr(self.model, "solids", None) else minimum_taken(*self.insides, self.stable)
+        return "" if self.model.solids else minimum_taken(*self.insides, self.stable)
 
     @property
     def iterations(self) -> int:
@@ -269,7 +269,7 @@ class Configuration:
     def insides(self) -> tuple[Model, Motion]:
         """Model and state with every leaf's own insides: those of the configuration, or, of modal bodies, the chains they
         reduce at the nodes they have."""
-        return _opened(self.model, self.motion)
+        return inside(self.model, self.motion)
 
     @property
     def questioned(self) -> tuple[Model, Motion]:
@@ -280,12 +280,11 @@ class Configuration:
     def unreduced(self) -> tuple[Model, Motion]:
         """As `questioned`, with every leaf's own insides (see `insides`). Stress, energy, mass and buckling are asked of
         these."""
-        model, motion = self.questioned
-        return _opened(model, motion)
+        return inside(*self.questioned)
 
     def _of_leafs(self, question: str) -> None:
         """Raises SceneError where the leafs that a question is asked of are reduced solids."""
-        solids = getattr(self.model, "solids", None)
+        solids = self.model.solids
         if solids:
             raise SceneError(
                 f"{question} is not known of reduced solids ({', '.join(solids)}); ask it of the leafs in their place, "
@@ -508,8 +507,3 @@ def with_reading(
     for name in ("motions", "unintended", "warnings"):
         told.__dict__.pop(name, None)
     return told
-
-
-def _opened(model: Model, motion: Motion) -> tuple[Model, Motion]:
-    """The chains of modal bodies at the nodes they have; any other model and state as they are."""
-    return (model.full, inside(model, motion)) if isinstance(model, ModalModel) else (model, motion)

@@ -19,9 +19,9 @@ from ksd.errors import ConvergenceError
 from ksd.model.arrays import Motion, make_work
 from ksd.solve.driving import CAP, RTOL
 from ksd.solve.error import truth_of
+from ksd.solve.full_bodies import settled as settled_solids
 from ksd.solve.newton import iterate
 from ksd.solve.stops import Stop
-from ksd.solve.whole_solids import settled as settled_solids
 
 if TYPE_CHECKING:
     from ksd.solve.configuration import Configuration
@@ -36,8 +36,10 @@ def corrected(pose: Configuration) -> Configuration:
 
     Raises ConvergenceError where Newton steps find none.
     """
-    if hasattr(pose.model, "solids"):
-        return settled_solids(pose)
+    if pose.model.solids:
+        words = pose.model, pose.motion, pose.model.targets(pose.targets), pose.load_factor
+        model, motion = settled_solids(*words)
+        return replace(pose, model=model, motion=motion, method="conventional", method_error=None)
     fine, state, negatives = truth_of(pose)
     if state is None:
         raise ConvergenceError(

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ksd.model.arrays import SOLID, STRAIN, Arrays, Motion, make_work
+from ksd.model.arrays import STRAIN, Arrays, Motion, make_work
 from ksd.model.compile import Model, compile_given
 from ksd.properties.kept import per_model
 from ksd.properties.section_forces import section_forces
@@ -43,13 +43,13 @@ def error_of(pose: Configuration) -> ErrorEstimate | None:
     alone.
     """
     own = pose.method_error
-    if not pose.converged or (own is None and (pose.method in FAST or hasattr(pose.model, "solids"))):
+    if not pose.converged or (own is None and (pose.method in FAST or pose.model.solids)):
         return None
     if own is not None and not math.isfinite(own.relative):
         return own
-    model, motion = pose.insides
-    if np.any(model.arrays.members.kind == SOLID):
+    if pose.model.solids:
         return own
+    model, motion = pose.insides
     target, factor = model.targets(pose.targets), pose.load_factor
     _, truth, _ = truth_of(pose)
     if truth is None:

@@ -14,7 +14,7 @@ from ksd.errors import ConvergenceError, KinematicsError, KsdError, RangeError, 
 from ksd.library import Record, find_record
 from ksd.library.files import record_in_use
 from ksd.modal.choices import ModalBasis
-from ksd.modal.solid_body import SolidBasis
+from ksd.modal.solid_basis import SolidBasis
 from ksd.model.compile import Model, compile_scene
 from ksd.model.mesh import Mesh
 from ksd.model.orders import mesh_for, raised
@@ -26,10 +26,9 @@ from ksd.solve import pipeline
 from ksd.solve.configuration import Configuration, with_reading
 from ksd.solve.conventional import bare, by_load_steps, conventional
 from ksd.solve.five import FiveSteps
-from ksd.solve.modal import by_modal_bodies
 from ksd.solve.pipeline import Bench
 from ksd.solve.plates import settled
-from ksd.solve.solids import by_solids, holds_solids, solid_model
+from ksd.solve.reduced_bodies import ReducedBodies, by_steps, has_solids, judged
 from ksd.solve.storage import Storage
 from ksd.solve.verdict import (
     error_by_load_steps,
@@ -180,8 +179,7 @@ class Solver:
         self.model: Model = mechanism
         self.records, self.extrapolate, self.planar = records, extrapolate, truth(planar, "planar")
         self.basis, self.accuracy = basis, wanted_accuracy(accuracy)
-        self.modal: Any = None  # prepared for `basis`
-        self.mixed: Any = None  # the same beside condensed joints, where the bodies are solids
+        self._reduced: dict[bool, ReducedBodies] = {}
         self._five: FiveSteps | None = None
         self._storage: Storage | None = None
         self._turn = threading.RLock()
@@ -263,9 +261,9 @@ class Solver:
     ) -> Configuration:
         """The answer as it is, whether the mesh resolves it or not, trusted or not."""
         with self._turn:
-            solids = self._with_solids(method)
-            if solids is not None:
-                return by_solids(solids, values, method=method, estimate=estimate, passes=passes, solver=self)
+            if self._has_bodies():
+                _check_words(method, passes)
+                return self._of_bodies(values, method, passes, estimate)
             if self.model.mesh.plate:
                 found, used = settled(
                     self, lambda s: s._solve(values, method, accuracy, passes, estimate), 0.1 * accuracy
@@ -278,29 +276,41 @@ class Solver:
             doubts = (*found.doubts, *filter(None, [against]))
             return replace(found, doubts=doubts, method_error=error_by_load_steps(found, other))
 
-    def _with_solids(self, method: str | None) -> Any:
-        """The model with its reduced solids, None where there are none."""
-        if hasattr(self.model, "solids"):
-            return self.model
-        if not isinstance(self.basis, Mapping) or method not in (None, "modal"):
-            return None
-        if holds_solids(self.basis) and self.modal is None:
-            self.modal = solid_model(self.model, self.basis)
-        return self.modal if hasattr(self.modal, "solids") else None
+    def _has_bodies(self) -> bool:
+        """Whether reduced bodies are part of the mechanism, whatever the method."""
+        return bool(self.model.bodies) or has_solids(self.basis)
+
+    def _of_bodies(
+        self, values: Mapping[str, float], method: str | None, passes: int, estimate: bool
+    ) -> Configuration:
+        """The mechanism with its reduced bodies: by "modal" beside condensed joints, else in load steps."""
+        if method not in (None, "conventional", "modal"):
+            raise SceneError(
+                f"method = {show(method)}: a mechanism with reduced solids is solved in load steps; give no method, or "
+                "'conventional'"
+            )
+        if self.model.bodies:
+            found = by_steps(self.model, values)
+        else:
+            condensing = method == "modal"
+            if condensing not in self._reduced:
+                self._reduced[condensing] = ReducedBodies(
+                    self.model, self.basis, condensing=condensing, records=self.records, extrapolate=self.extrapolate
+                )  # fmt: skip
+            found = self._reduced[condensing](values, passes=passes)
+        found = replace(found, method=method or "conventional")
+        return judged(found) if estimate else found
 
     def _solve(
         self, values: Mapping[str, float], method: str | None, accuracy: float, passes: int, estimate: bool
     ) -> Configuration:
         if method is None:
             return self._cheapest(values, accuracy)
-        if not isinstance(method, str) or method not in METHODS:
-            raise SceneError(f"method = {show(method)}: choose one of {', '.join(METHODS)}")
+        _check_words(method, passes)
         if method == "conventional":
             return self._by_load_steps(values)
-        if whole(passes, "passes", least=0) > 50:
-            raise SceneError(f"passes = {passes}: between 0 and 50 relinearised passes are possible")
         if method == "modal":
-            return by_modal_bodies(self, values, estimate=estimate, passes=passes)
+            return self._of_bodies(values, method, passes, estimate)
         target = self.model.targets(values)
         return self.five_steps(values, target, method=method, passes=passes, estimate=estimate)
 
@@ -387,6 +397,14 @@ class Solver:
         except KsdError:
             return result
         return with_reading(result, reading, unknown, near=bool(self.bench.seen[1]))
+
+
+def _check_words(method: object, passes: object) -> None:
+    """SceneError for what is no method, or no number of relinearised passes of one that has them."""
+    if method is not None and (not isinstance(method, str) or method not in METHODS):
+        raise SceneError(f"method = {show(method)}: choose one of {', '.join(METHODS)}")
+    if method != "conventional" and whole(passes, "passes", least=0) > 50:
+        raise SceneError(f"passes = {passes}: between 0 and 50 relinearised passes are possible")
 
 
 def given_values(targets: Any, drives: Mapping[str, float]) -> dict[str, float]:

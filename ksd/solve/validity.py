@@ -14,87 +14,25 @@ from typing import Any
 import numpy as np
 
 from ksd.errors import SceneError
-from ksd.modal.basis import shortest_turn
-from ksd.modal.bodies import ModalModel, body_nodes, inside, member_pose, with_modal_bodies
+from ksd.modal.bodies import with_modal_bodies
 from ksd.modal.choices import ModalBasis
-from ksd.modal.solid_health import SolidRange
-from ksd.model.arrays import Motion, make_work
+from ksd.modal.solid_health import SolidRange, solid_range
+from ksd.model.arrays import Motion
 from ksd.model.compile import Model, compile_given
 from ksd.model.mesh import Mesh
-from ksd.numerics.stopwatch import Stopwatch
+from ksd.model.reduced import inner_state, member_pose
 from ksd.properties.shape import scene_leafs
-from ksd.properties.tangent import exact
 from ksd.scene.mechanism import Mechanism
-from ksd.solve.driving import CAP, RTOL
-from ksd.solve.error import relative_error
+from ksd.solve.full_bodies import indicator
 from ksd.solve.load_steps import load_steps
-from ksd.solve.newton import iterate
-from ksd.solve.steps import ErrorEstimate, Step
 from ksd.solve.stops import Stop
 from ksd.solve.storage import Storage
-from ksd.solve.whole_solids import bent as bent_solid
-from ksd.solve.whole_solids import validity as solid_validity
 
 WAYS = ("across", "guided", "turned")
 """Tip driven across, across without turning, and turned."""
 FAR = {"across": 0.6, "guided": 0.6, "turned": np.deg2rad(75.0)}
 """As far as is tried: strokes over the length, and a rotation [rad]."""
 STEPS, HALVINGS = 8, 4
-CORRECTORS = 3
-"""Corrector steps of the error indicator; more are taken while they still change it (see `indicator`)."""
-MOST_CORRECTORS = 20
-SETTLED = 0.02
-"""Relative change of the indicator by further steps at which it is believed; at 0.1 one of 225 states was 62 % off."""
-
-
-def indicator(
-    model: ModalModel, motion: Motion, target: np.ndarray, *, correctors: int | None = None
-) -> tuple[ErrorEstimate, Step]:
-    """Error of a modal state by Newton steps of the full model from its nodes; the state is left alone.
-
-    correctors: how many; when None, three, and two more each time while these change the result by 2 % or more: far
-    from equilibrium the first steps of the full model lead astray.
-    """
-    clock = Stopwatch()
-    full, state = model.full, inside(model, motion)
-    arrays = exact(full.arrays)
-    work, taken, last = make_work(arrays), 0, math.inf
-    lost = ErrorEstimate(np.full(len(model.drive_names), math.inf), math.inf, math.inf, math.inf)
-    while True:
-        most = correctors or (CORRECTORS if taken == 0 else 2)
-        reason, count, residual, _, _ = iterate(arrays, state, target, 1.0, work, RTOL, most, CAP, math.inf)
-        taken += count
-        sound = reason not in (Stop.NOT_FINITE, Stop.SINGULAR)
-        estimate = relative_error(model, motion, state) if sound else lost
-        settled = abs(estimate.relative - last) <= SETTLED * estimate.relative
-        last = estimate.relative
-        if correctors or settled or count < most or not sound:
-            break
-        if taken >= MOST_CORRECTORS:
-            # what still wanders is no figure
-            estimate = lost
-            break
-    spent = clock()
-    stop = Stop.CONVERGED if sound else Stop(reason)
-    return estimate, Step(
-        "error estimate", taken, spent, residual, stop, f"{taken} corrector steps of the full model"
-    )
-
-
-def bent(model: ModalModel, motion: Motion) -> tuple[str, float, float]:
-    """The leaf bent furthest: name, stroke of its end over its length, largest rotation [rad] against its chord."""
-    worst, members = ("", 0.0, 0.0), model.arrays.members
-    for i, body in enumerate(model.bodies):
-        if body is None:
-            continue
-        d, Q = member_pose(members, i, motion)
-        x, R = body_nodes(body, d, Q, motion.inner[members.inner_at[i] : members.inner_at[i + 1]])
-        cosine = np.einsum("i,ki->k", shortest_turn(x[-1])[:, 0], R[:, :, 0]).min()
-        stroke = float(np.linalg.norm(x[-1] - body.rest_end) / members.length[i])
-        turn = float(np.arccos(np.clip(cosine, -1.0, 1.0)))
-        if turn >= worst[2]:
-            worst = (model.member_names[i], stroke, turn)
-    return worst
 
 
 @dataclass(frozen=True)
@@ -151,7 +89,7 @@ def _limit(leaf: Any, mesh: Mesh, basis: ModalBasis, way: str, error: float) -> 
         if driven.stop is not Stop.CONVERGED:
             return None, None
         estimate, _ = indicator(model, motion, target)
-        _, stroke, turn = bent(model, motion)
+        _, stroke, turn = furthest(model, motion)
         return (target, motion), (stroke, turn) if estimate.relative <= error else None
 
     low, high = 0.0, 1.0
@@ -182,15 +120,16 @@ def validity(model: Model, *, leaf: str | None = None, error: float = 0.01) -> V
 
     Raises SceneError for an unknown leaf, and for bases expanded at a trained state: their range is about that state.
     """
-    if hasattr(model, "solids"):
-        return solid_validity(model, solid=leaf, error=error)  # type: ignore[arg-type]
-    if not isinstance(model, ModalModel):
+    if not model.bodies:
         raise SceneError("a validity range belongs to modal bodies; solve with method='modal'")
-    bases = {n: b.choices for n, b in zip(model.member_names, model.bodies, strict=True) if b is not None}
-    name = leaf or next((n for n, b in bases.items() if b.expansion == "rest"), next(iter(bases)))
-    if name not in bases:
-        raise SceneError(f"there is no modal leaf '{name}'; the modal leafs are: {', '.join(bases)}")
-    basis, leafs = bases[name], scene_leafs(model.full)
+    name = leaf or next((n for n in model.bodies if not _trained(model, n)), next(iter(model.bodies)))
+    if name not in model.bodies:
+        kind = "modal leaf" if len(model.solids) < len(model.bodies) else "solid"
+        raise SceneError(f"there is no {kind} '{name}'; the {kind}s are: {', '.join(model.bodies)}")
+    if name in model.solids:
+        return replace(solid_range(model.bodies[name], error=error), solid=name)
+    assert model.full is not None
+    basis, leafs = model.bodies[name].choices, scene_leafs(model.full)
     if basis.expansion != "rest":
         raise SceneError(
             "the basis is expanded at a trained state: it is good about that state, see the error estimate"
@@ -227,25 +166,35 @@ class Carried:
     most_turn: float
 
 
-def carried(model: Any, motion: Any) -> Carried | None:
+def carried(model: Model, motion: Motion) -> Carried | None:
     """What an answer of reduced bodies says of its bases; None where there are none."""
-    found: Validity | SolidRange | None
-    if hasattr(model, "solids"):
-        name, stroke, turn = bent_solid(model, motion)
-        body, found = model.solids[name], validity(model, leaf=name)
-        size, condition = body.unknowns, body.condition
-    elif isinstance(model, ModalModel):
-        name, stroke, turn = bent(model, motion)
-        basis = model.bodies[model.member_names.index(name)]
-        assert basis is not None
-        size, condition = basis.rank, basis.condition
-        found = validity(model, leaf=name) if basis.choices.expansion == "rest" else None
-    else:
+    if not model.bodies:
         return None
-    if found is None:
+    name, stroke, turn = furthest(model, motion)
+    body = model.bodies[name]
+    size, condition = body.unknowns, body.condition
+    if _trained(model, name):
         return Carried(name, size, condition, stroke, turn, math.nan, math.nan, math.nan)
+    found = validity(model, leaf=name)
     limits = min(found.stroke.values()), min(found.turn.values())
     return Carried(name, size, condition, stroke, turn, found.error, *limits)
 
 
-__all__ = ["WAYS", "Carried", "Validity", "carried", "validity"]
+def furthest(model: Model, motion: Motion) -> tuple[str, float, float]:
+    """The reduced body bent furthest: its name, displacement of its end over its length, and largest rotation [rad] against
+    its chord (of a solid: of face B)."""
+    worst = ("", 0.0, -1.0)
+    for name, body in model.bodies.items():
+        i = model.member_names.index(name)
+        stroke, turn = body.bend(*member_pose(model.arrays.members, i, motion), inner_state(model, motion, i))
+        if turn >= worst[2]:
+            worst = (name, stroke, turn)
+    return worst
+
+
+def _trained(model: Model, name: str) -> bool:
+    """Whether the basis of a leaf is expanded about a trained state."""
+    return name not in model.solids and model.bodies[name].choices.expansion == "trained"
+
+
+__all__ = ["WAYS", "Carried", "Validity", "carried", "furthest", "validity"]

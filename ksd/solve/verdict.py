@@ -241,7 +241,7 @@ def _solved(c: Configuration, minimum: Verdict, branch: Verdict, error: ErrorEst
             else "corrector steps of the full model grow from one to the next, so its error is not known"
         )
         return Verdict(False, f"not to be trusted: {said}")
-    if error is None and hasattr(c.model, "solids"):
+    if error is None and c.model.solids:
         return Verdict(
             True, "trusted but for the bases of its solids, whose error was not estimated (ksd.solve does)"
         )

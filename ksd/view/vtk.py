@@ -58,7 +58,7 @@ def collect(configuration: Any) -> _Grid:
     """Ribbons and blocks of a configuration."""
     shape, grid = configuration.shape(), _Grid()
     # beam theory says nothing of the stress in a solid
-    known = not hasattr(configuration.model, "solids")
+    known = not configuration.model.solids
     stress = stress_along(configuration, shape) if known else {}
     for leaf in shape.leafs:
         k = len(leaf.s)

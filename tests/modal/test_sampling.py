@@ -43,7 +43,7 @@ def test_sampled_bodies(sampling, model):
 
 
 def test_shares_sum_to_the_energy(sampling, model):
-    body = model.bodies[0]
+    body = next(iter(model.bodies.values()))
     d, Q = np.array([0.0995, 0.004, 0.0]), np.eye(3)
     force, tangent = sampling.element_shares(body, d, Q, np.zeros(body.inner.shape[1]))
     step = 1e-7 * np.eye(body.inner.shape[1])[0]

@@ -1,0 +1,455 @@
+"""Mechanisms with reduced bodies: modal leafs and solids beside leafs in full and condensed joints.
+
+By load steps they are members like every other. Where records place the joints, steps 1 and 2 of the KSD method lead to the
+start: everything is placed, joints none of whose leafs is reduced or asked for in full are condensed, and the inner
+coordinates of the bodies settle with their ends held there. Step 3 is the equilibrium of links, condensed joints and all
+other members, step 4 the recovery of the condensed joints.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from ksd.bodies.joints import joint_bodies
+from ksd.bodies.mixture import alone, mixture
+from ksd.errors import ConvergenceError, KinematicsError, RangeError, RecordError, SceneError
+from ksd.modal.basis import LeafBasis
+from ksd.modal.bodies import inside, with_chains, with_modal_bodies
+from ksd.modal.choices import ModalBasis
+from ksd.modal.solid_basis import SolidBasis, with_solids
+from ksd.model.arrays import Arrays, Motion, make_work
+from ksd.model.compile import Model
+from ksd.model.reduced import inner_state, member_pose, same_state
+from ksd.model.system import assemble
+from ksd.numerics.blocks import factor_blocks
+from ksd.numerics.stopwatch import Stopwatch
+from ksd.section.checks import show
+from ksd.solve import pipeline
+from ksd.solve.configuration import Configuration
+from ksd.solve.conventional import by_load_steps
+from ksd.solve.driving import CAP, RTOL, drive_to
+from ksd.solve.five import FiveSteps
+from ksd.solve.full_bodies import indicator
+from ksd.solve.newton import iterate
+from ksd.solve.space_steps import condense_space, place_space, read_space, recover_space
+from ksd.solve.steps import Step
+from ksd.solve.stops import Stop
+from ksd.solve.validity import furthest, validity
+
+SUCCESSFUL = 0.05
+"""Estimated relative error beyond which a basis is no longer successful."""
+MOST_SETTLING = 40
+PARTS = (1, 2, 4, 8, 16)
+"""Equal parts in which drives and loads are put on together, until one of these ways arrives."""
+SMALLEST = 1 / 128
+"""Smallest part of the loads put on at a time, drives in place."""
+WAYS_THERE = (1, 2, 4, 8, 16)
+"""Equal steps from rest in which the ends of a body are turned until its inner coordinates follow."""
+
+Bases = Mapping[str, ModalBasis | SolidBasis]
+
+
+def named_bases(model: Model, basis: object) -> dict[str, ModalBasis | SolidBasis]:
+    """The basis of every leaf of `model` that is to be reduced: one `ksd.ModalBasis` for all (the default for None), or by
+    name of a leaf, of a joint for all its leafs, or of a flexible constraint.
+
+    Raises SceneError for a name that is none of these, and for what is no basis.
+    """
+    if basis is None or isinstance(basis, ModalBasis):
+        return dict.fromkeys(model.member_names, ModalBasis() if basis is None else basis)
+    if not isinstance(basis, Mapping):
+        raise SceneError(f"basis = {show(basis)}: give a ksd.ModalBasis, or several by joint or leaf")
+    if not basis:
+        raise SceneError("basis = {}: name at least one joint or leaf, or give one ksd.ModalBasis for all")
+    found = {}
+    for name, body in basis.items():
+        if not isinstance(body, ModalBasis | SolidBasis):
+            raise SceneError(
+                f"basis[{show(name)}] = {show(body)}: give a ksd.ModalBasis, or what "
+                "ksd.modal.solid_basis.reduce_solid returns"
+            )
+        own = [n for n in model.member_names if n == name or n.startswith(f"{name}/")]
+        if len(own) > 1 and isinstance(body, SolidBasis):
+            raise SceneError(
+                f"basis[{show(name)}]: a solid stands for one leaf; name one of {', '.join(own)}"
+            )
+        if not own:
+            known = ", ".join((*(p.name for p in model.scene.joints), *model.member_names))
+            raise SceneError(f"basis: there is no joint or leaf {show(name)}; there are: {known}")
+        found.update(dict.fromkeys(own, body))
+    return found
+
+
+def has_solids(basis: object) -> bool:
+    """Whether a basis by name names reduced solids."""
+    return isinstance(basis, Mapping) and any(isinstance(b, SolidBasis) for b in basis.values())
+
+
+class ReducedBodies:
+    """A mechanism with reduced bodies, prepared for repeated solves.
+
+    basis: see `named_bases`; condensing: whether joints without reduced leafs are condensed by their records. Raises what
+    `named_bases`, `with_modal_bodies` and `with_solids` do; where joints are condensed, or a basis is expanded about their
+    trained configuration, what `ksd.bodies.joints.joint_bodies` does, and SceneError for leafs with weight.
+    """
+
+    def __init__(
+        self, model: Model, basis: object, *, condensing: bool, records: Any, extrapolate: bool
+    ) -> None:
+        model = self.model = with_chains(model, {})
+        bases = named_bases(model, basis)
+        modal = {n: b for n, b in bases.items() if isinstance(b, ModalBasis)}
+        solids = {n: b for n, b in bases.items() if isinstance(b, SolidBasis)}
+        full = with_chains(model, modal) if modal else self.model
+        self.full, self.modal = with_solids(full, solids) if solids else full, modal
+        joints = [model.member_names[own] for own in model.joint_members]
+        self.condensed = [condensing and not any(n in bases for n in own) for own in joints]
+        free = model.member_names[model.joint_members[-1].stop if joints else 0 :]
+        self.trained = {n for n, b in modal.items() if b.expansion == "trained" and n not in free}
+        self._prepared: _Prepared | None = None
+        self.steps: FiveSteps | None = None
+        needed = any(self.condensed) or bool(self.trained)
+        with contextlib.suppress(*() if needed else (RecordError, RangeError, KinematicsError, SceneError)):
+            if condensing or needed:
+                self.steps = self._placing(records, extrapolate)
+
+    def _placing(self, records: Any, extrapolate: bool) -> FiveSteps:
+        """The KSD steps of the leafs in full."""
+        if len(self.model.arrays.weight):
+            raise SceneError(
+                "leafs with weight beside modal bodies are not possible: compile without='gravity', or use another method"
+            )
+        bodies = joint_bodies(self.model, records, extrapolate=extrapolate)
+        return FiveSteps(self.model, bodies, extrapolate=extrapolate)
+
+    @cached_property
+    def at_rest(self) -> Model:
+        """The mechanism with all bodies, expanded at the undeformed state."""
+        return with_modal_bodies(self.full, self.modal) if self.modal else self.full
+
+    def __call__(self, values: Mapping[str, float], *, passes: int = 0) -> Configuration:
+        """Solve at drive values by name [m or rad]. passes: rounds in which joints are condensed again where they are.
+
+        Raises RangeError, and ConvergenceError where the reduced equilibrium is not found, which says "basis no longer
+        successful".
+        """
+        if self.steps is not None:
+            if any(self.condensed) or self.trained:
+                return self._from_records(values, passes)
+            # a few iterations from there, tens of them from rest
+            with contextlib.suppress(ConvergenceError, RangeError):
+                return self._from_records(values, 0)
+        return by_steps(self.at_rest, values)
+
+    def _ready(self) -> _Prepared:
+        """Bodies and storage; made once, unless a basis is expanded where the mechanism stands."""
+        if not self.trained:
+            if self._prepared is None:
+                self._prepared = self._made(None)
+            return self._prepared
+        assert self.steps is not None
+        # where bodies expanded at rest stand; a chain of its own is soon lost on the way there
+        plain = {n: ModalBasis(elements=self.modal[n].elements) for n in sorted(self.trained)}
+        model = with_modal_bodies(self.full, plain)
+        state = same_state(self.model, self.steps.bench.full, model)
+        for name in plain:
+            i = model.member_names.index(name)
+            inner_state(model, state, i)[:], _ = settled(
+                model, i, *member_pose(model.arrays.members, i, state)
+            )
+        _, about = inside(model, state)
+        return self._made(about)
+
+    def _made(self, about: Motion | None) -> _Prepared:
+        """Bodies and storage, with those of smaller bases where one is large."""
+        assert self.steps is not None
+        parts = self.steps.bench.bodies.reduced, self.condensed
+        words: dict[str, Any] = {"about": about, "at_rest": set(self.modal) - self.trained}
+        smaller = None
+        if any(b.large for b in self.modal.values()):
+            fewer = {n: b.smaller if b.large else b for n, b in self.modal.items()}
+            smaller = _Prepared(with_modal_bodies(self.full, fewer, **words), *parts)
+        model = with_modal_bodies(self.full, self.modal, **words) if self.modal else self.full
+        return _Prepared(model, *parts, smaller)
+
+    def _from_records(self, values: Mapping[str, float], passes: int) -> Configuration:
+        """Solve from where the joints' records put everything."""
+        assert self.steps is not None
+        target, bench = self.model.targets(values), self.steps.bench
+        placed = self._placed(values, target)
+        clock = Stopwatch()
+        ready = self._ready()
+        steps = [*placed.steps, Step("modal bases", 0, clock(), 0.0, Stop.CONVERGED)]
+        motion, more = self._equilibrium(ready, values, target)
+        steps += more
+        for n in range(passes + 1):
+            if n > 0:
+                condense_space(bench.held, 0)
+                self._condense(ready, motion)
+                steps.append(step := ready.loaded(motion, target, 1.0, smallest=1.0)[0])
+                if step.stop is not Stop.CONVERGED:
+                    raise ConvergenceError(
+                        f"in a further pass {step.stop.sentence}: the loads bend the joints too far from their intended "
+                        "motion to condense them there; take fewer passes, or use method='full'"
+                    )
+            bench.reduced.x[:], bench.reduced.R[:] = (
+                motion.x[: self.model.links],
+                motion.R[: self.model.links],
+            )
+            clock()
+            shift, _ = recover_space(bench.held)
+            steps.append(Step("4 recovery", 0, clock(), shift, Stop.CONVERGED))
+        return self._answer(ready, motion, values, steps, placed.notes)
+
+    def _placed(self, values: Mapping[str, float], target: np.ndarray) -> Configuration:
+        """Steps 1 and 2, whose result is in the storage of `steps`."""
+        assert self.steps is not None
+        return self.steps(values, target, method="kinematic", passes=0, estimate=False)
+
+    def _equilibrium(
+        self, ready: _Prepared, values: Mapping[str, float], target: np.ndarray
+    ) -> tuple[Motion, list[Step]]:
+        """Step 3 from where steps 1 and 2 put everything, along the drives and loads where the whole of them fails; of large
+        bases next to the state of smaller ones. Raises ConvergenceError."""
+        if ready.smaller is not None:
+            near, steps = self._equilibrium(ready.smaller, values, target)
+            motion = ready.like(ready.smaller, near)
+            step, reached = ready.loaded(motion, target, 1.0, smallest=SMALLEST)
+            if step.stop is Stop.CONVERGED:
+                return motion, [*steps[:-1], step]
+        else:
+            patient = any(self.condensed) or bool(self.trained)
+            for parts in PARTS if patient else PARTS[:1]:
+                motion, steps = ready.mix.rest, []
+                for k in range(1, parts + 1):
+                    share = k / parts
+                    if parts > 1:
+                        self._placed({n: float(share * v) for n, v in values.items()}, share * target)
+                    if k == 1:
+                        motion, settling = self._start(ready)
+                        steps.append(settling)
+                    self._condense(ready, motion)
+                    smallest = SMALLEST if patient and parts == 1 else 1.0
+                    step, there = ready.loaded(motion, share * target, share, smallest=smallest)
+                    steps.append(step)
+                    if step.stop is not Stop.CONVERGED:
+                        break
+                else:
+                    return motion, steps
+                if parts == 1:
+                    first, reached = step, there
+            step = first
+        where = (
+            "beside condensed joints"
+            if any(self.condensed)
+            else "from the configuration of the joints' records"
+        )
+        raise ConvergenceError(
+            f"basis no longer successful: {where}, at {100 * reached:.3g} % of the loads, {step.stop.sentence}; name all "
+            "joints, take expansion='trained', or use method='full'",
+            reached=reached,
+        )
+
+    def _start(self, ready: _Prepared) -> tuple[Motion, Step]:
+        """Where steps 1 and 2 put everything, the bodies settled there."""
+        assert self.steps is not None
+        clock, mix, count = Stopwatch(), ready.mix, 0
+        state = same_state(self.model, self.steps.bench.full, ready.model)
+        motion = mix.rest.copy()
+        motion.x[:], motion.R[:] = state.x[mix.nodes], state.R[mix.nodes]
+        alike: dict[tuple, np.ndarray] = {}
+        members, size = ready.model.arrays.members, ready.model.arrays.size
+        for m in np.flatnonzero(mix.member >= 0).tolist():
+            i = int(mix.member[m])
+            if ready.model.member_names[i] in ready.model.bodies:
+                d, Q = member_pose(members, i, state)
+                key = (
+                    int(members.value_at[i]),
+                    (np.round(np.concatenate([d / size, Q.ravel()]), 10) + 0.0).tobytes(),
+                )
+                if key not in alike:
+                    alike[key], taken = settled(ready.model, i, d, Q)
+                    count += taken
+                mix.inner(motion, m)[:] = alike[key]
+            else:
+                mix.inner(motion, m)[:] = inner_state(ready.model, state, i)
+        return motion, Step("bodies settled", count, clock(), 0.0, Stop.CONVERGED, "ends held")
+
+    def _condense(self, ready: _Prepared, motion: Motion) -> None:
+        """The condensed joints of step 2 into `motion`."""
+        assert self.steps is not None
+        every = self.steps.bench.reduced.inner
+        for m in np.flatnonzero(ready.mix.joint >= 0).tolist():
+            own = ready.mix.inner(motion, m)
+            own[:] = every[len(own) * ready.mix.joint[m] :][: len(own)]
+
+    def _answer(
+        self,
+        ready: _Prepared,
+        motion: Motion,
+        values: Mapping[str, float],
+        steps: list[Step],
+        notes: tuple[str, ...],
+    ) -> Configuration:
+        """The state of all leafs, and what the joints' records say of it."""
+        assert self.steps is not None
+        b, mix, model = self.steps.bench, ready.mix, ready.model
+        place_space(b.held)
+        state = same_state(self.model, b.full, model)
+        state.x[mix.nodes], state.R[mix.nodes] = motion.x, motion.R
+        state.multiplier[:] = motion.multiplier
+        for m in np.flatnonzero(mix.member >= 0).tolist():
+            inner_state(model, state, int(mix.member[m]))[:] = mix.inner(motion, m)
+        # condensed joints cannot buckle, their leafs can
+        work, plan = make_work(model.arrays), model.arrays.plan
+        _, _, inside, _ = assemble(model.arrays, state, model.targets(values), 1.0, work, RTOL, 0, 10.0)
+        negatives, _ = factor_blocks(plan, work.value, work.spare, len(plan.size))
+        read_space(b.held)
+        near = bool(b.seen[1])
+        reading, unknown = pipeline.read_motions(b, b.found.copy(), b.off.copy(), b.known, near=near)
+        expected = len(model.drive_names) + len(model.support_names)
+        return Configuration(
+            model, state, "modal", dict(values), tuple(steps), negatives=int(negatives + inside),
+            expected=expected, reading=reading, notes=(*notes, *unknown), near=near,
+        )  # fmt: skip
+
+
+class _Prepared:
+    """A model with its bodies and their mixture with condensed joints, with storage.
+
+    smaller: the same of smaller bases, from whose state a large one starts.
+    """
+
+    def __init__(
+        self, model: Model, linear: Arrays, condensed: Sequence[bool], smaller: _Prepared | None = None
+    ) -> None:
+        self.model, self.smaller, self.mix = model, smaller, mixture(model, linear, condensed)
+        self.work = make_work(self.mix.arrays)
+
+    def loaded(
+        self, motion: Motion, target: np.ndarray, factor: float, *, smallest: float
+    ) -> tuple[Step, float]:
+        """Step 3, in place, at drives target (c,) under loads times factor, put on in parts down to `smallest`.
+
+        Returns the part of the loads that was reached, too.
+        """
+        clock, arrays = Stopwatch(), self.mix.arrays
+
+        def newton(want: np.ndarray, level: float, rtol: float, most: int, cap: float, limit: float) -> Any:
+            return iterate(arrays, motion, want, level, self.work, rtol, most, cap, limit)
+
+        driven = drive_to(
+            motion, newton, start=target, target=target, factors=(0.0, factor), smallest=smallest,
+            pivoting=(arrays, self.work),
+        )  # fmt: skip
+        parts = f"{driven.taken} load steps" if driven.taken > 1 else ""
+        step = Step("3 reduced equilibrium", driven.solves, clock(), driven.residual, driven.stop, parts)
+        return step, driven.reached
+
+    def like(self, other: _Prepared, near: Motion) -> Motion:
+        """The state of another basis of the same bodies, nodes of leafs as near as this one has them."""
+        motion = self.mix.rest.copy()
+        motion.x[:], motion.R[:], motion.multiplier[:] = near.x, near.R, near.multiplier
+        for m, i in enumerate(self.mix.member.tolist()):
+            own, theirs = self.mix.inner(motion, m), other.mix.inner(near, m)
+            name = self.model.member_names[i] if i >= 0 else ""
+            body = self.model.bodies.get(name)
+            if isinstance(body, LeafBasis):
+                pose = member_pose(self.mix.arrays.members, m, motion)
+                own[:] = body.like(other.model.bodies[name], *pose, theirs)
+            else:
+                own[:] = theirs
+        return motion
+
+
+def settled(model: Model, i: int, d: np.ndarray, Q: np.ndarray) -> tuple[np.ndarray, int]:
+    """Inner coordinates of member i with its end q held at d (3,) m, Q (3, 3) in the frame of end p; and Newton steps taken.
+
+    In one go or along the way there; those of rest where none are found: the equilibrium of the mechanism may yet find them.
+
+    A Newton step of a whole mechanism from inner coordinates of rest and ends turned by tens of degrees is lost at once: the
+    directors between the ends are far from unit length, and that energy is membrane energy.
+    """
+    from scipy.spatial.transform import Rotation
+
+    arrays, rest = alone(model, i)
+    work, taken = make_work(arrays), 0
+    d0, Q0 = member_pose(model.arrays.members, i, model.rest)
+    turn = Rotation.from_matrix(Q @ Q0.T).as_rotvec()
+    unturned = Rotation.from_rotvec(-0.5 * turn).apply(d)
+    for steps in WAYS_THERE:
+        motion, reason = rest.copy(), Stop.CONVERGED
+        for share in np.linspace(1 / steps, 1, steps):
+            # along an arc
+            chord = (1 - share) * d0 + share * unturned
+            arrays.members.offset[0, 1] = Rotation.from_rotvec(0.5 * share * turn).apply(chord)
+            arrays.members.frame[0, 1] = Rotation.from_rotvec(share * turn).as_matrix() @ Q0
+            reason, count, *_ = iterate(
+                arrays, motion, np.zeros(0), 1.0, work, 1e-6, MOST_SETTLING, CAP, math.inf
+            )
+            taken += count
+            if reason != Stop.CONVERGED:
+                break
+        else:
+            return motion.inner, taken
+    return rest.inner, taken
+
+
+def by_steps(model: Model, values: Mapping[str, float]) -> Configuration:
+    """Equilibrium of a model with reduced bodies at drive values by name [m or rad], by load steps.
+
+    Raises ConvergenceError.
+    """
+    try:
+        return by_load_steps(model, values, lambda c: c)
+    except ConvergenceError as reason:
+        loose = reason.reached == 0.0 and any(model.bodies[n].solid.flat for n in model.solids)
+        flat = (
+            "; a solid meshed in 2D resists nothing across its plane: hold that by supports" if loose else ""
+        )
+        trained = "" if model.full is None else ", take expansion='trained'"
+        raise ConvergenceError(
+            f"basis no longer successful, or no equilibrium: {reason}{flat}; ask for less, raise internal or order"
+            f"{trained}, or use another method",
+            reached=reason.reached,
+            result=reason.result,
+        ) from reason
+
+
+def judged(found: Configuration) -> Configuration:
+    """The configuration with its error estimate, and a doubt where a basis was no longer successful."""
+    model = found.model
+    estimate, step = indicator(model, found.motion, model.targets(found.targets), found.load_factor)
+    # the last step is the one that says whether it converged
+    found = replace(found, method_error=estimate, steps=(*found.steps[:-1], step, found.steps[-1]))
+    if estimate.relative <= SUCCESSFUL:
+        return found
+    name, stroke, turn = furthest(model, found.motion)
+    said = f"{100 * estimate.relative:.2g} %" if math.isfinite(estimate.relative) else "beyond measure"
+    if name in model.solids:
+        where = (
+            f"solid '{name}' at a stroke of {stroke:.2g} L and its face turned {np.rad2deg(turn):.3g} degrees"
+        )
+        advice = "ask for less, or reduce the solid with more internal modes or order=3"
+    else:
+        where = f"leaf '{name}' at a stroke of {stroke:.2g} L and bent {np.rad2deg(turn):.3g} degrees from its chord"
+        joints = found.steps[-1].name.startswith("4") and len(model.bodies) < len(model.member_names)
+        advice = "take passes=1 or name the condensed joints too, or " if joints else ""
+        advice += (
+            "use ksd.ModalBasis() with coordinates='director', frame='chord', more internal modes, or "
+            "expansion='trained'"
+        )
+    trained = name not in model.solids and model.bodies[name].choices.expansion == "trained"
+    good = "" if trained else f" ({validity(model, leaf=name).sentence})"
+    doubt = f"basis no longer successful: its estimated error is {said}, with {where}{good}; {advice}"
+    return replace(found, doubts=(*found.doubts, doubt))
+
+
+__all__ = ["SUCCESSFUL", "ReducedBodies", "by_steps", "has_solids", "judged"]
