@@ -286,6 +286,8 @@ def with_solids(model: Model, solids: Mapping[str, SolidBasis]) -> Model:
 
 def _fit(model: Model, solids: Mapping[str, SolidBasis]) -> None:
     """Raises SceneError where a solid cannot stand where it is to stand."""
+    if model.full is not None:
+        raise SceneError("solids beside modal bodies are not possible; leave the other leafs as they are")
     if model.choice is not None and model.choice["plate"].present:
         raise SceneError(
             "solids beside leafs with plate stiffening are not possible: compile without='plate'"

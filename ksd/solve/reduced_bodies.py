@@ -68,6 +68,11 @@ def named_bases(model: Model, basis: object) -> dict[str, ModalBasis | SolidBasi
         raise SceneError(f"basis = {show(basis)}: give a ksd.ModalBasis, or several by joint or leaf")
     if not basis:
         raise SceneError("basis = {}: name at least one joint or leaf, or give one ksd.ModalBasis for all")
+    if has_solids(basis) and any(isinstance(body, ModalBasis) for body in basis.values()):
+        # the error of their meshes would not be known
+        raise SceneError(
+            "basis: solids beside modal leafs are not possible; name the solids alone, other leafs stay as they are"
+        )
     found = {}
     for name, body in basis.items():
         if not isinstance(body, ModalBasis | SolidBasis):

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import ksd
+from ksd.modal import with_modal_bodies
 from ksd.modal.solid import block
 from ksd.modal.solid_basis import reduce_solid, with_solids
 from ksd.modal.solid_solve import press
@@ -185,6 +186,14 @@ def test_support_stiffness_of_a_flat_solid(fine):
     assert found.compliance[np.ix_(free, free)] == pytest.approx(flexible, abs=1e-3 * np.abs(flexible).max())
 
 
+def test_no_method_leaves_a_solid_out(coarse):
+    """By name it is there with "conventional" as without a method."""
+    scene, basis = spring(load=0.1, flat=True), {"spring": coarse}
+    one, other = (ksd.solve(scene, method=m, basis=basis, strict=False) for m in (None, "conventional"))
+    assert moved(other) == pytest.approx(moved(one), rel=1e-12)
+    assert np.linalg.norm(moved(ksd.solve(scene)) - moved(one)) > 1e-3 * np.linalg.norm(moved(one))
+
+
 def test_what_is_not_possible_is_said(coarse):
     scene = spring(load=0.02, flat=True)
     model = with_solids(ksd.compile_scene(scene), {"spring": coarse})
@@ -193,8 +202,20 @@ def test_what_is_not_possible_is_said(coarse):
             ksd.solve(model, method=method)
     with pytest.raises(ksd.SceneError, match=r"give what ksd\.modal\.solid_basis\.reduce_solid returns"):
         with_solids(model, {"spring": 3})
+    with pytest.raises(ksd.SceneError, match="solids beside modal leafs"):
+        ksd.solve(scene, method="modal", basis={"spring": coarse, "other": ksd.ModalBasis()})
     for method in ("reduced", "full", "kinematic"):
         with pytest.raises(ksd.SceneError, match="solved in load steps"):
             ksd.solve(scene, method=method, basis={"spring": coarse})
+    both = spring(load=0.02, flat=True)
+    both.leaf(
+        both.ground, "tip", start=(0, 0.1, 0), end=(LENGTH, 0.1, 0), section=rectangle(1e-3, WIDTH), material=STEEL,
+        width_axis="z", name="other",
+    )  # fmt: skip
+    modal = with_modal_bodies(
+        ksd.compile_scene(both, mesh=ksd.Mesh("corotational", elements=10)), ksd.ModalBasis(), only=["other"]
+    )
+    with pytest.raises(ksd.SceneError, match="solids beside modal bodies"):
+        with_solids(modal, {"spring": coarse})
     with pytest.raises(ksd.ConvergenceError, match="resists nothing across its plane: hold that by supports"):
         ksd.solve(spring(driven=True), across=0.001, basis={"spring": coarse})
