@@ -12,11 +12,13 @@ of the global axes: same members, same state, same rows; leafs without weight co
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
+from typing import NamedTuple
 
 import numpy as np
 
 from ksd.beam.planar_leaf import planar_values, store_size
+from ksd.beam.strain_values import strain_values
 from ksd.model.arrays import (
     COIL,
     COROTATIONAL,
@@ -33,7 +35,8 @@ from ksd.model.arrays import (
     Work,
 )
 from ksd.model.compile import Model
-from ksd.model.pack import Places, coupled, numbering
+from ksd.model.pack import coupled, numbering
+from ksd.numerics.blocks import Blocks
 
 PARALLEL = 1e-9
 """Sine of the angle below which two directions count as parallel."""
@@ -81,68 +84,113 @@ class Plane:
         return float(share[worst]), worst + 1, float(force[worst]), float(moment[worst])
 
 
+class _Planar(NamedTuple):
+    """What of the arrays in a plane does not depend on numbers: the plan, where unknowns start and blocks are."""
+
+    plan: Blocks
+    start: np.ndarray
+    row_start: np.ndarray
+    term_block: np.ndarray
+    flip: np.ndarray
+    load_block: np.ndarray
+    member_block: np.ndarray
+    spring_block: np.ndarray
+
+
+@lru_cache(maxsize=64)
+def _planar(width: int, nodes: int, rows: tuple[int, ...], ints: tuple[bytes, ...]) -> _Planar:
+    """ints: nodes of members, springs, terms and loads, first term of every row."""
+    member, spring, term, load, first_term = (np.frombuffer(b, np.int64) for b in ints)
+    node, first = term.reshape(-1, 2).tolist(), first_term.tolist()
+    own = [[(0, *node[t]) for t in range(first[row], first[row + 1])] for row in rows]
+    ends = [m.reshape(-1, 2).tolist() for m in (member, spring)]
+    plan, places, start, start_of_rows = numbering(
+        nodes, width, coupled(nodes, [*ends[0], *ends[1]], own), len(rows)
+    )
+    row_start = np.full(len(first) - 1, -1, np.int64)
+    row_start[list(rows)] = start_of_rows
+    block, flip = np.full((len(node), 5), -1, np.int64), np.zeros(len(node), np.int64)
+    for i, row in enumerate(rows):
+        for t in range(first[row], first[row + 1]):
+            block[t], flip[t] = places.term(nodes - 1 + i, *node[t])
+    member_block, spring_block = (
+        np.array([places.member(a, b) for a, b in pairs], np.int64).reshape(-1, 4) for pairs in ends
+    )
+    load_block = np.array([places.diagonal(n) for n in load.tolist()], np.int64)
+    return _Planar(plan, start, row_start, block, flip, load_block, member_block, spring_block)
+
+
 def _masked(arrays: Arrays, axis: int, rows: np.ndarray) -> Arrays:
     """The arrays with those unknowns of every node that are in the plane across global axis `axis`, and `rows` alone."""
     keep = np.array([*(c for c in range(3) if c != axis), 3 + axis])
-    nodes, terms, springs = len(arrays.start), arrays.terms, arrays.springs
-    first, node = terms.first.tolist(), terms.node.tolist()
-    own = [[(0, *node[t]) for t in range(first[row], first[row + 1])] for row in rows.tolist()]
-    ends = [*arrays.members.node.tolist(), *springs.node.tolist()]
-    plan, places, start, start_of_rows = numbering(nodes, len(keep), coupled(nodes, ends, own), len(rows))
-    row_start = np.full(len(terms.start), -1, np.int64)
-    row_start[rows] = start_of_rows
-    block, flip = np.full_like(terms.block, -1), np.zeros_like(terms.flip)
-    for i, row in enumerate(rows.tolist()):
-        for t in range(first[row], first[row + 1]):
-            block[t], flip[t] = places.term(nodes - 1 + i, *node[t])
-    load_block = np.array([places.diagonal(n) for n in arrays.loads.node.tolist()], np.int64)
+    terms, springs, loads = arrays.terms, arrays.springs, arrays.loads
+    ints = (arrays.members.node, springs.node, terms.node, loads.node, terms.first)
+    laid = _planar(len(keep), len(arrays.start), tuple(rows.tolist()), tuple(i.tobytes() for i in ints))
     return arrays._replace(
-        plan=plan,
-        start=start,
-        members=_members(arrays, places),
-        terms=terms._replace(start=row_start, block=block, flip=flip),
+        plan=laid.plan,
+        start=laid.start,
+        members=_members(arrays)._replace(block=laid.member_block),
+        terms=terms._replace(start=laid.row_start, block=laid.term_block, flip=laid.flip),
         # a moment along the normal has an energy in the plane
-        loads=arrays.loads._replace(block=load_block, skew=arrays.loads.following.copy()),
-        springs=springs._replace(block=_blocks(springs.node, places)) if len(springs.kind) else springs,
+        loads=loads._replace(block=laid.load_block, skew=loads.following.copy()),
+        springs=springs._replace(block=laid.spring_block) if len(springs.kind) else springs,
         keep=keep,
     )
 
 
-def _blocks(nodes: np.ndarray, places: Places) -> np.ndarray:
-    """Stored blocks (m, 4) of members between nodes (m, 2), see `Members`."""
-    return np.array([places.member(a, b) for a, b in nodes.tolist()], np.int64).reshape(-1, 4)
-
-
-def _members(arrays: Arrays, places: Places) -> Members:
+def _members(arrays: Arrays) -> Members:
     """The members, light strain-mode leafs by their planar kernel."""
     members = arrays.members
+    light = members.kind == STRAIN
+    if len(arrays.weight):
+        light &= arrays.weight[:, 0] == 0.0
     kind, number, value_at = members.kind.copy(), members.number.copy(), members.value_at.copy()
-    store, values, known = np.diff(members.store_at), [members.value], {}
-    end = len(members.value)
-    for i in range(len(kind)):
-        if kind[i] != STRAIN or _heavy(arrays, i):
-            continue
-        of = int(members.value_at[i]), members.number[i].tobytes()
-        if of not in known:
-            made, settings = planar_values(members.value[members.value_at[i] :], members.number[i])
-            known[of] = end, settings
-            values.append(made)
-            end += len(made)
-        value_at[i], number[i] = known[of]
-        kind[i], store[i] = PLANAR, store_size(int(number[i, 0]))
+    store, values, end = np.diff(members.store_at), [members.value], len(members.value)
+    constants = np.concatenate([members.value_at[:, None], members.number], axis=1)[light]
+    for at, *settings in np.unique(constants, axis=0).tolist():
+        own = light & (members.value_at == at) & np.all(members.number == settings, axis=1)
+        made, planar = _constants(members.value[at:], tuple(settings))
+        values.append(made)
+        kind[own], number[own], value_at[own], store[own] = PLANAR, planar, end, store_size(int(planar[0]))
+        end += len(made)
     return members._replace(
         kind=kind,
         number=number,
         value_at=value_at,
         value=np.concatenate(values),
         store_at=np.concatenate([[0], np.cumsum(store)]).astype(np.int64),
-        block=_blocks(members.node, places),
     )
 
 
-def _heavy(arrays: Arrays, i: int) -> bool:
-    """Whether member i has weight."""
-    return len(arrays.weight) > 0 and bool(arrays.weight[i, 0] > 0.0)
+@lru_cache(maxsize=32)
+def _unit(settings: tuple[int, ...]) -> tuple[slice, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Of a uniform leaf: where the tables are among its spatial constants, the tables; its planar constants and settings as
+    multiples, by number, of spatial ones."""
+    value, _ = strain_values(
+        length=1.0, rigidity=np.ones(3), compliance=np.ones(3), orders=settings[:3], points=settings[3]
+    )
+    nx, ny, nz, ng = settings
+    total, first = nx + ny + nz, 1 + nx * nx + ny * ny
+    tables = slice(first + nz * nz + total, first + nz * nz + total + ng * (1 + ng + total))
+    multiple, planar = planar_values(value, np.array(settings))
+    of = np.zeros(len(multiple), np.int64)
+    # bending stiffness and stress-free amplitudes are what they are; of each point 1/EA and 1/(ky GA), all else grows
+    # with the length, which comes first
+    own = nz * nz + nz
+    of[:own] = np.concatenate([first + np.arange(nz * nz), tables.start - nz + np.arange(nz)])
+    multiple[:own] = 1.0
+    point = own + (3 + 2 * nz) * np.arange(ng)
+    for c in (0, 1):
+        of[point + 1 + c] = tables.stop + 3 * np.arange(ng) + c
+    return tables, value[tables], planar, of, multiple
+
+
+def _constants(value: np.ndarray, settings: tuple[int, ...]) -> tuple[np.ndarray, np.ndarray]:
+    """Planar constants and settings of a leaf, from its spatial ones."""
+    tables, known, planar, of, multiple = _unit(settings)
+    if np.array_equal(value[tables], known):
+        return multiple * value[of], planar
+    return planar_values(value, np.array(settings))
 
 
 def _normal_axis(arrays: Arrays) -> tuple[int, np.ndarray]:
@@ -160,17 +208,29 @@ def _spoken(v: np.ndarray) -> str:
 def _leaving_member(model: Model, k: np.ndarray) -> str:
     """Why a member is not in the plane across k, naming the first; empty when all are."""
     members = model.arrays.members
-    for i, name in enumerate(model.member_names):
-        if members.kind[i] == LINEAR:
-            return f"'{name}' is a condensed joint, which has no planar form"
-        if members.kind[i] in (MODAL, SOLID):
-            return f"'{name}' is a reduced body, which has no planar form"
-        for e3 in members.frame[i, :, :, 2]:
-            if np.linalg.norm(np.cross(e3, k)) > PARALLEL:
-                return f"the width of leaf '{name}' is along {_spoken(e3)}, that of the others along {_spoken(k)}"
-        if not _straight_across(members, i):
-            return f"leaf '{name}' is curved or twisted out of the plane at rest"
-    return ""
+    e3 = members.frame[..., 2]
+    along = e3 @ k
+    tilt = np.sqrt(np.sum((e3 - along[..., None] * k) ** 2, axis=-1))
+    leaves = np.isin(members.kind, (LINEAR, MODAL, SOLID)) | np.any(tilt > PARALLEL, axis=1)
+    if not leaves.any():
+        # those of one group have the same constants
+        group, first = np.unique(members.value_at, return_index=True)
+        bent = [at for at, i in zip(group, first, strict=True) if not _straight_across(members, int(i))]
+        leaves = np.isin(members.value_at, bent)
+        if not leaves.any():
+            return ""
+    i = int(np.argmax(leaves))
+    name = model.member_names[i]
+    if members.kind[i] == LINEAR:
+        return f"'{name}' is a condensed joint, which has no planar form"
+    if members.kind[i] in (MODAL, SOLID):
+        return f"'{name}' is a reduced body, which has no planar form"
+    for axis, off in zip(e3[i], tilt[i], strict=True):
+        if off > PARALLEL:
+            return (
+                f"the width of leaf '{name}' is along {_spoken(axis)}, that of the others along {_spoken(k)}"
+            )
+    return f"leaf '{name}' is curved or twisted out of the plane at rest"
 
 
 def _straight_across(members: Members, i: int) -> bool:
@@ -214,22 +274,22 @@ def _couples(value: np.ndarray) -> bool:
 def _planar_rows(model: Model, k: np.ndarray) -> np.ndarray | str:
     """Constraint rows (c,) that act in the plane; supports that only hold the mechanism in it are left out."""
     terms, drives = model.arrays.terms, len(model.drive_names)
-    rows = []
-    for i, name in enumerate((*model.drive_names, *model.support_names)):
-        span = slice(terms.first[i], terms.first[i + 1])
-        turning = terms.kind[span] == ROTATION
-        along = np.abs(terms.direction[span] @ k)
-        across = np.linalg.norm(np.cross(terms.direction[span], k), axis=1)
-        inside = np.where(turning, across, along) <= PARALLEL
-        outside = np.where(turning, along, across) <= PARALLEL
-        if np.all(inside):
-            rows.append(i)
-        elif i < drives or not np.all(outside):
-            what = "rotates about" if turning[np.argmin(inside)] else "moves along"
-            direction = terms.direction[span][np.argmin(inside)]
-            word = "drive" if i < drives else "support"
-            return f"{word} '{name}' {what} {_spoken(direction)}, out of the plane across {_spoken(k)}"
-    return np.array(rows, np.int64)
+    if not len(terms.start):
+        return np.zeros(0, np.int64)
+    turning, d = terms.kind == ROTATION, terms.direction @ k
+    along, across = np.abs(d), np.linalg.norm(terms.direction - d[:, None] * k, axis=1)
+    inside = np.where(turning, across, along) <= PARALLEL
+    outside = np.where(turning, along, across) <= PARALLEL
+    first = terms.first[:-1]
+    within, beside = (np.logical_and.reduceat(side, first) for side in (inside, outside))
+    leaving = ~within & ~(beside & (np.arange(len(first)) >= drives))
+    if not leaving.any():
+        return np.flatnonzero(within)
+    i = int(np.argmax(leaving))
+    t = first[i] + int(np.argmin(inside[first[i] : terms.first[i + 1]]))
+    what = "rotates about" if turning[t] else "moves along"
+    word, name = "drive" if i < drives else "support", (*model.drive_names, *model.support_names)[i]
+    return f"{word} '{name}' {what} {_spoken(terms.direction[t])}, out of the plane across {_spoken(k)}"
 
 
 def _load_name(model: Model, i: int) -> str:
