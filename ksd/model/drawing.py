@@ -184,8 +184,9 @@ class _Parts:
             kind, number = STRAIN, (*orders, points)
         else:
             kind, number = COROTATIONAL, (leaf.elements or mesh.elements, int(mesh.mip))
-        rounded = tuple(round(v, DIGITS) for v in (long / length, torsion, plate))
-        key = (*rounded, length, size, kind, number, heavy)
+        key: tuple[Any, ...] = (round(long / length, DIGITS), length, size, kind, number, heavy)
+        if torsion != 1.0 or plate != 1.0:
+            key += (round(torsion, DIGITS), round(plate, DIGITS))
         group = self.groups.setdefault(key, len(self.groups))
         return LeafWords(name[1], ends, kind, number, heavy, group, None)
 

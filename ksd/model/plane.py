@@ -102,7 +102,7 @@ def _planar(width: int, nodes: int, rows: tuple[int, ...], ints: tuple[bytes, ..
     """ints: nodes of members, springs, terms and loads, first term of every row."""
     member, spring, term, load, first_term = (np.frombuffer(b, np.int64) for b in ints)
     node, first = term.reshape(-1, 2).tolist(), first_term.tolist()
-    own = [[(0, *node[t]) for t in range(first[row], first[row + 1])] for row in rows]
+    own = [[(0, a, b) for a, b in node[first[row] : first[row + 1]]] for row in rows]
     ends = [m.reshape(-1, 2).tolist() for m in (member, spring)]
     plan, places, start, start_of_rows = numbering(
         nodes, width, coupled(nodes, [*ends[0], *ends[1]], own), len(rows)
@@ -166,10 +166,10 @@ def _members(arrays: Arrays) -> Members:
 def _unit(settings: tuple[int, ...]) -> tuple[slice, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Of a uniform leaf: where the tables are among its spatial constants, the tables; its planar constants and settings as
     multiples, by number, of spatial ones."""
-    value, _ = strain_values(
-        length=1.0, rigidity=np.ones(3), compliance=np.ones(3), orders=settings[:3], points=settings[3]
-    )
     nx, ny, nz, ng = settings
+    value, _ = strain_values(
+        length=1.0, rigidity=np.ones(3), compliance=np.ones(3), orders=(nx, ny, nz), points=ng
+    )
     total, first = nx + ny + nz, 1 + nx * nx + ny * ny
     tables = slice(first + nz * nz + total, first + nz * nz + total + ng * (1 + ng + total))
     multiple, planar = planar_values(value, np.array(settings))

@@ -63,34 +63,61 @@ def _tables(model: Model) -> _Tables:
     """See `_Tables`; the layout of the values is that of `ksd.beam.strain_values`."""
     members = model.arrays.members
     strain = np.flatnonzero(members.kind == STRAIN)
-    place, rest, one, two, stiff, own, start = [], [], [], [], [], [], []
-    ends = np.zeros((4, len(strain), 3), np.int64)
-    count = pairs = 0
-    for m, i in enumerate(strain.tolist()):
-        value, orders = members.value[members.value_at[i] :], members.number[i, :3].tolist()
-        start.append(pairs)
-        at, first, still = 1, int(members.inner_at[i]), 1 + sum(n * n for n in orders)
-        for axis, n in enumerate(orders):
-            K, mine = value[at : at + n * n].reshape(n, n), count + np.arange(n)
-            place.append(first + np.arange(n))
-            rest.append(value[still : still + n])
-            own_scale = np.sqrt(np.abs(np.diagonal(K)))
-            rows, columns = np.nonzero(np.abs(K) > ROUNDING * np.outer(own_scale, own_scale))
-            one.append(mine[rows])
-            two.append(mine[columns])
-            stiff.append(0.5 * K[rows, columns])
-            pairs += len(rows)
-            own.append(0.5 * np.diagonal(K))
-            ends[:3, m, axis] = mine[[-1, -2, -4]] if n >= 4 else mine[-1]
-            ends[3, m, axis] = mine[0]
-            at, first, still, count = at + n * n, first + n, still + n, count + n
-    start.append(pairs)
-    flat = [np.concatenate(part) if part else np.zeros(0) for part in (place, rest, one, two, stiff, own)]
-    place_, rest_, one_, two_, stiff_, own_ = flat
+    key = np.concatenate([members.value_at[:, None], members.number], axis=1)[strain]
+    different, which = np.unique(key, axis=0, return_inverse=True)
+    which = which.ravel()
+    groups = [_group(members.value[at:], orders) for at, *orders, _ in different.tolist()]
+    sizes = np.array([(len(g.own), len(g.stiff)) for g in groups], np.int64).reshape(-1, 2)[which]
+    (count, first), (pairs, start) = ((int(n.sum()), np.cumsum(n) - n) for n in sizes.T)
+    place, ends = np.zeros(count, np.int64), np.zeros((len(strain), 4, 3), np.int64)
+    rest, own, stiff = np.zeros(count), np.zeros(count), np.zeros(pairs)
+    one, two = np.zeros(pairs, np.int64), np.zeros(pairs, np.int64)
+    for k, g in enumerate(groups):
+        mine = np.flatnonzero(which == k)
+        amplitude = first[mine, None] + np.arange(len(g.own))
+        pair = start[mine, None] + np.arange(len(g.stiff))
+        place[amplitude] = members.inner_at[strain[mine], None] + np.arange(len(g.own))
+        rest[amplitude], own[amplitude], stiff[pair] = g.rest, g.own, g.stiff
+        one[pair], two[pair] = first[mine, None] + g.one, first[mine, None] + g.two
+        ends[mine] = first[mine, None, None] + g.ends
+    last, second, fourth, lowest = (np.ascontiguousarray(ends[:, e]) for e in range(4))
     return _Tables(
-        strain, place_.astype(np.int64), rest_, one_.astype(np.int64), two_.astype(np.int64), stiff_,
-        np.array(start, np.int64), own_, ends[0], ends[1], ends[2], ends[3],
+        strain, place, rest, one, two, stiff, np.append(start, pairs), own, last, second, fourth, lowest,
         members.length[strain] / members.number[strain, 3],
+    )  # fmt: skip
+
+
+class _Group(NamedTuple):
+    """Leafs of one set of constants: rest (N,) amplitudes, half the diagonal `own` (N,) of K, its pairs one, two (p,) with
+    half their entry; ends (4, 3): highest amplitude, second, fourth from above, lowest of every axis."""
+
+    rest: Array
+    own: Array
+    one: NDArray[np.int64]
+    two: NDArray[np.int64]
+    stiff: Array
+    ends: NDArray[np.int64]
+
+
+def _group(value: Array, orders: list[int]) -> _Group:
+    """Of constants as `ksd.beam.strain_values` lays them out."""
+    at, first = 1, 0
+    one, two, stiff, own = [], [], [], []
+    ends = np.zeros((4, 3), np.int64)
+    for axis, n in enumerate(orders):
+        K = value[at : at + n * n].reshape(n, n)
+        scale = np.sqrt(np.abs(np.diagonal(K)))
+        rows, columns = np.nonzero(np.abs(K) > ROUNDING * scale[:, None] * scale)
+        one.append(first + rows)
+        two.append(first + columns)
+        stiff.append(0.5 * K[rows, columns])
+        own.append(0.5 * np.diagonal(K))
+        down = (n - 1, n - 2, n - 4, 0) if n >= 4 else (n - 1, n - 1, n - 1, 0)
+        ends[:, axis] = first + np.array(down)
+        at, first = at + n * n, first + n
+    return _Group(
+        value[at : at + first], np.concatenate(own), np.concatenate(one), np.concatenate(two),
+        np.concatenate(stiff), ends,
     )  # fmt: skip
 
 

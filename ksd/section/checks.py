@@ -102,6 +102,8 @@ def show(value: Any) -> str:
 
 def number(value: Any, what: str, *, owner: str = "", unit: str = "") -> float:
     """Any finite real number as float. Raises SceneError for NaN, infinity, text, booleans, arrays."""
+    if type(value) is float and -LARGEST <= value <= LARGEST:
+        return value
     in_unit = f" in {unit}" if unit else ""
     if isinstance(value, np.ndarray) and value.ndim == 0:
         value = value.item()
@@ -172,6 +174,10 @@ def between(
 
 def vector(value: Any, what: str, *, owner: str = "", unit: str = "") -> Vector:
     """Three finite numbers as a tuple of floats."""
+    if type(value) is tuple and len(value) == 3:
+        x, y, z = value
+        if type(x) is type(y) is type(z) is float and all(-LARGEST <= v <= LARGEST for v in value):
+            return x, y, z
     in_unit = f" in {unit}" if unit else ""
     is_array = isinstance(value, np.ndarray) and value.ndim == 1
     is_list = isinstance(value, Sequence) and not isinstance(value, str | bytes)

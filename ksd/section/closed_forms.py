@@ -56,6 +56,11 @@ def rectangle(
     t = positive(thickness, "thickness", owner=name, unit="m")
     w = positive(width, "width", owner=name, unit="m")
     nu = _poisson(cowper, name)
+    return _rectangle(t, w, nu, name)
+
+
+@lru_cache(maxsize=256)
+def _rectangle(t: float, w: float, nu: float | None, name: str) -> Section:
     k = 5 / 6 if nu is None else 10 * (1 + nu) / (12 + 11 * nu)
     J, Iw = _torsion_rectangle(min(t, w), max(t, w)), _warping_rectangle(t, w)
     return Section(t * w, J, t * w**3 / 12, w * t**3 / 12, k, k, Iw, width=w, thickness=t, name=name)
