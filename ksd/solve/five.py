@@ -25,10 +25,10 @@ from ksd.solve.estimate import distance, estimate_error
 from ksd.solve.following import counted
 from ksd.solve.load_steps import WANDERED, wandered
 from ksd.solve.pipeline import Bench
-from ksd.solve.reach import closed, in_range
 from ksd.solve.space_steps import FULL, KINEMATIC, REDUCED, space_steps
 from ksd.solve.steps import FiveStepRecord, Step
 from ksd.solve.stops import Stop
+from ksd.solve.verdict import trained_range
 
 _CODES = {"kinematic": KINEMATIC, "reduced": REDUCED, "full": FULL}
 
@@ -77,14 +77,14 @@ class FiveSteps:
         first: Step | None = None
         ready = 0
         if b.bodies.hanging:
-            first, ready = closed(b, target, self.gap), 1
+            first, ready = _closed(b, target, self.gap), 1
         count, negatives = space_steps(b.held, target, code, passes, ready, RTOL, CAP, self.gap, out)
         if not ready and (out[0, 0] != 0 or not out[0, 2] < self.gap * b.bodies.reduced.size):
-            first = closed(b, target, self.gap)
+            first = _closed(b, target, self.gap)
             count, negatives = space_steps(b.held, target, code, passes, 1, RTOL, CAP, self.gap, out)
         record, (inside, near) = out[:count].tolist(), b.seen.tolist()
         arrived = record[-1][0] == 0.0
-        warnings = [] if arrived and inside else in_range(b, b.theta, extrapolate=self.extrapolate)
+        warnings = [] if arrived and inside else trained_range(b, b.theta, extrapolate=self.extrapolate)
         steps = FiveStepRecord(record, passes, first=first)
         if not arrived or first is not None:
             _insist(steps)
@@ -174,6 +174,34 @@ class FiveSteps:
             method_error=error, notes=(*warnings, *unknown, *self._said(steps)), doubts=doubts,
             near=near,
         )  # fmt: skip
+
+
+def _closed(b: Bench, target: np.ndarray, gap: float) -> Step:
+    """Step 1, in one go or, failing that, along the drive; ConvergenceError says how far it got. gap: as GAP."""
+    b.restart()
+    step = pipeline.close(b, target)
+    if step.stop is Stop.CONVERGED and step.residual < gap * b.bodies.reduced.size:
+        return step
+    b.restart()
+    done, size, count, spent = 0.0, 0.25, step.iterations, step.time
+    while done < 1.0 and size > 1e-3:
+        theta, safe = b.theta.copy(), b.reduced.copy()
+        goal = min(1.0, done + size)
+        step = pipeline.close(b, goal * target)
+        count, spent = count + step.iterations, spent + step.time
+        if step.stop is Stop.CONVERGED and step.residual < gap * b.bodies.reduced.size:
+            done = goal
+            continue
+        b.theta[:] = theta
+        b.reduced.assign(safe)
+        size *= 0.5
+    if done < 1.0:
+        raise ConvergenceError(
+            f"the joints cannot reach this pose by their intended motions: the drives got to {100 * done:.3g} % of "
+            "the way, where the linkage locks; ask for less, or use method='conventional'",
+            reached=done,
+        )
+    return Step(step.name, count, spent, step.residual, step.stop, "in steps along the drive")
 
 
 def _insist(steps: FiveStepRecord) -> None:

@@ -25,13 +25,13 @@ from ksd.section.checks import nearest, number, show, truth, whole, worded
 from ksd.solve import pipeline
 from ksd.solve.configuration import Configuration, with_reading
 from ksd.solve.conventional import bare, by_load_steps, conventional
+from ksd.solve.error import relative_error
 from ksd.solve.five import FiveSteps
 from ksd.solve.pipeline import Bench
 from ksd.solve.plates import settled
 from ksd.solve.reduced_bodies import ReducedBodies, by_steps, has_solids, judged
 from ksd.solve.storage import Storage
 from ksd.solve.verdict import (
-    error_by_load_steps,
     insist,
     load_step_check,
     mesh_check,
@@ -273,8 +273,11 @@ class Solver:
             if method is None or not needs_load_step_check(found):
                 return found
             against, other = load_step_check(found, lambda: used._by_load_steps(values))
-            doubts = (*found.doubts, *filter(None, [against]))
-            return replace(found, doubts=doubts, method_error=error_by_load_steps(found, other))
+            error = found.method_error
+            if error is not None and other is not None:
+                # the distance to the exact state is the error, no longer an estimate of it
+                error = relative_error(found.model, found.motion, other.motion)
+            return replace(found, doubts=(*found.doubts, *filter(None, [against])), method_error=error)
 
     def _has_bodies(self) -> bool:
         """Whether reduced bodies are part of the mechanism, whatever the method."""

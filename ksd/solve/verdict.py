@@ -1,11 +1,14 @@
-"""Whether an answer can be believed: the checks in order, each a truth value with its sentence.
+"""Whether an answer can be believed: all that is checked, in this order.
 
-`stable`: a minimum of energy, as far as the inertia of the tangent and the quadrature points of the leafs tell.
-`intended_branch`: nothing speaks against the branch (doubts of `ksd.solve.load_steps` that smaller steps did not clear up,
-the load-step check of heavily loaded mechanisms), and every joint is near the intended motion of its record.
-`mesh_check`: the curvature modes of the mesh are enough for the state. `solved`: it converged, is all that, and its error is
-smaller than the answer. `strength`: a linear elastic beam can be in this state. That joints are within their trained ranges
-is checked where they are closed (`ksd.solve.five`), since nothing is solved beyond them unasked.
+1. `stable`: a minimum of energy, as far as the inertia of the tangent and the quadrature points of the leafs tell.
+2. `intended_branch`: load steps left no doubt (`ksd.solve.load_steps`), every joint is near the motion its record describes.
+3. `load_step_check`: where loads do much of the work, load steps end in the same state as the five steps.
+4. `mesh_check`: the curvature modes of the mesh are enough for the state.
+5. `trained_range`: every joint is within the range its record was trained on.
+6. `solved`: the equations converged, 1 and 2 hold, and the error is smaller than the answer.
+7. `strength`: strain and stress are within what a linear elastic beam and its material allow.
+
+`judge` puts them into words (`Configuration.trust`); `insist` refuses what is not solved.
 """
 
 from __future__ import annotations
@@ -17,7 +20,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ksd.errors import ConvergenceError, TrustError
+from ksd.errors import ConvergenceError, RangeError, TrustError
 from ksd.model.arrays import STRAIN, carries_load
 from ksd.model.mesh import MOST_ORDER
 from ksd.properties.doctor import doctor
@@ -27,6 +30,7 @@ from ksd.solve.steps import ErrorEstimate
 
 if TYPE_CHECKING:
     from ksd.solve.configuration import Configuration
+    from ksd.solve.pipeline import Bench
 
 SLIGHT = 1e-3
 """Error of a link position, over the size of the mechanism, that is small however small the answer."""
@@ -38,7 +42,6 @@ UNRESOLVED = 0.05
 """Share of the energy of a leaf in its highest mode beyond which its curvature is not resolved at all."""
 UNIMPORTANT = 1e-3
 """Share of that mode in the energy of the whole mechanism below which it does not matter."""
-_AXIS = ("torsion", "strong bending", "weak bending")
 
 
 @dataclass(frozen=True)
@@ -177,22 +180,6 @@ def load_step_check(
     ), other
 
 
-def error_by_load_steps(found: Configuration, other: Configuration | None) -> ErrorEstimate | None:
-    """The error of a fast answer: its distance to the exact state `other` where there is one, else its estimate."""
-    error = found.method_error
-    if error is None or other is None:
-        return error
-    links, drives = found.model.links, len(found.model.drive_names)
-    one, exact = found.motion, other.motion
-    force = np.abs(one.multiplier - exact.multiplier)[:drives]
-    shift = float(np.linalg.norm((one.x - exact.x)[:links], axis=1).max())
-    turn = max(float(np.linalg.norm(found.rotation(k) - other.rotation(k))) for k in found.links)
-    moved = float(np.abs(exact.x - found.model.rest.x)[:links].max())
-    largest = max(float(np.abs(exact.multiplier[:drives]).max(initial=0.0)), 1e-300)
-    relative = max(float(force.max(initial=0.0)) / largest, shift / max(moved, 1e-300))
-    return ErrorEstimate(force, shift, turn, relative)
-
-
 def mesh_check(found: Configuration, wanted: float) -> Configuration:
     """The answer, with a warning where a leaf has more than `wanted` of its energy in its highest modes, and a doubt where
     that is much and matters."""
@@ -213,6 +200,33 @@ def mesh_check(found: Configuration, wanted: float) -> Configuration:
         if share * energy[where] > UNIMPORTANT * sum(energy.values()):
             found = replace(found, doubts=(*found.doubts, note))
     return found
+
+
+def trained_range(b: Bench, theta: np.ndarray, *, extrapolate: bool) -> list[str]:
+    """Refuse motions theta (q,) outside the trained range, or warn when extrapolation was asked for."""
+    if np.all((theta >= b.lowest) & (theta <= b.highest)):
+        return []
+    warnings = []
+    for k, (name, value, scale) in enumerate(
+        zip(b.bodies.motion_names, theta, b.bodies.motion_scale, strict=True)
+    ):
+        if b.lowest[k] <= value <= b.highest[k]:
+            continue
+        said = _spoken_range(name, value, *b.bodies.motion_range[k], scale=scale)
+        if not extrapolate:
+            raise RangeError(
+                f"{said}; ask for less, or pass extrapolate=True (--extrapolate) to use the functions beyond it"
+            )
+        warnings.append(f"{said}; extrapolated")
+    return warnings
+
+
+def _spoken_range(name: str, value: float, low: float, high: float, *, scale: float) -> str:
+    if scale == 1.0:
+        v, a, b = np.rad2deg([value, low, high])
+        return f"joint '{name}' would turn {v:.6g} degrees, outside its trained range of {a:.4g} to {b:.4g} degrees"
+    v, a, b = 1e3 * scale * np.array([value, low, high])
+    return f"joint '{name}' would move {v:.6g} mm, outside its trained range of {a:.4g} to {b:.4g} mm"
 
 
 def solved(c: Configuration) -> Verdict:

@@ -318,11 +318,11 @@ COUNTED = {
         lambda s: s.joint_spring("lower left", stiffness=1.0),
     ),
     "compliance": (
-        ("ksd.model.elastic_links", "with_elastic_links"),
+        ("ksd.model.effects", "with_elastic_links"),
         lambda s: s.compliance("top", section=ksd.rectangle(5e-3, 20e-3), material=STEEL),
     ),
     "heat": (
-        ("ksd.scene.effects", "leaf_conditions"),
+        ("ksd.model.effects", "leaf_conditions"),
         lambda s: s.fit("lower left/inner", turn=(0, 0, 1e-3)),
     ),
     "plate": (("ksd.solve.plates", "bent"), lambda s: s.consider("plate")),
