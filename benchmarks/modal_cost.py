@@ -21,6 +21,7 @@ from typing import Any
 import numpy as np
 from common import machine
 from paper2_tangent import tangent_solve
+from reduced_solids import press_reduced
 
 import ksd
 from ksd.beam.modal import factor_dense, modal_recover, modal_sizes, solve_dense
@@ -28,7 +29,7 @@ from ksd.beam.polynomial import polynomial_condense
 from ksd.modal import ModalBasis, with_modal_bodies
 from ksd.modal.solid import block
 from ksd.modal.solid_basis import SolidBasis, reduce_solid
-from ksd.modal.solid_solve import Pressed, press, press_reduced
+from ksd.modal.solid_solve import Pressed, press
 from ksd.model.compile import Model, compile_scene
 from ksd.model.mesh import Mesh
 from ksd.solve.configuration import Configuration

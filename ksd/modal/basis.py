@@ -72,7 +72,12 @@ class LeafBasis:
     condition: float
     tied: np.ndarray | None = None
 
-    kind = MODAL
+    kind, word = MODAL, "leaf"
+
+    @property
+    def trained(self) -> bool:
+        """Whether it is good about a trained configuration alone."""
+        return self.choices.expansion == "trained"
 
     def __str__(self) -> str:
         return str(self.choices)

@@ -43,7 +43,7 @@ class SolidBasis:
     value: np.ndarray
     number: np.ndarray
     condition: float
-    kind = SOLID
+    kind, word, trained = SOLID, "solid", False
 
     def __repr__(self) -> str:
         # told apart by identity: solvers are kept by what their basis prints

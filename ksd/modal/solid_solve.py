@@ -1,36 +1,27 @@
-"""Equilibrium of a meshed solid and of its reduction under a load on face B: the full model beside the fast one.
+"""Equilibrium of a meshed solid under a load on face B, and the solid condensed to that face.
 
 Face A is held; face B is rigid, its pose (shift, rotation) is unknown, and a dead force and moment act on its middle.
 """
 
 from __future__ import annotations
 
-import math
 import time
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
-from ksd.beam.modal import modal_recover, modal_sizes
-from ksd.beam.polynomial import polynomial_condense
 from ksd.errors import ConvergenceError
 from ksd.modal.solid import Solid
-from ksd.modal.solid_basis import SolidBasis
 
 MOST = 40
-MOST_CORRECTORS = 12
-SETTLED = 0.02
-"""Relative change of the indicator by one more step at which it is believed."""
-SUCCESSFUL = 0.05
-"""Estimated relative error beyond which a basis is no longer successful."""
 
 
 @dataclass(frozen=True)
 class Pressed:
     """Face B under load: shift (3,) m, rotation R (3, 3), stiffness (6, 6) of force and moment about it with the
     inside condensed (rows out of the plane zero for 2D), iterations, thread time [s] of one iteration, and the state
-    (displacements of the full model, inner coordinates of the reduced one); error: relative, of the shift, of a reduced
-    solid by `indicator`."""
+    (displacements)."""
 
     shift: np.ndarray
     R: np.ndarray
@@ -38,24 +29,6 @@ class Pressed:
     iterations: int
     time: float
     state: np.ndarray
-    error: float = 0.0
-
-
-def _turned(R: np.ndarray, psi: np.ndarray) -> np.ndarray:
-    from scipy.spatial.transform import Rotation
-
-    return np.asarray(Rotation.from_rotvec(psi).as_matrix() @ R)
-
-
-def _turn(R: np.ndarray) -> np.ndarray:
-    from scipy.spatial.transform import Rotation
-
-    return np.asarray(Rotation.from_matrix(R).as_rotvec())
-
-
-def _free(flat: bool) -> list[int]:
-    """Motions of face B that exist: x, y and the rotation about z in 2D."""
-    return [0, 1, 5] if flat else [0, 1, 2, 3, 4, 5]
 
 
 class FullSolid:
@@ -63,7 +36,9 @@ class FullSolid:
 
     def __init__(self, solid: Solid, u: np.ndarray, shift: np.ndarray, R: np.ndarray) -> None:
         self.solid, self.u, self.shift, self.R = solid, u.copy(), shift, R
-        self.inner, self.face, self.free = solid.inner, solid.face_b, _free(solid.flat)
+        self.inner, self.face = solid.inner, solid.face_b
+        # motions of face B that exist
+        self.free = [0, 1, 5] if solid.flat else [0, 1, 2, 3, 4, 5]
         self.arm = solid.place[self.face] - np.array([solid.length, 0.0, 0.0])
         self.row = solid.component[self.face]
         self.stiffness, self.wrench, self.held = np.zeros((6, 6)), np.zeros(6), np.zeros(6)
@@ -79,7 +54,7 @@ class FullSolid:
         outside = float(np.abs((self.held - wrench)[free]).max()) / self.solid.length
         step = -X[:, 6] - X[:, :6] @ pose
         self.u[self.inner] += step
-        self.shift, self.R = self.shift + pose[:3], _turned(self.R, pose[3:])
+        self.shift, self.R = self.shift + pose[:3], Rotation.from_rotvec(pose[3:]).as_matrix() @ self.R
         worst = max(away, outside) / size
         return worst < 1e-9 or bool(np.abs(step).max() < 1e-12 * self.solid.length)
 
@@ -91,7 +66,7 @@ class FullSolid:
     def follow(self, d: np.ndarray, R: np.ndarray) -> None:
         """Face B to d (3,) m, R (3, 3) in the frame of face A, and the inside after it, as `condense` left it."""
         shift = d - np.array([self.solid.length, 0.0, 0.0])
-        move = np.concatenate([shift - self.shift, _turn(R @ self.R.T)])
+        move = np.concatenate([shift - self.shift, Rotation.from_matrix(R @ self.R.T).as_rotvec()])
         self.u[self.inner] -= self._inside[:, 6] + self._inside[:, :6] @ move
         self.shift, self.R = shift, R.copy()
 
@@ -143,76 +118,4 @@ def press(solid: Solid, force: np.ndarray, moment: np.ndarray, *, steps: int = 4
     return Pressed(full.shift, full.R, full.stiffness, count, spent / count, full.u)
 
 
-def press_reduced(
-    body: SolidBasis,
-    force: np.ndarray,
-    moment: np.ndarray,
-    *,
-    steps: int = 4,
-    estimate: bool = True,
-    strict: bool = True,
-) -> Pressed:
-    """The same of the reduced solid, with its error by corrector steps of the full one, unless estimate=False.
-
-    Raises ConvergenceError "basis no longer successful" where there is no equilibrium or, unless strict=False, the error
-    is beyond `SUCCESSFUL`.
-    """
-    free = _free(body.solid.flat)
-    m = int(body.number[1])
-    d, R, inner = np.array([body.solid.length, 0.0, 0.0]), np.eye(3), np.zeros(m)
-    store, lam, K = np.zeros(modal_sizes(m)[1]), np.zeros(12), np.zeros((6, 6))
-    count, spent, wrench, xi = 0, 0.0, np.concatenate([force, moment]), np.zeros(6)
-    for k in range(1, steps + 1):
-        for _ in range(MOST):
-            clock = time.thread_time()
-            polynomial_condense(body.value, body.number, inner, store, d, R, lam, K)
-            xi[free] = np.linalg.solve(K[np.ix_(free, free)], (k / steps * wrench - lam[:6])[free])
-            before = inner.copy()
-            modal_recover(body.value, body.number, inner, store, xi, 1.0)
-            d, R = d + xi[:3], _turned(R, xi[3:])
-            count, spent = count + 1, spent + time.thread_time() - clock
-            if np.abs(xi).max() < 1e-11 and np.abs(inner - before).max(initial=0.0) <= 1e-9 * (
-                1e-12 + np.abs(inner).max(initial=0.0)
-            ):
-                break
-        else:
-            raise ConvergenceError(
-                f"basis no longer successful: no equilibrium at {100 * k / steps:.3g} % of the load"
-            )
-    held = np.zeros((6, 6))
-    held[np.ix_(free, free)] = K[np.ix_(free, free)]
-    error = indicator(body, d, R, inner, wrench) if estimate else math.nan
-    if estimate and strict:
-        _believed(error, float(np.linalg.norm(d[1:]) / body.solid.length))
-    return Pressed(d - [body.solid.length, 0, 0], R, held, count, spent / count, inner, error)
-
-
-def _believed(error: float, stroke: float) -> None:
-    """Raises ConvergenceError where the error is beyond `SUCCESSFUL`."""
-    if not error <= SUCCESSFUL:
-        raise ConvergenceError(
-            f"basis no longer successful: the estimated error of the solid is {100 * error:.2g} % at a stroke of "
-            f"{stroke:.2g} L; ask for less, raise internal or order, or press the full solid"
-        )
-
-
-def indicator(body: SolidBasis, d: np.ndarray, R: np.ndarray, eta: np.ndarray, wrench: np.ndarray) -> float:
-    """Relative error of where face B is under `wrench` (6,), by Newton steps of the full model until they settle.
-
-    Infinite where they do not. For a solid in a mechanism the wrench is what its member exerts.
-    """
-    length = np.array([body.solid.length, 0.0, 0.0])
-    full = FullSolid(body.solid, body.displaced(d, R, eta), d - length, R)
-    moved, last = np.linalg.norm(d - length) + 1e-12 * body.solid.length, math.inf
-    for k in range(MOST_CORRECTORS):
-        rests = full.step(wrench)
-        error = float(np.linalg.norm(full.shift - (d - length)) / moved)
-        if not math.isfinite(error):
-            return math.inf
-        if k > 0 and (rests or abs(error - last) <= SETTLED * error):
-            return error
-        last = error
-    return math.inf
-
-
-__all__ = ["FullSolid", "Pressed", "indicator", "press", "press_reduced"]
+__all__ = ["FullSolid", "Pressed", "press"]

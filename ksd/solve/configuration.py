@@ -14,7 +14,6 @@ from numpy.typing import ArrayLike
 
 from ksd.errors import SceneError
 from ksd.modal.bodies import inside
-from ksd.modal.solid_health import SolidRange
 from ksd.model.arrays import Motion
 from ksd.model.compile import Model
 from ksd.numerics.rotations import rotation_log
@@ -291,7 +290,7 @@ class Configuration:
                 "or of the meshed solid itself"
             )
 
-    def validity(self, *, leaf: str | None = None, error: float = 0.01) -> Validity | SolidRange:
+    def validity(self, *, leaf: str | None = None, error: float = 0.01) -> Validity:
         """Stroke (over its length) and rotation [rad] up to which the modal basis of a leaf, or a reduced solid, stays
         within a relative `error`; the first one where `leaf` is None.
 

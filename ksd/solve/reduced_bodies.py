@@ -451,8 +451,7 @@ def judged(found: Configuration) -> Configuration:
             "use ksd.ModalBasis() with coordinates='director', frame='chord', more internal modes, or "
             "expansion='trained'"
         )
-    trained = name not in model.solids and model.bodies[name].choices.expansion == "trained"
-    good = "" if trained else f" ({validity(model, leaf=name).sentence})"
+    good = "" if model.bodies[name].trained else f" ({validity(model, leaf=name).sentence})"
     doubt = f"basis no longer successful: its estimated error is {said}, with {where}{good}; {advice}"
     return replace(found, doubts=(*found.doubts, doubt))
 

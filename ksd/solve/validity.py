@@ -1,4 +1,4 @@
-"""How far a modal basis is good: stroke and local rotation of one leaf, found by driving it alone.
+"""How far a basis is good: stroke and rotation of one modal leaf or reduced solid, found by driving it alone.
 
 Three ways of bending bound what a leaf meets in a mechanism: a tip driven across with its rotation free, the same with
 the rotation held (a guide), and a rotation. Each is driven further until the error indicator passes the wanted error.
@@ -8,18 +8,15 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from functools import lru_cache
 from typing import Any
 
 import numpy as np
 
 from ksd.errors import SceneError
 from ksd.modal.bodies import with_modal_bodies
-from ksd.modal.choices import ModalBasis
-from ksd.modal.solid_health import SolidRange, solid_range
+from ksd.modal.solid_basis import SolidBasis, with_solids
 from ksd.model.arrays import Motion
 from ksd.model.compile import Model, compile_given
-from ksd.model.mesh import Mesh
 from ksd.model.reduced import inner_state, member_pose
 from ksd.properties.shape import scene_leafs
 from ksd.scene.mechanism import Mechanism
@@ -37,10 +34,10 @@ STEPS, HALVINGS = 8, 4
 
 @dataclass(frozen=True)
 class Validity:
-    """How far the basis of `leaf` stays within `error`, by way of bending (`WAYS`).
+    """How far the basis of `leaf`, a leaf or a solid as `word` says, stays within `error`, by way of bending (`WAYS`).
 
-    stroke: displacement of its end over its length; turn: largest rotation against its chord, rad; beyond: ways in which
-    the limit lies further than was tried (`FAR`).
+    stroke: displacement of its end over its length; turn: largest rotation [rad] against its chord (of a solid: of face B);
+    beyond: ways in which the limit lies further than was tried (`FAR`).
     """
 
     leaf: str
@@ -48,16 +45,18 @@ class Validity:
     stroke: dict[str, float]
     turn: dict[str, float]
     beyond: tuple[str, ...]
+    word: str = "leaf"
 
     @property
     def sentence(self) -> str:
         """The range in words: the smallest of all ways."""
         at = min(self.stroke.values()), np.rad2deg(min(self.turn.values()))
-        return f"leaf '{self.leaf}' is within {100 * self.error:g} % to a stroke of {at[0]:.2g} L and {at[1]:.2g} degrees"
+        said = f"to a stroke of {at[0]:.2g} L and {at[1]:.2g} degrees"
+        return f"{self.word} '{self.leaf}' is within {100 * self.error:g} % {said}"
 
 
-def _bench(leaf: Any, way: str) -> Mechanism:
-    """The leaf alone along x, its end driven in one way."""
+def _alone(leaf: Any, way: str, *, flat: bool) -> Mechanism:
+    """The leaf alone along x, its end driven in one way; flat: held across the plane."""
     scene = Mechanism(f"leaf {way}")
     tip = scene.link("tip")
     reach = float(np.linalg.norm(np.subtract(leaf.end, leaf.start)))
@@ -65,6 +64,10 @@ def _bench(leaf: Any, way: str) -> Mechanism:
         scene.ground, tip, start=(0, 0, 0), end=(reach, 0, 0), section=leaf.section, material=leaf.material,
         width_axis="z", profile=leaf.profile, curve=leaf.curve, name="leaf",
     )  # fmt: skip
+    if flat:
+        scene.support(tip, along="z", at=(reach, 0, 0))
+        scene.support(tip, about="x")
+        scene.support(tip, about="y")
     if way == "turned":
         scene.actuate(tip, about="z", name="way")
         return scene
@@ -74,9 +77,15 @@ def _bench(leaf: Any, way: str) -> Mechanism:
     return scene
 
 
-def _limit(leaf: Any, mesh: Mesh, basis: ModalBasis, way: str, error: float) -> tuple[float, float, bool]:
+def _limit(model: Model, name: str, way: str, error: float) -> tuple[float, float, bool]:
     """Stroke and rotation at which the indicator passes `error` in one way, and whether it was further than tried."""
-    model = with_modal_bodies(compile_given(_bench(leaf, way).scene(), mesh), basis)
+    leaf, body = scene_leafs(model)[name], model.bodies[name]
+    if isinstance(body, SolidBasis):
+        scene = _alone(leaf, way, flat=body.solid.flat).scene()
+        model = with_solids(compile_given(scene, model.mesh), {"leaf": body})
+    else:
+        mesh = replace(model.mesh, leaf="corotational", elements=body.choices.elements)
+        model = with_modal_bodies(compile_given(_alone(leaf, way, flat=False).scene(), mesh), body.choices)
     size = FAR[way] * (1.0 if way == "turned" else leaf.length)
     good, start, storage = (0.0, 0.0), (model.targets({"way": 0.0}), model.rest), Storage(model)
 
@@ -110,41 +119,31 @@ def _limit(leaf: Any, mesh: Mesh, basis: ModalBasis, way: str, error: float) -> 
     return *good, False
 
 
-@lru_cache(maxsize=32)
-def _range(leaf: Any, mesh: Mesh, basis: ModalBasis, error: float) -> tuple[tuple[float, float, bool], ...]:
-    return tuple(_limit(leaf, mesh, basis, way, error) for way in WAYS)
-
-
-def validity(model: Model, *, leaf: str | None = None, error: float = 0.01) -> Validity | SolidRange:
+def validity(model: Model, *, leaf: str | None = None, error: float = 0.01) -> Validity:
     """The range of the basis of one leaf, or solid, (the first when None), expanded at rest, within a relative `error`.
 
     Raises SceneError for an unknown leaf, and for bases expanded at a trained state: their range is about that state.
     """
-    if not model.bodies:
+    bodies = model.bodies
+    if not bodies:
         raise SceneError("a validity range belongs to modal bodies; solve with method='modal'")
-    name = leaf or next((n for n in model.bodies if not _trained(model, n)), next(iter(model.bodies)))
-    if name not in model.bodies:
-        kind = "modal leaf" if len(model.solids) < len(model.bodies) else "solid"
-        raise SceneError(f"there is no {kind} '{name}'; the {kind}s are: {', '.join(model.bodies)}")
-    if name in model.solids:
-        return replace(solid_range(model.bodies[name], error=error), solid=name)
-    assert model.full is not None
-    basis, leafs = model.bodies[name].choices, scene_leafs(model.full)
-    if basis.expansion != "rest":
+    name = leaf or next((n for n, body in bodies.items() if not body.trained), next(iter(bodies)))
+    if name not in bodies:
+        kind = "solid" if model.solids else "modal leaf"
+        raise SceneError(f"there is no {kind} '{name}'; the {kind}s are: {', '.join(bodies)}")
+    if bodies[name].trained:
         raise SceneError(
             "the basis is expanded at a trained state: it is good about that state, see the error estimate"
         )
-    mesh = replace(model.full.mesh, leaf="corotational", elements=basis.elements)
-    try:
-        ranges = _range(leafs[name], mesh, basis, error)
-    except TypeError:
-        # a profile or curve of the user's own that cannot be remembered
-        ranges = _range.__wrapped__(leafs[name], mesh, basis, error)
-    found = dict(zip(WAYS, ranges, strict=True))
-    return Validity(
-        name, error, {w: f[0] for w, f in found.items()}, {w: f[1] for w, f in found.items()},
-        tuple(w for w, f in found.items() if f[2]),
-    )  # fmt: skip
+    key = "validity", name, error
+    if key not in model.derived:
+        # the face of a guided solid does not turn
+        ways = [way for way in WAYS if way != "guided" or name not in model.solids]
+        found = {way: _limit(model, name, way, error) for way in ways}
+        stroke, turn = ({way: f[k] for way, f in found.items()} for k in (0, 1))
+        beyond = tuple(way for way in ways if found[way][2])
+        model.derived[key] = Validity(name, error, stroke, turn, beyond, bodies[name].word)
+    return model.derived[key]
 
 
 @dataclass(frozen=True)
@@ -173,7 +172,7 @@ def carried(model: Model, motion: Motion) -> Carried | None:
     name, stroke, turn = furthest(model, motion)
     body = model.bodies[name]
     size, condition = body.unknowns, body.condition
-    if _trained(model, name):
+    if body.trained:
         return Carried(name, size, condition, stroke, turn, math.nan, math.nan, math.nan)
     found = validity(model, leaf=name)
     limits = min(found.stroke.values()), min(found.turn.values())
@@ -190,11 +189,6 @@ def furthest(model: Model, motion: Motion) -> tuple[str, float, float]:
         if turn >= worst[2]:
             worst = (name, stroke, turn)
     return worst
-
-
-def _trained(model: Model, name: str) -> bool:
-    """Whether the basis of a leaf is expanded about a trained state."""
-    return name not in model.solids and model.bodies[name].choices.expansion == "trained"
 
 
 __all__ = ["WAYS", "Carried", "Validity", "carried", "furthest", "validity"]

@@ -105,7 +105,7 @@ def test_beyond_its_range_it_is_refused(coarse):
 def test_a_range_is_told(coarse):
     pose = ksd.solve(spring(load=0.02, flat=True), basis={"spring": coarse})
     found = pose.validity()
-    assert found.solid == "spring" and 0.0 < min(found.stroke.values()) < 0.2
+    assert found.leaf == "spring" and found.word == "solid" and 0.0 < min(found.stroke.values()) < 0.2
     with pytest.raises(ksd.SceneError, match="there is no solid 'beam'"):
         pose.validity(leaf="beam")
 
