@@ -16,8 +16,10 @@ from ksd.errors import SceneError
 from ksd.model.arrays import MODAL, ROTATION, SOLID, TRANSLATION, Arrays, Motion
 from ksd.model.drawing import Drawing, Numbers, draw
 from ksd.model.effects import Choice, applied, choose
+from ksd.model.listing import listing
 from ksd.model.mesh import Mesh
 from ksd.model.pack import Push, Row
+from ksd.model.plane import refuse_plane
 from ksd.model.template import Filled, Template, design, motion_design, template_of
 from ksd.scene.contents import WANTED
 from ksd.section.checks import LARGEST, number, show, similar
@@ -83,8 +85,6 @@ class Model:
 
     def __str__(self) -> str:
         """What is simulated and what is left out, with the reason, in a few lines."""
-        from ksd.model.listing import listing
-
         return "\n".join(f"{head}: {said}" for head, said in listing(self))
 
     @property
@@ -258,7 +258,5 @@ def marked(model: Model, said: Any, choice: Choice | None) -> Model:
     model = replace(model, said=said, choice=choice)
     model.derived.update(made)
     if choice is not None and choice["spatial"].present:
-        from ksd.model.plane import refuse_plane
-
         refuse_plane(model, f"six unknowns per node are wanted: {choice['spatial'].reason}")
     return model

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -34,9 +34,11 @@ from ksd.model.arrays import (
     Motion,
     Work,
 )
-from ksd.model.compile import Model
 from ksd.model.pack import coupled, numbering
 from ksd.numerics.blocks import Blocks
+
+if TYPE_CHECKING:
+    from ksd.model.compile import Model
 
 PARALLEL = 1e-9
 """Sine of the angle below which two directions count as parallel."""
