@@ -3,16 +3,14 @@
 End p at the origin, unrotated; end q at d, turned by Q about e3. Unknowns are the amplitudes a (nz,) of
 kappa = sum a_k B_k(s) [1/m] and lam = (nx, ny, m), force and moment on end q. The angle is the integral of kappa,
 theta = sum a_k psi_k with psi_k(s) = int B_k known beforehand, so the mixed functional 1/2 a K a - H + lam.(closure)
-needs one sum over the Gauss points: H = L sum w h(theta) + m theta(L), h = N + (cN N^2 + cV V^2)/2,
-N + i V = (nx + i ny) exp(-i theta), whence h' = V + (cN - cV) N V and h'' = -N + (cN - cV)(V^2 - N^2). The
-integration matrix of the spatial form drops out by partial summation, which turns the modes B_k of its residual into
-test functions t_k: the psi_k for polynomial modes, and off them by the error of quadrature for the modes of a leaf with
-a profile. With them both forms have the same equilibria. Source: the S model of the strain-mode note.
+needs one sum over the Gauss points, the same as in space: H = L sum w h(theta) + m theta(L), h = N + (cN N^2 + cV V^2)/2,
+N + i V = (nx + i ny) exp(-i theta), whence h' = V + (cN - cV) N V and h'' = -N + (cN - cV)(V^2 - N^2). Source: the S model
+of the strain-mode note.
 
 It works on the inner state of the spatial leaf, of which it changes the amplitudes of weak bending and three numbers of
 the wrench. `number`: nz, points, place of the first weak-bending amplitude, of the wrench. `value`: K (nz, nz) [N m^3],
-stress-free a0 (nz), then per point: weight times L, cN = 1/EA, cV = 1/(ky G A), psi (nz), t (nz); then psi and t at the
-end. `store`: W^-1 (J, g) (nz, 4), J and g (nz, 4), W (nz, nz), gap (3), K (6).
+stress-free a0 (nz), then per point: weight times L, cN = 1/EA, cV = 1/(ky G A), psi (nz); then psi at the end. `store`:
+W^-1 (J, g) (nz, 4), J and g (nz, 4), W (nz, nz), gap (3), K (6).
 """
 
 from __future__ import annotations
@@ -34,11 +32,11 @@ def _gather(value, number, inner, store, sums):
     nz, points, first, wrench = number[0], number[1], number[2], number[3]
     J, W = 4 * nz, 8 * nz
     nx, ny, moment = inner[wrench], inner[wrench + 1], inner[wrench + 5]
-    width = 3 + 2 * nz
+    width = 3 + nz
     end = nz * nz + nz + points * width
     angle = 0.0
     for i in range(nz):
-        g = -moment * value[end + nz + i]
+        g = -moment * value[end + i]
         for j in range(nz):
             stiffness = value[i * nz + j]
             store[W + i * nz + j] = stiffness
@@ -72,7 +70,7 @@ def _gather(value, number, inner, store, sums):
             psi = value[at + 3 + i]
             store[J + 4 * i] += hx * psi
             store[J + 4 * i + 1] += hy * psi
-            store[J + 4 * i + 3] -= slope * value[at + 3 + nz + i]
+            store[J + 4 * i + 3] -= slope * psi
             for j in range(i + 1):
                 store[W + i * nz + j] -= curve * psi * value[at + 3 + j]
     sums[0], sums[1], sums[2], sums[3], sums[4], sums[5] = x, y, angle, xx, xy, yy
@@ -197,17 +195,6 @@ def store_size(nz: int) -> int:
     return 8 * nz + nz * nz + 9
 
 
-def _test_functions(
-    basis: np.ndarray, psi: np.ndarray, weight: np.ndarray, integral: np.ndarray
-) -> np.ndarray:
-    """Test functions (ng + 1, n) at the points and, last, at the end. Those of polynomial modes are the psi themselves,
-    which hold no rounding of the division by weights."""
-    end = basis @ weight
-    found = end - (basis * weight @ integral).T * (weight.sum() / weight)[:, None]
-    found = np.vstack([found, end])
-    return psi if np.abs(found - psi).max() < 1e-10 * weight.sum() else found
-
-
 def planar_values(value: np.ndarray, number: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Constants and settings from those of the spatial leaf (`ksd.beam.strain_values`), neither curved nor twisted out of
     its plane at rest."""
@@ -215,13 +202,9 @@ def planar_values(value: np.ndarray, number: np.ndarray) -> tuple[np.ndarray, np
     total, first = nx + ny + nz, nx + ny
     sizes = [1, nx * nx, ny * ny, nz * nz, total, ng, ng * ng, total * ng, 3 * ng, (ng + 1) * total]
     parts = [value[a:b] for a, b in pairwise(np.cumsum([0, *sizes]))]
-    length, start = float(parts[0][0]), parts[4]
-    weight, integral = length * parts[5], parts[6].reshape(ng, ng)
-    basis = parts[7].reshape(total, ng)[first:]
-    slack, gap = parts[8].reshape(ng, 3), parts[9].reshape(total, ng + 1)[first:].T
+    length, rest, slack = float(parts[0][0]), parts[4], parts[8].reshape(ng, 3)
     # psi at the points and, last, at the end
-    psi = length * np.cumsum(gap, axis=0)
-    test = _test_functions(basis, psi, weight, integral)
-    table = np.column_stack([weight, slack[:, 0], slack[:, 1], psi[:-1], test[:-1]])
-    flat = [parts[3], start[first:], table.ravel(), psi[-1], test[-1]]
+    psi = length * np.cumsum(parts[9].reshape(total, ng + 1)[first:].T, axis=0)
+    table = np.column_stack([length * parts[5], slack[:, 0], slack[:, 1], psi[:-1]])
+    flat = [parts[3], rest[first:], table.ravel(), psi[-1]]
     return np.concatenate(flat), np.array([nz, ng, first, total], np.int64)

@@ -4,13 +4,17 @@ Unknowns of a leaf: amplitudes a of its curvature modes (nx torsion, ny strong, 
 force and moment on end q (N, Nm). Curvature kappa_c = sum_i a_i B_i(s) over the modes of axis c; orientation
 R' = R [kappa]x by a fourth-order Magnus step over every gap between quadrature points; r' = v = R (e1 + C R^T n) with
 C = diag(1/EA, 1/kGA, 1/kGA), so stretch and shear are exact without unknowns. All vectors in the frame of end p.
-Source: the stationary conditions of the mixed functional 1/2 a K a - 1/2 int n.(R C R^T n) + lam.closure. Interface of all
-members: see `ksd.model.assembly`; constants: `ksd.beam.strain_values`.
+Interface of all members: see `ksd.model.assembly`; constants: `ksd.beam.strain_values`.
+
+Source: the stationary conditions of the mixed functional 1/2 (a - a0) K (a - a0) - H + lam.closure, with the sum over the
+quadrature points H = L sum w (n.R e1 + 1/2 n.R C R^T n). Residual and tangent are the derivatives of that very sum, by the
+chain of the Magnus steps, so that the tangent is symmetric and exact however few the points. Then the end of the leaf is
+r(L) = dH/dn, and by partial summation the residual has at every gap the moment m + sum over the points behind it of
+L w v x n, for the m + (r(L) - r(s)) x n of the rod.
 
 A leaf with weight has line mass mu [kg/m] in gravity g [m/s^2], in frame p; its tables end with M(s) = int_s^L mu. Then
-the force is n(s) = n + M g, the moment m(s) = m + int_s^L v x n(s), which by parts is m + (r(L) - r(s)) x n +
-(h(L) - h(s)) x g with h = int M v; h(L) is the first moment of the mass about end p, and eta_i = int M rho_i' its
-derivative by the amplitudes. `pull` holds g (`ksd.beam.weight`), and is empty for a leaf without weight.
+the force is n(s) = n + M g. dH/dg = int M v is the first moment of the mass about end p, and eta_i its derivative by the
+amplitudes. `pull` holds g (`ksd.beam.weight`), and is empty for a leaf without weight.
 """
 
 from __future__ import annotations
@@ -23,7 +27,7 @@ import numpy as np
 from ksd.beam.weight import PULL
 from ksd.numerics.kernel import kernel
 from ksd.numerics.local import local_matrix, local_vector
-from ksd.numerics.rotations import rotation_exp, rotation_log
+from ksd.numerics.rotations import rotation_log, tangent_factors
 
 TINY_PIVOT = 1e-15
 
@@ -43,27 +47,34 @@ class Constants(NamedTuple):
 
 
 class Fields(NamedTuple):
-    """A leaf at one inner state, at its ng quadrature points and, last, at end q.
+    """A leaf at one inner state, at its ng quadrature points and, last, at end q; gap h ends at point h.
 
-    R (ng+1, 3, 3) orientation; v (ng, 3) = r'; S (ng, 3, 3) = R C R^T [1/N]; r (ng+1, 3) place [m]; m (ng, 3) moment [Nm];
-    psi, rho, eta (ng+1, 3, N): rotation, displacement and first moment of the mass per unit amplitude, at fixed n; eta only
-    with weight. W (N, N) tangent and g (N,) residual of the amplitudes; Y (N, 7) right-hand sides; slope (ng, 3, N) and
-    turn (3, ng+1): scratch.
+    turn (ng+1, 3), rate (ng+1, 3, N): rotation vector of every gap, in the frame of the point before it, and its derivative
+    by the amplitudes; carry (ng+1, 3, 3): from that derivative to the rotation of all behind; R (ng+1, 3, 3): orientation;
+    psi (ng+1, 3, N): rotation by the amplitudes. n (ng, 3): force; v (ng, 3) = r'; S (ng, 3, 3) = R C R^T [1/N]; slope
+    (ng, 3, N): v by the amplitudes, at fixed n. end (3,) [m]: place of end q; rho, eta (3, N): that place, and the first
+    moment of the mass, by the amplitudes; eta only with weight. W (N, N) tangent and g (N,) residual of the amplitudes;
+    Y (N, 7) right-hand sides; moment (3, ng+1) [Nm]: on the turns; X, Z (3, N): scratch.
     """
 
+    turn: np.ndarray
+    rate: np.ndarray
+    carry: np.ndarray
     R: np.ndarray
+    psi: np.ndarray
+    n: np.ndarray
     v: np.ndarray
     S: np.ndarray
-    r: np.ndarray
-    m: np.ndarray
-    psi: np.ndarray
+    slope: np.ndarray
+    end: np.ndarray
     rho: np.ndarray
     eta: np.ndarray
     W: np.ndarray
     g: np.ndarray
     Y: np.ndarray
-    slope: np.ndarray
-    turn: np.ndarray
+    X: np.ndarray
+    Z: np.ndarray
+    moment: np.ndarray
 
 
 @kernel
@@ -96,83 +107,113 @@ def constants_of(value, number):
 def fields_of(number, scratch):
     """`Fields` over `strain_values.strain_scratch` numbers or more."""
     N, ng = number[0] + number[1] + number[2], number[3]
-    v = 9 * (ng + 1)
+    rate = 3 * (ng + 1)
+    carry = rate + 3 * N * (ng + 1)
+    R = carry + 9 * (ng + 1)
+    psi = R + 9 * (ng + 1)
+    n = psi + 3 * N * (ng + 1)
+    v = n + 3 * ng
     S = v + 3 * ng
-    r = S + 9 * ng
-    m = r + 3 * (ng + 1)
-    psi = m + 3 * ng
-    rho = psi + 3 * N * (ng + 1)
-    eta = rho + 3 * N * (ng + 1)
-    W = eta + 3 * N * (ng + 1)
+    slope = S + 9 * ng
+    end = slope + 3 * N * ng
+    rho = end + 3
+    eta = rho + 3 * N
+    W = eta + 3 * N
     g = W + N * N
     Y = g + N
-    slope = Y + 7 * N
-    turn = slope + 3 * N * ng
+    X = Y + 7 * N
+    Z = X + 3 * N
+    moment = Z + 3 * N
     return Fields(
-        scratch[:v].reshape(ng + 1, 3, 3),
+        scratch[:rate].reshape(ng + 1, 3),
+        scratch[rate:carry].reshape(ng + 1, 3, N),
+        scratch[carry:R].reshape(ng + 1, 3, 3),
+        scratch[R:psi].reshape(ng + 1, 3, 3),
+        scratch[psi:n].reshape(ng + 1, 3, N),
+        scratch[n:v].reshape(ng, 3),
         scratch[v:S].reshape(ng, 3),
-        scratch[S:r].reshape(ng, 3, 3),
-        scratch[r:m].reshape(ng + 1, 3),
-        scratch[m:psi].reshape(ng, 3),
-        scratch[psi:rho].reshape(ng + 1, 3, N),
-        scratch[rho:eta].reshape(ng + 1, 3, N),
-        scratch[eta:W].reshape(ng + 1, 3, N),
+        scratch[S:slope].reshape(ng, 3, 3),
+        scratch[slope:end].reshape(ng, 3, N),
+        scratch[end:rho],
+        scratch[rho:eta].reshape(3, N),
+        scratch[eta:W].reshape(3, N),
         scratch[W:g].reshape(N, N),
         scratch[g:Y],
-        scratch[Y:slope].reshape(N, 7),
-        scratch[slope:turn].reshape(ng, 3, N),
-        scratch[turn : turn + 3 * (ng + 1)].reshape(3, ng + 1),
+        scratch[Y:X].reshape(N, 7),
+        scratch[X:Z].reshape(3, N),
+        scratch[Z:moment].reshape(3, N),
+        scratch[moment : moment + 3 * (ng + 1)].reshape(3, ng + 1),
     )
 
 
 @kernel
-def _orientations(length, number, a, c, f):
-    """R at the points and at end q: over every gap exp(int kappa + 1/2 iint_{s1<s2} kappa(s1) x kappa(s2))."""
+def _turns(length, number, a, c, f):
+    """Rotation vector of every gap, int kappa + 1/2 iint_{s1<s2} kappa(s1) x kappa(s2), and its rates."""
     gaps, first, pair = number[3] + 1, 0, 0
+    for g in range(gaps):
+        for axis in range(3):
+            f.turn[g, axis] = 0.0
+            for i in range(len(a)):
+                f.rate[g, axis, i] = 0.0
     for axis in range(3):
-        turn = f.turn[axis]
-        for g in range(gaps):
-            turn[g] = 0.0
         for i in range(first, first + number[axis]):
             for g in range(gaps):
-                turn[g] += length * a[i] * c.gap[i, g]
+                w = length * c.gap[i, g]
+                f.rate[g, axis, i] = w
+                f.turn[g, axis] += a[i] * w
         first += number[axis]
     # pairs of modes: y with z turn about x, z with x about y, x with y about z
     for axis in range(3):
         j, k = (axis + 1) % 3, (axis + 2) % 3
         one = 0 if j == 0 else (number[0] if j == 1 else number[0] + number[1])
         two = 0 if k == 0 else (number[0] if k == 1 else number[0] + number[1])
-        for m in range(number[j]):
-            for n in range(number[k]):
-                w = 0.5 * length * length * a[one + m] * a[two + n]
-                if w != 0.0:
-                    for g in range(gaps):
-                        f.turn[axis, g] += w * c.pairs[pair, g]
+        for i in range(one, one + number[j]):
+            for l in range(two, two + number[k]):
+                for g in range(gaps):
+                    w = 0.5 * length * length * c.pairs[pair, g]
+                    f.rate[g, axis, i] += w * a[l]
+                    f.rate[g, axis, l] += w * a[i]
+                    f.turn[g, axis] += w * a[i] * a[l]
                 pair += 1
-    phi, E = local_vector(3), local_matrix(3, 3)
-    for g in range(gaps):
-        phi[0], phi[1], phi[2] = f.turn[0, g], f.turn[1, g], f.turn[2, g]
-        R = f.R[g]
-        if g == 0:
-            rotation_exp(phi, R)
-            continue
-        rotation_exp(phi, E)
-        for r in range(3):
-            x, y, z = f.R[g - 1, r, 0], f.R[g - 1, r, 1], f.R[g - 1, r, 2]
-            for e in range(3):
-                R[r, e] = x * E[0, e] + y * E[1, e] + z * E[2, e]
 
 
 @kernel
-def _slopes(number, n, pull, c, f):
-    """v = R (e1 + C R^T n(s)) and S = R C R^T at every point."""
+def _orientations(number, f):
+    """R and psi at the points and at end q, from the turn of every gap: R <- R exp(turn), psi <- psi + R T(turn) rate with
+    the tangent T of the exponential, `carry` = R T, and exp(turn) = I + T [turn]x."""
+    for g in range(number[3] + 1):
+        x, y, z = f.turn[g, 0], f.turn[g, 1], f.turn[g, 2]
+        b, c, _, _ = tangent_factors(x * x + y * y + z * z)
+        carry, rate, psi = f.carry[g], f.rate[g], f.psi[g]
+        for r in range(3):
+            if g > 0:
+                p, q, s = f.R[g - 1, r, 0], f.R[g - 1, r, 1], f.R[g - 1, r, 2]
+            else:
+                p, q, s = 1.0 * (r == 0), 1.0 * (r == 1), 1.0 * (r == 2)
+            # row x turn, and once more
+            p1, q1, s1 = q * z - s * y, s * x - p * z, p * y - q * x
+            p2, q2, s2 = q1 * z - s1 * y, s1 * x - p1 * z, p1 * y - q1 * x
+            u, v, w = p + b * p1 + c * p2, q + b * q1 + c * q2, s + b * s1 + c * s2
+            carry[r, 0], carry[r, 1], carry[r, 2] = u, v, w
+            f.R[g, r, 0], f.R[g, r, 1], f.R[g, r, 2] = p + v * z - w * y, q + w * x - u * z, s + u * y - v * x
+            for i in range(psi.shape[1]):
+                t = u * rate[0, i] + v * rate[1, i] + w * rate[2, i]
+                psi[r, i] = t + f.psi[g - 1, r, i] if g > 0 else t
+
+
+@kernel
+def _slopes(length, number, n, pull, c, f):
+    """n(s), v = R (e1 + C R^T n(s)), S = R C R^T and slope = psi x v - S (psi x n(s)) at every point; end, rho and eta."""
+    N, heavy = f.psi.shape[2], len(pull) > 0
+    for r in range(3):
+        f.end[r] = 0.0
+        for i in range(N):
+            f.rho[r, i], f.eta[r, i] = 0.0, 0.0
     for g in range(number[3]):
-        R, S = f.R[g], f.S[g]
-        k0, k1, k2 = n[0], n[1], n[2]
-        if len(pull) > 0:
-            k0 += c.beyond[g] * pull[0]
-            k1 += c.beyond[g] * pull[1]
-            k2 += c.beyond[g] * pull[2]
+        R, S, v, psi, slope, k = f.R[g], f.S[g], f.v[g], f.psi[g], f.slope[g], f.n[g]
+        w = length * c.weight[g]
+        for r in range(3):
+            k[r] = n[r] + c.beyond[g] * pull[r] if heavy else n[r]
         for i in range(3):
             for j in range(3):
                 S[i, j] = (
@@ -180,90 +221,28 @@ def _slopes(number, n, pull, c, f):
                     + c.soft[g, 1] * R[i, 1] * R[j, 1]
                     + c.soft[g, 2] * R[i, 2] * R[j, 2]
                 )
-            f.v[g, i] = R[i, 0] + S[i, 0] * k0 + S[i, 1] * k1 + S[i, 2] * k2
-
-
-@kernel
-def _integrate(length, c, slope, found):
-    """found (ng+1, k) = length times the integral of slope (ng, k) from end p to every point and to end q."""
-    ng, k = slope.shape
-    for g in range(ng + 1):
-        for e in range(k):
-            found[g, e] = 0.0
-        for h in range(ng):
-            w = length * (c.integral[g, h] if g < ng else c.weight[h])
-            for e in range(k):
-                found[g, e] += w * slope[h, e]
-
-
-@kernel
-def _moments(length, number, n, m, pull, c, f):
-    """r, and m(s) = m + (r(L) - r(s)) x n + (h(L) - h(s)) x g at every point."""
-    ng = number[3]
-    _integrate(length, c, f.v, f.r)
-    heavy = len(pull) > 0
-    for g in range(ng):
-        x, y, z = f.r[ng, 0] - f.r[g, 0], f.r[ng, 1] - f.r[g, 1], f.r[ng, 2] - f.r[g, 2]
-        f.m[g, 0] = m[0] + y * n[2] - z * n[1]
-        f.m[g, 1] = m[1] + z * n[0] - x * n[2]
-        f.m[g, 2] = m[2] + x * n[1] - y * n[0]
-        if heavy:
-            # h(L) - h(s)
-            x, y, z = 0.0, 0.0, 0.0
-            for h in range(ng):
-                w = length * (c.weight[h] - c.integral[g, h]) * c.beyond[h]
-                x += w * f.v[h, 0]
-                y += w * f.v[h, 1]
-                z += w * f.v[h, 2]
-            f.m[g, 0] += y * pull[2] - z * pull[1]
-            f.m[g, 1] += z * pull[0] - x * pull[2]
-            f.m[g, 2] += x * pull[1] - y * pull[0]
-
-
-@kernel
-def _mode_fields(length, number, n, pull, c, f):
-    """psi_i = int R e_c B_i, rho_i = int [psi_i x v - S (psi_i x n(s))], eta_i = int M rho_i'."""
-    ng, N = number[3], f.psi.shape[2]
-    heavy = len(pull) > 0
-    slopes = f.slope.reshape(ng, 3 * N)
-    for g in range(ng):
-        first = 0
-        for axis in range(3):
-            for i in range(first, first + number[axis]):
-                for r in range(3):
-                    f.slope[g, r, i] = f.R[g, r, axis] * c.basis[i, g]
-            first += number[axis]
-    _integrate(length, c, slopes, f.psi.reshape(ng + 1, 3 * N))
-    for g in range(ng):
-        S, v, psi, slope = f.S[g], f.v[g], f.psi[g], f.slope[g]
-        k0, k1, k2 = n[0], n[1], n[2]
-        if heavy:
-            k0 += c.beyond[g] * pull[0]
-            k1 += c.beyond[g] * pull[1]
-            k2 += c.beyond[g] * pull[2]
+            v[i] = R[i, 0] + S[i, 0] * k[0] + S[i, 1] * k[1] + S[i, 2] * k[2]
+            f.end[i] += w * v[i]
         for i in range(N):
             p0, p1, p2 = psi[0, i], psi[1, i], psi[2, i]
-            q0, q1, q2 = p1 * k2 - p2 * k1, p2 * k0 - p0 * k2, p0 * k1 - p1 * k0
+            q0, q1, q2 = p1 * k[2] - p2 * k[1], p2 * k[0] - p0 * k[2], p0 * k[1] - p1 * k[0]
             slope[0, i] = p1 * v[2] - p2 * v[1] - S[0, 0] * q0 - S[0, 1] * q1 - S[0, 2] * q2
             slope[1, i] = p2 * v[0] - p0 * v[2] - S[1, 0] * q0 - S[1, 1] * q1 - S[1, 2] * q2
             slope[2, i] = p0 * v[1] - p1 * v[0] - S[2, 0] * q0 - S[2, 1] * q1 - S[2, 2] * q2
-    _integrate(length, c, slopes, f.rho.reshape(ng + 1, 3 * N))
-    if heavy:
-        for g in range(ng):
-            for e in range(3 * N):
-                slopes[g, e] *= c.beyond[g]
-        _integrate(length, c, slopes, f.eta.reshape(ng + 1, 3 * N))
+        for r in range(3):
+            for i in range(N):
+                f.rho[r, i] += w * slope[r, i]
+                if heavy:
+                    f.eta[r, i] += w * c.beyond[g] * slope[r, i]
 
 
 @kernel
 def _fields(value, number, inner, pull, c, f):
     """See `strain_fields`."""
     N = number[0] + number[1] + number[2]
-    n = inner[N : N + 3]
-    _orientations(value[0], number, inner, c, f)
-    _slopes(number, n, pull, c, f)
-    _moments(value[0], number, n, inner[N + 3 : N + 6], pull, c, f)
-    _mode_fields(value[0], number, n, pull, c, f)
+    _turns(value[0], number, inner[:N], c, f)
+    _orientations(number, f)
+    _slopes(value[0], number, inner[N : N + 3], pull, c, f)
 
 
 @kernel
@@ -273,48 +252,69 @@ def strain_fields(value, number, inner, pull, scratch):
 
 
 @kernel
-def _tangent(value, number, inner, pull, c, f):
-    """See `strain_tangent`."""
+def _tangent(value, number, inner, c, f):
+    """See `strain_tangent`. From end q back: M, the moment a gap carries, and X, its derivative by the amplitudes."""
     N, ng, length = number[0] + number[1] + number[2], number[3], value[0]
-    n = inner[N : N + 3]
-    heavy = len(pull) > 0
-    W, X = f.W, f.slope[0]
+    W, X, Z = f.W, f.X, f.Z
+    M0, M1, M2 = inner[N + 3], inner[N + 4], inner[N + 5]
     for i in range(N):
+        # a moment fixed in space is no gradient: half of what turns with the end makes W its symmetric part
+        p0, p1, p2 = 0.5 * f.psi[ng, 0, i], 0.5 * f.psi[ng, 1, i], 0.5 * f.psi[ng, 2, i]
+        X[0, i], X[1, i], X[2, i] = M2 * p1 - M1 * p2, M0 * p2 - M2 * p0, M1 * p0 - M0 * p1
         f.g[i] = 0.0
-        for j in range(N):
+        for j in range(i + 1):
             W[i, j] = 0.0
-    for g in range(ng):
-        R, m, w = f.R[g], f.m[g], length * c.weight[g]
-        psi, rho, eta = f.psi[g], f.rho[g], f.eta[g]
+    for h in range(ng, -1, -1):
+        if h < ng:
+            w, v, slope = length * c.weight[h], f.v[h], f.slope[h]
+            k0, k1, k2 = w * f.n[h, 0], w * f.n[h, 1], w * f.n[h, 2]
+            M0, M1, M2 = M0 + v[1] * k2 - v[2] * k1, M1 + v[2] * k0 - v[0] * k2, M2 + v[0] * k1 - v[1] * k0
+            for i in range(N):
+                X[0, i] += slope[1, i] * k2 - slope[2, i] * k1
+                X[1, i] += slope[2, i] * k0 - slope[0, i] * k2
+                X[2, i] += slope[0, i] * k1 - slope[1, i] * k0
+        rate, T, x, y, z = f.rate[h], f.carry[h], f.turn[h, 0], f.turn[h, 1], f.turn[h, 2]
+        u0 = T[0, 0] * M0 + T[1, 0] * M1 + T[2, 0] * M2
+        u1 = T[0, 1] * M0 + T[1, 1] * M1 + T[2, 1] * M2
+        u2 = T[0, 2] * M0 + T[1, 2] * M1 + T[2, 2] * M2
+        f.moment[0, h], f.moment[1, h], f.moment[2, h] = u0, u1, u2
+        # moment in the frame of the point before
+        m0, m1, m2 = M0, M1, M2
+        if h > 0:
+            R = f.R[h - 1]
+            m0 = R[0, 0] * M0 + R[1, 0] * M1 + R[2, 0] * M2
+            m1 = R[0, 1] * M0 + R[1, 1] * M1 + R[2, 1] * M2
+            m2 = R[0, 2] * M0 + R[1, 2] * M1 + R[2, 2] * M2
+        # u = T(turn)^T m by the turn: D = b [m]x + (db m x turn + dc (m.turn) turn - (2 c + dc turn^2) m) turn^T
+        # + c turn m^T + c (m.turn) I
+        b, t, db, dt = tangent_factors(x * x + y * y + z * z)
+        along = x * m0 + y * m1 + z * m2
+        e, d = dt * along, 2.0 * t + dt * (x * x + y * y + z * z)
+        d0 = db * (m1 * z - m2 * y) + e * x - d * m0
+        d1 = db * (m2 * x - m0 * z) + e * y - d * m1
+        d2 = db * (m0 * y - m1 * x) + e * z - d * m2
+        along, x0, x1, x2 = t * along, t * x, t * y, t * z
+        D00, D01, D02 = d0 * x + x0 * m0 + along, d0 * y + x0 * m1 - b * m2, d0 * z + x0 * m2 + b * m1
+        D10, D11, D12 = d1 * x + x1 * m0 + b * m2, d1 * y + x1 * m1 + along, d1 * z + x1 * m2 - b * m0
+        D20, D21, D22 = d2 * x + x2 * m0 - b * m1, d2 * y + x2 * m1 + b * m0, d2 * z + x2 * m2 + along
         for i in range(N):
-            p0, p1, p2 = psi[0, i], psi[1, i], psi[2, i]
-            d0, d1, d2 = f.rho[ng, 0, i] - rho[0, i], f.rho[ng, 1, i] - rho[1, i], f.rho[ng, 2, i] - rho[2, i]
-            x = m[1] * p2 - m[2] * p1 + d1 * n[2] - d2 * n[1]
-            y = m[2] * p0 - m[0] * p2 + d2 * n[0] - d0 * n[2]
-            z = m[0] * p1 - m[1] * p0 + d0 * n[1] - d1 * n[0]
-            if heavy:
-                d0, d1, d2 = (
-                    f.eta[ng, 0, i] - eta[0, i],
-                    f.eta[ng, 1, i] - eta[1, i],
-                    f.eta[ng, 2, i] - eta[2, i],
-                )
-                x += d1 * pull[2] - d2 * pull[1]
-                y += d2 * pull[0] - d0 * pull[2]
-                z += d0 * pull[1] - d1 * pull[0]
-            for axis in range(3):
-                X[axis, i] = w * (R[0, axis] * x + R[1, axis] * y + R[2, axis] * z)
-        first = 0
-        for axis in range(3):
-            work = w * (R[0, axis] * m[0] + R[1, axis] * m[1] + R[2, axis] * m[2])
-            for j in range(first, first + number[axis]):
-                b = c.basis[j, g]
-                f.g[j] -= b * work
-                for i in range(N):
-                    W[j, i] -= b * X[axis, i]
-            first += number[axis]
+            r0, r1, r2 = rate[0, i], rate[1, i], rate[2, i]
+            x0, x1, x2 = X[0, i], X[1, i], X[2, i]
+            if h > 0:
+                p0, p1, p2 = f.psi[h - 1, 0, i], f.psi[h - 1, 1, i], f.psi[h - 1, 2, i]
+                x0, x1, x2 = x0 + M1 * p2 - M2 * p1, x1 + M2 * p0 - M0 * p2, x2 + M0 * p1 - M1 * p0
+            Z[0, i] = T[0, 0] * x0 + T[1, 0] * x1 + T[2, 0] * x2 + D00 * r0 + D01 * r1 + D02 * r2
+            Z[1, i] = T[0, 1] * x0 + T[1, 1] * x1 + T[2, 1] * x2 + D10 * r0 + D11 * r1 + D12 * r2
+            Z[2, i] = T[0, 2] * x0 + T[1, 2] * x1 + T[2, 2] * x2 + D20 * r0 + D21 * r1 + D22 * r2
+        for i in range(N):
+            r0, r1, r2 = rate[0, i], rate[1, i], rate[2, i]
+            f.g[i] -= r0 * u0 + r1 * u1 + r2 * u2
+            for j in range(i + 1):
+                W[i, j] -= r0 * Z[0, j] + r1 * Z[1, j] + r2 * Z[2, j]
+    _second_rates(length, number, c, f)
     for i in range(N):
         for j in range(i):
-            W[i, j] = W[j, i] = 0.5 * (W[i, j] + W[j, i])
+            W[j, i] = W[i, j]
     first, at = 0, 0
     for axis in range(3):
         count = number[axis]
@@ -328,13 +328,30 @@ def _tangent(value, number, inner, pull, c, f):
 
 
 @kernel
+def _second_rates(length, number, c, f):
+    """Into W (lower): the moment on the second derivatives of the turns, those of the pairs of modes."""
+    pair = 0
+    for axis in range(3):
+        j, k = (axis + 1) % 3, (axis + 2) % 3
+        one = 0 if j == 0 else (number[0] if j == 1 else number[0] + number[1])
+        two = 0 if k == 0 else (number[0] if k == 1 else number[0] + number[1])
+        for i in range(one, one + number[j]):
+            for l in range(two, two + number[k]):
+                s = 0.0
+                for g in range(number[3] + 1):
+                    s += c.pairs[pair, g] * f.moment[axis, g]
+                f.W[max(i, l), min(i, l)] -= 0.5 * length * length * s
+                pair += 1
+
+
+@kernel
 def strain_tangent(value, number, inner, pull, scratch):
     """W and g of the amplitudes at fixed end wrench and gravity, into scratch as left by `strain_fields`:
 
-    g_i = K (a - a0) - L sum w B_i (R e_c).m
-    W_ij = K - sym L sum w B_j (R e_cj).[m x psi_i + (rho_i(L) - rho_i) x n + (eta_i(L) - eta_i) x g]
+    g_i = K (a - a0) - dH/da_i - m.psi_i(L), and W_ij the symmetric part of its derivative. The skew part, a half of
+    m.(psi_i(L) x psi_j(L)), is that of a moment that is fixed in space, on end q alone: no matter of the leaf.
     """
-    _tangent(value, number, inner, pull, constants_of(value, number), fields_of(number, scratch))
+    _tangent(value, number, inner, constants_of(value, number), fields_of(number, scratch))
 
 
 @kernel
@@ -441,16 +458,16 @@ def _follow_gravity(length, number, pull, c, f, K, step, X):
                 G[r, e] += w * c.beyond[g] * f.S[g, r, e]
     for i in range(N):
         for e in range(3):
-            X[i, e] = f.eta[ng, e, i]
+            X[i, e] = f.eta[e, i]
     _substitute(f.W, X)
     for e in range(3):
         pull[6 + e] = pull[3 + e]
         for i in range(N):
-            pull[3 + e] -= f.eta[ng, e, i] * f.Y[i, 6]
+            pull[3 + e] -= f.eta[e, i] * f.Y[i, 6]
             for r in range(3):
-                Z[r, e] += f.rho[ng, r, i] * X[i, e]
+                Z[r, e] += f.rho[r, i] * X[i, e]
                 Z[3 + r, e] += f.psi[ng, r, i] * X[i, e]
-                G[r, e] += f.eta[ng, r, i] * X[i, e]
+                G[r, e] += f.eta[r, i] * X[i, e]
     for e in range(3):
         for r in range(6):
             pull[3 + e] += Z[r, e] * step[r]
@@ -483,11 +500,11 @@ def strain_condense(value, number, inner, store, scratch, d, Q, lam, K):
     pull = store[len(store) - PULL if heavy else len(store) :]
     c, f = constants_of(value, number), fields_of(number, scratch)
     _fields(value, number, inner, pull, c, f)
-    _tangent(value, number, inner, pull, c, f)
+    _tangent(value, number, inner, c, f)
     # Y = W^-1 [J^T, g], seven right-hand sides at once; J = (rho(L), psi(L))
     for i in range(N):
         for r in range(3):
-            f.Y[i, r], f.Y[i, 3 + r] = f.rho[ng, r, i], f.psi[ng, r, i]
+            f.Y[i, r], f.Y[i, 3 + r] = f.rho[r, i], f.psi[ng, r, i]
         f.Y[i, 6] = f.g[i]
     negatives, status = _solve_modes(f.W, f.Y, f.g)
     # F = J W^-1 J^T + L sum w S (force block);  gap = closure + J W^-1 g
@@ -498,12 +515,12 @@ def strain_condense(value, number, inner, store, scratch, d, Q, lam, K):
             turned[i, j] = Q[i, 0] * end[j, 0] + Q[i, 1] * end[j, 1] + Q[i, 2] * end[j, 2]
     rotation_log(turned, twist)
     for r in range(6):
-        gap[r] = d[r] - f.r[ng, r] if r < 3 else twist[r - 3]
+        gap[r] = d[r] - f.end[r] if r < 3 else twist[r - 3]
         for e in range(6):
             F[r, e] = 0.0
     for i in range(N):
         for r in range(6):
-            j = f.rho[ng, r, i] if r < 3 else f.psi[ng, r - 3, i]
+            j = f.rho[r, i] if r < 3 else f.psi[ng, r - 3, i]
             gap[r] += j * f.Y[i, 6]
             for e in range(6):
                 F[r, e] += j * f.Y[i, e]

@@ -84,7 +84,7 @@ def many_pulls(value: Array, number: NDArray[np.int64], inner: Array, gravity: A
     M = np.stack([masses_beyond(leaf, number) for leaf in value])
     amount = parts.length[:, None] * parts.weight * M
     B, D = (np.einsum("kg,kgij->kij", a, S) for a in (amount, amount * M))
-    return StrainPull(np.einsum("kg,kgi->ki", amount, v), eta[:, -1], B, D)
+    return StrainPull(np.einsum("kg,kgi->ki", amount, v), eta, B, D)
 
 
 @kernel
@@ -116,7 +116,7 @@ def many_slacks(value: Array, number: NDArray[np.int64], inner: Array) -> Array:
 def _many(
     value: Array, number: NDArray[np.int64], inner: Array, gravity: Array | None
 ) -> tuple[StrainParts, Array, Array, Array]:
-    """The parts, and v (k, ng, 3), S (k, ng, 3, 3), eta (k, ng+1, 3, N), last at end q, of `ksd.beam.strain.Fields`."""
+    """The parts, and v (k, ng, 3), S (k, ng, 3, 3), eta (k, 3, N) of `ksd.beam.strain.Fields`."""
     nx, ny, nz, ng = (int(n) for n in number[:4])
     k = len(value)
     at = 1 + nx * nx + ny * ny + nz * nz + nx + ny + nz
@@ -126,17 +126,18 @@ def _many(
     pull = np.zeros((k, 0)) if gravity is None else np.ascontiguousarray(gravity)
     _every_leaf(np.ascontiguousarray(value), number, np.ascontiguousarray(inner), pull, scratch, 1)
     f = _every_field(number, scratch)
+    inside = L[:, None, None] * integral
     parts = StrainParts(
         W=f.W,
-        J=np.concatenate([f.rho[:, ng], f.psi[:, ng]], axis=1),
+        J=np.concatenate([f.rho, f.psi[:, ng]], axis=1),
         S=np.einsum("k,kg,kgij->kij", L, weight, f.S),
         length=L,
         s=integral.sum(axis=2),
         weight=weight,
-        r=f.r[:, :ng],
-        end=f.r[:, ng],
+        r=inside @ f.v,
+        end=f.end,
         R=f.R[:, :ng],
-        rho=f.rho[:, :ng],
+        rho=np.einsum("kgh,khri->kgri", inside, f.slope),
         psi=f.psi[:, :ng],
     )
     return parts, f.v, f.S, f.eta

@@ -24,7 +24,8 @@ PULL = 39
 
 
 class Modes(NamedTuple):
-    """Unit-length tables of a set of curvature modes: points s, weights, integration, modes, gap integrals."""
+    """Unit-length tables of a set of curvature modes: points s, weights, integration, modes, gap integrals, and the energy
+    (N, N) of unit rigidity, integrals of products of modes over their shape."""
 
     s: np.ndarray
     weight: np.ndarray
@@ -32,6 +33,7 @@ class Modes(NamedTuple):
     basis: np.ndarray
     gap: np.ndarray
     pairs: np.ndarray
+    energy: np.ndarray
 
 
 def legendre_modes(orders: tuple[int, int, int], s: np.ndarray) -> np.ndarray:
@@ -76,39 +78,31 @@ def make_modes(
     s, weight, integral = _quadrature(points, breaks)
     axis = np.repeat(np.arange(3), orders)
 
-    def modes(x: np.ndarray) -> np.ndarray:
-        values = legendre_modes(orders, x)
+    def shaped(x: np.ndarray, values: np.ndarray) -> np.ndarray:
         return values if shape is None else values * shape(x)[axis]
 
     edges = np.concatenate([[0.0], s, [1.0]])
     first = np.empty((len(s) + 1, sum(orders)))
     second = np.empty((len(s) + 1, sum(orders), sum(orders)))
+    energy = np.zeros((sum(orders), sum(orders)))
     for g, (a, b) in enumerate(pairwise(edges)):
         # a gap across a break is cut there, since modes may jump
         cuts = [(c - a) / (b - a) for c in breaks if a < c < b]
         x, w, inner = _quadrature(12, (0.0, *cuts, 1.0))
-        values = modes(a + (b - a) * x) * (b - a)
+        plain = legendre_modes(orders, a + (b - a) * x)
+        values = shaped(a + (b - a) * x, plain) * (b - a)
         first[g] = values @ w
+        energy += (plain * w) @ values.T
         # iint_{s1<s2} B_k(s1) B_l(s2) - B_l(s1) B_k(s2)
         until = values @ inner.T
         product = (until * w) @ values.T
         second[g] = product - product.T
-    return Modes(s, weight, integral, modes(s), first, second)
+    return Modes(s, weight, integral, shaped(s, legendre_modes(orders, s)), first, second, energy)
 
 
 @lru_cache(maxsize=64)
 def _cached_modes(orders: tuple[int, int, int], points: int) -> Modes:
     return make_modes(orders, points)
-
-
-def _stiffness(modes: Modes, orders: tuple[int, int, int], length: float, rigidity: np.ndarray) -> list:
-    """Blocks L sum w D_c(s) B_ck B_cl per axis; rigidity (ng, 3) = GJ, EIy, EIz at the points."""
-    blocks, first = [], 0
-    for c, n in enumerate(orders):
-        b = modes.basis[first : first + n]
-        blocks.append((length * (b * (modes.weight * rigidity[:, c])) @ b.T).ravel())
-        first += n
-    return blocks
 
 
 def strain_values(
@@ -124,21 +118,21 @@ def strain_values(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Flat constants and settings (value, number) of one leaf.
 
-    length [m]; rigidity (3,) or (ng, 3): GJ, EIy, EIz [N m^2]; compliance (3,) or (ng, 3): 1/EA, 1/(ky G A),
-    1/(kz G A) [1/N]; amplitudes (N,) stress-free [1/m], zero when None; line_mass (ng,) [kg/m], None without weight.
+    length [m]; rigidity (3,): GJ, EIy, EIz [N m^2], of a leaf with a profile those the shape of its modes is relative to;
+    compliance (3,) or (ng, 3): 1/EA, 1/(ky G A), 1/(kz G A) [1/N]; amplitudes (N,) stress-free [1/m], zero when None;
+    line_mass (ng,) [kg/m], None without weight.
     """
     table = modes or _cached_modes(tuple(orders), points)
     nx, ny, nz = orders
     ng, total = len(table.s), sum(orders)
-    D = np.broadcast_to(np.asarray(rigidity, float), (ng, 3))
     C = np.broadcast_to(np.asarray(compliance, float), (ng, 3))
     pair = table.pairs
     y, z = slice(nx, nx + ny), slice(nx + ny, total)
     x = slice(0, nx)
-    stiffness = _stiffness(table, orders, length, D)
+    own = [length * D * table.energy[c, c].ravel() for D, c in zip(rigidity, (x, y, z), strict=True)]
     parts = [
         [length],
-        *stiffness,
+        *own,
         np.zeros(total) if amplitudes is None else np.asarray(amplitudes, float),
         table.weight,
         table.integral.ravel(),
@@ -163,7 +157,7 @@ def strain_sizes(number: np.ndarray, *, heavy: bool = False) -> tuple[int, int]:
 def strain_scratch(number: np.ndarray) -> int:
     """Numbers of scratch that `ksd.beam.strain.fields_of` lays out."""
     N, ng = int(number[:3].sum()), int(number[3])
-    return 15 * (ng + 1) + 15 * ng + 9 * N * (ng + 1) + N * (N + 8) + 3 * N * ng
+    return (24 + 6 * N) * (ng + 1) + (15 + 3 * N) * ng + 3 + N * (N + 20)
 
 
 def strain_constants(number: np.ndarray, *, heavy: bool = False) -> int:

@@ -188,8 +188,7 @@ def _strain_body(leaf: Any, mesh: Mesh, heavy: bool) -> _Body:
     if leaf.profile is not None or leaf.curve is not None:
         words["modes"] = modes = leaf_modes(leaf, mesh)
         if leaf.profile is not None:
-            both = [rigidities(leaf.profile.section(float(s)), leaf, mesh) for s in modes.s]
-            stiff, soft = np.array([b[0] for b in both]), np.array([b[1] for b in both])
+            soft = np.array([rigidities(leaf.profile.section(float(s)), leaf, mesh)[1] for s in modes.s])
         if leaf.curve is not None:
             words["amplitudes"] = _fitted(leaf, modes, orders)
     mass = 0.0
@@ -214,7 +213,7 @@ def _undeformed_end(
     scratch = np.zeros(strain_scratch(number))
     strain_fields(value, number, inner, np.zeros(0), scratch)
     fields = fields_of(number, scratch)
-    return fields.r[-1].copy(), fields.R[-1].copy()
+    return fields.end.copy(), fields.R[-1].copy()
 
 
 def _numbers(section: Section, leaf: Any, mesh: Mesh) -> SimpleNamespace:

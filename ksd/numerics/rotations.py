@@ -170,6 +170,32 @@ def exp_tangent(v, T):
 
 
 @kernel
+def tangent_factors(t2):
+    """(b, c, b', c') of the tangent of the exponential, T = I + b [v]x + c [v]x^2, with db = b' v.dv, dc = c' v.dv.
+
+    t2 = |v|^2; exp([v]x) = I + [v]x T.
+    """
+    if t2 < 0.3:
+        # Taylor, to rounding
+        c = 1.0 / 6.0 + t2 * (
+            t2 * (1.0 / 5040.0 + t2 * (t2 * (1.0 / 39916800.0 - t2 * (1.0 / 6227020800.0)) - 1.0 / 362880.0))
+            - 1.0 / 120.0
+        )
+        dc = (
+            t2 * (1.0 / 1260.0 + t2 * (t2 * (1.0 / 4989600.0 - t2 * (1.0 / 622702080.0)) - 1.0 / 60480.0))
+            - 1.0 / 60.0
+        )
+        db = (
+            t2 * (1.0 / 180.0 + t2 * (t2 * (1.0 / 453600.0 - t2 * (1.0 / 47900160.0)) - 1.0 / 6720.0))
+            - 1.0 / 12.0
+        )
+        return 3.0 * c + t2 * dc, c, db, dc
+    a, b = rotation_factors(t2)
+    c = (1.0 - a) / t2
+    return b, c, (a - 2.0 * b) / t2, (b - 3.0 * c) / t2
+
+
+@kernel
 def log_tangent(v, T):
     """T (3, 3): log(exp(dphi) exp(v)) = v + T dphi to first order (inverse of `exp_tangent`)."""
     x, y, z = v[0], v[1], v[2]

@@ -1,0 +1,146 @@
+"""The strain-mode leaf in space: its tangents are the derivatives of its residual and of its wrench."""
+
+import numpy as np
+import pytest
+
+from ksd.beam.strain import fields_of, strain_condense, strain_fields, strain_recover, strain_tangent
+from ksd.beam.strain_values import PULL, make_modes, strain_scratch, strain_sizes, strain_values
+from ksd.numerics.rotations import rotation_exp
+
+L, EA, KGA = 0.1, 6e6, 1.9e6
+RIGIDITY = np.array([0.75, 450.0, 0.5])
+"""GJ, EIy, EIz [N m^2]."""
+
+
+def exp(v):
+    found = np.empty((3, 3))
+    rotation_exp(np.asarray(v, float), found)
+    return found
+
+
+def soft(s):
+    """Compliance, over that of the ends, where the thickness halves towards the middle."""
+    return np.tile(1.0 / (1.0 - 2.0 * s * (1.0 - s)) ** 3, (3, 1))
+
+
+class Leaf:
+    """A leaf clamped at p, end q held at d, Q; with or without weight, uniform or with a profile."""
+
+    def __init__(self, kind, gravity=(300.0, -500.0, 400.0)):
+        orders = (4, 3, 6)
+        table = make_modes(orders, 9, shape=soft) if kind == "profile" else make_modes(orders, 7)
+        ng, self.N = len(table.s), sum(orders)
+        self.value, self.number = strain_values(
+            length=L,
+            rigidity=RIGIDITY,
+            compliance=1.0 / np.array([EA, KGA, KGA]),
+            orders=orders,
+            modes=table,
+            line_mass=np.full(ng, 3.0) if kind == "weight" else None,
+        )
+        size, store = strain_sizes(self.number, heavy=kind == "weight")
+        self.inner, self.store, self.scratch = (
+            np.zeros(size),
+            np.zeros(store),
+            np.zeros(strain_scratch(self.number)),
+        )
+        self.size = 0.3 if kind == "profile" else 1.0
+        self.pull = np.array(gravity) if kind == "weight" else np.zeros(0)
+        self.lam, self.K = np.zeros(12), np.zeros((6, 6))
+        self.d, self.Q = np.array([L, 0, 0]), np.eye(3)
+
+    def settle(self, d, Q, iterations=30):
+        """Wrench (6,) with end q at d, Q, the leaf in equilibrium to rounding."""
+        for _ in range(iterations):
+            if len(self.pull):
+                self.store[-PULL:][:3], self.store[-3:] = self.pull, 0.0
+            found = strain_condense(
+                self.value, self.number, self.inner, self.store, self.scratch, d, Q, self.lam, self.K
+            )
+            assert found[3] == 0
+            strain_recover(self.value, self.number, self.inner, self.store, np.zeros(6), 1.0)
+        return self.inner[self.N :].copy()
+
+    def load(self, rng, steps=20):
+        """A bent and twisted leaf under a large force, taken up in steps by moving its end: the pose."""
+        axes = [(4.0, 4), (0.2, 3), (8.0, 6)]
+        self.inner[: self.N] = np.concatenate(
+            [rng.normal(size=n) * a / (1 + np.arange(n)) ** 2 for a, n in axes]
+        )
+        f = fields_of(self.number, self.scratch)
+        strain_fields(self.value, self.number, self.inner, self.pull, self.scratch)
+        d, Q = f.end.copy(), f.R[-1].copy()
+        start, more = self.settle(d, Q), np.zeros(6)
+        more[:3] = f.R[-1] @ (rng.uniform(0.5, 1.0, 3) * self.size * [1500.0, 20.0, 100.0])
+        for k in range(1, steps + 1):
+            for _ in range(2):
+                xi = np.linalg.solve(self.K, start + more * k / steps - self.settle(d, Q, 6))
+                d, Q = d + xi[:3], exp(xi[3:]) @ Q
+        self.settle(d, Q)
+        return d, Q
+
+
+KINDS = ("light", "weight", "profile")
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("seed", range(3))
+def test_stiffness_is_the_derivative_of_the_wrench_under_large_loads(kind, seed):
+    """Its symmetric part, that is: the moment is one for small turns of end q, which adds half its cross product."""
+    leaf = Leaf(kind)
+    d, Q = leaf.load(np.random.default_rng(seed))
+    wrench = leaf.settle(d, Q)
+    # force far above what bends the leaf its soft way
+    assert np.linalg.norm(wrench[:3]) > 10 * leaf.size * RIGIDITY[2] / L**2
+    K, inner = leaf.K.copy(), leaf.inner.copy()
+    found, step = np.empty((6, 6)), np.array([2e-6 * L, 1e-5 * L, 2e-6 * L, 1e-4, 1e-4, 1e-4])
+    for j, h in enumerate(step):
+        ends = []
+        for times in (1, -1, 2, -2, 3, -3):
+            leaf.inner[:] = inner
+            xi = times * h * np.eye(6)[j]
+            ends.append(leaf.settle(d + xi[:3], exp(xi[3:]) @ Q, 8))
+        one, two, three = (a - b for a, b in zip(ends[::2], ends[1::2], strict=True))
+        found[:, j] = (45 * one - 9 * two + three) / (60 * h)
+    scale = np.sqrt(np.abs(np.diag(K)))
+    assert np.abs((0.5 * (found + found.T) - K) / np.outer(scale, scale)).max() < 1e-8
+    m = wrench[3:]
+    skew = np.zeros((6, 6))
+    skew[3:, 3:] = 0.5 * np.array([[0, -m[2], m[1]], [m[2], 0, -m[0]], [-m[1], m[0], 0]])
+    assert np.abs((0.5 * (found - found.T) + skew) / np.outer(scale, scale)).max() < 1e-8
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_tangent_of_the_amplitudes_is_the_derivative_of_their_residual(kind, rng):
+    """At states that are no equilibrium, too; again the symmetric part."""
+    leaf = Leaf(kind)
+    N, inner = leaf.N, np.concatenate([rng.normal(size=leaf.N) * 8.0, rng.normal(size=6) * 300.0])
+    f = fields_of(leaf.number, leaf.scratch)
+
+    def residual(state):
+        strain_fields(leaf.value, leaf.number, state, leaf.pull, leaf.scratch)
+        strain_tangent(leaf.value, leaf.number, state, leaf.pull, leaf.scratch)
+        return f.g.copy()
+
+    found = np.empty((N, N))
+    for j in range(N):
+        one, two = (
+            residual(inner + h * np.eye(N + 6)[j]) - residual(inner - h * np.eye(N + 6)[j])
+            for h in (0.02, 0.04)
+        )
+        found[:, j] = (8 * one - two) / (12 * 0.02)
+    residual(inner)
+    scale = np.sqrt(np.abs(np.diag(f.W)))
+    assert np.abs((0.5 * (found + found.T) - f.W) / np.outer(scale, scale)).max() < 1e-8
+    # only the end moment is no gradient
+    psi, m = f.psi[-1], inner[N + 3 :]
+    skew = 0.5 * np.einsum("ai,bj,c,abc->ij", psi, psi, m, _levi_civita())
+    off = 0.5 * (found - found.T)
+    assert np.minimum(np.abs(off - skew).max(), np.abs(off + skew).max()) < 1e-8 * np.abs(f.W).max()
+
+
+def _levi_civita():
+    found = np.zeros((3, 3, 3))
+    for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
+        found[i, j, k], found[i, k, j] = 1.0, -1.0
+    return found
