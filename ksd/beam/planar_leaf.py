@@ -200,11 +200,11 @@ def planar_values(value: np.ndarray, number: np.ndarray) -> tuple[np.ndarray, np
     its plane at rest."""
     nx, ny, nz, ng = (int(n) for n in number[:4])
     total, first = nx + ny + nz, nx + ny
-    sizes = [1, nx * nx, ny * ny, nz * nz, total, ng, ng * ng, total * ng, 3 * ng, (ng + 1) * total]
+    sizes = [1, nx * nx, ny * ny, nz * nz, total, ng, ng * ng, total * ng, 3 * ng, 3 * (ng + 1) * total]
     parts = [value[a:b] for a, b in pairwise(np.cumsum([0, *sizes]))]
     length, rest, slack = float(parts[0][0]), parts[4], parts[8].reshape(ng, 3)
     # psi at the points and, last, at the end
-    psi = length * np.cumsum(parts[9].reshape(total, ng + 1)[first:].T, axis=0)
+    psi = length * np.cumsum(parts[9].reshape(ng + 1, 3, total)[:, 0, first:], axis=0)
     table = np.column_stack([length * parts[5], slack[:, 0], slack[:, 1], psi[:-1]])
     flat = [parts[3], rest[first:], table.ravel(), psi[-1]]
     return np.concatenate(flat), np.array([nz, ng, first, total], np.int64)

@@ -2,8 +2,9 @@
 
 Unknowns of a leaf: amplitudes a of its curvature modes (nx torsion, ny strong, nz weak bending; 1/m) and lam = (n, m),
 force and moment on end q (N, Nm). Curvature kappa_c = sum_i a_i B_i(s) over the modes of axis c; orientation
-R' = R [kappa]x by a fourth-order Magnus step over every gap between quadrature points; r' = v = R (e1 + C R^T n) with
-C = diag(1/EA, 1/kGA, 1/kGA), so stretch and shear are exact without unknowns. All vectors in the frame of end p.
+R' = R [kappa]x by a sixth-order Magnus step over every gap between quadrature points (`ksd.beam.strain_gap`);
+r' = v = R (e1 + C R^T n) with C = diag(1/EA, 1/kGA, 1/kGA), so stretch and shear are exact without unknowns. All vectors
+in the frame of end p.
 Interface of all members: see `ksd.model.assembly`; constants: `ksd.beam.strain_values`.
 
 Source: the stationary conditions of the mixed functional 1/2 (a - a0) K (a - a0) - H + lam.closure, with the sum over the
@@ -24,6 +25,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ksd.beam.strain_gap import gap_second, gap_turn
 from ksd.beam.weight import PULL
 from ksd.numerics.kernel import kernel
 from ksd.numerics.local import local_matrix, local_vector
@@ -42,24 +44,26 @@ class Constants(NamedTuple):
     basis: np.ndarray
     soft: np.ndarray
     gap: np.ndarray
-    pairs: np.ndarray
     beyond: np.ndarray
 
 
 class Fields(NamedTuple):
-    """A leaf at one inner state, at its ng quadrature points and, last, at end q; gap h ends at point h.
+    """A leaf at one inner state: at its ng quadrature points; at end p, the points and end q (ng+2); of the gaps between
+    these (ng+1).
 
-    turn (ng+1, 3), rate (ng+1, 3, N): rotation vector of every gap, in the frame of the point before it, and its derivative
-    by the amplitudes; carry (ng+1, 3, 3): from that derivative to the rotation of all behind; R (ng+1, 3, 3): orientation;
-    psi (ng+1, 3, N): rotation by the amplitudes. n (ng, 3): force; v (ng, 3) = r'; S (ng, 3, 3) = R C R^T [1/N]; slope
-    (ng, 3, N): v by the amplitudes, at fixed n. end (3,) [m]: place of end q; rho, eta (3, N): that place, and the first
-    moment of the mass, by the amplitudes; eta only with weight. W (N, N) tangent and g (N,) residual of the amplitudes;
-    Y (N, 7) right-hand sides; moment (3, ng+1) [Nm]: on the turns; X, Z (3, N): scratch.
+    Of a gap, see `ksd.beam.strain_gap`: gap (ng+1, 9): moments of its curvature; turn (ng+1, 3) and J (ng+1, 3, 9); T
+    (ng+1, 3, 3): from a change of turn to the rotation of all behind; G = T J. R (ng+2, 3, 3): orientation; psi (ng+2, 3,
+    N): rotation by the amplitudes. n (ng, 3): force; v (ng, 3) = r'; S (ng, 3, 3) = R C R^T [1/N]; slope (ng, 3, N): v by
+    the amplitudes, at fixed n. end (3,) [m]: place of end q; rho, eta (3, N): that place, and the first moment of the mass,
+    by the amplitudes; eta only with weight. W (N, N) tangent and g (N,) residual of the amplitudes; Y (N, 7) right-hand
+    sides; X (3, N), Z (N, 9), M (9, 9): scratch.
     """
 
+    gap: np.ndarray
     turn: np.ndarray
-    rate: np.ndarray
-    carry: np.ndarray
+    J: np.ndarray
+    T: np.ndarray
+    G: np.ndarray
     R: np.ndarray
     psi: np.ndarray
     n: np.ndarray
@@ -74,7 +78,7 @@ class Fields(NamedTuple):
     Y: np.ndarray
     X: np.ndarray
     Z: np.ndarray
-    moment: np.ndarray
+    M: np.ndarray
 
 
 @kernel
@@ -88,8 +92,7 @@ def constants_of(value, number):
     basis = integral + ng * ng
     soft = basis + N * ng
     gap = soft + 3 * ng
-    pairs = gap + N * (ng + 1)
-    beyond = pairs + (ny * nz + nz * nx + nx * ny) * (ng + 1)
+    beyond = gap + 3 * N * (ng + 1)
     return Constants(
         value[1:rest],
         value[rest:weight],
@@ -97,8 +100,7 @@ def constants_of(value, number):
         value[integral:basis].reshape(ng, ng),
         value[basis:soft].reshape(N, ng),
         value[soft:gap].reshape(ng, 3),
-        value[gap:pairs].reshape(N, ng + 1),
-        value[pairs:beyond].reshape(ny * nz + nz * nx + nx * ny, ng + 1),
+        value[gap:beyond].reshape(ng + 1, 3, N),
         value[beyond:],
     )
 
@@ -107,11 +109,13 @@ def constants_of(value, number):
 def fields_of(number, scratch):
     """`Fields` over `strain_values.strain_scratch` numbers or more."""
     N, ng = number[0] + number[1] + number[2], number[3]
-    rate = 3 * (ng + 1)
-    carry = rate + 3 * N * (ng + 1)
-    R = carry + 9 * (ng + 1)
-    psi = R + 9 * (ng + 1)
-    n = psi + 3 * N * (ng + 1)
+    turn = 9 * (ng + 1)
+    J = turn + 3 * (ng + 1)
+    T = J + 27 * (ng + 1)
+    G = T + 9 * (ng + 1)
+    R = G + 27 * (ng + 1)
+    psi = R + 9 * (ng + 2)
+    n = psi + 3 * N * (ng + 2)
     v = n + 3 * ng
     S = v + 3 * ng
     slope = S + 9 * ng
@@ -123,13 +127,15 @@ def fields_of(number, scratch):
     Y = g + N
     X = Y + 7 * N
     Z = X + 3 * N
-    moment = Z + 3 * N
+    M = Z + 9 * N
     return Fields(
-        scratch[:rate].reshape(ng + 1, 3),
-        scratch[rate:carry].reshape(ng + 1, 3, N),
-        scratch[carry:R].reshape(ng + 1, 3, 3),
-        scratch[R:psi].reshape(ng + 1, 3, 3),
-        scratch[psi:n].reshape(ng + 1, 3, N),
+        scratch[:turn].reshape(ng + 1, 9),
+        scratch[turn:J].reshape(ng + 1, 3),
+        scratch[J:T].reshape(ng + 1, 3, 9),
+        scratch[T:G].reshape(ng + 1, 3, 3),
+        scratch[G:R].reshape(ng + 1, 3, 9),
+        scratch[R:psi].reshape(ng + 2, 3, 3),
+        scratch[psi:n].reshape(ng + 2, 3, N),
         scratch[n:v].reshape(ng, 3),
         scratch[v:S].reshape(ng, 3),
         scratch[S:slope].reshape(ng, 3, 3),
@@ -141,64 +147,58 @@ def fields_of(number, scratch):
         scratch[g:Y],
         scratch[Y:X].reshape(N, 7),
         scratch[X:Z].reshape(3, N),
-        scratch[Z:moment].reshape(3, N),
-        scratch[moment : moment + 3 * (ng + 1)].reshape(3, ng + 1),
+        scratch[Z:M].reshape(N, 9),
+        scratch[M : M + 81].reshape(9, 9),
     )
 
 
 @kernel
-def _turns(length, number, a, c, f):
-    """Rotation vector of every gap, int kappa + 1/2 iint_{s1<s2} kappa(s1) x kappa(s2), and its rates."""
-    gaps, first, pair = number[3] + 1, 0, 0
-    for g in range(gaps):
+def _orientations(length, number, a, c, f):
+    """R and psi at the points and at end q, by the turn of every gap: R <- R exp(turn), psi <- psi + G d(moments), with
+    exp(turn) = I + T [turn]x, the tangent T of the exponential, turned into frame p."""
+    for r in range(3):
+        for e in range(3):
+            f.R[0, r, e] = 1.0 if r == e else 0.0
+        for i in range(f.psi.shape[2]):
+            f.psi[0, r, i] = 0.0
+    for h in range(number[3] + 1):
+        gap, turn, J, T, G, before, psi = f.gap[h], f.turn[h], f.J[h], f.T[h], f.G[h], f.psi[h], f.psi[h + 1]
+        first = 0
         for axis in range(3):
-            f.turn[g, axis] = 0.0
-            for i in range(len(a)):
-                f.rate[g, axis, i] = 0.0
-    for axis in range(3):
-        for i in range(first, first + number[axis]):
-            for g in range(gaps):
-                w = length * c.gap[i, g]
-                f.rate[g, axis, i] = w
-                f.turn[g, axis] += a[i] * w
-        first += number[axis]
-    # pairs of modes: y with z turn about x, z with x about y, x with y about z
-    for axis in range(3):
-        j, k = (axis + 1) % 3, (axis + 2) % 3
-        one = 0 if j == 0 else (number[0] if j == 1 else number[0] + number[1])
-        two = 0 if k == 0 else (number[0] if k == 1 else number[0] + number[1])
-        for i in range(one, one + number[j]):
-            for l in range(two, two + number[k]):
-                for g in range(gaps):
-                    w = 0.5 * length * length * c.pairs[pair, g]
-                    f.rate[g, axis, i] += w * a[l]
-                    f.rate[g, axis, l] += w * a[i]
-                    f.turn[g, axis] += w * a[i] * a[l]
-                pair += 1
-
-
-@kernel
-def _orientations(number, f):
-    """R and psi at the points and at end q, from the turn of every gap: R <- R exp(turn), psi <- psi + R T(turn) rate with
-    the tangent T of the exponential, `carry` = R T, and exp(turn) = I + T [turn]x."""
-    for g in range(number[3] + 1):
-        x, y, z = f.turn[g, 0], f.turn[g, 1], f.turn[g, 2]
-        b, c, _, _ = tangent_factors(x * x + y * y + z * z)
-        carry, rate, psi = f.carry[g], f.rate[g], f.psi[g]
+            p, q, s = 0.0, 0.0, 0.0
+            for i in range(first, first + number[axis]):
+                p += a[i] * c.gap[h, 0, i]
+                q += a[i] * c.gap[h, 1, i]
+                s += a[i] * c.gap[h, 2, i]
+            gap[axis], gap[3 + axis], gap[6 + axis] = length * p, length * q, length * s
+            first += number[axis]
+        gap_turn(gap, turn, J)
+        x, y, z = turn[0], turn[1], turn[2]
+        t, u, _, _ = tangent_factors(x * x + y * y + z * z)
         for r in range(3):
-            if g > 0:
-                p, q, s = f.R[g - 1, r, 0], f.R[g - 1, r, 1], f.R[g - 1, r, 2]
-            else:
-                p, q, s = 1.0 * (r == 0), 1.0 * (r == 1), 1.0 * (r == 2)
             # row x turn, and once more
+            p, q, s = f.R[h, r, 0], f.R[h, r, 1], f.R[h, r, 2]
             p1, q1, s1 = q * z - s * y, s * x - p * z, p * y - q * x
             p2, q2, s2 = q1 * z - s1 * y, s1 * x - p1 * z, p1 * y - q1 * x
-            u, v, w = p + b * p1 + c * p2, q + b * q1 + c * q2, s + b * s1 + c * s2
-            carry[r, 0], carry[r, 1], carry[r, 2] = u, v, w
-            f.R[g, r, 0], f.R[g, r, 1], f.R[g, r, 2] = p + v * z - w * y, q + w * x - u * z, s + u * y - v * x
-            for i in range(psi.shape[1]):
-                t = u * rate[0, i] + v * rate[1, i] + w * rate[2, i]
-                psi[r, i] = t + f.psi[g - 1, r, i] if g > 0 else t
+            d, e, g = p + t * p1 + u * p2, q + t * q1 + u * q2, s + t * s1 + u * s2
+            T[r, 0], T[r, 1], T[r, 2] = d, e, g
+            f.R[h + 1, r, 0] = p + e * z - g * y
+            f.R[h + 1, r, 1] = q + g * x - d * z
+            f.R[h + 1, r, 2] = s + d * y - e * x
+            for k in range(9):
+                G[r, k] = d * J[0, k] + e * J[1, k] + g * J[2, k]
+        first = 0
+        for axis in range(3):
+            a0, a1, a2 = length * G[0, axis], length * G[1, axis], length * G[2, axis]
+            b0, b1, b2 = length * G[0, 3 + axis], length * G[1, 3 + axis], length * G[2, 3 + axis]
+            c0, c1, c2 = length * G[0, 6 + axis], length * G[1, 6 + axis], length * G[2, 6 + axis]
+            for i in range(first, first + number[axis]):
+                p, q, s = c.gap[h, 0, i], c.gap[h, 1, i], c.gap[h, 2, i]
+                x, y, z = before[0, i], before[1, i], before[2, i]
+                psi[0, i] = x + a0 * p + b0 * q + c0 * s
+                psi[1, i] = y + a1 * p + b1 * q + c1 * s
+                psi[2, i] = z + a2 * p + b2 * q + c2 * s
+            first += number[axis]
 
 
 @kernel
@@ -210,7 +210,7 @@ def _slopes(length, number, n, pull, c, f):
         for i in range(N):
             f.rho[r, i], f.eta[r, i] = 0.0, 0.0
     for g in range(number[3]):
-        R, S, v, psi, slope, k = f.R[g], f.S[g], f.v[g], f.psi[g], f.slope[g], f.n[g]
+        R, S, v, psi, slope, k = f.R[g + 1], f.S[g], f.v[g], f.psi[g + 1], f.slope[g], f.n[g]
         w = length * c.weight[g]
         for r in range(3):
             k[r] = n[r] + c.beyond[g] * pull[r] if heavy else n[r]
@@ -240,8 +240,7 @@ def _slopes(length, number, n, pull, c, f):
 def _fields(value, number, inner, pull, c, f):
     """See `strain_fields`."""
     N = number[0] + number[1] + number[2]
-    _turns(value[0], number, inner[:N], c, f)
-    _orientations(number, f)
+    _orientations(value[0], number, inner, c, f)
     _slopes(value[0], number, inner[N : N + 3], pull, c, f)
 
 
@@ -259,7 +258,7 @@ def _tangent(value, number, inner, c, f):
     M0, M1, M2 = inner[N + 3], inner[N + 4], inner[N + 5]
     for i in range(N):
         # a moment fixed in space is no gradient: half of what turns with the end makes W its symmetric part
-        p0, p1, p2 = 0.5 * f.psi[ng, 0, i], 0.5 * f.psi[ng, 1, i], 0.5 * f.psi[ng, 2, i]
+        p0, p1, p2 = 0.5 * f.psi[-1, 0, i], 0.5 * f.psi[-1, 1, i], 0.5 * f.psi[-1, 2, i]
         X[0, i], X[1, i], X[2, i] = M2 * p1 - M1 * p2, M0 * p2 - M2 * p0, M1 * p0 - M0 * p1
         f.g[i] = 0.0
         for j in range(i + 1):
@@ -273,45 +272,44 @@ def _tangent(value, number, inner, c, f):
                 X[0, i] += slope[1, i] * k2 - slope[2, i] * k1
                 X[1, i] += slope[2, i] * k0 - slope[0, i] * k2
                 X[2, i] += slope[0, i] * k1 - slope[1, i] * k0
-        rate, T, x, y, z = f.rate[h], f.carry[h], f.turn[h, 0], f.turn[h, 1], f.turn[h, 2]
+        G, T, M, R, before, behind = f.G[h], f.T[h], f.M, f.R[h], f.psi[h], f.psi[h + 1]
         u0 = T[0, 0] * M0 + T[1, 0] * M1 + T[2, 0] * M2
         u1 = T[0, 1] * M0 + T[1, 1] * M1 + T[2, 1] * M2
         u2 = T[0, 2] * M0 + T[1, 2] * M1 + T[2, 2] * M2
-        f.moment[0, h], f.moment[1, h], f.moment[2, h] = u0, u1, u2
-        # moment in the frame of the point before
-        m0, m1, m2 = M0, M1, M2
-        if h > 0:
-            R = f.R[h - 1]
-            m0 = R[0, 0] * M0 + R[1, 0] * M1 + R[2, 0] * M2
-            m1 = R[0, 1] * M0 + R[1, 1] * M1 + R[2, 1] * M2
-            m2 = R[0, 2] * M0 + R[1, 2] * M1 + R[2, 2] * M2
-        # u = T(turn)^T m by the turn: D = b [m]x + (db m x turn + dc (m.turn) turn - (2 c + dc turn^2) m) turn^T
-        # + c turn m^T + c (m.turn) I
-        b, t, db, dt = tangent_factors(x * x + y * y + z * z)
-        along = x * m0 + y * m1 + z * m2
-        e, d = dt * along, 2.0 * t + dt * (x * x + y * y + z * z)
-        d0 = db * (m1 * z - m2 * y) + e * x - d * m0
-        d1 = db * (m2 * x - m0 * z) + e * y - d * m1
-        d2 = db * (m0 * y - m1 * x) + e * z - d * m2
-        along, x0, x1, x2 = t * along, t * x, t * y, t * z
-        D00, D01, D02 = d0 * x + x0 * m0 + along, d0 * y + x0 * m1 - b * m2, d0 * z + x0 * m2 + b * m1
-        D10, D11, D12 = d1 * x + x1 * m0 + b * m2, d1 * y + x1 * m1 + along, d1 * z + x1 * m2 - b * m0
-        D20, D21, D22 = d2 * x + x2 * m0 - b * m1, d2 * y + x2 * m1 + b * m0, d2 * z + x2 * m2 + along
-        for i in range(N):
-            r0, r1, r2 = rate[0, i], rate[1, i], rate[2, i]
-            x0, x1, x2 = X[0, i], X[1, i], X[2, i]
-            if h > 0:
-                p0, p1, p2 = f.psi[h - 1, 0, i], f.psi[h - 1, 1, i], f.psi[h - 1, 2, i]
-                x0, x1, x2 = x0 + M1 * p2 - M2 * p1, x1 + M2 * p0 - M0 * p2, x2 + M0 * p1 - M1 * p0
-            Z[0, i] = T[0, 0] * x0 + T[1, 0] * x1 + T[2, 0] * x2 + D00 * r0 + D01 * r1 + D02 * r2
-            Z[1, i] = T[0, 1] * x0 + T[1, 1] * x1 + T[2, 1] * x2 + D10 * r0 + D11 * r1 + D12 * r2
-            Z[2, i] = T[0, 2] * x0 + T[1, 2] * x1 + T[2, 2] * x2 + D20 * r0 + D21 * r1 + D22 * r2
-        for i in range(N):
-            r0, r1, r2 = rate[0, i], rate[1, i], rate[2, i]
-            f.g[i] -= r0 * u0 + r1 * u1 + r2 * u2
-            for j in range(i + 1):
-                W[i, j] -= r0 * Z[0, j] + r1 * Z[1, j] + r2 * Z[2, j]
-    _second_rates(length, number, c, f)
+        # in the axes of the gap's start
+        m0 = R[0, 0] * M0 + R[1, 0] * M1 + R[2, 0] * M2
+        m1 = R[0, 1] * M0 + R[1, 1] * M1 + R[2, 1] * M2
+        m2 = R[0, 2] * M0 + R[1, 2] * M1 + R[2, 2] * M2
+        gap_second(f.gap[h], f.turn[h], f.J[h], m0, m1, m2, u0, u1, u2, M)
+        first = 0
+        for axis in range(3):
+            for i in range(first, first + number[axis]):
+                p, q, s = length * c.gap[h, 0, i], length * c.gap[h, 1, i], length * c.gap[h, 2, i]
+                # rotation in the middle of the gap: so comes in the skew part of the second derivative
+                d, e, g = (
+                    before[0, i] + behind[0, i],
+                    before[1, i] + behind[1, i],
+                    before[2, i] + behind[2, i],
+                )
+                x = X[0, i] + 0.5 * (M1 * g - M2 * e)
+                y = X[1, i] + 0.5 * (M2 * d - M0 * g)
+                z = X[2, i] + 0.5 * (M0 * e - M1 * d)
+                for k in range(9):
+                    Z[i, k] = (p * M[axis, k] + q * M[3 + axis, k] + s * M[6 + axis, k]) + (
+                        G[0, k] * x + G[1, k] * y + G[2, k] * z
+                    )
+            first += number[axis]
+        first = 0
+        for axis in range(3):
+            d = G[0, axis] * M0 + G[1, axis] * M1 + G[2, axis] * M2
+            e = G[0, 3 + axis] * M0 + G[1, 3 + axis] * M1 + G[2, 3 + axis] * M2
+            g = G[0, 6 + axis] * M0 + G[1, 6 + axis] * M1 + G[2, 6 + axis] * M2
+            for i in range(first, first + number[axis]):
+                p, q, s = length * c.gap[h, 0, i], length * c.gap[h, 1, i], length * c.gap[h, 2, i]
+                f.g[i] -= p * d + q * e + s * g
+                for j in range(i + 1):
+                    W[i, j] -= p * Z[j, axis] + q * Z[j, 3 + axis] + s * Z[j, 6 + axis]
+            first += number[axis]
     for i in range(N):
         for j in range(i):
             W[j, i] = W[i, j]
@@ -328,23 +326,6 @@ def _tangent(value, number, inner, c, f):
 
 
 @kernel
-def _second_rates(length, number, c, f):
-    """Into W (lower): the moment on the second derivatives of the turns, those of the pairs of modes."""
-    pair = 0
-    for axis in range(3):
-        j, k = (axis + 1) % 3, (axis + 2) % 3
-        one = 0 if j == 0 else (number[0] if j == 1 else number[0] + number[1])
-        two = 0 if k == 0 else (number[0] if k == 1 else number[0] + number[1])
-        for i in range(one, one + number[j]):
-            for l in range(two, two + number[k]):
-                s = 0.0
-                for g in range(number[3] + 1):
-                    s += c.pairs[pair, g] * f.moment[axis, g]
-                f.W[max(i, l), min(i, l)] -= 0.5 * length * length * s
-                pair += 1
-
-
-@kernel
 def strain_tangent(value, number, inner, pull, scratch):
     """W and g of the amplitudes at fixed end wrench and gravity, into scratch as left by `strain_fields`:
 
@@ -356,11 +337,11 @@ def strain_tangent(value, number, inner, pull, scratch):
 
 @kernel
 def _solve_modes(W, Y, before):
-    """Y (N, k) <- W^-1 Y by LDL^T in place of W, whose diagonal is put into before (N,): L below the diagonal, D on it.
+    """Y (N, 7) <- W^-1 Y by LDL^T in place of W, whose diagonal is put into before (N,): L below the diagonal, D on it.
 
     Returns (negative pivots, 2 where one had to be replaced, else 0).
     """
-    N, k = Y.shape
+    N = len(Y)
     negatives, status = 0, 0
     for j in range(N):
         before[j] = abs(W[j, j])
@@ -375,15 +356,15 @@ def _solve_modes(W, Y, before):
             l = W[j, i] / pivot
             for c in range(i, N):
                 W[i, c] -= l * W[j, c]
-            for e in range(k):
+            for e in range(7):
                 Y[i, e] -= l * Y[j, e]
             W[i, j] = l
     for j in range(N - 1, -1, -1):
-        for e in range(k):
+        for e in range(7):
             Y[j, e] /= W[j, j]
         for c in range(j + 1, N):
             l = W[c, j]
-            for e in range(k):
+            for e in range(7):
                 Y[j, e] -= l * Y[c, e]
     return negatives, status
 
@@ -466,7 +447,7 @@ def _follow_gravity(length, number, pull, c, f, K, step, X):
             pull[3 + e] -= f.eta[e, i] * f.Y[i, 6]
             for r in range(3):
                 Z[r, e] += f.rho[r, i] * X[i, e]
-                Z[3 + r, e] += f.psi[ng, r, i] * X[i, e]
+                Z[3 + r, e] += f.psi[-1, r, i] * X[i, e]
                 G[r, e] += f.eta[r, i] * X[i, e]
     for e in range(3):
         for r in range(6):
@@ -504,28 +485,36 @@ def strain_condense(value, number, inner, store, scratch, d, Q, lam, K):
     # Y = W^-1 [J^T, g], seven right-hand sides at once; J = (rho(L), psi(L))
     for i in range(N):
         for r in range(3):
-            f.Y[i, r], f.Y[i, 3 + r] = f.rho[r, i], f.psi[ng, r, i]
+            f.Y[i, r], f.Y[i, 3 + r] = f.rho[r, i], f.psi[-1, r, i]
         f.Y[i, 6] = f.g[i]
     negatives, status = _solve_modes(f.W, f.Y, f.g)
     # F = J W^-1 J^T + L sum w S (force block);  gap = closure + J W^-1 g
     F, turned, twist = local_matrix(6, 6), local_matrix(3, 3), local_vector(3)
-    end = f.R[ng]
+    end = f.R[-1]
     for i in range(3):
         for j in range(3):
             turned[i, j] = Q[i, 0] * end[j, 0] + Q[i, 1] * end[j, 1] + Q[i, 2] * end[j, 2]
     rotation_log(turned, twist)
+    for r in range(3):
+        gap[r], gap[3 + r] = d[r] - f.end[r], twist[r]
     for r in range(6):
-        gap[r] = d[r] - f.end[r] if r < 3 else twist[r - 3]
         for e in range(6):
             F[r, e] = 0.0
     for i in range(N):
+        y0, y1, y2, y3, y4, y5 = f.Y[i, 0], f.Y[i, 1], f.Y[i, 2], f.Y[i, 3], f.Y[i, 4], f.Y[i, 5]
+        last = f.Y[i, 6]
         for r in range(6):
-            j = f.rho[r, i] if r < 3 else f.psi[ng, r - 3, i]
-            gap[r] += j * f.Y[i, 6]
-            for e in range(6):
-                F[r, e] += j * f.Y[i, e]
-            store[8 * i + r] = f.Y[i, r]
-        store[8 * i + 6] = f.Y[i, 6]
+            j = f.rho[r, i] if r < 3 else f.psi[-1, r - 3, i]
+            F[r, 0] += j * y0
+            F[r, 1] += j * y1
+            F[r, 2] += j * y2
+            F[r, 3] += j * y3
+            F[r, 4] += j * y4
+            F[r, 5] += j * y5
+            gap[r] += j * last
+        o = 8 * i
+        store[o], store[o + 1], store[o + 2], store[o + 3] = y0, y1, y2, y3
+        store[o + 4], store[o + 5], store[o + 6] = y4, y5, last
     for g in range(ng):
         w = value[0] * c.weight[g]
         for i in range(3):

@@ -129,16 +129,16 @@ def _many(
     inside = L[:, None, None] * integral
     parts = StrainParts(
         W=f.W,
-        J=np.concatenate([f.rho, f.psi[:, ng]], axis=1),
+        J=np.concatenate([f.rho, f.psi[:, -1]], axis=1),
         S=np.einsum("k,kg,kgij->kij", L, weight, f.S),
         length=L,
         s=integral.sum(axis=2),
         weight=weight,
         r=inside @ f.v,
         end=f.end,
-        R=f.R[:, :ng],
+        R=f.R[:, 1:-1],
         rho=np.einsum("kgh,khri->kgri", inside, f.slope),
-        psi=f.psi[:, :ng],
+        psi=f.psi[:, 1:-1],
     )
     return parts, f.v, f.S, f.eta
 

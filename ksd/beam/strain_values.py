@@ -1,9 +1,9 @@
-"""Tables of the strain-mode leaf: modes, quadrature, gap integrals, and its constants as one flat array.
+"""Tables of the strain-mode leaf: modes, quadrature, moments over gaps, and its constants as one flat array.
 
 Layout of the flat array (N = nx + ny + nz modes, ng points): L; stiffness blocks (nx^2, ny^2, nz^2) [N m^3 .. per
 (1/m)^2]; stress-free amplitudes a0 (N); weights (ng), sum 1; integration matrix (ng, ng); modes (N, ng); compliances
-(ng, 3): 1/EA, 1/(ky GA), 1/(kz GA); gap integrals (N, ng+1); gap pair integrals yz, zx, xy, gap last; of a leaf with
-weight the mass beyond each point (ng) [kg].
+(ng, 3): 1/EA, 1/(ky GA), 1/(kz GA); moments of the modes over the gaps (ng+1, 3, N); of a leaf with weight the mass beyond
+each point (ng) [kg].
 """
 
 from __future__ import annotations
@@ -24,15 +24,15 @@ PULL = 39
 
 
 class Modes(NamedTuple):
-    """Unit-length tables of a set of curvature modes: points s, weights, integration, modes, gap integrals, and the energy
-    (N, N) of unit rigidity, integrals of products of modes over their shape."""
+    """Unit-length tables of a set of curvature modes: points s, weights, integration, modes, their moments over the gaps
+    (ng+1, 3, N) as `ksd.beam.strain_gap` takes them, and the energy (N, N) of unit rigidity, integrals of products of modes
+    over their shape."""
 
     s: np.ndarray
     weight: np.ndarray
     integral: np.ndarray
     basis: np.ndarray
     gap: np.ndarray
-    pairs: np.ndarray
     energy: np.ndarray
 
 
@@ -82,22 +82,19 @@ def make_modes(
         return values if shape is None else values * shape(x)[axis]
 
     edges = np.concatenate([[0.0], s, [1.0]])
-    first = np.empty((len(s) + 1, sum(orders)))
-    second = np.empty((len(s) + 1, sum(orders), sum(orders)))
+    gaps = np.empty((len(s) + 1, 3, sum(orders)))
     energy = np.zeros((sum(orders), sum(orders)))
     for g, (a, b) in enumerate(pairwise(edges)):
         # a gap across a break is cut there, since modes may jump
         cuts = [(c - a) / (b - a) for c in breaks if a < c < b]
-        x, w, inner = _quadrature(12, (0.0, *cuts, 1.0))
+        x, w, _ = _quadrature(12, (0.0, *cuts, 1.0))
         plain = legendre_modes(orders, a + (b - a) * x)
         values = shaped(a + (b - a) * x, plain) * (b - a)
-        first[g] = values @ w
         energy += (plain * w) @ values.T
-        # iint_{s1<s2} B_k(s1) B_l(s2) - B_l(s1) B_k(s2)
-        until = values @ inner.T
-        product = (until * w) @ values.T
-        second[g] = product - product.T
-    return Modes(s, weight, integral, shaped(s, legendre_modes(orders, s)), first, second, energy)
+        # of Legendre's expansion: the mean, and what multiplies t and t^2 from the middle
+        t = 2.0 * x - 1.0
+        gaps[g] = np.stack([w, 6.0 * w * t, 15.0 * w * (3.0 * t * t - 1.0)]) @ values.T
+    return Modes(s, weight, integral, shaped(s, legendre_modes(orders, s)), gaps, energy)
 
 
 @lru_cache(maxsize=64)
@@ -126,7 +123,6 @@ def strain_values(
     nx, ny, nz = orders
     ng, total = len(table.s), sum(orders)
     C = np.broadcast_to(np.asarray(compliance, float), (ng, 3))
-    pair = table.pairs
     y, z = slice(nx, nx + ny), slice(nx + ny, total)
     x = slice(0, nx)
     own = [length * D * table.energy[c, c].ravel() for D, c in zip(rigidity, (x, y, z), strict=True)]
@@ -138,10 +134,7 @@ def strain_values(
         table.integral.ravel(),
         table.basis.ravel(),
         C.ravel(),
-        table.gap.T.ravel(),
-        np.moveaxis(pair[:, y, z], 0, -1).ravel(),
-        np.moveaxis(pair[:, z, x], 0, -1).ravel(),
-        np.moveaxis(pair[:, x, y], 0, -1).ravel(),
+        table.gap.ravel(),
     ]
     if line_mass is not None:
         parts.append(length * (table.weight - table.integral) @ line_mass)
@@ -157,7 +150,7 @@ def strain_sizes(number: np.ndarray, *, heavy: bool = False) -> tuple[int, int]:
 def strain_scratch(number: np.ndarray) -> int:
     """Numbers of scratch that `ksd.beam.strain.fields_of` lays out."""
     N, ng = int(number[:3].sum()), int(number[3])
-    return (24 + 6 * N) * (ng + 1) + (15 + 3 * N) * ng + 3 + N * (N + 20)
+    return 75 * (ng + 1) + (9 + 3 * N) * (ng + 2) + (15 + 3 * N) * ng + 3 + N * (N + 26) + 81
 
 
 def strain_constants(number: np.ndarray, *, heavy: bool = False) -> int:
@@ -165,7 +158,7 @@ def strain_constants(number: np.ndarray, *, heavy: bool = False) -> int:
     nx, ny, nz, ng = (int(n) for n in number[:4])
     N = nx + ny + nz
     own = 1 + nx * nx + ny * ny + nz * nz + N + ng * (1 + ng + N + 3)
-    return own + (N + ny * nz + nz * nx + nx * ny) * (ng + 1) + heavy * ng
+    return own + 3 * N * (ng + 1) + heavy * ng
 
 
 def masses_beyond(value: np.ndarray, number: np.ndarray) -> np.ndarray:
