@@ -14,8 +14,8 @@ def walk(kappa, soft, force, step, start, R, v):
     """R (k, m+1, 3, 3) and v = r' (k, m+1, 3) after every one of m steps of length step (k,) [m] along k leafs.
 
     kappa (k, 2 m, 3) [1/m]: curvature at the first Gauss point of every step, then at the second; soft (k, m+1, 3) [1/N]:
-    stretch and shear compliance, force (k, m+1, 3) [N], at the ends of the steps; start (k, 3, 3): R before the first. Magnus
-    steps of fourth order; r' = R (e1 + C R^T n).
+    stretch and shear compliance, force (k, m+1, 3) [N], at the ends of the steps; start (k, 3, 3): R before the first.
+    Magnus steps of fourth order; r' = R (e1 + C R^T n).
     """
     turn, twist, local = local_vector(3), local_matrix(3, 3), local_vector(3)
     steps = kappa.shape[1] // 2
