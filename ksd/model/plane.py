@@ -181,7 +181,7 @@ def _unit(settings: tuple[int, ...]) -> tuple[slice, np.ndarray, np.ndarray, np.
     own = nz * nz + nz
     of[:own] = np.concatenate([first + np.arange(nz * nz), tables.start - nz + np.arange(nz)])
     multiple[:own] = 1.0
-    point = own + (3 + 2 * nz) * np.arange(ng)
+    point = own + (3 + nz) * np.arange(ng)
     for c in (0, 1):
         of[point + 1 + c] = tables.stop + 3 * np.arange(ng) + c
     return tables, value[tables], planar, of, multiple
