@@ -7,12 +7,11 @@ import numpy as np
 import ksd
 from ksd.errors import KsdError
 from ksd.numerics.indefinite import inertia, scaling, solve_scaled
-from ksd.properties.buckling import buckling, full_tangent
+from ksd.properties.buckling import buckling, full_tangents
 from ksd.properties.frequencies import frequencies
 from ksd.properties.mass import inertia as inertia_of
-from ksd.properties.opened import Opened
 from ksd.properties.stiffness import drive_stiffness, point_stiffness
-from ksd.properties.tangent import assembled_tangent, factored_tangent
+from ksd.properties.tangent import assembled_tangent, factored, factored_tangent
 from ksd.properties.unfold import unfolded
 from ksd.scene.families.universal import UniversalJoint
 from ksd.solve.conventional import conventional
@@ -135,9 +134,9 @@ def no_minimum(refusal):
 def pivoted_errors(found, tip):
     """Largest errors of drive stiffness and of the compliance of `tip`, over their own diagonal, against partial pivoting
     with two refinements."""
-    opened = Opened(*found.insides)
-    model, motion = opened.model, opened.motion
-    tangent, K = opened.tangent(), opened.assembled.matrix()
+    model, motion = unfolded(*found.insides)
+    assembled = assembled_tangent(model, motion)
+    tangent, K = factored(assembled), assembled.matrix()
     rows, node = model.arrays.terms.start, model.node_names.index(tip)
     columns = np.concatenate([rows, model.arrays.start[node] + np.arange(6)])
     loads, scale = np.zeros((len(K), len(columns))), scaling(K)
@@ -175,9 +174,9 @@ def frequency_error(found, count=4):
     """Largest relative error of the lowest frequencies, drives held, against all eigenvalues in the span of free motions."""
     from scipy.linalg import block_diag, eigh
 
-    opened = Opened(*found.insides)
-    mass, K = inertia_of(opened.model, opened.motion, leafs=opened.leafs), opened.assembled.matrix()
-    free = _free(opened.model, K)
+    model, motion = unfolded(*found.insides)
+    mass, K = inertia_of(model, motion), assembled_tangent(model, motion).matrix()
+    free = _free(model, K)
     # G with K^-1 = G G^T: of the free motions, and of every leaf
     roots = [np.linalg.solve(np.linalg.cholesky(free.T @ K @ free), free.T).T]
     places = [np.arange(len(K))]
@@ -186,11 +185,11 @@ def frequency_error(found, count=4):
         roots += list(vectors * np.sqrt(np.maximum(values, 0.0))[:, None])
         places += list(leaf.inner)
     G = block_diag(*roots)
-    moving = mass.root[:, np.concatenate(places)] @ G
-    size = moving.shape[1]
-    largest = eigh(moving.T @ moving, eigvals_only=True, subset_by_index=(size - count, size - 1))[::-1]
+    moved = G.T @ mass.matrix.toarray()[np.ix_(np.concatenate(places), np.concatenate(places))] @ G
+    size = len(moved)
+    largest = eigh(moved, eigvals_only=True, subset_by_index=(size - count, size - 1))[::-1]
     exact = 1.0 / np.sqrt(largest) / (2 * np.pi)
-    own = frequencies(opened.model, opened.motion, count=count, opened=opened).frequency_Hz
+    own = frequencies(*found.insides, count=count).frequency_Hz
     return float(np.abs(own / exact - 1.0).max())
 
 
@@ -198,8 +197,8 @@ def buckling_error(found, count=2):
     """Largest relative error of the smallest critical load factors on the state's own stresses, against all eigenvalues of
     the symmetric matrix G^T K' G, G G^T the flexibility without stress of the motions and amplitudes that stress acts on."""
     model, motion = unfolded(*found.insides)
-    K = full_tangent(model, motion, stressed=False)
-    change = full_tangent(model, motion) - K
+    stressed, K = full_tangents(model, motion)
+    change = stressed - K
     used = np.flatnonzero(change.any(axis=0))
     flexible = solve_scaled(K, np.eye(len(K))[:, used], scaling(K))[0][used]
     values, vectors = np.linalg.eigh(0.5 * (flexible + flexible.T))

@@ -12,9 +12,7 @@ import numpy as np
 from ksd.design.table import spoken_column
 from ksd.design.tracking import SPARE, Between, Tracks, follow_through
 from ksd.errors import KsdError, SceneError
-from ksd.model.arrays import STRAIN
 from ksd.properties.frequencies import Modes, frequencies
-from ksd.properties.opened import Opened
 from ksd.properties.parasitic import default_point, parasitic
 from ksd.properties.stiffness import DIRECTIONS, drive_stiffness, finer_tangent, point_stiffness
 from ksd.solve.answer import drive_kind
@@ -79,17 +77,9 @@ class Pose:
         return getattr(self.configuration, name)
 
     @cached_property
-    def opened(self) -> Opened:
-        """The state with every leaf's own insides, opened."""
-        return Opened(*self.unreduced, load_factor=self.load_factor)
-
-    @cached_property
     def tangent(self) -> Any:
         """`finer_tangent` with all drives held."""
-        model, motion = self.questioned
-        if np.all(model.arrays.members.kind == STRAIN) and model is self.unreduced[0]:
-            return self.opened.tangent()
-        return finer_tangent(model, motion, load_factor=self.load_factor)
+        return finer_tangent(*self.questioned, load_factor=self.load_factor)
 
 
 def _force(pose: Any, asked: Asked) -> Row:
@@ -186,31 +176,25 @@ CAUGHT: tuple[type[Exception], ...] = (KsdError, ArithmeticError, np.linalg.LinA
 """What one pose may raise without ending the sweep: our own errors, and arithmetic gone wrong."""
 
 
-def _modes(pose: Pose, asked: Asked, near: Modes | None, *, more: int = 0) -> Modes:
+def _modes(pose: Pose, asked: Asked, *, more: int = 0) -> Modes:
     """The modes of a pose, as many as are followed and some to spare."""
     freed = tuple(pose.model.drive_names) if asked.freed is None else asked.freed
     count = asked.modes + len(freed) + SPARE + more
     pose._of_leafs("frequencies")
-    return frequencies(
-        *pose.unreduced, count=count, freed=freed, load_factor=pose.load_factor, near=near, opened=pose.opened
-    )
+    return frequencies(*pose.unreduced, count=count, freed=freed, load_factor=pose.load_factor)
 
 
 def _on_the_way(pose: Pose, asked: Asked) -> Between | None:
     """Modes at a share of the way from the pose before to this one."""
-    first, solve, known = pose.before.pose, pose.before.between, pose.before.tracks
-    if first is None or solve is None or known is None:
+    first, solve = pose.before.pose, pose.before.between
+    if first is None or solve is None:
         return None
 
-    latest = known.modes
-
     def between(share: float, more: int) -> Modes:
-        nonlocal latest
         if share in (0.0, 1.0):
-            return _modes(pose if share else Pose(first), asked, None, more=more)
+            return _modes(pose if share else Pose(first), asked, more=more)
         values = {n: (1.0 - share) * first.targets[n] + share * v for n, v in pose.targets.items()}
-        latest = _modes(Pose(solve(values)), asked, latest, more=more)
-        return latest
+        return _modes(Pose(solve(values)), asked, more=more)
 
     return between
 
@@ -218,7 +202,7 @@ def _on_the_way(pose: Pose, asked: Asked) -> Between | None:
 def frequency_row(pose: Pose, asked: Asked) -> tuple[Row, Tracks]:
     """Frequencies [Hz] of the followed modes, and the tracks for the next pose."""
     before = pose.before.tracks
-    modes = _modes(pose, asked, None if before is None else before.modes)
+    modes = _modes(pose, asked)
     tracks = follow_through(before, modes, asked.modes, _on_the_way(pose, asked))
     row: Row = {f"{n}_Hz": tracks.frequency_Hz(t) for t, n in enumerate(tracks.names) if tracks.rank[t] >= 0}
     first = tracks.first_parasitic

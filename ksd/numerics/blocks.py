@@ -59,17 +59,6 @@ class Blocks(NamedTuple):
     unknowns: int
 
 
-def stiffened(K: np.ndarray, rows: np.ndarray) -> np.ndarray:
-    """K + J' s J of a dense symmetric matrix (n, n), J those of its constraint `rows` that are not let go."""
-    found, own = K.copy(), np.abs(np.diagonal(K))
-    move = np.setdiff1d(np.arange(len(K)), rows)
-    J = K[np.ix_(rows, move)]
-    give = np.sum(J * J / (2.0 * np.maximum(own[move], SOFTEST * own.max(initial=0.0))), axis=1)
-    J, give = J[give > 0.0], give[give > 0.0]
-    found[np.ix_(move, move)] += (J.T / give) @ J
-    return found
-
-
 def _elimination_order(neighbours: list[set[int]], size: list[int], waits: list[bool]) -> list[int]:
     """Minimum degree; block k with waits[k] is eligible once all its first neighbours are eliminated."""
     graph = [set(n) for n in neighbours]

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from typing import Any
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -159,29 +157,6 @@ def inner_unknowns(model: Model) -> tuple[NDArray[np.int64], ...]:
     return tuple(found)
 
 
-class Stacked:
-    """Where the rows of stacks of small matrices (k, m, n) sit in one sparse matrix below each other; made once for a
-    model, filled at every state.
-
-    places: per stack the unknowns (k, n) of its columns, -1 for what is left out; rows: m of each stack; size: columns.
-    """
-
-    def __init__(self, places: list[NDArray[np.int64]], rows: list[int], size: int) -> None:
-        spread = [np.repeat(p, m, axis=0) for p, m in zip(places, rows, strict=True)]
-        self.kept = np.concatenate([(p >= 0).ravel() for p in spread])
-        self.indices = np.concatenate([p.ravel() for p in spread])[self.kept]
-        count = np.concatenate([np.sum(p >= 0, axis=1) for p in spread])
-        self.indptr = np.concatenate([[0], np.cumsum(count)])
-        self.shape = (len(count), size)
-
-    def matrix(self, blocks: list[Array]) -> Any:
-        """The scipy CSR matrix of `blocks`, stacks (k, m, n) in the order given to the pattern."""
-        from scipy.sparse import csr_matrix
-
-        values = np.concatenate([b.ravel() for b in blocks])[self.kept]
-        return csr_matrix((values, self.indices, self.indptr), shape=self.shape)
-
-
 @dataclass(frozen=True)
 class Flexible:
     """The leafs of one group at one state, in (motions of both nodes, b) with a = P xi + b.
@@ -209,16 +184,6 @@ def flexible_leafs(model: Model, motion: Motion, *, load_factor: float = 1.0) ->
         P, Z, K = strain_flexibility(parts)
         own, relative = end_levers(end_frames(model, motion, group.members))
         found.append(Flexible(parts, parts.W, P, Z, K, own, relative, unknowns[:, 12:]))
-    return found
-
-
-def unstressed_leafs(model: Model, leafs: Sequence[Flexible]) -> list[Flexible]:
-    """`leafs` of a state with the tangent of the amplitudes at zero stress, in the same geometry."""
-    found = []
-    for group, leaf in zip(alike_leafs(model), leafs, strict=True):
-        W = elastic(group)
-        P, Z, K = strain_flexibility(replace(leaf.parts, W=W))
-        found.append(replace(leaf, stiffness=W, P=P, Z=Z, ends=K))
     return found
 
 

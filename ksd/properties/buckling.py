@@ -21,6 +21,7 @@ follow it (`ksd.follow`).
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from typing import Any
@@ -70,6 +71,9 @@ FAR = 0.1
 """Rotation [rad], or displacement over the size of the mechanism, of a link beyond which linear theory is not asked."""
 OTHER = 1e-3
 """Share of the largest 1/mu below which one of the other sign is not looked for."""
+SENSITIVE = 1e-7
+"""Relative change of the entries of unsymmetric matrices, less than any mesh leaves out, under which a 1/mu is none of the
+state: a clamped rod does not diverge under a moment, and its matrices have values of rounding."""
 STRESSLESS = 1e-9
 """1/mu below which a state carries no stress but rounding."""
 
@@ -148,44 +152,35 @@ class Buckling(Shown):
         return float(max((m for m in self.factor if m < 0.0), default=-np.inf))
 
 
-def full_tangent(
-    model: Model,
-    motion: Motion,
-    *,
-    rows: Iterable[int] = (),
-    load_factor: float = 1.0,
-    stressed: bool = True,
-) -> Array:
-    """Uncondensed tangent: node unknowns and multipliers in plan order, then amplitudes and end wrench (a, lam) of leafs.
+def full_tangents(
+    model: Model, motion: Motion, *, rows: Iterable[int] = (), load_factor: float = 1.0
+) -> tuple[Array, Array]:
+    """Uncondensed tangent, and that with all stresses, drive forces and loads set to zero: node unknowns and multipliers in
+    plan order, then amplitudes and end wrench (a, lam) of leafs.
 
-    Symmetric but for what loads add that are not conservative. `rows`: constraint rows taken out. stressed: False for that
-    with stresses, drive forces and loads set to zero. Chains must be unfolded (no inner nodes); then it is the node tangent.
+    Symmetric but for what loads add that are not conservative. `rows`: constraint rows taken out. Chains must be unfolded
+    (no inner nodes); then they are the node tangents.
     """
     arrays = model.arrays
-    loads = turning_loads(arrays, motion, load_factor) if stressed else None
+    loads = turning_loads(arrays, motion, load_factor)
     if not np.any(arrays.members.kind == STRAIN):
-        K = (
-            _chain_tangent(model, motion, rows, load_factor)
-            if stressed
-            else _unstressed_chains(model, motion, rows)
-        )
-        return K if loads is None else K + loads
+        K = _chain_tangent(model, motion, rows, load_factor)
+        return K if loads is None else K + loads, _unstressed_chains(model, motion, rows)
     nodes = arrays.plan.unknowns
     size = nodes + int(arrays.members.inner_at[-1])
     # one row and column more for what hangs on a fixed node
-    K = np.zeros((size + 1, size + 1))
-    if stressed:
-        K[:nodes, :nodes] = _node_terms(model, motion, rows, load_factor)
-    else:
-        K[:nodes, :nodes] = _node_terms(_relaxed(model, motion), _without_forces(motion), rows, 0.0)
+    both = np.zeros((2, size + 1, size + 1))
+    both[0, :nodes, :nodes] = _node_terms(model, motion, rows, load_factor)
+    both[1, :nodes, :nodes] = _node_terms(_relaxed(model, motion), _without_forces(motion), rows, 0.0)
     if loads is not None:
-        K[:nodes, :nodes] += loads
+        both[0, :nodes, :nodes] += loads
     for group, unknowns in zip(alike_leafs(model), inner_unknowns(model), strict=True):
         at = np.where(unknowns[:, :12] < 0, size, unknowns[:, :12])
         at = np.hstack([at, nodes + group.places])
-        block = _leaf_tangents(model, motion, group, load_factor, stressed)
-        np.add.at(K, (at[:, :, None], at[:, None, :]), block)
-    return K[:size, :size]
+        places = ((size + 1) * at[:, :, None] + at[:, None, :]).ravel()
+        for K, block in zip(both, _leaf_tangents(model, motion, group, load_factor), strict=True):
+            np.add.at(K.reshape(-1), places, block.ravel())
+    return both[0, :size, :size], both[1, :size, :size]
 
 
 def _node_terms(model: Model, motion: Motion, rows: Iterable[int], load_factor: float) -> Array:
@@ -237,27 +232,28 @@ def _without_forces(motion: Motion) -> Motion:
     return motion._replace(multiplier=np.zeros_like(motion.multiplier))
 
 
-def _leaf_tangents(model: Model, motion: Motion, group: Alike, load_factor: float, stressed: bool) -> Array:
-    """Tangents (k, 18 + N, 18 + N) of leafs in (motions of both nodes, a, lam)."""
+def _leaf_tangents(model: Model, motion: Motion, group: Alike, load_factor: float) -> tuple[Array, Array]:
+    """Tangents (k, 18 + N, 18 + N) of leafs in (motions of both nodes, a, lam), and those without stress."""
     parts, ends = alike_parts(model, motion, group, load_factor), end_frames(model, motion, group.members)
     N = group.modes
-    relative = end_levers(ends)[1]
-    block = np.zeros((len(group.members), 18 + N, 18 + N))
-    block[:, 12 : 12 + N, 12 : 12 + N] = parts.W if stressed else elastic(group)
-    block[:, 12 + N :, 12 : 12 + N] = -parts.J
-    block[:, 12 : 12 + N, 12 + N :] = -parts.J.swapaxes(1, 2)
-    block[:, 12 + N : 15 + N, 12 + N : 15 + N] = -parts.S
-    block[:, 12 + N :, :12] = relative
-    weight = weighed(model, motion, group, load_factor) if stressed else None
-    if stressed:
-        block[:, :12, :12] = _corners(motion, group, ends)
+    still = np.zeros((len(group.members), 18 + N, 18 + N))
+    still[:, 12 : 12 + N, 12 : 12 + N] = elastic(group)
+    still[:, 12 + N :, 12 : 12 + N] = -parts.J
+    still[:, 12 + N : 15 + N, 12 + N : 15 + N] = -parts.S
+    still[:, 12 + N :, :12] = end_levers(ends)[1]
+    whole = still.copy()
+    whole[:, 12 : 12 + N, 12 : 12 + N] = parts.W
+    whole[:, :12, :12] = _corners(motion, group, ends)
+    weight = weighed(model, motion, group, load_factor)
     if weight is not None:
         turn, pull = weight.turn, weight.pull
-        block[:, 12 : 12 + N, :12] -= pull.eta.swapaxes(1, 2) @ turn
-        block[:, 12 + N : 15 + N, :12] -= pull.B @ turn
-        block[:, :12, :12] += weight.corner - turn.swapaxes(1, 2) @ pull.D @ turn
-    block[:, :12, 12:] = block[:, 12:, :12].swapaxes(1, 2)
-    return block
+        whole[:, 12 : 12 + N, :12] -= pull.eta.swapaxes(1, 2) @ turn
+        whole[:, 12 + N : 15 + N, :12] -= pull.B @ turn
+        whole[:, :12, :12] += weight.corner - turn.swapaxes(1, 2) @ pull.D @ turn
+    for block in (whole, still):
+        block[:, :12, 12:] = block[:, 12:, :12].swapaxes(1, 2)
+        block[:, 12 : 12 + N, 12 + N :] = block[:, 12 + N :, 12 : 12 + N].swapaxes(1, 2)
+    return whole, still
 
 
 def _chain_tangent(model: Model, motion: Motion, rows: Iterable[int], load_factor: float) -> Array:
@@ -294,7 +290,7 @@ def _derivative(
     chains = not np.any(arrays.members.kind == STRAIN)
 
     def at_state(state: Motion) -> Array:
-        K = full_tangent(model, state, rows=rows, load_factor=load_factor)
+        K = full_tangents(model, state, rows=rows, load_factor=load_factor)[0]
         return with_stresses(model, state, K) if chains and motion.inner.any() else K
 
     K, nodes, n = at_state(motion), tangent.solve(loads[:, None])[:, 0], len(loads)
@@ -319,17 +315,17 @@ def critical_factors(
 ) -> tuple[Array, Array, float]:
     """Real mu of smallest magnitude in (K + mu change) phi = 0, and the smallest of either sign, with phi as columns; and
     the largest |1/mu|, complex ones too. Raises ConvergenceError where they are not found, or their digits are lost."""
-    from scipy.linalg import eig
+    from scipy.sparse import csc_matrix, diags
 
+    values, vectors = np.zeros(0), K[:, :0]
+    if not change.any():
+        return values, vectors, 0.0
     scale = 1.0 / np.sqrt(np.abs(K).max(axis=0))
-    A, B = K * np.outer(scale, scale), change * np.outer(scale, scale)
-    if not B.any():
-        return np.zeros(0), B[:, :0], 0.0
-    values, vectors = np.zeros(0), B[:, :0]
+    A, B = (csc_matrix(diags(scale) @ csc_matrix(part) @ diags(scale)) for part in (K, change))
     if len(K) > (DENSE if symmetric else MOST_DENSE):
         values, vectors = _by_arnoldi(A, B, count)
     if len(K) <= MOST_DENSE and not np.any(_real(values)):
-        values, vectors = eig(-np.linalg.solve(A, B))
+        values, vectors = _all_pairs(A.toarray(), B.toarray(), symmetric)
     largest = float(np.abs(values).max(initial=0.0))
     # a rod that cannot diverge has complex ones, and real ones of rounding
     least = 1e-10 if symmetric else OTHER
@@ -338,7 +334,7 @@ def critical_factors(
     factor, shape = 1.0 / values[chosen].real, vectors[:, chosen].real
     resisted, pushed = A @ shape, B @ (shape * factor)
     off, whole = (np.linalg.norm(part, axis=0) for part in (resisted + pushed, shape))
-    if np.any(off > LOST * (np.linalg.norm(A) * whole + np.linalg.norm(pushed, axis=0))):
+    if np.any(off > LOST * (np.linalg.norm(A.data) * whole + np.linalg.norm(pushed, axis=0))):
         raise ConvergenceError(
             "buckling: rounding left no digits of the critical load factors: a motion is left that hardly anything resists; "
             "hold more drives"
@@ -359,30 +355,65 @@ def outer_of_both_signs(values: Array, count: int) -> NDArray[np.intp]:
     return order[taken]
 
 
-def _by_arnoldi(A: Array, B: Array, count: int) -> tuple[Array, Array]:
-    """The largest 1/mu, and those to the right and left where the real ones are all of one sign; none where the iteration
-    does not converge and all can be computed. Raises ConvergenceError where they are too many for that."""
-    from scipy.sparse import csc_matrix
-    from scipy.sparse.linalg import ArpackNoConvergence, LinearOperator, eigs, splu
+def _all_pairs(A: Array, B: Array, symmetric: bool) -> tuple[Array, Array]:
+    """All 1/mu and vectors, of unsymmetric matrices without real ones that entries changed by SENSITIVE may move to zero."""
+    from scipy.linalg import eig
 
-    factor, sparse = splu(csc_matrix(A)), csc_matrix(B)
-    operator = LinearOperator(A.shape, matvec=lambda x: -factor.solve(sparse @ x), dtype=float)
-    start = np.random.default_rng(0).normal(size=len(A))
+    if symmetric:
+        values, vectors = eig(-np.linalg.solve(A, B))
+        return values, vectors
+    values, left, vectors = eig(-np.linalg.solve(A, B), left=True)
+    pushed, size = np.abs(np.linalg.solve(A.T, left.conj())), np.abs(vectors)
+    moved = np.sum(pushed * (np.abs(B) @ size + np.abs(values) * (np.abs(A) @ size)), axis=0)
+    stays = SENSITIVE * moved < np.abs(values) * np.abs(np.sum(left.conj() * vectors, axis=0))
+    stays |= ~_real(values)
+    return values[stays], vectors[:, stays]
+
+
+def _by_arnoldi(A: Any, B: Any, count: int) -> tuple[Array, Array]:
+    """The largest 1/mu, and the largest of the other sign where the real ones are all of one; none where the iteration does
+    not converge and all can be computed. Raises ConvergenceError where they are too many for that."""
+    from scipy.sparse.linalg import ArpackNoConvergence
+
+    size = A.shape[0]
     try:
-        values, vectors = eigs(operator, k=min(2 * count + 4, len(A) - 2), which="LM", v0=start, tol=1e-9)
-        for sign, end in ((1.0, "LR"), (-1.0, "SR")):
-            if not np.any(sign * values[_real(values)].real > 0.0):
-                more = eigs(operator, k=2, which=end, v0=start, tol=1e-9)
-                values, vectors = (
-                    np.concatenate(pair, axis=-1) for pair in zip((values, vectors), more, strict=True)
-                )
+        values, vectors = _nearest(A, B, 0.0, min(2 * count + 4, size - 2))
     except ArpackNoConvergence as reason:
-        if len(A) <= MOST_DENSE:
-            return np.zeros(0), B[:, :0]
+        if size <= MOST_DENSE:
+            return np.zeros(0), np.zeros((size, 0))
         raise ConvergenceError(
-            f"buckling: the smallest critical load factors of {len(A)} unknowns were not found; give fewer elements per leaf"
+            f"buckling: the smallest critical load factors of {size} unknowns were not found; give fewer elements per leaf"
         ) from reason
-    return values, vectors
+    real = values[_real(values)].real
+    if not len(real) or real.max() * real.min() < 0.0:
+        return 1.0 / values, vectors
+    smallest = real[np.argmin(np.abs(real))]
+    for ratio in (-20.0, -0.5 / OTHER):
+        # nothing is left out: what is nearest to a shift tells how far there is nothing else
+        shift, best = ratio * smallest, np.inf * smallest
+        with contextlib.suppress(ArpackNoConvergence):
+            while True:
+                near, shapes = _nearest(A, B, shift, 2)
+                k = int(np.argmin(np.abs(near - shift)))
+                if not _real(near[k]) or near[k].real * smallest > 0.0 or abs(near[k]) >= 0.999 * abs(best):
+                    break
+                best = near[k].real
+                values, vectors = np.append(values, best), np.column_stack([vectors, shapes[:, k]])
+                shift = 0.5 * best
+        if np.isfinite(best):
+            break
+    return 1.0 / values, vectors
+
+
+def _nearest(A: Any, B: Any, shift: float, count: int) -> tuple[Array, Array]:
+    """The `count` mu nearest to a shift, with vectors, of (A + mu B) phi = 0, sparse."""
+    from scipy.sparse.linalg import LinearOperator, eigs, splu
+
+    factor, size = splu(A + shift * B), A.shape[0]
+    operator = LinearOperator(A.shape, matvec=lambda x: -factor.solve(B @ x), dtype=float)
+    start = np.random.default_rng(0).normal(size=size)
+    values, vectors = eigs(operator, k=count, which="LM", v0=start, tol=1e-9, maxiter=100)
+    return shift + 1.0 / values, vectors
 
 
 def _real(values: Array) -> Any:
@@ -445,8 +476,8 @@ def buckling(
     conservative, reach = tangent.turning is None, np.inf
     whole = replace(fine, arrays=exact(fine.arrays))
     if link is None:
-        K = full_tangent(whole, state, rows=rows, stressed=False)
-        change = full_tangent(whole, state, rows=rows, load_factor=load_factor) - K
+        stressed, K = full_tangents(whole, state, rows=rows, load_factor=load_factor)
+        change = stressed - K
     else:
         added, own = _load(tangent, link, at, (force, moment), following)
         conservative &= not following and not np.any(moment)

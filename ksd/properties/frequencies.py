@@ -1,9 +1,10 @@
 """Eigenfrequencies and modes about a deformed, loaded state, all inner unknowns kept (no Guyan condensation).
 
-K x = omega^2 M x with K the exact tangent (constraint rows and geometric terms included) and M the consistent
-mass. With M = L L^T the symmetric matrix L^T K^-1 L has the eigenvalues 1/omega^2: K may be a saddle, M may
-be singular, and an unstable state shows as a negative one. Below DENSE unknowns everything is dense; above,
-block Lanczos on K^-1 M with the factored tangent (`ksd.properties.krylov`; Grimes, Lewis and Simon 1994).
+K x = omega^2 M x with K the exact tangent (constraint rows and geometric terms included) and M the consistent mass. With
+M = L L^T the symmetric matrix L^T K^-1 L has the eigenvalues 1/omega^2: K may be a saddle, M may be singular, and an
+unstable state shows as a negative one. Up to DENSE unknowns with mass all of it is dense (`scipy.linalg`); above, ARPACK
+works on K^-1 M with the factored tangent (shift and invert; `scipy.sparse.linalg`), and once more on what is left beside the
+pairs found, as one vector alone may miss the second of two equal frequencies, which symmetric mechanisms have.
 """
 
 from __future__ import annotations
@@ -16,25 +17,22 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ksd.errors import ConvergenceError
 from ksd.model.arrays import STRAIN, Motion
 from ksd.model.compile import Model
 from ksd.model.system import move_nodes
 from ksd.properties.alike import alike_leafs
-from ksd.properties.eigenpairs import arnoldi_pairs, dense_pairs, growing_pairs, lanczos_pairs
-from ksd.properties.followed import MOST_NODES, followed
 from ksd.properties.mass import Inertia, inertia
-from ksd.properties.opened import Opened
 from ksd.properties.shape import scene_leafs
-from ksd.properties.tangent import Tangent, row_gradients
+from ksd.properties.tangent import Tangent, factored_tangent, row_gradients
+from ksd.properties.unfold import unfolded
 from ksd.properties.words import Shown, held, listed, movement_of, number, ways
 
 Array = NDArray[np.float64]
-DENSE = 120
-"""Unknowns up to which the dense eigensolution is the faster one."""
+DENSE = 300
+"""Unknowns with mass up to which all eigenvalues are computed."""
 MOST_SKEW = 1000
 """The same where modes may grow that are not among the lowest."""
-CLOSE = 1.1
-"""Ratio to the highest frequency asked for within which those of a pose nearby may come in."""
 BUSY = 0.25
 """Share of the largest kinetic energy from which a leaf or a link may give a mode its name."""
 DEPENDENT = 1e-10
@@ -54,7 +52,6 @@ class Modes(Shown):
     it is held. drive_compliance (d, d) [m/N, rad/Nm]: static, of the freed drives. growth_per_s (k,): rate at which a mode
     grows by itself: of an unstable one, or, where loads are not conservative, of the two that flutter at one frequency,
     which come first too. freed: names let go. massless: materials without a density; their leafs took part without mass.
-    around: omega_squared and vectors with the next ones up, as they come, to start from at a pose nearby.
     """
 
     model: Model
@@ -69,7 +66,6 @@ class Modes(Shown):
     massless: tuple[str, ...]
     mass: Inertia = field(repr=False)
     motion: Motion = field(repr=False)
-    around: tuple[Array, Array] = field(repr=False)
     conservative: bool = True
 
     def __len__(self) -> int:
@@ -274,28 +270,89 @@ def _lowest(values: Array, vectors: Array, count: int) -> tuple[Array, Array, Ar
     return squared[order], vectors[:, order].real, grown[order]
 
 
-def _followed(
-    opened: Opened, near: Modes | None, tangent: Tangent, mass: Inertia, count: int
-) -> tuple[Array, Array] | None:
-    """The same by inverse iteration, from the modes of a neighbouring state if there are any; None where that is no way,
-    or did not find them all."""
-    model = opened.model
-    if tangent.unstable or tangent.turning is not None or not mass.leafs:
-        return None
-    if model.arrays.plan.unknowns > MOST_NODES:
-        return None
-    rows = model.arrays.terms.start
-    pencil, forces = mass.pencil(opened.assembled.matrix(tangent.freed), rows), None
-    if near is not None and near.model is model and near.freed == tangent.freed and len(near) >= count:
-        squared, vectors = near.around
-        # with those that may come in from above
-        start = (np.arange(len(squared)) < count + 2) | (squared < CLOSE**2 * squared[count - 1])
-        forces = pencil.forces(mass.times(vectors[start].T))
-    found = followed(pencil, forces, lambda s: np.argsort(s)[:count], most=count + 2, rows=len(rows))
-    if found is None or len(found[2]) < count:
-        return None
-    # the others found are above those chosen
-    return 1.0 / found[0], pencil.vectors(found[1], mass.size)
+def growing_pairs(values: Array) -> Any:
+    """Which 1/omega^2 are those of modes that grow."""
+    bound = 1e-9 * np.abs(values).max(initial=0.0)
+    return (values.real < -bound) | (np.abs(values.imag) > np.maximum(bound, 1e-6 * np.abs(values)))
+
+
+def _flexible(tangent: Tangent, mass: Inertia, loads: Array) -> Array:
+    """K^-1 loads for loads (size, k): node tangent beside the flexibilities of the leafs."""
+    n = tangent.arrays.plan.unknowns
+    out = np.empty_like(loads)
+    many = loads.shape[1] > n
+    out[:n] = tangent.solve(np.eye(n)) @ loads[:n] if many else tangent.solve(loads[:n])
+    for leaf in mass.leafs:
+        out[leaf.inner] = leaf.Z @ loads[leaf.inner]
+    return out
+
+
+def _dense_pairs(tangent: Tangent, mass: Inertia, count: int) -> tuple[Array, Array]:
+    """1/omega^2 (k,) and vectors (size, k), all unstable ones among them; complex where modes flutter."""
+    from scipy.linalg import eig, eigh, lapack
+
+    M = mass.matrix.toarray()
+    used = np.flatnonzero(M.diagonal() > 0.0)
+    scale = 1.0 / np.sqrt(M.diagonal()[used])
+    C, order, rank, _ = lapack.dpstrf(M[np.ix_(used, used)] * np.outer(scale, scale), lower=1)
+    L = np.zeros((mass.size, rank))
+    L[used[order - 1]] = (np.tril(C)[:, :rank].T / scale[order - 1]).T
+    x = _flexible(tangent, mass, L)
+    A = L.T @ x
+    if tangent.turning is not None:
+        values, vectors = eig(A)
+        grow = np.flatnonzero(growing_pairs(values))
+        chosen = np.union1d(grow, np.argsort(-np.abs(values))[: 2 * count])
+        return values[chosen], x @ vectors[:, chosen]
+    A = 0.5 * (A + A.T)
+    values, vectors = eigh(A, subset_by_index=(max(0, rank - count), rank - 1))
+    if tangent.unstable:
+        below, more = eigh(A, subset_by_index=(0, min(rank, tangent.unstable) - 1))
+        values, vectors = (
+            np.concatenate([one[..., values > 0.0], other[..., below < 0.0]], axis=-1)
+            for one, other in ((values, below), (vectors, more))
+        )
+    return values, x @ vectors
+
+
+def _iterated_pairs(tangent: Tangent, mass: Inertia, count: int) -> tuple[Array, Array]:
+    """The same of many unknowns: those of largest 1/omega^2, and all unstable ones where loads are conservative. Raises
+    ConvergenceError where they are not found."""
+    from scipy.sparse.linalg import ArpackNoConvergence, LinearOperator, eigs, eigsh
+
+    size, M = mass.size, mass.matrix
+    values, vectors = np.zeros(0), np.zeros((size, 0))
+
+    def inverse(load: Array) -> Array:
+        # of unit modal mass, those known are taken out
+        beside = vectors @ (values * (vectors.T @ load.ravel()))
+        return np.asarray(_flexible(tangent, mass, load.reshape(-1, 1))[:, 0] - beside)
+
+    def outermost(solve: Any, k: int, which: str) -> tuple[Array, Array]:
+        start = np.random.default_rng(len(values)).normal(size=size)
+        operator = LinearOperator((size, size), matvec=inverse, dtype=float)
+        try:
+            squared, shapes = solve(M, k=k, M=M, sigma=0.0, OPinv=operator, which=which, v0=start)
+        except ArpackNoConvergence as reason:
+            raise ConvergenceError(
+                f"the lowest frequencies of {size} unknowns were not found; ask for fewer than {count} of them"
+            ) from reason
+        return 1.0 / squared, shapes
+
+    if tangent.turning is not None:
+        return outermost(eigs, min(2 * count + 4, size - 2), "LM")
+    found = [outermost(eigsh, min(count, size - 1), "LA")]
+    while True:
+        values, vectors = np.concatenate([v for v, _ in found]), np.hstack([x for _, x in found])
+        positive = np.sort(values[values > 0.0])[::-1][:count]
+        missed = outermost(eigsh, 1, "LA")
+        if missed[0][0] <= positive[-1]:
+            break
+        found.append(missed)
+    for _ in range(tangent.unstable):
+        found.append(outermost(eigsh, 1, "SA"))
+        values, vectors = np.concatenate([v for v, _ in found]), np.hstack([x for _, x in found])
+    return values, vectors
 
 
 def frequencies(
@@ -306,46 +363,28 @@ def frequencies(
     freed: Iterable[str] = (),
     load_factor: float = 1.0,
     dense: bool | None = None,
-    near: Modes | None = None,
-    opened: Opened | None = None,
 ) -> Modes:
     """The `count` lowest eigenfrequencies at `motion`, drives and supports held but for those named in
     `freed`.
 
-    Freed drives keep their present force. dense: True or False forces one of the two routes. near: modes of a state
-    nearby, with the same drives freed, to start from; opened: this state, opened. Raises SceneError when nothing has
-    mass, KinematicsError when nothing resists a motion.
+    Freed drives keep their present force. dense: True or False forces one of the two routes. Raises SceneError when nothing
+    has mass, KinematicsError when nothing resists a motion.
     """
     freed = (freed,) if isinstance(freed, str) else tuple(freed)
-    opened = opened or Opened(model, motion, load_factor=load_factor)
-    fine, state = opened.model, opened.motion
-    mass = inertia(fine, state, load_factor=load_factor, leafs=opened.leafs)
-    tangent = opened.tangent(freed)
-    found = _followed(opened, near, tangent, mass, count) if dense is None else None
-    if found is None:
-        # the dense route costs by the unknowns that have mass
-        # of an unsymmetric tangent whose symmetric part is not positive definite all are wanted
-        most = MOST_SKEW if tangent.turning is not None and tangent.unstable else DENSE
-        small = np.unique(mass.root.indices).size <= most if dense is None else dense
-        by_iteration = lanczos_pairs if tangent.turning is None else arnoldi_pairs
-        found = (dense_pairs if small else by_iteration)(tangent, mass, count)
-    return _modes(opened, mass, found, count, freed)
-
-
-def _modes(
-    opened: Opened, mass: Inertia, found: tuple[Array, Array], count: int, freed: tuple[str, ...]
-) -> Modes:
-    """Modes from 1/omega^2 (k,) and vectors (size, k), in order and of unit modal mass."""
-    fine, state, (values, vectors) = opened.model, opened.motion, found
-    squared, vectors, grown = _lowest(values, vectors, len(values))
-    around, vectors = (squared, vectors.T), vectors[:, :count]
-    squared, grown = squared[:count], grown[:count]
+    fine, state = unfolded(model, motion, load_factor=load_factor)
+    mass = inertia(fine, state, load_factor=load_factor)
+    tangent = factored_tangent(fine, state, freed=freed, load_factor=load_factor)
+    # of an unsymmetric tangent whose symmetric part is not positive definite all are wanted
+    most = MOST_SKEW if tangent.turning is not None and tangent.unstable else DENSE
+    small = np.count_nonzero(mass.matrix.diagonal()) <= most if dense is None else dense
+    found = (_dense_pairs if small else _iterated_pairs)(tangent, mass, count)
+    squared, vectors, grown = _lowest(*found, count)
     vectors = vectors / np.sqrt(np.sum(mass.rooted(vectors) ** 2, axis=0))
     gradient = np.zeros((len(vectors), len(fine.drive_names)))
     nodes = fine.arrays.plan.unknowns
     gradient[:nodes] = row_gradients(fine, state, range(len(fine.drive_names)))
     own = gradient[:nodes, [i for i, n in enumerate(fine.drive_names) if n in freed]]
-    compliance = own.T @ opened.tangent(freed).solve(own)
+    compliance = own.T @ tangent.solve(own)
     shape = np.zeros((len(squared), len(fine.node_names), 6))
     for k in range(1, len(fine.node_names)):
         shape[:, k] = vectors[int(fine.arrays.start[k]) :][:6].T
@@ -362,6 +401,5 @@ def _modes(
         massless=mass.massless,
         mass=mass,
         motion=state,
-        around=around,
         conservative=not fine.arrays.loads.skew.any(),
     )

@@ -3,16 +3,11 @@ state."""
 
 from __future__ import annotations
 
-import threading
-import weakref
 from collections.abc import Callable
 from functools import wraps
 from typing import TypeVar, cast
 
-from ksd.model.arrays import Work, make_work
 from ksd.model.compile import Model
-
-_rooms = threading.local()
 
 T = TypeVar("T")
 
@@ -34,12 +29,3 @@ def per_model(function: Callable[[Model], T]) -> Callable[[Model], T]:
         return cast(T, model if found is None else found)
 
     return ask
-
-
-def room_of(model: Model) -> Work:
-    """Storage for assembly of `model`, the same at every call in this thread: to be read before anything else is asked."""
-    mine: dict[int, tuple[weakref.ref[Model], Work]] = _rooms.__dict__.setdefault("mine", {})
-    key, found = id(model), mine.get(id(model))
-    if found is None or found[0]() is not model:
-        found = mine[key] = weakref.ref(model, lambda _: mine.pop(key, None)), make_work(model.arrays)
-    return found[1]

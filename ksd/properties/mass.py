@@ -9,7 +9,6 @@ so that they have no inner coordinates.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -22,8 +21,7 @@ from ksd.beam.strain_mass import strain_mass_root, strain_stations
 from ksd.errors import SceneError
 from ksd.model.arrays import STRAIN, Motion
 from ksd.model.compile import Model
-from ksd.properties.alike import Flexible, Stacked, alike_leafs, flexible_leafs, inner_unknowns
-from ksd.properties.followed import LeafPencil, Pencil
+from ksd.properties.alike import Flexible, alike_leafs, flexible_leafs, inner_unknowns
 from ksd.properties.kept import per_model
 from ksd.properties.shape import member_ends, member_parts, members_of_leafs, scene_leafs
 from ksd.properties.turning import cross_matrix
@@ -35,58 +33,35 @@ Array = NDArray[np.float64]
 class Inertia:
     """Mass of a model at a state: the mass matrix is B^T B, inner unknowns behind those of the nodes.
 
-    stacks: what B is made of, leafs first: unknowns (k, n), -1 for none, and rows (k, m, n); pattern: where they sit in B;
-    leafs: the strain-mode leafs at this state, by make; massless: materials without a density, whose leafs carry no mass.
+    stacks: what B is made of, leafs first: unknowns (k, n), -1 for none, and rows (k, m, n); size: unknowns, inner ones
+    included; leafs: the strain-mode leafs at this state, by make; massless: materials without a density, whose leafs carry
+    no mass.
     """
 
     stacks: tuple[tuple[NDArray[np.int64], Array], ...]
-    pattern: Stacked
+    size: int
     leafs: tuple[Flexible, ...]
     massless: tuple[str, ...]
 
-    @property
-    def size(self) -> int:
-        """Unknowns, inner ones included."""
-        return self.pattern.shape[1]
-
     @cached_property
-    def root(self) -> Any:
-        """B (rows, size), scipy CSR."""
-        return self.pattern.matrix([B for _, B in self.stacks])
+    def matrix(self) -> Any:
+        """The mass matrix (size, size), scipy CSR."""
+        from scipy.sparse import coo_matrix
+
+        rows, columns, values = [], [], []
+        for places, B in self.stacks:
+            M = B.swapaxes(1, 2) @ B
+            own = np.broadcast_to((places >= 0)[:, :, None] & (places >= 0)[:, None, :], M.shape)
+            rows.append(np.broadcast_to(places[:, :, None], M.shape)[own])
+            columns.append(np.broadcast_to(places[:, None, :], M.shape)[own])
+            values.append(M[own])
+        at = np.concatenate(rows), np.concatenate(columns)
+        return coo_matrix((np.concatenate(values), at), shape=(self.size, self.size)).tocsr()
 
     def rooted(self, vectors: Array) -> Array:
         """B times vectors (size, k)."""
         padded = np.vstack([vectors, np.zeros((1, vectors.shape[1]))])
         return np.concatenate([(B @ padded[at]).reshape(-1, vectors.shape[1]) for at, B in self.stacks])
-
-    def times(self, vectors: Array) -> Array:
-        """The mass matrix times vectors (size, k)."""
-        padded = np.vstack([vectors, np.zeros((1, vectors.shape[1]))])
-        found = np.zeros_like(padded)
-        for at, B in self.stacks:
-            np.add.at(found, at, B.swapaxes(1, 2) @ (B @ padded[at]))
-        return found[:-1]
-
-    def dense(self) -> Array:
-        """The mass matrix (size, size)."""
-        return np.asarray((self.root.T @ self.root).toarray())
-
-    def pencil(self, K: Array, rows: NDArray[np.int64]) -> Pencil:
-        """K - omega^2 M for the node tangent K (n, n) with its constraint `rows`, chains without nodes of their own left
-        out."""
-        n, leafs = len(K), []
-        M = np.zeros((n + 1, n + 1))
-        for k, (places, B) in enumerate(self.stacks):
-            mass = B.swapaxes(1, 2) @ B
-            if k < len(self.leafs):
-                leafs.append(
-                    LeafPencil(
-                        places[:, :12], places[:, 12:], self.leafs[k].Z, mass[:, 12:, 12:], mass[:, 12:, :12]
-                    )
-                )
-                places, mass = places[:, :12], mass[:, :12, :12]
-            np.add.at(M, (places[:, :, None], places[:, None, :]), mass)
-        return Pencil(K, M[:n, :n], leafs, rows)
 
 
 def leaf_line_mass(leaf: Any, s: Array) -> Array:
@@ -169,46 +144,24 @@ def _root(M: Array) -> Array:
     return found
 
 
-@dataclass(frozen=True)
-class _Layout:
-    """What the mass of every state has in common: mass per length of the leafs by make, members of chains, the pattern
-    of the matrix with the unknowns of its stacks, materials without a density."""
-
-    lines: tuple[Array, ...]
-    chains: tuple[int, ...]
-    places: tuple[NDArray[np.int64], ...]
-    pattern: Stacked
-    massless: tuple[str, ...]
-
-
-@per_model
-def _layout(model: Model) -> _Layout:
+def inertia(model: Model, motion: Motion, *, load_factor: float = 1.0) -> Inertia:
+    """Mass of an unfolded model at a state; SceneError when nothing in the scene has mass."""
     members, owner = model.arrays.members, _leafs_and_lines(model)
-    chains = tuple(i for i in range(len(members.kind)) if members.kind[i] != STRAIN)
-    groups = alike_leafs(model)
-    lines = tuple(np.stack([owner[i][1] for i in g.members.tolist()]) for g in groups)
-    places = list(inner_unknowns(model))
-    places += [_node_unknowns(model, members.node[i])[None] for i in chains]
-    places += [_node_unknowns(model, [model.scene.links.index(m.link)])[None] for m in model.scene.masses]
-    rows = [6 * line.shape[1] for line in lines] + [12] * len(chains) + [6] * len(model.scene.masses)
-    size = model.arrays.plan.unknowns + sum(g.modes * len(g.members) for g in groups)
-    bare = sorted({f.material.name or "unnamed" for f, _ in owner.values() if f.material.density is None})
-    return _Layout(lines, chains, tuple(places), Stacked(places, rows, size), tuple(bare))
-
-
-def inertia(
-    model: Model, motion: Motion, *, load_factor: float = 1.0, leafs: Sequence[Flexible] | None = None
-) -> Inertia:
-    """Mass of an unfolded model at a state; SceneError when nothing in the scene has mass. leafs: where they are known."""
-    layout, owner = _layout(model), _leafs_and_lines(model)
-    found = tuple(leafs if leafs is not None else flexible_leafs(model, motion, load_factor=load_factor))
-    roots = [_leaf_roots(leaf, line) for leaf, line in zip(found, layout.lines, strict=True)]
-    roots += [_root(_chain_element(model, motion, i, owner[i][0], owner[i][1][0])) for i in layout.chains]
-    roots += [_root(_link_mass(model, motion, mass)[1]) for mass in model.scene.masses]
-    if not any(np.any(b) for b in roots):
+    leafs, stacks = tuple(flexible_leafs(model, motion, load_factor=load_factor)), []
+    for group, leaf, places in zip(alike_leafs(model), leafs, inner_unknowns(model), strict=True):
+        line = np.stack([owner[i][1] for i in group.members.tolist()])
+        stacks.append((places, _leaf_roots(leaf, line)))
+    for i in np.flatnonzero(members.kind != STRAIN).tolist():
+        root = _root(_chain_element(model, motion, i, owner[i][0], owner[i][1][0]))
+        stacks.append((_node_unknowns(model, members.node[i])[None], root))
+    for mass in model.scene.masses:
+        node, own = _link_mass(model, motion, mass)
+        stacks.append((_node_unknowns(model, [node])[None], _root(own)))
+    if not any(np.any(B) for _, B in stacks):
         raise SceneError(
             "nothing in this scene has mass, so it has no frequencies: give a material its density "
             "[kg/m^3] or a link its mass [kg]"
         )
-    stacks = tuple(zip(layout.places, roots, strict=True))
-    return Inertia(stacks, layout.pattern, found, layout.massless)
+    size = model.arrays.plan.unknowns + sum(leaf.inner.size for leaf in leafs)
+    bare = sorted({f.material.name or "unnamed" for f, _ in owner.values() if f.material.density is None})
+    return Inertia(tuple(stacks), size, leafs, tuple(bare))

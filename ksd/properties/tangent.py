@@ -15,13 +15,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ksd.errors import KinematicsError, SceneError
-from ksd.model.arrays import COROTATIONAL, LINEAR, SOLID, Arrays, Motion
+from ksd.model.arrays import COROTATIONAL, LINEAR, SOLID, Arrays, Motion, make_work
 from ksd.model.compile import Model
 from ksd.model.loading import term_value
 from ksd.model.system import assemble
 from ksd.numerics.blocks import factor_blocks, refined_blocks
 from ksd.numerics.indefinite import inertia, scaling, solve_scaled
-from ksd.properties.kept import room_of
 from ksd.properties.turning import turning_loads
 
 Array = NDArray[np.float64]
@@ -206,7 +205,7 @@ class DenseTangent(Tangent):
 def assembled_tangent(model: Model, motion: Motion, *, load_factor: float = 1.0) -> Assembled:
     """The exact tangent at `motion`, drives held."""
     arrays = exact(model.arrays)
-    work = room_of(model)
+    work = make_work(arrays)
     target = np.zeros(len(arrays.terms.start))
     _, _, inside, _ = assemble(arrays, motion, target, load_factor, work, 1e-8, 0, 10.0)
     rest, turning = turning_loads(arrays, motion, load_factor), None

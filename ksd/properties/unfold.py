@@ -15,12 +15,12 @@ from dataclasses import replace
 import numpy as np
 
 from ksd.errors import SceneError
-from ksd.model.arrays import COROTATIONAL, STRAIN, Motion
+from ksd.model.arrays import COROTATIONAL, STRAIN, Motion, make_work
 from ksd.model.compile import Model, compile_given
 from ksd.model.mesh import Mesh, MixedMesh
 from ksd.model.reduced import with_bodies
 from ksd.model.system import assemble, take_step
-from ksd.properties.kept import per_model, room_of
+from ksd.properties.kept import per_model
 from ksd.properties.shape import scene_leafs
 
 MOST = 12
@@ -80,7 +80,7 @@ def unfolded(model: Model, motion: Motion, *, load_factor: float = 1.0) -> tuple
 def _settle(model: Model, motion: Motion, load_factor: float) -> None:
     """Equilibrium inside every leaf at the present end poses, by Newton on all of them together, in place."""
     arrays = model.arrays
-    work = room_of(model)
+    work = make_work(arrays)
     still, target = np.zeros(arrays.plan.unknowns), np.zeros(len(arrays.terms.start))
     for _ in range(PASSES):
         assemble(arrays, motion, target, load_factor, work, 1e-8, 0, 10.0)

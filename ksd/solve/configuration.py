@@ -330,18 +330,16 @@ class Configuration:
         count: int = 6,
         freed: Iterable[str] = (),
         dense: bool | None = None,
-        near: Modes | None = None,
     ) -> Modes:
         """The `count` lowest eigenfrequencies [Hz] and modes about this state, drives and supports held but for those in
         `freed`, which keep their present force.
 
-        dense: True or False forces dense or iterative eigenvalues. near: modes of a state nearby, with the same drives
-        freed, to start from. Raises SceneError when nothing has mass and of reduced solids, KinematicsError when
-        nothing resists a motion.
+        dense: True or False forces dense or iterative eigenvalues. Raises SceneError when nothing has mass and of reduced
+        solids, KinematicsError when nothing resists a motion.
         """
         self._of_leafs("frequencies")
         return frequencies(
-            *self.unreduced, count=count, freed=freed, load_factor=self.load_factor, dense=dense, near=near
+            *self.unreduced, count=count, freed=freed, load_factor=self.load_factor, dense=dense
         )
 
     def buckling(

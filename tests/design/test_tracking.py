@@ -147,8 +147,7 @@ def test_modes_of_the_fourbar_are_followed_from_rest():
     solver = ksd.prepare(fourbar())
     tracks = None
     for d in np.linspace(0.0, 0.01, 21):
-        near = None if tracks is None else tracks.modes
-        tracks = follow(tracks, solver(top=d, method="full").frequencies(count=16, freed="top", near=near), 3)
+        tracks = follow(tracks, solver(top=d, method="full").frequencies(count=16, freed="top"), 3)
     table = sweep(fourbar(), questions="frequencies", method="full", top=[0.0, 0.01, 0.02], progress=False)
     names = [c.removesuffix("_Hz") for c in table.columns if c.startswith(("intended", "parasitic"))]
     assert names == ["intended", "parasitic_1", "parasitic_2", "parasitic_3"]

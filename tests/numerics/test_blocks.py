@@ -11,7 +11,6 @@ from ksd.numerics.blocks import (
     refined_blocks,
     residual_blocks,
     solve_blocks,
-    stiffened,
 )
 from ksd.numerics.indefinite import inertia
 
@@ -122,20 +121,6 @@ def test_lost_digits_are_told(noise, lost, rng):
     x, change, low = (np.empty(len(whole)) for _ in range(3))
     error = refined_blocks(plan, stored, value, spare, right, x, change, low)
     assert error > 1e-3 if lost else error < 1e-12
-
-
-def test_a_dense_matrix_stiffened_has_the_same_solution_and_inertia(rng):
-    plan, _, whole, _ = chain(rng, 3, 2)
-    rows = plan.start[plan.rows]
-    found = stiffened(whole, rows)
-    assert inertia(found) == inertia(whole)
-    force = rng.normal(size=len(whole))
-    force[rows] = 0.0
-    scale = 1.0 / np.sqrt(np.abs(whole).max(axis=1))
-    one, two = (scale * np.linalg.solve(K * np.outer(scale, scale), scale * force) for K in (whole, found))
-    assert one == pytest.approx(two, rel=1e-6, abs=1e-8 * np.abs(one).max())
-    move = np.setdiff1d(np.arange(len(whole)), rows)
-    assert np.linalg.eigvalsh(found[np.ix_(move, move)]).min() > 0.0
 
 
 def nodes(rng, count, more, last, shift=0.0):

@@ -8,7 +8,7 @@ from scenes import STEEL
 import ksd
 from ksd.cli.report import _first_parasitic
 from ksd.properties.alike import alike_leafs
-from ksd.properties.buckling import full_tangent
+from ksd.properties.buckling import full_tangents
 from ksd.properties.mass import inertia
 from ksd.properties.tangent import row_numbers
 from ksd.properties.unfold import unfolded
@@ -68,7 +68,7 @@ def platform(drives="three"):
 def dense_Hz(pose, count):
     """Frequencies (count,) [Hz] with all drives freed, from the uncondensed matrices and a general eigensolver."""
     fine, state = unfolded(pose.model, pose.motion)
-    K = full_tangent(fine, state, rows=row_numbers(fine, fine.drive_names))
+    K = full_tangents(fine, state, rows=row_numbers(fine, fine.drive_names))[0]
     mass, members, nodes = inertia(fine, state), fine.arrays.members, fine.arrays.plan.unknowns
     T = np.zeros((mass.size, len(K)))
     T[:nodes, :nodes] = np.eye(nodes)
@@ -80,7 +80,7 @@ def dense_Hz(pose, count):
                 start = fine.arrays.start[members.node[i, e]]
                 if start >= 0:
                     T[at, start : start + 6] -= P @ leaf.relative[k][:, 6 * e : 6 * e + 6]
-    values = scipy.linalg.eigvals(np.linalg.solve(K, T.T @ mass.dense() @ T)).real
+    values = scipy.linalg.eigvals(np.linalg.solve(K, T.T @ mass.matrix.toarray() @ T)).real
     return 1 / np.sqrt(np.sort(values)[::-1][:count]) / (2 * np.pi)
 
 

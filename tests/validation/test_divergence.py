@@ -92,12 +92,8 @@ def test_a_cantilever_under_an_axial_or_tangential_moment_does_not_diverge(axis,
     scene, tip = clamped()
     scene.load(tip, moment=tuple(SMALL * EI / L * np.array(axis)), following=following)
     found, factor = own_factors(scene, mesh)
-    assert not found.conservative
-    if mesh.leaf == "strain":
-        assert len(factor) == 0 and np.isinf(found.positive) and np.isinf(found.negative)
-        assert "no critical load factor" in found.reason
-    # chains find some where single elements diverge, the farther the finer they are
-    assert np.all(np.abs(factor) > 300)
+    assert len(factor) == 0 and np.isinf(found.positive) and np.isinf(found.negative)
+    assert "no critical load factor" in found.reason and not found.conservative
 
 
 @pytest.mark.parametrize("kind, expected", [("quasi", 0.5), ("semi", 1.0)])
