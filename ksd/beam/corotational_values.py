@@ -174,6 +174,21 @@ def start_inner(value: Array, number: NDArray[np.int64]) -> Array:
     return inner
 
 
+def strained_inner(value: Array, number: NDArray[np.int64], d: Array, Q: Array) -> Array:
+    """As `start_inner` where end q is at d (3,) m with axes Q (3, 3): what it is off the undeformed end is spread evenly
+    over the nodes, so that no element takes all of it."""
+    from scipy.spatial.transform import Rotation
+
+    n, inner = int(number[0]), start_inner(value, number)
+    end, clamp = undeformed_end(value, number)
+    turn = Rotation.from_matrix(Q @ clamp.T).as_rotvec()
+    for k in range(n - 1):
+        share, node = (k + 1) / n, inner[NODE * k : NODE * (k + 1)]
+        node[:3] += share * (d - end)
+        node[3:] = Rotation.from_rotvec(share * turn).as_matrix().ravel()
+    return inner
+
+
 def undeformed_end(value: Array, number: NDArray[np.int64]) -> tuple[Array, Array]:
     """Position d (3,) m and orientation Q (3, 3) of end q in the undeformed state."""
     n = int(number[0])

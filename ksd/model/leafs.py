@@ -319,6 +319,10 @@ def leaf_member(leaf: Any, mesh: Mesh, *, name: str, heavy: bool = False) -> Mem
     clamp = axes @ drawn.Q
     if leaf.condition is not None:
         tip, clamp = _misfit(leaf.condition, axes, tip, clamp)
+        strained = body is not drawn or any(leaf.condition.shift) or any(leaf.condition.turn)
+        if body.kind == COROTATIONAL and strained:
+            end = axes.T @ (tip - start), axes.T @ clamp
+            body = replace(body, inner=chains.strained_inner(body.value, body.number, *end))
     return Member(
         name=name,
         kind=body.kind,

@@ -180,7 +180,8 @@ def by_arc(
         return driven, how, motion, doubts
     driven = driven._replace(solves=driven.solves + path.iterations)
     how = f"{how}, then by arc length"
-    at = "; ".join(f"a {t.kind} point at {100 * t.at.f:.3g} % of the way" for t in path.turns)
+    at = "; ".join(f"a {t.kind} point at {100 * t.at.f:.3g} % of the way" for t in path.turns[:1])
+    at += f", and {len(path.turns) - 1} more" * (len(path.turns) > 1)
     if path.stop != REACHED or path.turns:
         return (
             driven,

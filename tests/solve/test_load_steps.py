@@ -1,0 +1,66 @@
+"""Load steps that converge onto another branch are caught: walked again in smaller steps, then by arc length."""
+
+from types import SimpleNamespace
+
+import pytest
+from scenes import STEEL, cross_flexure
+
+import ksd
+from ksd.solve import load_steps
+from ksd.solve.conventional import conventional
+
+
+def strut():
+    """Two leafs of different thickness that meet at a flat angle, their ridge pushed down: they bow, the thin one more."""
+    scene = ksd.Mechanism("strut")
+    ridge = scene.link("ridge")
+    for name, x, thickness in (("left", -0.1, 1.1e-3), ("right", 0.1, 1.4e-3)):
+        scene.leaf(
+            scene.ground, ridge, start=(x, 0, 0), end=(0, 0.0265, 0), section=ksd.rectangle(thickness, 0.02),
+            material=STEEL, width_axis="z", name=name,
+        )  # fmt: skip
+    scene.actuate(ridge, along="y", at=(0, 0.0265, 0), name="down")
+    return scene, {"down": -0.0139}, ksd.Mesh()
+
+
+def arm():
+    """Three cross flexures in series under a heavy load with a moment, two of them driven."""
+    scene, base = ksd.Mechanism("arm"), "ground"
+    for k in range(3):
+        link = scene.link(f"link {k}")
+        scene.join(base, link, cross_flexure(), at=(0.2 * k, 0, 0), axis="z", toward="x", name=f"joint {k}")
+        base = link
+    scene.actuate_joint("joint 0", name="first")
+    scene.actuate_joint("joint 1", name="second")
+    scene.load(base, force=(-236.0, -211.4, 0), moment=(0, 0, 0.953), at=(0.6, 0, 0))
+    return scene, {"first": -0.252, "second": -1.4716}, ksd.Mesh()
+
+
+@pytest.mark.parametrize(
+    ("made", "said"),
+    [
+        (strut, "walked again in smaller steps: its inertia is not that of a minimum, then by arc length"),
+        (arm, "walked again in smaller steps: loads do much of the work, and a load step took"),
+    ],
+)
+def test_a_step_onto_another_branch_is_walked_again(made, said, monkeypatch):
+    """The forces are those of 64 steps; what converged first is far from them."""
+    scene, targets, mesh = made()
+    model = ksd.compile_scene(scene.scene(), mesh=mesh)
+    found = conventional(model, targets)
+    assert found.trusted and said in found.steps[-1].note
+    fine = conventional(model, targets, steps=64)
+    assert fine.trusted and found.forces == pytest.approx(fine.forces, rel=1e-6)
+    monkeypatch.setattr(load_steps, "confirmed", lambda model, first, *_: (*first, ()))
+    jumped = conventional(model, targets)
+    last = model.drive_names[-1]
+    assert jumped.converged and abs(jumped.forces[last] / found.forces[last] - 1) > 0.5
+
+
+def test_a_path_of_many_turns_is_said_by_its_first():
+    """A path that wanders off has dozens, some before its start."""
+    driven = SimpleNamespace(solves=1, _replace=lambda **_: driven)
+    turns = [SimpleNamespace(kind="limit", at=SimpleNamespace(f=f)) for f in (0.5, 0.1, -3.0)]
+    path = SimpleNamespace(iterations=3, turns=turns, stop=load_steps.REACHED)
+    *_, doubts = load_steps.by_arc(None, (driven, "", None), lambda: path, ("why",))
+    assert doubts == ("why; the path from its start has a limit point at 50 % of the way, and 2 more",)
