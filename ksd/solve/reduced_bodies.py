@@ -53,7 +53,8 @@ SMALLEST = 1 / 128
 WAYS_THERE = (1, 2, 4, 8, 16)
 """Equal steps from rest in which the ends of a body are turned until its inner coordinates follow."""
 
-Bases = Mapping[str, ModalBasis | SolidBasis]
+WITHOUT_RECORDS = (RecordError, RangeError, KinematicsError, SceneError)
+"""Why records cannot place a mechanism; load steps from rest need none."""
 
 
 def named_bases(model: Model, basis: object) -> dict[str, ModalBasis | SolidBasis]:
@@ -108,31 +109,23 @@ class ReducedBodies:
     def __init__(
         self, model: Model, basis: object, *, condensing: bool, records: Any, extrapolate: bool
     ) -> None:
-        model = self.model = with_chains(model, {})
+        model = with_chains(model, {})
         bases = named_bases(model, basis)
-        modal = {n: b for n, b in bases.items() if isinstance(b, ModalBasis)}
+        self.modal = {n: b for n, b in bases.items() if isinstance(b, ModalBasis)}
         solids = {n: b for n, b in bases.items() if isinstance(b, SolidBasis)}
-        full = with_chains(model, modal) if modal else self.model
-        self.full, self.modal = with_solids(full, solids) if solids else full, modal
+        full = with_chains(model, self.modal) if self.modal else model
+        self.full = with_solids(full, solids) if solids else full
         joints = [model.member_names[own] for own in model.joint_members]
-        self.condensed = [condensing and not any(n in bases for n in own) for own in joints]
-        free = model.member_names[model.joint_members[-1].stop if joints else 0 :]
-        self.trained = {n for n, b in modal.items() if b.expansion == "trained" and n not in free}
-        self._prepared: _Prepared | None = None
-        self.steps: FiveSteps | None = None
-        needed = any(self.condensed) or bool(self.trained)
-        with contextlib.suppress(*() if needed else (RecordError, RangeError, KinematicsError, SceneError)):
-            if condensing or needed:
-                self.steps = self._placing(records, extrapolate)
-
-    def _placing(self, records: Any, extrapolate: bool) -> FiveSteps:
-        """The KSD steps of the leafs in full."""
-        if len(self.model.arrays.weight):
-            raise SceneError(
-                "leafs with weight beside modal bodies are not possible: compile without='gravity', or use another method"
-            )
-        bodies = joint_bodies(self.model, records, extrapolate=extrapolate)
-        return FiveSteps(self.model, bodies, extrapolate=extrapolate)
+        condensed = [condensing and not any(n in bases for n in own) for own in joints]
+        within = {n for own in joints for n in own}
+        trained = {n for n, b in self.modal.items() if b.expansion == "trained"} & within
+        self.placed: _Placed | None = None
+        self.needs_records = any(condensed) or bool(trained)
+        if not condensing and not trained:
+            return
+        with contextlib.suppress(*() if self.needs_records else WITHOUT_RECORDS):
+            steps = _steps(model, records, extrapolate)
+            self.placed = _Placed(steps, self.full, self.modal, condensed, trained)
 
     @cached_property
     def at_rest(self) -> Model:
@@ -145,37 +138,66 @@ class ReducedBodies:
         Raises RangeError, and ConvergenceError where the reduced equilibrium is not found, which says "basis no longer
         successful".
         """
-        if self.steps is not None:
-            if any(self.condensed) or self.trained:
-                return self._from_records(values, passes)
+        if self.placed is not None and self.needs_records:
+            return self.placed(values, passes)
+        if self.placed is not None:
             # a few iterations from there, tens of them from rest
             with contextlib.suppress(ConvergenceError, RangeError):
-                return self._from_records(values, 0)
+                return self.placed(values, 0)
         return by_steps(self.at_rest, values)
 
+
+def _steps(model: Model, records: Any, extrapolate: bool) -> FiveSteps:
+    """The KSD steps of a model whose leafs are in full. Raises SceneError for leafs with weight."""
+    if len(model.arrays.weight):
+        raise SceneError(
+            "leafs with weight beside modal bodies are not possible: compile without='gravity', or use another method"
+        )
+    return FiveSteps(model, joint_bodies(model, records, extrapolate=extrapolate), extrapolate=extrapolate)
+
+
+class _Placed:
+    """A mechanism of reduced bodies and condensed joints, placed by the joints' records.
+
+    steps: the KSD steps of its leafs in full; full: modal leafs are chains, solids in place; modal: their bases; condensed:
+    which joints are; trained: leafs whose basis is expanded where the records put them.
+    """
+
+    def __init__(
+        self,
+        steps: FiveSteps,
+        full: Model,
+        modal: Mapping[str, ModalBasis],
+        condensed: Sequence[bool],
+        trained: set[str],
+    ) -> None:
+        self.steps, self.full, self.modal = steps, full, modal
+        self.condensed, self.trained = condensed, trained
+        self.model, self.bench = steps.model, steps.bench
+        self.once = not any(condensed) and not trained
+
+    @cached_property
+    def at_rest(self) -> _Prepared:
+        """Bodies and storage, all expanded at rest."""
+        return self._made(None)
+
     def _ready(self) -> _Prepared:
-        """Bodies and storage; made once, unless a basis is expanded where the mechanism stands."""
+        """Bodies and storage at the present place: made once, unless a basis is expanded there."""
         if not self.trained:
-            if self._prepared is None:
-                self._prepared = self._made(None)
-            return self._prepared
-        assert self.steps is not None
+            return self.at_rest
         # where bodies expanded at rest stand; a chain of its own is soon lost on the way there
         plain = {n: ModalBasis(elements=self.modal[n].elements) for n in sorted(self.trained)}
         model = with_modal_bodies(self.full, plain)
-        state = same_state(self.model, self.steps.bench.full, model)
+        state = same_state(self.model, self.bench.full, model)
         for name in plain:
             i = model.member_names.index(name)
-            inner_state(model, state, i)[:], _ = settled(
-                model, i, *member_pose(model.arrays.members, i, state)
-            )
-        _, about = inside(model, state)
-        return self._made(about)
+            pose = member_pose(model.arrays.members, i, state)
+            inner_state(model, state, i)[:], _ = settled(model, i, *pose)
+        return self._made(inside(model, state)[1])
 
     def _made(self, about: Motion | None) -> _Prepared:
-        """Bodies and storage, with those of smaller bases where one is large."""
-        assert self.steps is not None
-        parts = self.steps.bench.bodies.reduced, self.condensed
+        """Bodies and storage, trained ones expanded at a state of `full`, with those of smaller bases where one is large."""
+        parts = self.bench.bodies.reduced, self.condensed
         words: dict[str, Any] = {"about": about, "at_rest": set(self.modal) - self.trained}
         smaller = None
         if any(b.large for b in self.modal.values()):
@@ -184,78 +206,66 @@ class ReducedBodies:
         model = with_modal_bodies(self.full, self.modal, **words) if self.modal else self.full
         return _Prepared(model, *parts, smaller)
 
-    def _from_records(self, values: Mapping[str, float], passes: int) -> Configuration:
-        """Solve from where the joints' records put everything."""
-        assert self.steps is not None
-        target, bench = self.model.targets(values), self.steps.bench
-        placed = self._placed(values, target)
-        clock = Stopwatch()
+    def __call__(self, values: Mapping[str, float], passes: int) -> Configuration:
+        """Solve at drive values by name [m or rad]. Raises ConvergenceError, RangeError."""
+        target, links = self.model.targets(values), self.model.links
+        placed, clock = self._place(values, 1.0), Stopwatch()
         ready = self._ready()
         steps = [*placed.steps, Step("modal bases", 0, clock(), 0.0, Stop.CONVERGED)]
-        motion, more = self._equilibrium(ready, values, target)
+        motion, more = self._equilibrium(ready, values)
         steps += more
         for n in range(passes + 1):
             if n > 0:
-                condense_space(bench.held, 0)
+                condense_space(self.bench.held, 0)
                 self._condense(ready, motion)
-                steps.append(step := ready.loaded(motion, target, 1.0, smallest=1.0)[0])
+                step, _ = ready.loaded(motion, target, 1.0, smallest=1.0)
                 if step.stop is not Stop.CONVERGED:
                     raise ConvergenceError(
                         f"in a further pass {step.stop.sentence}: the loads bend the joints too far from their intended "
                         "motion to condense them there; take fewer passes, or use method='full'"
                     )
-            bench.reduced.x[:], bench.reduced.R[:] = (
-                motion.x[: self.model.links],
-                motion.R[: self.model.links],
-            )
+                steps.append(step)
+            self.bench.reduced.x[:], self.bench.reduced.R[:] = motion.x[:links], motion.R[:links]
             clock()
-            shift, _ = recover_space(bench.held)
+            shift, _ = recover_space(self.bench.held)
             steps.append(Step("4 recovery", 0, clock(), shift, Stop.CONVERGED))
         return self._answer(ready, motion, values, steps, placed.notes)
 
-    def _placed(self, values: Mapping[str, float], target: np.ndarray) -> Configuration:
-        """Steps 1 and 2, whose result is in the storage of `steps`."""
-        assert self.steps is not None
-        return self.steps(values, target, method="kinematic", passes=0, estimate=False)
+    def _place(self, values: Mapping[str, float], share: float) -> Configuration:
+        """Steps 1 and 2 at a share of the drive values, whose result is in the storage of the bench."""
+        part = {name: float(share * value) for name, value in values.items()}
+        return self.steps(part, self.model.targets(part), method="kinematic", passes=0, estimate=False)
 
-    def _equilibrium(
-        self, ready: _Prepared, values: Mapping[str, float], target: np.ndarray
-    ) -> tuple[Motion, list[Step]]:
+    def _equilibrium(self, ready: _Prepared, values: Mapping[str, float]) -> tuple[Motion, list[Step]]:
         """Step 3 from where steps 1 and 2 put everything, along the drives and loads where the whole of them fails; of large
         bases next to the state of smaller ones. Raises ConvergenceError."""
+        target, failed = self.model.targets(values), None
         if ready.smaller is not None:
-            near, steps = self._equilibrium(ready.smaller, values, target)
+            near, steps = self._equilibrium(ready.smaller, values)
             motion = ready.like(ready.smaller, near)
             step, reached = ready.loaded(motion, target, 1.0, smallest=SMALLEST)
             if step.stop is Stop.CONVERGED:
                 return motion, [*steps[:-1], step]
-        else:
-            patient = any(self.condensed) or bool(self.trained)
-            for parts in PARTS if patient else PARTS[:1]:
-                motion, steps = ready.mix.rest, []
-                for k in range(1, parts + 1):
-                    share = k / parts
-                    if parts > 1:
-                        self._placed({n: float(share * v) for n, v in values.items()}, share * target)
-                    if k == 1:
-                        motion, settling = self._start(ready)
-                        steps.append(settling)
-                    self._condense(ready, motion)
-                    smallest = SMALLEST if patient and parts == 1 else 1.0
-                    step, there = ready.loaded(motion, share * target, share, smallest=smallest)
-                    steps.append(step)
-                    if step.stop is not Stop.CONVERGED:
-                        break
-                else:
-                    return motion, steps
-                if parts == 1:
-                    first, reached = step, there
-            step = first
-        where = (
-            "beside condensed joints"
-            if any(self.condensed)
-            else "from the configuration of the joints' records"
-        )
+            failed = step, reached
+        for parts in () if failed else PARTS[: 1 if self.once else None]:
+            for k in range(1, parts + 1):
+                if parts > 1:
+                    self._place(values, k / parts)
+                if k == 1:
+                    motion, settling = self._start(ready)
+                    steps = [settling]
+                self._condense(ready, motion)
+                smallest = SMALLEST if parts == 1 and not self.once else 1.0
+                step, reached = ready.loaded(motion, k / parts * target, k / parts, smallest=smallest)
+                steps.append(step)
+                if step.stop is not Stop.CONVERGED:
+                    failed = failed or (step, reached)
+                    break
+            else:
+                return motion, steps
+        assert failed is not None
+        step, reached = failed
+        where = "beside condensed joints" if any(self.condensed) else "where the joints' records put it"
         raise ConvergenceError(
             f"basis no longer successful: {where}, at {100 * reached:.3g} % of the loads, {step.stop.sentence}; name all "
             "joints, take expansion='trained', or use method='full'",
@@ -264,33 +274,27 @@ class ReducedBodies:
 
     def _start(self, ready: _Prepared) -> tuple[Motion, Step]:
         """Where steps 1 and 2 put everything, the bodies settled there."""
-        assert self.steps is not None
-        clock, mix, count = Stopwatch(), ready.mix, 0
-        state = same_state(self.model, self.steps.bench.full, ready.model)
+        clock, mix, model, count = Stopwatch(), ready.mix, ready.model, 0
+        state = same_state(self.model, self.bench.full, model)
+        known: dict[tuple[int, bytes], np.ndarray] = {}
+        for name in model.bodies:
+            i = model.member_names.index(name)
+            d, Q = member_pose(model.arrays.members, i, state)
+            pose = np.round(np.concatenate([d / model.arrays.size, Q.ravel()]), 10) + 0.0
+            key = int(model.arrays.members.value_at[i]), pose.tobytes()
+            if key not in known:
+                known[key], taken = settled(model, i, d, Q)
+                count += taken
+            inner_state(model, state, i)[:] = known[key]
         motion = mix.rest.copy()
         motion.x[:], motion.R[:] = state.x[mix.nodes], state.R[mix.nodes]
-        alike: dict[tuple, np.ndarray] = {}
-        members, size = ready.model.arrays.members, ready.model.arrays.size
         for m in np.flatnonzero(mix.member >= 0).tolist():
-            i = int(mix.member[m])
-            if ready.model.member_names[i] in ready.model.bodies:
-                d, Q = member_pose(members, i, state)
-                key = (
-                    int(members.value_at[i]),
-                    (np.round(np.concatenate([d / size, Q.ravel()]), 10) + 0.0).tobytes(),
-                )
-                if key not in alike:
-                    alike[key], taken = settled(ready.model, i, d, Q)
-                    count += taken
-                mix.inner(motion, m)[:] = alike[key]
-            else:
-                mix.inner(motion, m)[:] = inner_state(ready.model, state, i)
+            mix.inner(motion, m)[:] = inner_state(model, state, int(mix.member[m]))
         return motion, Step("bodies settled", count, clock(), 0.0, Stop.CONVERGED, "ends held")
 
     def _condense(self, ready: _Prepared, motion: Motion) -> None:
         """The condensed joints of step 2 into `motion`."""
-        assert self.steps is not None
-        every = self.steps.bench.reduced.inner
+        every = self.bench.reduced.inner
         for m in np.flatnonzero(ready.mix.joint >= 0).tolist():
             own = ready.mix.inner(motion, m)
             own[:] = every[len(own) * ready.mix.joint[m] :][: len(own)]
@@ -304,8 +308,7 @@ class ReducedBodies:
         notes: tuple[str, ...],
     ) -> Configuration:
         """The state of all leafs, and what the joints' records say of it."""
-        assert self.steps is not None
-        b, mix, model = self.steps.bench, ready.mix, ready.model
+        b, mix, model = self.bench, ready.mix, ready.model
         place_space(b.held)
         state = same_state(self.model, b.full, model)
         state.x[mix.nodes], state.R[mix.nodes] = motion.x, motion.R
@@ -314,14 +317,14 @@ class ReducedBodies:
             inner_state(model, state, int(mix.member[m]))[:] = mix.inner(motion, m)
         # condensed joints cannot buckle, their leafs can
         work, plan = make_work(model.arrays), model.arrays.plan
-        _, _, inside, _ = assemble(model.arrays, state, model.targets(values), 1.0, work, RTOL, 0, 10.0)
+        _, _, own, _ = assemble(model.arrays, state, model.targets(values), 1.0, work, RTOL, 0, 10.0)
         negatives, _ = factor_blocks(plan, work.value, work.spare, len(plan.size))
         read_space(b.held)
         near = bool(b.seen[1])
         reading, unknown = pipeline.read_motions(b, b.found.copy(), b.off.copy(), b.known, near=near)
         expected = len(model.drive_names) + len(model.support_names)
         return Configuration(
-            model, state, "modal", dict(values), tuple(steps), negatives=int(negatives + inside),
+            model, state, "modal", dict(values), tuple(steps), negatives=int(negatives + own),
             expected=expected, reading=reading, notes=(*notes, *unknown), near=near,
         )  # fmt: skip
 
@@ -350,10 +353,15 @@ class _Prepared:
         def newton(want: np.ndarray, level: float, rtol: float, most: int, cap: float, limit: float) -> Any:
             return iterate(arrays, motion, want, level, self.work, rtol, most, cap, limit)
 
-        driven = drive_to(
-            motion, newton, start=target, target=target, factors=(0.0, factor), smallest=smallest,
-            pivoting=(arrays, self.work),
-        )  # fmt: skip
+        words: dict[str, Any] = {"start": target, "target": target, "factors": (0.0, factor)}
+        words["pivoting"] = arrays, self.work
+        driven = drive_to(motion, newton, smallest=1.0, **words)
+        if driven.stop is not Stop.CONVERGED and smallest < 1.0:
+            # without loads first: the place records give is no equilibrium of theirs
+            reason, count, *_ = newton(target, 0.0, RTOL, 30, CAP, math.inf)
+            if reason == Stop.CONVERGED:
+                more = drive_to(motion, newton, smallest=smallest, **words)
+                driven = more._replace(solves=driven.solves + count + more.solves, taken=more.taken + 1)
         parts = f"{driven.taken} load steps" if driven.taken > 1 else ""
         step = Step("3 reduced equilibrium", driven.solves, clock(), driven.residual, driven.stop, parts)
         return step, driven.reached

@@ -57,7 +57,7 @@ def test_what_the_mechanism_is_made_of():
     basis = {"lower left/inner": ModalBasis(), "spring": ModalBasis(elements=12)}
     solver = ksd.prepare(scene, basis=basis)
     found = solver(top=0.05, method="modal")
-    mix = solver._reduced[True]._ready().mix
+    mix = solver._reduced[True].placed.at_rest.mix
     kinds = mix.arrays.members.kind.tolist()
     assert kinds == [LINEAR, LINEAR, LINEAR, MODAL, STRAIN, STRAIN, MODAL]
     assert found.model.full.arrays.members.number[[0, -1], 0].tolist() == [10, 12]
