@@ -181,19 +181,19 @@ class _Placed:
         """Bodies and storage, all expanded at rest."""
         return self._made(None)
 
+    @cached_property
+    def _untrained(self) -> Model:
+        """Trained leafs by a basis expanded at rest, which finds the state to expand them at; chains are lost on the way."""
+        plain = {n: ModalBasis(elements=self.modal[n].elements) for n in self.trained}
+        return with_modal_bodies(self.full, plain)
+
     def _ready(self) -> _Prepared:
         """Bodies and storage at the present place: made once, unless a basis is expanded there."""
         if not self.trained:
             return self.at_rest
-        # where bodies expanded at rest stand; a chain of its own is soon lost on the way there
-        plain = {n: ModalBasis(elements=self.modal[n].elements) for n in sorted(self.trained)}
-        model = with_modal_bodies(self.full, plain)
-        state = same_state(self.model, self.bench.full, model)
-        for name in plain:
-            i = model.member_names.index(name)
-            pose = member_pose(model.arrays.members, i, state)
-            inner_state(model, state, i)[:], _ = settled(model, i, *pose)
-        return self._made(inside(model, state)[1])
+        state = same_state(self.model, self.bench.full, self._untrained)
+        settle(self._untrained, state)
+        return self._made(inside(self._untrained, state)[1])
 
     def _made(self, about: Motion | None) -> _Prepared:
         """Bodies and storage, trained ones expanded at a state of `full`, with those of smaller bases where one is large."""
@@ -274,18 +274,9 @@ class _Placed:
 
     def _start(self, ready: _Prepared) -> tuple[Motion, Step]:
         """Where steps 1 and 2 put everything, the bodies settled there."""
-        clock, mix, model, count = Stopwatch(), ready.mix, ready.model, 0
+        clock, mix, model = Stopwatch(), ready.mix, ready.model
         state = same_state(self.model, self.bench.full, model)
-        known: dict[tuple[int, bytes], np.ndarray] = {}
-        for name in model.bodies:
-            i = model.member_names.index(name)
-            d, Q = member_pose(model.arrays.members, i, state)
-            pose = np.round(np.concatenate([d / model.arrays.size, Q.ravel()]), 10) + 0.0
-            key = int(model.arrays.members.value_at[i]), pose.tobytes()
-            if key not in known:
-                known[key], taken = settled(model, i, d, Q)
-                count += taken
-            inner_state(model, state, i)[:] = known[key]
+        count = settle(model, state)
         motion = mix.rest.copy()
         motion.x[:], motion.R[:] = state.x[mix.nodes], state.R[mix.nodes]
         for m in np.flatnonzero(mix.member >= 0).tolist():
@@ -380,6 +371,22 @@ class _Prepared:
             else:
                 own[:] = theirs
         return motion
+
+
+def settle(model: Model, state: Motion) -> int:
+    """Find the inner coordinates of all bodies at the poses their ends have in a state, in place; Newton steps taken."""
+    members, count = model.arrays.members, 0
+    known: dict[tuple[int, bytes], np.ndarray] = {}
+    for name in model.bodies:
+        i = model.member_names.index(name)
+        d, Q = member_pose(members, i, state)
+        pose = np.round(np.concatenate([d / model.arrays.size, Q.ravel()]), 10) + 0.0
+        key = int(members.value_at[i]), pose.tobytes()
+        if key not in known:
+            known[key], taken = settled(model, i, d, Q)
+            count += taken
+        inner_state(model, state, i)[:] = known[key]
+    return count
 
 
 def settled(model: Model, i: int, d: np.ndarray, Q: np.ndarray) -> tuple[np.ndarray, int]:
