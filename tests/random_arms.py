@@ -197,7 +197,7 @@ def buckling_error(found, count=2):
     """Largest relative error of the smallest critical load factors on the state's own stresses, against all eigenvalues of
     the symmetric matrix G^T K' G, G G^T the flexibility without stress of the motions and amplitudes that stress acts on."""
     model, motion = unfolded(*found.insides)
-    stressed, K = full_tangents(model, motion)
+    stressed, K = (part.toarray() for part in full_tangents(model, motion))
     change = stressed - K
     used = np.flatnonzero(change.any(axis=0))
     flexible = solve_scaled(K, np.eye(len(K))[:, used], scaling(K))[0][used]

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -155,6 +157,20 @@ def inner_unknowns(model: Model) -> tuple[NDArray[np.int64], ...]:
         found.append(np.hstack([nodes, own]))
         at += own.size
     return tuple(found)
+
+
+def assembled_blocks(places: Sequence[NDArray[np.int64]], blocks: Sequence[Array], size: int) -> Any:
+    """The sum (size, size), scipy CSR, of stacks of matrices (k, m, m), given the unknowns (k, m) of each, -1 for none."""
+    from scipy.sparse import coo_matrix
+
+    values, rows, columns = [], [], []
+    for at, block in zip(places, blocks, strict=True):
+        own = (at >= 0)[:, :, None] & (at >= 0)[:, None, :]
+        values.append(block[own])
+        rows.append(np.broadcast_to(at[:, :, None], own.shape)[own])
+        columns.append(np.broadcast_to(at[:, None, :], own.shape)[own])
+    where = np.concatenate(rows), np.concatenate(columns)
+    return coo_matrix((np.concatenate(values), where), shape=(size, size)).tocsr()
 
 
 @dataclass(frozen=True)

@@ -41,13 +41,13 @@ from ksd.properties.alike import (
     EndFrames,
     alike_leafs,
     alike_parts,
+    assembled_blocks,
     elastic,
     end_frames,
     end_levers,
     inner_unknowns,
     weighed,
 )
-from ksd.properties.chain_tangent import with_stresses
 from ksd.properties.stiffness import node_of, point_motion
 from ksd.properties.tangent import (
     LOST,
@@ -154,33 +154,34 @@ class Buckling(Shown):
 
 def full_tangents(
     model: Model, motion: Motion, *, rows: Iterable[int] = (), load_factor: float = 1.0
-) -> tuple[Array, Array]:
-    """Uncondensed tangent, and that with all stresses, drive forces and loads set to zero: node unknowns and multipliers in
-    plan order, then amplitudes and end wrench (a, lam) of leafs.
+) -> tuple[Any, Any]:
+    """Uncondensed tangent, and that with all stresses, drive forces and loads set to zero, scipy CSC: node unknowns and
+    multipliers in plan order, then amplitudes and end wrench (a, lam) of leafs.
 
     Symmetric but for what loads add that are not conservative. `rows`: constraint rows taken out. Chains must be unfolded
     (no inner nodes); then they are the node tangents.
     """
-    arrays = model.arrays
-    loads = turning_loads(arrays, motion, load_factor)
+    from scipy.sparse import csc_matrix
+
+    arrays, loads = model.arrays, turning_loads(model.arrays, motion, load_factor)
+    if np.any(arrays.members.kind == STRAIN):
+        whole = _node_terms(model, motion, rows, load_factor)
+        still = _node_terms(_relaxed(model, motion), _without_forces(motion), rows, 0.0)
+    else:
+        whole = _chain_tangent(model, motion, rows, load_factor)
+        still = _unstressed_chains(model, motion, rows)
+    whole = whole if loads is None else whole + loads
     if not np.any(arrays.members.kind == STRAIN):
-        K = _chain_tangent(model, motion, rows, load_factor)
-        return K if loads is None else K + loads, _unstressed_chains(model, motion, rows)
+        return csc_matrix(whole), csc_matrix(still)
     nodes = arrays.plan.unknowns
-    size = nodes + int(arrays.members.inner_at[-1])
-    # one row and column more for what hangs on a fixed node
-    both = np.zeros((2, size + 1, size + 1))
-    both[0, :nodes, :nodes] = _node_terms(model, motion, rows, load_factor)
-    both[1, :nodes, :nodes] = _node_terms(_relaxed(model, motion), _without_forces(motion), rows, 0.0)
-    if loads is not None:
-        both[0, :nodes, :nodes] += loads
+    every = np.arange(nodes)
+    places, blocks = [every[None]], [(whole[None], still[None])]
     for group, unknowns in zip(alike_leafs(model), inner_unknowns(model), strict=True):
-        at = np.where(unknowns[:, :12] < 0, size, unknowns[:, :12])
-        at = np.hstack([at, nodes + group.places])
-        places = ((size + 1) * at[:, :, None] + at[:, None, :]).ravel()
-        for K, block in zip(both, _leaf_tangents(model, motion, group, load_factor), strict=True):
-            np.add.at(K.reshape(-1), places, block.ravel())
-    return both[0, :size, :size], both[1, :size, :size]
+        places.append(np.hstack([unknowns[:, :12], nodes + group.places]))
+        blocks.append(_leaf_tangents(model, motion, group, load_factor))
+    size = nodes + int(arrays.members.inner_at[-1])
+    one, other = (assembled_blocks(places, [b[k] for b in blocks], size) for k in range(2))
+    return one.tocsc(), other.tocsc()
 
 
 def _node_terms(model: Model, motion: Motion, rows: Iterable[int], load_factor: float) -> Array:
@@ -277,25 +278,81 @@ def _unstressed_chains(model: Model, motion: Motion, rows: Iterable[int]) -> Arr
     return _chain_tangent(model, state, rows, 0.0)
 
 
+def with_stresses(model: Model, motion: Motion, K: Any) -> Any:
+    """[K - B^T S B, B^T; B, -S^-1], scipy CSC, from the node tangent K (n, n) of chains with all their nodes in the open:
+    that with the stresses of all elements as unknowns beside the motions of their nodes.
+
+    Elimination of the stresses gives back the node tangent. For small changes of the state it is the better behaved of the
+    two: the stiff directions of an element turn with it, and of the product B^T S B a derivative keeps one of the two
+    factors only, which takes stiffness away where none is lost: a fourbar at mid-stroke then buckles under a quarter of its
+    load.
+    """
+    from scipy.sparse import block_diag, bmat, coo_matrix
+
+    S, rates = _stiffnesses(model), _strain_rates(model, motion)
+    first = model.arrays.start[model.arrays.members.node]
+    columns = np.repeat(first[..., None] + np.arange(6), 6, axis=0).reshape(-1, 12)
+    own = np.repeat(np.repeat(first >= 0, 6, axis=1), 6, axis=0)
+    at = np.nonzero(own)[0], columns[own]
+    B = coo_matrix((rates.reshape(-1, 12)[own], at), shape=(len(own), K.shape[0])).tocsr()
+    resisted = B.T @ block_diag(S, format="csr") @ B
+    return bmat([[K - resisted, B.T], [B, -block_diag(np.linalg.inv(S))]], format="csc")
+
+
+def _stiffnesses(model: Model) -> Array:
+    """S (m, 6, 6) of every element: sigma = S eps (A.13)."""
+    members = model.arrays.members
+    numbers = np.stack([members.value[at + 1 : at + 7] for at in members.value_at[: len(members.kind)]])
+    S = np.zeros((len(numbers), 6, 6))
+    S[:, 0, 0], S[:, 1, 1] = numbers[:, 0], numbers[:, 1]
+    for k, own, both in ((2, 2, 3), (4, 4, 5)):
+        S[:, k, k] = S[:, k + 1, k + 1] = numbers[:, own]
+        S[:, k, k + 1] = S[:, k + 1, k] = numbers[:, both]
+    return S
+
+
+def _strain_rates(model: Model, motion: Motion) -> Array:
+    """B (m, 6, 12): strains of every element per motion of its two nodes. Its end wrench is B^T sigma, so unit stresses
+    tell its rows."""
+    members = model.arrays.members
+    number = members.number.copy()
+    # geometric forces from the stresses given, not from those of the state
+    number[:, 1] = 1
+    arrays = replace(model, arrays=model.arrays._replace(members=members._replace(number=number))).arrays
+    work, target, state = make_work(arrays), np.zeros(len(arrays.terms.start)), motion.copy()
+    D = np.empty((len(number), 6, 6))
+    for k in range(6):
+        state.inner[:] = 0.0
+        state.inner[members.inner_at[:-1] + k] = 1.0
+        work.value[:] = 0.0
+        assemble(arrays, state, target, 0.0, work, 1e-8, 0, 10.0)
+        D[:, k] = work.lam[: len(number), 6:]
+    relative = end_levers(end_frames(model, motion, np.arange(len(number))))[1]
+    found: Array = D @ relative
+    return found
+
+
 def _derivative(
     tangent: Tangent, loads: Array, rows: list[int], load_factor: float
-) -> tuple[Array, Array, float]:
+) -> tuple[Any, Any, float]:
     """K, K' along the linear response to nodal `loads` (n,), and how many times these move a link FAR.
 
     In motions and stresses: of chains with theirs where the state has any. Free of stress their node motions alone are
     right, and give the classical theory, without the deflection before buckling (0.1 % of the load of a strip).
     """
+    from scipy.sparse.linalg import splu
+
     model, motion = tangent.model, tangent.motion
     arrays = model.arrays
     chains = not np.any(arrays.members.kind == STRAIN)
 
-    def at_state(state: Motion) -> Array:
+    def at_state(state: Motion) -> Any:
         K = full_tangents(model, state, rows=rows, load_factor=load_factor)[0]
         return with_stresses(model, state, K) if chains and motion.inner.any() else K
 
     K, nodes, n = at_state(motion), tangent.solve(loads[:, None])[:, 0], len(loads)
     # those of chains follow from the motions of their nodes
-    inner = np.zeros(len(motion.inner)) if chains else np.linalg.solve(K[n:, n:], -K[n:, :n] @ nodes)
+    inner = np.zeros(len(motion.inner)) if chains else splu(K[n:, n:]).solve(-(K[n:, :n] @ nodes))
     starts = arrays.start[arrays.start >= 0]
     ways = np.abs(nodes[np.add.outer(starts, np.arange(6))]) / ([arrays.size] * 3 + [1.0] * 3)
     size = 1e-5 / max(float(ways.max()), 1e-300)
@@ -311,20 +368,22 @@ def _derivative(
 
 
 def critical_factors(
-    K: Array, change: Array, count: int, *, symmetric: bool = True
+    K: Any, change: Any, count: int, *, symmetric: bool = True
 ) -> tuple[Array, Array, float]:
     """Real mu of smallest magnitude in (K + mu change) phi = 0, and the smallest of either sign, with phi as columns; and
-    the largest |1/mu|, complex ones too. Raises ConvergenceError where they are not found, or their digits are lost."""
+    the largest |1/mu|, complex ones too; both in scipy CSC. Raises ConvergenceError where they are not found, or their
+    digits are lost."""
     from scipy.sparse import csc_matrix, diags
 
-    values, vectors = np.zeros(0), K[:, :0]
-    if not change.any():
+    size = K.shape[0]
+    values, vectors = np.zeros(0), np.zeros((size, 0))
+    if not np.any(change.data):
         return values, vectors, 0.0
-    scale = 1.0 / np.sqrt(np.abs(K).max(axis=0))
-    A, B = (csc_matrix(diags(scale) @ csc_matrix(part) @ diags(scale)) for part in (K, change))
-    if len(K) > (DENSE if symmetric else MOST_DENSE):
+    scale = 1.0 / np.sqrt(abs(K).max(axis=0).toarray().ravel())
+    A, B = (csc_matrix(diags(scale) @ part @ diags(scale)) for part in (K, change))
+    if size > (DENSE if symmetric else MOST_DENSE):
         values, vectors = _by_arnoldi(A, B, count)
-    if len(K) <= MOST_DENSE and not np.any(_real(values)):
+    if size <= MOST_DENSE and not np.any(_real(values)):
         values, vectors = _all_pairs(A.toarray(), B.toarray(), symmetric)
     largest = float(np.abs(values).max(initial=0.0))
     # a rod that cannot diverge has complex ones, and real ones of rounding
@@ -359,10 +418,13 @@ def _all_pairs(A: Array, B: Array, symmetric: bool) -> tuple[Array, Array]:
     """All 1/mu and vectors, of unsymmetric matrices without real ones that entries changed by SENSITIVE may move to zero."""
     from scipy.linalg import eig
 
+    P = -np.linalg.solve(A, B)
+    # entries of nothing but rounding mislead the balancing inside eig: vectors then lose half of their digits
+    P[np.abs(P) < 1e-18 * np.abs(P).max()] = 0.0
     if symmetric:
-        values, vectors = eig(-np.linalg.solve(A, B))
+        values, vectors = eig(P)
         return values, vectors
-    values, left, vectors = eig(-np.linalg.solve(A, B), left=True)
+    values, left, vectors = eig(P, left=True)
     pushed, size = np.abs(np.linalg.solve(A.T, left.conj())), np.abs(vectors)
     moved = np.sum(pushed * (np.abs(B) @ size + np.abs(values) * (np.abs(A) @ size)), axis=0)
     stays = SENSITIVE * moved < np.abs(values) * np.abs(np.sum(left.conj() * vectors, axis=0))
@@ -412,7 +474,7 @@ def _nearest(A: Any, B: Any, shift: float, count: int) -> tuple[Array, Array]:
     factor, size = splu(A + shift * B), A.shape[0]
     operator = LinearOperator(A.shape, matvec=lambda x: -factor.solve(B @ x), dtype=float)
     start = np.random.default_rng(0).normal(size=size)
-    values, vectors = eigs(operator, k=count, which="LM", v0=start, tol=1e-9, maxiter=100)
+    values, vectors = eigs(operator, k=count, which="LM", v0=start, tol=1e-9, maxiter=20 if shift else None)
     return shift + 1.0 / values, vectors
 
 
@@ -423,7 +485,7 @@ def _real(values: Array) -> Any:
 def _load(
     tangent: Tangent, link: Any, at: Any, wrench: tuple[Any, Any], following: bool
 ) -> tuple[Array, Array]:
-    """Nodal loads (n,) of a force and a moment on a point of a link, and their own tangent (n, n)."""
+    """Nodal loads (n,) of a force and a moment on a point of a link, and their tangent (6, 6) in the motion of its node."""
     model, motion = tangent.model, tangent.motion
     node = node_of(model, link)
     load = np.concatenate([np.asarray(w, float) for w in wrench])
@@ -431,12 +493,10 @@ def _load(
         raise SceneError(
             f"buckling load on '{link}': give a finite force (3,) or moment (3,) that is not zero"
         )
-    n, here = model.arrays.plan.unknowns, tangent.unknowns(node)
     point, B = point_motion(model, motion, node, at)
-    loads, own = np.zeros(n), np.zeros((n, n))
-    loads[here] = B.T @ load
-    own[here, here] = load_tangent(load[:3], load[3:], point - motion.x[node], following=following)
-    return loads, own
+    loads = np.zeros(model.arrays.plan.unknowns)
+    loads[tangent.unknowns(node)] = B.T @ load
+    return loads, load_tangent(load[:3], load[3:], point - motion.x[node], following=following)
 
 
 def _refuse_mixture(model: Model) -> None:
@@ -482,8 +542,8 @@ def buckling(
         added, own = _load(tangent, link, at, (force, moment), following)
         conservative &= not following and not np.any(moment)
         K, change, reach = _derivative(replace(tangent, model=whole), added, rows, load_factor)
-        n = len(added)
-        change[:n, :n] += own
+        start = tangent.unknowns(node_of(model, link)).start
+        change = change + assembled_blocks([start + np.arange(6)[None]], [own[None]], K.shape[0])
     if conservative:
         change = 0.5 * (change + change.T)
     factor, vectors, largest = critical_factors(K, change, count, symmetric=conservative)

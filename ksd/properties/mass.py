@@ -21,7 +21,7 @@ from ksd.beam.strain_mass import strain_mass_root, strain_stations
 from ksd.errors import SceneError
 from ksd.model.arrays import STRAIN, Motion
 from ksd.model.compile import Model
-from ksd.properties.alike import Flexible, alike_leafs, flexible_leafs, inner_unknowns
+from ksd.properties.alike import Flexible, alike_leafs, assembled_blocks, flexible_leafs, inner_unknowns
 from ksd.properties.kept import per_model
 from ksd.properties.shape import member_ends, member_parts, members_of_leafs, scene_leafs
 from ksd.properties.turning import cross_matrix
@@ -46,17 +46,8 @@ class Inertia:
     @cached_property
     def matrix(self) -> Any:
         """The mass matrix (size, size), scipy CSR."""
-        from scipy.sparse import coo_matrix
-
-        rows, columns, values = [], [], []
-        for places, B in self.stacks:
-            M = B.swapaxes(1, 2) @ B
-            own = np.broadcast_to((places >= 0)[:, :, None] & (places >= 0)[:, None, :], M.shape)
-            rows.append(np.broadcast_to(places[:, :, None], M.shape)[own])
-            columns.append(np.broadcast_to(places[:, None, :], M.shape)[own])
-            values.append(M[own])
-        at = np.concatenate(rows), np.concatenate(columns)
-        return coo_matrix((np.concatenate(values), at), shape=(self.size, self.size)).tocsr()
+        blocks = [B.swapaxes(1, 2) @ B for _, B in self.stacks]
+        return assembled_blocks([places for places, _ in self.stacks], blocks, self.size)
 
     def rooted(self, vectors: Array) -> Array:
         """B times vectors (size, k)."""

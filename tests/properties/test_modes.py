@@ -36,7 +36,7 @@ def uncondensed(model, motion, freed=()):
     """(K, M) in all unknowns: nodes, multipliers, and (a, lam) of every leaf; a = P xi + b makes b = a - P
     xi."""
     fine, state = unfolded(model, motion)
-    K = full_tangents(fine, state, rows=row_numbers(fine, freed))[0]
+    K = full_tangents(fine, state, rows=row_numbers(fine, freed))[0].toarray()
     mass = inertia(fine, state)
     members, nodes = fine.arrays.members, fine.arrays.plan.unknowns
     T = np.zeros((mass.size, len(K)))

@@ -11,8 +11,7 @@ import ksd
 from ksd.errors import SceneError
 from ksd.model.compile import compile_scene
 from ksd.model.leafs import Mesh
-from ksd.properties.buckling import buckling, full_tangents
-from ksd.properties.chain_tangent import with_stresses
+from ksd.properties.buckling import buckling, full_tangents, with_stresses
 from ksd.properties.tangent import factored_tangent
 from ksd.properties.unfold import unfolded
 from ksd.scene.drive import Load
@@ -79,7 +78,7 @@ def test_uncondensed_tangent_condenses_to_the_solver_s(mesh):
     scene = fourbar()
     scene.load("top", force=(0, -30.0, 20.0), at=(0, 0.35, 0))
     fine, state = unfolded(*_of(conventional(compile_scene(scene, mesh=mesh), {"top": 0.1}, steps=4)))
-    K = full_tangents(fine, state)[0]
+    K = full_tangents(fine, state)[0].toarray()
     assert pytest.approx(K.T, abs=1e-9 * np.abs(K).max()) == K
     n = fine.arrays.plan.unknowns
     loads = np.zeros((n, 2))
@@ -150,14 +149,14 @@ def test_multipliers_beyond_linear_theory_are_left_out(mesh):
 def test_stresses_eliminated_give_back_the_tangent_of_chains():
     mesh = Mesh("corotational", elements=3)
     fine, state = unfolded(*_of(conventional(compile_scene(fourbar(), mesh=mesh), {"top": 0.1}, steps=4)))
-    K = full_tangents(fine, state)[0]
-    mixed, n = with_stresses(fine, state, K), len(K)
+    K = full_tangents(fine, state)[0].toarray()
+    mixed, n = with_stresses(fine, state, K).toarray(), len(K)
     back = mixed[:n, :n] - mixed[:n, n:] @ np.linalg.solve(mixed[n:, n:], mixed[n:, :n])
     assert back == pytest.approx(K, abs=1e-9 * np.abs(K).max())
     # without stress the motions are stiff through B alone
     free = unfolded(compile_scene(fourbar(), mesh=mesh), compile_scene(fourbar(), mesh=mesh).rest)
-    still = full_tangents(*free)[0]
-    left = with_stresses(*free, still)[:n, :n]
+    still = full_tangents(*free)[0].toarray()
+    left = with_stresses(*free, still).toarray()[:n, :n]
     rows = fine.arrays.terms.start
     assert np.delete(np.delete(left, rows, 0), rows, 1) == pytest.approx(0.0, abs=1e-9 * np.abs(still).max())
 

@@ -68,7 +68,7 @@ def platform(drives="three"):
 def dense_Hz(pose, count):
     """Frequencies (count,) [Hz] with all drives freed, from the uncondensed matrices and a general eigensolver."""
     fine, state = unfolded(pose.model, pose.motion)
-    K = full_tangents(fine, state, rows=row_numbers(fine, fine.drive_names))[0]
+    K = full_tangents(fine, state, rows=row_numbers(fine, fine.drive_names))[0].toarray()
     mass, members, nodes = inertia(fine, state), fine.arrays.members, fine.arrays.plan.unknowns
     T = np.zeros((mass.size, len(K)))
     T[:nodes, :nodes] = np.eye(nodes)
