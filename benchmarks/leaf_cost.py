@@ -1,6 +1,6 @@
 """What one leaf costs per iteration: the strain-mode leaf beside chains of Appendix A elements, and in its plane.
 
-Condensing to the end frames and recovering the inner unknowns, through the C entry points a Newton iteration uses, one
+Condensing to the end frames and recovering the inner unknowns, one
 leaf again and again, in turns with all other cases; thread time. Target: the default orders at no more than four
 elements. Run: python benchmarks/leaf_cost.py
 """
@@ -13,9 +13,9 @@ from typing import Any
 import numpy as np
 from common import interleaved, machine, options, write_json
 
-from ksd.beam import corotational_values, entry, planar_leaf
+from ksd.beam import corotational, corotational_values, planar_leaf, strain
 from ksd.beam.strain_values import DEFAULT_ORDERS, DEFAULT_POINTS, strain_scratch, strain_sizes, strain_values
-from ksd.numerics.kernel import compile_late, kernel
+from ksd.numerics.kernel import kernel
 
 LENGTH = 0.1
 SECTION = corotational_values.ElementSection(E=200e9, G=76.9e9, A=4e-5, J=1.3e-11, Iy=5.33e-9, Iz=3.33e-12)
@@ -26,58 +26,39 @@ ELEMENTS = (2, 4, 10)
 CALLS = 2000
 
 
-def _with_scratch(condense: Any, recover: Any) -> Any:
-    """Iterations of a leaf with these entry points and scratch."""
-
-    @kernel(cache=False)
-    def repeat(value, number, inner, store, scratch, d, Q, lam, K, out, size, xi, calls):
-        for _ in range(calls):
-            condense(
-                value.ctypes, number.ctypes, inner.ctypes, store.ctypes, scratch.ctypes, d.ctypes, Q.ctypes, lam.ctypes,
-                K.ctypes, out.ctypes, size.ctypes,
-            )  # fmt: skip
-            recover(value.ctypes, number.ctypes, inner.ctypes, store.ctypes, xi.ctypes, 1e-12, size.ctypes)
-
-    return repeat
+@kernel
+def _strain(value, number, inner, store, scratch, d, Q, lam, K, xi, calls):
+    for _ in range(calls):
+        strain.strain_condense(value, number, inner, store, scratch, d, Q, lam, K)
+        strain.strain_recover(value, number, inner, store, xi, 1e-12)
 
 
-def _without_scratch(condense: Any, recover: Any) -> Any:
-    """The same for entry points that take no scratch."""
+@kernel
+def _chain(value, number, inner, store, scratch, d, Q, lam, K, xi, calls):
+    for _ in range(calls):
+        corotational.condense(value, number, inner, store, d, Q, lam, K)
+        corotational.recover(value, number, inner, store, xi, 1e-12)
 
-    @kernel(cache=False)
-    def repeat(value, number, inner, store, scratch, d, Q, lam, K, out, size, xi, calls):
-        for _ in range(calls):
-            condense(
-                value.ctypes, number.ctypes, inner.ctypes, store.ctypes, d.ctypes, Q.ctypes, lam.ctypes, K.ctypes,
-                out.ctypes, size.ctypes,
-            )  # fmt: skip
-            recover(value.ctypes, number.ctypes, inner.ctypes, store.ctypes, xi.ctypes, 1e-12, size.ctypes)
 
-    return repeat
+@kernel
+def _planar(value, number, inner, store, scratch, d, Q, lam, K, xi, calls):
+    for _ in range(calls):
+        planar_leaf.condense(value, number, inner, store, d, Q, lam, K)
+        planar_leaf.recover(value, number, inner, store, xi, 1e-12)
 
 
 def _case(
-    kind: Any,
-    names: tuple[str, str],
-    value: np.ndarray,
-    number: np.ndarray,
-    inner: np.ndarray,
-    store: int,
-    scratch: int,
+    call: Any, value: np.ndarray, number: np.ndarray, inner: np.ndarray, store: int, scratch: int
 ) -> Callable[[], None]:
-    """`CALLS` iterations of one leaf, by the entry points of these names."""
-    compile_late(*names)
-    call = kind(*(getattr(entry, n) for n in names))
+    """`CALLS` iterations of one leaf."""
     number = np.array([*number, 0, 0, 0, 0][:4], np.int64)
     kept, room = np.zeros(store), np.zeros(scratch)
-    size = np.array([len(value), len(inner), store, 0, scratch], np.int64)
     d, Q = np.array([0.99 * LENGTH, 0.003, 1e-4]), np.eye(3)
-    K, xi = np.zeros((6, 6)), np.full(6, 1e-3)
-    lam, out = np.zeros(12), np.zeros(4)
+    K, xi, lam = np.zeros((6, 6)), np.full(6, 1e-3), np.zeros(12)
 
     def run() -> None:
-        call(value, number, inner, kept, room, d, Q, lam, K, out, size, xi, CALLS)
-        if out[3] != 0.0 or not np.isfinite(K).all():
+        call(value, number, inner, kept, room, d, Q, lam, K, xi, CALLS)
+        if not np.isfinite(K).all():
             raise RuntimeError("the leaf did not condense")
 
     return run
@@ -99,22 +80,13 @@ def _modes(orders: Sequence[int]) -> Callable[[], None]:
     value, number = _constants(orders)
     state, store = strain_sizes(number)
     inner = np.random.default_rng(1).normal(size=state)
-    names = "strain_condense", "strain_recover"
-    return _case(_with_scratch, names, value, number, inner, store, strain_scratch(number))
+    return _case(_strain, value, number, inner, store, strain_scratch(number))
 
 
 def _elements(count: int) -> Callable[[], None]:
     value, number = corotational_values.chain_values(SECTION, LENGTH, count), np.array([count, 1])
     inner = corotational_values.start_inner(value, number)
-    return _case(
-        _without_scratch,
-        ("chain_condense", "chain_recover"),
-        value,
-        number,
-        inner,
-        corotational_values.sizes(count).store,
-        1,
-    )
+    return _case(_chain, value, number, inner, corotational_values.sizes(count).store, 1)
 
 
 def _flat_modes(orders: Sequence[int]) -> Callable[[], None]:
@@ -122,8 +94,7 @@ def _flat_modes(orders: Sequence[int]) -> Callable[[], None]:
     value, number = _constants(orders)
     inner = np.random.default_rng(1).normal(size=strain_sizes(number)[0])
     value, number = planar_leaf.planar_values(value, number)
-    names = "planar_condense", "planar_recover"
-    return _case(_without_scratch, names, value, number, inner, planar_leaf.store_size(orders[2]), 1)
+    return _case(_planar, value, number, inner, planar_leaf.store_size(orders[2]), 1)
 
 
 def main(argv: Sequence[str] | None = None) -> dict[str, Any]:

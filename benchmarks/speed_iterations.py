@@ -13,11 +13,10 @@ from common import STROKE, chain, fourbar, times_of
 
 import ksd
 from ksd.model.arrays import Arrays, Motion, Work, make_work
-from ksd.model.system import assemble, take_step
+from ksd.model.newton import assemble, iterate, take_step
 from ksd.numerics.blocks import backward_blocks, factor_blocks, solve_blocks
 from ksd.solve.driving import CAP, RTOL
 from ksd.solve.five import GAP
-from ksd.solve.newton import iterate
 from ksd.solve.space_steps import KINEMATIC, space_steps
 
 TARGET = np.array([STROKE])
@@ -44,7 +43,7 @@ def systems() -> dict[str, System]:
         solver = ksd.prepare(fourbar(1), mesh=mesh)
         b = solver.bench
         # steps 1 and 2
-        space_steps(b.held, TARGET, KINEMATIC, 0, 0, RTOL, CAP, GAP, np.zeros((5, 5)))
+        space_steps(b.parts, TARGET, KINEMATIC, 0, 0, RTOL, CAP, GAP, np.zeros((5, 5)))
         arrays, reduced = b.model.arrays, b.bodies.reduced
         found[f"full, {name}"] = System(arrays, b.model.rest.copy(), b.full_work, (1, 4))
         found[f"reduced, {name}"] = System(reduced, b.reduced.copy(), b.reduced_work, (0, 2))

@@ -28,7 +28,6 @@ from ksd.beam.corotational_element import (
     C_AT,
     KEPT,
     L_AT,
-    N_AT,
     S_AT,
     T_AT,
     TAIL,
@@ -47,7 +46,6 @@ from ksd.beam.corotational_element import (
 )
 from ksd.beam.weight import PULL, eliminate_inner, finish_chain, load_inner, start_chain
 from ksd.numerics.kernel import kernel
-from ksd.numerics.local import local_matrix
 from ksd.numerics.rotations import rotation_factors
 
 
@@ -111,7 +109,7 @@ def condense(value, number, inner, store, d, Q, lam, K):
     """
     n = number[0]
     tail = store[KEPT * n : KEPT * n + TAIL]
-    R = local_matrix(3, 3)
+    R = np.empty((3, 3))
     end_rotation(value, n, Q, R)
     fix_start(tail)
     coupled, pulled = weight_from(n, store)
@@ -233,7 +231,7 @@ def energy(value, number, inner, d, Q):
     n = number[0]
     store = np.empty(KEPT + TAIL)
     s, tail = store[:KEPT], store[KEPT:]
-    R = local_matrix(3, 3)
+    R = np.empty((3, 3))
     end_rotation(value, n, Q, R)
     fix_start(tail)
     total = 0.0
@@ -244,30 +242,3 @@ def energy(value, number, inner, d, Q):
         for i in range(6):
             total += 0.5 * tail[S_AT + i] * s[i]
     return total
-
-
-@kernel
-def section_forces(value, number, inner, d, Q, out):
-    """Section forces out (n, 2, 6): N, Vy, Vz [N], T, My, Mz [Nm] at ends p and q of each element.
-
-    Element axes: x along the chord, y and z of the nodes; positive on the section whose outward normal is +x.
-    The shear forces are those of moment balance over the deformed chord.
-    """
-    n = number[0]
-    store = np.empty(KEPT + TAIL)
-    s, tail = store[:KEPT], store[KEPT:]
-    R = local_matrix(3, 3)
-    end_rotation(value, n, Q, R)
-    fix_start(tail)
-    for k in range(n):
-        v = value[16 * k : 16 * k + 16]
-        load_node(tail, inner, k if k < n - 1 else -1, d, R)
-        _measure(v, s, tail)
-        ratio = v[0] / tail[N_AT]
-        for e in range(2):
-            out[k, e, 0] = tail[S_AT]
-            out[k, e, 1] = ratio * (tail[S_AT + 4] - tail[S_AT + 5])
-            out[k, e, 2] = ratio * (tail[S_AT + 3] - tail[S_AT + 2])
-            out[k, e, 3] = v[0] * tail[S_AT + 1]
-            out[k, e, 4] = v[0] * tail[S_AT + 2 + e]
-            out[k, e, 5] = v[0] * tail[S_AT + 4 + e]

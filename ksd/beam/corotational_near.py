@@ -7,6 +7,8 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+
 from ksd.beam.corotational import end_rotation, finish, weight_from
 from ksd.beam.corotational_element import (
     A_AT,
@@ -27,7 +29,6 @@ from ksd.beam.corotational_element import (
 )
 from ksd.beam.weight import eliminate_inner, finish_chain, load_inner, start_chain
 from ksd.numerics.kernel import kernel
-from ksd.numerics.local import local_matrix, local_vector
 from ksd.numerics.rotations import rotation_exp, rotation_log_below
 
 
@@ -44,7 +45,7 @@ def _direction(v, s, tail, H):
 @kernel
 def _flexible_strains(v, s, tail, H):
     """e = D times the flexible displacement (3.6): node rotations from H, gap L - L0 n_l."""
-    R, turn, move = local_matrix(3, 3), local_vector(3), local_vector(12)
+    R, turn, move = np.empty((3, 3)), np.empty(3), np.empty(12)
     for e in range(2):
         for i in range(3):
             move[6 * e + i] = tail[12 * e + i]
@@ -73,7 +74,7 @@ def _place_nodes(value, n, inner, store, near, d, H):
 
     Element orientations are kept where the element's block A will be.
     """
-    x = local_vector(3)
+    x = np.empty(3)
     for i in range(3):
         x[i] = 0.0
     for k in range(n):
@@ -105,7 +106,7 @@ def near_condense(value, number, inner, store, near, d, Q, lam, K):
     """
     n = number[0]
     tail = store[KEPT * n : KEPT * n + TAIL]
-    R, H, rest = local_matrix(3, 3), local_matrix(3, 3), local_vector(6)
+    R, H, rest = np.empty((3, 3)), np.empty((3, 3)), np.empty(6)
     for i in range(6):
         rest[i] = 0.0
     _place_nodes(value, n, inner, store, near, d, H)

@@ -6,8 +6,9 @@ stiffness. Paper 1, eq. 2.4, written in the frame of interface A so that it is o
 
 from __future__ import annotations
 
+import numpy as np
+
 from ksd.numerics.kernel import kernel
-from ksd.numerics.local import local_matrix, local_vector
 from ksd.numerics.rotations import log_tangent, rotation_log
 
 LINEAR_INNER = 54
@@ -20,8 +21,8 @@ def linear_condense(inner, d, Q, lam, K):
     The moment is T^T f_r with T the tangent of the logarithm; K carries its second derivative
     (f x^T + x f^T - 2 f.x I)/12. Returns as every member: no negative pivots, no inner residual, status 0.
     """
-    xi = local_vector(6)
-    turned = local_matrix(3, 3)
+    xi = np.empty(6)
+    turned = np.empty((3, 3))
     for i in range(3):
         xi[i] = d[i] - inner[i]
         for j in range(3):
@@ -29,9 +30,9 @@ def linear_condense(inner, d, Q, lam, K):
                 Q[i, 0] * inner[3 + 3 * j] + Q[i, 1] * inner[4 + 3 * j] + Q[i, 2] * inner[5 + 3 * j]
             )
     rotation_log(turned, xi[3:])
-    T = local_matrix(3, 3)
+    T = np.empty((3, 3))
     log_tangent(xi[3:], T)
-    f = local_vector(6)
+    f = np.empty(6)
     for i in range(6):
         s = inner[12 + i]
         for j in range(6):
@@ -39,7 +40,7 @@ def linear_condense(inner, d, Q, lam, K):
         f[i] = s
     dot = f[3] * xi[3] + f[4] * xi[4] + f[5] * xi[5]
     # columns 3..5 of K in the chart of xi, times T
-    M = local_matrix(6, 3)
+    M = np.empty((6, 3))
     for i in range(6):
         a, b, c = inner[21 + 6 * i], inner[22 + 6 * i], inner[23 + 6 * i]
         for j in range(3):

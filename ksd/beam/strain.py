@@ -28,7 +28,6 @@ import numpy as np
 from ksd.beam.strain_gap import gap_second, gap_turn
 from ksd.beam.weight import PULL
 from ksd.numerics.kernel import kernel
-from ksd.numerics.local import local_matrix, local_vector
 from ksd.numerics.rotations import rotation_log, tangent_factors
 
 TINY_PIVOT = 1e-15
@@ -81,7 +80,7 @@ class Fields(NamedTuple):
     M: np.ndarray
 
 
-@kernel
+@kernel(inline="always")
 def constants_of(value, number):
     """`Constants` over the flat array."""
     nx, ny, nz, ng = number[0], number[1], number[2], number[3]
@@ -105,7 +104,7 @@ def constants_of(value, number):
     )
 
 
-@kernel
+@kernel(inline="always")
 def fields_of(number, scratch):
     """`Fields` over `strain_values.strain_scratch` numbers or more."""
     N, ng = number[0] + number[1] + number[2], number[3]
@@ -236,7 +235,7 @@ def _slopes(length, number, n, pull, c, f):
                     f.eta[r, i] += w * c.beyond[g] * slope[r, i]
 
 
-@kernel
+@kernel(inline="always")
 def _fields(value, number, inner, pull, c, f):
     """See `strain_fields`."""
     N = number[0] + number[1] + number[2]
@@ -391,7 +390,7 @@ def _substitute(W, Y):
 def _invert6(F, K):
     """K (6, 6) = F^-1 for symmetric F (6, 6) by sweeping pivot after pivot; returns (negative pivots, ok)."""
     negatives = 0
-    row = local_vector(6)
+    row = np.empty(6)
     for i in range(6):
         for j in range(6):
             K[i, j] = F[i, j]
@@ -425,7 +424,7 @@ def _follow_gravity(length, number, pull, c, f, K, step, X):
     first moment int M v is predicted with the step of the wrench, step = K (c + J W^-1 g).
     """
     N, ng = number[0] + number[1] + number[2], number[3]
-    Z, G = local_matrix(6, 3), local_matrix(3, 3)
+    Z, G = np.empty((6, 3)), np.empty((3, 3))
     for e in range(3):
         pull[3 + e] = 0.0
         for r in range(3):
@@ -489,7 +488,7 @@ def strain_condense(value, number, inner, store, scratch, d, Q, lam, K):
         f.Y[i, 6] = f.g[i]
     negatives, status = _solve_modes(f.W, f.Y, f.g)
     # F = J W^-1 J^T + L sum w S (force block);  gap = closure + J W^-1 g
-    F, turned, twist = local_matrix(6, 6), local_matrix(3, 3), local_vector(3)
+    F, turned, twist = np.empty((6, 6)), np.empty((3, 3)), np.empty(3)
     end = f.R[-1]
     for i in range(3):
         for j in range(3):
@@ -527,7 +526,7 @@ def strain_condense(value, number, inner, store, scratch, d, Q, lam, K):
     if not fine:
         status = 2
     dn, dm = 0.0, 0.0
-    change = local_vector(6)
+    change = np.empty(6)
     for r in range(6):
         s = 0.0
         for e in range(6):
@@ -558,7 +557,7 @@ def strain_recover(value, number, inner, store, xi, scale):
     gap = tail + 36
     heavy = len(store) > tail + 42
     o = len(store) - PULL
-    step = local_vector(6)
+    step = np.empty(6)
     for r in range(6):
         s = 0.0
         for e in range(6):

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+
 from ksd.numerics.kernel import kernel
-from ksd.numerics.local import local_matrix, local_vector
 from ksd.numerics.rotations import rotation_exp
 
 
@@ -17,7 +18,7 @@ def walk(kappa, soft, force, step, start, R, v):
     stretch and shear compliance, force (k, m+1, 3) [N], at the ends of the steps; start (k, 3, 3): R before the first.
     Magnus steps of fourth order; r' = R (e1 + C R^T n).
     """
-    turn, twist, local = local_vector(3), local_matrix(3, 3), local_vector(3)
+    turn, twist, local = np.empty(3), np.empty((3, 3)), np.empty(3)
     steps = kappa.shape[1] // 2
     for leaf in range(len(kappa)):
         h = step[leaf]

@@ -11,25 +11,24 @@ motion of both nodes and that rotation.
 
 from __future__ import annotations
 
+import numpy as np
+
 from ksd.beam.weight import PULL
-from ksd.numerics.kernel import carray, kernel, late
-from ksd.numerics.local import local_matrix, local_vector
-
-_P = "CPointer(float64)"
+from ksd.numerics.kernel import kernel
 
 
-@late(f"void({_P}, {_P}, float64, {_P}, int64)")
-def pull_member(pose, weight, factor, store, size):
+@kernel
+def pull_member(pose, weight, factor, store):
     """Gravity, weight (4,) = mass and acceleration, times `factor` into the pull of a leaf, in its frame p."""
-    o = size - PULL
+    o = len(store) - PULL
     for r in range(3):
         store[o + r] = factor * (pose[r] * weight[1] + pose[3 + r] * weight[2] + pose[6 + r] * weight[3])
 
 
-@late(f"void({_P}, {_P}, {_P}, int64)")
-def turn_pull(pose, move, store, size):
+@kernel
+def turn_pull(pose, move, store):
     """Change of gravity in frame p when node a turns by move[3:6] (rad), into the pull, for `recover`."""
-    o = size - PULL
+    o = len(store) - PULL
     x = pose[0] * move[3] + pose[3] * move[4] + pose[6] * move[5]
     y = pose[1] * move[3] + pose[4] * move[4] + pose[7] * move[5]
     z = pose[2] * move[3] + pose[5] * move[4] + pose[8] * move[5]
@@ -40,7 +39,7 @@ def turn_pull(pose, move, store, size):
 @kernel
 def _swung(pose, pull, at, g, U):
     """U (3, 3) = Rp B Rp^T [g]x, B row-major in the pull from `at`, g global."""
-    T = local_matrix(3, 3)
+    T = np.empty((3, 3))
     for i in range(3):
         for j in range(3):
             T[i, j] = (
@@ -57,10 +56,12 @@ def _swung(pose, pull, at, g, U):
 
 
 @kernel
-def _add_weight(pose, pull, mass, T, force):
-    """Add the terms of the module docstring to T (12, 12) and force (12,) of one member; its pull is as condensed."""
-    U, M = local_matrix(3, 3), local_matrix(3, 3)
-    g, P, O, column = local_vector(3), local_vector(3), local_vector(3), local_vector(12)
+def weigh_member(pose, store, mass, T, force):
+    """Add the weight of a leaf of `mass` [kg], as condensed, to its tangent T (12, 12) and forces (12,) on both nodes: the
+    terms of the module docstring."""
+    pull = store[len(store) - PULL :]
+    U, M = np.empty((3, 3)), np.empty((3, 3))
+    g, P, O, column = np.empty(3), np.empty(3), np.empty(3), np.empty(12)
     for r in range(3):
         a, b, c = pose[3 * r], pose[3 * r + 1], pose[3 * r + 2]
         g[r] = a * pull[0] + b * pull[1] + c * pull[2]
@@ -92,10 +93,3 @@ def _add_weight(pose, pull, mass, T, force):
         for r in range(12):
             T[r, 3 + c] += column[r]
             T[3 + c, r] += column[r]
-
-
-@late(f"void({_P}, {_P}, int64, float64, {_P}, {_P})")
-def weigh_member(pose, store, size, mass, T, force):
-    """Weight of a leaf of `mass` [kg] into its tangent T (12, 12) and forces (12,) on both nodes."""
-    pull = carray(store, (size,))[size - PULL :]
-    _add_weight(carray(pose, (18,)), pull, mass, carray(T, (12, 12)), carray(force, (12,)))

@@ -269,7 +269,7 @@ class Layout:
                 if a > 0 and template.heavy[template.leaf[own_members]].any():
                     load[j] = len(loads)
                     loads.append((a, False, False))
-        hung = Hung(template.part[:held].astype(np.int64), load, np.array([held, joints]))
+        hung = Hung(template.part[:held].astype(np.int64), load)
         self.hung = hung if weigh else NOTHING_HUNG
         springs = template.spring_shapes
         self.reduced = skeleton(links, [*own, *free], words.rows, loads, springs)

@@ -14,9 +14,8 @@ import numpy as np
 
 from ksd.bodies.series import joint_places
 from ksd.bodies.slopes import term_slope
-from ksd.model.arrays import TRANSLATION
+from ksd.model.arrays import TRANSLATION, Arrays, Motion
 from ksd.numerics.kernel import kernel
-from ksd.numerics.local import local_matrix, local_vector
 from ksd.numerics.rotations import rotation_log
 
 
@@ -69,8 +68,8 @@ def _hang(loops, place, j, forward, x, R, W, reach):
     """Pose of the link beyond tree joint j and its twist columns W (node, motion, 6), from the link before it; motions from
     reach[0] (node) on do not move a link, reach[1] is the one before it."""
     a, b = loops.node[j, 0], loops.node[j, 1]
-    RA, RB, rel = local_matrix(3, 3), local_matrix(3, 3), local_matrix(3, 3)
-    pA, pB = local_vector(3), local_vector(3)
+    RA, RB, rel = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))
+    pA, pB = np.empty(3), np.empty(3)
     for r in range(3):
         for c in range(3):
             rel[r, c] = place[j, 3 * r + c]
@@ -144,9 +143,9 @@ def loop_equations(terms, size, loops, theta, target, x, R, place, series, reach
     reach[0, :], reach[1, :] = 0, -1
     for t in range(len(loops.tree)):
         _hang(loops, place, loops.tree[t, 0], loops.tree[t, 1], x, R, W, reach)
-    RA, RB, want, rel = local_matrix(3, 3), local_matrix(3, 3), local_matrix(3, 3), local_matrix(3, 3)
-    pA, pB, pW, turned = local_vector(3), local_vector(3), local_vector(3), local_vector(3)
-    own = local_vector(6)
+    RA, RB, want, rel = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))
+    pA, pB, pW, turned = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
+    own = np.empty(6)
     for c in range(len(loops.closing)):
         j = loops.closing[c]
         a, b = loops.node[j, 0], loops.node[j, 1]
@@ -209,7 +208,7 @@ def row_columns(terms, reach, i):
 @kernel
 def _constraint_equations(terms, size, target, x, R, reach, W, J, residual, row):
     """One equation per drive or support: sum of terms minus target, with its derivative along the twist columns."""
-    gradient, scratch = local_vector(12), local_vector(9)
+    gradient, scratch = np.empty(12), np.empty(9)
     for i in range(len(terms.start)):
         rotations = 0
         residual[row + i] = -target[i]
@@ -301,26 +300,32 @@ def least_squares(J, residual, step, room):
     return worst
 
 
-@kernel
-def close_loops(arrays, loops, theta, target, motion, place, most):
+def close_loops(
+    arrays: Arrays,
+    loops: Loops,
+    theta: np.ndarray,
+    target: np.ndarray,
+    motion: Motion,
+    place: np.ndarray,
+    most: int,
+) -> tuple[int, int, float, float]:
     """Solve step 1 in place. Returns (reason 0 closed / 1 too many / 3 singular, iterations, gap left [m], pivot).
 
     A step of theta is limited to 0.5 (rad, or stroke over joint length); converged when it falls below 1e-6, which leaves
     the square of that.
     """
-    rows, motions = 6 * len(loops.closing) + len(arrays.terms.start), len(theta)
-    W, series = np.zeros((len(motion.x), motions, 6)), np.empty((3, loops.pose.shape[2]))
-    J, residual, step = np.zeros((rows, motions)), np.zeros(rows), np.zeros(motions)
-    room, reach = room_for(rows, motions), np.empty((2, len(motion.x)), np.int64)
-    return _close(
-        arrays, loops, theta, target, motion, place, most, series, reach, W, J, residual, step, room
+    found: tuple[int, int, float, float] = _close(
+        arrays.terms, float(arrays.flat.floats[0]), loops, theta, target, motion.x, motion.R, place, most
     )
+    return found
 
 
 @kernel
-def _close(arrays, loops, theta, target, motion, place, most, series, reach, W, J, residual, step, room):
-    """`close_loops` in given storage."""
-    terms, size, x, R = arrays.terms, arrays.size, motion.x, motion.R
+def _close(terms, size, loops, theta, target, x, R, place, most):
+    rows, motions = 6 * len(loops.closing) + len(terms.start), len(theta)
+    W, series = np.zeros((len(x), motions, 6)), np.empty((3, loops.pose.shape[2]))
+    J, residual, step = np.zeros((rows, motions)), np.zeros(rows), np.zeros(motions)
+    room, reach = room_for(rows, motions), np.empty((2, len(x)), np.int64)
     pivot, gap = 1.0, 0.0
     for n in range(most):
         loop_equations(terms, size, loops, theta, target, x, R, place, series, reach, W, J, residual)

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ksd.beam.linear import LINEAR_INNER
-from ksd.model.arrays import LINEAR, Arrays, Motion
+from ksd.model.arrays import LINEAR, Arrays, Motion, flatten, opened
 from ksd.model.compile import Model, constraint_rows, external_loads
 from ksd.model.drawing import elastic_parts
 from ksd.model.pack import Assembly, Member, pack
@@ -74,7 +74,8 @@ def alone(model: Model, i: int) -> tuple[Arrays, Motion]:
     made = _member(model, i, dict.fromkeys(range(len(model.node_names)), 0))
     arrays, rest = pack(Assembly(np.zeros((1, 3)), [made]))
     arrays.members.offset[:], arrays.members.frame[:] = 0.0, np.eye(3)
-    return arrays, rest
+    # end q is moved in place
+    return opened(flatten(arrays)), rest
 
 
 def _linear(linear: Arrays, j: int, name: str) -> Member:

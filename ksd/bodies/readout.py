@@ -10,7 +10,6 @@ from ksd.bodies.kinematics import _axes_turned, least_squares, loop_equations, r
 from ksd.bodies.series import joint_places
 from ksd.model.arrays import TRANSLATION
 from ksd.numerics.kernel import kernel
-from ksd.numerics.local import local_matrix, local_vector
 from ksd.numerics.rotations import rotation_log
 
 MATCHES = 1e-9
@@ -26,8 +25,8 @@ def intended_motions(loops, relative, theta, place, series, off, found):
     vector of B off its intended pose. found (J,): 1 where the corrections died out, 0 where theta means nothing. series
     (3, M): scratch.
     """
-    rel, is_at, should = local_matrix(3, 3), local_matrix(3, 3), local_matrix(3, 3)
-    v, A, b, step = local_vector(3), local_matrix(2, 2), local_vector(2), local_vector(2)
+    rel, is_at, should = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))
+    v, A, b, step = np.empty(3), np.empty((2, 2)), np.empty(2), np.empty(2)
     J = len(loops.node)
     found[:] = 0
     for _ in range(40):
@@ -122,7 +121,7 @@ def drive_forces(arrays, loops, theta, target, motion, place, wrench, mu):
             for r in range(6):
                 Q[q] += wrench[54 * j + 12 + r] * place[j, at + r]
     loads = arrays.loads
-    arm, force, moment = local_vector(3), local_vector(3), local_vector(3)
+    arm, force, moment = np.empty(3), np.empty(3), np.empty(3)
     for i in range(len(loads.node)):
         node = loads.node[i]
         for r in range(3):

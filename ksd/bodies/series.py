@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+
 from ksd.numerics.kernel import kernel
-from ksd.numerics.local import local_matrix, local_vector
 from ksd.numerics.rotations import exp_tangent, rotation_exp
 
 POWERS = 24
@@ -26,7 +27,7 @@ def monomials(loops, theta, j, value, slope):
     b = theta[first + 1] if loops.first[j + 1] - first > 1 else 0.0
     at = loops.power_first[j]
     count = loops.power_first[j + 1] - at
-    A, B = local_vector(POWERS), local_vector(POWERS)
+    A, B = np.empty(POWERS), np.empty(POWERS)
     A[0], B[0] = 1.0, 1.0
     for k in range(POWERS - 1):
         A[k + 1], B[k + 1] = A[k] * a, B[k] * b
@@ -65,7 +66,7 @@ def pose_from(coefficient, length, value, slope, count, motions, place):
 
     place[0:9] rotation exp(omega), place[9:12] d = L exp(omega/2) c, then per motion (dd, dphi), six each.
     """
-    f, g = local_vector(6), local_matrix(2, 6)
+    f, g = np.empty(6), np.empty((2, 6))
     for r in range(6):
         f[r], g[0, r], g[1, r] = 0.0, 0.0, 0.0
         for i in range(count):
@@ -74,8 +75,8 @@ def pose_from(coefficient, length, value, slope, count, motions, place):
             g[1, r] += coefficient[r, i] * slope[1, i]
     if f[0] == 0.0 and f[1] == 0.0 and f[5] == 0.0 and _in_plane(f, g, length, motions, place):
         return
-    R, H, T, S = local_matrix(3, 3), local_matrix(3, 3), local_matrix(3, 3), local_matrix(3, 3)
-    half, spin = local_vector(3), local_vector(3)
+    R, H, T, S = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))
+    half, spin = np.empty(3), np.empty(3)
     for r in range(3):
         half[r] = 0.5 * f[r]
     rotation_exp(f, R)

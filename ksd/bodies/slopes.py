@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+
 from ksd.model.arrays import TRANSLATION
 from ksd.numerics.kernel import kernel
-from ksd.numerics.local import local_matrix
 from ksd.numerics.rotations import rotation_log
 
 
@@ -40,7 +41,7 @@ def term_slope(terms, x, R, t, gradient, scratch):
             gradient[6 + r] = u[r]
             gradient[9 + r] = q[j] * u[k] - q[k] * u[j]
         return value
-    rel = local_matrix(3, 3)
+    rel = np.empty((3, 3))
     for i in range(3):
         for j in range(3):
             rel[i, j] = R[b, i, 0] * R[a, j, 0] + R[b, i, 1] * R[a, j, 1] + R[b, i, 2] * R[a, j, 2]

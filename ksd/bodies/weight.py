@@ -12,62 +12,57 @@ from typing import NamedTuple
 import numpy as np
 
 from ksd.beam.weight import PULL
-from ksd.numerics.kernel import late
-
-_P = "CPointer(float64)"
-_I = "CPointer(int64)"
-JOINT_ENTRIES = ("turn_gravity", "hang_joints")
+from ksd.numerics.kernel import kernel
 
 
 class Hung(NamedTuple):
     """owner (m,): joint of every member of the bench; load (J,): the load of the reduced mechanism that stands for the
-    weight of a joint, -1 where A is on ground; size (2,): m, J. All empty without weight."""
+    weight of a joint, -1 where A is on ground. Both empty without weight."""
 
     owner: np.ndarray
     load: np.ndarray
-    size: np.ndarray
 
 
-NOTHING_HUNG = Hung(np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros(2, np.int64))
+NOTHING_HUNG = Hung(np.zeros(0, np.int64), np.zeros(0, np.int64))
 
 
-@late(f"void({_I}, {_I}, {_I}, {_P}, {_P}, {_P}, {_P})")
-def turn_gravity(size, owner, node, R, frame, given, weight):
+@kernel
+def turn_gravity(owner, node, R, frame, given, weight):
     """Gravity of the bench members `given` (m, 4), global, into `weight` (m, 4), in the axes of A of their joint.
 
     node (J, 2): links of the joints, R (k, 3, 3): their rotations, frame (J, 3, 3): joint axes at rest.
     """
-    for i in range(size[0]):
-        a, F, o = node[2 * owner[i]], 9 * owner[i], 4 * i + 1
+    for i in range(len(owner)):
+        turned, F = R[node[owner[i], 0]], frame[owner[i]]
         for r in range(3):
-            weight[o + r] = 0.0
+            weight[i, 1 + r] = 0.0
             for c in range(3):
                 along = 0.0
                 for k in range(3):
-                    along += R[9 * a + 3 * c + k] * frame[F + 3 * k + r]
-                weight[o + r] += along * given[o + c]
+                    along += turned[c, k] * F[k, r]
+                weight[i, 1 + r] += along * given[i, 1 + c]
 
 
-@late(f"void({_I}, {_I}, {_I}, {_I}, {_I}, {_P}, {_P}, {_P}, {_P}, {_P}, {_P}, {_P})")
-def hang_joints(size, owner, load, node, store_at, x, pose, store, weight, anchor, frame, point):
+@kernel
+def hang_joints(owner, load, node, store_at, x, pose, store, weight, anchor, frame, point):
     """Centres of mass of the joints, bench as condensed, into the points (l, 3) of their loads, axes of link A.
 
     node (m, 2), store_at (m + 1,): of the bench members; x (k, 3): bench nodes; anchor (J, 2, 3), frame (J, 3, 3).
     """
-    total = np.zeros((size[1], 4))
-    for i in range(size[0]):
-        if weight[4 * i] > 0.0:
-            j, mass, p, o = owner[i], weight[4 * i], 18 * i, store_at[i + 1] - PULL
+    total = np.zeros((len(load), 4))
+    for i in range(len(owner)):
+        if weight[i, 0] > 0.0:
+            j, mass, p, o = owner[i], weight[i, 0], pose[i], store_at[i + 1] - PULL
             total[j, 0] += mass
             for r in range(3):
-                start = x[3 * node[2 * i] + r] + pose[p + 9 + r] - pose[p + 15 + r]
+                start = x[node[i, 0], r] + p[9 + r] - p[15 + r]
                 total[j, 1 + r] += mass * start
                 for c in range(3):
-                    total[j, 1 + r] += pose[p + 3 * r + c] * store[o + 3 + c]
-    for j in range(size[1]):
+                    total[j, 1 + r] += p[3 * r + c] * store[o + 3 + c]
+    for j in range(len(load)):
         if load[j] >= 0:
             for r in range(3):
-                s = anchor[6 * j + r]
+                s = anchor[j, 0, r]
                 for c in range(3):
-                    s += frame[9 * j + 3 * r + c] * total[j, 1 + c] / total[j, 0]
-                point[3 * load[j] + r] = s
+                    s += frame[j, r, c] * total[j, 1 + c] / total[j, 0]
+                point[load[j], r] = s

@@ -1,8 +1,8 @@
 """`ksd.batch`: forces and poses of very many configurations and designs by the fast methods, in threads.
 
-What `ksd.sweep` answers with every question, this does with numbers alone: one compiled call for all poses of a design, the
-interpreter released, designs in parallel threads; designs that differ in numbers only take over each other's storage
-(`ksd.design.refill`). Nothing fails silently: every configuration has a status.
+What `ksd.sweep` answers with every question, this does with numbers alone, designs in parallel threads or processes;
+designs that differ in numbers only take over each other's storage (`ksd.design.refill`). Nothing fails silently: every
+configuration has a status.
 """
 
 from __future__ import annotations

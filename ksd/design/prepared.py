@@ -1,4 +1,4 @@
-"""One design prepared for batches: all its poses in one compiled call."""
+"""One design prepared for batches of poses."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 from ksd.errors import SceneError
 from ksd.solve.driving import CAP, RTOL
 from ksd.solve.five import FiveSteps
-from ksd.solve.many import space_many, tabulated_many
+from ksd.solve.many import Poses, space_many, tabulated_many
 from ksd.solve.solver import Solver
 from ksd.solve.space_steps import KINEMATIC, REDUCED
 from ksd.solve.tables import joint_tables
@@ -46,7 +46,7 @@ class Prepared:
         self.method, self.passes = method, passes
         if method == KINEMATIC:
             self.five.insist_on_motions()
-        self.tables = joint_tables(self.five.bench.held, self.five.bench.bodies) if tabulated else None
+        self.tables = joint_tables(self.five.bench.parts, self.five.bench.bodies) if tabulated else None
         b = self.five.bench
         limits = np.column_stack([b.lowest, b.highest])
         self._limits = limits + (np.array([-np.inf, np.inf]) if solver.extrapolate else 0.0)
@@ -71,13 +71,13 @@ class Prepared:
         links = len(model.scene.links)
         motion, status = np.zeros((count, len(b.theta))), np.zeros(count, np.int64)
         force, x, R = np.zeros((count, rows)), np.zeros((count, links, 3)), np.zeros((count, links, 3, 3))
-        put = (force, x, R, motion, status)
+        put = Poses(force, x, R, motion, status)
         if self.tables is None:
-            space_many(b.held, targets, rows, self.method, self.passes, _ways(self.five), self._limits, *put)
+            space_many(b.parts, targets, rows, self.method, self.passes, _ways(self.five), self._limits, put)
         else:
             t = self.tables
             limits = np.column_stack([self._limits, t.limits])
-            tabulated_many(b.held, t.cubic, t.which, targets, rows, _ways(self.five), limits, *put)
+            tabulated_many(b.parts, t.cubic, t.which, targets, rows, _ways(self.five), limits, put)
         names = (model.scene.links, model.drive_names, b.bodies.motion_names)
         return Found(
             *names, force, x, R, motion * scale, status, self.tables.error if self.tables else np.nan
@@ -85,5 +85,5 @@ class Prepared:
 
 
 def _ways(five: FiveSteps) -> np.ndarray:
-    """Tolerances of the compiled steps: residual, turn per iteration, gap of the loops."""
+    """Tolerances of the steps: residual, turn per iteration, gap of the loops."""
     return np.array([RTOL, CAP, five.gap])

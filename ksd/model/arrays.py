@@ -6,25 +6,15 @@ from the link's reference point. Lengths m, forces N, moments Nm, angles rad.
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from collections.abc import Iterator
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from ksd.numerics.blocks import Blocks
-from ksd.numerics.kernel import compile_late
 
 STRAIN, COROTATIONAL, LINEAR, COIL, TURN, MODAL, SOLID, PLANAR = 0, 1, 2, 3, 4, 5, 6, 7
 TRANSLATION, ROTATION = 0, 1
-ENTRIES = {
-    STRAIN: ("strain_condense", "strain_recover"),
-    COROTATIONAL: ("chain_condense", "chain_recover"),
-    MODAL: ("modal_condense", "modal_recover"),
-    SOLID: ("polynomial_condense", "modal_recover"),
-    PLANAR: ("planar_condense", "planar_recover"),
-}
-"""Entry points of `ksd.beam.entry`, compiled only where a model has members of the kind."""
-WEIGHT_ENTRIES = ("pull_member", "weigh_member", "turn_pull")
-"""Entry points of `ksd.beam.weight_entry`, compiled only where a model has members with weight."""
 
 
 class Members(NamedTuple):
@@ -86,7 +76,7 @@ class Loads(NamedTuple):
     block: np.ndarray
 
 
-class Arrays(NamedTuple):
+class Fields(NamedTuple):
     """One mechanism as numbers. start (k,): first unknown of each node, -1 when fixed; size: length scale [m].
 
     springs: what resists without inner unknowns, packed as members: kind COIL with value (stiffness [N/m], free length
@@ -107,6 +97,111 @@ class Arrays(NamedTuple):
     scratch: int
     weight: np.ndarray
     keep: np.ndarray
+
+
+class Arrays(Fields):
+    """`Fields` as Python holds them. flat: all of them as compiled code takes them, see `Flat`."""
+
+    flat: Flat
+
+    def __getattr__(self, name: str) -> Any:
+        # made when first asked for; fields that were replaced since make another one
+        if name != "flat":
+            raise AttributeError(name)
+        self.flat = flatten(self)
+        return self.flat
+
+    def __reduce__(self) -> Any:
+        return opened, (self.flat,)
+
+
+class Flat(NamedTuple):
+    """`Arrays` in two: ints = scratch, values, unknowns, then where every field of whole numbers begins and the last one
+    ends, the same of numbers, and the fields of whole numbers one after the other; floats = size and the other fields.
+    leafs_alone: whether all members are strain-mode leafs or linear, without weight."""
+
+    ints: np.ndarray
+    floats: np.ndarray
+    leafs_alone: bool
+
+
+INT_FIELDS, FLOAT_FIELDS, FIRST = 40, 17, 3
+"""Fields of whole numbers, of numbers, and where the places of the former begin."""
+
+
+def _leaves(part: Any) -> Iterator[np.ndarray]:
+    for field in part:
+        if isinstance(field, np.ndarray):
+            yield field
+        elif isinstance(field, tuple):
+            yield from _leaves(field)
+
+
+def flatten(arrays: Fields) -> Flat:
+    """A copy of the fields, one after the other."""
+    ints: list[np.ndarray] = []
+    floats: list[np.ndarray] = []
+    for leaf in _leaves(arrays):
+        (ints if leaf.dtype == np.int64 else floats).append(leaf.reshape(-1))
+    assert (len(ints), len(floats)) == (INT_FIELDS, FLOAT_FIELDS)
+    head = FIRST + INT_FIELDS + FLOAT_FIELDS + 2
+    places = [
+        head,
+        *(head + np.cumsum([len(a) for a in ints])),
+        1,
+        *(1 + np.cumsum([len(a) for a in floats])),
+    ]
+    scalars = [arrays.scratch, arrays.plan.values, arrays.plan.unknowns]
+    return Flat(
+        np.concatenate([np.array(scalars + places, np.int64), *ints]),
+        np.concatenate([np.array([arrays.size]), *floats]),
+        not len(arrays.weight) and bool(np.isin(arrays.members.kind, (STRAIN, PLANAR, LINEAR)).all()),
+    )
+
+
+def open_fields(ints, floats):  # type: ignore[no-untyped-def]
+    """The fields as views of `Flat`; also compiled, in `ksd.model.newton`."""
+    i, f = ints[FIRST:], ints[FIRST + INT_FIELDS + 1 :]
+    plan = Blocks(
+        ints[i[0] : i[1]], ints[i[1] : i[2]], ints[i[2] : i[3]], ints[i[3] : i[4]], ints[i[4] : i[5]],
+        ints[i[5] : i[6]], ints[i[6] : i[7]], ints[i[7] : i[8]], ints[i[8] : i[9]], ints[i[9] : i[10]],
+        ints[i[10] : i[11]], ints[i[11] : i[12]], ints[i[12] : i[13]], ints[i[13] : i[14]],
+        ints[1],
+        ints[2],
+    )  # fmt: skip
+    start = ints[i[14] : i[15]]
+    members = Members(
+        ints[i[15] : i[16]], ints[i[16] : i[17]].reshape(-1, 2), floats[f[0] : f[1]].reshape(-1, 2, 3),
+        floats[f[1] : f[2]].reshape(-1, 2, 3, 3), ints[i[17] : i[18]].reshape(-1, 4), ints[i[18] : i[19]],
+        floats[f[2] : f[3]], ints[i[19] : i[20]], ints[i[20] : i[21]], floats[f[3] : f[4]], floats[f[4] : f[5]],
+        ints[i[21] : i[22]].reshape(-1, 4),
+    )  # fmt: skip
+    terms = Terms(
+        ints[i[22] : i[23]], ints[i[23] : i[24]], floats[f[5] : f[6]], ints[i[24] : i[25]],
+        ints[i[25] : i[26]].reshape(-1, 2), floats[f[6] : f[7]].reshape(-1, 3),
+        floats[f[7] : f[8]].reshape(-1, 2, 3), ints[i[26] : i[27]].reshape(-1, 5), ints[i[27] : i[28]],
+    )  # fmt: skip
+    loads = Loads(
+        ints[i[28] : i[29]], floats[f[8] : f[9]].reshape(-1, 3), floats[f[9] : f[10]].reshape(-1, 3),
+        floats[f[10] : f[11]].reshape(-1, 3), ints[i[29] : i[30]], ints[i[30] : i[31]], ints[i[31] : i[32]],
+    )  # fmt: skip
+    springs = Members(
+        ints[i[32] : i[33]], ints[i[33] : i[34]].reshape(-1, 2), floats[f[11] : f[12]].reshape(-1, 2, 3),
+        floats[f[12] : f[13]].reshape(-1, 2, 3, 3), ints[i[34] : i[35]].reshape(-1, 4), ints[i[35] : i[36]],
+        floats[f[13] : f[14]], ints[i[36] : i[37]], ints[i[37] : i[38]], floats[f[14] : f[15]],
+        floats[f[15] : f[16]], ints[i[38] : i[39]].reshape(-1, 4),
+    )  # fmt: skip
+    weight, keep = floats[f[16] : f[17]].reshape(-1, 4), ints[i[39] : i[40]]
+    return Fields(plan, start, members, terms, loads, floats[0], springs, ints[0], weight, keep)
+
+
+def opened(flat: Flat) -> Arrays:
+    """Arrays whose fields are views of `flat`: what is written into them is what compiled code reads."""
+    f = open_fields(flat.ints, flat.floats)
+    plan = f.plan._replace(values=int(f.plan.values), unknowns=int(f.plan.unknowns))
+    arrays = Arrays(*f._replace(plan=plan, size=float(f.size), scratch=int(f.scratch)))
+    arrays.flat = flat
+    return arrays
 
 
 def carries_load(arrays: Arrays) -> bool:
@@ -133,8 +228,7 @@ class Motion(NamedTuple):
 
 
 class Work(NamedTuple):
-    """Storage prepared once per model; with either leaf model an iteration allocates nothing (small arrays of fixed size
-    are on the stack); modal bodies and solids still take scratch of their own.
+    """Storage prepared once per model: views of one array of numbers, `flat`; at: where each begins in it, and near_at.
 
     value, spare: block matrix and its scaled rows; rhs (n,): residual, then the step; store: what members keep
     from assembly to update; lam (m, 12): end wrenches; pose (m, 18): frame p (9), lever of q about node p, lever
@@ -154,6 +248,17 @@ class Work(NamedTuple):
     near_at: np.ndarray
     scratch: np.ndarray
     weight: np.ndarray
+    flat: np.ndarray
+    at: np.ndarray
+
+
+def open_work(flat, at):  # type: ignore[no-untyped-def]
+    """The fields of `Work`; also compiled, in `ksd.model.newton`."""
+    return Work(
+        flat[: at[0]], flat[at[0] : at[1]], flat[at[1] : at[2]], flat[at[2] : at[3]],
+        flat[at[3] : at[4]].reshape(-1, 12), flat[at[4] : at[5]].reshape(-1, 18), flat[at[5] : at[6]].reshape(-1, 2),
+        flat[at[6] : at[7]], at[10:], flat[at[7] : at[8]], flat[at[8] : at[9]].reshape(-1, 4), flat, at,
+    )  # fmt: skip
 
 
 def turning_room(arrays: Arrays) -> int:
@@ -163,47 +268,19 @@ def turning_room(arrays: Arrays) -> int:
     return rows * (arrays.plan.unknowns + rows + 1)
 
 
-def _ready(arrays: Arrays) -> None:
-    """Compile the kernels of what there is, where that has not been done."""
-    from ksd.beam import entry, weight_entry  # noqa: F401, declares the entry points
-    from ksd.model import system, turning  # noqa: F401, as above
-
-    members = arrays.members
-    compile_late(*(name for kind in set(members.kind.tolist()) for name in ENTRIES.get(kind, ())))
-    if len(arrays.weight):
-        compile_late(*WEIGHT_ENTRIES)
-    if len(members.kind) + len(arrays.springs.kind):
-        compile_late("assemble_apart")
-    if len(arrays.springs.kind) or len(arrays.loads.node):
-        compile_late("add_effects")
-
-
 def make_work(arrays: Arrays, *, near: np.ndarray | None = None) -> Work:
-    """Storage for one thread working on `arrays`; `near` (m,) lengths of the near configurations, if any.
-
-    Compiles the kernels of the kinds of members there are, where that has not been done.
-    """
-    _ready(arrays)
+    """Storage for one thread working on `arrays`; `near` (m,) lengths of the near configurations, if any."""
     members = arrays.members
-    if near is not None and np.any(members.kind == COROTATIONAL):
-        compile_late("chain_near")
-    room = turning_room(arrays)
-    if room:
-        compile_late("turn_step")
-    held = len(members.kind)
-    count = held + len(arrays.springs.kind)
-    return Work(
-        np.zeros(arrays.plan.values),
-        np.zeros(arrays.plan.values),
-        np.zeros(arrays.plan.unknowns),
-        np.zeros(int(members.store_at[-1])),
-        np.zeros((count, 12)),
-        np.zeros((count, 18)),
-        np.zeros((len(arrays.start), 2)),
-        np.zeros(0 if near is None else int(np.sum(near))),
-        np.zeros(held + 1, np.int64)
-        if near is None
-        else np.concatenate([[0], np.cumsum(near)]).astype(np.int64),
-        np.zeros(max(arrays.scratch, room)),
-        arrays.weight.copy(),
-    )
+    count = len(members.kind)
+    near_at = np.zeros(count + 1, np.int64)
+    if near is not None:
+        near_at[1:] = np.cumsum(near)
+    rows = count + len(arrays.springs.kind)
+    sizes = (
+        arrays.plan.values, arrays.plan.values, arrays.plan.unknowns, members.store_at[-1], 12 * rows, 18 * rows,
+        2 * len(arrays.start), near_at[-1], max(arrays.scratch, turning_room(arrays)), arrays.weight.size,
+    )  # fmt: skip
+    at = np.concatenate([np.cumsum(sizes), near_at]).astype(np.int64)
+    work = open_work(np.zeros(at[9]), at)
+    work.weight[:] = arrays.weight
+    return work

@@ -3,117 +3,117 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
-from ksd.beam.entry import (
-    chain_condense,
-    chain_near,
-    chain_recover,
-    modal_condense,
-    modal_recover,
-    planar_condense,
-    planar_recover,
-    polynomial_condense,
-    strain_condense,
-    strain_recover,
-)
+import numpy as np
+
+from ksd.beam import corotational, planar_leaf
+from ksd.beam.corotational_near import near_condense
 from ksd.beam.linear import linear_condense
-from ksd.beam.weight_entry import pull_member, weigh_member
-from ksd.model.arrays import COROTATIONAL, LINEAR, MODAL, PLANAR, SOLID, STRAIN
+from ksd.beam.modal import modal_condense, modal_recover
+from ksd.beam.polynomial import polynomial_condense
+from ksd.beam.strain import strain_condense, strain_recover
+from ksd.model.arrays import COROTATIONAL, MODAL, PLANAR, SOLID, STRAIN
 from ksd.model.poses import member_pose
 from ksd.model.tangents import member_norms, member_tangent, scatter
 from ksd.numerics.kernel import kernel
-from ksd.numerics.local import local_counts, local_matrix, local_vector
 
 
-@kernel
-def condense_member(members, inner, work, i, d, Q, K):
-    """Wrench and stiffness of member i at relative pose d (3,), Q (3, 3): the one place that knows the kinds."""
-    lam = work.lam[i]
-    size = local_counts(5)
-    number, value = members.number[i], members.value[members.value_at[i] :]
-    state = inner[members.inner_at[i] : members.inner_at[i + 1]]
-    kept = work.store[members.store_at[i] : members.store_at[i + 1]]
-    size[0], size[1], size[2], size[3], size[4] = len(value), len(state), len(kept), 0, 0
-    if members.kind[i] == LINEAR:
-        return linear_condense(state, d, Q, lam, K)
-    out = local_vector(4)
-    V, N, S, W = value.ctypes, number.ctypes, state.ctypes, kept.ctypes
-    if members.kind[i] == PLANAR:
-        planar_condense(V, N, S, W, d.ctypes, Q.ctypes, lam.ctypes, K.ctypes, out.ctypes, size.ctypes)
-    elif members.kind[i] == STRAIN:
-        size[4] = len(work.scratch)
-        strain_condense(
-            V, N, S, W, work.scratch.ctypes, d.ctypes, Q.ctypes, lam.ctypes, K.ctypes, out.ctypes, size.ctypes
-        )
-    elif members.kind[i] == MODAL:
-        modal_condense(V, N, S, W, d.ctypes, Q.ctypes, lam.ctypes, K.ctypes, out.ctypes, size.ctypes)
-    elif members.kind[i] == SOLID:
-        polynomial_condense(V, N, S, W, d.ctypes, Q.ctypes, lam.ctypes, K.ctypes, out.ctypes, size.ctypes)
+def condense_member(
+    kind: Any,
+    value: Any,
+    number: Any,
+    state: Any,
+    store: Any,
+    scratch: Any,
+    near: Any,
+    d: Any,
+    Q: Any,
+    lam: Any,
+    K: Any,
+) -> Any:
+    """Wrench lam (12,) and stiffness K (6, 6) of a member at relative pose d (3,), Q (3, 3), in frame p.
+
+    near: rotation vectors about which a chain is linearised, empty for the exact tangent. Returns (negative pivots, force
+    error [N], moment error [Nm], status).
+    """
+    if len(near) > 0:
+        told = near_condense(value, number, state, store, near, d, Q, lam, K)
+    elif kind == COROTATIONAL:
+        told = corotational.condense(value, number, state, store, d, Q, lam, K)
+    elif kind == MODAL:
+        told = modal_condense(value, number, state, store, d, Q, lam, K)
+    elif kind == SOLID:
+        told = polynomial_condense(value, number, state, store, d, Q, lam, K)
     else:
-        chain_condense(V, N, S, W, d.ctypes, Q.ctypes, lam.ctypes, K.ctypes, out.ctypes, size.ctypes)
-    return int(out[0]), out[1], out[2], int(out[3])
+        told = condense_leaf(kind, value, number, state, store, scratch, near, d, Q, lam, K)
+    return told
+
+
+@kernel(inline="always")
+def condense_leaf(kind, value, number, state, store, scratch, near, d, Q, lam, K):
+    """`condense_member` of strain-mode leafs and linear bodies alone, which compile in half the time."""
+    if kind == PLANAR:
+        told = planar_leaf.condense(value, number, state, store, d, Q, lam, K)
+    elif kind == STRAIN:
+        told = strain_condense(value, number, state, store, scratch, d, Q, lam, K)
+    else:
+        told = linear_condense(state, d, Q, lam, K)
+    return told
+
+
+condense_any = kernel(inline="always")(condense_member)
+
+
+@kernel(inline="always")
+def recover_leaf(kind, value, number, state, store, xi, scale):
+    """`recover_any` of strain-mode leafs and linear bodies alone."""
+    if kind == PLANAR:
+        planar_leaf.recover(value, number, state, store, xi, scale)
+    elif kind == STRAIN:
+        strain_recover(value, number, state, store, xi, scale)
+
+
+@kernel(inline="always")
+def recover_any(kind, value, number, state, store, xi, scale):
+    """Inner update of a member after its end q moved by xi (6,) relative to its end p."""
+    if kind == COROTATIONAL:
+        corotational.recover(value, number, state, store, xi, scale)
+    elif kind in (MODAL, SOLID):
+        modal_recover(value, number, state, store, xi, scale)
+    else:
+        recover_leaf(kind, value, number, state, store, xi, scale)
+
+
+@kernel(inline="always")
+def no_weight(pose, weight, factor, store):
+    """`ksd.beam.weight_entry.pull_member` where nothing weighs anything."""
+
+
+@kernel(inline="always")
+def no_weight_added(pose, store, mass, T, force):
+    """`ksd.beam.weight_entry.weigh_member` where nothing weighs anything."""
 
 
 @kernel
-def _condense_near(members, inner, work, i, d, Q, K):
-    """As `condense_member`, of a chain linearised about the element orientations in work.near."""
-    size, out = local_counts(5), local_vector(4)
-    number, value = members.number[i], members.value[members.value_at[i] :]
-    state = inner[members.inner_at[i] : members.inner_at[i + 1]]
-    kept = work.store[members.store_at[i] : members.store_at[i + 1]]
-    near, lam = work.near[work.near_at[i] : work.near_at[i + 1]], work.lam[i]
-    size[0], size[1], size[2], size[3], size[4] = len(value), len(state), len(kept), len(near), 0
-    V, N, S, W = value.ctypes, number.ctypes, state.ctypes, kept.ctypes
-    chain_near(V, N, S, W, near.ctypes, d.ctypes, Q.ctypes, lam.ctypes, K.ctypes, out.ctypes, size.ctypes)
-    return int(out[0]), out[1], out[2], int(out[3])
-
-
-@kernel
-def recover_member(members, inner, store, i, xi, scale):
-    """Inner update of member i after its end q moved by xi (6,) relative to its end p."""
-    size = local_counts(5)
-    number, value = members.number[i], members.value[members.value_at[i] :]
-    state = inner[members.inner_at[i] : members.inner_at[i + 1]]
-    kept = store[members.store_at[i] : members.store_at[i + 1]]
-    size[0], size[1], size[2], size[3], size[4] = len(value), len(state), len(kept), 0, 0
-    V, N, S, W = value.ctypes, number.ctypes, state.ctypes, kept.ctypes
-    if members.kind[i] == PLANAR:
-        planar_recover(V, N, S, W, xi.ctypes, scale, size.ctypes)
-    elif members.kind[i] == STRAIN:
-        strain_recover(V, N, S, W, xi.ctypes, scale, size.ctypes)
-    elif members.kind[i] == COROTATIONAL:
-        chain_recover(V, N, S, W, xi.ctypes, scale, size.ctypes)
-    elif members.kind[i] == MODAL or members.kind[i] == SOLID:
-        modal_recover(V, N, S, W, xi.ctypes, scale, size.ctypes)
-
-
-@kernel
-def _as_before(members, state, at, i, d, Q, before):
-    """Whether member i has the constants, the pose and the part of `state`, from at[i] on, of the one before, whose d and Q
-    are in before (12,), to the last bit; otherwise its own d and Q are written there."""
-    same = i > 0 and members.value_at[i] == members.value_at[i - 1] and members.kind[i] == members.kind[i - 1]
+def _as_before(value_at, number, kind, numbers, at, i, d, Q, before):
+    """Whether member i has the constants, the pose and the part of `numbers`, from at[i] on, of the one before, whose d and
+    Q are in before (12,), to the last bit; its own d and Q are written there."""
+    same = i > 0 and value_at[i] == value_at[i - 1] and kind[i] == kind[i - 1]
     for r in range(3):
         same = same and before[r] == d[r]
         before[r] = d[r]
         for c in range(3):
             same = same and before[3 + 3 * r + c] == Q[r, c]
             before[3 + 3 * r + c] = Q[r, c]
-    if not same:
-        return False
-    for c in range(4):
-        if members.number[i, c] != members.number[i - 1, c]:
-            return False
-    return _equal(state, at, i)
-
-
-@kernel
-def _equal(numbers, at, i):
-    """Whether part i of `numbers` holds the same as the part before, of the same length."""
-    one, two = at[i - 1], at[i]
-    for k in range(at[i + 1] - two):  # noqa: SIM110
-        if numbers[one + k] != numbers[two + k]:
-            return False
-    return True
+    if same:
+        for c in range(4):
+            same = same and number[i, c] == number[i - 1, c]
+        one, two, k = at[i - 1], at[i], 0
+        while same and k < at[i + 1] - two:
+            same = numbers[one + k] == numbers[two + k]
+            k += 1
+    return same
 
 
 @kernel
@@ -124,76 +124,75 @@ def _copy_before(numbers, at, i):
         numbers[own + k] = numbers[last + k]
 
 
-@kernel
-def _take_member(members, x, R, inner, work, factor, near, i, K, before, told):
-    """Pose, wrench, stiffness of member i, and told (4,): negatives, errors, status, see `condense_member`.
+@kernel(inline="always")
+def add_members(condense, pull, weigh, arrays, x, R, inner, work, factor, rtol, noise, near):
+    """All members, their weight times `factor`, into work.value and work.rhs; condense, pull, weigh: for what there is.
 
-    K, before (12,) and told are those of the member before when this one is in the same state; near: see `add_members`.
+    near 0: exact tangents at the state; 1: Appendix A chains are linearised about the element orientations in work.near
+    (paper 1, section 3), their inner state is set. Of neighbours without weight that are in the same state, as the two
+    outer leafs of a cross flexure in its plane, one is worked on. Returns (negatives, worst inner residual over its bound,
+    status).
     """
-    pose, lam = work.pose[i], work.lam[i]
-    Q, d = local_matrix(3, 3), local_vector(3)
-    member_pose(members, x, R, i, pose, Q)
-    for c in range(3):
-        d[c] = pose[c] * pose[15] + pose[3 + c] * pose[16] + pose[6 + c] * pose[17]
-    state, at = inner, members.inner_at
-    linearised = near == 1 and work.near_at[i] < work.near_at[i + 1]
-    if linearised:
-        # the inner state follows from these
-        state, at = work.near, work.near_at
-    if len(work.weight) > 0 and work.weight[i, 0] > 0.0:
-        kept = work.store[members.store_at[i] : members.store_at[i + 1]]
-        pull_member(pose.ctypes, work.weight[i].ctypes, factor, kept.ctypes, len(kept))
-        before[0] = math.nan
-    elif _as_before(members, state, at, i, d, Q, before):
-        for r in range(12):
-            lam[r] = work.lam[i - 1, r]
-        if near >= 0:
-            _copy_before(work.store, members.store_at, i)
-        if linearised:
-            _copy_before(inner, members.inner_at, i)
-        return
-    if linearised:
-        told[0], told[1], told[2], told[3] = _condense_near(members, inner, work, i, d, Q, K)
-    else:
-        told[0], told[1], told[2], told[3] = condense_member(members, inner, work, i, d, Q, K)
-
-
-@kernel
-def add_members(arrays, x, R, inner, work, factor, rtol, noise, near):
-    """All members, their weight times `factor`, into work.value and work.rhs.
-
-    near 0: exact tangents at the state; -1: the same, but nothing is left in work.store for `recover_member`; 1: Appendix A
-    chains are linearised about the element orientations in work.near (paper 1, section 3), their
-    inner state is set. Of neighbours without weight that are in the same state, as the two outer leafs of a cross flexure in
-    its plane, one is worked on. Returns (negatives, worst inner residual over its bound, status).
-    """
-    members, weight = arrays.members, work.weight
-    negatives, worst, status = 0.0, 0.0, 0.0
-    K, T, force = local_matrix(6, 6), local_matrix(12, 12), local_vector(12)
-    starts, before, told, norms = local_counts(2), local_vector(12), local_vector(4), local_vector(6)
-    for i in range(len(members.kind)):
-        pose, lam = work.pose[i], work.lam[i]
-        _take_member(members, x, R, inner, work, factor, near, i, K, before, told)
-        member_tangent(pose, lam, K, T, force)
-        member_norms(lam, force, norms)
-        dn, dm = told[1], told[2]
-        negatives += told[0]
-        status = max(status, told[3])
+    # by names of their own: every look into a named tuple counts the users of an array
+    members, start, keep = arrays.members, arrays.start, arrays.keep
+    kinds, node, offset, frame, number = (
+        members.kind,
+        members.node,
+        members.offset,
+        members.frame,
+        members.number,
+    )
+    value_at, value, inner_at, store_at = members.value_at, members.value, members.inner_at, members.store_at
+    length, floors, block = members.length, members.floor, members.block
+    poses, wrenches, store, near_at, close = work.pose, work.lam, work.store, work.near_at, work.near
+    matrix, rhs, scale, weight, scratch = work.value, work.rhs, work.scale, work.weight, work.scratch
+    negatives, worst, status = 0, 0.0, 0
+    back, dn, dm, told = 0, 0.0, 0.0, 0
+    Q, d, K, T, force = np.empty((3, 3)), np.empty(3), np.empty((6, 6)), np.empty((12, 12)), np.empty(12)
+    starts, before, norms = np.empty(2, np.int64), np.empty(12), np.empty(6)
+    A, M = np.empty((6, 6)), np.empty((6, 12))
+    for i in range(len(kinds)):
+        pose, lam = poses[i], wrenches[i]
+        member_pose(node, offset, frame, x, R, i, pose, Q)
+        for c in range(3):
+            d[c] = pose[c] * pose[15] + pose[3 + c] * pose[16] + pose[6 + c] * pose[17]
+        linearised = near == 1 and near_at[i] < near_at[i + 1]
         heavy = len(weight) > 0 and weight[i, 0] > 0.0
+        same = False
         if heavy:
-            kept = work.store[members.store_at[i] : members.store_at[i + 1]]
-            weigh_member(pose.ctypes, kept.ctypes, len(kept), weight[i, 0], T.ctypes, force.ctypes)
-            member_norms(lam, force, norms)
-        n, m = norms[0], norms[1]
-        L = members.length[i]
-        floor = noise * members.floor[i]
+            pull(pose, weight[i], factor, store[store_at[i] : store_at[i + 1]])
+            before[0] = math.nan
+        elif linearised:
+            # the inner state follows from the near configuration
+            same = _as_before(value_at, number, kinds, close, near_at, i, d, Q, before)
+        else:
+            same = _as_before(value_at, number, kinds, inner, inner_at, i, d, Q, before)
+        if same:
+            for r in range(12):
+                lam[r] = wrenches[i - 1, r]
+            _copy_before(store, store_at, i)
+            if linearised:
+                _copy_before(inner, inner_at, i)
+        else:
+            about = close[near_at[i] : near_at[i + 1] if linearised else near_at[i]]
+            back, dn, dm, told = condense(
+                kinds[i], value[value_at[i] :], number[i], inner[inner_at[i] : inner_at[i + 1]],
+                store[store_at[i] : store_at[i + 1]], scratch, about, d, Q, lam, K,
+            )  # fmt: skip
+        member_tangent(pose, lam, K, T, force, A, M)
+        negatives += back
+        status = max(status, told)
+        if heavy:
+            weigh(pose, store[store_at[i] : store_at[i + 1]], weight[i, 0], T, force)
+        member_norms(lam, force, norms)
+        n, m, L, floor = norms[0], norms[1], length[i], noise * floors[i]
         worst = max(
             worst, dn / (rtol * (n + m / L) + floor + 1e-300), dm / (rtol * (n * L + m) + floor * L + 1e-300)
         )
         for e in range(2):
-            node = members.node[i, e]
-            starts[e] = arrays.start[node]
-            work.scale[node, 0] += rtol * (max(norms[2 + 2 * e], n) + m / L) + floor
-            work.scale[node, 1] += rtol * (max(norms[3 + 2 * e], m) + n * L) + floor * L
-        scatter(arrays.keep, members.block[i], T, force, work.rhs, starts, work.value)
-    return int(negatives), worst, int(status)
+            k = node[i, e]
+            starts[e] = start[k]
+            scale[k, 0] += rtol * (max(norms[2 + 2 * e], n) + m / L) + floor
+            scale[k, 1] += rtol * (max(norms[3 + 2 * e], m) + n * L) + floor * L
+        scatter(keep, block[i], T, force, rhs, starts, matrix)
+    return negatives, worst, status

@@ -4,27 +4,27 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+
 from ksd.model.arrays import TRANSLATION
 from ksd.model.tangents import couple, geometric_tangent
 from ksd.numerics.kernel import kernel
-from ksd.numerics.local import local_matrix, local_vector
 from ksd.numerics.rotations import rotation_log
 
 
 @kernel
-def add_loads(arrays, R, work, factor, rtol):
+def add_loads(loads, start, keep, R, work, factor, rtol):
     """External loads, times `factor`: dead forces keep their direction, following ones turn with the node.
 
     Tangent of a dead force at lever s: -[(s F' + F s')/2 - (s.F) I]. A following load and a moment have an unsymmetric
     tangent; its symmetric part is what is added, the rest is for the solve (`ksd.model.turning`).
     """
-    loads, keep = arrays.loads, arrays.keep
-    F, M, s = local_vector(3), local_vector(3), local_vector(3)
-    force, tangent = local_vector(6), local_matrix(6, 6)
+    F, M, s = np.empty(3), np.empty(3), np.empty(3)
+    force, tangent = np.empty(6), np.empty((6, 6))
     w = len(keep)
     for i in range(len(loads.node)):
         node = loads.node[i]
-        u, block = arrays.start[node], loads.block[i]
+        u, block = start[node], loads.block[i]
         if u < 0:
             continue
         T = R[node]
@@ -70,7 +70,7 @@ def term_value(terms, x, R, t, gradient, tangent, weight):
     Translation: u.(x_b + s_b - x_a - s_a) with u, s_a turning with base. Rotation: twist of R_a^T R_b about u.
     """
     a, b = terms.node[t, 0], terms.node[t, 1]
-    u, p, q = local_vector(3), local_vector(3), local_vector(3)
+    u, p, q = np.empty(3), np.empty(3), np.empty(3)
     for r in range(3):
         u[r], p[r], q[r] = 0.0, 0.0, 0.0
         for c in range(3):
@@ -83,7 +83,7 @@ def term_value(terms, x, R, t, gradient, tangent, weight):
             tangent[i, j] = 0.0
     if terms.kind[t] == TRANSLATION:
         value = 0.0
-        lever = local_vector(3)
+        lever = np.empty(3)
         for r in range(3):
             # the base's own point only shifts the value by a constant along u fixed in base
             lever[r] = x[b, r] + q[r] - x[a, r]
@@ -94,7 +94,7 @@ def term_value(terms, x, R, t, gradient, tangent, weight):
             gradient[3 + r] = u[j] * lever[k] - u[k] * lever[j]
             gradient[6 + r] = u[r]
             gradient[9 + r] = q[j] * u[k] - q[k] * u[j]
-        zero, n = local_vector(3), local_vector(3)
+        zero, n = np.empty(3), np.empty(3)
         for r in range(3):
             zero[r], n[r] = 0.0, weight * u[r]
         geometric_tangent(n, zero, lever, q, tangent)
@@ -109,11 +109,11 @@ def twist(Ra, Rb, u, gradient, tangent, weight):
     Quaternion (q0, q) of Rb Ra^T in global axes, u turning with a: the same number as in base axes.
     Second derivatives keep the part symmetric in D; with dphi_a they add -1/2 [m]x coupling, m = gradient.
     """
-    rel = local_matrix(3, 3)
+    rel = np.empty((3, 3))
     for i in range(3):
         for j in range(3):
             rel[i, j] = Rb[i, 0] * Ra[j, 0] + Rb[i, 1] * Ra[j, 1] + Rb[i, 2] * Ra[j, 2]
-    v = local_vector(3)
+    v = np.empty(3)
     rotation_log(rel, v)
     t = math.sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2])
     q0 = math.cos(0.5 * t)
@@ -123,8 +123,8 @@ def twist(Ra, Rb, u, gradient, tangent, weight):
     N = v[0] * u[0] + v[1] * u[1] + v[2] * u[2]
     r2 = N * N + q0 * q0
     # q0' = -q.D/2, (q.u)' = (q0 u + q x u ... ).D/2 : d(q)/dD = (q0 D + D x q)/2
-    g = local_vector(3)
-    dN, d0 = local_vector(3), local_vector(3)
+    g = np.empty(3)
+    dN, d0 = np.empty(3), np.empty(3)
     for i in range(3):
         j, k = (i + 1) % 3, (i + 2) % 3
         dN[i] = 0.5 * (q0 * u[i] + v[j] * u[k] - v[k] * u[j])
@@ -153,14 +153,13 @@ def twist(Ra, Rb, u, gradient, tangent, weight):
 
 
 @kernel
-def add_terms(arrays, x, R, multiplier, target, work, rtol):
+def add_terms(terms, start, keep, size, x, R, multiplier, target, work, rtol):
     """Constraint rows: gap into the residual, gradient into the matrix, multiplier times curvature into the tangent.
 
     Returns the largest gap, in metres (rotations times the model's length scale).
     """
-    terms, keep = arrays.terms, arrays.keep
-    gradient, tangent = local_vector(12), local_matrix(12, 12)
-    largest, w = 0.0, len(keep)
+    gradient, tangent = np.empty(12), np.empty((12, 12))
+    largest, w, matrix, rhs, scale = 0.0, len(keep), work.value, work.rhs, work.scale
     for i in range(len(terms.start)):
         if terms.start[i] < 0:
             continue
@@ -169,27 +168,27 @@ def add_terms(arrays, x, R, multiplier, target, work, rtol):
             c = terms.coefficient[t]
             gap += c * term_value(terms, x, R, t, gradient, tangent, multiplier[i] * c)
             if terms.kind[t] != TRANSLATION:
-                reach = arrays.size
+                reach = size
             block = terms.block[t]
             for e in range(2):
-                u = arrays.start[terms.node[t, e]]
+                u = start[terms.node[t, e]]
                 if u < 0:
                     continue
                 f2, m2 = 0.0, 0.0
                 for r in range(w):
                     value = c * gradient[6 * e + keep[r]]
                     # the row is stored (multiplier, node) or (node, multiplier): w numbers either way
-                    work.value[block[e] + r] += value
-                    work.rhs[u + r] += multiplier[i] * value
+                    matrix[block[e] + r] += value
+                    rhs[u + r] += multiplier[i] * value
                     if keep[r] < 3:
                         f2 += value * value
                     else:
                         m2 += value * value
                     for k in range(w):
-                        work.value[block[2 + e] + w * r + k] += tangent[6 * e + keep[r], 6 * e + keep[k]]
-                work.scale[terms.node[t, e], 0] += rtol * abs(multiplier[i]) * math.sqrt(f2)
-                work.scale[terms.node[t, e], 1] += rtol * abs(multiplier[i]) * math.sqrt(m2)
-            couple(keep, block[4], terms.flip[t], tangent, work.value)
-        work.rhs[terms.start[i]] += gap
+                        matrix[block[2 + e] + w * r + k] += tangent[6 * e + keep[r], 6 * e + keep[k]]
+                scale[terms.node[t, e], 0] += rtol * abs(multiplier[i]) * math.sqrt(f2)
+                scale[terms.node[t, e], 1] += rtol * abs(multiplier[i]) * math.sqrt(m2)
+            couple(keep, block[4], terms.flip[t], tangent, matrix)
+        rhs[terms.start[i]] += gap
         largest = max(largest, abs(gap) * reach)
     return largest

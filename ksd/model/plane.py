@@ -72,7 +72,7 @@ class Plane:
         return bool(off <= 1e-9 * size and np.abs(motion.R @ k - k).max(initial=0.0) <= 1e-9)
 
     def imbalance(self, work: Work) -> tuple[float, int, float, float]:
-        """Residual across the plane in `work`, as assembled in space by `ksd.model.system.assemble` at a planar state.
+        """Residual across the plane in `work`, as assembled in space by `ksd.model.newton.assemble` at a planar state.
 
         Returns (the largest over its bound, the node it acts on, its force [N] along k, its moment [Nm] across k).
         """

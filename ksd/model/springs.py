@@ -19,25 +19,25 @@ from ksd.model.pack import Member
 from ksd.model.poses import member_pose
 from ksd.model.tangents import member_tangent, scatter
 from ksd.numerics.kernel import kernel
-from ksd.numerics.local import local_counts, local_matrix, local_vector
 from ksd.scene.effects import LinkMatrix, Spring, TurnSpring
 
 
 @kernel
-def add_springs(arrays, x, R, work, rtol, noise):
+def add_springs(springs, first, start, keep, x, R, work, rtol, noise):
     """All springs into work.value and work.rhs, as `add_members` does without inner unknowns. Returns the status.
+
+    first: row of work.pose and work.lam of the first; start, keep: as in `Arrays`.
 
     A torsion spring, about u = e3 of end p turning with its node, has the moment M = k (angle - rest) and adds
     k g g^T + M (second derivatives of the angle), g its gradient; see `ksd.model.loading.twist`.
     """
-    springs, first = arrays.springs, len(arrays.members.kind)
     status = 0
-    Q, K = local_matrix(3, 3), local_matrix(6, 6)
-    T, force, d = local_matrix(12, 12), local_vector(12), local_vector(3)
-    starts = local_counts(2)
+    Q, K = np.empty((3, 3)), np.empty((6, 6))
+    T, force, d = np.empty((12, 12)), np.empty(12), np.empty(3)
+    starts, A, M = np.empty(2, np.int64), np.empty((6, 6)), np.empty((6, 12))
     for i in range(len(springs.kind)):
         pose, lam = work.pose[first + i], work.lam[first + i]
-        member_pose(springs, x, R, i, pose, Q)
+        member_pose(springs.node, springs.offset, springs.frame, x, R, i, pose, Q)
         for c in range(3):
             d[c] = pose[c] * pose[15] + pose[3 + c] * pose[16] + pose[6 + c] * pose[17]
         value = springs.value[springs.value_at[i] :]
@@ -64,17 +64,17 @@ def add_springs(arrays, x, R, work, rtol, noise):
                 status = max(status, coil_condense(value, d, lam, K))
             else:
                 linear_condense(value, d, Q, lam, K)
-            member_tangent(pose, lam, K, T, force)
+            member_tangent(pose, lam, K, T, force, A, M)
         n = math.sqrt(lam[0] ** 2 + lam[1] ** 2 + lam[2] ** 2)
         m = math.sqrt(lam[3] ** 2 + lam[4] ** 2 + lam[5] ** 2)
         L, floor = springs.length[i], noise * springs.floor[i]
         for e in range(2):
             node, o = springs.node[i, e], 6 * e
-            starts[e] = arrays.start[node]
+            starts[e] = start[node]
             fm = math.sqrt(force[o + 3] ** 2 + force[o + 4] ** 2 + force[o + 5] ** 2)
             work.scale[node, 0] += rtol * (n + m / L) + floor
             work.scale[node, 1] += rtol * (max(fm, m) + n * L) + floor * L
-        scatter(arrays.keep, springs.block[i], T, force, work.rhs, starts, work.value)
+        scatter(keep, springs.block[i], T, force, work.rhs, starts, work.value)
     return status
 
 

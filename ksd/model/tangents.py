@@ -12,13 +12,11 @@ from __future__ import annotations
 import math
 
 from ksd.numerics.kernel import kernel
-from ksd.numerics.local import local_matrix, local_vector
 
 
 @kernel
-def _turn_stiffness(pose, K, A):
-    """A (6, 6) = diag(Rp, Rp) K diag(Rp, Rp)^T."""
-    T = local_matrix(6, 6)
+def _turn_stiffness(pose, K, A, T):
+    """A (6, 6) = diag(Rp, Rp) K diag(Rp, Rp)^T; T (6, 6 or more): scratch."""
     for b in range(2):
         for r in range(3):
             for c in range(6):
@@ -85,10 +83,9 @@ def geometric_tangent(n, m, w, s, T):
 
 
 @kernel
-def member_tangent(pose, lam, K, T, force):
-    """Node tangent T (12, 12) and forces (12,) on nodes a, b of one member, global axes."""
-    A, M = local_matrix(6, 6), local_matrix(6, 12)
-    _turn_stiffness(pose, K, A)
+def member_tangent(pose, lam, K, T, force, A, M):
+    """Node tangent T (12, 12) and forces (12,) on nodes a, b of one member, global axes; A (6, 6), M (6, 12): scratch."""
+    _turn_stiffness(pose, K, A, M)
     w, s = pose[9:12], pose[12:15]
     _times_levers(A, w, s, M)
     # T = levers^T M: the same pattern applied to the columns of M
@@ -102,7 +99,7 @@ def member_tangent(pose, lam, K, T, force):
         T[9, c] = a2 * s[1] - a1 * s[2] + M[3, c]
         T[10, c] = a0 * s[2] - a2 * s[0] + M[4, c]
         T[11, c] = a1 * s[0] - a0 * s[1] + M[5, c]
-    n, m = local_vector(3), local_vector(3)
+    n, m = M[0], M[1]
     for r in range(3):
         n[r] = pose[3 * r] * lam[6] + pose[3 * r + 1] * lam[7] + pose[3 * r + 2] * lam[8]
         m[r] = pose[3 * r] * lam[9] + pose[3 * r + 1] * lam[10] + pose[3 * r + 2] * lam[11]

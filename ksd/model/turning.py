@@ -8,16 +8,15 @@ an energy the assembly holds the second derivatives along exp(phi) R. The moment
 by these less [M]x / 2; Argyris et al., Comp. Meth. Appl. Mech. Eng. 14, 1978, and 17/18, 1979.)
 
 Sherman, Morrison and Woodbury: x = y - X (1 + B E'X)^-1 B E'y, y = K^-1 r, X = K^-1 E: w more solves per load, and Newton
-converges quadratically. Compiled where a model has such loads.
+converges quadratically.
 """
 
 from __future__ import annotations
 
-from ksd.model.blank import blank_system
+import numpy as np
+
 from ksd.numerics.blocks import solve_blocks
-from ksd.numerics.held import Kind, found_at
-from ksd.numerics.kernel import kernel, late
-from ksd.numerics.local import local_matrix, local_vector
+from ksd.numerics.kernel import kernel
 
 
 @kernel
@@ -35,7 +34,7 @@ def _rest(loads, i, R, factor, B):
     """B (6, 6) of load i: see the module docstring."""
     T = R[loads.node[i]]
     p, f, m = loads.point[i], loads.force[i], loads.moment[i]
-    F, M, s = local_vector(3), local_vector(3), local_vector(3)
+    F, M, s = np.empty(3), np.empty(3), np.empty(3)
     for r in range(3):
         F[r], s[r], M[r] = 0.0, 0.0, -0.5 * factor * m[r]
     if loads.following[i] == 1:
@@ -117,25 +116,20 @@ def _take_out(X, z, y):
             y[k] -= z[q] * X[q, k]
 
 
-@late("void(int64, float64)")
-def turn_step(address, factor):
-    """Correct the step in work.rhs of the `System` at `address`, whose matrix is factored."""
-    s = found_at(address, _KIND)
-    loads, start, keep, work = s.arrays.loads, s.arrays.start, s.arrays.keep, s.work
+@kernel
+def turn_step(loads, start, keep, plan, R, work, factor):
+    """Correct the step in work.rhs of a system whose matrix is factored; R (k, 3, 3): rotations of the nodes."""
     n, k = len(work.rhs), len(keep) * turning(loads, start)
     X = work.scratch[: k * n].reshape(k, n)
     G = work.scratch[k * n : k * (n + k)].reshape(k, k)
     z = work.scratch[k * (n + k) : k * (n + k + 1)]
-    B = local_matrix(6, 6)
-    _columns(loads, start, s.arrays.plan, work, len(keep), X)
+    B = np.empty((6, 6))
+    _columns(loads, start, plan, work, len(keep), X)
     row = 0
     for i in range(len(loads.node)):
         if loads.skew[i] == 1 and start[loads.node[i]] >= 0:
-            _rest(loads, i, s.motion.R, factor, B)
+            _rest(loads, i, R, factor, B)
             _add_rows(B, start[loads.node[i]], keep, row, X, work.rhs, G, z)
             row += len(keep)
     _gauss(G, z)
     _take_out(X, z, work.rhs)
-
-
-_KIND = Kind(blank_system())

@@ -5,26 +5,18 @@ sources of this package that contain kernels; a changed kernel means a new folde
 What lies in it is run, so it must be the user's own: mode 0700, and nobody else able to replace it or a folder above it.
 `KSD_CACHE_DIR` is tried first, then the user's cache folder, then one in the temporary folder; where none of them is
 the user's own, kernels are compiled in memory at every start.
-
-Processes that find it cold share the work: each entry is compiled by the one that asks first, the others wait for it.
 """
 
 from __future__ import annotations
 
-import contextlib
 import hashlib
 import os
 import stat
 import sys
 import tempfile
-import time
-from collections.abc import Iterator
 from pathlib import Path
 
-ALONE = "KSD_COMPILE_ALONE"
-"""Set in the environment of the processes that compile beside the first, which must not start more and say nothing."""
 _PACKAGE = Path(__file__).resolve().parent.parent
-_SAID: list[str] = []
 
 
 def source_hash() -> str:
@@ -34,7 +26,7 @@ def source_hash() -> str:
     digest = hashlib.sha256(f"{numba.__version__} {sys.version_info[:2]}".encode())
     for path in sorted(_PACKAGE.rglob("*.py")):
         text = path.read_bytes()
-        if b"@kernel" in text or b"@late" in text or b"intrinsic(" in text:
+        if b"@kernel" in text or b"kernel(" in text or b"compiled kernels" in text:
             digest.update(path.relative_to(_PACKAGE).as_posix().encode() + b"\0" + text)
     return digest.hexdigest()[:16]
 
@@ -109,7 +101,7 @@ def cache_folder() -> Path | None:
             found = (place / key).resolve()
             break
         reasons.append(reason)
-    if reasons and (found is None or os.environ.get("KSD_CACHE_DIR")) and not os.environ.get(ALONE):
+    if reasons and (found is None or os.environ.get("KSD_CACHE_DIR")):
         instead = "kernels are compiled in memory, at every start" if found is None else f"{found} is used"
         print(f"ksd: no cache for compiled kernels: {'; '.join(reasons)}; {instead}", file=sys.stderr)
     return found
@@ -121,63 +113,3 @@ FOLDER: Path | None = cache_folder()
 def compiled_before() -> bool:
     """Whether this machine's cache already holds kernels of these sources."""
     return FOLDER is None or any(FOLDER.rglob("*.nbi"))
-
-
-def say(message: str) -> None:
-    """Tell the user, once per process, that compiling is what takes the time."""
-    if not _SAID and not os.environ.get(ALONE):
-        _SAID.append(message)
-        print(f"ksd: {message} ...", file=sys.stderr)
-
-
-def take(name: str) -> bool:
-    """Whether this process is the first of all that share the folder to ask for `name`."""
-    if FOLDER is None:
-        return True
-    try:
-        place = os.open(FOLDER / name, os.O_CREAT | os.O_EXCL | os.O_WRONLY)
-    except FileExistsError:
-        return False
-    except OSError:
-        return True
-    os.write(place, str(os.getpid()).encode())
-    os.close(place)
-    return True
-
-
-@contextlib.contextmanager
-def turn(name: str, *, longest: float = 180.0) -> Iterator[None]:
-    """Compile `name` inside: at once when no other process is at it, else when that one is done, has died, or after
-    `longest` seconds (then the cache holds it, or it is compiled twice)."""
-    if FOLDER is None or (FOLDER / f"{name}.done").exists():
-        yield
-        return
-    mark = FOLDER / f"{name}.compiling"
-    mine, until = take(mark.name), time.monotonic() + longest
-    say(
-        "compiling kernels not used before on this machine (once)"
-        if mine
-        else "waiting for kernels that are being compiled"
-    )
-    while not mine and time.monotonic() < until and _at_work(mark):
-        time.sleep(0.02)
-    try:
-        yield
-        (FOLDER / f"{name}.done").touch()
-    finally:
-        mark.unlink(missing_ok=True)
-
-
-def _at_work(mark: Path) -> bool:
-    """Whether the process that wrote its number into `mark` still compiles."""
-    if os.name == "nt":
-        return mark.exists()
-    try:
-        number = mark.read_text()
-        if number:
-            os.kill(int(number), 0)
-    except (FileNotFoundError, ProcessLookupError, ValueError):
-        return False
-    except OSError:
-        return mark.exists()
-    return True

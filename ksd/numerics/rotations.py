@@ -122,13 +122,6 @@ def _turn_column(v, f, g, x):
 
 
 @kernel
-def rotate(v, x):
-    """x (3,) <- exp([v]x) x in place."""
-    f, g = rotation_factors(v[0] * v[0] + v[1] * v[1] + v[2] * v[2])
-    _turn_column(v, f, g, x)
-
-
-@kernel
 def turn(v, R):
     """R (3, 3) <- exp([v]x) R in place, columns turned one by one; orthonormality drifts by rounding only."""
     f, g = rotation_factors(v[0] * v[0] + v[1] * v[1] + v[2] * v[2])

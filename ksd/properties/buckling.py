@@ -32,9 +32,8 @@ from numpy.typing import NDArray
 from ksd.errors import ConvergenceError, SceneError
 from ksd.model.arrays import COIL, STRAIN, TURN, Motion, make_work
 from ksd.model.compile import Model
-from ksd.model.loading import add_loads, add_terms, twist
-from ksd.model.springs import add_springs
-from ksd.model.system import assemble, move_nodes
+from ksd.model.loading import twist
+from ksd.model.newton import assemble, assemble_nodes, move_nodes
 from ksd.model.tangents import geometric_tangent
 from ksd.properties.alike import (
     Alike,
@@ -188,11 +187,7 @@ def _node_terms(model: Model, motion: Motion, rows: Iterable[int], load_factor: 
     """What constraint rows, loads and springs add to the tangent of the nodes (unknowns, unknowns); `rows` are taken out."""
     arrays = model.arrays
     work = make_work(arrays)
-    target = np.zeros(len(arrays.terms.start))
-    if len(arrays.springs.kind):
-        add_springs(arrays, motion.x, motion.R, work, 1e-8, 0.0)
-    add_loads(arrays, motion.R, work, load_factor, 1e-8)
-    add_terms(arrays, motion.x, motion.R, motion.multiplier, target, work, 1e-8)
+    assemble_nodes(arrays, motion, load_factor, work)
     free_rows(arrays, work.value, rows)
     return stored_matrix(arrays, work.value)
 

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from ksd.model.arrays import make_work
 from ksd.model.compile import Model, compile_scene
-from ksd.model.system import assemble
+from ksd.model.newton import assemble
 from ksd.properties.tangent import exact, stored_matrix
 from ksd.scene.contents import PlacedLeaf, Scene
 from ksd.scene.drive import GROUND

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from ksd.errors import ConvergenceError
 from ksd.model.arrays import STRAIN, Motion
 from ksd.model.compile import Model
-from ksd.model.system import move_nodes
+from ksd.model.newton import move_nodes
 from ksd.properties.alike import alike_leafs
 from ksd.properties.mass import Inertia, inertia
 from ksd.properties.shape import scene_leafs

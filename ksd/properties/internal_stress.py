@@ -17,8 +17,7 @@ from numpy.typing import NDArray
 from ksd.errors import SceneError
 from ksd.model.arrays import STRAIN, Motion, make_work
 from ksd.model.compile import Model
-from ksd.model.loading import add_terms
-from ksd.model.system import assemble, solve_step, take_step
+from ksd.model.newton import assemble, assemble_nodes, solve_step, take_step
 from ksd.properties.alike import Flexible, alike_leafs, flexible_leafs, inner_unknowns
 from ksd.properties.section_forces import SectionForces, section_forces
 from ksd.properties.shape import members_of_leafs
@@ -153,10 +152,9 @@ def _of_chains(model: Model, motion: Motion, load_factor: float, points: int) ->
 
 def _present(model: Model, motion: Motion) -> Array:
     """Values (c,) of the drives and supports at `motion`, which hold it there."""
-    terms, work = model.arrays.terms, make_work(model.arrays)
-    zero = np.zeros(len(terms.start))
-    add_terms(model.arrays, motion.x, motion.R, motion.multiplier, zero, work, 1e-8)
-    found: Array = work.rhs[terms.start]
+    work = make_work(model.arrays)
+    assemble_nodes(model.arrays, motion, 0.0, work)
+    found: Array = work.rhs[model.arrays.terms.start]
     return found
 
 

@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 
 from ksd.model.arrays import STRAIN, Motion
 from ksd.model.compile import Model
-from ksd.numerics.held import Held, part
 from ksd.numerics.kernel import kernel
 from ksd.properties.kept import per_model
 
@@ -47,18 +46,7 @@ class _Tables(NamedTuple):
     gap: Array
 
 
-class _Set(NamedTuple):
-    """What is held for compiled code."""
-
-    tables: _Tables
-
-
 @per_model
-def _held(model: Model) -> Held:
-    """The tables of a model for compiled code."""
-    return Held(_Set(_tables(model)))
-
-
 def _tables(model: Model) -> _Tables:
     """See `_Tables`; the layout of the values is that of `ksd.beam.strain_values`."""
     members = model.arrays.members
@@ -132,9 +120,8 @@ def _energy(t, inner, i):
 
 
 @kernel
-def _worst(held, inner):
+def _worst(t, inner):
     """(share, leaf, axis, turned) of `Look`; share 0 where no leaf has any."""
-    t = part(held, "tables")
     leafs, most, turned = len(t.member), 0.0, 0.0
     for i in range(leafs):
         most = max(most, _energy(t, inner, i))
@@ -177,9 +164,9 @@ _NOTHING = Look(0.0, "", 0, 0.0)
 
 def look_at_modes(model: Model, motion: Motion) -> Look:
     """What the strain-mode leafs of a state say of their modes and points."""
-    held = _held(model)
-    members = held.parts.tables.member
+    tables = _tables(model)
+    members = tables.member
     if not len(members):
         return _NOTHING
-    share, leaf, axis, turned = _worst(held, motion.inner)
+    share, leaf, axis, turned = _worst(tables, motion.inner)
     return Look(share, model.member_names[members[leaf]] if share > 0.0 else "", axis, turned)

@@ -194,5 +194,10 @@ def _chain_wrench(
         gravity = factor * (work.weight[i, 1:] @ ends.frame)
         at = int(members.store_at[i + 1]) - PULL
         work.store[at : at + 3] = gravity
-    condense_member(members, motion.inner, work, i, ends.d, np.ascontiguousarray(ends.Q), stiffness)
+    store = work.store[members.store_at[i] : members.store_at[i + 1]]
+    state = motion.inner[members.inner_at[i] : members.inner_at[i + 1]]
+    condense_member(
+        members.kind[i], members.value[members.value_at[i] :], members.number[i], state, store, work.scratch, work.near[:0],
+        ends.d, np.ascontiguousarray(ends.Q), work.lam[i], stiffness,
+    )  # fmt: skip
     return gravity, work.lam[i, :6]

@@ -20,7 +20,7 @@ def energy_of_spring(model: Model, motion: Motion, i: int) -> float:
     """k (l - l0)^2 / 2, k (angle - rest)^2 / 2, or xi K xi / 2 of spring i."""
     springs = model.arrays.springs
     value, pose, Q = springs.value[springs.value_at[i] :], np.empty(18), np.empty((3, 3))
-    member_pose(springs, motion.x, motion.R, i, pose, Q)
+    member_pose(springs.node, springs.offset, springs.frame, motion.x, motion.R, i, pose, Q)
     d = pose[:9].reshape(3, 3).T @ pose[15:]
     if springs.kind[i] == COIL:
         return 0.5 * float(value[0]) * (math.sqrt(float(d @ d)) - float(value[1])) ** 2

@@ -18,7 +18,7 @@ from ksd.errors import KinematicsError, SceneError
 from ksd.model.arrays import COROTATIONAL, LINEAR, SOLID, Arrays, Motion, make_work
 from ksd.model.compile import Model
 from ksd.model.loading import term_value
-from ksd.model.system import assemble
+from ksd.model.newton import assemble
 from ksd.numerics.blocks import factor_blocks, refined_blocks
 from ksd.numerics.indefinite import inertia, scaling, solve_scaled
 from ksd.properties.turning import turning_loads

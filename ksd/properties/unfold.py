@@ -18,8 +18,8 @@ from ksd.errors import SceneError
 from ksd.model.arrays import COROTATIONAL, STRAIN, Motion, make_work
 from ksd.model.compile import Model, compile_given
 from ksd.model.mesh import Mesh, MixedMesh
+from ksd.model.newton import assemble, take_step
 from ksd.model.reduced import with_bodies
-from ksd.model.system import assemble, take_step
 from ksd.properties.kept import per_model
 from ksd.properties.shape import scene_leafs
 

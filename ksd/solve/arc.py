@@ -17,12 +17,11 @@ from numpy.typing import NDArray
 from ksd.errors import ConvergenceError
 from ksd.model.arrays import Motion, Work, make_work
 from ksd.model.compile import Model
-from ksd.model.system import assemble, largest_move, largest_turn, take_step
+from ksd.model.newton import GRAIN, LOOSE, assemble, largest_move, largest_turn, take_step
 from ksd.model.weight import weight_force
 from ksd.properties.tangent import stored_matrix
 from ksd.properties.turning import divergences, turning_loads
 from ksd.solve.driving import RTOL
-from ksd.solve.newton import GRAIN, LOOSE
 from ksd.solve.pivoted import inertia, scaling
 from ksd.solve.stops import Stop
 
@@ -135,7 +134,7 @@ class Tracer:
             if not math.isfinite(worst):
                 return None
             K, b = stored_matrix(arrays, work.value), factor_force(self.model, motion, self.course, work)
-            # looser than `ksd.solve.newton.settled`: places of a path are passed, and chains close in on them slowly
+            # looser than `ksd.model.newton.settled`: places of a path are passed, and chains close in on them slowly
             if step is None and (worst <= 1.0 or (worst <= LOOSE and moved <= 1.0)):
                 if status == 2:
                     return None

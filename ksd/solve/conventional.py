@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import contextlib
 import math
+import time
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Literal
@@ -17,7 +18,6 @@ import numpy as np
 from ksd.errors import ConvergenceError, KsdError, SceneError
 from ksd.model.arrays import Arrays, Loads, carries_load
 from ksd.model.compile import Model
-from ksd.numerics.stopwatch import thread_ns
 from ksd.solve.configuration import Configuration
 from ksd.solve.driving import CAP, RTOL
 from ksd.solve.load_steps import load_steps, step_of, stopped
@@ -54,7 +54,7 @@ def conventional(
         raise SceneError(f"planar = {planar!r}: choose 'auto', True or False")
     target = model.targets(targets)
     model.refuse_turns(target)
-    storage, clock = storage or storage_of(model), thread_ns()
+    storage, clock = storage or storage_of(model), time.thread_time_ns()
     begin = model.targets(start.targets) if start else np.zeros(len(target))
     low = start.load_factor if start else 0.0
     driven, how, found, doubts = load_steps(
@@ -62,7 +62,7 @@ def conventional(
         factors=(low, 1.0), planar=planar, steps=steps, rtol=rtol, cap=cap, eps_max=eps_max, most=most,
         smallest=smallest,
     )  # fmt: skip
-    spent = 1e-9 * (thread_ns() - clock)
+    spent = 1e-9 * (time.thread_time_ns() - clock)
     values = target if driven.reached == 1.0 else begin + driven.reached * (target - begin)
     result = Configuration(
         model, found, "conventional",

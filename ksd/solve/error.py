@@ -16,13 +16,13 @@ import numpy as np
 
 from ksd.model.arrays import STRAIN, Arrays, Motion, make_work
 from ksd.model.compile import Model, compile_given
+from ksd.model.newton import iterate
 from ksd.properties.kept import per_model
 from ksd.properties.section_forces import section_forces
 from ksd.properties.shape import member_ends
 from ksd.properties.tangent import exact
 from ksd.properties.unfold import pad
 from ksd.solve.driving import CAP, RTOL
-from ksd.solve.newton import iterate
 from ksd.solve.steps import FAST, ErrorEstimate
 from ksd.solve.stops import Stop
 

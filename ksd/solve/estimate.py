@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
+import time
 from collections.abc import Generator
 
 import numpy as np
 
 from ksd.model.arrays import Motion
-from ksd.model.system import take_step
-from ksd.numerics.stopwatch import thread_ns
+from ksd.model.newton import take_step
 from ksd.solve.driving import RTOL
 from ksd.solve.pipeline import Bench
 from ksd.solve.steps import ErrorEstimate, Step
@@ -33,15 +33,19 @@ def estimate_error(
     relinearised: joints were condensed anew at the state before, so that what is linear in the error is gone from the
     forces, and one step is not nearly all.
     """
-    begin = thread_ns()
-    residual, negatives, status = b.storage.look(target, RTOL, step=2)
+    begin = time.thread_time_ns()
+    residual, negatives, status = b.storage.look(target, RTOL)
     error, count = _size_of_step(b), 1
     stop = Stop.CONVERGED if status == 0 else (Stop.LOCAL_ANGLE if status == 1 else Stop.NOT_FINITE)
     if (NEGLIGIBLE if relinearised else COARSE) < error.relative < math.inf and _moved(b):
         steps = _later_steps(b, target)
         error, count = _followed(error, steps)
         steps.close()
-    return error, Step("error estimate", count, 1e-9 * (thread_ns() - begin), residual, stop), negatives
+    return (
+        error,
+        Step("error estimate", count, 1e-9 * (time.thread_time_ns() - begin), residual, stop),
+        negatives,
+    )
 
 
 Steps = Generator[tuple[ErrorEstimate, ErrorEstimate], None, None]
@@ -89,7 +93,7 @@ def _later_steps(b: Bench, target: np.ndarray) -> Steps:
     try:
         take_step(b.model.arrays, b.full, b.full_work.rhs, b.full_work, 1.0)
         while True:
-            b.storage.look(target, RTOL, step=2)
+            b.storage.look(target, RTOL)
             step = _size_of_step(b)
             take_step(b.model.arrays, b.full, b.full_work.rhs, b.full_work, 1.0)
             yield step, distance(kept, b, nothing)

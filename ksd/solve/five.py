@@ -78,10 +78,10 @@ class FiveSteps:
         ready = 0
         if b.bodies.hanging:
             first, ready = _closed(b, target, self.gap), 1
-        count, negatives = space_steps(b.held, target, code, passes, ready, RTOL, CAP, self.gap, out)
+        count, negatives = space_steps(b.parts, target, code, passes, ready, RTOL, CAP, self.gap, out)
         if not ready and (out[0, 0] != 0 or not out[0, 2] < self.gap * b.bodies.reduced.size):
             first = _closed(b, target, self.gap)
-            count, negatives = space_steps(b.held, target, code, passes, 1, RTOL, CAP, self.gap, out)
+            count, negatives = space_steps(b.parts, target, code, passes, 1, RTOL, CAP, self.gap, out)
         record, (inside, near) = out[:count].tolist(), b.seen.tolist()
         arrived = record[-1][0] == 0.0
         warnings = [] if arrived and inside else trained_range(b, b.theta, extrapolate=self.extrapolate)

@@ -17,11 +17,10 @@ import numpy as np
 from ksd.errors import KinematicsError, SceneError
 from ksd.model.arrays import Motion, make_work
 from ksd.model.compile import Model
-from ksd.model.system import assemble
+from ksd.model.newton import GRAIN, assemble
 from ksd.properties.frequencies import frequencies
 from ksd.properties.tangent import exact, factored_tangent, stored_matrix
 from ksd.properties.turning import divergences, turning_loads
-from ksd.solve.newton import GRAIN
 
 MILD = 1e-3
 """Share rho of the skew part up to which flutter is left to damping: half of it, as a ratio, is less than flexures have."""

@@ -16,12 +16,12 @@ from ksd.modal.bodies import inside
 from ksd.modal.solid_solve import FullSolid
 from ksd.model.arrays import LINEAR, Motion, make_work
 from ksd.model.compile import Model
+from ksd.model.newton import iterate
 from ksd.model.reduced import inner_state, member_pose, same_state, with_bodies
 from ksd.numerics.stopwatch import Stopwatch
 from ksd.properties.tangent import exact
 from ksd.solve.driving import CAP, RTOL
 from ksd.solve.error import relative_error
-from ksd.solve.newton import iterate
 from ksd.solve.steps import ErrorEstimate, Step
 from ksd.solve.stops import Stop
 

@@ -16,11 +16,11 @@ import numpy as np
 from ksd.bodies.joints import JointBodies, hang_links
 from ksd.bodies.kinematics import close_loops
 from ksd.bodies.readout import drive_forces
-from ksd.model.arrays import Motion
+from ksd.model.arrays import Motion, flatten, opened
 from ksd.model.compile import Model
 from ksd.numerics.stopwatch import Stopwatch
 from ksd.solve.reading import Reading
-from ksd.solve.space_steps import hold, read_space, space_set
+from ksd.solve.space_steps import read_space, space_set
 from ksd.solve.steps import Step
 from ksd.solve.stops import Stop
 from ksd.solve.storage import Storage
@@ -36,12 +36,11 @@ class Bench:
     def __init__(self, model: Model, bodies: JointBodies) -> None:
         if len(bodies.hung.owner):
             # step 2 sets where the weight of the joints pulls; another thread has its own
-            loads = bodies.reduced.loads
-            own = bodies.reduced._replace(loads=loads._replace(point=loads.point.copy()))
+            own = opened(flatten(bodies.reduced))
             bodies = replace(bodies, reduced=own)
         self.model, self.bodies = model, bodies
         parts = space_set(model, bodies)
-        self.held = hold(parts)
+        self.parts = parts
         state = parts.state
         self.full, self.full_work = state.full, state.full_work
         self.reduced, self.reduced_work = state.reduced, state.reduced_work
@@ -127,5 +126,5 @@ def joint_motions(b: Bench, motion: Motion) -> tuple[Reading, tuple[str, ...]]:
     a joint whose nearest intended motion was not found, or lies far outside its trained range; the last says so.
     """
     b.full.assign(motion)
-    read_space(b.held)
+    read_space(b.parts)
     return read_motions(b, b.found.copy(), b.off.copy(), b.known, near=bool(b.seen[1]))

@@ -16,11 +16,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ksd.model.arrays import Arrays, Motion, Work
-from ksd.model.system import assemble, largest_move, largest_turn, take_step
+from ksd.model.newton import GRAIN, assemble, largest_move, largest_turn, settled, take_step
 from ksd.numerics.indefinite import inertia, scaling, solve_scaled
 from ksd.properties.tangent import exact, stored_matrix
 from ksd.properties.turning import turning_loads
-from ksd.solve.newton import GRAIN, settled
 from ksd.solve.stops import Stop
 
 Array = NDArray[np.float64]
@@ -29,7 +28,7 @@ SINGULAR = 1e-15
 
 
 def iterate_pivoted(arrays: Arrays, motion: Motion, *aim: Any) -> tuple[int, int, float, int, float]:
-    """The Newton of `ksd.solve.newton.iterate` with pivoting: same arguments, rules and returns, motion in place.
+    """The Newton of `ksd.model.newton.iterate` with pivoting: same arguments, rules and returns, motion in place.
 
     aim: target, factor, work, rtol, most, cap, blow_up. The last number returned is the reciprocal condition of the
     equilibrated matrix.

@@ -26,8 +26,8 @@ from ksd.modal.choices import ModalBasis
 from ksd.modal.solid_basis import SolidBasis, with_solids
 from ksd.model.arrays import Arrays, Motion, make_work
 from ksd.model.compile import Model
+from ksd.model.newton import assemble, iterate
 from ksd.model.reduced import inner_state, member_pose, same_state
-from ksd.model.system import assemble
 from ksd.numerics.blocks import factor_blocks
 from ksd.numerics.stopwatch import Stopwatch
 from ksd.section.checks import show
@@ -37,7 +37,6 @@ from ksd.solve.conventional import by_load_steps
 from ksd.solve.driving import CAP, RTOL, drive_to
 from ksd.solve.five import FiveSteps
 from ksd.solve.full_bodies import indicator
-from ksd.solve.newton import iterate
 from ksd.solve.space_steps import condense_space, place_space, read_space, recover_space
 from ksd.solve.steps import Step
 from ksd.solve.stops import Stop
@@ -216,7 +215,7 @@ class _Placed:
         steps += more
         for n in range(passes + 1):
             if n > 0:
-                condense_space(self.bench.held, 0)
+                condense_space(self.bench.parts, 0)
                 self._condense(ready, motion)
                 step, _ = ready.loaded(motion, target, 1.0, smallest=1.0)
                 if step.stop is not Stop.CONVERGED:
@@ -227,7 +226,7 @@ class _Placed:
                 steps.append(step)
             self.bench.reduced.x[:], self.bench.reduced.R[:] = motion.x[:links], motion.R[:links]
             clock()
-            shift, _ = recover_space(self.bench.held)
+            shift, _ = recover_space(self.bench.parts)
             steps.append(Step("4 recovery", 0, clock(), shift, Stop.CONVERGED))
         return self._answer(ready, motion, values, steps, placed.notes)
 
@@ -300,7 +299,7 @@ class _Placed:
     ) -> Configuration:
         """The state of all leafs, and what the joints' records say of it."""
         b, mix, model = self.bench, ready.mix, ready.model
-        place_space(b.held)
+        place_space(b.parts)
         state = same_state(self.model, b.full, model)
         state.x[mix.nodes], state.R[mix.nodes] = motion.x, motion.R
         state.multiplier[:] = motion.multiplier
@@ -310,7 +309,7 @@ class _Placed:
         work, plan = make_work(model.arrays), model.arrays.plan
         _, _, own, _ = assemble(model.arrays, state, model.targets(values), 1.0, work, RTOL, 0, 10.0)
         negatives, _ = factor_blocks(plan, work.value, work.spare, len(plan.size))
-        read_space(b.held)
+        read_space(b.parts)
         near = bool(b.seen[1])
         reading, unknown = pipeline.read_motions(b, b.found.copy(), b.off.copy(), b.known, near=near)
         expected = len(model.drive_names) + len(model.support_names)
@@ -405,7 +404,7 @@ def settled(model: Model, i: int, d: np.ndarray, Q: np.ndarray) -> tuple[np.ndar
     turn = Rotation.from_matrix(Q @ Q0.T).as_rotvec()
     unturned = Rotation.from_rotvec(-0.5 * turn).apply(d)
     for steps in WAYS_THERE:
-        motion, reason = rest.copy(), Stop.CONVERGED
+        motion, reason = rest.copy(), int(Stop.CONVERGED)
         for share in np.linspace(1 / steps, 1, steps):
             # along an arc
             chord = (1 - share) * d0 + share * unturned

@@ -10,14 +10,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ksd.bodies.bench import condense_joints, set_near
 from ksd.bodies.joints import JointBodies
-from ksd.bodies.kinematics import joint_places
+from ksd.bodies.series import joint_places
 from ksd.errors import SceneError
-from ksd.numerics.held import Held, part
-from ksd.numerics.kernel import kernel
 from ksd.solve.many import PIECES
-from ksd.solve.space_steps import LINEAR_SIZE
+from ksd.solve.space_steps import LINEAR_SIZE, SpaceSet, condense_space, near_space
 
 FIRST, MOST = 32, 2048
 """Pieces tried first, and most."""
@@ -43,37 +40,24 @@ class JointTables:
         return f"{count} table{'s' * (count > 1)} of {pieces} pieces, interpolation error {self.error:.1e}"
 
 
-@kernel
-def condense_along(held, thetas, found):
+def condense_along(s: SpaceSet, thetas: np.ndarray, found: np.ndarray) -> int:
     """Condensed joints at thetas (N, q): found (N, J, 42), wrench and stiffness. Returns the worst status."""
-    theta, place, inner = (
-        part(held, "state.theta"),
-        part(held, "state.place"),
-        part(held, "state.reduced.inner"),
-    )
-    loops, bench, work = part(held, "bodies.loops"), part(held, "state.bench"), part(held, "state.bench_work")
-    arrays, inside = part(held, "bodies.bench"), part(held, "bodies.inside")
-    joints, worst = len(loops.node), 0
-    # a variable, for which numba does not compile `condense_joints` again
-    near = 1 + 0 * joints
-    for n in range(len(thetas)):
-        theta[:] = thetas[n]
-        joint_places(loops, theta, place, part(held, "state.series"))
-        set_near(arrays, loops, inside, theta, place, bench, work)
-        _, _, status = condense_joints(arrays, joints, bench, work, near, inner)
-        worst = max(worst, status)
-        for j in range(joints):
-            for e in range(42):
-                found[n, j, e] = inner[LINEAR_SIZE * j + 12 + e]
+    state, worst = s.state, 0
+    for n, theta in enumerate(thetas):
+        state.theta[:] = theta
+        joint_places(s.bodies.loops, state.theta, state.place, state.series)
+        near_space(s)
+        worst = max(worst, condense_space(s, 1))
+        found[n] = state.reduced.inner[: LINEAR_SIZE * found.shape[1]].reshape(-1, LINEAR_SIZE)[:, 12:]
     return worst
 
 
-def _sampled(held: Held, bodies: JointBodies, shares: np.ndarray) -> np.ndarray:
+def _sampled(parts: SpaceSet, bodies: JointBodies, shares: np.ndarray) -> np.ndarray:
     """(N, J, 27): all joints at `shares` (N,) of their trained ranges."""
     low, high = bodies.motion_range.T
     thetas = low + shares[:, None] * (high - low)
     found = np.empty((len(shares), len(bodies.loops.node), 42))
-    if condense_along(held, thetas, found) != 0:
+    if condense_along(parts, thetas, found) != 0:
         raise SceneError(
             "tabulated = True: a joint cannot be condensed over its whole trained range; leave it out"
         )
@@ -93,7 +77,7 @@ def _error(exact: np.ndarray, near: np.ndarray) -> float:
     return float(max(stiffness.max(initial=0.0), wrench.max(initial=0.0)))
 
 
-def joint_tables(held: Held, bodies: JointBodies, *, accuracy: float = 1e-6) -> JointTables:
+def joint_tables(parts: SpaceSet, bodies: JointBodies, *, accuracy: float = 1e-6) -> JointTables:
     """Tables of all joints, refined until the interpolation error is below `accuracy` or pieces run out.
 
     Raises SceneError for joints of more than one intended motion, and for leafs with weight.
@@ -112,10 +96,10 @@ def joint_tables(held: Held, bodies: JointBodies, *, accuracy: float = 1e-6) -> 
         )
     pieces = FIRST
     grid = np.linspace(0.0, 1.0, pieces + 1)
-    values = _sampled(held, bodies, grid)
+    values = _sampled(parts, bodies, grid)
     while True:
         halves = grid[:-1] + 0.5 / pieces
-        between = _sampled(held, bodies, halves)
+        between = _sampled(parts, bodies, halves)
         spline = CubicSpline(grid, values, axis=0)
         error = _error(between, spline(halves))
         if error <= accuracy or pieces >= MOST:

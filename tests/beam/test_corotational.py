@@ -262,17 +262,6 @@ def test_clamped_leaf_loses_stability_where_the_element_does():
         assert leaf.condense()[0] == expected
 
 
-def test_section_forces_balance_the_end_force():
-    leaf = Leaf(LEAF, L, 4)
-    leaf.load([3.0, 1e-3, 2e-3, 1e-5, 0, 0])
-    out = np.empty((4, 2, 6))
-    chain.section_forces(leaf.value, leaf.number, leaf.inner, leaf.d, leaf.Q, out)
-    assert np.allclose(out[:, :, 0], 3.0, rtol=1e-6)
-    root = np.cross(leaf.d, leaf.lam[:3]) + leaf.lam[3:6]
-    assert np.allclose(out[0, 0, 3:], root, rtol=2e-3, atol=1e-7)
-    assert np.allclose(out[:-1, 1, 3:], out[1:, 0, 3:], rtol=1e-3, atol=1e-7)
-
-
 def near_rotations(leaf):
     """Element and node rotation vectors of the present state, from the undeformed state."""
     n = int(leaf.number[0])

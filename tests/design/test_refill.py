@@ -81,9 +81,7 @@ def drawn(count, seed=1):
 
 def stored(five):
     """Everything the five steps read, by name."""
-    found = {f"space {n}": a for n, a in _Words(five.bench.held).arrays.items() if not n.startswith("state")}
-    words = _Words(five.bench.held)
-    return found | {f"space {n}": words.bits[at] for n, at in words.numbers.items() if n.endswith("size")}
+    return {f"space {n}": a for n, a in _Words(five.bench.parts).arrays.items() if not n.startswith("state")}
 
 
 @pytest.mark.parametrize("mesh", MESHES)

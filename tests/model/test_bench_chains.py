@@ -8,8 +8,8 @@ import ksd
 from ksd.beam.corotational import recover
 from ksd.beam.corotational_near import near_condense
 from ksd.bodies.bench import set_near
+from ksd.model.newton import assemble, take_step
 from ksd.model.poses import member_pose
-from ksd.model.system import assemble, take_step
 from ksd.units import GPa, deg, mm
 
 
@@ -49,7 +49,7 @@ def test_wrenches_and_inner_nodes_are_those_of_each(scene, elements, drives, rng
     alone, kept = [], []
     pose, Q = np.zeros(18), np.zeros((3, 3))
     for i in range(len(members.kind)):
-        member_pose(members, state.x, state.R, i, pose, Q)
+        member_pose(members.node, members.offset, members.frame, state.x, state.R, i, pose, Q)
         d = pose[:9].reshape(3, 3).T @ pose[15:]
         inner = np.zeros(members.inner_at[i + 1] - members.inner_at[i])
         store = np.zeros(members.store_at[i + 1] - members.store_at[i])

@@ -8,8 +8,8 @@ import ksd
 from ksd.model.arrays import make_work
 from ksd.model.compile import compile_scene
 from ksd.model.mesh import Mesh
+from ksd.model.newton import assemble, move_nodes, take_step
 from ksd.model.plane import Plane, plane_of
-from ksd.model.system import assemble, move_nodes, take_step
 from ksd.solve.conventional import conventional
 from ksd.units import deg, mm
 

@@ -7,7 +7,7 @@ from scenes import fourbar
 import ksd
 from ksd.bodies.bench import condense_joints, set_near
 from ksd.model.arrays import make_work
-from ksd.model.system import assemble, solve_step, take_step
+from ksd.model.newton import assemble, solve_step, take_step
 
 MESHES = {"strain": ksd.Mesh(), "chain": ksd.Mesh("corotational", elements=3)}
 SLIGHT = 1e-14

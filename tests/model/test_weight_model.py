@@ -9,12 +9,11 @@ from scipy.integrate import solve_bvp
 from scipy.spatial.transform import Rotation
 
 import ksd
-from ksd.model import arrays
 from ksd.model.arrays import make_work
 from ksd.model.compile import compile_scene
 from ksd.model.mesh import Mesh
+from ksd.model.newton import assemble, take_step
 from ksd.model.plane import plane_of
-from ksd.model.system import assemble, take_step
 from ksd.properties.tangent import stored_matrix
 from ksd.solve.conventional import conventional
 from ksd.units import mm
@@ -218,19 +217,6 @@ def test_plane_and_space_agree_on_a_mechanism(mesh):
 def test_gravity_out_of_the_plane_is_named():
     model = compile_scene(blade((0, -1.0, 1.0)))
     assert "the weight of the leafs pulls along (0, -1, 1) m/s^2" in plane_of(model)
-
-
-def test_kernels_of_the_weight_are_asked_for_by_what_has_weight_alone(monkeypatch):
-    """Without weight they are not compiled, and a call of what is not compiled would end the process."""
-    asked, compiled = [], arrays.compile_late
-    monkeypatch.setattr(arrays, "compile_late", lambda *names: (asked.extend(names), compiled(*names)))
-    of_weight = set(arrays.WEIGHT_ENTRIES)
-    scene = fourbar()
-    conventional(compile_scene(scene), {"top": 0.1})
-    assert asked and not of_weight & set(asked)
-    scene.gravity = (0, -9.81, 0)
-    conventional(compile_scene(scene, with_="gravity"), {"top": 0.1})
-    assert of_weight <= set(asked)
 
 
 @pytest.mark.parametrize("mesh", ["modes", "chain"])

@@ -21,7 +21,6 @@ def places(tmp_path, monkeypatch):
     (tmp_path / "file").touch()
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "file"))
     monkeypatch.setattr(cache.tempfile, "gettempdir", lambda: str(tmp_path / "file"))
-    monkeypatch.delenv(cache.ALONE, raising=False)
     return tmp_path
 
 

@@ -8,7 +8,6 @@ import ksd
 from ksd.design.batch import NOT_BUILT
 from ksd.design.prepared import Prepared
 from ksd.model.mesh import Mesh
-from ksd.numerics.held import Held
 from ksd.solve.many import LOCKED, OUT_OF_RANGE
 from ksd.units import deg
 
@@ -72,8 +71,3 @@ def test_tabulated_poses_do_not_depend_on_those_before_them(rng):
         if alone.status[0] == 0:
             assert along.force[n] == pytest.approx(alone.force[0], rel=1e-7, abs=1e-7)
             assert along.x[n] == pytest.approx(alone.x[0], abs=1e-9)
-
-
-def test_only_plain_arrays_are_held():
-    with pytest.raises(TypeError, match="contiguous"):
-        Held((np.zeros((4, 4))[:, ::2],))

@@ -8,14 +8,13 @@ from scenes import STEEL, fourbar
 import ksd
 from ksd.model.arrays import make_work
 from ksd.model.compile import compile_scene
+from ksd.model.newton import GRAIN, assemble, iterate, take_step
 from ksd.model.plane import plane_of
-from ksd.model.system import assemble, take_step
 from ksd.numerics.blocks import factor_blocks
 from ksd.properties.tangent import stored_matrix
 from ksd.properties.turning import turning_loads
 from ksd.section import rectangle
 from ksd.solve.conventional import conventional
-from ksd.solve.newton import GRAIN, iterate
 
 L, SECTION = 0.1, rectangle(0.5e-3, 0.02)
 EI = STEEL.E * SECTION.Iz

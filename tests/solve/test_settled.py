@@ -5,8 +5,8 @@ import pytest
 
 import ksd
 from ksd.model.mesh import Mesh
+from ksd.model.newton import LOOSE, STALLED, settled
 from ksd.solve.conventional import conventional
-from ksd.solve.newton import LOOSE, STALLED, settled
 from ksd.solve.steps import Step
 from ksd.solve.stops import Stop
 

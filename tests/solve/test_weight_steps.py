@@ -91,7 +91,7 @@ def test_it_is_there_unless_switched_off_however_small():
 def test_derivative_of_the_residual_by_the_load_factor(mesh):
     """What arc length needs of the weight, against finite differences at settled inner states."""
     from ksd.model.arrays import make_work
-    from ksd.model.system import assemble, take_step
+    from ksd.model.newton import assemble, take_step
 
     model = compile_scene(heavy(100.0), mesh=MESHES[mesh])
     arrays, motion = (

@@ -11,7 +11,7 @@ import ksd
 from ksd.design.state_space import state_space
 from ksd.model.arrays import make_work
 from ksd.model.compile import compile_scene
-from ksd.model.system import assemble, move_nodes, take_step
+from ksd.model.newton import assemble, move_nodes, take_step
 from ksd.properties.tangent import exact, factored_tangent, stored_matrix
 from ksd.properties.turning import turning_loads
 from ksd.section import rectangle

@@ -15,6 +15,7 @@ from ksd.design.refill.polynomials import Polynomials
 from ksd.design.refill.scales import scales
 from ksd.design.refill.space import Filled, Space
 from ksd.library import find_record
+from ksd.model.arrays import Arrays, flatten
 from ksd.solve.five import FiveSteps
 
 SAME = 1e-12
@@ -47,7 +48,7 @@ class Refill:
         if not self.polynomials.known or bodies.hanging or self.model.mesh.nodal:
             return
         self.space = Space(self.model, bodies, drawn.joints, self.polynomials, self.own)
-        self.space_words = _Words(five.bench.held)
+        self.space_words = _Words(five.bench.parts)
         self.kinds = np.array(
             [m.kind == "translation" for p in self.model.scene.joints for m in p.joint.motions]
         )
@@ -90,7 +91,7 @@ class Refill:
         Raises KinematicsError as a fresh model does."""
         self.space_words.put(ready.space, d)
         size = float(ready.space["bodies.reduced.size"][d])
-        parts = self.five.bench.held.parts
+        parts = self.five.bench.parts
         loose: Any = SimpleNamespace(
             loops=parts.bodies.loops, reduced=parts.bodies.reduced._replace(size=size),
             reduced_rest=parts.rest.reduced, motion_names=self.five.bench.bodies.motion_names,
@@ -100,44 +101,39 @@ class Refill:
 
 
 class _Words:
-    """The arrays and numbers of held storage by their names."""
+    """The arrays of prepared storage, and the length scales of its mechanisms, by their names."""
 
-    def __init__(self, held: Any) -> None:
-        self.held = held
+    def __init__(self, parts: Any) -> None:
         self.arrays: dict[str, np.ndarray] = {}
-        self.numbers: dict[str, int] = {}
-        self._collect(held.parts, "", 0)
-        self.bits = held.table.view(np.float64)
+        self.systems: list[Arrays] = []
+        self._collect(parts, "")
 
-    def _collect(self, part: Any, name: str, at: int) -> int:
-        """Walk in the order of `ksd.numerics.held`; returns the next word."""
-        if isinstance(part, np.ndarray):
-            self.arrays[name] = part
-            return at + 1 + part.ndim
-        if not isinstance(part, tuple):
-            self.numbers[name] = at
-            return at + 1
-        for field in part._fields:  # type: ignore[attr-defined]
-            at = self._collect(getattr(part, field), f"{name}.{field}" if name else field, at)
-        return at
+    def _collect(self, part: Any, name: str) -> None:
+        for field in part._fields:
+            inner, path = getattr(part, field), f"{name}.{field}" if name else field
+            if isinstance(inner, np.ndarray):
+                self.arrays[path] = inner
+            elif isinstance(inner, tuple):
+                self._collect(inner, path)
+        if isinstance(part, Arrays):
+            self.systems.append(part)
+            self.arrays[f"{name}.size"] = part.flat.floats[:1].reshape(())
 
     def put(self, filled: Filled, d: int) -> None:
         """Write row d of all."""
         for name, values in filled.items():
             if name in self.arrays:
                 self.arrays[name][...] = values[d]
-            elif name in self.numbers:
-                self.bits[self.numbers[name]] = values[d]
+        for system in self.systems:
+            # what compiled code reads is a copy
+            system.flat.floats[1:] = flatten(system).floats[1:]
 
     def holds(self, filled: Filled) -> bool:
         """Whether row 0 of all is what is held."""
         for name, values in filled.items():
-            if name in self.numbers:
-                have: Any = self.bits[self.numbers[name]]
-            elif name in self.arrays:
-                have = self.arrays[name]
-            else:
+            if name not in self.arrays:
                 continue
+            have = self.arrays[name]
             if values[0].shape != have.shape:
                 return False
             if np.abs(values[0] - have).max(initial=0.0) > SAME * np.abs(have).max(initial=0.0):

@@ -1,0 +1,450 @@
+"""Equilibrium of a mechanism in one compiled call: assembly, factorisation, solve and update, iterated to convergence.
+
+The same function serves the full model, the reduced one (condensed joints), training and the conventional
+solver. Convergence is scale-free (design section 5): at every node |R| <= rtol sum |f_e| + 10 eps (EA/L) max|x|,
+for forces and moments apart, the same for the inner residual of every member, and constraint gaps to rounding.
+In the stiff directions of thin leafs rounding may exceed that bound: a residual up to a thousand times larger is accepted
+(`settled`) when the last Newton step moved nothing by more than 1e-7 of the size, turned nothing by more than 1e-6 rad, and
+no longer lowered the residual. Without the last condition forces of taut leafs were off by 5e-5: nodes that stand still say
+nothing of the insides of leafs, and what leaves positions right to 1e-14 is still a force in a stiff one.
+
+Every compiled caller of the leaf kernels contains them and takes as long to compile, so there is one, `newton`, with a
+task, and `newton_any` for what few mechanisms have; the functions below them are what Python calls.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from ksd.beam.weight_entry import pull_member, turn_pull, weigh_member
+from ksd.model.arrays import Arrays, Motion, Work, open_fields, open_work
+from ksd.model.assembly import (
+    add_members,
+    condense_any,
+    condense_leaf,
+    no_weight,
+    no_weight_added,
+    recover_any,
+    recover_leaf,
+)
+from ksd.model.loading import add_loads, add_terms
+from ksd.model.springs import add_springs
+from ksd.model.turning import turn_step, turning
+from ksd.numerics.blocks import factor_blocks, solve_blocks
+from ksd.numerics.kernel import kernel
+from ksd.numerics.rotations import straighten, turn
+
+GRAIN = 10.0
+"""Multiples of rounding in the residual bounds."""
+LOOSE = 1000.0
+"""How far the residual may exceed its bound when the last step was negligible."""
+STALLED = 0.1
+"""Residual over that before the step from which on steps no longer lower it."""
+
+CONVERGED, TOO_MANY, LOCAL_ANGLE, SINGULAR, DIVERGED, NOT_FINITE = 0, 1, 2, 3, 4, 5
+SOLVE, LOOK, ASSEMBLE, NODES, STEP, TAKE = 0, 1, 2, 3, 4, 5
+"""Tasks of `newton`: iterate; assemble and find the Newton step; assemble; assemble without members; find the step of what
+was assembled; take the step."""
+
+_open = kernel(inline="always")(open_fields)
+_open_work = kernel(inline="always")(open_work)
+
+
+def settled(worst: float, before: float, moved: float) -> bool:
+    """Whether Newton is done. worst, before: residual over its bound now and before the last step; moved: that step over
+    what is negligible."""
+    return worst <= 1.0 or (worst <= LOOSE and moved <= 1.0 and worst > STALLED * before)
+
+
+_settled = kernel(inline="always")(settled)
+
+
+@kernel(inline="always")
+def _assemble(
+    condense, pull, weigh, arrays, x, R, inner, multiplier, target, work, task, near, factor, rtol, grain
+):
+    """Residual and tangent. Returns (residual over its bound, largest gap [m], negatives, status)."""
+    start, keep, rhs, scale = arrays.start, arrays.keep, work.rhs, work.scale
+    work.value[:] = 0.0
+    rhs[:] = 0.0
+    scale[:, :] = 0.0
+    reach = arrays.size
+    for k in range(len(start)):
+        for r in range(3):
+            reach = max(reach, abs(x[k, r]))
+    noise = grain * 2.220446049250313e-16 * reach
+    negatives, worst, status = 0, 0.0, 0
+    if task != NODES:
+        negatives, worst, status = add_members(
+            condense, pull, weigh, arrays, x, R, inner, work, factor, rtol, noise, near
+        )
+    if len(arrays.springs.kind) > 0:
+        first = len(arrays.members.kind)
+        status = max(status, add_springs(arrays.springs, first, start, keep, x, R, work, rtol, noise))
+    if len(arrays.loads.node) > 0:
+        add_loads(arrays.loads, start, keep, R, work, factor, rtol)
+    gap = add_terms(arrays.terms, start, keep, arrays.size, x, R, multiplier, target, work, rtol)
+    worst = max(worst, gap / (1e-11 * arrays.size + 2e-15 * reach))
+    for k in range(len(start)):
+        u = start[k]
+        if u >= 0:
+            f, m = 0.0, 0.0
+            for r in range(len(keep)):
+                if keep[r] < 3:
+                    f += rhs[u + r] ** 2
+                else:
+                    m += rhs[u + r] ** 2
+            worst = max(worst, math.sqrt(f) / (scale[k, 0] + 1e-300), math.sqrt(m) / (scale[k, 1] + 1e-300))
+    if not math.isfinite(worst) or status == 2:
+        worst, status = math.inf, 2
+    return worst, gap, negatives, status
+
+
+@kernel
+def _largest(start, keep, step, first):
+    """Largest norm, over the nodes, of the three components from `first` on, as far as they are unknown."""
+    largest = 0.0
+    for k in range(len(start)):
+        u = start[k]
+        if u >= 0:
+            s = 0.0
+            for r in range(len(keep)):
+                if first <= keep[r] < first + 3:
+                    s += step[u + r] ** 2
+            largest = max(largest, s)
+    return math.sqrt(largest)
+
+
+@kernel
+def _relative_motion(pose, move, g, xi):
+    """xi (6,) in frame p from the motion (12,) of nodes a, b: (dxb - dxa + dphib x s - dphia x w, dphib - dphia); g (6,):
+    scratch."""
+    for r in range(3):
+        j, k = (r + 1) % 3, (r + 2) % 3
+        g[r] = (
+            move[6 + r] - move[r]
+            + move[9 + j] * pose[12 + k] - move[9 + k] * pose[12 + j]
+            - move[3 + j] * pose[9 + k] + move[3 + k] * pose[9 + j]
+        )  # fmt: skip
+        g[3 + r] = move[9 + r] - move[3 + r]
+    for r in range(3):
+        xi[r] = pose[r] * g[0] + pose[3 + r] * g[1] + pose[6 + r] * g[2]
+        xi[3 + r] = pose[r] * g[3] + pose[3 + r] * g[4] + pose[6 + r] * g[5]
+
+
+@kernel
+def _move_nodes(start, keep, rows, x, R, multiplier, step, scale):
+    """Positions, rotations (R <- exp(dphi) R) and multipliers, of unknowns `rows` (c,)."""
+    v = np.zeros(6)
+    for k in range(len(start)):
+        u = start[k]
+        if u >= 0:
+            for r in range(len(keep)):
+                v[keep[r]] = scale * step[u + r]
+            for r in range(3):
+                x[k, r] += v[r]
+            turn(v[3:], R[k])
+            straighten(R[k])
+    for i in range(len(multiplier)):
+        if rows[i] >= 0:
+            multiplier[i] += scale * step[rows[i]]
+
+
+@kernel(inline="always")
+def _take(recover, turn_weight, arrays, x, R, inner, multiplier, work, scale):
+    """The step in work.rhs times `scale`: members first (their frames are the old ones), then nodes and multipliers."""
+    members, keep, start, step = arrays.members, arrays.keep, arrays.start, work.rhs
+    kinds, node, number, value_at, value = (
+        members.kind,
+        members.node,
+        members.number,
+        members.value_at,
+        members.value,
+    )
+    inner_at, store_at, store, poses, weight = (
+        members.inner_at,
+        members.store_at,
+        work.store,
+        work.pose,
+        work.weight,
+    )
+    xi, move, g = np.empty(6), np.empty(12), np.empty(6)
+    for i in range(len(kinds)):
+        pose = poses[i]
+        for e in range(2):
+            u = start[node[i, e]]
+            for r in range(6):
+                move[6 * e + r] = 0.0
+            if u >= 0:
+                for r in range(len(keep)):
+                    move[6 * e + keep[r]] = step[u + r]
+        _relative_motion(pose, move, g, xi)
+        own = store[store_at[i] : store_at[i + 1]]
+        if len(weight) > 0 and weight[i, 0] > 0.0:
+            turn_weight(pose, move, own)
+        state = inner[inner_at[i] : inner_at[i + 1]]
+        recover(kinds[i], value[value_at[i] :], number[i], state, own, xi, scale)
+    _move_nodes(start, keep, arrays.terms.start, x, R, multiplier, step, scale)
+
+
+@kernel(inline="always")
+def _newton(
+    condense, pull, weigh, recover, turn_weight,
+    ints, floats, x, R, inner, multiplier, target, flat, at, task, near, most, factor, rtol, grain, cap, blow_up,
+):  # fmt: skip
+    """See `newton`; the first five: what to do with the members there are."""
+    arrays, work = _open(ints, floats), _open_work(flat, at)
+    plan, rhs, start, keep = arrays.plan, work.rhs, arrays.start, arrays.keep
+    skew = turning(arrays.loads, start) > 0
+    negatives, inside, status, pivot = 0, 0, 0, 1.0
+    worst, before, moved, gap = math.inf, math.inf, math.inf, 0.0
+    n, polished = 0, False
+    while True:
+        done = False
+        if task <= NODES:
+            # a load too small to rise above rounding still gets one step: at first the bounds have no grain
+            bound = GRAIN if n > 0 or polished else grain
+            worst, gap, inside, status = _assemble(
+                condense,
+                pull,
+                weigh,
+                arrays,
+                x,
+                R,
+                inner,
+                multiplier,
+                target,
+                work,
+                task,
+                near,
+                factor,
+                rtol,
+                bound,
+            )
+        if task in (ASSEMBLE, NODES):
+            return status, 0, worst, inside, gap
+        # a leaf with a replaced tiny pivot or a folded angle is no answer, however small the residual
+        reason = LOCAL_ANGLE if status == 1 else (SINGULAR if status == 2 else CONVERGED)
+        if task == SOLVE:
+            if not math.isfinite(worst):
+                return NOT_FINITE, n, worst, negatives, pivot
+            if polished:
+                if _settled(worst, before, moved):
+                    return reason, n, worst, negatives + inside, pivot
+                polished = False
+                n += 1
+                if n > most:
+                    break
+            done = worst <= 1.0 or (worst <= LOOSE and moved <= 1.0)
+            if not done:
+                if n >= most:
+                    break
+                if n > 0 and math.isfinite(blow_up):
+                    s = 0.0
+                    for i in range(len(rhs)):
+                        s += rhs[i] * rhs[i]
+                    if math.sqrt(s) > blow_up:
+                        return DIVERGED, n, worst, negatives, pivot
+        if task != TAKE:
+            # the inertia belongs to the state before the step
+            negatives, pivot = factor_blocks(plan, work.value, work.spare, len(plan.size))
+            for i in range(len(rhs)):
+                rhs[i] = -rhs[i]
+            solve_blocks(plan, work.value, work.spare, rhs)
+            if done and not (worst > 1.0 and pivot > 0.0):
+                return reason, n, worst, negatives + inside, pivot
+            if task == SOLVE and not done:
+                negatives += inside
+                if not pivot > 0.0:
+                    return SINGULAR, n, worst, negatives, pivot
+            if skew and task != STEP:
+                turn_step(arrays.loads, start, keep, plan, R, work, factor)
+        if task in (LOOK, STEP):
+            return status, 0, worst, negatives + inside, pivot
+        scale = cap if task == TAKE else 1.0
+        before = worst
+        if done:
+            # the factors made for the inertia also lead the rest of the way, too short to count as a step
+            polished = True
+        elif task == SOLVE:
+            turned = _largest(start, keep, rhs, 3 + 0 * n)
+            if n > 0 and turned > cap:
+                scale = cap / turned
+            # a variable, not the literal 0, for which numba would compile the function once more
+            moved = max(turned / 1e-6, _largest(start, keep, rhs, 0 * n) / (1e-7 * arrays.size))
+            n += 1
+        _take(recover, turn_weight, arrays, x, R, inner, multiplier, work, scale)
+        if task == TAKE:
+            return CONVERGED, 0, 0.0, 0, 1.0
+    return TOO_MANY, most, worst, negatives, pivot
+
+
+@kernel(inline="always")
+def _no_weight_turned(pose, move, store):
+    """`turn_pull` where nothing weighs anything."""
+
+
+@kernel
+def newton(
+    ints,
+    floats,
+    x,
+    R,
+    inner,
+    multiplier,
+    target,
+    flat,
+    at,
+    task,
+    near,
+    most,
+    factor,
+    rtol,
+    grain,
+    cap,
+    blow_up,
+):
+    """A task on a system: see `iterate`; ints, floats as in `Flat`, flat, at as in `Work`.
+
+    Returns (reason, steps taken, residual over its bound, negative pivots, smallest relative pivot); of LOOK, ASSEMBLE and
+    NODES the status of the members for the reason, of the last two those of the members alone, and the largest gap [m] for
+    the pivot.
+    """
+    return _newton(
+        condense_leaf, no_weight, no_weight_added, recover_leaf, _no_weight_turned,
+        ints, floats, x, R, inner, multiplier, target, flat, at, task, near, most, factor, rtol, grain, cap, blow_up,
+    )  # fmt: skip
+
+
+@kernel
+def newton_any(
+    ints,
+    floats,
+    x,
+    R,
+    inner,
+    multiplier,
+    target,
+    flat,
+    at,
+    task,
+    near,
+    most,
+    factor,
+    rtol,
+    grain,
+    cap,
+    blow_up,
+):
+    """`newton` for members of every kind, and weight."""
+    return _newton(
+        condense_any, pull_member, weigh_member, recover_any, turn_pull,
+        ints, floats, x, R, inner, multiplier, target, flat, at, task, near, most, factor, rtol, grain, cap, blow_up,
+    )  # fmt: skip
+
+
+Newton = tuple[int, int, float, int, float]
+"""Reason, steps taken, residual over its bound, negative pivots, smallest relative pivot: see `iterate`."""
+
+
+def _run(
+    arrays: Arrays, motion: Motion, target: np.ndarray, work: Work, task: int, *, near: int = 0, most: int = 0,
+    factor: float = 1.0, rtol: float = 1e-8, grain: float = GRAIN, cap: float = math.inf, blow_up: float = math.inf,
+) -> Newton:  # fmt: skip
+    # one type of every argument: for another one all would be compiled again
+    flat = arrays.flat
+    found: Newton = (newton if flat.leafs_alone else newton_any)(
+        flat.ints, flat.floats, *motion, np.ascontiguousarray(target, np.float64), work.flat, work.at,
+        task, int(near), int(most), float(factor), float(rtol), float(grain), float(cap), float(blow_up),
+    )  # fmt: skip
+    return found
+
+
+def iterate(
+    arrays: Arrays, motion: Motion, target: np.ndarray, factor: float, work: Work, rtol: float, most: int, cap: float,
+    blow_up: float,
+) -> Newton:  # fmt: skip
+    """Newton to equilibrium at the drive values `target` (c,) and load `factor`, in place.
+
+    The first step (the predictor) is taken whole; later ones are scaled so that no node turns more than `cap` rad.
+    `blow_up`: stop when the residual norm exceeds it (the eps_max of Appendix B); inf switches it off.
+    Local angles beyond 60 degrees may pass on the way; a converged state that has one is refused.
+    Returns (reason, steps taken, residual over its bound, negative pivots, smallest relative pivot).
+    """
+    return _run(
+        arrays, motion, target, work, SOLVE, most=most, factor=factor, rtol=rtol, grain=0.0, cap=cap, blow_up=blow_up
+    )  # fmt: skip
+
+
+def assemble(
+    arrays: Arrays,
+    motion: Motion,
+    target: np.ndarray,
+    factor: float,
+    work: Work,
+    rtol: float,
+    near: int,
+    grain: float,
+) -> tuple[float, float, int, int]:
+    """Residual and tangent at `motion`. Returns (residual over its bound, largest gap [m], negatives, status).
+
+    near: 1 where chains are linearised about the near configuration in `work`, else 0. grain: how many times the rounding
+    of stiffness times position the bounds include (design section 5: 10 eps).
+    """
+    status, _, worst, negatives, gap = _run(
+        arrays, motion, target, work, ASSEMBLE, near=near, factor=factor, rtol=rtol, grain=grain
+    )
+    return worst, gap, negatives, status
+
+
+def assemble_nodes(arrays: Arrays, motion: Motion, factor: float, work: Work) -> None:
+    """Residual and tangent of constraint rows, loads and springs alone."""
+    _run(arrays, motion, np.zeros(len(motion.multiplier)), work, NODES, factor=factor, grain=0.0)
+
+
+def look(
+    arrays: Arrays, motion: Motion, target: np.ndarray, factor: float, work: Work, rtol: float
+) -> tuple[float, int, int]:
+    """Residual over its bound, negative pivots and status at `motion`; the Newton step is left in work.rhs."""
+    status, _, worst, negatives, _ = _run(arrays, motion, target, work, LOOK, factor=factor, rtol=rtol)
+    return worst, negatives, status
+
+
+def solve_step(arrays: Arrays, work: Work) -> tuple[int, float]:
+    """Factor work.value and turn work.rhs into the Newton step. Returns (negatives, smallest relative pivot)."""
+    none = np.zeros((0, 3)), np.zeros((0, 3, 3)), np.zeros(0), np.zeros(0)
+    *_, negatives, pivot = _run(arrays, Motion(*none), none[2], work, STEP)
+    return negatives, pivot
+
+
+def take_step(arrays: Arrays, motion: Motion, step: np.ndarray, work: Work, scale: float) -> None:
+    """motion <- motion + scale * step (n,), which is left in work.rhs; `work` as assembled at `motion`."""
+    work.rhs[:] = step
+    _run(arrays, motion, np.zeros(0), work, TAKE, cap=scale)
+
+
+def move_nodes(arrays: Arrays, motion: Motion, step: np.ndarray, scale: float) -> None:
+    """Positions, rotations and multipliers of `take_step`, members left alone."""
+    x, R, _, multiplier = motion
+    _move_nodes(
+        arrays.start,
+        arrays.keep,
+        arrays.terms.start,
+        x,
+        R,
+        multiplier,
+        np.ascontiguousarray(step),
+        float(scale),
+    )
+
+
+def largest_turn(arrays: Arrays, step: np.ndarray) -> float:
+    """Largest rotation of any node in `step` (n,), rad."""
+    return float(_largest(arrays.start, arrays.keep, np.ascontiguousarray(step), 3))
+
+
+def largest_move(arrays: Arrays, step: np.ndarray) -> float:
+    """Largest displacement of any node in `step` (n,), m."""
+    return float(_largest(arrays.start, arrays.keep, np.ascontiguousarray(step), 0))

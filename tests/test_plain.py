@@ -1,0 +1,181 @@
+"""Every kernel as plain Python: run with NUMBA_DISABLE_JIT=1, it is entered by these few solves.
+
+``NUMBA_DISABLE_JIT=1 pytest -m plain -n 0`` takes two minutes; without the variable the same solves run compiled.
+"""
+
+import ast
+import os
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scenes import STEEL, fourbar, single_joint
+
+import ksd
+from ksd.bodies.series import pose_from
+from ksd.modal import ModalBasis, with_modal_bodies
+from ksd.modal.solid import block
+from ksd.modal.solid_basis import reduce_solid
+from ksd.model.assembly import no_weight, no_weight_added
+from ksd.model.compile import compile_scene
+from ksd.model.newton import _no_weight_turned
+from ksd.solve import tables
+from ksd.solve.conventional import conventional
+
+pytestmark = pytest.mark.plain
+INTERPRETED = os.environ.get("NUMBA_DISABLE_JIT") == "1"
+PACKAGE = Path(ksd.__file__).parent
+ENTERED: set[tuple[str, str]] = set()
+CHAIN = ksd.Mesh("corotational", elements=3)
+
+
+@pytest.fixture(autouse=True)
+def entered():
+    """Notes, interpreted, which functions of the package are entered."""
+
+    def note(frame, event, _):
+        if event == "call" and frame.f_code.co_filename.startswith(str(PACKAGE)):
+            ENTERED.add((frame.f_code.co_filename, frame.f_code.co_name))
+
+    if INTERPRETED:
+        sys.setprofile(note)
+    # compiled code divides by zero in silence; what comes of it is looked at where it matters
+    with np.errstate(all="ignore"):
+        yield
+    sys.setprofile(None)
+
+
+def blade(*, thickness=0.5e-3, load=(), chain=False):
+    """One leaf along x, loaded at its end."""
+    scene = ksd.Mechanism("blade")
+    tip = scene.link("tip")
+    scene.leaf(
+        scene.ground, tip, start=(0, 0, 0), end=(0.1, 0, 0), section=ksd.rectangle(thickness, 0.02), material=STEEL,
+        width_axis="z", name="blade",
+    )  # fmt: skip
+    for options in load:
+        scene.load(tip, at=(0.1, 0, 0), **options)
+    return scene, compile_scene(scene, mesh=CHAIN if chain else None)
+
+
+@pytest.mark.parametrize("method", ["conventional", "kinematic", "reduced", "full"])
+def test_methods(method):
+    pose = ksd.solve(fourbar(), {"top": 0.05}, method=method)
+    assert pose.forces["top"] == pytest.approx(30.19, rel=3e-2 if method == "kinematic" else 2e-3)
+
+
+def test_chains_in_plane_and_space():
+    model = compile_scene(single_joint(), mesh=CHAIN)
+    one, other = (conventional(model, {"turn": 0.2}, planar=p) for p in (True, False))
+    assert one.forces["turn"] == pytest.approx(other.forces["turn"], rel=1e-8)
+    ksd.solve(single_joint(), {"turn": 0.2}, method="reduced", mesh=CHAIN)
+
+
+@pytest.mark.parametrize("chain", [False, True], ids=["modes", "chain"])
+def test_weight_and_loads_of_every_kind(chain):
+    loads = ({"force": (0, 0.05, 0.01)}, {"force": (0, 0.02, 0), "moment": (0, 0, 1e-3), "following": True})
+    scene, _ = blade(load=loads)
+    scene.gravity = (0, -9.81, 0)
+    state = conventional(
+        compile_scene(scene, mesh=CHAIN if chain else None, with_="gravity"), {}, planar=False
+    )
+    assert state.converged
+
+
+def test_springs_and_constraints_of_every_kind():
+    scene, _ = blade(load=({"force": (0, 0.05, 0)},))
+    scene.spring("ground", "tip", start=(0.1, -0.1, 0), end=(0.1, 0, 0), stiffness=10.0, free_length=0.08)
+    scene.turn_spring("ground", "tip", at=(0.1, 0, 0), axis="z", stiffness=1e-2)
+    scene.support("tip", about="x")
+    assert conventional(compile_scene(scene), {}, planar=False).converged
+
+
+def test_leafs_curved_at_rest():
+    scene = ksd.Mechanism("arc")
+    tip = scene.link("tip")
+    scene.leaf(
+        scene.ground, tip, start=(0, 0, 0), end=(0.1, 0, 0), section=ksd.rectangle(0.5e-3, 0.02), material=STEEL,
+        width_axis="z", curve=ksd.Arc(0.05 / np.sin(0.15), 0.3), name="arc",
+    )  # fmt: skip
+    scene.load(tip, force=(0, 0.05, 0), at=(0.1, 0, 0))
+    assert ksd.solve(scene).converged
+
+
+@pytest.mark.parametrize("chain", [False, True], ids=["modes", "chain"])
+def test_questions(chain):
+    scene = fourbar()
+    scene.mass("top", mass=0.3, at=(0, 0.4, 0), inertia=1e-3 * np.eye(3))
+    pose = ksd.solve(scene, {"top": 0.05}, method="conventional", mesh=CHAIN if chain else None)
+    pose.stiffness("top", at=(0, 0.4, 0))
+    pose.stress()
+    pose.section_forces()
+    pose.strain_energy()
+    pose.buckling("top", force=(0, -1.0, 0), at=(0, 0.4, 0))
+    pose.frequencies()
+
+
+def test_batches(monkeypatch):
+    monkeypatch.setattr(tables, "FIRST", 8)
+    monkeypatch.setattr(tables, "MOST", 8)
+    turns = {"turn": np.linspace(0.2, 0.25, 4)}
+    one, other = (ksd.batch(single_joint(), turns, tabulated=t) for t in (False, True))
+    assert one.forces["turn"] == pytest.approx(other.forces["turn"], rel=0.01)
+
+
+def test_weight_of_condensed_joints():
+    scene = single_joint()
+    scene.gravity = (0, -9.81, 0)
+    assert ksd.solve(scene, {"turn": 0.1}, method="reduced").converged
+
+
+def test_joints_that_move_out_of_their_plane():
+    """Pose and its derivative from polynomials of all six numbers, against differences."""
+    coefficient = np.random.default_rng(1).normal(size=(6, 3)) * 0.2
+    slope, at = np.zeros((2, 3)), 0.3
+
+    def place(t):
+        slope[0] = 0.0, 1.0, 2.0 * t
+        put = np.zeros(24)
+        pose_from(coefficient, 0.1, np.array([1.0, t, t * t]), slope, 3, 1, put)
+        return put
+
+    change = (place(at + 1e-6) - place(at - 1e-6)) / 2e-6
+    assert place(at)[12:15] == pytest.approx(change[9:12], abs=1e-8)
+
+
+def test_modal_bodies():
+    for basis in (ModalBasis(elements=3), ModalBasis(coordinates="angle", derivatives="tied", elements=3)):
+        _, model = blade(load=({"force": (0, 0.05, 0)},), chain=True)
+        assert conventional(with_modal_bodies(model, basis), {}, planar=False).converged
+
+
+def test_solids():
+    scene, _ = blade(thickness=0.01, load=({"force": (0, 20.0, 0)},))
+    scene.support("tip", along="z", at=(0.1, 0, 0))
+    scene.support("tip", about="x")
+    scene.support("tip", about="y")
+    solid = reduce_solid(block(STEEL, 0.1, 0.01, width=0.02, cells=(4, 1)), order=2)
+    assert ksd.solve(scene, basis={"blade": solid}, strict=False).converged
+
+
+def test_without_weight_nothing_happens():
+    assert no_weight(None, None, None, None) is no_weight_added(None, None, None, None, None) is None
+    assert _no_weight_turned(None, None, None) is None
+
+
+def kernels():
+    """Every kernel of the package: its file and its name."""
+    for path in sorted(PACKAGE.rglob("*.py")):
+        for node in ast.walk(ast.parse(path.read_text())):
+            if isinstance(node, ast.FunctionDef) and any(
+                "kernel" in ast.unparse(d) for d in node.decorator_list
+            ):
+                yield str(path), node.name
+
+
+@pytest.mark.skipif(not INTERPRETED, reason="compiled: set NUMBA_DISABLE_JIT=1")
+def test_every_kernel_was_entered():
+    """The last test: those before it leave none out."""
+    left = sorted(f"{Path(file).relative_to(PACKAGE)}: {name}" for file, name in set(kernels()) - ENTERED)
+    assert not left, "\n".join(left)
