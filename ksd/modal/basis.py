@@ -54,9 +54,9 @@ class LeafBasis:
     """The span of one leaf's nodes: z = z0 + boundary (b - b0) + inner eta, node by node.
 
     z0 ((n+1) q,), boundary (.., nb), inner (.., m), hold (m,) Nm (see `_separated`), b0 (nb,), orientation (n+1, 9)
-    (columns of the expansion point, in the floating frame); q = 9 values per node for directors, 6 for angles. modes,
-    derivatives: what it was made of; condition: of `inner` before it was made orthonormal. tied ((n+1) q, nb + m, nb + m):
-    second derivatives of z by all coordinates, on a quadratic manifold.
+    (columns of the expansion point, in the floating frame); q = 9 values per node for directors, 6 for angles.
+    condition: of `inner` before it was made orthonormal. tied ((n+1) q, nb + m, nb + m): second derivatives of z by all
+    coordinates, on a quadratic manifold.
     """
 
     choices: ModalBasis
@@ -67,8 +67,6 @@ class LeafBasis:
     inner: np.ndarray
     hold: np.ndarray
     b0: np.ndarray
-    modes: Modes
-    derivatives: Derivatives
     condition: float
     tied: np.ndarray | None = None
 
@@ -319,9 +317,7 @@ def make_basis(shape: LeafShape, choices: ModalBasis) -> LeafBasis:
     basis = conditioned(rest, scale=scale, cut=choices.cut)
     z0 = _expansion(choices, x, R)
     columns, hold = _separated(shape.record, orientation, z0, basis.columns, choices)
-    return LeafBasis(
-        choices, shape.record, orientation, z0, edge, columns, hold, z0[rows], modes, derived, basis.condition
-    )
+    return LeafBasis(choices, shape.record, orientation, z0, edge, columns, hold, z0[rows], basis.condition)
 
 
 def _manifold(
@@ -341,7 +337,7 @@ def _manifold(
     unit = conditioned(modes.shapes / np.tile([shape.length] * 3 + [1.0] * 3, n + 1)[:, None])
     return LeafBasis(
         choices, shape.record, shape.R.transpose(0, 2, 1).reshape(n + 1, 9), z0, columns[:, :nb], columns[:, nb:],
-        np.zeros(m), z0[rows], modes, derived, unit.condition, tied,
+        np.zeros(m), z0[rows], unit.condition, tied,
     )  # fmt: skip
 
 

@@ -6,9 +6,6 @@ from dataclasses import dataclass, replace
 
 from ksd.errors import SceneError
 
-PRINTED = {"coordinates": "angle", "frame": "node", "internal": 0, "order": 2}
-"""Paper 2 as printed: for reference, not for use (errata, paper 2)."""
-
 FEW = 2
 """Internal modes by default; bodies of order 2 with so many are found from where the joints' records put their ends."""
 
@@ -90,4 +87,4 @@ def _among(name: str, value: object, known: tuple[str, ...]) -> None:
         raise SceneError(f"{name} = {value!r}: choose one of {', '.join(known)}")
 
 
-__all__ = ["PRINTED", "ModalBasis"]
+__all__ = ["ModalBasis"]
