@@ -2,10 +2,10 @@
 
     python benchmarks/hard_cases.py [--verify]
 
-Cases and verified answers: `tests/validation/hard_cases.py` and `hard_classics.py`. "right" matches the verified answer to
-its tolerance (a fast method: to 1.5 times the error it states; ten Appendix A elements: to 2 %, or to the tolerance what 96
-load steps of the same elements end in), "rough" states an error above 10 %, "refused" is a typed error with its reason,
-"wrong" must not occur.
+Cases and verified answers: `hard_cases.py`, `hard_classics.py` and `hard_families.py` in `tests/validation`. "right"
+matches the verified answer to its tolerance (a fast method: to 1.5 times the error it states; ten Appendix A elements: to
+2 %, or to the tolerance what 96 load steps of the same elements end in), "rough" states an error above 10 %, "refused" is a
+typed error with its reason, "wrong" must not occur.
 The table goes to `benchmarks/results/hard_cases.md`. --verify walks every case in 96 small load steps with finer leafs and
 prints the answers instead.
 """
@@ -42,13 +42,14 @@ METHODS: dict[str, dict[str, Any]] = {
     "chain": {"mesh": Mesh("corotational", elements=10)},
     "chain, full": {"mesh": Mesh("corotational", elements=10), "method": "full"},
     "plain Newton": {"mesh": Mesh("corotational", elements=10, mip=False), "method": "conventional"},
+    "modal": {"method": "modal"},
     "spatial": {"planar": False},
     "path": {"path": True},
 }
 """Columns of the table: words for `ksd.solve`; "spatial" is the conventional solver kept out of the plane."""
 COARSE = 0.02
 """Tolerance of 10 Appendix A elements per leaf against finer answers: far from any other branch."""
-FAST = ("kinematic", "reduced", "1 pass")
+FAST = ("kinematic", "reduced", "1 pass", "modal")
 STATED, ROUGH = 1.5, 0.1
 """A fast method is right within STATED times the error it states; beyond ROUGH it says itself that it is no answer."""
 
@@ -69,7 +70,7 @@ def applies(case: Case, scene: Any, method: str) -> bool:
         return case.path is not None
     if case.path is not None and (case.path.get("control") != "drives" or method != "default"):
         return False
-    if ways.get("method") in ("kinematic", "reduced", "full") and not has_joints(scene):
+    if ways.get("method") in ("kinematic", "reduced", "full", "modal") and not has_joints(scene):
         return False
     return not ("mesh" in ways and case.mesh is not None)
 
