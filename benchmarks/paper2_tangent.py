@@ -21,8 +21,7 @@ from ksd.numerics.stopwatch import Stopwatch
 from ksd.properties.stiffness import point_stiffness
 from ksd.solve.configuration import Configuration
 from ksd.solve.conventional import conventional
-from ksd.solve.steps import Step
-from ksd.solve.stops import Stop
+from ksd.solve.steps import Step, Stop
 
 BASIS = ModalBasis(frame="node", internal=0)
 STEEL = ksd.Material(E=200e9, G=200e9 / 2.6, density=7800)

@@ -17,7 +17,7 @@ from ksd.model.compile import compile_scene
 from ksd.model.mesh import Mesh
 from ksd.model.plane import Plane, plane_of
 from ksd.solve.conventional import conventional
-from ksd.solve.driving import drive_to
+from ksd.solve.load_steps import drive_to
 from ksd.solve.storage import Newton, Storage
 from ksd.units import GPa, deg, mm
 

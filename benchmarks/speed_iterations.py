@@ -15,9 +15,9 @@ import ksd
 from ksd.model.arrays import Arrays, Motion, Work, make_work
 from ksd.model.newton import assemble, iterate, take_step
 from ksd.numerics.blocks import backward_blocks, factor_blocks, solve_blocks
-from ksd.solve.driving import CAP, RTOL
 from ksd.solve.five import GAP
 from ksd.solve.space_steps import KINEMATIC, space_steps
+from ksd.solve.steps import CAP, RTOL
 
 TARGET = np.array([STROKE])
 WARM = 3

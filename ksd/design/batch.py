@@ -27,7 +27,7 @@ from ksd.properties.words import Shown
 from ksd.section.checks import whole
 from ksd.solve.many import SPOKEN
 from ksd.solve.space_steps import FULL, REDUCED
-from ksd.solve.stops import Stop
+from ksd.solve.steps import Stop
 
 NOT_BUILT = 20
 """Status of all poses of a design that could not be prepared."""

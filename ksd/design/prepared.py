@@ -8,11 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from ksd.errors import SceneError
-from ksd.solve.driving import CAP, RTOL
 from ksd.solve.five import FiveSteps
 from ksd.solve.many import Poses, space_many, tabulated_many
 from ksd.solve.solver import Solver
 from ksd.solve.space_steps import KINEMATIC, REDUCED
+from ksd.solve.steps import CAP, RTOL
 from ksd.solve.tables import joint_tables
 
 

@@ -21,9 +21,8 @@ from ksd.model.newton import GRAIN, LOOSE, assemble, largest_move, largest_turn,
 from ksd.model.weight import weight_force
 from ksd.properties.tangent import stored_matrix
 from ksd.properties.turning import divergences, turning_loads
-from ksd.solve.driving import RTOL
 from ksd.solve.pivoted import inertia, scaling
-from ksd.solve.stops import Stop
+from ksd.solve.steps import RTOL, Stop
 
 Array = NDArray[np.float64]
 LARGEST = 0.15

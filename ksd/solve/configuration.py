@@ -36,12 +36,10 @@ from ksd.solve.corrected import settled, with_error
 from ksd.solve.error import error_of
 from ksd.solve.following import keeps_still
 from ksd.solve.left_out import left_out
-from ksd.solve.reading import Reading
 from ksd.solve.report import tables
 from ksd.solve.rest import minimum_taken
 from ksd.solve.sensitivity import sensitivity
-from ksd.solve.steps import FAST, ErrorEstimate, FiveStepRecord, Step
-from ksd.solve.stops import Stop
+from ksd.solve.steps import FAST, ErrorEstimate, FiveStepRecord, JointMotions, Step, Stop
 from ksd.solve.validity import Validity, validity
 from ksd.solve.verdict import Trust, judge
 from ksd.view import plot_mechanism, save_figure, show_mechanism, write_vtu
@@ -62,7 +60,7 @@ class Configuration:
 
     motion: state of the full model (positions m, rotation matrices, inner states, multipliers). method: kinematic,
     reduced, full, conventional or modal. targets: drive values by name [m or rad]. steps: those of the solve, in order.
-    reading: where its joints are, for `motions` and `unintended`; None where their records are not known. method_error:
+    joint_motions: those of `motions` and `unintended`; None where the records of the joints are not known. method_error:
     estimate of what the fast methods add to the error of the mesh, made with the solve; None where the method is exact
     (see `error`). negatives: negative pivots at the end, expected: those the constraint rows explain. doubts: what
     speaks against the branch and was not cleared up by smaller steps. notes: what the solve itself warns of, part of
@@ -76,7 +74,7 @@ class Configuration:
     steps: Sequence[Step]
     negatives: int
     expected: int
-    reading: Reading | None
+    joint_motions: JointMotions | None
     method_error: ErrorEstimate | None
     notes: tuple[str, ...]
     load_factor: float
@@ -94,7 +92,7 @@ class Configuration:
         *,
         negatives: int,
         expected: int,
-        reading: Reading | None = None,
+        joint_motions: JointMotions | None = None,
         method_error: ErrorEstimate | None = None,
         notes: tuple[str, ...] = (),
         load_factor: float = 1.0,
@@ -106,7 +104,7 @@ class Configuration:
         self.__dict__.update(
             model=model, motion=motion, method=method, targets=targets, steps=steps, negatives=negatives,
             expected=expected, method_error=method_error, notes=notes, load_factor=load_factor,
-            doubts=doubts, chosen=chosen, near=near, reading=reading,
+            doubts=doubts, chosen=chosen, near=near, joint_motions=joint_motions,
         )  # fmt: skip
 
     def __dir__(self) -> list[str]:
@@ -121,13 +119,13 @@ class Configuration:
     @cached_property
     def motions(self) -> dict[str, float]:
         """Intended motion of every joint by name [rad or m]; empty where the joints have no records."""
-        return {} if self.reading is None else self.reading.by_motion()
+        return {} if self.joint_motions is None else self.joint_motions.by_motion()
 
     @cached_property
     def unintended(self) -> dict[str, np.ndarray]:
         """Displacement [m] and rotation [rad] (6,) of interface B off its intended pose, in joint axes, by joint; empty
         as `motions`."""
-        return {} if self.reading is None else self.reading.by_joint()
+        return {} if self.joint_motions is None else self.joint_motions.by_joint()
 
     @property
     def converged(self) -> bool:
@@ -489,18 +487,18 @@ class Configuration:
 _INSIDE = frozenset(
     (
         "answering", "chosen", "doubts", "expected", "insides", "near", "negatives", "notes", "questioned",
-        "reading", "resolution", "still", "unreduced", "_node", "_of_leafs",
+        "joint_motions", "resolution", "still", "unreduced", "_node", "_of_leafs",
     )
 )  # fmt: skip
 """What other rooms of the package ask a configuration for; `dir` leaves it out."""
 
 
-def with_reading(
-    found: Configuration, reading: Reading, notes: tuple[str, ...], *, near: bool
+def with_joint_motions(
+    found: Configuration, joint_motions: JointMotions, notes: tuple[str, ...], *, near: bool
 ) -> Configuration:
     """The same with the motions of its joints, as read where their records are known, and what was not found."""
     told = object.__new__(Configuration)
-    told.__dict__.update(found.__dict__, reading=reading, notes=(*found.notes, *notes), near=near)
+    told.__dict__.update(found.__dict__, joint_motions=joint_motions, notes=(*found.notes, *notes), near=near)
     for name in ("motions", "unintended", "warnings"):
         told.__dict__.pop(name, None)
     return told

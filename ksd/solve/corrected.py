@@ -18,10 +18,9 @@ import numpy as np
 from ksd.errors import ConvergenceError
 from ksd.model.arrays import Motion, make_work
 from ksd.model.newton import iterate
-from ksd.solve.driving import CAP, RTOL
 from ksd.solve.error import truth_of
 from ksd.solve.full_bodies import settled as settled_solids
-from ksd.solve.stops import Stop
+from ksd.solve.steps import CAP, RTOL, Stop
 
 if TYPE_CHECKING:
     from ksd.solve.configuration import Configuration

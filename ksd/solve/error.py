@@ -22,9 +22,7 @@ from ksd.properties.section_forces import section_forces
 from ksd.properties.shape import member_ends
 from ksd.properties.tangent import exact
 from ksd.properties.unfold import pad
-from ksd.solve.driving import CAP, RTOL
-from ksd.solve.steps import FAST, ErrorEstimate
-from ksd.solve.stops import Stop
+from ksd.solve.steps import CAP, FAST, RTOL, ErrorEstimate, Stop
 
 if TYPE_CHECKING:
     from ksd.solve.configuration import Configuration

@@ -10,10 +10,8 @@ import numpy as np
 
 from ksd.model.arrays import Motion
 from ksd.model.newton import take_step
-from ksd.solve.driving import RTOL
 from ksd.solve.pipeline import Bench
-from ksd.solve.steps import ErrorEstimate, Step
-from ksd.solve.stops import Stop
+from ksd.solve.steps import RTOL, ErrorEstimate, Step, Stop
 
 COARSE = 0.01
 """Estimated relative error from which a second corrector step tells whether the first was nearly all."""

@@ -20,14 +20,12 @@ from ksd.model.compile import Model
 from ksd.numerics.stopwatch import Stopwatch
 from ksd.solve import pipeline
 from ksd.solve.configuration import Configuration
-from ksd.solve.driving import CAP, RTOL
 from ksd.solve.estimate import distance, estimate_error
 from ksd.solve.following import counted
 from ksd.solve.load_steps import WANDERED, wandered
 from ksd.solve.pipeline import Bench
 from ksd.solve.space_steps import FULL, KINEMATIC, REDUCED, space_steps
-from ksd.solve.steps import FiveStepRecord, Step
-from ksd.solve.stops import Stop
+from ksd.solve.steps import CAP, RTOL, FiveStepRecord, Step, Stop
 from ksd.solve.verdict import trained_range
 
 _CODES = {"kinematic": KINEMATIC, "reduced": REDUCED, "full": FULL}
@@ -165,12 +163,13 @@ class FiveSteps:
     ) -> Configuration:
         b, (values, method, steps) = self.bench, solved
         theta, off, found, near = moved
-        reading, unknown = pipeline.read_motions(b, theta, off, found, near=near)
+        joint_motions, unknown = pipeline.read_motions(b, theta, off, found, near=near)
         if method != "kinematic" and steps.last is Stop.CONVERGED:
             negatives = counted(self.model, b.full, 1.0, negatives)
         doubts = wandered(s for s in steps if s.name[0] in "35") if steps.wandered(WANDERED) else ()
         return Configuration(
-            self.model, b.full.copy(), method, values, steps, negatives=negatives, expected=self._expected, reading=reading,
+            self.model, b.full.copy(), method, values, steps, negatives=negatives, expected=self._expected,
+            joint_motions=joint_motions,
             method_error=error, notes=(*warnings, *unknown, *self._said(steps)), doubts=doubts,
             near=near,
         )  # fmt: skip

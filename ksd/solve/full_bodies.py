@@ -20,10 +20,8 @@ from ksd.model.newton import iterate
 from ksd.model.reduced import inner_state, member_pose, same_state, with_bodies
 from ksd.numerics.stopwatch import Stopwatch
 from ksd.properties.tangent import exact
-from ksd.solve.driving import CAP, RTOL
 from ksd.solve.error import relative_error
-from ksd.solve.steps import ErrorEstimate, Step
-from ksd.solve.stops import Stop
+from ksd.solve.steps import CAP, RTOL, ErrorEstimate, Step, Stop
 
 CORRECTORS, MORE, MOST = 3, 2, 20
 """Corrector steps of chains at first, each time again, and at most: far from equilibrium the first ones lead astray."""

@@ -20,8 +20,7 @@ from ksd.scene.mechanism import Mechanism
 from ksd.solve.arc import REACHED, Course, Place, Walk, starting_place, switched
 from ksd.solve.configuration import Configuration
 from ksd.solve.conventional import bare, conventional
-from ksd.solve.steps import Step
-from ksd.solve.stops import Stop
+from ksd.solve.steps import Step, Stop
 
 Array = NDArray[np.float64]
 

@@ -19,10 +19,8 @@ from ksd.bodies.readout import drive_forces
 from ksd.model.arrays import Motion, flatten, opened
 from ksd.model.compile import Model
 from ksd.numerics.stopwatch import Stopwatch
-from ksd.solve.reading import Reading
 from ksd.solve.space_steps import read_space, space_set
-from ksd.solve.steps import Step
-from ksd.solve.stops import Stop
+from ksd.solve.steps import JointMotions, Step, Stop
 from ksd.solve.storage import Storage
 
 
@@ -97,7 +95,7 @@ def kinematic_forces(b: Bench, target: np.ndarray) -> None:
 
 def read_motions(
     b: Bench, theta: np.ndarray, off: np.ndarray, found: np.ndarray, *, near: bool
-) -> tuple[Reading, tuple[str, ...]]:
+) -> tuple[JointMotions, tuple[str, ...]]:
     """Intended motion of every joint and what is left, and what is not known, in words.
 
     theta (q,), off (J, 6) and found (J,) as of `ksd.bodies.readout.intended_motions`; they are changed where a motion
@@ -116,10 +114,10 @@ def read_motions(
             unknown.append(
                 f"the intended motion of joint '{name}' is not known: the one nearest to its pose {why}"
             )
-    return Reading(b.bodies.motion_names, names, b.bodies.motion_scale, theta, off), tuple(unknown)
+    return JointMotions(b.bodies.motion_names, names, b.bodies.motion_scale, theta, off), tuple(unknown)
 
 
-def joint_motions(b: Bench, motion: Motion) -> tuple[Reading, tuple[str, ...]]:
+def joint_motions(b: Bench, motion: Motion) -> tuple[JointMotions, tuple[str, ...]]:
     """Intended motions at `motion` of the full model, as `read_motions`.
 
     Unintended: (6,) per joint, displacement [m] and rotation vector [rad] in the axes of interface A. Both are nan for

@@ -20,7 +20,7 @@ from ksd.model.newton import GRAIN, assemble, largest_move, largest_turn, settle
 from ksd.numerics.indefinite import inertia, scaling, solve_scaled
 from ksd.properties.tangent import exact, stored_matrix
 from ksd.properties.turning import turning_loads
-from ksd.solve.stops import Stop
+from ksd.solve.steps import Stop
 
 Array = NDArray[np.float64]
 SINGULAR = 1e-15

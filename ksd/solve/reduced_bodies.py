@@ -34,12 +34,11 @@ from ksd.section.checks import show
 from ksd.solve import pipeline
 from ksd.solve.configuration import Configuration
 from ksd.solve.conventional import by_load_steps
-from ksd.solve.driving import CAP, RTOL, drive_to
 from ksd.solve.five import FiveSteps
 from ksd.solve.full_bodies import indicator
+from ksd.solve.load_steps import drive_to
 from ksd.solve.space_steps import condense_space, place_space, read_space, recover_space
-from ksd.solve.steps import Step
-from ksd.solve.stops import Stop
+from ksd.solve.steps import CAP, RTOL, Step, Stop
 from ksd.solve.validity import furthest, validity
 
 SUCCESSFUL = 0.05
@@ -311,11 +310,11 @@ class _Placed:
         negatives, _ = factor_blocks(plan, work.value, work.spare, len(plan.size))
         read_space(b.parts)
         near = bool(b.seen[1])
-        reading, unknown = pipeline.read_motions(b, b.found.copy(), b.off.copy(), b.known, near=near)
+        joint_motions, unknown = pipeline.read_motions(b, b.found.copy(), b.off.copy(), b.known, near=near)
         expected = len(model.drive_names) + len(model.support_names)
         return Configuration(
             model, state, "modal", dict(values), tuple(steps), negatives=int(negatives + own),
-            expected=expected, reading=reading, notes=(*notes, *unknown), near=near,
+            expected=expected, joint_motions=joint_motions, notes=(*notes, *unknown), near=near,
         )  # fmt: skip
 
 

@@ -16,8 +16,7 @@ from ksd.properties.kept import per_model
 from ksd.properties.springs import energy_of_spring
 from ksd.properties.tangent import assembled_tangent, row_gradients
 from ksd.properties.words import axis_in_words, movement_of, ways
-from ksd.solve.driving import CAP, RTOL
-from ksd.solve.stops import Stop
+from ksd.solve.steps import CAP, RTOL, Stop
 from ksd.solve.storage import Storage
 
 Array = NDArray[np.float64]

@@ -14,7 +14,7 @@ from ksd.model.compile import Model, compile_given, marked
 from ksd.numerics.stopwatch import Stopwatch
 from ksd.scene.drive import Load
 from ksd.solve.load_steps import load_steps, step_of, stopped
-from ksd.solve.stops import Stop
+from ksd.solve.steps import Stop
 from ksd.solve.storage import storage_of
 
 if TYPE_CHECKING:
@@ -76,7 +76,7 @@ def _beside(pose: Configuration, loaded: Model, state: Motion) -> Configuration:
     found = replace(
         pose, model=loaded, motion=motion, method="conventional", method_error=None, chosen=False, load_factor=1.0,
         steps=(step_of(driven, how, clock()),), negatives=driven.negatives, expected=len(target), doubts=doubts,
-        reading=None, notes=(), near=False,
+        joint_motions=None, notes=(), near=False,
     )  # fmt: skip
     if driven.stop is not Stop.CONVERGED:
         raise ConvergenceError(stopped(driven, doubts), reached=driven.reached, result=found)

@@ -23,7 +23,7 @@ from ksd.scene.contents import Scene
 from ksd.scene.mechanism import Mechanism
 from ksd.section.checks import nearest, number, show, truth, whole, worded
 from ksd.solve import pipeline
-from ksd.solve.configuration import Configuration, with_reading
+from ksd.solve.configuration import Configuration, with_joint_motions
 from ksd.solve.conventional import bare, by_load_steps, conventional
 from ksd.solve.error import relative_error
 from ksd.solve.five import FiveSteps
@@ -396,10 +396,10 @@ class Solver:
     def _with_motions(self, result: Configuration) -> Configuration:
         """A conventional result with the joints' intended and unintended motions, where their records are there."""
         try:
-            reading, unknown = pipeline.joint_motions(self.bench, result.motion)
+            found, unknown = pipeline.joint_motions(self.bench, result.motion)
         except KsdError:
             return result
-        return with_reading(result, reading, unknown, near=bool(self.bench.seen[1]))
+        return with_joint_motions(result, found, unknown, near=bool(self.bench.seen[1]))
 
 
 def _check_words(method: object, passes: object) -> None:

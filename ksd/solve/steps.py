@@ -1,14 +1,47 @@
-"""The steps of a solve: iterations, time, residual and why each stopped; of the compiled ones, put in words when asked."""
+"""What a solve writes down: its steps, why each stopped, error estimates and joint motions; and the bounds it works to."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from enum import IntEnum
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from ksd.solve.stops import Stop
+RTOL = 1e-8
+"""Residual of a node over the sum of the element forces on it (design section 5)."""
+CAP = 0.3
+"""Largest rotation [rad] of a node in one iteration after the predictor."""
+
+
+class Stop(IntEnum):
+    """Stop reasons of the compiled solvers; the numbers are those the kernels return."""
+
+    CONVERGED = 0
+    TOO_MANY = 1
+    LOCAL_ANGLE = 2
+    SINGULAR = 3
+    DIVERGED = 4
+    NOT_FINITE = 5
+    SMALLEST_STEP = 6
+
+    @property
+    def sentence(self) -> str:
+        """The reason in words."""
+        return _SENTENCES[self]
+
+
+_SENTENCES = {
+    Stop.CONVERGED: "equilibrium reached: every residual is within its bound",
+    Stop.TOO_MANY: "the iteration limit was reached before equilibrium",
+    Stop.LOCAL_ANGLE: "an element turned more than 60 degrees relative to its chord, beyond what the Appendix A element can "
+    "represent; use more elements per leaf or leaf='strain'",
+    Stop.SINGULAR: "the stiffness matrix is singular: something can move without resistance at this state",
+    Stop.DIVERGED: "the residual exceeded eps_max, so the step was given up",
+    Stop.NOT_FINITE: "a number overflowed: the last step left the region where the equations make sense",
+    Stop.SMALLEST_STEP: "the drive step was halved to its smallest size without reaching equilibrium",
+}
 
 
 class Step(NamedTuple):
@@ -115,3 +148,24 @@ class FiveStepRecord(Sequence[Step]):
         if name is _NAMES[3]:
             note, residual = f"moved {residual:.1e} m, {twist:.1e} rad", 0.0
         return Step(name, int(count), spent, residual, Stop(int(reason)), note)
+
+
+class JointMotions(NamedTuple):
+    """Intended motions theta (q,) [rad, or stroke over joint length] and what is left, off (J, 6) [m, rad], of all joints.
+
+    motions, joints: their names; scale (q,): from theta to rad or m.
+    """
+
+    motions: tuple[str, ...]
+    joints: tuple[str, ...]
+    scale: np.ndarray
+    theta: np.ndarray
+    off: np.ndarray
+
+    def by_motion(self) -> dict[str, float]:
+        """Intended motion [rad or m] by name."""
+        return dict(zip(self.motions, (self.theta * self.scale).tolist(), strict=True))
+
+    def by_joint(self) -> dict[str, np.ndarray]:
+        """(6,) displacement [m] and rotation [rad] of interface B off its intended pose, by joint."""
+        return dict(zip(self.joints, self.off, strict=True))

@@ -22,7 +22,7 @@ from ksd.properties.shape import scene_leafs
 from ksd.scene.mechanism import Mechanism
 from ksd.solve.full_bodies import indicator
 from ksd.solve.load_steps import load_steps
-from ksd.solve.stops import Stop
+from ksd.solve.steps import Stop
 from ksd.solve.storage import Storage
 
 WAYS = ("across", "guided", "turned")

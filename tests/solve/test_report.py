@@ -13,9 +13,8 @@ from scenes import fourbar, single_joint
 import ksd
 from ksd.model.compile import compile_scene
 from ksd.solve.conventional import conventional
-from ksd.solve.reading import Reading
 from ksd.solve.report import SCHEMA, WIDTH, as_dict, number
-from ksd.solve.steps import ErrorEstimate
+from ksd.solve.steps import ErrorEstimate, JointMotions
 
 
 def paths(value, at=""):
@@ -46,8 +45,8 @@ def estimated(exact):
     estimate = ErrorEstimate(np.array([0.5]), 2e-6, 3e-5, 8e-3, 2e-3)
     joints = tuple(j.name for j in exact.model.scene.joints)
     one = np.ones(len(joints))
-    read = Reading(joints, joints, one, 0.25 * one, np.outer(one, [1e-6, -2e-6, 0, 1e-15, 0, 3e-4]))
-    found = replace(exact, method="reduced", reading=read, notes=("out of range",))
+    read = JointMotions(joints, joints, one, 0.25 * one, np.outer(one, [1e-6, -2e-6, 0, 1e-15, 0, 3e-4]))
+    found = replace(exact, method="reduced", joint_motions=read, notes=("out of range",))
     return told(found, estimate)
 
 

@@ -7,8 +7,7 @@ import ksd
 from ksd.model.mesh import Mesh
 from ksd.model.newton import LOOSE, STALLED, settled
 from ksd.solve.conventional import conventional
-from ksd.solve.steps import Step
-from ksd.solve.stops import Stop
+from ksd.solve.steps import Step, Stop
 
 
 def taut(slenderness, mesh):

@@ -14,8 +14,7 @@ from ksd.section import rectangle
 from ksd.solve import verdict
 from ksd.solve.conventional import conventional, loads_last
 from ksd.solve.load_steps import WANDERED, wandered
-from ksd.solve.steps import ErrorEstimate, Step
-from ksd.solve.stops import Stop
+from ksd.solve.steps import ErrorEstimate, Step, Stop
 from ksd.units import deg
 
 L = 0.1
