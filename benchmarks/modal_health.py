@@ -30,7 +30,7 @@ from ksd.model.compile import compile_scene
 from ksd.model.mesh import Mesh
 from ksd.section import rectangle
 from ksd.solve.conventional import conventional
-from ksd.solve.error import relative_error
+from ksd.solve.estimate import relative_error
 from ksd.solve.full_bodies import indicator
 
 RESULTS = Path(__file__).resolve().parent / "results"

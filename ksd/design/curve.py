@@ -18,7 +18,7 @@ from ksd.errors import SceneError
 from ksd.model.compile import Model
 from ksd.properties.words import Shown, listed, number
 from ksd.scene import Mechanism, Scene
-from ksd.solve.corrected import corrected
+from ksd.solve.error import corrected
 from ksd.solve.solver import Method, Solver
 
 

@@ -16,7 +16,7 @@ from ksd.properties.frequencies import Modes, frequencies
 from ksd.properties.parasitic import default_point, parasitic
 from ksd.properties.stiffness import DIRECTIONS, drive_stiffness, finer_tangent, point_stiffness
 from ksd.solve.answer import drive_kind
-from ksd.solve.corrected import corrected
+from ksd.solve.error import corrected
 
 Row = dict[str, Any]
 VALUE = {"translation": ("mm", 1e3), "rotation": ("deg", 180 / np.pi), "mixed": ("SI", 1.0)}

@@ -13,6 +13,7 @@ import math
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from ksd.properties.section_forces import section_forces
 from ksd.solve.steps import Stop
@@ -289,8 +290,6 @@ def _intended(c: Configuration, placed: Any) -> list[float]:
     names = [placed.name if len(motions) == 1 else f"{placed.name}.{m.name}" for m in motions]
     if all(n in c.motions for n in names):
         return [c.motions[n] for n in names]
-    from scipy.spatial.transform import Rotation
-
     axes = np.asarray(placed.rotation, float)
     a, b = (c.model.scene.links.index(link) for link in (placed.a, placed.b))
     x, R, rest = c.motion.x, c.motion.R, c.model.rest.x

@@ -32,8 +32,7 @@ from ksd.properties.words import printed
 from ksd.scene.contents import PlacedJoint
 from ksd.scene.links import Link
 from ksd.solve.answer import as_dict
-from ksd.solve.corrected import settled, with_error
-from ksd.solve.error import error_of
+from ksd.solve.error import error_of, settled, with_error
 from ksd.solve.following import keeps_still
 from ksd.solve.left_out import left_out
 from ksd.solve.report import tables

@@ -1,4 +1,4 @@
-"""What a fast answer says of its own error: corrector steps of the full model, looked at and not taken."""
+"""How far states are from each other, and what a fast answer says of its own error: corrector steps of the full model."""
 
 from __future__ import annotations
 
@@ -7,8 +7,10 @@ import time
 from collections.abc import Generator
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from ksd.model.arrays import Motion
+from ksd.model.compile import Model
 from ksd.model.newton import take_step
 from ksd.solve.pipeline import Bench
 from ksd.solve.steps import RTOL, ErrorEstimate, Step, Stop
@@ -125,11 +127,27 @@ def _made_relative(b: Bench, motion: Motion, force: np.ndarray, shift: float, tu
 
 def distance(motion: Motion, b: Bench, rest: ErrorEstimate) -> ErrorEstimate:
     """Distance of a state to the one on the bench, plus the estimate `rest` of the latter's own error."""
-    from scipy.spatial.transform import Rotation
+    force, shift, turn = _difference(b.model, motion, b.full)
+    return _made_relative(b, motion, force + rest.force, shift + rest.displacement, turn + rest.rotation)
 
-    links, drives = b.model.links, len(b.model.drive_names)
-    force = np.abs(motion.multiplier[:drives] - b.full.multiplier[:drives]) + rest.force
-    shift = float(np.linalg.norm(motion.x[:links] - b.full.x[:links], axis=1).max()) + rest.displacement
-    between = np.einsum("kij,klj->kil", motion.R[:links], b.full.R[:links])
-    turn = float(Rotation.from_matrix(between).magnitude().max()) + rest.rotation
-    return _made_relative(b, motion, force, shift, turn)
+
+def relative_error(model: Model, motion: Motion, truth: Motion) -> ErrorEstimate:
+    """Difference of two states, relative: forces by the largest, displacement by the largest of a link. Rounding is none."""
+    links, drives = model.links, len(model.drive_names)
+    force, shift, turn = _difference(model, motion, truth)
+    grain = 1e-11 * model.arrays.size
+    moved = grain + float(np.linalg.norm(motion.x[:links] - model.rest.x[:links], axis=1).max())
+    noise = grain * model.arrays.members.floor.max() * min(1.0, model.arrays.size)
+    scale = np.abs(motion.multiplier[:drives]) + noise
+    of_force = float((force / np.maximum(scale, scale.max(initial=0.0))).max(initial=0.0))
+    relative = max(of_force, shift / moved)
+    return ErrorEstimate(force, shift, turn, relative if math.isfinite(relative) else math.inf)
+
+
+def _difference(model: Model, one: Motion, other: Motion) -> tuple[np.ndarray, float, float]:
+    """Differences of the drive forces (d,), and the largest of the places [m] and rotations [rad] of the links."""
+    links, drives = model.links, len(model.drive_names)
+    force = np.abs(one.multiplier[:drives] - other.multiplier[:drives])
+    shift = float(np.linalg.norm(one.x[:links] - other.x[:links], axis=1).max())
+    between = np.einsum("kij,klj->kil", other.R[:links], one.R[:links])
+    return force, shift, float(Rotation.from_matrix(between).magnitude().max())

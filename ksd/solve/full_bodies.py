@@ -20,7 +20,7 @@ from ksd.model.newton import iterate
 from ksd.model.reduced import inner_state, member_pose, same_state, with_bodies
 from ksd.numerics.stopwatch import Stopwatch
 from ksd.properties.tangent import exact
-from ksd.solve.error import relative_error
+from ksd.solve.estimate import relative_error
 from ksd.solve.steps import CAP, RTOL, ErrorEstimate, Step, Stop
 
 CORRECTORS, MORE, MOST = 3, 2, 20

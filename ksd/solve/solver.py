@@ -25,7 +25,7 @@ from ksd.section.checks import nearest, number, show, truth, whole, worded
 from ksd.solve import pipeline
 from ksd.solve.configuration import Configuration, with_joint_motions
 from ksd.solve.conventional import bare, by_load_steps, conventional
-from ksd.solve.error import relative_error
+from ksd.solve.estimate import relative_error
 from ksd.solve.five import FiveSteps
 from ksd.solve.pipeline import Bench
 from ksd.solve.plates import settled
