@@ -281,7 +281,7 @@ class Solver:
 
     def _has_bodies(self) -> bool:
         """Whether reduced bodies are part of the mechanism, whatever the method."""
-        return bool(self.model.bodies) or has_solids(self.basis)
+        return bool(self.model.bodies) or (self.basis is not None and has_solids(self.basis))
 
     def _of_bodies(
         self, values: Mapping[str, float], method: str | None, passes: int, estimate: bool
