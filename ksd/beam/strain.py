@@ -152,95 +152,97 @@ def fields_of(number, scratch):
 
 
 @kernel
-def _orientations(length, number, a, c, f):
+def _orientations(length, number, a, modes, gap, turn, J, T, G, R, psi):
     """R and psi at the points and at end q, by the turn of every gap: R <- R exp(turn), psi <- psi + G d(moments), with
     exp(turn) = I + T [turn]x, the tangent T of the exponential, turned into frame p."""
     for r in range(3):
         for e in range(3):
-            f.R[0, r, e] = 1.0 if r == e else 0.0
-        for i in range(f.psi.shape[2]):
-            f.psi[0, r, i] = 0.0
+            R[0, r, e] = 1.0 if r == e else 0.0
+        for i in range(psi.shape[2]):
+            psi[0, r, i] = 0.0
     for h in range(number[3] + 1):
-        gap, turn, J, T, G, before, psi = f.gap[h], f.turn[h], f.J[h], f.T[h], f.G[h], f.psi[h], f.psi[h + 1]
         first = 0
         for axis in range(3):
             p, q, s = 0.0, 0.0, 0.0
             for i in range(first, first + number[axis]):
-                p += a[i] * c.gap[h, 0, i]
-                q += a[i] * c.gap[h, 1, i]
-                s += a[i] * c.gap[h, 2, i]
-            gap[axis], gap[3 + axis], gap[6 + axis] = length * p, length * q, length * s
+                p += a[i] * modes[h, 0, i]
+                q += a[i] * modes[h, 1, i]
+                s += a[i] * modes[h, 2, i]
+            gap[h, axis], gap[h, 3 + axis], gap[h, 6 + axis] = length * p, length * q, length * s
             first += number[axis]
-        gap_turn(gap, turn, J)
-        x, y, z = turn[0], turn[1], turn[2]
+        gap_turn(gap[h], turn[h], J[h])
+        x, y, z = turn[h, 0], turn[h, 1], turn[h, 2]
         t, u, _, _ = tangent_factors(x * x + y * y + z * z)
         for r in range(3):
             # row x turn, and once more
-            p, q, s = f.R[h, r, 0], f.R[h, r, 1], f.R[h, r, 2]
+            p, q, s = R[h, r, 0], R[h, r, 1], R[h, r, 2]
             p1, q1, s1 = q * z - s * y, s * x - p * z, p * y - q * x
             p2, q2, s2 = q1 * z - s1 * y, s1 * x - p1 * z, p1 * y - q1 * x
             d, e, g = p + t * p1 + u * p2, q + t * q1 + u * q2, s + t * s1 + u * s2
-            T[r, 0], T[r, 1], T[r, 2] = d, e, g
-            f.R[h + 1, r, 0] = p + e * z - g * y
-            f.R[h + 1, r, 1] = q + g * x - d * z
-            f.R[h + 1, r, 2] = s + d * y - e * x
+            T[h, r, 0], T[h, r, 1], T[h, r, 2] = d, e, g
+            R[h + 1, r, 0] = p + e * z - g * y
+            R[h + 1, r, 1] = q + g * x - d * z
+            R[h + 1, r, 2] = s + d * y - e * x
             for k in range(9):
-                G[r, k] = d * J[0, k] + e * J[1, k] + g * J[2, k]
+                G[h, r, k] = d * J[h, 0, k] + e * J[h, 1, k] + g * J[h, 2, k]
         first = 0
         for axis in range(3):
-            a0, a1, a2 = length * G[0, axis], length * G[1, axis], length * G[2, axis]
-            b0, b1, b2 = length * G[0, 3 + axis], length * G[1, 3 + axis], length * G[2, 3 + axis]
-            c0, c1, c2 = length * G[0, 6 + axis], length * G[1, 6 + axis], length * G[2, 6 + axis]
+            a0, a1, a2 = length * G[h, 0, axis], length * G[h, 1, axis], length * G[h, 2, axis]
+            b0, b1, b2 = length * G[h, 0, 3 + axis], length * G[h, 1, 3 + axis], length * G[h, 2, 3 + axis]
+            c0, c1, c2 = length * G[h, 0, 6 + axis], length * G[h, 1, 6 + axis], length * G[h, 2, 6 + axis]
             for i in range(first, first + number[axis]):
-                p, q, s = c.gap[h, 0, i], c.gap[h, 1, i], c.gap[h, 2, i]
-                x, y, z = before[0, i], before[1, i], before[2, i]
-                psi[0, i] = x + a0 * p + b0 * q + c0 * s
-                psi[1, i] = y + a1 * p + b1 * q + c1 * s
-                psi[2, i] = z + a2 * p + b2 * q + c2 * s
+                p, q, s = modes[h, 0, i], modes[h, 1, i], modes[h, 2, i]
+                x, y, z = psi[h, 0, i], psi[h, 1, i], psi[h, 2, i]
+                psi[h + 1, 0, i] = x + a0 * p + b0 * q + c0 * s
+                psi[h + 1, 1, i] = y + a1 * p + b1 * q + c1 * s
+                psi[h + 1, 2, i] = z + a2 * p + b2 * q + c2 * s
             first += number[axis]
 
 
 @kernel
-def _slopes(length, number, n, pull, c, f):
+def _slopes(length, number, n, pull, weight, soft, beyond, R, psi, force, v, S, slope, end, rho, eta):
     """n(s), v = R (e1 + C R^T n(s)), S = R C R^T and slope = psi x v - S (psi x n(s)) at every point; end, rho and eta."""
-    N, heavy = f.psi.shape[2], len(pull) > 0
+    N, heavy = psi.shape[2], len(pull) > 0
     for r in range(3):
-        f.end[r] = 0.0
+        end[r] = 0.0
         for i in range(N):
-            f.rho[r, i], f.eta[r, i] = 0.0, 0.0
+            rho[r, i], eta[r, i] = 0.0, 0.0
     for g in range(number[3]):
-        R, S, v, psi, slope, k = f.R[g + 1], f.S[g], f.v[g], f.psi[g + 1], f.slope[g], f.n[g]
-        w = length * c.weight[g]
+        w = length * weight[g]
         for r in range(3):
-            k[r] = n[r] + c.beyond[g] * pull[r] if heavy else n[r]
+            force[g, r] = n[r] + beyond[g] * pull[r] if heavy else n[r]
+        k0, k1, k2 = force[g, 0], force[g, 1], force[g, 2]
         for i in range(3):
             for j in range(3):
-                S[i, j] = (
-                    c.soft[g, 0] * R[i, 0] * R[j, 0]
-                    + c.soft[g, 1] * R[i, 1] * R[j, 1]
-                    + c.soft[g, 2] * R[i, 2] * R[j, 2]
+                S[g, i, j] = (
+                    soft[g, 0] * R[g + 1, i, 0] * R[g + 1, j, 0]
+                    + soft[g, 1] * R[g + 1, i, 1] * R[g + 1, j, 1]
+                    + soft[g, 2] * R[g + 1, i, 2] * R[g + 1, j, 2]
                 )
-            v[i] = R[i, 0] + S[i, 0] * k[0] + S[i, 1] * k[1] + S[i, 2] * k[2]
-            f.end[i] += w * v[i]
+            v[g, i] = R[g + 1, i, 0] + S[g, i, 0] * k0 + S[g, i, 1] * k1 + S[g, i, 2] * k2
+            end[i] += w * v[g, i]
         for i in range(N):
-            p0, p1, p2 = psi[0, i], psi[1, i], psi[2, i]
-            q0, q1, q2 = p1 * k[2] - p2 * k[1], p2 * k[0] - p0 * k[2], p0 * k[1] - p1 * k[0]
-            slope[0, i] = p1 * v[2] - p2 * v[1] - S[0, 0] * q0 - S[0, 1] * q1 - S[0, 2] * q2
-            slope[1, i] = p2 * v[0] - p0 * v[2] - S[1, 0] * q0 - S[1, 1] * q1 - S[1, 2] * q2
-            slope[2, i] = p0 * v[1] - p1 * v[0] - S[2, 0] * q0 - S[2, 1] * q1 - S[2, 2] * q2
+            p0, p1, p2 = psi[g + 1, 0, i], psi[g + 1, 1, i], psi[g + 1, 2, i]
+            q0, q1, q2 = p1 * k2 - p2 * k1, p2 * k0 - p0 * k2, p0 * k1 - p1 * k0
+            slope[g, 0, i] = p1 * v[g, 2] - p2 * v[g, 1] - S[g, 0, 0] * q0 - S[g, 0, 1] * q1 - S[g, 0, 2] * q2
+            slope[g, 1, i] = p2 * v[g, 0] - p0 * v[g, 2] - S[g, 1, 0] * q0 - S[g, 1, 1] * q1 - S[g, 1, 2] * q2
+            slope[g, 2, i] = p0 * v[g, 1] - p1 * v[g, 0] - S[g, 2, 0] * q0 - S[g, 2, 1] * q1 - S[g, 2, 2] * q2
         for r in range(3):
             for i in range(N):
-                f.rho[r, i] += w * slope[r, i]
+                rho[r, i] += w * slope[g, r, i]
                 if heavy:
-                    f.eta[r, i] += w * c.beyond[g] * slope[r, i]
+                    eta[r, i] += w * beyond[g] * slope[g, r, i]
 
 
 @kernel(inline="always")
 def _fields(value, number, inner, pull, c, f):
     """See `strain_fields`."""
     N = number[0] + number[1] + number[2]
-    _orientations(value[0], number, inner, c, f)
-    _slopes(value[0], number, inner[N : N + 3], pull, c, f)
+    _orientations(value[0], number, inner, c.gap, f.gap, f.turn, f.J, f.T, f.G, f.R, f.psi)
+    _slopes(
+        value[0], number, inner[N : N + 3], pull, c.weight, c.soft, c.beyond,
+        f.R, f.psi, f.n, f.v, f.S, f.slope, f.end, f.rho, f.eta,
+    )  # fmt: skip
 
 
 @kernel
@@ -250,62 +252,67 @@ def strain_fields(value, number, inner, pull, scratch):
 
 
 @kernel
-def _tangent(value, number, inner, c, f):
+def _tangent(
+    value, number, inner, weight, modes, stiffness, rest,
+    gap, turn, J, T, G, R, psi, n, v, slope, M, W, residual, X, Z,
+):  # fmt: skip
     """See `strain_tangent`. From end q back: M, the moment a gap carries, and X, its derivative by the amplitudes."""
     N, ng, length = number[0] + number[1] + number[2], number[3], value[0]
-    W, X, Z = f.W, f.X, f.Z
     M0, M1, M2 = inner[N + 3], inner[N + 4], inner[N + 5]
     for i in range(N):
         # a moment fixed in space is no gradient: half of what turns with the end makes W its symmetric part
-        p0, p1, p2 = 0.5 * f.psi[-1, 0, i], 0.5 * f.psi[-1, 1, i], 0.5 * f.psi[-1, 2, i]
+        p0, p1, p2 = 0.5 * psi[ng + 1, 0, i], 0.5 * psi[ng + 1, 1, i], 0.5 * psi[ng + 1, 2, i]
         X[0, i], X[1, i], X[2, i] = M2 * p1 - M1 * p2, M0 * p2 - M2 * p0, M1 * p0 - M0 * p1
-        f.g[i] = 0.0
+        residual[i] = 0.0
         for j in range(i + 1):
             W[i, j] = 0.0
     for h in range(ng, -1, -1):
         if h < ng:
-            w, v, slope = length * c.weight[h], f.v[h], f.slope[h]
-            k0, k1, k2 = w * f.n[h, 0], w * f.n[h, 1], w * f.n[h, 2]
-            M0, M1, M2 = M0 + v[1] * k2 - v[2] * k1, M1 + v[2] * k0 - v[0] * k2, M2 + v[0] * k1 - v[1] * k0
+            w = length * weight[h]
+            k0, k1, k2 = w * n[h, 0], w * n[h, 1], w * n[h, 2]
+            M0, M1, M2 = (
+                M0 + v[h, 1] * k2 - v[h, 2] * k1,
+                M1 + v[h, 2] * k0 - v[h, 0] * k2,
+                M2 + v[h, 0] * k1 - v[h, 1] * k0,
+            )
             for i in range(N):
-                X[0, i] += slope[1, i] * k2 - slope[2, i] * k1
-                X[1, i] += slope[2, i] * k0 - slope[0, i] * k2
-                X[2, i] += slope[0, i] * k1 - slope[1, i] * k0
-        G, T, M, R, before, behind = f.G[h], f.T[h], f.M, f.R[h], f.psi[h], f.psi[h + 1]
-        u0 = T[0, 0] * M0 + T[1, 0] * M1 + T[2, 0] * M2
-        u1 = T[0, 1] * M0 + T[1, 1] * M1 + T[2, 1] * M2
-        u2 = T[0, 2] * M0 + T[1, 2] * M1 + T[2, 2] * M2
+                X[0, i] += slope[h, 1, i] * k2 - slope[h, 2, i] * k1
+                X[1, i] += slope[h, 2, i] * k0 - slope[h, 0, i] * k2
+                X[2, i] += slope[h, 0, i] * k1 - slope[h, 1, i] * k0
+        u0 = T[h, 0, 0] * M0 + T[h, 1, 0] * M1 + T[h, 2, 0] * M2
+        u1 = T[h, 0, 1] * M0 + T[h, 1, 1] * M1 + T[h, 2, 1] * M2
+        u2 = T[h, 0, 2] * M0 + T[h, 1, 2] * M1 + T[h, 2, 2] * M2
         # in the axes of the gap's start
-        m0 = R[0, 0] * M0 + R[1, 0] * M1 + R[2, 0] * M2
-        m1 = R[0, 1] * M0 + R[1, 1] * M1 + R[2, 1] * M2
-        m2 = R[0, 2] * M0 + R[1, 2] * M1 + R[2, 2] * M2
-        gap_second(f.gap[h], f.turn[h], f.J[h], m0, m1, m2, u0, u1, u2, M)
+        m0 = R[h, 0, 0] * M0 + R[h, 1, 0] * M1 + R[h, 2, 0] * M2
+        m1 = R[h, 0, 1] * M0 + R[h, 1, 1] * M1 + R[h, 2, 1] * M2
+        m2 = R[h, 0, 2] * M0 + R[h, 1, 2] * M1 + R[h, 2, 2] * M2
+        gap_second(gap[h], turn[h], J[h], m0, m1, m2, u0, u1, u2, M)
         first = 0
         for axis in range(3):
             for i in range(first, first + number[axis]):
-                p, q, s = length * c.gap[h, 0, i], length * c.gap[h, 1, i], length * c.gap[h, 2, i]
+                p, q, s = length * modes[h, 0, i], length * modes[h, 1, i], length * modes[h, 2, i]
                 # rotation in the middle of the gap: so comes in the skew part of the second derivative
                 d, e, g = (
-                    before[0, i] + behind[0, i],
-                    before[1, i] + behind[1, i],
-                    before[2, i] + behind[2, i],
+                    psi[h, 0, i] + psi[h + 1, 0, i],
+                    psi[h, 1, i] + psi[h + 1, 1, i],
+                    psi[h, 2, i] + psi[h + 1, 2, i],
                 )
                 x = X[0, i] + 0.5 * (M1 * g - M2 * e)
                 y = X[1, i] + 0.5 * (M2 * d - M0 * g)
                 z = X[2, i] + 0.5 * (M0 * e - M1 * d)
                 for k in range(9):
                     Z[i, k] = (p * M[axis, k] + q * M[3 + axis, k] + s * M[6 + axis, k]) + (
-                        G[0, k] * x + G[1, k] * y + G[2, k] * z
+                        G[h, 0, k] * x + G[h, 1, k] * y + G[h, 2, k] * z
                     )
             first += number[axis]
         first = 0
         for axis in range(3):
-            d = G[0, axis] * M0 + G[1, axis] * M1 + G[2, axis] * M2
-            e = G[0, 3 + axis] * M0 + G[1, 3 + axis] * M1 + G[2, 3 + axis] * M2
-            g = G[0, 6 + axis] * M0 + G[1, 6 + axis] * M1 + G[2, 6 + axis] * M2
+            d = G[h, 0, axis] * M0 + G[h, 1, axis] * M1 + G[h, 2, axis] * M2
+            e = G[h, 0, 3 + axis] * M0 + G[h, 1, 3 + axis] * M1 + G[h, 2, 3 + axis] * M2
+            g = G[h, 0, 6 + axis] * M0 + G[h, 1, 6 + axis] * M1 + G[h, 2, 6 + axis] * M2
             for i in range(first, first + number[axis]):
-                p, q, s = length * c.gap[h, 0, i], length * c.gap[h, 1, i], length * c.gap[h, 2, i]
-                f.g[i] -= p * d + q * e + s * g
+                p, q, s = length * modes[h, 0, i], length * modes[h, 1, i], length * modes[h, 2, i]
+                residual[i] -= p * d + q * e + s * g
                 for j in range(i + 1):
                     W[i, j] -= p * Z[j, axis] + q * Z[j, 3 + axis] + s * Z[j, 6 + axis]
             first += number[axis]
@@ -317,9 +324,9 @@ def _tangent(value, number, inner, c, f):
         count = number[axis]
         for i in range(count):
             for j in range(count):
-                k = c.stiffness[at + i * count + j]
+                k = stiffness[at + i * count + j]
                 W[first + i, first + j] += k
-                f.g[first + i] += k * (inner[first + j] - c.rest[first + j])
+                residual[first + i] += k * (inner[first + j] - rest[first + j])
         first += count
         at += count * count
 
@@ -331,7 +338,11 @@ def strain_tangent(value, number, inner, pull, scratch):
     g_i = K (a - a0) - dH/da_i - m.psi_i(L), and W_ij the symmetric part of its derivative. The skew part, a half of
     m.(psi_i(L) x psi_j(L)), is that of a moment that is fixed in space, on end q alone: no matter of the leaf.
     """
-    _tangent(value, number, inner, constants_of(value, number), fields_of(number, scratch))
+    c, f = constants_of(value, number), fields_of(number, scratch)
+    _tangent(
+        value, number, inner, c.weight, c.gap, c.stiffness, c.rest,
+        f.gap, f.turn, f.J, f.T, f.G, f.R, f.psi, f.n, f.v, f.slope, f.M, f.W, f.g, f.X, f.Z,
+    )  # fmt: skip
 
 
 @kernel
@@ -480,30 +491,34 @@ def strain_condense(value, number, inner, store, scratch, d, Q, lam, K):
     pull = store[len(store) - PULL if heavy else len(store) :]
     c, f = constants_of(value, number), fields_of(number, scratch)
     _fields(value, number, inner, pull, c, f)
-    _tangent(value, number, inner, c, f)
+    _tangent(
+        value, number, inner, c.weight, c.gap, c.stiffness, c.rest,
+        f.gap, f.turn, f.J, f.T, f.G, f.R, f.psi, f.n, f.v, f.slope, f.M, f.W, f.g, f.X, f.Z,
+    )  # fmt: skip
+    W, g, Y, R, S = f.W, f.g, f.Y, f.R, f.S
+    rho, psi, end, weight = f.rho, f.psi, f.end, c.weight
     # Y = W^-1 [J^T, g], seven right-hand sides at once; J = (rho(L), psi(L))
     for i in range(N):
         for r in range(3):
-            f.Y[i, r], f.Y[i, 3 + r] = f.rho[r, i], f.psi[-1, r, i]
-        f.Y[i, 6] = f.g[i]
-    negatives, status = _solve_modes(f.W, f.Y, f.g)
+            Y[i, r], Y[i, 3 + r] = rho[r, i], psi[ng + 1, r, i]
+        Y[i, 6] = g[i]
+    negatives, status = _solve_modes(W, Y, g)
     # F = J W^-1 J^T + L sum w S (force block);  gap = closure + J W^-1 g
     F, turned, twist = np.empty((6, 6)), np.empty((3, 3)), np.empty(3)
-    end = f.R[-1]
     for i in range(3):
         for j in range(3):
-            turned[i, j] = Q[i, 0] * end[j, 0] + Q[i, 1] * end[j, 1] + Q[i, 2] * end[j, 2]
+            turned[i, j] = Q[i, 0] * R[ng + 1, j, 0] + Q[i, 1] * R[ng + 1, j, 1] + Q[i, 2] * R[ng + 1, j, 2]
     rotation_log(turned, twist)
     for r in range(3):
-        gap[r], gap[3 + r] = d[r] - f.end[r], twist[r]
+        gap[r], gap[3 + r] = d[r] - end[r], twist[r]
     for r in range(6):
         for e in range(6):
             F[r, e] = 0.0
     for i in range(N):
-        y0, y1, y2, y3, y4, y5 = f.Y[i, 0], f.Y[i, 1], f.Y[i, 2], f.Y[i, 3], f.Y[i, 4], f.Y[i, 5]
-        last = f.Y[i, 6]
+        y0, y1, y2, y3, y4, y5 = Y[i, 0], Y[i, 1], Y[i, 2], Y[i, 3], Y[i, 4], Y[i, 5]
+        last = Y[i, 6]
         for r in range(6):
-            j = f.rho[r, i] if r < 3 else f.psi[-1, r - 3, i]
+            j = rho[r, i] if r < 3 else psi[ng + 1, r - 3, i]
             F[r, 0] += j * y0
             F[r, 1] += j * y1
             F[r, 2] += j * y2
@@ -514,11 +529,11 @@ def strain_condense(value, number, inner, store, scratch, d, Q, lam, K):
         o = 8 * i
         store[o], store[o + 1], store[o + 2], store[o + 3] = y0, y1, y2, y3
         store[o + 4], store[o + 5], store[o + 6] = y4, y5, last
-    for g in range(ng):
-        w = value[0] * c.weight[g]
+    for p in range(ng):
+        w = value[0] * weight[p]
         for i in range(3):
             for j in range(3):
-                F[i, j] += w * f.S[g, i, j]
+                F[i, j] += w * S[p, i, j]
     for r in range(6):
         for e in range(r):
             F[r, e] = F[e, r] = 0.5 * (F[r, e] + F[e, r])
