@@ -81,7 +81,7 @@ def _doctor(commands: Any) -> None:
     parser = commands.add_parser(
         "doctor",
         help="count freedoms and constraints of a scene",
-        description="Say what is left free, what is held twice, and which release would make the mechanism exact.",
+        description="Say what is under-constrained, what is redundant, and which release would make the mechanism exact.",
     )
     parser.add_argument("scene", metavar="SCENE.toml")
     parser.add_argument(

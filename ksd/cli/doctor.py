@@ -1,4 +1,4 @@
-"""`ksd doctor SCENE.toml`: what is free and what is held twice, before anything is solved."""
+"""`ksd doctor SCENE.toml`: what is under-constrained and what is redundant, before anything is solved."""
 
 from __future__ import annotations
 

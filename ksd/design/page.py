@@ -250,7 +250,7 @@ def _stroke(table: Table) -> list[str]:
         "stress_leaf",
         "stress_s_mm",
         "stress_point",
-        "assurance",
+        "mac",
         "first_parasitic_mode",
     }
     hide |= {c for c in table.columns if c.startswith("parasitic_") and c.endswith("_Hz")}

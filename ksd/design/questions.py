@@ -208,7 +208,7 @@ def frequency_row(pose: Pose, asked: Asked) -> tuple[Row, Tracks]:
     first = tracks.first_parasitic
     row["first_parasitic_Hz"] = float("nan") if first is None else tracks.frequency_Hz(first)
     row["first_parasitic_mode"] = "" if first is None else tracks.names[first]
-    row["assurance"] = min(a for a, k in zip(tracks.assurance, tracks.rank, strict=True) if k >= 0)
+    row["mac"] = min(a for a, k in zip(tracks.mac, tracks.rank, strict=True) if k >= 0)
     return row, tracks
 
 
@@ -250,12 +250,12 @@ def _error_percent(one: Row, other: Row) -> float:
     the largest of their unit, as some of them are zero; zero for what is rounding."""
     changes: dict[str, list[float]] = {}
     for column, value in one.items():
-        # where the stress is largest may well change ends; the assurance of modes is no answer
+        # where the stress is largest may well change ends; the MAC of modes is no answer
         if (
             isinstance(value, float)
             and np.isfinite(value)
             and "error" not in column
-            and column not in ("stress_s_mm", "assurance")
+            and column not in ("stress_s_mm", "mac")
         ):
             unit = spoken_column(column)[1]
             own = unit == "Hz" or "/" in unit

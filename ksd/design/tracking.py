@@ -1,11 +1,11 @@
 """Modes followed along a stroke by the modal assurance criterion (MAC), so that a name stays with its mode.
 
-Between neighbouring poses the modes are paired so that the sum of their assurances (mass-weighted, in 0..1) is largest
+Between neighbouring poses the modes are paired so that the sum of their MAC (mass-weighted, in 0..1) is largest
 (Allemang and Brown 1982; the assignment is solved exactly). Crossing frequencies then swap rank and keep their name. Where
-one of the lowest tracks has no partner of assurance SURE or more, the way between the poses is halved, and halved again:
+one of the lowest tracks has no partner of MAC SURE or more, the way between the poses is halved, and halved again:
 modes that veer exchange their shapes within a small part of the stroke. Modes of nearly equal frequency (at rest all leafs
 of one size vibrate alike, and any mixture of them is a mode) are in the end compared by what they span together. A track
-without a partner of assurance LOST or more even so ends. Of the lowest modes every one without a track begins a new one.
+without a partner of MAC LOST or more even so ends. Of the lowest modes every one without a track begins a new one.
 """
 
 from __future__ import annotations
@@ -39,12 +39,12 @@ Between = Callable[[float, int], Modes]
 @dataclass(frozen=True)
 class Tracks:
     """Modes at one pose, by track: rank (t,) of each track among the modes of this pose (-1: lost), names (t,),
-    assurance (t,) with its mode at the pose before, or the last one in between (1 where the track begins)."""
+    mac (t,) with its mode at the pose before, or the last one in between (1 where the track begins)."""
 
     modes: Modes
     rank: tuple[int, ...]
     names: tuple[str, ...]
-    assurance: tuple[float, ...]
+    mac: tuple[float, ...]
 
     def frequency_Hz(self, track: int) -> float:
         """Frequency [Hz] of a track, nan where it was not found."""
@@ -76,7 +76,7 @@ def follow(before: Tracks | None, modes: Modes, count: int, *, together: bool = 
         return first_tracks(modes, count)
     alive = [t for t, k in enumerate(before.rank) if k >= 0]
     ranks = [before.rank[t] for t in alive]
-    own = before.modes.assurance(modes)
+    own = before.modes.mac(modes)
     mac = (_spanned(own, before.modes, modes) if together else own)[ranks]
     # of modes that span the same, the one most alike
     rows, columns = linear_sum_assignment(mac + own[ranks] if together else mac, maximize=True)
@@ -118,7 +118,7 @@ def _settle_intended(names: list[str], rank: list[int], sure: list[float], inten
 
 
 def _spanned(mac: np.ndarray, one: Modes, two: Modes) -> np.ndarray:
-    """Assurance of groups of nearly equal frequency, in the shape of `mac`: the share of the smaller span in the other."""
+    """MAC of groups of nearly equal frequency, in the shape of `mac`: the share of the smaller span in the other."""
     found = mac.copy()
     for rows in _groups(one):
         for columns in _groups(two):
@@ -169,4 +169,4 @@ def _halved(
 def _in_doubt(before: Tracks, found: Tracks, count: int, *, sure: float = SURE) -> bool:
     """Whether one of the lowest tracks of the pose before has no partner, or none that is `sure`."""
     lowest = count + sum(n.startswith("intended") for n in before.names)
-    return any(0 <= k < lowest and found.assurance[t] < sure for t, k in enumerate(before.rank))
+    return any(0 <= k < lowest and found.mac[t] < sure for t, k in enumerate(before.rank))

@@ -35,17 +35,17 @@ from ksd.model.compile import Model
 from ksd.model.loading import twist
 from ksd.model.newton import assemble, assemble_nodes, move_nodes
 from ksd.model.tangents import geometric_tangent
-from ksd.properties.alike import (
-    Alike,
+from ksd.properties.leaf_groups import (
     EndFrames,
-    alike_leafs,
-    alike_parts,
+    LeafGroup,
     assembled_blocks,
     elastic,
     end_frames,
     end_levers,
+    group_parts,
     inner_unknowns,
-    weighed,
+    leaf_groups,
+    leaf_weight,
 )
 from ksd.properties.stiffness import node_of, point_motion
 from ksd.properties.tangent import (
@@ -175,7 +175,7 @@ def full_tangents(
     nodes = arrays.plan.unknowns
     every = np.arange(nodes)
     places, blocks = [every[None]], [(whole[None], still[None])]
-    for group, unknowns in zip(alike_leafs(model), inner_unknowns(model), strict=True):
+    for group, unknowns in zip(leaf_groups(model), inner_unknowns(model), strict=True):
         places.append(np.hstack([unknowns[:, :12], nodes + group.places]))
         blocks.append(_leaf_tangents(model, motion, group, load_factor))
     size = nodes + int(arrays.members.inner_at[-1])
@@ -214,7 +214,7 @@ def _relaxed(model: Model, motion: Motion) -> Model:
     return replace(model, arrays=model.arrays._replace(springs=springs._replace(value=value)))
 
 
-def _corners(motion: Motion, group: Alike, ends: EndFrames) -> Array:
+def _corners(motion: Motion, group: LeafGroup, ends: EndFrames) -> Array:
     """(k, 12, 12): how the end wrench of every leaf turns with its nodes."""
     found = np.zeros((len(group.members), 12, 12))
     wrench = motion.inner[group.places[:, group.modes :]].reshape(-1, 2, 3) @ ends.frame.swapaxes(1, 2)
@@ -228,9 +228,9 @@ def _without_forces(motion: Motion) -> Motion:
     return motion._replace(multiplier=np.zeros_like(motion.multiplier))
 
 
-def _leaf_tangents(model: Model, motion: Motion, group: Alike, load_factor: float) -> tuple[Array, Array]:
+def _leaf_tangents(model: Model, motion: Motion, group: LeafGroup, load_factor: float) -> tuple[Array, Array]:
     """Tangents (k, 18 + N, 18 + N) of leafs in (motions of both nodes, a, lam), and those without stress."""
-    parts, ends = alike_parts(model, motion, group, load_factor), end_frames(model, motion, group.members)
+    parts, ends = group_parts(model, motion, group, load_factor), end_frames(model, motion, group.members)
     N = group.modes
     still = np.zeros((len(group.members), 18 + N, 18 + N))
     still[:, 12 : 12 + N, 12 : 12 + N] = elastic(group)
@@ -240,7 +240,7 @@ def _leaf_tangents(model: Model, motion: Motion, group: Alike, load_factor: floa
     whole = still.copy()
     whole[:, 12 : 12 + N, 12 : 12 + N] = parts.W
     whole[:, :12, :12] = _corners(motion, group, ends)
-    weight = weighed(model, motion, group, load_factor)
+    weight = leaf_weight(model, motion, group, load_factor)
     if weight is not None:
         turn, pull = weight.turn, weight.pull
         whole[:, 12 : 12 + N, :12] -= pull.eta.swapaxes(1, 2) @ turn

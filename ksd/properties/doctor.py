@@ -1,14 +1,18 @@
-"""The constraint doctor: what is free and what is held twice, counted by singular values before anything is solved.
+"""The constraint doctor: what is under-constrained and what is redundant, by singular values, before anything is solved.
 
-Every link has six freedoms; leafs and joints take away what they hold stiffly (`ksd.properties.constraints`), supports and
-drives what they prescribe. The rank of all rows says how many freedoms are left and how many rows are too many; which
-ones is told by taking rows in order of stiffness and keeping those that add something (Blanding's exact constraint rules,
-here by linear algebra). Overconstrained models are solved all the same: their leafs take it up elastically.
+Every link has six freedoms; leafs and joints take away what they hold stiffly, supports and drives what they prescribe. The
+rank of all rows says how many freedoms are left and how many rows are too many; which ones is told by taking rows in order
+of stiffness and keeping those that add something (Blanding's exact constraint rules, here by linear algebra).
+Overconstrained models are solved all the same: their leafs take it up elastically.
+
+A leaf is as many constraints as its stiffness has large eigenvalues: three for a sheet, one for a slender wire. A joint
+counts by the stiffness of its interface B with its insides condensed. A row acts on the small motions of all nodes, six
+each: displacement of the reference point, and rotation times the size of the mechanism; rows have length 1.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -16,18 +20,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ksd.errors import SceneError
+from ksd.model.arrays import make_work
 from ksd.model.compile import Model, compile_scene, reference_points
-from ksd.properties.constraints import (
-    Constraint,
-    Spring,
-    joint_rows,
-    joint_spring,
-    leaf_rows,
-    leaf_spring,
-    prescribed_rows,
-)
+from ksd.model.newton import assemble
+from ksd.properties.tangent import exact, stored_matrix
 from ksd.properties.words import Shown
-from ksd.scene.contents import WANTED, Scene
+from ksd.scene.contents import WANTED, PlacedLeaf, Scene
+from ksd.scene.drive import GROUND
 from ksd.scene.mechanism import Mechanism
 from ksd.scene.plausible import implausible
 
@@ -51,7 +50,7 @@ class Free:
 
 @dataclass(frozen=True)
 class Fight:
-    """A direction held twice. what: the constraint too many; others: those it fights; release: what to change;
+    """A redundant constraint. what: the constraint too many; others: those it fights; release: what to change;
     nearly: only by misalignment not exactly so; inside: names of the equal joints it occurs in, if it does."""
 
     what: str
@@ -71,7 +70,7 @@ class Fight:
 class Diagnosis(Shown):
     """What the doctor found. freedoms: left by joints, leafs and supports, for drives to move; held: those the drives
     hold; constraints, independent: rows of joints, leafs and supports, and their rank; free: motions left with
-    all drives held; fights: directions held twice, of the mechanism and then inside joints; singular_values: of all
+    all drives held; fights: redundant constraints, of the mechanism and then inside joints; singular_values: of all
     rows, descending; unusual: sizes and materials that hardly any flexure has (`ksd.scene.plausible`)."""
 
     mechanism: str
@@ -86,7 +85,7 @@ class Diagnosis(Shown):
 
     @property
     def exact(self) -> bool:
-        """Whether every freedom is held once, insides of joints left aside."""
+        """Whether every freedom is constrained once, insides of joints left aside."""
         return not self.free and not any(not f.inside for f in self.fights)
 
     def _line(self) -> str:
@@ -99,18 +98,20 @@ class Diagnosis(Shown):
             f"drives; {self.constraints} constraints, {self.independent} of them independent",
             "exactly constrained"
             if self.exact
-            else f"{len(self.free)} motion{'s' * (len(self.free) != 1)} left free, {len(own)} direction"
-            f"{'s' * (len(own) != 1)} held twice",
+            else f"{len(self.free)} under-constrained motion{'s' * (len(self.free) != 1)}, {len(own)} redundant "
+            f"constraint{'s' * (len(own) != 1)}",
         ]
         lines += [f"free: {f.sentence}" for f in self.free]
         lines += [f"overconstrained: {f.sentence}" for f in own]
         for names in dict.fromkeys(f.inside for f in self.fights if f.inside):
             within = [f.what for f in self.fights if f.inside == names]
-            lines.append(f"inside {_joints(names)}, {len(within)} held twice by design: {_listed(within)}")
+            lines.append(f"inside {_joints(names)}, {len(within)} redundant by design: {_listed(within)}")
         if own:
             lines.append("with all of these released the mechanism would be exactly constrained")
         if self.fights:
-            lines.append("what is held twice is solved all the same: the leafs take it up elastically")
+            lines.append(
+                "overconstrained mechanisms are solved all the same: the leafs take it up elastically"
+            )
         lines += [f"unusual: {sentence}" for sentence in self.unusual]
         return "\n".join(lines)
 
@@ -136,7 +137,7 @@ class Diagnosis(Shown):
 
 def doctor(mechanism: Mechanism | Scene | Model) -> Diagnosis:
     """Count the freedoms and constraints of a mechanism (or Scene, or Model) at rest, and say what is free, what is
-    held twice, and which release would make it exact.
+    redundant, and which release would make it exact.
 
     Raises SceneError for a mechanism without links or with names that do not exist.
     """
@@ -318,3 +319,199 @@ def _joints(names: Sequence[str]) -> str:
 
 
 __all__ = ["Diagnosis", "Fight", "Free", "doctor"]
+GAP = 10.0
+"""Smallest ratio of neighbouring eigenvalues that parts stiff directions from soft ones."""
+_LEAF = (
+    "stretch",
+    "bending across its thickness",
+    "shear in its plane",
+    "torsion",
+    "bending in its plane",
+    "bending across its thickness",
+)
+
+
+@dataclass(frozen=True)
+class Constraint:
+    """One direction that something holds. what: "y-rotation of joint 'B'"; row (6 nodes,); stiffness [N/m] along the
+    row (a rotation times the size), inf where it is prescribed; release: how to let it go, in words."""
+
+    what: str
+    row: Array
+    stiffness: float
+    release: str
+
+
+@dataclass(frozen=True)
+class Spring:
+    """An elastic connection of nodes a and b: point (3,), axes (3, 3) columns, length [m], and its stiffness (6, 6) for the
+    motion of b over a at the point, in its axes, rotations times the length [N/m]."""
+
+    nodes: tuple[int, int]
+    point: Array
+    axes: Array
+    length: float
+    K: Array
+
+    def motion(self, places: Array, size: float) -> Array:
+        """(6, 6 nodes): its own motion, rotations times its length, from those of all nodes, rotations times `size`."""
+        J = np.zeros((6, 6 * len(places)))
+        for node, sign in zip(self.nodes, (-1.0, 1.0), strict=True):
+            x, y, z = self.point - places[node]
+            lever = np.array([[0.0, z, -y], [-z, 0.0, x], [y, -x, 0.0]])
+            at = 6 * node
+            J[:3, at : at + 3] += sign * self.axes.T
+            J[:3, at + 3 : at + 6] += sign * self.axes.T @ lever / size
+            J[3:, at + 3 : at + 6] += sign * self.axes.T * (self.length / size)
+        return J
+
+
+def stiffness_at_rest(scene: Scene, point: Array, axes: Array, length: float) -> Array:
+    """(6, 6) of the only link of `scene` [N/m]: at `point`, in `axes`, rotations times `length`, all else condensed."""
+    model = compile_scene(scene)
+    K = rest_matrix(model)
+    own = np.arange(6) + int(model.arrays.start[1])
+    other = np.setdiff1d(np.arange(len(K)), own)
+    if len(other):
+        K = K[np.ix_(own, own)] - K[np.ix_(own, other)] @ np.linalg.solve(
+            K[np.ix_(other, other)], K[np.ix_(other, own)]
+        )
+    else:
+        K = K[np.ix_(own, own)]
+    x, y, z = model.rest.x[1] - point
+    T = np.zeros((6, 6))
+    # the reference point moves with the point: u + phi x r
+    T[:3, :3], T[3:, 3:] = axes, axes / length
+    T[:3, 3:] = np.array([[0.0, z, -y], [-z, 0.0, x], [y, -x, 0.0]]) @ axes / length
+    found = T.T @ K @ T
+    return 0.5 * (found + found.T)
+
+
+def rest_matrix(model: Model) -> Array:
+    """The tangent (n, n) of a model at rest, without loads, in the order of its unknowns."""
+    arrays = exact(model.arrays)
+    work = make_work(arrays)
+    assemble(arrays, model.rest, np.zeros(len(arrays.terms.start)), 0.0, work, 1e-8, 0, 10.0)
+    return stored_matrix(arrays, work.value)
+
+
+def leaf_spring(leaf: Any, nodes: tuple[int, int]) -> Spring:
+    """A leaf as a spring, seen from the middle of its chord."""
+    middle = 0.5 * (np.asarray(leaf.start, float) + np.asarray(leaf.end, float))
+    alone = Scene("leaf", (GROUND, "end"), leafs=(PlacedLeaf("leaf", GROUND, "end", leaf),))
+    return Spring(
+        nodes, middle, leaf.axes, leaf.length, stiffness_at_rest(alone, middle, leaf.axes, leaf.length)
+    )
+
+
+def joint_spring(placed: Any, nodes: tuple[int, int]) -> Spring:
+    """A placed joint as a spring, seen from the middle between its interfaces."""
+    from dataclasses import replace
+
+    axes = np.asarray(placed.rotation, float)
+    middle = placed.place(0.5 * np.asarray(placed.joint.pose_B, float))
+    alone = Scene("joint", (GROUND, "end"), joints=(replace(placed, a=GROUND, b="end"),))
+    length = placed.joint.length
+    return Spring(nodes, middle, axes, length, stiffness_at_rest(alone, middle, axes, length))
+
+
+def stiff_directions(K: Array, expected: int | None = None) -> list[tuple[int, Array]]:
+    """Directions (6,) a spring holds: orthonormal, as near to its axes as they can be, each with the axis' number.
+
+    expected: how many there should be, believed where the stiffness does not contradict it.
+    """
+    from scipy.linalg import qr
+
+    values, vectors = np.linalg.eigh(K)
+    values, vectors = np.maximum(values[::-1], 1e-15 * values[-1]), vectors[:, ::-1]
+    ratio = values[:-1] / values[1:]
+    count = int(np.argmax(ratio)) + 1 if ratio.max() > GAP else 6
+    if expected is not None and 0 < expected < 6 and ratio[expected - 1] > 3.0:
+        count = expected
+    stiff = vectors[:, :count]
+    Q, _, picked = qr(stiff @ stiff.T, pivoting=True)
+    return [(int(picked[k]), Q[:, k]) for k in range(count)]
+
+
+def spring_rows(
+    spring: Spring,
+    places: Array,
+    size: float,
+    *,
+    owner: str,
+    words: Sequence[str],
+    expected: int | None = None,
+) -> list[Constraint]:
+    """The constraints a spring is."""
+    J = spring.motion(places, size)
+    rows = []
+    for axis, along in stiff_directions(spring.K, expected):
+        row = along @ J
+        length = float(np.linalg.norm(row))
+        if length > 0.0:
+            what = f"{words[axis]} of {owner}"
+            rows.append(
+                Constraint(
+                    what,
+                    row / length,
+                    float(along @ spring.K @ along) * length**2,
+                    _release(axis, owner, words),
+                )
+            )
+    return rows
+
+
+def _release(axis: int, owner: str, words: Sequence[str]) -> str:
+    if words is not _LEAF:
+        return f"let {owner} go in its {words[axis]}"
+    return {
+        0: f"fold {owner}: a folded leaf does not hold its length",
+        2: f"make {owner} a wire, which frees its bending in the plane too",
+        3: f"make {owner} longer or narrower, so that it twists",
+        4: f"notch the width of {owner}",
+    }.get(axis, f"make {owner} thinner or longer")
+
+
+def leaf_rows(leafs: Sequence[Any], index: Mapping[str, int], places: Array, size: float) -> list[Constraint]:
+    """Constraints of (name, block or link at the start, at the end, leaf)."""
+    rows = []
+    for name, a, b, leaf in leafs:
+        spring = leaf_spring(leaf, (index[a], index[b]))
+        rows += spring_rows(spring, places, size, owner=f"leaf '{name}'", words=_LEAF)
+    return rows
+
+
+def joint_rows(placed: Any, spring: Spring, places: Array, size: float) -> list[Constraint]:
+    """Constraints of a placed joint: six but for its intended motions."""
+    return spring_rows(
+        spring, places, size, owner=f"joint '{placed.name}'", words=_words(spring.axes),
+        expected=6 - len(placed.joint.motions),
+    )  # fmt: skip
+
+
+def _words(axes: Array) -> tuple[str, ...]:
+    """Names of six directions: those of the mechanism where the joint is parallel to it, else its own."""
+    names = []
+    for column in axes.T:
+        k = int(np.argmax(np.abs(column)))
+        names.append("xyz"[k] if abs(column[k]) > 1 - 1e-6 else "")
+    own = [n or f"own {a}" for n, a in zip(names, "xyz", strict=True)]
+    return (*[f"{n}-displacement" for n in own], *[f"{n}-rotation" for n in own])
+
+
+def prescribed_rows(model: Model, size: float) -> tuple[list[Constraint], list[Constraint]]:
+    """Constraints of the supports, and of the drives."""
+    K, arrays = rest_matrix(model), model.arrays
+    names = (*model.drive_names, *model.support_names)
+    scale = np.array([1.0, 1.0, 1.0, 1 / size, 1 / size, 1 / size])
+    found = []
+    for i, name in enumerate(names):
+        row = np.zeros(6 * model.links)
+        for node in range(1, model.links):
+            at = int(arrays.start[node])
+            row[6 * node : 6 * node + 6] = K[arrays.terms.start[i], at : at + 6] * scale
+        kind = "drive" if i < len(model.drive_names) else "support"
+        length = float(np.linalg.norm(row)) or 1.0
+        found.append(Constraint(f"{kind} '{name}'", row / length, np.inf, f"remove {kind} '{name}'"))
+    drives = len(model.drive_names)
+    return found[drives:], found[:drives]

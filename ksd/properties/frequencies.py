@@ -21,7 +21,7 @@ from ksd.errors import ConvergenceError
 from ksd.model.arrays import STRAIN, Motion
 from ksd.model.compile import Model
 from ksd.model.newton import move_nodes
-from ksd.properties.alike import alike_leafs
+from ksd.properties.leaf_groups import leaf_groups
 from ksd.properties.mass import Inertia, inertia
 from ksd.properties.shape import scene_leafs
 from ksd.properties.tangent import Tangent, factored_tangent, row_gradients
@@ -126,7 +126,7 @@ class Modes(Shown):
         moves = ways(self.model, self.shape).T ** 2
         members = self.model.arrays.members
         chains = np.flatnonzero(members.kind != STRAIN)
-        ends = [members.node[group.members] for group in alike_leafs(self.model)]
+        ends = [members.node[group.members] for group in leaf_groups(self.model)]
         ends += [members.node[i][None] for i in chains]
         ends += [np.array([[self.model.scene.links.index(m.link)] * 2]) for m in self.model.scene.masses]
         padded = np.vstack([self.vector.T, np.zeros((1, len(self)))])
@@ -141,13 +141,13 @@ class Modes(Shown):
     def _between_ends(self) -> Array:
         """(members, k): share of the kinetic energy in the motion of every leaf between its ends held still."""
         share = np.zeros((len(self.model.member_names), len(self)))
-        for group, (places, B) in zip(alike_leafs(self.model), self.mass.stacks, strict=False):
+        for group, (places, B) in zip(leaf_groups(self.model), self.mass.stacks, strict=False):
             moving = B[:, :, 12:] @ self.vector.T[places[:, 12:]]
             share[group.members] = (moving**2).sum(axis=1)
         return share
 
-    def assurance(self, other: Modes) -> Array:
-        """Mode assurance (k, k') in 0..1 between these modes and `other`, by the mean of both masses.
+    def mac(self, other: Modes) -> Array:
+        """Modal assurance criterion (k, k') in 0..1 between these modes and `other`, by the mean of both masses.
 
         For following modes along a stroke: the partner of a mode is the one with the largest number in its
         row.
@@ -163,7 +163,7 @@ class Modes(Shown):
     def moved(self, row: int, size: float) -> Motion:
         """The state of `model` displaced by `size` times the mode of this row, to first order, leafs included."""
         state, x = self.motion.copy(), size * self.vector[row]
-        for group, leaf in zip(alike_leafs(self.model), self.mass.leafs, strict=True):
+        for group, leaf in zip(leaf_groups(self.model), self.mass.leafs, strict=True):
             starts = self.model.arrays.start[self.model.arrays.members.node[group.members]]
             ends = np.where(
                 starts[..., None] < 0, 0.0, x[np.maximum(starts, 0)[..., None] + np.arange(6)]

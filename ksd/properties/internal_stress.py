@@ -1,6 +1,6 @@
 """Internal stress of overconstrained layouts: what it costs when a leaf is clamped a little beside its place.
 
-A leaf that is held twice over (see `ksd.properties.doctor`) cannot give way to a misplaced end, and is strained by it;
+A leaf that is overconstrained (see `ksd.properties.doctor`) cannot give way to a misplaced end, and is strained by it;
 one that is held once moves along. The change of the state is the linear response of the exact tangent, at any pose; of
 chains of elements (which modal bodies stand for) it is a Newton step after a small part of the misplacement.
 """
@@ -18,8 +18,8 @@ from ksd.errors import SceneError
 from ksd.model.arrays import STRAIN, Motion, make_work
 from ksd.model.compile import Model
 from ksd.model.newton import assemble, assemble_nodes, solve_step, take_step
-from ksd.properties.alike import Flexible, alike_leafs, flexible_leafs, inner_unknowns
-from ksd.properties.section_forces import SectionForces, section_forces
+from ksd.properties.forces import SectionForces, section_forces
+from ksd.properties.leaf_groups import Flexible, flexible_leafs, inner_unknowns, leaf_groups
 from ksd.properties.shape import members_of_leafs
 from ksd.properties.stress import stress_of
 from ksd.properties.tangent import Tangent, exact, factored_tangent
@@ -163,7 +163,7 @@ def _change(tangent: Tangent, flexible: list[Flexible], member: int, misplaced: 
     model, motion = tangent.model, tangent.motion
     loads = np.zeros(model.arrays.plan.unknowns + 1)
     moved = []
-    for group, leaf, unknowns in zip(alike_leafs(model), flexible, inner_unknowns(model), strict=True):
+    for group, leaf, unknowns in zip(leaf_groups(model), flexible, inner_unknowns(model), strict=True):
         # xi in frame p is the misplacement in the axes of q at this state
         xi = np.zeros((len(group.members), 6))
         here = group.members == member

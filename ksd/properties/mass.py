@@ -21,8 +21,8 @@ from ksd.beam.strain_mass import strain_mass_root, strain_stations
 from ksd.errors import SceneError
 from ksd.model.arrays import STRAIN, Motion
 from ksd.model.compile import Model
-from ksd.properties.alike import Flexible, alike_leafs, assembled_blocks, flexible_leafs, inner_unknowns
 from ksd.properties.kept import per_model
+from ksd.properties.leaf_groups import Flexible, assembled_blocks, flexible_leafs, inner_unknowns, leaf_groups
 from ksd.properties.shape import member_ends, member_parts, members_of_leafs, scene_leafs
 from ksd.properties.turning import cross_matrix
 
@@ -139,7 +139,7 @@ def inertia(model: Model, motion: Motion, *, load_factor: float = 1.0) -> Inerti
     """Mass of an unfolded model at a state; SceneError when nothing in the scene has mass."""
     members, owner = model.arrays.members, _leafs_and_lines(model)
     leafs, stacks = tuple(flexible_leafs(model, motion, load_factor=load_factor)), []
-    for group, leaf, places in zip(alike_leafs(model), leafs, inner_unknowns(model), strict=True):
+    for group, leaf, places in zip(leaf_groups(model), leafs, inner_unknowns(model), strict=True):
         line = np.stack([owner[i][1] for i in group.members.tolist()])
         stacks.append((places, _leaf_roots(leaf, line)))
     for i in np.flatnonzero(members.kind != STRAIN).tolist():

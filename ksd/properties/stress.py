@@ -1,7 +1,7 @@
 """Stress along every leaf: bending, axial, torsion and shear, von Mises at corners and edges, where and how
 much.
 
-From the section forces of `ksd.properties.section_forces` by beam theory, in section axes y (thickness) and z
+From the section forces of `ksd.properties.forces` by beam theory, in section axes y (thickness) and z
 (width): sigma = N/A + My z/Iy - Mz y/Iz. Shear stress of a rectangle: torsion by the exact series at the
 middle of its faces and edges, zero at corners (Timoshenko and Goodier, section 109), shear forces by the
 parabola 3 V / 2 A on the middle lines. Circle: T r/J and 4 V / 3 A at the rim. Any other section: bending at
@@ -24,10 +24,9 @@ from ksd.beam import corotational
 from ksd.beam.strain_mass import many_pulls, many_slacks
 from ksd.model.arrays import SOLID, Motion
 from ksd.model.compile import Model
-from ksd.properties.alike import Alike, alike_leafs, elastic, own_gravity
-from ksd.properties.section_forces import SectionForces, section_forces
+from ksd.properties.forces import SectionForces, section_forces, spring_energy
+from ksd.properties.leaf_groups import LeafGroup, elastic, leaf_groups, own_gravity
 from ksd.properties.shape import member_ends, member_parts, members_of_leafs, scene_leafs
-from ksd.properties.springs import spring_energy
 from ksd.properties.words import Named, Shown, number
 
 Array = NDArray[np.float64]
@@ -255,7 +254,7 @@ def stress_of(model: Model, found: dict[str, SectionForces]) -> Stress:
 def strain_energy(model: Model, motion: Motion, *, load_factor: float = 1.0) -> Named[float]:
     """Strain energy [J] of every leaf by full name, and of springs; their sum is what the mechanism stores."""
     stored: dict[int, float] = {}
-    for group in alike_leafs(model):
+    for group in leaf_groups(model):
         stored |= zip(
             group.members.tolist(), _strain_energies(model, motion, group, load_factor).tolist(), strict=True
         )
@@ -269,7 +268,7 @@ def strain_energy(model: Model, motion: Motion, *, load_factor: float = 1.0) -> 
     return Named(leafs, said, ("leaf or spring", "energy [J]"), lambda energy: (number(energy, 5),))
 
 
-def _strain_energies(model: Model, motion: Motion, group: Alike, load_factor: float) -> Array:
+def _strain_energies(model: Model, motion: Motion, group: LeafGroup, load_factor: float) -> Array:
     """(k,): 1/2 (a - a0) K (a - a0) + 1/2 int n(s).(R C R^T n(s)) of every leaf of a group."""
     N, inner = group.modes, motion.inner[group.places]
     rest = 1 + sum(int(n) ** 2 for n in group.number[:3])

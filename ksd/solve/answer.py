@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from ksd.properties.section_forces import section_forces
+from ksd.properties.forces import section_forces
 from ksd.solve.steps import Stop
 from ksd.solve.validity import carried
 from ksd.solve.verdict import stability

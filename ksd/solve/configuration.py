@@ -18,12 +18,11 @@ from ksd.model.arrays import Motion
 from ksd.model.compile import Model
 from ksd.numerics.rotations import rotation_log
 from ksd.properties.buckling import Buckling, buckling
+from ksd.properties.forces import InterfaceForces, SectionForces, interface_forces, section_forces
 from ksd.properties.frequencies import Modes, frequencies
-from ksd.properties.interface_forces import InterfaceForces, interface_forces
 from ksd.properties.internal_stress import Misplaced, internal_stress
 from ksd.properties.parasitic import Parasitic, PivotShift, parasitic, pivot_shift
 from ksd.properties.resolution import Look, look_at_modes
-from ksd.properties.section_forces import SectionForces, section_forces
 from ksd.properties.shape import Shape, mechanism_shape
 from ksd.properties.stiffness import DriveStiffness, PointStiffness, drive_stiffness, point_stiffness
 from ksd.properties.strength import Strength, strength, unusual

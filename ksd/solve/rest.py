@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from ksd.model.arrays import COIL, TURN, Motion
 from ksd.model.compile import Model
 from ksd.numerics.rotations import rotation_log
+from ksd.properties.forces import energy_of_spring
 from ksd.properties.kept import per_model
-from ksd.properties.springs import energy_of_spring
 from ksd.properties.tangent import assembled_tangent, row_gradients
 from ksd.properties.words import axis_in_words, movement_of, ways
 from ksd.solve.steps import CAP, RTOL, Stop

@@ -31,7 +31,7 @@ class Made(Modes):
     def __len__(self):
         return len(self.frequency_Hz)
 
-    def assurance(self, other):
+    def mac(self, other):
         return (self.vector @ other.vector.T) ** 2
 
 
@@ -99,7 +99,7 @@ def test_modes_of_a_real_crossing_are_followed():
     )
     one, two = table["parasitic_1_Hz"], table["parasitic_2_Hz"]
     assert np.any(np.sign(one - two) != np.sign(one[1] - two[1])), "they cross"
-    assert table["assurance"].min() > 0.7
+    assert table["mac"].min() > 0.7
     assert np.allclose(table["first_parasitic_Hz"], np.minimum(one, two))
     # a followed mode has no kink: second differences stay small
     for f in (one, two):
@@ -120,7 +120,7 @@ def test_modes_of_equal_frequency_are_known_by_what_they_span():
     turn[1:3, 1:3] = [[0.6, 0.8], [-0.8, 0.6]]
     after.vector = after.vector @ turn
     start = follow(None, before, 2)
-    assert follow(start, after, 2, together=True).assurance == pytest.approx((1.0, 1.0, 1.0))
+    assert follow(start, after, 2, together=True).mac == pytest.approx((1.0, 1.0, 1.0))
 
 
 def test_the_way_is_halved_where_modes_exchange_their_shapes():

@@ -10,9 +10,9 @@ import ksd
 from ksd.errors import SceneError
 from ksd.model.compile import compile_scene
 from ksd.model.leafs import Mesh
-from ksd.properties.alike import alike_leafs
 from ksd.properties.buckling import full_tangents
 from ksd.properties.frequencies import frequencies
+from ksd.properties.leaf_groups import leaf_groups
 from ksd.properties.mass import inertia
 from ksd.properties.tangent import row_numbers
 from ksd.properties.unfold import unfolded
@@ -41,7 +41,7 @@ def uncondensed(model, motion, freed=()):
     members, nodes = fine.arrays.members, fine.arrays.plan.unknowns
     T = np.zeros((mass.size, len(K)))
     T[:nodes, :nodes] = np.eye(nodes)
-    for group, leaf in zip(alike_leafs(fine), mass.leafs, strict=True):
+    for group, leaf in zip(leaf_groups(fine), mass.leafs, strict=True):
         for k, i in enumerate(group.members.tolist()):
             at, first, P = leaf.inner[k], nodes + members.inner_at[i], leaf.P[k]
             T[at, first + np.arange(len(P))] = 1.0
@@ -66,7 +66,7 @@ def test_both_routes_agree_and_modes_are_orthonormal(bent):
     dense, sparse = (frequencies(bent.model, bent.motion, count=6, dense=d) for d in (True, False))
     assert dense.frequency_Hz == pytest.approx(sparse.frequency_Hz, rel=1e-8)
     assert dense.vector @ dense.mass.matrix.toarray() @ dense.vector.T == pytest.approx(np.eye(6), abs=1e-7)
-    assert np.diag(dense.assurance(sparse)) == pytest.approx(np.ones(6), abs=1e-6)
+    assert np.diag(dense.mac(sparse)) == pytest.approx(np.ones(6), abs=1e-6)
     assert len(dense) == 6
 
 
@@ -139,7 +139,7 @@ def test_rigid_mass_is_that_of_the_leafs():
     state = conventional(model, {"turn": 0.7}).motion
     lines, total, energy = _leafs_and_lines(model), 0.0, 0.0
     spin = np.array([0.3, -0.2, 0.5])
-    for group, leaf in zip(alike_leafs(model), inertia(model, state).leafs, strict=True):
+    for group, leaf in zip(leaf_groups(model), inertia(model, state).leafs, strict=True):
         # ground is fixed: the whole of every leaf, both ends moving
         roots = _leaf_roots(leaf, np.stack([lines[i][1] for i in group.members]))
         for root, i in zip(roots, group.members, strict=True):
@@ -217,7 +217,7 @@ def test_modes_follow_each_other_along_a_stroke():
         last = conventional(model, {"turn": float(turn)}, start=last)
         now = last.frequencies(count=4)
         if before is not None:
-            assert before.assurance(now)[0].max() > 0.8
+            assert before.mac(now)[0].max() > 0.8
         before = now
 
 

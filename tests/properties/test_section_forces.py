@@ -6,7 +6,7 @@ import pytest
 import ksd
 from ksd.model.compile import compile_scene
 from ksd.model.leafs import Mesh
-from ksd.properties.section_forces import COMPONENTS, section_forces
+from ksd.properties.forces import COMPONENTS, section_forces
 from ksd.properties.shape import curvature, member_ends, member_parts
 from ksd.solve.conventional import conventional
 from ksd.units import GPa, mm

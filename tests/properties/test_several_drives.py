@@ -7,8 +7,8 @@ from scenes import STEEL
 
 import ksd
 from ksd.cli.report import _first_parasitic
-from ksd.properties.alike import alike_leafs
 from ksd.properties.buckling import full_tangents
+from ksd.properties.leaf_groups import leaf_groups
 from ksd.properties.mass import inertia
 from ksd.properties.tangent import row_numbers
 from ksd.properties.unfold import unfolded
@@ -72,7 +72,7 @@ def dense_Hz(pose, count):
     mass, members, nodes = inertia(fine, state), fine.arrays.members, fine.arrays.plan.unknowns
     T = np.zeros((mass.size, len(K)))
     T[:nodes, :nodes] = np.eye(nodes)
-    for group, leaf in zip(alike_leafs(fine), mass.leafs, strict=True):
+    for group, leaf in zip(leaf_groups(fine), mass.leafs, strict=True):
         for k, i in enumerate(group.members.tolist()):
             at, first, P = leaf.inner[k], nodes + members.inner_at[i], leaf.P[k]
             T[at, first + np.arange(len(P))] = 1.0

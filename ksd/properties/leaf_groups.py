@@ -19,7 +19,7 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class Alike:
+class LeafGroup:
     """k leafs of one make: members (k,), number (4,), value (k, v): their constants, places (k, N + 6): their inner
     states in the flat inner state of the model; heavy: whether they have weight."""
 
@@ -36,7 +36,7 @@ class Alike:
 
 
 @per_model
-def alike_leafs(model: Model) -> tuple[Alike, ...]:
+def leaf_groups(model: Model) -> tuple[LeafGroup, ...]:
     """All strain-mode members of a model by make, in order of first appearance."""
     members = model.arrays.members
     found: dict[tuple[bytes, bytes, bool], list[int]] = {}
@@ -52,7 +52,7 @@ def alike_leafs(model: Model) -> tuple[Alike, ...]:
         size = strain_constants(members.number[same[0]], heavy=weighs)
         value = np.stack([members.value[members.value_at[i] :][:size] for i in same])
         places = np.stack([np.arange(members.inner_at[i], members.inner_at[i + 1]) for i in same])
-        groups.append(Alike(np.array(same), members.number[same[0]], value, places, weighs))
+        groups.append(LeafGroup(np.array(same), members.number[same[0]], value, places, weighs))
     return tuple(groups)
 
 
@@ -101,7 +101,7 @@ def end_levers(ends: EndFrames) -> tuple[Array, Array]:
     return own, relative
 
 
-def own_gravity(model: Model, motion: Motion, group: Alike, load_factor: float) -> Array | None:
+def own_gravity(model: Model, motion: Motion, group: LeafGroup, load_factor: float) -> Array | None:
     """Gravity (k, 3) [m/s^2] times the load factor in the frames p of a group of leafs; None without weight."""
     if not group.heavy:
         return None
@@ -111,14 +111,14 @@ def own_gravity(model: Model, motion: Motion, group: Alike, load_factor: float) 
     return found
 
 
-def alike_parts(model: Model, motion: Motion, group: Alike, load_factor: float) -> StrainParts:
+def group_parts(model: Model, motion: Motion, group: LeafGroup, load_factor: float) -> StrainParts:
     """Tangent blocks and mode fields of all leafs of a group, stacked (k, ...), see `ksd.beam.strain_mass`."""
     gravity = own_gravity(model, motion, group, load_factor)
     return many_parts(group.value, group.number, motion.inner[group.places], gravity)
 
 
 @dataclass(frozen=True)
-class Weighed:
+class LeafWeight:
     """The weight of k leafs: pull, turn (k, 3, 12): change of gravity in frame p by the motions of both nodes; corner
     (k, 12, 12): second derivatives of the weight itself, which acts at end p with the first moment of the leaf."""
 
@@ -127,7 +127,7 @@ class Weighed:
     corner: Array
 
 
-def weighed(model: Model, motion: Motion, group: Alike, load_factor: float) -> Weighed | None:
+def leaf_weight(model: Model, motion: Motion, group: LeafGroup, load_factor: float) -> LeafWeight | None:
     """What the weight of a group of leafs adds to their tangents, see `ksd.beam.weight_entry`; None without weight."""
     gravity = own_gravity(model, motion, group, load_factor)
     if gravity is None:
@@ -142,7 +142,7 @@ def weighed(model: Model, motion: Motion, group: Alike, load_factor: float) -> W
     both = first[:, :, None] * g[:, None]
     trace = np.einsum("kii->k", both)[:, None, None] * np.eye(3)
     corner[:, 3:6, 3:6] = trace - 0.5 * (both + both.swapaxes(1, 2))
-    return Weighed(pull, turn, corner)
+    return LeafWeight(pull, turn, corner)
 
 
 @per_model
@@ -150,7 +150,7 @@ def inner_unknowns(model: Model) -> tuple[NDArray[np.int64], ...]:
     """Unknowns (k, 12 + N) of the leafs of every group: the motions of both nodes in elimination order, -1 where a node
     is fixed, then inner coordinates of their own behind all node unknowns."""
     at, found = model.arrays.plan.unknowns, []
-    for group in alike_leafs(model):
+    for group in leaf_groups(model):
         first = model.arrays.start[model.arrays.members.node[group.members]]
         nodes = np.where(first[..., None] < 0, -1, first[..., None] + np.arange(6)).reshape(len(first), 12)
         own = at + np.arange(len(first) * group.modes).reshape(len(first), -1)
@@ -195,15 +195,15 @@ class Flexible:
 def flexible_leafs(model: Model, motion: Motion, *, load_factor: float = 1.0) -> list[Flexible]:
     """Every group of leafs at `motion`."""
     found = []
-    for group, unknowns in zip(alike_leafs(model), inner_unknowns(model), strict=True):
-        parts = alike_parts(model, motion, group, load_factor)
+    for group, unknowns in zip(leaf_groups(model), inner_unknowns(model), strict=True):
+        parts = group_parts(model, motion, group, load_factor)
         P, Z, K = strain_flexibility(parts)
         own, relative = end_levers(end_frames(model, motion, group.members))
         found.append(Flexible(parts, parts.W, P, Z, K, own, relative, unknowns[:, 12:]))
     return found
 
 
-def elastic(group: Alike) -> Array:
+def elastic(group: LeafGroup) -> Array:
     """(k, N, N): stiffness of the amplitudes without stress."""
     K, at, first = np.zeros((len(group.value), group.modes, group.modes)), 1, 0
     for n in (int(n) for n in group.number[:3]):

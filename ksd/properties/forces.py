@@ -1,0 +1,379 @@
+"""Forces in a state: along every leaf, and of joints, leafs and springs on the links.
+
+Section forces N, Vy, Vz [N], T, My, Mz [Nm] are positive on the section whose outward normal points along the leaf, in the
+axes of the deformed section. For both leaf models they follow from the leaf's end wrench (n, m) by equilibrium: force n and
+moment m + (r(L) - r(s)) x n, and of a leaf with weight that of what is beyond s, turned into the section. The other ways are
+worse where stress is largest. In a strain-mode leaf the curvature series times the rigidity is right in the mean, not at the
+ends (7e-4 of the moment off in a cross flexure turned by 45 degrees). In a chain the strains of Appendix A give bending
+moments, but as shear only their difference over an element whose two ends have different axes, which under twist mixes weak
+and strong bending.
+
+Interface forces are what joints, free leafs and springs exert on the links they are clamped to, ground included. A leaf
+passes on the wrench at its ends; those of a joint are summed about its interface. On every link they balance loads, drives,
+supports and weight.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ksd.beam.weight import PULL
+from ksd.errors import SceneError
+from ksd.model.arrays import COIL, SOLID, TURN, Motion, Work, make_work
+from ksd.model.assembly import condense_member
+from ksd.model.compile import Model
+from ksd.model.poses import member_pose
+from ksd.numerics.rotations import rotation_exp
+from ksd.properties.leaf_groups import LeafGroup, leaf_groups, own_gravity
+from ksd.properties.shape import (
+    Ends,
+    chain_axes,
+    chain_nodes,
+    crossed,
+    member_ends,
+    member_parts,
+    members_of_leafs,
+    strain_curves,
+)
+from ksd.properties.words import Named, Shown, listed, number
+
+Array = NDArray[np.float64]
+COMPONENTS = ("N", "Vy", "Vz", "T", "My", "Mz")
+"""Columns of `SectionForces.values`; the first three in N, the others in Nm."""
+POINTS = 25
+
+
+@dataclass(frozen=True, repr=False)
+class SectionForces(Shown):
+    """Section forces of one leaf: stations s (k,) [m] from its start, values (k, 6), columns COMPONENTS.
+
+    Stations of a chain are its nodes.
+    """
+
+    name: str
+    s: Array
+    values: Array
+
+    def _line(self) -> str:
+        most = np.abs(self.values).max(axis=0)
+        said = ", ".join(f"{c} {number(v, 3)}" for c, v in zip(COMPONENTS, most, strict=True))
+        return f"'{self.name}', at most {said} [N, Nm]"
+
+    def __str__(self) -> str:
+        rows = [
+            (number(1e3 * s, 4), *(number(v, 4, zero=1e-9 * float(np.abs(self.values).max())) for v in row))
+            for s, row in zip(self.s, self.values, strict=True)
+        ]
+        return listed(("s [mm]", *COMPONENTS), rows, f"Section forces [N, Nm] along leaf '{self.name}'")
+
+    @property
+    def start(self) -> Array:
+        """Values (6,) at the start of the leaf."""
+        return self.values[0]
+
+    @property
+    def end(self) -> Array:
+        """Values (6,) at the end of the leaf."""
+        return self.values[-1]
+
+
+def section_forces(
+    model: Model, motion: Motion, *, points: int = POINTS, load_factor: float = 1.0
+) -> Named[SectionForces]:
+    """Section forces of all leafs by full name; `points` stations in a strain-mode leaf; their weight times load_factor."""
+    parts: dict[int, tuple[Array, Array]] = {}
+    for group in leaf_groups(model):
+        gravity = own_gravity(model, motion, group, load_factor)
+        parts |= zip(group.members.tolist(), _strain_forces(group, motion, points, gravity), strict=True)
+    found, work = {}, make_work(model.arrays) if len(parts) < len(model.arrays.members.kind) else None
+    for name, members in members_of_leafs(model).items():
+        at, stations, values = 0.0, [], []
+        for i in members:
+            other = _solid_forces if model.arrays.members.kind[i] == SOLID else _chain_forces
+            s, forces = parts[i] if i in parts else other(model, motion, i, (work, load_factor))
+            stations.append(at + s)
+            values.append(forces)
+            at += s[-1]
+        found[name] = SectionForces(name, np.concatenate(stations), np.concatenate(values))
+    said = "Section forces, the largest along every leaf"
+    units = [f"{c} [{'N' if c in COMPONENTS[:3] else 'Nm'}]" for c in COMPONENTS]
+    return Named(found, said, ("leaf", *units), _most)
+
+
+def _most(forces: SectionForces) -> list[str]:
+    """Largest amounts of the six components, in words."""
+    most = np.abs(forces.values).max(axis=0)
+    return [number(float(v), 4, zero=1e-9 * float(most.max())) for v in most]
+
+
+def end_wrenches(model: Model, motion: Motion, *, load_factor: float = 1.0) -> Array:
+    """Force and moment (members, 6) [N, Nm] on end q of every member, in the frame of its end p."""
+    members = model.arrays.members
+    found, work = np.empty((len(members.kind), 6)), None
+    strain = set()
+    for group in leaf_groups(model):
+        found[group.members] = motion.inner[group.places][:, group.modes :]
+        strain |= set(group.members.tolist())
+    for i in range(len(found)):
+        if i not in strain:
+            work = work or make_work(model.arrays)
+            found[i] = _chain_wrench(model, motion, i, member_ends(model, motion, i), (work, load_factor))[1]
+    return found
+
+
+def _strain_forces(
+    group: LeafGroup, motion: Motion, points: int, gravity: Array | None
+) -> list[tuple[Array, Array]]:
+    """Stations (k,) and section forces (k, 6) of every leaf of a group; gravity (leafs, 3) in their frames p."""
+    inner = motion.inner[group.places]
+    s, r, R, *beyond = strain_curves(group.value, group.number, inner, points, gravity)
+    weight = () if gravity is None else (gravity[:, None], *beyond)
+    return list(zip(s, _along(r, R, inner[:, None, group.modes :], *weight), strict=True))
+
+
+def _chain_forces(
+    model: Model, motion: Motion, i: int, how: tuple[Work | None, float]
+) -> tuple[Array, Array]:
+    """Stations (k,) and section forces (k, 6) of a chain, at its nodes; how: storage and load factor."""
+    value, number, inner = member_parts(model, motion, i)
+    ends = member_ends(model, motion, i)
+    lengths = value[: 16 * int(number[0])].reshape(-1, 16)[:, 0]
+    r, turned = chain_nodes(value, number, inner, ends)
+    gravity, wrench = _chain_wrench(model, motion, i, ends, how)
+    weight = () if gravity is None else (gravity, *_chain_masses(value, int(number[0]), r))
+    forces = _along(r[None], (turned @ chain_axes(value, number))[None], wrench[None, None], *weight)
+    return np.concatenate([[0.0], np.cumsum(lengths)]), forces[0]
+
+
+def _solid_forces(
+    model: Model, motion: Motion, i: int, how: tuple[Work | None, float]
+) -> tuple[Array, Array]:
+    """Stations (k,) and section forces (k, 6) along the middle of a reduced solid."""
+    ends = member_ends(model, motion, i)
+    solid = model.bodies[model.member_names[i]]
+    s, r, R = solid.line(ends.d, ends.Q, member_parts(model, motion, i)[2])
+    _, wrench = _chain_wrench(model, motion, i, ends, how)
+    return s, _along(r[None], R[None], wrench[None, None])[0]
+
+
+def _chain_masses(value: Array, count: int, r: Array) -> tuple[Array, Array]:
+    """Mass (1, k) [kg] beyond every node of a chain, and its first moment up to there (1, k, 3) [kg m]: int M dr."""
+    lumps = value[16 * count + 9 : 17 * count + 10]
+    # half of the first element at node 0, so the elements follow one by one
+    masses = np.empty(count)
+    carried = 0.0
+    for k in range(count):
+        masses[k] = 2 * (lumps[k] - carried)
+        carried = 0.5 * masses[k]
+    mass = np.append(np.cumsum(masses[::-1])[::-1], 0.0)
+    middle = 0.5 * (mass[1:] + mass[:-1])[:, None]
+    first = np.concatenate([np.zeros((1, 3)), np.cumsum(middle * np.diff(r, axis=0), axis=0)])
+    return mass[None], first[None]
+
+
+def _along(r: Array, R: Array, wrench: Array, *weight: Array) -> Array:
+    """Section forces (leafs, k, 6) from positions and axes along leafs, and the wrench (leafs, 1, 6) on end q.
+
+    weight: gravity (leafs, 1, 3), mass beyond every station (leafs, k), and int M dr up to there (leafs, k, 3).
+    """
+    n = wrench[..., :3]
+    moment, forces = wrench[..., 3:] + crossed(r[:, -1:] - r, n), np.broadcast_to(n, r.shape)
+    if weight:
+        gravity, mass, first = weight
+        forces = forces + mass[..., None] * gravity
+        moment = moment + crossed(first[:, -1:] - first, gravity)
+    found: Array = np.concatenate([forces, moment], axis=2).reshape(*r.shape[:2], 2, 3) @ R
+    return found.reshape(*r.shape[:2], 6)
+
+
+def _chain_wrench(
+    model: Model, motion: Motion, i: int, ends: Ends, how: tuple[Work | None, float]
+) -> tuple[Array | None, Array]:
+    """Gravity (3,) on a chain, None without weight, and force and moment (6,) on its end q, inner residual condensed out;
+    frame p."""
+    members, stiffness, gravity, (work, factor) = model.arrays.members, np.empty((6, 6)), None, how
+    assert work is not None
+    if len(work.weight) and work.weight[i, 0] > 0.0:
+        gravity = factor * (work.weight[i, 1:] @ ends.frame)
+        at = int(members.store_at[i + 1]) - PULL
+        work.store[at : at + 3] = gravity
+    store = work.store[members.store_at[i] : members.store_at[i + 1]]
+    state = motion.inner[members.inner_at[i] : members.inner_at[i + 1]]
+    condense_member(
+        members.kind[i], members.value[members.value_at[i] :], members.number[i], state, store, work.scratch, work.near[:0],
+        ends.d, np.ascontiguousarray(ends.Q), work.lam[i], stiffness,
+    )  # fmt: skip
+    return gravity, work.lam[i, :6]
+
+
+STEP = 1e-4
+"""Step of the differences that give spring forces, over the length of a spring."""
+NOISE = 1e-9
+"""Amounts below this fraction of the largest force are rounding."""
+LIGHT = 1e-6
+"""Change of the force along a leaf, over the force, up to which it counts as one without weight."""
+
+
+@dataclass(frozen=True, repr=False)
+class InterfaceForce(Shown):
+    """What one joint, leaf or spring exerts on one link: force (3,) [N], moment (3,) [Nm] about `point` (3,) [m], the
+    place of the interface or end now; global axes."""
+
+    name: str
+    link: str
+    point: Array
+    force: Array
+    moment: Array
+
+    def _line(self) -> str:
+        force, moment = (
+            " ".join(number(float(v), 4, zero=NOISE * float(np.abs(part).max())) for v in part)
+            for part in (self.force, self.moment)
+        )
+        return f"'{self.name}' on '{self.link}': {force} N, {moment} Nm"
+
+
+@dataclass(frozen=True, repr=False)
+class InterfaceForces(Shown):
+    """All of them, in the order of the scene: joints, free leafs, springs; two rows each.
+
+    size [m]: length by which moments and forces are compared.
+    """
+
+    rows: tuple[InterfaceForce, ...]
+    size: float
+
+    def _line(self) -> str:
+        most = max(self.rows, key=lambda row: float(np.linalg.norm(row.force)))
+        return f"{len(self.rows)} interfaces, at most {number(float(np.linalg.norm(most.force)))} N, of '{most.name}'"
+
+    @property
+    def listing(self) -> list[tuple[str, str, list[float]]]:
+        """Name, link, and force and moment (6) of every row, amounts that are rounding as zero."""
+        noise = NOISE * max((float(np.abs(r.force).max()) for r in self.rows), default=0.0)
+        bounds = np.repeat([noise, noise * self.size], 3)
+        wrenches = (np.concatenate([r.force, r.moment]) for r in self.rows)
+        cleaned = (np.where(np.abs(w) > bounds, w, 0.0).tolist() for w in wrenches)
+        return [(r.name, r.link, wrench) for r, wrench in zip(self.rows, cleaned, strict=True)]
+
+    def __str__(self) -> str:
+        rows = [(name, link, *(number(v, 4) for v in wrench)) for name, link, wrench in self.listing]
+        columns = (*(f"F{a} [N]" for a in "xyz"), *(f"M{a} [Nm]" for a in "xyz"))
+        said = "Interface forces: on the link, moments about the interface, global axes"
+        return listed(("of", "<on link", *columns), rows, said)
+
+    def of(self, name: str, link: str) -> InterfaceForce:
+        """What one joint, leaf or spring exerts on one of its links. Raises SceneError for names without a row."""
+        for row in self.rows:
+            if (row.name, row.link) == (name, link):
+                return row
+        known = ", ".join(f"'{r.name}' on '{r.link}'" for r in self.rows)
+        raise SceneError(f"'{name}' is not clamped to link '{link}'; there are {known}")
+
+    def on(self, link: str, *, about: Any = (0.0, 0.0, 0.0)) -> Array:
+        """Sum of all on a link, "ground" too: force [N] and moment [Nm] (6,) about a global point [m]. Raises SceneError
+        for a link nothing is clamped to."""
+        mine = [r for r in self.rows if r.link == link]
+        if not mine:
+            known = ", ".join(f"'{name}'" for name in dict.fromkeys(r.link for r in self.rows))
+            raise SceneError(f"no joint, leaf or spring is clamped to link '{link}'; there are {known}")
+        moments = [r.moment + np.cross(r.point - np.asarray(about, float), r.force) for r in mine]
+        return np.concatenate([sum(r.force for r in mine), sum(moments)])
+
+
+def interface_forces(model: Model, motion: Motion, *, load_factor: float = 1.0) -> InterfaceForces:
+    """What every joint, free leaf and spring of `model` exerts on its links at `motion`, weight times load_factor."""
+    ends = _leaf_ends(model, motion, load_factor)
+    rows = []
+    for placed in model.scene.joints:
+        mine = [e for e in ends if e.name.startswith(f"{placed.name}/")]
+        for link, point in ((placed.a, placed.origin), (placed.b, placed.place(placed.joint.pose_B))):
+            node = model.node_names.index(link)
+            here = motion.x[node] + motion.R[node] @ (np.asarray(point) - model.rest.x[node])
+            theirs = [e for e in mine if e.link == link]
+            force = sum((e.force for e in theirs), np.zeros(3))
+            moment = sum((e.moment + np.cross(e.point - here, e.force) for e in theirs), np.zeros(3))
+            rows.append(InterfaceForce(placed.name, link, here, force, moment))
+    names = {placed.name for placed in model.scene.leafs}
+    rows += [e for e in ends if e.name in names]
+    for i, name in enumerate(model.spring_names):
+        rows += _spring(model, motion, i, name)
+    return InterfaceForces(tuple(rows), model.arrays.size)
+
+
+def _leaf_ends(model: Model, motion: Motion, load_factor: float) -> list[InterfaceForce]:
+    """What every leaf exerts at its start and at its end on the nodes there."""
+    found, members = [], model.arrays.members
+    forces = section_forces(model, motion, load_factor=load_factor)
+    wrenches = end_wrenches(model, motion, load_factor=load_factor)
+    for name, parts in members_of_leafs(model).items():
+        first, last = member_ends(model, motion, parts[0]), member_ends(model, motion, parts[-1])
+        n, m = wrenches[parts[0], :3], wrenches[parts[0], 3:]
+        force, moment = n, m + np.cross(first.d, n)
+        if np.abs(forces[name].start[:3] - n).max() > LIGHT * np.abs(n).max():
+            # a leaf with weight hands it on at its start
+            force, moment = forces[name].start[:3], forces[name].start[3:]
+        node = model.node_names[members.node[parts[0], 0]]
+        found.append(InterfaceForce(name, node, first.start, first.frame @ force, first.frame @ moment))
+        n, m = wrenches[parts[-1], :3], wrenches[parts[-1], 3:]
+        node, end = model.node_names[members.node[parts[-1], 1]], last.start + last.frame @ last.d
+        found.append(InterfaceForce(name, node, end, -(last.frame @ n), -(last.frame @ m)))
+    return found
+
+
+def _spring(model: Model, motion: Motion, i: int, name: str) -> list[InterfaceForce]:
+    """What a spring exerts on the nodes at its ends: minus the gradient of its energy, by central differences."""
+    springs, found = model.arrays.springs, []
+    h = STEP * float(springs.length[i])
+    for end in range(2):
+        node = int(springs.node[i, end])
+        point = motion.x[node] + motion.R[node] @ springs.offset[i, end]
+        gradient = np.zeros(6)
+        for c in range(6):
+            step = np.zeros(6)
+            step[c] = h if c < 3 else STEP
+            for factor, weight in ((1.0, 8.0), (-1.0, -8.0), (2.0, -1.0), (-2.0, 1.0)):
+                moved = _moved(motion, node, point, factor * step)
+                gradient[c] += weight * energy_of_spring(model, moved, i) / (12.0 * step[c])
+        found.append(InterfaceForce(name, model.node_names[node], point, -gradient[:3], -gradient[3:]))
+    return found
+
+
+def _moved(motion: Motion, node: int, point: Array, step: Array) -> Motion:
+    """The state with one node moved by step (6,) [m, rad] about `point`."""
+    x, R, turn = motion.x.copy(), motion.R.copy(), np.empty((3, 3))
+    rotation_exp(step[3:], turn)
+    x[node] = point + step[:3] + turn @ (x[node] - point)
+    R[node] = turn @ R[node]
+    return motion._replace(x=x, R=R)
+
+
+def spring_energy(model: Model, motion: Motion) -> dict[str, float]:
+    """Energy [J] of every spring and link with a matrix, by name; empty where the model has none."""
+    return {name: energy_of_spring(model, motion, i) for i, name in enumerate(model.spring_names)}
+
+
+def energy_of_spring(model: Model, motion: Motion, i: int) -> float:
+    """k (l - l0)^2 / 2, k (angle - rest)^2 / 2, or xi K xi / 2 of spring i."""
+    springs = model.arrays.springs
+    value, pose, Q = springs.value[springs.value_at[i] :], np.empty(18), np.empty((3, 3))
+    member_pose(springs.node, springs.offset, springs.frame, motion.x, motion.R, i, pose, Q)
+    d = pose[:9].reshape(3, 3).T @ pose[15:]
+    if springs.kind[i] == COIL:
+        return 0.5 * float(value[0]) * (math.sqrt(float(d @ d)) - float(value[1])) ** 2
+    from scipy.spatial.transform import Rotation
+
+    if springs.kind[i] == TURN:
+        _, _, z, w = Rotation.from_matrix(Q).as_quat()
+        angle = 2.0 * math.atan2(z, w)
+        # the same branch as the kernel: between -180 and 180 degrees
+        angle -= 2.0 * math.pi * round(angle / (2.0 * math.pi))
+        return 0.5 * float(value[0]) * (angle - float(value[1])) ** 2
+    turned = Rotation.from_matrix(Q @ value[3:12].reshape(3, 3).T).as_rotvec()
+    xi = np.concatenate([d - value[:3], turned])
+    return float(value[12:18] @ xi + 0.5 * xi @ value[18:54].reshape(6, 6) @ xi)
