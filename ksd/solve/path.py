@@ -154,10 +154,12 @@ def _course(
         if not carries_load(model.arrays):
             raise SceneError("control = 'load': this mechanism carries no load; use control = 'drives'")
         target = model.targets({**held, **(targets or {})})
+        model.refuse_turns(target)
         return Course(target, np.zeros(len(target)), 0.0, 1.0), level
     if control != "drives":
         raise SceneError(f"control = {control!r}: choose 'load' or 'drives'")
     goal = model.targets({**held, **(targets or {})})
+    model.refuse_turns(goal)
     begin = np.zeros(len(goal)) if branched else model.targets(held)
     if not np.any(goal != begin):
         raise SceneError("control = 'drives': give targets that differ from where the path starts")

@@ -24,6 +24,12 @@ def test_a_turn_beyond_half_a_turn_is_named(degrees):
     assert ksd.solve(scene, turn=np.deg2rad(175.0)).trusted
 
 
+def test_a_path_is_not_followed_beyond_half_a_turn():
+    """Its arc was halved to nothing there, without a word about the turn."""
+    with pytest.raises(ksd.SceneError, match=r"'turn' = 190 deg.*within 180 deg"):
+        ksd.follow(single_joint(), {"turn": np.deg2rad(190.0)}, control="drives")
+
+
 def test_a_limit_point_on_the_way_is_named():
     """A cross flexure of four elements pressed by 4.3 kN was refused for an element turned by more than 60 degrees, that of
     the last attempt beyond the limit point of its path."""
