@@ -87,7 +87,8 @@ class Buckling(Shown):
     unknowns, inner ones included. unstable: directions in which the state itself is no minimum. reach: factors up to
     this size are looked for; a larger load would move a link too far for linear theory. inf where all stresses grow.
     beyond: the smallest factor left out for that, inf where there is none. conservative: False where loads follow their
-    link, or moments are fixed in space: factors and `unstable` are those of divergence then.
+    link, or moments are fixed in space: factors and `unstable` are those of divergence then. backward_error: largest
+    residual of (K + mu K') phi over the size of its terms; above 1e-6 there is no answer.
     """
 
     model: Model
@@ -98,6 +99,7 @@ class Buckling(Shown):
     reach: float = np.inf
     beyond: float = np.inf
     conservative: bool = True
+    backward_error: float = 0.0
 
     def _line(self) -> str:
         return ", ".join(number(m) for m in self.factor) or self.reason
@@ -364,16 +366,16 @@ def _derivative(
 
 def critical_factors(
     K: Any, change: Any, count: int, *, symmetric: bool = True
-) -> tuple[Array, Array, float]:
-    """Real mu of smallest magnitude in (K + mu change) phi = 0, and the smallest of either sign, with phi as columns; and
-    the largest |1/mu|, complex ones too; both in scipy CSC. Raises ConvergenceError where they are not found, or their
-    digits are lost."""
+) -> tuple[Array, Array, float, float]:
+    """Real mu of smallest magnitude in (K + mu change) phi = 0, and the smallest of either sign, with phi as columns; the
+    largest |1/mu|, complex ones too; the largest residual over the size of its terms. Both matrices in scipy CSC. Raises
+    ConvergenceError where they are not found, or their digits are lost."""
     from scipy.sparse import csc_matrix, diags
 
     size = K.shape[0]
     values, vectors = np.zeros(0), np.zeros((size, 0))
     if not np.any(change.data):
-        return values, vectors, 0.0
+        return values, vectors, 0.0, 0.0
     scale = 1.0 / np.sqrt(abs(K).max(axis=0).toarray().ravel())
     A, B = (csc_matrix(diags(scale) @ part @ diags(scale)) for part in (K, change))
     if size > (DENSE if symmetric else MOST_DENSE):
@@ -388,12 +390,13 @@ def critical_factors(
     factor, shape = 1.0 / values[chosen].real, vectors[:, chosen].real
     resisted, pushed = A @ shape, B @ (shape * factor)
     off, whole = (np.linalg.norm(part, axis=0) for part in (resisted + pushed, shape))
-    if np.any(off > LOST * (np.linalg.norm(A.data) * whole + np.linalg.norm(pushed, axis=0))):
+    error = np.max(off / (np.linalg.norm(A.data) * whole + np.linalg.norm(pushed, axis=0)), initial=0.0)
+    if not error <= LOST:
         raise ConvergenceError(
             "buckling: rounding left no digits of the critical load factors: a motion is left that hardly anything resists; "
             "hold more drives"
         )
-    return factor, shape * scale[:, None], largest
+    return factor, shape * scale[:, None], largest, float(error)
 
 
 def outer_of_both_signs(values: Array, count: int) -> NDArray[np.intp]:
@@ -541,7 +544,7 @@ def buckling(
         change = change + assembled_blocks([start + np.arange(6)[None]], [own[None]], K.shape[0])
     if conservative:
         change = 0.5 * (change + change.T)
-    factor, vectors, largest = critical_factors(K, change, count, symmetric=conservative)
+    factor, vectors, largest, error = critical_factors(K, change, count, symmetric=conservative)
     if link is None and largest <= STRESSLESS:
         raise SceneError("this state carries no stress, so nothing buckles; name a link and a load")
     near = np.abs(factor) <= reach
@@ -556,4 +559,4 @@ def buckling(
     if loads is not None and unstable:
         rest = len(fine.arrays.terms.start) - assembled.inside
         unstable = divergences(fine.arrays, assembled.matrix(freed), loads) - rest
-    return Buckling(fine, factor, shape, vectors.T, unstable, reach, beyond, conservative)
+    return Buckling(fine, factor, shape, vectors.T, unstable, reach, beyond, conservative, error)

@@ -24,7 +24,7 @@ from ksd.model.newton import move_nodes
 from ksd.properties.leaf_groups import leaf_groups
 from ksd.properties.mass import Inertia, inertia
 from ksd.properties.shape import scene_leafs
-from ksd.properties.tangent import Tangent, factored_tangent, row_gradients
+from ksd.properties.tangent import Tangent, factored_tangent, refuse_lost, row_gradients
 from ksd.properties.unfold import unfolded
 from ksd.properties.words import Shown, held, listed, movement_of, number, ways
 
@@ -52,6 +52,8 @@ class Modes(Shown):
     it is held. drive_compliance (d, d) [m/N, rad/Nm]: static, of the freed drives. growth_per_s (k,): rate at which a mode
     grows by itself: of an unstable one, or, where loads are not conservative, of the two that flutter at one frequency,
     which come first too. freed: names let go. massless: materials without a density; their leafs took part without mass.
+    backward_error: largest share of a mode that one more inverse iteration changes; omega^2 is off by its square where loads
+    are conservative.
     """
 
     model: Model
@@ -67,6 +69,7 @@ class Modes(Shown):
     mass: Inertia = field(repr=False)
     motion: Motion = field(repr=False)
     conservative: bool = True
+    backward_error: float = 0.0
 
     def __len__(self) -> int:
         return len(self.frequency_Hz)
@@ -355,6 +358,17 @@ def _iterated_pairs(tangent: Tangent, mass: Inertia, count: int) -> tuple[Array,
     return values, vectors
 
 
+def _backward_error(tangent: Tangent, mass: Inertia, squared: Array, vectors: Array) -> float:
+    """Largest share of modes that one more inverse iteration changes: omega^2 (k,), vectors (size, k) of unit modal mass.
+
+    Where loads are conservative omega^2 is off by the square of it. Raises KinematicsError where that leaves no digits.
+    """
+    again = squared * _flexible(tangent, mass, mass.matrix @ vectors)
+    error = float(np.linalg.norm(mass.rooted(again - vectors), axis=0).max(initial=0.0))
+    refuse_lost(error**2 if tangent.turning is None else error)
+    return error
+
+
 def frequencies(
     model: Model,
     motion: Motion,
@@ -380,6 +394,9 @@ def frequencies(
     found = (_dense_pairs if small else _iterated_pairs)(tangent, mass, count)
     squared, vectors, grown = _lowest(*found, count)
     vectors = vectors / np.sqrt(np.sum(mass.rooted(vectors) ** 2, axis=0))
+    # those that flutter are parts of complex ones
+    real = (grown == 0.0) | (squared < 0.0)
+    error = _backward_error(tangent, mass, squared[real], vectors[:, real])
     gradient = np.zeros((len(vectors), len(fine.drive_names)))
     nodes = fine.arrays.plan.unknowns
     gradient[:nodes] = row_gradients(fine, state, range(len(fine.drive_names)))
@@ -402,4 +419,5 @@ def frequencies(
         mass=mass,
         motion=state,
         conservative=not fine.arrays.loads.skew.any(),
+        backward_error=error,
     )

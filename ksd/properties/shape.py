@@ -1,7 +1,7 @@
 """Where everything is: centrelines and section axes of all leafs, attachment points of all rigid blocks.
 
 A strain-mode leaf is integrated from its curvature, R' = R [kappa]x and r' = R (e1 + C R^T n), by
-fourth-order steps (the Magnus step of `ksd.beam.strain` at two Gauss points, Simpson's rule for the
+fourth-order steps (a Magnus step at two Gauss points, Simpson's rule for the
 position). A chain of Appendix A elements is drawn through its nodes by cubics with the nodes' tangents.
 Global axes, SI.
 """

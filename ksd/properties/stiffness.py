@@ -49,7 +49,8 @@ class PointStiffness(Shown):
     as in DIRECTIONS, in `axes` (3, 3; columns, global) at `point` (3,) [m], where the point is now. freed:
     names of the drives and supports let go. size [m]: length scale by which rotations and translations are
     compared. conservative: False where loads that follow their link, or moments fixed in space, do work that depends on
-    the way: the matrices are not symmetric then; rows are motions of `compliance`, loads of `matrix`.
+    the way: the matrices are not symmetric then; rows are motions of `compliance`, loads of `matrix`. backward_error: see
+    `ksd.properties.tangent.Tangent.solve_with_error`; above 1e-6 there is no answer.
     """
 
     link: str
@@ -59,6 +60,7 @@ class PointStiffness(Shown):
     freed: tuple[str, ...]
     size: float
     conservative: bool = True
+    backward_error: float = 0.0
 
     def _line(self) -> str:
         rows = (f"{d} {number(k)}" for d, k in self.supports.items())
@@ -217,7 +219,8 @@ def point_stiffness(
     rows = [i for i, n in enumerate((*model.drive_names, *model.support_names)) if n not in found.freed]
     # what held rows take leaves rounding only where it is left out before
     loads = beyond_rows(found.model, row_gradients(found.model, found.motion, rows), loads)[0]
-    C = loads.T @ found.solve(loads)
+    response, error = found.solve_with_error(loads)
+    C = loads.T @ response
     freed = (freed,) if isinstance(freed, str) else tuple(freed)
     return PointStiffness(
         model.node_names[node],
@@ -227,6 +230,7 @@ def point_stiffness(
         freed,
         model.arrays.size,
         found.turning is None,
+        error,
     )
 
 
@@ -238,12 +242,13 @@ def _halved(C: Array, found: Tangent) -> Array:
 @dataclass(frozen=True, repr=False)
 class DriveStiffness(Shown):
     """Stiffness between drives: matrix (d, d), force of drive i [N or Nm] per motion of drive j [m or rad],
-    others held. conservative: see `PointStiffness`."""
+    others held. conservative, backward_error: see `PointStiffness`."""
 
     names: tuple[str, ...]
     units: tuple[str, ...]
     matrix: Array
     conservative: bool = True
+    backward_error: float = 0.0
 
     def _line(self) -> str:
         return ", ".join(f"{n} {number(self[n])} {u}" for n, u in zip(self.names, self.units, strict=True))
@@ -266,11 +271,11 @@ class DriveStiffness(Shown):
         return float(self.matrix[i, i])
 
 
-def _drive_response(found: Tangent, rows: Sequence[int]) -> Array:
-    """Response (unknowns, d) to a unit motion of each of `rows`."""
+def _drive_response(found: Tangent, rows: Sequence[int]) -> tuple[Array, float]:
+    """Response (unknowns, d) to a unit motion of each of `rows`, and its backward error."""
     loads = np.zeros((found.arrays.plan.unknowns, len(rows)))
     loads[found.arrays.terms.start[list(rows)], range(len(rows))] = 1.0
-    return found.solve(loads)
+    return found.solve_with_error(loads)
 
 
 def drive_stiffness(
@@ -287,9 +292,11 @@ def drive_stiffness(
     rows = [i for i, n in enumerate(model.drive_names) if n not in freed]
     terms = model.arrays.terms
     units = tuple("Nm/rad" if terms.kind[terms.first[i]] == ROTATION else "N/m" for i in rows)
-    K = -_drive_response(found, rows)[terms.start[rows]]
+    response, error = _drive_response(found, rows)
     names = tuple(model.drive_names[i] for i in rows)
-    return DriveStiffness(names, units, _halved(K, found), found.turning is None)
+    return DriveStiffness(
+        names, units, _halved(-response[terms.start[rows]], found), found.turning is None, error
+    )
 
 
 def drive_coupling(
@@ -313,7 +320,7 @@ def drive_coupling(
     rows = [i for i, n in enumerate(model.drive_names) if n not in freed]
     _, B = point_motion(model, motion, node, at)
     columns = _axes(axes, motion.R[node])
-    moved = B @ _drive_response(found, rows)[found.unknowns(node)]
+    moved = B @ _drive_response(found, rows)[0][found.unknowns(node)]
     turned = np.vstack([columns.T @ moved[:3], columns.T @ moved[3:]])
     return {model.drive_names[i]: turned[:, k] for k, i in enumerate(rows)}
 

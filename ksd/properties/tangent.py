@@ -19,7 +19,7 @@ from ksd.model.arrays import COROTATIONAL, LINEAR, SOLID, Arrays, Motion, make_w
 from ksd.model.compile import Model
 from ksd.model.loading import term_value
 from ksd.model.newton import assemble
-from ksd.numerics.blocks import factor_blocks, refined_blocks
+from ksd.numerics.blocks import factor_blocks, refined_blocks, residual_blocks
 from ksd.numerics.indefinite import inertia, scaling, solve_scaled
 from ksd.properties.turning import turning_loads
 
@@ -115,8 +115,8 @@ class Assembled:
         return stored_matrix(self.arrays, value)
 
 
-def _refuse_lost(error: float) -> None:
-    """Raise KinematicsError where refinement still changes a solution by the share `error`."""
+def refuse_lost(error: float) -> None:
+    """Raise KinematicsError where the backward error of an answer says that its digits are lost."""
     if not error <= LOST:
         raise KinematicsError(
             f"the tangent is all but singular (a refined solution still changes by {error:.1e} of itself): a motion is left "
@@ -146,21 +146,64 @@ class Tangent:
     def solve(self, loads: Array) -> Array:
         """Response (unknowns, k) to `loads` (unknowns, k) in the order of the plan. Raises KinematicsError where rounding
         leaves no digits of it."""
-        found = self._symmetric(loads)
+        return self.solve_with_error(loads)[0]
+
+    def solve_with_error(self, loads: Array) -> tuple[Array, float]:
+        """The same, and its backward error: the largest share of a solution, in the norm of the diagonal, that its last
+        refinement changed: an estimate of its error before that, a bound for what is left."""
+        found, error = self._symmetric(loads)
+        refuse_lost(error)
         if self.turning is None:
-            return found
-        # Sherman, Morrison, Woodbury
+            return found, error
+        places, rest = self.turning
+        found = self._with_skew(found)
+        # refined with the whole matrix
+        left = self._residual(loads, found)
+        left[places] -= rest @ found[places]
+        change = self._with_skew(self._symmetric(left)[0])
+        weight = self._weight()[:, None]
+        moved, whole = (np.linalg.norm(part * weight, axis=0) for part in (change, found))
+        error = max(error, float(np.max(moved / np.maximum(whole, 1e-300), initial=0.0)))
+        refuse_lost(error)
+        return found + change, error
+
+    def _with_skew(self, found: Array) -> Array:
+        """The response with the skew part, from that without (Sherman, Morrison, Woodbury)."""
+        assert self.turning is not None
         places, rest = self.turning
         X, small = self._columns
         taken: Array = found - X @ np.linalg.solve(small, rest @ found[places])
         return taken
 
-    def _symmetric(self, loads: Array) -> Array:
+    def _symmetric(self, loads: Array) -> tuple[Array, float]:
+        """Response to loads without the skew part, and its backward error."""
         plan, right = self.arrays.plan, np.ascontiguousarray(loads.T, dtype=float)
         found, change, low = np.empty_like(right), np.empty(plan.unknowns), np.empty(plan.unknowns)
-        for b, x in zip(right, found, strict=True):
-            _refuse_lost(refined_blocks(plan, self.assembled, self.value, self.spare, b, x, change, low))
-        return found.T
+        errors = [
+            refined_blocks(plan, self.assembled, self.value, self.spare, b, x, change, low)
+            for b, x in zip(right, found, strict=True)
+        ]
+        return found.T, float(np.max(errors, initial=0.0))
+
+    def _residual(self, loads: Array, found: Array) -> Array:
+        """What the symmetric matrix leaves of loads (unknowns, k)."""
+        left, low = np.empty(found.T.shape), np.empty(len(found))
+        for b, x, rest in zip(loads.T, found.T, left, strict=True):
+            residual_blocks(
+                self.arrays.plan,
+                self.assembled,
+                np.ascontiguousarray(b, float),
+                np.ascontiguousarray(x),
+                rest,
+                low,
+            )
+        return left.T.copy()
+
+    def _weight(self) -> Array:
+        """(unknowns,): by which solutions are measured, see `ksd.numerics.blocks.refined_blocks`."""
+        plan = self.arrays.plan
+        own = [self.spare[at : at + n] for at, n in zip(plan.diagonal, plan.size, strict=True)]
+        return np.asarray(np.sqrt(np.concatenate(own)))
 
     @cached_property
     def _columns(self) -> tuple[Array, Array]:
@@ -168,7 +211,7 @@ class Tangent:
         places, rest = self.turning
         units = np.zeros((self.arrays.plan.unknowns, len(places)))
         units[places, np.arange(len(places))] = 1.0
-        X = self._symmetric(units)
+        X = self._symmetric(units)[0]
         return X, np.eye(len(places)) + rest @ X[places]
 
     def skew_share(self) -> float:
@@ -191,15 +234,21 @@ class DenseTangent(Tangent):
 
     matrix: Array = field(default_factory=lambda: np.zeros((0, 0)))
 
-    def _symmetric(self, loads: Array) -> Array:
+    def _symmetric(self, loads: Array) -> tuple[Array, float]:
         K, b = self.matrix, np.asarray(loads, float)
         scale = scaling(K)
         x = solve_scaled(K, b, scale)[0]
         # once more on what is left: what supports hold is to come out as held, not as rounding
         change = solve_scaled(K, b - K @ x, scale)[0]
         moved, whole = (np.linalg.norm(part / scale[:, None], axis=0) for part in (change, x))
-        _refuse_lost(float(np.max(moved / np.maximum(whole, 1e-300), initial=0.0)))
-        return np.asarray(x + change)
+        error = float(np.max(moved / np.maximum(whole, 1e-300), initial=0.0))
+        return np.asarray(x + change), error
+
+    def _residual(self, loads: Array, found: Array) -> Array:
+        return np.asarray(loads - self.matrix @ found)
+
+    def _weight(self) -> Array:
+        return np.asarray(1.0 / scaling(self.matrix))
 
 
 def assembled_tangent(model: Model, motion: Motion, *, load_factor: float = 1.0) -> Assembled:

@@ -67,3 +67,33 @@ def test_an_answer_without_digits_is_refused():
     tangent.assembled[tangent.arrays.plan.diagonal[0]] *= 3.0
     with pytest.raises(KinematicsError, match="all but singular"):
         drive_stiffness(found.model, found.motion, tangent=tangent)
+
+
+def test_answers_say_their_backward_error():
+    scene = three_universal()
+    found = ksd.solve(scene, {drive.name: 0.1 for drive in scene.scene().drives}, method="full")
+    answers = [found.stiffness("three"), found.drive_stiffness()]
+    assert all(0.0 < answer.backward_error < 1e-9 for answer in answers)
+
+
+def test_the_part_of_moments_fixed_in_space_is_refined_and_guarded():
+    scene = three_universal()
+    scene.load("three", moment=(0.3, -0.2, 0.4), at=(0.6, 0, 0))
+    found = ksd.solve(scene, {drive.name: 0.2 for drive in scene.scene().drives}, method="conventional")
+    assembled = assembled_tangent(found.model, found.motion)
+    tangent = factored(assembled)
+    loads = np.zeros((assembled.arrays.plan.unknowns, 6))
+    loads[tangent.unknowns(found.model.node_names.index("three"))] = np.eye(6)
+    right = tangent.solve(loads)
+    K, (places, rest) = assembled.matrix(), assembled.turning
+    K[np.ix_(places, places)] += rest
+    assert np.abs(K @ right - loads).max() < 1e-9
+    X, small = tangent._columns
+    # a correction that is not that of its matrix stands for one that lost its digits
+    tangent.__dict__["_columns"] = X * (1.0 + 1e-6), small
+    again, error = tangent.solve_with_error(loads)
+    assert 1e-12 < error < 1e-6
+    assert again == pytest.approx(right, rel=1e-12, abs=1e-14 * np.abs(right).max())
+    tangent.__dict__["_columns"] = X * 1.1, small
+    with pytest.raises(KinematicsError, match="all but singular"):
+        tangent.solve(loads)
