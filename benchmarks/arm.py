@@ -109,7 +109,7 @@ class Case:
         given = np.linspace(0.0, 1.0, len(next(iter(targets.values()))))
         # three positions of --quick are too few: straight lines between them leave the reach of the arm
         fine = {n: CubicSpline(given, v)(at) for n, v in targets.items()}
-        solver = Prepared(self.solver, tabulated=True)
+        solver = Prepared(self.solver.five_steps, tabulated=True)
         spent = []
         for _ in range(3):
             begin = time.thread_time_ns()

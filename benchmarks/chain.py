@@ -38,7 +38,7 @@ class Case:
 
     def __init__(self, joints: int, method: int, mesh: ksd.Mesh) -> None:
         scene, targets = chain(joints)
-        self.prepared = Prepared(Solver(scene, mesh=mesh), method=method)
+        self.prepared = Prepared(Solver(scene, mesh=mesh).five_steps, method=method)
         self.count = max(3, 300 // joints)
         self.values = {n: np.linspace(0.5, 1.0, self.count) * v for n, v in targets.items()}
         self.bytes = stored(self.prepared.five.bench.parts)

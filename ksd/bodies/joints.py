@@ -25,7 +25,19 @@ from ksd.model.arrays import COROTATIONAL, LINEAR, Arrays, Motion
 from ksd.model.compile import Model, drawn
 from ksd.model.drawing import Numbers
 from ksd.model.pack import Shape, skeleton, spread
-from ksd.model.template import Filled, Leaves, Packed, Template, design, motion_design, of_design
+from ksd.model.template import (
+    LOAD_FLOATS,
+    MEMBER_FLOATS,
+    TERM_FLOATS,
+    Filled,
+    Leaves,
+    Packed,
+    Template,
+    design,
+    many,
+    motion_design,
+    of_design,
+)
 from ksd.scene.joint import leafs_of
 
 ONE, INVERSE, FORCE, MOMENT = 0, 1, 2, 3
@@ -154,7 +166,6 @@ class Layout:
         self.motion_names, self.motion_length = tuple(names), np.array(lengths, int)
         self.motion_range = np.concatenate(ranges).reshape(-1, 2)
         self.first_member = np.array([s.start for s in template.joint_members], int)
-        self.free_weigh = bool(template.heavy[template.leaf[len(self.leaf) :]].any())
 
     def _lay_loops(self) -> None:
         """Integers of the kinematics."""
@@ -193,6 +204,8 @@ class Layout:
                 shapes.append(template.shapes[first + n]._replace(nodes=ends))
         self.bench = skeleton(1 + blocks + len(self.nodes), shapes, last=len(self.nodes))
         self.leaf = template.leaf[: len(shapes)]
+        if words.pulls and template.heavy[self.leaf].any():
+            self.bench = self.bench._replace(weight=np.zeros((len(shapes), 4)))
         same = len(shapes) == len(template.shapes)
         # the constants of the full model where it has no other members
         self.bench_packed = None if same else Packed(template.leaf_words, self.leaf, self.bench.members)
@@ -273,6 +286,8 @@ class Layout:
         self.hung = hung if weigh else NOTHING_HUNG
         springs = template.spring_shapes
         self.reduced = skeleton(links, [*own, *free], words.rows, loads, springs)
+        if words.pulls and template.heavy[template.leaf[held:]].any():
+            self.reduced = self.reduced._replace(weight=np.zeros((joints + len(free), 4)))
         self.reduced_packed = Packed(
             template.leaf_words, template.leaf[len(self.leaf) :], self.reduced.members, joints
         )
@@ -330,15 +345,14 @@ class Layout:
         extent = np.maximum(spread(x, offset, members.node), length.max(axis=1, initial=0.0))
         # gravity as given; turned into the axes of every joint before it is condensed
         weight = filled.arrays.weight[:, : len(leaf)]
-        heavy = bool(self.template.heavy[leaf].any())
-        terms, loads = self.bench.terms, self.bench.loads
-        none = np.zeros((count, 0, 3))
-        arrays = self.bench._replace(
+        bones = self.bench
+        arrays = bones._replace(
             members=members,
-            terms=terms._replace(coefficient=none[..., 0], direction=none, point=np.zeros((count, 0, 2, 3))),
-            loads=loads._replace(point=none, force=none, moment=none),
+            terms=many(bones.terms, TERM_FLOATS, count),
+            loads=many(bones.loads, LOAD_FLOATS, count),
             size=extent,
-            weight=weight if heavy else weight[:, :0],
+            springs=many(bones.springs, MEMBER_FLOATS, count),
+            weight=weight if len(bones.weight) else weight[:, :0],
         )
         return arrays, Motion(x, np.tile(np.eye(3), (count, nodes, 1, 1)), inner, np.zeros((count, 0)))
 
@@ -369,7 +383,7 @@ class Layout:
             free = weight[:, held:]
             linear = np.zeros((count, len(self.nodes), 4))
             linear[..., 1:] = n.gravity[:, None]
-            weight = np.concatenate([linear, free], axis=1) if self.free_weigh else weight[:, :0]
+            weight = np.concatenate([linear, free], axis=1) if len(bones.weight) else weight[:, :0]
         arrays = bones._replace(
             members=made,
             terms=bones.terms._replace(
@@ -377,7 +391,7 @@ class Layout:
             ),
             loads=bones.loads._replace(point=loads.point, force=loads.force, moment=loads.moment),
             size=np.maximum(spread(x, offset, made.node), lengths.max(axis=1, initial=0.0)),
-            springs=full.springs._replace(block=bones.springs.block),
+            springs=full.springs,
             weight=weight,
         )  # fmt: skip
         turned = np.tile(np.eye(3), (count, links, 1, 1))
@@ -402,15 +416,15 @@ def _scales(n: Numbers, leaves: Leaves) -> np.ndarray:
     return np.stack([np.ones_like(L), 1.0 / L, bending / L**2, bending / L], axis=2)
 
 
-def body_design(bodies: JointBodies, d: int) -> JointBodies:
-    """Joint bodies of design d of many."""
+def body_design(layout: Layout, bodies: JointBodies, d: int) -> JointBodies:
+    """Joint bodies of design d of many that were made by `layout`."""
     return replace(
         bodies,
         loops=of_design(bodies.loops, ("anchor", "frame", "length", "pose"), d),
         inside=of_design(bodies.inside, ("block_pose", "coefficient", "near_coefficient"), d),
-        bench=design(bodies.bench, d),
+        bench=design(bodies.bench, layout.bench, d),
         bench_rest=motion_design(bodies.bench_rest, d),
-        reduced=design(bodies.reduced, d),
+        reduced=design(bodies.reduced, layout.reduced, d),
         reduced_rest=motion_design(bodies.reduced_rest, d),
         motion_scale=bodies.motion_scale[d],
     )
@@ -440,8 +454,14 @@ def _check_record(joint: Any, record: Record, mesh: str | int) -> None:
 def layout_of(template: Template, joints: Sequence[Any], records: Callable[[str], Record]) -> Layout:
     """The layout of a template with the records of its different joints, that of the last call where they are the same.
 
-    Raises SceneError without joints, RecordError for a record of another joint, and what `Layout` raises.
+    Raises SceneError without joints, RecordError for a record of another joint and for a nodal mesh, and what `Layout`
+    raises.
     """
+    if template.mesh.nodal:
+        raise RecordError(
+            "mesh nodal=True makes every element a part of its own, which joints are not condensed from; use "
+            "method='conventional', or leave nodal out"
+        )
     if not joints:
         raise SceneError(
             "this mechanism has no catalogue joints, so there is nothing to reduce; use method='conventional'"
@@ -465,4 +485,4 @@ def joint_bodies(model: Model, records: Callable[[str], Record], *, extrapolate:
     made = drawn(model)
     shapes = [[joint.shape()] for joint in made.drawing.joints]
     layout = layout_of(made.template, made.drawing.joints, records)
-    return body_design(layout(made.numbers, made.filled, shapes, extrapolate=extrapolate), 0)
+    return body_design(layout, layout(made.numbers, made.filled, shapes, extrapolate=extrapolate), 0)

@@ -1,8 +1,8 @@
 """`ksd.batch`: forces and poses of very many configurations and designs by the fast methods, in threads.
 
-What `ksd.sweep` answers with every question, this does with numbers alone, designs in parallel threads or processes;
-designs that differ in numbers only take over each other's storage (`ksd.design.refill`). Nothing fails silently: every
-configuration has a status.
+What `ksd.sweep` answers with every question, this does with numbers alone: designs that differ in numbers only are packed
+together (`ksd.model.template`), and all poses of each are solved in the same storage, designs in parallel threads. Nothing
+fails silently: every configuration has a status.
 """
 
 from __future__ import annotations
@@ -123,8 +123,7 @@ def batch(
         "passes": passes,
         "tabulated": tabulated,
     }
-    more: dict[str, Any] = {"mesh": mesh, "extrapolate": extrapolate}
-    solver, points = Designs(values, ways, more), design_points(mechanism, designs)
+    solver, points = Designs(values, ways, mesh, extrapolate), design_points(mechanism, designs)
     if designs is None:
         check_drives(scene_of(mechanism, {}), tuple(values), batch)
     if executor is None or designs is None:

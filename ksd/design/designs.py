@@ -1,4 +1,4 @@
-"""Many designs in threads: the first of a kind is prepared, those like it are refilled into its storage."""
+"""Many designs in threads: those of equal words are packed together, and solved one after the other in one storage."""
 
 from __future__ import annotations
 
@@ -6,33 +6,44 @@ import os
 import threading
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
+from ksd.bodies.joints import body_design, layout_of
 from ksd.design.plan import scene_of
 from ksd.design.prepared import Prepared
-from ksd.design.refill import Drawing, Refill, drawing
 from ksd.errors import KsdError
+from ksd.library import find_record
+from ksd.model.compile import model_of
+from ksd.model.drawing import Drawing, draw
+from ksd.model.effects import applied, choose
 from ksd.model.mesh import Mesh
+from ksd.model.template import Template, template_of
 from ksd.scene import Scene
-from ksd.solve.solver import Solver
+from ksd.solve.five import FiveSteps
 
 Maker = Callable[[], Scene]
 CHUNK = 64
 """Designs whose numbers are computed together."""
-ALIKE = 3
-"""Designs of one topology from which on refilling is worth its preparation."""
+
+
+class _Design(NamedTuple):
+    """Design `number` of a chunk as it is simulated: scene, drawing, and shape parameters of its different joints."""
+
+    number: int
+    scene: Scene
+    drawing: Drawing
+    shapes: list[Mapping[str, float]]
 
 
 class Designs:
-    """Solves designs at drive values; ways: method, passes, tabulated (`Prepared`), more: words of `Solver`."""
+    """Solves designs at drive values; ways: method, passes, tabulated (`Prepared`); mesh: None for the usual one."""
 
     def __init__(
-        self, values: Mapping[str, np.ndarray], ways: Mapping[str, Any], more: Mapping[str, Any]
+        self, values: Mapping[str, np.ndarray], ways: Mapping[str, Any], mesh: Mesh | None, extrapolate: bool
     ) -> None:
-        self.values, self.ways, self.more = values, ways, more
-        self.mesh: Mesh = more["mesh"] or Mesh()
+        self.values, self.ways, self.mesh, self.extrapolate = values, ways, mesh, extrapolate
         self._own = threading.local()
 
     def solve(self, makers: Sequence[Maker], threads: int) -> list[Any]:
@@ -51,75 +62,62 @@ class Designs:
         workers = int(getattr(executor, "_max_workers", None) or os.cpu_count() or 1)
         size = max(CHUNK, -(-len(designs) // (2 * workers)))
         parts = [designs[k : k + size] for k in range(0, len(designs), size)]
-        said = (mechanism, self.values, self.ways, self.more)
+        said = (mechanism, self.values, self.ways, self.mesh, self.extrapolate)
         waiting = [executor.submit(_elsewhere, said, list(part)) for part in parts]
         return [found for job in waiting for found in job.result()]
 
     def _chunk(self, makers: Sequence[Maker]) -> list[Any]:
-        """Some designs in one thread: those alike by refilling, the others one by one."""
-        scenes: list[Any] = []
-        for maker in makers:
+        """Some designs in one thread."""
+        found: list[Any] = [None] * len(makers)
+        alike: dict[Template, list[_Design]] = {}
+        for number, maker in enumerate(makers):
             try:
-                scenes.append(maker())
+                scene = maker()
+                mesh = Mesh() if self.mesh is None else self.mesh
+                scene, mesh = applied(scene, mesh, choose(scene, mesh))
+                drawing = draw(scene, mesh)
+                shapes = self._shapes(drawing)
+                template = template_of(drawing.words, mesh)
+                alike.setdefault(template, []).append(_Design(number, scene, drawing, shapes))
             except KsdError as reason:
-                scenes.append(reason)
-        found: list[Any] = [s if isinstance(s, KsdError) else None for s in scenes]
-        for key, group in self._alike(scenes).items():
-            self._refilled(key, group, scenes, found)
-        for d, scene in enumerate(scenes):
-            if found[d] is None:
-                found[d] = self._fresh(scene)
+                found[number] = reason
+        for template, designs in alike.items():
+            self._solve_alike(template, designs, found)
         return found
 
-    def _fresh(self, scene: Any) -> Any:
+    def _shapes(self, drawing: Drawing) -> list[Mapping[str, float]]:
+        """Shape parameters of the different joints; RangeError outside their trained ranges."""
+        found = []
+        for joint in drawing.joints:
+            found.append(joint.shape())
+            find_record(joint.family).places(found[-1], extrapolate=self.extrapolate)
+        return found
+
+    def _solve_alike(self, template: Template, designs: list[_Design], found: list[Any]) -> None:
+        """Designs of one template: their numbers together, then one after the other."""
         try:
-            return Prepared(Solver(scene, **self.more), **self.ways)(self.values)
+            layout = layout_of(template, designs[0].drawing.joints, find_record)
         except KsdError as reason:
-            return reason
-
-    def _alike(self, scenes: Sequence[Any]) -> dict[tuple[Any, ...], list[tuple[int, Drawing]]]:
-        """Groups of (design, drawing) of equal topology."""
-        groups: dict[tuple[Any, ...], list[tuple[int, Drawing]]] = {}
-        if self.ways["tabulated"] or not isinstance(self.mesh, Mesh):
-            return groups
-        for d, scene in enumerate(scenes):
-            drawn = drawing(scene) if hasattr(scene, "fingerprint") else None
-            if drawn is not None:
-                groups.setdefault(drawn.words, []).append((d, drawn))
-        return groups
-
-    def _refilled(
-        self, key: tuple[Any, ...], group: list[tuple[int, Drawing]], scenes: Sequence[Any], found: list[Any]
-    ) -> None:
-        """Solve those of a group that fit the storage of the first of their kind; leaves the others None."""
-        kept: dict[Any, tuple[Prepared, Refill] | None] = self._own.__dict__
-        if key not in kept:
-            if len(group) < ALIKE:
-                return
-            kept[key] = self._storage(scenes[group[0][0]], group[0][1])
-        storage = kept[key]
-        if storage is None:
+            for one in designs:
+                found[one.number] = reason
             return
-        prepared, refill = storage
-        ready = refill.ready([drawn for _, drawn in group])
-        targets = prepared.targets(self.values)
-        for k, (d, _) in enumerate(group):
-            if ready.fits[k]:
-                try:
-                    if refill.put(ready, k):
-                        found[d] = prepared.solved(targets, ready.motion_scale[k])
-                except KsdError as reason:
-                    found[d] = reason
-
-    def _storage(self, scene: Any, drawn: Drawing) -> tuple[Prepared, Refill] | None:
-        """A prepared design and how others get into its storage; None where they cannot."""
-        try:
-            prepared = Prepared(Solver(scene, **self.more), **self.ways)
-            prepared.targets(self.values)
-        except KsdError:
-            return None
-        refill = Refill(prepared.five, drawn)
-        return (prepared, refill) if refill.works else None
+        numbers = template.numbers([one.drawing.numbers for one in designs])
+        filled = template(numbers)
+        shapes = list(zip(*(one.shapes for one in designs), strict=True))
+        bodies = layout(numbers, filled, shapes, extrapolate=self.extrapolate)
+        mine = self._own.__dict__
+        state = mine["state"] if mine.get("layout") is layout else None
+        for d, one in enumerate(designs):
+            try:
+                model = model_of(one.scene, template, filled, d)
+                five = FiveSteps(
+                    model, body_design(layout, bodies, d), extrapolate=self.extrapolate, state=state
+                )
+                state = five.bench.parts.state
+                found[one.number] = Prepared(five, **self.ways)(self.values)
+            except KsdError as reason:
+                found[one.number] = reason
+        mine.update(layout=layout, state=state)
 
 
 def makers_of(mechanism: Any, designs: Sequence[Mapping[str, Any]]) -> list[Maker]:

@@ -214,13 +214,19 @@ def drawn(model: Model) -> Drawn:
 def compile_given(scene: Any, mesh: Mesh) -> Model:
     """The full model of a frozen scene exactly as it stands, no effect chosen: every leaf a member, every block a node."""
     made = _drawn(scene, mesh)
-    words, template = made.drawing.words, made.template
-    model = Model(
-        scene, mesh, design(made.filled.arrays, 0), motion_design(made.filled.rest, 0), template.node_names,
-        template.member_names, template.joint_members, words.drives, words.supports, template.spring_names, scene,
-    )  # fmt: skip
+    model = model_of(scene, made.template, made.filled)
     model.derived["drawn"] = made
     return model
+
+
+def model_of(scene: Any, template: Template, filled: Filled, d: int = 0) -> Model:
+    """The model of design d of those packed together; scene: its frozen scene."""
+    words = template.words
+    return Model(
+        scene, template.mesh, design(filled.arrays, template.skeleton, d), motion_design(filled.rest, d),
+        template.node_names, template.member_names, template.joint_members, words.drives, words.supports,
+        template.spring_names, scene,
+    )  # fmt: skip
 
 
 def compile_scene(

@@ -15,7 +15,7 @@ import numpy as np
 
 from ksd.beam import corotational_values as chains
 from ksd.beam.strain_values import strain_constants, strain_sizes, strain_values
-from ksd.model.arrays import STRAIN, Arrays, Members, Motion
+from ksd.model.arrays import STRAIN, Arrays, Members, Motion, opened
 from ksd.model.drawing import GIVEN, LEAF, SPRING, LeafWords, Numbers, Words, apart
 from ksd.model.mesh import Mesh
 from ksd.model.pack import Shape, skeleton, spread
@@ -196,6 +196,8 @@ class Template:
         self.heavy = np.array([w.heavy for w in self.leaf_words], bool)
         self.elements = np.array([float(w.number[0]) for w in self.leaf_words])
         self.given_leaves = [f for f, w in enumerate(self.leaf_words) if w.given is not None]
+        if words.pulls and self.heavy.any():
+            self.skeleton = self.skeleton._replace(weight=np.zeros((len(self.leaf), 4)))
         self._attach()
         terms, loads = self.skeleton.terms, self.skeleton.loads
         self.term_nodes, self.load_nodes = terms.node, loads.node
@@ -355,10 +357,10 @@ class Template:
 
     def _springs(self, n: Numbers, places: Array) -> Members:
         """Springs with their numbers."""
-        springs = self.skeleton.springs
+        springs, count, first = self.skeleton.springs, len(places), self.spring_first
         if not len(springs.kind):
-            return springs
-        count, first = len(places), self.spring_first
+            none: Members = many(springs, MEMBER_FLOATS, count)
+            return none
         rows = [n.springs[:, a : a + SPRING] for a in first[:-1]]
         fixed = np.stack(rows, axis=1)
         value = [n.springs[:, a + SPRING : b] for a, b in pairwise(first)]
@@ -380,25 +382,30 @@ class Template:
         return apart(self.words, np.array(rows, float).reshape(len(rows), -1))
 
 
+def many(part: Any, names: Sequence[str], count: int) -> Any:
+    """A named tuple of arrays whose fields `names` are repeated along a leading axis."""
+    return part._replace(**{n: np.repeat(getattr(part, n)[None], count, axis=0) for n in names})
+
+
 def of_design(part: Any, names: Sequence[str], d: int) -> Any:
     """A named tuple of arrays whose fields `names` have a leading axis over designs, for design d."""
     return part._replace(**{name: np.ascontiguousarray(getattr(part, name)[d]) for name in names})
 
 
 MEMBER_FLOATS = ("offset", "frame", "value", "length", "floor")
+TERM_FLOATS = ("coefficient", "direction", "point")
+LOAD_FLOATS = ("point", "force", "moment")
 
 
-def design(arrays: Arrays, d: int) -> Arrays:
-    """Arrays of design d of many."""
-    springs = arrays.springs
-    return arrays._replace(
-        members=of_design(arrays.members, MEMBER_FLOATS, d),
-        springs=of_design(springs, MEMBER_FLOATS, d) if len(springs.kind) else springs,
-        terms=of_design(arrays.terms, ("coefficient", "direction", "point"), d),
-        loads=of_design(arrays.loads, ("point", "force", "moment"), d),
-        size=float(arrays.size[d]),  # type: ignore[index]
-        weight=np.ascontiguousarray(arrays.weight[d]),
-    )
+def design(arrays: Arrays, bones: Arrays, d: int) -> Arrays:
+    """Arrays of design d of many; bones: arrays of the same integers, which are shared."""
+    parts = (
+        (arrays.members, MEMBER_FLOATS), (arrays.terms, TERM_FLOATS), (arrays.loads, LOAD_FLOATS),
+        (arrays.springs, MEMBER_FLOATS), (arrays, ("weight",)),
+    )  # fmt: skip
+    size: Any = arrays.size
+    floats = [getattr(part, name)[d].reshape(-1) for part, names in parts for name in names]
+    return opened(bones.flat._replace(floats=np.concatenate([size[d : d + 1], *floats])))
 
 
 def motion_design(motion: Motion, d: int) -> Motion:

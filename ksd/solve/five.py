@@ -24,7 +24,7 @@ from ksd.solve.estimate import distance, estimate_error
 from ksd.solve.following import counted
 from ksd.solve.load_steps import WANDERED, wandered
 from ksd.solve.pipeline import Bench
-from ksd.solve.space_steps import FULL, KINEMATIC, REDUCED, space_steps
+from ksd.solve.space_steps import FULL, KINEMATIC, REDUCED, SpaceState, space_steps
 from ksd.solve.steps import CAP, RTOL, FiveStepRecord, Step, Stop
 from ksd.solve.verdict import trained_range
 
@@ -54,11 +54,13 @@ class FiveSteps:
     Raises KinematicsError where drives and supports do not hold every freedom once.
     """
 
-    def __init__(self, model: Model, bodies: JointBodies, *, extrapolate: bool) -> None:
+    def __init__(
+        self, model: Model, bodies: JointBodies, *, extrapolate: bool, state: SpaceState | None = None
+    ) -> None:
         self.model, self.extrapolate = model, extrapolate
         self.fit: Fit = check_freedoms(model, bodies)
         self.gap = GAP if self.fit.exact else YIELDING
-        self.bench = Bench.of(model, bodies)
+        self.bench = Bench(model, bodies, state)
         self._out: dict[int, np.ndarray] = {}
         self._expected = len(model.drive_names) + len(model.support_names)
 

@@ -19,7 +19,7 @@ from ksd.bodies.readout import drive_forces
 from ksd.model.arrays import Motion, flatten, opened
 from ksd.model.compile import Model
 from ksd.numerics.stopwatch import Stopwatch
-from ksd.solve.space_steps import read_space, space_set
+from ksd.solve.space_steps import SpaceState, read_space, space_set
 from ksd.solve.steps import JointMotions, Step, Stop
 from ksd.solve.storage import Storage
 
@@ -31,13 +31,13 @@ class Bench:
     ranges with their slack; far_low, far_high: where the polynomials cease to mean anything.
     """
 
-    def __init__(self, model: Model, bodies: JointBodies) -> None:
+    def __init__(self, model: Model, bodies: JointBodies, state: SpaceState | None = None) -> None:
         if len(bodies.hung.owner):
             # step 2 sets where the weight of the joints pulls; another thread has its own
             own = opened(flatten(bodies.reduced))
             bodies = replace(bodies, reduced=own)
         self.model, self.bodies = model, bodies
-        parts = space_set(model, bodies)
+        parts = space_set(model, bodies, state)
         self.parts = parts
         state = parts.state
         self.full, self.full_work = state.full, state.full_work
@@ -49,11 +49,6 @@ class Bench:
         self.seen = state.seen
         self.storage = Storage(model, state.full, state.full_work)
         self.lowest, self.highest, self.far_low, self.far_high = state.limits.T
-
-    @classmethod
-    def of(cls, model: Model, bodies: JointBodies) -> Bench:
-        """Prepared storage for `model` with its joint `bodies`."""
-        return cls(model, bodies)
 
     def restart(self) -> None:
         """Back to rest, in place."""

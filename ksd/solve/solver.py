@@ -188,11 +188,6 @@ class Solver:
     def five_steps(self) -> FiveSteps:
         """The five steps, prepared on first use. Raises RecordError, RangeError, KinematicsError, SceneError."""
         if self._five is None:
-            if self.model.mesh.nodal:
-                raise RecordError(
-                    "mesh nodal=True makes every element a part of its own, which joints are not condensed from; use "
-                    "method='conventional', or leave nodal out"
-                )
             bodies: JointBodies = joint_bodies(self.model, self.records, extrapolate=self.extrapolate)
             self._five = FiveSteps(self.model, bodies, extrapolate=self.extrapolate)
         return self._five

@@ -76,11 +76,20 @@ class SpaceSet(NamedTuple):
     state: SpaceState
 
 
-def space_set(model: Model, bodies: JointBodies) -> SpaceSet:
-    """Prepared storage for `model` with its joint `bodies`."""
+def space_set(model: Model, bodies: JointBodies, state: SpaceState | None = None) -> SpaceSet:
+    """Prepared storage for `model` with its joint `bodies`; state: storage of a design of the same words, taken over."""
     joints, motions = len(bodies.loops.node), len(bodies.motion_names)
     rest = SpaceStart(bodies.bench_rest, bodies.reduced_rest, model.rest)
-    state = SpaceState(
+    if state is not None:
+        state.full.assign(model.rest)
+        every = (
+            (state.bench_work, bodies.bench),
+            (state.reduced_work, bodies.reduced),
+            (state.full_work, model.arrays),
+        )
+        for work, arrays in every:
+            work.weight[...] = arrays.weight
+    state = state or SpaceState(
         np.zeros(motions), np.zeros((joints, 24)), np.zeros((joints, 12)),
         np.zeros((3, bodies.loops.pose.shape[2])), np.zeros(motions), np.zeros((joints, 6)),
         np.zeros(joints, np.int64),

@@ -118,7 +118,8 @@ def test_designs_in_one_call_are_those_made_one_by_one(name, mesh, rng):
     filled = template(numbers)
     for d, scene in enumerate(scenes):
         model = compile_given(scene, mesh)
-        _same((model.arrays, model.rest), (design(filled.arrays, d), motion_design(filled.rest, d)))
+        several = design(filled.arrays, template.skeleton, d), motion_design(filled.rest, d)
+        _same((model.arrays, model.rest), several)
     if mesh.nodal or not drawings[0].joints:
         return
     layout = layout_of(template, drawings[0].joints, ksd.find_record)
@@ -126,7 +127,7 @@ def test_designs_in_one_call_are_those_made_one_by_one(name, mesh, rng):
     bodies = layout(numbers, filled, shapes, extrapolate=True)
     for d, scene in enumerate(scenes):
         alone = joint_bodies(compile_given(scene, mesh), ksd.find_record, extrapolate=True)
-        several = body_design(bodies, d)
+        several = body_design(layout, bodies, d)
         for field in (
             "loops",
             "inside",

@@ -1,4 +1,4 @@
-"""Designs refilled in place give the arrays and the answers of designs prepared afresh."""
+"""Batches answer as designs prepared one by one, whatever they differ in."""
 
 from concurrent.futures import ThreadPoolExecutor
 
@@ -7,13 +7,11 @@ import pytest
 from scenes import STEEL, cross_flexure, fourbar
 
 import ksd
-from ksd.design import designs as many
 from ksd.design.batch import NOT_BUILT
 from ksd.design.prepared import Prepared
-from ksd.design.refill import Refill, drawing
-from ksd.design.refill.refill import _Words
 from ksd.model.mesh import Mesh
 from ksd.solve.solver import Solver
+from ksd.solve.space_steps import FULL, REDUCED
 from ksd.units import GPa, deg, mm
 
 MESHES = {"strain": Mesh(), "chain": Mesh("corotational", elements=3)}
@@ -79,47 +77,46 @@ def drawn(count, seed=1):
     return [{n: float(rng.uniform(*r)) for n, r in RANGES.items()} for _ in range(count)]
 
 
-def stored(five):
-    """Everything the five steps read, by name."""
-    return {f"space {n}": a for n, a in _Words(five.bench.parts).arrays.items() if not n.startswith("state")}
-
-
-@pytest.mark.parametrize("mesh", MESHES)
 @pytest.mark.parametrize("name", SCENES)
-def test_refilled_arrays_are_those_of_a_fresh_model(name, mesh):
-    maker, _ = SCENES[name]
-    first, *others = [maker(**d) for d in drawn(3)]
-    five = Solver(first, mesh=MESHES[mesh]).five_steps
-    refill = Refill(five, drawing(first.scene()))
-    assert refill.works
-    ready = refill.ready([drawing(m.scene()) for m in others])
-    assert ready.fits.all()
-    for d, other in enumerate(others):
-        refill.put(ready, d)
-        mine, theirs = stored(five), stored(Solver(other, mesh=MESHES[mesh]).five_steps)
-        assert mine.keys() == theirs.keys()
-        for key, wanted in theirs.items():
-            scale = np.abs(wanted).max(initial=0.0)
-            assert np.abs(mine[key] - wanted).max(initial=0.0) <= 1e-13 * scale, key
-
-
-@pytest.mark.parametrize("name", SCENES)
-def test_batches_of_refilled_designs_answer_as_designs_prepared_one_by_one(name, monkeypatch):
+def test_batches_answer_as_designs_prepared_one_by_one(name):
     maker, more = SCENES[name]
-    stroke = np.linspace(0.0, 0.01 if name == "slider" else 0.15, 3)
-    asked = {"designs": drawn(6), "drive": stroke, "threads": 1, **more}
-    for options in ({}, {"method": "full", "mesh": MESHES["chain"]}):
-        near = ksd.batch(maker, **asked, **options)
-        with monkeypatch.context() as patch:
-            patch.setattr(many, "ALIKE", 10**9)
-            exact = ksd.batch(maker, **asked, **options)
-        assert near.status.tolist() == exact.status.tolist() and exact.solved >= 15
-        for field in ("forces", "motions"):
-            for key, wanted in getattr(exact, field).items():
-                scale = np.nanmax(np.abs(wanted))
-                assert np.nanmax(np.abs(getattr(near, field)[key] - wanted)) <= 1e-10 * scale
-        assert np.nanmax(np.abs(near.positions - exact.positions)) <= 1e-13
-        assert np.nanmax(np.abs(near.rotations - exact.rotations)) <= 1e-12
+    stroke, sizes = np.linspace(0.0, 0.01 if name == "slider" else 0.15, 3), drawn(6)
+    for mesh, ways in ((None, {}), (MESHES["chain"], {"method": "full"})):
+        found = ksd.batch(maker, designs=sizes, drive=stroke, threads=1, mesh=mesh, **ways, **more)
+        assert found.solved >= 15
+        for d, size in enumerate(sizes):
+            five = Solver(maker(**size), mesh=mesh).five_steps
+            method = FULL if ways else REDUCED
+            alone = Prepared(five, method=method)(
+                {"drive": stroke, **{n: np.full(3, v) for n, v in more.items()}}
+            )
+            assert found.status[d].tolist() == alone.status.tolist()
+            good = alone.status == 0
+            for k, drive in enumerate(alone.drives):
+                assert found.forces[drive][d, good] == pytest.approx(alone.force[good, k], rel=1e-9, abs=1e-9)
+            for k, joint in enumerate(alone.joints):
+                assert found.motions[joint][d, good] == pytest.approx(
+                    alone.motion[good, k], rel=1e-10, abs=1e-12
+                )
+            assert np.abs(found.positions[d, good] - alone.x[good]).max(initial=0.0) <= 1e-13
+            assert np.abs(found.rotations[d, good] - alone.R[good]).max(initial=0.0) <= 1e-12
+
+
+def test_joints_with_weight_in_one_storage_answer_as_alone():
+    def heavy(share):
+        scene = fourbar(joint=ksd.CrossFlexure(
+            ksd.Material(E=200e9, G=76.9e9, density=7800 * share), length=100 * mm, angle=45 * deg, thickness=1 * mm,
+            widths=(40 * mm, 20 * mm),
+        ))  # fmt: skip
+        scene.gravity = (0, -9.81 * share, 0)
+        return scene
+
+    shares = [1.0, 30.0, 0.5, 10.0]
+    found = ksd.batch(heavy, designs=[{"share": s} for s in shares], top=[0.05, 0.1], threads=1)
+    for d, share in enumerate(shares):
+        alone = Prepared(Solver(heavy(share)).five_steps)({"top": np.array([0.05, 0.1])})
+        assert found.forces["top"][d] == pytest.approx(alone.force[:, 0], rel=1e-10)
+    assert found.forces["top"][0] != pytest.approx(found.forces["top"][1], rel=1e-6)
 
 
 def odd(kind, thickness=1 * mm):
@@ -139,7 +136,7 @@ def odd(kind, thickness=1 * mm):
     return scene
 
 
-def test_designs_of_other_kinds_in_one_batch_are_prepared_afresh_and_failures_told():
+def test_designs_of_other_kinds_in_one_batch_and_failures_told():
     kinds = ["plain", "steep", "pushed", "plain", "refused", "taller", "plain", "heavy", "plain"]
     sizes = [{"kind": k, "thickness": (0.8 + 0.05 * i) * mm} for i, k in enumerate(kinds)]
     found = ksd.batch(odd, designs=[sizes[0], *sizes], top=[0.05, 0.1], threads=1)
@@ -148,12 +145,12 @@ def test_designs_of_other_kinds_in_one_batch_are_prepared_afresh_and_failures_to
             assert (found.status[d] == NOT_BUILT).all()
             assert ("angle" if size["kind"] == "steep" else "thickness") in found.why(d, 0)
             continue
-        single = Prepared(Solver(odd(**size)))({"top": np.array([0.05, 0.1])})
+        single = Prepared(Solver(odd(**size)).five_steps)({"top": np.array([0.05, 0.1])})
         assert found.forces["top"][d] == pytest.approx(single.force[:, 0], rel=1e-12)
     assert len(found.failures) == 4
 
 
-def test_a_refilled_design_that_locks_or_leaves_its_plane_is_seen():
+def test_a_design_that_locks_or_leaves_its_plane_is_seen():
     def pushed(shift):
         """A load that pushes out of the plane, or is none."""
         scene = fourbar()
@@ -189,7 +186,7 @@ def test_shear_is_there_in_every_design_however_little_it_is():
     assert all(Solver(thin(**s)).model.mesh.shear for s in sizes)
     found = ksd.batch(thin, designs=[sizes[0], *sizes], top=0.05, threads=1)
     for d, size in enumerate(sizes, start=1):
-        single = Prepared(Solver(thin(**size)))({"top": np.array([0.05])})
+        single = Prepared(Solver(thin(**size)).five_steps)({"top": np.array([0.05])})
         assert found.forces["top"][d] == pytest.approx(single.force[:, 0], rel=1e-12)
 
 
