@@ -35,7 +35,9 @@ def pivot(n: int) -> ksd.Mechanism:
     """A crossed pivot of the n-th thickness, driven by its angle."""
     scene = ksd.Mechanism("pivot")
     tip = scene.link("tip")
-    joint = ksd.CrossedPivot(STEEL, length=(50 + 1e-3 * n) * mm, angle=45 * deg, thickness=0.3 * mm, width=10 * mm)
+    joint = ksd.CrossedPivot(
+        STEEL, length=(50 + 1e-3 * n) * mm, angle=45 * deg, thickness=0.3 * mm, width=10 * mm
+    )
     placed = scene.join(scene.ground, tip, joint, at=(0, 0, 0), axis="z", toward="x", name="pivot")
     scene.actuate_joint(placed, name="turn")
     return scene
@@ -61,7 +63,9 @@ def arm(n: int) -> ksd.Mechanism:
     last = scene.ground
     for k, (axis, toward) in enumerate((("z", "x"), ("y", "x"), ("x", "y"))):
         link = scene.link(f"link {k + 1}")
-        placed = scene.join(last, link, joint, at=(0.3 * k, 0, 0), axis=axis, toward=toward, name=f"hinge {k + 1}")
+        placed = scene.join(
+            last, link, joint, at=(0.3 * k, 0, 0), axis=axis, toward=toward, name=f"hinge {k + 1}"
+        )
         scene.actuate_joint(placed, name=f"turn_{k + 1}")
         last = link
     return scene
@@ -72,7 +76,11 @@ TARGETS: dict[str, dict[str, float]] = {
     "fourbar": {"top": 0.15},
     "three-joint arm": {"turn_1": 10 * deg, "turn_2": 10 * deg, "turn_3": 10 * deg},
 }
-MAKERS: dict[str, Callable[[int], ksd.Mechanism]] = {"crossed pivot": pivot, "fourbar": four, "three-joint arm": arm}
+MAKERS: dict[str, Callable[[int], ksd.Mechanism]] = {
+    "crossed pivot": pivot,
+    "fourbar": four,
+    "three-joint arm": arm,
+}
 MOVED = {"crossed pivot": "tip", "fourbar": "top", "three-joint arm": "link 3"}
 
 
@@ -84,7 +92,9 @@ def answer(name: str, n: int) -> tuple[float, float, Any]:
 
 def chain_of(joints: int, n: int = 0) -> ksd.Mechanism:
     """An open chain of crossed pivots in a plane, turned by a moment at its end."""
-    joint = ksd.CrossedPivot(STEEL, length=50 * mm, angle=45 * deg, thickness=(0.3 + 1e-7 * n) * mm, width=10 * mm)
+    joint = ksd.CrossedPivot(
+        STEEL, length=50 * mm, angle=45 * deg, thickness=(0.3 + 1e-7 * n) * mm, width=10 * mm
+    )
     scene = ksd.Mechanism(f"chain of {joints}")
     last = scene.ground
     for k in range(joints):
@@ -109,7 +119,9 @@ def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
     times = interleaved(
         {name: (lambda name=name: answer(name, next(fresh))) for name in MAKERS}, repeats=repeats, warm=3
     )
-    scenes = interleaved({name: (lambda name=name: MAKERS[name](next(fresh))) for name in MAKERS}, repeats=repeats)
+    scenes = interleaved(
+        {name: (lambda name=name: MAKERS[name](next(fresh))) for name in MAKERS}, repeats=repeats
+    )
     rows = []
     for name, spent in times.items():
         force, support, pose = answer(name, 0)

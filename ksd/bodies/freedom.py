@@ -38,13 +38,17 @@ def _jacobian(bodies: JointBodies, theta: np.ndarray) -> tuple[np.ndarray, np.nd
     return J, W
 
 
-def _null_space(J: np.ndarray, rank: float = RANK) -> np.ndarray:
-    """Columns spanning the null space of J (E, q): what it does to them is below `rank` of its largest."""
+def _null_space(J: np.ndarray) -> np.ndarray:
+    """Columns spanning the null space of J (E, q): what it does to them is below RANK of its largest."""
+    return _null_spaces(J, RANK)[0]
+
+
+def _null_spaces(J: np.ndarray, *ranks: float) -> list[np.ndarray]:
+    """Of every one of `ranks`, columns spanning what J (E, q) takes below it of its largest."""
     if J.shape[0] == 0:
-        return np.eye(J.shape[1])
+        return [np.eye(J.shape[1])] * len(ranks)
     _, s, vt = np.linalg.svd(J)
-    held = int(np.sum(s > rank * max(s[0], 1e-300)))
-    return vt[held:].T
+    return [vt[int(np.sum(s > rank * max(s[0], 1e-300))) :].T for rank in ranks]
 
 
 def describe_motion(model: Model, twist: np.ndarray) -> str:
@@ -93,7 +97,7 @@ def check_freedoms(model: Model, bodies: JointBodies) -> Fit:
     theta = np.zeros(len(bodies.motion_names))
     J, W = _jacobian(bodies, theta)
     loops = 6 * len(bodies.loops.closing)
-    free, loose = _null_space(J[:loops]), _null_space(J[:loops], LOOSE)
+    free, loose = _null_spaces(J[:loops], RANK, LOOSE)
     try:
         fit = Fit(0.0, _yielding(model, J, W, loops, free))
     except KinematicsError:

@@ -22,7 +22,7 @@ from ksd.bodies.weight import NOTHING_HUNG, Hung
 from ksd.errors import KinematicsError, RecordError, SceneError
 from ksd.library import Record
 from ksd.model.arrays import COROTATIONAL, LINEAR, Arrays, Motion
-from ksd.model.compile import Model, drawn
+from ksd.model.compile import Drawn, Model, drawn
 from ksd.model.drawing import Numbers
 from ksd.model.pack import Shape, skeleton, spread
 from ksd.model.template import (
@@ -40,6 +40,7 @@ from ksd.model.template import (
 )
 from ksd.scene.joint import leafs_of
 
+LOOP_FLOATS = ("anchor", "frame", "length", "pose")
 ONE, INVERSE, FORCE, MOMENT = 0, 1, 2, 3
 """What functions of the insides are multiplied by: 1, 1/L, EIz/L^2, EIz/L of their leaf."""
 
@@ -68,6 +69,16 @@ class JointBodies:
     motion_names: tuple[str, ...]
     hung: Hung
     hanging: tuple[tuple[int, np.ndarray], ...] = ()
+
+
+@dataclass(frozen=True)
+class JointLoops:
+    """The kinematics of the joints of a model, and their motions; as in `JointBodies`."""
+
+    loops: Loops
+    motion_range: np.ndarray
+    motion_scale: np.ndarray
+    motion_names: tuple[str, ...]
 
 
 def _spanning_tree(nodes: list[tuple[int, int]]) -> tuple[list[list[int]], list[int]]:
@@ -292,20 +303,47 @@ class Layout:
             template.leaf_words, template.leaf[len(self.leaf) :], self.reduced.members, joints
         )
 
+    def _stack(
+        self, n: Numbers, shapes: Sequence[Sequence[Any]], *, extrapolate: bool, first: int | None = None
+    ) -> tuple[np.ndarray, list[int]]:
+        """All functions (D, rows, P) of the different joints, the `first` of each alone where that is said, and where those
+        of each begin."""
+        size = max(len(p.powers) for p in self.polynomials)
+        counts = [first or p.rows for p in self.polynomials]
+        begin = np.cumsum([0, *counts]).tolist()
+        stack = np.zeros((len(n.leaf), begin[-1], size))
+        for p, at, count, own in zip(self.polynomials, begin, counts, shapes, strict=False):
+            stack[:, at : at + count, : len(p.powers)] = p(own, extrapolate=extrapolate, first=first)
+        return stack, begin
+
+    def _fill_loops(self, n: Numbers, filled: Filled, pose: np.ndarray) -> Loops:
+        """The kinematics of D designs; pose (D, J, 6, P): functions of the interfaces."""
+        joints = len(self.nodes)
+        anchor = filled.points[:, :joints] - filled.rest.x[:, self.loops.node]
+        return self.loops._replace(
+            anchor=anchor, frame=n.rotation[:, :joints], length=n.length[:, self.different], pose=pose
+        )
+
+    def loops_alone(
+        self, n: Numbers, filled: Filled, shapes: Sequence[Sequence[Any]], *, extrapolate: bool = False
+    ) -> JointLoops:
+        """The kinematics of one design and no more; as `__call__`."""
+        stack, begin = self._stack(n, shapes, extrapolate=extrapolate, first=6)
+        rows = np.array([begin[u] for u in self.different])[:, None] + np.arange(6)
+        loops = of_design(self._fill_loops(n, filled, stack[:, rows]), LOOP_FLOATS, 0)
+        return JointLoops(loops, self.motion_range, self._motion_scale(n)[0], self.motion_names)
+
+    def _motion_scale(self, n: Numbers) -> np.ndarray:
+        """(D, motions): theta to rad or m."""
+        return np.where(self.motion_length < 0, 1.0, n.length[:, np.maximum(self.motion_length, 0)])
+
     def __call__(
         self, n: Numbers, filled: Filled, shapes: Sequence[Sequence[Any]], *, extrapolate: bool = False
     ) -> JointBodies:
         """Joint bodies of D designs, every float with a leading axis over them; shapes: shape parameters of all designs for
         each of the different joints. Raises RangeError, see `Polynomials`."""
-        size = max(len(p.powers) for p in self.polynomials)
-        stack = np.zeros((len(n.leaf), self.rows[-1], size))
-        for p, first, own in zip(self.polynomials, self.rows, shapes, strict=False):
-            stack[:, first : first + p.rows, : len(p.powers)] = p(own, extrapolate=extrapolate)
-        length = n.length[:, self.different]
-        places, joints = filled.rest.x, len(self.nodes)
-        anchor = filled.points[:, :joints] - places[:, self.loops.node]
-        frame = n.rotation[:, :joints]
-        loops = self.loops._replace(anchor=anchor, frame=frame, length=length, pose=stack[:, self.pose_rows])
+        stack, _ = self._stack(n, shapes, extrapolate=extrapolate)
+        loops = self._fill_loops(n, filled, stack[:, self.pose_rows])
         scale = _scales(n, filled.leaves)
         inside = self.inside._replace(
             block_pose=stack[:, self.block_rows],
@@ -313,12 +351,10 @@ class Layout:
             near_coefficient=stack[:, self.near_rows[2]],
         )
         bench, bench_rest = self._fill_bench(n, filled)
-        reduced, reduced_rest = self._fill_reduced(n, filled, anchor, frame, length)
-        turns = self.motion_length < 0
-        motion_scale = np.where(turns, 1.0, n.length[:, np.maximum(self.motion_length, 0)])
+        reduced, reduced_rest = self._fill_reduced(n, filled, loops)
         return JointBodies(
             loops, inside, bench, bench_rest, reduced, reduced_rest, self.near, self.full_node, self.motion_range,
-            motion_scale, self.motion_names, self.hung, self.hanging,
+            self._motion_scale(n), self.motion_names, self.hung, self.hanging,
         )  # fmt: skip
 
     def _fill_bench(self, n: Numbers, filled: Filled) -> tuple[Arrays, Motion]:
@@ -356,9 +392,7 @@ class Layout:
         )
         return arrays, Motion(x, np.tile(np.eye(3), (count, nodes, 1, 1)), inner, np.zeros((count, 0)))
 
-    def _fill_reduced(
-        self, n: Numbers, filled: Filled, anchor: np.ndarray, frame: np.ndarray, length: np.ndarray
-    ) -> tuple[Arrays, Motion]:
+    def _fill_reduced(self, n: Numbers, filled: Filled, loops: Loops) -> tuple[Arrays, Motion]:
         """The reduced mechanism of D designs and its rest state."""
         count, links, held = len(n.leaf), len(self.template.words.links), len(self.leaf)
         full, bones = filled.arrays, self.reduced
@@ -370,9 +404,9 @@ class Layout:
             return np.concatenate([own, free[:, held:]], axis=1)
 
         x = filled.rest.x[:, :links]
-        offset, lengths = joined(anchor, members.offset), joined(length, members.length)
+        offset, lengths = joined(loops.anchor, members.offset), joined(loops.length, members.length)
         made = bones.members._replace(
-            offset=offset, frame=joined(np.stack([frame, frame], axis=2), members.frame), value=value,
+            offset=offset, frame=joined(np.stack([loops.frame] * 2, axis=2), members.frame), value=value,
             length=lengths, floor=joined(joint_floor, members.floor),
         )  # fmt: skip
         loads = full.loads
@@ -420,7 +454,7 @@ def body_design(layout: Layout, bodies: JointBodies, d: int) -> JointBodies:
     """Joint bodies of design d of many that were made by `layout`."""
     return replace(
         bodies,
-        loops=of_design(bodies.loops, ("anchor", "frame", "length", "pose"), d),
+        loops=of_design(bodies.loops, LOOP_FLOATS, d),
         inside=of_design(bodies.inside, ("block_pose", "coefficient", "near_coefficient"), d),
         bench=design(bodies.bench, layout.bench, d),
         bench_rest=motion_design(bodies.bench_rest, d),
@@ -476,13 +510,24 @@ def layout_of(template: Template, joints: Sequence[Any], records: Callable[[str]
     return last
 
 
+def _laid_out(model: Model, records: Callable[[str], Record]) -> tuple[Layout, Drawn, list[list[Any]]]:
+    """Layout, what the model was made of, and the shapes of its different joints."""
+    made = drawn(model)
+    joints = made.drawing.joints
+    return layout_of(made.template, joints, records), made, [[joint.shape()] for joint in joints]
+
+
+def joint_loops(model: Model, records: Callable[[str], Record], *, extrapolate: bool = False) -> JointLoops:
+    """The kinematics of every joint of `model`; arguments and errors as of `joint_bodies`."""
+    layout, made, shapes = _laid_out(model, records)
+    return layout.loops_alone(made.numbers, made.filled, shapes, extrapolate=extrapolate)
+
+
 def joint_bodies(model: Model, records: Callable[[str], Record], *, extrapolate: bool = False) -> JointBodies:
     """Bodies of every joint of `model`; `records(family)` returns the trained record.
 
     Raises SceneError without joints, RangeError for a shape outside the trained range (unless `extrapolate`),
     KinematicsError when joints alone do not place every link.
     """
-    made = drawn(model)
-    shapes = [[joint.shape()] for joint in made.drawing.joints]
-    layout = layout_of(made.template, made.drawing.joints, records)
+    layout, made, shapes = _laid_out(model, records)
     return body_design(layout, layout(made.numbers, made.filled, shapes, extrapolate=extrapolate), 0)

@@ -14,7 +14,7 @@ from ksd.bodies.joints import body_design, layout_of
 from ksd.design.plan import scene_of
 from ksd.design.prepared import Prepared
 from ksd.errors import KsdError
-from ksd.library import find_record
+from ksd.library import Record, find_record
 from ksd.model.compile import model_of
 from ksd.model.drawing import Drawing, draw
 from ksd.model.effects import applied, choose
@@ -45,6 +45,7 @@ class Designs:
     ) -> None:
         self.values, self.ways, self.mesh, self.extrapolate = values, ways, mesh, extrapolate
         self._own = threading.local()
+        self._records: dict[str, Record] = {}
 
     def solve(self, makers: Sequence[Maker], threads: int) -> list[Any]:
         """What was found of every design, or the KsdError that stopped it."""
@@ -90,13 +91,19 @@ class Designs:
         found = []
         for joint in drawing.joints:
             found.append(joint.shape())
-            find_record(joint.family).places(found[-1], extrapolate=self.extrapolate)
+            self._record(joint.family).places(found[-1], extrapolate=self.extrapolate)
         return found
+
+    def _record(self, family: str) -> Record:
+        """The record of a joint family, looked for once."""
+        if family not in self._records:
+            self._records[family] = find_record(family)
+        return self._records[family]
 
     def _solve_alike(self, template: Template, designs: list[_Design], found: list[Any]) -> None:
         """Designs of one template: their numbers together, then one after the other."""
         try:
-            layout = layout_of(template, designs[0].drawing.joints, find_record)
+            layout = layout_of(template, designs[0].drawing.joints, self._record)
         except KsdError as reason:
             for one in designs:
                 found[one.number] = reason

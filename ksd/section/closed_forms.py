@@ -21,7 +21,9 @@ def _torsion_rectangle(short: float, long: float) -> float:
     total = _ODD_FIFTHS
     for n in range(1, 2 * _TERMS, 2):
         # 1 - tanh x = 2 / (exp(2 x) + 1): what is left after the sum of 1/n^5 dies out exponentially
-        total -= 2 / (math.exp(min(n * math.pi * long / short, 700.0)) + 1) / n**5
+        if n * math.pi * long / short > 40.0:
+            break
+        total -= 2 / (math.exp(n * math.pi * long / short) + 1) / n**5
     return long * short**3 * (1 / 3 - 64 / math.pi**5 * short / long * total)
 
 

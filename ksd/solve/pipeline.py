@@ -9,17 +9,20 @@ relinearise every joint, geometric stiffness included, at the state recovered be
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 
-from ksd.bodies.joints import JointBodies, hang_links
+from ksd.bodies.joints import JointBodies, hang_links, joint_loops
 from ksd.bodies.kinematics import close_loops
 from ksd.bodies.readout import drive_forces
+from ksd.library import Record
 from ksd.model.arrays import Motion, flatten, opened
 from ksd.model.compile import Model
 from ksd.numerics.stopwatch import Stopwatch
-from ksd.solve.space_steps import SpaceState, read_space, space_set
+from ksd.solve.near import motion_limits
+from ksd.solve.space_steps import SpaceState, read_joints, space_set
 from ksd.solve.steps import JointMotions, Step, Stop
 from ksd.solve.storage import Storage
 
@@ -89,7 +92,7 @@ def kinematic_forces(b: Bench, target: np.ndarray) -> None:
 
 
 def read_motions(
-    b: Bench, theta: np.ndarray, off: np.ndarray, found: np.ndarray, *, near: bool
+    b: Bench | JointReader, theta: np.ndarray, off: np.ndarray, found: np.ndarray, *, near: bool
 ) -> tuple[JointMotions, tuple[str, ...]]:
     """Intended motion of every joint and what is left, and what is not known, in words.
 
@@ -112,12 +115,36 @@ def read_motions(
     return JointMotions(b.bodies.motion_names, names, b.bodies.motion_scale, theta, off), tuple(unknown)
 
 
-def joint_motions(b: Bench, motion: Motion) -> tuple[JointMotions, tuple[str, ...]]:
-    """Intended motions at `motion` of the full model, as `read_motions`.
+class JointReader:
+    """Where the joints of states of one model are, from their kinematics alone; call it with a state of the full model.
 
-    Unintended: (6,) per joint, displacement [m] and rotation vector [rad] in the axes of interface A. Both are nan for
-    a joint whose nearest intended motion was not found, or lies far outside its trained range; the last says so.
+    Not for two threads at once. Raises what `joint_loops` does.
     """
-    b.full.assign(motion)
-    read_space(b.parts)
-    return read_motions(b, b.found.copy(), b.off.copy(), b.known, near=bool(b.seen[1]))
+
+    def __init__(self, model: Model, records: Callable[[str], Record], *, extrapolate: bool) -> None:
+        self.bodies = joint_loops(model, records, extrapolate=extrapolate)
+        loops, motions = self.bodies.loops, len(self.bodies.motion_names)
+        joints = len(loops.node)
+        self.joint_names = tuple(p.name for p in model.scene.joints)
+        self.limits = motion_limits(self.bodies.motion_range)
+        _, _, self.far_low, self.far_high = self.limits.T
+        self.frame = np.stack([loops.frame] * 2, axis=1)
+        self.theta, self.found = np.zeros(motions), np.zeros(motions)
+        self.relative, self.place = np.zeros((joints, 12)), np.zeros((joints, 24))
+        self.series, self.off = np.zeros((3, loops.pose.shape[2])), np.zeros((joints, 6))
+        self.known, self.seen = np.zeros(joints, np.int64), np.zeros(2, np.int64)
+
+    def __call__(self, motion: Motion) -> tuple[JointMotions, tuple[str, ...], bool]:
+        """Intended motions and what is left, as `read_motions`; whether every joint is near its own.
+
+        Unintended: (6,) per joint, displacement [m] and rotation vector [rad] in the axes of interface A. Both are nan for
+        a joint whose nearest intended motion was not found, or lies far outside its trained range; the second says so.
+        """
+        loops = self.bodies.loops
+        read_joints(
+            loops.node, loops.anchor, self.frame, loops, motion.x, motion.R, self.theta, self.found, self.relative,
+            self.place, self.series, self.off, self.known, self.limits, self.seen,
+        )  # fmt: skip
+        near = bool(self.seen[1])
+        reading, unknown = read_motions(self, self.found.copy(), self.off.copy(), self.known, near=near)
+        return reading, unknown, near

@@ -22,12 +22,11 @@ from ksd.model.plane import Plane, plane_of
 from ksd.scene.contents import Scene
 from ksd.scene.mechanism import Mechanism
 from ksd.section.checks import nearest, number, show, truth, whole, worded
-from ksd.solve import pipeline
 from ksd.solve.configuration import Configuration, with_joint_motions
 from ksd.solve.conventional import bare, by_load_steps, conventional
 from ksd.solve.estimate import relative_error
 from ksd.solve.five import FiveSteps
-from ksd.solve.pipeline import Bench
+from ksd.solve.pipeline import Bench, JointReader
 from ksd.solve.plates import settled
 from ksd.solve.reduced_bodies import ReducedBodies, by_steps, has_solids, judged
 from ksd.solve.storage import Storage
@@ -181,6 +180,7 @@ class Solver:
         self.basis, self.accuracy = basis, wanted_accuracy(accuracy)
         self._reduced: dict[bool, ReducedBodies] = {}
         self._five: FiveSteps | None = None
+        self._reader: JointReader | None = None
         self._storage: Storage | None = None
         self._turn = threading.RLock()
 
@@ -391,10 +391,12 @@ class Solver:
     def _with_motions(self, result: Configuration) -> Configuration:
         """A conventional result with the joints' intended and unintended motions, where their records are there."""
         try:
-            found, unknown = pipeline.joint_motions(self.bench, result.motion)
+            if self._reader is None:
+                self._reader = JointReader(self.model, self.records, extrapolate=self.extrapolate)
+            found, unknown, near = self._reader(result.motion)
         except KsdError:
             return result
-        return with_joint_motions(result, found, unknown, near=bool(self.bench.seen[1]))
+        return with_joint_motions(result, found, unknown, near=near)
 
 
 def _check_words(method: object, passes: object) -> None:

@@ -164,7 +164,11 @@ def recover_space(s: SpaceSet) -> tuple[float, float]:
 
 
 @kernel
-def _read(node, offset, frame, loops, x, R, theta, found, relative, place, series, off, known, limits, seen):
+def read_joints(
+    node, offset, frame, loops, x, R, theta, found, relative, place, series, off, known, limits, seen
+):
+    """Intended motions found (q,) of all joints where links are at x, R, their search begun at theta (q,); node, offset,
+    frame: of the joints as members; the rest as in `SpaceState`."""
     relative_poses(node, offset, frame, len(loops.node), x, R, relative)
     for q in range(len(theta)):
         found[q] = theta[q]
@@ -176,7 +180,7 @@ def _read(node, offset, frame, loops, x, R, theta, found, relative, place, serie
 def read_space(s: SpaceSet) -> None:
     """Intended motions of the answer."""
     m, state = s.bodies.reduced.members, s.state
-    _read(
+    read_joints(
         m.node, m.offset, m.frame, s.bodies.loops, state.full.x, state.full.R, state.theta, state.found, state.relative,
         state.place, state.series, state.off, state.known, state.limits, state.seen,
     )  # fmt: skip
