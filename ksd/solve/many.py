@@ -22,7 +22,7 @@ from ksd.solve.near import far, outside
 from ksd.solve.space_steps import LINEAR_SIZE, SpaceSet, close_from_rest, size_of, space_steps
 
 LOCKED, OUT_OF_RANGE, UNSTABLE, FAR = 10, 11, 12, 13
-"""Statuses beyond those of `ksd.solve.stops.Stop`."""
+"""Statuses beyond those of `ksd.solve.steps.Stop`."""
 SPOKEN = {
     LOCKED: "the joints cannot reach this pose by their intended motions",
     OUT_OF_RANGE: "a joint would leave its trained range",
