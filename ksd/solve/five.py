@@ -78,10 +78,10 @@ class FiveSteps:
         ready = 0
         if b.bodies.hanging:
             first, ready = _closed(b, target, self.gap), 1
-        count, negatives = space_steps(b.parts, target, code, passes, ready, RTOL, CAP, self.gap, out)
+        count, negatives = self._steps(target, code, passes, ready, out)
         if not ready and (out[0, 0] != 0 or not out[0, 2] < self.gap * b.bodies.reduced.size):
             first = _closed(b, target, self.gap)
-            count, negatives = space_steps(b.parts, target, code, passes, 1, RTOL, CAP, self.gap, out)
+            count, negatives = self._steps(target, code, passes, 1, out)
         record, (inside, near) = out[:count].tolist(), b.seen.tolist()
         arrived = record[-1][0] == 0.0
         warnings = [] if arrived and inside else trained_range(b, b.theta, extrapolate=self.extrapolate)
@@ -103,6 +103,14 @@ class FiveSteps:
         return self._configuration(
             (dict(values), method, steps), moved, negatives=negatives, error=error, warnings=warnings
         )
+
+    def _steps(
+        self, target: np.ndarray, code: int, passes: int, closed: int, out: np.ndarray
+    ) -> tuple[int, int]:
+        """All steps but the first when that is done already (`closed` 1); their rows in `out` are where they always are."""
+        ways = target, code, passes, closed, RTOL, CAP, self.gap
+        count, negatives = space_steps(self.bench.parts, *ways, out[closed:])
+        return closed + count, negatives
 
     def insist_on_motions(self) -> None:
         """KinematicsError where intended motions alone say nothing of a drive or support."""
