@@ -30,7 +30,6 @@ from ksd.errors import ConvergenceError, KsdError  # noqa: E402
 from ksd.model.compile import compile_scene  # noqa: E402
 from ksd.model.mesh import Mesh  # noqa: E402
 from ksd.solve.conventional import conventional  # noqa: E402
-from ksd.solve.verdict import insist  # noqa: E402
 
 METHODS: dict[str, dict[str, Any]] = {
     "default": {},
@@ -43,7 +42,7 @@ METHODS: dict[str, dict[str, Any]] = {
     "chain, full": {"mesh": Mesh("corotational", elements=10), "method": "full"},
     "plain Newton": {"mesh": Mesh("corotational", elements=10, mip=False), "method": "conventional"},
     "modal": {"method": "modal"},
-    "spatial": {"planar": False},
+    "spatial": {"method": "conventional", "planar": False},
     "path": {"path": True},
 }
 """Columns of the table: words for `ksd.solve`; "spatial" is the conventional solver kept out of the plane."""
@@ -80,10 +79,6 @@ def answered(case: Case, scene: Any, method: str) -> Any:
     ways = METHODS[method]
     if method == "path":
         return ksd.follow(scene, dict(case.targets), mesh=case.mesh, **(case.path or {}))
-    if method == "spatial":
-        return insist(
-            conventional(compile_scene(scene, mesh=case.mesh or FINE), dict(case.targets), planar=False)
-        )
     return ksd.solve(scene, case.targets, **{"mesh": case.mesh, **ways})
 
 
