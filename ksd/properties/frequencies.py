@@ -52,8 +52,7 @@ class Modes(Shown):
     it is held. drive_compliance (d, d) [m/N, rad/Nm]: static, of the freed drives. growth_per_s (k,): rate at which a mode
     grows by itself: of an unstable one, or, where loads are not conservative, of the two that flutter at one frequency,
     which come first too. freed: names let go. massless: materials without a density; their leafs took part without mass.
-    backward_error: largest share of a mode that one more inverse iteration changes; omega^2 is off by its square where loads
-    are conservative.
+    backward_error: what one more inverse iteration changes of a mode, over the response of the softest one.
     """
 
     model: Model
@@ -359,13 +358,16 @@ def _iterated_pairs(tangent: Tangent, mass: Inertia, count: int) -> tuple[Array,
 
 
 def _backward_error(tangent: Tangent, mass: Inertia, squared: Array, vectors: Array) -> float:
-    """Largest share of modes that one more inverse iteration changes: omega^2 (k,), vectors (size, k) of unit modal mass.
+    """Normwise backward error of modes: what one more inverse iteration changes of each, over the response of the softest.
 
-    Where loads are conservative omega^2 is off by the square of it. Raises KinematicsError where that leaves no digits.
+    squared: omega^2 (k,); vectors (size, k) of unit modal mass. Raises KinematicsError where no digits are left.
     """
+    if not len(squared):
+        return 0.0
     again = squared * _flexible(tangent, mass, mass.matrix @ vectors)
-    error = float(np.linalg.norm(mass.rooted(again - vectors), axis=0).max(initial=0.0))
-    refuse_lost(error**2 if tangent.turning is None else error)
+    change = np.linalg.norm(mass.rooted(again - vectors), axis=0)
+    error = float(np.max(change * np.abs(squared).min() / np.abs(squared)))
+    refuse_lost(error)
     return error
 
 
