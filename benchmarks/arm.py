@@ -5,9 +5,9 @@
 All three joints turn by the same angle, -45 to 45 degrees in steps of 5. Joint-case: the joints are driven;
 location-case: the tip is driven to where the joint-case had it. Every position is solved from rest: by the
 conventional method of Appendix B (plain Newton on all element nodes, the eps_max that takes fewest solves at the widest
-position), by mixed integration points (MIP) on all element nodes, as in the paper, and on the condensed leafs, each with its
+position), by mixed integration points (MIP) on all element nodes, as in the paper, and on condensed leaves, each with its
 own best eps_max, there also without one, and by
-KSD reduced and full; with 1, 2 and 5 Appendix A elements per leaf, and strain-mode leafs. Tabulated: the reduced arm with
+KSD reduced and full; with 1, 2 and 5 Appendix A elements per leaf, and strain-mode leaves. Tabulated: the reduced arm with
 its joints from tables over their stroke, per configuration of a batch of a thousand. Times are thread times of the
 solver's steps, of brief calls in bursts.
 Prints the tables, writes arm.md and arm.json. Figures 13 and 14 of the paper are lost; dimensions are
@@ -65,7 +65,7 @@ class Case:
         self.conventional: dict[str, PlainNewton] = {
             "mip": PlainNewton(self.solver.model, mesh.elements, hardest)
         }
-        # the paper's own program has no strain-mode leafs
+        # the paper's own program has no strain-mode leaves
         if mesh.leaf == "corotational":
             self.conventional["plain"] = PlainNewton(scene, mesh.elements, hardest)
             self.conventional["mip_nodes"] = PlainNewton(scene, mesh.elements, hardest, mip=True)
@@ -185,7 +185,7 @@ BASES = ("plain_ms", "mip_nodes_ms", "mip_ms")
 
 
 def _ratios(row: Mapping[str, Any]) -> list[float | None]:
-    """How many times as fast full and reduced are as plain Newton, then as MIP on all nodes and on condensed leafs."""
+    """How many times as fast full and reduced are as plain Newton, then as MIP on all nodes and on condensed leaves."""
     return [
         row[base] / row[way] if base in row else None for base in BASES for way in ("full_ms", "reduced_ms")
     ]
@@ -210,10 +210,10 @@ ACCURACY = (
 
 
 def accuracy(found: Mapping[str, Any], meshes: Sequence[str]) -> str:
-    """Largest errors of the reduced answers over all positions, against the equilibrium of the same leafs."""
+    """Largest errors of the reduced answers over all positions, against the equilibrium of the same leaf springs."""
     lines = ["### Errors of the reduced answers, all positions", ""]
     lines += [
-        "Against `full` on the same leafs; 0 where the reduced state is within its bound and it takes no step.",
+        "Against `full` on the same leaf springs; 0 where the reduced state is within its bound and it takes no step.",
         "",
     ]
     lines += [
@@ -233,7 +233,7 @@ WANTED = {"joint-case": (80, 600, 40, 300), "location-case": (65, 600, 20, 200)}
 """Ratios asked for at 45 degrees and n = 5: full and reduced over plain Newton, full and reduced over MIP."""
 NAMES = tuple(
     f"{way} over {base}"
-    for base in ("plain Newton", "MIP on all nodes", "MIP on condensed leafs")
+    for base in ("plain Newton", "MIP on all nodes", "MIP on condensed leaf springs")
     for way in ("full", "reduced")
 )
 
@@ -263,12 +263,12 @@ def targets_table(found: Mapping[str, Any], mesh: str) -> str:
 
 
 def _floor(case: str, row: Mapping[str, Any], tabulated: Mapping[str, Any]) -> str:
-    """Where the ratios to MIP on condensed leafs end: both spend nearly all in the same leaf kernel, so passes count."""
+    """Where the ratios to MIP on condensed leaves end: both spend nearly all in the same leaf kernel, so passes count."""
     passes = row["step 5"] + 2
     each = row["mip_ms"] / row["mip"]
     parts = ", ".join(f"{n} {t:.0f}" for n, t in row["steps_us"].items())
     return (
-        f"| {case} | floor | | {row['mip'] / passes:.3g} | | | MIP on condensed leafs takes {row['mip']} passes over them "
+        f"| {case} | floor | | {row['mip'] / passes:.3g} | | | MIP on condensed leaves takes {row['mip']} passes over them "
         f"({1e3 * each:.0f} us each), full {passes} (step 2, step 5 and its check); steps of full [us]: {parts}; "
         f"tabulated {tabulated['us']:.0f} us, interpolation error {tabulated['error']:.0e}, {tabulated['unsolved']} of "
         f"{MANY} not solved |"
@@ -286,7 +286,7 @@ def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
     meshes = {f"{n} element{'s' * (n > 1)} per leaf": chain(n) for n in elements}
     tables, spent = [], {}
     if not chosen.quick:
-        meshes["strain-mode leafs"] = Mesh()
+        meshes["strain-mode leaves"] = Mesh()
     for name, mesh in meshes.items():
         since = time.perf_counter()
         found[name] = run(mesh, angles, repeats=2 if chosen.quick else REPEATS)

@@ -152,7 +152,7 @@ def tabulated(count: int) -> list[dict[str, Any]]:
     """The arm by joints and by location, with tables and without: time of a configuration and error of its forces."""
     rows = []
     for case, (scene, targets) in {"by joints": arm_by_joints(), "by location": arm_by_location()}.items():
-        for leafs, mesh in {
+        for leaves, mesh in {
             "strain-mode": ksd.Mesh(),
             "5 elements": ksd.Mesh("corotational", elements=5),
         }.items():
@@ -169,14 +169,14 @@ def tabulated(count: int) -> list[dict[str, Any]]:
             assert near.tables is not None
             least = floor(near, {name: float(v[-1]) for name, v in few.items()})
             rows.append({
-                "case": case, "leafs": leafs, "us": us, "target_us": TARGET_US, "met": us <= TARGET_US,
+                "case": case, "leaves": leaves, "us": us, "target_us": TARGET_US, "met": us <= TARGET_US,
                 "without_tables_us": times["exact"].median / len(few[next(iter(few))]),
                 "solved": int(np.sum(near(values).status == 0)), "of": count, "force_error": off,
                 "interpolation_error": near.tables.error, "pieces": near.tables.cubic.shape[1], "floor": least,
             })  # fmt: skip
             verdict = "met" if rows[-1]["met"] else f"MISSED: {least}"
             print(
-                f"arm {case:11} {leafs:11}: {us:5.1f} us (target {TARGET_US:g}: {verdict}), without tables "
+                f"arm {case:11} {leaves:11}: {us:5.1f} us (target {TARGET_US:g}: {verdict}), without tables "
                 f"{rows[-1]['without_tables_us']:.0f} us; {rows[-1]['solved']} of {count} solved; force error {off:.1e}, "
                 f"{near.tables}"
             )
@@ -186,7 +186,7 @@ def tabulated(count: int) -> list[dict[str, Any]]:
 def floor(prepared: Prepared, values: Mapping[str, float]) -> str:
     """What one tabulated configuration must do at least, counted."""
     five = prepared.five
-    found = five(values, five.model.targets(values), method="reduced", passes=0, estimate=False)
+    found = five(values, five.model.targets(values), method="reduced", relinearisations=0, estimate=False)
     one = one_pass(five.bench.bodies.reduced)
     first, third = (next(s.iterations for s in found.steps if s.name[0] == n) for n in "13")
     return (

@@ -1,7 +1,7 @@
 """Every method on the scenes of `ksd bench`: what is asked, other engines, the picture, and the tables of the README.
 
 Writes bench.json: what `ksd bench --json` writes, and per case "engines" (engine, elements, us, iterations, force_error,
-said) and "one_pass" (by leafs, operations and bytes of one pass over all leafs, in words); and bench.png.
+said) and "one_pass" (by leaf springs, operations and bytes of one pass over all leaf springs, in words); and bench.png.
 """
 
 from __future__ import annotations
@@ -83,7 +83,7 @@ _COLORS = {
 
 
 def picture(results: Sequence[Measured], path: Path) -> None:
-    """Error over time of a whole call: a row of three panels per case, strain-mode leafs as circles.
+    """Error over time of a whole call: a row of three panels per case, strain-mode leaves as circles.
 
     Squares: Appendix A elements; dotted: the Pareto front.
     """
@@ -110,7 +110,7 @@ def _panel(axes: Any, rows: Sequence[Row], key: str) -> None:
     for method, color in _COLORS.items():
         for strain, mark in ((True, "o"), (False, "s")):
             mine = [
-                r for r in shown if r.method == method and r.leafs.startswith(("strain", "modal")) == strain
+                r for r in shown if r.method == method and r.leaves.startswith(("strain", "modal")) == strain
             ]
             x, y = [r.call[1] for r in mine], [100 * max(getattr(r, key), 1e-13) for r in mine]
             if not mine:

@@ -1,6 +1,6 @@
 """Other engines on the scenes of the benchmark, where they are installed: an optional extra, `pip install ksd[engines]`.
 
-The planar model of a scene driven along one axis is handed over element by element: leafs as chains of equal beams,
+The planar model of a scene driven along one axis is handed over element by element: leaf springs as chains of equal beams,
 links as much stiffer beams between the points that hang on them. OpenSees: corotational
 Euler-Bernoulli elements in two dimensions, drive moved in load steps that are halved on failure. Exudyn: geometrically exact
 shear-deformable beams of two nodes, linear in their unknowns and integrated at one point, so that their error falls with the
@@ -98,8 +98,8 @@ def frame_of(scene: Any, targets: Mapping[str, float], elements: int) -> Frame:
     places = plane.rest.x[:, axes]
     centre = [found.add(p) for p in places]
     found.fixed.append(centre[0])
-    leafs = _leafs(members, axes)
-    EA, EI = (times * max(leaf[k] for leaf in leafs.values()) for k, times in enumerate(STIFF))
+    leaves = _leaves(members, axes)
+    EA, EI = (times * max(leaf[k] for leaf in leaves.values()) for k, times in enumerate(STIFF))
 
     def hung(node: int, offset: np.ndarray) -> int:
         if np.linalg.norm(offset) < 1e-9 * arrays.size:
@@ -111,7 +111,7 @@ def frame_of(scene: Any, targets: Mapping[str, float], elements: int) -> Frame:
             found.bars.append(Bar(centre[node], point, EA, EI))
         return point
 
-    for where, stiffness in leafs.items():
+    for where, stiffness in leaves.items():
         ends = [hung(node, np.array(offset)) for node, offset in where]
         p, q = (found.places[e] for e in ends)
         between = [found.add(p + (q - p) * k / elements) for k in range(1, elements)]
@@ -128,7 +128,7 @@ def frame_of(scene: Any, targets: Mapping[str, float], elements: int) -> Frame:
     return Frame(np.array(found.places), tuple(found.fixed), tuple(found.bars), (point, axis, value))
 
 
-def _leafs(members: Members, axes: np.ndarray) -> dict[Any, tuple[float, float, float]]:
+def _leaves(members: Members, axes: np.ndarray) -> dict[Any, tuple[float, float, float]]:
     """EA, EI and k GA of the chains by (node, offset) of both ends; those that coincide in the plane together."""
     found: dict[Any, tuple[float, float, float]] = {}
     for i in range(len(members.kind)):

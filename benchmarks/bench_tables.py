@@ -14,7 +14,7 @@ from ksd.bench.measure import Measured, Row, good, machine, percent
 
 @dataclass(frozen=True)
 class Told(Measured):
-    """A case with what other engines took, and, by leaf model, operations and bytes of one pass over all leafs, in words."""
+    """A case with what other engines took, and, by leaf model, operations and bytes of a pass over all leaves, in words."""
 
     engines: tuple[EngineRow, ...] = ()
     floors: Mapping[str, str] = field(default_factory=dict)
@@ -31,16 +31,16 @@ BEGIN, END = "<!-- bench:begin -->", "<!-- bench:end -->"
 
 def kind_of(row: Row) -> str:
     """Which leaf model a row has."""
-    return {"strain": "strain-mode", "modal": "modal"}.get(row.leafs.split(",")[0].split()[0], "Appendix A")
+    return {"strain": "strain-mode", "modal": "modal"}.get(row.leaves.split(",")[0].split()[0], "Appendix A")
 
 
 def equal_accuracy(results: Sequence[Told]) -> str:
     """Markdown: the cheapest setting of every method within GOOD, in us of a whole call, and its error in force.
 
-    Appendix A elements and strain-mode leafs apart; with the ratios of the papers' comparison below.
+    Appendix A elements and strain-mode leaves apart; with the ratios of the papers' comparison below.
     """
     cases = [m for m in results if any(good(r) for r in m.rows)]
-    lines = ["| method | leafs | " + " | ".join(m.case for m in cases) + " |"]
+    lines = ["| method | leaf springs | " + " | ".join(m.case for m in cases) + " |"]
     lines.append("|---" * (2 + len(cases)) + "|")
     for method in METHODS:
         for kind in KINDS:
@@ -57,14 +57,14 @@ def _cheapest_cell(rows: Iterable[Row], method: str, kind: str) -> str:
         return _MISSED if mine else "-"
     best = min(fit, key=lambda r: r.call[1])
     error = percent(best.force_error)
-    which = best.leafs.removeprefix("strain ").removeprefix("modal, ")
+    which = best.leaves.removeprefix("strain ").removeprefix("modal, ")
     which = which.replace(" elements", "").replace(" element", "")
     return f"{best.call[1]:.0f} ({which}; {error})"
 
 
-def best_times(m: Measured, leafs: str) -> dict[str, float]:
+def best_times(m: Measured, leaves: str) -> dict[str, float]:
     """Whole calls [us] by method; "conventional" is the better of its two ways to choose steps."""
-    found = {r.method: r.call[1] for r in m.rows if r.leafs == leafs and not r.failed}
+    found = {r.method: r.call[1] for r in m.rows if r.leaves == leaves and not r.failed}
     if "conventional" in found:
         found["conventional"] = min(found["conventional"], found.get("MIP, best eps_max", math.inf))
     return found
@@ -72,8 +72,8 @@ def best_times(m: Measured, leafs: str) -> dict[str, float]:
 
 def ratios(results: Sequence[Told], elements: int = 5) -> str:
     """Markdown: how many times as fast the five steps are on Appendix A elements, whole calls, like beside like."""
-    leafs = f"{elements} element{'s' * (elements > 1)}"
-    times = [best_times(m, leafs) for m in results]
+    leaves = f"{elements} element{'s' * (elements > 1)}"
+    times = [best_times(m, leaves) for m in results]
     shown = [(m.case, t) for m, t in zip(results, times, strict=True) if len(t) > 1]
     lines = ["| times as fast | " + " | ".join(case for case, _ in shown) + " |"]
     lines.append("|---" + "|---:" * len(shown) + "|")
@@ -104,7 +104,7 @@ EQUAL = 5
 class Ratio:
     """Asked: `way` at least `times` as fast as `base`, whole calls in space on EQUAL elements, in the case of that name.
 
-    base "conventional": MIP on condensed leafs, the better of our steps and the best eps_max.
+    base "conventional": MIP on condensed leaf springs, the better of our steps and the best eps_max.
     """
 
     case: str
@@ -115,12 +115,12 @@ class Ratio:
 
 @dataclass(frozen=True)
 class Bound:
-    """Asked: `method` below `us` in the case that holds `case`; leafs: one leaf model, or "good", the cheapest setting of
-    strain-mode leafs within the accuracy compared at, or "chain", the same of Appendix A elements."""
+    """Asked: `method` below `us` in the case that holds `case`; leaves: one leaf model, or "good", the cheapest setting of
+    strain-mode leaves within the accuracy compared at, or "chain", the same of Appendix A elements."""
 
     case: str
     method: str
-    leafs: str
+    leaves: str
     us: float
 
 
@@ -143,10 +143,10 @@ RATIOS = tuple(
 )
 BOUNDS = (
     *(
-        Bound(f"fourbar, reading {r}", method, leafs, us)
+        Bound(f"fourbar, reading {r}", method, leaves, us)
         for r in (1, 2)
         for method, us in (("full", 1000), ("conventional", 3000))
-        for leafs in ("strain 4,3,6", "4 elements")
+        for leaves in ("strain 4,3,6", "4 elements")
     ),
     Bound("fourbar, reading 2", "conventional", "good", 700),
     Bound("fourbar, reading 2", "full", "good", 300),
@@ -163,8 +163,8 @@ def asked_table(results: Sequence[Told]) -> str:
 
 
 def _ratios(m: Told) -> list[str]:
-    leafs, found = f"{EQUAL} elements", []
-    rows = {r.method: r for r in m.rows if r.leafs == leafs and not r.failed}
+    leaves, found = f"{EQUAL} elements", []
+    rows = {r.method: r for r in m.rows if r.leaves == leaves and not r.failed}
     for asked in RATIOS:
         if asked.case not in m.case or asked.way not in rows or asked.base not in rows:
             continue
@@ -173,7 +173,7 @@ def _ratios(m: Told) -> list[str]:
         if asked.base == "conventional" and other is not None and other.call[1] < slow.call[1]:
             slow = other
         times = slow.call[1] / fast.call[1]
-        name = {"conventional": "MIP on condensed leafs"}.get(asked.base, asked.base)
+        name = {"conventional": "MIP on condensed leaf springs"}.get(asked.base, asked.base)
         said = "met" if times >= asked.times else f"missed: {_slow(m, fast, slow, times)}"
         found.append(f"| {m.case} | {asked.way} / {name} >= {asked.times:g} | {times:.3g} | {said} |")
     return found
@@ -183,13 +183,13 @@ def _slow(m: Told, fast: Row, slow: Row, times: float) -> str:
     """Why a ratio of so many times is missed."""
     most = slow.passes / max(fast.passes, 1)
     words = [
-        f"{slow.method} makes {slow.passes} passes over the leafs, {fast.method} {fast.passes}, so at equal cost of a pass "
+        f"{slow.method} makes {slow.passes} passes over the leaves, {fast.method} {fast.passes}, so at equal cost of a pass "
         f"{most:.3g} would be the most"
         + (" (that of step 2, four chains at a time, costs less)" if times > most else "")
     ]
     around = fast.call[1] - fast.steps[1]
     words.append(f"compiled steps {fast.steps[1]:.0f} us, Python around them {around:.0f} us")
-    floor = m.floors.get(fast.leafs)
+    floor = m.floors.get(fast.leaves)
     if floor:
         words.append(f"one pass is {floor}")
     return "; ".join(words)
@@ -199,17 +199,17 @@ def _bounds(m: Told) -> list[str]:
     found = []
     for asked in BOUNDS:
         rows = [r for r in m.rows if r.method == asked.method and not r.failed]
-        if asked.leafs == "good":
-            rows = [r for r in rows if r.leafs.startswith("strain") and good(r)]
+        if asked.leaves == "good":
+            rows = [r for r in rows if r.leaves.startswith("strain") and good(r)]
         else:
-            rows = [r for r in rows if r.leafs == asked.leafs]
+            rows = [r for r in rows if r.leaves == asked.leaves]
         if asked.case not in m.case or not rows:
             continue
         best = min(rows, key=lambda r: r.call[1])
         said = "met" if best.call[1] <= asked.us else f"missed: {_long(m, best)}"
-        leafs = f"{best.leafs}, within 0.1 % and 1 %" if asked.leafs == "good" else best.leafs
+        leaves = f"{best.leaves}, within 0.1 % and 1 %" if asked.leaves == "good" else best.leaves
         found.append(
-            f"| {m.case} | {asked.method}, {leafs} <= {asked.us:g} us | {best.call[1]:.0f} us | {said} |"
+            f"| {m.case} | {asked.method}, {leaves} <= {asked.us:g} us | {best.call[1]:.0f} us | {said} |"
         )
     return found
 
@@ -218,8 +218,8 @@ def _long(m: Told, row: Row) -> str:
     """Why a time is missed."""
     around = row.call[1] - row.steps[1]
     words = f"compiled steps {row.steps[1]:.0f} us, Python around them {around:.0f} us"
-    floor = m.floors.get(row.leafs)
-    return f"{words}; {row.passes} passes over the leafs, each {floor}" if floor else words
+    floor = m.floors.get(row.leaves)
+    return f"{words}; {row.passes} passes over the leaf springs, each {floor}" if floor else words
 
 
 def engine_lines(measured: Told) -> list[str]:
@@ -248,17 +248,17 @@ def readme_text(results: Sequence[Told]) -> str:
             f"time of a whole call [µs] (orders, or elements per leaf; force error). {m['date']}, one thread of "
             f"{m['processor']}; load average {m['load_average']}; `python benchmarks/bench.py --readme README.md` "
             "renews it. Methods and "
-            "leafs that reach it nowhere, with up to 8 elements, are left out; `ksd bench` prints every scene.",
+            "leaf springs that reach it nowhere, with up to 8 elements, are left out; `ksd bench` prints every scene.",
             "",
             equal_accuracy(shown),
             "",
             "Times as fast, 5 Appendix A elements per leaf, whole calls, warm (plain Newton and MIP on all "
             "nodes: the papers' program, on all element nodes, in space, best eps_max; MIP: the best conventional we know, "
-            "on condensed leafs, the better of our steps and the best eps_max):",
+            "on condensed leaf springs, the better of our steps and the best eps_max):",
             "",
             ratios(shown),
             "",
-            "What was asked, in thread time of whole calls; a pass is one condensation of all leafs with its way into the "
+            "What was asked, in thread time of whole calls; a pass is one condensation of all leaves with its way into the "
             "matrix:",
             "",
             asked_table(results),

@@ -23,7 +23,7 @@ from ksd.solve.space_steps import FULL, REDUCED
 JOINTS = (3, 10, 30, 100)
 BOUND = 0.25
 WAYS = {"reduced": REDUCED, "full": FULL}
-LEAFS = {"strain-mode": ksd.Mesh(), "5 elements": ksd.Mesh("corotational", elements=5)}
+LEAVES = {"strain-mode": ksd.Mesh(), "5 elements": ksd.Mesh("corotational", elements=5)}
 
 
 def stored(part: Any) -> int:
@@ -48,9 +48,9 @@ class Case:
         self.prepared(self.values)
 
 
-def measured(leafs: str, method: str, joints: Sequence[int], *, repeats: int) -> dict[str, Any]:
+def measured(leaves: str, method: str, joints: Sequence[int], *, repeats: int) -> dict[str, Any]:
     """Time per joint and configuration [us] for every number of joints, and how far it is from that of the shortest."""
-    cases = {n: Case(n, WAYS[method], LEAFS[leafs]) for n in joints}
+    cases = {n: Case(n, WAYS[method], LEAVES[leaves]) for n in joints}
     times = interleaved({str(n): case for n, case in cases.items()}, repeats=repeats)
     each = {n: times[str(n)].median / case.count / n for n, case in cases.items()}
     off = max(abs(us / each[joints[0]] - 1.0) for us in each.values())
@@ -59,7 +59,7 @@ def measured(leafs: str, method: str, joints: Sequence[int], *, repeats: int) ->
     row = {
         "fixed_us": few * (each[few] - slope),
         "storage_bytes": {n: case.bytes for n, case in cases.items()},
-        "leafs": leafs, "method": method, "us_per_joint": each,
+        "leaves": leaves, "method": method, "us_per_joint": each,
         "largest_change": off, "met": off <= BOUND, "solved": all(c.solved for c in cases.values()),
     }  # fmt: skip
     said = ", ".join(f"{n}: {us:.2f}" for n, us in each.items())
@@ -69,7 +69,7 @@ def measured(leafs: str, method: str, joints: Sequence[int], *, repeats: int) ->
             f"MISSED: {row['fixed_us']:.0f} us of every configuration belong to no joint; storage of "
             f"{cases[joints[0]].bytes >> 10} to {cases[joints[-1]].bytes >> 10} kB"
         )
-    print(f"{leafs:11} {method:8} us per joint: {said}; changes by {100 * off:.0f} % ({verdict})")
+    print(f"{leaves:11} {method:8} us per joint: {said}; changes by {100 * off:.0f} % ({verdict})")
     return row
 
 
@@ -77,7 +77,7 @@ def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
     """Measure, print, write chain.json; returns what was found."""
     asked = options(__doc__, argv)
     joints, repeats = ((3, 10), 2) if asked.quick else (JOINTS, 9)
-    rows = [measured(leafs, method, joints, repeats=repeats) for leafs in LEAFS for method in WAYS]
+    rows = [measured(leaves, method, joints, repeats=repeats) for leaves in LEAVES for method in WAYS]
     found = {"machine": machine(), "bound": BOUND, "rows": rows}
     write_json(found, asked.out / "chain.json")
     return found

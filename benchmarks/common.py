@@ -23,7 +23,7 @@ from typing import Any
 import numpy as np
 
 import ksd
-from ksd.model.leafs import Mesh
+from ksd.model.leaves import Mesh
 from ksd.solve.conventional import conventional
 from ksd.solve.storage import Storage
 from ksd.units import GPa, deg, mm
@@ -35,7 +35,7 @@ STROKE = 0.3
 EPS_MAX = (1e4, 1e5, 3e5, 1e6, 3e6, 1e7, 3e7, 1e8, 3e8, 1e9, math.inf)
 """Thresholds tried for the conventional method of paper 1, Appendix B, which does not print its own."""
 FINEST = Mesh(orders=(6, 5, 9), points=14)
-"""Reference: strain-mode leafs whose next refinement changes the fourbar force by less than 1e-8."""
+"""Reference: strain-mode leaves whose next refinement changes the fourbar force by less than 1e-8."""
 READINGS = {1: "H between joint centres", 2: "H is the side link"}
 """The two readings of the lost Fig. 9 of paper 1."""
 
@@ -98,7 +98,7 @@ class PlainNewton:
     Plain Newton on all element nodes (`nodal`) or on the condensed chains, or with mixed integration points (`mip`);
     a step is given up when the residual exceeds eps_max, and halved; in space as in the paper, or in the plane
     (`planar`). Whatever converges is believed, as in the paper. eps_max is chosen once, from EPS_MAX, by the
-    number of matrix solves among those that end in the state found with the smallest. `scene` may be a compiled
+    number of factorisations among those that end in the state found with the smallest. `scene` may be a compiled
     model, which is then solved as it is. Raises ConvergenceError when none converges.
     """
 

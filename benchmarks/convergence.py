@@ -75,12 +75,12 @@ def _guide(mesh: Mesh, direction: str) -> float:
 
 
 def guide_x(mesh: Mesh) -> float:
-    """Support stiffness of a parallel guide along its leafs at 5 mm [N/m]."""
+    """Support stiffness of a parallel guide along its leaf springs at 5 mm [N/m]."""
     return _guide(mesh, "x")
 
 
 def guide_z(mesh: Mesh) -> float:
-    """The same across its plane [N/m]."""
+    """The same out of its plane [N/m]."""
     return _guide(mesh, "z")
 
 

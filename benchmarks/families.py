@@ -130,7 +130,7 @@ def facts(name: str) -> dict[str, Any]:
     shapes = [f"{p.name} {_range(p.low, p.high, angle=p.name.endswith('angle'))}" for p in record.parameters]
     closed = hasattr(joint, "stiffness_at_rest")
     return {
-        "leafs": len(joint.leafs()),
+        "leaves": len(joint.leaves()),
         "motions": ", ".join(motions),
         "shape": ", ".join(shapes) or "fixed",
         "closed_form": "yes" if closed else "-",
@@ -150,18 +150,18 @@ def table(found: dict[str, dict[str, Any]]) -> str:
         "reduced drive force against the joint's own element model (asked 1e-3), and of the positions of B and all",
         "blocks by the record over the joint length (asked 1e-4); the force also with four Appendix A elements per",
         "leaf, and both at lengths, thicknesses and widths off the trained ones by up to 1.5 each way, which a record",
-        "does not know: leafs that are thick for their length stretch more, by the square of that ratio. Beyond a",
+        "does not know: leaf springs that are thick for their length stretch more, by the square of that ratio. Beyond a",
         "range a solve is refused. What matters to each family, and its errors on fresh shapes group by group, is",
         "printed by `ksd info FAMILY`.",
         "",
-        "| family | source | leafs | intended motions | shape parameters | closed-form stiffness | its functions | "
+        "| family | source | leaf springs | intended motions | shape parameters | closed-form stiffness | its functions | "
         "record [kB] | reduced force error | positions / L | force, 4 elements per leaf | force, other sizes | "
         "positions, other sizes |",
         "|---" * 13 + "|",
     ]
     for name, row in found.items():
         lines.append(
-            f"| {name} | {row['source']} | {row['leafs']} | {row['motions']} | {row['shape']} | {row['closed_form']} | "
+            f"| {name} | {row['source']} | {row['leaves']} | {row['motions']} | {row['shape']} | {row['closed_form']} | "
             f"{row['symmetry']} | {row['record_kB']} | "
             f"{row['force_error']:.1e} | {row['interface_error']:.1e} | {row['chain_force_error']:.1e} | "
             f"{row['sizes_force_error']:.1e} | {row['sizes_interface_error']:.1e} |"
@@ -239,7 +239,7 @@ def constraint_table(found: dict[str, dict[str, Any]]) -> str:
         "",
         "## Flexible constraints",
         "",
-        "They have no intended motion and no record: their leafs are part of every model as they are. Stiffness with",
+        "They have no intended motion and no record: their leaves are part of every model as they are. Stiffness with",
         "the ends kept parallel, at random shapes: the closed form against the model, the least ratio to the stiffness",
         "along the other two axes, and the least share left of it with B moved across the constraint.",
         "",
@@ -257,8 +257,8 @@ def constraint_table(found: dict[str, dict[str, Any]]) -> str:
 
 
 def thick(axes: Any, pose: ksd.Configuration) -> None:
-    """The outline of leafs whose thickness varies, to scale: the hinge cut into a block."""
-    for leaf in pose.shape(points=61).leafs:
+    """The outline of leaf springs whose thickness varies, to scale: the hinge cut into a block."""
+    for leaf in pose.shape(points=61).leaves:
         if np.ptp(leaf.thickness) > 0.0:
             for line, turned, look in (
                 (

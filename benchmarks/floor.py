@@ -23,10 +23,10 @@ CONDENSED = 2 * (6 * 6 * 12 + 12 * 6 * 12)
 
 @dataclass(frozen=True)
 class Pass:
-    """One pass over a mechanism: operations of leafs (condensation), of their way into the matrix, of its factorisation;
+    """One pass over a mechanism: operations of leaves (condensation), of their way into the matrix, of its factorisation;
     bytes of the storage touched."""
 
-    leafs: int
+    leaves: int
     matrix: int
     factor: int
     bytes: int
@@ -34,7 +34,7 @@ class Pass:
     @property
     def operations(self) -> int:
         """All of them."""
-        return self.leafs + self.matrix + self.factor
+        return self.leaves + self.matrix + self.factor
 
     def __str__(self) -> str:
         return f"{_rounded(self.operations)} operations and {_rounded(self.bytes)} bytes"
@@ -73,8 +73,8 @@ def factor_operations(plan: Blocks) -> int:
 def one_pass(arrays: Arrays) -> Pass:
     """Of one assembly and factorisation of a mechanism in space."""
     members = arrays.members
-    leafs = sum(leaf_operations(int(k), n) for k, n in zip(members.kind, members.number, strict=True))
+    leaves = sum(leaf_operations(int(k), n) for k, n in zip(members.kind, members.number, strict=True))
     work = make_work(arrays)
     touched = (*work, members.value, members.frame, members.offset)
     size = sum(int(a.nbytes) for a in touched)
-    return Pass(leafs, CONDENSED * len(members.kind), factor_operations(arrays.plan), size)
+    return Pass(leaves, CONDENSED * len(members.kind), factor_operations(arrays.plan), size)

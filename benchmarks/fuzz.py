@@ -87,8 +87,8 @@ def kinds(folder: Path) -> dict[str, Kind]:
             return found
 
     return {
-        "leafs": Kind(strategies.leaf_scenes(), solved, 0.25, True),
-        "leafs, heavy loads": Kind(strategies.leaf_scenes(most_load=200.0), solved, 0.02, True),
+        "leaves": Kind(strategies.leaf_scenes(), solved, 0.25, True),
+        "leaf springs, heavy loads": Kind(strategies.leaf_scenes(most_load=200.0), solved, 0.02, True),
         "joints": Kind(strategies.joint_scenes(), solved, 0.13, True),
         "joints, heavy loads": Kind(strategies.joint_scenes(most_load=200.0), solved, 0.02, True),
         "fourbars to 4 kN": Kind(strategies.loaded_fourbars(), solved, 0.03, True),

@@ -6,7 +6,7 @@ Cases and verified answers: `hard_cases.py`, `hard_classics.py` and `hard_famili
 matches the verified answer to its tolerance (a fast method: to 1.5 times the error it states; ten Appendix A elements: to
 2 %, or to the tolerance what 96 load steps of the same elements end in), "rough" states an error above 10 %, "refused" is a
 typed error with its reason, "wrong" must not occur.
-The table goes to `benchmarks/results/hard_cases.md`. --verify walks every case in 96 small load steps with finer leafs and
+The table goes to `benchmarks/results/hard_cases.md`. --verify walks every case in 96 small load steps with finer leaves and
 prints the answers instead.
 """
 
@@ -35,7 +35,7 @@ METHODS: dict[str, dict[str, Any]] = {
     "default": {},
     "kinematic": {"method": "kinematic"},
     "reduced": {"method": "reduced"},
-    "1 pass": {"method": "reduced", "passes": 1},
+    "1 pass": {"method": "reduced", "relinearisations": 1},
     "full": {"method": "full"},
     "conventional": {"method": "conventional"},
     "chain": {"mesh": Mesh("corotational", elements=10)},
@@ -123,7 +123,7 @@ def attempt(case: Case, method: str) -> tuple[str, str]:
 
 
 def walked(case: Case, mesh: Mesh | None = None) -> np.ndarray:
-    """The answer in 96 small load steps with finer leafs, or with `mesh`.
+    """The answer in 96 small load steps with finer leaf springs, or with `mesh`.
 
     ConvergenceError when that walk does not end in a minimum.
     """

@@ -2,8 +2,8 @@
 
     python benchmarks/hero.py [--quick] [--out FOLDER]
 
-Left: leafs coloured by their largest von Mises stress, at rest (grey), on the way and at d = 0.3 m. Right: error
-over time of every method with strain-mode leafs and with five Appendix A elements. Writes hero.png into docs/, or
+Left: leaf springs coloured by their largest von Mises stress, at rest (grey), on the way and at d = 0.3 m. Right: error
+over time of every method with strain-mode leaves and with five Appendix A elements. Writes hero.png into docs/, or
 into FOLDER if given.
 """
 
@@ -30,12 +30,12 @@ POINTS = 61
 SHOWN = {"kinematic": "#d9a514", **SERIES}
 
 
-def coloured_leafs(axes: Any, pose: ksd.Configuration, *, most: float, alpha: float = 1.0) -> Any:
-    """Centrelines of all leafs in x and y [mm], coloured by their largest von Mises stress [MPa]."""
+def coloured_leaves(axes: Any, pose: ksd.Configuration, *, most: float, alpha: float = 1.0) -> Any:
+    """Centrelines of all leaf springs in x and y [mm], coloured by their largest von Mises stress [MPa]."""
     from matplotlib.collections import LineCollection
 
-    found, last = stress(pose.model, pose.motion, points=POINTS).leafs, None
-    for leaf in pose.shape(points=POINTS).leafs:
+    found, last = stress(pose.model, pose.motion, points=POINTS).leaves, None
+    for leaf in pose.shape(points=POINTS).leaves:
         values = 1e-6 * found[leaf.name].von_mises_Pa.max(axis=1)
         line = 1e3 * leaf.place[:, :2]
         pieces = np.stack([line[:-1], line[1:]], axis=1)
@@ -61,16 +61,16 @@ def faint_links(axes: Any, pose: ksd.Configuration) -> None:
 def draw_mechanism(figure: Any, axes: Any, solver: ksd.Solver) -> ksd.Configuration:
     """The fourbar at rest, on the way and at its end."""
     pose = solver(top=STROKE, method="full")
-    leafs = stress(pose.model, pose.motion, points=POINTS).leafs.values()
-    most = max(1e-6 * leaf.von_mises_Pa.max() for leaf in leafs)
+    leaves = stress(pose.model, pose.motion, points=POINTS).leaves.values()
+    most = max(1e-6 * leaf.von_mises_Pa.max() for leaf in leaves)
     plot_mechanism(pose, axes=axes, labels=False, title="")
     for d in (0.1, 0.2):
         passed = solver(top=d, method="full")
         faint_links(axes, passed)
-        coloured_leafs(axes, passed, most=most, alpha=0.35)
-    last = coloured_leafs(axes, pose, most=most)
+        coloured_leaves(axes, passed, most=most, alpha=0.35)
+    last = coloured_leaves(axes, pose, most=most)
     bar = figure.colorbar(last, ax=axes, shrink=0.62, pad=0.01)
-    bar.set_label("von Mises stress in the leafs [MPa]", fontsize=9)
+    bar.set_label("von Mises stress in the leaf springs [MPa]", fontsize=9)
     bar.ax.tick_params(labelsize=8)
     said = f"Fourbar of four cross flexures, moved {1e3 * STROKE:.0f} mm by {pose.forces['top']:.1f} N"
     axes.set_title(said, fontsize=10, loc="left")
@@ -81,13 +81,13 @@ def draw_costs(axes: Any, rows: list[dict[str, Any]]) -> None:
     """Error of the drive force over the thread time of the steps."""
     for name, mark, size in (("strain-mode", "o", 9), ("5 elements", "s", 7)):
         for r in rows:
-            if r["leafs"] == name and r["method"] in SHOWN:
+            if r["leaves"] == name and r["method"] in SHOWN:
                 style = {"color": SHOWN[r["method"]], "markeredgecolor": "white", "zorder": 3}
                 axes.plot(r["steps"]["median_us"], 100 * r["force_error"], mark, markersize=size, **style)
     for method, color in SHOWN.items():
         said = "conventional, plain Newton" if method == "plain Newton" else method
         axes.plot([], [], color=color, linewidth=5, label=said)
-    axes.plot([], [], "o", color=FAINT, markersize=9, label="strain-mode leafs")
+    axes.plot([], [], "o", color=FAINT, markersize=9, label="strain-mode leaves")
     axes.plot([], [], "s", color=FAINT, markersize=7, label="5 elements per leaf")
     log_ticks(axes)
     axes.set_ylim(3e-5, 20)

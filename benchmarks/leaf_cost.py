@@ -98,7 +98,7 @@ def _flat_modes(orders: Sequence[int]) -> Callable[[], None]:
 
 
 def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
-    """Print and store times [us] of all leafs, and their ratio to four elements."""
+    """Print and store times [us] of all leaf springs, and their ratio to four elements."""
     chosen = options(__doc__, argv)
     cases = {f"space: strain modes {o[:3]}, {o[3]} points": _modes(o) for o in ORDERS}
     cases |= {f"space: {n} elements": _elements(n) for n in ELEMENTS}

@@ -2,9 +2,9 @@
 
     python benchmarks/modal_cost.py [--quick] [--out FOLDER]
 
-The cross flexure of paper 1 at 45 degrees, in space, by chains of 4, 10 and 48 elements, strain-mode leafs of several
+The cross flexure of paper 1 at 45 degrees, in space, by chains of 4, 10 and 48 elements, strain-mode leaves of several
 orders and modal bodies, interleaved in one process, thread CPU time, medians; then solids by scikit-fem against their
-tensors. Errors against strain-mode leafs of orders (6, 5, 9). A reduction slower than four plain elements says so.
+tensors. Errors against strain-mode leaves of orders (6, 5, 9). A reduction slower than four plain elements says so.
 """
 
 from __future__ import annotations
@@ -255,7 +255,7 @@ polynomial, so every iteration visits its ten elements and projects each tangent
 the ends and 31 inside, then eliminates the full matrix of these 31: 0.7 million operations a leaf by default,
 where the chain eliminates 54 unknowns of a narrow band, some ten thousand. Energy-conserving sampling
 (`benchmarks/sampling.py`) saves elements of fine chains, not the projection; the tensors of a solid, below, need
-neither. So for leafs take strain modes."""
+neither. So for leaf springs take strain modes."""
 
 
 def table(found: dict[str, Any]) -> str:
@@ -268,10 +268,10 @@ def table(found: dict[str, Any]) -> str:
         "Cross flexure of paper 1, 45 degrees, in space.",
         "",
     ]
-    said += ["| leafs | unknowns per leaf | iterations | iteration [us] | solve [us] | moment | kx, ky | kz, rx, ry | |",
+    said += ["| leaves | unknowns per leaf | iterations | iteration [us] | solve [us] | moment | kx, ky | kz, rx, ry | |",
              "|---|---:|---:|---:|---:|---:|---:|---:|---|"]  # fmt: skip
-    chain = next(r["solve_us"] for r in found["leafs"] if r["way"] == "full, 10 elements")
-    for r in found["leafs"]:
+    chain = next(r["solve_us"] for r in found["leaves"] if r["way"] == "full, 10 elements")
+    for r in found["leaves"]:
         slow = r["slower_than_4_elements"] and not r["way"].startswith("full")
         verdict = "slower than 4 plain elements" if slow else ""
         if r["way"].startswith("modal"):
@@ -321,7 +321,7 @@ def main(arguments: list[str] | None = None) -> dict[str, Any]:
     chosen.out.mkdir(parents=True, exist_ok=True)
     found = {
         "machine": machine(),
-        "leafs": measure(2 if chosen.quick else 15),
+        "leaves": measure(2 if chosen.quick else 15),
         "calls": calls(2 if chosen.quick else 9),
         "solids": solids(quick=chosen.quick),
     }

@@ -2,7 +2,7 @@
 
     python benchmarks/modal_health.py [--quick] [--out FOLDER]
 
-Random loads on a cantilever, a tapered leaf, a parallel guide, a pair of crossed leafs, the cross flexure
+Random loads on a cantilever, a tapered leaf, a parallel guide, a pair of crossed leaf springs, the cross flexure
 of paper 1 in space and a thick leaf meshed as a solid, with bases from as printed to the default. Counts the states
 whose true error (of link positions or drive forces, against the full model solved on its own) is 0.1 to 10 %, and how
 many indicators lie within [0.6, 1.4] of it.
@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from paper2_cases import DEFAULT, EI, PRINTED, STEEL, L, T, W, _leafs
+from paper2_cases import DEFAULT, EI, PRINTED, STEEL, L, T, W, _leaves
 
 import ksd
 from ksd.modal import ModalBasis, with_modal_bodies
@@ -44,7 +44,7 @@ SEEDS = (7, 8)
 
 def cantilever(scene: ksd.Mechanism, tip: Any) -> float:
     """One leaf."""
-    _leafs(scene, tip, [((0, 0), (L, 0))])
+    _leaves(scene, tip, [((0, 0), (L, 0))])
     return 0.8
 
 
@@ -59,15 +59,15 @@ def tapered(scene: ksd.Mechanism, tip: Any) -> float:
 
 
 def guide(scene: ksd.Mechanism, tip: Any) -> float:
-    """Two parallel leafs."""
-    _leafs(scene, tip, [((0, y), (L, y)) for y in (-0.025, 0.025)])
+    """Two parallel leaf springs."""
+    _leaves(scene, tip, [((0, y), (L, y)) for y in (-0.025, 0.025)])
     return 4.0
 
 
 def crossed(scene: ksd.Mechanism, tip: Any) -> float:
-    """Two leafs crossing at 90 degrees."""
+    """Two leaf springs crossing at 90 degrees."""
     c = L * np.sqrt(0.5)
-    _leafs(scene, tip, [((0, -0.5 * c), (c, 0.5 * c)), ((0, 0.5 * c), (c, -0.5 * c))])
+    _leaves(scene, tip, [((0, -0.5 * c), (c, 0.5 * c)), ((0, 0.5 * c), (c, -0.5 * c))])
     return 1.2
 
 
@@ -78,7 +78,7 @@ def hinge(scene: ksd.Mechanism, tip: Any) -> float:
     return 4.0
 
 
-BODIES = {"cantilever": cantilever, "tapered leaf": tapered, "parallel guide": guide, "crossed leafs": crossed,
+BODIES = {"cantilever": cantilever, "tapered leaf": tapered, "parallel guide": guide, "crossed leaf springs": crossed,
           "cross flexure in space": hinge}  # fmt: skip
 
 

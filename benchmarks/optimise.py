@@ -82,7 +82,7 @@ class Loop:
         """Cost of a design; one that cannot be solved costs more than any that can."""
         self.designs += 1
         try:
-            cost = answer(x, method="reduced", passes=1).cost()
+            cost = answer(x, method="reduced", relinearisations=1).cost()
         except ksd.KsdError:
             self.failures += 1
             cost = 1e3
@@ -91,7 +91,7 @@ class Loop:
 
 
 WAYS: dict[str, tuple[ksd.Mesh | None, dict[str, Any]]] = {
-    "reduced, 1 pass": (None, {"method": "reduced", "passes": 1}),
+    "reduced, 1 pass": (None, {"method": "reduced", "relinearisations": 1}),
     "full": (None, {"method": "full"}),
     "conventional": (None, {"method": "conventional"}),
     "conventional, 10 elements": (chain(10), {"method": "conventional"}),

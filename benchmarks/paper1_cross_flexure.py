@@ -21,7 +21,7 @@ COLORS = ("#c2410c", "#3b6ea5", "#5a9a4a", "#8a63b0", "#444b57")
 ANGLES = np.arange(5, 76, 5)
 SCALED_FORCES = (0.0, 2.0, 4.0, 8.0)
 WIDE = 4.0
-"""Factor on the width of the outer leafs in Fig. 7b."""
+"""Factor on the width of the outer leaf springs in Fig. 7b."""
 
 
 class DefaultShape:
@@ -61,7 +61,7 @@ def moments(joint: Any, n: int, *, records: Any = None) -> dict[str, list[float]
 
 
 def figure_7(out: Path, *, meshes: tuple[int, ...] = (2, 4, 6)) -> dict[str, Any]:
-    """Normalised moment over rotation: the default joint; outer leafs four times as wide."""
+    """Normalised moment over rotation: the default joint; outer leaf springs four times as wide."""
     default, wide = cross_flexure(), cross_flexure(widths=(40 * mm, WIDE * 20 * mm))
     found: dict[str, Any] = {
         "rotation_deg": ANGLES.tolist(),
@@ -77,7 +77,7 @@ def figure_7(out: Path, *, meshes: tuple[int, ...] = (2, 4, 6)) -> dict[str, Any
     for color, (n, curves) in zip(COLORS, found["default"].items(), strict=False):
         a.plot(ANGLES, curves["fe"], color=color, linewidth=3.5, alpha=0.35, label=f"FE, n = {n}")
         a.plot(ANGLES, curves["eob"], color=color, linewidth=1.2, linestyle="--", label=f"EOB, n = {n}")
-    a.plot(ANGLES, found["converged"], color="black", linewidth=0.9, label="converged (strain-mode leafs)")
+    a.plot(ANGLES, found["converged"], color="black", linewidth=0.9, label="converged (strain-mode leaves)")
     label(a, x="rotation θ [deg]", y="M / (E ΣI θ / L) [-]", title="(a) default joint")
     _wide_panel(b, found)
     a.sharey(b)
@@ -105,7 +105,9 @@ def _wide_panel(axes: Any, found: dict[str, Any]) -> None:
             linestyle=":",
             label="EOB, default functions (paper)",
         )
-    label(axes, x="rotation θ [deg]", y="M / (E ΣI θ / L) [-]", title="(b) outer leafs 4 times as wide")
+    label(
+        axes, x="rotation θ [deg]", y="M / (E ΣI θ / L) [-]", title="(b) outer leaf springs 4 times as wide"
+    )
 
 
 def across(n: int, scaled: float) -> dict[str, Any]:

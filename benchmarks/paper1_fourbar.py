@@ -120,7 +120,7 @@ def figure_11(
 ) -> dict[str, Any]:
     """Iterations, and time per iteration, over the number of elements per leaf.
 
-    Time per iteration: time of the step over its matrix solves, so that it carries the last assembly, which
+    Time per iteration: time of the step over its factorisations, so that it carries the last assembly, which
     finds the residual small, and the factorisation of the final state, which shows whether it is stable.
     """
     found: dict[str, Any] = {r: {n: effort(r, n, repeats=repeats) for n in meshes} for r in READINGS}

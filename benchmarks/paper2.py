@@ -3,7 +3,7 @@
     python benchmarks/paper2.py [--quick] [--out FOLDER]
 
 Writes fig1.png .. fig6.png of paper 2, paper2.json and paper2.md. The paper prints no dimensions and its figures are
-lost: leafs of 100 x 20 x 0.5 mm. In place of its Ansys runs stands the strain-mode leaf, an independent element.
+lost: leaf springs of 100 x 20 x 0.5 mm. In place of its Ansys runs stands the strain-mode leaf, an independent element.
 """
 
 from __future__ import annotations
@@ -155,8 +155,8 @@ def draw_modes(modes: dict[str, np.ndarray], path: Path, title: str) -> None:
 
 
 def draw_shapes(state: dict[str, Any], path: Path, title: str) -> None:
-    """Deformed leafs, one colour per model, with their strokes in the legend; beside them how far they are from the full
-    model, largest of all leafs."""
+    """Deformed leaves, one colour per model, with their strokes in the legend; beside them how far they are from the full
+    model, largest of all leaf springs."""
     import matplotlib
 
     matplotlib.use("Agg")
@@ -180,7 +180,7 @@ def draw_shapes(state: dict[str, Any], path: Path, title: str) -> None:
             off = [np.linalg.norm(a - b, axis=1) for a, b in zip(state["lines"][name], exact, strict=True)]
             apart.plot(np.linspace(0, 1, 11)[1:], 1e3 * np.max(off, axis=0)[1:], **style)
     axis.set_aspect("equal", adjustable="datalim")
-    axis.set(xlabel="x [mm]", ylabel="y [mm]", title="deformed leafs")
+    axis.set(xlabel="x [mm]", ylabel="y [mm]", title="deformed leaf springs")
     apart.set(
         xlabel="place along the leaf x/L [-]",
         ylabel="distance [mm]",
@@ -283,7 +283,7 @@ def early_order() -> float:
 
 
 def spacings(*, quick: bool) -> list[dict[str, Any]]:
-    """The guide with its leafs closer or wider: why the order of the error and refinement depend on it."""
+    """The guide with its leaf springs closer or wider: why the order of the error and refinement depend on it."""
     rows = []
     apart: tuple[dict[str, Any], ...] = tuple({"spread": d} for d in (0.05, 0.06, 0.09, 0.1, 0.15))
     centred = tuple({"spread": d, "level": 0.5} for d in (0.05, 0.1))
@@ -293,7 +293,7 @@ def spacings(*, quick: bool) -> list[dict[str, Any]]:
         row = {
             "guide": "shuttle kept from turning"
             if "held" in words
-            else f"leafs {1e3 * words['spread']:.0f} mm apart{', loaded at half length' if 'level' in words else ''}"
+            else f"leaves {1e3 * words['spread']:.0f} mm apart{', loaded at half length' if 'level' in words else ''}"
         }
         row |= {"stroke": at, "order": order, "early": early_order()}
         for elements in (10,) if quick else (10, 160):
@@ -347,9 +347,9 @@ def variants(*, quick: bool) -> list[dict[str, Any]]:
     return rows
 
 
-GUIDE = """## The guide: distance of its leafs
+GUIDE = """## The guide: distance of its leaf springs
 
-Neither the paper nor section E says how far the leafs are apart or where the load acts. The two numbers that section
+Neither the paper nor section E says how far the leaf springs are apart or where the load acts. The two numbers that section
 E asks of the guide as printed, 1 % error at 0.129 +- 0.006 L and order 4 +- .3 there, are met together from 90 to 150
 mm with the load at the leaf ends; so the reference case is 100 mm, the length of a leaf (chosen after these rows were
 seen). At 50 and 60 mm the stroke is as asked and the order at it is not; nor is the support error of 160 elements
@@ -357,9 +357,9 @@ within twice that of 10, though both are within 0.5 %. With the load at half len
 order is as asked at every distance, but the stroke is 0.136 L.
 
 Off the centre a close pair lets the shuttle turn, one leaf pulled and the other pushed. That adds an error of its
-own, of about the second power of the stroke as the leafs go soft along their length (50 mm: 0.015, 0.08, 0.18 % at
+own, of about the second power of the stroke as the leaf springs go soft along their length (50 mm: 0.015, 0.08, 0.18 % at
 0.04, 0.08, 0.12 L): near rest the order is 3.7 to 4 at every distance, on the way to 1 % it dips, the deeper the
-closer the leafs are. At half a length the turning bends the pushed leaf as if buckled. The support error of 160
+closer the leaf springs are. At half a length the turning bends the pushed leaf as if buckled. The support error of 160
 elements there is neither conditioning nor the stiffness that holds idle columns: cutting singular values at 1e-4 to
 1e-10, or holding with 1e-6 to 1e-2, changes no digit of it. It settles with the mesh (50 mm: 0.08, 0.25, 0.27, 0.32,
 0.36 % with 10, 20, 40, 80, 160 elements; 19 unknowns are most of the 27 of 10 elements), and a third internal mode
@@ -406,7 +406,7 @@ def table(found: dict[str, Any]) -> str:
         said.append(f"| {r['basis']} | {r.get('unknowns', '')} | " + " | ".join(cells) + " |")
     said += [
         "",
-        "Unknowns: in the plane of one leaf, of the reduced body; three linear ones across the plane not counted.",
+        "Unknowns: in the plane of one leaf, of the reduced body; three linear ones out of the plane not counted.",
         "",
     ]
     return "\n".join(said)

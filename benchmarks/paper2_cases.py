@@ -1,6 +1,6 @@
 """The three mechanisms of paper 2, and stroke and support compliance of any basis beside the full model.
 
-Dimensions are ours (the paper prints none): leafs 100 x 20 x 0.5 mm, so t/L = 1/200. Loads in EI/L^2 and EI/L of
+Dimensions are ours (the paper prints none): leaf springs 100 x 20 x 0.5 mm, so t/L = 1/200. Loads in EI/L^2 and EI/L of
 one leaf.
 """
 
@@ -24,7 +24,7 @@ STEEL = ksd.Material(E=200e9, G=76.9e9, density=7800)
 L, W, T = 0.1, 0.02, 0.5e-3
 EI = STEEL.E * W * T**3 / 12
 SPREAD = 0.1
-"""Distance [m] of the leafs of the parallel guide: a leaf's length. The paper prints none; from .9 to 1.5 L the stroke of
+"""Distance [m] of the leaves of the parallel guide: a leaf's length. The paper prints none; from .9 to 1.5 L the stroke of
 1 % error and its order are those of section E. The closer they are, the more the shuttle turns with one leaf pulled and
 the other pushed, which hides the order and asks for shapes of a buckled leaf (`paper2.spacings`)."""
 PRINTED = ModalBasis(coordinates="angle", frame="node", internal=0, plane=True)
@@ -33,7 +33,7 @@ DEFAULT = ModalBasis(plane=True)
 """Director coordinates, chord frame, 2 internal modes: 19 unknowns in the plane of a leaf."""
 
 
-def _leafs(scene: ksd.Mechanism, link: Any, ends: list[tuple[tuple, tuple]]) -> None:
+def _leaves(scene: ksd.Mechanism, link: Any, ends: list[tuple[tuple, tuple]]) -> None:
     for k, (start, end) in enumerate(ends):
         scene.leaf(
             scene.ground, link, start=(*start, 0.0), end=(*end, 0.0), section=rectangle(T, W), material=STEEL,
@@ -45,19 +45,19 @@ def cantilever(load: float) -> ksd.Mechanism:
     """A leaf with a dead transverse tip load [EI/L^2]; stroke: deflection over L."""
     scene = ksd.Mechanism("cantilever")
     tip = scene.link("tip")
-    _leafs(scene, tip, [((0, 0), (L, 0))])
+    _leaves(scene, tip, [((0, 0), (L, 0))])
     scene.load(tip, force=(0, load * EI / L**2, 0), at=(L, 0, 0))
     return scene
 
 
 def guide(load: float, *, spread: float = SPREAD, held: bool = False, level: float = 1.0) -> ksd.Mechanism:
-    """Two parallel leafs, loaded across [EI/L^2] at `level` of their length; stroke: deflection over L.
+    """Two parallel leaf springs, loaded across [EI/L^2] at `level` of their length; stroke: deflection over L.
 
     held: the shuttle does not turn.
     """
     scene = ksd.Mechanism("parallel guide")
     tip = scene.link("tip")
-    _leafs(scene, tip, [((0, y), (L, y)) for y in (-0.5 * spread, 0.5 * spread)])
+    _leaves(scene, tip, [((0, y), (L, y)) for y in (-0.5 * spread, 0.5 * spread)])
     if held:
         scene.support(tip, about="z")
     scene.load(tip, force=(0, load * EI / L**2, 0), at=(level * L, 0, 0))
@@ -65,10 +65,10 @@ def guide(load: float, *, spread: float = SPREAD, held: bool = False, level: flo
 
 
 def cross(load: float) -> ksd.Mechanism:
-    """Two leafs crossing at 90 degrees under a moment [EI/L]; stroke: rotation in degrees."""
+    """Two leaf springs crossing at 90 degrees under a moment [EI/L]; stroke: rotation in degrees."""
     scene = ksd.Mechanism("cross flexure")
     tip, c = scene.link("tip"), L * np.sqrt(0.5)
-    _leafs(scene, tip, [((0, -0.5 * c), (c, 0.5 * c)), ((0, 0.5 * c), (c, -0.5 * c))])
+    _leaves(scene, tip, [((0, -0.5 * c), (c, 0.5 * c)), ((0, 0.5 * c), (c, -0.5 * c))])
     scene.load(tip, moment=(0, 0, load * EI / L))
     return scene
 

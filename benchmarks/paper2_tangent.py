@@ -108,7 +108,7 @@ EXACT_HZ = {0.0: 283.5, -20.0: 97.3, -45.0: 54.5}
 
 def in_space(angles: tuple[float, ...] = ANGLES) -> list[dict[str, Any]]:
     """Errors of moment and first parasitic frequency by the tangent basis at the trained configuration, the undeformed
-    default and strain modes, against their own limit of fine leafs."""
+    default and strain modes, against their own limit of fine leaf springs."""
     scene, rows = hinge(), []
     fine = Mesh(orders=(6, 5, 9), points=14)
     for angle in angles:

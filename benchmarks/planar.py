@@ -23,7 +23,7 @@ from ksd.units import GPa, deg, mm
 
 STROKE = 300 * mm
 MESHES = {
-    "strain-mode leafs": Mesh(),
+    "strain-mode leaves": Mesh(),
     "5 elements, condensed": Mesh("corotational", elements=5),
     "5 elements, nodal": Mesh("corotational", elements=5, nodal=True),
 }

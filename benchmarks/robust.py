@@ -3,7 +3,7 @@
     python benchmarks/robust.py [arms estimates files kills trust use]
 
 arms: open chains of joints against differences and pivoting; estimates: error figures against the truth; files: damage;
-kills: bit flips and training killed at random moments; trust: scenes no flexure has, taut leafs; use: memory, threads.
+kills: bit flips and training killed at random moments; trust: scenes no flexure has, taut leaves; use: memory, threads.
 """
 
 from __future__ import annotations

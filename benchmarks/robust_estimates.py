@@ -3,9 +3,9 @@
     python benchmarks/robust_estimates.py [--scenes 1000] [--seed 0] [--part NAME ...]
 
 Parts: `relinearised`, the force estimates of `reduced` after one relinearisation, against `full`; `mesh`, the error of
-answers on chains of elements and strain-mode leafs of few modes by every method; `modal`, that of modal bodies, all joints
+answers on chains of elements and strain-mode leaves of few modes by every method; `modal`, that of modal bodies, all joints
 of a scene or one; `questions`, that of stiffness, frequencies, stress and energy (`with_error`). The truth of the last three
-is on strain-mode leafs of orders (8, 8, 12), more than what an error is found with.
+is on strain-mode leaves of orders (8, 8, 12), more than what an error is found with.
 """
 
 from __future__ import annotations
@@ -41,8 +41,8 @@ def random_hinge(rng: np.random.Generator, names: tuple[str, ...] = HINGES) -> A
 
 
 def softest(joints: list[Any]) -> float:
-    """Smallest EI/L^2 [N] of the leafs of some joints."""
-    return min(f.material.E * f.section.Iz / f.length**2 for j in joints for f in j.leafs())
+    """Smallest EI/L^2 [N] of the leaf springs of some joints."""
+    return min(f.material.E * f.section.Iz / f.length**2 for j in joints for f in j.leaves())
 
 
 def fourbar(rng: np.random.Generator) -> tuple[Any, dict[str, float]]:
@@ -92,7 +92,7 @@ def arm(rng: np.random.Generator) -> tuple[Any, dict[str, float]]:
 
 
 def unequal(rng: np.random.Generator) -> tuple[Any, dict[str, float]]:
-    """A fourbar of four different hinges under a force, also across its plane."""
+    """A fourbar of four different hinges under a force, also out of its plane."""
     joints = [random_hinge(rng) for _ in range(4)]
     size = max(j.length for j in joints)
     wide, high = size * rng.uniform(1.5, 5.0), size * rng.uniform(1.5, 5.0)
@@ -151,7 +151,7 @@ def slider(rng: np.random.Generator) -> tuple[Any, dict[str, float]]:
 
 
 def frame(rng: np.random.Generator) -> tuple[Any, dict[str, float]]:
-    """Leafs without joints: a stage on one to three leafs that lie about side by side, in a plane or in space, moved
+    """Leaves without joints: a stage on one to three leaves that lie about side by side, in a plane or in space, moved
     across them under a force."""
     scene = ksd.Mechanism("random frame")
     stage, flat, L, stiff = scene.link("stage"), rng.random() < 0.5, 0.1, math.inf
@@ -308,8 +308,8 @@ def relinearised(count: int, seed: int) -> bool:
             break
         tried += 1
         try:
-            pose = ksd.solve(scene, targets, method="reduced", passes=1, strict=False)
-            truth = ksd.solve(scene, targets, method="full", passes=1)
+            pose = ksd.solve(scene, targets, method="reduced", relinearisations=1, strict=False)
+            truth = ksd.solve(scene, targets, method="full", relinearisations=1)
         except KsdError:
             continue
         true, told = relative_force(pose, truth)

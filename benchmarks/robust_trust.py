@@ -1,4 +1,4 @@
-"""Answers that must not be trusted in silence: scenes in other units, blocks bent like leafs, taut leafs, loose residuals.
+"""Answers that must not be trusted in silence: scenes in other units, blocks bent like leaves, taut leaves, loose residuals.
 
     python benchmarks/robust_trust.py [count]
 
@@ -66,7 +66,7 @@ def rod(slenderness: float, way: float, before: Any = None) -> Any:
 
 
 def taut(count: int, rng: np.random.Generator) -> None:
-    """Taut leafs against the rod: wrong by more than the accuracy asked for, and trusted without a word."""
+    """Taut leaf springs against the rod: wrong by more than the accuracy asked for, and trusted without a word."""
     silent, worst, told = 0, 0.0, 0
     for _ in range(count):
         slenderness, way = 10 ** rng.uniform(1.3, 2.5), 10 ** rng.uniform(-1.7, -0.5)
@@ -82,14 +82,14 @@ def taut(count: int, rng: np.random.Generator) -> None:
         if not pose.warnings:
             worst = max(worst, off)
     print(
-        f"taut leafs: {silent} of {count} off by more than {ACCURACY:g} in silence; {told} with a warning, ",
+        f"taut leaves: {silent} of {count} off by more than {ACCURACY:g} in silence; {told} with a warning, ",
         end="",
     )
     print(f"the others off by at most {worst:.1e}")
 
 
 def units(count: int, rng: np.random.Generator) -> None:
-    """Random leafs in SI, and the same with moduli in MPa, lengths in mm, or the thickness of a block."""
+    """Random leaf springs in SI, and the same with moduli in MPa, lengths in mm, or the thickness of a block."""
     loud = silent = trusted = 0
     for _ in range(count):
         length = 10 ** rng.uniform(-2.5, -0.3)

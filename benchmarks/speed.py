@@ -32,22 +32,22 @@ class Case(NamedTuple):
     """One way to the configuration: method, leaf model, elements per leaf (0: strain-mode), and the call."""
 
     method: str
-    leafs: str
+    leaves: str
     elements: int
     solve: Callable[[], ksd.Configuration]
 
 
-def five_steps(scene: Any, mesh: ksd.Mesh, leafs: str, elements: int) -> list[Case]:
+def five_steps(scene: Any, mesh: ksd.Mesh, leaves: str, elements: int) -> list[Case]:
     """Every method, and the conventional one in the plane; without the error estimate, which has a row of its own."""
     solver = ksd.prepare(scene, mesh=mesh)
 
     def case(name: str, method: str, **more: Any) -> Case:
-        return Case(name, leafs, elements, lambda: solver(TARGETS, method=method, **more))
+        return Case(name, leaves, elements, lambda: solver(TARGETS, method=method, **more))
 
     def in_space(name: str, *, planar: bool) -> Case:
         return Case(
             name,
-            leafs,
+            leaves,
             elements,
             lambda: conventional(solver.model, TARGETS, planar=planar, storage=solver.storage),
         )
@@ -56,7 +56,7 @@ def five_steps(scene: Any, mesh: ksd.Mesh, leafs: str, elements: int) -> list[Ca
         case("kinematic", "kinematic", estimate=False),
         case("reduced", "reduced", estimate=False),
         case("reduced with estimate", "reduced"),
-        case("reduced, 1 pass", "reduced", passes=1, estimate=False),
+        case("reduced, 1 pass", "reduced", relinearisations=1, estimate=False),
         case("full", "full"),
         in_space("conventional", planar=False),
         in_space("conventional, planar", planar=True),
@@ -67,19 +67,19 @@ def cases_of(reading: int, meshes: Sequence[int]) -> list[Case]:
     """All ways to the fourbar at d = 0.3 m."""
     found = five_steps(fourbar(reading), ksd.Mesh(), "strain-mode", 0)
     for n in meshes:
-        leafs = f"{n} element{'s' * (n > 1)}"
-        found += five_steps(fourbar(reading), chain(n), leafs, n)
-        found.append(Case("plain Newton", leafs, n, PlainNewton(fourbar(reading), n, TARGETS)))
+        leaves = f"{n} element{'s' * (n > 1)}"
+        found += five_steps(fourbar(reading), chain(n), leaves, n)
+        found.append(Case("plain Newton", leaves, n, PlainNewton(fourbar(reading), n, TARGETS)))
     n = 5 if 5 in meshes else meshes[-1]
-    leafs = f"{n} elements"
+    leaves = f"{n} elements"
     condensed = PlainNewton(fourbar(reading), n, TARGETS, nodal=False)
-    found.append(Case("plain Newton, condensed leafs", leafs, n, condensed))
+    found.append(Case("plain Newton, condensed leaf springs", leaves, n, condensed))
     nodal = ksd.compile_scene(fourbar(reading), mesh=chain(n, mip=False, nodal=True))
     found.append(
-        Case("plain Newton, turns capped", leafs, n, lambda: conventional(nodal, TARGETS, planar=False))
+        Case("plain Newton, turns capped", leaves, n, lambda: conventional(nodal, TARGETS, planar=False))
     )
     planar = PlainNewton(fourbar(reading), n, TARGETS, planar=True)
-    found.append(Case("plain Newton, planar", leafs, n, planar))
+    found.append(Case("plain Newton, planar", leaves, n, planar))
     return found
 
 
@@ -105,14 +105,14 @@ def whole_solves(reading: int, meshes: Sequence[int], *, repeats: int) -> dict[s
         for case, c, s, w in zip(cases, results, steps, calls, strict=True)
     ]
     reference = {"force_N": exact.forces["top"], "rotation_rad": float(exact.rotation("top")[2])}
-    return {"reference": {**reference, "leafs": str(FINEST)}, "rows": rows}
+    return {"reference": {**reference, "leaves": str(FINEST)}, "rows": rows}
 
 
 def _figures(case: Case, c: ksd.Configuration, exact: ksd.Configuration) -> dict[str, Any]:
     turned, right = (float(x.rotation("top")[2]) for x in (c, exact))
     found: dict[str, Any] = {
         "method": case.method,
-        "leafs": case.leafs,
+        "leaves": case.leaves,
         "elements": case.elements,
         "iterations": c.iterations,
         "force_N": c.forces["top"],
@@ -136,8 +136,8 @@ def claims(found: dict[str, Any]) -> list[dict[str, Any]]:
         ("reduced iteration [µs]", 20.0, costs["reduced, 5 elements"]["iteration"]["median_us"]),
     ]
     for r in rows:
-        listed.append((f"`reduced`, {r['leafs']}: the steps [µs]", 400.0, r["steps"]["median_us"]))
-        listed.append((f"`reduced`, {r['leafs']}: the whole call [µs]", 400.0, r["call"]["median_us"]))
+        listed.append((f"`reduced`, {r['leaves']}: the steps [µs]", 400.0, r["steps"]["median_us"]))
+        listed.append((f"`reduced`, {r['leaves']}: the whole call [µs]", 400.0, r["call"]["median_us"]))
     if "start_up" in found:
         warm = max(v["prepared_s"] for k, v in found["start_up"].items() if "empty cache" not in k)
         listed.append(("second process, until it solves [s]", 2.0, warm))

@@ -43,11 +43,19 @@ def _table(head: list[str], rows: list[list[str]], *, left: int) -> list[str]:
 
 def solves_table(rows: list[dict[str, Any]]) -> list[str]:
     """One row per way to the configuration."""
-    head = ["method", "leafs", "iterations", "steps [µs]", "whole call [µs]", "force error", "rotation error"]
+    head = [
+        "method",
+        "leaves",
+        "iterations",
+        "steps [µs]",
+        "whole call [µs]",
+        "force error",
+        "rotation error",
+    ]
     body = [
         [
             r["method"],
-            r["leafs"],
+            r["leaves"],
             str(r["iterations"]),
             span(r["steps"]),
             span(r["call"]),
@@ -87,8 +95,8 @@ def _why_missed(solves: dict[str, Any]) -> list[str]:
         f"Where the ratios end (reading 1, one run, µs): {spent}; around them in Python",
         f"{rows['full']['call']['median_us'] - rows['full']['steps']['median_us']:.0f}. The conventional solver in "
         f"space takes {mip['iterations']} iterations, {mip['steps']['median_us']:.0f} µs in all, on the same condensed",
-        "leafs: steps 1, 2 and 4 cost about as much as the iterations they save on joints this small. Joints of many",
-        "leafs repay them: see the arm of 3x-infinity joints in `bench.json`.",
+        "leaves: steps 1, 2 and 4 cost about as much as the iterations they save on joints this small. Joints of many",
+        "leaf springs repay them: see the arm of 3x-infinity joints in `bench.json`.",
     ]
 
 
@@ -108,7 +116,7 @@ def markdown(found: dict[str, Any]) -> str:
         "",
         "Thread CPU time, medians (quartiles), cases in turns in one process. Steps: the compiled work of a",
         "solve; whole call: that and what Python does around it, as the user pays it. Errors against strain-mode",
-        "leafs of orders (6, 5, 9). Plain Newton: the paper's conventional method (all element nodes, best eps_max",
+        "leaf springs of orders (6, 5, 9). Plain Newton: the paper's conventional method (all element nodes, best eps_max",
         "per case); capped: no node turns more than 0.3 rad in one iteration, which the paper's does not do.",
         "Conventional, planar: 3 unknowns per node, as it is solved by itself where a scene stays in its plane.",
         "",
@@ -146,13 +154,21 @@ def readme_table(found: dict[str, Any]) -> str:
     """The table of the README: the fourbar of its script by every method, and the targets."""
     solves = found["solves"]["1"]
     kept = [r for r in solves["rows"] if r["method"] in README_ROWS and r["elements"] in (0, 5)]
-    head = ["method", "leafs", "iterations", "steps [µs]", "whole call [µs]", "force error", "rotation error"]
+    head = [
+        "method",
+        "leaves",
+        "iterations",
+        "steps [µs]",
+        "whole call [µs]",
+        "force error",
+        "rotation error",
+    ]
     body = [
         [
             f"`{r['method']}`"
             if r["method"] in ("kinematic", "reduced", "full", "conventional")
             else r["method"],
-            r["leafs"],
+            r["leaves"],
             str(r["iterations"]),
             f"{r['steps']['median_us']:.0f}",
             f"{r['call']['median_us']:.0f}",
@@ -170,10 +186,10 @@ def readme_table(found: dict[str, Any]) -> str:
         "",
         *_table(head, body, left=2),
         "",
-        "Steps: the compiled work; whole call: with what Python does around it. Errors against strain-mode leafs of",
+        "Steps: the compiled work; whole call: with what Python does around it. Errors against strain-mode leaves of",
         "orders (6, 5, 9). Plain Newton: the conventional method of the paper, on all element nodes, with the",
         f"eps_max best for it. One iteration of everything costs {full:.0f} µs with 5 elements per leaf and",
-        f"{strain:.0f} µs with strain-mode leafs; of the reduced mechanism {reduced:.1f} µs. All tables, with spread",
+        f"{strain:.0f} µs with strain-mode leaves; of the reduced mechanism {reduced:.1f} µs. All tables, with spread",
         "and targets met and missed, are in `benchmarks/results/speed.md`. All is solved in space but for the planar",
         "row: the way taken by default where a scene stays in its plane.",
     ]
@@ -209,7 +225,7 @@ def picture(found: dict[str, Any], path: Path) -> None:
 
 
 def work_precision(axes: Any, rows: list[dict[str, Any]], key: str, *, room: float) -> None:
-    """Marks of every method in SERIES: squares for n Appendix A elements, circles for strain-mode leafs."""
+    """Marks of every method in SERIES: squares for n Appendix A elements, circles for strain-mode leaves."""
     shown = [r for r in rows if r["method"] in SERIES]
     for method, color in SERIES.items():
         mine = [r for r in shown if r["method"] == method]
@@ -227,7 +243,7 @@ def work_precision(axes: Any, rows: list[dict[str, Any]], key: str, *, room: flo
             axes.plot(ends, [error] * 2, color=color, linewidth=0.6, alpha=0.35, zorder=1)
             axes.plot(ends[1], error, "|", color=color, markersize=6, zorder=2)
             if not r["elements"]:
-                name = f"{method}, strain-mode leafs"
+                name = f"{method}, strain-mode leaves"
                 style = {"markersize": 8, "markeredgecolor": "black", "linestyle": "none", "label": name}
                 axes.plot(ends[0], error, "o", color=color, zorder=4, **style)
     front = pareto([(r["steps"]["median_us"], 100 * r[key]) for r in shown])

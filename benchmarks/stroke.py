@@ -2,7 +2,7 @@
 
 Every standard question (force, drive and support stiffness, frequencies with modes followed, stress, parasitic motion,
 energy), and buckling besides; thread CPU time of the whole sweep, methods in turns. Errors are the largest over the
-stroke against `conventional` with strain-mode leafs of orders (6, 5, 9). Targets: 0.3 s with `reduced`, 1.5 s with `full`.
+stroke against `conventional` with strain-mode leaves of orders (6, 5, 9). Targets: 0.3 s with `reduced`, 1.5 s with `full`.
 Run: python benchmarks/stroke.py
 """
 

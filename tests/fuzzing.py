@@ -48,7 +48,7 @@ def check_answer(found):
     assert all(math.isfinite(f) for f in found.forces.values())
     numbers = found.as_dict()
     json.dumps(numbers, allow_nan=False)
-    for table in ("links", "leafs"):
+    for table in ("links", "leaves"):
         for row in numbers[table].values():
             assert all(v is not None for values in row.values() for v in values), (table, row)
 

@@ -76,7 +76,7 @@ def bistable(Q=6.0, length=0.1, thickness=0.5e-3, flaw=0.01):
 
 
 def column(share=0.0, length=0.1, load=1.0):
-    """A clamped column of two leafs, its top guided, pressed by `load` times the Euler load; share: sideways
+    """A clamped column of two leaf springs, its top guided, pressed by `load` times the Euler load; share: sideways
     part of the Euler load."""
     section = rectangle(0.5e-3, 0.02)
     euler = 4 * np.pi**2 * STEEL.E * section.Iz / length**2
@@ -97,7 +97,7 @@ def column(share=0.0, length=0.1, load=1.0):
 
 def frame(*, unit=1.0, turn=None, shift=(0.0, 0.0, 0.0), force=0.0):
     """The fourbar of paper 1 with all lengths times `unit`, turned by the rotation matrix `turn` and shifted (3,) [m];
-    force [N] across the plane on the top link."""
+    force [N] out of the plane on the top link."""
     T, origin = np.eye(3) if turn is None else turn, np.asarray(shift, float)
     joint = ksd.CrossFlexure(
         STEEL, length=0.1 * unit, angle=np.pi / 4, thickness=1e-3 * unit, widths=(0.04 * unit, 0.02 * unit)
@@ -156,7 +156,7 @@ def cantilever(
 
 
 def guide(*, twist=False):
-    """An overconstrained guide: two parallel leafs, stroke along y; twist: the shuttle is also turned about x."""
+    """An overconstrained guide: two parallel leaf springs, stroke along y; twist: the shuttle is also turned about x."""
     scene = ksd.Mechanism("guide")
     shuttle = scene.link("shuttle")
     for y in (-0.03, 0.03):

@@ -180,7 +180,7 @@ def frequency_error(found, count=4):
     # G with K^-1 = G G^T: of the free motions, and of every leaf
     roots = [np.linalg.solve(np.linalg.cholesky(free.T @ K @ free), free.T).T]
     places = [np.arange(len(K))]
-    for leaf in mass.leafs:
+    for leaf in mass.leaves:
         values, vectors = np.linalg.eigh(leaf.Z)
         roots += list(vectors * np.sqrt(np.maximum(values, 0.0))[:, None])
         places += list(leaf.inner)

@@ -94,14 +94,14 @@ directions = st.tuples(*[st.floats(-1, 1)] * 3).map(np.array).filter(lambda v: n
 
 @st.composite
 def leaf_scenes(draw, *, most_load=20.0):
-    """One to three leafs in a row or a tree: any size from micrometres to kilometres, any stiffness, in or out of the plane.
+    """One to three leaves in a row or a tree: micrometres to kilometres, any stiffness, in or out of the plane.
 
     Loads in units of EI/L^2 up to `most_load`; drives up to 0.4 L or 1.2 rad. Returns (mechanism, targets).
     """
     unit, E = draw(powers(1e-6, 1e3)), draw(powers(1e3, 1e12))
     stuff = ksd.Material(E=E, nu=draw(st.floats(0.0, 0.45)))
     flat = draw(st.booleans())
-    scene = ksd.Mechanism("random leafs")
+    scene = ksd.Mechanism("random leaf springs")
     places, links = [np.zeros(3)], [scene.ground]
     bend = 0.0
     for k in range(draw(st.integers(1, 3))):
@@ -159,7 +159,7 @@ def joint_scenes(draw, *, most_load=20.0):
     placed = scene.join(scene.ground, tip, joint, at=(0, 0, 0), axis="z", toward="x", name="hinge")
     scene.actuate_joint(placed, name="turn")
     if draw(st.booleans()):
-        EI = min(STEEL.E * leaf.section.Iz for leaf in joint.leafs())
+        EI = min(STEEL.E * leaf.section.Iz for leaf in joint.leaves())
         force = draw(directions) * EI / length**2 * draw(st.floats(0.0, most_load))
         scene.load(tip, force=tuple(force), at=joint.pose_B)
     return scene, {"turn": draw(st.floats(-1.3, 1.3))}
@@ -253,7 +253,8 @@ def broken_calls(draw):
 
 
 SOLVE_WORDS = {
-    "targets": junk, "method": junk, "accuracy": junk, "mesh": junk, "passes": junk, "extrapolate": junk, "strict": junk,
+    "targets": junk, "method": junk, "accuracy": junk, "mesh": junk, "relinearisations": junk,
+    "extrapolate": junk, "strict": junk,
     "turn": junk, "tip": junk, "effects": junk, "with_": junk, "without": junk,
 }  # fmt: skip
 

@@ -113,7 +113,7 @@ def test_figures_of_paper_2(script, tmp_path):
 
 def test_cost_and_health_of_modal_bodies(script, tmp_path):
     cost = script("modal_cost").main(["--quick", "--out", str(tmp_path)])
-    rows = {r["way"]: r for r in cost["leafs"]}
+    rows = {r["way"]: r for r in cost["leaves"]}
     assert rows["modal, default"]["in_plane_error"] < 1.05 * rows["full, 10 elements"]["in_plane_error"]
     assert rows["strain modes (4, 3, 6)"]["across_error"] < 1e-4
     assert cost["solids"][0]["tip_error"] < 1e-4
@@ -128,7 +128,7 @@ def test_batches_and_tabulated_joints(script):
     designs = batch.drawn(12, seed=3)
     found = ksd.batch(batch.fourbar, designs=designs, top=stroke, threads=1)
     assert batch.difference(found, designs, stroke) < 1e-10
-    rows = {(r["case"], r["leafs"]): r for r in batch.tabulated(12)}
+    rows = {(r["case"], r["leaves"]): r for r in batch.tabulated(12)}
     assert len(rows) == 4 and all(r["solved"] == 12 and r["force_error"] < 1e-6 for r in rows.values())
 
 

@@ -115,7 +115,20 @@ def test_curvature_modes_are_raised_as_ksd_solve_does(capsys):
 
 def test_elements_passes_accuracy_and_vtu(record, capsys, tmp_path):
     assert (
-        main(["solve", FOURBAR, "--method", "reduced", "--passes", "1", "--elements", "5", "--json", "-"])
+        main(
+            [
+                "solve",
+                FOURBAR,
+                "--method",
+                "reduced",
+                "--relinearisations",
+                "1",
+                "--elements",
+                "5",
+                "--json",
+                "-",
+            ]
+        )
         == 0
     )
     numbers = json.loads(capsys.readouterr().out)
@@ -151,8 +164,8 @@ def test_options_in_the_file_and_over_it(scene, capsys):
         (["--set", "top=nan"], ["top", "nan", "finite"]),
         (["--method", "magic"], ["'magic'", "reduced"]),
         (["--method", "full", "--accuracy", "1e-3"], ["exclude each other"]),
-        (["--passes", "2"], ["passes = 2", "--method reduced"]),
-        (["--passes", "-1", "--method", "reduced"], ["passes = -1"]),
+        (["--relinearisations", "2"], ["relinearisations = 2", "--method reduced"]),
+        (["--relinearisations", "-1", "--method", "reduced"], ["relinearisations = -1"]),
         (["--accuracy", "7"], ["accuracy = 7"]),
         (["--elements", "0"], ["elements = 0"]),
         (["--plot", "picture.xyz"], ["xyz", ".png"]),

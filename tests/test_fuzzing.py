@@ -20,7 +20,7 @@ def examples(count):
 
 @examples(250)
 @given(strategies.leaf_scenes())
-def test_leafs_in_any_arrangement(case):
+def test_leaves_in_any_arrangement(case):
     fuzzing.solved(*case)
 
 

@@ -91,7 +91,7 @@ def test_springs_and_constraints_of_every_kind():
     assert conventional(compile_scene(scene), {}, planar=False).converged
 
 
-def test_leafs_curved_at_rest():
+def test_leaves_curved_at_rest():
     scene = ksd.Mechanism("arc")
     tip = scene.link("tip")
     scene.leaf(

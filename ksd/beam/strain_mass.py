@@ -72,14 +72,14 @@ def strain_parts(value: Array, number: NDArray[np.int64], inner: Array) -> Strai
 def many_parts(
     value: Array, number: NDArray[np.int64], inner: Array, gravity: Array | None = None
 ) -> StrainParts:
-    """Those of k leafs of equal settings `number`, from constants (k, v) and inner states (k, N + 6); every array has
-    a leading axis (k,), so that all are worked on in one call. gravity (k, 3) [m/s^2] in frames p of leafs with weight.
+    """Those of k leaf springs of equal settings `number`, from constants (k, v) and inner states (k, N + 6); every array has
+    a leading axis (k,), so that all are worked on in one call. gravity (k, 3) [m/s^2] in frames p of leaves with weight.
     """
     return _many(value, number, inner, gravity)[0]
 
 
 def many_pulls(value: Array, number: NDArray[np.int64], inner: Array, gravity: Array) -> StrainPull:
-    """How k leafs with weight follow gravity (k, 3) [m/s^2], frames p; arrays as in `many_parts`."""
+    """How k leaf springs with weight follow gravity (k, 3) [m/s^2], frames p; arrays as in `many_parts`."""
     parts, v, S, eta = _many(value, number, inner, gravity)
     M = np.stack([masses_beyond(leaf, number) for leaf in value])
     amount = parts.length[:, None] * parts.weight * M
@@ -97,13 +97,13 @@ def _every_leaf(value, number, inner, pull, scratch, tangent):
 
 
 def _every_field(number: NDArray[np.int64], scratch: Array) -> Any:
-    """`Fields` of k leafs in rows of `scratch`, every array with a leading axis (k,)."""
+    """`Fields` of k leaf springs in rows of `scratch`, every array with a leading axis (k,)."""
     rows = [fields_of(number, row) for row in scratch]
     return type(rows[0])(*(np.stack(arrays) for arrays in zip(*rows, strict=True)))
 
 
 def many_slacks(value: Array, number: NDArray[np.int64], inner: Array) -> Array:
-    """S (k, 3, 3) [m/N] of k leafs, without the rest of `many_parts`."""
+    """S (k, 3, 3) [m/N] of k leaf springs, without the rest of `many_parts`."""
     nx, ny, nz, ng = (int(n) for n in number[:4])
     first = 1 + nx * nx + ny * ny + nz * nz + nx + ny + nz
     scratch, none = np.zeros((len(value), strain_scratch(number))), np.zeros((len(value), 0))

@@ -1,4 +1,4 @@
-"""Orientation and slope along strain-mode leafs, step by step, for pictures and section forces."""
+"""Orientation and slope along strain-mode leaves, step by step, for pictures and section forces."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from ksd.numerics.rotations import rotation_exp
 
 @kernel
 def walk(kappa, soft, force, step, start, R, v):
-    """R (k, m+1, 3, 3) and v = r' (k, m+1, 3) after every one of m steps of length step (k,) [m] along k leafs.
+    """R (k, m+1, 3, 3) and v = r' (k, m+1, 3) after every one of m steps of length step (k,) [m] along k leaf springs.
 
     kappa (k, 2 m, 3) [1/m]: curvature at the first Gauss point of every step, then at the second; soft (k, m+1, 3) [1/N]:
     stretch and shear compliance, force (k, m+1, 3) [N], at the ends of the steps; start (k, 3, 3): R before the first.

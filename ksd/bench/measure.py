@@ -52,11 +52,11 @@ class Row:
     """One way to a case. Thread times [us] as (lower quartile, median, upper quartile): of the whole call, and
     of the compiled steps alone. Errors are relative to the converged state: largest drive force error over the
     largest force, largest link displacement error over the largest displacement, worst support stiffness of
-    the case's point. nan where unknown; failed: why it did not converge. passes: over all leafs, each a condensation.
+    the case's point. nan where unknown; failed: why it did not converge. passes: over all leaf springs, each a condensation.
     """
 
     method: str
-    leafs: str
+    leaves: str
     size: int
     iterations: int
     call: tuple[float, float, float]
@@ -117,11 +117,11 @@ def measure(case: Case, *, quick: bool = False, repeats: int = 15) -> Measured:
 
 
 def _converged(scene: Any, targets: dict[str, float]) -> Configuration:
-    """The state errors are counted from: finest leafs, conventional, or full where that does not arrive."""
+    """The state errors are counted from: finest leaf springs, conventional, or full where that does not arrive."""
     try:
         return conventional(compile_scene(scene, mesh=FINEST), targets)
     except ConvergenceError:
-        return Solver(scene, mesh=FINEST, extrapolate=True)(targets, method="full", passes=1)
+        return Solver(scene, mesh=FINEST, extrapolate=True)(targets, method="full", relinearisations=1)
 
 
 def _rounds(took: float, repeats: int) -> int:
@@ -174,14 +174,14 @@ def _row(way: Way, c: Configuration, times: Any, truth: tuple[Configuration, np.
     except KsdError:
         stiffness = math.nan
     return Row(
-        way.method, way.leafs, way.size, c.iterations, call, steps, first,
+        way.method, way.leaves, way.size, c.iterations, call, steps, first,
         float(np.abs(forces - wanted).max() / np.abs(wanted).max()), float(off / moved), stiffness,
         bool(c.stable), way.note, passes=passes_of(c),
     )  # fmt: skip
 
 
 def passes_of(c: Configuration) -> int:
-    """How often a solve went over all leafs: condensations of step 2, and every look at the equilibrium of everything."""
+    """How often a solve went over all leaves: condensations of step 2, and every look at the equilibrium of everything."""
     count = 0
     for step in c.steps:
         if step.name[0] == "2":
@@ -197,7 +197,7 @@ def passes_of(c: Configuration) -> int:
 def _failed(way: Way, why: str) -> Row:
     none = (math.nan,) * 3
     errors = (math.nan,) * 3
-    return Row(way.method, way.leafs, way.size, 0, none, none, math.nan, *errors, False, way.note, why)
+    return Row(way.method, way.leaves, way.size, 0, none, none, math.nan, *errors, False, way.note, why)
 
 
 def machine() -> dict[str, Any]:
@@ -293,36 +293,38 @@ def table(measured: Measured) -> Any:
     marked = {id(r) for key in ERRORS for r in front(measured.rows, key)}
     found = Table(box=box.SIMPLE_HEAD, title=measured.case, title_justify="left", pad_edge=False)
     for i, name in enumerate(
-        ("method", "leafs", "it.", "call [us]", "steps [us]", "force", "displ.", "stiffness")
+        ("method", "leaves", "it.", "call [us]", "steps [us]", "force", "displ.", "stiffness")
     ):
         found.add_column(name, justify="left" if i < 2 else "right", no_wrap=True)
     before = measured.rows[0]
     for r in measured.rows:
-        if r.leafs != before.leafs:
+        if r.leaves != before.leaves:
             found.add_section()
         before = r
         if r.failed:
-            found.add_row(r.method, r.leafs, *["-"] * 5, "failed")
+            found.add_row(r.method, r.leaves, *["-"] * 5, "failed")
             continue
         name = r.method + " *" * (id(r) in marked) + " !" * (not r.stable)
         times = [f"{r.call[1]:.0f}", f"{r.steps[1]:.0f}"]
-        found.add_row(name, r.leafs, str(r.iterations), *times, *[percent(getattr(r, key)) for key in ERRORS])
+        found.add_row(
+            name, r.leaves, str(r.iterations), *times, *[percent(getattr(r, key)) for key in ERRORS]
+        )
     return found
 
 
 def summary(measured: Measured) -> list[str]:
     """What the rows say in words: the cheapest way of each method within GOOD, and ratios on equal meshes."""
     rows = cheapest(measured.rows)
-    found = [f"{r.method}: {r.call[1]:.0f} us with {r.leafs}" for r in rows]
+    found = [f"{r.method}: {r.call[1]:.0f} us with {r.leaves}" for r in rows]
     said = "; ".join(found) if found else "no way"
     lines = [f"Within 0.1 % of the force and 1 % of the support stiffness: {said}."]
-    for leafs in dict.fromkeys(r.leafs for r in measured.rows):
-        times = {r.method: r.call[1] for r in measured.rows if r.leafs == leafs and not r.failed}
+    for leaves in dict.fromkeys(r.leaves for r in measured.rows):
+        times = {r.method: r.call[1] for r in measured.rows if r.leaves == leaves and not r.failed}
         parts = [
             f"{' / '.join(f'{times[base] / times[m]:.1f}' for m in ('full', 'reduced'))} times as fast as {name}"
             for base, name in (("plain Newton", "plain Newton"), ("conventional", "conventional in space"))
             if base in times and "full" in times and "reduced" in times
         ]
         if parts:
-            lines.append(f"{leafs}: full / reduced {', '.join(parts)}.")
+            lines.append(f"{leaves}: full / reduced {', '.join(parts)}.")
     return lines

@@ -18,7 +18,7 @@ import numpy as np
 from ksd.errors import ConvergenceError, KsdError
 from ksd.modal.choices import ModalBasis
 from ksd.model.compile import compile_scene
-from ksd.model.leafs import Mesh
+from ksd.model.leaves import Mesh
 from ksd.scene import CrossFlexure, Material, Mechanism
 from ksd.scene.families.guide import ParallelGuide
 from ksd.scene.toml_file import load_scene
@@ -166,7 +166,7 @@ def random_stage(seed: int = 7) -> tuple[Mechanism, Targets]:
 
 
 _TOP = REACH + cross().length_AB
-_LONG = "not run: one call with bodies for so many leafs takes half a minute"
+_LONG = "not run: one call with bodies for so many leaf springs takes half a minute"
 
 SUITE: tuple[Case, ...] = (
     Case("cross flexure, 45 degrees", hinge, "tip", cross().pose_B),
@@ -220,7 +220,7 @@ SUITE: tuple[Case, ...] = (
 EPS_MAX = (1e4, 1e5, 3e5, 1e6, 3e6, 1e7, 3e7, 1e8, 3e8, 1e9, math.inf)
 """Thresholds tried for plain Newton; the paper does not print its own."""
 ORDERS = (((3, 2, 4), 5), ((4, 2, 5), 6), ((4, 3, 6), 7), ((5, 3, 6), 8))
-"""Strain-mode leafs compared: curvature modes about x, y, z, and points."""
+"""Strain-mode leaves compared: curvature modes about x, y, z, and points."""
 FINEST = Mesh(orders=(6, 5, 9), points=14)
 """The leaf model errors are counted from."""
 
@@ -230,7 +230,7 @@ class Way:
     """One way: method, leaf model in words, its size (elements per leaf, or curvature modes), and the call."""
 
     method: str
-    leafs: str
+    leaves: str
     size: int
     solve: Callable[[], Configuration]
     note: str = ""
@@ -255,21 +255,21 @@ def five_step_ways(
 ) -> list[Way]:
     """Every method of one prepared solver; the fast ones without their error estimate."""
     solver = Solver(scene, mesh=mesh, extrapolate=extrapolate, planar=False)
-    leafs, size = label_of(mesh), sum(mesh.orders) if mesh.leaf == "strain" else mesh.elements
+    leaves, size = label_of(mesh), sum(mesh.orders) if mesh.leaf == "strain" else mesh.elements
 
     def way(name: str, method: Method, **more: Any) -> Way:
-        return Way(name, leafs, size, lambda: solver(targets, method=method, **more))
+        return Way(name, leaves, size, lambda: solver(targets, method=method, **more))
 
     def in_space(planar: bool) -> Configuration:
         return conventional(solver.model, targets, planar=planar, storage=solver.storage)
 
     found = [way("kinematic", "kinematic", estimate=False)]
-    for passes in range(3):
-        name = ("reduced", "reduced, 1 pass", "reduced, 2 passes")[passes]
-        found.append(way(name, "reduced", passes=passes, estimate=False))
-    found += [way("full", "full"), Way("conventional", leafs, size, lambda: in_space(False))]
+    for relinearisations in range(3):
+        name = ("reduced", "reduced, 1 pass", "reduced, 2 passes")[relinearisations]
+        found.append(way(name, "reduced", relinearisations=relinearisations, estimate=False))
+    found += [way("full", "full"), Way("conventional", leaves, size, lambda: in_space(False))]
     if _is_planar(solver, targets):
-        found.append(Way("conventional, planar", leafs, size, lambda: in_space(True)))
+        found.append(Way("conventional, planar", leaves, size, lambda: in_space(True)))
     return found
 
 
@@ -288,13 +288,13 @@ BASELINES = {
     "MIP, best eps_max": (True, False),
 }
 """Conventional methods compared with, as (mixed integration points, on all element nodes). The papers' own program is on all
-nodes; on condensed leafs is the best we know."""
+nodes; on condensed leaf springs is the best we know."""
 
 
 def baseline(scene: Any, targets: Mapping[str, float], elements: int, *, name: str = "plain Newton") -> Way:
     """The conventional method of paper 1, Appendix B, in one of its BASELINES: in space, its steps by the best eps_max.
 
-    Best: fewest matrix solves among those that end where the smallest eps_max does. Raises ConvergenceError.
+    Best: fewest factorisations among those that end where the smallest eps_max does. Raises ConvergenceError.
     """
     mip, nodal = BASELINES[name]
     model = compile_scene(scene, mesh=Mesh("corotational", elements=elements, mip=mip, nodal=nodal))
@@ -319,12 +319,12 @@ def baseline(scene: Any, targets: Mapping[str, float], elements: int, *, name: s
     if not counts:
         raise ConvergenceError("it converged for no eps_max")
     best = min(counts, key=lambda e: counts[e])
-    leafs = label_of(Mesh("corotational", elements=elements))
-    return Way(name, leafs, elements, lambda: solve(best), f"eps_max {best:g}")
+    leaves = label_of(Mesh("corotational", elements=elements))
+    return Way(name, leaves, elements, lambda: solve(best), f"eps_max {best:g}")
 
 
 def modal_way(scene: Any, targets: Mapping[str, float], basis: Any, *, extrapolate: bool = False) -> Way:
-    """Leafs as bodies of modes and modal derivatives (paper 2), the bases made once."""
+    """Leaf springs as bodies of modes and modal derivatives (paper 2), the bases made once."""
     solver = Solver(scene, extrapolate=extrapolate, basis=basis)
     label = "modal, as printed" if basis.coordinates == "angle" else f"modal, order {basis.order}"
     return Way(

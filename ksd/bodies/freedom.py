@@ -75,7 +75,7 @@ class Fit(NamedTuple):
 
     off: how far the joints of closed loops contradict each other for lack of alignment, over the largest of their
     equations (about rad); 0 where they are aligned. yielding: drives and supports that no intended motion can meet. In
-    both cases step 1 finds the best compromise, and the leafs take up the rest from step 3 on.
+    both cases step 1 finds the best compromise, and the leaf springs take up the rest from step 3 on.
     """
 
     off: float = 0.0

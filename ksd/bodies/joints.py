@@ -38,7 +38,7 @@ from ksd.model.template import (
     motion_design,
     of_design,
 )
-from ksd.scene.joint import leafs_of
+from ksd.scene.joint import leaves_of
 
 LOOP_FLOATS = ("anchor", "frame", "length", "pose")
 ONE, INVERSE, FORCE, MOMENT = 0, 1, 2, 3
@@ -49,10 +49,10 @@ ONE, INVERSE, FORCE, MOMENT = 0, 1, 2, 3
 class JointBodies:
     """All joints of a model as bodies: `loops` answers allow, `inside` inside, `bench` resist.
 
-    reduced: the mechanism of links and condensed joints (its members: one linear body per joint, then free leafs).
+    reduced: the mechanism of links and condensed joints (its members: one linear body per joint, then free leaf springs).
     near (members of the bench,): lengths of the near data. full_node (K,): internal blocks in the full model.
     motion_range (motions, 2): trained range, rad or stroke over joint length, as theta; motion_scale (motions,):
-    theta to rad or m; motion_names. hung: the weight of the joints. hanging: links on leafs alone, each with the nodes
+    theta to rad or m; motion_names. hung: the weight of the joints. hanging: links on leaves alone, each with the nodes
     that place it (`hang_links`).
     """
 
@@ -108,7 +108,7 @@ def _spanning_tree(nodes: list[tuple[int, int]]) -> tuple[list[list[int]], list[
 def _hanging(
     template: Template, tree: list[list[int]], nodes: list[tuple[int, int]]
 ) -> tuple[tuple[int, np.ndarray], ...]:
-    """Links that hang on leafs alone, each with the nodes next to it that are placed before, in order of placing.
+    """Links that hang on leaf springs alone, each with the nodes next to it that are placed before, in order of placing.
 
     Raises KinematicsError for a link nothing leads to.
     """
@@ -130,14 +130,14 @@ def _hanging(
     lost = [link for i, link in enumerate(words.links) if i not in reached]
     if lost:
         raise KinematicsError(
-            f"link '{lost[0]}' is not connected to ground by joints or leafs, so the kinematic start cannot place it; "
+            f"link '{lost[0]}' is not connected to ground by joints or leaves, so the kinematic start cannot place it; "
             "add a joint"
         )
     return tuple(found)
 
 
 def hang_links(bodies: JointBodies, motion: Motion) -> None:
-    """Place links that hang on leafs alone where their neighbours, moved as one body each, would have them in the mean."""
+    """Place links that hang on leaves alone where their neighbours, moved as one body each, would have them in the mean."""
     rest = bodies.reduced_rest
     for link, near in bodies.hanging:
         turned = motion.R[near].sum(axis=0)
@@ -279,7 +279,7 @@ class Layout:
         return row[there], to[there], np.array(scales)[there]
 
     def _lay_reduced(self) -> None:
-        """Integers of the reduced mechanism: every joint one linear body and its weight a load, free leafs as they are."""
+        """Integers of the reduced mechanism: every joint one linear body and its weight a load, free leaves as they are."""
         template, words = self.template, self.template.words
         links, joints = len(words.links), len(self.nodes)
         own = [Shape(LINEAR, pair, (0,), 0, LINEAR_INNER, 0, -1 - j) for j, pair in enumerate(self.nodes)]
@@ -466,9 +466,12 @@ def body_design(layout: Layout, bodies: JointBodies, d: int) -> JointBodies:
 
 def _check_record(joint: Any, record: Record, mesh: str | int) -> None:
     """RecordError for a record of another joint, and for a chain it cannot stand for."""
-    leafs = leafs_of(joint)
+    leaves = leaves_of(joint)
     inner = [name for name in joint.blocks() if name not in ("A", "B")]
-    counts = [(len(leafs), len(record.leafs), "leafs"), (len(inner), len(record.blocks), "internal blocks")]
+    counts = [
+        (len(leaves), len(record.leaves), "leaf springs"),
+        (len(inner), len(record.blocks), "internal blocks"),
+    ]
     counts.append((len(joint.motions), len(record.motions), "motions"))
     for here, there, what in counts:
         if here != there:
@@ -476,11 +479,11 @@ def _check_record(joint: Any, record: Record, mesh: str | int) -> None:
                 f"the record of {joint.family} is of a joint with {there} {what}, this one has {here}; give your joint a "
                 "family name of its own and train it with ksd.train(joint)"
             )
-    if mesh in record.functions or all(leaf.profile is None and leaf.curve is None for leaf in leafs):
+    if mesh in record.functions or all(leaf.profile is None and leaf.curve is None for leaf in leaves):
         return
     known = ", ".join(str(n) for n in record.functions)
     raise RecordError(
-        f"the record of {joint.family} has no chains of {mesh} elements, and its leafs are not straight and uniform, "
+        f"the record of {joint.family} has no chains of {mesh} elements, and its leaves are not straight and uniform, "
         f"so none can be derived; use one of its meshes ({known}) or train it with meshes=(..., {mesh})"
     )
 

@@ -1,6 +1,6 @@
 """Condensed joints beside members that are not condensed: the mechanism of all of them together.
 
-A joint is condensed, as in step 2 of the KSD method, into one linear body between its links; the leafs of the others are
+A joint is condensed, as in step 2 of the KSD method, into one linear body between its links; the leaves of the others are
 members of their own, whatever their kind.
 """
 

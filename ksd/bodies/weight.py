@@ -1,7 +1,7 @@
-"""Weight of the leafs of condensed joints, compiled where a model has some.
+"""Weight of the leaf springs of condensed joints, compiled where a model has some.
 
 On the bench every joint stands in the axes of its interface A, so gravity is turned into those. Condensed, the weight of
-a joint is a dead load on the link of A, at the centre of mass of its leafs, and what the wrench of its linear body says
+a joint is a dead load on the link of A, at the centre of mass of its leaves, and what the wrench of its linear body says
 hangs on B instead; both are exact, and turn with A until the joint is linearised again.
 """
 

@@ -1,8 +1,8 @@
 """`ksd bench`: every method on the same scenes in one run, time beside error.
 
 Layout of the JSON file: "machine" (date, processor, versions), "times" (what the triples mean), "cases": by name
-"repeats" and "rows", each with method, leafs, size, iterations, call and steps (lower quartile, median and upper
-quartile of the thread time in us), passes (over all leafs), first_us (the first call, not counted), force_error,
+"repeats" and "rows", each with method, leaf springs, size, iterations, call and steps (lower quartile, median and upper
+quartile of the thread time in us), passes (over all leaf springs), first_us (the first call, not counted), force_error,
 displacement_error, stiffness_error (relative; null where unknown), stable, note, failed (why, where it did not
 converge).
 """
@@ -41,7 +41,7 @@ def run(options: argparse.Namespace) -> int:
                 screen.print(line)
             for row in measured.rows:
                 if row.failed:
-                    screen.print(f"{row.method}, {row.leafs}: {row.failed}")
+                    screen.print(f"{row.method}, {row.leaves}: {row.failed}")
             screen.print()
     if options.json:
         write_json(numbers(results), options.json)

@@ -22,9 +22,12 @@ _WORDS: tuple[tuple[str, dict[str, Any]], ...] = (
     ),
     (
         "--elements",
-        {"type": int, "metavar": "N", "help": "N Appendix A elements per leaf, not strain-mode leafs"},
+        {"type": int, "metavar": "N", "help": "N Appendix A elements per leaf, not strain-mode leaves"},
     ),
-    ("--passes", {"type": int, "metavar": "K", "help": "extra relinearised passes of reduced or full"}),
+    (
+        "--relinearisations",
+        {"type": int, "metavar": "K", "help": "extra relinearisation steps of reduced or full"},
+    ),
     (
         "--extrapolate",
         {"action": "store_true", "default": None, "help": "use joint records beyond their range"},
@@ -63,7 +66,7 @@ def _solve(commands: Any) -> None:
 def _effects(commands: Any) -> None:
     parser = commands.add_parser(
         "effects",
-        help="price list of the effects of a scene",
+        help="effect cost of the effects of a scene",
         description="Solve a scene with and without every effect it can have, and show what each changes in the drive "
         "forces, displacements, support stiffness and first frequency, and what it costs in time and unknowns.",
     )
@@ -105,7 +108,7 @@ def _sweep(commands: Any) -> None:
     parser.add_argument("--accuracy", type=float, metavar="A", help="relative error allowed (1e-3)")
     parser.add_argument("--elements", type=int, metavar="N", help="N Appendix A elements per leaf")
     parser.add_argument(
-        "--passes", type=int, metavar="K", help="extra relinearised passes of reduced or full"
+        "--relinearisations", type=int, metavar="K", help="extra relinearisation steps of reduced or full"
     )
     parser.add_argument(
         "--extrapolate", action="store_true", default=None, help="use records beyond their range"
@@ -137,7 +140,7 @@ def _report(commands: Any) -> None:
     parser.add_argument("--quiet", action="store_true", help="no progress bar")
     for word in ("effects", "with", "without"):
         parser.add_argument(f"--{word}", metavar="E", help="as in ksd solve")
-    parser.set_defaults(accuracy=None, elements=None, passes=None, extrapolate=None)
+    parser.set_defaults(accuracy=None, elements=None, relinearisations=None, extrapolate=None)
 
 
 def _train(commands: Any) -> None:

@@ -2,7 +2,7 @@
 
 Layout of the JSON file: "case" (mechanism, drive value in mm), "reference" (force in N and where it
 comes from), "rows": method, leaf_model, time_us (median thread time of a solve), estimate_time_us
-(of its error estimate, on top), iterations (matrix solves), force_N, error_percent,
+(of its error estimate, on top), iterations (factorisations), force_N, error_percent,
 estimated_error_percent (estimates are null where the method is exact).
 """
 
@@ -22,7 +22,7 @@ from rich.text import Text
 
 from ksd.cli.output import STDOUT, check_json, check_plot, console, write_json
 from ksd.model.compile import compile_scene
-from ksd.model.leafs import Mesh
+from ksd.model.leaves import Mesh
 from ksd.scene.toml_file import load_scene
 from ksd.solve.conventional import conventional
 from ksd.solve.report import number
@@ -46,7 +46,7 @@ class Row:
     (check), iterations, force [N], relative errors."""
 
     method: str
-    leafs: str
+    leaves: str
     time: float
     check: float
     iterations: int
@@ -104,7 +104,7 @@ def compare(scene: Any, targets: dict[str, float]) -> tuple[Reference, Any, list
     cases: list[tuple[str, str, Callable[[], Any]]] = [
         ("kinematic", fine, lambda: strain(targets, method="kinematic")),
         ("reduced", fine, lambda: strain(targets, method="reduced")),
-        ("reduced, 1 pass more", fine, lambda: strain(targets, method="reduced", passes=1)),
+        ("reduced, 1 pass more", fine, lambda: strain(targets, method="reduced", relinearisations=1)),
         ("full", fine, lambda: strain(targets, method="full")),
         ("conventional", fine, lambda: strain(targets, method="conventional")),
         ("reduced", coarse, lambda: chain(targets, method="reduced")),
@@ -114,15 +114,15 @@ def compare(scene: Any, targets: dict[str, float]) -> tuple[Reference, Any, list
     ]
     reference = limit(scene, targets)
     rows, shown = [], None
-    for method, leafs, solve in cases:
+    for method, leaves, solve in cases:
         solve()
         results = [solve() for _ in range(REPEATS)]
-        rows.append(_row(method, leafs, results, reference))
-        shown = results[0] if (method, leafs) == ("full", fine) else shown
+        rows.append(_row(method, leaves, results, reference))
+        shown = results[0] if (method, leaves) == ("full", fine) else shown
     return reference, shown, rows
 
 
-def _row(method: str, leafs: str, results: list[Any], reference: Reference) -> Row:
+def _row(method: str, leaves: str, results: list[Any], reference: Reference) -> Row:
     result = results[0]
     spent = [sum(s.time for s in r.steps if s.name == ESTIMATE) for r in results]
     time = statistics.median(r.time - s for r, s in zip(results, spent, strict=True))
@@ -131,7 +131,7 @@ def _row(method: str, leafs: str, results: list[Any], reference: Reference) -> R
     off = np.linalg.norm(result.motion.x[: len(reference.places)] - reference.places, axis=1).max()
     error = max(abs(force / reference.force - 1), off / reference.moved)
     estimate = None if result.method_error is None else result.method_error.relative
-    return Row(method, leafs, time, statistics.median(spent), count, force, float(error), estimate)
+    return Row(method, leaves, time, statistics.median(spent), count, force, float(error), estimate)
 
 
 def numbers(reference: Reference, shown: Any, rows: list[Row]) -> dict[str, Any]:
@@ -143,7 +143,7 @@ def numbers(reference: Reference, shown: Any, rows: list[Row]) -> dict[str, Any]
         "rows": [
             {
                 "method": r.method,
-                "leaf_model": r.leafs,
+                "leaf_model": r.leaves,
                 "time_us": 1e6 * r.time,
                 "estimate_time_us": None if r.estimate is None else 1e6 * r.check,
                 "iterations": r.iterations,
@@ -157,7 +157,7 @@ def numbers(reference: Reference, shown: Any, rows: list[Row]) -> dict[str, Any]
 
 
 _COLUMNS = (
-    "method", "leafs", "time\n[us]", "matrix\nsolves", "force\n[N]", "\nerror", "\nestimated",
+    "method", "leaves", "time\n[us]", "matrix\nsolves", "force\n[N]", "\nerror", "\nestimated",
     "found in\n[us]",
 )  # fmt: skip
 
@@ -170,12 +170,12 @@ def _print(shown: Any, rows: list[Row]) -> None:
     for i, name in enumerate(_COLUMNS):
         table.add_column(Text(name), justify="left" if i < 2 else "right")
     for before, r in zip([rows[0], *rows[:-1]], rows, strict=True):
-        if before.leafs != r.leafs:
+        if before.leaves != r.leaves:
             table.add_section()
         estimate = "-" if r.estimate is None else f"{number(100 * r.estimate, 2)} %"
         table.add_row(
             r.method,
-            r.leafs,
+            r.leaves,
             number(1e6 * r.time, 3),
             str(r.iterations),
             f"{r.force:.3f}",
@@ -201,7 +201,7 @@ def _draw(shown: Any, rows: list[Row], path: str) -> None:
     )
     plot_cost(
         right,
-        [Mark(r.method, r.leafs, r.time, r.error) for r in rows],
+        [Mark(r.method, r.leaves, r.time, r.error) for r in rows],
         title="What each method costs and misses",
     )
     save_figure(figure, path)

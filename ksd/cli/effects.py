@@ -11,11 +11,11 @@ from rich.table import Table
 
 from ksd.cli.output import STDOUT, check_json, check_plot, console, write_json
 from ksd.cli.solve import OPTIONS, drive_value
-from ksd.design.prices import prices
+from ksd.design.effect_cost import effect_cost
 from ksd.model.listing import reason
 from ksd.scene.toml_file import load_scene
+from ksd.view.effect_cost import plot_effect_cost
 from ksd.view.figure import new_figure, save_figure
-from ksd.view.prices import plot_prices
 
 
 def run(options: argparse.Namespace) -> int:
@@ -28,7 +28,7 @@ def run(options: argparse.Namespace) -> int:
         name, value = drive_value(scene, text)
         targets[name] = value
     accuracy = options.accuracy or written.get("accuracy") or 1e-3
-    choice, rows = prices(scene, targets)
+    choice, rows = effect_cost(scene, targets)
     if options.json:
         write_json(as_dict(choice, rows), options.json)
     if options.json != STDOUT:
@@ -78,7 +78,7 @@ def _draw(rows: list[Any], accuracy: float, path: str) -> None:
     axes = figure.subplots(1, 2, gridspec_kw={"width_ratios": (3, 2)})
     worst = [max((abs(c) for c in r.changes().values() if math.isfinite(c)), default=0.0) for r in done]
     costs = [r.times[0] / r.times[1] - 1.0 for r in done]
-    plot_prices(
+    plot_effect_cost(
         tuple(axes), [r.name for r in done], worst, costs, kept=[r.kept for r in done], accuracy=accuracy
     )
     save_figure(figure, path)
@@ -88,7 +88,7 @@ def as_dict(choice: Any, rows: list[Any]) -> dict[str, Any]:
     """Every number of the table; relative changes are those of putting the effect on."""
     return {
         "effects": {e.name: {"simulated": e.present, "reason": e.reason} for e in choice.effects},
-        "prices": {
+        "effect_cost": {
             r.name: {
                 "simulated": r.kept,
                 "with": _finite(r.with_),

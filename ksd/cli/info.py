@@ -92,7 +92,13 @@ def _one(family: str, *, check: bool) -> int:
 def _evidence(record: Any) -> Any:
     """What a change of one input does to the functions."""
     table = _headed("What matters: largest change of the functions in the middle of the shapes")
-    for column in ("input", "changed to", "poses [rad, joint lengths]", "leafs [rad]", "in the record"):
+    for column in (
+        "input",
+        "changed to",
+        "poses [rad, joint lengths]",
+        "leaf springs [rad]",
+        "in the record",
+    ):
         table.add_column(
             column, justify="left" if column in ("input", "changed to", "in the record") else "right"
         )

@@ -34,7 +34,11 @@ def run(options: argparse.Namespace) -> int:
     check_target(target, what="--out")
     # a first solve: it raises the curvature modes where they are few, and loads kernels, which no time shown holds
     mesh = solved(scene, targets, asked).model.mesh
-    how = {"method": asked["method"], "accuracy": asked["accuracy"], "passes": asked["passes"] or 0}
+    how = {
+        "method": asked["method"],
+        "accuracy": asked["accuracy"],
+        "relinearisations": asked["relinearisations"] or 0,
+    }
     solver = prepare(scene, mesh=mesh, extrapolate=bool(asked["extrapolate"]), **effect_words(asked))
     pose = solver(targets, **how)
     share = np.linspace(-1.0 if options.both else 0.0, 1.0, options.poses)
@@ -54,8 +58,8 @@ def run(options: argparse.Namespace) -> int:
 
 def _possible(scene: Any, pose: Any) -> tuple[str, ...]:
     """All questions, without frequencies where nothing has mass and without buckling where `pose` has no answer to it."""
-    leafs = [leaf for j in scene.joints for leaf in j.joint.leafs()] + [f.leaf for f in scene.leafs]
-    heavy = scene.masses or any(leaf.material.density for leaf in leafs)
+    leaves = [leaf for j in scene.joints for leaf in j.joint.leaves()] + [f.leaf for f in scene.leaves]
+    heavy = scene.masses or any(leaf.material.density for leaf in leaves)
     missing = set() if heavy else {"frequencies"}
     try:
         pose.buckling(count=1)

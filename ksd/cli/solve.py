@@ -15,7 +15,7 @@ from ksd.section.checks import nearest
 from ksd.solve.solver import solve
 
 OPTIONS = {
-    "method": str, "accuracy": float, "elements": int, "passes": int, "extrapolate": bool,
+    "method": str, "accuracy": float, "elements": int, "relinearisations": int, "extrapolate": bool,
     "effects": str, "with": str, "without": str,
 }  # fmt: skip
 """Keys of [options] in a scene file, with their types; the command line wins over them."""
@@ -68,9 +68,10 @@ def settings(written: dict[str, Any], options: argparse.Namespace) -> dict[str, 
                 "--method and --accuracy exclude each other: name a method, or let the accuracy choose one"
             )
         asked["accuracy"] = None
-    if asked["passes"] is not None and asked["method"] not in ("reduced", "full"):
+    if asked["relinearisations"] is not None and asked["method"] not in ("reduced", "full"):
         raise SceneError(
-            f"passes = {asked['passes']}: only method reduced or full has passes; add --method reduced"
+            f"relinearisations = {asked['relinearisations']}: only method reduced or full has relinearisation "
+            "steps; add --method reduced"
         )
     return asked
 
@@ -112,13 +113,17 @@ def drive_value(scene: Any, text: str) -> tuple[str, float]:
 
 def solved(scene: Any, targets: dict[str, float], asked: dict[str, Any]) -> Any:
     """The configuration by `ksd.solve`, twice when that is quick: kernels are loaded in the first solve."""
-    how = {"method": asked["method"], "passes": asked["passes"] or 0, "mesh": mesh_of(asked)}
+    how = {
+        "method": asked["method"],
+        "relinearisations": asked["relinearisations"] or 0,
+        "mesh": mesh_of(asked),
+    }
     how |= {"extrapolate": bool(asked["extrapolate"]), **effect_words(asked)}
     result = solve(scene, targets, **how)
     return solve(scene, targets, **how) if result.time < QUICK else result
 
 
 def mesh_of(asked: dict[str, Any]) -> Any:
-    """The mesh asked for by `elements`; None leaves strain-mode leafs."""
+    """The mesh asked for by `elements`; None leaves strain-mode leaves."""
     count = asked["elements"]
     return None if count is None else Mesh(leaf="corotational", elements=count)

@@ -41,7 +41,8 @@ def run(options: argparse.Namespace) -> int:
     with interrupted(f"interrupted; no table was written, {again}"):
         table = sweep(
             scene, stroke, **words, questions=tuple(options.question) or QUESTIONS, together=not options.set,
-            mesh=mesh_of(asked), method=asked["method"], accuracy=asked["accuracy"], passes=asked["passes"] or 0,
+            mesh=mesh_of(asked), method=asked["method"], accuracy=asked["accuracy"],
+            relinearisations=asked["relinearisations"] or 0,
             extrapolate=bool(asked["extrapolate"]), progress=not options.quiet, resume=options.resume,
         )  # fmt: skip
     console().print(str(table), soft_wrap=True)

@@ -92,7 +92,7 @@ def batch(
     *,
     designs: Shapes | None = None,
     method: Literal["reduced", "full"] = "reduced",
-    passes: int = 0,
+    relinearisations: int = 0,
     tabulated: bool = False,
     mesh: Mesh | None = None,
     extrapolate: bool = False,
@@ -110,17 +110,19 @@ def batch(
     fail are in the result.
     """
     check_ways(
-        mesh=mesh, passes=passes, method=method, methods=("reduced", "full"),
+        mesh=mesh, relinearisations=relinearisations, method=method, methods=("reduced", "full"),
         tabulated=tabulated, extrapolate=extrapolate,
     )  # fmt: skip
-    if tabulated and (method != "reduced" or passes):
-        raise SceneError("tabulated = True: tabulated joints serve method='reduced' without passes")
+    if tabulated and (method != "reduced" or relinearisations):
+        raise SceneError(
+            "tabulated = True: tabulated joints serve method='reduced' without relinearisation steps"
+        )
     check_executor(executor)
     workers = (os.cpu_count() or 1) if threads is None else whole(threads, "threads")
     values = _poses(drive_rows(targets, drives, batch))
     ways: dict[str, Any] = {
         "method": FULL if method == "full" else REDUCED,
-        "passes": passes,
+        "relinearisations": relinearisations,
         "tabulated": tabulated,
     }
     solver, points = Designs(values, ways, mesh, extrapolate), design_points(mechanism, designs)

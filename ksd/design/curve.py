@@ -59,7 +59,7 @@ class FrequencyCurve(Shown):
     @property
     def asymmetry(self) -> float:
         """Largest relative error on the other side: large where the mechanism is no mirror image of itself, as a
-        cross flexure with one inner and two outer leafs out of its plane; the curve then holds on one side only."""
+        cross flexure with one inner and two outer leaf springs out of its plane; the curve then holds on one side only."""
         return max((abs(e) for d, (_, e) in self.checked.items() if d < 0.0), default=float("nan"))
 
     def __call__(self, d: Any) -> Any:

@@ -28,7 +28,7 @@ class Recipe:
     asked: Asked
     method: Method | None = None
     accuracy: float | None = None
-    passes: int = 0
+    relinearisations: int = 0
     mesh: Mesh | None = None
     extrapolate: bool = False
     effects: tuple[tuple[str, Any], ...] = ()
@@ -76,7 +76,9 @@ class Walk:
         if r.method == "conventional":
             self.before = self._continued(values)
             return self.before
-        return self.solver(values, method=r.method, accuracy=r.accuracy, passes=r.passes, strict=False)
+        return self.solver(
+            values, method=r.method, accuracy=r.accuracy, relinearisations=r.relinearisations, strict=False
+        )
 
     def aside(self, values: Mapping[str, float]) -> Configuration:
         """A pose beside the line, which goes on from where it was."""

@@ -156,14 +156,14 @@ def _cards(pose: Any, table: Table) -> str:
 
 
 def _scene(scene: Any) -> list[str]:
-    leafs = [
+    leaves = [
         (j.name, j.joint.family.replace("_", " "), f"{j.a} to {j.b}", 1e3 * j.joint.length)
         for j in scene.joints
     ]
-    leafs += [(f.name, "single leaf", f"{f.a} to {f.b}", 1e3 * f.leaf.length) for f in scene.leafs]
+    leaves += [(f.name, "single leaf", f"{f.a} to {f.b}", 1e3 * f.leaf.length) for f in scene.leaves]
     parts = [
         f"<p>Links: {_text(', '.join(scene.links))}.</p>",
-        grid((("joint or leaf", ""), ("kind", ""), ("between", ""), ("length", "mm")), leafs),
+        grid((("joint or leaf", ""), ("kind", ""), ("between", ""), ("length", "mm")), leaves),
     ]
     drives = [(d.name, " + ".join(_term(t) for t in d.terms)) for d in scene.drives]
     drives += [(f"{s.name} (held at zero)", " + ".join(_term(t) for t in s.terms)) for s in scene.supports]
@@ -228,12 +228,12 @@ def _pose(facts: dict[str, Any]) -> list[str]:
 
 
 def _interfaces(pose: Any) -> list[str]:
-    """What joints, leafs and springs exert on links and ground."""
+    """What joints, leaf springs and springs exert on links and ground."""
     rows = [(name, link, *wrench) for name, link, wrench in pose.interface_forces().listing]
     heads = [("of", ""), ("on link", ""), *((f"force {a}", "N") for a in "xyz")]
     heads += [(f"moment {a}", "Nm") for a in "xyz"]
     said = "<p>On the link, ground too; moments about the interface where it is now, global axes.</p>"
-    return ["<h3>Forces of joints and leafs</h3>", grid(heads, rows), said]
+    return ["<h3>Forces of joints and leaf springs</h3>", grid(heads, rows), said]
 
 
 def _stroke(table: Table) -> list[str]:

@@ -34,14 +34,14 @@ class Prepared:
     """One design prepared for batches: call it with drive values, arrays of one length by name."""
 
     def __init__(
-        self, five: FiveSteps, *, method: int = REDUCED, passes: int = 0, tabulated: bool = False
+        self, five: FiveSteps, *, method: int = REDUCED, relinearisations: int = 0, tabulated: bool = False
     ) -> None:
         if five.model.mesh.plate:
             raise SceneError(
                 "plate stiffening depends on how much each leaf is bent, and is not settled pose by pose in batches: use "
                 "ksd.sweep, or leave 'plate' out of what the scene considers"
             )
-        self.five, self.method, self.passes = five, method, passes
+        self.five, self.method, self.relinearisations = five, method, relinearisations
         if method == KINEMATIC:
             five.insist_on_motions()
         b = five.bench
@@ -61,7 +61,16 @@ class Prepared:
         force, x, R = np.zeros((count, rows)), np.zeros((count, links, 3)), np.zeros((count, links, 3, 3))
         put = Poses(force, x, R, motion, status)
         if self.tables is None:
-            space_many(b.parts, targets, rows, self.method, self.passes, _ways(self.five), self._limits, put)
+            space_many(
+                b.parts,
+                targets,
+                rows,
+                self.method,
+                self.relinearisations,
+                _ways(self.five),
+                self._limits,
+                put,
+            )
         else:
             t = self.tables
             limits = np.column_stack([self._limits, t.limits])

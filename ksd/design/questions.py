@@ -180,7 +180,7 @@ def _modes(pose: Pose, asked: Asked, *, more: int = 0) -> Modes:
     """The modes of a pose, as many as are followed and some to spare."""
     freed = tuple(pose.model.drive_names) if asked.freed is None else asked.freed
     count = asked.modes + len(freed) + SPARE + more
-    pose._of_leafs("frequencies")
+    pose._of_leaves("frequencies")
     return frequencies(*pose.unreduced, count=count, freed=freed, load_factor=pose.load_factor)
 
 

@@ -55,7 +55,7 @@ def sweep(
     errors: bool = False,
     method: Method | None = None,
     accuracy: float | None = None,
-    passes: int = 0,
+    relinearisations: int = 0,
     mesh: Mesh | None = None,
     extrapolate: bool = False,
     effects: str | Iterable[str] = "auto",
@@ -85,7 +85,7 @@ def sweep(
     """
     recipe = _recipe(
         _asked(questions, link, at, freed, modes=modes, errors=errors),
-        method=method, accuracy=accuracy, passes=passes, mesh=mesh, extrapolate=extrapolate,
+        method=method, accuracy=accuracy, relinearisations=relinearisations, mesh=mesh, extrapolate=extrapolate,
         effects=(("effects", effects), ("with_", with_), ("without", without)),
     )  # fmt: skip
     check_executor(executor)
@@ -131,7 +131,7 @@ def _asked(questions: Any, link: Any, at: Any, freed: Any, *, modes: int, errors
 
 
 def _recipe(asked: Asked, **how: Any) -> Recipe:
-    said = {n: how[n] for n in ("mesh", "passes", "accuracy", "method", "extrapolate")}
+    said = {n: how[n] for n in ("mesh", "relinearisations", "accuracy", "method", "extrapolate")}
     check_ways(methods=METHODS, **said)
     return Recipe(asked, **how)
 

@@ -3,7 +3,7 @@
 Between neighbouring poses the modes are paired so that the sum of their MAC (mass-weighted, in 0..1) is largest
 (Allemang and Brown 1982; the assignment is solved exactly). Crossing frequencies then swap rank and keep their name. Where
 one of the lowest tracks has no partner of MAC SURE or more, the way between the poses is halved, and halved again:
-modes that veer exchange their shapes within a small part of the stroke. Modes of nearly equal frequency (at rest all leafs
+modes that veer exchange their shapes within a small part of the stroke. Modes of nearly equal frequency (at rest all leaves
 of one size vibrate alike, and any mixture of them is a mode) are in the end compared by what they span together. A track
 without a partner of MAC LOST or more even so ends. Of the lowest modes every one without a track begins a new one.
 """
@@ -21,9 +21,9 @@ from ksd.properties.frequencies import Modes
 SPARE = 2
 """Modes computed beyond those followed, so that one which rises in rank is still there."""
 LOST = 0.5
-"""Assurance below which two modes are not the same one."""
+"""MAC below which two modes are not the same one."""
 SURE = 0.8
-"""Assurance below which poses in between are looked at."""
+"""MAC below which poses in between are looked at."""
 NEAR = 0.01
 """Relative distance of neighbouring frequencies below which modes are compared by what they span together."""
 MORE = 10

@@ -94,7 +94,7 @@ def check_executor(executor: Any) -> None:
 def check_ways(
     *,
     mesh: Any,
-    passes: Any,
+    relinearisations: Any,
     accuracy: float | None = None,
     method: Any = None,
     methods: Sequence[str] = (),
@@ -109,8 +109,10 @@ def check_ways(
         raise SceneError(
             f"mesh = {show(mesh)}: give a ksd.Mesh, for example ksd.Mesh('corotational', elements=5)."
         )
-    if whole(passes, "passes", least=0) > 50:
-        raise SceneError(f"passes = {passes}: between 0 and 50 relinearised passes are possible")
+    if whole(relinearisations, "relinearisations", least=0) > 50:
+        raise SceneError(
+            f"relinearisations = {relinearisations}: between 0 and 50 relinearisation steps are possible"
+        )
     wanted_accuracy(accuracy)
     for what, value in truths.items():
         truth(value, what)

@@ -125,7 +125,7 @@ def _basis(strain: JointFunctions) -> Array:
 
 
 def _refit(values: Array, basis: Array) -> Array:
-    """Coefficients (.., P) of values (k, leafs, rotations, 3) at the points of basis (k, P)."""
+    """Coefficients (.., P) of values (k, leaf springs, rotations, 3) at the points of basis (k, P)."""
     scale = np.abs(basis).max(axis=0)
     flat = np.linalg.lstsq(basis / scale, values.reshape(len(values), -1), rcond=None)[0]
     return np.asarray((flat / scale[:, None]).T.reshape(*values.shape[1:], -1))

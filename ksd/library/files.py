@@ -28,7 +28,7 @@ from ksd.library.record import Evidence, Parameter, Probes, Record, Residual, St
 from ksd.library.record_checks import check_record
 from ksd.scene.families import joint_families
 
-FORMAT = 2
+FORMAT = 3
 """Format this version writes, and the newest it reads."""
 SIGNATURE = b"ksd joint record\n"
 BLOCK = 512
@@ -46,7 +46,7 @@ _PROBES = {
     "values": "as the functions, side by side",
 }
 _TEXTS = ("family", "trained", "version")
-_LISTS = ("leafs", "blocks", "orders", "samples", "history")
+_LISTS = ("leaves", "blocks", "orders", "samples", "history")
 _TABLES = {"motions": Stroke, "parameters": Parameter, "residuals": Residual, "evidence": Evidence}
 _cache: dict[str, tuple[tuple[int, ...], Record]] = {}
 
@@ -186,7 +186,9 @@ def _format_number(head: bytes) -> int:
 def _decode(found: Contents) -> Record:
     """A record as the file says it, its numbers in float64; see `check_record` for whether it makes sense."""
     items, attributes = found.items(found.file), found.file.attrs
-    words: dict[str, Any] = {k: tuple(json.loads(found.text(attributes, k))) for k in _LISTS}
+    # before format 3 the leaves were called leafs
+    named = {k: "leafs" if k == "leaves" and k not in attributes else k for k in _LISTS}
+    words: dict[str, Any] = {k: tuple(json.loads(found.text(attributes, name))) for k, name in named.items()}
     words |= {k: found.text(attributes, k) for k in _TEXTS}
     for name, kind in _TABLES.items():
         words[name] = tuple(kind(**item) for item in json.loads(found.text(attributes, name)))

@@ -24,8 +24,8 @@ class Functions:
     interface (6, M): rotation vector omega of interface B relative to A [rad], then chord exp(-omega/2) d /
     L, with d the position of B relative to A, all in the axes of A, L the length of the joint. blocks
     (blocks, 6, M): the same two for the reference points of the internal rigid blocks. Strain mesh:
-    amplitudes (leafs, N, M), L_leaf times the curvature amplitudes, and wrench (leafs, 6, M), force L_leaf^2
-    / EIz and moment L_leaf / EIz on end q, frame of end p. Chains of n elements: rotations (leafs, 2n-1, 3,
+    amplitudes (leaf springs, N, M), L_leaf times the curvature amplitudes, and wrench (leaf springs, 6, M), force L_leaf^2
+    / EIz and moment L_leaf / EIz on end q, frame of end p. Chains of n elements: rotations (leaf springs, 2n-1, 3,
     M), rotation vectors from the undeformed state of the n elements, then of the n-1 inner nodes, in the
     frame of end p [rad].
     """
@@ -76,17 +76,17 @@ class JointFunctions:
 
     @property
     def amplitudes(self) -> Array:
-        """(leafs, N, P): L_leaf times the curvature amplitudes. Raises RecordError on a chain mesh."""
+        """(leaf springs, N, P): L_leaf times the curvature amplitudes. Raises RecordError on a chain mesh."""
         return self._group("amplitudes")
 
     @property
     def wrench(self) -> Array:
-        """(leafs, 6, P): dimensionless wrench on end q. Raises RecordError on a chain mesh."""
+        """(leaf springs, 6, P): dimensionless wrench on end q. Raises RecordError on a chain mesh."""
         return self._group("wrench")
 
     @property
     def rotations(self) -> Array:
-        """(leafs, 2n-1, 3, P): element, then node rotation vectors [rad]. Raises RecordError on the strain
+        """(leaf springs, 2n-1, 3, P): element, then node rotation vectors [rad]. Raises RecordError on the strain
         mesh.
         """
         return self._group("rotations")

@@ -115,7 +115,7 @@ class Record:
     """All that training found out about one joint family; see the module docstring for the functions.
 
     powers (M, motions + parameters): exponents of the motions, then Legendre degrees of the parameters.
-    functions: by mesh. leafs, blocks: names in the order of the arrays. orders: curvature modes (nx, ny, nz)
+    functions: by mesh. leaf springs, blocks: names in the order of the arrays. orders: curvature modes (nx, ny, nz)
     of a leaf. design: the joint trained on (SI numbers by name); samples: shapes fitted and fresh. trained:
     date as given to the trainer, ISO; version: of the trainer; history: one sentence per event; probes: states by
     which `ksd.train.check_probes` tells whether the record still agrees with this code, None in files of format 1.
@@ -124,7 +124,7 @@ class Record:
     family: str
     motions: tuple[Stroke, ...]
     parameters: tuple[Parameter, ...]
-    leafs: tuple[str, ...]
+    leaves: tuple[str, ...]
     blocks: tuple[str, ...]
     orders: tuple[int, int, int]
     powers: NDArray[np.int64]

@@ -21,10 +21,10 @@ def check_record(record: Record) -> None:
         "trained": (record.trained,),
         "version": (record.version,),
     }
-    texts |= {"leafs": record.leafs, "blocks": record.blocks, "history": record.history}
+    texts |= {"leaves": record.leaves, "blocks": record.blocks, "history": record.history}
     for name, values in texts.items():
         _insist(all(isinstance(v, str) for v in values), f"{name} are no texts")
-    _insist(bool(record.leafs), "it has no leafs")
+    _insist(bool(record.leaves), "it has no leaf springs")
     for what, given in (("orders", record.orders), ("samples", record.samples)):
         fits = all(isinstance(n, int) and 0 <= n <= 10**6 for n in given)
         _insist(fits and len(given) == (3 if what == "orders" else 2), f"{what} = {given}")
@@ -80,13 +80,13 @@ def _check_powers(record: Record) -> None:
 
 
 def _check_functions(record: Record, mesh: Mesh) -> None:
-    leafs, M = len(record.leafs), len(record.powers)
+    leaves, M = len(record.leaves), len(record.powers)
     shapes: dict[str, tuple[int, ...]] = {"interface": (6, M), "blocks": (len(record.blocks), 6, M)}
     if mesh == "strain":
-        shapes |= {"amplitudes": (leafs, sum(record.orders), M), "wrench": (leafs, 6, M)}
+        shapes |= {"amplitudes": (leaves, sum(record.orders), M), "wrench": (leaves, 6, M)}
     else:
         _insist(isinstance(mesh, int) and 1 <= mesh <= MOST_ELEMENTS, f"mesh {mesh!r}")
-        shapes |= {"rotations": (leafs, 2 * int(mesh) - 1, 3, M)}
+        shapes |= {"rotations": (leaves, 2 * int(mesh) - 1, 3, M)}
     groups = record.functions[mesh].groups()
     _insist(
         {name: table.shape for name, table in groups.items()} == shapes,

@@ -1,4 +1,4 @@
-"""Modal derivatives and the other reduced bases (paper 2): leafs and solids as reduced bodies in any mechanism."""
+"""Modal derivatives and the other reduced bases (paper 2): leaf springs and solids as reduced bodies in any mechanism."""
 
 from ksd.modal import solid, solid_basis
 from ksd.modal.bodies import with_modal_bodies

@@ -375,5 +375,5 @@ def _remembered(record: bytes, n: int, choices: ModalBasis) -> LeafBasis:
 
 
 def rest_basis(record: np.ndarray, choices: ModalBasis) -> LeafBasis:
-    """The basis of an undeformed leaf; the last ones are kept, equal leafs share one."""
+    """The basis of an undeformed leaf; the last ones are kept, equal leaf springs share one."""
     return _remembered(np.ascontiguousarray(record).tobytes(), len(record), choices)

@@ -1,4 +1,4 @@
-"""Leafs of a model as modal bodies: which chains they reduce, their bases, and the nodes of these chains at a state.
+"""Leaf springs of a model as modal bodies: which chains they reduce, their bases, and the nodes of these chains at a state.
 
 Their kernel is `ksd.beam.modal`; next to them any leaf that is not reduced, and any condensed joint, works as it is.
 """
@@ -20,19 +20,19 @@ from ksd.model.mesh import Mesh, MixedMesh
 from ksd.model.reduced import inner_state, member_pose, same_state, with_bodies
 
 ALIKE = 10
-"""Decimals of positions over length, and of rotations, to which leafs of one shape share their basis."""
+"""Decimals of positions over length, and of rotations, to which leaf springs of one shape share their basis."""
 
 
-def with_chains(model: Model, leafs: Mapping[str, ModalBasis]) -> Model:
-    """`model` with `leafs` as chains of the elements their basis asks for, the others as they are; none cut into nodes."""
+def with_chains(model: Model, leaves: Mapping[str, ModalBasis]) -> Model:
+    """`model` with `leaves` as chains of the elements their basis asks for, the others as they are; none cut into nodes."""
     mesh = replace(model.mesh, nodal=False)
     chains = {
         replace(mesh, leaf="corotational", elements=count): tuple(
-            n for n, b in leafs.items() if b.elements == count
+            n for n, b in leaves.items() if b.elements == count
         )
-        for count in sorted({b.elements for b in leafs.values()})
+        for count in sorted({b.elements for b in leaves.values()})
     }
-    if len(chains) == 1 and len(leafs) == len(model.member_names):
+    if len(chains) == 1 and len(leaves) == len(model.member_names):
         (mesh,) = chains
     elif chains:
         words = {k: getattr(mesh, k) for k in Mesh.__dataclass_fields__}
@@ -62,11 +62,11 @@ def with_modal_bodies(
     only: Collection[str] | None = None,
     at_rest: Collection[str] = (),
 ) -> Model:
-    """`model`, in which the leafs to reduce are chains, with these as modal bodies; `model` itself becomes its `full`.
+    """`model`, in which the leaves to reduce are chains, with these as modal bodies; `model` itself becomes its `full`.
 
     choices: of all, or by name of the leaf, the others staying what they are. about: state of `model` to expand the
-    bases at (a trained configuration: the tangent basis); rest when None. only: names of the leafs to reduce (all when
-    None). at_rest: names of those expanded at rest all the same. Raises SceneError for unknown names and for leafs that
+    bases at (a trained configuration: the tangent basis); rest when None. only: names of the leaves to reduce (all when
+    None). at_rest: names of those expanded at rest all the same. Raises SceneError for unknown names and for leaves that
     are not chains or whose tangent is singular.
     """
     by_name = choices if isinstance(choices, Mapping) else dict.fromkeys(only or model.member_names, choices)
@@ -79,15 +79,15 @@ def with_modal_bodies(
 
 
 def _order(model: Model, names: Collection[str]) -> Callable[[str], int]:
-    """Key that sorts names of leafs as the model does.
+    """Key that sorts names of leaf springs as the model does.
 
-    Raises SceneError for a name that is none, and for leafs that cannot be reduced.
+    Raises SceneError for a name that is none, and for leaf springs that cannot be reduced.
     """
     place = {name: i for i, name in enumerate(model.member_names)}
     members = model.arrays.members
     for name in names:
         if name not in place:
-            raise SceneError(f"there is no leaf '{name}' to reduce; the leafs are: {', '.join(place)}")
+            raise SceneError(f"there is no leaf '{name}' to reduce; the leaf springs are: {', '.join(place)}")
         i = place[name]
         count = int(members.number[i, 0])
         if members.kind[i] != COROTATIONAL or count < 2:

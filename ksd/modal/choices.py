@@ -25,7 +25,7 @@ class ModalBasis:
     short at 0.1 L, since what the path leaves out can go nowhere; by angles and order 2 only. elements: Appendix A
     elements per leaf of the model that is reduced. expansion: "rest", or "trained": about the kinematic state of the
     joints' records at the asked drive values (tangent basis), where unintended loads then find all they need. plane:
-    derivatives of in-plane modes only: half the unknowns, but wrong support stiffness across the plane; for planar
+    derivatives of in-plane modes only: half the unknowns, but wrong support stiffness out of the plane; for planar
     comparisons.
     cut: singular values below this fraction are dropped. Raises SceneError for what is not a choice.
     """

@@ -1,7 +1,7 @@
 """A solid flexure by scikit-fem: Green-Lagrange strain, Saint-Venant-Kirchhoff material, two rigid end faces.
 
 The full model that `ksd.modal.solid_basis` reduces: a thick leaf or a notch hinge, meshed in 2D (plane stress) or 3D
-with elements of second order. Axes: x along, y across the thickness, z along the width, origin in the middle of face A.
+with elements of second order. Axes: x along, y through the thickness, z along the width, origin in the middle of face A.
 """
 
 from __future__ import annotations

@@ -2,7 +2,7 @@
 
 The displacement patterns of the two rigid end faces are linear in the rotation matrices of the faces, so finite
 rotations are exact and the second-order terms of a rotation are boundary patterns, not derivatives. Between them the
-chord frame (default) or node frame, internal modes and derivatives are those of the leafs. Because Green-Lagrange
+chord frame (default) or node frame, internal modes and derivatives are those of the leaf springs. Because Green-Lagrange
 strain is quadratic, the projected energy is a polynomial of fourth order whose tensors are computed once.
 """
 
@@ -275,10 +275,10 @@ def _stressed(solid: Solid, strain: np.ndarray) -> np.ndarray:
 
 
 def with_solids(model: Model, solids: Mapping[str, SolidBasis]) -> Model:
-    """`model` with the leafs named in `solids` replaced by reduced solids that lie where these leafs lie.
+    """`model` with the leaf springs named in `solids` replaced by reduced solids that lie where these leaf springs lie.
 
     Raises SceneError for unknown names, for a solid of another length than its leaf, and for models with plates. A solid
-    meshed in 2D resists nothing across its plane: hold the mechanism there by supports.
+    meshed in 2D resists nothing out of its plane: hold the mechanism there by supports.
     """
     _fit(model, solids)
     return with_bodies(model, solids)
@@ -287,10 +287,12 @@ def with_solids(model: Model, solids: Mapping[str, SolidBasis]) -> Model:
 def _fit(model: Model, solids: Mapping[str, SolidBasis]) -> None:
     """Raises SceneError where a solid cannot stand where it is to stand."""
     if model.full is not None:
-        raise SceneError("solids beside modal bodies are not possible; leave the other leafs as they are")
+        raise SceneError(
+            "solids beside modal bodies are not possible; leave the other leaf springs as they are"
+        )
     if model.choice is not None and model.choice["plate"].present:
         raise SceneError(
-            "solids beside leafs with plate stiffening are not possible: compile without='plate'"
+            "solids beside leaf springs with plate stiffening are not possible: compile without='plate'"
         )
     members = model.arrays.members
     for name, body in solids.items():
@@ -300,7 +302,7 @@ def _fit(model: Model, solids: Mapping[str, SolidBasis]) -> None:
             )
         if name not in model.member_names:
             raise SceneError(
-                f"there is no leaf '{name}' to be a solid; the leafs are: {', '.join(model.member_names)}"
+                f"there is no leaf '{name}' to be a solid; the leaf springs are: {', '.join(model.member_names)}"
             )
         i = model.member_names.index(name)
         if len(model.arrays.weight) and model.arrays.weight[i, 0] > 0.0:

@@ -118,11 +118,11 @@ class Arrays(Fields):
 class Flat(NamedTuple):
     """`Arrays` in two: ints = scratch, values, unknowns, then where every field of whole numbers begins and the last one
     ends, the same of numbers, and the fields of whole numbers one after the other; floats = size and the other fields.
-    leafs_alone: whether all members are strain-mode leafs or linear, without weight."""
+    leaves_alone: whether all members are strain-mode leaves or linear, without weight."""
 
     ints: np.ndarray
     floats: np.ndarray
-    leafs_alone: bool
+    leaves_alone: bool
 
 
 INT_FIELDS, FLOAT_FIELDS, FIRST = 40, 17, 3
@@ -205,7 +205,7 @@ def opened(flat: Flat) -> Arrays:
 
 
 def carries_load(arrays: Arrays) -> bool:
-    """Whether there are loads on links or leafs with weight."""
+    """Whether there are loads on links or leaf springs with weight."""
     return len(arrays.loads.node) > 0 or len(arrays.weight) > 0
 
 

@@ -52,7 +52,7 @@ def condense_member(
 
 @kernel(inline="always")
 def condense_leaf(kind, value, number, state, store, scratch, near, d, Q, lam, K):
-    """`condense_member` of strain-mode leafs and linear bodies alone, which compile in half the time."""
+    """`condense_member` of strain-mode leaves and linear bodies alone, which compile in half the time."""
     if kind == PLANAR:
         told = planar_leaf.condense(value, number, state, store, d, Q, lam, K)
     elif kind == STRAIN:
@@ -67,7 +67,7 @@ condense_any = kernel(inline="always")(condense_member)
 
 @kernel(inline="always")
 def recover_leaf(kind, value, number, state, store, xi, scale):
-    """`recover_any` of strain-mode leafs and linear bodies alone."""
+    """`recover_any` of strain-mode leaves and linear bodies alone."""
     if kind == PLANAR:
         planar_leaf.recover(value, number, state, store, xi, scale)
     elif kind == STRAIN:
@@ -130,7 +130,7 @@ def add_members(condense, pull, weigh, arrays, x, R, inner, work, factor, rtol, 
 
     near 0: exact tangents at the state; 1: Appendix A chains are linearised about the element orientations in work.near
     (paper 1, section 3), their inner state is set. Of neighbours without weight that are in the same state, as the two
-    outer leafs of a cross flexure in its plane, one is worked on. Returns (negatives, worst inner residual over its bound,
+    outer leaves of a cross flexure in its plane, one is worked on. Returns (negatives, worst inner residual over its bound,
     status).
     """
     # by names of their own: every look into a named tuple counts the users of an array

@@ -1,4 +1,4 @@
-"""Compile a scene: links and internal blocks become nodes, leafs become members, drives and supports become rows.
+"""Compile a scene: links and internal blocks become nodes, leaf springs become members, drives and supports become rows.
 
 Rigid links and connector blocks are neither elements nor constraints: leaf ends hang on their node by an offset.
 """
@@ -29,11 +29,11 @@ from ksd.section.checks import LARGEST, number, show, similar
 class Model:
     """What the computer solves: frozen arrays of one scene with one mesh, and its rest state.
 
-    node_names: "ground", links, then "joint/block"; member_names: "joint/leaf", then free leafs. joint_members[j]
+    node_names: "ground", links, then "joint/block"; member_names: "joint/leaf", then free leaf springs. joint_members[j]
     is the slice of members of joint j. drive_names: the first rows; supports follow, held at zero. spring_names: of
     `arrays.springs`. scene: what is simulated, so without the effects left out and with elastic links taken apart;
     said: the scene as it was described. choice: the effects and why, None when the scene was compiled as given. bodies:
-    reduced bodies in the place of leafs, by name (`ksd.model.reduced`); full: the model whose chains the modal ones among
+    reduced bodies in the place of leaves, by name (`ksd.model.reduced`); full: the model whose chains the modal ones among
     them reduce, None without.
     """
 
@@ -54,12 +54,12 @@ class Model:
 
     @property
     def solids(self) -> tuple[str, ...]:
-        """Names of the leafs that are reduced solids."""
+        """Names of the leaf springs that are reduced solids."""
         return tuple(name for name, body in self.bodies.items() if body.kind == SOLID)
 
     @property
     def leaf_models(self) -> str:
-        """What the leafs are, in words."""
+        """What the leaf springs are, in words."""
         modal = {n: b for n, b in self.bodies.items() if b.kind == MODAL}
         if len(modal) == len(self.member_names) and len({str(b) for b in modal.values()}) == 1:
             return f"modal bodies: {next(iter(modal.values()))}"
@@ -132,7 +132,7 @@ def reference_points(scene: Any) -> np.ndarray:
     for j in scene.joints:
         found[index[j.a]].append(np.asarray(j.origin))
         found[index[j.b]].append(np.asarray(j.origin) + np.asarray(j.rotation) @ np.asarray(j.joint.pose_B))
-    for leaf in scene.leafs:
+    for leaf in scene.leaves:
         found[index[leaf.a]].append(np.asarray(leaf.leaf.start, float))
         found[index[leaf.b]].append(np.asarray(leaf.leaf.end, float))
     places = np.array([np.mean(f, axis=0) if f else np.zeros(3) for f in found])

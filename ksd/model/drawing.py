@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ksd.model.arrays import COROTATIONAL, ROTATION, STRAIN, TRANSLATION
-from ksd.model.leafs import factors, leaf_member, raised_orders, split_leaf
+from ksd.model.leaves import factors, leaf_member, raised_orders, split_leaf
 from ksd.model.mesh import Mesh
 from ksd.model.pack import Member
 from ksd.model.springs import matrix_member, spring_members
@@ -229,13 +229,13 @@ def draw(scene: Any, mesh: Mesh) -> Drawing:
         u = known.setdefault(key, len(joints))
         if u == len(joints):
             joints.append(joint)
-            own = ((leaf.name, leaf) for leaf in placed.leafs())
+            own = ((leaf.name, leaf) for leaf in placed.leaves())
             parts.add(joint, own, before, (_STILL, joint.pose_B), joint.length)
         placed_parts.append((before, index[placed.a], index[placed.b], u))
         places += placed.origin
         for row in placed.rotation:
             turns += row
-    for free in scene.leafs:
+    for free in scene.leaves:
         leaf = free.leaf
         placed_parts.append(("", index[free.a], index[free.b], len(parts.different)))
         parts.add(None, ((free.name, leaf),), "", (leaf.start, leaf.end), leaf.length)
@@ -257,7 +257,7 @@ def draw(scene: Any, mesh: Mesh) -> Drawing:
 
 
 def pulls(scene: Any) -> bool:
-    """Whether the scene has gravity, so that leafs of known density have weight."""
+    """Whether the scene has gravity, so that leaf springs of known density have weight."""
     return scene.gravity is not None and any(scene.gravity)
 
 

@@ -25,15 +25,15 @@ from ksd.section.checks import nearest
 
 WORDS = {
     "spatial": "six unknowns per node",
-    "shear": "Timoshenko shear of the leafs",
+    "shear": "Timoshenko shear of the leaf springs",
     "warping": "warping restrained at clamped ends",
-    "plate": "plate stiffening of wide leafs",
-    "gravity": "gravity on links, payloads and along the leafs",
+    "plate": "plate stiffening of wide leaf springs",
+    "gravity": "gravity on links, payloads and along the leaf springs",
     "following": "loads that turn with their link",
     "compliance": "compliance of links",
     "springs": "springs",
     "heat": "thermal strain",
-    "fit": "prestress and misfit of leafs",
+    "fit": "prestress and assembly error of leaf springs",
 }
 """The effects that can be switched, with what they are."""
 NATURE = ("spatial", "shear", "warping", "plate")
@@ -93,7 +93,7 @@ def mentioned(scene: Any, mesh: Mesh) -> dict[str, str]:
         heavy = [bool(leaf.material.density) for leaf in scene.leaf_names().values()]
         pulled = [_count(len(scene.masses), "mass", "masses")] if scene.masses else []
         if any(heavy):
-            pulled.append(f"{sum(heavy)} of {_count(len(heavy), 'leaf', 'leafs')}, those of known density")
+            pulled.append(f"{sum(heavy)} of {_count(len(heavy), 'leaf', 'leaves')}, those of known density")
         # without masses there is nothing for it to pull at
         if pulled:
             found["gravity"] = f"{_vector(scene.gravity)} m/s^2 on {' and '.join(pulled)}"
@@ -131,7 +131,7 @@ def _listed(names: Iterable[str]) -> str:
 
 def _warmed(heat: Any) -> str:
     through = f" and {heat.through:.4g} K through the thickness" if heat.through else ""
-    of = "all leafs" if heat.leafs is None else _listed(heat.leafs)
+    of = "all leaf springs" if heat.leaves is None else _listed(heat.leaves)
     return f"{heat.temperature:.4g} K{through} on {of}"
 
 
@@ -229,27 +229,27 @@ def applied(scene: Any, mesh: Mesh, choice: Choice) -> tuple[Any, Mesh]:
 
 
 def with_torsion(scene: Any, factors: Mapping[str, float]) -> Any:
-    """The scene whose leafs, by full name, know the factor on GJ of the run they are part of."""
-    leafs = scene.leaf_names()
-    own = {name: leafs[name].condition or Condition() for name in factors}
+    """The scene whose leaf springs, by full name, know the factor on GJ of the run they are part of."""
+    leaves = scene.leaf_names()
+    own = {name: leaves[name].condition or Condition() for name in factors}
     known = {n: replace(own[n], torsion=factor) for n, factor in factors.items()}
     return with_conditions(scene, known) if known else scene
 
 
 def with_conditions(scene: Any, conditions: Mapping[str, Condition]) -> Any:
-    """The scene whose leafs, by full name, are in these conditions."""
+    """The scene whose leaf springs, by full name, are in these conditions."""
     joints = []
     for placed in scene.joints:
         inside = tuple(
             (leaf.name, conditions[f"{placed.name}/{leaf.name}"])
-            for leaf in placed.joint.leafs()
+            for leaf in placed.joint.leaves()
             if f"{placed.name}/{leaf.name}" in conditions
         )
         joints.append(replace(placed, conditions=inside) if inside else placed)
-    leafs = tuple(
+    leaves = tuple(
         replace(placed, leaf=replace(placed.leaf, condition=conditions[placed.name]))
         if placed.name in conditions
         else placed
-        for placed in scene.leafs
+        for placed in scene.leaves
     )
-    return replace(scene, joints=tuple(joints), leafs=leafs)
+    return replace(scene, joints=tuple(joints), leaves=leaves)

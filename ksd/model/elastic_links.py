@@ -1,7 +1,7 @@
 """Elastic links as what they are made of: small rigid links at the attachments, joined by beams or a matrix.
 
 A link with a section becomes a hub and one beam to every attachment; a link with a matrix becomes its two interfaces.
-All that follows (plane, frequencies, pictures) sees ordinary links and leafs.
+All that follows (plane, frequencies, pictures) sees ordinary links and leaf springs.
 """
 
 from __future__ import annotations
@@ -21,14 +21,14 @@ NEAR = 1e-6
 
 
 def _attachments(scene: Any, link: str) -> list[tuple[str, int, int, np.ndarray]]:
-    """("joints" or "leafs", number in the scene, end 0 or 1, place (3,)) of all that is attached to a link."""
+    """("joints" or "leaf springs", number in the scene, end 0 or 1, place (3,)) of all that is attached to a link."""
     found = []
     for i, j in enumerate(scene.joints):
         places = (np.asarray(j.origin, float), j.place(j.joint.pose_B))
         found += [("joints", i, e, places[e]) for e, name in enumerate((j.a, j.b)) if name == link]
-    for i, f in enumerate(scene.leafs):
+    for i, f in enumerate(scene.leaves):
         places = (np.asarray(f.leaf.start, float), np.asarray(f.leaf.end, float))
-        found += [("leafs", i, e, places[e]) for e, name in enumerate((f.a, f.b)) if name == link]
+        found += [("leaves", i, e, places[e]) for e, name in enumerate((f.a, f.b)) if name == link]
     return found
 
 
@@ -39,7 +39,7 @@ def _width_axis(scene: Any, said: Compliance) -> np.ndarray:
     kind, i, _, _ = _attachments(scene, said.link)[0]
     if kind == "joints":
         return np.asarray(scene.joints[i].rotation, float)[:, 2]
-    return np.asarray(scene.leafs[i].leaf.width_axis, float)
+    return np.asarray(scene.leaves[i].leaf.width_axis, float)
 
 
 class _Rewritten:
@@ -47,7 +47,7 @@ class _Rewritten:
 
     def __init__(self, scene: Any) -> None:
         self.links = list(scene.links)
-        self.joints, self.leafs = list(scene.joints), list(scene.leafs)
+        self.joints, self.leaves = list(scene.joints), list(scene.leaves)
 
     def move(self, kind: str, i: int, end: int, to: str) -> None:
         """Attach one end of a joint or leaf to the link `to`."""
@@ -73,7 +73,7 @@ class _Rewritten:
             end_block=to,
             name=f"{to} beam",
         )
-        self.leafs.append(PlacedLeaf(beam.name, said.link, to, beam))
+        self.leaves.append(PlacedLeaf(beam.name, said.link, to, beam))
 
 
 def beams_of(scene: Any, said: Compliance) -> list[tuple[np.ndarray, np.ndarray]]:
@@ -125,7 +125,7 @@ def with_elastic_links(scene: Any) -> Any:
             # taken apart already
             continue
         # the attachments of what has been rewritten so far
-        now = replace(scene, links=tuple(made.links), joints=tuple(made.joints), leafs=tuple(made.leafs))
+        now = replace(scene, links=tuple(made.links), joints=tuple(made.joints), leaves=tuple(made.leaves))
         (_by_section if said.matrix is None else _by_matrix)(now, made, said)
     kept = []
     for said in scene.compliances:
@@ -136,6 +136,6 @@ def with_elastic_links(scene: Any) -> Any:
         scene,
         links=tuple(made.links),
         joints=tuple(made.joints),
-        leafs=tuple(made.leafs),
+        leaves=tuple(made.leaves),
         compliances=tuple(kept),
     )

@@ -19,15 +19,15 @@ def listing(model: Any) -> list[tuple[str, str]]:
     lines = [
         (
             scene.name,
-            f"{len(scene.links) - 1} links, {len(scene.joints)} joints, {len(model.member_names)} leafs as "
+            f"{len(scene.links) - 1} links, {len(scene.joints)} joints, {len(model.member_names)} leaf springs as "
             f"{model.leaf_models}",
         ),
         (
             "unknowns",
             f"{arrays.plan.unknowns - rows} at nodes, {rows} multiplier{'s' * (rows != 1)}, "
-            f"{inner} condensed inside the leafs",
+            f"{inner} condensed inside the leaf springs",
         ),
-        ("simulated", f"bending, torsion and stretch of the leafs{_drawn(model)}; {_rigid(model)}"),
+        ("simulated", f"bending, torsion and stretch of the leaf springs{_drawn(model)}; {_rigid(model)}"),
     ]
     if len(arrays.loads.node):
         weights = ", gravity among them" if scene.gravity else ""
@@ -35,7 +35,7 @@ def listing(model: Any) -> list[tuple[str, str]]:
     lines += _present(model)
     if len(arrays.weight):
         mass, pull = arrays.weight[:, 0].sum(), np.linalg.norm(arrays.weight[0, 1:])
-        lines.append(("weight of the leafs", f"{mass:.3g} kg along them, {mass * pull:.3g} N"))
+        lines.append(("weight of the leaf springs", f"{mass:.3g} kg along them, {mass * pull:.3g} N"))
     plane = plane_of(model)
     if isinstance(plane, str):
         lines.append(("with spatial", f"six unknowns per node, since {plane}"))
@@ -51,14 +51,14 @@ def listing(model: Any) -> list[tuple[str, str]]:
 
 
 def _drawn(model: Any) -> str:
-    """What the drawing itself brings and cannot be switched off: curved, tapered, notched, stiffened leafs."""
+    """What the drawing itself brings and cannot be switched off: curved, tapered, notched, stiffened leaf springs."""
     kinds: dict[str, int] = {}
     for leaf in model.scene.leaf_names().values():
         for part, words in ((leaf.curve, "curved at rest"), (leaf.profile, "")):
             if part is not None:
                 said = words or _PROFILES.get(type(part).__name__, "of varying section")
                 kinds[said] = kinds.get(said, 0) + 1
-    return "".join(f"; {n} leaf{'s' * (n > 1)} {said}" for said, n in kinds.items())
+    return "".join(f"; {n} {'leaf springs' if n > 1 else 'leaf'} {said}" for said, n in kinds.items())
 
 
 _PROFILES = {
@@ -105,7 +105,7 @@ def _absent(model: Any) -> list[tuple[str, str]]:
 
 
 def reason(effect: Effect, scene: Any) -> str:
-    """Why an effect is simulated or not; of warping and plate stiffening also what they are worth to the leafs alone."""
+    """Why an effect is simulated or not; of warping and plate stiffening also what they are worth to the leaves alone."""
     worth = {"warping": _warping, "plate": _plate}.get(effect.name)
     if worth is None:
         return effect.reason
@@ -135,28 +135,29 @@ def _warping(scene: Any) -> str:
 
 
 def _meeting(scene: Any, runs: dict[str, float]) -> str:
-    """Words on leafs that meet end to end: runs that warping passes through, or what it would be if it did."""
-    leafs = scene.leaf_names()
+    """Words on leaf springs that meet end to end: runs that warping passes through, or what it would be if it did."""
+    leaves = scene.leaf_names()
     for one, two, block, passes in meetings(scene):
-        if not all(leafs[n].section.Iw > 0.0 for n in (one, two)):
+        if not all(leaves[n].section.Iw > 0.0 for n in (one, two)):
             continue
-        alone = [f"{own_factor(leafs[n]):.3g}" for n in (one, two)]
+        alone = [f"{own_factor(leaves[n]):.3g}" for n in (one, two)]
         if passes:
             return (
                 f"; warping passes from leaf '{one}' to '{two}', as '{block}' carries nothing else: one run, "
                 f"whose factors are {runs[one]:.3g} and {runs[two]:.3g} instead of {' and '.join(alone)}"
             )
         return (
-            f"; leafs '{one}' and '{two}' meet end to end on '{block}', a body that holds their ends plane: their "
+            f"; leaf springs '{one}' and '{two}' meet end to end on '{block}', a body that holds their ends plane: their "
             f"factors are {' and '.join(alone)}, and would be less if warping could pass"
         )
     for one, two, block, _ in corners(scene):
-        if all(leafs[n].section.Iw > 0.0 for n in (one, two)):
+        if all(leaves[n].section.Iw > 0.0 for n in (one, two)):
             factors = [
-                " and ".join(f"{f(leafs[n]):.3g}" for n in (one, two)) for f in (own_factor, half_held_factor)
+                " and ".join(f"{f(leaves[n]):.3g}" for n in (one, two))
+                for f in (own_factor, half_held_factor)
             ]
             return (
-                f"; leafs '{one}' and '{two}' meet at an angle on '{block}', taken to hold their ends plane: their "
+                f"; leaf springs '{one}' and '{two}' meet at an angle on '{block}', taken to hold their ends plane: their "
                 f"factors are {factors[0]}, and {factors[1]} if it did not hold them at all"
             )
     return ""

@@ -1,4 +1,4 @@
-"""How leafs are meshed: which leaf model, and how fine."""
+"""How leaf springs are meshed: which leaf model, and how fine."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from ksd.errors import SceneError
 from ksd.section.checks import Worded, show, truth, whole
 
 MOST_ORDER = 24
-"""Curvature modes about an axis that a mesh has at most: ends of taut leafs bend within a hundredth of the length."""
+"""Curvature modes about an axis that a mesh has at most: ends of taut leaf springs bend within a hundredth of the length."""
 
 
 @dataclass(frozen=True)
@@ -67,12 +67,12 @@ class Mesh(metaclass=Worded):
         return self
 
     def refined(self) -> Mesh:
-        """The mesh that answers on this one are judged by: strain-mode leafs with more modes and points."""
+        """The mesh that answers on this one are judged by: strain-mode leaves with more modes and points."""
         words = {f.name: getattr(self, f.name) for f in fields(Mesh)}
         return Refined(**{**words, "leaf": "strain", "nodal": False})
 
     def with_effect(self, name: str) -> Mesh:
-        """The mesh of the same leafs with "warping" or "plate"."""
+        """The mesh of the same leaf springs with "warping" or "plate"."""
         return replace(self, **{name: True})  # type: ignore[arg-type]
 
     def modes(self, orders: tuple[int, int, int], points: int) -> tuple[tuple[int, int, int], int]:
@@ -81,7 +81,7 @@ class Mesh(metaclass=Worded):
 
     def __str__(self) -> str:
         if self.leaf == "strain":
-            return f"strain-mode leafs, orders {self.orders}, {self.points} points"
+            return f"strain-mode leaves, orders {self.orders}, {self.points} points"
         newton = "mixed integration points" if self.mip else "plain Newton"
         return f"{self.elements} Appendix A elements per leaf, {newton}{', nodal' if self.nodal else ''}"
 
@@ -92,7 +92,7 @@ MORE, MORE_POINTS = (2, 2, 3), 4
 
 @dataclass(frozen=True)
 class Refined(Mesh):
-    """Strain-mode leafs with more modes and points than each of them asks for, the orders of its own included."""
+    """Strain-mode leaves with more modes and points than each of them asks for, the orders of its own included."""
 
     def modes(self, orders: tuple[int, int, int], points: int) -> tuple[tuple[int, int, int], int]:
         """As `Mesh.modes`, with MORE of them."""
@@ -102,7 +102,7 @@ class Refined(Mesh):
 
 @dataclass(frozen=True)
 class MixedMesh(Mesh):
-    """A mesh with others for some leafs: pairs of a mesh and the names of its leafs."""
+    """A mesh with others for some leaves: pairs of a mesh and the names of its leaf springs."""
 
     others: tuple[tuple[Mesh, tuple[str, ...]], ...] = ()
 

@@ -3,10 +3,10 @@
 The same function serves the full model, the reduced one (condensed joints), training and the conventional
 solver. Convergence is scale-free (design section 5): at every node |R| <= rtol sum |f_e| + 10 eps (EA/L) max|x|,
 for forces and moments apart, the same for the inner residual of every member, and constraint gaps to rounding.
-In the stiff directions of thin leafs rounding may exceed that bound: a residual up to a thousand times larger is accepted
+In the stiff directions of thin leaves rounding may exceed that bound: a residual up to a thousand times larger is accepted
 (`settled`) when the last Newton step moved nothing by more than 1e-7 of the size, turned nothing by more than 1e-6 rad, and
-no longer lowered the residual. Without the last condition forces of taut leafs were off by 5e-5: nodes that stand still say
-nothing of the insides of leafs, and what leaves positions right to 1e-14 is still a force in a stiff one.
+no longer lowered the residual. Without the last condition forces of taut leaves were off by 5e-5: nodes that stand still say
+nothing of the insides of leaf springs, and what leaves positions right to 1e-14 is still a force in a stiff one.
 
 Every compiled caller of the leaf kernels contains them and takes as long to compile, so there is one, `newton`, with a
 task, and `newton_any` for what few mechanisms have; the functions below them are what Python calls.
@@ -355,7 +355,7 @@ def _run(
 ) -> Newton:  # fmt: skip
     # one type of every argument: for another one all would be compiled again
     flat = arrays.flat
-    found: Newton = (newton if flat.leafs_alone else newton_any)(
+    found: Newton = (newton if flat.leaves_alone else newton_any)(
         flat.ints, flat.floats, *motion, np.ascontiguousarray(target, np.float64), work.flat, work.at,
         task, int(near), int(most), float(factor), float(rtol), float(grain), float(cap), float(blow_up),
     )  # fmt: skip

@@ -1,4 +1,4 @@
-"""Orders of the strain-mode leafs: chosen by the accuracy asked for, and raised where that was not enough.
+"""Orders of the strain-mode leaves: chosen by the accuracy asked for, and raised where that was not enough.
 
 The choice follows measured errors of moment, support stiffness and buckling (see the validation tests); never below
 the hard minima nz 4, nx 3, ny 2, under which support stiffness is off by factors. Whether they were enough is seen in the

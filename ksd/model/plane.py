@@ -1,11 +1,11 @@
 """Whether a model is planar, and the same model with three unknowns per node.
 
-Looked at here: the leafs' width axes, drives and supports, loads. Symmetry about the plane is not asked for; whether
-the leafs balance across it is seen when the spatial residual is evaluated at a planar answer (`Plane.imbalance`). A
+Looked at here: the leaf springs' width axes, drives and supports, loads. Symmetry about the plane is not asked for; whether
+the leaf springs balance across it is seen when the spatial residual is evaluated at a planar answer (`Plane.imbalance`). A
 planar scene is thus checked, never trusted (design section 4).
 
-A planar model is the spatial one with z, rx and ry left out of the numbering (`Arrays.keep`), for a plane across one
-of the global axes: same members, same state, same rows; leafs without weight condense in closed form in the angle
+A planar model is the spatial one with z, rx and ry left out of the numbering (`Arrays.keep`), for a plane normal to one
+of the global axes: same members, same state, same rows; leaf springs without weight condense in closed form in the angle
 (`ksd.beam.planar_leaf`). An oblique plane is solved in space.
 """
 
@@ -72,7 +72,7 @@ class Plane:
         return bool(off <= 1e-9 * size and np.abs(motion.R @ k - k).max(initial=0.0) <= 1e-9)
 
     def imbalance(self, work: Work) -> tuple[float, int, float, float]:
-        """Residual across the plane in `work`, as assembled in space by `ksd.model.newton.assemble` at a planar state.
+        """Residual out of the plane in `work`, as assembled in space by `ksd.model.newton.assemble` at a planar state.
 
         Returns (the largest over its bound, the node it acts on, its force [N] along k, its moment [Nm] across k).
         """
@@ -123,7 +123,7 @@ def _planar(width: int, nodes: int, rows: tuple[int, ...], ints: tuple[bytes, ..
 
 
 def _masked(arrays: Arrays, axis: int, rows: np.ndarray) -> Arrays:
-    """The arrays with those unknowns of every node that are in the plane across global axis `axis`, and `rows` alone."""
+    """The arrays with those unknowns of every node that are in the plane normal to global axis `axis`, and `rows` alone."""
     keep = np.array([*(c for c in range(3) if c != axis), 3 + axis])
     terms, springs, loads = arrays.terms, arrays.springs, arrays.loads
     ints = (arrays.members.node, springs.node, terms.node, loads.node, terms.first)
@@ -141,7 +141,7 @@ def _masked(arrays: Arrays, axis: int, rows: np.ndarray) -> Arrays:
 
 
 def _members(arrays: Arrays) -> Members:
-    """The members, light strain-mode leafs by their planar kernel."""
+    """The members, light strain-mode leaves by their planar kernel."""
     members = arrays.members
     light = members.kind == STRAIN
     if len(arrays.weight):
@@ -208,7 +208,7 @@ def _spoken(v: np.ndarray) -> str:
 
 
 def _leaving_member(model: Model, k: np.ndarray) -> str:
-    """Why a member is not in the plane across k, naming the first; empty when all are."""
+    """Why a member is not in the plane normal to k, naming the first; empty when all are."""
     members = model.arrays.members
     e3 = members.frame[..., 2]
     along = e3 @ k
@@ -248,7 +248,7 @@ def _straight_across(members: Members, i: int) -> bool:
 
 
 def _leaving_spring(model: Model, k: np.ndarray) -> str:
-    """Why a spring is not in the plane across k, naming the first; empty when all are."""
+    """Why a spring is not in the plane normal to k, naming the first; empty when all are."""
     springs, rest = model.arrays.springs, model.rest.x
     for i, name in enumerate(model.spring_names):
         node, kind = springs.node[i], springs.kind[i]
@@ -256,7 +256,7 @@ def _leaving_spring(model: Model, k: np.ndarray) -> str:
             ends = rest[node] + springs.offset[i]
             across = (ends[1] - ends[0]) @ k
             if abs(across) > PARALLEL * springs.length[i]:
-                return f"{name} pulls across the plane, its ends being {1e3 * across:.3g} mm apart along the normal"
+                return f"{name} pulls out of the plane, its ends being {1e3 * across:.3g} mm apart along the normal"
         elif np.linalg.norm(np.cross(springs.frame[i, :, :, 2], k), axis=1).max() > PARALLEL:
             return f"{name} has its {'axis' if kind == TURN else 'width axis'} in the plane"
         elif kind == LINEAR and _couples(springs.value[springs.value_at[i] :]):
@@ -291,7 +291,7 @@ def _planar_rows(model: Model, k: np.ndarray) -> np.ndarray | str:
     t = first[i] + int(np.argmin(inside[first[i] : terms.first[i + 1]]))
     what = "rotates about" if turning[t] else "moves along"
     word, name = "drive" if i < drives else "support", (*model.drive_names, *model.support_names)[i]
-    return f"{word} '{name}' {what} {_spoken(terms.direction[t])}, out of the plane across {_spoken(k)}"
+    return f"{word} '{name}' {what} {_spoken(terms.direction[t])}, out of the plane normal to {_spoken(k)}"
 
 
 def _load_name(model: Model, i: int) -> str:
@@ -307,19 +307,19 @@ def _leaving_load(model: Model, k: np.ndarray) -> str:
     for i in range(len(loads.node)):
         force, moment = loads.force[i], loads.moment[i]
         if abs(force @ k) > PARALLEL * np.linalg.norm(force):
-            return f"{_load_name(model, i)} pushes along {_spoken(force)} N, out of the plane across {_spoken(k)}"
+            return f"{_load_name(model, i)} pushes along {_spoken(force)} N, out of the plane normal to {_spoken(k)}"
         if np.linalg.norm(np.cross(moment, k)) > PARALLEL * np.linalg.norm(moment):
-            return f"{_load_name(model, i)} turns about {_spoken(moment)} Nm, out of the plane across {_spoken(k)}"
+            return f"{_load_name(model, i)} turns about {_spoken(moment)} Nm, out of the plane normal to {_spoken(k)}"
     gravity = model.arrays.weight[:1, 1:].ravel()
     if len(gravity) and abs(gravity @ k) > PARALLEL * np.linalg.norm(gravity):
-        return f"the weight of the leafs pulls along {_spoken(gravity)} m/s^2, out of the plane across {_spoken(k)}"
+        return f"the weight of the leaves pulls along {_spoken(gravity)} m/s^2, out of the plane normal to {_spoken(k)}"
     return ""
 
 
 def _find_plane(model: Model) -> Plane | str:
     """See `plane_of`; this one looks every time."""
     if not len(model.arrays.members.kind):
-        return "it has no leafs to show a plane"
+        return "it has no leaf springs to show a plane"
     axis, k = _normal_axis(model.arrays)
     rows = _planar_rows(model, k)
     reason = (
@@ -339,7 +339,7 @@ def _find_plane(model: Model) -> Plane | str:
 def plane_of(model: Model) -> Plane | str:
     """The model in its plane, or the reason (a clause naming leaf, drive, support or load) why it is not planar.
 
-    Planar means: the widths e3 of all leafs parallel to one direction k, drives and supports acting across k (rotations
+    Planar means: the widths e3 of all leaves parallel to one direction k, drives and supports acting across k (rotations
     about k), forces across k and moments about k. Supports that hold the mechanism in the plane are allowed and left
     out. The answer is remembered for as long as the model lives.
     """
@@ -350,5 +350,5 @@ def plane_of(model: Model) -> Plane | str:
 
 
 def refuse_plane(model: Model, reason: str) -> None:
-    """Remember that the leafs of `model` do not balance across its plane, so that it is not tried again."""
+    """Remember that the leaf springs of `model` do not balance out of its plane, so that it is not tried again."""
     model.derived["plane"] = reason

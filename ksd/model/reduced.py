@@ -31,7 +31,7 @@ class Body(Protocol):
 
 
 def with_bodies(model: Model, bodies: Mapping[str, Body]) -> Model:
-    """`model` with these bodies, by name of the leaf each takes the place of; they lie where these leafs lie, undeformed.
+    """`model` with these bodies, by name of the leaf each takes the place of; they lie where these leaves lie, undeformed.
 
     One object in several places has one set of constants.
     """
@@ -89,7 +89,7 @@ def member_pose(members: Members, i: int, motion: Motion) -> tuple[np.ndarray, n
 
 
 def same_state(model: Model, motion: Motion, other: Model) -> Motion:
-    """The motion of `model` in a model of the same nodes and leafs: members of another kind than there are undeformed."""
+    """The motion of `model` in a model of the same nodes and leaves: members of another kind than there are undeformed."""
     state = other.rest.copy()
     state.x[:], state.R[:], state.multiplier[:] = motion.x, motion.R, motion.multiplier
     for i in np.flatnonzero(model.arrays.members.kind == other.arrays.members.kind).tolist():

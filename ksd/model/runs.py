@@ -1,7 +1,7 @@
-"""Leafs that meet end to end, and the runs of them through which warping passes.
+"""Leaf springs that meet end to end, and the runs of them through which warping passes.
 
-A leaf is clamped to blocks that hold its ends plane. Where two straight leafs meet on a block that carries nothing else,
-nothing holds the section between them: its warping and bimoment are continuous. The torque is the same in all leafs of such
+A leaf is clamped to blocks that hold its ends plane. Where two straight leaves meet on a block that carries nothing else,
+nothing holds the section between them: its warping and bimoment are continuous. The torque is the same in all leaves of such
 a run, so that this seventh unknown can be eliminated (`ksd.section.warping`): every leaf gets the factor on GJ with which
 it twists as it does in the run, restrained at the outer ends alone.
 """
@@ -19,11 +19,11 @@ from ksd.section.closed_forms import held_plane
 from ksd.section.warping import SLICES, Slice, decay, twist_factors
 
 IN_LINE = -1.0 + 1e-6
-"""Product of the directions out of two leafs below which one goes on where the other ends."""
+"""Product of the directions out of two leaf springs below which one goes on where the other ends."""
 
 
 class Meeting(NamedTuple):
-    """Two leafs, by full name, that run on in one line; block: the link or block, by full name, they meet on; passes:
+    """Two leaf springs, by full name, that run on in one line; block: the link or block, by full name, they meet on; passes:
     whether it carries nothing else and the widths of both are parallel, so that warping passes."""
 
     one: str
@@ -41,7 +41,7 @@ class _End(NamedTuple):
 
 
 def meetings(scene: Any) -> list[Meeting]:
-    """All pairs of leafs that are clamped to one block in one point and run on in one line."""
+    """All pairs of leaf springs that are clamped to one block in one point and run on in one line."""
     return [
         Meeting(a.name, b.name, block, alone and _pass_on(a.leaf, b.leaf))
         for block, a, b, alone in _pairs(scene)
@@ -50,7 +50,7 @@ def meetings(scene: Any) -> list[Meeting]:
 
 
 def corners(scene: Any) -> list[Meeting]:
-    """All pairs of leafs that are clamped in one point to a block that carries nothing else, at an angle: a fold, which is
+    """All pairs of leaves that are clamped in one point to a block that carries nothing else, at an angle: a fold, which is
     taken to hold both ends plane."""
     return [
         Meeting(a.name, b.name, block, False)
@@ -60,7 +60,7 @@ def corners(scene: Any) -> list[Meeting]:
 
 
 def _pairs(scene: Any) -> Iterator[tuple[str, _End, _End, bool]]:
-    """Ends of two leafs in one point of a block, and whether it carries nothing else."""
+    """Ends of two leaf springs in one point of a block, and whether it carries nothing else."""
     blocks: dict[str, dict[tuple[float, ...], list[_End]]] = {}
     for block, place, end in _ends(scene):
         # beyond 1e-6 m they are apart
@@ -75,10 +75,10 @@ def _pairs(scene: Any) -> Iterator[tuple[str, _End, _End, bool]]:
 
 
 def run_factors(scene: Any) -> dict[str, float]:
-    """Factor on GJ of leafs, by full name, that are part of a run or whose section varies; others have the closed form of
+    """Factor on GJ of leaves, by full name, that are part of a run or whose section varies; others have the closed form of
     `ksd.section.restrained_warping_factor`."""
-    leafs = scene.leaf_names()
-    groups: list[set[str]] = [{n} for n, leaf in leafs.items() if leaf.profile is not None and _warps(leaf)]
+    leaves = scene.leaf_names()
+    groups: list[set[str]] = [{n} for n, leaf in leaves.items() if leaf.profile is not None and _warps(leaf)]
     for meeting in meetings(scene):
         if meeting.passes:
             pair = {meeting.one, meeting.two}
@@ -86,7 +86,7 @@ def run_factors(scene: Any) -> dict[str, float]:
             groups = [g for g in groups if not g & pair] + [pair.union(*touched)]
     found: dict[str, float] = {}
     for group in groups:
-        run = _in_line({n: leafs[n] for n in sorted(group)})
+        run = _in_line({n: leaves[n] for n in sorted(group)})
         found |= dict(zip(run, twist_factors(list(run.values())), strict=True))
     return found
 
@@ -109,13 +109,13 @@ def _warps(leaf: Any) -> bool:
     return bool(leaf.section.Iw > 0.0)
 
 
-def _in_line(leafs: dict[str, Any]) -> dict[str, list[Slice]]:
-    """The slices of the leafs of one run, by name, from one end of it to the other."""
-    first = next(iter(leafs.values()))
+def _in_line(leaves: dict[str, Any]) -> dict[str, list[Slice]]:
+    """The slices of the leaf springs of one run, by name, from one end of it to the other."""
+    first = next(iter(leaves.values()))
     along = np.subtract(first.end, first.start)
-    order = sorted(leafs, key=lambda n: float(along @ np.add(leafs[n].start, leafs[n].end)))
-    ahead = {n: along @ np.subtract(leafs[n].end, leafs[n].start) > 0.0 for n in order}
-    return {n: _slices(leafs[n])[:: 1 if ahead[n] else -1] for n in order}
+    order = sorted(leaves, key=lambda n: float(along @ np.add(leaves[n].start, leaves[n].end)))
+    ahead = {n: along @ np.subtract(leaves[n].end, leaves[n].start) > 0.0 for n in order}
+    return {n: _slices(leaves[n])[:: 1 if ahead[n] else -1] for n in order}
 
 
 def _slices(leaf: Any) -> list[Slice]:
@@ -136,10 +136,10 @@ def _slices(leaf: Any) -> list[Slice]:
 def _ends(scene: Any) -> Iterator[tuple[str, Any, _End]]:
     """(block, place, end) of every leaf end; blocks inside joints by full name, their interfaces as the joint's own."""
     for joint in scene.joints:
-        for leaf in joint.leafs():
+        for leaf in joint.leaves():
             for block, place, out in _both(leaf):
                 yield f"{joint.name}/{block}", place, _End(f"{joint.name}/{leaf.name}", leaf, out)
-    for free in scene.leafs:
+    for free in scene.leaves:
         for block, (_, place, out) in zip((free.a, free.b), _both(free.leaf), strict=True):
             yield block, place, _End(free.name, free.leaf, out)
 
@@ -150,7 +150,7 @@ def _both(leaf: Any) -> tuple[tuple[str, Any, np.ndarray], tuple[str, Any, np.nd
 
 
 def _busy(scene: Any) -> set[str]:
-    """Links and blocks that are bodies: something else than leafs is said of them."""
+    """Links and blocks that are bodies: something else than leaf springs is said of them."""
     found = {"ground", *(m.link for m in scene.masses), *(p.link for p in scene.loads)}
     found |= {name for j in scene.joints for name in (j.a, j.b, f"{j.name}/A", f"{j.name}/B")}
     found |= {name for s in scene.springs for name in (s.a, s.b)}
@@ -160,7 +160,7 @@ def _busy(scene: Any) -> set[str]:
 
 
 def _pass_on(one: Any, two: Any) -> bool:
-    """Whether warping can pass between two leafs in one line: both straight, widths parallel."""
+    """Whether warping can pass between two leaf springs in one line: both straight, widths parallel."""
     straight = all(leaf.curve is None and _warps(leaf) for leaf in (one, two))
     across = (
         np.zeros(3)

@@ -1,4 +1,4 @@
-"""How the equilibrium follows the weight of the leafs: derivative of the residual by the load factor."""
+"""How the equilibrium follows the weight of the leaves: derivative of the residual by the load factor."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from ksd.model.arrays import Arrays, Work
 
 
 def weight_force(arrays: Arrays, work: Work) -> np.ndarray:
-    """Derivative (n,) of the residual by the load factor, of the weight of all leafs; work: as assembled.
+    """Derivative (n,) of the residual by the load factor, of the weight of all leaf springs; work: as assembled.
 
     With V(xi, g) of `ksd.beam.weight`: mass g on end p with its moment, and V_xi,g g through the levers.
     """

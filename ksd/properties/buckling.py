@@ -4,7 +4,7 @@
 to the load, by a central difference over the response of all unknowns, plus the tangent of the load itself: stresses,
 geometry and constraint directions change as they really do, so mu times the load is the load to be added, in either
 direction. Without one, all stresses of the state grow together: K is the tangent with stresses, drive forces and loads set
-to zero in the deformed geometry, K' the stress stiffness (their difference), and mu = 1 is the state itself. Leafs enter
+to zero in the deformed geometry, K' the stress stiffness (their difference), and mu = 1 is the state itself. Leaves enter
 with their stresses as unknowns beside motions and amplitudes, in which the tangent is linear in the stress: the condensed
 one has poles where a leaf buckles between its ends, and its derivative loses stiffness where none is lost.
 
@@ -130,7 +130,7 @@ class Buckling(Shown):
         return f"{upto}; put the load on, or follow it (ksd.follow)"
 
     def __str__(self) -> str:
-        between = "leafs between ends that stand still"
+        between = "leaf springs between ends that stand still"
         rows = [
             (number(m), movement(self.model, v) or between)
             for m, v in zip(self.factor, self.shape, strict=True)
@@ -157,7 +157,7 @@ def full_tangents(
     model: Model, motion: Motion, *, rows: Iterable[int] = (), load_factor: float = 1.0
 ) -> tuple[Any, Any]:
     """Uncondensed tangent, and that with all stresses, drive forces and loads set to zero, scipy CSC: node unknowns and
-    multipliers in plan order, then amplitudes and end wrench (a, lam) of leafs.
+    multipliers in plan order, then amplitudes and end wrench (a, lam) of leaf springs.
 
     Symmetric but for what loads add that are not conservative. `rows`: constraint rows taken out. Chains must be unfolded
     (no inner nodes); then they are the node tangents.
@@ -231,7 +231,7 @@ def _without_forces(motion: Motion) -> Motion:
 
 
 def _leaf_tangents(model: Model, motion: Motion, group: LeafGroup, load_factor: float) -> tuple[Array, Array]:
-    """Tangents (k, 18 + N, 18 + N) of leafs in (motions of both nodes, a, lam), and those without stress."""
+    """Tangents (k, 18 + N, 18 + N) of leaf springs in (motions of both nodes, a, lam), and those without stress."""
     parts, ends = group_parts(model, motion, group, load_factor), end_frames(model, motion, group.members)
     N = group.modes
     still = np.zeros((len(group.members), 18 + N, 18 + N))
@@ -501,7 +501,7 @@ def _refuse_mixture(model: Model) -> None:
     kinds = set(model.arrays.members.kind.tolist())
     if STRAIN in kinds and len(kinds) > 1:
         raise SceneError(
-            "buckling of strain-mode leafs beside chains of elements is not known; give all leafs of the model one mesh"
+            "buckling of strain-mode leaves beside chains of elements is not known; give all leaves of the model one mesh"
         )
 
 

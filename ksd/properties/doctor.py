@@ -1,9 +1,9 @@
 """The constraint doctor: what is under-constrained and what is redundant, by singular values, before anything is solved.
 
-Every link has six freedoms; leafs and joints take away what they hold stiffly, supports and drives what they prescribe. The
+Every link has six freedoms; leaves and joints take away what they hold stiffly, supports and drives what they prescribe. The
 rank of all rows says how many freedoms are left and how many rows are too many; which ones is told by taking rows in order
 of stiffness and keeping those that add something (Blanding's exact constraint rules, here by linear algebra).
-Overconstrained models are solved all the same: their leafs take it up elastically.
+Overconstrained models are solved all the same: their leaf springs take it up elastically.
 
 A leaf is as many constraints as its stiffness has large eigenvalues: three for a sheet, one for a slender wire. A joint
 counts by the stiffness of its interface B with its insides condensed. A row acts on the small motions of all nodes, six
@@ -40,7 +40,7 @@ ALIGNED = 1e-6
 
 @dataclass(frozen=True)
 class Free:
-    """A motion that no drive, support or stiff direction holds. stiffness [N/m, or Nm/rad for a turn]: what soft leafs
+    """A motion that no drive, support or stiff direction holds. stiffness [N/m, or Nm/rad for a turn]: what soft leaves
     resist it with, 0 where nothing does; twist (links, 6): displacements [m] and rotations [rad] of all links."""
 
     sentence: str
@@ -68,8 +68,8 @@ class Fight:
 
 @dataclass(frozen=True, repr=False)
 class Diagnosis(Shown):
-    """What the doctor found. freedoms: left by joints, leafs and supports, for drives to move; held: those the drives
-    hold; constraints, independent: rows of joints, leafs and supports, and their rank; free: motions left with
+    """What the doctor found. freedoms: left by joints, leaf springs and supports, for drives to move; held: those the drives
+    hold; constraints, independent: rows of joints, leaf springs and supports, and their rank; free: motions left with
     all drives held; fights: redundant constraints, of the mechanism and then inside joints; singular_values: of all
     rows, descending; unusual: sizes and materials that hardly any flexure has (`ksd.scene.plausible`)."""
 
@@ -110,7 +110,7 @@ class Diagnosis(Shown):
             lines.append("with all of these released the mechanism would be exactly constrained")
         if self.fights:
             lines.append(
-                "overconstrained mechanisms are solved all the same: the leafs take it up elastically"
+                "overconstrained mechanisms are solved all the same: the leaf springs take it up elastically"
             )
         lines += [f"unusual: {sentence}" for sentence in self.unusual]
         return "\n".join(lines)
@@ -180,13 +180,13 @@ def _described(mechanism: Any) -> Scene:
 def _structure(
     scene: Scene, index: dict[str, int], places: Array, size: float
 ) -> tuple[list[Spring], list[Constraint]]:
-    """Springs and constraints of all joints and free leafs."""
+    """Springs and constraints of all joints and free leaf springs."""
     springs, rows = [], []
     for placed in scene.joints:
         spring = joint_spring(placed, (index[placed.a], index[placed.b]))
         springs.append(spring)
         rows += joint_rows(placed, spring, places, size)
-    for leaf in scene.leafs:
+    for leaf in scene.leaves:
         springs.append(leaf_spring(leaf.leaf, (index[leaf.a], index[leaf.b])))
         rows += leaf_rows([(leaf.name, leaf.a, leaf.b, leaf.leaf)], index, places, size)
     return springs, rows
@@ -278,7 +278,7 @@ def _spoken(links: Sequence[str], twist: Array, energy: float, size: float) -> F
     value = energy / (amount[link, k] / (size if turns else 1.0)) ** 2
     way = f"turn about {'xyz'[k - 3]}" if turns else f"slide along {'xyz'[k]}"
     unit = "Nm/rad" if turns else "N/m"
-    soft = f"only leafs that bend hold it, with {value:.3g} {unit}"
+    soft = f"only leaf springs that bend hold it, with {value:.3g} {unit}"
     why = soft if value > 0.0 else "nothing holds it"
     return Free(f"link '{links[link]}' can {way}: {why}", value, twist)
 
@@ -294,15 +294,15 @@ def _inside(scene: Scene) -> list[Fight]:
         blocks = {"A": (0.0, 0.0, 0.0), **joint.blocks(), "B": joint.pose_B}
         index = {block: i for i, block in enumerate(["A", *(b for b in blocks if b != "A")])}
         places = np.array([blocks[b] for b in index], float)
-        leafs = [(f.name, f.start_block, f.end_block, f) for f in joint.leafs()]
-        rows = sorted(leaf_rows(leafs, index, places, joint.length), key=lambda c: -c.stiffness)
+        leaves = [(f.name, f.start_block, f.end_block, f) for f in joint.leaves()]
+        rows = sorted(leaf_rows(leaves, index, places, joint.length), key=lambda c: -c.stiffness)
         rank = _rank(rows, len(places))
         found += [_fight(*too, *names) for too in _too_many(rows, rank)]
     return found
 
 
 def _key(joint: Any) -> Any:
-    """Joints with the same leafs and blocks are one."""
+    """Joints with the same leaf springs and blocks are one."""
     try:
         hash(joint)
     except TypeError:
@@ -398,7 +398,7 @@ def rest_matrix(model: Model) -> Array:
 def leaf_spring(leaf: Any, nodes: tuple[int, int]) -> Spring:
     """A leaf as a spring, seen from the middle of its chord."""
     middle = 0.5 * (np.asarray(leaf.start, float) + np.asarray(leaf.end, float))
-    alone = Scene("leaf", (GROUND, "end"), leafs=(PlacedLeaf("leaf", GROUND, "end", leaf),))
+    alone = Scene("leaf", (GROUND, "end"), leaves=(PlacedLeaf("leaf", GROUND, "end", leaf),))
     return Spring(
         nodes, middle, leaf.axes, leaf.length, stiffness_at_rest(alone, middle, leaf.axes, leaf.length)
     )
@@ -472,10 +472,12 @@ def _release(axis: int, owner: str, words: Sequence[str]) -> str:
     }.get(axis, f"make {owner} thinner or longer")
 
 
-def leaf_rows(leafs: Sequence[Any], index: Mapping[str, int], places: Array, size: float) -> list[Constraint]:
+def leaf_rows(
+    leaves: Sequence[Any], index: Mapping[str, int], places: Array, size: float
+) -> list[Constraint]:
     """Constraints of (name, block or link at the start, at the end, leaf)."""
     rows = []
-    for name, a, b, leaf in leafs:
+    for name, a, b, leaf in leaves:
         spring = leaf_spring(leaf, (index[a], index[b]))
         rows += spring_rows(spring, places, size, owner=f"leaf '{name}'", words=_LEAF)
     return rows

@@ -1,4 +1,4 @@
-"""Forces in a state: along every leaf, and of joints, leafs and springs on the links.
+"""Forces in a state: along every leaf, and of joints, leaf springs and springs on the links.
 
 Section forces N, Vy, Vz [N], T, My, Mz [Nm] are positive on the section whose outward normal points along the leaf, in the
 axes of the deformed section. For both leaf models they follow from the leaf's end wrench (n, m) by equilibrium: force n and
@@ -8,7 +8,7 @@ ends (7e-4 of the moment off in a cross flexure turned by 45 degrees). In a chai
 moments, but as shear only their difference over an element whose two ends have different axes, which under twist mixes weak
 and strong bending.
 
-Interface forces are what joints, free leafs and springs exert on the links they are clamped to, ground included. A leaf
+Interface forces are what joints, free leaves and springs exert on the links they are clamped to, ground included. A leaf
 passes on the wrench at its ends; those of a joint are summed about its interface. On every link they balance loads, drives,
 supports and weight.
 """
@@ -37,7 +37,7 @@ from ksd.properties.shape import (
     crossed,
     member_ends,
     member_parts,
-    members_of_leafs,
+    members_of_leaves,
     strain_curves,
 )
 from ksd.properties.words import Named, Shown, listed, number
@@ -85,13 +85,13 @@ class SectionForces(Shown):
 def section_forces(
     model: Model, motion: Motion, *, points: int = POINTS, load_factor: float = 1.0
 ) -> Named[SectionForces]:
-    """Section forces of all leafs by full name; `points` stations in a strain-mode leaf; their weight times load_factor."""
+    """Section forces of all leaves by full name; `points` stations in a strain-mode leaf; their weight times load_factor."""
     parts: dict[int, tuple[Array, Array]] = {}
     for group in leaf_groups(model):
         gravity = own_gravity(model, motion, group, load_factor)
         parts |= zip(group.members.tolist(), _strain_forces(group, motion, points, gravity), strict=True)
     found, work = {}, make_work(model.arrays) if len(parts) < len(model.arrays.members.kind) else None
-    for name, members in members_of_leafs(model).items():
+    for name, members in members_of_leaves(model).items():
         at, stations, values = 0.0, [], []
         for i in members:
             other = _solid_forces if model.arrays.members.kind[i] == SOLID else _chain_forces
@@ -129,7 +129,7 @@ def end_wrenches(model: Model, motion: Motion, *, load_factor: float = 1.0) -> A
 def _strain_forces(
     group: LeafGroup, motion: Motion, points: int, gravity: Array | None
 ) -> list[tuple[Array, Array]]:
-    """Stations (k,) and section forces (k, 6) of every leaf of a group; gravity (leafs, 3) in their frames p."""
+    """Stations (k,) and section forces (k, 6) of every leaf of a group; gravity (leaf springs, 3) in their frames p."""
     inner = motion.inner[group.places]
     s, r, R, *beyond = strain_curves(group.value, group.number, inner, points, gravity)
     weight = () if gravity is None else (gravity[:, None], *beyond)
@@ -177,9 +177,9 @@ def _chain_masses(value: Array, count: int, r: Array) -> tuple[Array, Array]:
 
 
 def _along(r: Array, R: Array, wrench: Array, *weight: Array) -> Array:
-    """Section forces (leafs, k, 6) from positions and axes along leafs, and the wrench (leafs, 1, 6) on end q.
+    """Section forces (leaves, k, 6) from positions and axes along leaves, and the wrench (leaves, 1, 6) on end q.
 
-    weight: gravity (leafs, 1, 3), mass beyond every station (leafs, k), and int M dr up to there (leafs, k, 3).
+    weight: gravity (leaves, 1, 3), mass beyond every station (leaves, k), and int M dr up to there (leaves, k, 3).
     """
     n = wrench[..., :3]
     moment, forces = wrench[..., 3:] + crossed(r[:, -1:] - r, n), np.broadcast_to(n, r.shape)
@@ -240,7 +240,7 @@ class InterfaceForce(Shown):
 
 @dataclass(frozen=True, repr=False)
 class InterfaceForces(Shown):
-    """All of them, in the order of the scene: joints, free leafs, springs; two rows each.
+    """All of them, in the order of the scene: joints, free leaf springs, springs; two rows each.
 
     size [m]: length by which moments and forces are compared.
     """
@@ -299,7 +299,7 @@ def interface_forces(model: Model, motion: Motion, *, load_factor: float = 1.0) 
             force = sum((e.force for e in theirs), np.zeros(3))
             moment = sum((e.moment + np.cross(e.point - here, e.force) for e in theirs), np.zeros(3))
             rows.append(InterfaceForce(placed.name, link, here, force, moment))
-    names = {placed.name for placed in model.scene.leafs}
+    names = {placed.name for placed in model.scene.leaves}
     rows += [e for e in ends if e.name in names]
     for i, name in enumerate(model.spring_names):
         rows += _spring(model, motion, i, name)
@@ -311,7 +311,7 @@ def _leaf_ends(model: Model, motion: Motion, load_factor: float) -> list[Interfa
     found, members = [], model.arrays.members
     forces = section_forces(model, motion, load_factor=load_factor)
     wrenches = end_wrenches(model, motion, load_factor=load_factor)
-    for name, parts in members_of_leafs(model).items():
+    for name, parts in members_of_leaves(model).items():
         first, last = member_ends(model, motion, parts[0]), member_ends(model, motion, parts[-1])
         n, m = wrenches[parts[0], :3], wrenches[parts[0], 3:]
         force, moment = n, m + np.cross(first.d, n)

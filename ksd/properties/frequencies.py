@@ -23,7 +23,7 @@ from ksd.model.compile import Model
 from ksd.model.newton import move_nodes
 from ksd.properties.leaf_groups import leaf_groups
 from ksd.properties.mass import Inertia, inertia
-from ksd.properties.shape import scene_leafs
+from ksd.properties.shape import scene_leaves
 from ksd.properties.tangent import Tangent, factored_tangent, refuse_lost, row_gradients
 from ksd.properties.unfold import unfolded
 from ksd.properties.words import Shown, held, listed, movement_of, number, ways
@@ -51,7 +51,7 @@ class Modes(Shown):
     included. drive_motion (k, drives): what every drive's coordinate does in each mode [m or rad]; zero where
     it is held. drive_compliance (d, d) [m/N, rad/Nm]: static, of the freed drives. growth_per_s (k,): rate at which a mode
     grows by itself: of an unstable one, or, where loads are not conservative, of the two that flutter at one frequency,
-    which come first too. freed: names let go. massless: materials without a density; their leafs took part without mass.
+    which come first too. freed: names let go. massless: materials without a density; their leaves took part without mass.
     backward_error: what one more inverse iteration changes of a mode, over the response of the softest one.
     """
 
@@ -104,14 +104,14 @@ class Modes(Shown):
     @cached_property
     def movements(self) -> tuple[str, ...]:
         """What every mode does most, in words: a link that moves, or, where more than half of the kinetic energy is that of
-        leafs between ends that stand still, or of those at an internal block, the leafs that do."""
+        leaf springs between ends that stand still, or of those at an internal block, the leaf springs that do."""
         still, energy = self._between_ends(), self._energy_of_nodes()
-        leafs = np.array(list(self.model.member_names), dtype=object)
+        leaves = np.array(list(self.model.member_names), dtype=object)
         own = _bodies(self.model)
         said = []
         for k, shape in enumerate(self.shape):
             if still[:, k].sum() > 0.5:
-                busy = leafs[still[:, k] > BUSY * still[:, k].max()]
+                busy = leaves[still[:, k] > BUSY * still[:, k].max()]
                 more = f" and {len(busy) - 2} more" if len(busy) > 2 else ""
                 said.append(", ".join(f"'{n}'" for n in busy[:2]) + f"{more} between the ends")
                 continue
@@ -122,7 +122,7 @@ class Modes(Shown):
         return tuple(said)
 
     def _energy_of_nodes(self) -> Array:
-        """(nodes, k): kinetic energy of every node's own mass and of the leafs that end there, shared between their ends by
+        """(nodes, k): kinetic energy of every node's own mass and of the leaves that end there, shared between their ends by
         how these move."""
         found = np.zeros((len(self.model.node_names), len(self)))
         moves = ways(self.model, self.shape).T ** 2
@@ -149,7 +149,7 @@ class Modes(Shown):
         return share
 
     def mac(self, other: Modes) -> Array:
-        """Modal assurance criterion (k, k') in 0..1 between these modes and `other`, by the mean of both masses.
+        """Modal MAC criterion (k, k') in 0..1 between these modes and `other`, by the mean of both masses.
 
         For following modes along a stroke: the partner of a mode is the one with the largest number in its
         row.
@@ -163,9 +163,9 @@ class Modes(Shown):
         return self.mass.rooted(self.vector.T)
 
     def moved(self, row: int, size: float) -> Motion:
-        """The state of `model` displaced by `size` times the mode of this row, to first order, leafs included."""
+        """The state of `model` displaced by `size` times the mode of this row, to first order, leaf springs included."""
         state, x = self.motion.copy(), size * self.vector[row]
-        for group, leaf in zip(leaf_groups(self.model), self.mass.leafs, strict=True):
+        for group, leaf in zip(leaf_groups(self.model), self.mass.leaves, strict=True):
             starts = self.model.arrays.start[self.model.arrays.members.node[group.members]]
             ends = np.where(
                 starts[..., None] < 0, 0.0, x[np.maximum(starts, 0)[..., None] + np.arange(6)]
@@ -252,10 +252,12 @@ def _spoken(model: Model, node: int, shape: Array, body: bool) -> str:
     """What the farthest node does, in words; shape (6,)."""
     name, does = model.node_names[node], movement_of(model, shape)
     if body or not does:
-        return f"'{name}' {does}" if does else "the leafs"
+        return f"'{name}' {does}" if does else "the leaf springs"
     leaf = name.rpartition(".")[0]
     return (
-        f"'{leaf}' between the ends" if leaf in scene_leafs(model) else f"the leafs at '{name}', which {does}"
+        f"'{leaf}' between the ends"
+        if leaf in scene_leaves(model)
+        else f"the leaf springs at '{name}', which {does}"
     )
 
 
@@ -279,12 +281,12 @@ def growing_pairs(values: Array) -> Any:
 
 
 def _flexible(tangent: Tangent, mass: Inertia, loads: Array) -> Array:
-    """K^-1 loads for loads (size, k): node tangent beside the flexibilities of the leafs."""
+    """K^-1 loads for loads (size, k): node tangent beside the flexibilities of the leaf springs."""
     n = tangent.arrays.plan.unknowns
     out = np.empty_like(loads)
     many = loads.shape[1] > n
     out[:n] = tangent.solve(np.eye(n)) @ loads[:n] if many else tangent.solve(loads[:n])
-    for leaf in mass.leafs:
+    for leaf in mass.leaves:
         out[leaf.inner] = leaf.Z @ loads[leaf.inner]
     return out
 

@@ -19,8 +19,8 @@ from ksd.model.arrays import STRAIN, Motion, make_work
 from ksd.model.compile import Model
 from ksd.model.newton import assemble, assemble_nodes, solve_step, take_step
 from ksd.properties.forces import SectionForces, section_forces
-from ksd.properties.leaf_groups import Flexible, flexible_leafs, inner_unknowns, leaf_groups
-from ksd.properties.shape import members_of_leafs
+from ksd.properties.leaf_groups import Flexible, flexible_leaves, inner_unknowns, leaf_groups
+from ksd.properties.shape import members_of_leaves
 from ksd.properties.stress import stress_of
 from ksd.properties.tangent import Tangent, exact, factored_tangent
 from ksd.properties.words import Shown
@@ -72,20 +72,22 @@ def internal_stress(
     *,
     offset: float = 1e-5,
     rotation: float = 1e-4,
-    leafs: Iterable[str] = (),
+    leaves: Iterable[str] = (),
     load_factor: float = 1.0,
     points: int = 13,
 ) -> Misplaced:
     """Internal stress when the end of a leaf is clamped beside its place, one leaf and direction at a time.
 
-    offset [m] and rotation [rad] of the end in the leaf's own axes, see DIRECTIONS; leafs: full names, all when empty.
+    offset [m] and rotation [rad] of the end in the leaf's own axes, see DIRECTIONS; leaves: full names, all when empty.
     Linear in both. Raises SceneError for unknown names or sizes that are not positive.
     """
-    names = members_of_leafs(model)
-    asked = tuple(leafs) or tuple(names)
+    names = members_of_leaves(model)
+    asked = tuple(leaves) or tuple(names)
     for name in asked:
         if name not in names:
-            raise SceneError(f"leaf '{name}' is not part of this mechanism; its leafs are {', '.join(names)}")
+            raise SceneError(
+                f"leaf '{name}' is not part of this mechanism; its leaf springs are {', '.join(names)}"
+            )
     if not (offset > 0 and rotation > 0):
         raise SceneError(f"offset = {offset}, rotation = {rotation}: both misplacements must be positive")
     forces = (_of_strain if np.all(model.arrays.members.kind == STRAIN) else _of_chains)(
@@ -109,7 +111,7 @@ Change = Callable[[int, Array], dict[str, SectionForces]]
 def _of_strain(model: Model, motion: Motion, load_factor: float, points: int) -> Change:
     told: dict[str, Any] = {"points": points, "load_factor": load_factor}
     tangent = factored_tangent(model, motion, load_factor=load_factor)
-    flexible = flexible_leafs(model, motion, load_factor=load_factor)
+    flexible = flexible_leaves(model, motion, load_factor=load_factor)
     before = section_forces(model, motion, **told)
 
     def change(member: int, misplaced: Array) -> dict[str, SectionForces]:
@@ -159,7 +161,7 @@ def _present(model: Model, motion: Motion) -> Array:
 
 
 def _change(tangent: Tangent, flexible: list[Flexible], member: int, misplaced: Array) -> Motion:
-    """The leafs after the linear response to end q of `member` moved (6,) in its axes; nodes stay where they were."""
+    """The leaf springs after the linear response to end q of `member` moved (6,) in its axes; nodes stay where they were."""
     model, motion = tangent.model, tangent.motion
     loads = np.zeros(model.arrays.plan.unknowns + 1)
     moved = []

@@ -1,4 +1,4 @@
-"""Strain-mode leafs of equal make (orders, points, panels), worked on together: one call for all in place of one each."""
+"""Strain-mode leaves of equal make (orders, points, panels), worked on together: one call for all in place of one each."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class LeafGroup:
-    """k leafs of one make: members (k,), number (4,), value (k, v): their constants, places (k, N + 6): their inner
+    """k leaf springs of one make: members (k,), number (4,), value (k, v): their constants, places (k, N + 6): their inner
     states in the flat inner state of the model; heavy: whether they have weight."""
 
     members: NDArray[np.int64]
@@ -102,7 +102,7 @@ def end_levers(ends: EndFrames) -> tuple[Array, Array]:
 
 
 def own_gravity(model: Model, motion: Motion, group: LeafGroup, load_factor: float) -> Array | None:
-    """Gravity (k, 3) [m/s^2] times the load factor in the frames p of a group of leafs; None without weight."""
+    """Gravity (k, 3) [m/s^2] times the load factor in the frames p of a group of leaf springs; None without weight."""
     if not group.heavy:
         return None
     members, weight = model.arrays.members, model.arrays.weight[group.members]
@@ -112,14 +112,14 @@ def own_gravity(model: Model, motion: Motion, group: LeafGroup, load_factor: flo
 
 
 def group_parts(model: Model, motion: Motion, group: LeafGroup, load_factor: float) -> StrainParts:
-    """Tangent blocks and mode fields of all leafs of a group, stacked (k, ...), see `ksd.beam.strain_mass`."""
+    """Tangent blocks and mode fields of all leaf springs of a group, stacked (k, ...), see `ksd.beam.strain_mass`."""
     gravity = own_gravity(model, motion, group, load_factor)
     return many_parts(group.value, group.number, motion.inner[group.places], gravity)
 
 
 @dataclass(frozen=True)
 class LeafWeight:
-    """The weight of k leafs: pull, turn (k, 3, 12): change of gravity in frame p by the motions of both nodes; corner
+    """The weight of k leaves: pull, turn (k, 3, 12): change of gravity in frame p by the motions of both nodes; corner
     (k, 12, 12): second derivatives of the weight itself, which acts at end p with the first moment of the leaf."""
 
     pull: StrainPull
@@ -128,7 +128,7 @@ class LeafWeight:
 
 
 def leaf_weight(model: Model, motion: Motion, group: LeafGroup, load_factor: float) -> LeafWeight | None:
-    """What the weight of a group of leafs adds to their tangents, see `ksd.beam.weight_entry`; None without weight."""
+    """What the weight of a group of leaves adds to their tangents, see `ksd.beam.weight_entry`; None without weight."""
     gravity = own_gravity(model, motion, group, load_factor)
     if gravity is None:
         return None
@@ -147,7 +147,7 @@ def leaf_weight(model: Model, motion: Motion, group: LeafGroup, load_factor: flo
 
 @per_model
 def inner_unknowns(model: Model) -> tuple[NDArray[np.int64], ...]:
-    """Unknowns (k, 12 + N) of the leafs of every group: the motions of both nodes in elimination order, -1 where a node
+    """Unknowns (k, 12 + N) of the leaves of every group: the motions of both nodes in elimination order, -1 where a node
     is fixed, then inner coordinates of their own behind all node unknowns."""
     at, found = model.arrays.plan.unknowns, []
     for group in leaf_groups(model):
@@ -175,7 +175,7 @@ def assembled_blocks(places: Sequence[NDArray[np.int64]], blocks: Sequence[Array
 
 @dataclass(frozen=True)
 class Flexible:
-    """The leafs of one group at one state, in (motions of both nodes, b) with a = P xi + b.
+    """The leaf springs of one group at one state, in (motions of both nodes, b) with a = P xi + b.
 
     parts: tangent blocks and fields; stiffness (k, N, N): of the amplitudes, parts.W or without its stress; P (k, N, 6);
     Z (k, N, N): flexibility of b with the ends held; ends (k, 6, 6): end wrench per xi; own, relative (k, 6, 12): motion of
@@ -192,8 +192,8 @@ class Flexible:
     inner: NDArray[np.int64]
 
 
-def flexible_leafs(model: Model, motion: Motion, *, load_factor: float = 1.0) -> list[Flexible]:
-    """Every group of leafs at `motion`."""
+def flexible_leaves(model: Model, motion: Motion, *, load_factor: float = 1.0) -> list[Flexible]:
+    """Every group of leaf springs at `motion`."""
     found = []
     for group, unknowns in zip(leaf_groups(model), inner_unknowns(model), strict=True):
         parts = group_parts(model, motion, group, load_factor)

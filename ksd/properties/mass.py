@@ -1,4 +1,4 @@
-"""Mass matrix of a model at a state: consistent mass of its leafs, point masses and inertias of its links.
+"""Mass matrix of a model at a state: consistent mass of its leaf springs, point masses and inertias of its links.
 
 Unknowns: those of the node tangent (six per node, one per constraint row, in elimination order), then for
 every strain-mode leaf the inner coordinates b of `ksd.beam.strain_mass` (a = P xi + b). In these the
@@ -22,8 +22,14 @@ from ksd.errors import SceneError
 from ksd.model.arrays import STRAIN, Motion
 from ksd.model.compile import Model
 from ksd.properties.kept import per_model
-from ksd.properties.leaf_groups import Flexible, assembled_blocks, flexible_leafs, inner_unknowns, leaf_groups
-from ksd.properties.shape import member_ends, member_parts, members_of_leafs, scene_leafs
+from ksd.properties.leaf_groups import (
+    Flexible,
+    assembled_blocks,
+    flexible_leaves,
+    inner_unknowns,
+    leaf_groups,
+)
+from ksd.properties.shape import member_ends, member_parts, members_of_leaves, scene_leaves
 from ksd.properties.turning import cross_matrix
 
 Array = NDArray[np.float64]
@@ -33,14 +39,14 @@ Array = NDArray[np.float64]
 class Inertia:
     """Mass of a model at a state: the mass matrix is B^T B, inner unknowns behind those of the nodes.
 
-    stacks: what B is made of, leafs first: unknowns (k, n), -1 for none, and rows (k, m, n); size: unknowns, inner ones
-    included; leafs: the strain-mode leafs at this state, by make; massless: materials without a density, whose leafs carry
+    stacks: what B is made of, leaves first: unknowns (k, n), -1 for none, and rows (k, m, n); size: unknowns, inner ones
+    included; leaves: the strain-mode leaves at this state, by make; massless: materials without density, whose leaves carry
     no mass.
     """
 
     stacks: tuple[tuple[NDArray[np.int64], Array], ...]
     size: int
-    leafs: tuple[Flexible, ...]
+    leaves: tuple[Flexible, ...]
     massless: tuple[str, ...]
 
     @cached_property
@@ -106,22 +112,22 @@ def _link_mass(model: Model, motion: Motion, mass: Any) -> tuple[int, Array]:
 
 
 @per_model
-def _leafs_and_lines(model: Model) -> dict[int, tuple[Any, Array]]:
+def _leaves_and_lines(model: Model) -> dict[int, tuple[Any, Array]]:
     """The leaf of the scene every member belongs to, and its mass per length at the points of the member."""
-    members, leafs = model.arrays.members, scene_leafs(model)
+    members, leaves = model.arrays.members, scene_leaves(model)
     found = {}
-    for name, numbers in members_of_leafs(model).items():
+    for name, numbers in members_of_leaves(model).items():
         for k, i in enumerate(numbers):
             if members.kind[i] == STRAIN:
                 at = strain_stations(members.value[members.value_at[i] :], members.number[i])
             else:
                 at = np.array([(k + 0.5) / len(numbers)])
-            found[i] = leafs[name], leaf_line_mass(leafs[name], at)
+            found[i] = leaves[name], leaf_line_mass(leaves[name], at)
     return found
 
 
 def _leaf_roots(leaf: Flexible, line: Array) -> Array:
-    """B (k, 6 ng, 12 + N) of leafs of one make in (motions of both nodes, b)."""
+    """B (k, 6 ng, 12 + N) of leaf springs of one make in (motions of both nodes, b)."""
     root = strain_mass_root(leaf.parts, leaf.P, line)
     return np.concatenate(
         [root[:, :, :6] @ leaf.own + root[:, :, 6:12] @ leaf.relative, root[:, :, 12:]], axis=2
@@ -137,9 +143,9 @@ def _root(M: Array) -> Array:
 
 def inertia(model: Model, motion: Motion, *, load_factor: float = 1.0) -> Inertia:
     """Mass of an unfolded model at a state; SceneError when nothing in the scene has mass."""
-    members, owner = model.arrays.members, _leafs_and_lines(model)
-    leafs, stacks = tuple(flexible_leafs(model, motion, load_factor=load_factor)), []
-    for group, leaf, places in zip(leaf_groups(model), leafs, inner_unknowns(model), strict=True):
+    members, owner = model.arrays.members, _leaves_and_lines(model)
+    leaves, stacks = tuple(flexible_leaves(model, motion, load_factor=load_factor)), []
+    for group, leaf, places in zip(leaf_groups(model), leaves, inner_unknowns(model), strict=True):
         line = np.stack([owner[i][1] for i in group.members.tolist()])
         stacks.append((places, _leaf_roots(leaf, line)))
     for i in np.flatnonzero(members.kind != STRAIN).tolist():
@@ -153,6 +159,6 @@ def inertia(model: Model, motion: Motion, *, load_factor: float = 1.0) -> Inerti
             "nothing in this scene has mass, so it has no frequencies: give a material its density "
             "[kg/m^3] or a link its mass [kg]"
         )
-    size = model.arrays.plan.unknowns + sum(leaf.inner.size for leaf in leafs)
+    size = model.arrays.plan.unknowns + sum(leaf.inner.size for leaf in leaves)
     bare = sorted({f.material.name or "unnamed" for f, _ in owner.values() if f.material.density is None})
-    return Inertia(tuple(stacks), size, leafs, tuple(bare))
+    return Inertia(tuple(stacks), size, leaves, tuple(bare))

@@ -20,7 +20,7 @@ from ksd.scene.drive import GROUND
 
 Array = NDArray[np.float64]
 ONE_POINT = 1e-6
-"""Distance, over the size of a joint, up to which its leafs count as crossing in one point."""
+"""Distance, over the size of a joint, up to which its leaf springs count as crossing in one point."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -194,7 +194,7 @@ def _span(A: Array) -> Array:
 
 def pivot_shift(model: Model, motion: Motion, joint: Any, *, at: Any = None) -> PivotShift:
     """Shift of the pivot of a joint that turns: of the point of B that is at `at` (3,) [m, global, at rest], seen from A,
-    in joint axes. By default the point its leafs, or their extensions, cross in, seen along the axis; where they do not
+    in joint axes. By default the point its leaves, or their extensions, cross in, seen along the axis; where they do not
     all cross in one, the middle between the interfaces.
 
     Raises SceneError for an unknown joint or one whose intended motion is not a rotation.
@@ -220,11 +220,11 @@ def pivot_shift(model: Model, motion: Motion, joint: Any, *, at: Any = None) -> 
 
 
 def _crossing(placed: Any, axis: Array) -> Array:
-    """The point (3,), in joint axes, that the lines of all leafs pass seen along the axis, at the height of the middle
+    """The point (3,), in joint axes, that the lines of all leaves pass seen along the axis, at the height of the middle
     between the interfaces; that middle where they do not."""
     middle = 0.5 * np.asarray(placed.joint.pose_B, float)
     across = np.linalg.svd(axis[None])[2][1:]
-    lines = [(across @ np.asarray(f.start), across @ np.asarray(f.end)) for f in placed.joint.leafs()]
+    lines = [(across @ np.asarray(f.start), across @ np.asarray(f.end)) for f in placed.joint.leaves()]
     lines = [(p, q) for p, q in lines if np.linalg.norm(q - p) > 0.0]
     if not lines:
         return middle

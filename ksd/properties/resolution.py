@@ -1,4 +1,4 @@
-"""Whether the curvature modes of strain-mode leafs are enough for a state.
+"""Whether the curvature modes of strain-mode leaves are enough for a state.
 
 Looked at: the share of the strain energy in the highest mode of every axis, and where the series of the other parity goes; a
 Legendre series that has converged has next to nothing there.
@@ -25,7 +25,7 @@ Array = NDArray[np.float64]
 
 
 class _Tables(NamedTuple):
-    """Strain-mode leafs, flat: member (m,) of each; place, rest (n,) of all amplitudes in the inner state, and their
+    """Strain-mode leaves, flat: member (m,) of each; place, rest (n,) of all amplitudes in the inner state, and their
     values at rest; one, two, stiff (p,): pairs of amplitudes about one axis with their entry of K where it is not zero,
     those of leaf i from start[i] to start[i + 1]; own (n,): diagonal of K; last, second, fourth (m, 3): amplitudes from the
     highest mode of an axis down, the highest itself where an axis has fewer than four; constant (m, 3): the lowest; gap
@@ -76,7 +76,7 @@ def _tables(model: Model) -> _Tables:
 
 
 class _Group(NamedTuple):
-    """Leafs of one set of constants: rest (N,) amplitudes, half the diagonal `own` (N,) of K, its pairs one, two (p,) with
+    """Leaves of one set of constants: rest (N,) amplitudes, half the diagonal `own` (N,) of K, its pairs one, two (p,) with
     half their entry; ends (4, 3): highest amplitude, second, fourth from above, lowest of every axis."""
 
     rest: Array
@@ -122,15 +122,15 @@ def _energy(t, inner, i):
 @kernel
 def _worst(t, inner):
     """(share, leaf, axis, turned) of `Look`; share 0 where no leaf has any."""
-    leafs, most, turned = len(t.member), 0.0, 0.0
-    for i in range(leafs):
+    leaves, most, turned = len(t.member), 0.0, 0.0
+    for i in range(leaves):
         most = max(most, _energy(t, inner, i))
         bend = 0.0
         for axis in range(3):
             bend += inner[t.place[t.constant[i, axis]]] ** 2
         turned = max(turned, math.sqrt(bend) * t.gap[i])
     share, leaf, about = 0.0, 0, 0
-    for i in range(leafs):
+    for i in range(leaves):
         total = _energy(t, inner, i)
         if not total > IDLE * most:
             continue
@@ -163,7 +163,7 @@ _NOTHING = Look(0.0, "", 0, 0.0)
 
 
 def look_at_modes(model: Model, motion: Motion) -> Look:
-    """What the strain-mode leafs of a state say of their modes and points."""
+    """What the strain-mode leaves of a state say of their modes and points."""
     tables = _tables(model)
     members = tables.member
     if not len(members):

@@ -1,4 +1,4 @@
-"""Where everything is: centrelines and section axes of all leafs, attachment points of all rigid blocks.
+"""Where everything is: centrelines and section axes of all leaf springs, attachment points of all rigid blocks.
 
 A strain-mode leaf is integrated from its curvature, R' = R [kappa]x and r' = R (e1 + C R^T n), by
 fourth-order steps (a Magnus step at two Gauss points, Simpson's rule for the
@@ -49,7 +49,7 @@ class LeafShape:
 
 @dataclass(frozen=True)
 class BlockShape:
-    """A rigid block (link, ground, or block inside a joint): where leafs are clamped and drives act on it.
+    """A rigid block (link, ground, or block inside a joint): where leaf springs are clamped and drives act on it.
 
     rest, place (k, 3): global positions [m]; owner (k,): name of the joint or leaf each point belongs to.
     """
@@ -73,9 +73,9 @@ class DrivenPoint:
 
 @dataclass(frozen=True)
 class Shape:
-    """All there is to draw of a configuration; leafs and blocks in the order of the model."""
+    """All there is to draw of a configuration; leaf springs and blocks in the order of the model."""
 
-    leafs: tuple[LeafShape, ...]
+    leaves: tuple[LeafShape, ...]
     blocks: tuple[BlockShape, ...]
     driven: tuple[DrivenPoint, ...]
 
@@ -108,7 +108,7 @@ def member_parts(model: Model, motion: Motion, i: int) -> tuple[Array, NDArray[n
 
 
 class _Tables(NamedTuple):
-    """What `ksd.beam.strain_values` wrote for k leafs of one make: points s (g,), edges of the panels (p+1,), their
+    """What `ksd.beam.strain_values` wrote for k leaf springs of one make: points s (g,), edges of the panels (p+1,), their
     points, and at the points curvature kappa (k, g, 3) [1/m] and compliance soft (k, g, 3) [1/N]."""
 
     s: Array
@@ -133,7 +133,7 @@ def _tables(value: Array, number: NDArray[np.int64], amplitudes: Array) -> _Tabl
 @lru_cache(maxsize=512)
 def _panels(numbers: bytes, ng: int) -> tuple[Array, Array, list[slice]]:
     """Points, edges of the panels, and the points of each, from weights and integration matrix; remembered, as all
-    leafs of one kind share them."""
+    leaf springs of one kind share them."""
     weight, integral = np.frombuffer(numbers)[:ng], np.frombuffer(numbers)[ng:].reshape(ng, ng)
     # integrals over a panel need no point of a later one
     cuts = [0, *[k for k in range(1, ng) if not integral[:k, k:].any()], ng]
@@ -143,7 +143,7 @@ def _panels(numbers: bytes, ng: int) -> tuple[Array, Array, list[slice]]:
 
 
 def _lagrange(nodes: Array, x: Array) -> Array:
-    """Weights (len(x), len(nodes)) of the polynomial through the values at `nodes`; remembered, as all leafs of one
+    """Weights (len(x), len(nodes)) of the polynomial through the values at `nodes`; remembered, as all leaf springs of one
     kind share them."""
     return _weights(nodes.tobytes(), x.tobytes())
 
@@ -160,7 +160,7 @@ def _weights(nodes_bytes: bytes, x_bytes: bytes) -> Array:
 
 
 def _between(tables: _Tables, values: Array, x: Array, k: int) -> Array:
-    """Values (leafs, len(x), 3) at x in panel k from those at the points."""
+    """Values (leaf springs, len(x), 3) at x in panel k from those at the points."""
     found: Array = _lagrange(tables.s[tables.panel[k]], x) @ values[:, tables.panel[k]]
     return found
 
@@ -194,10 +194,10 @@ def strain_curve(value: Array, number: NDArray[np.int64], inner: Array, points: 
 def strain_curves(
     value: Array, number: NDArray[np.int64], inner: Array, points: int, gravity: Array | None = None
 ) -> tuple[Array, ...]:
-    """The same of leafs of one make: constants (leafs, v), inner states (leafs, N + 6); all with a first axis (leafs,).
+    """The same of leaves of one make: constants (leaves, v), inner states (leaves, N + 6); all with a first axis (leaves,).
 
-    With gravity (leafs, 3) [m/s^2] in frame p also the mass beyond every station (leafs, k) [kg] and its first moment up
-    to there, int M dr (leafs, k, 3) [kg m].
+    With gravity (leaves, 3) [m/s^2] in frame p also the mass beyond every station (leaves, k) [kg] and its first moment up
+    to there, int M dr (leaf springs, k, 3) [kg m].
     """
     total, L = int(number[:3].sum()), value[:, 0]
     tables, n = _tables(value, number, inner[:, :total]), inner[:, None, total : total + 3]
@@ -224,8 +224,8 @@ def strain_curves(
 
 
 class _Beyond:
-    """Collects, panel by panel, the mass beyond the stations of leafs with weight and its first moment; nothing without
-    gravity (leafs, 3)."""
+    """Collects, panel by panel, the mass beyond the stations of leaves with weight and its first moment; nothing without
+    gravity (leaf springs, 3)."""
 
     def __init__(self, value: Array, number: NDArray[np.int64], gravity: Array | None) -> None:
         self.gravity = gravity
@@ -235,7 +235,7 @@ class _Beyond:
             self.first = [np.zeros((len(value), 1, 3))]
 
     def pull(self, tables: _Tables, x: Array, k: int) -> Array | float:
-        """Weight (leafs, len(x), 3) beyond x in panel k, frame p."""
+        """Weight (leaf springs, len(x), 3) beyond x in panel k, frame p."""
         if self.gravity is None:
             return 0.0
         self.here = _between(tables, self.beyond, x, k)
@@ -243,14 +243,14 @@ class _Beyond:
         return self.here * self.gravity[:, None]
 
     def add(self, h: Array, v: Array) -> None:
-        """The moment of the panel `pull` was asked for, v (leafs, len(x), 3) being r'; Simpson's rule."""
+        """The moment of the panel `pull` was asked for, v (leaf springs, len(x), 3) being r'; Simpson's rule."""
         if self.gravity is not None:
             y = self.here * v
             pieces = h / 3 * (y[:, :-2:2] + 4 * y[:, 1::2] + y[:, 2::2])
             self.first.append(self.first[-1][:, -1:] + np.cumsum(pieces, axis=1))
 
     def found(self) -> tuple[Array, ...]:
-        """Mass (leafs, k) and first moment (leafs, k, 3)."""
+        """Mass (leaf springs, k) and first moment (leaf springs, k, 3)."""
         both = (self.mass, self.first) if self.gravity is not None else ()
         return tuple(np.concatenate(parts, axis=1) for parts in both)
 
@@ -322,24 +322,24 @@ def _member_line(model: Model, motion: Motion, i: int, points: int) -> tuple[Arr
 
 
 @per_model
-def scene_leafs(model: Model) -> dict[str, Any]:
-    """Leafs of the scene by full name: "joint/leaf" inside joints, the plain name for free-form ones."""
-    inside = {f"{j.name}/{leaf.name}": leaf for j in model.scene.joints for leaf in j.joint.leafs()}
-    return inside | {leaf.name: leaf.leaf for leaf in model.scene.leafs}
+def scene_leaves(model: Model) -> dict[str, Any]:
+    """Leaf springs of the scene by full name: "joint/leaf" inside joints, the plain name for free-form ones."""
+    inside = {f"{j.name}/{leaf.name}": leaf for j in model.scene.joints for leaf in j.joint.leaves()}
+    return inside | {leaf.name: leaf.leaf for leaf in model.scene.leaves}
 
 
 @per_model
-def members_of_leafs(model: Model) -> dict[str, list[int]]:
+def members_of_leaves(model: Model) -> dict[str, list[int]]:
     """Members of every leaf, by full name: one, or its elements in order where the mesh is nodal."""
-    leafs = scene_leafs(model)
+    leaves = scene_leaves(model)
     found: dict[str, list[int]] = {}
     for i, name in enumerate(model.member_names):
-        found.setdefault(name if name in leafs else name.rsplit(".", 1)[0], []).append(i)
+        found.setdefault(name if name in leaves else name.rsplit(".", 1)[0], []).append(i)
     return found
 
 
 def _leaf_shape(model: Model, motion: Motion, name: str, members: list[int], points: int) -> LeafShape:
-    leaf = scene_leafs(model)[name]
+    leaf = scene_leaves(model)[name]
     count = max(2, math.ceil((points - 1) / len(members)) + 1)
     lines = [[_member_line(model, m, i, count) for i in members] for m in (model.rest, motion)]
     at = np.cumsum([0.0] + [line[0][-1] for line in lines[0]])
@@ -372,10 +372,10 @@ def _driven(model: Model, motion: Motion) -> tuple[DrivenPoint, ...]:
 
 
 def _blocks(model: Model, motion: Motion) -> tuple[BlockShape, ...]:
-    members, leafs = model.arrays.members, members_of_leafs(model)
+    members, leaves = model.arrays.members, members_of_leaves(model)
     points: list[list[Array]] = [[] for _ in model.node_names]
     owner: list[list[str]] = [[] for _ in model.node_names]
-    for name, parts in leafs.items():
+    for name, parts in leaves.items():
         for i, end in ((parts[0], 0), (parts[-1], 1)):
             node = int(members.node[i, end])
             points[node].append(members.offset[i, end])
@@ -398,6 +398,6 @@ def _blocks(model: Model, motion: Motion) -> tuple[BlockShape, ...]:
 
 
 def mechanism_shape(model: Model, motion: Motion, *, points: int = POINTS) -> Shape:
-    """Leafs at `points` stations or more, blocks and driven points of `model` at `motion`."""
-    leafs = tuple(_leaf_shape(model, motion, n, m, points) for n, m in members_of_leafs(model).items())
-    return Shape(leafs, _blocks(model, motion), _driven(model, motion))
+    """Leaf springs at `points` stations or more, blocks and driven points of `model` at `motion`."""
+    leaves = tuple(_leaf_shape(model, motion, n, m, points) for n, m in members_of_leaves(model).items())
+    return Shape(leaves, _blocks(model, motion), _driven(model, motion))

@@ -2,9 +2,9 @@
 between them.
 
 All are derivatives of equilibrium at the present state, from the factored tangent of the model (geometric
-terms of leafs, loads and drives included). Held drives and supports stay where they are; freed ones keep
+terms of leaf springs, loads and drives included). Held drives and supports stay where they are; freed ones keep
 their present force. A held drive about a fixed axis carries a moment whose derivative (twist of the relative
-rotation about that axis) is part of the tangent. Strain-mode leafs take part with one mode per axis more than
+rotation about that axis) is part of the tangent. Strain-mode leaves take part with one mode per axis more than
 in the state (`finer_tangent`). SI: translations m, rotations rad (spatial, right-handed, about the axes asked
 for).
 """
@@ -182,7 +182,7 @@ def point_motion(model: Model, motion: Motion, node: int, at: Any) -> tuple[Arra
 def finer_tangent(
     model: Model, motion: Motion, *, freed: Iterable[str] = (), load_factor: float = 1.0, finer: bool = True
 ) -> Tangent:
-    """The factored tangent these questions stand on; with `finer`, strain-mode leafs take part with one more
+    """The factored tangent these questions stand on; with `finer`, strain-mode leaves take part with one more
     mode per axis than in the state (see `ksd.properties.unfold`), chains and mixtures as they are."""
     if finer and np.all(model.arrays.members.kind == STRAIN):
         model, motion = unfolded(model, motion, load_factor=load_factor)

@@ -1,4 +1,4 @@
-"""How much of what a material bears an answer uses: the largest strain and stress of all leafs, and their limits.
+"""How much of what a material bears an answer uses: the largest strain and stress of all leaf springs, and their limits.
 
 Strain is the largest principal strain of beam theory, from normal strain e = sigma/E and shear strain g = tau/G:
 (1 - nu) e/2 + sqrt(((1 + nu) e)^2 + g^2)/2. Stress is von Mises, see `ksd.properties.stress`. Section forces belong to a
@@ -16,7 +16,7 @@ from ksd.model.arrays import Motion
 from ksd.model.compile import Model
 from ksd.properties.forces import section_forces
 from ksd.properties.kept import per_model
-from ksd.properties.shape import scene_leafs
+from ksd.properties.shape import scene_leaves
 from ksd.properties.stress import LeafStress, stress_of
 from ksd.properties.words import Shown, number
 from ksd.scene.material import Material
@@ -32,7 +32,7 @@ LAW = 1.5
 
 @dataclass(frozen=True, repr=False)
 class Strength(Shown):
-    """strain: the largest of all leafs, in `strain_leaf`; stress_Pa: the largest, in `stress_leaf` at s [m] and `point`.
+    """strain: the largest of all leaves, in `strain_leaf`; stress_Pa: the largest, in `stress_leaf` at s [m] and `point`.
 
     yield_share, fatigue_share: largest stress over the limit of its own material, in yield_leaf and fatigue_leaf; None
     (and no name) where no material says its limit.
@@ -99,11 +99,11 @@ class Strength(Shown):
 
 def strength(model: Model, motion: Motion, *, load_factor: float = 1.0) -> Strength | None:
     """Largest strain and stress at a state, and their shares of the limits; None where nothing is flexible."""
-    leafs = scene_leafs(model)
-    found = stress_of(model, section_forces(model, motion, load_factor=load_factor)).leafs
+    leaves = scene_leaves(model)
+    found = stress_of(model, section_forces(model, motion, load_factor=load_factor)).leaves
     if not found:
         return None
-    strains = {name: _strain(stress, leafs[name].material) for name, stress in found.items()}
+    strains = {name: _strain(stress, leaves[name].material) for name, stress in found.items()}
     stresses = {name: stress.largest_Pa for name, stress in found.items()}
     strained, stressed = (max(by, key=lambda n: by[n]) for by in (strains, stresses))
     shares: list[tuple[float | None, str]] = []
@@ -111,7 +111,7 @@ def strength(model: Model, motion: Motion, *, load_factor: float = 1.0) -> Stren
         known = {
             n: v / most
             for n, v in stresses.items()
-            if (most := getattr(leafs[n].material, limit)) is not None
+            if (most := getattr(leaves[n].material, limit)) is not None
         }
         worst = max(known, key=lambda n: known[n]) if known else ""
         shares.append((known.get(worst), worst))

@@ -26,7 +26,7 @@ from ksd.model.arrays import SOLID, Motion
 from ksd.model.compile import Model
 from ksd.properties.forces import SectionForces, section_forces, spring_energy
 from ksd.properties.leaf_groups import LeafGroup, elastic, leaf_groups, own_gravity
-from ksd.properties.shape import member_ends, member_parts, members_of_leafs, scene_leafs
+from ksd.properties.shape import member_ends, member_parts, members_of_leaves, scene_leaves
 from ksd.properties.words import Named, Shown, number
 
 Array = NDArray[np.float64]
@@ -177,7 +177,7 @@ def _stations(sections: tuple[Any, ...]) -> tuple[Array, ...]:
 
 
 def _leaf_stresses(forces: list[SectionForces], leaf: Any) -> list[LeafStress]:
-    """Stress of leafs with the section, or the profile, of `leaf`, all with the same stations."""
+    """Stress of leaf springs with the section, or the profile, of `leaf`, all with the same stations."""
     profile, s = getattr(leaf, "profile", None), forces[0].s
     # a station on a step of the profile takes the section just inside
     at = np.clip(s / s[-1], 1e-9, 1 - 1e-9)
@@ -205,22 +205,22 @@ def _leaf_stresses(forces: list[SectionForces], leaf: Any) -> list[LeafStress]:
 
 @dataclass(frozen=True, repr=False)
 class Stress(Shown):
-    """Stress of all leafs by full name."""
+    """Stress of all leaf springs by full name."""
 
-    leafs: dict[str, LeafStress]
+    leaves: dict[str, LeafStress]
 
     def __getitem__(self, name: str) -> LeafStress:
-        return self.leafs[name]
+        return self.leaves[name]
 
     @property
     def largest_Pa(self) -> float:
         """Largest von Mises stress of the mechanism."""
-        return max(leaf.largest_Pa for leaf in self.leafs.values())
+        return max(leaf.largest_Pa for leaf in self.leaves.values())
 
     @property
     def where(self) -> tuple[str, float, str]:
         """Leaf, station s [m] and point of the section where it is."""
-        worst = max(self.leafs.values(), key=lambda leaf: leaf.largest_Pa)
+        worst = max(self.leaves.values(), key=lambda leaf: leaf.largest_Pa)
         return worst.name, *worst.where
 
     def _line(self) -> str:
@@ -228,7 +228,7 @@ class Stress(Shown):
         return f"at most {self.largest_Pa / 1e6:.4g} MPa, in '{name}' at s = {s * 1e3:.4g} mm, {point}"
 
     def __str__(self) -> str:
-        return "\n".join(str(leaf) for leaf in self.leafs.values())
+        return "\n".join(str(leaf) for leaf in self.leaves.values())
 
 
 def stress(model: Model, motion: Motion, *, points: int = POINTS, load_factor: float = 1.0) -> Stress:
@@ -237,17 +237,17 @@ def stress(model: Model, motion: Motion, *, points: int = POINTS, load_factor: f
 
 
 def stress_of(model: Model, found: dict[str, SectionForces]) -> Stress:
-    """Stress that section forces of leafs (by full name) cause, of a state or of the change between two."""
-    leafs = scene_leafs(model)
+    """Stress that section forces of leaf springs (by full name) cause, of a state or of the change between two."""
+    leaves = scene_leaves(model)
     alike: dict[Any, list[str]] = {}
     for name, forces in found.items():
-        leaf = leafs[name]
+        leaf = leaves[name]
         # a leaf with a profile is a kind of its own
         kind = leaf.section if getattr(leaf, "profile", None) is None else name
         alike.setdefault((kind, forces.s.tobytes()), []).append(name)
     known: dict[str, LeafStress] = {}
     for names in alike.values():
-        known |= zip(names, _leaf_stresses([found[n] for n in names], leafs[names[0]]), strict=True)
+        known |= zip(names, _leaf_stresses([found[n] for n in names], leaves[names[0]]), strict=True)
     return Stress({name: known[name] for name in found})
 
 
@@ -258,14 +258,14 @@ def strain_energy(model: Model, motion: Motion, *, load_factor: float = 1.0) -> 
         stored |= zip(
             group.members.tolist(), _strain_energies(model, motion, group, load_factor).tolist(), strict=True
         )
-    leafs = {
+    leaves = {
         n: sum(stored[i] if i in stored else _chain_energy(model, motion, i) for i in found)
-        for n, found in members_of_leafs(model).items()
+        for n, found in members_of_leaves(model).items()
     }
     if model.spring_names:
-        leafs |= spring_energy(model, motion)
-    said = f"Strain energy: {number(sum(leafs.values()), 5)} J in all"
-    return Named(leafs, said, ("leaf or spring", "energy [J]"), lambda energy: (number(energy, 5),))
+        leaves |= spring_energy(model, motion)
+    said = f"Strain energy: {number(sum(leaves.values()), 5)} J in all"
+    return Named(leaves, said, ("leaf or spring", "energy [J]"), lambda energy: (number(energy, 5),))
 
 
 def _strain_energies(model: Model, motion: Motion, group: LeafGroup, load_factor: float) -> Array:

@@ -1,6 +1,6 @@
 """The same state on a model that shows what statics condenses: what stiffness, mass and buckling stand on.
 
-Chains of Appendix A elements get all their nodes in the open. Strain-mode leafs get one more mode per axis: a
+Chains of Appendix A elements get all their nodes in the open. Strain-mode leaves get one more mode per axis: a
 load that was not there, or an inertia, bends a leaf in shapes the state itself does not need. The amplitudes
 of the new modes follow from equilibrium inside every leaf at the present end poses; nodes do not move.
 Measured gain, orders (4, 3, 5): cross flexure at 60 degrees, kz 1.9e-4 to 4e-6; parallel guide at 40
@@ -21,17 +21,17 @@ from ksd.model.mesh import Mesh, MixedMesh
 from ksd.model.newton import assemble, take_step
 from ksd.model.reduced import with_bodies
 from ksd.properties.kept import per_model
-from ksd.properties.shape import scene_leafs
+from ksd.properties.shape import scene_leaves
 
 MOST = 12
 """Modes per axis the mesh allows."""
 PASSES = 1
-"""Newton steps inside the leafs; a second one changes kx of the guide at 40 thicknesses by 2e-7."""
+"""Newton steps inside the leaf springs; a second one changes kx of the guide at 40 thicknesses by 2e-7."""
 
 
 @per_model
 def finer(model: Model) -> Model:
-    """The model with chain nodes in the open and one more mode per axis in strain-mode leafs."""
+    """The model with chain nodes in the open and one more mode per axis in strain-mode leaves."""
     mesh, kind = model.mesh, model.arrays.members.kind
     if np.any(kind == COROTATIONAL):
         _insist_on_straight(model)
@@ -44,12 +44,12 @@ def finer(model: Model) -> Model:
 
 def _insist_on_straight(model: Model) -> None:
     """SceneError for a chain that cannot be cut into nodes."""
-    for name, leaf in scene_leafs(model).items():
+    for name, leaf in scene_leaves(model).items():
         mesh = model.mesh.of(name)
         if (leaf.curve is not None or leaf.profile is not None) and mesh.leaf != "strain" and not mesh.nodal:
             raise SceneError(
                 f"leaf '{name}' is curved or has a profile: its frequencies and buckling are answered by "
-                "strain-mode leafs (leaf='strain') only, not by chains of elements"
+                "strain-mode leaves (leaf='strain') only, not by chains of elements"
             )
 
 
@@ -98,7 +98,7 @@ def pad(number: np.ndarray, inner: np.ndarray, wider: np.ndarray, state: np.ndar
 
 
 def _open_chains(model: Model, motion: Motion, fine: Model) -> Motion:
-    """State of the finer model: strain-mode leafs with more modes, the inner nodes and stresses of chains in the open."""
+    """State of the finer model: strain-mode leaves with more modes, the inner nodes and stresses of chains in the open."""
     members, more = model.arrays.members, fine.arrays.members
     state = fine.rest.copy()
     index = {name: k for k, name in enumerate(fine.node_names)}

@@ -1,4 +1,4 @@
-"""Leafs that run through each other: oriented boxes around pieces of leafs, parted by the separating-axis test."""
+"""Leaves that run through each other: oriented boxes around pieces of leaves, parted by the separating-axis test."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ Array = NDArray[np.float64]
 TRIM = 0.06
 """Fraction of a leaf next to a block where it may come close to another leaf of that block: both are clamped there."""
 TOUCH = 1e-6
-"""Overlap, over the size of the boxes, that still counts as touching: leafs cut side by side from one sheet do."""
+"""Overlap, over the size of the boxes, that still counts as touching: leaf springs cut side by side from one sheet do."""
 BENT = 0.05
 """The same in a deformed joint, where neighbours cut from one sheet rub along their edges."""
 PIECES = 8
@@ -91,12 +91,12 @@ def _across(leaf: Leaf) -> tuple[float, float]:
 
 
 def clash(bodies: Sequence[Body], *, touch: float = TOUCH) -> tuple[str, str] | None:
-    """Names of two leafs that run through each other by more than `touch`, None when all are clear."""
+    """Names of two leaf springs that run through each other by more than `touch`, None when all are clear."""
     return next((pair for pair, _ in meetings(bodies, touch=touch)), None)
 
 
 def meetings(bodies: Sequence[Body], *, touch: float) -> Iterator[tuple[tuple[str, str], Array]]:
-    """Names of every two leafs that overlap by more than `touch`, and where: stations (k, 2), as fractions of the length
+    """Names of every two leaves that overlap by more than `touch`, and where: stations (k, 2), as fractions of the length
     of the one and the other, of all boxes that do."""
     for one, two in combinations(bodies, 2):
         if len(one.half) == len(two.half) == 1 and _parted(one, two, touch):
@@ -107,17 +107,17 @@ def meetings(bodies: Sequence[Body], *, touch: float) -> Iterator[tuple[tuple[st
                 yield (one.name, two.name), hit
 
 
-def check_clear(leafs: Sequence[Leaf], *, owner: str, advice: str = "move them apart") -> None:
-    """Raise SceneError naming two leafs of `owner` that run through each other at rest."""
-    found = clash([leaf_body(leaf) for leaf in leafs])
+def check_clear(leaves: Sequence[Leaf], *, owner: str, advice: str = "move them apart") -> None:
+    """Raise SceneError naming two leaf springs of `owner` that run through each other at rest."""
+    found = clash([leaf_body(leaf) for leaf in leaves])
     if found is not None:
         raise SceneError(
-            f"{owner}: leafs '{found[0]}' and '{found[1]}' run through each other at rest; {advice}."
+            f"{owner}: leaf springs '{found[0]}' and '{found[1]}' run through each other at rest; {advice}."
         )
 
 
 def _parted(one: Body, two: Body, touch: float) -> bool:
-    """Whether a face of one of two whole straight leafs parts them: quick, and true of most that are clear."""
+    """Whether a face of one of two whole straight leaf springs parts them: quick, and true of most that are clear."""
     d = (two.centre[0] - one.centre[0]).tolist()
     A, B = one.axes[0].T.tolist(), two.axes[0].T.tolist()
     a, b = one.half[0].tolist(), two.half[0].tolist()
@@ -129,7 +129,7 @@ def _parted(one: Body, two: Body, touch: float) -> bool:
 
 
 def _far(one: Body, two: Body) -> bool:
-    """Whether the leafs are further apart than they are large."""
+    """Whether the leaf springs are further apart than they are large."""
     reach = sum(
         float(np.linalg.norm(np.ptp(b.centre, axis=0)) + 2 * np.linalg.norm(b.half[0])) for b in (one, two)
     )

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 
 from ksd.scene.drive import GROUND, Drive, Load, PointMass
 from ksd.scene.effects import Compliance, Fit, Heat, Spring, TurnSpring
-from ksd.scene.joint import Joint, Motion, leafs_of
+from ksd.scene.joint import Joint, Motion, leaves_of
 from ksd.scene.leaf import Condition, Leaf
 from ksd.scene.profile import Curve, Profile
 from ksd.section.checks import Vector, as_given
@@ -35,7 +35,7 @@ class PlacedJoint:
     """A joint between links `a` (interface A) and `b` (interface B).
 
     origin (3,) [m]: interface A, global; rotation (3, 3): columns are the joint's x, y, z axes in global
-    axes. conditions: of its leafs by name, set by the model from the heats and fits of a scene.
+    axes. conditions: of its leaf springs by name, set by the model from the heats and fits of a scene.
     """
 
     name: str
@@ -46,13 +46,13 @@ class PlacedJoint:
     rotation: Matrix
     conditions: tuple[tuple[str, Condition], ...] = ()
 
-    def leafs(self) -> tuple[Leaf, ...]:
-        """The leafs of the joint, in joint axes, with their conditions."""
-        leafs = leafs_of(self.joint)
+    def leaves(self) -> tuple[Leaf, ...]:
+        """The leaf springs of the joint, in joint axes, with their conditions."""
+        leaves = leaves_of(self.joint)
         if not self.conditions:
-            return leafs
+            return leaves
         found = dict(self.conditions)
-        return tuple(replace(leaf, condition=found.get(leaf.name)) for leaf in leafs)
+        return tuple(replace(leaf, condition=found.get(leaf.name)) for leaf in leaves)
 
     def place(self, point: ArrayLike) -> np.ndarray:
         """Global position (3,) [m] at rest of a point (3,) given in joint axes."""
@@ -85,7 +85,7 @@ class Scene:
     name: str
     links: tuple[str, ...]
     joints: tuple[PlacedJoint, ...] = ()
-    leafs: tuple[PlacedLeaf, ...] = ()
+    leaves: tuple[PlacedLeaf, ...] = ()
     drives: tuple[Drive, ...] = ()
     supports: tuple[Drive, ...] = ()
     loads: tuple[Load, ...] = ()
@@ -98,17 +98,17 @@ class Scene:
     consider: tuple[str, ...] = ()
 
     def leaf_names(self) -> dict[str, Leaf]:
-        """Every leaf by its full name: "joint/leaf", and free-form leafs by their own."""
-        inside = {f"{j.name}/{leaf.name}": leaf for j in self.joints for leaf in j.leafs()}
-        return inside | {placed.name: placed.leaf for placed in self.leafs}
+        """Every leaf by its full name: "joint/leaf", and free-form leaf springs by their own."""
+        inside = {f"{j.name}/{leaf.name}": leaf for j in self.joints for leaf in j.leaves()}
+        return inside | {placed.name: placed.leaf for placed in self.leaves}
 
     @cached_property
     def unchangeable(self) -> bool:
         """Whether everything in it is frozen: no joint family of the user's own that is not, no function of his."""
-        leafs = self.leaf_names().values()
+        leaves = self.leaf_names().values()
         params = (getattr(j.joint, "__dataclass_params__", None) for j in self.joints)
         return all(p is not None and p.frozen for p in params) and all(
-            leaf.curve is None and leaf.profile is None for leaf in leafs
+            leaf.curve is None and leaf.profile is None for leaf in leaves
         )
 
     def fingerprint(self) -> str:
@@ -127,9 +127,9 @@ class Scene:
         return digest.hexdigest()
 
     def neighbours(self, *, supports: bool = False) -> dict[str, set[str]]:
-        """Links next to each link through joints and free-form leafs, and through supports when asked."""
+        """Links next to each link through joints and free-form leaf springs, and through supports when asked."""
         found: dict[str, set[str]] = {link: set() for link in self.links}
-        pairs = [(j.a, j.b) for j in self.joints] + [(f.a, f.b) for f in self.leafs]
+        pairs = [(j.a, j.b) for j in self.joints] + [(f.a, f.b) for f in self.leaves]
         if supports:
             pairs += [(t.base, t.link) for s in self.supports for t in s.terms]
         for a, b in pairs:

@@ -1,7 +1,7 @@
-"""What a scene may mention beyond leafs, drives and loads: springs, flexible links, heat, misfit, prestress.
+"""What a scene may mention beyond leaf springs, drives and loads: springs, flexible links, heat, assembly error, prestress.
 
 Each is one frozen sentence of the scene; a scene that does not say it has nothing of it. Positions are global at
-rest [m], forces N, moments Nm, angles rad, temperatures K above the state of rest.
+rest [m], forces N, moments Nm, angles rad, temperatures K above the undeformed configuration.
 """
 
 from __future__ import annotations
@@ -184,21 +184,21 @@ class Compliance:
 
 @dataclass(frozen=True)
 class Heat:
-    """Leafs warmer than at rest: `temperature` [K] in the mean, `through` [K] warmer at their +e2 face than at -e2.
+    """Leaf springs warmer than at rest: `temperature` [K] in the mean, `through` [K] warmer at their +e2 face than at -e2.
 
-    leafs: full names ("joint/leaf", or that of a free-form leaf), None is all of them. A leaf free to move grows by
+    leaves: full names ("joint/leaf", or that of a free-form leaf), None is all of them. A leaf free to move grows by
     expansion * temperature of its length and bends about e3 with curvature -expansion * through / thickness.
     """
 
     temperature: float = 0.0
     through: float = 0.0
-    leafs: tuple[str, ...] | None = None
+    leaves: tuple[str, ...] | None = None
 
     def __post_init__(self) -> None:
         for key in ("temperature", "through"):
             object.__setattr__(self, key, number(getattr(self, key), key, owner="heat", unit="K"))
-        if self.leafs is not None:
-            object.__setattr__(self, "leafs", tuple(word(n, "leafs", owner="heat") for n in self.leafs))
+        if self.leaves is not None:
+            object.__setattr__(self, "leaves", tuple(word(n, "leaves", owner="heat") for n in self.leaves))
 
 
 @dataclass(frozen=True)
@@ -224,7 +224,7 @@ class Fit:
 
 
 def leaf_conditions(
-    leafs: Mapping[str, Any], heats: tuple[Heat, ...], fits: tuple[Fit, ...]
+    leaves: Mapping[str, Any], heats: tuple[Heat, ...], fits: tuple[Fit, ...]
 ) -> dict[str, Condition]:
     """What heat and fits make of every leaf (by full name) they touch.
 
@@ -233,11 +233,11 @@ def leaf_conditions(
     """
     found: dict[str, Condition] = {}
     for heat in heats:
-        for name in leafs if heat.leafs is None else heat.leafs:
-            _known(name, leafs, "heat")
-            found[name] = _warmed(found.get(name, Condition()), leafs[name], heat, name)
+        for name in leaves if heat.leaves is None else heat.leaves:
+            _known(name, leaves, "heat")
+            found[name] = _warmed(found.get(name, Condition()), leaves[name], heat, name)
     for fit in fits:
-        leaf = _known(fit.leaf, leafs, "fit")
+        leaf = _known(fit.leaf, leaves, "fit")
         before = found.get(fit.leaf, Condition())
         stretch = 1.0 if fit.natural_length is None else fit.natural_length / leaf.length
         if not 0.9 < stretch < 1.1:
@@ -259,10 +259,10 @@ def _sum(a: Vector, b: Vector) -> Vector:
     return x, y, z
 
 
-def _known(name: str, leafs: Mapping[str, Any], what: str) -> Any:
-    if name not in leafs:
-        raise SceneError(f"{what}: leaf '{name}' does not exist{nearest(name, leafs)}")
-    return leafs[name]
+def _known(name: str, leaves: Mapping[str, Any], what: str) -> Any:
+    if name not in leaves:
+        raise SceneError(f"{what}: leaf '{name}' does not exist{nearest(name, leaves)}")
+    return leaves[name]
 
 
 def _warmed(before: Condition, leaf: Any, heat: Heat, name: str) -> Condition:

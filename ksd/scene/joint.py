@@ -1,4 +1,4 @@
-"""Joints: rigid blocks connected by leafs, with two interfaces A and B and their intended motion."""
+"""Joints: rigid blocks connected by leaf springs, with two interfaces A and B and their intended motion."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ class Joint(metaclass=Worded):
     A family is a frozen dataclass with a `family` name that answers the questions below; all lengths in m,
     all points (3,) in joint axes at rest, where every block is parallel to the joint axes. `length` [m] is
     the length L by which its record is made dimensionless. `quantities` names the dimension ("length",
-    "angle") of its numeric parameters, for scene files. `windows`: leafs may cross, one in a window of the other.
+    "angle") of its numeric parameters, for scene files. `windows`: leaf springs may cross, one in a window of the other.
     `held_by_others`: it leaves more free than its intended motions, as a single leaf does its torsion, and the mechanism
     around it holds that.
     """
@@ -94,8 +94,8 @@ class Joint(metaclass=Worded):
         """Rigid blocks by name with a reference point (3,) [m]; always "A" and "B", then internal ones."""
         return {"A": (0.0, 0.0, 0.0), "B": self.pose_B}
 
-    def leafs(self) -> tuple[Leaf, ...]:
-        """The flexible leafs between the blocks."""
+    def leaves(self) -> tuple[Leaf, ...]:
+        """The flexible leaf springs between the blocks."""
         raise NotImplementedError
 
     def shape(self) -> dict[str, float]:
@@ -103,34 +103,34 @@ class Joint(metaclass=Worded):
         raise NotImplementedError
 
 
-def leafs_of(joint: Joint) -> tuple[Leaf, ...]:
-    """`joint.leafs()`, made once for equal joints: a mechanism asks several times, and mostly of the same joint."""
+def leaves_of(joint: Joint) -> tuple[Leaf, ...]:
+    """`joint.leaves()`, made once for equal joints: a mechanism asks several times, and mostly of the same joint."""
     try:
-        return _leafs_of(joint)
+        return _leaves_of(joint)
     except TypeError:  # a family of the user's own that is not hashable
-        return joint.leafs()
+        return joint.leaves()
 
 
 @lru_cache(maxsize=256)
-def _leafs_of(joint: Joint) -> tuple[Leaf, ...]:
-    return joint.leafs()
+def _leaves_of(joint: Joint) -> tuple[Leaf, ...]:
+    return joint.leaves()
 
 
 @dataclass(frozen=True, init=False)
 class DrawnJoint(Joint):
-    """A joint drawn by the user from blocks, leafs and intended motions, in joint axes.
+    """A joint drawn by the user from blocks, leaf springs and intended motions, in joint axes.
 
     name: its family name, under which a record may be trained. blocks: {"A": point, "B": point, others} [m],
     A at the origin, B anywhere but there. length [m]: scale of the record, |AB| when not given. shape: its
-    dimensionless shape parameters, when it belongs to a range of similar joints. windows: leafs may cross, one in a
+    dimensionless shape parameters, when it belongs to a range of similar joints. windows: leaf springs may cross, one in a
     window of the other (left out of the model). held_by_others: what it leaves free beside the intended motions is held
     by the mechanism around it (see `ksd.train.softness`). Raises SceneError when A or B is missing, a leaf hangs on an
-    unknown block, a block on no leaf, or leafs run through each other.
+    unknown block, a block on no leaf, or leaf springs run through each other.
     """
 
     name: str
     block_points: tuple[tuple[str, Vector], ...]
-    drawn_leafs: tuple[Leaf, ...]
+    drawn_leaves: tuple[Leaf, ...]
     intended: tuple[Motion, ...]
     length: float
     shape_numbers: tuple[tuple[str, float], ...]
@@ -142,7 +142,7 @@ class DrawnJoint(Joint):
         name: str,
         *,
         blocks: Mapping[str, Any],
-        leafs: Sequence[Leaf],
+        leaves: Sequence[Leaf],
         motions: Sequence[Motion],
         length: float | None = None,
         shape: Mapping[str, float] | None = None,
@@ -154,12 +154,12 @@ class DrawnJoint(Joint):
             word(k, "block name", owner=owner): vector(v, f"block '{k}'", owner=owner, unit="m")
             for k, v in blocks.items()
         }
-        _check_blocks(points, leafs, owner)
+        _check_blocks(points, leaves, owner)
         for key, said in (("windows", windows), ("held_by_others", held_by_others)):
             if not isinstance(said, bool):
                 raise SceneError(f"{owner}: {key} = {show(said)} must be true or false.")
         if not windows:
-            check_clear(leafs, owner=owner, advice=_ADVICE)
+            check_clear(leaves, owner=owner, advice=_ADVICE)
         if not motions or not all(isinstance(m, Motion) for m in motions):
             raise SceneError(f"{owner}: motions = {show(motions)} must be at least one Motion.")
         given = np.linalg.norm(points["B"]) if length is None else length
@@ -167,7 +167,7 @@ class DrawnJoint(Joint):
         clean = {
             "name": name,
             "block_points": tuple(points.items()),
-            "drawn_leafs": tuple(leafs),
+            "drawn_leaves": tuple(leaves),
             "intended": tuple(motions),
             "length": positive(given, "length", owner=owner, unit="m"),
             "shape_numbers": tuple(numbers.items()),
@@ -193,8 +193,8 @@ class DrawnJoint(Joint):
     def blocks(self) -> dict[str, Vector]:
         return dict(self.block_points)
 
-    def leafs(self) -> tuple[Leaf, ...]:
-        return self.drawn_leafs
+    def leaves(self) -> tuple[Leaf, ...]:
+        return self.drawn_leaves
 
     def shape(self) -> dict[str, float]:
         return dict(self.shape_numbers)
@@ -203,17 +203,17 @@ class DrawnJoint(Joint):
 _ADVICE = "move them apart, or say windows=True where one passes through a window of the other"
 
 
-def _check_blocks(points: Mapping[str, Vector], leafs: Sequence[Leaf], owner: str) -> None:
+def _check_blocks(points: Mapping[str, Vector], leaves: Sequence[Leaf], owner: str) -> None:
     """A and B exist, A at the origin, every leaf between two known blocks, all blocks connected to A."""
     for end in ("A", "B"):
         if end not in points:
             raise SceneError(f"{owner}: block '{end}' is missing; every joint has interface blocks A and B.")
     if any(points["A"]):
         raise SceneError(f"{owner}: block 'A' is at {points['A']} m; interface A is the origin (0, 0, 0).")
-    if not leafs or not all(isinstance(leaf, Leaf) for leaf in leafs):
-        raise SceneError(f"{owner}: leafs = {show(leafs)} must be at least one Leaf.")
+    if not leaves or not all(isinstance(leaf, Leaf) for leaf in leaves):
+        raise SceneError(f"{owner}: leaves = {show(leaves)} must be at least one Leaf.")
     reached, seen = {"A"}, 0
-    for leaf in leafs:
+    for leaf in leaves:
         for block in (leaf.start_block, leaf.end_block):
             if block not in points:
                 raise SceneError(
@@ -225,11 +225,11 @@ def _check_blocks(points: Mapping[str, Vector], leafs: Sequence[Leaf], owner: st
             )
     while len(reached) > seen:
         seen = len(reached)
-        for leaf in leafs:
+        for leaf in leaves:
             if reached & {leaf.start_block, leaf.end_block}:
                 reached |= {leaf.start_block, leaf.end_block}
     for block in points:
         if block not in reached:
             raise SceneError(
-                f"{owner}: no chain of leafs connects block '{block}' with block 'A'; add a leaf."
+                f"{owner}: no chain of leaf springs connects block '{block}' with block 'A'; add a leaf."
             )

@@ -1,4 +1,4 @@
-"""Flexible leafs and wires between two rigid blocks: straight or curved, uniform or with a profile."""
+"""Flexible leaf springs and wires between two rigid blocks: straight or curved, uniform or with a profile."""
 
 from __future__ import annotations
 

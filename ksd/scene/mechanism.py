@@ -26,7 +26,7 @@ from ksd.section.checks import Axis, as_given, direction, nearest, show, vector,
 class Mechanism(Mentioned):
     """A mechanism under construction: links, joints between them, drives, supports and loads.
 
-    All positions [m] and directions are global, in the state of rest, where every link is at zero
+    All positions [m] and directions are global, in the undeformed configuration, where every link is at zero
     displacement and parallel to the global axes. Each sentence is checked when it is said and raises
     SceneError; `validate` checks the whole and `scene` freezes it. Links are given as the objects made by
     `link`, or by name.
@@ -35,7 +35,7 @@ class Mechanism(Mentioned):
     def __init__(self, name: str = "mechanism") -> None:
         super().__init__(name)
         self._joints: list[PlacedJoint] = []
-        self._leafs: list[PlacedLeaf] = []
+        self._leaves: list[PlacedLeaf] = []
         self._drives: list[Drive] = []
         self._supports: list[Drive] = []
         self._loads: list[Load] = []
@@ -44,14 +44,14 @@ class Mechanism(Mentioned):
     def __repr__(self) -> str:
         return (
             f"Mechanism('{self.name}': {len(self._links) - 1} links, {len(self._joints)} joints, "
-            f"{len(self._leafs)} leafs, {len(self._drives)} drives)"
+            f"{len(self._leaves)} leaf springs, {len(self._drives)} drives)"
         )
 
     # Elastic connections
 
     def _new_name(self, name: str | None, default: str) -> str:
         """A name not yet used by a joint or leaf; the default is numbered until it is free."""
-        used = {j.name for j in self._joints} | {leaf.name for leaf in self._leafs}
+        used = {j.name for j in self._joints} | {leaf.name for leaf in self._leaves}
         if name is not None:
             if word(name, "name", owner=self.name) in used:
                 raise SceneError(
@@ -106,9 +106,9 @@ class Mechanism(Mentioned):
         toward: Axis,
         name: str | None = None,
     ) -> tuple[PlacedLeaf, ...]:
-        """Put the leafs of `joint` between two links as a flexible constraint; at, axis, toward as in `join`.
+        """Put the leaf springs of `joint` between two links as a flexible constraint; at, axis, toward as in `join`.
 
-        Its internal blocks become links "name/block", its leafs free-form leafs "name/leaf", all computed in full and
+        Its internal blocks become links "name/block", its leaves free-form leaves "name/leaf", all computed in full and
         without a record. Meant for joints without intended motion, such as `FoldedLeaf`; any joint will do.
         """
         placed = self._place("constraint", (a, b), joint, (at, axis, toward), name)
@@ -116,8 +116,8 @@ class Mechanism(Mentioned):
         for block in joint.blocks():
             if block not in links:
                 links[block] = self.link(f"{placed.name}/{block}").name
-        found = tuple(placed_leaf(placed, leaf, links) for leaf in joint.leafs())
-        self._leafs += found
+        found = tuple(placed_leaf(placed, leaf, links) for leaf in joint.leaves())
+        self._leaves += found
         return found
 
     def leaf(
@@ -153,8 +153,8 @@ class Mechanism(Mentioned):
             profile=profile,
             curve=curve,
         )
-        self._leafs.append(PlacedLeaf(label, first, second, made))
-        return self._leafs[-1]
+        self._leaves.append(PlacedLeaf(label, first, second, made))
+        return self._leaves[-1]
 
     @worded
     def wire(
@@ -180,8 +180,8 @@ class Mechanism(Mentioned):
             diameter=diameter, material=material, start=start, end=end, width_axis=width_axis, start_block=first,
             end_block=second, name=label, elements=elements, orders=orders, profile=profile, curve=curve,
         )  # fmt: skip
-        self._leafs.append(PlacedLeaf(label, first, second, made))
-        return self._leafs[-1]
+        self._leaves.append(PlacedLeaf(label, first, second, made))
+        return self._leaves[-1]
 
     # Drives and supports
 
@@ -238,7 +238,7 @@ class Mechanism(Mentioned):
         motion: str | None = None,
         terms: Sequence[DriveTerm] | DriveTerm | None = None,
     ) -> Drive:
-        """Prescribe a component of motion; its value is given when solving, zero is the state of rest.
+        """Prescribe a component of motion; its value is given when solving, zero is the undeformed configuration.
 
         One of: `link` with `along` and the point `at` (3,) [m]: displacement of that point [m]; `link` with
         `about`: rotation [rad]; `joint`: its intended motion, the one named `motion` of several; `terms`: a sum of
@@ -401,7 +401,7 @@ class Mechanism(Mentioned):
             "name": self.name,
             "links": tuple(self._links),
             "joints": tuple(self._joints),
-            "leafs": tuple(self._leafs),
+            "leaves": tuple(self._leaves),
             "drives": tuple(self._drives),
             "supports": tuple(self._supports),
             "loads": tuple(self._loads),

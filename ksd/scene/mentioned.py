@@ -1,4 +1,4 @@
-"""The sentences by which a mechanism mentions effects beyond leafs, drives and loads; see `ksd.scene.effects`."""
+"""The sentences by which a mechanism mentions effects beyond leaf springs, drives and loads; see `ksd.scene.effects`."""
 
 from __future__ import annotations
 
@@ -104,7 +104,7 @@ def link_matrix(path: str | os.PathLike[str]) -> LinkMatrix:
 
 
 class Mentioned(Links):
-    """Springs, flexible links, heat, misfit and prestress of a mechanism, sentence by sentence."""
+    """Springs, flexible links, heat, assembly error and prestress of a mechanism, sentence by sentence."""
 
     def __init__(self, name: str) -> None:
         super().__init__(name)
@@ -187,7 +187,7 @@ class Mentioned(Links):
         """
         known = self._known(link, "compliance")
         if known == self.ground.name:
-            raise SceneError("compliance: the ground cannot be elastic; put a link and leafs between.")
+            raise SceneError("compliance: the ground cannot be elastic; put a link and leaf springs between.")
         if known in self._compliances:
             raise SceneError(f"compliance of link '{known}' is given twice; keep one.")
         if isinstance(matrix, str | os.PathLike):
@@ -259,7 +259,7 @@ class Mentioned(Links):
         name: str | None = None,
     ) -> TurnSpring:
         """A torsion spring [Nm/rad] from link `a` to link `b` about `axis` through `at` (3,) [m]; see `joint_spring`."""
-        label = self._spring_name(name, "turn spring")
+        label = self._spring_name(name, "torsion spring")
         first, second = self._pair(a, b, f"spring '{label}'")
         made = TurnSpring(label, first, second, as_given(at), as_given(axis), stiffness, rest_angle)
         self._springs.append(made)
@@ -274,15 +274,15 @@ class Mentioned(Links):
         return name
 
     def heat(
-        self, temperature: float = 0.0, *, through: float = 0.0, leafs: str | Sequence[str] | None = None
+        self, temperature: float = 0.0, *, through: float = 0.0, leaves: str | Sequence[str] | None = None
     ) -> Heat:
-        """Warm leafs by `temperature` [K], and by `through` [K] more at their +e2 face than at their -e2 face.
+        """Warm leaf springs by `temperature` [K], and by `through` [K] more at their +e2 face than at their -e2 face.
 
-        leafs: full names ("joint/leaf"), all of the mechanism when left out; their material needs its expansion.
+        leaves: full names ("joint/leaf"), all of the mechanism when left out; their material needs its expansion.
         """
-        names = (leafs,) if isinstance(leafs, str) else leafs
+        names = (leaves,) if isinstance(leaves, str) else leaves
         if names is not None and not isinstance(names, list | tuple):
-            raise SceneError(f"heat: leafs = {show(leafs)} must be names of leafs in a list.")
+            raise SceneError(f"heat: leaves = {show(leaves)} must be names of leaf springs in a list.")
         self._heats.append(Heat(temperature, through, None if names is None else tuple(names)))
         return self._heats[-1]
 
@@ -294,7 +294,7 @@ class Mentioned(Links):
         shift: ArrayLike = (0.0, 0.0, 0.0),
         turn: ArrayLike = (0.0, 0.0, 0.0),
     ) -> Fit:
-        """How a leaf is put in: prestress by its natural_length [m], misfit of its clamp by shift [m] and turn [rad].
+        """How a leaf is put in: prestress by natural_length [m], assembly error of its clamp by shift [m] and turn [rad].
 
         leaf: full name ("joint/leaf") or a free-form leaf; shift and turn (3,) lead from where end q is drawn to where
         it is clamped, in the axes of the leaf. Raises SceneError.
@@ -307,7 +307,7 @@ class Mentioned(Links):
     def consider(self, *effects: str) -> None:
         """Effects of the leaf material, "warping" and "plate", to be simulated.
 
-        Without this sentence leafs are standard beams, as in the literature they are compared with.
+        Without this sentence leaf springs are standard beams, as in the literature they are compared with.
         """
         for effect in effects:
             if effect not in CONSIDERED:

@@ -1,4 +1,4 @@
-"""What a scene says that hardly any flexure has: lengths and moduli in another unit, leafs that are no beams.
+"""What a scene says that hardly any flexure has: lengths and moduli in another unit, leaf springs that are no beams.
 
 Nothing here is refused: rubber, silicon and giant antennas exist. The sentences go with the doctor and with every answer.
 """
@@ -16,7 +16,7 @@ from ksd.section import Section
 STOUT = 5.0
 """Length over thickness below which a leaf is a block: plane sections and clamps without compliance do not hold."""
 LENGTHS = (1e-6, 5.0)
-"""Leafs [m] from micromachined to as long as a room."""
+"""Leaf springs [m] from micromachined to as long as a room."""
 MODULI = (1e6, 1.3e12)
 """Young's and shear moduli [Pa] from rubber to diamond."""
 DENSITIES = (10.0, 23e3)
@@ -26,12 +26,12 @@ LIMITS = (1e-5, 0.5)
 
 
 def implausible(scene: Scene) -> tuple[str, ...]:
-    """One sentence for everything that is unusual, equal leafs together; nothing where all is as flexures are."""
-    leafs = scene.leaf_names()
-    materials = dict.fromkeys(leaf.material for leaf in leafs.values())
+    """One sentence for everything that is unusual, equal leaf springs together; nothing where all is as flexures are."""
+    leaves = scene.leaf_names()
+    materials = dict.fromkeys(leaf.material for leaf in leaves.values())
     found = [said for material in materials for said in _of_material(material)]
     for judge in (_of_length, _of_thickness, _of_width):
-        found += _together(leafs, judge)
+        found += _together(leaves, judge)
     return tuple(found)
 
 
@@ -96,10 +96,10 @@ def _of_width(leaf: Leaf) -> str:
     )
 
 
-def _together(leafs: dict[str, Leaf], judge: Callable[[Leaf], str]) -> list[str]:
-    """The sentences of all leafs, each once, with the names of those it holds for."""
+def _together(leaves: dict[str, Leaf], judge: Callable[[Leaf], str]) -> list[str]:
+    """The sentences of all leaf springs, each once, with the names of those it holds for."""
     said: dict[str, list[str]] = {}
-    for name, leaf in leafs.items():
+    for name, leaf in leaves.items():
         sentence = judge(leaf)
         if sentence:
             said.setdefault(sentence, []).append(name)
@@ -109,4 +109,4 @@ def _together(leafs: dict[str, Leaf], judge: Callable[[Leaf], str]) -> list[str]
 def _names(names: Sequence[str]) -> str:
     shown = ", ".join(f"'{name}'" for name in names[:3])
     more = f" and {len(names) - 3} more" if len(names) > 3 else ""
-    return f"leaf{'s' * (len(names) > 1)} {shown}{more}"
+    return f"{'leaf springs' if len(names) > 1 else 'leaf'} {shown}{more}"

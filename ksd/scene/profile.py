@@ -1,4 +1,4 @@
-"""Leafs that are not the same all along: tapered, notched, stiffened in the middle, or curved at rest.
+"""Leaf springs that are not the same all along: tapered, notched, stiffened in the middle, or curved at rest.
 
 A profile gives the section at s in [0, 1], the fraction of the arc length from start to end; `breaks` are the
 fractions where it has a kink or a step. A curve gives the stress-free curvature. All are frozen values, so that

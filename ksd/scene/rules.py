@@ -21,7 +21,7 @@ def check_scene(scene: Scene) -> None:
     if len(scene.links) < 2:
         raise SceneError(f"mechanism '{scene.name}' has no link; add one with mechanism.link(name).")
     _unique("link", scene.links)
-    _unique("joint or leaf", [j.name for j in scene.joints] + [f.name for f in scene.leafs])
+    _unique("joint or leaf", [j.name for j in scene.joints] + [f.name for f in scene.leaves])
     _unique("drive or support", [d.name for d in (*scene.drives, *scene.supports)])
     _unique("load", [load.name for load in scene.loads])
     _check_known(scene)
@@ -42,7 +42,7 @@ def _unique(kind: str, names: Iterable[str]) -> None:
 def _check_known(scene: Scene) -> None:
     """Every link that is spoken of exists, and nothing connects a link with itself."""
     spoken: list[tuple[str, str]] = []
-    for kind, placed in (("joint", scene.joints), ("leaf", scene.leafs)):
+    for kind, placed in (("joint", scene.joints), ("leaf", scene.leaves)):
         for item in placed:
             if item.a == item.b:
                 raise SceneError(

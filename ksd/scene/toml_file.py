@@ -184,7 +184,7 @@ class _Reader:
         blocks, shape = table.table("blocks"), table.table("shape")
         words: dict[str, Any] = {"name": "drawn"} | table.read(schema.DRAWN)
         words["blocks"] = blocks.read(dict.fromkeys(blocks.values, "length[3]"))
-        words["leafs"] = [self._drawn_leaf(t, k) for k in ("leaf", "wire") for t in table.tables(k)]
+        words["leaves"] = [self._drawn_leaf(t, k) for k in ("leaf", "wire") for t in table.tables(k)]
         words["motions"] = [_motion(t) for t in table.tables("motion")]
         words["shape"] = shape.read(dict.fromkeys(shape.values, "number"))
         joint: DrawnJoint = table.say(DrawnJoint, words)

@@ -97,7 +97,7 @@ SENTENCES: dict[str, Schema] = {
         "link": "text!", "hub": "length[3]", "width_axis": "direction", "section": "section", "material": "material",
         "matrix": "text", "points": "any", "stiffness": "any",
     },
-    "heat": {"temperature": "number", "through": "number", "leafs": "any"},
+    "heat": {"temperature": "number", "through": "number", "leaves": "any"},
     "fit": {"leaf": "text!", "natural_length": "length", "shift": "length[3]", "turn": "angle[3]"},
 }  # fmt: skip
 """[[tables]] in the order in which they are said, each by the method of `Mechanism` of that name."""

@@ -61,7 +61,7 @@ def _scene_tree(scene: Scene, targets: dict[str, float]) -> Tree:
     names = _Names()
     said = {
         "join": [_join(j, names) for j in scene.joints],
-        "leaf": [_leaf(p.leaf, names, {"a": p.a, "b": p.b}) for p in scene.leafs],
+        "leaf": [_leaf(p.leaf, names, {"a": p.a, "b": p.b}) for p in scene.leaves],
         "actuate": [_drive(d) | _value(d.name, targets) for d in scene.drives],
         "support": [_drive(s) for s in scene.supports],
         "compliance": [_compliance(c, names) for c in scene.compliances],
@@ -156,7 +156,7 @@ def _drawn(joint: DrawnJoint, names: _Names) -> Tree:
     tree: Tree = {"family": "drawn"} | _keys(joint, DRAWN, names, flags) | {"blocks": joint.blocks()}
     if joint.shape():
         tree["shape"] = joint.shape()
-    hung = [(leaf, {key: getattr(leaf, key) for key in BLOCKS}) for leaf in joint.leafs()]
+    hung = [(leaf, {key: getattr(leaf, key) for key in BLOCKS}) for leaf in joint.leaves()]
     tree["leaf"] = [_leaf(leaf, names, blocks) for leaf, blocks in hung]
     tree["motion"] = [_keys(m, MOTIONS[m.kind], names) for m in joint.motions]
     return tree

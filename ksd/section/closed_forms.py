@@ -107,7 +107,7 @@ def is_rectangle(section: Section) -> bool:
 
 
 def restrained_warping_factor(length: float, width: float, nu: float) -> float:
-    """Factor on GJ of a thin leaf clamped at both ends, where it cannot warp; 1 for long leafs.
+    """Factor on GJ of a thin leaf clamped at both ends, where it cannot warp; 1 for long leaf springs.
 
     a c / (a c - 2 tanh(a c / 2)) with a = length/width, c = sqrt(24 / (1 + nu)); lengths in m, nu Poisson's
     ratio. From Vlasov's equation with Iw = (t w)^3/144. Raises SceneError for lengths that are not positive.

@@ -2,7 +2,7 @@
 
 Layout of `as_dict` (every key is explained in SCHEMA): the head says which mechanism was solved how and
 whether to believe it; "steps" is the record of the solve; "drives", "supports", "links", "joints" and
-"leafs" are tables by name. A key ends with the unit of its number: mm, deg, um, mrad, N, Nm, us, percent.
+"leaf springs" are tables by name. A key ends with the unit of its number: mm, deg, um, mrad, N, Nm, us, percent.
 Vectors are lists of three in global axes unless said otherwise. Numbers that are not finite are null, so
 the file is strict JSON.
 """
@@ -38,11 +38,11 @@ SCHEMA: dict[str, str] = {
     "doubts[]": "what speaks against the branch and was not cleared up",
     "negative_pivots": "negative pivots of the last factorisation",
     "expected_negative_pivots": "those that the drives and supports explain",
-    "iterations": "matrix solves of all steps together",
+    "iterations": "factorisations of all steps together",
     "time_us": "thread time of all steps together",
     "load_factor": "fraction of the external loads applied",
     "steps[].name": "step of the method",
-    "steps[].iterations": "matrix solves of the step; null where nothing is iterated",
+    "steps[].iterations": "factorisations of the step; null where nothing is iterated",
     "steps[].time_us": "thread time of the step",
     "steps[].residual_over_bound": "largest residual over the bound it had to meet; null where there is none",
     "steps[].gap_m": "largest loop gap left by step 1; null in other steps",
@@ -75,10 +75,10 @@ SCHEMA: dict[str, str] = {
     "basis.within_percent": "the basis is within this error; null for one about a trained state, good about that alone",
     "basis.most_stroke": "... up to this stroke",
     "basis.most_turn_deg": "... and this rotation",
-    "strength": "what the answer uses of what its materials bear; null where leafs are reduced solids",
-    "strength.largest_strain_percent": "largest principal strain of all leafs",
+    "strength": "what the answer uses of what its materials bear; null where leaf springs are reduced solids",
+    "strength.largest_strain_percent": "largest principal strain of all leaf springs",
     "strength.strain_leaf": "the leaf it is in",
-    "strength.largest_stress_MPa": "largest von Mises stress of all leafs",
+    "strength.largest_stress_MPa": "largest von Mises stress of all leaf springs",
     "strength.stress_leaf": "the leaf it is in",
     "strength.stress_s_mm": "station along that leaf",
     "strength.stress_point": "point of its section",
@@ -93,10 +93,10 @@ SCHEMA: dict[str, str] = {
     "joints.*.intended.*_mm": "intended translation, by name of the motion",
     "joints.*.unintended_displacement_um": "interface B off its intended place, joint axes; null if unknown",
     "joints.*.unintended_rotation_mrad": "interface B off its intended orientation; null if unknown",
-    "leafs.*.start_force_N": "section forces N, Vy, Vz at the start, axes of the section there",
-    "leafs.*.start_moment_Nm": "section moments T, My, Mz at the start of the leaf",
-    "leafs.*.end_force_N": "section forces N, Vy, Vz at the end of the leaf",
-    "leafs.*.end_moment_Nm": "section moments T, My, Mz at the end of the leaf",
+    "leaf springs.*.start_force_N": "section forces N, Vy, Vz at the start, axes of the section there",
+    "leaf springs.*.start_moment_Nm": "section moments T, My, Mz at the start of the leaf",
+    "leaf springs.*.end_force_N": "section forces N, Vy, Vz at the end of the leaf",
+    "leaf springs.*.end_moment_Nm": "section moments T, My, Mz at the end of the leaf",
     "left_out.*.force_percent": "change of the drive forces, over the largest, if this effect were in the model",
     "left_out.*.displacement_percent": "the same of the largest link displacement",
     "left_out.*.support_stiffness_percent": "the same of the softest support stiffness of the first driven link",
@@ -131,7 +131,7 @@ def as_dict(configuration: Configuration) -> dict[str, Any]:
         "strength": _strength(c),
         "links": _links(c),
         "joints": _joints(c),
-        "leafs": _leafs(c),
+        "leaves": _leaves(c),
         "left_out": _left_out(c),
         "warnings": list(c.warnings),
     }
@@ -300,7 +300,7 @@ def _intended(c: Configuration, placed: Any) -> list[float]:
     return [float(np.asarray(m.axis) @ (shift if m.kind == "translation" else turn)) for m in motions]
 
 
-def _leafs(c: Configuration) -> dict[str, dict[str, Any]]:
+def _leaves(c: Configuration) -> dict[str, dict[str, Any]]:
     return {
         name: {
             "start_force_N": _list(f.start[:3]),

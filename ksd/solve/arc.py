@@ -198,7 +198,7 @@ class Walk:
 
     @property
     def iterations(self) -> int:
-        """Matrix solves of all places together."""
+        """Factorisations of all places together."""
         return sum(at.iterations for at in self.places)
 
     def keep(self, at: Place) -> None:

@@ -148,7 +148,7 @@ class Configuration:
 
     @cached_property
     def resolution(self) -> Look:
-        """What its curvature modes may miss, and how far its leafs turn per quadrature point."""
+        """What its curvature modes may miss, and how far its leaf springs turn per quadrature point."""
         return look_at_modes(self.model, self.motion)
 
     @property
@@ -180,7 +180,7 @@ class Configuration:
 
     @cached_property
     def strength(self) -> Strength | None:
-        """Largest strain and stress of all leafs, and the share of their limits; None where leafs are reduced solids."""
+        """Largest strain and stress of all leaves, and the share of their limits; None where leaves are reduced solids."""
         if self.model.solids:
             return None
         return strength(*self.insides, load_factor=self.load_factor)
@@ -194,12 +194,12 @@ class Configuration:
     @cached_property
     def minimum(self) -> str:
         """Which of several minima this is, where the undeformed configuration is unstable under what strains it (preload,
-        heat, misfit, loads); else nothing."""
+        heat, assembly error, loads); else nothing."""
         return "" if self.model.solids else minimum_taken(*self.insides, self.stable)
 
     @property
     def iterations(self) -> int:
-        """Matrix solves of all steps together."""
+        """Factorisations of all steps together."""
         return sum(s.iterations for s in self.steps)
 
     @property
@@ -277,12 +277,12 @@ class Configuration:
         these."""
         return inside(*self.questioned)
 
-    def _of_leafs(self, question: str) -> None:
-        """Raises SceneError where the leafs that a question is asked of are reduced solids."""
+    def _of_leaves(self, question: str) -> None:
+        """Raises SceneError where the leaf springs that a question is asked of are reduced solids."""
         solids = self.model.solids
         if solids:
             raise SceneError(
-                f"{question} is not known of reduced solids ({', '.join(solids)}); ask it of the leafs in their place, "
+                f"{question} is not known of reduced solids ({', '.join(solids)}); ask it of the leaves in their place, "
                 "or of the meshed solid itself"
             )
 
@@ -333,7 +333,7 @@ class Configuration:
         dense: True or False forces dense or iterative eigenvalues. Raises SceneError when nothing has mass and of reduced
         solids, KinematicsError when nothing resists a motion.
         """
-        self._of_leafs("frequencies")
+        self._of_leaves("frequencies")
         return frequencies(
             *self.unreduced, count=count, freed=freed, load_factor=self.load_factor, dense=dense
         )
@@ -357,7 +357,7 @@ class Configuration:
         and supports let go at their present force. Raises SceneError for unknown names, a load of zero, a state without
         stress and reduced solids, ConvergenceError where none were found.
         """
-        self._of_leafs("buckling")
+        self._of_leaves("buckling")
         return buckling(
             *self.unreduced, link, at=at, force=force, moment=moment, following=following, count=count, freed=freed,
             load_factor=self.load_factor,
@@ -368,7 +368,7 @@ class Configuration:
 
         Raises SceneError of reduced solids.
         """
-        self._of_leafs("stress")
+        self._of_leaves("stress")
         return stress(*self.unreduced, points=points, load_factor=self.load_factor)
 
     def strain_energy(self) -> dict[str, float]:
@@ -402,21 +402,21 @@ class Configuration:
         return sensitivity(self, question, link, at=at, force=force, moment=moment)
 
     def internal_stress(
-        self, *, offset: float = 1e-5, rotation: float = 1e-4, leafs: Iterable[str] = (), points: int = 13
+        self, *, offset: float = 1e-5, rotation: float = 1e-4, leaves: Iterable[str] = (), points: int = 13
     ) -> Misplaced:
         """Largest von Mises stress [Pa] when the end of a leaf is clamped beside its place, one leaf and direction at a
         time.
 
-        offset [m] and rotation [rad] of the end in the leaf's own axes, both positive; leafs: full names, all when empty;
+        offset [m] and rotation [rad] of the end in the leaf's own axes, both positive; leaves: full names, all when empty;
         points: stations per leaf. Raises SceneError for unknown names, sizes that are not positive, and reduced solids.
         """
-        self._of_leafs("internal stress")
+        self._of_leaves("internal stress")
         return internal_stress(
-            *self.unreduced, offset=offset, rotation=rotation, leafs=leafs, load_factor=self.load_factor, points=points
+            *self.unreduced, offset=offset, rotation=rotation, leaves=leaves, load_factor=self.load_factor, points=points
         )  # fmt: skip
 
     def interface_forces(self) -> InterfaceForces:
-        """Force [N] and moment [Nm], global, that joints, free leafs and springs exert on the links and on ground."""
+        """Force [N] and moment [Nm], global, that joints, free leaf springs and springs exert on the links and on ground."""
         return interface_forces(*self.unreduced, load_factor=self.load_factor)
 
     def parasitic(self, link: Link | str | None = None, *, at: ArrayLike | None = None) -> Parasitic:
@@ -429,7 +429,7 @@ class Configuration:
 
     def pivot_shift(self, joint: PlacedJoint | str, *, at: ArrayLike | None = None) -> PivotShift:
         """How far the pivot of a joint has moved [m, joint axes]: the point of interface B at `at` (3,) [m, global] at
-        rest, where its leafs cross when None, seen from interface A.
+        rest, where its leaf springs cross when None, seen from interface A.
 
         Raises SceneError for an unknown joint or one without an intended rotation.
         """
@@ -441,7 +441,7 @@ class Configuration:
         return section_forces(*self.unreduced, points=points, load_factor=self.load_factor)
 
     def shape(self, *, points: int = 25) -> Shape:
-        """Centrelines [m] of all leafs at `points` stations or more, outlines of all links, and driven points, global."""
+        """Centrelines [m] of all leaves at `points` stations or more, outlines of all links, and driven points, global."""
         return mechanism_shape(*self.insides, points=points)
 
     def as_dict(self) -> dict[str, Any]:
@@ -462,7 +462,7 @@ class Configuration:
         given.
 
         axes: drawn into these, a new figure when None. plane: the widest when None. labels: names of links and drives,
-        with values and forces. color: "stress" colours the leafs by von Mises stress. Raises SceneError for an unknown
+        with values and forces. color: "stress" colours the leaves by von Mises stress. Raises SceneError for an unknown
         plane, colour or file type.
         """
         figure = plot_mechanism(self, axes=axes, plane=plane, labels=labels, title=title, color=color)
@@ -485,7 +485,7 @@ class Configuration:
 _INSIDE = frozenset(
     (
         "answering", "chosen", "doubts", "expected", "insides", "near", "negatives", "notes", "questioned",
-        "joint_motions", "resolution", "still", "unreduced", "_node", "_of_leafs",
+        "joint_motions", "resolution", "still", "unreduced", "_node", "_of_leaves",
     )
 )  # fmt: skip
 """What other rooms of the package ask a configuration for; `dir` leaves it out."""

@@ -2,7 +2,7 @@
 
 Every leaf, whatever stands for it (curvature modes, a chain of elements, a modal body), becomes a strain-mode leaf with more
 modes than the answer has (`ksd.model.mesh.Refined`), and Newton steps lead from the state of the answer to equilibrium.
-Strain-mode leafs converge exponentially, so what such a leaf misses is nothing beside what it finds. Done when the error is
+Strain-mode leaves converge exponentially, so what such a leaf misses is nothing beside what it finds. Done when the error is
 asked for: the model once, a few Newton steps for every state. The error of any other answer (`with_error`) is its change to
 the same question asked of that equilibrium.
 

@@ -50,7 +50,7 @@ YIELDING = 0.03
 class FiveSteps:
     """Call with drive values; storage is used again each time, so not from two threads at once.
 
-    fit: how intended motions fit together; where they do not, step 1 leaves a larger gap, which the leafs take up.
+    fit: how intended motions fit together; where they do not, step 1 leaves a larger gap, which the leaf springs take up.
     Raises KinematicsError where drives and supports do not hold every freedom once.
     """
 
@@ -65,27 +65,33 @@ class FiveSteps:
         self._expected = len(model.drive_names) + len(model.support_names)
 
     def __call__(
-        self, values: Mapping[str, float], target: np.ndarray, *, method: str, passes: int, estimate: bool
+        self,
+        values: Mapping[str, float],
+        target: np.ndarray,
+        *,
+        method: str,
+        relinearisations: int,
+        estimate: bool,
     ) -> Configuration:
         """Solve at the right-hand sides `target` (c,). Raises RangeError, ConvergenceError, KinematicsError."""
         if method == "kinematic":
             self.insist_on_motions()
         b, code = self.bench, _CODES[method]
-        out = self._out.get(passes)
+        out = self._out.get(relinearisations)
         if out is None:
-            out = self._out[passes] = np.zeros((2 + 3 * (passes + 1), 5))
+            out = self._out[relinearisations] = np.zeros((2 + 3 * (relinearisations + 1), 5))
         first: Step | None = None
         ready = 0
         if b.bodies.hanging:
             first, ready = _closed(b, target, self.gap), 1
-        count, negatives = self._steps(target, code, passes, ready, out)
+        count, negatives = self._steps(target, code, relinearisations, ready, out)
         if not ready and (out[0, 0] != 0 or not out[0, 2] < self.gap * b.bodies.reduced.size):
             first = _closed(b, target, self.gap)
-            count, negatives = self._steps(target, code, passes, 1, out)
+            count, negatives = self._steps(target, code, relinearisations, 1, out)
         record, (inside, near) = out[:count].tolist(), b.seen.tolist()
         arrived = record[-1][0] == 0.0
         warnings = [] if arrived and inside else trained_range(b, b.theta, extrapolate=self.extrapolate)
-        steps = FiveStepRecord(record, passes, first=first)
+        steps = FiveStepRecord(record, relinearisations, first=first)
         if not arrived or first is not None:
             _insist(steps)
         error = None
@@ -98,17 +104,17 @@ class FiveSteps:
             return self._kinematic((values, target, steps), moved, warnings, estimate=estimate)
         if estimate and method == "reduced":
             # condensed joints cannot buckle: the inertia is that of the full model at the recovered state
-            error, step, negatives = estimate_error(b, target, relinearised=passes > 0)
+            error, step, negatives = estimate_error(b, target, relinearised=relinearisations > 0)
             steps.more = (step,)
         return self._configuration(
             (dict(values), method, steps), moved, negatives=negatives, error=error, warnings=warnings
         )
 
     def _steps(
-        self, target: np.ndarray, code: int, passes: int, closed: int, out: np.ndarray
+        self, target: np.ndarray, code: int, relinearisations: int, closed: int, out: np.ndarray
     ) -> tuple[int, int]:
         """All steps but the first when that is done already (`closed` 1); their rows in `out` are where they always are."""
-        ways = target, code, passes, closed, RTOL, CAP, self.gap
+        ways = target, code, relinearisations, closed, RTOL, CAP, self.gap
         count, negatives = space_steps(self.bench.parts, *ways, out[closed:])
         return closed + count, negatives
 
@@ -121,7 +127,7 @@ class FiveSteps:
             )
 
     def _said(self, steps: FiveStepRecord) -> tuple[str, ...]:
-        """What the leafs had to take up, as a warning."""
+        """What the leaf springs had to take up, as a warning."""
         if self.fit.exact:
             return ()
         why = [f"the joints are overconstrained and misaligned by {1e3 * self.fit.off:.2g} mrad"] * (
@@ -130,7 +136,7 @@ class FiveSteps:
         why += [f"no intended motion meets '{n}'" for n in self.fit.yielding]
         said = "; ".join(why)
         return (
-            f"{said}: step 1 left a gap of {1e3 * steps[0].residual:.2g} mm, which the leafs take up by force",
+            f"{said}: step 1 left a gap of {1e3 * steps[0].residual:.2g} mm, which the leaf springs take up by force",
         )
 
     def _kinematic(
@@ -153,7 +159,7 @@ class FiveSteps:
         )
         if not estimate:
             return answer
-        reduced = self(values, target, method="reduced", passes=0, estimate=True)
+        reduced = self(values, target, method="reduced", relinearisations=0, estimate=True)
         assert reduced.method_error is not None
         error = distance(answer.motion, b, reduced.method_error)
         extra = reduced.steps[2:]

@@ -77,7 +77,7 @@ def _condense(inner: np.ndarray, whole: FullSolid) -> None:
     """Condense a full solid into the inner state of its linear body."""
     whole.condense()
     K = whole.stiffness.copy()
-    # across its plane a solid meshed in 2D moves nowhere: supports hold it, and any stiffness does
+    # out of its plane a solid meshed in 2D moves nowhere: supports hold it, and any stiffness does
     idle = np.setdiff1d(np.arange(6), whole.free)
     K[idle, idle] = np.abs(np.diagonal(K)[[0, 0, 0, 5, 5, 5]])[idle]
     inner[:3] = whole.shift + np.array([whole.solid.length, 0.0, 0.0])

@@ -33,7 +33,7 @@ WEAK_PIVOT = 1e-9
 
 
 class Driven(NamedTuple):
-    """How driving went: why it stopped, matrix solves including failed attempts, residual over its bound, negative
+    """How driving went: why it stopped, factorisations including failed attempts, residual over its bound, negative
     pivots, fraction of the drive motion reached, load steps tried, load steps that needed pivoting, most iterations of a
     load step, the smallest one (fraction of the way)."""
 
@@ -332,7 +332,7 @@ def _drive_in_plane(
 ) -> Driven | str:
     """`drive_to` with three unknowns per node, or the reason why that is not possible.
 
-    What it arrives at is looked at in space: a residual across the plane refuses it, and the residual and the negative
+    What it arrives at is looked at in space: a residual out of the plane refuses it, and the residual and the negative
     pivots told are those of the spatial tangent, so that buckling out of the plane is seen.
     """
     model, motion = storage.model, storage.motion
@@ -355,7 +355,7 @@ def _drive_in_plane(
         share, node, force, moment = plane.imbalance(storage.work)
         if share > 1.0:
             said = (
-                f"its leafs and loads do not balance across the plane: {force:.3g} N along its normal and "
+                f"its leaf springs and loads do not balance out of the plane: {force:.3g} N along its normal and "
                 f"{moment:.3g} Nm across it are left on '{model.node_names[node]}'"
             )
             refuse_plane(model, said)

@@ -44,7 +44,8 @@ class Poses(NamedTuple):
 
 
 def space_many(
-    s: SpaceSet, targets: np.ndarray, expected: int, method: int, passes: int, ways: np.ndarray, limits: np.ndarray,
+    s: SpaceSet, targets: np.ndarray, expected: int, method: int, relinearisations: int, ways: np.ndarray,
+    limits: np.ndarray,
     found: Poses,
 ) -> None:  # fmt: skip
     """Solve at targets (N, c) into `found`; ways = (rtol, cap, gap), limits (q, 2): trained ranges with slack.
@@ -52,10 +53,10 @@ def space_many(
     expected: negative pivots of the rows.
     """
     state, length = s.state, s.bodies.loops.length
-    out, full, links = np.zeros((2 + 3 * (passes + 1), 5)), s.state.full, found.x.shape[1]
+    out, full, links = np.zeros((2 + 3 * (relinearisations + 1), 5)), s.state.full, found.x.shape[1]
     rtol, cap, gap = ways.tolist()
     for n, target in enumerate(targets):
-        rows, negatives = space_steps(s, target, method, passes, 0, rtol, cap, gap, out)
+        rows, negatives = space_steps(s, target, method, relinearisations, 0, rtol, cap, gap, out)
         status = int(out[rows - 1, 0])
         if out[0, 0] != 0 or not out[0, 2] < gap * size_of(s.bodies.reduced):
             status = LOCKED

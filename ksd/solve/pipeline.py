@@ -2,7 +2,7 @@
 
 The steps of the KSD method (paper 1, section 2) themselves are in `ksd.solve.space_steps`:
 1 close the loops by the database constraints; 2 near configuration and condensed stiffness of every joint; 3 equilibrium
-of links and condensed joints; 4 recovery of the insides; 5 equilibrium of everything. `passes` extra rounds of 2-4
+of links and condensed joints; 4 recovery of the insides; 5 equilibrium of everything. `relinearisations` extra rounds of 2-4
 relinearise every joint, geometric stiffness included, at the state recovered before.
 """
 

@@ -1,6 +1,6 @@
 """Newton with pivoting, for states at which the block factorisation without pivoting breaks down.
 
-The fixed elimination order is right as long as every link rests on leafs that lead to ground. A link held by drives or
+The fixed elimination order is right as long as every link rests on leaves that lead to ground. A link held by drives or
 supports alone, or a state close to a critical one, gives a pivot of pure rounding although the whole matrix is
 regular. Here the same assembled matrix is equilibrated and solved densely with partial pivoting; its inertia comes from
 Bunch-Kaufman LDL^T. Following loads enter with their full, unsymmetric tangent, so convergence stays quadratic.

@@ -17,7 +17,7 @@ from scipy.integrate import trapezoid
 from ksd.model.arrays import Motion
 from ksd.model.compile import Model, compile_given, marked
 from ksd.model.effects import with_conditions
-from ksd.model.leafs import rigidities
+from ksd.model.leaves import rigidities
 from ksd.properties.forces import section_forces
 from ksd.properties.kept import per_model
 from ksd.scene.leaf import Condition
@@ -42,8 +42,8 @@ def curvatures(model: Model, motion: Motion) -> dict[str, float]:
 
 
 @per_model
-def _leafs(model: Model) -> dict[str, Any]:
-    """All leafs by full name, with their conditions."""
+def _leaves(model: Model) -> dict[str, Any]:
+    """All leaf springs by full name, with their conditions."""
     return dict(model.scene.leaf_names())
 
 
@@ -51,15 +51,15 @@ def _leafs(model: Model) -> dict[str, Any]:
 def _bending_stiffness(model: Model) -> dict[str, float]:
     """E Iz [N m^2] of every leaf, with its factor."""
     return {
-        name: float(rigidities(leaf.section, leaf, model.mesh)[0][2]) for name, leaf in _leafs(model).items()
+        name: float(rigidities(leaf.section, leaf, model.mesh)[0][2]) for name, leaf in _leaves(model).items()
     }
 
 
 def bent(model: Model, motion: Motion) -> tuple[dict[str, Condition], float]:
-    """Conditions of all wide leafs at their present curvature, and the largest relative change of their factors."""
+    """Conditions of all wide leaf springs at their present curvature, and the largest relative change of their factors."""
     known = curvatures(model, motion)
     conditions, worst = {}, 0.0
-    for name, leaf in _leafs(model).items():
+    for name, leaf in _leaves(model).items():
         q = leaf.section
         if not (q.width > q.thickness > 0.0 and name in known):
             continue

@@ -1,7 +1,7 @@
-"""Mechanisms with reduced bodies: modal leafs and solids beside leafs in full and condensed joints.
+"""Mechanisms with reduced bodies: modal leaves and solids beside leaf springs in full and condensed joints.
 
 By load steps they are members like every other. Where records place the joints, steps 1 and 2 of the KSD method lead to the
-start: everything is placed, joints none of whose leafs is reduced or asked for in full are condensed, and the inner
+start: everything is placed, joints none of whose leaf springs is reduced or asked for in full are condensed, and the inner
 coordinates of the bodies settle with their ends held there. Step 3 is the equilibrium of links, condensed joints and all
 other members, step 4 the recovery of the condensed joints.
 """
@@ -57,7 +57,7 @@ WITHOUT_RECORDS = (RecordError, RangeError, KinematicsError, SceneError)
 
 def named_bases(model: Model, basis: object) -> dict[str, ModalBasis | SolidBasis]:
     """The basis of every leaf of `model` that is to be reduced: one `ksd.ModalBasis` for all (the default for None), or by
-    name of a leaf, of a joint for all its leafs, or of a flexible constraint.
+    name of a leaf, of a joint for all its leaf springs, or of a flexible constraint.
 
     Raises SceneError for a name that is none of these, and for what is no basis.
     """
@@ -70,7 +70,7 @@ def named_bases(model: Model, basis: object) -> dict[str, ModalBasis | SolidBasi
     if has_solids(basis) and any(isinstance(body, ModalBasis) for body in basis.values()):
         # the error of their meshes would not be known
         raise SceneError(
-            "basis: solids beside modal leafs are not possible; name the solids alone, other leafs stay as they are"
+            "basis: solids beside modal leaves are not possible; name the solids alone, other leaf springs stay as they are"
         )
     found = {}
     for name, body in basis.items():
@@ -99,9 +99,9 @@ def has_solids(basis: object) -> bool:
 class ReducedBodies:
     """A mechanism with reduced bodies, prepared for repeated solves.
 
-    basis: see `named_bases`; condensing: whether joints without reduced leafs are condensed by their records. Raises what
+    basis: see `named_bases`; condensing: whether joints without reduced leaves are condensed by their records. Raises what
     `named_bases`, `with_modal_bodies` and `with_solids` do; where joints are condensed, or a basis is expanded about their
-    trained configuration, what `ksd.bodies.joints.joint_bodies` does, and SceneError for leafs with weight.
+    trained configuration, what `ksd.bodies.joints.joint_bodies` does, and SceneError for leaf springs with weight.
     """
 
     def __init__(
@@ -130,14 +130,14 @@ class ReducedBodies:
         """The mechanism with all bodies, expanded at the undeformed state."""
         return with_modal_bodies(self.full, self.modal) if self.modal else self.full
 
-    def __call__(self, values: Mapping[str, float], *, passes: int = 0) -> Configuration:
+    def __call__(self, values: Mapping[str, float], *, relinearisations: int = 0) -> Configuration:
         """Solve at drive values by name [m or rad]. passes: rounds in which joints are condensed again where they are.
 
         Raises RangeError, and ConvergenceError where the reduced equilibrium is not found, which says "basis no longer
         successful".
         """
         if self.placed is not None and self.needs_records:
-            return self.placed(values, passes)
+            return self.placed(values, relinearisations)
         if self.placed is not None:
             # a few iterations from there, tens of them from rest
             with contextlib.suppress(ConvergenceError, RangeError):
@@ -146,10 +146,10 @@ class ReducedBodies:
 
 
 def _steps(model: Model, records: Any, extrapolate: bool) -> FiveSteps:
-    """The KSD steps of a model whose leafs are in full. Raises SceneError for leafs with weight."""
+    """The KSD steps of a model whose leaf springs are in full. Raises SceneError for leaf springs with weight."""
     if len(model.arrays.weight):
         raise SceneError(
-            "leafs with weight beside modal bodies are not possible: compile without='gravity', or use another method"
+            "leaves with weight beside modal bodies are not possible: compile without='gravity', or use another method"
         )
     return FiveSteps(model, joint_bodies(model, records, extrapolate=extrapolate), extrapolate=extrapolate)
 
@@ -157,8 +157,8 @@ def _steps(model: Model, records: Any, extrapolate: bool) -> FiveSteps:
 class _Placed:
     """A mechanism of reduced bodies and condensed joints, placed by the joints' records.
 
-    steps: the KSD steps of its leafs in full; full: modal leafs are chains, solids in place; modal: their bases; condensed:
-    which joints are; trained: leafs whose basis is expanded where the records put them.
+    steps: the KSD steps of its leaves in full; full: modal leaves are chains, solids stay; modal: their bases; condensed:
+    which joints are; trained: leaf springs whose basis is expanded where the records put them.
     """
 
     def __init__(
@@ -181,7 +181,7 @@ class _Placed:
 
     @cached_property
     def _untrained(self) -> Model:
-        """Trained leafs by a basis expanded at rest, which finds the state to expand them at; chains are lost on the way."""
+        """Trained leaves by a basis expanded at rest, which finds the state to expand at; chains are lost on the way."""
         plain = {n: ModalBasis(elements=self.modal[n].elements) for n in self.trained}
         return with_modal_bodies(self.full, plain)
 
@@ -204,7 +204,7 @@ class _Placed:
         model = with_modal_bodies(self.full, self.modal, **words) if self.modal else self.full
         return _Prepared(model, *parts, smaller)
 
-    def __call__(self, values: Mapping[str, float], passes: int) -> Configuration:
+    def __call__(self, values: Mapping[str, float], relinearisations: int) -> Configuration:
         """Solve at drive values by name [m or rad]. Raises ConvergenceError, RangeError."""
         target, links = self.model.targets(values), self.model.links
         placed, clock = self._place(values, 1.0), Stopwatch()
@@ -212,7 +212,7 @@ class _Placed:
         steps = [*placed.steps, Step("modal bases", 0, clock(), 0.0, Stop.CONVERGED)]
         motion, more = self._equilibrium(ready, values)
         steps += more
-        for n in range(passes + 1):
+        for n in range(relinearisations + 1):
             if n > 0:
                 condense_space(self.bench.parts, 0)
                 self._condense(ready, motion)
@@ -232,7 +232,9 @@ class _Placed:
     def _place(self, values: Mapping[str, float], share: float) -> Configuration:
         """Steps 1 and 2 at a share of the drive values, whose result is in the storage of the bench."""
         part = {name: float(share * value) for name, value in values.items()}
-        return self.steps(part, self.model.targets(part), method="kinematic", passes=0, estimate=False)
+        return self.steps(
+            part, self.model.targets(part), method="kinematic", relinearisations=0, estimate=False
+        )
 
     def _equilibrium(self, ready: _Prepared, values: Mapping[str, float]) -> tuple[Motion, list[Step]]:
         """Step 3 from where steps 1 and 2 put everything, along the drives and loads where the whole of them fails; of large
@@ -296,7 +298,7 @@ class _Placed:
         steps: list[Step],
         notes: tuple[str, ...],
     ) -> Configuration:
-        """The state of all leafs, and what the joints' records say of it."""
+        """The state of all leaf springs, and what the joints' records say of it."""
         b, mix, model = self.bench, ready.mix, ready.model
         place_space(b.parts)
         state = same_state(self.model, b.full, model)
@@ -304,7 +306,7 @@ class _Placed:
         state.multiplier[:] = motion.multiplier
         for m in np.flatnonzero(mix.member >= 0).tolist():
             inner_state(model, state, int(mix.member[m]))[:] = mix.inner(motion, m)
-        # condensed joints cannot buckle, their leafs can
+        # condensed joints cannot buckle, their leaf springs can
         work, plan = make_work(model.arrays), model.arrays.plan
         _, _, own, _ = assemble(model.arrays, state, model.targets(values), 1.0, work, RTOL, 0, 10.0)
         negatives, _ = factor_blocks(plan, work.value, work.spare, len(plan.size))
@@ -356,7 +358,7 @@ class _Prepared:
         return step, driven.reached
 
     def like(self, other: _Prepared, near: Motion) -> Motion:
-        """The state of another basis of the same bodies, nodes of leafs as near as this one has them."""
+        """The state of another basis of the same bodies, nodes of leaf springs as near as this one has them."""
         motion = self.mix.rest.copy()
         motion.x[:], motion.R[:], motion.multiplier[:] = near.x, near.R, near.multiplier
         for m, i in enumerate(self.mix.member.tolist()):
@@ -430,7 +432,7 @@ def by_steps(model: Model, values: Mapping[str, float]) -> Configuration:
     except ConvergenceError as reason:
         loose = reason.reached == 0.0 and any(model.bodies[n].solid.flat for n in model.solids)
         flat = (
-            "; a solid meshed in 2D resists nothing across its plane: hold that by supports" if loose else ""
+            "; a solid meshed in 2D resists nothing out of its plane: hold that by supports" if loose else ""
         )
         trained = "" if model.full is None else ", take expansion='trained'"
         raise ConvergenceError(
@@ -459,7 +461,7 @@ def judged(found: Configuration) -> Configuration:
     else:
         where = f"leaf '{name}' at a stroke of {stroke:.2g} L and bent {np.rad2deg(turn):.3g} degrees from its chord"
         joints = found.steps[-1].name.startswith("4") and len(model.bodies) < len(model.member_names)
-        advice = "take passes=1 or name the condensed joints too, or " if joints else ""
+        advice = "take relinearisations=1 or name the condensed joints too, or " if joints else ""
         advice += (
             "use ksd.ModalBasis() with coordinates='director', frame='chord', more internal modes, or "
             "expansion='trained'"

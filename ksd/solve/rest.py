@@ -1,4 +1,4 @@
-"""Whether preload, heat, misfit or loads make the undeformed configuration unstable: then several minima are near, and
+"""Whether preload, heat, assembly error or loads make the undeformed state unstable: then several minima are near, and
 which is taken."""
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ class UnstableRest:
 
 @per_model
 def unstable_rest(model: Model) -> tuple[UnstableRest, ...]:
-    """The equilibrium, drives at zero, under preload, heat and misfit, where it is unstable, or else under loads too, where
+    """The equilibrium, drives at zero, under preload, heat, assembly error, where unstable, or else under loads too, where
     that is: one, or none."""
     inner, loads = _causes(model)
     found = _unstable(model, inner, 0.0) if inner else ()
@@ -110,7 +110,7 @@ def minimum_taken(model: Model, motion: Motion, stable: bool) -> str:
         many = "one direction" if rest.count == 1 else f"{rest.count} directions"
         why = " and ".join(filter(None, [", ".join(rest.causes[:-1]), rest.causes[-1]]))
         makes = "make" if len(rest.causes) > 1 or why == "loads" else "makes"
-        where = f"'{name}' {does}" if does else "within leafs"
+        where = f"'{name}' {does}" if does else "within leaf springs"
         said = f"{why} {makes} the undeformed configuration unstable in {many} ({where}): several minima are near"
         if not stable:
             return f"{said}, and this state is between them; a load or another path leads to one (ksd.follow)"

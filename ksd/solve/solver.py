@@ -39,13 +39,13 @@ from ksd.solve.verdict import (
 )
 
 Basis = ModalBasis | Mapping[str, ModalBasis | SolidBasis]
-"""The basis of modal bodies: one for all leafs, or several by the name of a joint, leaf or solid."""
+"""The basis of modal bodies: one for all leaf springs, or several by the name of a joint, leaf or solid."""
 Method = Literal["kinematic", "reduced", "full", "conventional", "modal"]
 METHODS = ("kinematic", "reduced", "full", "conventional", "modal")
 DEFAULT_ACCURACY = 1e-3
 DEFAULT_MESH = Mesh()
 MOST_RISES = 5
-"""How often `solve` raises the orders of the strain-mode leafs when their highest modes are not negligible."""
+"""How often `solve` raises the orders of the strain-mode leaves when their highest modes are not negligible."""
 KEPT = 16
 """Solvers that `solve` keeps."""
 _recent: OrderedDict[tuple[Any, ...], Solver] = OrderedDict()
@@ -67,7 +67,7 @@ def prepare(
 ) -> Solver:
     """A `Solver` of this mechanism for many solves: everything that does not depend on the drive values is done once.
 
-    mesh: leaf model and its fineness (strain-mode leafs when None). extrapolate: use joint records beyond their trained
+    mesh: leaf model and its fineness (strain-mode leaves when None). extrapolate: use joint records beyond their trained
     range, with a warning in the result. effects, with_, without: what is simulated (see `ksd.model.effects`). accuracy: of
     solves that say none. planar: False solves in space, by every method, even where the scene stays in its plane. basis:
     for method "modal", see `solve`. Raises SceneError for a scene that cannot be compiled.
@@ -85,7 +85,7 @@ def solve(
     method: Method | None = None,
     accuracy: float | None = None,
     mesh: Mesh | None = None,
-    passes: int = 0,
+    relinearisations: int = 0,
     extrapolate: bool = False,
     strict: bool = True,
     effects: str | Iterable[str] = "auto",
@@ -98,13 +98,13 @@ def solve(
 ) -> Configuration:
     """Solve one configuration of a mechanism at drive values given by name [m or rad].
 
-    method: "kinematic", "reduced", "full", "conventional" or "modal" (leafs as modal bodies; `basis`: a
+    method: "kinematic", "reduced", "full", "conventional" or "modal" (leaf springs as modal bodies; `basis`: a
     `ksd.ModalBasis` for all, or several by joint or leaf, {"hinge": ksd.ModalBasis()}: then joints not named are condensed
-    as in "reduced", and other leafs computed in full; or reduced solids by leaf, {"spring": reduce_solid(...)}, see
-    `ksd.modal.solid_basis`: by "modal" beside condensed joints, without a method beside leafs in full); without one, the
+    as in "reduced", and other leaf springs computed in full; or reduced solids by leaf, {"spring": reduce_solid(...)}, see
+    `ksd.modal.solid_basis`: by "modal" beside condensed joints, without a method beside leaves in full); without one, the
     cheapest whose estimated error is within `accuracy` (relative, 1e-3 by default).
-    estimate: False leaves out the error figure of a fast method, and its cost. passes: extra relinearised passes of
-    `reduced`. mesh: leaf model; without one, strain-mode leafs of orders fit for
+    estimate: False leaves out the error figure of a fast method, and its cost. passes: extra relinearisation steps of
+    `reduced`. mesh: leaf model; without one, strain-mode leaves of orders fit for
     `accuracy`, raised when their highest modes carry too much energy. extrapolate, planar:
     see `prepare`. strict: raise TrustError where the answer is unstable or on a doubtful branch; False returns it with its
     verdicts (`trust`). effects: "auto" simulates what the scene mentions, "all" also all a leaf can have,
@@ -125,7 +125,12 @@ def solve(
             raise SceneError("effects are chosen when a model is compiled: pass them to ksd.compile_scene")
         refuse_unknown(drives, mechanism.drive_names, solve)
         return Solver(mechanism, extrapolate=extrapolate, basis=basis, planar=planar)(
-            values, method=method, accuracy=accuracy, passes=passes, strict=strict, estimate=estimate
+            values,
+            method=method,
+            accuracy=accuracy,
+            relinearisations=relinearisations,
+            strict=strict,
+            estimate=estimate,
         )
     scene = mechanism.scene() if hasattr(mechanism, "scene") else mechanism
     if hasattr(scene, "drives"):
@@ -138,7 +143,9 @@ def solve(
     }  # fmt: skip
     for rise in range(MOST_RISES + 1):
         solver = _recent_solver(scene, grid, words)
-        found = solver.answer(values, method=method, accuracy=wanted, passes=passes, estimate=estimate)
+        found = solver.answer(
+            values, method=method, accuracy=wanted, relinearisations=relinearisations, estimate=estimate
+        )
         found = insist(found) if strict else found
         share, _, axis, _ = found.resolution
         if share <= wanted:
@@ -225,7 +232,7 @@ class Solver:
         *,
         method: Method | None = None,
         accuracy: float | None = None,
-        passes: int = 0,
+        relinearisations: int = 0,
         estimate: bool = True,
         strict: bool = True,
         **drives: float,
@@ -241,7 +248,9 @@ class Solver:
         values = drives if targets is None else given_values(targets, drives)
         truth(strict, "strict")
         wanted = self.accuracy if accuracy is None else wanted_accuracy(accuracy)
-        found = self.answer(values, method=method, accuracy=wanted, passes=passes, estimate=estimate)
+        found = self.answer(
+            values, method=method, accuracy=wanted, relinearisations=relinearisations, estimate=estimate
+        )
         found = mesh_check(found, wanted)
         return insist(found) if strict else found
 
@@ -251,20 +260,22 @@ class Solver:
         *,
         method: str | None,
         accuracy: float,
-        passes: int = 0,
+        relinearisations: int = 0,
         estimate: bool = True,
     ) -> Configuration:
         """The answer as it is, whether the mesh resolves it or not, trusted or not."""
         with self._turn:
             if self._has_bodies():
-                _check_words(method, passes)
-                return self._of_bodies(values, method, passes, estimate)
+                _check_words(method, relinearisations)
+                return self._of_bodies(values, method, relinearisations, estimate)
             if self.model.mesh.plate:
                 found, used = settled(
-                    self, lambda s: s._solve(values, method, accuracy, passes, estimate), 0.1 * accuracy
+                    self,
+                    lambda s: s._solve(values, method, accuracy, relinearisations, estimate),
+                    0.1 * accuracy,
                 )
             else:
-                found, used = self._solve(values, method, accuracy, passes, estimate), self
+                found, used = self._solve(values, method, accuracy, relinearisations, estimate), self
             if method is None or not needs_load_step_check(found):
                 return found
             against, other = load_step_check(found, lambda: used._by_load_steps(values))
@@ -279,7 +290,7 @@ class Solver:
         return bool(self.model.bodies) or (self.basis is not None and has_solids(self.basis))
 
     def _of_bodies(
-        self, values: Mapping[str, float], method: str | None, passes: int, estimate: bool
+        self, values: Mapping[str, float], method: str | None, relinearisations: int, estimate: bool
     ) -> Configuration:
         """The mechanism with its reduced bodies: by "modal" beside condensed joints, else in load steps."""
         if method not in (None, "conventional", "modal"):
@@ -295,22 +306,29 @@ class Solver:
                 self._reduced[condensing] = ReducedBodies(
                     self.model, self.basis, condensing=condensing, records=self.records, extrapolate=self.extrapolate
                 )  # fmt: skip
-            found = self._reduced[condensing](values, passes=passes)
+            found = self._reduced[condensing](values, relinearisations=relinearisations)
         found = replace(found, method=method or "conventional")
         return judged(found) if estimate else found
 
     def _solve(
-        self, values: Mapping[str, float], method: str | None, accuracy: float, passes: int, estimate: bool
+        self,
+        values: Mapping[str, float],
+        method: str | None,
+        accuracy: float,
+        relinearisations: int,
+        estimate: bool,
     ) -> Configuration:
         if method is None:
             return self._cheapest(values, accuracy)
-        _check_words(method, passes)
+        _check_words(method, relinearisations)
         if method == "conventional":
             return self._by_load_steps(values)
         if method == "modal":
-            return self._of_bodies(values, method, passes, estimate)
+            return self._of_bodies(values, method, relinearisations, estimate)
         target = self.model.targets(values)
-        return self.five_steps(values, target, method=method, passes=passes, estimate=estimate)
+        return self.five_steps(
+            values, target, method=method, relinearisations=relinearisations, estimate=estimate
+        )
 
     def _cheapest(self, values: Mapping[str, float], accuracy: float) -> Configuration:
         """The first that meets `accuracy`, in the order of measured cost.
@@ -330,12 +348,14 @@ class Solver:
             pass
         target = self.model.targets(values)
         try:
-            for passes in range(2):
-                result = self.five_steps(values, target, method="reduced", passes=passes, estimate=True)
+            for relinearisations in range(2):
+                result = self.five_steps(
+                    values, target, method="reduced", relinearisations=relinearisations, estimate=True
+                )
                 own = result.method_error
                 if own is not None and own.relative <= accuracy and solved(result):
                     return self._with_load_step_check(replace(result, chosen=True), values)
-            found = self.five_steps(values, target, method="full", passes=1, estimate=False)
+            found = self.five_steps(values, target, method="full", relinearisations=1, estimate=False)
             verdict = solved(found)
             if verdict:
                 return self._with_load_step_check(found, values)
@@ -369,9 +389,9 @@ class Solver:
             model = bare(self.model)
             bodies = joint_bodies(model, self.records, extrapolate=self.extrapolate)
             five = FiveSteps(model, bodies, extrapolate=self.extrapolate)
-            return five(values, model.targets(values), method="full", passes=0, estimate=False)
+            return five(values, model.targets(values), method="full", relinearisations=0, estimate=False)
 
-        # the storage of leafs with weight is another one
+        # the storage of leaf springs with weight is another one
         light = self.model.scene.joints and not len(self.model.arrays.weight)
         kinematic = unloaded if light else None
         return by_load_steps(
@@ -399,12 +419,14 @@ class Solver:
         return with_joint_motions(result, found, unknown, near=near)
 
 
-def _check_words(method: object, passes: object) -> None:
-    """SceneError for what is no method, or no number of relinearised passes of one that has them."""
+def _check_words(method: object, relinearisations: object) -> None:
+    """SceneError for what is no method, or no number of relinearisation steps of one that has them."""
     if method is not None and (not isinstance(method, str) or method not in METHODS):
         raise SceneError(f"method = {show(method)}: choose one of {', '.join(METHODS)}")
-    if method != "conventional" and whole(passes, "passes", least=0) > 50:
-        raise SceneError(f"passes = {passes}: between 0 and 50 relinearised passes are possible")
+    if method != "conventional" and whole(relinearisations, "relinearisations", least=0) > 50:
+        raise SceneError(
+            f"relinearisations = {relinearisations}: between 0 and 50 relinearisation steps are possible"
+        )
 
 
 def given_values(targets: Any, drives: Mapping[str, float]) -> dict[str, float]:

@@ -199,17 +199,17 @@ class _Record:
 
 
 def _reduce(
-    s: SpaceSet, target: np.ndarray, passes: int, kinematic: bool, rtol: float, record: _Record
+    s: SpaceSet, target: np.ndarray, relinearisations: int, kinematic: bool, rtol: float, record: _Record
 ) -> tuple[int, bool]:
-    """Steps 2 to 4 from the closed loops on, with `passes` relinearised rounds; kinematic: step 2 alone.
+    """Steps 2 to 4 from the closed loops on, with `relinearisations` relinearised rounds; kinematic: step 2 alone.
 
     Returns (negative pivots, whether all went well).
     """
     negatives, state = 0, s.state
     near_space(s)
-    for n in range(passes + 1):
+    for n in range(relinearisations + 1):
         status = condense_space(s, 1 if n == 0 else 0)
-        # stops of leafs: 1 a local angle, 2 singular
+        # stops of leaves: 1 a local angle, 2 singular
         record.step(status + (status > 0), 0, 0.0)
         if status != 0 or kinematic:
             return negatives, status == 0
@@ -220,14 +220,14 @@ def _reduce(
         if reason != 0:
             return negatives, False
         shift, twist = recover_space(s)
-        if n == passes:
+        if n == relinearisations:
             place_space(s)
         record.step(0, 0, shift, twist)
     return negatives, True
 
 
 def space_steps(
-    s: SpaceSet, target: np.ndarray, method: int, passes: int, closed: int, rtol: float, cap: float, gap: float,
+    s: SpaceSet, target: np.ndarray, method: int, relinearisations: int, closed: int, rtol: float, cap: float, gap: float,
     out: np.ndarray,
 ) -> tuple[int, int]:  # fmt: skip
     """Steps 1 to 4, and 5 when `method` is 2, at the drive values target (c,).
@@ -241,7 +241,7 @@ def space_steps(
         record.step(reason, count, left)
         if reason != 0 or not left < gap * size_of(s.bodies.reduced):
             return 1, 0
-    negatives, sound = _reduce(s, target, passes, method == KINEMATIC, rtol, record)
+    negatives, sound = _reduce(s, target, relinearisations, method == KINEMATIC, rtol, record)
     if not sound:
         return record.rows, negatives
     if method == KINEMATIC:

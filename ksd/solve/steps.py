@@ -45,7 +45,7 @@ _SENTENCES = {
 
 
 class Step(NamedTuple):
-    """One step of a solve: name, Newton iterations (matrix solves), thread time [s], residual over its bound, reason."""
+    """One step of a solve: name, Newton iterations (factorisations), thread time [s], residual over its bound, reason."""
 
     name: str
     iterations: int
@@ -102,9 +102,14 @@ class FiveStepRecord(Sequence[Step]):
     """
 
     def __init__(
-        self, rows: list[list[float]], passes: int, *, first: Step | None = None, more: tuple[Step, ...] = ()
+        self,
+        rows: list[list[float]],
+        relinearisations: int,
+        *,
+        first: Step | None = None,
+        more: tuple[Step, ...] = (),
     ) -> None:
-        self.rows, self.passes, self.first, self.more = rows, passes, first, more
+        self.rows, self.relinearisations, self.first, self.more = rows, relinearisations, first, more
 
     def __len__(self) -> int:
         return len(self.rows) + len(self.more)
@@ -143,7 +148,7 @@ class FiveStepRecord(Sequence[Step]):
             return self.first
         reason, count, residual, spent, twist = self.rows[k]
         kind = 0 if k == 0 else 1 + (k - 1) % 3
-        name = _NAMES[kind] if k <= 3 * (self.passes + 1) else "5 full equilibrium"
+        name = _NAMES[kind] if k <= 3 * (self.relinearisations + 1) else "5 full equilibrium"
         note = f"gap {residual:.1e} m" if kind == 0 else ""
         if name is _NAMES[3]:
             note, residual = f"moved {residual:.1e} m, {twist:.1e} rad", 0.0

@@ -80,7 +80,7 @@ def _error(exact: np.ndarray, near: np.ndarray) -> float:
 def joint_tables(parts: SpaceSet, bodies: JointBodies, *, accuracy: float = 1e-6) -> JointTables:
     """Tables of all joints, refined until the interpolation error is below `accuracy` or pieces run out.
 
-    Raises SceneError for joints of more than one intended motion, and for leafs with weight.
+    Raises SceneError for joints of more than one intended motion, and for leaf springs with weight.
     """
     from scipy.interpolate import CubicSpline
 
@@ -91,7 +91,7 @@ def joint_tables(parts: SpaceSet, bodies: JointBodies, *, accuracy: float = 1e-6
         )
     if len(bodies.hung.owner):
         raise SceneError(
-            "tabulated = True: joints whose leafs have weight depend on how they stand, not on their stroke alone; leave it "
+            "tabulated = True: joints whose leaves have weight depend on how they stand, not on the stroke alone; leave it "
             "out, or compile without='gravity'"
         )
     pieces = FIRST

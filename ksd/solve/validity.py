@@ -18,7 +18,7 @@ from ksd.modal.solid_basis import SolidBasis, with_solids
 from ksd.model.arrays import Motion
 from ksd.model.compile import Model, compile_given
 from ksd.model.reduced import inner_state, member_pose
-from ksd.properties.shape import scene_leafs
+from ksd.properties.shape import scene_leaves
 from ksd.scene.mechanism import Mechanism
 from ksd.solve.full_bodies import indicator
 from ksd.solve.load_steps import load_steps
@@ -56,7 +56,7 @@ class Validity:
 
 
 def _alone(leaf: Any, way: str, *, flat: bool) -> Mechanism:
-    """The leaf alone along x, its end driven in one way; flat: held across the plane."""
+    """The leaf alone along x, its end driven in one way; flat: held out of the plane."""
     scene = Mechanism(f"leaf {way}")
     tip = scene.link("tip")
     reach = float(np.linalg.norm(np.subtract(leaf.end, leaf.start)))
@@ -79,7 +79,7 @@ def _alone(leaf: Any, way: str, *, flat: bool) -> Mechanism:
 
 def _limit(model: Model, name: str, way: str, error: float) -> tuple[float, float, bool]:
     """Stroke and rotation at which the indicator passes `error` in one way, and whether it was further than tried."""
-    leaf, body = scene_leafs(model)[name], model.bodies[name]
+    leaf, body = scene_leaves(model)[name], model.bodies[name]
     if isinstance(body, SolidBasis):
         scene = _alone(leaf, way, flat=body.solid.flat).scene()
         model = with_solids(compile_given(scene, model.mesh), {"leaf": body})

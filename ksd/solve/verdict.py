@@ -1,6 +1,6 @@
 """Whether an answer can be believed: all that is checked, in this order.
 
-1. `stable`: a minimum of energy, as far as the inertia of the tangent and the quadrature points of the leafs tell.
+1. `stable`: a minimum of energy, as far as the inertia of the tangent and the quadrature points of the leaf springs tell.
 2. `intended_branch`: load steps left no doubt (`ksd.solve.load_steps`), every joint is near the motion its record describes.
 3. `load_step_check`: where loads do much of the work, load steps end in the same state as the five steps.
 4. `mesh_check`: the curvature modes of the mesh are enough for the state.
@@ -97,7 +97,7 @@ def stability(c: Configuration) -> str:
 def _rolled(c: Configuration) -> str:
     """The strain-mode leaf that is rolled up too far for its quadrature points, in words, or nothing.
 
-    Two full turns on 7 points counted as a minimum what finer leafs and chains of 40 elements know to be a saddle.
+    Two full turns on 7 points counted as a minimum what finer leaf springs and chains of 40 elements know to be a saddle.
     """
     if c.resolution.turned < MOST_GAP:
         return ""
@@ -230,7 +230,7 @@ def _spoken_range(name: str, value: float, low: float, high: float, *, scale: fl
 
 
 def solved(c: Configuration) -> Verdict:
-    """Whether the equations are solved, at a minimum and on the branch meant, whatever the leafs are strained by and the
+    """Whether the equations are solved, at a minimum and on the branch meant, whatever the leaves are strained by and the
     mesh is off."""
     return _solved(c, stable(c), intended_branch(c), c.method_error)
 

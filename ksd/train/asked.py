@@ -53,7 +53,7 @@ def check_design(design: Design) -> None:
     if len(joint.motions) > MOST:
         raise SceneError(
             f"{design.family}: {len(joint.motions)} intended motions ({', '.join(m.name for m in joint.motions)}); a record "
-            f"holds {MOST} at most. Draw it as several joints, or as leafs between links (method='conventional')."
+            f"holds {MOST} at most. Draw it as several joints, or as leaf springs between links (method='conventional')."
         )
 
 

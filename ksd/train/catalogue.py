@@ -141,7 +141,7 @@ def _range(name: str, low: float, high: float, *, scale: str = "linear", degrees
 
 _GAPS = {"gap": (0.01, 0.04)}
 _ANGLE = _range("angle", 30, 60, degrees=True)
-# closer leafs let B tilt as easily as move at the end of the stroke
+# closer leaf springs let B tilt as easily as move at the end of the stroke
 _SPACING = _range("spacing", 0.3, 3.0, scale="log")
 
 ENTRIES: dict[str, Entry] = {

@@ -1,4 +1,4 @@
-"""What makes a joint one that cannot be represented, seen in its states over the stroke: B leaves the plane, leafs run into
+"""What makes a joint one that cannot be represented, seen in its states over the stroke: B leaves the plane, leaves run into
 each other, another motion turns as soft as the intended one."""
 
 from __future__ import annotations
@@ -33,14 +33,14 @@ def where(joint: Joint, values: Mapping[str, float]) -> str:
 
 def _normal(joint: Joint) -> Array | None:
     """Normal (3,) of the plane a joint with one motion stays in: the axis of a rotation, or the common width axis of all
-    leafs across a translation; None when there is no such plane.
+    leaf springs across a translation; None when there is no such plane.
     """
     if len(joint.motions) != 1:
         return None
     motion = joint.motions[0]
     if motion.kind == "rotation":
         return np.asarray(motion.axis)
-    widths = np.array([leaf.width_axis for leaf in joint.leafs()])
+    widths = np.array([leaf.width_axis for leaf in joint.leaves()])
     normal = widths[0]
     aside = np.linalg.norm(np.cross(widths, normal), axis=1).max()
     return normal if max(aside, abs(normal @ motion.axis)) < 1e-9 else None
@@ -61,7 +61,7 @@ def check_plane(joint: Joint, model: Model, states: list[Configuration], most: f
         load = "moment" if joint.motions[0].kind == "rotation" else "force"
         raise SceneError(
             f"{joint.family}: interface B leaves its plane by {worst:.2g} (rad or joint lengths) "
-            f"under a pure {load}; place its leafs symmetrically about that plane."
+            f"under a pure {load}; place its leaf springs symmetrically about that plane."
         )
 
 
@@ -74,24 +74,24 @@ def check_clear(joint: Joint, states: list[Configuration]) -> None:
             raise SceneError(
                 f"{joint.family}: the windows of leaf '{leaf}' for {others} would take {share:.0%} of its area over the "
                 f"stroke{in_shape(joint)}, at most {WINDOW:.0%} may be left out of the model; reduce the range of motion or "
-                "of the shape, or let narrower leafs pass."
+                "of the shape, or let narrower leaf springs pass."
             )
         return
     for state in states:
         for (one, two), _ in meetings(_bodies(joint, state, PIECES), touch=BENT):
             raise SceneError(
-                f"{joint.family}: leafs '{one}' and '{two}' run into each other at "
+                f"{joint.family}: leaf springs '{one}' and '{two}' run into each other at "
                 f"{where(joint, state.targets)}; reduce the range of "
                 "motion or of the shape, or say windows=True where one passes through a window of the other."
             )
 
 
 def _bodies(joint: Joint, state: Configuration, count: int) -> list[Body]:
-    """The leafs as `count` boxes each."""
-    leafs = {f"joint/{leaf.name}": leaf for leaf in joint.leafs()}
+    """The leaf springs as `count` boxes each."""
+    leaves = {f"joint/{leaf.name}": leaf for leaf in joint.leaves()}
     found = []
-    for line in state.shape(points=count + 1).leafs:
-        leaf = leafs[line.name]
+    for line in state.shape(points=count + 1).leaves:
+        leaf = leaves[line.name]
         width = 0.5 * (line.axes[1:, :, 2] + line.axes[:-1, :, 2])
         found.append(pieces(leaf.name, (leaf.start_block, leaf.end_block), line.place, leaf, width=width))
     return found
@@ -105,29 +105,29 @@ class Openings:
 
     @classmethod
     def of(cls, joint: Joint, states: list[Configuration]) -> Openings:
-        """From where leafs overlap in all states. The wider of two has the window; one as wide passes as a tongue of half
+        """From where leaves overlap in all states. The wider of two has the window; one as wide passes as a tongue of half
         its width. Raises SceneError where a leaf sticks out at an edge of the other, which no window makes way for."""
-        leafs = {leaf.name: leaf for leaf in joint.leafs()}
+        leaves = {leaf.name: leaf for leaf in joint.leaves()}
         seen: dict[tuple[str, str], set[int]] = {}
         for state in states:
             for (one, two), stations in meetings(_bodies(joint, state, FINE), touch=BENT):
                 for k, pair in enumerate(((one, two), (two, one))):
                     seen.setdefault(pair, set()).update((FINE * stations[:, k]).astype(int).tolist())
-                wide, narrow = sorted((leafs[one], leafs[two]), key=lambda leaf: -_width(leaf))
+                wide, narrow = sorted((leaves[one], leaves[two]), key=lambda leaf: -_width(leaf))
                 if not _within(narrow, wide):
                     raise SceneError(
-                        f"{joint.family}: leafs '{one}' and '{two}' run into each other at an edge, where no window makes "
+                        f"{joint.family}: leaves '{one}' and '{two}' run into each other at an edge, where no window makes "
                         f"way, at {where(joint, state.targets)}; move them apart."
                     )
         shares = {}
         for (one, two), boxes in seen.items():
-            ratio = _width(leafs[two]) / _width(leafs[one])
+            ratio = _width(leaves[two]) / _width(leaves[one])
             if ratio < 1 - 1e-9 or (ratio < 1 + 1e-9 and (two, one) not in shares):
                 shares[one, two] = _reach(boxes) * min(ratio, 0.5)
         return cls(shares)
 
     def largest(self) -> tuple[str, float, str]:
-        """The leaf with the largest windows, their part of its area, and the leafs that pass, in words."""
+        """The leaf with the largest windows, their part of its area, and the leaf springs that pass, in words."""
         if not self.shares:
             return "", 0.0, ""
         totals: dict[str, float] = {}

@@ -54,17 +54,17 @@ class Design:
 
 
 def bare(joint: Joint) -> DrawnJoint:
-    """The same joint as a drawing whose leafs leave the mesh to the trainer."""
-    leafs = tuple(replace(leaf, elements=None, orders=None) for leaf in joint.leafs())
-    return redrawn(joint, leafs)
+    """The same joint as a drawing whose leaf springs leave the mesh to the trainer."""
+    leaves = tuple(replace(leaf, elements=None, orders=None) for leaf in joint.leaves())
+    return redrawn(joint, leaves)
 
 
-def redrawn(joint: Joint, leafs: tuple[Leaf, ...], *, windows: bool | None = None) -> DrawnJoint:
-    """The same joint as a drawing with other leafs between its blocks."""
+def redrawn(joint: Joint, leaves: tuple[Leaf, ...], *, windows: bool | None = None) -> DrawnJoint:
+    """The same joint as a drawing with other leaf springs between its blocks."""
     return DrawnJoint(
         joint.family,
         blocks=joint.blocks(),
-        leafs=leafs,
+        leaves=leaves,
         motions=joint.motions,
         length=joint.length,
         shape=joint.shape(),
@@ -164,16 +164,16 @@ class _Changed(Profile):
 
 
 def _changed(joint: Joint, change: Callable[[Section, float], Section], factor: float) -> DrawnJoint:
-    """The joint with other sections; wider leafs may overlap, which is no matter to how they bend."""
-    leafs = []
-    for leaf in joint.leafs():
+    """The joint with other sections; wider leaf springs may overlap, which is no matter to how they bend."""
+    leaves = []
+    for leaf in joint.leaves():
         profile = None if leaf.profile is None else _Changed(leaf.profile, change, factor)
-        leafs.append(replace(leaf, section=change(leaf.section, factor), profile=profile))
-    return redrawn(joint, tuple(leafs), windows=True)
+        leaves.append(replace(leaf, section=change(leaf.section, factor), profile=profile))
+    return redrawn(joint, tuple(leaves), windows=True)
 
 
 def _soft(section: Section, factor: float) -> Section:
-    """`factor` times the stiffness against what thin leafs leave free: bending over the thickness and torsion."""
+    """`factor` times the stiffness against what thin leaf springs leave free: bending over the thickness and torsion."""
     # a wire bends both ways; below a width of three thicknesses a leaf counts as one
     both = section.Iy < 10 * section.Iz
     Iy = factor * section.Iy if both else section.Iy
@@ -217,7 +217,7 @@ def _longer_leaf(leaf: Leaf, factor: float) -> Leaf:
 
 def _longer(joint: Joint, factor: float) -> DrawnJoint:
     """All distances `factor` times, sections as they are."""
-    leafs = tuple(_longer_leaf(leaf, factor) for leaf in joint.leafs())
+    leaves = tuple(_longer_leaf(leaf, factor) for leaf in joint.leaves())
     blocks = {name: _times(point, factor) for name, point in joint.blocks().items()}
     motions = tuple(
         replace(
@@ -232,7 +232,7 @@ def _longer(joint: Joint, factor: float) -> DrawnJoint:
     return DrawnJoint(
         joint.family,
         blocks=blocks,
-        leafs=leafs,
+        leaves=leaves,
         motions=motions,
         length=factor * joint.length,
         shape=joint.shape(),
@@ -248,6 +248,6 @@ def changes(joint: Joint) -> dict[tuple[str, str], DrawnJoint]:
         found["thickness", words] = _changed(joint, _thin, factor)
         found["width", words] = _changed(joint, _wide, factor)
         found["length", words] = _longer(joint, factor)
-    aluminium = tuple(_material(leaf) for leaf in joint.leafs())
+    aluminium = tuple(_material(leaf) for leaf in joint.leaves())
     found["material", "aluminium for steel"] = redrawn(joint, aluminium)
     return found

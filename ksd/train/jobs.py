@@ -44,8 +44,8 @@ class Job:
         """Name of its result: a hash of the joint and of how it is sampled."""
         joint = self.joint
         # curves and profiles may be functions, which have no contents: sampled
-        plain = [replace(leaf, curve=None, profile=None) for leaf in joint.leafs()]
-        sampled = [_sampled(leaf) for leaf in joint.leafs()]
+        plain = [replace(leaf, curve=None, profile=None) for leaf in joint.leaves()]
+        sampled = [_sampled(leaf) for leaf in joint.leaves()]
         words = (joint.windows, joint.held_by_others)
         text = f"{joint.blocks()} {plain} {sampled} {joint.motions} {joint.length} {words} {self.plan}"
         return hashlib.sha256(text.encode()).hexdigest()[:20]

@@ -32,14 +32,14 @@ ORIGINS: dict[str, Origin] = {
         f"about the plane of motion and about the line AB: {_EVEN}",
     ),
     "crossed_pivot": Origin(
-        "Haringx, Applied Scientific Research A1 (1949): two leafs crossing at any ratio of their length",
+        "Haringx, Applied Scientific Research A1 (1949): two leaf springs crossing at any ratio of their length",
         "Haringx 1949",
-        f"in the plane about the line AB: {_EVEN}; two leafs in two planes, so none about the plane of motion",
+        f"in the plane about the line AB: {_EVEN}; two leaf springs in two planes, so none about the plane of motion",
     ),
     "balanced_crossed_pivot": Origin(
         "Haringx, Applied Scientific Research A1 (1949), the second leaf halved and put on both sides of the first",
-        "Haringx 1949, in three leafs",
-        f"about the plane of motion; {_EVEN} only where inner and outer leafs are equally wide",
+        "Haringx 1949, in three leaf springs",
+        f"about the plane of motion; {_EVEN} only where inner and outer leaf springs are equally wide",
     ),
     "cartwheel": Origin(
         "Smith, Flexures: Elements of Elastic Mechanisms (2000), section 5.3",
@@ -64,12 +64,12 @@ ORIGINS: dict[str, Origin] = {
     "parallel_guide": Origin(
         "van Eijk, On the design of plate-spring mechanisms (1985)",
         "van Eijk 1985",
-        "about the plane of motion; stroke to the other side is the mirror image, the leafs swapped",
+        "about the plane of motion; stroke to the other side is the mirror image, the leaf springs swapped",
     ),
     "stiffened_guide": Origin(
-        "van Eijk, On the design of plate-spring mechanisms (1985), leafs with a stiffened middle",
+        "van Eijk, On the design of plate-spring mechanisms (1985), leaf springs with a stiffened middle",
         "van Eijk 1985",
-        "about the plane of motion; stroke to the other side is the mirror image, the leafs swapped",
+        "about the plane of motion; stroke to the other side is the mirror image, the leaf springs swapped",
     ),
     "circular_notch": Origin(
         "Paros and Weisbord, How to design flexure hinges, Machine Design 37 (1965)",
@@ -92,7 +92,7 @@ ORIGINS: dict[str, Origin] = {
     "folded_leaf": Origin(
         "van Eijk, On the design of plate-spring mechanisms (1985)",
         "van Eijk 1985",
-        "about the plane across its fold",
+        "about the plane normal to its fold",
     ),
     "wire_flexure": Origin(
         "textbook: a round rod clamped at both ends", "textbook", "of revolution about its axis"

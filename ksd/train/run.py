@@ -21,7 +21,7 @@ from ksd.errors import ConvergenceError, RecordError, SceneError
 from ksd.library import Evidence, Functions, Mesh, Record, Residual, Stroke, read_record, write_record
 from ksd.library.files import SUFFIX
 from ksd.library.functions import Array, legendre_products, monomials
-from ksd.model.leafs import raised_orders
+from ksd.model.leaves import raised_orders
 from ksd.model.mesh import Mesh as LeafMesh
 from ksd.scene import DrawnJoint, Joint
 from ksd.train.asked import check_design, check_meshes
@@ -199,9 +199,9 @@ def _corners(design: Design) -> list[DrawnJoint]:
 
 
 def _orders(corners: list[DrawnJoint]) -> tuple[int, int, int]:
-    """Curvature modes that serve every leaf at every corner of the shapes; curved leafs need more of them."""
+    """Curvature modes that serve every leaf at every corner of the shapes; curved leaf springs need more of them."""
     mesh = LeafMesh("strain", orders=ORDERS, points=max(ORDERS) + 2)
-    found = [raised_orders(leaf, mesh)[0] for joint in corners for leaf in joint.leafs()]
+    found = [raised_orders(leaf, mesh)[0] for joint in corners for leaf in joint.leaves()]
     nx, ny, nz = (max(o[axis] for o in found) for axis in range(3))
     return nx, ny, nz
 
@@ -348,7 +348,7 @@ def _residuals(
 
 
 def _evidence(design: Design, middle: DrawnJoint, plan: Plan, jobs: Jobs) -> tuple[Evidence, ...]:
-    """Change of the functions, poses of B and of internal blocks and leafs, when thickness, width, length, material, another
+    """Change of the functions, poses of B, of blocks and leaves, when thickness, width, length, material, another
     parameter or one of the shape changes, from the middle; inf where the changed joint cannot make the motion.
     """
     chains = [mesh for mesh in plan.meshes if isinstance(mesh, int)]
@@ -363,7 +363,7 @@ def _evidence(design: Design, middle: DrawnJoint, plan: Plan, jobs: Jobs) -> tup
             cases[p.name, f"{p.value(end):.6g} for {p.value(0.0):.6g}"] = design.joint(places)
     # the joint itself first: what is wrong with it is said of it, not of a changed one
     (base,) = jobs.run([Job(middle, Plan(plan.lines, seen, plan.orders))])
-    # leafs twice as wide may overlap: no matter to how they bend
+    # leaf springs twice as wide may overlap: no matter to how they bend
     changed = Plan(plan.lines, seen, plan.orders, apart=False)
     others = jobs.run([Job(j, changed, tried=True) for j in cases.values()])
     found = []
@@ -389,7 +389,7 @@ def _record(design: Design, joint: DrawnJoint, plan: Plan, fit: Fit, sample: Sam
     return replace(_skeleton(design, joint, plan.orders), powers=fit.powers, functions=functions)
 
 
-_ASKED = ("family", "motions", "parameters", "leafs", "blocks", "orders", "design")
+_ASKED = ("family", "motions", "parameters", "leaves", "blocks", "orders", "design")
 """What a record has from its design, before anything is solved."""
 
 
@@ -399,7 +399,7 @@ def _skeleton(design: Design, joint: DrawnJoint, orders: tuple[int, int, int]) -
         family=design.family,
         motions=_strokes(joint),
         parameters=design.parameters,
-        leafs=tuple(leaf.name for leaf in joint.leafs()),
+        leaves=tuple(leaf.name for leaf in joint.leaves()),
         blocks=tuple(name for name in joint.blocks() if name not in ("A", "B")),
         orders=orders,
         powers=np.zeros((0, len(joint.motions) + len(design.parameters)), np.int64),

@@ -1,6 +1,6 @@
 """Whether the declared motions of a joint are its soft ones, and all of them, from its stiffness at rest.
 
-A freedom is a motion that thin leafs resist by weak bending and torsion alone, a constraint one that stretches them or
+A freedom is a motion that thin leaves resist by weak bending and torsion alone, a constraint one that stretches them or
 bends them in their plane. With all weak bending and torsion at a quarter, freedoms have a quarter of their stiffness and
 constraints keep theirs, whatever the scale of lengths: a generalised eigenvalue problem of the two stiffnesses counts them.
 """
@@ -23,16 +23,16 @@ STEP = 1e-6
 """Displacement over joint length, or rotation in rad, small enough for the linear stiffness."""
 MARGIN = 0.95
 """Largest stiffness of an intended motion over the softest of what is left. At 1 the two change places, as in a square bar,
-which bends as readily either way; what is left free is a Poisson's ratio or a fillet. Hinges of several leafs have 0.03 at
+which bends as readily either way; what is left free is a Poisson's ratio or a fillet. Hinges of several leaves have 0.03 at
 most, one leaf against its own torsion (1 + nu)/2 when wide, .94 three times as wide as thick with nu = .49; circular notches
 up to .87 (`tests/train/test_softness.py`)."""
 SOFTENED = 0.25
 FREE = 2.0
 """Fall of stiffness, where bending and torsion fall to SOFTENED, from which a motion is a freedom: midway (in ratio) between
-4 for a freedom and 1 for a constraint. Intended motions of all families of several leafs have 3.8 or more, all others 1.02
+4 for a freedom and 1 for a constraint. Intended motions of all families of several leaves have 3.8 or more, all others 1.02
 or less."""
 STIFF = 1e3
-"""A freedom this many times as stiff as the intended motion counts as none: leafs ten times as thick, drawn for what holds
+"""A freedom this many times as stiff as the intended motion counts as none: leaves ten times as thick, drawn for what holds
 the thin ones."""
 
 
@@ -86,12 +86,12 @@ def check_soft(joint: DrawnJoint) -> None:
         raise SceneError(
             f"{joint.family}: the intended motion '{motion.name}' is not the soft one{in_shape(joint)}"
             f": its stiffness {own:.3g} Nm (over the joint length) is not below {MARGIN:g} of the softest other, "
-            f"{left:.3g} Nm; declare the motion the leafs allow{'' if other is None else ', ' + other.words}."
+            f"{left:.3g} Nm; declare the motion the leaf springs allow{'' if other is None else ', ' + other.words}."
         )
     if other is not None and not joint.held_by_others:
         declare = "declare it as an intended motion, " if len(joint.motions) < 2 else ""
         raise SceneError(
-            f"{joint.family}: its leafs leave another motion free that is not declared{in_shape(joint)}: "
+            f"{joint.family}: its leaf springs leave another motion free that is not declared{in_shape(joint)}: "
             f"{other.words}, {other.ratio:.3g} times the intended one (over the joint length); {declare}hold it by another "
             "leaf, or say held_by_others=True where the mechanism around the joint holds it."
         )

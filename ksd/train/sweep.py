@@ -18,7 +18,7 @@ from ksd.library.chains import rotation_vectors
 from ksd.library.functions import Array, Mesh
 from ksd.model.arrays import COROTATIONAL, Motion
 from ksd.model.compile import Model, compile_given
-from ksd.model.leafs import Mesh as LeafMesh
+from ksd.model.leaves import Mesh as LeafMesh
 from ksd.scene import Joint, Leaf, Mechanism
 from ksd.solve.configuration import Configuration
 from ksd.solve.conventional import conventional
@@ -38,8 +38,8 @@ class Plan:
     leaf.
 
     plane: how far B may leave the plane of a one-axis joint, in rad and joint lengths. whole: the stroke is walked to see
-    whether leafs run into each other, or a motion aside turns soft, at any point, not at the corners of the motions alone.
-    apart: leafs that run into each other are refused.
+    whether leaves run into each other, or a motion aside turns soft, at any point, not at the corners of the motions alone.
+    apart: leaf springs that run into each other are refused.
     """
 
     lines: tuple[tuple[float, ...], ...]
@@ -75,7 +75,7 @@ def sample_joint(joint: Joint, plan: Plan, meshes: tuple[Mesh, ...] | None = Non
     """Everything a record needs of `joint` at all grid points, for the meshes of `plan` or those given.
 
     Raises SceneError when the joint cannot be represented: a state is not reached, is not the stable one, or
-    leaves the plane of a one-axis joint, its leafs run into each other, or (where the stroke is walked) a motion that is
+    leaves the plane of a one-axis joint, its leaves run into each other, or (where the stroke is walked) a motion that is
     not intended turns soft.
     """
     found: Samples = {}
@@ -96,7 +96,7 @@ def _model(joint: Joint, mesh: Mesh, plan: Plan) -> Model:
     """The joint between ground (A) and one driven link (B), joint axes global."""
     if mesh == "strain":
         # said leaf by leaf, so that a curved leaf does not choose its own
-        joint = redrawn(joint, tuple(replace(leaf, orders=plan.orders) for leaf in joint.leafs()))
+        joint = redrawn(joint, tuple(replace(leaf, orders=plan.orders) for leaf in joint.leaves()))
     scene = Mechanism(joint.family)
     link = scene.link("B")
     scene.join(scene.ground, link, joint, at=(0, 0, 0), axis="z", toward="x", name="joint")
@@ -106,7 +106,7 @@ def _model(joint: Joint, mesh: Mesh, plan: Plan) -> Model:
         else:
             scene.actuate(link, name=motion.name, along=motion.axis, at=motion.point or joint.pose_B)
     if mesh == "strain":
-        points = max(plan.orders) + (2 if all(leaf.curve is None for leaf in joint.leafs()) else 3)
+        points = max(plan.orders) + (2 if all(leaf.curve is None for leaf in joint.leaves()) else 3)
         return compile_given(scene.scene(), LeafMesh("strain", orders=plan.orders, points=max(7, points)))
     return compile_given(scene.scene(), LeafMesh("corotational", elements=int(mesh)))
 
@@ -142,7 +142,7 @@ def _walk(joint: Joint, model: Model, plan: Plan, mesh: Mesh) -> list[Configurat
 
 
 def _looked_at(plan: Plan) -> NDArray[np.bool_]:
-    """(g,): points where leafs are looked for that meet: the corners of the motions, or all."""
+    """(g,): points where leaf springs are looked for that meet: the corners of the motions, or all."""
     low, high = plan.grid.min(axis=0), plan.grid.max(axis=0)
     ends = np.isclose(plan.grid, low, atol=1e-12) | np.isclose(plan.grid, high, atol=1e-12)
     return np.asarray(ends.all(axis=1) | plan.whole)
@@ -160,9 +160,9 @@ def _read(joint: Joint, model: Model, configurations: list[Configuration]) -> di
         "blocks": np.stack(blocks, axis=1) if blocks else np.zeros((len(states), 0, 6)),
     }
     if model.arrays.members.kind[0] == COROTATIONAL:
-        leafs = [_chain_rotations(model, states, i) for i in range(len(joint.leafs()))]
-        return {**found, "rotations": np.stack(leafs, axis=1)}
-    pairs = [_strain_state(leaf, model, states, i) for i, leaf in enumerate(joint.leafs())]
+        leaves = [_chain_rotations(model, states, i) for i in range(len(joint.leaves()))]
+        return {**found, "rotations": np.stack(leaves, axis=1)}
+    pairs = [_strain_state(leaf, model, states, i) for i, leaf in enumerate(joint.leaves())]
     found["amplitudes"] = np.stack([a for a, _ in pairs], axis=1)
     found["wrench"] = np.stack([w for _, w in pairs], axis=1)
     return found

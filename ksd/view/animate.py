@@ -135,7 +135,9 @@ def _written(
 
 def _window(shapes: Sequence[Any], pick: list[int]) -> tuple[np.ndarray, np.ndarray]:
     """Lower and upper corner [mm] of a window that holds every frame, with room for the labels."""
-    points = np.concatenate([p for s in shapes for leaf in s.leafs for p in (leaf.rest, leaf.place)])[:, pick]
+    points = np.concatenate([p for s in shapes for leaf in s.leaves for p in (leaf.rest, leaf.place)])[
+        :, pick
+    ]
     low, high = 1e3 * points.min(axis=0), 1e3 * points.max(axis=0)
     room = np.maximum(0.14 * (high - low), 0.05 * float((high - low).max()))
     return low - room, high + room * np.array([2.2, 1.0])

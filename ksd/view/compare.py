@@ -25,7 +25,7 @@ def plot_cost(axes: Any, marks: Sequence[Mark], *, title: str = "") -> None:
     """Draw time [us] against error [%], both on log axes, with the names beside the marks."""
     for group, (color, symbol) in zip(dict.fromkeys(m.group for m in marks), _STYLE, strict=False):
         mine = [m for m in marks if m.group == group]
-        label = f"{group} per leaf" if "element" in group else f"{group} leafs"
+        label = f"{group} per leaf" if "element" in group else f"{group} leaf springs"
         style = {"color": color, "marker": symbol, "markersize": 7, "markeredgecolor": "white"}
         x, y = [1e6 * m.time for m in mine], [100 * m.error for m in mine]
         axes.plot(x, y, linestyle="none", label=label, zorder=3, **style)

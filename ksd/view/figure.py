@@ -24,7 +24,7 @@ LEAF = "#c2410c"
 DRIVE = "#b91c1c"
 GROUND = "#4b5563"
 LINKS = ("#5b8db8", "#6a9f58", "#9a7bb5", "#b8925b", "#4fa3a0", "#b8657f")
-"""Links take these in turn; leafs share one colour so that they stand out."""
+"""Links take these in turn; leaf springs share one colour so that they stand out."""
 
 
 def new_figure(width: float, height: float, *, dpi: int = 150) -> Figure:

@@ -36,7 +36,7 @@ _BACKING = {"boxstyle": "round,pad=0.15", "fc": "white", "ec": "none", "alpha": 
 
 def best_plane(shape: Any) -> Literal["xy", "xz", "yz"]:
     """The coordinate plane in which the mechanism is widest: "xy", "xz" or "yz"."""
-    points = np.concatenate([np.concatenate([leaf.rest, leaf.place]) for leaf in shape.leafs])
+    points = np.concatenate([np.concatenate([leaf.rest, leaf.place]) for leaf in shape.leaves])
     normal = int(np.argmin(np.ptp(points, axis=0)[::-1]))
     planes: tuple[Literal["xy", "xz", "yz"], ...] = ("xy", "xz", "yz")
     return planes[normal]
@@ -54,7 +54,7 @@ def plot_mechanism(
     """Draw the deformed mechanism over the undeformed one (grey); returns the matplotlib figure.
 
     axes: matplotlib axes to draw into, a new figure when None. plane: "xy", "xz" or "yz", the widest when
-    None. labels: names of links and drives, with drive values and forces. color: "stress" colours the leafs by their
+    None. labels: names of links and drives, with drive values and forces. color: "stress" colours the leaf springs by their
     von Mises stress, with a scale. Raises SceneError for another plane or colour.
     """
     shape = configuration.shape()
@@ -67,21 +67,21 @@ def plot_mechanism(
         axes = _fitting_figure(shape, pick, wide=7.0 if color is None else 8.0).add_subplot()
     _rest(axes, shape, pick)
     _links(axes, shape, pick, labels)
-    _leafs(axes, shape, pick, heat_of(configuration, shape, color))
+    _leaves(axes, shape, pick, heat_of(configuration, shape, color))
     axes.set_aspect("equal")
     axes.margins(0.16, 0.12)
     _drives(axes, configuration, shape, pick, labels)
     _frame(axes, plane, title if title is not None else _caption(configuration))
     if own and labels:
-        leafs = 1e3 * np.concatenate([leaf.place for leaf in shape.leafs])[:, pick]
-        part_labels(axes, _arrows(configuration, shape, pick), leafs)
+        leaves = 1e3 * np.concatenate([leaf.place for leaf in shape.leaves])[:, pick]
+        part_labels(axes, _arrows(configuration, shape, pick), leaves)
     figure: Figure = axes.figure  # type: ignore[assignment]
     return figure
 
 
-def _leafs(axes: Any, shape: Any, pick: list[int], heat: Heat | None) -> None:
-    """The deformed leafs, in one colour or in those of their stress."""
-    for leaf in shape.leafs:
+def _leaves(axes: Any, shape: Any, pick: list[int], heat: Heat | None) -> None:
+    """The deformed leaf springs, in one colour or in those of their stress."""
+    for leaf in shape.leaves:
         if heat is None:
             _line(axes, leaf.place[:, pick], color=LEAF, linewidth=1.8, zorder=4)
         else:
@@ -113,7 +113,7 @@ def _arrows(configuration: Any, shape: Any, pick: list[int]) -> Array:
 
 def _fitting_figure(shape: Any, pick: list[int], *, wide: float) -> Any:
     """A figure `wide` inches wide, as high as the mechanism needs at equal scales."""
-    points = np.concatenate([np.concatenate([leaf.rest, leaf.place]) for leaf in shape.leafs])[:, pick]
+    points = np.concatenate([np.concatenate([leaf.rest, leaf.place]) for leaf in shape.leaves])[:, pick]
     across, high = np.maximum(np.ptp(points, axis=0), 1e-9)
     return new_figure(wide, float(np.clip(6.2 * high / across + 0.9, 2.8, 7.0)))
 
@@ -147,7 +147,7 @@ def _outline(axes: Any, points: Array, color: str, alpha: float, zorder: float) 
 
 
 def _pieces(block: Any, points: Array) -> list[Array]:
-    """Ground in one piece per joint, as it has no body of its own; other blocks and ground of leafs whole."""
+    """Ground in one piece per joint, as it has no body of its own; other blocks and ground of leaf springs whole."""
     owners = np.array(block.owner)
     pieces = [points[owners == name] for name in dict.fromkeys(block.owner)]
     single = all(np.ptp(piece, axis=0).max() < 1e-9 for piece in pieces)
@@ -155,7 +155,7 @@ def _pieces(block: Any, points: Array) -> list[Array]:
 
 
 def _rest(axes: Any, shape: Any, pick: list[int]) -> None:
-    for leaf in shape.leafs:
+    for leaf in shape.leaves:
         _line(axes, leaf.rest[:, pick], color=REST, linewidth=1.2, zorder=1)
     for block in shape.blocks:
         if block.name != "ground":
@@ -170,7 +170,7 @@ def _rest(axes: Any, shape: Any, pick: list[int]) -> None:
 
 
 def _links(axes: Any, shape: Any, pick: list[int], labels: bool) -> None:
-    middle = np.concatenate([leaf.place for leaf in shape.leafs])[:, pick].mean(axis=0)
+    middle = np.concatenate([leaf.place for leaf in shape.leaves])[:, pick].mean(axis=0)
     links = 0
     for block in shape.blocks:
         ground = block.name == "ground"

@@ -1,4 +1,4 @@
-"""Leafs coloured by stress: the largest von Mises stress over the section at every station drawn."""
+"""Leaf springs coloured by stress: the largest von Mises stress over the section at every station drawn."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def stress_along(configuration: Any, shape: Any) -> dict[str, Array]:
     found = configuration.stress()
     return {
         leaf.name: 1e-6 * np.interp(leaf.s, found[leaf.name].s, found[leaf.name].von_mises_Pa.max(axis=1))
-        for leaf in shape.leafs
+        for leaf in shape.leaves
     }
 
 

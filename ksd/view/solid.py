@@ -1,4 +1,4 @@
-"""The mechanism in three dimensions: leafs as ribbons, deformed over undeformed, in millimetres."""
+"""The mechanism in three dimensions: leaf springs as ribbons, deformed over undeformed, in millimetres."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def plot_mechanism_3d(
     heat = heat_of(configuration, shape, color)
     if axes is None:
         axes = new_figure(7.0, 5.4).add_subplot(projection="3d")
-    for leaf in shape.leafs:
+    for leaf in shape.leaves:
         _outline(axes, ribbon(leaf.rest, leaf.rest_axes, leaf.width), REST)
         _ribbon(
             axes, ribbon(leaf.place, leaf.axes, leaf.width), None if heat is None else heat.between(leaf.name)
@@ -49,7 +49,7 @@ def plot_mechanism_3d(
     _links(axes, shape)
     edges = [
         ribbon(*f, leaf.width)
-        for leaf in shape.leafs
+        for leaf in shape.leaves
         for f in ((leaf.rest, leaf.rest_axes), (leaf.place, leaf.axes))
     ]
     points = 1e3 * np.concatenate([e for pair in edges for e in pair])

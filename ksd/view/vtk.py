@@ -1,7 +1,7 @@
-"""Files for ParaView: leafs as ribbons of quadrilaterals, rigid blocks as lines, in VTK's XML format (.vtu).
+"""Files for ParaView: leaf springs as ribbons of quadrilaterals, rigid blocks as lines, in VTK's XML format (.vtu).
 
 Positions in m. Point arrays: displacement [m] and von_mises_MPa, the largest stress over the section of a leaf, 0 on
-blocks. Cell arrays: body (number in the list of the file's comment, leafs first) and rigid (0 leaf, 1 block). A stroke is
+blocks. Cell arrays: body (number in the list of the file's comment, leaves first) and rigid (0 leaf, 1 block). A stroke is
 one file per pose and a .pvd that lists them. No VTK library is needed to write them.
 """
 
@@ -60,7 +60,7 @@ def collect(configuration: Any) -> _Grid:
     # beam theory says nothing of the stress in a solid
     known = not configuration.model.solids
     stress = stress_along(configuration, shape) if known else {}
-    for leaf in shape.leafs:
+    for leaf in shape.leaves:
         k = len(leaf.s)
         rest = np.vstack(ribbon(leaf.rest, leaf.rest_axes, leaf.width))
         place = np.vstack(ribbon(leaf.place, leaf.axes, leaf.width))

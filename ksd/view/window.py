@@ -24,7 +24,7 @@ FLAT = 0.5
 
 
 def show_mechanism(configuration: Configuration, path: str | os.PathLike[str] | None = None) -> Path | None:
-    """Show leafs coloured by von Mises stress, blocks as lines, and the undeformed leafs in grey.
+    """Show leaf springs coloured by von Mises stress, blocks as lines, and the undeformed leaf springs in grey.
 
     path: a .png rendered off-screen in place of a window; returned. Raises SceneError where pyvista is not installed,
     and for another file type.
@@ -55,7 +55,7 @@ def show_mechanism(configuration: Configuration, path: str | os.PathLike[str] | 
 
 
 def _deformed(pyvista: Any, plotter: Any, configuration: Any) -> None:
-    """Leafs in the colours of their stress, blocks as lines."""
+    """Leaf springs in the colours of their stress, blocks as lines."""
     grid = collect(configuration)
     cells = np.concatenate([np.concatenate([[len(c)], c]) for c in grid.cells])
     mesh = pyvista.UnstructuredGrid(cells, np.array(grid.kinds), 1e3 * np.concatenate(grid.points))
@@ -85,7 +85,7 @@ def _deformed(pyvista: Any, plotter: Any, configuration: Any) -> None:
 
 
 def _rest(plotter: Any, configuration: Any) -> None:
-    for leaf in configuration.shape().leafs:
+    for leaf in configuration.shape().leaves:
         low, high = (1e3 * e for e in ribbon(leaf.rest, leaf.rest_axes, leaf.width))
         plotter.add_lines(np.vstack([low, high[::-1], low[:1]]), color=REST, width=1, connected=True)
 

@@ -316,7 +316,7 @@ def test_a_folded_element_of_the_near_configuration_is_told(wrong):
 
 
 def near_moment_error(shift):
-    """Relative error of the moment when an intended state is shifted by `shift` m across its plane."""
+    """Relative error of the moment when an intended state is shifted by `shift` m out of its plane."""
     leaf = bent()
     rotations = near_rotations(leaf)
     leaf.condense()

@@ -1,4 +1,4 @@
-"""Leafs in their plane: the planar strain-mode leaf against the spatial one and the exact elastica, chains beside it."""
+"""Leaves in their plane: the planar strain-mode leaf against the spatial one and the exact elastica, chains beside it."""
 
 from __future__ import annotations
 
@@ -222,26 +222,26 @@ CROSS = {
 
 
 class CrossFlexure:
-    """Two crossed leafs (45 degrees, 0.1 m x 1 mm, equal widths) clamped at A; B turns, free to shift."""
+    """Two crossed leaf springs (45 degrees, 0.1 m x 1 mm, equal widths) clamped at A; B turns, free to shift."""
 
     def __init__(self, make):
         self.section = LEAF._replace(A=4e-5, Iz=0.04e-9 / 12)
-        self.leafs = [make(self.section), make(self.section)]
+        self.leaves = [make(self.section), make(self.section)]
         c = math.sqrt(0.5)
         self.turns = [np.array([[c, -c], [c, c]]), np.array([[c, c], [-c, c]])]
-        # the leafs cross in the middle, so end q of leaf 1 is half the leaf's height above B, that of 2 below
+        # the leaf springs cross in the middle, so end q of leaf 1 is half the leaf's height above B, that of 2 below
         self.arms = [np.array([0, 0.5 * c * L]), np.array([0, -0.5 * c * L])]
 
     def arm(self, i, turn=0.0):
         """Offset of end q of leaf i from B after B has turned further by `turn`."""
-        angle = self.leafs[i].pose[2] + turn
+        angle = self.leaves[i].pose[2] + turn
         c, s = math.cos(angle), math.sin(angle)
         return np.array([[c, -s], [s, c]]) @ self.arms[i]
 
     def step(self, turn):
         """One iteration with B turned by `turn`; returns the moment."""
         force, K = np.zeros(3), np.zeros((3, 3))
-        for i, (leaf, R) in enumerate(zip(self.leafs, self.turns, strict=True)):
+        for i, (leaf, R) in enumerate(zip(self.leaves, self.turns, strict=True)):
             leaf.condense()
             x, y = self.arm(i)
             B = np.eye(3)
@@ -249,7 +249,7 @@ class CrossFlexure:
             force += B.T @ leaf.lam[:3]
             K += B.T @ leaf.K @ B
         shift = -np.linalg.solve(K[:2, :2], force[:2] + K[:2, 2] * turn)
-        for i, (leaf, R) in enumerate(zip(self.leafs, self.turns, strict=True)):
+        for i, (leaf, R) in enumerate(zip(self.leaves, self.turns, strict=True)):
             x, y = self.arm(i)
             linear = np.array([-y, x]) * turn
             exact = self.arm(i, turn) - [x, y]
@@ -260,7 +260,7 @@ class CrossFlexure:
 
     def moment(self, degrees):
         """Normalised moment at a rotation of B reached in steps of 5 degrees: M / (E I_sum theta / L)."""
-        for _ in range(round((degrees - math.degrees(self.leafs[0].pose[2])) / 5)):
+        for _ in range(round((degrees - math.degrees(self.leaves[0].pose[2])) / 5)):
             for iteration in range(12):
                 found = self.step(math.radians(5.0) if iteration == 0 else 0.0)
         return found / (2 * self.section.E * self.section.Iz * math.radians(degrees) / L)

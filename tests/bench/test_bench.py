@@ -16,8 +16,8 @@ def row(method, call, force, stiffness=0.0, stable=True):
     return Row(method, "2 elements", 2, 5, times, times, call, force, force, stiffness, stable)
 
 
-def found(measured, method, leafs):
-    return next(r for r in measured.rows if (r.method, r.leafs) == (method, leafs))
+def found(measured, method, leaves):
+    return next(r for r in measured.rows if (r.method, r.leaves) == (method, leaves))
 
 
 def test_every_scene_of_the_suite_compiles():

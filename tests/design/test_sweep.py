@@ -21,7 +21,7 @@ ROOT = Path(__file__).resolve().parents[2]
 
 
 def thin(thickness, length=0.1):
-    """A cross flexure whose leafs are `thickness` thick."""
+    """A cross flexure whose leaf springs are `thickness` thick."""
     return single_joint(cross_flexure(thickness=thickness, length=length))
 
 
@@ -250,8 +250,16 @@ def test_error_figures_of_a_fast_method():
     at = {"top": np.array([0.0, 0.15, 0.28])}
     exact = sweep(fourbar(), method="full", questions=KNOWN, **at, **QUIET)
     assert not [c for c in exact.columns if c.endswith("_error_percent")]
-    for passes, least in ((0, 0.02), (1, 1e-6)):
-        fast = sweep(fourbar(), method="reduced", passes=passes, questions=KNOWN, errors=True, **at, **QUIET)
+    for relinearisations, least in ((0, 0.02), (1, 1e-6)):
+        fast = sweep(
+            fourbar(),
+            method="reduced",
+            relinearisations=relinearisations,
+            questions=KNOWN,
+            errors=True,
+            **at,
+            **QUIET,
+        )
         for question, column in (
             ("force", "top_force_N"), ("drive_stiffness", "top_stiffness_N_per_m"), ("energy", "strain_energy_J"),
             ("frequencies", "intended_Hz"), ("support_stiffness", "support_rz_Nm_per_rad"), ("stress", "stress_MPa"),
@@ -269,7 +277,9 @@ def test_a_question_with_its_error_figure():
     fast, exact = (solve(top=0.2, method=m) for m in ("reduced", "full"))
     value, error = fast.with_error(lambda pose: pose.drive_stiffness()["top"])
     assert error == pytest.approx(abs(value - exact.drive_stiffness()["top"]), rel=0.1)
-    stresses, errors = fast.with_error(lambda pose: {n: s.largest_Pa for n, s in pose.stress().leafs.items()})
+    stresses, errors = fast.with_error(
+        lambda pose: {n: s.largest_Pa for n, s in pose.stress().leaves.items()}
+    )
     assert errors.keys() == stresses.keys() and max(errors.values()) > 0
     finer = ksd.solve(fourbar(), top=0.2, method="full", mesh=ksd.Mesh(orders=(8, 7, 12), points=16))
     for question in (lambda p: p.stress().largest_Pa, lambda p: p.stiffness("top").support("rz")):

@@ -142,7 +142,7 @@ def test_the_way_is_halved_where_modes_exchange_their_shapes():
 
 
 def test_modes_of_the_fourbar_are_followed_from_rest():
-    """At rest its twelve leafs vibrate at 519 to 521 Hz, all mixed, and within 10 mm they part: coarse poses find the
+    """At rest its twelve leaf springs vibrate at 519 to 521 Hz, all mixed, and within 10 mm they part: coarse poses find the
     partners that fine ones do, and through rest to the other side as well."""
     solver = ksd.prepare(fourbar())
     tracks = None
@@ -218,7 +218,7 @@ def test_first_tracks_of_held_drives_are_all_parasitic():
 
 @pytest.mark.parametrize("method", ["reduced", "modal"])
 def test_a_curve_of_a_fast_method_tells_the_error_of_its_configurations(method):
-    """By the error figure of the frequencies, next to that of the polynomial; strain-mode leafs of an exact method have
+    """By the error figure of the frequencies, next to that of the polynomial; strain-mode leaves of an exact method have
     next to none."""
     curve = frequency_curve(fourbar(), "top", 0.3, checks=(0.75,), method=method)
     exact = frequency_curve(

@@ -1,4 +1,4 @@
-"""A small record with known functions: two shape parameters, one rotation, one internal block, two leafs."""
+"""A small record with known functions: two shape parameters, one rotation, one internal block, two leaf springs."""
 
 import numpy as np
 import pytest
@@ -20,7 +20,7 @@ def record() -> Record:
         family="toy",
         motions=(Stroke("angle", "rotation", -1.2, 1.2),),
         parameters=(Parameter("angle", 0.5, 1.0), Parameter("ratio", 0.25, 4.0, "log")),
-        leafs=("one", "two"),
+        leaves=("one", "two"),
         blocks=("middle",),
         orders=(4, 3, 5),
         powers=powers,

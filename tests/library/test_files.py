@@ -98,10 +98,10 @@ def test_foreign_missing_and_newer_files_are_refused(record, tmp_path, monkeypat
         file["x"] = 1.0
     refused(path, "not a ksd joint record")
     refused(tmp_path, "cannot be read")
-    monkeypatch.setattr(files, "FORMAT", 3)
+    monkeypatch.setattr(files, "FORMAT", 4)
     write_record(record, path)
     monkeypatch.undo()
-    refused(path, "format 3, newer than the 2")
+    refused(path, "format 4, newer than the 3")
 
 
 def test_sealed_but_incomplete_content_is_refused(tmp_path):

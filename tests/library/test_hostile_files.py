@@ -268,9 +268,9 @@ SPOILS = {
     "no mesh": lambda f: f["functions"].clear(),
     "no functions": lambda f: f.__delitem__("functions"),
     "functions elsewhere": lambda f: (f.__delitem__("functions"), f.__setitem__("functions", h5py.SoftLink("/"))),
-    "leafs": said("leafs", "[]"),
-    "leafs three": said("leafs", '["a", "b", "c"]'),
-    "leafs numbers": said("leafs", "[1, 2]"),
+    "leaves": said("leaves", "[]"),
+    "leaf springs three": said("leaves", '["a", "b", "c"]'),
+    "leaf springs numbers": said("leaves", "[1, 2]"),
     "orders": said("orders", "[4, 3]"),
     "orders other": said("orders", "[4, 3, 6]"),
     "motions none": said("motions", "[]"),
@@ -299,7 +299,7 @@ SPOILS = {
 @pytest.mark.parametrize("case", SPOILS)
 def test_records_sealed_again_are_refused(case, record, tmp_path):
     path = write_record(record, tmp_path / "toy.h5")
-    assert read_record(path).leafs == record.leafs
+    assert read_record(path).leaves == record.leaves
     resealed(path, SPOILS[case])
     refused(read_record, path, RecordError, "sealed but not a readable joint record")
 
@@ -312,7 +312,7 @@ def test_a_record_under_another_name_is_refused(record, tmp_path, monkeypatch):
 
 
 def test_a_record_of_another_joint_is_refused(record, tmp_path, monkeypatch):
-    """Two leafs in the record, three in the joint: no index error later."""
+    """Two leaf springs in the record, three in the joint: no index error later."""
     monkeypatch.setenv("KSD_DATABASE", str(tmp_path))
     kept = read_record(files.shipped_folder() / "cross_flexure.h5")
     names = tuple(p.name for p in kept.parameters)
@@ -321,7 +321,7 @@ def test_a_record_of_another_joint_is_refused(record, tmp_path, monkeypatch):
         replace(record, family="cross_flexure", parameters=parameters), tmp_path / "cross_flexure.h5"
     )
     mechanism, targets, _ = ksd.load_scene(Path(ksd.__file__).parent / "scenes" / "cross_flexure.toml")
-    with pytest.raises(RecordError, match="of a joint with 2 leafs, this one has 3"):
+    with pytest.raises(RecordError, match="of a joint with 2 leaf springs, this one has 3"):
         ksd.prepare(mechanism)(targets, method="kinematic")
 
 

@@ -1,4 +1,4 @@
-"""Modal bodies beside condensed KSD joints and full leafs, by name: against the full model, and what is refused."""
+"""Modal bodies beside condensed KSD joints and full leaf springs, by name: against the full model, and what is refused."""
 
 import numpy as np
 import pytest
@@ -47,12 +47,12 @@ def test_fourbar_of_both(basis, d):
     assert off < abs(reduced.forces["top"] / full.forces["top"] - 1) < 0.01
     assert off == pytest.approx(found.error.relative, abs=1.5e-3)
     assert set(found.motions) == set(full.motions)
-    passed = ksd.solve(scene, top=d, method="modal", basis=basis, passes=1)
+    passed = ksd.solve(scene, top=d, method="modal", basis=basis, relinearisations=1)
     assert passed.forces["top"] == pytest.approx(full.forces["top"], rel=2e-3)
 
 
 def test_what_the_mechanism_is_made_of():
-    """Condensed joints are linear bodies, the leafs named modal ones, all others are what the mesh makes them."""
+    """Condensed joints are linear bodies, the leaf springs named modal ones, all others are what the mesh makes them."""
     scene = hung()
     basis = {"lower left/inner": ModalBasis(), "spring": ModalBasis(elements=12)}
     solver = ksd.prepare(scene, basis=basis)
@@ -67,7 +67,7 @@ def test_what_the_mechanism_is_made_of():
 
 
 def test_questions_to_a_mixture():
-    """Stroke, stiffness, frequencies, stress and energy beside those of the full model of strain-mode leafs."""
+    """Stroke, stiffness, frequencies, stress and energy beside those of the full model of strain-mode leaves."""
     scene = hung()
     full = ksd.solve(scene, top=0.05, method="full")
     found = ksd.solve(
@@ -102,7 +102,7 @@ def test_a_sliding_joint_under_loads():
 
 
 def test_loads_across_come_in_parts():
-    """200 N across the plane, where the whole of it at once does not converge; the estimate owns up to the distance."""
+    """200 N out of the plane, where the whole of it at once does not converge; the estimate owns up to the distance."""
     scene = fourbar()
     scene.load("top", force=(0, 0, 200.0), at=(0, 0.3, 0))
     full = ksd.solve(scene, top=0.3, method="full")
@@ -146,7 +146,7 @@ def test_chains_beside_condensed_chains():
     mesh = Mesh("corotational", elements=5)
     exact = ksd.solve(fourbar(), top=0.2, method="full", mesh=mesh)
     found = ksd.solve(
-        fourbar(), top=0.2, method="modal", mesh=mesh, basis={"lower left": ModalBasis()}, passes=1
+        fourbar(), top=0.2, method="modal", mesh=mesh, basis={"lower left": ModalBasis()}, relinearisations=1
     )
     assert found.forces["top"] == pytest.approx(exact.forces["top"], rel=2e-3)
     assert found.model.full.arrays.members.number[:, 0].tolist() == [10] * 3 + [5] * 9

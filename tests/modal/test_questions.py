@@ -12,7 +12,7 @@ TURN = 0.3
 
 @pytest.fixture(scope="module")
 def pair():
-    """The cross flexure by modal bodies, by the chains of ten elements they reduce, and by leafs of many modes."""
+    """The cross flexure by modal bodies, by the chains of ten elements they reduce, and by leaf springs of many modes."""
     scene = single_joint(cross_flexure())
     modal = ksd.prepare(scene)(turn=TURN, method="modal")
     meshes = Mesh("corotational", elements=10), Mesh(orders=(6, 5, 9), points=11)

@@ -110,8 +110,8 @@ def test_a_range_is_told(coarse):
         pose.validity(leaf="beam")
 
 
-def test_beside_joints_and_leafs():
-    """A 3D solid behind a cross flexure, with a leaf: near the same mechanism of leafs, and every question is answered or
+def test_beside_joints_and_leaves():
+    """A 3D solid behind a cross flexure, with a leaf: near the same mechanism of leaves, and every question is answered or
     refused with its reason."""
     thin = {"section": rectangle(3e-4, WIDTH), "material": STEEL, "width_axis": "z"}
     scene = ksd.Mechanism("mixed")
@@ -126,13 +126,13 @@ def test_beside_joints_and_leafs():
     body = reduce_solid(block(STEEL, LENGTH, THICK, width=WIDTH, cells=(4, 1, 1)), order=1, internal=0)
     mesh = ksd.Mesh(orders=(4, 3, 9), points=12)
     pose = ksd.solve(scene, lift=0.008, basis={"spring": body}, mesh=mesh)
-    leafs = ksd.solve(scene, lift=0.008, method="conventional", mesh=mesh)
-    assert pose.forces["lift"] == pytest.approx(leafs.forces["lift"], rel=0.03)
-    assert pose.strain_energy() == pytest.approx(leafs.strain_energy(), rel=0.15, abs=1e-3)
+    leaves = ksd.solve(scene, lift=0.008, method="conventional", mesh=mesh)
+    assert pose.forces["lift"] == pytest.approx(leaves.forces["lift"], rel=0.03)
+    assert pose.strain_energy() == pytest.approx(leaves.strain_energy(), rel=0.15, abs=1e-3)
     assert pose.section_forces()["spring"].end == pytest.approx(
-        leafs.section_forces()["spring"].end, abs=0.05 * abs(leafs.section_forces()["spring"].end).max()
+        leaves.section_forces()["spring"].end, abs=0.05 * abs(leaves.section_forces()["spring"].end).max()
     )
-    line = next(leaf for leaf in pose.shape().leafs if leaf.name == "spring")
+    line = next(leaf for leaf in pose.shape().leaves if leaf.name == "spring")
     assert line.place[-1] == pytest.approx(
         np.array([at + LENGTH, 0, 0]) + pose.displacement("tip", (at + LENGTH, 0, 0)), abs=1e-12
     )
@@ -145,7 +145,7 @@ def test_beside_joints_and_leafs():
 
 
 def test_beside_condensed_joints():
-    """By "modal" the other joints are condensed by their records; the error told is that against their leafs in full."""
+    """By "modal" the other joints are condensed by their records; the error told is that against their leaves in full."""
     body = reduce_solid(block(STEEL, LENGTH, THICK, width=WIDTH, cells=(4, 1, 1)), order=1, internal=0)
     hinge = ksd.CrossFlexure(STEEL, length=0.1, angle=np.pi / 4, thickness=1e-3, widths=(0.04, 0.02))
     scene = ksd.Mechanism("mixed")
@@ -159,7 +159,7 @@ def test_beside_condensed_joints():
     scene.load(tip, force=(0, 0.05 * EI / LENGTH**2, 0), at=(0.45, 0, 0))
     values = {"a": 0.2, "b": -0.3}
     solver = ksd.prepare(scene, basis={"spring": body})
-    pose = solver(values, method="modal", passes=1)
+    pose = solver(values, method="modal", relinearisations=1)
     whole = ksd.solve(scene, values, basis={"spring": body})
     off = np.array([pose.forces[d] - whole.forces[d] for d in values])
     assert 1e-6 < np.abs(off).max() / abs(whole.forces["a"]) < 1e-3
@@ -169,7 +169,7 @@ def test_beside_condensed_joints():
     assert [s.name for s in pose.steps][:2] == ["1 close loops", "2 joint stiffness"]
     assert pose.motions == pytest.approx({"base": 0.2, "elbow": -0.3}, abs=1e-3)
     assert pose.trusted and pose.links["tip"][0] == pytest.approx(whole.links["tip"][0], abs=1e-4)
-    again = solver(values, method="modal", passes=1)
+    again = solver(values, method="modal", relinearisations=1)
     assert again.forces == pytest.approx(pose.forces, rel=1e-9)
     blind = solver(values, method="modal", estimate=False)
     assert blind.error is None and "not estimated" in str(blind.trust.trusted)
@@ -202,7 +202,7 @@ def test_what_is_not_possible_is_said(coarse):
             ksd.solve(model, method=method)
     with pytest.raises(ksd.SceneError, match=r"give what ksd\.modal\.solid_basis\.reduce_solid returns"):
         with_solids(model, {"spring": 3})
-    with pytest.raises(ksd.SceneError, match="solids beside modal leafs"):
+    with pytest.raises(ksd.SceneError, match="solids beside modal leaves"):
         ksd.solve(scene, method="modal", basis={"spring": coarse, "other": ksd.ModalBasis()})
     for method in ("reduced", "full", "kinematic"):
         with pytest.raises(ksd.SceneError, match="solved in load steps"):
@@ -217,5 +217,5 @@ def test_what_is_not_possible_is_said(coarse):
     )
     with pytest.raises(ksd.SceneError, match="solids beside modal bodies"):
         with_solids(modal, {"spring": coarse})
-    with pytest.raises(ksd.ConvergenceError, match="resists nothing across its plane: hold that by supports"):
+    with pytest.raises(ksd.ConvergenceError, match="resists nothing out of its plane: hold that by supports"):
         ksd.solve(spring(driven=True), across=0.001, basis={"spring": coarse})

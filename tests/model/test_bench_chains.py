@@ -14,7 +14,7 @@ from ksd.units import GPa, deg, mm
 
 
 def hinge(**more):
-    """One joint of three leafs, the outer two of them in the same state."""
+    """One joint of three leaf springs, the outer two of them in the same state."""
     scene = ksd.Mechanism("hinge")
     tip = scene.link("tip")
     steel = ksd.Material(E=200 * GPa, G=76.9 * GPa, density=7800)

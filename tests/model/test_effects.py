@@ -21,7 +21,7 @@ TURNED = Rotation.from_rotvec([0.4, -1.1, 0.7])
 
 
 def hinge(effect, amount=1.0, *, turned=None, wide=1.0):
-    """Two crossed leafs that are not in one plane, a link held in all six directions, and one effect of size `amount`."""
+    """Two crossed leaves that are not in one plane, a link held in all six directions, and one effect of size `amount`."""
     spin = turned or Rotation.identity()
     shift = np.zeros(3) if turned is None else np.array([0.3, -0.2, 0.5])
 
@@ -193,7 +193,7 @@ def test_a_matrix_stays_in_the_plane_too():
 def test_a_spring_across_the_plane_is_seen():
     scene = fourbar()
     scene.spring("ground", "top", start=(0, 0, 0.1), end=(0, 0.37, 0), stiffness=10.0, name="slanted")
-    with pytest.raises(ksd.SceneError, match=r"slanted.*across the plane"):
+    with pytest.raises(ksd.SceneError, match=r"slanted.*out of the plane"):
         conventional(ksd.compile_scene(scene), {"top": 0.1}, planar=True)
 
 

@@ -31,7 +31,7 @@ def loaded_fourbar():
 
 
 def guide(*, axis=(0, 0, 1), along=(1, 0, 0), spread=0.0):
-    """Parallel guide of two leafs along `along`; spread: distance [m] of the second leaf along the width `axis`."""
+    """Parallel guide of two leaf springs along `along`; spread: distance [m] of the second leaf along the width `axis`."""
     scene = ksd.Mechanism("guide")
     stage = scene.link("stage")
     e1, e3 = np.array(along, float), np.array(axis, float)
@@ -143,7 +143,7 @@ def test_what_leaves_the_plane_is_named(case):
     reason = plane_of(model)
     assert isinstance(reason, str)
     assert words in reason
-    assert "out of the plane across (0, 0, 1)" in reason
+    assert "out of the plane normal to (0, 0, 1)" in reason
     targets = dict.fromkeys(model.drive_names, 0.0)
     with pytest.raises(ksd.SceneError, match="this mechanism is not planar"):
         conventional(model, targets, planar=True)

@@ -36,10 +36,10 @@ def _arm(rng):
     return scene
 
 
-def _leafs(rng):
-    """A stage on two free leafs, tied to a hinge by a spring."""
+def _leaves(rng):
+    """A stage on two free leaf springs, tied to a hinge by a spring."""
     L, t = rng.uniform(0.05, 0.07), rng.uniform(3e-4, 5e-4)
-    scene = ksd.Mechanism("leafs")
+    scene = ksd.Mechanism("leaves")
     stage, arm = scene.links("stage", "arm")
     for x in (0.0, 0.04):
         scene.leaf(
@@ -64,7 +64,7 @@ def _heavy(rng):
 
 def _warm(rng):
     scene = _heavy(rng)
-    scene.heat(rng.uniform(5, 10), leafs=["lower left/inner"])
+    scene.heat(rng.uniform(5, 10), leaves=["lower left/inner"])
     return scene
 
 
@@ -78,7 +78,14 @@ def _notch(rng):
     return scene
 
 
-SCENES = {"fourbar": _fourbar, "arm": _arm, "leafs": _leafs, "heavy": _heavy, "warm": _warm, "notch": _notch}
+SCENES = {
+    "fourbar": _fourbar,
+    "arm": _arm,
+    "leaves": _leaves,
+    "heavy": _heavy,
+    "warm": _warm,
+    "notch": _notch,
+}
 MESHES = {
     "strain": ksd.Mesh(),
     "finer": ksd.Mesh().refined(),
@@ -109,7 +116,7 @@ def _drawings(name, mesh, rng, count):
 @pytest.mark.parametrize("name", SCENES)
 def test_designs_in_one_call_are_those_made_one_by_one(name, mesh, rng):
     if mesh == "nodal" and name in ("notch", "warm"):
-        pytest.skip("nodal meshes are for straight uniform leafs without heat")
+        pytest.skip("nodal meshes are for straight uniform leaf springs without heat")
     mesh = MESHES[mesh]
     scenes, drawings = _drawings(name, mesh, rng, 5)
     assert len({d.words for d in drawings}) == 1
@@ -152,7 +159,7 @@ def test_numbers_make_no_new_template_and_words_do(rng):
     assert template_of(other.words, mesh) is not template_of(one.words, mesh)
 
 
-def test_leafs_drawn_alike_share_their_constants_at_every_scale(rng):
+def test_leaves_drawn_alike_share_their_constants_at_every_scale(rng):
     for _ in range(20):
         members = compile_given(_arm(rng).scene(), ksd.Mesh()).arrays.members
         assert len(np.unique(members.value_at)) == 4

@@ -1,4 +1,4 @@
-"""Leafs in the same state are worked on once: that must not show in any number."""
+"""Leaf springs in the same state are worked on once: that must not show in any number."""
 
 import numpy as np
 import pytest
@@ -14,8 +14,8 @@ SLIGHT = 1e-14
 
 
 @pytest.mark.parametrize("mesh", MESHES.values(), ids=MESHES)
-def test_tangent_residual_and_step_are_those_of_leafs_worked_on_one_by_one(mesh):
-    """The outer leafs of a cross flexure in its plane; a node 1e-14 rad out of it, and each is worked on."""
+def test_tangent_residual_and_step_are_those_of_leaves_worked_on_one_by_one(mesh):
+    """The outer leaf springs of a cross flexure in its plane; a node 1e-14 rad out of it, and each is worked on."""
     model = ksd.compile_scene(fourbar(), mesh=mesh)
     begin = ksd.solve(model, top=0.2, method="conventional").motion
     found, inner = [], []
@@ -41,7 +41,7 @@ def test_tangent_residual_and_step_are_those_of_leafs_worked_on_one_by_one(mesh)
 
 
 @pytest.mark.parametrize("mesh", MESHES.values(), ids=MESHES)
-def test_condensed_joints_are_those_of_leafs_worked_on_one_by_one(mesh):
+def test_condensed_joints_are_those_of_leaves_worked_on_one_by_one(mesh):
     """Step 2 near the intended motion, where the inner nodes of a chain are set as well."""
     steps = ksd.prepare(fourbar(), mesh=mesh, planar=False)
     steps(top=0.25, method="reduced", estimate=False)

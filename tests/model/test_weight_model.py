@@ -1,4 +1,4 @@
-"""Weight of the leafs: exact tangent, closed forms, a heavy elastica, rigid motion, and no cost where there is none."""
+"""Weight of the leaves: exact tangent, closed forms, a heavy elastica, rigid motion, and no cost where there is none."""
 
 import copy
 
@@ -66,10 +66,10 @@ def two_blades(gravity):
     return scene
 
 
-def settled(model, motion, passes=10):
+def settled(model, motion, relinearisations=10):
     """Residual (n,) and matrix with the inner states iterated to rest at fixed nodes."""
     arrays, work, none = model.arrays, make_work(model.arrays), np.zeros(0)
-    for _ in range(passes):
+    for _ in range(relinearisations):
         assemble(arrays, motion, none, 1.0, work, 1e-8, 0, 10.0)
         take_step(arrays, motion, np.zeros(arrays.plan.unknowns), work, 1.0)
     assemble(arrays, motion, none, 1.0, work, 1e-8, 0, 10.0)
@@ -216,7 +216,7 @@ def test_plane_and_space_agree_on_a_mechanism(mesh):
 
 def test_gravity_out_of_the_plane_is_named():
     model = compile_scene(blade((0, -1.0, 1.0)))
-    assert "the weight of the leafs pulls along (0, -1, 1) m/s^2" in plane_of(model)
+    assert "the weight of the leaf springs pulls along (0, -1, 1) m/s^2" in plane_of(model)
 
 
 @pytest.mark.parametrize("mesh", ["modes", "chain"])
@@ -245,8 +245,8 @@ def test_half_of_a_joint_hangs_on_each_interface(mesh):
     scene.gravity = (0, -500.0, 0)
     model = compile_scene(scene, mesh=MESHES[mesh])
     mass = model.arrays.weight[:, 0].sum()
-    leafs = cross_flexure().leafs()
-    assert mass == pytest.approx(sum(STEEL.density * f.section.A * f.length for f in leafs), rel=1e-12)
+    leaves = cross_flexure().leaves()
+    assert mass == pytest.approx(sum(STEEL.density * f.section.A * f.length for f in leaves), rel=1e-12)
     forces = conventional(model, {"turn": 0.0, "lift": 0.0}).forces
     assert abs(forces["lift"]) == pytest.approx(0.5 * mass * 500.0, rel=1e-3)
 
@@ -266,8 +266,8 @@ def test_what_holds_the_ground_carries_all_of_it(mesh):
     scene.gravity = (30.0, -90.0, 40.0)
     model = compile_scene(scene, mesh=MESHES[mesh])
     found = conventional(model, {}, planar=False)
-    # the joint's own leafs, and a taper of linear thickness
-    mass = STEEL.density * (0.6 * mm * B * L + sum(f.section.A * f.length for f in cross_flexure().leafs()))
+    # the joint's own leaf springs, and a taper of linear thickness
+    mass = STEEL.density * (0.6 * mm * B * L + sum(f.section.A * f.length for f in cross_flexure().leaves()))
     assert model.arrays.weight[:, 0].sum() == pytest.approx(mass, rel=1e-9 if mesh == "modes" else 1e-3)
     held = [found.reactions[axis] for axis in "xyz"]
     assert held == pytest.approx(-model.arrays.weight[:, 0].sum() * np.array(scene.gravity), rel=1e-9)

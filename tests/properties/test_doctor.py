@@ -42,7 +42,7 @@ def test_the_planar_fourbar_has_three_too_many(turn, rng):
         found = ksd.doctor(frame(turn=T * np.sign(np.linalg.det(T)), unit=1e-6))
     assert counts(found) == (1, 1, 0, 3)
     inside = [f for f in found.fights if f.inside]
-    # three leafs of three constraints for five directions
+    # three leaf springs of three constraints for five directions
     assert len(inside) == 4 and len(inside[0].inside) == 4
     assert not found.exact and not any(f.nearly for f in found.fights)
 
@@ -72,7 +72,7 @@ def test_what_is_free_is_said_with_its_stiffness():
     EI = STEEL.E * ksd.rectangle(0.5e-3, 0.02).Iz
     slide = next(f for f in found.free if "slide along y" in f.sentence)
     assert slide.stiffness == pytest.approx(12 * EI / 0.1**3, rel=1e-3)
-    assert "link 'tip' can slide along y: only leafs that bend hold it" in slide.sentence
+    assert "link 'tip' can slide along y: only leaf springs that bend hold it" in slide.sentence
     loose = ksd.Mechanism("loose")
     first, _ = loose.links("first", "top")
     loose.leaf(loose.ground, first, start=(0, 0, 0), end=(0.1, 0, 0), **SHEET)

@@ -48,7 +48,7 @@ def test_every_link_is_in_balance(mesh):
         top += np.concatenate([force, np.cross(place, force)])
     top[3:] += TORQUE
     for link, given in weights.items():
-        # what the leafs weigh is in the interface forces
+        # what the leaf springs weigh is in the interface forces
         assert found.on(link) == pytest.approx(-given, abs=1e-5 * scale)
 
 

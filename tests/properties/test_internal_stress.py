@@ -1,4 +1,4 @@
-"""Layouts that hold a motion twice: the internal stress of misplaced leafs, against closed forms."""
+"""Layouts that hold a motion twice: the internal stress of misplaced leaf springs, against closed forms."""
 
 from dataclasses import replace
 
@@ -34,8 +34,8 @@ def solved(*joints, value=0.0, tilt=0.0, method="conventional"):
 
 
 def guide(count=2, width=0.03):
-    """A guide of `count` leafs, drawn."""
-    leafs = [
+    """A guide of `count` leaf springs, drawn."""
+    leaves = [
         ksd.Leaf(
             start=(0, y, 0), end=(0.1, y, 0), width_axis=(0, 0, 1), section=ksd.rectangle(5e-4, width),
             material=STEEL, name=f"leaf{k}",
@@ -43,7 +43,7 @@ def guide(count=2, width=0.03):
         for k, y in enumerate(np.linspace(-0.03, 0.03, count).tolist())
     ]  # fmt: skip
     motion = Motion("stroke", "translation", (0, 1, 0), (-0.02, 0.02), (0.05, 0, 0))
-    return DrawnJoint("guide", blocks={"A": (0, 0, 0), "B": (0.1, 0, 0)}, leafs=leafs, motions=[motion])
+    return DrawnJoint("guide", blocks={"A": (0, 0, 0), "B": (0.1, 0, 0)}, leaves=leaves, motions=[motion])
 
 
 @pytest.mark.parametrize(
@@ -55,7 +55,7 @@ def guide(count=2, width=0.03):
         (ParallelGuide(STEEL, width=0.03, spacing=0.06, **SIZES), 1),
         (guide(3), 4),
     ],
-    ids=["two crossed leafs", "three crossed leafs", "guide", "guide of three"],
+    ids=["two crossed leaf springs", "three crossed leaf springs", "guide", "guide of three"],
 )
 def test_what_is_held_twice_costs_stress(joint, within):
     """The doctor counts it, and a misplaced end of a leaf that takes part is paid for in every such joint."""
@@ -65,21 +65,21 @@ def test_what_is_held_twice_costs_stress(joint, within):
 
 
 def test_the_middle_leaf_of_three_misplaced_along():
-    """Closed form: E/L offset 2/3, the outer leafs in series with it."""
+    """Closed form: E/L offset 2/3, the outer leaf springs in series with it."""
     pose = solved(guide(3), value=0.0)
-    found = pose.internal_stress(leafs=("joint0/leaf1",), offset=1e-5)
+    found = pose.internal_stress(leaves=("joint0/leaf1",), offset=1e-5)
     expected = STEEL.E * 1e-5 / 0.1 * 2 / 3
     assert found.stress_Pa["joint0/leaf1", "along"] == pytest.approx(expected, rel=1e-3)
     # bent into an S: 6 E (t/2) offset / L^2
     bent = 3 * STEEL.E * 5e-4 * 1e-5 / 0.1**2
     assert found.stress_Pa["joint0/leaf1", "across"] == pytest.approx(bent, rel=1e-3)
-    twice = pose.internal_stress(leafs=("joint0/leaf1",), offset=2e-5)
+    twice = pose.internal_stress(leaves=("joint0/leaf1",), offset=2e-5)
     assert twice.stress_Pa["joint0/leaf1", "along"] == pytest.approx(2 * expected, rel=1e-3)
 
 
 @pytest.mark.parametrize("turn", [0.0, 0.3])
 @pytest.mark.parametrize(
-    "direction, misfit",
+    "direction, assembly error",
     [
         ("along", {"shift": (1e-7, 0, 0)}),
         ("across", {"shift": (0, 1e-7, 0)}),
@@ -88,20 +88,20 @@ def test_the_middle_leaf_of_three_misplaced_along():
         ("tilt", {"turn": (0, 0, 1e-6)}),
     ],
 )
-def test_against_a_misfit_in_the_scene(direction, misfit, turn):
-    """Three crossed leafs, one of them put in beside its place: the change of the state solved for is the one told."""
+def test_against_a_assembly_error_in_the_scene(direction, assembly_error, turn):
+    """Three crossed leaves, one of them put in beside its place: the change of the state solved for is the one told."""
     joint = CrossFlexure(STEEL, angle=0.8, widths=(0.03, 0.015), **SIZES)
     forces = []
     for put_in in (False, True):
-        scene = ksd.Mechanism("misfit")
+        scene = ksd.Mechanism("assembly_error")
         table = scene.link("table")
         scene.join(scene.ground, table, joint, at=(0, 0, 0), axis="z", toward="x", name="joint0")
         scene.actuate_joint("joint0", name="drive")
         if put_in:
-            scene.fit("joint0/outer_low", **misfit)
+            scene.fit("joint0/outer_low", **assembly_error)
         pose = ksd.solve(scene, drive=turn, method="conventional", effects="all")
         if not put_in:
-            told = pose.internal_stress(leafs=("joint0/outer_low",), offset=1e-7, rotation=1e-6)
+            told = pose.internal_stress(leaves=("joint0/outer_low",), offset=1e-7, rotation=1e-6)
         forces.append(pose.section_forces(points=13))
     change = {n: replace(f, values=f.values - forces[0][n].values) for n, f in forces[1].items()}
     expected = stress_of(pose.model, change).largest_Pa
@@ -109,7 +109,7 @@ def test_against_a_misfit_in_the_scene(direction, misfit, turn):
 
 
 def test_chains_tell_what_strain_modes_do():
-    """Appendix A elements, stepped by a part of the misplacement, against the linear response of strain-mode leafs."""
+    """Appendix A elements, stepped by a part of the misplacement, against the linear response of strain-mode leaves."""
     joint = CrossFlexure(STEEL, angle=0.8, widths=(0.03, 0.015), **SIZES)
     scene = ksd.Mechanism("both")
     table = scene.link("table")
@@ -117,7 +117,7 @@ def test_chains_tell_what_strain_modes_do():
     scene.actuate_joint("joint0", name="drive")
     strain, chains = (
         ksd.prepare(scene, mesh=mesh)(drive=0.3, method="conventional").internal_stress(
-            leafs=["joint0/inner"]
+            leaves=["joint0/inner"]
         )
         for mesh in (ksd.Mesh(), ksd.Mesh("corotational", elements=16))
     )
@@ -129,7 +129,7 @@ def test_misplacing_costs_little_where_nothing_is_held_twice():
     """One cantilever leaf driven at its end is strained by no misplacement but that of what is driven."""
     one, two = guide(2), guide(3)
     along = [
-        solved(g).internal_stress(leafs=("joint0/leaf0",)).stress_Pa["joint0/leaf0", "along"]
+        solved(g).internal_stress(leaves=("joint0/leaf0",)).stress_Pa["joint0/leaf0", "along"]
         for g in (one, two)
     ]
     assert along[0] < 0.05 * along[1]
@@ -139,7 +139,7 @@ def test_misaligned_guides_yield_in_the_full_model():
     one = ParallelGuide(STEEL, width=0.03, spacing=0.06, **SIZES)
     straight, bent = (solved(one, one, tilt=t, value=0.005, method="full") for t in (0.0, 2e-3))
     assert any("misaligned" in w for w in bent.warnings) and not straight.warnings
-    # 2e-3 rad times 5 mm of stroke is 10 um that the two guides, four leafs, have to yield
+    # 2e-3 rad times 5 mm of stroke is 10 um that the two guides, four leaf springs, have to yield
     extra = bent.stress().largest_Pa - straight.stress().largest_Pa
     assert extra > 1e6 and bent.stable
 
@@ -147,6 +147,6 @@ def test_misaligned_guides_yield_in_the_full_model():
 def test_wrong_words():
     pose = solved(guide(2))
     with pytest.raises(SceneError, match="leaf 'low' is not part"):
-        pose.internal_stress(leafs=("low",))
+        pose.internal_stress(leaves=("low",))
     with pytest.raises(SceneError, match="must be positive"):
         pose.internal_stress(offset=0.0)

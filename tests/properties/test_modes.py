@@ -9,7 +9,7 @@ from scenes import STEEL, cross_flexure, fourbar, single_joint
 import ksd
 from ksd.errors import SceneError
 from ksd.model.compile import compile_scene
-from ksd.model.leafs import Mesh
+from ksd.model.leaves import Mesh
 from ksd.properties.buckling import full_tangents
 from ksd.properties.frequencies import frequencies
 from ksd.properties.leaf_groups import leaf_groups
@@ -41,7 +41,7 @@ def uncondensed(model, motion, freed=()):
     members, nodes = fine.arrays.members, fine.arrays.plan.unknowns
     T = np.zeros((mass.size, len(K)))
     T[:nodes, :nodes] = np.eye(nodes)
-    for group, leaf in zip(leaf_groups(fine), mass.leafs, strict=True):
+    for group, leaf in zip(leaf_groups(fine), mass.leaves, strict=True):
         for k, i in enumerate(group.members.tolist()):
             at, first, P = leaf.inner[k], nodes + members.inner_at[i], leaf.P[k]
             T[at, first + np.arange(len(P))] = 1.0
@@ -71,7 +71,7 @@ def test_both_routes_agree_and_modes_are_orthonormal(bent):
 
 
 def test_equal_frequencies_are_all_found():
-    """Seven like leafs, each with a like block: single vectors of an iteration see one of seven equal modes only."""
+    """Seven like leaf springs, each with a like block: single vectors of an iteration see one of seven equal modes only."""
     scene = ksd.Mechanism("comb")
     for k in range(7):
         block = scene.link(f"block {k}", mass=0.1, inertia=(1e-5, 1e-5, 1e-5), at=(0.1, 0, k))
@@ -130,16 +130,16 @@ def test_nodal_and_condensed_chains_are_the_same():
     assert found[0] == pytest.approx(found[1], rel=1e-6)
 
 
-def test_rigid_mass_is_that_of_the_leafs():
+def test_rigid_mass_is_that_of_the_leaves():
     """A uniform velocity and a uniform spin of all nodes see the total mass and inertia, in any
     configuration."""
-    from ksd.properties.mass import _leaf_roots, _leafs_and_lines
+    from ksd.properties.mass import _leaf_roots, _leaves_and_lines
 
     model = compile_scene(single_joint())
     state = conventional(model, {"turn": 0.7}).motion
-    lines, total, energy = _leafs_and_lines(model), 0.0, 0.0
+    lines, total, energy = _leaves_and_lines(model), 0.0, 0.0
     spin = np.array([0.3, -0.2, 0.5])
-    for group, leaf in zip(leaf_groups(model), inertia(model, state).leafs, strict=True):
+    for group, leaf in zip(leaf_groups(model), inertia(model, state).leaves, strict=True):
         # ground is fixed: the whole of every leaf, both ends moving
         roots = _leaf_roots(leaf, np.stack([lines[i][1] for i in group.members]))
         for root, i in zip(roots, group.members, strict=True):
@@ -153,7 +153,7 @@ def test_rigid_mass_is_that_of_the_leafs():
 
 
 def test_a_rigid_payload_on_a_soft_leaf_is_a_pendulum_of_one_freedom():
-    """omega^2 = k/m for a heavy block guided by two leafs; leafs without density carry no mass and are
+    """omega^2 = k/m for a heavy block guided by two leaf springs; leaf springs without density carry no mass and are
     named."""
     light = ksd.Material(E=200e9, nu=0.3, name="light steel")
     scene = ksd.Mechanism("guide")
@@ -222,7 +222,7 @@ def test_modes_follow_each_other_along_a_stroke():
 
 
 def row(pieces, **leaf):
-    """Free leafs in a row from ground, `pieces` of (start, end, words); the last link is free."""
+    """Free leaf springs in a row from ground, `pieces` of (start, end, words); the last link is free."""
     scene = ksd.Mechanism("row")
     links = [scene.ground, *scene.links(*(f"n{k}" for k in range(len(pieces))))]
     for k, (start, end, words) in enumerate(pieces):

@@ -10,7 +10,7 @@ from scenes import STEEL, fourbar
 import ksd
 from ksd.errors import SceneError
 from ksd.model.compile import compile_scene
-from ksd.model.leafs import Mesh
+from ksd.model.leaves import Mesh
 from ksd.properties.buckling import buckling, full_tangents, with_stresses
 from ksd.properties.tangent import factored_tangent
 from ksd.properties.unfold import unfolded
@@ -100,7 +100,7 @@ def _of(configuration):
 @pytest.mark.parametrize("mesh", [Mesh(), Mesh("corotational", elements=4)], ids=("strain", "chain"))
 def test_what_may_be_added_to_a_deformed_pose(mesh):
     """Both leaf models at mid-stroke: stable under half of what they say may be added, unstable under all of it. (Chains
-    converge from above; taken in motions alone they would buckle at 1609 N, strain-mode leafs say 4581. Without the tangent
+    converge from above; taken in motions alone they would buckle at 1609 N, strain-mode leaves say 4581. Without the tangent
     of the added force at its lever both were 4 % less.)"""
     scene, at = fourbar(), (0, 0.35, 0)
     bent = conventional(compile_scene(scene, mesh=mesh), {"top": 0.1}, steps=4)

@@ -34,13 +34,13 @@ RADIUS = 0.05
 
 
 def feet():
-    """Where the three folded leafs hold the platform: (3, 3), 120 degrees apart."""
+    """Where the three folded leaf springs hold the platform: (3, 3), 120 degrees apart."""
     turns = np.deg2rad([90.0, 210.0, 330.0])
     return np.stack([RADIUS * np.cos(turns), RADIUS * np.sin(turns), np.zeros(3)], axis=1)
 
 
 def platform(drives="three"):
-    """A platform that lifts and tilts: three folded leafs with fold lines tangent to it hold x, y and the rotation about z.
+    """A platform that lifts and tilts: three folded leaves with fold lines tangent to it hold x, y and the rotation about z.
 
     drives: "three" points along z, "terms" for lift and both tilts as sums of them, or none.
     """
@@ -72,7 +72,7 @@ def dense_Hz(pose, count):
     mass, members, nodes = inertia(fine, state), fine.arrays.members, fine.arrays.plan.unknowns
     T = np.zeros((mass.size, len(K)))
     T[:nodes, :nodes] = np.eye(nodes)
-    for group, leaf in zip(leaf_groups(fine), mass.leafs, strict=True):
+    for group, leaf in zip(leaf_groups(fine), mass.leaves, strict=True):
         for k, i in enumerate(group.members.tolist()):
             at, first, P = leaf.inner[k], nodes + members.inner_at[i], leaf.P[k]
             T[at, first + np.arange(len(P))] = 1.0
@@ -138,20 +138,20 @@ def test_a_drive_that_stays_held_has_no_mode(pose):
 
 
 def test_modes_are_named_after_what_has_mass(pose):
-    """The folds move farther than the platform and have no mass: no mode below those of the leafs is theirs."""
+    """The folds move farther than the platform and have no mass: no mode below those of the leaf springs is theirs."""
     links = {m.link for m in pose.model.scene.masses}
     assert {said.split("'")[1] for said in freed(pose, 6).movements if "between" not in said} <= links
 
 
-def test_leafs_at_a_block_without_mass_are_named_as_leafs():
-    """A folded leaf between a heavy link and ground: with that link held, the fold is no body and its leafs swing."""
+def test_leaves_at_a_block_without_mass_are_named_as_leaves():
+    """A folded leaf between a heavy link and ground: with that link held, the fold is no body and its leaf springs swing."""
     scene = ksd.Mechanism("fold")
     block = scene.link("block", mass=50.0, inertia=(1.0, 1.0, 1.0), at=(0, 0, 0))
     leaf = ksd.FoldedLeaf(STEEL, length=30 * mm, thickness=0.3 * mm, width=15 * mm)
     scene.constrain(scene.ground, block, leaf, at=(0, 0, 0), axis="z", toward="x", name="leaf")
     said = ksd.solve(scene).frequencies(count=9).movements
     assert {w.split("'")[1] for w in said[:6]} == {"block"}
-    assert said[6].startswith("the leafs at 'leaf/fold', which turns about z")
+    assert said[6].startswith("the leaf springs at 'leaf/fold', which turns about z")
 
 
 def test_directions_that_drives_hold_together_are_held(pose):

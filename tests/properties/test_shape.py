@@ -5,7 +5,7 @@ import pytest
 
 import ksd
 from ksd.model.compile import compile_scene
-from ksd.model.leafs import Mesh
+from ksd.model.leaves import Mesh
 from ksd.properties.shape import curvature, mechanism_shape, member_ends, member_parts, strain_curve
 from ksd.solve.conventional import conventional
 from ksd.units import GPa, mm
@@ -32,7 +32,7 @@ def bent_leaf(mesh, *, turn=TURN):
 @pytest.mark.parametrize("mesh", MESHES, ids=IDS)
 def test_pure_bending_is_a_circular_arc(mesh):
     c = bent_leaf(mesh)
-    (leaf,) = mechanism_shape(c.model, c.motion, points=25).leafs
+    (leaf,) = mechanism_shape(c.model, c.motion, points=25).leaves
     radius = LENGTH / TURN
     distance = np.linalg.norm(leaf.place - [0, radius, 0], axis=1)
     # the chords of a chain lie inside the arc by h^2/(8 R) at most; the cubics take most of that back
@@ -47,7 +47,7 @@ def test_pure_bending_is_a_circular_arc(mesh):
 def test_leaf_meets_its_clamps_and_is_straight_at_rest(mesh):
     c = bent_leaf(mesh)
     shape = mechanism_shape(c.model, c.motion, points=12)
-    (leaf,) = shape.leafs
+    (leaf,) = shape.leaves
     blocks = {b.name: b for b in shape.blocks}
     assert leaf.name == "blade" and len(leaf.s) >= 12
     assert leaf.place[0] == pytest.approx(blocks["ground"].place[0], abs=1e-15)
@@ -64,7 +64,7 @@ def test_both_leaf_models_draw_the_same_curve():
     curves = []
     for mesh in (Mesh(), Mesh(leaf="corotational", elements=12)):
         c = bent_leaf(mesh, turn=0.6)
-        (leaf,) = mechanism_shape(c.model, c.motion, points=25).leafs
+        (leaf,) = mechanism_shape(c.model, c.motion, points=25).leaves
         curves.append(leaf.place)
     assert curves[0] == pytest.approx(curves[1], abs=2e-4 * LENGTH)
 
@@ -75,7 +75,7 @@ def test_twist_turns_the_width_axis_evenly():
     scene.leaf(scene.ground, tip, **BLADE)
     scene.actuate(tip, about="x", name="turn")
     c = conventional(compile_scene(scene), {"turn": 0.8})
-    (leaf,) = mechanism_shape(c.model, c.motion).leafs
+    (leaf,) = mechanism_shape(c.model, c.motion).leaves
     angle = 0.8 * leaf.s / LENGTH
     assert leaf.axes[:, :, 2] == pytest.approx(
         np.stack([0 * angle, -np.sin(angle), np.cos(angle)], axis=1), abs=1e-8
@@ -94,7 +94,7 @@ def test_driven_point_moves_as_prescribed():
     shape = mechanism_shape(c.model, c.motion)
     (driven,) = shape.driven
     assert driven.place[1] - driven.rest[1] == pytest.approx(0.01, abs=1e-12)
-    assert [leaf.name for leaf in shape.leafs] == ["leaf", "leaf.2"]
+    assert [leaf.name for leaf in shape.leaves] == ["leaf", "leaf.2"]
 
 
 @pytest.mark.parametrize("mesh", MESHES[:2], ids=IDS[:2])
@@ -105,7 +105,7 @@ def test_a_curved_leaf_is_drawn_curved_at_rest(mesh):
     scene.leaf(scene.ground, tip, curve=arc, **{**BLADE, "end": (arc.chord, 0, 0)})
     scene.actuate(tip, about="z", name="turn")
     c = conventional(compile_scene(scene, mesh=mesh), {"turn": 0.1})
-    (leaf,) = mechanism_shape(c.model, c.motion).leafs
+    (leaf,) = mechanism_shape(c.model, c.motion).leaves
     centre = np.array([0.5 * arc.chord, 0.05 * np.cos(0.6), 0])
     assert np.linalg.norm(leaf.rest - centre, axis=1) == pytest.approx(
         0.05, rel=1e-7 if mesh.leaf == "strain" else 1e-3
@@ -124,7 +124,7 @@ def test_a_tapered_leaf_meets_its_clamp_and_shows_its_width():
     _, r, R = strain_curve(value, number, inner, 25)
     ends = member_ends(c.model, c.motion, 0)
     assert r[-1] == pytest.approx(ends.d, abs=1e-6 * LENGTH) and R[-1] == pytest.approx(ends.Q, abs=1e-5)
-    (leaf,) = mechanism_shape(c.model, c.motion).leafs
+    (leaf,) = mechanism_shape(c.model, c.motion).leaves
     assert leaf.width == pytest.approx(0.02 - 0.01 * leaf.s / LENGTH)
     # the moment is constant, so the curvature follows the compliance
     kappa = curvature(value, number, inner, np.array([0.1, 0.9]))[:, 2]

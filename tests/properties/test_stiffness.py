@@ -7,7 +7,7 @@ from scipy.spatial.transform import Rotation
 
 from ksd.errors import KinematicsError, SceneError
 from ksd.model.compile import compile_scene
-from ksd.model.leafs import Mesh
+from ksd.model.leaves import Mesh
 from ksd.properties.stiffness import cross_compliance, drive_coupling, drive_stiffness, point_stiffness
 from ksd.solve.conventional import conventional
 

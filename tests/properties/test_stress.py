@@ -1,4 +1,4 @@
-"""Stress of leafs against beam formulas, and strain energy against the work of the drives."""
+"""Stress of leaf springs against beam formulas, and strain energy against the work of the drives."""
 
 import numpy as np
 import pytest
@@ -6,7 +6,7 @@ from scenes import STEEL, fourbar, single_joint
 
 import ksd
 from ksd.model.compile import compile_scene
-from ksd.model.leafs import Mesh
+from ksd.model.leaves import Mesh
 from ksd.properties.stress import stress_points, torsion_factors
 from ksd.section import circle, numbers, polygon, rectangle
 from ksd.solve.conventional import conventional
@@ -32,7 +32,7 @@ def test_cross_flexure_bends_as_circles(mesh):
     theta = 1e-4
     found = conventional(compile_scene(single_joint(), mesh=mesh), {"turn": theta}).stress()
     expected = STEEL.E * 1e-3 * theta / (2 * 0.1)
-    for leaf in found.leafs.values():
+    for leaf in found.leaves.values():
         assert leaf.largest_Pa == pytest.approx(expected, rel=1e-4)
         assert leaf.bending_Pa == pytest.approx(np.full(len(leaf.s), expected), rel=1e-4)
     assert found.largest_Pa == pytest.approx(expected, rel=1e-4)

@@ -26,7 +26,7 @@ def test_frequencies_say_what_moves(pose):
     assert repr(modes).startswith("<Modes: 4 modes, ") and "\n" not in repr(modes)
 
 
-def test_leafs_that_vibrate_between_still_ends_are_named():
+def test_leaves_that_vibrate_between_still_ends_are_named():
     scene = ksd.Mechanism("heavy")
     block = scene.link("block")
     guide = ksd.ParallelGuide(STEEL, length=0.1, thickness=0.2e-3, width=0.03, spacing=0.06)

@@ -114,7 +114,7 @@ def test_masses_loads_and_gravity():
     assert push.following and push.moment == (0, 0, 0)
 
 
-def test_free_form_leafs_and_wires():
+def test_free_form_leaves_and_wires():
     made = Mechanism("guide")
     stage = made.link("stage")
     made.leaf(
@@ -124,9 +124,9 @@ def test_free_form_leafs_and_wires():
         made.ground, stage, start=(0, 0.1, 0), end=(0.1, 0.1, 0), diameter=1 * mm, material=STEEL, elements=3
     )
     scene = made.scene()
-    assert [leaf.name for leaf in scene.leafs] == ["leaf", "wire"]
-    assert (scene.leafs[0].leaf.start_block, scene.leafs[0].leaf.end_block) == ("ground", "stage")
-    assert scene.leafs[1].leaf.elements == 3
+    assert [leaf.name for leaf in scene.leaves] == ["leaf", "wire"]
+    assert (scene.leaves[0].leaf.start_block, scene.leaves[0].leaf.end_block) == ("ground", "stage")
+    assert scene.leaves[1].leaf.elements == 3
 
 
 # Bad sentences

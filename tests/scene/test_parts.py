@@ -1,4 +1,4 @@
-"""Materials, leafs, wires, joints and families: meaning, defaults, and the sentence each bad value gets."""
+"""Materials, leaf springs, wires, joints and families: meaning, defaults, and the sentence each bad value gets."""
 
 import math
 import subprocess
@@ -40,7 +40,7 @@ def cross(**words):
 
 
 def drawn(**words):
-    given = {"blocks": {"A": (0, 0, 0), "B": (0.1, 0, 0)}, "leafs": [leaf()], "motions": [TURN]}
+    given = {"blocks": {"A": (0, 0, 0), "B": (0.1, 0, 0)}, "leaves": [leaf()], "motions": [TURN]}
     return DrawnJoint("mine", **{**given, **words})
 
 
@@ -86,7 +86,7 @@ def test_bad_material(call, words):
     assert all(word in message for word in words), message
 
 
-# Leafs
+# Leaf springs
 
 
 def test_leaf_axes_are_right_handed_and_follow_the_width():
@@ -149,7 +149,7 @@ def test_cross_flexure_geometry():
     # acceptance.md B
     joint = cross()
     D0, h = 0.1 * math.cos(math.pi / 4), 0.05 * math.sin(math.pi / 4)
-    inner, low, high = joint.leafs()
+    inner, low, high = joint.leaves()
     assert inner.start == pytest.approx((0, -h, 0)) and inner.end == pytest.approx((D0, h, 0))
     assert low.start == pytest.approx((0, h, -0.03)) and low.end == pytest.approx((D0, -h, -0.03))
     assert high.start == pytest.approx((0, h, 0.03)) and high.end == pytest.approx((D0, -h, 0.03))
@@ -166,8 +166,8 @@ def test_cross_flexure_geometry():
 def test_cross_flexure_spacing():
     assert cross(gap=5 * mm).spacing == pytest.approx(0.035)
     assert cross(spacing=0.035).spacing == 0.035
-    assert cross(elements=4, orders=(3, 2, 4)).leafs()[0].elements == 4
-    assert cross(orders=(3, 2, 4)).leafs()[2].orders == (3, 2, 4)
+    assert cross(elements=4, orders=(3, 2, 4)).leaves()[0].elements == 4
+    assert cross(orders=(3, 2, 4)).leaves()[2].orders == (3, 2, 4)
 
 
 @pytest.mark.parametrize(
@@ -235,7 +235,7 @@ def test_drawn_joint_answers_like_a_family():
 
 def test_drawn_joint_with_an_internal_block():
     first, second = leaf(end_block="mid", end=(0.05, 0, 0)), leaf(start_block="mid", start=(0.05, 0, 0))
-    joint = drawn(blocks={"A": (0, 0, 0), "B": (0.1, 0, 0), "mid": (0.05, 0, 0)}, leafs=[first, second])
+    joint = drawn(blocks={"A": (0, 0, 0), "B": (0.1, 0, 0), "mid": (0.05, 0, 0)}, leaves=[first, second])
     assert set(joint.blocks()) == {"A", "B", "mid"} and joint.pose_B == (0.1, 0, 0)
 
 
@@ -244,9 +244,9 @@ def test_drawn_joint_with_an_internal_block():
     [
         (lambda: drawn(blocks={"A": (0, 0, 0)}), ["joint 'mine'", "'B' is missing"]),
         (lambda: drawn(blocks={"A": (1, 0, 0), "B": (0.1, 0, 0)}), ["'A'", "origin"]),
-        (lambda: drawn(leafs=[]), ["at least one Leaf"]),
-        (lambda: drawn(leafs=[leaf(end_block="C")]), ["'C'", "known: A, B"]),
-        (lambda: drawn(leafs=[leaf(end_block="A")]), ["same block 'A'"]),
+        (lambda: drawn(leaves=[]), ["at least one Leaf"]),
+        (lambda: drawn(leaves=[leaf(end_block="C")]), ["'C'", "known: A, B"]),
+        (lambda: drawn(leaves=[leaf(end_block="A")]), ["same block 'A'"]),
         (lambda: drawn(blocks={"A": (0, 0, 0), "B": (1, 0, 0), "C": (2, 0, 0)}), ["block 'C'", "add a leaf"]),
         (lambda: drawn(motions=[]), ["at least one Motion"]),
         (lambda: drawn(length=-1), ["length = -1", "positive"]),

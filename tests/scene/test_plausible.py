@@ -1,4 +1,4 @@
-"""Scenes in another unit, and leafs that are no beams, are named; scenes as flexures are stay silent."""
+"""Scenes in another unit, and leaf springs that are no beams, are named; scenes as flexures are stay silent."""
 
 import pytest
 
@@ -56,7 +56,7 @@ def test_a_notch_is_judged_where_it_is_thinnest():
     assert implausible(scene(length=0.01, thickness=0.0105, width=0.01, profile=notch).scene()) == ()
 
 
-def test_equal_leafs_share_a_sentence():
+def test_equal_leaves_share_a_sentence():
     m = ksd.Mechanism("four")
     tip = m.link("tip")
     for k in range(5):
@@ -66,7 +66,7 @@ def test_equal_leafs_share_a_sentence():
         )  # fmt: skip
     m.actuate(tip, about="z", name="drive")
     (found,) = implausible(m.scene())
-    assert found.startswith("leafs 'leaf 0', 'leaf 1', 'leaf 2' and 2 more: ")
+    assert found.startswith("leaf springs 'leaf 0', 'leaf 1', 'leaf 2' and 2 more: ")
 
 
 def test_a_scene_file_in_the_wrong_units_says_so(tmp_path):
@@ -96,7 +96,7 @@ value = "10 deg"
 """
     )
     made, targets, _ = ksd.load_scene(file)
-    material = made.scene().leafs[0].leaf.material
+    material = made.scene().leaves[0].leaf.material
     assert (material.yield_stress, material.fatigue_limit) == (8e8, 4e8)
     said = " ".join(ksd.doctor(made).unusual)
     assert "E = 210000 Pa" in said and "length 50 m" in said and "yield_stress = 8e+08 Pa" in said

@@ -325,7 +325,7 @@ def test_every_section_round_trips(section, tmp_path):
     assert again.scene() == made.scene()
 
 
-def test_sections_and_leafs_in_file_words(read):
+def test_sections_and_leaves_in_file_words(read):
     text = GOOD.replace('kind = "rectangle"\nthickness = "1 mm"\nwidth = "40 mm"', "{}")
     for words, expected in {
         'kind = "tube"\nouter = "2 mm"\ninner = "1 mm"': tube(2 * 1e-3, 1e-3),
@@ -336,9 +336,9 @@ def test_sections_and_leafs_in_file_words(read):
         'kind = "numbers"\nA = 1.0\nJ = 2.0\nIy = 3.0\nIz = 4.0': numbers(A=1, J=2, Iy=3, Iz=4),
     }.items():
         made, _, _ = read(text.replace("{}", words))
-        assert made.scene().leafs[0].leaf.section == expected
+        assert made.scene().leaves[0].leaf.section == expected
     inline = GOOD.replace('section = "blade"\nmaterial', 'thickness = "2 mm"\nwidth = 0.01\nmaterial')
-    assert read(inline)[0].scene().leafs[0].leaf.section == rectangle(2 * 1e-3, 0.01)
+    assert read(inline)[0].scene().leaves[0].leaf.section == rectangle(2 * 1e-3, 0.01)
 
 
 def test_drawn_joint_round_trips(tmp_path):
@@ -353,7 +353,7 @@ def test_drawn_joint_round_trips(tmp_path):
     joint = DrawnJoint(
         "mine",
         blocks={"A": (0, 0, 0), "B": (0.1, 0, 0), "mid": (0.05, 0, 0)},
-        leafs=[first, second],
+        leaves=[first, second],
         motions=[
             Motion("tilt", "rotation", (0.6, 0, 0.8), (-0.3, 0.4)),
             Motion("s", "translation", "x", (0, 1)),
@@ -372,7 +372,7 @@ def test_drawn_joint_mistakes(tmp_path):
     joint = DrawnJoint(
         "mine",
         blocks={"A": (0, 0, 0), "B": (0.1, 0, 0)},
-        leafs=[Leaf(start=(0, 0, 0), end=(0.1, 0, 0), width_axis="z", section=circle(1e-3), material=STEEL)],
+        leaves=[Leaf(start=(0, 0, 0), end=(0.1, 0, 0), width_axis="z", section=circle(1e-3), material=STEEL)],
         motions=[Motion("tilt", "rotation", "z", (-0.3, 0.4))],
     )
     made = Mechanism("drawn")

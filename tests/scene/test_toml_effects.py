@@ -100,7 +100,7 @@ material = "steel"
 [[heat]]
 temperature = 20
 through = 2
-leafs = ["blade"]
+leaves = ["blade"]
 
 [[fit]]
 leaf = "hinge/inner"
@@ -130,7 +130,7 @@ def in_python():
     scene.joint_spring(hinge, stiffness=1.5, rest_angle=5 * np.pi / 180)
     scene.turn_spring(tip, arm, at=(0.2, 0, 0), axis="z", stiffness=0.2, name="turner")
     scene.compliance(tip, section=ksd.rectangle(5e-3, 20e-3, name="rectangle"), material=steel)
-    scene.heat(20, through=2, leafs=blade.name)
+    scene.heat(20, through=2, leaves=blade.name)
     scene.fit("hinge/inner", natural_length=0.09999, turn=(0, 0, 1e-3))
     return scene
 
@@ -189,7 +189,7 @@ def test_a_matrix_beside_the_scene_file(tmp_path):
         ('free_length = "80 mm"', 'free_lenght = "80 mm"', ["free_lenght", "unknown"]),
         ('link = "tip"\nsection', 'link = "top"\nsection', ["'top'", "does not exist"]),
         ('section = "bar"\nmaterial = "steel"\n', 'section = "bar"\n', ["section needs its material"]),
-        ('leafs = ["blade"]', 'leafs = ["blades"]', ["heat: leaf 'blades'", "blade"]),
+        ('leaves = ["blade"]', 'leaves = ["blades"]', ["heat: leaf 'blades'", "blade"]),
         ('"99.99 mm"', '"50 mm"', ["natural_length", "10 %"]),
         ("expansion = 12e-6\n", "", ["steel has no expansion"]),
         ('consider = ["plate", "warping"]', 'consider = ["shear"]', ["consider", "shear"]),
@@ -279,7 +279,7 @@ def test_the_schema_holds_words_of_python_only():
         assert {kind.rstrip("!").partition("[")[0] for kind in keys.values()} <= kinds
 
 
-@pytest.mark.parametrize("leafs", [0.3, -1, {"a": 1}])
-def test_heat_of_leafs_that_are_no_names_is_one_sentence(leafs):
-    with pytest.raises(SceneError, match=r"heat: leafs = .* must be names of leafs in a list\."):
-        ksd.Mechanism("m").heat(10.0, leafs=leafs)
+@pytest.mark.parametrize("leaves", [0.3, -1, {"a": 1}])
+def test_heat_of_leaves_that_are_no_names_is_one_sentence(leaves):
+    with pytest.raises(SceneError, match=r"heat: leaves = .* must be names of leaf springs in a list\."):
+        ksd.Mechanism("m").heat(10.0, leaves=leaves)

@@ -84,8 +84,8 @@ def test_a_function_of_the_users_is_asked_every_time():
 class Altered:
     """A joint family of the user's own whose numbers can be changed."""
 
-    def leafs(self):
-        return cross_flexure().leafs()
+    def leaves(self):
+        return cross_flexure().leaves()
 
 
 def test_a_joint_that_can_be_altered_is_hashed_every_time():

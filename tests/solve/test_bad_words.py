@@ -39,8 +39,11 @@ def test_a_description_with_a_wrong_word(make, sentence):
         ({"top": "a"}, "drive 'top' = 'a' is not a number"),
         ({"top": [1, 2]}, "drive 'top' = [1, 2] is not a number"),
         ({"top": 0.1, "accuracy": "a"}, "accuracy = 'a' is not a number"),
-        ({"top": 0.1, "method": "reduced", "passes": "a"}, "passes = 'a' must be a whole number"),
-        ({"top": 0.1, "method": "reduced", "passes": 51}, "passes = 51"),
+        (
+            {"top": 0.1, "method": "reduced", "relinearisations": "a"},
+            "relinearisations = 'a' must be a whole number",
+        ),
+        ({"top": 0.1, "method": "reduced", "relinearisations": 51}, "relinearisations = 51"),
         ({"top": 0.1, "mesh": "fine"}, "mesh = 'fine': give a ksd.Mesh"),
     ],
 )

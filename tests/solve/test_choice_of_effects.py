@@ -10,7 +10,7 @@ from scipy.integrate import solve_bvp
 import ksd
 from ksd.errors import SceneError
 from ksd.model import compile as compiling
-from ksd.model import effects, leafs, newton, pack
+from ksd.model import effects, leaves, newton, pack
 from ksd.model.arrays import make_work
 from ksd.model.effects import choose
 from ksd.model.plane import plane_of
@@ -22,7 +22,7 @@ PLASTIC = ksd.Material(E=2e9, nu=0.35, density=1200, expansion=8e-5, name="plast
 
 
 def lever(t=1e-3, w=20e-3, L=0.1, material=HOT, *, space=False, push=0.0, following=False):
-    """A parallel pair of leafs or, in space, crossed ones, with a tip driven across them."""
+    """A parallel pair of leaf springs or, in space, crossed ones, with a tip driven across them."""
     scene = ksd.Mechanism(f"lever {t} {w} {L}")
     tip = scene.link("tip")
     words = {"section": ksd.rectangle(t, w), "material": material, "width_axis": (0, 0, 1)}
@@ -36,7 +36,7 @@ def lever(t=1e-3, w=20e-3, L=0.1, material=HOT, *, space=False, push=0.0, follow
 
 
 def light():
-    """The fourbar of leafs that weigh nothing."""
+    """The fourbar of leaf springs that weigh nothing."""
     sizes = {"length": 0.1, "angle": np.pi / 4, "thickness": 1e-3, "widths": (0.04, 0.02)}
     return fourbar(joint=ksd.CrossFlexure(LIGHT, **sizes))
 
@@ -138,7 +138,7 @@ def test_what_is_mentioned_is_simulated(k):
 
 
 def full_of_effects():
-    """The fourbar with gravity, a spring, heat, misfit, an elastic link and a load that follows, all next to nothing."""
+    """The fourbar with gravity, a spring, heat, assembly error, an elastic link and a follower load, all next to nothing."""
     hot = ksd.CrossFlexure(HOT, length=0.1, angle=np.pi / 4, thickness=1e-3, widths=(0.04, 0.02))
     scene = fourbar(joint=hot)
     scene.mass("top", mass=1e-9, at=(0, 0.37, 0))
@@ -253,11 +253,11 @@ def test_a_scene_that_leaves_its_plane_is_solved_with_warping():
 def test_the_model_says_what_it_simulates_in_the_words_of_the_scene():
     text = str(ksd.compile_scene(full_of_effects()))
     for said in (
-        "with gravity: (0, -1e-09, 0) m/s^2 on 1 mass and 12 of 12 leafs, those of known density",
+        "with gravity: (0, -1e-09, 0) m/s^2 on 1 mass and 12 of 12 leaf springs, those of known density",
         "with following: a load of 'left' turns with its link",
         "with compliance: 'top' said to be elastic",
         "with springs: 'spring'",
-        "with heat: 1e-09 K on all leafs",
+        "with heat: 1e-09 K on all leaf springs",
         "with fit: of 'lower left/inner'",
         "with shear: of every leaf, by its nature",
         "without warping: not mentioned; would be 23 % more torsional stiffness",
@@ -265,10 +265,16 @@ def test_the_model_says_what_it_simulates_in_the_words_of_the_scene():
     ):
         assert said in text, text
     bare = str(ksd.compile_scene(fourbar()))
-    assert "left out: gravity on links, payloads and along the leafs, loads that turn with their link" in bare
-    assert "prestress and misfit of leafs: the scene says nothing of them" in bare
+    assert (
+        "left out: gravity on links, payloads and along the leaf springs, loads that turn with their link"
+        in bare
+    )
+    assert "prestress and assembly error of leaves: the scene says nothing of them" in bare
     off = str(ksd.compile_scene(full_of_effects(), without=("heat", "shear")))
-    assert "without heat: switched off; 1e-09 K on all leafs" in off and "without shear: switched off" in off
+    assert (
+        "without heat: switched off; 1e-09 K on all leaf springs" in off
+        and "without shear: switched off" in off
+    )
 
 
 def test_effects_of_the_material_stay_off_unless_mentioned():
@@ -593,7 +599,7 @@ def test_corners_and_bodies_are_no_run():
     fold.leaf(middle, end, start=(0.02, 0, 0), end=(0.02, 0.02, 0), name="round", **words)
     fold.actuate(end, along="x", at=(0.02, 0.02, 0))
     said = str(ksd.compile_scene(fold, with_="warping"))
-    assert "leafs 'first' and 'round' meet at an angle on 'middle'" in said
+    assert "leaf springs 'first' and 'round' meet at an angle on 'middle'" in said
     assert f"{own_factor(leaf):.3g}" in said and f"{half_held_factor(leaf):.3g} if it did not hold" in said
     assert "meet end to end" not in str(ksd.compile_scene(fourbar()))
 
@@ -601,4 +607,4 @@ def test_corners_and_bodies_are_no_run():
 def test_listed_parts_of_the_drawing():
     joint = ksd.CircularNotchHinge(STEEL, radius=3e-3, minimum=0.3e-3, width=10e-3)
     assert "with a circular notch" in str(ksd.compile_scene(single_joint(joint)))
-    assert compiling.compile_given and leafs.natural
+    assert compiling.compile_given and leaves.natural

@@ -44,7 +44,7 @@ def test_orders_are_raised_where_the_highest_modes_carry_energy():
 
 @pytest.mark.parametrize("method", [None, "full", "conventional"])
 def test_a_prepared_solver_says_where_its_modes_are_few(method):
-    """It keeps its mesh: 1.4 % off under 700 N across the plane, and not in silence."""
+    """It keeps its mesh: 1.4 % off under 700 N out of the plane, and not in silence."""
     scene = fourbar()
     scene.load("top", force=(0, 0, 700), at=(0, 0.37, 0))
     prepared = ksd.prepare(scene)
@@ -97,7 +97,7 @@ def test_the_share_counts_every_pair_of_modes():
         ({"top": np.nan}, ["drive 'top' = nan", "finite"]),
         ({"top": 0.1, "method": "magic"}, ["method = 'magic'", "kinematic, reduced, full, conventional"]),
         ({"top": 0.1, "accuracy": 2.0}, ["accuracy = 2.0", "between 0 and 1"]),
-        ({"top": 0.1, "method": "reduced", "passes": -1}, ["passes = -1"]),
+        ({"top": 0.1, "method": "reduced", "relinearisations": -1}, ["relinearisations = -1"]),
     ],
 )
 def test_bad_requests_get_a_sentence(solve, request_, words):
@@ -181,7 +181,7 @@ def test_missing_record_says_what_to_do(monkeypatch, tmp_path):
         material=ksd.Material(E=200e9, nu=0.3),
     )  # fmt: skip
     turn = ksd.Motion("turn", "rotation", (0, 0, 1), (-0.5, 0.5))
-    drawn = ksd.DrawnJoint("my own", blocks=points, leafs=[leaf], motions=[turn])
+    drawn = ksd.DrawnJoint("my own", blocks=points, leaves=[leaf], motions=[turn])
     with pytest.raises(ksd.RecordError, match=r"ksd\.train\(joint\)"):
         ksd.solve(single_joint(drawn), turn=0.1, method="reduced")
     assert ksd.solve(single_joint(drawn), turn=0.1).method == "conventional"
@@ -189,7 +189,7 @@ def test_missing_record_says_what_to_do(monkeypatch, tmp_path):
 
 def test_results_do_not_depend_on_earlier_solves(solve):
     first = solve(top=0.2, method="full").motion
-    solve(top=-0.25, method="reduced", passes=2)
+    solve(top=-0.25, method="reduced", relinearisations=2)
     again = solve(top=0.2, method="full").motion
     assert np.array_equal(first.x, again.x)
     assert np.array_equal(first.inner, again.inner)
@@ -219,7 +219,7 @@ def _leaves(told, where=""):
     [
         {},
         *({"method": m} for m in ("kinematic", "reduced", "full", "conventional")),
-        {"method": "reduced", "passes": 1},
+        {"method": "reduced", "relinearisations": 1},
     ],
     ids=str,
 )
@@ -242,7 +242,7 @@ def test_a_repeated_call_says_what_the_first_one_said(words, planar):
 
 
 @pytest.mark.parametrize(("slenderness", "way"), [(300, 0.1), (500, 0.05), (500, 0.1)])
-def test_orders_follow_the_bent_ends_of_thin_taut_leafs(slenderness, way):
+def test_orders_follow_the_bent_ends_of_thin_taut_leaves(slenderness, way):
     """Their ends bend within sqrt(EI/N), a hundredth of the length: up to 1.2 % off with twelve modes, and warned of only.
     Against chains of elements, extrapolated."""
     scene = ksd.Mechanism("taut leaf")

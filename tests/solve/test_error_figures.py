@@ -23,7 +23,7 @@ def test_the_force_estimate_after_one_relinearisation(number):
     scene, targets = robust_estimates.door(rng)
     share = rng.uniform(0.1, 1.0)
     targets = {name: share * value for name, value in targets.items()}
-    pose = ksd.solve(scene, targets, method="reduced", passes=1)
+    pose = ksd.solve(scene, targets, method="reduced", relinearisations=1)
     truth = ksd.solve(scene, targets, method="full")
     true, told = robust_estimates.relative_force(pose, truth)
     assert true > 1e-4
@@ -74,8 +74,8 @@ def test_modal_bodies_tell_the_error_of_their_elements():
 
 
 @pytest.mark.parametrize("number", [1, 2, 3])
-def test_leafs_in_space(number):
-    """Frames of leafs in a plane and in space, as chains of 3 to 8 elements."""
+def test_leaves_in_space(number):
+    """Frames of leaf springs in a plane and in space, as chains of 3 to 8 elements."""
     rng = np.random.default_rng((7, number))
     scene, targets = robust_estimates.frame(rng)
     mesh = ksd.Mesh("corotational", elements=int(rng.integers(3, 9)))

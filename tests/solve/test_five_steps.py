@@ -17,7 +17,7 @@ MESHES = {"strain": Mesh(), "chain": Mesh("corotational", elements=3)}
 def test_batch_is_what_single_solves_are():
     tops = np.array([0.0, 0.12, 0.3])
     solver = ksd.prepare(fourbar())
-    for options in ({}, {"passes": 1}, {"method": "full"}):
+    for options in ({}, {"relinearisations": 1}, {"method": "full"}):
         found = ksd.batch(fourbar(), top=tops, **options)
         ways = {"method": "reduced", "estimate": False} | options
         for n, top in enumerate(tops):

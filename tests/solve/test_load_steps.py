@@ -11,7 +11,7 @@ from ksd.solve.conventional import conventional
 
 
 def strut():
-    """Two leafs of different thickness that meet at a flat angle, their ridge pushed down: they bow, the thin one more."""
+    """Two leaves of different thickness that meet at a flat angle, their ridge pushed down: they bow, the thin one more."""
     scene = ksd.Mechanism("strut")
     ridge = scene.link("ridge")
     for name, x, thickness in (("left", -0.1, 1.1e-3), ("right", 0.1, 1.4e-3)):

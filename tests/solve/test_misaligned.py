@@ -1,4 +1,4 @@
-"""Overconstrained mechanisms with joints not aligned: loops close in the least-squares sense, leafs take up the rest."""
+"""Overconstrained mechanisms with joints not aligned: loops close in the least-squares sense, leaves take up the rest."""
 
 import numpy as np
 import pytest
@@ -64,8 +64,8 @@ def test_the_five_steps_solve_misaligned_loops(made, size, rng):
     assert full.motion.x == pytest.approx(exact.motion.x, abs=1e-9)
     assert 0.1 * size < solver.five_steps.fit.off < 2 * size
     assert any("overconstrained and misaligned" in w and "gap" in w for w in full.warnings)
-    for method, passes in (("kinematic", 0), ("reduced", 0), ("reduced", 1)):
-        fast = solver(drive=d, method=method, passes=passes)
+    for method, relinearisations in (("kinematic", 0), ("reduced", 0), ("reduced", 1)):
+        fast = solver(drive=d, method=method, relinearisations=relinearisations)
         off = abs(fast.forces["drive"] / exact.forces["drive"] - 1)
         assert off < 1.2 * fast.error.relative + 1e-8
         assert fast.error.relative < 0.1

@@ -108,14 +108,15 @@ def test_dead_and_following_loads_and_rows_seen_from_a_link(mesh):
     same(*(conventional(model, values, planar=p) for p in (True, False)), tolerance=1e-8)
 
 
-def test_leafs_that_do_not_balance_across_the_plane_are_solved_in_space():
+def test_leaves_that_do_not_balance_across_the_plane_are_solved_in_space():
     model = compile_scene(guide(spread=50 * mm))
     found = conventional(model, {"stroke": 5 * mm})
-    assert "spatial: its leafs and loads do not balance across the plane" in found.steps[0].note
+    assert "spatial: its leaf springs and loads do not balance out of the plane" in found.steps[0].note
     assert found.motion.x == pytest.approx(conventional(model, {"stroke": 5 * mm}, planar=False).motion.x)
     assert "do not balance" in plane_of(model)
     with pytest.raises(
-        ksd.SceneError, match=r"not planar: its leafs and loads .* 'stage'; use planar = 'auto' or False"
+        ksd.SceneError,
+        match=r"not planar: its leaf springs and loads .* 'stage'; use planar = 'auto' or False",
     ):
         conventional(model, {"stroke": 5 * mm}, planar=True)
 
@@ -189,8 +190,8 @@ PROFILES = {
 
 
 @pytest.mark.parametrize("profile", PROFILES)
-def test_leafs_with_a_profile_are_solved_in_the_plane(profile):
-    """Two coinciding leafs on one side, one on the other; hardly an iteration is left for the check in space."""
+def test_leaves_with_a_profile_are_solved_in_the_plane(profile):
+    """Two coinciding leaf springs on one side, one on the other; hardly an iteration is left for the check in space."""
     scene = ksd.Mechanism("guide")
     stage, shape = scene.link("stage"), PROFILES[profile]
     for y, z in ((-0.04, 0.03), (-0.04, -0.03), (0.04, 0.0)):

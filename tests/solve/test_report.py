@@ -188,4 +188,4 @@ def test_mixed_drive_has_a_value_without_unit():
     )
     d = as_dict(conventional(compile_scene(scene), {"sum": 1e-3}))
     assert set(d["drives"]["sum"]) == {"value", "effort", "effort_error"}
-    assert d["joints"] == {} and set(d["leafs"]) == {"leaf"}
+    assert d["joints"] == {} and set(d["leaves"]) == {"leaf"}

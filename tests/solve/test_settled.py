@@ -1,4 +1,4 @@
-"""Newton stops when its answer no longer changes: taut leafs, whose stiffness turns tiny steps into forces."""
+"""Newton stops when its answer no longer changes: taut leaf springs, whose stiffness turns tiny steps into forces."""
 
 import numpy as np
 import pytest

@@ -128,7 +128,7 @@ def test_loads_that_do_much_of_the_work_are_walked(force, moment, d, right):
     assert ksd.solve(scene, top=d).forces["top"] == pytest.approx(right, rel=1e-5)
 
 
-def test_leafs_too_coarse_for_their_state_are_refused():
+def test_leaves_too_coarse_for_their_state_are_refused():
     """A leaf that holds more than a twentieth of its energy in its highest mode is no answer, only a warning short of it."""
     E = 200e9 * ksd.rectangle(0.5e-3, 0.02).Iz
     scene = ksd.Mechanism("curl")
@@ -177,7 +177,7 @@ def facing_guides():
 @pytest.mark.parametrize("planar", [True, False])
 def test_an_error_that_one_corrector_step_does_not_see(planar):
     solver = ksd.prepare(facing_guides(), planar=planar, mesh=ksd.Mesh(orders=(4, 3, 5)))
-    # these modes are few for the boundary layers of leafs drawn out, which strict refuses
+    # these modes are few for the boundary layers of leaf springs drawn out, which strict refuses
     with pytest.raises(ksd.TrustError, match=r"curvature modes .* are few"):
         solver(stroke=2e-3, method="reduced")
     found = solver(stroke=2e-3, method="reduced", strict=False)

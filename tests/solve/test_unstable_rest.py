@@ -1,4 +1,4 @@
-"""Preload, heat, misfit and loads that leave the undeformed configuration no minimum: the answer says so, and which
+"""Preload, heat, assembly error and loads that leave the undeformed configuration no minimum: the answer says so, and which
 minimum it is."""
 
 from dataclasses import replace
@@ -118,7 +118,7 @@ SAID = {
 @pytest.mark.parametrize(
     ("cause", "share", "far"), [("heat", 3.5, 1e-3), ("fit", 3.5, 1e-3), ("loads", 1.002, 8e-3)]
 )
-def test_of_heat_misfit_and_loads_too(cause, share, far, side):
+def test_of_heat_assembly_error_and_loads_too(cause, share, far, side):
     """Led aside by a drive and let go, beyond the critical load; below it nothing is said."""
     scene, words = guided(cause, share), {"mesh": ksd.Mesh(orders=(4, 3, 7), points=9)}
     with pytest.raises(ksd.TrustError, match="several minima are near, and this state is between them"):
@@ -139,12 +139,12 @@ def test_of_heat_misfit_and_loads_too(cause, share, far, side):
     assert not [w for w in ksd.solve(guided(cause, 0.95)).warnings if "minima" in w]
 
 
-def test_what_buckles_within_leafs():
+def test_what_buckles_within_leaves():
     """Both ends held, a hot leaf bows at four times the load at which it would sway."""
     for share, unstable in ((3.9, False), (4.1, True)):
         scene = guided("heat", share)
         scene.support("tip", along="y", at=(L, 0, 0), name="beside")
         said = " ".join(ksd.solve(scene, strict=False).warnings)
         assert (
-            "heat makes the undeformed configuration unstable in one direction (within leafs)" in said
+            "heat makes the undeformed configuration unstable in one direction (within leaf springs)" in said
         ) == unstable

@@ -1,4 +1,4 @@
-"""Weight of the leafs in the five steps, on paths and in error estimates."""
+"""Weight of the leaf springs in the five steps, on paths and in error estimates."""
 
 import numpy as np
 import pytest
@@ -13,7 +13,7 @@ MESHES = {"modes": ksd.Mesh(), "chain": ksd.Mesh("corotational", elements=3)}
 
 
 def heavy(strength):
-    """The fourbar, lying in the plane or leaning out of it, with leafs that weigh `strength` times as much."""
+    """The fourbar, lying in the plane or leaning out of it, with leaf springs that weigh `strength` times as much."""
     scene = fourbar()
     scene.gravity = tuple(strength * np.array([4.0, -9.0, 2.0]))
     return scene
@@ -32,7 +32,7 @@ def test_the_five_steps_carry_the_weight(mesh):
         for n, m, more in (
             ("kinematic", "kinematic", {}),
             ("reduced", "reduced", {}),
-            ("passed", "reduced", {"passes": 1}),
+            ("passed", "reduced", {"relinearisations": 1}),
             ("full", "full", {}),
         )
     }
@@ -53,8 +53,8 @@ def test_every_step_comes_closer_with_weight(mesh, axis):
     scene.gravity = (60.0, -130.0, 0.0)
     solver = ksd.prepare(scene, mesh=MESHES[mesh])
     exact, far = solver(targets, method="conventional"), []
-    for method, passes in (("kinematic", 0), ("reduced", 0), ("reduced", 1), ("full", 0)):
-        found = solver(targets, method=method, passes=passes)
+    for method, relinearisations in (("kinematic", 0), ("reduced", 0), ("reduced", 1), ("full", 0)):
+        found = solver(targets, method=method, relinearisations=relinearisations)
         far.append(max(abs(found.forces[n] / exact.forces[n] - 1) for n in targets))
     # the kinematic forces know no springs
     assert far[1] > 10 * far[2] > 10 * far[3] and far[3] < 1e-8
@@ -84,7 +84,7 @@ def test_it_is_there_unless_switched_off_however_small():
     for strength in (1.0, 1e-4):
         model = ksd.solve(heavy(strength), top=0.1).model
         assert model.choice["gravity"].present and model.arrays.weight.size > 0
-        assert "m/s^2 on 12 of 12 leafs, those of known density" in model.choice["gravity"].reason
+        assert "m/s^2 on 12 of 12 leaf springs, those of known density" in model.choice["gravity"].reason
 
 
 @pytest.mark.parametrize("mesh", MESHES)

@@ -32,7 +32,7 @@ def leaf(nu, width, *, held=True):
         material=Material(E=200e9, nu=nu), name="only",
     )  # fmt: skip
     return DrawnJoint(
-        "leaf", blocks=blocks, leafs=[one], motions=[Motion("angle", "rotation", (0, 0, 1), (-0.5, 0.5))],
+        "leaf", blocks=blocks, leaves=[one], motions=[Motion("angle", "rotation", (0, 0, 1), (-0.5, 0.5))],
         held_by_others=held,
     )  # fmt: skip
 
@@ -65,7 +65,7 @@ def test_a_shape_at_the_end_of_its_range_is_named(tmp_path):
     def drawn(*, width):
         made = leaf(0.3, width)
         return DrawnJoint(
-            "strip", blocks=made.blocks(), leafs=made.leafs(), motions=made.motions, shape={"width": width},
+            "strip", blocks=made.blocks(), leaves=made.leaves(), motions=made.motions, shape={"width": width},
             held_by_others=True,
         )  # fmt: skip
 
@@ -76,7 +76,7 @@ def test_a_shape_at_the_end_of_its_range_is_named(tmp_path):
 
 
 @pytest.mark.parametrize("name", [name for name in ENTRIES if name not in SINGLE])
-def test_every_family_of_several_leafs_has_the_freedoms_it_declares(name):
+def test_every_family_of_several_leaves_has_the_freedoms_it_declares(name):
     """Softened to a quarter, freedoms fall to a quarter and constraints stay: there is nothing in between."""
     for joint in _corners(design_of(name)):
         whole, soft = rest_stiffness(joint), rest_stiffness(softened(joint, SOFTENED))
@@ -87,19 +87,19 @@ def test_every_family_of_several_leafs_has_the_freedoms_it_declares(name):
 
 
 def universal(keep, *, scale=1.0):
-    """The two-axis universal joint with one axis declared; the leafs of the other `scale` times as thick."""
+    """The two-axis universal joint with one axis declared; the leaf springs of the other `scale` times as thick."""
     whole = UniversalJoint(Material(E=200e9, G=76.9e9), length=0.1, thickness=5e-4, width=0.04)
-    leafs = [
+    leaves = [
         replace(
             leaf,
             section=ksd.rectangle(
                 (scale if leaf.name.startswith("second") else 1.0) * 5e-4, leaf.section.width
             ),
         )
-        for leaf in whole.leafs()
+        for leaf in whole.leaves()
     ]
     return DrawnJoint(
-        "cardan", blocks=whole.blocks(), leafs=leafs, motions=[m for m in whole.motions if m.name in keep],
+        "cardan", blocks=whole.blocks(), leaves=leaves, motions=[m for m in whole.motions if m.name in keep],
         length=whole.length,
     )  # fmt: skip
 
@@ -113,7 +113,7 @@ def test_a_second_soft_freedom_that_is_not_declared_is_refused(keep, axis, tmp_p
 
 
 def test_how_much_stiffer_the_second_freedom_is_told():
-    """Leafs n times as thick are n^3 times as stiff; from ten times on they are no freedom any more."""
+    """Leaf springs n times as thick are n^3 times as stiff; from ten times on they are no freedom any more."""
     for scale in (2, 4):
         assert undeclared(universal(["about_z"], scale=scale)).ratio == pytest.approx(scale**3, rel=0.15)
     assert undeclared(universal(["about_z"], scale=11)) is None
@@ -124,16 +124,16 @@ def test_two_pivots_in_series_shift_aside(tmp_path):
     one = ksd.CrossFlexure(
         Material(E=200e9, G=76.9e9), length=0.05, angle=math.radians(45), thickness=5e-4, widths=(0.02, 0.01)
     )
-    first = [replace(leaf, end_block="middle", name=f"{leaf.name}_1") for leaf in one.leafs()]
+    first = [replace(leaf, end_block="middle", name=f"{leaf.name}_1") for leaf in one.leaves()]
     second = [
         replace(
             leaf, start_block="middle", name=f"{leaf.name}_2",
             start=(leaf.start[0] + 0.1, *leaf.start[1:]), end=(leaf.end[0] + 0.1, *leaf.end[1:]),
         )
-        for leaf in one.leafs()
+        for leaf in one.leaves()
     ]  # fmt: skip
     end = (0.1 + one.pose_B[0], 0.0, 0.0)
-    words = {"blocks": {"A": (0, 0, 0), "middle": one.pose_B, "B": end}, "leafs": first + second}
+    words = {"blocks": {"A": (0, 0, 0), "middle": one.pose_B, "B": end}, "leaves": first + second}
     turn = Motion("angle", "rotation", (0, 0, 1), (-0.5, 0.5))
     shift = Motion("shift", "translation", (0, 1, 0), (-0.01, 0.01))
     with pytest.raises(SceneError, match="not declared: a translation along y of"):
@@ -162,7 +162,7 @@ def test_wires_are_soft_both_ways():
         Motion(axis, "translation", v, (-1e-3, 1e-3)) for axis, v in (("y", (0, 1, 0)), ("z", (0, 0, 1)))
     ]
     turn = Motion("turn", "rotation", (1, 0, 0), (-0.05, 0.05))
-    words = {"blocks": {"A": (0, 0, 0), "B": (0.05, 0, 0)}, "leafs": wires}
+    words = {"blocks": {"A": (0, 0, 0), "B": (0.05, 0, 0)}, "leaves": wires}
     for said, left in (([*across], "a rotation about x"), ([across[0], turn], "a translation along z")):
         with pytest.raises(SceneError, match=f"not declared: {left}"):
             check_soft(DrawnJoint("wires", **words, motions=said))
@@ -174,7 +174,7 @@ def test_a_motion_that_turns_soft_on_the_way_is_refused():
     joint = design_of("butterfly").make(inner_ratio=0.6, half_angle=math.radians(8))
     reach = math.radians(40)
     wide = DrawnJoint(
-        "wide", blocks=joint.blocks(), leafs=joint.leafs(), length=joint.length,
+        "wide", blocks=joint.blocks(), leaves=joint.leaves(), length=joint.length,
         motions=[replace(joint.motions[0], range=(-reach, reach))],
     )  # fmt: skip
     plan = Plan((even_line(-1, 1, 9),), ("strain",), (4, 3, 5), whole=True, apart=False)

@@ -241,16 +241,16 @@ def test_internal_blocks_are_recorded(tmp_path, threads):
     """Two cross flexures in series (a cartwheel drawn flat): the block between them turns by half."""
     one = cross(widths=(0.02, 0.01))
     shift = one.pose_B[0]
-    first = [replace(leaf, end_block="middle", name=f"{leaf.name}_1") for leaf in one.leafs()]
+    first = [replace(leaf, end_block="middle", name=f"{leaf.name}_1") for leaf in one.leaves()]
     second = [
         replace(
             leaf, start_block="middle", name=f"{leaf.name}_2",
             start=(leaf.start[0] + shift, *leaf.start[1:]), end=(leaf.end[0] + shift, *leaf.end[1:]),
         )
-        for leaf in one.leafs()
+        for leaf in one.leaves()
     ]  # fmt: skip
     joint = DrawnJoint(
-        "double", blocks={"A": (0, 0, 0), "middle": one.pose_B, "B": (2 * shift, 0, 0)}, leafs=first + second,
+        "double", blocks={"A": (0, 0, 0), "middle": one.pose_B, "B": (2 * shift, 0, 0)}, leaves=first + second,
         motions=[Motion("angle", "rotation", (0, 0, 1), (-1.0, 1.0))], length=0.1, held_by_others=True,
     )  # fmt: skip
     record = train(joint, out=tmp_path, executor=threads, meshes=("strain", 2), progress=False)
@@ -261,16 +261,16 @@ def test_internal_blocks_are_recorded(tmp_path, threads):
 
 
 def guide():
-    """A parallel guide: two leafs along y, B moves along x."""
+    """A parallel guide: two leaf springs along y, B moves along x."""
     section = rectangle(0.5e-3, 0.03)
-    leafs = [
+    leaves = [
         ksd.Leaf(
             start=(x, 0, 0), end=(x, 0.1, 0), width_axis=(0, 0, 1), section=section, material=STEEL, name=name
         )
         for name, x in (("left", -0.03), ("right", 0.03))
     ]
     motion = Motion("slide", "translation", (1, 0, 0), (-0.02, 0.02))
-    return DrawnJoint("guide", blocks={"A": (0, 0, 0), "B": (0, 0.1, 0)}, leafs=leafs, motions=[motion])
+    return DrawnJoint("guide", blocks={"A": (0, 0, 0), "B": (0, 0.1, 0)}, leaves=leaves, motions=[motion])
 
 
 def test_a_translation_is_recorded_over_the_joint_length(tmp_path, threads):
@@ -286,7 +286,7 @@ def test_leaving_the_plane_is_refused(tmp_path, threads):
     """One outer leaf missing: a pure moment also tilts B."""
     whole = cross(widths=(0.04, 0.01))
     motions = [Motion("angle", "rotation", (0, 0, 1), (-1.0, 1.0))]
-    lopsided = DrawnJoint("lopsided", blocks=whole.blocks(), leafs=whole.leafs()[:2], motions=motions)
+    lopsided = DrawnJoint("lopsided", blocks=whole.blocks(), leaves=whole.leaves()[:2], motions=motions)
     with pytest.raises(SceneError, match="lopsided: interface B leaves its plane"):
         train(lopsided, out=tmp_path, executor=threads, meshes=("strain",), progress=False)
 
@@ -297,7 +297,7 @@ def test_a_motion_that_is_not_the_soft_one_is_refused(tmp_path):
         stiff = DrawnJoint(
             "stiff",
             blocks=whole.blocks(),
-            leafs=whole.leafs(),
+            leaves=whole.leaves(),
             motions=[Motion("stiff", kind, axis, (-1e-3, 1e-3))],
         )
         with pytest.raises(SceneError, match="stiff: the intended motion 'stiff' is not the soft one"):
@@ -314,14 +314,14 @@ def test_stiffness_at_rest():
 def test_a_stroke_that_cannot_be_reached_is_a_sentence(tmp_path, threads):
     whole = cross()
     motions = [Motion("angle", "rotation", (0, 0, 1), (-2.9, 2.9))]
-    far = DrawnJoint("far", blocks=whole.blocks(), leafs=whole.leafs(), motions=motions)
+    far = DrawnJoint("far", blocks=whole.blocks(), leaves=whole.leaves(), motions=motions)
     with pytest.raises(SceneError, match=r"far .1 mesh. at angle = .* reduce its range"):
         train(far, out=tmp_path, executor=threads, meshes=(1,), progress=False)
 
 
 def shuttle(rise):
-    """Two pairs of inclined leafs against each other, a bistable shuttle that moves along x."""
-    leafs = [
+    """Two pairs of inclined leaf springs against each other, a bistable shuttle that moves along x."""
+    leaves = [
         ksd.Leaf(
             start=(x, 0.1 * side, 0), end=(x + rise, 0.005 * side, 0), width_axis=(0, 0, 1),
             section=rectangle(5e-4, 0.02), material=STEEL, name=f"{side} {x}",
@@ -330,12 +330,12 @@ def shuttle(rise):
     ]  # fmt: skip
     motion = Motion("push", "translation", (1, 0, 0), (-2 * rise, 0.4 * rise))
     return DrawnJoint(
-        "shuttle", blocks={"A": (0, 0, 0), "B": (rise, 0, 0)}, leafs=leafs, motions=[motion], length=0.1
+        "shuttle", blocks={"A": (0, 0, 0), "B": (rise, 0, 0)}, leaves=leaves, motions=[motion], length=0.1
     )
 
 
 def test_buckling_on_the_way_is_refused(tmp_path, threads):
-    """Pushed through, the leafs pass their Euler load where the rise is above 2.56 thicknesses."""
+    """Pushed through, the leaf springs pass their Euler load where the rise is above 2.56 thicknesses."""
     with pytest.raises(SceneError, match=r"shuttle .*push = .*buckles or leaves the intended branch"):
         train(shuttle(0.0025), out=tmp_path, executor=threads, meshes=("strain",), progress=False)
     record = train(shuttle(0.0010), out=tmp_path, executor=threads, meshes=("strain",), progress=False)
@@ -344,43 +344,47 @@ def test_buckling_on_the_way_is_refused(tmp_path, threads):
     assert math.inf in [e.interface for e in record.evidence if e.change == "half"]
 
 
-def test_leafs_that_run_through_each_other_are_refused(tmp_path, threads):
+def test_leaves_that_run_through_each_other_are_refused(tmp_path, threads):
     """At rest when drawn, at the corner of a range before any work, and within the stroke."""
     whole = cross()
     crossing = [
-        replace(leaf, start=(*leaf.start[:2], 0.0), end=(*leaf.end[:2], 0.0)) for leaf in whole.leafs()[:2]
+        replace(leaf, start=(*leaf.start[:2], 0.0), end=(*leaf.end[:2], 0.0)) for leaf in whole.leaves()[:2]
     ]
-    words = {"blocks": whole.blocks(), "leafs": crossing, "motions": whole.motions}
-    with pytest.raises(SceneError, match="leafs 'inner' and 'outer_low' run through each other at rest"):
+    words = {"blocks": whole.blocks(), "leaves": crossing, "motions": whole.motions}
+    with pytest.raises(
+        SceneError, match="leaf springs 'inner' and 'outer_low' run through each other at rest"
+    ):
         DrawnJoint("flat", **words)
     assert DrawnJoint("flat", **words, windows=True).windows
-    with pytest.raises(SceneError, match="CrossFlexure: leafs 'inner' and 'outer_low'"):
+    with pytest.raises(SceneError, match="CrossFlexure: leaf springs 'inner' and 'outer_low'"):
         cross(spacing=0.02)
     with pytest.raises(SceneError, match=r"infinity_hinge: the range of shapes holds .* strut = 0.6"):
         train(
             "infinity_hinge", shapes={"reach": (0.25, 0.4), "strut": (0.3, 0.6)}, out=tmp_path, progress=False
         )
     apart = ksd.ParallelGuide(STEEL, length=0.1, thickness=5e-4, width=0.03, spacing=0.06)
-    high = apart.leafs()[1]
+    high = apart.leaves()[1]
     twin = replace(high, start=(0, 0.03055, 0), end=(0.1, 0.03055, 0), name="twin")
     far = Motion("stroke", "translation", (0, 1, 0), (-0.04, 0.04), (0.05, 0, 0))
-    close = DrawnJoint("close", blocks=apart.blocks(), leafs=[*apart.leafs(), twin], motions=[far])
-    with pytest.raises(SceneError, match=r"leafs 'high' and 'twin' run into each other at stroke = -0\.04"):
+    close = DrawnJoint("close", blocks=apart.blocks(), leaves=[*apart.leaves(), twin], motions=[far])
+    with pytest.raises(
+        SceneError, match=r"leaf springs 'high' and 'twin' run into each other at stroke = -0\.04"
+    ):
         train(close, out=tmp_path, executor=threads, meshes=("strain",), progress=False)
 
 
 def twins(*, near):
-    """A guide of three leafs, the third up to 0.55 mm beside the second where near = 1, deflected by 0.4 of its length."""
+    """A guide of three leaves, the third up to 0.55 mm beside the second where near = 1, deflected by 0.4 of its length."""
     apart = ksd.ParallelGuide(STEEL, length=0.1, thickness=5e-4, width=0.03, spacing=0.06)
     y = 0.03 + 0.01 - 0.00945 * near
-    twin = replace(apart.leafs()[1], start=(0, y, 0), end=(0.1, y, 0), name="twin")
+    twin = replace(apart.leaves()[1], start=(0, y, 0), end=(0.1, y, 0), name="twin")
     far = Motion("stroke", "translation", (0, 1, 0), (-0.04, 0.04), (0.05, 0, 0))
     return DrawnJoint(
-        "twins", blocks=apart.blocks(), leafs=[*apart.leafs(), twin], motions=[far], shape={"near": near}
+        "twins", blocks=apart.blocks(), leaves=[*apart.leaves(), twin], motions=[far], shape={"near": near}
     )
 
 
-def test_leafs_that_meet_at_a_corner_of_shapes_and_stroke_are_refused(tmp_path, threads):
+def test_leaves_that_meet_at_a_corner_of_shapes_and_stroke_are_refused(tmp_path, threads):
     """Clear at rest, and at every shape sampled; the far end of the shapes is no sample."""
     options = {"out": tmp_path, "executor": threads, "meshes": ("strain",), "progress": False}
     clear = Parameter("near", 0.0, 0.98)
@@ -389,7 +393,7 @@ def test_leafs_that_meet_at_a_corner_of_shapes_and_stroke_are_refused(tmp_path, 
         train(Design("twins", (replace(clear, high=1.0),), twins), **options)
 
 
-def test_leafs_that_meet_between_the_ends_of_the_stroke_are_seen():
+def test_leaves_that_meet_between_the_ends_of_the_stroke_are_seen():
     """The state at the end of the stroke put in the middle of one: at the corners alone nothing is seen."""
     joint = twins(near=1.0)
     plan = Plan(((0.0, -1.0),), ("strain",), (4, 3, 5))
@@ -413,13 +417,13 @@ def test_a_record_worse_than_wanted_is_told(tmp_path, threads):
 def gapped(*, angle, gap):
     joint = cross(angle=angle, gap=0.01 * gap)
     return DrawnJoint(
-        "gapped", blocks=joint.blocks(), leafs=joint.leafs(), motions=joint.motions, length=joint.length,
+        "gapped", blocks=joint.blocks(), leaves=joint.leaves(), motions=joint.motions, length=joint.length,
         shape={"angle": angle, "gap": gap},
     )  # fmt: skip
 
 
 def test_parameters_that_do_not_matter_are_left_out(tmp_path, threads):
-    """The gap between the leafs of a cross flexure moves none of its functions; the record says so."""
+    """The gap between the leaf springs of a cross flexure moves none of its functions; the record says so."""
     ranges = (Parameter("angle", 0.75, 0.8), Parameter("gap", 0.0, 1.0))
     record = train(
         Design("gapped", ranges, gapped), out=tmp_path, executor=threads, meshes=("strain",), progress=False
@@ -433,19 +437,19 @@ def test_parameters_that_do_not_matter_are_left_out(tmp_path, threads):
 
 
 def middled(*, width, aside=0.02):
-    """Two leafs in series with a block between them, whose reference point lies `aside`."""
+    """Two leaf springs in series with a block between them, whose reference point lies `aside`."""
     blocks = {"A": (0, 0, 0), "middle": (0.05, aside, 0), "B": (0.1, 0, 0)}
     pieces = (("one", 0.0, 0.05, "A", "middle"), ("two", 0.05, 0.1, "middle", "B"))
-    leafs = [
+    leaves = [
         ksd.Leaf(start=(x, 0, 0), end=(y, 0, 0), width_axis=(0, 0, 1), section=rectangle(5e-4, width), material=STEEL,
                  name=name, start_block=a, end_block=b)
         for name, x, y, a, b in pieces
     ]  # fmt: skip
-    return strip(width=width, name="middled", blocks=blocks, leafs=leafs)
+    return strip(width=width, name="middled", blocks=blocks, leaves=leaves)
 
 
 def test_a_parameter_left_out_that_matters_is_told(tmp_path, threads):
-    """Interface and leafs do not see where an internal block is, but the block does."""
+    """Interface and leaf springs do not see where an internal block is, but the block does."""
     design = Design("middled", (Parameter("width", 0.02, 0.02),), middled, others={"aside": (0.03,)})
     with pytest.warns(
         UserWarning, match=r"middled: aside moves interface B or a block by 0\.1 .*make it one of the param"
@@ -542,7 +546,7 @@ def strip(*, width, **changed):
         name="only",
     )
     words = {
-        "name": "strip", "blocks": {"A": (0, 0, 0), "B": (0.1, 0, 0)}, "leafs": [leaf], "shape": {"width": width},
+        "name": "strip", "blocks": {"A": (0, 0, 0), "B": (0.1, 0, 0)}, "leaves": [leaf], "shape": {"width": width},
         "motions": [Motion("angle", "rotation", (0, 0, 1), (-0.5, 0.5))], "held_by_others": True,
     }  # fmt: skip
     words |= changed

@@ -1,4 +1,4 @@
-"""Leafs that pass through windows of each other: how large the windows have to be, and what no window makes way for."""
+"""Leaves that pass through windows of each other: how large the windows have to be, and what no window makes way for."""
 
 import math
 from dataclasses import replace
@@ -33,16 +33,16 @@ def pivot(*, angle=60, ratio=0.5):
 def drawn(joint, *, degrees=30, change=lambda leaf: leaf):
     reach = math.radians(degrees)
     motion = replace(joint.motions[0], range=(-reach, reach))
-    leafs = [change(leaf) for leaf in joint.leafs()]
+    leaves = [change(leaf) for leaf in joint.leaves()]
     return DrawnJoint(
-        "mine", blocks=joint.blocks(), leafs=leafs, motions=[motion], length=joint.length, windows=True
+        "mine", blocks=joint.blocks(), leaves=leaves, motions=[motion], length=joint.length, windows=True
     )
 
 
 @pytest.mark.parametrize("angle", [30, 60])
 @pytest.mark.parametrize("ratio", [-0.25, 0.0, 0.1, 0.35, 0.5, 1.25])
 def test_the_windows_of_crossed_pivots_are_small(angle, ratio):
-    """Half the width over the length the crossing wanders; none where the leafs meet in the clamp or on their extension."""
+    """Half the width over the length the crossing wanders; none where the leaves meet in the clamp or on their extension."""
     found = openings(pivot(angle=angle, ratio=ratio))
     assert found.largest()[1] < 0.16 < WINDOW
     assert bool(found.shares) == (0.05 < ratio < 0.95)
@@ -55,7 +55,7 @@ def test_the_windows_of_the_3x_infinity_hinge_are_small():
 
 
 def test_windows_that_take_much_of_a_leaf_are_refused():
-    """Leafs that cross at 20 degrees slide far along each other."""
+    """Leaf springs that cross at 20 degrees slide far along each other."""
     flat = drawn(pivot(angle=80), degrees=30)
     with pytest.raises(
         SceneError, match=r"windows of leaf 'rising' for 'falling' would take \d\d% of its area over the"
@@ -63,7 +63,7 @@ def test_windows_that_take_much_of_a_leaf_are_refused():
         sample_joint(flat, plan_of(flat))
 
 
-def test_leafs_that_meet_at_an_edge_are_refused():
+def test_leaves_that_meet_at_an_edge_are_refused():
     """Shifted by half a width the falling leaf sticks out of the rising one."""
 
     def aside(leaf):
@@ -78,7 +78,7 @@ def test_leafs_that_meet_at_an_edge_are_refused():
         openings(shifted)
 
 
-def test_leafs_beside_each_other_need_no_window():
+def test_leaves_beside_each_other_need_no_window():
     def apart(leaf):
         z = 0.021 if leaf.name == "falling" else -0.021
         return replace(leaf, start=(*leaf.start[:2], z), end=(*leaf.end[:2], z))

@@ -1,5 +1,5 @@
 """The whole bank of hard cases: those the checks were made with, classics that were not looked at before, and arms of every
-family, drives that hold together in space, thick and taut leafs."""
+family, drives that hold together in space, thick and taut leaf springs."""
 
 from hard_cases import CASES as OWN
 from hard_cases import FINE, Case

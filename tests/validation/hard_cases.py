@@ -1,6 +1,6 @@
 """The bank of hard cases as data: scene, what is hard, what is read, the verified answer, and how it was verified.
 
-Answers marked "walk" come from 96 small load steps with strain-mode leafs of orders (6, 5, 9), or with the mesh of the
+Answers marked "walk" come from 96 small load steps with strain-mode leaves of orders (6, 5, 9), or with the mesh of the
 case; `python benchmarks/hard_cases.py --verify` computes them anew. Others are closed forms or published.
 """
 
@@ -104,7 +104,7 @@ ARM = STEEL.E * rectangle(2e-6, 20e-6).Iz * (np.pi / 6) / (50e-6 * np.cos(np.pi 
 EI = STEEL.E * rectangle(0.5e-3, 0.02).Iz
 UNIT = STEEL.E * 0.08e-9 / 12 / 0.1**2
 """E I_sum / L^2 of the cross flexure [N]."""
-SIDE = "loads across the plane; the KSD start is far from the answer"
+SIDE = "loads out of the plane; the KSD start is far from the answer"
 FAST = "one step from rest"
 
 
@@ -149,7 +149,13 @@ def _fourbars() -> list[Case]:
     ]
     wide = partial(pushed, (0, 0, 100), None, widths=(0.04, 0.08))
     cases.append(
-        Case("fourbar, wide outer leafs", "factor 4 on the outer widths", wide, ANSWERS["wide"], {"top": 0.3})
+        Case(
+            "fourbar, wide outer leaf springs",
+            "factor 4 on the outer widths",
+            wide,
+            ANSWERS["wide"],
+            {"top": 0.3},
+        )
     )
     cases += [
         Case(
@@ -165,7 +171,7 @@ def _fourbars() -> list[Case]:
     cases.append(
         Case(
             "fourbar, 500 N out of plane, 4 elements",
-            "loads across the plane; another stable state at 549.70 N is not the one",
+            "loads out of the plane; another stable state at 549.70 N is not the one",
             partial(pushed, (0, 0, 500)),
             (542.33,),
             {"top": 0.3},
@@ -253,7 +259,7 @@ def _joints() -> list[Case]:
         )
     cases += [
         Case(
-            f"cross flexure, leafs of {1e3 * t:g} mm",
+            f"cross flexure, leaf springs of {1e3 * t:g} mm",
             f"slenderness {0.1 / t:.0f}",
             partial(disturbed, 0.0, t),
             (m,),
@@ -317,7 +323,7 @@ def _beams() -> list[Case]:
     cases += [
         Case("elastica, PL^2/EI = 5", "large tip load in one step", partial(cantilever, force=(0, 5 * EI / 0.01, 0)),
              (0.71379152,), read=lambda c: tip(c)[1] / 0.1, verified="elliptic integrals"),
-        Case("nearly coincident nodes", "leafs of 0.1 m and of 1 um in a row",
+        Case("nearly coincident nodes", "leaf springs of 0.1 m and of 1 um in a row",
              partial(cantilever, force=(0, 5 * EI / 0.01, 0), pieces=(0.1, 1e-6)), (0.71379152,),
              read=lambda c: tip(c)[1] / 0.1, verified="elliptic integrals", quick=True),
         Case("arm of 1 m on a leaf of 50 um", "lengths from 2 um to 1 m", long_arm, (ARM,), {"end": 0.5},
@@ -349,7 +355,7 @@ def _paths() -> list[Case]:
         Case("Lee's frame, dead load", "limit point", lee, (18.55,), read=first_limit, tolerance=5e-3,
              verified="Lee, Manuel and Rossow 1968", path={"until": 30.0, "first": 1.0}, quick=True),
         Case("Lee's frame, following load", "unsymmetric tangent", partial(lee, following=True), ANSWERS["follower"],
-             read=first_limit, verified="strain-mode leafs of orders (6, 5, 9)", tolerance=5e-3,
+             read=first_limit, verified="strain-mode leaves of orders (6, 5, 9)", tolerance=5e-3,
              path={"until": 60.0, "first": 1.0}),
         Case("right-angle frame, imperfect, limit load", "lateral buckling", partial(right_angle, 1.1, 1e-3),
              ANSWERS["lateral"], read=first_limit, verified="16 Appendix A elements per leg", tolerance=3e-3,

@@ -124,7 +124,7 @@ def wire(share):
 
 
 def stage(share=0.0, *, drive=True):
-    """Two parallel leafs carrying a stage, pressed by share of its sway load 2 pi^2 EI / L^2."""
+    """Two parallel leaf springs carrying a stage, pressed by share of its sway load 2 pi^2 EI / L^2."""
     scene = ksd.Mechanism("stage")
     tip = scene.link("tip")
     for y in (-0.03, 0.03):
@@ -170,7 +170,7 @@ def shortened(d):
 
 
 def two_thicknesses():
-    """Leafs of 5 mm and 5 um in a row, bent by a moment."""
+    """Leaf springs of 5 mm and 5 um in a row, bent by a moment."""
     scene = ksd.Mechanism("two")
     middle, tip = scene.links("middle", "tip")
     thin = STEEL.E * rectangle(5e-6, 0.02).Iz
@@ -201,7 +201,7 @@ def bend():
 
 
 def corner():
-    """Two wires at a right angle, loaded across their plane at the free end by next to nothing."""
+    """Two wires at a right angle, loaded out of their plane at the free end by next to nothing."""
     scene = ksd.Mechanism("corner")
     knee, tip = scene.links("knee", "tip")
     scene.wire(scene.ground, knee, diameter=1e-3, material=STEEL, start=(0, 0, 0), end=(L, 0, 0))
@@ -278,7 +278,7 @@ CLASSICS = [
     *critical("strip on its edge", "lateral buckling", edgewise, "Prandtl 1899", 0.95, 1.05, lambda c: shift(c)[:1]),
     *critical("leaf with an arm on top", "load beyond the leaf", topheavy),
     *critical("round wire", "two modes at one load", wire),
-    *critical("stage on two leafs", "sways", partial(stage, drive=False)),
+    *critical("stage on two leaf springs", "sways", partial(stage, drive=False)),
     *critical("column, a quarter of its load following", "not conservative, divergence",
               partial(pressed, np.arccos(-1 / 3) ** 2, follow=0.25), "Bolotin 1963: cos k = -1/3",
               quick=True),
@@ -317,7 +317,7 @@ CLASSICS = [
          read=lambda c: c.links["tip"][0][1] / L * 1e12, verified=EXACT, tolerance=2e-4),
     Case("leaf of 3 m, 1 um thick", "slenderness 3e6", partial(strip, length=3.0, section=rectangle(1e-6, 0.02), drive="rz"),
          (2.0 * STEEL.E * rectangle(1e-6, 0.02).Iz / 3.0,), {"drive rz": 2.0}, verified=EXACT, tolerance=1e-6),
-    Case("leafs of 5 mm and 5 um in a row", "stiffness 1e9 apart", two_thicknesses,
+    Case("leaf springs of 5 mm and 5 um in a row", "stiffness 1e9 apart", two_thicknesses,
          (np.sin(1.2) / 1.2, (1 - np.cos(1.2)) / 1.2),
          read=lambda c: c.links["tip"][0][:2] / L + [1.0, 0.0], verified=EXACT, tolerance=1e-6),
     Case("eighth of a ring, 600 across it", "bends and twists, one step", bend, (47.150, 15.685, 53.475),

@@ -1,5 +1,5 @@
 """Hard cases of further kinds of scenes: arms of every trained family, drives that hold a body together in space, thick and
-taut leafs."""
+taut leaf springs."""
 
 from functools import partial
 
@@ -17,7 +17,7 @@ def arm(family: str, count: int) -> ksd.Mechanism:
     """Joints of a family in series about z, y, z, ..., every motion driven, a force across and along at the end."""
     entry = ENTRIES[family]
     joint = entry.make(**{p.name: 0.5 * (p.low + p.high) for p in entry.parameters})
-    soft = min(f.material.E * f.section.Iz / f.length**2 for f in joint.leafs())
+    soft = min(f.material.E * f.section.Iz / f.length**2 for f in joint.leaves())
     scene, base, size = ksd.Mechanism(f"arm of {family}"), "ground", joint.length
     for k in range(count):
         link = scene.link(f"link {k}")
@@ -49,7 +49,7 @@ def forces(found):
 
 
 def platform(drives: str) -> ksd.Mechanism:
-    """A body on three folded leafs, lifted and tilted by three points or by sums of them, a force across it."""
+    """A body on three folded leaf springs, lifted and tilted by three points or by sums of them, a force across it."""
     scene, radius = ksd.Mechanism("platform"), 0.05
     top = scene.link("platform", at=(0, 0, 0))
     leaf = ksd.FoldedLeaf(STEEL, length=0.03, thickness=0.3e-3, width=0.015)

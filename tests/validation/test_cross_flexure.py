@@ -6,7 +6,7 @@ from scenes import STEEL, cross_flexure, single_joint
 
 import ksd
 from ksd.model.compile import compile_scene
-from ksd.model.leafs import Mesh
+from ksd.model.leaves import Mesh
 from ksd.solve.conventional import conventional
 from ksd.units import deg
 
@@ -79,7 +79,7 @@ def test_both_signs_are_equal_in_plane():
     assert np.linalg.norm(plus.motion.x[1]) == pytest.approx(np.linalg.norm(minus.motion.x[1]), rel=1e-9)
 
 
-def test_chord_rotations_of_crossing_leafs_sum_to_theta():
+def test_chord_rotations_of_crossing_leaves_sum_to_theta():
     model = compile_scene(single_joint(), mesh=Mesh("corotational", elements=6))
     found = conventional(model, {"turn": 60 * deg}, steps=4)
     members = model.arrays.members
@@ -112,7 +112,7 @@ def test_four_iterations_per_step_at_any_thickness(thickness):
     "ratio, angle, expected", [(0.5, 30, (1.014995, 1.057473)), (0.5, 60, (1.120295, 1.361696))]
 )
 def test_other_crossing_angles(ratio, angle, expected):
-    """Acceptance D: M/(theta E I_sum / L) at 30 / 60 degrees, lambda = .5; thin leafs stand for inextensible ones."""
+    """Acceptance D: M/(theta E I_sum / L) at 30 / 60 degrees, lambda = .5; thin leaf springs stand for inextensible ones."""
     model = compile_scene(single_joint(cross_flexure(angle=angle * deg, thickness=1e-4)))
     for turn, value in zip((30, 60), expected, strict=True):
         found = conventional(model, {"turn": turn * deg})
@@ -166,7 +166,7 @@ def test_moment_of_the_element_orientation_body(n):
 
 
 def test_half_turn_relation_of_the_length():
-    """D/D0 = cos(theta/2) + |shift|/(L cos alpha), even, leading coefficient 1/24 at 45 degrees (thin leafs)."""
+    """D/D0 = cos(theta/2) + |shift|/(L cos alpha), even, leading coefficient 1/24 at 45 degrees (thin leaf springs)."""
     model = compile_scene(single_joint(cross_flexure(thickness=1e-4)))
     angle = 4 * deg
     length = [

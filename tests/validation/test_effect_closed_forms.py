@@ -1,4 +1,4 @@
-"""Effects against closed forms: thermal bow, gravity sag, prestress, misfit, balancing springs, warping, plates, links."""
+"""Effects against closed forms: thermal bow, sag, prestress, assembly error, balancing springs, warping, plates, links."""
 
 import numpy as np
 import pytest
@@ -120,7 +120,7 @@ def test_prestress_changes_the_lateral_stiffness_of_a_guided_leaf(pull):
     assert measured == pytest.approx(float((pull / (L - 2 * np.tanh(b * L / 2) / b)).real), rel=1e-5)
 
 
-def test_misfit_of_a_clamp():
+def test_assembly_error_of_a_clamp():
     # a clamp 10 um too far out stretches the leaf; one turned by 1 mrad bends it
     scene = held(blade(), *"xyzabc")
     scene.fit("blade", shift=(10e-6, 0, 0), turn=(0, 0, 1e-3))

@@ -56,7 +56,7 @@ def driven(joint, value, **others):
 @pytest.mark.parametrize("angle", [30, 45, 60])
 @pytest.mark.parametrize("ratio", [-0.25, 0.0, 0.12732, 0.3, 0.5, 0.8, 1.0, 1.25])
 def test_crossed_pivot_stiffness(ratio, angle):
-    """Acceptance D: K = 8 (1 - 3 lambda + 3 lambda^2) E I_leaf / L for two leafs."""
+    """Acceptance D: K = 8 (1 - 3 lambda + 3 lambda^2) E I_leaf / L for two leaf springs."""
     joint = CrossedPivot(STEEL, angle=angle * deg, ratio=ratio, **THIN)
     expected = 8 * (1 - 3 * ratio + 3 * ratio**2) * STEEL.E * 0.04 * 1e-12 / 12 / 0.1
     assert joint.stiffness_at_rest() == pytest.approx(expected, rel=1e-12)
@@ -72,7 +72,7 @@ def test_pivot_shift(ratio, angle):
     crossing = np.array([ratio * joint.pose_B[0], 0.0, 0.0])
     shifts = []
     for turn in (theta, -theta):
-        # the part even in theta; the odd one is the stretch of the leafs, of order (t / L)^2 theta
+        # the part even in theta; the odd one is the stretch of the leaf springs, of order (t / L)^2 theta
         tip = driven(joint, turn).motion
         shifts.append(tip.x[1] + tip.R[1] @ (crossing - joint.pose_B) - crossing)
     shift = np.linalg.norm(shifts[0] + shifts[1]) / 2
@@ -160,8 +160,8 @@ def test_parallel_guide_support_stiffness():
 
 def test_triple_infinity_hinge_is_a_rotation_joint():
     joint = TripleInfinityHinge(STEEL)
-    assert len(joint.leafs()) == 30
-    assert {leaf.section.thickness for leaf in joint.leafs()} == {0.45e-3}
+    assert len(joint.leaves()) == 30
+    assert {leaf.section.thickness for leaf in joint.leaves()} == {0.45e-3}
     rest = np.linalg.eigvalsh(rest_stiffness(joint))
     assert rest[0] < 5 < 1000 < rest[1]
     moments = [driven(joint, a * deg).forces["angle"] for a in (-45, -20, 20, 45)]
@@ -298,7 +298,7 @@ def test_records_are_small_and_the_same_in_both_places(name):
 
 
 def test_a_chain_that_cannot_be_derived_is_refused():
-    """Longer chains follow from the strain amplitudes for straight, uniform leafs alone."""
+    """Longer chains follow from the strain amplitudes for straight, uniform leaf springs alone."""
     arc = ArcHinge(STEEL, radius=0.05, angle=1.2, thickness=5e-4, width=0.02)
     with pytest.raises(RecordError, match="no chains of 12 elements"):
         ksd.prepare(alone(arc), mesh=Mesh("corotational", elements=12))({"angle": 0.1}, method="reduced")
@@ -373,7 +373,7 @@ def constrained_pivot(angle):
 
 @pytest.mark.parametrize("angle", [-25, 5, 25])
 def test_constraint_beside_a_catalogue_joint(angle):
-    """Its fold is a link that hangs on leafs alone; the five steps place it and end in the same state."""
+    """Its fold is a link that hangs on leaf springs alone; the five steps place it and end in the same state."""
     solve = ksd.prepare(constrained_pivot(angle))
     exact = solve(turn=angle * deg, method="conventional")
     full = solve(turn=angle * deg, method="full")
@@ -417,7 +417,7 @@ def test_every_family_in_scene_files(name, tmp_path):
 
 
 @pytest.mark.parametrize("name", list(ENTRIES))
-def test_internal_blocks_and_leafs_fit_together(name):
+def test_internal_blocks_and_leaves_fit_together(name):
     """Leaf ends on a block lie in one rigid body: the joint turned at random as a whole gives the same force."""
     design = design_of(name)
     joint = design.make(**design.shape(np.zeros(len(design.parameters))))

@@ -5,7 +5,7 @@ import pytest
 
 import ksd
 from ksd.model.compile import compile_scene
-from ksd.model.leafs import Mesh
+from ksd.model.leaves import Mesh
 from ksd.section import rectangle
 from ksd.solve.conventional import conventional
 from ksd.units import deg
@@ -54,7 +54,7 @@ def test_leaf_with_default_orders(clamped, roots):
 
 
 def test_axial_mode_of_a_clamped_free_bar():
-    """Stretch is one linear field per leaf: omega = sqrt(3) c/L, 10 % above pi c/(2 L); three leafs in a row:
+    """Stretch is one linear field per leaf: omega = sqrt(3) c/L, 10 % above pi c/(2 L); three leaf springs in a row:
     1.2 %."""
     scene = ksd.Mechanism("bar")
     links, step = [scene.ground, *scene.links("a", "b", "c")], 0.02

@@ -86,7 +86,7 @@ def test_two_alike_guides_at_four_fifths_of_their_stroke(method):
         pose = ksd.solve(scene, stroke=0.8 * 0.25 * guide.length, method=method)
         forces.append(pose.forces["stroke"])
     assert forces[1] == pytest.approx(2 * forces[0], rel=1e-3 if method == "kinematic" else 1e-4)
-    told = pose.internal_stress(leafs=("guide1/low",))
+    told = pose.internal_stress(leaves=("guide1/low",))
     assert told.largest_Pa > 1e6
 
 
@@ -113,8 +113,8 @@ def test_any_pivot_in_a_fourbar(family):
 
 
 def test_a_trapezoidal_guide_drawn_by_hand_trains_and_works(tmp_path, monkeypatch):
-    """A translation with a rotation of its own: leafs that are not parallel."""
-    leafs = [
+    """A translation with a rotation of its own: leaf springs that are not parallel."""
+    leaves = [
         ksd.Leaf(
             start=(0.0, y0, 0.0),
             end=(0.08, y1, 0.0),
@@ -127,7 +127,7 @@ def test_a_trapezoidal_guide_drawn_by_hand_trains_and_works(tmp_path, monkeypatc
     ]
     motion = ksd.Motion("stroke", "translation", (0, 1, 0), (-0.008, 0.008))
     joint = ksd.DrawnJoint(
-        "trapezoid", blocks={"A": (0, 0, 0), "B": (0.08, 0, 0)}, leafs=leafs, motions=[motion]
+        "trapezoid", blocks={"A": (0, 0, 0), "B": (0.08, 0, 0)}, leaves=leaves, motions=[motion]
     )
     monkeypatch.setenv("KSD_DATABASE", str(tmp_path))
     record = ksd.train(joint, meshes=("strain",), out=tmp_path, progress=False)
@@ -203,7 +203,7 @@ def test_crossed_pivots_of_two_shapes_in_one_mechanism():
 def xy_stage():
     """Two parallel guides in series, drawn by hand: B moves along y and along x, in the plane."""
     sheet = {"width_axis": (0, 0, 1), "section": ksd.rectangle(4e-4, 0.03), "material": STEEL}
-    leafs = [
+    leaves = [
         ksd.Leaf(
             start=(0, y, 0),
             end=(0.1, y, 0),
@@ -230,7 +230,7 @@ def xy_stage():
         ksd.Motion("x", "translation", (1, 0, 0), reach, middle),
     ]
     blocks = {"A": (0, 0, 0), "middle": (0.1, 0, 0), "B": (0.1, 0.1, 0)}
-    return ksd.DrawnJoint("xy", blocks=blocks, leafs=leafs, motions=motions, length=0.1)
+    return ksd.DrawnJoint("xy", blocks=blocks, leaves=leaves, motions=motions, length=0.1)
 
 
 def test_two_translations_drawn_by_hand(tmp_path, monkeypatch):

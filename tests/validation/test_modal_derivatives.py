@@ -1,4 +1,4 @@
-"""Paper 2 and section E of the acceptance numbers: planar leafs, t/L = 1/200; in 3D the tangent basis."""
+"""Paper 2 and section E of the acceptance numbers: planar leaves, t/L = 1/200; in 3D the tangent basis."""
 
 from dataclasses import replace
 from functools import partial
@@ -42,8 +42,8 @@ def test_as_printed(cases, case, stroke, slack, order, width):
     assert cases.measured(case, 1.0 if case == "parallel guide" else 0.2, cases.PRINTED)["stroke_error"] < 0
 
 
-def test_the_order_depends_on_the_distance_of_the_leafs(cases, monkeypatch):
-    """Why the guide of the tables has its leafs a length apart: at 50 mm the stroke of 1 % error is as asked, the order
+def test_the_order_depends_on_the_distance_of_the_leaves(cases, monkeypatch):
+    """Why the guide of the tables has its leaves a length apart: at 50 mm the stroke of 1 % error is as asked, the order
     at it is not, while near rest it is about 4 there too; with the shuttle kept from turning it is 4 throughout."""
     assert cases.SPREAD == cases.L
     early = import_module("paper2").early_order
@@ -171,7 +171,7 @@ def test_trained_basis_in_space():
 
 
 def test_reduced_stiffness_of_the_default_in_space(hinge):
-    """Undeformed expansion, 45 degrees: within 4 % across the plane, where it is worst, and 0.01 % in it."""
+    """Undeformed expansion, 45 degrees: within 4 % out of the plane, where it is worst, and 0.01 % in it."""
     full = conventional(hinge, {"turn": 45 * deg}, planar=False)
     found = conventional(with_modal_bodies(hinge, ksd.ModalBasis()), {"turn": 45 * deg}, planar=False)
     a, b = (c.stiffness("tip", at=(0.035, 0, 0)).supports for c in (found, full))

@@ -135,7 +135,7 @@ def test_the_tangent_is_the_derivative_of_the_residual(following):
     assemble(arrays, state, *aim)
     tangent = stored_matrix(arrays, work.value) + turning_loads(arrays, state, 1.0)
     assert np.abs(tangent - tangent.T).max() > 0.1
-    # leafs at their own equilibrium for the moved nodes: the condensed tangent is that of the nodes alone
+    # leaf springs at their own equilibrium for the moved nodes: the condensed tangent is that of the nodes alone
     for k in range(*model_unknowns(model, "tip")):
         moved, step = [], 1e-6 * (np.arange(len(tangent)) == k)
         for sign in (1.0, -1.0):

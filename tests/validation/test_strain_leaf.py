@@ -214,7 +214,7 @@ def test_chains_converge_to_the_curved_leaf():
     assert np.log2(errors[0] / errors[1]) == pytest.approx(2.0, abs=0.2)
 
 
-def test_stiffened_middle_is_three_leafs_in_series():
+def test_stiffened_middle_is_three_leaves_in_series():
     part, t, T = 0.4, 0.5e-3, 3e-3
     profile = ksd.StiffenedMiddle(t, 40e-3, T, part)
     found = cantilever(load={"moment": (0, 0, 0.1)}, section=profile.section(0.0), profile=profile)

@@ -11,7 +11,7 @@ from scenes import STEEL
 
 import ksd
 from ksd.model.compile import compile_scene
-from ksd.model.leafs import Mesh
+from ksd.model.leaves import Mesh
 from ksd.properties.stiffness import finer_tangent, point_stiffness
 from ksd.scene.joint import Motion
 from ksd.scene.leaf import Leaf
@@ -28,7 +28,7 @@ GUIDE = {0: (6.0000e7, 1.26302e6), 5: (2.2013e7, 5.21934e5), 20: (1.98244e6, 5.3
 
 def cowper_cross(spacing=0.03):
     h = 0.05 * np.sin(np.pi / 4)
-    leafs = [
+    leaves = [
         Leaf(
             start=(0, y, z), end=(D0, -y, z), width_axis=(0, 0, 1), section=rectangle(1e-3, w, cowper=0.3),
             material=STEEL, name=name,
@@ -36,7 +36,7 @@ def cowper_cross(spacing=0.03):
         for name, w, y, z in (("inner", 0.04, -h, 0), ("low", 0.02, h, -spacing), ("high", 0.02, h, spacing))
     ]  # fmt: skip
     turn = Motion("angle", "rotation", (0, 0, 1), (-1.3, 1.3))
-    return ksd.DrawnJoint("cross", blocks={"A": (0, 0, 0), "B": (D0, 0, 0)}, leafs=leafs, motions=[turn])
+    return ksd.DrawnJoint("cross", blocks={"A": (0, 0, 0), "B": (D0, 0, 0)}, leaves=leaves, motions=[turn])
 
 
 def hinge(mesh=None):

@@ -16,7 +16,7 @@ from scenes import fourbar, single_joint
 import ksd
 from ksd.errors import SceneError
 from ksd.model.compile import compile_scene
-from ksd.model.leafs import Mesh
+from ksd.model.leaves import Mesh
 from ksd.solve.conventional import conventional
 from ksd.view import plot_mechanism, plot_mechanism_3d, save_figure, write_pvd
 from ksd.view.compare import Mark, plot_cost
@@ -127,7 +127,7 @@ def test_vtu(mesh, tmp_path):
     assert arrays["offsets"][-1] == len(arrays["connectivity"])
     assert arrays["connectivity"].max() == points - 1
     assert set(arrays["types"]) == {3, 9} and (arrays["rigid"] == (arrays["types"] == 3)).all()
-    # ribbons are as wide as the leafs: 40 mm the inner one
+    # ribbons are as wide as the leaves: 40 mm the inner one
     first = arrays["Points"].reshape(-1, 3)
     assert np.ptp(first[:2, 2]) == pytest.approx(0.0, abs=1e-12)
     assert np.abs(first[:, 2]).max() == pytest.approx(0.04, abs=1e-9)
@@ -157,7 +157,7 @@ def test_a_stroke_for_paraview(bent, tmp_path):
         write_pvd([], tmp_path / "stroke.pvd")
 
 
-def test_leafs_coloured_by_stress(bent, tmp_path):
+def test_leaves_coloured_by_stress(bent, tmp_path):
     """Every piece of a leaf has the colour its stress has on the scale, in both pictures; the scale has its unit."""
     figure = plot_mechanism(bent, color="stress")
     axes, bar = figure.axes
@@ -165,8 +165,8 @@ def test_leafs_coloured_by_stress(bent, tmp_path):
     assert bar.get_ylim() == pytest.approx((0.0, 1e-6 * bent.stress().largest_Pa), rel=1e-3)
     shape, heat = bent.shape(), heat_of(bent, bent.shape(), "stress")
     drawn = [c for c in axes.collections if isinstance(c, LineCollection)]
-    assert len(drawn) == len(shape.leafs)
-    for leaf, lines in zip(shape.leafs, drawn, strict=True):
+    assert len(drawn) == len(shape.leaves)
+    for leaf, lines in zip(shape.leaves, drawn, strict=True):
         mean = 0.5 * (heat.values[leaf.name][1:] + heat.values[leaf.name][:-1])
         assert lines.get_colors() == pytest.approx(heat.map(heat.norm(mean)))
     solid = plot_mechanism_3d(bent, color="stress")

@@ -78,7 +78,7 @@ def test_animation_of_the_stroke(tmp_path):
 
 
 def test_animation_of_a_mode(tmp_path):
-    """The leafs follow their links: a swing closes, and the moved state is the mode to first order."""
+    """The leaf springs follow their links: a swing closes, and the moved state is the mode to first order."""
     pose = ksd.solve(fourbar(), top=0.2, method="full")
     modes = pose.frequencies(freed=("top",))
     with Image.open(animate_mode(pose, tmp_path / "m.gif", mode=2, modes=modes, frames=4)) as gif:

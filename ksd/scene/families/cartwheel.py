@@ -19,10 +19,10 @@ _BUTTERFLY = math.radians(30)
 
 @dataclass(frozen=True)
 class Cartwheel(Family):
-    """Two leafs crossing in their middle and joined there by a hub; B turns about z, +-20 degrees.
+    """Two leaf springs crossing in their middle and joined there by a hub; B turns about z, +-20 degrees.
 
     Joint axes: A at the origin, B at (L cos(angle), 0, 0), the hub (internal block) at the middle; the four
-    half leafs run from the hub to (0, +-h, 0) on A and (L cos(angle), +-h, 0) on B, h = L sin(angle)/2. Two
+    half leaf springs run from the hub to (0, +-h, 0) on A and (L cos(angle), +-h, 0) on B, h = L sin(angle)/2. Two
     remote-centre pivots in series, each turning half the angle (Smith, Flexures, 2000, section 5.3).
 
     length L [m] of a whole leaf, through the hub; angle [rad] between leaf and the line AB, 0..90 degrees;
@@ -55,7 +55,7 @@ class Cartwheel(Family):
     def blocks(self) -> dict[str, Vector]:
         return {**super().blocks(), "hub": (0.5 * self.pose_B[0], 0.0, 0.0)}
 
-    def leafs(self) -> tuple[Leaf, ...]:
+    def leaves(self) -> tuple[Leaf, ...]:
         x, h = self.pose_B[0], 0.5 * self.length * math.sin(self.angle)
         hub = (0.5 * x, 0.0)
         spokes = []
@@ -69,7 +69,7 @@ class Cartwheel(Family):
         return {"angle": self.angle}
 
     def stiffness_at_rest(self) -> float:
-        """Drive stiffness at rest [Nm/rad], inextensible leafs: 8 E I / L, four times the crossed pair's."""
+        """Drive stiffness at rest [Nm/rad], inextensible leaves: 8 E I / L, four times the crossed pair's."""
         return 0.5 * pivot_stiffness(1.0, bending(self, self.width) / (0.5 * self.length))
 
 
@@ -81,7 +81,7 @@ _MIRRORED = (("top", "right", math.radians(60)), ("right", "B", 0.0))
 class Butterfly(Family):
     """Four remote-centre pivots in series around one centre O; B turns about z, +-30 degrees.
 
-    Joint axes: A at the origin, O at (R, 0, 0) with R = inner + L, B at (2R, 0, 0). Eight leafs lie on rays
+    Joint axes: A at the origin, O at (R, 0, 0) with R = inner + L, B at (2R, 0, 0). Eight leaf springs lie on rays
     from O between the radii `inner` and R, two per pivot at +-half_angle from the directions 180, 120, 60
     and 0 degrees. They join, in this order, A (outer ends), "left" (inner ends), "top" (outer), "right"
     (inner) and B (outer); each pivot turns a quarter of the angle. After the butterfly pivot of Henein and
@@ -112,7 +112,7 @@ class Butterfly(Family):
         object.__setattr__(self, "half_angle", half)
         if self.inner * math.sin(half) < 0.5 * self.thickness:
             raise SceneError(
-                f"{name}: inner = {self.inner:g} m brings the leafs of one pair together at half_angle = "
+                f"{name}: inner = {self.inner:g} m brings the leaf springs of one pair together at half_angle = "
                 f"{half / unit:g} deg; move them outward."
             )
 
@@ -137,7 +137,7 @@ class Butterfly(Family):
         right = flat({"right": self._on_ray(self.inner, math.radians(30))})
         return {**super().blocks(), **inner, **right}
 
-    def leafs(self) -> tuple[Leaf, ...]:
+    def leaves(self) -> tuple[Leaf, ...]:
         found = []
         for first, second, middle in (*_RAYS, *_MIRRORED):
             inward = first in ("A", "top")

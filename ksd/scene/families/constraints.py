@@ -21,9 +21,9 @@ class FoldedLeaf(Family):
     """A leaf spring folded at a right angle: stiff along its fold line only, soft in all other directions.
 
     Joint axes: A at the origin, the fold (internal block) at (c, c, 0), B at (2c, 0, 0) with c = L cos(45 deg); the
-    fold line runs along z, like the widths of both leafs (van Eijk, On the design of plate-spring mechanisms, 1985).
+    fold line runs along z, like the widths of both leaf springs (van Eijk, On the design of plate-spring mechanisms, 1985).
 
-    length L [m] of each of the two leafs; thickness, width [m]. Raises SceneError naming the parameter out of bounds.
+    length L [m] of each of the two leaf springs; thickness, width [m]. Raises SceneError naming the parameter out of bounds.
     """
 
     family: ClassVar[str] = "folded_leaf"
@@ -51,7 +51,7 @@ class FoldedLeaf(Family):
     def blocks(self) -> dict[str, Vector]:
         return {**super().blocks(), "fold": (self._reach, self._reach, 0.0)}
 
-    def leafs(self) -> tuple[Leaf, ...]:
+    def leaves(self) -> tuple[Leaf, ...]:
         c = self._reach
         return (
             strip(self, "A_fold", ((0.0, 0.0), (c, c)), self.width, blocks=("A", "fold")),
@@ -64,7 +64,7 @@ class FoldedLeaf(Family):
         Each leaf is a cantilever in its plane, since the other one hardly resists the rotation of the fold: that is
         its torsion, left out.
         """
-        E, G, section = self.material.E, self.material.G, self.leafs()[0].section
+        E, G, section = self.material.E, self.material.G, self.leaves()[0].section
         cantilever = self.length**3 / (3 * E * section.Iy) + self.length / (section.kz * G * section.A)
         return 1 / (2 * cantilever)
 
@@ -90,7 +90,7 @@ class WireFlexure(Family):
     def __post_init__(self) -> None:
         check_sheet(self, "diameter", slender="diameter")
 
-    def leafs(self) -> tuple[Leaf, ...]:
+    def leaves(self) -> tuple[Leaf, ...]:
         words: dict[str, Any] = {"elements": self.elements, "orders": self.orders}
         words |= {"start": (0.0, 0.0, 0.0), "end": self.pose_B}
         return (make_wire(diameter=self.diameter, material=self.material, **words),)

@@ -1,4 +1,4 @@
-"""The cross flexure of paper 1, section 4.1: an inner leaf crossed by two outer leafs."""
+"""The cross flexure of paper 1, section 4.1: an inner leaf crossed by two outer leaf springs."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Any, ClassVar
 from ksd.errors import SceneError
 from ksd.scene.clearance import check_clear
 from ksd.scene.families.sheet import Family, measured
-from ksd.scene.joint import leafs_of
+from ksd.scene.joint import leaves_of
 from ksd.scene.leaf import Leaf, mesh
 from ksd.scene.material import Material
 from ksd.section import rectangle
@@ -20,15 +20,15 @@ _STROKE = math.radians(75)
 
 @dataclass(frozen=True)
 class CrossFlexure(Family):
-    """Three leafs crossing in their middle; B turns about z relative to A, +-75 degrees.
+    """Three leaf springs crossing in their middle; B turns about z relative to A, +-75 degrees.
 
     Joint axes: A at the origin, B at (L cos(angle), 0, 0), z along the widths. With h = L sin(angle)/2 the
     inner leaf runs from (0, -h, 0) to (L cos(angle), +h, 0), the two outer ones from (0, +h, +-c) to (L
     cos(angle), -h, +-c), c = spacing.
 
-    length L [m] of the leafs; angle [rad] between leaf and the line AB, 0..90 degrees; thickness [m];
+    length L [m] of the leaf springs; angle [rad] between leaf and the line AB, 0..90 degrees; thickness [m];
     widths (inner, outer) [m], the outer width being that of each outer leaf. gap [m]: free distance along z
-    between inner and outer leafs, c = (inner + outer)/2 + gap; spacing [m] gives c itself instead. elements,
+    between inner and outer leaf springs, c = (inner + outer)/2 + gap; spacing [m] gives c itself instead. elements,
     orders: mesh of every leaf, see `Leaf`. Raises SceneError naming the parameter out of bounds.
     """
 
@@ -80,13 +80,13 @@ class CrossFlexure(Family):
             )
         for key, value in clean.items():
             object.__setattr__(self, key, value)
-        check_clear(leafs_of(self), owner=name, advice="raise the spacing to half the sum of the widths")
+        check_clear(leaves_of(self), owner=name, advice="raise the spacing to half the sum of the widths")
 
     @property
     def pose_B(self) -> Vector:
         return (self.length * math.cos(self.angle), 0.0, 0.0)
 
-    def leafs(self) -> tuple[Leaf, ...]:
+    def leaves(self) -> tuple[Leaf, ...]:
         inner, outer = (rectangle(self.thickness, w) for w in self.widths)
         x, h, c = self.pose_B[0], 0.5 * self.length * math.sin(self.angle), self.spacing
         places = (
@@ -113,7 +113,7 @@ class CrossFlexure(Family):
         return {"angle": self.angle, "width_ratio": 2 * self.widths[1] / self.widths[0]}
 
     def stiffness_at_rest(self) -> float:
-        """Drive stiffness at rest [Nm/rad]: E I / L of all leafs together, at any angle; each bends to a circle (paper 1,
+        """Drive stiffness at rest [Nm/rad]: E I / L of all leaves together, at any angle; each bends to a circle (paper 1,
         eq. 4.3 without its factor 2, see errata)."""
         return self.material.E * (self.widths[0] + 2 * self.widths[1]) * self.thickness**3 / 12 / self.length
 
@@ -129,7 +129,7 @@ def _widths(widths: Any, owner: str) -> tuple[float, float]:
 
 
 def _spacing(widths: tuple[float, float], gap: Any, spacing: Any, owner: str) -> float:
-    """Distance of the outer leafs from the inner one along z, from either way of saying it."""
+    """Distance of the outer leaf springs from the inner one along z, from either way of saying it."""
     if gap is not None and spacing is not None:
         raise SceneError(
             f"{owner}: gap = {show(gap)} and spacing = {show(spacing)} say the same; give one of them."

@@ -1,4 +1,4 @@
-"""Crossed pivots: leafs that cross at any fraction of their length, or only on their extension."""
+"""Crossed pivots: leaf springs that cross at any fraction of their length, or only on their extension."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ _RATIOS = (-1.0, 2.0)
 
 
 def pivot_stiffness(ratio: float, bending_per_length: float) -> float:
-    """Stiffness at rest [Nm/rad] of two leafs of E I / L = `bending_per_length` [Nm] crossing at `ratio`.
+    """Stiffness at rest [Nm/rad] of two leaf springs of E I / L = `bending_per_length` [Nm] crossing at `ratio`.
 
-    K = 8 (1 - 3 ratio + 3 ratio^2) E I / L, from inextensible leafs: each carries M/2 at its middle and the
+    K = 8 (1 - 3 ratio + 3 ratio^2) E I / L, from inextensible leaves: each carries M/2 at its middle and the
     shear that puts its end on a circle about the crossing (Haringx 1949; paper 4, chapter 3).
     """
     return 8 * (1 - 3 * ratio + 3 * ratio**2) * bending_per_length
@@ -46,12 +46,12 @@ class _Crossed(Family):
 
 @dataclass(frozen=True)
 class CrossedPivot(_Crossed):
-    """Two leafs crossing at the fraction `ratio` of their length from A; B turns about z, +-30 degrees.
+    """Two leaf springs crossing at the fraction `ratio` of their length from A; B turns about z, +-30 degrees.
 
     Joint axes: A at the origin, B at (L cos(angle), 0, 0). With s = L sin(angle) the rising leaf runs from
     (0, -ratio s, 0) to (L cos(angle), (1 - ratio) s, 0), the falling one is its mirror image in y = 0; they
     cross at x = ratio L cos(angle). ratio 0.5: the symmetric cross; 0 or 1: crossing at A or B (remote
-    centre); outside 0..1: the inverted pivot, whose leafs meet only on their extension. Both leafs lie in
+    centre); outside 0..1: the inverted pivot, whose leaf springs meet only on their extension. Both leaf springs lie in
     one plane: where they cross, one passes through a window of the other, whose effect on the stiffness is
     left out (half the width over up to 0.3 L at 60 degrees).
 
@@ -77,7 +77,7 @@ class CrossedPivot(_Crossed):
         check_sheet(self, "width")
         _check_shape(self)
 
-    def leafs(self) -> tuple[Leaf, ...]:
+    def leaves(self) -> tuple[Leaf, ...]:
         x, s = self.pose_B[0], self.length * math.sin(self.angle)
         low, high = -self.ratio * s, (1 - self.ratio) * s
         rising = strip(self, "rising", ((0.0, low), (x, high)), self.width)
@@ -88,7 +88,7 @@ class CrossedPivot(_Crossed):
         return {"angle": self.angle, "ratio": self.ratio}
 
     def stiffness_at_rest(self) -> float:
-        """Drive stiffness at rest [Nm/rad], inextensible leafs: 8 (1 - 3 ratio + 3 ratio^2) E I / L (Haringx 1949)."""
+        """Drive stiffness at rest [Nm/rad], inextensible leaves: 8 (1 - 3 ratio + 3 ratio^2) E I / L (Haringx 1949)."""
         return pivot_stiffness(self.ratio, bending(self, self.width) / self.length)
 
 
@@ -96,12 +96,12 @@ class CrossedPivot(_Crossed):
 class BalancedCrossedPivot(_Crossed):
     """The crossed pivot with an inner leaf and two outer ones, symmetric in z; B turns about z, +-30 degrees.
 
-    The inner leaf is the rising one of `CrossedPivot`, the outer leafs are the falling one at z = +-c, c =
+    The inner leaf is the rising one of `CrossedPivot`, the outer leaf springs are the falling one at z = +-c, c =
     (inner + outer)/2 + gap, so nothing is cut and out-of-plane loads are carried symmetrically. ratio 0.5 is
     the cross flexure of paper 1, over a smaller stroke.
 
     widths (inner, outer) [m], the outer width being that of each outer leaf; gap [m] along z between inner
-    and outer leafs; the others as in `CrossedPivot`. Raises SceneError naming the parameter out of bounds.
+    and outer leaf springs; the others as in `CrossedPivot`. Raises SceneError naming the parameter out of bounds.
     """
 
     family: ClassVar[str] = "balanced_crossed_pivot"
@@ -127,7 +127,7 @@ class BalancedCrossedPivot(_Crossed):
         gap = not_negative(self.gap, "gap", owner=type(self).__name__, unit="m")
         object.__setattr__(self, "gap", gap)
 
-    def leafs(self) -> tuple[Leaf, ...]:
+    def leaves(self) -> tuple[Leaf, ...]:
         x, s = self.pose_B[0], self.length * math.sin(self.angle)
         low, high = -self.ratio * s, (1 - self.ratio) * s
         c = 0.5 * (self.inner_width + self.outer_width) + self.gap
@@ -144,6 +144,6 @@ class BalancedCrossedPivot(_Crossed):
         return {"angle": self.angle, "ratio": self.ratio, "width_ratio": width_ratio}
 
     def stiffness_at_rest(self) -> float:
-        """Drive stiffness at rest [Nm/rad] of inextensible leafs: both leaf planes share one end rotation."""
+        """Drive stiffness at rest [Nm/rad] of inextensible leaves: both leaf planes share one end rotation."""
         mean = 0.5 * (self.inner_width + 2 * self.outer_width)
         return pivot_stiffness(self.ratio, bending(self, mean) / self.length)

@@ -15,7 +15,7 @@ _STROKE = 0.25
 
 
 class _Guide(Family):
-    """What guides share: where B is, and its motion, driven level with the middle of the leafs, where a force meets no
+    """What guides share: where B is, and its motion, driven level with the middle of the leaves, where a force meets no
     moment."""
 
     @property
@@ -27,14 +27,14 @@ class _Guide(Family):
 
 @dataclass(frozen=True)
 class ParallelGuide(_Guide):
-    """Two parallel leafs; B moves along y, +-L/4, and sinks toward A by 0.6 stroke^2 / L.
+    """Two parallel leaf springs; B moves along y, +-L/4, and sinks toward A by 0.6 stroke^2 / L.
 
-    Joint axes: A at the origin, B at (L, 0, 0); the leafs run along x at y = +-spacing/2. The stroke is that
-    of the point of B at (L/2, 0, 0), level with the middle of the leafs, so that its force turns B nowhere.
-    The leafs pull and push, and so tilt B the more the closer they are: at 0.3 L by 3e-4 rad, and there its tilt at the end
+    Joint axes: A at the origin, B at (L, 0, 0); the leaf springs run along x at y = +-spacing/2. The stroke is that
+    of the point of B at (L/2, 0, 0), level with the middle of the leaf springs, so that its force turns B nowhere.
+    The leaves pull and push, and so tilt B the more the closer they are: at 0.3 L by 3e-4 rad, and there its tilt at the end
     of the stroke is hardly stiffer than the stroke.
 
-    length L, thickness, width [m] of each leaf; spacing [m] of the leafs. Raises SceneError naming the
+    length L, thickness, width [m] of each leaf; spacing [m] of the leaf springs. Raises SceneError naming the
     parameter out of bounds.
     """
 
@@ -53,7 +53,7 @@ class ParallelGuide(_Guide):
     def __post_init__(self) -> None:
         check_sheet(self, "width", "spacing")
 
-    def leafs(self) -> tuple[Leaf, ...]:
+    def leaves(self) -> tuple[Leaf, ...]:
         return tuple(
             strip(self, name, ((0.0, y), (self.length, y)), self.width)
             for name, y in (("low", -0.5 * self.spacing), ("high", 0.5 * self.spacing))
@@ -64,13 +64,13 @@ class ParallelGuide(_Guide):
         return {"spacing": self.spacing / self.length}
 
     def stiffness_at_rest(self) -> float:
-        """Drive stiffness at rest [N/m], two clamped-guided leafs: 24 E I / L^3."""
+        """Drive stiffness at rest [N/m], two clamped-guided leaves: 24 E I / L^3."""
         return 24 * bending(self, self.width) / self.length**3
 
 
 @dataclass(frozen=True)
 class StiffenedGuide(_Guide):
-    """The parallel guide with a stiffened middle in both leafs; B moves along y, +-L/4.
+    """The parallel guide with a stiffened middle in both leaf springs; B moves along y, +-L/4.
 
     As `ParallelGuide`, each leaf being two of length `flexible` L at its ends and a rigid block ("low",
     "high") between them: stiffer in all supporting directions at little cost in stroke.
@@ -104,7 +104,7 @@ class StiffenedGuide(_Guide):
         middles = {name: (0.5 * self.length, y, 0.0) for name, y in self._sides()}
         return {**super().blocks(), **middles}
 
-    def leafs(self) -> tuple[Leaf, ...]:
+    def leaves(self) -> tuple[Leaf, ...]:
         a, L = self.flexible * self.length, self.length
         found = []
         for name, y in self._sides():

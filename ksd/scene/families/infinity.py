@@ -1,7 +1,7 @@
-"""Infinity hinges: a main leaf reinforced against torsion by folded leafs and held laterally.
+"""Infinity hinges: a main leaf reinforced against torsion by folded leaf springs and held laterally.
 
 The principle is that of the infinity flexure (DSPE, case "Large range of motion flexure hinge: Infinity flexure"; paper
-1, references 1 and 2): a leaf leaves its bending, its torsion and its lateral motion free; folded leafs, stiff along
+1, references 1 and 2): a leaf leaves its bending, its torsion and its lateral motion free; folded leaf springs, stiff along
 their fold only, take the torsion away, and a strut across the leaf takes the lateral motion. All proportions here are
 our own: figures 1 and 14 of paper 1 are lost.
 """
@@ -14,7 +14,7 @@ from typing import ClassVar
 
 from ksd.scene.clearance import check_clear
 from ksd.scene.families.sheet import Family, Point, check_sheet, flat, inside, measured, strip
-from ksd.scene.joint import leafs_of
+from ksd.scene.joint import leaves_of
 from ksd.scene.leaf import Leaf
 from ksd.scene.material import Material
 from ksd.section.checks import Vector
@@ -27,11 +27,11 @@ _TRIPLE = math.radians(45)
 
 @dataclass(frozen=True)
 class InfinityHinge(Family):
-    """A main leaf with two folded leafs against its torsion and a strut against its lateral motion; +-30 degrees.
+    """A main leaf with two folded leaf springs against its torsion and a strut against its lateral motion; +-30 degrees.
 
     Joint axes: A at the origin, B at (L, 0, 0), everything symmetric in z and, but for the strut, in y. The
     main leaf runs from A to B in two halves of `width` at z = +-0.6 width, so that the strut passes between
-    them. Each folded leaf joins A at (0, +-0.02 L, 0) and B at (L, +-0.02 L, 0) by two leafs of twice `width`
+    them. Each folded leaf joins A at (0, +-0.02 L, 0) and B at (L, +-0.02 L, 0) by two leaf springs of twice `width`
     that meet at the fold, the internal block ("fold_low", "fold_high") at (L/2, +-reach L, 0). The strut, a leaf of 0.2
     width at z = 0, runs along y from A at (L/2, -strut L/2, 0) to B at (L/2, strut L/2, 0).
 
@@ -58,14 +58,14 @@ class InfinityHinge(Family):
         name = type(self).__name__
         object.__setattr__(self, "reach", inside(self.reach, "reach", (0.25, 0.6), owner=name))
         object.__setattr__(self, "strut", inside(self.strut, "strut", (0.1, 0.6), owner=name))
-        check_clear(leafs_of(self), owner=name, advice="raise reach or reduce strut")
+        check_clear(leaves_of(self), owner=name, advice="raise reach or reduce strut")
 
     def blocks(self) -> dict[str, Vector]:
         L, y = self.length, self.reach * self.length
         folds = flat({"fold_low": (0.5 * L, -y), "fold_high": (0.5 * L, y)})
         return {**super().blocks(), **folds}
 
-    def leafs(self) -> tuple[Leaf, ...]:
+    def leaves(self) -> tuple[Leaf, ...]:
         L, w = self.length, self.width
         z = (0.5 + _GAP) * w
         main = ((0.0, 0.0), (L, 0.0))
@@ -96,22 +96,22 @@ _BARS = (("inner", 1.0, 0.0, 4.0), ("outer_low", -1.0, -4.0, 2.0), ("outer_high"
 
 @dataclass(frozen=True)
 class TripleInfinityHinge(Family):
-    """The 3x-infinity hinge: 30 flexible leafs of 0.45 mm, B turns about z, +-45 degrees.
+    """The 3x-infinity hinge: 30 flexible leaf springs of 0.45 mm, B turns about z, +-45 degrees.
 
     Joint axes: A at the origin, B at (60, 0, 0) mm, everything symmetric in z. Our own dimensions, in mm at
     scale 1 (`length` 60 mm):
 
-    - main leaf, 6 leafs: three segments x = 0..18, 21..39, 42..60, each of two halves 15 wide at z = +-13.5;
+    - main leaf, 6 leaves: three segments x = 0..18, 21..39, 42..60, each of two halves 15 wide at z = +-13.5;
       between them the rigid cross bars "cross_1" and "cross_2" (reference points x = 19.5 and 40.5);
-    - torsion reinforcement, 6 folded leafs = 12 leafs, 18 wide, one pair per segment from x0 to x1: from (x0,
+    - torsion reinforcement, 6 folded leaves = 12 leaf springs, 18 wide, one pair per segment from x0 to x1: from (x0,
       +-1.5) to the fold block at ((x0 + x1)/2, +-17) and on to (x1, +-1.5);
-    - lateral guidance, 12 leafs: two anti-parallelograms in series, A to "middle" (at (30, 0)) and "middle"
+    - lateral guidance, 12 leaves: two anti-parallelograms in series, A to "middle" (at (30, 0)) and "middle"
       to B. The first is made of three crossing bars between y = -26 on A and y = -2 on the middle block:
       the inner one from x = 20 to 40, 4 wide at z = 0, the two outer ones from x = 40 to 20, 2 wide at z = +-4;
-      the ends of a bar are leafs 12 long, the rest a rigid block. The second is its image in the point (30, 0).
+      the ends of a bar are leaf springs 12 long, the rest a rigid block. The second is its image in the point (30, 0).
       Each acts as a pivot where its bars cross, so both together as a rod from A to B across the main leaf.
 
-    Widths overlap in the drawing where folded leafs and bars pass: the folded leafs have windows there, left
+    Widths overlap in the drawing where folded leaf springs and bars pass: the folded leaf springs have windows there, left
     out of the model: over the stroke up to 0.19 of the area of a leaf (`ksd.train.checks.Openings`; rigid blocks have no
     shape here and are not looked at). length [m] scales all dimensions but thickness [m], which is free like the
     material. Raises SceneError naming the parameter out of bounds.
@@ -152,7 +152,7 @@ class TripleInfinityHinge(Family):
             points |= {f"bar_1_{name}": (0.5 * _LENGTH, -y), f"bar_2_{name}": (0.5 * _LENGTH, y)}
         return flat({name: (self._unit * x, self._unit * y) for name, (x, y) in points.items()})
 
-    def leafs(self) -> tuple[Leaf, ...]:
+    def leaves(self) -> tuple[Leaf, ...]:
         return (*self._main(), *self._folds(), *self._bars())
 
     def _strip(

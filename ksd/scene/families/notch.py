@@ -62,7 +62,7 @@ class CircularNotchHinge(_Notch):
         """Length of the neck [m], 2R."""
         return 2 * self.radius
 
-    def leafs(self) -> tuple[Leaf, ...]:
+    def leaves(self) -> tuple[Leaf, ...]:
         return (_neck(self, CircularNotch(self.radius, self.minimum, self.width)),)
 
     def shape(self) -> dict[str, float]:
@@ -119,7 +119,7 @@ class FilletedNotchHinge(_Notch):
                 f"FilletedNotchHinge: minimum = {self.minimum:g} m must be below half its length, {self.length / 2:g} m."
             )
 
-    def leafs(self) -> tuple[Leaf, ...]:
+    def leaves(self) -> tuple[Leaf, ...]:
         return (_neck(self, FilletedNotch(self.length, self.radius, self.minimum, self.width)),)
 
     def shape(self) -> dict[str, float]:
@@ -191,7 +191,7 @@ class ArcHinge(Family):
     def pose_B(self) -> Vector:
         return (2 * self.radius * math.sin(0.5 * self.angle), 0.0, 0.0)
 
-    def leafs(self) -> tuple[Leaf, ...]:
+    def leaves(self) -> tuple[Leaf, ...]:
         arc = Leaf(
             start=(0.0, 0.0, 0.0),
             end=self.pose_B,

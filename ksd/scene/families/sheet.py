@@ -55,7 +55,7 @@ def check_lengths(joint: Any, *lengths: str) -> None:
 
 
 def check_sheet(joint: Any, *lengths: str, slender: str = "thickness") -> None:
-    """`check_lengths` of a joint whose leafs are `slender` thick.
+    """`check_lengths` of a joint whose leaf springs are `slender` thick.
 
     Raises SceneError also for a thickness of half the leaf length or more.
     """

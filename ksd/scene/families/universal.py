@@ -26,7 +26,7 @@ class UniversalJoint(Family):
     width, from A to the middle; the second is the same, shifted by D and turned about x by -90 degrees, so
     that its axis is y. Its rotations are the twist angles of B relative to A about z and y, in the axes of A.
 
-    length L [m] of a leaf; thickness [m]; width [m] of the inner leafs, whose ratio to L is the shape parameter
+    length L [m] of a leaf; thickness [m]; width [m] of the inner leaf springs, whose ratio to L is the shape parameter
     `aspect`. Raises SceneError naming the parameter out of bounds.
     """
 
@@ -63,7 +63,7 @@ class UniversalJoint(Family):
     def blocks(self) -> dict[str, Vector]:
         return {**super().blocks(), "middle": (self._step, 0.0, 0.0)}
 
-    def leafs(self) -> tuple[Leaf, ...]:
+    def leaves(self) -> tuple[Leaf, ...]:
         h, c = 0.5 * self.length * math.sin(_ANGLE), 0.75 * self.width
         places = (("inner", -h, 0.0, 1.0), ("outer_low", h, -c, 0.5), ("outer_high", h, c, 0.5))
         return tuple(
@@ -93,7 +93,7 @@ class UniversalJoint(Family):
         )
 
     def shape(self) -> dict[str, float]:
-        """aspect = width / L: how far apart the outer leafs lie, in which a turned flexure moves across its own plane."""
+        """aspect = width / L: how far apart the outer leaves lie, in which a turned flexure moves out of its own plane."""
         return {"aspect": self.width / self.length}
 
     def stiffness_at_rest(self) -> float:

@@ -1,4 +1,4 @@
-"""The price list of a scene: what every effect changes, and what it costs in time and unknowns.
+"""The effect cost of a scene: what every effect changes, and what it costs in time and unknowns.
 
 Each effect is put on and taken off alone, beside those the scene mentions; both are solved conventionally (so
 that no difference of methods is mixed in), asked the same questions and timed.
@@ -56,7 +56,7 @@ class Price:
 
 
 def unknowns(model: Model) -> int:
-    """Unknowns a solve of this model has, those condensed inside the leafs included: in its plane where it has one."""
+    """Unknowns a solve of this model has, those condensed inside the leaves included: in its plane where it has one."""
     plane = plane_of(model)
     arrays = model.arrays if isinstance(plane, str) else plane.arrays
     members = arrays.members
@@ -84,7 +84,7 @@ def quantities(pose: Any) -> dict[str, float]:
     return found
 
 
-def prices(
+def effect_cost(
     scene: Any,
     targets: Mapping[str, float],
     *,

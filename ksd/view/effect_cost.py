@@ -1,4 +1,4 @@
-"""The price list of a scene as bars: what every effect changes, and what it costs in time."""
+"""The effect cost of a scene as bars: what every effect changes, and what it costs in time."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from ksd.view.figure import INK
 KEPT, LEFT = "#c2410c", "#b8c0cc"
 
 
-def plot_prices(
+def plot_effect_cost(
     axes: tuple[Any, Any],
     names: Sequence[str],
     changes: Sequence[float],

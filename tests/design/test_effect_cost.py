@@ -1,4 +1,4 @@
-"""The price list of a scene: `ksd effects`, its table, JSON and picture, and what it says."""
+"""The effect cost of a scene: `ksd effects`, its table, JSON and picture, and what it says."""
 
 import json
 from importlib.resources import files
@@ -9,7 +9,7 @@ from scenes import fourbar
 
 import ksd
 from ksd.cli import main
-from ksd.design.prices import prices, unknowns
+from ksd.design.effect_cost import effect_cost, unknowns
 
 FOURBAR = str(files("ksd") / "scenes" / "fourbar.toml")
 
@@ -18,7 +18,7 @@ FOURBAR = str(files("ksd") / "scenes" / "fourbar.toml")
 def priced():
     scene = fourbar()
     scene.joint_spring("lower left", stiffness=0.5)
-    return prices(scene, {"top": 0.1}, rounds=1)
+    return effect_cost(scene, {"top": 0.1}, rounds=1)
 
 
 def test_every_effect_has_its_price(priced):
@@ -55,14 +55,14 @@ def test_unknowns_are_those_solved_for():
 
 
 def test_the_command(tmp_path, capsys, monkeypatch):
-    monkeypatch.setattr("ksd.design.prices.ROUNDS", 1)
+    monkeypatch.setattr("ksd.design.effect_cost.ROUNDS", 1)
     out, picture = tmp_path / "prices.json", tmp_path / "prices.png"
     assert main(["effects", FOURBAR, "--set", "top=50mm", "--json", str(out), "--plot", str(picture)]) == 0
     said = capsys.readouterr().out
     assert "with shear" in said and "without warping: not mentioned; would be 23 %" in said
     found = json.loads(out.read_text())
-    assert set(found["prices"]) == {"spatial", "shear", "warping", "plate"}
-    row = found["prices"]["shear"]
+    assert set(found["effect_cost"]) == {"spatial", "shear", "warping", "plate"}
+    row = found["effect_cost"]["shear"]
     assert row["simulated"] and abs(row["relative_change"]["force top"]) < 1e-3
     assert np.isfinite(row["time_with_s"]) and row["unknowns_with"] == row["unknowns_without"]
     assert picture.stat().st_size > 10_000

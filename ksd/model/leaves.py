@@ -293,7 +293,7 @@ def _placed(
     return axes, start + axes @ body.d
 
 
-def _misfit(
+def _assembly_error(
     state: Condition, axes: np.ndarray, tip: np.ndarray, clamp: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Where end q is clamped, and its axes there, when the clamp is off what is drawn."""
@@ -318,7 +318,7 @@ def leaf_member(leaf: Any, mesh: Mesh, *, name: str, heavy: bool = False) -> Mem
     body = drawn if loose is leaf else make(loose, mesh, heavy)
     clamp = axes @ drawn.Q
     if leaf.condition is not None:
-        tip, clamp = _misfit(leaf.condition, axes, tip, clamp)
+        tip, clamp = _assembly_error(leaf.condition, axes, tip, clamp)
         strained = body is not drawn or any(leaf.condition.shift) or any(leaf.condition.turn)
         if body.kind == COROTATIONAL and strained:
             end = axes.T @ (tip - start), axes.T @ clamp
@@ -342,11 +342,13 @@ def leaf_member(leaf: Any, mesh: Mesh, *, name: str, heavy: bool = False) -> Mem
 def split_leaf(leaf: Any, elements: int) -> tuple[list[Any], list[np.ndarray]]:
     """The leaf cut into single-element pieces, and the points (3,) between them in the leaf's own coordinates."""
     if leaf.curve is not None or leaf.profile is not None:
-        raise SceneError(f"leaf '{leaf.name}': nodal meshes are for straight uniform leafs; leave nodal out")
+        raise SceneError(
+            f"leaf '{leaf.name}': nodal meshes are for straight uniform leaf springs; leave nodal out"
+        )
     state = leaf.condition or Condition()
     if replace(state, bend=0.0, torsion=0.0) != Condition():
         raise SceneError(
-            f"leaf '{leaf.name}': nodal meshes are for leafs without heat, prestress and misfit; leave nodal out"
+            f"leaf '{leaf.name}': nodal meshes are for leaves without heat, prestress and assembly error; leave nodal out"
         )
     start, end = np.asarray(leaf.start, float), np.asarray(leaf.end, float)
     cuts = [start + (end - start) * k / elements for k in range(elements + 1)]
