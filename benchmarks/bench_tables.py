@@ -183,8 +183,8 @@ def _slow(m: Told, fast: Row, slow: Row, times: float) -> str:
     """Why a ratio of so many times is missed."""
     most = slow.passes / max(fast.passes, 1)
     words = [
-        f"{slow.method} makes {slow.passes} passes over the leaves, {fast.method} {fast.passes}, so at equal cost of a pass "
-        f"{most:.3g} would be the most"
+        f"{slow.method} makes {slow.passes} passes over the leaf springs, {fast.method} {fast.passes}, so at equal cost of "
+        f"a pass {most:.3g} would be the most"
         + (" (that of step 2, four chains at a time, costs less)" if times > most else "")
     ]
     around = fast.call[1] - fast.steps[1]

@@ -93,7 +93,9 @@ def mentioned(scene: Any, mesh: Mesh) -> dict[str, str]:
         heavy = [bool(leaf.material.density) for leaf in scene.leaf_names().values()]
         pulled = [_count(len(scene.masses), "mass", "masses")] if scene.masses else []
         if any(heavy):
-            pulled.append(f"{sum(heavy)} of {_count(len(heavy), 'leaf', 'leaves')}, those of known density")
+            pulled.append(
+                f"{sum(heavy)} of {_count(len(heavy), 'leaf', 'leaf springs')}, those of known density"
+            )
         # without masses there is nothing for it to pull at
         if pulled:
             found["gravity"] = f"{_vector(scene.gravity)} m/s^2 on {' and '.join(pulled)}"

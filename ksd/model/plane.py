@@ -312,7 +312,8 @@ def _leaving_load(model: Model, k: np.ndarray) -> str:
             return f"{_load_name(model, i)} turns about {_spoken(moment)} Nm, out of the plane normal to {_spoken(k)}"
     gravity = model.arrays.weight[:1, 1:].ravel()
     if len(gravity) and abs(gravity @ k) > PARALLEL * np.linalg.norm(gravity):
-        return f"the weight of the leaves pulls along {_spoken(gravity)} m/s^2, out of the plane normal to {_spoken(k)}"
+        pull = f"the weight of the leaf springs pulls along {_spoken(gravity)} m/s^2"
+        return f"{pull}, out of the plane normal to {_spoken(k)}"
     return ""
 
 

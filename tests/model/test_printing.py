@@ -29,6 +29,6 @@ def test_the_weight_of_the_leaves_is_listed():
     scene.gravity = (0, -9.81, 0)
     # four joints of one 40 mm and two 20 mm leaf springs, 1 mm thick and 100 mm long
     mass = 4 * 7800 * 0.08 * 1e-3 * 0.1
-    listed = f"weight of the leaves: {mass:.3g} kg along them, {9.81 * mass:.3g} N"
+    listed = f"weight of the leaf springs: {mass:.3g} kg along them, {9.81 * mass:.3g} N"
     assert listed in str(ksd.compile_scene(scene, with_="gravity"))
     assert "weight of the leaf springs" not in str(ksd.compile_scene(scene, without="gravity"))

@@ -79,7 +79,7 @@ def test_the_middle_leaf_of_three_misplaced_along():
 
 @pytest.mark.parametrize("turn", [0.0, 0.3])
 @pytest.mark.parametrize(
-    "direction, assembly error",
+    "direction, assembly_error",
     [
         ("along", {"shift": (1e-7, 0, 0)}),
         ("across", {"shift": (0, 1e-7, 0)}),
