@@ -269,7 +269,7 @@ def test_the_model_says_what_it_simulates_in_the_words_of_the_scene():
         "left out: gravity on links, payloads and along the leaf springs, loads that turn with their link"
         in bare
     )
-    assert "prestress and assembly error of leaves: the scene says nothing of them" in bare
+    assert "prestress and assembly error of leaf springs: the scene says nothing of them" in bare
     off = str(ksd.compile_scene(full_of_effects(), without=("heat", "shear")))
     assert (
         "without heat: switched off; 1e-09 K on all leaf springs" in off
