@@ -43,7 +43,7 @@ READINGS = {1: "H between joint centres", 2: "H is the side link"}
 def cross_flexure(**changes: Any) -> ksd.CrossFlexure:
     """The joint of paper 1, Table 1, with changes."""
     sizes = {"length": 100 * mm, "angle": 45 * deg, "thickness": 1 * mm, "widths": (40 * mm, 20 * mm)}
-    return ksd.CrossFlexure(STEEL, **{**sizes, **changes})
+    return ksd.CrossFlexure(**{"material": STEEL, **sizes, **changes})
 
 
 def bending_stiffness(joint: ksd.CrossFlexure) -> float:

@@ -1,9 +1,10 @@
-"""What a new design costs: scene, preparation, one solve and the 6x6 support stiffness, and chains of joints.
+"""What a new design costs: the same words, other numbers, prepared and asked for force and 6x6 support stiffness.
 
-Every design differs from those before in its numbers, never in its topology, as in an optimisation loop; nothing of an
-earlier design can be used but what depends on topology alone. Thread CPU time, medians, cases in turns; kernels compiled
-before. Beside the times the error figure of the answer, mesh included, and the drive force itself. Also: the same
-mechanism again at other drive values, and the memory that many scenes leave behind.
+Crossed pivot, the README's fourbar and the spatial arm of three joints, length and thickness changed each time as in an
+optimisation loop, so that nothing of an earlier design serves but what depends on topology; the same designs in one
+`ksd.batch`; an unchanged mechanism at new drive values, bare and with gravity, a spring and heat; chains of joints,
+prepared and solved once; memory left by new scenes. Beside the times the error of the force, mesh included, against
+finer leaves. Thread CPU time, medians, cases in turns, kernels compiled before.
 Run: python benchmarks/designs.py [--quick]
 """
 
@@ -12,40 +13,42 @@ from __future__ import annotations
 import gc
 import itertools
 import os
-import statistics
-import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from common import STEEL, cross_flexure, fourbar, interleaved, machine, options, thread_us, write_json
+from common import FINEST, STEEL, cross_flexure, interleaved, machine, options, thread_us, write_json
 
 import ksd
+from ksd.bench.suite import TIP, chain
 from ksd.units import deg, mm
 
-FIRST_RELEASE = {"crossed pivot": 8.7, "fourbar": 18.0, "three-joint arm": 55.0}
-"""Milliseconds of the first release, on another day."""
-WANTED = {"crossed pivot": 1.0, "fourbar": 2.0, "three-joint arm": 6.0}
-CHAINS = {3: 3.0, 100: 30.0, 1000: 300.0}
-"""Joints of a chain, and the milliseconds wanted for preparing and solving it."""
+WANTED_MS = {
+    "crossed pivot": (8.7, 1.0, 0.5),
+    "fourbar": (18.0, 2.0, 1.0),
+    "three-joint arm": (55.0, 6.0, 3.0),
+}
+"""A new design in the first release, measured on another day; wanted alone; wanted among a thousand."""
+CHAINS_MS = {3: 3.0, 100: 30.0, 1000: 300.0}
+"""Joints of a chain, and what is wanted for preparing and solving it."""
+AGAIN_US = {"prepared": 130.0, "ksd.solve": 180.0, "ksd.solve with gravity, spring, heat": 400.0}
+"""Wanted for the fourbar at new drive values."""
 
 
-def pivot(n: int) -> ksd.Mechanism:
-    """A crossed pivot of the n-th thickness, driven by its angle."""
+def pivot(length: float = 60 * mm, thickness: float = 0.4 * mm) -> ksd.Mechanism:
+    """A crossed pivot driven by its angle."""
+    joint = ksd.CrossedPivot(STEEL, length=length, angle=45 * deg, thickness=thickness, width=20 * mm)
     scene = ksd.Mechanism("pivot")
     tip = scene.link("tip")
-    joint = ksd.CrossedPivot(
-        STEEL, length=(50 + 1e-3 * n) * mm, angle=45 * deg, thickness=0.3 * mm, width=10 * mm
-    )
-    placed = scene.join(scene.ground, tip, joint, at=(0, 0, 0), axis="z", toward="x", name="pivot")
-    scene.actuate_joint(placed, name="turn")
+    scene.actuate_joint(scene.join(scene.ground, tip, joint, at=(0, 0, 0), axis="z", toward="x"), name="turn")
     return scene
 
 
-def four(n: int) -> ksd.Mechanism:
-    """The README's fourbar with joints of the n-th thickness."""
-    joint = cross_flexure(thickness=(1 + 1e-6 * n) * mm)
+def fourbar(length: float = 100 * mm, thickness: float = 1 * mm, *, effects: bool = False) -> ksd.Mechanism:
+    """The fourbar of the README; `effects`: with gravity, a spring and heat."""
+    steel = ksd.Material(E=STEEL.E, G=STEEL.G, density=STEEL.density, expansion=12e-6 if effects else None)
+    joint = cross_flexure(length=length, thickness=thickness, material=steel)
     scene = ksd.Mechanism("fourbar")
     left, top, right = scene.links("left", "top", "right")
     scene.join(scene.ground, left, joint, at=(-0.2, 0, 0), axis="z", toward="y")
@@ -53,129 +56,158 @@ def four(n: int) -> ksd.Mechanism:
     scene.join(right, top, joint, at=(0.2, 0.3, 0), axis="z", toward="y")
     scene.join(scene.ground, right, joint, at=(0.2, 0, 0), axis="z", toward="y")
     scene.actuate(top, along="x", at=(0, 0.3 + joint.length_AB, 0))
+    if effects:
+        scene.spring("ground", top, start=(0, 0, 0), end=(0, 0.3, 0), stiffness=200, free_length=0)
+        scene.gravity = (0, -9.81, 0)
+        scene.heat(20)
     return scene
 
 
-def arm(n: int) -> ksd.Mechanism:
-    """Three infinity hinges about axes in space, the n-th thickness, each driven."""
+def arm(length: float = 60 * mm, thickness: float = 0.45 * mm) -> ksd.Mechanism:
+    """The spatial arm the package brings, its hinges drawn anew."""
+    hinge = ksd.TripleInfinityHinge(STEEL, thickness=thickness, length=length)
     scene = ksd.Mechanism("arm")
-    joint = ksd.InfinityHinge(STEEL, length=60 * mm, thickness=(0.5 + 1e-6 * n) * mm, width=30 * mm)
-    last = scene.ground
-    for k, (axis, toward) in enumerate((("z", "x"), ("y", "x"), ("x", "y"))):
-        link = scene.link(f"link {k + 1}")
-        placed = scene.join(
-            last, link, joint, at=(0.3 * k, 0, 0), axis=axis, toward=toward, name=f"hinge {k + 1}"
-        )
-        scene.actuate_joint(placed, name=f"turn_{k + 1}")
-        last = link
+    first, second, third = scene.links("first", "second", "third")
+    for a, b, at, axis, toward, name in (
+        (scene.ground, first, (0, 0, 0), "z", "x", "base"),
+        (first, second, (150 * mm, 0, 50 * mm), "y", (1, 0, 1), "shoulder"),
+        (second, third, (330 * mm, 0, 230 * mm), "y", (1, 0, -1), "elbow"),
+    ):
+        scene.actuate_joint(scene.join(a, b, hinge, at=at, axis=axis, toward=toward, name=name), name=name)
     return scene
 
 
-TARGETS: dict[str, dict[str, float]] = {
-    "crossed pivot": {"turn": 20 * deg},
-    "fourbar": {"top": 0.15},
-    "three-joint arm": {"turn_1": 10 * deg, "turn_2": 10 * deg, "turn_3": 10 * deg},
-}
-MAKERS: dict[str, Callable[[int], ksd.Mechanism]] = {
-    "crossed pivot": pivot,
-    "fourbar": four,
-    "three-joint arm": arm,
-}
-MOVED = {"crossed pivot": "tip", "fourbar": "top", "three-joint arm": "link 3"}
+CASES: dict[str, tuple[Callable[..., ksd.Mechanism], dict[str, float], str, Any, tuple[float, float]]] = {
+    "crossed pivot": (pivot, {"turn": 15 * deg}, "tip", (0.0, 0.0, 0.0), (60 * mm, 0.4 * mm)),
+    "fourbar": (fourbar, {"top": 300 * mm}, "top", (0.0, 0.3, 0.0), (100 * mm, 1 * mm)),
+    "three-joint arm": (
+        arm, dict.fromkeys(("base", "shoulder", "elbow"), 30 * deg), "third", TIP, (60 * mm, 0.45 * mm),
+    ),
+}  # fmt: skip
+"""What makes a scene, drive values, where the stiffness is asked for, nominal length and thickness [m]."""
 
 
-def answer(name: str, n: int) -> tuple[float, float, Any]:
-    """First drive force, support stiffness along z of the 6x6, and error figure of the n-th design."""
-    pose = ksd.prepare(MAKERS[name](n))(**TARGETS[name])
-    return next(iter(pose.forces.values())), pose.stiffness(MOVED[name]).support("z"), pose
+def design(name: str, n: int) -> dict[str, float]:
+    """The n-th design: length and thickness a little off."""
+    length, thickness = CASES[name][4]
+    rng = np.random.default_rng(n)
+    return {"length": length * rng.uniform(0.95, 1.05), "thickness": thickness * rng.uniform(0.9, 1.1)}
 
 
-def chain_of(joints: int, n: int = 0) -> ksd.Mechanism:
-    """An open chain of crossed pivots in a plane, turned by a moment at its end."""
-    joint = ksd.CrossedPivot(
-        STEEL, length=50 * mm, angle=45 * deg, thickness=(0.3 + 1e-7 * n) * mm, width=10 * mm
+def answered(name: str, scene: ksd.Mechanism, **how: Any) -> tuple[ksd.Configuration, np.ndarray]:
+    """Configuration with its forces, and the 6x6 compliance of the link."""
+    _, targets, link, at, _ = CASES[name]
+    pose = ksd.prepare(scene, **how)(targets)
+    return pose, pose.stiffness(link, at=at).compliance
+
+
+def new_designs(repeats: int) -> list[dict[str, Any]]:
+    """Medians [ms] of making a scene and of prepare + force + stiffness, and the errors of the answer."""
+    fresh = itertools.count(1)
+    pool = {name: itertools.cycle([make(**design(name, next(fresh))) for _ in range(repeats + 3)])
+            for name, (make, *_) in CASES.items()}  # fmt: skip
+    whole = interleaved(
+        {name: lambda name=name: answered(name, next(pool[name])) for name in CASES}, repeats=repeats
     )
-    scene = ksd.Mechanism(f"chain of {joints}")
-    last = scene.ground
-    for k in range(joints):
-        link = scene.link(f"link {k + 1}")
-        scene.join(last, link, joint, at=(0.1 * k, 0, 0), axis="z", toward="x", name=f"joint {k + 1}")
-        last = link
-    scene.load(last, moment=(0, 0, 1e-3))
-    return scene
+    scene = interleaved(
+        {name: lambda name=name: CASES[name][0](**design(name, next(fresh))) for name in CASES},
+        repeats=repeats,
+    )
+    rows = []
+    for name, (make, *_) in CASES.items():
+        near, stiffness = answered(name, make())
+        fine, exact = answered(name, make(), mesh=FINEST)
+        force = max(abs(near.forces[k] / fine.forces[k] - 1) for k in near.forces)
+        before, alone, _ = WANTED_MS[name]
+        rows.append(
+            {
+                "what": name, "ms": whole[name].median / 1e3, "wanted_ms": alone, "first_release_ms": before,
+                "scene_alone_ms": scene[name].median / 1e3, "forces": dict(near.forces), "force_error": force,
+                "force_error_told": near.error.relative, "stiffness_error": _difference(stiffness, exact),
+            }
+        )  # fmt: skip
+    return rows
 
 
-def memory_mb() -> float:
-    """Resident memory of this process [MB]."""
-    pages = int(Path("/proc/self/statm").read_text().split()[1])
-    return pages * os.sysconf("SC_PAGE_SIZE") / 1e6
+def _difference(one: np.ndarray, other: np.ndarray) -> float:
+    """Largest difference of two compliances (6, 6), forces apart from moments, over the largest entry of their kind."""
+    blocks = [(slice(a, a + 3), slice(b, b + 3)) for a in (0, 3) for b in (0, 3)]
+    return float(max(np.max(np.abs(one[at] - other[at])) / np.max(np.abs(other[at])) for at in blocks))
+
+
+def in_one_call(name: str, count: int) -> float:
+    """CPU time of a design [ms] among `count` in one `ksd.batch`, forces alone."""
+    make, targets = CASES[name][0], CASES[name][1]
+    ksd.batch(make, targets, designs=[design(name, n) for n in range(5)], threads=1)
+    some = [design(name, n) for n in range(count)]
+    return thread_us(lambda: ksd.batch(make, targets, designs=some, threads=1)) / 1e3 / count
+
+
+def chained(joints: int, repeats: int) -> float:
+    """Prepare and first solve [ms] of a chain."""
+    spent = []
+    for _ in range(repeats + 1):
+        scene, targets = chain(joints)
+        spent.append(thread_us(lambda scene=scene, targets=targets: ksd.prepare(scene)(targets)) / 1e3)
+    return float(np.median(spent[1:]))
+
+
+def memory_left(count: int) -> float:
+    """Growth of the process [MB] by `count` new fourbars solved, after fifty others."""
+
+    def resident() -> float:
+        gc.collect()
+        return int(Path("/proc/self/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE") / 1e6
+
+    before = 0.0
+    for n in range(count + 50):
+        if n == 50:
+            before = resident()
+        ksd.solve(fourbar(**design("fourbar", n)), top=300 * mm)
+    return resident() - before
 
 
 def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
     """Measure, print, write designs.json; returns what was found."""
     asked = options(__doc__, argv)
-    repeats, many = (2, 20) if asked.quick else (25, 1000)
-    fresh = itertools.count(1)
-    times = interleaved(
-        {name: (lambda name=name: answer(name, next(fresh))) for name in MAKERS}, repeats=repeats, warm=3
-    )
-    scenes = interleaved(
-        {name: (lambda name=name: MAKERS[name](next(fresh))) for name in MAKERS}, repeats=repeats
-    )
-    rows = []
-    for name, spent in times.items():
-        force, support, pose = answer(name, 0)
-        rows.append(
-            {
-                "what": name, "ms": spent.median / 1e3, "wanted_ms": WANTED[name],
-                "first_release_ms": FIRST_RELEASE[name], "scene_alone_ms": scenes[name].median / 1e3, "force": force,
-                "support_z": support, "error": pose.error.relative,
-            }
-        )  # fmt: skip
-    chains = []
-    for joints, wanted in CHAINS.items():
-        if asked.quick and joints > 100:
-            continue
-        spent = []
-        for _ in range(2 if joints > 100 else 5):
-            scene = chain_of(joints, next(fresh))
-            spent.append(thread_us(lambda scene=scene: ksd.prepare(scene)()) / 1e3)
-        chains.append({"joints": joints, "ms": statistics.median(spent[1:]), "wanted_ms": wanted})
-    again = fourbar()
-    stroke = itertools.cycle(np.linspace(0.1, 0.2, 17))
-    solver = ksd.prepare(again)
-    same = interleaved(
-        {
-            "prepared": lambda: solver(top=float(next(stroke))),
-            "ksd.solve": lambda: ksd.solve(again, top=float(next(stroke))),
-        },
-        repeats=20 if asked.quick else 400,
-        warm=10,
-    )
-    begin = time.thread_time()
-    found = ksd.batch(four, {"top": [0.15]}, designs={"n": np.arange(1.0, many + 1)}, threads=1)
-    batch_ms = 1e3 * (time.thread_time() - begin) / many
-    gc.collect()
-    before = memory_mb()
-    for n in range(20 if asked.quick else 1500):
-        ksd.solve(pivot(10_000 + n), turn=0.1)
-    gc.collect()
-    left = memory_mb() - before
+    rows = new_designs(3 if asked.quick else 25)
+    for row in rows:
+        row["batch_ms"], row["batch_wanted_ms"] = (
+            in_one_call(row["what"], 10 if asked.quick else 1000),
+            WANTED_MS[row["what"]][2],
+        )
+        print(
+            f"{row['what']:16} {row['ms']:7.2f} ms (wanted {row['wanted_ms']:g}, first release "
+            f"{row['first_release_ms']:g}), the scene alone {row['scene_alone_ms']:.2f}; {row['batch_ms']:.2f} each in one "
+            f"call, forces alone; force {row['force_error']:.1e} off, told {row['force_error_told']:.1e}, stiffness "
+            f"{row['stiffness_error']:.1e} off"
+        )
+    bare, full = fourbar(), fourbar(effects=True)
+    solver = ksd.prepare(bare)
+    stroke = itertools.cycle(np.linspace(0.1, 0.3, 17))
+    calls: dict[str, Callable[[], Any]] = dict(zip(AGAIN_US, (
+        lambda: solver(top=float(next(stroke))),
+        lambda: ksd.solve(bare, top=float(next(stroke))),
+        lambda: ksd.solve(full, top=float(next(stroke))),
+    ), strict=True))  # fmt: skip
+    again = interleaved(calls, repeats=20 if asked.quick else 400, warm=10)
+    for name, wanted in AGAIN_US.items():
+        print(f"{name:36} {again[name].median:7.1f} us (wanted {wanted:g})")
+    chains = [
+        {"joints": joints, "ms": chained(joints, 1 if asked.quick else 3), "wanted_ms": wanted}
+        for joints, wanted in CHAINS_MS.items()
+        if joints <= 100 or not asked.quick
+    ]
+    for found in chains:
+        print(
+            f"chain of {found['joints']:4} joints, prepared and solved: {found['ms']:.1f} ms (wanted {found['wanted_ms']:g})"
+        )
+    left = memory_left(20 if asked.quick else 1500)
+    print(f"memory after many new scenes: {left:+.1f} MB")
     result = {
         "machine": machine(), "rows": rows, "chains": chains,
-        "again_us": {name: t.numbers() for name, t in same.items()},
-        "batch": {"designs": many, "ms_each": batch_ms, "solved": found.solved}, "memory_left_MB": left,
+        "again_us": {name: t.numbers() for name, t in again.items()}, "memory_left_MB": left,
     }  # fmt: skip
-    for row in rows:
-        print(
-            f"{row['what']:16s} {row['ms']:7.2f} ms (wanted {row['wanted_ms']:g}, first release "
-            f"{row['first_release_ms']:g}), its scene {row['scene_alone_ms']:.2f} ms; error figure {row['error']:.1e}"
-        )
-    for row in chains:
-        print(f"chain of {row['joints']:4d}    {row['ms']:7.1f} ms (wanted {row['wanted_ms']:g})")
-    for name, t in same.items():
-        print(f"{name} again: {t.median:.0f} us")
-    print(f"batch of {many}: {batch_ms:.2f} ms a design; memory left after many scenes: {left:.1f} MB")
     write_json(result, asked.out / "designs.json")
     return result
 

@@ -132,6 +132,16 @@ def test_batches_and_tabulated_joints(script):
     assert len(rows) == 4 and all(r["solved"] == 12 and r["force_error"] < 1e-6 for r in rows.values())
 
 
+def test_designs(script, tmp_path):
+    found = script("designs").main(["--quick", "--out", str(tmp_path)])
+    rows = {r["what"]: r for r in found["rows"]}
+    # the README's fourbar at d = .3 m
+    assert rows["fourbar"]["forces"]["top"] == pytest.approx(521.1948, rel=1e-6)
+    assert all(r["force_error"] < 1e-5 and r["stiffness_error"] < 1e-4 for r in rows.values())
+    assert [c["joints"] for c in found["chains"]] == [3, 100]
+    assert (tmp_path / "designs.json").exists()
+
+
 def test_chain(script, tmp_path):
     found = script("chain").main(["--quick", "--out", str(tmp_path)])
     assert len(found["rows"]) == 4 and all(r["solved"] for r in found["rows"])
