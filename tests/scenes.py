@@ -59,6 +59,22 @@ def slider(axis="z", toward="x"):
     return scene
 
 
+def guided_leaf(slenderness, *, taut):
+    """A leaf of .1 m whose end moves across and does not turn: drawn where it must also keep its distance (`taut`), else
+    free to come nearer, half of its deflection and more being shear where it is thick."""
+    scene = ksd.Mechanism("taut leaf" if taut else "thick leaf")
+    tip = scene.link("tip", at=(0.1, 0, 0))
+    scene.leaf(
+        scene.ground, tip, start=(0, 0, 0), end=(0.1, 0, 0), section=ksd.rectangle(0.1 / slenderness, 0.02), material=STEEL,
+        width_axis="z", name="leaf",
+    )  # fmt: skip
+    scene.actuate(tip, along="y", at=(0.1, 0, 0), name="drive")
+    if taut:
+        scene.support(tip, along="x", at=(0.1, 0, 0))
+    scene.support(tip, about="z")
+    return scene
+
+
 def dense(arrays, work):
     """The assembled matrix (n, n), in elimination order."""
     plan = arrays.plan

@@ -11,33 +11,51 @@ POSES = 31
 """Poses of a stroke."""
 
 
-_WORDS: tuple[tuple[str, dict[str, Any]], ...] = (
-    (
-        "--method",
-        {"help": "kinematic, reduced, full or conventional; the cheapest that will do when left out"},
-    ),
-    (
-        "--accuracy",
-        {"type": float, "metavar": "A", "help": "relative error allowed when no method is given (1e-3)"},
-    ),
-    (
-        "--elements",
-        {"type": int, "metavar": "N", "help": "N Appendix A elements per leaf, not strain-mode leaves"},
-    ),
-    (
-        "--relinearisations",
-        {"type": int, "metavar": "K", "help": "extra relinearisation steps of reduced or full"},
-    ),
-    (
-        "--extrapolate",
-        {"action": "store_true", "default": None, "help": "use joint records beyond their range"},
-    ),
-    ("--effects", {"metavar": "E", "help": "auto (what the scene mentions), all, or names: shear,gravity"}),
-    ("--with", {"metavar": "E", "help": "effects to simulate besides, such as warping,plate"}),
-    ("--without", {"metavar": "E", "help": "effects to leave out, such as shear"}),
-    ("--json", {"metavar": "FILE", "help": "write every number; - is stdout, without tables"}),
-    ("--plot", {"metavar": "FILE", "help": "write a picture (.png, .pdf, .svg) or a ParaView file (.vtu)"}),
-)
+_WORDS: dict[str, dict[str, Any]] = {
+    "scene": {"metavar": "SCENE.toml"},
+    "--set": {
+        "action": "append",
+        "default": [],
+        "metavar": "DRIVE=VALUE",
+        "help": "a drive value, such as top=300mm or hinge=45deg; may be repeated",
+    },
+    "--method": {"help": "kinematic, reduced, full or conventional; the cheapest that will do when left out"},
+    "--accuracy": {
+        "type": float,
+        "metavar": "A",
+        "help": "relative error allowed when no method is given (1e-3)",
+    },
+    "--elements": {
+        "type": int,
+        "metavar": "N",
+        "help": "N Appendix A elements per leaf, not strain-mode leaves",
+    },
+    "--relinearisations": {
+        "type": int,
+        "metavar": "K",
+        "help": "extra relinearisation steps of reduced or full",
+    },
+    "--extrapolate": {
+        "action": "store_true",
+        "default": None,
+        "help": "use joint records beyond their range",
+    },
+    "--effects": {"metavar": "E", "help": "auto (what the scene mentions), all, or names: shear,gravity"},
+    "--with": {"metavar": "E", "help": "effects to simulate besides, such as warping,plate"},
+    "--without": {"metavar": "E", "help": "effects to leave out, such as shear"},
+    "--json": {"metavar": "FILE", "help": "write every number; - is stdout, without tables"},
+    "--plot": {"metavar": "FILE", "help": "write a picture (.png, .pdf, .svg) or a ParaView file (.vtu)"},
+    "--quiet": {"action": "store_true", "help": "no progress bar"},
+}
+"""What more than one command takes."""
+_HOW = tuple(_WORDS)[2:10]
+"""How a scene is solved."""
+
+
+def _take(parser: argparse.ArgumentParser, *words: str, **changes: str) -> None:
+    """Let a command take `words` of the table; changes: entries of the table that read otherwise here."""
+    for word in words:
+        parser.add_argument(word, **{**_WORDS[word], **changes})
 
 
 def _demo(commands: Any) -> None:
@@ -56,28 +74,20 @@ def _solve(commands: Any) -> None:
         help="solve a scene file",
         description="Solve one configuration of a scene; drive values come from the file or from --set.",
     )
-    parser.add_argument("scene", metavar="SCENE.toml")
-    said = "a drive value, such as top=300mm or hinge=45deg; may be repeated"
-    parser.add_argument("--set", action="append", default=[], metavar="DRIVE=VALUE", help=said)
-    for word, meaning in _WORDS:
-        parser.add_argument(word, **meaning)
+    _take(parser, "scene", "--set", *_HOW, "--json", "--plot")
 
 
 def _effects(commands: Any) -> None:
     parser = commands.add_parser(
         "effects",
-        help="effect cost of the effects of a scene",
+        help="what every effect of a scene changes and costs",
         description="Solve a scene with and without every effect it can have, and show what each changes in the drive "
         "forces, displacements, support stiffness and first frequency, and what it costs in time and unknowns.",
     )
-    parser.add_argument("scene", metavar="SCENE.toml")
-    said = "a drive value, such as top=300mm or hinge=45deg; may be repeated"
-    parser.add_argument("--set", action="append", default=[], metavar="DRIVE=VALUE", help=said)
-    parser.add_argument(
-        "--accuracy", type=float, default=None, metavar="A", help="line drawn in the picture (1e-3)"
-    )
-    parser.add_argument("--json", metavar="FILE", help="write every number; - is stdout, without tables")
-    parser.add_argument("--plot", metavar="FILE", help="write the bars (.png, .pdf, .svg)")
+    _take(parser, "scene", "--set")
+    _take(parser, "--accuracy", help="line drawn in the picture (1e-3)")
+    _take(parser, "--json")
+    _take(parser, "--plot", help="write the bars (.png, .pdf, .svg)")
 
 
 def _doctor(commands: Any) -> None:
@@ -86,10 +96,8 @@ def _doctor(commands: Any) -> None:
         help="count freedoms and constraints of a scene",
         description="Say what is under-constrained, what is redundant, and which release would make the mechanism exact.",
     )
-    parser.add_argument("scene", metavar="SCENE.toml")
-    parser.add_argument(
-        "--json", metavar="FILE", help="write counts and sentences; - is stdout, without text"
-    )
+    _take(parser, "scene")
+    _take(parser, "--json", help="write counts and sentences; - is stdout, without text")
 
 
 def _sweep(commands: Any) -> None:
@@ -99,26 +107,16 @@ def _sweep(commands: Any) -> None:
         description="Force, support stiffness, frequencies, stress, parasitic motion and energy at every pose of a "
         "stroke. Several drives with a range are combined, the last one moving along the stroke.",
     )
-    parser.add_argument("scene", metavar="SCENE.toml")
+    _take(parser, "scene")
     said = f"a range FROM:TO or FROM:TO:POSES ({POSES} poses), such as top=0mm:300mm:31, or one value; may be repeated"
-    parser.add_argument("--set", action="append", default=[], metavar="DRIVE=RANGE", help=said)
+    _take(parser, "--set", metavar="DRIVE=RANGE", help=said)
     said = "force, drive_stiffness, support_stiffness, frequencies, stress, parasitic, energy or buckling; may be repeated"
     parser.add_argument("--question", action="append", default=[], metavar="Q", help=said)
-    parser.add_argument("--method", help="kinematic, reduced, full or conventional")
-    parser.add_argument("--accuracy", type=float, metavar="A", help="relative error allowed (1e-3)")
-    parser.add_argument("--elements", type=int, metavar="N", help="N Appendix A elements per leaf")
-    parser.add_argument(
-        "--relinearisations", type=int, metavar="K", help="extra relinearisation steps of reduced or full"
-    )
-    parser.add_argument(
-        "--extrapolate", action="store_true", default=None, help="use records beyond their range"
-    )
-    for word in ("effects", "with", "without"):
-        parser.add_argument(f"--{word}", metavar="E", help="as in ksd solve")
+    _take(parser, *_HOW)
     parser.add_argument("--out", metavar="FILE", help="write the table: .csv, .h5 or .mat")
-    parser.add_argument("--plot", metavar="FILE", help="write a picture of the answers (.png, .pdf, .svg)")
+    _take(parser, "--plot", help="write a picture of the answers (.png, .pdf, .svg)")
     parser.add_argument("--resume", metavar="FILE", help="keep finished poses here; give it again to go on")
-    parser.add_argument("--quiet", action="store_true", help="no progress bar")
+    _take(parser, "--quiet")
 
 
 def _report(commands: Any) -> None:
@@ -128,18 +126,15 @@ def _report(commands: Any) -> None:
         description="Solve a scene and its stroke, and write one HTML page that needs no network: scene, what was "
         "simulated, pictures, tables, convergence and error.",
     )
-    parser.add_argument("scene", metavar="SCENE.toml")
+    _take(parser, "scene")
     parser.add_argument("--out", metavar="FILE", help="the page; SCENE.html beside the scene when left out")
-    said = "a drive value at the end of the stroke, such as top=300mm; may be repeated"
-    parser.add_argument("--set", action="append", default=[], metavar="DRIVE=VALUE", help=said)
-    parser.add_argument("--method", help="kinematic, reduced, full or conventional")
+    _take(parser, "--set", help="a drive value at the end of the stroke, such as top=300mm; may be repeated")
+    _take(parser, "--method", "--effects", "--with", "--without")
     parser.add_argument(
         "--poses", type=int, default=POSES, metavar="N", help=f"poses of the stroke ({POSES})"
     )
     parser.add_argument("--both", action="store_true", help="stroke from minus to plus the drive values")
-    parser.add_argument("--quiet", action="store_true", help="no progress bar")
-    for word in ("effects", "with", "without"):
-        parser.add_argument(f"--{word}", metavar="E", help="as in ksd solve")
+    _take(parser, "--quiet")
     parser.set_defaults(accuracy=None, elements=None, relinearisations=None, extrapolate=None)
 
 
@@ -159,7 +154,7 @@ def _train(commands: Any) -> None:
     parser.add_argument(
         "--check", action="store_true", help="train beside the record in use and compare; writes nothing"
     )
-    parser.add_argument("--quiet", action="store_true", help="no progress bar")
+    _take(parser, "--quiet")
 
 
 def _info(commands: Any) -> None:
@@ -183,7 +178,7 @@ def _bench(commands: Any) -> None:
     )
     parser.add_argument("--quick", action="store_true", help="one mesh of each leaf model; under a minute")
     parser.add_argument("--case", metavar="WORD", action="append", help="only cases whose name holds WORD")
-    parser.add_argument("--json", metavar="FILE", help="write every number; - is stdout, without the tables")
+    _take(parser, "--json")
 
 
 COMMANDS = {

@@ -1,4 +1,4 @@
-"""The effect cost of a scene: what every effect changes, and what it costs in time and unknowns.
+"""What every effect of a scene changes in its answers, and what it costs in time and unknowns.
 
 Each effect is put on and taken off alone, beside those the scene mentions; both are solved conventionally (so
 that no difference of methods is mixed in), asked the same questions and timed.

@@ -1,4 +1,4 @@
-"""The effect cost of a scene as bars: what every effect changes, and what it costs in time."""
+"""Bars of what every effect of a scene changes, and what it costs in time."""
 
 from __future__ import annotations
 

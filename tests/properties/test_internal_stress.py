@@ -88,7 +88,7 @@ def test_the_middle_leaf_of_three_misplaced_along():
         ("tilt", {"turn": (0, 0, 1e-6)}),
     ],
 )
-def test_against_a_assembly_error_in_the_scene(direction, assembly_error, turn):
+def test_against_an_assembly_error_in_the_scene(direction, assembly_error, turn):
     """Three crossed leaves, one of them put in beside its place: the change of the state solved for is the one told."""
     joint = CrossFlexure(STEEL, angle=0.8, widths=(0.03, 0.015), **SIZES)
     forces = []

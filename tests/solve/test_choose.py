@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from scenes import STEEL, cross_flexure, fourbar, single_joint
+from scenes import cross_flexure, fourbar, guided_leaf, single_joint
 
 import ksd
 from ksd.model.orders import mesh_for, raised
@@ -245,15 +245,7 @@ def test_a_repeated_call_says_what_the_first_one_said(words, planar):
 def test_orders_follow_the_bent_ends_of_thin_taut_leaves(slenderness, way):
     """Their ends bend within sqrt(EI/N), a hundredth of the length: up to 1.2 % off with twelve modes, and warned of only.
     Against chains of elements, extrapolated."""
-    scene = ksd.Mechanism("taut leaf")
-    tip = scene.link("tip", at=(0.1, 0, 0))
-    scene.leaf(
-        scene.ground, tip, start=(0, 0, 0), end=(0.1, 0, 0), section=ksd.rectangle(0.1 / slenderness, 0.02), material=STEEL,
-        width_axis="z", name="leaf",
-    )  # fmt: skip
-    scene.actuate(tip, along="y", at=(0.1, 0, 0), name="drive")
-    scene.support(tip, along="x", at=(0.1, 0, 0))
-    scene.support(tip, about="z")
+    scene = guided_leaf(slenderness, taut=True)
     ways = {"targets": {"drive": 0.1 * way}, "strict": False}
     coarse, fine = (
         ksd.solve(scene, mesh=ksd.Mesh("corotational", elements=n), **ways).forces["drive"]

@@ -5,7 +5,7 @@ from functools import partial
 
 import numpy as np
 from hard_cases import Case
-from scenes import STEEL
+from scenes import STEEL, guided_leaf
 
 import ksd
 from ksd.train.catalogue import ENTRIES
@@ -74,35 +74,8 @@ def platform(drives: str) -> ksd.Mechanism:
     return scene
 
 
-def guided(slenderness: float) -> ksd.Mechanism:
-    """A leaf of .1 m whose end moves across and keeps its distance and direction, so that it is drawn taut."""
-    scene = ksd.Mechanism("taut leaf")
-    tip = scene.link("tip", at=(0.1, 0, 0))
-    scene.leaf(
-        scene.ground, tip, start=(0, 0, 0), end=(0.1, 0, 0), section=ksd.rectangle(0.1 / slenderness, 0.02), material=STEEL,
-        width_axis="z", name="leaf",
-    )  # fmt: skip
-    scene.actuate(tip, along="y", at=(0.1, 0, 0), name="drive")
-    scene.support(tip, along="x", at=(0.1, 0, 0))
-    scene.support(tip, about="z")
-    return scene
-
-
-def thick(slenderness: float) -> ksd.Mechanism:
-    """A short leaf whose end is moved across and not turned: half of its deflection and more is shear."""
-    scene = ksd.Mechanism("thick leaf")
-    tip = scene.link("tip", at=(0.1, 0, 0))
-    scene.leaf(
-        scene.ground, tip, start=(0, 0, 0), end=(0.1, 0, 0), section=ksd.rectangle(0.1 / slenderness, 0.02), material=STEEL,
-        width_axis="z", name="leaf",
-    )  # fmt: skip
-    scene.actuate(tip, along="y", at=(0.1, 0, 0), name="drive")
-    scene.support(tip, about="z")
-    return scene
-
-
 def sheared(slenderness: float, way: float) -> float:
-    """Force [N] of `thick` for small `way` [m]: two halves of a cantilever, L^3 / (12 EI) + L / (k G A)."""
+    """Force [N] of a thick `guided_leaf` for small `way` [m]: two halves of a cantilever, L^3 / (12 EI) + L / (k G A)."""
     section = ksd.rectangle(0.1 / slenderness, 0.02)
     return way / (0.1**3 / (12 * STEEL.E * section.Iz) + 0.1 / (5 / 6 * STEEL.G * section.A))
 
@@ -127,12 +100,14 @@ def _held() -> list[Case]:
     ]  # fmt: skip
     cases += [
         Case(f"taut leaf, 1 : {slenderness}, moved {100 * way:g} %", "its ends bend within sqrt(EI/N)",
-             partial(guided, slenderness), (answer,), {"drive": 0.1 * way}, verified=CHAINS, quick=slenderness > 250)
+             partial(guided_leaf, slenderness, taut=True), (answer,), {"drive": 0.1 * way}, verified=CHAINS,
+             quick=slenderness > 250)
         for (slenderness, way), answer in ANSWERS["taut"].items()
     ]  # fmt: skip
     cases += [
-        Case(f"thick leaf, 1 : {slenderness}", "shear", partial(thick, slenderness), (sheared(slenderness, 1e-6),),
-             {"drive": 1e-6}, verified="closed form of Timoshenko", tolerance=1e-6, quick=slenderness == 3)
+        Case(f"thick leaf, 1 : {slenderness}", "shear", partial(guided_leaf, slenderness, taut=False),
+             (sheared(slenderness, 1e-6),), {"drive": 1e-6}, verified="closed form of Timoshenko", tolerance=1e-6,
+             quick=slenderness == 3)
         for slenderness in (3, 5, 8)
     ]  # fmt: skip
     return cases
