@@ -12,13 +12,17 @@ import time
 from collections.abc import Callable, Sequence
 from typing import Any
 
+import numpy as np
+
 import ksd
+from ksd.model.arrays import Motion, make_work
 from ksd.model.compile import compile_scene
 from ksd.model.mesh import Mesh
+from ksd.model.newton import Newton, iterate
 from ksd.model.plane import Plane, plane_of
 from ksd.solve.conventional import conventional
-from ksd.solve.load_steps import drive_to
-from ksd.solve.storage import Newton, Storage
+from ksd.solve.load_steps import Way, drive_to
+from ksd.solve.storage import Storage
 from ksd.units import GPa, deg, mm
 
 STROKE = 300 * mm
@@ -64,17 +68,16 @@ def equilibria(model: ksd.Model, plane: Plane) -> tuple[Callable[[], object], Ca
     """The Newton solves alone: (spatial, planar)."""
     target, zero = model.targets({"top": STROKE}), model.targets({"top": 0.0})
     storage = Storage(model)
+    way, work = Way(zero, target), make_work(plane.arrays)
 
     def spatial() -> object:
-        storage.motion.assign(model.rest)
-        return drive_to(storage.motion, storage.newton, start=zero, target=target)
+        return drive_to(model.rest.copy(), storage.newton, way, begin=model.rest)
 
-    def in_plane(*aim: Any) -> Newton:
-        return storage.planar_newton(plane, *aim)
+    def in_plane(motion: Motion, values: np.ndarray, factor: float, *bounds: Any) -> Newton:
+        return iterate(plane.arrays, motion, values, factor, work, *bounds)
 
     def planar() -> object:
-        storage.motion.assign(model.rest)
-        return drive_to(storage.motion, in_plane, start=zero, target=target)
+        return drive_to(model.rest.copy(), in_plane, way, begin=model.rest)
 
     return spatial, planar
 

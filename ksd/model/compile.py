@@ -5,6 +5,7 @@ Rigid links and connector blocks are neither elements nor constraints: leaf ends
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -94,7 +95,7 @@ class Model:
 
     def refuse_turns(self, target: np.ndarray) -> None:
         """SceneError for a drive that is to turn by more than the half turn either way that a pose tells."""
-        if not len(target) or np.abs(target).max() <= np.pi:
+        if all(-math.pi <= value <= math.pi for value in target.tolist()):
             return
         terms = self.arrays.terms
         for name, value, first, end in zip(

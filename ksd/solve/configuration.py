@@ -58,7 +58,8 @@ class Configuration:
 
     motion: state of the full model (positions m, rotation matrices, inner states, multipliers). method: kinematic,
     reduced, full, conventional or modal. targets: drive values by name [m or rad]. steps: those of the solve, in order.
-    joint_motions: those of `motions` and `unintended`; None where the records of the joints are not known. method_error:
+    joint_motions: those of `motions` and `unintended`, or who reads them from the state when they are first asked for;
+    None where the records of the joints are not known. method_error:
     estimate of what the fast methods add to the error of the mesh, made with the solve; None where the method is exact
     (see `error`). negatives: negative pivots at the end, expected: those the constraint rows explain. doubts: what
     speaks against the branch and was not cleared up by smaller steps. notes: what the solve itself warns of, part of
@@ -72,7 +73,7 @@ class Configuration:
     steps: Sequence[Step]
     negatives: int
     expected: int
-    joint_motions: JointMotions | None
+    joint_motions: JointMotions | Callable[[Motion], JointMotions | None] | None
     method_error: ErrorEstimate | None
     notes: tuple[str, ...]
     load_factor: float
@@ -90,7 +91,7 @@ class Configuration:
         *,
         negatives: int,
         expected: int,
-        joint_motions: JointMotions | None = None,
+        joint_motions: JointMotions | Callable[[Motion], JointMotions | None] | None = None,
         method_error: ErrorEstimate | None = None,
         notes: tuple[str, ...] = (),
         load_factor: float = 1.0,
@@ -117,13 +118,19 @@ class Configuration:
     @cached_property
     def motions(self) -> dict[str, float]:
         """Intended motion of every joint by name [rad or m]; empty where the joints have no records."""
-        return {} if self.joint_motions is None else self.joint_motions.by_motion()
+        return {} if self._joints is None else self._joints.by_motion()
 
     @cached_property
     def unintended(self) -> dict[str, np.ndarray]:
         """Displacement [m] and rotation [rad] (6,) of interface B off its intended pose, in joint axes, by joint; empty
         as `motions`."""
-        return {} if self.joint_motions is None else self.joint_motions.by_joint()
+        return {} if self._joints is None else self._joints.by_joint()
+
+    @cached_property
+    def _joints(self) -> JointMotions | None:
+        """Motions of the joints, read from the state where that was left for later."""
+        found = self.joint_motions
+        return found(self.motion) if callable(found) else found
 
     @property
     def converged(self) -> bool:
@@ -189,7 +196,8 @@ class Configuration:
     def warnings(self) -> tuple[str, ...]:
         """What the user should know: of the solve, of the scene (`ksd.scene.plausible`), and of strain and stress."""
         strain = () if self.strength is None else self.strength.warnings
-        return (*self.notes, *filter(None, [self.minimum]), *unusual(self.model), *strain)
+        joints = () if self._joints is None else self._joints.unknown
+        return (*self.notes, *joints, *filter(None, [self.minimum]), *unusual(self.model), *strain)
 
     @cached_property
     def minimum(self) -> str:
@@ -485,18 +493,7 @@ class Configuration:
 _INSIDE = frozenset(
     (
         "answering", "chosen", "doubts", "expected", "insides", "near", "negatives", "notes", "questioned",
-        "joint_motions", "resolution", "still", "unreduced", "_node", "_of_leaves",
+        "joint_motions", "resolution", "still", "unreduced", "_joints", "_node", "_of_leaves",
     )
 )  # fmt: skip
 """What other rooms of the package ask a configuration for; `dir` leaves it out."""
-
-
-def with_joint_motions(
-    found: Configuration, joint_motions: JointMotions, notes: tuple[str, ...], *, near: bool
-) -> Configuration:
-    """The same with the motions of its joints, as read where their records are known, and what was not found."""
-    told = object.__new__(Configuration)
-    told.__dict__.update(found.__dict__, joint_motions=joint_motions, notes=(*found.notes, *notes), near=near)
-    for name in ("motions", "unintended", "warnings"):
-        told.__dict__.pop(name, None)
-    return told

@@ -19,7 +19,8 @@ from ksd.errors import ConvergenceError, KsdError, SceneError
 from ksd.model.arrays import Arrays, Loads, carries_load
 from ksd.model.compile import Model
 from ksd.solve.configuration import Configuration
-from ksd.solve.load_steps import load_steps, step_of, stopped
+from ksd.solve.load_steps import Way, load_steps, step_of, stopped
+from ksd.solve.pipeline import JointReader
 from ksd.solve.steps import CAP, RTOL, Stop
 from ksd.solve.storage import Storage, storage_of
 from ksd.solve.verdict import solved
@@ -38,6 +39,7 @@ def conventional(
     most: int = 30,
     smallest: float = 1e-4,
     storage: Storage | None = None,
+    joints: JointReader | None = None,
 ) -> Configuration:
     """Solve `model` at the drive values `targets` [m or rad] by load stepping.
 
@@ -46,7 +48,7 @@ def conventional(
     where that is not possible. steps: the number of equal steps tried first (1 as in Appendix B). eps_max [N and Nm
     mixed, as in the paper]: give a step up when the residual norm exceeds it. smallest: fraction of the drive motion
     below which steps are not halved any more. storage: of this model, not used by another thread meanwhile (that of the
-    last call in this thread when None).
+    last call in this thread when None). joints: who reads the motions of the joints from the answer, when that is asked.
     Raises ConvergenceError with the fraction reached, SceneError for wrong drive names.
     """
     if planar not in ("auto", True, False):
@@ -56,19 +58,18 @@ def conventional(
     storage, clock = storage or storage_of(model), time.thread_time_ns()
     begin = model.targets(start.targets) if start else np.zeros(len(target))
     low = start.load_factor if start else 0.0
+    way = Way(begin, target, (low, 1.0), steps, rtol, most, cap, eps_max, smallest)
     driven, how, found, doubts = load_steps(
-        storage, start.motion if start else model.rest, start=begin, target=target, fresh=start is None,
-        factors=(low, 1.0), planar=planar, steps=steps, rtol=rtol, cap=cap, eps_max=eps_max, most=most,
-        smallest=smallest,
-    )  # fmt: skip
+        storage, start.motion if start else model.rest, way, fresh=start is None, planar=planar
+    )
     spent = 1e-9 * (time.thread_time_ns() - clock)
-    values = target if driven.reached == 1.0 else begin + driven.reached * (target - begin)
+    values, factor = way.at(driven.reached)
     result = Configuration(
         model, found, "conventional",
         # supports follow the drives
         dict(zip(model.drive_names, values.tolist(), strict=False)),
         (step_of(driven, how, spent),),
-        negatives=driven.negatives, expected=len(target), load_factor=low + driven.reached * (1.0 - low), doubts=doubts,
+        negatives=driven.negatives, expected=len(target), load_factor=factor, doubts=doubts, joint_motions=joints,
     )  # fmt: skip
     if driven.stop is not Stop.CONVERGED:
         raise ConvergenceError(
@@ -86,34 +87,35 @@ def loads_last(
     steps: int = 4,
     unloaded: Configuration | None = None,
     planar: bool | Literal["auto"] = "auto",
+    joints: JointReader | None = None,
 ) -> Configuration:
     """Solve at `targets` by moving the drives without the loads first, and putting the loads on there.
 
     The way of a designer who thinks of the intended motion first. unloaded: the state without loads, where it is known;
-    planar: see `conventional`. Raises ConvergenceError as `conventional`.
+    planar, joints: see `conventional`. Raises ConvergenceError as `conventional`.
     """
     moved = unloaded or conventional(bare(model), targets, planar=planar)
     start = replace(moved, model=model, load_factor=0.0)
-    return conventional(model, targets, start=start, steps=steps, planar=planar)
+    return conventional(model, targets, start=start, steps=steps, planar=planar, joints=joints)
 
 
 def by_load_steps(
     model: Model,
     targets: Mapping[str, float],
-    told: Callable[[Configuration], Configuration],
     *,
     storage: Storage | None = None,
     kinematic: Callable[[], Configuration] | None = None,
     planar: bool | Literal["auto"] = "auto",
+    joints: JointReader | None = None,
 ) -> Configuration:
     """Drives and loads together; where that fails or cannot be trusted, the drives first and the loads on top of them; at
     last the loads on top of the unloaded state of the five steps, that of `kinematic`.
 
-    told: adds what joint records know to a configuration. storage, planar: see `conventional`. Raises ConvergenceError.
+    storage, planar, joints: see `conventional`. Raises ConvergenceError.
     """
     result, stopped = None, None
     try:
-        result = told(conventional(model, targets, storage=storage, planar=planar))
+        result = conventional(model, targets, storage=storage, planar=planar, joints=joints)
     except ConvergenceError as reason:
         stopped = reason
     ways: dict[str, Callable[[], Configuration | None]] = {"loads put on after the drives": lambda: None}
@@ -123,7 +125,7 @@ def by_load_steps(
         if result is not None and solved(result):
             break
         with contextlib.suppress(KsdError):
-            other = told(loads_last(model, targets, unloaded=begin(), planar=planar))
+            other = loads_last(model, targets, unloaded=begin(), planar=planar, joints=joints)
             if solved(other) or result is None:
                 result = replace(other, notes=(*other.notes, said))
     if result is None:

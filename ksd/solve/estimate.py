@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from ksd.model.arrays import Motion
 from ksd.model.compile import Model
-from ksd.model.newton import take_step
+from ksd.model.newton import look, take_step
 from ksd.solve.pipeline import Bench
 from ksd.solve.steps import RTOL, ErrorEstimate, Step, Stop
 
@@ -34,7 +34,7 @@ def estimate_error(
     forces, and one step is not nearly all.
     """
     begin = time.thread_time_ns()
-    residual, negatives, status = b.storage.look(target, RTOL)
+    residual, negatives, status = look(b.model.arrays, b.full, target, 1.0, b.full_work, RTOL)
     error, count = _size_of_step(b), 1
     stop = Stop.CONVERGED if status == 0 else (Stop.LOCAL_ANGLE if status == 1 else Stop.NOT_FINITE)
     if (NEGLIGIBLE if relinearised else COARSE) < error.relative < math.inf and _moved(b):
@@ -93,7 +93,7 @@ def _later_steps(b: Bench, target: np.ndarray) -> Steps:
     try:
         take_step(b.model.arrays, b.full, b.full_work.rhs, b.full_work, 1.0)
         while True:
-            b.storage.look(target, RTOL)
+            look(b.model.arrays, b.full, target, 1.0, b.full_work, RTOL)
             step = _size_of_step(b)
             take_step(b.model.arrays, b.full, b.full_work.rhs, b.full_work, 1.0)
             yield step, distance(kept, b, nothing)

@@ -179,14 +179,14 @@ class FiveSteps:
     ) -> Configuration:
         b, (values, method, steps) = self.bench, solved
         theta, off, found, near = moved
-        joint_motions, unknown = pipeline.read_motions(b, theta, off, found, near=near)
+        joint_motions = pipeline.read_motions(b.bodies, b.joint_names, theta, off, found, near=near)
         if method != "kinematic" and steps.last is Stop.CONVERGED:
             negatives = counted(self.model, b.full, 1.0, negatives)
         doubts = wandered(s for s in steps if s.name[0] in "35") if steps.wandered(WANDERED) else ()
         return Configuration(
             self.model, b.full.copy(), method, values, steps, negatives=negatives, expected=self._expected,
             joint_motions=joint_motions,
-            method_error=error, notes=(*warnings, *unknown, *self._said(steps)), doubts=doubts,
+            method_error=error, notes=(*warnings, *self._said(steps)), doubts=doubts,
             near=near,
         )  # fmt: skip
 

@@ -11,7 +11,7 @@ tells limit points and bifurcations on the way.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
@@ -19,6 +19,7 @@ import numpy as np
 from ksd.errors import ConvergenceError, SceneError
 from ksd.model.arrays import Arrays, Motion, Work, carries_load
 from ksd.model.compile import Model
+from ksd.model.newton import CONVERGED, Newton, iterate
 from ksd.model.plane import Plane, plane_of, refuse_plane
 from ksd.numerics.rotations import rotation_log
 from ksd.properties.kept import per_model
@@ -26,7 +27,7 @@ from ksd.solve.arc import REACHED, Course, Walk, trace
 from ksd.solve.following import counted
 from ksd.solve.pivoted import iterate_pivoted
 from ksd.solve.steps import CAP, RTOL, Step, Stop
-from ksd.solve.storage import Newton, Storage
+from ksd.solve.storage import Storage
 
 WEAK_PIVOT = 1e-9
 """Relative pivot below which a load step is done again, or its inertia counted again, with pivoting."""
@@ -48,50 +49,62 @@ class Driven(NamedTuple):
     shortest: float = 1.0
 
 
-def drive_to(
-    motion: Any,
-    newton: Callable[..., tuple[int, int, float, int, float]],
-    *,
-    start: np.ndarray,
-    target: np.ndarray,
-    factors: tuple[float, float] = (1.0, 1.0),
-    steps: int = 1,
-    rtol: float = RTOL,
-    most: int = 30,
-    cap: float = CAP,
-    eps_max: float = math.inf,
-    smallest: float = 1e-4,
-    pivoting: tuple[Arrays, Work] | None = None,
-    begin: Any = None,
-) -> Driven:
-    """Move the drives from `start` to `target` (c,), halving on failure; `motion` ends at the last equilibrium.
+class Way(NamedTuple):
+    """Drives from `start` to `target` (c,) and loads between two factors, and how to go: steps: equal ones tried first;
+    rtol, most, cap, eps_max: of every Newton solve (`ksd.model.newton.iterate`); smallest: fraction of the way below which
+    steps are not halved any more."""
 
-    newton: brings `motion` to equilibrium in place, as `ksd.solve.storage.Storage.newton`. pivoting: spatial arrays and
-    storage with which a step of weak pivots is done again. begin: what `motion` starts from, where that is kept elsewhere.
+    start: np.ndarray
+    target: np.ndarray
+    factors: tuple[float, float] = (0.0, 1.0)
+    steps: int = 1
+    rtol: float = RTOL
+    most: int = 30
+    cap: float = CAP
+    eps_max: float = math.inf
+    smallest: float = 1e-4
+
+    def at(self, share: float) -> tuple[np.ndarray, float]:
+        """Drive values and load factor at a fraction of the way."""
+        low, high = self.factors
+        if share == 1.0:
+            # land on the end exactly
+            return self.target, high
+        return self.start + share * (self.target - self.start), low + share * (high - low)
+
+
+def drive_to(
+    motion: Motion,
+    newton: Callable[..., Newton],
+    way: Way,
+    *,
+    begin: Motion | None = None,
+    pivoting: tuple[Arrays, Work] | None = None,
+) -> Driven:
+    """Go a way, halving its steps on failure; `motion` ends at the last equilibrium.
+
+    newton: brings a state to equilibrium in place, as `ksd.solve.storage.Storage.newton`. begin: what `motion` starts from,
+    where that is kept elsewhere. pivoting: spatial arrays and storage with which a step of weak pivots is done again.
     """
     done, solves, taken, pivoted, longest, residual, negatives = 0.0, 0, 0, 0, 0, math.inf, 0
-    size = shortest = 1.0 / steps
-    safe = motion.copy() if begin is None else begin
+    size = shortest = 1.0 / way.steps
+    safe = begin
+    bounds = way.rtol, way.most, way.cap, way.eps_max
     while done < 1.0:
-        # land on the end exactly, whatever the rounding of the steps
         goal = 1.0 if done + size > 1.0 - 1e-9 else done + size
-        level = factors[0] + goal * (factors[1] - factors[0])
-        want = target if goal == 1.0 else start + goal * (target - start)
-        aim = (want, level, rtol, most, cap, eps_max)
-        reason, count, residual, negatives, pivot = newton(*aim)
+        aim = (*way.at(goal), *bounds)
+        safe = motion.copy() if safe is None else safe
+        reason, count, residual, negatives, pivot = newton(motion, *aim)
         solves, taken = solves + count, taken + 1
         if pivoting is not None and _weak(pivoting[0], reason, pivot):
             reason, count, residual, negatives, _ = _with_pivoting(pivoting, motion, safe, aim, reason)
             solves, pivoted = solves + count, pivoted + 1
-        if reason == Stop.CONVERGED:
-            done, longest = goal, max(longest, count)
-            shortest = min(shortest, size)
-            if done < 1.0:
-                safe = motion.copy()
+        if reason == CONVERGED:
+            done, longest, shortest, safe = goal, max(longest, count), min(shortest, size), None
             continue
         motion.assign(safe)
         size *= 0.5
-        if size < smallest:
+        if size < way.smallest:
             return Driven(Stop(reason), solves, residual, negatives, done, taken, pivoted, longest, shortest)
     return Driven(Stop.CONVERGED, solves, residual, negatives, 1.0, taken, pivoted, longest, shortest)
 
@@ -297,30 +310,28 @@ def rescued(first: Arrived, arc: Callable[[], Walk]) -> tuple[Driven, str, Motio
     return driven, ", ".join(filter(None, [how, "by arc length"])), state.motion, ()
 
 
-def _drive(
-    storage: Storage, begin: Motion, ways: Mapping[str, Any], planar: bool | Literal["auto"], fresh: bool
-) -> Arrived:
-    """Drive from `begin` in the plane where the scene is planar, else in space; ways: options of `drive_to`. fresh: it is
-    the rest state."""
-    found: Driven | str = ""
+def _drive(storage: Storage, begin: Motion, way: Way, planar: bool | Literal["auto"], fresh: bool) -> Arrived:
+    """Drive from `begin` in the plane where the scene is planar, else in space. fresh: it is the rest state."""
+    why = ""
     if planar is not False:
         plane = plane_of(storage.model)
-        found = plane if isinstance(plane, str) else _drive_in_plane(storage, plane, begin, ways, fresh)
+        found = plane if isinstance(plane, str) else _drive_in_plane(storage, plane, begin, way, fresh)
         if not isinstance(found, str):
-            if planar is True or found.stop in (Stop.CONVERGED, Stop.LOCAL_ANGLE):
-                arrived = storage.motion.copy()
-                return _counted(storage.model, arrived, found, ways), "planar, 3 unknowns per node", arrived
+            driven, arrived = found
+            if planar is True or driven.stop in (Stop.CONVERGED, Stop.LOCAL_ANGLE):
+                return _counted(storage.model, arrived, driven, way), "planar, 3 unknowns per node", arrived
             # space has the Newton with pivoting
-            found = f"in the plane {found.stop.sentence}"
+            found = f"in the plane {driven.stop.sentence}"
         elif planar is True:
             raise SceneError(
                 f"planar = True: this mechanism is not planar: {found}; use planar = 'auto' or False"
             )
-    storage.motion.assign(begin)
-    pivoting = storage.model.arrays, storage.work
-    driven = drive_to(storage.motion, storage.newton, pivoting=pivoting, begin=begin, **ways)
-    arrived = storage.motion.copy()
-    return _counted(storage.model, arrived, driven, ways), f"spatial: {found}" if found else "", arrived
+        why = f"spatial: {found}"
+    arrived = begin.copy()
+    driven = drive_to(
+        arrived, storage.newton, way, begin=begin, pivoting=(storage.model.arrays, storage.work)
+    )
+    return _counted(storage.model, arrived, driven, way), why, arrived
 
 
 POLISH = 3
@@ -328,29 +339,26 @@ POLISH = 3
 
 
 def _drive_in_plane(
-    storage: Storage, plane: Plane, begin: Motion, ways: Mapping[str, Any], fresh: bool
-) -> Driven | str:
-    """`drive_to` with three unknowns per node, or the reason why that is not possible.
+    storage: Storage, plane: Plane, begin: Motion, way: Way, fresh: bool
+) -> tuple[Driven, Motion] | str:
+    """`drive_to` with three unknowns per node and where it led, or the reason why that is not possible.
 
     What it arrives at is looked at in space: a residual out of the plane refuses it, and the residual and the negative
     pivots told are those of the spatial tangent, so that buckling out of the plane is seen.
     """
-    model, motion = storage.model, storage.motion
-    motion.assign(begin)
+    model, motion, work = storage.model, begin.copy(), storage.planar(plane)
     if not fresh:
         if not plane.holds(begin):
             return "the configuration to start from is not in the plane"
         # forces that only hold the mechanism in its plane
         motion.multiplier[np.setdiff1d(np.arange(len(motion.multiplier)), plane.rows)] = 0.0
 
-    def newton(*aim: Any) -> Newton:
-        return storage.planar_newton(plane, *aim)
+    def newton(motion: Motion, values: np.ndarray, factor: float, *bounds: Any) -> Newton:
+        return iterate(plane.arrays, motion, values, factor, work, *bounds)
 
-    driven = drive_to(motion, newton, begin=begin, **ways)
-    start, target, (low, high), rtol = ways["start"], ways["target"], ways["factors"], ways["rtol"]
-    done = driven.reached
-    values, factor = target if done == 1.0 else start + done * (target - start), low + done * (high - low)
-    residual, negatives, status = storage.look(values, rtol, factor)
+    driven = drive_to(motion, newton, way, begin=begin)
+    values, factor = way.at(driven.reached)
+    residual, negatives, status = storage.look(motion, values, way.rtol, factor)
     if residual > 1.0:
         share, node, force, moment = plane.imbalance(storage.work)
         if share > 1.0:
@@ -361,66 +369,47 @@ def _drive_in_plane(
             refuse_plane(model, said)
             return said
     if driven.stop is not Stop.CONVERGED:
-        return driven
+        return driven, motion
     count = 0
     if residual > max(1.0, 2.0 * driven.residual) or status != 0:
         reason, count, residual, negatives, _ = storage.newton(
-            values, factor, rtol, POLISH, math.inf, math.inf
+            motion, values, factor, way.rtol, POLISH, math.inf, math.inf
         )
-        if reason != Stop.CONVERGED:
+        if reason != CONVERGED:
             return "what was found is no equilibrium in space"
-    return driven._replace(solves=driven.solves + count, residual=residual, negatives=negatives)
+    return driven._replace(solves=driven.solves + count, residual=residual, negatives=negatives), motion
 
 
-def _counted(model: Model, motion: Motion, driven: Driven, ways: Mapping[str, Any]) -> Driven:
+def _counted(model: Model, motion: Motion, driven: Driven, way: Way) -> Driven:
     """With what stands for negative pivots where loads are not conservative."""
     if driven.stop is not Stop.CONVERGED or not len(model.arrays.loads.skew):
         return driven
-    return driven._replace(negatives=counted(model, motion, ways["factors"][1], driven.negatives))
+    return driven._replace(negatives=counted(model, motion, way.factors[1], driven.negatives))
 
 
 def load_steps(
-    storage: Storage,
-    begin: Motion,
-    *,
-    start: np.ndarray,
-    target: np.ndarray,
-    fresh: bool,
-    factors: tuple[float, float] = (0.0, 1.0),
-    planar: bool | Literal["auto"] = "auto",
-    steps: int = 1,
-    rtol: float = RTOL,
-    cap: float = CAP,
-    eps_max: float = math.inf,
-    most: int = 30,
-    smallest: float = 1e-4,
+    storage: Storage, begin: Motion, way: Way, *, fresh: bool, planar: bool | Literal["auto"] = "auto"
 ) -> tuple[Driven, str, Motion, tuple[str, ...]]:
-    """Move drives from `start` to `target` (c,) and the loads between two factors, from the equilibrium `begin`, confirming
-    what is doubtful: how it went, in words, where to, and the doubts that remain. Options as of `conventional`.
-
-    fresh: `begin` is the rest state.
+    """Go a way from the equilibrium `begin`, confirming what is doubtful: how it went, in words, where to, and the doubts
+    that remain. fresh: `begin` is the rest state; planar: as of `conventional`.
     """
     model = storage.model
-    ways: dict[str, Any] = {
-        "start": start, "target": target, "factors": factors, "steps": steps, "rtol": rtol, "cap": cap,
-        "eps_max": eps_max, "most": most, "smallest": smallest,
-    }  # fmt: skip
-    first = _drive(storage, begin, ways, planar, fresh)
+    first = _drive(storage, begin, way, planar, fresh)
     # with eps_max it is the paper's own program, which believes whatever converged
-    if math.isfinite(eps_max):
+    if way.eps_max < math.inf:
         return *first, ()
 
     def again(size: int) -> Arrived:
-        finer = {**ways, "steps": size, "smallest": min(smallest, 0.25 / size)}
+        finer = way._replace(steps=size, smallest=min(way.smallest, 0.25 / size))
         return _drive(storage, begin, finer, planar, fresh)
 
     def arc() -> Walk:
-        low, high = factors
-        return trace(model, Course(start, target - start, low, high - low), begin)
+        low, high = way.factors
+        return trace(model, Course(way.start, way.target - way.start, low, high - low), begin)
 
     if first[0].stop is not Stop.CONVERGED:
         return rescued(first, arc)
-    reason = doubt(model, first[2], first[0], target, fresh=fresh, steps=steps)
+    reason = doubt(model, first[2], first[0], way.target, fresh=fresh, steps=way.steps)
     return confirmed(model, first, again, arc, reason) if reason else (*first, ())
 
 

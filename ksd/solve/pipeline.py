@@ -10,13 +10,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
-from ksd.bodies.joints import JointBodies, hang_links, joint_loops
+from ksd.bodies.joints import JointBodies, JointLoops, hang_links, joint_loops
 from ksd.bodies.kinematics import close_loops
 from ksd.bodies.readout import drive_forces
+from ksd.errors import KsdError
 from ksd.library import Record
 from ksd.model.arrays import Motion, flatten, opened
 from ksd.model.compile import Model
@@ -24,14 +26,13 @@ from ksd.numerics.stopwatch import Stopwatch
 from ksd.solve.near import motion_limits
 from ksd.solve.space_steps import SpaceState, read_joints, space_set
 from ksd.solve.steps import JointMotions, Step, Stop
-from ksd.solve.storage import Storage
 
 
 class Bench:
     """Storage of one thread for repeated solves of one model in space: every array the five steps write into.
 
-    held: all of it as the compiled steps take it; storage: the full model alone. lowest, highest (motions,): trained
-    ranges with their slack; far_low, far_high: where the polynomials cease to mean anything.
+    parts: all of it as the compiled steps take it. lowest, highest (motions,): trained
+    ranges with their slack.
     """
 
     def __init__(self, model: Model, bodies: JointBodies, state: SpaceState | None = None) -> None:
@@ -50,8 +51,7 @@ class Bench:
         self.known = state.known
         self.joint_names = tuple(p.name for p in model.scene.joints)
         self.seen = state.seen
-        self.storage = Storage(model, state.full, state.full_work)
-        self.lowest, self.highest, self.far_low, self.far_high = state.limits.T
+        self.lowest, self.highest, _, _ = state.limits.T
 
     def restart(self) -> None:
         """Back to rest, in place."""
@@ -92,17 +92,23 @@ def kinematic_forces(b: Bench, target: np.ndarray) -> None:
 
 
 def read_motions(
-    b: Bench | JointReader, theta: np.ndarray, off: np.ndarray, found: np.ndarray, *, near: bool
-) -> tuple[JointMotions, tuple[str, ...]]:
-    """Intended motion of every joint and what is left, and what is not known, in words.
+    bodies: JointBodies | JointLoops,
+    names: tuple[str, ...],
+    theta: np.ndarray,
+    off: np.ndarray,
+    found: np.ndarray,
+    *,
+    near: bool,
+) -> JointMotions:
+    """Intended motion of every joint, by `names`, what is left, and what is not known, in words.
 
     theta (q,), off (J, 6) and found (J,) as of `ksd.bodies.readout.intended_motions`; they are changed where a motion
     was not found or lies far outside its trained range: nan, and a sentence. near: it was seen that there is none such.
     """
-    names, unknown = b.joint_names, []
+    unknown = []
     if not near:
-        inside = (theta >= b.far_low) & (theta <= b.far_high)
-        first = b.bodies.loops.first
+        _, _, low, high = motion_limits(bodies.motion_range).T
+        inside, first = (theta >= low) & (theta <= high), bodies.loops.first
         for j, name in enumerate(names):
             own = slice(first[j], first[j + 1])
             if found[j] and inside[own].all():
@@ -112,39 +118,42 @@ def read_motions(
             unknown.append(
                 f"the intended motion of joint '{name}' is not known: the one nearest to its pose {why}"
             )
-    return JointMotions(b.bodies.motion_names, names, b.bodies.motion_scale, theta, off), tuple(unknown)
+    return JointMotions(bodies.motion_names, names, bodies.motion_scale, theta, off, tuple(unknown))
 
 
+@dataclass(frozen=True, eq=False)
 class JointReader:
     """Where the joints of states of one model are, from their kinematics alone; call it with a state of the full model.
 
-    Not for two threads at once. Raises what `joint_loops` does.
+    Records are read when it is first called.
     """
 
-    def __init__(self, model: Model, records: Callable[[str], Record], *, extrapolate: bool) -> None:
-        self.bodies = joint_loops(model, records, extrapolate=extrapolate)
-        loops, motions = self.bodies.loops, len(self.bodies.motion_names)
-        joints = len(loops.node)
-        self.joint_names = tuple(p.name for p in model.scene.joints)
-        self.limits = motion_limits(self.bodies.motion_range)
-        _, _, self.far_low, self.far_high = self.limits.T
-        self.frame = np.stack([loops.frame] * 2, axis=1)
-        self.theta, self.found = np.zeros(motions), np.zeros(motions)
-        self.relative, self.place = np.zeros((joints, 12)), np.zeros((joints, 24))
-        self.series, self.off = np.zeros((3, loops.pose.shape[2])), np.zeros((joints, 6))
-        self.known, self.seen = np.zeros(joints, np.int64), np.zeros(2, np.int64)
+    model: Model
+    records: Callable[[str], Record]
+    extrapolate: bool
 
-    def __call__(self, motion: Motion) -> tuple[JointMotions, tuple[str, ...], bool]:
-        """Intended motions and what is left, as `read_motions`; whether every joint is near its own.
+    @cached_property
+    def _loops(self) -> JointLoops | None:
+        """The kinematics of the joints; None where a record is missing or does not fit."""
+        try:
+            return joint_loops(self.model, self.records, extrapolate=self.extrapolate)
+        except KsdError:
+            return None
+
+    def __call__(self, motion: Motion) -> JointMotions | None:
+        """As `read_motions`; None where the records of the joints are not there, or do not fit.
 
         Unintended: (6,) per joint, displacement [m] and rotation vector [rad] in the axes of interface A. Both are nan for
-        a joint whose nearest intended motion was not found, or lies far outside its trained range; the second says so.
+        a joint whose nearest intended motion was not found, or lies far outside its trained range.
         """
-        loops = self.bodies.loops
+        if self._loops is None:
+            return None
+        loops, limits = self._loops.loops, motion_limits(self._loops.motion_range)
+        joints, start, found = len(loops.node), np.zeros(len(limits)), np.zeros(len(limits))
+        off, known, seen = np.zeros((joints, 6)), np.zeros(joints, np.int64), np.zeros(2, np.int64)
         read_joints(
-            loops.node, loops.anchor, self.frame, loops, motion.x, motion.R, self.theta, self.found, self.relative,
-            self.place, self.series, self.off, self.known, self.limits, self.seen,
+            loops.node, loops.anchor, np.stack([loops.frame] * 2, axis=1), loops, motion.x, motion.R, start, found,
+            np.zeros((joints, 12)), np.zeros((joints, 24)), np.zeros((3, loops.pose.shape[2])), off, known, limits, seen,
         )  # fmt: skip
-        near = bool(self.seen[1])
-        reading, unknown = read_motions(self, self.found.copy(), self.off.copy(), self.known, near=near)
-        return reading, unknown, near
+        names = tuple(placed.name for placed in self.model.scene.joints)
+        return read_motions(self._loops, names, found, off, known, near=bool(seen[1]))

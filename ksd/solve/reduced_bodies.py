@@ -36,7 +36,7 @@ from ksd.solve.configuration import Configuration
 from ksd.solve.conventional import by_load_steps
 from ksd.solve.five import FiveSteps
 from ksd.solve.full_bodies import indicator
-from ksd.solve.load_steps import drive_to
+from ksd.solve.load_steps import Way, drive_to
 from ksd.solve.space_steps import condense_space, place_space, read_space, recover_space
 from ksd.solve.steps import CAP, RTOL, Step, Stop
 from ksd.solve.validity import furthest, validity
@@ -312,11 +312,13 @@ class _Placed:
         negatives, _ = factor_blocks(plan, work.value, work.spare, len(plan.size))
         read_space(b.parts)
         near = bool(b.seen[1])
-        joint_motions, unknown = pipeline.read_motions(b, b.found.copy(), b.off.copy(), b.known, near=near)
+        joint_motions = pipeline.read_motions(
+            b.bodies, b.joint_names, b.found.copy(), b.off.copy(), b.known, near=near
+        )
         expected = len(model.drive_names) + len(model.support_names)
         return Configuration(
             model, state, "modal", dict(values), tuple(steps), negatives=int(negatives + own),
-            expected=expected, joint_motions=joint_motions, notes=(*notes, *unknown), near=near,
+            expected=expected, joint_motions=joint_motions, notes=notes, near=near,
         )  # fmt: skip
 
 
@@ -341,17 +343,17 @@ class _Prepared:
         """
         clock, arrays = Stopwatch(), self.mix.arrays
 
-        def newton(want: np.ndarray, level: float, rtol: float, most: int, cap: float, limit: float) -> Any:
-            return iterate(arrays, motion, want, level, self.work, rtol, most, cap, limit)
+        def newton(state: Motion, want: np.ndarray, level: float, *bounds: Any) -> Any:
+            return iterate(arrays, state, want, level, self.work, *bounds)
 
-        words: dict[str, Any] = {"start": target, "target": target, "factors": (0.0, factor)}
-        words["pivoting"] = arrays, self.work
-        driven = drive_to(motion, newton, smallest=1.0, **words)
+        way = Way(target, target, (0.0, factor), smallest=1.0)
+        driven = drive_to(motion, newton, way, pivoting=(arrays, self.work))
         if driven.stop is not Stop.CONVERGED and smallest < 1.0:
             # without loads first: the place records give is no equilibrium of theirs
-            reason, count, *_ = newton(target, 0.0, RTOL, 30, CAP, math.inf)
+            reason, count, *_ = newton(motion, target, 0.0, RTOL, 30, CAP, math.inf)
             if reason == Stop.CONVERGED:
-                more = drive_to(motion, newton, smallest=smallest, **words)
+                way = way._replace(smallest=smallest)
+                more = drive_to(motion, newton, way, pivoting=(arrays, self.work))
                 driven = more._replace(solves=driven.solves + count + more.solves, taken=more.taken + 1)
         parts = f"{driven.taken} load steps" if driven.taken > 1 else ""
         step = Step("3 reduced equilibrium", driven.solves, clock(), driven.residual, driven.stop, parts)
@@ -428,7 +430,7 @@ def by_steps(model: Model, values: Mapping[str, float]) -> Configuration:
     Raises ConvergenceError.
     """
     try:
-        return by_load_steps(model, values, lambda c: c)
+        return by_load_steps(model, values)
     except ConvergenceError as reason:
         loose = reason.reached == 0.0 and any(model.bodies[n].solid.flat for n in model.solids)
         flat = (

@@ -9,15 +9,15 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ksd.model.arrays import COIL, TURN, Motion
+from ksd.model.arrays import COIL, TURN, Motion, make_work
 from ksd.model.compile import Model
+from ksd.model.newton import iterate
 from ksd.numerics.rotations import rotation_log
 from ksd.properties.forces import energy_of_spring
 from ksd.properties.kept import per_model
 from ksd.properties.tangent import assembled_tangent, row_gradients
 from ksd.properties.words import axis_in_words, movement_of, ways
 from ksd.solve.steps import CAP, RTOL, Stop
-from ksd.solve.storage import Storage
 
 Array = NDArray[np.float64]
 FREE = 1e-15
@@ -52,10 +52,8 @@ def unstable_rest(model: Model) -> tuple[UnstableRest, ...]:
 
 def _unstable(model: Model, causes: tuple[str, ...], factor: float) -> tuple[UnstableRest, ...]:
     """See `unstable_rest`; loads times factor."""
-    storage = Storage(model)
-    storage.motion.assign(model.rest)
-    stop, *_ = storage.newton(np.zeros(len(model.arrays.terms.start)), factor, RTOL, PASSES, CAP, math.inf)
-    motion = storage.motion.copy()
+    motion, held = model.rest.copy(), np.zeros(len(model.arrays.terms.start))
+    stop, *_ = iterate(model.arrays, motion, held, factor, make_work(model.arrays), RTOL, PASSES, CAP, math.inf)
     moved = np.abs(motion.x - model.rest.x).max(initial=0.0)
     if Stop(stop) is not Stop.CONVERGED or not moved < NEXT * model.arrays.size:
         return ()

@@ -13,7 +13,7 @@ from ksd.model.arrays import Motion
 from ksd.model.compile import Model, compile_given, marked
 from ksd.numerics.stopwatch import Stopwatch
 from ksd.scene.drive import Load
-from ksd.solve.load_steps import load_steps, step_of, stopped
+from ksd.solve.load_steps import Way, load_steps, step_of, stopped
 from ksd.solve.steps import Stop
 from ksd.solve.storage import storage_of
 
@@ -70,8 +70,7 @@ def _beside(pose: Configuration, loaded: Model, state: Motion) -> Configuration:
     """The equilibrium of the loaded model next to `state`, drives as they are."""
     target, clock = loaded.targets(pose.targets), Stopwatch()
     driven, how, motion, doubts = load_steps(
-        storage_of(loaded), state, start=target, target=target, fresh=False, factors=(pose.load_factor, 1.0),
-        planar=False, rtol=RTOL,
+        storage_of(loaded), state, Way(target, target, (pose.load_factor, 1.0), rtol=RTOL), fresh=False, planar=False
     )  # fmt: skip
     found = replace(
         pose, model=loaded, motion=motion, method="conventional", method_error=None, chosen=False, load_factor=1.0,

@@ -10,7 +10,7 @@ from inspect import signature
 from typing import Any, Literal
 
 from ksd.bodies.joints import JointBodies, joint_bodies
-from ksd.errors import ConvergenceError, KinematicsError, KsdError, RangeError, RecordError, SceneError
+from ksd.errors import ConvergenceError, KinematicsError, RangeError, RecordError, SceneError
 from ksd.library import Record, find_record
 from ksd.library.files import record_in_use
 from ksd.modal.choices import ModalBasis
@@ -22,7 +22,7 @@ from ksd.model.plane import Plane, plane_of
 from ksd.scene.contents import Scene
 from ksd.scene.mechanism import Mechanism
 from ksd.section.checks import nearest, number, show, truth, whole, worded
-from ksd.solve.configuration import Configuration, with_joint_motions
+from ksd.solve.configuration import Configuration
 from ksd.solve.conventional import bare, by_load_steps, conventional
 from ksd.solve.estimate import relative_error
 from ksd.solve.five import FiveSteps
@@ -185,9 +185,10 @@ class Solver:
         self.model: Model = mechanism
         self.records, self.extrapolate, self.planar = records, extrapolate, truth(planar, "planar")
         self.basis, self.accuracy = basis, wanted_accuracy(accuracy)
+        self._drives = frozenset(mechanism.drive_names)
         self._reduced: dict[bool, ReducedBodies] = {}
         self._five: FiveSteps | None = None
-        self._reader: JointReader | None = None
+        self._joints = JointReader(mechanism, records, extrapolate)
         self._storage: Storage | None = None
         self._turn = threading.RLock()
 
@@ -242,9 +243,8 @@ class Solver:
         The mesh stays as prepared: where its curvature modes are few for the state a warning says so, and strictly a
         leaf that is not resolved at all is refused.
         """
-        known = self.model.drive_names
-        if not drives.keys() <= set(known):
-            refuse_unknown(drives, known, self.__call__)
+        if not drives.keys() <= self._drives:
+            refuse_unknown(drives, self.model.drive_names, self.__call__)
         values = drives if targets is None else given_values(targets, drives)
         truth(strict, "strict")
         wanted = self.accuracy if accuracy is None else wanted_accuracy(accuracy)
@@ -339,10 +339,10 @@ class Solver:
         try:
             if self.planar and isinstance(plane_of(self.model), Plane):
                 found = conventional(
-                    self.model, values, planar=True, most=10, smallest=1.0, storage=self.storage
+                    self.model, values, planar=True, most=10, smallest=1.0, storage=self.storage, joints=self._joints
                 )
                 if found.stable and not found.doubts:
-                    return self._with_motions(found)
+                    return found
         except (ConvergenceError, SceneError):
             # not in one step, or not in this plane after all: the kinematic start is what helps
             pass
@@ -395,28 +395,13 @@ class Solver:
         light = self.model.scene.joints and not len(self.model.arrays.weight)
         kinematic = unloaded if light else None
         return by_load_steps(
-            self.model,
-            values,
-            self._with_motions,
-            storage=self.storage,
-            kinematic=kinematic,
-            planar=self.in_plane,
+            self.model, values, storage=self.storage, kinematic=kinematic, planar=self.in_plane, joints=self._joints
         )
 
     def _load_steps(self, values: Mapping[str, float], note: str) -> Configuration:
         """The conventional solver in all its ways."""
         result = self._by_load_steps(values)
         return replace(result, notes=(*result.notes, note)) if note else result
-
-    def _with_motions(self, result: Configuration) -> Configuration:
-        """A conventional result with the joints' intended and unintended motions, where their records are there."""
-        try:
-            if self._reader is None:
-                self._reader = JointReader(self.model, self.records, extrapolate=self.extrapolate)
-            found, unknown, near = self._reader(result.motion)
-        except KsdError:
-            return result
-        return with_joint_motions(result, found, unknown, near=near)
 
 
 def _check_words(method: object, relinearisations: object) -> None:

@@ -158,7 +158,8 @@ class FiveStepRecord(Sequence[Step]):
 class JointMotions(NamedTuple):
     """Intended motions theta (q,) [rad, or stroke over joint length] and what is left, off (J, 6) [m, rad], of all joints.
 
-    motions, joints: their names; scale (q,): from theta to rad or m.
+    motions, joints: their names; scale (q,): from theta to rad or m. unknown: motions that are not known, nan, a sentence
+    each.
     """
 
     motions: tuple[str, ...]
@@ -166,6 +167,7 @@ class JointMotions(NamedTuple):
     scale: np.ndarray
     theta: np.ndarray
     off: np.ndarray
+    unknown: tuple[str, ...] = ()
 
     def by_motion(self) -> dict[str, float]:
         """Intended motion [rad or m] by name."""

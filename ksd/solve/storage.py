@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import threading
-from typing import Any
 
 import numpy as np
 
@@ -14,32 +13,33 @@ from ksd.model.plane import Plane
 
 
 class Storage:
-    """State and storage of one model, in space and in its plane. Not for two threads at once.
+    """What the Newton of one model writes into, in space and in its plane. Not for two threads at once.
 
-    motion, work: made here unless given.
+    work: made here unless given.
     """
 
-    def __init__(self, model: Model, motion: Motion | None = None, work: Work | None = None) -> None:
+    def __init__(self, model: Model, work: Work | None = None) -> None:
         self.model = model
-        self.motion = model.rest.copy() if motion is None else motion
         self.work = make_work(model.arrays) if work is None else work
         self._planar: Work | None = None
 
-    def newton(self, target: np.ndarray, *ways: Any) -> Newton:
-        """Equilibrium from the state, in place: ways = (load factor, rtol, most, cap, blow_up)."""
-        factor, *rest = ways
-        return iterate(self.model.arrays, self.motion, target, factor, self.work, *rest)
+    def newton(
+        self, motion: Motion, target: np.ndarray, factor: float, rtol: float, most: int, cap: float, blow_up: float
+    ) -> Newton:  # fmt: skip
+        """Equilibrium from the state, in place: see `ksd.model.newton.iterate`."""
+        return iterate(self.model.arrays, motion, target, factor, self.work, rtol, most, cap, blow_up)
 
-    def look(self, target: np.ndarray, rtol: float, factor: float = 1.0) -> tuple[float, int, int]:
+    def look(
+        self, motion: Motion, target: np.ndarray, rtol: float, factor: float = 1.0
+    ) -> tuple[float, int, int]:
         """Residual over its bound, negative pivots and status of the state; the Newton step is left in `work`."""
-        return look(self.model.arrays, self.motion, target, factor, self.work, rtol)
+        return look(self.model.arrays, motion, target, factor, self.work, rtol)
 
-    def planar_newton(self, plane: Plane, target: np.ndarray, *ways: Any) -> Newton:
-        """As `newton`, with the unknowns of the `plane` of the model alone."""
+    def planar(self, plane: Plane) -> Work:
+        """Storage of the model in its plane."""
         if self._planar is None:
             self._planar = make_work(plane.arrays)
-        factor, *rest = ways
-        return iterate(plane.arrays, self.motion, target, factor, self._planar, *rest)
+        return self._planar
 
 
 KEPT = 4

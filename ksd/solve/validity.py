@@ -21,7 +21,7 @@ from ksd.model.reduced import inner_state, member_pose
 from ksd.properties.shape import scene_leaves
 from ksd.scene.mechanism import Mechanism
 from ksd.solve.full_bodies import indicator
-from ksd.solve.load_steps import load_steps
+from ksd.solve.load_steps import Way, load_steps
 from ksd.solve.steps import Stop
 from ksd.solve.storage import Storage
 
@@ -93,7 +93,7 @@ def _limit(model: Model, name: str, way: str, error: float) -> tuple[float, floa
         target = model.targets({"way": share * size})
         begin, state = start
         driven, _, motion, _ = load_steps(
-            storage, state, start=begin, target=target, fresh=state is model.rest, planar=False
+            storage, state, Way(begin, target), fresh=state is model.rest, planar=False
         )
         if driven.stop is not Stop.CONVERGED:
             return None, None
