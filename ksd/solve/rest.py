@@ -53,7 +53,9 @@ def unstable_rest(model: Model) -> tuple[UnstableRest, ...]:
 def _unstable(model: Model, causes: tuple[str, ...], factor: float) -> tuple[UnstableRest, ...]:
     """See `unstable_rest`; loads times factor."""
     motion, held = model.rest.copy(), np.zeros(len(model.arrays.terms.start))
-    stop, *_ = iterate(model.arrays, motion, held, factor, make_work(model.arrays), RTOL, PASSES, CAP, math.inf)
+    stop, *_ = iterate(
+        model.arrays, motion, held, factor, make_work(model.arrays), RTOL, PASSES, CAP, math.inf
+    )
     moved = np.abs(motion.x - model.rest.x).max(initial=0.0)
     if Stop(stop) is not Stop.CONVERGED or not moved < NEXT * model.arrays.size:
         return ()

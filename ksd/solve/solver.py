@@ -339,7 +339,13 @@ class Solver:
         try:
             if self.planar and isinstance(plane_of(self.model), Plane):
                 found = conventional(
-                    self.model, values, planar=True, most=10, smallest=1.0, storage=self.storage, joints=self._joints
+                    self.model,
+                    values,
+                    planar=True,
+                    most=10,
+                    smallest=1.0,
+                    storage=self.storage,
+                    joints=self._joints,
                 )
                 if found.stable and not found.doubts:
                     return found
@@ -395,7 +401,12 @@ class Solver:
         light = self.model.scene.joints and not len(self.model.arrays.weight)
         kinematic = unloaded if light else None
         return by_load_steps(
-            self.model, values, storage=self.storage, kinematic=kinematic, planar=self.in_plane, joints=self._joints
+            self.model,
+            values,
+            storage=self.storage,
+            kinematic=kinematic,
+            planar=self.in_plane,
+            joints=self._joints,
         )
 
     def _load_steps(self, values: Mapping[str, float], note: str) -> Configuration:
