@@ -119,6 +119,7 @@ def effect_cost(
 def _price(
     choice: Choice, name: str, pair: tuple[Solver, Solver], targets: Mapping[str, float], rounds: int
 ) -> Price:
+    """What one effect changes and costs: `pair` solves with and without it."""
     kept, why = choice[name].present, choice[name].reason
     try:
         # the first solve of each loads what it needs
@@ -133,6 +134,7 @@ def _price(
 
 
 def _times(pair: tuple[Solver, Solver], targets: Mapping[str, float], rounds: int) -> tuple[float, float]:
+    """Medians [s] of two solvers, in turns."""
     found: tuple[list[int], list[int]] = ([], [])
     for _ in range(rounds):
         for solver, mine in zip(pair, found, strict=True):

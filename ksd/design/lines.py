@@ -54,6 +54,7 @@ def blank_rows(line: Line, reason: str, *, first: int = 0) -> list[Row]:
 
 
 def _labels(line: Line, values: Mapping[str, float]) -> Row:
+    """Labels of a row: those of its line, and drive values in the units of their columns."""
     scene = line.like if line.scene is None else line.scene
     known = {} if scene is None else columns_of_drives(scene)
     row: Row = dict(line.labels)

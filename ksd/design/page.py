@@ -17,7 +17,7 @@ from typing import Any
 import ksd
 from ksd.design.table import OK, STATUS, Table, spoken_column
 from ksd.solve.answer import as_dict
-from ksd.solve.report import number
+from ksd.solve.report import number, verdict_lines
 from ksd.view.figure import picture
 
 STYLE = """
@@ -206,8 +206,6 @@ def _pose(facts: dict[str, Any]) -> list[str]:
         kinds.setdefault(tuple(row), []).append([name, *row.values()])
     for keys, rows in kinds.items():
         parts.append(grid([("drive", ""), *(spoken_column(k) for k in keys)], rows))
-    said = facts["trust"]["strength"]["sentence"]
-    parts.append(f"<p>{_text(said[0].upper() + said[1:])}.</p>")
     links = facts["links"]
     heads = [("link", ""), *((f"{a}", "mm") for a in "xyz"), *((f"r{a}", "deg") for a in "xyz")]
     parts.append("<h3>Displacement and rotation of the links</h3>")
@@ -289,7 +287,7 @@ def _error(pose: Any, facts: dict[str, Any], compared: Sequence[Compared]) -> li
         (s["name"], s["iterations"], s["time_us"], s["residual_over_bound"], s["reason"])
         for s in facts["steps"]
     ]
-    said = _said(facts["error"])
+    verdicts = "".join(f"<li>{_text(said)}.</li>" for said, _ in verdict_lines(facts))
     first = compared[0]
     rows: list[tuple[Any, ...]] = []
     for c in compared:
@@ -306,22 +304,11 @@ def _error(pose: Any, facts: dict[str, Any], compared: Sequence[Compared]) -> li
     ]
     names += [("off by", "%"), ("largest stress", "MPa"), ("off by", "%"), ("", "")]
     return [
-        grid(heads, steps), f"<p>Estimated error of the method: {said}</p><p>State: {_text(facts['stability'])}.</p>",
+        grid(heads, steps), f"<ul>{verdicts}</ul>",
         "<h3>The same pose by other ways</h3>", grid(names, rows),
         "<p>“Off by” is the difference from the first line. More modes or elements per leaf show the error of the mesh, "
         "the other methods that of the method.</p>",
     ]  # fmt: skip
-
-
-def _said(error: dict[str, Any] | None) -> str:
-    if error is None:
-        return "None but that of the mesh: the equilibrium of everything was solved."
-    if error["relative_percent"] is None:
-        return "Not known: corrector steps of the full model grow. Do not use this result."
-    return (
-        f"{_number(error['relative_percent'], 2)} %: links within {_number(error['displacement_um'], 2)} µm and "
-        f"{_number(error['rotation_mrad'], 2)} mrad of equilibrium, by correction steps of the full model."
-    )
 
 
 def _off(value: float, reference: float) -> float:

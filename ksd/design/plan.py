@@ -156,6 +156,7 @@ def load_cases(loads: Any) -> dict[str, tuple[Load, ...]]:
 
 
 def _several(entries: Any) -> Sequence[Any]:
+    """The loads of a load case, a single one in a list; raises SceneError."""
     if isinstance(entries, Mapping | Load):
         return [entries]
     if isinstance(entries, str) or not isinstance(entries, Sequence):
@@ -164,6 +165,7 @@ def _several(entries: Any) -> Sequence[Any]:
 
 
 def _load(entry: Any, name: str) -> Any:
+    """A load from a `Load` or its words; raises SceneError."""
     if isinstance(entry, Load):
         return entry
     if not isinstance(entry, Mapping):

@@ -85,6 +85,7 @@ class Table:
         return printed(self._short(), width=120)
 
     def _short(self) -> Any:
+        """The first eight columns and the status, as printed."""
         shown = [n for n in self.columns if n not in ("method", STATUS)][:8]
         grid = Grid(box=box.SIMPLE_HEAD, pad_edge=False, title=repr(self).strip("<>"), title_justify="left")
         for n in [*shown, STATUS]:

@@ -152,6 +152,8 @@ def follow_through(before: Tracks | None, modes: Modes, count: int, between: Bet
 def _halved(
     before: Tracks, modes: Modes, count: int, between: Between, *, way: tuple[float, float, int]
 ) -> Tracks:
+    """Modes named from those before; where a partner is in doubt from a pose half way, `left` more times. way: pose before,
+    pose, left."""
     start, end, left = way
     found = follow(before, modes, count)
     if not _in_doubt(before, found, count):

@@ -21,6 +21,7 @@ def drive_rows(targets: Any, drives: Mapping[str, Any], call: Callable[..., Any]
 
 
 def _row(name: str, given: Any, call: Callable[..., Any]) -> np.ndarray:
+    """Drive values (n,) as given to a call; raises SceneError."""
     try:
         found = np.atleast_1d(np.asarray(given))
     except ValueError:

@@ -297,6 +297,7 @@ def describe_database(today: datetime.date | None = None) -> list[Listing]:
 
 
 def _describe(path: Path, today: datetime.date) -> Listing:
+    """What is listed of a record file, or why it cannot be read."""
     size, checksum = 0, ""
     try:
         content = read_file(path, what="joint record", error=RecordError, hint=train_again(path.stem))

@@ -228,6 +228,7 @@ class Record:
         return np.array(places), tuple(outside)
 
     def _contract(self, places: Array, mesh: Mesh, outside: tuple[str, ...]) -> JointFunctions:
+        """Polynomials in the motions alone, at one shape: `places` are its parameters in -1 .. 1."""
         m = len(self.motions)
         reach = np.array([motion.reach for motion in self.motions])
         shape = legendre_products(self.powers[:, m:], places[None])[0]

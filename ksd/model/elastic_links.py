@@ -100,6 +100,8 @@ def _by_section(scene: Any, made: _Rewritten, said: Compliance) -> None:
 
 
 def _by_matrix(scene: Any, made: _Rewritten, said: Compliance) -> None:
+    """Two halves of a link for its two interfaces; what hangs on it goes to the nearer one. Raises SceneError where that is
+    not near."""
     points = np.asarray(said.matrix.points)  # type: ignore[union-attr]
     made.links.append(f"{said.link}/2")
     for kind, i, end, at in _attachments(scene, said.link):

@@ -266,6 +266,7 @@ def _known(name: str, leaves: Mapping[str, Any], what: str) -> Any:
 
 
 def _warmed(before: Condition, leaf: Any, heat: Heat, name: str) -> Condition:
+    """Stress-free shape of a leaf with heat added to what it had before; raises SceneError."""
     alpha, thickness = leaf.material.expansion, leaf.section.thickness
     if alpha is None:
         said = leaf.material.name or "its material"

@@ -181,6 +181,7 @@ class _Reader:
         return joint
 
     def _drawn(self, table: Table) -> DrawnJoint:
+        """A joint drawn leaf by leaf."""
         blocks, shape = table.table("blocks"), table.table("shape")
         words: dict[str, Any] = {"name": "drawn"} | table.read(schema.DRAWN)
         words["blocks"] = blocks.read(dict.fromkeys(blocks.values, "length[3]"))

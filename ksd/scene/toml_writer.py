@@ -221,6 +221,7 @@ def _key(key: str) -> str:
 
 
 def _plain(value: Any, key: str) -> str:
+    """A value in TOML; raises SceneError."""
     if isinstance(value, bool):
         return "true" if value else "false"
     if isinstance(value, str):

@@ -42,7 +42,8 @@ def tables(configuration: Configuration) -> list[Any]:
     from rich.text import Text
 
     d = as_dict(configuration)
-    parts = [_head(d), _steps(d), _drives(d), *_verdict(d)]
+    parts = [_head(d), _steps(d), _drives(d)]
+    parts += [Text(said, style="" if fine else "bold red") for said, fine in verdict_lines(d)]
     if d["joints"]:
         parts += _joints(d)
     if d["links"]:
@@ -96,44 +97,39 @@ def _drives(d: dict[str, Any]) -> Any:
     return table
 
 
-def _verdict(d: dict[str, Any]) -> list[Any]:
-    """Error and verdicts, a line each."""
-    from rich.text import Text
-
-    error = d["error"]
-    if error is None and (d["basis"] is not None or d["method"] in ("kinematic", "reduced", "modal")):
-        said = "Error: not estimated"
-    elif error is None:
-        said = "Error: not known, it is not solved"
-    elif error["relative_percent"] is None and error["mesh_percent"] is None and d["method"] not in FAST:
-        said = "Estimated error: not known, a finer mesh has no equilibrium next to this one"
-    elif error["relative_percent"] is None:
-        said = "Estimated error: not known, corrector steps grow; do not use this result"
-    else:
-        shift, turn = (number(error[k], 2, zero=1e-6) for k in ("displacement_um", "rotation_mrad"))
-        percent = number(error["relative_percent"], 2, zero=1e-9)
-        mesh = "that of its mesh is not known"
-        if error["mesh_percent"] is not None:
-            share = number(error["mesh_percent"], 2, zero=1e-9)
-            mesh = f"of which mesh {share} %" if d["method"] in FAST else "all of it mesh"
-        said = f"Estimated error: {percent} %, {mesh} (links within {shift} um and {turn} mrad)"
-    lines = [
-        Text(said),
-        *_missing(d["left_out"]),
-        *_range(d["basis"]),
-        Text(f"State: {d['stability']}", style="" if d["stable"] else "bold red"),
-    ]
+def verdict_lines(d: dict[str, Any]) -> list[tuple[str, bool]]:
+    """Error and verdicts of an answer as sentences, and whether all is well with each."""
+    lines = [(error_sentence(d), True), *((s, True) for s in (*_missing(d["left_out"]), *_range(d["basis"])))]
+    lines.append((f"State: {d['stability']}", d["stable"]))
     for prefix, name in (("Branch: ", "branch"), ("", "strength"), ("", "trusted")):
         verdict = d["trust"][name]
         said = prefix + verdict["sentence"]
-        lines.append(Text(said[0].upper() + said[1:], style="" if verdict["yes"] else "bold red"))
+        lines.append((said[0].upper() + said[1:], verdict["yes"]))
     return lines
 
 
-def _missing(left_out: dict[str, dict[str, float | None]]) -> list[Any]:
-    """What is not in the model, with its weight, in a line."""
-    from rich.text import Text
+def error_sentence(d: dict[str, Any]) -> str:
+    """The estimated error of an answer in words."""
+    error = d["error"]
+    if error is None and (d["basis"] is not None or d["method"] in ("kinematic", "reduced", "modal")):
+        return "Error: not estimated"
+    if error is None:
+        return "Error: not known, it is not solved"
+    if error["relative_percent"] is None and error["mesh_percent"] is None and d["method"] not in FAST:
+        return "Estimated error: not known, a finer mesh has no equilibrium next to this one"
+    if error["relative_percent"] is None:
+        return "Estimated error: not known, corrector steps grow; do not use this result"
+    shift, turn = (number(error[k], 2, zero=1e-6) for k in ("displacement_um", "rotation_mrad"))
+    percent = number(error["relative_percent"], 2, zero=1e-9)
+    mesh = "that of its mesh is not known"
+    if error["mesh_percent"] is not None:
+        share = number(error["mesh_percent"], 2, zero=1e-9)
+        mesh = f"of which mesh {share} %" if d["method"] in FAST else "all of it mesh"
+    return f"Estimated error: {percent} %, {mesh} (links within {shift} um and {turn} mrad)"
 
+
+def _missing(left_out: dict[str, dict[str, float | None]]) -> list[str]:
+    """What is not in the model, with its weight, in a line."""
     said = []
     for name, changes in left_out.items():
         weights = [
@@ -142,13 +138,11 @@ def _missing(left_out: dict[str, dict[str, float | None]]) -> list[Any]:
             if value is not None and abs(value) >= LITTLE
         ]
         said.append(f"{EFFECTS[name]} ({', '.join(weights) or 'changes nothing here'})")
-    return [Text(f"Not in the model: {', '.join(said)}")] if said else []
+    return [f"Not in the model: {', '.join(said)}"] if said else []
 
 
-def _range(basis: dict[str, Any] | None) -> list[Any]:
+def _range(basis: dict[str, Any] | None) -> list[str]:
     """How far the basis of the reduced body bent furthest is good, and how far it is bent."""
-    from rich.text import Text
-
     if basis is None:
         return []
     good = "good about the trained configuration alone"
@@ -157,7 +151,7 @@ def _range(basis: dict[str, Any] | None) -> list[Any]:
         good = f"within {basis['within_percent']:g} % to {limits}"
     at = f"{number(basis['stroke'], 2)} L and {number(basis['turn_deg'], 2)} deg"
     size = f"{basis['coordinates']} coordinates, condition {number(basis['condition'], 2)}"
-    return [Text(f"Basis of '{basis['of']}', bent furthest, to {at}: {good} ({size})")]
+    return [f"Basis of '{basis['of']}', bent furthest, to {at}: {good} ({size})"]
 
 
 def _joints(d: dict[str, Any]) -> list[Any]:

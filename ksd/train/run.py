@@ -156,6 +156,7 @@ def _warn_of(design: Design, fit: Fit) -> None:
 
 
 def _warn_of_others(design: Design, evidence: tuple[Evidence, ...]) -> None:
+    """Warn of parameters that matter and are no dimension of the record."""
     for name in design.others:
         most = max(e.interface for e in evidence if e.parameter == name)
         if most > MATTERS:

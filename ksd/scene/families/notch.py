@@ -135,6 +135,7 @@ class FilletedNotchHinge(_Notch):
 
 
 def _neck(joint: Any, profile: CircularNotch | FilletedNotch) -> Leaf:
+    """The notch as one leaf of varying thickness."""
     return Leaf(
         start=(0.0, 0.0, 0.0),
         end=joint.pose_B,
