@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ksd.model.arrays import COROTATIONAL, ROTATION, STRAIN, TRANSLATION
-from ksd.model.leaves import factors, leaf_member, raised_orders, split_leaf
+from ksd.model.leaves import factors, leaf_member, piece_name, raised_orders, split_leaf
 from ksd.model.mesh import Mesh
 from ksd.model.pack import Member
 from ksd.model.springs import matrix_member, spring_members
@@ -149,13 +149,13 @@ class _Parts:
                 continue
             # every element a leaf of its own, between nodes that are drawn as blocks
             pieces, cuts = split_leaf(leaf, leaf.elements or mesh.elements)
-            between = [f"{name}.{k + 1}" for k in range(len(cuts))]
+            between = [piece_name(name, k) for k in range(len(cuts))]
             names += between
             for cut in cuts:
                 self.point += cut.tolist()
             pairs = pairwise([own[0], *between, own[1]])
             for k, (piece, pair) in enumerate(zip(pieces, pairs, strict=True)):
-                found.append(self._leaf(piece, mesh, (before, f"{name}.{k + 1}"), pair, length))
+                found.append(self._leaf(piece, mesh, (before, piece_name(name, k)), pair, length))
         self.length.append(length)
         for end in ends:
             self.ends += end

@@ -339,6 +339,16 @@ def leaf_member(leaf: Any, mesh: Mesh, *, name: str, heavy: bool = False) -> Mem
     )
 
 
+def piece_name(leaf: str, k: int) -> str:
+    """Name of element k of a leaf whose nodes are in the open, and of the node at its end; "leaf.2" is a second leaf."""
+    return f"{leaf}:{k + 1}"
+
+
+def leaf_of(piece: str) -> str:
+    """The leaf an element is of, or a whole leaf itself."""
+    return piece.rpartition(":")[0] or piece
+
+
 def split_leaf(leaf: Any, elements: int) -> tuple[list[Any], list[np.ndarray]]:
     """The leaf cut into single-element pieces, and the points (3,) between them in the leaf's own coordinates."""
     if leaf.curve is not None or leaf.profile is not None:
@@ -359,7 +369,7 @@ def split_leaf(leaf: Any, elements: int) -> tuple[list[Any], list[np.ndarray]]:
             start=tuple(a),
             end=tuple(b),
             elements=1,
-            name=f"{leaf.name}.{k + 1}",
+            name=piece_name(leaf.name, k),
             condition=replace(state, torsion=torsion),
         )
         for k, (a, b) in enumerate(pairwise(cuts))
@@ -373,7 +383,9 @@ __all__ = [
     "leaf_axes",
     "leaf_member",
     "leaf_modes",
+    "leaf_of",
     "line_mass",
+    "piece_name",
     "raised_orders",
     "rigidities",
     "split_leaf",

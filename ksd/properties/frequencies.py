@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from ksd.errors import ConvergenceError
 from ksd.model.arrays import STRAIN, Motion
 from ksd.model.compile import Model
+from ksd.model.leaves import leaf_of
 from ksd.model.newton import move_nodes
 from ksd.properties.leaf_groups import leaf_groups
 from ksd.properties.mass import Inertia, inertia
@@ -253,7 +254,7 @@ def _spoken(model: Model, node: int, shape: Array, body: bool) -> str:
     name, does = model.node_names[node], movement_of(model, shape)
     if body or not does:
         return f"'{name}' {does}" if does else "the leaf springs"
-    leaf = name.rpartition(".")[0]
+    leaf = leaf_of(name)
     return (
         f"'{leaf}' between the ends"
         if leaf in scene_leaves(model)

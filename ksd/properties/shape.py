@@ -21,6 +21,7 @@ from ksd.beam.strain_values import masses_beyond
 from ksd.beam.strain_walk import walk
 from ksd.model.arrays import COROTATIONAL, SOLID, STRAIN, Motion
 from ksd.model.compile import Model
+from ksd.model.leaves import leaf_of
 from ksd.properties.kept import per_model
 
 Array = NDArray[np.float64]
@@ -334,7 +335,7 @@ def members_of_leaves(model: Model) -> dict[str, list[int]]:
     leaves = scene_leaves(model)
     found: dict[str, list[int]] = {}
     for i, name in enumerate(model.member_names):
-        found.setdefault(name if name in leaves else name.rsplit(".", 1)[0], []).append(i)
+        found.setdefault(name if name in leaves else leaf_of(name), []).append(i)
     return found
 
 

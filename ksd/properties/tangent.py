@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ksd.errors import KinematicsError, SceneError
-from ksd.model.arrays import COROTATIONAL, LINEAR, SOLID, Arrays, Motion, make_work
+from ksd.model.arrays import COROTATIONAL, LINEAR, SOLID, Arrays, Motion, Work, make_work
 from ksd.model.compile import Model
 from ksd.model.loading import term_value
 from ksd.model.newton import assemble
@@ -99,7 +99,7 @@ def beyond_rows(model: Model, gradients: Array, loads: Array) -> tuple[Array, Ar
 @dataclass(frozen=True)
 class Assembled:
     """The exact tangent of a model at a state before it is factored: value in the storage of the plan; inside: negative
-    pivots met inside the members; turning: see `Tangent`."""
+    pivots met inside the members; turning: see `Tangent`. work: as assembled, the residual in its `rhs`."""
 
     model: Model
     motion: Motion
@@ -107,6 +107,7 @@ class Assembled:
     value: Array
     inside: int
     turning: tuple[NDArray[np.int64], Array] | None
+    work: Work
 
     def matrix(self, freed: Iterable[str] = ()) -> Array:
         """The symmetric matrix (unknowns, unknowns), with the drives and supports in `freed` let go."""
@@ -161,7 +162,7 @@ class Tangent:
         left = self._residual(loads, found)
         left[places] -= rest @ found[places]
         change = self._with_skew(self._symmetric(left)[0])
-        weight = self._weight()[:, None]
+        weight = self.weight()[:, None]
         moved, whole = (np.linalg.norm(part * weight, axis=0) for part in (change, found))
         error = max(error, float(np.max(moved / np.maximum(whole, 1e-300), initial=0.0)))
         refuse_lost(error)
@@ -199,7 +200,7 @@ class Tangent:
             )
         return left.T.copy()
 
-    def _weight(self) -> Array:
+    def weight(self) -> Array:
         """(unknowns,): by which solutions are measured, see `ksd.numerics.blocks.refined_blocks`."""
         plan = self.arrays.plan
         own = [self.spare[at : at + n] for at, n in zip(plan.diagonal, plan.size, strict=True)]
@@ -247,21 +248,23 @@ class DenseTangent(Tangent):
     def _residual(self, loads: Array, found: Array) -> Array:
         return np.asarray(loads - self.matrix @ found)
 
-    def _weight(self) -> Array:
+    def weight(self) -> Array:
         return np.asarray(1.0 / scaling(self.matrix))
 
 
-def assembled_tangent(model: Model, motion: Motion, *, load_factor: float = 1.0) -> Assembled:
-    """The exact tangent at `motion`, drives held."""
+def assembled_tangent(
+    model: Model, motion: Motion, *, load_factor: float = 1.0, target: Array | None = None
+) -> Assembled:
+    """The exact tangent at `motion`, drives held; target (c,): their values, where the residual is of use."""
     arrays = exact(model.arrays)
     work = make_work(arrays)
-    target = np.zeros(len(arrays.terms.start))
-    _, _, inside, _ = assemble(arrays, motion, target, load_factor, work, 1e-8, 0, 10.0)
+    held = np.zeros(len(arrays.terms.start)) if target is None else target
+    _, _, inside, _ = assemble(arrays, motion, held, load_factor, work, 1e-8, 0, 10.0)
     rest, turning = turning_loads(arrays, motion, load_factor), None
     if rest is not None:
         places = np.flatnonzero(rest.any(axis=1) | rest.any(axis=0))
         turning = places, rest[np.ix_(places, places)]
-    return Assembled(model, motion, arrays, work.value.copy(), int(inside), turning)
+    return Assembled(model, motion, arrays, work.value.copy(), int(inside), turning, work)
 
 
 def factored(assembled: Assembled, freed: Iterable[str] = ()) -> Tangent:

@@ -17,6 +17,7 @@ import numpy as np
 from ksd.errors import SceneError
 from ksd.model.arrays import COROTATIONAL, STRAIN, Motion, make_work
 from ksd.model.compile import Model, compile_given
+from ksd.model.leaves import piece_name
 from ksd.model.mesh import Mesh, MixedMesh
 from ksd.model.newton import assemble, take_step
 from ksd.model.reduced import with_bodies
@@ -116,9 +117,9 @@ def _open_chains(model: Model, motion: Motion, fine: Model) -> Motion:
                 own[:] = inner
             continue
         nodes = int(members.number[i, 0]) - 1
-        _open_chain(model, motion, i, inner, [index[f"{name}.{k + 1}"] for k in range(nodes)], state)
+        _open_chain(model, motion, i, inner, [index[piece_name(name, k)] for k in range(nodes)], state)
         for k, stress in enumerate(inner[12 * nodes :].reshape(-1, 6)):
-            at = more.inner_at[member[f"{name}.{k + 1}"]]
+            at = more.inner_at[member[piece_name(name, k)]]
             state.inner[at : at + 6] = stress
     return state
 

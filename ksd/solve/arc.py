@@ -49,7 +49,8 @@ class Course:
 
 @dataclass(frozen=True)
 class Place:
-    """An equilibrium on the path: state, parameter, inertia, exact tangent K (n, n), dR/df b (n,), local angles small."""
+    """An equilibrium on the path: state, parameter, inertia, exact tangent K (n, n), dR/df b (n,), local angles small,
+    residual over its bound."""
 
     motion: Motion
     f: float
@@ -58,6 +59,7 @@ class Place:
     b: Array
     iterations: int
     fits: bool = True
+    residual: float = 0.0
 
 
 def factor_force(model: Model, motion: Motion, course: Course, work: Work) -> Array:
@@ -143,7 +145,7 @@ class Tracer:
                 if rest is not None and below != len(arrays.terms.start):
                     below = divergences(arrays, K, rest)
                 full = K if rest is None else K + rest
-                return Place(motion, f, below + int(inside), full, b, count, status == 0)
+                return Place(motion, f, below + int(inside), full, b, count, status == 0, worst)
             if step is None:
                 right = np.append(-work.rhs, 0.0)
                 try:

@@ -302,7 +302,8 @@ def rescued(first: Arrived, arc: Callable[[], Walk]) -> tuple[Driven, str, Motio
         turn = path.turns[0]
         kind = "turns back at a limit" if turn.kind == "limit" else "branches at a bifurcation"
         said = f"the path from its start {kind} point at {100 * turn.at.f:.3g} % of the way, where the mechanism snaps or"
-        return driven, how, motion, (f"{said} buckles; ksd.follow goes along the path",)
+        said = f"{said} buckles; ksd.follow goes along the path, here on {path.model.mesh}"
+        return driven, how, motion, (said,)
     if path.stop != REACHED:
         return driven, how, motion, ()
     state = path.places[-1]

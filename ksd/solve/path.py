@@ -20,7 +20,9 @@ from ksd.scene.mechanism import Mechanism
 from ksd.solve.arc import REACHED, Course, Place, Walk, starting_place, switched
 from ksd.solve.configuration import Configuration
 from ksd.solve.conventional import bare, conventional
+from ksd.solve.solver import DEFAULT_ACCURACY
 from ksd.solve.steps import Step, Stop
+from ksd.solve.verdict import mesh_check
 
 Array = NDArray[np.float64]
 
@@ -57,7 +59,9 @@ class Path(Shown):
     def __str__(self) -> str:
         rows = [(number(f), *(number(v) for v in s.forces.values()), "yes" if s.stable else "no")
                 for f, s in zip(self.factor, self.states, strict=True)]  # fmt: skip
-        turns = [f"A {t.kind} point at factor {number(t.factor)}" for t in self.turnings]
+        turns = [f"A {t.kind} point at factor {number(t.factor)}" for t in self.turnings] + list(
+            self.warnings
+        )
         forces = (f"force or moment of {n}" for n in self.states[0].forces)
         return listed(
             ("factor", *forces, "<stable"), rows, f"Path of {len(rows)} equilibria: {self.stop}", *turns
@@ -67,6 +71,11 @@ class Path(Shown):
     def limits(self) -> tuple[float, ...]:
         """Factors at the limit points, in order."""
         return tuple(t.factor for t in self.turnings if t.kind == "limit")
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What the user should know of the mesh: the warning of the state it resolves least."""
+        return max(self.states, key=lambda s: s.resolution.share).notes
 
     @property
     def ended(self) -> bool:
@@ -98,8 +107,9 @@ def follow(
     drives held at `targets`, brought there first. control "drives": the fraction of the way to `targets`, from 0 (`start`)
     to `until`, loads held. branch: switch to the other branch at this bifurcation of an earlier path, on the `side` (+-1,
     times 0.01 rad or size) of its mode. first: first step in the parameter; most: largest number of steps. until < 0 goes
-    backward. Raises SceneError for a path without a parameter (no load, no drive motion), ConvergenceError where its start
-    is no equilibrium.
+    backward. mesh: stays as given, where `ksd.solve` raises it; states it is too coarse for warn of it, and so does the
+    path (`Path.warnings`). Raises SceneError for a path without a parameter (no load, no drive motion), ConvergenceError
+    where its start is no equilibrium.
     """
     model = scene if isinstance(scene, Model) else compile_scene(scene, mesh=mesh)
     begin = start or (branch.configuration if branch else None)
@@ -127,11 +137,12 @@ def _shown(walk: Walk, at: Place) -> Configuration:
     """A place as a configuration."""
     target, factor = walk.course.aim(at.f)
     names = zip(walk.model.drive_names, target, strict=False)
-    step = Step("path", at.iterations, 0.0, 0.0, Stop.CONVERGED if at.fits else Stop.LOCAL_ANGLE)
-    return Configuration(
+    step = Step("path", at.iterations, 0.0, at.residual, Stop.CONVERGED if at.fits else Stop.LOCAL_ANGLE)
+    found = Configuration(
         walk.model, at.motion, "path", {n: float(v) for n, v in names}, (step,),
         negatives=at.negatives, expected=len(target), load_factor=factor,
     )  # fmt: skip
+    return mesh_check(found, DEFAULT_ACCURACY)
 
 
 def _unloaded(model: Model, targets: Mapping[str, float]) -> Configuration:

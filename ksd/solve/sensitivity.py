@@ -1,4 +1,8 @@
-"""How the answer to any question changes with a load: central difference of two equilibria beside the present one."""
+"""How the answer to any question changes with a load: central difference of two equilibria beside the present one.
+
+Both are refined by Newton steps with the guarded tangent. What the last of these still changes, over the distance of the two
+in the norm of the diagonal, forces of drives and supports included, is the backward error of the difference.
+"""
 
 from __future__ import annotations
 
@@ -7,11 +11,15 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from ksd.errors import ConvergenceError, SceneError
+from ksd.errors import ConvergenceError, KinematicsError, SceneError
 from ksd.model.arrays import Motion
 from ksd.model.compile import Model, compile_given, marked
+from ksd.model.newton import take_step
+from ksd.numerics.rotations import rotation_log
 from ksd.numerics.stopwatch import Stopwatch
+from ksd.properties.tangent import assembled_tangent, factored
 from ksd.scene.drive import Load
 from ksd.solve.load_steps import Way, load_steps, step_of, stopped
 from ksd.solve.steps import Stop
@@ -20,9 +28,12 @@ from ksd.solve.storage import storage_of
 if TYPE_CHECKING:
     from ksd.solve.configuration import Configuration
 
+Array = NDArray[np.float64]
 STEP = 1e-3
 """Part of the load that is added and taken away."""
 RTOL = 1e-11
+LOST = 1e-4
+"""Backward error of the difference of the two equilibria beyond which its digits count as lost."""
 
 
 def sensitivity(
@@ -40,7 +51,7 @@ def sensitivity(
     is added to those of the scene while the drives stay. A thousandth of it either way is solved for with the full
     model (of modal bodies the chains they stand for) from the present state, so anything may be asked: a stiffness,
     a frequency, a stress. Raises SceneError for wrong names or a load of zero, ConvergenceError where a state beside
-    this one is not found.
+    this one is not found, KinematicsError where rounding leaves no four digits of how far the two lie apart.
     """
     name = getattr(link, "name", link)
     model, state = pose.insides
@@ -52,14 +63,22 @@ def sensitivity(
     wrench = np.concatenate([np.asarray(force, float), np.asarray(moment, float)])
     if wrench.shape != (6,) or not np.isfinite(wrench).all() or not wrench.any():
         raise SceneError(f"load on '{name}': give a finite force (3,) or moment (3,) that is not zero")
-    answers = []
+    states: list[Configuration] = []
+    rest: list[tuple[Array, Array]] = []
     for sign in (1.0, -1.0):
         f, m = (tuple((sign * STEP * part).tolist()) for part in (wrench[:3], wrench[3:]))
         extra = Load("sensitivity", name, f, m, tuple(np.asarray(at, float).tolist()))
         more = replace(model.scene, loads=(*model.scene.loads, extra))
         loaded = marked(compile_given(more, model.mesh), scene, model.choice)
-        answers.append(question(_beside(pose, loaded, state)))
-    plus, minus = answers
+        states.append(_beside(pose, loaded, state))
+        rest.append(_refine(states[-1]))
+    error = _backward_error(states[0], states[1], rest)
+    if not error <= LOST:
+        raise KinematicsError(
+            f"sensitivity: rounding leaves fewer than four digits of what a thousandth of the load on '{name}' changes "
+            f"(backward error {error:.1e}): give a larger load, or hold what hardly anything resists"
+        )
+    plus, minus = (question(beside) for beside in states)
     if isinstance(plus, Mapping):
         return {k: (v - minus[k]) / (2 * STEP) for k, v in plus.items()}
     found = (np.asarray(plus, float) - np.asarray(minus, float)) / (2 * STEP)
@@ -80,3 +99,27 @@ def _beside(pose: Configuration, loaded: Model, state: Motion) -> Configuration:
     if driven.stop is not Stop.CONVERGED:
         raise ConvergenceError(stopped(driven, doubts), reached=driven.reached, result=found)
     return found
+
+
+def _refine(found: Configuration) -> tuple[Array, Array]:
+    """Two Newton steps more, in place: the last one (unknowns,), and the weights of its entries."""
+    model, motion = found.model, found.motion
+    for _ in range(2):
+        assembled = assembled_tangent(model, motion, target=model.targets(found.targets))
+        tangent = factored(assembled)
+        step = tangent.solve(-assembled.work.rhs[:, None])[:, 0]
+        take_step(assembled.arrays, motion, np.ascontiguousarray(step), assembled.work, 1.0)
+    return step, tangent.weight()
+
+
+def _backward_error(plus: Configuration, minus: Configuration, last: list[tuple[Array, Array]]) -> float:
+    """What the last refinements of two states change, over half their distance."""
+    arrays, one, other = plus.model.arrays, plus.motion, minus.motion
+    apart, turned = np.zeros(arrays.plan.unknowns), np.empty(3)
+    for k in np.flatnonzero(arrays.start >= 0):
+        start = arrays.start[k]
+        rotation_log(one.R[k] @ other.R[k].T, turned)
+        apart[start : start + 6] = *(one.x[k] - other.x[k]), *turned
+    apart[arrays.terms.start] = one.multiplier - other.multiplier
+    norm = np.linalg.norm
+    return max(float(norm(w * s)) / max(0.5 * float(norm(w * apart)), 1e-300) for s, w in last)

@@ -130,3 +130,24 @@ def test_a_tapered_leaf_meets_its_clamp_and_shows_its_width():
     kappa = curvature(value, number, inner, np.array([0.1, 0.9]))[:, 2]
     stiff = [taper.section(x).Iz for x in (0.1, 0.9)]
     assert kappa[0] / kappa[1] == pytest.approx(stiff[1] / stiff[0], rel=1e-4)
+
+
+@pytest.mark.parametrize("following", [False, True])
+def test_elements_of_a_leaf_are_not_taken_for_a_second_one(following):
+    """Two leaves without a name are "leaf" and "leaf.2", as the second element of the first once was: their stresses, forces
+    and modes are the same with the nodes of the elements in the open as condensed."""
+    scene, steel = ksd.Mechanism("row"), ksd.Material(E=200 * GPa, nu=0.3, density=7850.0)
+    middle, tip = scene.links("middle", "tip")
+    for a, b, x in ((scene.ground, middle, 0.0), (middle, tip, 0.1)):
+        scene.leaf(
+            a, b, start=(x, 0, 0), end=(x + 0.1, 0, 0), section=ksd.rectangle(1e-3, 0.02), material=steel
+        )
+    scene.load(tip, force=(0, 0.5, 0), at=(0.2, 0, 0), following=following)
+    poses = [
+        ksd.solve(scene, mesh=ksd.Mesh("corotational", elements=3, nodal=nodal)) for nodal in (False, True)
+    ]
+    assert [leaf.name for leaf in poses[1].shape().leaves] == ["leaf", "leaf.2"]
+    one, other = (pose.strain_energy() for pose in poses)
+    assert other == pytest.approx(one, rel=1e-6) and one["leaf"] > 2 * one["leaf.2"]
+    one, other = (pose.frequencies(count=3).frequency_Hz for pose in poses)
+    assert other == pytest.approx(one, rel=1e-6)

@@ -208,9 +208,9 @@ def test_sensitivity_keeps_the_plate_factors():
     pose = ksd.solve(fourbar(), top=0.3, with_="plate", method="conventional")
     seen = []
     pose.sensitivity(
-        lambda p: seen.append(p.forces["top"]) or 0.0, "top", force=(0, 1e-6, 0), at=(0, 0.37, 0)
+        lambda p: seen.append(p.forces["top"]) or 0.0, "top", force=(0, 1e-2, 0), at=(0, 0.37, 0)
     )
-    assert seen == pytest.approx([pose.forces["top"]] * 2, rel=1e-8)
+    assert seen == pytest.approx([pose.forces["top"]] * 2, rel=1e-6)
 
 
 def test_questions_out_of_the_plane_have_the_warping_considered():

@@ -5,7 +5,7 @@ import pytest
 from scenes import cross_flexure, fourbar
 
 import ksd
-from ksd.errors import SceneError
+from ksd.errors import KinematicsError, SceneError
 
 POINT = (0.0, 0.3 + cross_flexure().length_AB, 0.0)
 
@@ -56,3 +56,19 @@ def test_arrays_and_wrong_words(pose):
         pose.sensitivity(lambda p: 0.0, "roof", force=(0, 1, 0), at=POINT)
     with pytest.raises(SceneError, match="not zero"):
         pose.sensitivity(lambda p: 0.0, "top", at=POINT)
+
+
+def test_a_load_too_small_to_be_told_from_rounding_is_refused(pose):
+    """The slope is linear in the load: a thousandth of a newton keeps five digits, a millionth none."""
+    slopes = [
+        pose.sensitivity(lambda p: p.forces["top"], "top", force=(0, f, 0), at=POINT) / f for f in (1.0, 1e-3)
+    ]
+    assert slopes[1] == pytest.approx(slopes[0], rel=1e-6)
+    with pytest.raises(KinematicsError, match="fewer than four digits"):
+        pose.sensitivity(lambda p: p.forces["top"], "top", force=(0, 1e-6, 0), at=POINT)
+
+
+def test_a_load_on_a_held_direction_is_not_refused(pose):
+    """The drive takes all of it: nothing moves, and the answer is exact."""
+    slope = pose.sensitivity(lambda p: p.forces["top"], "top", force=(1.0, 0, 0), at=POINT)
+    assert slope == pytest.approx(-1.0, rel=1e-9)

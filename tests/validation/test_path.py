@@ -3,9 +3,10 @@
 import numpy as np
 import pytest
 from hard_scenes import arch, bistable, column, lee
+from random_arms import three_universal
 
 import ksd
-from ksd.errors import SceneError
+from ksd.errors import ConvergenceError, SceneError
 from ksd.model.compile import compile_scene
 from ksd.solve.conventional import conventional
 from ksd.solve.path import follow
@@ -111,6 +112,7 @@ def test_imperfect_column_goes_through_its_buckling_load():
 def test_path_and_load_steps_agree():
     model = compile_scene(column(1e-2))
     state = follow(model, until=1.0, first=0.1).states[-1]
+    assert 0.0 < state.steps[-1].residual <= 1.0
     step = conventional(model, {}, steps=20)
     assert state.motion.x == pytest.approx(step.motion.x, abs=1e-9)
 
@@ -123,3 +125,25 @@ def test_a_path_needs_a_parameter():
         follow(scene, control="drives")
     with pytest.raises(SceneError, match="choose"):
         follow(scene, control="force")
+
+
+def test_a_path_on_a_coarse_mesh_warns_and_a_finer_one_turns():
+    """Three universal joints bent and pressed by 60 N: taut leaf springs of default modes carry a quarter of their energy in
+    the highest and reach the end; with more modes, and in chains, the path has two limit points, and no answer is given."""
+    arm = three_universal()
+    drives = [d.name for d in arm.scene().drives]
+    targets = dict(zip(drives, np.random.default_rng(2000).uniform(-0.6, 0.6, 6).tolist(), strict=True))
+    arm.load("three", force=(0, 0, -60.0), at=(0.6, 0, 0))
+    coarse = follow(arm, targets)
+    assert coarse.ended and not coarse.turnings
+    assert "energy in its highest torsion mode" in coarse.warnings[0]
+    assert coarse.warnings[0] in " ".join(str(coarse).split())
+    assert not coarse.states[-1].trusted
+    for mesh in (ksd.Mesh(orders=(8, 8, 12), points=16), ksd.Mesh("corotational", elements=12)):
+        fine = follow(arm, targets, mesh=mesh)
+        assert fine.limits[:2] == pytest.approx((0.64, 0.60), abs=0.01)
+        assert fine.states[-1].trusted
+    with pytest.raises(
+        ConvergenceError, match=r"goes along the path, here on strain-mode leaves, orders \(6, 3, 6\)"
+    ):
+        ksd.solve(arm, targets)
