@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
@@ -10,15 +11,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ksd.errors import SceneError
-from ksd.model.arrays import Motion
+from ksd.model.arrays import ROTATION, Motion
 from ksd.model.compile import Model
 from ksd.numerics.rotations import rotation_exp, rotation_log
-from ksd.properties.stiffness import node_of, point_motion
+from ksd.properties.stiffness import drive_coupling, node_of, point_motion
 from ksd.properties.tangent import SAME, beyond_rows, row_gradients
 from ksd.properties.words import Shown, number
 from ksd.scene.drive import GROUND
 
 Array = NDArray[np.float64]
+STRAINED = 1e-2
+"""Motion, over the largest that a drive brings a link, below which drives only strain what holds it."""
 ONE_POINT = 1e-6
 """Distance, over the size of a joint, up to which its leaf springs count as crossing in one point."""
 
@@ -92,8 +95,9 @@ def parasitic(model: Model, motion: Motion, link: Any = None, *, at: Any = None)
     """Motion of the point of `link` at `at` (3,) [m] at rest, less what drives and supports prescribe there: rotations about
     prescribed axes, displacements along prescribed directions, each by one drive or by several together (three along z
     prescribe a lift and both tilts). What drives prescribe of a link that carries this one is taken out too: it moves this
-    one along rigidly; a rotation turns it about the middle of the joint driven, or the point of the drive. By default
-    link and point of the first drive.
+    one along rigidly; a rotation turns it about the middle of the joint driven, or the point of the drive. Where none
+    acts on this link, but on legs that hold it beside others, the motions they bring it to first order, from rest, are
+    taken out, rotations times the size. By default link and point of the first drive.
 
     Raises SceneError for an unknown link, or where there is no drive and none is named.
     """
@@ -103,7 +107,9 @@ def parasitic(model: Model, motion: Motion, link: Any = None, *, at: Any = None)
     node = node_of(model, link)
     here, _ = point_motion(model, motion, node, at)
     point = model.rest.x[node] if at is None else np.asarray(at, float)
-    carriers = [model.node_names.index(name) for name in _carriers(model.scene, model.node_names[node])]
+    cuts = _cuts(model.scene, model.node_names[node])
+    driven = {name for d in model.scene.drives for t in d.terms for name in (t.base, t.link)}
+    carriers = [model.node_names.index(name) for name in cuts if name in driven]
     frames = [0, *carriers, node]
     drives: set[str] = set()
     shift, turn, before = np.zeros(3), np.zeros(3), point
@@ -119,8 +125,13 @@ def parasitic(model: Model, motion: Motion, link: Any = None, *, at: Any = None)
             Q = np.empty((3, 3))
             rotation_exp(own, Q)
             moved -= Q @ arm - arm
-        shift, turn, before = shift + moved - along @ (along.T @ moved), turn + turned - own, now
+        moved, turned, before = moved - along @ (along.T @ moved), turned - own, now
         drives.update(acting)
+        legs = _leg_drives(model.scene, cuts, model.node_names[node]) - drives
+        if legs and end == node and not acting:
+            moved, turned = _beyond_legs(model, node, point, motion.R[base], legs, (moved, turned))
+            drives.update(legs)
+        shift, turn = shift + moved, turn + turned
     if carriers:
         along, about, acting = _prescribed(model, motion, 0, node, here)
         shift, turn = shift - along @ (along.T @ shift), turn - about @ (about.T @ turn)
@@ -129,20 +140,54 @@ def parasitic(model: Model, motion: Motion, link: Any = None, *, at: Any = None)
     return Parasitic(model.node_names[node], point, shift, turn, named)
 
 
-def _carriers(scene: Any, link: str) -> list[str]:
-    """Links that drives act on and without which `link` would not hang on ground, in order from ground."""
-    driven = {name for d in scene.drives for t in d.terms for name in (t.base, t.link)} - {GROUND, link}
+def _reached(next_to: Mapping[str, set[str]], start: str, without: Collection[str]) -> set[str]:
+    """Links that hang together with `start` when others are taken away."""
+    reached, rest = {start}, [start]
+    while rest:
+        fresh = next_to.get(rest.pop(), set()) - reached - set(without)
+        reached |= fresh
+        rest += fresh
+    return reached
+
+
+def _cuts(scene: Any, link: str) -> list[str]:
+    """Links without which `link` would not hang on ground, in order from ground."""
     next_to, after = scene.neighbours(), {}
-    for one in driven:
-        reached, rest = {GROUND}, [GROUND]
-        while rest:
-            fresh = next_to.get(rest.pop(), set()) - reached - {one}
-            reached |= fresh
-            rest += fresh
+    for one in set(scene.links) - {GROUND, link}:
+        reached = _reached(next_to, GROUND, [one])
         if link in next_to and link not in reached:
             # the fewer links are left without it, the farther out it is
             after[one] = len(reached)
     return sorted(after, key=lambda name: after[name])
+
+
+def _leg_drives(scene: Any, cuts: list[str], link: str) -> set[str]:
+    """Drives of links between `link` and what carries it that hang there without it too."""
+    next_to = scene.neighbours()
+    legs = _reached(next_to, link, [GROUND, *cuts]) & _reached(next_to, GROUND, [link])
+    return {d.name for d in scene.drives if any({t.base, t.link} & legs for t in d.terms)}
+
+
+def _beyond_legs(
+    model: Model, node: int, point: Array, R: Array, legs: set[str], moved: tuple[Array, Array]
+) -> tuple[Array, Array]:
+    """A displacement and a rotation (3,) of a node less their part in the motions that the drives in `legs` bring its
+    `point` from rest, turned by R (3, 3)."""
+    arrays, ways = (
+        model.arrays,
+        drive_coupling(model, model.rest, model.node_names[node], at=point, load_factor=0.0),
+    )
+    size = np.repeat([1.0, arrays.size], 3)
+    turns = arrays.terms.kind[arrays.terms.first[:-1]] == ROTATION
+    columns = np.stack([
+        size * np.concatenate([R @ w[:3], R @ w[3:]]) / (arrays.size if turn else 1.0)
+        for (n, w), turn in zip(ways.items(), turns, strict=False) if n in legs
+    ], axis=1)  # fmt: skip
+    axes, share, _ = np.linalg.svd(columns, full_matrices=False)
+    axes = axes[:, share > STRAINED * share[0]]
+    whole = np.concatenate(moved) * size
+    left = (whole - axes @ (axes.T @ whole)) / size
+    return left[:3], left[3:]
 
 
 def _prescribed(

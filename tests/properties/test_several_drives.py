@@ -253,3 +253,55 @@ def test_what_a_commanded_turn_carries_along_is_no_parasitic_motion():
     assert 1e-5 < np.abs(whole).max() < 5e-3 and found.drives == ("turn 0", "turn 1")
     across = turned(angles, axes="zy")
     assert np.abs(across.turn).max() < 1e-9 and np.abs(across.shift).max() < 5e-3
+
+
+def on_legs():
+    """The platform on three wires, each from a stage that a guide of its own lifts."""
+    scene = platform("none")
+    guide = ksd.ParallelGuide(STEEL, length=60 * mm, thickness=0.3 * mm, width=20 * mm, spacing=50 * mm)
+    for k, p in enumerate(feet()):
+        leg, out, foot = scene.link(f"leg {k}"), p / RADIUS, p - (0, 0, 0.05)
+        across = np.cross(-out, (0, 0, 1.0))
+        scene.join(
+            scene.ground, leg, guide, at=foot + 0.06 * out, axis=across, toward=-out, name=f"guide {k}"
+        )
+        scene.leaf(leg, "platform", start=foot, end=p, section=ksd.rectangle(0.5 * mm, 0.5 * mm), material=STEEL,
+                   width_axis="x", name=f"wire {k}")  # fmt: skip
+        scene.actuate(leg, along="z", at=foot, name=f"z{k}")
+    return scene
+
+
+def test_what_drives_in_parallel_legs_command_is_not_parasitic():
+    """Lift and both tilts come from three driven legs: a ten thousandth of the tilt is left. The leg that is driven itself
+    tells what it does beside its own drive, whatever the other two strain."""
+    targets = {"z0": 1e-3, "z1": 0.0, "z2": -5e-4}
+    pose = ksd.solve(on_legs(), targets, method="conventional")
+    tilt = np.abs(pose.rotation("platform")[:2])
+    found = pose.parasitic("platform", at=(0.01, 0.02, 0.0))
+    assert found.drives == ("z0", "z1", "z2") and tilt.min() > 5e-3
+    assert np.abs(found.turn[:2]).max() < 3e-4 * tilt.max() and np.abs(found.shift).max() < 5e-6
+    assert found.turn[2] == pytest.approx(pose.rotation("platform")[2], rel=0.05)
+    leg = pose.parasitic("leg 0")
+    assert leg.drives == ("z0",) and leg.turn == pytest.approx(pose.rotation("leg 0"), abs=1e-12)
+
+
+def test_a_side_branch_commands_nothing_of_the_link_beside_it():
+    """Two arms on one driven carriage: the turn of the one is none of the other's."""
+    scene = ksd.Mechanism("two arms")
+    carriage, left, right = scene.links("carriage", "left", "right")
+    guide = ksd.ParallelGuide(STEEL, length=60 * mm, thickness=0.3 * mm, width=20 * mm, spacing=50 * mm)
+    hinge = ksd.CrossFlexure(
+        STEEL, length=50 * mm, angle=np.pi / 4, thickness=0.3 * mm, widths=(20 * mm, 10 * mm)
+    )
+    scene.join(scene.ground, carriage, guide, at=(0, 0, 0), axis="z", toward="x", name="guide")
+    scene.join(carriage, left, hinge, at=(0.06, 0.05, 0), axis="z", toward="y", name="left hinge")
+    scene.join(carriage, right, hinge, at=(0.06, -0.05, 0), axis="z", toward="y", name="right hinge")
+    scene.actuate(carriage, along="y", at=(0.06, 0, 0), name="y")
+    scene.actuate_joint("left hinge", name="turn")
+    scene.load(right, moment=(0, 0, 0.01), at=(0.06, -0.1, 0))
+    found = ksd.solve(scene, y=1e-3, turn=0.2, method="conventional")
+    left_over = found.parasitic("right")
+    assert left_over.drives == ("y",)
+    assert left_over.turn[2] == pytest.approx(
+        found.rotation("right")[2] - found.rotation("carriage")[2], rel=1e-2
+    )
