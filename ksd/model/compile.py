@@ -19,7 +19,7 @@ from ksd.model.drawing import Drawing, Numbers, draw
 from ksd.model.effects import Choice, applied, choose
 from ksd.model.listing import listing
 from ksd.model.mesh import Mesh
-from ksd.model.pack import Push, Row
+from ksd.model.pack import Push, Row, revalued
 from ksd.model.plane import refuse_plane
 from ksd.model.template import Filled, Template, design, motion_design, template_of
 from ksd.scene.contents import WANTED
@@ -228,6 +228,24 @@ def model_of(scene: Any, template: Template, filled: Filled, d: int = 0) -> Mode
         template.node_names, template.member_names, template.joint_members, words.drives, words.supports,
         template.spring_names, scene,
     )  # fmt: skip
+
+
+def remeshed(model: Model, mesh: Mesh) -> Model:
+    """The model of the same scene on another mesh, no effect chosen anew."""
+    made: Drawn | None = model.derived.get("drawn")
+    template = None if made is None else made.template.on(mesh)
+    if made is None or template is None or model.bodies:
+        return compile_given(model.scene, mesh)
+    # what is drawn is the same, but for the constants of leaf springs
+    value, inner = template.packed.values(made.filled.leaves, made.numbers.given)
+    return replace(
+        model,
+        mesh=mesh,
+        arrays=revalued(model.arrays, template.skeleton, value[0]),
+        rest=model.rest._replace(inner=inner[0]),
+        said=model.scene,
+        choice=None,
+    )
 
 
 def compile_scene(

@@ -13,7 +13,18 @@ from typing import NamedTuple
 import numpy as np
 
 from ksd.beam.strain_values import strain_scratch
-from ksd.model.arrays import LINEAR, STRAIN, Arrays, Loads, Members, Motion, Terms
+from ksd.model.arrays import (
+    FIRST,
+    INT_FIELDS,
+    LINEAR,
+    STRAIN,
+    Arrays,
+    Loads,
+    Members,
+    Motion,
+    Terms,
+    opened,
+)
 from ksd.numerics.blocks import Blocks, plan_blocks
 
 
@@ -232,6 +243,19 @@ def skeleton(
         np.zeros((0, 4)),
         np.arange(6),
     )
+
+
+VALUE = 2
+"""Number of `Members.value` among the fields of numbers."""
+
+
+def revalued(arrays: Arrays, bones: Arrays, value: np.ndarray) -> Arrays:
+    """The arrays with the integers of `bones`, and the constants `value` (v,) in the place of those of their members; what
+    else there is of numbers is the same in both."""
+    flat = arrays.flat
+    first, end = flat.ints[FIRST + INT_FIELDS + 1 + VALUE :][:2].tolist()
+    floats = np.concatenate([flat.floats[:first], value, flat.floats[end:]])
+    return opened(bones.flat._replace(floats=floats))
 
 
 def spread(places: np.ndarray, offset: np.ndarray, node: np.ndarray) -> np.ndarray:

@@ -22,6 +22,7 @@ from ksd.beam.strain_values import strain_values
 from ksd.model.arrays import (
     COIL,
     COROTATIONAL,
+    FIRST,
     LINEAR,
     MODAL,
     PLANAR,
@@ -30,12 +31,13 @@ from ksd.model.arrays import (
     STRAIN,
     TURN,
     Arrays,
+    Flat,
     Members,
     Motion,
     Work,
+    opened,
 )
-from ksd.model.pack import coupled, numbering
-from ksd.numerics.blocks import Blocks
+from ksd.model.pack import coupled, numbering, revalued
 
 if TYPE_CHECKING:
     from ksd.model.compile import Model
@@ -87,27 +89,25 @@ class Plane:
 
 
 class _Planar(NamedTuple):
-    """What of the arrays in a plane does not depend on numbers: the plan, where unknowns start and blocks are."""
+    """What of the arrays in a plane does not depend on numbers: bones: the arrays, all numbers zero; leaves: those that
+    condense in closed form, by where their spatial constants begin, with their settings."""
 
-    plan: Blocks
-    start: np.ndarray
-    row_start: np.ndarray
-    term_block: np.ndarray
-    flip: np.ndarray
-    load_block: np.ndarray
-    member_block: np.ndarray
-    spring_block: np.ndarray
+    bones: Arrays
+    leaves: list[tuple[int, tuple[int, ...]]]
 
 
 @lru_cache(maxsize=64)
-def _planar(width: int, nodes: int, rows: tuple[int, ...], ints: tuple[bytes, ...]) -> _Planar:
-    """ints: nodes of members, springs, terms and loads, first term of every row."""
-    member, spring, term, load, first_term = (np.frombuffer(b, np.int64) for b in ints)
-    node, first = term.reshape(-1, 2).tolist(), first_term.tolist()
+def _planar(ints: bytes, axis: int, rows: tuple[int, ...], light: bytes) -> _Planar:
+    """See `_masked`; ints: as in `Flat`, light: whether each member is a strain-mode leaf without weight."""
+    flat = np.frombuffer(ints, np.int64)
+    space = opened(Flat(flat, np.zeros(int(flat[flat[FIRST] - 1])), False))
+    keep = np.array([*(c for c in range(3) if c != axis), 3 + axis])
+    terms, loads, springs, nodes = space.terms, space.loads, space.springs, len(space.start)
+    node, first = terms.node.tolist(), terms.first.tolist()
     own = [[(0, a, b) for a, b in node[first[row] : first[row + 1]]] for row in rows]
-    ends = [m.reshape(-1, 2).tolist() for m in (member, spring)]
+    ends = [m.node.tolist() for m in (space.members, springs)]
     plan, places, start, start_of_rows = numbering(
-        nodes, width, coupled(nodes, [*ends[0], *ends[1]], own), len(rows)
+        nodes, len(keep), coupled(nodes, [*ends[0], *ends[1]], own), len(rows)
     )
     row_start = np.full(len(first) - 1, -1, np.int64)
     row_start[list(rows)] = start_of_rows
@@ -118,50 +118,53 @@ def _planar(width: int, nodes: int, rows: tuple[int, ...], ints: tuple[bytes, ..
     member_block, spring_block = (
         np.array([places.member(a, b) for a, b in pairs], np.int64).reshape(-1, 4) for pairs in ends
     )
-    load_block = np.array([places.diagonal(n) for n in load.tolist()], np.int64)
-    return _Planar(plan, start, row_start, block, flip, load_block, member_block, spring_block)
+    load_block = np.array([places.diagonal(n) for n in loads.node.tolist()], np.int64)
+    members, leaves = _members(space.members, np.frombuffer(light, bool))
+    bones = space._replace(
+        plan=plan,
+        start=start,
+        members=members._replace(block=member_block),
+        terms=terms._replace(start=row_start, block=block, flip=flip),
+        # a moment along the normal has an energy in the plane
+        loads=loads._replace(block=load_block, skew=loads.following.copy()),
+        springs=springs._replace(block=spring_block),
+        keep=keep,
+    )
+    return _Planar(bones, leaves)
 
 
 def _masked(arrays: Arrays, axis: int, rows: np.ndarray) -> Arrays:
-    """The arrays with those unknowns of every node that are in the plane normal to global axis `axis`, and `rows` alone."""
-    keep = np.array([*(c for c in range(3) if c != axis), 3 + axis])
-    terms, springs, loads = arrays.terms, arrays.springs, arrays.loads
-    ints = (arrays.members.node, springs.node, terms.node, loads.node, terms.first)
-    laid = _planar(len(keep), len(arrays.start), tuple(rows.tolist()), tuple(i.tobytes() for i in ints))
-    return arrays._replace(
-        plan=laid.plan,
-        start=laid.start,
-        members=_members(arrays)._replace(block=laid.member_block),
-        terms=terms._replace(start=laid.row_start, block=laid.term_block, flip=laid.flip),
-        # a moment along the normal has an energy in the plane
-        loads=loads._replace(block=laid.load_block, skew=loads.following.copy()),
-        springs=springs._replace(block=laid.spring_block) if len(springs.kind) else springs,
-        keep=keep,
-    )
-
-
-def _members(arrays: Arrays) -> Members:
-    """The members, light strain-mode leaves by their planar kernel."""
-    members = arrays.members
-    light = members.kind == STRAIN
+    """The arrays with those unknowns of every node that are in the plane normal to global axis `axis`, and `rows` alone;
+    light strain-mode leaves by their planar kernel."""
+    light = arrays.members.kind == STRAIN
     if len(arrays.weight):
         light &= arrays.weight[:, 0] == 0.0
+    bones, leaves = _planar(arrays.flat.ints.tobytes(), axis, tuple(rows.tolist()), light.tobytes())
+    value = arrays.members.value
+    made = [_constants(value[at:], settings) for at, settings in leaves]
+    return revalued(arrays, bones, np.concatenate([value, *made]))
+
+
+def _members(members: Members, light: np.ndarray) -> tuple[Members, list[tuple[int, tuple[int, ...]]]]:
+    """The integers of the members, `light` ones by their planar kernel, with constants after the spatial ones; and these:
+    where their spatial constants begin, and their settings."""
     kind, number, value_at = members.kind.copy(), members.number.copy(), members.value_at.copy()
-    store, values, end = np.diff(members.store_at), [members.value], len(members.value)
-    constants = np.concatenate([members.value_at[:, None], members.number], axis=1)[light]
-    for at, *settings in np.unique(constants, axis=0).tolist():
-        own = light & (members.value_at == at) & np.all(members.number == settings, axis=1)
-        made, planar = _constants(members.value[at:], tuple(settings))
-        values.append(made)
+    store, end, leaves = np.diff(members.store_at), len(members.value), []
+    constants = np.concatenate([members.value_at[:, None], members.number], axis=1)
+    for at, *settings in np.unique(constants[light], axis=0).tolist():
+        own = light & np.all(constants == [at, *settings], axis=1)
+        _, _, planar, of, _ = _unit(tuple(settings))
         kind[own], number[own], value_at[own], store[own] = PLANAR, planar, end, store_size(int(planar[0]))
-        end += len(made)
-    return members._replace(
+        leaves.append((at, tuple(settings)))
+        end += len(of)
+    planar_members = members._replace(
         kind=kind,
         number=number,
         value_at=value_at,
-        value=np.concatenate(values),
+        value=np.zeros(end),
         store_at=np.concatenate([[0], np.cumsum(store)]).astype(np.int64),
     )
+    return planar_members, leaves
 
 
 @lru_cache(maxsize=32)
@@ -187,12 +190,12 @@ def _unit(settings: tuple[int, ...]) -> tuple[slice, np.ndarray, np.ndarray, np.
     return tables, value[tables], planar, of, multiple
 
 
-def _constants(value: np.ndarray, settings: tuple[int, ...]) -> tuple[np.ndarray, np.ndarray]:
-    """Planar constants and settings of a leaf, from its spatial ones."""
-    tables, known, planar, of, multiple = _unit(settings)
+def _constants(value: np.ndarray, settings: tuple[int, ...]) -> np.ndarray:
+    """Planar constants of a leaf, from its spatial ones."""
+    tables, known, _, of, multiple = _unit(settings)
     if np.array_equal(value[tables], known):
-        return multiple * value[of], planar
-    return planar_values(value, np.array(settings))
+        return multiple * value[of]
+    return planar_values(value, np.array(settings))[0]
 
 
 def _normal_axis(arrays: Arrays) -> tuple[int, np.ndarray]:
@@ -214,13 +217,14 @@ def _leaving_member(model: Model, k: np.ndarray) -> str:
     along = e3 @ k
     tilt = np.sqrt(np.sum((e3 - along[..., None] * k) ** 2, axis=-1))
     leaves = np.isin(members.kind, (LINEAR, MODAL, SOLID)) | np.any(tilt > PARALLEL, axis=1)
-    if not leaves.any():
+    # undeformed amplitudes of zero are those of a straight leaf
+    if not leaves.any() and (model.rest.inner.any() or np.any(members.kind != STRAIN)):
         # those of one group have the same constants
         group, first = np.unique(members.value_at, return_index=True)
         bent = [at for at, i in zip(group, first, strict=True) if not _straight_across(members, int(i))]
         leaves = np.isin(members.value_at, bent)
-        if not leaves.any():
-            return ""
+    if not leaves.any():
+        return ""
     i = int(np.argmax(leaves))
     name = model.member_names[i]
     if members.kind[i] == LINEAR:
@@ -331,7 +335,7 @@ def _find_plane(model: Model) -> Plane | str:
     )
     if reason:
         return reason
-    if np.linalg.norm(np.cross(k, np.eye(3)[axis])) > PARALLEL:
+    if max(abs(k[axis - 1]), abs(k[axis - 2])) > PARALLEL:
         return f"its plane, across {_spoken(k)}, is across none of the global axes"
     assert not isinstance(rows, str)
     return Plane(model.arrays, model.rest, axis, rows)

@@ -7,6 +7,7 @@ one of them out.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import cached_property, lru_cache
 from itertools import pairwise
 from typing import Any, NamedTuple
@@ -205,6 +206,7 @@ class Template:
         self.spring_first = np.cumsum([0, *sizes])
         # integers of the joint bodies, of `ksd.bodies.joints`
         self.layout: Any = None
+        self._others: dict[Mesh, Template | None] = {}
 
     def _name_nodes(self) -> None:
         """Nodes: links, then the blocks of every part; their names, and where they are drawn."""
@@ -371,6 +373,29 @@ class Template:
             floor=fixed[..., 25],
             value=np.concatenate([*value, np.zeros((count, 1))], axis=1),
         )
+
+    def on(self, mesh: Mesh) -> Template | None:
+        """The template of the same leaves with other curvature modes, those of `mesh`; None where they cannot have them: on
+        chains and mixed meshes, and where leaves bring their constants."""
+        if mesh not in self._others:
+            plain = all(w.kind == STRAIN and w.given is None for w in self.leaf_words)
+            same = mesh == replace(self.mesh, orders=mesh.orders, points=mesh.points)
+            words = self._remeshed(mesh) if plain and same and type(mesh) is type(self.mesh) is Mesh else None
+            self._others[mesh] = None if words is None else template_of(words, mesh)
+        return self._others[mesh]
+
+    def _remeshed(self, mesh: Mesh) -> Words:
+        """The words with the orders of `mesh` for all leaves that have not their own."""
+
+        def number(leaf: LeafWords) -> tuple[int, ...]:
+            orders = mesh.orders if leaf.number[:3] == tuple(self.mesh.orders) else leaf.number[:3]
+            return (*orders, max(mesh.points, max(orders) + 1))
+
+        parts = (
+            part._replace(leaves=tuple(leaf._replace(number=number(leaf)) for leaf in part.leaves))
+            for part in self.words.different
+        )
+        return self.words._replace(different=tuple(parts))
 
     @cached_property
     def spring_names(self) -> tuple[str, ...]:

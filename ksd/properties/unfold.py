@@ -11,12 +11,13 @@ thicknesses, kx 3.3e-4 to 2e-6; clamped leaf, second frequency 2e-2 to 2e-4, buc
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import lru_cache
 
 import numpy as np
 
 from ksd.errors import SceneError
 from ksd.model.arrays import COROTATIONAL, STRAIN, Motion, make_work
-from ksd.model.compile import Model, compile_given
+from ksd.model.compile import Model, remeshed
 from ksd.model.leaves import piece_name
 from ksd.model.mesh import Mesh, MixedMesh
 from ksd.model.newton import assemble, take_step
@@ -40,7 +41,7 @@ def finer(model: Model) -> Model:
     if opened == mesh:
         return model
     # bodies are no part of the scene
-    return with_bodies(compile_given(model.scene, opened), model.bodies)
+    return with_bodies(remeshed(model, opened), model.bodies)
 
 
 def _insist_on_straight(model: Model) -> None:
@@ -98,10 +99,29 @@ def pad(number: np.ndarray, inner: np.ndarray, wider: np.ndarray, state: np.ndar
     state[write : write + 6] = inner[read : read + 6]
 
 
+@lru_cache(maxsize=64)
+def _widened(number: bytes, wider: bytes) -> np.ndarray:
+    """Where `pad` puts the inner states of all members; settings (m, 4) of both."""
+    places, first = [], 0
+    for own, theirs in zip(
+        np.frombuffer(number, np.int64).reshape(-1, 4),
+        np.frombuffer(wider, np.int64).reshape(-1, 4),
+        strict=True,
+    ):
+        marks, at = np.arange(1.0, own[:3].sum() + 7), np.zeros(int(theirs[:3].sum()) + 6)
+        pad(own, marks, theirs, at)
+        places.append(first + np.flatnonzero(at))
+        first += len(at)
+    return np.concatenate(places)
+
+
 def _open_chains(model: Model, motion: Motion, fine: Model) -> Motion:
     """State of the finer model: strain-mode leaves with more modes, the inner nodes and stresses of chains in the open."""
     members, more = model.arrays.members, fine.arrays.members
     state = fine.rest.copy()
+    if model.member_names == fine.member_names and np.all(members.kind == STRAIN):
+        state.inner[_widened(members.number.tobytes(), more.number.tobytes())] = motion.inner
+        return Motion(motion.x.copy(), motion.R.copy(), state.inner, motion.multiplier.copy())
     index = {name: k for k, name in enumerate(fine.node_names)}
     member = {name: i for i, name in enumerate(fine.member_names)}
     for k, name in enumerate(model.node_names):

@@ -68,6 +68,10 @@ def check_sheet(joint: Any, *lengths: str, slender: str = "thickness") -> None:
         )
 
 
+_rectangle = lru_cache(maxsize=256)(rectangle)
+"""Most leaf springs of a joint have the section of another."""
+
+
 def strip(
     joint: Any,
     name: str,
@@ -82,7 +86,7 @@ def strip(
         start=(*ends[0], z),
         end=(*ends[1], z),
         width_axis=(0.0, 0.0, 1.0),
-        section=rectangle(joint.thickness, width),
+        section=_rectangle(joint.thickness, width),
         material=joint.material,
         start_block=blocks[0],
         end_block=blocks[1],
