@@ -24,7 +24,8 @@ from ksd.design.words import check_drives, check_executor, check_ways, drive_row
 from ksd.errors import SceneError
 from ksd.model.mesh import Mesh
 from ksd.properties.words import Shown
-from ksd.section.checks import whole
+from ksd.scene.links import Link
+from ksd.section.checks import vector, whole, word
 from ksd.solve.many import SPOKEN
 from ksd.solve.space_steps import FULL, REDUCED
 from ksd.solve.steps import Stop
@@ -40,7 +41,9 @@ class Batch(Shown):
     forces: drive force or moment by drive name (D, N) [N, Nm]; positions (D, N, links, 3) [m] and rotations (D, N, links,
     3, 3) of the links' reference points, in the order of `links`; motions: intended motion by joint (D, N) [rad, m];
     status (D, N): 0 where solved, else see `failures`; nan stands where it is not 0. errors (D,): interpolation error of
-    tabulated joints, nan without. reasons: of designs that could not be prepared, by number.
+    tabulated joints, nan without. reasons: of designs that could not be prepared, by number. compliance (D, N, 6, 6):
+    motion [m, rad] of the point asked for per unit force and moment [N, Nm] on it, global axes (`PointStiffness`); None
+    where none was asked for.
     """
 
     links: tuple[str, ...]
@@ -51,6 +54,7 @@ class Batch(Shown):
     status: np.ndarray
     errors: np.ndarray
     reasons: dict[int, str]
+    compliance: np.ndarray | None = None
 
     @property
     def solved(self) -> int:
@@ -94,6 +98,8 @@ def batch(
     method: Literal["reduced", "full"] = "reduced",
     relinearisations: int = 0,
     tabulated: bool = False,
+    stiffness: Link | str | None = None,
+    at: ArrayLike | None = None,
     mesh: Mesh | None = None,
     extrapolate: bool = False,
     threads: int | None = None,
@@ -104,7 +110,9 @@ def batch(
 
     mechanism: a Mechanism or Scene, or, with `designs` (parameters by name, as in `ksd.sweep`), a function of those
     parameters that returns one. Drive values [m or rad] by name, numbers or arrays of one length. tabulated: take the
-    condensed joints from tables over their stroke, made once per design; it pays from some hundred poses on. threads:
+    condensed joints from tables over their stroke, made once per design; it pays from some hundred poses on. stiffness:
+    link whose compliance (6, 6) is asked at every pose, at its point that is at `at` (3,) [m] at rest (its reference point
+    when None); of "reduced" that of the equilibrium next to the answer, as `ksd.solve` gives it. threads:
     cores when None. executor: any concurrent.futures executor instead of threads; with processes, where Python works in
     parallel too, `mechanism` must be a function they can import. Raises SceneError for bad input; designs and poses that
     fail are in the result.
@@ -117,6 +125,10 @@ def batch(
         raise SceneError(
             "tabulated = True: tabulated joints serve method='reduced' without relinearisation steps"
         )
+    if tabulated and stiffness is not None:
+        raise SceneError("tabulated = True: tables know nothing of the insides of joints, so of no stiffness")
+    link = None if stiffness is None else word(getattr(stiffness, "name", stiffness), "stiffness")
+    point = None if at is None else vector(at, "at", unit="m")
     check_executor(executor)
     workers = (os.cpu_count() or 1) if threads is None else whole(threads, "threads")
     values = _poses(drive_rows(targets, drives, batch))
@@ -124,6 +136,7 @@ def batch(
         "method": FULL if method == "full" else REDUCED,
         "relinearisations": relinearisations,
         "tabulated": tabulated,
+        "stiffness": None if link is None else (link, point),
     }
     solver, points = Designs(values, ways, mesh, extrapolate), design_points(mechanism, designs)
     if designs is None:
@@ -160,7 +173,8 @@ def _together(found: list[Any], count: int) -> Batch:
         return np.array(parts, float)
 
     status = np.array([f.status if isinstance(f, Found) else np.full(count, NOT_BUILT) for f in found])
-    numbers = {field: stacked(field) for field in ("force", "x", "R", "motion")}
+    fields = ("force", "x", "R", "motion", *(("compliance",) if like.compliance is not None else ()))
+    numbers = {field: stacked(field) for field in fields}
     for array in numbers.values():
         array[status != 0] = np.nan
     force, motion = numbers["force"], numbers["motion"]
@@ -173,4 +187,5 @@ def _together(found: list[Any], count: int) -> Batch:
         status,
         np.array([f.error if isinstance(f, Found) else np.nan for f in found]),
         reasons,
+        numbers.get("compliance"),
     )

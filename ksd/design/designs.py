@@ -116,7 +116,7 @@ class Designs:
         state = mine["state"] if mine.get("layout") is layout else None
         for d, one in enumerate(designs):
             try:
-                model = model_of(one.scene, template, filled, d)
+                model = model_of(one.scene, template, filled, numbers, d)
                 five = FiveSteps(
                     model, body_design(layout, bodies, d), extrapolate=self.extrapolate, state=state
                 )

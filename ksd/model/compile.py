@@ -21,7 +21,7 @@ from ksd.model.listing import listing
 from ksd.model.mesh import Mesh
 from ksd.model.pack import Push, Row, revalued
 from ksd.model.plane import refuse_plane
-from ksd.model.template import Filled, Template, design, motion_design, template_of
+from ksd.model.template import Filled, Leaves, Template, design, motion_design, template_of
 from ksd.scene.contents import WANTED
 from ksd.section.checks import LARGEST, number, show, similar
 
@@ -215,29 +215,32 @@ def drawn(model: Model) -> Drawn:
 def compile_given(scene: Any, mesh: Mesh) -> Model:
     """The full model of a frozen scene exactly as it stands, no effect chosen: every leaf a member, every block a node."""
     made = _drawn(scene, mesh)
-    model = model_of(scene, made.template, made.filled)
+    model = model_of(scene, made.template, made.filled, made.numbers)
     model.derived["drawn"] = made
     return model
 
 
-def model_of(scene: Any, template: Template, filled: Filled, d: int = 0) -> Model:
+def model_of(scene: Any, template: Template, filled: Filled, numbers: Numbers, d: int = 0) -> Model:
     """The model of design d of those packed together; scene: its frozen scene."""
     words = template.words
-    return Model(
+    model = Model(
         scene, template.mesh, design(filled.arrays, template.skeleton, d), motion_design(filled.rest, d),
         template.node_names, template.member_names, template.joint_members, words.drives, words.supports,
         template.spring_names, scene,
     )  # fmt: skip
+    leaves = Leaves(*(a[d : d + 1] for a in filled.leaves))
+    model.derived["leaves"] = template, leaves, numbers.given[d : d + 1]
+    return model
 
 
 def remeshed(model: Model, mesh: Mesh) -> Model:
     """The model of the same scene on another mesh, no effect chosen anew."""
-    made: Drawn | None = model.derived.get("drawn")
-    template = None if made is None else made.template.on(mesh)
-    if made is None or template is None or model.bodies:
+    made, leaves, given = model.derived.get("leaves", (None, None, None))
+    template = None if made is None else made.on(mesh)
+    if template is None or model.bodies:
         return compile_given(model.scene, mesh)
     # what is drawn is the same, but for the constants of leaf springs
-    value, inner = template.packed.values(made.filled.leaves, made.numbers.given)
+    value, inner = template.packed.values(leaves, given)
     return replace(
         model,
         mesh=mesh,

@@ -8,6 +8,7 @@ stroke (`ksd.solve.tables`) instead of step 2, and leaves the insides alone.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -45,12 +46,12 @@ class Poses(NamedTuple):
 
 def space_many(
     s: SpaceSet, targets: np.ndarray, expected: int, method: int, relinearisations: int, ways: np.ndarray,
-    limits: np.ndarray,
-    found: Poses,
+    limits: np.ndarray, found: Poses, ask: Callable[[int], int] | None = None,
 ) -> None:  # fmt: skip
     """Solve at targets (N, c) into `found`; ways = (rtol, cap, gap), limits (q, 2): trained ranges with slack.
 
-    expected: negative pivots of the rows.
+    expected: negative pivots of the rows. ask: asks more of every pose that was solved, whose state is in the storage, and
+    returns its status.
     """
     state, length = s.state, s.bodies.loops.length
     out, full, links = np.zeros((2 + 3 * (relinearisations + 1), 5)), s.state.full, found.x.shape[1]
@@ -66,8 +67,9 @@ def space_many(
             status = UNSTABLE
         elif status == 0 and far(state.off, 3, length, 0):
             status = FAR
-        found.status[n], found.force[n], found.motion[n] = status, -full.multiplier, state.found
+        found.force[n], found.motion[n] = -full.multiplier, state.found
         found.x[n], found.R[n] = full.x[:links], full.R[:links]
+        found.status[n] = ask(n) if ask is not None and status == 0 else status
 
 
 _ROWS, _COLUMNS = np.triu_indices(6)
