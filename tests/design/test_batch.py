@@ -196,3 +196,27 @@ def test_designs_go_to_any_executor():
     with ThreadPoolExecutor(2) as pool:
         there = ksd.batch(bar, designs=sizes, drive=[0.05, 0.1], executor=pool)
     assert there.forces["drive"] == pytest.approx(here.forces["drive"], rel=1e-12)
+
+
+@pytest.mark.parametrize("method", ["reduced", "full"])
+@pytest.mark.parametrize("name", SCENES)
+def test_the_compliance_is_that_of_poses_one_by_one(name, method):
+    make, held = SCENES[name]
+    designs, link = drawn(3), {"bar": "top", "slider": "arm", "arm": "two"}[name]
+    values = {"drive": [0.0, 0.01], **held}
+    at = (0.02, 0.1, 0.03)
+    found = ksd.batch(make, values, designs=designs, method=method, stiffness=link, at=at, threads=1)
+    assert found.solved == 6 and found.compliance.shape == (3, 2, 6, 6)
+    for d, design in enumerate(designs):
+        for n, drive in enumerate(values["drive"]):
+            pose = ksd.prepare(make(**design), planar=False)({"drive": drive, **held})
+            wanted = pose.stiffness(link, at=at).compliance
+            assert found.compliance[d, n] == pytest.approx(wanted, rel=1e-6, abs=1e-8 * np.abs(wanted).max())
+
+
+def test_a_compliance_is_asked_of_a_link_that_is_there():
+    assert ksd.batch(bar, drive=0.01, designs=drawn(2), threads=1).compliance is None
+    with pytest.raises(ksd.SceneError, match="'roof' is not part of this mechanism"):
+        ksd.batch(bar(), drive=0.01, stiffness="roof", threads=1)
+    with pytest.raises(ksd.SceneError, match="of no stiffness"):
+        ksd.batch(bar(), drive=0.01, stiffness="top", tabulated=True)
