@@ -54,6 +54,7 @@ from ksd.properties.tangent import (
     assembled_tangent,
     exact,
     factored,
+    factored_tangent,
     free_rows,
     row_numbers,
     stored_matrix,
@@ -73,6 +74,9 @@ OTHER = 1e-3
 SENSITIVE = 1e-7
 """Relative change of the entries of unsymmetric matrices, less than any mesh leaves out, under which a 1/mu is none of the
 state: a clamped rod does not diverge under a moment, and its matrices have values of rounding."""
+OF_MESH = 0.1
+"""Relative change by one more mode per axis beyond which a factor of unsymmetric matrices is one of the mesh: Beck's column
+has real ones, on every mesh others, where it has none."""
 STRESSLESS = 1e-9
 """1/mu below which a state carries no stress but rounding."""
 
@@ -497,6 +501,22 @@ def _load(
     return loads, load_tangent(load[:3], load[3:], point - motion.x[node], following=following)
 
 
+def _matrices(
+    tangent: Tangent, load: tuple[Any, Any, tuple[Any, Any], bool] | None, load_factor: float
+) -> tuple[Any, Any, float]:
+    """K and K' of the state of a tangent, and how many times the load moves a link FAR; load: link, point, force and
+    moment, whether it follows; None: all stresses grow."""
+    model, state, rows = tangent.model, tangent.motion, row_numbers(tangent.model, tangent.freed)
+    whole = replace(model, arrays=exact(model.arrays))
+    if load is None:
+        stressed, K = full_tangents(whole, state, rows=rows, load_factor=load_factor)
+        return K, stressed - K, np.inf
+    added, own = _load(tangent, *load)
+    K, change, reach = _derivative(replace(tangent, model=whole), added, rows, load_factor)
+    start = tangent.unknowns(node_of(model, load[0])).start
+    return K, change + assembled_blocks([start + np.arange(6)[None]], [own[None]], K.shape[0]), reach
+
+
 def _refuse_mixture(model: Model) -> None:
     kinds = set(model.arrays.members.kind.tolist())
     if STRAIN in kinds and len(kinds) > 1:
@@ -526,27 +546,24 @@ def buckling(
     grows. Factors beyond `reach` are left out. Raises SceneError for unknown names, a load that is zero, or a state without
     stress, ConvergenceError where none were found.
     """
-    rows = row_numbers(model, freed)
     _refuse_mixture(model)
     fine, state = unfolded(model, motion, load_factor=load_factor)
+    load = None if link is None else (link, at, (force, moment), following)
     assembled = assembled_tangent(fine, state, load_factor=load_factor)
     tangent = factored(assembled, freed)
-    conservative, reach = tangent.turning is None, np.inf
-    whole = replace(fine, arrays=exact(fine.arrays))
-    if link is None:
-        stressed, K = full_tangents(whole, state, rows=rows, load_factor=load_factor)
-        change = stressed - K
-    else:
-        added, own = _load(tangent, link, at, (force, moment), following)
-        conservative &= not following and not np.any(moment)
-        K, change, reach = _derivative(replace(tangent, model=whole), added, rows, load_factor)
-        start = tangent.unknowns(node_of(model, link)).start
-        change = change + assembled_blocks([start + np.arange(6)[None]], [own[None]], K.shape[0])
+    conservative = tangent.turning is None and not following and not np.any(moment)
+    K, change, reach = _matrices(tangent, load, load_factor)
     if conservative:
         change = 0.5 * (change + change.T)
     factor, vectors, largest, error = critical_factors(K, change, count, symmetric=conservative)
     if link is None and largest <= STRESSLESS:
         raise SceneError("this state carries no stress, so nothing buckles; name a link and a load")
+    finer, settled = unfolded(fine, state, load_factor=load_factor)
+    if not conservative and len(factor) and finer is not fine:
+        again = factored_tangent(finer, settled, freed=freed, load_factor=load_factor)
+        found = critical_factors(*_matrices(again, load, load_factor)[:2], 3 * count, symmetric=False)[0]
+        stays = np.any(np.abs(np.divide.outer(found, factor) - 1.0) < OF_MESH, axis=0)
+        factor, vectors = factor[stays], vectors[:, stays]
     near = np.abs(factor) <= reach
     beyond = float(min(factor[~near], key=abs, default=np.inf))
     factor, vectors = factor[near], vectors[:, near]

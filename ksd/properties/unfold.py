@@ -19,14 +19,12 @@ from ksd.errors import SceneError
 from ksd.model.arrays import COROTATIONAL, STRAIN, Motion, make_work
 from ksd.model.compile import Model, remeshed
 from ksd.model.leaves import piece_name
-from ksd.model.mesh import Mesh, MixedMesh
+from ksd.model.mesh import MOST_ORDER, Mesh, MixedMesh
 from ksd.model.newton import assemble, take_step
 from ksd.model.reduced import with_bodies
 from ksd.properties.kept import per_model
 from ksd.properties.shape import scene_leaves
 
-MOST = 12
-"""Modes per axis the mesh allows."""
 PASSES = 1
 """Newton steps inside the leaf springs; a second one changes kx of the guide at 40 thicknesses by 2e-7."""
 
@@ -62,7 +60,7 @@ def _opened(mesh: Mesh, kind: np.ndarray) -> Mesh:
         mesh = replace(mesh, others=others)
     if mesh.leaf != "strain":
         return mesh if mesh.nodal else replace(mesh, nodal=True)
-    if not np.any(kind == STRAIN) or max(mesh.orders) >= MOST:
+    if not np.any(kind == STRAIN) or max(mesh.orders) >= MOST_ORDER:
         return mesh
     nx, ny, nz = mesh.orders
     return replace(mesh, orders=(nx + 1, ny + 1, nz + 1), points=max(mesh.points, nz + 2) + 1)

@@ -187,3 +187,14 @@ def test_the_tangent_of_a_load_is_its_derivative(following):
     x, y, z = moment + np.cross(lever, force)
     exact[3:, 3:] -= 0.5 * np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
     assert load_tangent(force, moment, lever, following=following) == pytest.approx(exact, abs=1e-8)
+
+
+@pytest.mark.parametrize("orders", [(4, 3, 6), (5, 4, 7), (8, 8, 12)])
+def test_factors_of_the_mesh_are_none(orders):
+    """Beck's column has no factor of divergence; its leaf springs have one at -104 Euler loads with default orders, at
+    13,400 with one mode more."""
+    scene, _ = clamped(rectangle(2.5e-4, 5e-3))
+    model = compile_scene(scene, mesh=ksd.Mesh(orders=orders, points=16))
+    euler = np.pi**2 * STEEL.E * 5e-3 * 2.5e-4**3 / 48 / L**2
+    found = buckling(model, model.rest, "tip", force=(-euler, 0, 0), at=(L, 0, 0), following=True)
+    assert not len(found.factor) and found.reach > 1e3
