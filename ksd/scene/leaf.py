@@ -80,24 +80,22 @@ class Leaf(metaclass=Worded):
 
     def __post_init__(self) -> None:
         owner = f"leaf '{word(self.name, 'name', owner='leaf')}'"
-        settings = mesh(self.elements, self.orders, owner=owner)
-        clean: dict[str, Any] = {
-            "start": vector(self.start, "start", owner=owner, unit="m"),
-            "end": vector(self.end, "end", owner=owner, unit="m"),
-            "start_block": word(self.start_block, "start_block", owner=owner),
-            "end_block": word(self.end_block, "end_block", owner=owner),
-            **settings,
-        }
-        for key, value in clean.items():
-            object.__setattr__(self, key, value)
-        kinds: dict[str, type] = {"section": Section, "material": Material}
-        for key, kind in kinds.items():
-            if not isinstance(getattr(self, key), kind):
-                raise SceneError(f"{owner}: {key} = {show(getattr(self, key))} must be a {kind.__name__}.")
-        for key, base in (("profile", Profile), ("curve", Curve)):
-            given = getattr(self, key)
-            if given is not None and not isinstance(given, base):
-                raise SceneError(f"{owner}: {key} = {show(given)} must be a {base.__name__}, or None.")
+        word(self.start_block, "start_block", owner=owner)
+        word(self.end_block, "end_block", owner=owner)
+        # in one go: a scene may have hundreds of them, made anew for every design
+        self.__dict__.update(
+            mesh(self.elements, self.orders, owner=owner),
+            start=vector(self.start, "start", owner=owner, unit="m"),
+            end=vector(self.end, "end", owner=owner, unit="m"),
+        )
+        if not isinstance(self.section, Section):
+            raise SceneError(f"{owner}: section = {show(self.section)} must be a Section.")
+        if not isinstance(self.material, Material):
+            raise SceneError(f"{owner}: material = {show(self.material)} must be a Material.")
+        if self.profile is not None and not isinstance(self.profile, Profile):
+            raise SceneError(f"{owner}: profile = {show(self.profile)} must be a Profile, or None.")
+        if self.curve is not None and not isinstance(self.curve, Curve):
+            raise SceneError(f"{owner}: curve = {show(self.curve)} must be a Curve, or None.")
         self._check_axes(owner)
 
     def _check_axes(self, owner: str) -> None:
@@ -106,7 +104,8 @@ class Leaf(metaclass=Worded):
             raise SceneError(
                 f"{owner}: from start {self.start} to end {self.end} its length is {length:g} m."
             )
-        e1 = unit(tuple((b - a) / length for a, b in zip(self.start, self.end, strict=True)))
+        (x0, y0, z0), (x1, y1, z1) = self.start, self.end
+        e1 = unit(((x1 - x0) / length, (y1 - y0) / length, (z1 - z0) / length))
         if self.width_axis is None:
             least = np.eye(3)[np.argmin(np.abs(e1))]
             axis = direction(np.cross(e1, least), "width_axis", owner=owner)
@@ -120,7 +119,7 @@ class Leaf(metaclass=Worded):
                 f"{owner}: width_axis = {show(self.width_axis)} must be perpendicular to the leaf along "
                 f"({', '.join(f'{c:.6g}' for c in e1)}){hint}."
             )
-        object.__setattr__(self, "width_axis", axis)
+        self.__dict__["width_axis"] = axis
 
     @property
     def length(self) -> float:

@@ -176,8 +176,9 @@ def vector(value: Any, what: str, *, owner: str = "", unit: str = "") -> Vector:
     """Three finite numbers as a tuple of floats."""
     if type(value) is tuple and len(value) == 3:
         x, y, z = value
-        if type(x) is type(y) is type(z) is float and all(-LARGEST <= v <= LARGEST for v in value):
-            return x, y, z
+        plain = type(x) is type(y) is type(z) is float
+        if plain and -LARGEST <= x <= LARGEST and -LARGEST <= y <= LARGEST and -LARGEST <= z <= LARGEST:
+            return value
     in_unit = f" in {unit}" if unit else ""
     is_array = isinstance(value, np.ndarray) and value.ndim == 1
     is_list = isinstance(value, Sequence) and not isinstance(value, str | bytes)

@@ -13,6 +13,8 @@ _TERMS = 40
 """Odd terms kept in the series of the rectangle; the rest is below 1e-12."""
 _ODD_FIFTHS = 31 / 32 * 1.0369277551433699
 """Sum of 1/n^5 over odd n, 31/32 zeta(5)."""
+_ODD_SIXTHS, _ODD_SEVENTHS = math.pi**6 / 960, 127 / 128 * 1.0083492773819228
+"""Those of 1/n^6 and, 127/128 zeta(7), of 1/n^7."""
 
 
 @lru_cache(maxsize=1024)
@@ -29,16 +31,17 @@ def _torsion_rectangle(short: float, long: float) -> float:
 
 @lru_cache(maxsize=1024)
 def _warping_rectangle(t: float, w: float) -> float:
-    """int omega^2 dA, omega = y z + sum A_n sin(k_n y) sinh(k_n z), k_n = n pi/t, n odd."""
+    """int omega^2 dA, omega = y z + sum A_n sin(k_n y) sinh(k_n z), k_n = n pi/t, n odd, summed term by term."""
     if t > w:
         t, w = w, t
-    total = 0.0
-    for n in range(2 * _TERMS - 1, 0, -2):
-        k = n * math.pi / t
-        T = math.tanh(0.5 * k * w)
-        # 2 int y z phi and int phi^2, term by term
-        total -= 32 * t**2 / (math.pi**3 * n**3 * k**2) * (w / k - 2 * T / k**2)
-        total += 32 * t**5 / (math.pi**6 * n**6) * (T / k - 0.5 * w * (1 - T * T))
+    slender, square = w * t**5 / math.pi**6, t**6 / math.pi**7
+    # all terms with T = tanh(k w / 2) = 1, then what T < 1 changes in the first few
+    total = 96 * square * _ODD_SEVENTHS - 32 * slender * _ODD_SIXTHS
+    for n in range(1, 2 * _TERMS, 2):
+        T = math.tanh(0.5 * n * math.pi * w / t)
+        if T == 1.0:
+            break
+        total -= 96 * square * (1 - T) / n**7 + 16 * slender * (1 - T * T) / n**6
     return (t * w) ** 3 / 144 + total
 
 
