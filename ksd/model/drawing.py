@@ -7,6 +7,7 @@ prestressed) have them among the numbers.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
@@ -104,20 +105,20 @@ class Numbers(NamedTuple):
     given: np.ndarray
 
 
-def apart(words: Words, rows: np.ndarray) -> Numbers:
-    """The numbers (D, k) of scenes of these words by what they are of."""
+def places_of(words: Words) -> tuple[tuple[slice, tuple[int, ...]], ...]:
+    """Where each field of `Numbers` is among the numbers of a scene of these words, and its shape; `given` is the rest."""
     leaves = sum(len(p.leaves) for p in words.different)
     shapes: tuple[tuple[int, ...], ...] = (
         (len(words.parts), 3), (len(words.parts), 3, 3), (len(words.different),), (len(words.different), 2, 3),
         (sum(len(p.blocks) for p in words.different), 3), (leaves, LEAF), (sum(map(len, words.rows)), 7),
         (len(words.loads), 9), (3,), (sum(SPRING + s[3] for s in words.springs),),
     )  # fmt: skip
-    parts, at = [], 0
+    found, at = [], 0
     for shape in shapes:
-        end = at + int(np.prod(shape))
-        parts.append(rows[:, at:end].reshape(len(rows), *shape))
+        end = at + math.prod(shape)
+        found.append((slice(at, end), shape))
         at = end
-    return Numbers(*parts, rows[:, at:])  # type: ignore[call-arg]
+    return (*found, (slice(at, None), (-1,)))
 
 
 class _Parts:

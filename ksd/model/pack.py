@@ -263,7 +263,7 @@ def spread(places: np.ndarray, offset: np.ndarray, node: np.ndarray) -> np.ndarr
     (D, m, 2, 3), node (m, 2); ground, node 0, counts by those alone: a mechanism far from its origin is no larger."""
     ends = (places[:, node] + offset).reshape(len(places), -1, 3)
     seen = np.concatenate([ends, places[:, 1:]], axis=1)
-    return np.ptp(seen, axis=1).max(axis=1) if seen.shape[1] else np.zeros(len(places))
+    return (seen.max(axis=1) - seen.min(axis=1)).max(axis=1) if seen.shape[1] else np.zeros(len(places))
 
 
 def _shapes(members: Sequence[Member]) -> list[Shape]:

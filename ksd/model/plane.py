@@ -201,7 +201,7 @@ def _constants(value: np.ndarray, settings: tuple[int, ...]) -> np.ndarray:
 def _normal_axis(arrays: Arrays) -> tuple[int, np.ndarray]:
     """The global axis nearest to the width of the first leaf, and that direction (3,), its largest component positive."""
     k = arrays.members.frame[0, 0, :, 2]
-    k = k / np.linalg.norm(k)
+    k = k / np.sqrt(k @ k)
     axis = int(np.argmax(np.abs(k)))
     return axis, k * np.sign(k[axis])
 
@@ -213,12 +213,12 @@ def _spoken(v: np.ndarray) -> str:
 def _leaving_member(model: Model, k: np.ndarray) -> str:
     """Why a member is not in the plane normal to k, naming the first; empty when all are."""
     members = model.arrays.members
-    e3 = members.frame[..., 2]
-    along = e3 @ k
-    tilt = np.sqrt(np.sum((e3 - along[..., None] * k) ** 2, axis=-1))
-    leaves = np.isin(members.kind, (LINEAR, MODAL, SOLID)) | np.any(tilt > PARALLEL, axis=1)
+    e3, kind = members.frame[..., 2], members.kind
+    off = e3 - (e3 @ k)[..., None] * k
+    tilt = np.sqrt((off * off).sum(axis=-1))
+    leaves = (kind == LINEAR) | (kind == MODAL) | (kind == SOLID) | (tilt > PARALLEL).any(axis=1)
     # undeformed amplitudes of zero are those of a straight leaf
-    if not leaves.any() and (model.rest.inner.any() or np.any(members.kind != STRAIN)):
+    if not leaves.any() and (model.rest.inner.any() or (kind != STRAIN).any()):
         # those of one group have the same constants
         group, first = np.unique(members.value_at, return_index=True)
         bent = [at for at, i in zip(group, first, strict=True) if not _straight_across(members, int(i))]
@@ -283,7 +283,8 @@ def _planar_rows(model: Model, k: np.ndarray) -> np.ndarray | str:
     if not len(terms.start):
         return np.zeros(0, np.int64)
     turning, d = terms.kind == ROTATION, terms.direction @ k
-    along, across = np.abs(d), np.linalg.norm(terms.direction - d[:, None] * k, axis=1)
+    off = terms.direction - d[:, None] * k
+    along, across = np.abs(d), np.sqrt((off * off).sum(axis=1))
     inside = np.where(turning, across, along) <= PARALLEL
     outside = np.where(turning, along, across) <= PARALLEL
     first = terms.first[:-1]

@@ -17,7 +17,7 @@ import numpy as np
 from ksd.beam import corotational_values as chains
 from ksd.beam.strain_values import strain_constants, strain_sizes, strain_values
 from ksd.model.arrays import STRAIN, Arrays, Members, Motion, opened
-from ksd.model.drawing import GIVEN, LEAF, SPRING, LeafWords, Numbers, Words, apart
+from ksd.model.drawing import GIVEN, LEAF, SPRING, LeafWords, Numbers, Words, places_of
 from ksd.model.mesh import Mesh
 from ksd.model.pack import Shape, skeleton, spread
 
@@ -96,9 +96,10 @@ class Leaves(NamedTuple):
 def leaf_axes(start: Array, end: Array, width: Array) -> Array:
     """(..., 3, 3): columns e1 (along), e2 (thickness), e3 (width) of straight leaves."""
     along = end - start
-    e1 = along / np.sqrt(np.sum(along * along, axis=-1, keepdims=True))
-    e3 = width - np.sum(width * e1, axis=-1, keepdims=True) * e1
-    e3 = e3 / np.sqrt(np.sum(e3 * e3, axis=-1, keepdims=True))
+    # methods: the functions of numpy cost five times as much on arrays as small as one design has
+    e1 = along / np.sqrt((along * along).sum(axis=-1, keepdims=True))
+    e3 = width - (width * e1).sum(axis=-1, keepdims=True) * e1
+    e3 = e3 / np.sqrt((e3 * e3).sum(axis=-1, keepdims=True))
     axes = np.empty((*start.shape, 3))
     axes[..., 0], axes[..., 2] = e1, e3
     for r, i, j in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
@@ -154,7 +155,7 @@ class Packed:
         """Constants (D, v) and rest inner states (D, s)."""
         count = len(leaves.scale)
         scale = leaves.scale.reshape(count, -1)
-        value, inner = np.tile(self.value, (count, 1)), np.tile(self.inner, (count, 1))
+        value, inner = (fixed[None].repeat(count, axis=0) for fixed in (self.value, self.inner))
         value[:, self.at] *= scale[:, self.scale]
         if len(self.inner_at):
             inner[:, self.inner_at] *= scale[:, self.inner_scale]
@@ -206,6 +207,7 @@ class Template:
         self.spring_first = np.cumsum([0, *sizes])
         # integers of the joint bodies, of `ksd.bodies.joints`
         self.layout: Any = None
+        self._places = places_of(words)
         self._others: dict[Mesh, Template | None] = {}
 
     def _name_nodes(self) -> None:
@@ -301,7 +303,8 @@ class Template:
             members=members, terms=terms, loads=loads, size=size, springs=self._springs(n, places),
             weight=self._weight(leaves.mass[:, self.leaf], n),
         )  # fmt: skip
-        turned = np.tile(np.eye(3), (count, len(self.node_names), 1, 1))
+        turned = np.empty((count, len(self.node_names), 3, 3))
+        turned[:] = np.eye(3)
         rest = Motion(places, turned, inner, np.zeros((count, len(bones.terms.start))))
         return Filled(arrays, rest, leaves, points)
 
@@ -311,8 +314,8 @@ class Template:
         start, width, L = leaf[..., :3], leaf[..., 6:9], leaf[..., 9]
         E, G, A, J, Iy, Iz, ky, kz, density, torsion, plate = (leaf[..., k] for k in range(10, LEAF))
         axes = leaf_axes(start, leaf[..., 3:6], width)
-        ends = np.stack([start, start + L[..., None] * axes[..., 0]], axis=2)
-        frame = np.stack([axes, axes], axis=2)
+        ends, frame = np.empty((*L.shape, 2, 3)), axes[:, :, None].repeat(2, axis=2)
+        ends[:, :, 0], ends[:, :, 1] = start, start + L[..., None] * axes[..., 0]
         soft = 1.0 / (E * A)
         shear = [1.0 / (ky * G * A), 1.0 / (kz * G * A)] if self.mesh.shear else [0.0 * A, 0.0 * A]
         stiff = torsion * G * J, E * Iy, plate * E * Iz
@@ -323,7 +326,7 @@ class Template:
             scale[..., 2 + k] = value
         if self.mesh.leaf != "strain" or hasattr(self.mesh, "others"):
             self._chains(scale, L, soft, shear, stiff, line)
-        mass = np.where(self.heavy, L * line, 0.0)
+        mass = self.heavy * (L * line)
         self._given(n, ends, frame, mass)
         return Leaves(ends, frame, scale, mass, 1.0 / (soft * L), L)
 
@@ -404,12 +407,13 @@ class Template:
 
     def numbers(self, rows: Sequence[Sequence[float]]) -> Numbers:
         """The numbers of designs of these words, by what they are of."""
-        return apart(self.words, np.array(rows, float).reshape(len(rows), -1))
+        flat = np.array(rows, float).reshape(len(rows), -1)
+        return Numbers(*(flat[:, at].reshape(len(rows), *shape) for at, shape in self._places))
 
 
 def many(part: Any, names: Sequence[str], count: int) -> Any:
     """A named tuple of arrays whose fields `names` are repeated along a leading axis."""
-    return part._replace(**{n: np.repeat(getattr(part, n)[None], count, axis=0) for n in names})
+    return part._replace(**{n: getattr(part, n)[None].repeat(count, axis=0) for n in names})
 
 
 def of_design(part: Any, names: Sequence[str], d: int) -> Any:

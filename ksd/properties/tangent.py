@@ -84,15 +84,14 @@ def row_gradients(model: Model, motion: Motion, rows: Iterable[int]) -> Array:
 def beyond_rows(model: Model, gradients: Array, loads: Array) -> tuple[Array, Array]:
     """`loads` (unknowns, k) less what is a combination of the `gradients` (unknowns, r) of held rows, and the combinations
     (r, k). Rows take their part without a motion, so a load that is nothing else is on a held direction: exactly zero."""
-    turns = np.ones(len(loads))
-    for start in model.arrays.start[model.arrays.start >= 0]:
-        turns[start + 3 : start + 6] = model.arrays.size
+    turns, start = np.ones(len(loads)), model.arrays.start
+    turns[(start[start >= 0, None] + np.arange(3, 6)).ravel()] = model.arrays.size
     A, b = gradients / turns[:, None], loads / turns[:, None]
-    size = np.linalg.norm(A, axis=0)
-    size = np.where(size > 0.0, size, 1.0)
+    size = np.sqrt((A * A).sum(axis=0))
+    size[size == 0.0] = 1.0
     share = np.linalg.lstsq(A / size, b, rcond=SAME)[0]
     left = b - A / size @ share
-    left[:, np.linalg.norm(left, axis=0) <= SAME * np.linalg.norm(b, axis=0)] = 0.0
+    left[:, (left * left).sum(axis=0) <= SAME**2 * (b * b).sum(axis=0)] = 0.0
     return left * turns[:, None], share / size[:, None]
 
 
