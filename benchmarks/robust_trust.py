@@ -1,16 +1,20 @@
-"""Answers that must not be trusted in silence: scenes in other units, blocks bent like leaves, taut leaves, loose residuals.
+"""Answers that must not be trusted in silence: scenes in other units, blocks bent like leaves, taut leaves, loose residuals;
+and refusals of states under heavy dead loads that a stable path leads to.
 
     python benchmarks/robust_trust.py [count]
 
-Counted are answers that are wrong, or that no flexure can have, without a word; all counts should be zero.
+Counted are answers that are wrong, or that no flexure can have, without a word, and false refusals; all counts should be
+zero.
 """
 
 from __future__ import annotations
 
 import sys
+from collections import Counter
 from typing import Any
 
 import numpy as np
+from robust_estimates import JOINTED, TRUTH, scenes, softest
 from scipy.integrate import solve_bvp
 
 import ksd
@@ -18,6 +22,8 @@ from ksd.errors import KsdError
 
 E, NU = 200e9, 0.3
 ACCURACY = 1e-3
+NEAR = 0.02
+"""Largest difference of positions, over the size, of an answer from the end of its path."""
 
 
 def leaf(length: float, thickness: float, width: float, *, held: bool, modulus: float = E) -> ksd.Mechanism:
@@ -130,9 +136,50 @@ def residuals(count: int, rng: np.random.Generator) -> None:
     )
 
 
+def heavy(count: int) -> None:
+    """Heavy dead forces on mechanisms at a tenth of their way: those refused though a path of stable states leads there, the
+    loads put on after the drives, on leaf springs of many modes; and answers that are not the end of that path."""
+    told: Counter[str] = Counter()
+    draw = scenes(23, JOINTED)
+    for k in range(count):
+        scene, targets, rng = next(draw)
+        targets = {name: 0.1 * value for name, value in targets.items()}
+        made = scene.scene()
+        link, stiff = made.joints[-1].b, softest([placed.joint for placed in made.joints])
+        force = rng.normal(size=3) * (1, 1, 0.3)
+        force *= stiff * 10 ** rng.uniform(0.5, 2.0) / np.linalg.norm(force)
+        place = made.joints[-1].place(made.joints[-1].joint.pose_B)
+        scene.load(link, force=tuple(force), at=tuple(place))
+        pose = None
+        try:
+            pose = ksd.solve(scene, targets)
+        except KsdError as reason:
+            said = str(reason)
+        try:
+            path = ksd.follow(scene, targets, mesh=TRUTH)
+            end = path.ended and not path.turnings and all(s.stable for s in path.states) and path.states[-1]
+        except KsdError:
+            end = None
+        if pose is None:
+            told["refused"] += 1
+            if end:
+                told["refused falsely"] += 1
+                print(f"scene {k}: a stable path leads there, but: {said}", flush=True)
+        elif end:
+            size, own = pose.model.arrays.size, {n: d for n, (d, _) in pose.links.items()}
+            off = max(np.abs(own[n] - d).max() for n, (d, _) in end.links.items()) / size
+            told["answered, the end of its path" if off < NEAR else "answered, another minimum"] += 1
+            if off >= NEAR:
+                print(f"scene {k}: another minimum than the path ends in, by {off:.1e}: {pose.trust.branch}")
+        else:
+            told["answered, its path turns or is not followed"] += 1
+    print(f"heavy dead loads, {count}: {dict(told)}")
+
+
 def main(count: int = 100) -> None:
     """All counts."""
     rng = np.random.default_rng(19)
+    heavy(2 * count)
     units(count, rng)
     residuals(count, rng)
     taut(count, rng)
