@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
@@ -10,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ksd.errors import SceneError
+from ksd.errors import KinematicsError, SceneError
 from ksd.model.arrays import ROTATION, Motion
 from ksd.model.compile import Model
 from ksd.numerics.rotations import rotation_exp, rotation_log
@@ -129,8 +130,10 @@ def parasitic(model: Model, motion: Motion, link: Any = None, *, at: Any = None)
         drives.update(acting)
         legs = _leg_drives(model.scene, cuts, model.node_names[node]) - drives
         if legs and end == node and not acting:
-            moved, turned = _beyond_legs(model, node, point, motion.R[base], legs, (moved, turned))
-            drives.update(legs)
+            # where nothing resists a motion at rest, nothing is known to first order
+            with suppress(KinematicsError):
+                moved, turned = _beyond_legs(model, node, point, motion.R[base], legs, (moved, turned))
+                drives.update(legs)
         shift, turn = shift + moved, turn + turned
     if carriers:
         along, about, acting = _prescribed(model, motion, 0, node, here)
