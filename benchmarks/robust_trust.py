@@ -71,7 +71,7 @@ def rod(slenderness: float, way: float, before: Any = None) -> Any:
     return found
 
 
-def taut(count: int, rng: np.random.Generator) -> None:
+def taut(count: int, rng: np.random.Generator) -> int:
     """Taut leaf springs against the rod: wrong by more than the accuracy asked for, and trusted without a word."""
     silent, worst, told = 0, 0.0, 0
     for _ in range(count):
@@ -92,9 +92,10 @@ def taut(count: int, rng: np.random.Generator) -> None:
         end="",
     )
     print(f"the others off by at most {worst:.1e}")
+    return silent
 
 
-def units(count: int, rng: np.random.Generator) -> None:
+def units(count: int, rng: np.random.Generator) -> int:
     """Random leaf springs in SI, and the same with moduli in MPa, lengths in mm, or the thickness of a block."""
     loud = silent = trusted = 0
     for _ in range(count):
@@ -113,9 +114,10 @@ def units(count: int, rng: np.random.Generator) -> None:
         f"units: {silent} of {3 * count} scenes in other units or of blocks silent, {loud} of {count} good ones warned of"
     )
     print(f"blocks bent to 8 %: {trusted} of {count} trusted")
+    return silent + loud + trusted
 
 
-def residuals(count: int, rng: np.random.Generator) -> None:
+def residuals(count: int, rng: np.random.Generator) -> int:
     """Residuals beyond their bound beside "within its bound", and forces changed by one more Newton step."""
     from ksd.solve.conventional import conventional
 
@@ -134,9 +136,10 @@ def residuals(count: int, rng: np.random.Generator) -> None:
     print(
         f"residuals: {wrong} of {solved} said to be within a bound they exceed; a force moves by {most:.1e} at most"
     )
+    return wrong
 
 
-def heavy(count: int) -> None:
+def heavy(count: int) -> int:
     """Heavy dead forces on mechanisms at a tenth of their way: those refused though a path of stable states leads there, the
     loads put on after the drives, on leaf springs of many modes; and answers that are not the end of that path."""
     told: Counter[str] = Counter()
@@ -174,16 +177,14 @@ def heavy(count: int) -> None:
         else:
             told["answered, its path turns or is not followed"] += 1
     print(f"heavy dead loads, {count}: {dict(told)}")
+    return told["refused falsely"] + told["answered, another minimum"]
 
 
-def main(count: int = 100) -> None:
-    """All counts."""
+def main(count: int = 100) -> int:
+    """Returns the sum of all counts."""
     rng = np.random.default_rng(19)
-    heavy(2 * count)
-    units(count, rng)
-    residuals(count, rng)
-    taut(count, rng)
+    return units(count, rng) + residuals(count, rng) + taut(count, rng) + heavy(2 * count)
 
 
 if __name__ == "__main__":
-    main(*(int(word) for word in sys.argv[1:]))
+    sys.exit(main(*(int(word) for word in sys.argv[1:])) > 0)

@@ -18,6 +18,9 @@ import ksd
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests"))
 from scenes import cross_flexure, fourbar
 
+MOST_MB = 20
+"""Growth that is none of a leak."""
+
 
 def resident() -> float:
     """Memory of this process [MB]."""
@@ -71,15 +74,17 @@ def threads(calls: int, workers: int = 2) -> int:
     )
 
 
-def main() -> None:
-    """Print the counts."""
+def main() -> int:
+    """Print the counts; returns 1 where one is beyond what it says."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--quick", action="store_true")
     quick = parser.parse_args().quick
     scenes, calls = (200, 300) if quick else (1500, 3000)
-    print(f"memory: {memory(scenes):.1f} MB more after {scenes} new scenes (at most 20)")
-    print(f"threads: {threads(calls)} of {calls} forces wrong of one solver in two threads (0)")
+    more, wrong = memory(scenes), threads(calls)
+    print(f"memory: {more:.1f} MB more after {scenes} new scenes (at most {MOST_MB})")
+    print(f"threads: {wrong} of {calls} forces wrong of one solver in two threads (0)")
+    return int(more > MOST_MB or wrong > 0)
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())
