@@ -82,11 +82,11 @@ def _pieces(system: System, motion: Motion, clock: _Clock) -> None:
     plan, blocks = arrays.plan, len(arrays.plan.size)
     motion.assign(system.start)
     clock("call, all", lambda: iterate(arrays, motion, TARGET, 1.0, work, RTOL, -1, CAP, math.inf))
-    clock("call, matrix", lambda: backward_blocks(plan, work.value, work.spare, work.rhs, 0))
+    clock("call, matrix", lambda: backward_blocks(plan.ints, work.value, work.spare, work.rhs, 0))
     clock("assembly", lambda: assemble(arrays, motion, TARGET, 1.0, work, RTOL, 0, 10.0))
-    clock("factorisation", lambda: factor_blocks(plan, work.value, work.spare, blocks))
+    clock("factorisation", lambda: factor_blocks(plan.ints, work.value, work.spare, blocks))
     np.negative(work.rhs, out=work.rhs)
-    clock("solve", lambda: solve_blocks(plan, work.value, work.spare, work.rhs))
+    clock("solve", lambda: solve_blocks(plan.ints, work.value, work.spare, work.rhs))
     clock("update", lambda: take_step(arrays, motion, work.rhs, work, 1.0))
 
 

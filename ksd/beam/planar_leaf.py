@@ -27,8 +27,8 @@ TURN = 2.0 * math.pi
 
 
 @kernel
-def _gather(value, number, inner, store, sums):
-    """W (lower) and (J, g) into the store, at the points: sums (6,) = place and angle of end q, force block of F."""
+def _gather(value, number, inner, store):
+    """W (lower) and (J, g) into the store, at the points. Returns place and angle of end q, and the force block of F."""
     nz, points, first, wrench = number[0], number[1], number[2], number[3]
     J, W = 4 * nz, 8 * nz
     nx, ny, moment = inner[wrench], inner[wrench + 1], inner[wrench + 5]
@@ -73,20 +73,21 @@ def _gather(value, number, inner, store, sums):
             store[J + 4 * i + 3] -= slope * psi
             for j in range(i + 1):
                 store[W + i * nz + j] -= curve * psi * value[at + 3 + j]
-    sums[0], sums[1], sums[2], sums[3], sums[4], sums[5] = x, y, angle, xx, xy, yy
+    return x, y, angle, xx, xy, yy
 
 
 @kernel
 def _solve(nz, store):
     """W^-1 (J, g) by LDL^T in place of W (lower), into the head of the store; returns (negative pivots, status)."""
-    negatives, J, W = 0, 4 * nz, 8 * nz
+    negatives, status, J, W = 0, 0, 4 * nz, 8 * nz
     for j in range(nz):
         pivot = store[W + j * nz + j]
         before = abs(pivot)
         for c in range(j):
-            pivot -= store[W + j * nz + c] * store[W + j * nz + c] * store[W + c * nz + c]
+            l = store[W + j * nz + c]
+            pivot -= l * l * store[W + c * nz + c]
         if not abs(pivot) > TINY_PIVOT * before:
-            return negatives, 2
+            status = 2
         store[W + j * nz + j] = pivot
         if pivot < 0.0:
             negatives += 1
@@ -106,7 +107,7 @@ def _solve(nz, store):
             for c in range(j + 1, nz):
                 t -= store[W + c * nz + j] * store[4 * c + e]
             store[4 * j + e] = t
-    return negatives, 0
+    return negatives, status
 
 
 @kernel
@@ -118,19 +119,13 @@ def condense(value, number, inner, store, d, Q, lam, K):
     """
     nz, wrench = number[0], number[3]
     kept = 8 * nz + nz * nz
-    sums = store[kept : kept + 9]
-    for r in range(12):
-        lam[r] = 0.0
-    for r in range(6):
-        for c in range(6):
-            K[r, c] = 0.0
-    _gather(value, number, inner, store, sums)
+    lam[:] = 0.0
+    K[:, :] = 0.0
+    end0, end1, angle, f00, f01, f11 = _gather(value, number, inner, store)
     negatives, status = _solve(nz, store)
-    if status != 0:
-        return negatives, math.inf, math.inf, status
     # F = J W^-1 J^T + L sum w R C R^T, gap = closure + J W^-1 g
-    f00, f01, f11, f02, f12, f22 = sums[3], sums[4], sums[5], 0.0, 0.0, 0.0
-    x, y, turn = d[0] - sums[0], d[1] - sums[1], math.atan2(Q[1, 0], Q[0, 0]) - sums[2]
+    f02, f12, f22 = 0.0, 0.0, 0.0
+    x, y, turn = d[0] - end0, d[1] - end1, math.atan2(Q[1, 0], Q[0, 0]) - angle
     turn -= TURN * round(turn / TURN)
     for i in range(nz):
         j = 4 * nz + 4 * i
@@ -151,7 +146,7 @@ def condense(value, number, inner, store, d, Q, lam, K):
     l2 = e / d0
     d1 = f11 - l1 * f12 - l2 * e
     if not (abs(f22) > 0.0 and abs(d0) > TINY_PIVOT * abs(f00) and abs(d1) > TINY_PIVOT * abs(f11)):
-        return negatives, math.inf, math.inf, 2
+        status = 2
     negatives -= (f22 < 0.0) + (d0 < 0.0) + (d1 < 0.0)
     # columns of the unit lower inverse, order (moment, x, y): rows (1), (-l0, 1), (l0 l2 - l1, -l2, 1)
     u = l0 * l2 - l1
@@ -161,14 +156,20 @@ def condense(value, number, inner, store, d, Q, lam, K):
     K[0, 0], K[0, 1], K[0, 5] = k00, k01, k02
     K[1, 0], K[1, 1], K[1, 5] = k01, k11, k12
     K[5, 0], K[5, 1], K[5, 5] = k02, k12, k22
-    sums[0], sums[1], sums[2] = x, y, turn
-    sums[3], sums[4], sums[5], sums[6], sums[7], sums[8] = k00, k01, k02, k11, k12, k22
+    store[kept], store[kept + 1], store[kept + 2] = x, y, turn
+    store[kept + 3], store[kept + 4], store[kept + 5] = k00, k01, k02
+    store[kept + 6], store[kept + 7], store[kept + 8] = k11, k12, k22
     c0, c1 = k00 * x + k01 * y + k02 * turn, k01 * x + k11 * y + k12 * turn
     c2 = k02 * x + k12 * y + k22 * turn
-    lam[6], lam[7], lam[11] = inner[wrench], inner[wrench + 1], inner[wrench + 5]
-    lam[0], lam[1], lam[5] = lam[6] + c0, lam[7] + c1, lam[11] + c2
+    n0, n1, m = inner[wrench], inner[wrench + 1], inner[wrench + 5]
+    lam[6], lam[7], lam[11] = n0, n1, m
+    lam[0], lam[1], lam[5] = n0 + c0, n1 + c1, m + c2
     force, moment = math.sqrt(c0 * c0 + c1 * c1), abs(c2)
-    return negatives, force, moment, 0 if math.isfinite(force + moment + k00) else 2
+    if not math.isfinite(force + moment + k00):
+        status = 2
+    if status == 2:
+        force, moment = math.inf, math.inf
+    return negatives, force, moment, status
 
 
 @kernel
@@ -176,11 +177,14 @@ def recover(value, number, inner, store, xi, scale):
     """dlam = K (xi + gap), da = W^-1 (J^T dlam - g), both times `scale`, after end q moved by xi (6,) in frame p."""
     nz, first, wrench = number[0], number[2], number[3]
     kept = 8 * nz + nz * nz
-    k = store[kept : kept + 9]
-    x, y, turn = xi[0] + k[0], xi[1] + k[1], xi[5] + k[2]
-    d0 = k[3] * x + k[4] * y + k[5] * turn
-    d1 = k[4] * x + k[6] * y + k[7] * turn
-    d2 = k[5] * x + k[7] * y + k[8] * turn
+    x, y, turn = xi[0] + store[kept], xi[1] + store[kept + 1], xi[5] + store[kept + 2]
+    k00, k01, k02 = store[kept + 3], store[kept + 4], store[kept + 5]
+    k11, k12, k22 = store[kept + 6], store[kept + 7], store[kept + 8]
+    d0, d1, d2 = (
+        k00 * x + k01 * y + k02 * turn,
+        k01 * x + k11 * y + k12 * turn,
+        k02 * x + k12 * y + k22 * turn,
+    )
     for i in range(nz):
         inner[first + i] += scale * (
             store[4 * i] * d0 + store[4 * i + 1] * d1 + store[4 * i + 2] * d2 - store[4 * i + 3]

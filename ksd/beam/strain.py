@@ -33,29 +33,16 @@ from ksd.numerics.rotations import rotation_log, tangent_factors
 TINY_PIVOT = 1e-15
 
 
-class Constants(NamedTuple):
-    """The constants of a leaf by name, see `ksd.beam.strain_values`."""
-
-    stiffness: np.ndarray
-    rest: np.ndarray
-    weight: np.ndarray
-    integral: np.ndarray
-    basis: np.ndarray
-    soft: np.ndarray
-    gap: np.ndarray
-    beyond: np.ndarray
-
-
 class Fields(NamedTuple):
-    """A leaf at one inner state: at its ng quadrature points; at end p, the points and end q (ng+2); of the gaps between
-    these (ng+1).
+    """Room for leaf springs of up to N modes and ng points, one at a time at one inner state: at its quadrature points; at
+    end p, the points and end q (ng+2); of the gaps between these (ng+1). Views opened once serve all leaf springs.
 
     Of a gap, see `ksd.beam.strain_gap`: gap (ng+1, 9): moments of its curvature; turn (ng+1, 3) and J (ng+1, 3, 9); T
     (ng+1, 3, 3): from a change of turn to the rotation of all behind; G = T J. R (ng+2, 3, 3): orientation; psi (ng+2, 3,
     N): rotation by the amplitudes. n (ng, 3): force; v (ng, 3) = r'; S (ng, 3, 3) = R C R^T [1/N]; slope (ng, 3, N): v by
     the amplitudes, at fixed n. end (3,) [m]: place of end q; rho, eta (3, N): that place, and the first moment of the mass,
     by the amplitudes; eta only with weight. W (N, N) tangent and g (N,) residual of the amplitudes; Y (N, 7) right-hand
-    sides; X (3, N), Z (N, 9), M (9, 9): scratch.
+    sides; X (3, N), Z (N, 9), M (9, 9), V (3, 3): scratch.
     """
 
     gap: np.ndarray
@@ -78,36 +65,25 @@ class Fields(NamedTuple):
     X: np.ndarray
     Z: np.ndarray
     M: np.ndarray
+    V: np.ndarray
 
 
-@kernel(inline="always")
-def constants_of(value, number):
-    """`Constants` over the flat array."""
+@kernel
+def constants_at(number):
+    """Where the stress-free amplitudes, weights, compliances, moments over the gaps and masses beyond begin among the
+    constants, see `ksd.beam.strain_values`."""
     nx, ny, nz, ng = number[0], number[1], number[2], number[3]
     N = nx + ny + nz
     rest = 1 + nx * nx + ny * ny + nz * nz
     weight = rest + N
-    integral = weight + ng
-    basis = integral + ng * ng
-    soft = basis + N * ng
+    soft = weight + ng + ng * ng + N * ng
     gap = soft + 3 * ng
-    beyond = gap + 3 * N * (ng + 1)
-    return Constants(
-        value[1:rest],
-        value[rest:weight],
-        value[weight:integral],
-        value[integral:basis].reshape(ng, ng),
-        value[basis:soft].reshape(N, ng),
-        value[soft:gap].reshape(ng, 3),
-        value[gap:beyond].reshape(ng + 1, 3, N),
-        value[beyond:],
-    )
+    return rest, weight, soft, gap, gap + 3 * N * (ng + 1)
 
 
-@kernel(inline="always")
-def fields_of(number, scratch):
-    """`Fields` over `strain_values.strain_scratch` numbers or more."""
-    N, ng = number[0] + number[1] + number[2], number[3]
+def open_room(N, ng, scratch):  # type: ignore[no-untyped-def]
+    """`Fields` for N modes and ng points over `strain_values.room_size` numbers or more; also compiled, in
+    `ksd.model.newton`."""
     turn = 9 * (ng + 1)
     J = turn + 3 * (ng + 1)
     T = J + 27 * (ng + 1)
@@ -148,7 +124,16 @@ def fields_of(number, scratch):
         scratch[X:Z].reshape(3, N),
         scratch[Z:M].reshape(N, 9),
         scratch[M : M + 81].reshape(9, 9),
+        scratch[M + 81 : M + 90].reshape(3, 3),
     )
+
+
+leaf_room = kernel(inline="always")(open_room)
+
+
+def fields_of(number: np.ndarray, scratch: np.ndarray) -> Fields:
+    """`Fields` of one leaf over `strain_values.strain_scratch` numbers or more."""
+    return open_room(int(number[:3].sum()), int(number[3]), scratch)
 
 
 @kernel
@@ -158,19 +143,18 @@ def _orientations(length, number, a, modes, gap, turn, J, T, G, R, psi):
     for r in range(3):
         for e in range(3):
             R[0, r, e] = 1.0 if r == e else 0.0
-        for i in range(psi.shape[2]):
+        for i in range(number[0] + number[1] + number[2]):
             psi[0, r, i] = 0.0
     for h in range(number[3] + 1):
         first = 0
         for axis in range(3):
-            p, q, s = 0.0, 0.0, 0.0
-            for i in range(first, first + number[axis]):
-                p += a[i] * modes[h, 0, i]
-                q += a[i] * modes[h, 1, i]
-                s += a[i] * modes[h, 2, i]
-            gap[h, axis], gap[h, 3 + axis], gap[h, 6 + axis] = length * p, length * q, length * s
+            for e in range(3):
+                s = 0.0
+                for i in range(first, first + number[axis]):
+                    s += a[i] * modes[h, e, i]
+                gap[h, 3 * e + axis] = length * s
             first += number[axis]
-        gap_turn(gap[h], turn[h], J[h])
+        gap_turn(h, gap, turn, J)
         x, y, z = turn[h, 0], turn[h, 1], turn[h, 2]
         t, u, _, _ = tangent_factors(x * x + y * y + z * z)
         for r in range(3):
@@ -185,79 +169,71 @@ def _orientations(length, number, a, modes, gap, turn, J, T, G, R, psi):
             R[h + 1, r, 2] = s + d * y - e * x
             for k in range(9):
                 G[h, r, k] = d * J[h, 0, k] + e * J[h, 1, k] + g * J[h, 2, k]
-        first = 0
-        for axis in range(3):
-            a0, a1, a2 = length * G[h, 0, axis], length * G[h, 1, axis], length * G[h, 2, axis]
-            b0, b1, b2 = length * G[h, 0, 3 + axis], length * G[h, 1, 3 + axis], length * G[h, 2, 3 + axis]
-            c0, c1, c2 = length * G[h, 0, 6 + axis], length * G[h, 1, 6 + axis], length * G[h, 2, 6 + axis]
-            for i in range(first, first + number[axis]):
-                p, q, s = modes[h, 0, i], modes[h, 1, i], modes[h, 2, i]
-                x, y, z = psi[h, 0, i], psi[h, 1, i], psi[h, 2, i]
-                psi[h + 1, 0, i] = x + a0 * p + b0 * q + c0 * s
-                psi[h + 1, 1, i] = y + a1 * p + b1 * q + c1 * s
-                psi[h + 1, 2, i] = z + a2 * p + b2 * q + c2 * s
-            first += number[axis]
+            first = 0
+            for axis in range(3):
+                x0, x1, x2 = length * G[h, r, axis], length * G[h, r, 3 + axis], length * G[h, r, 6 + axis]
+                for i in range(first, first + number[axis]):
+                    psi[h + 1, r, i] = (
+                        psi[h, r, i] + x0 * modes[h, 0, i] + x1 * modes[h, 1, i] + x2 * modes[h, 2, i]
+                    )
+                first += number[axis]
 
 
 @kernel
-def _slopes(length, number, n, pull, weight, soft, beyond, R, psi, force, v, S, slope, end, rho, eta):
+def _slopes(value, number, inner, pull, R, psi, force, v, S, slope, end, rho, eta):
     """n(s), v = R (e1 + C R^T n(s)), S = R C R^T and slope = psi x v - S (psi x n(s)) at every point; end, rho and eta."""
-    N, heavy = psi.shape[2], len(pull) > 0
+    N, heavy = number[0] + number[1] + number[2], len(pull) > 0
+    _, weight, soft, _, beyond = constants_at(number)
     for r in range(3):
         end[r] = 0.0
         for i in range(N):
             rho[r, i], eta[r, i] = 0.0, 0.0
     for g in range(number[3]):
-        w = length * weight[g]
+        w, mass = value[0] * value[weight + g], 0.0
+        if heavy:
+            mass = value[beyond + g]
         for r in range(3):
-            force[g, r] = n[r] + beyond[g] * pull[r] if heavy else n[r]
+            force[g, r] = inner[N + r] + mass * pull[r] if heavy else inner[N + r]
         k0, k1, k2 = force[g, 0], force[g, 1], force[g, 2]
         for i in range(3):
             for j in range(3):
-                S[g, i, j] = (
-                    soft[g, 0] * R[g + 1, i, 0] * R[g + 1, j, 0]
-                    + soft[g, 1] * R[g + 1, i, 1] * R[g + 1, j, 1]
-                    + soft[g, 2] * R[g + 1, i, 2] * R[g + 1, j, 2]
-                )
+                s = 0.0
+                for e in range(3):
+                    s += value[soft + 3 * g + e] * R[g + 1, i, e] * R[g + 1, j, e]
+                S[g, i, j] = s
             v[g, i] = R[g + 1, i, 0] + S[g, i, 0] * k0 + S[g, i, 1] * k1 + S[g, i, 2] * k2
             end[i] += w * v[g, i]
+        v0, v1, v2 = v[g, 0], v[g, 1], v[g, 2]
         for i in range(N):
             p0, p1, p2 = psi[g + 1, 0, i], psi[g + 1, 1, i], psi[g + 1, 2, i]
             q0, q1, q2 = p1 * k2 - p2 * k1, p2 * k0 - p0 * k2, p0 * k1 - p1 * k0
-            slope[g, 0, i] = p1 * v[g, 2] - p2 * v[g, 1] - S[g, 0, 0] * q0 - S[g, 0, 1] * q1 - S[g, 0, 2] * q2
-            slope[g, 1, i] = p2 * v[g, 0] - p0 * v[g, 2] - S[g, 1, 0] * q0 - S[g, 1, 1] * q1 - S[g, 1, 2] * q2
-            slope[g, 2, i] = p0 * v[g, 1] - p1 * v[g, 0] - S[g, 2, 0] * q0 - S[g, 2, 1] * q1 - S[g, 2, 2] * q2
+            slope[g, 0, i], slope[g, 1, i], slope[g, 2, i] = (
+                p1 * v2 - p2 * v1,
+                p2 * v0 - p0 * v2,
+                p0 * v1 - p1 * v0,
+            )
+            for r in range(3):
+                slope[g, r, i] -= S[g, r, 0] * q0 + S[g, r, 1] * q1 + S[g, r, 2] * q2
         for r in range(3):
             for i in range(N):
                 rho[r, i] += w * slope[g, r, i]
-                if heavy:
-                    eta[r, i] += w * beyond[g] * slope[g, r, i]
-
-
-@kernel(inline="always")
-def _fields(value, number, inner, pull, c, f):
-    """See `strain_fields`."""
-    N = number[0] + number[1] + number[2]
-    _orientations(value[0], number, inner, c.gap, f.gap, f.turn, f.J, f.T, f.G, f.R, f.psi)
-    _slopes(
-        value[0], number, inner[N : N + 3], pull, c.weight, c.soft, c.beyond,
-        f.R, f.psi, f.n, f.v, f.S, f.slope, f.end, f.rho, f.eta,
-    )  # fmt: skip
+                eta[r, i] += w * mass * slope[g, r, i]
 
 
 @kernel
-def strain_fields(value, number, inner, pull, scratch):
-    """`Fields` of a leaf with inner state `inner` = (a (N,), n (3,), m (3,)) into scratch, without W, g and Y."""
-    _fields(value, number, inner, pull, constants_of(value, number), fields_of(number, scratch))
+def strain_fields(value, number, inner, pull, f):
+    """`Fields` f of a leaf with inner state `inner` = (a (N,), n (3,), m (3,)), without W, g and Y."""
+    _, _, _, gap, beyond = constants_at(number)
+    modes = value[gap:beyond].reshape(number[3] + 1, 3, number[0] + number[1] + number[2])
+    _orientations(value[0], number, inner, modes, f.gap, f.turn, f.J, f.T, f.G, f.R, f.psi)
+    _slopes(value, number, inner, pull, f.R, f.psi, f.n, f.v, f.S, f.slope, f.end, f.rho, f.eta)
 
 
 @kernel
-def _tangent(
-    value, number, inner, weight, modes, stiffness, rest,
-    gap, turn, J, T, G, R, psi, n, v, slope, M, W, residual, X, Z,
-):  # fmt: skip
+def _tangent(value, number, inner, modes, gap, turn, J, T, G, R, psi, n, v, slope, M, V, W, residual, X, Z):
     """See `strain_tangent`. From end q back: M, the moment a gap carries, and X, its derivative by the amplitudes."""
     N, ng, length = number[0] + number[1] + number[2], number[3], value[0]
+    rest, weight, _, _, _ = constants_at(number)
     M0, M1, M2 = inner[N + 3], inner[N + 4], inner[N + 5]
     for i in range(N):
         # a moment fixed in space is no gradient: half of what turns with the end makes W its symmetric part
@@ -268,17 +244,15 @@ def _tangent(
             W[i, j] = 0.0
     for h in range(ng, -1, -1):
         if h < ng:
-            w = length * weight[h]
+            w = length * value[weight + h]
             k0, k1, k2 = w * n[h, 0], w * n[h, 1], w * n[h, 2]
-            M0, M1, M2 = (
-                M0 + v[h, 1] * k2 - v[h, 2] * k1,
-                M1 + v[h, 2] * k0 - v[h, 0] * k2,
-                M2 + v[h, 0] * k1 - v[h, 1] * k0,
-            )
+            v0, v1, v2 = v[h, 0], v[h, 1], v[h, 2]
+            M0, M1, M2 = M0 + v1 * k2 - v2 * k1, M1 + v2 * k0 - v0 * k2, M2 + v0 * k1 - v1 * k0
             for i in range(N):
-                X[0, i] += slope[h, 1, i] * k2 - slope[h, 2, i] * k1
-                X[1, i] += slope[h, 2, i] * k0 - slope[h, 0, i] * k2
-                X[2, i] += slope[h, 0, i] * k1 - slope[h, 1, i] * k0
+                v0, v1, v2 = slope[h, 0, i], slope[h, 1, i], slope[h, 2, i]
+                X[0, i] += v1 * k2 - v2 * k1
+                X[1, i] += v2 * k0 - v0 * k2
+                X[2, i] += v0 * k1 - v1 * k0
         u0 = T[h, 0, 0] * M0 + T[h, 1, 0] * M1 + T[h, 2, 0] * M2
         u1 = T[h, 0, 1] * M0 + T[h, 1, 1] * M1 + T[h, 2, 1] * M2
         u2 = T[h, 0, 2] * M0 + T[h, 1, 2] * M1 + T[h, 2, 2] * M2
@@ -286,25 +260,7 @@ def _tangent(
         m0 = R[h, 0, 0] * M0 + R[h, 1, 0] * M1 + R[h, 2, 0] * M2
         m1 = R[h, 0, 1] * M0 + R[h, 1, 1] * M1 + R[h, 2, 1] * M2
         m2 = R[h, 0, 2] * M0 + R[h, 1, 2] * M1 + R[h, 2, 2] * M2
-        gap_second(gap[h], turn[h], J[h], m0, m1, m2, u0, u1, u2, M)
-        first = 0
-        for axis in range(3):
-            for i in range(first, first + number[axis]):
-                p, q, s = length * modes[h, 0, i], length * modes[h, 1, i], length * modes[h, 2, i]
-                # rotation in the middle of the gap: so comes in the skew part of the second derivative
-                d, e, g = (
-                    psi[h, 0, i] + psi[h + 1, 0, i],
-                    psi[h, 1, i] + psi[h + 1, 1, i],
-                    psi[h, 2, i] + psi[h + 1, 2, i],
-                )
-                x = X[0, i] + 0.5 * (M1 * g - M2 * e)
-                y = X[1, i] + 0.5 * (M2 * d - M0 * g)
-                z = X[2, i] + 0.5 * (M0 * e - M1 * d)
-                for k in range(9):
-                    Z[i, k] = (p * M[axis, k] + q * M[3 + axis, k] + s * M[6 + axis, k]) + (
-                        G[h, 0, k] * x + G[h, 1, k] * y + G[h, 2, k] * z
-                    )
-            first += number[axis]
+        gap_second(h, gap, turn, J, m0, m1, m2, u0, u1, u2, V, M)
         first = 0
         for axis in range(3):
             d = G[h, 0, axis] * M0 + G[h, 1, axis] * M1 + G[h, 2, axis] * M2
@@ -313,45 +269,55 @@ def _tangent(
             for i in range(first, first + number[axis]):
                 p, q, s = length * modes[h, 0, i], length * modes[h, 1, i], length * modes[h, 2, i]
                 residual[i] -= p * d + q * e + s * g
+                # rotation in the middle of the gap: so comes in the skew part of the second derivative
+                x, y, z = (
+                    0.5 * (psi[h, 0, i] + psi[h + 1, 0, i]),
+                    0.5 * (psi[h, 1, i] + psi[h + 1, 1, i]),
+                    0.5 * (psi[h, 2, i] + psi[h + 1, 2, i]),
+                )
+                x, y, z = X[0, i] + M1 * z - M2 * y, X[1, i] + M2 * x - M0 * z, X[2, i] + M0 * y - M1 * x
+                for k in range(9):
+                    Z[i, k] = (p * M[axis, k] + q * M[3 + axis, k] + s * M[6 + axis, k]) + (
+                        G[h, 0, k] * x + G[h, 1, k] * y + G[h, 2, k] * z
+                    )
                 for j in range(i + 1):
                     W[i, j] -= p * Z[j, axis] + q * Z[j, 3 + axis] + s * Z[j, 6 + axis]
             first += number[axis]
     for i in range(N):
         for j in range(i):
             W[j, i] = W[i, j]
-    first, at = 0, 0
+    first, at = 0, 1
     for axis in range(3):
         count = number[axis]
-        for i in range(count):
-            for j in range(count):
-                k = stiffness[at + i * count + j]
-                W[first + i, first + j] += k
-                residual[first + i] += k * (inner[first + j] - rest[first + j])
+        for i in range(first, first + count):
+            for j in range(first, first + count):
+                W[i, j] += value[at]
+                residual[i] += value[at] * (inner[j] - value[rest + j])
+                at += 1
         first += count
-        at += count * count
 
 
 @kernel
-def strain_tangent(value, number, inner, pull, scratch):
-    """W and g of the amplitudes at fixed end wrench and gravity, into scratch as left by `strain_fields`:
+def strain_tangent(value, number, inner, f):
+    """W and g of the amplitudes at fixed end wrench and gravity, into the fields f as left by `strain_fields`:
 
     g_i = K (a - a0) - dH/da_i - m.psi_i(L), and W_ij the symmetric part of its derivative. The skew part, a half of
     m.(psi_i(L) x psi_j(L)), is that of a moment that is fixed in space, on end q alone: no matter of the leaf.
     """
-    c, f = constants_of(value, number), fields_of(number, scratch)
+    _, _, _, gap, beyond = constants_at(number)
+    modes = value[gap:beyond].reshape(number[3] + 1, 3, number[0] + number[1] + number[2])
     _tangent(
-        value, number, inner, c.weight, c.gap, c.stiffness, c.rest,
-        f.gap, f.turn, f.J, f.T, f.G, f.R, f.psi, f.n, f.v, f.slope, f.M, f.W, f.g, f.X, f.Z,
+        value, number, inner, modes,
+        f.gap, f.turn, f.J, f.T, f.G, f.R, f.psi, f.n, f.v, f.slope, f.M, f.V, f.W, f.g, f.X, f.Z,
     )  # fmt: skip
 
 
 @kernel
-def _solve_modes(W, Y, before):
+def _solve_modes(N, W, Y, before):
     """Y (N, 7) <- W^-1 Y by LDL^T in place of W, whose diagonal is put into before (N,): L below the diagonal, D on it.
 
     Returns (negative pivots, 2 where one had to be replaced, else 0).
     """
-    N = len(Y)
     negatives, status = 0, 0
     for j in range(N):
         before[j] = abs(W[j, j])
@@ -380,21 +346,18 @@ def _solve_modes(W, Y, before):
 
 
 @kernel
-def _substitute(W, Y):
-    """Y (N, k) <- W^-1 Y, W factored by `_solve_modes`."""
-    N, k = Y.shape
+def _substitute(N, W, Y):
+    """Y (N, 3) <- W^-1 Y, W factored by `_solve_modes`."""
     for j in range(N):
         for c in range(j):
-            w = W[j, c]
-            for e in range(k):
-                Y[j, e] -= w * Y[c, e]
+            for e in range(3):
+                Y[j, e] -= W[j, c] * Y[c, e]
     for j in range(N - 1, -1, -1):
-        for e in range(k):
-            Y[j, e] /= W[j, j]
-        for c in range(j + 1, N):
-            w = W[c, j]
-            for e in range(k):
-                Y[j, e] -= w * Y[c, e]
+        for e in range(3):
+            s = Y[j, e] / W[j, j]
+            for c in range(j + 1, N):
+                s -= W[c, j] * Y[c, e]
+            Y[j, e] = s
 
 
 @kernel
@@ -428,112 +391,104 @@ def _invert6(F, K):
 
 
 @kernel
-def _follow_gravity(length, number, pull, c, f, K, step, X):
-    """The pull (39,) of a leaf with weight, see `ksd.beam.weight`; X (N, 3) = W^-1 eta(L)^T is kept for `strain_recover`.
+def _follow_gravity(value, number, store, f, K, step):
+    """The pull (39,) of a leaf with weight, see `ksd.beam.weight`, and before it X (N, 3) = W^-1 eta(L)^T, which is kept for
+    `strain_recover`, both at the end of its store.
 
     With B = int M S and Z = J X + B (force rows): V_xi,g = -K Z, V_g,g = Z^T K Z - eta X - int M^2 S, and the
     first moment int M v is predicted with the step of the wrench, step = K (c + J W^-1 g).
     """
     N, ng = number[0] + number[1] + number[2], number[3]
-    Z, G = np.empty((6, 3)), np.empty((3, 3))
-    for e in range(3):
-        pull[3 + e] = 0.0
-        for r in range(3):
-            Z[r, e], Z[3 + r, e], G[r, e] = 0.0, 0.0, 0.0
-    for g in range(ng):
-        w = length * c.weight[g] * c.beyond[g]
-        for r in range(3):
-            pull[3 + r] += w * f.v[g, r]
-            for e in range(3):
-                Z[r, e] += w * f.S[g, r, e]
-                G[r, e] += w * c.beyond[g] * f.S[g, r, e]
+    _, weight, _, _, beyond = constants_at(number)
+    o = len(store) - PULL
+    X, Z, G = store[o - 3 * N : o].reshape(N, 3), np.zeros((6, 3)), np.zeros((3, 3))
     for i in range(N):
         for e in range(3):
             X[i, e] = f.eta[e, i]
-    _substitute(f.W, X)
+    _substitute(N, f.W, X)
     for e in range(3):
-        pull[6 + e] = pull[3 + e]
+        s = 0.0
+        for g in range(ng):
+            M = value[beyond + g]
+            w = value[0] * value[weight + g] * M
+            s += w * f.v[g, e]
+            for r in range(3):
+                Z[r, e] += w * f.S[g, r, e]
+                G[r, e] += w * M * f.S[g, r, e]
+        store[o + 6 + e] = s
         for i in range(N):
-            pull[3 + e] -= f.eta[e, i] * f.Y[i, 6]
+            s -= f.eta[e, i] * f.Y[i, 6]
             for r in range(3):
                 Z[r, e] += f.rho[r, i] * X[i, e]
-                Z[3 + r, e] += f.psi[-1, r, i] * X[i, e]
+                Z[3 + r, e] += f.psi[ng + 1, r, i] * X[i, e]
                 G[r, e] += f.eta[r, i] * X[i, e]
+        for r in range(6):
+            s += Z[r, e] * step[r]
+        store[o + 3 + e] = s
     for e in range(3):
         for r in range(6):
-            pull[3 + e] += Z[r, e] * step[r]
             s = 0.0
             for k in range(6):
                 s -= K[r, k] * Z[k, e]
-            pull[9 + 3 * r + e] = s
-    for r in range(3):
-        for e in range(3):
+            store[o + 9 + 3 * r + e] = s
+        for r in range(3):
             s = -G[r, e]
             for k in range(6):
-                s -= Z[k, r] * pull[9 + 3 * k + e]
-            pull[27 + 3 * r + e] = s
+                s -= Z[k, r] * store[o + 9 + 3 * k + e]
+            store[o + 27 + 3 * r + e] = s
 
 
 @kernel
-def strain_condense(value, number, inner, store, scratch, d, Q, lam, K):
+def strain_condense(value, number, inner, store, f, d, Q, lam, K):
     """Condense one leaf at end pose d (3,) [m], Q (3, 3); see the module docstring for the equations.
 
     inner = (a (N,), lam (6,)). Writes lam[0:6] condensed end wrench, lam[6:12] the wrench the geometric terms
     use (the one before this step), K (6, 6). store keeps W^-1 J^T and W^-1 g (N, 8, the last a spare), K (6, 6) and
     c + J W^-1 g (6,); a leaf with weight also W^-1 eta(L)^T (N, 3) and its pull (see `ksd.beam.weight`).
-    scratch: `strain_values.strain_scratch` numbers or more, left undefined.
+    f: `Fields` with room for the leaf, left undefined.
     Returns (negative pivots of W minus those of F, |change of n| [N], |change of m| [Nm], status).
     """
     N, ng = number[0] + number[1] + number[2], number[3]
+    _, weight, _, gaps, beyond = constants_at(number)
+    modes = value[gaps:beyond].reshape(ng + 1, 3, N)
     tail = N * 8
-    gap = store[tail + 36 : tail + 42]
+    gap = tail + 36
     heavy = len(store) > tail + 42
     pull = store[len(store) - PULL if heavy else len(store) :]
-    c, f = constants_of(value, number), fields_of(number, scratch)
-    _fields(value, number, inner, pull, c, f)
+    W, g, Y, R, rho, psi = f.W, f.g, f.Y, f.R, f.rho, f.psi
+    _orientations(value[0], number, inner, modes, f.gap, f.turn, f.J, f.T, f.G, R, psi)
+    _slopes(value, number, inner, pull, R, psi, f.n, f.v, f.S, f.slope, f.end, rho, f.eta)
     _tangent(
-        value, number, inner, c.weight, c.gap, c.stiffness, c.rest,
-        f.gap, f.turn, f.J, f.T, f.G, f.R, f.psi, f.n, f.v, f.slope, f.M, f.W, f.g, f.X, f.Z,
+        value, number, inner, modes,
+        f.gap, f.turn, f.J, f.T, f.G, R, psi, f.n, f.v, f.slope, f.M, f.V, W, g, f.X, f.Z,
     )  # fmt: skip
-    W, g, Y, R, S = f.W, f.g, f.Y, f.R, f.S
-    rho, psi, end, weight = f.rho, f.psi, f.end, c.weight
     # Y = W^-1 [J^T, g], seven right-hand sides at once; J = (rho(L), psi(L))
     for i in range(N):
         for r in range(3):
             Y[i, r], Y[i, 3 + r] = rho[r, i], psi[ng + 1, r, i]
         Y[i, 6] = g[i]
-    negatives, status = _solve_modes(W, Y, g)
+    negatives, status = _solve_modes(N, W, Y, g)
     # F = J W^-1 J^T + L sum w S (force block);  gap = closure + J W^-1 g
-    F, turned, twist = np.empty((6, 6)), np.empty((3, 3)), np.empty(3)
+    F, turned, step = np.zeros((6, 6)), f.V, np.empty(6)
     for i in range(3):
         for j in range(3):
             turned[i, j] = Q[i, 0] * R[ng + 1, j, 0] + Q[i, 1] * R[ng + 1, j, 1] + Q[i, 2] * R[ng + 1, j, 2]
-    rotation_log(turned, twist)
+    rotation_log(turned, step)
     for r in range(3):
-        gap[r], gap[3 + r] = d[r] - end[r], twist[r]
-    for r in range(6):
-        for e in range(6):
-            F[r, e] = 0.0
+        store[gap + r], store[gap + 3 + r] = d[r] - f.end[r], step[r]
     for i in range(N):
-        y0, y1, y2, y3, y4, y5 = Y[i, 0], Y[i, 1], Y[i, 2], Y[i, 3], Y[i, 4], Y[i, 5]
-        last = Y[i, 6]
+        for e in range(7):
+            store[8 * i + e] = Y[i, e]
         for r in range(6):
             j = rho[r, i] if r < 3 else psi[ng + 1, r - 3, i]
-            F[r, 0] += j * y0
-            F[r, 1] += j * y1
-            F[r, 2] += j * y2
-            F[r, 3] += j * y3
-            F[r, 4] += j * y4
-            F[r, 5] += j * y5
-            gap[r] += j * last
-        o = 8 * i
-        store[o], store[o + 1], store[o + 2], store[o + 3] = y0, y1, y2, y3
-        store[o + 4], store[o + 5], store[o + 6] = y4, y5, last
+            for e in range(6):
+                F[r, e] += j * Y[i, e]
+            store[gap + r] += j * Y[i, 6]
     for p in range(ng):
-        w = value[0] * weight[p]
+        w = value[0] * value[weight + p]
         for i in range(3):
             for j in range(3):
-                F[i, j] += w * S[p, i, j]
+                F[i, j] += w * f.S[p, i, j]
     for r in range(6):
         for e in range(r):
             F[r, e] = F[e, r] = 0.5 * (F[r, e] + F[e, r])
@@ -541,21 +496,19 @@ def strain_condense(value, number, inner, store, scratch, d, Q, lam, K):
     if not fine:
         status = 2
     dn, dm = 0.0, 0.0
-    change = np.empty(6)
     for r in range(6):
         s = 0.0
         for e in range(6):
             store[tail + r * 6 + e] = K[r, e]
-            s += K[r, e] * gap[e]
-        change[r] = s
+            s += K[r, e] * store[gap + e]
+        step[r] = s
         lam[r], lam[6 + r] = inner[N + r] + s, inner[N + r]
         if r < 3:
             dn += s * s
         else:
             dm += s * s
     if heavy:
-        X = store[tail + 42 : tail + 42 + 3 * N].reshape(N, 3)
-        _follow_gravity(value[0], number, pull, c, f, K, change, X)
+        _follow_gravity(value, number, store, f, K, step)
     if not math.isfinite(dn + dm):
         status = 2
     return negatives - back, math.sqrt(dn), math.sqrt(dm), status

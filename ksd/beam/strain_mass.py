@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ksd.beam.strain import fields_of, strain_fields, strain_tangent
+from ksd.beam.strain import fields_of, leaf_room, strain_fields, strain_tangent
 from ksd.beam.strain_values import masses_beyond, strain_scratch
 from ksd.numerics.kernel import kernel
 
@@ -91,9 +91,10 @@ def many_pulls(value: Array, number: NDArray[np.int64], inner: Array, gravity: A
 def _every_leaf(value, number, inner, pull, scratch, tangent):
     """Fields and, where tangent is 1, tangent of every leaf, rows of all arrays but number."""
     for i in range(len(value)):
-        strain_fields(value[i], number, inner[i], pull[i], scratch[i])
+        f = leaf_room(number[0] + number[1] + number[2], number[3], scratch[i])
+        strain_fields(value[i], number, inner[i], pull[i], f)
         if tangent == 1:
-            strain_tangent(value[i], number, inner[i], pull[i], scratch[i])
+            strain_tangent(value[i], number, inner[i], f)
 
 
 def _every_field(number: NDArray[np.int64], scratch: Array) -> Any:

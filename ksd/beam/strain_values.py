@@ -147,10 +147,14 @@ def strain_sizes(number: np.ndarray, *, heavy: bool = False) -> tuple[int, int]:
     return total + 6, 8 * total + 42 + heavy * (3 * total + PULL)
 
 
+def room_size(N: int, ng: int) -> int:
+    """Numbers that `ksd.beam.strain.open_room` lays out."""
+    return 75 * (ng + 1) + (9 + 3 * N) * (ng + 2) + (15 + 3 * N) * ng + 3 + N * (N + 26) + 90
+
+
 def strain_scratch(number: np.ndarray) -> int:
-    """Numbers of scratch that `ksd.beam.strain.fields_of` lays out."""
-    N, ng = int(number[:3].sum()), int(number[3])
-    return 75 * (ng + 1) + (9 + 3 * N) * (ng + 2) + (15 + 3 * N) * ng + 3 + N * (N + 26) + 81
+    """Those of `ksd.beam.strain.fields_of`, for one leaf."""
+    return room_size(int(number[:3].sum()), int(number[3]))
 
 
 def strain_constants(number: np.ndarray, *, heavy: bool = False) -> int:

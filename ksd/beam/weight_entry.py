@@ -18,11 +18,13 @@ from ksd.numerics.kernel import kernel
 
 
 @kernel
-def pull_member(pose, weight, factor, store):
-    """Gravity, weight (4,) = mass and acceleration, times `factor` into the pull of a leaf, in its frame p."""
+def pull_member(pose, weight, i, factor, store):
+    """Gravity, weight (m, 4) = mass and acceleration, times `factor` into the pull of leaf i, in its frame p."""
     o = len(store) - PULL
     for r in range(3):
-        store[o + r] = factor * (pose[r] * weight[1] + pose[3 + r] * weight[2] + pose[6 + r] * weight[3])
+        store[o + r] = factor * (
+            pose[r] * weight[i, 1] + pose[3 + r] * weight[i, 2] + pose[6 + r] * weight[i, 3]
+        )
 
 
 @kernel

@@ -16,7 +16,7 @@ from ksd.bodies.series import monomials, pose_from
 from ksd.model.arrays import Arrays, Motion, Work
 from ksd.model.newton import GRAIN, assemble, take_step
 from ksd.model.poses import member_pose
-from ksd.numerics.blocks import backward_blocks, factor_blocks, forward_blocks
+from ksd.numerics.blocks import BLOCKS, DIAGONAL, START, backward_blocks, factor_blocks, forward_blocks
 from ksd.numerics.kernel import kernel
 from ksd.numerics.rotations import rotation_log
 
@@ -101,18 +101,26 @@ def condense_joints(
     """
     _, _, inside, status = assemble(bench, motion, np.zeros(0), 1.0, work, 1e-8, near, GRAIN)
     negatives, pivot = _condense_blocks(
-        bench.plan, bench.start, joints, motion.x, motion.R, work.value, work.spare, work.rhs, reduced_inner
+        bench.plan.ints,
+        bench.start,
+        joints,
+        motion.x,
+        motion.R,
+        work.value,
+        work.spare,
+        work.rhs,
+        reduced_inner,
     )
     return negatives + inside, pivot, status
 
 
 @kernel
 def _condense_blocks(plan, start, joints, x, R, value, spare, rhs, inner):
-    stop, nodes = len(plan.size) - joints, len(start)
+    stop, nodes = plan[BLOCKS] - joints, len(start)
     negatives, pivot = factor_blocks(plan, value, spare, stop)
     forward_blocks(plan, spare, rhs, stop)
     for j in range(joints):
-        B, at, o = nodes - joints + j, plan.diagonal[stop + j], 54 * j
+        B, at, o = nodes - joints + j, plan[plan[DIAGONAL] + stop + j], 54 * j
         u = start[B]
         for r in range(3):
             inner[o + r] = x[B, r]
@@ -130,9 +138,10 @@ def _condense_blocks(plan, start, joints, x, R, value, spare, rhs, inner):
 def relative_poses(node, offset, frame, joints, x, R, relative):
     """Of the first members, with node, offset, frame as in `Members`: relative (J, 12), position d and rotation (row-major)
     of interface B in the axes of interface A."""
+    nodes, offsets, frames = node.reshape(-1), offset.reshape(-1), frame.reshape(-1)
     pose, Q = np.empty(18), np.empty((3, 3))
     for j in range(joints):
-        member_pose(node, offset, frame, x, R, j, pose, Q)
+        member_pose(nodes, 2 * j, offsets, 6 * j, frames, 18 * j, x, R, pose, Q)
         for r in range(3):
             relative[j, r] = pose[r] * pose[15] + pose[3 + r] * pose[16] + pose[6 + r] * pose[17]
             for c in range(3):
@@ -155,7 +164,7 @@ def recover_joints(
     m = reduced.members
     relative_poses(m.node, m.offset, m.frame, joints, reduced_motion.x, reduced_motion.R, relative)
     shift, twist = _recover_blocks(
-        bench.plan, bench.start, joints, relative, motion.x, motion.R, work.value, work.spare, work.rhs
+        bench.plan.ints, bench.start, joints, relative, motion.x, motion.R, work.value, work.spare, work.rhs
     )
     take_step(bench, motion, work.rhs, work, 1.0)
     return shift, twist
@@ -163,11 +172,11 @@ def recover_joints(
 
 @kernel
 def _recover_blocks(plan, start, joints, relative, x, R, value, spare, rhs):
-    stop = len(plan.size) - joints
+    stop = plan[BLOCKS] - joints
     turned, v = np.empty((3, 3)), np.empty(3)
     nodes = len(start)
     shift, twist = 0.0, 0.0
-    for i in range(plan.start[stop]):
+    for i in range(plan[plan[START] + stop]):
         rhs[i] = -rhs[i]
     for j in range(joints):
         B = nodes - joints + j

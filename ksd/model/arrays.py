@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ksd.numerics.blocks import Blocks
+from ksd.numerics.blocks import Blocks, open_blocks
 
 STRAIN, COROTATIONAL, LINEAR, COIL, TURN, MODAL, SOLID, PLANAR = 0, 1, 2, 3, 4, 5, 6, 7
 TRANSLATION, ROTATION = 0, 1
@@ -116,22 +116,34 @@ class Arrays(Fields):
 
 
 class Flat(NamedTuple):
-    """`Arrays` in two: ints = scratch, values, unknowns, then where every field of whole numbers begins and the last one
-    ends, the same of numbers, and the fields of whole numbers one after the other; floats = size and the other fields.
-    leaves_alone: whether all members are strain-mode leaves or linear, without weight."""
+    """`Arrays` in two, for compiled code: ints = counts, then where every field begins, and the fields of whole numbers;
+    floats = size and the other fields. leaves_alone: whether all members are strain-mode leaves or linear, without weight,
+    and no load has a skew tangent.
+
+    Kernels read a field by the place where it begins, which costs nothing, and no look into a named tuple, which counts the
+    users of an array: entry c of row i of a field f of w columns is ints[ints[f] + w i + c], or that of floats.
+    """
 
     ints: np.ndarray
     floats: np.ndarray
     leaves_alone: bool
 
 
-INT_FIELDS, FLOAT_FIELDS, FIRST = 40, 17, 3
-"""Fields of whole numbers, of numbers, and where the places of the former begin."""
+SCRATCH, NODES, MEMBER_COUNT, ROWS, LOADS, SPRING_COUNT, WIDTH, PLAN, START, MEMBERS = range(10)
+KIND, NODE, OFFSET, FRAME, NUMBER, VALUE_AT, VALUE, INNER_AT, STORE_AT, LENGTH, FLOOR, BLOCK = range(12)
+"""Fields of members, counted from MEMBERS, and of springs, from SPRINGS."""
+TERM_FIRST, TERM_START, TERM_COEFFICIENT, TERM_KIND, TERM_NODE = range(21, 26)
+TERM_DIRECTION, TERM_POINT, TERM_BLOCK, TERM_FLIP = range(26, 30)
+LOAD_NODE, LOAD_POINT, LOAD_FORCE, LOAD_MOMENT, LOAD_FOLLOWING, LOAD_SKEW, LOAD_BLOCK = range(30, 37)
+SPRINGS, WEIGHT, KEEP, FLOATS = 37, 49, 50, 51
+"""Where, in `Flat.ints`, counts stand, the places of fields and, last, how many floats there are."""
 
 
 def _leaves(part: Any) -> Iterator[np.ndarray]:
     for field in part:
-        if isinstance(field, np.ndarray):
+        if isinstance(field, Blocks):
+            yield field.ints
+        elif isinstance(field, np.ndarray):
             yield field
         elif isinstance(field, tuple):
             yield from _leaves(field)
@@ -141,65 +153,69 @@ def flatten(arrays: Fields) -> Flat:
     """A copy of the fields, one after the other."""
     ints: list[np.ndarray] = []
     floats: list[np.ndarray] = []
+    places, at, to = [], FLOATS + 1, 1
     for leaf in _leaves(arrays):
-        (ints if leaf.dtype == np.int64 else floats).append(leaf.reshape(-1))
-    assert (len(ints), len(floats)) == (INT_FIELDS, FLOAT_FIELDS)
-    head = FIRST + INT_FIELDS + FLOAT_FIELDS + 2
-    places = [
-        head,
-        *(head + np.cumsum([len(a) for a in ints])),
-        1,
-        *(1 + np.cumsum([len(a) for a in floats])),
-    ]
-    scalars = [arrays.scratch, arrays.plan.values, arrays.plan.unknowns]
+        if leaf.dtype == np.int64:
+            places.append(at)
+            ints.append(leaf.reshape(-1))
+            at += leaf.size
+        else:
+            places.append(to)
+            floats.append(leaf.reshape(-1))
+            to += leaf.size
+    assert len(places) == FLOATS - PLAN
+    counts = [
+        arrays.scratch, len(arrays.start), len(arrays.members.kind), len(arrays.terms.start), len(arrays.loads.node),
+        len(arrays.springs.kind), len(arrays.keep),
+    ]  # fmt: skip
     return Flat(
-        np.concatenate([np.array(scalars + places, np.int64), *ints]),
+        np.concatenate([np.array([*counts, *places, to], np.int64), *ints]),
         np.concatenate([np.array([arrays.size]), *floats]),
-        not len(arrays.weight) and bool(np.isin(arrays.members.kind, (STRAIN, PLANAR, LINEAR)).all()),
+        not len(arrays.weight)
+        and not arrays.loads.skew.any()
+        and bool(np.isin(arrays.members.kind, (STRAIN, PLANAR, LINEAR)).all()),
     )
 
 
-def open_fields(ints, floats):  # type: ignore[no-untyped-def]
-    """The fields as views of `Flat`; also compiled, in `ksd.model.newton`."""
-    i, f = ints[FIRST:], ints[FIRST + INT_FIELDS + 1 :]
-    plan = Blocks(
-        ints[i[0] : i[1]], ints[i[1] : i[2]], ints[i[2] : i[3]], ints[i[3] : i[4]], ints[i[4] : i[5]],
-        ints[i[5] : i[6]], ints[i[6] : i[7]], ints[i[7] : i[8]], ints[i[8] : i[9]], ints[i[9] : i[10]],
-        ints[i[10] : i[11]], ints[i[11] : i[12]], ints[i[12] : i[13]], ints[i[13] : i[14]],
-        ints[1],
-        ints[2],
-    )  # fmt: skip
-    start = ints[i[14] : i[15]]
-    members = Members(
-        ints[i[15] : i[16]], ints[i[16] : i[17]].reshape(-1, 2), floats[f[0] : f[1]].reshape(-1, 2, 3),
-        floats[f[1] : f[2]].reshape(-1, 2, 3, 3), ints[i[17] : i[18]].reshape(-1, 4), ints[i[18] : i[19]],
-        floats[f[2] : f[3]], ints[i[19] : i[20]], ints[i[20] : i[21]], floats[f[3] : f[4]], floats[f[4] : f[5]],
-        ints[i[21] : i[22]].reshape(-1, 4),
-    )  # fmt: skip
-    terms = Terms(
-        ints[i[22] : i[23]], ints[i[23] : i[24]], floats[f[5] : f[6]], ints[i[24] : i[25]],
-        ints[i[25] : i[26]].reshape(-1, 2), floats[f[6] : f[7]].reshape(-1, 3),
-        floats[f[7] : f[8]].reshape(-1, 2, 3), ints[i[26] : i[27]].reshape(-1, 5), ints[i[27] : i[28]],
-    )  # fmt: skip
-    loads = Loads(
-        ints[i[28] : i[29]], floats[f[8] : f[9]].reshape(-1, 3), floats[f[9] : f[10]].reshape(-1, 3),
-        floats[f[10] : f[11]].reshape(-1, 3), ints[i[29] : i[30]], ints[i[30] : i[31]], ints[i[31] : i[32]],
-    )  # fmt: skip
-    springs = Members(
-        ints[i[32] : i[33]], ints[i[33] : i[34]].reshape(-1, 2), floats[f[11] : f[12]].reshape(-1, 2, 3),
-        floats[f[12] : f[13]].reshape(-1, 2, 3, 3), ints[i[34] : i[35]].reshape(-1, 4), ints[i[35] : i[36]],
-        floats[f[13] : f[14]], ints[i[36] : i[37]], ints[i[37] : i[38]], floats[f[14] : f[15]],
-        floats[f[15] : f[16]], ints[i[38] : i[39]].reshape(-1, 4),
-    )  # fmt: skip
-    weight, keep = floats[f[16] : f[17]].reshape(-1, 4), ints[i[39] : i[40]]
-    return Fields(plan, start, members, terms, loads, floats[0], springs, ints[0], weight, keep)
+_INT, _FLOAT = 0, 1
+_MEMBER_ROWS = (
+    (_INT, ()), (_INT, (2,)), (_FLOAT, (2, 3)), (_FLOAT, (2, 3, 3)), (_INT, (4,)), (_INT, ()), (_FLOAT, ()), (_INT, ()),
+    (_INT, ()), (_FLOAT, ()), (_FLOAT, ()), (_INT, (4,)),
+)  # fmt: skip
+_TERM_ROWS = (
+    (_INT, ()), (_INT, ()), (_FLOAT, ()), (_INT, ()), (_INT, (2,)), (_FLOAT, (3,)), (_FLOAT, (2, 3)), (_INT, (5,)),
+    (_INT, ()),
+)  # fmt: skip
+_LOAD_ROWS = (
+    (_INT, ()), (_FLOAT, (3,)), (_FLOAT, (3,)), (_FLOAT, (3,)), (_INT, ()), (_INT, ()), (_INT, ()),
+)  # fmt: skip
+_ROWS = (
+    (_INT, ()), (_INT, ()), *_MEMBER_ROWS, *_TERM_ROWS, *_LOAD_ROWS, *_MEMBER_ROWS, (_FLOAT, (4,)), (_INT, ()),
+)  # fmt: skip
+"""Of every field its kind of number and the shape of its rows."""
 
 
 def opened(flat: Flat) -> Arrays:
     """Arrays whose fields are views of `flat`: what is written into them is what compiled code reads."""
-    f = open_fields(flat.ints, flat.floats)
-    plan = f.plan._replace(values=int(f.plan.values), unknowns=int(f.plan.unknowns))
-    arrays = Arrays(*f._replace(plan=plan, size=float(f.size), scratch=int(f.scratch)))
+    sources, ends = (flat.ints, flat.floats), [len(flat.ints), len(flat.floats)]
+    views: list[np.ndarray] = []
+    for (kind, shape), place in zip(reversed(_ROWS), reversed(flat.ints[PLAN:FLOATS].tolist()), strict=True):
+        part = sources[kind][place : ends[kind]]
+        views.append(part.reshape(-1, *shape) if shape else part)
+        ends[kind] = place
+    views.reverse()
+    members, terms, loads, springs = 2, 14, 23, 30
+    arrays = Arrays(
+        open_blocks(views[0]),
+        views[1],
+        Members(*views[members:terms]),
+        Terms(*views[terms:loads]),
+        Loads(*views[loads:springs]),
+        float(flat.floats[0]),
+        Members(*views[springs:-2]),
+        int(flat.ints[SCRATCH]),
+        *views[-2:],
+    )
     arrays.flat = flat
     return arrays
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -12,8 +12,29 @@ from ksd.beam.corotational_near import near_condense
 from ksd.beam.linear import linear_condense
 from ksd.beam.modal import modal_condense, modal_recover
 from ksd.beam.polynomial import polynomial_condense
-from ksd.beam.strain import strain_condense, strain_recover
-from ksd.model.arrays import COROTATIONAL, MODAL, PLANAR, SOLID, STRAIN
+from ksd.beam.strain import leaf_room, strain_condense, strain_recover
+from ksd.model.arrays import (
+    BLOCK,
+    COROTATIONAL,
+    FLOOR,
+    FRAME,
+    INNER_AT,
+    KIND,
+    LENGTH,
+    MEMBER_COUNT,
+    MEMBERS,
+    MODAL,
+    NODE,
+    NUMBER,
+    OFFSET,
+    PLANAR,
+    SOLID,
+    START,
+    STORE_AT,
+    STRAIN,
+    VALUE,
+    VALUE_AT,
+)
 from ksd.model.poses import member_pose
 from ksd.model.tangents import member_norms, member_tangent, scatter
 from ksd.numerics.kernel import kernel
@@ -25,7 +46,7 @@ def condense_member(
     number: Any,
     state: Any,
     store: Any,
-    scratch: Any,
+    room: Any,
     near: Any,
     d: Any,
     Q: Any,
@@ -34,8 +55,8 @@ def condense_member(
 ) -> Any:
     """Wrench lam (12,) and stiffness K (6, 6) of a member at relative pose d (3,), Q (3, 3), in frame p.
 
-    near: rotation vectors about which a chain is linearised, empty for the exact tangent. Returns (negative pivots, force
-    error [N], moment error [Nm], status).
+    near: rotation vectors about which a chain is linearised, empty for the exact tangent; room: `ksd.beam.strain.Fields`
+    for a leaf. Returns (negative pivots, force error [N], moment error [Nm], status).
     """
     if len(near) > 0:
         told = near_condense(value, number, state, store, near, d, Q, lam, K)
@@ -46,17 +67,17 @@ def condense_member(
     elif kind == SOLID:
         told = polynomial_condense(value, number, state, store, d, Q, lam, K)
     else:
-        told = condense_leaf(kind, value, number, state, store, scratch, near, d, Q, lam, K)
+        told = condense_leaf(kind, value, number, state, store, room, near, d, Q, lam, K)
     return told
 
 
 @kernel(inline="always")
-def condense_leaf(kind, value, number, state, store, scratch, near, d, Q, lam, K):
+def condense_leaf(kind, value, number, state, store, room, near, d, Q, lam, K):
     """`condense_member` of strain-mode leaves and linear bodies alone, which compile in half the time."""
     if kind == PLANAR:
         told = planar_leaf.condense(value, number, state, store, d, Q, lam, K)
     elif kind == STRAIN:
-        told = strain_condense(value, number, state, store, scratch, d, Q, lam, K)
+        told = strain_condense(value, number, state, store, room, d, Q, lam, K)
     else:
         told = linear_condense(state, d, Q, lam, K)
     return told
@@ -86,7 +107,7 @@ def recover_any(kind, value, number, state, store, xi, scale):
 
 
 @kernel(inline="always")
-def no_weight(pose, weight, factor, store):
+def no_weight(pose, weight, i, factor, store):
     """`ksd.beam.weight_entry.pull_member` where nothing weighs anything."""
 
 
@@ -96,10 +117,15 @@ def no_weight_added(pose, store, mass, T, force):
 
 
 @kernel
-def _as_before(value_at, number, kind, numbers, at, i, d, Q, before):
-    """Whether member i has the constants, the pose and the part of `numbers`, from at[i] on, of the one before, whose d and
-    Q are in before (12,), to the last bit; its own d and Q are written there."""
-    same = i > 0 and value_at[i] == value_at[i - 1] and kind[i] == kind[i - 1]
+def _as_before(ints, i, numbers, one, two, count, d, Q, before):
+    """Whether member i has the constants, the pose and the part of `numbers`, `count` of them from `two` on, of the one
+    before, whose d and Q are in before (12,) and part begins at `one`, to the last bit; its d and Q are written there."""
+    kind, value_at, number = (
+        ints[MEMBERS + KIND] + i,
+        ints[MEMBERS + VALUE_AT] + i,
+        ints[MEMBERS + NUMBER] + 4 * i,
+    )
+    same = i > 0 and ints[value_at] == ints[value_at - 1] and ints[kind] == ints[kind - 1]
     for r in range(3):
         same = same and before[r] == d[r]
         before[r] = d[r]
@@ -108,24 +134,56 @@ def _as_before(value_at, number, kind, numbers, at, i, d, Q, before):
             before[3 + 3 * r + c] = Q[r, c]
     if same:
         for c in range(4):
-            same = same and number[i, c] == number[i - 1, c]
-        one, two, k = at[i - 1], at[i], 0
-        while same and k < at[i + 1] - two:
+            same = same and ints[number + c] == ints[number - 4 + c]
+        k = 0
+        while same and k < count:
             same = numbers[one + k] == numbers[two + k]
             k += 1
     return same
 
 
 @kernel
-def _copy_before(numbers, at, i):
-    """Part i of `numbers` becomes the part before, of the same length."""
-    last, own = at[i - 1], at[i]
-    for k in range(at[i + 1] - own):
-        numbers[own + k] = numbers[last + k]
+def _repeat(numbers, one, two, count):
+    """The `count` numbers from `two` on become those from `one` on."""
+    for k in range(count):
+        numbers[two + k] = numbers[one + k]
+
+
+class Room(NamedTuple):
+    """Storage for one member at a time: its pose and relative orientation, wrench and stiffness, tangent and forces on its
+    nodes, norms of these, pose of the member before, scratch of `member_tangent`, `Fields` of a strain-mode leaf."""
+
+    pose: np.ndarray
+    Q: np.ndarray
+    d: np.ndarray
+    lam: np.ndarray
+    K: np.ndarray
+    T: np.ndarray
+    force: np.ndarray
+    norms: np.ndarray
+    before: np.ndarray
+    A: np.ndarray
+    M: np.ndarray
+    leaf: Any
 
 
 @kernel(inline="always")
-def add_members(condense, pull, weigh, arrays, x, R, inner, work, factor, rtol, noise, near):
+def open_member_room(ints, scratch):
+    """`Room` for the members there are."""
+    modes, points = 0, 0
+    for i in range(ints[MEMBER_COUNT]):
+        if ints[ints[MEMBERS + KIND] + i] == STRAIN:
+            number = ints[MEMBERS + NUMBER] + 4 * i
+            modes = max(modes, ints[number] + ints[number + 1] + ints[number + 2])
+            points = max(points, ints[number + 3])
+    return Room(
+        np.empty(18), np.empty((3, 3)), np.empty(3), np.empty(12), np.empty((6, 6)), np.empty((12, 12)), np.empty(12),
+        np.empty(6), np.empty(12), np.empty((6, 6)), np.empty((6, 12)), leaf_room(modes, points, scratch),
+    )  # fmt: skip
+
+
+@kernel(inline="always")
+def add_members(condense, pull, weigh, ints, floats, x, R, inner, work, room, factor, rtol, noise, near):
     """All members, their weight times `factor`, into work.value and work.rhs; condense, pull, weigh: for what there is.
 
     near 0: exact tangents at the state; 1: Appendix A chains are linearised about the element orientations in work.near
@@ -134,65 +192,69 @@ def add_members(condense, pull, weigh, arrays, x, R, inner, work, factor, rtol, 
     status).
     """
     # by names of their own: every look into a named tuple counts the users of an array
-    members, start, keep = arrays.members, arrays.start, arrays.keep
-    kinds, node, offset, frame, number = (
-        members.kind,
-        members.node,
-        members.offset,
-        members.frame,
-        members.number,
-    )
-    value_at, value, inner_at, store_at = members.value_at, members.value, members.inner_at, members.store_at
-    length, floors, block = members.length, members.floor, members.block
-    poses, wrenches, store, near_at, close = work.pose, work.lam, work.store, work.near_at, work.near
-    matrix, rhs, scale, weight, scratch = work.value, work.rhs, work.scale, work.weight, work.scratch
+    pose, Q, d, lam, K, T, force, norms, before = (
+        room.pose, room.Q, room.d, room.lam, room.K, room.T, room.force, room.norms, room.before,
+    )  # fmt: skip
+    A, M, leaf = room.A, room.M, room.leaf
+    store, near_at, close, weight = work.store, work.near_at, work.near, work.weight
+    matrix, rhs, scale, poses, lams = work.value, work.rhs, work.scale, work.pose, work.lam
+    node, value_at, number = ints[MEMBERS + NODE], ints[MEMBERS + VALUE_AT], ints[MEMBERS + NUMBER]
+    inner_at, store_at, block = ints[MEMBERS + INNER_AT], ints[MEMBERS + STORE_AT], ints[MEMBERS + BLOCK]
     negatives, worst, status = 0, 0.0, 0
     back, dn, dm, told = 0, 0.0, 0.0, 0
-    Q, d, K, T, force = np.empty((3, 3)), np.empty(3), np.empty((6, 6)), np.empty((12, 12)), np.empty(12)
-    starts, before, norms = np.empty(2, np.int64), np.empty(12), np.empty(6)
-    A, M = np.empty((6, 6)), np.empty((6, 12))
-    for i in range(len(kinds)):
-        pose, lam = poses[i], wrenches[i]
-        member_pose(node, offset, frame, x, R, i, pose, Q)
+    for i in range(ints[MEMBER_COUNT]):
+        a, b, kind = ints[node + 2 * i], ints[node + 2 * i + 1], ints[ints[MEMBERS + KIND] + i]
+        member_pose(
+            ints, node + 2 * i, floats, ints[MEMBERS + OFFSET] + 6 * i, floats, ints[MEMBERS + FRAME] + 18 * i, x, R, pose, Q
+        )  # fmt: skip
         for c in range(3):
             d[c] = pose[c] * pose[15] + pose[3 + c] * pose[16] + pose[6 + c] * pose[17]
         linearised = near == 1 and near_at[i] < near_at[i + 1]
         heavy = len(weight) > 0 and weight[i, 0] > 0.0
+        own, kept = ints[inner_at + i], ints[store_at + i]
+        # lengths of its inner state and store, and where those of the member before begin
+        state_size, store_size = ints[inner_at + i + 1] - own, ints[store_at + i + 1] - kept
+        own_before, kept_before = ints[inner_at + max(i - 1, 0)], ints[store_at + max(i - 1, 0)]
         same = False
         if heavy:
-            pull(pose, weight[i], factor, store[store_at[i] : store_at[i + 1]])
             before[0] = math.nan
         elif linearised:
             # the inner state follows from the near configuration
-            same = _as_before(value_at, number, kinds, close, near_at, i, d, Q, before)
+            at = near_at[i]
+            same = _as_before(ints, i, close, near_at[max(i - 1, 0)], at, near_at[i + 1] - at, d, Q, before)
         else:
-            same = _as_before(value_at, number, kinds, inner, inner_at, i, d, Q, before)
+            same = _as_before(ints, i, inner, own_before, own, state_size, d, Q, before)
         if same:
-            for r in range(12):
-                lam[r] = wrenches[i - 1, r]
-            _copy_before(store, store_at, i)
+            _repeat(store, kept_before, kept, store_size)
             if linearised:
-                _copy_before(inner, inner_at, i)
+                _repeat(inner, own_before, own, state_size)
         else:
-            about = close[near_at[i] : near_at[i + 1] if linearised else near_at[i]]
+            mine = store[kept : kept + store_size]
+            if heavy:
+                pull(pose, weight, i, factor, mine)
             back, dn, dm, told = condense(
-                kinds[i], value[value_at[i] :], number[i], inner[inner_at[i] : inner_at[i + 1]],
-                store[store_at[i] : store_at[i + 1]], scratch, about, d, Q, lam, K,
+                kind, floats[ints[MEMBERS + VALUE] + ints[value_at + i] :], ints[number + 4 * i : number + 4 * i + 4],
+                inner[own : own + state_size], mine, leaf,
+                close[near_at[i] : near_at[i + 1] if linearised else near_at[i]], d, Q, lam, K,
             )  # fmt: skip
         member_tangent(pose, lam, K, T, force, A, M)
         negatives += back
         status = max(status, told)
         if heavy:
-            weigh(pose, store[store_at[i] : store_at[i + 1]], weight[i, 0], T, force)
+            weigh(pose, store[kept : kept + store_size], weight[i, 0], T, force)
         member_norms(lam, force, norms)
-        n, m, L, floor = norms[0], norms[1], length[i], noise * floors[i]
+        n, m, L = norms[0], norms[1], floats[ints[MEMBERS + LENGTH] + i]
+        floor = noise * floats[ints[MEMBERS + FLOOR] + i]
         worst = max(
             worst, dn / (rtol * (n + m / L) + floor + 1e-300), dm / (rtol * (n * L + m) + floor * L + 1e-300)
         )
         for e in range(2):
-            k = node[i, e]
-            starts[e] = start[k]
+            k = ints[node + 2 * i + e]
             scale[k, 0] += rtol * (max(norms[2 + 2 * e], n) + m / L) + floor
             scale[k, 1] += rtol * (max(norms[3 + 2 * e], m) + n * L) + floor * L
-        scatter(keep, block[i], T, force, rhs, starts, matrix)
+        for r in range(18):
+            poses[i, r] = pose[r]
+        for r in range(12):
+            lams[i, r] = lam[r]
+        scatter(ints, block + 4 * i, T, force, ints[ints[START] + a], ints[ints[START] + b], matrix, rhs)
     return negatives, worst, status

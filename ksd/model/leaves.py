@@ -210,9 +210,8 @@ def _undeformed_end(
     value: np.ndarray, number: np.ndarray, inner: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Pose of end q by the leaf's own integration, so that a curved leaf is free of stress at rest."""
-    scratch = np.zeros(strain_scratch(number))
-    strain_fields(value, number, inner, np.zeros(0), scratch)
-    fields = fields_of(number, scratch)
+    fields = fields_of(number, np.zeros(strain_scratch(number)))
+    strain_fields(value, number, inner, np.zeros(0), fields)
     return fields.end.copy(), fields.R[-1].copy()
 
 

@@ -19,20 +19,43 @@ import math
 import numpy as np
 
 from ksd.beam.weight_entry import pull_member, turn_pull, weigh_member
-from ksd.model.arrays import Arrays, Motion, Work, open_fields, open_work
+from ksd.model.arrays import (
+    INNER_AT,
+    KEEP,
+    KIND,
+    LOADS,
+    MEMBER_COUNT,
+    MEMBERS,
+    NODE,
+    NODES,
+    NUMBER,
+    PLAN,
+    SPRING_COUNT,
+    START,
+    STORE_AT,
+    TERM_START,
+    VALUE,
+    VALUE_AT,
+    WIDTH,
+    Arrays,
+    Motion,
+    Work,
+    open_work,
+)
 from ksd.model.assembly import (
     add_members,
     condense_any,
     condense_leaf,
     no_weight,
     no_weight_added,
+    open_member_room,
     recover_any,
     recover_leaf,
 )
 from ksd.model.loading import add_loads, add_terms
 from ksd.model.springs import add_springs
-from ksd.model.turning import turn_step, turning
-from ksd.numerics.blocks import factor_blocks, solve_blocks
+from ksd.model.turning import turn_step
+from ksd.numerics.blocks import BLOCKS, factor_blocks, solve_blocks
 from ksd.numerics.kernel import kernel
 from ksd.numerics.rotations import straighten, turn
 
@@ -44,12 +67,9 @@ STALLED = 0.1
 """Residual over that before the step from which on steps no longer lower it."""
 
 CONVERGED, TOO_MANY, LOCAL_ANGLE, SINGULAR, DIVERGED, NOT_FINITE = 0, 1, 2, 3, 4, 5
-SOLVE, LOOK, ASSEMBLE, NODES, STEP, TAKE = 0, 1, 2, 3, 4, 5
+SOLVE, LOOK, ASSEMBLE, NODES_ALONE, STEP, TAKE = 0, 1, 2, 3, 4, 5
 """Tasks of `newton`: iterate; assemble and find the Newton step; assemble; assemble without members; find the step of what
 was assembled; take the step."""
-
-_open = kernel(inline="always")(open_fields)
-_open_work = kernel(inline="always")(open_work)
 
 
 def settled(worst: float, before: float, moved: float) -> bool:
@@ -58,181 +78,194 @@ def settled(worst: float, before: float, moved: float) -> bool:
     return worst <= 1.0 or (worst <= LOOSE and moved <= 1.0 and worst > STALLED * before)
 
 
+_open_work = kernel(inline="always")(open_work)
 _settled = kernel(inline="always")(settled)
 
 
-@kernel(inline="always")
-def _assemble(
-    condense, pull, weigh, arrays, x, R, inner, multiplier, target, work, task, near, factor, rtol, grain
-):
-    """Residual and tangent. Returns (residual over its bound, largest gap [m], negatives, status)."""
-    start, keep, rhs, scale = arrays.start, arrays.keep, work.rhs, work.scale
-    work.value[:] = 0.0
-    rhs[:] = 0.0
-    scale[:, :] = 0.0
-    reach = arrays.size
-    for k in range(len(start)):
-        for r in range(3):
-            reach = max(reach, abs(x[k, r]))
-    noise = grain * 2.220446049250313e-16 * reach
-    negatives, worst, status = 0, 0.0, 0
-    if task != NODES:
-        negatives, worst, status = add_members(
-            condense, pull, weigh, arrays, x, R, inner, work, factor, rtol, noise, near
-        )
-    if len(arrays.springs.kind) > 0:
-        first = len(arrays.members.kind)
-        status = max(status, add_springs(arrays.springs, first, start, keep, x, R, work, rtol, noise))
-    if len(arrays.loads.node) > 0:
-        add_loads(arrays.loads, start, keep, R, work, factor, rtol)
-    gap = add_terms(arrays.terms, start, keep, arrays.size, x, R, multiplier, target, work, rtol)
-    worst = max(worst, gap / (1e-11 * arrays.size + 2e-15 * reach))
-    for k in range(len(start)):
-        u = start[k]
+@kernel
+def _worst_node(ints, rhs, scale):
+    """Largest residual of a node over its bound."""
+    worst = 0.0
+    for k in range(ints[NODES]):
+        u = ints[ints[START] + k]
         if u >= 0:
             f, m = 0.0, 0.0
-            for r in range(len(keep)):
-                if keep[r] < 3:
+            for r in range(ints[WIDTH]):
+                if ints[ints[KEEP] + r] < 3:
                     f += rhs[u + r] ** 2
                 else:
                     m += rhs[u + r] ** 2
             worst = max(worst, math.sqrt(f) / (scale[k, 0] + 1e-300), math.sqrt(m) / (scale[k, 1] + 1e-300))
+    return worst
+
+
+@kernel(inline="always")
+def _assemble(
+    condense,
+    pull,
+    weigh,
+    ints,
+    floats,
+    x,
+    R,
+    inner,
+    multiplier,
+    target,
+    work,
+    room,
+    task,
+    near,
+    factor,
+    rtol,
+    grain,
+):
+    """Residual and tangent. Returns (residual over its bound, largest gap [m], negatives, status)."""
+    matrix, rhs, scale = work.value, work.rhs, work.scale
+    matrix[:] = 0.0
+    rhs[:] = 0.0
+    scale[:, :] = 0.0
+    reach = floats[0]
+    for k in range(ints[NODES]):
+        for r in range(3):
+            reach = max(reach, abs(x[k, r]))
+    noise = grain * 2.220446049250313e-16 * reach
+    negatives, worst, status = 0, 0.0, 0
+    if task != NODES_ALONE:
+        negatives, worst, status = add_members(
+            condense, pull, weigh, ints, floats, x, R, inner, work, room, factor, rtol, noise, near
+        )
+    if ints[SPRING_COUNT] > 0:
+        status = max(
+            status, add_springs(ints, floats, x, R, rtol, noise, matrix, rhs, scale, work.pose, work.lam)
+        )
+    if ints[LOADS] > 0:
+        add_loads(ints, floats, R, factor, rtol, matrix, rhs, scale)
+    gap = add_terms(ints, floats, x, R, multiplier, target, rtol, matrix, rhs, scale)
+    worst = max(worst, gap / (1e-11 * floats[0] + 2e-15 * reach), _worst_node(ints, rhs, scale))
     if not math.isfinite(worst) or status == 2:
         worst, status = math.inf, 2
     return worst, gap, negatives, status
 
 
 @kernel
-def _largest(start, keep, step, first):
+def _largest(ints, step, first):
     """Largest norm, over the nodes, of the three components from `first` on, as far as they are unknown."""
     largest = 0.0
-    for k in range(len(start)):
-        u = start[k]
+    for k in range(ints[NODES]):
+        u = ints[ints[START] + k]
         if u >= 0:
             s = 0.0
-            for r in range(len(keep)):
-                if first <= keep[r] < first + 3:
+            for r in range(ints[WIDTH]):
+                if first <= ints[ints[KEEP] + r] < first + 3:
                     s += step[u + r] ** 2
             largest = max(largest, s)
     return math.sqrt(largest)
 
 
 @kernel
-def _relative_motion(pose, move, g, xi):
-    """xi (6,) in frame p from the motion (12,) of nodes a, b: (dxb - dxa + dphib x s - dphia x w, dphib - dphia); g (6,):
-    scratch."""
+def _relative_motion(ints, poses, i, step, move, xi):
+    """Motion (12,) of the nodes a, b of member i in the step, and xi (6,) in frame p of it: (dxb - dxa + dphib x s
+    - dphia x w, dphib - dphia)."""
+    node = ints[MEMBERS + NODE] + 2 * i
+    for e in range(2):
+        u = ints[ints[START] + ints[node + e]]
+        for r in range(6):
+            move[6 * e + r] = 0.0
+        if u >= 0:
+            for r in range(ints[WIDTH]):
+                move[6 * e + ints[ints[KEEP] + r]] = step[u + r]
+    for r in range(6):
+        xi[r] = 0.0
     for r in range(3):
         j, k = (r + 1) % 3, (r + 2) % 3
-        g[r] = (
+        g = (
             move[6 + r] - move[r]
-            + move[9 + j] * pose[12 + k] - move[9 + k] * pose[12 + j]
-            - move[3 + j] * pose[9 + k] + move[3 + k] * pose[9 + j]
+            + move[9 + j] * poses[i, 12 + k] - move[9 + k] * poses[i, 12 + j]
+            - move[3 + j] * poses[i, 9 + k] + move[3 + k] * poses[i, 9 + j]
         )  # fmt: skip
-        g[3 + r] = move[9 + r] - move[3 + r]
-    for r in range(3):
-        xi[r] = pose[r] * g[0] + pose[3 + r] * g[1] + pose[6 + r] * g[2]
-        xi[3 + r] = pose[r] * g[3] + pose[3 + r] * g[4] + pose[6 + r] * g[5]
+        for c in range(3):
+            xi[c] += poses[i, 3 * r + c] * g
+            xi[3 + c] += poses[i, 3 * r + c] * (move[9 + r] - move[3 + r])
 
 
 @kernel
-def _move_nodes(start, keep, rows, x, R, multiplier, step, scale):
-    """Positions, rotations (R <- exp(dphi) R) and multipliers, of unknowns `rows` (c,)."""
+def _move_nodes(ints, x, R, multiplier, step, scale):
+    """Positions, rotations (R <- exp(dphi) R) and multipliers."""
     v = np.zeros(6)
-    for k in range(len(start)):
-        u = start[k]
+    for k in range(ints[NODES]):
+        u = ints[ints[START] + k]
         if u >= 0:
-            for r in range(len(keep)):
-                v[keep[r]] = scale * step[u + r]
+            for r in range(ints[WIDTH]):
+                v[ints[ints[KEEP] + r]] = scale * step[u + r]
             for r in range(3):
                 x[k, r] += v[r]
             turn(v[3:], R[k])
             straighten(R[k])
     for i in range(len(multiplier)):
-        if rows[i] >= 0:
-            multiplier[i] += scale * step[rows[i]]
+        row = ints[ints[TERM_START] + i]
+        if row >= 0:
+            multiplier[i] += scale * step[row]
 
 
 @kernel(inline="always")
-def _take(recover, turn_weight, arrays, x, R, inner, multiplier, work, scale):
+def _take(recover, turn_weight, ints, floats, x, R, inner, multiplier, work, room, scale):
     """The step in work.rhs times `scale`: members first (their frames are the old ones), then nodes and multipliers."""
-    members, keep, start, step = arrays.members, arrays.keep, arrays.start, work.rhs
-    kinds, node, number, value_at, value = (
-        members.kind,
-        members.node,
-        members.number,
-        members.value_at,
-        members.value,
-    )
-    inner_at, store_at, store, poses, weight = (
-        members.inner_at,
-        members.store_at,
+    step, store, poses, weight, move, xi = (
+        work.rhs,
         work.store,
         work.pose,
         work.weight,
+        room.force,
+        room.norms,
     )
-    xi, move, g = np.empty(6), np.empty(12), np.empty(6)
-    for i in range(len(kinds)):
-        pose = poses[i]
-        for e in range(2):
-            u = start[node[i, e]]
-            for r in range(6):
-                move[6 * e + r] = 0.0
-            if u >= 0:
-                for r in range(len(keep)):
-                    move[6 * e + keep[r]] = step[u + r]
-        _relative_motion(pose, move, g, xi)
-        own = store[store_at[i] : store_at[i + 1]]
+    for i in range(ints[MEMBER_COUNT]):
+        _relative_motion(ints, poses, i, step, move, xi)
+        own, kept = ints[MEMBERS + INNER_AT] + i, ints[MEMBERS + STORE_AT] + i
+        value, number = ints[ints[MEMBERS + VALUE_AT] + i], ints[MEMBERS + NUMBER] + 4 * i
+        mine = store[ints[kept] : ints[kept + 1]]
         if len(weight) > 0 and weight[i, 0] > 0.0:
-            turn_weight(pose, move, own)
-        state = inner[inner_at[i] : inner_at[i + 1]]
-        recover(kinds[i], value[value_at[i] :], number[i], state, own, xi, scale)
-    _move_nodes(start, keep, arrays.terms.start, x, R, multiplier, step, scale)
+            turn_weight(poses[i], move, mine)
+        recover(
+            ints[ints[MEMBERS + KIND] + i], floats[ints[MEMBERS + VALUE] + value :], ints[number : number + 4],
+            inner[ints[own] : ints[own + 1]], mine, xi, scale,
+        )  # fmt: skip
+    _move_nodes(ints, x, R, multiplier, step, scale)
 
 
 @kernel(inline="always")
 def _newton(
-    condense, pull, weigh, recover, turn_weight,
+    condense, pull, weigh, recover, turn_weight, turn_rest,
     ints, floats, x, R, inner, multiplier, target, flat, at, task, near, most, factor, rtol, grain, cap, blow_up,
 ):  # fmt: skip
-    """See `newton`; the first five: what to do with the members there are."""
-    arrays, work = _open(ints, floats), _open_work(flat, at)
-    plan, rhs, start, keep = arrays.plan, work.rhs, arrays.start, arrays.keep
-    skew = turning(arrays.loads, start) > 0
+    """See `newton`; the first six: what to do with the members and loads there are."""
+    work, plan = _open_work(flat, at), ints[ints[PLAN] :]
+    room = open_member_room(ints, work.scratch)
+    matrix, spare, rhs = work.value, work.spare, work.rhs
     negatives, inside, status, pivot = 0, 0, 0, 1.0
     worst, before, moved, gap = math.inf, math.inf, math.inf, 0.0
-    n, polished = 0, False
+    n, polished, reason = 0, False, TOO_MANY
     while True:
         done = False
-        if task <= NODES:
+        if task <= NODES_ALONE:
             # a load too small to rise above rounding still gets one step: at first the bounds have no grain
             bound = GRAIN if n > 0 or polished else grain
             worst, gap, inside, status = _assemble(
-                condense,
-                pull,
-                weigh,
-                arrays,
-                x,
-                R,
-                inner,
-                multiplier,
-                target,
-                work,
-                task,
-                near,
-                factor,
-                rtol,
-                bound,
-            )
-        if task in (ASSEMBLE, NODES):
-            return status, 0, worst, inside, gap
-        # a leaf with a replaced tiny pivot or a folded angle is no answer, however small the residual
-        reason = LOCAL_ANGLE if status == 1 else (SINGULAR if status == 2 else CONVERGED)
+                condense, pull, weigh, ints, floats, x, R, inner, multiplier, target, work, room, task, near,
+                factor, rtol, bound,
+            )  # fmt: skip
+        if task in (ASSEMBLE, NODES_ALONE):
+            reason, negatives, pivot = status, inside, gap
+            break
         if task == SOLVE:
             if not math.isfinite(worst):
-                return NOT_FINITE, n, worst, negatives, pivot
+                reason = NOT_FINITE
+                break
             if polished:
                 if _settled(worst, before, moved):
-                    return reason, n, worst, negatives + inside, pivot
+                    # a leaf with a replaced tiny pivot or a folded angle is no answer, however small the residual
+                    reason = LOCAL_ANGLE if status == 1 else (SINGULAR if status == 2 else CONVERGED)
+                    negatives += inside
+                    break
                 polished = False
                 n += 1
                 if n > most:
@@ -246,44 +279,55 @@ def _newton(
                     for i in range(len(rhs)):
                         s += rhs[i] * rhs[i]
                     if math.sqrt(s) > blow_up:
-                        return DIVERGED, n, worst, negatives, pivot
+                        reason = DIVERGED
+                        break
         if task != TAKE:
             # the inertia belongs to the state before the step
-            negatives, pivot = factor_blocks(plan, work.value, work.spare, len(plan.size))
+            negatives, pivot = factor_blocks(plan, matrix, spare, plan[BLOCKS])
             for i in range(len(rhs)):
                 rhs[i] = -rhs[i]
-            solve_blocks(plan, work.value, work.spare, rhs)
+            solve_blocks(plan, matrix, spare, rhs)
             if done and not (worst > 1.0 and pivot > 0.0):
-                return reason, n, worst, negatives + inside, pivot
+                reason = LOCAL_ANGLE if status == 1 else (SINGULAR if status == 2 else CONVERGED)
+                negatives += inside
+                break
             if task == SOLVE and not done:
                 negatives += inside
                 if not pivot > 0.0:
-                    return SINGULAR, n, worst, negatives, pivot
-            if skew and task != STEP:
-                turn_step(arrays.loads, start, keep, plan, R, work, factor)
+                    reason = SINGULAR
+                    break
+            if task != STEP:
+                turn_rest(ints, floats, plan, R, matrix, spare, rhs, work.scratch, factor)
         if task in (LOOK, STEP):
-            return status, 0, worst, negatives + inside, pivot
+            reason, negatives = status, negatives + inside
+            break
         scale = cap if task == TAKE else 1.0
         before = worst
         if done:
             # the factors made for the inertia also lead the rest of the way, too short to count as a step
             polished = True
         elif task == SOLVE:
-            turned = _largest(start, keep, rhs, 3 + 0 * n)
+            turned = _largest(ints, rhs, 3 + 0 * n)
             if n > 0 and turned > cap:
                 scale = cap / turned
             # a variable, not the literal 0, for which numba would compile the function once more
-            moved = max(turned / 1e-6, _largest(start, keep, rhs, 0 * n) / (1e-7 * arrays.size))
+            moved = max(turned / 1e-6, _largest(ints, rhs, 0 * n) / (1e-7 * floats[0]))
             n += 1
-        _take(recover, turn_weight, arrays, x, R, inner, multiplier, work, scale)
+        _take(recover, turn_weight, ints, floats, x, R, inner, multiplier, work, room, scale)
         if task == TAKE:
-            return CONVERGED, 0, 0.0, 0, 1.0
-    return TOO_MANY, most, worst, negatives, pivot
+            reason, worst = CONVERGED, 0.0
+            break
+    return reason, min(n, most), worst, negatives, pivot
 
 
 @kernel(inline="always")
 def _no_weight_turned(pose, move, store):
     """`turn_pull` where nothing weighs anything."""
+
+
+@kernel(inline="always")
+def _no_turn_step(ints, floats, plan, R, matrix, spare, rhs, scratch, factor):
+    """`turn_step` where no load has a skew tangent."""
 
 
 @kernel
@@ -309,11 +353,11 @@ def newton(
     """A task on a system: see `iterate`; ints, floats as in `Flat`, flat, at as in `Work`.
 
     Returns (reason, steps taken, residual over its bound, negative pivots, smallest relative pivot); of LOOK, ASSEMBLE and
-    NODES the status of the members for the reason, of the last two those of the members alone, and the largest gap [m] for
-    the pivot.
+    NODES_ALONE the status of the members for the reason, of the last two those of the members alone, and the largest gap
+    [m] for the pivot.
     """
     return _newton(
-        condense_leaf, no_weight, no_weight_added, recover_leaf, _no_weight_turned,
+        condense_leaf, no_weight, no_weight_added, recover_leaf, _no_weight_turned, _no_turn_step,
         ints, floats, x, R, inner, multiplier, target, flat, at, task, near, most, factor, rtol, grain, cap, blow_up,
     )  # fmt: skip
 
@@ -338,9 +382,9 @@ def newton_any(
     cap,
     blow_up,
 ):
-    """`newton` for members of every kind, and weight."""
+    """`newton` for members of every kind, weight, and loads that are not conservative."""
     return _newton(
-        condense_any, pull_member, weigh_member, recover_any, turn_pull,
+        condense_any, pull_member, weigh_member, recover_any, turn_pull, turn_step,
         ints, floats, x, R, inner, multiplier, target, flat, at, task, near, most, factor, rtol, grain, cap, blow_up,
     )  # fmt: skip
 
@@ -401,7 +445,7 @@ def assemble(
 
 def assemble_nodes(arrays: Arrays, motion: Motion, factor: float, work: Work) -> None:
     """Residual and tangent of constraint rows, loads and springs alone."""
-    _run(arrays, motion, np.zeros(len(motion.multiplier)), work, NODES, factor=factor, grain=0.0)
+    _run(arrays, motion, np.zeros(len(motion.multiplier)), work, NODES_ALONE, factor=factor, grain=0.0)
 
 
 def look(
@@ -428,23 +472,14 @@ def take_step(arrays: Arrays, motion: Motion, step: np.ndarray, work: Work, scal
 def move_nodes(arrays: Arrays, motion: Motion, step: np.ndarray, scale: float) -> None:
     """Positions, rotations and multipliers of `take_step`, members left alone."""
     x, R, _, multiplier = motion
-    _move_nodes(
-        arrays.start,
-        arrays.keep,
-        arrays.terms.start,
-        x,
-        R,
-        multiplier,
-        np.ascontiguousarray(step),
-        float(scale),
-    )
+    _move_nodes(arrays.flat.ints, x, R, multiplier, np.ascontiguousarray(step), float(scale))
 
 
 def largest_turn(arrays: Arrays, step: np.ndarray) -> float:
     """Largest rotation of any node in `step` (n,), rad."""
-    return float(_largest(arrays.start, arrays.keep, np.ascontiguousarray(step), 3))
+    return float(_largest(arrays.flat.ints, np.ascontiguousarray(step), 3))
 
 
 def largest_move(arrays: Arrays, step: np.ndarray) -> float:
     """Largest displacement of any node in `step` (n,), m."""
-    return float(_largest(arrays.start, arrays.keep, np.ascontiguousarray(step), 0))
+    return float(_largest(arrays.flat.ints, np.ascontiguousarray(step), 0))

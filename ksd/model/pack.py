@@ -12,12 +12,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ksd.beam.strain_values import strain_scratch
+from ksd.beam.strain_values import room_size
 from ksd.model.arrays import (
-    FIRST,
-    INT_FIELDS,
+    LENGTH,
     LINEAR,
+    MEMBERS,
     STRAIN,
+    VALUE,
     Arrays,
     Loads,
     Members,
@@ -218,6 +219,12 @@ def _loads(shapes: Sequence[LoadShape], places: Places) -> Loads:
     )
 
 
+def _leaf_room(members: Sequence[Shape]) -> int:
+    """Scratch that serves every strain-mode leaf."""
+    sizes = [(sum(m.number[:3]), m.number[3]) for m in members if m.kind == STRAIN]
+    return room_size(*(max(of) for of in zip(*sizes, strict=True))) if sizes else room_size(0, 0)
+
+
 def skeleton(
     nodes: int,
     members: Sequence[Shape],
@@ -239,21 +246,18 @@ def skeleton(
         _loads(loads, places),
         0.0,
         _members(springs, places) if springs else NO_SPRINGS,
-        max((strain_scratch(np.array(m.number)) for m in members if m.kind == STRAIN), default=0),
+        _leaf_room(members),
         np.zeros((0, 4)),
         np.arange(6),
     )
-
-
-VALUE = 2
-"""Number of `Members.value` among the fields of numbers."""
 
 
 def revalued(arrays: Arrays, bones: Arrays, value: np.ndarray) -> Arrays:
     """The arrays with the integers of `bones`, and the constants `value` (v,) in the place of those of their members; what
     else there is of numbers is the same in both."""
     flat = arrays.flat
-    first, end = flat.ints[FIRST + INT_FIELDS + 1 + VALUE :][:2].tolist()
+    # of the fields of numbers, lengths come next
+    first, end = flat.ints[MEMBERS + VALUE], flat.ints[MEMBERS + LENGTH]
     floats = np.concatenate([flat.floats[:first], value, flat.floats[end:]])
     return opened(bones.flat._replace(floats=floats))
 

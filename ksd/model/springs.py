@@ -5,7 +5,6 @@ They are packed like members and go through the same levers; a model without any
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from typing import Any
 
@@ -13,68 +12,89 @@ import numpy as np
 
 from ksd.beam.linear import linear_condense
 from ksd.beam.spring import coil_condense
-from ksd.model.arrays import COIL, LINEAR, TURN
+from ksd.model.arrays import (
+    BLOCK,
+    COIL,
+    FLOOR,
+    FRAME,
+    KIND,
+    LENGTH,
+    LINEAR,
+    MEMBER_COUNT,
+    NODE,
+    OFFSET,
+    SPRING_COUNT,
+    SPRINGS,
+    START,
+    TURN,
+    VALUE,
+    VALUE_AT,
+)
 from ksd.model.loading import twist
 from ksd.model.pack import Member
 from ksd.model.poses import member_pose
-from ksd.model.tangents import member_tangent, scatter
+from ksd.model.tangents import member_norms, member_tangent, scatter
 from ksd.numerics.kernel import kernel
 from ksd.scene.effects import LinkMatrix, Spring, TurnSpring
 
 
 @kernel
-def add_springs(springs, first, start, keep, x, R, work, rtol, noise):
-    """All springs into work.value and work.rhs, as `add_members` does without inner unknowns. Returns the status.
+def add_springs(ints, floats, x, R, rtol, noise, matrix, rhs, scale, poses, lams):
+    """All springs into the matrix and the residual, as `add_members` does without inner unknowns. Returns the status.
 
-    first: row of work.pose and work.lam of the first; start, keep: as in `Arrays`.
+    Their rows of poses and lams (`Work`) follow those of the members.
 
     A torsion spring, about u = e3 of end p turning with its node, has the moment M = k (angle - rest) and adds
     k g g^T + M (second derivatives of the angle), g its gradient; see `ksd.model.loading.twist`.
     """
     status = 0
-    Q, K = np.empty((3, 3)), np.empty((6, 6))
-    T, force, d = np.empty((12, 12)), np.empty(12), np.empty(3)
-    starts, A, M = np.empty(2, np.int64), np.empty((6, 6)), np.empty((6, 12))
-    for i in range(len(springs.kind)):
-        pose, lam = work.pose[first + i], work.lam[first + i]
-        member_pose(springs.node, springs.offset, springs.frame, x, R, i, pose, Q)
+    node, value_at, block = ints[SPRINGS + NODE], ints[SPRINGS + VALUE_AT], ints[SPRINGS + BLOCK]
+    Q, K, pose, lam, norms = np.empty((3, 3)), np.empty((6, 6)), np.empty(18), np.empty(12), np.empty(6)
+    T, force, d, A, M = np.empty((12, 12)), np.empty(12), np.empty(3), np.empty((6, 6)), np.empty((6, 12))
+    for i in range(ints[SPRING_COUNT]):
+        a, b = ints[node + 2 * i], ints[node + 2 * i + 1]
+        kind, row = ints[ints[SPRINGS + KIND] + i], ints[MEMBER_COUNT] + i
+        member_pose(
+            ints, node + 2 * i, floats, ints[SPRINGS + OFFSET] + 6 * i, floats, ints[SPRINGS + FRAME] + 18 * i, x, R, pose, Q
+        )  # fmt: skip
         for c in range(3):
             d[c] = pose[c] * pose[15] + pose[3 + c] * pose[16] + pose[6 + c] * pose[17]
-        value = springs.value[springs.value_at[i] :]
-        if springs.kind[i] == TURN:
+        value = floats[ints[SPRINGS + VALUE] + ints[value_at + i] :]
+        if kind == TURN:
             for c in range(3):
                 d[c] = pose[3 * c + 2]
             T[:, :] = 0.0
             force[:] = 0.0
-            Ra, Rb = R[springs.node[i, 0]], R[springs.node[i, 1]]
             # the angle first, since the moment weighs its second derivatives
-            none = 0.0 * value[0]
-            moment = value[0] * (twist(Ra, Rb, d, force, T, none) - value[1])
+            moment, stiffness = 0.0, value[0]
+            moment = stiffness * (twist(R[a], R[b], d, force, T, moment) - value[1])
             T[:, :] = 0.0
-            twist(Ra, Rb, d, force, T, moment)
+            twist(R[a], R[b], d, force, T, moment)
             for r in range(12):
                 for c in range(12):
-                    T[r, c] += value[0] * force[r] * force[c]
+                    T[r, c] += stiffness * force[r] * force[c]
             lam[:] = 0.0
             lam[5], lam[11] = moment, moment
             for r in range(12):
                 force[r] *= moment
         else:
-            if springs.kind[i] == COIL:
+            if kind == COIL:
                 status = max(status, coil_condense(value, d, lam, K))
             else:
                 linear_condense(value, d, Q, lam, K)
             member_tangent(pose, lam, K, T, force, A, M)
-        n = math.sqrt(lam[0] ** 2 + lam[1] ** 2 + lam[2] ** 2)
-        m = math.sqrt(lam[3] ** 2 + lam[4] ** 2 + lam[5] ** 2)
-        L, floor = springs.length[i], noise * springs.floor[i]
+        member_norms(lam, force, norms)
+        n, m, L = norms[0], norms[1], floats[ints[SPRINGS + LENGTH] + i]
+        floor = noise * floats[ints[SPRINGS + FLOOR] + i]
         for e in range(2):
-            node, o = springs.node[i, e], 6 * e
-            starts[e] = start[node]
-            fm = math.sqrt(force[o + 3] ** 2 + force[o + 4] ** 2 + force[o + 5] ** 2)
-            work.scale[node, 0] += rtol * (n + m / L) + floor
-            work.scale[node, 1] += rtol * (max(fm, m) + n * L) + floor * L
-        scatter(keep, springs.block[i], T, force, work.rhs, starts, work.value)
+            k = ints[node + 2 * i + e]
+            scale[k, 0] += rtol * (n + m / L) + floor
+            scale[k, 1] += rtol * (max(norms[3 + 2 * e], m) + n * L) + floor * L
+        for r in range(18):
+            poses[row, r] = pose[r]
+        for r in range(12):
+            lams[row, r] = lam[r]
+        scatter(ints, block + 4 * i, T, force, ints[ints[START] + a], ints[ints[START] + b], matrix, rhs)
     return status
 
 

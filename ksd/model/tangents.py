@@ -11,145 +11,140 @@ from __future__ import annotations
 
 import math
 
+from ksd.model.arrays import KEEP, WIDTH
 from ksd.numerics.kernel import kernel
 
 
 @kernel
 def _turn_stiffness(pose, K, A, T):
     """A (6, 6) = diag(Rp, Rp) K diag(Rp, Rp)^T; T (6, 6 or more): scratch."""
-    for b in range(2):
+    for b in (0, 3):
         for r in range(3):
             for c in range(6):
-                T[3 * b + r, c] = (
-                    pose[3 * r] * K[3 * b, c]
-                    + pose[3 * r + 1] * K[3 * b + 1, c]
-                    + pose[3 * r + 2] * K[3 * b + 2, c]
-                )
+                s = 0.0
+                for k in range(3):
+                    s += pose[3 * r + k] * K[b + k, c]
+                T[b + r, c] = s
     for r in range(6):
-        for b in range(2):
+        for b in (0, 3):
             for c in range(3):
-                A[r, 3 * b + c] = (
-                    T[r, 3 * b] * pose[3 * c]
-                    + T[r, 3 * b + 1] * pose[3 * c + 1]
-                    + T[r, 3 * b + 2] * pose[3 * c + 2]
-                )
+                s = 0.0
+                for k in range(3):
+                    s += T[r, b + k] * pose[3 * c + k]
+                A[r, b + c] = s
 
 
 @kernel
-def _times_levers(A, w, s, M):
-    """M (rows, 12) = A [ -1, [w]x, 1, -[s]x ; 0, -1, 0, 1 ] for A (rows, 6)."""
-    for r in range(A.shape[0]):
-        a0, a1, a2 = A[r, 0], A[r, 1], A[r, 2]
+def _times_levers(A, pose, M):
+    """M (6, 12) = A [ -1, [w]x, 1, -[s]x ; 0, -1, 0, 1 ] for A (6, 6); levers w = pose[9:12], s = pose[12:15]."""
+    w0, w1, w2, s0, s1, s2 = pose[9], pose[10], pose[11], pose[12], pose[13], pose[14]
+    for r in range(6):
+        a0, a1, a2, b0, b1, b2 = A[r, 0], A[r, 1], A[r, 2], A[r, 3], A[r, 4], A[r, 5]
         M[r, 0], M[r, 1], M[r, 2] = -a0, -a1, -a2
-        M[r, 3] = a1 * w[2] - a2 * w[1] - A[r, 3]
-        M[r, 4] = a2 * w[0] - a0 * w[2] - A[r, 4]
-        M[r, 5] = a0 * w[1] - a1 * w[0] - A[r, 5]
+        M[r, 3], M[r, 4], M[r, 5] = a1 * w2 - a2 * w1 - b0, a2 * w0 - a0 * w2 - b1, a0 * w1 - a1 * w0 - b2
         M[r, 6], M[r, 7], M[r, 8] = a0, a1, a2
-        M[r, 9] = a2 * s[1] - a1 * s[2] + A[r, 3]
-        M[r, 10] = a0 * s[2] - a2 * s[0] + A[r, 4]
-        M[r, 11] = a1 * s[0] - a0 * s[1] + A[r, 5]
+        M[r, 9], M[r, 10], M[r, 11] = a2 * s1 - a1 * s2 + b0, a0 * s2 - a2 * s0 + b1, a1 * s0 - a0 * s1 + b2
 
 
 @kernel
-def geometric_tangent(n, m, w, s, T):
-    """Add the second derivatives of n.xi_t + m.xi_r (levers w, s) to T (12, 12); see the module docstring."""
-    nw = n[0] * w[0] + n[1] * w[1] + n[2] * w[2]
-    ns = n[0] * s[0] + n[1] * s[1] + n[2] * s[2]
+def geometric_tangent(of, T):
+    """Add the second derivatives of n.xi_t + m.xi_r to T (12, 12), see the module docstring; rows of `of`: n, m and the
+    levers w, s."""
+    nw, ns = 0.0, 0.0
     for i in range(3):
+        n, w, s = of[0, i], of[2, i], of[3, i]
+        nw += n * w
+        ns += n * s
         for j in range(3):
-            T[3 + i, 3 + j] += 0.5 * (n[i] * w[j] + w[i] * n[j])
-            T[9 + i, 9 + j] += 0.5 * (n[i] * s[j] + s[i] * n[j])
+            T[3 + i, 3 + j] += 0.5 * (n * of[2, j] + w * of[0, j])
+            T[9 + i, 9 + j] += 0.5 * (n * of[3, j] + s * of[0, j])
             # phib, phia: -[s]x [n]x = (n.s) I - n s^T, and -1/2 [m]x from the rotation part
-            T[9 + i, 3 + j] -= n[i] * s[j]
-            T[3 + j, 9 + i] -= n[i] * s[j]
+            T[9 + i, 3 + j] -= n * of[3, j]
+            T[3 + j, 9 + i] -= n * of[3, j]
+    for i in range(3):
         T[3 + i, 3 + i] -= nw
         T[9 + i, 9 + i] -= ns
         T[9 + i, 3 + i] += ns
         T[3 + i, 9 + i] += ns
+        # [n]x has +n_i at (k, j), -n_i at (j, k), i, j, k in turn
         j, k = (i + 1) % 3, (i + 2) % 3
-        # [n]x has +n_k at (j, i)... written by cyclic entries (i, j) = -n_k, (j, i) = n_k
-        T[i, 3 + j] -= n[k]
-        T[j, 3 + i] += n[k]
-        T[3 + j, i] -= n[k]
-        T[3 + i, j] += n[k]
-        T[6 + i, 3 + j] += n[k]
-        T[6 + j, 3 + i] -= n[k]
-        T[3 + j, 6 + i] += n[k]
-        T[3 + i, 6 + j] -= n[k]
-        T[9 + i, 3 + j] += 0.5 * m[k]
-        T[9 + j, 3 + i] -= 0.5 * m[k]
-        T[3 + j, 9 + i] += 0.5 * m[k]
-        T[3 + i, 9 + j] -= 0.5 * m[k]
+        n, m = of[0, i], 0.5 * of[1, i]
+        T[j, 3 + k] -= n
+        T[k, 3 + j] += n
+        T[3 + k, j] -= n
+        T[3 + j, k] += n
+        T[6 + j, 3 + k] += n
+        T[6 + k, 3 + j] -= n
+        T[3 + k, 6 + j] += n
+        T[3 + j, 6 + k] -= n
+        T[9 + j, 3 + k] += m
+        T[9 + k, 3 + j] -= m
+        T[3 + k, 9 + j] += m
+        T[3 + j, 9 + k] -= m
 
 
 @kernel
 def member_tangent(pose, lam, K, T, force, A, M):
     """Node tangent T (12, 12) and forces (12,) on nodes a, b of one member, global axes; A (6, 6), M (6, 12): scratch."""
     _turn_stiffness(pose, K, A, M)
-    w, s = pose[9:12], pose[12:15]
-    _times_levers(A, w, s, M)
+    _times_levers(A, pose, M)
+    w0, w1, w2, s0, s1, s2 = pose[9], pose[10], pose[11], pose[12], pose[13], pose[14]
     # T = levers^T M: the same pattern applied to the columns of M
     for c in range(12):
-        a0, a1, a2 = M[0, c], M[1, c], M[2, c]
+        a0, a1, a2, b0, b1, b2 = M[0, c], M[1, c], M[2, c], M[3, c], M[4, c], M[5, c]
         T[0, c], T[1, c], T[2, c] = -a0, -a1, -a2
-        T[3, c] = a1 * w[2] - a2 * w[1] - M[3, c]
-        T[4, c] = a2 * w[0] - a0 * w[2] - M[4, c]
-        T[5, c] = a0 * w[1] - a1 * w[0] - M[5, c]
+        T[3, c], T[4, c], T[5, c] = a1 * w2 - a2 * w1 - b0, a2 * w0 - a0 * w2 - b1, a0 * w1 - a1 * w0 - b2
         T[6, c], T[7, c], T[8, c] = a0, a1, a2
-        T[9, c] = a2 * s[1] - a1 * s[2] + M[3, c]
-        T[10, c] = a0 * s[2] - a2 * s[0] + M[4, c]
-        T[11, c] = a1 * s[0] - a0 * s[1] + M[5, c]
-    n, m = M[0], M[1]
+        T[9, c], T[10, c], T[11, c] = a2 * s1 - a1 * s2 + b0, a0 * s2 - a2 * s0 + b1, a1 * s0 - a0 * s1 + b2
+    # in global axes the wrench of the geometric terms, the levers, and the wrench of the residual
     for r in range(3):
-        n[r] = pose[3 * r] * lam[6] + pose[3 * r + 1] * lam[7] + pose[3 * r + 2] * lam[8]
-        m[r] = pose[3 * r] * lam[9] + pose[3 * r + 1] * lam[10] + pose[3 * r + 2] * lam[11]
-    geometric_tangent(n, m, w, s, T)
-    for r in range(3):
-        n[r] = pose[3 * r] * lam[0] + pose[3 * r + 1] * lam[1] + pose[3 * r + 2] * lam[2]
-        m[r] = pose[3 * r] * lam[3] + pose[3 * r + 1] * lam[4] + pose[3 * r + 2] * lam[5]
+        for e in range(2):
+            before, now = 0.0, 0.0
+            for c in range(3):
+                before += pose[3 * r + c] * lam[6 + 3 * e + c]
+                now += pose[3 * r + c] * lam[3 * e + c]
+            A[e, r], A[2 + e, r], A[4 + e, r] = before, pose[9 + 3 * e + r], now
+    geometric_tangent(A, T)
     for r in range(3):
         j, k = (r + 1) % 3, (r + 2) % 3
-        force[r] = -n[r]
-        force[3 + r] = -m[r] - (w[j] * n[k] - w[k] * n[j])
-        force[6 + r] = n[r]
-        force[9 + r] = m[r] + (s[j] * n[k] - s[k] * n[j])
+        n, m = A[4, r], A[5, r]
+        force[r], force[6 + r] = -n, n
+        force[3 + r] = -m - (A[2, j] * A[4, k] - A[2, k] * A[4, j])
+        force[9 + r] = m + (A[3, j] * A[4, k] - A[3, k] * A[4, j])
 
 
 @kernel
 def member_norms(lam, force, norms):
     """norms (6,): of force and moment at end q, of force and moment on node a, and on node b."""
-    for k in range(3):
-        row = lam if k == 0 else force
-        o = 0 if k == 0 else 6 * (k - 1)
-        norms[2 * k] = math.sqrt(row[o] * row[o] + row[o + 1] * row[o + 1] + row[o + 2] * row[o + 2])
-        norms[2 * k + 1] = math.sqrt(
-            row[o + 3] * row[o + 3] + row[o + 4] * row[o + 4] + row[o + 5] * row[o + 5]
-        )
+    for k in range(2):
+        norms[k] = math.sqrt(lam[3 * k] ** 2 + lam[3 * k + 1] ** 2 + lam[3 * k + 2] ** 2)
+    for k in range(4):
+        norms[2 + k] = math.sqrt(force[3 * k] ** 2 + force[3 * k + 1] ** 2 + force[3 * k + 2] ** 2)
 
 
 @kernel
-def scatter(keep, block, T, force, rhs, starts, value):
-    """Add T (12, 12) to the stored blocks (pp, qq, coupling, flipped) and force (12,) to the residual, of the unknowns
-    `keep` (w,) of every node."""
-    w = len(keep)
+def scatter(ints, block, T, force, a, b, matrix, rhs):
+    """Add T (12, 12) to the stored blocks (pp, qq, coupling, flipped) at ints[block:] and force (12,) to the residual, of
+    the unknowns that are kept of every node; a, b: the first of each end."""
+    keep, w = ints[KEEP], ints[WIDTH]
     for e in range(2):
-        if block[e] >= 0:
-            o, u = 6 * e, starts[e]
+        at, u = ints[block + e], a if e == 0 else b
+        if at >= 0:
             for r in range(w):
-                rhs[u + r] += force[o + keep[r]]
+                i = 6 * e + ints[keep + r]
+                rhs[u + r] += force[i]
                 for c in range(w):
-                    value[block[e] + w * r + c] += T[o + keep[r], o + keep[c]]
-    couple(keep, block[2], block[3], T, value)
+                    matrix[at + w * r + c] += T[i, 6 * e + ints[keep + c]]
+    couple(ints, ints[block + 2], ints[block + 3], T, matrix)
 
 
 @kernel
-def couple(keep, at, flipped, T, value):
+def couple(ints, at, flipped, T, matrix):
     """Add the coupling of T (12, 12) to the block stored from `at` on, whose rows are of the first node where flipped."""
-    w = len(keep)
+    keep, w = ints[KEEP], ints[WIDTH]
     if at >= 0:
         for r in range(w):
+            i = ints[keep + r]
             for c in range(w):
-                if flipped == 1:
-                    value[at + w * r + c] += T[keep[r], 6 + keep[c]]
-                else:
-                    value[at + w * r + c] += T[6 + keep[r], keep[c]]
+                j = ints[keep + c]
+                matrix[at + w * r + c] += T[i, 6 + j] if flipped == 1 else T[6 + i, j]

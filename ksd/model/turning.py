@@ -15,43 +15,53 @@ from __future__ import annotations
 
 import numpy as np
 
+from ksd.model.arrays import (
+    KEEP,
+    LOAD_FOLLOWING,
+    LOAD_FORCE,
+    LOAD_MOMENT,
+    LOAD_NODE,
+    LOAD_POINT,
+    LOAD_SKEW,
+    LOADS,
+    START,
+    WIDTH,
+)
 from ksd.numerics.blocks import solve_blocks
 from ksd.numerics.kernel import kernel
 
 
 @kernel
-def turning(loads, start):
-    """Number of loads with a skew tangent on nodes that can move."""
-    count = 0
-    for i in range(len(loads.node)):
-        if loads.skew[i] == 1 and start[loads.node[i]] >= 0:
-            count += 1
-    return count
+def _next(ints, i):
+    """The first load from i on with a skew tangent on a node that can move; the number of loads where there is none."""
+    while i < ints[LOADS] and (
+        ints[ints[LOAD_SKEW] + i] != 1 or ints[ints[START] + ints[ints[LOAD_NODE] + i]] < 0
+    ):
+        i += 1
+    return i
 
 
 @kernel
-def _rest(loads, i, R, factor, B):
+def _rest(ints, floats, i, R, factor, B):
     """B (6, 6) of load i: see the module docstring."""
-    T = R[loads.node[i]]
-    p, f, m = loads.point[i], loads.force[i], loads.moment[i]
-    F, M, s = np.empty(3), np.empty(3), np.empty(3)
+    node = ints[ints[LOAD_NODE] + i]
+    point, force, moment = ints[LOAD_POINT] + 3 * i, ints[LOAD_FORCE] + 3 * i, ints[LOAD_MOMENT] + 3 * i
+    F, M, s = np.zeros(3), np.zeros(3), np.zeros(3)
     for r in range(3):
-        F[r], s[r], M[r] = 0.0, 0.0, -0.5 * factor * m[r]
-    if loads.following[i] == 1:
-        for r in range(3):
-            F[r] = 0.5 * factor * (T[r, 0] * f[0] + T[r, 1] * f[1] + T[r, 2] * f[2])
-            M[r] = 0.5 * factor * (T[r, 0] * m[0] + T[r, 1] * m[1] + T[r, 2] * m[2])
-            s[r] = T[r, 0] * p[0] + T[r, 1] * p[1] + T[r, 2] * p[2]
-    B[:] = 0.0
-    for r in range(3):
-        j, k = (r + 1) % 3, (r + 2) % 3
-        B[r, 3 + j], B[r, 3 + k] = -F[k], F[j]
-        B[3 + r, j], B[3 + r, k] = -F[k], F[j]
-    for r in range(3):
-        M[r] += s[(r + 1) % 3] * F[(r + 2) % 3] - s[(r + 2) % 3] * F[(r + 1) % 3]
+        if ints[ints[LOAD_FOLLOWING] + i] == 1:
+            for c in range(3):
+                F[r] += 0.5 * factor * R[node, r, c] * floats[force + c]
+                M[r] += 0.5 * factor * R[node, r, c] * floats[moment + c]
+                s[r] += R[node, r, c] * floats[point + c]
+        else:
+            M[r] = -0.5 * factor * floats[moment + r]
+    B[:, :] = 0.0
     for r in range(3):
         j, k = (r + 1) % 3, (r + 2) % 3
-        B[3 + r, 3 + j], B[3 + r, 3 + k] = -M[k], M[j]
+        f, m = F[r], M[r] + s[j] * F[k] - s[k] * F[j]
+        B[j, 3 + k], B[k, 3 + j] = -f, f
+        B[3 + j, k], B[3 + k, j] = -f, f
+        B[3 + j, 3 + k], B[3 + k, 3 + j] = -m, m
 
 
 @kernel
@@ -80,56 +90,44 @@ def _gauss(G, z):
 
 
 @kernel
-def _columns(loads, start, plan, work, width, X):
-    """X (width m, n): K^-1 for every unknown of the loaded nodes."""
-    row = 0
-    for i in range(len(loads.node)):
-        u = start[loads.node[i]]
-        if loads.skew[i] != 1 or u < 0:
-            continue
+def turn_step(ints, floats, plan, R, matrix, spare, rhs, scratch, factor):
+    """Correct the step in rhs of a system whose matrix is factored; R (k, 3, 3): rotations of the nodes."""
+    n, keep, width = len(rhs), ints[KEEP], ints[WIDTH]
+    count, i = 0, _next(ints, 0 * n)
+    while i < ints[LOADS]:
+        count += 1
+        i = _next(ints, i + 1)
+    k = width * count
+    if k == 0:
+        return
+    X, B = scratch[: k * n].reshape(k, n), np.empty((6, 6))
+    G, z = scratch[k * n : k * (n + k)].reshape(k, k), scratch[k * (n + k) : k * (n + k + 1)]
+    # X: K^-1 for every unknown of the loaded nodes
+    row, i = 0, _next(ints, 0 * n)
+    while i < ints[LOADS]:
         for c in range(width):
             X[row, :] = 0.0
-            X[row, u + c] = 1.0
-            solve_blocks(plan, work.value, work.spare, X[row])
+            X[row, ints[ints[START] + ints[ints[LOAD_NODE] + i]] + c] = 1.0
+            solve_blocks(plan, matrix, spare, X[row])
             row += 1
-
-
-@kernel
-def _add_rows(B, u, keep, row, X, y, G, z):
-    """Rows of one load, from `row` on: G = 1 + B E'X, z = B E'y."""
-    width = len(keep)
-    for r in range(width):
-        for q in range(len(z)):
-            G[row + r, q] = 1.0 if row + r == q else 0.0
+        i = _next(ints, i + 1)
+    # G = 1 + B E'X, z = B E'y
+    row, i = 0, _next(ints, 0 * n)
+    while i < ints[LOADS]:
+        u = ints[ints[START] + ints[ints[LOAD_NODE] + i]]
+        _rest(ints, floats, i, R, factor, B)
+        for r in range(width):
+            z[row] = 0.0
+            for q in range(k):
+                G[row, q] = 1.0 if row == q else 0.0
             for c in range(width):
-                G[row + r, q] += B[keep[r], keep[c]] * X[q, u + c]
-        z[row + r] = 0.0
-        for c in range(width):
-            z[row + r] += B[keep[r], keep[c]] * y[u + c]
-
-
-@kernel
-def _take_out(X, z, y):
-    """y <- y - X' z."""
-    for q in range(len(z)):
-        for k in range(len(y)):
-            y[k] -= z[q] * X[q, k]
-
-
-@kernel
-def turn_step(loads, start, keep, plan, R, work, factor):
-    """Correct the step in work.rhs of a system whose matrix is factored; R (k, 3, 3): rotations of the nodes."""
-    n, k = len(work.rhs), len(keep) * turning(loads, start)
-    X = work.scratch[: k * n].reshape(k, n)
-    G = work.scratch[k * n : k * (n + k)].reshape(k, k)
-    z = work.scratch[k * (n + k) : k * (n + k + 1)]
-    B = np.empty((6, 6))
-    _columns(loads, start, plan, work, len(keep), X)
-    row = 0
-    for i in range(len(loads.node)):
-        if loads.skew[i] == 1 and start[loads.node[i]] >= 0:
-            _rest(loads, i, R, factor, B)
-            _add_rows(B, start[loads.node[i]], keep, row, X, work.rhs, G, z)
-            row += len(keep)
+                b = B[ints[keep + r], ints[keep + c]]
+                z[row] += b * rhs[u + c]
+                for q in range(k):
+                    G[row, q] += b * X[q, u + c]
+            row += 1
+        i = _next(ints, i + 1)
     _gauss(G, z)
-    _take_out(X, z, work.rhs)
+    for q in range(k):
+        for c in range(n):
+            rhs[c] -= z[q] * X[q, c]

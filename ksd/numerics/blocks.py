@@ -16,8 +16,8 @@ import math
 from collections.abc import Iterable
 from functools import lru_cache
 from heapq import heapify, heappop, heappush
-from itertools import combinations
-from typing import NamedTuple
+from itertools import combinations, pairwise
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -31,6 +31,12 @@ SOFTEST = 1e-2
 """Share of the largest diagonal entry of its kind that a smaller one of a node counts as where a row's stiffness is set."""
 
 
+VALUES, UNKNOWNS, BLOCKS, ROWS = range(4)
+SIZE, START, DIAGONAL, FIRST, ROW, PLACE, FIRST_TARGET, TARGET = range(4, 12)
+HELD, FIRST_NODE, NODE, LEVER, FIRST_PAIR, PAIR, END = range(12, 19)
+"""What stands at the head of `Blocks.ints`: counts, then where every array of the plan begins and the last one ends."""
+
+
 class Blocks(NamedTuple):
     """A block pattern: `size` (b,) unknowns per block; blocks are numbered in elimination order.
 
@@ -38,7 +44,7 @@ class Blocks(NamedTuple):
     each eliminated column, its rows below the diagonal and their offsets; `target` the offset of every update.
     Constraint row i is block rows[i], of one unknown; its `node` blocks first_node[i] .. are in elimination order, their
     coefficients at `lever`; from first_pair[i] on, `pair` holds the offsets of all pairs of them. The last values, one for
-    each row, belong to no block.
+    each row, belong to no block. ints: all of it in one array, as the kernels take it; the others are views of that.
     """
 
     size: np.ndarray
@@ -57,6 +63,15 @@ class Blocks(NamedTuple):
     pair: np.ndarray
     values: int
     unknowns: int
+    ints: np.ndarray
+
+
+def open_blocks(ints: np.ndarray) -> Blocks:
+    """The plan that an array begins with."""
+    places = ints[SIZE : END + 1].tolist()
+    views = [ints[a:b] for a, b in pairwise(places)]
+    parts: Any = (*views, int(ints[VALUES]), int(ints[UNKNOWNS]), ints[: places[-1]])
+    return Blocks(*parts)
 
 
 def _elimination_order(neighbours: list[set[int]], size: list[int], waits: list[bool]) -> list[int]:
@@ -157,9 +172,6 @@ def _offsets(size: list[int], below: list[set[int]]) -> dict[tuple[int, int], in
 def _lay_out(
     size: np.ndarray, below: list[set[int]], held: dict[int, list[int]], offsets: dict[tuple[int, int], int]
 ) -> Blocks:
-    def whole(numbers: Iterable[int]) -> np.ndarray:
-        return np.array(list(numbers), np.int64)
-
     count = len(size)
     first, row, place, first_target, target = [0], [], [], [0], []
     for k in range(count):
@@ -179,56 +191,55 @@ def _lay_out(
     values = sum(int(size[i] * size[k]) for i, k in offsets) + len(held)
     start = np.concatenate([[0], np.cumsum(size)]).astype(np.int64)
     diagonal = np.array([offsets[(k, k)] for k in range(count)], np.int64)
-    return Blocks(
-        size, start, diagonal, whole(first), whole(row), whole(place), whole(first_target), whole(target),
-        whole(held), whole(first_node), whole(node), whole(lever), whole(first_pair), whole(pair),
-        values, int(start[-1]),
+    parts: tuple[Any, ...] = (
+        size, start, diagonal, first, row, place, first_target, target, list(held), first_node, node, lever,
+        first_pair, pair,
     )  # fmt: skip
-
-
-@kernel
-def _give_of_rows(plan, value, spare):
-    """1/s of every constraint row, to the end of `spare`: the give of the diagonal entries it acts on; 0 for a row that is
-    let go."""
-    for i in range(len(plan.rows)):
-        to = plan.values - len(plan.rows) + i
-        spare[to] = 0.0
-        for e in range(plan.first_node[i], plan.first_node[i + 1]):
-            k = plan.node[e]
-            n = plan.size[k]
-            for c in range(n):
-                lever = value[plan.lever[e] + c]
-                if lever != 0.0:
-                    own, most = abs(value[plan.diagonal[k] + c * (n + 1)]), 0.0
-                    for b in range(len(plan.size)):
-                        if plan.size[b] == n:
-                            most = max(most, abs(value[plan.diagonal[b] + c * (n + 1)]))
-                    # twice: under load it may be negative, and is not to cancel
-                    own = 2.0 * max(own, SOFTEST * most)
-                    spare[to] += lever * lever / (own if own > 0.0 else 1.0)
+    places = END + 1 + np.cumsum([0, *(len(part) for part in parts)])
+    head = [values, start[-1], count, len(held), *places]
+    return open_blocks(np.concatenate([np.asarray(part, np.int64) for part in (head, *parts)]))
 
 
 @kernel
 def _stiffen(plan, value, spare):
-    """K + J' s J for all constraint rows J, with 1/s as `_give_of_rows` leaves it."""
-    for i in range(len(plan.rows)):
-        give = spare[plan.values - len(plan.rows) + i]
-        p = plan.first_pair[i]
-        for e in range(plan.first_node[i], plan.first_node[i + 1]):
-            m, a = plan.size[plan.node[e]], plan.lever[e]
-            for f in range(plan.first_node[i], e + 1):
-                n, b = plan.size[plan.node[f]], plan.lever[f]
+    """K + J' s J for all constraint rows J; 1/s of every row, the give of the diagonal entries it acts on, 0 for a row that
+    is let go, to the end of `spare`."""
+    size, diagonal, blocks = plan[SIZE], plan[DIAGONAL], plan[BLOCKS]
+    node, levers = plan[NODE], plan[LEVER]
+    for i in range(plan[ROWS]):
+        begin, end = plan[plan[FIRST_NODE] + i], plan[plan[FIRST_NODE] + i + 1]
+        give = 0.0
+        for e in range(begin, end):
+            k = plan[node + e]
+            n = plan[size + k]
+            for c in range(n):
+                lever = value[plan[levers + e] + c]
+                if lever != 0.0:
+                    own, most = abs(value[plan[diagonal + k] + c * (n + 1)]), 0.0
+                    for b in range(blocks):
+                        if plan[size + b] == n:
+                            most = max(most, abs(value[plan[diagonal + b] + c * (n + 1)]))
+                    # twice: under load it may be negative, and is not to cancel
+                    own = 2.0 * max(own, SOFTEST * most)
+                    give += lever * lever / (own if own > 0.0 else 1.0)
+        spare[plan[VALUES] - plan[ROWS] + i] = give
+    for i in range(plan[ROWS]):
+        begin, end = plan[plan[FIRST_NODE] + i], plan[plan[FIRST_NODE] + i + 1]
+        give, pair = spare[plan[VALUES] - plan[ROWS] + i], plan[PAIR] + plan[plan[FIRST_PAIR] + i]
+        for e in range(begin, end):
+            for f in range(begin, e + 1):
+                n, at = plan[size + plan[node + f]], plan[pair]
                 if give > 0.0:
-                    for r in range(m):
-                        s = value[a + r] / give
+                    for r in range(plan[size + plan[node + e]]):
+                        s = value[plan[levers + e] + r] / give
                         for c in range(n):
-                            value[plan.pair[p] + r * n + c] += s * value[b + c]
-                p += 1
+                            value[at + r * n + c] += s * value[plan[levers + f] + c]
+                pair += 1
 
 
 @kernel
 def factor_blocks(plan, value, spare, stop):
-    """Factor in place, columns 0 .. stop-1; returns (negative pivots, smallest relative pivot).
+    """Factor in place, columns 0 .. stop-1, by `Blocks.ints`; returns (negative pivots, smallest relative pivot).
 
     A pivot is measured against its diagonal entry before elimination, that of a constraint row against the give 1/s of
     what it acts on (rows that are let go are left out).
@@ -237,25 +248,25 @@ def factor_blocks(plan, value, spare, stop):
     `value`, the rows A_ik D_k^-1 needed by the solves; its own diagonal blocks keep what pivots are measured against.
     Columns from `stop` on hold the Schur complement.
     """
+    size, diagonal, first, row, place = plan[SIZE], plan[DIAGONAL], plan[FIRST], plan[ROW], plan[PLACE]
     negatives = 0
     worst = 1.0
-    _give_of_rows(plan, value, spare)
     _stiffen(plan, value, spare)
-    for k in range(len(plan.size)):
-        at = plan.diagonal[k]
-        for j in range(plan.size[k]):
-            spare[at + j] = abs(value[at + j * plan.size[k] + j])
-    for i in range(len(plan.rows)):
-        spare[plan.diagonal[plan.rows[i]]] = spare[plan.values - len(plan.rows) + i]
+    for k in range(plan[BLOCKS]):
+        n, at = plan[size + k], plan[diagonal + k]
+        for j in range(n):
+            spare[at + j] = abs(value[at + j * n + j])
+    for i in range(plan[ROWS]):
+        spare[plan[diagonal + plan[plan[HELD] + i]]] = spare[plan[VALUES] - plan[ROWS] + i]
     for k in range(stop):
-        n = plan.size[k]
-        at = plan.diagonal[k]
+        n, at = plan[size + k], plan[diagonal + k]
         # dense LDL^T of the pivot block
         for j in range(n):
-            before = spare[at + j]
+            before, d = spare[at + j], value[at + j * n + j]
             for c in range(j):
-                value[at + j * n + j] -= value[at + j * n + c] * value[at + j * n + c] * value[at + c * n + c]
-            d = value[at + j * n + j]
+                l = value[at + j * n + c]
+                d -= l * l * value[at + c * n + c]
+            value[at + j * n + j] = d
             if not abs(d) > 0.0:
                 return negatives, 0.0
             if before > 0.0:
@@ -267,35 +278,29 @@ def factor_blocks(plan, value, spare, stop):
                 for c in range(j):
                     s -= value[at + i * n + c] * value[at + j * n + c] * value[at + c * n + c]
                 value[at + i * n + j] = s / d
+        begin, end = plan[first + k], plan[first + k + 1]
         # spare row block: W = A_ik (L D L^T)^-1, row by row
-        for e in range(plan.first[k], plan.first[k + 1]):
-            m = plan.size[plan.row[e]]
-            p = plan.place[e]
-            for r in range(m):
-                w = p + r * n
+        for e in range(begin, end):
+            for r in range(plan[size + plan[row + e]]):
+                w = plan[place + e] + r * n
                 for c in range(n):
                     s = value[w + c]
                     for b in range(c):
                         s -= spare[w + b] * value[at + c * n + b]
                     spare[w + c] = s
-                for c in range(n):
-                    spare[w + c] /= value[at + c * n + c]
                 for c in range(n - 1, -1, -1):
-                    s = spare[w + c]
+                    s = spare[w + c] / value[at + c * n + c]
                     for b in range(c + 1, n):
                         s -= spare[w + b] * value[at + b * n + c]
                     spare[w + c] = s
         # A_ij -= A_ik D^-1 A_jk^T for every pair i >= j of this column
-        t = plan.first_target[k]
-        for f in range(plan.first[k], plan.first[k + 1]):
-            mj = plan.size[plan.row[f]]
-            pj = plan.place[f]
-            for e in range(f, plan.first[k + 1]):
-                mi = plan.size[plan.row[e]]
-                pi = plan.place[e]
-                q = plan.target[t]
+        t = plan[TARGET] + plan[plan[FIRST_TARGET] + k]
+        for f in range(begin, end):
+            mj, pj = plan[size + plan[row + f]], plan[place + f]
+            for e in range(f, end):
+                pi, q = plan[place + e], plan[t]
                 t += 1
-                for r in range(mi):
+                for r in range(plan[size + plan[row + e]]):
                     for c in range(mj):
                         s = 0.0
                         for b in range(n):
@@ -307,54 +312,55 @@ def factor_blocks(plan, value, spare, stop):
 @kernel
 def forward_blocks(plan, spare, x, stop):
     """Forward sweep in place over columns 0 .. stop-1: x_i -= A_ik D_k^-1 x_k."""
+    size, start, first, row, place = plan[SIZE], plan[START], plan[FIRST], plan[ROW], plan[PLACE]
     for k in range(stop):
-        n = plan.size[k]
-        a = plan.start[k]
-        for e in range(plan.first[k], plan.first[k + 1]):
-            i = plan.start[plan.row[e]]
-            p = plan.place[e]
-            for r in range(plan.size[plan.row[e]]):
+        n, a = plan[size + k], plan[start + k]
+        for e in range(plan[first + k], plan[first + k + 1]):
+            i, p = plan[row + e], plan[place + e]
+            for r in range(plan[size + i]):
                 s = 0.0
                 for c in range(n):
                     s += spare[p + r * n + c] * x[a + c]
-                x[i + r] -= s
+                x[plan[start + i] + r] -= s
 
 
 @kernel
 def backward_blocks(plan, value, spare, x, stop):
     """Backward sweep in place: x_k = (L D L^T)^-1 x_k - sum_i (A_ik D_k^-1)^T x_i, columns stop-1 .. 0."""
+    size, start, first, row, place = plan[SIZE], plan[START], plan[FIRST], plan[ROW], plan[PLACE]
     for k in range(stop - 1, -1, -1):
-        n = plan.size[k]
-        a = plan.start[k]
-        at = plan.diagonal[k]
+        n, a, at = plan[size + k], plan[start + k], plan[plan[DIAGONAL] + k]
         for r in range(n):
+            s = x[a + r]
             for c in range(r):
-                x[a + r] -= value[at + r * n + c] * x[a + c]
-        for r in range(n):
-            x[a + r] /= value[at + r * n + r]
+                s -= value[at + r * n + c] * x[a + c]
+            x[a + r] = s
         for r in range(n - 1, -1, -1):
+            s = x[a + r] / value[at + r * n + r]
             for c in range(r + 1, n):
-                x[a + r] -= value[at + c * n + r] * x[a + c]
-        for e in range(plan.first[k], plan.first[k + 1]):
-            i = plan.start[plan.row[e]]
-            p = plan.place[e]
-            for r in range(plan.size[plan.row[e]]):
+                s -= value[at + c * n + r] * x[a + c]
+            x[a + r] = s
+        for e in range(plan[first + k], plan[first + k + 1]):
+            i, p = plan[row + e], plan[place + e]
+            for r in range(plan[size + i]):
+                s = x[plan[start + i] + r]
                 for c in range(n):
-                    x[a + c] -= spare[p + r * n + c] * x[i + r]
+                    x[a + c] -= spare[p + r * n + c] * s
 
 
 @kernel
 def solve_blocks(plan, value, spare, x):
     """Solve in place with a complete factorisation; x (unknowns,) in elimination order."""
-    rows = len(plan.rows)
-    for i in range(rows):
-        spare[plan.values - rows + i] = x[plan.start[plan.rows[i]]]
-    forward_blocks(plan, spare, x, len(plan.size))
-    backward_blocks(plan, value, spare, x, len(plan.size))
-    for i in range(rows):
-        give = spare[plan.diagonal[plan.rows[i]]]
+    tail = plan[VALUES] - plan[ROWS]
+    for i in range(plan[ROWS]):
+        spare[tail + i] = x[plan[plan[START] + plan[plan[HELD] + i]]]
+    forward_blocks(plan, spare, x, plan[BLOCKS])
+    backward_blocks(plan, value, spare, x, plan[BLOCKS])
+    for i in range(plan[ROWS]):
+        k = plan[plan[HELD] + i]
+        give = spare[plan[plan[DIAGONAL] + k]]
         if give > 0.0:
-            x[plan.start[plan.rows[i]]] += spare[plan.values - rows + i] / give
+            x[plan[plan[START] + k]] += spare[tail + i] / give
 
 
 @kernel
@@ -373,17 +379,18 @@ def _less_product(high, low, a, b):
 def residual_blocks(plan, value, b, x, rest, low):
     """rest = b - A x, summed in twice the digits, of the symmetric matrix in `value`, not factored; low: scratch; all
     (unknowns,)."""
+    size, start, first, row, place = plan[SIZE], plan[START], plan[FIRST], plan[ROW], plan[PLACE]
     rest[:] = b
     low[:] = 0.0
-    for k in range(len(plan.size)):
-        n, a = plan.size[k], plan.start[k]
+    for k in range(plan[BLOCKS]):
+        n, a = plan[size + k], plan[start + k]
         for r in range(n):
             for c in range(n):
-                entry = value[plan.diagonal[k] + r * n + c]
+                entry = value[plan[plan[DIAGONAL] + k] + r * n + c]
                 rest[a + r], low[a + r] = _less_product(rest[a + r], low[a + r], entry, x[a + c])
-        for e in range(plan.first[k], plan.first[k + 1]):
-            i, p = plan.start[plan.row[e]], plan.place[e]
-            for r in range(plan.size[plan.row[e]]):
+        for e in range(plan[first + k], plan[first + k + 1]):
+            i, p = plan[start + plan[row + e]], plan[place + e]
+            for r in range(plan[size + plan[row + e]]):
                 for c in range(n):
                     entry = value[p + r * n + c]
                     rest[i + r], low[i + r] = _less_product(rest[i + r], low[i + r], entry, x[a + c])
@@ -407,10 +414,10 @@ def refined_blocks(plan, matrix, value, spare, b, x, change, low):
         residual_blocks(plan, matrix, b, x, change, low)
         solve_blocks(plan, value, spare, change)
         moved, whole = 0.0, 0.0
-        for k in range(len(plan.size)):
-            a = plan.start[k]
-            for c in range(plan.size[k]):
-                weight = spare[plan.diagonal[k] + c]
+        for k in range(plan[BLOCKS]):
+            a = plan[plan[START] + k]
+            for c in range(plan[plan[SIZE] + k]):
+                weight = spare[plan[plan[DIAGONAL] + k] + c]
                 x[a + c] += change[a + c]
                 moved += weight * change[a + c] ** 2
                 whole += weight * x[a + c] ** 2

@@ -111,39 +111,32 @@ def rotation_log(R, v):
 
 
 @kernel
-def _turn_column(v, f, g, x):
-    """x <- x + f v x x + g v x (v x x)."""
-    a, b, c = v[0], v[1], v[2]
-    p, q, r = x[0], x[1], x[2]
-    cx, cy, cz = b * r - c * q, c * p - a * r, a * q - b * p
-    x[0] = p + f * cx + g * (b * cz - c * cy)
-    x[1] = q + f * cy + g * (c * cx - a * cz)
-    x[2] = r + f * cz + g * (a * cy - b * cx)
-
-
-@kernel
 def turn(v, R):
     """R (3, 3) <- exp([v]x) R in place, columns turned one by one; orthonormality drifts by rounding only."""
-    f, g = rotation_factors(v[0] * v[0] + v[1] * v[1] + v[2] * v[2])
+    a, b, c = v[0], v[1], v[2]
+    f, g = rotation_factors(a * a + b * b + c * c)
     for j in range(3):
-        _turn_column(v, f, g, R[:, j])
+        # column + f v x column + g v x (v x column)
+        p, q, r = R[0, j], R[1, j], R[2, j]
+        x, y, z = b * r - c * q, c * p - a * r, a * q - b * p
+        R[0, j] = p + f * x + g * (b * z - c * y)
+        R[1, j] = q + f * y + g * (c * x - a * z)
+        R[2, j] = r + f * z + g * (a * y - b * x)
 
 
 @kernel
 def straighten(R):
     """One Newton step of the polar decomposition, R <- R (3 I - R^T R) / 2: removes rounding drift."""
-    for _ in range(1):
-        c00 = 0.5 * (3.0 - (R[0, 0] * R[0, 0] + R[1, 0] * R[1, 0] + R[2, 0] * R[2, 0]))
-        c11 = 0.5 * (3.0 - (R[0, 1] * R[0, 1] + R[1, 1] * R[1, 1] + R[2, 1] * R[2, 1]))
-        c22 = 0.5 * (3.0 - (R[0, 2] * R[0, 2] + R[1, 2] * R[1, 2] + R[2, 2] * R[2, 2]))
-        c01 = -0.5 * (R[0, 0] * R[0, 1] + R[1, 0] * R[1, 1] + R[2, 0] * R[2, 1])
-        c02 = -0.5 * (R[0, 0] * R[0, 2] + R[1, 0] * R[1, 2] + R[2, 0] * R[2, 2])
-        c12 = -0.5 * (R[0, 1] * R[0, 2] + R[1, 1] * R[1, 2] + R[2, 1] * R[2, 2])
-        for i in range(3):
-            a, b, c = R[i, 0], R[i, 1], R[i, 2]
-            R[i, 0] = a * c00 + b * c01 + c * c02
-            R[i, 1] = a * c01 + b * c11 + c * c12
-            R[i, 2] = a * c02 + b * c12 + c * c22
+    c00, c11, c22, c01, c02, c12 = 1.5, 1.5, 1.5, 0.0, 0.0, 0.0
+    for i in range(3):
+        a, b, c = R[i, 0], R[i, 1], R[i, 2]
+        c00, c11, c22 = c00 - 0.5 * a * a, c11 - 0.5 * b * b, c22 - 0.5 * c * c
+        c01, c02, c12 = c01 - 0.5 * a * b, c02 - 0.5 * a * c, c12 - 0.5 * b * c
+    for i in range(3):
+        a, b, c = R[i, 0], R[i, 1], R[i, 2]
+        R[i, 0] = a * c00 + b * c01 + c * c02
+        R[i, 1] = a * c01 + b * c11 + c * c12
+        R[i, 2] = a * c02 + b * c12 + c * c22
 
 
 @kernel

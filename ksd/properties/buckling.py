@@ -225,7 +225,7 @@ def _corners(motion: Motion, group: LeafGroup, ends: EndFrames) -> Array:
     found = np.zeros((len(group.members), 12, 12))
     wrench = motion.inner[group.places[:, group.modes :]].reshape(-1, 2, 3) @ ends.frame.swapaxes(1, 2)
     for k in range(len(found)):
-        geometric_tangent(wrench[k, 0], wrench[k, 1], ends.reach[k], ends.arms[k, 1], found[k])
+        geometric_tangent(np.array([*wrench[k], ends.reach[k], ends.arms[k, 1]]), found[k])
     return found
 
 

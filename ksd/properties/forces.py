@@ -362,7 +362,8 @@ def energy_of_spring(model: Model, motion: Motion, i: int) -> float:
     """k (l - l0)^2 / 2, k (angle - rest)^2 / 2, or xi K xi / 2 of spring i."""
     springs = model.arrays.springs
     value, pose, Q = springs.value[springs.value_at[i] :], np.empty(18), np.empty((3, 3))
-    member_pose(springs.node, springs.offset, springs.frame, motion.x, motion.R, i, pose, Q)
+    offset, frame = springs.offset[i].ravel(), springs.frame[i].ravel()
+    member_pose(springs.node[i], 0, offset, 0, frame, 0, motion.x, motion.R, pose, Q)
     d = pose[:9].reshape(3, 3).T @ pose[15:]
     if springs.kind[i] == COIL:
         return 0.5 * float(value[0]) * (math.sqrt(float(d @ d)) - float(value[1])) ** 2

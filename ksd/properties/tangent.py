@@ -68,12 +68,12 @@ def free_rows(arrays: Arrays, value: Array, rows: Iterable[int]) -> None:
 
 def row_gradients(model: Model, motion: Motion, rows: Iterable[int]) -> Array:
     """(unknowns, len(rows)): how the coordinates of drives and supports change with the motion of the nodes."""
-    terms, rows = model.arrays.terms, list(rows)
+    terms, flat, rows = model.arrays.terms, model.arrays.flat, list(rows)
     found = np.zeros((model.arrays.plan.unknowns, len(rows)))
     gradient, scratch = np.empty(12), np.empty((12, 12))
     for k, row in enumerate(rows):
         for t in range(terms.first[row], terms.first[row + 1]):
-            term_value(terms, motion.x, motion.R, t, gradient, scratch, 0.0)
+            term_value(flat.ints, flat.floats, t, motion.x, motion.R, gradient, scratch, 0.0)
             for e in range(2):
                 start = model.arrays.start[terms.node[t, e]]
                 if start >= 0:
@@ -180,7 +180,7 @@ class Tangent:
         plan, right = self.arrays.plan, np.ascontiguousarray(loads.T, dtype=float)
         found, change, low = np.empty_like(right), np.empty(plan.unknowns), np.empty(plan.unknowns)
         errors = [
-            refined_blocks(plan, self.assembled, self.value, self.spare, b, x, change, low)
+            refined_blocks(plan.ints, self.assembled, self.value, self.spare, b, x, change, low)
             for b, x in zip(right, found, strict=True)
         ]
         return found.T, float(np.max(errors, initial=0.0))
@@ -190,7 +190,7 @@ class Tangent:
         left, low = np.empty(found.T.shape), np.empty(len(found))
         for b, x, rest in zip(loads.T, found.T, left, strict=True):
             residual_blocks(
-                self.arrays.plan,
+                self.arrays.plan.ints,
                 self.assembled,
                 np.ascontiguousarray(b, float),
                 np.ascontiguousarray(x),
@@ -278,7 +278,7 @@ def factored(assembled: Assembled, freed: Iterable[str] = ()) -> Tangent:
     spare = np.zeros_like(value)
     free_rows(arrays, value, row_numbers(assembled.model, freed))
     stored = value.copy()
-    negatives, pivot = factor_blocks(arrays.plan, value, spare, len(arrays.plan.size))
+    negatives, pivot = factor_blocks(arrays.plan.ints, value, spare, len(arrays.plan.size))
     if not pivot > SINGULAR:
         raise KinematicsError(
             f"the tangent is singular (relative pivot {pivot:.1e}): a motion is left that nothing resists, or the "

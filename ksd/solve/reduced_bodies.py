@@ -309,7 +309,7 @@ class _Placed:
         # condensed joints cannot buckle, their leaf springs can
         work, plan = make_work(model.arrays), model.arrays.plan
         _, _, own, _ = assemble(model.arrays, state, model.targets(values), 1.0, work, RTOL, 0, 10.0)
-        negatives, _ = factor_blocks(plan, work.value, work.spare, len(plan.size))
+        negatives, _ = factor_blocks(plan.ints, work.value, work.spare, len(plan.size))
         read_space(b.parts)
         near = bool(b.seen[1])
         joint_motions = pipeline.read_motions(

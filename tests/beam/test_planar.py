@@ -10,7 +10,7 @@ import pytest
 from ksd.beam import corotational as chain
 from ksd.beam import corotational_values as chain_setup
 from ksd.beam import planar_leaf
-from ksd.beam.strain import strain_condense, strain_recover
+from ksd.beam.strain import fields_of, strain_condense, strain_recover
 from ksd.beam.strain_values import (
     DEFAULT_ORDERS,
     DEFAULT_POINTS,
@@ -160,12 +160,12 @@ def test_the_planar_leaf_is_the_spatial_one():
     """Followed along the same path with a big rotation: same wrench, stiffness and inner state, out of the plane nothing."""
     leaf = modal(LEAF, L, modes=DEFAULT_ORDERS[2], points=DEFAULT_POINTS)
     value, number = constants(LEAF, L, DEFAULT_ORDERS[2], DEFAULT_POINTS)
-    scratch = np.zeros(strain_scratch(number))
+    fields = fields_of(number, np.zeros(strain_scratch(number)))
 
     class Spatial:
         @staticmethod
         def condense(value, number, inner, store, *rest):
-            return strain_condense(value, number, inner, store, scratch, *rest)
+            return strain_condense(value, number, inner, store, fields, *rest)
 
         recover = staticmethod(strain_recover)
 
@@ -323,12 +323,12 @@ def test_a_leaf_with_a_profile_bends_in_its_plane_as_in_space():
     modes = make_modes((2, 2, 4), 9, shape=soft)
     words = {"length": L, "compliance": np.array([1e-7, 3e-7, 3e-7]), "orders": (2, 2, 4), "modes": modes}
     value, number = strain_values(rigidity=np.array([1.0, 400.0, 0.5]), **words)
-    scratch = np.zeros(strain_scratch(number))
+    fields = fields_of(number, np.zeros(strain_scratch(number)))
 
     class Spatial:
         @staticmethod
         def condense(value, number, inner, store, *rest):
-            return strain_condense(value, number, inner, store, scratch, *rest)
+            return strain_condense(value, number, inner, store, fields, *rest)
 
         recover = staticmethod(strain_recover)
 

@@ -39,11 +39,8 @@ class Leaf:
             line_mass=np.full(ng, 3.0) if kind == "weight" else None,
         )
         size, store = strain_sizes(self.number, heavy=kind == "weight")
-        self.inner, self.store, self.scratch = (
-            np.zeros(size),
-            np.zeros(store),
-            np.zeros(strain_scratch(self.number)),
-        )
+        self.inner, self.store = np.zeros(size), np.zeros(store)
+        self.fields = fields_of(self.number, np.zeros(strain_scratch(self.number)))
         self.size = 0.3 if kind == "profile" else 1.0
         self.pull = np.array(gravity) if kind == "weight" else np.zeros(0)
         self.lam, self.K = np.zeros(12), np.zeros((6, 6))
@@ -55,7 +52,7 @@ class Leaf:
             if len(self.pull):
                 self.store[-PULL:][:3], self.store[-3:] = self.pull, 0.0
             found = strain_condense(
-                self.value, self.number, self.inner, self.store, self.scratch, d, Q, self.lam, self.K
+                self.value, self.number, self.inner, self.store, self.fields, d, Q, self.lam, self.K
             )
             assert found[3] == 0
             strain_recover(self.value, self.number, self.inner, self.store, np.zeros(6), 1.0)
@@ -67,8 +64,8 @@ class Leaf:
         self.inner[: self.N] = np.concatenate(
             [rng.normal(size=n) * a / (1 + np.arange(n)) ** 2 for a, n in axes]
         )
-        f = fields_of(self.number, self.scratch)
-        strain_fields(self.value, self.number, self.inner, self.pull, self.scratch)
+        f = self.fields
+        strain_fields(self.value, self.number, self.inner, self.pull, f)
         d, Q = f.end.copy(), f.R[-1].copy()
         start, more = self.settle(d, Q), np.zeros(6)
         more[:3] = f.R[-1] @ (rng.uniform(0.5, 1.0, 3) * self.size * [1500.0, 20.0, 100.0])
@@ -115,11 +112,11 @@ def test_tangent_of_the_amplitudes_is_the_derivative_of_their_residual(kind, rng
     """At states that are no equilibrium, too; again the symmetric part."""
     leaf = Leaf(kind)
     N, inner = leaf.N, np.concatenate([rng.normal(size=leaf.N) * 8.0, rng.normal(size=6) * 300.0])
-    f = fields_of(leaf.number, leaf.scratch)
+    f = leaf.fields
 
     def residual(state):
-        strain_fields(leaf.value, leaf.number, state, leaf.pull, leaf.scratch)
-        strain_tangent(leaf.value, leaf.number, state, leaf.pull, leaf.scratch)
+        strain_fields(leaf.value, leaf.number, state, leaf.pull, f)
+        strain_tangent(leaf.value, leaf.number, state, f)
         return f.g.copy()
 
     found = np.empty((N, N))

@@ -39,8 +39,9 @@ class Space:
             )
             assert masses_beyond(self.value, self.number) == pytest.approx(MU * L * (1 - table.s))
             inner, store = strain_sizes(self.number, heavy=True)
-            self.inner, scratch = np.zeros(inner), np.zeros(strain_scratch(self.number))
-            self.condense = lambda *a: strain.strain_condense(*a[:4], scratch, *a[4:])
+            self.inner = np.zeros(inner)
+            fields = strain.fields_of(self.number, np.zeros(strain_scratch(self.number)))
+            self.condense = lambda *a: strain.strain_condense(*a[:4], fields, *a[4:])
             self.recover = strain.strain_recover
         else:
             value = chains.chain_values(LEAF, L, 4)

@@ -49,7 +49,8 @@ def test_wrenches_and_inner_nodes_are_those_of_each(scene, elements, drives, rng
     alone, kept = [], []
     pose, Q = np.zeros(18), np.zeros((3, 3))
     for i in range(len(members.kind)):
-        member_pose(members.node, members.offset, members.frame, state.x, state.R, i, pose, Q)
+        offset, frame = members.offset[i].ravel(), members.frame[i].ravel()
+        member_pose(members.node[i], 0, offset, 0, frame, 0, state.x, state.R, pose, Q)
         d = pose[:9].reshape(3, 3).T @ pose[15:]
         inner = np.zeros(members.inner_at[i + 1] - members.inner_at[i])
         store = np.zeros(members.store_at[i + 1] - members.store_at[i])

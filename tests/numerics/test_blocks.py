@@ -59,18 +59,18 @@ def chain(rng, joints=3, free=2, loose=False):
 def test_every_joint_of_a_chain_is_held_by_rows(joints, free, loose, rng):
     plan, value, whole, rows = chain(rng, joints, free, loose)
     stored, spare, right = value.copy(), np.zeros_like(value), rng.normal(size=len(whole))
-    negatives, pivot = factor_blocks(plan, value, spare, len(plan.size))
+    negatives, pivot = factor_blocks(plan.ints, value, spare, len(plan.size))
     assert negatives == rows and pivot > 1e-10
     scale = 1.0 / np.sqrt(np.abs(whole).max(axis=1))
     exact = scale * np.linalg.solve(whole * np.outer(scale, scale), scale * right)
     x, change, low = right.copy(), np.empty_like(right), np.empty_like(right)
-    solve_blocks(plan, value, spare, x)
+    solve_blocks(plan.ints, value, spare, x)
     assert x == pytest.approx(exact, rel=1e-6, abs=1e-7 * np.abs(exact).max())
-    assert refined_blocks(plan, stored, value, spare, right, x, change, low) < 1e-9
+    assert refined_blocks(plan.ints, stored, value, spare, right, x, change, low) < 1e-9
     # the softness of a row is what its neighbours in other joints do not give
     for i in plan.start[plan.rows]:
         unit = np.eye(len(whole))[i]
-        refined_blocks(plan, stored, value, spare, unit, x, change, low)
+        refined_blocks(plan.ints, stored, value, spare, unit, x, change, low)
         if abs(x[i]) > 1e-3:
             assert x[i] == pytest.approx(-SOFT, rel=1e-6)
 
@@ -82,9 +82,9 @@ def test_inertia_is_that_of_the_matrix_with_pivoting(rng):
             value[k + 7 * int(rng.integers(6))] -= STIFF * rng.uniform(0.0, 1.0)
         matrix, none = np.zeros_like(whole), np.zeros(len(whole))
         for unit, column in zip(-np.eye(len(whole)), matrix, strict=True):
-            residual_blocks(plan, value, none, unit, column, np.empty(len(whole)))
+            residual_blocks(plan.ints, value, none, unit, column, np.empty(len(whole)))
         assert matrix == pytest.approx(matrix.T)
-        negatives, _ = factor_blocks(plan, value, np.zeros_like(value), len(plan.size))
+        negatives, _ = factor_blocks(plan.ints, value, np.zeros_like(value), len(plan.size))
         assert negatives == inertia(matrix) >= rows
 
 
@@ -97,7 +97,7 @@ def test_a_node_pushed_over_that_rows_hold(share, rng):
     at = plan.diagonal[node]
     value[at : at + 6] = value[at : at + 36 : 6] = 0.0
     value[at] = -share * STIFF
-    negatives, pivot = factor_blocks(plan, value, np.zeros_like(value), len(plan.size))
+    negatives, pivot = factor_blocks(plan.ints, value, np.zeros_like(value), len(plan.size))
     assert pivot > 1e-10
     assert negatives >= rows
 
@@ -106,7 +106,7 @@ def test_rows_that_say_the_same_are_told(rng):
     plan, value, _, _ = chain(rng, 1, 2)
     one, two = plan.lever[:2]
     value[two : two + 6] = value[one : one + 6]
-    _, pivot = factor_blocks(plan, value, np.zeros_like(value), len(plan.size))
+    _, pivot = factor_blocks(plan.ints, value, np.zeros_like(value), len(plan.size))
     assert pivot < 1e-12
 
 
@@ -115,11 +115,11 @@ def test_lost_digits_are_told(noise, lost, rng):
     """Refinement mends factors that are slightly wrong, and tells of those that are no factors of the matrix."""
     plan, value, whole, _ = chain(rng, 2, 1)
     stored, spare = value.copy(), np.zeros_like(value)
-    factor_blocks(plan, value, spare, len(plan.size))
+    factor_blocks(plan.ints, value, spare, len(plan.size))
     value *= 1.0 + noise * rng.normal(size=value.shape)
     right = rng.normal(size=len(whole))
     x, change, low = (np.empty(len(whole)) for _ in range(3))
-    error = refined_blocks(plan, stored, value, spare, right, x, change, low)
+    error = refined_blocks(plan.ints, stored, value, spare, right, x, change, low)
     assert error > 1e-3 if lost else error < 1e-12
 
 
@@ -149,7 +149,7 @@ def test_condensation_onto_the_last_nodes(count, more, last, shift, rng):
     stop, cut = count - last, 6 * (count - last)
     spare, right = np.zeros_like(value), rng.normal(size=6 * count)
     x = right.copy()
-    negatives, pivot = factor_blocks(plan, value, spare, stop)
+    negatives, pivot = factor_blocks(plan.ints, value, spare, stop)
     A, B, C = whole[:cut, :cut], whole[:cut, cut:], whole[cut:, cut:]
     assert negatives == np.sum(np.linalg.eigvalsh(A) < 0) and pivot > 1e-4
     left = C - B.T @ np.linalg.solve(A, B)
@@ -157,11 +157,11 @@ def test_condensation_onto_the_last_nodes(count, more, last, shift, rng):
         at, here = plan.diagonal[stop + j], slice(6 * j, 6 * j + 6)
         found = np.tril(value[at : at + 36].reshape(6, 6))
         assert found == pytest.approx(np.tril(left[here, here]), abs=1e-10 * np.abs(left).max())
-    forward_blocks(plan, spare, x, stop)
+    forward_blocks(plan.ints, spare, x, stop)
     condensed = right[cut:] - B.T @ np.linalg.solve(A, right[:cut])
     assert x[cut:] == pytest.approx(condensed, abs=1e-10 * np.abs(x).max())
     x[cut:] = given = rng.normal(size=6 * last)
-    backward_blocks(plan, value, spare, x, stop)
+    backward_blocks(plan.ints, value, spare, x, stop)
     inside = np.linalg.solve(A, right[:cut] - B @ given)
     assert x[:cut] == pytest.approx(inside, abs=1e-10 * np.abs(inside).max())
 
@@ -170,4 +170,4 @@ def test_a_pivot_that_vanishes_is_told(rng):
     plan, value, _ = nodes(rng, 4, 0, 1)
     at = plan.diagonal[0]
     value[at : at + 36] = 0.0
-    assert factor_blocks(plan, value, np.zeros_like(value), 3) == (0, 0.0)
+    assert factor_blocks(plan.ints, value, np.zeros_like(value), 3) == (0, 0.0)

@@ -368,7 +368,19 @@ def test_the_assembly_calls_nothing_for_what_is_absent(monkeypatch):
         model = ksd.compile_scene(scene)
         arrays, rest, work = model.arrays, model.rest, make_work(model.arrays)
         newton._assemble.py_func(
-            None, None, None, arrays, *rest, np.zeros(1), work, newton.ASSEMBLE, 0, 1.0, 1e-8, 10.0
+            None,
+            None,
+            None,
+            *arrays.flat[:2],
+            *rest,
+            np.zeros(1),
+            work,
+            None,
+            newton.ASSEMBLE,
+            0,
+            1.0,
+            1e-8,
+            10.0,
         )
         return set(calls)
 

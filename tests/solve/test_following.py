@@ -50,7 +50,7 @@ def test_the_step_is_that_of_the_unsymmetric_tangent():
     assemble(arrays, other, target, 1.3, work, 1e-8, 0, 0 * GRAIN)
     full = stored_matrix(arrays, work.value) + turning_loads(arrays, other, 1.3)
     step = np.linalg.solve(full, -work.rhs)
-    factor_blocks(arrays.plan, work.value, work.spare, len(arrays.plan.size))
+    factor_blocks(arrays.plan.ints, work.value, work.spare, len(arrays.plan.size))
     take_step(arrays, other, step, work, 1.0)
     assert one.x == pytest.approx(other.x, abs=1e-10)
     assert one.multiplier == pytest.approx(other.multiplier, rel=1e-8)
