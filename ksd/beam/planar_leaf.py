@@ -9,8 +9,12 @@ of the strain-mode note.
 
 It works on the inner state of the spatial leaf, of which it changes the amplitudes of weak bending and three numbers of
 the wrench. `number`: nz, points, place of the first weak-bending amplitude, of the wrench. `value`: K (nz, nz) [N m^3],
-stress-free a0 (nz), then per point: weight times L, cN = 1/EA, cV = 1/(ky G A), psi (nz); then psi at the end. `store`:
-W^-1 (J, g) (nz, 4), J and g (nz, 4), W (nz, nz), gap (3), K (6).
+stress-free a0 (nz), then per point: weight times L, cN = 1/EA, cV = 1/(ky G A), psi (nz); then psi at the end; of a leaf
+with weight the mass beyond each point [kg]. `store`: W^-1 (J, g) (nz, 4), J and g (nz, 4), W (nz, nz), gap (3), K (6); with
+weight eta and W^-1 eta (nz, 4) and the pull of `ksd.beam.weight`.
+
+With weight the force at a point is n + M g, M the mass beyond it and g gravity in frame p; dH/dg = int M r' ds is the first
+moment of the mass about end p, and eta its derivative by the amplitudes.
 """
 
 from __future__ import annotations
@@ -20,10 +24,17 @@ from itertools import pairwise
 
 import numpy as np
 
+from ksd.beam.strain_values import PULL, masses_beyond
 from ksd.numerics.kernel import kernel
 
 TINY_PIVOT = 1e-15
 TURN = 2.0 * math.pi
+
+
+@kernel
+def size_of(number):
+    """Length of the `store` of a leaf without weight."""
+    return 8 * number[0] + number[0] * number[0] + 9
 
 
 @kernel
@@ -32,9 +43,10 @@ def _gather(value, number, inner, store):
     nz, points, first, wrench = number[0], number[1], number[2], number[3]
     J, W = 4 * nz, 8 * nz
     nx, ny, moment = inner[wrench], inner[wrench + 1], inner[wrench + 5]
-    width = 3 + nz
+    width, pull = 3 + nz, len(store) - PULL
     end = nz * nz + nz + points * width
-    angle = 0.0
+    heavy = len(store) > size_of(number)
+    angle, fx, fy = 0.0, nx, ny
     for i in range(nz):
         g = -moment * value[end + i]
         for j in range(nz):
@@ -52,7 +64,10 @@ def _gather(value, number, inner, store):
         for i in range(nz):
             theta += inner[first + i] * value[at + 3 + i]
         c, s = math.cos(theta), math.sin(theta)
-        N, V = c * nx + s * ny, c * ny - s * nx
+        if heavy:
+            mass = value[end + nz + p]
+            fx, fy = nx + mass * store[pull], ny + mass * store[pull + 1]
+        N, V = c * fx + s * fy, c * fy - s * fx
         slack = cn - cv
         # r' = R (1 + cN N, cV V) and R C R^T
         a, b = w * (1.0 + cn * N), w * cv * V
@@ -173,10 +188,101 @@ def condense(value, number, inner, store, d, Q, lam, K):
 
 
 @kernel
+def follow(value, number, inner, store, lam):
+    """After `condense`: the pull of a leaf with weight as in `ksd.beam.strain.strain_follow`, zero out of the plane.
+
+    With B = int M S, S = R C R^T, and Z = J W^-1 eta + B (force rows): V_xi,g = -K Z, V_g,g = Z^T K Z - eta W^-1 eta
+    - int M^2 S.
+    """
+    nz, points, first, wrench = number[0], number[1], number[2], number[3]
+    J, W, kept, o = 4 * nz, 8 * nz, size_of(number) - 9, len(store) - PULL
+    eta, end = kept + 9, nz * nz + nz + points * (3 + nz)
+    Z, G, s = np.zeros((3, 2)), np.zeros((2, 2)), np.zeros(2)
+    for i in range(4 * nz):
+        store[eta + i] = 0.0
+    for p in range(points):
+        at, mass = nz * nz + nz + p * (3 + nz), value[end + nz + p]
+        w, cn, cv, theta = mass * value[at], value[at + 1], value[at + 2], 0.0
+        for i in range(nz):
+            theta += inner[first + i] * value[at + 3 + i]
+        c, sine = math.cos(theta), math.sin(theta)
+        fx, fy = inner[wrench] + mass * store[o], inner[wrench + 1] + mass * store[o + 1]
+        N, V, slack = c * fx + sine * fy, c * fy - sine * fx, cn - cv
+        s[0] += w * (c * (1.0 + cn * N) - sine * cv * V)
+        s[1] += w * (sine * (1.0 + cn * N) + c * cv * V)
+        xx, xy, yy = cn * c * c + cv * sine * sine, slack * c * sine, cn * sine * sine + cv * c * c
+        Z[0, 0], Z[0, 1], Z[1, 0], Z[1, 1] = (
+            Z[0, 0] + w * xx,
+            Z[0, 1] + w * xy,
+            Z[1, 0] + w * xy,
+            Z[1, 1] + w * yy,
+        )
+        w *= mass
+        G[0, 0], G[0, 1], G[1, 0], G[1, 1] = (
+            G[0, 0] + w * xx,
+            G[0, 1] + w * xy,
+            G[1, 0] + w * xy,
+            G[1, 1] + w * yy,
+        )
+        a, b = mass * value[at] * slack * V, mass * value[at] * (1.0 + slack * N)
+        for i in range(nz):
+            psi = value[at + 3 + i]
+            store[eta + 4 * i] += (c * a - sine * b) * psi
+            store[eta + 4 * i + 1] += (sine * a + c * b) * psi
+    # W^-1 eta, by the factors `condense` leaves
+    for e in range(2):
+        for i in range(nz):
+            t = store[eta + 4 * i + e]
+            for c in range(i):
+                t -= store[W + i * nz + c] * store[eta + 4 * c + 2 + e]
+            store[eta + 4 * i + 2 + e] = t
+        for i in range(nz - 1, -1, -1):
+            t = store[eta + 4 * i + 2 + e] / store[W + i * nz + i]
+            for c in range(i + 1, nz):
+                t -= store[W + c * nz + i] * store[eta + 4 * c + 2 + e]
+            store[eta + 4 * i + 2 + e] = t
+    for r in range(3, PULL):
+        store[o + r] = 0.0
+    K = np.empty((3, 3))
+    for r in range(3):
+        for c in range(3):
+            i, j = min(r, c), max(r, c)
+            K[r, c] = store[kept + 3 + i * (5 - i) // 2 + j]
+    for e in range(2):
+        store[o + 6 + e] = s[e]
+        for i in range(nz):
+            s[e] -= store[eta + 4 * i + e] * store[4 * i + 3]
+            x = store[eta + 4 * i + 2 + e]
+            for r in range(3):
+                Z[r, e] += store[J + 4 * i + r] * x
+            for r in range(2):
+                G[r, e] += store[eta + 4 * i + r] * x
+        store[o + 3 + e] = s[e]
+        for r in range(3):
+            # x, y, rz among the six of the wrench
+            row = 5 if r == 2 else r
+            store[o + 3 + e] += Z[r, e] * (lam[row] - lam[6 + row])
+    for e in range(2):
+        for r in range(3):
+            row = 5 if r == 2 else r
+            t = 0.0
+            for k in range(3):
+                t -= K[r, k] * Z[k, e]
+            store[o + 9 + 3 * row + e] = t
+        for r in range(2):
+            t = -G[r, e]
+            for k in range(3):
+                row = 5 if k == 2 else k
+                t -= Z[k, r] * store[o + 9 + 3 * row + e]
+            store[o + 27 + 3 * r + e] = t
+
+
+@kernel
 def recover(value, number, inner, store, xi, scale):
     """dlam = K (xi + gap), da = W^-1 (J^T dlam - g), both times `scale`, after end q moved by xi (6,) in frame p."""
     nz, first, wrench = number[0], number[2], number[3]
     kept = 8 * nz + nz * nz
+    heavy, o = len(store) > kept + 9, len(store) - PULL
     x, y, turn = xi[0] + store[kept], xi[1] + store[kept + 1], xi[5] + store[kept + 2]
     k00, k01, k02 = store[kept + 3], store[kept + 4], store[kept + 5]
     k11, k12, k22 = store[kept + 6], store[kept + 7], store[kept + 8]
@@ -185,23 +291,33 @@ def recover(value, number, inner, store, xi, scale):
         k01 * x + k11 * y + k12 * turn,
         k02 * x + k12 * y + k22 * turn,
     )
+    g0, g1 = 0.0, 0.0
+    if heavy:
+        # the change of gravity in frame p
+        g0, g1 = store[o + 36], store[o + 37]
+        d0 += store[o + 9] * g0 + store[o + 10] * g1
+        d1 += store[o + 12] * g0 + store[o + 13] * g1
+        d2 += store[o + 24] * g0 + store[o + 25] * g1
     for i in range(nz):
-        inner[first + i] += scale * (
-            store[4 * i] * d0 + store[4 * i + 1] * d1 + store[4 * i + 2] * d2 - store[4 * i + 3]
-        )
+        t = store[4 * i] * d0 + store[4 * i + 1] * d1 + store[4 * i + 2] * d2 - store[4 * i + 3]
+        if heavy:
+            t += store[kept + 9 + 4 * i + 2] * g0 + store[kept + 9 + 4 * i + 3] * g1
+        inner[first + i] += scale * t
     inner[wrench] += scale * d0
     inner[wrench + 1] += scale * d1
     inner[wrench + 5] += scale * d2
 
 
-def store_size(nz: int) -> int:
-    """Length of the `store` of a leaf with nz modes of weak bending."""
-    return 8 * nz + nz * nz + 9
+def store_size(nz: int, *, heavy: bool = False) -> int:
+    """Length of the `store` of a leaf with nz modes of weak bending; heavy: with weight."""
+    return 8 * nz + nz * nz + 9 + heavy * (4 * nz + PULL)
 
 
-def planar_values(value: np.ndarray, number: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def planar_values(
+    value: np.ndarray, number: np.ndarray, *, heavy: bool = False
+) -> tuple[np.ndarray, np.ndarray]:
     """Constants and settings from those of the spatial leaf (`ksd.beam.strain_values`), neither curved nor twisted out of
-    its plane at rest."""
+    its plane at rest; heavy: of a leaf with weight."""
     nx, ny, nz, ng = (int(n) for n in number[:4])
     total, first = nx + ny + nz, nx + ny
     sizes = [1, nx * nx, ny * ny, nz * nz, total, ng, ng * ng, total * ng, 3 * ng, 3 * (ng + 1) * total]
@@ -211,4 +327,6 @@ def planar_values(value: np.ndarray, number: np.ndarray) -> tuple[np.ndarray, np
     psi = length * np.cumsum(parts[9].reshape(ng + 1, 3, total)[:, 0, first:], axis=0)
     table = np.column_stack([length * parts[5], slack[:, 0], slack[:, 1], psi[:-1]])
     flat = [parts[3], rest[first:], table.ravel(), psi[-1]]
+    if heavy:
+        flat.append(masses_beyond(value, number))
     return np.concatenate(flat), np.array([nz, ng, first, total], np.int64)

@@ -128,7 +128,7 @@ def open_room(N, ng, scratch):  # type: ignore[no-untyped-def]
     )
 
 
-leaf_room = kernel(inline="always")(open_room)
+leaf_room = kernel(open_room)
 
 
 def fields_of(number: np.ndarray, scratch: np.ndarray) -> Fields:
@@ -391,39 +391,39 @@ def _invert6(F, K):
 
 
 @kernel
-def _follow_gravity(value, number, store, f, K, step):
-    """The pull (39,) of a leaf with weight, see `ksd.beam.weight`, and before it X (N, 3) = W^-1 eta(L)^T, which is kept for
-    `strain_recover`, both at the end of its store.
+def strain_follow(value, number, inner, store, f, lam, K):
+    """After `strain_condense`: the pull (39,) of a leaf with weight, see `ksd.beam.weight`, and before it X (N, 3)
+    = W^-1 eta(L)^T, which is kept for `strain_recover`, both at the end of its store.
 
     With B = int M S and Z = J X + B (force rows): V_xi,g = -K Z, V_g,g = Z^T K Z - eta X - int M^2 S, and the
-    first moment int M v is predicted with the step of the wrench, step = K (c + J W^-1 g).
+    first moment int M v is predicted with the step of the wrench, lam[0:6] - lam[6:12] = K (c + J W^-1 g).
     """
     N, ng = number[0] + number[1] + number[2], number[3]
     _, weight, _, _, beyond = constants_at(number)
-    o = len(store) - PULL
+    o, v, S, rho, psi, eta = len(store) - PULL, f.v, f.S, f.rho, f.psi, f.eta
     X, Z, G = store[o - 3 * N : o].reshape(N, 3), np.zeros((6, 3)), np.zeros((3, 3))
     for i in range(N):
         for e in range(3):
-            X[i, e] = f.eta[e, i]
+            X[i, e] = eta[e, i]
     _substitute(N, f.W, X)
     for e in range(3):
         s = 0.0
         for g in range(ng):
             M = value[beyond + g]
             w = value[0] * value[weight + g] * M
-            s += w * f.v[g, e]
+            s += w * v[g, e]
             for r in range(3):
-                Z[r, e] += w * f.S[g, r, e]
-                G[r, e] += w * M * f.S[g, r, e]
+                Z[r, e] += w * S[g, r, e]
+                G[r, e] += w * M * S[g, r, e]
         store[o + 6 + e] = s
         for i in range(N):
-            s -= f.eta[e, i] * f.Y[i, 6]
+            s -= eta[e, i] * store[8 * i + 6]
             for r in range(3):
-                Z[r, e] += f.rho[r, i] * X[i, e]
-                Z[3 + r, e] += f.psi[ng + 1, r, i] * X[i, e]
-                G[r, e] += f.eta[r, i] * X[i, e]
+                Z[r, e] += rho[r, i] * X[i, e]
+                Z[3 + r, e] += psi[ng + 1, r, i] * X[i, e]
+                G[r, e] += eta[r, i] * X[i, e]
         for r in range(6):
-            s += Z[r, e] * step[r]
+            s += Z[r, e] * (lam[r] - lam[6 + r])
         store[o + 3 + e] = s
     for e in range(3):
         for r in range(6):
@@ -444,7 +444,7 @@ def strain_condense(value, number, inner, store, f, d, Q, lam, K):
 
     inner = (a (N,), lam (6,)). Writes lam[0:6] condensed end wrench, lam[6:12] the wrench the geometric terms
     use (the one before this step), K (6, 6). store keeps W^-1 J^T and W^-1 g (N, 8, the last a spare), K (6, 6) and
-    c + J W^-1 g (6,); a leaf with weight also W^-1 eta(L)^T (N, 3) and its pull (see `ksd.beam.weight`).
+    c + J W^-1 g (6,); a leaf with weight also what `strain_follow` adds.
     f: `Fields` with room for the leaf, left undefined.
     Returns (negative pivots of W minus those of F, |change of n| [N], |change of m| [Nm], status).
     """
@@ -455,9 +455,9 @@ def strain_condense(value, number, inner, store, f, d, Q, lam, K):
     gap = tail + 36
     heavy = len(store) > tail + 42
     pull = store[len(store) - PULL if heavy else len(store) :]
-    W, g, Y, R, rho, psi = f.W, f.g, f.Y, f.R, f.rho, f.psi
+    W, g, Y, R, rho, psi, S, end = f.W, f.g, f.Y, f.R, f.rho, f.psi, f.S, f.end
     _orientations(value[0], number, inner, modes, f.gap, f.turn, f.J, f.T, f.G, R, psi)
-    _slopes(value, number, inner, pull, R, psi, f.n, f.v, f.S, f.slope, f.end, rho, f.eta)
+    _slopes(value, number, inner, pull, R, psi, f.n, f.v, S, f.slope, end, rho, f.eta)
     _tangent(
         value, number, inner, modes,
         f.gap, f.turn, f.J, f.T, f.G, R, psi, f.n, f.v, f.slope, f.M, f.V, W, g, f.X, f.Z,
@@ -475,7 +475,7 @@ def strain_condense(value, number, inner, store, f, d, Q, lam, K):
             turned[i, j] = Q[i, 0] * R[ng + 1, j, 0] + Q[i, 1] * R[ng + 1, j, 1] + Q[i, 2] * R[ng + 1, j, 2]
     rotation_log(turned, step)
     for r in range(3):
-        store[gap + r], store[gap + 3 + r] = d[r] - f.end[r], step[r]
+        store[gap + r], store[gap + 3 + r] = d[r] - end[r], step[r]
     for i in range(N):
         for e in range(7):
             store[8 * i + e] = Y[i, e]
@@ -488,7 +488,7 @@ def strain_condense(value, number, inner, store, f, d, Q, lam, K):
         w = value[0] * value[weight + p]
         for i in range(3):
             for j in range(3):
-                F[i, j] += w * f.S[p, i, j]
+                F[i, j] += w * S[p, i, j]
     for r in range(6):
         for e in range(r):
             F[r, e] = F[e, r] = 0.5 * (F[r, e] + F[e, r])
@@ -507,8 +507,6 @@ def strain_condense(value, number, inner, store, f, d, Q, lam, K):
             dn += s * s
         else:
             dm += s * s
-    if heavy:
-        _follow_gravity(value, number, store, f, K, step)
     if not math.isfinite(dn + dm):
         status = 2
     return negatives - back, math.sqrt(dn), math.sqrt(dm), status

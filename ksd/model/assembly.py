@@ -12,7 +12,7 @@ from ksd.beam.corotational_near import near_condense
 from ksd.beam.linear import linear_condense
 from ksd.beam.modal import modal_condense, modal_recover
 from ksd.beam.polynomial import polynomial_condense
-from ksd.beam.strain import leaf_room, strain_condense, strain_recover
+from ksd.beam.strain import leaf_room, strain_condense, strain_follow, strain_recover
 from ksd.model.arrays import (
     BLOCK,
     COROTATIONAL,
@@ -68,6 +68,11 @@ def condense_member(
         told = polynomial_condense(value, number, state, store, d, Q, lam, K)
     else:
         told = condense_leaf(kind, value, number, state, store, room, near, d, Q, lam, K)
+        # what a leaf with weight keeps beyond one without
+        if kind == STRAIN and len(store) > 8 * (len(state) - 6) + 42:
+            strain_follow(value, number, state, store, room, lam, K)
+        elif kind == PLANAR and len(store) > planar_leaf.size_of(number):
+            planar_leaf.follow(value, number, state, store, lam)
     return told
 
 
@@ -167,7 +172,7 @@ class Room(NamedTuple):
     leaf: Any
 
 
-@kernel(inline="always")
+@kernel
 def open_member_room(ints, scratch):
     """`Room` for the members there are."""
     modes, points = 0, 0

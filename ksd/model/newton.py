@@ -78,7 +78,7 @@ def settled(worst: float, before: float, moved: float) -> bool:
     return worst <= 1.0 or (worst <= LOOSE and moved <= 1.0 and worst > STALLED * before)
 
 
-_open_work = kernel(inline="always")(open_work)
+_open_work = kernel(open_work)
 _settled = kernel(inline="always")(settled)
 
 

@@ -5,7 +5,7 @@ the leaf springs balance across it is seen when the spatial residual is evaluate
 planar scene is thus checked, never trusted (design section 4).
 
 A planar model is the spatial one with z, rx and ry left out of the numbering (`Arrays.keep`), for a plane normal to one
-of the global axes: same members, same state, same rows; leaf springs without weight condense in closed form in the angle
+of the global axes: same members, same state, same rows; strain-mode leaves condense in closed form in the angle
 (`ksd.beam.planar_leaf`). An oblique plane is solved in space.
 """
 
@@ -18,11 +18,11 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from ksd.beam.planar_leaf import planar_values, store_size
-from ksd.beam.strain_values import strain_values
+from ksd.beam.strain_values import masses_beyond, strain_values
 from ksd.model.arrays import (
     COIL,
     COROTATIONAL,
-    FIRST,
+    FLOATS,
     LINEAR,
     MODAL,
     PLANAR,
@@ -90,17 +90,17 @@ class Plane:
 
 class _Planar(NamedTuple):
     """What of the arrays in a plane does not depend on numbers: bones: the arrays, all numbers zero; leaves: those that
-    condense in closed form, by where their spatial constants begin, with their settings."""
+    condense in closed form, by where their spatial constants begin, whether they weigh anything, and their settings."""
 
     bones: Arrays
-    leaves: list[tuple[int, tuple[int, ...]]]
+    leaves: list[tuple[int, bool, tuple[int, ...]]]
 
 
 @lru_cache(maxsize=64)
-def _planar(ints: bytes, axis: int, rows: tuple[int, ...], light: bytes) -> _Planar:
-    """See `_masked`; ints: as in `Flat`, light: whether each member is a strain-mode leaf without weight."""
+def _planar(ints: bytes, axis: int, rows: tuple[int, ...], heavy: bytes) -> _Planar:
+    """See `_masked`; ints: as in `Flat`, heavy: whether each member has weight."""
     flat = np.frombuffer(ints, np.int64)
-    space = opened(Flat(flat, np.zeros(int(flat[flat[FIRST] - 1])), False))
+    space = opened(Flat(flat, np.zeros(int(flat[FLOATS])), False))
     keep = np.array([*(c for c in range(3) if c != axis), 3 + axis])
     terms, loads, springs, nodes = space.terms, space.loads, space.springs, len(space.start)
     node, first = terms.node.tolist(), terms.first.tolist()
@@ -119,7 +119,7 @@ def _planar(ints: bytes, axis: int, rows: tuple[int, ...], light: bytes) -> _Pla
         np.array([places.member(a, b) for a, b in pairs], np.int64).reshape(-1, 4) for pairs in ends
     )
     load_block = np.array([places.diagonal(n) for n in loads.node.tolist()], np.int64)
-    members, leaves = _members(space.members, np.frombuffer(light, bool))
+    members, leaves = _members(space.members, np.frombuffer(heavy, bool))
     bones = space._replace(
         plan=plan,
         start=start,
@@ -135,28 +135,32 @@ def _planar(ints: bytes, axis: int, rows: tuple[int, ...], light: bytes) -> _Pla
 
 def _masked(arrays: Arrays, axis: int, rows: np.ndarray) -> Arrays:
     """The arrays with those unknowns of every node that are in the plane normal to global axis `axis`, and `rows` alone;
-    light strain-mode leaves by their planar kernel."""
-    light = arrays.members.kind == STRAIN
+    strain-mode leaves by their planar kernel."""
+    heavy = np.zeros(len(arrays.members.kind), bool)
     if len(arrays.weight):
-        light &= arrays.weight[:, 0] == 0.0
-    bones, leaves = _planar(arrays.flat.ints.tobytes(), axis, tuple(rows.tolist()), light.tobytes())
+        heavy[:] = arrays.weight[:, 0] > 0.0
+    bones, leaves = _planar(arrays.flat.ints.tobytes(), axis, tuple(rows.tolist()), heavy.tobytes())
     value = arrays.members.value
-    made = [_constants(value[at:], settings) for at, settings in leaves]
+    made = [_constants(value[at:], weighs, settings) for at, weighs, settings in leaves]
     return revalued(arrays, bones, np.concatenate([value, *made]))
 
 
-def _members(members: Members, light: np.ndarray) -> tuple[Members, list[tuple[int, tuple[int, ...]]]]:
-    """The integers of the members, `light` ones by their planar kernel, with constants after the spatial ones; and these:
-    where their spatial constants begin, and their settings."""
+def _members(
+    members: Members, heavy: np.ndarray
+) -> tuple[Members, list[tuple[int, bool, tuple[int, ...]]]]:
+    """The integers of the members, strain-mode leaves by their planar kernel, with constants after the spatial ones; and
+    these: where their spatial constants begin, whether they weigh anything, and their settings."""
     kind, number, value_at = members.kind.copy(), members.number.copy(), members.value_at.copy()
     store, end, leaves = np.diff(members.store_at), len(members.value), []
-    constants = np.concatenate([members.value_at[:, None], members.number], axis=1)
-    for at, *settings in np.unique(constants[light], axis=0).tolist():
-        own = light & np.all(constants == [at, *settings], axis=1)
+    constants = np.column_stack([members.value_at, heavy, members.number])
+    for row in np.unique(constants[kind == STRAIN], axis=0):
+        at, weighs, *settings = row.tolist()
+        own = (members.kind == STRAIN) & np.all(constants == row, axis=1)
         _, _, planar, of, _ = _unit(tuple(settings))
-        kind[own], number[own], value_at[own], store[own] = PLANAR, planar, end, store_size(int(planar[0]))
-        leaves.append((at, tuple(settings)))
-        end += len(of)
+        kind[own], number[own], value_at[own] = PLANAR, planar, end
+        store[own] = store_size(int(planar[0]), heavy=bool(weighs))
+        leaves.append((at, bool(weighs), tuple(settings)))
+        end += len(of) + weighs * settings[3]
     planar_members = members._replace(
         kind=kind,
         number=number,
@@ -190,12 +194,13 @@ def _unit(settings: tuple[int, ...]) -> tuple[slice, np.ndarray, np.ndarray, np.
     return tables, value[tables], planar, of, multiple
 
 
-def _constants(value: np.ndarray, settings: tuple[int, ...]) -> np.ndarray:
-    """Planar constants of a leaf, from its spatial ones."""
+def _constants(value: np.ndarray, weighs: bool, settings: tuple[int, ...]) -> np.ndarray:
+    """Planar constants of a leaf, with or without weight, from its spatial ones."""
     tables, known, _, of, multiple = _unit(settings)
-    if np.array_equal(value[tables], known):
-        return multiple * value[of]
-    return planar_values(value, np.array(settings))[0]
+    if not np.array_equal(value[tables], known):
+        return planar_values(value, np.array(settings), heavy=weighs)[0]
+    made = multiple * value[of]
+    return np.concatenate([made, masses_beyond(value, np.array(settings))]) if weighs else made
 
 
 def _normal_axis(arrays: Arrays) -> tuple[int, np.ndarray]:

@@ -10,10 +10,11 @@ import pytest
 from ksd.beam import corotational as chain
 from ksd.beam import corotational_values as chain_setup
 from ksd.beam import planar_leaf
-from ksd.beam.strain import fields_of, strain_condense, strain_recover
+from ksd.beam.strain import fields_of, strain_condense, strain_follow, strain_recover
 from ksd.beam.strain_values import (
     DEFAULT_ORDERS,
     DEFAULT_POINTS,
+    PULL,
     strain_scratch,
     strain_sizes,
     strain_values,
@@ -180,6 +181,124 @@ def test_the_planar_leaf_is_the_spatial_one():
     for mine, theirs in ((leaf.wrench, twin.wrench), (leaf.K, twin.K), (leaf.inner, twin.inner)):
         assert np.allclose(mine, theirs, rtol=1e-11, atol=1e-12 * np.abs(theirs).max())
     assert not leaf.stiffness[[2, 3, 4]].any() and not leaf.stiffness[:, [2, 3, 4]].any()
+
+
+MU = np.array([1.0, 2.0, 4.0, 3.0, 2.5, 1.5, 0.5])
+"""Line mass [kg/m], not even, so that nothing cancels."""
+GRAVITY = np.array([70.0, -90.0, 0.0])
+
+
+class Heavy(Leaf):
+    """A leaf with weight, in the plane or in space, that settles in gravity g (3,)."""
+
+    g = GRAVITY
+
+    @property
+    def pull(self):
+        return self.store[-PULL:]
+
+    def condense(self, status=0):
+        self.pull[:3] = self.g
+        found = super().condense(status)
+        args = (self.fields, self.wrench, self.stiffness) if self.kind is not planar_leaf else (self.wrench,)
+        follow = planar_leaf.follow if self.kind is planar_leaf else strain_follow
+        follow(self.value, self.number, self.inner, self.store, *args)
+        self.pull[36:] = 0.0
+        return found
+
+    def potential(self):
+        """Energy of the leaf less the work of gravity on its mass, at its present inner state."""
+        nz, points, first, wrench = self.number
+        table = self.value[nz * nz + nz :][: points * (3 + nz)].reshape(points, -1)
+        theta = table[:, 3:] @ self.inner[first : first + nz]
+        n = self.inner[wrench : wrench + 2] + self.value[-points:, None] * self.g[:2]
+        c, s = np.cos(theta), np.sin(theta)
+        N, V = c * n[:, 0] + s * n[:, 1], c * n[:, 1] - s * n[:, 0]
+        a, b = 1 + table[:, 1] * N, table[:, 2] * V
+        moment = (table[:, 0] * self.value[-points:]) @ np.column_stack([c * a - s * b, s * a + c * b])
+        K, bend = self.value[: nz * nz].reshape(nz, nz), self.inner[first : first + nz]
+        stored = 0.5 * table[:, 0] @ (table[:, 1] * N**2 + table[:, 2] * V**2)
+        return 0.5 * bend @ K @ bend + stored - self.g[:2] @ moment
+
+
+def heavy_pair():
+    """The same leaf with weight in the plane and in space."""
+    value, number = strain_values(
+        length=L,
+        rigidity=np.array([LEAF.G * LEAF.J, LEAF.E * LEAF.Iy, LEAF.E * LEAF.Iz]),
+        compliance=1e2 * np.array([1 / (LEAF.E * LEAF.A), 3 / (LEAF.G * LEAF.A), 2 / (LEAF.G * LEAF.A)]),
+        orders=(4, 3, 6),
+        points=7,
+        line_mass=MU,
+    )
+    fields = fields_of(number, np.zeros(strain_scratch(number)))
+
+    class Spatial:
+        @staticmethod
+        def condense(value, number, inner, store, *rest):
+            return strain_condense(value, number, inner, store, fields, *rest)
+
+        recover = staticmethod(strain_recover)
+
+    inner, store = strain_sizes(number, heavy=True)
+    flat, settings = planar_leaf.planar_values(value, number, heavy=True)
+    size = planar_leaf.store_size(6, heavy=True)
+    pair = (
+        Heavy(planar_leaf, flat, settings, np.zeros(inner), size, (L, 0, 0), L),
+        Heavy(Spatial, value, number, np.zeros(inner), store, (L, 0, 0), L),
+    )
+    pair[1].fields = fields
+    return pair
+
+
+def test_the_planar_leaf_with_weight_is_the_spatial_one():
+    """Followed through a big rotation while gravity turns: same wrench, stiffness, inner state and pull."""
+    pair = heavy_pair()
+    for _ in range(8):
+        for leaf in pair:
+            leaf.condense()
+            # the last three numbers of the pull: as if frame p turned by 0.05 rad
+            leaf.pull[36:] = 0.05 * leaf.g[1], -0.05 * leaf.g[0], 0.0
+            leaf.move(np.array([-0.012, 0.03, 0.8]) / 8)
+    one, two = pair
+    assert np.allclose(one.inner, two.inner, rtol=1e-10, atol=1e-11 * np.abs(two.inner).max())
+    for leaf in pair:
+        leaf.settle()
+    assert np.abs(two.pull[3:36]).max() > 0.1
+    for mine, theirs in ((one.wrench, two.wrench), (one.K, two.K), (one.inner, two.inner)):
+        assert np.allclose(mine, theirs, rtol=1e-10, atol=1e-11 * np.abs(theirs).max())
+    # in the plane: s, V_xi,g by rows x, y, rz, V_g,g
+    inside = [3, 4, 6, 7, 9, 10, 12, 13, 24, 25, 27, 28, 30, 31]
+    assert np.allclose(one.pull[inside], two.pull[inside], rtol=1e-9, atol=1e-11)
+
+
+def test_forces_of_the_planar_leaf_with_weight_are_derivatives_of_its_potential():
+    leaf, _ = heavy_pair()
+    for _ in range(8):
+        leaf.condense()
+        leaf.move(np.array([-0.012, 0.03, 0.8]) / 8)
+    leaf.settle()
+    pose, wrench, moment = leaf.pose, leaf.wrench[[0, 1, 5]].copy(), leaf.pull[3:5].copy()
+    cross, own = (
+        leaf.pull[9:27].reshape(6, 3)[IN_PLANE, :2].copy(),
+        leaf.pull[27:36].reshape(3, 3)[:2, :2].copy(),
+    )
+    K = leaf.K.copy()
+
+    def at(move, gravity):
+        leaf.pose, leaf.g = pose + move, GRAVITY + np.array([*gravity, 0.0])
+        leaf.settle()
+        return leaf.potential(), leaf.wrench[[0, 1, 5]].copy(), leaf.pull[3:5].copy()
+
+    steps = np.diag([1e-6, 1e-6, 1e-4, 0.1, 0.1])
+    for j, step in enumerate(steps):
+        up, down = at(step[:3], step[3:]), at(-step[:3], -step[3:])
+        slope, force, first = ((a - b) / (2 * step[j]) for a, b in zip(up, down, strict=True))
+        assert slope == pytest.approx(wrench[j] if j < 3 else -moment[j - 3], rel=1e-5)
+        assert force == pytest.approx(
+            (K if j < 3 else cross.T)[j % 3 if j < 3 else j - 3], rel=1e-5, abs=1e-6
+        )
+        assert -first == pytest.approx(cross[j] if j < 3 else own[j - 3], rel=1e-5, abs=1e-9)
 
 
 @pytest.mark.parametrize("load", ELASTICA)

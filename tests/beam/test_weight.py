@@ -41,7 +41,13 @@ class Space:
             inner, store = strain_sizes(self.number, heavy=True)
             self.inner = np.zeros(inner)
             fields = strain.fields_of(self.number, np.zeros(strain_scratch(self.number)))
-            self.condense = lambda *a: strain.strain_condense(*a[:4], fields, *a[4:])
+
+            def condense(value, number, inner, store, *rest):
+                found = strain.strain_condense(value, number, inner, store, fields, *rest)
+                strain.strain_follow(value, number, inner, store, fields, *rest[2:])
+                return found
+
+            self.condense = condense
             self.recover = strain.strain_recover
         else:
             value = chains.chain_values(LEAF, L, 4)
