@@ -90,10 +90,13 @@ def test_weight_and_loads_of_every_kind(chain):
     loads = ({"force": (0, 0.05, 0.01)}, {"force": (0, 0.02, 0), "moment": (0, 0, 1e-3), "following": True})
     scene, _ = blade(load=loads)
     scene.gravity = (0, -9.81, 0)
-    state = conventional(
-        compile_scene(scene, mesh=CHAIN if chain else None, with_="gravity"), {}, planar=False
-    )
-    assert state.converged
+    model = compile_scene(scene, mesh=CHAIN if chain else None, with_="gravity")
+    assert conventional(model, {}, planar=False).converged
+    scene, _ = blade()
+    scene.gravity = (0, -9.81, 0)
+    model = compile_scene(scene, mesh=CHAIN if chain else None, with_="gravity")
+    one, other = (conventional(model, {}, planar=p).motion.x[1] for p in (True, False))
+    assert one == pytest.approx(other, abs=1e-12)
 
 
 def test_springs_and_constraints_of_every_kind():

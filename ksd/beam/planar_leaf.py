@@ -32,12 +32,6 @@ TURN = 2.0 * math.pi
 
 
 @kernel
-def size_of(number):
-    """Length of the `store` of a leaf without weight."""
-    return 8 * number[0] + number[0] * number[0] + 9
-
-
-@kernel
 def _gather(value, number, inner, store):
     """W (lower) and (J, g) into the store, at the points. Returns place and angle of end q, and the force block of F."""
     nz, points, first, wrench = number[0], number[1], number[2], number[3]
@@ -45,7 +39,7 @@ def _gather(value, number, inner, store):
     nx, ny, moment = inner[wrench], inner[wrench + 1], inner[wrench + 5]
     width, pull = 3 + nz, len(store) - PULL
     end = nz * nz + nz + points * width
-    heavy = len(store) > size_of(number)
+    heavy = len(store) > W + nz * nz + 9
     angle, fx, fy = 0.0, nx, ny
     for i in range(nz):
         g = -moment * value[end + i]
@@ -189,14 +183,17 @@ def condense(value, number, inner, store, d, Q, lam, K):
 
 @kernel
 def follow(value, number, inner, store, lam):
-    """After `condense`: the pull of a leaf with weight as in `ksd.beam.strain.strain_follow`, zero out of the plane.
+    """After `condense`: the pull of a leaf with weight as in `ksd.beam.strain.strain_follow`, zero out of the plane; nothing
+    for one without.
 
     With B = int M S, S = R C R^T, and Z = J W^-1 eta + B (force rows): V_xi,g = -K Z, V_g,g = Z^T K Z - eta W^-1 eta
     - int M^2 S.
     """
     nz, points, first, wrench = number[0], number[1], number[2], number[3]
-    J, W, kept, o = 4 * nz, 8 * nz, size_of(number) - 9, len(store) - PULL
+    J, W, kept, o = 4 * nz, 8 * nz, 8 * nz + nz * nz, len(store) - PULL
     eta, end = kept + 9, nz * nz + nz + points * (3 + nz)
+    if len(store) == eta:
+        return
     Z, G, s = np.zeros((3, 2)), np.zeros((2, 2)), np.zeros(2)
     for i in range(4 * nz):
         store[eta + i] = 0.0

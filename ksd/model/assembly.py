@@ -68,10 +68,9 @@ def condense_member(
         told = polynomial_condense(value, number, state, store, d, Q, lam, K)
     else:
         told = condense_leaf(kind, value, number, state, store, room, near, d, Q, lam, K)
-        # what a leaf with weight keeps beyond one without
-        if kind == STRAIN and len(store) > 8 * (len(state) - 6) + 42:
+        if kind == STRAIN:
             strain_follow(value, number, state, store, room, lam, K)
-        elif kind == PLANAR and len(store) > planar_leaf.size_of(number):
+        elif kind == PLANAR:
             planar_leaf.follow(value, number, state, store, lam)
     return told
 
@@ -175,7 +174,8 @@ class Room(NamedTuple):
 @kernel
 def open_member_room(ints, scratch):
     """`Room` for the members there are."""
-    modes, points = 0, 0
+    # no literals, for which numba would compile twice
+    modes = points = ints[0] * 0
     for i in range(ints[MEMBER_COUNT]):
         if ints[ints[MEMBERS + KIND] + i] == STRAIN:
             number = ints[MEMBERS + NUMBER] + 4 * i
