@@ -145,9 +145,7 @@ def _masked(arrays: Arrays, axis: int, rows: np.ndarray) -> Arrays:
     return revalued(arrays, bones, np.concatenate([value, *made]))
 
 
-def _members(
-    members: Members, heavy: np.ndarray
-) -> tuple[Members, list[tuple[int, bool, tuple[int, ...]]]]:
+def _members(members: Members, heavy: np.ndarray) -> tuple[Members, list[tuple[int, bool, tuple[int, ...]]]]:
     """The integers of the members, strain-mode leaves by their planar kernel, with constants after the spatial ones; and
     these: where their spatial constants begin, whether they weigh anything, and their settings."""
     kind, number, value_at = members.kind.copy(), members.number.copy(), members.value_at.copy()
