@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ksd.numerics.blocks import Blocks, open_blocks
+from ksd.numerics.kernel import kernel
 
 STRAIN, COROTATIONAL, LINEAR, COIL, TURN, MODAL, SOLID, PLANAR = 0, 1, 2, 3, 4, 5, 6, 7
 TRANSLATION, ROTATION = 0, 1
@@ -275,6 +276,10 @@ def open_work(flat, at):  # type: ignore[no-untyped-def]
         flat[at[3] : at[4]].reshape(-1, 12), flat[at[4] : at[5]].reshape(-1, 18), flat[at[5] : at[6]].reshape(-1, 2),
         flat[at[6] : at[7]], at[10:], flat[at[7] : at[8]], flat[at[8] : at[9]].reshape(-1, 4), flat, at,
     )  # fmt: skip
+
+
+compiled_open_work = kernel(open_work)
+"""`open_work` for kernels."""
 
 
 def turning_room(arrays: Arrays) -> int:

@@ -40,7 +40,7 @@ from ksd.model.arrays import (
     Arrays,
     Motion,
     Work,
-    open_work,
+    compiled_open_work,
 )
 from ksd.model.assembly import (
     add_members,
@@ -78,7 +78,6 @@ def settled(worst: float, before: float, moved: float) -> bool:
     return worst <= 1.0 or (worst <= LOOSE and moved <= 1.0 and worst > STALLED * before)
 
 
-_open_work = kernel(open_work)
 _settled = kernel(inline="always")(settled)
 
 
@@ -238,7 +237,7 @@ def _newton(
     ints, floats, x, R, inner, multiplier, target, flat, at, task, near, most, factor, rtol, grain, cap, blow_up,
 ):  # fmt: skip
     """See `newton`; the first six: what to do with the members and loads there are."""
-    work, plan = _open_work(flat, at), ints[ints[PLAN] :]
+    work, plan = compiled_open_work(flat, at), ints[ints[PLAN] :]
     room = open_member_room(ints, work.scratch)
     matrix, spare, rhs = work.value, work.spare, work.rhs
     negatives, inside, status, pivot = 0, 0, 0, 1.0

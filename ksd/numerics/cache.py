@@ -10,6 +10,7 @@ the user's own, kernels are compiled in memory at every start.
 from __future__ import annotations
 
 import hashlib
+import logging
 import os
 import stat
 import sys
@@ -26,7 +27,7 @@ def source_hash() -> str:
     digest = hashlib.sha256(f"{numba.__version__} {sys.version_info[:2]}".encode())
     for path in sorted(_PACKAGE.rglob("*.py")):
         text = path.read_bytes()
-        if b"@kernel" in text or b"kernel(" in text or b"compiled kernels" in text:
+        if b"@kernel" in text or b"kernel(" in text:
             digest.update(path.relative_to(_PACKAGE).as_posix().encode() + b"\0" + text)
     return digest.hexdigest()[:16]
 
@@ -103,7 +104,9 @@ def cache_folder() -> Path | None:
         reasons.append(reason)
     if reasons and (found is None or os.environ.get("KSD_CACHE_DIR")):
         instead = "kernels are compiled in memory, at every start" if found is None else f"{found} is used"
-        print(f"ksd: no cache for compiled kernels: {'; '.join(reasons)}; {instead}", file=sys.stderr)
+        logging.getLogger("ksd").warning(
+            "ksd: no cache for compiled kernels: %s; %s", "; ".join(reasons), instead
+        )
     return found
 
 

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import sys
+import logging
 from collections.abc import Callable
-from typing import Any
+from typing import Any, Literal
 
 import numba
 
@@ -13,15 +13,19 @@ from ksd.numerics.cache import FOLDER, compiled_before
 if FOLDER is not None:
     numba.config.CACHE_DIR = str(FOLDER)  # type: ignore[attr-defined]
     if not compiled_before() and not numba.config.DISABLE_JIT:  # type: ignore[attr-defined]
-        print("ksd: compiling its kernels for this machine (once; about a minute) ...", file=sys.stderr)
+        logging.getLogger("ksd").warning(
+            "ksd: compiling its kernels for this machine (once; about a minute) ..."
+        )
 
 
-def kernel(function: Callable[..., Any] | None = None, **options: Any) -> Any:
+def kernel(
+    function: Callable[..., Any] | None = None, *, inline: Literal["never", "always"] = "never"
+) -> Any:
     """Compile `function` with numba on first call: cached on disk, releasing the interpreter lock.
 
+    inline: "always" puts its body into its callers, which saves compiling it once more where they are few.
     Division by zero gives inf or nan as in numpy (`error_model="numpy"`); results are checked for being
     finite where they matter, so no exception machinery is compiled in. With NUMBA_DISABLE_JIT=1 it stays as it is.
     """
-    settings: dict[str, Any] = {"cache": FOLDER is not None, "nogil": True, "error_model": "numpy", **options}
-    decorate = numba.njit(**settings)
+    decorate = numba.njit(cache=FOLDER is not None, nogil=True, error_model="numpy", inline=inline)
     return decorate if function is None else decorate(function)

@@ -40,7 +40,7 @@ def another_user(path, monkeypatch):
 
 
 @pytest.mark.parametrize("umask", [0o022, 0o002, 0o000])
-def test_the_folder_is_made_for_the_user_alone(places, umask, capsys):
+def test_the_folder_is_made_for_the_user_alone(places, umask, caplog):
     before = os.umask(umask)
     try:
         found = cache.cache_folder()
@@ -48,7 +48,7 @@ def test_the_folder_is_made_for_the_user_alone(places, umask, capsys):
         os.umask(before)
     assert found == places / "named" / KEY
     assert stat.S_IMODE(found.stat().st_mode) == 0o700
-    assert capsys.readouterr().err == ""
+    assert caplog.text == ""
 
 
 def test_a_folder_that_others_could_read_is_closed_to_them(places):
@@ -60,7 +60,7 @@ def test_a_folder_that_others_could_read_is_closed_to_them(places):
 
 
 @pytest.mark.parametrize("which", ["the kernels", "the place", "above"])
-def test_a_folder_that_others_can_write_is_not_used(places, which, capsys):
+def test_a_folder_that_others_can_write_is_not_used(places, which, caplog):
     folder = places / "named" / KEY
     folder.mkdir(parents=True)
     opened = {"the kernels": folder, "the place": folder.parent, "above": places}[which]
@@ -69,7 +69,7 @@ def test_a_folder_that_others_can_write_is_not_used(places, which, capsys):
         assert cache.cache_folder() is None
     finally:
         opened.chmod(0o700)
-    said = capsys.readouterr().err
+    said = caplog.text
     assert f"{opened} can be written by other users" in said
     assert "kernels are compiled in memory, at every start" in said
 
@@ -81,7 +81,7 @@ def test_a_shared_folder_with_the_sticky_bit_may_hold_it(places):
 
 
 @pytest.mark.parametrize("kind", ["folder", "link"])
-def test_what_belongs_to_another_user_is_not_used(places, kind, monkeypatch, capsys):
+def test_what_belongs_to_another_user_is_not_used(places, kind, monkeypatch, caplog):
     shared = places / "named"
     shared.mkdir()
     shared.chmod(0o1777)
@@ -94,7 +94,7 @@ def test_what_belongs_to_another_user_is_not_used(places, kind, monkeypatch, cap
         theirs.symlink_to(own)
     another_user(theirs, monkeypatch)
     assert cache.cache_folder() is None
-    assert f"{theirs} belongs to another user" in capsys.readouterr().err
+    assert f"{theirs} belongs to another user" in caplog.text
     assert not any(own.iterdir())
 
 
@@ -114,11 +114,11 @@ def test_a_link_of_the_users_own_is_followed(places):
     assert cache.cache_folder() == places / "disk" / KEY
 
 
-def test_another_place_is_told_when_the_named_one_is_not_used(places, monkeypatch, capsys):
+def test_another_place_is_told_when_the_named_one_is_not_used(places, monkeypatch, caplog):
     monkeypatch.setenv("KSD_CACHE_DIR", str(places / "file" / "below"))
     monkeypatch.setenv("XDG_CACHE_HOME", str(places / "home"))
     assert cache.cache_folder() == places / "home" / "ksd" / KEY
-    assert f"{places / 'home' / 'ksd' / KEY} is used" in capsys.readouterr().err
+    assert f"{places / 'home' / 'ksd' / KEY} is used" in caplog.text
 
 
 def test_without_a_folder_kernels_are_compiled_in_memory(tmp_path):
