@@ -89,8 +89,9 @@ def beyond_rows(model: Model, gradients: Array, loads: Array) -> tuple[Array, Ar
     A, b = gradients / turns[:, None], loads / turns[:, None]
     size = np.sqrt((A * A).sum(axis=0))
     size[size == 0.0] = 1.0
-    share = np.linalg.lstsq(A / size, b, rcond=SAME)[0]
-    left = b - A / size @ share
+    A = A / size
+    share = A.T @ b if A.shape[1] == 1 else np.linalg.lstsq(A, b, rcond=SAME)[0]
+    left = b - A @ share
     left[:, (left * left).sum(axis=0) <= SAME**2 * (b * b).sum(axis=0)] = 0.0
     return left * turns[:, None], share / size[:, None]
 
