@@ -6,7 +6,6 @@
 from __future__ import annotations
 
 from importlib import import_module
-from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 from ksd import errors, units
@@ -37,11 +36,10 @@ _HOMES = {
     "ksd.model.mesh": ("Mesh",),
     "ksd.modal.choices": ("ModalBasis",),
     "ksd.model.compile": ("Model", "compile_scene"),
-    "ksd.solve.solver": ("Solver", "prepare", "solve"),
+    "ksd.solve.solver": ("Solver", "prepare"),
     "ksd.solve.configuration": ("Configuration",),
     "ksd.solve.path": ("Path", "follow"),
     "ksd.properties.doctor": ("doctor",),
-    "ksd.train": ("train",),
     "ksd.train.designs": ("Design",),
     "ksd.design": ("Batch", "SweepInterrupted", "Table", "batch", "frequency_curve", "state_space", "sweep"),
     "ksd.library": ("Parameter", "Record", "find_record", "read_result"),
@@ -114,8 +112,9 @@ if TYPE_CHECKING:
     from ksd.train.designs import Design
 
 
-_ROOMS = ("bench", "design", "library", "modal", "scene", "view")
-"""Packages of this one that can be reached without an import of their own, such as ksd.view.write_pvd."""
+_ROOMS = ("bench", "design", "library", "modal", "scene", "solve", "train", "view")
+"""Packages of this one that can be reached without an import of their own, such as ksd.view.write_pvd; `ksd.solve` and
+`ksd.train` can be called (`ksd.packages`)."""
 
 
 def __getattr__(name: str) -> Any:
@@ -123,14 +122,9 @@ def __getattr__(name: str) -> Any:
         return import_module(f"ksd.{name}")
     if name not in _HOME:
         raise AttributeError(f"module 'ksd' has no attribute '{name}'")
-    value = getattr(import_module(_HOME[name]), name)
-    for hiding in ("solve", "train"):
-        # an import of the package of that name has put it in the place of the function
-        if isinstance(globals().get(hiding), ModuleType):
-            del globals()[hiding]
-    globals()[name] = value
+    value = globals()[name] = getattr(import_module(_HOME[name]), name)
     return value
 
 
 def __dir__() -> list[str]:
-    return sorted([*__all__, *_ROOMS, "__version__", "__doc__"])
+    return sorted({*__all__, *_ROOMS, "__version__", "__doc__"})

@@ -1,4 +1,4 @@
-"""Packages that share their name with a function: `ksd.solve` and `ksd.train` can be called, whoever imported them first."""
+"""Packages that share their name with a function: `ksd.solve` and `ksd.train` are packages that can be called."""
 
 from __future__ import annotations
 
@@ -11,7 +11,10 @@ from typing import Any
 
 
 class _CallablePackage(ModuleType):
-    """Once imported, a package hides the function of its name in `ksd`; calling the one calls the other."""
+    """A package; calling it calls the function of its name, whose signature and docstring it shows.
+
+    A function in its place would hide what is in the package: `import ksd.solve.path as path` failed.
+    """
 
     _home: str
 
@@ -23,8 +26,16 @@ class _CallablePackage(ModuleType):
     def __signature__(self) -> inspect.Signature:
         return inspect.signature(self._function())
 
+    @property
+    def __doc__(self) -> str | None:  # type: ignore[override]
+        return self._function().__doc__
+
     def __call__(self, *args: Any, **options: Any) -> Any:
         return self._function()(*args, **options)
+
+    def __reduce__(self) -> Any:
+        # as a function, it can be sent to another process
+        return import_module, (self.__name__,)
 
 
 def make_callable(package: str, home: str) -> None:

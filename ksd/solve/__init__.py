@@ -1,6 +1,6 @@
 """Solvers are functions: model and drive values in, `Configuration` out.
 
-`ksd.solve(...)` is the function `ksd.solve.solver.solve`, whether or not this package has been imported before.
+Called, `ksd.solve(...)`, it is the function `ksd.solve.solver.solve`.
 """
 
 from ksd.packages import make_callable

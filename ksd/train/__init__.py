@@ -1,6 +1,6 @@
 """Offline training: the joint's own finite element model, swept over stroke and shape, fitted into a record.
 
-`ksd.train(...)` is the function `train`, whether or not this package has been imported before.
+Called, `ksd.train(...)`, it is the function `train`.
 """
 
 from ksd.packages import make_callable

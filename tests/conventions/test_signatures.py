@@ -75,7 +75,13 @@ def test_documented_with_types_and_real_parameters(name):
 def test_what_completion_shows_of_the_package():
     shown = {n for n in dir(ksd) if not n.startswith("_")}
     assert shown == set(ksd.__all__) | set(ksd._ROOMS)
-    held = set(ksd._HOME) | {kept.__name__.rpartition(".")[2] for kept in (*errors(), ksd.errors, ksd.units)}
+    called = {room for room in ksd._ROOMS if callable(getattr(ksd, room))}
+    assert called == {"solve", "train"}
+    held = (
+        set(ksd._HOME)
+        | called
+        | {kept.__name__.rpartition(".")[2] for kept in (*errors(), ksd.errors, ksd.units)}
+    )
     assert set(ksd.__all__) == held
     assert len(ksd.__all__) == len(held)
     for name in shown:
@@ -110,13 +116,13 @@ def test_answers_are_documented_dataclasses():
 
 
 @pytest.mark.parametrize("call", ["solve", "train"])
-def test_a_package_that_hides_its_function_shows_the_signature_of_it(call):
+def test_a_package_that_is_called_shows_what_is_called_and_what_is_in_it(call):
+    home = {"solve": "ksd.solve.solver", "train": "ksd.train.run"}[call]
     code = (
-        f"import inspect, ksd, ksd.{call}; import ksd.errors; hidden = ksd.{call}; said = inspect.signature(hidden);"
-        "from types import ModuleType; assert isinstance(hidden, ModuleType);"
-        f"home = {{'solve': 'ksd.solve.solver', 'train': 'ksd.train.run'}}['{call}'];"
-        f"from importlib import import_module; assert said == inspect.signature(getattr(import_module(home), '{call}'));"
-        f"ksd.Solver; assert inspect.isfunction(ksd.{call})"
+        f"import inspect, pickle, ksd; shown = ksd.{call}; ksd.Solver; assert ksd.{call} is shown;"
+        f"import {home} as home; function = home.{call}; assert inspect.isfunction(function);"
+        "assert inspect.signature(shown) == inspect.signature(function) and shown.__doc__ == function.__doc__;"
+        f"assert pickle.loads(pickle.dumps(shown)) is shown; from ksd import {call}; assert {call} is shown"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
