@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -192,7 +191,7 @@ def add_members(condense, pull, weigh, ints, floats, x, R, inner, work, room, fa
     """All members, their weight times `factor`, into work.value and work.rhs; condense, pull, weigh: for what there is.
 
     near 0: exact tangents at the state; 1: Appendix A chains are linearised about the element orientations in work.near
-    (paper 1, section 3), their inner state is set. Of neighbours without weight that are in the same state, as the two
+    (paper 1, section 3), their inner state is set. Of neighbours that are in the same state, as the two
     outer leaves of a cross flexure in its plane, one is worked on. Returns (negatives, worst inner residual over its bound,
     status).
     """
@@ -220,15 +219,18 @@ def add_members(condense, pull, weigh, ints, floats, x, R, inner, work, room, fa
         # lengths of its inner state and store, and where those of the member before begin
         state_size, store_size = ints[inner_at + i + 1] - own, ints[store_at + i + 1] - kept
         own_before, kept_before = ints[inner_at + max(i - 1, 0)], ints[store_at + max(i - 1, 0)]
-        same = False
-        if heavy:
-            before[0] = math.nan
-        elif linearised:
+        if linearised:
             # the inner state follows from the near configuration
             at = near_at[i]
             same = _as_before(ints, i, close, near_at[max(i - 1, 0)], at, near_at[i + 1] - at, d, Q, before)
         else:
             same = _as_before(ints, i, inner, own_before, own, state_size, d, Q, before)
+        if heavy:
+            # gravity is the same in equal frames
+            for r in range(4):
+                same = same and weight[i - 1, r] == weight[i, r]
+            for r in range(9):
+                same = same and poses[i - 1, r] == pose[r]
         if same:
             _repeat(store, kept_before, kept, store_size)
             if linearised:
