@@ -369,11 +369,12 @@ def _derivative(
 
 
 def critical_factors(
-    K: Any, change: Any, count: int, *, symmetric: bool = True
+    K: Any, change: Any, count: int, *, symmetric: bool = True, rounding: float = 0.0
 ) -> tuple[Array, Array, float, float]:
     """Real mu of smallest magnitude in (K + mu change) phi = 0, and the smallest of either sign, with phi as columns; the
-    largest |1/mu|, complex ones too; the largest residual over the size of its terms. Both matrices in scipy CSC. Raises
-    ConvergenceError where they are not found, or their digits are lost."""
+    largest |1/mu|, complex ones too; the largest residual over the size of its terms. Both matrices in scipy CSC. rounding:
+    largest |1/mu| of a change that is nothing else, which has none. Raises ConvergenceError where they are not found, or
+    their digits are lost."""
     from scipy.sparse import csc_matrix, diags
 
     size = K.shape[0]
@@ -387,6 +388,8 @@ def critical_factors(
     if size <= MOST_DENSE and not np.any(_real(values)):
         values, vectors = _all_pairs(A.toarray(), B.toarray(), symmetric)
     largest = float(np.abs(values).max(initial=0.0))
+    if largest <= rounding:
+        return np.zeros(0), np.zeros((size, 0)), largest, 0.0
     # a rod that cannot diverge has complex ones, and real ones of rounding
     least = 1e-10 if symmetric else OTHER
     chosen = np.flatnonzero(_real(values) & (np.abs(values) > least * largest))
@@ -555,8 +558,11 @@ def buckling(
     K, change, reach = _matrices(tangent, load, load_factor)
     if conservative:
         change = 0.5 * (change + change.T)
-    factor, vectors, largest, error = critical_factors(K, change, count, symmetric=conservative)
-    if link is None and largest <= STRESSLESS:
+    rounding = STRESSLESS if link is None else 0.0
+    factor, vectors, largest, error = critical_factors(
+        K, change, count, symmetric=conservative, rounding=rounding
+    )
+    if link is None and largest <= rounding:
         raise SceneError("this state carries no stress, so nothing buckles; name a link and a load")
     finer, settled = unfolded(fine, state, load_factor=load_factor)
     if not conservative and len(factor) and finer is not fine:

@@ -6,12 +6,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scenes import STEEL, fourbar
+from scipy.sparse import csc_matrix
 
 import ksd
 from ksd.errors import SceneError
 from ksd.model.compile import compile_scene
 from ksd.model.leaves import Mesh
-from ksd.properties.buckling import buckling, full_tangents, with_stresses
+from ksd.properties.buckling import buckling, critical_factors, full_tangents, with_stresses
 from ksd.properties.tangent import factored_tangent
 from ksd.properties.unfold import unfolded
 from ksd.scene.drive import Load
@@ -208,3 +209,12 @@ def test_the_smallest_of_either_sign_is_found(mesh):
     assert few.positive == pytest.approx(many.positive, rel=1e-6)
     assert few.negative == pytest.approx(many.negative, rel=1e-6)
     assert np.all(np.diff(np.abs(few.factor)) >= 0.0)
+
+
+def test_a_change_of_nothing_but_rounding_has_no_factors(rng):
+    """Whose vectors, and with them the residual, depend on the linear algebra of the machine."""
+    K = csc_matrix(np.diag(10.0 ** rng.uniform(-6, 6, 20)))
+    noise = rng.normal(size=(20, 20)) * np.sqrt(np.outer(K.diagonal(), K.diagonal())) * 1e-14
+    factor, shapes, largest, error = critical_factors(K, csc_matrix(noise + noise.T), 3, rounding=1e-9)
+    assert factor.size == 0 and shapes.shape == (20, 0) and 0.0 < largest < 1e-9 and error == 0.0
+    assert critical_factors(K, csc_matrix(noise + noise.T), 3)[0].size >= 1
