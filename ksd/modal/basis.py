@@ -371,7 +371,8 @@ def _derived(K, modes: Modes, inner: list[int], choices: ModalBasis, length: flo
 
 @lru_cache(maxsize=64)
 def _remembered(record: bytes, n: int, choices: ModalBasis) -> LeafBasis:
-    return make_basis(rest_shape(np.frombuffer(record).reshape(n, 25)), choices)
+    # a copy: for an array that cannot be written all kernels below would be compiled once more
+    return make_basis(rest_shape(np.frombuffer(record).reshape(n, 25).copy()), choices)
 
 
 def rest_basis(record: np.ndarray, choices: ModalBasis) -> LeafBasis:

@@ -212,10 +212,8 @@ def strain_curves(
         h = (L * (b - a) / half)[:, None, None]
         bends = _between(tables, tables.kappa, np.concatenate([middle - reach, middle + reach]), k)
         before, R, v = R[:, -1], np.empty((len(value), len(x), 3, 3)), np.empty((len(value), len(x), 3))
-        pulled = np.broadcast_to(n + weight.pull(tables, x, k), v.shape)
-        walk(
-            bends, _between(tables, tables.soft, x, k), np.ascontiguousarray(pulled), h[:, 0, 0], before, R, v
-        )
+        pulled = np.broadcast_to(n + weight.pull(tables, x, k), v.shape).copy()
+        walk(bends, _between(tables, tables.soft, x, k), pulled, h[:, 0, 0], before, R, v)
         weight.add(h, v)
         pieces = h / 3 * (v[:, :-2:2] + 4 * v[:, 1::2] + v[:, 2::2])
         s.append(L[:, None] * x[2::2])
