@@ -104,7 +104,7 @@ def compare(scene: Any, targets: dict[str, float]) -> tuple[Reference, Any, list
     cases: list[tuple[str, str, Callable[[], Any]]] = [
         ("kinematic", fine, lambda: strain(targets, method="kinematic")),
         ("reduced", fine, lambda: strain(targets, method="reduced")),
-        ("reduced, 1 pass more", fine, lambda: strain(targets, method="reduced", relinearisations=1)),
+        ("relinearised once", fine, lambda: strain(targets, method="reduced", relinearisations=1)),
         ("full", fine, lambda: strain(targets, method="full")),
         ("conventional", fine, lambda: strain(targets, method="conventional")),
         ("reduced", coarse, lambda: chain(targets, method="reduced")),
@@ -157,7 +157,7 @@ def numbers(reference: Reference, shown: Any, rows: list[Row]) -> dict[str, Any]
 
 
 _COLUMNS = (
-    "method", "leaves", "time\n[us]", "matrix\nsolves", "force\n[N]", "\nerror", "\nestimated",
+    "method", "leaves", "time\n[us]", "factor-\nisations", "force\n[N]", "\nerror", "\nestimated",
     "found in\n[us]",
 )  # fmt: skip
 
