@@ -208,19 +208,11 @@ def follow(value, number, inner, store, lam):
         s[0] += w * (c * (1.0 + cn * N) - sine * cv * V)
         s[1] += w * (sine * (1.0 + cn * N) + c * cv * V)
         xx, xy, yy = cn * c * c + cv * sine * sine, slack * c * sine, cn * sine * sine + cv * c * c
-        Z[0, 0], Z[0, 1], Z[1, 0], Z[1, 1] = (
-            Z[0, 0] + w * xx,
-            Z[0, 1] + w * xy,
-            Z[1, 0] + w * xy,
-            Z[1, 1] + w * yy,
-        )
-        w *= mass
-        G[0, 0], G[0, 1], G[1, 0], G[1, 1] = (
-            G[0, 0] + w * xx,
-            G[0, 1] + w * xy,
-            G[1, 0] + w * xy,
-            G[1, 1] + w * yy,
-        )
+        for r in range(2):
+            for e in range(2):
+                soft = xy if r != e else (xx if r == 0 else yy)
+                Z[r, e] += w * soft
+                G[r, e] += w * mass * soft
         a, b = mass * value[at] * slack * V, mass * value[at] * (1.0 + slack * N)
         for i in range(nz):
             psi = value[at + 3 + i]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -10,11 +9,10 @@ from typing import Any
 import numpy as np
 
 from ksd.errors import KinematicsError, SceneError
-from ksd.model.newton import iterate
 from ksd.properties.stiffness import node_of, point_motion, point_stiffness
-from ksd.solve.error import MOST
+from ksd.solve.error import settle
 from ksd.solve.five import FiveSteps
-from ksd.solve.many import Poses, space_many, tabulated_many
+from ksd.solve.many import UNSTABLE, Poses, space_many, tabulated_many
 from ksd.solve.space_steps import KINEMATIC, REDUCED
 from ksd.solve.steps import CAP, RTOL, Stop
 from ksd.solve.tables import joint_tables
@@ -112,9 +110,11 @@ class Prepared:
         model, b = self.five.model, self.five.bench
         assert self.stiffness is not None
         if self.method == REDUCED:
-            reason, *_ = iterate(model.arrays, b.full, target, 1.0, b.full_work, RTOL, MOST, CAP, math.inf)
-            if reason != Stop.CONVERGED:
-                return int(reason)
+            stop, negatives = settle(model.arrays, b.full, target, 1.0)
+            if stop is not Stop.CONVERGED:
+                return int(stop)
+            if negatives != len(target):
+                return UNSTABLE
         link, at = self.stiffness
         try:
             found[:] = point_stiffness(model, b.full, link, at=at).compliance

@@ -564,12 +564,13 @@ def buckling(
     )
     if link is None and largest <= rounding:
         raise SceneError("this state carries no stress, so nothing buckles; name a link and a load")
-    finer, settled = unfolded(fine, state, load_factor=load_factor)
-    if not conservative and len(factor) and finer is not fine:
-        again = factored_tangent(finer, settled, freed=freed, load_factor=load_factor)
-        found = critical_factors(*_matrices(again, load, load_factor)[:2], 3 * count, symmetric=False)[0]
-        stays = np.any(np.abs(np.divide.outer(found, factor) - 1.0) < OF_MESH, axis=0)
-        factor, vectors = factor[stays], vectors[:, stays]
+    if not conservative and len(factor):
+        finer, settled = unfolded(fine, state, load_factor=load_factor)
+        if finer is not fine:
+            again = factored_tangent(finer, settled, freed=freed, load_factor=load_factor)
+            found = critical_factors(*_matrices(again, load, load_factor)[:2], 3 * count, symmetric=False)[0]
+            stays = np.any(np.abs(np.divide.outer(found, factor) - 1.0) < OF_MESH, axis=0)
+            factor, vectors = factor[stays], vectors[:, stays]
     near = np.abs(factor) <= reach
     beyond = float(min(factor[~near], key=abs, default=np.inf))
     factor, vectors = factor[near], vectors[:, near]

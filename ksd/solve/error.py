@@ -76,7 +76,7 @@ def truth_of(pose: Configuration) -> tuple[Model, Motion | None, int]:
     model, motion = pose.insides
     fine, factor = refined(model), pose.load_factor
     state = _started(model, motion, fine, factor)
-    stop, negatives = _settle(fine.arrays, state, model.targets(pose.targets), factor)
+    stop, negatives = settle(fine.arrays, state, model.targets(pose.targets), factor)
     return fine, state if stop is Stop.CONVERGED else None, negatives
 
 
@@ -113,7 +113,7 @@ def settled(pose: Configuration) -> Motion:
     Raises ConvergenceError where Newton steps from there do not reach one.
     """
     motion, target = pose.motion.copy(), pose.model.targets(pose.targets)
-    stop, _ = _settle(pose.model.arrays, motion, target, pose.load_factor)
+    stop, _ = settle(pose.model.arrays, motion, target, pose.load_factor)
     if stop is not Stop.CONVERGED:
         raise ConvergenceError(
             f"no equilibrium found next to the {pose.method} answer ({stop.sentence}); ask the question of "
@@ -138,11 +138,12 @@ def _change(one: Any, other: Any) -> Any:
 
 def equilibrium(arrays: Arrays, state: Motion, target: np.ndarray, factor: float) -> Motion | None:
     """The equilibrium next to a state, in place, drives at target (c,) and loads times factor; None where none is found."""
-    return state if _settle(arrays, state, target, factor)[0] is Stop.CONVERGED else None
+    return state if settle(arrays, state, target, factor)[0] is Stop.CONVERGED else None
 
 
-def _settle(arrays: Arrays, state: Motion, target: np.ndarray, factor: float) -> tuple[Stop, int]:
-    """Newton steps from `state`, in place: how they ended, and negative pivots."""
+def settle(arrays: Arrays, state: Motion, target: np.ndarray, factor: float) -> tuple[Stop, int]:
+    """Newton steps from `state`, in place, drives at target (c,) and loads times factor: how they ended, and negative
+    pivots."""
     reason, *_, negatives, _ = iterate(
         arrays, state, target, factor, make_work(arrays), RTOL, MOST, CAP, math.inf
     )

@@ -157,21 +157,24 @@ def test_energy_is_the_work_of_the_end_force():
     assert simpson @ steps == pytest.approx(stored - start, rel=1e-6)
 
 
+class Spatial:
+    """The kernels of the spatial leaf with room of their own, called as those of the planar one."""
+
+    recover = staticmethod(strain_recover)
+
+    def __init__(self, number):
+        self.fields = fields_of(number, np.zeros(strain_scratch(number)))
+
+    def condense(self, value, number, inner, store, *rest):
+        return strain_condense(value, number, inner, store, self.fields, *rest)
+
+
 def test_the_planar_leaf_is_the_spatial_one():
     """Followed along the same path with a big rotation: same wrench, stiffness and inner state, out of the plane nothing."""
     leaf = modal(LEAF, L, modes=DEFAULT_ORDERS[2], points=DEFAULT_POINTS)
     value, number = constants(LEAF, L, DEFAULT_ORDERS[2], DEFAULT_POINTS)
-    fields = fields_of(number, np.zeros(strain_scratch(number)))
-
-    class Spatial:
-        @staticmethod
-        def condense(value, number, inner, store, *rest):
-            return strain_condense(value, number, inner, store, fields, *rest)
-
-        recover = staticmethod(strain_recover)
-
     inner, store = strain_sizes(number)
-    twin = Leaf(Spatial, value, number, np.zeros(inner), store, (L, 0, 0), L)
+    twin = Leaf(Spatial(number), value, number, np.zeros(inner), store, (L, 0, 0), L)
     for xi in [np.array([-0.012, 0.03, 0.8]) / 8] * 8 + [np.zeros(3)] * 8:
         for one in (leaf, twin):
             one.condense()
@@ -200,7 +203,11 @@ class Heavy(Leaf):
     def condense(self, status=0):
         self.pull[:3] = self.g
         found = super().condense(status)
-        args = (self.fields, self.wrench, self.stiffness) if self.kind is not planar_leaf else (self.wrench,)
+        args = (
+            (self.kind.fields, self.wrench, self.stiffness)
+            if self.kind is not planar_leaf
+            else (self.wrench,)
+        )
         follow = planar_leaf.follow if self.kind is planar_leaf else strain_follow
         follow(self.value, self.number, self.inner, self.store, *args)
         self.pull[36:] = 0.0
@@ -231,24 +238,13 @@ def heavy_pair():
         points=7,
         line_mass=MU,
     )
-    fields = fields_of(number, np.zeros(strain_scratch(number)))
-
-    class Spatial:
-        @staticmethod
-        def condense(value, number, inner, store, *rest):
-            return strain_condense(value, number, inner, store, fields, *rest)
-
-        recover = staticmethod(strain_recover)
-
     inner, store = strain_sizes(number, heavy=True)
     flat, settings = planar_leaf.planar_values(value, number, heavy=True)
     size = planar_leaf.store_size(6, heavy=True)
-    pair = (
+    return (
         Heavy(planar_leaf, flat, settings, np.zeros(inner), size, (L, 0, 0), L),
-        Heavy(Spatial, value, number, np.zeros(inner), store, (L, 0, 0), L),
+        Heavy(Spatial(number), value, number, np.zeros(inner), store, (L, 0, 0), L),
     )
-    pair[1].fields = fields
-    return pair
 
 
 def test_the_planar_leaf_with_weight_is_the_spatial_one():
@@ -442,20 +438,11 @@ def test_a_leaf_with_a_profile_bends_in_its_plane_as_in_space():
     modes = make_modes((2, 2, 4), 9, shape=soft)
     words = {"length": L, "compliance": np.array([1e-7, 3e-7, 3e-7]), "orders": (2, 2, 4), "modes": modes}
     value, number = strain_values(rigidity=np.array([1.0, 400.0, 0.5]), **words)
-    fields = fields_of(number, np.zeros(strain_scratch(number)))
-
-    class Spatial:
-        @staticmethod
-        def condense(value, number, inner, store, *rest):
-            return strain_condense(value, number, inner, store, fields, *rest)
-
-        recover = staticmethod(strain_recover)
-
     inner, store = strain_sizes(number)
     flat, settings = planar_leaf.planar_values(value, number)
     pair = [
         Leaf(planar_leaf, flat, settings, np.zeros(inner), planar_leaf.store_size(4), (L, 0, 0), L),
-        Leaf(Spatial, value, number, np.zeros(inner), store, (L, 0, 0), L),
+        Leaf(Spatial(number), value, number, np.zeros(inner), store, (L, 0, 0), L),
     ]
     for leaf in pair:
         for _ in range(4):

@@ -7,6 +7,7 @@ import pytest
 from scenes import STEEL, cross_flexure, fourbar
 
 import ksd
+from ksd.design import prepared
 from ksd.design.batch import NOT_BUILT
 from ksd.design.prepared import Prepared
 from ksd.model.mesh import Mesh
@@ -212,6 +213,20 @@ def test_the_compliance_is_that_of_poses_one_by_one(name, method):
             pose = ksd.prepare(make(**design), planar=False)({"drive": drive, **held})
             wanted = pose.stiffness(link, at=at).compliance
             assert found.compliance[d, n] == pytest.approx(wanted, rel=1e-6, abs=1e-8 * np.abs(wanted).max())
+
+
+def test_a_compliance_of_an_unstable_equilibrium_is_refused(monkeypatch):
+    """Next to a reduced state that is stable."""
+    honest = prepared.settle
+
+    def one_more(*words):
+        stop, negatives = honest(*words)
+        return stop, negatives + 1
+
+    monkeypatch.setattr(prepared, "settle", one_more)
+    found = ksd.batch(bar(), drive=0.01, stiffness="top", threads=1)
+    assert found.solved == 0 and np.isnan(found.compliance).all()
+    assert "not a minimum of energy" in str(found.failures)
 
 
 def test_a_compliance_is_asked_of_a_link_that_is_there():
