@@ -110,7 +110,10 @@ def _sweep(commands: Any) -> None:
     _take(parser, "scene")
     said = f"a range FROM:TO or FROM:TO:POSES ({POSES} poses), such as top=0mm:300mm:31, or one value; may be repeated"
     _take(parser, "--set", metavar="DRIVE=RANGE", help=said)
-    said = "force, drive_stiffness, support_stiffness, frequencies, stress, parasitic, energy or buckling; may be repeated"
+    said = (
+        "force, drive_stiffness, support_stiffness, frequencies, stress, parasitic, energy, buckling, size or clearance; "
+        "may be repeated"
+    )
     parser.add_argument("--question", action="append", default=[], metavar="Q", help=said)
     _take(parser, *_HOW)
     parser.add_argument("--out", metavar="FILE", help="write the table: .csv, .h5 or .mat")

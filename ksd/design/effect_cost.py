@@ -22,7 +22,6 @@ from ksd.model.compile import Model
 from ksd.model.effects import NATURE, Choice, choose, mentioned
 from ksd.model.mesh import Mesh
 from ksd.model.plane import plane_of
-from ksd.properties.stiffness import softest
 from ksd.solve.solver import Solver
 
 ROUNDS = 9
@@ -75,7 +74,7 @@ def quantities(pose: Any) -> dict[str, float]:
     terms = [t for d in model.scene.drives for t in d.terms] or [None]
     link = model.scene.links[1] if terms[0] is None else terms[0].link
     try:
-        found["support stiffness"] = softest(pose.stiffness(link))
+        found["support stiffness"] = pose.stiffness(link).worst[0]
     except KsdError:
         found["support stiffness"] = math.nan
     # where nothing has mass there is none

@@ -12,6 +12,7 @@ import numpy as np
 from ksd.design.table import spoken_column
 from ksd.design.tracking import SPARE, Between, Tracks, follow_through
 from ksd.errors import KsdError, SceneError
+from ksd.properties.extent import clearance, extent
 from ksd.properties.frequencies import Modes, frequencies
 from ksd.properties.parasitic import default_point, parasitic
 from ksd.properties.stiffness import DIRECTIONS, drive_stiffness, finer_tangent, point_stiffness
@@ -107,9 +108,14 @@ def _drive_stiffness(pose: Any, asked: Asked) -> Row:
 def _support_stiffness(pose: Any, asked: Asked) -> Row:
     link, at = asked.point(pose.model.scene)
     model, motion = pose.questioned
-    found = point_stiffness(model, motion, link, at=at, tangent=pose.tangent).supports
-    return {
-        f"support_{d}_{'N_per_m' if len(d) == 1 else 'Nm_per_rad'}": _finite(found[d]) for d in DIRECTIONS
+    found = point_stiffness(model, motion, link, at=at, tangent=pose.tangent)
+    supports, worst = found.supports, found.worst
+    row = {
+        f"support_{d}_{'N_per_m' if len(d) == 1 else 'Nm_per_rad'}": _finite(supports[d]) for d in DIRECTIONS
+    }
+    return row | {
+        "support_worst_N_per_m": _finite(worst[0]),
+        "support_worst_Nm_per_rad": _finite(worst[1]),
     }
 
 
@@ -156,6 +162,20 @@ def _buckling(pose: Any, asked: Asked) -> Row:
     }
 
 
+def _size(pose: Any, asked: Asked) -> Row:
+    """Extent of the leaf springs, and where it begins and ends: over several poses it is the highest end less the lowest."""
+    low, high = 1e3 * extent(*pose.insides)
+    row: Row = {}
+    for a, begin, end in zip("xyz", low.tolist(), high.tolist(), strict=True):
+        row |= {f"size_{a}_mm": end - begin, f"lowest_{a}_mm": begin, f"highest_{a}_mm": end}
+    return row
+
+
+def _clearance(pose: Any, asked: Asked) -> Row:
+    found = clearance(*pose.insides)
+    return {"clearance_mm": 1e3 * found.distance, "clearance_leaves": " and ".join(found.leaves)}
+
+
 _ANSWERS: dict[str, Callable[[Any, Asked], Row]] = {
     "force": _force,
     "drive_stiffness": _drive_stiffness,
@@ -164,14 +184,17 @@ _ANSWERS: dict[str, Callable[[Any, Asked], Row]] = {
     "parasitic": _parasitic,
     "energy": _energy,
     "buckling": _buckling,
+    "size": _size,
+    "clearance": _clearance,
 }
 QUESTIONS = ("force", "drive_stiffness", "support_stiffness", "frequencies", "stress", "parasitic", "energy")
-"""Asked by default; "buckling" on demand: its factors are on all stresses of the state, of which rest has none."""
+"""Asked by default; on demand "buckling", whose factors are on all stresses of the state, of which rest has none, and
+"size" and "clearance", which are of the drawing."""
 ROUNDING = 1e-9
 """Numbers below this, in the units of the columns, are rounding of a state at rest."""
 UNLOADED = 1e9
 """Critical load factors beyond this mean that the state carries no stress but rounding."""
-KNOWN = (*QUESTIONS, "buckling")
+KNOWN = (*QUESTIONS, "buckling", "size", "clearance")
 CAUGHT: tuple[type[Exception], ...] = (KsdError, ArithmeticError, np.linalg.LinAlgError, RuntimeError)
 """What one pose may raise without ending the sweep: our own errors, and arithmetic gone wrong."""
 

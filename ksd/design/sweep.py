@@ -74,7 +74,8 @@ def sweep(
     the stroke (conventional poses start from the one before; modes are followed); together=True moves all arrays in
     step. designs: {"thickness": [...], ...} for all combinations, or a list of such mappings. loads: cases by name, each
     a list of dict(link=, force=, moment=, at=) added to the scene's own. questions: of "force", "drive_stiffness",
-    "support_stiffness", "frequencies", "stress", "parasitic", "energy", "buckling"; link, at: the point asked about;
+    "support_stiffness", "frequencies", "stress", "parasitic", "energy", "buckling", "size", "clearance"; link, at: the
+    point asked about;
     freed: drives let go for frequencies (all when None), modes: how many are followed besides the intended. errors: a
     column per question with the error of its answers, that of method and mesh, at several times the cost. executor: any
     concurrent.futures.Executor; without one, this process or, for many poses, a pool of processes. effects,

@@ -132,6 +132,15 @@ class PointStiffness(Shown):
         C = self._scaled()
         return {d: self._support(C, d, ()) for d in DIRECTIONS}
 
+    @property
+    def worst(self) -> tuple[float, float]:
+        """Smallest stiffness [N/m] of all directions of space, and about all axes [Nm/rad], the others free: one over the
+        largest eigenvalue of the translational, and of the rotational compliance; inf where all of them are held."""
+        C = self._scaled()
+        C, most = 0.5 * (C + C.T), RIGID * np.abs(C).max()
+        shift, turn = (float(np.linalg.eigvalsh(C[k : k + 3, k : k + 3])[-1]) for k in (0, 3))
+        return 1.0 / shift if shift > most else math.inf, self.size**2 / turn if turn > most else math.inf
+
     def _scaled(self) -> Array:
         """Compliance with rotations times the size, all in m/N."""
         scale = np.array([1.0] * 3 + [self.size] * 3)
@@ -342,9 +351,3 @@ def cross_compliance(
     loads = np.zeros((found.arrays.plan.unknowns, 6))
     loads[found.unknowns(nodes[1])] = levers[1].T
     return levers[0] @ found.solve(loads)[found.unknowns(nodes[0])]
-
-
-def softest(stiffness: Any) -> float:
-    """Smallest translational stiffness [N/m] of a point stiffness; inf where it is held."""
-    most = float(np.linalg.eigvalsh(np.asarray(stiffness.compliance)[:3, :3])[-1])
-    return 1.0 / most if most > 0.0 else math.inf

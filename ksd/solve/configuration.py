@@ -18,6 +18,7 @@ from ksd.model.arrays import Motion
 from ksd.model.compile import Model
 from ksd.numerics.rotations import rotation_log
 from ksd.properties.buckling import Buckling, buckling
+from ksd.properties.extent import Clearance, clearance, extent
 from ksd.properties.forces import InterfaceForces, SectionForces, interface_forces, section_forces
 from ksd.properties.frequencies import Modes, frequencies
 from ksd.properties.internal_stress import Misplaced, internal_stress
@@ -434,6 +435,14 @@ class Configuration:
         Raises SceneError for an unknown link, or where there is no drive and none is named.
         """
         return parasitic(self.model, self.motion, link, at=at)
+
+    def extent(self) -> np.ndarray:
+        """Lowest and highest coordinates (2, 3) [m, global] of its leaf springs, width and thickness included."""
+        return extent(*self.insides)
+
+    def clearance(self) -> Clearance:
+        """Smallest distance of two leaf springs that share no block. Raises SceneError where all of them do."""
+        return clearance(*self.insides)
 
     def pivot_shift(self, joint: PlacedJoint | str, *, at: ArrayLike | None = None) -> PivotShift:
         """How far the pivot of a joint has moved [m, joint axes]: the point of interface B at `at` (3,) [m, global] at

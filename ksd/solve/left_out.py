@@ -16,7 +16,7 @@ from ksd.model.compile import Model, compile_given
 from ksd.model.effects import with_conditions, with_torsion
 from ksd.model.runs import run_factors
 from ksd.properties.kept import per_model
-from ksd.properties.stiffness import point_stiffness, softest
+from ksd.properties.stiffness import point_stiffness
 from ksd.properties.tangent import exact
 from ksd.solve.error import equilibrium
 from ksd.solve.plates import bent
@@ -82,7 +82,7 @@ def _changes(
     terms = [t for d in model.scene.drives for t in d.terms]
     link = terms[0].link if terms else model.scene.links[1]
     try:
-        soft = [softest(point_stiffness(m, s, link, load_factor=load_factor)) for m, s in (without, with_)]
+        soft = [point_stiffness(m, s, link, load_factor=load_factor).worst[0] for m, s in (without, with_)]
     except KsdError:
         return found
     return found | {"support_stiffness": _ratio(soft[1] - soft[0], soft[0])}

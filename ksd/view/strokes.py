@@ -46,9 +46,14 @@ _PANELS: dict[str, tuple[_Panel, ...]] = {
         _Panel(r"(?!support_)(.+)_stiffness_Nm_per_rad", "drive stiffness [Nm/rad]", "Drive stiffness"),
     ),
     "support_stiffness": (
-        _Panel(r"support_(.)_N_per_m", "support stiffness [N/m]", "Support stiffness, translations", True),
         _Panel(
-            r"support_(r.)_Nm_per_rad", "support stiffness [Nm/rad]", "Support stiffness, rotations", True
+            r"support_(.|worst)_N_per_m", "support stiffness [N/m]", "Support stiffness, translations", True
+        ),
+        _Panel(
+            r"support_(r.|worst)_Nm_per_rad",
+            "support stiffness [Nm/rad]",
+            "Support stiffness, rotations",
+            True,
         ),
     ),
     "frequencies": (
@@ -71,6 +76,8 @@ _PANELS: dict[str, tuple[_Panel, ...]] = {
             True,
         ),
     ),
+    "size": (_Panel(r"size_([xyz])_mm", "extent of the leaf springs [mm]", "Size"),),
+    "clearance": (_Panel(r"(clearance)_mm", "smallest distance of leaf springs [mm]", "Clearance"),),
 }
 
 

@@ -1,0 +1,162 @@
+"""How much room the leaf springs of a configuration take, and how near those that are not neighbours come.
+
+A sheet is cut into flat pieces between its stations. The distance of two pieces is that of two edges, or of a corner and a
+face, the least of all such pairs in closed form (Ericson, Real-Time Collision Detection, 2005, section 5.1), of all pairs of
+pieces together. Half the thickness of both is taken off.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ksd.errors import SceneError
+from ksd.model.arrays import Motion
+from ksd.model.compile import Model
+from ksd.properties.shape import POINTS, LeafShape, mechanism_shape, members_of_leaves
+from ksd.properties.words import Shown, number
+
+Array = NDArray[np.float64]
+_CORNERS = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
+_THEIRS, _OTHERS = (k.ravel() for k in np.meshgrid(np.arange(4), np.arange(4)))
+
+
+@dataclass(frozen=True, repr=False)
+class Clearance(Shown):
+    """Smallest distance [m] between two leaf springs that share no block, half the thickness of both taken off; leaves:
+    their names. Not positive where they touch."""
+
+    distance: float
+    leaves: tuple[str, str]
+
+    def _line(self) -> str:
+        return f"{number(1e3 * self.distance)} mm, '{self.leaves[0]}' and '{self.leaves[1]}'"
+
+    def __str__(self) -> str:
+        return f"Smallest clearance: {self._line()}"
+
+
+def extent(model: Model, motion: Motion, *, points: int = POINTS) -> Array:
+    """Lowest and highest coordinates (2, 3) [m, global] of all leaf springs, width and thickness included."""
+    low, high = np.full(3, np.inf), np.full(3, -np.inf)
+    for leaf in mechanism_shape(model, motion, points=points).leaves:
+        # at the stations, along the axes of their sections
+        reach = 0.5 * (
+            np.abs(leaf.axes[:, :, 1]).T * leaf.thickness + np.abs(leaf.axes[:, :, 2]).T * leaf.width
+        )
+        low = np.minimum(low, (leaf.place - reach.T).min(axis=0))
+        high = np.maximum(high, (leaf.place + reach.T).max(axis=0))
+    return np.array([low, high])
+
+
+def clearance(model: Model, motion: Motion, *, points: int = POINTS) -> Clearance:
+    """The nearest two leaf springs without a common block. Raises SceneError where all of them have one."""
+    leaves = mechanism_shape(model, motion, points=points).leaves
+    members, node = members_of_leaves(model), model.arrays.members.node
+    blocks = np.array([[node[members[f.name][0], 0], node[members[f.name][-1], 1]] for f in leaves])
+    one, two = np.triu_indices(len(leaves), 1)
+    apart = ~(blocks[one][:, :, None] == blocks[two][:, None]).any(axis=(1, 2))
+    if not apart.any():
+        raise SceneError(
+            f"every two leaf springs of '{model.scene.name}' share a block: there is no clearance to speak of"
+        )
+    one, two = one[apart], two[apart]
+    piece = [_pieces(f) for f in leaves]
+    half = np.array([0.5 * f.thickness.max() for f in leaves])
+    centre = np.array([p[0].mean(axis=0) for p in piece])
+    reach = np.array([_reach(p, c) for p, c in zip(piece, centre, strict=True)])
+    gap = np.linalg.norm(centre[one] - centre[two], axis=1)
+    least = gap - reach[one] - reach[two] - half[one] - half[two]
+    best, where = np.inf, (0, 0)
+    for k in np.argsort(least):
+        if least[k] >= best:
+            break
+        i, j = int(one[k]), int(two[k])
+        found = _distance(piece[i], piece[j], best + half[i] + half[j]) - half[i] - half[j]
+        if found < best:
+            best, where = found, (i, j)
+    return Clearance(float(best), (leaves[where[0]].name, leaves[where[1]].name))
+
+
+def _pieces(leaf: LeafShape) -> Array:
+    """Centres, half edges along and half edges across (3, k, 3) of the flat pieces of a sheet."""
+    across = 0.5 * leaf.width[:, None] * leaf.axes[:, :, 2]
+    ends = leaf.place[:-1], leaf.place[1:]
+    return np.array([0.5 * (ends[0] + ends[1]), 0.5 * (ends[1] - ends[0]), 0.5 * (across[:-1] + across[1:])])
+
+
+def _radius(piece: Array) -> Array:
+    """Largest distance (k,) from the centres of pieces to their corners."""
+    found: Array = np.linalg.norm(np.abs(piece[1]) + np.abs(piece[2]), axis=-1)
+    return found
+
+
+def _reach(piece: Array, centre: Array) -> float:
+    return float((np.linalg.norm(piece[0] - centre, axis=1) + _radius(piece)).max())
+
+
+def _distance(one: Array, two: Array, most: float) -> float:
+    """Distance of two sheets (3, k, 3); inf where it is not below `most`."""
+    gap = np.linalg.norm(one[0][:, None] - two[0][None], axis=2)
+    near = gap - np.add.outer(_radius(one), _radius(two)) < min(most, float(gap.min()) * (1 + 1e-12))
+    i, j = np.nonzero(near)
+    return float(np.min(_flat_distance(one[:, i], two[:, j]), initial=np.inf))
+
+
+def _flat_distance(one: Array, two: Array) -> Array:
+    """Distances (n,) of flat pieces (3, n, 3) from each other."""
+    corners = [_corners(p) for p in (one, two)]
+    ends = [(c, np.roll(c, -1, axis=1)) for c in corners]
+    best = _edge_distance(*(e[:, _THEIRS] for e in ends[0]), *(e[:, _OTHERS] for e in ends[1])).min(axis=1)
+    for face, own in ((two, 0), (one, 1)):
+        best = np.minimum(best, _face_distance(face, *ends[own]).min(axis=1))
+    return best
+
+
+def _corners(piece: Array) -> Array:
+    """(n, 4, 3) of flat pieces, one after the other around them."""
+    found: Array = piece[0][:, None] + _CORNERS @ np.swapaxes(piece[1:], 0, 1)
+    return found
+
+
+def _dot(a: Array, b: Array) -> Array:
+    found: Array = np.einsum("...i,...i->...", a, b)
+    return found
+
+
+def _edge_distance(a: Array, b: Array, c: Array, d: Array) -> Array:
+    """Distances (...) of the edges from a to b from those from c to d."""
+    u, v, r = b - a, d - c, a - c
+    uu, vv, uv, ur, vr = _dot(u, u), _dot(v, v), _dot(u, v), _dot(u, r), _dot(v, r)
+    det = uu * vv - uv * uv
+    parallel = det <= 1e-12 * uu * vv
+    s = np.where(parallel, 0.0, np.clip((uv * vr - ur * vv) / np.where(parallel, 1.0, det), 0.0, 1.0))
+    t = np.clip((uv * s + vr) / vv, 0.0, 1.0)
+    s = np.clip((uv * t - ur) / uu, 0.0, 1.0)
+    found: Array = np.linalg.norm(r + s[..., None] * u - t[..., None] * v, axis=-1)
+    return found
+
+
+def _face_distance(face: Array, start: Array, end: Array) -> Array:
+    """Distances (n, m) of the starts of edges (n, m, 3) from flat pieces (3, n, 3) they are right above, else inf; zero
+    where an edge passes through."""
+    centre, along, across = (part[:, None] for part in face)
+    normal = np.cross(along, across)
+    normal = normal / np.linalg.norm(normal, axis=-1, keepdims=True)
+    above, beyond = _dot(start - centre, normal), _dot(end - centre, normal)
+    found = np.where(_within(start - centre, along, across), np.abs(above), np.inf)
+    through = above * beyond < 0.0
+    share = np.where(through, above / np.where(through, above - beyond, 1.0), 0.0)[..., None]
+    met = through & _within(start + share * (end - start) - centre, along, across)
+    return np.where(met, 0.0, found)
+
+
+def _within(point: Array, along: Array, across: Array) -> Any:
+    """Whether points (n, m, 3), measured from its centre, lie above a piece: both of its coordinates within -1..1."""
+    aa, bb, ab = _dot(along, along), _dot(across, across), _dot(along, across)
+    pa, pb, det = _dot(point, along), _dot(point, across), aa * bb - ab * ab
+    first, second = (bb * pa - ab * pb) / det, (aa * pb - ab * pa) / det
+    return (np.abs(first) <= 1.0) & (np.abs(second) <= 1.0)
