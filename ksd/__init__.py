@@ -42,18 +42,19 @@ _HOMES = {
     "ksd.properties.doctor": ("doctor",),
     "ksd.train.designs": ("Design",),
     "ksd.design": ("Batch", "SweepInterrupted", "Table", "batch", "frequency_curve", "state_space", "sweep"),
+    "ksd.design.gradient": ("Gradient", "gradient"),
     "ksd.library": ("Parameter", "Record", "find_record", "read_result"),
 }  # fmt: skip
 _HOME = {name: home for home, names in _HOMES.items() for name in names}
 __all__ = [
     "Arc", "ArcHinge", "BalancedCrossedPivot", "Batch", "Butterfly", "Cartwheel", "CircularNotch",
     "CircularNotchHinge", "Configuration", "ConvergenceError", "CrossFlexure", "CrossedPivot", "Design",
-    "DrawnJoint", "FilletedNotch", "FilletedNotchHinge", "FoldedLeaf", "FreeCurve", "InfinityHinge", "Joint",
+    "DrawnJoint", "FilletedNotch", "FilletedNotchHinge", "FoldedLeaf", "FreeCurve", "Gradient", "InfinityHinge", "Joint",
     "KinematicsError", "KsdError", "Leaf", "LinkMatrix", "Material", "Mechanism", "Mesh", "ModalBasis", "Model",
     "Motion", "ParallelGuide", "Parameter", "Path", "RangeError", "Record", "RecordError", "Scene", "SceneError",
     "Section", "Solver", "StiffenedGuide", "StiffenedMiddle", "SweepInterrupted", "Table", "Taper",
     "TripleInfinityHinge", "TrustError", "UniversalJoint", "Varying", "WireFlexure", "batch", "circle",
-    "compile_scene", "doctor", "errors", "find_record", "follow", "frequency_curve", "joint_families",
+    "compile_scene", "doctor", "errors", "find_record", "follow", "frequency_curve", "gradient", "joint_families",
     "link_matrix", "load_scene", "numbers", "polygon", "prepare", "read_result", "rectangle", "save_scene", "solve",
     "state_space", "sweep", "train", "tube", "units", "wire",
 ]  # fmt: skip
@@ -61,6 +62,7 @@ __all__ = [
 if TYPE_CHECKING:
     from ksd.design import Batch, SweepInterrupted, Table, frequency_curve
     from ksd.design.batch import batch
+    from ksd.design.gradient import Gradient, gradient
     from ksd.design.state_space import state_space
     from ksd.design.sweep import sweep
     from ksd.library import Parameter, Record, find_record, read_result

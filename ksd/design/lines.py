@@ -103,7 +103,7 @@ class Walk:
         return settled(self.solver, walked, 0.1 * (self.recipe.accuracy or DEFAULT_ACCURACY))[0]
 
 
-def _fine_enough(line: Line, recipe: Recipe, solver: Solver | None) -> Solver:
+def fine_enough(line: Line, recipe: Recipe, solver: Solver | None) -> Solver:
     """The solver given, or a new one; without a mesh asked for, its curvature modes raised until they are enough at the
     farthest pose of the line, as `ksd.solve` does. Errors of `Solver`; a pose that fails says so when it is walked."""
     words = {"extrapolate": recipe.extrapolate, **dict(recipe.effects)}
@@ -127,7 +127,7 @@ def run_line(line: Line, recipe: Recipe, solver: Solver | None, rows: list[Row])
         rows.extend(blank_rows(line, line.failure))
         return None
     try:
-        solver = _fine_enough(line, recipe, solver)
+        solver = fine_enough(line, recipe, solver)
     except CAUGHT as reason:
         rows.extend(blank_rows(line, spoken(reason)))
         return None

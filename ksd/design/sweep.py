@@ -84,8 +84,8 @@ def sweep(
 
     Raises SceneError for what is wrong before any solve; SweepInterrupted (a KeyboardInterrupt with `.table`) on Ctrl-C.
     """
-    recipe = _recipe(
-        _asked(questions, link, at, freed, modes=modes, errors=errors),
+    recipe = recipe_of(
+        asked_of(questions, link, at, freed, modes=modes, errors=errors),
         method=method, accuracy=accuracy, relinearisations=relinearisations, mesh=mesh, extrapolate=extrapolate,
         effects=(("effects", effects), ("with_", with_), ("without", without)),
     )  # fmt: skip
@@ -118,7 +118,8 @@ def _collected(
     return _table(lines, kept.found, name, facts)
 
 
-def _asked(questions: Any, link: Any, at: Any, freed: Any, *, modes: int, errors: bool) -> Asked:
+def asked_of(questions: Any, link: Any, at: Any, freed: Any, *, modes: int, errors: bool) -> Asked:
+    """The questions of a sweep and their options; raises SceneError."""
     names = names_of(questions, "questions")
     for q in names:
         if q not in KNOWN:
@@ -131,7 +132,8 @@ def _asked(questions: Any, link: Any, at: Any, freed: Any, *, modes: int, errors
     return Asked(names, name, point, let_go, modes, errors=truth(errors, "errors"))
 
 
-def _recipe(asked: Asked, **how: Any) -> Recipe:
+def recipe_of(asked: Asked, **how: Any) -> Recipe:
+    """How the poses of a sweep are solved; raises SceneError."""
     said = {n: how[n] for n in ("mesh", "relinearisations", "accuracy", "method", "extrapolate")}
     check_ways(methods=METHODS, **said)
     return Recipe(asked, **how)

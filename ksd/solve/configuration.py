@@ -32,6 +32,7 @@ from ksd.properties.words import printed
 from ksd.scene.contents import PlacedJoint
 from ksd.scene.links import Link
 from ksd.solve.answer import as_dict
+from ksd.solve.beside import parameters_of, slopes
 from ksd.solve.error import error_of, settled, with_error
 from ksd.solve.following import keeps_still
 from ksd.solve.left_out import left_out
@@ -409,6 +410,31 @@ class Configuration:
         found.
         """
         return sensitivity(self, question, link, at=at, force=force, moment=moment)
+
+    def gradient(
+        self,
+        question: Callable[[Configuration], Any],
+        *,
+        by: Iterable[str] | str | None = None,
+        design: Callable[..., Any] | None = None,
+        at_design: Mapping[str, Any] | None = None,
+        sizes: Mapping[str, float] | None = None,
+    ) -> dict[str, Any]:
+        """Derivative of ``question(pose)`` (number, array, or mapping of them; in the same shape) at the equilibrium of this
+        pose, per unit of every parameter [SI], by its name.
+
+        by: drives, components of loads ("payload_force_z"), or parameters of `design`, the function of `at_design` that
+        draws this mechanism; by default all numbers of the design but counts, without one all drives. sizes: by which
+        the step is measured where a parameter is zero. Answers that jump or have kinks, such as the largest of several,
+        are differenced as they are; columns of sweeps, followed by name: `ksd.gradient`. Raises SceneError for unknown
+        names, and where a parameter changes more than numbers, ConvergenceError at the end of a branch. Method:
+        `ksd.solve.beside`.
+        """
+        scene = self.model.said or self.model.scene
+        parameters = parameters_of(
+            scene, self.targets, size=self.model.arrays.size, design=design, at_design=at_design, by=by, sizes=sizes
+        )  # fmt: skip
+        return slopes(self, question, parameters)
 
     def internal_stress(
         self, *, offset: float = 1e-5, rotation: float = 1e-4, leaves: Iterable[str] = (), points: int = 13

@@ -1,0 +1,321 @@
+"""Equilibria beside a pose, and how what is asked of them changes: gradients by parameters of a design, drives and loads.
+
+At the equilibrium x0 of a pose, for a parameter p at p0 +- h: the arrays of that design with the effects, mesh, orders
+and plate curvatures of p0, Newton steps from x0, the question asked of that state, a central difference. One step N(x,
+p) = x - K^-1 R has dN/dp = -K^-1 dR/dp, the exact derivative of the equilibrium, inner unknowns and multipliers
+included; those that follow are iterative refinement. Nothing is chosen anew beside the pose, so nothing jumps: a curved
+leaf that would take more modes on one side keeps those it has.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, fields, replace
+from functools import partial
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ksd.errors import ConvergenceError, SceneError
+from ksd.model.arrays import STRAIN, Motion, make_work
+from ksd.model.compile import Model, marked, model_of
+from ksd.model.drawing import draw
+from ksd.model.effects import applied, with_conditions
+from ksd.model.mesh import Mesh, MixedMesh
+from ksd.model.newton import largest_move, largest_turn, look, take_step
+from ksd.model.template import Template, template_of
+from ksd.properties.tangent import exact
+from ksd.scene.leaf import Condition
+from ksd.section.checks import nearest, number, show
+from ksd.solve.error import settled
+from ksd.solve.steps import RTOL
+
+if TYPE_CHECKING:
+    from ksd.solve.configuration import Configuration
+
+STEP = 3e-5
+"""Step of a parameter, over its value, of central differences."""
+WIDE = 3e-4
+"""The same where differences at one and two steps are combined to fourth order: ten times less rounding."""
+NEWTON = 3
+"""Newton steps to the equilibrium beside the pose. Insides of leaf springs under loads out of their plane come 1e-3
+nearer with each: two leave 2e-6 of a slope of stress, and 1e-8 of those of forces, poses and stiffnesses."""
+LEFT = 0.05
+"""Part of the first Newton step up to which the last one may be as large."""
+AXES = "xyz"
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """A number that a pose depends on: its value, the size its step is measured by, and the scene where it has another
+    value; without one it is the value of the drive of its name."""
+
+    name: str
+    value: float
+    size: float
+    scene: Callable[[float], Any] | None = None
+
+    def at(self, targets: Mapping[str, float], value: float) -> dict[str, float]:
+        """Drive values where it has this value."""
+        return {**targets, **({self.name: value} if self.scene is None else {})}
+
+
+@dataclass(frozen=True)
+class _Held(Mesh):
+    """Orders and points that no leaf raises."""
+
+    def modes(self, orders: tuple[int, int, int], points: int) -> tuple[tuple[int, int, int], int]:
+        """Its own."""
+        return self.orders, self.points
+
+
+def parameters_of(
+    scene: Any,
+    targets: Mapping[str, float],
+    *,
+    size: float,
+    design: Callable[..., Any] | None = None,
+    at_design: Mapping[str, Any] | None = None,
+    by: Iterable[str] | str | None = None,
+    sizes: Mapping[str, float] | None = None,
+) -> tuple[Parameter, ...]:
+    """The parameters `by`: names in `at_design`, of drives, and of components of loads ("payload_force_z",
+    "payload_moment_x").
+
+    Without `by` all numbers of the design, without a design all drives. scene, targets: where they are; size [m]: of the
+    mechanism, that of the step of a parameter of zero that `sizes` does not name. SceneError for names that are not known.
+    """
+    found: dict[str, Parameter] = {}
+    given = {} if at_design is None else dict(at_design)
+    if given and design is None:
+        raise SceneError(
+            "at_design = ... needs the function of these parameters that returns the mechanism: design=..."
+        )
+    sizes = {} if sizes is None else dict(sizes)
+
+    def add(name: str, value: float, usual: float, made: Callable[[float], Any] | None) -> None:
+        own = abs(number(sizes[name], f"sizes: {name}")) if name in sizes else abs(value) or usual
+        found[name] = Parameter(name, value, own or usual, made)
+
+    # counts are no numbers to vary, unless they are asked for
+    counts = [n for n, v in given.items() if isinstance(v, int | np.integer)]
+    numbers = {n: float(v) for n, v in given.items() if _is_number(v)}
+    for name, value in numbers.items():
+        assert design is not None
+        add(name, value, size, partial(_drawn_at, design, given, scene, name))
+    drives = [d.name for d in scene.drives]
+    for name in drives:
+        if name not in found:
+            add(name, float(targets[name]), size if _moves(scene, name) else 1.0, None)
+    loads = []
+    for k, load in enumerate(scene.loads):
+        for kind in ("force", "moment"):
+            for axis, letter in enumerate(AXES):
+                value = getattr(load, kind)[axis]
+                usual = math.hypot(*getattr(load, kind)) or 1.0
+                loads.append(f"{load.name}_{kind}_{letter}")
+                add(loads[-1], value, usual, partial(_loaded_at, scene, k, kind, axis))
+    names = (by,) if isinstance(by, str) else by
+    if names is None:
+        names = [n for n in numbers if n not in counts] or drives
+    known = [*numbers, *drives, *loads]
+    for name in (*names, *sizes):
+        if name in given and name not in numbers:
+            raise SceneError(
+                f"parameter '{name}' = {show(given[name])} is no number, so nothing has a gradient by it"
+            )
+        if name not in found:
+            raise SceneError(
+                f"there is no gradient by '{name}'; parameters are {', '.join(known) or 'none'}{nearest(str(name), known)}"
+            )
+    return tuple(found[n] for n in names)
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, int | float | np.integer | np.floating) and not isinstance(value, bool)
+
+
+def _moves(scene: Any, drive: str) -> bool:
+    """Whether a drive prescribes a displacement."""
+    return any(t.kind == "translation" for d in scene.drives if d.name == drive for t in d.terms)
+
+
+def _drawn_at(
+    design: Callable[..., Any], given: Mapping[str, Any], like: Any, name: str, value: float
+) -> Any:
+    """The scene of the design with another value of a parameter, under the loads of the scene `like` that are not its
+    own."""
+    try:
+        made = design(**{**given, name: value})
+    except (SceneError, ArithmeticError, ValueError) as reason:
+        raise SceneError(
+            f"there is no gradient by '{name}': the design cannot be built at {value:.9g}, beside the value asked about: "
+            f"{reason}"
+        ) from reason
+    scene = made.scene() if hasattr(made, "scene") else made
+    # load cases come after the loads of the design itself
+    return replace(scene, loads=(*scene.loads, *like.loads[len(scene.loads) :]))
+
+
+def _loaded_at(scene: Any, k: int, kind: str, axis: int, value: float) -> Any:
+    """The scene with another component of load k."""
+    vector = list(getattr(scene.loads[k], kind))
+    vector[axis] = value
+    load = replace(scene.loads[k], **{kind: tuple(vector)})
+    return replace(scene, loads=(*scene.loads[:k], load, *scene.loads[k + 1 :]))
+
+
+class Beside:
+    """Poses beside poses of one scene, so many Newton `steps` from them: every parameter at its value + share * its size,
+    for every one of `shares`."""
+
+    def __init__(self, shares: Sequence[float] = (STEP, -STEP), *, steps: int = NEWTON) -> None:
+        self.shares, self.steps = tuple(shares), steps
+        self._made: tuple[Model, list[list[Model]]] | None = None
+
+    def __call__(
+        self, pose: Configuration, parameters: Sequence[Parameter]
+    ) -> tuple[Configuration, list[list[Configuration]]]:
+        """The equilibrium of a pose, and those beside it by parameter and share. Only values of drives may differ from those
+        of the call before.
+
+        Raises ConvergenceError where there is none, SceneError for poses of reduced bodies and for parameters that
+        change more than numbers.
+        """
+        if not pose.converged or pose.model.bodies:
+            why = "holds reduced bodies" if pose.converged else "did not converge"
+            raise SceneError(f"this pose {why}: gradients are those of equilibria of leaf springs")
+        if self._made is None or self._made[0] is not pose.model:
+            self._made = pose.model, self._models(pose.model, parameters)
+        here = self._at(pose, pose.model, settled(pose), pose.targets)
+        sides = []
+        for parameter, models in zip(parameters, self._made[1], strict=True):
+            own = []
+            for share, model in zip(self.shares, models, strict=True):
+                values = parameter.at(pose.targets, parameter.value + share * parameter.size)
+                own.append(self._at(pose, model, here.motion, values, parameter.name))
+            sides.append(own)
+        return here, sides
+
+    def _models(self, model: Model, parameters: Sequence[Parameter]) -> list[list[Model]]:
+        """The models beside a model, by parameter and share."""
+        scenes = [
+            p.scene(p.value + s * p.size) for p in parameters if p.scene is not None for s in self.shares
+        ]
+        made = iter(models_beside(model, scenes))
+        return [[model if p.scene is None else next(made) for _ in self.shares] for p in parameters]
+
+    def _at(
+        self, pose: Configuration, model: Model, start: Motion, targets: Mapping[str, float], name: str = ""
+    ) -> Configuration:
+        """The equilibrium of a model Newton steps from a state, as a pose; name: of the parameter that was changed."""
+        arrays, motion, target = exact(model.arrays), start.copy(), model.targets(targets)
+        work = make_work(arrays)
+        moved = []
+        for _ in range(self.steps):
+            look(arrays, motion, target, pose.load_factor, work, RTOL)
+            step = work.rhs.copy()
+            moved.append(largest_move(arrays, step) / arrays.size + largest_turn(arrays, step))
+            take_step(arrays, motion, step, work, 1.0)
+        if not moved[-1] <= LEFT * moved[0] + 1e-8:
+            where = f"beside this pose, at another '{name}'" if name else "of this pose"
+            raise ConvergenceError(
+                f"no gradient: Newton steps do not reach the equilibrium {where}; it is near the end of its branch"
+            )
+        return replace(
+            pose, model=model, motion=motion, targets=dict(targets), method="conventional", method_error=None, chosen=False,
+            joint_motions=None, notes=(), doubts=(),
+        )  # fmt: skip
+
+
+def models_beside(model: Model, scenes: Sequence[Any]) -> list[Model]:
+    """Models of other scenes with the effects, mesh, orders and plate curvatures of a model; packed together where they
+    can be.
+
+    Raises SceneError for a scene that differs in more than numbers.
+    """
+    found = _compiled(model, model.mesh, scenes)
+    if all(_alike(model, other) for other in found):
+        return found
+    found = _compiled(model, _held_mesh(model), scenes)
+    if not all(_alike(model, other) for other in found):
+        raise SceneError(
+            "no gradient: a small change of a parameter changes what the mechanism consists of (links, leaf springs, drives "
+            "or orders of its leaf springs), not only its numbers"
+        )
+    return found
+
+
+def _compiled(model: Model, mesh: Mesh, scenes: Sequence[Any]) -> list[Model]:
+    groups: dict[Template, list[tuple[int, Any, list[float]]]] = {}
+    for k, scene in enumerate(scenes):
+        plain = scene if model.choice is None else applied(scene, mesh, model.choice)[0]
+        plain = _as_bent(plain, model) if mesh.plate else plain
+        drawing = draw(plain, mesh)
+        groups.setdefault(template_of(drawing.words, mesh), []).append((k, plain, drawing.numbers))
+    found: dict[int, Model] = {}
+    for template, members in groups.items():
+        numbers = template.numbers([row for _, _, row in members])
+        filled = template(numbers)
+        for d, (k, plain, _) in enumerate(members):
+            found[k] = marked(model_of(plain, template, filled, numbers, d), scenes[k], model.choice)
+    return [found[k] for k in range(len(scenes))]
+
+
+def _as_bent(scene: Any, model: Model) -> Any:
+    """The scene whose plate factors are those of the curvatures that a model has."""
+    leaves = scene.leaf_names()
+    bends = {n: leaf.condition.bend for n, leaf in model.scene.leaf_names().items() if leaf.condition}
+    own = {n: replace(leaves[n].condition or Condition(), bend=b) for n, b in bends.items() if n in leaves}
+    return with_conditions(scene, own) if own else scene
+
+
+def _alike(one: Model, other: Model) -> bool:
+    """Whether two models have the same unknowns."""
+    a, b = one.arrays, other.arrays
+    pairs = ((a.members.number, b.members.number), (a.members.inner_at, b.members.inner_at),
+             (a.members.kind, b.members.kind), (a.members.node, b.members.node), (a.start, b.start),
+             (a.terms.node, b.terms.node), (a.terms.kind, b.terms.kind), (a.loads.node, b.loads.node))  # fmt: skip
+    names = (
+        one.node_names == other.node_names
+        and one.member_names == other.member_names
+        and one.drive_names == other.drive_names
+        and one.support_names == other.support_names
+        and one.spring_names == other.spring_names
+    )
+    return names and all(np.array_equal(x, y) for x, y in pairs)
+
+
+def _held_mesh(model: Model) -> Mesh:
+    """The mesh of a model with the orders that its leaf springs have by now."""
+    words = {f.name: getattr(model.mesh, f.name) for f in fields(Mesh)}
+    members = model.arrays.members
+    names: dict[tuple[int, ...], list[str]] = {}
+    for i in np.flatnonzero(members.kind == STRAIN).tolist():
+        names.setdefault(tuple(members.number[i].tolist()), []).append(model.member_names[i])
+    held = tuple(
+        (_Held(**{**words, "orders": own[:3], "points": own[3]}), tuple(of)) for own, of in names.items()
+    )
+    return MixedMesh(**words, others=(*held, *getattr(model.mesh, "others", ())))
+
+
+def slopes(
+    pose: Configuration,
+    question: Callable[[Configuration], Any],
+    parameters: Sequence[Parameter],
+) -> dict[str, Any]:
+    """How the answer of question(pose) (number, array, or mapping of them; in the same shape) changes with every
+    parameter."""
+    _, sides = Beside()(pose, parameters)
+    return {
+        p.name: _difference(question(own[0]), question(own[1]), 2 * STEP * p.size)
+        for p, own in zip(parameters, sides, strict=True)
+    }
+
+
+def _difference(plus: Any, minus: Any, width: float) -> Any:
+    if isinstance(plus, Mapping):
+        return {k: _difference(v, minus[k], width) for k, v in plus.items()}
+    found = (np.asarray(plus, float) - np.asarray(minus, float)) / width
+    return float(found) if found.ndim == 0 else found
