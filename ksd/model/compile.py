@@ -17,6 +17,7 @@ from ksd.errors import SceneError
 from ksd.model.arrays import MODAL, ROTATION, SOLID, TRANSLATION, Arrays, Motion
 from ksd.model.drawing import Drawing, Numbers, draw
 from ksd.model.effects import Choice, applied, choose
+from ksd.model.leaves import cut_leaves
 from ksd.model.listing import listing
 from ksd.model.mesh import Mesh
 from ksd.model.pack import Push, Row, revalued
@@ -133,9 +134,9 @@ def reference_points(scene: Any) -> np.ndarray:
     for j in scene.joints:
         found[index[j.a]].append(np.asarray(j.origin))
         found[index[j.b]].append(np.asarray(j.origin) + np.asarray(j.rotation) @ np.asarray(j.joint.pose_B))
-    for leaf in scene.leaves:
-        found[index[leaf.a]].append(np.asarray(leaf.leaf.start, float))
-        found[index[leaf.b]].append(np.asarray(leaf.leaf.end, float))
+    for _, a, b, leaf in cut_leaves(scene):
+        found[index[a]].append(np.asarray(leaf.start, float))
+        found[index[b]].append(np.asarray(leaf.end, float))
     places = np.array([np.mean(f, axis=0) if f else np.zeros(3) for f in found])
     places[0] = 0.0
     return places

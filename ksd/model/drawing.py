@@ -8,7 +8,7 @@ prestressed) have them among the numbers.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Container, Iterable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any, NamedTuple
@@ -16,7 +16,15 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ksd.model.arrays import COROTATIONAL, ROTATION, STRAIN, TRANSLATION
-from ksd.model.leaves import factors, leaf_member, piece_name, raised_orders, split_leaf
+from ksd.model.leaves import (
+    cut_leaves,
+    element_leaves,
+    factors,
+    leaf_member,
+    leaf_of,
+    piece_name,
+    raised_orders,
+)
 from ksd.model.mesh import Mesh
 from ksd.model.pack import Member
 from ksd.model.springs import matrix_member, spring_members
@@ -124,8 +132,8 @@ def places_of(words: Words) -> tuple[tuple[slice, tuple[int, ...]], ...]:
 class _Parts:
     """Words and numbers of parts while they are collected."""
 
-    def __init__(self, mesh: Mesh, heavy: bool) -> None:
-        self.mesh, self.heavy = mesh, heavy
+    def __init__(self, mesh: Mesh, heavy: bool, free: Container[str]) -> None:
+        self.mesh, self.heavy, self.free = mesh, heavy, free
         self.different: list[PartWords] = []
         self.length: list[float] = []
         self.ends: list[float] = []
@@ -137,23 +145,24 @@ class _Parts:
     def add(
         self, joint: Any, leaves: Iterable[tuple[str, Any]], before: str, ends: tuple[Any, Any], length: float
     ) -> None:
-        """A joint, or (None) a free leaf, with its leaves by name; before: what their full names begin with."""
+        """A joint, or (None) a free leaf or a piece of one, with its leaves by name; before: what their full names begin
+        with."""
         blocks = {} if joint is None else {n: p for n, p in joint.blocks().items() if n not in ("A", "B")}
         for point in blocks.values():
             self.point += point
         names, found = list(blocks), []
         for name, leaf in leaves:
-            mesh = self.mesh.of(before + name)
+            mesh = self.mesh.of(before + name if joint is not None else leaf_of(name, self.free))
             own = (leaf.start_block, leaf.end_block) if joint is not None else ("A", "B")
             if not mesh.nodal:
                 found.append(self._leaf(leaf, mesh, (before, name), own, length))
                 continue
             # every element a leaf of its own, between nodes that are drawn as blocks
-            pieces, cuts = split_leaf(leaf, leaf.elements or mesh.elements)
-            between = [piece_name(name, k) for k in range(len(cuts))]
+            pieces = element_leaves(leaf, leaf.elements or mesh.elements)
+            between = [piece_name(name, k) for k in range(len(pieces) - 1)]
             names += between
-            for cut in cuts:
-                self.point += cut.tolist()
+            for piece in pieces[:-1]:
+                self.point += piece.end
             pairs = pairwise([own[0], *between, own[1]])
             for k, (piece, pair) in enumerate(zip(pieces, pairs, strict=True)):
                 found.append(self._leaf(piece, mesh, (before, piece_name(name, k)), pair, length))
@@ -217,7 +226,7 @@ _AXES = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)
 def draw(scene: Any, mesh: Mesh) -> Drawing:
     """Words and numbers of a frozen scene exactly as it stands. Raises SceneError for leaves that have no model."""
     index = {link: i for i, link in enumerate(scene.links)}
-    parts = _Parts(mesh, pulls(scene))
+    parts = _Parts(mesh, pulls(scene), {free.name for free in scene.leaves})
     known: dict[Any, int] = {}
     placed_parts: list[tuple[str, int, int, int]] = []
     places: list[float] = []
@@ -236,10 +245,9 @@ def draw(scene: Any, mesh: Mesh) -> Drawing:
         places += placed.origin
         for row in placed.rotation:
             turns += row
-    for free in scene.leaves:
-        leaf = free.leaf
-        placed_parts.append(("", index[free.a], index[free.b], len(parts.different)))
-        parts.add(None, ((free.name, leaf),), "", (leaf.start, leaf.end), leaf.length)
+    for name, a, b, leaf in cut_leaves(scene):
+        placed_parts.append(("", index[a], index[b], len(parts.different)))
+        parts.add(None, ((name, leaf),), "", (leaf.start, leaf.end), leaf.length)
         places += _STILL
         turns += _AXES
     rows, terms = _rows(scene, index)

@@ -20,6 +20,7 @@ from ksd.model.elastic_links import with_elastic_links
 from ksd.model.mesh import Mesh
 from ksd.model.runs import run_factors
 from ksd.scene.effects import leaf_conditions
+from ksd.scene.hinges import plane_holds
 from ksd.scene.leaf import Condition
 from ksd.section.checks import nearest
 
@@ -222,6 +223,9 @@ def applied(scene: Any, mesh: Mesh, choice: Choice) -> tuple[Any, Mesh]:
         plain = with_conditions(plain, leaf_conditions(scene.leaf_names(), heats, fits))
     if "warping" in there:
         plain = with_torsion(plain, run_factors(scene))
+    holds = plane_holds(plain)
+    if holds and holds[0].name not in {s.name for s in plain.supports}:
+        plain = replace(plain, supports=(*plain.supports, *holds))
     if scene.compliances:
         plain = with_elastic_links(plain) if "compliance" in there else replace(plain, compliances=())
     words: dict[str, Any] = {name: name in there for name in ("shear", "warping", "plate")}

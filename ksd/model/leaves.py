@@ -7,6 +7,7 @@ bending compliance, so that a moment linear along it needs two modes however dee
 from __future__ import annotations
 
 import math
+from collections.abc import Container, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from itertools import pairwise
@@ -24,7 +25,7 @@ from ksd.model.mesh import Mesh
 from ksd.model.pack import Member
 from ksd.model.runs import own_factor
 from ksd.scene.leaf import Condition
-from ksd.scene.profile import Curve
+from ksd.scene.profile import Curve, CurvePart, ProfilePart
 from ksd.section import Section
 from ksd.section.plate import plate_factor
 
@@ -343,41 +344,84 @@ def piece_name(leaf: str, k: int) -> str:
     return f"{leaf}:{k + 1}"
 
 
-def leaf_of(piece: str) -> str:
-    """The leaf an element is of, or a whole leaf itself."""
-    return piece.rpartition(":")[0] or piece
+def leaf_of(piece: str, leaves: Container[str]) -> str:
+    """The leaf of `leaves` that a piece is of, or a whole leaf itself; else the name without its last mark."""
+    found = piece
+    while found not in leaves and ":" in found:
+        found = found.rpartition(":")[0]
+    return found if found in leaves else piece.rpartition(":")[0] or piece
 
 
-def split_leaf(leaf: Any, elements: int) -> tuple[list[Any], list[np.ndarray]]:
-    """The leaf cut into single-element pieces, and the points (3,) between them in the leaf's own coordinates."""
+def split_leaf(leaf: Any, cuts: Sequence[float]) -> list[Any]:
+    """The pieces of a leaf cut at these fractions of its length, each a leaf; together they are what the whole is.
+
+    Raises SceneError for a curved leaf with an assembly error, whose axes are not those of its pieces.
+    """
+    state = leaf.condition or Condition()
+    misplaced = any(state.shift) or any(state.turn)
+    if misplaced and leaf.curve is not None:
+        raise SceneError(
+            f"leaf '{leaf.name}' is curved, has an assembly error (mechanism.fit) and points on it; leave one of them out"
+        )
+    torsion = state.torsion or (_own_torsion(leaf) if leaf.section.Iw > 0.0 else 0.0)
+    marks = (0.0, *cuts, 1.0)
+    sections = [leaf.section_at(s) for s in marks]
+    pieces = []
+    for k, part in enumerate(pairwise(marks)):
+        (start, axes), (end, _) = sections[k], sections[k + 1]
+        along = (end - start) / np.linalg.norm(end - start)
+        width = axes[:, 2] - (axes[:, 2] @ along) * along
+        own = replace(state, torsion=torsion)
+        if misplaced and part[1] < 1.0:
+            own = replace(own, shift=(0.0, 0.0, 0.0), turn=(0.0, 0.0, 0.0))
+        pieces.append(
+            replace(
+                leaf,
+                start=tuple(start.tolist()),
+                end=tuple(end.tolist()),
+                width_axis=tuple((width / np.linalg.norm(width)).tolist()),
+                name=piece_name(leaf.name, k),
+                condition=None if own == Condition() else own,
+                curve=None if leaf.curve is None else CurvePart(leaf.curve, part),
+                profile=None if leaf.profile is None else ProfilePart(leaf.profile, part),
+            )
+        )
+    return pieces
+
+
+def element_leaves(leaf: Any, elements: int) -> list[Any]:
+    """The elements of a leaf whose nodes are in the open, each a leaf of one element."""
     if leaf.curve is not None or leaf.profile is not None:
         raise SceneError(
             f"leaf '{leaf.name}': nodal meshes are for straight uniform leaf springs; leave nodal out"
         )
-    state = leaf.condition or Condition()
-    if replace(state, bend=0.0, torsion=0.0) != Condition():
+    if replace(leaf.condition or Condition(), bend=0.0, torsion=0.0) != Condition():
         raise SceneError(
             f"leaf '{leaf.name}': nodal meshes are for leaves without heat, prestress and assembly error; leave nodal out"
         )
-    start, end = np.asarray(leaf.start, float), np.asarray(leaf.end, float)
-    cuts = [start + (end - start) * k / elements for k in range(elements + 1)]
-    torsion = state.torsion or (_own_torsion(leaf) if leaf.section.Iw > 0.0 else 0.0)
-    pieces = [
-        replace(
-            leaf,
-            start=tuple(a),
-            end=tuple(b),
-            elements=1,
-            name=piece_name(leaf.name, k),
-            condition=replace(state, torsion=torsion),
-        )
-        for k, (a, b) in enumerate(pairwise(cuts))
-    ]
-    return pieces, cuts[1:-1]
+    cuts = [k / elements for k in range(1, elements)]
+    return [replace(piece, elements=1) for piece in split_leaf(leaf, cuts)]
+
+
+def cut_leaves(scene: Any) -> list[tuple[str, str, str, Any]]:
+    """(name, link at start, link at end, leaf) of the free leaves of a scene, cut where links are points of them."""
+    found = []
+    for placed in scene.leaves:
+        on = sorted((p.s, p.name) for p in scene.points if p.leaf == placed.name)
+        if not on:
+            found.append((placed.name, placed.a, placed.b, placed.leaf))
+            continue
+        whole = replace(placed.leaf, name=placed.name)
+        links = [placed.a, *(name for _, name in on), placed.b]
+        pieces = split_leaf(whole, [s / whole.length for s, _ in on])
+        found += [(p.name, *pair, p) for p, pair in zip(pieces, pairwise(links), strict=True)]
+    return found
 
 
 __all__ = [
     "Mesh",
+    "cut_leaves",
+    "element_leaves",
     "integrate_curve",
     "leaf_axes",
     "leaf_member",

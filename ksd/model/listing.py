@@ -32,6 +32,7 @@ def listing(model: Any) -> list[tuple[str, str]]:
     if len(arrays.loads.node):
         weights = ", gravity among them" if scene.gravity else ""
         lines.append(("loads", f"{len(arrays.loads.node)} on links{weights}"))
+    lines += _said(scene)
     lines += _present(model)
     if len(arrays.weight):
         mass, pull = arrays.weight[:, 0].sum(), np.linalg.norm(arrays.weight[0, 1:])
@@ -47,6 +48,20 @@ def listing(model: Any) -> list[tuple[str, str]]:
     lines.append(
         ("made when asked for", "mass (frequencies, state space), spatial stiffness, stress, buckling")
     )
+    return lines
+
+
+def _said(scene: Any) -> list[tuple[str, str]]:
+    """Lines on the plane, pins, sliders and points of leaves that the scene speaks of."""
+    lines = []
+    if scene.plane is not None:
+        lines.append(("plane", f"{scene.plane}: links are held in it"))
+    if scene.hinges:
+        said = (f"{h.kind} '{h.name}' of '{h.b}' on '{h.a}'" for h in scene.hinges)
+        lines.append(("without stiffness", ", ".join(said)))
+    if scene.points:
+        said = (f"'{p.name}' at s = {1e3 * p.s:.4g} mm of '{p.leaf}'" for p in scene.points)
+        lines.append(("points of leaf springs", ", ".join(said)))
     return lines
 
 

@@ -13,7 +13,7 @@ each: displacement of the reference point, and rotation times the size of the me
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -22,11 +22,13 @@ from numpy.typing import NDArray
 from ksd.errors import SceneError
 from ksd.model.arrays import make_work
 from ksd.model.compile import Model, compile_scene, reference_points
+from ksd.model.leaves import cut_leaves
 from ksd.model.newton import assemble
 from ksd.properties.tangent import exact, stored_matrix
 from ksd.properties.words import Shown
 from ksd.scene.contents import WANTED, PlacedLeaf, Scene
 from ksd.scene.drive import GROUND
+from ksd.scene.hinges import PLANES, plane_hint
 from ksd.scene.mechanism import Mechanism
 from ksd.scene.plausible import implausible
 
@@ -71,7 +73,8 @@ class Diagnosis(Shown):
     """What the doctor found. freedoms: left by joints, leaf springs and supports, for drives to move; held: those the drives
     hold; constraints, independent: rows of joints, leaf springs and supports, and their rank; free: motions left with
     all drives held; fights: redundant constraints, of the mechanism and then inside joints; singular_values: of all
-    rows, descending; unusual: sizes and materials that hardly any flexure has (`ksd.scene.plausible`)."""
+    rows, descending; unusual: sizes and materials that hardly any flexure has (`ksd.scene.plausible`); hint: where links can
+    leave a plane that the scene does not name."""
 
     mechanism: str
     freedoms: int
@@ -82,6 +85,7 @@ class Diagnosis(Shown):
     fights: tuple[Fight, ...]
     singular_values: Array
     unusual: tuple[str, ...] = ()
+    hint: str = ""
 
     @property
     def exact(self) -> bool:
@@ -102,6 +106,7 @@ class Diagnosis(Shown):
             f"constraint{'s' * (len(own) != 1)}",
         ]
         lines += [f"free: {f.sentence}" for f in self.free]
+        lines += [f"hint: {self.hint}"] * bool(self.hint and self.free)
         lines += [f"overconstrained: {f.sentence}" for f in own]
         for names in dict.fromkeys(f.inside for f in self.fights if f.inside):
             within = [f.what for f in self.fights if f.inside == names]
@@ -147,8 +152,11 @@ def doctor(mechanism: Mechanism | Scene | Model) -> Diagnosis:
     index = {link: i for i, link in enumerate(scene.links)}
     springs, rows = _structure(scene, index, places, size)
     supports, drives = prescribed_rows(model, size)
+    held = []
+    if scene.plane is not None:
+        held, supports, rows, drives = _in_plane(scene, supports, rows, drives)
     rows = sorted(rows, key=lambda c: -c.stiffness)
-    own, everything = [*supports, *rows], [*supports, *rows, *drives]
+    own, everything = [*held, *supports, *rows], [*held, *supports, *rows, *drives]
     rank, total = _rank(own, len(places)), _rank(everything, len(places))
     unknowns = 6 * (len(places) - 1)
     fights = [_fight(*found) for found in _too_many(everything, total)]
@@ -156,13 +164,32 @@ def doctor(mechanism: Mechanism | Scene | Model) -> Diagnosis:
         mechanism=scene.name,
         freedoms=unknowns - rank,
         held=total - rank,
-        constraints=len(own),
-        independent=rank,
+        constraints=len(own) - len(held),
+        independent=rank - len(held),
         free=tuple(_free(everything, total, springs, (scene.links, places, size))),
         fights=(*fights, *_inside(scene)),
         singular_values=_singular(everything),
         unusual=implausible(scene),
+        hint=plane_hint(scene),
     )
+
+
+def _in_plane(scene: Scene, *parts: list[Constraint]) -> list[list[Constraint]]:
+    """Constraints in the plane of a scene, after those that hold every link in it."""
+    k = PLANES[str(scene.plane)]
+    outside = np.zeros(6)
+    outside[[k, *(3 + c for c in range(3) if c != k)]] = 1.0
+    count = len(scene.links)
+    held = []
+    for at in np.flatnonzero(np.tile(outside, count))[3:]:
+        held.append(Constraint(f"plane {scene.plane}", np.eye(6 * count)[at], np.inf, "leave the plane out"))
+    found = [held]
+    for rows in parts:
+        inside = [(c, c.row * np.tile(1.0 - outside, count)) for c in rows]
+        found.append(
+            [replace(c, row=r / np.linalg.norm(r)) for c, r in inside if np.linalg.norm(r) > np.sqrt(0.5)]
+        )
+    return found
 
 
 def _described(mechanism: Any) -> Scene:
@@ -186,9 +213,9 @@ def _structure(
         spring = joint_spring(placed, (index[placed.a], index[placed.b]))
         springs.append(spring)
         rows += joint_rows(placed, spring, places, size)
-    for leaf in scene.leaves:
-        springs.append(leaf_spring(leaf.leaf, (index[leaf.a], index[leaf.b])))
-        rows += leaf_rows([(leaf.name, leaf.a, leaf.b, leaf.leaf)], index, places, size)
+    for name, a, b, leaf in cut_leaves(scene):
+        springs.append(leaf_spring(leaf, (index[a], index[b])))
+        rows += leaf_rows([(name, a, b, leaf)], index, places, size)
     return springs, rows
 
 
@@ -406,8 +433,6 @@ def leaf_spring(leaf: Any, nodes: tuple[int, int]) -> Spring:
 
 def joint_spring(placed: Any, nodes: tuple[int, int]) -> Spring:
     """A placed joint as a spring, seen from the middle between its interfaces."""
-    from dataclasses import replace
-
     axes = np.asarray(placed.rotation, float)
     middle = placed.place(0.5 * np.asarray(placed.joint.pose_B, float))
     alone = Scene("joint", (GROUND, "end"), joints=(replace(placed, a=GROUND, b="end"),))

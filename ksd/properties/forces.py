@@ -221,8 +221,8 @@ LIGHT = 1e-6
 
 @dataclass(frozen=True, repr=False)
 class InterfaceForce(Shown):
-    """What one joint, leaf or spring exerts on one link: force (3,) [N], moment (3,) [Nm] about `point` (3,) [m], the
-    place of the interface or end now; global axes."""
+    """What one joint, leaf, spring, pin or slider exerts on one link: force (3,) [N], moment (3,) [Nm] about `point` (3,)
+    [m], the place of the interface or end now; global axes."""
 
     name: str
     link: str
@@ -240,7 +240,7 @@ class InterfaceForce(Shown):
 
 @dataclass(frozen=True, repr=False)
 class InterfaceForces(Shown):
-    """All of them, in the order of the scene: joints, free leaf springs, springs; two rows each.
+    """All of them, in the order of the scene: joints, free leaf springs, springs, pins and sliders; two rows each.
 
     size [m]: length by which moments and forces are compared.
     """
@@ -287,7 +287,8 @@ class InterfaceForces(Shown):
 
 
 def interface_forces(model: Model, motion: Motion, *, load_factor: float = 1.0) -> InterfaceForces:
-    """What every joint, free leaf and spring of `model` exerts on its links at `motion`, weight times load_factor."""
+    """What every joint, free leaf, spring, pin and slider of `model` exerts on its links at `motion`, their weight times
+    load_factor."""
     ends = _leaf_ends(model, motion, load_factor)
     rows = []
     for placed in model.scene.joints:
@@ -303,6 +304,8 @@ def interface_forces(model: Model, motion: Motion, *, load_factor: float = 1.0) 
     rows += [e for e in ends if e.name in names]
     for i, name in enumerate(model.spring_names):
         rows += _spring(model, motion, i, name)
+    for hinge in model.scene.hinges:
+        rows += _hinge(model, motion, hinge)
     return InterfaceForces(tuple(rows), model.arrays.size)
 
 
@@ -324,6 +327,26 @@ def _leaf_ends(model: Model, motion: Motion, load_factor: float) -> list[Interfa
         node, end = model.node_names[members.node[parts[-1], 1]], last.start + last.frame @ last.d
         found.append(InterfaceForce(name, node, end, -(last.frame @ n), -(last.frame @ m)))
     return found
+
+
+def _hinge(model: Model, motion: Motion, hinge: Any) -> list[InterfaceForce]:
+    """What a pin or slider exerts on its links: the sum of its supports."""
+    force, moment = np.zeros(3), np.zeros(3)
+    nodes = [model.node_names.index(link) for link in (hinge.a, hinge.b)]
+    names, drives = model.support_names, len(model.drive_names)
+    for held in hinge.supports(model.scene.plane):
+        term = held.terms[0]
+        way = motion.R[nodes[0]] @ np.asarray(term.direction)
+        share = -float(motion.multiplier[drives + names.index(held.name)]) * way
+        if term.kind == "translation":
+            force = force + share
+        else:
+            moment = moment + share
+    place = motion.x[nodes[1]] + motion.R[nodes[1]] @ (np.asarray(hinge.at) - model.rest.x[nodes[1]])
+    return [
+        InterfaceForce(hinge.name, hinge.a, place, -force, -moment),
+        InterfaceForce(hinge.name, hinge.b, place, force, moment),
+    ]
 
 
 def _spring(model: Model, motion: Motion, i: int, name: str) -> list[InterfaceForce]:

@@ -254,12 +254,9 @@ def _spoken(model: Model, node: int, shape: Array, body: bool) -> str:
     name, does = model.node_names[node], movement_of(model, shape)
     if body or not does:
         return f"'{name}' {does}" if does else "the leaf springs"
-    leaf = leaf_of(name)
-    return (
-        f"'{leaf}' between the ends"
-        if leaf in scene_leaves(model)
-        else f"the leaf springs at '{name}', which {does}"
-    )
+    leaves = scene_leaves(model)
+    leaf = leaf_of(name, leaves)
+    return f"'{leaf}' between the ends" if leaf in leaves else f"the leaf springs at '{name}', which {does}"
 
 
 def _lowest(values: Array, vectors: Array, count: int) -> tuple[Array, Array, Array]:

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -117,11 +118,13 @@ def _leaves_and_lines(model: Model) -> dict[int, tuple[Any, Array]]:
     members, leaves = model.arrays.members, scene_leaves(model)
     found = {}
     for name, numbers in members_of_leaves(model).items():
-        for k, i in enumerate(numbers):
+        # a leaf may be cut at points, and into elements
+        ends = np.cumsum([0.0, *members.length[numbers]]) / members.length[numbers].sum()
+        for i, (first, last) in zip(numbers, pairwise(ends), strict=True):
+            at = np.array([0.5])
             if members.kind[i] == STRAIN:
                 at = strain_stations(members.value[members.value_at[i] :], members.number[i])
-            else:
-                at = np.array([(k + 0.5) / len(numbers)])
+            at = first + (last - first) * at
             found[i] = leaves[name], leaf_line_mass(leaves[name], at)
     return found
 

@@ -73,12 +73,24 @@ class DrivenPoint:
 
 
 @dataclass(frozen=True)
+class HingeShape:
+    """A "pin" or "slider": its position at rest and now (3,) [m], on its second link, and its axis now (3,)."""
+
+    name: str
+    kind: str
+    rest: Array
+    place: Array
+    axis: Array
+
+
+@dataclass(frozen=True)
 class Shape:
     """All there is to draw of a configuration; leaf springs and blocks in the order of the model."""
 
     leaves: tuple[LeafShape, ...]
     blocks: tuple[BlockShape, ...]
     driven: tuple[DrivenPoint, ...]
+    hinges: tuple[HingeShape, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -329,11 +341,12 @@ def scene_leaves(model: Model) -> dict[str, Any]:
 
 @per_model
 def members_of_leaves(model: Model) -> dict[str, list[int]]:
-    """Members of every leaf, by full name: one, or its elements in order where the mesh is nodal."""
+    """Members of every leaf, by full name: one, or in order its pieces between points, and its elements where the mesh is
+    nodal."""
     leaves = scene_leaves(model)
     found: dict[str, list[int]] = {}
     for i, name in enumerate(model.member_names):
-        found.setdefault(name if name in leaves else leaf_of(name), []).append(i)
+        found.setdefault(leaf_of(name, leaves), []).append(i)
     return found
 
 
@@ -380,6 +393,10 @@ def _blocks(model: Model, motion: Motion) -> tuple[BlockShape, ...]:
             points[node].append(members.offset[i, end])
             owner[node].append(name.rsplit("/", 1)[0])
     index = {link: i for i, link in enumerate(model.scene.links)}
+    for hinge in model.scene.hinges:
+        for node in {index[hinge.a], index[hinge.b]} - ({0} if hinge.kind == "slider" else set()):
+            points[node].append(np.asarray(hinge.at) - model.rest.x[node])
+            owner[node].append(hinge.name)
     for drive in model.scene.drives:
         for term in drive.terms:
             if term.kind == "translation":
@@ -396,7 +413,17 @@ def _blocks(model: Model, motion: Motion) -> tuple[BlockShape, ...]:
     return tuple(found)
 
 
+def _hinges(model: Model, motion: Motion) -> tuple[HingeShape, ...]:
+    index = {link: i for i, link in enumerate(model.scene.links)}
+    found = []
+    for hinge in model.scene.hinges:
+        a, b, rest = index[hinge.a], index[hinge.b], np.asarray(hinge.at)
+        place = motion.x[b] + motion.R[b] @ (rest - model.rest.x[b])
+        found.append(HingeShape(hinge.name, hinge.kind, rest, place, motion.R[a] @ np.asarray(hinge.axis)))
+    return tuple(found)
+
+
 def mechanism_shape(model: Model, motion: Motion, *, points: int = POINTS) -> Shape:
     """Leaf springs at `points` stations or more, blocks and driven points of `model` at `motion`."""
     leaves = tuple(_leaf_shape(model, motion, n, m, points) for n, m in members_of_leaves(model).items())
-    return Shape(leaves, _blocks(model, motion), _driven(model, motion))
+    return Shape(leaves, _blocks(model, motion), _driven(model, motion), _hinges(model, motion))

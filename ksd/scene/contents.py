@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike
 
 from ksd.scene.drive import GROUND, Drive, Load, PointMass
 from ksd.scene.effects import Compliance, Fit, Heat, Spring, TurnSpring
+from ksd.scene.hinges import Hinge
 from ksd.scene.joint import Joint, Motion, leaves_of
 from ksd.scene.leaf import Condition, Leaf
 from ksd.scene.profile import Curve, Profile
@@ -74,12 +75,22 @@ class PlacedLeaf:
 
 
 @dataclass(frozen=True)
+class LeafPoint:
+    """A point of the free-form leaf `leaf` at arc length s [m] from its start: link `name`, clamped there without mass."""
+
+    name: str
+    leaf: str
+    s: float
+
+
+@dataclass(frozen=True)
 class Scene:
     """A mechanism as described: links[0] is "ground"; all positions global at rest, SI units.
 
     gravity (3,) [m/s^2] or None when the scene does not mention it; springs, compliances, heats, fits: see
-    `ksd.scene.effects`; consider: effects of the leaf that may be taken up. Two scenes are equal when everything said
-    in them is; `fingerprint` is the same for equal scenes in every process and on every machine.
+    `ksd.scene.effects`; consider: effects of the leaf that may be taken up. plane: the one it lives in ("xy", "xz", "yz");
+    hinges: pins and sliders, whose supports are among `supports`; points: links that are points of leaves. Two scenes are
+    equal when everything said in them is; `fingerprint` is the same for equal scenes in every process and on every machine.
     """
 
     name: str
@@ -96,6 +107,9 @@ class Scene:
     heats: tuple[Heat, ...] = ()
     fits: tuple[Fit, ...] = ()
     consider: tuple[str, ...] = ()
+    plane: str | None = None
+    hinges: tuple[Hinge, ...] = ()
+    points: tuple[LeafPoint, ...] = ()
 
     def leaf_names(self) -> dict[str, Leaf]:
         """Every leaf by its full name: "joint/leaf", and free-form leaf springs by their own."""
@@ -130,6 +144,8 @@ class Scene:
         """Links next to each link through joints and free-form leaf springs, and through supports when asked."""
         found: dict[str, set[str]] = {link: set() for link in self.links}
         pairs = [(j.a, j.b) for j in self.joints] + [(f.a, f.b) for f in self.leaves]
+        ends = {f.name: f.a for f in self.leaves}
+        pairs += [(ends[p.leaf], p.name) for p in self.points if p.leaf in ends]
         if supports:
             pairs += [(t.base, t.link) for s in self.supports for t in s.terms]
         for a, b in pairs:
@@ -213,4 +229,13 @@ def _sampled(value: Curve | Profile) -> Any:
     return tuple(value.section(s) for s in stations)
 
 
-__all__ = ["GROUND", "Matrix", "PlacedJoint", "PlacedLeaf", "Scene", "joint_angle", "placed_leaf"]
+__all__ = [
+    "GROUND",
+    "LeafPoint",
+    "Matrix",
+    "PlacedJoint",
+    "PlacedLeaf",
+    "Scene",
+    "joint_angle",
+    "placed_leaf",
+]

@@ -135,6 +135,21 @@ class Leaf(metaclass=Worded):
         e3 = unit(tuple(a - lean * b for a, b in zip(width, e1, strict=True)))
         return np.array([e1, cross(e3, e1), e3]).T.copy()
 
+    def section_at(self, s: float) -> tuple[np.ndarray, np.ndarray]:
+        """Place (3,) [m] and axes (3, 3), columns e1 along, e2, e3, of its section at fraction s of its length at rest, in
+        the frame of start and end."""
+        start, chord = np.asarray(self.start, float), self.axes
+        if self.curve is None:
+            return start + s * (np.asarray(self.end, float) - start), chord
+        # its line from the end p, whose chord is turned onto that of the leaf with the widths in one plane
+        end, _ = self.curve.line(1.0)
+        e1 = end / np.linalg.norm(end)
+        e3 = np.array([0.0, 0.0, 1.0]) - e1[2] * e1
+        e3 /= np.linalg.norm(e3)
+        frame = chord @ np.array([e1, np.cross(e3, e1), e3])
+        place, axes = self.curve.line(s)
+        return start + frame @ place, frame @ axes
+
 
 @worded
 def wire(

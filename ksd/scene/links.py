@@ -9,15 +9,16 @@ from numpy.typing import ArrayLike
 
 from ksd.errors import SceneError
 from ksd.scene.drive import GROUND, PointMass
-from ksd.section.checks import as_given, nearest, show, word
+from ksd.section.checks import Vector, as_given, nearest, show, word
 
 
 @dataclass(frozen=True)
 class Link:
-    """A rigid link of a mechanism, known by its name."""
+    """A rigid link of a mechanism, known by its name; at (3,) [m]: where it is, of a point of a leaf."""
 
     name: str
     owner: Links = field(compare=False, repr=False)
+    at: Vector | None = field(default=None, compare=False, repr=False)
 
 
 def spoken(link: Any) -> str:
@@ -79,6 +80,10 @@ class Links:
             raise SceneError(f"{owner}: link '{link}' does not exist{nearest(link, self._links)}")
         return link
 
+    def _spot(self, link: str, at: ArrayLike | None) -> Any:
+        """`at` as said; of a point of a leaf, where nothing is said, its own place."""
+        return self._links[link].at if at is None else as_given(at)
+
     def _pair(self, a: Link | str, b: Link | str, owner: str) -> tuple[str, str]:
         first, second = self._known(a, owner), self._known(b, owner)
         if first == second:
@@ -90,8 +95,9 @@ class Links:
     ) -> PointMass:
         """A rigid mass [kg]: centre `at` (3,) [m], inertia (3,) or (3, 3) [kg m^2] about it, global axes."""
         known = self._known(link, "mass")
-        if at is None:
+        place = self._spot(known, at)
+        if place is None:
             raise SceneError(f"mass on '{known}': 'at' is missing; give its centre (x, y, z) in m.")
-        added = PointMass(known, mass, as_given(inertia), as_given(at))
+        added = PointMass(known, mass, as_given(inertia), place)
         self._masses.append(added)
         return added

@@ -2,14 +2,25 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 from numpy.typing import ArrayLike
 
 from ksd.errors import SceneError
-from ksd.scene.contents import PlacedJoint, PlacedLeaf, Scene, joint_angle, placed_leaf, same_parts
+from ksd.scene.contents import (
+    LeafPoint,
+    PlacedJoint,
+    PlacedLeaf,
+    Scene,
+    joint_angle,
+    placed_leaf,
+    same_parts,
+)
 from ksd.scene.drive import GROUND, Drive, DriveTerm, Load
+from ksd.scene.hinges import Hinge, checked_hinge, checked_plane, normal_of
 from ksd.scene.joint import Joint
 from ksd.scene.leaf import Leaf
 from ksd.scene.leaf import wire as make_wire
@@ -20,7 +31,7 @@ from ksd.scene.placing import axis_word, numbered, rotation_at
 from ksd.scene.profile import Curve, Profile
 from ksd.scene.rules import check_scene
 from ksd.section import Section
-from ksd.section.checks import Axis, as_given, direction, nearest, show, vector, word, worded
+from ksd.section.checks import Axis, as_given, direction, nearest, number, show, vector, word, worded
 
 
 class Mechanism(Mentioned):
@@ -29,11 +40,15 @@ class Mechanism(Mentioned):
     All positions [m] and directions are global, in the undeformed configuration, where every link is at zero
     displacement and parallel to the global axes. Each sentence is checked when it is said and raises
     SceneError; `validate` checks the whole and `scene` freezes it. Links are given as the objects made by
-    `link`, or by name.
+    `link`, or by name. plane: "xy", "xz" or "yz" for a mechanism that lives in that plane: displacements across it and
+    rotations out of it are held, pins turn about its normal, and leaf springs have their width along it.
     """
 
-    def __init__(self, name: str = "mechanism") -> None:
+    def __init__(self, name: str = "mechanism", *, plane: str | None = None) -> None:
         super().__init__(name)
+        self.plane = checked_plane(plane, self.name)
+        self._hinges: dict[str, tuple[Hinge, tuple[Drive, ...]]] = {}
+        self._points: list[LeafPoint] = []
         self._joints: list[PlacedJoint] = []
         self._leaves: list[PlacedLeaf] = []
         self._drives: list[Drive] = []
@@ -139,6 +154,8 @@ class Mechanism(Mentioned):
         """A free-form leaf clamped to `a` at `start` (3,) [m] and to `b` at `end`; words as in `Leaf`."""
         label = self._new_name(name, "leaf")
         first, second = self._pair(a, b, f"leaf '{label}'")
+        if width_axis is None and self.plane is not None:
+            width_axis = normal_of(self.plane)
         made = Leaf(
             start=as_given(start),
             end=as_given(end),
@@ -183,6 +200,99 @@ class Mechanism(Mentioned):
         self._leaves.append(PlacedLeaf(label, first, second, made))
         return self._leaves[-1]
 
+    def point(self, leaf: PlacedLeaf | str, s: float, *, name: str | None = None) -> Link:
+        """The point of a free-form leaf at arc length s [m] from its start, as a link without mass that is clamped there.
+
+        Load, drive, support, weigh, pin and ask it as any link; where a sentence wants its place `at`, that is the default.
+        The leaf stays one leaf, in stresses, pictures and names. The default name is "leaf at s mm". Raises SceneError.
+        """
+        label = leaf.name if isinstance(leaf, PlacedLeaf) else leaf
+        placed = next((f for f in self._leaves if f.name == label), None)
+        if placed is None:
+            known = [f.name for f in self._leaves]
+            raise SceneError(
+                f"point: there is no free-form leaf {show(label)}{nearest(label, known)} (those of a joint: say "
+                "mechanism.constrain)"
+            )
+        length, at = placed.leaf.length, number(s, "s", owner=f"point of leaf '{label}'", unit="m")
+        if not 1e-9 * length < at < (1 - 1e-9) * length:
+            raise SceneError(
+                f"point of leaf '{label}': s = {at:g} m is not between its ends; the leaf is {length:g} m long, "
+                f"give 0 < s < {length:g}, or name link '{placed.a if at <= 0.5 * length else placed.b}' for its end."
+            )
+        for other in self._points:
+            if other.leaf == label and abs(other.s - at) <= 1e-9 * length:
+                raise SceneError(
+                    f"point of leaf '{label}': '{other.name}' is at s = {at:g} m already; use it."
+                )
+        made = LeafPoint(name or numbered(f"{label} at {1e3 * at:.4g} mm", set(self._links)), label, at)
+        place, _ = placed.leaf.section_at(at / length)
+        self.link(made.name)
+        self._points.append(made)
+        found = self._links[made.name] = replace(self._links[made.name], at=tuple(place.tolist()))
+        return found
+
+    # Pins and sliders
+
+    def pin(
+        self,
+        a: Link | str,
+        b: Link | str,
+        *,
+        at: ArrayLike | None = None,
+        axis: Axis | None = None,
+        name: str | None = None,
+    ) -> Hinge:
+        """Let link `b` turn on link `a` about `axis` through `at` (3,) [m], without stiffness.
+
+        axis: across the plane of the mechanism when left out; at: left out where one of the links is a point of a leaf.
+        What it transmits is in `reactions` as "name.x", "name.y", in the axes of `a`, and, global, in `interface_forces`.
+        The default name is "a-b". Raises SceneError.
+        """
+        if axis is None and self.plane is None:
+            raise SceneError(
+                "a pin needs its axis: give axis=, or say the plane of the mechanism, "
+                f'ksd.Mechanism("{self.name}", plane="xy").'
+            )
+        return self._hinge("pin", (a, b), at, axis or normal_of(str(self.plane)), name)
+
+    def slider(
+        self,
+        link: Link | str,
+        *,
+        along: Axis,
+        at: ArrayLike | None = None,
+        relative_to: Link | str | None = None,
+        name: str | None = None,
+    ) -> Hinge:
+        """Let a link slide `along` a direction of ground, or of `relative_to`, without stiffness and without turning.
+
+        at (3,) [m]: where the guide is drawn and its force is taken. The default name is "a-link". Raises SceneError.
+        """
+        return self._hinge("slider", (relative_to or GROUND, link), at, along, name)
+
+    def _hinge(self, kind: str, pair: tuple[Any, Any], at: Any, axis: Any, name: str | None) -> Hinge:
+        used = {*self._hinges, *(d.name for d in (*self._drives, *self._supports))}
+        label = name or numbered(f"{spoken(pair[0])}-{spoken(pair[1])}", used)
+        owner = f"{kind} '{label}'"
+        if label in used:
+            raise SceneError(f"the name '{label}' is used already; every pin and slider needs its own name.")
+        first, second = self._pair(*pair, owner)
+        own = {n: p for n in (first, second) if (p := self._links[n].at) is not None}
+        place = next(iter(own.values()), None) if at is None else as_given(at)
+        if place is None:
+            raise SceneError(f"{owner}: 'at' is missing; give the point (x, y, z) in m where it is.")
+        made = checked_hinge(Hinge(label, kind, first, second, place, as_given(axis)), self.plane)
+        for point, there in own.items():
+            apart = math.dist(there, made.at)
+            if kind == "pin" and apart > 1e-6 * max(f.leaf.length for f in self._leaves):
+                raise SceneError(
+                    f"{owner}: '{first}' and '{second}' do not meet: '{point}' is at {show(there)} m, "
+                    f"{1e3 * apart:.4g} mm from {show(made.at)}; give at={show(there)}."
+                )
+        self._hinges[label] = made, made.supports(self.plane)
+        return made
+
     # Drives and supports
 
     def displacement(
@@ -218,6 +328,7 @@ class Mechanism(Mentioned):
         if name == base:
             raise SceneError(f"{owner}: a link cannot be driven relative to itself; '{name}' is both.")
         word_used = "along" if kind == "translation" else "about"
+        at = self._spot(name, at)
         if at is None:
             raise SceneError(
                 f"{owner}: 'at' is missing; a displacement needs the point (x, y, z) that is driven."
@@ -328,6 +439,7 @@ class Mechanism(Mentioned):
 
     def _drive_name(self, name: str | None, default: str, parts: tuple[DriveTerm, ...]) -> str:
         used = {d.name for d in (*self._drives, *self._supports)}
+        used |= {d.name for _, held in self._hinges.values() for d in held}
         if name is not None:
             if word(name, "name", owner="drive") in used:
                 raise SceneError(f"the drive name '{name}' is used already; every drive needs its own name.")
@@ -361,6 +473,7 @@ class Mechanism(Mentioned):
             raise SceneError(f"the load name '{label}' is used already; every load needs its own name.")
         if force is None and moment is None:
             raise SceneError(f"{owner}: give force, moment, or both.")
+        at = self._spot(known, at)
         if force is not None and at is None:
             raise SceneError(f"{owner}: 'at' is missing; a force needs the point (x, y, z) it acts on.")
         zero = (0.0, 0.0, 0.0)
@@ -397,14 +510,20 @@ class Mechanism(Mentioned):
 
     def _words(self) -> dict[str, Any]:
         """The words of `Scene`."""
+        points = [p.name for p in self._points]
+        # pins before sliders, as in files
+        hinges = sorted(self._hinges.values(), key=lambda h: h[0].kind)
         return {
             "name": self.name,
-            "links": tuple(self._links),
+            "links": (*(n for n in self._links if n not in points), *points),
             "joints": tuple(self._joints),
             "leaves": tuple(self._leaves),
             "drives": tuple(self._drives),
-            "supports": tuple(self._supports),
+            "supports": (*self._supports, *(s for _, held in hinges for s in held)),
             "loads": tuple(self._loads),
             "masses": tuple(self._masses),
+            "plane": self.plane,
+            "hinges": tuple(hinge for hinge, _ in hinges),
+            "points": tuple(self._points),
             **self._mentioned(),
         }

@@ -7,6 +7,7 @@ scenes can be compared and hashed.
 
 from __future__ import annotations
 
+import functools
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -17,6 +18,9 @@ import numpy as np
 from ksd.errors import SceneError
 from ksd.section import Section, rectangle
 from ksd.section.checks import Worded, number, positive, show
+
+STEPS = 60
+"""Steps by which the line of a curve is integrated, and twice as many."""
 
 
 class Profile(metaclass=Worded):
@@ -154,6 +158,61 @@ class Curve(metaclass=Worded):
     def curvature(self, s: float) -> np.ndarray:
         """(3,) 1/m at fraction s of the arc length."""
         raise NotImplementedError
+
+    def line(self, s: float) -> tuple[np.ndarray, np.ndarray]:
+        """Place (3,) [m] and axes (3, 3) of the section at fraction s, from the start in its axes.
+
+        R' = R [kappa]x, r' = R e1 by steps of fourth order (Magnus), once as many and extrapolated.
+        """
+
+        def end(steps: int) -> np.ndarray:
+            h, rate = s * self.length / steps, np.zeros((steps, 2, 4, 4))
+            for k in range(steps):
+                for i, gauss in enumerate((0.5 - math.sqrt(3) / 6, 0.5 + math.sqrt(3) / 6)):
+                    x, y, z = self.curvature(s * (k + gauss) / steps)
+                    rate[k, i] = [[0, -z, y, 1], [z, 0, -x, 0], [-y, x, 0, 0], [0, 0, 0, 0]]
+            one, two = rate[:, 0], rate[:, 1]
+            step = 0.5 * h * (one + two) + math.sqrt(3) / 12 * h**2 * (one @ two - two @ one)
+            turn = np.eye(4) + step / 9
+            for n in range(8, 0, -1):
+                turn = np.eye(4) + step @ turn / n
+            return functools.reduce(np.matmul, turn)
+
+        fine = end(2 * STEPS)
+        found = fine + (fine - end(STEPS)) / 15
+        return found[:3, 3], found[:3, :3]
+
+
+@dataclass(frozen=True)
+class CurvePart(Curve):
+    """The part of a curve between two fractions of its arc length."""
+
+    whole: Curve
+    part: tuple[float, float]
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "length", (self.part[1] - self.part[0]) * self.whole.length)
+
+    def curvature(self, s: float) -> np.ndarray:
+        """That of the whole."""
+        return self.whole.curvature(self.part[0] + s * (self.part[1] - self.part[0]))
+
+
+@dataclass(frozen=True)
+class ProfilePart(Profile):
+    """The part of a profile between two fractions of the length."""
+
+    whole: Profile
+    part: tuple[float, float]
+
+    def __post_init__(self) -> None:
+        first, last = self.part
+        inside = tuple((s - first) / (last - first) for s in self.whole.breaks if first < s < last)
+        object.__setattr__(self, "breaks", inside)
+
+    def section(self, s: float) -> Section:
+        """That of the whole."""
+        return self.whole.section(self.part[0] + s * (self.part[1] - self.part[0]))
 
 
 @dataclass(frozen=True)

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from collections.abc import Iterable
 from typing import Any
+
+import numpy as np
 
 from ksd.errors import SceneError
 from ksd.scene.contents import Scene
@@ -27,6 +30,7 @@ def check_scene(scene: Scene) -> None:
     _check_known(scene)
     _check_attached(scene)
     _check_freedoms(scene)
+    _check_meeting(scene)
     if scene.heats or scene.fits:
         leaf_conditions(scene.leaf_names(), scene.heats, scene.fits)
 
@@ -54,6 +58,7 @@ def _check_known(scene: Scene) -> None:
         spoken += [(f"{kind} '{d.name}'", link) for d in drives for t in d.terms for link in (t.base, t.link)]
     spoken += [(f"load '{load.name}'", load.link) for load in scene.loads]
     spoken += [(f"spring '{s.name}'", link) for s in scene.springs for link in (s.a, s.b)]
+    spoken += [(f"{h.kind} '{h.name}'", link) for h in scene.hinges for link in (h.a, h.b)]
     spoken += [("compliance", c.link) for c in scene.compliances]
     spoken += [(f"mass {i + 1}", mass.link) for i, mass in enumerate(scene.masses)]
     for owner, link in spoken:
@@ -63,8 +68,9 @@ def _check_known(scene: Scene) -> None:
 
 def _check_attached(scene: Scene) -> None:
     """Each link carries a joint or leaf, and a chain of those or of supports leads to ground."""
+    hung = {link for h in scene.hinges for link in (h.a, h.b)}
     for link, others in scene.neighbours().items():
-        if not others and link != GROUND:
+        if not others and link != GROUND and link not in hung:
             raise SceneError(
                 f"link '{link}' is attached to nothing; connect it with mechanism.join or "
                 "mechanism.leaf, or remove it."
@@ -79,6 +85,31 @@ def _check_attached(scene: Scene) -> None:
     if adrift:
         names = ", ".join(f"'{link}'" for link in adrift)
         raise SceneError(f"no chain of joints leads from {names} to ground; join one of them to ground.")
+
+
+def _check_meeting(scene: Scene) -> None:
+    """Pins and sliders are near the links they join: no farther than the mechanism is large."""
+    if not scene.hinges or not scene.leaves + scene.joints:
+        return
+    hung: dict[str, list[Any]] = {link: [] for link in scene.links}
+    for leaf in scene.leaves:
+        hung[leaf.a].append(leaf.leaf.start)
+        hung[leaf.b].append(leaf.leaf.end)
+    for joint in scene.joints:
+        hung[joint.a].append(joint.origin)
+        hung[joint.b].append(tuple(joint.place(joint.joint.pose_B).tolist()))
+    corners = np.array([place for places in hung.values() for place in places])
+    size = float(np.linalg.norm(np.ptp(corners, axis=0)))
+    for hinge in scene.hinges:
+        for link in (hinge.a, hinge.b):
+            far = {place: math.dist(place, hinge.at) for place in hung[link]}
+            place = min(far, key=lambda p: far[p], default=None)
+            if link != GROUND and place is not None and far[place] > 2.0 * size:
+                raise SceneError(
+                    f"{hinge.kind} '{hinge.name}' does not meet link '{link}': at = {hinge.at} is {far[place]:.4g} m from "
+                    f"where it is attached, and the whole mechanism {size:.4g} m across; the nearest place is at={place}, "
+                    "in m."
+                )
 
 
 def _check_freedoms(scene: Scene) -> None:

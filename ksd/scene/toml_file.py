@@ -2,12 +2,15 @@
 
     name = "lever"
     links = ["lever"]
+    plane = "xy"
     consider = ["warping", "plate"]
     [material.steel]   E = "200 GPa", G = "76.9 GPa", density = 7800, yield_stress = "1 GPa"
     [section.blade]    kind = "rectangle", thickness = "1 mm", width = "40 mm"
     [joint.cross]      family = "cross_flexure", material = "steel", length = "100 mm", angle = "45 deg", ...
     [[join]]           a = "ground", b = "lever", joint = "cross", at = [0, 0, 0], axis = "z", toward = "x"
     [[leaf]]           a, b, start, end, width_axis, section (or thickness and width), material
+    [[point]]          leaf, s = "30 mm", name
+    [[pin]]            a, b, at (and axis, where there is no plane);  [[slider]]  link, along, at
     [[actuate]]        link, about = "z", value = "30 deg"; or along and at; or joint; or terms = [{...}, ...]
     [[compliance]]     link, section and material (hub, width_axis); or matrix = "file.npz" or "file.h5"
     [options]          what the solver is asked, e.g. method = "reduced"
@@ -57,12 +60,12 @@ def load_scene(path: str | os.PathLike[str], *, option_names: Collection[str] | 
     """
     file = Path(path)
     top = Table(_parsed(file), file.name)
-    said = {"name": file.stem, "gravity": None, "consider": []} | top.read(schema.TOP)
+    said = {"name": file.stem, "plane": None, "gravity": None, "consider": []} | top.read(schema.TOP)
     for key, what in (("links", "names"), ("consider", "effects")):
         if not isinstance(said[key], list):
             raise SceneError(f"{file.name}: {key} = {show(said[key])} must be a list of {what}.")
     with placed_at(file.name):
-        mechanism = Mechanism(said["name"])
+        mechanism = Mechanism(said["name"], plane=said["plane"])
         mechanism.gravity = said["gravity"]
         mechanism.links(*said["links"])
         mechanism.consider(*said["consider"])

@@ -15,7 +15,7 @@ from ksd.scene.joint import Joint
 
 Schema = dict[str, str]
 
-TOP: Schema = {"name": "text", "gravity": "number[3]", "links": "any!", "consider": "any"}
+TOP: Schema = {"name": "text", "plane": "text", "gravity": "number[3]", "links": "any!", "consider": "any"}
 
 MATERIAL: Schema = {
     "E": "stress", "G": "stress", "nu": "number", "density": "density", "expansion": "number",
@@ -77,13 +77,18 @@ SENTENCES: dict[str, Schema] = {
     "constrain": _PLACED,
     "leaf": PAIR | LEAF,
     "wire": PAIR | LEAF,
+    "point": {"leaf": "text!", "s": "length!", "name": "text"},
     "actuate": _MOTION,
     "support": _MOTION,
+    "pin": PAIR | {"at": "length[3]", "axis": "direction", "name": "text"},
+    "slider": {
+        "link": "text!", "along": "direction!", "at": "length[3]", "relative_to": "text", "name": "text",
+    },
     "load": {
         "link": "text!", "force": "force[3]", "moment": "moment[3]", "at": "length[3]", "following": "flag",
         "name": "text",
     },
-    "mass": {"link": "text!", "mass": "mass!", "inertia": "any", "at": "length[3]!"},
+    "mass": {"link": "text!", "mass": "mass!", "inertia": "any", "at": "length[3]"},
     "spring": PAIR | {
         "start": "length[3]!", "end": "length[3]!", "stiffness": "number!", "free_length": "length", "name": "text",
     },

@@ -14,6 +14,7 @@ from ksd.scene.contents import PlacedJoint, Scene
 from ksd.scene.drive import GROUND, Drive, DriveTerm
 from ksd.scene.effects import Compliance, Spring, TurnSpring
 from ksd.scene.families import joint_families
+from ksd.scene.hinges import Hinge
 from ksd.scene.joint import DrawnJoint, Joint
 from ksd.scene.leaf import Leaf
 from ksd.scene.material import Material
@@ -59,14 +60,18 @@ def save_scene(
 
 def _scene_tree(scene: Scene, targets: dict[str, float]) -> Tree:
     names = _Names()
+    hung = {s.name for h in scene.hinges for s in h.supports(scene.plane)}
     said = {
         "join": [_join(j, names) for j in scene.joints],
         "leaf": [_leaf(p.leaf, names, {"a": p.a, "b": p.b}) for p in scene.leaves],
         "actuate": [_drive(d) | _value(d.name, targets) for d in scene.drives],
-        "support": [_drive(s) for s in scene.supports],
+        "support": [_drive(s) for s in scene.supports if s.name not in hung],
+        "pin": [_hinge(h) for h in scene.hinges if h.kind == "pin"],
+        "slider": [_hinge(h) for h in scene.hinges if h.kind == "slider"],
         "compliance": [_compliance(c, names) for c in scene.compliances],
     }
     plain: dict[str, Iterable[Any]] = {
+        "point": scene.points,
         "load": scene.loads,
         "mass": scene.masses,
         "spring": [s for s in scene.springs if isinstance(s, Spring)],
@@ -77,7 +82,11 @@ def _scene_tree(scene: Scene, targets: dict[str, float]) -> Tree:
     said |= {key: [_keys(part, SENTENCES[key], names) for part in parts] for key, parts in plain.items()}
     if targets:
         raise SceneError(f"target '{next(iter(targets))}' belongs to no drive of '{scene.name}'.")
-    tree: Tree = {"name": scene.name, "links": list(scene.links[1:])}
+    tree: Tree = {
+        "name": scene.name,
+        "links": [n for n in scene.links[1:] if n not in {p.name for p in scene.points}],
+    }
+    tree |= {} if scene.plane is None else {"plane": scene.plane}
     tree |= {"consider": list(scene.consider)} if scene.consider else {}
     tree |= {} if scene.gravity is None else {"gravity": scene.gravity}
     tree |= {kind: names.trees(kind) for kind in ("material", "section", "joint")} | said
@@ -189,6 +198,14 @@ def _drive(drive: Drive) -> Tree:
         "name": drive.name,
         "terms": [{"coefficient": t.coefficient} | _term(t) for t in drive.terms],
     }
+
+
+def _hinge(hinge: Hinge) -> Tree:
+    tree: Tree = {"name": hinge.name, "at": hinge.at}
+    if hinge.kind == "pin":
+        return tree | {"a": hinge.a, "b": hinge.b, "axis": hinge.axis}
+    base = {} if hinge.a == GROUND else {"relative_to": hinge.a}
+    return tree | {"link": hinge.b, "along": hinge.axis} | base
 
 
 def _term(term: DriveTerm) -> Tree:

@@ -194,7 +194,11 @@ def _drives(c: Configuration) -> dict[str, dict[str, float | None]]:
 
 def _supports(c: Configuration) -> dict[str, dict[str, float | None]]:
     reactions = c.reactions
-    return {s.name: {_EFFORT[drive_kind(s)]: _finite(reactions[s.name])} for s in c.model.scene.supports}
+    return {
+        s.name: {_EFFORT[drive_kind(s)]: _finite(reactions[s.name])}
+        for s in c.model.scene.supports
+        if s.name in reactions
+    }
 
 
 def _error(c: Configuration) -> dict[str, float | None] | None:

@@ -227,12 +227,9 @@ class Configuration:
 
     @property
     def reactions(self) -> dict[str, float]:
-        """What every support exerts [N or Nm], by support name."""
-        count = len(self.model.drive_names)
-        return {
-            n: -float(m)
-            for n, m in zip(self.model.support_names, self.motion.multiplier[count:], strict=True)
-        }
+        """What every support exerts [N or Nm], by support name; not what holds the mechanism in its plane."""
+        count, said = len(self.model.drive_names), (self.model.said or self.model.scene).supports
+        return {s.name: -float(m) for s, m in zip(said, self.motion.multiplier[count:], strict=False)}
 
     @property
     def links(self) -> dict[str, tuple[np.ndarray, np.ndarray]]:
@@ -249,11 +246,11 @@ class Configuration:
         rotation_log(self.motion.R[self._node(link)], found)
         return found
 
-    def displacement(self, link: Link | str, at: ArrayLike) -> np.ndarray:
-        """Displacement (3,) [m] of the point of a link that is at `at` (3,) [m] at rest. Raises SceneError for an unknown
-        name."""
+    def displacement(self, link: Link | str, at: ArrayLike | None = None) -> np.ndarray:
+        """Displacement (3,) [m] of the point of a link that is at `at` (3,) [m] at rest, its reference point (the point
+        itself, of a point of a leaf) when None. Raises SceneError for an unknown name."""
         i = self._node(link)
-        point = np.asarray(at, float)
+        point = self.model.rest.x[i] if at is None else np.asarray(at, float)
         return self.motion.x[i] + self.motion.R[i] @ (point - self.model.rest.x[i]) - point
 
     def _node(self, named: Link | str) -> int:

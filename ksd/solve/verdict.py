@@ -24,6 +24,7 @@ from ksd.errors import ConvergenceError, RangeError, TrustError
 from ksd.model.arrays import STRAIN, carries_load
 from ksd.model.mesh import MOST_ORDER
 from ksd.properties.doctor import doctor
+from ksd.scene.hinges import plane_hint
 from ksd.solve.load_steps import difference, laden
 from ksd.solve.near import FAR_SHIFT, FAR_TURN
 from ksd.solve.steps import ErrorEstimate
@@ -85,12 +86,14 @@ def stability(c: Configuration) -> str:
         return c.still[1]
     if surplus == 0:
         return "stable: a minimum of energy under the held drives"
+    hint = plane_hint(c.model.scene)
+    hint = f"; {hint}" if hint else ""
     if surplus > 0:
         ways = "one direction" if surplus == 1 else f"{surplus} directions"
-        return f"UNSTABLE: the mechanism would leave this state by itself in {ways}"
+        return f"UNSTABLE: the mechanism would leave this state by itself in {ways}{hint}"
     return (
         f"NOT CERTAIN: {c.negatives} negative pivots where the drives and supports explain {c.expected}; "
-        "two of them may prescribe the same freedom"
+        f"two of them may prescribe the same freedom{hint}"
     )
 
 

@@ -58,7 +58,7 @@ def plot_mechanism(
     von Mises stress, with a scale. Raises SceneError for another plane or colour.
     """
     shape = configuration.shape()
-    plane = plane or best_plane(shape)
+    plane = plane or configuration.model.scene.plane or best_plane(shape)
     if plane not in ("xy", "xz", "yz"):
         raise SceneError(f'plane = {plane!r}: choose "xy", "xz" or "yz"')
     pick = [_AXES.index(a) for a in plane]
@@ -67,6 +67,7 @@ def plot_mechanism(
         axes = _fitting_figure(shape, pick, wide=7.0 if color is None else 8.0).add_subplot()
     _rest(axes, shape, pick)
     _links(axes, shape, pick, labels)
+    _hinges(axes, shape, pick)
     _leaves(axes, shape, pick, heat_of(configuration, shape, color))
     axes.set_aspect("equal")
     axes.margins(0.16, 0.12)
@@ -88,6 +89,23 @@ def _leaves(axes: Any, shape: Any, pick: list[int], heat: Heat | None) -> None:
             _hot(axes, 1e3 * leaf.place[:, pick], heat.between(leaf.name))
     if heat is not None:
         heat.bar(axes, shrink=0.8, aspect=30, pad=0.02)
+
+
+def _hinges(axes: Any, shape: Any, pick: list[int]) -> None:
+    """A circle for every pin, a box on a guide for every slider."""
+    points = np.concatenate([leaf.place for leaf in shape.leaves])[:, pick]
+    reach = 0.06 * float(np.ptp(points, axis=0).max())
+    style = {"color": INK, "zorder": 5.5}
+    for hinge in shape.hinges:
+        place = hinge.place[pick]
+        if hinge.kind == "slider":
+            along = hinge.axis[pick]
+            side = 0.25 * reach * np.array([-along[1], along[0]])
+            for edge in (side, -side):
+                rail = np.stack([place + edge - 1.5 * reach * along, place + edge + 1.5 * reach * along])
+                _line(axes, rail, linewidth=0.9, **style)
+        marker = "o" if hinge.kind == "pin" else "s"
+        axes.plot(*(1e3 * place), marker=marker, markersize=6, markerfacecolor="white", **style)
 
 
 def _frame(axes: Any, plane: str, title: str) -> None:

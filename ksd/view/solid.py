@@ -47,6 +47,9 @@ def plot_mechanism_3d(
             axes, ribbon(leaf.place, leaf.axes, leaf.width), None if heat is None else heat.between(leaf.name)
         )
     _links(axes, shape)
+    for hinge in shape.hinges:
+        marker = "o" if hinge.kind == "pin" else "s"
+        axes.plot(*(1e3 * hinge.place[:, None]), marker=marker, color=INK, markerfacecolor="white")
     edges = [
         ribbon(*f, leaf.width)
         for leaf in shape.leaves

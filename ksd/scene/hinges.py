@@ -1,0 +1,143 @@
+"""Pins, sliders and the plane of a mechanism: sugar for supports between links, kept by name so that they can be drawn.
+
+A mechanism with a plane lives in it: displacements across it and rotations out of it are held, and its pins and sliders hold
+what is left in the plane alone.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ksd.errors import SceneError
+from ksd.scene.drive import GROUND, Drive, DriveTerm
+from ksd.section.checks import Vector, direction, show, vector, word
+
+PLANES = {"xy": 2, "xz": 1, "yz": 0}
+"""Planes a mechanism can live in, and the axis across each."""
+_AXES = (((1.0, 0.0, 0.0), "x"), ((0.0, 1.0, 0.0), "y"), ((0.0, 0.0, 1.0), "z"))
+
+
+def checked_plane(plane: Any, owner: str) -> str | None:
+    """A word of PLANES, or None. Raises SceneError."""
+    if plane is None or (isinstance(plane, str) and plane in PLANES):
+        return plane
+    raise SceneError(f'{owner}: plane = {show(plane)} must be "xy", "xz" or "yz".')
+
+
+def normal_of(plane: str) -> Vector:
+    """Unit vector (3,) across a plane."""
+    return _AXES[PLANES[plane]][0]
+
+
+@dataclass(frozen=True)
+class Hinge:
+    """A joint without stiffness of link `b` on link `a`, at `at` (3,) [m], global at rest.
+
+    kind "pin": b turns about `axis` (3,) through `at`; "slider": b slides along `axis`, fixed in a, and does not turn.
+    """
+
+    name: str
+    kind: str
+    a: str
+    b: str
+    at: Vector
+    axis: Vector
+
+    def __post_init__(self) -> None:
+        owner = f"{self.kind} '{word(self.name, 'name', owner=self.kind)}'"
+        object.__setattr__(self, "at", vector(self.at, "at", owner=owner, unit="m"))
+        what = "axis" if self.kind == "pin" else "along"
+        object.__setattr__(self, "axis", direction(self.axis, what, owner=owner))
+
+    def supports(self, plane: str | None) -> tuple[Drive, ...]:
+        """The supports it stands for, "name.x" ... "name.rz"; those of a mechanism that lives in `plane`."""
+        across = self._across()
+        moves, turns = ([*across, (self.axis, "along")], across) if self.kind == "pin" else (across, _AXES)
+        normal = np.zeros(3) if plane is None else np.array(normal_of(plane))
+        held = [("translation", e, n) for e, n in moves if abs(float(normal @ e)) < 0.5]
+        held += [("rotation", e, f"r{n}") for e, n in turns if plane is None or abs(float(normal @ e)) > 0.5]
+        return tuple(
+            Drive(f"{self.name}.{n}", (DriveTerm(1.0, kind, self.a, self.b, e, self.at),))
+            for kind, e, n in held
+        )
+
+    def _across(self) -> list[tuple[Vector, str]]:
+        """Two directions across the axis with their names: global axes where they are across it."""
+        axis = np.array(self.axis)
+        found = [(np.array(e), n) for e, n in _AXES if abs(float(axis @ e)) < 1e-12]
+        if not found:
+            one = np.cross(axis, np.eye(3)[int(np.argmin(np.abs(axis)))])
+            found = [(one / np.linalg.norm(one), "u")]
+        if len(found) < 2:
+            found.insert(0, (np.cross(axis, found[0][0]), "across"))
+        return [(tuple(e.tolist()), n) for e, n in found]
+
+
+def checked_hinge(hinge: Hinge, plane: str | None) -> Hinge:
+    """The hinge, its axis seen to fit the plane. Raises SceneError."""
+    if plane is None:
+        return hinge
+    lean = abs(float(np.dot(hinge.axis, normal_of(plane))))
+    if hinge.kind == "pin" and lean < 1.0 - 1e-9:
+        raise SceneError(
+            f"pin '{hinge.name}': its axis {show(hinge.axis)} must be across the plane {plane}; leave axis out."
+        )
+    if hinge.kind == "slider" and lean > 1e-9:
+        raise SceneError(
+            f"slider '{hinge.name}': along = {show(hinge.axis)} leaves the plane {plane}, in which the mechanism lives; "
+            f'give a direction in it, such as along="{plane[0]}".'
+        )
+    return hinge
+
+
+def plane_holds(scene: Any) -> tuple[Drive, ...]:
+    """Supports that hold a scene in its plane: one link of every group that joints tie together, none of ground's."""
+    if scene.plane is None:
+        return ()
+    group = {link: link for link in scene.links}
+
+    def head(link: str) -> str:
+        while group[link] != link:
+            link = group[link]
+        return link
+
+    for joint in scene.joints:
+        one, two = sorted((head(joint.a), head(joint.b)), key=lambda n: n != GROUND)
+        group[two] = one
+    across = PLANES[scene.plane]
+    points = {p.name for p in scene.points}
+    held = []
+    for link in scene.links[1:]:
+        if group[link] == link and link not in points:
+            held.append((link, "translation", across))
+            held += [(link, "rotation", k) for k in range(3) if k != across]
+    return tuple(
+        Drive(
+            f"{link} in {scene.plane}: {'r' * (kind == 'rotation')}{_AXES[k][1]}",
+            (DriveTerm(1.0, kind, GROUND, link, _AXES[k][0], (0.0, 0.0, 0.0)),),
+        )
+        for link, kind, k in held
+    )
+
+
+def plane_hint(scene: Any) -> str:
+    """What to say of a scene that looks planar, names no plane, and has links which supports alone tie to ground."""
+    widths = [np.abs(np.asarray(leaf.width_axis)) for leaf in scene.leaf_names().values()]
+    plane = next((p for p, k in PLANES.items() if all(w[k] > 1.0 - 1e-9 for w in widths)), None)
+    reached, front, next_to = {GROUND}, [GROUND], scene.neighbours()
+    while front:
+        fresh = next_to[front.pop()] - reached
+        reached |= fresh
+        front += fresh
+    if scene.plane is not None or plane is None or not widths or reached == set(scene.links):
+        return ""
+    return (
+        f"all leaf springs have their width across the plane {plane}: if the mechanism lives in it, say "
+        f"ksd.Mechanism('{scene.name}', plane='{plane}'), which holds every link in it"
+    )
+
+
+__all__ = ["PLANES", "Hinge", "checked_hinge", "checked_plane", "normal_of", "plane_hint", "plane_holds"]

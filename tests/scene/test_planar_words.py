@@ -1,0 +1,400 @@
+"""Pins, sliders, mechanisms that live in a plane, and points on leaf springs: words, pictures, errors, files."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from scenes import STEEL
+
+import ksd
+from ksd.errors import TrustError
+from ksd.model.compile import compile_scene
+
+THIN = ksd.rectangle(0.5e-3, 10e-3)
+
+
+def sliding(plane="xy"):
+    """A rigid crank pinned to ground, a flexible rod pinned to it and clamped to a slider."""
+    scene = ksd.Mechanism("slider-crank", plane=plane)
+    crank, rod, block = scene.links("crank", "rod", "block")
+    a, b, c = (
+        np.roll(p, {"xy": 0, "yz": 1, "xz": 0}[plane]) for p in ((0, 0, 0), (0.03, 0.04, 0), (0.15, 0, 0))
+    )
+    if plane == "xz":
+        a, b, c = (p[[0, 2, 1]] for p in (a, b, c))
+    scene.pin("ground", crank, at=a, name="O")
+    scene.pin(crank, rod, at=b, name="A")
+    scene.leaf(rod, block, start=b, end=c, section=THIN, material=STEEL, name="rod")
+    scene.slider(block, along=plane[0], at=c, name="guide")
+    scene.load(block, force=-3 * (c - a) / 0.15, at=c)
+    scene.actuate(crank, about={"xy": "z", "xz": "-y", "yz": "x"}[plane], name="turn")
+    return scene
+
+
+def test_three_planes_are_one_mechanism():
+    found = [ksd.solve(sliding(plane), turn=0.4) for plane in ("xy", "xz", "yz")]
+    assert all(c.trusted for c in found)
+    want = found[0].displacement("block")[0]
+    assert want < -0.01
+    assert [found[1].displacement("block")[0], found[2].displacement("block")[1]] == pytest.approx(
+        [want] * 2, rel=1e-9
+    )
+    moments = [c.forces["turn"] for c in found]
+    assert moments == pytest.approx([moments[0]] * 3, rel=1e-9)
+
+
+def test_forces_of_pins_and_sliders():
+    """On every link they balance the rest; the pins of a rigid crank see its moment."""
+    found = ksd.solve(sliding(), turn=0.4)
+    forces = found.interface_forces()
+    assert found.reactions.keys() == {"O.x", "O.y", "A.x", "A.y", "guide.y", "guide.rz"}
+    crank = forces.on("crank")
+    assert crank[:5] == pytest.approx(np.zeros(5), abs=1e-9)
+    assert crank[5] == pytest.approx(-found.forces["turn"], rel=1e-9)
+    assert forces.on("block")[0] == pytest.approx(3.0, rel=1e-9)
+    assert forces.of("O", "ground").force == pytest.approx(-forces.of("O", "crank").force)
+    assert forces.of("guide", "block").force[1] == pytest.approx(found.reactions["guide.y"])
+    assert "guide" in str(forces)
+
+
+def test_pins_in_space():
+    """The same mechanism without a plane: a pin holds five motions, a slider five, and nothing else is needed."""
+    scene = ksd.Mechanism("in space")
+    crank, block = scene.links("crank", "block")
+    scene.pin("ground", crank, at=(0, 0, 0), axis=(0, 0.6, 0.8), name="O")
+    scene.leaf(
+        crank, block, start=(0.05, 0, 0), end=(0.15, 0, 0), width_axis="z", section=THIN, material=STEEL
+    )
+    scene.slider(block, along=(1, 1, 0), at=(0.15, 0, 0))
+    names = [s.name for s in scene.scene().supports]
+    assert names[:5] == ["O.across", "O.x", "O.along", "O.racross", "O.rx"] and len(names) == 10
+    scene.actuate(crank, about=(0, 0.6, 0.8), name="turn")
+    found = ksd.solve(scene, turn=0.2)
+    assert found.rotation("crank") == pytest.approx([0, 0.12, 0.16], abs=1e-10)
+    moved = found.displacement("block", (0.15, 0, 0))
+    assert moved[0] == pytest.approx(moved[1], abs=1e-12) and abs(moved[2]) < 1e-12
+    assert found.rotation("block") == pytest.approx(np.zeros(3), abs=1e-12)
+
+
+def bent(**words):
+    scene = ksd.Mechanism("beam", plane="xy")
+    tip = scene.link("tip")
+    words = {
+        "start": (0, 0, 0),
+        "end": (0.1, 0, 0),
+        "section": THIN,
+        "material": STEEL,
+        "name": "wire",
+        **words,
+    }
+    scene.leaf("ground", tip, **words)
+    return scene
+
+
+ARC = {"curve": ksd.Arc(0.05, 2.0), "end": (0.1 * math.sin(1.0), 0, 0)}
+TAPER = {"profile": ksd.Taper((0.8e-3, 0.4e-3), (10e-3, 5e-3))}
+WAVE = {
+    "curve": ksd.FreeCurve(0.1, lambda s: (0, 0, 8 * math.pi * math.cos(2 * math.pi * s))),
+    "end": (
+        0.1 * float(np.mean([math.cos(0.4 * math.sin(2 * math.pi * (k + 0.5) / 64)) for k in range(64)])),
+        0,
+        0,
+    ),
+}
+
+
+@pytest.mark.parametrize("shape", [{}, ARC, TAPER, WAVE], ids=["straight", "arc", "taper", "wave"])
+def test_points_change_nothing(shape):
+    """A leaf with points on it is the leaf without them: force, stress, energy, frequencies, names."""
+    answers = []
+    for points in ((), (0.013, 0.05, 0.061)):
+        scene = bent(**shape)
+        for s in points:
+            scene.point("wire", s)
+        scene.actuate("tip", along="y", at=shape.get("end", (0.1, 0, 0)), name="d")
+        found = ksd.solve(scene, d=0.02, mesh=ksd.Mesh(orders=(3, 2, 14), points=20))
+        assert list(found.stress().leaves) == ["wire"] == list(found.strain_energy())
+        assert [leaf.name for leaf in found.shape().leaves] == ["wire"]
+        low = found.frequencies(count=2)
+        answers.append(
+            [found.forces["d"], found.strain_energy()["wire"], found.stress().largest_Pa, *low.frequency_Hz]
+        )
+    assert answers[1][:2] == pytest.approx(answers[0][:2], rel=2e-7)
+    # pieces have modes of their own: stress and the second frequency are what more modes give
+    assert answers[1][2:] == pytest.approx(answers[0][2:], rel=1e-3)
+
+
+def test_load_drive_mass_and_question_at_a_point():
+    """Small deflections of a cantilever under a force at s: F s^2 (3 L - s)/6EI at the end, F s^3/3EI at s."""
+    scene = bent()
+    point = scene.point("wire", 0.04, name="there")
+    scene.load(point, force=(0, 0.01, 0))
+    found = ksd.solve(scene)
+    EI = 200e9 * THIN.Iz
+    shear = 0.01 * 0.04 / (STEEL.G * THIN.A * THIN.ky)
+    at = 0.01 * 0.04**3 / (3 * EI) + shear
+    assert found.displacement(point)[1] == pytest.approx(at, rel=1e-5)
+    assert found.displacement("tip")[1] == pytest.approx(
+        0.01 * 0.04**2 * (0.3 - 0.04) / (6 * EI) + shear, rel=1e-5
+    )
+    assert found.stiffness(point).supports["y"] == pytest.approx(0.01 / at, rel=1e-4)
+
+    driven = bent()
+    driven.point("wire", 0.04, name="there")
+    driven.actuate("there", along="y", name="d")
+    assert ksd.solve(driven, d=at).forces["d"] == pytest.approx(0.01, rel=1e-5)
+
+    heavy = bent(material=ksd.Material(E=200e9, G=76.9e9, density=1e-3))
+    heavy.mass(heavy.point("wire", 0.04), mass=0.1)
+    hertz = math.sqrt(0.01 / at / 0.1) / (2 * math.pi)
+    assert ksd.solve(heavy).frequencies(count=1).frequency_Hz[0] == pytest.approx(hertz, rel=1e-4)
+    heavy.gravity = (0, -9.81, 0)
+    assert ksd.solve(heavy).displacement("wire at 40 mm")[1] == pytest.approx(-98.1 * at, rel=2e-3)
+
+
+def test_a_point_where_leaf_springs_meet():
+    """A leaf clamped on the middle of another, and a spring pinned there."""
+    scene = bent()
+    middle = scene.point("wire", 0.05)
+    side = scene.link("side")
+    scene.leaf(middle, side, start=middle.at, end=(0.05, 0.05, 0), section=THIN, material=STEEL)
+    scene.pin("ground", side, at=(0.05, 0.05, 0))
+    scene.load("tip", force=(0, -5, 0), at=(0.1, 0, 0))
+    found = ksd.solve(scene)
+    assert found.trusted
+    forces = found.section_forces()["wire"]
+    side_force = found.interface_forces().of("ground-side", "side").force
+    assert forces.end[1] == pytest.approx(-5 * math.cos(found.rotation("tip")[2]), rel=1e-6)
+    # the pin takes from the wire what is missing at its root
+    assert forces.start[1] == pytest.approx(-5 + side_force[1], rel=1e-6)
+
+
+def test_chains_take_points_too():
+    for nodal in (False, True):
+        scene = bent()
+        scene.load(scene.point("wire", 0.04, name="there"), force=(0, 0.01, 0))
+        mesh = ksd.Mesh("corotational", elements=8, nodal=nodal)
+        found = ksd.solve(scene, mesh=mesh)
+        assert found.displacement("there")[1] == pytest.approx(
+            ksd.solve(scene).displacement("there")[1], rel=1e-4
+        )
+        assert list(found.stress().leaves) == ["wire"]
+        assert found.frequencies(count=1).frequency_Hz[0] == pytest.approx(
+            ksd.solve(scene).frequencies(count=1).frequency_Hz[0], rel=1e-3
+        )
+
+
+def test_heat_and_fit_of_a_leaf_with_points():
+    stuff = ksd.Material(E=200e9, G=76.9e9, expansion=1e-5)
+    answers = []
+    for points in ((), (0.02, 0.07)):
+        scene = bent(material=stuff)
+        for s in points:
+            scene.point("wire", s)
+        scene.heat(50.0, through=20.0)
+        scene.fit("wire", shift=(1e-5, 1e-4, 0), turn=(0, 0, 0.01))
+        scene.slider("tip", along="x", at=(0.1, 0, 0))
+        found = ksd.solve(scene)
+        answers.append([found.displacement("tip")[0], *found.reactions.values()])
+    assert answers[1] == pytest.approx(answers[0], rel=1e-6)
+    curved = bent(**ARC)
+    curved.point("wire", 0.03)
+    curved.fit("wire", shift=(0, 1e-5, 0))
+    with pytest.raises(ksd.SceneError, match="curved, has an assembly error"):
+        compile_scene(curved)
+
+
+def test_what_is_printed():
+    scene = sliding()
+    scene.point("rod", 0.05, name="middle")
+    said = str(compile_scene(scene))
+    for words in (
+        "plane: xy",
+        "pin 'O' of 'crank' on 'ground'",
+        "slider 'guide'",
+        "'middle' at s = 50 mm of 'rod'",
+    ):
+        assert words in said
+    told = ksd.doctor(scene)
+    assert (told.freedoms, told.held) == (4, 1)
+    assert not any(w in str(told) for w in ("along z", "about x", "in xy"))
+    assert told.exact is False and len(told.free) == 3 and not told.fights
+
+
+def test_the_plane_is_hinted_at():
+    scene = ksd.Mechanism("pinned")
+    one, two = scene.links("one", "two")
+    words = {"section": THIN, "material": STEEL, "width_axis": "z"}
+    scene.leaf("ground", one, start=(0, 0, 0), end=(0.1, 0, 0), **words)
+    scene.leaf(two, scene.link("block"), start=(0.1, 0, 0), end=(0.1, 0.1, 0), **words)
+    for way in "xy":
+        scene.support(two, along=way, at=(0.1, 0, 0), relative_to=one)
+        scene.support("block", along=way, at=(0.1, 0.1, 0))
+    assert "plane='xy'" in str(ksd.doctor(scene))
+    with pytest.raises(TrustError, match="plane='xy'"):
+        ksd.solve(scene)
+
+
+def test_pictures(tmp_path):
+    found = ksd.solve(sliding(), turn=0.4)
+    shape = found.shape()
+    assert [(h.name, h.kind) for h in shape.hinges] == [("O", "pin"), ("A", "pin"), ("guide", "slider")]
+    turned = np.array([[math.cos(0.4), -math.sin(0.4)], [math.sin(0.4), math.cos(0.4)]]) @ (0.03, 0.04)
+    assert shape.hinges[1].place[:2] == pytest.approx(turned, abs=1e-9)
+    crank = next(b for b in shape.blocks if b.name == "crank")
+    assert len(crank.place) == 2
+    axes = found.plot().axes[0]
+    markers = [line.get_marker() for line in axes.lines]
+    assert markers.count("s") == 1 and markers.count("o") >= 2
+    pin = next(
+        line
+        for line in axes.lines
+        if line.get_marker() == "o" and np.allclose(line.get_xdata(), 1e3 * turned[0])
+    )
+    assert np.allclose(pin.get_ydata(), 1e3 * turned[1])
+    assert ksd.view.plot_mechanism_3d(found)
+
+
+def refused(call):
+    with pytest.raises(ksd.SceneError) as error:
+        call()
+    said = str(error.value)
+    assert "\n" not in said
+    return said
+
+
+def test_errors_give_the_number_that_works():
+    scene = bent()
+    point, other = scene.point("wire", 0.02, name="p"), scene.point("wire", 0.06, name="q")
+    assert "give at=(0.02, 0.0, 0.0)" in refused(lambda: scene.pin("tip", point, at=(0.1, 0, 0)))
+    assert "40 mm" in refused(lambda: scene.pin(point, other))
+    for s, end in ((0.12, "tip"), (0.1, "tip"), (0.0, "ground"), (-1, "ground")):
+        said = refused(lambda s=s: scene.point("wire", s))
+        assert "give 0 < s < 0.1" in said and f"'{end}'" in said
+    assert "use it" in refused(lambda: scene.point("wire", 0.02))
+    assert '"wire"' in refused(lambda: scene.point("wir", 0.02))
+    assert "no direction" in refused(lambda: scene.slider("tip", along=(0, 0, 0), at=(0.1, 0, 0)))
+    assert 'along="x"' in refused(lambda: scene.slider("tip", along="z", at=(0.1, 0, 0)))
+    assert "leave axis out" in refused(lambda: scene.pin("ground", "tip", at=(0.1, 0, 0), axis="x"))
+    assert "'at' is missing" in refused(lambda: scene.pin("ground", "tip"))
+    assert 'plane="xy"' in refused(lambda: ksd.Mechanism("m").pin("ground", "tip", at=(0, 0, 0)))
+    assert '"xy", "xz" or "yz"' in refused(lambda: ksd.Mechanism("m", plane="xw"))
+    assert "itself" in refused(lambda: scene.pin("tip", "tip", at=(0.1, 0, 0)))
+    scene.slider("tip", along="y", at=(0.1, 0, 0), name="guide")
+    assert "own name" in refused(lambda: scene.pin("ground", "p", name="guide"))
+    # millimetres for metres
+    scene.pin("ground", "tip", at=(100, 0, 0), name="far")
+    said = refused(scene.validate)
+    assert "does not meet link 'tip'" in said and "at=(0.1, 0.0, 0.0)" in said
+
+
+names = st.text("abcdefg", min_size=1, max_size=6)
+
+
+@st.composite
+def planar_mechanisms(draw):
+    """Links on a row of leaf springs, with pins, sliders and points wherever they fit."""
+    plane = draw(st.sampled_from([None, "xy", "xz", "yz"]))
+    scene = ksd.Mechanism(draw(names), plane=plane)
+    first, second = (np.eye(3)["xyz".index(c)] for c in plane or "xy")
+    count = draw(st.integers(1, 3))
+    links = ["ground", *(f"link {k}" for k in range(count))]
+    for k in range(count):
+        scene.link(links[k + 1])
+        scene.leaf(links[k], links[k + 1], start=k * first, end=(k + 1) * first, width_axis=np.cross(first, second),
+                   section=THIN, material=STEEL, name=f"leaf {k}")  # fmt: skip
+        if draw(st.booleans()):
+            name = draw(st.none() | st.just(f"point {k}"))
+            point = scene.point(f"leaf {k}", draw(st.floats(0.01, 0.99)), name=name)
+            if draw(st.booleans()):
+                scene.load(point, force=draw(st.floats(-1, 1)) * second)
+            if draw(st.booleans()):
+                scene.mass(point, mass=draw(st.floats(0.1, 9)))
+            if draw(st.booleans()):
+                scene.pin(
+                    point, links[k + 1] if draw(st.booleans()) else "ground", axis=None if plane else "z"
+                )
+        if draw(st.booleans()):
+            scene.support(links[k + 1], along=second, at=(k + 1) * first)
+        if draw(st.booleans()):
+            scene.slider(links[k + 1], along=first + draw(st.floats(-1, 1)) * second, at=(k + 1) * first,
+                         relative_to=draw(st.sampled_from([None, links[k]])))  # fmt: skip
+    return scene
+
+
+@settings(max_examples=60, deadline=None, suppress_health_check=list(HealthCheck))
+@given(data=st.data())
+def test_files_round_trip(data, tmp_path_factory):
+    made = data.draw(planar_mechanisms())
+    try:
+        scene = made.scene()
+    except ksd.SceneError as error:
+        assert "same freedom" in str(error)
+        return
+    file = tmp_path_factory.getbasetemp() / "planar.toml"
+    ksd.save_scene(made, file)
+    again, _, _ = ksd.load_scene(file)
+    assert again.scene() == scene
+    assert again.scene().fingerprint() == scene.fingerprint()
+
+
+def test_a_file_says_the_same_as_python(tmp_path):
+    file = tmp_path / "crank.toml"
+    file.write_text(
+        """
+name = "slider-crank"
+plane = "xy"
+links = ["crank", "rod", "block"]
+[material.steel]
+E = "200 GPa"
+G = "76.9 GPa"
+density = 7800
+[[leaf]]
+a = "rod"
+b = "block"
+name = "rod"
+start = ["30 mm", "40 mm", 0]
+end = [0.15, 0, 0]
+thickness = "0.5 mm"
+width = "10 mm"
+material = "steel"
+[[pin]]
+a = "ground"
+b = "crank"
+at = [0, 0, 0]
+name = "O"
+[[pin]]
+a = "crank"
+b = "rod"
+at = ["30 mm", "40 mm", 0]
+name = "A"
+[[slider]]
+link = "block"
+along = "x"
+at = [0.15, 0, 0]
+name = "guide"
+[[point]]
+leaf = "rod"
+s = "50 mm"
+name = "middle"
+[[load]]
+link = "block"
+force = [-3, 0, 0]
+at = [0.15, 0, 0]
+[[actuate]]
+link = "crank"
+about = "z"
+name = "turn"
+value = 0.4
+"""
+    )
+    made, targets, _ = ksd.load_scene(file)
+    python = sliding()
+    python.point("rod", 0.05, name="middle")
+    assert made.scene().hinges == python.scene().hinges
+    assert made.scene().points == python.scene().points
+    want, got = ksd.solve(python, turn=0.4), ksd.solve(made, targets)
+    assert got.forces["turn"] == pytest.approx(want.forces["turn"], rel=1e-9)
+    assert "middle" in got.links
