@@ -136,10 +136,10 @@ def _difference(one: np.ndarray, other: np.ndarray) -> float:
     return float(max(np.max(np.abs(one[at] - other[at])) / np.max(np.abs(other[at])) for at in blocks))
 
 
-def in_one_call(name: str, count: int) -> float:
-    """CPU time of a design [ms] among `count` in one `ksd.batch`, scenes made in it, with force and compliance."""
+def in_one_call(name: str, count: int, questions: Sequence[str] = ("support_stiffness",)) -> float:
+    """CPU time of a design [ms] among `count` in one `ksd.batch`, scenes made in it, with force and answers."""
     make, targets, link, at, _ = CASES[name]
-    ways: dict[str, Any] = {"threads": 1, "stiffness": link, "at": at}
+    ways: dict[str, Any] = {"threads": 1, "questions": questions, "link": link, "at": at}
     ksd.batch(make, targets, designs=[design(name, n) for n in range(5)], **ways)
     some = [design(name, n) for n in range(count)]
     # of the process: the designs are solved in a thread of their own

@@ -1,6 +1,6 @@
-"""`ksd.batch`: forces and poses of very many configurations and designs by the fast methods, in threads.
+"""`ksd.batch`: forces, poses and answers of very many configurations and designs by the fast methods, in threads.
 
-What `ksd.sweep` answers with every question, this does with numbers alone: designs that differ in numbers only are packed
+The questions and columns are those of `ksd.sweep`, the answers arrays: designs that differ in numbers only are packed
 together (`ksd.model.template`), and all poses of each are solved in the same storage, designs in parallel threads. Nothing
 fails silently: every configuration has a status.
 """
@@ -8,7 +8,7 @@ fails silently: every configuration has a status.
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from concurrent.futures import Executor
 from dataclasses import dataclass
 from typing import Any, Literal
@@ -20,13 +20,14 @@ from ksd.design.designs import Designs, makers_of
 from ksd.design.plan import Designs as Shapes
 from ksd.design.plan import Drawn, design_points, scene_of
 from ksd.design.prepared import Found
+from ksd.design.questions import Row, asked_of
 from ksd.design.words import check_drives, check_executor, check_ways, drive_rows
 from ksd.errors import SceneError
 from ksd.model.mesh import Mesh
 from ksd.properties.words import Shown
 from ksd.scene.links import Link
-from ksd.section.checks import vector, whole, word
-from ksd.solve.many import SPOKEN
+from ksd.section.checks import similar, whole
+from ksd.solve.many import SPOKEN, UNANSWERED
 from ksd.solve.space_steps import FULL, REDUCED
 from ksd.solve.steps import Stop
 
@@ -41,9 +42,10 @@ class Batch(Shown):
     forces: drive force or moment by drive name (D, N) [N, Nm]; positions (D, N, links, 3) [m] and rotations (D, N, links,
     3, 3) of the links' reference points, in the order of `links`; motions: intended motion by joint (D, N) [rad, m];
     status (D, N): 0 where solved, else see `failures`; nan stands where it is not 0. errors (D,): interpolation error of
-    tabulated joints, nan without. reasons: of designs that could not be prepared, by number. compliance (D, N, 6, 6):
-    motion [m, rad] of the point asked for per unit force and moment [N, Nm] on it, global axes (`PointStiffness`); None
-    where none was asked for.
+    tabulated joints, nan without. reasons: of designs that could not be prepared, by number, and of poses with a question
+    that was not answered, by design and pose. answers: of the questions, by column as in `ksd.sweep`, (D, N) each; text
+    where the column is one. compliance (D, N, 6, 6): motion [m, rad] of the point asked about per unit force and moment
+    [N, Nm] on it, global axes (`PointStiffness`); None without the question "support_stiffness".
     """
 
     links: tuple[str, ...]
@@ -53,8 +55,18 @@ class Batch(Shown):
     motions: dict[str, np.ndarray]
     status: np.ndarray
     errors: np.ndarray
-    reasons: dict[int, str]
+    reasons: dict[int | tuple[int, int], str]
+    answers: dict[str, np.ndarray]
     compliance: np.ndarray | None = None
+
+    def __getitem__(self, column: str) -> np.ndarray:
+        """One column of the answers (D, N). SceneError names those there are."""
+        if column not in self.answers:
+            known = ", ".join(self.answers) or "none: ask with questions=(...)"
+            raise SceneError(
+                f"there is no answer '{column}'; there are {known}{similar(column, self.answers)}"
+            )
+        return self.answers[column]
 
     @property
     def solved(self) -> int:
@@ -71,6 +83,8 @@ class Batch(Shown):
         code = int(self.status[design, pose])
         if code == NOT_BUILT:
             return self.reasons[int(design)]
+        if code == UNANSWERED:
+            return self.reasons[int(design), int(pose)]
         return SPOKEN[code] if code in SPOKEN else Stop(code).sentence
 
     def _line(self) -> str:
@@ -98,8 +112,11 @@ def batch(
     method: Literal["reduced", "full"] = "reduced",
     relinearisations: int = 0,
     tabulated: bool = False,
-    stiffness: Link | str | None = None,
+    questions: str | Iterable[str] = (),
+    link: Link | str | None = None,
     at: ArrayLike | None = None,
+    freed: str | Iterable[str] | None = None,
+    modes: int = 3,
     mesh: Mesh | None = None,
     extrapolate: bool = False,
     threads: int | None = None,
@@ -110,12 +127,11 @@ def batch(
 
     mechanism: a Mechanism or Scene, or, with `designs` (parameters by name, as in `ksd.sweep`), a function of those
     parameters that returns one. Drive values [m or rad] by name, numbers or arrays of one length. tabulated: take the
-    condensed joints from tables over their stroke, made once per design; it pays from some hundred poses on. stiffness:
-    link whose compliance (6, 6) is asked at every pose, at its point that is at `at` (3,) [m] at rest (its reference point
-    when None); of "reduced" that of the equilibrium next to the answer, as `ksd.solve` gives it. threads:
-    cores when None. executor: any concurrent.futures executor instead of threads; with processes, where Python works in
-    parallel too, `mechanism` must be a function they can import. Raises SceneError for bad input; designs and poses that
-    fail are in the result.
+    condensed joints from tables over their stroke, made once per design; it pays from some hundred poses on. questions,
+    link, at, freed, modes: as in `ksd.sweep`, answered in `Batch.answers`; of "reduced" they are asked of the equilibrium
+    next to the answer, as of a pose of `ksd.solve`. threads: cores when None. executor: any concurrent.futures executor
+    instead of threads; with processes, where Python works in parallel too, `mechanism` must be a function they can
+    import. Raises SceneError for bad input; designs, poses and questions that fail are in the result.
     """
     check_ways(
         mesh=mesh, relinearisations=relinearisations, method=method, methods=("reduced", "full"),
@@ -125,10 +141,11 @@ def batch(
         raise SceneError(
             "tabulated = True: tabulated joints serve method='reduced' without relinearisation steps"
         )
-    if tabulated and stiffness is not None:
-        raise SceneError("tabulated = True: tables know nothing of the insides of joints, so of no stiffness")
-    link = None if stiffness is None else word(getattr(stiffness, "name", stiffness), "stiffness")
-    point = None if at is None else vector(at, "at", unit="m")
+    asked = asked_of(questions, link, at, freed, modes=modes)
+    if tabulated and asked.questions:
+        raise SceneError(
+            "tabulated = True: tables know nothing of the insides of joints, so they answer no questions"
+        )
     check_executor(executor)
     workers = (os.cpu_count() or 1) if threads is None else whole(threads, "threads")
     values = _poses(drive_rows(targets, drives, batch))
@@ -136,7 +153,7 @@ def batch(
         "method": FULL if method == "full" else REDUCED,
         "relinearisations": relinearisations,
         "tabulated": tabulated,
-        "stiffness": None if link is None else (link, point),
+        "asked": asked,
     }
     solver, points = Designs(values, ways, mesh, extrapolate), design_points(mechanism, designs)
     if designs is None:
@@ -162,7 +179,7 @@ def _poses(found: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
 def _together(found: list[Any], count: int) -> Batch:
     """One result of all designs; those that failed are nan."""
     good = [f for f in found if isinstance(f, Found)]
-    reasons = {d: str(f) for d, f in enumerate(found) if not isinstance(f, Found)}
+    reasons: dict[Any, str] = {d: str(f) for d, f in enumerate(found) if not isinstance(f, Found)}
     if not good:
         raise SceneError(f"no design could be prepared; the first: {reasons[0]}")
     like = good[0]
@@ -175,8 +192,12 @@ def _together(found: list[Any], count: int) -> Batch:
     status = np.array([f.status if isinstance(f, Found) else np.full(count, NOT_BUILT) for f in found])
     fields = ("force", "x", "R", "motion", *(("compliance",) if like.compliance is not None else ()))
     numbers = {field: stacked(field) for field in fields}
+    lost = (status != 0) & (status != UNANSWERED)
     for array in numbers.values():
-        array[status != 0] = np.nan
+        array[lost] = np.nan
+    for d, f in enumerate(found):
+        if isinstance(f, Found):
+            reasons |= {(d, n): why for n, why in f.reasons.items()}
     force, motion = numbers["force"], numbers["motion"]
     return Batch(
         like.links,
@@ -187,5 +208,17 @@ def _together(found: list[Any], count: int) -> Batch:
         status,
         np.array([f.error if isinstance(f, Found) else np.nan for f in found]),
         reasons,
+        _columns([f.rows if isinstance(f, Found) else [] for f in found], count),
         numbers.get("compliance"),
     )
+
+
+def _columns(rows: list[list[Row]], count: int) -> dict[str, np.ndarray]:
+    """Answers (D, N) by column, of rows by design; nan, or no text, where there is none."""
+    like = {column: value for mine in rows for row in mine for column, value in row.items()}
+    found: dict[str, np.ndarray] = {}
+    for column, value in like.items():
+        blank: Any = "" if isinstance(value, str) else np.nan
+        every = [[row.get(column, blank) for row in mine] or [blank] * count for mine in rows]
+        found[column] = np.array(every, object if blank == "" else float)
+    return found

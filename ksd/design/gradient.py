@@ -17,8 +17,8 @@ from numpy.typing import ArrayLike
 
 from ksd.design.lines import Walk, fine_enough
 from ksd.design.plan import Drawn, plan_lines
-from ksd.design.questions import Asked, Before, Pose, Row, answers, frequency_row
-from ksd.design.sweep import asked_of, recipe_of
+from ksd.design.questions import Asked, Before, Pose, Row, answers, asked_of, frequency_row
+from ksd.design.sweep import recipe_of
 from ksd.design.tracking import Tracks
 from ksd.design.words import drive_rows
 from ksd.errors import KinematicsError, SceneError

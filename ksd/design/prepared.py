@@ -3,24 +3,31 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, field
 
 import numpy as np
 
-from ksd.errors import KinematicsError, SceneError
-from ksd.properties.stiffness import node_of, point_motion, point_stiffness
+from ksd.design.lines import spoken
+from ksd.design.questions import Asked, Before, Pose, Row, answered
+from ksd.errors import SceneError
+from ksd.model.arrays import Motion
+from ksd.properties.stiffness import node_of, point_motion
+from ksd.properties.tangent import row_numbers
+from ksd.solve.configuration import Configuration
 from ksd.solve.error import settle
 from ksd.solve.five import FiveSteps
-from ksd.solve.many import UNSTABLE, Poses, space_many, tabulated_many
+from ksd.solve.many import UNANSWERED, UNSTABLE, Poses, space_many, tabulated_many
 from ksd.solve.space_steps import KINEMATIC, REDUCED
 from ksd.solve.steps import CAP, RTOL, Stop
 from ksd.solve.tables import joint_tables
 
+POINTED = {"support_stiffness", "parasitic"}
+"""Questions about a point of a link."""
+
 
 @dataclass
 class Found:
-    """Numbers of one design."""
+    """Numbers of one design; rows (N): answers by column; reasons: why a question has none, by pose."""
 
     links: tuple[str, ...]
     drives: tuple[str, ...]
@@ -31,14 +38,13 @@ class Found:
     motion: np.ndarray
     status: np.ndarray
     error: float = np.nan
+    rows: list[Row] = field(default_factory=list)
+    reasons: dict[int, str] = field(default_factory=dict)
     compliance: np.ndarray | None = None
 
 
 class Prepared:
-    """One design prepared for batches: call it with drive values, arrays of one length by name.
-
-    stiffness: link, and point at rest or None, whose compliance is asked.
-    """
+    """One design prepared for batches: call it with drive values, arrays of one length by name."""
 
     def __init__(
         self,
@@ -47,7 +53,7 @@ class Prepared:
         method: int = REDUCED,
         relinearisations: int = 0,
         tabulated: bool = False,
-        stiffness: tuple[str, Any] | None = None,
+        asked: Asked | None = None,
     ) -> None:
         if five.model.mesh.plate:
             raise SceneError(
@@ -55,11 +61,14 @@ class Prepared:
                 "ksd.sweep, or leave 'plate' out of what the scene considers"
             )
         self.five, self.method, self.relinearisations = five, method, relinearisations
-        self.stiffness = stiffness
-        if stiffness is not None:
+        self.asked = asked if asked is not None and asked.questions else None
+        if self.asked is not None:
             # what is wrong with it is told before anything is solved
             model = five.model
-            point_motion(model, model.rest, node_of(model, stiffness[0]), stiffness[1])
+            row_numbers(model, self.asked.freed or ())
+            if POINTED & set(self.asked.questions):
+                link, at = self.asked.point(model.scene)
+                point_motion(model, model.rest, node_of(model, link), at)
         if method == KINEMATIC:
             five.insist_on_motions()
         b = five.bench
@@ -78,49 +87,60 @@ class Prepared:
         motion, status = np.zeros((count, len(b.theta))), np.zeros(count, np.int64)
         force, x, R = np.zeros((count, rows)), np.zeros((count, links, 3)), np.zeros((count, links, 3, 3))
         put = Poses(force, x, R, motion, status)
-        compliance = None if self.stiffness is None else np.full((count, 6, 6), np.nan)
-
-        def ask(n: int) -> int:
-            assert compliance is not None
-            return self._compliance(targets[n], compliance[n])
-
+        names = (model.scene.links, model.drive_names, b.bodies.motion_names)
+        error = self.tables.error if self.tables else np.nan
+        found = Found(*names, force, x, R, motion, status, error)
+        ask = None if self.asked is None else _Questions(self, self.asked, targets, found)
         if self.tables is None:
             space_many(
-                b.parts,
-                targets,
-                rows,
-                self.method,
-                self.relinearisations,
-                _ways(self.five),
-                self._limits,
-                put,
-                None if compliance is None else ask,
-            )
+                b.parts, targets, rows, self.method, self.relinearisations, _ways(self.five), self._limits, put, ask
+            )  # fmt: skip
         else:
             t = self.tables
             limits = np.column_stack([self._limits, t.limits])
             tabulated_many(b.parts, t.cubic, t.which, targets, rows, _ways(self.five), limits, put)
-        names = (model.scene.links, model.drive_names, b.bodies.motion_names)
-        error = self.tables.error if self.tables else np.nan
-        return Found(*names, force, x, R, motion * b.bodies.motion_scale, status, error, compliance)
+        found.motion = motion * b.bodies.motion_scale
+        return found
 
-    def _compliance(self, target: np.ndarray, found: np.ndarray) -> int:
-        """Compliance (6, 6) of the state in storage into `found`, of the equilibrium next to it where the method leads to
-        none; returns the status."""
-        model, b = self.five.model, self.five.bench
-        assert self.stiffness is not None
-        if self.method == REDUCED:
-            stop, negatives = settle(model.arrays, b.full, target, 1.0)
+
+class _Questions:
+    """Asks the questions of the states in storage, one pose after the other; modes keep their names from pose to pose."""
+
+    def __init__(self, design: Prepared, asked: Asked, targets: np.ndarray, found: Found) -> None:
+        self.design, self.asked, self.targets, self.found = design, asked, targets, found
+        self.before = Before()
+        found.rows = [{} for _ in targets]
+        if "support_stiffness" in asked.questions:
+            found.compliance = np.full((len(targets), 6, 6), np.nan)
+
+    def __call__(self, n: int) -> int:
+        """The answers of pose n, of the equilibrium next to it where the method leads to none; returns the status."""
+        model, full, target = self.design.five.model, self.design.five.bench.full, self.targets[n]
+        motion, reduced = full.copy(), self.design.method == REDUCED
+        if reduced:
+            stop, negatives = settle(model.arrays, full, target, 1.0)
             if stop is not Stop.CONVERGED:
                 return int(stop)
             if negatives != len(target):
                 return UNSTABLE
-        link, at = self.stiffness
-        try:
-            found[:] = point_stiffness(model, b.full, link, at=at).compliance
-        except KinematicsError:
-            return int(Stop.SINGULAR)
-        return 0
+        pose = Pose(self._posed(motion, full.copy() if reduced else motion, target), self.before)
+        self.found.rows[n], self.before, failed = answered(pose, self.asked)
+        if self.found.compliance is not None and "support_stiffness" not in failed:
+            self.found.compliance[n] = pose.stiffness_at(self.asked).compliance
+        if failed:
+            self.found.reasons[n] = "; ".join(f"{q}: {spoken(why)}" for q, why in failed.items())
+        return UNANSWERED if failed else 0
+
+    def _posed(self, motion: Motion, answering: Motion, target: np.ndarray) -> Configuration:
+        """The state as a configuration; answering: the state that questions beyond forces and poses are asked of."""
+        model, reduced = self.design.five.model, self.design.method == REDUCED
+        values = dict(zip(model.drive_names, target.tolist(), strict=False))
+        count = len(target)
+        pose = Configuration(
+            model, motion, "reduced" if reduced else "full", values, (), negatives=count, expected=count, chosen=reduced
+        )  # fmt: skip
+        pose.__dict__["answering"] = answering
+        return pose
 
 
 def _ways(five: FiveSteps) -> np.ndarray:

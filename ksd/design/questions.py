@@ -11,11 +11,19 @@ import numpy as np
 
 from ksd.design.table import spoken_column
 from ksd.design.tracking import SPARE, Between, Tracks, follow_through
+from ksd.design.words import names_of
 from ksd.errors import KsdError, SceneError
 from ksd.properties.extent import clearance, extent
 from ksd.properties.frequencies import Modes, frequencies
 from ksd.properties.parasitic import default_point, parasitic
-from ksd.properties.stiffness import DIRECTIONS, drive_stiffness, finer_tangent, point_stiffness
+from ksd.properties.stiffness import (
+    DIRECTIONS,
+    PointStiffness,
+    drive_stiffness,
+    finer_tangent,
+    point_stiffness,
+)
+from ksd.section.checks import similar, truth, vector, whole, word
 from ksd.solve.answer import drive_kind
 from ksd.solve.error import corrected
 
@@ -45,6 +53,22 @@ class Asked:
             return self.link, self.at
         link, point = default_point(scene)
         return link, self.at if self.at is not None else point
+
+
+def asked_of(
+    questions: Any, link: Any, at: Any, freed: Any, *, modes: int = 3, errors: bool = False
+) -> Asked:
+    """The questions as words of a call say them; SceneError for words that are wrong."""
+    names = names_of(questions, "questions")
+    for q in names:
+        if q not in KNOWN:
+            raise SceneError(f"question {q!r} is not known; ask {', '.join(KNOWN)}{similar(q, KNOWN)}")
+    if whole(modes, "modes") > 50:
+        raise SceneError(f"modes = {modes}: between 1 and 50 modes can be followed")
+    point = None if at is None else vector(at, "at", unit="m")
+    let_go = None if freed is None else names_of(freed, "freed")
+    name = None if link is None else word(getattr(link, "name", link), "link")
+    return Asked(names, name, point, let_go, modes, errors=truth(errors, "errors"))
 
 
 def columns_of_drives(scene: Any) -> dict[str, tuple[str, float]]:
@@ -82,6 +106,15 @@ class Pose:
         """`finer_tangent` with all drives held."""
         return finer_tangent(*self.questioned, load_factor=self.load_factor)
 
+    def stiffness_at(self, asked: Asked) -> PointStiffness:
+        """Stiffness of the point asked about."""
+        known = self.__dict__.get("point")
+        if known is None:
+            link, at = asked.point(self.model.scene)
+            known = point_stiffness(*self.questioned, link, at=at, tangent=self.tangent)
+            self.__dict__["point"] = known
+        return known
+
 
 def _force(pose: Any, asked: Asked) -> Row:
     row: Row = {}
@@ -106,9 +139,7 @@ def _drive_stiffness(pose: Any, asked: Asked) -> Row:
 
 
 def _support_stiffness(pose: Any, asked: Asked) -> Row:
-    link, at = asked.point(pose.model.scene)
-    model, motion = pose.questioned
-    found = point_stiffness(model, motion, link, at=at, tangent=pose.tangent)
+    found = pose.stiffness_at(asked)
     supports, worst = found.supports, found.worst
     row = {
         f"support_{d}_{'N_per_m' if len(d) == 1 else 'Nm_per_rad'}": _finite(supports[d]) for d in DIRECTIONS
@@ -237,9 +268,15 @@ def frequency_row(pose: Pose, asked: Asked) -> tuple[Row, Tracks]:
 
 def answers(configuration: Any, asked: Asked, before: Before) -> tuple[Row, Before, dict[str, Exception]]:
     """Row of one pose, what the next one goes on from, and why a question could not be answered, by question."""
+    return answered(Pose(configuration, before), asked)
+
+
+def answered(pose: Pose, asked: Asked) -> tuple[Row, Before, dict[str, Exception]]:
+    """`answers` of a pose under question."""
     row: Row = {}
     failed: dict[str, Exception] = {}
-    tracks, pose = before.tracks, Pose(configuration, before)
+    before, configuration = pose.before, pose.configuration
+    tracks = before.tracks
     truth = _truth(configuration, before) if asked.errors else None
     followed = None if truth is None else truth.before.tracks
     for name in asked.questions:

@@ -16,15 +16,15 @@ from numpy.typing import ArrayLike
 from ksd.design.kept import Kept
 from ksd.design.lines import Line, Recipe, blank_rows, run_block, run_line
 from ksd.design.plan import Designs, Drawn, fingerprint, plan_lines
-from ksd.design.questions import KNOWN, QUESTIONS, Asked
+from ksd.design.questions import QUESTIONS, Asked, asked_of
 from ksd.design.table import Table
-from ksd.design.words import check_executor, check_ways, drive_rows, names_of
-from ksd.errors import KsdError, SceneError
+from ksd.design.words import check_executor, check_ways, drive_rows
+from ksd.errors import KsdError
 from ksd.model.mesh import Mesh
 from ksd.numerics.processes import spawning
 from ksd.properties.words import progress_bar
 from ksd.scene.links import Link
-from ksd.section.checks import similar, truth, vector, whole, word
+from ksd.section.checks import truth
 from ksd.solve.solver import METHODS, Method
 
 PER_PROCESS = 4
@@ -116,20 +116,6 @@ def _collected(
             f"interrupted: the rows done are in .table of this exception{again}", table
         ) from None
     return _table(lines, kept.found, name, facts)
-
-
-def asked_of(questions: Any, link: Any, at: Any, freed: Any, *, modes: int, errors: bool) -> Asked:
-    """The questions of a sweep and their options; raises SceneError."""
-    names = names_of(questions, "questions")
-    for q in names:
-        if q not in KNOWN:
-            raise SceneError(f"question {q!r} is not known; ask {', '.join(KNOWN)}{similar(q, KNOWN)}")
-    if whole(modes, "modes") > 50:
-        raise SceneError(f"modes = {modes}: between 1 and 50 modes can be followed")
-    point = None if at is None else vector(at, "at", unit="m")
-    let_go = None if freed is None else names_of(freed, "freed")
-    name = None if link is None else word(getattr(link, "name", link), "link")
-    return Asked(names, name, point, let_go, modes, errors=truth(errors, "errors"))
 
 
 def recipe_of(asked: Asked, **how: Any) -> Recipe:

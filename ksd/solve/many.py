@@ -22,12 +22,13 @@ from ksd.numerics.rotations import rotation_log, turn
 from ksd.solve.near import far, outside
 from ksd.solve.space_steps import LINEAR_SIZE, SpaceSet, close_from_rest, size_of, space_steps
 
-LOCKED, OUT_OF_RANGE, UNSTABLE, FAR = 10, 11, 12, 13
+LOCKED, OUT_OF_RANGE, UNSTABLE, FAR, UNANSWERED = 10, 11, 12, 13, 14
 """Statuses beyond those of `ksd.solve.steps.Stop`."""
 SPOKEN = {
     LOCKED: "the joints cannot reach this pose by their intended motions",
     OUT_OF_RANGE: "a joint would leave its trained range",
     UNSTABLE: "the state found is not a minimum of energy",
+    UNANSWERED: "a question was not answered",
     FAR: "a joint is too far off its intended motion to be the state its record describes",
 }
 PIECES = 27

@@ -4,7 +4,7 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
-from scenes import STEEL, cross_flexure, fourbar
+from scenes import STEEL, cross_flexure, fourbar, single_joint
 
 import ksd
 from ksd.design import prepared
@@ -206,13 +206,70 @@ def test_the_compliance_is_that_of_poses_one_by_one(name, method):
     designs, link = drawn(3), {"bar": "top", "slider": "arm", "arm": "two"}[name]
     values = {"drive": [0.0, 0.01], **held}
     at = (0.02, 0.1, 0.03)
-    found = ksd.batch(make, values, designs=designs, method=method, stiffness=link, at=at, threads=1)
+    found = ksd.batch(
+        make,
+        values,
+        designs=designs,
+        method=method,
+        questions="support_stiffness",
+        link=link,
+        at=at,
+        threads=1,
+    )
     assert found.solved == 6 and found.compliance.shape == (3, 2, 6, 6)
     for d, design in enumerate(designs):
         for n, drive in enumerate(values["drive"]):
             pose = ksd.prepare(make(**design), planar=False)({"drive": drive, **held})
             wanted = pose.stiffness(link, at=at).compliance
             assert found.compliance[d, n] == pytest.approx(wanted, rel=1e-6, abs=1e-8 * np.abs(wanted).max())
+
+
+@pytest.mark.parametrize("method", ["reduced", "full"])
+@pytest.mark.parametrize("name", SCENES)
+def test_questions_are_answered_as_of_poses_one_by_one(name, method):
+    make, held = SCENES[name]
+    designs, values = drawn(3), {"drive": [0.01, 0.02], **held}
+    known = (
+        "drive_stiffness",
+        "support_stiffness",
+        "frequencies",
+        "stress",
+        "parasitic",
+        "energy",
+        "buckling",
+        "size",
+    )
+    found = ksd.batch(make, values, designs=designs, method=method, questions=known, modes=2, threads=1)
+    assert found.solved == 6
+    for d, design in enumerate(designs):
+        # without a method, as of "reduced" here, questions are asked of the equilibrium next to what was found
+        how = None if method == "reduced" else method
+        one = ksd.sweep(make, values, designs=[design], method=how, questions=known, modes=2, progress=False,
+                        mesh=Mesh())  # fmt: skip
+        answered = set(one.columns) - set(one.labels) - {"status", "stable", "method", "warnings", "mac"}
+        assert answered <= {*found.answers}
+        for column in sorted(answered):
+            if found[column].dtype == object:
+                assert found[column][d].tolist() == one[column], column
+            else:
+                # where links are is of the method itself
+                moved = method == "reduced" and column.startswith(
+                    ("parasitic_", "size_", "lowest_", "highest_")
+                )
+                near = (
+                    {"rel": 1e-3, "abs": 1e-3} if moved and "Hz" not in column else {"rel": 2e-6, "abs": 1e-7}
+                )
+                assert found[column][d] == pytest.approx(one[column], nan_ok=True, **near), column
+
+
+def test_a_question_without_an_answer_says_why_and_leaves_the_pose():
+    found = ksd.batch(
+        single_joint, designs=[{}], turn=[0.1, 0.2], questions=("clearance", "stress"), threads=1
+    )
+    assert found.solved == 0 and "clearance: every two leaf springs" in found.failures[0][2]
+    assert np.isfinite(found.forces["turn"]).all() and np.isfinite(found["stress_MPa"]).all()
+    with pytest.raises(ksd.SceneError, match=r"no answer 'stress_Mpa'.*did you mean \"stress_MPa\""):
+        found["stress_Mpa"]
 
 
 def test_a_compliance_of_an_unstable_equilibrium_is_refused(monkeypatch):
@@ -224,7 +281,7 @@ def test_a_compliance_of_an_unstable_equilibrium_is_refused(monkeypatch):
         return stop, negatives + 1
 
     monkeypatch.setattr(prepared, "settle", one_more)
-    found = ksd.batch(bar(), drive=0.01, stiffness="top", threads=1)
+    found = ksd.batch(bar(), drive=0.01, questions="support_stiffness", threads=1)
     assert found.solved == 0 and np.isnan(found.compliance).all()
     assert "not a minimum of energy" in str(found.failures)
 
@@ -232,6 +289,6 @@ def test_a_compliance_of_an_unstable_equilibrium_is_refused(monkeypatch):
 def test_a_compliance_is_asked_of_a_link_that_is_there():
     assert ksd.batch(bar, drive=0.01, designs=drawn(2), threads=1).compliance is None
     with pytest.raises(ksd.SceneError, match="'roof' is not part of this mechanism"):
-        ksd.batch(bar(), drive=0.01, stiffness="roof", threads=1)
-    with pytest.raises(ksd.SceneError, match="of no stiffness"):
-        ksd.batch(bar(), drive=0.01, stiffness="top", tabulated=True)
+        ksd.batch(bar(), drive=0.01, questions="support_stiffness", link="roof", threads=1)
+    with pytest.raises(ksd.SceneError, match="answer no questions"):
+        ksd.batch(bar(), drive=0.01, questions="stress", tabulated=True)
