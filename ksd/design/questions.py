@@ -110,10 +110,12 @@ class Pose:
         """Stiffness of the point asked about."""
         known = self.__dict__.get("point")
         if known is None:
-            link, at = asked.point(self.model.scene)
-            known = point_stiffness(*self.questioned, link, at=at, tangent=self.tangent)
+            model, motion = self.questioned
+            link, at = asked.point(model.scene)
+            known = point_stiffness(model, motion, link, at=at, tangent=self.tangent)
             self.__dict__["point"] = known
-        return known
+        found: PointStiffness = known
+        return found
 
 
 def _force(pose: Any, asked: Asked) -> Row:
