@@ -43,14 +43,15 @@ _HOMES = {
     "ksd.train.designs": ("Design",),
     "ksd.design": ("Batch", "SweepInterrupted", "Table", "batch", "frequency_curve", "state_space", "sweep"),
     "ksd.design.gradient": ("Gradient", "gradient"),
+    "ksd.design.job": ("Job",),
     "ksd.library": ("Parameter", "Record", "find_record", "read_result"),
 }  # fmt: skip
 _HOME = {name: home for home, names in _HOMES.items() for name in names}
 __all__ = [
     "Arc", "ArcHinge", "BalancedCrossedPivot", "Batch", "Butterfly", "Cartwheel", "CircularNotch",
     "CircularNotchHinge", "Configuration", "ConvergenceError", "CrossFlexure", "CrossedPivot", "Design",
-    "DrawnJoint", "FilletedNotch", "FilletedNotchHinge", "FoldedLeaf", "FreeCurve", "Gradient", "InfinityHinge", "Joint",
-    "KinematicsError", "KsdError", "Leaf", "LinkMatrix", "Material", "Mechanism", "Mesh", "ModalBasis", "Model",
+    "DrawnJoint", "FilletedNotch", "FilletedNotchHinge", "FoldedLeaf", "FreeCurve", "Gradient", "InfinityHinge", "Job",
+    "Joint", "KinematicsError", "KsdError", "Leaf", "LinkMatrix", "Material", "Mechanism", "Mesh", "ModalBasis", "Model",
     "Motion", "ParallelGuide", "Parameter", "Path", "RangeError", "Record", "RecordError", "Scene", "SceneError",
     "Section", "Solver", "StiffenedGuide", "StiffenedMiddle", "SweepInterrupted", "Table", "Taper",
     "TripleInfinityHinge", "TrustError", "UniversalJoint", "Varying", "WireFlexure", "batch", "circle",
@@ -63,6 +64,7 @@ if TYPE_CHECKING:
     from ksd.design import Batch, SweepInterrupted, Table, frequency_curve
     from ksd.design.batch import batch
     from ksd.design.gradient import Gradient, gradient
+    from ksd.design.job import Job
     from ksd.design.state_space import state_space
     from ksd.design.sweep import sweep
     from ksd.library import Parameter, Record, find_record, read_result

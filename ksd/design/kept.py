@@ -1,4 +1,4 @@
-"""Finished lines of a sweep on disk, so that an interrupted one goes on: JSON lines, the first says whose they are.
+"""Finished lines of a sweep, or designs of a job, on disk, so that it goes on: JSON lines, the first says whose they are.
 
 A line cut off by a crash does not parse or does not match its hash; it and what follows is computed again.
 """
@@ -19,20 +19,21 @@ Rows = list[dict[str, Any]]
 
 
 class Kept:
-    """The file `path` of a sweep with this `fingerprint`; without a path nothing is kept.
+    """The file `path` of a sweep, or `what` else, with this `fingerprint`; without a path nothing is kept on disk.
 
-    SceneError when the file belongs to another sweep or cannot be written.
+    SceneError when the file belongs to another one or cannot be written.
     """
 
-    def __init__(self, path: str | os.PathLike[str] | None, fingerprint: str) -> None:
+    def __init__(self, path: str | os.PathLike[str] | None, fingerprint: str, *, what: str = "sweep") -> None:
         if path is not None and not isinstance(path, str | os.PathLike):
             raise SceneError(f"resume = {show(path)}: give the name of a file")
         self.path = None if path is None else Path(path)
-        self.found: dict[int, Rows] = {}
+        self.what = what
+        self.found: dict[int | str, Rows] = {}
         if self.path is None:
             return
         check_target(self.path, what="resume")
-        head = json.dumps({"ksd sweep": fingerprint})
+        head = json.dumps({f"ksd {what}": fingerprint})
         intact = self._read(head) if self.path.exists() and self.path.stat().st_size else [head]
         # whole or not at all: a kill here must not cost the lines of the runs before
         write_file(self.path, "\n".join(intact) + "\n", what="resume")
@@ -43,7 +44,7 @@ class Kept:
         lines = read_file(self.path, what="resume").decode("utf-8", errors="replace").splitlines()
         if lines[:1] != [head]:
             raise SceneError(
-                f"resume = '{self.path}' belongs to another sweep (other scene, values, questions or method); give "
+                f"resume = '{self.path}' belongs to another {self.what} (other scene, values, questions or method); give "
                 "another file name, or delete it to begin anew."
             )
         intact = lines[:1]
@@ -56,7 +57,7 @@ class Kept:
             intact.append(text)
         return intact
 
-    def keep(self, number: int, rows: Rows) -> None:
+    def keep(self, number: int | str, rows: Rows) -> None:
         """Add a finished line, on disk when this returns."""
         self.found[number] = rows
         if self.path is None:
@@ -79,7 +80,9 @@ def _entry(body: str) -> dict[str, Any] | None:
     try:
         entry = json.loads(body)
         values = [value for row in entry["rows"] for value in row.values()]
-        fits = isinstance(entry["line"], int) and all(isinstance(v, str | int | float | None) for v in values)
+        fits = isinstance(entry["line"], int | str) and all(
+            isinstance(v, str | int | float | None) for v in values
+        )
     except (ValueError, LookupError, TypeError, AttributeError, RecursionError):
         return None
     return entry if fits else None

@@ -40,11 +40,9 @@ def plan_lines(
         if scene is not None and designs is None:
             check_drives(scene, tuple(values), call)
         for case, extra in cases.items():
-            loaded, trouble = _loaded(scene, extra)
+            laden, trouble = loaded(scene, extra)
             labels = dict(parameters) | ({} if loads is None else {"load_case": case})
-            lines += [
-                Line(len(lines) + k, labels, loaded, p, failure or trouble) for k, p in enumerate(paths)
-            ]
+            lines += [Line(len(lines) + k, labels, laden, p, failure or trouble) for k, p in enumerate(paths)]
     built = next((line.scene for line in lines if line.scene is not None), None)
     return [line if line.scene is not None else replace(line, like=built) for line in lines], name
 
@@ -189,7 +187,8 @@ def _load(entry: Any, name: str) -> Any:
     return Load(said["name"], link, said["force"], said["moment"], said["at"], said["following"])
 
 
-def _loaded(scene: Scene | None, extra: tuple[Load, ...]) -> tuple[Scene | None, str]:
+def loaded(scene: Scene | None, extra: tuple[Load, ...]) -> tuple[Scene | None, str]:
+    """The scene with more loads, or None and why there is none."""
     if scene is None or not extra:
         return scene, ""
     for load in extra:

@@ -37,7 +37,7 @@ class Asked:
     """The questions and their options. questions: names in QUESTIONS; link, at (3,) [m at rest]: the point whose
     support stiffness and parasitic motion are asked, by default where the first drive acts; freed: drives let go for
     the frequencies, all when None; modes: how many to follow besides the intended; points: stations per leaf for stress;
-    errors: every question once more of the equilibrium on a finer mesh."""
+    errors: every question once more of the equilibrium on a finer mesh; leaves: the stress of every leaf besides."""
 
     questions: tuple[str, ...]
     link: str | None = None
@@ -46,6 +46,7 @@ class Asked:
     modes: int = 3
     points: int = 25
     errors: bool = False
+    leaves: bool = False
 
     def point(self, scene: Any) -> tuple[str, tuple[float, float, float] | None]:
         """Link and point asked about; SceneError when the scene has no drive to take it from."""
@@ -78,6 +79,25 @@ def columns_of_drives(scene: Any) -> dict[str, tuple[str, float]]:
         unit, factor = VALUE[drive_kind(drive)]
         found[drive.name] = f"{drive.name}_{unit}", factor
     return found
+
+
+def known_columns(scene: Any, modes: int) -> dict[str, str]:
+    """Columns that answers of a scene can be judged by, and the question of each."""
+    found: dict[str, str] = {}
+    for drive in scene.drives:
+        found[f"{drive.name}_{EFFORT[drive_kind(drive)]}"] = "force"
+        unit = "Nm_per_rad" if drive.terms[0].kind == "rotation" else "N_per_m"
+        found[f"{drive.name}_stiffness_{unit}"] = "drive_stiffness"
+    for d in (*DIRECTIONS, "worst"):
+        found |= {f"support_{d}_N_per_m": "support_stiffness"} if len(d) != 2 else {}
+        found |= {f"support_{d}_Nm_per_rad": "support_stiffness"} if len(d) != 1 else {}
+    tracked = ["intended", *(f"intended_{k + 1}" for k in range(len(scene.drives)))]
+    tracked += [f"parasitic_{k + 1}" for k in range(modes)]
+    found |= {f"{name}_Hz": "frequencies" for name in ("first_parasitic", *tracked)}
+    found |= {"stress_MPa": "stress", "strain_energy_J": "energy", "clearance_mm": "clearance"}
+    found |= {f"parasitic_{a}_mm": "parasitic" for a in "xyz"} | {f"size_{a}_mm": "size" for a in "xyz"}
+    found |= {f"parasitic_r{a}_mrad": "parasitic" for a in "xyz"}
+    return found | {f"buckling_{sign}": "buckling" for sign in ("positive", "negative")}
 
 
 @dataclass(frozen=True)
@@ -160,7 +180,8 @@ def _finite(value: float, most: float = np.inf) -> float:
 def _stress(pose: Any, asked: Asked) -> Row:
     found = pose.stress(points=asked.points)
     leaf, s, point = found.where
-    return {
+    every = {f"stress_MPa[{n}]": 1e-6 * f.largest_Pa for n, f in found.leaves.items()} if asked.leaves else {}
+    return every | {
         "stress_MPa": 1e-6 * found[leaf].largest_Pa,
         "stress_leaf": leaf,
         "stress_s_mm": 1e3 * s,

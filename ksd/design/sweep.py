@@ -125,7 +125,7 @@ def recipe_of(asked: Asked, **how: Any) -> Recipe:
     return Recipe(asked, **how)
 
 
-def _table(lines: list[Line], found: dict[int, Any], name: str, facts: dict[str, str]) -> Table:
+def _table(lines: list[Line], found: Mapping[Any, Any], name: str, facts: dict[str, str]) -> Table:
     """Rows in the order of the sweep; poses not reached say so."""
     rows: list[dict[str, Any]] = []
     labels: dict[str, None] = {}

@@ -1,0 +1,730 @@
+"""`ksd.Job`: what a design is to be good at, as numbers that any optimiser takes.
+
+Targets and limits are columns of `ksd.sweep`, at every pose and load case; the worst counts. Stress is answered for every
+leaf, as the largest of all has kinks, and size for all poses together. Values and derivatives are of the same equilibria on
+the same mesh. Designs go through the batch (`ksd.design.designs`); `Log` writes every evaluated design down and replays it.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import Executor
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any, Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ksd.design.designs import Designs, makers_of
+from ksd.design.gradient import gradient
+from ksd.design.kept import Kept
+from ksd.design.lines import Line, Recipe, run_line
+from ksd.design.plan import Paths, design_points, drive_paths, load_cases, loaded, scene_of
+from ksd.design.prepared import Found
+from ksd.design.questions import Asked, Row, asked_of, columns_of_drives, known_columns
+from ksd.design.table import OK, Table
+from ksd.design.words import check_drives, check_executor, check_ways, drive_rows
+from ksd.errors import KsdError, SceneError
+from ksd.library import find_record
+from ksd.model.mesh import Mesh
+from ksd.properties.words import Shown, progress_bar
+from ksd.properties.words import number as told
+from ksd.scene import Scene
+from ksd.scene.drive import Load
+from ksd.scene.links import Link
+from ksd.section.checks import nearest, number, show, similar, truth
+from ksd.solve.many import SPOKEN, UNANSWERED
+from ksd.solve.space_steps import FULL, REDUCED
+from ksd.solve.steps import Stop
+
+Array = np.ndarray
+BLOCK = 32
+"""Designs evaluated between two looks at the keyboard."""
+TRIED = 4096
+"""Designs at which rules are tried before they count as never met."""
+INFINITE = {"support": np.inf, "buckling_positive": np.inf, "buckling_negative": -np.inf}
+"""What an answer that is no number stands for, by the beginning of its column: nothing moves, or nothing buckles."""
+Targets = str | Sequence[str] | Mapping[str, float]
+Rule = Callable[[Mapping[str, float]], float]
+
+
+@dataclass(frozen=True)
+class Answer:
+    """One number a design is judged by: a column of `ksd.sweep` at a pose, or over all of them (None).
+
+    role: "maximise", "minimise" or "limit"; scale: what a target is measured in; low, high: of a limit.
+    """
+
+    name: str
+    column: str
+    role: str
+    pose: int | None
+    scale: float = 1.0
+    low: float = -np.inf
+    high: float = np.inf
+
+
+class Judged(NamedTuple):
+    """Answers (D, answers) of D designs, nan where there is none, and "ok" or why not (D,)."""
+
+    values: Array
+    status: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class _Loaded:
+    """A function of parameters with loads added to the scene it draws; known to other processes."""
+
+    function: Any
+    loads: tuple[Any, ...]
+
+    def __call__(self, **parameters: Any) -> Scene:
+        scene, failure = loaded(scene_of(self.function, parameters), self.loads)
+        if scene is None:
+            raise SceneError(failure)
+        return scene
+
+
+@dataclass(frozen=True, init=False, repr=False, eq=False)
+class Job(Shown):
+    """What to vary, what to make large or small, and what limits it; see `ksd.optimise`.
+
+    function: of the parameters, returns a mechanism. vary: least and most of every parameter, SI. maximise or minimise:
+    columns of `ksd.sweep`, several with the scale each is measured in: the worst of them over their scales, over all
+    poses and load cases, counts. limits: the most by column, or (least, most), None for neither; "size_mm" takes the
+    most along x, y and z. rules: functions of the parameters by name that must not be negative, told before anything is
+    solved. link, at, freed, modes, loads, together and the drive values [m or rad]: as in `ksd.sweep`. method: "full",
+    "reduced", or "conventional", which knows no trained ranges; by the others these are bounds.
+
+    Raises SceneError for everything that is wrong before a solve.
+    """
+
+    function: Callable[..., Any]
+    vary: Mapping[str, tuple[float, float]]
+    answers: tuple[Answer, ...]
+    rules: tuple[Rule, ...]
+    bounds: Array
+    held_by: Mapping[tuple[str, str], str]
+    ranges: tuple[_Range, ...]
+    asked: Asked
+    loads: Any
+    cases: Mapping[str, tuple[Load, ...]]
+    drives: Mapping[str, Array]
+    paths: Paths
+    together: bool
+    method: Literal["full", "reduced", "conventional"]
+    mesh: Mesh
+    extrapolate: bool
+
+    def __init__(
+        self,
+        function: Callable[..., Any],
+        *,
+        vary: Mapping[str, tuple[float, float]],
+        maximise: Targets = (),
+        minimise: Targets = (),
+        limits: Mapping[str, Any] | None = None,
+        rules: Sequence[Rule] = (),
+        loads: Mapping[str, Sequence[Mapping[str, Any]]] | None = None,
+        link: Link | str | None = None,
+        at: ArrayLike | None = None,
+        freed: str | Sequence[str] | None = None,
+        modes: int = 3,
+        method: Literal["full", "reduced", "conventional"] = "full",
+        mesh: Mesh | None = None,
+        extrapolate: bool = False,
+        together: bool = False,
+        targets: Mapping[str, ArrayLike] | None = None,
+        **drives: ArrayLike,
+    ) -> None:
+        ways = ("full", "reduced", "conventional")
+        check_ways(mesh=mesh, relinearisations=0, method=method, methods=ways, extrapolate=extrapolate)
+        if not callable(function):
+            raise SceneError("a job needs a function of the parameters it varies that returns a mechanism")
+        values = drive_rows(targets, drives, Job)
+        if not values:
+            raise SceneError("a job needs drive values, for example turn=[0, 0.3]")
+        given = _given_bounds(vary)
+        middle = {n: float(v) for n, v in zip(given, _middle(np.array(list(given.values()))), strict=True)}
+        design_points(function, [middle])
+        self.__dict__.update(
+            function=function, vary=given, loads=loads, mesh=mesh or Mesh(), method=method, extrapolate=extrapolate,
+            together=truth(together, "together"), drives=values, cases=load_cases(loads), rules=_checked(rules),
+            paths=drive_paths(values, together=together),
+        )  # fmt: skip
+        scene = self._first(middle)
+        check_drives(scene, tuple(values), Job)
+        for extra in self.cases.values():
+            if loaded(scene, extra)[1]:
+                raise SceneError(loaded(scene, extra)[1])
+        known = known_columns(scene, modes)
+        wanted = _wanted(maximise, minimise, limits, known)
+        questions = tuple(dict.fromkeys(known[column] for column, *_ in wanted))
+        asked = replace(asked_of(questions, link, at, freed, modes=modes), leaves=True)
+        self.__dict__.update(asked=asked, answers=self._listed(wanted, scene))
+        self.__dict__.update(zip(("bounds", "held_by", "ranges"), self._trained(scene), strict=True))
+        self.random(1)
+
+    def _first(self, middle: Mapping[str, float]) -> Scene:
+        """The scene in the middle of the bounds, or of another design within them."""
+        P = len(self.vary)
+        places = np.vstack([np.full(P, 0.5), np.random.default_rng(0).uniform(size=(40, P))])
+        reason: Exception | None = None
+        for place in places:
+            try:
+                return scene_of(self.function, self._stretched(place, np.array(list(self.vary.values()))))
+            except SceneError as why:
+                reason = reason or why
+        raise SceneError(f"no design within the bounds could be built; the one in the middle: {reason}")
+
+    def _stretched(self, place: Array, bounds: Array) -> dict[str, float]:
+        """Parameters at places (P,) in 0..1 between bounds (P, 2)."""
+        return dict(zip(self.vary, (bounds[:, 0] + place * np.diff(bounds)[:, 0]).tolist(), strict=True))
+
+    @property
+    def parameters(self) -> tuple[str, ...]:
+        """Names of what is varied."""
+        return tuple(self.vary)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the answers."""
+        return tuple(a.name for a in self.answers)
+
+    @cached_property
+    def poses(self) -> tuple[tuple[str, Mapping[str, float]], ...]:
+        """Load case and drive values by name of every pose."""
+        steps = [step for path in self.paths for step in path]
+        return tuple((case, step) for case in self.cases for step in steps)
+
+    def _line(self) -> str:
+        goals = {a.column: a.role for a in self.answers if a.role != "limit"}
+        said = ", ".join(f"{role} {column}" for column, role in goals.items())
+        return f"{said} by {', '.join(self.parameters)} at {len(self.poses)} poses"
+
+    def __str__(self) -> str:
+        lines = [f"Job: {self._line()}"]
+        for name, (low, high) in zip(self.vary, self.bounds.tolist(), strict=True):
+            cut = "".join(
+                f", {self.held_by[name, s]}" for s in ("least", "most") if (name, s) in self.held_by
+            )
+            lines.append(f"  {name}: {told(low)} to {told(high)}{cut}")
+        limits = dict.fromkeys(
+            (a.column.split("[")[0], a.low, a.high) for a in self.answers if a.role == "limit"
+        )
+        for column, low, high in limits:
+            least, most = (f"{side} {told(v)}" for side, v in (("at least", low), ("at most", high)))
+            lines.append(
+                f"  {column} {' and '.join(t for t, v in ((least, low), (most, high)) if np.isfinite(v))}"
+            )
+        return "\n".join(lines)
+
+    # ---- what is asked ---------------------------------------------------------------------------------------------------
+
+    def _listed(self, wanted: list[tuple[str, str, float, float, float]], scene: Scene) -> tuple[Answer, ...]:
+        """Every wanted column at every pose; stress of every leaf; size of all poses together."""
+        found, labels = [], [self._label(case, step, scene) for case, step in self.poses]
+        leaves = [f"stress_MPa[{name}]" for name in scene.leaf_names()]
+        for column, role, scale, low, high in wanted:
+            if column.startswith("size_"):
+                found.append(Answer(column, column, role, None, scale, low, high))
+                continue
+            for k, label in enumerate(labels):
+                for own in leaves if column == "stress_MPa" else [column]:
+                    found.append(Answer(f"{own}{label}", own, role, k, scale, low, high))
+        return tuple(found)
+
+    def _label(self, case: str, step: Mapping[str, float], scene: Scene) -> str:
+        """Which pose it is, in words; nothing where there is only one."""
+        if len(self.poses) == 1:
+            return ""
+        units = columns_of_drives(scene)
+        said = [
+            f"{n} {told(units[n][1] * v)} {units[n][0].rsplit('_', 1)[1]}"
+            for n, v in step.items()
+            if len(self.drives[n]) > 1 or len(self.paths) * len(self.paths[0]) == 1
+        ]
+        return f" at {', '.join([*([case] if case else []), *said])}"
+
+    def _trained(self, scene: Scene) -> tuple[Array, dict[tuple[str, str], str], tuple[_Range, ...]]:
+        """Bounds within the trained ranges of the joints, what cut them, and ranges that hang on several parameters."""
+        bounds, others = np.array(list(self.vary.values())), []
+        cut: dict[tuple[str, str], str] = {}
+        if self.method == "conventional" or self.extrapolate:
+            return bounds, cut, ()
+        ranges = [
+            _Range(k, shape, f"{shape.name} of {placed.joint.family} '{placed.name}'")
+            for k, placed in enumerate(scene.joints)
+            for shape in find_record(placed.joint.family).parameters
+        ]
+        # which parameters change which shapes, seen at two places
+        by: list[set[int]] = [set() for _ in ranges]
+        for base in (0.37, 0.71):
+            here = self._shapes_at(np.full(len(bounds), base))
+            for i in range(len(bounds)):
+                there = self._shapes_at(base + 0.13 * (np.arange(len(bounds)) == i))
+                for own, r in zip(by, ranges, strict=True):
+                    a, b = r.of(here), r.of(there)
+                    own |= {i} if abs(a - b) > 1e-9 * max(abs(a), abs(b)) else set()
+        for own, r in zip(by, ranges, strict=True):
+            if len(own) != 1:
+                others += [r] if own else []
+                continue
+            i = own.pop()
+            name, low, high = self.parameters[i], *self._within(r, i)
+            said = f"the trained range {told(r.shape.low)} to {told(r.shape.high)} of {r.words}"
+            if not low < high:
+                raise SceneError(f"vary: {name} = {show(self.vary[name])} lies outside {said}")
+            for side, end, tighter in (("least", 0, low > bounds[i, 0]), ("most", 1, high < bounds[i, 1])):
+                if tighter:
+                    bounds[i, end] = (low, high)[end]
+                    cut[name, side] = f"{side} by {said}"
+        return bounds, cut, tuple(others)
+
+    def _shapes_at(self, place: Array) -> list[Mapping[str, float]]:
+        """Shape parameters of every joint at places (P,) in 0..1 of the bounds given; none where it cannot be drawn."""
+        try:
+            scene = scene_of(self.function, self._stretched(place, np.array(list(self.vary.values()))))
+            return [placed.joint.shape() for placed in scene.joints]
+        except SceneError:
+            return []
+
+    def _within(self, own: _Range, i: int) -> tuple[float, float]:
+        """Where, between its bounds, parameter i keeps a shape parameter within its range; nothing where it never does."""
+        low, high = self.vary[self.parameters[i]]
+
+        def inside(share: float) -> bool:
+            place = np.full(len(self.vary), 0.37)
+            place[i] = share
+            return own.margin(self._shapes_at(place)) >= -1e-9
+
+        shares = np.linspace(0.0, 1.0, 9)
+        good = [float(s) for s in shares if inside(s)]
+        if not good:
+            return high, low
+        ends = []
+        for a, b in ((good[0], good[0] - 0.125), (good[-1], good[-1] + 0.125)):
+            # halved to the last digits, from the side that is within
+            for _ in range(50 if 0.0 <= b <= 1.0 else 0):
+                middle = 0.5 * (a + b)
+                a, b = (middle, b) if inside(middle) else (a, middle)
+            ends.append(low + a * (high - low))
+        return ends[0], ends[1]
+
+    # ---- designs ---------------------------------------------------------------------------------------------------------
+
+    def design_at(self, x: ArrayLike) -> dict[str, float]:
+        """Parameters by name of x (P,)."""
+        found = np.asarray(x, float)
+        if found.shape != (len(self.vary),):
+            raise SceneError(
+                f"a design of this job is {len(self.vary)} numbers: {', '.join(self.parameters)}"
+            )
+        return dict(zip(self.vary, found.tolist(), strict=True))
+
+    def point(self, start: Mapping[str, float] | ArrayLike | None) -> Array:
+        """x (P,) of a design by name or in order, the middle when None. Raises SceneError for one outside the bounds."""
+        if start is None:
+            return self.random(1)[0]
+        if isinstance(start, Mapping):
+            for name in (*start, *self.vary):
+                if name not in self.vary:
+                    raise SceneError(f"start: '{name}' is not varied{nearest(name, self.parameters)}")
+                if name not in start:
+                    raise SceneError(f"start: parameter '{name}' has no value")
+            start = [number(start[n], f"start: {n}") for n in self.vary]
+        x = np.array(list(self.design_at(start).values()))
+        for name, value, (low, high) in zip(self.vary, x.tolist(), self.bounds.tolist(), strict=True):
+            # a bound in other digits is no start outside
+            if not low - 1e-9 * abs(low) <= value <= high + 1e-9 * abs(high):
+                raise SceneError(f"start: {name} = {told(value)} lies outside {told(low)} to {told(high)}")
+        return np.clip(x, *self.bounds.T)
+
+    def random(self, count: int, seed: int = 0) -> Array:
+        """Designs (count, P) within bounds and rules, the middle first where it is. Raises SceneError where no rule is
+        met."""
+        rng, found = np.random.default_rng(seed), []
+        positive = (self.bounds > 0.0).all(axis=1)
+        ends = self.bounds.copy()
+        ends[positive] = np.log(ends[positive])
+        least, spread = np.full(len(self.rule_names), -np.inf), np.diff(ends)[:, 0]
+        for k in range(TRIED + 50 * count):
+            place = np.full(len(ends), 0.5) if k == 0 and seed == 0 else rng.uniform(size=len(ends))
+            at = ends[:, 0] + place * spread
+            x = np.clip(np.where(positive, np.exp(np.where(positive, at, 0.0)), at), *self.bounds.T)
+            value = self.rule_values(x)
+            least = np.fmax(least, value)
+            if (value >= 0.0).all():
+                found.append(x)
+            if len(found) == count:
+                return np.array(found)
+        never = [n for n, v in zip(self.rule_names, least, strict=True) if v < 0.0]
+        said = f"rule {never[0]} is met" if never else "all rules are met together"
+        raise SceneError(f"{said} by none of {TRIED} designs within the bounds")
+
+    @property
+    def rule_names(self) -> tuple[str, ...]:
+        """Names of the rules, and of trained ranges that hang on several parameters."""
+        return (*(_spoken_rule(k, r) for k, r in enumerate(self.rules)), *(r.words for r in self.ranges))
+
+    def rule_values(self, x: ArrayLike) -> Array:
+        """Rules (R,) at a design: not negative where they are met. Raises SceneError for a rule that is no number."""
+        parameters, found = self.design_at(x), []
+        for k, rule in enumerate(self.rules):
+            try:
+                found.append(float(rule(dict(parameters))))
+            except (KeyError, TypeError, ValueError, ArithmeticError) as why:
+                words = f"no parameter {why}" if isinstance(why, KeyError) else str(why)
+                raise SceneError(f"rule {_spoken_rule(k, rule)} gives no number: {words}") from None
+        if self.ranges:
+            try:
+                shapes = [placed.joint.shape() for placed in scene_of(self.function, parameters).joints]
+            except SceneError:
+                shapes = []
+            found += [r.margin(shapes) for r in self.ranges]
+        return np.array(found)
+
+    # ---- answers ---------------------------------------------------------------------------------------------------------
+
+    def values(self, x: ArrayLike) -> Array:
+        """Answers (answers,) of a design, in the units of their columns; nan where it has none: `batch` says why."""
+        return self.batch(np.asarray(x, float)[None]).values[0]
+
+    def batch(self, X: ArrayLike, *, executor: Executor | None = None) -> Judged:
+        """Answers of designs X (D, P), all poses and load cases; an executor gets blocks of designs."""
+        check_executor(executor)
+        designs = [self.design_at(x) for x in np.atleast_2d(np.asarray(X, float))]
+        rows: list[list[Row]] = [[] for _ in designs]
+        status: list[str] = [OK] * len(designs)
+        steps = [step for path in self.paths for step in path]
+        for extra in self.cases.values():
+            function = _Loaded(self.function, extra)
+            for d, (mine, why) in enumerate(self._solved(function, designs, steps, executor)):
+                rows[d] += mine
+                status[d] = why if status[d] == OK else status[d]
+        return Judged(np.array([self._of(mine) for mine in rows]), tuple(status))
+
+    def _solved(
+        self, function: Any, designs: list[dict[str, float]], steps: list[Any], executor: Executor | None
+    ) -> list[tuple[list[Row], str]]:
+        """Rows of every design, and "ok" or the first reason why not."""
+        if self.method == "conventional":
+            recipe = Recipe(self.asked, method="conventional", mesh=self.mesh)
+            return [_walked(function, design, recipe, self.paths) for design in designs]
+        ways = {"method": FULL if self.method == "full" else REDUCED, "asked": self.asked}
+        values = {n: np.array([step[n] for step in steps]) for n in self.drives}
+        solver = Designs(values, ways, self.mesh, self.extrapolate)
+        if executor is not None:
+            found = solver.solve_in(executor, function, designs)
+        else:
+            found = solver.solve(makers_of(function, designs), 1)
+        return [_told(f, len(steps)) for f in found]
+
+    def _of(self, rows: list[Row]) -> Array:
+        """Answers (answers,) from the rows of all poses."""
+        found = np.empty(len(self.answers))
+        for k, a in enumerate(self.answers):
+            if a.pose is None:
+                ends = [
+                    [row.get(a.column.replace("size", end), np.nan) for row in rows]
+                    for end in ("highest", "lowest")
+                ]
+                found[k] = np.max(ends[0]) - np.min(ends[1])
+            else:
+                row = rows[a.pose]
+                value = row.get(a.column, np.nan)
+                # an answer that is there but no number: what it stands for
+                found[k] = _infinite(a.column) if a.column in row and np.isnan(value) else value
+        return found
+
+    def jacobian(self, x: ArrayLike) -> Array:
+        """Derivatives (answers, P) of the answers by the parameters, see `ksd.gradient`. Raises what it raises."""
+        return self.slopes(x)[1]
+
+    def slopes(self, x: ArrayLike) -> tuple[Array, Array]:
+        """Answers (answers,) and their derivatives (answers, P)."""
+        asked = self.asked
+        found = gradient(
+            self.function, self.design_at(x), questions=asked.questions, link=asked.link, at=asked.at, freed=asked.freed,
+            modes=asked.modes, loads=self.loads, together=self.together, mesh=self.mesh, extrapolate=self.extrapolate,
+            method=self.method, targets=self.drives,
+        )  # fmt: skip
+        column = {c: i for i, c in enumerate(found.columns)}
+        rows = [{c: float(found.values[c][n]) for c in column} for n in range(len(self.poses))]
+        slopes = np.zeros((len(self.answers), len(self.vary)))
+        for k, a in enumerate(self.answers):
+            if a.pose is None:
+                high, low = (column[a.column.replace("size", end)] for end in ("highest", "lowest"))
+                slopes[k] = found.slopes[high, :, np.argmax(found.values[found.columns[high]])]
+                slopes[k] -= found.slopes[low, :, np.argmin(found.values[found.columns[low]])]
+            elif a.column in column:
+                slopes[k] = found.slopes[column[a.column], :, a.pose]
+        values = self._of(rows)
+        slopes[np.isinf(values)] = 0.0
+        return values, slopes
+
+    def merit(self, values: ArrayLike) -> float:
+        """The worst target over its scale, larger is better: of what is minimised the largest with a minus."""
+        pairs = zip(self.answers, np.asarray(values, float), strict=True)
+        return float(np.min([_signed(a) * v / a.scale for a, v in pairs if a.role != "limit"]))
+
+    def margins(self, values: ArrayLike) -> Array:
+        """How far every side of every limit is met, over the limit (by itself where that is 0); negative where it is not."""
+        found = []
+        for a, v in zip(self.answers, np.asarray(values, float), strict=True):
+            found += [(v - a.low) / (abs(a.low) or 1.0)] if np.isfinite(a.low) else []
+            found += [(a.high - v) / (abs(a.high) or 1.0)] if np.isfinite(a.high) else []
+        return np.array(found)
+
+    @cached_property
+    def fingerprint(self) -> str:
+        """What answers depend on beside the parameters: the recipe, and the scenes of two designs."""
+        scenes = [scene_of(self.function, self.design_at(x)).fingerprint() for x in self.random(2)]
+        said = (
+            self.asked,
+            self.method,
+            self.mesh,
+            self.extrapolate,
+            self.poses,
+            self.loads,
+            self.names,
+            scenes,
+        )
+        return f"{self.parameters} {said!r}"
+
+
+@dataclass(frozen=True)
+class _Range:
+    """Trained range of a shape parameter of joint number `joint`."""
+
+    joint: int
+    shape: Any
+    words: str
+
+    def of(self, shapes: Sequence[Mapping[str, float]]) -> float:
+        """The shape parameter among those of all joints; nan where there is none."""
+        known = shapes[self.joint] if self.joint < len(shapes) else {}
+        return float(known.get(self.shape.name, np.nan))
+
+    def margin(self, shapes: Sequence[Mapping[str, float]]) -> float:
+        """How far it is within its range, 1 in the middle, 0 at its ends."""
+        value = self.of(shapes)
+        known = np.isfinite(value) and (self.shape.scale != "log" or value > 0.0)
+        return 1.0 - abs(self.shape.place(value)) if known else -1.0
+
+
+def _given_bounds(vary: Any) -> dict[str, tuple[float, float]]:
+    if not isinstance(vary, Mapping) or not vary:
+        raise SceneError(
+            "vary: give least and most of every parameter by name, vary={'thickness': (2e-4, 1e-3)}"
+        )
+    found = {}
+    for name, given in vary.items():
+        if isinstance(given, str) or not isinstance(given, Sequence | np.ndarray) or len(given) != 2:
+            raise SceneError(f"vary: {name} = {show(given)}: give (least, most)")
+        low, high = (number(v, f"vary: {name}") for v in given)
+        if not low < high:
+            raise SceneError(
+                f"vary: {name} = {show(given)} holds no design: the least must be below the most"
+            )
+        found[str(name)] = (low, high)
+    return found
+
+
+def _middle(bounds: Array) -> Array:
+    return np.asarray(bounds.mean(axis=1))
+
+
+def _checked(rules: Any) -> tuple[Rule, ...]:
+    rules = (rules,) if callable(rules) else rules
+    if isinstance(rules, str) or not isinstance(rules, Sequence) or not all(callable(r) for r in rules):
+        raise SceneError(
+            f"rules = {show(rules)}: give functions of the parameters, such as lambda p: 0.07 - p['inner'] - 2 * p['outer']"
+        )
+    return tuple(rules)
+
+
+def _spoken_rule(k: int, rule: Rule) -> str:
+    name = getattr(rule, "__name__", "<lambda>")
+    return f"{k + 1}" if name == "<lambda>" else f"'{name}'"
+
+
+def _wanted(
+    maximise: Any, minimise: Any, limits: Any, known: Mapping[str, str]
+) -> list[tuple[str, str, float, float, float]]:
+    """Column, role, scale, least and most of every target and limit; raises SceneError."""
+    if bool(maximise) == bool(minimise):
+        raise SceneError("give one of maximise and minimise, for example maximise='support_worst_N_per_m'")
+    role, goals = ("maximise", maximise) if maximise else ("minimise", minimise)
+    if isinstance(goals, str):
+        goals = {goals: 1.0}
+    elif not isinstance(goals, Mapping):
+        goals = dict.fromkeys(goals, 1.0)
+    found = []
+    for column, scale in goals.items():
+        size = number(scale, f"{role}: {column}")
+        if size <= 0.0:
+            raise SceneError(f"{role}: {column} = {show(scale)}: its scale must be positive")
+        found.append((_column(column, known), role, size, -np.inf, np.inf))
+    if limits is not None and not isinstance(limits, Mapping):
+        raise SceneError(f"limits = {show(limits)}: give limits by column, such as {{'stress_MPa': 500}}")
+    for column, given in (limits or {}).items():
+        if column == "size_mm":
+            sizes = given if isinstance(given, Sequence | np.ndarray) else ()
+            if len(sizes) != 3:
+                raise SceneError(
+                    f"limits: size_mm = {show(given)}: give the most along x, y and z, None for no limit"
+                )
+            for axis, most in zip("xyz", sizes, strict=True):
+                if most is not None:
+                    found.append(
+                        (f"size_{axis}_mm", "limit", 1.0, -np.inf, number(most, f"limits: size_{axis}_mm"))
+                    )
+            continue
+        both = given if isinstance(given, Sequence) and not isinstance(given, str) else (None, given)
+        if len(both) != 2 or both[0] is both[1] is None:
+            raise SceneError(
+                f"limits: {column} = {show(given)}: give the most, or (least, most), None for neither"
+            )
+        ends = [
+            side * np.inf if v is None else number(v, f"limits: {column}")
+            for v, side in zip(both, (-1, 1), strict=True)
+        ]
+        if not ends[0] < ends[1]:
+            raise SceneError(
+                f"limits: {column} = {show(given)} holds nothing: the least must be below the most"
+            )
+        found.append((_column(column, known), "limit", 1.0, ends[0], ends[1]))
+    return found
+
+
+def _column(column: Any, known: Mapping[str, str]) -> str:
+    if column not in known:
+        raise SceneError(
+            f"there is no answer {show(column)}; there are {', '.join(known)}{similar(column, known)}"
+        )
+    return str(column)
+
+
+def _signed(answer: Answer) -> float:
+    return 1.0 if answer.role == "maximise" else -1.0
+
+
+def _infinite(column: str) -> float:
+    return next((v for begin, v in INFINITE.items() if column.startswith(begin)), np.nan)
+
+
+def _told(found: Found | KsdError, count: int) -> tuple[list[Row], str]:
+    """Rows of the poses of a design, and "ok" or the first reason why not."""
+    if not isinstance(found, Found):
+        return [{}] * count, str(found)
+    bad = np.flatnonzero(found.status)
+    if not len(bad):
+        return found.rows, OK
+    n = int(bad[0])
+    code = int(found.status[n])
+    why = found.reasons[n] if code == UNANSWERED else SPOKEN[code] if code in SPOKEN else Stop(code).sentence
+    return found.rows, why
+
+
+def _walked(function: Any, design: Mapping[str, float], recipe: Recipe, paths: Any) -> tuple[list[Row], str]:
+    """The same by conventional poses, each from the one before."""
+    try:
+        scene = function(**design)
+    except SceneError as why:
+        return [{}] * sum(len(p) for p in paths), str(why)
+    rows: list[Row] = []
+    solver = None
+    for k, path in enumerate(paths):
+        solver = run_line(Line(k, {}, scene, path), recipe, solver, rows)
+    return rows, next((str(row["status"]) for row in rows if row["status"] != OK), OK)
+
+
+class Log:
+    """Evaluates designs of a job and writes every one down: parameters, answers, "ok" or why not, and who asked.
+
+    resume: a file of JSON lines that keeps them; what is in it is replayed, not computed. executor: gets blocks of designs.
+    Raises SceneError for a file of another job.
+    """
+
+    def __init__(
+        self,
+        job: Job,
+        *,
+        resume: str | os.PathLike[str] | None = None,
+        executor: Executor | None = None,
+        progress: bool = False,
+    ) -> None:
+        check_executor(executor)
+        truth(progress, "progress")
+        self.job, self.executor, self.progress = job, executor, progress
+        self.kept = Kept(resume, job.fingerprint, what="job")
+        self.rows: dict[str, Row] = {}
+
+    @property
+    def count(self) -> int:
+        """How many designs were evaluated or replayed."""
+        return len(self.rows)
+
+    def batch(self, X: ArrayLike, *, by: str = "") -> Judged:
+        """`Job.batch`, block by block, each design on disk when its block is done."""
+        X = np.atleast_2d(np.asarray(X, float))
+        keys = [_key(x) for x in X]
+        new = [k for k, key in enumerate(keys) if key not in self.kept.found and keys.index(key) == k]
+        with progress_bar(self.progress and len(new) > 1) as bar:
+            task = bar.add_task(by or "designs", total=len(new)) if self.progress else None
+            for first in range(0, len(new), BLOCK):
+                block = new[first : first + BLOCK]
+                judged = self.job.batch(X[block], executor=self.executor)
+                for k, values, status in zip(block, *judged, strict=True):
+                    self._keep(keys[k], X[k], values, status, by)
+                if task is not None:
+                    bar.advance(task, len(block))
+        found = [self._read(key) for key in keys]
+        return Judged(
+            np.array([[row[n] for n in self.job.names] for row in found]),
+            tuple(str(row["status"]) for row in found),
+        )
+
+    def values(self, x: ArrayLike, *, by: str = "") -> Array:
+        """`Job.values`."""
+        return self.batch(x, by=by).values[0]
+
+    def slopes(self, x: ArrayLike, *, by: str = "") -> tuple[Array, Array]:
+        """`Job.slopes`; a design without derivatives raises what it raises, and is a row."""
+        x = np.asarray(x, float)
+        key = f"slopes {_key(x)}"
+        if key not in self.kept.found:
+            try:
+                values, slopes = self.job.slopes(x)
+            except KsdError as why:
+                if _key(x) not in self.kept.found:
+                    self._keep(_key(x), x, np.full(len(self.job.names), np.nan), str(why), by)
+                self._read(_key(x))
+                raise
+            if _key(x) not in self.kept.found:
+                self._keep(_key(x), x, values, OK, by)
+            self.kept.keep(key, [dict(zip(self.job.names, s.tolist(), strict=True)) for s in slopes.T])
+        row = self._read(_key(x))
+        slopes = np.array([[by_one[n] for n in self.job.names] for by_one in self.kept.found[key]]).T
+        return np.array([row[n] for n in self.job.names]), slopes
+
+    def _keep(self, key: str, x: Array, values: Array, status: str, by: str) -> None:
+        row = {**self.job.design_at(x), **dict(zip(self.job.names, values.tolist(), strict=True))}
+        self.kept.keep(key, [row | {"by": by, "status": status}])
+
+    def _read(self, key: str) -> Row:
+        """The row of a design, noted as asked for."""
+        row: Row = self.kept.found[key][0]
+        self.rows.setdefault(key, row)
+        return row
+
+    def table(self) -> Table:
+        """Every design, in the order it was first asked for."""
+        return Table.of_rows(list(self.rows.values()), self.job.parameters, name="job")
+
+
+def _key(x: Array) -> str:
+    return " ".join(float(v).hex() for v in x)

@@ -1,0 +1,224 @@
+"""A job's answers are those of sweeps, its slopes those of re-solves, its rows outlive it; bad input is told at once."""
+
+import json
+
+import numpy as np
+import pytest
+from scenes import STEEL, fourbar
+
+import ksd
+from ksd.design import job as room
+from ksd.design.job import Log
+from ksd.units import deg, mm
+
+VARY = {
+    "length": (40 * mm, 120 * mm), "angle": (31 * deg, 59 * deg), "thickness": (0.2 * mm, 1 * mm),
+    "inner": (10 * mm, 60 * mm), "outer": (4 * mm, 30 * mm),
+}  # fmt: skip
+BEST = {
+    "length": 80 * mm,
+    "angle": 41.6407 * deg,
+    "thickness": 0.626876 * mm,
+    "inner": 43.975 * mm,
+    "outer": 13.0123 * mm,
+}
+GOALS = {"support_worst_N_per_m": 1e6, "support_worst_Nm_per_rad": 300}
+TURNS = np.array([0, 15, 30]) * deg
+
+
+def pivot(length, angle, thickness, inner, outer):
+    """A cross flexure about the origin, its turn driven."""
+    joint = ksd.CrossFlexure(STEEL, length=length, angle=angle, thickness=thickness, widths=(inner, outer))
+    scene = ksd.Mechanism("pivot")
+    arm = scene.link("arm")
+    at = (-0.5 * joint.length_AB, 0, 0)
+    scene.actuate_joint(
+        scene.join(scene.ground, arm, joint, at=at, axis="z", toward="x", name="hinge"), name="turn"
+    )
+    return scene
+
+
+def wide(p):
+    return 70 * mm - p["inner"] - 2 * p["outer"]
+
+
+def job(**changes):
+    words = {
+        "vary": VARY, "maximise": GOALS, "limits": {"stress_MPa": 500, "turn_moment_Nm": (-3, 3)}, "link": "arm",
+        "at": (0, 0, 0), "rules": [wide], "turn": TURNS, **changes,
+    }  # fmt: skip
+    return ksd.Job(words.pop("function", pivot), **words)
+
+
+@pytest.fixture(scope="module")
+def plain():
+    return job()
+
+
+def test_answers_are_those_of_a_sweep_and_the_worst_counts(plain):
+    x = plain.point(BEST)
+    found = dict(zip(plain.names, plain.values(x), strict=True))
+    table = ksd.sweep(pivot, turn=TURNS, designs=[BEST], questions=("force", "support_stiffness", "stress"), link="arm",
+                      at=(0, 0, 0), method="full", progress=False)  # fmt: skip
+    for n, row in enumerate(table.rows()):
+        label = f" at turn {('0', '15.00', '30.00')[n]} deg"
+        for column in (*GOALS, "turn_moment_Nm"):
+            assert found[column + label] == pytest.approx(row[column], rel=1e-6, abs=1e-12)
+        own = {
+            name: v for name, v in found.items() if name.startswith("stress_MPa[") and name.endswith(label)
+        }
+        assert max(own.values()) == pytest.approx(row["stress_MPa"], rel=1e-6, abs=1e-9) and len(own) == 3
+    # specification: the optimum of this job, held by stress
+    values = np.array(list(found.values()))
+    assert plain.merit(values) == pytest.approx(0.50356647, rel=2e-5)
+    margins = plain.margins(values)
+    assert len(margins) == 9 + 2 * 3 and margins.min() == pytest.approx(0, abs=1e-5)
+    assert plain.rule_values(x)[0] == pytest.approx(0, abs=1e-6)
+    assert "maximise support_worst_N_per_m" in str(plain) and "stress_MPa at most 500" in str(plain)
+
+
+def test_slopes_are_those_of_solves_beside(plain):
+    x = plain.point(
+        {"length": 70 * mm, "angle": 40 * deg, "thickness": 0.4 * mm, "inner": 30 * mm, "outer": 15 * mm}
+    )
+    values, slopes = plain.slopes(x)
+    turned = np.array([a.pose != 0 for a in plain.answers])
+    assert values[turned] == pytest.approx(plain.values(x)[turned], rel=1e-7)
+    for k in (1, 2):
+        step = 1e-5 * x[k] * (np.arange(5) == k)
+        pair = plain.batch([x + step, x - step]).values
+        wanted = (pair[0] - pair[1]) / (2 * step[k])
+        assert slopes[turned, k] == pytest.approx(wanted[turned], rel=2e-5)
+
+
+def test_loads_size_and_conventional_poses():
+    small = {"vary": {"thickness": (0.3 * mm, 0.5 * mm)}, "rules": ()}
+
+    def of(thickness):
+        return pivot(70 * mm, 40 * deg, thickness, 30 * mm, 15 * mm)
+
+    loads = {"empty": [], "payload": [{"link": "arm", "force": (0, 0, -20.0), "at": (0.1, 0, 0)}]}
+    limits = {"size_mm": (None, 60, None), "stress_MPa": 500}
+    words = {**small, "function": of, "loads": loads, "limits": limits, "maximise": "support_worst_N_per_m"}
+    many, alone = job(**words), job(**words, method="conventional")
+    assert many.answers[0].name == "support_worst_N_per_m at empty, turn 0 deg" and len(many.poses) == 6
+    one, other = many.values([0.4 * mm]), alone.values([0.4 * mm])
+    assert one == pytest.approx(other, rel=1e-5, abs=1e-9)
+    names = list(many.names)
+    k = names.index("stress_MPa[hinge/inner] at payload, turn 30.00 deg")
+    assert one[k] != pytest.approx(one[names.index(names[k].replace("payload", "empty"))], rel=1e-3)
+    scene = of(0.4 * mm)
+    scene.load("arm", force=(0, 0, -20.0), at=(0.1, 0, 0))
+    poses = [ksd.solve(s, turn=t, method="full").extent() for s in (of(0.4 * mm), scene) for t in TURNS]
+    high, low = max(p[1, 1] for p in poses), min(p[0, 1] for p in poses)
+    assert one[names.index("size_y_mm")] == pytest.approx(1e3 * (high - low), rel=1e-6)
+    slope, h = many.jacobian([0.4 * mm])[names.index("size_y_mm"), 0], 1e-7
+    pair = [many.values([0.4 * mm + s * h])[names.index("size_y_mm")] for s in (1, -1)]
+    assert slope == pytest.approx((pair[0] - pair[1]) / (2 * h), rel=1e-4)
+
+
+def test_designs_that_fail_are_rows_with_the_reason_and_replayed(tmp_path, monkeypatch, plain):
+    file = tmp_path / "pivot.jsonl"
+    log = Log(plain, resume=file)
+    good = plain.point(BEST)
+    bad = good * (1, 1, 1, 1, 20)
+    judged = log.batch([good, bad], by="me")
+    assert judged.status[0] == "ok" and "width_ratio" in judged.status[1]
+    assert np.isfinite(judged.values[0]).all() and np.isnan(judged.values[1]).all()
+    slopes = log.slopes(good)
+    with pytest.raises(ksd.KsdError, match="width_ratio"):
+        log.slopes(bad)
+    lines = file.read_text().splitlines()
+    assert len(lines) == 4 and json.loads(lines[1].partition(" ")[2])["rows"][0]["by"] == "me"
+    # a kill in the middle of a line costs that line alone
+    file.write_text("\n".join(lines[:-1]) + "\n" + lines[-1][:40])
+    counted = []
+    again = Log(job(), resume=file)
+    monkeypatch.setattr(ksd.Job, "batch", lambda *a, **k: counted.append(a))
+    same = again.batch([good, bad])
+    assert np.array_equal(same.values, judged.values, equal_nan=True) and same.status == judged.status
+    assert not counted and again.count == 2 and again.table()["thickness"][0] == good[2]
+    again_slopes = again.slopes(good)
+    assert all(np.array_equal(a, b) for a, b in zip(again_slopes, slopes, strict=True))
+    with pytest.raises(ksd.SceneError, match="belongs to another job"):
+        Log(job(turn=[0.1]), resume=file)
+
+
+def test_ctrl_c_keeps_the_blocks_that_are_done(tmp_path, monkeypatch, plain):
+    monkeypatch.setattr(room, "BLOCK", 2)
+    honest, calls = ksd.Job.batch, []
+
+    def interrupted(self, X, **how):
+        calls.append(len(X))
+        if len(calls) == 2:
+            raise KeyboardInterrupt
+        return honest(self, X, **how)
+
+    monkeypatch.setattr(ksd.Job, "batch", interrupted)
+    X = plain.random(3)
+    log = Log(plain, resume=tmp_path / "rows.jsonl")
+    with pytest.raises(KeyboardInterrupt):
+        log.batch(X)
+    assert len(Log(plain, resume=tmp_path / "rows.jsonl").kept.found) == 2
+
+
+def test_trained_ranges_are_bounds_or_rules():
+    found = job(vary={**VARY, "angle": (10 * deg, 59 * deg)})
+    assert found.bounds[1] == pytest.approx((30 * deg, 59 * deg), rel=1e-9)
+    assert "angle" in found.held_by["angle", "least"] and ("angle", "most") not in found.held_by
+    assert found.rule_names == ("'wide'", "width_ratio of cross_flexure 'hinge'")
+    x = found.random(1)[0]
+    assert found.rule_values(x)[1] > 0 > found.rule_values(x * (1, 1, 1, 1, 20))[1]
+    free = job(vary={**VARY, "angle": (10 * deg, 59 * deg)}, method="conventional")
+    assert free.bounds[1, 0] == pytest.approx(10 * deg) and free.rule_names == ("'wide'",)
+
+
+def failing(thickness):
+    raise ksd.SceneError(f"no sheet is {thickness} thick")
+
+
+@pytest.mark.parametrize(
+    ("changes", "sentence"),
+    [
+        ({"maximise": {"support_wurst_N_per_m": 1}}, 'did you mean "support_worst_N_per_m"?'),
+        ({"limits": {"stress_Mpa": 500}}, "there is no answer 'stress_Mpa'"),
+        ({"vary": {**VARY, "thicknes": (1e-4, 1e-3)}}, "has no parameter 'thicknes'"),
+        ({"vary": {"length": (0.04, 0.12)}}, "parameter 'angle' of pivot has no value"),
+        ({"vary": {**VARY, "angle": (0.6, 0.6)}}, "holds no design"),
+        ({"vary": {**VARY, "angle": 0.6}}, "give (least, most)"),
+        ({"vary": {}}, "vary: give least and most"),
+        ({"vary": {**VARY, "angle": (1 * deg, 9 * deg)}}, "lies outside the trained range"),
+        ({"rules": [lambda p: -1.0]}, "rule 1 is met by none of"),
+        ({"rules": [lambda p: p["inner"], lambda p: p["width"]]}, "rule 2 gives no number: no parameter 'width'"),
+        ({"rules": "wide"}, "give functions of the parameters"),
+        ({"turn": None}, "drive values turn"),
+        ({"turm": [0.1]}, "'turm' is not a drive"),
+        ({"function": failing, "vary": {"thickness": (1e-4, 1e-3)}}, "no design within the bounds could be built"),
+        ({"function": fourbar()}, "a job needs a function"),
+        ({"minimise": "stress_MPa"}, "give one of maximise and minimise"),
+        ({"maximise": {"support_z_N_per_m": 0.0}}, "its scale must be positive"),
+        ({"limits": {"stress_MPa": (500, 100)}}, "the least must be below the most"),
+        ({"limits": {"stress_MPa": (None, None)}}, "give the most, or (least, most)"),
+        ({"limits": {"size_mm": 80}}, "give the most along x, y and z"),
+        ({"link": "leg", "loads": {"p": [{"link": "leg", "force": (0, 0, 1), "at": (0, 0, 0)}]}}, "acts on link 'leg'"),
+        ({"method": "modal"}, "method = 'modal': choose one of"),
+    ],
+)  # fmt: skip
+def test_what_is_wrong_is_told_before_a_solve(changes, sentence):
+    with pytest.raises(ksd.SceneError) as told:
+        job(**changes)
+    assert sentence in str(told.value), told.value
+
+
+def test_a_job_without_drives_and_starts_outside(plain):
+    with pytest.raises(ksd.SceneError, match="a job needs drive values"):
+        ksd.Job(pivot, vary=VARY, maximise="support_worst_N_per_m")
+    for start, sentence in (
+        ({**BEST, "angle": 1.2}, "angle = 1.200 lies outside 0.5411 to 1.030"),
+        ({**BEST, "angel": 1.2}, '.angel. is not varied; did you mean "angle"'),
+        ({"angle": 1.0}, "parameter 'length' has no value"),
+        ([1.0, 2.0], "is 5 numbers: length, angle"),
+    ):
+        with pytest.raises(ksd.SceneError, match=sentence):
+            plain.point(start)
+    assert plain.names[0].startswith("support_worst_N_per_m") and plain.parameters == tuple(VARY)
