@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
@@ -25,6 +26,8 @@ STRAINED = 1e-2
 """Motion, over the largest that a drive brings a link, below which drives only strain what holds it."""
 ONE_POINT = 1e-6
 """Distance, over the size of a joint, up to which its leaf springs count as crossing in one point."""
+SAME_PLACE = 1e-7
+"""Distance [m] of the point of a drive from an interface, up to which it is that interface."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -82,7 +85,7 @@ def _turned_joint(scene: Any, term: Any) -> Any:
     """The joint whose rotation a drive term prescribes, or None."""
     for j in scene.joints:
         pair = {j.a, j.b} == {term.base, term.link}
-        if pair and term.kind == "rotation" and np.allclose(j.place(j.joint.pose_B), term.point):
+        if pair and term.kind == "rotation" and math.dist(j.place(j.joint.pose_B), term.point) < SAME_PLACE:
             return j
     return None
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from itertools import combinations
 
 import numpy as np
@@ -107,9 +108,15 @@ def meetings(bodies: Sequence[Body], *, touch: float) -> Iterator[tuple[tuple[st
                 yield (one.name, two.name), hit
 
 
+@lru_cache(maxsize=256)
+def _clash(leaves: tuple[Leaf, ...]) -> tuple[str, str] | None:
+    """`clash` of leaf springs; a design loop draws most joints as they were."""
+    return clash([leaf_body(leaf) for leaf in leaves])
+
+
 def check_clear(leaves: Sequence[Leaf], *, owner: str, advice: str = "move them apart") -> None:
     """Raise SceneError naming two leaf springs of `owner` that run through each other at rest."""
-    found = clash([leaf_body(leaf) for leaf in leaves])
+    found = _clash(tuple(leaves))
     if found is not None:
         raise SceneError(
             f"{owner}: leaf springs '{found[0]}' and '{found[1]}' run through each other at rest; {advice}."
