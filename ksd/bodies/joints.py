@@ -24,11 +24,8 @@ from ksd.library import Record
 from ksd.model.arrays import COROTATIONAL, LINEAR, Arrays, Motion
 from ksd.model.compile import Drawn, Model, drawn
 from ksd.model.drawing import Numbers
-from ksd.model.pack import Shape, skeleton, spread
+from ksd.model.pack import LOAD_FLOATS, MEMBER_FLOATS, TERM_FLOATS, Shape, skeleton, spread
 from ksd.model.template import (
-    LOAD_FLOATS,
-    MEMBER_FLOATS,
-    TERM_FLOATS,
     Filled,
     Leaves,
     Packed,

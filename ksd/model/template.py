@@ -16,10 +16,10 @@ import numpy as np
 
 from ksd.beam import corotational_values as chains
 from ksd.beam.strain_values import strain_constants, strain_sizes, strain_values
-from ksd.model.arrays import STRAIN, Arrays, Members, Motion, opened
+from ksd.model.arrays import STRAIN, Arrays, Members, Motion
 from ksd.model.drawing import GIVEN, LEAF, SPRING, LeafWords, Numbers, Words, places_of
 from ksd.model.mesh import Mesh
-from ksd.model.pack import Shape, skeleton, spread
+from ksd.model.pack import MEMBER_FLOATS, Shape, float_fields, refilled, skeleton, spread
 
 Array = np.ndarray
 SCALES = 19
@@ -421,20 +421,15 @@ def of_design(part: Any, names: Sequence[str], d: int) -> Any:
     return part._replace(**{name: np.ascontiguousarray(getattr(part, name)[d]) for name in names})
 
 
-MEMBER_FLOATS = ("offset", "frame", "value", "length", "floor")
-TERM_FLOATS = ("coefficient", "direction", "point")
-LOAD_FLOATS = ("point", "force", "moment")
-
-
 def design(arrays: Arrays, bones: Arrays, d: int) -> Arrays:
     """Arrays of design d of many; bones: arrays of the same integers, which are shared."""
-    parts = (
-        (arrays.members, MEMBER_FLOATS), (arrays.terms, TERM_FLOATS), (arrays.loads, LOAD_FLOATS),
-        (arrays.springs, MEMBER_FLOATS), (arrays, ("weight",)),
-    )  # fmt: skip
-    size: Any = arrays.size
-    floats = [getattr(part, name)[d].reshape(-1) for part, names in parts for name in names]
-    return opened(bones.flat._replace(floats=np.concatenate([size[d : d + 1], *floats])))
+    joined = arrays.__dict__.get("joined")
+    if joined is None:
+        size: Any = arrays.size
+        floats = [field.reshape(len(size), -1) for field in float_fields(arrays)]
+        # of all designs at once, for the others
+        joined = arrays.__dict__["joined"] = np.concatenate([size[:, None], *floats], axis=1)
+    return refilled(bones, joined[d].copy())
 
 
 def motion_design(motion: Motion, d: int) -> Motion:

@@ -23,6 +23,7 @@ from ksd.model.arrays import COROTATIONAL, SOLID, STRAIN, Motion
 from ksd.model.compile import Model
 from ksd.model.leaves import leaf_of
 from ksd.properties.kept import per_model
+from ksd.scene.joint import leaves_of
 
 Array = NDArray[np.float64]
 POINTS = 25
@@ -335,7 +336,7 @@ def _member_line(model: Model, motion: Motion, i: int, points: int) -> tuple[Arr
 @per_model
 def scene_leaves(model: Model) -> dict[str, Any]:
     """Leaf springs of the scene by full name: "joint/leaf" inside joints, the plain name for free-form ones."""
-    inside = {f"{j.name}/{leaf.name}": leaf for j in model.scene.joints for leaf in j.joint.leaves()}
+    inside = {f"{j.name}/{leaf.name}": leaf for j in model.scene.joints for leaf in leaves_of(j.joint)}
     return inside | {leaf.name: leaf.leaf for leaf in model.scene.leaves}
 
 
