@@ -44,6 +44,7 @@ _HOMES = {
     "ksd.design": ("Batch", "SweepInterrupted", "Table", "batch", "frequency_curve", "state_space", "sweep"),
     "ksd.design.gradient": ("Gradient", "gradient"),
     "ksd.design.job": ("Job",),
+    "ksd.design.optimise": ("Optimum", "optimise"),
     "ksd.library": ("Parameter", "Record", "find_record", "read_result"),
 }  # fmt: skip
 _HOME = {name: home for home, names in _HOMES.items() for name in names}
@@ -52,11 +53,12 @@ __all__ = [
     "CircularNotchHinge", "Configuration", "ConvergenceError", "CrossFlexure", "CrossedPivot", "Design",
     "DrawnJoint", "FilletedNotch", "FilletedNotchHinge", "FoldedLeaf", "FreeCurve", "Gradient", "InfinityHinge", "Job",
     "Joint", "KinematicsError", "KsdError", "Leaf", "LinkMatrix", "Material", "Mechanism", "Mesh", "ModalBasis", "Model",
-    "Motion", "ParallelGuide", "Parameter", "Path", "RangeError", "Record", "RecordError", "Scene", "SceneError",
-    "Section", "Solver", "StiffenedGuide", "StiffenedMiddle", "SweepInterrupted", "Table", "Taper",
+    "Motion", "Optimum", "ParallelGuide", "Parameter", "Path", "RangeError", "Record", "RecordError", "Scene",
+    "SceneError", "Section", "Solver", "StiffenedGuide", "StiffenedMiddle", "SweepInterrupted", "Table", "Taper",
     "TripleInfinityHinge", "TrustError", "UniversalJoint", "Varying", "WireFlexure", "batch", "circle",
     "compile_scene", "doctor", "errors", "find_record", "follow", "frequency_curve", "gradient", "joint_families",
-    "link_matrix", "load_scene", "numbers", "polygon", "prepare", "read_result", "rectangle", "save_scene", "solve",
+    "link_matrix", "load_scene", "numbers", "optimise", "polygon", "prepare", "read_result", "rectangle", "save_scene",
+    "solve",
     "state_space", "sweep", "train", "tube", "units", "wire",
 ]  # fmt: skip
 
@@ -65,6 +67,7 @@ if TYPE_CHECKING:
     from ksd.design.batch import batch
     from ksd.design.gradient import Gradient, gradient
     from ksd.design.job import Job
+    from ksd.design.optimise import Optimum, optimise
     from ksd.design.state_space import state_space
     from ksd.design.sweep import sweep
     from ksd.library import Parameter, Record, find_record, read_result

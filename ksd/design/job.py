@@ -481,7 +481,12 @@ class Job(Shown):
     @cached_property
     def fingerprint(self) -> str:
         """What answers depend on beside the parameters: the recipe, and the scenes of two designs."""
-        scenes = [scene_of(self.function, self.design_at(x)).fingerprint() for x in self.random(2)]
+        scenes = []
+        for x in self.random(2):
+            try:
+                scenes.append(scene_of(self.function, self.design_at(x)).fingerprint())
+            except SceneError as why:
+                scenes.append(str(why))
         said = (
             self.asked,
             self.method,

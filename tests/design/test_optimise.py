@@ -1,0 +1,225 @@
+"""The optimum of a job: found from any start, held by what is said, at a price that moving a limit confirms."""
+
+import sys
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from test_job import BEST, GOALS, TURNS, VARY, pivot, wide
+
+import ksd
+from ksd.design import job as rooms
+from ksd.design import optimise as room
+from ksd.design.optimise import _logs
+from ksd.units import mm
+
+LIMITS = {"stress_MPa": 500, "turn_moment_Nm": (-3, 3)}
+SHAPE = {"length": 80 * mm, "angle": 0.72, "inner": 40 * mm, "outer": 12 * mm}
+
+
+def job(function=pivot, **changes):
+    """The job of the specification at conventional poses, whose answers have no trained ranges."""
+    words = {
+        "vary": {**VARY, "length": (40 * mm, 80 * mm)}, "maximise": GOALS, "limits": LIMITS, "link": "arm", "at": (0, 0, 0),
+        "rules": [wide], "turn": TURNS, "method": "conventional", **changes,
+    }  # fmt: skip
+    return ksd.Job(function, **words)
+
+
+def sheet(length, thickness):
+    """The pivot by two of its parameters."""
+    return pivot(**{**SHAPE, "length": length, "thickness": thickness})
+
+
+def small(function=sheet, **changes):
+    """A job of two parameters at one pose: as stiff as stress allows."""
+    words = {
+        "vary": {"length": (40 * mm, 80 * mm), "thickness": (0.2 * mm, 1 * mm)}, "maximise": "support_worst_Nm_per_rad",
+        "limits": {"stress_MPa": 400}, "rules": [], "turn": 0.3, **changes,
+    }  # fmt: skip
+    return job(function, **words)
+
+
+def test_the_job_of_the_specification_from_five_random_starts():
+    best = ksd.optimise(job(), starts=5, seed=3)
+    assert best.merit == pytest.approx(0.5035665, abs=1e-6) and best.agreed == len(best.starts) == 5
+    for name, value in BEST.items():
+        assert best.design[name] == pytest.approx(value, rel=1e-4)
+    assert all(end.values <= 15 and end.gradients <= 15 for end in best.starts)
+    assert best.evaluations == sum(end.values for end in best.starts) <= len(list(best.table.rows()))
+    # held by stress, length, depth, in-plane and tilt stiffness at 30 degrees
+    held = {name.split(" at ")[0].split("[")[0] for name in best.held}
+    assert held == {*GOALS, "stress_MPa", "length", "rule 'wide'"}
+    assert sum(best.held[n] for n in best.held if n.startswith("support")) == pytest.approx(1.0)
+    assert not best.flat and "5 of 5 starts end here" in str(best) and "worth" in str(best)
+    assert best.mechanism.scene().name == "pivot"
+
+
+def test_worth_is_what_moving_a_limit_changes():
+    best = ksd.optimise(small())
+    (name, worth), *others = [(n, w) for n, w in best.held.items() if "stress" in n]
+    worth += sum(w for _, w in others)
+    looser = ksd.optimise(small(limits={"stress_MPa": 400 * 1.001}), start=best.design)
+    assert np.log(looser.merit / best.merit) / np.log(1.001) == pytest.approx(worth, rel=1e-2)
+    shorter = ksd.optimise(
+        small(vary={"length": (40 * mm, 80 * mm * 0.999), "thickness": (0.2 * mm, 1 * mm)})
+    )
+    change = np.log(shorter.merit / best.merit) / np.log(0.999)
+    assert best.answers[name] == pytest.approx(400, rel=1e-5)
+    assert change == pytest.approx(best.held["length at its most"], rel=1e-2)
+
+
+def test_minimise_lower_limits_and_rules():
+    wanted = small(
+        minimise="turn_moment_Nm",
+        maximise=(),
+        limits={"support_worst_N_per_m": (2e5, None), "stress_MPa": 600},
+    )
+    best = ksd.optimise(wanted)
+    assert best.merit == pytest.approx(-best.answers["turn_moment_Nm"])
+    assert best.answers["support_worst_N_per_m"] == pytest.approx(2e5, rel=1e-5)
+    ruled = ksd.optimise(small(rules=[lambda p: 0.4 * mm - p["thickness"]]))
+    assert ruled.design["thickness"] == pytest.approx(0.4 * mm, rel=1e-6) and "rule 1" in ruled.held
+
+
+@pytest.mark.parametrize("method", ["cobyla", "cma"])
+def test_methods_without_gradients_end_at_the_same_design(method):
+    if method == "cma":
+        pytest.importorskip("cma")
+    best, other = ksd.optimise(small()), ksd.optimise(small(), method=method)
+    assert other.merit == pytest.approx(best.merit, rel=1e-5)
+    assert other.evaluations > best.evaluations
+
+
+def test_evolution_asks_for_populations_and_is_polished(monkeypatch):
+    """With a stand-in for the package: three designs of two generations, then SLSQP from the best."""
+    asked = []
+
+    class Strategy:
+        def __init__(self, start, sigma, options):
+            assert options["bounds"] == [0.0, 1.0]
+            self.rounds, self.cost = 0, []
+            self.result = SimpleNamespace(xbest=np.asarray(start))
+
+        def stop(self):
+            return self.rounds == 2
+
+        def ask(self):
+            self.rounds += 1
+            return [np.clip(self.result.xbest + d, 0, 1) for d in (0.0, 0.1 * self.rounds, -0.1)]
+
+        def tell(self, places, cost):
+            self.result.xbest = places[int(np.argmin(cost))]
+            self.cost.append(cost)
+            asked.append(len(places))
+
+    monkeypatch.setitem(sys.modules, "cma", SimpleNamespace(CMAEvolutionStrategy=Strategy))
+    best = ksd.optimise(small(), method="cma")
+    assert asked == [3, 3] and best.merit == pytest.approx(ksd.optimise(small()).merit, rel=1e-6)
+
+
+def test_designs_that_fail_halve_the_step():
+    start = {"length": 50 * mm, "thickness": 0.25 * mm}
+    free = ksd.optimise(small(), start=start)
+    tried = [row["thickness"] for row in free.table.rows()][1]
+
+    def hole(length, thickness):
+        if abs(thickness / tried - 1) < 1e-2:
+            raise ValueError("not on stock")
+        return sheet(length, thickness)
+
+    assert abs(free.design["thickness"] / tried - 1) > 2e-2
+    found = ksd.optimise(small(hole), start=start)
+    failed = [row for row in found.table.rows() if "not on stock" in row["status"]]
+    assert failed and all(np.isnan(row["support_worst_Nm_per_rad"]) for row in failed)
+    assert found.merit == pytest.approx(free.merit, rel=1e-6) and found.starts[0].status == "ok"
+
+
+def test_no_start_that_works_is_told():
+    def never(length, thickness):
+        if abs(thickness - 0.6 * mm) > 1e-9:
+            raise ValueError("not made")
+        return sheet(length, thickness)
+
+    with pytest.raises(ksd.ConvergenceError, match=r"none of 1 starts.*not made"):
+        ksd.optimise(small(never), start=[50 * mm, 0.5 * mm])
+    with pytest.raises(ksd.ConvergenceError, match=r"none of 1 starts.*limits are not met"):
+        ksd.optimise(small(limits={"stress_MPa": 1.0}))
+
+
+def test_a_flat_direction_is_named():
+    """Stress at a given turn knows thickness over length alone: all sizes in one ratio are as good."""
+    ratio = small(
+        minimise="stress_MPa", maximise=(), limits={}, rules=[lambda p: p["thickness"] / p["length"] - 8e-3]
+    )
+    best = ksd.optimise(ratio, start=[60 * mm, 0.6 * mm])
+    assert set(best.flat) == {"length", "thickness"} and "Flat" in str(best)
+    assert best.flat["length"] == pytest.approx(best.flat["thickness"], rel=1e-3)
+
+
+def test_a_run_goes_on_from_its_file(tmp_path, monkeypatch):
+    path = tmp_path / "job.jsonl"
+    first = ksd.optimise(small(), resume=path)
+    monkeypatch.setattr(rooms.Job, "batch", None)
+    monkeypatch.setattr(rooms.Job, "slopes", None)
+    again = ksd.optimise(small(), resume=path)
+    assert again.design == first.design and len(list(again.table.rows())) == len(list(first.table.rows()))
+
+
+def test_interrupted_runs_keep_what_is_done(monkeypatch):
+    whole, calls = rooms.Job.slopes, []
+
+    def interrupted(self, x):
+        calls.append(x)
+        if len(calls) == 3:
+            raise KeyboardInterrupt
+        return whole(self, x)
+
+    monkeypatch.setattr(rooms.Job, "slopes", interrupted)
+    with pytest.raises(ksd.SweepInterrupted, match=r"designs done") as caught:
+        ksd.optimise(small())
+    assert len(list(caught.value.table.rows())) >= 2
+
+
+def test_margins_of_limits_of_either_sign():
+    value, slope = _logs(np.array([2.0, 0.1, 0.0, -1.0]))
+    assert value[0] == pytest.approx(np.log(2)) and value[2] == pytest.approx(np.log(0.1) - 1)
+    assert np.all(np.diff(value) < 0) and slope == pytest.approx([0.5, 10, 10, 10])
+    search = room.Search(small(limits={"turn_moment_Nm": (-3, 2)}), None, "")
+    of = dict(
+        zip(
+            [(s.sign, s.reference) for s in search.sides],
+            search._of_answers(np.array([1e5, 1.0]))[0],
+            strict=True,
+        )
+    )
+    assert of[-1.0, 2.0] == pytest.approx(np.log(2)) and of[-1.0, -3.0] > 0
+    beyond = search._of_answers(np.array([1e5, -6.0]))[0]
+    assert beyond[2] == pytest.approx(-np.log(2)) and beyond[1] > 0
+    held = search._of_answers(np.array([np.inf, 0.0]))[0]
+    assert held[0] == room.FREE
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"method": "gradent"}, r"method = 'gradent'.*gradient"),
+        ({"starts": 0}, r"starts"),
+        ({"seed": -1}, r"seed"),
+        ({"start": {"length": 50 * mm}}, r"'thickness' has no value"),
+        ({"start": {"length": 50 * mm, "thicknes": 1e-4}}, r"'thicknes' is not varied.*thickness"),
+        ({"start": {"length": 1.0, "thickness": 0.5 * mm}}, r"lies outside"),
+        ({"executor": 3}, r"executor"),
+    ],
+)
+def test_wrong_words_are_told(change, message):
+    with pytest.raises(ksd.SceneError, match=message):
+        ksd.optimise(small(), **change)
+
+
+def test_more_wrong_words(monkeypatch):
+    with pytest.raises(ksd.SceneError, match=r"is no job"):
+        ksd.optimise(sheet)
+    monkeypatch.setitem(sys.modules, "cma", None)
+    with pytest.raises(ksd.SceneError, match=r"pip install cma"):
+        ksd.optimise(small(), method="cma")
