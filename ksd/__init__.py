@@ -45,6 +45,7 @@ _HOMES = {
     "ksd.design.gradient": ("Gradient", "gradient"),
     "ksd.design.job": ("Job",),
     "ksd.design.optimise": ("Optimum", "optimise"),
+    "ksd.design.tolerance": ("Tolerance", "tolerance"),
     "ksd.library": ("Parameter", "Record", "find_record", "read_result"),
 }  # fmt: skip
 _HOME = {name: home for home, names in _HOMES.items() for name in names}
@@ -55,11 +56,10 @@ __all__ = [
     "Joint", "KinematicsError", "KsdError", "Leaf", "LinkMatrix", "Material", "Mechanism", "Mesh", "ModalBasis", "Model",
     "Motion", "Optimum", "ParallelGuide", "Parameter", "Path", "RangeError", "Record", "RecordError", "Scene",
     "SceneError", "Section", "Solver", "StiffenedGuide", "StiffenedMiddle", "SweepInterrupted", "Table", "Taper",
-    "TripleInfinityHinge", "TrustError", "UniversalJoint", "Varying", "WireFlexure", "batch", "circle",
+    "Tolerance", "TripleInfinityHinge", "TrustError", "UniversalJoint", "Varying", "WireFlexure", "batch", "circle",
     "compile_scene", "doctor", "errors", "find_record", "follow", "frequency_curve", "gradient", "joint_families",
     "link_matrix", "load_scene", "numbers", "optimise", "polygon", "prepare", "read_result", "rectangle", "save_scene",
-    "solve",
-    "state_space", "sweep", "train", "tube", "units", "wire",
+    "solve", "state_space", "sweep", "tolerance", "train", "tube", "units", "wire",
 ]  # fmt: skip
 
 if TYPE_CHECKING:
@@ -70,6 +70,7 @@ if TYPE_CHECKING:
     from ksd.design.optimise import Optimum, optimise
     from ksd.design.state_space import state_space
     from ksd.design.sweep import sweep
+    from ksd.design.tolerance import Tolerance, tolerance
     from ksd.library import Parameter, Record, find_record, read_result
     from ksd.modal.choices import ModalBasis
     from ksd.model.compile import Model, compile_scene

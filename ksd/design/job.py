@@ -10,6 +10,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
+from copy import copy
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, Literal, NamedTuple
@@ -477,6 +478,15 @@ class Job(Shown):
             found += [(v - a.low) / (abs(a.low) or 1.0)] if np.isfinite(a.low) else []
             found += [(a.high - v) / (abs(a.high) or 1.0)] if np.isfinite(a.high) else []
         return np.array(found)
+
+    def moved(self, by: Array) -> Job:
+        """The same job with the limits of its answers moved in by (answers,), in the units of their columns."""
+        found = copy(self)
+        pairs = zip(self.answers, by.tolist(), strict=True)
+        found.__dict__["answers"] = tuple(
+            replace(a, low=a.low + own, high=a.high - own) if a.role == "limit" else a for a, own in pairs
+        )
+        return found
 
     @cached_property
     def fingerprint(self) -> str:

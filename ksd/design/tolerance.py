@@ -1,0 +1,142 @@
+"""`ksd.tolerance`: how a design made with tolerances answers, to first order by its slopes and by samples."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from concurrent.futures import Executor
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ksd.design.job import Job, Log
+from ksd.design.table import OK, Table
+from ksd.errors import KsdError, SceneError
+from ksd.properties.words import Shown, listed
+from ksd.properties.words import number as told
+from ksd.section.checks import nearest, number, show, whole
+
+Array = np.ndarray
+TOLD = 12
+"""Answers that are printed: those nearest to their limits, in standard deviations, and the worst targets."""
+
+
+@dataclass(frozen=True, repr=False, eq=False)
+class Tolerance(Shown):
+    """Answers of a design whose parameters scatter independently, normally, by `spread` (standard deviations, SI).
+
+    names: of the answers; nominal, first_order, sampled (answers,): values, and standard deviations to first order and of
+    the samples. blame (answers, parameters): share of each parameter in the first-order variance. kept: share of the
+    samples that hold every limit; merits (samples,): worst target over its scale, nan where a sample failed. table: all
+    samples.
+    """
+
+    names: tuple[str, ...]
+    spread: Mapping[str, float]
+    nominal: Array
+    first_order: Array
+    sampled: Array
+    blame: Array
+    kept: float
+    merits: Array
+    reach: Array
+    table: Table
+
+    def to_blame(self, name: str) -> dict[str, float]:
+        """Share of every parameter in the first-order variance of an answer, the largest first. SceneError for an
+        unknown name."""
+        if name not in self.names:
+            raise SceneError(f"there is no answer '{name}'{nearest(name, self.names)}")
+        shares = dict(zip(self.spread, self.blame[self.names.index(name)].tolist(), strict=True))
+        return dict(sorted(shares.items(), key=lambda pair: -pair[1]))
+
+    def _line(self) -> str:
+        merits = self.merits[np.isfinite(self.merits)]
+        worst = (
+            f", worst target {told(float(merits.mean()))} +- {told(float(merits.std()))}"
+            if len(merits)
+            else ""
+        )
+        return f"{100 * self.kept:.3g} % of {len(self.merits)} samples hold every limit{worst}"
+
+    def __str__(self) -> str:
+        rows = []
+        for k in np.argsort(self.reach)[:TOLD].tolist():
+            name, share = next(iter(self.to_blame(self.names[k]).items()))
+            numbers = (self.nominal[k], self.first_order[k], self.sampled[k])
+            rows.append((self.names[k], *(told(float(v)) for v in numbers), f"{name} {100 * share:.0f} %"))
+        return listed(
+            ("answer", "nominal", "sd, first order", "sd, sampled", "<to blame"), rows, self._line()
+        )
+
+
+def tolerance(
+    job: Job,
+    design: Any,
+    *,
+    spread: Mapping[str, float],
+    samples: int = 1000,
+    seed: int = 0,
+    executor: Executor | None = None,
+    resume: str | os.PathLike[str] | None = None,
+    progress: bool = False,
+) -> Tolerance:
+    """How the answers of a job scatter with the parameters of a design; returns a `Tolerance`.
+
+    design: an optimum of `ksd.optimise`, or parameters by name or in order. spread: standard deviation of parameters by
+    name, SI; others are exact. samples: for the Monte Carlo by `seed`; they may leave bounds and rules, which are not what
+    is made. executor, resume, progress: as in `ksd.optimise`. Raises SceneError for wrong words, KsdError where the design
+    itself has no answers.
+    """
+    x, sd, count = *_given(job, design, spread), whole(samples, "samples", least=2)
+    log = Log(job, resume=resume, executor=executor, progress=progress)
+    nominal, slopes = log.slopes(x, by="tolerance")
+    parts = (slopes * sd) ** 2
+    first = np.sqrt(parts.sum(axis=1))
+    X = x + sd * np.random.default_rng(whole(seed, "seed", least=0)).normal(size=(count, len(x)))
+    values, status = log.batch(X, by="tolerance")
+    good = np.array([s == OK for s in status]) & np.isfinite(values).any(axis=1)
+    if not good.any():
+        raise KsdError(f"none of {count} samples could be solved; the first: {status[0]}")
+    kept = [ok and bool((job.margins(v) >= 0.0).all()) for ok, v in zip(good, values, strict=True)]
+    merits = np.array([job.merit(v) if ok else np.nan for ok, v in zip(good, values, strict=True)])
+    chosen = [k for k, name in enumerate(job.parameters) if name in spread]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        blame = np.where(first[:, None] > 0.0, parts / first[:, None] ** 2, 0.0)[:, chosen]
+    finite = np.where(np.isinf(values), np.nan, values)
+    return Tolerance(
+        job.names, {job.parameters[k]: float(sd[k]) for k in chosen}, nominal, first,
+        np.array([np.nanstd(v[good], ddof=1) if np.isfinite(v[good]).sum() > 1 else 0.0 for v in finite.T]), blame,
+        float(np.mean(kept)), merits, _reach(job, nominal, first), log.table(),
+    )  # fmt: skip
+
+
+def _given(job: Any, design: Any, spread: Any) -> tuple[Array, Array]:
+    """The design (P,) and standard deviations (P,); raises SceneError."""
+    if not isinstance(job, Job):
+        raise SceneError(f"{show(job)} is no job: make one with ksd.Job(...)")
+    if not isinstance(spread, Mapping) or not spread:
+        raise SceneError("spread: give standard deviations by parameter, such as spread={'thickness': 4e-6}")
+    for name, value in spread.items():
+        if name not in job.parameters:
+            raise SceneError(f"spread: '{name}' is not varied{nearest(name, job.parameters)}")
+        if number(value, f"spread: {name}") <= 0.0:
+            raise SceneError(f"spread: {name} = {show(value)}: a standard deviation must be positive")
+    at = getattr(design, "design", design)
+    return job.point(at), np.array([float(spread.get(n, 0.0)) for n in job.parameters])
+
+
+def _reach(job: Job, nominal: Array, sd: Array) -> Array:
+    """(answers,): standard deviations to the nearest limit; of targets how far their worst case is from the merit."""
+    found = np.full(len(nominal), np.inf)
+    merit = job.merit(nominal)
+    for k, (a, v, s) in enumerate(zip(job.answers, nominal.tolist(), sd.tolist(), strict=True)):
+        if s > 0.0 and np.isfinite(v):
+            gap = (
+                min(v - a.low, a.high - v)
+                if a.role == "limit"
+                else abs(abs(v) / a.scale - abs(merit)) * a.scale
+            )
+            found[k] = gap / s
+    return found

@@ -1,0 +1,63 @@
+"""Tolerances: first order against samples, the yield of the optimum of the specification, and limits moved in."""
+
+import numpy as np
+import pytest
+from test_job import BEST, job
+
+import ksd
+from ksd.design.job import Log
+from ksd.units import deg
+
+SPREAD = {"length": 20e-6, "inner": 20e-6, "outer": 20e-6, "angle": 0.1 * deg, "thickness": 4e-6}
+
+
+@pytest.fixture(scope="module")
+def made():
+    return ksd.tolerance(job(turn=[0.5235987755982988]), BEST, spread=SPREAD, samples=120, seed=3)
+
+
+def test_samples_scatter_as_to_first_order_and_half_of_them_hold_the_limit(made):
+    # four standard errors of a standard deviation and of a share
+    assert made.sampled == pytest.approx(made.first_order, rel=4 / np.sqrt(2 * 120) + 0.05)
+    assert made.kept == pytest.approx(0.48, abs=4 * np.sqrt(0.25 / 120)) and len(made.table) == 121
+    assert np.nanmean(made.merits) == pytest.approx(0.5036, abs=4 * np.nanstd(made.merits) / np.sqrt(120))
+    blame = made.to_blame("stress_MPa[hinge/inner]")
+    assert next(iter(blame)) == "thickness" and sum(blame.values()) == pytest.approx(1.0)
+    assert "hold every limit" in str(made) and "thickness 99 %" in str(made)
+
+
+def test_standard_deviations_are_those_of_slopes(made):
+    one = job(turn=[0.5235987755982988])
+    x = one.point(BEST)
+    k = one.names.index("turn_moment_Nm")
+    found = 0.0
+    for i, name in enumerate(one.parameters):
+        step = 0.1 * SPREAD[name] * (np.arange(5) == i)
+        pair = one.batch([x + step, x - step]).values[:, k]
+        found += (5.0 * (pair[0] - pair[1])) ** 2
+    assert made.first_order[k] == pytest.approx(np.sqrt(found), rel=1e-5)
+
+
+def test_limits_are_moved_in_on_both_sides():
+    one = job(turn=[0.5])
+    by = np.arange(1.0, len(one.answers) + 1)
+    moved = one.moved(by)
+    for a, b, own in zip(one.answers, moved.answers, by, strict=True):
+        assert (b.low, b.high) == ((a.low + own, a.high - own) if a.role == "limit" else (a.low, a.high))
+    values = one.values(one.point(BEST))
+    assert (moved.margins(values) < one.margins(values)).all()
+
+
+def test_wrong_words_of_tolerance():
+    one = job(turn=[0.5])
+    for words, sentence in (
+        ({"spread": {"thick": 1e-6}}, "'thick' is not varied"),
+        ({"spread": {}}, "give standard deviations"),
+        ({"spread": {"thickness": 0.0}}, "must be positive"),
+        ({"spread": SPREAD, "samples": 1}, "samples = 1"),
+        ({"spread": SPREAD, "design": {**BEST, "angle": 2.0}}, "lies outside"),
+    ):
+        with pytest.raises(ksd.SceneError, match=sentence):
+            ksd.tolerance(one, words.pop("design", BEST), **words)
+    with pytest.raises(ksd.SceneError, match="is no job"):
+        ksd.tolerance(Log, BEST, spread=SPREAD)
