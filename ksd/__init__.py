@@ -39,6 +39,7 @@ _HOMES = {
     "ksd.solve.solver": ("Solver", "prepare"),
     "ksd.solve.configuration": ("Configuration",),
     "ksd.solve.path": ("Path", "follow"),
+    "ksd.solve.required": ("RequiredLoads", "required_loads"),
     "ksd.properties.doctor": ("doctor",),
     "ksd.train.designs": ("Design",),
     "ksd.design": ("Batch", "SweepInterrupted", "Table", "batch", "frequency_curve", "state_space", "sweep"),
@@ -51,15 +52,16 @@ _HOMES = {
 _HOME = {name: home for home, names in _HOMES.items() for name in names}
 __all__ = [
     "Arc", "ArcHinge", "BalancedCrossedPivot", "Batch", "Butterfly", "Cartwheel", "CircularNotch",
-    "CircularNotchHinge", "Configuration", "ConvergenceError", "CrossFlexure", "CrossedPivot", "Design",
-    "DrawnJoint", "FilletedNotch", "FilletedNotchHinge", "FoldedLeaf", "FreeCurve", "Gradient", "InfinityHinge", "Job",
-    "Joint", "KinematicsError", "KsdError", "Leaf", "LinkMatrix", "Material", "Mechanism", "Mesh", "ModalBasis", "Model",
-    "Motion", "Optimum", "ParallelGuide", "Parameter", "Path", "RangeError", "Record", "RecordError", "Scene",
-    "SceneError", "Section", "Solver", "StiffenedGuide", "StiffenedMiddle", "SweepInterrupted", "Table", "Taper",
-    "Tolerance", "TripleInfinityHinge", "TrustError", "UniversalJoint", "Varying", "WireFlexure", "batch", "circle",
-    "compile_scene", "doctor", "errors", "find_record", "follow", "frequency_curve", "gradient", "joint_families",
-    "link_matrix", "load_scene", "numbers", "optimise", "polygon", "prepare", "read_result", "rectangle", "save_scene",
-    "solve", "state_space", "sweep", "tolerance", "train", "tube", "units", "wire",
+    "CircularNotchHinge", "Configuration", "ConvergenceError", "CrossFlexure", "CrossedPivot", "Design", "DrawnJoint",
+    "FilletedNotch", "FilletedNotchHinge", "FoldedLeaf", "FreeCurve", "Gradient", "InfinityHinge", "Job", "Joint",
+    "KinematicsError", "KsdError", "Leaf", "LinkMatrix", "Material", "Mechanism", "Mesh", "ModalBasis", "Model",
+    "Motion", "Optimum", "ParallelGuide", "Parameter", "Path", "RangeError", "Record", "RecordError", "RequiredLoads",
+    "Scene", "SceneError", "Section", "Solver", "StiffenedGuide", "StiffenedMiddle", "SweepInterrupted", "Table",
+    "Taper", "Tolerance", "TripleInfinityHinge", "TrustError", "UniversalJoint", "Varying", "WireFlexure", "batch",
+    "circle", "compile_scene", "doctor", "errors", "find_record", "follow", "frequency_curve", "gradient",
+    "joint_families", "link_matrix", "load_scene", "numbers", "optimise", "polygon", "prepare", "read_result",
+    "rectangle", "required_loads", "save_scene", "solve", "state_space", "sweep", "tolerance", "train", "tube",
+    "units", "wire",
 ]  # fmt: skip
 
 if TYPE_CHECKING:
@@ -115,6 +117,7 @@ if TYPE_CHECKING:
     from ksd.section import Section, circle, numbers, polygon, rectangle, tube
     from ksd.solve.configuration import Configuration
     from ksd.solve.path import Path, follow
+    from ksd.solve.required import RequiredLoads, required_loads
     from ksd.solve.solver import Solver, prepare, solve
     from ksd.train import train
     from ksd.train.designs import Design

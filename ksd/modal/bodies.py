@@ -16,6 +16,7 @@ from ksd.modal.basis import LeafBasis, LeafShape, chain_records, make_basis, res
 from ksd.modal.choices import ModalBasis
 from ksd.model.arrays import COROTATIONAL, Motion
 from ksd.model.compile import Model, compile_given, marked
+from ksd.model.constant import bent_leaves, is_constant
 from ksd.model.mesh import Mesh, MixedMesh
 from ksd.model.reduced import inner_state, member_pose, same_state, with_bodies
 
@@ -121,12 +122,15 @@ def _body(
 
 
 def inside(model: Model, motion: Motion) -> tuple[Model, Motion]:
-    """Model and state with the chains that modal bodies reduce, at the nodes they have; a model without such as it is.
+    """Model and state with the chains that modal bodies reduce, at the nodes they have, and with leaf springs of constant
+    stiffness as they bend at their end poses; a model without such as it is.
 
     Stresses are zero, which plain Newton does not need.
     """
     if model.full is None:
         return model, motion
+    if is_constant(model):
+        return model.full, bent_leaves(model, motion)
     state = same_state(model, motion, model.full)
     for i, name in enumerate(model.member_names):
         body = model.bodies.get(name)

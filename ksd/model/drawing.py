@@ -28,6 +28,7 @@ from ksd.model.leaves import (
 from ksd.model.mesh import Mesh
 from ksd.model.pack import Member
 from ksd.model.springs import matrix_member, spring_members
+from ksd.scene.hinges import PLANES, plane_holds
 from ksd.scene.leaf import Condition
 
 LEAF = 21
@@ -290,11 +291,15 @@ def _loads(scene: Any, index: dict[str, int]) -> tuple[tuple[Any, ...], list[flo
     """Words and numbers of the loads on links that move; gravity acts at the centre of every mass the scene names."""
     words: list[tuple[int, bool, bool]] = []
     numbers: list[float] = []
+    # a link that only turns about the normal of its plane stores what a moment about it does
+    flat = {t.link for s in plane_holds(scene) for t in s.terms}
+    across = [k for k in range(3) if scene.plane is None or k != PLANES[scene.plane]]
     for load in scene.loads:
         node = index[load.link]
         if node:
             following = bool(load.following)
-            words.append((node, following, following or any(load.moment)))
+            out = load.link not in flat or any(load.moment[k] for k in across)
+            words.append((node, following, following or (out and any(load.moment))))
             numbers += (*load.at, *load.force, *load.moment)
     for mass in scene.masses if scene.gravity is not None else ():
         node = index[mass.link]

@@ -219,9 +219,11 @@ def _leaving_member(model: Model, k: np.ndarray) -> str:
     e3, kind = members.frame[..., 2], members.kind
     off = e3 - (e3 @ k)[..., None] * k
     tilt = np.sqrt((off * off).sum(axis=-1))
-    leaves = (kind == LINEAR) | (kind == MODAL) | (kind == SOLID) | (tilt > PARALLEL).any(axis=1)
+    linear = np.flatnonzero(kind == LINEAR)
+    leaves = (kind == MODAL) | (kind == SOLID) | (tilt > PARALLEL).any(axis=1)
+    leaves[linear] |= np.array([_couples(model.rest.inner[members.inner_at[i] :]) for i in linear], bool)
     # undeformed amplitudes of zero are those of a straight leaf
-    if not leaves.any() and (model.rest.inner.any() or (kind != STRAIN).any()):
+    if not leaves.any() and (model.rest.inner.any() or (kind != STRAIN).any()) and not len(linear):
         # those of one group have the same constants
         group, first = np.unique(members.value_at, return_index=True)
         bent = [at for at, i in zip(group, first, strict=True) if not _straight_across(members, int(i))]
@@ -231,7 +233,7 @@ def _leaving_member(model: Model, k: np.ndarray) -> str:
     i = int(np.argmax(leaves))
     name = model.member_names[i]
     if members.kind[i] == LINEAR:
-        return f"'{name}' is a condensed joint, which has no planar form"
+        return f"'{name}' couples motions in the plane with motions across it"
     if members.kind[i] in (MODAL, SOLID):
         return f"'{name}' is a reduced body, which has no planar form"
     for axis, off in zip(e3[i], tilt[i], strict=True):

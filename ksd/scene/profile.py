@@ -238,6 +238,21 @@ class Arc(Curve):
         """Distance between its ends [m]."""
         return 2 * self.radius * abs(math.sin(self.angle / 2))
 
+    def compliance(self, EI: float, EA: float = math.inf, GA: float = math.inf) -> np.ndarray:
+        """Motion (x, y, turn) of the end of the arc per force (x, y) and moment there, (3, 3), clamped at its start.
+
+        In the frame at that end: x along the tangent away from the arc, y to the centre. EI [N m^2]; EA and GA (with its
+        shear correction) [N], without stretch and shear where left out. Source: Castigliano; paper 3 has it for EI alone.
+        """
+        r, a = self.radius, abs(self.angle)
+        s, c = math.sin(a), math.cos(a)
+        along, across = 0.5 * r * (a + s * c), 0.5 * r * (a - s * c)
+        xx, yy = r**3 * (1.5 * a - 2 * s + 0.5 * s * c) / EI, r**3 * across / r / EI
+        xy = r**3 * (1 - c - 0.5 * s * s) / EI + 0.5 * r * s * s * (1 / GA - 1 / EA)
+        xm, ym = r * r * (a - s) / EI, r * r * (1 - c) / EI
+        xx, yy = xx + along / EA + across / GA, yy + across / EA + along / GA
+        return np.array([[xx, xy, xm], [xy, yy, ym], [xm, ym, r * a / EI]])
+
 
 @dataclass(frozen=True)
 class FreeCurve(Curve):

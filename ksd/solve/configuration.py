@@ -59,9 +59,9 @@ class Configuration:
     """A deformed configuration: the model, its state, and the record of the solve that found it.
 
     motion: state of the full model (positions m, rotation matrices, inner states, multipliers). method: kinematic,
-    reduced, full, conventional or modal. targets: drive values by name [m or rad]. steps: those of the solve, in order.
-    joint_motions: those of `motions` and `unintended`, or who reads them from the state when they are first asked for;
-    None where the records of the joints are not known. method_error:
+    reduced, full, conventional, modal or constant. targets: drive values by name [m or rad]. steps: those of the solve, in
+    order. joint_motions: those of `motions` and `unintended`, or who reads them from the state when they are first asked
+    for; None where the records of the joints are not known. method_error:
     estimate of what the fast methods add to the error of the mesh, made with the solve; None where the method is exact
     (see `error`). negatives: negative pivots at the end, expected: those the constraint rows explain. doubts: what
     speaks against the branch and was not cleared up by smaller steps. notes: what the solve itself warns of, part of
@@ -267,7 +267,7 @@ class Configuration:
         itself, the equilibrium next to it. Raises ConvergenceError where that is not found."""
         return settled(self) if self.chosen and self.method in FAST else self.motion
 
-    @property
+    @cached_property
     def insides(self) -> tuple[Model, Motion]:
         """Model and state with every leaf's own insides: those of the configuration, or, of modal bodies, the chains they
         reduce at the nodes they have."""

@@ -6,6 +6,7 @@ import threading
 from collections import OrderedDict
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
+from functools import cached_property
 from inspect import signature
 from typing import Any, Literal
 
@@ -16,6 +17,7 @@ from ksd.library.files import record_in_use
 from ksd.modal.choices import ModalBasis
 from ksd.modal.solid_basis import SolidBasis
 from ksd.model.compile import Model, compile_scene
+from ksd.model.constant import with_constant_leaves
 from ksd.model.mesh import Mesh
 from ksd.model.orders import mesh_for, raised
 from ksd.model.plane import Plane, plane_of
@@ -26,6 +28,7 @@ from ksd.solve.configuration import Configuration
 from ksd.solve.conventional import bare, by_load_steps, conventional
 from ksd.solve.estimate import relative_error
 from ksd.solve.five import FiveSteps
+from ksd.solve.full_bodies import indicator
 from ksd.solve.pipeline import Bench, JointReader
 from ksd.solve.plates import settled
 from ksd.solve.reduced_bodies import ReducedBodies, by_steps, has_solids, judged
@@ -40,8 +43,8 @@ from ksd.solve.verdict import (
 
 Basis = ModalBasis | Mapping[str, ModalBasis | SolidBasis]
 """The basis of modal bodies: one for all leaf springs, or several by the name of a joint, leaf or solid."""
-Method = Literal["kinematic", "reduced", "full", "conventional", "modal"]
-METHODS = ("kinematic", "reduced", "full", "conventional", "modal")
+Method = Literal["kinematic", "reduced", "full", "conventional", "modal", "constant"]
+METHODS = ("kinematic", "reduced", "full", "conventional", "modal", "constant")
 DEFAULT_ACCURACY = 1e-3
 DEFAULT_MESH = Mesh()
 MOST_RISES = 5
@@ -98,7 +101,8 @@ def solve(
 ) -> Configuration:
     """Solve one configuration of a mechanism at drive values given by name [m or rad].
 
-    method: "kinematic", "reduced", "full", "conventional" or "modal" (leaf springs as modal bodies; `basis`: a
+    method: "kinematic", "reduced", "full", "conventional", "constant" (leaf springs of constant stiffness, that at rest:
+    `ksd.model.constant`) or "modal" (leaf springs as modal bodies; `basis`: a
     `ksd.ModalBasis` for all, or several by joint or leaf, {"hinge": ksd.ModalBasis()}: then joints not named are condensed
     as in "reduced", and other leaf springs computed in full; or reduced solids by leaf, {"spring": reduce_solid(...)}, see
     `ksd.modal.solid_basis`: by "modal" beside condensed joints, without a method beside leaves in full); without one, the
@@ -265,6 +269,9 @@ class Solver:
     ) -> Configuration:
         """The answer as it is, whether the mesh resolves it or not, trusted or not."""
         with self._turn:
+            if method == "constant":
+                _check_words(method, relinearisations)
+                return self._by_constant_leaves(values, estimate)
             if self._has_bodies():
                 _check_words(method, relinearisations)
                 return self._of_bodies(values, method, relinearisations, estimate)
@@ -284,6 +291,22 @@ class Solver:
                 # the distance to the exact state is the error, no longer an estimate of it
                 error = relative_error(found.model, found.motion, other.motion)
             return replace(found, doubts=(*found.doubts, *filter(None, [against])), method_error=error)
+
+    @cached_property
+    def constant(self) -> tuple[Model, Storage]:
+        """The model with leaf springs of constant stiffness, and what its solves write into."""
+        model = with_constant_leaves(self.model)
+        return model, Storage(model)
+
+    def _by_constant_leaves(self, values: Mapping[str, float], estimate: bool) -> Configuration:
+        """The mechanism with leaf springs of constant stiffness; its error by corrector steps of the full model."""
+        model, storage = self.constant
+        found = by_load_steps(model, values, storage=storage, planar=self.in_plane, joints=self._joints)
+        found = replace(found, method="constant")
+        if not estimate:
+            return found
+        error, step = indicator(model, found.motion, model.targets(found.targets), found.load_factor)
+        return replace(found, method_error=error, steps=(*found.steps[:-1], step, found.steps[-1]))
 
     def _has_bodies(self) -> bool:
         """Whether reduced bodies are part of the mechanism, whatever the method."""

@@ -71,7 +71,7 @@ class Step(NamedTuple):
         )
 
 
-FAST = ("kinematic", "reduced", "modal")
+FAST = ("kinematic", "reduced", "modal", "constant")
 """Methods whose states are not equilibria of the full model."""
 
 

@@ -17,6 +17,7 @@ from ksd.modal.bodies import with_modal_bodies
 from ksd.modal.solid_basis import SolidBasis, with_solids
 from ksd.model.arrays import Motion
 from ksd.model.compile import Model, compile_given
+from ksd.model.constant import is_constant
 from ksd.model.reduced import inner_state, member_pose
 from ksd.properties.shape import scene_leaves
 from ksd.scene.mechanism import Mechanism
@@ -125,7 +126,7 @@ def validity(model: Model, *, leaf: str | None = None, error: float = 0.01) -> V
     Raises SceneError for an unknown leaf, and for bases expanded at a trained state: their range is about that state.
     """
     bodies = model.bodies
-    if not bodies:
+    if not bodies or is_constant(model):
         raise SceneError("a validity range belongs to modal bodies; solve with method='modal'")
     name = leaf or next((n for n, body in bodies.items() if not body.trained), next(iter(bodies)))
     if name not in bodies:
@@ -167,7 +168,7 @@ class Carried:
 
 def carried(model: Model, motion: Motion) -> Carried | None:
     """What an answer of reduced bodies says of its bases; None where there are none."""
-    if not model.bodies:
+    if not model.bodies or is_constant(model):
         return None
     name, stroke, turn = furthest(model, motion)
     body = model.bodies[name]

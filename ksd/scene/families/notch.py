@@ -176,7 +176,9 @@ class ArcHinge(Family):
     def __post_init__(self) -> None:
         check_lengths(self, "radius", "thickness", "width")
         unit = math.radians(1)
-        angle = between(self.angle, "angle", 0.0, 1.5 * math.pi, owner="ArcHinge", unit="deg", scale=unit)
+        # 270 degrees themselves are allowed
+        most = 1.5 * math.pi * (1 + 1e-12)
+        angle = between(self.angle, "angle", 0.0, most, owner="ArcHinge", unit="deg", scale=unit)
         object.__setattr__(self, "angle", angle)
         if self.thickness >= 0.5 * self.radius:
             raise SceneError(

@@ -1,0 +1,237 @@
+"""The inverse problem: which loads hold the links of a mechanism in wanted poses, and which of it its actuators can give.
+
+With all poses given every leaf is a wrench that can be evaluated, without iteration where its stiffness is constant; what is
+missing to equilibrium on a link is the load it needs. Fewer actuators than motions give it in the least-squares sense.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ksd.errors import SceneError
+from ksd.model.arrays import Motion, Work, make_work
+from ksd.model.compile import Model
+from ksd.model.mesh import Mesh
+from ksd.model.newton import assemble, assemble_nodes
+from ksd.model.plane import Plane, plane_of
+from ksd.numerics.rotations import rotation_exp, rotation_log
+from ksd.properties.words import Shown, listed, number
+from ksd.scene.contents import Scene
+from ksd.scene.drive import GROUND, Drive, DriveTerm
+from ksd.scene.hinges import normal_of
+from ksd.scene.links import Link, spoken
+from ksd.scene.mechanism import Mechanism
+from ksd.section.checks import nearest, show
+from ksd.section.checks import number as checked
+from ksd.solve.solver import Solver, prepare
+
+Array = NDArray[np.float64]
+Wanted = dict[int, tuple[Array, Array]]
+"""Place (3,) [m] of the reference point and rotation (3, 3) by node."""
+STRETCH = 1.05
+"""Chord of a leaf over its length from which on no leaf can take it."""
+BALANCED = 1e-6
+"""Share of the largest that a link needs below which what is left over is that of Newton's method."""
+
+
+@dataclass(frozen=True, repr=False)
+class RequiredLoads(Shown):
+    """What holds a mechanism in wanted poses, global axes.
+
+    loads: force and moment (6,) [N, Nm] that every link needs beside the loads of the scene, about its reference point;
+    forces: of them the drives give, [N or Nm] by name; reactions: and the supports; unbalanced: force and moment (6,) on
+    every link that neither can give, zero where there are enough drives; points: where the reference points of the links are
+    now (3,) [m]. size [m]: what moments are divided by to be compared with forces.
+    """
+
+    loads: dict[str, Array]
+    forces: dict[str, float]
+    reactions: dict[str, float]
+    unbalanced: dict[str, Array]
+    points: dict[str, Array]
+    size: float
+
+    @property
+    def balanced(self) -> bool:
+        """Whether the drives hold the poses, nothing being left over."""
+        return not any(w.any() for w in self.unbalanced.values())
+
+    def _amount(self, wrench: Array) -> float:
+        return float(max(np.linalg.norm(wrench[:3]), np.linalg.norm(wrench[3:]) / self.size))
+
+    def _line(self) -> str:
+        said = ", ".join(f"{n} {number(v)}" for n, v in self.forces.items()) or "no drives"
+        return f"{said}; {'balanced' if self.balanced else 'not balanced by them'} [N, Nm]"
+
+    def __str__(self) -> str:
+        columns = (*(f"F{a} [N]" for a in "xyz"), *(f"M{a} [Nm]" for a in "xyz"))
+        most = max((self._amount(w) for w in self.loads.values()), default=0.0)
+        rows = [
+            (what, n, *(number(float(v), 4, zero=1e-9 * most) for v in wrench))
+            for n in self.loads
+            for what, wrench in (("needs", self.loads[n]), ("unbalanced", self.unbalanced[n]))
+        ]
+        said = f"Required loads, about the reference points; drives: {self._line()}"
+        return listed(("", "<link", *columns), rows, said)
+
+
+def required_loads(
+    mechanism: Mechanism | Scene | Solver,
+    poses: Mapping[str, Any],
+    *,
+    method: Literal["constant", "conventional"] | None = None,
+    mesh: Mesh | None = None,
+) -> RequiredLoads:
+    """The loads, and of them the drive forces, that hold links in wanted poses.
+
+    poses: by link, (displacement (3,) [m], rotation) of its reference point, as `pose.links` gives them, or
+    (displacement, rotation, at) of the point that is at `at` (3,) [m] at rest; rotation: matrix (3, 3), rotation vector (3,)
+    [rad], or in a mechanism with a plane the angle [rad]. Links without a pose find their own, without actuation. method:
+    "constant" takes leaf springs of constant stiffness, one evaluation where all poses are given; without it they are exact.
+    The drives of the scene are the actuators: their forces, and those of the supports, balance the rest in the least-squares
+    sense, moments over the size of the mechanism. Raises SceneError for poses that no leaf can take.
+    """
+    if method not in (None, "constant", "conventional"):
+        raise SceneError(f"method = {show(method)}: give 'constant', or nothing for exact leaf springs")
+    solver = mechanism if isinstance(mechanism, Solver) else prepare(mechanism, mesh=mesh)
+    model = solver.constant[0] if method == "constant" else solver.model
+    wanted = _wanted(model, poses)
+    _check_lengths(model, wanted)
+    if method == "constant" and len(wanted) == len(model.node_names) - 1:
+        state = model.rest.copy()
+        state.multiplier[:] = 0.0
+        for i, (x, R) in wanted.items():
+            state.x[i], state.R[i] = x, R
+    else:
+        state = _held(solver, model, wanted, method)
+    return _balance(model, state)
+
+
+def _wanted(model: Model, poses: Mapping[str, Any]) -> Wanted:
+    """Place (3,) of the reference point and rotation (3, 3) of every link with a pose, by its node."""
+    if not isinstance(poses, Mapping):
+        raise SceneError(f"poses = {show(poses)}: give (displacement, rotation) by link, as in pose.links")
+    found, links = {}, model.scene.links
+    for link, said in poses.items():
+        name = spoken(link) if isinstance(link, Link) else link
+        if name not in links:
+            raise SceneError(f"poses: link {show(name)} does not exist{nearest(name, links)}")
+        if name == GROUND:
+            continue
+        try:
+            displacement, rotation, *at = said
+            i, shift = links.index(name), np.asarray(displacement, float).reshape(3)
+            R = _rotation(model, rotation)
+            rest = model.rest.x[i]
+            point = np.asarray(at[0], float).reshape(3) if at else rest
+        except (TypeError, ValueError):
+            raise SceneError(
+                f"poses: {show(name)}: {show(said)} must be (displacement (3,), rotation), or (displacement, rotation, at)."
+            ) from None
+        found[i] = point + shift + R @ (rest - point), R
+    return found
+
+
+def _rotation(model: Model, said: Any) -> Array:
+    """Matrix (3, 3) of a rotation matrix, a rotation vector, or an angle in the plane."""
+    given = np.asarray(said, float)
+    if given.shape == (3, 3):
+        return given
+    if given.shape == () and model.scene.plane is not None:
+        given = float(given) * np.asarray(normal_of(model.scene.plane))
+    R = np.empty((3, 3))
+    rotation_exp(given.reshape(3), R)
+    return R
+
+
+def _check_lengths(model: Model, wanted: Wanted) -> None:
+    """SceneError for ends of a leaf further apart than it is long."""
+    members, known = model.arrays.members, np.isin(np.arange(len(model.node_names)), [0, *wanted])
+    x, R = model.rest.x.copy(), model.rest.R.copy()
+    for i, pose in wanted.items():
+        x[i], R[i] = pose
+    ends = x[members.node] + (R[members.node] @ members.offset[..., None])[..., 0]
+    apart = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
+    beyond = known[members.node].all(axis=1) & (apart > STRETCH * members.length)
+    if beyond.any():
+        i = int(np.argmax(beyond))
+        raise SceneError(
+            f"poses: the ends of leaf '{model.member_names[i]}' would be {1e3 * apart[i]:.4g} mm apart, but it is "
+            f"{1e3 * members.length[i]:.4g} mm long; bring them within that."
+        )
+
+
+def _held(solver: Solver, model: Model, wanted: Wanted, method: Any) -> Motion:
+    """The state of a model with these links held in their poses, equilibrium everywhere else; multipliers zero."""
+    scene, found = model.said or model.scene, plane_of(model)
+    axis = found.axis if isinstance(found, Plane) else None
+    names = {model.node_names[i] for i in wanted} | {GROUND}
+    drives, targets, turn = [], {}, np.empty(3)
+    for i, (x, R) in wanted.items():
+        link, rest = model.node_names[i], tuple(model.rest.x[i].tolist())
+        rotation_log(R, turn)
+        for kind, values in (("translation", x - model.rest.x[i]), ("rotation", turn)):
+            for k, value in enumerate(values.tolist()):
+                if axis is not None and (k == axis) != (kind == "rotation"):
+                    continue
+                name = f"{link}: {'r' * (kind == 'rotation')}{'xyz'[k]}"
+                way = tuple(np.eye(3)[k].tolist())
+                drives.append(Drive(name, (DriveTerm(1.0, kind, GROUND, link, way, rest),)))
+                targets[name] = checked(value, f"pose of '{link}'")
+    free = tuple(s for s in scene.supports if {n for t in s.terms for n in (t.base, t.link)} - names)
+    hinges = tuple(h for h in scene.hinges if {h.a, h.b} - names)
+    held = replace(scene, drives=tuple(drives), supports=free, hinges=hinges)
+    pose = Solver(held, mesh=model.mesh, planar=solver.planar)(
+        targets, method=method or "conventional", estimate=False, strict=False
+    )
+    state = model.rest.copy()
+    state.x[:], state.R[:], state.inner[:] = pose.motion.x, pose.motion.R, pose.motion.inner
+    state.multiplier[:] = 0.0
+    return state
+
+
+def _balance(model: Model, state: Motion) -> RequiredLoads:
+    """What the links need at a state, and how drives and supports share it."""
+    arrays, links = model.arrays, model.links
+    names, count = model.scene.links[1:], len(model.drive_names)
+    supports = (model.said or model.scene).supports
+    work: Work | None = model.derived.get("required")
+    if work is None:
+        work = model.derived["required"] = make_work(arrays)
+    # what holds a mechanism in its plane does nothing in it
+    rows = count + len(supports)
+    at = arrays.start[1:links, None] + np.arange(6)
+    assemble(arrays, state, np.zeros(len(arrays.terms.start)), 1.0, work, 1e-8, 0, 10.0)
+    needed = work.rhs[at]
+    share = np.tile([1.0, 1.0, 1.0, *[1.0 / arrays.size] * 3], links - 1)
+    left = needed.ravel().copy()
+    forces = np.zeros(rows)
+    if rows:
+        assemble_nodes(arrays, state, 1.0, work)
+        alone = work.rhs[at].ravel()
+        ways = np.empty((len(alone), rows))
+        for k in range(rows):
+            state.multiplier[k] = -1.0
+            assemble_nodes(arrays, state, 1.0, work)
+            ways[:, k] = work.rhs[at].ravel() - alone
+            state.multiplier[k] = 0.0
+        forces = np.linalg.lstsq(share[:, None] * ways, -share * left, rcond=1e-10)[0]
+        left += ways @ forces
+    noise = BALANCED * np.abs(share * needed.ravel()).max()
+    left[np.abs(share * left) <= noise] = 0.0
+    return RequiredLoads(
+        dict(zip(names, needed, strict=True)),
+        dict(zip(model.drive_names, forces.tolist(), strict=False)),
+        {s.name: f for s, f in zip(supports, forces[count:].tolist(), strict=False)},
+        dict(zip(names, left.reshape(-1, 6), strict=True)),
+        {name: state.x[i + 1].copy() for i, name in enumerate(names)},
+        float(arrays.size),
+    )
+
+
+__all__ = ["RequiredLoads", "required_loads"]

@@ -1,0 +1,265 @@
+"""The planar gripper of paper 3: constant flexure matrices, exact arcs, the inverse problem.
+
+The reference rows are independent: exact rods by shooting, and the corrected formulas of the constant flexure.
+"""
+
+import math
+from importlib import import_module, resources
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scenes import single_joint
+
+import ksd
+from ksd.errors import TrustError
+from ksd.model.arrays import make_work
+from ksd.model.constant import rest_stiffness
+from ksd.model.newton import assemble, take_step
+from ksd.model.plane import Plane, plane_of
+from ksd.properties.tangent import stored_matrix
+
+FINE = ksd.Mesh(orders=(3, 2, 16), points=20)
+
+
+@pytest.fixture
+def paper(monkeypatch):
+    """The benchmark script, which holds the linear balance and the formulas of both."""
+    monkeypatch.syspath_prepend(str(Path(__file__).resolve().parents[2] / "benchmarks"))
+    return import_module("paper3")
+
+
+def inextensible(section):
+    return ksd.numbers(
+        A=1e6 * section.A, J=section.J, Iy=section.Iy, Iz=section.Iz, width=section.width, thickness=section.thickness
+    )  # fmt: skip
+
+
+EXACT = [
+    ((2e-3, (0, 0)), False, (0.1332722, 0.1178808, -3.943817, -0.08363346)),
+    ((5e-3, (0, 0)), False, (0.3458773, 0.3017729, -9.994173, -0.8834103)),
+    ((5e-3, (0, 0)), True, (0.3457929, 0.3017756, -9.992201, -0.8857301)),
+    ((4e-3, (-0.05, 0.02)), False, (0.3645717, 0.3183357, -10.74770, -0.6105455)),
+]
+
+
+@pytest.mark.parametrize("loads, stiff, want", EXACT)
+def test_exact_arcs(paper, loads, stiff, want):
+    section = inextensible(paper.SECTION) if stiff else paper.SECTION
+    found = ksd.solve(paper.gripper(*loads, section=section), mesh=FINE)
+    # the smallest number is a difference of large ones
+    assert paper.answers(found)[:3] == pytest.approx(want[:3], rel=1e-6)
+    assert paper.answers(found)[3] == pytest.approx(want[3], rel=5e-6)
+
+
+def test_partial_and_linear_balance(paper):
+    section = inextensible(paper.SECTION)
+    partial, linear = (
+        (0.3593195, 0.3077203, -10.40541, -0.5206692),
+        (0.3529301, 0.3023480, -10.23457, -0.4779884),
+    )
+    found = ksd.solve(paper.gripper(5e-3, section=section), method="constant", mesh=FINE)
+    assert paper.answers(found) == pytest.approx(partial, rel=2e-6)
+    assert paper.told(paper.solved(5e-3, section=section, linear=False)) == pytest.approx(partial, rel=2e-6)
+    assert paper.told(paper.solved(5e-3, section=section, linear=True)) == pytest.approx(linear, rel=2e-6)
+    # with stretch and shear, by the closed form and by the leaf
+    found = ksd.solve(paper.gripper(4e-3, (-0.05, 0.02)), method="constant", mesh=FINE)
+    assert paper.answers(found) == pytest.approx(
+        paper.told(paper.solved(4e-3, (-0.05, 0.02), linear=False)), rel=1e-8
+    )
+
+
+def test_compliance_of_an_arc(paper):
+    """The closed form against the leaf at rest, stretch and shear in, turned from end B to end A; 1/EI alone as printed."""
+    leaf = ksd.Leaf(
+        start=(0, 0, 0), end=(2 * 4e-3 * math.sin(0.6), 0, 0), width_axis=(0, 0, 1), curve=ksd.Arc(4e-3, 1.2),
+        section=paper.SECTION, material=paper.PLASTIC,
+    )  # fmt: skip
+    E, G, section = paper.PLASTIC.E, paper.PLASTIC.G, paper.SECTION
+    words = E * section.Iz, E * section.A, section.ky * G * section.A
+    K = rest_stiffness(leaf, FINE)[np.ix_([0, 1, 5], [0, 1, 5])]
+    turn = np.eye(3)
+    turn[:2, :2] = paper.turned(1.2)
+    assert np.linalg.inv(turn.T @ K @ turn) == pytest.approx(
+        leaf.curve.compliance(*words), rel=1e-9, abs=1e-12
+    )
+    r, a = 4e-3, 1.2
+    s, c = math.sin(a), math.cos(a)
+    printed = [
+        [r**3 * (1.5 * a - 2 * s + s * c / 2), r**3 * (1 - c - s * s / 2), r**2 * (a - s)],
+        [r**3 * (1 - c - s * s / 2), r**3 * (a / 2 - s * c / 2), r**2 * (1 - c)],
+        [r**2 * (a - s), r**2 * (1 - c), r * a],
+    ]
+    assert ksd.Arc(r, a).compliance(2.0) == pytest.approx(np.array(printed) / 2.0, rel=1e-12)
+
+
+@pytest.mark.parametrize("linear", [False, True])
+def test_tangents_of_both_balances(paper, linear):
+    q = np.random.default_rng(3).uniform(-1, 1, 9) * np.tile([5e-3, 5e-3, 0.4], 3)
+    K, force, h = paper.arc_stiffness(), np.array([-0.05, 0.02]), 1e-6
+    _, H = paper.residual(q, K, 4e-3, force, linear=linear)
+    sides = [
+        [paper.residual(q + sign * h * e, K, 4e-3, force, linear=linear)[0] for sign in (1, -1)]
+        for e in np.eye(9)
+    ]
+    differences = np.array([(a - b) / (2 * h) for a, b in sides]).T
+    scale = np.sqrt(np.outer(np.abs(np.diag(H)), np.abs(np.diag(H))))
+    assert np.abs(H - differences).max() < 1e-7 * np.abs(H).max()
+    assert np.abs((H - differences) / scale).max() < 1e-6
+    lean = np.abs((H - H.T) / scale).max()
+    assert lean > 1e-3 if linear else lean < 1e-14
+
+
+def test_tangent_of_the_model(paper):
+    """Symmetric to rounding, and the derivative of the residual, at a bent state of leaf springs of constant stiffness."""
+    solver = ksd.prepare(paper.gripper(4e-3, (-0.05, 0.02)))
+    pose = solver(method="constant", estimate=False)
+    plane = plane_of(pose.model)
+    assert isinstance(plane, Plane)
+    arrays, nothing = plane.arrays, np.zeros(0)
+    rows = np.zeros(len(arrays.terms.start))
+    work = make_work(arrays)
+
+    def gradient(step):
+        state = pose.motion.copy()
+        assemble(arrays, state, rows, 1.0, work, 1e-8, 0, 10.0)
+        take_step(arrays, state, step, work, 1.0)
+        assemble(arrays, state, rows, 1.0, work, 1e-8, 0, 10.0)
+        return work.rhs.copy()
+
+    assert nothing.size == 0 and arrays.plan.unknowns == 9
+    gradient(np.zeros(9))
+    K = stored_matrix(arrays, work.value)
+    h = 1e-6
+    differences = np.array([(gradient(h * e) - gradient(-h * e)) / (2 * h) for e in np.eye(9)]).T
+    scale = np.sqrt(np.outer(np.diag(K), np.diag(K)))
+    assert np.abs(K - K.T).max() <= 1e-14 * np.abs(K).max()
+    assert np.abs((K - differences) / scale).max() < 1e-7
+
+
+def test_inverse_problem(paper):
+    section = inextensible(paper.SECTION)
+    found = ksd.solve(paper.gripper(driven=True, section=section), crank=math.radians(15), mesh=FINE)
+    assert found.forces["crank"] == pytest.approx(3.848441e-3, rel=1e-6)
+    assert paper.answers(found)[2] == pytest.approx(-7.647798, rel=1e-6)
+
+
+@pytest.mark.parametrize("degrees", [5, 15, -20])
+def test_error_of_the_constant_method_is_told(paper, degrees):
+    scene = paper.gripper(driven=True)
+    exact = ksd.solve(scene, crank=math.radians(degrees), mesh=FINE)
+    found = ksd.solve(scene, crank=math.radians(degrees), method="constant")
+    true = abs(found.forces["crank"] / exact.forces["crank"] - 1)
+    assert found.error.relative == pytest.approx(true, rel=0.1)
+    assert found.error.mesh < 1e-6
+    # stress is that of the leaf springs as they bend between these poses, which are a little off
+    assert found.stress().largest_Pa == pytest.approx(exact.stress().largest_Pa, rel=0.2)
+    assert "constant" in str(found) and found.trusted
+
+
+def shipped():
+    with resources.as_file(resources.files("ksd") / "scenes" / "gripper.toml") as file:
+        return ksd.load_scene(file)
+
+
+def test_the_gripper_scene(paper):
+    """The packaged scene is the gripper of the script."""
+    scene, targets, _ = shipped()
+    want = ksd.solve(paper.gripper(driven=True), crank=math.radians(15))
+    opening = paper.answers(want)[2]
+    assert opening == pytest.approx(-7.647509, rel=1e-5)
+    for method, near in (("constant", 5e-3), ("conventional", 1e-7)):
+        found = ksd.solve(scene, targets, method=method)
+        assert paper.answers(found)[2] == pytest.approx(opening, rel=near), method
+
+
+def test_an_arc_hinge_four_ways():
+    """One hinge with a record: the constant method is the linear one, the others see its stiffness change."""
+    stuff = ksd.Material(E=200e9, nu=0.3)
+    scene = single_joint(
+        ksd.ArcHinge(stuff, radius=0.02, angle=math.radians(100), thickness=3e-4, width=0.01)
+    )
+    scene.load("tip", force=(0, 0.2, 0), at=(0.03, 0, 0))
+    ways = ("constant", "reduced", "full", "conventional")
+    poses = {way: ksd.solve(scene, turn=0.2, method=way) for way in ways}
+    exact = poses["conventional"].forces["turn"]
+    for way, error in zip(ways, (0.02, 1e-3, 1e-8, 0.0), strict=True):
+        off = abs(poses[way].forces["turn"] / exact - 1)
+        assert off <= error
+        if way in ("constant", "reduced"):
+            assert poses[way].error.relative >= 0.5 * off
+
+
+def test_required_loads_give_the_loads_back(paper):
+    loads = 4e-3, (-0.05, 0.02)
+    for method in (None, "constant"):
+        pose = ksd.solve(paper.gripper(*loads), method=method, accuracy=None if method else 1e-6)
+        need = ksd.required_loads(paper.gripper(), pose.links, method=method)
+        at = pose.displacement("jaw", (*paper.JAW, 0)) + np.array([*paper.JAW, 0])
+        moment = np.cross(at - need.points["jaw"], (-0.05, 0.02, 0))
+        assert need.loads["crank"] == pytest.approx([0, 0, 0, 0, 0, 4e-3], abs=1e-8)
+        assert need.loads["jaw"] == pytest.approx([-0.05, 0.02, 0, *moment], abs=1e-8)
+        assert need.loads["rocker"] == pytest.approx(np.zeros(6), abs=1e-8)
+        assert not need.balanced and "unbalanced" in str(need)
+        # of the scene that has them already nothing more is needed
+        rest = ksd.required_loads(paper.gripper(*loads), pose.links, method=method).loads
+        assert np.abs(list(rest.values())).max() < 1e-8
+
+
+def test_fewer_actuators_than_poses(paper):
+    """The crank's drive gives its moment, the force on the jaw is left over; a pose the drive can hold is balanced."""
+    scene = paper.gripper(driven=True)
+    pose = ksd.solve(paper.gripper(4e-3, (-0.05, 0.02)), method="constant")
+    need = ksd.required_loads(scene, pose.links, method="constant")
+    assert need.forces["crank"] == pytest.approx(4e-3, rel=1e-6)
+    assert need.unbalanced["jaw"][:2] == pytest.approx((-0.05, 0.02), rel=1e-6)
+    assert not need.balanced
+    driven = ksd.solve(scene, crank=0.3)
+    alone = ksd.required_loads(scene, {"crank": driven.links["crank"]})
+    assert alone.balanced and alone.forces["crank"] == pytest.approx(driven.forces["crank"], rel=1e-6)
+    # a pose by angle and another point
+    shift = driven.displacement("crank", (0, 0.03, 0))
+    same = ksd.required_loads(scene, {"crank": (shift, 0.3, (0, 0.03, 0))})
+    assert same.forces["crank"] == pytest.approx(driven.forces["crank"], rel=1e-6)
+
+
+def test_actuators_are_shared_by_least_squares():
+    """A bar on two leaf springs, wanted 1 mm up and level, by one actuator beside its middle."""
+    scene = ksd.Mechanism("bar", plane="xy")
+    bar = scene.link("bar")
+    for x in (0.0, 0.1):
+        scene.leaf("ground", bar, start=(x, 0, 0), end=(x, 0.05, 0), section=ksd.rectangle(5e-4, 1e-2),
+                   material=ksd.Material(E=200e9, nu=0.3))  # fmt: skip
+    scene.actuate(bar, along="x", at=(0.05, 0.06, 0), name="push")
+    wanted = {"bar": ((1e-3, 0, 0), 0.0)}
+    need = ksd.required_loads(scene, wanted)
+    W, size = need.loads["bar"], need.size
+    arm = 0.06 - need.points["bar"][1]
+    # fx = F, moment about the reference point -arm F, in moments over the size
+    best = (W[0] - arm * W[5] / size**2) / (1 + (arm / size) ** 2)
+    assert need.forces["push"] == pytest.approx(best, rel=1e-9)
+    assert need.unbalanced["bar"] == pytest.approx(W - np.array([best, 0, 0, 0, 0, -arm * best]), abs=1e-9)
+
+
+def test_wrong_poses_are_refused(paper):
+    scene = paper.gripper(driven=True)
+    with pytest.raises(ksd.SceneError, match=r"leaf 'arc 0' would be .* apart, but it is 18.85 mm long"):
+        ksd.required_loads(scene, {"crank": ((0.03, 0, 0), 0.0)})
+    with pytest.raises(ksd.SceneError, match="crank"):
+        ksd.required_loads(scene, {"crnk": ((0, 0, 0), 0.0)})
+    with pytest.raises(ksd.SceneError, match="must be"):
+        ksd.required_loads(scene, {"crank": 0.3})
+    with pytest.raises(ksd.SceneError, match="method"):
+        ksd.required_loads(scene, {"crank": ((0, 0, 0), 0.0)}, method="full")
+    heavy = paper.gripper(driven=True)
+    heavy.fit("arc 0", shift=(1e-4, 0, 0))
+    with pytest.raises(ksd.SceneError, match="under stress at rest"):
+        ksd.solve(heavy, crank=0.1, method="constant")
+    assert issubclass(TrustError, ksd.KsdError)
+
+
+def test_the_script(paper, tmp_path):
+    found = paper.main(["--quick", "--out", str(tmp_path)])
+    assert found["exact"][-1][0] == pytest.approx(0.3458773, rel=1e-5)
+    assert found["inverse"]["conventional"]["torque"] == pytest.approx(3.84766e-3, rel=1e-5)
+    assert (tmp_path / "paper3.png").stat().st_size > 20_000
