@@ -46,22 +46,23 @@ _HOMES = {
     "ksd.design.gradient": ("Gradient", "gradient"),
     "ksd.design.job": ("Job",),
     "ksd.design.optimise": ("Optimum", "optimise"),
+    "ksd.design.pareto": ("Choice", "Front", "choose", "pareto"),
     "ksd.design.tolerance": ("Tolerance", "tolerance"),
     "ksd.library": ("Parameter", "Record", "find_record", "read_result"),
 }  # fmt: skip
 _HOME = {name: home for home, names in _HOMES.items() for name in names}
 __all__ = [
-    "Arc", "ArcHinge", "BalancedCrossedPivot", "Batch", "Butterfly", "Cartwheel", "CircularNotch",
+    "Arc", "ArcHinge", "BalancedCrossedPivot", "Batch", "Butterfly", "Cartwheel", "Choice", "CircularNotch",
     "CircularNotchHinge", "Configuration", "ConvergenceError", "CrossFlexure", "CrossedPivot", "Design", "DrawnJoint",
-    "FilletedNotch", "FilletedNotchHinge", "FoldedLeaf", "FreeCurve", "Gradient", "InfinityHinge", "Job", "Joint",
-    "KinematicsError", "KsdError", "Leaf", "LinkMatrix", "Material", "Mechanism", "Mesh", "ModalBasis", "Model",
-    "Motion", "Optimum", "ParallelGuide", "Parameter", "Path", "RangeError", "Record", "RecordError", "RequiredLoads",
-    "Scene", "SceneError", "Section", "Solver", "StiffenedGuide", "StiffenedMiddle", "SweepInterrupted", "Table",
-    "Taper", "Tolerance", "TripleInfinityHinge", "TrustError", "UniversalJoint", "Varying", "WireFlexure", "batch",
-    "circle", "compile_scene", "doctor", "errors", "find_record", "follow", "frequency_curve", "gradient",
-    "joint_families", "link_matrix", "load_scene", "numbers", "optimise", "polygon", "prepare", "read_result",
-    "rectangle", "required_loads", "save_scene", "solve", "state_space", "sweep", "tolerance", "train", "tube",
-    "units", "wire",
+    "FilletedNotch", "FilletedNotchHinge", "FoldedLeaf", "FreeCurve", "Front", "Gradient", "InfinityHinge", "Job",
+    "Joint", "KinematicsError", "KsdError", "Leaf", "LinkMatrix", "Material", "Mechanism", "Mesh", "ModalBasis",
+    "Model", "Motion", "Optimum", "ParallelGuide", "Parameter", "Path", "RangeError", "Record", "RecordError",
+    "RequiredLoads", "Scene", "SceneError", "Section", "Solver", "StiffenedGuide", "StiffenedMiddle",
+    "SweepInterrupted", "Table", "Taper", "Tolerance", "TripleInfinityHinge", "TrustError", "UniversalJoint",
+    "Varying", "WireFlexure", "batch", "choose", "circle", "compile_scene", "doctor", "errors", "find_record",
+    "follow", "frequency_curve", "gradient", "joint_families", "link_matrix", "load_scene", "numbers", "optimise",
+    "pareto", "polygon", "prepare", "read_result", "rectangle", "required_loads", "save_scene", "solve", "state_space",
+    "sweep", "tolerance", "train", "tube", "units", "wire",
 ]  # fmt: skip
 
 if TYPE_CHECKING:
@@ -70,6 +71,7 @@ if TYPE_CHECKING:
     from ksd.design.gradient import Gradient, gradient
     from ksd.design.job import Job
     from ksd.design.optimise import Optimum, optimise
+    from ksd.design.pareto import Choice, Front, choose, pareto
     from ksd.design.state_space import state_space
     from ksd.design.sweep import sweep
     from ksd.design.tolerance import Tolerance, tolerance

@@ -35,7 +35,7 @@ from ksd.properties.words import number as told
 from ksd.scene import Scene
 from ksd.scene.drive import Load
 from ksd.scene.links import Link
-from ksd.section.checks import nearest, number, show, similar, truth
+from ksd.section.checks import LARGEST, nearest, number, show, similar, truth
 from ksd.solve.many import SPOKEN, UNANSWERED
 from ksd.solve.space_steps import FULL, REDUCED
 from ksd.solve.steps import Stop
@@ -108,6 +108,7 @@ class Job(Shown):
     rules: tuple[Rule, ...]
     bounds: Array
     held_by: Mapping[tuple[str, str], str]
+    words: Mapping[str, Any]
     ranges: tuple[_Range, ...]
     asked: Asked
     loads: Any
@@ -140,6 +141,11 @@ class Job(Shown):
         targets: Mapping[str, ArrayLike] | None = None,
         **drives: ArrayLike,
     ) -> None:
+        self.__dict__["words"] = {
+            "vary": vary, "maximise": maximise, "minimise": minimise, "limits": limits, "rules": rules, "loads": loads,
+            "link": link, "at": at, "freed": freed, "modes": modes, "method": method, "mesh": mesh,
+            "extrapolate": extrapolate, "together": together, "targets": targets, **drives,
+        }  # fmt: skip
         ways = ("full", "reduced", "conventional")
         check_ways(mesh=mesh, relinearisations=0, method=method, methods=ways, extrapolate=extrapolate)
         if not callable(function):
@@ -487,6 +493,23 @@ class Job(Shown):
             replace(a, low=a.low + own, high=a.high - own) if a.role == "limit" else a for a, own in pairs
         )
         return found
+
+    def column_of(self, name: str) -> str:
+        """Column of an answer by name, "stress_MPa" of any leaf."""
+        return self.answers[self.names.index(name)].column.split("[")[0]
+
+    def limited(self, column: str, high: float) -> Job:
+        """The same job with an answer limited from above, by this or by the limit it has. SceneError for an unknown one."""
+        own = [a.role == "limit" and a.column.split("[")[0] == column for a in self.answers]
+        if any(own):
+            found = copy(self)
+            found.__dict__["answers"] = tuple(
+                replace(a, high=min(a.high, high)) if mine else a
+                for a, mine in zip(self.answers, own, strict=True)
+            )
+            return found
+        limits = {**(self.words["limits"] or {}), column: (None, min(high, LARGEST))}
+        return Job(self.function, **{**self.words, "limits": limits})
 
     @cached_property
     def fingerprint(self) -> str:

@@ -1,0 +1,213 @@
+"""`ksd.pareto`: what a target costs in another answer; `ksd.choose`: one optimum each of several jobs, such as joints."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from concurrent.futures import Executor
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ksd.design.job import Job
+from ksd.design.optimise import Optimum, optimise
+from ksd.design.table import OK, Table
+from ksd.errors import KsdError, SceneError
+from ksd.properties.words import Shown, listed
+from ksd.properties.words import number as told
+from ksd.section.checks import number, show, whole
+from ksd.view import save_figure
+from ksd.view.front import plot_front
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+Array = np.ndarray
+SPAN = 10.0
+"""From the optimum without it down to this part of it, where no span of the other answer is given."""
+
+
+@dataclass(frozen=True, repr=False, eq=False)
+class Front(Shown):
+    """Optima of a job under ever tighter limits of one answer.
+
+    against: its column; limits (n,): of the points, the widest first; points: their optima, None where there is none, and
+    status "ok" or why.
+    """
+
+    job: Job
+    against: str
+    limits: Array
+    points: tuple[Optimum | None, ...]
+    status: tuple[str, ...]
+
+    @property
+    def merits(self) -> Array:
+        """Worst target over its scale (n,), nan where a point has no optimum."""
+        return np.array([np.nan if p is None else p.merit for p in self.points])
+
+    @property
+    def designs(self) -> Array:
+        """Parameters (n, P) of the points."""
+        blank = dict.fromkeys(self.job.parameters, np.nan)
+        return np.array([list((blank if p is None else p.design).values()) for p in self.points])
+
+    @property
+    def table(self) -> Table:
+        """A row per point: limit, merit, parameters, status."""
+        rows = [
+            {f"most {self.against}": float(limit), "merit": float(merit), **dict(zip(self.job.parameters, x, strict=True)),
+             "status": status}
+            for limit, merit, x, status in zip(self.limits, self.merits, self.designs.tolist(), self.status, strict=True)
+        ]  # fmt: skip
+        return Table.of_rows(rows, (f"most {self.against}",), name="front")
+
+    def _line(self) -> str:
+        good = self.merits[np.isfinite(self.merits)]
+        return (
+            f"{len(good)} of {len(self.points)} points, worst target {told(float(good.min()))} to {told(float(good.max()))} "
+            f"of its scale against {self.against} {told(float(self.limits.min()))} to {told(float(self.limits.max()))}"
+        )
+
+    def __str__(self) -> str:
+        rows = [
+            (told(float(limit)), told(float(merit), 5), *(told(v) for v in x), "" if status == OK else status)
+            for limit, merit, x, status in zip(
+                self.limits, self.merits, self.designs.tolist(), self.status, strict=True
+            )
+        ]
+        return listed(
+            (f"most {self.against}", "worst target", *self.job.parameters, "<"),
+            rows,
+            f"Front: {self._line()}",
+        )
+
+    def plot(self, path: str | os.PathLike[str] | None = None) -> Figure:
+        """Matplotlib figure of the front and, as parallel coordinates, of its designs; written to `path` if given."""
+        figure = plot_front(self)
+        return figure if path is None else save_figure(figure, path)
+
+
+def pareto(
+    job: Job,
+    *,
+    against: str,
+    points: int = 12,
+    span: tuple[float, float] | None = None,
+    start: Mapping[str, float] | ArrayLike | None = None,
+    starts: int = 1,
+    seed: int = 0,
+    resume: str | os.PathLike[str] | None = None,
+    progress: bool = False,
+) -> Front:
+    """The best worst target of a job for ever smaller values of another answer; returns a `Front`.
+
+    against: column of `ksd.sweep` that is limited from above, at every pose and load case. span: its least and most, in
+    units of the column; by default from its value at the optimum without such a limit down to a tenth of that. The points
+    follow by equal ratios, each optimised by gradients from its neighbour. start, starts, seed: of the first; resume,
+    progress: as in `ksd.optimise`. Raises SceneError for wrong words and what the first optimum raises.
+    """
+    if not isinstance(job, Job):
+        raise SceneError(f"{show(job)} is no job: make one with ksd.Job(...)")
+    count = whole(points, "points", least=2)
+    ways: dict[str, Any] = {"resume": resume, "progress": progress}
+    high = np.inf if span is None else _ends(span)[1]
+    wide = job.limited(against, high)
+    best = optimise(wide, start=start, starts=starts, seed=seed, **ways)
+    if span is None:
+        most = max(v for n, v in best.answers.items() if wide.column_of(n) == against)
+        if most <= 0.0:
+            raise SceneError(f"{against} is {told(most)} at the optimum: give a span of limits for it")
+        span = most / SPAN, most
+    limits = np.geomspace(span[1], span[0], count)
+    found: list[Optimum | None] = [best]
+    status, at = [OK], best
+    for limit in limits[1:].tolist():
+        try:
+            at = optimise(job.limited(against, limit), start=at.design, **ways)
+            found.append(at)
+            status.append(OK)
+        except KsdError as why:
+            found.append(None)
+            status.append(str(why))
+    return Front(job, against, limits, tuple(found), tuple(status))
+
+
+def _ends(span: Any) -> tuple[float, float]:
+    low, high = (number(v, "span") for v in span) if np.shape(span) == (2,) else (1.0, 0.0)
+    if not 0.0 < low < high:
+        raise SceneError(f"span = {show(span)}: give the least and the most of the limit, both positive")
+    return low, high
+
+
+@dataclass(frozen=True, repr=False, eq=False)
+class Choice(Shown):
+    """Optima of several jobs by name, the best first, and "ok" or why there is none."""
+
+    optima: Mapping[str, Optimum | None]
+    status: Mapping[str, str]
+
+    @property
+    def best(self) -> str:
+        """Name of the best."""
+        return next(iter(self.optima))
+
+    def __getitem__(self, name: str) -> Optimum:
+        found = self.optima.get(name)
+        if found is None:
+            raise SceneError(
+                self.status.get(name, f"there is no job '{name}'; there are {', '.join(self.optima)}")
+            )
+        return found
+
+    def _line(self) -> str:
+        merits = (f"{n} {'-' if o is None else told(o.merit)}" for n, o in self.optima.items())
+        return f"worst target over its scale: {', '.join(merits)}"
+
+    def __str__(self) -> str:
+        rows = [
+            (
+                name,
+                *(
+                    (told(o.merit, 5), str(o.evaluations), ", ".join(o.held))
+                    if o
+                    else ("", "", self.status[name])
+                ),
+            )
+            for name, o in self.optima.items()
+        ]
+        return listed(("job", "worst target", "values", "<held by"), rows, f"Best: {self.best}")
+
+
+def choose(
+    jobs: Mapping[str, Job], *, starts: int = 1, seed: int = 0, executor: Executor | None = None
+) -> Choice:
+    """The optimum of every job by name, such as one joint of the library each, the best first; returns a `Choice`.
+
+    Their targets should be measured in the same scales. starts, seed: as in `ksd.optimise`; executor: gets one job each.
+    Raises SceneError for what is no job; a job without an optimum says why.
+    """
+    if not isinstance(jobs, Mapping) or not jobs or not all(isinstance(j, Job) for j in jobs.values()):
+        raise SceneError(f"jobs = {show(jobs)}: give jobs by name, such as {{'cross': ksd.Job(...)}}")
+    said = [(job, starts, seed) for job in jobs.values()]
+    ends = (
+        [_one(*s) for s in said]
+        if executor is None
+        else [w.result() for w in [executor.submit(_one, *s) for s in said]]
+    )
+    found = dict(zip(jobs, ends, strict=True))
+    order = sorted(found, key=lambda n: -found[n].merit if isinstance(found[n], Optimum) else np.inf)
+    return Choice(
+        {n: found[n] if isinstance(found[n], Optimum) else None for n in order},
+        {n: OK if isinstance(found[n], Optimum) else str(found[n]) for n in order},
+    )
+
+
+def _one(job: Job, starts: int, seed: int) -> Any:
+    """The optimum of a job, or why there is none."""
+    try:
+        return optimise(job, starts=starts, seed=seed)
+    except KsdError as why:
+        return str(why)

@@ -1,0 +1,77 @@
+"""Fronts are optima under tighter limits, and the choice among jobs is that of their optima."""
+
+import numpy as np
+import pytest
+from test_job import pivot
+from test_optimise import sheet, small
+
+import ksd
+
+MOMENT = "turn_moment_Nm"
+
+
+@pytest.fixture(scope="module")
+def front():
+    return ksd.pareto(small(), against=MOMENT, points=3)
+
+
+def test_points_are_optima_under_their_limit(front):
+    most = front.points[0].answers[MOMENT]
+    assert front.limits == pytest.approx(most * np.array([1.0, 10**-0.5, 0.1]))
+    assert front.points[0].merit == pytest.approx(ksd.optimise(small()).merit, rel=1e-6)
+    limited = small(limits={"stress_MPa": 400, MOMENT: front.limits[1]})
+    assert front.merits[1] == pytest.approx(ksd.optimise(limited).merit, rel=1e-6)
+    assert front.merits[0] > 1.1 * front.merits[1]
+    assert front.points[1].answers[MOMENT] == pytest.approx(front.limits[1], rel=1e-6)
+
+
+def test_a_front_is_told_and_drawn(front, tmp_path):
+    rows = list(front.table.rows())
+    assert rows[1]["merit"] == front.merits[1] and rows[1]["thickness"] == front.points[1].design["thickness"]
+    assert "points, worst target" in str(front) and f"most {MOMENT}" in str(front)
+    figure = front.plot(tmp_path / "front.png")
+    assert (tmp_path / "front.png").stat().st_size > 5000
+    assert figure.axes[0].lines[0].get_xdata()[0] == front.limits[0]
+    assert [t.get_text() for t in figure.axes[1].get_xticklabels()] == ["length", "thickness"]
+
+
+def test_a_point_without_a_design_says_why():
+    found = ksd.pareto(small(), against=MOMENT, points=2, span=(1e-5, 3.0))
+    assert found.points[1] is None and "none of 1 starts" in found.status[1] and np.isnan(found.merits[1])
+    assert found.points[0] is not None and "none of 1 starts" in str(found)
+
+
+def test_a_limit_there_is_only_gets_tighter():
+    job = small(limits={"stress_MPa": 400, MOMENT: (-1, 2)})
+    (own,) = [a for a in job.limited(MOMENT, 1.0).answers if a.column == MOMENT]
+    assert (own.low, own.high) == (-1, 1)
+    assert [a.high for a in job.limited(MOMENT, 5.0).answers if a.column == MOMENT] == [2]
+    assert job.limited("strain_energy_J", 0.1).names[-1] == "strain_energy_J"
+    with pytest.raises(ksd.SceneError, match="there is no answer 'turn_moment_nm'"):
+        job.limited("turn_moment_nm", 1.0)
+
+
+def test_the_best_of_several_jobs():
+    thin = small(vary={"length": (40e-3, 80e-3), "thickness": (0.2e-3, 0.3e-3)})
+    never = small(limits={"stress_MPa": 1})
+    found = ksd.choose({"thin": thin, "never": never, "thick": small()})
+    assert found.best == "thick" and list(found.optima) == ["thick", "thin", "never"]
+    assert found["thick"].merit > found["thin"].merit and "Best: thick" in str(found)
+    with pytest.raises(ksd.SceneError, match="none of 1 starts"):
+        found["never"]
+
+
+@pytest.mark.parametrize(
+    ("call", "sentence"),
+    [
+        (lambda: ksd.pareto(pivot, against=MOMENT), "is no job"),
+        (lambda: ksd.pareto(small(), against=MOMENT, points=1), "points = 1"),
+        (lambda: ksd.pareto(small(), against=MOMENT, span=(2, 1)), "give the least and the most"),
+        (lambda: ksd.pareto(small(), against="moment", span=(1, 2)), "there is no answer 'moment'"),
+        (lambda: ksd.choose({"one": sheet}), "give jobs by name"),
+        (lambda: ksd.choose({}), "give jobs by name"),
+    ],
+)
+def test_wrong_words(call, sentence):
+    with pytest.raises(ksd.SceneError, match=sentence):
+        call()
