@@ -202,9 +202,9 @@ def both(scene: Any, targets: dict[str, float], method: str, mesh: Any, **words:
     return relative_error(pose.model, pose.motion, truth.motion).relative, pose.error.relative
 
 
-def equilibrium_near(pose: Any) -> Any:
+def equilibrium_near(pose: Any, mesh: Any = TRUTH) -> Any:
     """The state of a whole solve of its own on the finest mesh, where that is the branch of `pose`; else None."""
-    truth = ksd.solve(pose.model.scene, dict(pose.targets), method="conventional", mesh=TRUTH, strict=False)
+    truth = ksd.solve(pose.model.scene, dict(pose.targets), method="conventional", mesh=mesh, strict=False)
     far = np.abs(truth.motion.x[: pose.model.links] - pose.motion.x[: pose.model.links]).max()
     return truth if far < 0.05 * pose.model.arrays.size else None
 
@@ -277,7 +277,7 @@ def questions(count: int, seed: int) -> bool:
 def _counted(
     name: str, count: int, drawn: Iterator[Any], one: Callable[..., list[tuple[float, float]]]
 ) -> bool:
-    """`one` (scene, drive values, random numbers): errors, true and told, or KsdError, of so many scenes; see `_report`."""
+    """`one` (scene, drive values, random numbers): errors, true and told, or KsdError, of so many scenes; see `report`."""
     ratios, answered, number = [], 0, 0
     for number, (scene, targets, rng) in enumerate(drawn):
         if answered == count:
@@ -288,7 +288,7 @@ def _counted(
             continue
         answered += 1
         ratios += [(told / max(true, 1e-300), true, number) for true, told in found if math.isfinite(told)]
-    return _report(name, ratios, number)
+    return report(name, ratios, number)
 
 
 def hinge(rng: np.random.Generator) -> tuple[Any, dict[str, float]]:
@@ -318,10 +318,10 @@ def relinearised(count: int, seed: int) -> bool:
         if not math.isfinite(told):
             continue
         ratios.append((told / max(true, 1e-300), true, tried - 1))
-    return _report("relinearised", ratios, tried)
+    return report("relinearised", ratios, tried)
 
 
-def _report(name: str, found: list[tuple[float, float, int]], tried: int, factor: float = 2.0) -> bool:
+def report(name: str, found: list[tuple[float, float, int]], tried: int, factor: float = 2.0) -> bool:
     """Counts of told over true, where the true error is above rounding; whether 95 % are within a factor and none is below
     a third above SMALL."""
     seen = [(r, t, n) for r, t, n in found if t > 1e-9]

@@ -129,6 +129,7 @@ def test_questions(chain):
     pose.strain_energy()
     pose.buckling("top", force=(0, -1.0, 0), at=(0, 0.4, 0))
     pose.frequencies()
+    pose.verify()
 
 
 def test_batches(monkeypatch):

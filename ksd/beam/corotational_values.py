@@ -193,7 +193,8 @@ def undeformed_end(value: Array, number: NDArray[np.int64]) -> tuple[Array, Arra
     """Position d (3,) m and orientation Q (3, 3) of end q in the undeformed state."""
     n = int(number[0])
     records = value[: RECORD * n].reshape(n, RECORD)
-    return (records[:, :1] * records[:, [7, 10, 13]]).sum(axis=0), value[RECORD * n :].reshape(3, 3).copy()
+    clamp = value[RECORD * n : RECORD * n + 9].reshape(3, 3).copy()
+    return (records[:, :1] * records[:, [7, 10, 13]]).sum(axis=0), clamp
 
 
 def _shapes(x: float, length: float, phi: float) -> tuple[Array, Array]:

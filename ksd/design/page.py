@@ -16,6 +16,7 @@ from typing import Any
 
 import ksd
 from ksd.design.table import OK, STATUS, Table, spoken_column
+from ksd.errors import KsdError
 from ksd.solve.answer import as_dict
 from ksd.solve.report import number, verdict_lines
 from ksd.view.figure import picture
@@ -287,7 +288,8 @@ def _error(pose: Any, facts: dict[str, Any], compared: Sequence[Compared]) -> li
         (s["name"], s["iterations"], s["time_us"], s["residual_over_bound"], s["reason"])
         for s in facts["steps"]
     ]
-    verdicts = "".join(f"<li>{_text(said)}.</li>" for said, _ in verdict_lines(facts))
+    said = [sentence for sentence, _ in verdict_lines(facts)] + _verified(pose)
+    verdicts = "".join(f"<li>{_text(sentence)}.</li>" for sentence in said)
     first = compared[0]
     rows: list[tuple[Any, ...]] = []
     for c in compared:
@@ -309,6 +311,14 @@ def _error(pose: Any, facts: dict[str, Any], compared: Sequence[Compared]) -> li
         "<p>“Off by” is the difference from the first line. More modes or elements per leaf show the error of the mesh, "
         "the other methods that of the method.</p>",
     ]  # fmt: skip
+
+
+def _verified(pose: Any) -> list[str]:
+    """What integration of every leaf spring says of the pose, where it can be asked."""
+    try:
+        return [pose.verify().sentence]
+    except KsdError:
+        return []
 
 
 def _off(value: float, reference: float) -> float:

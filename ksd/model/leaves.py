@@ -274,23 +274,32 @@ def _chain_body(leaf: Any, mesh: Mesh, heavy: bool) -> _Body:
     return _Body(COROTATIONAL, value, number, inner, store, d, Q, mass)
 
 
-def _placed(
-    start: np.ndarray, end: np.ndarray, width: Any, body: _Body, name: str
-) -> tuple[np.ndarray, np.ndarray]:
-    """Axes (3, 3) of end p such that the undeformed end q lies towards `end`, and the place of q.
+def _placed(leaf: Any, d: np.ndarray, name: str) -> tuple[np.ndarray, np.ndarray]:
+    """Axes (3, 3) of end p such that the undeformed end q, at d (3,) in them, lies towards the end drawn, and its place.
 
     The chord of a curved leaf must be as long as the distance of its ends, to 1e-3.
     """
+    start, end, width = (np.asarray(v, float) for v in (leaf.start, leaf.end, leaf.width_axis))
     chord = leaf_axes(start, end, width, name)
-    reach, given = float(np.linalg.norm(body.d)), float(np.linalg.norm(end - start))
+    reach, given = float(np.linalg.norm(d)), float(np.linalg.norm(end - start))
     if abs(reach - given) > 1e-3 * given:
         raise SceneError(
             f"leaf '{name}': its curve spans {reach:.6g} m from start to end, but the ends are {given:.6g} m apart; "
             "move an end or change the curve"
         )
-    own = leaf_axes(np.zeros(3), body.d, np.array([0.0, 0.0, 1.0]), name)
+    own = leaf_axes(np.zeros(3), d, np.array([0.0, 0.0, 1.0]), name)
     axes = chord @ own.T
-    return axes, start + axes @ body.d
+    return axes, start + axes @ d
+
+
+def leaf_ends(leaf: Any, d: np.ndarray, Q: np.ndarray, name: str) -> tuple[np.ndarray, np.ndarray]:
+    """Places (2, 3) and axes (2, 3, 3) of the clamped ends of a leaf, whose undeformed end q is at d (3,) with axes Q (3, 3)
+    in the frame of end p."""
+    axes, tip = _placed(leaf, d, name)
+    clamp = axes @ Q
+    if leaf.condition is not None:
+        tip, clamp = _assembly_error(leaf.condition, axes, tip, clamp)
+    return np.array([leaf.start, tip]), np.array([axes, clamp])
 
 
 def _assembly_error(
@@ -312,23 +321,20 @@ def leaf_member(leaf: Any, mesh: Mesh, *, name: str, heavy: bool = False) -> Mem
     """
     make = _strain_body if mesh.leaf == "strain" else _chain_body
     drawn = make(leaf, mesh, heavy)
-    start = np.asarray(leaf.start, float)
-    axes, tip = _placed(start, np.asarray(leaf.end, float), np.asarray(leaf.width_axis, float), drawn, name)
+    offset, frame = leaf_ends(leaf, drawn.d, drawn.Q, name)
     loose = natural(leaf)
     body = drawn if loose is leaf else make(loose, mesh, heavy)
-    clamp = axes @ drawn.Q
     if leaf.condition is not None:
-        tip, clamp = _assembly_error(leaf.condition, axes, tip, clamp)
         strained = body is not drawn or any(leaf.condition.shift) or any(leaf.condition.turn)
         if body.kind == COROTATIONAL and strained:
-            end = axes.T @ (tip - start), axes.T @ clamp
+            end = frame[0].T @ (offset[1] - offset[0]), frame[0].T @ frame[1]
             body = replace(body, inner=chains.strained_inner(body.value, body.number, *end))
     return Member(
         name=name,
         kind=body.kind,
         nodes=(0, 0),
-        offset=np.array([start, tip]),
-        frame=np.array([axes, clamp]),
+        offset=offset,
+        frame=frame,
         value=body.value,
         number=body.number,
         inner=body.inner,
@@ -424,6 +430,7 @@ __all__ = [
     "element_leaves",
     "integrate_curve",
     "leaf_axes",
+    "leaf_ends",
     "leaf_member",
     "leaf_modes",
     "leaf_of",

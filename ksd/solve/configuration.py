@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, Literal, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ksd.errors import SceneError
+from ksd.errors import ConvergenceError, SceneError
 from ksd.modal.bodies import inside
 from ksd.model.arrays import Motion
 from ksd.model.compile import Model
@@ -28,6 +28,7 @@ from ksd.properties.shape import Shape, mechanism_shape
 from ksd.properties.stiffness import DriveStiffness, PointStiffness, drive_stiffness, point_stiffness
 from ksd.properties.strength import Strength, strength, unusual
 from ksd.properties.stress import Stress, strain_energy, stress
+from ksd.properties.verify import Verification, verify
 from ksd.properties.words import printed
 from ksd.scene.contents import PlacedJoint
 from ksd.scene.links import Link
@@ -389,6 +390,21 @@ class Configuration:
         Raises ConvergenceError where none is found.
         """
         return with_error(self, question)
+
+    def verify(self) -> Verification:
+        """Every leaf integrated from its start with the wrench found, as an exact rod: by how far each misses its end, and
+        from these gaps the corrected forces and poses and the error of this answer, that of method and mesh.
+
+        Raises ConvergenceError where this is no equilibrium, SceneError of reduced solids, KinematicsError where nothing
+        resists a motion.
+        """
+        self._of_leaves("verification")
+        if not self.converged:
+            raise ConvergenceError(
+                f"only an equilibrium can be verified, and this is none: {self.trust.trusted.sentence}"
+            )
+        model, motion = self.insides
+        return verify(model, motion, model.targets(self.targets), load_factor=self.load_factor)
 
     def sensitivity(
         self,

@@ -54,6 +54,10 @@ def test_page_is_well_formed_and_whole(written):
     ]  # fmt: skip
 
 
+def test_page_says_what_integration_finds(written):
+    assert "Verified by integration of every leaf spring: " in written.read_text(encoding="utf-8")
+
+
 def test_page_needs_no_network(written):
     text = written.read_text(encoding="utf-8")
     page = Checked()

@@ -1,0 +1,121 @@
+"""`pose.verify()` on random scenes: its error figure against the truth, and what it costs.
+
+    python benchmarks/verify.py [--scenes 300] [--seed 0]
+
+Scenes: those of `robust_estimates.py` (joints of all families, frames of leaf springs), and frames of curved, tapered, heavy
+and warm leaf springs, in the plane and in space, on coarse meshes of both leaf models. The truth is on strain-mode leaves of
+orders (8, 7, 12). The cost is that of a verification over that of the solve that it judges, thread time of both, medians of
+repeats in turns.
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+import sys
+import time
+from typing import Any
+
+import numpy as np
+from robust_estimates import JOINTED, any_mesh, equilibrium_near, frame, report, scenes
+
+import ksd
+from ksd.errors import KsdError
+from ksd.solve.estimate import relative_error
+
+TRUTH = ksd.Mesh(orders=(8, 7, 12), points=16)
+REPEATS = 5
+WARM = ksd.Material(E=200e9, G=76.9e9, density=7850.0, expansion=12e-6)
+
+
+def shaped(rng: np.random.Generator) -> tuple[Any, dict[str, float]]:
+    """A stage on two or three leaf springs that are curved, tapered, both or neither, perhaps heavy or warm, in a plane or
+    in space."""
+    scene = ksd.Mechanism("random shaped frame")
+    stage, flat, L, stiff = scene.link("stage"), rng.random() < 0.5, 0.1, math.inf
+    for k in range(int(rng.integers(2, 4))):
+        t, w = L / rng.uniform(50, 200), L * rng.uniform(0.1, 0.4)
+        along = L * (np.array([1.0, 0, 0]) + rng.uniform(-0.2, 0.2, 3) * (0, 1, not flat))
+        across = np.cross(along, (0.0, 1.0, 0.0))
+        words: dict[str, Any] = {}
+        if rng.random() < 0.5:
+            angle = float(rng.choice([-1, 1]) * rng.uniform(0.2, 2.0))
+            words["curve"] = ksd.Arc(0.5 * float(np.linalg.norm(along)) / math.sin(0.5 * abs(angle)), angle)
+        if rng.random() < 0.5:
+            words["profile"] = ksd.Taper((t, t * rng.uniform(0.6, 1.7)), (w, w * rng.uniform(0.6, 1.7)))
+        foot, section = np.array([0.0, 0.6 * k * L, 0.0]), ksd.rectangle(t, w)
+        scene.leaf(
+            scene.ground, stage, start=tuple(foot), end=tuple(foot + along), section=section, material=WARM,
+            width_axis=tuple(across), name=f"leaf {k}", **words,
+        )  # fmt: skip
+        stiff = min(stiff, WARM.E * section.Iz / L**2)
+    scene.actuate(stage, along="y", at=(0, 0, 0), name="drive")
+    scene.load(stage, force=tuple(stiff * rng.uniform(-3, 3, 3) * (1, 1, 0 if flat else 0.3)), at=(L, 0, 0))
+    if rng.random() < 0.4:
+        scene.gravity = (0.0, -9.81, 0.0 if flat else 5.0)
+    if rng.random() < 0.3:
+        scene.heat(float(rng.uniform(-60, 60)), leaves=["leaf 0"])
+    return scene, {"drive": float(L * rng.uniform(-0.2, 0.2))}
+
+
+def took(call: Any) -> float:
+    """Thread time [s] of a call."""
+    begin = time.thread_time()
+    call()
+    return time.thread_time() - begin
+
+
+def judged(scene: Any, targets: dict[str, float], rng: np.random.Generator) -> tuple[float, float, float]:
+    """True error, that of the verification, and its cost in solves; KsdError where there is no answer or no truth."""
+    method, mesh = any_mesh(scene, rng)
+    if rng.random() < 0.2:
+        mesh = None
+
+    def solve() -> Any:
+        return ksd.solve(scene, targets, method=method, mesh=mesh)
+
+    pose = solve()
+    truth = equilibrium_near(pose, TRUTH)
+    if truth is None:
+        raise KsdError("no truth next to it")
+    told = pose.verify().relative
+    times = [(took(pose.verify), took(solve)) for _ in range(REPEATS)]
+    own, solved = np.median(times, axis=0)
+    return relative_error(pose.model, pose.motion, truth.motion).relative, told, float(own / solved)
+
+
+def main() -> int:
+    """Returns 1 where the figure is not within a factor two in 95 %, or the median cost is three solves or more."""
+    words = argparse.ArgumentParser()
+    words.add_argument("--scenes", type=int, default=300)
+    words.add_argument("--seed", type=int, default=0)
+    options = words.parse_args()
+    found, costs, number, unclosed = [], [], 0, 0
+    for number, (scene, targets, rng) in enumerate(
+        scenes(options.seed, (*JOINTED, frame, shaped, shaped, shaped))
+    ):
+        if len(found) + unclosed == options.scenes:
+            break
+        try:
+            true, told, cost = judged(scene, targets, rng)
+        except (KsdError, np.linalg.LinAlgError):
+            continue
+        costs.append(cost)
+        if math.isinf(told):
+            unclosed += 1
+            print(f"    scene {number}: a leaf could not be integrated to its end, {100 * true:.3g} % true")
+            continue
+        found.append((told / max(true, 1e-300), true, number))
+        if true > 1e-9 and not 0.5 <= found[-1][0] <= 2.0:
+            print(f"    scene {number}: {100 * true:.3g} % true, {100 * told:.3g} % told")
+    good = report("verify", found, number)
+    share = np.quantile(costs, [0.5, 0.95, 1.0])
+    print(
+        f"{unclosed} not judged; cost in solves: median {share[0]:.2f}, 95 % below {share[1]:.2f}, at most {share[2]:.2f}; "
+        f"below three in {100 * np.mean(np.array(costs) < 3):.0f} %"
+    )
+    return int(not good or unclosed > 0.05 * options.scenes or share[0] >= 3.0)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

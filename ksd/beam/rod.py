@@ -1,0 +1,176 @@
+"""The geometrically exact rod, integrated from end p: what every leaf model stands for, by none of their means.
+
+In the frame of end p, with R the axes of the section, n and m the force and moment of the part beyond on the part before,
+g gravity and mu the line mass: r' = R (e1 + C R^T n), R' = R [k]x with k = k0 + (R^T m) / (GJ, EIy, EIz), m' = n x r',
+n' = -mu g. Orientations are unit quaternions.
+
+Source: Reissner's rod as in the note of the strain-mode leaf; Cooper and Verner, SIAM J. Numer. Anal. 9 (1972): order 8 by
+11 stages at the 5 Lobatto points of a step.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from ksd.numerics.kernel import kernel
+from ksd.numerics.rotations import rotation_log
+
+_R = math.sqrt(21.0)
+NODES = np.array([0.0, 0.5 - _R / 14.0, 0.5, 0.5 + _R / 14.0, 1.0])
+"""Places in a step at which the rod is asked for."""
+WEIGHTS = np.array([9.0, 49.0, 64.0, 49.0, 9.0]) / 180.0
+ROD, STATE = 10, 13
+"""Numbers of the rod at a place: k0 (3), 1/(GJ, EIy, EIz), 1/(EA, ky GA, kz GA), mu; and of its state: r, quaternion w x
+y z, m, n."""
+STAGES = 11
+_PLACE = np.array([0, 2, 2, 3, 3, 2, 1, 1, 2, 3, 4])
+_PART = np.zeros((STAGES, STAGES))
+for _i, _row in enumerate(
+    (
+        (), (1 / 2,), (1 / 4, 1 / 4), (1 / 7, (-7 - 3 * _R) / 98, (21 + 5 * _R) / 49),
+        ((11 + _R) / 84, 0, (18 + 4 * _R) / 63, (21 - _R) / 252),
+        ((5 + _R) / 48, 0, (9 + _R) / 36, (-231 + 14 * _R) / 360, (63 - 7 * _R) / 80),
+        ((10 - _R) / 42, 0, (-432 + 92 * _R) / 315, (633 - 145 * _R) / 90, (-504 + 115 * _R) / 70, (63 - 13 * _R) / 35),
+        (1 / 14, 0, 0, 0, (14 - 3 * _R) / 126, (13 - 3 * _R) / 63, 1 / 9),
+        (1 / 32, 0, 0, 0, (91 - 21 * _R) / 576, 11 / 72, (-385 - 75 * _R) / 1152, (63 + 13 * _R) / 128),
+        (1 / 14, 0, 0, 0, 1 / 9, (-733 - 147 * _R) / 2205, (515 + 111 * _R) / 504, (-51 - 11 * _R) / 56,
+         (132 + 28 * _R) / 245),
+        (0, 0, 0, 0, (-42 + 7 * _R) / 18, (-18 + 28 * _R) / 45, (-273 - 53 * _R) / 72, (301 + 53 * _R) / 72,
+         (28 - 28 * _R) / 45, (49 - 7 * _R) / 18),
+    )
+):  # fmt: skip
+    _PART[_i, : len(_row)] = _row
+_SHARE = np.array([9.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 49.0, 64.0, 49.0, 9.0]) / 180.0
+
+
+@kernel
+def _slope(rod, gravity, y, out):
+    """out (STATE,): the derivative of the state y by the length of the rod, whose numbers here are `rod` (ROD,)."""
+    w, a, b, c = y[3], y[4], y[5], y[6]
+    # rows of R
+    x0, x1, x2 = 1.0 - 2.0 * (b * b + c * c), 2.0 * (a * b - c * w), 2.0 * (a * c + b * w)
+    y0, y1, y2 = 2.0 * (a * b + c * w), 1.0 - 2.0 * (a * a + c * c), 2.0 * (b * c - a * w)
+    z0, z1, z2 = 2.0 * (a * c - b * w), 2.0 * (b * c + a * w), 1.0 - 2.0 * (a * a + b * b)
+    m0, m1, m2, n0, n1, n2 = y[7], y[8], y[9], y[10], y[11], y[12]
+    e0 = 1.0 + rod[6] * (x0 * n0 + y0 * n1 + z0 * n2)
+    e1 = rod[7] * (x1 * n0 + y1 * n1 + z1 * n2)
+    e2 = rod[8] * (x2 * n0 + y2 * n1 + z2 * n2)
+    v0, v1, v2 = x0 * e0 + x1 * e1 + x2 * e2, y0 * e0 + y1 * e1 + y2 * e2, z0 * e0 + z1 * e1 + z2 * e2
+    k0 = 0.5 * (rod[0] + rod[3] * (x0 * m0 + y0 * m1 + z0 * m2))
+    k1 = 0.5 * (rod[1] + rod[4] * (x1 * m0 + y1 * m1 + z1 * m2))
+    k2 = 0.5 * (rod[2] + rod[5] * (x2 * m0 + y2 * m1 + z2 * m2))
+    out[0], out[1], out[2] = v0, v1, v2
+    out[3], out[4] = -a * k0 - b * k1 - c * k2, w * k0 + b * k2 - c * k1
+    out[5], out[6] = w * k1 + c * k0 - a * k2, w * k2 + a * k1 - b * k0
+    out[7], out[8], out[9] = n1 * v2 - n2 * v1, n2 * v0 - n0 * v2, n0 * v1 - n1 * v0
+    out[10], out[11], out[12] = -rod[9] * gravity[0], -rod[9] * gravity[1], -rod[9] * gravity[2]
+
+
+@kernel
+def _vary(rod, y, X, out, R, S, A):
+    """out (6, 9): derivative by the length of X (6, 9): changes of place, rotation (spatial) and moment of the state y, one
+    row for every component of force and moment at end p. R, S, A (3, 3): scratch, the axes, R C R^T and R / (GJ, EIy, EIz)
+    R^T.
+    """
+    _rotation(y, R)
+    for i in range(3):
+        for j in range(3):
+            s, a = 0.0, 0.0
+            for e in range(3):
+                s += R[i, e] * rod[6 + e] * R[j, e]
+                a += R[i, e] * rod[3 + e] * R[j, e]
+            S[i, j], A[i, j] = s, a
+    m0, m1, m2, n0, n1, n2 = y[7], y[8], y[9], y[10], y[11], y[12]
+    v0 = R[0, 0] + S[0, 0] * n0 + S[0, 1] * n1 + S[0, 2] * n2
+    v1 = R[1, 0] + S[1, 0] * n0 + S[1, 1] * n1 + S[1, 2] * n2
+    v2 = R[2, 0] + S[2, 0] * n0 + S[2, 1] * n1 + S[2, 2] * n2
+    for c in range(6):
+        f0, f1, f2 = 1.0 if c == 0 else 0.0, 1.0 if c == 1 else 0.0, 1.0 if c == 2 else 0.0
+        p0, p1, p2 = X[9 * c + 3], X[9 * c + 4], X[9 * c + 5]
+        # force and moment as the turned section sees them change
+        a0, a1, a2 = f0 + n1 * p2 - n2 * p1, f1 + n2 * p0 - n0 * p2, f2 + n0 * p1 - n1 * p0
+        b0 = X[9 * c + 6] + m1 * p2 - m2 * p1
+        b1 = X[9 * c + 7] + m2 * p0 - m0 * p2
+        b2 = X[9 * c + 8] + m0 * p1 - m1 * p0
+        r0 = p1 * v2 - p2 * v1 + S[0, 0] * a0 + S[0, 1] * a1 + S[0, 2] * a2
+        r1 = p2 * v0 - p0 * v2 + S[1, 0] * a0 + S[1, 1] * a1 + S[1, 2] * a2
+        r2 = p0 * v1 - p1 * v0 + S[2, 0] * a0 + S[2, 1] * a1 + S[2, 2] * a2
+        out[9 * c], out[9 * c + 1], out[9 * c + 2] = r0, r1, r2
+        for i in range(3):
+            out[9 * c + 3 + i] = A[i, 0] * b0 + A[i, 1] * b1 + A[i, 2] * b2
+        out[9 * c + 6] = f1 * v2 - f2 * v1 + n1 * r2 - n2 * r1
+        out[9 * c + 7] = f2 * v0 - f0 * v2 + n2 * r0 - n0 * r2
+        out[9 * c + 8] = f0 * v1 - f1 * v0 + n0 * r1 - n1 * r0
+
+
+@kernel
+def _rotation(y, R):
+    """R (3, 3): axes of the state y."""
+    w, a, b, c = y[3], y[4], y[5], y[6]
+    R[0, 0], R[0, 1], R[0, 2] = 1.0 - 2.0 * (b * b + c * c), 2.0 * (a * b - c * w), 2.0 * (a * c + b * w)
+    R[1, 0], R[1, 1], R[1, 2] = 2.0 * (a * b + c * w), 1.0 - 2.0 * (a * a + c * c), 2.0 * (b * c - a * w)
+    R[2, 0], R[2, 1], R[2, 2] = 2.0 * (a * c - b * w), 2.0 * (b * c + a * w), 1.0 - 2.0 * (a * a + b * b)
+
+
+@kernel
+def _walk(first, last, step, rod, gravity, size, slope, at, y, R, S, A):
+    """The state y (size,) from end p to end q, in place; its first STATE numbers are the rod's, the rest, if any, changes of
+    them."""
+    for s in range(first, last):
+        h = step[s]
+        for stage in range(STAGES):
+            for r in range(size):
+                moved = 0.0
+                for k in range(stage):
+                    moved += _PART[stage, k] * slope[k, r]
+                at[r] = y[r] + h * moved
+            here = rod[s, _PLACE[stage]]
+            _slope(here, gravity, at, slope[stage])
+            if size > STATE:
+                _vary(here, at, at[STATE:], slope[stage, STATE:], R, S, A)
+        for r in range(size):
+            moved = 0.0
+            for k in range(STAGES):
+                moved += _SHARE[k] * slope[k, r]
+            y[r] += h * moved
+        length = math.sqrt(y[3] * y[3] + y[4] * y[4] + y[5] * y[5] + y[6] * y[6])
+        for r in range(3, 7):
+            y[r] /= length
+
+
+@kernel
+def integrate_rods(first, step, rod, gravity, wrench, d, Q, end, gap, tangent):
+    """end (k, 9): place [m], moment and force on end q of k rods, from wrench (k, 6) [N, Nm] at end p; gap (k, 6) [m, rad]:
+    what is left to d (k, 3), Q (k, 3, 3), where end q is to be; tangent (k, 6, 6): motion of end q by the wrench at end p,
+    or (0, 6, 6) where that is not wanted.
+
+    Steps first[i] to first[i+1] are those of rod i: their lengths step (s,) and numbers rod (s, 5, ROD) at `NODES`; gravity
+    (k, 3) in frame p.
+    """
+    size = STATE + 54 if len(tangent) > 0 else STATE
+    slope, at, y = np.empty((STAGES, size)), np.empty(size), np.empty(size)
+    turn, R, S, A = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))
+    for i in range(len(end)):
+        y[:] = 0.0
+        for r in range(3):
+            y[7 + r], y[10 + r] = wrench[i, 3 + r], wrench[i, r]
+        y[3] = 1.0
+        for r in range(3 if size > STATE else 0):
+            y[STATE + 9 * (3 + r) + 6 + r] = 1.0
+        _walk(first[i], first[i + 1], step, rod, gravity[i], size, slope, at, y, R, S, A)
+        _rotation(y, R)
+        for r in range(3):
+            for c in range(3):
+                turn[r, c] = Q[i, r, 0] * R[c, 0] + Q[i, r, 1] * R[c, 1] + Q[i, r, 2] * R[c, 2]
+        rotation_log(turn, gap[i, 3:])
+        for r in range(3):
+            end[i, r], end[i, 3 + r], end[i, 6 + r] = y[r], y[7 + r], y[10 + r]
+            gap[i, r] = d[i, r] - y[r]
+        if not math.isfinite(gap[i, 0] + gap[i, 1] + gap[i, 2] + gap[i, 3] + gap[i, 4] + gap[i, 5]):
+            gap[i, :] = math.inf
+        if size > STATE:
+            for c in range(6):
+                for r in range(6):
+                    tangent[i, r, c] = y[STATE + 9 * c + r]
