@@ -24,7 +24,16 @@ from ksd.beam.rod import NODES, ROD, WEIGHTS, integrate_rods
 from ksd.beam.weight import PULL
 from ksd.model.arrays import STRAIN, Motion
 from ksd.model.compile import Model
-from ksd.model.leaves import leaf_ends, leaf_member, leaf_of, line_mass, natural, rigidities, split_leaf
+from ksd.model.leaves import (
+    cut_leaves,
+    element_leaves,
+    leaf_ends,
+    leaf_member,
+    leaf_of,
+    line_mass,
+    natural,
+    rigidities,
+)
 from ksd.numerics.rotations import rotation_exp
 from ksd.properties.kept import per_model
 from ksd.properties.leaf_groups import EndFrames, end_frames, end_levers
@@ -183,20 +192,20 @@ def _rods(model: Model) -> _Rods:
 
 
 def _leaf(model: Model, name: str) -> tuple[Any, Any]:
-    """What a member stands for: the leaf, or the element of it where the mesh is nodal, and its mesh."""
-    leaves = _leaves(model)
-    whole = name if name in leaves else leaf_of(name)
-    leaf, mesh = leaves[whole], model.mesh.of(whole)
-    if name == whole:
-        return leaf, mesh
+    """What a member stands for: the leaf, its piece between points, or an element where the mesh is nodal; and its mesh."""
+    leaves, wholes = _pieces(model)
+    piece = leaf_of(name, leaves)
+    leaf, mesh = leaves[piece], model.mesh.of(leaf_of(piece, wholes))
     # elements are equal parts
-    return split_leaf(leaf, leaf.elements or mesh.elements)[0][0], mesh
+    return (leaf if name == piece else element_leaves(leaf, leaf.elements or mesh.elements)[0]), mesh
 
 
 @per_model
-def _leaves(model: Model) -> dict[str, Any]:
-    found: dict[str, Any] = model.scene.leaf_names()
-    return found
+def _pieces(model: Model) -> tuple[dict[str, Any], dict[str, Any]]:
+    """All leaves of a model by full name, cut at the points on them; and whole."""
+    scene = model.scene
+    inside = {f"{j.name}/{leaf.name}": leaf for j in scene.joints for leaf in j.leaves()}
+    return inside | {name: leaf for name, _, _, leaf in cut_leaves(scene)}, scene.leaf_names()
 
 
 def _sampled(leaf: Any, mesh: Any, heavy: bool) -> tuple[Array, Array]:
@@ -304,11 +313,12 @@ def _wrenches(assembled: Assembled) -> tuple[Array, Array]:
             stiffness[i] = store[at : at + 36].reshape(6, 6)
             continue
         frame = work.pose[i, :9].reshape(3, 3)
+        state = motion.inner[members.inner_at[i] : members.inner_at[i + 1]]
+        pose = frame.T @ work.pose[i, 15:], frame.T @ motion.R[members.node[i, 1]] @ members.frame[i, 1]
+        value = members.value[members.value_at[i] :]
         corotational.condense(
-            members.value[members.value_at[i] :], members.number[i],
-            motion.inner[members.inner_at[i] : members.inner_at[i + 1]], store.copy(), frame.T @ work.pose[i, 15:],
-            frame.T @ motion.R[members.node[i, 1]] @ members.frame[i, 1], np.empty(12), stiffness[i],
-        )  # fmt: skip
+            value, members.number[i], state, store.copy(), *pose, np.empty(12), stiffness[i]
+        )
     return work.lam[: len(stiffness), :6], stiffness
 
 

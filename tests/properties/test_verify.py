@@ -165,6 +165,24 @@ def test_reactions_are_corrected():
     assert abs(told.reactions[name] - truth.reactions[name]) < 0.1 * off
 
 
+@pytest.mark.parametrize(
+    "mesh", [COARSE, ksd.Mesh("corotational", elements=4, nodal=True)], ids=["chain", "nodal"]
+)
+def test_leaf_with_a_point_on_it(mesh):
+    scene = ksd.Mechanism("point")
+    tip = scene.link("tip")
+    leaf = scene.leaf(
+        scene.ground, tip, start=(0, 0, 0), end=(0.1, 0, 0), section=ksd.rectangle(0.7e-3, 10e-3), material=STEEL,
+        width_axis="z", name="leaf",
+    )  # fmt: skip
+    middle = scene.point(leaf, 0.04, name="middle")
+    scene.load(middle, force=(0, 8.0, 0), at=(0.04, 0, 0))
+    scene.load(tip, force=(0, -2.0, 0), at=(0.1, 0, 0))
+    pose, truth = ksd.solve(scene, mesh=mesh), ksd.solve(scene, mesh=FINE)
+    true = relative_error(pose.model, pose.motion, truth.motion)
+    assert pose.verify().relative == pytest.approx(true.relative, rel=0.1)
+
+
 def test_modal_bodies_are_judged_by_what_they_stand_for():
     pose = ksd.solve(single_joint(), {"turn": 0.4}, method="modal")
     truth = ksd.solve(single_joint(), {"turn": 0.4}, mesh=FINE, method="conventional")
