@@ -24,6 +24,8 @@ from ksd.design.words import drive_rows
 from ksd.errors import KinematicsError, SceneError
 from ksd.model.mesh import Mesh
 from ksd.numerics.rotations import rotation_log
+from ksd.properties.forces import section_forces
+from ksd.properties.stress import von_mises_at
 from ksd.properties.words import Shown, listed
 from ksd.properties.words import number as told
 from ksd.scene.links import Link
@@ -264,7 +266,7 @@ class _Followed:
         if "stress" in asked.questions:
             found = pose.stress(points=asked.points)
             self.marks = {
-                name: np.unravel_index(int(np.argmax(leaf.von_mises_Pa)), leaf.von_mises_Pa.shape)
+                name: divmod(int(np.argmax(leaf.von_mises_Pa)), leaf.von_mises_Pa.shape[1])
                 for name, leaf in found.leaves.items()
             }
             self.worst = found.where[0]
@@ -285,8 +287,10 @@ class _Followed:
 
     def _stress(self, pose: Configuration) -> Row:
         """Stress of every leaf at its mark, and that of the worst."""
-        found = pose.stress(points=self.asked.points)
-        row = {f"stress_MPa[{n}]": 1e-6 * float(found[n].von_mises_Pa[at]) for n, at in self.marks.items()}
+        model, motion = pose.unreduced
+        forces = section_forces(model, motion, points=self.asked.points, load_factor=pose.load_factor)
+        found = von_mises_at(model, forces, self.marks)
+        row = {f"stress_MPa[{n}]": 1e-6 * v for n, v in found.items()}
         return {"stress_MPa": row[f"stress_MPa[{self.worst}]"]} | row
 
     def of(self, side: Configuration, before: Tracks | None) -> tuple[Row, Tracks | None]:

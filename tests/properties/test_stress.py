@@ -7,7 +7,8 @@ from scenes import STEEL, fourbar, single_joint
 import ksd
 from ksd.model.compile import compile_scene
 from ksd.model.leaves import Mesh
-from ksd.properties.stress import stress_points, torsion_factors
+from ksd.properties.forces import section_forces
+from ksd.properties.stress import stress_points, torsion_factors, von_mises_at
 from ksd.section import circle, numbers, polygon, rectangle
 from ksd.solve.conventional import conventional
 
@@ -103,3 +104,28 @@ def test_energy_is_the_work_of_the_drive(mesh):
 def test_it_reads_as_a_sentence():
     text = str(conventional(compile_scene(single_joint()), {"turn": 0.2}).stress())
     assert "hinge/inner:" in text and "MPa at s =" in text
+
+
+@pytest.mark.parametrize(
+    "section", [rectangle(T, W), circle(2e-3), polygon([(-1e-3, -4e-3), (1e-3, -4e-3), (0.0, 5e-3)])]
+)
+def test_one_point_has_the_stress_that_all_points_have(section):
+    pose = tip_loaded(section, force=(40.0, 2.0, 1.0), moment=(0.02, 0.01, 0.03))
+    whole = pose.stress(points=7)["leaf"].von_mises_Pa
+    forces = section_forces(pose.model, pose.motion, points=7)
+    for k, p in np.ndindex(*whole.shape):
+        assert von_mises_at(pose.model, forces, {"leaf": (k, p)})["leaf"] == pytest.approx(
+            whole[k, p], rel=1e-12
+        )
+
+
+def test_one_point_of_a_tapered_leaf():
+    joint = ksd.CircularNotchHinge(STEEL, radius=5e-3, minimum=5e-4, width=1e-2)
+    pose = ksd.solve(single_joint(joint), turn=0.02, method="conventional")
+    whole = pose.stress(points=9)
+    forces = section_forces(*pose.insides, points=9)
+    for name, leaf in whole.leaves.items():
+        k, p = divmod(int(np.argmax(leaf.von_mises_Pa)), leaf.von_mises_Pa.shape[1])
+        assert von_mises_at(pose.model, forces, {name: (k, p)})[name] == pytest.approx(
+            leaf.largest_Pa, rel=1e-12
+        )
