@@ -142,6 +142,17 @@ def test_designs(script, tmp_path):
     assert (tmp_path / "designs.json").exists()
 
 
+def test_gradients(script, tmp_path):
+    found = script("gradients").main(["--quick", "--out", str(tmp_path)])
+    assert [row["what"] for row in found["accuracy"]] == ["crossed pivot", "arc hinge"]
+    for row in found["accuracy"]:
+        assert not row["failed"] and len(row["errors"]) > 20
+        assert all(error <= 1e-6 + 10 * own for error, _, own in row["errors"].values())
+    assert found["cost"][0]["parameters"] == 18
+    assert found["optima"][0]["merit"] == pytest.approx(0.5035665, abs=1e-6)
+    assert (tmp_path / "gradients.json").exists()
+
+
 def test_chain(script, tmp_path):
     found = script("chain").main(["--quick", "--out", str(tmp_path)])
     assert len(found["rows"]) == 4 and all(r["solved"] for r in found["rows"])
