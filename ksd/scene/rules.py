@@ -7,8 +7,6 @@ from collections import Counter
 from collections.abc import Iterable
 from typing import Any
 
-import numpy as np
-
 from ksd.errors import SceneError
 from ksd.scene.contents import Scene
 from ksd.scene.drive import GROUND
@@ -87,28 +85,30 @@ def _check_attached(scene: Scene) -> None:
         raise SceneError(f"no chain of joints leads from {names} to ground; join one of them to ground.")
 
 
+FAR = 200.0
+"""How many times the size of everything else a pin may be from what hangs on its link: a thousand is millimetres for m."""
+
+
 def _check_meeting(scene: Scene) -> None:
-    """Pins and sliders are near the links they join: no farther than the mechanism is large."""
-    if not scene.hinges or not scene.leaves + scene.joints:
-        return
+    """Pins and sliders are where their links can be, not a thousand times further away."""
     hung: dict[str, list[Any]] = {link: [] for link in scene.links}
-    for leaf in scene.leaves:
+    for leaf in scene.leaves if scene.hinges else ():
         hung[leaf.a].append(leaf.leaf.start)
         hung[leaf.b].append(leaf.leaf.end)
-    for joint in scene.joints:
+    for joint in scene.joints if scene.hinges else ():
         hung[joint.a].append(joint.origin)
         hung[joint.b].append(tuple(joint.place(joint.joint.pose_B).tolist()))
-    corners = np.array([place for places in hung.values() for place in places])
-    size = float(np.linalg.norm(np.ptp(corners, axis=0)))
     for hinge in scene.hinges:
+        others = [place for places in hung.values() for place in places]
+        others += [h.at for h in scene.hinges if h is not hinge]
+        size = max((math.dist(p, others[0]) for p in others), default=math.inf)
         for link in (hinge.a, hinge.b):
             far = {place: math.dist(place, hinge.at) for place in hung[link]}
             place = min(far, key=lambda p: far[p], default=None)
-            if link != GROUND and place is not None and far[place] > 2.0 * size:
+            if link != GROUND and place is not None and far[place] > FAR * size:
                 raise SceneError(
                     f"{hinge.kind} '{hinge.name}' does not meet link '{link}': at = {hinge.at} is {far[place]:.4g} m from "
-                    f"where it is attached, and the whole mechanism {size:.4g} m across; the nearest place is at={place}, "
-                    "in m."
+                    f"where it is attached, and all else within {size:.4g} m; places are in m, the nearest is at={place}."
                 )
 
 

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ksd.errors import SceneError
-from ksd.model.arrays import Motion, Work, make_work
+from ksd.model.arrays import Motion
 from ksd.model.compile import Model
 from ksd.model.mesh import Mesh
 from ksd.model.newton import assemble, assemble_nodes
@@ -29,6 +29,7 @@ from ksd.scene.mechanism import Mechanism
 from ksd.section.checks import nearest, show
 from ksd.section.checks import number as checked
 from ksd.solve.solver import Solver, prepare
+from ksd.solve.storage import storage_of
 
 Array = NDArray[np.float64]
 Wanted = dict[int, tuple[Array, Array]]
@@ -151,13 +152,15 @@ def _rotation(model: Model, said: Any) -> Array:
 
 def _check_lengths(model: Model, wanted: Wanted) -> None:
     """SceneError for ends of a leaf further apart than it is long."""
-    members, known = model.arrays.members, np.isin(np.arange(len(model.node_names)), [0, *wanted])
+    members, known = model.arrays.members, np.zeros(len(model.node_names), bool)
+    known[[0, *wanted]] = True
     x, R = model.rest.x.copy(), model.rest.R.copy()
     for i, pose in wanted.items():
         x[i], R[i] = pose
     ends = x[members.node] + (R[members.node] @ members.offset[..., None])[..., 0]
-    apart = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
-    beyond = known[members.node].all(axis=1) & (apart > STRETCH * members.length)
+    chord = ends[:, 1] - ends[:, 0]
+    apart, among = np.sqrt((chord * chord).sum(axis=1)), known[members.node]
+    beyond = among[:, 0] & among[:, 1] & (apart > STRETCH * members.length)
     if beyond.any():
         i = int(np.argmax(beyond))
         raise SceneError(
@@ -200,15 +203,15 @@ def _balance(model: Model, state: Motion) -> RequiredLoads:
     arrays, links = model.arrays, model.links
     names, count = model.scene.links[1:], len(model.drive_names)
     supports = (model.said or model.scene).supports
-    work: Work | None = model.derived.get("required")
-    if work is None:
-        work = model.derived["required"] = make_work(arrays)
+    work = storage_of(model).work
     # what holds a mechanism in its plane does nothing in it
     rows = count + len(supports)
     at = arrays.start[1:links, None] + np.arange(6)
     assemble(arrays, state, np.zeros(len(arrays.terms.start)), 1.0, work, 1e-8, 0, 10.0)
     needed = work.rhs[at]
-    share = np.tile([1.0, 1.0, 1.0, *[1.0 / arrays.size] * 3], links - 1)
+    shares = np.ones((links - 1, 6))
+    shares[:, 3:] /= arrays.size
+    share = shares.ravel()
     left = needed.ravel().copy()
     forces = np.zeros(rows)
     if rows:
@@ -220,7 +223,11 @@ def _balance(model: Model, state: Motion) -> RequiredLoads:
             assemble_nodes(arrays, state, 1.0, work)
             ways[:, k] = work.rhs[at].ravel() - alone
             state.multiplier[k] = 0.0
-        forces = np.linalg.lstsq(share[:, None] * ways, -share * left, rcond=1e-10)[0]
+        scaled = share[:, None] * ways
+        if rows == 1:
+            forces = -(scaled.T @ (share * left)) / (scaled * scaled).sum()
+        else:
+            forces = np.linalg.lstsq(scaled, -share * left, rcond=1e-10)[0]
         left += ways @ forces
     noise = BALANCED * np.abs(share * needed.ravel()).max()
     left[np.abs(share * left) <= noise] = 0.0

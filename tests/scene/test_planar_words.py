@@ -284,7 +284,10 @@ def test_errors_give_the_number_that_works():
     assert "itself" in refused(lambda: scene.pin("tip", "tip", at=(0.1, 0, 0)))
     scene.slider("tip", along="y", at=(0.1, 0, 0), name="guide")
     assert "own name" in refused(lambda: scene.pin("ground", "p", name="guide"))
-    # millimetres for metres
+    # a long arm on a small hinge is fine, millimetres for metres are not
+    scene.pin("ground", "tip", at=(10, 0, 0), name="arm")
+    scene.validate()
+    scene = bent()
     scene.pin("ground", "tip", at=(100, 0, 0), name="far")
     said = refused(scene.validate)
     assert "does not meet link 'tip'" in said and "at=(0.1, 0.0, 0.0)" in said
