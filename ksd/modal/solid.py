@@ -6,6 +6,7 @@ with elements of second order. Axes: x along, y through the thickness, z along t
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
@@ -21,6 +22,8 @@ class Solid:
     """A meshed solid. basis: scikit-fem basis; moduli (lambda, mu) [Pa]; width [m] of a 2D solid (1 in 3D); length [m].
 
     component, place: component and coordinates (3,) m of every degree of freedom; face_a, face_b: those on the faces.
+    remeshed: makes the same solid with so many times the cells along every axis, which tells the error of its mesh; None
+    where nobody knows how.
     """
 
     basis: Any
@@ -32,6 +35,7 @@ class Solid:
     place: np.ndarray
     face_a: np.ndarray
     face_b: np.ndarray
+    remeshed: Callable[[float], Solid] | None = None
 
     @property
     def size(self) -> int:
@@ -169,6 +173,13 @@ class Solid:
         """Volume of every quadrature point, m^3."""
         return self._shapes[1].ravel()
 
+    def on_grid(self, component: int) -> np.ndarray:
+        """Degrees of freedom of a component in the order of their places (nx, ny, nz), of a solid of `block`."""
+        at = np.flatnonzero(self.component == component)
+        x, y, z = np.round(self.place[at] / (1e-9 * self.length)).T
+        nx, nz = len(np.unique(x)), len(np.unique(z))
+        return at[np.lexsort((z, y, x))].reshape(nx, -1, nz)
+
     def pattern(self, end: str, row: int, column: int) -> np.ndarray:
         """Displacement (size,) of one face by a unit entry (row, column) of its rotation matrix; column -1: unit shift."""
         dofs, at = (self.face_a, 0.0) if end == "a" else (self.face_b, self.length)
@@ -217,9 +228,15 @@ def block(
     lame = material.E * material.nu / (1 - material.nu**2) if flat else None
     nu = material.nu
     lam = lame if lame is not None else material.E * nu / ((1 + nu) * (1 - 2 * nu))
+
+    def remeshed(times: float) -> Solid:
+        more = tuple(math.ceil(times * n) for n in cells)
+        return block(material, length, thickness, width=width, cells=more, outline=outline)
+
     return Solid(
         basis, (lam, material.E / (2 * (1 + nu))), material.density, width if flat else 1.0, length,
         component, place, np.flatnonzero(place[:, 0] < tiny), np.flatnonzero(place[:, 0] > length - tiny),
+        remeshed,
     )  # fmt: skip
 
 

@@ -9,6 +9,7 @@ import time
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.ndimage import map_coordinates
 from scipy.spatial.transform import Rotation
 
 from ksd.errors import ConvergenceError
@@ -43,6 +44,16 @@ class FullSolid:
         self.row = solid.component[self.face]
         self.stiffness, self.wrench, self.held = np.zeros((6, 6)), np.zeros(6), np.zeros(6)
         self._inside = np.zeros((len(self.inner), 7))
+
+    def on(self, solid: Solid) -> FullSolid:
+        """This state on another mesh of the same solid, displacements linear between the places known."""
+        u = np.zeros(solid.size)
+        for component in range(2 if solid.flat else 3):
+            own, theirs = self.solid.on_grid(component), solid.on_grid(component)
+            at = [np.linspace(0.0, n - 1.0, m) for n, m in zip(own.shape, theirs.shape, strict=True)]
+            places = np.meshgrid(*at, indexing="ij")
+            u[theirs] = map_coordinates(self.u[own], places, order=1, mode="nearest")
+        return FullSolid(solid, u, self.shift, self.R)
 
     def step(self, wrench: np.ndarray) -> bool:
         """One Newton step under `wrench` (6,) on face B, in place; whether it was at rest before, to rounding."""

@@ -63,7 +63,7 @@ SCHEMA: dict[str, str] = {
     "supports.*.effort": "force [N] or moment [Nm] of a support that is a sum of both kinds",
     "error": "against the truth, that of the mesh included; null where no estimate was asked for, or nothing converged",
     "error.relative_percent": "larger of force error over force and displacement error over displacement; null: not known",
-    "error.mesh_percent": "the same of the mesh alone; null where it is not known, or the mesh is that of a solid",
+    "error.mesh_percent": "the same of the mesh alone; null where it is not known",
     "error.displacement_um": "estimated error of the worst link position",
     "error.rotation_mrad": "estimated error of the worst link rotation",
     "basis": "of the reduced body bent furthest, a leaf or a solid; null where nothing is reduced",
@@ -206,7 +206,7 @@ def _error(c: Configuration) -> dict[str, float | None] | None:
         return None
     return {
         "relative_percent": _finite(100 * c.error.relative),
-        "mesh_percent": None if c.model.solids else _finite(100 * c.error.mesh),
+        "mesh_percent": _finite(100 * c.error.mesh),
         "displacement_um": _finite(1e6 * c.error.displacement),
         "rotation_mrad": _finite(1e3 * c.error.rotation),
     }

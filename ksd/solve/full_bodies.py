@@ -43,17 +43,30 @@ class Condensed:
 
 
 class FullBodies:
-    """A mechanism with its bodies in full, `model`, on its way from a state of the reduced ones; state: where it is."""
+    """A mechanism with its bodies in full, `model`, on its way from a state of the reduced ones; state: where it is.
 
-    def __init__(self, reduced: Model, motion: Motion) -> None:
-        chains, state = inside(reduced, motion)
+    leaves: model and state of the leaf springs on another mesh; times: cells of the solids along every axis, over theirs.
+    """
+
+    def __init__(
+        self,
+        reduced: Model,
+        motion: Motion,
+        *,
+        leaves: tuple[Model, Motion] | None = None,
+        times: float = 1.0,
+    ) -> None:
+        chains, state = leaves or inside(reduced, motion)
         self.model = with_bodies(chains, {name: Condensed() for name in reduced.solids})
         self.state, self.wholes = same_state(chains, state, self.model), {}
         for name in reduced.solids:
             i, body = reduced.member_names.index(name), reduced.bodies[name]
             d, R = member_pose(reduced.arrays.members, i, motion)
             u = body.displaced(d, R, inner_state(reduced, motion, i))
-            self.wholes[i] = FullSolid(body.solid, u, d - np.array([body.solid.length, 0.0, 0.0]), R)
+            whole = FullSolid(body.solid, u, d - np.array([body.solid.length, 0.0, 0.0]), R)
+            self.wholes[self.model.member_names.index(name)] = (
+                whole if times == 1.0 else whole.on(body.solid.remeshed(times))
+            )
         self.arrays, self.residual = exact(self.model.arrays), math.inf
         self.work = make_work(self.arrays)
 
@@ -111,12 +124,20 @@ def indicator(
     return estimate, Step("error estimate", taken, clock(), full.residual, Stop.CONVERGED, note)
 
 
-def settled(model: Model, motion: Motion, target: np.ndarray, factor: float) -> tuple[Model, Motion]:
+def settled(
+    model: Model,
+    motion: Motion,
+    target: np.ndarray,
+    factor: float,
+    *,
+    leaves: tuple[Model, Motion] | None = None,
+    times: float = 1.0,
+) -> tuple[Model, Motion]:
     """Full model and its equilibrium next to a state with reduced solids: what questions about stiffness are asked of.
 
-    Raises ConvergenceError.
+    leaves, times: see `FullBodies`. Raises ConvergenceError.
     """
-    full, before = FullBodies(model, motion), math.inf
+    full, before = FullBodies(model, motion, leaves=leaves, times=times), math.inf
     for _ in range(MOST):
         if full.step(target, factor, most=MOST) is None:
             break

@@ -124,7 +124,9 @@ def error_sentence(d: dict[str, Any]) -> str:
     mesh = "that of its mesh is not known"
     if error["mesh_percent"] is not None:
         share = number(error["mesh_percent"], 2, zero=1e-9)
-        mesh = f"of which mesh {share} %" if d["method"] in FAST else "all of it mesh"
+        mesh = (
+            f"of which mesh {share} %" if d["method"] in FAST or d["basis"] is not None else "all of it mesh"
+        )
     return f"Estimated error: {percent} %, {mesh} (links within {shift} um and {turn} mrad)"
 
 

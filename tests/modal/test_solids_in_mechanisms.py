@@ -1,5 +1,7 @@
 """Mechanisms with reduced solids judge themselves: error of forces and poses, range, refusal, questions."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -64,9 +66,48 @@ def test_the_error_told_is_that_against_the_full_solid(plane, coarse, load):
     full = press(plane, np.array([0.0, load * EI / LENGTH**2, 0.0]), np.zeros(3))
     true = np.linalg.norm(full.shift - moved(pose)) / np.linalg.norm(full.shift)
     assert 1e-3 < true < 0.05
-    assert pose.error.relative == pytest.approx(true, rel=0.1)
+    assert pose.method_error.relative == pytest.approx(true, rel=0.1)
     assert "error estimate" in [s.name for s in pose.steps]
     assert f"{100 * pose.error.relative:.2g} %" in str(pose.trust.trusted)
+
+
+NOTCH = {"outline": lambda u: 1 - 0.6 * np.sin(np.pi * u) ** 4}
+
+
+@pytest.mark.parametrize(
+    ("cells", "load", "shape", "best", "large"),
+    [
+        ((8, 1), 0.1, {}, (64, 8), False),
+        ((4, 1), 0.3, {}, (64, 8), False),
+        ((12, 2), 0.01, NOTCH, (64, 8), False),
+        ((4, 1, 1), 0.1, {}, (12, 2, 2), False),
+        ((16, 2), 0.1, {}, (64, 8), True),
+        ((24, 4), 0.01, NOTCH, (64, 8), True),
+    ],
+    ids=["flat", "coarse", "notch", "in space", "large", "large notch"],
+)
+def test_the_error_told_includes_the_mesh_of_the_solid(monkeypatch, cells, load, shape, best, large):
+    """Against the solid pressed on its own on a much finer mesh; of a large solid estimated on a coarser one."""
+    if large:
+        monkeypatch.setattr("ksd.solve.error.FINE_SOLID", 0)
+    bodies = [block(STEEL, LENGTH, THICK, width=WIDTH, cells=c, **shape) for c in (cells, best)]
+    words = {"basis": {"spring": reduce_solid(bodies[0])}, "strict": False}
+    pose = ksd.solve(spring(load=load, flat=len(cells) == 2), **words)
+    full = press(bodies[1], np.array([0.0, load * EI / LENGTH**2, 0.0]), np.zeros(3))
+    true = np.linalg.norm(full.shift - moved(pose)) / np.linalg.norm(full.shift)
+    assert true > 100 * pose.method_error.relative and true > 1e-3
+    assert 0.5 * true < pose.error.relative < 2 * true
+    assert pose.error.mesh == pytest.approx(pose.error.relative, rel=0.01)
+    share = 100 * pose.error.mesh
+    assert f"of which mesh {share:.2g} %" in str(pose)
+    assert pose.error.displacement == pytest.approx(np.linalg.norm(full.shift - moved(pose)), rel=1.0)
+
+
+def test_of_a_solid_that_cannot_be_meshed_again_the_method_alone_is_told(plane):
+    body = reduce_solid(replace(plane, remeshed=None))
+    pose = ksd.solve(spring(load=0.1, flat=True), basis={"spring": body})
+    assert np.isnan(pose.error.mesh) and pose.error.relative == pose.method_error.relative
+    assert "that of its mesh is not known" in str(pose)
 
 
 def test_a_driven_solid_tells_the_error_of_its_force(plane, coarse, fine):
@@ -76,10 +117,12 @@ def test_a_driven_solid_tells_the_error_of_its_force(plane, coarse, fine):
         ksd.solve(scene, across=0.1 * LENGTH, basis={"spring": b}, strict=False) for b in (coarse, fine)
     )
     off = abs(poor.forces["across"] - good.forces["across"])
-    assert good.error.relative < 1e-4 < off / good.forces["across"]
-    assert poor.error.force[0] == pytest.approx(off, rel=0.02)
+    assert good.method_error.relative < 1e-4 < off / good.forces["across"]
+    assert poor.method_error.force[0] == pytest.approx(off, rel=0.02)
     value, error = poor.with_error(lambda p: p.drive_stiffness()["across"])
-    true = abs(value - good.drive_stiffness()["across"])
+    finer = reduce_solid(plane.remeshed(2))
+    best = ksd.solve(scene, across=0.1 * LENGTH, basis={"spring": finer}, strict=False)
+    true = abs(value - best.drive_stiffness()["across"])
     assert error == pytest.approx(true, rel=0.1) and error > 1e-3 * value
 
 
@@ -164,8 +207,9 @@ def test_beside_condensed_joints():
     off = np.array([pose.forces[d] - whole.forces[d] for d in values])
     assert 1e-6 < np.abs(off).max() / abs(whole.forces["a"]) < 1e-3
     # what the solid misses is in the error of both
-    assert pose.error.force == pytest.approx(np.abs(off), abs=1.1 * whole.error.force.max())
-    assert whole.error.force.max() < 0.1 * np.abs(off).max()
+    assert pose.method_error.force == pytest.approx(np.abs(off), abs=1.1 * whole.method_error.force.max())
+    assert whole.method_error.force.max() < 0.1 * np.abs(off).max()
+    assert pose.error.mesh == pytest.approx(whole.error.mesh, rel=0.05) and pose.error.mesh > 1e-4
     assert [s.name for s in pose.steps][:2] == ["1 close loops", "2 joint stiffness"]
     assert pose.motions == pytest.approx({"base": 0.2, "elbow": -0.3}, abs=1e-3)
     assert pose.trusted and pose.links["tip"][0] == pytest.approx(whole.links["tip"][0], abs=1e-4)
