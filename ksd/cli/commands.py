@@ -19,7 +19,9 @@ _WORDS: dict[str, dict[str, Any]] = {
         "metavar": "DRIVE=VALUE",
         "help": "a drive value, such as top=300mm or hinge=45deg; may be repeated",
     },
-    "--method": {"help": "kinematic, reduced, full or conventional; the cheapest that will do when left out"},
+    "--method": {
+        "help": "kinematic, reduced, full, conventional or constant; the cheapest that will do when left out"
+    },
     "--accuracy": {
         "type": float,
         "metavar": "A",

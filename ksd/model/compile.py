@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ksd.errors import SceneError
-from ksd.model.arrays import MODAL, ROTATION, SOLID, TRANSLATION, Arrays, Motion
+from ksd.model.arrays import LINEAR, MODAL, ROTATION, SOLID, TRANSLATION, Arrays, Motion
 from ksd.model.drawing import Drawing, Numbers, draw
 from ksd.model.effects import Choice, applied, choose
 from ksd.model.leaves import cut_leaves
@@ -62,6 +62,8 @@ class Model:
     @property
     def leaf_models(self) -> str:
         """What the leaf springs are, in words."""
+        if self.full is not None and any(body.kind == LINEAR for body in self.bodies.values()):
+            return f"bodies of constant stiffness, that at rest of {self.mesh}"
         modal = {n: b for n, b in self.bodies.items() if b.kind == MODAL}
         if len(modal) == len(self.member_names) and len({str(b) for b in modal.values()}) == 1:
             return f"modal bodies: {next(iter(modal.values()))}"

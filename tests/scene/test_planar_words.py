@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from scenes import STEEL
+from scenes import STEEL, cross_flexure
 
 import ksd
 from ksd.errors import TrustError
@@ -401,3 +401,43 @@ value = 0.4
     want, got = ksd.solve(python, turn=0.4), ksd.solve(made, targets)
     assert got.forces["turn"] == pytest.approx(want.forces["turn"], rel=1e-9)
     assert "middle" in got.links
+
+
+def test_pins_beside_joints():
+    """A crank on a cross flexure, and a rigid coupler pinned to it whose other end slides on a line."""
+    scene = ksd.Mechanism("mixed", plane="xy")
+    crank, coupler = scene.links("crank", "coupler")
+    scene.join("ground", crank, cross_flexure(), at=(0, 0, 0), axis="z", toward="y", name="hinge")
+    scene.pin(crank, coupler, at=(0, 0.3, 0), name="P")
+    scene.support(coupler, along="y", at=(0.3, 0.3, 0), name="line")
+    scene.actuate(crank, about="z", name="turn")
+    found = ksd.solve(scene, turn=0.2)
+    P = found.displacement("crank", (0, 0.3, 0)) + np.array([0, 0.3, 0])
+    end = found.displacement("coupler", (0.3, 0.3, 0)) + np.array([0.3, 0.3, 0])
+    assert found.displacement("coupler", (0, 0.3, 0)) == pytest.approx(
+        found.displacement("crank", (0, 0.3, 0)), abs=1e-12
+    )
+    assert end[1] == pytest.approx(0.3, abs=1e-12) and math.dist(P, end) == pytest.approx(0.3, rel=1e-9)
+    assert found.forces == pytest.approx(ksd.solve(scene, turn=0.2, planar=False).forces, rel=1e-7)
+    told = ksd.doctor(scene)
+    assert told.exact and (told.freedoms, told.held) == (1, 1)
+    with pytest.raises(ksd.KinematicsError, match="'coupler' is not connected to ground by joints or leaves"):
+        ksd.solve(scene, turn=0.2, method="reduced")
+
+
+def test_designs_with_points_have_gradients_and_sweeps():
+    """Points are drawn into the shared integers of designs: gradient against differences, and the table of a sweep."""
+
+    def design(L=0.1, s=0.04):
+        scene = bent(end=(L, 0, 0))
+        scene.load(scene.point("wire", s, name="there"), force=(0, 0.5, 0))
+        scene.actuate("tip", along="y", at=(L, 0, 0), name="d")
+        return scene
+
+    found = ksd.gradient(design, {"L": 0.1, "s": 0.04}, d=[0.005])
+    for name in ("L", "s"):
+        at = {"L": 0.1, "s": 0.04}
+        ends = [ksd.solve(design(**(at | {name: at[name] + h})), d=0.005).forces["d"] for h in (1e-5, -1e-5)]
+        assert found["d_force_N", name][0] == pytest.approx((ends[0] - ends[1]) / 2e-5, rel=1e-5)
+    table = ksd.sweep(design(), d=[0.0, 0.005], link="there", questions=("force", "support_stiffness"))
+    assert table["d_force_N"][1] == pytest.approx(ksd.solve(design(), d=0.005).forces["d"], rel=1e-6)
