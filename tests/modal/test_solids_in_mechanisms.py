@@ -96,7 +96,8 @@ def test_the_error_told_includes_the_mesh_of_the_solid(monkeypatch, cells, load,
     full = press(bodies[1], np.array([0.0, load * EI / LENGTH**2, 0.0]), np.zeros(3))
     true = np.linalg.norm(full.shift - moved(pose)) / np.linalg.norm(full.shift)
     assert true > 100 * pose.method_error.relative and true > 1e-3
-    assert 0.5 * true < pose.error.relative < 2 * true
+    near = 2.0 if large else 1.3
+    assert true / near < pose.error.relative < near * true
     assert pose.error.mesh == pytest.approx(pose.error.relative, rel=0.01)
     share = 100 * pose.error.mesh
     assert f"of which mesh {share:.2g} %" in str(pose)
