@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from ksd.design.lines import spoken
-from ksd.design.questions import Asked, Before, Pose, Row, answered
+from ksd.design.questions import Asked, Before, Pose, Row, answered, stress_row
 from ksd.errors import SceneError
 from ksd.model.arrays import Motion
 from ksd.properties.stiffness import node_of, point_motion
+from ksd.properties.stress import peaks
 from ksd.properties.tangent import row_numbers
 from ksd.solve.configuration import Configuration
 from ksd.solve.error import settle
@@ -27,7 +28,8 @@ POINTED = {"support_stiffness", "parasitic"}
 
 @dataclass
 class Found:
-    """Numbers of one design; rows (N): answers by column; reasons: why a question has none, by pose."""
+    """Numbers of one design; rows (N): answers by column; reasons: why a question has none, by pose; waiting: poses whose
+    stress is asked together with that of other designs, see `answer_stress`."""
 
     links: tuple[str, ...]
     drives: tuple[str, ...]
@@ -41,6 +43,7 @@ class Found:
     rows: list[Row] = field(default_factory=list)
     reasons: dict[int, str] = field(default_factory=dict)
     compliance: np.ndarray | None = None
+    waiting: list[tuple[int, Pose]] = field(default_factory=list)
 
 
 class Prepared:
@@ -107,7 +110,13 @@ class _Questions:
     """Asks the questions of the states in storage, one pose after the other; modes keep their names from pose to pose."""
 
     def __init__(self, design: Prepared, asked: Asked, targets: np.ndarray, found: Found) -> None:
-        self.design, self.asked, self.targets, self.found = design, asked, targets, found
+        self.design, self.targets, self.found, self.stress = (
+            design,
+            targets,
+            found,
+            "stress" in asked.questions,
+        )
+        self.asked = replace(asked, questions=tuple(q for q in asked.questions if q != "stress"))
         self.before = Before()
         found.rows = [{} for _ in targets]
         if "support_stiffness" in asked.questions:
@@ -125,11 +134,11 @@ class _Questions:
                 return UNSTABLE
         pose = Pose(self._posed(motion, full.copy() if reduced else motion, target), self.before)
         self.found.rows[n], self.before, failed = answered(pose, self.asked)
+        if self.stress:
+            self.found.waiting.append((n, pose))
         if self.found.compliance is not None and "support_stiffness" not in failed:
             self.found.compliance[n] = pose.stiffness_at(self.asked).compliance
-        if failed:
-            self.found.reasons[n] = "; ".join(f"{q}: {spoken(why)}" for q, why in failed.items())
-        return UNANSWERED if failed else 0
+        return _note(self.found, n, failed)
 
     def _posed(self, motion: Motion, answering: Motion, target: np.ndarray) -> Configuration:
         """The state as a configuration; answering: the state that questions beyond forces and poses are asked of."""
@@ -141,6 +150,29 @@ class _Questions:
         )  # fmt: skip
         pose.__dict__["answering"] = answering
         return pose
+
+
+def _note(found: Found, n: int, failed: Mapping[str, Exception]) -> int:
+    """Why questions of pose n were not answered; returns its status."""
+    if failed:
+        before = [found.reasons[n]] if n in found.reasons else []
+        found.reasons[n] = "; ".join([*before, *(f"{q}: {spoken(why)}" for q, why in failed.items())])
+    return UNANSWERED if n in found.reasons else 0
+
+
+def answer_stress(designs: Sequence[Found], asked: Asked) -> None:
+    """The stress of all poses of several designs, together where all their leaves are strain-mode leaves."""
+    waiting = [(found, n, pose) for found in designs for n, pose in found.waiting]
+    together = peaks([pose.unreduced for _, _, pose in waiting], points=asked.points) if waiting else None
+    for k, (found, n, pose) in enumerate(waiting):
+        if together is not None:
+            found.rows[n] |= stress_row(together[k], asked)
+        else:
+            row, _, failed = answered(pose, replace(asked, questions=("stress",)))
+            found.rows[n] |= row
+            found.status[n] = _note(found, n, failed)
+    for found in designs:
+        found.waiting.clear()
 
 
 def _ways(five: FiveSteps) -> np.ndarray:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -23,6 +23,7 @@ from ksd.properties.stiffness import (
     finer_tangent,
     point_stiffness,
 )
+from ksd.properties.stress import Peak
 from ksd.section.checks import similar, truth, vector, whole, word
 from ksd.solve.answer import drive_kind
 from ksd.solve.error import corrected
@@ -179,11 +180,19 @@ def _finite(value: float, most: float = np.inf) -> float:
 
 def _stress(pose: Any, asked: Asked) -> Row:
     found = pose.stress(points=asked.points)
-    leaf, s, point = found.where
-    every = {f"stress_MPa[{n}]": 1e-6 * f.largest_Pa for n, f in found.leaves.items()} if asked.leaves else {}
+    return stress_row(
+        {name: Peak(leaf.largest_Pa, *leaf.where) for name, leaf in found.leaves.items()}, asked
+    )
+
+
+def stress_row(peaks: Mapping[str, Peak], asked: Asked) -> Row:
+    """Row of the largest stress of every leaf."""
+    worst = max(peaks, key=lambda name: peaks[name].largest_Pa)
+    every = {f"stress_MPa[{n}]": 1e-6 * peak.largest_Pa for n, peak in peaks.items()} if asked.leaves else {}
+    most, s, point = peaks[worst]
     return every | {
-        "stress_MPa": 1e-6 * found[leaf].largest_Pa,
-        "stress_leaf": leaf,
+        "stress_MPa": 1e-6 * most,
+        "stress_leaf": worst,
         "stress_s_mm": 1e3 * s,
         "stress_point": point,
     }

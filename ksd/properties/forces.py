@@ -29,7 +29,7 @@ from ksd.model.assembly import condense_member
 from ksd.model.compile import Model
 from ksd.model.poses import member_pose
 from ksd.numerics.rotations import rotation_exp
-from ksd.properties.leaf_groups import LeafGroup, leaf_groups, own_gravity
+from ksd.properties.leaf_groups import leaf_groups, own_gravity
 from ksd.properties.shape import (
     Ends,
     chain_axes,
@@ -89,7 +89,8 @@ def section_forces(
     parts: dict[int, tuple[Array, Array]] = {}
     for group in leaf_groups(model):
         gravity = own_gravity(model, motion, group, load_factor)
-        parts |= zip(group.members.tolist(), _strain_forces(group, motion, points, gravity), strict=True)
+        made = strain_forces(group.value, motion.inner[group.places], group.number, points, gravity)
+        parts |= zip(group.members.tolist(), zip(*made, strict=True), strict=True)
     found, work = {}, make_work(model.arrays) if len(parts) < len(model.arrays.members.kind) else None
     for name, members in members_of_leaves(model).items():
         at, stations, values = 0.0, [], []
@@ -126,14 +127,14 @@ def end_wrenches(model: Model, motion: Motion, *, load_factor: float = 1.0) -> A
     return found
 
 
-def _strain_forces(
-    group: LeafGroup, motion: Motion, points: int, gravity: Array | None
-) -> list[tuple[Array, Array]]:
-    """Stations (k,) and section forces (k, 6) of every leaf of a group; gravity (leaf springs, 3) in their frames p."""
-    inner = motion.inner[group.places]
-    s, r, R, *beyond = strain_curves(group.value, group.number, inner, points, gravity)
+def strain_forces(
+    value: Array, inner: Array, number: NDArray[np.int64], points: int, gravity: Array | None = None
+) -> tuple[Array, Array]:
+    """Stations (leaves, k) and section forces (leaves, k, 6) of leaves of one make: constants (leaves, v) and inner states;
+    gravity (leaves, 3) in their frames p."""
+    s, r, R, *beyond = strain_curves(value, number, inner, points, gravity)
     weight = () if gravity is None else (gravity[:, None], *beyond)
-    return list(zip(s, _along(r, R, inner[:, None, group.modes :], *weight), strict=True))
+    return s, _along(r, R, inner[:, None, int(number[:3].sum()) :], *weight)
 
 
 def _chain_forces(

@@ -13,10 +13,10 @@ Pa; s in m.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,7 +25,7 @@ from ksd.beam import corotational
 from ksd.beam.strain_mass import many_pulls, many_slacks
 from ksd.model.arrays import SOLID, Motion
 from ksd.model.compile import Model
-from ksd.properties.forces import SectionForces, section_forces, spring_energy
+from ksd.properties.forces import SectionForces, section_forces, spring_energy, strain_forces
 from ksd.properties.leaf_groups import LeafGroup, elastic, leaf_groups, own_gravity
 from ksd.properties.shape import member_ends, member_parts, members_of_leaves, scene_leaves
 from ksd.properties.words import Named, Shown, number
@@ -183,25 +183,80 @@ def _leaf_stresses(forces: list[SectionForces], leaf: Any) -> list[LeafStress]:
     # a station on a step of the profile takes the section just inside
     at = np.clip(s / s[-1], 1e-9, 1 - 1e-9)
     sections = (leaf.section,) if profile is None else tuple(profile.section(float(x)) for x in at)
-    y, z, A, Iy, Iz, torsion, along_y, along_z = _stations(sections)
-    N, Vy, Vz, T, My, Mz = np.moveaxis(np.array([f.values for f in forces]), 2, 0)[..., None]
-    axial = N / A
-    bending = My * z / Iy - Mz * y / Iz
-    # first axis: the shear stress along y and z
-    twist, across = T * torsion, Vy * along_y + Vz * along_z
-    if leaf.section.outline is not None:
-        shear = np.abs(twist).sum(axis=0) + np.abs(across).sum(axis=0)
-    else:
-        shear = np.hypot(*(twist + across))
-    normal = axial + bending
-    mises = np.sqrt(normal**2 + 3 * shear**2)
-    parts: tuple[Array, ...] = (normal, shear, mises, np.abs(bending).max(axis=2), axial[..., 0])
-    parts = (*parts, np.hypot(*twist).max(axis=2), np.hypot(*across).max(axis=2))
-    places = [np.broadcast_to(v, (len(s), v.shape[1])) for v in (y, z)]
+    stations = _stations(sections)
+    parts = _stresses(
+        np.array([f.values for f in forces]), stations, outlined=leaf.section.outline is not None
+    )
+    places = [np.broadcast_to(v, (len(s), v.shape[1])) for v in stations[:2]]
     return [
         LeafStress(f.name, f.s, stress_points(sections[0]).names, *places, *(v[k] for v in parts))
         for k, f in enumerate(forces)
     ]
+
+
+def _stresses(values: Array, stations: tuple[Array, ...], *, outlined: bool) -> tuple[Array, ...]:
+    """Normal, shear and von Mises stress (leaves, s, p), and bending, axial, torsion and transverse stress (leaves, s) of
+    section forces (leaves, s, 6); stations: as of `_stations`, with an axis over leaves before that over stations where
+    each has its own."""
+    y, z, A, Iy, Iz, torsion, along_y, along_z = stations
+    N, Vy, Vz, T, My, Mz = np.moveaxis(values, 2, 0)[..., None]
+    axial = N / A
+    bending = My * z / Iy - Mz * y / Iz
+    # first axis: the shear stress along y and z
+    twist, across = T * torsion, Vy * along_y + Vz * along_z
+    shear = (
+        np.abs(twist).sum(axis=0) + np.abs(across).sum(axis=0) if outlined else np.hypot(*(twist + across))
+    )
+    normal = axial + bending
+    mises = np.sqrt(normal**2 + 3 * shear**2)
+    parts: tuple[Array, ...] = (normal, shear, mises, np.abs(bending).max(axis=2), axial[..., 0])
+    return (*parts, np.hypot(*twist).max(axis=2), np.hypot(*across).max(axis=2))
+
+
+class Peak(NamedTuple):
+    """Largest von Mises stress [Pa] of a leaf, at station s [m] and a point of its section."""
+
+    largest_Pa: float
+    s: float
+    point: str
+
+
+def peaks(states: Sequence[tuple[Model, Motion]], *, points: int = POINTS) -> list[dict[str, Peak]] | None:
+    """The largest stress of every leaf at many states, models and motions, all together; None where there is a chain, a
+    profile or a leaf with weight, which `stress` answers one by one."""
+    alike: dict[Any, list[tuple[int, str, Array, Array, Any]]] = {}
+    number: dict[Any, Any] = {}
+    for k, (model, motion) in enumerate(states):
+        leaves = scene_leaves(model)
+        for group in leaf_groups(model):
+            if group.heavy:
+                return None
+            first = 1 + sum(n * (n + 1) for n in group.number[:3].tolist())
+            ng = int(group.number[3])
+            make = group.number.tobytes(), group.value[0, first : first + ng * (ng + 1)].tobytes()
+            inner = motion.inner[group.places]
+            for i, member in enumerate(group.members.tolist()):
+                name = model.member_names[member]
+                leaf = leaves.get(name)
+                if leaf is None or leaf.profile is not None:
+                    return None
+                key = (*make, len(stress_points(leaf.section).names), leaf.section.outline is not None)
+                alike.setdefault(key, []).append((k, name, group.value[i], inner[i], leaf.section))
+                number[key] = group.number
+    found: list[dict[str, Any]] = [dict.fromkeys(model.member_names) for model, _ in states]
+    for key, mine in alike.items():
+        value, inner = np.stack([part[2] for part in mine]), np.stack([part[3] for part in mine])
+        s, forces = strain_forces(value, inner, number[key], points)
+        own: list[Any] = list(zip(*(_stations((q,)) for *_, q in mine), strict=True))
+        stations = (*(np.stack(v) for v in own[:5]), *(np.concatenate(v, axis=1) for v in own[5:]))
+        mises = _stresses(forces, stations, outlined=key[-1])[2]
+        at = mises.reshape(len(mine), -1).argmax(axis=1)
+        for j, (k, name, _, _, q) in enumerate(mine):
+            station, point = divmod(int(at[j]), mises.shape[2])
+            found[k][name] = Peak(
+                float(mises[j, station, point]), float(s[j, station]), stress_points(q).names[point]
+            )
+    return found if all(p is not None for one in found for p in one.values()) else None
 
 
 @dataclass(frozen=True, repr=False)

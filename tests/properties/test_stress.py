@@ -7,6 +7,7 @@ from scenes import STEEL, fourbar, single_joint
 import ksd
 from ksd.model.compile import compile_scene
 from ksd.model.leaves import Mesh
+from ksd.properties import stress as stresses
 from ksd.properties.forces import section_forces
 from ksd.properties.stress import stress_points, torsion_factors, von_mises_at
 from ksd.section import circle, numbers, polygon, rectangle
@@ -129,3 +130,29 @@ def test_one_point_of_a_tapered_leaf():
         assert von_mises_at(pose.model, forces, {name: (k, p)})[name] == pytest.approx(
             leaf.largest_Pa, rel=1e-12
         )
+
+
+def test_largest_stresses_of_many_states_together_are_those_one_by_one():
+    def wired(section, material=STEEL):
+        scene = ksd.Mechanism("wired")
+        tip = scene.link("tip")
+        scene.leaf(scene.ground, tip, start=(0, 0, 0), end=(0.1, 0, 0), section=section, material=material,
+                   width_axis="z", name="leaf")  # fmt: skip
+        scene.actuate(tip, about="z", at=(0.1, 0, 0), name="turn")
+        scene.load(tip, force=(1.0, 2.0, 3.0), moment=(0.01, 0.02, 0), at=(0.12, 0.01, 0.01))
+        return scene
+
+    scenes = [single_joint(), wired(ksd.circle(2e-3)), wired(ksd.rectangle(1e-3, 8e-3)), wired(ksd.rectangle(9e-3, 3e-3)),
+              wired(ksd.polygon([(0, 0), (2e-3, 0), (2e-3, 3e-3)]))]  # fmt: skip
+    poses = [
+        ksd.solve(s, turn=t, method="full" if s is scenes[0] else None) for s in scenes for t in (0.1, 0.2)
+    ]
+    found = stresses.peaks([p.unreduced for p in poses])
+    for pose, own in zip(poses, found, strict=True):
+        one = pose.stress()
+        assert list(own) == list(one.leaves)
+        for name, peak in own.items():
+            assert peak.largest_Pa == pytest.approx(one[name].largest_Pa, rel=1e-12)
+            assert (peak.s, peak.point) == one[name].where
+    chain = ksd.solve(single_joint(), turn=0.1, mesh=ksd.Mesh("corotational", elements=3))
+    assert stresses.peaks([poses[0].unreduced, chain.unreduced]) is None
