@@ -203,10 +203,10 @@ def both(scene: Any, targets: dict[str, float], method: str, mesh: Any, **words:
 
 
 def equilibrium_near(pose: Any, mesh: Any = TRUTH) -> Any:
-    """The state of a whole solve of its own on the finest mesh, where that is the branch of `pose`; else None."""
+    """The state of a whole solve of its own on the finest mesh, where that is stable and the branch of `pose`; else None."""
     truth = ksd.solve(pose.model.scene, dict(pose.targets), method="conventional", mesh=mesh, strict=False)
     far = np.abs(truth.motion.x[: pose.model.links] - pose.motion.x[: pose.model.links]).max()
-    return truth if far < 0.05 * pose.model.arrays.size else None
+    return truth if truth.stable and far < 0.05 * pose.model.arrays.size else None
 
 
 def any_mesh(scene: Any, rng: np.random.Generator) -> tuple[str, Any]:
