@@ -174,17 +174,21 @@ def memory_left(count: int) -> float:
 
 def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
     """Measure, print, write designs.json; returns what was found."""
-    asked = options(__doc__, argv)
-    rows = new_designs(3 if asked.quick else 25)
+    given = options(__doc__, argv)
+    quick = given.quick
+    rows = new_designs(3 if quick else 25)
     for row in rows:
         row["batch_ms"], row["batch_wanted_ms"] = (
-            in_one_call(row["what"], 10 if asked.quick else 1000),
+            in_one_call(row["what"], 10 if quick else 1000),
             WANTED_MS[row["what"]][2],
         )
+        asked = ("support_stiffness", "stress")
+        row["batch_stress_ms"] = in_one_call(row["what"], 10 if quick else 1000, asked)
         print(
             f"{row['what']:16} {row['ms']:7.2f} ms (wanted {row['wanted_ms']:g}, first release "
             f"{row['first_release_ms']:g}), the scene alone {row['scene_alone_ms']:.2f}; {row['batch_ms']:.2f} each in one "
-            f"call; force {row['force_error']:.1e} off, told {row['force_error_told']:.1e}, stiffness "
+            f"call, {row['batch_stress_ms']:.2f} with stress; force "
+            f"{row['force_error']:.1e} off, told {row['force_error_told']:.1e}, stiffness "
             f"{row['stiffness_error']:.1e} off"
         )
     bare, full = fourbar(), fourbar(effects=True)
@@ -195,25 +199,25 @@ def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
         lambda: ksd.solve(bare, top=float(next(stroke))),
         lambda: ksd.solve(full, top=float(next(stroke))),
     ), strict=True))  # fmt: skip
-    again = interleaved(calls, repeats=20 if asked.quick else 400, warm=10)
+    again = interleaved(calls, repeats=20 if quick else 400, warm=10)
     for name, wanted in AGAIN_US.items():
         print(f"{name:36} {again[name].median:7.1f} us (wanted {wanted:g})")
     chains = [
-        {"joints": joints, "ms": chained(joints, 1 if asked.quick else 3), "wanted_ms": wanted}
+        {"joints": joints, "ms": chained(joints, 1 if quick else 3), "wanted_ms": wanted}
         for joints, wanted in CHAINS_MS.items()
-        if joints <= 100 or not asked.quick
+        if joints <= 100 or not quick
     ]
     for found in chains:
         print(
             f"chain of {found['joints']:4} joints, prepared and solved: {found['ms']:.1f} ms (wanted {found['wanted_ms']:g})"
         )
-    left = memory_left(20 if asked.quick else 1500)
+    left = memory_left(20 if quick else 1500)
     print(f"memory after many new scenes: {left:+.1f} MB")
     result = {
         "machine": machine(), "rows": rows, "chains": chains,
         "again_us": {name: t.numbers() for name, t in again.items()}, "memory_left_MB": left,
     }  # fmt: skip
-    write_json(result, asked.out / "designs.json")
+    write_json(result, given.out / "designs.json")
     return result
 
 
