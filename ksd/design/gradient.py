@@ -159,7 +159,7 @@ def gradient(
     Raises SceneError for unknown words, a parameter that changes more than numbers, and reduced bodies; KsdError of the
     pose that fails.
     """
-    asked = asked_of(questions, link, at, freed, modes=modes, errors=False)
+    asked = replace(asked_of(questions, link, at, freed, modes=modes, errors=False), every=True)
     recipe = recipe_of(
         asked, method=method, accuracy=accuracy, relinearisations=0, mesh=mesh, extrapolate=extrapolate,
         effects=(("effects", effects), ("with_", with_), ("without", without)),

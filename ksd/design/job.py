@@ -1,8 +1,9 @@
 """`ksd.Job`: what a design is to be good at, as numbers that any optimiser takes.
 
 Targets and limits are columns of `ksd.sweep`, at every pose and load case; the worst counts. Stress is answered for every
-leaf, as the largest of all has kinks, and size for all poses together. Values and derivatives are of the same equilibria on
-the same mesh. Designs go through the batch (`ksd.design.designs`); `Log` writes every evaluated design down and replays it.
+leaf and the worst support stiffness with all principal ones, as the worst of several has kinks; size for all poses together.
+Values and derivatives are of the same equilibria on the same mesh. Designs go through the batch (`ksd.design.designs`);
+`Log` writes every evaluated design down and replays it.
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ from ksd.design.kept import Kept
 from ksd.design.lines import Line, Recipe, run_line
 from ksd.design.plan import Paths, design_points, drive_paths, load_cases, loaded, scene_of
 from ksd.design.prepared import Found
-from ksd.design.questions import Asked, Row, asked_of, columns_of_drives, known_columns
+from ksd.design.questions import Asked, Row, asked_of, columns_of_drives, known_columns, others
 from ksd.design.table import OK, Table
 from ksd.design.words import check_drives, check_executor, check_ways, drive_rows
 from ksd.errors import KsdError, SceneError
@@ -169,7 +170,7 @@ class Job(Shown):
         known = known_columns(scene, modes)
         wanted = _wanted(maximise, minimise, limits, known)
         questions = tuple(dict.fromkeys(known[column] for column, *_ in wanted))
-        asked = replace(asked_of(questions, link, at, freed, modes=modes), leaves=True)
+        asked = replace(asked_of(questions, link, at, freed, modes=modes), every=True)
         self.__dict__.update(asked=asked, answers=self._listed(wanted, scene))
         self.__dict__.update(zip(("bounds", "held_by", "ranges"), self._trained(scene), strict=True))
         self.random(1)
@@ -239,7 +240,7 @@ class Job(Shown):
                 found.append(Answer(column, column, role, None, scale, low, high))
                 continue
             for k, label in enumerate(labels):
-                for own in leaves if column == "stress_MPa" else [column]:
+                for own in leaves if column == "stress_MPa" else [column, *others(column)]:
                     found.append(Answer(f"{own}{label}", own, role, k, scale, low, high))
         return tuple(found)
 

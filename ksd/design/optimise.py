@@ -31,10 +31,13 @@ from ksd.section.checks import show, similar, whole
 
 Array = np.ndarray
 METHODS = ("gradient", "cobyla", "cma")
-TOLERANCE = 1e-9
-"""Change of the logarithm of the worst answer at which it stops."""
+TOLERANCE = 1e-6
+"""Change of the logarithm of the worst answer, and of limits exceeded, at which it stops."""
 MOST = {"gradient": 100, "cobyla": 2000, "cma": 1000}
 """Iterations, or generations, of every method."""
+PATIENCE = 4
+"""Gradients without a design better by that at which SLSQP is ended: where targets and limits leave a direction open, its
+line searches go on for ever smaller steps."""
 BINDING = 1e-5
 """Margin, in logarithms, up to which a target or limit holds an optimum back."""
 ROUNDS, SHORTEST = 40, 1e-7
@@ -44,7 +47,7 @@ LINEAR = 0.1
 FREE = 10.0
 """Margin of an answer that is infinite: nothing moves, nothing buckles."""
 PENALTY = 10.0
-"""Of what is beyond its limit, in logarithms, in the fitness of evolution."""
+"""Of what is beyond its limit, in logarithms, in the fitness of a design."""
 FLAT = 1e-5
 """Singular value of what holds an optimum, over the largest, below which a direction of parameters may be flat."""
 TRIED = 1e-2
@@ -57,6 +60,10 @@ class _Failed(Exception):
     def __init__(self, y: Array, reason: str) -> None:
         super().__init__(reason)
         self.y = y
+
+
+class _Settled(Exception):
+    """No better design for a while."""
 
 
 class _Side(NamedTuple):
@@ -91,6 +98,7 @@ class Search:
         self.sides = _sides(job)
         self.targets = np.array([s.target for s in self.sides] + [False] * len(job.rule_names))
         self.good: Array | None = None
+        self.best = -np.inf, np.zeros(len(low))
         self.asked: dict[bytes, Array] = {}
         self.sloped: dict[bytes, Array] = {}
 
@@ -139,7 +147,10 @@ class Search:
                 raise _Failed(y, self._why(values[0], status[0]))
             self.asked[key] = self.margins_of(values[0], self.job.rule_values(x))
         self.good = y.copy()
-        return self.asked[key]
+        margins = self.asked[key]
+        if self.fitness(margins) > self.best[0]:
+            self.best = self.fitness(margins), y.copy()
+        return margins
 
     def _why(self, values: Array, status: str) -> str:
         if status != OK:
@@ -179,6 +190,10 @@ class Search:
     def level(self, margins: Array) -> float:
         """The least margin of the targets: the t that a design reaches."""
         return float(margins[self.targets].min())
+
+    def fitness(self, margins: Array) -> float:
+        """The level less PENALTY times what limits and rules are exceeded by."""
+        return self.level(margins) - PENALTY * float(np.maximum(-margins[~self.targets], 0.0).sum())
 
     def met(self, margins: Array, by: float = BINDING) -> bool:
         """Whether limits and rules are met."""
@@ -385,18 +400,30 @@ def _minimised(search: Search, y: Array, box: Array, method: str) -> Array:
     def gap(z: Array) -> Array:
         return search.margins(_inside(z[:-1], box)) - targets * z[-1]
 
+    reached, patience = -np.inf, PATIENCE
+
     def slope(z: Array) -> Array:
+        nonlocal reached, patience
+        better = search.best[0] > reached + TOLERANCE
+        reached, patience = (
+            (search.best[0], PATIENCE) if better else (reached, patience - np.isfinite(reached))
+        )
+        if patience <= 0:
+            raise _Settled
         return np.column_stack([search.slopes(_inside(z[:-1], box)), -targets])
 
     z = np.append(y, search.level(search.margins(y)))
     down = -np.eye(len(z))[-1]
     common: dict[str, Any] = {"fun": lambda z: -z[-1], "x0": z}
     if method == "gradient":
-        found = minimize(
-            **common, method="SLSQP", jac=lambda z: down, bounds=[*box.tolist(), (None, None)],
-            constraints={"type": "ineq", "fun": gap, "jac": slope},
-            options={"ftol": TOLERANCE, "maxiter": MOST[method]},
-        )  # fmt: skip
+        try:
+            found = minimize(
+                **common, method="SLSQP", jac=lambda z: down, bounds=[*box.tolist(), (None, None)],
+                constraints={"type": "ineq", "fun": gap, "jac": slope},
+                options={"ftol": 1e-3 * TOLERANCE, "maxiter": MOST[method]},
+            )  # fmt: skip
+        except _Settled:
+            return search.best[1]
     else:
 
         def within(z: Array) -> Array:
@@ -430,9 +457,7 @@ def _evolved(search: Search, y: Array, cma: Any) -> Array:
                 continue
             margins = search.margins_of(values, search.job.rule_values(search.x(own)))
             search.asked[own.tobytes()] = margins
-            cost.append(
-                PENALTY * float(np.maximum(-margins[~search.targets], 0.0).sum()) - search.level(margins)
-            )
+            cost.append(-search.fitness(margins))
         es.tell(places, [c if np.isfinite(c) else 1e6 for c in cost])
     return _descended(search, _inside(low + spread * es.result.xbest, search.bounds), "gradient")
 

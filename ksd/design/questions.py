@@ -38,7 +38,8 @@ class Asked:
     """The questions and their options. questions: names in QUESTIONS; link, at (3,) [m at rest]: the point whose
     support stiffness and parasitic motion are asked, by default where the first drive acts; freed: drives let go for
     the frequencies, all when None; modes: how many to follow besides the intended; points: stations per leaf for stress;
-    errors: every question once more of the equilibrium on a finer mesh; leaves: the stress of every leaf besides."""
+    errors: every question once more of the equilibrium on a finer mesh; every: the stress of every leaf, and
+    all principal stiffnesses besides."""
 
     questions: tuple[str, ...]
     link: str | None = None
@@ -47,7 +48,7 @@ class Asked:
     modes: int = 3
     points: int = 25
     errors: bool = False
-    leaves: bool = False
+    every: bool = False
 
     def point(self, scene: Any) -> tuple[str, tuple[float, float, float] | None]:
         """Link and point asked about; SceneError when the scene has no drive to take it from."""
@@ -153,6 +154,10 @@ def _force(pose: Any, asked: Asked) -> Row:
     return row
 
 
+WORST = ("support_worst_N_per_m", "support_worst_Nm_per_rad")
+"""Columns of the least principal stiffness of a point."""
+
+
 def _drive_stiffness(pose: Any, asked: Asked) -> Row:
     found = drive_stiffness(*pose.questioned, tangent=pose.tangent)
     return {
@@ -163,14 +168,19 @@ def _drive_stiffness(pose: Any, asked: Asked) -> Row:
 
 def _support_stiffness(pose: Any, asked: Asked) -> Row:
     found = pose.stiffness_at(asked)
-    supports, worst = found.supports, found.worst
+    supports = found.supports
     row = {
         f"support_{d}_{'N_per_m' if len(d) == 1 else 'Nm_per_rad'}": _finite(supports[d]) for d in DIRECTIONS
     }
-    return row | {
-        "support_worst_N_per_m": _finite(worst[0]),
-        "support_worst_Nm_per_rad": _finite(worst[1]),
-    }
+    for column, stiffness in zip(WORST, found.principal.tolist(), strict=True):
+        names = (column, *others(column)) if asked.every else (column,)
+        row |= {name: _finite(value) for name, value in zip(names, stiffness, strict=False)}
+    return row
+
+
+def others(column: str) -> tuple[str, ...]:
+    """Columns of the principal stiffnesses beside the least, which kinks where it meets them; none of other columns."""
+    return (f"{column}[2]", f"{column}[3]") if column in WORST else ()
 
 
 def _finite(value: float, most: float = np.inf) -> float:
@@ -188,7 +198,7 @@ def _stress(pose: Any, asked: Asked) -> Row:
 def stress_row(peaks: Mapping[str, Peak], asked: Asked) -> Row:
     """Row of the largest stress of every leaf."""
     worst = max(peaks, key=lambda name: peaks[name].largest_Pa)
-    every = {f"stress_MPa[{n}]": 1e-6 * peak.largest_Pa for n, peak in peaks.items()} if asked.leaves else {}
+    every = {f"stress_MPa[{n}]": 1e-6 * peak.largest_Pa for n, peak in peaks.items()} if asked.every else {}
     most, s, point = peaks[worst]
     return every | {
         "stress_MPa": 1e-6 * most,

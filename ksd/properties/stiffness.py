@@ -11,7 +11,6 @@ for).
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -133,13 +132,21 @@ class PointStiffness(Shown):
         return {d: self._support(C, d, ()) for d in DIRECTIONS}
 
     @property
-    def worst(self) -> tuple[float, float]:
-        """Smallest stiffness [N/m] of all directions of space, and about all axes [Nm/rad], the others free: one over the
-        largest eigenvalue of the translational, and of the rotational compliance; inf where all of them are held."""
+    def principal(self) -> Array:
+        """Principal stiffnesses (2, 3), ascending, of the directions of space [N/m] and about its axes [Nm/rad], the others
+        free: one over the eigenvalues of the translational, and of the rotational compliance; inf where held."""
         C = self._scaled()
         C, most = 0.5 * (C + C.T), RIGID * np.abs(C).max()
-        shift, turn = (float(np.linalg.eigvalsh(C[k : k + 3, k : k + 3])[-1]) for k in (0, 3))
-        return 1.0 / shift if shift > most else math.inf, self.size**2 / turn if turn > most else math.inf
+        soft = np.array([np.linalg.eigvalsh(C[k : k + 3, k : k + 3])[::-1] for k in (0, 3)])
+        return np.where(
+            soft > most, np.array([[1.0], [self.size**2]]) / np.where(soft > most, soft, 1.0), np.inf
+        )
+
+    @property
+    def worst(self) -> tuple[float, float]:
+        """Smallest stiffness [N/m] of all directions of space, and about all axes [Nm/rad]; inf where all are held."""
+        shift, turn = self.principal[:, 0].tolist()
+        return shift, turn
 
     def _scaled(self) -> Array:
         """Compliance with rotations times the size, all in m/N."""

@@ -189,14 +189,14 @@ def test_margins_of_limits_of_either_sign():
     of = dict(
         zip(
             [(s.sign, s.reference) for s in search.sides],
-            search._of_answers(np.array([1e5, 1.0]))[0],
+            search._of_answers(np.array([1e5, np.inf, np.inf, 1.0]))[0],
             strict=True,
         )
     )
     assert of[-1.0, 2.0] == pytest.approx(np.log(2)) and of[-1.0, -3.0] > 0
-    beyond = search._of_answers(np.array([1e5, -6.0]))[0]
-    assert beyond[2] == pytest.approx(-np.log(2)) and beyond[1] > 0
-    held = search._of_answers(np.array([np.inf, 0.0]))[0]
+    beyond = search._of_answers(np.array([1e5, np.inf, np.inf, -6.0]))[0]
+    assert beyond[-1] == pytest.approx(-np.log(2)) and beyond[-2] > 0
+    held = search._of_answers(np.array([np.inf, np.inf, np.inf, 0.0]))[0]
     assert held[0] == room.FREE
 
 
