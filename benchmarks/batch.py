@@ -187,7 +187,7 @@ def floor(prepared: Prepared, values: Mapping[str, float]) -> str:
     """What one tabulated configuration must do at least, counted."""
     five = prepared.five
     found = five(values, five.model.targets(values), method="reduced", relinearisations=0, estimate=False)
-    one = one_pass(five.bench.bodies.reduced)
+    one = one_pass(five.storage.bodies.reduced)
     first, third = (next(s.iterations for s in found.steps if s.name[0] == n) for n in "13")
     return (
         f"from rest step 1 takes {first} iterations and one look, step 3 {third} and one look of {one} each, in blocks "

@@ -41,7 +41,7 @@ class Case:
         self.prepared = Prepared(Solver(scene, mesh=mesh).five_steps, method=method)
         self.count = max(3, 300 // joints)
         self.values = {n: np.linspace(0.5, 1.0, self.count) * v for n, v in targets.items()}
-        self.bytes = stored(self.prepared.five.bench.parts)
+        self.bytes = stored(self.prepared.five.storage.parts)
         self.solved = bool((self.prepared(self.values).status == 0).all())
 
     def __call__(self) -> None:

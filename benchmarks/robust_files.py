@@ -27,7 +27,7 @@ from test_hostile_files import POINTS, stiffness  # noqa: E402
 
 import ksd  # noqa: E402
 from ksd.design import Table  # noqa: E402
-from ksd.design.kept import Kept  # noqa: E402
+from ksd.design.resume import ResumeFile  # noqa: E402
 from ksd.errors import KsdError  # noqa: E402
 from ksd.library import read_record, read_result  # noqa: E402
 from ksd.library.files import shipped_folder  # noqa: E402
@@ -75,7 +75,7 @@ def kinds(folder: Path) -> dict:
             file.create_dataset(name, data=values, chunks=(2, 3))
     scene = folder / "scene.toml"
     scene.write_bytes((ROOT / "ksd" / "scenes" / "fourbar.toml").read_bytes())
-    Kept(folder / "sweep.jsonl", "x").keep(0, [{"force_N": 1.0}] * 20)
+    ResumeFile(folder / "sweep.jsonl", "x").keep(0, [{"force_N": 1.0}] * 20)
     return {
         "record": (record, read_record),
         "table": (table, Table.from_hdf5),
@@ -85,7 +85,7 @@ def kinds(folder: Path) -> dict:
         "matrix, HDF5 packed": (folder / "packed.h5", ksd.link_matrix),
         "matrix, HDF5 in pieces": (folder / "pieces.h5", ksd.link_matrix),
         "scene": (scene, ksd.load_scene),
-        "sweep": (folder / "sweep.jsonl", lambda path: Kept(path, "x")),
+        "sweep": (folder / "sweep.jsonl", lambda path: ResumeFile(path, "x")),
     }
 
 

@@ -41,7 +41,7 @@ def systems() -> dict[str, System]:
     found = {}
     for name, mesh in (("5 elements", chain(5)), ("strain-mode", ksd.Mesh())):
         solver = ksd.prepare(fourbar(1), mesh=mesh)
-        b = solver.bench
+        b = solver.five_steps.storage
         # steps 1 and 2
         space_steps(b.parts, TARGET, KINEMATIC, 0, 0, RTOL, CAP, GAP, np.zeros((5, 5)))
         arrays, reduced = b.model.arrays, b.bodies.reduced

@@ -1,4 +1,4 @@
-"""The joint bodies of a model: the kinematic loops, the bench of apart joints, the reduced mechanism.
+"""The joint bodies of a model: the kinematic loops, the joints apart from each other (substructures), the reduced mechanism.
 
 Everything is frozen arrays; a solve only brings its own `Motion` and `Work`. The database enters here and nowhere
 else: records are contracted with the shape of each joint, leaving polynomials in the intended motions. Integers are laid out
@@ -15,9 +15,9 @@ from typing import Any
 import numpy as np
 
 from ksd.beam.linear import LINEAR_INNER
-from ksd.bodies.bench import Inside
 from ksd.bodies.kinematics import Loops
 from ksd.bodies.polynomials import Polynomials
+from ksd.bodies.substructures import Inside
 from ksd.bodies.weight import NOTHING_HUNG, Hung
 from ksd.errors import KinematicsError, RecordError, SceneError
 from ksd.library import Record
@@ -44,10 +44,10 @@ ONE, INVERSE, FORCE, MOMENT = 0, 1, 2, 3
 
 @dataclass(frozen=True)
 class JointBodies:
-    """All joints of a model as bodies: `loops` answers allow, `inside` inside, `bench` resist.
+    """All joints of a model as bodies: `loops` answers allow, `inside` inside, `substructures` resist.
 
     reduced: the mechanism of links and condensed joints (its members: one linear body per joint, then free leaf springs).
-    near (members of the bench,): lengths of the near data. full_node (K,): internal blocks in the full model.
+    near (members of the substructures,): lengths of the near data. full_node (K,): internal blocks in the full model.
     motion_range (motions, 2): trained range, rad or stroke over joint length, as theta; motion_scale (motions,):
     theta to rad or m; motion_names. hung: the weight of the joints. hanging: links on leaves alone, each with the nodes
     that place it (`hang_links`).
@@ -55,8 +55,8 @@ class JointBodies:
 
     loops: Loops
     inside: Inside
-    bench: Arrays
-    bench_rest: Motion
+    substructures: Arrays
+    substructure_rest: Motion
     reduced: Arrays
     reduced_rest: Motion
     near: np.ndarray
@@ -162,7 +162,7 @@ class Layout:
         ]
         self.rows = np.cumsum([0] + [p.rows for p in self.polynomials]).tolist()
         self._lay_loops()
-        self._lay_bench()
+        self._lay_substructures()
         self._lay_reduced()
         names, ranges, lengths = [], [], []
         for name, u in zip(words.joints, self.different, strict=True):
@@ -192,7 +192,7 @@ class Layout:
         self.pose_rows = first[:, None] + np.arange(6)
         self.hanging = _hanging(self.template, tree, self.nodes)
 
-    def _lay_bench(self) -> None:
+    def _lay_substructures(self) -> None:
         """Integers of the joints apart: nodes are ground, internal blocks, then the interfaces B of all joints."""
         template, words = self.template, self.template.words
         blocks = sum(len(words.different[u].blocks) for u in self.different)
@@ -210,21 +210,23 @@ class Layout:
             for n, leaf in enumerate(part.leaves):
                 ends = nodes[leaf.ends[0]], nodes[leaf.ends[1]]
                 shapes.append(template.shapes[first + n]._replace(nodes=ends))
-        self.bench = skeleton(1 + blocks + len(self.nodes), shapes, last=len(self.nodes))
+        self.substructures = skeleton(1 + blocks + len(self.nodes), shapes, last=len(self.nodes))
         self.leaf = template.leaf[: len(shapes)]
         if words.pulls and template.heavy[self.leaf].any():
-            self.bench = self.bench._replace(weight=np.zeros((len(shapes), 4)))
+            self.substructures = self.substructures._replace(weight=np.zeros((len(shapes), 4)))
         same = len(shapes) == len(template.shapes)
         # the constants of the full model where it has no other members
-        self.bench_packed = None if same else Packed(template.leaf_words, self.leaf, self.bench.members)
+        self.substructure_packed = (
+            None if same else Packed(template.leaf_words, self.leaf, self.substructures.members)
+        )
         self.full_node = np.array(full_node, np.int64)
         self.block_rows = np.array(rows, np.int64).reshape(-1, 6)
         self._lay_inside(np.array(joint, np.int64))
 
     def _lay_inside(self, block_joint: np.ndarray) -> None:
-        """Which functions go where in the states of the bench, and with which scale of which leaf."""
+        """Which functions go where in the states of the substructures, and with which scale of which leaf."""
         template, words = self.template, self.template.words
-        members = self.bench.members
+        members = self.substructures.members
         made: dict[int, tuple[np.ndarray, np.ndarray, np.ndarray]] = {}
         inner, near = [np.zeros((5, 0), np.int64)], [np.zeros((5, 0), np.int64)]
         near_length = np.zeros(len(self.leaf), np.int64)
@@ -347,28 +349,28 @@ class Layout:
             coefficient=stack[:, self.inner_rows[2]] * scale[:, self.inner_rows[3], self.inner_rows[4], None],
             near_coefficient=stack[:, self.near_rows[2]],
         )
-        bench, bench_rest = self._fill_bench(n, filled)
+        substructures, substructure_rest = self._fill_substructures(n, filled)
         reduced, reduced_rest = self._fill_reduced(n, filled, loops)
         return JointBodies(
-            loops, inside, bench, bench_rest, reduced, reduced_rest, self.near, self.full_node, self.motion_range,
-            self._motion_scale(n), self.motion_names, self.hung, self.hanging,
+            loops, inside, substructures, substructure_rest, reduced, reduced_rest, self.near, self.full_node,
+            self.motion_range, self._motion_scale(n), self.motion_names, self.hung, self.hanging,
         )  # fmt: skip
 
-    def _fill_bench(self, n: Numbers, filled: Filled) -> tuple[Arrays, Motion]:
-        """The bench of D designs and its rest state."""
+    def _fill_substructures(self, n: Numbers, filled: Filled) -> tuple[Arrays, Motion]:
+        """The substructures of D designs and their undeformed state."""
         count, joints, leaf = len(n.leaf), len(self.nodes), self.leaf
-        nodes, leaves, full = len(self.bench.start), filled.leaves, filled.arrays.members
+        nodes, leaves, full = len(self.substructures.start), filled.leaves, filled.arrays.members
         x = np.zeros((count, nodes, 3))
         inside = self.template.block_point[: nodes - 1 - joints]
         x[:, 1 : nodes - joints] = n.point[:, inside]
         x[:, nodes - joints :] = n.ends[:, self.different, 1]
-        offset = leaves.ends[:, leaf] - x[:, self.bench.members.node]
+        offset = leaves.ends[:, leaf] - x[:, self.substructures.members.node]
         length = leaves.length[:, leaf]
-        if self.bench_packed is None:
+        if self.substructure_packed is None:
             value, inner = full.value, filled.rest.inner
         else:
-            value, inner = self.bench_packed.values(leaves, n.given)
-        members = self.bench.members._replace(
+            value, inner = self.substructure_packed.values(leaves, n.given)
+        members = self.substructures.members._replace(
             offset=offset,
             frame=leaves.frame[:, leaf],
             value=value,
@@ -378,7 +380,7 @@ class Layout:
         extent = np.maximum(spread(x, offset, members.node), length.max(axis=1, initial=0.0))
         # gravity as given; turned into the axes of every joint before it is condensed
         weight = filled.arrays.weight[:, : len(leaf)]
-        bones = self.bench
+        bones = self.substructures
         arrays = bones._replace(
             members=members,
             terms=many(bones.terms, TERM_FLOATS, count),
@@ -453,8 +455,8 @@ def body_design(layout: Layout, bodies: JointBodies, d: int) -> JointBodies:
         bodies,
         loops=of_design(bodies.loops, LOOP_FLOATS, d),
         inside=of_design(bodies.inside, ("block_pose", "coefficient", "near_coefficient"), d),
-        bench=design(bodies.bench, layout.bench, d),
-        bench_rest=motion_design(bodies.bench_rest, d),
+        substructures=design(bodies.substructures, layout.substructures, d),
+        substructure_rest=motion_design(bodies.substructure_rest, d),
         reduced=design(bodies.reduced, layout.reduced, d),
         reduced_rest=motion_design(bodies.reduced_rest, d),
         motion_scale=bodies.motion_scale[d],

@@ -1,6 +1,6 @@
 """Weight of the leaf springs of condensed joints, compiled where a model has some.
 
-On the bench every joint stands in the axes of its interface A, so gravity is turned into those. Condensed, the weight of
+A substructure stands in the axes of its interface A, so gravity is turned into those. Condensed, the weight of
 a joint is a dead load on the link of A, at the centre of mass of its leaves, and what the wrench of its linear body says
 hangs on B instead; both are exact, and turn with A until the joint is linearised again.
 """
@@ -16,7 +16,7 @@ from ksd.numerics.kernel import kernel
 
 
 class Hung(NamedTuple):
-    """owner (m,): joint of every member of the bench; load (J,): the load of the reduced mechanism that stands for the
+    """owner (m,): joint of every substructure member; load (J,): the load of the reduced mechanism that stands for the
     weight of a joint, -1 where A is on ground. Both empty without weight."""
 
     owner: np.ndarray
@@ -28,7 +28,7 @@ NOTHING_HUNG = Hung(np.zeros(0, np.int64), np.zeros(0, np.int64))
 
 @kernel
 def turn_gravity(owner, node, R, frame, given, weight):
-    """Gravity of the bench members `given` (m, 4), global, into `weight` (m, 4), in the axes of A of their joint.
+    """Gravity of the substructures' members `given` (m, 4), global, into `weight` (m, 4), in the axes of A of their joint.
 
     node (J, 2): links of the joints, R (k, 3, 3): their rotations, frame (J, 3, 3): joint axes at rest.
     """
@@ -45,9 +45,10 @@ def turn_gravity(owner, node, R, frame, given, weight):
 
 @kernel
 def hang_joints(owner, load, node, store_at, x, pose, store, weight, anchor, frame, point):
-    """Centres of mass of the joints, bench as condensed, into the points (l, 3) of their loads, axes of link A.
+    """Centres of mass of the joints, as condensed, into the points (l, 3) of their loads, axes of link A.
 
-    node (m, 2), store_at (m + 1,): of the bench members; x (k, 3): bench nodes; anchor (J, 2, 3), frame (J, 3, 3).
+    node (m, 2), store_at (m + 1,): of the substructures' members; x (k, 3): of their nodes; anchor (J, 2, 3), frame
+    (J, 3, 3).
     """
     total = np.zeros((len(load), 4))
     for i in range(len(owner)):

@@ -120,7 +120,7 @@ class Designs:
                 five = FiveSteps(
                     model, body_design(layout, bodies, d), extrapolate=self.extrapolate, state=state
                 )
-                state = five.bench.parts.state
+                state = five.storage.parts.state
                 found[one.number] = Prepared(five, **self.ways)(self.values)
             except KsdError as reason:
                 found[one.number] = reason

@@ -21,11 +21,11 @@ from numpy.typing import ArrayLike
 
 from ksd.design.designs import Designs, makers_of
 from ksd.design.gradient import gradient
-from ksd.design.kept import Kept
 from ksd.design.lines import Line, Recipe, run_line
 from ksd.design.plan import Paths, design_points, drive_paths, load_cases, loaded, scene_of
 from ksd.design.prepared import Found
 from ksd.design.questions import Asked, Row, asked_of, columns_of_drives, known_columns, others
+from ksd.design.resume import ResumeFile
 from ksd.design.table import OK, Table
 from ksd.design.words import check_drives, check_executor, check_ways, drive_rows
 from ksd.errors import KsdError, SceneError
@@ -699,7 +699,7 @@ class Log:
         check_executor(executor)
         truth(progress, "progress")
         self.job, self.executor, self.progress = job, executor, progress
-        self.kept = Kept(resume, job.fingerprint, what="job")
+        self.kept = ResumeFile(resume, job.fingerprint, what="job")
         self.rows: dict[str, Row] = {}
 
     @property

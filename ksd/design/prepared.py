@@ -74,14 +74,14 @@ class Prepared:
                 point_motion(model, model.rest, node_of(model, link), at)
         if method == KINEMATIC:
             five.insist_on_motions()
-        b = five.bench
+        b = five.storage
         self.tables = joint_tables(b.parts, b.bodies) if tabulated else None
         limits = np.column_stack([b.lowest, b.highest])
         self._limits = limits + (np.array([-np.inf, np.inf]) if five.extrapolate else 0.0)
 
     def __call__(self, values: Mapping[str, np.ndarray]) -> Found:
         """All poses, from rest each. Raises SceneError for drives that are not there."""
-        model, b = self.five.model, self.five.bench
+        model, b = self.five.model, self.five.storage
         model.targets({n: float(v[0]) for n, v in values.items()})
         count, rows = len(next(iter(values.values()))), len(model.drive_names) + len(model.support_names)
         targets, links = np.zeros((count, rows)), len(model.scene.links)
@@ -124,7 +124,7 @@ class _Questions:
 
     def __call__(self, n: int) -> int:
         """The answers of pose n, of the equilibrium next to it where the method leads to none; returns the status."""
-        model, full, target = self.design.five.model, self.design.five.bench.full, self.targets[n]
+        model, full, target = self.design.five.model, self.design.five.storage.full, self.targets[n]
         motion, reduced = full.copy(), self.design.method == REDUCED
         if reduced:
             stop, negatives = settle(model.arrays, full, target, 1.0)

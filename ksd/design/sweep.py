@@ -13,10 +13,10 @@ from typing import Any
 
 from numpy.typing import ArrayLike
 
-from ksd.design.kept import Kept
 from ksd.design.lines import Line, Recipe, blank_rows, run_block, run_line
 from ksd.design.plan import Designs, Drawn, fingerprint, plan_lines
 from ksd.design.questions import QUESTIONS, Asked, asked_of
+from ksd.design.resume import ResumeFile
 from ksd.design.table import Table
 from ksd.design.words import check_executor, check_ways, drive_rows
 from ksd.errors import KsdError
@@ -94,12 +94,12 @@ def sweep(
     truth(progress, "progress")
     values = drive_rows(targets, drives, sweep)
     lines, name = plan_lines(mechanism, values, designs, loads, together=together, call=sweep)
-    kept = Kept(resume, fingerprint(lines, recipe))
+    kept = ResumeFile(resume, fingerprint(lines, recipe))
     return _collected(lines, recipe, kept, name, how=(executor, progress))
 
 
 def _collected(
-    lines: list[Line], recipe: Recipe, kept: Kept, name: str, *, how: tuple[Executor | None, bool]
+    lines: list[Line], recipe: Recipe, kept: ResumeFile, name: str, *, how: tuple[Executor | None, bool]
 ) -> Table:
     """The table of all lines, those kept and those computed now."""
     partial: dict[int, list[dict[str, Any]]] = {}

@@ -65,7 +65,7 @@ class Terms(NamedTuple):
 class Loads(NamedTuple):
     """Forces and moments on nodes: node (l,), point (l, 3), force (l, 3), moment (l, 3), following (l,) 0 or 1.
 
-    skew (l,): 1 where the tangent of the load has a skew part (`ksd.model.turning`): it is not conservative.
+    skew (l,): 1 where the tangent of the load has a skew part (`ksd.model.nonconservative`): it is not conservative.
     """
 
     node: np.ndarray
@@ -250,8 +250,8 @@ class Work(NamedTuple):
     value, spare: block matrix and its scaled rows; rhs (n,): residual, then the step; store: what members keep
     from assembly to update; lam (m, 12): end wrenches; pose (m, 18): frame p (9), lever of q about node p, lever
     of q, d; scale (k, 2): sums of force and moment norms at each node. near (flat), from near_at (m+1,): element
-    and node rotation vectors of the near configuration of paper 1, empty except in the joint bench. scratch: of
-    the member at work. weight: as in `Arrays`, with the gravity of every joint on the bench in the axes of its A.
+    and node rotation vectors of the near configuration of paper 1, empty except in the substructures. scratch: of
+    the member at work. weight: as in `Arrays`, with the gravity of every substructure in the axes of its A.
     """
 
     value: np.ndarray
@@ -283,7 +283,7 @@ compiled_open_work = kernel(open_work)
 
 
 def turning_room(arrays: Arrays) -> int:
-    """Scratch that loads with a skew tangent take in a Newton step (`ksd.model.turning`)."""
+    """Scratch that loads with a skew tangent take in a Newton step (`ksd.model.nonconservative`)."""
     loads = arrays.loads
     rows = len(arrays.keep) * int(np.sum((loads.skew == 1) & (arrays.start[loads.node] >= 0)))
     return rows * (arrays.plan.unknowns + rows + 1)

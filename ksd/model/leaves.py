@@ -182,7 +182,7 @@ def line_mass(leaf: Any, s: np.ndarray) -> np.ndarray:
 
 @lru_cache(maxsize=512)
 def _strain_body(leaf: Any, mesh: Mesh, heavy: bool) -> _Body:
-    # the same leaf is asked for by the full model, the bench and every equal joint; its arrays are copied when packed
+    # the full model, the substructures and every equal joint ask for the same leaf; its arrays are copied when packed
     orders, points = raised_orders(leaf, mesh)
     stiff, soft = rigidities(leaf.section, leaf, mesh)
     words: dict[str, Any] = {"length": leaf.length, "orders": orders, "points": points}

@@ -39,7 +39,7 @@ def add_loads(ints, floats, R, factor, rtol, matrix, rhs, scale):
     """External loads, times `factor`: dead forces keep their direction, following ones turn with the node.
 
     Tangent of a dead force at lever s: -[(s F' + F s')/2 - (s.F) I]. A following load and a moment have an unsymmetric
-    tangent; its symmetric part is what is added, the rest is for the solve (`ksd.model.turning`).
+    tangent; its symmetric part is what is added, the rest is for the solve (`ksd.model.nonconservative`).
     """
     keep, w = ints[KEEP], ints[WIDTH]
     F, M, s, force, tangent = np.empty(3), np.empty(3), np.empty(3), np.empty(6), np.empty((6, 6))
@@ -48,16 +48,16 @@ def add_loads(ints, floats, R, factor, rtol, matrix, rhs, scale):
         u, block = ints[ints[START] + node], ints[ints[LOAD_BLOCK] + i]
         if u < 0:
             continue
-        point, own, turning = ints[LOAD_POINT] + 3 * i, ints[LOAD_FORCE] + 3 * i, ints[LOAD_MOMENT] + 3 * i
+        point, own, twist = ints[LOAD_POINT] + 3 * i, ints[LOAD_FORCE] + 3 * i, ints[LOAD_MOMENT] + 3 * i
         following = ints[ints[LOAD_FOLLOWING] + i] == 1
         for r in range(3):
             s[r], F[r], M[r] = 0.0, 0.0, 0.0
             for c in range(3):
                 s[r] += R[node, r, c] * floats[point + c]
                 F[r] += factor * R[node, r, c] * floats[own + c]
-                M[r] += factor * R[node, r, c] * floats[turning + c]
+                M[r] += factor * R[node, r, c] * floats[twist + c]
             if not following:
-                F[r], M[r] = factor * floats[own + r], factor * floats[turning + r]
+                F[r], M[r] = factor * floats[own + r], factor * floats[twist + r]
         f2, m2, sF = 0.0, 0.0, s[0] * F[0] + s[1] * F[1] + s[2] * F[2]
         tangent[:, :] = 0.0
         for r in range(3):

@@ -53,8 +53,8 @@ from ksd.model.assembly import (
     recover_leaf,
 )
 from ksd.model.loading import add_loads, add_terms
+from ksd.model.nonconservative import turn_step
 from ksd.model.springs import add_springs
-from ksd.model.turning import turn_step
 from ksd.numerics.blocks import BLOCKS, factor_blocks, solve_blocks
 from ksd.numerics.kernel import kernel
 from ksd.numerics.rotations import straighten, turn

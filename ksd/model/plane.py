@@ -1,7 +1,7 @@
 """Whether a model is planar, and the same model with three unknowns per node.
 
 Looked at here: the leaf springs' width axes, drives and supports, loads. Symmetry about the plane is not asked for; whether
-the leaf springs balance across it is seen when the spatial residual is evaluated at a planar answer (`Plane.imbalance`). A
+the leaf springs balance out of it is seen when the spatial residual is evaluated at a planar answer (`Plane.imbalance`). A
 planar scene is thus checked, never trusted (design section 4).
 
 A planar model is the spatial one with z, rx and ry left out of the numbering (`Arrays.keep`), for a plane normal to one
@@ -45,7 +45,7 @@ if TYPE_CHECKING:
 PARALLEL = 1e-9
 """Sine of the angle below which two directions count as parallel."""
 INSIDE, OUTSIDE = (0, 1, 5), (2, 3, 4)
-"""Motions in the plane, and across it, of end q in a frame p whose e3 is the normal."""
+"""In-plane and out-of-plane motions of end q in a frame p whose e3 is the normal."""
 
 
 @dataclass(frozen=True)
@@ -269,12 +269,12 @@ def _leaving_spring(model: Model, k: np.ndarray) -> str:
         elif np.linalg.norm(np.cross(springs.frame[i, :, :, 2], k), axis=1).max() > PARALLEL:
             return f"{name} has its {'axis' if kind == TURN else 'width axis'} in the plane"
         elif kind == LINEAR and _couples(springs.value[springs.value_at[i] :]):
-            return f"{name} couples motions in the plane with motions across it"
+            return f"{name} couples in-plane with out-of-plane motions"
     return ""
 
 
 def _couples(value: np.ndarray) -> bool:
-    """Whether a linear body, constants as of `ksd.beam.linear`, couples motions in the plane with motions across it."""
+    """Whether a linear body, constants as of `ksd.beam.linear`, couples in-plane with out-of-plane motions."""
     d0, R0, F, K = value[:3], value[3:12].reshape(3, 3), value[12:18], value[18:54].reshape(6, 6)
     leaves = max(
         np.abs(K[np.ix_(INSIDE, OUTSIDE)]).max() / np.abs(K).max(), abs(d0[2]), np.abs(R0[:2, 2]).max()

@@ -98,7 +98,7 @@ def add_springs(ints, floats, x, R, rtol, noise, matrix, rhs, scale, poses, lams
     return status
 
 
-def across(axis: np.ndarray) -> np.ndarray:
+def perpendicular(axis: np.ndarray) -> np.ndarray:
     """Axes (3, 3), columns e1, e2, e3, with e3 along `axis`."""
     e3 = axis / np.linalg.norm(axis)
     e1 = np.cross(np.eye(3)[int(np.argmin(np.abs(e3)))], e3)
@@ -129,7 +129,7 @@ def spring_members(
             found.append(_member(f"spring '{s.name}'", COIL, nodes, ends - places[list(nodes)], **words))
         else:
             at = np.array([s.at, s.at]) - places[list(nodes)]
-            words = {"value": (s.stiffness, s.rest_angle), "axes": across(np.asarray(s.axis))}
+            words = {"value": (s.stiffness, s.rest_angle), "axes": perpendicular(np.asarray(s.axis))}
             # as stiff as a pair of unit arm: only the bound of rounding needs it
             words |= {"length": 1.0, "floor": s.stiffness}
             found.append(_member(f"spring '{s.name}'", TURN, nodes, at, **words))
@@ -143,7 +143,7 @@ def matrix_member(
     points = np.asarray(matrix.points)
     arm = points[1] - points[0]
     along = arm - (arm @ axis) * axis
-    axes = across(axis)
+    axes = perpendicular(axis)
     if np.linalg.norm(along) > 1e-6 * np.linalg.norm(arm):
         e1 = along / np.linalg.norm(along)
         axes = np.column_stack([e1, np.cross(axis, e1), axis])

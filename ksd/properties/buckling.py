@@ -47,6 +47,7 @@ from ksd.properties.leaf_groups import (
     leaf_groups,
     leaf_weight,
 )
+from ksd.properties.nonconservative import divergences, load_tangent, skew_tangent
 from ksd.properties.stiffness import node_of, point_motion
 from ksd.properties.tangent import (
     LOST,
@@ -59,7 +60,6 @@ from ksd.properties.tangent import (
     row_numbers,
     stored_matrix,
 )
-from ksd.properties.turning import divergences, load_tangent, turning_loads
 from ksd.properties.unfold import unfolded
 from ksd.properties.words import Shown, listed, movement, number
 
@@ -168,7 +168,7 @@ def full_tangents(
     """
     from scipy.sparse import csc_matrix
 
-    arrays, loads = model.arrays, turning_loads(model.arrays, motion, load_factor)
+    arrays, loads = model.arrays, skew_tangent(model.arrays, motion, load_factor)
     if np.any(arrays.members.kind == STRAIN):
         whole = _node_terms(model, motion, rows, load_factor)
         still = _node_terms(_relaxed(model, motion), _without_forces(motion), rows, 0.0)
@@ -554,7 +554,7 @@ def buckling(
     load = None if link is None else (link, at, (force, moment), following)
     assembled = assembled_tangent(fine, state, load_factor=load_factor)
     tangent = factored(assembled, freed)
-    conservative = tangent.turning is None and not following and not np.any(moment)
+    conservative = tangent.skew is None and not following and not np.any(moment)
     K, change, reach = _matrices(tangent, load, load_factor)
     if conservative:
         change = 0.5 * (change + change.T)
@@ -579,7 +579,7 @@ def buckling(
         shape[:, k] = vectors[tangent.unknowns(k)].T
     shape /= np.maximum(np.abs(shape).max(axis=(1, 2), initial=0.0), 1e-300)[:, None, None]
     unstable = tangent.unstable
-    loads = turning_loads(fine.arrays, state, load_factor)
+    loads = skew_tangent(fine.arrays, state, load_factor)
     if loads is not None and unstable:
         rest = len(fine.arrays.terms.start) - assembled.inside
         unstable = divergences(fine.arrays, assembled.matrix(freed), loads) - rest

@@ -301,7 +301,7 @@ def _dense_pairs(tangent: Tangent, mass: Inertia, count: int) -> tuple[Array, Ar
     L[used[order - 1]] = (np.tril(C)[:, :rank].T / scale[order - 1]).T
     x = _flexible(tangent, mass, L)
     A = L.T @ x
-    if tangent.turning is not None:
+    if tangent.skew is not None:
         values, vectors = eig(A)
         grow = np.flatnonzero(growing_pairs(values))
         chosen = np.union1d(grow, np.argsort(-np.abs(values))[: 2 * count])
@@ -341,7 +341,7 @@ def _iterated_pairs(tangent: Tangent, mass: Inertia, count: int) -> tuple[Array,
             ) from reason
         return 1.0 / squared, shapes
 
-    if tangent.turning is not None:
+    if tangent.skew is not None:
         return outermost(eigs, min(2 * count + 4, size - 2), "LM")
     found = [outermost(eigsh, min(count, size - 1), "LA")]
     while True:
@@ -391,7 +391,7 @@ def frequencies(
     mass = inertia(fine, state, load_factor=load_factor)
     tangent = factored_tangent(fine, state, freed=freed, load_factor=load_factor)
     # of an unsymmetric tangent whose symmetric part is not positive definite all are wanted
-    most = MOST_SKEW if tangent.turning is not None and tangent.unstable else DENSE
+    most = MOST_SKEW if tangent.skew is not None and tangent.unstable else DENSE
     small = np.count_nonzero(mass.matrix.diagonal()) <= most if dense is None else dense
     found = (_dense_pairs if small else _iterated_pairs)(tangent, mass, count)
     squared, vectors, grown = _lowest(*found, count)

@@ -13,7 +13,7 @@ from ksd.beam.strain_mass import StrainParts, StrainPull, many_parts, many_pulls
 from ksd.beam.strain_values import strain_constants
 from ksd.model.arrays import STRAIN, Motion
 from ksd.model.compile import Model
-from ksd.properties.kept import per_model
+from ksd.properties.cache import per_model
 
 Array = NDArray[np.float64]
 

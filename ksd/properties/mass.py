@@ -22,7 +22,7 @@ from ksd.beam.strain_mass import strain_mass_root, strain_stations
 from ksd.errors import SceneError
 from ksd.model.arrays import STRAIN, Motion
 from ksd.model.compile import Model
-from ksd.properties.kept import per_model
+from ksd.properties.cache import per_model
 from ksd.properties.leaf_groups import (
     Flexible,
     assembled_blocks,
@@ -30,8 +30,8 @@ from ksd.properties.leaf_groups import (
     inner_unknowns,
     leaf_groups,
 )
+from ksd.properties.nonconservative import cross_matrix
 from ksd.properties.shape import member_ends, member_parts, members_of_leaves, scene_leaves
-from ksd.properties.turning import cross_matrix
 
 Array = NDArray[np.float64]
 

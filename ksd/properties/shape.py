@@ -22,7 +22,7 @@ from ksd.beam.strain_walk import walk
 from ksd.model.arrays import COROTATIONAL, SOLID, STRAIN, Motion
 from ksd.model.compile import Model
 from ksd.model.leaves import leaf_of
-from ksd.properties.kept import per_model
+from ksd.properties.cache import per_model
 from ksd.scene.joint import leaves_of
 
 Array = NDArray[np.float64]

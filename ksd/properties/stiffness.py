@@ -245,14 +245,14 @@ def point_stiffness(
         _halved(C, found),
         freed,
         model.arrays.size,
-        found.turning is None,
+        found.skew is None,
         error,
     )
 
 
 def _halved(C: Array, found: Tangent) -> Array:
     """C (k, k) without what rounding leaves unsymmetric, where its tangent is symmetric."""
-    return 0.5 * (C + C.T) if found.turning is None else C
+    return 0.5 * (C + C.T) if found.skew is None else C
 
 
 @dataclass(frozen=True, repr=False)
@@ -311,7 +311,7 @@ def drive_stiffness(
     response, error = _drive_response(found, rows)
     names = tuple(model.drive_names[i] for i in rows)
     return DriveStiffness(
-        names, units, _halved(-response[terms.start[rows]], found), found.turning is None, error
+        names, units, _halved(-response[terms.start[rows]], found), found.skew is None, error
     )
 
 

@@ -14,8 +14,8 @@ import numpy as np
 
 from ksd.model.arrays import Motion
 from ksd.model.compile import Model
+from ksd.properties.cache import per_model
 from ksd.properties.forces import section_forces
-from ksd.properties.kept import per_model
 from ksd.properties.shape import scene_leaves
 from ksd.properties.stress import LeafStress, stress_of
 from ksd.properties.words import Shown, number

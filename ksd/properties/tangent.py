@@ -21,7 +21,7 @@ from ksd.model.loading import term_value
 from ksd.model.newton import assemble
 from ksd.numerics.blocks import factor_blocks, refined_blocks, residual_blocks
 from ksd.numerics.indefinite import inertia, scaling, solve_scaled
-from ksd.properties.turning import turning_loads
+from ksd.properties.nonconservative import skew_tangent
 
 Array = NDArray[np.float64]
 SINGULAR = 1e-14
@@ -99,14 +99,14 @@ def beyond_rows(model: Model, gradients: Array, loads: Array) -> tuple[Array, Ar
 @dataclass(frozen=True)
 class Assembled:
     """The exact tangent of a model at a state before it is factored: value in the storage of the plan; inside: negative
-    pivots met inside the members; turning: see `Tangent`. work: as assembled, the residual in its `rhs`."""
+    pivots met inside the members; skew: see `Tangent`. work: as assembled, the residual in its `rhs`."""
 
     model: Model
     motion: Motion
     arrays: Arrays
     value: Array
     inside: int
-    turning: tuple[NDArray[np.int64], Array] | None
+    skew: tuple[NDArray[np.int64], Array] | None
     work: Work
 
     def matrix(self, freed: Iterable[str] = ()) -> Array:
@@ -130,7 +130,7 @@ class Tangent:
     """Factored tangent: solve with it; unstable: number of directions in which the state is not a minimum; freed: the
     drives and supports let go.
 
-    assembled: the same as `value` before it was factored; every solution is refined with it. turning: the skew part that
+    assembled: the same as `value` before it was factored; every solution is refined with it. skew: the skew part that
     loads add to it which are not conservative: the places (k,) of the unknowns of the loaded nodes and (k, k).
     """
 
@@ -142,7 +142,7 @@ class Tangent:
     spare: Array
     unstable: int
     freed: tuple[str, ...] = ()
-    turning: tuple[NDArray[np.int64], Array] | None = None
+    skew: tuple[NDArray[np.int64], Array] | None = None
 
     def solve(self, loads: Array) -> Array:
         """Response (unknowns, k) to `loads` (unknowns, k) in the order of the plan. Raises KinematicsError where rounding
@@ -154,9 +154,9 @@ class Tangent:
         refinement changed: an estimate of its error before that, a bound for what is left."""
         found, error = self._symmetric(loads)
         refuse_lost(error)
-        if self.turning is None:
+        if self.skew is None:
             return found, error
-        places, rest = self.turning
+        places, rest = self.skew
         found = self._with_skew(found)
         # refined with the whole matrix
         left = self._residual(loads, found)
@@ -170,8 +170,8 @@ class Tangent:
 
     def _with_skew(self, found: Array) -> Array:
         """The response with the skew part, from that without (Sherman, Morrison, Woodbury)."""
-        assert self.turning is not None
-        places, rest = self.turning
+        assert self.skew is not None
+        places, rest = self.skew
         X, small = self._columns
         taken: Array = found - X @ np.linalg.solve(small, rest @ found[places])
         return taken
@@ -208,8 +208,8 @@ class Tangent:
 
     @cached_property
     def _columns(self) -> tuple[Array, Array]:
-        assert self.turning is not None
-        places, rest = self.turning
+        assert self.skew is not None
+        places, rest = self.skew
         units = np.zeros((self.arrays.plan.unknowns, len(places)))
         units[places, np.arange(len(places))] = 1.0
         X = self._symmetric(units)[0]
@@ -218,9 +218,9 @@ class Tangent:
     def skew_share(self) -> float:
         """Largest |x* S x| / x* K x over complex x, S the skew and K the symmetric part, which must be positive definite on
         the motions that the rows leave."""
-        if self.turning is None:
+        if self.skew is None:
             return 0.0
-        places, rest = self.turning
+        places, rest = self.skew
         return float(np.abs(np.linalg.eigvals(self._columns[0][places] @ rest)).max(initial=0.0))
 
     def unknowns(self, node: int) -> slice:
@@ -260,11 +260,11 @@ def assembled_tangent(
     work = make_work(arrays)
     held = np.zeros(len(arrays.terms.start)) if target is None else target
     _, _, inside, _ = assemble(arrays, motion, held, load_factor, work, 1e-8, 0, 10.0)
-    rest, turning = turning_loads(arrays, motion, load_factor), None
+    rest, skew = skew_tangent(arrays, motion, load_factor), None
     if rest is not None:
         places = np.flatnonzero(rest.any(axis=1) | rest.any(axis=0))
-        turning = places, rest[np.ix_(places, places)]
-    return Assembled(model, motion, arrays, work.value.copy(), int(inside), turning, work)
+        skew = places, rest[np.ix_(places, places)]
+    return Assembled(model, motion, arrays, work.value.copy(), int(inside), skew, work)
 
 
 def factored(assembled: Assembled, freed: Iterable[str] = ()) -> Tangent:
@@ -287,7 +287,7 @@ def factored(assembled: Assembled, freed: Iterable[str] = ()) -> Tangent:
         )
     unstable = int(negatives + assembled.inside) - len(arrays.terms.start)
     return Tangent(
-        assembled.model, assembled.motion, arrays, stored, value, spare, unstable, freed, assembled.turning
+        assembled.model, assembled.motion, arrays, stored, value, spare, unstable, freed, assembled.skew
     )
 
 
@@ -303,7 +303,7 @@ def _dense(assembled: Assembled, freed: tuple[str, ...]) -> Tangent:
     unstable = inertia(K) + assembled.inside - len(arrays.terms.start)
     return DenseTangent(
         assembled.model, assembled.motion, arrays, assembled.value, assembled.value, assembled.value, unstable,
-        freed, assembled.turning, matrix=K,
+        freed, assembled.skew, matrix=K,
     )  # fmt: skip
 
 

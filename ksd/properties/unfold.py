@@ -22,7 +22,7 @@ from ksd.model.leaves import piece_name
 from ksd.model.mesh import MOST_ORDER, Mesh, MixedMesh
 from ksd.model.newton import assemble, take_step
 from ksd.model.reduced import with_bodies
-from ksd.properties.kept import per_model
+from ksd.properties.cache import per_model
 from ksd.properties.shape import scene_leaves
 
 PASSES = 1

@@ -35,7 +35,7 @@ from ksd.model.leaves import (
     rigidities,
 )
 from ksd.numerics.rotations import rotation_exp
-from ksd.properties.kept import per_model
+from ksd.properties.cache import per_model
 from ksd.properties.leaf_groups import EndFrames, end_frames, end_levers
 from ksd.properties.shape import crossed
 from ksd.properties.tangent import Assembled, assembled_tangent, factored

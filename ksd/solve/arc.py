@@ -19,8 +19,8 @@ from ksd.model.arrays import Motion, Work, make_work
 from ksd.model.compile import Model
 from ksd.model.newton import GRAIN, LOOSE, assemble, largest_move, largest_turn, take_step
 from ksd.model.weight import weight_force
+from ksd.properties.nonconservative import divergences, skew_tangent
 from ksd.properties.tangent import stored_matrix
-from ksd.properties.turning import divergences, turning_loads
 from ksd.solve.pivoted import inertia, scaling
 from ksd.solve.steps import RTOL, Stop
 
@@ -140,7 +140,7 @@ class Tracer:
                 if status == 2:
                     return None
                 # chains carry stresses extrapolated from the step before; at equilibrium they are the true ones
-                rest = turning_loads(self.model.arrays, motion, self.course.aim(f)[1])
+                rest = skew_tangent(self.model.arrays, motion, self.course.aim(f)[1])
                 below = inertia(K)
                 if rest is not None and below != len(arrays.terms.start):
                     below = divergences(arrays, K, rest)
@@ -164,7 +164,7 @@ class Tracer:
         return None
 
     def _full(self, K: Array, motion: Motion, f: float) -> Array:
-        rest = turning_loads(self.model.arrays, motion, self.course.aim(f)[1])
+        rest = skew_tangent(self.model.arrays, motion, self.course.aim(f)[1])
         return K if rest is None else K + rest
 
     def advance(self, at: Place, direction: Array, length: float) -> Place | None:

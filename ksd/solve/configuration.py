@@ -66,7 +66,7 @@ class Configuration:
     estimate of what the fast methods add to the error of the mesh, made with the solve; None where the method is exact
     (see `error`). negatives: negative pivots at the end, expected: those the constraint rows explain. doubts: what
     speaks against the branch and was not cleared up by smaller steps. notes: what the solve itself warns of, part of
-    `warnings`. near: every joint was seen near its intended motion, so the verdict need not look again.
+    `warnings`. intended: every joint was seen near its intended motion, so the verdict need not look again.
     """
 
     model: Model
@@ -82,7 +82,7 @@ class Configuration:
     load_factor: float
     doubts: tuple[str, ...]
     chosen: bool
-    near: bool
+    intended: bool
 
     def __init__(
         self,
@@ -100,13 +100,13 @@ class Configuration:
         load_factor: float = 1.0,
         doubts: tuple[str, ...] = (),
         chosen: bool = False,
-        near: bool = False,
+        intended: bool = False,
     ) -> None:
         # at once: a frozen dataclass of its own takes 5 us for so many fields, a tenth of a planar solve
         self.__dict__.update(
             model=model, motion=motion, method=method, targets=targets, steps=steps, negatives=negatives,
             expected=expected, method_error=method_error, notes=notes, load_factor=load_factor,
-            doubts=doubts, chosen=chosen, near=near, joint_motions=joint_motions,
+            doubts=doubts, chosen=chosen, intended=intended, joint_motions=joint_motions,
         )  # fmt: skip
 
     def __dir__(self) -> list[str]:
@@ -540,7 +540,7 @@ class Configuration:
 
 _INSIDE = frozenset(
     (
-        "answering", "chosen", "doubts", "expected", "insides", "near", "negatives", "notes", "questioned",
+        "answering", "chosen", "doubts", "expected", "insides", "intended", "negatives", "notes", "questioned",
         "joint_motions", "resolution", "still", "unreduced", "_joints", "_node", "_of_leaves",
     )
 )  # fmt: skip

@@ -23,8 +23,8 @@ from ksd.errors import ConvergenceError
 from ksd.model.arrays import STRAIN, Arrays, Motion, make_work
 from ksd.model.compile import Model, compile_given
 from ksd.model.newton import iterate
+from ksd.properties.cache import per_model
 from ksd.properties.forces import section_forces
-from ksd.properties.kept import per_model
 from ksd.properties.shape import member_ends
 from ksd.properties.tangent import exact
 from ksd.properties.unfold import pad

@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 from ksd.model.arrays import Motion
 from ksd.model.compile import Model
 from ksd.model.newton import look, take_step
-from ksd.solve.pipeline import Bench
+from ksd.solve.pipeline import FiveStepsStorage
 from ksd.solve.steps import RTOL, ErrorEstimate, Step, Stop
 
 COARSE = 0.01
@@ -26,9 +26,9 @@ MOST = 5
 
 
 def estimate_error(
-    b: Bench, target: np.ndarray, *, relinearised: bool = False
+    b: FiveStepsStorage, target: np.ndarray, *, relinearised: bool = False
 ) -> tuple[ErrorEstimate, Step, int]:
-    """Error estimate and inertia of the full state on the bench from a Newton step, or a few.
+    """Error estimate and inertia of the full state in storage from a Newton step, or a few.
 
     relinearised: joints were condensed anew at the state before, so that what is linear in the error is gone from the
     forces, and one step is not nearly all.
@@ -52,7 +52,7 @@ Steps = Generator[tuple[ErrorEstimate, ErrorEstimate], None, None]
 """Corrector steps after the first, each with the distance gone with it."""
 
 
-def _moved(b: Bench) -> bool:
+def _moved(b: FiveStepsStorage) -> bool:
     """Whether links are elsewhere than at rest, but for rounding."""
     off = np.abs(b.full.x - b.model.rest.x)[: b.model.links]
     return bool(off.max(initial=0.0) > 1e-9 * b.model.arrays.size)
@@ -86,8 +86,8 @@ def _sum(one: ErrorEstimate, other: ErrorEstimate, share: float) -> ErrorEstimat
     )  # fmt: skip
 
 
-def _later_steps(b: Bench, target: np.ndarray) -> Steps:
-    """Newton steps after the one in storage, each with the distance gone with it; the state on the bench is put back."""
+def _later_steps(b: FiveStepsStorage, target: np.ndarray) -> Steps:
+    """Newton steps after the one in storage, each with the distance gone with it; the state in storage is put back."""
     kept = b.full.copy()
     nothing = ErrorEstimate(np.zeros(len(b.model.drive_names)), 0.0, 0.0, 0.0)
     try:
@@ -101,8 +101,8 @@ def _later_steps(b: Bench, target: np.ndarray) -> Steps:
         b.full.assign(kept)
 
 
-def _size_of_step(b: Bench) -> ErrorEstimate:
-    """The Newton step of the full model in storage as an error of the state on the bench."""
+def _size_of_step(b: FiveStepsStorage) -> ErrorEstimate:
+    """The Newton step of the full model in storage as an error of the state beside it."""
     arrays, links = b.model.arrays, b.model.links
     step = b.full_work.rhs
     force = np.abs(step[arrays.terms.start])
@@ -112,7 +112,9 @@ def _size_of_step(b: Bench) -> ErrorEstimate:
     return _made_relative(b, b.full, force[: len(b.model.drive_names)], shift, turn)
 
 
-def _made_relative(b: Bench, motion: Motion, force: np.ndarray, shift: float, turn: float) -> ErrorEstimate:
+def _made_relative(
+    b: FiveStepsStorage, motion: Motion, force: np.ndarray, shift: float, turn: float
+) -> ErrorEstimate:
     """Absolute errors made relative: drive forces by their size, displacement by the largest link displacement."""
     links = b.model.links
     moved = float(np.abs(motion.x[:links] - b.model.rest.x[:links]).max())
@@ -125,8 +127,8 @@ def _made_relative(b: Bench, motion: Motion, force: np.ndarray, shift: float, tu
     return ErrorEstimate(force.copy(), shift, turn, relative if math.isfinite(relative) else math.inf)
 
 
-def distance(motion: Motion, b: Bench, rest: ErrorEstimate) -> ErrorEstimate:
-    """Distance of a state to the one on the bench, plus the estimate `rest` of the latter's own error."""
+def distance(motion: Motion, b: FiveStepsStorage, rest: ErrorEstimate) -> ErrorEstimate:
+    """Distance of a state to the one in storage, plus the estimate `rest` of the latter's own error."""
     force, shift, turn = _difference(b.model, motion, b.full)
     return _made_relative(b, motion, force + rest.force, shift + rest.displacement, turn + rest.rotation)
 

@@ -23,7 +23,7 @@ from ksd.solve.configuration import Configuration
 from ksd.solve.estimate import distance, estimate_error
 from ksd.solve.following import counted
 from ksd.solve.load_steps import WANDERED, wandered
-from ksd.solve.pipeline import Bench
+from ksd.solve.pipeline import FiveStepsStorage
 from ksd.solve.space_steps import FULL, KINEMATIC, REDUCED, SpaceState, space_steps
 from ksd.solve.steps import CAP, RTOL, FiveStepRecord, Step, Stop
 from ksd.solve.verdict import trained_range
@@ -32,12 +32,12 @@ _CODES = {"kinematic": KINEMATIC, "reduced": REDUCED, "full": FULL}
 
 
 class _Moved(NamedTuple):
-    """Intended motions theta (q,), what is left off (J, 6), found (J,), of every joint; near: see `ksd.solve.near`."""
+    """Intended motions theta (q,), what is left off (J, 6), found (J,), of every joint; intended: all are seen near them."""
 
     theta: np.ndarray
     off: np.ndarray
     found: np.ndarray
-    near: bool
+    intended: bool
 
 
 GAP = 2e-3
@@ -60,7 +60,7 @@ class FiveSteps:
         self.model, self.extrapolate = model, extrapolate
         self.fit: Fit = check_freedoms(model, bodies)
         self.gap = GAP if self.fit.exact else YIELDING
-        self.bench = Bench(model, bodies, state)
+        self.storage = FiveStepsStorage(model, bodies, state)
         self._out: dict[int, np.ndarray] = {}
         self._expected = len(model.drive_names) + len(model.support_names)
 
@@ -76,7 +76,7 @@ class FiveSteps:
         """Solve at the right-hand sides `target` (c,). Raises RangeError, ConvergenceError, KinematicsError."""
         if method == "kinematic":
             self.insist_on_motions()
-        b, code = self.bench, _CODES[method]
+        b, code = self.storage, _CODES[method]
         out = self._out.get(relinearisations)
         if out is None:
             out = self._out[relinearisations] = np.zeros((2 + 3 * (relinearisations + 1), 5))
@@ -88,14 +88,14 @@ class FiveSteps:
         if not ready and (out[0, 0] != 0 or not out[0, 2] < self.gap * b.bodies.reduced.size):
             first = _closed(b, target, self.gap)
             count, negatives = self._steps(target, code, relinearisations, 1, out)
-        record, (inside, near) = out[:count].tolist(), b.seen.tolist()
+        record, (inside, intended) = out[:count].tolist(), b.seen.tolist()
         arrived = record[-1][0] == 0.0
         warnings = [] if arrived and inside else trained_range(b, b.theta, extrapolate=self.extrapolate)
         steps = FiveStepRecord(record, relinearisations, first=first)
         if not arrived or first is not None:
             _insist(steps)
         error = None
-        moved = _Moved(b.found.copy(), b.off.copy(), b.known, near=near == 1)
+        moved = _Moved(b.found.copy(), b.off.copy(), b.known, intended=intended == 1)
         if method == "kinematic":
             clock = Stopwatch()
             pipeline.kinematic_forces(b, target)
@@ -115,7 +115,7 @@ class FiveSteps:
     ) -> tuple[int, int]:
         """All steps but the first when that is done already (`closed` 1); their rows in `out` are where they always are."""
         ways = target, code, relinearisations, closed, RTOL, CAP, self.gap
-        count, negatives = space_steps(self.bench.parts, *ways, out[closed:])
+        count, negatives = space_steps(self.storage.parts, *ways, out[closed:])
         return closed + count, negatives
 
     def insist_on_motions(self) -> None:
@@ -149,7 +149,7 @@ class FiveSteps:
     ) -> Configuration:
         """The kinematic answer; its error is its distance to the reduced one plus the estimate of that."""
         values, target, steps = solved
-        b = self.bench
+        b = self.storage
         answer = self._configuration(
             (dict(values), "kinematic", steps),
             moved,
@@ -177,9 +177,9 @@ class FiveSteps:
         error: Any,
         warnings: list[str],
     ) -> Configuration:
-        b, (values, method, steps) = self.bench, solved
-        theta, off, found, near = moved
-        joint_motions = pipeline.read_motions(b.bodies, b.joint_names, theta, off, found, near=near)
+        b, (values, method, steps) = self.storage, solved
+        theta, off, found, intended = moved
+        joint_motions = pipeline.read_motions(b.bodies, b.joint_names, theta, off, found, intended=intended)
         if method != "kinematic" and steps.last is Stop.CONVERGED:
             negatives = counted(self.model, b.full, 1.0, negatives)
         doubts = wandered(s for s in steps if s.name[0] in "35") if steps.wandered(WANDERED) else ()
@@ -187,11 +187,11 @@ class FiveSteps:
             self.model, b.full.copy(), method, values, steps, negatives=negatives, expected=self._expected,
             joint_motions=joint_motions,
             method_error=error, notes=(*warnings, *self._said(steps)), doubts=doubts,
-            near=near,
+            intended=intended,
         )  # fmt: skip
 
 
-def _closed(b: Bench, target: np.ndarray, gap: float) -> Step:
+def _closed(b: FiveStepsStorage, target: np.ndarray, gap: float) -> Step:
     """Step 1, in one go or, failing that, along the drive; ConvergenceError says how far it got. gap: as GAP."""
     b.restart()
     step = pipeline.close(b, target)

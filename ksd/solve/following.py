@@ -19,8 +19,8 @@ from ksd.model.arrays import Motion, make_work
 from ksd.model.compile import Model
 from ksd.model.newton import GRAIN, assemble
 from ksd.properties.frequencies import frequencies
+from ksd.properties.nonconservative import divergences, skew_tangent
 from ksd.properties.tangent import exact, factored_tangent, stored_matrix
-from ksd.properties.turning import divergences, turning_loads
 
 MILD = 1e-3
 """Share rho of the skew part up to which flutter is left to damping: half of it, as a ratio, is less than flexures have."""
@@ -68,6 +68,6 @@ def counted(model: Model, motion: Motion, factor: float, negatives: int) -> int:
     _, _, inside, _ = assemble(
         arrays, motion, np.zeros(len(arrays.terms.start)), factor, work, 1e-8, 0, GRAIN
     )
-    rest = turning_loads(arrays, motion, factor)
+    rest = skew_tangent(arrays, motion, factor)
     assert rest is not None
     return divergences(arrays, stored_matrix(arrays, work.value), rest) + int(inside)

@@ -15,7 +15,7 @@ from ksd.model.arrays import SOLID, Motion
 from ksd.model.compile import Model, compile_given
 from ksd.model.effects import with_conditions, with_torsion
 from ksd.model.runs import run_factors
-from ksd.properties.kept import per_model
+from ksd.properties.cache import per_model
 from ksd.properties.stiffness import point_stiffness
 from ksd.properties.tangent import exact
 from ksd.solve.error import equilibrium

@@ -22,7 +22,7 @@ from ksd.model.compile import Model
 from ksd.model.newton import CONVERGED, Newton, iterate
 from ksd.model.plane import Plane, plane_of, refuse_plane
 from ksd.numerics.rotations import rotation_log
-from ksd.properties.kept import per_model
+from ksd.properties.cache import per_model
 from ksd.solve.arc import REACHED, Course, Walk, trace
 from ksd.solve.following import counted
 from ksd.solve.pivoted import iterate_pivoted

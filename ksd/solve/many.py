@@ -13,13 +13,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ksd.bodies.bench import relative_poses
 from ksd.bodies.kinematics import close_loops
 from ksd.bodies.readout import intended_motions
+from ksd.bodies.substructures import relative_poses
 from ksd.model.newton import CONVERGED, iterate
 from ksd.numerics.kernel import kernel
 from ksd.numerics.rotations import rotation_log, turn
-from ksd.solve.near import far, outside
+from ksd.solve.joint_range import far, outside
 from ksd.solve.space_steps import LINEAR_SIZE, SpaceSet, close_from_rest, size_of, space_steps
 
 LOCKED, OUT_OF_RANGE, UNSTABLE, FAR, UNANSWERED = 10, 11, 12, 13, 14

@@ -23,12 +23,12 @@ from ksd.library import Record
 from ksd.model.arrays import Motion, flatten, opened
 from ksd.model.compile import Model
 from ksd.numerics.stopwatch import Stopwatch
-from ksd.solve.near import motion_limits
+from ksd.solve.joint_range import motion_limits
 from ksd.solve.space_steps import SpaceState, read_joints, space_set
 from ksd.solve.steps import JointMotions, Step, Stop
 
 
-class Bench:
+class FiveStepsStorage:
     """Storage of one thread for repeated solves of one model in space: every array the five steps write into.
 
     parts: all of it as the compiled steps take it. lowest, highest (motions,): trained
@@ -46,7 +46,7 @@ class Bench:
         state = parts.state
         self.full, self.full_work = state.full, state.full_work
         self.reduced, self.reduced_work = state.reduced, state.reduced_work
-        self.bench, self.bench_work = state.bench, state.bench_work
+        self.substructures, self.substructure_work = state.substructures, state.substructure_work
         self.theta, self.place, self.found, self.off = state.theta, state.place, state.found, state.off
         self.known = state.known
         self.joint_names = tuple(p.name for p in model.scene.joints)
@@ -57,11 +57,11 @@ class Bench:
         """Back to rest, in place."""
         self.full.assign(self.model.rest)
         self.reduced.assign(self.bodies.reduced_rest)
-        self.bench.assign(self.bodies.bench_rest)
+        self.substructures.assign(self.bodies.substructure_rest)
         self.theta[:] = 0.0
 
 
-def close(b: Bench, target: np.ndarray, *, most: int = 40) -> Step:
+def close(b: FiveStepsStorage, target: np.ndarray, *, most: int = 40) -> Step:
     """Step 1: intended motions and link poses, from the constraint functions alone."""
     clock = Stopwatch()
     reason, count, gap, _ = close_loops(
@@ -72,7 +72,7 @@ def close(b: Bench, target: np.ndarray, *, most: int = 40) -> Step:
     return Step("1 close loops", count, clock(), gap, Stop(reason), note=f"gap {gap:.1e} m")
 
 
-def kinematic_forces(b: Bench, target: np.ndarray) -> None:
+def kinematic_forces(b: FiveStepsStorage, target: np.ndarray) -> None:
     """Drive forces of the kinematic answer by virtual work, into the multipliers.
 
     The joints' moments in pure intended motion (wrench F of the condensed joints along the motion) and the external
@@ -98,15 +98,15 @@ def read_motions(
     off: np.ndarray,
     found: np.ndarray,
     *,
-    near: bool,
+    intended: bool,
 ) -> JointMotions:
     """Intended motion of every joint, by `names`, what is left, and what is not known, in words.
 
     theta (q,), off (J, 6) and found (J,) as of `ksd.bodies.readout.intended_motions`; they are changed where a motion
-    was not found or lies far outside its trained range: nan, and a sentence. near: it was seen that there is none such.
+    was not found or lies far outside its trained range: nan, and a sentence. intended: it was seen that there is none such.
     """
     unknown = []
-    if not near:
+    if not intended:
         _, _, low, high = motion_limits(bodies.motion_range).T
         inside, first = (theta >= low) & (theta <= high), bodies.loops.first
         for j, name in enumerate(names):
@@ -156,4 +156,4 @@ class JointReader:
             np.zeros((joints, 12)), np.zeros((joints, 24)), np.zeros((3, loops.pose.shape[2])), off, known, limits, seen,
         )  # fmt: skip
         names = tuple(placed.name for placed in self.model.scene.joints)
-        return read_motions(self._loops, names, found, off, known, near=bool(seen[1]))
+        return read_motions(self._loops, names, found, off, known, intended=bool(seen[1]))

@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 from ksd.model.arrays import Arrays, Motion, Work
 from ksd.model.newton import GRAIN, assemble, largest_move, largest_turn, settled, take_step
 from ksd.numerics.indefinite import inertia, scaling, solve_scaled
+from ksd.properties.nonconservative import skew_tangent
 from ksd.properties.tangent import exact, stored_matrix
-from ksd.properties.turning import turning_loads
 from ksd.solve.steps import Stop
 
 Array = NDArray[np.float64]
@@ -51,7 +51,7 @@ def iterate_pivoted(arrays: Arrays, motion: Motion, *aim: Any) -> tuple[int, int
             break
         if n > 0 and np.linalg.norm(work.rhs) > blow_up:
             return Stop.DIVERGED, n, worst, 0, condition
-        rest = turning_loads(arrays, motion, factor)
+        rest = skew_tangent(arrays, motion, factor)
         step, condition = solve_scaled(K if rest is None else K + rest, -work.rhs[:, None], scaling(K))
         if not condition > SINGULAR:
             return Stop.SINGULAR, n, worst, 0, condition

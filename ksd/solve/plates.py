@@ -18,8 +18,8 @@ from ksd.model.arrays import Motion
 from ksd.model.compile import Model, compile_given, marked
 from ksd.model.effects import with_conditions
 from ksd.model.leaves import rigidities
+from ksd.properties.cache import per_model
 from ksd.properties.forces import section_forces
-from ksd.properties.kept import per_model
 from ksd.scene.leaf import Condition
 from ksd.section.plate import plate_factor
 

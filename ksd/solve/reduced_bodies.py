@@ -171,7 +171,7 @@ class _Placed:
     ) -> None:
         self.steps, self.full, self.modal = steps, full, modal
         self.condensed, self.trained = condensed, trained
-        self.model, self.bench = steps.model, steps.bench
+        self.model, self.storage = steps.model, steps.storage
         self.once = not any(condensed) and not trained
 
     @cached_property
@@ -189,13 +189,13 @@ class _Placed:
         """Bodies and storage at the present place: made once, unless a basis is expanded there."""
         if not self.trained:
             return self.at_rest
-        state = same_state(self.model, self.bench.full, self._untrained)
+        state = same_state(self.model, self.storage.full, self._untrained)
         settle(self._untrained, state)
         return self._made(inside(self._untrained, state)[1])
 
     def _made(self, about: Motion | None) -> _Prepared:
         """Bodies and storage, trained ones expanded at a state of `full`, with those of smaller bases where one is large."""
-        parts = self.bench.bodies.reduced, self.condensed
+        parts = self.storage.bodies.reduced, self.condensed
         words: dict[str, Any] = {"about": about, "at_rest": set(self.modal) - self.trained}
         smaller = None
         if any(b.large for b in self.modal.values()):
@@ -214,7 +214,7 @@ class _Placed:
         steps += more
         for n in range(relinearisations + 1):
             if n > 0:
-                condense_space(self.bench.parts, 0)
+                condense_space(self.storage.parts, 0)
                 self._condense(ready, motion)
                 step, _ = ready.loaded(motion, target, 1.0, smallest=1.0)
                 if step.stop is not Stop.CONVERGED:
@@ -223,14 +223,14 @@ class _Placed:
                         "motion to condense them there; take fewer passes, or use method='full'"
                     )
                 steps.append(step)
-            self.bench.reduced.x[:], self.bench.reduced.R[:] = motion.x[:links], motion.R[:links]
+            self.storage.reduced.x[:], self.storage.reduced.R[:] = motion.x[:links], motion.R[:links]
             clock()
-            shift, _ = recover_space(self.bench.parts)
+            shift, _ = recover_space(self.storage.parts)
             steps.append(Step("4 recovery", 0, clock(), shift, Stop.CONVERGED))
         return self._answer(ready, motion, values, steps, placed.notes)
 
     def _place(self, values: Mapping[str, float], share: float) -> Configuration:
-        """Steps 1 and 2 at a share of the drive values, whose result is in the storage of the bench."""
+        """Steps 1 and 2 at a share of the drive values, whose result is in storage."""
         part = {name: float(share * value) for name, value in values.items()}
         return self.steps(
             part, self.model.targets(part), method="kinematic", relinearisations=0, estimate=False
@@ -275,7 +275,7 @@ class _Placed:
     def _start(self, ready: _Prepared) -> tuple[Motion, Step]:
         """Where steps 1 and 2 put everything, the bodies settled there."""
         clock, mix, model = Stopwatch(), ready.mix, ready.model
-        state = same_state(self.model, self.bench.full, model)
+        state = same_state(self.model, self.storage.full, model)
         count = settle(model, state)
         motion = mix.rest.copy()
         motion.x[:], motion.R[:] = state.x[mix.nodes], state.R[mix.nodes]
@@ -285,7 +285,7 @@ class _Placed:
 
     def _condense(self, ready: _Prepared, motion: Motion) -> None:
         """The condensed joints of step 2 into `motion`."""
-        every = self.bench.reduced.inner
+        every = self.storage.reduced.inner
         for m in np.flatnonzero(ready.mix.joint >= 0).tolist():
             own = ready.mix.inner(motion, m)
             own[:] = every[len(own) * ready.mix.joint[m] :][: len(own)]
@@ -299,7 +299,7 @@ class _Placed:
         notes: tuple[str, ...],
     ) -> Configuration:
         """The state of all leaf springs, and what the joints' records say of it."""
-        b, mix, model = self.bench, ready.mix, ready.model
+        b, mix, model = self.storage, ready.mix, ready.model
         place_space(b.parts)
         state = same_state(self.model, b.full, model)
         state.x[mix.nodes], state.R[mix.nodes] = motion.x, motion.R
@@ -311,14 +311,14 @@ class _Placed:
         _, _, own, _ = assemble(model.arrays, state, model.targets(values), 1.0, work, RTOL, 0, 10.0)
         negatives, _ = factor_blocks(plan.ints, work.value, work.spare, len(plan.size))
         read_space(b.parts)
-        near = bool(b.seen[1])
+        intended = bool(b.seen[1])
         joint_motions = pipeline.read_motions(
-            b.bodies, b.joint_names, b.found.copy(), b.off.copy(), b.known, near=near
+            b.bodies, b.joint_names, b.found.copy(), b.off.copy(), b.known, intended=intended
         )
         expected = len(model.drive_names) + len(model.support_names)
         return Configuration(
             model, state, "modal", dict(values), tuple(steps), negatives=int(negatives + own),
-            expected=expected, joint_motions=joint_motions, notes=notes, near=near,
+            expected=expected, joint_motions=joint_motions, notes=notes, intended=intended,
         )  # fmt: skip
 
 

@@ -13,8 +13,8 @@ from ksd.model.arrays import COIL, TURN, Motion, make_work
 from ksd.model.compile import Model
 from ksd.model.newton import iterate
 from ksd.numerics.rotations import rotation_log
+from ksd.properties.cache import per_model
 from ksd.properties.forces import energy_of_spring
-from ksd.properties.kept import per_model
 from ksd.properties.tangent import assembled_tangent, row_gradients
 from ksd.properties.words import axis_in_words, movement_of, ways
 from ksd.solve.steps import CAP, RTOL, Stop

@@ -94,7 +94,7 @@ def _beside(pose: Configuration, loaded: Model, state: Motion) -> Configuration:
     found = replace(
         pose, model=loaded, motion=motion, method="conventional", method_error=None, chosen=False, load_factor=1.0,
         steps=(step_of(driven, how, clock()),), negatives=driven.negatives, expected=len(target), doubts=doubts,
-        joint_motions=None, notes=(), near=False,
+        joint_motions=None, notes=(), intended=False,
     )  # fmt: skip
     if driven.stop is not Stop.CONVERGED:
         raise ConvergenceError(stopped(driven, doubts), reached=driven.reached, result=found)

@@ -29,7 +29,7 @@ from ksd.solve.conventional import bare, by_load_steps, conventional
 from ksd.solve.estimate import relative_error
 from ksd.solve.five import FiveSteps
 from ksd.solve.full_bodies import indicator
-from ksd.solve.pipeline import Bench, JointReader
+from ksd.solve.pipeline import JointReader
 from ksd.solve.plates import settled
 from ksd.solve.reduced_bodies import ReducedBodies, by_steps, has_solids, judged
 from ksd.solve.storage import Storage
@@ -203,11 +203,6 @@ class Solver:
             bodies: JointBodies = joint_bodies(self.model, self.records, extrapolate=self.extrapolate)
             self._five = FiveSteps(self.model, bodies, extrapolate=self.extrapolate)
         return self._five
-
-    @property
-    def bench(self) -> Bench:
-        """Storage of the five steps in space; raises what `five_steps` does."""
-        return self.five_steps.bench
 
     @property
     def in_plane(self) -> Literal["auto", False]:

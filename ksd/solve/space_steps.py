@@ -8,16 +8,23 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ksd.bodies.bench import Inside, condense_joints, place_insides, recover_joints, relative_poses, set_near
 from ksd.bodies.joints import JointBodies
 from ksd.bodies.kinematics import Loops, close_loops
 from ksd.bodies.readout import intended_motions
+from ksd.bodies.substructures import (
+    Inside,
+    condense_joints,
+    place_insides,
+    recover_joints,
+    relative_poses,
+    set_near,
+)
 from ksd.bodies.weight import Hung, hang_joints, turn_gravity
 from ksd.model.arrays import Arrays, Motion, Work, make_work
 from ksd.model.compile import Model
 from ksd.model.newton import iterate
 from ksd.numerics.kernel import kernel
-from ksd.solve.near import look_at_joints, motion_limits
+from ksd.solve.joint_range import look_at_joints, motion_limits
 
 KINEMATIC, REDUCED, FULL = 0, 1, 2
 LINEAR_SIZE = 54
@@ -29,7 +36,7 @@ class SpaceBodies(NamedTuple):
     loops: Loops
     inside: Inside
     full_node: np.ndarray
-    bench: Arrays
+    substructures: Arrays
     reduced: Arrays
     full: Arrays
     hung: Hung
@@ -38,17 +45,17 @@ class SpaceBodies(NamedTuple):
 class SpaceStart(NamedTuple):
     """Rest states."""
 
-    bench: Motion
+    substructures: Motion
     reduced: Motion
     full: Motion
 
 
 class SpaceState(NamedTuple):
-    """Storage of one thread: the states and storage of bench, reduced and full mechanism.
+    """Storage of one thread: the states and storage of substructures, reduced and full mechanism.
 
     theta (q,), place (J, 24), relative (J, 12), series (3, M): of the joints; found (q,), off (J, 6), known
     (J,): intended motions of the answer and what is left, see `ksd.bodies.readout.intended_motions`; limits (q, 4),
-    seen (2,): see `ksd.solve.near`.
+    seen (2,): see `ksd.solve.joint_range`.
     """
 
     theta: np.ndarray
@@ -58,10 +65,10 @@ class SpaceState(NamedTuple):
     found: np.ndarray
     off: np.ndarray
     known: np.ndarray
-    bench: Motion
+    substructures: Motion
     reduced: Motion
     full: Motion
-    bench_work: Work
+    substructure_work: Work
     reduced_work: Work
     full_work: Work
     limits: np.ndarray
@@ -79,11 +86,11 @@ class SpaceSet(NamedTuple):
 def space_set(model: Model, bodies: JointBodies, state: SpaceState | None = None) -> SpaceSet:
     """Prepared storage for `model` with its joint `bodies`; state: storage of a design of the same words, taken over."""
     joints, motions = len(bodies.loops.node), len(bodies.motion_names)
-    rest = SpaceStart(bodies.bench_rest, bodies.reduced_rest, model.rest)
+    rest = SpaceStart(bodies.substructure_rest, bodies.reduced_rest, model.rest)
     if state is not None:
         state.full.assign(model.rest)
         every = (
-            (state.bench_work, bodies.bench),
+            (state.substructure_work, bodies.substructures),
             (state.reduced_work, bodies.reduced),
             (state.full_work, model.arrays),
         )
@@ -93,12 +100,12 @@ def space_set(model: Model, bodies: JointBodies, state: SpaceState | None = None
         np.zeros(motions), np.zeros((joints, 24)), np.zeros((joints, 12)),
         np.zeros((3, bodies.loops.pose.shape[2])), np.zeros(motions), np.zeros((joints, 6)),
         np.zeros(joints, np.int64),
-        rest.bench.copy(), rest.reduced.copy(), rest.full.copy(),
-        make_work(bodies.bench, near=bodies.near), make_work(bodies.reduced), make_work(model.arrays),
+        rest.substructures.copy(), rest.reduced.copy(), rest.full.copy(),
+        make_work(bodies.substructures, near=bodies.near), make_work(bodies.reduced), make_work(model.arrays),
         motion_limits(bodies.motion_range), np.zeros(2, np.int64),
     )  # fmt: skip
     parts = (
-        bodies.loops, bodies.inside, bodies.full_node, bodies.bench, bodies.reduced, model.arrays, bodies.hung,
+        bodies.loops, bodies.inside, bodies.full_node, bodies.substructures, bodies.reduced, model.arrays, bodies.hung,
     )  # fmt: skip
     return SpaceSet(SpaceBodies(*parts), rest, state)
 
@@ -112,7 +119,7 @@ def close_from_rest(s: SpaceSet, target: np.ndarray) -> tuple[int, int, float]:
     """Back to rest, then step 1. Returns (reason, iterations, gap left [m])."""
     state = s.state
     state.reduced.assign(s.rest.reduced)
-    state.bench.assign(s.rest.bench)
+    state.substructures.assign(s.rest.substructures)
     state.theta[:] = 0.0
     reason, count, left, _ = close_loops(
         s.bodies.reduced, s.bodies.loops, state.theta, target, state.reduced, state.place, 40
@@ -122,35 +129,47 @@ def close_from_rest(s: SpaceSet, target: np.ndarray) -> tuple[int, int, float]:
 
 def place_space(s: SpaceSet) -> None:
     """Links, internal blocks, inner states and multipliers into the full state."""
-    bodies, full, reduced, bench = s.bodies, s.state.full, s.state.reduced, s.state.bench
-    loops, inside, links, inner = bodies.loops, bodies.inside, len(reduced.x), len(bench.inner)
+    bodies, full, reduced, substructures = s.bodies, s.state.full, s.state.reduced, s.state.substructures
+    loops, inside, links, inner = bodies.loops, bodies.inside, len(reduced.x), len(substructures.inner)
     full.x[:links], full.R[:links] = reduced.x, reduced.R
     free = reduced.inner[LINEAR_SIZE * len(loops.node) :]
-    full.inner[:inner], full.inner[inner : inner + len(free)] = bench.inner, free
+    full.inner[:inner], full.inner[inner : inner + len(free)] = substructures.inner, free
     full.multiplier[:] = reduced.multiplier
     place_insides(
         loops.node, loops.anchor, loops.frame, inside.block_joint, inside.block_node, bodies.full_node,
-        bench.x, bench.R, full.x, full.R,
+        substructures.x, substructures.R, full.x, full.R,
     )  # fmt: skip
 
 
 def near_space(s: SpaceSet) -> None:
     """Step 2, first half: the near configuration of all joints."""
     b, state = s.bodies, s.state
-    set_near(b.bench, b.loops, b.inside, state.theta, state.place, state.bench, state.bench_work)
+    set_near(
+        b.substructures,
+        b.loops,
+        b.inside,
+        state.theta,
+        state.place,
+        state.substructures,
+        state.substructure_work,
+    )
 
 
 def condense_space(s: SpaceSet, near: int) -> int:
     """Step 2, second half: the joints condensed. Returns the worst status of a leaf."""
-    b, state, work = s.bodies, s.state, s.state.bench_work
-    loops, hung, members = b.loops, b.hung, b.bench.members
+    b, state, work = s.bodies, s.state, s.state.substructure_work
+    loops, hung, members = b.loops, b.hung, b.substructures.members
     if len(hung.owner):
-        turn_gravity(hung.owner, loops.node, state.reduced.R, loops.frame, b.bench.weight, work.weight)
-    _, _, status = condense_joints(b.bench, len(loops.node), state.bench, work, near, state.reduced.inner)
+        turn_gravity(
+            hung.owner, loops.node, state.reduced.R, loops.frame, b.substructures.weight, work.weight
+        )
+    _, _, status = condense_joints(
+        b.substructures, len(loops.node), state.substructures, work, near, state.reduced.inner
+    )
     if len(hung.owner):
         hang_joints(
-            hung.owner, hung.load, members.node, members.store_at, state.bench.x, work.pose, work.store, work.weight,
-            loops.anchor, loops.frame, b.reduced.loads.point,
+            hung.owner, hung.load, members.node, members.store_at, state.substructures.x, work.pose, work.store,
+            work.weight, loops.anchor, loops.frame, b.reduced.loads.point,
         )  # fmt: skip
     return status
 
@@ -159,7 +178,13 @@ def recover_space(s: SpaceSet) -> tuple[float, float]:
     """Step 4. Returns the largest displacement [m] and rotation [rad] of an interface off its near pose."""
     b, state = s.bodies, s.state
     return recover_joints(
-        b.bench, b.reduced, len(b.loops.node), state.reduced, state.bench, state.bench_work, state.relative
+        b.substructures,
+        b.reduced,
+        len(b.loops.node),
+        state.reduced,
+        state.substructures,
+        state.substructure_work,
+        state.relative,
     )
 
 

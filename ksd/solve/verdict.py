@@ -25,13 +25,13 @@ from ksd.model.arrays import STRAIN, carries_load
 from ksd.model.mesh import MOST_ORDER
 from ksd.properties.doctor import doctor
 from ksd.scene.hinges import plane_hint
+from ksd.solve.joint_range import FAR_SHIFT, FAR_TURN
 from ksd.solve.load_steps import difference, laden
-from ksd.solve.near import FAR_SHIFT, FAR_TURN
 from ksd.solve.steps import ErrorEstimate
 
 if TYPE_CHECKING:
     from ksd.solve.configuration import Configuration
-    from ksd.solve.pipeline import Bench
+    from ksd.solve.pipeline import FiveStepsStorage
 
 SLIGHT = 1e-3
 """Error of a link position, over the size of the mechanism, that is small however small the answer."""
@@ -205,7 +205,7 @@ def mesh_check(found: Configuration, wanted: float) -> Configuration:
     return found
 
 
-def trained_range(b: Bench, theta: np.ndarray, *, extrapolate: bool) -> list[str]:
+def trained_range(b: FiveStepsStorage, theta: np.ndarray, *, extrapolate: bool) -> list[str]:
     """Refuse motions theta (q,) outside the trained range, or warn when extrapolation was asked for."""
     if np.all((theta >= b.lowest) & (theta <= b.highest)):
         return []
@@ -312,7 +312,7 @@ def insist(c: Configuration) -> Configuration:
 def _evident(c: Configuration) -> bool:
     """Whether it is `solved`, as far as numbers at hand tell: verdicts are put in words when they are read."""
     # the conventional solver does not lean on the records of the joints
-    near = c.near or c.method == "conventional"
+    near = c.intended or c.method == "conventional"
     at_hand = near and c.stable and not c.doubts and c.converged
     return at_hand and (c.method_error is None or c.method_error.relative <= 1.0) and not _rolled(c)
 

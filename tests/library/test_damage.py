@@ -17,6 +17,7 @@ import pytest
 
 import ksd.library.files as files
 from ksd.design import Table
+from ksd.design.resume import ResumeFile
 from ksd.errors import RecordError
 from ksd.library import read_record, read_result, write_record
 from ksd.library.tables import write_answer
@@ -150,7 +151,6 @@ def test_four_processes_read_while_one_replaces(record, tmp_path):
 
 def writers(record, table, folder):
     """Everything that writes a file, as functions without arguments."""
-    from ksd.design.kept import Kept
 
     return {
         "record": lambda: write_record(record, folder / "toy.h5"),
@@ -158,10 +158,12 @@ def writers(record, table, folder):
         "csv": lambda: table.to_csv(folder / "table.csv"),
         "mat": lambda: table.to_mat(folder / "table.mat"),
         "answer": lambda: write_answer({"a": list(range(1000))}, folder / "answer.json"),
-        "sweep": lambda: Kept(folder / "sweep.jsonl", "x").keep(
+        "sweep": lambda: ResumeFile(folder / "sweep.jsonl", "x").keep(
             0, [{"force_N": float(n)} for n in range(1000)]
         ),
-        "new sweep": lambda: Kept(folder / f"new sweep {os.getpid()}", "x").keep(0, [{"force_N": 1.0}] * 50),
+        "new sweep": lambda: ResumeFile(folder / f"new sweep {os.getpid()}", "x").keep(
+            0, [{"force_N": 1.0}] * 50
+        ),
     }
 
 
@@ -195,9 +197,8 @@ def sentences(record, table, folder, prepare):
     }
     assert {n: h for n, h in before.items() if "sweep" not in n} == after
     # of the sweep, finished lines stay and the one that did not fit is left out
-    from ksd.design.kept import Kept
 
-    assert len(Kept(folder / "sweep.jsonl", "x").found) == 1
+    assert len(ResumeFile(folder / "sweep.jsonl", "x").found) == 1
     return found
 
 

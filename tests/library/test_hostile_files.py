@@ -17,7 +17,7 @@ import pytest
 import ksd
 import ksd.files
 from ksd.design import Table
-from ksd.design.kept import Kept, _hash
+from ksd.design.resume import ResumeFile, _hash
 from ksd.errors import KsdError, RecordError, SceneError
 from ksd.files import read_file, write_file
 from ksd.library import describe_database, files, find_record, read_record, read_result, write_record
@@ -68,7 +68,7 @@ def readers(folder):
         "matrix": (ksd.link_matrix, folder / "arm.npz", SceneError),
         "matrix in HDF5": (ksd.link_matrix, folder / "arm.h5", SceneError),
         "scene": (ksd.load_scene, folder / "scene.toml", SceneError),
-        "sweep": (lambda path: Kept(path, "x"), folder / "sweep.jsonl", SceneError),
+        "sweep": (lambda path: ResumeFile(path, "x"), folder / "sweep.jsonl", SceneError),
     }
 
 
@@ -351,10 +351,10 @@ def test_kept_lines_with_a_right_hash_and_wrong_content_are_computed_again(tmp_p
     bodies = ("3", "[]", "{", '{"line": 0}', '{"line": "a", "rows": []}', '{"line": 1, "rows": [3]}')
     for body in (*bodies, '{"line": 1, "rows": [{"force_N": [1]}]}', "[" * 100_000):
         path.unlink(missing_ok=True)
-        Kept(path, "x").keep(0, [{"force_N": 1.0}])
+        ResumeFile(path, "x").keep(0, [{"force_N": 1.0}])
         with open(path, "a") as file:
             file.write(f"{_hash(body)} {body}\n")
-        assert Kept(path, "x").found == {0: [{"force_N": 1.0}]}
+        assert ResumeFile(path, "x").found == {0: [{"force_N": 1.0}]}
 
 
 def test_an_answer_that_is_no_json_is_refused_before_it_is_written(tmp_path):

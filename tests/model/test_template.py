@@ -138,8 +138,8 @@ def test_designs_in_one_call_are_those_made_one_by_one(name, mesh, rng):
         for field in (
             "loops",
             "inside",
-            "bench",
-            "bench_rest",
+            "substructures",
+            "substructure_rest",
             "reduced",
             "reduced_rest",
             "hung",

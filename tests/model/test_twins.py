@@ -5,7 +5,7 @@ import pytest
 from scenes import fourbar
 
 import ksd
-from ksd.bodies.bench import condense_joints, set_near
+from ksd.bodies.substructures import condense_joints, set_near
 from ksd.model.arrays import make_work
 from ksd.model.newton import assemble, solve_step, take_step
 
@@ -50,19 +50,19 @@ def test_condensed_joints_are_those_of_leaves_worked_on_one_by_one(mesh):
     """Step 2 near the intended motion, where the inner nodes of a chain are set as well."""
     steps = ksd.prepare(fourbar(), mesh=mesh, planar=False)
     steps(top=0.25, method="reduced", estimate=False)
-    bench = steps.bench
-    b, state, work = bench.bodies, bench.bench, bench.bench_work
-    given = b.bench.members
+    storage = steps.five_steps.storage
+    b, state, work = storage.bodies, storage.substructures, storage.substructure_work
+    given = b.substructures.members
     found = []
     for change in (0.0, SLIGHT):
-        state.assign(b.bench_rest)
-        set_near(b.bench, b.loops, b.inside, bench.theta, bench.place, state, work)
+        state.assign(b.substructure_rest)
+        set_near(b.substructures, b.loops, b.inside, storage.theta, storage.place, state, work)
         if mesh.leaf == "strain":
             state.inner[given.inner_at[2]] += change
         else:
             work.near[work.near_at[2]] += change
-        inner = np.zeros_like(bench.reduced.inner)
-        condense_joints(b.bench, len(b.loops.node), state, work, 1, inner)
+        inner = np.zeros_like(storage.reduced.inner)
+        condense_joints(b.substructures, len(b.loops.node), state, work, 1, inner)
         found.append((inner, state.inner.copy()))
     (once, inside), (each, other) = found
     assert once == pytest.approx(each, rel=1e-9, abs=1e-10 * np.abs(each).max())

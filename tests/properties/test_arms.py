@@ -85,7 +85,7 @@ def test_the_part_of_moments_fixed_in_space_is_refined_and_guarded():
     loads = np.zeros((assembled.arrays.plan.unknowns, 6))
     loads[tangent.unknowns(found.model.node_names.index("three"))] = np.eye(6)
     right = tangent.solve(loads)
-    K, (places, rest) = assembled.matrix(), assembled.turning
+    K, (places, rest) = assembled.matrix(), assembled.skew
     K[np.ix_(places, places)] += rest
     assert np.abs(K @ right - loads).max() < 1e-9
     X, small = tangent._columns

@@ -11,8 +11,8 @@ from ksd.model.compile import compile_scene
 from ksd.model.newton import GRAIN, assemble, iterate, take_step
 from ksd.model.plane import plane_of
 from ksd.numerics.blocks import factor_blocks
+from ksd.properties.nonconservative import skew_tangent
 from ksd.properties.tangent import stored_matrix
-from ksd.properties.turning import turning_loads
 from ksd.section import rectangle
 from ksd.solve.conventional import conventional
 
@@ -48,7 +48,7 @@ def test_the_step_is_that_of_the_unsymmetric_tangent():
     iterate(arrays, one, target, 1.3, work, 1e-8, 1, np.inf, np.inf)
     other = state.copy()
     assemble(arrays, other, target, 1.3, work, 1e-8, 0, 0 * GRAIN)
-    full = stored_matrix(arrays, work.value) + turning_loads(arrays, other, 1.3)
+    full = stored_matrix(arrays, work.value) + skew_tangent(arrays, other, 1.3)
     step = np.linalg.solve(full, -work.rhs)
     factor_blocks(arrays.plan.ints, work.value, work.spare, len(arrays.plan.size))
     take_step(arrays, other, step, work, 1.0)

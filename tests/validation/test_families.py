@@ -21,7 +21,7 @@ from ksd.scene.families.infinity import TripleInfinityHinge
 from ksd.scene.families.notch import ArcHinge, CircularNotchHinge, FilletedNotchHinge
 from ksd.scene.families.universal import UniversalJoint
 from ksd.solve.conventional import conventional
-from ksd.solve.near import SLACK
+from ksd.solve.joint_range import SLACK
 from ksd.train.catalogue import ENTRIES
 from ksd.train.designs import design_of
 from ksd.train.softness import rest_stiffness

@@ -12,8 +12,8 @@ from ksd.design.state_space import state_space
 from ksd.model.arrays import make_work
 from ksd.model.compile import compile_scene
 from ksd.model.newton import assemble, move_nodes, take_step
+from ksd.properties.nonconservative import skew_tangent
 from ksd.properties.tangent import exact, factored_tangent, stored_matrix
-from ksd.properties.turning import turning_loads
 from ksd.section import rectangle
 from ksd.solve.conventional import conventional
 from ksd.solve.following import MILD
@@ -133,7 +133,7 @@ def test_the_tangent_is_the_derivative_of_the_residual(following):
     work = make_work(arrays)
     aim = np.array([0.4]), 1.0, work, 1e-8, 0, 10.0
     assemble(arrays, state, *aim)
-    tangent = stored_matrix(arrays, work.value) + turning_loads(arrays, state, 1.0)
+    tangent = stored_matrix(arrays, work.value) + skew_tangent(arrays, state, 1.0)
     assert np.abs(tangent - tangent.T).max() > 0.1
     # leaf springs at their own equilibrium for the moved nodes: the condensed tangent is that of the nodes alone
     for k in range(*model_unknowns(model, "tip")):

@@ -1,5 +1,5 @@
 """The tangent of loads that are not conservative, its skew part, and the count of directions in which a state diverges under
-them: matrices for questions to a state (in Newton's steps: `ksd.model.turning`)."""
+them: matrices for questions to a state (in Newton's steps: `ksd.model.nonconservative`)."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def cross_matrix(v: Array) -> Array:
 
 def load_tangent(force: Array, moment: Array, lever: Array, *, following: bool) -> Array:
     """Tangent (6, 6), in the motion of its node, of a force (3,) [N] at `lever` (3,) [m] and a moment (3,) [Nm], global, in
-    the convention of `ksd.model.turning`: symmetric for a dead force."""
+    the convention of `ksd.model.nonconservative`: symmetric for a dead force."""
     tangent = np.zeros((6, 6))
     if following:
         tangent[:3, 3:] = cross_matrix(force)
@@ -31,8 +31,8 @@ def load_tangent(force: Array, moment: Array, lever: Array, *, following: bool) 
     return tangent
 
 
-def turning_loads(arrays: Arrays, motion: Motion, factor: float) -> Array | None:
-    """Skew part (n, n) of the tangent of loads that follow and of moments, None without any; see `ksd.model.turning`."""
+def skew_tangent(arrays: Arrays, motion: Motion, factor: float) -> Array | None:
+    """Skew part (n, n) of the tangent of loads, see `ksd.model.nonconservative`; None without any that follow or moments."""
     loads = arrays.loads
     if not loads.skew.any():
         return None

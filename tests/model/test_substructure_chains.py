@@ -1,4 +1,4 @@
-"""The chains of the joint bench, linearised about their element orientations, are those of each on its own."""
+"""The chains of the substructures, linearised about their element orientations, are those of each on its own."""
 
 import numpy as np
 import pytest
@@ -7,7 +7,7 @@ from scenes import fourbar
 import ksd
 from ksd.beam.corotational import recover
 from ksd.beam.corotational_near import near_condense
-from ksd.bodies.bench import set_near
+from ksd.bodies.substructures import set_near
 from ksd.model.newton import assemble, take_step
 from ksd.model.poses import member_pose
 from ksd.units import GPa, deg, mm
@@ -28,11 +28,11 @@ def hinge(**more):
     return scene
 
 
-def bench(scene, elements, **drives):
-    """The bench of a reduced solve, near its pose."""
+def storage(scene, elements, **drives):
+    """Storage of a reduced solve, near its pose."""
     steps = ksd.prepare(scene, mesh=ksd.Mesh("corotational", elements=elements), planar=False)
     steps(method="reduced", estimate=False, **drives)
-    return steps.bench
+    return steps.five_steps.storage
 
 
 @pytest.mark.parametrize(
@@ -40,10 +40,10 @@ def bench(scene, elements, **drives):
     [(hinge, 1, {"turn": 0.4}), (hinge, 3, {"turn": -0.5}), (fourbar, 5, {"top": 0.25})],
 )
 def test_wrenches_and_inner_nodes_are_those_of_each(scene, elements, drives, rng):
-    b = bench(scene(), elements, **drives)
-    given, state, work = b.bodies.bench, b.bench, b.bench_work
+    b = storage(scene(), elements, **drives)
+    given, state, work = b.bodies.substructures, b.substructures, b.substructure_work
     members = given.members
-    state.assign(b.bodies.bench_rest)
+    state.assign(b.bodies.substructure_rest)
     set_near(given, b.bodies.loops, b.bodies.inside, b.theta, b.place, state, work)
     assemble(given, state, np.zeros(0), 1.0, work, 1e-8, 1, 10.0)
     alone, kept = [], []

@@ -18,7 +18,7 @@ from ksd.section.checks import show
 Rows = list[dict[str, Any]]
 
 
-class Kept:
+class ResumeFile:
     """The file `path` of a sweep, or `what` else, with this `fingerprint`; without a path nothing is kept on disk.
 
     SceneError when the file belongs to another one or cannot be written.

@@ -1,6 +1,6 @@
 """Steps 2 and 4 of the KSD method, compiled: near configuration, condensation to the interfaces, recovery.
 
-The bench holds every joint of a mechanism apart from its links: interface A sits on ground at the origin, interface
+The substructures are the joints of a mechanism apart from its links: interface A sits on ground at the origin, interface
 B is a node, internal blocks are nodes. One assembly and one partial factorisation condense all joints at once, in
 the axes of their interface A (paper 1, eqs. 2.3-2.6 and section 3); one backward sweep recovers their insides.
 """
@@ -24,8 +24,8 @@ from ksd.numerics.rotations import rotation_log
 class Inside(NamedTuple):
     """Database functions of the insides of J joints, flattened; polynomials in the motions of their joint.
 
-    block_node (K,): bench node of every internal block; block_joint (K,); block_pose (K, 6, M): rotation vector and
-    chord by monomial. joint (F,), target (F,), coefficient (F, M): entry `target` of the inner states (amplitudes
+    block_node (K,), block_joint (K,): substructure node and joint of every internal block; block_pose (K, 6, M): rotation
+    vector and chord by monomial. joint (F,), target (F,), coefficient (F, M): entry `target` of the inner states (amplitudes
     1/m, wrenches N and Nm). near_joint, near_target, near_coefficient: the same for work.near (rotation vectors).
     """
 
@@ -41,7 +41,7 @@ class Inside(NamedTuple):
 
 
 def set_near(
-    bench: Arrays,
+    substructures: Arrays,
     loops: Loops,
     inside: Inside,
     theta: np.ndarray,
@@ -49,9 +49,9 @@ def set_near(
     motion: Motion,
     work: Work,
 ) -> None:
-    """Step 2, first half: bench state of the intended motion theta, from the database functions alone.
+    """Step 2, first half: state of the substructures of the intended motion theta, from the database functions alone.
 
-    place (J, 24): interface poses of step 1. Node 1 + .. of the bench: see `Inside`; node `last J` are the Bs.
+    place (J, 24): interface poses of step 1. Node 1 + .. of the substructures: see `Inside`; node `last J` are the Bs.
     """
     _set_near(loops, inside, theta, place, motion.x, motion.R, motion.inner, work.near)
 
@@ -93,16 +93,16 @@ def _set_near(loops, inside, theta, place, x, R, inner, near):
 
 
 def condense_joints(
-    bench: Arrays, joints: int, motion: Motion, work: Work, near: int, reduced_inner: np.ndarray
+    substructures: Arrays, joints: int, motion: Motion, work: Work, near: int, reduced_inner: np.ndarray
 ) -> tuple[int, float, int]:
     """Linearise all joints at `motion` and condense them; writes the linear bodies (d0, R0, F, K) of step 3.
 
     near: see `ksd.model.newton.assemble`. Returns (negative pivots inside, smallest relative pivot, status).
     """
-    _, _, inside, status = assemble(bench, motion, np.zeros(0), 1.0, work, 1e-8, near, GRAIN)
+    _, _, inside, status = assemble(substructures, motion, np.zeros(0), 1.0, work, 1e-8, near, GRAIN)
     negatives, pivot = _condense_blocks(
-        bench.plan.ints,
-        bench.start,
+        substructures.plan.ints,
+        substructures.start,
         joints,
         motion.x,
         motion.R,
@@ -149,7 +149,7 @@ def relative_poses(node, offset, frame, joints, x, R, relative):
 
 
 def recover_joints(
-    bench: Arrays,
+    substructures: Arrays,
     reduced: Arrays,
     joints: int,
     reduced_motion: Motion,
@@ -157,16 +157,24 @@ def recover_joints(
     work: Work,
     relative: np.ndarray,
 ) -> tuple[float, float]:
-    """Step 4: bench state at the interface poses of step 3, by the factors of `condense_joints`; relative (J, 12): those.
+    """Step 4: substructures at the interface poses of step 3, relative (J, 12), by the factors of `condense_joints`.
 
     Returns the largest unintended displacement of an interface B from its reference, (m, rad).
     """
     m = reduced.members
     relative_poses(m.node, m.offset, m.frame, joints, reduced_motion.x, reduced_motion.R, relative)
     shift, twist = _recover_blocks(
-        bench.plan.ints, bench.start, joints, relative, motion.x, motion.R, work.value, work.spare, work.rhs
+        substructures.plan.ints,
+        substructures.start,
+        joints,
+        relative,
+        motion.x,
+        motion.R,
+        work.value,
+        work.spare,
+        work.rhs,
     )
-    take_step(bench, motion, work.rhs, work, 1.0)
+    take_step(substructures, motion, work.rhs, work, 1.0)
     return shift, twist
 
 
@@ -199,10 +207,10 @@ def _recover_blocks(plan, start, joints, relative, x, R, value, spare, rhs):
 
 
 @kernel
-def place_insides(node, anchor, frame, block_joint, block_node, full_node, bench_x, bench_R, x, R):
-    """Internal blocks of the bench (A axes) into the full model's nodes (global), links already in place.
+def place_insides(node, anchor, frame, block_joint, block_node, full_node, own_x, own_R, x, R):
+    """Internal blocks of the substructures (A axes) into the full model's nodes (global), links already in place.
 
-    A block's frame is identity at rest in both, so R_full = R_a F R_bench F^T with F the joint axes at rest.
+    A block's frame is identity at rest in both, so R_full = R_a F R_own F^T with F the joint axes at rest.
     """
     RA, T = np.empty((3, 3)), np.empty((3, 3))
     for k in range(len(block_node)):
@@ -215,10 +223,8 @@ def place_insides(node, anchor, frame, block_joint, block_node, full_node, bench
         for r in range(3):
             s = x[a, r]
             for c in range(3):
-                s += R[a, r, c] * anchor[j, 0, c] + RA[r, c] * bench_x[b, c]
-                T[r, c] = (
-                    RA[r, 0] * bench_R[b, 0, c] + RA[r, 1] * bench_R[b, 1, c] + RA[r, 2] * bench_R[b, 2, c]
-                )
+                s += R[a, r, c] * anchor[j, 0, c] + RA[r, c] * own_x[b, c]
+                T[r, c] = RA[r, 0] * own_R[b, 0, c] + RA[r, 1] * own_R[b, 1, c] + RA[r, 2] * own_R[b, 2, c]
             x[f, r] = s
         for r in range(3):
             for c in range(3):
