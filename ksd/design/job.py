@@ -700,6 +700,12 @@ class Log:
         truth(progress, "progress")
         self.job, self.executor, self.progress = job, executor, progress
         self.kept = ResumeFile(resume, job.fingerprint, what="job")
+        sizes = {key: len(job.parameters) if key.startswith("slopes") else 1 for key in self.kept.found}
+        for key, size in sizes.items():
+            rows = self.kept.found[key]
+            if len(rows) != size or any(not set(job.names) <= set(row) for row in rows):
+                # right by its hash, but not what a log writes: computed again
+                del self.kept.found[key]
         self.rows: dict[str, Row] = {}
 
     @property

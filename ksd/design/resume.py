@@ -29,7 +29,7 @@ class ResumeFile:
             raise SceneError(f"resume = {show(path)}: give the name of a file")
         self.path = None if path is None else Path(path)
         self.what = what
-        self.found: dict[int | str, Rows] = {}
+        self.found: dict[Any, Rows] = {}
         if self.path is None:
             return
         check_target(self.path, what="resume")
@@ -50,7 +50,7 @@ class ResumeFile:
         intact = lines[:1]
         for text in lines[1:]:
             mark, _, body = text.partition(" ")
-            entry = _entry(body) if mark == _hash(body) else None
+            entry = _entry(body, int if self.what == "sweep" else str) if mark == _hash(body) else None
             if entry is None:
                 break
             self.found[entry["line"]] = entry["rows"]
@@ -75,12 +75,12 @@ class ResumeFile:
             ) from error
 
 
-def _entry(body: str) -> dict[str, Any] | None:
-    """What `keep` wrote; None for anything else."""
+def _entry(body: str, kind: type) -> dict[str, Any] | None:
+    """What `keep` wrote under a number or name of this kind; None for anything else."""
     try:
         entry = json.loads(body)
         values = [value for row in entry["rows"] for value in row.values()]
-        fits = isinstance(entry["line"], int | str) and all(
+        fits = isinstance(entry["line"], kind) and all(
             isinstance(v, str | int | float | None) for v in values
         )
     except (ValueError, LookupError, TypeError, AttributeError, RecursionError):

@@ -9,6 +9,7 @@ import zipfile
 import zlib
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import h5py
 import numpy as np
@@ -17,6 +18,7 @@ import pytest
 import ksd
 import ksd.files
 from ksd.design import Table
+from ksd.design.job import Log
 from ksd.design.resume import ResumeFile, _hash
 from ksd.errors import KsdError, RecordError, SceneError
 from ksd.files import read_file, write_file
@@ -355,6 +357,20 @@ def test_kept_lines_with_a_right_hash_and_wrong_content_are_computed_again(tmp_p
         with open(path, "a") as file:
             file.write(f"{_hash(body)} {body}\n")
         assert ResumeFile(path, "x").found == {0: [{"force_N": 1.0}]}
+
+
+def test_kept_designs_with_a_right_hash_and_wrong_content_are_computed_again(tmp_path):
+    path, job = (
+        tmp_path / "job.jsonl",
+        SimpleNamespace(parameters=("t",), names=("force_N",), fingerprint="x"),
+    )
+    good = {"t": 1.0, "force_N": 2.0, "status": "ok"}
+    for key, rows in (("a", []), ("b", [{"t": 1.0}]), ("slopes a", [good, good]), ("slopes b", [{"t": 1.0}])):
+        path.unlink(missing_ok=True)
+        kept = ResumeFile(path, "x", what="job")
+        kept.keep("0x1p+0", [good])
+        kept.keep(key, rows)
+        assert Log(job, resume=path).kept.found == {"0x1p+0": [good]}
 
 
 def test_an_answer_that_is_no_json_is_refused_before_it_is_written(tmp_path):
