@@ -158,13 +158,13 @@ def solid_state(rng: np.random.Generator) -> dict[str, Any] | None:
         found = ksd.solve(scene, basis={"solid": body}, strict=False)
     except ksd.ConvergenceError:
         return None
-    if not found.stable or found.error is None:
+    if not found.stable or found.method_error is None:
         return None
     moved = found.displacement("tip", (L, 0, 0))
     true = float(np.linalg.norm(truth.shift - moved) / np.linalg.norm(moved))
     taken = next(s.iterations for s in found.steps if s.name == "error estimate")
     said = ", ".join(f"{k} {v}" for k, v in SOLID_BASES[which].items())
-    ratio = {None: found.error.relative / true}
+    ratio = {None: found.method_error.relative / true}
     return {"body": SOLID, "basis": said, "true": true, "ratio": ratio, "taken": taken}
 
 

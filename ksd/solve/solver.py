@@ -264,11 +264,11 @@ class Solver:
     ) -> Configuration:
         """The answer as it is, whether the mesh resolves it or not, trusted or not."""
         with self._turn:
-            if method == "constant":
+            if method is not None:
                 _check_words(method, relinearisations)
+            if method == "constant":
                 return self._by_constant_leaves(values, estimate)
             if self._has_bodies():
-                _check_words(method, relinearisations)
                 return self._of_bodies(values, method, relinearisations, estimate)
             if self.model.mesh.plate:
                 found, used = settled(
@@ -338,7 +338,6 @@ class Solver:
     ) -> Configuration:
         if method is None:
             return self._cheapest(values, accuracy)
-        _check_words(method, relinearisations)
         if method == "conventional":
             return self._by_load_steps(values)
         if method == "modal":

@@ -20,7 +20,7 @@ def table():
 def test_every_panel_has_labels_with_units(table):
     figure = table.plot()
     shown = [a for a in figure.axes if a.get_visible()]
-    assert len(shown) == 10
+    assert len(shown) == 12
     for axes in shown:
         assert axes.get_xlabel() == "top [mm]" and "[" in axes.get_ylabel() and axes.get_title(loc="left")
         assert any(len(line.get_xdata()) > 1 for line in axes.lines), "something is drawn"
