@@ -1,6 +1,6 @@
 """`ksd.gradient`: how every answer of a sweep changes with the parameters of a design, drives and loads.
 
-Columns and units are those of `ksd.sweep`, parameters SI; the poses beside every pose are those of `ksd.solve.beside`.
+Columns and units are those of `ksd.sweep`, parameters SI; the poses beside every pose are those of `ksd.solve.perturbed`.
 What a sweep picks at every pose is picked once, at the pose, and followed to both sides: the leaf, station and point of
 the largest stress (envelope theorem), and modes by their MAC. Of critical load factors mu it is 1/mu that is
 differenced, as mu passes through infinity where there is no stress.
@@ -27,11 +27,11 @@ from ksd.numerics.rotations import rotation_log
 from ksd.properties.forces import section_forces
 from ksd.properties.stress import von_mises_at
 from ksd.properties.words import Shown, listed
-from ksd.properties.words import number as told
+from ksd.properties.words import number as written
 from ksd.scene.links import Link
 from ksd.section.checks import nearest, truth
-from ksd.solve.beside import NEWTON, STEP, WIDE, Beside, parameters_of
 from ksd.solve.configuration import Configuration
+from ksd.solve.perturbed import NEWTON, STEP, WIDE, Perturbed, parameters_of
 from ksd.solve.solver import Method
 
 Array = np.ndarray
@@ -112,9 +112,9 @@ class Gradient(Shown):
     def __str__(self) -> str:
         lines = []
         for n, pose in enumerate(self.poses):
-            where = ", ".join(f"{k} {told(v) if isinstance(v, float) else v}" for k, v in pose.items())
+            where = ", ".join(f"{k} {written(v) if isinstance(v, float) else v}" for k, v in pose.items())
             rows = [
-                (c, told(float(self.values[c][n])), *(told(float(v)) for v in self.slopes[i, :, n]))
+                (c, written(float(self.values[c][n])), *(written(float(v)) for v in self.slopes[i, :, n]))
                 for i, c in enumerate(self.columns)
             ]
             lines.append(
@@ -177,14 +177,14 @@ def gradient(
             raise SceneError(line.failure)
         solver = fine_enough(line, recipe, None)
         walk = Walk(solver, recipe)
-        beside = Beside(shares, steps=NEWTON if "stress" in asked.questions else NEWTON - 1)
+        perturbed = Perturbed(shares, steps=NEWTON if "stress" in asked.questions else NEWTON - 1)
         for drives_here in line.poses:
             pose = walk.pose(drives_here)
             parameters = parameters_of(
                 line.scene, pose.targets, size=pose.model.arrays.size, at_design=at_design, by=by, sizes=sizes,
                 design=design if callable(design) else None,
             )  # fmt: skip
-            found.append(_AtPose(beside(pose, parameters), asked, [p.size for p in parameters]))
+            found.append(_AtPose(perturbed(pose, parameters), asked, [p.size for p in parameters]))
             labels.append({**({"load_case": line.labels["load_case"]} if loads else {}), **drives_here})
             at_zero |= {p.name: p.value for p in parameters}
     return _gathered(found, labels, at_zero)
@@ -272,8 +272,8 @@ class _Followed:
             self.worst = found.where[0]
             row |= self._stress(pose)
         if "frequencies" in asked.questions:
-            told_, self.tracks = frequency_row(Pose(pose), asked)
-            row |= told_
+            tracked, self.tracks = frequency_row(Pose(pose), asked)
+            row |= tracked
         self.values = {
             c: float(v) for c, v in row.items() if isinstance(v, float) and not any(n in c for n in NO_ANSWER)
         }

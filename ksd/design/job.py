@@ -32,7 +32,7 @@ from ksd.errors import KsdError, SceneError
 from ksd.library import find_record
 from ksd.model.mesh import Mesh
 from ksd.properties.words import Shown, progress_bar
-from ksd.properties.words import number as told
+from ksd.properties.words import number as written
 from ksd.scene import Scene
 from ksd.scene.drive import Load
 from ksd.scene.links import Link
@@ -218,12 +218,12 @@ class Job(Shown):
             cut = "".join(
                 f", {self.held_by[name, s]}" for s in ("least", "most") if (name, s) in self.held_by
             )
-            lines.append(f"  {name}: {told(low)} to {told(high)}{cut}")
+            lines.append(f"  {name}: {written(low)} to {written(high)}{cut}")
         limits = dict.fromkeys(
             (a.column.split("[")[0], a.low, a.high) for a in self.answers if a.role == "limit"
         )
         for column, low, high in limits:
-            least, most = (f"{side} {told(v)}" for side, v in (("at least", low), ("at most", high)))
+            least, most = (f"{side} {written(v)}" for side, v in (("at least", low), ("at most", high)))
             lines.append(
                 f"  {column} {' and '.join(t for t, v in ((least, low), (most, high)) if np.isfinite(v))}"
             )
@@ -250,7 +250,7 @@ class Job(Shown):
             return ""
         units = columns_of_drives(scene)
         said = [
-            f"{n} {told(units[n][1] * v)} {units[n][0].rsplit('_', 1)[1]}"
+            f"{n} {written(units[n][1] * v)} {units[n][0].rsplit('_', 1)[1]}"
             for n, v in step.items()
             if len(self.drives[n]) > 1 or len(self.paths) * len(self.paths[0]) == 1
         ]
@@ -282,7 +282,7 @@ class Job(Shown):
                 continue
             i = own.pop()
             name, low, high = self.parameters[i], *self._within(r, i)
-            said = f"the trained range {told(r.shape.low)} to {told(r.shape.high)} of {r.words}"
+            said = f"the trained range {written(r.shape.low)} to {written(r.shape.high)} of {r.words}"
             if not low < high:
                 raise SceneError(f"vary: {name} = {show(self.vary[name])} lies outside {said}")
             for side, end, tighter in (("least", 0, low > bounds[i, 0]), ("most", 1, high < bounds[i, 1])):
@@ -347,7 +347,9 @@ class Job(Shown):
         for name, value, (low, high) in zip(self.vary, x.tolist(), self.bounds.tolist(), strict=True):
             # a bound in other digits is no start outside
             if not low - 1e-9 * abs(low) <= value <= high + 1e-9 * abs(high):
-                raise SceneError(f"start: {name} = {told(value)} lies outside {told(low)} to {told(high)}")
+                raise SceneError(
+                    f"start: {name} = {written(value)} lies outside {written(low)} to {written(high)}"
+                )
         return np.clip(x, *self.bounds.T)
 
     def random(self, count: int, seed: int = 0) -> Array:
@@ -428,7 +430,7 @@ class Job(Shown):
             found = solver.solve_in(executor, function, designs)
         else:
             found = solver.solve(makers_of(function, designs), 1)
-        return [_told(f, len(steps)) for f in found]
+        return [_rows_of(f, len(steps)) for f in found]
 
     def _of(self, rows: list[Row]) -> Array:
         """Answers (answers,) from the rows of all poses."""
@@ -655,7 +657,7 @@ def _infinite(column: str) -> float:
     return next((v for begin, v in INFINITE.items() if column.startswith(begin)), np.nan)
 
 
-def _told(found: Found | KsdError, count: int) -> tuple[list[Row], str]:
+def _rows_of(found: Found | KsdError, count: int) -> tuple[list[Row], str]:
     """Rows of the poses of a design, and "ok" or the first reason why not."""
     if not isinstance(found, Found):
         return [{}] * count, str(found)

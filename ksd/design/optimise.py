@@ -15,6 +15,7 @@ import time
 from collections.abc import Mapping
 from concurrent.futures import Executor
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
@@ -26,7 +27,7 @@ from ksd.design.sweep import SweepInterrupted
 from ksd.design.table import OK, Table
 from ksd.errors import ConvergenceError, KsdError, SceneError
 from ksd.properties.words import Shown, listed
-from ksd.properties.words import number as told
+from ksd.properties.words import number as written
 from ksd.section.checks import show, similar, whole
 
 Array = np.ndarray
@@ -62,7 +63,7 @@ class _Failed(Exception):
         self.y = y
 
 
-class _Settled(Exception):
+class _Stalled(Exception):
     """No better design for a while."""
 
 
@@ -113,7 +114,7 @@ class Search:
 
     def margins_of(self, values: Array, rules: Array) -> Array:
         """Margins from answers and rules."""
-        return np.concatenate([self._of_answers(values)[0], rules / self._rule_sizes()])
+        return np.concatenate([self._of_answers(values)[0], rules / self.rule_sizes])
 
     def _of_answers(self, values: Array) -> tuple[Array, Array]:
         """Margins of all sides, and their derivatives by the answers."""
@@ -127,15 +128,12 @@ class Search:
         free = np.where(sign * np.sign(v) * np.sign(size) > 0.0, FREE, -FREE)
         return np.where(whole_, sign * value, free), np.where(whole_, sign * slope / size, 0.0)
 
-    def _rule_sizes(self) -> Array:
-        """What rules are measured by: the largest size of each at the ends of the bounds."""
-        if not hasattr(self, "_sizes"):
-            ends = [
-                np.abs(self.job.rule_values(x)) for x in (*self.job.bounds.T, self.job.bounds.mean(axis=1))
-            ]
-            found = np.nan_to_num(np.max(ends, axis=0)) if len(self.job.rule_names) else np.zeros(0)
-            self._sizes = np.where(found > 0.0, found, 1.0)
-        return self._sizes
+    @cached_property
+    def rule_sizes(self) -> Array:
+        """What rules (R,) are measured by: the largest size of each at the ends and in the middle of the bounds."""
+        places = (*self.job.bounds.T, self.job.bounds.mean(axis=1))
+        found = np.nan_to_num(np.max([np.abs(self.job.rule_values(x)) for x in places], axis=0))
+        return np.where(found > 0.0, found, 1.0)
 
     def margins(self, y: Array) -> Array:
         """Margins (m,) at y. Raises _Failed where the design has no answers."""
@@ -184,7 +182,7 @@ class Search:
             # a parameter at its bound is stepped to one side
             ends = [np.clip(y + s * step, *self.bounds.T) for s in (1, -1)]
             plus, minus = (self.job.rule_values(self.x(e)) for e in ends)
-            found[:, i] = (plus - minus) / (ends[0][i] - ends[1][i]) / self._rule_sizes()
+            found[:, i] = (plus - minus) / (ends[0][i] - ends[1][i]) / self.rule_sizes
         return found
 
     def level(self, margins: Array) -> float:
@@ -268,19 +266,19 @@ class Optimum(Shown):
         )
 
     def _line(self) -> str:
-        said = ", ".join(f"{n} {told(v)}" for n, v in self.design.items())
-        return f"worst target {told(self.merit, 7)} of its scale at {said}"
+        said = ", ".join(f"{n} {written(v)}" for n, v in self.design.items())
+        return f"worst target {written(self.merit, 7)} of its scale at {said}"
 
     def __str__(self) -> str:
         bounds = dict(zip(self.job.parameters, self.job.bounds.tolist(), strict=True))
-        rows = [(n, told(v, 6), *(told(b) for b in bounds[n])) for n, v in self.design.items()]
+        rows = [(n, written(v, 6), *(written(b) for b in bounds[n])) for n, v in self.design.items()]
         head = (
-            f"Optimum by {self.method}: the worst target is {told(self.merit, 7)} of its scale; {self.agreed} of "
+            f"Optimum by {self.method}: the worst target is {written(self.merit, 7)} of its scale; {self.agreed} of "
             f"{len(self.starts)} starts end here; {self.evaluations} values, {self.gradients} gradients, "
             f"{self.seconds:.2f} s"
         )
         held = [
-            (n, told(self.answers[n], 6) if n in self.answers else "", told(w, 4))
+            (n, written(self.answers[n], 6) if n in self.answers else "", written(w, 4))
             for n, w in self.held.items()
         ]
         parts = [listed(("parameter", "value", "least", "most"), rows, head)]
@@ -409,7 +407,7 @@ def _minimised(search: Search, y: Array, box: Array, method: str) -> Array:
             (search.best[0], PATIENCE) if better else (reached, patience - np.isfinite(reached))
         )
         if patience <= 0:
-            raise _Settled
+            raise _Stalled
         return np.column_stack([search.slopes(_inside(z[:-1], box)), -targets])
 
     z = np.append(y, search.level(search.margins(y)))
@@ -422,7 +420,7 @@ def _minimised(search: Search, y: Array, box: Array, method: str) -> Array:
                 constraints={"type": "ineq", "fun": gap, "jac": slope},
                 options={"ftol": 1e-3 * TOLERANCE, "maxiter": MOST[method]},
             )  # fmt: skip
-        except _Settled:
+        except _Stalled:
             return search.best[1]
     else:
 

@@ -16,7 +16,7 @@ from ksd.design.optimise import Optimum, optimise
 from ksd.design.table import OK, Table
 from ksd.errors import KsdError, SceneError
 from ksd.properties.words import Shown, listed
-from ksd.properties.words import number as told
+from ksd.properties.words import number as written
 from ksd.section.checks import number, show, whole
 from ksd.view import save_figure
 from ksd.view.front import plot_front
@@ -66,14 +66,17 @@ class Front(Shown):
 
     def _line(self) -> str:
         good = self.merits[np.isfinite(self.merits)]
-        return (
-            f"{len(good)} of {len(self.points)} points, worst target {told(float(good.min()))} to {told(float(good.max()))} "
-            f"of its scale against {self.against} {told(float(self.limits.min()))} to {told(float(self.limits.max()))}"
-        )
+        worst, most = (f"{written(float(v.min()))} to {written(float(v.max()))}" for v in (good, self.limits))
+        return f"{len(good)} of {len(self.points)} points, worst target {worst} of its scale against {self.against} {most}"
 
     def __str__(self) -> str:
         rows = [
-            (told(float(limit)), told(float(merit), 5), *(told(v) for v in x), "" if status == OK else status)
+            (
+                written(float(limit)),
+                written(float(merit), 5),
+                *(written(v) for v in x),
+                "" if status == OK else status,
+            )
             for limit, merit, x, status in zip(
                 self.limits, self.merits, self.designs.tolist(), self.status, strict=True
             )
@@ -119,7 +122,7 @@ def pareto(
     if span is None:
         most = max(v for n, v in best.answers.items() if wide.column_of(n) == against)
         if most <= 0.0:
-            raise SceneError(f"{against} is {told(most)} at the optimum: give a span of limits for it")
+            raise SceneError(f"{against} is {written(most)} at the optimum: give a span of limits for it")
         span = most / SPAN, most
     limits = np.geomspace(span[1], span[0], count)
     found: list[Optimum | None] = [best]
@@ -163,7 +166,7 @@ class Choice(Shown):
         return found
 
     def _line(self) -> str:
-        merits = (f"{n} {'-' if o is None else told(o.merit)}" for n, o in self.optima.items())
+        merits = (f"{n} {'-' if o is None else written(o.merit)}" for n, o in self.optima.items())
         return f"worst target over its scale: {', '.join(merits)}"
 
     def __str__(self) -> str:
@@ -171,7 +174,7 @@ class Choice(Shown):
             (
                 name,
                 *(
-                    (told(o.merit, 5), str(o.evaluations), ", ".join(o.held))
+                    (written(o.merit, 5), str(o.evaluations), ", ".join(o.held))
                     if o
                     else ("", "", self.status[name])
                 ),

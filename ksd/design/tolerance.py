@@ -14,7 +14,7 @@ from ksd.design.job import Job, Log
 from ksd.design.table import OK, Table
 from ksd.errors import KsdError, SceneError
 from ksd.properties.words import Shown, listed
-from ksd.properties.words import number as told
+from ksd.properties.words import number as written
 from ksd.section.checks import nearest, number, show, whole
 
 Array = np.ndarray
@@ -54,7 +54,7 @@ class Tolerance(Shown):
     def _line(self) -> str:
         merits = self.merits[np.isfinite(self.merits)]
         worst = (
-            f", worst target {told(float(merits.mean()))} +- {told(float(merits.std()))}"
+            f", worst target {written(float(merits.mean()))} +- {written(float(merits.std()))}"
             if len(merits)
             else ""
         )
@@ -65,7 +65,7 @@ class Tolerance(Shown):
         for k in np.argsort(self.reach)[:TOLD].tolist():
             name, share = next(iter(self.to_blame(self.names[k]).items()))
             numbers = (self.nominal[k], self.first_order[k], self.sampled[k])
-            rows.append((self.names[k], *(told(float(v)) for v in numbers), f"{name} {100 * share:.0f} %"))
+            rows.append((self.names[k], *(written(float(v)) for v in numbers), f"{name} {100 * share:.0f} %"))
         return listed(
             ("answer", "nominal", "sd, first order", "sd, sampled", "<to blame"), rows, self._line()
         )

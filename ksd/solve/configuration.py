@@ -33,10 +33,10 @@ from ksd.properties.words import printed
 from ksd.scene.contents import PlacedJoint
 from ksd.scene.links import Link
 from ksd.solve.answer import as_dict
-from ksd.solve.beside import parameters_of, slopes
 from ksd.solve.error import error_of, settled, with_error
 from ksd.solve.following import keeps_still
 from ksd.solve.left_out import left_out
+from ksd.solve.perturbed import parameters_of, slopes
 from ksd.solve.report import tables
 from ksd.solve.rest import minimum_taken
 from ksd.solve.sensitivity import sensitivity
@@ -441,7 +441,7 @@ class Configuration:
         the step is measured where a parameter is zero. Answers that jump or have kinks, such as the largest of several,
         are differenced as they are; columns of sweeps, followed by name: `ksd.gradient`. Raises SceneError for unknown
         names, and where a parameter changes more than numbers, ConvergenceError at the end of a branch. Method:
-        `ksd.solve.beside`.
+        `ksd.solve.perturbed`.
         """
         scene = self.model.said or self.model.scene
         parameters = parameters_of(

@@ -7,7 +7,7 @@ from scenes import STEEL, single_joint
 import ksd
 from ksd.design.questions import KNOWN, ROUNDING
 from ksd.model.effects import choose
-from ksd.solve import beside
+from ksd.solve import perturbed
 from ksd.units import deg, mm
 
 ASKED = tuple(q for q in KNOWN if q != "clearance")
@@ -272,7 +272,7 @@ def test_1_effects_and_plate_curvatures_are_those_of_the_pose():
     # a load that follows on one side alone is an effect: held as it is at the pose
     assert np.isfinite(found["support_z_N_per_m", "heat"]).all()
     pose = ksd.solve(warm(**at_design), turn=0.3)
-    sides = beside.models_beside(pose.model, [warm(0.4 * mm * 1.0001, 1.0).scene()])
+    sides = perturbed.perturbed_models(pose.model, [warm(0.4 * mm * 1.0001, 1.0).scene()])
     bends = [
         {n: leaf.condition.bend for n, leaf in m.scene.leaf_names().items()} for m in (pose.model, *sides)
     ]
@@ -473,6 +473,6 @@ def test_what_is_no_equilibrium_has_no_gradient():
     with pytest.raises(ksd.SceneError, match=r"reduced bodies"):
         pose.gradient(lambda p: p.forces["turn"], by="turn")
     pose = ksd.solve(pivot(**PIVOT), turn=0.3)
-    far = beside.parameters_of(pose.model.scene, pose.targets, size=0.1, by="turn")
+    far = perturbed.parameters_of(pose.model.scene, pose.targets, size=0.1, by="turn")
     with pytest.raises(ksd.ConvergenceError, match=r"no gradient.*beside this pose, at another 'turn'"):
-        beside.Beside(steps=1)(pose, far)
+        perturbed.Perturbed(steps=1)(pose, far)

@@ -166,8 +166,8 @@ def _loaded_at(scene: Any, k: int, kind: str, axis: int, value: float) -> Any:
     return replace(scene, loads=(*scene.loads[:k], load, *scene.loads[k + 1 :]))
 
 
-class Beside:
-    """Poses beside poses of one scene, so many Newton `steps` from them: every parameter at its value + share * its size,
+class Perturbed:
+    """Perturbed poses of one scene, so many Newton `steps` from them: every parameter at its value + share * its size,
     for every one of `shares`."""
 
     def __init__(self, shares: Sequence[float] = (STEP, -STEP), *, steps: int = NEWTON) -> None:
@@ -203,7 +203,7 @@ class Beside:
         scenes = [
             p.scene(p.value + s * p.size) for p in parameters if p.scene is not None for s in self.shares
         ]
-        made = iter(models_beside(model, scenes))
+        made = iter(perturbed_models(model, scenes))
         return [[model if p.scene is None else next(made) for _ in self.shares] for p in parameters]
 
     def _at(
@@ -229,7 +229,7 @@ class Beside:
         )  # fmt: skip
 
 
-def models_beside(model: Model, scenes: Sequence[Any]) -> list[Model]:
+def perturbed_models(model: Model, scenes: Sequence[Any]) -> list[Model]:
     """Models of other scenes with the effects, mesh, orders and plate curvatures of a model; packed together where they
     can be.
 
@@ -307,7 +307,7 @@ def slopes(
 ) -> dict[str, Any]:
     """How the answer of question(pose) (number, array, or mapping of them; in the same shape) changes with every
     parameter."""
-    _, sides = Beside()(pose, parameters)
+    _, sides = Perturbed()(pose, parameters)
     return {
         p.name: _difference(question(own[0]), question(own[1]), 2 * STEP * p.size)
         for p, own in zip(parameters, sides, strict=True)
