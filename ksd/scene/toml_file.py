@@ -59,7 +59,14 @@ def load_scene(path: str | os.PathLike[str], *, option_names: Collection[str] | 
     or value.
     """
     file = Path(path)
-    top = Table(_parsed(file), file.name)
+    return scene_of_tables(parsed_file(file), file, option_names=option_names)
+
+
+def scene_of_tables(
+    tables: dict[str, Any], file: Path, *, option_names: Collection[str] | None = None
+) -> Loaded:
+    """The same from the tables of a file, as read or changed; file: whose name errors tell, whose folder holds others."""
+    top = Table(tables, file.name)
     said = {"name": file.stem, "plane": None, "gravity": None, "consider": []} | top.read(schema.TOP)
     for key, what in (("links", "names"), ("consider", "effects")):
         if not isinstance(said[key], list):
@@ -80,7 +87,8 @@ def load_scene(path: str | os.PathLike[str], *, option_names: Collection[str] | 
     return mechanism, reader.targets, options
 
 
-def _parsed(file: Path) -> dict[str, Any]:
+def parsed_file(file: Path) -> dict[str, Any]:
+    """The tables of a TOML file as they are written. Raises SceneError for a file that cannot be read or is no TOML."""
     content = read_file(file, what="scene file", most=LARGEST, hint="check the path")
     try:
         text = content.decode()
