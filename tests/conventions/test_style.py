@@ -31,7 +31,9 @@ def test_no_file_names_a_path_of_one_machine():
     own = re.compile(r"(?<![\w.\]}])/(?:home|Users|root|work|tmp|mnt)/\w+")
     files = [path for path in ROOT.glob("*.*") if path.suffix]
     files += [
-        path for room in ("ksd", "tests", "benchmarks", "docs", ".ci") for path in (ROOT / room).rglob("*")
+        path
+        for room in ("ksd", "tests", "benchmarks", "examples", "docs", ".ci")
+        for path in (ROOT / room).rglob("*")
     ]
     texts = [path for path in files if path.is_file() and path.suffix in TEXTS]
     assert len(texts) > 300
