@@ -45,7 +45,8 @@ _HOMES = {
     "ksd.design": ("Batch", "SweepInterrupted", "Table", "batch", "frequency_curve", "state_space", "sweep"),
     "ksd.design.gradient": ("Gradient", "gradient"),
     "ksd.design.job": ("Job",),
-    "ksd.design.optimise": ("Optimum", "optimise"),
+    "ksd.design.optimise": ("optimise",),
+    "ksd.design.optimum": ("Optimum",),
     "ksd.design.pareto": ("Choice", "Front", "choose", "pareto"),
     "ksd.design.tolerance": ("Tolerance", "tolerance"),
     "ksd.library": ("Parameter", "Record", "find_record", "read_result"),
@@ -70,7 +71,8 @@ if TYPE_CHECKING:
     from ksd.design.batch import batch
     from ksd.design.gradient import Gradient, gradient
     from ksd.design.job import Job
-    from ksd.design.optimise import Optimum, optimise
+    from ksd.design.optimise import optimise
+    from ksd.design.optimum import Optimum
     from ksd.design.pareto import Choice, Front, choose, pareto
     from ksd.design.state_space import state_space
     from ksd.design.sweep import sweep

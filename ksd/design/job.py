@@ -56,7 +56,8 @@ Rule = Callable[[Mapping[str, float]], float]
 class Answer:
     """One number a design is judged by: a column of `ksd.sweep` at a pose, or over all of them (None).
 
-    role: "maximise", "minimise" or "limit"; scale: what a target is measured in; low, high: of a limit.
+    role: "maximise", "minimise" or "limit"; scale: what a target is measured in; low, high: of a limit; factor: by which a
+    target is multiplied before it counts.
     """
 
     name: str
@@ -66,6 +67,7 @@ class Answer:
     scale: float = 1.0
     low: float = -np.inf
     high: float = np.inf
+    factor: float = 1.0
 
 
 class Judged(NamedTuple):
@@ -478,7 +480,18 @@ class Job(Shown):
     def merit(self, values: ArrayLike) -> float:
         """The worst target over its scale, larger is better: of what is minimised the largest with a minus."""
         pairs = zip(self.answers, np.asarray(values, float), strict=True)
-        return float(np.min([_signed(a) * v / a.scale for a, v in pairs if a.role != "limit"]))
+        return float(np.min([self.merit_of(a, v) for a, v in pairs if a.role != "limit"]))
+
+    @staticmethod
+    def merit_of(answer: Answer, value: float) -> float:
+        """One target over its scale, larger is better; infinite for a limit, which is none."""
+        if answer.role == "limit":
+            return np.inf
+        return (value if answer.role == "maximise" else -value) * answer.factor / answer.scale
+
+    def scene_at(self, design: Mapping[str, float], case: str) -> Scene:
+        """The scene of a design with the loads of a case of `poses`. SceneError where it cannot be drawn."""
+        return _Loaded(self.function, self.cases[case])(**design)
 
     def margins(self, values: ArrayLike) -> Array:
         """How far every side of every limit is met, over the limit (by itself where that is 0); negative where it is not."""
@@ -488,13 +501,22 @@ class Job(Shown):
             found += [(a.high - v) / (abs(a.high) or 1.0)] if np.isfinite(a.high) else []
         return np.array(found)
 
-    def moved(self, by: Array) -> Job:
-        """The same job with the limits of its answers moved in by (answers,), in the units of their columns."""
-        found = copy(self)
-        pairs = zip(self.answers, by.tolist(), strict=True)
-        found.__dict__["answers"] = tuple(
-            replace(a, low=a.low + own, high=a.high - own) if a.role == "limit" else a for a, own in pairs
-        )
+    def moved(self, by: Array, at: Array | None = None) -> Job:
+        """The same job with limits moved in by (answers,), in the units of their columns; where values `at` (answers,) are
+        given, limits of their sign, and targets, by that share of them in logarithms."""
+        at = np.full(len(by), np.nan) if at is None else at
+        found, moved = copy(self), []
+        for a, own, value in zip(self.answers, by.tolist(), at.tolist(), strict=True):
+            # far from what it scatters by; else its logarithm says nothing
+            share = own / abs(value) if abs(value) > 2.0 * own and np.isfinite(value) else 0.0
+            if a.role == "limit":
+                low, high = (
+                    _moved(end, sign * own, share, value) for end, sign in ((a.low, 1.0), (a.high, -1.0))
+                )
+                moved.append(replace(a, low=low, high=high))
+            else:
+                moved.append(replace(a, factor=float(np.exp(-share if a.role == "maximise" else share))))
+        found.__dict__["answers"] = tuple(moved)
         return found
 
     def column_of(self, name: str) -> str:
@@ -649,8 +671,11 @@ def _column(column: Any, known: Mapping[str, str]) -> str:
     return str(column)
 
 
-def _signed(answer: Answer) -> float:
-    return 1.0 if answer.role == "maximise" else -1.0
+def _moved(end: float, by: float, share: float, value: float) -> float:
+    """An end of a limit moved by this much, or by a share of it where it is of the sign of the value."""
+    if share == 0.0 or not np.isfinite(end) or end * value <= 0.0:
+        return end + by
+    return end * float(np.exp(np.sign(by * end) * share))
 
 
 def _infinite(column: str) -> float:
@@ -767,6 +792,14 @@ class Log:
         row: Row = self.kept.found[key][0]
         self.rows.setdefault(key, row)
         return row
+
+    def take(self, found: Mapping[Any, list[Row]]) -> None:
+        """Designs and slopes that the log of a worker holds, as if they had been computed here."""
+        for key, rows in found.items():
+            if key not in self.kept.found:
+                self.kept.keep(key, rows)
+            if not key.startswith("slopes"):
+                self._read(key)
 
     def table(self) -> Table:
         """Every design, in the order it was first asked for."""

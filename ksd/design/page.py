@@ -6,38 +6,16 @@ and how far other methods and a finer mesh are from it.
 
 from __future__ import annotations
 
-import base64
-import datetime
-import html
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-import ksd
+from ksd.design.page_parts import cards, document, figure, grid, text, written
 from ksd.design.table import OK, STATUS, Table, spoken_column
 from ksd.errors import KsdError
 from ksd.solve.answer import as_dict
-from ksd.solve.report import number, verdict_lines
-from ksd.view.figure import picture
-
-STYLE = """
-body{font:15px/1.5 system-ui,"Segoe UI",Helvetica,Arial,sans-serif;color:#1f2430;margin:0;background:#f4f5f8}
-main{max-width:68rem;margin:0 auto;background:#fff;padding:2.5rem 3rem}
-h1{font-size:1.9rem;margin:0} h2{font-size:1.2rem;margin:2.4rem 0 .6rem;border-bottom:2px solid #c2410c;padding-bottom:.2rem}
-h3{font-size:1rem;margin:1.4rem 0 .4rem} p.sub{color:#5a6375;margin:.2rem 0 1rem}
-figure{margin:1rem 0} img{max-width:100%;height:auto;display:block} figcaption{color:#5a6375;font-size:.85rem}
-table{border-collapse:collapse;font-size:.86rem;font-variant-numeric:tabular-nums;margin:.4rem 0}
-th{text-align:right;font-weight:600;border-bottom:1px solid #9aa3b2;padding:.25rem .7rem;vertical-align:bottom}
-th small{font-weight:400;color:#5a6375} td{text-align:right;padding:.18rem .7rem;border-bottom:1px solid #eceff4}
-th:first-child,td:first-child,th.t,td.t{text-align:left} .wide{overflow-x:auto}
-.cards{display:flex;flex-wrap:wrap;gap:.8rem;margin:1rem 0}
-.card{border:1px solid #dfe3ea;border-radius:.4rem;padding:.5rem .9rem;min-width:8.5rem}
-.card b{display:block;font-size:1.25rem} .card span{color:#5a6375;font-size:.8rem}
-.warn{background:#fff4e5;border-left:4px solid #c2410c;padding:.5rem .9rem;margin:.5rem 0}
-@media print{body{background:#fff}main{padding:0;max-width:none}h2{break-after:avoid}figure,table{break-inside:avoid}}
-"""
-
+from ksd.solve.report import verdict_lines
 
 BUCKLING = ("buckling_positive", "buckling_negative")
 FACTORS = (
@@ -64,59 +42,16 @@ def page(pose: Any, table: Table, compared: Sequence[Compared]) -> str:
     """The report as HTML text: `pose` a Configuration, `table` its stroke, compared[0] the pose itself."""
     scene, facts = pose.model.scene, as_dict(pose)
     parts = [
-        f"<h1>{_text(scene.name)}</h1>",
-        f'<p class="sub">Flexure mechanism report, ksd {ksd.__version__}, {datetime.date.today():%d %B %Y}</p>',
-        *(f'<p class="warn">{_text(w)}</p>' for w in _warnings(pose, facts, table)),
+        *(f'<p class="warn">{text(w)}</p>' for w in _warnings(pose, facts, table)),
         _cards(pose, table),
-        _figure(pose.plot(color="stress"), "The mechanism at the pose below, over the undeformed one (grey)."),
+        figure(pose.plot(color="stress"), "The mechanism at the pose below, over the undeformed one (grey)."),
         "<h2>The scene</h2>", *_scene(scene),
         "<h2>What was simulated, and what was left out</h2>", *_model(pose.model),
         "<h2>The pose</h2>", *_pose(facts), *_interfaces(pose),
         "<h2>Over the stroke</h2>", *_stroke(table),
         "<h2>Convergence and error</h2>", *_error(pose, facts, compared),
     ]  # fmt: skip
-    title = _text(f"{scene.name}: flexure mechanism report")
-    head = f'<meta charset="utf-8"><meta name="viewport" content="width=device-width"><title>{title}</title>'
-    body = "\n".join(parts)
-    top = f'<!doctype html>\n<html lang="en"><head>{head}<style>{STYLE}</style></head>'
-    return f"{top}\n<body><main>\n{body}\n</main></body></html>\n"
-
-
-def _text(words: Any) -> str:
-    return html.escape(str(words))
-
-
-def _number(value: Any, digits: int = 5) -> str:
-    if isinstance(value, str):
-        return _text(value)
-    if isinstance(value, int):
-        return str(value)
-    return "&ndash;" if value is None or not math.isfinite(value) else number(value, digits, zero=1e-9)
-
-
-def grid(heads: Iterable[tuple[str, str]], rows: Iterable[Iterable[Any]]) -> str:
-    """An HTML table; heads: (words, unit); texts to the left, numbers to the right, heads as the column below them."""
-    rows = [list(row) for row in rows]
-    words = [any(isinstance(v, str) and v for v in column) for column in zip(*rows, strict=True)] or [
-        False
-    ] * 64
-    top = "".join(
-        f"<th{' class=t' if left else ''}>{_text(w)}{f'<br><small>{_text(u)}</small>' if u else ''}</th>"
-        for (w, u), left in zip(heads, words, strict=False)
-    )
-    body = "".join(
-        "<tr>"
-        + "".join(f"<td{' class=t' if isinstance(v, str) else ''}>{_number(v)}</td>" for v in row)
-        + "</tr>"
-        for row in rows
-    )
-    return f'<div class="wide"><table><thead><tr>{top}</tr></thead><tbody>{body}</tbody></table></div>'
-
-
-def _figure(figure: Any, caption: str) -> str:
-    coded = base64.b64encode(picture(figure, "png", dpi=140)).decode()
-    said = _text(caption)
-    return f'<figure><img alt="{said}" src="data:image/png;base64,{coded}"><figcaption>{said}</figcaption></figure>'
+    return document(scene.name, "flexure mechanism report", parts)
 
 
 def _warnings(pose: Any, facts: dict[str, Any], table: Table) -> list[str]:
@@ -139,7 +74,7 @@ def _cards(pose: Any, table: Table) -> str:
     for name, row in as_dict(pose)["drives"].items():
         effort = next(k for k in row if k.startswith(("force_", "moment_", "effort")) and "error" not in k)
         unit = spoken_column(f"x_{effort}")[1]
-        said.append((f"{_number(row[effort])} {unit}", f"{name}: drive {effort.split('_')[0]} at the pose"))
+        said.append((f"{written(row[effort])} {unit}", f"{name}: drive {effort.split('_')[0]} at the pose"))
     for column, what, least in (
         ("stress_MPa", "largest stress over the stroke", False),
         ("first_parasitic_Hz", "lowest parasitic frequency", True),
@@ -147,13 +82,12 @@ def _cards(pose: Any, table: Table) -> str:
         values = [v for v in table.columns.get(column, ()) if math.isfinite(v)]
         if values:
             said.append(
-                (f"{_number(min(values) if least else max(values), 4)} {spoken_column(column)[1]}", what)
+                (f"{written(min(values) if least else max(values), 4)} {spoken_column(column)[1]}", what)
             )
     factors = [v for c in BUCKLING for v in table.columns.get(c, ()) if math.isfinite(v)]
     if factors:
-        said.append((_number(min(factors, key=abs), 4), "smallest critical load factor on all stresses"))
-    cards = "".join(f'<div class="card"><b>{v}</b><span>{_text(w)}</span></div>' for v, w in said)
-    return f'<div class="cards">{cards}</div>'
+        said.append((written(min(factors, key=abs), 4), "smallest critical load factor on all stresses"))
+    return cards(said)
 
 
 def _scene(scene: Any) -> list[str]:
@@ -163,7 +97,7 @@ def _scene(scene: Any) -> list[str]:
     ]
     leaves += [(f.name, "single leaf", f"{f.a} to {f.b}", 1e3 * f.leaf.length) for f in scene.leaves]
     parts = [
-        f"<p>Links: {_text(', '.join(scene.links))}.</p>",
+        f"<p>Links: {text(', '.join(scene.links))}.</p>",
         grid((("joint or leaf", ""), ("kind", ""), ("between", ""), ("length", "mm")), leaves),
     ]
     drives = [(d.name, " + ".join(_term(t) for t in d.terms)) for d in scene.drives]
@@ -201,7 +135,7 @@ def _model(model: Any) -> list[str]:
 
 
 def _pose(facts: dict[str, Any]) -> list[str]:
-    parts = [f"<p>Solved by method <b>{_text(facts['method'])}</b>, {_text(facts['leaf_model'])}.</p>"]
+    parts = [f"<p>Solved by method <b>{text(facts['method'])}</b>, {text(facts['leaf_model'])}.</p>"]
     kinds: dict[tuple[str, ...], list[list[Any]]] = {}
     for name, row in facts["drives"].items():
         kinds.setdefault(tuple(row), []).append([name, *row.values()])
@@ -240,7 +174,7 @@ def _stroke(table: Table) -> list[str]:
     parts = []
     if len(answered) > 1:
         parts.append(
-            _figure(table.plot(wide=2), "Answers over the stroke; a cross marks a pose without full answer.")
+            figure(table.plot(wide=2), "Answers over the stroke; a cross marks a pose without full answer.")
         )
     hide = {
         "method",
@@ -289,7 +223,7 @@ def _error(pose: Any, facts: dict[str, Any], compared: Sequence[Compared]) -> li
         for s in facts["steps"]
     ]
     said = [sentence for sentence, _ in verdict_lines(facts)] + _verified(pose)
-    verdicts = "".join(f"<li>{_text(sentence)}.</li>" for sentence in said)
+    verdicts = "".join(f"<li>{text(sentence)}.</li>" for sentence in said)
     first = compared[0]
     rows: list[tuple[Any, ...]] = []
     for c in compared:

@@ -12,7 +12,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ksd.design.job import Job
-from ksd.design.optimise import Optimum, optimise
+from ksd.design.optimise import optimise
+from ksd.design.optimum import Optimum
 from ksd.design.table import OK, Table
 from ksd.errors import KsdError, SceneError
 from ksd.properties.words import Shown, listed

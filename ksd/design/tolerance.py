@@ -92,8 +92,7 @@ def tolerance(
     x, sd, count = *_given(job, design, spread), whole(samples, "samples", least=2)
     log = Log(job, resume=resume, executor=executor, progress=progress)
     nominal, slopes = log.slopes(x, by="tolerance")
-    parts = (slopes * sd) ** 2
-    first = np.sqrt(parts.sum(axis=1))
+    parts, first = (slopes * sd) ** 2, first_order(slopes, sd)
     X = x + sd * np.random.default_rng(whole(seed, "seed", least=0)).normal(size=(count, len(x)))
     values, status = log.batch(X, by="tolerance")
     good = np.array([s == OK for s in status]) & np.isfinite(values).any(axis=1)
@@ -112,10 +111,20 @@ def tolerance(
     )  # fmt: skip
 
 
+def first_order(slopes: Array, sd: Array) -> Array:
+    """Standard deviations (answers,) from slopes (answers, P) and those of the parameters (P,)."""
+    return np.asarray(np.sqrt(((slopes * sd) ** 2).sum(axis=1)))
+
+
 def _given(job: Any, design: Any, spread: Any) -> tuple[Array, Array]:
     """The design (P,) and standard deviations (P,); raises SceneError."""
     if not isinstance(job, Job):
         raise SceneError(f"{show(job)} is no job: make one with ksd.Job(...)")
+    return job.point(getattr(design, "design", design)), check_spread(job, spread)
+
+
+def check_spread(job: Job, spread: Any) -> Array:
+    """Standard deviations (P,) of the parameters of a job, 0 where none is given; raises SceneError."""
     if not isinstance(spread, Mapping) or not spread:
         raise SceneError("spread: give standard deviations by parameter, such as spread={'thickness': 4e-6}")
     for name, value in spread.items():
@@ -123,8 +132,7 @@ def _given(job: Any, design: Any, spread: Any) -> tuple[Array, Array]:
             raise SceneError(f"spread: '{name}' is not varied{nearest(name, job.parameters)}")
         if number(value, f"spread: {name}") <= 0.0:
             raise SceneError(f"spread: {name} = {show(value)}: a standard deviation must be positive")
-    at = getattr(design, "design", design)
-    return job.point(at), np.array([float(spread.get(n, 0.0)) for n in job.parameters])
+    return np.array([float(spread.get(n, 0.0)) for n in job.parameters])
 
 
 def _reach(job: Job, nominal: Array, sd: Array) -> Array:

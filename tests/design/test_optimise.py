@@ -1,16 +1,21 @@
 """The optimum of a job: found from any start, held by what is said, at a price that moving a limit confirms."""
 
 import sys
+from concurrent.futures import ThreadPoolExecutor
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from test_job import BEST, GOALS, TURNS, VARY, pivot, wide
+from test_job import job as full
+from test_report_page import Checked
+from test_tolerance import SPREAD
 
 import ksd
 from ksd.design import job as rooms
 from ksd.design import optimise as room
-from ksd.design.optimise import _logs
+from ksd.design import search
+from ksd.design.search import _logs
 from ksd.units import mm
 
 LIMITS = {"stress_MPa": 500, "turn_moment_Nm": (-3, 3)}
@@ -185,19 +190,19 @@ def test_margins_of_limits_of_either_sign():
     value, slope = _logs(np.array([2.0, 0.1, 0.0, -1.0]))
     assert value[0] == pytest.approx(np.log(2)) and value[2] == pytest.approx(np.log(0.1) - 1)
     assert np.all(np.diff(value) < 0) and slope == pytest.approx([0.5, 10, 10, 10])
-    search = room.Search(small(limits={"turn_moment_Nm": (-3, 2)}), None, "")
+    at = search.Search(small(limits={"turn_moment_Nm": (-3, 2)}), None, "")
     of = dict(
         zip(
-            [(s.sign, s.reference) for s in search.sides],
-            search._of_answers(np.array([1e5, np.inf, np.inf, 1.0]))[0],
+            [(s.sign, s.reference) for s in at.sides],
+            at._of_answers(np.array([1e5, np.inf, np.inf, 1.0]))[0],
             strict=True,
         )
     )
     assert of[-1.0, 2.0] == pytest.approx(np.log(2)) and of[-1.0, -3.0] > 0
-    beyond = search._of_answers(np.array([1e5, np.inf, np.inf, -6.0]))[0]
+    beyond = at._of_answers(np.array([1e5, np.inf, np.inf, -6.0]))[0]
     assert beyond[-1] == pytest.approx(-np.log(2)) and beyond[-2] > 0
-    held = search._of_answers(np.array([np.inf, np.inf, np.inf, 0.0]))[0]
-    assert held[0] == room.FREE
+    held = at._of_answers(np.array([np.inf, np.inf, np.inf, 0.0]))[0]
+    assert held[0] == search.FREE
 
 
 @pytest.mark.parametrize(
@@ -223,3 +228,91 @@ def test_more_wrong_words(monkeypatch):
     monkeypatch.setitem(sys.modules, "cma", None)
     with pytest.raises(ksd.SceneError, match=r"pip install cma"):
         ksd.optimise(small(), method="cma")
+
+
+def test_a_robust_optimum_is_that_of_the_specification():
+    plain = full(vary={**VARY, "length": (40 * mm, 80 * mm)})
+    sure = ksd.optimise(plain, start=BEST, robust=3, spread=SPREAD)
+    assert sure.merit == pytest.approx(0.4482, abs=1e-4)
+    assert sure.design["thickness"] == pytest.approx(0.61471 * mm, rel=1e-4)
+    made = ksd.tolerance(plain, sure, spread=SPREAD, samples=150)
+    assert made.kept >= 0.99
+    # limits are moved in by three standard deviations of the answers there
+    k = plain.names.index("stress_MPa[hinge/inner] at turn 30.00 deg")
+    assert sure.margins[plain.names[k]] == pytest.approx(3 * made.first_order[k], rel=1e-3)
+    assert sure.job.answers[k].high == pytest.approx(500 - 3 * made.first_order[k], rel=1e-3)
+    assert "For 3 standard deviations" in str(sure) and sure.starts[0].status == "ok"
+
+
+@pytest.mark.parametrize(
+    ("words", "sentence"),
+    [
+        ({"robust": 3}, "spread: give standard deviations of the parameters"),
+        ({"spread": {"thickness": 1e-6}}, "robust = 0: give a number of standard deviations"),
+        ({"robust": -1, "spread": {"thickness": 1e-6}}, r"robust = -1: give a number"),
+        ({"robust": 3, "spread": {"thicknes": 1e-6}}, r"'thicknes' is not varied.*thickness"),
+        ({"robust": "3", "spread": {"thickness": 1e-6}}, r"robust"),
+    ],
+)
+def test_wrong_words_of_a_robust_optimum(words, sentence):
+    with pytest.raises(ksd.SceneError, match=sentence):
+        ksd.optimise(small(), **words)
+
+
+def test_margins_that_no_design_can_keep_are_told():
+    with pytest.raises(
+        ksd.ConvergenceError, match=r"moved in by 3 standard deviations.*farthest is stress_MPa"
+    ):
+        ksd.optimise(small(), robust=3, spread={"thickness": 0.3 * mm})
+
+
+def test_threads_and_a_cluster_end_where_one_thread_ends(tmp_path):
+    alone = ksd.optimise(small(), starts=3, seed=2)
+    with ThreadPoolExecutor(2) as pool:
+        many = ksd.optimise(small(), starts=3, seed=2, executor=pool, resume=tmp_path / "job.jsonl")
+    assert many.design == alone.design and list(many.table.rows()) == list(alone.table.rows())
+    assert [s._asdict() for s in many.starts] == [s._asdict() for s in alone.starts]
+    again = ksd.optimise(small(), starts=3, seed=2, resume=tmp_path / "job.jsonl")
+    assert again.design == alone.design and len(again.table) == len(alone.table)
+
+
+def test_a_worker_that_fails_loses_no_start_that_is_done(monkeypatch):
+    def interrupted(job, x, method, by):
+        if by.endswith("2"):
+            raise KeyboardInterrupt
+        return room._elsewhere_again(job, x, method, by)
+
+    monkeypatch.setattr(room, "_elsewhere_again", room._elsewhere, raising=False)
+    monkeypatch.setattr(room, "_elsewhere", interrupted)
+    with ThreadPoolExecutor(1) as pool, pytest.raises(ksd.SweepInterrupted) as caught:
+        ksd.optimise(small(), starts=3, executor=pool)
+    assert {row["by"] for row in caught.value.table.rows()} >= {"gradient, start 1"}
+
+
+def test_pictures_and_page_of_an_optimum(tmp_path):
+    best = ksd.optimise(small(turn=[0.1, 0.3]), starts=2)
+    assert best.worst.startswith("support_worst_Nm_per_rad") and best.worst.endswith("at turn 17.19 deg")
+    assert best.pose().targets["turn"] == 0.3
+    figure = best.plot(tmp_path / "convergence.png")
+    assert (tmp_path / "convergence.png").stat().st_size > 10_000
+    own = [
+        row["support_worst_Nm_per_rad at turn 17.19 deg"]
+        for row in best.table.rows()
+        if "start 1" in row["by"]
+    ]
+    assert figure.axes[0].lines[0].get_ydata() == pytest.approx(own, rel=1e-6)
+    assert [t.get_text() for t in figure.axes[2].get_xticklabels()] == ["length", "thickness"]
+    page = best.report(tmp_path / "pivot.html").read_text(encoding="utf-8")
+    checked = Checked()
+    checked.feed(page)
+    assert not checked.open and checked.headings == [
+        "The job", "The optimum", "What holds it", "How it was found", "Answers",
+    ]  # fmt: skip
+    assert all(a.startswith("data:image/png") for a in checked.addresses) and len(checked.addresses) == 2
+    assert "length at its most" in page and f"{best.design['thickness']:.6g}" in page
+    with pytest.raises(ksd.SceneError, match="there is no answer 'stress'"):
+        best.pose("stress")
+    with pytest.raises(ksd.SceneError, match="type 'doc' is unknown"):
+        best.plot(tmp_path / "a.doc")
+    with pytest.raises(ksd.SceneError, match="does not exist"):
+        best.report(tmp_path / "none" / "a.html")

@@ -1,0 +1,176 @@
+"""What `ksd.optimise` found: the design, what holds it back and what that is worth, in words, pictures and a page."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from ksd.design.job import Job, Log
+from ksd.design.optimum_page import optimum_page
+from ksd.design.search import BINDING, Search
+from ksd.design.table import OK, Table
+from ksd.errors import SceneError
+from ksd.files import check_target, write_file
+from ksd.properties.words import Shown, listed
+from ksd.properties.words import number as written
+from ksd.section.checks import nearest
+from ksd.solve.configuration import Configuration
+from ksd.solve.solver import prepare
+from ksd.view import save_figure
+from ksd.view.optimum import plot_optimum
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+Array = np.ndarray
+
+
+class Ended(NamedTuple):
+    """How a start ended: its first and last design, the merit there, values and gradients asked for, and "ok" or why not."""
+
+    start: dict[str, float]
+    design: dict[str, float]
+    merit: float
+    values: int
+    gradients: int
+    status: str
+
+
+class Tried(NamedTuple):
+    """Designs in the order they were asked for: who asked (n,), parameters (n, P), worst target over its scale (n,), and the
+    share, in logarithms, by which a limit or rule is exceeded most (n,); `met`: whether none is."""
+
+    by: tuple[str, ...]
+    designs: Array
+    merits: Array
+    exceeded: Array
+
+    @property
+    def met(self) -> Array:
+        """(n,)"""
+        return self.exceeded <= BINDING
+
+
+@dataclass(frozen=True, repr=False, eq=False)
+class Optimum(Shown):
+    """The best design that was found, and what holds it.
+
+    design: parameters by name, SI; merit: the worst target over its scale; answers: by name; held: what holds it back
+    (target, limit, rule, bound), and what it is worth: percent by which the merit grows per percent that a limit or
+    bound is moved (of targets the share that each has in the worst, of rules per percent of their range); flat: a
+    direction of parameters that changes none of it, by name; starts: how each ended; table: every design; seconds: of
+    thread time; robust: standard deviations by which limits of `job` are moved in and targets count less; margins: what
+    that is, by answer, in units of its column.
+    """
+
+    job: Job
+    method: str
+    design: Mapping[str, float]
+    merit: float
+    answers: Mapping[str, float]
+    held: Mapping[str, float]
+    flat: Mapping[str, float]
+    starts: tuple[Ended, ...]
+    table: Table
+    seconds: float
+    robust: float = 0.0
+    margins: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def mechanism(self) -> Any:
+        """The mechanism at the optimum."""
+        return self.job.function(**self.design)
+
+    @property
+    def evaluations(self) -> int:
+        """Values asked for, of all starts."""
+        return sum(s.values for s in self.starts)
+
+    @property
+    def gradients(self) -> int:
+        """Gradients asked for, of all starts."""
+        return sum(s.gradients for s in self.starts)
+
+    @property
+    def agreed(self) -> int:
+        """How many starts ended at the best of them, to 1e-5."""
+        good = [s.merit for s in self.starts if s.status == OK]
+        return sum(abs(m - max(good)) <= 1e-5 * abs(max(good)) for m in good)
+
+    @property
+    def worst(self) -> str:
+        """Name of the answer that is the worst target."""
+        goals = [(self.job.merit_of(a, self.answers[a.name]), a.name) for a in self.job.answers]
+        return min((g for g in goals if np.isfinite(g[0])), default=goals[0])[1]
+
+    def pose(self, answer: str | None = None) -> Configuration:
+        """The optimum solved at the pose of one of its answers, by default of its worst target. SceneError for an unknown
+        one, what `ksd.solve` raises where it cannot be solved."""
+        name = self.worst if answer is None else answer
+        if name not in self.answers:
+            raise SceneError(f"there is no answer '{name}'{nearest(str(name), self.answers)}")
+        job = self.job
+        case, step = job.poses[job.answers[job.names.index(name)].pose or 0]
+        solver = prepare(job.scene_at(self.design, case), mesh=job.mesh, extrapolate=job.extrapolate)
+        return solver(step, method=job.method)
+
+    @cached_property
+    def tried(self) -> Tried:
+        """All designs of the table that have answers."""
+        rows = [row for row in self.table.rows() if row["status"] == OK]
+        X = np.array([[row[n] for n in self.job.parameters] for row in rows])
+        values = np.array([[row[n] for n in self.job.names] for row in rows])
+        search = Search(self.job, Log(self.job), "")
+        pairs = zip(X, values, strict=True)
+        beyond = [search.exceeded(search.margins_of(v, self.job.rule_values(x))) for x, v in pairs]
+        return Tried(
+            tuple(row["by"] for row in rows), X, np.array([self.job.merit(v) for v in values]),
+            np.array(beyond),
+        )  # fmt: skip
+
+    def plot(self, path: str | os.PathLike[str] | None = None) -> Figure:
+        """Matplotlib figure of how every start went, and of all designs as parallel coordinates; written to `path` if
+        given."""
+        figure = plot_optimum(self)
+        return figure if path is None else save_figure(figure, path)
+
+    def report(self, path: str | os.PathLike[str]) -> Path:
+        """Write an HTML page that needs no network: job, optimum, what holds it, its worst pose, how it was found. Returns
+        the path."""
+        target = check_target(Path(path), what="report")
+        return write_file(target, optimum_page(self), what="report")
+
+    def _line(self) -> str:
+        said = ", ".join(f"{n} {v:.5g}" for n, v in self.design.items())
+        return f"worst target {written(self.merit, 7)} of its scale at {said}"
+
+    def __str__(self) -> str:
+        bounds = dict(zip(self.job.parameters, self.job.bounds.tolist(), strict=True))
+        rows = [(n, f"{v:.6g}", *(f"{b:.4g}" for b in bounds[n])) for n, v in self.design.items()]
+        head = (
+            f"Optimum by {self.method}: the worst target is {written(self.merit, 7)} of its scale; {self.agreed} of "
+            f"{len(self.starts)} starts end here; {self.evaluations} values, {self.gradients} gradients, "
+            f"{self.seconds:.2f} s"
+        )
+        held = [
+            (n, written(self.answers[n], 6) if n in self.answers else "", written(w, 4))
+            for n, w in self.held.items()
+        ]
+        parts = [listed(("parameter", "value", "least", "most"), rows, head)]
+        parts.append(listed(("held by", "value", "worth [%/%]"), held))
+        for name, side in self.job.held_by:
+            if f"{name} at its {side}" in self.held:
+                parts.append(f"{name}: {self.job.held_by[name, side]}")
+        if self.robust:
+            moved = [f"{n} by {written(by)}" for n, by in self.margins.items() if n in self.held]
+            parts.append(f"For {self.robust:g} standard deviations: {', '.join(moved)}")
+        if self.flat:
+            said = ", ".join(f"{n} {100 * v:+.3g} %" for n, v in self.flat.items())
+            parts.append(f"Flat: nothing that holds it changes along {said}; fix one of these parameters")
+        return "\n".join(parts)

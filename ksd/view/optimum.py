@@ -1,0 +1,66 @@
+"""How an optimum was found: targets and limits of every design that was tried, start by start, and designs as lines."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ksd.view.figure import FAINT, LEAF, LINKS, new_figure
+from ksd.view.front import draw_designs
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+MANY = 8
+"""Starts that the key names; of more it names none."""
+LONG = 60
+"""Designs of a start up to which each is drawn; of more the best so far."""
+SMALL = 1e-5
+"""Share by which a limit is exceeded from which it is told."""
+
+
+def plot_optimum(optimum: Any) -> Figure:
+    """Matplotlib figure of a `ksd.design.optimum.Optimum`: convergence on the left, designs on the right."""
+    figure = new_figure(10.0, 4.6)
+    grid = figure.add_gridspec(2, 2, height_ratios=(2, 1))
+    top = figure.add_subplot(grid[0, 0])
+    low, right = figure.add_subplot(grid[1, 0], sharex=top), figure.add_subplot(grid[:, 1])
+    tried, job = optimum.tried, optimum.job
+    by = np.array(tried.by)
+    names = list(dict.fromkeys(tried.by))
+    for k, name in enumerate(names):
+        own = by == name
+        color = LINKS[k % len(LINKS)]
+        _one_start(top, low, tried.merits[own], tried.exceeded[own], color, name)
+    top.axhline(optimum.merit, color=LEAF, linewidth=0.8, zorder=0)
+    top.set_title(f"worst target over its scale, {optimum.merit:.6g} at the optimum", fontsize=9)
+    top.tick_params(labelbottom=False)
+    if len(names) <= MANY:
+        top.legend(fontsize=7)
+    low.set_title("limit exceeded most [%]", fontsize=9)
+    low.set_yscale("symlog", linthresh=100 * SMALL)
+    low.set_ylim(bottom=0)
+    low.set_xlabel("designs of a start")
+    met = tried.met if tried.met.any() else np.ones_like(tried.met)
+    draw_designs(right, job.parameters, job.bounds, tried.designs[met], tried.merits[met], color=FAINT)
+    best = np.array([list(optimum.design.values())])
+    draw_designs(right, job.parameters, job.bounds, best, np.array([optimum.merit]))
+    right.set_title("designs within the limits, grey, and the optimum", fontsize=9)
+    return figure
+
+
+def _one_start(top: Any, low: Any, merits: np.ndarray, exceeded: np.ndarray, color: str, name: str) -> None:
+    """Designs of a start in their order; filled where limits are met. Of many designs the best so far that meets them."""
+    count, met = np.arange(1, len(merits) + 1), exceeded <= SMALL
+    style = {"color": color, "linewidth": 1.0}
+    if len(merits) > LONG:
+        best = np.maximum.accumulate(np.where(met, merits, -np.inf))
+        known = np.isfinite(best)
+        top.step(count[known], best[known], where="post", label=name, **style)
+        low.plot(count, 100 * np.minimum.accumulate(exceeded), **style)
+        return
+    top.plot(count, merits, "-", label=name, **style)
+    top.plot(count[met], merits[met], "o", color=color, markersize=4)
+    top.plot(count[~met], merits[~met], "o", color=color, markersize=4, markerfacecolor="white")
+    low.plot(count, 100 * exceeded, "-o", markersize=3, **style)
