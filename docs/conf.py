@@ -1,0 +1,77 @@
+"""The documentation site: `sphinx-build -W docs build/docs` runs every example and tutorial."""
+
+from __future__ import annotations
+
+import shutil
+import sys
+from pathlib import Path
+
+import matplotlib
+
+import ksd
+
+matplotlib.use("agg")
+HERE = Path(__file__).parent
+ROOT = HERE.parent
+sys.path.insert(0, str(HERE))
+
+from tables import write_tables  # noqa: E402  (beside this file)
+
+project = "ksd"
+author = "The ksd developers"
+release = version = ksd.__version__
+
+extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.mathjax", "sphinx_gallery.gen_gallery"]
+source_suffix = {".md": "markdown", ".rst": "restructuredtext"}
+exclude_patterns = ["_made/scripts"]
+html_theme = "furo"
+html_title = "ksd"
+html_show_sphinx = False
+html_copy_source = False
+
+myst_enable_extensions = ["dollarmath", "deflist"]
+myst_heading_anchors = 3
+
+autodoc_typehints = "signature"
+autodoc_member_order = "bysource"
+autodoc_preserve_defaults = True
+maximum_signature_line_length = 90
+
+
+def scripts(kind: str, source: Path, header: str) -> str:
+    """Copy the scripts of a folder to where the gallery runs them, the first line of each docstring its title."""
+    target = HERE / "_made" / "scripts" / kind
+    shutil.rmtree(target, ignore_errors=True)
+    target.mkdir(parents=True)
+    for path in sorted(source.glob("*.py")):
+        first, rest = path.read_text().split("\n", 1)
+        title = first.removeprefix('"""').removesuffix('"""')
+        (target / path.name).write_text('r"""\n' + f"{title}\n{'=' * len(title)}\n" + rest)
+    for path in source.glob("*.toml"):
+        shutil.copy(path, target)
+    (target / "GALLERY_HEADER.rst").write_text(header)
+    return str(target)
+
+
+HEADS = {
+    "gallery": "Gallery\n=======\n\nOne design question each, answered in a page of Python.\n",
+    "tutorial": "Tutorials\n=========\n\nFrom a drawing to numbers, step by step.\n",
+}
+sphinx_gallery_conf = {
+    "examples_dirs": [
+        scripts("gallery", ROOT / "examples", HEADS["gallery"]),
+        scripts("tutorial", HERE / "tutorials", HEADS["tutorial"]),
+    ],
+    "gallery_dirs": ["gallery", "tutorial"],
+    "filename_pattern": r"\.py$",
+    "image_scrapers": ("figures.of_block",),
+    "ignore_repr_types": r".*Figure.*",
+    "show_signature": False,
+    "show_memory": False,
+    "min_reported_time": 1e9,
+    "download_all_examples": False,
+    "abort_on_example_error": True,
+    "plot_gallery": "True",
+}
+
+write_tables(HERE / "_made")
