@@ -5,6 +5,7 @@ from __future__ import annotations
 import shutil
 import sys
 from pathlib import Path
+from typing import Any
 
 import matplotlib
 
@@ -15,7 +16,8 @@ HERE = Path(__file__).parent
 ROOT = HERE.parent
 sys.path.insert(0, str(HERE))
 
-from tables import write_tables  # noqa: E402  (beside this file)
+from blocks import show_blocks  # noqa: E402  (beside this file)
+from tables import write_tables  # noqa: E402
 
 project = "ksd"
 author = "The ksd developers"
@@ -23,7 +25,7 @@ release = version = ksd.__version__
 
 extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.mathjax", "sphinx_gallery.gen_gallery"]
 source_suffix = {".md": "markdown", ".rst": "restructuredtext"}
-exclude_patterns = ["_made/scripts"]
+exclude_patterns = ["_made/scripts", "_made/blocks"]
 html_theme = "furo"
 html_title = "ksd"
 html_show_sphinx = False
@@ -75,3 +77,8 @@ sphinx_gallery_conf = {
 }
 
 write_tables(HERE / "_made")
+
+
+def setup(app: Any) -> None:
+    """Below every Python block of a page stands what it printed and drew."""
+    app.connect("source-read", show_blocks)
