@@ -16,7 +16,10 @@ from ksd.errors import (
     RangeError,
     RecordError,
     SceneError,
+    SceneFileError,
+    SceneWarning,
     TrustError,
+    UnknownNameError,
 )
 
 __version__ = "0.1.0"
@@ -58,12 +61,12 @@ __all__ = [
     "FilletedNotch", "FilletedNotchHinge", "FoldedLeaf", "FreeCurve", "Front", "Gradient", "InfinityHinge", "Job",
     "Joint", "KinematicsError", "KsdError", "Leaf", "LinkMatrix", "Material", "Mechanism", "Mesh", "ModalBasis",
     "Model", "Motion", "Optimum", "ParallelGuide", "Parameter", "Path", "RangeError", "Record", "RecordError",
-    "RequiredLoads", "Scene", "SceneError", "Section", "Solver", "StiffenedGuide", "StiffenedMiddle",
-    "SweepInterrupted", "Table", "Taper", "Tolerance", "TripleInfinityHinge", "TrustError", "UniversalJoint",
-    "Varying", "WireFlexure", "batch", "choose", "circle", "compile_scene", "doctor", "errors", "find_record",
-    "follow", "frequency_curve", "gradient", "joint_families", "link_matrix", "load_scene", "numbers", "optimise",
-    "pareto", "polygon", "prepare", "read_result", "rectangle", "required_loads", "save_scene", "solve", "state_space",
-    "sweep", "tolerance", "train", "tube", "units", "wire",
+    "RequiredLoads", "Scene", "SceneError", "SceneFileError", "SceneWarning", "Section", "Solver", "StiffenedGuide",
+    "StiffenedMiddle", "SweepInterrupted", "Table", "Taper", "Tolerance", "TripleInfinityHinge", "TrustError",
+    "UniversalJoint", "UnknownNameError", "Varying", "WireFlexure", "batch", "choose", "circle", "compile_scene",
+    "doctor", "errors", "find_record", "follow", "frequency_curve", "gradient", "joint_families", "link_matrix",
+    "load_scene", "numbers", "optimise", "pareto", "polygon", "prepare", "read_result", "rectangle", "required_loads",
+    "save_scene", "solve", "state_space", "sweep", "tolerance", "train", "tube", "units", "wire",
 ]  # fmt: skip
 
 if TYPE_CHECKING:

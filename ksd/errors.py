@@ -15,6 +15,26 @@ class SceneError(KsdError, ValueError):
     exit_code = 2
 
 
+class SceneFileError(SceneError):
+    """A scene file is wrong: `mistakes` holds a sentence for each of its mistakes, and the message all of them."""
+
+    def __init__(self, message: str, *, mistakes: tuple[str, ...] = ()) -> None:
+        super().__init__(message)
+        self.mistakes = mistakes or (message,)
+
+
+class UnknownNameError(SceneError):
+    """A sentence speaks of a link, joint or leaf, `name` of `kind`, that is not there."""
+
+    def __init__(self, message: str, *, kind: str = "", name: str = "") -> None:
+        super().__init__(message)
+        self.kind, self.name = kind, name
+
+
+class SceneWarning(UserWarning):
+    """A scene file says what is possible but was probably not meant."""
+
+
 class KinematicsError(SceneError):
     """The mechanism can move without any joint resisting, or its drives contradict each other."""
 

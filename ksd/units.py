@@ -2,21 +2,35 @@
 
 from math import pi
 
-m, mm, um, nm = 1.0, 1e-3, 1e-6, 1e-9
+m, cm, mm, um, nm = 1.0, 1e-2, 1e-3, 1e-6, 1e-9
+inch = 0.0254
 rad, mrad, urad, deg = 1.0, 1e-3, 1e-6, pi / 180
 Pa, kPa, MPa, GPa = 1.0, 1e3, 1e6, 1e9
 N, mN, kN = 1.0, 1e-3, 1e3
-Nm, mNm = 1.0, 1e-3
+Nm, mNm, Nmm = 1.0, 1e-3, 1e-3
 kg, g, tonne = 1.0, 1e-3, 1e3
 s, ms = 1.0, 1e-3
 Hz = 2 * pi
 """One hertz as an angular frequency in rad/s."""
 
-NAMES = {
-    "m": m, "mm": mm, "um": um, "nm": nm,
-    "rad": rad, "mrad": mrad, "urad": urad, "deg": deg,
-    "Pa": Pa, "kPa": kPa, "MPa": MPa, "GPa": GPa,
-    "N": N, "mN": mN, "kN": kN, "Nm": Nm, "mNm": mNm,
-    "kg": kg, "g": g, "tonne": tonne, "kg/m3": 1.0,
+DIMENSIONS: dict[str, dict[str, float]] = {
+    "length": {"m": m, "cm": cm, "mm": mm, "um": um, "nm": nm, "inch": inch, "in": inch},
+    "angle": {"rad": rad, "mrad": mrad, "urad": urad, "deg": deg},
+    "stress": {"Pa": Pa, "kPa": kPa, "MPa": MPa, "GPa": GPa},
+    "force": {"N": N, "mN": mN, "kN": kN},
+    "moment": {"Nm": Nm, "mNm": mNm, "Nmm": Nmm, "kNm": kN},
+    "mass": {"kg": kg, "g": g, "tonne": tonne},
+    "density": {"kg/m^3": 1.0, "g/cm^3": 1e3},
+    "acceleration": {"m/s^2": 1.0, "mm/s^2": mm},
+    "stiffness": {"N/m": 1.0, "N/mm": 1e3, "mN/mm": 1.0, "kN/m": 1e3},
+    "torsional stiffness": {"Nm/rad": 1.0, "Nmm/rad": 1e-3, "mNm/rad": 1e-3, "Nm/deg": 1 / deg, "Nmm/deg": 1e-3 / deg},
+    "inertia": {"kg m^2": 1.0, "kg mm^2": 1e-6, "g cm^2": 1e-7, "g mm^2": 1e-9},
+    "temperature": {"K": 1.0},
+    "expansion": {"1/K": 1.0, "um/m/K": 1e-6},
+    "area": {"m^2": 1.0, "cm^2": cm**2, "mm^2": mm**2, "um^2": um**2},
+    "second moment": {"m^4": 1.0, "cm^4": cm**4, "mm^4": mm**4, "um^4": um**4},
+    "warping constant": {"m^6": 1.0, "mm^6": mm**6},
 }  # fmt: skip
-"""Unit names a TOML scene may use, with their SI factors."""
+"""Units a scene file may use, with their SI factors, by dimension; the first is the SI unit, in which plain numbers are."""
+NAMES = {name: factor for units in DIMENSIONS.values() for name, factor in units.items()}
+"""SI factors of all of them by name."""

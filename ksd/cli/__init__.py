@@ -9,12 +9,14 @@ from __future__ import annotations
 import contextlib
 import os
 import sys
-from collections.abc import Sequence
+import warnings
+from collections.abc import Callable, Sequence
 from importlib import import_module
+from typing import Any
 
 from ksd import __version__
 from ksd.cli.commands import parser
-from ksd.errors import KsdError
+from ksd.errors import KsdError, SceneWarning
 
 INTERRUPTED = 130
 BAD_INPUT = 2
@@ -30,8 +32,10 @@ def main(argv: Sequence[str] | None = None) -> int:
         return _fail("standard output is closed; send it to a file or to /dev/null", BAD_INPUT)
     options = parser(__version__).parse_args(argv)
     try:
-        # only the command that was given is loaded, with the solvers and pictures it needs
-        code: int = import_module(f"ksd.cli.{options.command}").run(options)
+        with warnings.catch_warnings():
+            warnings.showwarning = _warned(warnings.showwarning)
+            # only the command that was given is loaded, with the solvers and pictures it needs
+            code: int = import_module(f"ksd.cli.{options.command}").run(options)
         sys.stdout.flush()
         return code
     except KsdError as error:
@@ -46,6 +50,18 @@ def main(argv: Sequence[str] | None = None) -> int:
         _say_no_more()
         place = f" '{error.filename}'" if error.filename else ""
         return _fail(f"cannot read or write{place}: {error.strerror or error}", BAD_INPUT)
+
+
+def _warned(otherwise: Callable[..., None]) -> Callable[..., None]:
+    """How warnings are shown: those of scene files as a sentence on stderr, all others as before."""
+
+    def show(message: Warning | str, category: type[Warning], *where: Any, **more: Any) -> None:
+        if issubclass(category, SceneWarning):
+            print(f"ksd: {message}", file=sys.stderr)
+        else:
+            otherwise(message, category, *where, **more)
+
+    return show
 
 
 def _say_no_more() -> None:

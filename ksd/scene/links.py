@@ -7,7 +7,7 @@ from typing import Any
 
 from numpy.typing import ArrayLike
 
-from ksd.errors import SceneError
+from ksd.errors import SceneError, UnknownNameError
 from ksd.scene.drive import GROUND, PointMass
 from ksd.section.checks import Vector, as_given, nearest, show, word
 
@@ -77,7 +77,9 @@ class Links:
                 f"{owner}: {show(link)} is not a link; give a link of the mechanism or its name."
             )
         if link not in self._links:
-            raise SceneError(f"{owner}: link '{link}' does not exist{nearest(link, self._links)}")
+            raise UnknownNameError(
+                f"{owner}: link '{link}' does not exist{nearest(link, self._links)}", kind="link", name=link
+            )
         return link
 
     def _spot(self, link: str, at: ArrayLike | None) -> Any:

@@ -9,7 +9,7 @@ from typing import Any
 
 from numpy.typing import ArrayLike
 
-from ksd.errors import SceneError
+from ksd.errors import SceneError, UnknownNameError
 from ksd.scene.contents import (
     LeafPoint,
     PlacedJoint,
@@ -210,9 +210,11 @@ class Mechanism(Mentioned):
         placed = next((f for f in self._leaves if f.name == label), None)
         if placed is None:
             known = [f.name for f in self._leaves]
-            raise SceneError(
+            raise UnknownNameError(
                 f"point: there is no free-form leaf {show(label)}{nearest(label, known)} (those of a joint: say "
-                "mechanism.constrain)"
+                "mechanism.constrain)",
+                kind="leaf",
+                name=str(label),
             )
         length, at = placed.leaf.length, number(s, "s", owner=f"point of leaf '{label}'", unit="m")
         if not 1e-9 * length < at < (1 - 1e-9) * length:
@@ -435,7 +437,11 @@ class Mechanism(Mentioned):
         for placed in self._joints:
             if isinstance(name, str) and placed.name == name:
                 return placed
-        raise SceneError(f"joint {show(name)} does not exist{nearest(name, [j.name for j in self._joints])}")
+        raise UnknownNameError(
+            f"joint {show(name)} does not exist{nearest(name, [j.name for j in self._joints])}",
+            kind="joint",
+            name=str(name),
+        )
 
     def _drive_name(self, name: str | None, default: str, parts: tuple[DriveTerm, ...]) -> str:
         used = {d.name for d in (*self._drives, *self._supports)}

@@ -25,6 +25,20 @@ LIMITS = (1e-5, 0.5)
 """Stress limits over Young's modulus."""
 
 
+def meant_in(value: float, dimension: str, key: str) -> str:
+    """The unit in which a plain number of a scene file was probably meant, where in SI it is that of no flexure; else ""."""
+    size = abs(value)
+    if dimension == "length":
+        return "mm" if size > LENGTHS[1] else ""
+    if dimension == "angle":
+        return "deg" if size > 2 * math.pi else ""
+    if dimension == "stress" and 0.0 < size < MODULI[0]:
+        return "GPa" if size < 1e3 and key in ("E", "G") else "MPa"
+    if dimension == "density":
+        return "g/cm^3" if 0.0 < size < DENSITIES[0] else ""
+    return ""
+
+
 def implausible(scene: Scene) -> tuple[str, ...]:
     """One sentence for everything that is unusual, equal leaf springs together; nothing where all is as flexures are."""
     leaves = scene.leaf_names()

@@ -1,10 +1,10 @@
-"""What makes a scene complete; `check_scene` raises one SceneError sentence for the first rule broken."""
+"""What makes a scene complete: a sentence for every rule broken; `check_scene` raises SceneError for the first."""
 
 from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from typing import Any
 
 from ksd.errors import SceneError
@@ -19,38 +19,48 @@ def check_scene(scene: Scene) -> None:
 
     Whether the drives determine the motion is a question of ranks, answered by the model.
     """
+    for sentence in broken_rules(scene):
+        raise SceneError(sentence)
+
+
+def broken_rules(scene: Scene) -> Iterator[str]:
+    """A sentence for every rule that a scene breaks; rules about the whole only where all names are right."""
     if len(scene.links) < 2:
-        raise SceneError(f"mechanism '{scene.name}' has no link; add one with mechanism.link(name).")
-    _unique("link", scene.links)
-    _unique("joint or leaf", [j.name for j in scene.joints] + [f.name for f in scene.leaves])
-    _unique("drive or support", [d.name for d in (*scene.drives, *scene.supports)])
-    _unique("load", [load.name for load in scene.loads])
-    _check_known(scene)
-    _check_attached(scene)
-    _check_freedoms(scene)
-    _check_meeting(scene)
+        yield f"mechanism '{scene.name}' has no link; add one with mechanism.link(name)."
+    named = {
+        "link": scene.links,
+        "joint or leaf": [j.name for j in scene.joints] + [f.name for f in scene.leaves],
+        "drive or support": [d.name for d in (*scene.drives, *scene.supports)],
+        "load": [load.name for load in scene.loads],
+    }
+    wrong = [said for kind, names in named.items() for said in _shared(kind, names)]
+    wrong += _unknown(scene)
+    yield from wrong
+    if wrong or len(scene.links) < 2:
+        return
+    yield from _loose(scene)
+    yield from _same_freedoms(scene)
+    yield from _apart(scene)
     if scene.heats or scene.fits:
-        leaf_conditions(scene.leaf_names(), scene.heats, scene.fits)
+        try:
+            leaf_conditions(scene.leaf_names(), scene.heats, scene.fits)
+        except SceneError as error:
+            yield str(error)
 
 
-def _unique(kind: str, names: Iterable[str]) -> None:
+def _shared(kind: str, names: Iterable[str]) -> Iterator[str]:
     for name, count in Counter(names).items():
         if count > 1:
-            raise SceneError(
-                f"the name '{name}' is used for {count} {kind}s; every {kind} needs its own name."
-            )
+            yield f"the name '{name}' is used for {count} {kind}s; every {kind} needs its own name."
 
 
-def _check_known(scene: Scene) -> None:
+def _unknown(scene: Scene) -> Iterator[str]:
     """Every link that is spoken of exists, and nothing connects a link with itself."""
     spoken: list[tuple[str, str]] = []
     for kind, placed in (("joint", scene.joints), ("leaf", scene.leaves)):
         for item in placed:
             if item.a == item.b:
-                raise SceneError(
-                    f"{kind} '{item.name}' connects link '{item.a}' with itself; "
-                    "it needs two different links."
-                )
+                yield f"{kind} '{item.name}' connects link '{item.a}' with itself; it needs two different links."
             spoken += [(f"{kind} '{item.name}'", item.a), (f"{kind} '{item.name}'", item.b)]
     for kind, drives in (("drive", scene.drives), ("support", scene.supports)):
         spoken += [(f"{kind} '{d.name}'", link) for d in drives for t in d.terms for link in (t.base, t.link)]
@@ -61,35 +71,36 @@ def _check_known(scene: Scene) -> None:
     spoken += [(f"mass {i + 1}", mass.link) for i, mass in enumerate(scene.masses)]
     for owner, link in spoken:
         if link not in scene.links:
-            raise SceneError(f"{owner}: link '{link}' does not exist{nearest(link, scene.links)}")
+            yield f"{owner}: link '{link}' does not exist{nearest(link, scene.links)}"
 
 
-def _check_attached(scene: Scene) -> None:
+def _loose(scene: Scene) -> Iterator[str]:
     """Each link carries a joint or leaf, and a chain of those or of supports leads to ground."""
     hung = {link for h in scene.hinges for link in (h.a, h.b)}
-    for link, others in scene.neighbours().items():
-        if not others and link != GROUND and link not in hung:
-            raise SceneError(
-                f"link '{link}' is attached to nothing; connect it with mechanism.join or "
-                "mechanism.leaf, or remove it."
-            )
+    loose = [
+        link for link, others in scene.neighbours().items() if not others and link not in (GROUND, *hung)
+    ]
+    for link in loose:
+        yield (
+            f"link '{link}' is attached to nothing; connect it with mechanism.join or mechanism.leaf, or remove it."
+        )
     neighbours = scene.neighbours(supports=True)
     reached, front = {GROUND}, [GROUND]
     while front:
         fresh = neighbours[front.pop()] - reached
         reached |= fresh
         front += fresh
-    adrift = [link for link in scene.links if link not in reached]
+    adrift = [link for link in scene.links if link not in (*reached, *loose)]
     if adrift:
         names = ", ".join(f"'{link}'" for link in adrift)
-        raise SceneError(f"no chain of joints leads from {names} to ground; join one of them to ground.")
+        yield f"no chain of joints leads from {names} to ground; join one of them to ground."
 
 
 FAR = 200.0
 """How many times the size of everything else a pin may be from what hangs on its link: a thousand is millimetres for m."""
 
 
-def _check_meeting(scene: Scene) -> None:
+def _apart(scene: Scene) -> Iterator[str]:
     """Pins and sliders are where their links can be, not a thousand times further away."""
     hung: dict[str, list[Any]] = {link: [] for link in scene.links}
     for leaf in scene.leaves if scene.hinges else ():
@@ -106,13 +117,13 @@ def _check_meeting(scene: Scene) -> None:
             far = {place: math.dist(place, hinge.at) for place in hung[link]}
             place = min(far, key=lambda p: far[p], default=None)
             if link != GROUND and place is not None and far[place] > FAR * size:
-                raise SceneError(
+                yield (
                     f"{hinge.kind} '{hinge.name}' does not meet link '{link}': at = {hinge.at} is {far[place]:.4g} m from "
                     f"where it is attached, and all else within {size:.4g} m; places are in m, the nearest is at={place}."
                 )
 
 
-def _check_freedoms(scene: Scene) -> None:
+def _same_freedoms(scene: Scene) -> Iterator[str]:
     """No two drives or supports prescribe the very same component."""
     seen: dict[tuple[Any, ...], str] = {}
     for kind, drives in (("drive", scene.drives), ("support", scene.supports)):
@@ -120,4 +131,4 @@ def _check_freedoms(scene: Scene) -> None:
             spoken = f"{kind} '{drive.name}'"
             first = seen.setdefault(drive.freedom(), spoken)
             if first != spoken:
-                raise SceneError(f"{first} and {spoken} prescribe the same freedom; remove one of them.")
+                yield f"{first} and {spoken} prescribe the same freedom; remove one of them."

@@ -15,20 +15,22 @@
     [[compliance]]     link, section and material (hub, width_axis); or matrix = "file.npz" or "file.h5"
     [options]          what the solver is asked, e.g. method = "reduced"
 
-Numbers are SI, or text with a unit ("100 mm", "45 deg", "200 GPa"); files are read as UTF-8.
+Numbers are SI, or text with a unit ("100 mm", "45 deg", "3 N mm", "9.81 m/s^2"); files are read as UTF-8. All mistakes of a
+file are told at once.
 """
 
 from __future__ import annotations
 
 import os
 import tomllib
-from collections.abc import Collection
+import warnings
+from collections.abc import Callable, Collection
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from ksd import section
-from ksd.errors import SceneError
+from ksd.errors import SceneError, SceneFileError, SceneWarning, UnknownNameError
 from ksd.files import read_file
 from ksd.scene import toml_schema as schema
 from ksd.scene.drive import Drive, DriveTerm
@@ -39,13 +41,17 @@ from ksd.scene.leaf import Leaf
 from ksd.scene.leaf import wire as make_wire
 from ksd.scene.material import Material
 from ksd.scene.mechanism import Mechanism
-from ksd.scene.toml_table import Table, placed_at
+from ksd.scene.rules import broken_rules
+from ksd.scene.toml_table import ANY, Noted, Table, Unsaid, each
 from ksd.scene.toml_writer import save_scene
 from ksd.section import Section, rectangle
-from ksd.section.checks import nearest, show
+from ksd.section.checks import nearest, show, similar
 
 __all__ = ["load_scene", "save_scene"]
 
+T = TypeVar("T")
+MOST = 30
+"""Mistakes that are listed."""
 LARGEST = 1 << 22
 """Bytes of a scene file that is read, 4 MiB."""
 Loaded = tuple[Mechanism, dict[str, float], dict[str, Any]]
@@ -54,9 +60,9 @@ Loaded = tuple[Mechanism, dict[str, float], dict[str, Any]]
 def load_scene(path: str | os.PathLike[str], *, option_names: Collection[str] | None = None) -> Loaded:
     """Read a scene file: (mechanism, targets {drive: value in SI}, options as written).
 
-    option_names: the keys allowed in [options]; any when None. Raises SceneError, naming file, table and key,
-    for a file that cannot be read, is no TOML, misses a key, has an unknown one, or holds a wrong type, unit
-    or value.
+    option_names: the keys allowed in [options]; any when None. Raises SceneError for a file that cannot be read or is no
+    TOML, SceneFileError, a sentence with file, table and key per mistake, for one that misses a key, has an unknown one, or
+    holds a wrong type, unit or value. Warns (SceneWarning) once of plain numbers that were probably meant in another unit.
     """
     file = Path(path)
     return scene_of_tables(parsed_file(file), file, option_names=option_names)
@@ -66,25 +72,30 @@ def scene_of_tables(
     tables: dict[str, Any], file: Path, *, option_names: Collection[str] | None = None
 ) -> Loaded:
     """The same from the tables of a file, as read or changed; file: whose name errors tell, whose folder holds others."""
-    top = Table(tables, file.name)
-    said = {"name": file.stem, "plane": None, "gravity": None, "consider": []} | top.read(schema.TOP)
-    for key, what in (("links", "names"), ("consider", "effects")):
-        if not isinstance(said[key], list):
-            raise SceneError(f"{file.name}: {key} = {show(said[key])} must be a list of {what}.")
-    with placed_at(file.name):
-        mechanism = Mechanism(said["name"], plane=said["plane"])
-        mechanism.gravity = said["gravity"]
-        mechanism.links(*said["links"])
-        mechanism.consider(*said["consider"])
-    reader = _Reader(mechanism, top, file.parent)
-    for sentence in schema.SENTENCES:
-        for table in top.tables(sentence):
-            reader.say(sentence, table)
+    noted = Noted()
+    top = Table(tables, file.name, noted=noted)
     options = _options(top, option_names)
-    top.finish()
-    with placed_at(file.name):
-        mechanism.validate()
-    return mechanism, reader.targets, options
+    reader = _Reader(top, file)
+    reader.say_all()
+    if not noted.mistakes:
+        noted.mistakes += [f"{file.name}: {rule}" for rule in broken_rules(reader.mechanism.draft())]
+    if noted.mistakes:
+        raise SceneFileError(_listed(file.name, noted), mistakes=tuple(noted.mistakes))
+    if noted.doubts:
+        more = f" So for {len(noted.doubts) - 1} more." if len(noted.doubts) > 1 else ""
+        warnings.warn(f"{noted.doubts[0]} Plain numbers are in SI.{more}", SceneWarning, stacklevel=3)
+    return reader.mechanism, reader.targets, options
+
+
+def _listed(name: str, noted: Noted) -> str:
+    """The sentence of one mistake, or a list of several, with the first plain number that was probably meant otherwise."""
+    mistakes = noted.mistakes
+    if len(mistakes) == 1:
+        return mistakes[0]
+    lines = [said.removeprefix(name).lstrip(",: ") for said in (*mistakes[:MOST], *noted.doubts[:1])]
+    if len(mistakes) > MOST:
+        lines.insert(MOST, f"and {len(mistakes) - MOST} more.")
+    return "\n  ".join([f"{name} has {len(mistakes)} mistakes:", *lines])
 
 
 def parsed_file(file: Path) -> dict[str, Any]:
@@ -108,21 +119,92 @@ def parsed_file(file: Path) -> dict[str, Any]:
         ) from None
 
 
+_NAMES = {
+    "join": ("joint",),
+    "constrain": ("leaf", "link"),
+    "leaf": ("leaf",),
+    "wire": ("leaf",),
+    "point": ("link",),
+}
+"""What kinds of names a sentence brings into a mechanism."""
+
+
 class _Reader:
-    """Materials, sections and joints a scene file defines, by name, and what it says with them about a mechanism."""
+    """Materials, sections and joints a scene file defines, by name, and what it says with them about a mechanism.
 
-    def __init__(self, mechanism: Mechanism, top: Table, folder: Path) -> None:
-        self.mechanism, self.folder = mechanism, folder
+    A mistake hides what its table would have named; sentences that speak of it have no mistake of their own. lost: such
+    names by kind (joint, leaf, link).
+    """
+
+    def __init__(self, top: Table, file: Path) -> None:
+        self.folder = file.parent
         self.targets: dict[str, float] = {}
-        self.parts: dict[str, dict[str, Any]] = {
-            "material": {name: _material(t, name) for name, t in top.named("material").items()},
-            "section": {name: _section(t) for name, t in top.named("section").items()},
-        }
-        self.parts["joint"] = {name: self._joint(t) for name, t in top.named("joint").items()}
+        self.mechanism, self.planned = Mechanism("scene"), False
+        self.lost: dict[str, set[str]] = {"joint": set(), "leaf": set(), "link": set()}
+        said = {"name": file.stem, "plane": None, "gravity": None, "consider": []} | top.read(schema.TOP)
+        defined = {kind: top.table(kind) for kind in ("material", "section", "joint")}
+        self.sentences = {name: top.tables(name) for name in schema.SENTENCES}
+        misspelt = top.unknown()
+        top.finish()
+        if misspelt:
+            self.lost = {kind: {ANY} for kind in self.lost}
+        self._begin(top, said)
+        self.parts: dict[str, dict[str, Any]] = {kind: {} for kind in defined}
+        for kind, make in (("material", _material), ("section", _section), ("joint", self._joint)):
+            # [materials.steel] is one mistake, not one more for each leaf that is of steel
+            if any(f'"{kind}"' in similar(key, defined) for key in misspelt) or not defined[kind].sound:
+                self.parts[kind][ANY] = None
+            self.parts[kind] |= {n: _made(make, t, n) for n, t in defined[kind].children().items()}
 
-    def say(self, sentence: str, table: Table) -> None:
+    def _begin(self, top: Table, said: dict[str, Any]) -> None:
+        """What stands above all tables."""
+        with top.judged():
+            self.mechanism, self.planned = Mechanism(said["name"], plane=said["plane"]), True
+        with top.judged():
+            self.mechanism.gravity = said["gravity"]
+        for name in said.get("links", ()):
+            with top.judged():
+                self.mechanism.link(name)
+        for effect in said["consider"]:
+            with top.judged():
+                self.mechanism.consider(effect)
+        if "links" not in said:
+            self.lost["link"] = {ANY}
+
+    def say_all(self) -> None:
+        """All tables, in the order of `schema.SENTENCES`."""
+        for sentence, tables in self.sentences.items():
+            for table in tables:
+                try:
+                    self._say(sentence, table)
+                except Unsaid:
+                    name = table.values.get("name")
+                    for kind in _NAMES.get(sentence, ()):
+                        self.lost[kind].add(name if isinstance(name, str) else ANY)
+
+    def _heard(self, sentence: Callable[..., T]) -> Callable[..., T]:
+        """A sentence of the mechanism; Unsaid where it speaks of what only a mistake elsewhere keeps from being there."""
+
+        def said(**words: Any) -> T:
+            if not self.planned:
+                raise Unsaid("without its plane nothing can be said of a mechanism")
+            try:
+                return sentence(**words)
+            except UnknownNameError as error:
+                if {ANY, error.name, error.name.partition("/")[0]} & self.lost[error.kind]:
+                    raise Unsaid(str(error)) from None
+                raise
+
+        return said
+
+    def _say(self, sentence: str, table: Table) -> None:
         """One table of `schema.SENTENCES`, said to the mechanism."""
         words = table.read(schema.SENTENCES[sentence], self.parts)
+        for key in schema.LINKS:
+            # a sentence that cannot be said may still speak of links that are not there
+            with table.judged():
+                if key in words and not table.sound:
+                    self._heard(self.mechanism._known)(link=words[key], owner=key)
         if sentence == "actuate":
             self._actuate(table, words)
             return
@@ -132,14 +214,15 @@ class _Reader:
             words |= self._sizes(table, sentence)
         elif sentence == "compliance":
             words = self._with_matrix(table, words)
-        table.say(getattr(self.mechanism, sentence), words)
+        table.say(self._heard(getattr(self.mechanism, sentence)), words)
 
     def _sizes(self, table: Table, kind: str) -> dict[str, Any]:
         """The diameter of a wire, or the section of a leaf, by name or from thickness and width."""
         if kind == "leaf" and "thickness" in table and "section" not in table:
             sizes = table.read(schema.SIZES["rectangle"])
-            with placed_at(table.where):
-                return {"section": rectangle(**sizes)}
+            with table.judged():
+                return {"section": rectangle(**sizes)} if len(sizes) == len(schema.SIZES["rectangle"]) else {}
+            return {}
         return table.read(schema.SIZES[kind], self.parts)
 
     def _with_matrix(self, table: Table, words: dict[str, Any]) -> dict[str, Any]:
@@ -148,84 +231,100 @@ class _Reader:
         if "matrix" in words:
             words["matrix"] = self.folder / words["matrix"]
         elif points is not None or stiffness is not None:
-            with placed_at(table.where):
+            with table.judged():
                 words["matrix"] = LinkMatrix(points or (), stiffness or ())  # type: ignore[arg-type]
         return words
 
     def _actuate(self, table: Table, words: dict[str, Any]) -> None:
         """A drive, and its value in the unit of its motion."""
         words |= self._terms(table)
-        table.read({"value": "any"})
-        drive: Drive = table.say(self.mechanism.actuate, words)
-        kinds = {term.kind for term in drive.terms}
-        dimension = (
-            {"translation": "length", "rotation": "angle"}[kinds.pop()] if len(kinds) == 1 else "number"
-        )
-        for value in table.read({"value": dimension}).values():
-            self.targets[drive.name] = value
+        dimension = "length" if "along" in words else "angle" if "about" in words else "any"
+        value = table.read({"value": dimension})
+        drive: Drive = table.say(self._heard(self.mechanism.actuate), words)
+        if dimension == "any":
+            kinds = {term.kind for term in drive.terms}
+            one = {"translation": "length", "rotation": "angle"}[kinds.pop()] if len(kinds) == 1 else "number"
+            value = table.read({"value": one})
+        if value:
+            self.targets[drive.name] = value["value"]
 
     def _terms(self, table: Table) -> dict[str, list[DriveTerm]]:
-        terms = [self._term(t) for t in table.tables("terms")]
+        terms = each(self._term, table.tables("terms"))
         return {"terms": terms} if "terms" in table else {}
 
     def _term(self, table: Table) -> DriveTerm:
         words = table.read(schema.TERM)
-        table.finish()
-        with placed_at(table.where):
+
+        def said(**words: Any) -> DriveTerm:
             if ("along" in words) == ("about" in words):
                 raise SceneError("give one of along (a displacement) and about (a rotation).")
             if "along" in words:
                 return self.mechanism.displacement(**{"at": None} | words)
             return self.mechanism.rotation(**words)
 
-    def _joint(self, table: Table) -> Joint:
-        family = table.read({"family": "text!"})["family"]
+        return table.say(self._heard(said), words)
+
+    def _joint(self, table: Table, name: str) -> Joint:
+        families = joint_families()
+        family = _one_of(table, "family", [*families, "drawn"], "joint family")
         if family == "drawn":
             return self._drawn(table)
-        families = joint_families()
-        if family not in families:
-            near = nearest(family, [*families, "drawn"])
-            raise SceneError(f"{table.where}: joint family '{family}' is unknown{near}")
-        joint: Joint = table.say(
-            partial(make_joint, family), table.read(schema.of_family(families[family]), self.parts)
-        )
-        return joint
+        words = table.read(schema.of_family(families[family]), self.parts)
+        return table.say(partial(make_joint, family), words)
 
     def _drawn(self, table: Table) -> DrawnJoint:
         """A joint drawn leaf by leaf."""
         blocks, shape = table.table("blocks"), table.table("shape")
         words: dict[str, Any] = {"name": "drawn"} | table.read(schema.DRAWN)
         words["blocks"] = blocks.read(dict.fromkeys(blocks.values, "length[3]"))
-        words["leaves"] = [self._drawn_leaf(t, k) for k in ("leaf", "wire") for t in table.tables(k)]
-        words["motions"] = [_motion(t) for t in table.tables("motion")]
         words["shape"] = shape.read(dict.fromkeys(shape.values, "number"))
-        joint: DrawnJoint = table.say(DrawnJoint, words)
-        return joint
+        hung = [(t, kind) for kind in ("leaf", "wire") for t in table.tables(kind)]
+        motions = table.tables("motion")
+        with table.judged():
+            words["leaves"] = each(self._drawn_leaf, hung)
+        with table.judged():
+            words["motions"] = each(_motion, motions)
+        table.sound &= blocks.sound and shape.sound
+        return table.say(DrawnJoint, words)
 
-    def _drawn_leaf(self, table: Table, kind: str) -> Leaf:
+    def _drawn_leaf(self, hung: tuple[Table, str]) -> Leaf:
+        table, kind = hung
         words = {"name": kind, "width_axis": None} | table.read(schema.LEAF, self.parts)
         words |= self._sizes(table, kind) | table.read(schema.BLOCKS)
-        leaf: Leaf = table.say(make_wire if kind == "wire" else Leaf, words)
-        return leaf
+        return table.say(make_wire if kind == "wire" else Leaf, words)
+
+
+def _made(make: Callable[[Table, str], T], table: Table, name: str) -> T | None:
+    """A part of the file; None where it has a mistake."""
+    try:
+        return make(table, name)
+    except Unsaid:
+        return None
+
+
+def _one_of(table: Table, key: str, known: Collection[str], what: str) -> str:
+    """The word that says what else a table holds. Raises Unsaid."""
+    found = table.read({key: "text!"}).get(key, "")
+    if table.sound and found not in known:
+        table.note(f"{table.where}: {what} {show(found)} is unknown{nearest(found, known)}")
+    if not table.sound:
+        raise Unsaid(f"{table.where}: what it is, is not known")
+    return str(found)
 
 
 def _material(table: Table, name: str) -> Material:
-    material: Material = table.say(Material, {"name": name} | table.read(schema.MATERIAL))
-    return material
+    return table.say(Material, {"name": name} | table.read(schema.MATERIAL))
 
 
-def _section(table: Table) -> Section:
-    kind = table.read({"kind": "text!"})["kind"]
-    if kind not in schema.SECTIONS:
-        raise SceneError(f"{table.where}: kind = {show(kind)} is unknown{nearest(kind, schema.SECTIONS)}")
+def _section(table: Table, name: str) -> Section:
+    kind = _one_of(table, "kind", schema.SECTIONS, "section kind")
     made: Section = table.say(getattr(section, kind), table.read(schema.SECTIONS[kind]))
     return made
 
 
 def _motion(table: Table) -> Motion:
-    kind = table.read({"kind": "text!"})["kind"]
-    motion: Motion = table.say(Motion, table.read(schema.MOTIONS.get(kind, schema.MOTIONS["rotation"])))
-    return motion
+    kind = table.read({"kind": "text!"}).get("kind")
+    return table.say(Motion, table.read(schema.MOTIONS.get(str(kind), schema.MOTIONS["rotation"])))
 
 
 def _options(top: Table, names: Collection[str] | None) -> dict[str, Any]:

@@ -2,9 +2,10 @@
 
 A kind is a dimension ("length": a number in SI, or text with a unit such as "100 mm"), "number", "text", "flag" (true or
 false), "direction" ("x", "-z" or three numbers), the name of a "material", "section" or "joint" of the file, or "any",
-which what the table says judges itself. "length[3]" is a list of three, "length[]" one or a list of any number; "!" is
-required. Keys that are left out take the default of the Python word of the same name: [[join]] is `Mechanism.join`,
-[[leaf]] `Mechanism.leaf`, [material.NAME] `ksd.Material`, [joint.NAME] the class of its family. Bounds are checked there.
+which what the table says judges itself; "names" is a list of texts. "length[3]" is a list of three, "length[]" one, a list
+of any number, or lists of lists; "!" is required. Keys that are left out take the default of the Python word of the same
+name: [[join]] is `Mechanism.join`, [[leaf]] `Mechanism.leaf`, [material.NAME] `ksd.Material`, [joint.NAME] the class of its
+family. Bounds are checked there.
 """
 
 from __future__ import annotations
@@ -15,10 +16,16 @@ from ksd.scene.joint import Joint
 
 Schema = dict[str, str]
 
-TOP: Schema = {"name": "text", "plane": "text", "gravity": "number[3]", "links": "any!", "consider": "any"}
+TOP: Schema = {
+    "name": "text",
+    "plane": "text",
+    "gravity": "acceleration[3]",
+    "links": "names!",
+    "consider": "names",
+}
 
 MATERIAL: Schema = {
-    "E": "stress", "G": "stress", "nu": "number", "density": "density", "expansion": "number",
+    "E": "stress", "G": "stress", "nu": "number", "density": "density", "expansion": "expansion",
     "yield_stress": "stress", "fatigue_limit": "stress", "name": "text",
 }  # fmt: skip
 
@@ -26,11 +33,11 @@ SECTIONS: dict[str, Schema] = {
     "rectangle": {"thickness": "length!", "width": "length!", "cowper": "number", "name": "text"},
     "circle": {"diameter": "length!", "cowper": "number", "name": "text"},
     "tube": {"outer": "length!", "inner": "length!", "cowper": "number", "name": "text"},
-    "polygon": {"points": "any!", "holes": "any", "mesh_size": "length", "nu": "number", "name": "text"},
+    "polygon": {"points": "length[]!", "holes": "length[]", "mesh_size": "length", "nu": "number", "name": "text"},
     "numbers": {
-        "A": "number!", "J": "number!", "Iy": "number!", "Iz": "number!", "ky": "number", "kz": "number", "Iw": "number",
-        "width": "length", "thickness": "length", "shear_centre": "length[2]", "tilt": "number", "name": "text",
-        "outline": "any",
+        "A": "area!", "J": "second moment!", "Iy": "second moment!", "Iz": "second moment!", "ky": "number", "kz": "number",
+        "Iw": "warping constant", "width": "length", "thickness": "length", "shear_centre": "length[2]", "tilt": "angle",
+        "name": "text", "outline": "length[]",
     },
 }  # fmt: skip
 """By the `kind` of a [section.NAME], the function of `ksd.section` that makes it."""
@@ -88,28 +95,32 @@ SENTENCES: dict[str, Schema] = {
         "link": "text!", "force": "force[3]", "moment": "moment[3]", "at": "length[3]", "following": "flag",
         "name": "text",
     },
-    "mass": {"link": "text!", "mass": "mass!", "inertia": "any", "at": "length[3]"},
+    "mass": {"link": "text!", "mass": "mass!", "inertia": "inertia[]", "at": "length[3]"},
     "spring": PAIR | {
-        "start": "length[3]!", "end": "length[3]!", "stiffness": "number!", "free_length": "length", "name": "text",
+        "start": "length[3]!", "end": "length[3]!", "stiffness": "stiffness!", "free_length": "length", "name": "text",
     },
     "joint_spring": {
-        "joint": "text!", "stiffness": "number!", "rest_angle": "angle", "motion": "text", "name": "text",
+        "joint": "text!", "stiffness": "torsional stiffness!", "rest_angle": "angle", "motion": "text", "name": "text",
     },
     "turn_spring": PAIR | {
-        "at": "length[3]!", "axis": "direction!", "stiffness": "number!", "rest_angle": "angle", "name": "text",
+        "at": "length[3]!", "axis": "direction!", "stiffness": "torsional stiffness!", "rest_angle": "angle", "name": "text",
     },
     "compliance": {
         "link": "text!", "hub": "length[3]", "width_axis": "direction", "section": "section", "material": "material",
-        "matrix": "text", "points": "any", "stiffness": "any",
+        "matrix": "text", "points": "length[]", "stiffness": "any",
     },
-    "heat": {"temperature": "number", "through": "number", "leaves": "any"},
+    "heat": {"temperature": "temperature", "through": "temperature", "leaves": "any"},
     "fit": {"leaf": "text!", "natural_length": "length", "shift": "length[3]", "turn": "angle[3]"},
 }  # fmt: skip
 """[[tables]] in the order in which they are said, each by the method of `Mechanism` of that name."""
+
+LINKS = ("a", "b", "link", "relative_to")
+"""Keys that name a link."""
 
 
 def of_family(family: type[Joint]) -> Schema:
     """The keys of a [joint.NAME]: what its class takes, in the dimensions it declares."""
     given = {key: f"{dimension}[]" for key, dimension in family.quantities.items()}
     keys = inspect.signature(family).parameters
-    return {key: "material!" if key == "material" else given.get(key, "any") for key in keys}
+    kinds = {key: "material" if key == "material" else given.get(key, "any") for key in keys}
+    return {key: kind + "!" * (keys[key].default is inspect.Parameter.empty) for key, kind in kinds.items()}

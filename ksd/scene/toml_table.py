@@ -1,38 +1,54 @@
-"""Reading one table of a scene file: keys by a schema, unknown ones refused by name."""
+"""Reading one table of a scene file: keys by a schema, unknown ones refused by name, all mistakes noted together."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
-from typing import Any
+from dataclasses import dataclass, field
+from functools import cache
+from typing import Any, TypeVar
 
 from ksd.errors import SceneError
+from ksd.scene.plausible import meant_in
 from ksd.section.checks import direction, nearest, number, show, similar
-from ksd.units import NAMES
+from ksd.units import DIMENSIONS
 
-DIMENSIONS = {
-    "length": ("m", "mm", "um", "nm"),
-    "angle": ("rad", "mrad", "urad", "deg"),
-    "stress": ("Pa", "kPa", "MPa", "GPa"),
-    "force": ("N", "mN", "kN"),
-    "moment": ("Nm", "mNm"),
-    "mass": ("kg", "g", "tonne"),
-    "density": ("kg/m3",),
-}
-"""Units by dimension; the first is the SI unit in which plain numbers are read."""
-
+T = TypeVar("T")
 _EXAMPLES = {
-    "length": "1 mm",
-    "angle": "45 deg",
-    "stress": "200 GPa",
-    "force": "10 N",
-    "moment": "2 Nm",
-    "mass": "5 g",
-    "density": "7800 kg/m3",
-}
-_QUANTITY = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*([A-Za-z][A-Za-z0-9/]*)\s*")
+    "length": "1 mm", "angle": "45 deg", "stress": "200 GPa", "force": "10 N", "moment": "2 Nm", "mass": "5 g",
+    "density": "7800 kg/m^3", "acceleration": "9.81 m/s^2", "stiffness": "200 N/m", "torsional stiffness": "0.2 Nm/rad",
+    "inertia": "3 kg mm^2", "temperature": "20 K", "expansion": "12e-6 1/K", "area": "40 mm^2",
+    "second moment": "3 mm^4", "warping constant": "2 mm^6",
+}  # fmt: skip
+NUMBER = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
+"""Regular expression of a number in text."""
+_QUANTITY = re.compile(rf"\s*({NUMBER})\s*(.*?)\s*", re.DOTALL)
+ANY = ""
+"""Stands for all names where it is not known which are wrong."""
 Parts = Mapping[str, Mapping[str, Any]]
+
+
+_WAYS = {
+    " ": r"\s*[ *·]\s*", "_": r"\s*[*·]?\s*", "1/": "1?/", "/": r"\s*/\s*", "^2": "(?:\\^?2|²)", "^3": "(?:\\^?3|³)",
+    "^4": "\\^?4", "^6": "\\^?6", "deg": "(?:deg|°)", "um": "[uµμ]m",
+}  # fmt: skip
+"""How parts of a unit may be written; "_" stands between force and length of a moment."""
+
+
+def spelling(unit: str) -> str:
+    """Regular expression, as of JavaScript too, of the ways to write a unit: Nm is "N m" too, kg/m^3 is "kg/m3"."""
+    said = re.sub(r"N(?=m)", "N_", unit)
+    for plain, ways in _WAYS.items():
+        said = said.replace(plain, ways)
+    return said
+
+
+@cache
+def unit_named(said: str) -> str | None:
+    """The unit of `DIMENSIONS` that is meant by what stands behind a number; None where none is."""
+    units = (unit for units in DIMENSIONS.values() for unit in units)
+    return next((unit for unit in units if re.fullmatch(spelling(unit), said)), None)
 
 
 def quantity(value: Any, dimension: str, what: str) -> float:
@@ -42,23 +58,25 @@ def quantity(value: Any, dimension: str, what: str) -> float:
     an unknown unit (with the nearest), a unit of another dimension, or a number that is not finite.
     """
     if not isinstance(value, str):
-        unit = DIMENSIONS[dimension][0] if dimension in DIMENSIONS else ""
+        unit = next(iter(DIMENSIONS[dimension])) if dimension in DIMENSIONS else ""
         return number(value, what, unit=unit)
     if dimension == "number":
-        raise SceneError(f"{what} = '{value}': a plain number is expected, without quotes.")
-    article = "an" if dimension == "angle" else "a"
+        raise SceneError(f"{what} = {show(value)}: a plain number is expected, without quotes.")
+    article = "an" if dimension[0] in "aei" else "a"
     expected = f"{article} {dimension} is expected, e.g. '{_EXAMPLES[dimension]}'"
     match = _QUANTITY.fullmatch(value)
-    if match is None:
+    if match is None or not match[2]:
         raise SceneError(f"{what} = {show(value)}: {expected}.")
-    amount, unit = match.groups()
-    if unit not in NAMES:
+    if re.match(r",\s*\d", match[2]):
+        raise SceneError(f"{what} = {show(value)}: write a decimal point; {expected}.")
+    found, units = unit_named(match[2]), DIMENSIONS[dimension]
+    if found is None:
         raise SceneError(
-            f"{what} = {show(value)}: the unit '{unit}' is unknown{nearest(unit, DIMENSIONS[dimension])}"
+            f"{what} = {show(value)}: the unit '{match[2]}' is unknown{nearest(match[2], units)}"
         )
-    if unit not in DIMENSIONS[dimension]:
+    if found not in units:
         raise SceneError(f"{what} = {show(value)}: {expected}.")
-    return number(float(amount) * NAMES[unit], what)
+    return number(float(match[1]) * units[found], what)
 
 
 @contextmanager
@@ -67,21 +85,39 @@ def placed_at(where: str) -> Iterator[None]:
     try:
         yield
     except SceneError as error:
-        raise SceneError(f"{where}: {error}") from None
+        raise type(error)(f"{where}: {error}") from None
+
+
+class Unsaid(SceneError):
+    """A table that cannot be said, or a mistake that only follows from another: why stands among the mistakes noted."""
+
+
+@dataclass
+class Noted:
+    """What is wrong in a file, a sentence each, and plain numbers that were probably meant in another unit."""
+
+    mistakes: list[str] = field(default_factory=list)
+    doubts: list[str] = field(default_factory=list)
 
 
 class Table:
     """One table of a scene file and the place to name in messages, e.g. "fourbar.toml, [joint.cross]".
 
-    `read` takes the keys of a schema, `finish` then refuses those nobody took. Messages start with place and key.
+    `read` takes the keys of a schema, `finish` then refuses those nobody took. Messages start with place and key. noted:
+    where mistakes are gathered, `sound` then tells whether this table has none; without it the first one is raised.
     """
 
-    def __init__(self, values: Any, file: str, path: str = "", row: int = 0) -> None:
+    def __init__(
+        self, values: Any, file: str, path: str = "", row: int = 0, *, noted: Noted | None = None
+    ) -> None:
         self.where = f"{file}, [[{path}]] {row}" if row else f"{file}, [{path}]" if path else file
-        if not isinstance(values, dict):
-            raise SceneError(f"{self.where} = {show(values)} must be a table.")
-        self.values, self._file, self._path = values, file, path
+        self.sound, self._noted, self._doubts = True, noted, list[str]()
+        self.values: dict[str, Any] = values if isinstance(values, dict) else {}
+        self._file, self._path = file, path
         self._known: set[str] = set()
+        self._is_table = isinstance(values, dict)
+        if not self._is_table:
+            self.note(f"{self.where} = {show(values)} must be a table.")
 
     def _inside(self, key: str) -> str:
         return f"{self._path}.{key}" if self._path else key
@@ -89,64 +125,132 @@ class Table:
     def __contains__(self, key: str) -> bool:
         return key in self.values
 
+    def note(self, mistake: str) -> None:
+        """A mistake of this table, as a sentence that names it; raises SceneError where mistakes are not gathered."""
+        if self._noted is None:
+            raise SceneError(mistake)
+        self.sound = False
+        if mistake not in self._noted.mistakes:
+            self._noted.mistakes.append(mistake)
+
+    @contextmanager
+    def judged(self) -> Iterator[None]:
+        """Note what is refused inside as a mistake of this table."""
+        try:
+            yield
+        except Unsaid:
+            self.sound = False
+        except SceneError as error:
+            doubts = " ".join(self._doubts)
+            self.note(f"{self.where}: {error}{' Plain numbers are in SI: ' if doubts else ''}{doubts}")
+
     def read(self, schema: Mapping[str, str], parts: Parts | None = None) -> dict[str, Any]:
         """The values of the keys that are given, as the kinds of a schema say (see `ksd.scene.toml_schema`).
 
-        parts: the "material"s, "section"s and "joint"s of the file by name. Raises SceneError for a key that is missing, or
-        of a wrong type, unit or name.
+        parts: the "material"s, "section"s and "joint"s of the file by name, None for those that are wrong themselves; ANY
+        among them where there may be more.
+        Notes a key that is missing, or of a wrong type, unit or name.
         """
         self._known |= schema.keys()
         found = {}
         for key, kind in schema.items():
             if key in self.values:
-                with placed_at(self.where):
+                with self.judged():
                     found[key] = _value(self.values[key], kind.rstrip("!"), key, parts or {})
-            elif kind.endswith("!"):
+                    self._doubt(key, kind, self.values[key])
+            elif kind.endswith("!") and self._is_table:
                 # a present key of a similar name is probably a misspelling of the missing one
-                hint = similar(key, self.values, cutoff=0.7)
-                raise SceneError(f"{self.where}: key '{key}' is missing{hint}")
+                others = self.unknown()
+                hint = similar(key, others, cutoff=0.7)
+                self._known |= {k for k in others if f'"{k}"' in hint}
+                self.note(f"{self.where}: key '{key}' is missing{hint}")
         return found
 
-    def say(self, sentence: Callable[..., Any], words: Mapping[str, Any]) -> Any:
-        """Refuse unknown keys, then say the sentence; its errors get file and table in front."""
+    def _doubt(self, key: str, kind: str, value: Any) -> None:
+        """Keep in mind that a plain number was probably meant in another unit."""
+        dimension = kind.rstrip("!").partition("[")[0]
+        for plain in _numbers(value) if dimension in DIMENSIONS else ():
+            unit = meant_in(plain, dimension, key)
+            if unit:
+                si = next(iter(DIMENSIONS[dimension]))
+                said = f"{key} = {plain:g} is {plain:g} {si}: did you mean '{plain:g} {unit}'?"
+                self._doubts.append(said)
+                if self._noted is not None:
+                    self._noted.doubts.append(f"{self.where}: {said}")
+                return
+
+    def say(self, sentence: Callable[..., T], words: Mapping[str, Any]) -> T:
+        """Refuse unknown keys, then say the sentence; its errors get file and table in front. Raises Unsaid where there is
+        a mistake."""
         self.finish()
-        with placed_at(self.where):
-            return sentence(**words)
+        if self.sound:
+            with self.judged():
+                return sentence(**words)
+        raise Unsaid(f"{self.where}: see above")
 
     def table(self, key: str) -> Table:
         """A table inside this one, empty when absent."""
-        return Table(self._taken(key, {}), self._file, self._inside(key))
+        return self._child(self._taken(key, {}), self._inside(key))
 
     def tables(self, key: str) -> list[Table]:
         """The tables of an array [[key]], empty when absent."""
         found = self._taken(key, [])
         if not isinstance(found, list):
-            raise SceneError(f"{self.where}: {key} = {show(found)} must be written as [[{key}]] tables.")
-        return [Table(v, self._file, self._inside(key), i + 1) for i, v in enumerate(found)]
+            self.note(f"{self.where}: {key} = {show(found)} must be written as [[{key}]] tables.")
+            return []
+        return [self._child(v, self._inside(key), i + 1) for i, v in enumerate(found)]
 
-    def named(self, key: str) -> dict[str, Table]:
-        """The tables [key.NAME] by name."""
-        inside = self.table(key)
-        return {k: Table(v, self._file, inside._inside(k)) for k, v in inside.values.items()}
+    def children(self) -> dict[str, Table]:
+        """The tables of which this one consists, by name."""
+        return {key: self._child(value, self._inside(key)) for key, value in self.values.items()}
+
+    def _child(self, values: Any, path: str, row: int = 0) -> Table:
+        return Table(values, self._file, path, row, noted=self._noted)
+
+    def unknown(self) -> list[str]:
+        """Keys that were never taken."""
+        return [key for key in self.values if key not in self._known]
 
     def finish(self) -> None:
-        """Raise SceneError for a key that was never taken, with the nearest known one."""
-        for key in self.values:
-            if key not in self._known:
-                raise SceneError(f"{self.where}: key '{key}' is unknown{nearest(key, self._known)}")
+        """Note every key that was never taken, with the nearest known one."""
+        for key in self.unknown():
+            self.note(f"{self.where}: key '{key}' is unknown{nearest(key, self._known)}")
 
     def _taken(self, key: str, default: Any) -> Any:
         self._known.add(key)
         return self.values.get(key, default)
 
 
+def each(make: Callable[[Any], T], tables: Iterable[Any]) -> list[T]:
+    """What is made of every table; raises Unsaid once all were read, where one of them cannot be said."""
+    found, unsaid = [], None
+    for table in tables:
+        try:
+            found.append(make(table))
+        except Unsaid as error:
+            unsaid = error
+    if unsaid is not None:
+        raise unsaid
+    return found
+
+
+def _numbers(value: Any) -> Iterator[float]:
+    """All plain numbers in a value."""
+    if isinstance(value, list):
+        for item in value:
+            yield from _numbers(item)
+    elif isinstance(value, int | float) and not isinstance(value, bool):
+        yield float(value)
+
+
 def _value(value: Any, kind: str, key: str, parts: Parts) -> Any:
     """One value as its kind says, without the place."""
     kind, several, count = kind.removesuffix("]").partition("[")
-    if count or (several and isinstance(value, list)):
-        if not isinstance(value, list) or (count and len(value) != int(count)):
-            raise SceneError(f"{key} = {show(value)} must be a list of {count} numbers.")
-        return tuple(quantity(v, kind, f"{key}[{i}]") for i, v in enumerate(value))
+    if count and (not isinstance(value, list) or len(value) != int(count)):
+        raise SceneError(f"{key} = {show(value)} must be a list of {count} numbers.")
+    if several and isinstance(value, list):
+        inner = kind if count else f"{kind}[]"
+        return tuple(_value(v, inner, f"{key}[{i}]", parts) for i, v in enumerate(value))
     if kind in DIMENSIONS or kind == "number":
         return quantity(value, kind, key)
     if kind == "any":
@@ -157,12 +261,17 @@ def _value(value: Any, kind: str, key: str, parts: Parts) -> Any:
         if not isinstance(value, bool):
             raise SceneError(f"{key} = {show(value)} must be true or false.")
         return value
+    if kind == "names":
+        if not isinstance(value, list):
+            raise SceneError(f"{key} = {show(value)} must be a list of names.")
+        return value
     if not isinstance(value, str):
         raise SceneError(f"{key} = {show(value)} must be text in quotes.")
     if kind == "text":
         return value
-    if value not in parts[kind]:
-        raise SceneError(
-            f"{key} = {show(value)}: there is no {kind} of that name{nearest(value, parts[kind])}"
-        )
-    return parts[kind][value]
+    known = parts[kind]
+    if value not in known and ANY not in known:
+        raise SceneError(f"{key} = {show(value)}: there is no {kind} of that name{nearest(value, known)}")
+    if known.get(value) is None:
+        raise Unsaid(f"the {kind} '{value}' has a mistake of its own")
+    return known[value]

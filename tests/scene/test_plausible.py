@@ -3,7 +3,8 @@
 import pytest
 
 import ksd
-from ksd.scene.plausible import implausible
+from ksd.errors import SceneWarning
+from ksd.scene.plausible import implausible, meant_in
 from ksd.scene.profile import CircularNotch
 
 
@@ -95,10 +96,40 @@ about = "z"
 value = "10 deg"
 """
     )
-    made, targets, _ = ksd.load_scene(file)
+    with pytest.warns(SceneWarning) as caught:
+        made, targets, _ = ksd.load_scene(file)
+    (said,) = caught
+    assert str(said.message) == (
+        "wrong.toml, [material.steel]: E = 210000 is 210000 Pa: did you mean '210000 MPa'? Plain numbers are in SI. "
+        "So for 2 more."
+    )
+    assert said.filename == __file__
     material = made.scene().leaves[0].leaf.material
     assert (material.yield_stress, material.fatigue_limit) == (8e8, 4e8)
     said = " ".join(ksd.doctor(made).unusual)
     assert "E = 210000 Pa" in said and "length 50 m" in said and "yield_stress = 8e+08 Pa" in said
     ksd.save_scene(made, tmp_path / "again.toml", targets=targets)
-    assert ksd.load_scene(tmp_path / "again.toml")[0].scene() == made.scene()
+    with pytest.warns(SceneWarning, match=r"So for 3 more"):
+        assert ksd.load_scene(tmp_path / "again.toml")[0].scene() == made.scene()
+
+
+@pytest.mark.parametrize(
+    ("value", "dimension", "key", "unit"),
+    [
+        (50.0, "length", "length", "mm"),
+        (-300.0, "length", "at", "mm"),
+        (0.3, "length", "at", ""),
+        (45.0, "angle", "angle", "deg"),
+        (0.8, "angle", "angle", ""),
+        (200.0, "stress", "E", "GPa"),
+        (200e3, "stress", "E", "MPa"),
+        (500.0, "stress", "yield_stress", "MPa"),
+        (200e9, "stress", "E", ""),
+        (0.0, "stress", "E", ""),
+        (7.8, "density", "density", "g/cm^3"),
+        (7800.0, "density", "density", ""),
+        (1e6, "force", "force", ""),
+    ],
+)
+def test_the_unit_a_plain_number_was_meant_in(value, dimension, key, unit):
+    assert meant_in(value, dimension, key) == unit

@@ -2,6 +2,7 @@
 
 import math
 import os
+import pickle
 import re
 from pathlib import Path
 
@@ -11,12 +12,12 @@ from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
 import ksd.scene
-from ksd.errors import SceneError
+from ksd.errors import SceneError, SceneFileError, SceneWarning
 from ksd.scene import Arc, CrossFlexure, DrawnJoint, Leaf, Material, Mechanism, Motion
 from ksd.scene.toml_file import load_scene, save_scene
-from ksd.scene.toml_table import DIMENSIONS, quantity
+from ksd.scene.toml_table import quantity, unit_named
 from ksd.section import circle, numbers, polygon, rectangle, tube
-from ksd.units import NAMES
+from ksd.units import DIMENSIONS, NAMES
 
 SHIPPED = Path(ksd.scene.__file__).parent.parent / "scenes"
 STEEL = Material(200e9, 76.9e9, density=7800, name="steel")
@@ -161,7 +162,7 @@ def test_shipped_scenes_load_and_round_trip(file, tmp_path):
 
 def test_every_unit_has_one_dimension():
     assert sorted(u for units in DIMENSIONS.values() for u in units) == sorted(NAMES)
-    assert all(NAMES[units[0]] == 1.0 for units in DIMENSIONS.values())
+    assert all(next(iter(units.values())) == 1.0 for units in DIMENSIONS.values())
 
 
 @pytest.mark.parametrize(
@@ -194,7 +195,7 @@ MISTAKES = [
     ("[[join]]", 'lenght = 1\n[[join]]', ["[joint.cross]", "'lenght' is unknown", '"length"']),
     ('length = "100 mm"', "", ["[joint.cross]", "'length' is missing"]),
     ('length = "100 mm"', "length = -1", ["[joint.cross]", "length = -1", "positive"]),
-    ('length = "100 mm"', 'lenth = "100 mm"', ["[joint.cross]", "'lenth' is unknown", '"length"']),
+    ('length = "100 mm"', 'lenth = "100 mm"', ["[joint.cross]", "'length' is missing", '"lenth"']),
     ('widths = ["40 mm", 0.02]', "widths = 0.04", ["widths = 0.04", "two lengths"]),
     ('widths = ["40 mm", 0.02]', 'widths = ["40 N", 0.02]', ["widths[0] = '40 N': a length"]),
     ('"cross_flexure"', '"crossflexure"', ["[joint.cross]", "'crossflexure' is unknown", '"cross_flexure"']),
@@ -214,7 +215,7 @@ MISTAKES = [
     ('at = [0, 0, "1 mm"]', 'at = [0, 0, "1 kg"]', ["at[2] = '1 kg': a length"]),
     ("[[join]]", "[join]", ["join", "[[join]]"]),
     ("[material.steel]", "[[material]]", ["[material]", "must be a table"]),
-    ("[section.blade]", "section = 3\n[section2]", ["section"]),
+    ("[section.blade]", "[section]\nblade = 3\n[section.other]", ["[section.blade] = 3 must be a table"]),
     ('E = "200 GPa"', "E = 0", ["[material.steel]", "E = 0", "positive"]),
     ('E = "200 GPa"', "", ["[material.steel]", "two of E, G and nu"]),
     ('E = "200 GPa"', 'E = "200 GPA"', ["unit 'GPA' is unknown", '"GPa"']),
@@ -229,7 +230,8 @@ MISTAKES = [
     ('diameter = "0.5 mm"', 'diameter = "0.5 mm"\nthickness = 1', ["[[wire]] 1", "'thickness' is unknown"]),
     ('value = "30 deg"', 'value = "30 mm"', ["[[actuate]] 1", "value = '30 mm': an angle is expected"]),
     ('about = "z"', "", ["[[actuate]] 1", "along", "about"]),
-    ('about = "z"', 'along = "z"', ["[[actuate]] 1", "'at' is missing"]),
+    ('about = "z"\nvalue = "30 deg"', 'along = "z"', ["[[actuate]] 1", "'at' is missing"]),
+    ('about = "z"', 'along = "z"\nat = [0, 0, 0]', ["[[actuate]] 1", "value = '30 deg': a length is expected"]),
     ('[[support]]\nlink = "arm"\nalong = "z"\nat = [0, 0, 0]', '[[support]]\nlink = "arm"\nabout = "-z"',
      ["same freedom", "'arm'"]),
     ("[[support]]", '[[support]]\nvalue = 3', ["[[support]] 1", "'value' is unknown"]),
@@ -249,7 +251,14 @@ MISTAKES = [
     ('links = ["arm"]', 'links = ["arm", "loose"]', ["case.toml", "'loose' is attached to nothing"]),
     ('links = ["arm"]', 'links = ["arm", 3]', ["link name = 3"]),
     ("gravity = [0, -9.81, 0]", "gravity = -9.81", ["gravity = -9.81", "list of 3"]),
-    ("gravity = [0, -9.81, 0]", 'gravity = [0, "9.81", 0]', ["gravity[1] = '9.81'", "plain number"]),
+    ("gravity = [0, -9.81, 0]", 'gravity = [0, "9.81", 0]', ["gravity[1] = '9.81'", "e.g. '9.81 m/s^2'"]),
+    ("gravity = [0, -9.81, 0]", 'gravity = [0, "-9.81 m/s", 0]', ["gravity[1]", "the unit 'm/s' is unknown", "m/s^2"]),
+    ("gravity = [0, -9.81, 0]", 'gravity = [0, "-9.81 mm", 0]', ["gravity[1]", "an acceleration is expected"]),
+    ('"45 deg"', '"45,5 deg"', ["angle = '45,5 deg'", "write a decimal point"]),
+    ("inertia = [1e-3, 1e-3, 2e-3]", 'inertia = ["1 kg m", 1, 1]', ["inertia[0]", "'kg m' is unknown", "kg m^2"]),
+    ('moment = [0, 0, "3 mNm"]', 'moment = [0, 0, "3 m N"]', ["moment[2]", "the unit 'm N' is unknown"]),
+    ('thickness = "1 mm"\nwidths', "thickness = 10\nwidths",
+     ["thickness", "Plain numbers are in SI: thickness = 10 is 10 m: did you mean '10 mm'?"]),
     ("gravity =", "gravty =", ["case.toml", "'gravty' is unknown", '"gravity"']),
     ('name = "lever"', "name = 3", ["name = 3", "text in quotes"]),
     ('name = "lever"', 'name = ""', ["name = ''"]),
@@ -267,6 +276,176 @@ def test_one_mistake_gets_a_sentence(read, old, new, words):
     message = sentence(lambda: read(GOOD.replace(old, new, 1)))
     assert message.count("case.toml") == 1
     assert all(word in message for word in words), message
+
+
+# Several mistakes at once: what is put where, and what each line says; nothing more is said of what only follows
+TOGETHER = [
+    ({'E = "200 GPa"': 'E = "200 GPA"', 'joint = "cross"\n': 'joint = "cros"\n', '"0.5 mm"': '"0.5 kg"'},
+     ["[material.steel]: E = '200 GPA'", "[[join]] 1: joint = 'cros'", "[[wire]] 1: diameter = '0.5 kg'"]),
+    # one key twice wrong, one missing, one unknown in the same table
+    ({'length = "100 mm"': 'lenght = "100 mm"', '"45 deg"': '"45 mm"', '"1 mm"\nwidths': '"1 kg"\ncolour = 3\nwidths'},
+     ["[joint.cross]: key 'length' is missing; did you mean \"lenght\"", "[joint.cross]: angle = '45 mm'",
+      "[joint.cross]: thickness = '1 kg'", "[joint.cross]: key 'colour' is unknown"]),
+    # nothing is said of the joints and leaves that are of the material
+    ({"[material.steel]": "[materials.steel]", 'about = "z"': 'about = "up"'},
+     ["key 'materials' is unknown", "[[actuate]] 1: about = 'up'"]),
+    ({"[material.steel]": "[[material]]", "gravity = [0, -9.81, 0]": "gravity = 3"},
+     ["gravity = 3", "[material] = "]),
+    # nor of the link, loose without its joint, or of drives of the joint
+    ({'b = "arm"\njoint': 'name = "base"\nb = "amr"\njoint', 'link = "arm"\nabout = "z"': 'joint = "base"',
+      'link = "arm"\nforce': 'link = "amr"\nforce'},
+     ["[[join]] 1: joint 'base': link 'amr' does not exist", "[[load]] 1: load 'amr.load': link 'amr' does not exist"]),
+    ({'b = "arm"\njoint': 'name = "base"\nb = "amr"\njoint', 'link = "arm"\nabout = "z"': 'joint = "bas"'},
+     ["[[join]] 1: joint 'base': link 'amr' does not exist", "[[actuate]] 1: joint 'bas' does not exist"]),
+    ({'b = "arm"\njoint': 'b = "amr"\njoint', 'toward = "x"': "", 'link = "arm"\nabout = "z"': 'joint = "ground-arm"'},
+     ["[[join]] 1: key 'toward' is missing", "[[join]] 1: b: link 'amr' does not exist"]),
+    ({'links = ["arm"]': "links = 3", 'axis = "z"': 'axis = "w"', "elements = 3": "elements = 0"},
+     ["links = 3", "[[join]] 1: axis = 'w'"]),
+    ({'name = "lever"': 'name = "lever"\nplane = "ab"', '"30 deg"': '"30 kg"'},
+     ["lever: plane = 'ab'", "[[actuate]] 1: value = '30 kg'"]),
+    # what only the whole shows, all of it
+    ({'links = ["arm"]': 'links = ["arm", "one", "two"]'},
+     ["link 'one' is attached to nothing", "link 'two' is attached to nothing"]),
+    ({'method = "reduced"': 'method = "reduced"\nhaste = 1', "following = true": 'following = "yes"'},
+     ["[options]: key 'haste' is unknown", "[[load]] 1: following = 'yes'"]),
+    ({'links = ["arm"]': 'links = ["arm", "arm"]\nconsider = ["shear"]', 'mass = "500 g"': ""},
+     ["link 'arm' exists already", "consider: 'shear' is unknown", "[[mass]] 1: key 'mass' is missing"]),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("changes", "lines"), TOGETHER, ids=range(len(TOGETHER)))
+def test_all_mistakes_are_told_at_once(read, changes, lines):
+    text = GOOD
+    for old, new in changes.items():
+        assert old in text, old
+        text = text.replace(old, new, 1)
+    with pytest.raises(SceneFileError) as caught:
+        read(text, option_names=("method",))
+    head, *told = str(caught.value).splitlines()
+    assert head == f"case.toml has {len(lines)} mistakes:" and len(told) == len(caught.value.mistakes)
+    assert sorted(told) == sorted(set(told))
+    for line in lines:
+        assert sum(said.startswith(f"  {line}") for said in told) == 1, (line, told)
+    assert all(said.endswith((".", "?")) for said in told)
+    assert all(said.startswith("case.toml") for said in caught.value.mistakes)
+    again = pickle.loads(pickle.dumps(caught.value))
+    assert (str(again), again.mistakes) == (str(caught.value), caught.value.mistakes)
+
+
+INDEPENDENT = {
+    'E = "200 GPa"': 'E = "two"', 'kind = "rectangle"': "kind = 3", '"45 deg"': '"45 m"', 'axis = "z"': 'axis = "q"',
+    "elements = 3": "elments = 3", '"0.5 mm"': '"0.5 W"', '"30 deg"': '"30 s"', 'along = "z"': 'along = "zz"',
+    "following = true": "following = 1", 'mass = "500 g"': 'mass = "heavy"', 'method = "reduced"': 'haste = "much"',
+    "gravity = [0, -9.81, 0]": 'gravity = "down"',
+}  # fmt: skip
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.lists(st.sampled_from(sorted(INDEPENDENT)), min_size=1, unique=True))
+def test_any_mistakes_together_are_as_many_as_apart(tmp_path_factory, chosen):
+    file = tmp_path_factory.getbasetemp() / f"several{os.getpid()}.toml"
+    text = GOOD
+    for old in chosen:
+        text = text.replace(old, INDEPENDENT[old], 1)
+    file.write_text(text)
+    with pytest.raises(SceneFileError) as caught:
+        load_scene(file, option_names=("method",))
+    assert len(caught.value.mistakes) == len(chosen), caught.value
+
+
+def test_of_very_many_mistakes_the_first_are_listed(read):
+    with pytest.raises(SceneFileError) as caught:
+        read(GOOD + "\n".join(f'[[point]]\nleaf = "{k}"\ns = 1' for k in range(40)))
+    told = str(caught.value).splitlines()
+    assert len(told) == 32 and told[-1] == "  and 10 more." and len(caught.value.mistakes) == 40
+
+
+def test_a_plain_number_in_another_unit_stands_at_the_end_of_the_mistakes(read):
+    text = GOOD.replace('"40 mm"', "40", 1).replace('"30 deg"', '"30 s"').replace('"500 g"', '"500 s"')
+    with pytest.raises(SceneFileError) as caught:
+        read(text)
+    assert str(caught.value).splitlines()[-1] == (
+        "  [section.blade]: width = 40 is 40 m: did you mean '40 mm'?"
+    )
+
+
+@pytest.mark.parametrize(
+    ("text", "unit"),
+    [
+        ("N m", "Nm"), ("N*m", "Nm"), ("N·mm", "Nmm"), ("mN m", "mNm"), ("N mm/rad", "Nmm/rad"), ("kg/m3", "kg/m^3"),
+        ("kg / m³", "kg/m^3"), ("m/s2", "m/s^2"), ("µm", "um"), ("μm", "um"), ("°", "deg"), ("kg·m²", "kg m^2"),
+        ("/K", "1/K"), ("µm/m/K", "um/m/K"), ("mm4", "mm^4"), ("in", "in"), ("m N", None), ("MM", None), ("", None),
+        ("kgm^2", None), ("mm\n", None),
+    ],
+)  # fmt: skip
+def test_units_as_engineers_write_them(text, unit):
+    assert unit_named(text) == unit
+
+
+UNITS = [(dimension, unit) for dimension, units in DIMENSIONS.items() for unit in units]
+
+
+@settings(max_examples=300, deadline=None)
+@given(
+    st.sampled_from(UNITS),
+    st.floats(-1e6, 1e6),
+    st.sampled_from(["", " ", "\t"]),
+    st.sampled_from([repr, "{:.3e}".format]),
+)
+def test_quantities_with_any_unit_are_the_number_times_its_factor(kind, value, space, written):
+    dimension, unit = kind
+    # 0.01/K is a hundredth per kelvin
+    space = space or " " * unit[0].isdigit()
+    found = quantity(f"{written(value)}{space}{unit}", dimension, "x")
+    assert found == float(written(value)) * DIMENSIONS[dimension][unit]
+    others = [d for d in DIMENSIONS if unit not in DIMENSIONS[d]]
+    for other in others:
+        with pytest.raises(SceneError, match=r"is expected, e\.g\. "):
+            quantity(f"{value!r} {unit}", other, "x")
+
+
+def test_everything_with_a_dimension_may_have_a_unit(read):
+    text = GOOD.replace("gravity = [0, -9.81, 0]", 'gravity = [0, "-9810 mm/s^2", 0]')
+    text = text.replace("inertia = [1e-3, 1e-3, 2e-3]", 'inertia = ["1000 kg mm^2", "1e-3 kg m2", 2e-3]')
+    text = text.replace('["40 mm", 0.02]', '["4 cm", "20 mm"]').replace('"3 mNm"', '"3 N mm"')
+    found, plain = read(text)[0].scene(), read(GOOD)[0].scene()
+    assert found.loads == plain.loads and found.gravity == pytest.approx(plain.gravity)
+    assert np.allclose(found.masses[0].inertia, plain.masses[0].inertia, rtol=1e-15)
+    assert found.joints[0].joint.widths == pytest.approx((0.04, 0.02))
+    springs = """
+[[spring]]
+a = "ground"
+b = "arm"
+start = [0, "-10 cm", 0]
+end = [0, "2 inch", 0]
+stiffness = "0.2 N/mm"
+[[turn_spring]]
+a = "ground"
+b = "arm"
+at = [0, 0, 0]
+axis = "z"
+stiffness = "3 N mm/deg"
+[[heat]]
+temperature = "20 K"
+[section.thread]
+kind = "numbers"
+A = "1 mm^2"
+J = "2 mm^4"
+Iy = "1 mm^4"
+Iz = "1e-12 m^4"
+tilt = "30 deg"
+[section.plate]
+kind = "polygon"
+points = [[0, 0], ["1 mm", 0], ["1 mm", "5 mm"], [0, "5 mm"]]
+"""
+    text = text.replace('E = "200 GPa"', 'E = "200 GPa"\nexpansion = "12 um/m/K"')
+    found = read(text.replace("[options]", springs + "[options]"))[0].scene()
+    coil, turning = found.springs
+    assert coil.stiffness == pytest.approx(200) and coil.end[1] == pytest.approx(0.0508)
+    assert turning.stiffness == pytest.approx(3e-3 * 180 / math.pi)
+    assert found.heats[0].temperature == 20 and found.leaves[0].leaf.material.expansion == pytest.approx(
+        12e-6
+    )
 
 
 def test_option_names_are_checked_when_given(read):
@@ -442,6 +621,7 @@ def mechanisms(draw):
     return made
 
 
+@pytest.mark.filterwarnings(f"ignore::{SceneWarning.__module__}.SceneWarning")
 @settings(max_examples=60, deadline=None, suppress_health_check=list(HealthCheck))
 @given(data=st.data())
 def test_any_scene_round_trips(data, tmp_path_factory):

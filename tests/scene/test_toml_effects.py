@@ -9,7 +9,7 @@ from effect_scenes import free_beam
 import ksd
 from ksd.errors import SceneError
 from ksd.scene import toml_schema as schema
-from ksd.scene.toml_table import DIMENSIONS
+from ksd.units import DIMENSIONS
 
 SCENE = """
 name = "all of it"
@@ -244,7 +244,18 @@ def test_missing_matrix_files_are_named(tmp_path):
 
 def test_the_schema_holds_words_of_python_only():
     """Every table is a sentence of `Mechanism`, its keys are words of that, and every kind is one that is read."""
-    kinds = {*DIMENSIONS, "number", "text", "flag", "direction", "any", "material", "section", "joint"}
+    kinds = {
+        *DIMENSIONS,
+        "number",
+        "text",
+        "flag",
+        "direction",
+        "any",
+        "names",
+        "material",
+        "section",
+        "joint",
+    }
     beside = {
         "actuate": {"value"},
         "support": set(),
