@@ -5,9 +5,9 @@ from __future__ import annotations
 import shutil
 import sys
 from pathlib import Path
-from typing import Any
 
 import matplotlib
+from sphinx.application import Sphinx
 
 import ksd
 
@@ -17,6 +17,7 @@ ROOT = HERE.parent
 sys.path.insert(0, str(HERE))
 
 from blocks import show_blocks  # noqa: E402  (beside this file)
+from docstrings import as_rst  # noqa: E402
 from tables import write_tables  # noqa: E402
 
 project = "ksd"
@@ -26,15 +27,18 @@ release = version = ksd.__version__
 extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.mathjax", "sphinx_gallery.gen_gallery"]
 source_suffix = {".md": "markdown", ".rst": "restructuredtext"}
 exclude_patterns = ["_made/scripts", "_made/blocks"]
+default_role = "code"
 html_theme = "furo"
 html_title = "ksd"
 html_show_sphinx = False
 html_copy_source = False
+smartquotes = False
 
 myst_enable_extensions = ["dollarmath", "deflist"]
 myst_heading_anchors = 3
 
 autodoc_typehints = "signature"
+autodoc_type_aliases = {"ArrayLike": "ArrayLike", "Drawn": "Mechanism | Scene | Callable[..., Mechanism]"}
 autodoc_member_order = "bysource"
 autodoc_preserve_defaults = True
 maximum_signature_line_length = 90
@@ -79,6 +83,7 @@ sphinx_gallery_conf = {
 write_tables(HERE / "_made")
 
 
-def setup(app: Any) -> None:
-    """Below every Python block of a page stands what it printed and drew."""
+def setup(app: Sphinx) -> None:
+    """Below every Python block of a page stands what it printed and drew; docstrings become reStructuredText."""
     app.connect("source-read", show_blocks)
+    app.connect("autodoc-process-docstring", as_rst)

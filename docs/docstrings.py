@@ -1,0 +1,47 @@
+"""Docstrings of this package as reStructuredText: plain text in the sources, one line per parameter on the site."""
+
+from __future__ import annotations
+
+import inspect
+import re
+from typing import Any
+
+
+def escape(text: str) -> str:
+    """Text without the characters reStructuredText would read as markup; what stands in backticks stays."""
+    parts = re.split(r"(``[^`]*``|`[^`]*`)", text)
+    plain = [re.sub(r"(?<=\w)_(?!\w)|[*|\\]", r"\\\g<0>", part) for part in parts[::2]]
+    return "".join(a + b for a, b in zip(plain, [*parts[1::2], ""], strict=True))
+
+
+def by_parameter(text: str, names: set[str]) -> list[str]:
+    """Lines of a paragraph, a new item of a list wherever it comes to parameters: "link, at: the point asked about"."""
+    where = [
+        match
+        for match in re.finditer(r"(?:^|(?<=[.;,:] ))(\w+(?:(?:,| or| and|) \w+)*)((?: \[[^\]]*\]| \([^)]*\))*): ", text)
+        if set(re.split(r", | or | and ", match[1])) <= names
+    ]
+    if not where:
+        return [escape(text), ""]
+    ends = [match.start() for match in where[1:]] + [len(text)]
+    lines = [escape(text[: where[0].start()].strip()), ""]
+    for match, end in zip(where, ends, strict=True):
+        lines.append(f"- **{match[1]}**{escape(match[2])}: {escape(text[match.end() : end].strip().rstrip(';'))}")
+    return [*lines, ""]
+
+
+def as_rst(app: Any, what: str, name: str, found: Any, options: Any, lines: list[str]) -> None:
+    """Put the docstring `lines` of a public name into reStructuredText, in place."""
+    try:
+        names = set(inspect.signature(found).parameters)
+    except (TypeError, ValueError):
+        names = set()
+    made: list[str] = []
+    for paragraph in "\n".join(lines).split("\n\n"):
+        if "::" in paragraph or paragraph.startswith("    "):
+            made += [*paragraph.split("\n"), ""]
+            continue
+        text, raised, errors = " ".join(paragraph.split()).partition("Raises ")
+        made += by_parameter(text.strip(), names) if text.strip() else []
+        made += [escape(raised + errors), ""] if raised else []
+    lines[:] = made
