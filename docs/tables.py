@@ -2,9 +2,16 @@
 
 from __future__ import annotations
 
+import argparse
+import inspect
+import re
 from pathlib import Path
 
+from docstrings import items
+
 import ksd
+from ksd.cli.commands import parser
+from ksd.scene import toml_schema as schema
 
 RESULTS = Path(__file__).resolve().parents[1] / "benchmarks" / "results"
 
@@ -30,7 +37,10 @@ REFERENCE = {
         "sweep Table batch Batch gradient Gradient Job optimise Optimum pareto Front choose Choice tolerance Tolerance "
         "frequency_curve state_space SweepInterrupted",
     ),
-    "Joint database": ("Training and reading joint records.", "train Design Parameter Record find_record read_result"),
+    "Joint database": (
+        "Training and reading joint records.",
+        "train Design Parameter Record find_record read_result",
+    ),
     "Errors": (
         "What is raised, each with one sentence that says what to do.",
         "KsdError SceneError RangeError RecordError KinematicsError ConvergenceError TrustError",
@@ -54,7 +64,10 @@ def directive(name: str) -> str:
 def reference(folder: Path) -> None:
     """A page for every group of public names; a public name without a page stops the build."""
     named = {name for _, names in REFERENCE.values() for name in names.split()}
-    if missing := {name for name in ksd.__all__ if not hasattr(ksd, name) or name not in named} - {"errors", "units"}:
+    if missing := {name for name in ksd.__all__ if not hasattr(ksd, name) or name not in named} - {
+        "errors",
+        "units",
+    }:
         raise ValueError(f"docs/tables.py has no page for {', '.join(sorted(missing))}")
     folder.mkdir(exist_ok=True)
     pages = []
@@ -67,7 +80,85 @@ def reference(folder: Path) -> None:
     (folder / "index.rst").write_text(f"Reference\n=========\n\n.. toctree::\n\n{listed}\n")
 
 
+def command_line(folder: Path) -> None:
+    """The help of every command."""
+    words = parser(ksd.__version__)
+    words.prog = "ksd"
+    commands = next(a.choices for a in words._actions if isinstance(a, argparse._SubParsersAction))
+    lines = []
+    for name, command in commands.items():
+        command.prog = f"ksd {name}"
+        lines += [f"## ksd {name}", "", "```text", command.format_help().rstrip(), "```", ""]
+    (folder / "commands.md").write_text("\n".join(lines))
+
+
+KINDS = {
+    "length": "length", "angle": "angle", "stress": "stress", "number": "number", "text": "text", "flag": "true or false",
+    "direction": '`"x"`, `"-z"` or three numbers', "material": "name of a material", "section": "name of a section",
+    "joint": "name of a joint", "any": "see the meaning",
+}  # fmt: skip
+"""What a kind of `ksd.scene.toml_schema` is called."""
+
+
+def kind_of(kind: str) -> str:
+    """A kind of the schema in words: "length[3]!" is "3 x length, required"."""
+    name, _, size = kind.removesuffix("!").partition("[")
+    size = size.removesuffix("]")
+    many = f"{size} x " if size else "one or a list: " if kind.removesuffix("!").endswith("[]") else ""
+    return many + KINDS.get(name, name) + (", **required**" if kind.endswith("!") else "")
+
+
+def keys(title: str, table: schema.Schema, *sources: object) -> list[str]:
+    """A table of the keys of a table of a scene file, with what the docstrings of `sources` say of them."""
+    meaning: dict[str, str] = {}
+    for source in sources:
+        names = set(table) | set(inspect.signature(source).parameters)  # type: ignore[arg-type]
+        meaning = dict(items(inspect.getdoc(source) or "", names)) | meaning
+    rows = [
+        f"| `{key}` | {kind_of(kind)} | {meaning.get(key, '').replace('|', '/')} |"
+        for key, kind in table.items()
+    ]
+    return [f"### {title}", "", "| key | kind | meaning |", "|---|---|---|", *rows, ""]
+
+
+def scene_format(folder: Path) -> None:
+    """Every table of a scene file with its keys, from the schema that reads it."""
+    lines = keys("Top of the file", schema.TOP, ksd.Mechanism)
+    lines += keys("[material.NAME]", schema.MATERIAL, ksd.Material)
+    for kind, table in schema.SECTIONS.items():
+        lines += keys(f'[section.NAME], kind = "{kind}"', table, getattr(ksd, kind))
+    for word, table in schema.SENTENCES.items():
+        method = getattr(ksd.Mechanism, word)
+        more = (
+            [ksd.Leaf] if word in ("leaf", "wire") else [ksd.Mechanism.actuate] if word == "support" else []
+        )
+        lines += keys(f"[[{word}]]", table, method, *more)
+    for name, family in sorted(ksd.joint_families().items()):
+        lines += keys(f'[joint.NAME], family = "{name}"', schema.of_family(family), family)
+    (folder / "scene_tables.md").write_text("\n".join(lines))
+
+
+def measured(folder: Path) -> None:
+    """The result tables of the benchmarks, as they were written."""
+    folder.mkdir(exist_ok=True)
+    for path in sorted(RESULTS.glob("*.md")):
+        text = path.read_text()
+        if not text.startswith("# "):
+            text = f"# {path.stem.replace('_', ' ').capitalize()}\n\n" + re.sub(
+                "^###", "##", text, flags=re.M
+            )
+        (folder / path.name).write_text(text)
+    names = "\n".join(path.stem for path in sorted(RESULTS.glob("*.md")))
+    (folder / "index.md").write_text(
+        "# Measured\n\nTables written by the scripts in `benchmarks/`, each with its date and machine.\n\n"
+        f"```{{toctree}}\n:maxdepth: 1\n\n{names}\n```\n"
+    )
+
+
 def write_tables(folder: Path) -> None:
     """Write the pages of `folder` that are made when the site is built."""
     folder.mkdir(exist_ok=True)
+    command_line(folder)
+    scene_format(folder)
+    measured(folder / "measured")
     reference(folder / "reference")
