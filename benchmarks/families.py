@@ -29,8 +29,8 @@ from ksd.solve.conventional import conventional
 from ksd.train.catalogue import ENTRIES
 from ksd.train.designs import design_of
 from ksd.train.portrait import ORIGINS, TYPICAL, counted
+from ksd.view import plot_mechanism
 from ksd.view.figure import new_figure
-from ksd.view.flat import plot_mechanism
 
 SIZES = 1.5
 """Largest factor of a size that a record does not depend on."""
@@ -256,23 +256,6 @@ def constraint_table(found: dict[str, dict[str, Any]]) -> str:
     return "\n".join(lines) + "\n"
 
 
-def thick(axes: Any, pose: ksd.Configuration) -> None:
-    """The outline of leaf springs whose thickness varies, to scale: the hinge cut into a block."""
-    for leaf in pose.shape(points=61).leaves:
-        if np.ptp(leaf.thickness) > 0.0:
-            for line, turned, look in (
-                (
-                    leaf.rest,
-                    leaf.rest_axes,
-                    {"facecolor": "#dfe2e8", "edgecolor": "#8a90a0", "linestyle": "--"},
-                ),
-                (leaf.place, leaf.axes, {"facecolor": "#f3d2c1", "edgecolor": "#c2410c", "alpha": 0.75}),
-            ):
-                half = 0.5 * leaf.thickness[:, None] * turned[:, :, 1]
-                ring = 1e3 * np.concatenate([line + half, (line - half)[::-1]])
-                axes.fill(ring[:, 0], ring[:, 1], linewidth=1.2, zorder=4, **look)
-
-
 def gallery(names: Sequence[str]) -> Any:
     """All families, at rest and at 0.8 of their first motion, and the flexible constraints."""
     columns = 5
@@ -286,8 +269,7 @@ def gallery(names: Sequence[str]) -> Any:
     figure = new_figure(2.9 * columns, 2.9 * rows)
     axes = figure.subplots(rows, columns, squeeze=False)
     for place, (title, state) in zip(axes.flat, panels, strict=False):
-        plot_mechanism(state, plane="xy", axes=place, labels=False, title=title)
-        thick(place, state)
+        plot_mechanism(state, axes=place, labels=False, title=title)
         place.margins(0.12)
         place.autoscale()
         place.set_axis_off()

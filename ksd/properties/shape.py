@@ -15,7 +15,7 @@ from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from ksd.beam.strain_values import masses_beyond
 from ksd.beam.strain_walk import walk
@@ -23,6 +23,7 @@ from ksd.model.arrays import COROTATIONAL, SOLID, STRAIN, Motion
 from ksd.model.compile import Model
 from ksd.model.leaves import leaf_of
 from ksd.properties.cache import per_model
+from ksd.scene.effects import Spring
 from ksd.scene.joint import leaves_of
 
 Array = NDArray[np.float64]
@@ -53,13 +54,16 @@ class LeafShape:
 class BlockShape:
     """A rigid block (link, ground, or block inside a joint): where leaf springs are clamped and drives act on it.
 
-    rest, place (k, 3): global positions [m]; owner (k,): name of the joint or leaf each point belongs to.
+    rest, place (k, 3): global positions [m]; owner (k,): name of the joint or leaf each point belongs to. leaf,
+    station (k,): which leaf of the shape ends there and with which station (0 or -1); leaf -1 where none does.
     """
 
     name: str
     rest: Array
     place: Array
     owner: tuple[str, ...]
+    leaf: NDArray[np.int64]
+    station: NDArray[np.int64]
 
 
 @dataclass(frozen=True)
@@ -85,6 +89,24 @@ class HingeShape:
 
 
 @dataclass(frozen=True)
+class LoadShape:
+    """A load, kind "force" [N], "moment" [Nm] or "mass" [kg]: where it acts (3,) [m], its value (3,), of a mass (1,)."""
+
+    name: str
+    kind: str
+    place: Array
+    value: Array
+
+
+@dataclass(frozen=True)
+class SpringShape:
+    """A coil spring, ends (2, 3) [m] now, or a torsion spring, ends (1, 3)."""
+
+    name: str
+    ends: Array
+
+
+@dataclass(frozen=True)
 class Shape:
     """All there is to draw of a configuration; leaf springs and blocks in the order of the model."""
 
@@ -92,6 +114,8 @@ class Shape:
     blocks: tuple[BlockShape, ...]
     driven: tuple[DrivenPoint, ...]
     hinges: tuple[HingeShape, ...] = ()
+    loads: tuple[LoadShape, ...] = ()
+    springs: tuple[SpringShape, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -378,7 +402,7 @@ def _driven(model: Model, motion: Motion) -> tuple[DrivenPoint, ...]:
         if term.kind == "rotation" and not rest.any():
             # said without a place: it turns the whole link
             rest = model.rest.x[node]
-        place = motion.x[node] + motion.R[node] @ (rest - model.rest.x[node])
+        place = moved(model, motion, node, rest)
         along = motion.R[index[term.base]] @ np.asarray(term.direction, float)
         found.append(DrivenPoint(drive.name, term.kind, rest, place, along))
     return tuple(found)
@@ -386,32 +410,29 @@ def _driven(model: Model, motion: Motion) -> tuple[DrivenPoint, ...]:
 
 def _blocks(model: Model, motion: Motion) -> tuple[BlockShape, ...]:
     members, leaves = model.arrays.members, members_of_leaves(model)
-    points: list[list[Array]] = [[] for _ in model.node_names]
-    owner: list[list[str]] = [[] for _ in model.node_names]
-    for name, parts in leaves.items():
+    # of every block: arms, owners, leaf and station of what is clamped to it
+    found: list[list[tuple[Array, str, int, int]]] = [[] for _ in model.node_names]
+    for k, (name, parts) in enumerate(leaves.items()):
         for i, end in ((parts[0], 0), (parts[-1], 1)):
-            node = int(members.node[i, end])
-            points[node].append(members.offset[i, end])
-            owner[node].append(name.rsplit("/", 1)[0])
+            clamped = (members.offset[i, end], name.rsplit("/", 1)[0], k, -end)
+            found[int(members.node[i, end])].append(clamped)
     index = {link: i for i, link in enumerate(model.scene.links)}
     for hinge in model.scene.hinges:
         for node in {index[hinge.a], index[hinge.b]} - ({0} if hinge.kind == "slider" else set()):
-            points[node].append(np.asarray(hinge.at) - model.rest.x[node])
-            owner[node].append(hinge.name)
+            found[node].append((np.asarray(hinge.at) - model.rest.x[node], hinge.name, -1, 0))
     for drive in model.scene.drives:
         for term in drive.terms:
             if term.kind == "translation":
-                points[index[term.link]].append(
-                    np.asarray(term.point, float) - model.rest.x[index[term.link]]
-                )
-                owner[index[term.link]].append(drive.name)
-    found = []
+                arm = np.asarray(term.point, float) - model.rest.x[index[term.link]]
+                found[index[term.link]].append((arm, drive.name, -1, 0))
+    blocks = []
     for node, name in enumerate(model.node_names):
-        if points[node]:
-            arms = np.array(points[node])
-            place = motion.x[node] + arms @ motion.R[node].T
-            found.append(BlockShape(name, model.rest.x[node] + arms, place, tuple(owner[node])))
-    return tuple(found)
+        if found[node]:
+            arms, owner, leaf, station = zip(*found[node], strict=True)
+            place = motion.x[node] + np.array(arms) @ motion.R[node].T
+            rest = model.rest.x[node] + np.array(arms)
+            blocks.append(BlockShape(name, rest, place, owner, np.array(leaf), np.array(station)))
+    return tuple(blocks)
 
 
 def _hinges(model: Model, motion: Motion) -> tuple[HingeShape, ...]:
@@ -419,12 +440,51 @@ def _hinges(model: Model, motion: Motion) -> tuple[HingeShape, ...]:
     found = []
     for hinge in model.scene.hinges:
         a, b, rest = index[hinge.a], index[hinge.b], np.asarray(hinge.at)
-        place = motion.x[b] + motion.R[b] @ (rest - model.rest.x[b])
+        place = moved(model, motion, b, rest)
         found.append(HingeShape(hinge.name, hinge.kind, rest, place, motion.R[a] @ np.asarray(hinge.axis)))
     return tuple(found)
 
 
-def mechanism_shape(model: Model, motion: Motion, *, points: int = POINTS) -> Shape:
-    """Leaf springs at `points` stations or more, blocks and driven points of `model` at `motion`."""
+def _loads(model: Model, motion: Motion, *, factor: float) -> tuple[LoadShape, ...]:
+    """Forces and moments, `factor` times those of the scene, and rigid masses."""
+    index, found = {link: i for i, link in enumerate(model.scene.links)}, []
+    for load in model.scene.loads:
+        node = index[load.link]
+        turned = factor * (motion.R[node] if load.following else np.eye(3))
+        for kind in ("force", "moment"):
+            value = np.asarray(getattr(load, kind))
+            if value.any():
+                found.append(LoadShape(load.name, kind, moved(model, motion, node, load.at), turned @ value))
+    for mass in model.scene.masses:
+        place = moved(model, motion, index[mass.link], mass.at)
+        found.append(LoadShape(mass.link, "mass", place, np.array([mass.mass])))
+    return tuple(found)
+
+
+def _springs(model: Model, motion: Motion) -> tuple[SpringShape, ...]:
+    index, found = {link: i for i, link in enumerate(model.scene.links)}, []
+    for spring in model.scene.springs:
+        ends = (
+            ((spring.a, spring.start), (spring.b, spring.end))
+            if isinstance(spring, Spring)
+            else ((spring.b, spring.at),)
+        )
+        places = [moved(model, motion, index[link], at) for link, at in ends]
+        found.append(SpringShape(spring.name, np.array(places)))
+    return tuple(found)
+
+
+def moved(model: Model, motion: Motion, node: int, at: ArrayLike) -> Array:
+    """Where the point at (3,) [m] at rest of a node is now (3,)."""
+    arm = np.asarray(at, float) - model.rest.x[node]
+    place: Array = motion.x[node] + motion.R[node] @ arm
+    return place
+
+
+def mechanism_shape(model: Model, motion: Motion, *, points: int = POINTS, load_factor: float = 1.0) -> Shape:
+    """Leaf springs at `points` stations or more, blocks, driven points, hinges, loads and springs of `model` at `motion`."""
     leaves = tuple(_leaf_shape(model, motion, n, m, points) for n, m in members_of_leaves(model).items())
-    return Shape(leaves, _blocks(model, motion), _driven(model, motion), _hinges(model, motion))
+    return Shape(
+        leaves, _blocks(model, motion), _driven(model, motion), _hinges(model, motion),
+        _loads(model, motion, factor=load_factor), _springs(model, motion),
+    )  # fmt: skip

@@ -44,6 +44,7 @@ from ksd.solve.steps import FAST, ErrorEstimate, FiveStepRecord, JointMotions, S
 from ksd.solve.validity import Validity, validity
 from ksd.solve.verdict import Trust, judge
 from ksd.view import plot_mechanism, save_figure, show_mechanism, write_vtu
+from ksd.view.camera import View
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -498,7 +499,7 @@ class Configuration:
 
     def shape(self, *, points: int = 25) -> Shape:
         """Centrelines [m] of all leaves at `points` stations or more, outlines of all links, and driven points, global."""
-        return mechanism_shape(*self.insides, points=points)
+        return mechanism_shape(*self.insides, points=points, load_factor=self.load_factor)
 
     def as_dict(self) -> dict[str, Any]:
         """Every number of the tables and more, units in the keys; layout in `ksd.solve.answer.SCHEMA`."""
@@ -509,7 +510,7 @@ class Configuration:
         path: str | os.PathLike[str] | None = None,
         *,
         axes: Axes | None = None,
-        plane: Literal["xy", "xz", "yz"] | None = None,
+        view: View | None = None,
         labels: bool = True,
         title: str | None = None,
         color: Literal["stress"] | None = None,
@@ -517,11 +518,12 @@ class Configuration:
         """Matplotlib figure of the deformed over the undeformed mechanism, written to `path` (.png, .pdf, .svg ...) if
         given.
 
-        axes: drawn into these, a new figure when None. plane: the widest when None. labels: names of links and drives,
-        with values and forces. color: "stress" colours the leaves by von Mises stress. Raises SceneError for an unknown
-        plane, colour or file type.
+        axes: drawn into these, a new figure when None. view: "xy", "xz" or "yz" onto a coordinate plane, "3d" in space,
+        or the azimuth and elevation of the eye [deg]; its plane for a planar mechanism, "3d" for others when None. labels:
+        names of links, drives and loads, with values and forces. color: "stress" colours the leaves by von Mises stress.
+        Raises SceneError for an unknown view, colour or file type.
         """
-        figure = plot_mechanism(self, axes=axes, plane=plane, labels=labels, title=title, color=color)
+        figure = plot_mechanism(self, axes=axes, view=view, labels=labels, title=title, color=color)
         return figure if path is None else save_figure(figure, path)
 
     def view(self, path: str | os.PathLike[str] | None = None) -> Path | None:

@@ -7,8 +7,7 @@ matplotlib is imported on first use. Figures are made without pyplot, so they ne
 
 from ksd.view.animate import animate_mode, animate_stroke
 from ksd.view.figure import save_figure
-from ksd.view.flat import plot_mechanism
-from ksd.view.solid import plot_mechanism_3d
+from ksd.view.mechanism import plot_mechanism
 from ksd.view.strokes import plot_stroke
 from ksd.view.vtk import write_pvd, write_vtu
 from ksd.view.window import show_mechanism
@@ -17,7 +16,6 @@ __all__ = [
     "animate_mode",
     "animate_stroke",
     "plot_mechanism",
-    "plot_mechanism_3d",
     "plot_stroke",
     "save_figure",
     "show_mechanism",

@@ -7,14 +7,16 @@ import os
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ksd.errors import SceneError
 from ksd.files import check_target, write_file
+from ksd.view.bodies import ribbon
+from ksd.view.camera import Camera, View, camera_of
 from ksd.view.figure import new_figure, without_formulas
-from ksd.view.flat import best_plane, plot_mechanism
+from ksd.view.mechanism import plane_seen, plot_mechanism
 
 if TYPE_CHECKING:
     from ksd.properties.frequencies import Modes
@@ -25,21 +27,21 @@ def animate_stroke(
     configurations: Sequence[Configuration],
     path: str | os.PathLike[str],
     *,
-    plane: Literal["xy", "xz", "yz"] | None = None,
+    view: View | None = None,
     frames_per_second: int = 12,
     back: bool = True,
     dpi: int = 80,
 ) -> Path:
     """Write the `configurations` of one mechanism as an animated GIF, forth and (with `back`) back again.
 
-    plane: as in `plot_mechanism`, the widest of the last configuration when None. Returns the path. Raises SceneError
-    for no configurations, another file type than .gif, or a folder that does not exist.
+    view: as in `plot_mechanism`. Returns the path. Raises SceneError for no configurations, another
+    file type than .gif, or a folder that does not exist.
     """
     target = _target(path)
     if not configurations:
         raise SceneError(f"animation '{target}': there are no configurations to show")
     order = [*configurations, *(configurations[-2:0:-1] if back else ())]
-    return _written(order, target, plane=plane, fps=frames_per_second, dpi=dpi)
+    return _written(order, target, view=view, fps=frames_per_second, dpi=dpi)
 
 
 def animate_mode(
@@ -49,7 +51,7 @@ def animate_mode(
     mode: int | str = 1,
     modes: Modes | None = None,
     amplitude: float = 0.08,
-    plane: Literal["xy", "xz", "yz"] | None = None,
+    view: View | None = None,
     frames: int = 24,
     dpi: int = 80,
 ) -> Path:
@@ -57,24 +59,23 @@ def animate_mode(
 
     mode: its number, from 1, in the table that `modes` prints (`pose.frequencies()` with all drives let go when None), or
     its name there ("intended", "parasitic_1", see `Modes.names`). amplitude: largest displacement over the size of the
-    mechanism, for the eye only. plane: as in `plot_mechanism`, where the mode moves most when None. Returns the path.
-    Raises SceneError as `animate_stroke`, and for a mode that is not there.
+    mechanism, for the eye only. view: as in `plot_mechanism`, in space where a planar one leaves its plane. Returns the
+    path. Raises SceneError as `animate_stroke`, and for a mode that is not there.
     """
     target = _target(path)
     found = pose.frequencies(freed=pose.model.drive_names) if modes is None else modes
     row = _row(found, mode)
     moved = np.abs(found.shape[row, :, :3])
     unit = amplitude * float(found.model.arrays.size) / max(float(moved.max()), 1e-300)
-    if plane is None:
-        most = moved.max(axis=0)
-        plane = (
-            best_plane(pose.shape()) if most[2] < most[:2].max() else ("xz" if most[0] >= most[1] else "yz")
-        )
+    plane = plane_seen(pose)
+    if plane is not None:
+        across = "xyz".index(({*"xyz"} - {*plane}).pop())
+        view = view or ("3d" if moved.max(axis=0).argmax() == across else plane)  # type: ignore[assignment]
     swing = np.sin(2 * np.pi * np.arange(frames) / frames)
     still = replace(pose, model=found.model, chosen=False)
     order = [replace(still, motion=found.moved(row, unit * float(s))) for s in swing]
     title = f"mode {row + 1}, {found.names[row]}: {found.frequency_Hz[row]:.4g} Hz, amplitude for the eye"
-    return _written(order, target, plane=plane, fps=frames, dpi=dpi, title=title)
+    return _written(order, target, view=view, fps=frames, dpi=dpi, title=title)
 
 
 def _row(modes: Any, mode: int | str) -> int:
@@ -101,7 +102,7 @@ def _written(
     order: Sequence[Any],
     target: Path,
     *,
-    plane: Literal["xy", "xz", "yz"] | None,
+    view: View | None,
     fps: int,
     dpi: int,
     title: str | None = None,
@@ -110,9 +111,9 @@ def _written(
     from PIL import Image
 
     shapes = [c.shape() for c in order]
-    plane = plane or best_plane(shapes[len(shapes) // 2])
-    pick = ["xyz".index(a) for a in plane]
-    low, high = _window(shapes, pick)
+    # one eye for all frames
+    camera = camera_of(shapes[len(shapes) // 2], view, plane=plane_seen(order[0]))
+    low, high = _window(shapes, camera)
     wide, tall = high - low
     figure = new_figure(7.0, float(np.clip(6.2 * tall / wide + 0.9, 2.8, 7.0)), dpi=dpi)
     axes = figure.add_subplot()
@@ -121,7 +122,7 @@ def _written(
     for c in order:
         axes.clear()
         said: dict[str, Any] = {} if title is None else {"title": title, "labels": False}
-        plot_mechanism(c, axes=axes, plane=plane, **said)
+        plot_mechanism(c, axes=axes, view=camera, **said)
         axes.set_xlim(low[0], high[0])
         axes.set_ylim(low[1], high[1])
         without_formulas(figure)
@@ -133,11 +134,11 @@ def _written(
     return write_file(target, content.getvalue(), what="animation")
 
 
-def _window(shapes: Sequence[Any], pick: list[int]) -> tuple[np.ndarray, np.ndarray]:
+def _window(shapes: Sequence[Any], camera: Camera) -> tuple[np.ndarray, np.ndarray]:
     """Lower and upper corner [mm] of a window that holds every frame, with room for the labels."""
-    points = np.concatenate([p for s in shapes for leaf in s.leaves for p in (leaf.rest, leaf.place)])[
-        :, pick
-    ]
-    low, high = 1e3 * points.min(axis=0), 1e3 * points.max(axis=0)
+    every = [p for s in shapes for b in s.blocks for p in (b.rest, b.place)]
+    every += [p for s in shapes for leaf in s.leaves for p in ribbon(leaf.place, leaf.axes, leaf.width)]
+    points = camera.flat(np.concatenate(every))
+    low, high = points.min(axis=0), points.max(axis=0)
     room = np.maximum(0.14 * (high - low), 0.05 * float((high - low).max()))
     return low - room, high + room * np.array([2.2, 1.0])

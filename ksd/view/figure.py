@@ -22,9 +22,12 @@ FAINT = "#9aa3b2"
 REST = "#c3c9d4"
 LEAF = "#c2410c"
 DRIVE = "#b91c1c"
+LOAD = "#0f6674"
 GROUND = "#4b5563"
 LINKS = ("#5b8db8", "#6a9f58", "#9a7bb5", "#b8925b", "#4fa3a0", "#b8657f")
 """Links take these in turn; leaf springs share one colour so that they stand out."""
+BACKING = {"boxstyle": "round,pad=0.15", "fc": "white", "ec": "none", "alpha": 0.75}
+"""Behind the words in a picture of a mechanism."""
 
 
 def new_figure(width: float, height: float, *, dpi: int = 150) -> Figure:
@@ -72,6 +75,21 @@ def without_formulas(figure: Any) -> Any:
         if "$" in text.get_text() and "\\mathdefault" not in text.get_text():
             text.set_parse_math(False)
     return figure
+
+
+def mixed(color: str, white: float) -> str:
+    """A colour "#rrggbb" with a share of white in it, of black where negative."""
+    share, other = abs(white), 255.0 if white > 0 else 0.0
+    parts = (int(color[k : k + 2], 16) for k in (1, 3, 5))
+    return "#" + "".join(f"{round((1.0 - share) * part + share * other):02x}" for part in parts)
+
+
+def color_map() -> Any:
+    """The one colour map of all pictures: light for little, dark for much; its lightest end, lost on white, is left out."""
+    from matplotlib import colormaps
+    from matplotlib.colors import ListedColormap
+
+    return ListedColormap(colormaps["inferno_r"](np.linspace(0.1, 0.95, 256)), name="light to dark")
 
 
 def hull(points: Array) -> Array:

@@ -7,12 +7,10 @@ from typing import Any
 import numpy as np
 
 from ksd.errors import SceneError
-from ksd.view.figure import Array
+from ksd.view.figure import Array, color_map
 
 COLORS = ("stress",)
 LABEL = "von Mises stress [MPa]"
-_FIRST, _LAST = 0.0, 0.9
-"""Part of the colour map used: its lightest end is lost on white."""
 
 
 def stress_along(configuration: Any, shape: Any) -> dict[str, Array]:
@@ -28,13 +26,12 @@ class Heat:
     """Stress of every leaf [MPa] by name, `values`, and the colours it has."""
 
     def __init__(self, configuration: Any, shape: Any) -> None:
-        from matplotlib import colormaps
-        from matplotlib.colors import ListedColormap, Normalize
+        from matplotlib.colors import Normalize
 
         self.values = stress_along(configuration, shape)
         most = max(float(v.max()) for v in self.values.values())
         self.norm = Normalize(0.0, most or 1.0)
-        self.map = ListedColormap(colormaps["plasma"](np.linspace(_FIRST, _LAST, 256)))
+        self.map = color_map()
 
     def between(self, name: str) -> Array:
         """Colours (k-1, 4) of a leaf between its k stations."""

@@ -11,10 +11,14 @@ from ksd.view.figure import Array, without_formulas
 if TYPE_CHECKING:
     from matplotlib.transforms import Bbox
 
+FIXED = "fixed"
+"""What words that are not to be moved are marked by (matplotlib's gid)."""
 _FAR = (12.0, 22.0, 34.0, 48.0, 64.0, 84.0, 112.0)
 """Distances tried, in points, from the place a label was given."""
 _WAYS = np.array([(0, 1), (0, -1), (1, 0), (-1, 0), (1, 1), (-1, -1), (1, -1), (-1, 1)], float)
 _MOVES = np.concatenate([np.zeros((1, 2)), *(far * _WAYS for far in _FAR)])
+_LED = 18.0
+"""Distance, in points, from which a line leads to a label."""
 _CROSSED, _MOVED = 0.03, 2e-3
 """Cost, in label areas, of a point of a leaf that is covered, and of each point of distance."""
 
@@ -23,7 +27,8 @@ def part_labels(axes: Any, keep_off: Array, avoid: Array) -> None:
     """Move the labels of `axes` in turn to the best place about them. keep_off, avoid (n, 2): points in data coordinates
     that no label may cover, and that labels had better not cover."""
     figure = axes.figure
-    labels = [text for text in axes.texts if text.get_text()]
+    said = [text for text in axes.texts if text.get_text()]
+    labels = [text for text in said if text.get_gid() != FIXED]
     for text in labels:
         # the picture must not shrink to make room for a label that will be moved
         text.set_in_layout(False)
@@ -31,7 +36,7 @@ def part_labels(axes: Any, keep_off: Array, avoid: Array) -> None:
     figure.set_layout_engine("none")
     renderer, scale = figure.canvas.get_renderer(), figure.dpi / 72
     marks, lines = (axes.transData.transform(np.reshape(p, (-1, 2))) for p in (keep_off, avoid))
-    taken: list[Bbox] = []
+    taken: list[Bbox] = [text.get_window_extent(renderer) for text in said if text not in labels]
     for text in labels:
         box = text.get_window_extent(renderer)
         boxes = [box.translated(*(scale * move)) for move in _MOVES]
@@ -45,6 +50,18 @@ def part_labels(axes: Any, keep_off: Array, avoid: Array) -> None:
         best = int(np.argmin(costs))
         text.set_position(tuple(np.array(text.get_position(), float) + _MOVES[best]))
         taken.append(boxes[best])
+        _lead(axes, text, boxes[best], far=_LED * scale)
+
+
+def _lead(axes: Any, text: Any, box: Bbox, *, far: float) -> None:
+    """A fine line to a label from what it names, where that is more than `far` pixels off."""
+    start = axes.transData.transform(text.xy)
+    end = np.clip(start, box.min, box.max)
+    if np.linalg.norm(end - start) > far:
+        line = axes.transData.inverted().transform(np.stack([start, end]))
+        axes.plot(
+            *line.T, color=text.get_color(), linewidth=0.5, alpha=0.6, zorder=5, scalex=False, scaley=False
+        )
 
 
 def _lost(box: Bbox, taken: list[Bbox], frame: Bbox) -> float:

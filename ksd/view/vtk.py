@@ -17,9 +17,9 @@ import numpy as np
 
 from ksd.errors import SceneError
 from ksd.files import write_file
+from ksd.view.bodies import ribbon
 from ksd.view.figure import Array
 from ksd.view.heat import stress_along
-from ksd.view.solid import ribbon
 
 if TYPE_CHECKING:
     from ksd.solve.configuration import Configuration

@@ -11,9 +11,9 @@ import numpy as np
 
 from ksd.errors import SceneError
 from ksd.files import write_file
-from ksd.view.figure import GROUND, INK, REST, check_picture
+from ksd.view.bodies import THICK, Polygon, block_colors, body, pads, parts, ribbon, size_of
+from ksd.view.figure import INK, REST, Array, check_picture, color_map, mixed
 from ksd.view.heat import LABEL
-from ksd.view.solid import ribbon
 from ksd.view.vtk import collect
 
 if TYPE_CHECKING:
@@ -24,7 +24,7 @@ FLAT = 0.5
 
 
 def show_mechanism(configuration: Configuration, path: str | os.PathLike[str] | None = None) -> Path | None:
-    """Show leaf springs coloured by von Mises stress, blocks as lines, and the undeformed leaf springs in grey.
+    """Show leaf springs coloured by von Mises stress, links and ground as bodies, and the undeformed leaf springs in grey.
 
     path: a .png rendered off-screen in place of a window; returned. Raises SceneError where pyvista is not installed,
     and for another file type.
@@ -55,7 +55,7 @@ def show_mechanism(configuration: Configuration, path: str | os.PathLike[str] | 
 
 
 def _deformed(pyvista: Any, plotter: Any, configuration: Any) -> None:
-    """Leaf springs in the colours of their stress, blocks as lines."""
+    """Leaf springs in the colours of their stress, blocks as bodies."""
     grid = collect(configuration)
     cells = np.concatenate([np.concatenate([[len(c)], c]) for c in grid.cells])
     mesh = pyvista.UnstructuredGrid(cells, np.array(grid.kinds), 1e3 * np.concatenate(grid.points))
@@ -76,12 +76,25 @@ def _deformed(pyvista: Any, plotter: Any, configuration: Any) -> None:
     plotter.add_mesh(
         mesh.extract_cells(~rigid),
         scalars=LABEL,
-        cmap="plasma",
+        cmap=color_map(),
         clim=scale,
         lighting=False,
         scalar_bar_args=bar,
     )
-    plotter.add_mesh(mesh.extract_cells(rigid), color=GROUND, line_width=4, scalars=None)
+    shape = configuration.shape()
+    size, colors = size_of(shape), block_colors(shape)
+    for block in shape.blocks:
+        for points in parts(block, pads(shape, block), size):
+            faces = [p for p in body(points, THICK * size, "", edge="") if len(p.corners) == 3]
+            corners = 1e3 * np.concatenate([_outward(p) for p in faces])
+            cells = np.insert(np.arange(len(corners)).reshape(-1, 3), 0, 3, axis=1)
+            plotter.add_mesh(pyvista.PolyData(corners, cells), color=mixed(colors[block.name], 0.45))
+
+
+def _outward(polygon: Polygon) -> Array:
+    """Corners (3, 3) of a triangle, counterclockwise seen from outside."""
+    a, b, c = polygon.corners
+    return polygon.corners if np.cross(b - a, c - a) @ polygon.normal > 0.0 else polygon.corners[::-1]
 
 
 def _rest(plotter: Any, configuration: Any) -> None:

@@ -254,7 +254,7 @@ def test_pictures(tmp_path):
         if line.get_marker() == "o" and np.allclose(line.get_xdata(), 1e3 * turned[0])
     )
     assert np.allclose(pin.get_ydata(), 1e3 * turned[1])
-    assert ksd.view.plot_mechanism_3d(found)
+    assert ksd.view.plot_mechanism(found, view="3d")
 
 
 def refused(call):

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from matplotlib.collections import LineCollection
+from matplotlib.colors import to_hex
 from PIL import Image
 from scenes import fourbar, single_joint
 
@@ -18,10 +18,13 @@ from ksd.errors import SceneError
 from ksd.model.compile import compile_scene
 from ksd.model.leaves import Mesh
 from ksd.solve.conventional import conventional
-from ksd.view import plot_mechanism, plot_mechanism_3d, save_figure, write_pvd
+from ksd.view import plot_mechanism, write_pvd
+from ksd.view.bodies import THICK, Polygon, body, hatches, pads, parts, size_of
+from ksd.view.camera import camera_of
 from ksd.view.compare import Mark, plot_cost
-from ksd.view.figure import hull, new_figure
+from ksd.view.figure import color_map, hull, new_figure
 from ksd.view.heat import heat_of
+from ksd.view.mechanism import paint
 
 SCENES = Path(ksd.__file__).parent / "scenes"
 
@@ -87,16 +90,95 @@ def test_other_formats(bent, tmp_path, kind):
     assert (tmp_path / f"a.{kind}").stat().st_size > 1000
 
 
-def test_solid_picture(bent, tmp_path):
-    save_figure(plot_mechanism_3d(bent), tmp_path / "solid.png")
-    assert (tmp_path / "solid.png").stat().st_size > 10000
+def painted(figure):
+    """Corners (k, 2) [mm] and colours of all polygons of the bodies, from back to front."""
+    (found,) = (c for c in figure.axes[0].collections if c.get_gid() == "bodies")
+    return [path.vertices[:-1] for path in found.get_paths()], found.get_facecolors()
 
 
-def test_a_chosen_plane(bent):
-    figure = plot_mechanism(bent, plane="xz", labels=False)
-    assert figure.axes[0].get_ylabel() == "z [mm]" and not [t for t in texts(figure) if t]
-    with pytest.raises(SceneError, match="plane"):
-        plot_mechanism(bent, plane="zz")
+def test_a_view_in_space(bent):
+    """Along the eye nothing is seen, across it everything at its length: the drive's arrow, 300 mm along x."""
+    figure = plot_mechanism(bent, view=(-90, 0))
+    assert not figure.axes[0].axison
+    corners = np.concatenate(painted(figure)[0])
+    shape = bent.shape()
+    x = 1e3 * np.concatenate([leaf.place[:, 0] for leaf in shape.leaves])
+    thick = 1e3 * 2 * THICK * size_of(shape)
+    assert corners[:, 0].min() == pytest.approx(x.min(), abs=thick)
+    assert corners[:, 0].max() == pytest.approx(x.max(), abs=thick)
+    # leaf springs have their width along z: the joints are 80 mm wide, plus their pads
+    assert 80.0 <= np.ptp(corners[:, 1]) <= 80.0 + thick
+    for value in ("xz3", (1, 2, 3), (np.nan, 0.0), 4):
+        with pytest.raises(SceneError, match=r'view = .*choose "xy"'):
+            plot_mechanism(bent, view=value)
+
+
+def test_planar_mechanisms_are_seen_onto_their_plane_and_spatial_ones_in_space(bent):
+    assert plot_mechanism(bent).axes[0].get_xlabel() == "x [mm]"
+    mechanism, targets, _ = ksd.load_scene(SCENES / "arm.toml")
+    figure = plot_mechanism(conventional(compile_scene(mechanism), targets))
+    assert not figure.axes[0].axison and {"x", "y", "z", "axes: 50 mm"} <= set(texts(figure))
+
+
+def test_a_nearer_sheet_hides_a_farther_one():
+    """Two sheets one behind the other, seen from either side: the nearer is painted last."""
+    near, far = (np.array([[0, y, 0], [1, y, 0], [1, y, 1], [0, y, 1.0]]) for y in (-1.0, 1.0))
+    for azimuth, last in ((-90, "#ff0000"), (90, "#0000ff")):
+        axes = new_figure(2, 2).add_subplot()
+        camera = camera_of(None, (azimuth, 0), plane=None)
+        paint(axes, [Polygon(near, "#ff0000"), Polygon(far, "#0000ff")], camera)
+        assert to_hex(axes.collections[0].get_facecolors()[-1]) == last
+
+
+def test_a_link_is_a_body_between_its_joints(bent):
+    """Pads at the joints, a slimmer web between them; ground has pads alone and hatches behind them."""
+    shape = bent.shape()
+    blocks = {b.name: b for b in shape.blocks}
+    size = size_of(shape)
+    left, ground = (parts(blocks[n], pads(shape, blocks[n]), size) for n in ("left", "ground"))
+    assert len(left) == 3 and len(ground) == 2
+    lower, upper, web = left
+    assert np.ptp(web, axis=0).max() < np.ptp(np.concatenate([lower, upper]), axis=0).max()
+    for points in left:
+        faces = [p for p in body(points, 1e-3, "#ffffff", edge="#000000") if len(p.corners) == 3]
+        inside = points.mean(axis=0)
+        assert all((p.corners.mean(axis=0) - inside) @ p.normal > 0 for p in faces)
+        # closed: every side belongs to two triangles
+        sides = {}
+        for p in faces:
+            for a, b in ((0, 1), (1, 2), (2, 0)):
+                key = frozenset(map(tuple, p.corners[[a, b]].round(9)))
+                sides[key] = sides.get(key, 0) + 1
+        assert set(sides.values()) == {2}
+    camera = camera_of(shape, "xy", plane=None)
+    for pad in pads(shape, blocks["ground"]):
+        strokes = hatches(pad, size, camera)
+        assert len(strokes) > 3 and max(s[:, 1].max() for s in strokes) < 0.0, (
+            "behind, where no leaf spring is"
+        )
+
+
+def test_drives_and_loads_are_arrows_of_a_readable_length():
+    """A drive of 1 % of the size, or of nothing, is as long as can be seen; a force ends where it acts."""
+    scene = fourbar()
+    scene.load("left", force=(0.0, -7.0, 0.0), at=(-0.2, 0.2, 0.0), name="weight")
+    scene.load("top", moment=(0.0, 0.0, 0.2), name="twist")
+    scene.mass("right", mass=2.0, at=(0.2, 0.2, 0.0))
+    scene.spring("ground", "top", start=(0, 0, 0), end=(0, 0.37, 0), stiffness=100.0, free_length=0.3)
+    for value in (0.0, 0.004):
+        pose = ksd.solve(scene, {"top": value}, method="conventional")
+        figure = plot_mechanism(pose)
+        (axes,) = figure.axes
+        said = texts(figure)
+        assert {"weight: 7 N", "twist: 0.2 Nm", "2 kg"} <= set(said)
+        arrows = [t for t in axes.texts if getattr(t, "arrow_patch", None)]
+        lengths = [np.hypot(*np.subtract(t.xy, t.xyann)) for t in arrows]
+        size = 1e3 * size_of(pose.shape())
+        straight = [n for n in lengths if n > 0.05 * size]
+        assert len(straight) == 2 and min(straight) >= 0.1 * size - 1e-9
+        assert any(line.get_gid() == "spring" for line in axes.lines)
+        (force,) = (load for load in pose.shape().loads if load.kind == "force")
+        assert any(np.allclose(t.xy, 1e3 * force.place[:2]) for t in arrows)
 
 
 def test_impossible_files_are_refused(bent, tmp_path):
@@ -160,16 +242,21 @@ def test_a_stroke_for_paraview(bent, tmp_path):
 def test_leaves_coloured_by_stress(bent, tmp_path):
     """Every piece of a leaf has the colour its stress has on the scale, in both pictures; the scale has its unit."""
     figure = plot_mechanism(bent, color="stress")
-    axes, bar = figure.axes
+    _, bar = figure.axes
     assert bar.get_ylabel() == "von Mises stress [MPa]"
     assert bar.get_ylim() == pytest.approx((0.0, 1e-6 * bent.stress().largest_Pa), rel=1e-3)
     shape, heat = bent.shape(), heat_of(bent, bent.shape(), "stress")
-    drawn = [c for c in axes.collections if isinstance(c, LineCollection)]
-    assert len(drawn) == len(shape.leaves)
-    for leaf, lines in zip(shape.leaves, drawn, strict=True):
-        mean = 0.5 * (heat.values[leaf.name][1:] + heat.values[leaf.name][:-1])
-        assert lines.get_colors() == pytest.approx(heat.map(heat.norm(mean)))
-    solid = plot_mechanism_3d(bent, color="stress")
+    for view in ("xy", "3d"):
+        drawn = {
+            tuple(color.round(6)) for color in painted(plot_mechanism(bent, color="stress", view=view))[1]
+        }
+        for leaf in shape.leaves:
+            mean = 0.5 * (heat.values[leaf.name][1:] + heat.values[leaf.name][:-1])
+            assert {tuple(color.round(6)) for color in heat.map(heat.norm(mean))} <= drawn
+    # light for little, dark for much
+    grey = color_map()(np.linspace(0, 1, 50))[:, :3] @ [0.2126, 0.7152, 0.0722]
+    assert (np.diff(grey) < 0).all() and grey[0] < 0.85
+    solid = plot_mechanism(bent, color="stress", view="3d")
     assert solid.axes[1].get_ylabel() == "von Mises stress [MPa]"
     with pytest.raises(SceneError, match="color = 'heat': choose 'stress'"):
         plot_mechanism(bent, color="heat")

@@ -1,0 +1,115 @@
+"""What acts on the mechanism: drives, forces, moments, masses and springs, at a length that can be read."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from ksd.view.camera import Camera
+from ksd.view.figure import BACKING, DRIVE, INK, LOAD, Array, spoken_force, spoken_value
+
+LEAST, USUAL = 0.1, 0.13
+"""Shortest arrow of a drive, and length of the arrow of a load, over the size of the mechanism."""
+ROUND = 0.05
+"""Radius of the arrow of a rotation or moment over that size."""
+
+
+def draw_arrows(
+    axes: Any, configuration: Any, shape: Any, camera: Camera, *, size: float, labels: bool
+) -> Array:
+    """Draw drives and loads with what they are; returns points (n, 2) [mm] along them that no label should cover."""
+    busy = [np.zeros((0, 2))]
+    for driven in shape.driven:
+        value, place = configuration.targets[driven.name], camera.flat(driven.place)
+        if driven.kind == "translation":
+            way = value * driven.direction
+            start, end = driven.rest, driven.rest + way
+            if abs(value) < LEAST * size:
+                # too short to be seen: pushed from outside
+                start, end = (
+                    driven.place - np.sign(value or 1.0) * LEAST * size * driven.direction,
+                    driven.place,
+                )
+            tip = camera.flat(end)
+            _arrow(axes, camera.flat(start), tip, DRIVE)
+            if abs(value) >= LEAST * size:
+                axes.plot(*np.stack([tip, place]).T, color=DRIVE, linewidth=0.8, linestyle=":", zorder=5)
+            busy.append(np.linspace(camera.flat(start), tip, 25))
+        else:
+            ring = _turning(axes, camera, driven.place, np.sign(value or 1.0) * driven.direction, size, DRIVE)
+            tip = ring[-1]
+            busy.append(ring)
+        axes.plot(*place, marker="o", markersize=5, color=DRIVE, markerfacecolor="white", zorder=6)
+        busy.append(place[None])
+        if labels:
+            force = spoken_force(configuration.forces[driven.name], driven.kind)
+            _label(axes, f"{driven.name}: {spoken_value(value, driven.kind)}, {force}", tip, DRIVE)
+    busy += [_load(axes, load, camera, size, labels=labels) for load in shape.loads]
+    return np.concatenate(busy)
+
+
+def _load(axes: Any, load: Any, camera: Camera, size: float, *, labels: bool) -> Array:
+    """A force ends where it acts, a moment goes round it, a mass is a dot."""
+    amount, place = float(np.linalg.norm(load.value)), camera.flat(load.place)
+    unit = {"force": "N", "moment": "Nm", "mass": "kg"}[load.kind]
+    tip, busy = place, place[None]
+    if load.kind == "force":
+        start = camera.flat(load.place - USUAL * size * load.value / amount)
+        _arrow(axes, start, place, LOAD)
+        tip, busy = start, np.linspace(start, place, 25)
+    elif load.kind == "moment":
+        busy = _turning(axes, camera, load.place, load.value / amount, size, LOAD)
+        tip = busy[-1]
+    else:
+        axes.plot(*place, marker="o", markersize=6, color=INK, zorder=6)
+    if labels:
+        said = f"{load.name}: {amount:.4g} {unit}" if load.kind != "mass" else f"{amount:.4g} kg"
+        _label(axes, said, tip, INK if load.kind == "mass" else LOAD)
+    return busy
+
+
+def _arrow(axes: Any, start: Array, end: Array, color: str) -> None:
+    look = {"arrowstyle": "-|>", "color": color, "linewidth": 1.4, "shrinkA": 0, "shrinkB": 0}
+    axes.annotate("", end, start, zorder=5, arrowprops=look)
+    # an annotation alone does not widen the axes
+    axes.update_datalim([start, end])
+
+
+def _turning(axes: Any, camera: Camera, place: Array, axis: Array, size: float, color: str) -> Array:
+    """Three quarters of a circle about an axis (3,), right-handed, with a head; returns its points (n, 2) [mm]."""
+    first = camera.right - (camera.right @ axis) * axis
+    if np.linalg.norm(first) < 0.3:
+        first = camera.up - (camera.up @ axis) * axis
+    first = first / np.linalg.norm(first)
+    angles = np.linspace(-0.25 * np.pi, 1.25 * np.pi, 40)[:, None]
+    ring = place + ROUND * size * (np.cos(angles) * first + np.sin(angles) * np.cross(axis, first))
+    flat = camera.flat(ring)
+    axes.plot(*flat[:-1].T, color=color, linewidth=1.4, zorder=5)
+    _arrow(axes, flat[-3], flat[-1], color)
+    return flat
+
+
+def _label(axes: Any, said: str, tip: Array, color: str) -> None:
+    axes.annotate(
+        said, tip, (8, 6), textcoords="offset points", fontsize=8, color=color, zorder=7, bbox=BACKING
+    )
+
+
+def draw_springs(axes: Any, shape: Any, camera: Camera, size: float) -> None:
+    """Coil springs as zigzags between their ends, torsion springs as spirals."""
+    for spring in shape.springs:
+        if len(spring.ends) == 1:
+            turn = np.linspace(0.0, 5 * np.pi, 80)
+            radius = 1e3 * 0.02 * size * turn / turn[-1]
+            line = camera.flat(spring.ends[0]) + radius[:, None] * np.stack(
+                [np.cos(turn), np.sin(turn)], axis=1
+            )
+        else:
+            start, end = camera.flat(spring.ends)
+            way = end - start
+            across = np.array([-way[1], way[0]]) / max(float(np.linalg.norm(way)), 1e-12)
+            share = np.concatenate([[0.0], np.linspace(0.2, 0.8, 14), [1.0]])
+            side = np.concatenate([[0.0], [0.0], np.tile([1.0, -1.0], 6), [0.0], [0.0]])
+            line = start + share[:, None] * way + 1e3 * 0.015 * size * side[:, None] * across
+        axes.plot(*line.T, color=INK, linewidth=1.0, zorder=4.5, gid="spring")

@@ -1,0 +1,251 @@
+"""Leaf springs as sheets, links as bodies and ground as hatched pads: polygons in space with their colours.
+
+A rigid block is known by what is clamped to it. It is drawn as a pad where each joint is clamped, and a web that joins the
+pads: both convex.
+"""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from typing import Any, NamedTuple
+
+import numpy as np
+from scipy.spatial import ConvexHull
+
+from ksd.view.camera import Camera
+from ksd.view.figure import FAINT, GROUND, LINKS, Array
+
+THICK = 0.006
+"""Half the thickness of pads and webs, over the size of the mechanism."""
+SLIM = 0.42
+"""Width of a web over that of the pads it joins."""
+FINE = 0.07
+"""Largest side of a polygon over the size of the mechanism: painted from back to front, large ones would hide others."""
+SHARP = 0.9
+"""Cosine of the angle between two faces from which their edge is drawn."""
+HATCH, GAP = 0.022, 0.016
+"""Length and distance of the strokes of ground over the size of the mechanism."""
+FLAT_PAD = 0.2
+"""Thickness over length below which a pad has one back to be hatched."""
+
+
+class Polygon(NamedTuple):
+    """Corners (k, 3) [m]; normal (3,) outward of a body, of either side of a sheet, None where light does not matter;
+    colour, of its edge too, which is `line` points wide; body: only seen from outside."""
+
+    corners: Array
+    color: Any
+    normal: Array | None = None
+    line: float = 0.4
+    body: bool = False
+
+
+class Pad(NamedTuple):
+    """Where a joint, drive or hinge is clamped to a block: all corners (k, 3) [m], those of each of its n leaf springs, and
+    the directions (n, 3) of these away from the block; n = 0 for a driven or hinged point."""
+
+    corners: Array
+    edges: tuple[Array, ...]
+    away: Array
+
+
+def size_of(shape: Any) -> float:
+    """Largest extent [m] of leaf springs and blocks."""
+    points = np.concatenate([leaf.place for leaf in shape.leaves] + [b.place for b in shape.blocks])
+    return float(np.ptp(points, axis=0).max()) or 1.0
+
+
+def ribbon(place: Array, axes: Array, width: Array) -> tuple[Array, Array]:
+    """The two edges (k, 3) of a leaf: centreline plus and minus half its width along e3."""
+    half = 0.5 * width[:, None] * axes[:, :, 2]
+    return place - half, place + half
+
+
+def pads(shape: Any, block: Any, *, rest: bool = False) -> list[Pad]:
+    """The pads of a block, one per joint or free leaf spring, drive and hinge; of the undeformed block with `rest`."""
+    found = []
+    owners = np.array(block.owner)
+    for owner in dict.fromkeys(block.owner):
+        points, edges, away = [], [], []
+        for k in np.flatnonzero(owners == owner):
+            point = (block.rest if rest else block.place)[k]
+            if block.leaf[k] < 0:
+                points.append(point[None])
+                continue
+            leaf, j = shape.leaves[block.leaf[k]], int(block.station[k])
+            axes = (leaf.rest_axes if rest else leaf.axes)[j]
+            sides = 0.5 * leaf.width[j] * axes[:, 2]
+            edge = point + np.stack([-sides, sides])
+            if thick(leaf):
+                across = 0.5 * leaf.thickness[j] * axes[:, 1]
+                edge = np.concatenate([edge - across, edge + across])
+            edges.append(edge)
+            away.append(axes[:, 0] if j == 0 else -axes[:, 0])
+        found.append(Pad(np.concatenate(points + edges), tuple(edges), np.reshape(away, (-1, 3))))
+    return found
+
+
+def thick(leaf: Any) -> bool:
+    """Whether a leaf spring is drawn with its thickness: where that varies along it."""
+    return bool(np.ptp(leaf.thickness) > 0.0)
+
+
+def parts(block: Any, found: list[Pad], size: float) -> list[Array]:
+    """Convex sets of points (k, 3) that make up a block: its pads, and a slimmer web between them, which ground has not.
+    What is clamped all around has a pad per leaf spring, with a strut to the middle."""
+    middles = np.array([p.corners.mean(axis=0) for p in found])
+    alone = np.ptp(middles, axis=0).max() < 0.02 * size
+    clamped = []
+    for pad, middle in zip(found, middles, strict=True):
+        if not len(pad.away):
+            continue
+        if _back(pad) is not None or (alone and block.name != "ground"):
+            clamped.append(pad.corners)
+        elif block.name == "ground":
+            clamped += pad.edges
+        else:
+            clamped += [part for edge in pad.edges for part in (edge, np.vstack([_slim(edge), middle]))]
+    if alone or block.name == "ground":
+        return clamped
+    return [*clamped, np.concatenate([_slim(p.corners) for p in found])]
+
+
+def _slim(corners: Array) -> Array:
+    middle = corners.mean(axis=0)
+    drawn: Array = middle + SLIM * (corners - middle)
+    return drawn
+
+
+def body(points: Array, half: float, color: Any, *, edge: Any) -> list[Polygon]:
+    """The faces of the convex hull of `points` (k, 3) made thicker by `half` [m] all around, less where it is small, and its
+    sharp edges."""
+    half = min(half, max(0.06 * float(np.ptp(points, axis=0).max()), 0.2 * half))
+    cube = half * np.array(np.meshgrid([-1, 1], [-1, 1], [-1, 1])).reshape(3, -1).T
+    around = np.concatenate([points + corner for corner in cube])
+    hull = ConvexHull(around)
+    normals = hull.equations[:, :3]
+    found = [
+        Polygon(around[corners], color, out, body=True)
+        for corners, out in zip(hull.simplices, normals, strict=True)
+    ]
+    for k, (corners, beside) in enumerate(zip(hull.simplices, hull.neighbors, strict=True)):
+        for i, j in enumerate(beside):
+            if k < j and normals[k] @ normals[j] < SHARP:
+                # seen with either of its faces
+                line = around[np.delete(corners, i)]
+                found += [Polygon(line, edge, normals[n], 0.7, body=True) for n in (k, j)]
+    return found
+
+
+def sheets(leaf: Any, colors: Any, *, line: float, size: float) -> list[Polygon]:
+    """A leaf spring between its stations, colors (k-1, 4) or one, with its thickness where that varies."""
+    low, high = ribbon(leaf.place, leaf.axes, leaf.width)
+    normals = leaf.axes[:, :, 1]
+    each = [colors] * (len(low) - 1) if isinstance(colors, str) else list(colors)
+    light = isinstance(colors, str)
+    found = []
+    strips = [(low, high, normals)]
+    if thick(leaf):
+        off = 0.5 * leaf.thickness[:, None] * normals
+        side = leaf.axes[:, :, 2]
+        strips = [
+            (low + off, high + off, normals), (low - off, high - off, -normals),
+            (low - off, low + off, -side), (high - off, high + off, side),
+        ]  # fmt: skip
+    pieces = int(np.clip(np.ceil(leaf.width.max() / (FINE * size)), 1, 12))
+    for a, b, out in strips:
+        rungs = [a + u * (b - a) for u in np.linspace(0.0, 1.0, pieces + 1)]
+        for p, q in pairwise(rungs):
+            quads = np.stack([p[:-1], p[1:], q[1:], q[:-1]], axis=1)
+            # shading would change what a colour says
+            found += [
+                Polygon(quad, color, out[k] if light else None, line)
+                for k, (quad, color) in enumerate(zip(quads, each, strict=True))
+            ]
+    return found
+
+
+def outlines(leaf: Any, camera: Camera, *, rest: bool = False) -> list[Array]:
+    """Closed lines (k, 3) [m] around a leaf spring: of its sheet in space, of its thickness where that is drawn; none of a
+    plain leaf seen onto a plane."""
+    place, axes = (leaf.rest, leaf.rest_axes) if rest else (leaf.place, leaf.axes)
+    rings = [] if camera.plane else [ribbon(place, axes, leaf.width)]
+    if thick(leaf):
+        half = 0.5 * leaf.thickness[:, None] * axes[:, :, 1]
+        side = 0.5 * leaf.width[:, None] * axes[:, :, 2]
+        before = side * np.sign(side @ camera.toward)[:, None]
+        rings = [(place + before - half, place + before + half)]
+    return [np.concatenate([low, high[::-1], low[:1]]) for low, high in rings]
+
+
+def hatches(pad: Pad, size: float, camera: Camera) -> list[Array]:
+    """Lines (2, 3) [m] of ground behind a pad: its edge, then strokes; behind every one of its leaf springs where it has no
+    one back."""
+    back = _back(pad)
+    if back is not None:
+        return _ground(pad.corners, back, size, camera)
+    each = zip(pad.edges, pad.away, strict=True)
+    return [line for edge, away in each for line in _ground(edge, -away, size, camera)]
+
+
+def _back(pad: Pad) -> Array | None:
+    """Direction (3,) to the back of a flat pad; None where it is not flat or has leaf springs on both sides."""
+    if not len(pad.away):
+        return None
+    mean = pad.away.mean(axis=0)
+    spread = np.linalg.svd(pad.corners - pad.corners.mean(axis=0))
+    if len(spread.S) > 2 and spread.S[1] > FLAT_PAD * spread.S[0]:
+        normal = spread.Vh[2] if spread.S[2] < FLAT_PAD * spread.S[0] else np.zeros(3)
+    else:
+        normal = mean - (mean @ spread.Vh[0]) * spread.Vh[0]
+    shares = pad.away @ normal
+    if np.linalg.norm(normal) < 0.3 or abs(shares).min() < 0.3 or np.ptp(np.sign(shares)) > 0:
+        return None
+    back: Array = -np.sign(shares[0]) * normal / np.linalg.norm(normal)
+    return back
+
+
+def _ground(corners: Array, back: Array, size: float, camera: Camera) -> list[Array]:
+    """The line at the back of corners (k, 3), and slanting strokes behind it, on the side of the eye."""
+    middle = corners.mean(axis=0)
+    along = np.cross(camera.toward, back)
+    if camera.plane is None:
+        longest = np.linalg.svd(corners - middle).Vh[:2]
+        along = max(longest, key=lambda way: float(np.linalg.norm(camera.flat(way))))
+        side = np.cross(along, back)
+        side *= np.sign(side @ camera.toward)
+        middle = middle + ((corners - middle) @ side).max() * side
+    along = along / max(float(np.linalg.norm(along)), 1e-12)
+    far = (corners - middle) @ along
+    reach = max(0.5 * float(np.ptp(far)), 1.5 * GAP * size)
+    middle = middle + 0.5 * (far.min() + far.max()) * along + THICK * size * back
+    places = np.linspace(-reach, reach, max(3, int(2 * reach / (GAP * size)) + 1))[:, None] * along
+    stroke = HATCH * size * (0.8 * back - 0.6 * along)
+    lines = [np.stack([middle - reach * along, middle + reach * along])]
+    return lines + [np.stack([middle + u, middle + u + stroke]) for u in places]
+
+
+def block_colors(shape: Any) -> dict[str, str]:
+    """Links in turn, blocks inside joints and ground in greys, by name."""
+    names = [b.name for b in shape.blocks if b.name != "ground" and "/" not in b.name]
+    turn = {name: LINKS[k % len(LINKS)] for k, name in enumerate(names)}
+    return {b.name: turn.get(b.name, GROUND if b.name == "ground" else FAINT) for b in shape.blocks}
+
+
+def fine(polygons: list[Polygon], most: float) -> list[Polygon]:
+    """The same, triangles and lines with a side longer than `most` [m] cut in halves again and again."""
+    found, left = [], list(polygons)
+    while left:
+        p = left.pop()
+        turn = [1, 0] if len(p.corners) == 2 else [1, 2, 0]
+        sides = ((p.corners - p.corners[turn]) ** 2).sum(axis=1)
+        k = int(sides.argmax())
+        if sides[k] <= most * most:
+            found.append(p)
+            continue
+        half = 0.5 * (p.corners[k] + p.corners[turn[k]])
+        for moved in (k, turn[k]):
+            corners = p.corners.copy()
+            corners[moved] = half
+            left.append(p._replace(corners=corners))
+    return found

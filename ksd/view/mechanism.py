@@ -1,0 +1,259 @@
+"""The mechanism, deformed over undeformed, in millimetres: onto a coordinate plane, or in space without perspective."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+
+from ksd.model.plane import Plane, plane_of
+from ksd.view.arrows import draw_arrows, draw_springs
+from ksd.view.bodies import (
+    FINE,
+    THICK,
+    Polygon,
+    block_colors,
+    body,
+    fine,
+    hatches,
+    outlines,
+    pads,
+    parts,
+    sheets,
+    size_of,
+    thick,
+)
+from ksd.view.camera import Camera, View, camera_of
+from ksd.view.figure import BACKING, FAINT, GROUND, INK, LEAF, REST, Array, hull, mixed, new_figure
+from ksd.view.heat import Heat, heat_of
+from ksd.view.labels import FIXED, part_labels
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+    from ksd.solve.configuration import Configuration
+
+LIGHT = np.array([-0.35, 0.65, 0.68])
+"""Where the light comes from, in the picture: left, above, before."""
+DIM = 0.62
+"""What is left of a colour where the light does not fall."""
+
+
+def plane_seen(configuration: Any) -> str | None:
+    """The coordinate plane a planar mechanism lives in."""
+    found = plane_of(configuration.model)
+    said: str | None = configuration.model.scene.plane
+    return said or (("yz", "xz", "xy")[found.axis] if isinstance(found, Plane) else None)
+
+
+def plot_mechanism(
+    configuration: Configuration,
+    *,
+    axes: Axes | None = None,
+    view: View | Camera | None = None,
+    labels: bool = True,
+    title: str | None = None,
+    color: Literal["stress"] | None = None,
+) -> Figure:
+    """Draw the deformed mechanism over the undeformed one (grey); returns the matplotlib figure.
+
+    axes: matplotlib axes to draw into, a new figure when None. view: "xy", "xz" or "yz" onto a coordinate plane, "3d" in
+    space, or the azimuth and elevation of the eye [deg]; its plane for a planar mechanism, "3d" for others when None.
+    labels: names of links, drives and loads, with drive values and forces. color: "stress" colours the leaf springs by their
+    von Mises stress, with a scale. Raises SceneError for another view or colour.
+    """
+    shape = configuration.shape()
+    camera = camera_of(shape, view, plane=plane_seen(configuration))
+    heat = heat_of(configuration, shape, color)
+    own = axes is None
+    if axes is None:
+        axes = _fitting_figure(shape, camera, wide=7.0 if color is None else 8.0).add_subplot()
+    size = size_of(shape)
+    _undeformed(axes, shape, camera, size)
+    paint(axes, _polygons(shape, camera, size, heat), camera)
+    _hinges(axes, shape, camera, size)
+    draw_springs(axes, shape, camera, size)
+    axes.set_aspect("equal")
+    axes.margins(0.08, 0.08)
+    busy = draw_arrows(axes, configuration, shape, camera, size=size, labels=labels)
+    if labels:
+        _names(axes, shape, camera)
+    if heat is not None:
+        heat.bar(axes, shrink=0.8, aspect=30, pad=0.02)
+    _frame(axes, shape, camera, size, title if title is not None else _caption(configuration))
+    if own and labels:
+        leaves = camera.flat(np.concatenate([leaf.place for leaf in shape.leaves]))
+        part_labels(axes, busy, leaves)
+    figure: Figure = axes.figure  # type: ignore[assignment]
+    return figure
+
+
+def _caption(configuration: Any) -> str:
+    return f"{configuration.model.scene.name}, {configuration.method}; undeformed in grey"
+
+
+def _fitting_figure(shape: Any, camera: Camera, *, wide: float) -> Any:
+    """A figure `wide` inches wide, as high as the mechanism needs at equal scales."""
+    points = camera.flat(np.concatenate([b.place for b in shape.blocks] + [b.rest for b in shape.blocks]))
+    across, high = np.maximum(np.ptp(points, axis=0), 1e-9)
+    return new_figure(wide, float(np.clip(6.2 * high / across + 0.9, 3.0, 6.4)))
+
+
+def _polygons(shape: Any, camera: Camera, size: float, heat: Heat | None) -> list[Polygon]:
+    """All that is solid, in no order."""
+    found: list[Polygon] = []
+    for name, color in block_colors(shape).items():
+        block = next(b for b in shape.blocks if b.name == name)
+        clamped = pads(shape, block)
+        pale, edge = mixed(color, 0.45), mixed(color, 0.0)
+        for points in parts(block, clamped, size):
+            found += body(points, THICK * size, pale, edge=edge)
+        if name == "ground":
+            lines = (line for pad in clamped for line in hatches(pad, size, camera))
+            found += [Polygon(line, GROUND, None, 0.9) for line in lines]
+    found = fine(found, FINE * size)
+    for leaf in shape.leaves:
+        # a cut is seen whole: pale, or its outline is lost
+        plain = LEAF if not thick(leaf) else mixed(LEAF, 0.45)
+        colors = plain if heat is None else heat.between(leaf.name)
+        found += sheets(leaf, colors, line=1.8 if camera.plane and not thick(leaf) else 0.4, size=size)
+        edge = LEAF if camera.plane else mixed(LEAF, -0.35)
+        for ring in outlines(leaf, camera):
+            found += [
+                Polygon(p, INK if heat else edge, None, 0.6) for p in np.stack([ring[:-1], ring[1:]], axis=1)
+            ]
+    return found
+
+
+def paint(axes: Any, polygons: list[Polygon], camera: Camera) -> None:
+    """The polygons from back to front, bodies by their front sides alone; onto a plane leaf springs come last."""
+    from matplotlib.collections import PolyCollection
+
+    shown = [p for p in polygons if not p.body or p.normal is None or p.normal @ camera.toward > -1e-9]
+    # an outline lies before its face
+    lift = np.array(
+        [0.002 * (len(p.corners) == 2) + (1e3 if camera.plane and not p.body else 0.0) for p in shown]
+    )
+    depth = np.array([p.corners.mean(axis=0) @ camera.toward for p in shown]) + lift
+    order = [shown[k] for k in np.argsort(depth, kind="stable")]
+    colors = [_lit(p, camera) for p in order]
+    axes.add_collection(
+        PolyCollection(
+            [camera.flat(p.corners) for p in order], facecolors=colors, edgecolors=colors,
+            linewidths=[p.line for p in order], capstyle="round", joinstyle="round", zorder=3, gid="bodies",
+        )
+    )  # fmt: skip
+    axes.autoscale_view()
+
+
+def _lit(polygon: Polygon, camera: Camera) -> tuple[float, ...]:
+    """The colour of a polygon in the light; a sheet has two sides."""
+    from matplotlib.colors import to_rgb
+
+    color = np.array(to_rgb(polygon.color))
+    if polygon.normal is None or camera.plane or len(polygon.corners) == 2:
+        return tuple(color)
+    seen = np.array([polygon.normal @ axis for axis in (camera.right, camera.up, camera.toward)])
+    share = seen @ LIGHT / np.linalg.norm(LIGHT)
+    share = max(0.0, float(share if polygon.body else share * np.sign(seen[2] or 1.0)))
+    return tuple(color * (DIM + (1.0 - DIM) * share))
+
+
+def _undeformed(axes: Any, shape: Any, camera: Camera, size: float) -> None:
+    """Leaf springs and links at rest, in grey, behind everything."""
+    for leaf in shape.leaves:
+        for ring in outlines(leaf, camera, rest=True):
+            axes.fill(*camera.flat(ring).T, facecolor="#eef0f4", edgecolor=REST, linewidth=0.7, zorder=1)
+        if camera.plane and not thick(leaf):
+            _line(axes, camera.flat(leaf.rest), color=REST, linewidth=1.2, zorder=1)
+    for block in shape.blocks:
+        if block.name != "ground" and ("/" not in block.name or camera.plane):
+            corners = hull(camera.flat(parts(block, pads(shape, block, rest=True), size)[-1]))
+            ring = np.vstack([corners, corners[:1]])
+            _line(axes, ring, color=REST, linewidth=0.8, linestyle=(0, (4, 3)), zorder=1)
+
+
+def _line(axes: Any, points: Array, **style: Any) -> None:
+    axes.plot(*points.T, solid_capstyle="round", **style)
+
+
+def _hinges(axes: Any, shape: Any, camera: Camera, size: float) -> None:
+    """A circle for every pin, a box on a guide for every slider."""
+    reach = 60.0 * size
+    style = {"color": INK, "zorder": 5.5}
+    for hinge in shape.hinges:
+        place = camera.flat(hinge.place)
+        if hinge.kind == "slider":
+            along = 1e-3 * camera.flat(hinge.axis)
+            side = 0.25 * reach * np.array([-along[1], along[0]])
+            for edge in (side, -side):
+                rail = np.stack([place + edge - 1.5 * reach * along, place + edge + 1.5 * reach * along])
+                _line(axes, rail, linewidth=0.9, **style)
+        marker = "o" if hinge.kind == "pin" else "s"
+        axes.plot(*place, marker=marker, markersize=6, markerfacecolor="white", **style)
+
+
+def _names(axes: Any, shape: Any, camera: Camera) -> None:
+    """The names of the links on them; of ground at its first pad."""
+    for block in shape.blocks:
+        if "/" in block.name:
+            continue
+        clamped = pads(shape, block)
+        if not clamped:
+            continue
+        picked = clamped[:1] if block.name == "ground" else clamped
+        at = np.mean([p.corners.mean(axis=0) for p in picked], axis=0)
+        axes.annotate(
+            block.name, camera.flat(at), (0, -14 if block.name == "ground" else 0), textcoords="offset points", ha="center",
+            va="center", fontsize=8, color=INK, zorder=6, bbox=BACKING,
+        )  # fmt: skip
+
+
+def _frame(axes: Any, shape: Any, camera: Camera, size: float, title: str) -> None:
+    axes.set_title(title, fontsize=10, color=INK, loc="left")
+    if camera.plane is None:
+        axes.set_axis_off()
+        _triad(axes, shape, camera, size)
+        return
+    axes.set_xlabel(f"{camera.plane[0]} [mm]")
+    axes.set_ylabel(f"{camera.plane[1]} [mm]")
+    axes.grid(True, color="#eceff4", linewidth=0.8)
+    axes.set_axisbelow(True)
+    for side in ("top", "right"):
+        axes.spines[side].set_visible(False)
+
+
+def _triad(axes: Any, shape: Any, camera: Camera, size: float) -> None:
+    """The three axes in the emptiest corner, of one length that is told."""
+    digit = 10.0 ** np.floor(np.log10(0.16 * size))
+    length = max(step * digit for step in (1, 2, 5) if step * digit <= 0.16 * size)
+    tips = camera.flat(length * np.eye(3))
+    low, high = (1.3 * end for end in (np.minimum(tips.min(axis=0), 0.0), np.maximum(tips.max(axis=0), 0.0)))
+    # room for the letters, and for the words below
+    low -= 1e3 * length * np.array([0.15, 0.4])
+    high += 1e2 * length
+    ends = np.array([axes.get_xlim(), axes.get_ylim()])
+    points = np.concatenate([p for part in (*shape.leaves, *shape.blocks) for p in (part.rest, part.place)])
+    points = camera.flat(points)
+    corners = [
+        np.array([x, y])
+        for y in (ends[1, 0] - low[1], ends[1, 1] - high[1])
+        for x in (ends[0, 0] - low[0], ends[0, 1] - high[0])
+    ]
+    near = [np.linalg.norm(points - corner - 0.5 * (low + high), axis=1).min() for corner in corners]
+    far = float(np.linalg.norm(high - low))
+    corner = next((c for c, d in zip(corners, near, strict=True) if d > far), corners[int(np.argmax(near))])
+    look = {"color": FAINT, "linewidth": 1.0, "shrinkA": 0, "shrinkB": 0}
+    for name, tip in zip("xyz", tips, strict=True):
+        if np.linalg.norm(tip) > 0.1 * np.abs(tips).max():
+            arrow = {"arrowstyle": "-|>,head_width=0.15,head_length=0.35", **look}
+            axes.annotate("", corner + tip, corner, arrowprops=arrow, zorder=2)
+            way = 7.0 * tip / np.linalg.norm(tip)
+            axes.annotate(
+                name, corner + tip, way, textcoords="offset points", ha="center", va="center", fontsize=8, color=FAINT,
+                gid=FIXED,
+            )  # fmt: skip
+    below = corner + low + 10.0 * length
+    words = {"textcoords": "offset points", "va": "bottom", "fontsize": 7, "color": FAINT, "gid": FIXED}
+    axes.annotate(f"axes: {1e3 * length:g} mm", below, (0, 0), **words)
