@@ -79,6 +79,29 @@ def _solve(commands: Any) -> None:
     _take(parser, "scene", "--set", *_HOW, "--json", "--plot")
 
 
+def _new(commands: Any) -> None:
+    parser = commands.add_parser(
+        "new",
+        help="write a scene file to start from",
+        description="Write NAME.toml, a commented scene that solves as it is, and ksd.schema.json beside it, by which "
+        "editors complete and check its words. Nothing that is there is overwritten.",
+    )
+    parser.add_argument("name", metavar="NAME", help="of the mechanism; NAME.toml is written")
+    parser.add_argument(
+        "--like", metavar="SCENE", default="pivot", help="pivot, guide, fourbar, gripper, arm ... (pivot)"
+    )
+
+
+def _schema(commands: Any) -> None:
+    parser = commands.add_parser(
+        "schema",
+        help="print the JSON schema of scene files",
+        description="The JSON schema by which editors complete and check scene files; the first line '#:schema ./FILE' of a "
+        "scene names it.",
+    )
+    parser.add_argument("--out", metavar="FILE", help="write it here; stdout when left out")
+
+
 def _effects(commands: Any) -> None:
     parser = commands.add_parser(
         "effects",
@@ -187,8 +210,9 @@ def _bench(commands: Any) -> None:
 
 
 COMMANDS = {
-    "demo": _demo, "solve": _solve, "effects": _effects, "doctor": _doctor, "sweep": _sweep, "report": _report,
+    "demo": _demo, "new": _new, "solve": _solve, "effects": _effects, "doctor": _doctor, "sweep": _sweep, "report": _report,
     "train": _train, "info": _info, "bench": _bench,
+    "schema": _schema,
 }  # fmt: skip
 """What adds the parser of a command, by its name, in the order of the help; `ksd.cli.<name>` runs it."""
 

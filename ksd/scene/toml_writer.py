@@ -234,7 +234,7 @@ def _lines(tree: Tree, path: str) -> list[str]:
 
 def _key(key: str) -> str:
     bare = key.isascii() and key.replace("_", "").replace("-", "").isalnum()
-    return key if bare else _quoted(key)
+    return key if bare else quoted(key)
 
 
 def _plain(value: Any, key: str) -> str:
@@ -242,7 +242,7 @@ def _plain(value: Any, key: str) -> str:
     if isinstance(value, bool):
         return "true" if value else "false"
     if isinstance(value, str):
-        return _quoted(value)
+        return quoted(value)
     if isinstance(value, int | float):
         return repr(value)
     if isinstance(value, tuple | list):
@@ -250,7 +250,7 @@ def _plain(value: Any, key: str) -> str:
     raise SceneError(f"'{key}' = {show(value)} cannot be written to a scene file.")
 
 
-def _quoted(text: str) -> str:
+def quoted(text: str) -> str:
     """A TOML basic string."""
     if any("\ud800" <= c <= "\udfff" for c in text):
         raise SceneError(f"the name {show(text)} holds half a character and cannot be written to a file.")
