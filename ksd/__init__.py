@@ -51,6 +51,7 @@ _HOMES = {
     "ksd.design.optimise": ("optimise",),
     "ksd.design.optimum": ("Optimum",),
     "ksd.design.pareto": ("Choice", "Front", "choose", "pareto"),
+    "ksd.design.rest_shape": ("RestShape", "rest_shape"),
     "ksd.design.tolerance": ("Tolerance", "tolerance"),
     "ksd.library": ("Parameter", "Record", "find_record", "read_result"),
 }  # fmt: skip
@@ -61,12 +62,13 @@ __all__ = [
     "FilletedNotch", "FilletedNotchHinge", "FoldedLeaf", "FreeCurve", "Front", "Gradient", "InfinityHinge", "Job",
     "Joint", "KinematicsError", "KsdError", "Leaf", "LinkMatrix", "Material", "Mechanism", "Mesh", "ModalBasis",
     "Model", "Motion", "Optimum", "ParallelGuide", "Parameter", "Path", "RangeError", "Record", "RecordError",
-    "RequiredLoads", "Scene", "SceneError", "SceneFileError", "SceneWarning", "Section", "Solver", "StiffenedGuide",
-    "StiffenedMiddle", "SweepInterrupted", "Table", "Taper", "Tolerance", "TripleInfinityHinge", "TrustError",
-    "UniversalJoint", "UnknownNameError", "Varying", "WireFlexure", "batch", "choose", "circle", "compile_scene",
-    "doctor", "errors", "find_record", "follow", "frequency_curve", "gradient", "joint_families", "link_matrix",
-    "load_scene", "numbers", "optimise", "pareto", "polygon", "prepare", "read_result", "rectangle", "required_loads",
-    "save_scene", "solve", "state_space", "sweep", "tolerance", "train", "tube", "units", "wire",
+    "RequiredLoads", "RestShape", "Scene", "SceneError", "SceneFileError", "SceneWarning", "Section", "Solver",
+    "StiffenedGuide", "StiffenedMiddle", "SweepInterrupted", "Table", "Taper", "Tolerance", "TripleInfinityHinge",
+    "TrustError", "UniversalJoint", "UnknownNameError", "Varying", "WireFlexure", "batch", "choose", "circle",
+    "compile_scene", "doctor", "errors", "find_record", "follow", "frequency_curve", "gradient", "joint_families",
+    "link_matrix", "load_scene", "numbers", "optimise", "pareto", "polygon", "prepare", "read_result", "rectangle",
+    "required_loads", "rest_shape", "save_scene", "solve", "state_space", "sweep", "tolerance", "train", "tube", "units",
+    "wire",
 ]  # fmt: skip
 
 if TYPE_CHECKING:
@@ -77,6 +79,7 @@ if TYPE_CHECKING:
     from ksd.design.optimise import optimise
     from ksd.design.optimum import Optimum
     from ksd.design.pareto import Choice, Front, choose, pareto
+    from ksd.design.rest_shape import RestShape, rest_shape
     from ksd.design.state_space import state_space
     from ksd.design.sweep import sweep
     from ksd.design.tolerance import Tolerance, tolerance

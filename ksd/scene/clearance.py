@@ -25,7 +25,9 @@ BENT = 0.05
 PIECES = 8
 """Boxes along a curved or deformed leaf."""
 FINE = 40
-"""Boxes along a leaf whose windows are measured."""
+"""Boxes along a leaf whose windows are measured, or that may run through itself."""
+NEXT = 2.5
+"""Boxes of a leaf that are apart by fewer are next to each other."""
 
 
 @dataclass(frozen=True)
@@ -40,20 +42,20 @@ class Body:
     half: Array
 
 
-def leaf_body(leaf: Leaf) -> Body:
-    """The boxes of a leaf at rest: one for a straight leaf, PIECES along a curved one."""
+def leaf_body(leaf: Leaf, *, count: int = PIECES) -> Body:
+    """The boxes of a leaf at rest: one for a straight leaf, `count` along a curved one."""
     blocks = (leaf.start_block, leaf.end_block)
     if leaf.curve is not None:
-        return pieces(leaf.name, blocks, _curved(leaf), leaf)
+        return pieces(leaf.name, blocks, _curved(leaf, count), leaf)
     start, end = np.array(leaf.start), np.array(leaf.end)
     half = 0.5 * np.array([leaf.length, *_across(leaf)])
     return Body(leaf.name, blocks, 0.5 * (start + end)[None], leaf.axes[None], half[None])
 
 
-def _curved(leaf: Leaf) -> Array:
-    """Points along a curved leaf: its curvature integrated in the plane or space, then laid on its chord."""
+def _curved(leaf: Leaf, boxes: int) -> Array:
+    """Points between the boxes of a curved leaf: its curvature integrated in the plane or space, then laid on its chord."""
     assert leaf.curve is not None
-    count = 16 * PIECES
+    count = 16 * boxes
     h, R, points = leaf.length / count, np.eye(3), [np.zeros(3)]
     for k in range(count):
         x, y, z = 0.5 * h * np.asarray(leaf.curve.curvature((k + 0.5) / count), float)
@@ -62,7 +64,7 @@ def _curved(leaf: Leaf) -> Array:
         turned = R @ np.linalg.solve(np.eye(3) - W, np.eye(3) + W)
         points.append(points[-1] + 0.5 * h * (R[:, 0] + turned[:, 0]))
         R = turned
-    shape = np.array(points)[:: count // PIECES]
+    shape = np.array(points)[:: count // boxes]
     chord = shape[-1] / np.linalg.norm(shape[-1])
     across = np.array([0.0, 0.0, 1.0])
     own = np.column_stack([chord, np.cross(across, chord), across])
@@ -106,6 +108,12 @@ def meetings(bodies: Sequence[Body], *, touch: float) -> Iterator[tuple[tuple[st
             hit = _overlap(_trimmed(one, two), _trimmed(two, one), touch)
             if len(hit):
                 yield (one.name, two.name), hit
+
+
+def meets_itself(body: Body, *, touch: float = TOUCH) -> bool:
+    """Whether a leaf runs through itself: boxes of it overlap that are not next to each other."""
+    hit = _overlap(body, body, touch)
+    return bool((np.abs(hit[:, 1] - hit[:, 0]) > NEXT / len(body.half)).any())
 
 
 @lru_cache(maxsize=256)

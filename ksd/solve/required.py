@@ -28,6 +28,7 @@ from ksd.scene.links import Link, spoken
 from ksd.scene.mechanism import Mechanism
 from ksd.section.checks import nearest, show
 from ksd.section.checks import number as checked
+from ksd.solve.configuration import Configuration
 from ksd.solve.solver import Solver, prepare
 from ksd.solve.storage import storage_of
 
@@ -169,8 +170,25 @@ def _check_lengths(model: Model, wanted: Wanted) -> None:
         )
 
 
+def held_pose(solver: Solver, poses: Mapping[str, Any]) -> Configuration:
+    """The equilibrium of a mechanism with links held in wanted poses, said as in `required_loads`. Raises SceneError for
+    poses that no leaf can take."""
+    wanted = _wanted(solver.model, poses)
+    _check_lengths(solver.model, wanted)
+    return _held_pose(solver, solver.model, wanted, "conventional")
+
+
 def _held(solver: Solver, model: Model, wanted: Wanted, method: Any) -> Motion:
     """The state of a model with these links held in their poses, equilibrium everywhere else; multipliers zero."""
+    pose = _held_pose(solver, model, wanted, method or "conventional")
+    state = model.rest.copy()
+    state.x[:], state.R[:], state.inner[:] = pose.motion.x, pose.motion.R, pose.motion.inner
+    state.multiplier[:] = 0.0
+    return state
+
+
+def _held_pose(solver: Solver, model: Model, wanted: Wanted, method: Any) -> Configuration:
+    """That equilibrium, of the mechanism whose drives are these poses."""
     scene, found = model.said or model.scene, plane_of(model)
     axis = found.axis if isinstance(found, Plane) else None
     names = {model.node_names[i] for i in wanted} | {GROUND}
@@ -189,13 +207,9 @@ def _held(solver: Solver, model: Model, wanted: Wanted, method: Any) -> Motion:
     free = tuple(s for s in scene.supports if {n for t in s.terms for n in (t.base, t.link)} - names)
     hinges = tuple(h for h in scene.hinges if {h.a, h.b} - names)
     held = replace(scene, drives=tuple(drives), supports=free, hinges=hinges)
-    pose = Solver(held, mesh=model.mesh, planar=solver.planar)(
-        targets, method=method or "conventional", estimate=False, strict=False
+    return Solver(held, mesh=model.mesh, planar=solver.planar)(
+        targets, method=method, estimate=False, strict=False
     )
-    state = model.rest.copy()
-    state.x[:], state.R[:], state.inner[:] = pose.motion.x, pose.motion.R, pose.motion.inner
-    state.multiplier[:] = 0.0
-    return state
 
 
 def _balance(model: Model, state: Motion) -> RequiredLoads:
@@ -241,4 +255,4 @@ def _balance(model: Model, state: Motion) -> RequiredLoads:
     )
 
 
-__all__ = ["RequiredLoads", "required_loads"]
+__all__ = ["RequiredLoads", "held_pose", "required_loads"]

@@ -7,19 +7,9 @@ import math
 
 import numpy as np
 import pytest
+from planar_scenes import FINE, SOFT, indexer, rod, slider
 
 import ksd
-from ksd.model.mesh import Mesh
-
-FINE = Mesh(orders=(3, 2, 12), points=16)
-SOFT = ksd.Material(E=1e9, nu=0.3, name="inextensible")
-
-
-def rod(EI, length):
-    """A section of this EI on `SOFT` that neither stretches nor shears."""
-    A = 1e9 * EI / length**2 / SOFT.E
-    I = EI / SOFT.E
-    return ksd.numbers(A=A, J=I, Iy=I, Iz=I, width=math.sqrt(12 * I / A), thickness=math.sqrt(12 * I / A))
 
 
 def cantilever(EI, length, force):
@@ -199,20 +189,6 @@ def test_parallel_mechanism(d, force, tilt):
     assert found.forces["d"] == pytest.approx(force, rel=1e-5)
 
 
-def slider(phi):
-    """Two leaf springs pinned together at C, one on ground, one on a slider that moves along x."""
-    scene = ksd.Mechanism("slider", plane="xy")
-    one, two, block = scene.links("one", "two", "slider")
-    C = np.array([0.1, 0, 0])
-    B = C - 0.1 * np.array([math.cos(phi), math.sin(phi), 0])
-    scene.leaf("ground", one, start=(0, 0, 0), end=C, section=rod(0.08, 0.1), material=SOFT)
-    scene.leaf(block, two, start=B, end=C, section=rod(0.08, 0.1), material=SOFT)
-    scene.pin(one, two, at=C, name="C")
-    scene.slider(block, along="x", at=B)
-    scene.actuate(block, along="x", at=B, name="d")
-    return scene
-
-
 @pytest.mark.parametrize(
     "phi, d, force, pin, C",
     [
@@ -236,16 +212,8 @@ def test_slider(phi, d, force, pin, C):
     [(1e-3, 126.9213, -0.0365683, None), (2e-3, 212.4774, None, (0.8138033e-3, -0.0506014e-3))],
 )
 def test_indexer(d, force, turn, C):
-    stuff, section = ksd.Material(E=70e9, nu=0.3), ksd.rectangle(0.6e-3, 10e-3)
-    r, a = 12e-3, 1.2
-    end = np.array([r * math.sin(a), -r * (1 - math.cos(a)), 0.0])
-    scene = ksd.Mechanism("indexer", plane="xy")
-    block, joint = scene.links("block", "C")
-    scene.leaf(block, joint, start=(0, 0, 0), end=end, curve=ksd.Arc(r, -a), section=section, material=stuff)
-    scene.leaf("ground", joint, start=end - (0, 8e-3, 0), end=end, section=section, material=stuff)
-    scene.slider(block, along="y", at=(0, 0, 0))
-    scene.actuate(block, along="y", at=(0, 0, 0), name="d")
-    found = ksd.solve(scene, d=-d)
+    end = (12e-3 * math.sin(1.2), -12e-3 * (1 - math.cos(1.2)), 0)
+    found = ksd.solve(indexer(), d=-d)
     assert abs(found.forces["d"]) == pytest.approx(force, rel=1e-5)
     if turn is not None:
         assert found.rotation("C")[2] == pytest.approx(turn, rel=1e-5)

@@ -1,0 +1,118 @@
+"""A scene drawn anew with its links elsewhere: everything fixed in a link moves with it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ksd.scene.contents import LeafPoint, PlacedLeaf, Scene
+from ksd.scene.drive import GROUND, Drive
+from ksd.scene.profile import Curve, FreeCurve
+from ksd.section.checks import Vector
+
+
+class Move(NamedTuple):
+    """Where a link goes: a point p of it to shift (3,) [m] + turn (3, 3) p, global."""
+
+    turn: np.ndarray
+    shift: np.ndarray
+
+    def point(self, p: ArrayLike) -> Vector:
+        """Where the point p (3,) [m] goes."""
+        return _triple(self.shift + self.turn @ np.asarray(p, float))
+
+    def way(self, e: ArrayLike) -> Vector:
+        """Where a direction (3,) of the link turns to."""
+        return _triple(self.turn @ np.asarray(e, float))
+
+
+STILL = Move(np.eye(3), np.zeros(3))
+
+
+def _triple(values: np.ndarray) -> Vector:
+    x, y, z = values.tolist()
+    return x, y, z
+
+
+def redrawn(scene: Scene, moves: Mapping[str, Move], curves: Mapping[str, Sequence[Curve]]) -> dict[str, Any]:
+    """The words of a `Scene` with the links of `moves` there, ground where it is, and every free leaf spring with new
+    curves, one after the other between the points on it.
+
+    Directions of drives and supports turn with the link they are fixed in, points and masses with their own, loads that
+    follow with theirs; dead loads keep theirs. For a scene of free leaf springs, drives, supports, pins, sliders, loads and
+    masses alone.
+    """
+    go = {**dict(moves), GROUND: STILL}
+    hinges = tuple(replace(h, at=go[h.b].point(h.at), axis=go[h.a].way(h.axis)) for h in scene.hinges)
+    theirs = {s.name for h in scene.hinges for s in h.supports(scene.plane)}
+    own = [_drive(s, go) for s in scene.supports if s.name not in theirs]
+    return {
+        "name": scene.name,
+        "links": scene.links,
+        "leaves": tuple(_leaf(f, go, joined(curves[f.name])) for f in scene.leaves),
+        "drives": tuple(_drive(d, go) for d in scene.drives),
+        "supports": (*own, *(s for h in hinges for s in h.supports(scene.plane))),
+        "loads": tuple(
+            replace(
+                load,
+                at=go[load.link].point(load.at),
+                force=go[load.link].way(load.force) if load.following else load.force,
+                moment=go[load.link].way(load.moment) if load.following else load.moment,
+            )
+            for load in scene.loads
+        ),
+        "masses": tuple(
+            replace(m, at=go[m.link].point(m.at), inertia=_turned(go[m.link].turn, m.inertia))
+            for m in scene.masses
+        ),
+        "gravity": scene.gravity,
+        "plane": scene.plane,
+        "hinges": hinges,
+        "points": tuple(_point(p, scene, curves[p.leaf]) for p in scene.points),
+    }
+
+
+def _leaf(placed: PlacedLeaf, go: Mapping[str, Move], curve: Curve) -> PlacedLeaf:
+    leaf, a, b = placed.leaf, go[placed.a], go[placed.b]
+    width = None if leaf.width_axis is None else a.way(leaf.width_axis)
+    moved = replace(leaf, start=a.point(leaf.start), end=b.point(leaf.end), width_axis=width, curve=curve)
+    return replace(placed, leaf=moved)
+
+
+def _point(point: LeafPoint, scene: Scene, curves: Sequence[Curve]) -> LeafPoint:
+    """A point of a leaf at the end of the curve that led to it."""
+    before = sum(p.leaf == point.leaf and p.s <= point.s for p in scene.points)
+    return replace(point, s=sum(c.length for c in curves[:before]))
+
+
+def joined(curves: Sequence[Curve]) -> Curve:
+    """Curves one after the other as one."""
+    if len(curves) == 1:
+        return curves[0]
+    length = sum(c.length for c in curves)
+    ends = (np.cumsum([0.0, *(c.length for c in curves)]) / length).tolist()
+
+    def function(s: float) -> Any:
+        k = min(max(int(np.searchsorted(ends, s, side="right")) - 1, 0), len(curves) - 1)
+        return curves[k].curvature(min(1.0, max(0.0, (s - ends[k]) / (ends[k + 1] - ends[k]))))
+
+    return FreeCurve(length, function)
+
+
+def _drive(drive: Drive, go: Mapping[str, Move]) -> Drive:
+    terms = tuple(
+        replace(t, direction=go[t.base].way(t.direction), point=go[t.link].point(t.point))
+        for t in drive.terms
+    )
+    return replace(drive, terms=terms)
+
+
+def _turned(R: np.ndarray, inertia: Any) -> Any:
+    return tuple(map(_triple, R @ np.asarray(inertia) @ R.T))
+
+
+__all__ = ["STILL", "Move", "redrawn"]

@@ -1,0 +1,325 @@
+"""Rest shapes from wanted deformed ones: closed forms, round trips, loops, folds, weight, words and errors.
+
+Reference rows of single leaf springs: integration of k0 = k - M/EI by an independent code, to 1e-7.
+"""
+
+import math
+from dataclasses import replace
+from importlib import import_module
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.polynomial import Polynomial
+from planar_scenes import FINE, SOFT, indexer, rod, slider
+
+import ksd
+
+STEEL = ksd.Material(E=200e9, nu=0.3, density=7800.0)
+
+
+@pytest.fixture
+def paper(monkeypatch):
+    """The benchmark script of the planar gripper."""
+    monkeypatch.syspath_prepend(str(Path(__file__).resolve().parents[2] / "benchmarks"))
+    return import_module("paper3")
+
+
+def cantilever(force=(0, 5, 0), *, curve=None, end=(0.1, 0, 0), section=None, plane="xy", **words):
+    scene = ksd.Mechanism("cantilever", plane=plane)
+    tip = scene.link("tip")
+    words = {"section": section or rod(0.08, 0.1), "material": SOFT, **words}
+    scene.leaf("ground", tip, start=(0, 0, 0), end=end, curve=curve, name="leaf", **words)
+    scene.load(tip, force=force, at=end, name="push")
+    return scene
+
+
+def start_of(leaf):
+    """Angle of a leaf at its start, in the plane xy."""
+    return math.atan2(*leaf.section_at(0.0)[1][1::-1, 0])
+
+
+def end_of(leaf):
+    return math.atan2(*leaf.section_at(1.0)[1][1::-1, 0])
+
+
+BEND = 0.1 / 0.08
+CHORD = 2 * 0.08 * math.sin(BEND / 2)
+ROWS = [
+    (None, (0.1, 0, 0), 5, (0.09741194, -0.02060173), -0.3125),
+    (ksd.Arc(0.08, BEND), (CHORD * math.cos(BEND / 2), CHORD * math.sin(BEND / 2), 0), 6, (0.08597403, 0.04206484),
+     1.009254),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("curve, end, force, place, angle", ROWS)
+def test_one_leaf(curve, end, force, place, angle):
+    found = ksd.rest_shape(cantilever((0, force, 0), curve=curve, end=end))
+    leaf = found.leaves[0].leaf
+    assert leaf.end[:2] == pytest.approx(place, abs=1e-8)
+    assert (start_of(leaf), end_of(leaf)) == pytest.approx((0.0, angle), abs=1e-6)
+    assert leaf.length == pytest.approx(0.1, rel=1e-9)
+    assert found.displacement < 1e-10 and found.rotation < 1e-9 and "comes back" in found.checked
+    h, v, first, last = found.leaf_forces["leaf"]
+    assert (h, v, first, last) == pytest.approx((0, force, force * end[0], 0), abs=1e-9)
+
+
+def same_leaves(found, scene, rel=1e-7):
+    """Leaf springs of a rest shape are those of the scene, to a share of their length."""
+    for one, two in zip(found.leaves, scene.scene().leaves, strict=True):
+        length = two.leaf.length
+        assert one.leaf.length == pytest.approx(length, rel=rel)
+        for mine, theirs in ((one.leaf.start, two.leaf.start), (one.leaf.end, two.leaf.end)):
+            assert mine == pytest.approx(theirs, abs=rel * length)
+        for s in (0.0, 0.35, 1.0):
+            mine, theirs = one.leaf.section_at(s), two.leaf.section_at(s)
+            assert mine[0] == pytest.approx(theirs[0], abs=rel * length)
+            assert mine[1] == pytest.approx(theirs[1], abs=10 * rel)
+
+
+def round_trip(scene, **drives):
+    pose = ksd.solve(scene, drives, mesh=FINE, strict=False)
+    found = ksd.rest_shape(scene, pose)
+    same_leaves(found, scene)
+    assert found.displacement < 1e-8 * pose.model.arrays.size and found.rotation < 1e-8
+    assert found.forces == pytest.approx(dict(pose.forces), rel=1e-7, abs=1e-9)
+    return found
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_round_trip_of_random_mechanisms(paper, seed):
+    """Ten mechanisms of sections B and G, loads at random: the pose gives back what it came from, and that the pose."""
+    rng = np.random.default_rng(seed)
+    kind = seed % 4
+    if kind == 0:
+        force = (*rng.uniform(-12, 12, 2), 0)
+        round_trip(cantilever(force))
+    elif kind == 1:
+        scene = slider(rng.uniform(0.6, 1.6))
+        scene.load("one", force=(*rng.uniform(-2, 2, 2), 0), at=(0.1, 0, 0))
+        round_trip(scene, d=rng.uniform(-5e-3, 15e-3))
+    elif kind == 2:
+        scene = indexer()
+        scene.load("C", moment=(0, 0, rng.uniform(-0.05, 0.05)))
+        round_trip(scene, d=rng.uniform(-2e-3, 1e-3))
+    else:
+        round_trip(paper.gripper(rng.uniform(-4e-3, 4e-3), tuple(rng.uniform(-0.04, 0.04, 2))))
+
+
+ANGLES = (
+    Polynomial([1.5673, -5.7463, 11.3610, -11.0858, 4.8763]),
+    Polynomial([-2.0609, -3.0966, 3.2937, 0.7269, -0.4298]),
+)
+
+
+def fourbar():
+    """Thesis, section 5.4, example 3, drawn as it is wanted; the force along x at J2 is open."""
+    x, w = np.polynomial.legendre.leggauss(40)
+    u = 0.5 * (x + 1)
+    scene = ksd.Mechanism("four-bar", plane="xy")
+    links = ["ground", *scene.links("J2", "J3"), "ground"]
+    place, places = np.zeros(3), []
+    for k, (psi, length) in enumerate(((ANGLES[0], 0.2), (Polynomial([0.0233]), 0.1932), (ANGLES[1], 0.2))):
+        end = place + length * np.array([0.5 * w @ np.cos(psi(u)), 0.5 * w @ np.sin(psi(u)), 0])
+        slope = psi.deriv()
+        curve = ksd.FreeCurve(length, lambda s, slope=slope, length=length: (0, 0, slope(s) / length))
+        scene.leaf(links[k], links[k + 1], start=place, end=end, curve=curve, section=rod(0.08, 0.2), material=SOFT,
+                   name=f"L{k + 1}")  # fmt: skip
+        place = end
+        places.append(end)
+    scene.load("J2", force=(1, 0, 0), at=places[0], name="push")
+    return scene
+
+
+def test_inverse_four_bar():
+    """Two rest shapes at h3 = -5 N, with the forces that the data of the thesis lead to."""
+    found = ksd.rest_shape(fourbar(), free="push", forces={"L3": {"x": -5.0}})
+    assert found.loads[0].force[0] == pytest.approx(35.884, rel=1e-3)
+    assert found.leaf_forces["L3"][0] == pytest.approx(-5.0, rel=1e-12)
+    assert found.folds == () and found.crossings == () and found.displacement < 1e-9
+    other = ksd.rest_shape(fourbar(), free="push", forces={"L3": {"x": -5.0}}, beyond_fold=True)
+    assert other.loads[0].force[0] == pytest.approx(-31.306, rel=1e-3)
+    assert other.folds == pytest.approx((-0.6015,), rel=1e-3)
+    # another equilibrium is nearer to its rest; held where it is wanted it needs nothing more
+    assert "in equilibrium in the wanted shape" in other.checked and other.displacement > 1e-3
+    assert ("L2", "L3") in other.crossings
+    assert "'L2' and 'L3' run through each other at rest" in " ".join(str(other).split())
+
+
+def test_no_rest_shape_beyond_the_fold():
+    with pytest.raises(
+        ksd.ConvergenceError, match=r"beyond a fold at 60\.1. % .*'L3' along x: 3\.00.* N.*less than that"
+    ):
+        ksd.rest_shape(fourbar(), free="push", forces={"L3": {"x": 5.0}})
+    with pytest.raises(ksd.ConvergenceError, match=r"around the fold at 60\.1. % .* no other rest shape"):
+        ksd.rest_shape(fourbar(), free="push", forces={"L3": {"x": 5.0}}, beyond_fold=True)
+    with pytest.raises(
+        ksd.ConvergenceError, match=r"no second rest shape .* does not fold; leave beyond_fold out"
+    ):
+        ksd.rest_shape(cantilever(), beyond_fold=True)
+
+
+def test_the_shape_of_one_load_under_another():
+    """A shape found under one load, wanted under another: it is taken there, and the leaf is no longer straight."""
+    pose = ksd.solve(cantilever((0, 8, 0)), mesh=FINE)
+    found = ksd.rest_shape(cantilever((3, 2, 0)), pose)
+    again = ksd.solve(found, mesh=FINE)
+    place = again.motion.x[1] + again.motion.R[1] @ (
+        np.array(found.leaves[0].leaf.end) - again.model.rest.x[1]
+    )
+    assert place == pytest.approx(np.array((0.1, 0, 0)) + pose.displacement("tip"), abs=1e-10)
+    assert abs(found.leaves[0].leaf.end[1]) > 1e-3
+
+
+def test_wanted_poses_of_links(paper):
+    """A crank wanted at 15 degrees under a force on the jaw and no torque, other links where the arcs lead them."""
+    found = ksd.rest_shape(paper.gripper(0.0, (-0.05, 0.02)), {"crank": ((0, 0, 0), 0.2, (0, 0, 0))})
+    assert found.displacement < 1e-9
+    pose = ksd.solve(found, mesh=FINE)
+    start = {f.name: f.leaf for f in found.wanted.leaves}["arc 0"]
+    arrived = pose.shape().leaves[0]
+    assert arrived.place[-1] == pytest.approx(np.array(start.end), abs=1e-8)
+
+
+@pytest.mark.parametrize("plane, turn", [("yz", 1), ("xz", 2)])
+def test_planes(plane, turn):
+    """The same leaf in other planes."""
+    want = ksd.rest_shape(cantilever((2, 5, 0)), check=False).leaves[0].leaf.end
+    spin = {"yz": [2, 0, 1], "xz": [1, 2, 0]}[plane]
+    force, end = (np.array(v, float)[spin] for v in ((2, 5, 0), (0.1, 0, 0)))
+    found = ksd.rest_shape(cantilever(force, end=end, plane=plane))
+    assert found.leaves[0].leaf.end == pytest.approx(np.array(want)[spin], abs=1e-12)
+    assert found.displacement < 1e-10
+
+
+@pytest.mark.parametrize(
+    "profile", [None, ksd.Taper((0.8e-3, 0.4e-3), (10e-3, 5e-3))], ids=["uniform", "taper"]
+)
+def test_weight_stretch_and_shear(profile):
+    """A soft strip with a payload under its own weight, drawn level; and a round trip from another pose."""
+    scene = cantilever((40, 0, 0), section=ksd.rectangle(0.5e-3, 10e-3), material=STEEL, profile=profile)
+    scene.mass("tip", mass=0.05, at=(0.1, 0, 0))
+    scene.gravity = (0, -9.81, 0)
+    found = ksd.rest_shape(scene)
+    leaf = found.leaves[0].leaf
+    assert found.displacement < 1e-9 and leaf.end[1] > 1e-3
+    weight = leaf.length * 9.81 * 7800 * np.mean([
+        (profile.section((k + 0.5) / 500) if profile else leaf.section).A for k in range(500)
+    ])  # fmt: skip
+    # its own weight hangs on it, the payload at its end; the pull stretches it
+    assert found.leaf_forces["leaf"][:2] == pytest.approx((40, -0.05 * 9.81), rel=1e-9)
+    assert 1e-6 < 1 - leaf.length / 0.1 < 1e-3
+    pose = ksd.solve(found, mesh=FINE)
+    assert pose.section_forces()["leaf"].start[1] == pytest.approx(-0.05 * 9.81 - weight, rel=1e-2)
+    bent = cantilever((2, 3, 0), section=ksd.rectangle(0.5e-3, 10e-3), material=STEEL, profile=profile)
+    bent.gravity = (0, -9.81, 0)
+    back = ksd.rest_shape(bent, ksd.solve(bent, mesh=FINE))
+    same_leaves(back, bent, rel=1e-6 if profile else 1e-7)
+
+
+def test_points_and_following_loads():
+    """A load at a point of a leaf, and one that turns with its link; the rest scene keeps both, and returns."""
+    scene = cantilever((0, 2, 0))
+    point = scene.point("leaf", 0.04, name="there")
+    scene.load(point, force=(0, -9, 0), name="down")
+    scene.load("tip", force=(0, 3, 0), at=(0.1, 0, 0), following=True, name="with it")
+    found = round_trip(scene)
+    assert found.points[0].s == pytest.approx(0.04, rel=1e-9)
+    drawn = ksd.rest_shape(scene)
+    assert drawn.displacement < 1e-10 and drawn.points[0].s == pytest.approx(0.04, rel=1e-6)
+    assert drawn.loads[2].force != pytest.approx((0, 3, 0), rel=1e-3)
+
+
+def test_what_is_free():
+    """A drive of known force: its travel is found; one of known travel: its force. Both are one rest shape."""
+    scene = slider(0.8)
+    pose = ksd.solve(scene, d=8e-3, mesh=FINE)
+    by_value = ksd.rest_shape(scene, pose, check=False)
+    by_force = ksd.rest_shape(scene, pose, free="d", forces={"d": pose.forces["d"]}, check=False)
+    assert by_force.targets["d"] == pytest.approx(8e-3, rel=1e-7)
+    assert by_value.forces["d"] == pytest.approx(pose.forces["d"], rel=1e-7)
+    for one, two in zip(by_value.leaves, by_force.leaves, strict=True):
+        assert one.leaf.end == pytest.approx(two.leaf.end, abs=1e-9)
+
+
+def test_a_leaf_that_runs_through_itself():
+    """Straight under a moment that at rest curls it twice around."""
+    scene = ksd.Mechanism("curl", plane="xy")
+    tip = scene.link("tip")
+    scene.leaf(
+        "ground", tip, start=(0, 0, 0), end=(0.1, 0, 0), section=rod(0.08, 0.1), material=SOFT, name="leaf"
+    )
+    scene.load(tip, moment=(0, 0, -0.08 * 8.0 / 0.1))
+    found = ksd.rest_shape(scene, check=False)
+    assert found.crossings == (("leaf", "leaf"),) and "'leaf' runs through itself at rest" in str(found)
+    assert ksd.rest_shape(cantilever(), check=False).crossings == ()
+
+
+def test_a_rest_shape_is_a_scene():
+    found = ksd.rest_shape(cantilever())
+    assert isinstance(found, ksd.Scene) and isinstance(found.leaves[0].leaf.curve, ksd.FreeCurve)
+    assert repr(found).startswith("<RestShape: of 'cantilever', solved forward it comes back")
+    text = str(found)
+    assert "length [mm]" in text and "M start [Nm]" in text and "leaf" in text
+    assert ksd.solve(found).trusted and ksd.solve(replace(found, name="other")).trusted
+    assert "not solved forward" in ksd.rest_shape(cantilever(), check=False).checked
+
+
+def heated():
+    scene = cantilever(material=ksd.Material(E=1e9, nu=0.3, expansion=1e-5))
+    scene.heat(10.0)
+    return scene
+
+
+def askew():
+    return cantilever((0, 0, 1))
+
+
+@pytest.mark.parametrize(
+    "scene, words, message",
+    [
+        (lambda: cantilever(plane=None, width_axis="z"), {}, r"names no plane.*plane=\"xy\""),
+        (askew, {}, r"load 'push' leaves the plane xy"),
+        (cantilever, {"wanted": 3}, r"wanted = 3: give a pose"),
+        (cantilever, {"free": "pull"}, r"free = 'pull' is neither a load nor a drive; there are push"),
+        (cantilever, {"free": "push"}, r"1 loads or drives are free \(push\) and 0 forces are said"),
+        (cantilever, {"forces": {"leaf": {"x": 1.0}}}, r"0 loads or drives are free \(none\) and 1 forces"),
+        (cantilever, {"free": "push", "forces": {"leaf": {"z": 1.0}}}, r"'leaf' has no component 'z'; give 'x' or 'y'"),
+        (cantilever, {"free": "push", "forces": {"left": {"x": 1.0}}}, r"forces: 'left'.*such as \{'leaf': \{'x': -5.0\}\}"),
+        (cantilever, {"d": 1.0}, r"there is no drive 'd'; there are none"),
+        (lambda: slider(1.0), {}, r"drive 'd' has no value.*d=\.\.\."),
+        (lambda: slider(1.0), {"e": 1.0}, r"no drive 'e'; there are d"),
+        (cantilever, {"check": 1}, r"check"),
+        (cantilever, {"beyond_fold": "yes"}, r"beyond_fold"),
+        (lambda: "cantilever", {}, r"is no mechanism"),
+        (heated, {}, r"'cantilever' has heat, of which rest shapes are not known"),
+        (cantilever, {"wanted": {"tip": ((0.03, 0, 0), 0.0)}}, r"leaf 'leaf' would be 130 mm apart, but it is 100 mm long"),
+        (lambda: cantilever(curve=ksd.FreeCurve(0.09, lambda s: (0, 0, 1.0))), {},
+         r"leaf 'leaf' are wanted 100 mm apart, but its curve is 90 mm long; bring them within"),
+        (lambda: cantilever(curve=ksd.Arc(0.1, 1.5)), {}, r"spans 136\.328 mm, but its ends are drawn 100 mm apart"),
+        (lambda: cantilever(curve=ksd.FreeCurve(0.1, lambda s: (0, 1.0, 0))), {}, r"'leaf' leaves the plane"),
+        (lambda: cantilever(width_axis="y"), {}, r"'leaf' has no width across the plane"),
+    ],
+)  # fmt: skip
+def test_wrong_words(scene, words, message):
+    with pytest.raises(ksd.SceneError, match=message):
+        ksd.rest_shape(scene(), **words)
+
+
+def test_poses_of_other_mechanisms_and_meshes():
+    pose = ksd.solve(slider(1.0), d=1e-3)
+    with pytest.raises(ksd.SceneError, match=r"pose is one of another mechanism, 'slider'.*'cantilever'"):
+        ksd.rest_shape(cantilever(), pose)
+    chain = ksd.solve(cantilever(), mesh=ksd.Mesh("corotational", elements=8))
+    with pytest.raises(ksd.SceneError, match=r"chains or reduced bodies; solve it with leaf='strain'"):
+        ksd.rest_shape(cantilever(), chain)
+
+
+def test_a_mechanism_that_moves_by_itself_is_refused():
+    scene = ksd.Mechanism("loose", plane="xy")
+    bar, tip = scene.links("bar", "tip")
+    scene.pin("ground", bar, at=(0, 0, 0))
+    scene.leaf(bar, tip, start=(0, 0, 0), end=(0.1, 0, 0), section=rod(0.08, 0.1), material=SOFT)
+    scene.load(tip, force=(1, 0, 0), at=(0.1, 0, 0))
+    with pytest.raises(ksd.KsdError, match=r"can move without any force.*hold it by a drive or support"):
+        ksd.rest_shape(scene)
