@@ -10,11 +10,62 @@ FOLDER = Path(__file__).resolve().parents[1] / "examples"
 LINES = 60
 SHOOTING = "shooting of exact rods, order 8"
 
+
+def EI(thickness: float, width: float) -> float:
+    """Bending stiffness [N m^2] of a leaf of steel, 200 GPa."""
+    return 200e9 * width * thickness**3 / 12
+
+
+FOLDED = 0.5 / (40e-3**3 / (3 * EI(20e-3, 0.3e-3)) + 6 * 40e-3 / (5 * 200e9 / 2.6 * 20e-3 * 0.3e-3))
+"""Stiffness [N/m] along the fold line of the folded leaf springs of the examples."""
+HALF_EULER = math.pi * math.sqrt(0.5)
+SWAY = HALF_EULER**3 / 12 / (2 * math.tan(HALF_EULER / 2) - HALF_EULER)
+"""Sideways stiffness of a clamped and guided beam under half of its buckling load, over that without load."""
+
 NUMBERS = {
+    "balanced_pivot": {
+        "K": (2 * EI(0.3e-3, 20e-3) / 60e-3, 1e-9, "2 EI/L"),
+        "moment": (0.16393407249, 1e-6, SHOOTING),
+        "left": (0.0181268159, 1e-5, SHOOTING),
+        "at_rest": (-0.00185812870, 1e-4, SHOOTING),
+    },
+    "bistable": {
+        # Qiu, Lang and Slocum 2004 for a perfect beam of large h/t: 740, -370, 1.99
+        "top": (669.264, 1e-4, SHOOTING),
+        "bottom": (-294.337, 1e-4, SHOOTING),
+        "rest": (1.960412, 5e-4, SHOOTING),
+    },
     "cantilever": {
         "x": (0.0859561617, 1e-6, "Lan 2005, table 2.3"),
         "y": (0.0491835530, 1e-6, "Lan 2005, table 2.3"),
         "angle": (0.7651820133, 1e-6, "Lan 2005, table 2.3"),
+    },
+    "cross_flexure": {
+        "stiffness": (2 * EI(0.5e-3, 40e-3) / 100e-3, 1e-6, "paper 1, eq. 4.3"),
+        "moment": (1.4309743209, 1e-6, SHOOTING),
+        "axial_at_rest": (2 * 200e9 * 0.5e-3 * 40e-3 / 100e-3 * 0.5, 1e-4, "EA/L cos^2"),
+    },
+    "folded_leaf_stage": {
+        "x": (1.5 * FOLDED, 2e-3, "van Eijk 1985"),
+        "rz": (3 * FOLDED * (60e-3 + 40e-3 / math.sqrt(2)) ** 2, 2e-3, "van Eijk 1985"),
+        "first": (math.sqrt(5061.33 / 0.5) / (2 * math.pi), 1e-2, "piston stiffness over mass, leaf springs without"),
+    },
+    "guide_buckling": {
+        "let_go": (2 * math.pi**2 * EI(0.5e-3, 20e-3) / 0.1**2, 1e-3, "Euler"),
+        "held": (8 * math.pi**2 * EI(0.5e-3, 20e-3) / 0.1**2, 1e-3, "Euler"),
+        "left": (SWAY, 1e-3, "beam column, ends clamped and guided"),
+    },
+    "guide_stiffness": {
+        "drive": (24 * EI(0.5e-3, 20e-3) / 0.1**3, 1e-3, "24 EI/L^3"),
+        "sink": (0.0006020272343, 1e-6, SHOOTING),
+        "at_rest": (2 * 200e9 * 0.5e-3 * 20e-3 / 0.1, 1e-9, "2 EA/L"),
+        "halfway": (1 / (0.1**3 / EI(0.5e-3, 20e-3) * (0.005**2 / 24 + 0.05**2 / 1400)), 1e-2, "Awtar 2007"),
+        "at_end": (4938866.1, 1e-4, SHOOTING),
+    },
+    "heat_drift": {
+        "grows": (12e-6 * 5 * 80e-3, 1e-9, "expansion"),
+        "tilts": (12e-6 * 5 * 80e-3 / 60e-3 * (1 - 0.4**2 / 60**2 / 3), 1e-4, "expansion over distance"),
+        "sideways": (12e-6 * 5 * 80e-3 / 60e-3 * 40e-3, 1e-4, "tilt times the lever to the drive"),
     },
     "indexer": {
         "force_one": (126.9213, 1e-5, SHOOTING),
@@ -23,12 +74,32 @@ NUMBERS = {
         "C_x": (0.8138033e-3, 1e-5, SHOOTING),
         "C_y": (-0.0506014e-3, 1e-5, SHOOTING),
     },
+    "notch_hinge": {
+        "stiffness": (2 * 70e9 * 10e-3 * 0.1e-3**2.5 / (9 * math.pi * math.sqrt(5e-3)), 5e-3, "Paros and Weisbord 1965"),
+        "stress": (6 * 0.07020 * math.pi / 180 / (10e-3 * 0.1e-3**2), 1e-3, "6 M/(b t^2)"),
+    },
+    "overconstrained_guide": {
+        "redundant": (1, 0, "both leaf springs hold the turn in their plane"),
+        "solved": (178979.20, 1e-5, "what the other leaf tells, from internal_stress"),
+    },
     "parallel_mechanism": {
         "force_quarter": (2948.737, 1e-5, SHOOTING),
         "drop_A": (-0.94576e-3, 1e-5, SHOOTING),
         "drop_B": (-0.98923e-3, 1e-5, SHOOTING),
         "force_half": (7370.185, 1e-5, SHOOTING),
         "tilt": (0.0107066, 1e-5, SHOOTING),
+    },
+    "pivot_centre": {
+        "shift_middle": (60e-3 * math.radians(5) ** 2 / (12 * math.cos(math.pi / 4)), 1e-3, "Zhao 2011"),
+        "shift_best": (4.31520569e-07, 1e-5, SHOOTING),
+        "stiffness_middle": (0.00582513814857 / math.radians(5), 1e-6, SHOOTING),
+        "stiffness_best": (0.0155164021451 / math.radians(5), 1e-6, SHOOTING),
+    },
+    "pivot_tolerance": {
+        "thickness": (3, 1e-5, "K = EI/L"),
+        "length": (-1, 1e-5, "K = EI/L"),
+        "width": (1, 1e-5, "K = EI/L"),
+        "scatter": (math.sqrt(0.05**2 + (1 / 3000) ** 2 + 0.001**2), 1e-5, "squares of the parts"),
     },
     "planar_spring": {
         "pull": (34224.63, 1e-5, SHOOTING),
@@ -42,6 +113,21 @@ NUMBERS = {
         "pin_y": (-0.737897, 1e-5, SHOOTING),
         "C_x": (-0.03552664e-3, 1e-5, SHOOTING),
         "C_y": (-2.440338e-3, 1e-5, SHOOTING),
+    },
+    "tip_tilt_piston": {
+        "moment_share": (1, 3e-3, "stiffness of a point with the drives let go"),
+        "force_share": (1, 3e-4, "stiffness of a point with the drives let go"),
+        "shift": (5e-3 * 40e-3 / math.sqrt(2), 1e-3, "turn about the plane of the fold lines"),
+    },
+    "which_joint": {
+        "crossed": (0.0526242729 * 60e-3 / (EI(0.3e-3, 20e-3) * math.radians(10)), 1e-6, SHOOTING),
+        "quiet": (0.1397179558 * 60e-3 / (EI(0.3e-3, 20e-3) * math.radians(10)), 1e-6, SHOOTING),
+        "cartwheel": (8, 2e-3, "8 EI/L"),
+        "butterfly": (2 * (1 + 3 * 4 / 17 + 3 * (4 / 17) ** 2) * 60 / 17, 1e-2, "a quarter of a pivot crossing at -4/17"),
+    },
+    "xy_stage": {
+        "x_mode": (math.sqrt(24 * EI(0.3e-3, 25e-3) / 60e-3**3 / 0.8) / (2 * math.pi), 1e-3, "24 EI/L^3 over the mass"),
+        "y_mode": (math.sqrt(24 * EI(0.3e-3, 25e-3) / 60e-3**3 / 0.5) / (2 * math.pi), 1e-3, "24 EI/L^3 over the mass"),
     },
 }  # fmt: skip
 """Script: answer: value [SI], relative tolerance, and where the value comes from."""
