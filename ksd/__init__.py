@@ -48,6 +48,7 @@ _HOMES = {
     "ksd.design": ("Batch", "SweepInterrupted", "Table", "batch", "frequency_curve", "state_space", "sweep"),
     "ksd.design.gradient": ("Gradient", "gradient"),
     "ksd.design.job": ("Job",),
+    "ksd.design.job_file": ("JobFile", "load_job"),
     "ksd.design.optimise": ("optimise",),
     "ksd.design.optimum": ("Optimum",),
     "ksd.design.pareto": ("Choice", "Front", "choose", "pareto"),
@@ -60,15 +61,15 @@ __all__ = [
     "Arc", "ArcHinge", "BalancedCrossedPivot", "Batch", "Butterfly", "Cartwheel", "Choice", "CircularNotch",
     "CircularNotchHinge", "Configuration", "ConvergenceError", "CrossFlexure", "CrossedPivot", "Design", "DrawnJoint",
     "FilletedNotch", "FilletedNotchHinge", "FoldedLeaf", "FreeCurve", "Front", "Gradient", "InfinityHinge", "Job",
-    "Joint", "KinematicsError", "KsdError", "Leaf", "LinkMatrix", "Material", "Mechanism", "Mesh", "ModalBasis",
-    "Model", "Motion", "Optimum", "ParallelGuide", "Parameter", "Path", "RangeError", "Record", "RecordError",
-    "RequiredLoads", "RestShape", "Scene", "SceneError", "SceneFileError", "SceneWarning", "Section", "Solver",
-    "StiffenedGuide", "StiffenedMiddle", "SweepInterrupted", "Table", "Taper", "Tolerance", "TripleInfinityHinge",
-    "TrustError", "UniversalJoint", "UnknownNameError", "Varying", "WireFlexure", "batch", "choose", "circle",
-    "compile_scene", "doctor", "errors", "find_record", "follow", "frequency_curve", "gradient", "joint_families",
-    "link_matrix", "load_scene", "numbers", "optimise", "pareto", "polygon", "prepare", "read_result", "rectangle",
-    "required_loads", "rest_shape", "save_scene", "solve", "state_space", "sweep", "tolerance", "train", "tube", "units",
-    "wire",
+    "JobFile", "Joint", "KinematicsError", "KsdError", "Leaf", "LinkMatrix", "Material", "Mechanism", "Mesh",
+    "ModalBasis", "Model", "Motion", "Optimum", "ParallelGuide", "Parameter", "Path", "RangeError", "Record",
+    "RecordError", "RequiredLoads", "RestShape", "Scene", "SceneError", "SceneFileError", "SceneWarning", "Section",
+    "Solver", "StiffenedGuide", "StiffenedMiddle", "SweepInterrupted", "Table", "Taper", "Tolerance",
+    "TripleInfinityHinge", "TrustError", "UniversalJoint", "UnknownNameError", "Varying", "WireFlexure", "batch",
+    "choose", "circle", "compile_scene", "doctor", "errors", "find_record", "follow", "frequency_curve", "gradient",
+    "joint_families", "link_matrix", "load_job", "load_scene", "numbers", "optimise", "pareto", "polygon", "prepare",
+    "read_result", "rectangle", "required_loads", "rest_shape", "save_scene", "solve", "state_space", "sweep",
+    "tolerance", "train", "tube", "units", "wire",
 ]  # fmt: skip
 
 if TYPE_CHECKING:
@@ -76,6 +77,7 @@ if TYPE_CHECKING:
     from ksd.design.batch import batch
     from ksd.design.gradient import Gradient, gradient
     from ksd.design.job import Job
+    from ksd.design.job_file import JobFile, load_job
     from ksd.design.optimise import optimise
     from ksd.design.optimum import Optimum
     from ksd.design.pareto import Choice, Front, choose, pareto

@@ -147,6 +147,36 @@ def _sweep(commands: Any) -> None:
     _take(parser, "--quiet")
 
 
+def _optimise(commands: Any) -> None:
+    parser = commands.add_parser(
+        "optimise",
+        help="find the best design of a job",
+        description="The design whose worst target is best under limits and rules. A job file names a scene file, or holds "
+        "the scene, and says in its [job] what to vary, maximise or minimise, and limit.",
+    )
+    parser.add_argument("job", metavar="JOB.toml")
+    _take(
+        parser,
+        "--set",
+        metavar="DRIVE=RANGE",
+        help="drive values, such as turn=0deg:30deg:3; may be repeated",
+    )
+    said = "where to start, such as joint.cross.thickness=0.4mm; all that varies, or none for the middle of the bounds"
+    parser.add_argument("--start", action="append", default=[], metavar="NAME=VALUE", help=said)
+    parser.add_argument("--starts", type=int, metavar="N", help="starts, the others random (1)")
+    _take(parser, "--method", help="gradient (the default), cobyla, or cma, which needs the package cma")
+    said = "move limits in by K standard deviations of the [optimise.spread] of the file"
+    parser.add_argument("--robust", type=float, metavar="K", help=said)
+    parser.add_argument("--seed", type=int, metavar="S", help="of the random starts (0)")
+    parser.add_argument("--resume", metavar="FILE", help="keep every design here; give it again to go on")
+    parser.add_argument("--out", metavar="FILE", help="write every design that was tried: .csv, .h5 or .mat")
+    _take(parser, "--json")
+    _take(parser, "--plot", help="write how it was found (.png, .pdf, .svg)")
+    parser.add_argument("--report", metavar="FILE", help="write an HTML page")
+    parser.add_argument("--save", metavar="FILE", help="write the optimum as a scene file")
+    _take(parser, "--quiet")
+
+
 def _report(commands: Any) -> None:
     parser = commands.add_parser(
         "report",
@@ -210,7 +240,8 @@ def _bench(commands: Any) -> None:
 
 
 COMMANDS = {
-    "demo": _demo, "new": _new, "solve": _solve, "effects": _effects, "doctor": _doctor, "sweep": _sweep, "report": _report,
+    "demo": _demo, "new": _new, "solve": _solve, "effects": _effects, "doctor": _doctor, "sweep": _sweep,
+    "optimise": _optimise, "report": _report,
     "train": _train, "info": _info, "bench": _bench,
     "schema": _schema,
 }  # fmt: skip

@@ -102,13 +102,11 @@ def drive_value(scene: Any, text: str) -> tuple[str, float]:
         raise SceneError(f"--set {text}: write it as DRIVE=VALUE, for example --set top=300mm")
     if name not in drives:
         raise SceneError(f"--set {text}: there is no drive '{name}'{nearest(name, drives)}")
-    kinds = {term.kind for term in drives[name].terms}
-    dimension = {"translation": "length", "rotation": "angle"}[kinds.pop()] if len(kinds) == 1 else "number"
     try:
         plain: float | str = float(value)
     except ValueError:
         plain = value
-    return name, quantity(plain, dimension, f"--set {name}")
+    return name, quantity(plain, drives[name].dimension, f"--set {name}")
 
 
 def solved(scene: Any, targets: dict[str, float], asked: dict[str, Any]) -> Any:

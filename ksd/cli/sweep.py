@@ -24,7 +24,7 @@ WRITERS = {".csv": "to_csv", ".h5": "to_hdf5", ".hdf5": "to_hdf5", ".mat": "to_m
 def run(options: argparse.Namespace) -> int:
     """Sweep, print, write; a pose that fails is a row that says why, and the exit code is then 3."""
     check_plot(options.plot)
-    write = None if options.out is None else _writer(options.out)
+    write = None if options.out is None else writer_of(options.out)
     mechanism, targets, written = load_scene(options.scene, option_names=tuple(OPTIONS))
     asked = settings(written, options)
     scene = mechanism.scene()
@@ -58,7 +58,7 @@ def run(options: argparse.Namespace) -> int:
     return 0
 
 
-def _writer(path: str) -> str:
+def writer_of(path: str) -> str:
     """Which writer of a Table serves this file name. SceneError for a name no writer knows."""
     if Path(path).suffix.lower() not in WRITERS:
         raise SceneError(f"--out {path}: the ending must be one of {', '.join(WRITERS)}")

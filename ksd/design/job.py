@@ -366,8 +366,11 @@ class Job(Shown):
             place = np.full(len(ends), 0.5) if k == 0 and seed == 0 else rng.uniform(size=len(ends))
             at = ends[:, 0] + place * spread
             x = np.clip(np.where(positive, np.exp(np.where(positive, at, 0.0)), at), *self.bounds.T)
-            value = self.rule_values(x)
-            least = np.fmax(least, value)
+            value = self.rule_values(x, shapes=False)
+            if (value >= 0.0).all() and self.ranges:
+                # drawing a scene costs more than most rules
+                value = self.rule_values(x)
+            least[: len(value)] = np.fmax(least[: len(value)], value)
             if (value >= 0.0).all():
                 found.append(x)
             if len(found) == count:
@@ -381,8 +384,9 @@ class Job(Shown):
         """Names of the rules, and of trained ranges that hang on several parameters."""
         return (*(_spoken_rule(k, r) for k, r in enumerate(self.rules)), *(r.words for r in self.ranges))
 
-    def rule_values(self, x: ArrayLike) -> Array:
-        """Rules (R,) at a design: not negative where they are met. Raises SceneError for a rule that is no number."""
+    def rule_values(self, x: ArrayLike, *, shapes: bool = True) -> Array:
+        """Rules (R,) at a design: not negative where they are met; without `shapes` those of the parameters alone. Raises
+        SceneError for a rule that is no number."""
         parameters, found = self.design_at(x), []
         for k, rule in enumerate(self.rules):
             try:
@@ -390,12 +394,12 @@ class Job(Shown):
             except (KeyError, TypeError, ValueError, ArithmeticError) as why:
                 words = f"no parameter {why}" if isinstance(why, KeyError) else str(why)
                 raise SceneError(f"rule {_spoken_rule(k, rule)} gives no number: {words}") from None
-        if self.ranges:
+        if self.ranges and shapes:
             try:
-                shapes = [placed.joint.shape() for placed in scene_of(self.function, parameters).joints]
+                drawn = [placed.joint.shape() for placed in scene_of(self.function, parameters).joints]
             except SceneError:
-                shapes = []
-            found += [r.margin(shapes) for r in self.ranges]
+                drawn = []
+            found += [r.margin(drawn) for r in self.ranges]
         return np.array(found)
 
     # ---- answers ---------------------------------------------------------------------------------------------------------

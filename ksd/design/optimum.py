@@ -134,6 +134,19 @@ class Optimum(Shown):
             np.array(beyond),
         )  # fmt: skip
 
+    def as_dict(self) -> dict[str, Any]:
+        """Everything but the table, for JSON: numbers, and None where there is none."""
+
+        def plain(values: Mapping[str, float]) -> dict[str, float | None]:
+            return {n: float(v) if np.isfinite(v) else None for n, v in values.items()}
+
+        return {
+            "method": self.method, "merit": self.merit, "design": plain(self.design), "worst": self.worst,
+            "answers": plain(self.answers), "held": plain(self.held), "flat": plain(self.flat), "robust": self.robust,
+            "margins": plain(self.margins), "values": self.evaluations, "gradients": self.gradients,
+            "seconds": self.seconds, "starts": [s._asdict() | plain({"merit": s.merit}) for s in self.starts],
+        }  # fmt: skip
+
     def plot(self, path: str | os.PathLike[str] | None = None) -> Figure:
         """Matplotlib figure of how every start went, and of all designs as parallel coordinates; written to `path` if
         given."""

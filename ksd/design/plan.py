@@ -25,6 +25,8 @@ Designs = Mapping[str, Sequence[Any] | np.ndarray] | Sequence[Mapping[str, Any]]
 """Parameters of such a function: values by name for all combinations, or one mapping for every design."""
 Paths = list[tuple[dict[str, float], ...]]
 
+UNBUILT = "this design cannot be built: "
+
 
 def plan_lines(
     mechanism: Any, values: Mapping[str, np.ndarray], designs: Any, loads: Any, *, together: bool, call: Any
@@ -109,7 +111,7 @@ def scene_of(mechanism: Any, parameters: Mapping[str, Any]) -> Scene:
             made = mechanism(**parameters)
             made = made.scene() if isinstance(made, Mechanism) else made
         except (SceneError, ArithmeticError, ValueError) as reason:
-            raise SceneError(f"this design cannot be built: {reason}") from reason
+            raise SceneError(f"{UNBUILT}{str(reason).removeprefix(UNBUILT)}") from reason
     scene = made.scene() if isinstance(made, Mechanism) else made
     if not isinstance(scene, Scene):
         raise NoMechanism(

@@ -79,6 +79,12 @@ class Drive:
             )
         object.__setattr__(self, "terms", tuple(self.terms))
 
+    @property
+    def dimension(self) -> str:
+        """Of its value: "length" or "angle", "number" where both are mixed."""
+        kinds = {term.kind for term in self.terms}
+        return {"translation": "length", "rotation": "angle"}[kinds.pop()] if len(kinds) == 1 else "number"
+
     def freedom(self) -> tuple[Any, ...]:
         """What it prescribes, without scale, sign and name: equal for two drives on one freedom."""
         rows = sorted(_component(t) for t in self.terms)

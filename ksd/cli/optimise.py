@@ -1,0 +1,74 @@
+"""`ksd optimise JOB.toml`: the best design of a job file, as tables, files, pictures and a page."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+from ksd.cli.output import STDOUT, check_json, check_plot, console, interrupted, write_json
+from ksd.cli.sweep import writer_of
+from ksd.design.job_file import load_job
+from ksd.design.optimise import optimise
+from ksd.errors import SceneError
+from ksd.files import check_target
+from ksd.scene.formula import amount
+from ksd.scene.toml_file import save_scene
+
+
+def run(options: argparse.Namespace) -> int:
+    """Load, optimise, print, write. Errors as in `ksd.load_job` and `ksd.optimise`."""
+    check_json(options.json)
+    check_plot(options.plot)
+    for path, what in ((options.report, "--report"), (options.save, "--save")):
+        if path is not None:
+            check_target(Path(path), what=what)
+    write = None if options.out is None else writer_of(options.out)
+    job, words = load_job(options.job, drives=dict(_pair(text, "--set") for text in options.set))
+    words |= {k: v for k in ("starts", "method", "robust", "seed") if (v := getattr(options, k)) is not None}
+    if options.start:
+        said = dict(_pair(text, "--start") for text in options.start)
+        words["start"] = {n: amount(_plain(v), f"--start {n}") for n, v in said.items()}
+    if not words.get("robust", 0.0):
+        # the file may hold the scatter of a robust optimum that is not asked for now
+        words = {k: v for k, v in words.items() if k not in ("robust", "spread")}
+    again = (
+        "with --resume FILE the designs done are kept"
+        if options.resume is None
+        else f"the designs done are in {options.resume}, give the same command again to go on"
+    )
+    with interrupted(f"interrupted; nothing more was written, {again}"):
+        best = optimise(job, **words, resume=options.resume, progress=not options.quiet)
+    if options.json:
+        write_json(best.as_dict(), options.json)
+    if options.json != STDOUT:
+        console().print(str(best), soft_wrap=True)
+    if write is not None:
+        getattr(best.table, write)(options.out)
+    if options.plot:
+        best.plot(options.plot)
+    if options.report:
+        best.report(options.report)
+    if options.save:
+        worst = job.poses[job.answers[job.names.index(best.worst)].pose or 0][1]
+        save_scene(best.mechanism, options.save, targets=worst)
+    return 0
+
+
+def _pair(text: str, option: str) -> tuple[str, str]:
+    """Name and value of NAME=VALUE. SceneError for anything else."""
+    name, equals, value = (part.strip() for part in text.rpartition("="))
+    if not (name and equals and value):
+        raise SceneError(f"{option} {text}: write it as NAME=VALUE, for example {option} {_EXAMPLES[option]}")
+    return name, value
+
+
+_EXAMPLES = {"--set": "turn=0deg:30deg:3", "--start": "joint.cross.thickness=0.4mm"}
+
+
+def _plain(value: str) -> Any:
+    """Text that is a number, as that number."""
+    try:
+        return float(value)
+    except ValueError:
+        return value

@@ -1,0 +1,360 @@
+"""Jobs in TOML files, in the words of `ksd.Job` and `ksd.optimise` and those of the scene.
+
+    [job]              scene = "pivot.toml" (left out where the scene is in this file), link, at, maximise, minimise, limits,
+                       rules = ["70 mm - joint.cross.widths[0]"], freed, modes, method, extrapolate, together
+    [job.vary]         joint.cross.thickness = ["0.2 mm", "1 mm"]: least and most of a key of the scene; in a list of every
+                       item that varies: joint.cross.widths = [["10 mm", "60 mm"], "20 mm"]
+    [job.drives]       turn = ["0 deg", "15 deg", "30 deg"], or "0deg:30deg:3"; the values of the scene where it is left out
+    [[job.loads.CASE]] link, force, moment, at, ...: as [[load]] of a scene
+    [optimise]         start, starts, method, robust, seed, and [optimise.spread] joint.cross.thickness = "4 um"
+
+Where the scene says "= formula" a number follows from others of it: at = ["= -0.5 * joint.cross.length", 0, 0]. Limits of
+which one side is free say inf.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ksd.design.job import Job
+from ksd.errors import SceneError
+from ksd.scene import toml_schema as schema
+from ksd.scene.drive import Drive
+from ksd.scene.formula import Keys, amount, dimension_of, evaluated, item_at, names_in, slot, spoken
+from ksd.scene.mechanism import Mechanism
+from ksd.scene.toml_file import parsed_file, scene_of_tables
+from ksd.scene.toml_table import Table, placed_at, quantity
+from ksd.section.checks import nearest, show
+
+JOB = {
+    "scene": "text", "link": "text", "at": "length[3]", "maximise": "any", "minimise": "any", "limits": "any",
+    "rules": "any", "freed": "any", "modes": "any", "method": "text", "extrapolate": "flag", "together": "flag",
+}  # fmt: skip
+"""Keys of [job], beside its tables vary, drives and loads."""
+OPTIMISE = {"starts": "any", "method": "text", "robust": "number", "seed": "any"}
+"""Keys of [optimise], beside its tables start and spread."""
+MOST_POSES = 1000
+
+
+class JobFile(NamedTuple):
+    """A job, and the words of `ksd.optimise` that stand beside it."""
+
+    job: Job
+    words: dict[str, Any]
+
+
+@dataclass(frozen=True, eq=False)
+class VariedScene:
+    """A function of parameters, numbers of a scene file by name, that returns its mechanism; known to other processes."""
+
+    tables: Mapping[str, Any]
+    file: Path
+    varied: tuple[tuple[str, Keys], ...]
+    formulas: tuple[Keys, ...]
+
+    @property
+    def __name__(self) -> str:
+        return self.file.name
+
+    def __call__(self, **parameters: float) -> Mechanism:
+        return scene_of_tables(self.filled(parameters), self.file)[0]
+
+    def filled(self, parameters: Mapping[str, float]) -> dict[str, Any]:
+        """The tables with these numbers, formulas worked out."""
+        tables: dict[str, Any] = _copied(self.tables)
+        for name, keys in self.varied:
+            _put(tables, keys, parameters[name])
+        worked = [(keys, item_at(tables, keys, self.file.name)) for keys in self.formulas]
+        with placed_at(self.file.name):
+            for keys, value in [(k, evaluated(v.lstrip()[1:], tables)) for k, v in worked]:
+                _put(tables, keys, value)
+        return tables
+
+
+@dataclass(frozen=True, eq=False)
+class WrittenRule:
+    """A formula of the numbers of a scene that must not be negative."""
+
+    scene: VariedScene
+    formula: str
+
+    @property
+    def __name__(self) -> str:
+        return self.formula
+
+    def __call__(self, parameters: Mapping[str, float]) -> float:
+        return evaluated(self.formula, self.scene.filled(parameters))
+
+
+def load_job(path: str | os.PathLike[str], *, drives: Mapping[str, str] | None = None) -> JobFile:
+    """Read a job file: the `ksd.Job`, and the words for `ksd.optimise(job, **words)`.
+
+    drives: drive values in place of those of the file, by name, as text such as "0deg:30deg:3". Raises SceneError, naming
+    file, table and key, for what is wrong in it, and what `ksd.Job` raises.
+    """
+    file = Path(path)
+    tables = parsed_file(file)
+    top = Table({k: tables.pop(k) for k in ("job", "optimise") if k in tables}, file.name)
+    said, optimise = top.table("job"), top.table("optimise")
+    if "job" not in top:
+        raise SceneError(f"{file.name}: [job] is missing: say there what to vary and what to maximise")
+    words = said.read(JOB)
+    tables, place = _scene_tables(tables, file, words.pop("scene", None))
+    varied, bounds, fixed = _varied(said.table("vary"), tables)
+    for keys, value in fixed:
+        _put(tables, keys, value)
+    function = VariedScene(tables, place, tuple(varied.items()), tuple(_formulas(tables, ())))
+    mechanism, targets = _first(function, bounds)
+    found = {d.name: d for d in mechanism.scene().drives}
+    values = _drive_values(said.table("drives"), found, targets, drives or {})
+    loads = _loads(said.table("loads"))
+    said.finish()
+    words |= {
+        "rules": tuple(WrittenRule(function, rule) for rule in _texts(words.get("rules", []), said.where))
+    }
+    words |= {"limits": _limits(words.get("limits")), "loads": loads}
+    with placed_at(file.name):
+        job = Job(function, vary=bounds, targets=values, **words)
+    return JobFile(job, _optimise_words(optimise, varied))
+
+
+def _copied(values: Any) -> Any:
+    """Tables and lists anew; what they hold cannot change."""
+    if isinstance(values, Mapping):
+        return {k: _copied(v) for k, v in values.items()}
+    return [_copied(v) for v in values] if isinstance(values, list) else values
+
+
+def _scene_tables(tables: dict[str, Any], file: Path, name: str | None) -> tuple[dict[str, Any], Path]:
+    """The tables of the scene, and the file they stand in."""
+    if name is None:
+        if not tables:
+            raise SceneError(
+                f"{file.name}, [job]: name a scene file, scene = 'pivot.toml', or write the scene here"
+            )
+        return tables, file
+    if tables:
+        raise SceneError(
+            f"{file.name}: [job] names the scene file '{name}', but '{next(iter(tables))}' stands here too; keep one of them"
+        )
+    return parsed_file(file.parent / name), file.parent / name
+
+
+def _varied(
+    vary: Table, tables: dict[str, Any]
+) -> tuple[dict[str, Keys], dict[str, tuple[float, float]], list[tuple[Keys, float]]]:
+    """Keys and bounds of every parameter by name, and keys of list items that [job.vary] fixes."""
+    keys: dict[str, Keys] = {}
+    bounds: dict[str, tuple[float, float]] = {}
+    fixed: list[tuple[Keys, float]] = []
+    for way, given in _leaves(vary.values, ()):
+        with placed_at(vary.where):
+            place = _place(tables, way)
+            here = _there(tables, place)
+            if not isinstance(here, list):
+                keys[spoken(place)], bounds[spoken(place)] = place, _range(given, spoken(place), here)
+                continue
+            if (
+                not isinstance(given, list)
+                or len(given) != len(here)
+                or not any(isinstance(g, list) for g in given)
+            ):
+                raise SceneError(
+                    f"{spoken(place)} = {show(given)}: it is a list of {len(here)} in the scene; give least and most of "
+                    'every item that varies and a value of the others, such as [["10 mm", "60 mm"], "20 mm"]'
+                )
+            for k, (item, old) in enumerate(zip(given, here, strict=True)):
+                name = spoken((*place, k))
+                if isinstance(item, list):
+                    keys[name], bounds[name] = (*place, k), _range(item, name, old)
+                else:
+                    fixed.append(((*place, k), amount(item, name)))
+    if not keys:
+        raise SceneError(
+            f"{vary.where}: give least and most of what varies, joint.cross.thickness = ['0.2 mm', '1 mm']"
+        )
+    return keys, bounds, fixed
+
+
+def _leaves(values: Mapping[str, Any], way: tuple[str, ...]) -> list[tuple[tuple[str, ...], Any]]:
+    """What stands at the ends of nested tables, with its keys."""
+    found = []
+    for key, value in values.items():
+        found += _leaves(value, (*way, key)) if isinstance(value, dict) else [((*way, key), value)]
+    return found
+
+
+def _place(tables: Any, way: Sequence[str]) -> Keys:
+    """Keys of a place in the scene; the last one may be new to its table."""
+    place: Keys = ()
+    here = tables
+    for k, key in enumerate(way):
+        at = slot(here, key)
+        new = k == len(way) - 1 and isinstance(here, dict)
+        if at is None or (isinstance(here, dict) and at not in here and not new):
+            inside = f" in {spoken(place)}" if place else ""
+            raise SceneError(
+                f"{'.'.join(way)}: there is no '{key}'{inside} in the scene{nearest(key, names_in(here))}"
+            )
+        # arrays of tables are counted from 1
+        place = (*place, key if isinstance(at, str) or not key.isdecimal() else int(key))
+        here = None if new and at not in here else here[at]
+    return place
+
+
+def _there(tables: Any, place: Keys) -> Any:
+    """What stands at a place, None where it is new."""
+    parent = item_at(tables, place[:-1], "")
+    return parent.get(place[-1]) if isinstance(parent, dict) else item_at(tables, place, "")
+
+
+def _range(given: Any, name: str, old: Any) -> tuple[float, float]:
+    """Least and most of a parameter that is `old` in the scene."""
+    if not isinstance(given, list) or len(given) != 2:
+        raise SceneError(f"{name} = {show(given)}: give least and most, such as ['0.2 mm', '1 mm']")
+    wanted = dimension_of(old)
+    for end in given:
+        if wanted is not None and isinstance(end, str):
+            quantity(end, wanted, name)
+    low, high = (amount(end, name) for end in given)
+    return low, high
+
+
+def _put(tables: Any, keys: Keys, value: float) -> None:
+    """Write a number at its place."""
+    parent = item_at(tables, keys[:-1], "")
+    parent[slot(parent, keys[-1])] = value
+
+
+def _formulas(values: Any, way: Keys) -> list[Keys]:
+    """Keys of every text that begins with "="."""
+    if isinstance(values, dict):
+        pairs: list[tuple[str | int, Any]] = list(values.items())
+    elif isinstance(values, list):
+        of_tables = bool(values) and all(isinstance(v, dict) for v in values)
+        pairs = [(n + of_tables, v) for n, v in enumerate(values)]
+    else:
+        return [way] if isinstance(values, str) and values.lstrip().startswith("=") else []
+    return [keys for key, value in pairs for keys in _formulas(value, (*way, key))]
+
+
+def _first(
+    function: VariedScene, bounds: Mapping[str, tuple[float, float]]
+) -> tuple[Mechanism, dict[str, float]]:
+    """Mechanism and drive values of a design within the bounds. SceneError, of the middle one, where there is none."""
+    reason: SceneError | None = None
+    for place in (0.5, *np.random.default_rng(0).uniform(size=(40, len(bounds)))):
+        ends = np.array(list(bounds.values()))
+        x = ends[:, 0] + place * (ends[:, 1] - ends[:, 0])
+        try:
+            made = scene_of_tables(function.filled(dict(zip(bounds, x.tolist(), strict=True))), function.file)
+            made[0].scene()
+            return made[0], made[1]
+        except SceneError as why:
+            reason = reason or why
+    assert reason is not None
+    raise reason
+
+
+def _drive_values(
+    drives: Table, known: Mapping[str, Drive], targets: Mapping[str, float], given: Mapping[str, str]
+) -> dict[str, Any]:
+    """Drive values (n,) by name."""
+    said = drives.values | dict(given) if drives.values or given else dict(targets)
+    if not said:
+        raise SceneError(
+            f"{drives.where}: the scene names no drive values; give them, such as turn = ['0 deg', '30 deg']"
+        )
+    found = {}
+    for name, value in said.items():
+        with placed_at(drives.where):
+            if name not in known:
+                raise SceneError(f"there is no drive '{name}'{nearest(name, known)}")
+            found[name] = _stroke(value, known[name].dimension, name)
+    return {**targets, **found}
+
+
+def _stroke(value: Any, dimension: str, name: str) -> Any:
+    """Values of a drive: one, several, or text FROM:TO:POSES."""
+    if isinstance(value, str) and ":" in value:
+        low, _, rest = value.partition(":")
+        high, _, count = rest.partition(":")
+        if not count.strip().isdecimal() or not 2 <= int(count) <= MOST_POSES:
+            raise SceneError(
+                f"{name} = {show(value)}: write a range as FROM:TO:POSES, such as '0deg:30deg:3'"
+            )
+        return np.linspace(quantity(low, dimension, name), quantity(high, dimension, name), int(count))
+    items = value if isinstance(value, list) else [value]
+    return np.array([quantity(_number(v), dimension, name) for v in items])
+
+
+def _number(value: Any) -> Any:
+    """Text that is a plain number, as on a command line, as that number."""
+    try:
+        return float(value) if isinstance(value, str) else value
+    except ValueError:
+        return value
+
+
+def _loads(table: Table) -> dict[str, list[dict[str, Any]]] | None:
+    """Loads by case."""
+    cases: dict[str, list[dict[str, Any]]] = {}
+    for case in table.values:
+        cases[case] = []
+        for one in table.tables(case):
+            cases[case].append(one.read(schema.SENTENCES["load"]))
+            one.finish()
+    return cases or None
+
+
+def _texts(value: Any, where: str) -> list[str]:
+    if not isinstance(value, list) or not all(isinstance(v, str) for v in value):
+        raise SceneError(
+            f"{where}: rules = {show(value)}: give formulas that must not be negative, ['70 mm - joint.cross.length']"
+        )
+    return value
+
+
+def _limits(given: Any) -> Any:
+    """Limits with None for a side that is free."""
+    if not isinstance(given, dict):
+        return given
+
+    def free(value: Any) -> Any:
+        return None if isinstance(value, float) and math.isinf(value) else value
+
+    return {
+        k: tuple(free(v) for v in value) if isinstance(value, list) else value for k, value in given.items()
+    }
+
+
+def _optimise_words(table: Table, varied: Mapping[str, Keys]) -> dict[str, Any]:
+    """The words of `ksd.optimise` in [optimise]."""
+    words = table.read(OPTIMISE)
+    for key in ("start", "spread"):
+        inside = table.table(key)
+        own: dict[str, float] = {}
+        for way, value in _leaves(inside.values, ()):
+            name = next((n for n, keys in varied.items() if _same(keys, way)), spoken(way))
+            with placed_at(inside.where):
+                if isinstance(value, list):
+                    # items that do not vary have a place in the list, and nothing to be said of
+                    items = {f"{name}[{k}]": v for k, v in enumerate(value)}
+                    own |= {n: amount(v, n) for n, v in items.items() if n in varied}
+                else:
+                    own[name] = amount(value, name)
+        if own:
+            words[key] = own
+    table.finish()
+    return words
+
+
+def _same(keys: Keys, way: Sequence[str]) -> bool:
+    return [str(k) for k in keys] == list(way)
