@@ -14,8 +14,9 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from ksd.errors import SceneError
-from ksd.scene.toml_table import DIMENSIONS, quantity
+from ksd.scene.toml_table import quantity
 from ksd.section.checks import nearest, number, show
+from ksd.units import DIMENSIONS
 
 Keys = tuple[str | int, ...]
 FUNCTIONS: Mapping[str, Callable[..., float]] = {
