@@ -1,7 +1,8 @@
-"""Every method on the scenes of `ksd bench`: what is asked, other engines, the picture, and the tables of the README.
+"""Every method on the scenes of `ksd bench`: what is asked, other engines, the picture, and the tables.
 
 Writes bench.json: what `ksd bench --json` writes, and per case "engines" (engine, elements, us, iterations, force_error,
-said) and "one_pass" (by leaf springs, operations and bytes of one pass over all leaf springs, in words); and bench.png.
+said) and "one_pass" (by leaf springs, operations and bytes of one pass over all leaf springs, in words); the tables as
+bench.md; and bench.png.
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from bench_engines import measure_engines
-from bench_tables import Told, asked_table, engine_lines, renew
+from bench_tables import Told, asked_table, engine_lines, page
 from common import options, write_json
 from floor import one_pass
 
@@ -48,7 +49,6 @@ def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
         lambda p: p.add_argument(
             "--case", metavar="WORD", default="", help="only cases whose name holds WORD"
         ),
-        lambda p: p.add_argument("--readme", type=Path, metavar="FILE", help="renew its tables"),
     )
     results = []
     for case in SUITE:
@@ -62,8 +62,7 @@ def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
         written["cases"][m.case] |= {"engines": [asdict(r) for r in m.engines], "one_pass": dict(m.floors)}
     write_json(written, found.out / "bench.json")
     picture(results, found.out / "bench.png")
-    if found.readme:
-        renew(found.readme, results)
+    (found.out / "bench.md").write_text(page(results))
     return written
 
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from pathlib import Path
 
 from bench_engines import EngineRow
 
@@ -26,7 +25,6 @@ METHODS = (
 )  # fmt: skip
 KINDS = ("strain-mode", "Appendix A", "modal")
 _MISSED = "not reached"
-BEGIN, END = "<!-- bench:begin -->", "<!-- bench:end -->"
 
 
 def kind_of(row: Row) -> str:
@@ -235,19 +233,20 @@ def engine_lines(measured: Told) -> list[str]:
 
 
 _SHOWN = ("fourbar", "three-joint arm")
-"""Scenes of the tables in the README; all are printed."""
+"""Scenes of the tables side by side; all are printed."""
 
 
-def readme_text(results: Sequence[Told]) -> str:
-    """What stands between BEGIN and END of a README: the comparison at equal accuracy, and the ratios."""
+def page(results: Sequence[Told]) -> str:
+    """The text of bench.md: the comparison at equal accuracy, the ratios, what was asked, other engines."""
     m = machine()
     shown = [r for r in results if r.case.startswith(_SHOWN)] or results
     return "\n".join(
         [
+            "# Methods at equal accuracy",
+            "",
             f"Cheapest setting of every method within 0.1 % of the drive force and 1 % of the support stiffness: thread "
             f"time of a whole call [µs] (orders, or elements per leaf; force error). {m['date']}, one thread of "
-            f"{m['processor']}; load average {m['load_average']}; `python benchmarks/bench.py --readme README.md` "
-            "renews it. Methods and "
+            f"{m['processor']}; load average {m['load_average']}; `python benchmarks/bench.py` renews it. Methods and "
             "leaf springs that reach it nowhere, with up to 8 elements, are left out; `ksd bench` prints every scene.",
             "",
             equal_accuracy(shown),
@@ -266,14 +265,6 @@ def readme_text(results: Sequence[Told]) -> str:
             "Other engines, given the planar model of the same scene:",
             "",
             *(f"- {m.case}: {line}" for m in results for line in engine_lines(m)),
+            "",
         ]
     )
-
-
-def renew(path: Path, results: Sequence[Told]) -> None:
-    """Replace what stands between the marks of the file `path`. Raises ValueError without them."""
-    text = path.read_text(encoding="utf-8")
-    if text.count(BEGIN) != 1 or text.count(END) != 1 or text.index(BEGIN) > text.index(END):
-        raise ValueError(f"{path}: the lines '{BEGIN}' and '{END}' are needed, once each, in this order")
-    head, rest = text.split(BEGIN)
-    path.write_text(f"{head}{BEGIN}\n{readme_text(results)}\n{END}{rest.split(END)[1]}", encoding="utf-8")

@@ -3,6 +3,7 @@
 import argparse
 import re
 import runpy
+import sys
 from pathlib import Path
 
 import pytest
@@ -15,6 +16,8 @@ PAGES = sorted(
     path for path in DOCS.rglob("*.md") if not {"_made", "gallery", "tutorial", "build"} & set(path.parts)
 )
 NAMES = [str(path.relative_to(DOCS)) for path in PAGES]
+sys.path.insert(0, str(DOCS))
+without_page = runpy.run_path(str(DOCS / "tables.py"))["without_page"]
 run_blocks = runpy.run_path(str(DOCS / "blocks.py"))["run_blocks"]
 
 
@@ -46,3 +49,7 @@ def test_a_block_that_fails_is_found_with_its_line():
     with pytest.raises(ZeroDivisionError) as caught:
         next(shown)
     assert caught.traceback[-1].lineno + 1 == 10
+
+
+def test_every_public_name_is_on_a_page_of_the_reference():
+    assert not without_page(), "name them in docs/tables.py"

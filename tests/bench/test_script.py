@@ -75,15 +75,10 @@ def test_the_frame_other_engines_get_is_the_scene(script):
 
 
 def test_the_whole_script(script, tmp_path):
-    readme = tmp_path / "README.md"
-    readme.write_text("before\n<!-- bench:begin -->\nold\n<!-- bench:end -->\nafter\n")
-    script("bench").main(["--quick", "--case", "guide", "--out", str(tmp_path), "--readme", str(readme)])
+    script("bench").main(["--quick", "--case", "guide", "--out", str(tmp_path)])
     case = json.loads((tmp_path / "bench.json").read_text())["cases"]["parallel guide, 20 mm"]
     assert case["engines"] == [] and "operations" in case["one_pass"]["strain 4,3,6"]
     assert (tmp_path / "bench.png").stat().st_size > 20_000
-    text = readme.read_text()
-    assert text.startswith("before\n<!-- bench:begin -->\nCheapest setting") and text.endswith("-->\nafter\n")
-    assert "| full | strain-mode |" in text and "full / plain Newton" in text and "old" not in text
-    readme.write_text("no marks")
-    with pytest.raises(ValueError, match="bench:begin"):
-        script("bench_tables").renew(readme, [])
+    text = (tmp_path / "bench.md").read_text()
+    assert text.startswith("# Methods at equal accuracy")
+    assert "| full | strain-mode |" in text and "full / plain Newton" in text
