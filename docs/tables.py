@@ -35,7 +35,8 @@ REFERENCE = {
     ),
     "Designing": (
         "Over strokes and designs: tables, gradients, optimum, tolerances.",
-        "sweep Table batch Batch gradient Gradient Job optimise Optimum pareto Front choose Choice tolerance Tolerance "
+        "sweep Table batch Batch gradient Gradient "
+        "Job JobFile load_job optimise Optimum pareto Front choose Choice tolerance Tolerance "
         "frequency_curve state_space SweepInterrupted",
     ),
     "Joint database": (
