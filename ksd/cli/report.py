@@ -12,7 +12,7 @@ import numpy as np
 from ksd.cli.output import console, interrupted
 from ksd.cli.solve import OPTIONS, drive_value, effect_words, settings, solved
 from ksd.design.page import Compared, page
-from ksd.design.questions import KNOWN
+from ksd.design.questions import KNOWN, unanswerable
 from ksd.design.sweep import sweep
 from ksd.errors import KsdError, SceneError
 from ksd.files import check_target, write_file
@@ -57,10 +57,8 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _possible(scene: Any, pose: Any) -> tuple[str, ...]:
-    """All questions, without frequencies where nothing has mass and without buckling where `pose` has no answer to it."""
-    leaves = [leaf for j in scene.joints for leaf in j.joint.leaves()] + [f.leaf for f in scene.leaves]
-    heavy = scene.masses or any(leaf.material.density for leaf in leaves)
-    missing = set() if heavy else {"frequencies"}
+    """All questions the scene has an answer to, without buckling where `pose` has none."""
+    missing = set(unanswerable(scene))
     try:
         pose.buckling(count=1)
     except KsdError:

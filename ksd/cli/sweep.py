@@ -11,7 +11,6 @@ import numpy as np
 from ksd.cli.commands import POSES
 from ksd.cli.output import check_plot, console, interrupted
 from ksd.cli.solve import OPTIONS, drive_value, effect_words, mesh_of, settings
-from ksd.design.questions import QUESTIONS
 from ksd.design.sweep import sweep
 from ksd.errors import ConvergenceError, SceneError
 from ksd.files import check_target
@@ -40,7 +39,7 @@ def run(options: argparse.Namespace) -> int:
     )
     with interrupted(f"interrupted; no table was written, {again}"):
         table = sweep(
-            scene, stroke, **words, questions=tuple(options.question) or QUESTIONS, together=not options.set,
+            scene, stroke, **words, questions=tuple(options.question) or None, together=not options.set,
             mesh=mesh_of(asked), method=asked["method"], accuracy=asked["accuracy"],
             relinearisations=asked["relinearisations"] or 0,
             extrapolate=bool(asked["extrapolate"]), progress=not options.quiet, resume=options.resume,

@@ -35,11 +35,11 @@ EFFORT = {"translation": "force_N", "rotation": "moment_Nm", "mixed": "effort_SI
 
 @dataclass(frozen=True)
 class Asked:
-    """The questions and their options. questions: names in QUESTIONS; link, at (3,) [m at rest]: the point whose
+    """The questions and their options. questions: names in KNOWN; link, at (3,) [m at rest]: the point whose
     support stiffness and parasitic motion are asked, by default where the first drive acts; freed: drives let go for
     the frequencies, all when None; modes: how many to follow besides the intended; points: stations per leaf for stress;
     errors: every question once more of the equilibrium on a finer mesh; every: the stress of every leaf, and
-    all principal stiffnesses besides."""
+    all principal stiffnesses besides; usual: nothing was said, and a state without critical load factors is no failure."""
 
     questions: tuple[str, ...]
     link: str | None = None
@@ -49,6 +49,7 @@ class Asked:
     points: int = 25
     errors: bool = False
     every: bool = False
+    usual: bool = False
 
     def point(self, scene: Any) -> tuple[str, tuple[float, float, float] | None]:
         """Link and point asked about; SceneError when the scene has no drive to take it from."""
@@ -72,6 +73,20 @@ def asked_of(
     let_go = None if freed is None else names_of(freed, "freed")
     name = None if link is None else word(getattr(link, "name", link), "link")
     return Asked(names, name, point, let_go, modes, errors=truth(errors, "errors"))
+
+
+def unanswerable(scene: Any) -> dict[str, str]:
+    """Questions to which a scene has no answer, with the reason: sweeps and reports leave them out unless they are named."""
+    found: dict[str, str] = {}
+    leaves = scene.leaf_names().values()
+    if not scene.masses and not any(leaf.material.density for leaf in leaves):
+        found["frequencies"] = "nothing has mass"
+    ends = [{j.a if e == "A" else j.b if e == "B" else f"{j.name}/{e}" for e in (leaf.start_block, leaf.end_block)}
+            for j in scene.joints for leaf in j.leaves()]  # fmt: skip
+    ends += [{placed.a, placed.b} for placed in scene.leaves]
+    if all(one & two for k, one in enumerate(ends) for two in ends[:k]):
+        found["clearance"] = "every two leaf springs share a block"
+    return found
 
 
 def columns_of_drives(scene: Any) -> dict[str, tuple[str, float]]:
@@ -260,14 +275,15 @@ _ANSWERS: dict[str, Callable[[Any, Asked], Row]] = {
     "size": _size,
     "clearance": _clearance,
 }
-QUESTIONS = ("force", "drive_stiffness", "support_stiffness", "frequencies", "stress", "parasitic", "energy")
-"""Asked by default; on demand "buckling", whose factors are on all stresses of the state, of which rest has none, and
-"size" and "clearance", which are of the drawing."""
+KNOWN = (
+    "force", "drive_stiffness", "support_stiffness", "frequencies", "stress", "parasitic", "energy", "buckling", "size",
+    "clearance",
+)  # fmt: skip
+"""All questions. Factors of "buckling" are on all stresses of a state; "size" and "clearance" are of the leaf springs."""
 ROUNDING = 1e-9
 """Numbers below this, in the units of the columns, are rounding of a state at rest."""
 UNLOADED = 1e9
 """Critical load factors beyond this mean that the state carries no stress but rounding."""
-KNOWN = (*QUESTIONS, "buckling", "size", "clearance")
 CAUGHT: tuple[type[Exception], ...] = (KsdError, ArithmeticError, np.linalg.LinAlgError, RuntimeError)
 """What one pose may raise without ending the sweep: our own errors, and arithmetic gone wrong."""
 
@@ -335,7 +351,10 @@ def answered(pose: Pose, asked: Asked) -> tuple[Row, Before, dict[str, Exception
                     again = _ANSWERS[name](truth, asked)
                 row[f"{name}_error_percent"] = _error_percent(found, again)
         except CAUGHT as reason:
-            failed[name] = reason
+            if asked.usual and name == "buckling":
+                row |= dict.fromkeys(("buckling_positive", "buckling_negative"), float("nan"))
+            else:
+                failed[name] = reason
     after = None if truth is None else replace(truth.before, tracks=followed, pose=truth.configuration)
     return row, replace(before, tracks=tracks, pose=configuration, truth=after), failed
 

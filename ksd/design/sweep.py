@@ -9,13 +9,14 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor, Future, ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
+from dataclasses import replace
 from typing import Any
 
 from numpy.typing import ArrayLike
 
 from ksd.design.lines import Line, Recipe, blank_rows, run_block, run_line
 from ksd.design.plan import Designs, Drawn, fingerprint, plan_lines
-from ksd.design.questions import QUESTIONS, Asked, asked_of
+from ksd.design.questions import KNOWN, Asked, asked_of, unanswerable
 from ksd.design.resume import ResumeFile
 from ksd.design.table import Table
 from ksd.design.words import check_executor, check_ways, drive_rows
@@ -47,7 +48,7 @@ def sweep(
     *,
     designs: Designs | None = None,
     loads: Mapping[str, Sequence[Mapping[str, Any]]] | None = None,
-    questions: str | Iterable[str] = QUESTIONS,
+    questions: str | Iterable[str] | None = None,
     link: Link | str | None = None,
     at: ArrayLike | None = None,
     freed: str | Iterable[str] | None = None,
@@ -74,18 +75,17 @@ def sweep(
     the stroke (conventional poses start from the one before; modes are followed); together=True moves all arrays in
     step. designs: {"thickness": [...], ...} for all combinations, or a list of such mappings. loads: cases by name, each
     a list of dict(link=, force=, moment=, at=) added to the scene's own. questions: of "force", "drive_stiffness",
-    "support_stiffness", "frequencies", "stress", "parasitic", "energy", "buckling", "size", "clearance"; link, at: the
-    point asked about;
-    freed: drives let go for frequencies (all when None), modes: how many are followed besides the intended. errors: a
-    column per question with the error of its answers, that of method and mesh, at several times the cost. executor: any
-    concurrent.futures.Executor; without one, this process or, for many poses, a pool of processes. effects,
-    with_, without: as in `ksd.solve`. resume: a file that
-    keeps finished lines; give it again to go on. A pose that fails is a row whose `status` says why.
+    "support_stiffness", "frequencies", "stress", "parasitic", "energy", "buckling", "size", "clearance"; when None all that
+    the mechanism has an answer to, as `ksd report` shows. link, at: the point asked about; freed: drives let go for
+    frequencies (all when None), modes: how many are followed besides the intended. errors: a column per question with the
+    error of its answers, that of method and mesh, at several times the cost. executor: any concurrent.futures.Executor;
+    without one, this process or, for many poses, a pool of processes. effects, with_, without: as in `ksd.solve`. resume: a
+    file that keeps finished lines; give it again to go on. A pose that fails is a row whose `status` says why.
 
     Raises SceneError for what is wrong before any solve; SweepInterrupted (a KeyboardInterrupt with `.table`) on Ctrl-C.
     """
     recipe = recipe_of(
-        asked_of(questions, link, at, freed, modes=modes, errors=errors),
+        asked_of(KNOWN if questions is None else questions, link, at, freed, modes=modes, errors=errors),
         method=method, accuracy=accuracy, relinearisations=relinearisations, mesh=mesh, extrapolate=extrapolate,
         effects=(("effects", effects), ("with_", with_), ("without", without)),
     )  # fmt: skip
@@ -94,8 +94,14 @@ def sweep(
     truth(progress, "progress")
     values = drive_rows(targets, drives, sweep)
     lines, name = plan_lines(mechanism, values, designs, loads, together=together, call=sweep)
+    drawn = next((line.scene for line in lines if line.scene is not None), None)
+    missing = unanswerable(drawn) if questions is None and drawn is not None else {}
+    possible = tuple(q for q in recipe.asked.questions if q not in missing)
+    recipe = replace(recipe, asked=replace(recipe.asked, questions=possible, usual=questions is None))
     kept = ResumeFile(resume, fingerprint(lines, recipe))
-    return _collected(lines, recipe, kept, name, how=(executor, progress))
+    table = _collected(lines, recipe, kept, name, how=(executor, progress))
+    said = ", ".join(f"{question} ({reason})" for question, reason in missing.items())
+    return replace(table, facts={**table.facts, "left_out": said}) if said else table
 
 
 def _collected(

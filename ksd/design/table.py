@@ -20,7 +20,7 @@ from rich.text import Text
 from ksd.errors import RecordError, SceneError
 from ksd.files import write_file
 from ksd.library.tables import read_columns, write_columns
-from ksd.properties.words import number, printed
+from ksd.properties.words import WIDTH, number, printed
 from ksd.view import plot_stroke, save_figure
 
 if TYPE_CHECKING:
@@ -30,6 +30,16 @@ STATUS = "status"
 """The column that says "ok", or why a row has no numbers."""
 OK = "ok"
 
+ENDS = 5
+"""Rows printed of each end of a long table."""
+ZERO = 1e-9
+"""Numbers below this, in the units of the columns, are rounding."""
+LEADING = (
+    r".+_(force_N|moment_Nm|effort_SI)", r"error_percent", r"(?!support_).+_stiffness_Nm?_per_\w+", r"support_worst_.*\w",
+    r"first_parasitic_Hz", r"stress_MPa", r"buckling_(positive|negative)", r"clearance_mm", r".+_error_percent",
+)  # fmt: skip
+"""Columns that matter, as regular expressions, in the order in which they are printed."""
+
 
 @dataclass(frozen=True, repr=False)
 class Table:
@@ -37,8 +47,8 @@ class Table:
 
     columns: values (rows,) by column name; numbers are floats (nan where a row failed), texts are str. labels: the
     columns that say where a row belongs: design parameters, load case, drives; moving: the drives that change along a
-    stroke. name: of the mechanism. facts: how
-    the rows were made, as text.
+    stroke. name: of the mechanism. facts: how the rows were made, as text; "left_out": what was not asked and why. leading:
+    the columns that are printed, those of `LEADING` when empty.
     """
 
     columns: Mapping[str, tuple[Any, ...]]
@@ -46,6 +56,7 @@ class Table:
     moving: tuple[str, ...] = ()
     name: str = "sweep"
     facts: Mapping[str, str] = field(default_factory=dict)
+    leading: tuple[str, ...] = ()
 
     @classmethod
     def of_rows(
@@ -56,6 +67,7 @@ class Table:
         moving: tuple[str, ...] = (),
         name: str = "sweep",
         facts: Mapping[str, str] | None = None,
+        leading: tuple[str, ...] = (),
     ) -> Table:
         """A table of rows that need not have the same keys; numbers missing are nan, texts empty."""
         names = list(dict.fromkeys([*labels, *(key for row in rows for key in row)]))
@@ -65,7 +77,7 @@ class Table:
             known = [row[n] for row in rows if n in row]
             blank[n] = "" if any(isinstance(v, str) for v in known) else math.nan
         columns = {n: tuple(row.get(n, blank[n]) for row in rows) for n in names}
-        return cls(columns, tuple(labels), moving, name, facts or {})
+        return cls(columns, tuple(labels), moving, name, facts or {}, leading)
 
     def __len__(self) -> int:
         return len(self.columns[STATUS])
@@ -82,18 +94,82 @@ class Table:
         return f"<Table of '{self.name}': {len(self)} rows, {len(self.columns)} columns, {bad} failed>"
 
     def __str__(self) -> str:
-        return printed(self._short(), width=120)
+        return printed(*self._excerpt())
 
-    def _short(self) -> Any:
-        """The first eight columns and the status, as printed."""
-        shown = [n for n in self.columns if n not in ("method", STATUS)][:8]
-        grid = Grid(box=box.SIMPLE_HEAD, pad_edge=False, title=repr(self).strip("<>"), title_justify="left")
-        for n in [*shown, STATUS]:
-            words, unit = spoken_column(n)
-            grid.add_column(Text(f"{words}\n[{unit}]" if unit else words), overflow="fold", justify="right")
-        for row in self.rows():
-            said = [v if isinstance(v, str) else number(v, 5, zero=1e-9) for v in (row[n] for n in shown)]
-            grid.add_row(*(Text(s) for s in (*said, row[STATUS])))
+    def _excerpt(self) -> Iterator[Any]:
+        """What is printed: the columns that matter, first and last rows, what is wrong with which rows, all column names."""
+        yield repr(self).strip("<>")
+        for names in self._folded():
+            yield self._grid(names)
+        for k, (reason, rows) in enumerate(self._reasons().items(), 1):
+            yield f"({k}) row{'s' * (len(rows) > 1)} {_ranges(rows)}: {reason}"
+        warned = [k for k, said in enumerate(self.columns.get("warnings", ())) if said]
+        if warned:
+            yield f"warnings of {len(warned)} rows, the first: {self.columns['warnings'][warned[0]]}"
+        unstable = [k for k, stable in enumerate(self.columns.get("stable", ())) if stable == 0.0]
+        if unstable:
+            yield f"unstable: row{'s' * (len(unstable) > 1)} {_ranges(unstable)}"
+        if self.facts.get("left_out"):
+            yield f"not asked: {self.facts['left_out']}"
+        yield f"columns: {', '.join(self.columns)}"
+
+    def _shown(self) -> list[str]:
+        """Columns that matter beside the labels: those with numbers, which are not zero in all of several rows."""
+        if self.leading:
+            return [n for n in self.leading if n in self.columns]
+        own = [n for n in self.columns if n not in (*self.labels, STATUS)]
+        least = ZERO if len(self) > 1 else -1.0
+        said = [n for pattern in LEADING for n in own if re.fullmatch(pattern, n)]
+        return [n for n in said if any(isinstance(v, str) or abs(v) > least for v in self.columns[n])]
+
+    def _folded(self) -> list[list[str]]:
+        """The columns shown, as many beside the labels as fit the width, the others in tables below."""
+        aside = [*self.labels, *([STATUS] if self.failures else [])]
+        room = WIDTH - sum(self._width(n) for n in aside) - 4
+        folds: list[list[str]] = [[]]
+        for name in self._shown():
+            if folds[-1] and sum(map(self._width, [*folds[-1], name])) > room:
+                folds.append([])
+            folds[-1].append(name)
+        return [[*self.labels, *fold, *aside[len(self.labels) :]] for fold in folds]
+
+    def _width(self, name: str) -> int:
+        """Characters a column takes."""
+        if name == STATUS:
+            return 8
+        cells = [self._cell(name, k) for k in self._picked() if k is not None]
+        return 3 + max(map(len, (*_head(name).splitlines(), *cells)))
+
+    def _picked(self) -> list[int | None]:
+        """Rows shown: all of few, else the first and the last, None standing for those between."""
+        count = len(self)
+        if count <= 2 * ENDS + 2:
+            return list(range(count))
+        return [*range(ENDS), None, *range(count - ENDS, count)]
+
+    def _cell(self, name: str, row: int) -> str:
+        value = self.columns[name][row]
+        if name == STATUS:
+            said = list(self._reasons())
+            return value if value == OK else f"({said.index(value) + 1})"
+        return value if isinstance(value, str) else "-" if math.isnan(value) else number(value, 5, zero=ZERO)
+
+    def _reasons(self) -> dict[str, list[int]]:
+        """Why rows have no full answer, with the rows."""
+        found: dict[str, list[int]] = {}
+        for k, status in enumerate(self.columns[STATUS]):
+            if status != OK:
+                found.setdefault(status, []).append(k)
+        return found
+
+    def _grid(self, names: Sequence[str]) -> Any:
+        grid = Grid(box=box.SIMPLE_HEAD, pad_edge=False)
+        for name in names:
+            words = any(isinstance(v, str) for v in self.columns[name])
+            grid.add_column(Text(_head(name)), justify="left" if words else "right", overflow="fold")
+        for row in self._picked():
+            cells = ["\N{VERTICAL ELLIPSIS}" if row is None else self._cell(name, row) for name in names]
+            grid.add_row(*map(Text, cells))
         return grid
 
     def rows(self) -> Iterator[dict[str, Any]]:
@@ -110,7 +186,10 @@ class Table:
     def where(self, **labels: float | str) -> Table:
         """The rows whose label columns have these values (numbers to 1e-9)."""
         kept = [row for row in self.rows() if all(_same(row[k], v) for k, v in labels.items())]
-        return Table.of_rows(kept, self.labels, moving=self.moving, name=self.name, facts=self.facts)
+        return Table.of_rows(kept, self.labels, **self._about())
+
+    def _about(self) -> dict[str, Any]:
+        return {"moving": self.moving, "name": self.name, "facts": self.facts, "leading": self.leading}
 
     def plot(
         self,
@@ -139,19 +218,19 @@ class Table:
     def to_hdf5(self, path: str | os.PathLike[str]) -> Path:
         """Write one dataset per column, facts as attributes (HDF5, sealed: see `from_hdf5`). Returns the path."""
         about = {**self.facts, "name": self.name, "labels": ", ".join(self.labels)}
-        about["moving"] = ", ".join(self.moving)
+        about["moving"], about["leading"] = ", ".join(self.moving), ", ".join(self.leading)
         return write_columns({n: self[n] for n in self.columns}, Path(path), about=about)
 
     @classmethod
     def from_hdf5(cls, path: str | os.PathLike[str]) -> Table:
         """The table `to_hdf5` wrote. RecordError for a file that is missing, foreign, cut or altered in any bit."""
         columns, facts = read_columns(path)
-        name, labels, moving = (facts.pop(k, "") for k in ("name", "labels", "moving"))
-        split = [tuple(n for n in said.split(", ") if n) for said in (labels, moving)]
+        name, labels, moving, leading = (facts.pop(k, "") for k in ("name", "labels", "moving", "leading"))
+        split = [tuple(n for n in said.split(", ") if n) for said in (labels, moving, leading)]
         plain = {n: tuple(v if isinstance(v, list) else v.tolist()) for n, v in columns.items()}
         if {*split[0], *split[1], STATUS} - set(plain) or not isinstance(columns[STATUS], list):
             raise RecordError(f"{path} holds columns, but no table of a sweep; make it again.")
-        return cls(plain, split[0], moving=split[1], name=name, facts=facts)
+        return cls(plain, split[0], moving=split[1], name=name, facts=facts, leading=split[2])
 
     def to_mat(self, path: str | os.PathLike[str]) -> Path:
         """Write a MATLAB struct `sweep` with a field (rows, 1) per column; field names are the column names with
@@ -178,7 +257,7 @@ class Table:
 
 
 _UNITS = (
-    "N_per_m", "Nm_per_rad", "N_per_rad", "percent", "mrad", "MPa", "deg", "mm", "Nm", "Hz", "SI", "N", "J",
+    "N_per_m", "Nm_per_rad", "N_per_rad", "percent", "mrad", "MPa", "deg", "mm", "Nm", "Hz", "SI", "us", "N", "J",
 )  # fmt: skip
 
 
@@ -189,6 +268,27 @@ def spoken_column(name: str) -> tuple[str, str]:
             said = "%" if unit == "percent" else unit.replace("_per_", "/")
             return name.removesuffix(f"_{unit}").replace("_", " "), said
     return name.replace("_", " "), ""
+
+
+def _head(name: str) -> str:
+    """Words of a column over its unit, long ones on two lines."""
+    words, unit = spoken_column(name)
+    if len(words) > 9 and " " in words:
+        cuts = [k for k, c in enumerate(words) if c == " "]
+        cut = min(cuts, key=lambda k: max(k, len(words) - k - 1))
+        words = f"{words[:cut]}\n{words[cut + 1 :]}"
+    return f"{words}\n[{unit}]" if unit else words
+
+
+def _ranges(rows: Sequence[int]) -> str:
+    """Whole numbers in words: "0-4, 7"."""
+    runs: list[list[int]] = []
+    for row in rows:
+        if runs and row == runs[-1][-1] + 1:
+            runs[-1].append(row)
+        else:
+            runs.append([row])
+    return ", ".join(f"{run[0]}-{run[-1]}" if len(run) > 1 else f"{run[0]}" for run in runs)
 
 
 def matlab_name(name: str, taken: Mapping[str, Any]) -> str:

@@ -1,0 +1,137 @@
+"""How a table is printed, and what a sweep asks when nothing is said."""
+
+import math
+import re
+
+import numpy as np
+import pytest
+from scenes import fourbar, single_joint
+
+import ksd
+from ksd.design import Table
+from ksd.design.questions import KNOWN, unanswerable
+from ksd.design.table import LEADING, spoken_column
+from ksd.properties.words import WIDTH
+
+QUIET = {"progress": False}
+
+
+def rows(count, **more):
+    return [
+        {"top_mm": 10.0 * k, "top_force_N": 1.5 * k, "stress_MPa": 0.0, "mac": 1.0, "stable": 1.0, "warnings": ""} | more
+        | {"status": "ok"}
+        for k in range(count)
+    ]  # fmt: skip
+
+
+def table(found):
+    return Table.of_rows(found, ["top_mm"], moving=("top_mm",), name="fourbar")
+
+
+def lines(of):
+    return [line for line in str(of).splitlines() if line.strip()]
+
+
+def test_of_a_long_table_the_ends_are_printed():
+    said = lines(table(rows(31)))
+    assert said[0] == "Table of 'fourbar': 31 rows, 7 columns, 0 failed"
+    body = [line.split() for line in said[1:-1]]
+    # stress is zero in all rows, and the MAC is no answer
+    assert body[:3] == [["top", "top", "force"], ["[mm]", "[N]"], ["\u2500" * len(body[2][0])]]
+    assert [cells[0] for cells in body[3:]] == [
+        *("0", "10.000", "20.000", "30.000", "40.000"), "\u22ee", *("260.00", "270.00", "280.00", "290.00", "300.00"),
+    ]  # fmt: skip
+    assert said[-1] == "columns: top_mm, top_force_N, stress_MPa, mac, stable, warnings, status"
+
+
+@pytest.mark.parametrize("count", [0, 1, 12])
+def test_of_a_short_table_all_rows_are_printed(count):
+    said = str(table(rows(count)))
+    assert "\u22ee" not in said and len(re.findall(r"^ *(?:0|\d+\.\d+) ", said, re.M)) == count
+
+
+def test_failures_warnings_and_states_that_are_not_stable_are_told_once_with_their_rows():
+    found = rows(20)
+    for k in (3, 4, 5, 9):
+        found[k] |= {"status": "it is out of reach", "top_force_N": math.nan}
+    found[19] |= {"status": "another reason"}
+    found[7] |= {"warnings": "strained by 2 %"}
+    found[8] |= {"warnings": "strained by 3 %", "stable": 0.0}
+    said = str(table(found))
+    assert "(1) rows 3-5, 9: it is out of reach" in said and "(2) row 19: another reason" in said
+    assert "warnings of 2 rows, the first: strained by 2 %" in said and "unstable: row 8" in said
+    assert re.search(r"30\.000 +- +\(1\)", said) and re.search(r"190\.00 +28\.500 +\(2\)", said)
+    assert said.count("out of reach") == 1
+
+
+def test_wide_tables_are_folded_with_their_labels_and_every_number_is_there():
+    more = {f"support_worst_{k}": float(k) for k in range(1, 30)}
+    of = table(rows(4, **more))
+    said = lines(of)
+    assert max(map(len, said)) <= WIDTH
+    assert sum(line.split()[0] == "10.000" for line in said) > 1
+    cells = [cell for line in said if line.split()[0] == "10.000" for cell in line.split()[1:]]
+    assert [float(c) for c in cells if c != "0"] == [1.5, *more.values()]
+
+
+def test_leading_columns_are_printed_whatever_they_are_called(tmp_path):
+    of = Table.of_rows(
+        rows(3), ["top_mm"], name="mine", leading=("mac", "warnings"), facts={"left_out": "size (no)"}
+    )
+    said = str(of)
+    assert re.search(r"^ +\[mm\] +mac +warnings$", said, re.M) and "not asked: size (no)" in said
+    again = Table.from_hdf5(of.to_hdf5(tmp_path / "a.h5"))
+    assert str(again) == said and str(again.where(top_mm=10.0)).count("10.000") == 1
+
+
+def test_every_answer_of_a_sweep_has_words_and_unit():
+    assert spoken_column("time_us") == ("time", "us") and spoken_column("error_percent") == ("error", "%")
+    known = ksd.design.questions.known_columns(fourbar().scene(), 2)
+    shown = {q for column, q in known.items() if any(re.fullmatch(pattern, column) for pattern in LEADING)}
+    assert shown == set(KNOWN) - {"parasitic", "energy", "size"}
+
+
+def test_a_sweep_asks_all_that_has_an_answer():
+    found = ksd.sweep(fourbar(), top=[0.1], method="full", **QUIET)
+    named = ksd.sweep(fourbar(), top=[0.1], method="full", questions=KNOWN, **QUIET)
+    assert found.columns.keys() == named.columns.keys() and found.failures == []
+    assert all(
+        np.array_equal(found[c], named[c], equal_nan=found[c].__class__ is not list) for c in found.columns
+    )
+    assert "not asked" not in str(found)
+
+
+def test_what_a_mechanism_has_no_answer_to_is_said_and_not_asked():
+    m = ksd.Mechanism("guide")
+    table_, stuff = m.link("table"), ksd.Material(200e9, nu=0.3)
+    words = {"section": ksd.rectangle(3e-4, 0.02), "material": stuff, "width_axis": "z"}
+    m.leaf("ground", table_, start=(0, 0, 0), end=(0, 0.06, 0), **words)
+    m.leaf("ground", table_, start=(0.06, 0, 0), end=(0.06, 0.06, 0), **words)
+    m.actuate(table_, along="x", at=(0.03, 0.03, 0), name="drive")
+    reasons = {
+        "frequencies": "nothing has mass",
+        "clearance": "every two leaf springs share a block",
+    }
+    assert unanswerable(m.scene()) == reasons
+    found = ksd.sweep(m, drive=[0.0, 2e-3], **QUIET)
+    assert found.failures == [] and "first_parasitic_Hz" not in found.columns
+    assert "not asked: frequencies (nothing has mass), clearance (" in str(found)
+    # named, they are asked, and the rows say why there is no answer
+    named = ksd.sweep(m, drive=[2e-3], questions=tuple(reasons), **QUIET)
+    assert all(f"{q}: " in named.failures[0]["status"] for q in reasons)
+    m.mass(table_, mass=1.0, at=(0, 0.1, 0))
+    assert "frequencies" not in unanswerable(m.scene())
+    assert unanswerable(single_joint().scene()) == {"clearance": reasons["clearance"]}
+    assert unanswerable(fourbar().scene()) == {}
+
+
+def test_without_critical_load_factors_the_usual_questions_have_not_failed(monkeypatch):
+    def none(*_, **__):
+        raise ksd.ConvergenceError("no critical load factor was found")
+
+    monkeypatch.setattr("ksd.solve.configuration.buckling", none)
+    found = ksd.sweep(single_joint(), turn=[0.2], **QUIET)
+    assert found.failures == [] and np.isnan(found["buckling_positive"]).all()
+    assert "buckling" not in str(found).partition("columns:")[0]
+    named = ksd.sweep(single_joint(), turn=[0.2], questions="buckling", **QUIET)
+    assert "buckling: no critical load factor" in named.failures[0]["status"]
