@@ -7,22 +7,23 @@ bench.md; and bench.png.
 
 from __future__ import annotations
 
-import math
-from collections.abc import Sequence
+import re
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 from bench_engines import measure_engines
 from bench_tables import Told, asked_table, engine_lines, page
-from common import options, write_json
+from common import options, save_picture, write_json
 from floor import one_pass
+from front import Mark, Panel, draw_fronts
 
-from ksd.bench import SUITE, Case, Measured, Row, measure
-from ksd.bench.measure import ERRORS, front, numbers, summary
+from ksd.bench import SUITE, Case, Measured, measure
+from ksd.bench.measure import numbers, summary
 from ksd.bench.suite import label_of, meshes_of
 from ksd.model.compile import compile_scene
-from ksd.view.figure import new_figure, save_figure
+from ksd.view.figure import new_figure
 
 ENGINES_ON = ("fourbar", (5, 10, 20))
 """Scenes other engines are given, and with how many elements per leaf."""
@@ -61,77 +62,32 @@ def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
     for m in results:
         written["cases"][m.case] |= {"engines": [asdict(r) for r in m.engines], "one_pass": dict(m.floors)}
     write_json(written, found.out / "bench.json")
-    picture(results, found.out / "bench.png")
+    picture(written, found.out / "bench.png")
     (found.out / "bench.md").write_text(page(results))
     return written
 
 
-_COLORS = {
-    "kinematic": "#d9a514",
-    "reduced": "#5a9a4a",
-    "reduced, 1 pass": "#3b6ea5",
-    "reduced, 2 passes": "#4fa3a0",
-    "full": "#c2410c",
-    "conventional": "#8a63b0",
-    "conventional, planar": "#d14f8f",
-    "modal": "#a0522d",
-    "MIP, best eps_max": "#7d6b2b",
-    "MIP on all nodes": "#a89a5b",
-    "plain Newton": "#444b57",
-}
+def picture(found: Mapping[str, Any], path: Path) -> None:
+    """Error of the drive force over the time of a whole call, a panel per case; the other errors are in bench.json."""
+    cases = {name: case["rows"] for name, case in found["cases"].items()}
+    wide = min(2, len(cases))
+    figure = new_figure(5.5 * wide, 3.6 * -(-len(cases) // wide))
+    grid = figure.subplots(-(-len(cases) // wide), wide, squeeze=False)
+    panels = []
+    for axes, (case, rows) in zip(grid.flat, cases.items(), strict=False):
+        good = [r for r in rows if not r["failed"] and r["force_error"] is not None]
+        marks = [Mark(r["method"], _elements(r), r["call"][1], 100 * r["force_error"]) for r in good]
+        panels.append(Panel(axes, marks, case, "thread time of a call", "drive force"))
+    draw_fronts(panels)
+    for axes in grid.flat[len(cases) :]:
+        axes.set_visible(False)
+    save_picture(figure, path)
 
 
-def picture(results: Sequence[Measured], path: Path) -> None:
-    """Error over time of a whole call: a row of three panels per case, strain-mode leaves as circles.
-
-    Squares: Appendix A elements; dotted: the Pareto front.
-    """
-    figure = new_figure(13.0, 3.4 * len(results) + 0.6)
-    grid = figure.subplots(len(results), 3, squeeze=False)
-    for row, measured in zip(grid, results, strict=True):
-        for axes, (key, name) in zip(row, ERRORS.items(), strict=True):
-            _panel(axes, measured.rows, key)
-            axes.set_title(measured.case, fontsize=9, loc="left")
-            axes.set_xlabel("thread time of a call [us]", fontsize=8)
-            axes.set_ylabel(f"error of the {name} [%]", fontsize=8)
-    known: dict[str, Any] = {}
-    for axes in grid.flat:
-        handles, labels = axes.get_legend_handles_labels()
-        known |= dict(zip(labels, handles, strict=True))
-    figure.legend(
-        known.values(), known.keys(), loc="outside upper center", ncols=5, fontsize=8, frameon=False
-    )
-    save_figure(figure, str(path))
-
-
-def _panel(axes: Any, rows: Sequence[Row], key: str) -> None:
-    shown = [r for r in rows if not r.failed and math.isfinite(getattr(r, key))]
-    for method, color in _COLORS.items():
-        for strain, mark in ((True, "o"), (False, "s")):
-            mine = [
-                r for r in shown if r.method == method and r.leaves.startswith(("strain", "modal")) == strain
-            ]
-            x, y = [r.call[1] for r in mine], [100 * max(getattr(r, key), 1e-13) for r in mine]
-            if not mine:
-                continue
-            label = "modal" if method == "modal" else f"{method}, {'strain-mode' if strain else 'elements'}"
-            size = 6 if strain else 4
-            axes.plot(x, y, mark, color=color, markersize=size, markeredgecolor="white", label=label)
-    best = front(shown, key)
-    if best:
-        x, y = [r.call[1] for r in best], [100 * max(getattr(r, key), 1e-13) for r in best]
-        axes.step(x, y, where="post", color="black", linewidth=0.9, linestyle=":", label="front")
-    axes.set_xscale("log")
-    axes.set_yscale("log")
-    low, high = axes.get_xlim()
-    # beyond two decades the labels between the powers of ten would touch
-    marks = (1, 2, 5) if high < 100.0 * low else (1,)
-    ticks = [m * 10.0**k for k in range(1, 8) for m in marks if low <= m * 10.0**k <= high]
-    axes.set_xticks(ticks, labels=[f"{t:.0f}" for t in ticks])
-    axes.set_xticks([], minor=True)
-    axes.grid(True, color="#eceff4", linewidth=0.8)
-    axes.set_axisbelow(True)
-    axes.tick_params(labelsize=7)
+def _elements(row: Mapping[str, Any]) -> int:
+    """Elements per leaf; 0 for strain-mode leaf springs and modal bodies."""
+    counted = re.match(r"(\d+) ", row["leaves"])
+    return int(counted[1]) if counted else 0
 
 
 if __name__ == "__main__":

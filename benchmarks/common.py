@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import argparse
 import datetime
+import hashlib
 import json
 import math
 import os
@@ -23,10 +24,12 @@ from typing import Any
 import numpy as np
 
 import ksd
+from ksd.files import write_file
 from ksd.model.leaves import Mesh
 from ksd.solve.conventional import conventional
 from ksd.solve.storage import Storage
 from ksd.units import GPa, deg, mm
+from ksd.view.figure import picture
 
 RESULTS = Path(__file__).resolve().parent / "results"
 STEEL = ksd.Material(E=200 * GPa, G=76.9 * GPa, density=7800)
@@ -240,6 +243,15 @@ def options(text: str, argv: Sequence[str] | None, *more: Callable[[argparse.Arg
     found = parser.parse_args(argv)
     found.out.mkdir(parents=True, exist_ok=True)
     return found
+
+
+def save_picture(figure: Any, path: Path, *, numbers: Path | None = None) -> None:
+    """Write a picture (.png) that tells which numbers it shows: name and SHA-256 of their file, as its text `Numbers`; the
+    file of the same name beside it, or the stored one, when None."""
+    beside = path.with_suffix(".json")
+    numbers = numbers or (beside if beside.exists() else RESULTS / beside.name)
+    digest = hashlib.sha256(numbers.read_bytes()).hexdigest()
+    write_file(path, picture(figure, "png", metadata={"Numbers": f"{numbers.name} {digest}"}), what="picture")
 
 
 def canvas(rows: int, columns: int, *, size: tuple[float, float], title: str) -> tuple[Any, np.ndarray]:

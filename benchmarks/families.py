@@ -13,12 +13,13 @@ families.md, families.json and families.png.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
-from common import machine, options, write_json
+from common import machine, options, save_picture, write_json
 
 import ksd
 from ksd.library import find_record
@@ -256,7 +257,7 @@ def constraint_table(found: dict[str, dict[str, Any]]) -> str:
     return "\n".join(lines) + "\n"
 
 
-def gallery(names: Sequence[str]) -> Any:
+def picture(names: Iterable[str], path: Path) -> None:
     """All families, at rest and at 0.8 of their first motion, and the flexible constraints."""
     columns = 5
     panels: list[tuple[str, ksd.Configuration]] = []
@@ -275,7 +276,7 @@ def gallery(names: Sequence[str]) -> Any:
         place.set_axis_off()
     for place in axes.flat[len(panels) :]:
         place.set_axis_off()
-    return figure
+    save_picture(figure, path)
 
 
 def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
@@ -287,9 +288,9 @@ def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
     text = table(found) + constraint_table(held)
     print(text)
     (chosen.out / "families.md").write_text(text)
-    gallery(names).savefig(chosen.out / "families.png")
     everything = {"machine": machine(), "families": found, "constraints": held}
     write_json(everything, chosen.out / "families.json")
+    picture(names, chosen.out / "families.png")
     return everything
 
 

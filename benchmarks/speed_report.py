@@ -6,17 +6,12 @@ import math
 from pathlib import Path
 from typing import Any
 
-from common import READINGS, canvas, label
+from common import READINGS, save_picture
+from front import Mark, Panel, draw_fronts
+
+from ksd.view.figure import new_figure
 
 BEGIN, END = "<!-- measured:begin -->", "<!-- measured:end -->"
-SERIES = {
-    "reduced": "#5a9a4a",
-    "reduced, 1 pass": "#3b6ea5",
-    "full": "#c2410c",
-    "conventional": "#8a63b0",
-    "conventional, planar": "#2f9c98",
-    "plain Newton": "#444b57",
-}
 README_ROWS = {
     ("conventional, planar", 0): "`conventional` in the plane, what `ksd.solve` takes here",
     ("kinematic", 0): "`kinematic`",
@@ -188,72 +183,26 @@ def insert_table(readme: Path, table: str) -> None:
 
 
 def picture(found: dict[str, Any], path: Path) -> None:
-    """Error over time, for force and rotation: marks at the time of the steps, ticks at that of the whole call."""
+    """Error of force and rotation over the time of the compiled steps, a row per reading of the paper."""
     solves = found["solves"]
-    title = "Fourbar at d = 0.3 m: what accuracy costs (mark: the compiled steps; tick: the whole call from Python)"
-    figure, grid = canvas(len(solves), 2, size=(6.2, 4.0), title=title)
-    for row, (reading, solved) in zip(grid, solves.items(), strict=True):
-        for axes, key in zip(row, ("force_error", "rotation_error"), strict=True):
-            work_precision(axes, solved["rows"], key, room=12.0 if axes is row[0] else 1.5)
-            label(
-                axes,
-                x="thread time [µs]",
-                y=f"relative error of the {key.split('_')[0]} [%]",
-                title=f"reading {reading}: {READINGS[int(reading)]}",
-                loc="lower right",
-                legend=axes is row[0],
-            )
-    figure.savefig(path)
-
-
-def work_precision(axes: Any, rows: list[dict[str, Any]], key: str, *, room: float) -> None:
-    """Marks of every method in SERIES: squares for n Appendix A elements, circles for strain-mode leaves."""
-    shown = [r for r in rows if r["method"] in SERIES]
-    for method, color in SERIES.items():
-        mine = [r for r in shown if r["method"] == method]
-        chains = sorted((r for r in mine if r["elements"]), key=lambda r: r["elements"])
-        line = [(r["steps"]["median_us"], 100 * r[key]) for r in chains]
-        name = f"{method}, n elements" + (" (paper's baseline)" if method == "plain Newton" else "")
-        axes.plot(
-            *zip(*line, strict=True), "s-", color=color, markersize=3.5, linewidth=0.8, label=name, zorder=3
+    figure = new_figure(11.0, 3.9 * len(solves))
+    grid = figure.subplots(len(solves), 2, squeeze=False)
+    panels = [
+        Panel(
+            axes, marks_of(solved["rows"], f"{key}_error"),
+            f"fourbar at d = 0.3 m, reading {reading}: {READINGS[int(reading)]}", "thread time of the compiled steps", key,
         )
-        for r, place in zip(chains, line, strict=True):
-            style = {"textcoords": "offset points", "fontsize": 6, "color": color}
-            axes.annotate(str(r["elements"]), place, (3, 3), **style)
-        for r in mine:
-            ends, error = [r["steps"]["median_us"], r["call"]["median_us"]], 100 * r[key]
-            axes.plot(ends, [error] * 2, color=color, linewidth=0.6, alpha=0.35, zorder=1)
-            axes.plot(ends[1], error, "|", color=color, markersize=6, zorder=2)
-            if not r["elements"]:
-                name = f"{method}, strain-mode leaves"
-                style = {"markersize": 8, "markeredgecolor": "black", "linestyle": "none", "label": name}
-                axes.plot(ends[0], error, "o", color=color, zorder=4, **style)
-    front = pareto([(r["steps"]["median_us"], 100 * r[key]) for r in shown])
-    axes.step(
-        *zip(*front, strict=True), where="post", color="black", linewidth=1.0, linestyle=":", label="front"
-    )
-    log_ticks(axes, room=room)
+        for row, (reading, solved) in zip(grid, solves.items(), strict=True)
+        for axes, key in zip(row, ("force", "rotation"), strict=True)
+    ]  # fmt: skip
+    draw_fronts(panels)
+    save_picture(figure, path)
 
 
-def log_ticks(axes: Any, *, room: float = 1.5) -> None:
-    """Log axes with plain numbers that do not run into each other, and a factor of room at the right."""
-    from matplotlib.ticker import LogLocator, NullFormatter
-
-    axes.set_xscale("log")
-    axes.set_yscale("log")
-    low, high = axes.get_xlim()
-    axes.set_xlim(low, room * high)
-    axes.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
-    for axis in (axes.xaxis, axes.yaxis):
-        axis.set_major_formatter("{x:g}")
-        axis.set_minor_formatter(NullFormatter())
-
-
-def pareto(points: list[tuple[float, float]]) -> list[tuple[float, float]]:
-    """Those (time, error) that no other beats in both, by rising time."""
-    kept: list[tuple[float, float]] = []
-    for time, error in sorted(points):
-        # less than 1 % better is rounding, not accuracy
-        if not kept or error < 0.99 * kept[-1][1]:
-            kept.append((time, error))
-    return kept
+def marks_of(rows: list[dict[str, Any]], key: str) -> list[Mark]:
+    """The rows of `speed.whole_solves` as marks; variants of plain Newton are left to the table."""
+    return [
+        Mark(r["method"], r["elements"], r["steps"]["median_us"], 100 * r[key])
+        for r in rows
+        if "estimate" not in r["method"] and not r["method"].startswith("plain Newton,")
+    ]

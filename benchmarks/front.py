@@ -1,0 +1,174 @@
+"""What accuracy costs, as a picture: the front of all methods in black, a few methods by name, the others as faint dots."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from itertools import pairwise
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ksd.view.figure import BACKING, INK, LEAF
+from ksd.view.labels import part_labels
+
+NAMED = {
+    "kinematic": "#d9a514",
+    "reduced": "#5a9a4a",
+    "reduced, 1 pass": "#3b6ea5",
+    "full": LEAF,
+    "conventional": "#8a63b0",
+    "plain Newton": "#444b57",
+}
+"""Methods that are told by name with strain-mode leaf springs, and their colours."""
+CHAINS = ("conventional", "plain Newton")
+"""Methods whose row of element meshes is drawn."""
+SAID = {"reduced, 1 pass": "reduced, one step", "plain Newton": "plain Newton, as the paper's baseline"}
+BELOW = 1e-6
+"""Errors [%] below this are those of the reference, and drawn here."""
+BESIDE = 1.5
+"""Factor of time within which marks of one error share a label."""
+
+
+class Mark(NamedTuple):
+    """A method with strain-mode leaf springs (elements 0) or elements per leaf: time [us], error [%]."""
+
+    method: str
+    elements: int
+    time: float
+    error: float
+
+
+def in_plane(marks: Iterable[Mark]) -> list[Mark]:
+    """Of a method in the plane and in space the faster one, under one name."""
+    best: dict[tuple[str, int], Mark] = {}
+    for mark in marks:
+        mark = mark._replace(method=mark.method.replace(", planar", ""), error=max(mark.error, BELOW))
+        key = mark.method, mark.elements
+        if key not in best or mark.time < best[key].time:
+            best[key] = mark
+    return list(best.values())
+
+
+def pareto(points: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:
+    """Those (time, error) that no other beats in both, by rising time."""
+    kept: list[tuple[float, float]] = []
+    for time, error in sorted(points):
+        # less than 1 % better is rounding, not accuracy
+        if not kept or error < 0.99 * kept[-1][1]:
+            kept.append((time, error))
+    return kept
+
+
+class Panel(NamedTuple):
+    """Axes, what is drawn in them, and the words about them."""
+
+    axes: Any
+    marks: Sequence[Mark]
+    title: str
+    time: str
+    error: str
+
+
+def draw_fronts(panels: Sequence[Panel]) -> None:
+    """Error over time, both logarithmic, of every method on the scene of each panel."""
+    parted = []
+    for panel in panels:
+        parted.append(_draw(panel.axes, panel.marks))
+        panel.axes.set_title(panel.title, fontsize=10, loc="left", color=INK)
+        panel.axes.set_xlabel(f"{panel.time} [\N{MICRO SIGN}s]", fontsize=9)
+        panel.axes.set_ylabel(f"error of the {panel.error} [%]", fontsize=9)
+    # all words have their place before the labels look for one
+    for panel, (marks, line) in zip(panels, parted, strict=True):
+        part_labels(panel.axes, marks, line)
+
+
+def _draw(axes: Any, every: Iterable[Mark]) -> tuple[Any, Any]:
+    """One panel; returns points (n, 2) of its marks and along its front."""
+    marks = in_plane(every)
+    rest = [m for m in marks if m.method not in NAMED or (m.elements and m.method not in CHAINS)]
+    axes.plot([m.time for m in rest], [m.error for m in rest], ".", color="#c3c9d4", markersize=4, zorder=1)
+    for method in CHAINS:
+        row = sorted((m for m in marks if m.method == method and m.elements), key=lambda m: m.elements)
+        look = {"color": NAMED[method], "markersize": 3.5, "linewidth": 0.8, "zorder": 2}
+        axes.plot([m.time for m in row], [m.error for m in row], "s-", **look)
+        for m in row[:: len(row) - 1 or 1]:
+            _say(axes, f"{m.elements}", m, NAMED[method], (0, 7), size=7)
+    best = pareto([(m.time, m.error) for m in marks])
+    low, high = 0.5 * min(m.time for m in marks), 2.2 * max(m.time for m in marks)
+    steps = [(best[0][0], 10.0 * max(m.error for m in marks)), *best]
+    axes.step(*zip(*steps, strict=True), where="post", color=INK, linewidth=1.3, zorder=1.5, gid="front")
+    strain = [m for m in marks if m.method in NAMED and not m.elements]
+    for m in strain:
+        axes.plot(
+            m.time, m.error, "o", color=NAMED[m.method], markersize=7, markeredgecolor="white", zorder=4
+        )
+    axes.set_xlim(low, high)
+    axes.set_ylim(0.15 * min(m.error for m in marks), 6.0 * max(m.error for m in marks))
+    for label, m in _shared(strain):
+        _say(axes, label, m, INK, (9, 0), side="left")
+    for method in CHAINS:
+        if row := [m for m in marks if m.method == method and m.elements]:
+            slow = max(row, key=lambda m: m.time)
+            _say(axes, f"{method},\nn elements per leaf", slow, NAMED[method], (0, -14), side="right")
+    plain_scales(axes)
+    corners = np.log([point for a, b in pairwise(steps) for point in (a, (b[0], a[1]), b)])
+    along = np.linspace(0, len(corners) - 1, 20 * len(corners))
+    line = np.stack([np.interp(along, np.arange(len(corners)), c) for c in corners.T], axis=1)
+    return np.array([(m.time, m.error) for m in marks]), np.exp(line)
+
+
+def _shared(marks: Sequence[Mark]) -> list[tuple[str, Mark]]:
+    """Labels of marks, one for those of the same error that are near each other: at the slowest of them."""
+    rows: list[list[Mark]] = []
+    for m in sorted(marks, key=lambda m: m.time):
+        row = next(
+            (
+                r
+                for r in rows
+                if abs(math.log10(r[-1].error / m.error)) < 0.15 and m.time < BESIDE * r[-1].time
+            ),
+            None,
+        )
+        if row is None:
+            rows.append([m])
+        else:
+            row.append(m)
+    return [(", ".join(SAID.get(m.method, m.method) for m in row), row[-1]) for row in rows]
+
+
+def _say(
+    axes: Any,
+    words: str,
+    m: Mark,
+    color: str,
+    shift: tuple[float, float],
+    *,
+    side: str = "center",
+    size: float = 8,
+) -> None:
+    axes.annotate(
+        words, (m.time, m.error), shift, textcoords="offset points", fontsize=size, color=color, ha=side, va="center",
+        zorder=5, bbox=BACKING,
+    )  # fmt: skip
+
+
+def plain_scales(axes: Any) -> None:
+    """Logarithmic axes with plain numbers that do not run into each other."""
+    from matplotlib.ticker import LogLocator, NullFormatter, NullLocator
+
+    axes.set_xscale("log")
+    axes.set_yscale("log")
+    low, high = axes.get_xlim()
+    axes.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if high < 200 * low else (1.0,)))
+    low, high = axes.get_ylim()
+    axes.yaxis.set_major_locator(LogLocator(base=10.0 if high < 1e7 * low else 100.0))
+    for axis in (axes.xaxis, axes.yaxis):
+        axis.set_major_formatter("{x:g}")
+        axis.set_minor_formatter(NullFormatter())
+        axis.set_minor_locator(NullLocator())
+    axes.grid(True, color="#eceff4", linewidth=0.8)
+    axes.set_axisbelow(True)
+    axes.tick_params(labelsize=8)
+    for side in ("top", "right"):
+        axes.spines[side].set_visible(False)

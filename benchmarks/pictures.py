@@ -1,0 +1,48 @@
+"""All stored pictures drawn anew from the stored numbers, in seconds; nothing is measured.
+
+    python benchmarks/pictures.py [--out FOLDER]
+
+A picture tells which numbers it shows (`common.save_picture`): the script that measures them draws it too, and a test holds
+every stored picture against the numbers beside it. Pictures go to docs/ and benchmarks/results/, or into FOLDER if given.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+import bench
+import families
+import hero
+import speed_report
+from common import RESULTS, options
+
+Drawn = Callable[[dict[str, Any], Path], Any]
+PICTURES: dict[str, Drawn] = {
+    "speed.png": speed_report.picture,
+    "bench.png": bench.picture,
+    "families.png": lambda found, path: families.picture(found["families"], path),
+}
+"""How a picture of benchmarks/results is drawn from the numbers of the same name."""
+
+
+def main(argv: Sequence[str] | None = None) -> list[Path]:
+    """Draw; returns the files."""
+    chosen = options(__doc__, argv)
+    here = chosen.out == RESULTS
+    top = (hero.DOCS if here else chosen.out) / "hero.png"
+    hero.draw(top, RESULTS / "speed.json")
+    drawn = [top]
+    for name, draw in PICTURES.items():
+        numbers = (RESULTS / name).with_suffix(".json")
+        draw(json.loads(numbers.read_text()), chosen.out / name)
+        drawn.append(chosen.out / name)
+    for path in drawn:
+        print(path.name)
+    return drawn
+
+
+if __name__ == "__main__":
+    main()
