@@ -12,7 +12,7 @@ from types import CodeType
 
 import numpy as np
 import pytest
-from scenes import STEEL, fourbar, single_joint
+from scenes import STEEL, fourbar, guided_leaf, single_joint
 
 import ksd
 from ksd.bodies.series import pose_from
@@ -129,7 +129,16 @@ def test_questions(chain):
     pose.strain_energy()
     pose.buckling("top", force=(0, -1.0, 0), at=(0, 0.4, 0))
     pose.frequencies()
-    pose.verify()
+
+
+def test_verification_of_a_taut_leaf_and_of_a_heavy_one():
+    taut = ksd.solve(
+        guided_leaf(100, taut=True), {"drive": 0.002}, mesh=CHAIN, method="conventional", strict=False
+    )
+    assert not taut.verify().unclosed
+    scene = single_joint()
+    scene.gravity = (0, -9.81, 0)
+    assert not ksd.solve(scene, {"turn": 0.1}, method="conventional", mesh=CHAIN).verify().unclosed
 
 
 def test_batches(monkeypatch):

@@ -11,6 +11,7 @@ Source: Reissner's rod as in the note of the strain-mode leaf; Cooper and Verner
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
@@ -21,9 +22,9 @@ _R = math.sqrt(21.0)
 NODES = np.array([0.0, 0.5 - _R / 14.0, 0.5, 0.5 + _R / 14.0, 1.0])
 """Places in a step at which the rod is asked for."""
 WEIGHTS = np.array([9.0, 49.0, 64.0, 49.0, 9.0]) / 180.0
-ROD, STATE = 10, 13
-"""Numbers of the rod at a place: k0 (3), 1/(GJ, EIy, EIz), 1/(EA, ky GA, kz GA), mu; and of its state: r, quaternion w x
-y z, m, n."""
+ROD, STATE, CHANGES = 10, 13, 54
+"""Numbers of the rod at a place: k0 (3), 1/(GJ, EIy, EIz), 1/(EA, ky GA, kz GA), mu; of its state: r, quaternion w x
+y z, m, n; and of the changes of r, rotation and m by the wrench at end p."""
 STAGES = 11
 _PLACE = np.array([0, 2, 2, 3, 3, 2, 1, 1, 2, 3, 4])
 _PART = np.zeros((STAGES, STAGES))
@@ -115,62 +116,87 @@ def _rotation(y, R):
 
 
 @kernel
-def _walk(first, last, step, rod, gravity, size, slope, at, y, R, S, A):
-    """The state y (size,) from end p to end q, in place; its first STATE numbers are the rod's, the rest, if any, changes of
-    them."""
+def _walk(first, last, step, rod, gravity, slope, at, y, R, S, A):
+    """The state y from end p to end q, in place: STATE numbers of the rod, then their changes."""
+    size = len(y)
     for s in range(first, last):
         h = step[s]
         for stage in range(STAGES):
             for r in range(size):
-                moved = 0.0
-                for k in range(stage):
-                    moved += _PART[stage, k] * slope[k, r]
-                at[r] = y[r] + h * moved
+                at[r] = y[r]
+            for k in range(stage):
+                share = h * _PART[stage, k]
+                if share != 0.0:
+                    for r in range(size):
+                        at[r] += share * slope[k, r]
             here = rod[s, _PLACE[stage]]
             _slope(here, gravity, at, slope[stage])
-            if size > STATE:
-                _vary(here, at, at[STATE:], slope[stage, STATE:], R, S, A)
-        for r in range(size):
-            moved = 0.0
-            for k in range(STAGES):
-                moved += _SHARE[k] * slope[k, r]
-            y[r] += h * moved
+            _vary(here, at, at[STATE:], slope[stage, STATE:], R, S, A)
+        for k in range(STAGES):
+            share = h * _SHARE[k]
+            if share != 0.0:
+                for r in range(size):
+                    y[r] += share * slope[k, r]
         length = math.sqrt(y[3] * y[3] + y[4] * y[4] + y[5] * y[5] + y[6] * y[6])
         for r in range(3, 7):
             y[r] /= length
 
 
-@kernel
-def integrate_rods(first, step, rod, gravity, wrench, d, Q, end, gap, tangent):
-    """end (k, 9): place [m], moment and force on end q of k rods, from wrench (k, 6) [N, Nm] at end p; gap (k, 6) [m, rad]:
-    what is left to d (k, 3), Q (k, 3, 3), where end q is to be; tangent (k, 6, 6): motion of end q by the wrench at end p,
-    or (0, 6, 6) where that is not wanted.
+class RodRoom(NamedTuple):
+    """Storage for one rod at a time: slopes of the stages, the state of one, the state walked, and (3, 3) four times."""
 
-    Steps first[i] to first[i+1] are those of rod i: their lengths step (s,) and numbers rod (s, 5, ROD) at `NODES`; gravity
-    (k, 3) in frame p.
+    slope: np.ndarray
+    at: np.ndarray
+    y: np.ndarray
+    R: np.ndarray
+    S: np.ndarray
+    A: np.ndarray
+    turn: np.ndarray
+
+
+@kernel
+def open_rod_room():
+    """`RodRoom`."""
+    size = STATE + CHANGES
+    return RodRoom(
+        np.empty((STAGES, size)), np.empty(size), np.empty(size), np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3)),
+        np.empty((3, 3)),
+    )  # fmt: skip
+
+
+@kernel
+def integrate_rod(first, last, step, rod, gravity, wrench, d, Q, gap, room):
+    """A rod from wrench (6,) [N, Nm] at end p over the steps first to last: lengths step (s,) and numbers rod (s, 5, ROD) at
+    `NODES`; gravity (3,) in frame p.
+
+    gap (6,): what is left to d (3,), Q (3, 3), where end q is to be [m, rad]. In room.y the state of end q, then place,
+    rotation (spatial) and moment there by every component of the wrench, 6 times 9.
     """
-    size = STATE + 54 if len(tangent) > 0 else STATE
-    slope, at, y = np.empty((STAGES, size)), np.empty(size), np.empty(size)
-    turn, R, S, A = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))
-    for i in range(len(end)):
-        y[:] = 0.0
-        for r in range(3):
-            y[7 + r], y[10 + r] = wrench[i, 3 + r], wrench[i, r]
-        y[3] = 1.0
-        for r in range(3 if size > STATE else 0):
-            y[STATE + 9 * (3 + r) + 6 + r] = 1.0
-        _walk(first[i], first[i + 1], step, rod, gravity[i], size, slope, at, y, R, S, A)
-        _rotation(y, R)
-        for r in range(3):
-            for c in range(3):
-                turn[r, c] = Q[i, r, 0] * R[c, 0] + Q[i, r, 1] * R[c, 1] + Q[i, r, 2] * R[c, 2]
-        rotation_log(turn, gap[i, 3:])
-        for r in range(3):
-            end[i, r], end[i, 3 + r], end[i, 6 + r] = y[r], y[7 + r], y[10 + r]
-            gap[i, r] = d[i, r] - y[r]
-        if not math.isfinite(gap[i, 0] + gap[i, 1] + gap[i, 2] + gap[i, 3] + gap[i, 4] + gap[i, 5]):
-            gap[i, :] = math.inf
-        if size > STATE:
-            for c in range(6):
-                for r in range(6):
-                    tangent[i, r, c] = y[STATE + 9 * c + r]
+    y, R = room.y, room.R
+    y[:] = 0.0
+    for r in range(3):
+        y[7 + r], y[10 + r] = wrench[3 + r], wrench[r]
+        y[STATE + 9 * (3 + r) + 6 + r] = 1.0
+    y[3] = 1.0
+    _walk(first, last, step, rod, gravity, room.slope, room.at, y, R, room.S, room.A)
+    _rotation(y, R)
+    for r in range(3):
+        for c in range(3):
+            room.turn[r, c] = Q[r, 0] * R[c, 0] + Q[r, 1] * R[c, 1] + Q[r, 2] * R[c, 2]
+    rotation_log(room.turn, gap[3:])
+    for r in range(3):
+        gap[r] = d[r] - y[r]
+    if not math.isfinite(gap[0] + gap[1] + gap[2] + gap[3] + gap[4] + gap[5]):
+        gap[:] = math.inf
+
+
+@kernel
+def free_rod(step, rod):
+    """Place (3,) and axes (3, 3) of end q of a rod that nothing loads, see `integrate_rod`; frame p."""
+    room, gap, none = open_rod_room(), np.empty(6), np.zeros(6)
+    place, axes = np.empty(3), np.eye(3)
+    integrate_rod(0, len(step), step, rod, none[:3], none, none[:3], axes, gap, room)
+    for r in range(3):
+        place[r] = room.y[r]
+    axes[:, :] = room.R
+    return place, axes

@@ -442,9 +442,12 @@ def assemble(
     return worst, gap, negatives, status
 
 
-def assemble_nodes(arrays: Arrays, motion: Motion, factor: float, work: Work) -> None:
-    """Residual and tangent of constraint rows, loads and springs alone."""
-    _run(arrays, motion, np.zeros(len(motion.multiplier)), work, NODES_ALONE, factor=factor, grain=0.0)
+def assemble_nodes(
+    arrays: Arrays, motion: Motion, factor: float, work: Work, *, target: np.ndarray | None = None
+) -> None:
+    """Residual and tangent of constraint rows, at the drive values `target` (c,) or zero, loads and springs alone."""
+    values = np.zeros(len(motion.multiplier)) if target is None else target
+    _run(arrays, motion, values, work, NODES_ALONE, factor=factor, grain=0.0)
 
 
 def look(

@@ -337,7 +337,7 @@ def _chain_curve(
     return np.concatenate(s), np.concatenate(place), np.concatenate(turned)
 
 
-def _member_line(model: Model, motion: Motion, i: int, points: int) -> tuple[Array, Array, Array]:
+def member_line(model: Model, motion: Motion, i: int, points: int) -> tuple[Array, Array, Array]:
     """Stations (k,) [m], positions (k, 3), axes (k, 3, 3) of member `i`, global.
 
     The curve of a fast method ends a little off its clamp (its error); the gap is spread along the leaf.
@@ -378,7 +378,7 @@ def members_of_leaves(model: Model) -> dict[str, list[int]]:
 def _leaf_shape(model: Model, motion: Motion, name: str, members: list[int], points: int) -> LeafShape:
     leaf = scene_leaves(model)[name]
     count = max(2, math.ceil((points - 1) / len(members)) + 1)
-    lines = [[_member_line(model, m, i, count) for i in members] for m in (model.rest, motion)]
+    lines = [[member_line(model, m, i, count) for i in members] for m in (model.rest, motion)]
     at = np.cumsum([0.0] + [line[0][-1] for line in lines[0]])
     # where two elements meet, the station is kept once
     kept = [slice(int(k > 0), None) for k in range(len(members))]

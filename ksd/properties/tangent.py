@@ -21,6 +21,7 @@ from ksd.model.loading import term_value
 from ksd.model.newton import assemble
 from ksd.numerics.blocks import factor_blocks, refined_blocks, residual_blocks
 from ksd.numerics.indefinite import inertia, scaling, solve_scaled
+from ksd.properties.cache import per_model
 from ksd.properties.nonconservative import skew_tangent
 
 Array = NDArray[np.float64]
@@ -41,6 +42,12 @@ def exact(arrays: Arrays) -> Arrays:
     number = members.number.copy()
     number[members.kind == COROTATIONAL, 1] = 0
     return arrays._replace(members=members._replace(number=number))
+
+
+@per_model
+def exact_arrays(model: Model) -> Arrays:
+    """`exact` of the arrays of a model."""
+    return exact(model.arrays)
 
 
 def row_numbers(model: Model, names: Iterable[str]) -> list[int]:
@@ -256,15 +263,21 @@ def assembled_tangent(
     model: Model, motion: Motion, *, load_factor: float = 1.0, target: Array | None = None
 ) -> Assembled:
     """The exact tangent at `motion`, drives held; target (c,): their values, where the residual is of use."""
-    arrays = exact(model.arrays)
+    arrays = exact_arrays(model)
     work = make_work(arrays)
     held = np.zeros(len(arrays.terms.start)) if target is None else target
     _, _, inside, _ = assemble(arrays, motion, held, load_factor, work, 1e-8, 0, 10.0)
-    rest, skew = skew_tangent(arrays, motion, load_factor), None
-    if rest is not None:
-        places = np.flatnonzero(rest.any(axis=1) | rest.any(axis=0))
-        skew = places, rest[np.ix_(places, places)]
+    skew = skew_block(arrays, motion, load_factor)
     return Assembled(model, motion, arrays, work.value.copy(), int(inside), skew, work)
+
+
+def skew_block(arrays: Arrays, motion: Motion, load_factor: float) -> tuple[NDArray[np.int64], Array] | None:
+    """What loads that are not conservative add, see `Tangent.skew`; None without any."""
+    rest = skew_tangent(arrays, motion, load_factor)
+    if rest is None:
+        return None
+    places = np.flatnonzero(rest.any(axis=1) | rest.any(axis=0))
+    return places, rest[np.ix_(places, places)]
 
 
 def factored(assembled: Assembled, freed: Iterable[str] = ()) -> Tangent:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, TypeVar
@@ -33,7 +33,7 @@ from ksd.properties.words import printed
 from ksd.scene.contents import PlacedJoint
 from ksd.scene.links import Link
 from ksd.solve.answer import as_dict
-from ksd.solve.error import error_of, settled, with_error
+from ksd.solve.error import error_of, settled, truth_of, with_error
 from ksd.solve.following import keeps_still
 from ksd.solve.left_out import left_out
 from ksd.solve.perturbed import parameters_of, slopes
@@ -404,8 +404,16 @@ class Configuration:
             raise ConvergenceError(
                 f"only an equilibrium can be verified, and this is none: {self.trust.trusted.sentence}"
             )
-        model, motion = self.insides
-        return verify(model, motion, model.targets(self.targets), load_factor=self.load_factor)
+        (model, motion), factor = self.insides, self.load_factor
+        found = verify(model, motion, model.targets(self.targets), load_factor=factor)
+        if not found.unclosed:
+            return found
+        # too far off for rods to be led from here: from the equilibrium on a finer mesh
+        finer, state, _ = truth_of(self)
+        if state is None:
+            return found
+        again = verify(finer, state, finer.targets(self.targets), load_factor=factor, of=(model, motion))
+        return found if again.unclosed else replace(again, gaps=found.gaps)
 
     def sensitivity(
         self,
