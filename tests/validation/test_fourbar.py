@@ -1,4 +1,4 @@
-"""Fourbar of paper 1, section 4.3, in both readings of its lost figure; forces from an independent FE code."""
+"""Fourbar of paper 1, section 4.3, in both readings of its lost figure, beside the numbers of `published_joints`."""
 
 import numpy as np
 import pytest
@@ -9,29 +9,10 @@ from ksd.model.compile import compile_scene
 from ksd.model.leaves import Mesh
 from ksd.solve.conventional import conventional
 
-# n: (F at .1, F at .3, top rotation at .3), full, then reduced
-FULL = {1: (64.867, 498.178, -0.0000412), 2: (64.169, 513.162, -0.0096861), 5: (64.027, 519.484, -0.0109678)}
-REDUCED = {1: (64.869, 498.192, None), 2: (64.186, 519.032, -0.0120947), 5: (64.046, 525.516, -0.0138824)}
-
 
 @pytest.fixture(scope="module", params=[1, 2, 5], ids=lambda n: f"n={n}")
 def solver(request):
     return request.param, ksd.prepare(fourbar(), mesh=Mesh("corotational", elements=request.param))
-
-
-def test_full_forces(solver):
-    n, solve = solver
-    for d, force in zip((0.1, 0.3), FULL[n], strict=False):
-        assert solve(top=d, method="full").forces["top"] == pytest.approx(force, rel=1e-5)
-    assert solve(top=0.3, method="full").rotation("top")[2] == pytest.approx(FULL[n][2], rel=2e-3, abs=5e-8)
-
-
-def test_reduced_forces(solver):
-    n, solve = solver
-    for d, force in zip((0.1, 0.3), REDUCED[n], strict=False):
-        assert solve(top=d, method="reduced").forces["top"] == pytest.approx(force, rel=5e-5)
-    if REDUCED[n][2]:
-        assert solve(top=0.3, method="reduced").rotation("top")[2] == pytest.approx(REDUCED[n][2], rel=2e-3)
 
 
 def test_full_and_conventional_agree(solver):
@@ -119,14 +100,6 @@ def test_driven_at_the_joint_centres_gives_the_other_force():
     assert ksd.prepare(centre, mesh=mesh)(top=0.3, method="full").forces["top"] == pytest.approx(
         526.8, rel=2e-4
     )
-
-
-def test_out_of_plane_force_on_the_wanted_branch():
-    """Acceptance C: 500 N on the top link, n = 4, d = .3: F = 542.33 N; 549.70 N is another stable state."""
-    scene = fourbar()
-    scene.load("top", force=(0, 0, 500), at=(0, 0.3 + 0.1 * np.cos(np.pi / 4), 0))
-    found = ksd.prepare(scene, mesh=Mesh("corotational", elements=4))(top=0.3, method="full")
-    assert found.forces["top"] == pytest.approx(542.33, rel=5e-4)
 
 
 @pytest.mark.parametrize("mesh", [Mesh(), Mesh("corotational", elements=5)], ids=["strain", "n=5"])
