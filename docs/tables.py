@@ -8,6 +8,7 @@ import re
 from pathlib import Path
 
 from docstrings import items
+from validated import write_validated
 
 import ksd
 from ksd.cli.commands import parser
@@ -165,3 +166,4 @@ def write_tables(folder: Path) -> None:
     scene_format(folder)
     measured(folder / "measured")
     reference(folder / "reference")
+    write_validated(folder / "validated.md")
