@@ -26,7 +26,13 @@ release = version = ksd.__version__
 
 extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.mathjax", "sphinx_gallery.gen_gallery"]
 source_suffix = {".md": "markdown", ".rst": "restructuredtext"}
-exclude_patterns = ["_made/scripts", "_made/blocks", "_made/commands.md", "_made/scene_tables.md", "_made/validated.md"]
+exclude_patterns = [
+    "_made/scripts",
+    "_made/blocks",
+    "_made/commands.md",
+    "_made/scene_tables.md",
+    "_made/validated.md",
+]
 default_role = "code"
 html_theme = "furo"
 html_title = "ksd"

@@ -42,7 +42,9 @@ def line(row: Number) -> str:
     if not off <= row.within:
         raise ValueError(f"{row.group}: {row.what} is {own}, {row.source} has {row.value}")
     unit = f" [{row.unit}]" if row.unit else ""
-    return f"| {row.what}{unit} | {row.value:.10g} | {own:.9g} | {off:.1e} | {row.within:.0e} | {row.source} |"
+    return (
+        f"| {row.what}{unit} | {row.value:.10g} | {own:.9g} | {off:.1e} | {row.within:.0e} | {row.source} |"
+    )
 
 
 def write_validated(path: Path) -> None:

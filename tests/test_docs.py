@@ -1,6 +1,7 @@
 """Every Python block of the documentation's pages runs, and the commands the pages name exist."""
 
 import argparse
+import pkgutil
 import re
 import runpy
 import sys
@@ -35,11 +36,26 @@ def test_commands_of_a_page_exist(page):
         a.choices for a in parser(ksd.__version__)._actions if isinstance(a, argparse._SubParsersAction)
     )
     text = (DOCS / page).read_text()
-    named = re.findall(r"`ksd +(\w+)([^`]*)`", text) + re.findall(r"^(?:\$ )?ksd (\w+)(.*)$", text, re.M)
+    named = re.findall(r"`ksd +([a-z]\w*)([^`]*)`", text) + re.findall(
+        r"^(?:\$ )?ksd ([a-z]\w*)(.*)$", text, re.M
+    )
     for word, rest in named:
         assert word in commands, f"{page}: ksd {word}"
         for option in re.findall(r"(?<!\S)--[\w-]+", rest):
             assert option in commands[word].format_help(), f"{page}: ksd {word} {option}"
+
+
+@pytest.mark.parametrize("page", NAMES)
+def test_what_a_page_points_at_exists(page):
+    """Tests by file and name, files of the repository, and modules or names of the package."""
+    text = (DOCS / page).read_text()
+    for file, name in re.findall(r"`(tests/[\w/]+\.py)(?:::(\w+))?`", text):
+        source = (DOCS.parent / file).read_text()
+        assert not name or f"def {name}(" in source, f"{page}: {file}::{name}"
+    for path in re.findall(r"`((?:benchmarks|examples|ksd)/[\w./]+)`", text):
+        assert (DOCS.parent / path).exists(), f"{page}: {path}"
+    for name in re.findall(r"`(ksd(?:\.\w+)+)", text):
+        pkgutil.resolve_name(name)
 
 
 def test_a_block_that_fails_is_found_with_its_line():
