@@ -13,7 +13,6 @@ ROOT = Path(__file__).resolve().parents[1]
 sys.path[:0] = [str(ROOT / "tests" / "validation"), str(ROOT / "tests")]
 
 from published_bank import ROWS, Number  # noqa: E402
-from test_examples import NUMBERS  # noqa: E402
 
 HEAD = (
     "| what | published or independent | ksd | difference | tolerance | source |\n"
@@ -24,7 +23,7 @@ HEAD = (
 def of_examples() -> list[Number]:
     """Numbers that the scripts of `examples/` end in, and that have a source of their own."""
     found = []
-    for name, answers in NUMBERS.items():
+    for name, answers in runpy.run_path(str(ROOT / "tests" / "test_examples.py"))["NUMBERS"].items():
         with contextlib.redirect_stdout(io.StringIO()):
             own = runpy.run_path(str(ROOT / "examples" / f"{name}.py"))
         title = own["__doc__"].splitlines()[0].rstrip(".")
