@@ -122,6 +122,14 @@ def test_optimise(script, tmp_path):
     assert rows["conventional, 10 elements"]["force_N"] == pytest.approx(rows["full"]["force_N"], rel=1e-3)
 
 
+def test_choice_of_a_joint(script, tmp_path):
+    found = script("choose").main(["--quick", "--out", str(tmp_path)])["optima"]
+    # Wiersma and others 2012: over +-20 degrees the butterfly loses least; the others lose four fifths in frequency
+    assert list(found) == ["butterfly", "cartwheel"]
+    assert found["butterfly"]["kept"] > 0.7 > 0.3 > found["cartwheel"]["kept"]
+    assert (tmp_path / "choose.png").stat().st_size > 10_000
+
+
 def test_stroke(script, tmp_path):
     found = script("stroke").main(["--quick", "--out", str(tmp_path)])
     rows = {row["way"]: row for row in found["rows"]}

@@ -15,6 +15,7 @@ import os
 import time
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import Executor, Future
+from contextlib import contextmanager
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
@@ -59,12 +60,16 @@ class _Stalled(Exception):
 
 
 class _Way(NamedTuple):
-    """One start: how it ended, where in scaled parameters, its search, and thread time [s]."""
+    """One start: how it ended, where in scaled parameters, its search, and CPU time [s]."""
 
     ended: Ended
     y: Array
     search: Search
     seconds: float
+
+
+Told = Callable[[Search, int], None]
+"""Called after every new design of a search, with the count of starts that are done."""
 
 
 def optimise(
@@ -104,41 +109,65 @@ def optimise(
     count = whole(starts, "starts")
     X = [job.point(start), *job.random(count, whole(seed, "seed", least=0) + 1)[: count - 1]]
     check_executor(executor)
-    truth(progress, "progress")
     log = Log(job, resume=resume, executor=None if count > 1 else executor)
-    ways: list[_Way] = []
+    with kept(log), progress_bar(truth(progress, "progress")) as bar:
+        task = bar.add_task("starts", total=count)
+
+        def told(search: Search, done: int) -> None:
+            bar.update(task, description=so_far(search, "starts"), completed=done)
+
+        elsewhere = executor if count > 1 else None
+        return optimum_of(job, log, X, method, executor=elsewhere, times=times, scatter=scatter, told=told)
+
+
+@contextmanager
+def kept(log: Log, done: Callable[[], str] = lambda: "") -> Iterator[None]:
+    """Ctrl-C inside raises SweepInterrupted with all designs of a log; done: what else is said."""
     try:
-        with progress_bar(progress) as bar:
-            task = bar.add_task("starts", total=count) if progress else None
-
-            def told(search: Search) -> None:
-                if task is not None:
-                    bar.update(task, description=_so_far(search, ways), completed=len(ways))
-
-            for way in _all_ways(job, X, method, log, executor if count > 1 else None, told):
-                ways.append(way)
-                told(way.search)
-            good = [w for w in ways if w.ended.status == OK]
-            if not good:
-                first = ways[0].ended.status
-                raise ConvergenceError(
-                    f"none of {count} starts led to a design that meets the limits; the first: {first}"
-                )
-            best = max(good, key=lambda w: w.ended.merit)
-            margins: dict[str, float] = {}
-            if times:
-                rounds, margins = _robust(job, best, log, times, scatter, method, told)
-                best, ways = rounds[-1], [*ways, *rounds]
-        held, flat = _holds(best.search, best.y)
+        yield
     except KeyboardInterrupt:
         again = "" if log.kept.path is None else f"; call again with resume='{log.kept.path}' to go on"
         raise SweepInterrupted(
-            f"interrupted: the designs done are in .table of this exception{again}", log.table()
+            f"interrupted: {done()}the designs done are in .table of this exception{again}", log.table()
         ) from None
+
+
+def optimum_of(
+    job: Job,
+    log: Log,
+    X: list[Array],
+    method: str,
+    *,
+    executor: Executor | None = None,
+    times: float = 0.0,
+    scatter: Array | None = None,
+    told: Told,
+) -> Optimum:
+    """`optimise` from starts X, each (P,), with a log that may hold designs already; `times`: the standard deviations
+    of `robust`, `scatter` (P,) those of the parameters. Raises ConvergenceError."""
+    ways: list[_Way] = []
+
+    def heard(search: Search) -> None:
+        told(search, min(len(ways), len(X)))
+
+    for way in _all_ways(job, X, method, log, executor, heard):
+        ways.append(way)
+        heard(way.search)
+    good = [w for w in ways if w.ended.status == OK]
+    if not good:
+        first = ways[0].ended.status
+        raise ConvergenceError(
+            f"none of {len(X)} starts led to a design that meets the limits; the first: {first}"
+        )
+    best, margins = max(good, key=lambda w: w.ended.merit), dict[str, float]()
+    if times and scatter is not None:
+        rounds, margins = _robust(job, best, log, times, scatter, method, heard)
+        best, ways = rounds[-1], [*ways, *rounds]
+    held, flat = _holds(best.search, best.y)
     x, job = best.search.x(best.y), best.search.job
     return Optimum(
         job, method, job.design_at(x), best.ended.merit, dict(zip(job.names, log.values(x).tolist(), strict=True)), held,
-        flat, tuple(w.ended for w in ways[:count]), log.table(), sum(w.seconds for w in ways), times, margins,
+        flat, tuple(w.ended for w in ways[: len(X)]), log.table(), sum(w.seconds for w in ways), times, margins,
     )  # fmt: skip
 
 
@@ -158,11 +187,11 @@ def _scatter(job: Job, robust: float, spread: Mapping[str, float] | None) -> tup
     return times, np.zeros(len(job.parameters)) if spread is None else check_spread(job, spread)
 
 
-def _so_far(search: Search, ways: list[_Way]) -> str:
-    """What the progress bar says."""
+def so_far(search: Search, of: str) -> str:
+    """What a progress bar of starts, or points, says."""
     at = search.best[1].tobytes()
     t = np.exp(search.level(search.asked[at])) if at in search.asked else np.nan
-    return f"{search.by}: {len(search.asked)} designs, worst target {written(float(t))}, starts done"
+    return f"{search.by}: {len(search.asked)} designs, worst target {written(float(t))}, {of} done"
 
 
 def _all_ways(
@@ -192,7 +221,7 @@ def _all_ways(
 def _elsewhere(job: Job, x: Array, method: str, by: str) -> Any:
     """One start in a worker: how it ended, where, values and gradients, and what its log holds."""
     log = Log(job)
-    way = _way(Search(job, log, by), x, method)
+    way = _way(Search(job, log, by), x, method, time.thread_time)
     return way.ended, way.y, way.seconds, way.search.asked, way.search.sloped, way.search.best, log.kept.found
 
 
@@ -205,9 +234,9 @@ def _taken(job: Job, one: Future[Any], log: Log, by: str) -> _Way:
     return _Way(ended, y, search, seconds)
 
 
-def _way(search: Search, x: Array, method: str) -> _Way:
+def _way(search: Search, x: Array, method: str, clock: Callable[[], float] = time.process_time) -> _Way:
     """From a start (P,) to where it ends."""
-    began, job = time.thread_time(), search.job
+    began, job = clock(), search.job
     merit, y = np.nan, search.scaled(x)
     try:
         y = _evolved(search, y) if method == "cma" else _descended(search, y, method)
@@ -218,7 +247,7 @@ def _way(search: Search, x: Array, method: str) -> _Way:
         y, status = failed.y, str(failed)
     first, last = job.design_at(x), job.design_at(search.x(y))
     ended = Ended(first, last, merit, len(search.asked), len(search.sloped), status)
-    return _Way(ended, y, search, time.thread_time() - began)
+    return _Way(ended, y, search, clock() - began)
 
 
 def _robust(

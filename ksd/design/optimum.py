@@ -65,7 +65,7 @@ class Optimum(Shown):
     (target, limit, rule, bound), and what it is worth: percent by which the merit grows per percent that a limit or
     bound is moved (of targets the share that each has in the worst, of rules per percent of their range); flat: a
     direction of parameters that changes none of it, by name; starts: how each ended; table: every design; seconds: of
-    thread time; robust: standard deviations by which limits of `job` are moved in and targets count less; margins: what
+    CPU time; robust: standard deviations by which limits of `job` are moved in and targets count less; margins: what
     that is, by answer, in units of its column.
     """
 

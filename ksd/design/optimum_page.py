@@ -36,7 +36,7 @@ def _cards(optimum: Optimum) -> list[tuple[str, str]]:
         (written(optimum.merit, 6), "worst target over its scale"),
         (starts, "starts end here"),
         (f"{optimum.evaluations} + {optimum.gradients}", "values and gradients"),
-        (f"{written(optimum.seconds, 3)} s", "thread time"),
+        (f"{written(optimum.seconds, 3)} s", "CPU time"),
     ]
 
 

@@ -3,22 +3,27 @@
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Mapping
 from concurrent.futures import Executor
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ksd.design.job import Job
-from ksd.design.optimise import optimise
+from ksd.design.job import Job, Log
+from ksd.design.optimise import kept, optimise, optimum_of, so_far
 from ksd.design.optimum import Optimum
+from ksd.design.search import Search
+from ksd.design.sweep import SweepInterrupted
 from ksd.design.table import OK, Table
+from ksd.design.words import check_executor
 from ksd.errors import KsdError, SceneError
-from ksd.properties.words import Shown, listed
+from ksd.properties.words import Shown, listed, progress_bar
 from ksd.properties.words import number as written
-from ksd.section.checks import number, show, whole
+from ksd.section.checks import number, show, truth, whole
 from ksd.view import save_figure
 from ksd.view.front import plot_front
 
@@ -111,31 +116,48 @@ def pareto(
     against: column of `ksd.sweep` that is limited from above, at every pose and load case. span: its least and most, in
     units of the column; by default from its value at the optimum without such a limit down to a tenth of that. The points
     follow by equal ratios, each optimised by gradients from its neighbour. start, starts, seed: of the first; resume,
-    progress: as in `ksd.optimise`. Raises SceneError for wrong words and what the first optimum raises.
+    progress: as in `ksd.optimise`; points share their designs. Ctrl-C raises SweepInterrupted, with every design in its
+    `.table`. Raises SceneError for wrong words and what the first optimum raises.
     """
     if not isinstance(job, Job):
         raise SceneError(f"{show(job)} is no job: make one with ksd.Job(...)")
     count = whole(points, "points", least=2)
-    ways: dict[str, Any] = {"resume": resume, "progress": progress}
     high = np.inf if span is None else _ends(span)[1]
     wide = job.limited(against, high)
-    best = optimise(wide, start=start, starts=starts, seed=seed, **ways)
-    if span is None:
-        most = max(v for n, v in best.answers.items() if wide.column_of(n) == against)
-        if most <= 0.0:
-            raise SceneError(f"{against} is {written(most)} at the optimum: give a span of limits for it")
-        span = most / SPAN, most
-    limits = np.geomspace(span[1], span[0], count)
-    found: list[Optimum | None] = [best]
-    status, at = [OK], best
-    for limit in limits[1:].tolist():
-        try:
-            at = optimise(job.limited(against, limit), start=at.design, **ways)
-            found.append(at)
-            status.append(OK)
-        except KsdError as why:
-            found.append(None)
-            status.append(str(why))
+    several = whole(starts, "starts")
+    X = [wide.point(start), *wide.random(several, whole(seed, "seed", least=0) + 1)[: several - 1]]
+    log = Log(wide, resume=resume)
+    found: list[Optimum | None] = []
+    status: list[str] = []
+
+    def done() -> str:
+        return f"{len(found)} of {count} points are done, "
+
+    with kept(log, done), progress_bar(truth(progress, "progress")) as bar:
+        task = bar.add_task("points", total=count)
+
+        def told(search: Search, _: int) -> None:
+            bar.update(task, description=so_far(search, "points"), completed=len(found))
+
+        best = optimum_of(wide, log, X, "gradient", told=told)
+        found.append(best)
+        status.append(OK)
+        if span is None:
+            most = max(v for n, v in best.answers.items() if wide.column_of(n) == against)
+            if most <= 0.0:
+                raise SceneError(f"{against} is {written(most)} at the optimum: give a span of limits for it")
+            span = most / SPAN, most
+        limits = np.geomspace(span[1], span[0], count)
+        at = best
+        for limit in limits[1:].tolist():
+            near = [np.array(list(at.design.values()))]
+            try:
+                at = optimum_of(job.limited(against, limit), log, near, "gradient", told=told)
+                found.append(at)
+                status.append(OK)
+            except KsdError as why:
+                found.append(None)
+                status.append(str(why))
     return Front(job, against, limits, tuple(found), tuple(status))
 
 
@@ -186,22 +208,43 @@ class Choice(Shown):
 
 
 def choose(
-    jobs: Mapping[str, Job], *, starts: int = 1, seed: int = 0, executor: Executor | None = None
+    jobs: Mapping[str, Job],
+    *,
+    starts: int = 1,
+    seed: int = 0,
+    executor: Executor | None = None,
+    resume: str | os.PathLike[str] | None = None,
+    progress: bool = False,
 ) -> Choice:
     """The optimum of every job by name, such as one joint of the library each, the best first; returns a `Choice`.
 
-    Their targets should be measured in the same scales. starts, seed: as in `ksd.optimise`; executor: gets one job each.
-    Raises SceneError for what is no job; a job without an optimum says why.
+    Their targets should be measured in the same scales. starts, seed: as in `ksd.optimise`; executor: gets one job each;
+    resume: a folder that keeps the designs of every job in a file of its own. Raises SceneError for what is no job; a job
+    without an optimum says why. Ctrl-C raises SweepInterrupted, with a row for every job done in its `.table`.
     """
     if not isinstance(jobs, Mapping) or not jobs or not all(isinstance(j, Job) for j in jobs.values()):
         raise SceneError(f"jobs = {show(jobs)}: give jobs by name, such as {{'cross': ksd.Job(...)}}")
-    said = [(job, starts, seed) for job in jobs.values()]
-    ends = (
-        [_one(*s) for s in said]
-        if executor is None
-        else [w.result() for w in [executor.submit(_one, *s) for s in said]]
-    )
-    found = dict(zip(jobs, ends, strict=True))
+    check_executor(executor)
+    files = _files(resume, list(jobs))
+    said = [(job, starts, seed, file) for job, file in zip(jobs.values(), files, strict=True)]
+    waiting = [None if executor is None else executor.submit(_one, *own) for own in said]
+    found: dict[str, Any] = {}
+    with progress_bar(truth(progress, "progress")) as bar:
+        task = bar.add_task("jobs", total=len(jobs))
+        try:
+            for name, own, waited in zip(jobs, said, waiting, strict=True):
+                bar.update(task, description=f"{name}, jobs done")
+                found[name] = _one(*own) if waited is None else waited.result()
+                bar.update(task, completed=len(found))
+        except KeyboardInterrupt:
+            for one in waiting:
+                if one is not None:
+                    one.cancel()
+            again = "" if resume is None else f"; call again with resume='{resume}' to go on"
+            raise SweepInterrupted(
+                f"interrupted: {len(found)} of {len(jobs)} jobs are done, see .table of this exception{again}",
+                _table_of(found),
+            ) from None
     order = sorted(found, key=lambda n: -found[n].merit if isinstance(found[n], Optimum) else np.inf)
     return Choice(
         {n: found[n] if isinstance(found[n], Optimum) else None for n in order},
@@ -209,9 +252,33 @@ def choose(
     )
 
 
-def _one(job: Job, starts: int, seed: int) -> Any:
+def _files(folder: Any, names: list[str]) -> list[Path | None]:
+    """A file for the designs of every job; raises SceneError where the folder is none."""
+    if folder is None:
+        return [None] * len(names)
+    if not isinstance(folder, str | os.PathLike) or not Path(folder).is_dir():
+        raise SceneError(
+            f"resume = {show(folder)}: give a folder that is there; every job keeps a file in it"
+        )
+    return [
+        Path(folder) / f"{k + 1}_{re.sub('[^A-Za-z0-9]+', '_', name)}.jsonl" for k, name in enumerate(names)
+    ]
+
+
+def _table_of(found: Mapping[str, Any]) -> Table:
+    """A row per job that is done: its worst target, parameters, and status."""
+    rows = [
+        {"job": name, "merit": one.merit, **one.design, "status": OK}
+        if isinstance(one, Optimum)
+        else {"job": name, "status": str(one)}
+        for name, one in found.items()
+    ]
+    return Table.of_rows(rows, ("job",), name="choice")
+
+
+def _one(job: Job, starts: int, seed: int, resume: Path | None) -> Any:
     """The optimum of a job, or why there is none."""
     try:
-        return optimise(job, starts=starts, seed=seed)
+        return optimise(job, starts=starts, seed=seed, resume=resume)
     except KsdError as why:
         return str(why)

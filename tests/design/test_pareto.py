@@ -1,11 +1,15 @@
 """Fronts are optima under tighter limits, and the choice among jobs is that of their optima."""
 
+from concurrent.futures import ThreadPoolExecutor
+
 import numpy as np
 import pytest
 from test_job import pivot
 from test_optimise import sheet, small
 
 import ksd
+from ksd.design import pareto as room
+from ksd.properties import words
 
 MOMENT = "turn_moment_Nm"
 
@@ -59,6 +63,66 @@ def test_the_best_of_several_jobs():
     assert found["thick"].merit > found["thin"].merit and "Best: thick" in str(found)
     with pytest.raises(ksd.SceneError, match="none of 1 starts"):
         found["never"]
+
+
+def test_progress_and_ctrl_c_across_the_points_of_a_front(front, monkeypatch, tmp_path):
+    said, honest, calls = [], room.optimum_of, []
+
+    class Bar:
+        def __enter__(self):
+            return self
+
+        def __exit__(self, *why):
+            pass
+
+        def add_task(self, name, total):
+            said.append((name, total))
+
+        def update(self, task, description, completed):
+            said.append((description, completed))
+
+    def interrupted(*given, **how):
+        calls.append(given)
+        if len(calls) == 3:
+            raise KeyboardInterrupt
+        return honest(*given, **how)
+
+    monkeypatch.setattr(room, "progress_bar", lambda shown: Bar() if shown else words.progress_bar(False))
+    monkeypatch.setattr(room, "optimum_of", interrupted)
+    file = tmp_path / "front.jsonl"
+    with pytest.raises(ksd.SweepInterrupted, match=r"2 of 3 points are done.*front.jsonl") as caught:
+        ksd.pareto(small(), against=MOMENT, points=3, resume=file, progress=True)
+    assert said[0] == ("points", 3) and {done for _, done in said[1:]} == {0, 1}
+    assert "worst target" in said[-1][0]
+    computed = len(caught.value.table)
+    asked = []
+    batch = ksd.Job.batch
+    monkeypatch.setattr(ksd.Job, "batch", lambda job, X, **how: asked.append(X) or batch(job, X, **how))
+    again = ksd.pareto(small(), against=MOMENT, points=3, resume=file)
+    assert again.merits == pytest.approx(front.merits, rel=1e-12)
+    # the designs of the first two points were not computed again
+    assert computed > 5 and len(asked) + computed <= len(again.points[-1].table)
+
+
+def test_choices_go_on_and_run_in_executors(monkeypatch, tmp_path):
+    thin = small(vary={"length": (40e-3, 80e-3), "thickness": (0.2e-3, 0.3e-3)})
+    jobs, honest = {"thin/1": thin, "thick": small()}, room._one
+    with ThreadPoolExecutor(2) as pool:
+        found = ksd.choose(jobs, executor=pool, resume=tmp_path)
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["1_thin_1.jsonl", "2_thick.jsonl"]
+
+    def interrupted(job, *how):
+        if job is not thin:
+            raise KeyboardInterrupt
+        return honest(job, *how)
+
+    monkeypatch.setattr(room, "_one", interrupted)
+    with pytest.raises(ksd.SweepInterrupted, match="1 of 2 jobs are done") as caught:
+        ksd.choose(jobs, resume=tmp_path)
+    (row,) = caught.value.table.rows()
+    assert row["job"] == "thin/1" and row["merit"] == found["thin/1"].merit
+    with pytest.raises(ksd.SceneError, match="give a folder that is there"):
+        ksd.choose(jobs, resume=tmp_path / "none")
 
 
 @pytest.mark.parametrize(
