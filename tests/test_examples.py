@@ -2,6 +2,7 @@
 
 import math
 import runpy
+import sys
 from pathlib import Path
 
 import pytest
@@ -74,6 +75,23 @@ NUMBERS = {
         "C_x": (0.8138033e-3, 1e-5, SHOOTING),
         "C_y": (-0.0506014e-3, 1e-5, SHOOTING),
     },
+    "job_as_component": {
+        "thickness": ((1.5 * 12 * 60e-3 / (2 * 200e9 * 20e-3)) ** (1 / 3), 1e-5, "2 E w t^3 / (12 L)"),
+    },
+    "job_in_cma": {
+        "length": (60e-3, 1e-3, "its bound"),
+        # without the shear force in the leaf springs, which adds to their stress
+        "thickness": (2 * 60e-3 * 60e6 / (200e9 * math.radians(2)), 2e-2, "2 L sigma / (E turn)"),
+    },
+    "job_in_scipy": {
+        "thickness": (0.3e-3, 1e-6, "its bound"),
+        "flexible": (0.0906, 1e-3, "specification; closed form of second order .0903"),
+    },
+    "job_on_a_cluster": {
+        "agreed": (3, 0, "every start ends at the same pivot"),
+        "length": (60e-3, 1e-6, "its bound"),
+        "thickness": (2 * 60e-3 * 60e6 / (200e9 * math.radians(2)), 2e-2, "2 L sigma / (E turn)"),
+    },
     "notch_hinge": {
         "stiffness": (2 * 70e9 * 10e-3 * 0.1e-3**2.5 / (9 * math.pi * math.sqrt(5e-3)), 5e-3, "Paros and Weisbord 1965"),
         "stress": (6 * 0.07020 * math.pi / 180 / (10e-3 * 0.1e-3**2), 1e-3, "6 M/(b t^2)"),
@@ -132,6 +150,9 @@ NUMBERS = {
 }  # fmt: skip
 """Script: answer: value [SI], relative tolerance, and where the value comes from."""
 
+NEEDS = {"job_in_cma": "cma", "job_on_a_cluster": "distributed"}
+"""Packages that a script needs besides."""
+
 
 def test_table_and_folder_agree():
     assert sorted(path.stem for path in FOLDER.glob("*.py")) == sorted(NUMBERS)
@@ -139,6 +160,8 @@ def test_table_and_folder_agree():
 
 @pytest.mark.parametrize("name", sorted(NUMBERS))
 def test_example(name, capsys, monkeypatch, tmp_path):
+    if name in NEEDS:
+        pytest.importorskip(NEEDS[name])
     monkeypatch.setenv("MPLBACKEND", "Agg")
     monkeypatch.chdir(tmp_path)
     script = FOLDER / f"{name}.py"
@@ -155,3 +178,10 @@ def test_example(name, capsys, monkeypatch, tmp_path):
         )
     assert answers["picture"]().axes, "nothing drawn"
     assert not list(tmp_path.iterdir()), "a picture that nobody asked for"
+
+
+@pytest.mark.parametrize("name", sorted(NEEDS))
+def test_what_is_missing_is_told(name, monkeypatch):
+    monkeypatch.setitem(sys.modules, NEEDS[name], None)
+    with pytest.raises(SystemExit, match="pip install"):
+        runpy.run_path(str(FOLDER / f"{name}.py"))
