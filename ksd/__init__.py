@@ -46,6 +46,7 @@ _HOMES = {
     "ksd.properties.doctor": ("doctor",),
     "ksd.train.designs": ("Design",),
     "ksd.design": ("Batch", "SweepInterrupted", "Table", "batch", "frequency_curve", "state_space", "sweep"),
+    "ksd.bench.compare": ("compare",),
     "ksd.design.gradient": ("Gradient", "gradient"),
     "ksd.design.job": ("Job",),
     "ksd.design.job_file": ("JobFile", "load_job"),
@@ -66,13 +67,14 @@ __all__ = [
     "RecordError", "RequiredLoads", "RestShape", "Scene", "SceneError", "SceneFileError", "SceneWarning", "Section",
     "Solver", "StiffenedGuide", "StiffenedMiddle", "SweepInterrupted", "Table", "Taper", "Tolerance",
     "TripleInfinityHinge", "TrustError", "UniversalJoint", "UnknownNameError", "Varying", "WireFlexure", "batch",
-    "choose", "circle", "compile_scene", "doctor", "errors", "find_record", "follow", "frequency_curve", "gradient",
-    "joint_families", "link_matrix", "load_job", "load_scene", "numbers", "optimise", "pareto", "polygon", "prepare",
-    "read_result", "rectangle", "required_loads", "rest_shape", "save_scene", "solve", "state_space", "sweep",
-    "tolerance", "train", "tube", "units", "wire",
+    "choose", "circle", "compare", "compile_scene", "doctor", "errors", "find_record", "follow", "frequency_curve",
+    "gradient", "joint_families", "link_matrix", "load_job", "load_scene", "numbers", "optimise", "pareto", "polygon",
+    "prepare", "read_result", "rectangle", "required_loads", "rest_shape", "save_scene", "solve", "state_space",
+    "sweep", "tolerance", "train", "tube", "units", "wire",
 ]  # fmt: skip
 
 if TYPE_CHECKING:
+    from ksd.bench.compare import compare
     from ksd.design import Batch, SweepInterrupted, Table, frequency_curve
     from ksd.design.batch import batch
     from ksd.design.gradient import Gradient, gradient

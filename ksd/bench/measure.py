@@ -108,8 +108,8 @@ def measure(case: Case, *, quick: bool = False, repeats: int = 15) -> Measured:
             first[k] = 1e-3 * (time.thread_time_ns() - begin)
         except KsdError as error:
             rows[k] = _failed(way, str(error))
-    rounds = {k: _rounds(first[k], repeats) for k in results}
-    calls, steps = _in_turns({k: ways[k] for k in results}, rounds)
+    rounds = {k: rounds_of(first[k], repeats) for k in results}
+    calls, steps = in_turns({k: ways[k] for k in results}, rounds)
     for k, c in results.items():
         times = (quartiles(calls[k]), quartiles(steps[k]), first[k])
         rows[k] = _row(ways[k], c, times, (exact, right, case))
@@ -124,12 +124,12 @@ def _converged(scene: Any, targets: dict[str, float]) -> Configuration:
         return Solver(scene, mesh=FINEST, extrapolate=True)(targets, method="full", relinearisations=1)
 
 
-def _rounds(took: float, repeats: int) -> int:
+def rounds_of(took: float, repeats: int) -> int:
     """How often a way is timed whose first call took so many us, compilation perhaps among them."""
     return repeats if took <= SLOW else max(3, min(repeats, int(LONGEST / took)))
 
 
-def _in_turns(
+def in_turns(
     ways: dict[int, Way], rounds: dict[int, int]
 ) -> tuple[dict[int, list[float]], dict[int, list[float]]]:
     """Thread times [us] of the calls and of their steps; way k is timed rounds[k] times after the warm-up."""

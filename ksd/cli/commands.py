@@ -102,6 +102,22 @@ def _schema(commands: Any) -> None:
     parser.add_argument("--out", metavar="FILE", help="write it here; stdout when left out")
 
 
+def _compare(commands: Any) -> None:
+    parser = commands.add_parser(
+        "compare",
+        help="one pose of a scene by every method: answer, time, error",
+        description="Solve the pose of a scene by every method, and show each answer beside its time and its error against "
+        "finer leaf springs. Methods that cannot do it say why.",
+    )
+    _take(parser, "scene", "--set")
+    parser.add_argument("--method", action="append", metavar="M", help="only this one; may be repeated")
+    _take(parser, "--elements", help="elements per leaf in the rows that have such (5)")
+    _take(parser, "--extrapolate", "--effects", "--with", "--without")
+    parser.add_argument("--out", metavar="FILE", help="write the table: .csv, .h5 or .mat")
+    _take(parser, "--plot", help="write time against error (.png, .pdf, .svg)")
+    _take(parser, "--quiet")
+
+
 def _effects(commands: Any) -> None:
     parser = commands.add_parser(
         "effects",
@@ -240,9 +256,8 @@ def _bench(commands: Any) -> None:
 
 
 COMMANDS = {
-    "demo": _demo, "new": _new, "solve": _solve, "effects": _effects, "doctor": _doctor, "sweep": _sweep,
-    "optimise": _optimise, "report": _report,
-    "train": _train, "info": _info, "bench": _bench,
+    "demo": _demo, "new": _new, "solve": _solve, "compare": _compare, "effects": _effects, "doctor": _doctor,
+    "sweep": _sweep, "optimise": _optimise, "report": _report, "train": _train, "info": _info, "bench": _bench,
     "schema": _schema,
 }  # fmt: skip
 """What adds the parser of a command, by its name, in the order of the help; `ksd.cli.<name>` runs it."""

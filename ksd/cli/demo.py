@@ -9,61 +9,32 @@ estimated_error_percent (estimates are null where the method is exact).
 from __future__ import annotations
 
 import argparse
-import statistics
-from collections.abc import Callable
-from dataclasses import dataclass
 from importlib.resources import as_file, files
 from typing import Any
 
-import numpy as np
 from rich import box
 from rich.table import Table
 from rich.text import Text
 
+from ksd.bench.compare import Approach, Compared, Reference, approaches, measured, reference_of
 from ksd.cli.output import STDOUT, check_json, check_plot, console, write_json
 from ksd.model.compile import compile_scene
-from ksd.model.leaves import Mesh
+from ksd.model.mesh import Mesh
 from ksd.scene.toml_file import load_scene
 from ksd.solve.conventional import conventional
 from ksd.solve.report import number
-from ksd.solve.solver import prepare
+from ksd.solve.solver import solve
 from ksd.view import plot_mechanism, save_figure
 from ksd.view.compare import Mark, plot_cost
 from ksd.view.figure import new_figure
 
-ESTIMATE = "error estimate"
-"""Name of the step that is not part of the solve proper."""
 REPEATS = 9
 ELEMENTS = 5
 """Appendix A elements per leaf, as in the fourbar of paper 1."""
 FINER = 50
 """Elements per leaf of the coarser of the two meshes behind the reference; the other has twice as many."""
-
-
-@dataclass(frozen=True)
-class Row:
-    """One way to the same configuration: median thread time [s] of the solve and of its error estimate
-    (check), iterations, force [N], relative errors."""
-
-    method: str
-    leaves: str
-    time: float
-    check: float
-    iterations: int
-    force: float
-    error: float
-    estimate: float | None
-
-
-@dataclass(frozen=True)
-class Reference:
-    """What the errors are counted from: force of the drive [N], positions (links, 3) of the links [m] and how far the
-    farthest has come [m]; by the Appendix A elements alone, their error, of second order, taken out by two meshes."""
-
-    force: float
-    places: np.ndarray
-    moved: float
-    words: str = f"{FINER} and {2 * FINER} Appendix A elements per leaf, extrapolated to infinitely many"
+LEFT_OUT = ("constant", "modal")
+"""What the demo does not show: leaf springs of constant stiffness are not trusted here, modal bodies are of paper 2."""
 
 
 def run(options: argparse.Namespace) -> int:
@@ -85,61 +56,34 @@ def run(options: argparse.Namespace) -> int:
 
 
 def limit(scene: Any, targets: dict[str, float]) -> Reference:
-    """Where ever finer chains lead to."""
+    """Where ever finer chains lead to: their error, of second order, taken out by two meshes."""
     meshes = (Mesh(leaf="corotational", elements=n) for n in (FINER, 2 * FINER))
     coarse, fine = (conventional(compile_scene(scene, mesh=m), targets) for m in meshes)
-    ((one, two),) = zip(coarse.forces.values(), fine.forces.values(), strict=True)
-    links = fine.model.links
-    x, y = coarse.motion.x[:links], fine.motion.x[:links]
-    places = y + (y - x) / 3.0
-    moved = np.linalg.norm(places - fine.model.rest.x[:links], axis=1).max()
-    return Reference(two + (two - one) / 3.0, places, float(moved))
+    forces = {n: f + (f - coarse.forces[n]) / 3.0 for n, f in fine.forces.items()}
+    one, two = reference_of(coarse, ""), reference_of(fine, "")
+    places = two.places + (two.places - one.places) / 3.0
+    words = f"{FINER} and {2 * FINER} Appendix A elements per leaf, extrapolated to infinitely many"
+    return Reference(forces, places, two.moved + (two.moved - one.moved) / 3.0, words)
 
 
-def compare(scene: Any, targets: dict[str, float]) -> tuple[Reference, Any, list[Row]]:
+def compare(scene: Any, targets: dict[str, float]) -> tuple[Reference, Any, list[Compared]]:
     """The reference, the configuration solved in full, and a row per method."""
-    strain, chain = prepare(scene), prepare(scene, mesh=Mesh(leaf="corotational", elements=ELEMENTS))
-    nodal = compile_scene(scene, mesh=Mesh(leaf="corotational", elements=ELEMENTS, mip=False, nodal=True))
-    fine, coarse = "strain-mode", f"{ELEMENTS} elements"
-    cases: list[tuple[str, str, Callable[[], Any]]] = [
-        ("kinematic", fine, lambda: strain(targets, method="kinematic")),
-        ("reduced", fine, lambda: strain(targets, method="reduced")),
-        ("relinearised once", fine, lambda: strain(targets, method="reduced", relinearisations=1)),
-        ("full", fine, lambda: strain(targets, method="full")),
-        ("conventional", fine, lambda: strain(targets, method="conventional")),
-        ("reduced", coarse, lambda: chain(targets, method="reduced")),
-        ("full", coarse, lambda: chain(targets, method="full")),
-        ("conventional", coarse, lambda: chain(targets, method="conventional")),
-        ("conventional, Newton", coarse, lambda: conventional(nodal, targets)),
-    ]
+    ways: list[Approach] = approaches(scene, targets, Mesh(), ELEMENTS)
+    shown = [way for way in ways if way.method not in LEFT_OUT]
     reference = limit(scene, targets)
-    rows, shown = [], None
-    for method, leaves, solve in cases:
-        solve()
-        results = [solve() for _ in range(REPEATS)]
-        rows.append(_row(method, leaves, results, reference))
-        shown = results[0] if (method, leaves) == ("full", fine) else shown
-    return reference, shown, rows
+    return (
+        reference,
+        solve(scene, targets, method="full"),
+        measured(shown, scene.name, reference, REPEATS, tell=False),
+    )
 
 
-def _row(method: str, leaves: str, results: list[Any], reference: Reference) -> Row:
-    result = results[0]
-    spent = [sum(s.time for s in r.steps if s.name == ESTIMATE) for r in results]
-    time = statistics.median(r.time - s for r, s in zip(results, spent, strict=True))
-    count = sum(s.iterations for s in result.steps if s.name != ESTIMATE)
-    (force,) = result.forces.values()
-    off = np.linalg.norm(result.motion.x[: len(reference.places)] - reference.places, axis=1).max()
-    error = max(abs(force / reference.force - 1), off / reference.moved)
-    estimate = None if result.method_error is None else result.method_error.relative
-    return Row(method, leaves, time, statistics.median(spent), count, force, float(error), estimate)
-
-
-def numbers(reference: Reference, shown: Any, rows: list[Row]) -> dict[str, Any]:
+def numbers(reference: Reference, shown: Any, rows: list[Compared]) -> dict[str, Any]:
     """The table as plain numbers, for JSON."""
     ((drive, value),) = shown.targets.items()
     return {
         "case": {"mechanism": shown.model.scene.name, "drive": drive, "value_mm": 1e3 * value},
-        "reference": {"force_N": reference.force, "leaf_model": reference.words},
+        "reference": {"force_N": _force(reference.forces), "leaf_model": reference.words},
         "rows": [
             {
                 "method": r.method,
@@ -147,7 +91,7 @@ def numbers(reference: Reference, shown: Any, rows: list[Row]) -> dict[str, Any]
                 "time_us": 1e6 * r.time,
                 "estimate_time_us": None if r.estimate is None else 1e6 * r.check,
                 "iterations": r.iterations,
-                "force_N": r.force,
+                "force_N": _force(r.forces),
                 "error_percent": 100 * r.error,
                 "estimated_error_percent": None if r.estimate is None else 100 * r.estimate,
             }
@@ -156,13 +100,19 @@ def numbers(reference: Reference, shown: Any, rows: list[Row]) -> dict[str, Any]
     }
 
 
+def _force(forces: Any) -> float:
+    """That of the one drive."""
+    (force,) = forces.values()
+    return float(force)
+
+
 _COLUMNS = (
     "method", "leaves", "time\n[us]", "factor-\nisations", "force\n[N]", "\nerror", "\nestimated",
     "found in\n[us]",
 )  # fmt: skip
 
 
-def _print(shown: Any, rows: list[Row]) -> None:
+def _print(shown: Any, rows: list[Compared]) -> None:
     screen = console()
     ((drive, value),) = shown.targets.items()
     screen.print(f"{shown.model.scene.name}: drive '{drive}' at {1e3 * value:.6g} mm", style="bold")
@@ -178,7 +128,7 @@ def _print(shown: Any, rows: list[Row]) -> None:
             r.leaves,
             number(1e6 * r.time, 3),
             str(r.iterations),
-            f"{r.force:.3f}",
+            f"{_force(r.forces):.3f}",
             f"{number(100 * r.error, 2)} %",
             estimate,
             "-" if r.estimate is None else number(1e6 * r.check, 3),
@@ -192,7 +142,7 @@ def _print(shown: Any, rows: list[Row]) -> None:
     )
 
 
-def _draw(shown: Any, rows: list[Row], path: str) -> None:
+def _draw(shown: Any, rows: list[Compared], path: str) -> None:
     figure = new_figure(12.0, 4.6)
     left, right = figure.subplots(1, 2, width_ratios=(1.35, 1.0))
     ((_, value),) = shown.targets.items()

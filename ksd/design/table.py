@@ -47,8 +47,8 @@ class Table:
 
     columns: values (rows,) by column name; numbers are floats (nan where a row failed), texts are str. labels: the
     columns that say where a row belongs: design parameters, load case, drives; moving: the drives that change along a
-    stroke. name: of the mechanism. facts: how the rows were made, as text; "left_out": what was not asked and why. leading:
-    the columns that are printed, those of `LEADING` when empty.
+    stroke. name: of the mechanism. facts: how the rows were made, as text; "about": what to know of the columns, "left_out":
+    what was not asked and why. leading: the columns that are printed, those of `LEADING` when empty.
     """
 
     columns: Mapping[str, tuple[Any, ...]]
@@ -109,6 +109,8 @@ class Table:
         unstable = [k for k, stable in enumerate(self.columns.get("stable", ())) if stable == 0.0]
         if unstable:
             yield f"unstable: row{'s' * (len(unstable) > 1)} {_ranges(unstable)}"
+        if self.facts.get("about"):
+            yield self.facts["about"]
         if self.facts.get("left_out"):
             yield f"not asked: {self.facts['left_out']}"
         yield f"columns: {', '.join(self.columns)}"

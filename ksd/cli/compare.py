@@ -1,0 +1,55 @@
+"""`ksd compare SCENE.toml`: one pose by every method, as a table, a file and a picture of time against error."""
+
+from __future__ import annotations
+
+import argparse
+import math
+
+from ksd.bench.compare import compare
+from ksd.cli.output import check_plot, console
+from ksd.cli.solve import OPTIONS, drive_value, effect_words
+from ksd.cli.sweep import writer_of
+from ksd.design.table import Table
+from ksd.errors import SceneError
+from ksd.scene.toml_file import load_scene
+from ksd.view.compare import Mark, plot_cost
+from ksd.view.figure import new_figure, save_figure
+
+
+def run(options: argparse.Namespace) -> int:
+    """Load, solve, print, write. Errors as in `ksd.load_scene` and `ksd.compare`."""
+    check_plot(options.plot)
+    write = None if options.out is None else writer_of(options.out)
+    mechanism, targets, written = load_scene(options.scene, option_names=tuple(OPTIONS))
+    scene = mechanism.scene()
+    for text in options.set:
+        name, value = drive_value(scene, text)
+        targets[name] = value
+    asked = {key: getattr(options, key) or written.get(key) for key in ("effects", "with", "without")}
+    words = {key: value for key, value in effect_words(asked).items() if key != "accuracy"}
+    table = compare(
+        scene, targets, methods=options.method, elements=options.elements or written.get("elements") or 5,
+        extrapolate=bool(options.extrapolate or written.get("extrapolate")), progress=not options.quiet, **words,
+    )  # fmt: skip
+    console().print(str(table), soft_wrap=True)
+    if write is not None:
+        getattr(table, write)(options.out)
+    if options.plot:
+        _draw(table, options.plot)
+    return 0
+
+
+def _draw(table: Table, path: str) -> None:
+    """Time against error of the rows that have both. Raises SceneError where there are none."""
+    marks = [
+        Mark(
+            row["method"], row["leaf_springs"], 1e-6 * row["time_us"], max(1e-2 * row["error_percent"], 1e-9)
+        )
+        for row in table.rows()
+        if math.isfinite(row.get("time_us", math.nan)) and math.isfinite(row.get("error_percent", math.nan))
+    ]
+    if not marks:
+        raise SceneError("--plot: no method has both a time and an error here; see the table")
+    figure = new_figure(8.0, 5.0)
+    plot_cost(figure.subplots(), marks, title=f"{table.name}: what each method costs and misses")
+    save_figure(figure, path)
