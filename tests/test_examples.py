@@ -51,6 +51,12 @@ NUMBERS = {
         "rz": (3 * FOLDED * (60e-3 + 40e-3 / math.sqrt(2)) ** 2, 2e-3, "van Eijk 1985"),
         "first": (math.sqrt(5061.33 / 0.5) / (2 * math.pi), 1e-2, "piston stiffness over mass, leaf springs without"),
     },
+    "grasper": {
+        "force_1": (7.6215, 5e-4, SHOOTING),
+        "force_2": (6.0171, 5e-4, SHOOTING),
+        "force_3": (5.4410, 5e-4, SHOOTING),
+        "most_solves": (20, 0.5, "values and gradients of a start: at most 30"),
+    },
     "guide_buckling": {
         "let_go": (2 * math.pi**2 * EI(0.5e-3, 20e-3) / 0.1**2, 1e-3, "Euler"),
         "held": (8 * math.pi**2 * EI(0.5e-3, 20e-3) / 0.1**2, 1e-3, "Euler"),

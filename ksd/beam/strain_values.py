@@ -42,6 +42,7 @@ def legendre_modes(orders: tuple[int, int, int], s: np.ndarray) -> np.ndarray:
     return np.concatenate([full[:n] for n in orders])
 
 
+@lru_cache(maxsize=256)
 def _quadrature(points: int, breaks: tuple[float, ...]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Gauss points on the panels between `breaks`, weights (sum 1), and the matrix of integrals from 0."""
     x, w = np.polynomial.legendre.leggauss(points)
@@ -98,7 +99,8 @@ def make_modes(
 
 
 @lru_cache(maxsize=64)
-def _cached_modes(orders: tuple[int, int, int], points: int) -> Modes:
+def uniform_modes(orders: tuple[int, int, int], points: int) -> Modes:
+    """`make_modes` of a leaf without profile; remembered."""
     return make_modes(orders, points)
 
 
@@ -119,7 +121,7 @@ def strain_values(
     compliance (3,) or (ng, 3): 1/EA, 1/(ky G A), 1/(kz G A) [1/N]; amplitudes (N,) stress-free [1/m], zero when None;
     line_mass (ng,) [kg/m], None without weight.
     """
-    table = modes or _cached_modes(tuple(orders), points)
+    table = modes or uniform_modes(tuple(orders), points)
     nx, ny, nz = orders
     ng, total = len(table.s), sum(orders)
     C = np.broadcast_to(np.asarray(compliance, float), (ng, 3))

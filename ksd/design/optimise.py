@@ -307,6 +307,9 @@ def _descended(search: Search, y: Array, method: str) -> Array:
             found = _minimised(search, y, box, method)
         except Failed as failed:
             assert search.good is not None
+            if np.array_equal(failed.y, search.good):
+                # it has answers, but no gradient: no shorter step helps
+                raise
             y = search.good
             reach = 0.5 * min(reach, float(np.abs(failed.y - y).max()))
             if reach < SHORTEST:
@@ -352,7 +355,7 @@ def _minimised(search: Search, y: Array, box: Array, method: str) -> Array:
                 options={"ftol": 1e-3 * TOLERANCE, "maxiter": MOST[method]},
             )  # fmt: skip
         except _Stalled:
-            return search.best[1]
+            return search.best[1] if search.met_best is None else search.met_best[1]
     else:
 
         def within(z: Array) -> Array:

@@ -71,6 +71,7 @@ class Search:
         self.targets = np.array([s.target for s in self.sides] + [False] * len(job.rule_names))
         self.good: Array | None = None
         self.best = -np.inf, np.zeros(len(low))
+        self.met_best: tuple[float, Array] | None = None
         self.asked: dict[bytes, Array] = {}
         self.sloped: dict[bytes, Array] = {}
 
@@ -120,6 +121,8 @@ class Search:
         margins = self.asked[key]
         if self.fitness(margins) > self.best[0]:
             self.best = self.fitness(margins), y.copy()
+        if self.met(margins) and (self.met_best is None or self.level(margins) > self.met_best[0]):
+            self.met_best = self.level(margins), y.copy()
         if new:
             self.told(self)
         return margins

@@ -153,7 +153,8 @@ class _Parts:
             self.point += point
         names, found = list(blocks), []
         for name, leaf in leaves:
-            mesh = self.mesh.of(before + name if joint is not None else leaf_of(name, self.free))
+            full = before + name
+            mesh = self.mesh.of(full, "" if joint is not None else leaf_of(name, self.free))
             own = (leaf.start_block, leaf.end_block) if joint is not None else ("A", "B")
             if not mesh.nodal:
                 found.append(self._leaf(leaf, mesh, (before, name), own, length))

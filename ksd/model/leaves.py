@@ -18,7 +18,14 @@ import numpy as np
 
 from ksd.beam import corotational_values as chains
 from ksd.beam.strain import fields_of, strain_fields
-from ksd.beam.strain_values import Modes, make_modes, strain_scratch, strain_sizes, strain_values
+from ksd.beam.strain_values import (
+    Modes,
+    make_modes,
+    strain_scratch,
+    strain_sizes,
+    strain_values,
+    uniform_modes,
+)
 from ksd.errors import SceneError
 from ksd.model.arrays import COROTATIONAL, STRAIN
 from ksd.model.mesh import Mesh
@@ -162,7 +169,7 @@ def leaf_modes(leaf: Any, mesh: Mesh) -> Modes:
     """Tables of the curvature modes of a strain-mode leaf: Legendre, or weighted by its compliance if it has a profile."""
     orders, points = raised_orders(leaf, mesh)
     if leaf.profile is None:
-        return make_modes(orders, points)
+        return uniform_modes(orders, points)
     inner = sorted({*np.linspace(0, 1, PANELS + 1)[1:-1].tolist(), *leaf.profile.breaks})
     nominal, _ = rigidities(leaf.section, leaf, mesh)
 
@@ -194,7 +201,7 @@ def _strain_body(leaf: Any, mesh: Mesh, heavy: bool) -> _Body:
             words["amplitudes"] = _fitted(leaf, modes, orders)
     mass = 0.0
     if heavy:
-        words["modes"] = modes = words.get("modes") or make_modes(orders, points)
+        words["modes"] = modes = words.get("modes") or uniform_modes(orders, points)
         words["line_mass"] = line_mass(leaf, modes.s)
         mass = leaf.length * float(modes.weight @ words["line_mass"])
     value, number = strain_values(rigidity=stiff, compliance=soft, **words)

@@ -62,8 +62,8 @@ class Mesh(metaclass=Worded):
                 f"points = {self.points}: orders {self.orders} need at least {max(self.orders) + 1} points"
             )
 
-    def of(self, name: str) -> Mesh:
-        """The mesh of one leaf, by its name ("joint/leaf", or that of a free leaf)."""
+    def of(self, name: str, whole: str = "") -> Mesh:
+        """The mesh of one leaf, by its name ("joint/leaf", or that of a free leaf); whole: the leaf it is a piece of."""
         return self
 
     def refined(self) -> Mesh:
@@ -106,9 +106,10 @@ class MixedMesh(Mesh):
 
     others: tuple[tuple[Mesh, tuple[str, ...]], ...] = ()
 
-    def of(self, name: str) -> Mesh:
-        """The mesh of one leaf."""
-        return next((mesh for mesh, names in self.others if name in names), self)
+    def of(self, name: str, whole: str = "") -> Mesh:
+        """The mesh of one leaf, or piece of one, which has that of the whole unless it is named itself."""
+        found = [mesh for wanted in (name, whole) for mesh, names in self.others if wanted in names]
+        return found[0] if found else self
 
     def with_effect(self, name: str) -> Mesh:
         """As `Mesh.with_effect`, of all."""

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from ksd.errors import SceneError
 from ksd.scene.material import Material
-from ksd.scene.profile import Curve, Profile
+from ksd.scene.profile import Curve, Profile, line_of
 from ksd.section import Section, circle
 from ksd.section.checks import (
     Axis,
@@ -142,12 +142,12 @@ class Leaf(metaclass=Worded):
         if self.curve is None:
             return start + s * (np.asarray(self.end, float) - start), chord
         # its line from the end p, whose chord is turned onto that of the leaf with the widths in one plane
-        end, _ = self.curve.line(1.0)
+        end, _ = line_of(self.curve, 1.0)
         e1 = end / np.linalg.norm(end)
         e3 = np.array([0.0, 0.0, 1.0]) - e1[2] * e1
         e3 /= np.linalg.norm(e3)
         frame = chord @ np.array([e1, np.cross(e3, e1), e3])
-        place, axes = self.curve.line(s)
+        place, axes = line_of(self.curve, s)
         return start + frame @ place, frame @ axes
 
 

@@ -204,7 +204,7 @@ class Mechanism(Mentioned):
         """The point of a free-form leaf at arc length s [m] from its start, as a link without mass that is clamped there.
 
         Load, drive, support, weigh, pin and ask it as any link; where a sentence wants its place `at`, that is the default.
-        The leaf stays one leaf, in stresses, pictures and names. The default name is "leaf at s mm". Raises SceneError.
+        The leaf stays one leaf, in stresses, pictures and names. The default name is "leaf point 1". Raises SceneError.
         """
         label = leaf.name if isinstance(leaf, PlacedLeaf) else leaf
         placed = next((f for f in self._leaves if f.name == label), None)
@@ -227,7 +227,9 @@ class Mechanism(Mentioned):
                 raise SceneError(
                     f"point of leaf '{label}': '{other.name}' is at s = {at:g} m already; use it."
                 )
-        made = LeafPoint(name or numbered(f"{label} at {1e3 * at:.4g} mm", set(self._links)), label, at)
+        # not by its place, which a design may vary
+        count = 1 + sum(other.leaf == label for other in self._points)
+        made = LeafPoint(name or numbered(f"{label} point {count}", set(self._links)), label, at)
         place, _ = placed.leaf.section_at(at / length)
         self.link(made.name)
         self._points.append(made)

@@ -14,8 +14,10 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ksd.errors import SceneError
+from ksd.scene.curves import legendre_shape, sine_shape, spline_shape
 from ksd.section import Section, rectangle
 from ksd.section.checks import Worded, number, positive, show
 
@@ -183,6 +185,18 @@ class Curve(metaclass=Worded):
         return found[:3, 3], found[:3, :3]
 
 
+_line = functools.lru_cache(maxsize=64)(Curve.line)
+
+
+def line_of(curve: Curve, s: float) -> tuple[np.ndarray, np.ndarray]:
+    """`Curve.line`, remembered where the curve can be: points and pieces of a leaf ask for the same places."""
+    try:
+        return curve.line(s) if type(curve).line is not Curve.line else _line(curve, s)
+    except TypeError:
+        # a curve of the user's own that cannot be remembered
+        return curve.line(s)
+
+
 @dataclass(frozen=True)
 class CurvePart(Curve):
     """The part of a curve between two fractions of its arc length."""
@@ -258,11 +272,39 @@ class Arc(Curve):
 class FreeCurve(Curve):
     """Any stress-free shape: `function(s)` returns the curvature (3,) [1/m] at fraction s of the arc `length` [m].
 
-    A spline, a Fourier series, anything that is smooth; it is represented by the curvature modes of the leaf.
+    Anything smooth; it is represented by the curvature modes of the leaf. `sine`, `legendre` and `spline` make it of a
+    few numbers, by which answers have gradients (`ksd.gradient`, `ksd.Job`); they bend about e3, towards e2.
     """
 
     length: float
     function: Callable[[float], Any]
+
+    @classmethod
+    def sine(
+        cls, amplitudes: ArrayLike, *, length: float | None = None, chord: float | None = None
+    ) -> FreeCurve:
+        """Angle sum_i amplitudes_i sin(2 pi i s) [rad] to the direction of its start: level at both ends, which lie on one
+        line. By its length, or the chord [m] between its ends. Source: Lan (2005), equation 5.7.
+        """
+        return cls(*sine_shape(amplitudes, length, chord))
+
+    @classmethod
+    def legendre(
+        cls, coefficients: ArrayLike, *, length: float | None = None, chord: float | None = None
+    ) -> FreeCurve:
+        """Curvature sum_i coefficients_i P_i(2 s - 1) / length, P Legendre polynomials: coefficients [rad], the first is the
+        whole turn. By its length, or the chord [m] between its ends.
+        """
+        return cls(*legendre_shape(coefficients, length, chord))
+
+    @classmethod
+    def spline(cls, points: ArrayLike, *, start: float | None = None, end: float | None = None) -> FreeCurve:
+        """Through points (k, 2) [m] in any axes, from the first to the last, by a cubic spline over their distances.
+
+        start, end: angle [rad] of its ends to the first axis; without one it is straight there. Its curvature has a kink at
+        every point: a `Mechanism.point` there gives each part modes of its own. Raises SceneError.
+        """
+        return cls(*spline_shape(points, start, end))
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "length", positive(self.length, "length", owner="FreeCurve", unit="m"))

@@ -316,3 +316,23 @@ def test_pictures_and_page_of_an_optimum(tmp_path):
         best.plot(tmp_path / "a.doc")
     with pytest.raises(ksd.SceneError, match="does not exist"):
         best.report(tmp_path / "none" / "a.html")
+
+
+def test_a_design_without_a_gradient_says_why():
+    """Its link has another name at every length, so that no two designs are one mechanism."""
+
+    def renamed(length):
+        scene = ksd.Mechanism("renamed", plane="xy")
+        tip = scene.link(f"tip {length!r}")
+        scene.leaf("ground", tip, start=(0, 0, 0), end=(length, 0, 0), section=ksd.rectangle(0.5 * mm, 10 * mm),
+                   material=ksd.Material(E=200e9, nu=0.3))  # fmt: skip
+        scene.actuate(tip, along="y", at=(length, 0, 0), name="d")
+        return scene
+
+    job = ksd.Job(
+        renamed, vary={"length": (50 * mm, 90 * mm)}, minimise="d_force_N", d=1 * mm, method="conventional"
+    )
+    with pytest.raises(
+        ksd.ConvergenceError, match=r"no gradient: a small change of a parameter changes what"
+    ):
+        ksd.optimise(job)

@@ -1,0 +1,54 @@
+"""Gradients by the rest shape of a curved link against central differences of solves, and its optimum."""
+
+import numpy as np
+import pytest
+
+import ksd
+
+STEEL = ksd.Material(E=200e9, nu=0.3)
+MESH = ksd.Mesh(orders=(3, 2, 16), points=20)
+COLUMNS = ("d_force_N", "support_x_N_per_m", "d_stiffness_N_per_m", "stress_MPa")
+
+
+def link(c1, c2, length, thickness, width, load):
+    """A curved link, clamped and guided, its end pushed along x and driven across; chord and stroke go with its length."""
+    curve = ksd.FreeCurve.sine([c1, c2], length=length)
+    chord = float(curve.line(1.0)[0][0])
+    scene = ksd.Mechanism("link", plane="xy")
+    tip = scene.link("tip")
+    scene.leaf("ground", tip, start=(0, 0, 0), end=(chord, 0, 0), curve=curve, name="link",
+               section=ksd.rectangle(thickness, width), material=STEEL)  # fmt: skip
+    scene.support(tip, about="z")
+    scene.load(tip, force=(load, 0, 0), at=(chord, 0, 0))
+    scene.actuate(tip, along="y", at=(chord, 0, 0), name="d")
+    return scene
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_gradient_by_rest_shape_and_sizes(seed):
+    """By amplitudes, length, thickness, width and load, of drive force, stiffness and stress: 1e-6 of central differences
+    of sixth order."""
+    rng = np.random.default_rng(seed)
+    design = {
+        "c1": rng.uniform(0.4, 1.0), "c2": rng.uniform(-0.4, 0.4), "length": rng.uniform(0.05, 0.1),
+        "thickness": rng.uniform(3e-4, 6e-4), "width": rng.uniform(5e-3, 15e-3), "load": rng.uniform(-0.5, 0.5),
+    }  # fmt: skip
+    words = {
+        "questions": ("force", "support_stiffness", "drive_stiffness", "stress"), "mesh": MESH, "link": "tip",
+        "at": (0.05, 0, 0), "d": 0.006,
+    }  # fmt: skip
+    found = ksd.gradient(link, design, method="conventional", **words)
+
+    def answers(name, value):
+        row = ksd.gradient(link, {**design, name: value}, by="d", method="conventional", **words).values
+        return np.array([row[c][0] for c in COLUMNS])
+
+    for name, value in design.items():
+        h = 4e-3 * abs(value)
+        pairs = [
+            (answers(name, value + k * h) - answers(name, value - k * h)) / (2 * k * h) for k in (1, 2, 3)
+        ]
+        want = 1.5 * pairs[0] - 0.6 * pairs[1] + 0.1 * pairs[2]
+        got = np.array([found[c, name][0] for c in COLUMNS])
+        size = np.maximum(np.abs(want), 0.05 * np.abs([found.values[c][0] for c in COLUMNS]) / abs(value))
+        assert np.abs(got - want) / size == pytest.approx(0.0, abs=1e-6), (name, got, want)
