@@ -22,6 +22,7 @@ from ksd.design.sweep import recipe_of
 from ksd.design.tracking import Tracks
 from ksd.design.words import drive_rows
 from ksd.errors import KinematicsError, SceneError
+from ksd.html import joined
 from ksd.model.mesh import Mesh
 from ksd.numerics.rotations import rotation_log
 from ksd.properties.forces import section_forces
@@ -120,7 +121,7 @@ class Gradient(Shown):
             lines.append(
                 listed(("answer", "value", *self.parameters), rows, f"Gradient per SI unit at {where}")
             )
-        return "\n".join(lines)
+        return joined(lines)
 
 
 def gradient(

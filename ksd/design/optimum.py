@@ -17,6 +17,7 @@ from ksd.design.search import BINDING, Search
 from ksd.design.table import OK, Table
 from ksd.errors import SceneError
 from ksd.files import check_target, write_file
+from ksd.html import joined
 from ksd.properties.words import Shown, listed
 from ksd.properties.words import number as written
 from ksd.section.checks import nearest
@@ -186,4 +187,4 @@ class Optimum(Shown):
         if self.flat:
             said = ", ".join(f"{n} {100 * v:+.3g} %" for n, v in self.flat.items())
             parts.append(f"Flat: nothing that holds it changes along {said}; fix one of these parameters")
-        return "\n".join(parts)
+        return joined(parts)

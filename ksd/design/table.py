@@ -19,6 +19,7 @@ from rich.text import Text
 
 from ksd.errors import RecordError, SceneError
 from ksd.files import write_file
+from ksd.html import InNotebooks
 from ksd.library.tables import read_columns, write_columns
 from ksd.properties.words import WIDTH, number, printed
 from ksd.view import plot_stroke, save_figure
@@ -42,7 +43,7 @@ LEADING = (
 
 
 @dataclass(frozen=True, repr=False)
-class Table:
+class Table(InNotebooks):
     """Rows of a sweep.
 
     columns: values (rows,) by column name; numbers are floats (nan where a row failed), texts are str. labels: the

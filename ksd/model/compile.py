@@ -14,6 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ksd.errors import SceneError
+from ksd.html import InNotebooks, Printed
 from ksd.model.arrays import LINEAR, MODAL, ROTATION, SOLID, TRANSLATION, Arrays, Motion
 from ksd.model.drawing import Drawing, Numbers, draw
 from ksd.model.effects import Choice, applied, choose
@@ -28,7 +29,7 @@ from ksd.section.checks import LARGEST, number, show, similar
 
 
 @dataclass(frozen=True, repr=False)
-class Model:
+class Model(InNotebooks):
     """What the computer solves: frozen arrays of one scene with one mesh, and its rest state.
 
     node_names: "ground", links, then "joint/block"; member_names: "joint/leaf", then free leaf springs. joint_members[j]
@@ -89,7 +90,8 @@ class Model:
 
     def __str__(self) -> str:
         """What is simulated and what is left out, with the reason, in a few lines."""
-        return "\n".join(f"{head}: {said}" for head, said in listing(self))
+        lines = listing(self)
+        return Printed("\n".join(f"{head}: {said}" for head, said in lines), [lines])
 
     @property
     def links(self) -> int:

@@ -7,11 +7,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
+from importlib.util import find_spec
 from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ksd.html import InNotebooks, Printed
 from ksd.model.compile import Model
 
 T = TypeVar("T")
@@ -53,15 +55,18 @@ def table(*columns: str) -> Any:
     return grid
 
 
-def printed(*parts: Any, width: int = WIDTH) -> str:
-    """Rich renderables and plain text as text of so many columns."""
+def printed(*parts: Any, width: int = WIDTH) -> Printed:
+    """Rich renderables and plain text as text of so many columns, which notebooks show as the tables it is of."""
     from rich.console import Console
 
-    console = Console(width=width, highlight=False, markup=False, emoji=False, color_system=None)
+    # in a notebook rich would show it there and then, beside the value of the cell
+    console = Console(
+        width=width, highlight=False, markup=False, emoji=False, color_system=None, force_jupyter=False
+    )
     with console.capture() as text:
         for part in parts:
             console.print(part)
-    return "\n".join(line.rstrip() for line in text.get().splitlines())
+    return Printed("\n".join(line.rstrip() for line in text.get().splitlines()), parts)
 
 
 def progress_bar(shown: bool) -> Any:
@@ -71,7 +76,10 @@ def progress_bar(shown: bool) -> Any:
 
     title = TextColumn("{task.description}", markup=False)
     columns = (title, BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
-    return Progress(*columns, console=Console(stderr=True), disable=not shown, transient=True)
+    console = Console(stderr=True)
+    # rich warns in notebooks that cannot show it
+    shown = shown and not (console.is_jupyter and find_spec("ipywidgets") is None)
+    return Progress(*columns, console=console, disable=not shown, transient=True)
 
 
 def listed(columns: Sequence[str], rows: Sequence[Sequence[str]], *said: str) -> str:
@@ -126,7 +134,7 @@ def movement(model: Model, shape: Array) -> str:
     return does and f"'{model.node_names[node]}' {does}"
 
 
-class Named(dict[str, T]):
+class Named(InNotebooks, dict[str, T]):
     """Answers by name, a mapping that prints as a table: one row per name, made by `row` of the answer."""
 
     def __init__(
@@ -145,7 +153,7 @@ class Named(dict[str, T]):
         )
 
 
-class Shown:
+class Shown(InNotebooks):
     """Mixed into answers: one line of `_line` and, in angle brackets, the name of the class where lists show them."""
 
     def _line(self) -> str:

@@ -13,11 +13,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ksd.html import InNotebooks
 from ksd.scene.drive import GROUND, Drive, Load, PointMass
 from ksd.scene.effects import Compliance, Fit, Heat, Spring, TurnSpring
 from ksd.scene.hinges import Hinge
 from ksd.scene.joint import Joint, Motion, leaves_of
 from ksd.scene.leaf import Condition, Leaf
+from ksd.scene.listing import printed_scene
 from ksd.scene.profile import Curve, Profile
 from ksd.section.checks import Vector, as_given
 
@@ -84,7 +86,7 @@ class LeafPoint:
 
 
 @dataclass(frozen=True)
-class Scene:
+class Scene(InNotebooks):
     """A mechanism as described: links[0] is "ground"; all positions global at rest, SI units.
 
     gravity (3,) [m/s^2] or None when the scene does not mention it; springs, compliances, heats, fits: see
@@ -110,6 +112,10 @@ class Scene:
     plane: str | None = None
     hinges: tuple[Hinge, ...] = ()
     points: tuple[LeafPoint, ...] = ()
+
+    def __str__(self) -> str:
+        """What it is made of, a line each."""
+        return printed_scene(self)
 
     def leaf_names(self) -> dict[str, Leaf]:
         """Every leaf by its full name: "joint/leaf", and free-form leaf springs by their own."""

@@ -10,6 +10,7 @@ from typing import Any
 from numpy.typing import ArrayLike
 
 from ksd.errors import SceneError, UnknownNameError
+from ksd.html import InNotebooks
 from ksd.scene.contents import (
     LeafPoint,
     PlacedJoint,
@@ -34,7 +35,7 @@ from ksd.section import Section
 from ksd.section.checks import Axis, as_given, direction, nearest, number, show, vector, word, worded
 
 
-class Mechanism(Mentioned):
+class Mechanism(InNotebooks, Mentioned):
     """A mechanism under construction: links, joints between them, drives, supports and loads.
 
     All positions [m] and directions are global, in the undeformed configuration, where every link is at zero
@@ -61,6 +62,10 @@ class Mechanism(Mentioned):
             f"Mechanism('{self.name}': {len(self._links) - 1} links, {len(self._joints)} joints, "
             f"{len(self._leaves)} leaf springs, {len(self._drives)} drives)"
         )
+
+    def __str__(self) -> str:
+        """What it is made of so far, a line each."""
+        return str(self.draft())
 
     # Elastic connections
 

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ksd.errors import ConvergenceError, SceneError
+from ksd.html import InNotebooks
 from ksd.modal.bodies import inside
 from ksd.model.arrays import Motion
 from ksd.model.compile import Model
@@ -57,7 +58,7 @@ Answer = TypeVar("Answer")
 
 
 @dataclass(frozen=True, repr=False, init=False)
-class Configuration:
+class Configuration(InNotebooks):
     """A deformed configuration: the model, its state, and the record of the solve that found it.
 
     motion: state of the full model (positions m, rotation matrices, inner states, multipliers). method: kinematic,

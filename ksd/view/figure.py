@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import os
+from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -24,6 +25,8 @@ LEAF = "#c2410c"
 DRIVE = "#b91c1c"
 LOAD = "#0f6674"
 GROUND = "#4b5563"
+SHOWN = 0.64
+"""Width of a figure in a notebook over that of its pixels, which are of screens twice as fine."""
 LINKS = ("#5b8db8", "#6a9f58", "#9a7bb5", "#b8925b", "#4fa3a0", "#b8657f")
 """Links take these in turn; leaf springs share one colour so that they stand out."""
 BACKING = {"boxstyle": "round,pad=0.15", "fc": "white", "ec": "none", "alpha": 0.75}
@@ -31,13 +34,29 @@ BACKING = {"boxstyle": "round,pad=0.15", "fc": "white", "ec": "none", "alpha": 0
 
 
 def new_figure(width: float, height: float, *, dpi: int = 150) -> Figure:
-    """An empty matplotlib figure of `width` x `height` inches that needs no display."""
+    """An empty matplotlib figure of `width` x `height` inches that needs no display, and that notebooks show."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(width, height), dpi=dpi, layout="constrained")
+    figure = _notebook_figure()(figsize=(width, height), dpi=dpi, layout="constrained")
     FigureCanvasAgg(figure)
     return figure
+
+
+@cache
+def _notebook_figure() -> type[Figure]:
+    """A figure that notebooks show as the picture it is, without a magic command: at `SHOWN` of its pixels."""
+    from matplotlib.figure import Figure
+
+    class NotebookFigure(Figure):
+        def __repr__(self) -> str:
+            wide, high = self.get_size_inches()
+            return f"<picture of {wide:.3g} x {high:.3g} inches>"
+
+        def _repr_png_(self) -> tuple[bytes, dict[str, int]]:
+            wide, high = (round(SHOWN * inches * self.dpi) for inches in self.get_size_inches())
+            return picture(self, "png"), {"width": wide, "height": high}
+
+    return NotebookFigure
 
 
 def check_picture(path: str | os.PathLike[str]) -> Path:

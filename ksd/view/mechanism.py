@@ -107,8 +107,11 @@ def _polygons(shape: Any, camera: Camera, size: float, heat: Heat | None) -> lis
         block = next(b for b in shape.blocks if b.name == name)
         clamped = pads(shape, block)
         pale, edge = mixed(color, 0.45), mixed(color, 0.0)
-        for points in parts(block, clamped, size):
-            found += body(points, THICK * size, pale, edge=edge)
+        pieces = parts(block, clamped, size)
+        for k, points in enumerate(pieces):
+            # the web, the last, ends within the pads
+            half = THICK * size * (0.8 if 0 < k == len(pieces) - 1 else 1.0)
+            found += body(points, half, pale, edge=edge)
         if name == "ground":
             lines = (line for pad in clamped for line in hatches(pad, size, camera))
             found += [Polygon(line, GROUND, None, 0.9) for line in lines]
@@ -131,11 +134,12 @@ def paint(axes: Any, polygons: list[Polygon], camera: Camera) -> None:
     from matplotlib.collections import PolyCollection
 
     shown = [p for p in polygons if not p.body or p.normal is None or p.normal @ camera.toward > -1e-9]
-    # an outline lies before its face
-    lift = np.array(
-        [0.002 * (len(p.corners) == 2) + (1e3 if camera.plane and not p.body else 0.0) for p in shown]
-    )
-    depth = np.array([p.corners.mean(axis=0) @ camera.toward for p in shown]) + lift
+    depth = np.array([p.corners.mean(axis=0) @ camera.toward for p in shown])
+    size = float(np.ptp(np.concatenate([p.corners for p in shown]), axis=0).max())
+    # an outline lies before its face, the end of a leaf spring in the pad that clamps it
+    sheets_before = 1e3 if camera.plane else -1.3 * THICK
+    lift = [0.004 * (len(p.corners) == 2) + (0.0 if p.body else sheets_before) for p in shown]
+    depth += size * np.array(lift)
     order = [shown[k] for k in np.argsort(depth, kind="stable")]
     colors = [_lit(p, camera) for p in order]
     axes.add_collection(

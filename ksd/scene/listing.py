@@ -1,0 +1,67 @@
+"""A mechanism in print: what it is made of, sentence by sentence, with its lengths and units."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import TYPE_CHECKING, Any
+
+from ksd.html import Printed
+
+if TYPE_CHECKING:
+    from ksd.scene.contents import Scene
+
+
+def printed_scene(scene: Scene) -> Printed:
+    """The parts of a scene, a line each."""
+    rows = list(_rows(scene))
+    head = f"{scene.name}: links {', '.join(scene.links[1:]) or 'none'}"
+    wide = [max((len(row[k]) for row in rows), default=0) for k in range(3)]
+    lines = [
+        "  ".join(cell.ljust(n) for cell, n in zip(row, (*wide, 0), strict=True)).rstrip() for row in rows
+    ]
+    return Printed("\n".join([head, *lines]), [head, rows])
+
+
+def _rows(scene: Scene) -> Iterable[tuple[str, str, str, str]]:
+    """Kind, name, where, and what of every part."""
+    for j in scene.joints:
+        yield (
+            "joint",
+            j.name,
+            f"{j.a} to {j.b}",
+            f"{j.joint.family.replace('_', ' ')}, {1e3 * j.joint.length:.4g} mm",
+        )
+    for f in scene.leaves:
+        yield "leaf spring", f.name, f"{f.a} to {f.b}", f"{1e3 * f.leaf.length:.4g} mm"
+    for h in scene.hinges:
+        yield h.kind, h.name, f"{h.a} to {h.b}", f"at {_vector(h.at, 1e3)} mm"
+    for kind, drives in (("drive", scene.drives), ("support", scene.supports)):
+        for d in drives:
+            yield kind, d.name, d.terms[0].link, " + ".join(map(_term, d.terms))
+    for p in scene.loads:
+        said = [f"force {_vector(p.force)} N"] * any(p.force) + [f"moment {_vector(p.moment)} Nm"] * any(
+            p.moment
+        )
+        yield "load", p.name, p.link, ", ".join(said) + ", following" * p.following
+    for m in scene.masses:
+        yield "mass", "", m.link, f"{m.mass:.4g} kg at {_vector(m.at, 1e3)} mm"
+    for s in scene.springs:
+        unit = "Nm/rad" if hasattr(s, "axis") else "N/m"
+        yield "spring", s.name, f"{s.a} to {s.b}", f"{s.stiffness:.4g} {unit}"
+    if scene.gravity is not None:
+        yield "gravity", "", "", f"{_vector(scene.gravity)} m/s\N{SUPERSCRIPT TWO}"
+    for c in scene.compliances:
+        yield "flexible", "", c.link, "link"
+    for kind, parts in (("heat", scene.heats), ("assembly error", scene.fits)):
+        if parts:
+            yield kind, "", "", f"{len(parts)} sentence{'s' * (len(parts) > 1)}"
+
+
+def _term(term: Any) -> str:
+    factor = "" if term.coefficient == 1.0 else f"{term.coefficient:g} \N{MULTIPLICATION SIGN} "
+    said = f"{term.kind} {'along' if term.kind == 'translation' else 'about'} {_vector(term.direction)}"
+    return factor + said + ("" if term.base == "ground" else f" relative to {term.base}")
+
+
+def _vector(values: Any, scale: float = 1.0) -> str:
+    return f"({', '.join(f'{scale * v:.4g}' for v in values)})"
