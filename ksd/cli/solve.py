@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 import argparse
+import warnings
 from pathlib import Path
 from typing import Any
 
 from ksd.cli.output import STDOUT, check_json, check_plot, console, write_json
-from ksd.errors import SceneError
+from ksd.errors import SceneError, SceneWarning
 from ksd.model.mesh import Mesh
+from ksd.scene.plausible import meant_in
 from ksd.scene.toml_file import load_scene
 from ksd.scene.toml_table import quantity
 from ksd.section.checks import nearest
 from ksd.solve.solver import solve
+from ksd.units import DIMENSIONS
 
 OPTIONS = {
     "method": str, "accuracy": float, "elements": int, "relinearisations": int, "extrapolate": bool,
@@ -106,7 +109,17 @@ def drive_value(scene: Any, text: str) -> tuple[str, float]:
         plain: float | str = float(value)
     except ValueError:
         plain = value
-    return name, quantity(plain, drives[name].dimension, f"--set {name}")
+    dimension = drives[name].dimension
+    found = quantity(plain, dimension, f"--set {name}")
+    unit = meant_in(found, dimension, name) if isinstance(plain, float) else ""
+    if unit:
+        si = next(iter(DIMENSIONS[dimension]))
+        warnings.warn(
+            f"--set {text} is {found:g} {si}: did you mean --set {name}={value}{unit}? Plain numbers are in SI.",
+            SceneWarning,
+            stacklevel=2,
+        )
+    return name, found
 
 
 def solved(scene: Any, targets: dict[str, float], asked: dict[str, Any]) -> Any:

@@ -22,6 +22,7 @@ from ksd.files import write_file
 from ksd.html import InNotebooks
 from ksd.library.tables import read_columns, write_columns
 from ksd.properties.words import WIDTH, number, printed
+from ksd.section.checks import nearest, show
 from ksd.view import plot_stroke, save_figure
 
 if TYPE_CHECKING:
@@ -86,7 +87,7 @@ class Table(InNotebooks):
     def __getitem__(self, name: str) -> Any:
         """One column: a float array (rows,), or a list of texts. SceneError names the columns there are."""
         if name not in self.columns:
-            raise SceneError(f"there is no column '{name}'; there are {', '.join(self.columns)}")
+            raise SceneError(f"there is no column {show(name)}{nearest(name, self.columns)}")
         values = self.columns[name]
         return list(values) if any(isinstance(v, str) for v in values) else np.array(values, float)
 
@@ -187,7 +188,10 @@ class Table(InNotebooks):
         return [{k: row[k] for k in keep} for row in self.rows() if row[STATUS] != OK]
 
     def where(self, **labels: float | str) -> Table:
-        """The rows whose label columns have these values (numbers to 1e-9)."""
+        """The rows whose label columns have these values (numbers to 1e-9). SceneError for a column there is not."""
+        for name in labels:
+            if name not in self.columns:
+                raise SceneError(f"there is no column {show(name)}{nearest(name, self.columns)}")
         kept = [row for row in self.rows() if all(_same(row[k], v) for k, v in labels.items())]
         return Table.of_rows(kept, self.labels, **self._about())
 

@@ -74,6 +74,15 @@ def test_wide_tables_are_folded_with_their_labels_and_every_number_is_there():
     assert [float(c) for c in cells if c != "0"] == [1.5, *more.values()]
 
 
+def test_a_column_that_is_not_there_is_named_with_the_nearest():
+    of = table(rows(2))
+    for call in (lambda: of["top_force"], lambda: of.where(top_force=1.0)):
+        with pytest.raises(
+            ksd.SceneError, match=r"there is no column 'top_force'; did you mean \"top_force_N\"\?"
+        ):
+            call()
+
+
 def test_leading_columns_are_printed_whatever_they_are_called(tmp_path):
     of = Table.of_rows(
         rows(3), ["top_mm"], name="mine", leading=("mac", "warnings"), facts={"left_out": "size (no)"}

@@ -93,3 +93,20 @@ def test_a_plain_number_in_another_unit_is_one_line_of_the_command(tmp_path, cap
     assert said == (
         "ksd: lever.toml, [[load]] 1: at = 200 is 200 m: did you mean '200 mm'? Plain numbers are in SI.\n"
     )
+
+
+def test_a_plain_drive_value_in_another_unit_is_one_line_too(tmp_path, capsys):
+    assert main(["new", str(tmp_path / "lever")]) == 0
+    capsys.readouterr()
+    assert (
+        main(["compare", str(tmp_path / "lever.toml"), "--set", "turn=20", "--method", "full", "--quiet"])
+        == 2
+    )
+    said = capsys.readouterr().err.splitlines()
+    assert said[0] == "ksd: --set turn=20 is 20 rad: did you mean --set turn=20deg? Plain numbers are in SI."
+    assert len(said) == 2
+    assert (
+        main(["compare", str(tmp_path / "lever.toml"), "--set", "turn=20deg", "--method", "full", "--quiet"])
+        == 0
+    )
+    assert capsys.readouterr().err == ""
