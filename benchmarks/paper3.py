@@ -211,10 +211,12 @@ def inverse() -> dict[str, Any]:
         found[method] = {"torque": pose.forces["crank"], "opening": -answers(pose)[2], "error": error}
     pose = solver(crank=math.radians(15), method="constant")
     wanted = {name: where for name, where in pose.links.items() if name != "ground"}
+    places, turns = (np.array([where[k] for where in wanted.values()]) for k in (0, 1))
     calls: dict[str, Callable[[], Any]] = {
         "direct, constant": lambda: loaded(method="constant", estimate=False, strict=False),
         "direct, exact": lambda: loaded(method="conventional", strict=False),
-        "inverse, constant": lambda: ksd.required_loads(solver, wanted, method="constant"),
+        "inverse, constant": lambda: solver.required_forces(places, turns),
+        "inverse by names, constant": lambda: ksd.required_loads(solver, wanted, method="constant"),
     }
     return found | {"microseconds": {said: microseconds(call) for said, call in calls.items()}}
 

@@ -17,7 +17,6 @@ from ksd.errors import SceneError
 from ksd.model.arrays import Motion
 from ksd.model.compile import Model
 from ksd.model.mesh import Mesh
-from ksd.model.newton import assemble, assemble_nodes
 from ksd.model.plane import Plane, plane_of
 from ksd.numerics.rotations import rotation_exp, rotation_log
 from ksd.properties.words import Shown, listed, number
@@ -28,17 +27,15 @@ from ksd.scene.links import Link, spoken
 from ksd.scene.mechanism import Mechanism
 from ksd.section.checks import nearest, show
 from ksd.section.checks import number as checked
+from ksd.solve.actuation import Actuation
 from ksd.solve.configuration import Configuration
 from ksd.solve.solver import Solver, prepare
-from ksd.solve.storage import storage_of
 
 Array = NDArray[np.float64]
 Wanted = dict[int, tuple[Array, Array]]
 """Place (3,) [m] of the reference point and rotation (3, 3) by node."""
 STRETCH = 1.05
 """Chord of a leaf over its length from which on no leaf can take it."""
-BALANCED = 1e-6
-"""Share of the largest that a link needs below which what is left over is that of Newton's method."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -111,7 +108,9 @@ def required_loads(
             state.x[i], state.R[i] = x, R
     else:
         state = _held(solver, model, wanted, method)
-    return _balance(model, state)
+    with solver.lock:
+        actuation = solver.actuation if method == "constant" else Actuation(model)
+        return _balance(model, state, actuation)
 
 
 def _wanted(model: Model, poses: Mapping[str, Any]) -> Wanted:
@@ -212,46 +211,17 @@ def _held_pose(solver: Solver, model: Model, wanted: Wanted, method: Any) -> Con
     )
 
 
-def _balance(model: Model, state: Motion) -> RequiredLoads:
+def _balance(model: Model, state: Motion, actuation: Actuation) -> RequiredLoads:
     """What the links need at a state, and how drives and supports share it."""
-    arrays, links = model.arrays, model.links
-    names, count = model.scene.links[1:], len(model.drive_names)
+    names, found = model.scene.links[1:], actuation(state)
     supports = (model.said or model.scene).supports
-    work = storage_of(model).work
-    # what holds a mechanism in its plane does nothing in it
-    rows = count + len(supports)
-    at = arrays.start[1:links, None] + np.arange(6)
-    assemble(arrays, state, np.zeros(len(arrays.terms.start)), 1.0, work, 1e-8, 0, 10.0)
-    needed = work.rhs[at]
-    shares = np.ones((links - 1, 6))
-    shares[:, 3:] /= arrays.size
-    share = shares.ravel()
-    left = needed.ravel().copy()
-    forces = np.zeros(rows)
-    if rows:
-        assemble_nodes(arrays, state, 1.0, work)
-        alone = work.rhs[at].ravel()
-        ways = np.empty((len(alone), rows))
-        for k in range(rows):
-            state.multiplier[k] = -1.0
-            assemble_nodes(arrays, state, 1.0, work)
-            ways[:, k] = work.rhs[at].ravel() - alone
-            state.multiplier[k] = 0.0
-        scaled = share[:, None] * ways
-        if rows == 1:
-            forces = -(scaled.T @ (share * left)) / (scaled * scaled).sum()
-        else:
-            forces = np.linalg.lstsq(scaled, -share * left, rcond=1e-10)[0]
-        left += ways @ forces
-    noise = BALANCED * np.abs(share * needed.ravel()).max()
-    left[np.abs(share * left) <= noise] = 0.0
     return RequiredLoads(
-        dict(zip(names, needed, strict=True)),
-        dict(zip(model.drive_names, forces.tolist(), strict=False)),
-        {s.name: f for s, f in zip(supports, forces[count:].tolist(), strict=False)},
-        dict(zip(names, left.reshape(-1, 6), strict=True)),
+        dict(zip(names, found.needed, strict=True)),
+        dict(zip(model.drive_names, found.forces.tolist(), strict=True)),
+        {s.name: f for s, f in zip(supports, found.reactions.tolist(), strict=True)},
+        dict(zip(names, found.unbalanced, strict=True)),
         {name: state.x[i + 1].copy() for i, name in enumerate(names)},
-        float(arrays.size),
+        float(model.arrays.size),
     )
 
 

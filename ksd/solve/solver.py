@@ -10,6 +10,8 @@ from functools import cached_property
 from inspect import signature
 from typing import Any, Literal
 
+from numpy.typing import ArrayLike
+
 from ksd.bodies.joints import JointBodies, joint_bodies
 from ksd.errors import ConvergenceError, KinematicsError, RangeError, RecordError, SceneError
 from ksd.library import Record, find_record
@@ -24,6 +26,7 @@ from ksd.model.plane import Plane, plane_of
 from ksd.scene.contents import Scene
 from ksd.scene.mechanism import Mechanism
 from ksd.section.checks import nearest, number, show, truth, whole, worded
+from ksd.solve.actuation import Actuation, RequiredForces
 from ksd.solve.configuration import Configuration
 from ksd.solve.conventional import bare, by_load_steps, conventional
 from ksd.solve.estimate import relative_error
@@ -194,7 +197,7 @@ class Solver:
         self._five: FiveSteps | None = None
         self._joints = JointReader(mechanism, records, extrapolate)
         self._storage: Storage | None = None
-        self._turn = threading.RLock()
+        self.lock = threading.RLock()
 
     @property
     def five_steps(self) -> FiveSteps:
@@ -263,7 +266,7 @@ class Solver:
         estimate: bool = True,
     ) -> Configuration:
         """The answer as it is, whether the mesh resolves it or not, trusted or not."""
-        with self._turn:
+        with self.lock:
             if method is not None:
                 _check_words(method, relinearisations)
             if method == "constant":
@@ -292,6 +295,24 @@ class Solver:
         """The model with leaf springs of constant stiffness, and what its solves write into."""
         model = with_constant_leaves(self.model)
         return model, Storage(model)
+
+    def required_forces(self, displacement: ArrayLike, rotation: ArrayLike) -> RequiredForces:
+        """The forces of drives and supports that hold all links in wanted poses, leaf springs of constant stiffness: the
+        inverse problem of a control loop, arrays in and out, one evaluation without iteration.
+
+        displacement (links, 3) [m] of their reference points, rotation: matrices (links, 3, 3), rotation vectors (links, 3)
+        [rad], or in a mechanism with a plane angles (links,) [rad]; links in the order of the scene, without ground. Where
+        drives are too few they balance the links in the least-squares sense, moments over the size of the mechanism.
+        `ksd.required_loads` asks by names, of exact leaf springs too, and checks the poses. Raises SceneError for arrays of
+        another shape, and for joints with blocks inside, which find their own poses.
+        """
+        with self.lock:
+            return self.actuation.at_poses(displacement, rotation)
+
+    @cached_property
+    def actuation(self) -> Actuation:
+        """What `required_forces` is asked of."""
+        return Actuation(self.constant[0])
 
     def _by_constant_leaves(self, values: Mapping[str, float], estimate: bool) -> Configuration:
         """The mechanism with leaf springs of constant stiffness; its error by corrector steps of the full model."""

@@ -168,6 +168,30 @@ def test_required_loads_give_the_loads_back(paper):
         assert np.abs(list(rest.values())).max() < 1e-8
 
 
+def test_required_forces_of_a_control_loop(paper):
+    """Arrays in and out, by matrices, rotation vectors and angles: what `required_loads` says by names."""
+    scene = paper.gripper(driven=True)
+    scene.actuate("rocker", about="z", name="second")
+    scene.support("jaw", along="y", at=(*paper.JAW, 0), name="rest")
+    solver = ksd.prepare(scene)
+    for torque in (2e-3, 4e-3):
+        pose = ksd.solve(paper.gripper(torque, (-0.05, 0.02)), method="constant")
+        shift, turn = (np.array([pose.links[n][k] for n in ("crank", "jaw", "rocker")]) for k in (0, 1))
+        need = ksd.required_loads(solver, pose.links, method="constant")
+        angles = [pose.rotation(n)[2] for n in ("crank", "jaw", "rocker")]
+        for said in (turn, angles, np.outer(angles, (0, 0, 1))):
+            found = solver.required_forces(shift, said)
+            assert found.forces == pytest.approx(list(need.forces.values()), rel=1e-9)
+            assert found.reactions == pytest.approx([need.reactions["rest"]], rel=1e-9)
+            assert found.unbalanced == pytest.approx(np.array(list(need.unbalanced.values())), abs=1e-12)
+            assert found.needed[0] == pytest.approx([0, 0, 0, 0, 0, torque], abs=1e-8)
+    with pytest.raises(ksd.SceneError, match=r"give displacement \(3, 3\) .* of crank, jaw, rocker"):
+        solver.required_forces(shift[:2], turn)
+    inner = ksd.prepare(single_joint(), mesh=ksd.Mesh("corotational", elements=2))
+    with pytest.raises(ksd.SceneError, match="give displacement"):
+        inner.required_forces(np.zeros((1, 3)), 0.0)
+
+
 def test_fewer_actuators_than_poses(paper):
     """The crank's drive gives its moment, the force on the jaw is left over; a pose the drive can hold is balanced."""
     scene = paper.gripper(driven=True)
