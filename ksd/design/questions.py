@@ -86,6 +86,8 @@ def unanswerable(scene: Any) -> dict[str, str]:
     ends += [{placed.a, placed.b} for placed in scene.leaves]
     if all(one & two for k, one in enumerate(ends) for two in ends[:k]):
         found["clearance"] = "every two leaf springs share a block"
+    if not scene.distances:
+        found["distance"] = "the scene asks for none"
     return found
 
 
@@ -112,6 +114,7 @@ def known_columns(scene: Any, modes: int) -> dict[str, str]:
     tracked += [f"parasitic_{k + 1}" for k in range(modes)]
     found |= {f"{name}_Hz": "frequencies" for name in ("first_parasitic", *tracked)}
     found |= {"stress_MPa": "stress", "strain_energy_J": "energy", "clearance_mm": "clearance"}
+    found |= {f"distance_{d.name}_mm": "distance" for d in scene.distances}
     found |= {f"parasitic_{a}_mm": "parasitic" for a in "xyz"} | {f"size_{a}_mm": "size" for a in "xyz"}
     found |= {f"parasitic_r{a}_mrad": "parasitic" for a in "xyz"}
     return found | {f"buckling_{sign}": "buckling" for sign in ("positive", "negative")}
@@ -259,6 +262,10 @@ def _size(pose: Any, asked: Asked) -> Row:
     return row
 
 
+def _distance(pose: Any, asked: Asked) -> Row:
+    return {f"distance_{d.name}_mm": 1e3 * pose.distance(d.name) for d in pose.model.scene.distances}
+
+
 def _clearance(pose: Any, asked: Asked) -> Row:
     found = clearance(*pose.insides)
     return {"clearance_mm": 1e3 * found.distance, "clearance_leaves": " and ".join(found.leaves)}
@@ -274,12 +281,15 @@ _ANSWERS: dict[str, Callable[[Any, Asked], Row]] = {
     "buckling": _buckling,
     "size": _size,
     "clearance": _clearance,
+    "distance": _distance,
 }
 KNOWN = (
     "force", "drive_stiffness", "support_stiffness", "frequencies", "stress", "parasitic", "energy", "buckling", "size",
     "clearance",
+    "distance",
 )  # fmt: skip
-"""All questions. Factors of "buckling" are on all stresses of a state; "size" and "clearance" are of the leaf springs."""
+"""All questions. Factors of "buckling" are on all stresses of a state; "size" and "clearance" are of the leaf springs;
+"distance" are those that the scene names."""
 ROUNDING = 1e-9
 """Numbers below this, in the units of the columns, are rounding of a state at rest."""
 UNLOADED = 1e9

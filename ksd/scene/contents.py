@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 
 from ksd.html import InNotebooks
 from ksd.scene.drive import GROUND, Drive, Load, PointMass
-from ksd.scene.effects import Compliance, Fit, Heat, Spring, TurnSpring
+from ksd.scene.effects import Compliance, Distance, Fit, Heat, Spring, TurnSpring
 from ksd.scene.hinges import Hinge
 from ksd.scene.joint import Joint, Motion, leaves_of
 from ksd.scene.leaf import Condition, Leaf
@@ -91,8 +91,9 @@ class Scene(InNotebooks):
 
     gravity (3,) [m/s^2] or None when the scene does not mention it; springs, compliances, heats, fits: see
     `ksd.scene.effects`; consider: effects of the leaf that may be taken up. plane: the one it lives in ("xy", "xz", "yz");
-    hinges: pins and sliders, whose supports are among `supports`; points: links that are points of leaves. Two scenes are
-    equal when everything said in them is; `fingerprint` is the same for equal scenes in every process and on every machine.
+    hinges: pins and sliders, whose supports are among `supports`; points: links that are points of leaves; distances: asked
+    for. Two scenes are equal when everything said in them is; `fingerprint` is then the same in every process and on every
+    machine.
     """
 
     name: str
@@ -112,6 +113,7 @@ class Scene(InNotebooks):
     plane: str | None = None
     hinges: tuple[Hinge, ...] = ()
     points: tuple[LeafPoint, ...] = ()
+    distances: tuple[Distance, ...] = ()
 
     def __str__(self) -> str:
         """What it is made of, a line each."""

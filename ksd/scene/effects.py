@@ -24,6 +24,34 @@ CONSIDERED = ("warping", "plate")
 
 
 @dataclass(frozen=True)
+class Distance:
+    """What is asked about, not simulated: the distance [m] of point `end` of link `b` from point `start` of link `a`.
+
+    start, end (3,) [m]: global at rest. along (3,): only its component along this direction, which turns with `a`, signed;
+    the whole distance when None.
+    """
+
+    name: str
+    a: str
+    b: str
+    start: Vector
+    end: Vector
+    along: Vector | None = None
+
+    def __post_init__(self) -> None:
+        owner = f"distance '{word(self.name, 'name', owner='distance')}'"
+        for key in ("start", "end"):
+            object.__setattr__(self, key, vector(getattr(self, key), key, owner=owner, unit="m"))
+        if self.along is not None:
+            object.__setattr__(self, "along", direction(self.along, "along", owner=owner))
+        elif self.start == self.end:
+            raise SceneError(
+                f"{owner}: its two points are one and the same at rest, {self.start}; give along= a direction, that in "
+                "which they part."
+            )
+
+
+@dataclass(frozen=True)
 class Spring:
     """A coil spring between point `start` of link `a` and point `end` of link `b`: pull = stiffness (l - free_length).
 

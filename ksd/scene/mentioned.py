@@ -17,7 +17,7 @@ from ksd.errors import SceneError
 from ksd.files import LARGEST, read_file
 from ksd.hdf5 import read_hdf5
 from ksd.scene.contents import PlacedJoint, PlacedLeaf
-from ksd.scene.effects import CONSIDERED, Compliance, Fit, Heat, LinkMatrix, Spring, TurnSpring
+from ksd.scene.effects import CONSIDERED, Compliance, Distance, Fit, Heat, LinkMatrix, Spring, TurnSpring
 from ksd.scene.links import Link, Links
 from ksd.scene.material import Material
 from ksd.scene.placing import numbered
@@ -109,6 +109,7 @@ class Mentioned(Links):
     def __init__(self, name: str) -> None:
         super().__init__(name)
         self._springs: list[Spring | TurnSpring] = []
+        self._distances: list[Distance] = []
         self._compliances: dict[str, Compliance] = {}
         self._heats: list[Heat] = []
         self._fits: list[Fit] = []
@@ -119,6 +120,7 @@ class Mentioned(Links):
         """The words of `Scene` for all of it."""
         return {
             "springs": tuple(self._springs),
+            "distances": tuple(self._distances),
             "compliances": tuple(self._compliances.values()),
             "heats": tuple(self._heats),
             "fits": tuple(self._fits),
@@ -194,6 +196,30 @@ class Mentioned(Links):
             matrix = link_matrix(matrix)
         made = Compliance(known, section, material, as_given(hub), as_given(width_axis), matrix)
         self._compliances[known] = made
+        return made
+
+    def distance(
+        self,
+        a: Link | str,
+        b: Link | str,
+        *,
+        start: ArrayLike,
+        end: ArrayLike,
+        along: Axis | None = None,
+        name: str,
+    ) -> Distance:
+        """Ask for the distance of the point `end` (3,) [m] of link `b` from the point `start` of link `a`, such as the
+        opening of a jaw: `pose.distance(name)`, and the column "distance_NAME_mm" of sweeps, jobs and gradients.
+
+        along: its signed component along a direction, which turns with `a`; the whole distance when None. Raises SceneError.
+        """
+        owner = f"distance '{name}'"
+        if name in {d.name for d in self._distances}:
+            raise SceneError(f"{owner}: the name is used already; every distance needs its own.")
+        first, second = self._pair(a, b, owner)
+        axis = None if along is None else as_given(along)
+        made = Distance(name, first, second, as_given(start), as_given(end), axis)
+        self._distances.append(made)
         return made
 
     def spring(

@@ -65,6 +65,7 @@ def _unknown(scene: Scene) -> Iterator[str]:
     for kind, drives in (("drive", scene.drives), ("support", scene.supports)):
         spoken += [(f"{kind} '{d.name}'", link) for d in drives for t in d.terms for link in (t.base, t.link)]
     spoken += [(f"load '{load.name}'", load.link) for load in scene.loads]
+    spoken += [(f"distance '{d.name}'", link) for d in scene.distances for link in (d.a, d.b)]
     spoken += [(f"spring '{s.name}'", link) for s in scene.springs for link in (s.a, s.b)]
     spoken += [(f"{h.kind} '{h.name}'", link) for h in scene.hinges for link in (h.a, h.b)]
     spoken += [("compliance", c.link) for c in scene.compliances]
@@ -98,6 +99,8 @@ def _loose(scene: Scene) -> Iterator[str]:
 
 FAR = 200.0
 """How many times the size of everything else a pin may be from what hangs on its link: a thousand is millimetres for m."""
+LONG = 30.0
+"""The same from which it is refused where in millimetres it would be within what its link is attached to."""
 
 
 def _apart(scene: Scene) -> Iterator[str]:
@@ -116,10 +119,15 @@ def _apart(scene: Scene) -> Iterator[str]:
         for link in (hinge.a, hinge.b):
             far = {place: math.dist(place, hinge.at) for place in hung[link]}
             place = min(far, key=lambda p: far[p], default=None)
-            if link != GROUND and place is not None and far[place] > FAR * size:
+            if link == GROUND or place is None or far[place] <= LONG * size:
+                continue
+            meant = tuple(1e-3 * x for x in hinge.at)
+            slip = min(math.dist(p, meant) for p in others) <= size
+            if slip or far[place] > FAR * size:
+                hint = f"at={meant} if that was in mm" if slip else f"the nearest is at={place}"
                 yield (
                     f"{hinge.kind} '{hinge.name}' does not meet link '{link}': at = {hinge.at} is {far[place]:.4g} m from "
-                    f"where it is attached, and all else within {size:.4g} m; places are in m, the nearest is at={place}."
+                    f"where it is attached, and all else within {size:.4g} m; places are in m, {hint}."
                 )
 
 

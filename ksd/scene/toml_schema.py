@@ -99,6 +99,7 @@ SENTENCES: dict[str, Schema] = {
     "spring": PAIR | {
         "start": "length[3]!", "end": "length[3]!", "stiffness": "stiffness!", "free_length": "length", "name": "text",
     },
+    "distance": PAIR | {"start": "length[3]!", "end": "length[3]!", "along": "direction", "name": "text!"},
     "joint_spring": {
         "joint": "text!", "stiffness": "torsional stiffness!", "rest_angle": "angle", "motion": "text", "name": "text",
     },

@@ -74,6 +74,7 @@ def _scene_tree(scene: Scene, targets: dict[str, float]) -> Tree:
         "point": scene.points,
         "load": scene.loads,
         "mass": scene.masses,
+        "distance": scene.distances,
         "spring": [s for s in scene.springs if isinstance(s, Spring)],
         "turn_spring": [s for s in scene.springs if isinstance(s, TurnSpring)],
         "heat": scene.heats,

@@ -33,6 +33,7 @@ from ksd.properties.verify import Verification, verify
 from ksd.properties.words import printed
 from ksd.scene.contents import PlacedJoint
 from ksd.scene.links import Link
+from ksd.section.checks import nearest, show
 from ksd.solve.answer import as_dict
 from ksd.solve.error import error_of, settled, truth_of, with_error
 from ksd.solve.following import keeps_still
@@ -255,6 +256,24 @@ class Configuration(InNotebooks):
         i = self._node(link)
         point = self.model.rest.x[i] if at is None else np.asarray(at, float)
         return self.motion.x[i] + self.motion.R[i] @ (point - self.model.rest.x[i]) - point
+
+    def distance(self, name: str) -> float:
+        """The distance [m] of two points that the scene asks for by this name (`Mechanism.distance`); along a direction, its
+        signed component. Raises SceneError for an unknown name."""
+        known = {d.name: d for d in self.model.scene.distances}
+        if name not in known:
+            raise SceneError(
+                f"distance {show(name)} is not asked for in this mechanism{nearest(name, known)}"
+            )
+        asked = known[name]
+        i, rest, motion = self._node(asked.a), self.model.rest, self.motion
+        start, end = (
+            motion.x[k] + motion.R[k] @ (np.asarray(p) - rest.x[k])
+            for k, p in ((i, asked.start), (self._node(asked.b), asked.end))
+        )
+        if asked.along is None:
+            return float(np.linalg.norm(end - start))
+        return float((end - start) @ motion.R[i] @ np.asarray(asked.along))
 
     def _node(self, named: Link | str) -> int:
         """Number of a link or internal block."""

@@ -77,6 +77,7 @@ _PANELS: dict[str, tuple[_Panel, ...]] = {
         ),
     ),
     "size": (_Panel(r"size_([xyz])_mm", "extent of the leaf springs [mm]", "Size"),),
+    "distance": (_Panel(r"distance_(.+)_mm", "distance [mm]", "Distances asked for"),),
     "clearance": (_Panel(r"(clearance)_mm", "smallest distance of leaf springs [mm]", "Clearance"),),
 }
 

@@ -285,12 +285,20 @@ def test_errors_give_the_number_that_works():
     scene.slider("tip", along="y", at=(0.1, 0, 0), name="guide")
     assert "own name" in refused(lambda: scene.pin("ground", "p", name="guide"))
     # a long arm on a small hinge is fine, millimetres for metres are not
-    scene.pin("ground", "tip", at=(10, 0, 0), name="arm")
+    scene.pin("ground", "tip", at=(2.5, 0, 0), name="arm")
     scene.validate()
     scene = bent()
     scene.pin("ground", "tip", at=(100, 0, 0), name="far")
     said = refused(scene.validate)
-    assert "does not meet link 'tip'" in said and "at=(0.1, 0.0, 0.0)" in said
+    assert "does not meet link 'tip'" in said and "at=(0.1, 0.0, 0.0) if that was in mm" in said
+    # so are millimetres that are fewer times the size, where they would be among the rest
+    for at in ((4, 0, 0), (4, 3, 0), (1, 15, 0), (15, 0.5, 0)):
+        scene = bent()
+        scene.pin("ground", "tip", at=at, name="far")
+        assert "if that was in mm" in refused(scene.validate)
+    scene = bent()
+    scene.pin("ground", "tip", at=(0, 1e3, 0), name="far")
+    assert "the nearest is at=(0.1, 0.0, 0.0)" in refused(scene.validate)
 
 
 names = st.text("abcdefg", min_size=1, max_size=6)
