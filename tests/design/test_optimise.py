@@ -1,7 +1,8 @@
 """The optimum of a job: found from any start, held by what is said, at a price that moving a limit confirms."""
 
+import multiprocessing
 import sys
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
 from types import SimpleNamespace
 
 import numpy as np
@@ -171,7 +172,8 @@ def test_a_run_goes_on_from_its_file(tmp_path, monkeypatch):
     assert again.design == first.design and len(list(again.table.rows())) == len(list(first.table.rows()))
 
 
-def test_interrupted_runs_keep_what_is_done(monkeypatch):
+def test_interrupted_runs_keep_what_is_done_and_end_as_others(monkeypatch, tmp_path):
+    undisturbed = ksd.optimise(small())
     whole, calls = rooms.Job.slopes, []
 
     def interrupted(self, x):
@@ -181,9 +183,13 @@ def test_interrupted_runs_keep_what_is_done(monkeypatch):
         return whole(self, x)
 
     monkeypatch.setattr(rooms.Job, "slopes", interrupted)
-    with pytest.raises(ksd.SweepInterrupted, match=r"designs done") as caught:
-        ksd.optimise(small())
+    with pytest.raises(ksd.SweepInterrupted, match=r"designs done.*job.jsonl") as caught:
+        ksd.optimise(small(), resume=tmp_path / "job.jsonl")
     assert len(list(caught.value.table.rows())) >= 2
+    resumed = ksd.optimise(small(), resume=tmp_path / "job.jsonl")
+    assert resumed.design == undisturbed.design and len(resumed.table) == len(undisturbed.table)
+    # two slopes before Ctrl-C, which are not computed again
+    assert len(calls) == 1 + undisturbed.gradients
 
 
 def test_margins_of_limits_of_either_sign():
@@ -266,13 +272,17 @@ def test_margins_that_no_design_can_keep_are_told():
         ksd.optimise(small(), robust=3, spread={"thickness": 0.3 * mm})
 
 
-def test_threads_and_a_cluster_end_where_one_thread_ends(tmp_path):
-    alone = ksd.optimise(small(), starts=3, seed=2)
-    with ThreadPoolExecutor(2) as pool:
-        many = ksd.optimise(small(), starts=3, seed=2, executor=pool, resume=tmp_path / "job.jsonl")
-    assert many.design == alone.design and list(many.table.rows()) == list(alone.table.rows())
-    assert [s._asdict() for s in many.starts] == [s._asdict() for s in alone.starts]
-    again = ksd.optimise(small(), starts=3, seed=2, resume=tmp_path / "job.jsonl")
+def test_threads_and_processes_end_where_one_thread_ends(tmp_path):
+    words = {"starts": 3, "seed": 2}
+    alone = ksd.optimise(small(rules=[]), **words)
+    spawn = multiprocessing.get_context("spawn")
+    with ThreadPoolExecutor(2) as threads, ProcessPoolExecutor(1, mp_context=spawn) as processes:
+        for pool, file in ((threads, tmp_path / "job.jsonl"), (processes, None)):
+            many = ksd.optimise(small(rules=[]), executor=pool, resume=file, **words)
+            assert many.design == alone.design
+            assert list(many.table.rows()) == list(alone.table.rows())
+            assert many.starts == alone.starts
+    again = ksd.optimise(small(), resume=tmp_path / "job.jsonl", **words)
     assert again.design == alone.design and len(again.table) == len(alone.table)
 
 
