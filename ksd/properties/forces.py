@@ -290,7 +290,7 @@ class InterfaceForces(Shown):
 def interface_forces(model: Model, motion: Motion, *, load_factor: float = 1.0) -> InterfaceForces:
     """What every joint, free leaf, spring, pin and slider of `model` exerts on its links at `motion`, their weight times
     load_factor."""
-    ends = _leaf_ends(model, motion, load_factor)
+    ends = leaf_end_forces(model, motion, load_factor)
     rows = []
     for placed in model.scene.joints:
         mine = [e for e in ends if e.name.startswith(f"{placed.name}/")]
@@ -310,8 +310,8 @@ def interface_forces(model: Model, motion: Motion, *, load_factor: float = 1.0) 
     return InterfaceForces(tuple(rows), model.arrays.size)
 
 
-def _leaf_ends(model: Model, motion: Motion, load_factor: float) -> list[InterfaceForce]:
-    """What every leaf exerts at its start and at its end on the nodes there."""
+def leaf_end_forces(model: Model, motion: Motion, load_factor: float) -> list[InterfaceForce]:
+    """What every leaf exerts at its start and at its end on the nodes there, two rows each."""
     found, members = [], model.arrays.members
     forces = section_forces(model, motion, load_factor=load_factor)
     wrenches = end_wrenches(model, motion, load_factor=load_factor)

@@ -23,6 +23,7 @@ from ksd.properties.extent import Clearance, clearance, extent
 from ksd.properties.forces import InterfaceForces, SectionForces, interface_forces, section_forces
 from ksd.properties.frequencies import Modes, frequencies
 from ksd.properties.internal_stress import Misplaced, internal_stress
+from ksd.properties.link_forces import LinkForces, link_forces
 from ksd.properties.parasitic import Parasitic, PivotShift, parasitic, pivot_shift
 from ksd.properties.resolution import Look, look_at_modes
 from ksd.properties.shape import Shape, mechanism_shape
@@ -495,6 +496,11 @@ class Configuration(InNotebooks):
     def interface_forces(self) -> InterfaceForces:
         """Force [N] and moment [Nm], global, that joints, free leaf springs and springs exert on the links and on ground."""
         return interface_forces(*self.unreduced, load_factor=self.load_factor)
+
+    def link_forces(self) -> LinkForces:
+        """Force [N] and moment [Nm], global, inside every leaf spring at both its ends, and on every link with what is
+        applied there; prints, `to_csv` writes them."""
+        return link_forces(*self.unreduced, load_factor=self.load_factor)
 
     def parasitic(self, link: Link | str | None = None, *, at: ArrayLike | None = None) -> Parasitic:
         """Motion from rest, shift [m] and turn [rad], that no drive or support prescribes, of the point of `link` at
