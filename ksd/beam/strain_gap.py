@@ -15,6 +15,9 @@ from __future__ import annotations
 from ksd.numerics.kernel import kernel
 from ksd.numerics.rotations import tangent_factors
 
+PART_120, PART_240, PART_360, PART_720 = 1.0 / 120.0, 1.0 / 240.0, 1.0 / 360.0, 1.0 / 720.0
+"""Of the Magnus expansion: a product takes a fifth of the time of a division."""
+
 
 @kernel
 def gap_turn(h, moment, turn, J):
@@ -23,22 +26,22 @@ def gap_turn(h, moment, turn, J):
     s0, s1, s2 = moment[h, 3], moment[h, 4], moment[h, 5]
     q0, q1, q2 = moment[h, 6], moment[h, 7], moment[h, 8]
     pp, ps = p0 * p0 + p1 * p1 + p2 * p2, p0 * s0 + p1 * s1 + p2 * s2
-    a = 1.0 - (s0 * s0 + s1 * s1 + s2 * s2) / 240.0 + (p0 * q0 + p1 * q1 + p2 * q2) / 360.0
-    b, c, d = ps / 240.0, -pp / 360.0, 1.0 / 12.0 + pp / 720.0
+    a = 1.0 - (s0 * s0 + s1 * s1 + s2 * s2) * PART_240 + (p0 * q0 + p1 * q1 + p2 * q2) * PART_360
+    b, c, d = ps * PART_240, -pp * PART_360, 1.0 / 12.0 + pp * PART_720
     for r in range(3):
         i, j = (r + 1) % 3, (r + 2) % 3
         p, s, q = moment[h, r], moment[h, 3 + r], moment[h, 6 + r]
         x = moment[h, i] * moment[h, 3 + j] - moment[h, j] * moment[h, 3 + i]
         y = moment[h, 3 + i] * moment[h, 6 + j] - moment[h, 3 + j] * moment[h, 6 + i]
-        turn[h, r] = a * p + b * s + c * q + d * x + y / 360.0
+        turn[h, r] = a * p + b * s + c * q + d * x + y * PART_360
         for e in range(3):
             J[h, r, e] = (
-                (x - 2.0 * q) * moment[h, e] / 360.0
-                + p * moment[h, 6 + e] / 360.0
-                + s * moment[h, 3 + e] / 240.0
+                (x - 2.0 * q) * moment[h, e] * PART_360
+                + p * moment[h, 6 + e] * PART_360
+                + s * moment[h, 3 + e] * PART_240
             )
-            J[h, r, 3 + e] = s * moment[h, e] / 240.0 - p * moment[h, 3 + e] / 120.0
-            J[h, r, 6 + e] = p * moment[h, e] / 360.0
+            J[h, r, 3 + e] = s * moment[h, e] * PART_240 - p * moment[h, 3 + e] * PART_120
+            J[h, r, 6 + e] = p * moment[h, e] * PART_360
     for r in range(3):
         # the direct factors, and d (p x s) + (s x q)/360
         i, j = (r + 1) % 3, (r + 2) % 3
@@ -48,10 +51,10 @@ def gap_turn(h, moment, turn, J):
         J[h, r, 6 + r] += c
         J[h, i, j] += d * s
         J[h, j, i] -= d * s
-        J[h, i, 3 + j] -= d * p - q / 360.0
-        J[h, j, 3 + i] += d * p - q / 360.0
-        J[h, i, 6 + j] -= s / 360.0
-        J[h, j, 6 + i] += s / 360.0
+        J[h, i, 3 + j] -= d * p - q * PART_360
+        J[h, j, 3 + i] += d * p - q * PART_360
+        J[h, i, 6 + j] -= s * PART_360
+        J[h, j, 6 + i] += s * PART_360
 
 
 @kernel
@@ -92,32 +95,32 @@ def gap_second(h, moment, turn, J, m0, m1, m2, u0, u1, u2, V, M):
         p, s, q = moment[h, r], moment[h, 3 + r], moment[h, 6 + r]
         for e in range(3):
             pe, se, ue = moment[h, e], moment[h, 3 + e], V[0, e]
-            M[r, e] += (u * moment[h, 6 + e] + q * ue + p * V[1, e] + v * pe) / 360.0
-            x = u * se / 240.0 - ue * s / 120.0 + pe * w / 360.0
+            M[r, e] += (u * moment[h, 6 + e] + q * ue + p * V[1, e] + v * pe) * PART_360
+            x = u * se * PART_240 - ue * s * PART_120 + pe * w * PART_360
             M[3 + r, e] += x
             M[e, 3 + r] += x
-            M[3 + r, 3 + e] += (pe * u + ue * p) / 240.0
-            x = (ue * p - 2.0 * pe * u) / 360.0
+            M[3 + r, 3 + e] += (pe * u + ue * p) * PART_240
+            x = (ue * p - 2.0 * pe * u) * PART_360
             M[6 + r, e] += x
             M[e, 6 + r] += x
     # u.(p x s) = p.(s x u)
-    up, us = u0 * p0 + u1 * p1 + u2 * p2, (u0 * s0 + u1 * s1 + u2 * s2) / 240.0
+    up, us = u0 * p0 + u1 * p1 + u2 * p2, (u0 * s0 + u1 * s1 + u2 * s2) * PART_240
     uq = u0 * moment[h, 6] + u1 * moment[h, 7] + u2 * moment[h, 8]
-    k = (p0 * v0 + p1 * v1 + p2 * v2 - 2.0 * uq) / 360.0
-    d = 1.0 / 12.0 + (p0 * p0 + p1 * p1 + p2 * p2) / 720.0
+    k = (p0 * v0 + p1 * v1 + p2 * v2 - 2.0 * uq) * PART_360
+    d = 1.0 / 12.0 + (p0 * p0 + p1 * p1 + p2 * p2) * PART_720
     for r in range(3):
         i, j, u = (r + 1) % 3, (r + 2) % 3, V[0, r]
         M[r, r] += k
         M[r, 3 + r] += us
         M[3 + r, r] += us
-        M[r, 6 + r] += up / 360.0
-        M[6 + r, r] += up / 360.0
-        M[3 + r, 3 + r] -= up / 120.0
+        M[r, 6 + r] += up * PART_360
+        M[6 + r, r] += up * PART_360
+        M[3 + r, 3 + r] -= up * PART_120
         M[i, 3 + j] += d * u
         M[j, 3 + i] -= d * u
         M[3 + i, j] -= d * u
         M[3 + j, i] += d * u
-        M[3 + i, 6 + j] += u / 360.0
-        M[3 + j, 6 + i] -= u / 360.0
-        M[6 + i, 3 + j] -= u / 360.0
-        M[6 + j, 3 + i] += u / 360.0
+        M[3 + i, 6 + j] += u * PART_360
+        M[3 + j, 6 + i] -= u * PART_360
+        M[6 + i, 3 + j] -= u * PART_360
+        M[6 + j, 3 + i] += u * PART_360
