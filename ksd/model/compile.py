@@ -55,7 +55,7 @@ class Model(InNotebooks):
     bodies: Mapping[str, Any] = field(default_factory=dict)
     full: Model | None = None
 
-    @property
+    @cached_property
     def solids(self) -> tuple[str, ...]:
         """Names of the leaf springs that are reduced solids."""
         return tuple(name for name, body in self.bodies.items() if body.kind == SOLID)

@@ -40,6 +40,7 @@ def conventional(
     smallest: float = 1e-4,
     storage: Storage | None = None,
     joints: JointReader | None = None,
+    method: str = "conventional",
 ) -> Configuration:
     """Solve `model` at the drive values `targets` [m or rad] by load stepping.
 
@@ -49,7 +50,8 @@ def conventional(
     mixed, as in the paper]: give a step up when the residual norm exceeds it. smallest: fraction of the drive motion
     below which steps are not halved any more. storage: of this model, not used by another thread meanwhile (that of the
     last call in this thread when None). joints: who reads the motions of the joints from the answer, when that is asked.
-    Raises ConvergenceError with the fraction reached, SceneError for wrong drive names.
+    method: what the answer is said to be by. Raises ConvergenceError with the fraction reached, SceneError for wrong drive
+    names.
     """
     if planar not in ("auto", True, False):
         raise SceneError(f"planar = {planar!r}: choose 'auto', True or False")
@@ -65,7 +67,7 @@ def conventional(
     spent = 1e-9 * (time.thread_time_ns() - clock)
     values, factor = way.at(driven.reached)
     result = Configuration(
-        model, found, "conventional",
+        model, found, method,
         # supports follow the drives
         dict(zip(model.drive_names, values.tolist(), strict=False)),
         (step_of(driven, how, spent),),
@@ -107,15 +109,16 @@ def by_load_steps(
     kinematic: Callable[[], Configuration] | None = None,
     planar: bool | Literal["auto"] = "auto",
     joints: JointReader | None = None,
+    method: str = "conventional",
 ) -> Configuration:
     """Drives and loads together; where that fails or cannot be trusted, the drives first and the loads on top of them; at
     last the loads on top of the unloaded state of the five steps, that of `kinematic`.
 
-    storage, planar, joints: see `conventional`. Raises ConvergenceError.
+    storage, planar, joints, method: see `conventional`. Raises ConvergenceError.
     """
     result, stopped = None, None
     try:
-        result = conventional(model, targets, storage=storage, planar=planar, joints=joints)
+        result = conventional(model, targets, storage=storage, planar=planar, joints=joints, method=method)
     except ConvergenceError as reason:
         stopped = reason
     ways: dict[str, Callable[[], Configuration | None]] = {"loads put on after the drives": lambda: None}
@@ -127,7 +130,7 @@ def by_load_steps(
         with contextlib.suppress(KsdError):
             other = loads_last(model, targets, unloaded=begin(), planar=planar, joints=joints)
             if solved(other) or result is None:
-                result = replace(other, notes=(*other.notes, said))
+                result = replace(other, notes=(*other.notes, said), method=method)
     if result is None:
         assert stopped is not None
         raise stopped

@@ -17,12 +17,13 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 
 from ksd.errors import ConvergenceError, SceneError
-from ksd.model.arrays import Arrays, Motion, Work, carries_load
+from ksd.model.arrays import LINEAR, Arrays, Motion, Work, carries_load
 from ksd.model.compile import Model
 from ksd.model.newton import CONVERGED, Newton, iterate
 from ksd.model.plane import Plane, plane_of, refuse_plane
 from ksd.numerics.rotations import rotation_log
 from ksd.properties.cache import per_model
+from ksd.scene.hinges import plane_holds
 from ksd.solve.arc import REACHED, Course, Walk, trace
 from ksd.solve.following import counted
 from ksd.solve.pivoted import iterate_pivoted
@@ -339,6 +340,14 @@ POLISH = 3
 """Spatial iterations allowed to bring the rounding of a planar answer within the spatial bounds."""
 
 
+@per_model
+def _is_held(model: Model) -> bool:
+    """Whether all nodes are held in the plane that a mechanism names, on members of constant stiffness, which have nothing
+    inside that could leave it."""
+    held = {term.link for hold in plane_holds(model.scene) for term in hold.terms}
+    return held.issuperset(model.node_names[1:]) and bool((model.arrays.members.kind == LINEAR).all())
+
+
 def _drive_in_plane(
     storage: Storage, plane: Plane, begin: Motion, way: Way, fresh: bool
 ) -> tuple[Driven, Motion] | str:
@@ -358,6 +367,8 @@ def _drive_in_plane(
         return iterate(plane.arrays, motion, values, factor, work, *bounds)
 
     driven = drive_to(motion, newton, way, begin=begin)
+    if _is_held(model):
+        return driven._replace(negatives=driven.negatives + len(motion.multiplier) - len(plane.rows)), motion
     values, factor = way.at(driven.reached)
     residual, negatives, status = storage.look(motion, values, way.rtol, factor)
     if residual > 1.0:

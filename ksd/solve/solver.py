@@ -317,8 +317,9 @@ class Solver:
     def _by_constant_leaves(self, values: Mapping[str, float], estimate: bool) -> Configuration:
         """The mechanism with leaf springs of constant stiffness; its error by corrector steps of the full model."""
         model, storage = self.constant
-        found = by_load_steps(model, values, storage=storage, planar=self.in_plane, joints=self._joints)
-        found = replace(found, method="constant")
+        found = by_load_steps(
+            model, values, storage=storage, planar=self.in_plane, joints=self._joints, method="constant"
+        )
         if not estimate:
             return found
         error, step = indicator(model, found.motion, model.targets(found.targets), found.load_factor)

@@ -124,7 +124,7 @@ def intended_branch(c: Configuration) -> Verdict:
         return Verdict(False, "another branch is possible: " + "; ".join(c.doubts))
     name, share, shift, turn = _furthest(c)
     off = f"joint '{name}' is {1e3 * shift:.3g} mm and {np.rad2deg(turn):.3g} degrees off its intended motion"
-    if share > 1.0 and c.method != "conventional":
+    if share > 1.0 and c.method not in ("conventional", "constant"):
         return Verdict(False, f"{off}: too far to be the state its record describes")
     if name:
         return Verdict(True, f"the branch of the intended motions: at most, {off}")

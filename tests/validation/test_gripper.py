@@ -16,6 +16,7 @@ from ksd.model.constant import rest_stiffness
 from ksd.model.newton import assemble, take_step
 from ksd.model.plane import Plane, plane_of
 from ksd.properties.tangent import stored_matrix
+from ksd.solve import load_steps
 
 FINE = ksd.Mesh(orders=(3, 2, 16), points=20)
 
@@ -117,6 +118,21 @@ def test_error_of_the_constant_method_is_told(paper, degrees):
     # stress is that of the leaf springs as they bend between these poses, which are a little off
     assert found.stress().largest_Pa == pytest.approx(exact.stress().largest_Pa, rel=0.2)
     assert "bodies of constant stiffness" in str(found) and found.trusted
+
+
+def test_links_held_in_their_plane_need_no_look_in_space(paper):
+    """Of constant leaf springs between links that the plane holds one by one nothing can leave it: the same in space."""
+    flat, space = (
+        ksd.prepare(paper.gripper(4e-3, (-0.05, 0.02)), planar=p)(method="constant") for p in (True, False)
+    )
+    assert paper.answers(flat) == pytest.approx(paper.answers(space), rel=1e-9)
+    assert flat.negatives == space.negatives == flat.expected and flat.trusted and space.trusted
+    # in the packaged scene joints alone hold jaw and rocker: those are looked at
+    scene, targets, _ = shipped()
+    shown = ksd.solve(scene, targets, method="constant")
+    assert shown.negatives == shown.expected
+    assert not load_steps._is_held(ksd.prepare(scene).constant[0])
+    assert load_steps._is_held(flat.model)
 
 
 def shipped():
