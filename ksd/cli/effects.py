@@ -34,7 +34,8 @@ def run(options: argparse.Namespace) -> int:
     if options.json != STDOUT:
         _print(scene, choice, rows)
     if options.plot:
-        _draw(rows, accuracy, options.plot)
+        why = {effect.name: reason(effect, scene) for effect in choice.effects}
+        _draw(rows, why, accuracy, options.plot)
     return 0
 
 
@@ -72,15 +73,16 @@ def _change(value: float) -> str:
     return "0" if abs(value) < 1e-9 else f"{100 * value:+.2g} %"
 
 
-def _draw(rows: list[Any], accuracy: float, path: str) -> None:
+def _draw(rows: list[Any], why: dict[str, str], accuracy: float, path: str) -> None:
     done = [row for row in rows if not row.failed]
-    figure = new_figure(9.0, 1.4 + 0.42 * len(done))
+    figure = new_figure(10.0, 1.2 + 0.62 * len(done))
     axes = figure.subplots(1, 2, gridspec_kw={"width_ratios": (3, 2)})
     worst = [max((abs(c) for c in r.changes().values() if math.isfinite(c)), default=0.0) for r in done]
     costs = [r.times[0] / r.times[1] - 1.0 for r in done]
     plot_effect_cost(
-        tuple(axes), [r.name for r in done], worst, costs, kept=[r.kept for r in done], accuracy=accuracy
-    )
+        tuple(axes), [r.name for r in done], worst, costs,
+        kept=[r.kept for r in done], reasons=[why[r.name] for r in done], accuracy=accuracy,
+    )  # fmt: skip
     save_figure(figure, path)
 
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from ksd.errors import SceneError
-from ksd.view.figure import INK, new_figure
+from ksd.view.figure import INK, Array, mixed, new_figure
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -18,6 +18,14 @@ if TYPE_CHECKING:
 
 _COLORS = ("#c2410c", "#3b6ea5", "#6a9f58", "#9a7bb5", "#b8925b", "#4fa3a0", "#b8657f", "#1f2430")
 _STYLES = ("-", "--", ":", "-.")
+_NEUTRAL, _KEYS = "#6b7280", 8
+"""Colour of the key, and how many of many designs it names."""
+_LARGEST = {
+    "thickness": 0.05, "diameter": 0.05, "gap": 0.05, "fillet": 0.05, "length": 2.0, "width": 2.0, "spacing": 2.0,
+    "radius": 2.0, "angle": 3.15,
+}  # fmt: skip
+"""Design parameters that are lengths [m] or angles [rad], and what they are at most: beyond, they are in units of the
+user's own."""
 _NOISE = 1e-9
 """Series below this fraction of the largest of their panel are zero but for rounding, and left out."""
 
@@ -147,9 +155,26 @@ def _groups(table: Any, over: str) -> dict[str, np.ndarray]:
     others = [n for n in still if len(set(table.columns[n])) > 1]
     named: dict[str, list[int]] = {}
     for k, row in enumerate(table.rows()):
-        said = ", ".join(row[n] if isinstance(row[n], str) else f"{n} {row[n]:.4g}" for n in others)
+        said = ", ".join(row[n] if isinstance(row[n], str) else _value(n, row[n]) for n in others)
         named.setdefault(said, []).append(k)
     return {said: np.array(rows) for said, rows in named.items()}
+
+
+def _value(label: str, value: float) -> str:
+    """A label with its value and unit: "x 10 mm" of x_mm = 10, "thickness 0.8 mm" of thickness = 0.0008 (m)."""
+    name, _, unit = label.rpartition("_")
+    if name and unit in ("mm", "deg"):
+        return f"{name} {value:.4g} {unit}".replace(" deg", "\N{DEGREE SIGN}")
+    most = _LARGEST.get(label.rpartition("_")[2])
+    if most is None or not abs(value) <= most:
+        return f"{label.replace('_', ' ')} {value:.4g}"
+    said = f"{np.degrees(value):.4g}\N{DEGREE SIGN}" if label.endswith("angle") else f"{1e3 * value:.4g} mm"
+    return f"{label.replace('_', ' ')} {said}"
+
+
+def _shades(count: int) -> Array:
+    """Share of white, of black where negative, in the lines of `count` designs, loads or drive values: light to dark."""
+    return np.linspace(0.55, -0.35, count) if count > 1 else np.zeros(1)
 
 
 def _draw(axes: Any, table: Any, panel: _Panel, columns: dict[str, str], *, over: str, groups: Any) -> None:
@@ -162,11 +187,14 @@ def _draw(axes: Any, table: Any, panel: _Panel, columns: dict[str, str], *, over
     # a single point is no line
     shown = {c: n for c, n in columns.items() if np.sum(np.abs(table[c]) > noise) > 1}
     for color, (column, name) in zip(_cycle(_COLORS), (shown or columns).items(), strict=False):
-        for style, (said, rows) in zip(_cycle(_STYLES), groups.items(), strict=False):
+        for style, shade, (said, rows) in zip(
+            _styles(len(groups)), _shades(len(groups)), groups.items(), strict=True
+        ):
             y = np.abs(table[column][rows]) if panel.magnitude else table[column][rows]
             y = np.where(y > 0, y, np.nan) if panel.log else y
-            first = said == next(iter(groups))
-            axes.plot(x[rows], y, style, color=color, linewidth=1.6, label=name if first else None)
+            last = said == next(reversed(groups))
+            tone = mixed(color, float(shade))
+            axes.plot(x[rows], y, style, color=tone, linewidth=1.6, label=name if last else None)
     bad = np.isin(np.arange(len(x)), [k for k, s in enumerate(table["status"]) if s != "ok"])
     if bad.any():
         mark = {"transform": axes.get_xaxis_transform(), "color": "#b91c1c", "clip_on": False}
@@ -183,7 +211,8 @@ def _legend(axes: Any, count: int, log: bool) -> None:
         room = 0.12 * -(-count // 3)
         axes.set_ylim(low, high * (high / low) ** room if log else high + room * (high - low))
     place = "upper center" if count > 3 else "best"
-    axes.legend(fontsize=8, frameon=False, ncols=3 if count > 3 else 1, loc=place)
+    look = {"fontsize": 8, "framealpha": 0.8, "edgecolor": "none"}
+    axes.legend(ncols=3 if count > 3 else 1, loc=place, **look)
 
 
 def _cycle(kinds: Sequence[str]) -> list[str]:
@@ -219,16 +248,30 @@ def _spoken(column: str) -> str:
 
 
 def _heading(figure: Any, table: Any, groups: dict[str, np.ndarray]) -> None:
-    """What the line styles and crosses mean, above all panels."""
-    said = [] if len(groups) < 2 else [f"{style} {g}" for style, g in zip(_words(), groups, strict=False)]
-    if len(groups) > len(_STYLES):
-        said = [f"{len(groups)} designs or load cases"]
+    """A key of the designs, load cases or drive values above all panels, and what crosses mean."""
+    from matplotlib.lines import Line2D
+
+    key = []
+    if len(groups) > 1:
+        every = zip(groups, _styles(len(groups)), _shades(len(groups)), strict=True)
+        lines = [
+            Line2D([], [], color=mixed(_NEUTRAL, float(shade)), linestyle=style, linewidth=1.6, label=said)
+            for said, style, shade in every
+        ]
+        # of many, a few from the first to the last
+        key = [
+            lines[k]
+            for k in sorted({round(k) for k in np.linspace(0, len(lines) - 1, min(len(lines), _KEYS))})
+        ]
     if table.failures:
         count = len(table.failures)
-        said.append(f"\N{MULTIPLICATION SIGN} {count} pose{'s' * (count != 1)} without full answer")
-    if said:
-        figure.suptitle("    ".join(said), fontsize=9, color=INK)
+        said = f"{count} pose{'s' * (count != 1)} without full answer"
+        key.append(Line2D([], [], color="#b91c1c", linestyle="none", marker="x", markersize=5, label=said))
+    if key:
+        wide = max(1, int(figure.get_figwidth() / 0.078 / (7 + max(len(line.get_label()) for line in key))))
+        figure.legend(handles=key, loc="outside upper left", ncols=wide, fontsize=8, frameon=False)
 
 
-def _words() -> tuple[str, ...]:
-    return "solid:", "dashed:", "dotted:", "dash-dotted:"
+def _styles(count: int) -> list[str]:
+    """Line styles; plain lines where there are more than styles, told apart by their shade."""
+    return list(_STYLES[:count]) if count <= len(_STYLES) else ["-"] * count
