@@ -272,6 +272,6 @@ def _heading(figure: Any, table: Any, groups: dict[str, np.ndarray]) -> None:
         figure.legend(handles=key, loc="outside upper left", ncols=wide, fontsize=8, frameon=False)
 
 
-def _styles(count: int) -> list[str]:
+def _styles(count: int) -> list[Any]:
     """Line styles; plain lines where there are more than styles, told apart by their shade."""
     return list(_STYLES[:count]) if count <= len(_STYLES) else ["-"] * count
