@@ -101,7 +101,8 @@ toward = "x"
 """
 
 
-FILES = {f.stem: f.read_text() for f in sorted(SCENES.glob("*.toml"))}
+# jobs are for `ksd optimise`
+FILES = {f.stem: f.read_text() for f in sorted(SCENES.glob("*.toml")) if not f.stem.endswith("_job")}
 FILES |= {"good": GOOD, "effects": SCENE, "stored": STORED, "drawn": drawn()}
 
 

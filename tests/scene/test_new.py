@@ -10,7 +10,10 @@ import ksd
 from ksd.cli import main
 
 SHIPPED = sorted(
-    f.name.removesuffix(".toml") for f in (files("ksd") / "scenes").iterdir() if f.name.endswith(".toml")
+    f.name.removesuffix(".toml")
+    for f in (files("ksd") / "scenes").iterdir()
+    # jobs are for `ksd optimise`
+    if f.name.endswith(".toml") and not f.name.endswith("_job.toml")
 )
 
 
