@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import shutil
 import sys
 from pathlib import Path
@@ -12,6 +13,7 @@ from sphinx.application import Sphinx
 import ksd
 
 matplotlib.use("agg")
+logging.getLogger("skfem").setLevel(logging.WARNING)
 HERE = Path(__file__).parent
 ROOT = HERE.parent
 sys.path.insert(0, str(HERE))
@@ -76,6 +78,7 @@ sphinx_gallery_conf = {
     ],
     "gallery_dirs": ["gallery", "tutorial"],
     "filename_pattern": r"\.py$",
+    "within_subsection_order": "FileNameSortKey",
     "image_scrapers": ("figures.of_block",),
     "ignore_repr_types": r".*Figure.*",
     "show_signature": False,

@@ -40,7 +40,7 @@ first, fourth = modes.frequency_Hz[0], modes.frequency_Hz[3]
 
 def picture(path=None):
     """The stage from the side."""
-    return pose.plot(path)
+    return pose.plot(path, view=(-75, 20))
 
 
 print(

@@ -47,7 +47,7 @@ lowest = float(rest.frequencies(freed=lifts, count=3).frequency_Hz[0])
 
 def picture(path=None):
     """The tilted mirror from the side."""
-    return tilted.plot(path)
+    return tilted.plot(path, view=(-75, 20))
 
 
 print(f"piston of 0.3 mm: {force_piston:.4f} N a coil; tilt of 5 mrad: {force_tilt:.4f} N from coil 1")

@@ -14,8 +14,8 @@ steel = ksd.Material(E=200 * GPa, nu=0.3)
 guide = ksd.ParallelGuide(steel, length=L, thickness=t, width=w, spacing=spacing)
 
 scene = ksd.Mechanism("xy stage")
-middle = scene.link("middle", mass=middle_mass, inertia=(2e-4, 2e-4, 3e-4), at=(30 * mm, 90 * mm, 0))
-table = scene.link("table", mass=payload, inertia=(2e-4, 2e-4, 3e-4), at=(30 * mm, 30 * mm, 0))
+middle = scene.link("middle", mass=middle_mass, inertia=(2e-4, 2e-4, 3e-4), at=(-40 * mm, 40 * mm, 0))
+table = scene.link("table", mass=payload, inertia=(2e-4, 2e-4, 3e-4), at=(20 * mm, 30 * mm, 0))
 # leaf springs along y let the middle stage move along x; on it, leaf springs along x let the table move along y
 lower = scene.join(scene.ground, middle, guide, at=(-40 * mm, 0, 0), axis="z", toward="y", name="x guide")
 upper = scene.join(middle, table, guide, at=(-30 * mm, 30 * mm, 0), axis="z", toward="x", name="y guide")

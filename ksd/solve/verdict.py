@@ -70,7 +70,8 @@ class Trust:
     trusted: Verdict
 
     def __str__(self) -> str:
-        return "\n".join(f"{n}: {v.sentence}" for n, v in vars(self).items())
+        said = ((f"{name}: ", verdict.sentence) for name, verdict in vars(self).items())
+        return "\n".join(name + sentence.removeprefix(name) for name, sentence in said)
 
 
 def stable(c: Configuration) -> Verdict:

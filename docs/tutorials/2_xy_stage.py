@@ -1,0 +1,145 @@
+"""An XY stage with its payload
+
+Two parallel guides, one on the other, move a camera of 0.5 kg in x and y by 5 mm. The questions are those of every
+stage in series: does one axis disturb the other, how stiff is the table where the payload sits, and how fast can it
+be controlled?
+"""
+
+# %%
+# Drawing
+# -------
+#
+# The leaf springs of the lower guide run along y and let the carriage move along x; on the carriage a second
+# guide lets the table move along y. Every link gets its mass; a mass without inertia is a point.
+
+import numpy as np
+
+import ksd
+from ksd.units import GPa, MPa, mm
+
+steel = ksd.Material(E=200 * GPa, nu=0.3, density=7800, yield_stress=1300 * MPa)
+guide = ksd.ParallelGuide(steel, length=60 * mm, thickness=0.3 * mm, width=25 * mm, spacing=50 * mm)
+middle = np.array((0, 30, 0)) * mm
+
+scene = ksd.Mechanism("XY stage")
+carriage = scene.link("carriage", mass=0.3, inertia=(2e-4, 2e-4, 3e-4), at=middle)
+table = scene.link("table", mass=0.5, inertia=(2e-4, 2e-4, 3e-4), at=middle)
+scene.join(scene.ground, carriage, guide, at=(0, 0, 0), axis="z", toward="y", name="x guide")
+scene.join(carriage, table, guide, at=(-30 * mm, 30 * mm, 0), axis="z", toward="x", name="y guide")
+print(scene)
+
+# %%
+# Both motors stand on the ground and act on the table: the drives are displacements of one of its points. (A
+# motor on the carriage would be `relative_to=carriage`.)
+
+scene.actuate(table, along="x", at=middle, name="x")
+scene.actuate(table, along="y", at=middle, name="y")
+print(ksd.doctor(scene))
+
+# %%
+# One position, one prepared solver
+# ---------------------------------
+#
+# All drives need a value. In a loop, or for a controller, prepare once and only solve.
+
+solver = ksd.prepare(scene)
+rest, corner = solver(x=0.0, y=0.0), solver(x=5 * mm, y=5 * mm)
+corner.plot()
+
+# %%
+# Does x disturb y? The drive stiffness is a matrix: off the diagonal stands what one motor feels of the other.
+
+print(corner.drive_stiffness())
+
+# %%
+# What is left over is parasitic: the drives prescribe where the point is, and the table may still turn.
+
+print(corner.parasitic(table, at=middle))
+
+# %%
+# Frequencies
+# -----------
+#
+# With both drives let go the first two modes are the motions meant. What limits a controller is the first that is
+# not.
+
+free = rest.frequencies(freed=["x", "y"])
+print(free)
+there = corner.frequencies(freed=["x", "y"])
+print(there)
+
+# %%
+# At the corner of the stroke the first parasitic mode has dropped much, and it changes its nature. It pays to see
+# what moves: `shape` holds every mode by link, and :func:`ksd.view.animate_mode` makes a GIF of it. Here a table
+# of the largest motions will do.
+
+print(
+    f"first parasitic mode {free.first_parasitic_Hz:.1f} Hz at rest, {there.first_parasitic_Hz:.1f} Hz in the corner"
+)
+mode = there.first_parasitic
+for name, motion in zip(there.model.node_names, there.shape[mode], strict=True):
+    shift, turn = motion[:3], motion[3:]
+    print(f"{name:10} moves {np.round(shift, 2)}, turns {np.round(turn, 1)} about x, y, z")
+
+# %%
+# Over the whole field
+# --------------------
+#
+# A sweep walks all combinations of the drives. The table holds one row for every position; its columns are
+# arrays, ready for a map.
+
+steps = np.linspace(-5, 5, 5) * mm
+field = ksd.sweep(
+    scene,
+    x=steps,
+    y=steps,
+    questions=("support_stiffness", "frequencies"),
+    link=table,
+    at=middle,
+    progress=False,
+)
+first = np.array(field["first_parasitic_Hz"]).reshape(5, 5)
+print("first parasitic mode [Hz], x down, y across")
+print(np.round(first, 1))
+
+# %%
+# What makes it soft is the twist of bent leaf springs under the mass above them. Two ways out: leaf springs that
+# are stiff in their middle, or shorter strokes. The first is one word away.
+
+stiffer = ksd.StiffenedGuide(
+    steel, length=60 * mm, flexible=0.2, thickness=0.3 * mm, width=25 * mm, spacing=50 * mm
+)
+
+
+def stage_of(joint):
+    """The same stage on other guides."""
+    stage = ksd.Mechanism("XY stage")
+    lower = stage.link("carriage", mass=0.3, inertia=(2e-4, 2e-4, 3e-4), at=middle)
+    upper = stage.link("table", mass=0.5, inertia=(2e-4, 2e-4, 3e-4), at=middle)
+    stage.join(stage.ground, lower, joint, at=(0, 0, 0), axis="z", toward="y", name="x guide")
+    stage.join(lower, upper, joint, at=(-30 * mm, 30 * mm, 0), axis="z", toward="x", name="y guide")
+    stage.actuate(upper, along="x", at=middle, name="x")
+    stage.actuate(upper, along="y", at=middle, name="y")
+    return stage
+
+
+for name, joint in {"leaf springs": guide, "with a stiff middle": stiffer}.items():
+    pose = ksd.solve(stage_of(joint), x=5 * mm, y=5 * mm)
+    modes = pose.frequencies(freed=["x", "y"])
+    print(
+        f"{name:20} {modes.first_parasitic_Hz:6.1f} Hz, {pose.forces['x']:.1f} N, "
+        f"{pose.stress().largest_Pa / MPa:.0f} MPa"
+    )
+
+# %%
+# A model for the controller
+# --------------------------
+#
+# Inputs are the motor forces, outputs the motions of the drives; six modes with one percent of damping.
+
+plant = ksd.state_space(corner, modes=6, damping=0.01)
+response = plant.response([1.0, 10.0, 100.0])
+print("x per newton of x at 1, 10, 100 Hz [mm/N]:", np.round(abs(response[:, 0, 0]) / mm, 4))
+
+# %%
+# `plant.to_mat("plant.mat")` writes it for MATLAB.
