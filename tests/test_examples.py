@@ -46,6 +46,12 @@ NUMBERS = {
         "moment": (1.4309743209, 1e-6, SHOOTING),
         "axial_at_rest": (2 * 200e9 * 0.5e-3 * 40e-3 / 100e-3 * 0.5, 1e-4, "EA/L cos^2"),
     },
+    "delta_stage": {
+        # pivots of flexures shift: a milliradian
+        "first": (math.radians(-1.3680), 6e-2, "circles of rigid links"),
+        "second": (math.radians(-2.8373), 2e-2, "circles of rigid links"),
+        "third": (math.radians(-4.3742), 5e-3, "circles of rigid links"),
+    },
     "folded_leaf_stage": {
         "x": (1.5 * FOLDED, 2e-3, "van Eijk 1985"),
         "rz": (3 * FOLDED * (60e-3 + 40e-3 / math.sqrt(2)) ** 2, 2e-3, "van Eijk 1985"),
