@@ -218,7 +218,12 @@ def _pieces(scene: Scene) -> list[tuple[str, str, Any]]:
 
 
 def _gravity(scene: Scene, axes: Axes) -> Array:
-    return np.zeros(2) if scene.gravity is None else axes.of(scene.gravity)
+    """Gravity (2,) in the plane. Raises SceneError where it leaves that."""
+    if scene.gravity is None:
+        return np.zeros(2)
+    if abs(scene.gravity[axes.normal]) > 1e-12 * float(np.abs(scene.gravity).max()):
+        raise SceneError(f"rest_shape: gravity leaves the plane {scene.plane}; keep it in the plane.")
+    return axes.of(scene.gravity)
 
 
 class _Problem:
@@ -264,6 +269,11 @@ class _Problem:
                 raise SceneError(
                     f"rest_shape: free = {show(name)} is neither a load nor a drive; there are {', '.join(known) or 'none'}"
                     f"{nearest(name, known)}"
+                )
+        for name in self.free:
+            if name in self.loads and not any((*self.loads[name].force, *self.loads[name].moment)):
+                raise SceneError(
+                    f"rest_shape: free load '{name}' is zero, so that it has no direction; give it one, of any size."
                 )
         for name in values:
             if name not in drives:

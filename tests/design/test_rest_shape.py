@@ -112,8 +112,8 @@ ANGLES = (
 )
 
 
-def fourbar():
-    """Thesis, section 5.4, example 3, drawn as it is wanted; the force along x at J2 is open."""
+def fourbar(push=1.0):
+    """Thesis, section 5.4, example 3, drawn as it is wanted, with this force along x at J2."""
     x, w = np.polynomial.legendre.leggauss(40)
     u = 0.5 * (x + 1)
     scene = ksd.Mechanism("four-bar", plane="xy")
@@ -127,7 +127,7 @@ def fourbar():
                    name=f"L{k + 1}")  # fmt: skip
         place = end
         places.append(end)
-    scene.load("J2", force=(1, 0, 0), at=places[0], name="push")
+    scene.load("J2", force=(push, 0, 0), at=places[0], name="push")
     return scene
 
 
@@ -151,6 +151,12 @@ def test_no_rest_shape_beyond_the_fold():
         ksd.ConvergenceError, match=r"beyond a fold at 60\.1. % .*'L3' along x: 3\.00.* N.*less than that"
     ):
         ksd.rest_shape(fourbar(), free="push", forces={"L3": {"x": 5.0}})
+    # by itself: the most that L3 takes over forces at J2, each with its own rest shape
+    known = [
+        ksd.rest_shape(fourbar(push), check=False).leaf_forces["L3"][0] for push in (-26.0, -26.4, -26.8)
+    ]
+    top = np.polyfit((-1, 0, 1), known, 2)
+    assert top[2] - top[1] ** 2 / (4 * top[0]) == pytest.approx(3.0077, abs=2e-4)
     with pytest.raises(ksd.ConvergenceError, match=r"around the fold at 60\.1. % .* no other rest shape"):
         ksd.rest_shape(fourbar(), free="push", forces={"L3": {"x": 5.0}}, beyond_fold=True)
     with pytest.raises(
@@ -275,11 +281,19 @@ def askew():
     return cantilever((0, 0, 1))
 
 
+def falling():
+    scene = cantilever()
+    scene.gravity = (0, 0, -9.81)
+    return scene
+
+
 @pytest.mark.parametrize(
     "scene, words, message",
     [
         (lambda: cantilever(plane=None, width_axis="z"), {}, r"names no plane.*plane=\"xy\""),
         (askew, {}, r"load 'push' leaves the plane xy"),
+        (lambda: cantilever((0, 0, 0)), {"free": "push", "forces": {"leaf": {"y": 1.0}}}, r"free load 'push' is zero"),
+        (falling, {}, r"gravity leaves the plane xy"),
         (cantilever, {"wanted": 3}, r"wanted = 3: give a pose"),
         (cantilever, {"free": "pull"}, r"free = 'pull' is neither a load nor a drive; there are push"),
         (cantilever, {"free": "push"}, r"1 loads or drives are free \(push\) and 0 forces are said"),
