@@ -628,6 +628,10 @@ def _wanted(
     if isinstance(goals, str):
         goals = {goals: 1.0}
     elif not isinstance(goals, Mapping):
+        if not isinstance(goals, Sequence) or not all(isinstance(g, str) for g in goals):
+            raise SceneError(
+                f"{role} = {show(goals)}: give a column, several, or their scales by column, such as {{'stress_MPa': 500}}"
+            )
         goals = dict.fromkeys(goals, 1.0)
     found = []
     for column, scale in goals.items():

@@ -110,7 +110,8 @@ def load_job(path: str | os.PathLike[str], *, drives: Mapping[str, str] | None =
     varied, bounds, fixed = _varied(said.table("vary"), tables)
     for keys, value in fixed:
         _put(tables, keys, value)
-    function = VariedScene(tables, place, tuple(varied.items()), tuple(_formulas(tables, ())))
+    formulas = tuple(keys for keys in _formulas(tables, ()) if keys not in varied.values())
+    function = VariedScene(tables, place, tuple(varied.items()), formulas)
     mechanism, targets = _first(function, bounds)
     found = {d.name: d for d in mechanism.scene().drives}
     values = _drive_values(said.table("drives"), found, targets, drives or {})

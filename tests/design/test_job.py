@@ -202,6 +202,8 @@ def failing(thickness):
         ({"turm": [0.1]}, "'turm' is not a drive"),
         ({"function": failing, "vary": {"thickness": (1e-4, 1e-3)}}, "no design within the bounds could be built"),
         ({"function": fourbar()}, "a job needs a function"),
+        ({"maximise": 3.0}, "maximise = 3.0: give a column, several"),
+        ({"maximise": [["support_z_N_per_m"]]}, "give a column, several"),
         ({"minimise": "stress_MPa"}, "give one of maximise and minimise"),
         ({"maximise": {"support_z_N_per_m": 0.0}}, "its scale must be positive"),
         ({"limits": {"stress_MPa": (500, 100)}}, "the least must be below the most"),

@@ -113,6 +113,14 @@ def test_a_scene_in_a_file_of_its_own_loads_and_free_sides(tmp_path):
     assert drawn.joints[0].origin[0] == -0.05 and drawn.joints[0].joint.widths == (0.03, 0.02)
 
 
+def test_what_varies_may_stand_as_a_formula_in_the_scene(tmp_path):
+    text = SMALL.replace('thickness = "0.4 mm"', 'thickness = "= 0.01 * joint.cross.length"')
+    job, _ = ksd.load_job(written(tmp_path, text))
+    assert (
+        job.function(**job.design_at(job.point(None))).scene().joints[0].joint.thickness == job.point(None)[2]
+    )
+
+
 @pytest.mark.parametrize(
     ("old", "new", "sentence"),
     [
