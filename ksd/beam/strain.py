@@ -9,7 +9,9 @@ Interface of all members: see `ksd.model.assembly`; constants: `ksd.beam.strain_
 
 Source: the stationary conditions of the mixed functional 1/2 (a - a0) K (a - a0) - H + lam.closure, with the sum over the
 quadrature points H = L sum w (n.R e1 + 1/2 n.R C R^T n). Residual and tangent are the derivatives of that very sum, by the
-chain of the Magnus steps, so that the tangent is symmetric and exact however few the points. Then the end of the leaf is
+chain of the Magnus steps, so that the tangent is symmetric and exact however few the points. Of the derivative of m.psi by
+the amplitudes the tangent has the symmetric part; the skew part is that of a moment which turns by half of what the closure
+turns, c + xi: so does m in every step, and Newton's method stays quadratic inside the leaf. Then the end of the leaf is
 r(L) = dH/dn, and by partial summation the residual has at every gap the moment m + sum over the points behind it of
 L w v x n, for the m + (r(L) - r(s)) x n of the rod.
 
@@ -395,20 +397,36 @@ def _invert6(F, K):
     return negatives, True
 
 
+@kernel(inline="always")
+def _half_turned(m, x, y, z, r):
+    """Component r of half of m x (x, y, z)."""
+    if r == 0:
+        found = m[1] * z - m[2] * y
+    elif r == 1:
+        found = m[2] * x - m[0] * z
+    else:
+        found = m[0] * y - m[1] * x
+    return 0.5 * found
+
+
 @kernel
 def strain_follow(value, number, inner, store, f, lam, K):
     """After `strain_condense`: the pull (39,) of a leaf with weight, see `ksd.beam.weight`, and before it X (N, 3)
     = W^-1 eta(L)^T, which is kept for `strain_recover`, both at the end of its store; nothing for one without weight.
 
     With B = int M S and Z = J X + B (force rows): V_xi,g = -K Z, V_g,g = Z^T K Z - eta X - int M^2 S, and the
-    first moment int M v is predicted with the step of the wrench, lam[0:6] - lam[6:12] = K (c + J W^-1 g).
+    first moment int M v is predicted with the step of the wrench, K (c + J W^-1 g), of which lam[0:6] - lam[6:12] lacks what m
+    turns by.
     """
     N, ng = number[0] + number[1] + number[2], number[3]
     _, weight, _, _, beyond = constants_at(number)
     if len(store) == 8 * N + 42:
         return
     o, v, S, rho, psi, eta = len(store) - PULL, f.v, f.S, f.rho, f.psi, f.eta
-    X, Z, G = store[o - 3 * N : o].reshape(N, 3), np.zeros((6, 3)), np.zeros((3, 3))
+    X, Z, G, step = store[o - 3 * N : o].reshape(N, 3), np.zeros((6, 3)), np.zeros((3, 3)), np.empty(6)
+    for r in range(3):
+        step[r] = lam[r] - lam[6 + r]
+        step[3 + r] = lam[3 + r] - lam[9 + r] + _half_turned(lam[9:], store[7], store[15], store[23], r)
     for i in range(N):
         for e in range(3):
             X[i, e] = eta[e, i]
@@ -430,7 +448,7 @@ def strain_follow(value, number, inner, store, f, lam, K):
                 Z[3 + r, e] += psi[ng + 1, r, i] * X[i, e]
                 G[r, e] += eta[r, i] * X[i, e]
         for r in range(6):
-            s += Z[r, e] * (lam[r] - lam[6 + r])
+            s += Z[r, e] * step[r]
         store[o + 3 + e] = s
     for e in range(3):
         for r in range(6):
@@ -450,8 +468,8 @@ def strain_condense(value, number, inner, store, f, d, Q, lam, K):
     """Condense one leaf at end pose d (3,) [m], Q (3, 3); see the module docstring for the equations.
 
     inner = (a (N,), lam (6,)). Writes lam[0:6] condensed end wrench, lam[6:12] the wrench the geometric terms
-    use (the one before this step), K (6, 6). store keeps W^-1 J^T and W^-1 g (N, 8, the last a spare), K (6, 6) and
-    c + J W^-1 g (6,); a leaf with weight also what `strain_follow` adds.
+    use (the one before this step), K (6, 6). store keeps W^-1 J^T and W^-1 g (N, 8; the last of the first three rows: the
+    rotation c that is left to close), K (6, 6) and c + J W^-1 g (6,); a leaf with weight also what `strain_follow` adds.
     f: `Fields` with room for the leaf, left undefined.
     Returns (negative pivots of W minus those of F, |change of n| [N], |change of m| [Nm], status).
     """
@@ -482,7 +500,7 @@ def strain_condense(value, number, inner, store, f, d, Q, lam, K):
             turned[i, j] = Q[i, 0] * R[ng + 1, j, 0] + Q[i, 1] * R[ng + 1, j, 1] + Q[i, 2] * R[ng + 1, j, 2]
     rotation_log(turned, step)
     for r in range(3):
-        store[gap + r], store[gap + 3 + r] = d[r] - end[r], step[r]
+        store[gap + r], store[gap + 3 + r], store[8 * r + 7] = d[r] - end[r], step[r], step[r]
     for i in range(N):
         for e in range(7):
             store[8 * i + e] = Y[i, e]
@@ -510,6 +528,8 @@ def strain_condense(value, number, inner, store, f, d, Q, lam, K):
             s += K[r, e] * store[gap + e]
         step[r] = s
         lam[r], lam[6 + r] = inner[N + r] + s, inner[N + r]
+        if r >= 3:
+            lam[r] -= _half_turned(inner[N + 3 :], store[7], store[15], store[23], r - 3)
         if r < 3:
             dn += s * s
         else:
@@ -521,7 +541,7 @@ def strain_condense(value, number, inner, store, f, d, Q, lam, K):
 
 @kernel
 def strain_recover(value, number, inner, store, xi, scale):
-    """dlam = K (xi + gap), da = W^-1 (J^T dlam - g), both times `scale`, added to the inner state.
+    """dlam = K (xi + gap), da = W^-1 (J^T dlam - g), both times `scale`, added to the inner state, m turned by half of c + xi.
 
     A leaf with weight follows the change of gravity in frame p, the last three numbers of its pull.
     """
@@ -530,7 +550,9 @@ def strain_recover(value, number, inner, store, xi, scale):
     gap = tail + 36
     heavy = len(store) > tail + 42
     o = len(store) - PULL
-    step = np.empty(6)
+    step, m = np.empty(6), np.empty(3)
+    for r in range(3):
+        m[r] = inner[N + 3 + r]
     for r in range(6):
         s = 0.0
         for e in range(6):
@@ -539,6 +561,8 @@ def strain_recover(value, number, inner, store, xi, scale):
             for e in range(3):
                 s += store[o + 9 + 3 * r + e] * store[o + 36 + e]
         step[r] = s
+        if r >= 3:
+            s -= _half_turned(m, store[7] + xi[3], store[15] + xi[4], store[23] + xi[5], r - 3)
         inner[N + r] += scale * s
     for i in range(N):
         s = -store[i * 8 + 6]

@@ -32,7 +32,7 @@ from ksd.properties.words import number as written
 from ksd.scene.links import Link
 from ksd.section.checks import nearest, truth
 from ksd.solve.configuration import Configuration
-from ksd.solve.perturbed import NEWTON, STEP, WIDE, Perturbed, parameters_of
+from ksd.solve.perturbed import STEP, WIDE, Perturbed, parameters_of
 from ksd.solve.solver import Method
 
 Array = np.ndarray
@@ -178,7 +178,7 @@ def gradient(
             raise SceneError(line.failure)
         solver = fine_enough(line, recipe, None)
         walk = Walk(solver, recipe)
-        perturbed = Perturbed(shares, steps=NEWTON if "stress" in asked.questions else NEWTON - 1)
+        perturbed = Perturbed(shares)
         for drives_here in line.poses:
             pose = walk.pose(drives_here)
             parameters = parameters_of(

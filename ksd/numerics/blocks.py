@@ -425,3 +425,12 @@ def refined_blocks(plan, matrix, value, spare, b, x, change, low):
         if error <= ROUNDING:
             break
     return error
+
+
+@kernel
+def refined_rows(plan, matrix, value, spare, loads, found):
+    """`refined_blocks` of every row of loads (k, unknowns), into found (k, unknowns). Returns the largest of its errors."""
+    change, low, worst = np.empty(loads.shape[1]), np.empty(loads.shape[1]), 0.0
+    for i in range(len(loads)):
+        worst = max(worst, refined_blocks(plan, matrix, value, spare, loads[i], found[i], change, low))
+    return worst

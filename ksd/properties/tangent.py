@@ -19,7 +19,7 @@ from ksd.model.arrays import COROTATIONAL, LINEAR, SOLID, Arrays, Motion, Work, 
 from ksd.model.compile import Model
 from ksd.model.loading import term_value
 from ksd.model.newton import assemble
-from ksd.numerics.blocks import factor_blocks, refined_blocks, residual_blocks
+from ksd.numerics.blocks import factor_blocks, refined_rows, residual_blocks
 from ksd.numerics.indefinite import inertia, scaling, solve_scaled
 from ksd.properties.cache import per_model
 from ksd.properties.nonconservative import skew_tangent
@@ -186,12 +186,9 @@ class Tangent:
     def _symmetric(self, loads: Array) -> tuple[Array, float]:
         """Response to loads without the skew part, and its backward error."""
         plan, right = self.arrays.plan, np.ascontiguousarray(loads.T, dtype=float)
-        found, change, low = np.empty_like(right), np.empty(plan.unknowns), np.empty(plan.unknowns)
-        errors = [
-            refined_blocks(plan.ints, self.assembled, self.value, self.spare, b, x, change, low)
-            for b, x in zip(right, found, strict=True)
-        ]
-        return found.T, float(np.max(errors, initial=0.0))
+        found = np.empty_like(right)
+        error = refined_rows(plan.ints, self.assembled, self.value, self.spare, right, found)
+        return found.T, float(error)
 
     def _residual(self, loads: Array, found: Array) -> Array:
         """What the symmetric matrix leaves of loads (unknowns, k)."""

@@ -38,9 +38,8 @@ STEP = 3e-5
 """Step of a parameter, over its value, of central differences."""
 WIDE = 3e-4
 """The same where differences at one and two steps are combined to fourth order: ten times less rounding."""
-NEWTON = 3
-"""Newton steps to the equilibrium beside the pose. Insides of leaf springs under loads out of their plane come 1e-3
-nearer with each: two leave 2e-6 of a slope of stress, and 1e-8 of those of forces, poses and stiffnesses."""
+NEWTON = 2
+"""Newton steps to the equilibrium beside the pose: one would do but for its rounding, 1e-6 of a slope of the arm's forces."""
 LEFT = 0.05
 """Part of the first Newton step up to which the last one may be as large."""
 AXES = "xyz"
@@ -167,11 +166,10 @@ def _loaded_at(scene: Any, k: int, kind: str, axis: int, value: float) -> Any:
 
 
 class Perturbed:
-    """Perturbed poses of one scene, so many Newton `steps` from them: every parameter at its value + share * its size,
-    for every one of `shares`."""
+    """Perturbed poses of one scene: every parameter at its value + share * its size, for every one of `shares`."""
 
-    def __init__(self, shares: Sequence[float] = (STEP, -STEP), *, steps: int = NEWTON) -> None:
-        self.shares, self.steps = tuple(shares), steps
+    def __init__(self, shares: Sequence[float] = (STEP, -STEP)) -> None:
+        self.shares = tuple(shares)
         self._made: tuple[Model, list[list[Model]]] | None = None
 
     def __call__(
@@ -213,7 +211,7 @@ class Perturbed:
         arrays, motion, target = exact(model.arrays), start.copy(), model.targets(targets)
         work = make_work(arrays)
         moved = []
-        for _ in range(self.steps):
+        for _ in range(NEWTON):
             look(arrays, motion, target, pose.load_factor, work, RTOL)
             step = work.rhs.copy()
             moved.append(largest_move(arrays, step) / arrays.size + largest_turn(arrays, step))

@@ -107,6 +107,25 @@ def test_stiffness_is_the_derivative_of_the_wrench_under_large_loads(kind, seed)
     assert np.abs((0.5 * (found - found.T) + skew) / np.outer(scale, scale)).max() < 1e-8
 
 
+@pytest.mark.parametrize("kind", ["light", "profile"])
+@pytest.mark.parametrize("seed", range(3))
+def test_steps_inside_a_leaf_converge_quadratically(kind, seed):
+    """Of a tenth of the way that end q moves and turns, one step leaves a tenth of the share, whatever moment it carries."""
+    leaf, rng = Leaf(kind), np.random.default_rng(seed)
+    d, Q = leaf.load(rng)
+    inner, xi, left = leaf.inner.copy(), rng.normal(size=6) * [1e-5, 1e-4, 1e-5, 1e-2, 1e-2, 1e-2], []
+    for share in (0.1, 0.01):
+        leaf.inner[:] = inner
+        there = d + share * xi[:3], exp(share * xi[3:]) @ Q
+        leaf.settle(*there, 1)
+        once = leaf.inner.copy()
+        leaf.settle(*there)
+        # the moment that the leaf carries
+        moment = slice(leaf.N + 3, leaf.N + 6)
+        left.append(np.abs(once - leaf.inner)[moment].max() / np.abs(inner - leaf.inner)[moment].max())
+    assert left[1] < 0.15 * left[0]
+
+
 @pytest.mark.parametrize("kind", KINDS)
 def test_tangent_of_the_amplitudes_is_the_derivative_of_their_residual(kind, rng):
     """At states that are no equilibrium, too; again the symmetric part."""
