@@ -415,8 +415,7 @@ def strain_follow(value, number, inner, store, f, lam, K):
     = W^-1 eta(L)^T, which is kept for `strain_recover`, both at the end of its store; nothing for one without weight.
 
     With B = int M S and Z = J X + B (force rows): V_xi,g = -K Z, V_g,g = Z^T K Z - eta X - int M^2 S, and the
-    first moment int M v is predicted with the step of the wrench, K (c + J W^-1 g), of which lam[0:6] - lam[6:12] lacks what m
-    turns by.
+    first moment int M v is predicted with the step K (c + J W^-1 g) of the wrench: lam[0:6] - lam[6:12] and what m turns by.
     """
     N, ng = number[0] + number[1] + number[2], number[3]
     _, weight, _, _, beyond = constants_at(number)
@@ -541,7 +540,7 @@ def strain_condense(value, number, inner, store, f, d, Q, lam, K):
 
 @kernel
 def strain_recover(value, number, inner, store, xi, scale):
-    """dlam = K (xi + gap), da = W^-1 (J^T dlam - g), both times `scale`, added to the inner state, m turned by half of c + xi.
+    """dlam = K (xi + gap), da = W^-1 (J^T dlam - g), times `scale`, added to the inner state, m turned by half of c + xi.
 
     A leaf with weight follows the change of gravity in frame p, the last three numbers of its pull.
     """

@@ -12,7 +12,7 @@ import numpy as np
 
 from ksd.bodies.joints import body_design, layout_of
 from ksd.design.plan import scene_of
-from ksd.design.prepared import Found, Prepared, answer_stress
+from ksd.design.prepared import Found, Prepared, answer_together
 from ksd.errors import KsdError
 from ksd.library import Record, find_record
 from ksd.model.compile import model_of
@@ -127,7 +127,7 @@ class Designs:
         mine.update(layout=layout, state=state)
         if self.ways.get("asked") is not None:
             good = [found[one.number] for one in designs if isinstance(found[one.number], Found)]
-            answer_stress(good, self.ways["asked"])
+            answer_together(good, self.ways["asked"])
 
 
 def makers_of(mechanism: Any, designs: Sequence[Mapping[str, Any]]) -> list[Maker]:

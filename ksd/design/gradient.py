@@ -8,7 +8,7 @@ differenced, as mu passes through infinity where there is no stress.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -17,22 +17,30 @@ from numpy.typing import ArrayLike
 
 from ksd.design.lines import Walk, fine_enough
 from ksd.design.plan import Drawn, plan_lines
-from ksd.design.questions import Asked, Before, Pose, Row, answers, asked_of, frequency_row
+from ksd.design.questions import (
+    Asked,
+    Before,
+    Pose,
+    Row,
+    Together,
+    answered_together,
+    answers,
+    asked_of,
+    frequency_row,
+)
 from ksd.design.sweep import recipe_of
-from ksd.design.tracking import Tracks
 from ksd.design.words import drive_rows
 from ksd.errors import KinematicsError, SceneError
 from ksd.html import joined
 from ksd.model.mesh import Mesh
 from ksd.numerics.rotations import rotation_log
-from ksd.properties.forces import section_forces
-from ksd.properties.stress import von_mises_at
+from ksd.properties.alike import alike
+from ksd.properties.stress import stress_followed
 from ksd.properties.words import Shown, listed
 from ksd.properties.words import number as written
 from ksd.scene.links import Link
 from ksd.section.checks import nearest, truth
-from ksd.solve.configuration import Configuration
-from ksd.solve.perturbed import STEP, WIDE, Perturbed, parameters_of
+from ksd.solve.perturbed import STEP, WIDE, Beside, Perturbed, parameters_of
 from ksd.solve.solver import Method
 
 Array = np.ndarray
@@ -170,7 +178,7 @@ def gradient(
     designs = None if at_design is None else [at_design]
     lines, _ = plan_lines(design, values, designs, loads, together=truth(together, "together"), call=gradient)
     shares = (WIDE, -WIDE, 2 * WIDE, -2 * WIDE) if errors else (STEP, -STEP)
-    found: list[_AtPose] = []
+    poses: list[tuple[Beside, list[list[Beside]], list[float]]] = []
     labels: list[Mapping[str, Any]] = []
     at_zero: dict[str, float] = {}
     for line in lines:
@@ -185,58 +193,65 @@ def gradient(
                 line.scene, pose.targets, size=pose.model.arrays.size, at_design=at_design, by=by, sizes=sizes,
                 design=design if callable(design) else None,
             )  # fmt: skip
-            found.append(_AtPose(perturbed(pose, parameters), asked, [p.size for p in parameters]))
+            poses.append((*perturbed(pose, parameters), [p.size for p in parameters]))
             labels.append({**({"load_case": line.labels["load_case"]} if loads else {}), **drives_here})
             at_zero |= {p.name: p.value for p in parameters}
+    stiff = replace(asked, questions=tuple(q for q in asked.questions if q not in FOLLOWED))
+    known = iter(answered_together([side for here, sides, _ in poses for side in _every(here, sides)], stiff))
+    found = [_AtPose(here, sides, asked, sizes, known) for here, sides, sizes in poses]
     return _gathered(found, labels, at_zero)
 
 
+def _every(here: Beside, sides: list[list[Beside]]) -> list[Beside]:
+    """A pose and all beside it."""
+    return [here, *(side for own in sides for side in own)]
+
+
 class _AtPose:
-    """Answers at a pose, `values` by column, and their slopes (columns, parameters), `errors` alike."""
+    """Answers at a pose, `values` by column, and their slopes (columns, parameters), `errors` alike; moved (parameters, 6):
+    displacement and rotation of the point asked about. known: what was answered of the pose and those beside it together."""
 
     def __init__(
-        self, poses: tuple[Configuration, list[list[Configuration]]], asked: Asked, sizes: list[float]
+        self,
+        here: Beside,
+        sides: list[list[Beside]],
+        asked: Asked,
+        sizes: list[float],
+        known: Iterator[Together],
     ) -> None:
         with np.errstate(divide="ignore", invalid="ignore"):
-            self._difference(*poses, asked, sizes)
+            self._difference(here, asked, *_rows(here, sides, asked, known), np.array(sizes)[:, None])
+        point, h = _point(here, asked), np.array(sizes)[:, None] * (STEP if len(sides[0]) == 2 else WIDE)
+        self.moved = np.array([_motion(own[0], own[1], point) for own in sides]) / (2 * h)
 
-    def _difference(
-        self, pose: Configuration, sides: list[list[Configuration]], asked: Asked, sizes: list[float]
-    ) -> None:
+    def _difference(self, here: Beside, asked: Asked, first: Row, rows: list[list[Row]], size: Array) -> None:
         """Central differences; with four sides to fourth order, and their errors."""
-        follow = _Followed(pose, asked)
-        self.columns = tuple(follow.values)
-        self.values = np.array([follow.values[c] for c in self.columns])
+        self.columns = tuple(
+            c for c, v in first.items() if isinstance(v, float) and not any(n in c for n in NO_ANSWER)
+        )
+        self.values = np.array([first[c] for c in self.columns], float)
         self.reasons: dict[str, str] = {}
         inverse = np.array([c.startswith("buckling") for c in self.columns])
         # of critical load factors 1/mu
         outer = np.where(inverse, -(self.values**2), 1.0)
-        slopes, errors, moved = [], [], []
-        for own, size in zip(sides, sizes, strict=True):
-            rows, tracks = [], follow.tracks
-            for side in own:
-                row, tracks = follow.of(side, tracks)
-                rows.append([row.get(c, np.nan) for c in self.columns])
-            q, here = (np.where(inverse, 1.0 / a, a) for a in (np.array(rows), self.values))
-            h = size * (STEP if len(own) == 2 else WIDE)
-            slope = (q[0] - q[1]) / (2 * h)
-            if len(own) > 2:
-                wide = (q[2] - q[3]) / (4 * h)
-                # half the difference of the slopes to both sides: falls with h unless there is a kink
-                bends = (q[0] + q[1] - 2 * here) / (2 * h), (q[2] + q[3] - 2 * here) / (4 * h)
-                kink = np.abs(2 * bends[0] - bends[1])
-                kink[~(kink > KINK * np.maximum(np.abs(slope), np.abs(here) / size))] = 0.0
-                errors.append(np.abs(outer) * np.maximum(np.abs(slope - wide) / 3, kink))
-                slope = slope + (slope - wide) / 3
-            slopes.append(outer * slope)
-            moved.append(_motion(own[0], own[1], follow.point) / (2 * h))
-        self.slopes = np.array(slopes).T.reshape(len(self.columns), -1)
-        self.errors = np.array(errors).T if errors else None
-        self.moved = np.array(moved)
-        for i, column in enumerate(self.columns):
-            if not np.isfinite(self.slopes[i]).all():
-                self.reasons[column] = _why(column, float(self.values[i]), follow.link)
-                self.slopes[i] = np.nan
+        found = np.array([[[row.get(c, np.nan) for c in self.columns] for row in own] for own in rows])
+        q, now = (np.where(inverse, 1.0 / a, a) for a in (found.swapaxes(0, 1), self.values))
+        h = size * (STEP if len(q) == 2 else WIDE)
+        slope, self.errors = (q[0] - q[1]) / (2 * h), None
+        if len(q) > 2:
+            wide = (q[2] - q[3]) / (4 * h)
+            # half the difference of the slopes to both sides: falls with h unless there is a kink
+            bends = (q[0] + q[1] - 2 * now) / (2 * h), (q[2] + q[3] - 2 * now) / (4 * h)
+            kink = np.abs(2 * bends[0] - bends[1])
+            kink[~(kink > KINK * np.maximum(np.abs(slope), np.abs(now) / size))] = 0.0
+            self.errors = (np.abs(outer) * np.maximum(np.abs(slope - wide) / 3, kink)).T
+            slope = slope + (slope - wide) / 3
+        self.slopes = (outer * slope).T
+        point = _point(here, asked)
+        for i in np.flatnonzero(~np.isfinite(self.slopes).all(axis=1)).tolist():
+            column = self.columns[i]
+            self.reasons[column] = _why(column, float(self.values[i]), point[0] if point else "")
+            self.slopes[i] = np.nan
 
 
 def _why(column: str, value: float, link: str) -> str:
@@ -253,69 +268,99 @@ def _why(column: str, value: float, link: str) -> str:
     )
 
 
-class _Followed:
-    """Answers of a pose, and of those beside it what they are there."""
-
-    def __init__(self, pose: Configuration, asked: Asked) -> None:
-        self.asked, self.tracks = asked, None
-        self.link, self.point = "", None
-        if asked.link is not None or pose.model.scene.drives:
-            self.link, point = asked.point(pose.model.scene)
-            self.point = self.link, point
-        self.plain = replace(asked, questions=tuple(q for q in asked.questions if q not in FOLLOWED))
-        row = self._plain(pose)
-        if "stress" in asked.questions:
-            found = pose.stress(points=asked.points)
-            self.marks = {
-                name: divmod(int(np.argmax(leaf.von_mises_Pa)), leaf.von_mises_Pa.shape[1])
-                for name, leaf in found.leaves.items()
-            }
-            self.worst = found.where[0]
-            row |= self._stress(pose)
-        if "frequencies" in asked.questions:
-            tracked, self.tracks = frequency_row(Pose(pose), asked)
-            row |= tracked
-        self.values = {
-            c: float(v) for c, v in row.items() if isinstance(v, float) and not any(n in c for n in NO_ANSWER)
-        }
-
-    def _plain(self, pose: Configuration) -> Row:
-        """Row of the questions that need not be followed; raises what a question raises."""
-        row, _, failed = answers(pose, self.plain, Before())
-        for name, reason in failed.items():
-            raise type(reason)(f"no gradient of {name}: {reason}") from reason
-        return row
-
-    def _stress(self, pose: Configuration) -> Row:
-        """Stress of every leaf at its mark, and that of the worst."""
-        model, motion = pose.unreduced
-        forces = section_forces(model, motion, points=self.asked.points, load_factor=pose.load_factor)
-        found = von_mises_at(model, forces, self.marks)
-        row = {f"stress_MPa[{n}]": 1e-6 * v for n, v in found.items()}
-        return {"stress_MPa": row[f"stress_MPa[{self.worst}]"]} | row
-
-    def of(self, side: Configuration, before: Tracks | None) -> tuple[Row, Tracks | None]:
-        """Row of a pose beside this one, and the tracks for the next side, so that both sides of a mixture of equal
-        frequencies are of one mode."""
-        row = self._plain(side)
-        if "stress" in self.asked.questions:
-            row |= self._stress(side)
-        if self.tracks is None:
-            return row, None
-        found, tracks = frequency_row(Pose(side, Before(tracks=before)), self.asked)
-        first = self.tracks.first_parasitic
-        found["first_parasitic_Hz"] = np.nan if first is None else tracks.frequency_Hz(first)
-        return row | found, tracks
+def _point(here: Beside, asked: Asked) -> tuple[str, Any] | None:
+    """Link and point asked about; None where there is none."""
+    scene = here.model.scene
+    return asked.point(scene) if asked.link is not None or scene.drives else None
 
 
-def _motion(plus: Configuration, minus: Configuration, point: Any) -> Array:
+def _rows(
+    here: Beside, sides: list[list[Beside]], asked: Asked, known: Iterator[Together]
+) -> tuple[Row, list[list[Row]]]:
+    """Answers of a pose, and of those beside it what they are there, by parameter and side."""
+    every = _every(here, sides)
+    plain = replace(asked, questions=tuple(q for q in asked.questions if q not in FOLLOWED))
+    rows = [_plain(pose, plain, next(known).rows) for pose in every]
+    if "stress" in asked.questions:
+        for row, own in zip(rows, _stresses(every, asked.points), strict=True):
+            row |= own
+    beside = iter(rows[1:])
+    found = [[next(beside) for _ in own] for own in sides]
+    if "frequencies" in asked.questions:
+        _follow_modes(here, sides, asked, rows[0], found)
+    return rows[0], found
+
+
+def _plain(pose: Beside, asked: Asked, known: Mapping[str, Row]) -> Row:
+    """Row of the questions that need not be followed; raises what a question raises."""
+    row, _, failed = answers(_Asked(pose), asked, Before(), known)
+    for name, reason in failed.items():
+        raise type(reason)(f"no gradient of {name}: {reason}") from reason
+    return row
+
+
+class _Asked:
+    """A pose beside another, which becomes a configuration where a question wants one."""
+
+    method_error = None
+
+    def __init__(self, pose: Beside) -> None:
+        self.pose, self.model, self.motion = pose, pose.model, pose.motion
+
+    @property
+    def forces(self) -> dict[str, float]:
+        """Drive forces by name."""
+        names = self.model.drive_names
+        return dict(zip(names, (-self.motion.multiplier[: len(names)]).tolist(), strict=True))
+
+    def __getattr__(self, name: str) -> Any:
+        configuration = self.__dict__.setdefault("configuration", self.pose.configuration)
+        return getattr(configuration, name)
+
+
+def _stresses(every: list[Beside], points: int) -> list[Row]:
+    """Stress of every leaf where it is largest in the first pose, and that of the leaf that is worst there."""
+    followed: Mapping[str, Array] | None = None
+    groups = alike([(*pose.questioned, pose.load_factor) for pose in every])
+    if len(groups) == 1 and len(groups[0][0]) == len(every):
+        followed = stress_followed(groups[0][1], points=points)
+    if followed is None:
+        found = [pose.configuration.stress(points=points).leaves for pose in every]
+        marks = {name: int(np.argmax(leaf.von_mises_Pa)) for name, leaf in found[0].items()}
+        followed = {n: np.array([own[n].von_mises_Pa.flat[at] for own in found]) for n, at in marks.items()}
+    worst = max(followed, key=lambda name: float(followed[name][0]))
+    columns = {"stress_MPa": followed[worst]} | {f"stress_MPa[{n}]": v for n, v in followed.items()}
+    values = 1e-6 * np.array(list(columns.values())).T
+    return [dict(zip(columns, row, strict=True)) for row in values.tolist()]
+
+
+def _follow_modes(
+    here: Beside, sides: list[list[Beside]], asked: Asked, first: Row, found: list[list[Row]]
+) -> None:
+    """Frequencies, added to the rows: of the modes of the pose. What one side finds its modes to be is known to the next,
+    so that both sides of a mixture of equal frequencies are of one mode."""
+    row, tracks = frequency_row(Pose(here.configuration), asked)
+    first |= row
+    for own, rows in zip(sides, found, strict=True):
+        before = tracks
+        for side, to in zip(own, rows, strict=True):
+            row, before = frequency_row(Pose(side.configuration, Before(tracks=before)), asked)
+            worst = tracks.first_parasitic
+            row["first_parasitic_Hz"] = np.nan if worst is None else before.frequency_Hz(worst)
+            to |= row
+
+
+def _motion(plus: Beside, minus: Beside, point: tuple[str, Any] | None) -> Array:
     """Displacement and rotation (6,) of the point of a link between two poses beside one another."""
     found = np.full(6, np.nan)
     if point is not None:
-        link, at = point
-        node = plus.model.node_names.index(link)
-        ends = [p.model.rest.x[node] if at is None else np.asarray(at, float) for p in (plus, minus)]
-        found[:3] = plus.displacement(link, ends[0]) - minus.displacement(link, ends[1])
+        node = plus.model.node_names.index(point[0])
+        moved = []
+        for side in (plus, minus):
+            rest = side.model.rest.x[node]
+            s = np.zeros(3) if point[1] is None else np.asarray(point[1], float) - rest
+            moved.append(side.motion.x[node] - rest + side.motion.R[node] @ s - s)
+        found[:3] = moved[0] - moved[1]
         rotation_log(plus.motion.R[node] @ minus.motion.R[node].T, found[3:])
     return found
 

@@ -427,7 +427,7 @@ class Job(Shown):
     ) -> list[tuple[list[Row], str]]:
         """Rows of every design, and "ok" or the first reason why not."""
         if self.method == "conventional":
-            recipe = Recipe(self.asked, method="conventional", mesh=self.mesh)
+            recipe = Recipe(self.asked, method="conventional", mesh=self.mesh, judged=False)
             return [_walked(function, design, recipe, self.paths) for design in designs]
         ways = {"method": FULL if self.method == "full" else REDUCED, "asked": self.asked}
         values = {n: np.array([step[n] for step in steps]) for n in self.drives}

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from ksd.design.questions import CAUGHT, Asked, Before, answers, columns_of_drives
+from ksd.design.questions import CAUGHT, NOTHING, Asked, Before, answered_together, answers, columns_of_drives
 from ksd.design.table import OK, STATUS
 from ksd.errors import ConvergenceError
 from ksd.model.mesh import Mesh
@@ -19,11 +19,14 @@ from ksd.solve.plates import settled
 from ksd.solve.solver import DEFAULT_ACCURACY, MOST_RISES, Method, Solver
 
 Row = dict[str, Any]
+CHUNK = 32
+"""Poses of a line that are solved before they are asked."""
 
 
 @dataclass(frozen=True)
 class Recipe:
-    """How every pose is solved and what it is asked; see `ksd.sweep`."""
+    """How every pose is solved and what it is asked; see `ksd.sweep`. judged: rows say whether it is stable, by which method
+    it was found, and what is warned of."""
 
     asked: Asked
     method: Method | None = None
@@ -32,6 +35,7 @@ class Recipe:
     mesh: Mesh | None = None
     extrapolate: bool = False
     effects: tuple[tuple[str, Any], ...] = ()
+    judged: bool = True
 
 
 @dataclass(frozen=True)
@@ -80,6 +84,11 @@ class Walk:
         return self.solver(
             values, method=r.method, accuracy=r.accuracy, relinearisations=r.relinearisations, strict=False
         )
+
+    def go_on_from(self, pose: Configuration | None) -> None:
+        """What comes next starts from this pose, or from rest."""
+        if self.recipe.method == "conventional":
+            self.before = pose
 
     def aside(self, values: Mapping[str, float]) -> Configuration:
         """A pose beside the line, which goes on from where it was."""
@@ -133,20 +142,38 @@ def run_line(line: Line, recipe: Recipe, solver: Solver | None, rows: list[Row])
         return None
     walk = Walk(solver, recipe)
     before = Before(between=walk.aside)
-    for values in line.poses:
-        row = _labels(line, values)
-        try:
-            pose = walk.pose(values)
-        except CAUGHT as reason:
-            rows.append(row | {STATUS: spoken(reason)})
-            continue
-        told, before, troubles = answers(pose, recipe.asked, before)
-        row |= told
-        row |= {"stable": float(pose.stable), "method": pose.method, "warnings": "; ".join(pose.warnings)}
-        rows.append(
-            row | {STATUS: "; ".join(f"{name}: {spoken(why)}" for name, why in troubles.items()) or OK}
-        )
+    for first in range(0, len(line.poses), CHUNK):
+        found = [_walked(walk, values) for values in line.poses[first : first + CHUNK]]
+        good, last = [pose for pose in found if not isinstance(pose, str)], walk.before
+        # an error figure is asked question by question
+        known = iter([NOTHING] * len(good) if recipe.asked.errors else answered_together(good, recipe.asked))
+        for values, pose in zip(line.poses[first:], found, strict=False):
+            row = _labels(line, values)
+            if isinstance(pose, str):
+                rows.append(row | {STATUS: pose})
+                continue
+            walk.go_on_from(pose)
+            told, before, troubles = answers(pose, recipe.asked, before, next(known).rows)
+            row |= told
+            if recipe.judged:
+                row |= {
+                    "stable": float(pose.stable),
+                    "method": pose.method,
+                    "warnings": "; ".join(pose.warnings),
+                }
+            rows.append(
+                row | {STATUS: "; ".join(f"{name}: {spoken(why)}" for name, why in troubles.items()) or OK}
+            )
+        walk.go_on_from(last)
     return solver
+
+
+def _walked(walk: Walk, values: Mapping[str, float]) -> Configuration | str:
+    """The pose at drive values, or why there is none."""
+    try:
+        return walk.pose(values)
+    except CAUGHT as reason:
+        return spoken(reason)
 
 
 def run_block(lines: tuple[Line, ...], recipe: Recipe) -> list[list[Row]]:

@@ -8,11 +8,10 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from ksd.design.lines import spoken
-from ksd.design.questions import Asked, Before, Pose, Row, answered, stress_row
+from ksd.design.questions import TOGETHER, Asked, Before, Pose, Row, answered, answered_together
 from ksd.errors import SceneError
 from ksd.model.arrays import Motion
 from ksd.properties.stiffness import node_of, point_motion
-from ksd.properties.stress import peaks
 from ksd.properties.tangent import row_numbers
 from ksd.solve.configuration import Configuration
 from ksd.solve.error import settle
@@ -28,8 +27,8 @@ POINTED = {"support_stiffness", "parasitic"}
 
 @dataclass
 class Found:
-    """Numbers of one design; rows (N): answers by column; reasons: why a question has none, by pose; waiting: poses whose
-    stress is asked together with that of other designs, see `answer_stress`."""
+    """Numbers of one design; rows (N): answers by column; reasons: why a question has none, by pose; waiting: poses that are
+    asked together with those of other designs, see `answer_together`."""
 
     links: tuple[str, ...]
     drives: tuple[str, ...]
@@ -110,13 +109,9 @@ class _Questions:
     """Asks the questions of the states in storage, one pose after the other; modes keep their names from pose to pose."""
 
     def __init__(self, design: Prepared, asked: Asked, targets: np.ndarray, found: Found) -> None:
-        self.design, self.targets, self.found, self.stress = (
-            design,
-            targets,
-            found,
-            "stress" in asked.questions,
-        )
-        self.asked = replace(asked, questions=tuple(q for q in asked.questions if q != "stress"))
+        self.design, self.targets, self.found = design, targets, found
+        self.asked = replace(asked, questions=tuple(q for q in asked.questions if q not in TOGETHER))
+        self.later = len(self.asked.questions) < len(asked.questions)
         self.before = Before()
         found.rows = [{} for _ in targets]
         if "support_stiffness" in asked.questions:
@@ -134,10 +129,8 @@ class _Questions:
                 return UNSTABLE
         pose = Pose(self._posed(motion, full.copy() if reduced else motion, target), self.before)
         self.found.rows[n], self.before, failed = answered(pose, self.asked)
-        if self.stress:
+        if self.later:
             self.found.waiting.append((n, pose))
-        if self.found.compliance is not None and "support_stiffness" not in failed:
-            self.found.compliance[n] = pose.stiffness_at(self.asked).compliance
         return _note(self.found, n, failed)
 
     def _posed(self, motion: Motion, answering: Motion, target: np.ndarray) -> Configuration:
@@ -160,17 +153,19 @@ def _note(found: Found, n: int, failed: Mapping[str, Exception]) -> int:
     return UNANSWERED if n in found.reasons else 0
 
 
-def answer_stress(designs: Sequence[Found], asked: Asked) -> None:
-    """The stress of all poses of several designs, together where all their leaves are strain-mode leaves."""
+def answer_together(designs: Sequence[Found], asked: Asked) -> None:
+    """Stiffness and stress of all poses of several designs."""
     waiting = [(found, n, pose) for found in designs for n, pose in found.waiting]
-    together = peaks([pose.unreduced for _, _, pose in waiting], points=asked.points) if waiting else None
-    for k, (found, n, pose) in enumerate(waiting):
-        if together is not None:
-            found.rows[n] |= stress_row(together[k], asked)
-        else:
-            row, _, failed = answered(pose, replace(asked, questions=("stress",)))
-            found.rows[n] |= row
-            found.status[n] = _note(found, n, failed)
+    asked = replace(asked, questions=tuple(q for q in asked.questions if q in TOGETHER))
+    for (found, n, pose), known in zip(
+        waiting, answered_together([p for *_, p in waiting], asked), strict=True
+    ):
+        row, _, failed = answered(pose, asked, known.rows)
+        found.rows[n] |= row
+        if found.compliance is not None and "support_stiffness" not in failed:
+            alone = known.compliance is None
+            found.compliance[n] = pose.stiffness_at(asked).compliance if alone else known.compliance
+        found.status[n] = _note(found, n, failed)
     for found in designs:
         found.waiting.clear()
 

@@ -2,28 +2,35 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from ksd.design.table import spoken_column
 from ksd.design.tracking import SPARE, Between, Tracks, follow_through
 from ksd.design.words import names_of
-from ksd.errors import KsdError, SceneError
+from ksd.errors import ConvergenceError, KsdError, SceneError
+from ksd.properties.alike import Alike, State, alike
 from ksd.properties.extent import clearance, extent
 from ksd.properties.frequencies import Modes, frequencies
 from ksd.properties.parasitic import default_point, parasitic
 from ksd.properties.stiffness import (
     DIRECTIONS,
     PointStiffness,
+    Stiffnesses,
     drive_stiffness,
+    drive_units,
     finer_tangent,
     point_stiffness,
+    principal_stiffness,
+    stiffnesses,
+    support_stiffness,
 )
-from ksd.properties.stress import Peak
+from ksd.properties.stress import Peak, peaks
 from ksd.section.checks import similar, truth, vector, whole, word
 from ksd.solve.answer import drive_kind
 from ksd.solve.error import corrected
@@ -172,25 +179,31 @@ def _force(pose: Any, asked: Asked) -> Row:
     return row
 
 
+SUPPORTS = tuple(f"support_{d}_{'N_per_m' if len(d) == 1 else 'Nm_per_rad'}" for d in DIRECTIONS)
 WORST = ("support_worst_N_per_m", "support_worst_Nm_per_rad")
 """Columns of the least principal stiffness of a point."""
 
 
 def _drive_stiffness(pose: Any, asked: Asked) -> Row:
     found = drive_stiffness(*pose.questioned, tangent=pose.tangent)
-    return {
-        f"{n}_stiffness_{unit.replace('/', '_per_')}": found[n]
-        for n, unit in zip(found.names, found.units, strict=True)
-    }
+    return _drives_row(found.names, found.units, np.diagonal(found.matrix))
+
+
+def _drives_row(names: Sequence[str], units: Sequence[str], stiffness: np.ndarray) -> Row:
+    """Row of the stiffness (d,) of every drive."""
+    columns = (f"{n}_stiffness_{unit.replace('/', '_per_')}" for n, unit in zip(names, units, strict=True))
+    return dict(zip(columns, stiffness.tolist(), strict=True))
 
 
 def _support_stiffness(pose: Any, asked: Asked) -> Row:
     found = pose.stiffness_at(asked)
-    supports = found.supports
-    row = {
-        f"support_{d}_{'N_per_m' if len(d) == 1 else 'Nm_per_rad'}": _finite(supports[d]) for d in DIRECTIONS
-    }
-    for column, stiffness in zip(WORST, found.principal.tolist(), strict=True):
+    return _supports_row(np.array(list(found.supports.values())), found.principal, asked)
+
+
+def _supports_row(supports: np.ndarray, principal: np.ndarray, asked: Asked) -> Row:
+    """Row of the stiffness (6,) in every direction and the principal ones (2, 3)."""
+    row = dict(zip(SUPPORTS, map(_finite, supports.tolist()), strict=True))
+    for column, stiffness in zip(WORST, principal.tolist(), strict=True):
         names = (column, *others(column)) if asked.every else (column,)
         row |= {name: _finite(value) for name, value in zip(names, stiffness, strict=False)}
     return row
@@ -213,11 +226,11 @@ def _stress(pose: Any, asked: Asked) -> Row:
     )
 
 
-def stress_row(peaks: Mapping[str, Peak], asked: Asked) -> Row:
+def stress_row(found: Mapping[str, Peak], asked: Asked) -> Row:
     """Row of the largest stress of every leaf."""
-    worst = max(peaks, key=lambda name: peaks[name].largest_Pa)
-    every = {f"stress_MPa[{n}]": 1e-6 * peak.largest_Pa for n, peak in peaks.items()} if asked.every else {}
-    most, s, point = peaks[worst]
+    worst = max(found, key=lambda name: found[name].largest_Pa)
+    every = {f"stress_MPa[{n}]": 1e-6 * peak.largest_Pa for n, peak in found.items()} if asked.every else {}
+    most, s, point = found[worst]
     return every | {
         "stress_MPa": 1e-6 * most,
         "stress_leaf": worst,
@@ -294,6 +307,10 @@ ROUNDING = 1e-9
 """Numbers below this, in the units of the columns, are rounding of a state at rest."""
 UNLOADED = 1e9
 """Critical load factors beyond this mean that the state carries no stress but rounding."""
+TOGETHER = {"support_stiffness", "drive_stiffness", "stress"}
+"""Questions that many poses are asked together."""
+MANY = 64
+"""Poses of which all stresses are held at once."""
 CAUGHT: tuple[type[Exception], ...] = (KsdError, ArithmeticError, np.linalg.LinAlgError, RuntimeError)
 """What one pose may raise without ending the sweep: our own errors, and arithmetic gone wrong."""
 
@@ -334,14 +351,83 @@ def frequency_row(pose: Pose, asked: Asked) -> tuple[Row, Tracks]:
     return row, tracks
 
 
-def answers(configuration: Any, asked: Asked, before: Before) -> tuple[Row, Before, dict[str, Exception]]:
-    """Row of one pose, what the next one goes on from, and why a question could not be answered, by question."""
-    return answered(Pose(configuration, before), asked)
+class Together(NamedTuple):
+    """What was answered of a pose together with others: rows by question; compliance (6, 6) of the point asked about."""
+
+    rows: dict[str, Row]
+    compliance: np.ndarray | None
 
 
-def answered(pose: Pose, asked: Asked) -> tuple[Row, Before, dict[str, Exception]]:
+NOTHING = Together({}, None)
+
+
+def answered_together(poses: Sequence[Any], asked: Asked) -> list[Together]:
+    """What of stiffness and stress can be answered of many poses at once; anything that has a model and a state `questioned`
+    and a load factor will do. What is missing is asked of the pose alone, which also says why it has no answer."""
+    found = [NOTHING] * len(poses)
+    places: list[int] = []
+    every: list[State] = []
+    for k, pose in enumerate(poses if TOGETHER & set(asked.questions) else []):
+        with suppress(ConvergenceError):
+            every.append((*pose.questioned, pose.load_factor))
+            places.append(k)
+    for first in range(0, len(every), MANY):
+        for numbers, states in alike(every[first : first + MANY]):
+            for n, own in zip(numbers, _answered_alike(states, asked), strict=True):
+                found[places[first + n]] = own
+    return found
+
+
+def _answered_alike(states: Alike, asked: Asked) -> list[Together]:
+    """`answered_together` of states that are alike."""
+    rows: list[dict[str, Row]] = [{} for _ in states.models]
+    compliance: Any = None
+    point, drives = ("support_stiffness" in asked.questions, "drive_stiffness" in asked.questions)
+    if point or drives:
+        # what is wrong with the point is told where the pose is asked alone
+        with suppress(SceneError):
+            # by default the point is where the drive of each design acts
+            places = [asked.point(model.scene) for model in states.models] if point else [(None, None)]
+            stiff = stiffnesses(states, places[0][0], at=[at for _, at in places], drives=drives)
+            compliance = stiff.compliance
+            _note_stiffness(stiff, states, asked, rows)
+    found = peaks(states, points=asked.points) if "stress" in asked.questions else None
+    for row, mine in zip(rows, found or (), strict=False):
+        row["stress"] = stress_row(mine, asked)
+    return [
+        Together(row, compliance[n] if "support_stiffness" in row else None) for n, row in enumerate(rows)
+    ]
+
+
+def _note_stiffness(stiff: Stiffnesses, states: Alike, asked: Asked, rows: list[dict[str, Row]]) -> None:
+    """Rows of stiffness, by question, of the states that have an answer."""
+    good = np.flatnonzero(stiff.good).tolist()
+    if stiff.compliance is not None:
+        supports = support_stiffness(stiff.compliance, states.size)
+        principal = principal_stiffness(stiff.compliance, states.size)
+        for n in good:
+            rows[n]["support_stiffness"] = _supports_row(supports[n], principal[n], asked)
+    if stiff.drives is not None:
+        names = states.models[0].drive_names
+        units = drive_units(states.models[0], range(len(names)))
+        for n in good:
+            rows[n]["drive_stiffness"] = _drives_row(names, units, np.diagonal(stiff.drives[n]))
+
+
+def answers(
+    configuration: Any, asked: Asked, before: Before, known: Mapping[str, Row] | None = None
+) -> tuple[Row, Before, dict[str, Exception]]:
+    """Row of one pose, what the next one goes on from, and why a question could not be answered, by question; known: rows
+    of questions that were answered together with those of other poses."""
+    return answered(Pose(configuration, before), asked, known)
+
+
+def answered(
+    pose: Pose, asked: Asked, known: Mapping[str, Row] | None = None
+) -> tuple[Row, Before, dict[str, Exception]]:
     """`answers` of a pose under question."""
     row: Row = {}
+    known = known or {}
     failed: dict[str, Exception] = {}
     before, configuration = pose.before, pose.configuration
     tracks = before.tracks
@@ -349,7 +435,9 @@ def answered(pose: Pose, asked: Asked) -> tuple[Row, Before, dict[str, Exception
     followed = None if truth is None else truth.before.tracks
     for name in asked.questions:
         try:
-            if name == "frequencies":
+            if name in known:
+                found = known[name]
+            elif name == "frequencies":
                 found, tracks = frequency_row(pose, asked)
             else:
                 found = _ANSWERS[name](pose, asked)

@@ -130,6 +130,13 @@ class Flat(NamedTuple):
     leaves_alone: bool
 
 
+class Bare(NamedTuple):
+    """`Arrays` of which there is nothing but what compiled code takes, and the weight of its members."""
+
+    flat: Flat
+    weight: np.ndarray
+
+
 SCRATCH, NODES, MEMBER_COUNT, ROWS, LOADS, SPRING_COUNT, WIDTH, PLAN, START, MEMBERS = range(10)
 KIND, NODE, OFFSET, FRAME, NUMBER, VALUE_AT, VALUE, INNER_AT, STORE_AT, LENGTH, FLOOR, BLOCK = range(12)
 """Fields of members, counted from MEMBERS, and of springs, from SPRINGS."""

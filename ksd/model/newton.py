@@ -38,6 +38,7 @@ from ksd.model.arrays import (
     VALUE_AT,
     WIDTH,
     Arrays,
+    Bare,
     Motion,
     Work,
     compiled_open_work,
@@ -393,7 +394,7 @@ Newton = tuple[int, int, float, int, float]
 
 
 def _run(
-    arrays: Arrays, motion: Motion, target: np.ndarray, work: Work, task: int, *, near: int = 0, most: int = 0,
+    arrays: Arrays | Bare, motion: Motion, target: np.ndarray, work: Work, task: int, *, near: int = 0, most: int = 0,
     factor: float = 1.0, rtol: float = 1e-8, grain: float = GRAIN, cap: float = math.inf, blow_up: float = math.inf,
 ) -> Newton:  # fmt: skip
     # one type of every argument: for another one all would be compiled again
@@ -422,7 +423,7 @@ def iterate(
 
 
 def assemble(
-    arrays: Arrays,
+    arrays: Arrays | Bare,
     motion: Motion,
     target: np.ndarray,
     factor: float,
@@ -451,7 +452,7 @@ def assemble_nodes(
 
 
 def look(
-    arrays: Arrays, motion: Motion, target: np.ndarray, factor: float, work: Work, rtol: float
+    arrays: Arrays | Bare, motion: Motion, target: np.ndarray, factor: float, work: Work, rtol: float
 ) -> tuple[float, int, int]:
     """Residual over its bound, negative pivots and status at `motion`; the Newton step is left in work.rhs."""
     status, _, worst, negatives, _ = _run(arrays, motion, target, work, LOOK, factor=factor, rtol=rtol)
@@ -465,7 +466,7 @@ def solve_step(arrays: Arrays, work: Work) -> tuple[int, float]:
     return negatives, pivot
 
 
-def take_step(arrays: Arrays, motion: Motion, step: np.ndarray, work: Work, scale: float) -> None:
+def take_step(arrays: Arrays | Bare, motion: Motion, step: np.ndarray, work: Work, scale: float) -> None:
     """motion <- motion + scale * step (n,), which is left in work.rhs; `work` as assembled at `motion`."""
     work.rhs[:] = step
     _run(arrays, motion, np.zeros(0), work, TAKE, cap=scale)

@@ -308,11 +308,15 @@ def refilled(bones: Arrays, floats: np.ndarray) -> Arrays:
 def revalued(arrays: Arrays, bones: Arrays, value: np.ndarray) -> Arrays:
     """The arrays with the integers of `bones`, and the constants `value` (v,) in the place of those of their members; what
     else there is of numbers is the same in both."""
-    flat = arrays.flat
+    return refilled(bones, revalued_floats(arrays.flat.ints, arrays.flat.floats[None], value[None])[0])
+
+
+def revalued_floats(ints: np.ndarray, floats: np.ndarray, value: np.ndarray) -> np.ndarray:
+    """Numbers (D, f) of D designs, as in `Flat` with these ints, with the constants `value` (D, v) in the place of those of
+    their members."""
     # of the fields of numbers, lengths come next
-    first, end = flat.ints[MEMBERS + VALUE], flat.ints[MEMBERS + LENGTH]
-    floats = np.concatenate([flat.floats[:first], value, flat.floats[end:]])
-    return refilled(bones, floats)
+    first, end = ints[MEMBERS + VALUE], ints[MEMBERS + LENGTH]
+    return np.concatenate([floats[:, :first], value, floats[:, end:]], axis=1)
 
 
 def spread(places: np.ndarray, offset: np.ndarray, node: np.ndarray) -> np.ndarray:

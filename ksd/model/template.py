@@ -381,9 +381,8 @@ class Template:
         """The template of the same leaves with other curvature modes, those of `mesh`; None where they cannot have them: on
         chains and mixed meshes, and where leaves bring their constants."""
         if mesh not in self._others:
-            plain = all(w.kind == STRAIN and w.given is None for w in self.leaf_words)
-            same = mesh == replace(self.mesh, orders=mesh.orders, points=mesh.points)
-            words = self._remeshed(mesh) if plain and same and type(mesh) is type(self.mesh) is Mesh else None
+            same = type(mesh) is Mesh and mesh == replace(self.mesh, orders=mesh.orders, points=mesh.points)
+            words = self._remeshed(mesh) if self.plain and same else None
             self._others[mesh] = None if words is None else template_of(words, mesh)
         return self._others[mesh]
 
@@ -399,6 +398,11 @@ class Template:
             for part in self.words.different
         )
         return self.words._replace(different=tuple(parts))
+
+    @cached_property
+    def plain(self) -> bool:
+        """Whether all leaves are strain-mode leaves of one mesh whose constants follow from their lengths and sections."""
+        return type(self.mesh) is Mesh and all(w.kind == STRAIN and w.given is None for w in self.leaf_words)
 
     @cached_property
     def spring_names(self) -> tuple[str, ...]:

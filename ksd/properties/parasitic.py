@@ -211,7 +211,8 @@ def _prescribed(
             )
     rows = len(model.drive_names) + len(model.support_names)
     scale = np.array([1.0] * 3 + [1.0 / model.arrays.size] * 3)
-    left, share = beyond_rows(model, row_gradients(model, motion, range(rows)), loads * scale)
+    gradients = row_gradients(model, motion, range(rows))
+    left, share = beyond_rows(model.arrays, model.arrays.size, gradients, loads * scale)
     # combinations of forces and moments that rows take whole: their motion is prescribed
     _, size, axes = np.linalg.svd(left / np.linalg.norm(loads * scale, axis=0).max())
     taken = axes[np.append(size, np.zeros(6 - len(size))) < SAME].T

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,7 +21,15 @@ from numpy.typing import NDArray
 from ksd.errors import KinematicsError, SceneError
 from ksd.model.arrays import ROTATION, STRAIN, Motion
 from ksd.model.compile import Model
-from ksd.properties.tangent import Tangent, beyond_rows, factored_tangent, row_gradients
+from ksd.properties.alike import Alike
+from ksd.properties.tangent import (
+    Tangent,
+    beyond_rows,
+    factored_tangent,
+    gradients_of_rows,
+    responses,
+    row_gradients,
+)
 from ksd.properties.unfold import unfolded
 from ksd.properties.words import Shown, held, listed, number
 
@@ -128,19 +136,13 @@ class PointStiffness(Shown):
     @property
     def supports(self) -> dict[str, float]:
         """`support` of all six directions: x, y, z [N/m], rx, ry, rz [Nm/rad]."""
-        C = self._scaled()
-        return {d: self._support(C, d, ()) for d in DIRECTIONS}
+        return dict(zip(DIRECTIONS, support_stiffness(self.compliance, self.size).tolist(), strict=True))
 
     @property
     def principal(self) -> Array:
         """Principal stiffnesses (2, 3), ascending, of the directions of space [N/m] and about its axes [Nm/rad], the others
         free: one over the eigenvalues of the translational, and of the rotational compliance; inf where held."""
-        C = self._scaled()
-        C, most = 0.5 * (C + C.T), RIGID * np.abs(C).max()
-        soft = np.array([np.linalg.eigvalsh(C[k : k + 3, k : k + 3])[::-1] for k in (0, 3)])
-        return np.where(
-            soft > most, np.array([[1.0], [self.size**2]]) / np.where(soft > most, soft, 1.0), np.inf
-        )
+        return principal_stiffness(self.compliance, self.size)
 
     @property
     def worst(self) -> tuple[float, float]:
@@ -150,8 +152,34 @@ class PointStiffness(Shown):
 
     def _scaled(self) -> Array:
         """Compliance with rotations times the size, all in m/N."""
-        scale = np.array([1.0] * 3 + [self.size] * 3)
-        return self.compliance * np.outer(scale, scale)
+        return _scaled(self.compliance, self.size)[0]
+
+
+def _scaled(compliance: Array, size: Any) -> tuple[Array, Array]:
+    """Compliance (..., 6, 6) with rotations times the size (...), all in m/N, and what of it counts as none (..., 1)."""
+    scale = np.ones((*np.shape(size), 6))
+    scale[..., 3:] = np.asarray(size)[..., None]
+    C = compliance * scale[..., None] * scale[..., None, :]
+    return C, RIGID * np.abs(C).max(axis=(-2, -1))[..., None]
+
+
+def support_stiffness(compliance: Array, size: Any) -> Array:
+    """`PointStiffness.support` of all six directions (..., 6), of compliances (..., 6, 6) of mechanisms of size (...)."""
+    C, none = _scaled(compliance, size)
+    soft = np.diagonal(C, axis1=-2, axis2=-1)
+    held = np.abs(soft) < none
+    back = np.repeat(np.stack([np.ones(np.shape(size)), np.asarray(size) ** 2], axis=-1), 3, axis=-1)
+    return np.where(held, np.inf, back / np.where(held, 1.0, soft))
+
+
+def principal_stiffness(compliance: Array, size: Any) -> Array:
+    """`PointStiffness.principal` (..., 2, 3), of compliances (..., 6, 6) of mechanisms of size (...)."""
+    C, none = _scaled(compliance, size)
+    C = 0.5 * (C + C.swapaxes(-1, -2))
+    soft = np.linalg.eigvalsh(np.stack([C[..., :3, :3], C[..., 3:, 3:]], axis=-3))[..., ::-1]
+    free = soft > none[..., None]
+    back = np.stack([np.ones(np.shape(size)), np.asarray(size) ** 2], axis=-1)[..., None]
+    return np.where(free, back / np.where(free, soft, 1.0), np.inf)
 
 
 def _number(direction: str) -> int:
@@ -195,6 +223,55 @@ def point_motion(model: Model, motion: Motion, node: int, at: Any) -> tuple[Arra
     return motion.x[node] + s, B
 
 
+class Stiffnesses(NamedTuple):
+    """What `point_stiffness` and `drive_stiffness` answer of D states: compliance (D, 6, 6) of a point, global axes, matrix
+    (D, d, d) between the drives; None for what was not asked. good (D,): where there is an answer; ask others alone."""
+
+    compliance: Array | None
+    drives: Array | None
+    good: NDArray[np.bool_]
+
+
+def stiffnesses(
+    states: Alike, link: Any = None, *, at: Sequence[Any] = (), drives: bool = False
+) -> Stiffnesses:
+    """Stiffness of a point of `link` (none where None), in every state that which is at its own of `at` at rest, and of the
+    drives of all states, all drives and supports held.
+
+    Raises SceneError as `point_stiffness`.
+    """
+    fine, model = states.finer(), states.models[0]
+    bones, x = fine.bones, fine.motion.x
+    rows, count, unknowns = range(len(bones.terms.start)), len(model.drive_names), bones.plan.unknowns
+    loads = np.zeros((len(x), 6 * (link is not None) + count * drives, unknowns))
+    if link is not None:
+        node = node_of(model, link)
+        start = int(bones.start[node])
+        for d, (own, point) in enumerate(zip(states.models, at, strict=True)):
+            loads[d, :6, start : start + 6] = point_motion(own, states.state(d)[1], node, point)[1]
+        if rows:
+            held = [
+                gradients_of_rows(bones, arrays.flat, motion, rows)
+                for arrays, motion in map(fine.state, range(len(x)))
+            ]
+            left, _ = beyond_rows(bones, states.size, np.stack(held), loads[:, :6].swapaxes(1, 2))
+            loads[:, :6] = left.swapaxes(1, 2)
+    if drives:
+        loads[:, -count:, bones.terms.start[:count]] = np.eye(count)
+    found, good = responses(fine, loads)
+    if bones.loads.skew.any():
+        # not conservative: the tangent has a skew part
+        good[:] = False
+    C = matrix = None
+    if link is not None:
+        C = loads[:, :6] @ found[:, :6].swapaxes(1, 2)
+        C = 0.5 * (C + C.swapaxes(1, 2))
+    if drives:
+        matrix = -found[:, -count:, bones.terms.start[:count]]
+        matrix = 0.5 * (matrix + matrix.swapaxes(1, 2))
+    return Stiffnesses(C, matrix, good)
+
+
 def finer_tangent(
     model: Model, motion: Motion, *, freed: Iterable[str] = (), load_factor: float = 1.0, finer: bool = True
 ) -> Tangent:
@@ -234,7 +311,8 @@ def point_stiffness(
     loads[here] = B.T @ turn
     rows = [i for i, n in enumerate((*model.drive_names, *model.support_names)) if n not in found.freed]
     # what held rows take leaves rounding only where it is left out before
-    loads = beyond_rows(found.model, row_gradients(found.model, found.motion, rows), loads)[0]
+    gradients = row_gradients(found.model, found.motion, rows)
+    loads = beyond_rows(found.arrays, found.arrays.size, gradients, loads)[0]
     response, error = found.solve_with_error(loads)
     C = loads.T @ response
     freed = (freed,) if isinstance(freed, str) else tuple(freed)
@@ -294,6 +372,12 @@ def _drive_response(found: Tangent, rows: Sequence[int]) -> tuple[Array, float]:
     return found.solve_with_error(loads)
 
 
+def drive_units(model: Model, rows: Iterable[int]) -> tuple[str, ...]:
+    """Units of the stiffness of drives by number."""
+    terms = model.arrays.terms
+    return tuple("Nm/rad" if terms.kind[terms.first[i]] == ROTATION else "N/m" for i in rows)
+
+
 def drive_stiffness(
     model: Model,
     motion: Motion,
@@ -306,8 +390,7 @@ def drive_stiffness(
     freed = (freed,) if isinstance(freed, str) else tuple(freed)
     found = tangent or finer_tangent(model, motion, freed=freed, load_factor=load_factor)
     rows = [i for i, n in enumerate(model.drive_names) if n not in freed]
-    terms = model.arrays.terms
-    units = tuple("Nm/rad" if terms.kind[terms.first[i]] == ROTATION else "N/m" for i in rows)
+    terms, units = model.arrays.terms, drive_units(model, rows)
     response, error = _drive_response(found, rows)
     names = tuple(model.drive_names[i] for i in rows)
     return DriveStiffness(

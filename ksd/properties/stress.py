@@ -25,6 +25,7 @@ from ksd.beam import corotational
 from ksd.beam.strain_mass import many_pulls, many_slacks
 from ksd.model.arrays import SOLID, Motion
 from ksd.model.compile import Model
+from ksd.properties.alike import Alike
 from ksd.properties.forces import SectionForces, section_forces, spring_energy, strain_forces
 from ksd.properties.leaf_groups import LeafGroup, elastic, leaf_groups, own_gravity
 from ksd.properties.shape import member_ends, member_parts, members_of_leaves, scene_leaves
@@ -221,42 +222,103 @@ class Peak(NamedTuple):
     point: str
 
 
-def peaks(states: Sequence[tuple[Model, Motion]], *, points: int = POINTS) -> list[dict[str, Peak]] | None:
-    """The largest stress of every leaf at many states, models and motions, all together; None where there is a chain, a
-    profile or a leaf with weight, which `stress` answers one by one."""
-    alike: dict[Any, list[tuple[int, str, Array, Array, Any]]] = {}
-    number: dict[Any, Any] = {}
-    for k, (model, motion) in enumerate(states):
-        leaves = scene_leaves(model)
-        for group in leaf_groups(model):
-            if group.heavy:
-                return None
-            first = 1 + sum(n * (n + 1) for n in group.number[:3].tolist())
-            ng = int(group.number[3])
-            make = group.number.tobytes(), group.value[0, first : first + ng * (ng + 1)].tobytes()
-            inner = motion.inner[group.places]
-            for i, member in enumerate(group.members.tolist()):
-                name = model.member_names[member]
-                leaf = leaves.get(name)
-                if leaf is None or leaf.profile is not None:
-                    return None
-                key = (*make, len(stress_points(leaf.section).names), leaf.section.outline is not None)
-                alike.setdefault(key, []).append((k, name, group.value[i], inner[i], leaf.section))
-                number[key] = group.number
-    found: list[dict[str, Any]] = [dict.fromkeys(model.member_names) for model, _ in states]
-    for key, mine in alike.items():
-        value, inner = np.stack([part[2] for part in mine]), np.stack([part[3] for part in mine])
-        s, forces = strain_forces(value, inner, number[key], points)
-        own: list[Any] = list(zip(*(_stations((q,)) for *_, q in mine), strict=True))
-        stations = (*(np.stack(v) for v in own[:5]), *(np.concatenate(v, axis=1) for v in own[5:]))
-        mises = _stresses(forces, stations, outlined=key[-1])[2]
-        at = mises.reshape(len(mine), -1).argmax(axis=1)
-        for j, (k, name, _, _, q) in enumerate(mine):
-            station, point = divmod(int(at[j]), mises.shape[2])
-            found[k][name] = Peak(
-                float(mises[j, station, point]), float(s[j, station]), stress_points(q).names[point]
+class LeavesStress(NamedTuple):
+    """Von Mises stress of n leaf springs of one make, the points of whose sections are alike, among those of D states.
+
+    state, member (n,): which they are; section (n,): number in `sections`; s (n, S): stations [m]; mises (n, S, P) [Pa] at
+    the points of the sections.
+    """
+
+    state: NDArray[np.int64]
+    member: NDArray[np.int64]
+    section: NDArray[np.int64]
+    sections: list[Any]
+    s: Array
+    mises: Array
+
+
+def stress_alike(states: Alike, *, points: int = POINTS) -> list[LeavesStress] | None:
+    """Stress of every leaf in all states; None where leaf springs have weight or points of their own, which `stress` answers
+    one by one."""
+    found, model = [], states.models[0]
+    for group in leaf_groups(model):
+        names = [model.member_names[i] for i in group.members.tolist()]
+        if group.heavy or not set(names) <= set(scene_leaves(model)):
+            return None
+        number, sections = _sections(states.models, names)
+        value, inner = (
+            states.constants(group.members, group.value.shape[1]),
+            states.motion.inner[:, group.places],
+        )
+        leaves = number.size
+        s, forces = strain_forces(value.reshape(leaves, -1), inner.reshape(leaves, -1), group.number, points)
+        state, k = np.divmod(np.arange(leaves), len(names))
+        kinds = [(len(stress_points(q).names), q.outline is not None) for q in sections]
+        for kind in dict.fromkeys(kinds):
+            mine = [n for n, own in enumerate(kinds) if own == kind]
+            place = np.full(len(kinds), -1)
+            place[mine] = np.arange(len(mine))
+            pick = np.flatnonzero(place[number.ravel()] >= 0)
+            row = place[number.ravel()[pick]]
+            own: list[Any] = list(zip(*(_stations((sections[n],)) for n in mine), strict=True))
+            stations = (
+                *(np.stack(v)[row] for v in own[:5]),
+                *(np.concatenate(v, axis=1)[:, row] for v in own[5:]),
             )
-    return found if all(p is not None for one in found for p in one.values()) else None
+            mises = _stresses(forces[pick], stations, outlined=kind[1])[2]
+            section = number.ravel()[pick]
+            found.append(LeavesStress(state[pick], group.members[k[pick]], section, sections, s[pick], mises))
+    return found
+
+
+def _sections(models: Sequence[Model], names: list[str]) -> tuple[NDArray[np.int64], list[Any]]:
+    """Number (D, k) of the section of every leaf in every model, and the different sections."""
+    sections: list[Any] = []
+    known: dict[int, int] = {}
+    number = np.empty((len(models), len(names)), np.int64)
+    for row, model in zip(number, models, strict=True):
+        leaves = scene_leaves(model)
+        for k, name in enumerate(names):
+            q = leaves[name].section
+            if id(q) not in known:
+                known[id(q)] = len(sections)
+                sections.append(q)
+            row[k] = known[id(q)]
+    return number, sections
+
+
+def peaks(states: Alike, *, points: int = POINTS) -> list[dict[str, Peak]] | None:
+    """The largest stress of every leaf by full name, of every state; None as of `stress_alike`."""
+    every = stress_alike(states, points=points)
+    if every is None:
+        return None
+    names = states.models[0].member_names
+    found: list[dict[str, Any]] = [dict.fromkeys(names) for _ in states.models]
+    for part in every:
+        at = part.mises.reshape(len(part.mises), -1).argmax(axis=1)
+        for j, (d, i, n) in enumerate(zip(*(v.tolist() for v in part[:3]), strict=True)):
+            station, point = divmod(int(at[j]), part.mises.shape[2])
+            found[d][names[i]] = Peak(
+                float(part.mises[j, station, point]),
+                float(part.s[j, station]),
+                stress_points(part.sections[n]).names[point],
+            )
+    return found
+
+
+def stress_followed(states: Alike, *, points: int = POINTS) -> dict[str, Array] | None:
+    """Von Mises stress (D,) [Pa] of every leaf by full name, at the station and point of its section where it is largest in
+    the first state: what gradients are differences of. None as of `stress_alike`."""
+    every = stress_alike(states, points=points)
+    if every is None:
+        return None
+    found = np.empty((len(states.models), len(states.models[0].member_names)))
+    for part in every:
+        flat = part.mises.reshape(len(part.mises), -1)
+        at = np.zeros(found.shape[1], np.int64)
+        at[part.member[part.state == 0]] = flat[part.state == 0].argmax(axis=1)
+        found[part.state, part.member] = flat[np.arange(len(flat)), at[part.member]]
+    return dict(zip(states.models[0].member_names, found.T, strict=True))
 
 
 @dataclass(frozen=True, repr=False)

@@ -10,19 +10,22 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ksd.errors import KinematicsError, SceneError
-from ksd.model.arrays import COROTATIONAL, LINEAR, SOLID, Arrays, Motion, Work, make_work
+from ksd.model.arrays import COROTATIONAL, LINEAR, SOLID, Arrays, Flat, Motion, Work, make_work
 from ksd.model.compile import Model
 from ksd.model.loading import term_value
 from ksd.model.newton import assemble
 from ksd.numerics.blocks import factor_blocks, refined_rows, residual_blocks
 from ksd.numerics.indefinite import inertia, scaling, solve_scaled
+from ksd.properties.alike import Alike
 from ksd.properties.cache import per_model
 from ksd.properties.nonconservative import skew_tangent
+from ksd.properties.unfold import settle_insides
 
 Array = NDArray[np.float64]
 SINGULAR = 1e-14
@@ -75,32 +78,59 @@ def free_rows(arrays: Arrays, value: Array, rows: Iterable[int]) -> None:
 
 def row_gradients(model: Model, motion: Motion, rows: Iterable[int]) -> Array:
     """(unknowns, len(rows)): how the coordinates of drives and supports change with the motion of the nodes."""
-    terms, flat, rows = model.arrays.terms, model.arrays.flat, list(rows)
-    found = np.zeros((model.arrays.plan.unknowns, len(rows)))
+    return gradients_of_rows(model.arrays, model.arrays.flat, motion, rows)
+
+
+def gradients_of_rows(arrays: Arrays, flat: Flat, motion: Motion, rows: Iterable[int]) -> Array:
+    """The same of a model with the integers of `arrays` and the numbers of `flat`."""
+    terms, rows = arrays.terms, list(rows)
+    found = np.zeros((arrays.plan.unknowns, len(rows)))
     gradient, scratch = np.empty(12), np.empty((12, 12))
     for k, row in enumerate(rows):
         for t in range(terms.first[row], terms.first[row + 1]):
             term_value(flat.ints, flat.floats, t, motion.x, motion.R, gradient, scratch, 0.0)
             for e in range(2):
-                start = model.arrays.start[terms.node[t, e]]
+                start = arrays.start[terms.node[t, e]]
                 if start >= 0:
                     found[start : start + 6, k] += terms.coefficient[t] * gradient[6 * e : 6 * e + 6]
     return found
 
 
-def beyond_rows(model: Model, gradients: Array, loads: Array) -> tuple[Array, Array]:
+def beyond_rows(arrays: Arrays, size: Any, gradients: Array, loads: Array) -> tuple[Array, Array]:
     """`loads` (unknowns, k) less what is a combination of the `gradients` (unknowns, r) of held rows, and the combinations
-    (r, k). Rows take their part without a motion, so a load that is nothing else is on a held direction: exactly zero."""
-    turns, start = np.ones(len(loads)), model.arrays.start
-    turns[(start[start >= 0, None] + np.arange(3, 6)).ravel()] = model.arrays.size
-    A, b = gradients / turns[:, None], loads / turns[:, None]
-    size = np.sqrt((A * A).sum(axis=0))
-    size[size == 0.0] = 1.0
-    A = A / size
-    share = A.T @ b if A.shape[1] == 1 else np.linalg.lstsq(A, b, rcond=SAME)[0]
+    (r, k). Rows take their part without a motion, so a load that is nothing else is on a held direction: exactly zero.
+
+    arrays: whose unknowns they are; size [m]: of the mechanism. All may have a leading axis over states.
+    """
+    start = arrays.start
+    turns = np.ones((*np.shape(size), arrays.plan.unknowns, 1))
+    turns[..., (start[start >= 0, None] + np.arange(3, 6)).ravel(), 0] = np.asarray(size)[..., None]
+    A, b = gradients / turns, loads / turns
+    norm = np.sqrt((A * A).sum(axis=-2, keepdims=True))
+    A = A / np.where(norm == 0.0, 1.0, norm)
+    share = (A.swapaxes(-1, -2) if A.shape[-1] == 1 else np.linalg.pinv(A, rcond=SAME)) @ b
     left = b - A @ share
-    left[:, (left * left).sum(axis=0) <= SAME**2 * (b * b).sum(axis=0)] = 0.0
-    return left * turns[:, None], share / size[:, None]
+    none = (left * left).sum(axis=-2, keepdims=True) <= SAME**2 * (b * b).sum(axis=-2, keepdims=True)
+    return np.where(none, 0.0, left) * turns, share / np.where(norm == 0.0, 1.0, norm).swapaxes(-1, -2)
+
+
+def responses(states: Alike, loads: Array) -> tuple[Array, NDArray[np.bool_]]:
+    """Response (D, k, unknowns) of D states to `loads` (D, k, unknowns), all drives held, and where it is one (D,): where
+    the tangent is regular and rounding leaves digits, see `Tangent.solve`. The insides of leaves are settled, in place."""
+    bones, found = states.bones, np.empty(loads.shape)
+    work, good = make_work(bones), np.zeros(len(loads), bool)
+    plan, stored, held = bones.plan.ints, np.empty_like(work.value), np.zeros(len(bones.terms.start))
+    for d, factor in enumerate(states.factor.tolist()):
+        arrays, motion = states.state(d)
+        if len(work.weight):
+            work.weight[:] = arrays.weight
+        settle_insides(arrays, motion, work, factor)
+        assemble(arrays, motion, held, factor, work, 1e-8, 0, 10.0)
+        stored[:] = work.value
+        _, pivot = factor_blocks(plan, work.value, work.spare, len(bones.plan.size))
+        if pivot > SINGULAR:
+            good[d] = refined_rows(plan, stored, work.value, work.spare, loads[d], found[d]) <= LOST
+    return found, good
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,7 @@ from functools import lru_cache
 import numpy as np
 
 from ksd.errors import SceneError
-from ksd.model.arrays import COROTATIONAL, STRAIN, Motion, make_work
+from ksd.model.arrays import COROTATIONAL, STRAIN, Arrays, Bare, Motion, Work, make_work
 from ksd.model.compile import Model, remeshed
 from ksd.model.leaves import piece_name
 from ksd.model.mesh import MOST_ORDER, Mesh, MixedMesh
@@ -32,14 +32,18 @@ PASSES = 1
 @per_model
 def finer(model: Model) -> Model:
     """The model with chain nodes in the open and one more mode per axis in strain-mode leaves."""
-    mesh, kind = model.mesh, model.arrays.members.kind
-    if np.any(kind == COROTATIONAL):
+    if np.any(model.arrays.members.kind == COROTATIONAL):
         _insist_on_straight(model)
-    opened = _opened(mesh, kind)
-    if opened == mesh:
+    opened = opened_mesh(model)
+    if opened == model.mesh:
         return model
     # bodies are no part of the scene
     return with_bodies(remeshed(model, opened), model.bodies)
+
+
+def opened_mesh(model: Model) -> Mesh:
+    """The mesh of `finer`."""
+    return _opened(model.mesh, model.arrays.members.kind)
 
 
 def _insist_on_straight(model: Model) -> None:
@@ -73,15 +77,13 @@ def unfolded(model: Model, motion: Motion, *, load_factor: float = 1.0) -> tuple
         return model, motion
     state = _open_chains(model, motion, fine)
     if np.any(model.arrays.members.kind == STRAIN):
-        _settle(fine, state, load_factor)
+        settle_insides(fine.arrays, state, make_work(fine.arrays), load_factor)
     return fine, state
 
 
-def _settle(model: Model, motion: Motion, load_factor: float) -> None:
+def settle_insides(arrays: Arrays | Bare, motion: Motion, work: Work, load_factor: float) -> None:
     """Equilibrium inside every leaf at the present end poses, by Newton on all of them together, in place."""
-    arrays = model.arrays
-    work = make_work(arrays)
-    still, target = np.zeros(arrays.plan.unknowns), np.zeros(len(arrays.terms.start))
+    still, target = np.zeros(len(work.rhs)), np.zeros(len(motion.multiplier))
     for _ in range(PASSES):
         assemble(arrays, motion, target, load_factor, work, 1e-8, 0, 10.0)
         take_step(arrays, motion, still, work, 1.0)
@@ -98,7 +100,7 @@ def pad(number: np.ndarray, inner: np.ndarray, wider: np.ndarray, state: np.ndar
 
 
 @lru_cache(maxsize=64)
-def _widened(number: bytes, wider: bytes) -> np.ndarray:
+def widened(number: bytes, wider: bytes) -> np.ndarray:
     """Where `pad` puts the inner states of all members; settings (m, 4) of both."""
     places, first = [], 0
     for own, theirs in zip(
@@ -118,7 +120,7 @@ def _open_chains(model: Model, motion: Motion, fine: Model) -> Motion:
     members, more = model.arrays.members, fine.arrays.members
     state = fine.rest.copy()
     if model.member_names == fine.member_names and np.all(members.kind == STRAIN):
-        state.inner[_widened(members.number.tobytes(), more.number.tobytes())] = motion.inner
+        state.inner[widened(members.number.tobytes(), more.number.tobytes())] = motion.inner
         return Motion(motion.x.copy(), motion.R.copy(), state.inner, motion.multiplier.copy())
     index = {name: k for k, name in enumerate(fine.node_names)}
     member = {name: i for i, name in enumerate(fine.member_names)}

@@ -13,12 +13,12 @@ import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from ksd.errors import ConvergenceError, SceneError
-from ksd.model.arrays import STRAIN, Motion, make_work
+from ksd.model.arrays import STRAIN, Arrays, Motion, Work, make_work
 from ksd.model.compile import Model, marked, model_of
 from ksd.model.drawing import draw
 from ksd.model.effects import applied, with_conditions
@@ -39,7 +39,7 @@ STEP = 3e-5
 WIDE = 3e-4
 """The same where differences at one and two steps are combined to fourth order: ten times less rounding."""
 NEWTON = 2
-"""Newton steps to the equilibrium beside the pose: one would do but for its rounding, 1e-6 of a slope of the arm's forces."""
+"""Newton steps to the equilibrium beside the pose: one would do but for rounding, 1e-6 of a slope of the arm's forces."""
 LEFT = 0.05
 """Part of the first Newton step up to which the last one may be as large."""
 AXES = "xyz"
@@ -165,6 +165,33 @@ def _loaded_at(scene: Any, k: int, kind: str, axis: int, value: float) -> Any:
     return replace(scene, loads=(*scene.loads[:k], load, *scene.loads[k + 1 :]))
 
 
+class Beside(NamedTuple):
+    """The equilibrium of a model beside a pose, at drive values by name."""
+
+    pose: Configuration
+    model: Model
+    motion: Motion
+    targets: Mapping[str, float]
+
+    @property
+    def questioned(self) -> tuple[Model, Motion]:
+        """Model and state that questions are asked of."""
+        return self.model, self.motion
+
+    @property
+    def load_factor(self) -> float:
+        """What loads are multiplied by."""
+        return self.pose.load_factor
+
+    @property
+    def configuration(self) -> Configuration:
+        """As a pose."""
+        return replace(
+            self.pose, model=self.model, motion=self.motion, targets=dict(self.targets), method="conventional",
+            method_error=None, chosen=False, joint_motions=None, notes=(), doubts=(),
+        )  # fmt: skip
+
+
 class Perturbed:
     """Perturbed poses of one scene: every parameter at its value + share * its size, for every one of `shares`."""
 
@@ -174,7 +201,7 @@ class Perturbed:
 
     def __call__(
         self, pose: Configuration, parameters: Sequence[Parameter]
-    ) -> tuple[Configuration, list[list[Configuration]]]:
+    ) -> tuple[Beside, list[list[Beside]]]:
         """The equilibrium of a pose, and those beside it by parameter and share. Only values of drives may differ from those
         of the call before.
 
@@ -186,13 +213,14 @@ class Perturbed:
             raise SceneError(f"this pose {why}: gradients are those of equilibria of leaf springs")
         if self._made is None or self._made[0] is not pose.model:
             self._made = pose.model, self._models(pose.model, parameters)
-        here = self._at(pose, pose.model, settled(pose), pose.targets)
+        work = _Storage()
+        here = self._at(pose, pose.model, settled(pose), pose.targets, work)
         sides = []
         for parameter, models in zip(parameters, self._made[1], strict=True):
             own = []
             for share, model in zip(self.shares, models, strict=True):
                 values = parameter.at(pose.targets, parameter.value + share * parameter.size)
-                own.append(self._at(pose, model, here.motion, values, parameter.name))
+                own.append(self._at(pose, model, here.motion, values, work, parameter.name))
             sides.append(own)
         return here, sides
 
@@ -205,11 +233,17 @@ class Perturbed:
         return [[model if p.scene is None else next(made) for _ in self.shares] for p in parameters]
 
     def _at(
-        self, pose: Configuration, model: Model, start: Motion, targets: Mapping[str, float], name: str = ""
-    ) -> Configuration:
-        """The equilibrium of a model Newton steps from a state, as a pose; name: of the parameter that was changed."""
+        self,
+        pose: Configuration,
+        model: Model,
+        start: Motion,
+        targets: Mapping[str, float],
+        storage: _Storage,
+        name: str = "",
+    ) -> Beside:
+        """The equilibrium of a model Newton steps from a state; name: of the parameter that was changed."""
         arrays, motion, target = exact(model.arrays), start.copy(), model.targets(targets)
-        work = make_work(arrays)
+        work = storage.of(arrays)
         moved = []
         for _ in range(NEWTON):
             look(arrays, motion, target, pose.load_factor, work, RTOL)
@@ -221,10 +255,23 @@ class Perturbed:
             raise ConvergenceError(
                 f"no gradient: Newton steps do not reach the equilibrium {where}; it is near the end of its branch"
             )
-        return replace(
-            pose, model=model, motion=motion, targets=dict(targets), method="conventional", method_error=None, chosen=False,
-            joint_motions=None, notes=(), doubts=(),
-        )  # fmt: skip
+        return Beside(pose, model, motion, targets)
+
+
+class _Storage:
+    """Storage for models of one make, which follow on one another."""
+
+    def __init__(self) -> None:
+        self.ints: Any = None
+        self.work: Any = None
+
+    def of(self, arrays: Arrays) -> Work:
+        """That of a model."""
+        if arrays.flat.ints is not self.ints:
+            self.ints, self.work = arrays.flat.ints, make_work(arrays)
+        work: Work = self.work
+        work.weight[:] = arrays.weight
+        return work
 
 
 def perturbed_models(model: Model, scenes: Sequence[Any]) -> list[Model]:
@@ -307,7 +354,7 @@ def slopes(
     parameter."""
     _, sides = Perturbed()(pose, parameters)
     return {
-        p.name: _difference(question(own[0]), question(own[1]), 2 * STEP * p.size)
+        p.name: _difference(question(own[0].configuration), question(own[1].configuration), 2 * STEP * p.size)
         for p, own in zip(parameters, sides, strict=True)
     }
 

@@ -8,8 +8,8 @@ import ksd
 from ksd.model.compile import compile_scene
 from ksd.model.leaves import Mesh
 from ksd.properties import stress as stresses
-from ksd.properties.forces import section_forces
-from ksd.properties.stress import stress_points, torsion_factors, von_mises_at
+from ksd.properties.alike import alike
+from ksd.properties.stress import stress_points, torsion_factors
 from ksd.section import circle, numbers, polygon, rectangle
 from ksd.solve.conventional import conventional
 
@@ -107,31 +107,6 @@ def test_it_reads_as_a_sentence():
     assert "hinge/inner:" in text and "MPa at s =" in text
 
 
-@pytest.mark.parametrize(
-    "section", [rectangle(T, W), circle(2e-3), polygon([(-1e-3, -4e-3), (1e-3, -4e-3), (0.0, 5e-3)])]
-)
-def test_one_point_has_the_stress_that_all_points_have(section):
-    pose = tip_loaded(section, force=(40.0, 2.0, 1.0), moment=(0.02, 0.01, 0.03))
-    whole = pose.stress(points=7)["leaf"].von_mises_Pa
-    forces = section_forces(pose.model, pose.motion, points=7)
-    for k, p in np.ndindex(*whole.shape):
-        assert von_mises_at(pose.model, forces, {"leaf": (k, p)})["leaf"] == pytest.approx(
-            whole[k, p], rel=1e-12
-        )
-
-
-def test_one_point_of_a_tapered_leaf():
-    joint = ksd.CircularNotchHinge(STEEL, radius=5e-3, minimum=5e-4, width=1e-2)
-    pose = ksd.solve(single_joint(joint), turn=0.02, method="conventional")
-    whole = pose.stress(points=9)
-    forces = section_forces(*pose.insides, points=9)
-    for name, leaf in whole.leaves.items():
-        k, p = divmod(int(np.argmax(leaf.von_mises_Pa)), leaf.von_mises_Pa.shape[1])
-        assert von_mises_at(pose.model, forces, {name: (k, p)})[name] == pytest.approx(
-            leaf.largest_Pa, rel=1e-12
-        )
-
-
 def test_largest_stresses_of_many_states_together_are_those_one_by_one():
     def wired(section, material=STEEL):
         scene = ksd.Mechanism("wired")
@@ -147,12 +122,19 @@ def test_largest_stresses_of_many_states_together_are_those_one_by_one():
     poses = [
         ksd.solve(s, turn=t, method="full" if s is scenes[0] else None) for s in scenes for t in (0.1, 0.2)
     ]
-    found = stresses.peaks([p.unreduced for p in poses])
-    for pose, own in zip(poses, found, strict=True):
-        one = pose.stress()
+    groups = alike([(*p.unreduced, p.load_factor) for p in poses])
+    assert sorted(k for those, _ in groups for k in those) == list(range(len(poses)))
+    found = {k: own for those, group in groups for k, own in zip(those, stresses.peaks(group), strict=True)}
+    for k, pose in enumerate(poses):
+        one, own = pose.stress(), found[k]
         assert list(own) == list(one.leaves)
         for name, peak in own.items():
             assert peak.largest_Pa == pytest.approx(one[name].largest_Pa, rel=1e-12)
             assert (peak.s, peak.point) == one[name].where
+    for those, group in groups:
+        for name, followed in stresses.stress_followed(group).items():
+            every = [poses[k].stress()[name].von_mises_Pa for k in those]
+            mark = np.unravel_index(np.argmax(every[0]), every[0].shape)
+            assert followed == pytest.approx([own[mark] for own in every], rel=1e-12)
     chain = ksd.solve(single_joint(), turn=0.1, mesh=ksd.Mesh("corotational", elements=3))
-    assert stresses.peaks([poses[0].unreduced, chain.unreduced]) is None
+    assert not alike([(*chain.unreduced, 1.0)])

@@ -1,0 +1,91 @@
+"""States of models with the same words on the same mesh, which differ in numbers alone: asked together, as arrays.
+
+Such are the designs of a batch, the poses of a stroke, and those beside a pose that gradients are differences of. What a
+question prepares is prepared once for all of them, and nothing is made for each state but its answers.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ksd.model.arrays import MEMBERS, VALUE, WEIGHT, Arrays, Bare, Flat, Motion
+from ksd.model.compile import Model
+from ksd.model.pack import revalued_floats
+from ksd.model.template import Leaves, Template
+from ksd.properties.unfold import opened_mesh, widened
+
+Array = NDArray[np.float64]
+State = tuple[Model, Motion, float]
+"""A model, a state of it, and what times its loads act there."""
+
+
+class Alike(NamedTuple):
+    """D states. models: of each; template: what they have in common, bones: its integers; floats (D, f): as in `Flat`;
+    motion: with a leading axis over states; factor (D,): of the loads."""
+
+    models: tuple[Model, ...]
+    template: Template
+    bones: Arrays
+    floats: Array
+    motion: Motion
+    factor: Array
+
+    @property
+    def size(self) -> Array:
+        """Sizes (D,) of the mechanisms [m]."""
+        return self.floats[:, 0]
+
+    def state(self, d: int) -> tuple[Bare, Motion]:
+        """Numbers and state d, views of what is here."""
+        m, ints = self.motion, self.bones.flat.ints
+        flat = Flat(ints, self.floats[d], self.bones.flat.leaves_alone)
+        weight = flat.floats[ints[WEIGHT] :].reshape(-1, 4)
+        return Bare(flat, weight), Motion(m.x[d], m.R[d], m.inner[d], m.multiplier[d])
+
+    def constants(self, members: NDArray[np.int64], size: int) -> Array:
+        """The first `size` constants (D, k, size) of members (k,)."""
+        at = self.bones.flat.ints[MEMBERS + VALUE] + self.bones.members.value_at[members]
+        return self.floats[:, at[:, None] + np.arange(size)]
+
+    def finer(self) -> Alike:
+        """The same states with one mode more per axis in every leaf, see `ksd.properties.unfold`; amplitudes of these are
+        zero."""
+        mesh = opened_mesh(self.models[0])
+        fine = self.template.on(mesh)
+        m = self.motion
+        if mesh == self.template.mesh or fine is None:
+            return self._replace(motion=m.copy())
+        known = [model.derived["leaves"] for model in self.models]
+        leaves = Leaves(*(np.concatenate(field) for field in zip(*(k[1] for k in known), strict=True)))
+        value, rest = fine.packed.values(leaves, np.concatenate([k[2] for k in known]))
+        inner = np.zeros((len(value), rest.shape[1]))
+        number, wider = (b.members.number.tobytes() for b in (self.bones, fine.skeleton))
+        inner[:, widened(number, wider)] = m.inner
+        floats = revalued_floats(self.bones.flat.ints, self.floats, value)
+        motion = Motion(m.x.copy(), m.R.copy(), inner, m.multiplier.copy())
+        return self._replace(template=fine, bones=fine.skeleton, floats=floats, motion=motion)
+
+
+def alike(states: Sequence[State]) -> list[tuple[list[int], Alike]]:
+    """The states that can be asked together, with their numbers in the list: those of straight strain-mode leaves on one
+    mesh."""
+    groups: dict[int, list[int]] = {}
+    for k, (model, _, _) in enumerate(states):
+        template = model.derived.get("leaves", (None,))[0]
+        if template is None or model.bodies or not template.plain:
+            continue
+        if model.arrays.flat.ints is template.skeleton.flat.ints:
+            groups.setdefault(id(template), []).append(k)
+    found = []
+    for numbers in groups.values():
+        models = tuple(states[k][0] for k in numbers)
+        template = models[0].derived["leaves"][0]
+        motion = Motion(*(np.stack(field) for field in zip(*(states[k][1] for k in numbers), strict=True)))
+        floats = np.stack([model.arrays.flat.floats for model in models])
+        factor = np.array([states[k][2] for k in numbers])
+        found.append((numbers, Alike(models, template, template.skeleton, floats, motion, factor)))
+    return found
