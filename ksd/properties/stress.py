@@ -308,12 +308,15 @@ def peaks(states: Alike, *, points: int = POINTS) -> list[dict[str, Peak]] | Non
 
 def stress_followed(states: Alike, *, points: int = POINTS) -> dict[str, Array] | None:
     """Von Mises stress (D,) [Pa] of every leaf by full name, at the station and point of its section where it is largest in
-    the first state: what gradients are differences of. None as of `stress_alike`."""
+    the first state: what gradients are differences of. None as of `stress_alike`, and where sections of a leaf have unlike
+    points."""
     every = stress_alike(states, points=points)
     if every is None:
         return None
     found = np.empty((len(states.models), len(states.models[0].member_names)))
     for part in every:
+        if len(part.member) < len(np.unique(part.member)) * len(states.models):
+            return None
         flat = part.mises.reshape(len(part.mises), -1)
         at = np.zeros(found.shape[1], np.int64)
         at[part.member[part.state == 0]] = flat[part.state == 0].argmax(axis=1)

@@ -8,7 +8,16 @@ from scipy.spatial.transform import Rotation
 from ksd.errors import KinematicsError, SceneError
 from ksd.model.compile import compile_scene
 from ksd.model.leaves import Mesh
-from ksd.properties.stiffness import cross_compliance, drive_coupling, drive_stiffness, point_stiffness
+from ksd.properties.alike import alike
+from ksd.properties.stiffness import (
+    cross_compliance,
+    drive_coupling,
+    drive_stiffness,
+    point_stiffness,
+    principal_stiffness,
+    stiffnesses,
+    support_stiffness,
+)
 from ksd.solve.conventional import conventional
 
 AT = (0.02, 0.31, 0.01)
@@ -145,3 +154,43 @@ def test_methods_of_the_configuration():
     # the two smallest, and one of the other sign
     assert np.sign(base.buckling(count=2).factor).tolist() == [-1, -1, 1]
     assert sum(base.strain_energy().values()) > 0.0
+
+
+@pytest.mark.parametrize("gravity", [None, (0.0, -9.81, 2.0)], ids=("light", "heavy"))
+def test_many_states_together_have_the_stiffness_of_each(gravity):
+    """Designs and poses of equal words, with and without weight, at points of their own; others are left out."""
+    states, at = [], []
+    for length, turn in ((0.1, 0.1), (0.1, 0.3), (0.12, 0.2)):
+        scene = single_joint(cross_flexure(length=length))
+        scene.load("tip", force=(3.0, 2.0, 40.0), at=(length, 0.01, 0.02))
+        scene.gravity = gravity
+        pose = conventional(compile_scene(scene), {"turn": turn}, steps=2)
+        states.append((pose.model, pose.motion, 1.0))
+        at.append((length, 0.0, 0.03))
+    chain = compile_scene(single_joint(), mesh=MESHES[1])
+    ((numbers, group),) = alike([*states, (chain, chain.rest, 1.0)])
+    assert numbers == [0, 1, 2]
+    assert (len(states[0][0].arrays.weight) > 0) == (gravity is not None)
+    found = stiffnesses(group, "tip", at=at, drives=True)
+    assert found.good.all()
+    for (model, motion, _), point, C, K in zip(states, at, found.compliance, found.drives, strict=True):
+        alone = point_stiffness(model, motion, "tip", at=point)
+        size = np.sqrt(np.diagonal(alone.compliance))
+        held = np.where(size > 0.0, size, 1.0)
+        assert (C - alone.compliance) / np.outer(held, held) == pytest.approx(np.zeros((6, 6)), abs=1e-9)
+        assert pytest.approx(drive_stiffness(model, motion).matrix, rel=1e-9) == K
+    supports = support_stiffness(found.compliance, group.size)
+    principal = principal_stiffness(found.compliance, group.size)
+    for row, own, C in zip(supports, principal, found.compliance, strict=True):
+        # the turn about z is held
+        assert row[5] > 1e9
+        assert row[:5] == pytest.approx(1.0 / np.diagonal(C)[:5])
+        assert own[0] == pytest.approx(1.0 / np.linalg.eigvalsh(C[:3, :3])[::-1])
+
+
+def test_states_under_loads_that_are_not_conservative_are_asked_alone():
+    scene = single_joint()
+    scene.load("tip", force=(0.0, 2.0, 0.0), at=(0.1, 0, 0), following=True)
+    pose = conventional(compile_scene(scene), {"turn": 0.1})
+    ((_, group),) = alike([(pose.model, pose.motion, 1.0)])
+    assert not stiffnesses(group, "tip", at=[None]).good.any()

@@ -9,6 +9,7 @@ from ksd.model.compile import compile_scene
 from ksd.model.leaves import Mesh
 from ksd.properties import stress as stresses
 from ksd.properties.alike import alike
+from ksd.properties.shape import scene_leaves
 from ksd.properties.stress import stress_points, torsion_factors
 from ksd.section import circle, numbers, polygon, rectangle
 from ksd.solve.conventional import conventional
@@ -117,6 +118,9 @@ def test_largest_stresses_of_many_states_together_are_those_one_by_one():
         scene.load(tip, force=(1.0, 2.0, 3.0), moment=(0.01, 0.02, 0), at=(0.12, 0.01, 0.01))
         return scene
 
+    def sections_of(pose):
+        return [leaf.section for leaf in scene_leaves(pose.model).values()]
+
     scenes = [single_joint(), wired(ksd.circle(2e-3)), wired(ksd.rectangle(1e-3, 8e-3)), wired(ksd.rectangle(9e-3, 3e-3)),
               wired(ksd.polygon([(0, 0), (2e-3, 0), (2e-3, 3e-3)]))]  # fmt: skip
     poses = [
@@ -132,7 +136,9 @@ def test_largest_stresses_of_many_states_together_are_those_one_by_one():
             assert peak.largest_Pa == pytest.approx(one[name].largest_Pa, rel=1e-12)
             assert (peak.s, peak.point) == one[name].where
     for those, group in groups:
-        for name, followed in stresses.stress_followed(group).items():
+        mixed = len({len(stress_points(q).names) for k in those for q in sections_of(poses[k])}) > 1
+        assert (stresses.stress_followed(group) is None) == mixed, "unlike sections have unlike points"
+        for name, followed in (stresses.stress_followed(group) or {}).items():
             every = [poses[k].stress()[name].von_mises_Pa for k in those]
             mark = np.unravel_index(np.argmax(every[0]), every[0].shape)
             assert followed == pytest.approx([own[mark] for own in every], rel=1e-12)
