@@ -10,6 +10,7 @@ Run: python benchmarks/optimisers.py [--quick] [--minutes M: for evolution of th
 
 from __future__ import annotations
 
+import contextlib
 import importlib.util
 import time
 from collections.abc import Callable, Sequence
@@ -114,9 +115,11 @@ def by_evolution(job: ksd.Job, x: np.ndarray, seed: int, most: float) -> tuple[T
     es = cma.CMAEvolutionStrategy(
         start, 0.2, {"bounds": [0.0, 1.0], "seed": seed + 1, "verbose": -9, "tolfun": 1e-8}
     )
-    while not es.stop() and time.process_time() - told.began < most:
-        places = es.ask()
-        es.tell(places, cost([low + spread * np.clip(p, 0, 1) for p in places]))
+    # Ctrl-C ends this run alone
+    with contextlib.suppress(KeyboardInterrupt):
+        while not es.stop() and time.process_time() - told.began < most:
+            places = es.ask()
+            es.tell(places, cost([low + spread * np.clip(p, 0, 1) for p in places]))
     return told, int(es.result.evaluations), 0
 
 
