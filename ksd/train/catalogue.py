@@ -185,7 +185,7 @@ ENTRIES: dict[str, Entry] = {
         ("strain", 1),
         3.0,
     ),
-    "arc_hinge": Entry(_arc_hinge, (_range("angle", 20, 150, degrees=True),), {**STEEL, **SHEET}, loose=3.0),
+    "arc_hinge": Entry(_arc_hinge, (_range("angle", 20, 270, degrees=True),), {**STEEL, **SHEET}, loose=3.0),
     "universal": Entry(
         _universal, (_range("aspect", 0.32, 0.64, scale="log"),), {**STEEL, **_LEAF}, SHORT, loose=1.0
     ),

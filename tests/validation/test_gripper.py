@@ -146,7 +146,7 @@ def test_the_gripper_scene(paper):
     want = ksd.solve(paper.gripper(driven=True), crank=math.radians(15))
     opening = paper.answers(want)[2]
     assert opening == pytest.approx(-7.647509, rel=1e-5)
-    for method, near in (("constant", 5e-3), ("conventional", 1e-7)):
+    for method, near in (("constant", 5e-3), ("reduced", 1e-3), ("full", 1e-7), ("conventional", 1e-7)):
         found = ksd.solve(scene, targets, method=method)
         assert paper.answers(found)[2] == pytest.approx(opening, rel=near), method
 
