@@ -90,6 +90,12 @@ class ErrorEstimate:
     relative: float
     mesh: float = 0.0
 
+    def __str__(self) -> str:
+        if not np.isfinite(self.relative):
+            return "not known"
+        links = f"links within {1e6 * self.displacement:.2g} um and {1e3 * self.rotation:.2g} mrad"
+        return f"{100 * self.relative:.2g} %, of which mesh {100 * self.mesh:.2g} % ({links})"
+
 
 _NAMES = ("1 close loops", "2 joint stiffness", "3 reduced equilibrium", "4 recovery")
 

@@ -48,6 +48,9 @@ class Validity:
     beyond: tuple[str, ...]
     word: str = "leaf"
 
+    def __str__(self) -> str:
+        return self.sentence
+
     @property
     def sentence(self) -> str:
         """The range in words: the smallest of all ways."""

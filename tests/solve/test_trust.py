@@ -247,3 +247,17 @@ def test_load_steps_confirm_a_fast_answer_within_three_of_its_own_errors(error, 
     ):
         said, kept = verdict.load_step_check(replace(other, method_error=estimate), lambda: other)
         assert (said == "") is same and kept is other
+
+
+def test_verdicts_and_errors_print_as_sentences():
+    yes, no = verdict.Verdict(True, "stable: a minimum"), verdict.Verdict(False, "not the branch meant")
+    said = str(verdict.Trust(yes, no, yes, verdict.Verdict(True, "trusted: it is"))).splitlines()
+    assert said == [
+        "stable: a minimum",
+        "branch: not the branch meant",
+        "strength: stable: a minimum",
+        "trusted: it is",
+    ]
+    told = ErrorEstimate(np.zeros(1), 2e-6, 3e-5, 8e-3, 2e-3)
+    assert str(told) == "0.8 %, of which mesh 0.2 % (links within 2 um and 0.03 mrad)"
+    assert str(ErrorEstimate(np.zeros(1), np.inf, np.inf, np.inf)) == "not known"
