@@ -19,7 +19,9 @@ SCHEMA = "ksd.schema.json"
 
 def run(options: argparse.Namespace) -> int:
     """Write the file. Raises SceneError where there is one already, or for a scene to start from that does not exist."""
-    shipped = {Path(f.name).stem: f for f in (files("ksd") / "scenes").iterdir() if f.name.endswith(".toml")}
+    # jobs of `ksd optimise` are no scenes
+    found = {Path(f.name).stem: f for f in (files("ksd") / "scenes").iterdir() if f.name.endswith(".toml")}
+    shipped = {name: file for name, file in found.items() if not name.endswith("_job")}
     if options.like not in shipped:
         raise SceneError(f"--like {options.like}: there is no such scene{nearest(options.like, shipped)}")
     file = Path(options.name)

@@ -43,6 +43,7 @@ from ksd.scene.leaf import wire as make_wire
 from ksd.scene.material import Material
 from ksd.scene.mechanism import Mechanism
 from ksd.scene.rules import broken_rules
+from ksd.scene.toml_lines import Lines
 from ksd.scene.toml_table import ANY, Noted, Table, Unsaid, each
 from ksd.scene.toml_writer import save_scene
 from ksd.section import Section, rectangle
@@ -62,17 +63,20 @@ def load_scene(path: str | os.PathLike[str], *, option_names: Collection[str] | 
     """Read a scene file: (mechanism, targets {drive: value in SI}, options as written).
 
     option_names: the keys allowed in [options]; any when None. Raises SceneError for a file that cannot be read or is no
-    TOML, SceneFileError, a sentence with file, table and key per mistake, for one that misses a key, has an unknown one, or
-    holds a wrong type, unit or value. Warns (SceneWarning) once of plain numbers that were probably meant in another unit.
+    TOML, SceneFileError, a sentence with file, line, table and key per mistake, for one that misses a key, has an unknown
+    one, or holds a wrong type, unit or value. Warns (SceneWarning) once of plain numbers that were probably meant in another
+    unit.
     """
     file = Path(path)
-    return scene_of_tables(parsed_file(file), file, option_names=option_names)
+    text = _text_of(file)
+    return scene_of_tables(_parsed(text, file.name), file, option_names=option_names, text=text)
 
 
 def scene_of_tables(
-    tables: dict[str, Any], file: Path, *, option_names: Collection[str] | None = None
+    tables: dict[str, Any], file: Path, *, option_names: Collection[str] | None = None, text: str = ""
 ) -> Loaded:
-    """The same from the tables of a file, as read or changed; file: whose name errors tell, whose folder holds others."""
+    """The same from the tables of a file, as read or changed; file: whose name errors tell, whose folder holds others; text:
+    of the file as it was read, in which errors tell the line."""
     noted = Noted()
     top = Table(tables, file.name, noted=noted)
     options = _options(top, option_names)
@@ -80,6 +84,9 @@ def scene_of_tables(
     reader.say_all()
     if not noted.mistakes:
         noted.mistakes += [f"{file.name}: {rule}" for rule in broken_rules(reader.mechanism.draft())]
+    if noted.mistakes or noted.doubts:
+        lines = Lines(file.name, text)
+        noted = Noted([lines.at(said) for said in noted.mistakes], [lines.at(said) for said in noted.doubts])
     if noted.mistakes:
         raise SceneFileError(_listed(file.name, noted), mistakes=tuple(noted.mistakes))
     if noted.doubts:
@@ -101,23 +108,28 @@ def _listed(name: str, noted: Noted) -> str:
 
 def parsed_file(file: Path) -> dict[str, Any]:
     """The tables of a TOML file as they are written. Raises SceneError for a file that cannot be read or is no TOML."""
+    return _parsed(_text_of(file), file.name)
+
+
+def _text_of(file: Path) -> str:
     content = read_file(file, what="scene file", most=LARGEST, hint="check the path")
     try:
-        text = content.decode()
+        return content.decode()
     except UnicodeDecodeError as error:
         raise SceneError(
             f"{file.name}: byte {error.start + 1} is not UTF-8 text; save the file as UTF-8."
         ) from None
+
+
+def _parsed(text: str, name: str) -> dict[str, Any]:
     try:
         return tomllib.loads(text)
     except RecursionError:
-        raise SceneError(f"{file.name}: brackets are nested too deeply.") from None
+        raise SceneError(f"{name}: brackets are nested too deeply.") from None
     except tomllib.TOMLDecodeError as error:
-        raise SceneError(f"{file.name} is not valid TOML: {error}.") from None
+        raise SceneError(f"{name} is not valid TOML: {error}.") from None
     except ValueError:
-        raise SceneError(
-            f"{file.name} is not valid TOML: it holds a number of thousands of digits."
-        ) from None
+        raise SceneError(f"{name} is not valid TOML: it holds a number of thousands of digits.") from None
 
 
 _NAMES = {
@@ -145,7 +157,7 @@ class _Reader:
         said = {"name": file.stem, "plane": None, "gravity": None, "consider": []} | top.read(schema.TOP)
         defined = {kind: top.table(kind) for kind in ("material", "section", "joint")}
         self.sentences = {name: top.tables(name) for name in schema.SENTENCES}
-        misspelt = top.unknown()
+        misspelt = [key for key in top.unknown() if isinstance(top.values[key], dict | list)]
         top.finish()
         if misspelt:
             self.lost = {kind: {ANY} for kind in self.lost}
@@ -202,9 +214,8 @@ class _Reader:
         """One table of `schema.SENTENCES`, said to the mechanism."""
         words = table.read(schema.SENTENCES[sentence], self.parts)
         for key in schema.LINKS:
-            # a sentence that cannot be said may still speak of links that are not there
             with table.judged():
-                if key in words and not table.sound:
+                if key in words:
                     self._heard(self.mechanism._known)(link=words[key], owner=key)
         if sentence == "actuate":
             self._actuate(table, words)

@@ -93,8 +93,9 @@ def test_a_plain_number_in_another_unit_is_one_line_of_the_command(tmp_path, cap
     capsys.readouterr()
     assert main(["doctor", str(tmp_path / "lever.toml")]) == 0
     said = capsys.readouterr().err
+    number = text.splitlines().index("at = [200, 0, 0]") + 1
     assert said == (
-        "ksd: lever.toml, [[load]] 1: at = 200 is 200 m: did you mean '200 mm'? Plain numbers are in SI.\n"
+        f"ksd: lever.toml, line {number}, [[load]] 1: at = 200 is 200 m: did you mean '200 mm'? Plain numbers are in SI.\n"
     )
 
 

@@ -100,7 +100,7 @@ value = "10 deg"
         made, targets, _ = ksd.load_scene(file)
     (said,) = caught
     assert str(said.message) == (
-        "wrong.toml, [material.steel]: E = 210000 is 210000 Pa: did you mean '210000 MPa'? Plain numbers are in SI. "
+        "wrong.toml, line 5, [material.steel]: E = 210000 is 210000 Pa: did you mean '210000 MPa'? Plain numbers are in SI. "
         "So for 2 more."
     )
     assert said.filename == __file__

@@ -15,6 +15,7 @@ import ksd.scene
 from ksd.errors import SceneError, SceneFileError, SceneWarning
 from ksd.scene import Arc, CrossFlexure, DrawnJoint, Leaf, Material, Mechanism, Motion
 from ksd.scene.toml_file import load_scene, save_scene
+from ksd.scene.toml_lines import Lines
 from ksd.scene.toml_table import quantity, unit_named
 from ksd.section import circle, numbers, polygon, rectangle, tube
 from ksd.units import DIMENSIONS, NAMES
@@ -294,9 +295,9 @@ TOGETHER = [
     # nor of the link, loose without its joint, or of drives of the joint
     ({'b = "arm"\njoint': 'name = "base"\nb = "amr"\njoint', 'link = "arm"\nabout = "z"': 'joint = "base"',
       'link = "arm"\nforce': 'link = "amr"\nforce'},
-     ["[[join]] 1: joint 'base': link 'amr' does not exist", "[[load]] 1: load 'amr.load': link 'amr' does not exist"]),
+     ["[[join]] 1: b: link 'amr' does not exist", "[[load]] 1: link: link 'amr' does not exist"]),
     ({'b = "arm"\njoint': 'name = "base"\nb = "amr"\njoint', 'link = "arm"\nabout = "z"': 'joint = "bas"'},
-     ["[[join]] 1: joint 'base': link 'amr' does not exist", "[[actuate]] 1: joint 'bas' does not exist"]),
+     ["[[join]] 1: b: link 'amr' does not exist", "[[actuate]] 1: joint 'bas' does not exist"]),
     ({'b = "arm"\njoint': 'b = "amr"\njoint', 'toward = "x"': "", 'link = "arm"\nabout = "z"': 'joint = "ground-arm"'},
      ["[[join]] 1: key 'toward' is missing", "[[join]] 1: b: link 'amr' does not exist"]),
     ({'links = ["arm"]': "links = 3", 'axis = "z"': 'axis = "w"', "elements = 3": "elements = 0"},
@@ -325,7 +326,10 @@ def test_all_mistakes_are_told_at_once(read, changes, lines):
     assert head == f"case.toml has {len(lines)} mistakes:" and len(told) == len(caught.value.mistakes)
     assert sorted(told) == sorted(set(told))
     for line in lines:
-        assert sum(said.startswith(f"  {line}") for said in told) == 1, (line, told)
+        assert sum(re.sub(r"^  line \d+[,:] ?", "  ", said).startswith(f"  {line}") for said in told) == 1, (
+            line,
+            told,
+        )
     assert all(said.endswith((".", "?")) for said in told)
     assert all(said.startswith("case.toml") for said in caught.value.mistakes)
     again = pickle.loads(pickle.dumps(caught.value))
@@ -353,6 +357,47 @@ def test_any_mistakes_together_are_as_many_as_apart(tmp_path_factory, chosen):
     assert len(caught.value.mistakes) == len(chosen), caught.value
 
 
+def test_mistakes_tell_the_line_of_their_key_or_table(read):
+    text = GOOD
+    for old, new in {
+        '["40 mm", 0.02]': '["40 mm", "2 s"]', 'axis = "z"\ntoward = "x"': '"axis" = "w"', "mass = ": " mas = ",
+        "[[wire]]": "[[ wire ]]  # round", "diameter = ": "# diameter = ", '"lever"': '"lever"\nlevel = 3',
+        '[[support]]\nlink = "arm"': '[[support]]\nlink = "amr"\nhaste = 3',
+    }.items():  # fmt: skip
+        assert old in text
+        text = text.replace(old, new, 1)
+    lines = text.splitlines()
+    with pytest.raises(SceneFileError) as caught:
+        read(text)
+    told = {int(re.match(r"case\.toml, line (\d+)[,:]", said)[1]): said for said in caught.value.mistakes}
+    found = {lines[number - 1].split(" = ")[0]: said for number, said in told.items()}
+    assert found.keys() == {
+        "level",
+        "widths",
+        '"axis"',
+        "[[join]]",
+        "[[ wire ]]  # round",
+        "link",
+        "haste",
+        " mas",
+    }
+    assert "line 3: key 'level' is unknown" in found["level"] and "widths[1] = '2 s'" in found["widths"]
+    assert (
+        "key 'toward' is missing" in found["[[join]]"]
+        and "key 'diameter' is missing" in found["[[ wire ]]  # round"]
+    )
+    assert "link: link 'amr' does not exist" in found["link"]
+
+
+@settings(max_examples=100, deadline=None)
+@given(st.text(max_size=40), st.text(max_size=200))
+def test_lines_of_any_text_leave_the_sentence(place, text):
+    sentence = f"a.toml, [{place}]: E = 3 is wrong."
+    told = Lines("a.toml", text).at(sentence)
+    assert re.sub(r"^a\.toml, line \d+", "a.toml", told) == sentence
+    assert Lines("b", text).at(sentence) == sentence
+
+
 def test_of_very_many_mistakes_the_first_are_listed(read):
     with pytest.raises(SceneFileError) as caught:
         read(GOOD + "\n".join(f'[[point]]\nleaf = "{k}"\ns = 1' for k in range(40)))
@@ -365,7 +410,7 @@ def test_a_plain_number_in_another_unit_stands_at_the_end_of_the_mistakes(read):
     with pytest.raises(SceneFileError) as caught:
         read(text)
     assert str(caught.value).splitlines()[-1] == (
-        "  [section.blade]: width = 40 is 40 m: did you mean '40 mm'?"
+        "  line 11, [section.blade]: width = 40 is 40 m: did you mean '40 mm'?"
     )
 
 
