@@ -13,7 +13,7 @@ Pa; s in m.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any, NamedTuple
@@ -370,32 +370,6 @@ def stress_of(model: Model, found: dict[str, SectionForces]) -> Stress:
     for names in alike.values():
         known |= zip(names, _leaf_stresses([found[n] for n in names], leaves[names[0]]), strict=True)
     return Stress({name: known[name] for name in found})
-
-
-def von_mises_at(
-    model: Model, found: dict[str, SectionForces], marks: Mapping[str, tuple[int, int]]
-) -> dict[str, float]:
-    """Von Mises stress [Pa] at one station and point of the section of every leaf by full name, as `stress_of` tells it
-    among all others: what gradients ask of very many states."""
-    leaves, stresses = scene_leaves(model), {}
-    for name, (k, p) in marks.items():
-        leaf, forces = leaves[name], found[name]
-        profile = getattr(leaf, "profile", None)
-        along = min(max(float(forces.s[k] / forces.s[-1]), 1e-9), 1 - 1e-9)
-        q = leaf.section if profile is None else profile.section(along)
-        at = stress_points(q)
-        N, Vy, Vz, T, My, Mz = forces.values[k].tolist()
-        normal = N / q.A + My * float(at.z[p]) / q.Iy - Mz * float(at.y[p]) / q.Iz
-        twist = [T * v for v in at.torsion[p].tolist()]
-        across = [
-            Vy * v + Vz * w for v, w in zip(at.along_y[p].tolist(), at.along_z[p].tolist(), strict=True)
-        ]
-        if leaf.section.outline is not None:
-            shear = sum(map(abs, (*twist, *across)))
-        else:
-            shear = math.hypot(twist[0] + across[0], twist[1] + across[1])
-        stresses[name] = math.sqrt(normal**2 + 3 * shear**2)
-    return stresses
 
 
 def strain_energy(model: Model, motion: Motion, *, load_factor: float = 1.0) -> Named[float]:
