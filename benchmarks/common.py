@@ -9,6 +9,7 @@ from __future__ import annotations
 import argparse
 import datetime
 import hashlib
+import io
 import json
 import math
 import os
@@ -29,7 +30,6 @@ from ksd.model.leaves import Mesh
 from ksd.solve.conventional import conventional
 from ksd.solve.storage import Storage
 from ksd.units import GPa, deg, mm
-from ksd.view.figure import picture
 
 RESULTS = Path(__file__).resolve().parent / "results"
 STEEL = ksd.Material(E=200 * GPa, G=76.9 * GPa, density=7800)
@@ -245,13 +245,20 @@ def options(text: str, argv: Sequence[str] | None, *more: Callable[[argparse.Arg
     return found
 
 
+def numbers_of(picture_path: Path, name: str) -> Path:
+    """The file of numbers beside a picture, the stored one where there is none."""
+    beside = picture_path.with_name(name)
+    return beside if beside.exists() else RESULTS / name
+
+
 def save_picture(figure: Any, path: Path, *, numbers: Path | None = None) -> None:
     """Write a picture (.png) that tells which numbers it shows: name and SHA-256 of their file, as its text `Numbers`; the
     file of the same name beside it, or the stored one, when None."""
-    beside = path.with_suffix(".json")
-    numbers = numbers or (beside if beside.exists() else RESULTS / beside.name)
+    numbers = numbers or numbers_of(path, path.with_suffix(".json").name)
     digest = hashlib.sha256(numbers.read_bytes()).hexdigest()
-    write_file(path, picture(figure, "png", metadata={"Numbers": f"{numbers.name} {digest}"}), what="picture")
+    content = io.BytesIO()
+    figure.savefig(content, format="png", metadata={"Numbers": f"{numbers.name} {digest}"})
+    write_file(path, content.getvalue(), what="picture")
 
 
 def canvas(rows: int, columns: int, *, size: tuple[float, float], title: str) -> tuple[Any, np.ndarray]:

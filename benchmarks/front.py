@@ -79,12 +79,12 @@ def draw_fronts(panels: Sequence[Panel]) -> None:
         panel.axes.set_xlabel(f"{panel.time} [\N{MICRO SIGN}s]", fontsize=9)
         panel.axes.set_ylabel(f"error of the {panel.error} [%]", fontsize=9)
     # all words have their place before the labels look for one
-    for panel, (marks, line) in zip(panels, parted, strict=True):
-        part_labels(panel.axes, marks, line)
+    for panel, (busy, rest) in zip(panels, parted, strict=True):
+        part_labels(panel.axes, busy, rest)
 
 
 def _draw(axes: Any, every: Iterable[Mark]) -> tuple[Any, Any]:
-    """One panel; returns points (n, 2) of its marks and along its front."""
+    """One panel; returns points (n, 2) of named marks and along its front, and of the others."""
     marks = in_plane(every)
     rest = [m for m in marks if m.method not in NAMED or (m.elements and m.method not in CHAINS)]
     axes.plot([m.time for m in rest], [m.error for m in rest], ".", color="#c3c9d4", markersize=4, zorder=1)
@@ -115,7 +115,8 @@ def _draw(axes: Any, every: Iterable[Mark]) -> tuple[Any, Any]:
     corners = np.log([point for a, b in pairwise(steps) for point in (a, (b[0], a[1]), b)])
     along = np.linspace(0, len(corners) - 1, 20 * len(corners))
     line = np.stack([np.interp(along, np.arange(len(corners)), c) for c in corners.T], axis=1)
-    return np.array([(m.time, m.error) for m in marks]), np.exp(line)
+    named = [(m.time, m.error) for m in marks if m not in rest]
+    return np.concatenate([named, np.exp(line)]), np.array([(m.time, m.error) for m in rest])
 
 
 def _shared(marks: Sequence[Mark]) -> list[tuple[str, Mark]]:

@@ -48,7 +48,7 @@ def draw(path: Path, numbers: Path) -> ksd.Configuration:
     left, right = figure.subplots(1, 2, width_ratios=(1.6, 1.0))
     pose = draw_mechanism(left, ksd.prepare(fourbar(1)))
     marks = marks_of(json.loads(numbers.read_text())["solves"]["1"]["rows"], "force_error")
-    title = "What accuracy costs (black: the front of all methods)"
+    title = "What accuracy costs (black: front of all methods)"
     draw_fronts([Panel(right, marks, title, "thread time of the compiled steps", "drive force")])
     save_picture(figure, path, numbers=numbers)
     return pose

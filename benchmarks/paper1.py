@@ -8,14 +8,16 @@ elements per leaf, d from 0 to 0.3 m; writes the pictures and paper1.json with e
 
 from __future__ import annotations
 
+import json
 import sys
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
-from common import machine, options, write_json
-from paper1_cross_flexure import figure_7, figure_8
-from paper1_fourbar import figure_10, figure_11, figure_12
+from common import machine, numbers_of, options, save_picture, write_json
+from paper1_cross_flexure import draw_7, draw_8, figure_7, figure_8
+from paper1_fourbar import draw_10, draw_11, draw_12, figure_10, figure_11, figure_12
 
 
 def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
@@ -23,20 +25,38 @@ def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
     chosen = options(__doc__, argv)
     out, quick = chosen.out, chosen.quick
     figures = {
-        "figure_7": lambda: figure_7(out, meshes=(2, 6) if quick else (2, 4, 6)),
-        "figure_8": lambda: figure_8(out, forces=(0.0, 4.0)) if quick else figure_8(out),
-        "figure_10": lambda: figure_10(out, meshes=(1, 2, 3), steps=3) if quick else figure_10(out),
-        "figure_11": lambda: figure_11(out, meshes=(2,), repeats=2) if quick else figure_11(out),
+        "figure_7": lambda: figure_7(meshes=(2, 6) if quick else (2, 4, 6)),
+        "figure_8": lambda: figure_8(forces=(0.0, 4.0)) if quick else figure_8(),
+        "figure_10": lambda: figure_10(meshes=(1, 2, 3), steps=3) if quick else figure_10(),
+        "figure_11": lambda: figure_11(meshes=(2,), repeats=2) if quick else figure_11(),
         "figure_12": lambda: (
-            figure_12(out, moments=np.array([-360.0, 0.0, 250.0]), repeats=2) if quick else figure_12(out)
+            figure_12(moments=np.array([-360.0, 0.0, 250.0]), repeats=2) if quick else figure_12()
         ),
     }
     found: dict[str, Any] = {"machine": machine()}
-    for name, draw in figures.items():
+    for name, measured in figures.items():
         print(f"{name.replace('_', ' ')} ...", file=sys.stderr)
-        found[name] = draw()
+        found[name] = measured()
     write_json(found, out / "paper1.json")
+    for name in DRAWN:
+        picture(json.loads((out / "paper1.json").read_text()), out / name)
     return found
+
+
+DRAWN = {
+    "fig07_cross_flexure_moment.png": ("figure_7", draw_7),
+    "fig08_cross_flexure_force_across.png": ("figure_8", draw_8),
+    "fig10_fourbar_force.png": ("figure_10", draw_10),
+    "fig11_fourbar_effort.png": ("figure_11", draw_11),
+    "fig12_fourbar_moment.png": ("figure_12", draw_12),
+}
+"""Pictures, and what of the numbers they show."""
+
+
+def picture(found: dict[str, Any], path: Path) -> None:
+    """One of DRAWN, from the numbers of paper1.json."""
+    key, draw = DRAWN[path.name]
+    save_picture(draw(found[key]), path, numbers=numbers_of(path, "paper1.json"))
 
 
 if __name__ == "__main__":

@@ -7,7 +7,6 @@ eq. 4.3 as printed is twice too stiff (its own eq. 4.7 and Table 1 give E I_sum 
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -60,7 +59,7 @@ def moments(joint: Any, n: int, *, records: Any = None) -> dict[str, list[float]
     return {"fe": (fe / unit).tolist(), "eob": (eob / unit).tolist()}
 
 
-def figure_7(out: Path, *, meshes: tuple[int, ...] = (2, 4, 6)) -> dict[str, Any]:
+def figure_7(*, meshes: tuple[int, ...] = (2, 4, 6)) -> dict[str, Any]:
     """Normalised moment over rotation: the default joint; outer leaf springs four times as wide."""
     default, wide = cross_flexure(), cross_flexure(widths=(40 * mm, WIDE * 20 * mm))
     found: dict[str, Any] = {
@@ -73,6 +72,14 @@ def figure_7(out: Path, *, meshes: tuple[int, ...] = (2, 4, 6)) -> dict[str, Any
     }
     exact = [c.forces["turn"] for c in walk(hinge(default), FINEST)]
     found["converged"] = (np.array(exact) / (bending_stiffness(default) * ANGLES * deg)).tolist()
+    found["largest_difference_eob_fe"] = {
+        n: float(np.max(np.abs(np.subtract(c["eob"], c["fe"])))) for n, c in found["default"].items()
+    }
+    return found
+
+
+def draw_7(found: dict[str, Any]) -> Any:
+    """The moments of Fig. 7 as stored."""
     figure, ((a, b),) = canvas(1, 2, size=(4.6, 3.7), title="Fig. 7 of paper 1: moment of the cross flexure")
     for color, (n, curves) in zip(COLORS, found["default"].items(), strict=False):
         a.plot(ANGLES, curves["fe"], color=color, linewidth=3.5, alpha=0.35, label=f"FE, n = {n}")
@@ -81,11 +88,7 @@ def figure_7(out: Path, *, meshes: tuple[int, ...] = (2, 4, 6)) -> dict[str, Any
     label(a, x="rotation θ [deg]", y="M / (E ΣI θ / L) [-]", title="(a) default joint")
     _wide_panel(b, found)
     a.sharey(b)
-    figure.savefig(out / "fig07_cross_flexure_moment.png")
-    found["largest_difference_eob_fe"] = {
-        n: float(np.max(np.abs(np.subtract(c["eob"], c["fe"])))) for n, c in found["default"].items()
-    }
-    return found
+    return figure
 
 
 def _wide_panel(axes: Any, found: dict[str, Any]) -> None:
@@ -129,14 +132,18 @@ def across(n: int, scaled: float) -> dict[str, Any]:
     return found
 
 
-def figure_8(out: Path, *, n: int = 4, forces: tuple[float, ...] = SCALED_FORCES) -> dict[str, Any]:
+def figure_8(*, n: int = 4, forces: tuple[float, ...] = SCALED_FORCES) -> dict[str, Any]:
     """Disturbance force in z on node B, four elements per leaf: lift and moment, reduced and full."""
-    found = {"rotation_deg": ANGLES.tolist(), "elements": n, "cases": {f: across(n, f) for f in forces}}
-    title = f"Fig. 8 of paper 1: force $F_z$ across the cross flexure, n = {n}"
+    return {"rotation_deg": ANGLES.tolist(), "elements": n, "cases": {f: across(n, f) for f in forces}}
+
+
+def draw_8(found: dict[str, Any]) -> Any:
+    """Lift and moment of Fig. 8 as stored."""
+    title = f"Fig. 8 of paper 1: force $F_z$ across the cross flexure, n = {found['elements']}"
     figure, ((a, b),) = canvas(1, 2, size=(4.6, 3.7), title=title)
     for color, (scaled, case) in zip(COLORS, found["cases"].items(), strict=False):
         for axes, key in ((a, "lift"), (b, "moment")):
-            name = f"$\\bar F$ = {scaled:g} ({case['force_N']:.0f} N)"
+            name = f"$\\bar F$ = {float(scaled):g} ({case['force_N']:.0f} N)"
             axes.plot(
                 ANGLES, case["full"][key], color=color, linewidth=3.5, alpha=0.35, label=f"{name}, full"
             )
@@ -150,5 +157,4 @@ def figure_8(out: Path, *, n: int = 4, forces: tuple[float, ...] = SCALED_FORCES
         title="(a)   $\\bar F = F_z L^2 / (E ΣI)$",
     )
     label(b, x="rotation θ [deg]", y="M L / (E ΣI) [-]", title="(b)", legend=False)
-    figure.savefig(out / "fig08_cross_flexure_force_across.png")
-    return found
+    return figure

@@ -8,7 +8,6 @@ step when the residual exceeds eps_max, with the eps_max best for it in each cas
 from __future__ import annotations
 
 import math
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -55,18 +54,26 @@ def forces(reading: int, n: int, places: np.ndarray) -> dict[str, Any]:
     return found
 
 
-def figure_10(out: Path, *, meshes: tuple[int, ...] = (1, 2, 3, 4, 5, 6), steps: int = 20) -> dict[str, Any]:
+def figure_10(*, meshes: tuple[int, ...] = (1, 2, 3, 4, 5, 6), steps: int = 20) -> dict[str, Any]:
     """Normalised force over normalised displacement; drawn for n = 1 and 3, computed for every mesh."""
     places = np.linspace(0.0, STROKE, steps + 1)
     found: dict[str, Any] = {"displacement_m": places.tolist(), "readings": {}}
+    for reading in READINGS:
+        cases = {n: forces(reading, n, places) for n in meshes}
+        found["readings"][reading] = {"height_m": height(reading), "elements": cases}
+    return found
+
+
+def draw_10(found: dict[str, Any]) -> Any:
+    """Forces of Fig. 10 as stored."""
     title = "Fig. 10 of paper 1: force on the fourbar, $F_{lin}$ = 4 E ΣI d / (L h²), h between joint centres"
     figure, (row,) = canvas(1, 2, size=(4.6, 3.6), title=title)
+    places = np.array(found["displacement_m"])
     for axes, (reading, spoken) in zip(row, READINGS.items(), strict=True):
-        h = height(reading)
+        stored = found["readings"][str(reading)]
+        h, cases = stored["height_m"], stored["elements"]
         unit = 4 * bending_stiffness(cross_flexure()) / h**2 * places[1:]
-        cases = {n: forces(reading, n, places) for n in meshes}
-        found["readings"][reading] = {"height_m": h, "elements": cases}
-        for n, color in ((1, "#c2410c"), (3, "#3b6ea5")):
+        for n, color in (("1", "#c2410c"), ("3", "#3b6ea5")):
             if n in cases:
                 full, reduced = (np.array(cases[n][m]["force_N"])[1:] / unit for m in ("full", "reduced"))
                 axes.plot(
@@ -81,8 +88,7 @@ def figure_10(out: Path, *, meshes: tuple[int, ...] = (1, 2, 3, 4, 5, 6), steps:
                     label=f"reduced, n = {n}",
                 )
         label(axes, x="d / h [-]", y="F / $F_{lin}$ [-]", title=f"reading {reading}: {spoken}; h = {h:.4g} m")
-    figure.savefig(out / "fig10_fourbar_force.png")
-    return found
+    return figure
 
 
 def effort(reading: int, n: int, *, repeats: int) -> dict[str, Any]:
@@ -115,28 +121,31 @@ def effort(reading: int, n: int, *, repeats: int) -> dict[str, Any]:
     }
 
 
-def figure_11(
-    out: Path, *, meshes: tuple[int, ...] = (1, 2, 3, 4, 5, 6), repeats: int = 15
-) -> dict[str, Any]:
+def figure_11(*, meshes: tuple[int, ...] = (1, 2, 3, 4, 5, 6), repeats: int = 15) -> dict[str, Any]:
     """Iterations, and time per iteration, over the number of elements per leaf.
 
     Time per iteration: time of the step over its factorisations, so that it carries the last assembly, which
     finds the residual small, and the factorisation of the final state, which shows whether it is stable.
     """
-    found: dict[str, Any] = {r: {n: effort(r, n, repeats=repeats) for n in meshes} for r in READINGS}
+    return {r: {n: effort(r, n, repeats=repeats) for n in meshes} for r in READINGS}
+
+
+def draw_11(found: dict[str, Any]) -> Any:
+    """Effort of Fig. 11 as stored."""
     title = "Fig. 11 of paper 1: effort for the fourbar at d = 0.3 m (conventional: best ε_max per case)"
     figure, grid = canvas(2, 2, size=(4.8, 3.0), title=title)
     for row, (reading, spoken) in zip(grid, READINGS.items(), strict=True):
-        cases = found[reading]
+        cases = found[str(reading)]
+        meshes = [int(n) for n in cases]
         for k, (name, color) in enumerate(COLORS.items()):
             x = np.array(meshes) + 0.2 * (k - 1.5)
-            counts = [cases[n]["iterations"][name] for n in meshes]
+            counts = [case["iterations"][name] for case in cases.values()]
             row[0].bar(x, counts, 0.19, color=color, label=NAMES[name])
             for at, count in zip(x, counts, strict=True):
                 row[0].annotate(
                     str(count), (at, count), (0, 2), textcoords="offset points", ha="center", fontsize=6
                 )
-            times = [cases[n]["time_per_iteration"][name]["median_us"] for n in meshes]
+            times = [case["time_per_iteration"][name]["median_us"] for case in cases.values()]
             row[1].bar(x, times, 0.19, color=color, label=NAMES[name])
         row[0].set_yscale("log")
         row[0].set_ylim(0.5, 300)
@@ -147,8 +156,7 @@ def figure_11(
         title = f"reading {reading}: {spoken}"
         label(row[0], x="elements per leaf n", y="iterations", title=title, **where)
         label(row[1], x="elements per leaf n", y="thread time per iteration [µs]", title=title, legend=False)
-    figure.savefig(out / "fig11_fourbar_effort.png")
-    return found
+    return figure
 
 
 def attempt(solve: Any) -> ksd.Configuration | None:
@@ -196,22 +204,26 @@ def under_moment(reading: int, moment: float, n: int, *, repeats: int) -> dict[s
     }
 
 
-def figure_12(out: Path, *, n: int = 5, moments: np.ndarray = MOMENTS, repeats: int = 9) -> dict[str, Any]:
+def figure_12(*, n: int = 5, moments: np.ndarray = MOMENTS, repeats: int = 9) -> dict[str, Any]:
     """External moment about z on the top link, d = 0.3 m: rotation, iterations and time."""
-    found: dict[str, Any] = {"moment_Nm": moments.tolist(), "elements": n, "readings": {}}
+    readings = {r: [under_moment(r, float(m), n, repeats=repeats) for m in moments] for r in READINGS}
+    return {"moment_Nm": moments.tolist(), "elements": n, "readings": readings}
+
+
+def draw_12(found: dict[str, Any]) -> Any:
+    """Rotation, iterations and time of Fig. 12 as stored."""
+    n, moments = found["elements"], np.array(found["moment_Nm"])
     title = f"Fig. 12 of paper 1: fourbar at d = 0.3 m under a moment about z on the top link, n = {n}"
     figure, grid = canvas(2, 3, size=(3.9, 3.0), title=title)
     for row, (reading, spoken) in zip(grid, READINGS.items(), strict=True):
-        cases = [under_moment(reading, float(m), n, repeats=repeats) for m in moments]
-        found["readings"][reading] = cases
+        cases = found["readings"][str(reading)]
         _panels_12(row, moments, cases)
         label(
             row[0], x="moment [Nm]", y="rotation of the top link [mrad]", title=f"reading {reading}: {spoken}"
         )
         label(row[1], x="moment [Nm]", y="iterations", legend=reading == 1, loc="upper center")
         label(row[2], x="moment [Nm]", y="thread time [ms]", legend=reading == 1, loc="upper center")
-    figure.savefig(out / "fig12_fourbar_moment.png")
-    return found
+    return figure
 
 
 def _panels_12(row: Any, moments: np.ndarray, cases: list[dict[str, Any]]) -> None:

@@ -16,6 +16,7 @@ from typing import Any
 import bench
 import families
 import hero
+import paper1
 import speed_report
 from common import RESULTS, options
 
@@ -24,8 +25,9 @@ PICTURES: dict[str, Drawn] = {
     "speed.png": speed_report.picture,
     "bench.png": bench.picture,
     "families.png": lambda found, path: families.picture(found["families"], path),
+    **dict.fromkeys(paper1.DRAWN, paper1.picture),
 }
-"""How a picture of benchmarks/results is drawn from the numbers of the same name."""
+"""How a picture of benchmarks/results is drawn from its numbers, of the same name but for those of paper 1."""
 
 
 def main(argv: Sequence[str] | None = None) -> list[Path]:
@@ -36,7 +38,7 @@ def main(argv: Sequence[str] | None = None) -> list[Path]:
     hero.draw(top, RESULTS / "speed.json")
     drawn = [top]
     for name, draw in PICTURES.items():
-        numbers = (RESULTS / name).with_suffix(".json")
+        numbers = RESULTS / ("paper1.json" if name in paper1.DRAWN else Path(name).with_suffix(".json"))
         draw(json.loads(numbers.read_text()), chosen.out / name)
         drawn.append(chosen.out / name)
     for path in drawn:
