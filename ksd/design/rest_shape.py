@@ -8,7 +8,7 @@ mechanism fits together unloaded (`ksd.design.rest_equations`).
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import fields, replace
 from itertools import groupby
 from typing import Any
 
@@ -17,12 +17,13 @@ from numpy.typing import NDArray
 
 from ksd.design.rest_equations import Equations, Found, Row, Said, Term, solved
 from ksd.design.rest_leaf import Axes, DrawnLeaf, axes_of, deformed_curve, rotated
+from ksd.design.rest_scene import FINE, RestShape, pieces_of
 from ksd.errors import ConvergenceError, KsdError, SceneError
 from ksd.model.arrays import STRAIN
 from ksd.model.leaves import cut_leaves
 from ksd.model.mesh import Mesh
 from ksd.numerics.rotations import rotation_log
-from ksd.properties.words import Shown, listed, number, printed
+from ksd.properties.words import number
 from ksd.scene.clearance import FINE as BOXES
 from ksd.scene.clearance import TOUCH, leaf_body, meetings, meets_itself
 from ksd.scene.contents import Scene
@@ -37,8 +38,6 @@ from ksd.solve.required import held_pose, required_loads
 from ksd.solve.solver import given_values, prepare, solve
 
 Array = NDArray[np.float64]
-FINE = Mesh(orders=(3, 2, 12), points=16)
-"""Leaf springs of the forward solution by which a rest shape is checked."""
 RETURNED = 1e-4
 """Distance from the wanted shape, over the size, up to which the forward solution has come back to it."""
 UNSAID = {
@@ -49,68 +48,6 @@ UNSAID = {
     "fits": "assembly errors and preloads",
 }
 """What a scene may not mention, in words."""
-
-
-@dataclass(frozen=True, repr=False, kw_only=True)
-class RestShape(Shown, Scene):
-    """A scene, drawn undeformed, that takes a wanted shape under its loads; solve it as any other.
-
-    wanted: the scene as it is wanted; targets: drive values by name [m or rad] that belong to it; forces: of the drives [N
-    or Nm]; leaf_forces (4,) by leaf: components in the plane of the force that the part beyond exerts on it at its end [N],
-    bending moments at its start and end [Nm]; folds: shares of the loads at which the way from the drawn shape
-    turned back; crossings: names of leaf springs that run through each other, or a name twice, at rest. The forward
-    solution from here: `checked` says in words how it ended, displacement [m] and rotation [rad] the largest distance of a
-    link from where it is wanted, infinite where there is none.
-    """
-
-    wanted: Scene = field(compare=False)
-    targets: Mapping[str, float] = field(compare=False)
-    forces: Mapping[str, float] = field(compare=False)
-    leaf_forces: Mapping[str, Array] = field(compare=False)
-    folds: tuple[float, ...] = field(default=(), compare=False)
-    crossings: tuple[tuple[str, str], ...] = field(default=(), compare=False)
-    displacement: float = field(default=np.inf, compare=False)
-    rotation: float = field(default=np.inf, compare=False)
-    checked: str = field(default="not solved forward", compare=False)
-
-    def _line(self) -> str:
-        return f"of '{self.name}', {self.checked}"
-
-    def __str__(self) -> str:
-        axes = "xyz" if self.plane is None else [("xyz")[k] for k in axes_of(self.plane).own]
-        rows = []
-        for placed in self.leaves:
-            h, v, first, last = self.leaf_forces[placed.name]
-            chord = float(np.linalg.norm(np.subtract(placed.leaf.end, placed.leaf.start)))
-            noise = 1e-9 * float(np.abs(self.leaf_forces[placed.name]).max())
-            rows.append((
-                placed.name, number(1e3 * placed.leaf.length, 6), number(1e3 * chord, 6),
-                *(number(float(f), 5, zero=noise) for f in (h, v, first, last)),
-            ))  # fmt: skip
-        columns = (
-            "leaf",
-            "length [mm]",
-            "chord [mm]",
-            f"F{axes[0]} [N]",
-            f"F{axes[1]} [N]",
-            "M start [Nm]",
-            "M end [Nm]",
-        )
-        drives = [
-            f"{n} = {number(v, 6)}, {number(self.forces[n], 6)} N or Nm" for n, v in self.targets.items()
-        ]
-        said = [f"Rest shape of '{self.name}': {self.checked}."]
-        said += [f"Drives: {'; '.join(drives)}."] if drives else []
-        said += [
-            f"'{a}' runs through itself at rest."
-            if a == b
-            else f"'{a}' and '{b}' run through each other at rest."
-            for a, b in self.crossings
-        ]
-        return printed(
-            *said,
-            listed(columns, rows, "Leaf springs: undeformed, and the forces in them in the wanted shape"),
-        )
 
 
 def rest_shape(
@@ -187,7 +124,7 @@ def _drawn(
             f"rest_shape: wanted = {show(wanted)}: give a pose (ksd.solve), poses by link, or nothing for the drawing."
         )
     model, motion = wanted.unreduced
-    pieces = {name: (f, leaf) for name, f, leaf in _pieces(scene)}
+    pieces = {name: (f, leaf) for name, f, leaf in pieces_of(scene)}
     if not set(scene.links) <= set(model.node_names) or set(pieces) != set(model.member_names):
         raise SceneError(
             f"rest_shape: the wanted pose is one of another mechanism, '{model.scene.name}'; give one of '{scene.name}' "
@@ -209,12 +146,6 @@ def _drawn(
             deformed_curve(leaf, model.mesh.of(whole), axes, (model, motion, i), gravity)
         )
     return Scene(**redrawn(scene, moves, curves)), values
-
-
-def _pieces(scene: Scene) -> list[tuple[str, str, Any]]:
-    """(name, whole leaf, leaf) of every leaf spring, cut at the points on it."""
-    wholes = [f.name for f in scene.leaves for _ in range(1 + sum(p.leaf == f.name for p in scene.points))]
-    return [(name, whole, leaf) for (name, _, _, leaf), whole in zip(cut_leaves(scene), wholes, strict=True)]
 
 
 def _gravity(scene: Scene, axes: Axes) -> Array:
@@ -380,7 +311,7 @@ class _Problem:
         self.moves = {link: self._move(z[at[1] + 3 * (i - 1) :][:3]) for link, i in self.number.items() if i}
         curves: dict[str, list[Curve]] = {}
         inside: dict[str, Array] = {}
-        pieces = list(zip(self.leaves, _pieces(self.scene), range(len(self.leaves)), strict=True))
+        pieces = list(zip(self.leaves, pieces_of(self.scene), range(len(self.leaves)), strict=True))
         for whole, group in groupby(pieces, key=lambda piece: piece[1][1]):
             parts = [(leaf, z[3 * k : 3 * k + 3]) for leaf, _, k in group]
             rested = [leaf.rest(w[None], equations.gravity) for leaf, w in parts]
@@ -478,4 +409,4 @@ def _in_equilibrium(made: RestShape, moves: Mapping[str, Move], mesh: Mesh) -> s
     return "in equilibrium in the wanted shape, where it has to be led by hand or is not stable: "
 
 
-__all__ = ["RestShape", "rest_shape"]
+__all__ = ["rest_shape"]

@@ -271,6 +271,24 @@ def test_a_rest_shape_is_a_scene():
     assert "not solved forward" in ksd.rest_shape(cantilever(), check=False).checked
 
 
+def test_the_lines_to_make(tmp_path):
+    """Places along a leaf at rest are those of its curve, at points on it too, and go into a file."""
+    scene = cantilever((0, 2, 0))
+    scene.load(scene.point("leaf", 0.04), force=(0, -9, 0))
+    found = ksd.rest_shape(scene, check=False)
+    line, leaf = found.line("leaf", points=11), found.leaves[0].leaf
+    for s, place in zip(np.linspace(0, 1, 11), line, strict=True):
+        assert place == pytest.approx(leaf.section_at(float(s))[0], abs=1e-6)
+    assert line[-1] == pytest.approx(leaf.end, abs=1e-10)
+    rows = found.to_csv(tmp_path / "leaf.csv", points=11).read_text().splitlines()
+    assert rows[0] == "leaf,s_m,x_m,y_m,z_m" and len(rows) == 12
+    assert [float(v) for v in rows[-1].split(",")[1:]] == pytest.approx([leaf.length, *line[-1]], rel=1e-12)
+    with pytest.raises(ksd.SceneError, match=r"no leaf 'leave'; there are leaf"):
+        found.line("leave")
+    with pytest.raises(ksd.SceneError, match=r"points"):
+        found.line("leaf", points=1)
+
+
 def heated():
     scene = cantilever(material=ksd.Material(E=1e9, nu=0.3, expansion=1e-5))
     scene.heat(10.0)
