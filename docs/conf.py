@@ -26,10 +26,13 @@ project = "ksd"
 author = "The ksd developers"
 release = version = ksd.__version__
 
-extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.mathjax", "sphinx_gallery.gen_gallery"]
-source_suffix = {".md": "markdown", ".rst": "restructuredtext"}
+extensions = ["myst_nb", "sphinx.ext.autodoc", "sphinx.ext.mathjax", "sphinx_gallery.gen_gallery"]
+source_suffix = {".md": "myst-nb", ".ipynb": "myst-nb", ".rst": "restructuredtext"}
+nb_execution_mode = "off"  # the notebook is stored with its answers
 exclude_patterns = [
     "_made/scripts",
+    "gallery/*.ipynb",
+    "tutorial/*.ipynb",
     "_made/blocks",
     "_made/commands.md",
     "_made/scene_tables.md",
