@@ -142,4 +142,4 @@ def spoken_value(value: float, kind: str) -> str:
 
 def spoken_force(value: float, kind: str) -> str:
     """A drive force [N] or moment [Nm] with its unit."""
-    return f"{value:.4g} N" if kind == "translation" else f"{value:.4g} Nm"
+    return f"{value + 0.0:.4g} {'N' if kind == 'translation' else 'Nm'}"  # not "-0"

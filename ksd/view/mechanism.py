@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from ksd.model.plane import Plane, plane_of
+from ksd.properties.shape import POINTS, Shape
 from ksd.view.arrows import draw_arrows, draw_springs
 from ksd.view.bodies import (
     FINE,
@@ -38,6 +39,8 @@ LIGHT = np.array([-0.35, 0.65, 0.68])
 """Where the light comes from, in the picture: left, above, before."""
 DIM = 0.62
 """What is left of a colour where the light does not fall."""
+CORNER = np.deg2rad(6.0)
+"""Turn between two stations of a leaf beyond which its line would show a corner."""
 
 
 def plane_seen(configuration: Any) -> str | None:
@@ -45,6 +48,15 @@ def plane_seen(configuration: Any) -> str | None:
     found = plane_of(configuration.model)
     said: str | None = configuration.model.scene.plane
     return said or (("yz", "xz", "xy")[found.axis] if isinstance(found, Plane) else None)
+
+
+def smooth_shape(configuration: Configuration) -> Shape:
+    """What there is to draw, with stations so close that no leaf shows corners."""
+    shape = configuration.shape()
+    along = [axes[:, :, 0] for leaf in shape.leaves for axes in (leaf.axes, leaf.rest_axes)]
+    cosine = min((float((e[:-1] * e[1:]).sum(axis=1).min()) for e in along), default=1.0)
+    sharp = float(np.arccos(np.clip(cosine, -1.0, 1.0)))
+    return shape if sharp <= CORNER else configuration.shape(points=min(20, int(sharp / CORNER) + 1) * POINTS)
 
 
 def plot_mechanism(
@@ -63,7 +75,7 @@ def plot_mechanism(
     labels: names of links, drives and loads, with drive values and forces. color: "stress" colours the leaf springs by their
     von Mises stress, with a scale. Raises SceneError for another view or colour.
     """
-    shape = configuration.shape()
+    shape = smooth_shape(configuration)
     camera = camera_of(shape, view, plane=plane_seen(configuration))
     heat = heat_of(configuration, shape, color)
     own = axes is None
