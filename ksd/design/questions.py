@@ -93,8 +93,6 @@ def unanswerable(scene: Any) -> dict[str, str]:
     ends += [{placed.a, placed.b} for placed in scene.leaves]
     if all(one & two for k, one in enumerate(ends) for two in ends[:k]):
         found["clearance"] = "every two leaf springs share a block"
-    if not scene.distances:
-        found["distance"] = "the scene asks for none"
     return found
 
 

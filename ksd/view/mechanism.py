@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from ksd.model.plane import Plane, plane_of
-from ksd.properties.shape import POINTS, Shape
 from ksd.view.arrows import draw_arrows, draw_springs
 from ksd.view.bodies import (
     FINE,
@@ -50,13 +49,17 @@ def plane_seen(configuration: Any) -> str | None:
     return said or (("yz", "xz", "xy")[found.axis] if isinstance(found, Plane) else None)
 
 
-def smooth_shape(configuration: Configuration) -> Shape:
+def smooth_shape(configuration: Configuration) -> Any:
     """What there is to draw, with stations so close that no leaf shows corners."""
     shape = configuration.shape()
     along = [axes[:, :, 0] for leaf in shape.leaves for axes in (leaf.axes, leaf.rest_axes)]
     cosine = min((float((e[:-1] * e[1:]).sum(axis=1).min()) for e in along), default=1.0)
     sharp = float(np.arccos(np.clip(cosine, -1.0, 1.0)))
-    return shape if sharp <= CORNER else configuration.shape(points=min(20, int(sharp / CORNER) + 1) * POINTS)
+    return (
+        shape
+        if sharp <= CORNER
+        else configuration.shape(points=min(20, int(sharp / CORNER) + 1) * len(along[0]))
+    )
 
 
 def plot_mechanism(

@@ -97,7 +97,7 @@ def test_every_answer_of_a_sweep_has_words_and_unit():
     assert spoken_column("time_us") == ("time", "us") and spoken_column("error_percent") == ("error", "%")
     known = ksd.design.questions.known_columns(fourbar().scene(), 2)
     shown = {q for column, q in known.items() if any(re.fullmatch(pattern, column) for pattern in LEADING)}
-    assert shown == set(KNOWN) - {"parasitic", "energy", "size"}
+    assert shown == set(KNOWN) - {"parasitic", "energy", "size", "distance"}
 
 
 def test_a_sweep_asks_all_that_has_an_answer():

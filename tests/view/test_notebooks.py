@@ -104,7 +104,7 @@ def test_a_figure_is_shown_once_and_as_a_picture(pose):
 
 def test_the_executed_notebook_of_the_documentation():
     """As its script has it, without a warning; every answer as tables, every figure once."""
-    folder = Path(ksd.__file__).resolve().parents[1] / "docs"
+    folder = Path(__file__).resolve().parents[2] / "docs"
     stored = json.loads((folder / "notebook.ipynb").read_text())
     script = runpy.run_path(str(folder / "make_notebook.py"))
     assert tuple("".join(cell["source"]) for cell in stored["cells"]) == script["CELLS"]
