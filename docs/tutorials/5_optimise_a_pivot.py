@@ -75,7 +75,9 @@ for name in start:
 #
 # A job says what to vary and between which bounds, what to make large, what limits it, and rules of geometry that
 # must not be negative, here that the widths and the gaps fit in 60 mm. Answers are columns of a sweep, at every
-# pose.
+# pose; a name that is not one is answered with all there are. A limit of one number is the most: a pivot that turns
+# both ways says `"turn_moment_Nm": (-0.5, 0.5)`. `"size_mm": (60, 40, None)` limits the room along x, y, z that its leaf
+# springs take up, over all poses together.
 
 job = ksd.Job(
     pivot,
@@ -111,7 +113,8 @@ print(best)
 best.plot()
 
 # %%
-# The optimum is a mechanism like any other: draw it, ask it, look at it at the pose that is worst.
+# `best.plot("optimum.png")` writes the picture. The optimum is a mechanism like any other: draw it, ask it, look at
+# it at the pose that is worst.
 
 worst = best.pose()
 print(worst.stiffness("arm", at=(0, 0, 0)))

@@ -42,7 +42,8 @@ print(f"the jaw turns by {open_pose.rotation(jaw)[2] / deg:.3f} degrees: a paral
 open_pose.plot(color="stress")
 
 # %%
-# Over the stroke: moment, stress, and how stiff the tip is.
+# Of a gripper with two jaws `scene.distance` names the opening, a column of sweeps: see the how-to page on planar
+# linkages. Over the stroke: moment, stress, and how stiff the tip is.
 
 table = ksd.sweep(
     scene,
