@@ -68,7 +68,9 @@ print(f"0.6 d^2/L = {0.6 * 5**2 / 80:.4f} mm")
 
 # %%
 # How stiff is it in the directions it should hold? Stiffness is asked of a point; we take the middle of the leaf
-# springs, where the stage is pushed. The motion of the drive is held, so y is "held".
+# springs, where the stage is pushed: the drive of a joint acts on the point that the joint's docstring names, here
+# half a length from A. The motion of the drive is held, so y is "held"; asked of another point, y has the stiffness
+# that is left when the stage turns about the first.
 
 print(pose.stiffness(stage, at=(40 * mm, 0, 0)))
 

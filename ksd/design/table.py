@@ -188,7 +188,10 @@ class Table(InNotebooks):
         return [{k: row[k] for k in keep} for row in self.rows() if row[STATUS] != OK]
 
     def where(self, **labels: float | str) -> Table:
-        """The rows whose label columns have these values (numbers to 1e-9). SceneError for a column there is not."""
+        """The rows whose label columns have these values (numbers to 1e-9), an empty table when there are none.
+
+        SceneError for a column there is not.
+        """
         for name in labels:
             if name not in self.columns:
                 raise SceneError(f"there is no column {show(name)}{nearest(name, self.columns)}")

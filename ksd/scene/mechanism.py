@@ -375,7 +375,10 @@ class Mechanism(InNotebooks, Mentioned):
     def actuate_joint(
         self, joint: PlacedJoint | str, name: str | None = None, *, motion: str | None = None
     ) -> Drive:
-        """Prescribe an intended motion of a joint (the one named, of several): b relative to a, axis fixed in a."""
+        """Prescribe an intended motion of a joint (the one named, of several): b relative to a, axis fixed in a.
+
+        The point it acts on is that of the joint's stroke, said in the docstring of the joint.
+        """
         return self.actuate(joint=joint, motion=motion, name=name)
 
     def support(

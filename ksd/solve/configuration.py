@@ -504,7 +504,7 @@ class Configuration(InNotebooks):
 
     def parasitic(self, link: Link | str | None = None, *, at: ArrayLike | None = None) -> Parasitic:
         """Motion from rest, shift [m] and turn [rad], that no drive or support prescribes, of the point of `link` at
-        `at` (3,) [m] at rest; link and point of the first drive when None.
+        `at` (3,) [m] at rest; link and point of the first drive when None. Rest is the drawing, without weight and loads.
 
         Raises SceneError for an unknown link, or where there is no drive and none is named.
         """
