@@ -36,6 +36,7 @@ exclude_patterns = [
     "_made/blocks",
     "_made/commands.md",
     "_made/scene_tables.md",
+    "_made/units.md",
     "_made/validated.md",
 ]
 default_role = "code"

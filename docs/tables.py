@@ -13,6 +13,7 @@ from validated import write_validated
 import ksd
 from ksd.cli.commands import parser
 from ksd.scene import toml_schema as schema
+from ksd.units import DIMENSIONS
 
 RESULTS = Path(__file__).resolve().parents[1] / "benchmarks" / "results"
 
@@ -139,6 +140,11 @@ def scene_format(folder: Path) -> None:
         lines += keys(f"[[{word}]]", table, method, *more)
     for name, family in sorted(ksd.joint_families().items()):
         lines += keys(f'[joint.NAME], family = "{name}"', schema.of_family(family), family)
+    units = ["| quantity | units |", "|---|---|"]
+    units += [
+        f"| {name} | {', '.join(f'`{unit}`' for unit in found)} |" for name, found in DIMENSIONS.items()
+    ]
+    (folder / "units.md").write_text("\n".join(units) + "\n")
     (folder / "scene_tables.md").write_text("\n".join(lines))
 
 
