@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import inspect
 import re
-from collections.abc import Iterator
 from typing import Any
 
 
@@ -19,17 +18,6 @@ def _found(text: str, names: set[str]) -> list[re.Match[str]]:
     """Where a text comes to parameters: "link, at: the point asked about"."""
     words = r"(?:^|(?<=[.;,:] ))(\w+(?:(?:,| or| and|) \w+)*)((?: \[[^\]]*\]| \([^)]*\))*): "
     return [match for match in re.finditer(words, text) if set(re.split(r", | or | and ", match[1])) <= names]
-
-
-def items(docstring: str, names: set[str]) -> Iterator[tuple[str, str]]:
-    """Parameters of a docstring, one by one, and what it says of them."""
-    for paragraph in docstring.split("\n\n"):
-        text = " ".join(paragraph.split()).partition("Raises ")[0]
-        where = _found(text, names)
-        ends = [match.start() for match in where[1:]] + [len(text)] * bool(where)
-        for match, end in zip(where, ends, strict=True):
-            said = f"{match[2].strip()} {text[match.end() : end].strip().rstrip(';')}".strip()
-            yield from ((name, said) for name in re.split(r", | or | and ", match[1]))
 
 
 def by_parameter(text: str, names: set[str]) -> list[str]:

@@ -7,7 +7,7 @@ import inspect
 import re
 from pathlib import Path
 
-from docstrings import items
+from docstrings import by_parameter
 from validated import write_validated
 
 import ksd
@@ -100,7 +100,7 @@ def command_line(folder: Path) -> None:
 KINDS = {
     "length": "length", "angle": "angle", "stress": "stress", "number": "number", "text": "text", "flag": "true or false",
     "direction": '`"x"`, `"-z"` or three numbers', "material": "name of a material", "section": "name of a section",
-    "joint": "name of a joint", "any": "see the meaning",
+    "joint": "name of a joint", "any": "as said above",
 }  # fmt: skip
 """What a kind of `ksd.scene.toml_schema` is called."""
 
@@ -114,16 +114,15 @@ def kind_of(kind: str) -> str:
 
 
 def keys(title: str, table: schema.Schema, *sources: object) -> list[str]:
-    """A table of the keys of a table of a scene file, with what the docstrings of `sources` say of them."""
-    meaning: dict[str, str] = {}
+    """What the docstrings of `sources` say of a table of a scene file, and its keys with their kinds."""
+    lines = [f"### {title}", ""]
     for source in sources:
         names = set(table) | set(inspect.signature(source).parameters)  # type: ignore[arg-type]
-        meaning = dict(items(inspect.getdoc(source) or "", names)) | meaning
-    rows = [
-        f"| `{key}` | {kind_of(kind)} | {meaning.get(key, '').replace('|', '/')} |"
-        for key, kind in table.items()
-    ]
-    return [f"### {title}", "", "| key | kind | meaning |", "|---|---|---|", *rows, ""]
+        for paragraph in (inspect.getdoc(source) or "").split("\n\n"):
+            said = " ".join(paragraph.split()).partition("Raises ")[0].strip()
+            lines += by_parameter(said, names) if said else []
+    rows = [f"| `{key}` | {kind_of(kind)} |" for key, kind in table.items()]
+    return [*lines, "| key | kind |", "|---|---|", *rows, ""]
 
 
 def scene_format(folder: Path) -> None:
