@@ -141,6 +141,15 @@ def test_verification_of_a_taut_leaf_and_of_a_heavy_one():
     assert not ksd.solve(scene, {"turn": 0.1}, method="conventional", mesh=CHAIN).verify().unclosed
 
 
+def test_verification_of_a_curved_leaf():
+    scene = ksd.Mechanism("finger", plane="xy")
+    tip, end = scene.link("tip"), (0.02 * np.sin(1.0), 0.02 * (1.0 - np.cos(1.0)), 0.0)
+    words = {"section": ksd.rectangle(5e-4, 5e-3), "material": ksd.Material(E=2e9, nu=0.3)}
+    scene.leaf(scene.ground, tip, start=(0, 0, 0), end=end, curve=ksd.Arc(0.02, 1.0), **words)
+    scene.load(tip, force=(0, 0.01, 0), at=end)
+    assert not ksd.solve(scene).verify().unclosed
+
+
 def test_batches(monkeypatch):
     monkeypatch.setattr(tables, "FIRST", 8)
     monkeypatch.setattr(tables, "MOST", 8)

@@ -34,6 +34,9 @@ from ksd.scene.rules import check_scene
 from ksd.section import Section
 from ksd.section.checks import Axis, as_given, direction, nearest, number, show, vector, word, worded
 
+SETTABLE = ("name", "plane", "gravity")
+"""What of a mechanism is set by `=`; all else is said by its methods."""
+
 
 class Mechanism(InNotebooks, Mentioned):
     """A mechanism under construction: links, joints between them, drives, supports and loads.
@@ -56,6 +59,12 @@ class Mechanism(InNotebooks, Mentioned):
         self._supports: list[Drive] = []
         self._loads: list[Load] = []
         self._last: tuple[Scene, dict[str, Any]] | None = None
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        # a misspelt one would be taken in silence, and the scene solved without it
+        if hasattr(self, "_last") and not name.startswith("_") and name not in SETTABLE:
+            raise SceneError(f"a mechanism has no '{name}' to be set{nearest(name, SETTABLE)}")
+        super().__setattr__(name, value)
 
     def __repr__(self) -> str:
         return (

@@ -352,3 +352,13 @@ def test_any_cross_flexure_is_sound_or_a_sentence(length, angle, thickness, widt
     except SceneError:
         return
     assert joint.length > 0 and all(w > 0 for w in joint.widths) and joint.shape()["width_ratio"] > 0
+
+
+def test_a_misspelt_attribute_is_refused():
+    scene = Mechanism("arm")
+    with pytest.raises(
+        SceneError, match=r"a mechanism has no 'gravty' to be set; did you mean \"gravity\"\?"
+    ):
+        scene.gravty = (0, 0, -9.81)
+    scene.gravity = (0, 0, -9.81)
+    scene.name = "other"
