@@ -113,4 +113,4 @@ def test_a_plain_drive_value_in_another_unit_is_one_line_too(tmp_path, capsys):
         main(["compare", str(tmp_path / "lever.toml"), "--set", "turn=20deg", "--method", "full", "--quiet"])
         == 0
     )
-    assert capsys.readouterr().err == ""
+    assert not capsys.readouterr().err.strip()  # an old rich leaves an empty line
