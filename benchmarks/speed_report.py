@@ -132,7 +132,7 @@ def markdown(found: dict[str, Any]) -> str:
         "",
         *iterations_table(found["iterations"]),
         "",
-        "The iteration is timed inside compiled code; its pieces one by one from Python, less an empty call.",
+        "The iteration is timed inside compiled code; its pieces one by one from Python, less a call that does nothing.",
     ]
     for reading, solves in found["solves"].items():
         force, turn = solves["reference"]["force_N"], 1e3 * solves["reference"]["rotation_rad"]
@@ -166,9 +166,8 @@ def readme_table(found: dict[str, Any]) -> str:
             ),
             "",
             f"{spoken_machine(found['machine'])}; thread time, medians;",
-            "`python benchmarks/speed.py --readme README.md` renews it. Errors against finer leaves, orders (6, 5, 9). New",
-            "designs with force and support stiffness, chains, the arm, other engines, methods at equal accuracy:",
-            "[measured](benchmarks/README.md).",
+            "`python benchmarks/speed.py --readme README.md` renews it. Errors against finer leaves, orders (6, 5, 9).",
+            "New designs, chains, the arm, other engines, methods at equal accuracy: [measured](benchmarks/README.md).",
         ]
     )
 

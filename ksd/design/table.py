@@ -8,7 +8,7 @@ import math
 import os
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -195,11 +195,8 @@ class Table(InNotebooks):
         for name in labels:
             if name not in self.columns:
                 raise SceneError(f"there is no column {show(name)}{nearest(name, self.columns)}")
-        kept = [row for row in self.rows() if all(_same(row[k], v) for k, v in labels.items())]
-        return Table.of_rows(kept, self.labels, **self._about())
-
-    def _about(self) -> dict[str, Any]:
-        return {"moving": self.moving, "name": self.name, "facts": self.facts, "leading": self.leading}
+        kept = [i for i, row in enumerate(self.rows()) if all(_same(row[k], v) for k, v in labels.items())]
+        return replace(self, columns={n: tuple(v[i] for i in kept) for n, v in self.columns.items()})
 
     def plot(
         self,

@@ -156,18 +156,10 @@ def _reached(next_to: Mapping[str, set[str]], start: str, without: Collection[st
     return reached
 
 
-def _next_to(scene: Any) -> dict[str, set[str]]:
-    """Links next to each link, through pins and sliders too: what hangs on both sides is carried by neither."""
-    found: dict[str, set[str]] = scene.neighbours()
-    for hinge in scene.hinges:
-        found[hinge.a].add(hinge.b)
-        found[hinge.b].add(hinge.a)
-    return found
-
-
 def _cuts(scene: Any, link: str) -> list[str]:
     """Links without which `link` would not hang on ground, in order from ground."""
-    next_to, after = _next_to(scene), {}
+    # what hangs on both sides, through a slider too, is carried by neither
+    next_to, after = scene.neighbours(hinges=True), {}
     for one in set(scene.links) - {GROUND, link}:
         reached = _reached(next_to, GROUND, [one])
         if link in next_to and link not in reached:
@@ -178,7 +170,7 @@ def _cuts(scene: Any, link: str) -> list[str]:
 
 def _leg_drives(scene: Any, cuts: list[str], link: str) -> set[str]:
     """Drives of links between `link` and what carries it that hang there without it too."""
-    next_to = _next_to(scene)
+    next_to = scene.neighbours(hinges=True)
     legs = _reached(next_to, link, [GROUND, *cuts]) & _reached(next_to, GROUND, [link])
     return {d.name for d in scene.drives if any({t.base, t.link} & legs for t in d.terms)}
 

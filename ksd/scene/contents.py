@@ -148,12 +148,15 @@ class Scene(InNotebooks):
             digest.update(b"\n")
         return digest.hexdigest()
 
-    def neighbours(self, *, supports: bool = False) -> dict[str, set[str]]:
-        """Links next to each link through joints and free-form leaf springs, and through supports when asked."""
+    def neighbours(self, *, hinges: bool = False, supports: bool = False) -> dict[str, set[str]]:
+        """Links next to each link through joints and free-form leaf springs, and through pins and sliders, or all supports,
+        when asked."""
         found: dict[str, set[str]] = {link: set() for link in self.links}
         pairs = [(j.a, j.b) for j in self.joints] + [(f.a, f.b) for f in self.leaves]
         ends = {f.name: f.a for f in self.leaves}
         pairs += [(ends[p.leaf], p.name) for p in self.points if p.leaf in ends]
+        if hinges:
+            pairs += [(h.a, h.b) for h in self.hinges]
         if supports:
             pairs += [(t.base, t.link) for s in self.supports for t in s.terms]
         for a, b in pairs:

@@ -83,6 +83,11 @@ def test_a_column_that_is_not_there_is_named_with_the_nearest():
             call()
 
 
+def test_rows_that_are_not_there_leave_the_columns():
+    none = table(rows(2)).where(top_mm=99.0)
+    assert len(none) == 0 and none["top_force_N"].shape == (0,) and "0 rows" in str(none)
+
+
 def test_leading_columns_are_printed_whatever_they_are_called(tmp_path):
     of = Table.of_rows(
         rows(3), ["top_mm"], name="mine", leading=("mac", "warnings"), facts={"left_out": "size (no)"}
