@@ -13,6 +13,7 @@ from validated import write_validated
 import ksd
 from ksd.cli.commands import parser
 from ksd.scene import toml_schema as schema
+from ksd.scene.profile import NAMED
 from ksd.units import DIMENSIONS
 
 RESULTS = Path(__file__).resolve().parents[1] / "benchmarks" / "results"
@@ -137,6 +138,9 @@ def scene_format(folder: Path) -> None:
             [ksd.Leaf] if word in ("leaf", "wire") else [ksd.Mechanism.actuate] if word == "support" else []
         )
         lines += keys(f"[[{word}]]", table, method, *more)
+        for key, shapes in schema.SHAPES.items() if word == "leaf" else ():
+            for kind, own in shapes.items():
+                lines += keys(f'[leaf.{key}], kind = "{kind}"', own, NAMED[key][kind][1])
     for name, family in sorted(ksd.joint_families().items()):
         lines += keys(f'[joint.NAME], family = "{name}"', schema.of_family(family), family)
     units = ["| quantity | units |", "|---|---|"]

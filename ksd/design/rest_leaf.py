@@ -23,9 +23,9 @@ from ksd.model.compile import Model
 from ksd.model.leaves import line_mass, rigidities
 from ksd.model.mesh import Mesh
 from ksd.properties.shape import curvature, member_ends, member_parts
+from ksd.scene.curves import Legendre
 from ksd.scene.hinges import PLANES
 from ksd.scene.leaf import Leaf
-from ksd.scene.profile import FreeCurve
 
 Array = NDArray[np.float64]
 PANELS, POINTS = 8, 10
@@ -79,18 +79,10 @@ class Stations:
         t = (u - self.edges[home]) / self.half[home, 0] - 1.0
         return ((f @ _rule()[2].T)[..., home, :] * legendre.legvander(t, POINTS - 1)).sum(axis=-1)
 
-
-class Tabulated:
-    """Curvature about e3 [1/m] from its values (panels, points) at stations, as the function of a `ksd.FreeCurve`."""
-
-    def __init__(self, stations: Stations, values: Array) -> None:
-        self.edges, self.half = stations.edges, stations.half[:, 0]
-        self.coefficients = values @ _rule()[2].T
-
-    def __call__(self, s: float) -> tuple[float, float, float]:
-        k = min(max(int(np.searchsorted(self.edges, s, side="right")) - 1, 0), len(self.half) - 1)
-        t = (s - self.edges[k]) / self.half[k] - 1.0
-        return 0.0, 0.0, float(legendre.legval(t, self.coefficients[k]))
+    def curve(self, length: float, curvature: Array) -> Legendre:
+        """The curve of this length with curvature about e3 [1/m] (panels, points)."""
+        pieces = (length * curvature @ _rule()[2].T).tolist()
+        return Legendre(tuple(map(tuple, pieces)), length, tuple(self.edges[1:-1].tolist()))
 
 
 class Axes(NamedTuple):
@@ -176,7 +168,7 @@ class DrawnLeaf:
         self.long = leaf.length
         kappa = np.zeros(s.u.shape)
         if leaf.curve is not None:
-            bends = np.array([leaf.curve.curvature(float(u)) for u in s.u.flat]).reshape(*s.u.shape, 3)
+            bends = leaf.curve.curvatures(s.u.ravel()).reshape(*s.u.shape, 3)
             if np.abs(bends[..., :2]).max() * self.long > 1e-9:
                 raise SceneError(
                     f"rest_shape: the wanted curve of leaf '{self.name}' leaves the plane of the mechanism."
@@ -255,9 +247,9 @@ class DrawnLeaf:
         way, turn, start = (np.imag(part[1:]).T / STEP for part in found[:3])
         return Rested(*(np.real(part[0]) for part in found)), (way, turn, start)
 
-    def curve(self, rested: Rested) -> FreeCurve:
+    def curve(self, rested: Rested) -> Legendre:
         """Its undeformed curve, of the first wrench."""
-        return FreeCurve(float(rested.length[0]), Tabulated(self.stations, self.side * rested.curvature[0]))
+        return self.stations.curve(float(rested.length[0]), self.side * rested.curvature[0])
 
 
 class _TooSoft(SceneError):
@@ -277,7 +269,7 @@ def _edge(s: Stations, f: Any) -> Any:
 
 def deformed_curve(
     leaf: Leaf, mesh: Mesh, axes: Axes, state: tuple[Model, Motion, int], gravity: Array
-) -> FreeCurve:
+) -> Legendre:
     """The line that a leaf has as member i of a state (model, motion, i), as the curve of one drawn there; gravity (2,)."""
     model, motion, i = state
     own, ends = Sections(leaf, mesh), member_ends(model, motion, i)
@@ -301,7 +293,7 @@ def deformed_curve(
     for _ in range(8):
         # where the drawn line is at its own stations
         u = np.clip(u - (s.at(sigma, u) - s.u) * total / s.at(rate, u), 0.0, 1.0)
-    return FreeCurve(length * total, Tabulated(s, side * s.at(bends, u)))
+    return s.curve(length * total, side * s.at(bends, u))
 
 
 __all__ = ["Axes", "DrawnLeaf", "Slopes", "axes_of", "deformed_curve", "rotated"]

@@ -27,9 +27,9 @@ from ksd.properties.words import number
 from ksd.scene.clearance import FINE as BOXES
 from ksd.scene.clearance import TOUCH, leaf_body, meetings, meets_itself
 from ksd.scene.contents import Scene
+from ksd.scene.curves import Legendre
 from ksd.scene.drive import Drive
 from ksd.scene.mechanism import Mechanism
-from ksd.scene.profile import Curve
 from ksd.scene.redraw import Move, redrawn
 from ksd.section.checks import nearest, show, truth
 from ksd.section.checks import number as checked
@@ -139,7 +139,7 @@ def _drawn(
         link: Move(motion.R[i], motion.x[i] - motion.R[i] @ model.rest.x[i])
         for i, link in enumerate(model.node_names)
     }
-    curves: dict[str, list[Curve]] = {}
+    curves: dict[str, list[Legendre]] = {}
     for i, name in enumerate(model.member_names):
         whole, leaf = pieces[name]
         curves.setdefault(whole, []).append(
@@ -309,7 +309,7 @@ class _Problem:
         at, equations = self.equations.starts, self.equations
         z = found.y * equations.unknowns
         self.moves = {link: self._move(z[at[1] + 3 * (i - 1) :][:3]) for link, i in self.number.items() if i}
-        curves: dict[str, list[Curve]] = {}
+        curves: dict[str, list[Legendre]] = {}
         inside: dict[str, Array] = {}
         pieces = list(zip(self.leaves, pieces_of(self.scene), range(len(self.leaves)), strict=True))
         for whole, group in groupby(pieces, key=lambda piece: piece[1][1]):

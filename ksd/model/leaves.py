@@ -108,6 +108,11 @@ class _Natural(Curve):
         own = np.zeros(3) if self.leaf.curve is None else self.leaf.curve.curvature(s)
         return own / self.leaf.condition.stretch + np.array([0.0, 0.0, self.leaf.condition.bow])
 
+    def curvatures(self, s: Any) -> np.ndarray:
+        """(k, 3) 1/m at fractions s (k,)."""
+        own = np.zeros((len(s), 3)) if self.leaf.curve is None else self.leaf.curve.curvatures(s)
+        return own / self.leaf.condition.stretch + np.array([0.0, 0.0, self.leaf.condition.bow])
+
 
 def natural(leaf: Any) -> Any:
     """The leaf as it is when nothing loads it: as drawn, unless heat or prestress have changed that."""
@@ -147,7 +152,7 @@ def raised_orders(leaf: Any, mesh: Mesh) -> tuple[tuple[int, int, int], int]:
     if curve is None or leaf.orders is not None:
         return mesh.modes(orders, points)
     stations = np.linspace(0.0, 1.0, 65)
-    turning = leaf.length * np.mean([np.linalg.norm(curve.curvature(s)) for s in stations])
+    turning = leaf.length * np.sqrt((curve.curvatures(stations) ** 2).sum(axis=1)).mean()
     more = int(np.ceil(np.rad2deg(turning) / 30.0))
     orders = tuple(min(n + more, max(n, 16)) for n in orders)
     return mesh.modes(orders, max(points, max(orders) + 3))
@@ -155,7 +160,7 @@ def raised_orders(leaf: Any, mesh: Mesh) -> tuple[tuple[int, int, int], int]:
 
 def _fitted(leaf: Any, modes: Modes, orders: tuple[int, int, int]) -> np.ndarray:
     """Amplitudes (N,) of the stress-free curvature, by weighted least squares at the quadrature points."""
-    kappa = np.array([leaf.curve.curvature(float(s)) for s in modes.s]).T
+    kappa = leaf.curve.curvatures(modes.s).T
     weight = np.sqrt(modes.weight)
     found, first = [], 0
     for axis, n in enumerate(orders):
@@ -251,8 +256,7 @@ def integrate_curve(curve: Any, stations: int) -> tuple[np.ndarray, np.ndarray]:
     h = curve.length / steps
     positions, orientations = np.zeros((stations + 1, 3)), np.tile(np.eye(3), (stations + 1, 1, 1))
     x, R = np.zeros(3), np.eye(3)
-    for k in range(steps):
-        turn = h * curve.curvature((k + 0.5) / steps)
+    for k, turn in enumerate(h * curve.curvatures((np.arange(steps) + 0.5) / steps)):
         half = R @ Rotation.from_rotvec(0.5 * turn).as_matrix()
         R = R @ Rotation.from_rotvec(turn).as_matrix()
         x = x + h * (1 - turn @ turn / 24) * half[:, 0]

@@ -136,7 +136,7 @@ def _sampled(leaf: Any, mesh: Any, heavy: bool, count: int) -> tuple[Array, Arra
     s = (edges[:-1, None] + share[:, None] * np.clip(NODES, INSIDE, 1.0 - INSIDE)).ravel()
     rod = np.zeros((len(s), ROD))
     if leaf.curve is not None:
-        rod[:, :3] = [leaf.curve.curvature(float(x)) for x in s]
+        rod[:, :3] = leaf.curve.curvatures(s)
     if leaf.profile is None:
         stiff, soft = rigidities(leaf.section, leaf, mesh)
         rod[:, 3:6], rod[:, 6:9] = 1.0 / stiff, soft

@@ -57,8 +57,7 @@ def _curved(leaf: Leaf, boxes: int) -> Array:
     assert leaf.curve is not None
     count = 16 * boxes
     h, R, points = leaf.length / count, np.eye(3), [np.zeros(3)]
-    for k in range(count):
-        x, y, z = 0.5 * h * np.asarray(leaf.curve.curvature((k + 0.5) / count), float)
+    for x, y, z in (0.5 * h * leaf.curve.curvatures((np.arange(count) + 0.5) / count)).tolist():
         W = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
         # Cayley's rotation, of second order in h like the rule for the position
         turned = R @ np.linalg.solve(np.eye(3) - W, np.eye(3) + W)

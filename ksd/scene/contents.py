@@ -236,7 +236,7 @@ def _sampled(value: Curve | Profile) -> Any:
     """A curve or profile at 17 stations: a function in it has no contents that could be hashed."""
     stations = [float(s) for s in np.linspace(0.0, 1.0, 17)]
     if isinstance(value, Curve):
-        return tuple(_triple(value.curvature(s)) for s in stations)
+        return tuple(map(_triple, value.curvatures(stations)))
     return tuple(value.section(s) for s in stations)
 
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import functools
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ksd.errors import SceneError
-from ksd.scene.curves import legendre_shape, sine_shape, spline_shape
+from ksd.scene.curves import Bend, Legendre, Sine, Spline, legendre_shape, sine_shape, spline_shape
 from ksd.section import Section, rectangle
 from ksd.section.checks import Worded, number, positive, show
 
@@ -161,6 +161,10 @@ class Curve(metaclass=Worded):
         """(3,) 1/m at fraction s of the arc length."""
         raise NotImplementedError
 
+    def curvatures(self, s: ArrayLike) -> np.ndarray:
+        """(k, 3) 1/m at fractions s (k,)."""
+        return np.array([self.curvature(float(x)) for x in np.asarray(s, float)], float).reshape(-1, 3)
+
     def line(self, s: float) -> tuple[np.ndarray, np.ndarray]:
         """Place (3,) [m] and axes (3, 3) of the section at fraction s, from the start in its axes.
 
@@ -168,17 +172,23 @@ class Curve(metaclass=Worded):
         """
 
         def end(steps: int) -> np.ndarray:
-            h, rate = s * self.length / steps, np.zeros((steps, 2, 4, 4))
-            for k in range(steps):
-                for i, gauss in enumerate((0.5 - math.sqrt(3) / 6, 0.5 + math.sqrt(3) / 6)):
-                    x, y, z = self.curvature(s * (k + gauss) / steps)
-                    rate[k, i] = [[0, -z, y, 1], [z, 0, -x, 0], [-y, x, 0, 0], [0, 0, 0, 0]]
-            one, two = rate[:, 0], rate[:, 1]
+            h, rate = s * self.length / steps, np.zeros((2, steps, 4, 4))
+            gauss = np.array([[0.5 - math.sqrt(3) / 6], [0.5 + math.sqrt(3) / 6]])
+            at = s * (np.arange(steps) + gauss) / steps
+            x, y, z = self.curvatures(at.ravel()).T.reshape(3, 2, steps)
+            rate[..., 0, 1], rate[..., 0, 2], rate[..., 1, 2] = -z, y, -x
+            rate[..., 1, 0], rate[..., 2, 0], rate[..., 2, 1] = z, -y, x
+            rate[..., 0, 3] = 1.0
+            one, two = rate
             step = 0.5 * h * (one + two) + math.sqrt(3) / 12 * h**2 * (one @ two - two @ one)
             turn = np.eye(4) + step / 9
             for n in range(8, 0, -1):
                 turn = np.eye(4) + step @ turn / n
-            return functools.reduce(np.matmul, turn)
+            while len(turn) > 1:
+                # in pairs, from the start on
+                odd = turn[-1:] if len(turn) % 2 else turn[:0]
+                turn = np.concatenate([turn[:-1:2] @ turn[1::2], odd])
+            return turn[0]
 
         fine = end(2 * STEPS)
         found = fine + (fine - end(STEPS)) / 15
@@ -210,6 +220,10 @@ class CurvePart(Curve):
     def curvature(self, s: float) -> np.ndarray:
         """That of the whole."""
         return self.whole.curvature(self.part[0] + s * (self.part[1] - self.part[0]))
+
+    def curvatures(self, s: ArrayLike) -> np.ndarray:
+        """Those of the whole."""
+        return self.whole.curvatures(self.part[0] + np.asarray(s, float) * (self.part[1] - self.part[0]))
 
 
 @dataclass(frozen=True)
@@ -247,6 +261,10 @@ class Arc(Curve):
         """Constant about e3."""
         return np.array([0.0, 0.0, math.copysign(1.0 / self.radius, self.angle)])
 
+    def curvatures(self, s: ArrayLike) -> np.ndarray:
+        """The same everywhere."""
+        return np.tile(self.curvature(0.0), (np.size(s), 1))
+
     @property
     def chord(self) -> float:
         """Distance between its ends [m]."""
@@ -273,7 +291,8 @@ class FreeCurve(Curve):
     """Any stress-free shape: `function(s)` returns the curvature (3,) [1/m] at fraction s of the arc `length` [m].
 
     Anything smooth; it is represented by the curvature modes of the leaf. `sine`, `legendre` and `spline` make it of a
-    few numbers, by which answers have gradients (`ksd.gradient`, `ksd.Job`); they bend about e3, towards e2.
+    few numbers, by which answers have gradients (`ksd.gradient`, `ksd.Job`), and which scene files hold; they bend about
+    e3, towards e2.
     """
 
     length: float
@@ -286,16 +305,22 @@ class FreeCurve(Curve):
         """Angle sum_i amplitudes_i sin(2 pi i s) [rad] to the direction of its start: level at both ends, which lie on one
         line. By its length, or the chord [m] between its ends. Source: Lan (2005), equation 5.7.
         """
-        return cls(*sine_shape(amplitudes, length, chord))
+        return cls.of(sine_shape(amplitudes, length, chord))
 
     @classmethod
     def legendre(
-        cls, coefficients: ArrayLike, *, length: float | None = None, chord: float | None = None
+        cls,
+        coefficients: ArrayLike | Sequence[ArrayLike],
+        *,
+        length: float | None = None,
+        chord: float | None = None,
+        breaks: ArrayLike = (),
     ) -> FreeCurve:
         """Curvature sum_i coefficients_i P_i(2 s - 1) / length, P Legendre polynomials: coefficients [rad], the first is the
-        whole turn. By its length, or the chord [m] between its ends.
+        whole turn. By its length, or the chord [m] between its ends. breaks: fractions of the length at which other
+        coefficients begin, a list for every piece.
         """
-        return cls(*legendre_shape(coefficients, length, chord))
+        return cls.of(legendre_shape(coefficients, length, chord, breaks))
 
     @classmethod
     def spline(cls, points: ArrayLike, *, start: float | None = None, end: float | None = None) -> FreeCurve:
@@ -304,7 +329,12 @@ class FreeCurve(Curve):
         start, end: angle [rad] of its ends to the first axis; without one it is straight there. Its curvature has a kink at
         every point: a `Mechanism.point` there gives each part modes of its own. Raises SceneError.
         """
-        return cls(*spline_shape(points, start, end))
+        return cls.of(spline_shape(points, start, end))
+
+    @classmethod
+    def of(cls, bend: Bend) -> FreeCurve:
+        """Of a named shape."""
+        return cls(bend.length, bend)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "length", positive(self.length, "length", owner="FreeCurve", unit="m"))
@@ -321,3 +351,20 @@ class FreeCurve(Curve):
                 f"FreeCurve: at s = {s:g} its function returned {show(found)}, three numbers are needed."
             )
         return found
+
+    def curvatures(self, s: ArrayLike) -> np.ndarray:
+        """All at once of a named shape."""
+        return self.function(s) if isinstance(self.function, Bend) else super().curvatures(s)
+
+
+NAMED: dict[str, dict[str, tuple[type[Any], Callable[..., Any]]]] = {
+    "curve": {
+        "arc": (Arc, Arc), "sine": (Sine, FreeCurve.sine), "legendre": (Legendre, FreeCurve.legendre),
+        "spline": (Spline, FreeCurve.spline),
+    },
+    "profile": {
+        "taper": (Taper, Taper), "circular_notch": (CircularNotch, CircularNotch),
+        "filleted_notch": (FilletedNotch, FilletedNotch), "stiffened_middle": (StiffenedMiddle, StiffenedMiddle),
+    },
+}  # fmt: skip
+"""Shapes that scene files hold, by their kind: what holds their numbers, and what is made of them."""

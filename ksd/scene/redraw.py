@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ksd.scene.contents import LeafPoint, PlacedLeaf, Scene
+from ksd.scene.curves import Legendre
 from ksd.scene.drive import GROUND, Drive
 from ksd.scene.profile import Curve, FreeCurve
 from ksd.section.checks import Vector
@@ -38,7 +39,9 @@ def _triple(values: np.ndarray) -> Vector:
     return x, y, z
 
 
-def redrawn(scene: Scene, moves: Mapping[str, Move], curves: Mapping[str, Sequence[Curve]]) -> dict[str, Any]:
+def redrawn(
+    scene: Scene, moves: Mapping[str, Move], curves: Mapping[str, Sequence[Legendre]]
+) -> dict[str, Any]:
     """The words of a `Scene` with the links of `moves` there, ground where it is, and every free leaf spring with new
     curves, one after the other between the points on it.
 
@@ -83,24 +86,21 @@ def _leaf(placed: PlacedLeaf, go: Mapping[str, Move], curve: Curve) -> PlacedLea
     return replace(placed, leaf=moved)
 
 
-def _point(point: LeafPoint, scene: Scene, curves: Sequence[Curve]) -> LeafPoint:
+def _point(point: LeafPoint, scene: Scene, curves: Sequence[Legendre]) -> LeafPoint:
     """A point of a leaf at the end of the curve that led to it."""
     before = sum(p.leaf == point.leaf and p.s <= point.s for p in scene.points)
     return replace(point, s=sum(c.length for c in curves[:before]))
 
 
-def joined(curves: Sequence[Curve]) -> Curve:
+def joined(curves: Sequence[Legendre]) -> FreeCurve:
     """Curves one after the other as one."""
-    if len(curves) == 1:
-        return curves[0]
-    length = sum(c.length for c in curves)
-    ends = (np.cumsum([0.0, *(c.length for c in curves)]) / length).tolist()
-
-    def function(s: float) -> Any:
-        k = min(max(int(np.searchsorted(ends, s, side="right")) - 1, 0), len(curves) - 1)
-        return curves[k].curvature(min(1.0, max(0.0, (s - ends[k]) / (ends[k + 1] - ends[k]))))
-
-    return FreeCurve(length, function)
+    ends = np.cumsum([0.0, *(c.length for c in curves)])
+    breaks, pieces, length = [], [], float(ends[-1])
+    for start, curve in zip(ends[:-1].tolist(), curves, strict=True):
+        own = [0.0, *curve.breaks] if start else list(curve.breaks)
+        breaks += [(start + curve.length * s) / length for s in own]
+        pieces += [[c * length / curve.length for c in piece] for piece in curve.pieces]
+    return FreeCurve.legendre(pieces if breaks else pieces[0], length=length, breaks=breaks)
 
 
 def _drive(drive: Drive, go: Mapping[str, Move]) -> Drive:

@@ -9,6 +9,7 @@
     [joint.cross]      family = "cross_flexure", material = "steel", length = "100 mm", angle = "45 deg", ...
     [[join]]           a = "ground", b = "lever", joint = "cross", at = [0, 0, 0], axis = "z", toward = "x"
     [[leaf]]           a, b, start, end, width_axis, section (or thickness and width), material
+    [leaf.curve]       behind it: kind = "arc", radius, angle; or "sine", "legendre", "spline";  [leaf.profile]  likewise
     [[point]]          leaf, s = "30 mm", name
     [[pin]]            a, b, at (and axis, where there is no plane);  [[slider]]  link, along, at
     [[actuate]]        link, about = "z", value = "30 deg"; or along and at; or joint; or terms = [{...}, ...]
@@ -42,6 +43,7 @@ from ksd.scene.leaf import Leaf
 from ksd.scene.leaf import wire as make_wire
 from ksd.scene.material import Material
 from ksd.scene.mechanism import Mechanism
+from ksd.scene.profile import NAMED
 from ksd.scene.rules import broken_rules
 from ksd.scene.toml_lines import Lines
 from ksd.scene.toml_table import ANY, Noted, Table, Unsaid, each
@@ -223,7 +225,7 @@ class _Reader:
         if sentence == "support":
             words |= self._terms(table)
         elif sentence in ("leaf", "wire"):
-            words |= self._sizes(table, sentence)
+            words |= self._sizes(table, sentence) | _shapes(table)
         elif sentence == "compliance":
             words = self._with_matrix(table, words)
         table.say(self._heard(getattr(self.mechanism, sentence)), words)
@@ -302,7 +304,7 @@ class _Reader:
     def _drawn_leaf(self, hung: tuple[Table, str]) -> Leaf:
         table, kind = hung
         words = {"name": kind, "width_axis": None} | table.read(schema.LEAF, self.parts)
-        words |= self._sizes(table, kind) | table.read(schema.BLOCKS)
+        words |= self._sizes(table, kind) | _shapes(table) | table.read(schema.BLOCKS)
         return table.say(make_wire if kind == "wire" else Leaf, words)
 
 
@@ -322,6 +324,17 @@ def _one_of(table: Table, key: str, known: Collection[str], what: str) -> str:
     if not table.sound:
         raise Unsaid(f"{table.where}: what it is, is not known")
     return str(found)
+
+
+def _shapes(table: Table) -> dict[str, Any]:
+    """The curve and the profile of a leaf, where it has them."""
+    found = {}
+    for key in [key for key in schema.SHAPES if key in table]:
+        own = table.table(key)
+        with table.judged():
+            kind = _one_of(own, "kind", schema.SHAPES[key], key)
+            found[key] = own.say(NAMED[key][kind][1], own.read(schema.SHAPES[key][kind]))
+    return found
 
 
 def _material(table: Table, name: str) -> Material:

@@ -6,7 +6,7 @@ import re
 
 _HEADER = re.compile(r"""\s*(\[\[?)([\w.\-"' ]+)\]\]?\s*(?:\#.*)?""")
 _PLACE = re.compile(
-    r"(?:, \[\[?(?P<path>[^\]]+)\]\]?(?: (?P<row>\d+))?)?"
+    r"(?:, \[\[?(?P<path>[^\]]+)\]\]?(?: (?P<row>\d+))?(?:, \[(?P<part>[^\]]+)\])?)?"
     r"(?: = |: (?:key '(?P<unknown>[^']+)' is unknown|key '\w+' is missing; did you mean \"(?P<meant>\w+)\""
     r"|(?P<key>\w+)(?:\S* = |: link '))?)"
 )
@@ -38,7 +38,11 @@ class Lines:
         found = [k for k, (head, _) in enumerate(self.headers) if head == path]
         if len(found) < row:
             return 0
-        index, start = found[row - 1], self.headers[found[row - 1]][1]
+        index = found[row - 1]
+        last = found[row] if row < len(found) else len(self.headers)
+        parts = [k for k in range(index, last) if self.headers[k][0] == match["part"]]
+        index = parts[0] if parts else index
+        start = self.headers[index][1]
         end = self.headers[index + 1][1] - 1 if index + 1 < len(self.headers) else len(self.lines)
         key = match["unknown"] or match["meant"] or match["key"]
         if key:

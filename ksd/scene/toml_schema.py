@@ -65,6 +65,24 @@ SIZES: dict[str, Schema] = {
     "rectangle": {"thickness": "length!", "width": "length!"},
 }
 
+SHAPES: dict[str, dict[str, Schema]] = {
+    "curve": {
+        "arc": {"radius": "length!", "angle": "angle!"},
+        "sine": {"amplitudes": "angle[]!", "length": "length", "chord": "length"},
+        "legendre": {"coefficients": "angle[]!", "length": "length", "chord": "length", "breaks": "number[]"},
+        "spline": {"points": "length[]!", "start": "angle", "end": "angle"},
+    },
+    "profile": {
+        "taper": {"thickness": "length[2]!", "width": "length[2]!"},
+        "circular_notch": {"radius": "length!", "minimum": "length!", "width": "length!"},
+        "filleted_notch": {"length": "length!", "radius": "length!", "minimum": "length!", "width": "length!"},
+        "stiffened_middle": {
+            "thickness": "length!", "width": "length!", "middle": "length!", "part": "number!",
+        },
+    },
+}  # fmt: skip
+"""Tables of a leaf, such as [leaf.curve], by their kind: see `ksd.scene.profile.NAMED`."""
+
 BLOCKS: Schema = {"start_block": "text!", "end_block": "text!"}
 """Where a leaf of a drawn joint hangs; a free-form one has `PAIR`."""
 

@@ -113,7 +113,7 @@ class Table:
         self.where = f"{file}, [[{path}]] {row}" if row else f"{file}, [{path}]" if path else file
         self.sound, self._noted, self._doubts = True, noted, list[str]()
         self.values: dict[str, Any] = values if isinstance(values, dict) else {}
-        self._file, self._path = file, path
+        self._file, self._path, self._row = file, path, row
         self._known: set[str] = set()
         self._is_table = isinstance(values, dict)
         if not self._is_table:
@@ -190,7 +190,11 @@ class Table:
 
     def table(self, key: str) -> Table:
         """A table inside this one, empty when absent."""
-        return self._child(self._taken(key, {}), self._inside(key))
+        found = self._child(self._taken(key, {}), self._inside(key))
+        if self._row:
+            # of which of several it is the part
+            found.where = f"{self.where}, [{self._inside(key)}]"
+        return found
 
     def tables(self, key: str) -> list[Table]:
         """The tables of an array [[key]], empty when absent."""

@@ -20,6 +20,7 @@ from ksd.scene.leaf import Leaf
 from ksd.scene.material import Material
 from ksd.scene.mechanism import Mechanism
 from ksd.scene.placing import numbered
+from ksd.scene.profile import NAMED, FreeCurve
 from ksd.scene.toml_schema import (
     BLOCKS,
     DRAWN,
@@ -28,6 +29,7 @@ from ksd.scene.toml_schema import (
     MOTIONS,
     SECTIONS,
     SENTENCES,
+    SHAPES,
     SIZES,
     of_family,
 )
@@ -47,7 +49,7 @@ def save_scene(
     """Write a scene file (UTF-8) that `load_scene` reads back into an equal scene, with equal fingerprint.
 
     targets: {drive: value in SI}; options: contents of [options]. Raises SceneError for an incomplete scene,
-    a leaf with a profile or a curve or a joint of no known family (neither can be written), or a target of no
+    a leaf whose profile or curve is a function or a joint of no known family (neither can be written), or a target of no
     drive.
     """
     scene = mechanism.scene() if isinstance(mechanism, Mechanism) else mechanism
@@ -173,12 +175,24 @@ def _drawn(joint: DrawnJoint, names: _Names) -> Tree:
 
 
 def _leaf(leaf: Leaf, names: _Names, ends: Tree) -> Tree:
-    for key in ("profile", "curve"):
-        if getattr(leaf, key) is not None:
-            raise SceneError(
-                f"leaf '{leaf.name}': a leaf with a {key} cannot be written to a file; keep it in Python."
-            )
-    return ends | _keys(leaf, LEAF | SIZES["leaf"], names)
+    shapes = {key: _shape(key, getattr(leaf, key), leaf.name) for key in SHAPES}
+    said = {key: tree for key, tree in shapes.items() if tree}
+    return ends | _keys(leaf, LEAF | SIZES["leaf"], names) | said
+
+
+def _shape(key: str, value: Any, leaf: str) -> Tree:
+    """The table of a curve or profile; empty for none."""
+    own = value.function if isinstance(value, FreeCurve) else value
+    for kind, (made, _) in NAMED[key].items():
+        if type(own) is made:
+            tree = {word: getattr(own, word, None) for word in SHAPES[key][kind]}
+            return {"kind": kind} | {word: v for word, v in tree.items() if v not in (None, ())}
+    if value is None:
+        return {}
+    raise SceneError(
+        f"leaf '{leaf}': its {key} is a function, which cannot be written to a file; make it of numbers ({key} of kind "
+        f"{', '.join(NAMED[key])}), or keep it in Python."
+    )
 
 
 def _join(placed: PlacedJoint, names: _Names) -> Tree:

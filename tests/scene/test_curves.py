@@ -1,10 +1,14 @@
 """Curves of a few numbers: their shape against integration of their own words, chords, and errors."""
 
 import math
+import tomllib
 from itertools import pairwise
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from test_json_schema import SCHEMA, fits
 
 import ksd
 
@@ -113,6 +117,15 @@ def test_a_curve_of_a_leaf():
             r"its ends meet, so that no length gives it a chord",
         ),
         (lambda: ksd.FreeCurve.legendre([math.nan], length=1), r"FreeCurve.legendre: coefficients"),
+        (
+            lambda: ksd.FreeCurve.legendre([1, 2, 3], length=1, breaks=[0.5]),
+            r"1 breaks make 2 pieces; give a list",
+        ),
+        (lambda: ksd.FreeCurve.legendre([[1], [2]], length=1, breaks=[1.5]), r"must rise between 0 and 1"),
+        (
+            lambda: ksd.FreeCurve.legendre([[1], [2]], chord=1, breaks=[0.5]),
+            r"give its length instead of a chord",
+        ),
         (lambda: ksd.FreeCurve.spline([(0, 0)]), r"two or more points"),
         (lambda: ksd.FreeCurve.spline("here"), r"two or more points"),
         (lambda: ksd.FreeCurve.spline([(0, 0), (1, 0), (1, 0)]), r"points 2 and 3 coincide"),
@@ -122,3 +135,113 @@ def test_a_curve_of_a_leaf():
 def test_errors(made, message):
     with pytest.raises(ksd.SceneError, match=message):
         made()
+
+
+def test_pieces():
+    """Two arcs, one after the other, and all at once what it is one by one."""
+    curve = ksd.FreeCurve.legendre([[0.8], [-0.5, 0.1]], length=0.1, breaks=[0.25])
+    assert curve.curvatures([0.1, 0.25, 0.625, 1.0])[:, 2] == pytest.approx([8.0, -6.0, -5.0, -4.0])
+    for other in (
+        ksd.FreeCurve.sine([0.4, 0.1], length=0.1),
+        ksd.FreeCurve.spline([(0, 0), (1, 1), (2, 0)]),
+        curve,
+    ):
+        assert other.curvatures(S) == pytest.approx(np.array([other.curvature(float(s)) for s in S]))
+
+
+amounts = st.floats(-1.0, 1.0).filter(lambda v: abs(v) > 1e-3)
+lengths = st.floats(0.01, 10.0)
+lists = st.lists(amounts, min_size=1, max_size=4)
+curves = st.one_of(
+    st.none(),
+    st.builds(ksd.Arc, lengths, amounts),
+    st.builds(lambda c, length: ksd.FreeCurve.sine(c, length=length), lists, lengths),
+    st.builds(lambda c, chord: ksd.FreeCurve.sine(c, chord=chord), lists, lengths),
+    st.builds(lambda c, length: ksd.FreeCurve.legendre(c, length=length), lists, lengths),
+    st.builds(
+        lambda c, length, at: ksd.FreeCurve.legendre(c, length=length, breaks=[at]),
+        st.tuples(lists, lists), lengths, st.floats(0.1, 0.9),
+    ),
+    st.builds(
+        lambda rises, start, end: ksd.FreeCurve.spline(list(enumerate(rises)), start=start, end=end),
+        st.lists(amounts, min_size=2, max_size=5), st.none() | amounts, st.none() | amounts,
+    ),
+)  # fmt: skip
+profiles = st.one_of(
+    st.none(),
+    st.builds(ksd.Taper, st.tuples(lengths, lengths), st.tuples(lengths, lengths)),
+    st.builds(ksd.CircularNotch, lengths, lengths, lengths),
+    st.builds(lambda r, t, w: ksd.FilletedNotch(3 * r, r, t, w), lengths, lengths, lengths),
+    st.builds(ksd.StiffenedMiddle, lengths, lengths, lengths, st.floats(0.1, 0.9)),
+)
+
+
+def curved(curve, profile):
+    """A leaf with these between the ends of its curve."""
+    end = (0.1, 0.0, 0.0) if curve is None else curve.line(1.0)[0]
+    scene = ksd.Mechanism("curved")
+    words = {"section": ksd.rectangle(1e-3, 0.01), "material": ksd.Material(E=200e9, nu=0.3), "name": "leaf"}
+    scene.leaf("ground", scene.link("straight"), start=(0, 1, 0), end=(1, 1, 0), **words | {"name": "first"})
+    scene.leaf("ground", scene.link("tip"), start=(0, 0, 0), end=end, curve=curve, profile=profile, **words)
+    return scene
+
+
+@given(curve=curves, profile=profiles)
+@settings(max_examples=60, deadline=None)
+@pytest.mark.filterwarnings("ignore:curved.toml")
+def test_files_hold_curves_and_profiles(curve, profile, tmp_path_factory):
+    """Written and read it is the same scene, to the last digit; and the schema takes it."""
+    scene, file = curved(curve, profile).scene(), tmp_path_factory.mktemp("curves") / "curved.toml"
+    ksd.save_scene(scene, file)
+    back = ksd.load_scene(file)[0].scene()
+    assert back == scene and back.fingerprint() == scene.fingerprint()
+    assert fits(tomllib.loads(file.read_text()), SCHEMA)
+
+
+@pytest.mark.parametrize(
+    "said, line, message",
+    [
+        ('kind = "sin"', 35, r"curve 'sin' is unknown; did you mean \"sine\""),
+        ('kind = "sine"\namplitudes = [1]', 35, r"give one of length and chord"),
+        (
+            'kind = "sine"\namplitudes = ["30 mm"]\nlength = 1',
+            37,
+            r"amplitudes\[0\] = '30 mm': an angle is expected",
+        ),
+        ('kind = "arc"\nradius = 1\nangel = 1', 38, r"did you mean \"angel\""),
+        ("radius = 1", 35, r"key 'kind' is missing"),
+    ],
+)
+def test_wrong_curves_in_files(said, line, message, tmp_path):
+    file = tmp_path / "curved.toml"
+    ksd.save_scene(curved(ksd.Arc(0.1, 1.0), None), file)
+    text = file.read_text().partition("[leaf.curve]")
+    file.write_text(text[0] + text[1] + "\n" + said + "\n")
+    with pytest.raises(ksd.SceneError, match=rf"line {line}, \[\[leaf\]\] 2, \[leaf.curve\].*{message}"):
+        ksd.load_scene(file)
+
+
+def test_functions_are_not_written(tmp_path):
+    free = ksd.FreeCurve(0.1, lambda s: (0, 0, 3 * s))
+    with pytest.raises(
+        ksd.SceneError, match=r"leaf 'leaf': its curve is a function.* sine, legendre, spline"
+    ):
+        ksd.save_scene(curved(free, None), tmp_path / "no.toml")
+    varying = ksd.Varying(lambda s: ksd.rectangle(1e-3, 0.01 + 0.01 * s))
+    with pytest.raises(ksd.SceneError, match=r"its profile is a function.* taper, circular_notch"):
+        ksd.save_scene(curved(None, varying), tmp_path / "no.toml")
+
+
+def test_a_rest_shape_is_written(tmp_path):
+    """What is found stands in a file that solves to the same."""
+    scene = ksd.Mechanism("leaf", plane="xy")
+    scene.leaf("ground", scene.link("tip"), start=(0, 0, 0), end=(0.1, 0, 0), section=ksd.rectangle(1e-3, 0.01),
+               material=ksd.Material(E=200e9, nu=0.3), name="leaf")  # fmt: skip
+    scene.load("tip", force=(0, 5, 0), at=(0.1, 0, 0))
+    scene.point("leaf", 0.04)
+    found = ksd.rest_shape(scene)
+    ksd.save_scene(found, tmp_path / "rest.toml")
+    back = ksd.load_scene(tmp_path / "rest.toml")[0]
+    assert ksd.solve(back).displacement("tip") == pytest.approx(
+        ksd.solve(found).displacement("tip"), rel=1e-12
+    )

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 import ksd.scene
 from ksd.errors import SceneError, SceneFileError, SceneWarning
-from ksd.scene import Arc, CrossFlexure, DrawnJoint, Leaf, Material, Mechanism, Motion
+from ksd.scene import CrossFlexure, DrawnJoint, FreeCurve, Leaf, Material, Mechanism, Motion
 from ksd.scene.toml_file import load_scene, save_scene
 from ksd.scene.toml_lines import Lines
 from ksd.scene.toml_table import quantity, unit_named
@@ -511,7 +511,7 @@ def test_files_that_cannot_be_read(tmp_path, read):
 def test_saving_what_cannot_be_written(tmp_path):
     made = lever()
     words = {"start": (0, 0, 0), "end": (0.1, 0, 0), "material": STEEL, "section": circle(1e-3)}
-    made.leaf("ground", "arm", **words, curve=Arc(0.06, 1.0), name="bow")
+    made.leaf("ground", "arm", **words, curve=FreeCurve(0.1, lambda s: (0, 0, s)), name="bow")
     assert "'bow'" in sentence(lambda: save_scene(made, tmp_path / "x.toml"))
     assert "target 'leg'" in sentence(lambda: save_scene(lever(), tmp_path / "x.toml", targets={"leg": 1}))
     assert "'tuning'" in sentence(lambda: save_scene(lever(), tmp_path / "x.toml", options={"tuning": {1}}))
