@@ -88,17 +88,21 @@ def _new(commands: Any) -> None:
     )
     parser.add_argument("name", metavar="NAME", help="of the mechanism; NAME.toml is written")
     parser.add_argument(
-        "--like", metavar="SCENE", default="pivot", help="pivot, guide, fourbar, gripper, arm ... (pivot)"
+        "--like",
+        metavar="SCENE",
+        default="pivot",
+        help="pivot, guide, fourbar, gripper, arm ..., or pivot_job, a job for `ksd optimise` (pivot)",
     )
 
 
 def _schema(commands: Any) -> None:
     parser = commands.add_parser(
         "schema",
-        help="print the JSON schema of scene files",
+        help="print the JSON schema of scene or job files",
         description="The JSON schema by which editors complete and check scene files; the first line '#:schema ./FILE' of a "
         "scene names it.",
     )
+    parser.add_argument("--job", action="store_true", help="that of the job files of `ksd optimise`")
     parser.add_argument("--out", metavar="FILE", help="write it here; stdout when left out")
 
 

@@ -13,34 +13,36 @@ from ksd.files import write_file
 from ksd.scene.toml_writer import quoted
 from ksd.section.checks import nearest, word
 
-SCHEMA = "ksd.schema.json"
-"""Name of the schema beside the scene."""
+SCHEMA, JOB_SCHEMA = "ksd.schema.json", "ksd.job.schema.json"
+"""Names of the schema beside a scene and beside a job."""
 
 
 def run(options: argparse.Namespace) -> int:
     """Write the file. Raises SceneError where there is one already, or for a scene to start from that does not exist."""
-    # jobs of `ksd optimise` are no scenes
-    found = {Path(f.name).stem: f for f in (files("ksd") / "scenes").iterdir() if f.name.endswith(".toml")}
-    shipped = {name: file for name, file in found.items() if not name.endswith("_job")}
+    shipped = {Path(f.name).stem: f for f in (files("ksd") / "scenes").iterdir() if f.name.endswith(".toml")}
     if options.like not in shipped:
         raise SceneError(f"--like {options.like}: there is no such scene{nearest(options.like, shipped)}")
     file = Path(options.name)
     file = file if file.suffix == ".toml" else file.with_name(f"{file.name}.toml")
-    name, schema = word(file.stem, "NAME", owner="ksd new"), file.with_name(SCHEMA)
+    is_job = options.like.endswith("_job")
+    name, schema = word(file.stem, "NAME", owner="ksd new"), file.with_name(JOB_SCHEMA if is_job else SCHEMA)
     if file.exists():
         raise SceneError(f"{file} is there already and is not overwritten; give another name, or remove it")
     text = shipped[options.like].read_text(encoding="utf-8")
     write_file(file, started(text, options.like, name), what="scene file")
     screen = console()
     if not schema.exists():
-        write_file(schema, schema_text(), what="schema")
+        write_file(schema, schema_text(jobs=is_job), what="schema")
         screen.print(f"{schema}: for editors that complete and check TOML", soft_wrap=True)
-    screen.print(f"{file}: a scene like {options.like}; now `ksd solve {file}`", soft_wrap=True)
+    told, command = ("job", "optimise") if is_job else ("scene", "solve")
+    screen.print(f"{file}: a {told} like {options.like}; now `ksd {command} {file}`", soft_wrap=True)
     return 0
 
 
 def started(text: str, like: str, name: str) -> str:
     """The shipped scene `like` under another name, its comments too, with the line by which editors find the schema."""
-    text = text.replace(f'\nname = "{like}"\n', f"\nname = {quoted(name)}\n", 1)
+    # a job is named like its scene
+    text = text.replace(f'\nname = "{like.removesuffix("_job")}"\n', f"\nname = {quoted(name)}\n", 1)
+    schema = JOB_SCHEMA if like.endswith("_job") else SCHEMA
     lines = [s.replace(f"{like}.", f"{name}.") if s.startswith("#") else s for s in text.splitlines()]
-    return "\n".join([f"#:schema ./{SCHEMA}", *lines]) + "\n"
+    return "\n".join([f"#:schema ./{schema}", *lines]) + "\n"

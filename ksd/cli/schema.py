@@ -1,4 +1,4 @@
-"""`ksd schema`: the JSON schema of scene files, for editors."""
+"""`ksd schema`: the JSON schema of scene and job files, for editors."""
 
 from __future__ import annotations
 
@@ -7,19 +7,22 @@ import json
 import sys
 
 from ksd.cli.solve import OPTIONS
+from ksd.design.job_file import JOB, OPTIMISE
 from ksd.files import write_file
 from ksd.scene.json_schema import json_schema
 
 
 def run(options: argparse.Namespace) -> int:
     """Print or write it."""
+    text = schema_text(jobs=options.job)
     if options.out is None:
-        sys.stdout.write(schema_text())
+        sys.stdout.write(text)
     else:
-        write_file(options.out, schema_text(), what="--out")
+        write_file(options.out, text, what="--out")
     return 0
 
 
-def schema_text() -> str:
-    """The schema with the options of the command line."""
-    return json.dumps(json_schema(OPTIONS), indent=1, ensure_ascii=False) + "\n"
+def schema_text(*, jobs: bool = False) -> str:
+    """The schema of scene files with the options of the command line, or of job files."""
+    tree = json_schema(OPTIONS, (JOB, OPTIMISE) if jobs else None)
+    return json.dumps(tree, indent=1, ensure_ascii=False) + "\n"

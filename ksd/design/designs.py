@@ -60,12 +60,8 @@ class Designs:
 
     def solve_in(self, executor: Any, mechanism: Any, designs: Sequence[Mapping[str, Any]]) -> list[Any]:
         """As `solve`, in the workers of a concurrent.futures executor; `mechanism` must be known there by name."""
-        workers = int(getattr(executor, "_max_workers", None) or os.cpu_count() or 1)
-        size = max(CHUNK, -(-len(designs) // (2 * workers)))
-        parts = [designs[k : k + size] for k in range(0, len(designs), size)]
         said = (mechanism, self.values, self.ways, self.mesh, self.extrapolate)
-        waiting = [executor.submit(_elsewhere, said, list(part)) for part in parts]
-        return [found for job in waiting for found in job.result()]
+        return in_blocks(executor, designs, CHUNK, _elsewhere, said)
 
     def _chunk(self, makers: Sequence[Maker]) -> list[Any]:
         """Some designs in one thread."""
@@ -128,6 +124,21 @@ class Designs:
         if self.ways.get("asked") is not None:
             good = [found[one.number] for one in designs if isinstance(found[one.number], Found)]
             answer_together(good, self.ways["asked"])
+
+
+def in_blocks(
+    executor: Any,
+    designs: Sequence[Mapping[str, Any]],
+    least: int,
+    function: Callable[..., list[Any]],
+    *said: Any,
+) -> list[Any]:
+    """What function(*said, block) finds of every design, in blocks of at least so many for the workers of an executor."""
+    workers = int(getattr(executor, "_max_workers", None) or os.cpu_count() or 1)
+    size = max(least, -(-len(designs) // (2 * workers)))
+    parts = [list(designs[k : k + size]) for k in range(0, len(designs), size)]
+    waiting = [executor.submit(function, *said, part) for part in parts]
+    return [found for job in waiting for found in job.result()]
 
 
 def makers_of(mechanism: Any, designs: Sequence[Mapping[str, Any]]) -> list[Maker]:

@@ -19,7 +19,7 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ksd.design.designs import Designs, makers_of
+from ksd.design.designs import Designs, in_blocks, makers_of
 from ksd.design.gradient import gradient
 from ksd.design.lines import Line, Recipe, run_line
 from ksd.design.plan import Paths, design_points, drive_paths, load_cases, loaded, scene_of
@@ -428,7 +428,9 @@ class Job(Shown):
         """Rows of every design, and "ok" or the first reason why not."""
         if self.method == "conventional":
             recipe = Recipe(self.asked, method="conventional", mesh=self.mesh, judged=False)
-            return [_walked(function, design, recipe, self.paths) for design in designs]
+            if executor is None:
+                return _walked_all(function, recipe, self.paths, designs)
+            return in_blocks(executor, designs, 1, _walked_all, function, recipe, self.paths)
         ways = {"method": FULL if self.method == "full" else REDUCED, "asked": self.asked}
         values = {n: np.array([step[n] for step in steps]) for n in self.drives}
         solver = Designs(values, ways, self.mesh, self.extrapolate)
@@ -485,6 +487,28 @@ class Job(Shown):
         """The worst target over its scale, larger is better: of what is minimised the largest with a minus."""
         pairs = zip(self.answers, np.asarray(values, float), strict=True)
         return float(np.min([self.merit_of(a, v) for a, v in pairs if a.role != "limit"]))
+
+    def merit_spoken(self, *merits: float, digits: int = 3) -> str:
+        """The worst target in words, at one design or from one to another: over its scale, or where there is
+        but one and no scale, by its column."""
+        name = self.merit_name
+        sign = -1.0 if name.startswith("minus") else 1.0
+        said = " to ".join(written(sign * m, digits) for m in merits)
+        if name.endswith("scale"):
+            return f"worst target {said} of its scale"
+        return f"{name.removeprefix('minus the ')} {said}"
+
+    @property
+    def merit_name(self) -> str:
+        """What `merit` is, in words."""
+        goals = [a for a in self.answers if a.role != "limit"]
+        if any(a.scale != 1.0 for a in goals):
+            return "worst target over its scale"
+        # "support_worst_N_per_m[2]" is one of "support_worst_N_per_m"
+        columns = {a.column.split("[")[0] for a in goals}
+        if len(columns) > 1:
+            return "worst target"
+        return f"{'minus the ' if goals[0].role == 'minimise' else ''}worst {columns.pop()}"
 
     @staticmethod
     def merit_of(answer: Answer, value: float) -> float:
@@ -701,6 +725,13 @@ def _rows_of(found: Found | KsdError, count: int) -> tuple[list[Row], str]:
     code = int(found.status[n])
     why = found.reasons[n] if code == UNANSWERED else SPOKEN[code] if code in SPOKEN else Stop(code).sentence
     return found.rows, why
+
+
+def _walked_all(
+    function: Any, recipe: Recipe, paths: Any, designs: Sequence[Mapping[str, float]]
+) -> list[tuple[list[Row], str]]:
+    """`_walked` of several designs."""
+    return [_walked(function, design, recipe, paths) for design in designs]
 
 
 def _walked(function: Any, design: Mapping[str, float], recipe: Recipe, paths: Any) -> tuple[list[Row], str]:

@@ -162,14 +162,14 @@ class Optimum(Shown):
 
     def _line(self) -> str:
         said = ", ".join(f"{n} {v:.5g}" for n, v in self.design.items())
-        return f"worst target {written(self.merit, 7)} of its scale at {said}"
+        return f"{self.job.merit_spoken(self.merit, digits=7)} at {said}"
 
     def __str__(self) -> str:
         bounds = dict(zip(self.job.parameters, self.job.bounds.tolist(), strict=True))
         rows = [(n, f"{v:.6g}", *(f"{b:.4g}" for b in bounds[n])) for n, v in self.design.items()]
         head = (
-            f"Optimum by {self.method}: the worst target is {written(self.merit, 7)} of its scale; {self.agreed} of "
-            f"{len(self.starts)} starts end here; {self.evaluations} values, {self.gradients} gradients, "
+            f"Optimum by {self.method}: {self.job.merit_spoken(self.merit, digits=7)}; {self.agreed} of {len(self.starts)} "
+            f"starts end here; {self.evaluations} values, {self.gradients} gradients, "
             f"{self.seconds:.2f} s"
         )
         held = [

@@ -72,8 +72,9 @@ class Front(Shown):
 
     def _line(self) -> str:
         good = self.merits[np.isfinite(self.merits)]
-        worst, most = (f"{written(float(v.min()))} to {written(float(v.max()))}" for v in (good, self.limits))
-        return f"{len(good)} of {len(self.points)} points, worst target {worst} of its scale against {self.against} {most}"
+        said = self.job.merit_spoken(float(good.min()), float(good.max()))
+        most = f"{written(float(self.limits.min()))} to {written(float(self.limits.max()))}"
+        return f"{len(good)} of {len(self.points)} points, {said} against {self.against} {most}"
 
     def __str__(self) -> str:
         rows = [

@@ -1,4 +1,5 @@
-"""The JSON schema (draft 7) of scene files, made from the tables the reader goes by: for editors that complete and check."""
+"""The JSON schema (draft 7) of scene and job files, made from the tables the readers go by: for editors that complete and
+check."""
 
 from __future__ import annotations
 
@@ -24,8 +25,11 @@ _NAMED = ("material", "section", "joint")
 _PLAIN = {"number": "number", "text": "string", "flag": "boolean"} | dict.fromkeys(_NAMED, "string")
 
 
-def json_schema(options: Mapping[str, type] | None = None) -> Tree:
-    """The schema as a tree of dictionaries and lists; options: keys of [options] with their types, any when None.
+def json_schema(
+    options: Mapping[str, type] | None = None, jobs: tuple[schema.Schema, schema.Schema] | None = None
+) -> Tree:
+    """The schema as a tree of dictionaries and lists; options: keys of [options] with their types, any when None; jobs: keys
+    of [job] and of [optimise], for the schema of job files.
 
     It knows tables, keys, types, units and what is required; whether names are known and numbers possible, the reader tells.
     """
@@ -42,12 +46,36 @@ def json_schema(options: Mapping[str, type] | None = None) -> Tree:
         options=_options(options),
         **sentences,
     )
-    return {
+    found = {
         "$schema": "http://json-schema.org/draft-07/schema#",
         "title": "Scene file of ksd",
         **top,
         "definitions": _definitions(),
     }
+    return found if jobs is None else _of_jobs(found, *jobs)
+
+
+def _of_jobs(scenes: Tree, job: schema.Schema, optimise: schema.Schema) -> Tree:
+    """The schema of job files: the scene may stand elsewhere, and its numbers may be formulas."""
+    found: Tree = _with_formulas(scenes) | {"title": "Job file of ksd", "required": ["job"]}
+    by_name: Tree = {"type": "object"}
+    cases = _by_name({"type": "array", "items": _table(schema.SENTENCES["load"])})
+    found["properties"] |= {
+        "job": _table(job, vary=by_name, drives=by_name, loads=cases),
+        "optimise": _table(optimise, start=by_name, spread=by_name),
+    }
+    return found
+
+
+def _with_formulas(tree: Any) -> Any:
+    """The same with "= formula" wherever a number may stand."""
+    if isinstance(tree, list):
+        return [_with_formulas(item) for item in tree]
+    if not isinstance(tree, dict):
+        return tree
+    if tree == {"type": "number"}:
+        return {"anyOf": [tree, {"type": "string", "pattern": r"^\s*="}]}
+    return {key: _with_formulas(value) for key, value in tree.items()}
 
 
 def _definitions() -> Tree:

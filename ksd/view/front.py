@@ -23,8 +23,8 @@ def plot_front(front: Any) -> Figure:
     good = np.isfinite(front.merits)
     left.plot(front.limits[good], front.merits[good], "o-", color=LEAF, markersize=4)
     left.set_xlabel(f"most {front.against}")
-    left.set_ylabel("worst target over its scale")
     job = front.job
+    left.set_ylabel(job.merit_name)
     draw_designs(right, job.parameters, job.bounds, front.designs[good], front.merits[good])
     right.set_title("designs, the best dark")
     return figure

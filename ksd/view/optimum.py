@@ -34,7 +34,7 @@ def plot_optimum(optimum: Any) -> Figure:
         color = LINKS[k % len(LINKS)]
         _one_start(top, low, tried.merits[own], tried.exceeded[own], color, name)
     top.axhline(optimum.merit, color=LEAF, linewidth=0.8, zorder=0)
-    top.set_title(f"worst target over its scale, {optimum.merit:.6g} at the optimum", fontsize=9)
+    top.set_title(f"{optimum.job.merit_name}, {optimum.merit:.6g} at the optimum", fontsize=9)
     top.tick_params(labelbottom=False)
     if len(names) <= MANY:
         top.legend(fontsize=7)

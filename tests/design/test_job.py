@@ -1,6 +1,7 @@
 """A job's answers are those of sweeps, its slopes those of re-solves, its rows outlive it; bad input is told at once."""
 
 import json
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
@@ -231,3 +232,32 @@ def test_a_job_without_drives_and_starts_outside(plain):
         with pytest.raises(ksd.SceneError, match=sentence):
             plain.point(start)
     assert plain.names[0].startswith("support_worst_N_per_m") and plain.parameters == tuple(VARY)
+
+
+def test_conventional_designs_go_to_the_executor_too():
+    own = job(method="conventional", turn=TURNS[:2])
+    X = own.random(3)
+
+    class Counting(ThreadPoolExecutor):
+        blocks = 0
+
+        def submit(self, *said):
+            self.blocks += 1
+            return super().submit(*said)
+
+    alone = own.batch(X)
+    with Counting(2) as pool:
+        found = own.batch(X, executor=pool)
+        assert pool.blocks == 3
+    assert np.array_equal(found.values, alone.values) and found.status == alone.status
+
+
+def test_the_worst_target_is_spoken_by_its_column_where_it_has_no_scale(plain):
+    assert plain.merit_spoken(0.5) == "worst target 0.500 of its scale"
+    most = job(maximise="support_z_N_per_m")
+    assert most.merit_spoken(1234.0, 2345.0, digits=4) == "worst support_z_N_per_m 1234 to 2345"
+    least = job(maximise=(), minimise="turn_moment_Nm")
+    assert least.merit_spoken(-0.5) == "worst turn_moment_Nm 0.500"
+    assert least.merit_name == "minus the worst turn_moment_Nm"
+    two = job(maximise=("support_z_N_per_m", "support_x_N_per_m"))
+    assert two.merit_spoken(0.5) == "worst target 0.500" and two.merit_name == "worst target"

@@ -32,7 +32,7 @@ def test_points_are_optima_under_their_limit(front):
 def test_a_front_is_told_and_drawn(front, tmp_path):
     rows = list(front.table.rows())
     assert rows[1]["merit"] == front.merits[1] and rows[1]["thickness"] == front.points[1].design["thickness"]
-    assert "points, worst target" in str(front) and f"most {MOMENT}" in str(front)
+    assert "points, worst support_worst_Nm_per_rad" in str(front) and f"most {MOMENT}" in str(front)
     figure = front.plot(tmp_path / "front.png")
     assert (tmp_path / "front.png").stat().st_size > 5000
     assert figure.axes[0].lines[0].get_xdata()[0] == front.limits[0]

@@ -21,6 +21,7 @@ from ksd.scene.toml_table import quantity
 
 SCENES = Path(ksd.__file__).parent / "scenes"
 SCHEMA = json.loads(schema_text())
+JOBS = json.loads(schema_text(jobs=True))
 TYPES = {
     "object": dict,
     "array": list,
@@ -35,11 +36,11 @@ WORDS = {
 }  # fmt: skip
 
 
-def fits(value, schema):
+def fits(value, schema, whole=SCHEMA):
     """Whether a value fits a schema of the words above, as draft 7 of JSON schema has them."""
     assert schema.keys() <= WORDS, schema.keys() - WORDS
     if "$ref" in schema:
-        return fits(value, SCHEMA["definitions"][schema["$ref"].removeprefix("#/definitions/")])
+        return fits(value, whole["definitions"][schema["$ref"].removeprefix("#/definitions/")], whole)
     kind = TYPES.get(schema.get("type"), object)
     if not isinstance(value, kind) or (isinstance(value, bool) and kind not in (bool, object)):
         return False
@@ -50,18 +51,18 @@ def fits(value, schema):
     if isinstance(value, list):
         if not schema.get("minItems", 0) <= len(value) <= schema.get("maxItems", len(value)):
             return False
-        if not all(fits(item, schema.get("items", {})) for item in value):
+        if not all(fits(item, schema.get("items", {}), whole) for item in value):
             return False
     if isinstance(value, dict):
         known, other = schema.get("properties", {}), schema.get("additionalProperties", {})
         if not value.keys() >= set(schema.get("required", ())):
             return False
         for key, item in value.items():
-            if (key not in known and other is False) or not fits(item, known.get(key, other)):
+            if (key not in known and other is False) or not fits(item, known.get(key, other), whole):
                 return False
-    if "anyOf" in schema and not any(fits(value, one) for one in schema["anyOf"]):
+    if "anyOf" in schema and not any(fits(value, one, whole) for one in schema["anyOf"]):
         return False
-    return "oneOf" not in schema or sum(fits(value, one) for one in schema["oneOf"]) == 1
+    return "oneOf" not in schema or sum(fits(value, one, whole) for one in schema["oneOf"]) == 1
 
 
 def drawn():
@@ -161,3 +162,54 @@ def test_the_command_prints_or_writes_it(capsys, tmp_path):
     assert json.loads((tmp_path / "a.json").read_text()) == SCHEMA
     assert fits({"links": [], "options": {"anything": 3}}, json_schema())
     assert not fits({"links": [], "options": {"anything": 3}}, SCHEMA)
+
+
+JOB = (SCENES / "pivot_job.toml").read_text()
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ("", ""),
+        ('link = "arm"\n', 'link = "arm"\nmethod = "conventional"\ntogether = true\n'),
+        ('turn = ["0 deg", "15 deg", "30 deg"]', 'turn = "0deg:30deg:3"'),
+        ('length = "70 mm"', 'length = "= 7 * joint.cross.thickness / 0.04"'),
+        (
+            "[job.vary]",
+            '[[job.loads.payload]]\nlink = "arm"\nforce = [0, 0, "-20 N"]\nat = ["0.1 m", 0, 0]\n[job.vary]',
+        ),
+    ],
+)
+def test_a_job_file_fits_the_schema_of_jobs_alone(old, new, tmp_path):
+    text = JOB.replace(old, new, 1)
+    (tmp_path / "a.toml").write_text(text)
+    ksd.load_job(tmp_path / "a.toml")
+    assert fits(tomllib.loads(text), JOBS, JOBS) and not fits(tomllib.loads(text), SCHEMA)
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ("[job]", "[jobs]"),
+        ('link = "arm"', 'links = "arm"'),
+        ("starts = 2", "start = 2"),
+        ('length = "70 mm"', 'length = "70 deg"'),
+        ("[job.vary]", '[[job.loads.payload]]\nlinc = "arm"\n[job.vary]'),
+    ],
+)
+def test_what_is_wrong_in_a_job_does_not_fit(old, new, tmp_path):
+    text = JOB.replace(old, new, 1)
+    (tmp_path / "a.toml").write_text(text)
+    with pytest.raises(SceneError):
+        ksd.load_job(tmp_path / "a.toml")
+    assert not fits(tomllib.loads(text), JOBS, JOBS)
+
+
+def test_a_job_may_name_its_scene(tmp_path):
+    text = '[job]\nscene = "pivot.toml"\nmaximise = "stress_MPa"\n[job.vary]\njoint.cross.thickness = ["0.2 mm", "1 mm"]\n'
+    assert fits(tomllib.loads(text), JOBS, JOBS)
+
+
+def test_the_command_prints_that_of_jobs(capsys):
+    assert main(["schema", "--job"]) == 0
+    assert json.loads(capsys.readouterr().out) == JOBS

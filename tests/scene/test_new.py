@@ -69,6 +69,19 @@ def test_the_usual_one_is_a_commented_pivot(tmp_path, capsys):
     assert options == {"method": "full", "accuracy": 1e-4}
 
 
+def test_a_new_job_is_read_and_fits_its_schema(tmp_path, capsys):
+    file = tmp_path / "hinge.toml"
+    assert main(["new", str(file), "--like", "pivot_job"]) == 0
+    assert f"ksd optimise {file}" in capsys.readouterr().out
+    head, *lines = file.read_text().splitlines()
+    assert head == "#:schema ./ksd.job.schema.json" and 'name = "hinge"' in lines
+    assert "ksd optimise hinge.toml" in lines[0] and "pivot_job" not in "\n".join(lines)
+    assert json.loads((tmp_path / "ksd.job.schema.json").read_text())["title"] == "Job file of ksd"
+    made = ksd.load_job(file)
+    shipped = ksd.load_job(str(files("ksd") / "scenes" / "pivot_job.toml"))
+    assert made.job.names == shipped.job.names and made.words == shipped.words
+
+
 def test_nothing_is_overwritten_and_wrong_words_are_refused(tmp_path, capsys):
     file, schema = tmp_path / "lever.toml", tmp_path / "ksd.schema.json"
     file.write_text("mine")
