@@ -24,7 +24,7 @@ from ksd.library import Record
 from ksd.model.arrays import COROTATIONAL, LINEAR, Arrays, Motion
 from ksd.model.compile import Drawn, Model, drawn
 from ksd.model.drawing import Numbers
-from ksd.model.pack import LOAD_FLOATS, MEMBER_FLOATS, TERM_FLOATS, Shape, skeleton, spread
+from ksd.model.pack import LOAD_FLOATS, MEMBER_FLOATS, TERM_FLOATS, Shape, spread, topology_arrays
 from ksd.model.template import (
     Filled,
     Leaves,
@@ -210,7 +210,7 @@ class Layout:
             for n, leaf in enumerate(part.leaves):
                 ends = nodes[leaf.ends[0]], nodes[leaf.ends[1]]
                 shapes.append(template.shapes[first + n]._replace(nodes=ends))
-        self.substructures = skeleton(1 + blocks + len(self.nodes), shapes, last=len(self.nodes))
+        self.substructures = topology_arrays(1 + blocks + len(self.nodes), shapes, last=len(self.nodes))
         self.leaf = template.leaf[: len(shapes)]
         if words.pulls and template.heavy[self.leaf].any():
             self.substructures = self.substructures._replace(weight=np.zeros((len(shapes), 4)))
@@ -295,7 +295,7 @@ class Layout:
         hung = Hung(template.part[:held].astype(np.int64), load)
         self.hung = hung if weigh else NOTHING_HUNG
         springs = template.spring_shapes
-        self.reduced = skeleton(links, [*own, *free], words.rows, loads, springs)
+        self.reduced = topology_arrays(links, [*own, *free], words.rows, loads, springs)
         if words.pulls and template.heavy[template.leaf[held:]].any():
             self.reduced = self.reduced._replace(weight=np.zeros((joints + len(free), 4)))
         self.reduced_packed = Packed(
@@ -380,21 +380,21 @@ class Layout:
         extent = np.maximum(spread(x, offset, members.node), length.max(axis=1, initial=0.0))
         # gravity as given; turned into the axes of every joint before it is condensed
         weight = filled.arrays.weight[:, : len(leaf)]
-        bones = self.substructures
-        arrays = bones._replace(
+        topology = self.substructures
+        arrays = topology._replace(
             members=members,
-            terms=many(bones.terms, TERM_FLOATS, count),
-            loads=many(bones.loads, LOAD_FLOATS, count),
+            terms=many(topology.terms, TERM_FLOATS, count),
+            loads=many(topology.loads, LOAD_FLOATS, count),
             size=extent,
-            springs=many(bones.springs, MEMBER_FLOATS, count),
-            weight=weight if len(bones.weight) else weight[:, :0],
+            springs=many(topology.springs, MEMBER_FLOATS, count),
+            weight=weight if len(topology.weight) else weight[:, :0],
         )
         return arrays, Motion(x, np.tile(np.eye(3), (count, nodes, 1, 1)), inner, np.zeros((count, 0)))
 
     def _fill_reduced(self, n: Numbers, filled: Filled, loops: Loops) -> tuple[Arrays, Motion]:
         """The reduced mechanism of D designs and its rest state."""
         count, links, held = len(n.leaf), len(self.template.words.links), len(self.leaf)
-        full, bones = filled.arrays, self.reduced
+        full, topology = filled.arrays, self.reduced
         members = full.members
         value, inner = self.reduced_packed.values(filled.leaves, n.given)
         joint_floor = np.maximum.reduceat(members.floor[:, :held], self.first_member, axis=1)
@@ -404,7 +404,7 @@ class Layout:
 
         x = filled.rest.x[:, :links]
         offset, lengths = joined(loops.anchor, members.offset), joined(loops.length, members.length)
-        made = bones.members._replace(
+        made = topology.members._replace(
             offset=offset, frame=joined(np.stack([loops.frame] * 2, axis=2), members.frame), value=value,
             length=lengths, floor=joined(joint_floor, members.floor),
         )  # fmt: skip
@@ -416,19 +416,19 @@ class Layout:
             free = weight[:, held:]
             linear = np.zeros((count, len(self.nodes), 4))
             linear[..., 1:] = n.gravity[:, None]
-            weight = np.concatenate([linear, free], axis=1) if len(bones.weight) else weight[:, :0]
-        arrays = bones._replace(
+            weight = np.concatenate([linear, free], axis=1) if len(topology.weight) else weight[:, :0]
+        arrays = topology._replace(
             members=made,
-            terms=bones.terms._replace(
+            terms=topology.terms._replace(
                 coefficient=full.terms.coefficient, direction=full.terms.direction, point=full.terms.point
             ),
-            loads=bones.loads._replace(point=loads.point, force=loads.force, moment=loads.moment),
+            loads=topology.loads._replace(point=loads.point, force=loads.force, moment=loads.moment),
             size=np.maximum(spread(x, offset, made.node), lengths.max(axis=1, initial=0.0)),
             springs=full.springs,
             weight=weight,
         )  # fmt: skip
         turned = np.tile(np.eye(3), (count, links, 1, 1))
-        return arrays, Motion(x, turned, inner, np.zeros((count, len(bones.terms.start))))
+        return arrays, Motion(x, turned, inner, np.zeros((count, len(topology.terms.start))))
 
     def _hang(self, n: Numbers, filled: Filled) -> Any:
         """Loads with those that stand for the weight of the joints, at points that step 2 sets."""

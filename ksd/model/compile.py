@@ -229,7 +229,7 @@ def model_of(scene: Any, template: Template, filled: Filled, numbers: Numbers, d
     """The model of design d of those packed together; scene: its frozen scene."""
     words = template.words
     model = Model(
-        scene, template.mesh, design(filled.arrays, template.skeleton, d), motion_design(filled.rest, d),
+        scene, template.mesh, design(filled.arrays, template.topology, d), motion_design(filled.rest, d),
         template.node_names, template.member_names, template.joint_members, words.drives, words.supports,
         template.spring_names, scene,
     )  # fmt: skip
@@ -249,7 +249,7 @@ def remeshed(model: Model, mesh: Mesh) -> Model:
     return replace(
         model,
         mesh=mesh,
-        arrays=revalued(model.arrays, template.skeleton, value[0]),
+        arrays=revalued(model.arrays, template.topology, value[0]),
         rest=model.rest._replace(inner=inner[0]),
         said=model.scene,
         choice=None,

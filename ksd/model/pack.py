@@ -1,7 +1,7 @@
 """The integers of a model, and its arrays from lists of members, constraint rows and loads.
 
-`skeleton` lays out everything that does not depend on numbers; `ksd.model.template` fills in those of many designs, `pack`
-those of members made one by one.
+`topology_arrays` lays out what follows from the topology and not from numbers; `ksd.model.template` fills in the numbers of
+many designs, `pack` those of members made one by one.
 """
 
 from __future__ import annotations
@@ -224,7 +224,7 @@ def _leaf_room(members: Sequence[Shape]) -> int:
     return room_size(*(max(of) for of in zip(*sizes, strict=True))) if sizes else room_size(0, 0)
 
 
-def skeleton(
+def topology_arrays(
     nodes: int,
     members: Sequence[Shape],
     rows: Sequence[Sequence[TermShape]] = (),
@@ -233,7 +233,7 @@ def skeleton(
     *,
     last: int = 0,
 ) -> Arrays:
-    """Arrays of a mechanism, all of whose floats are still zero. Nodes 1.. get six unknowns each, every row one
+    """Arrays of the topology of a mechanism, whose floats are all still zero. Nodes 1.. get six unknowns each, every row one
     multiplier; the `last` nodes are eliminated last."""
     pairs = coupled(nodes, (m.nodes for m in (*members, *springs)), rows)
     plan, places, start, row_start = numbering(nodes, 6, pairs, len(rows), last)
@@ -265,20 +265,20 @@ def float_fields(arrays: Arrays) -> list[np.ndarray]:
     return [getattr(part, name) for part, names in parts for name in names]
 
 
-def refilled(bones: Arrays, floats: np.ndarray) -> Arrays:
-    """Arrays with the integers of `bones`, which are shared, and other numbers, laid out as `Flat.floats`: a third of the
-    time of `opened`, which makes views of the integers too."""
+def refilled(topology: Arrays, floats: np.ndarray) -> Arrays:
+    """Arrays with the integers of `topology`, which are shared, and other numbers, laid out as `Flat.floats`: a third of
+    the time of `opened`, which makes views of the integers too."""
     views, at = [], 1
-    for own in float_fields(bones):
+    for own in float_fields(topology):
         views.append(floats[at : at + own.size].reshape(own.shape))
         at += own.size
-    m, t, q, s = bones.members, bones.terms, bones.loads, bones.springs
+    m, t, q, s = topology.members, topology.terms, topology.loads, topology.springs
     offset, frame, value, length, floor, coefficient, along, point, place, force, moment, *spring, weight = (
         views
     )
     arrays = Arrays(
-        bones.plan,
-        bones.start,
+        topology.plan,
+        topology.start,
         Members(
             m.kind,
             m.node,
@@ -297,18 +297,18 @@ def refilled(bones: Arrays, floats: np.ndarray) -> Arrays:
         Loads(q.node, place, force, moment, q.following, q.skew, q.block),
         float(floats[0]),
         s._replace(**dict(zip(MEMBER_FLOATS, spring, strict=True))),
-        bones.scratch,
+        topology.scratch,
         weight,
-        bones.keep,
+        topology.keep,
     )
-    arrays.flat = bones.flat._replace(floats=floats)
+    arrays.flat = topology.flat._replace(floats=floats)
     return arrays
 
 
-def revalued(arrays: Arrays, bones: Arrays, value: np.ndarray) -> Arrays:
-    """The arrays with the integers of `bones`, and the constants `value` (v,) in the place of those of their members; what
-    else there is of numbers is the same in both."""
-    return refilled(bones, revalued_floats(arrays.flat.ints, arrays.flat.floats[None], value[None])[0])
+def revalued(arrays: Arrays, topology: Arrays, value: np.ndarray) -> Arrays:
+    """The arrays with the integers of `topology`, and the constants `value` (v,) in the place of those of their members;
+    what else there is of numbers is the same in both."""
+    return refilled(topology, revalued_floats(arrays.flat.ints, arrays.flat.floats[None], value[None])[0])
 
 
 def revalued_floats(ints: np.ndarray, floats: np.ndarray, value: np.ndarray) -> np.ndarray:
@@ -359,7 +359,9 @@ def pack(parts: Assembly) -> tuple[Arrays, Motion]:
     loads = [(p.node, p.following, bool(p.following or np.any(p.moment))) for p in parts.pushes]
     rows = [[(t[1], t[2], t[3]) for t in row.terms] for row in parts.rows]
     nodes = len(parts.reference)
-    laid = skeleton(nodes, _shapes(parts.members), rows, loads, _shapes(parts.springs), last=parts.last)
+    laid = topology_arrays(
+        nodes, _shapes(parts.members), rows, loads, _shapes(parts.springs), last=parts.last
+    )
     members = _filled(laid.members, parts.members)
     reference = np.array(parts.reference, float)
     extent = spread(reference[None], members.offset[None], members.node)[0]

@@ -89,10 +89,10 @@ class Plane:
 
 
 class _Planar(NamedTuple):
-    """What of the arrays in a plane does not depend on numbers: bones: the arrays, all numbers zero; leaves: those that
+    """What of the arrays in a plane does not depend on numbers: topology: the arrays, all numbers zero; leaves: those that
     condense in closed form, by where their spatial constants begin, whether they weigh anything, and their settings."""
 
-    bones: Arrays
+    topology: Arrays
     leaves: list[tuple[int, bool, tuple[int, ...]]]
 
 
@@ -120,7 +120,7 @@ def _planar(ints: bytes, axis: int, rows: tuple[int, ...], heavy: bytes) -> _Pla
     )
     load_block = np.array([places.diagonal(n) for n in loads.node.tolist()], np.int64)
     members, leaves = _members(space.members, np.frombuffer(heavy, bool))
-    bones = space._replace(
+    topology = space._replace(
         plan=plan,
         start=start,
         members=members._replace(block=member_block),
@@ -130,7 +130,7 @@ def _planar(ints: bytes, axis: int, rows: tuple[int, ...], heavy: bytes) -> _Pla
         springs=springs._replace(block=spring_block),
         keep=keep,
     )
-    return _Planar(bones, leaves)
+    return _Planar(topology, leaves)
 
 
 def _masked(arrays: Arrays, axis: int, rows: np.ndarray) -> Arrays:
@@ -139,10 +139,10 @@ def _masked(arrays: Arrays, axis: int, rows: np.ndarray) -> Arrays:
     heavy = np.zeros(len(arrays.members.kind), bool)
     if len(arrays.weight):
         heavy[:] = arrays.weight[:, 0] > 0.0
-    bones, leaves = _planar(arrays.flat.ints.tobytes(), axis, tuple(rows.tolist()), heavy.tobytes())
+    topology, leaves = _planar(arrays.flat.ints.tobytes(), axis, tuple(rows.tolist()), heavy.tobytes())
     value = arrays.members.value
     made = [_constants(value[at:], weighs, settings) for at, weighs, settings in leaves]
-    return revalued(arrays, bones, np.concatenate([value, *made]))
+    return revalued(arrays, topology, np.concatenate([value, *made]))
 
 
 def _members(members: Members, heavy: np.ndarray) -> tuple[Members, list[tuple[int, bool, tuple[int, ...]]]]:

@@ -19,7 +19,7 @@ from ksd.beam.strain_values import strain_constants, strain_sizes, strain_values
 from ksd.model.arrays import STRAIN, Arrays, Members, Motion
 from ksd.model.drawing import GIVEN, LEAF, SPRING, LeafWords, Numbers, Words, places_of
 from ksd.model.mesh import Mesh
-from ksd.model.pack import MEMBER_FLOATS, Shape, float_fields, refilled, skeleton, spread
+from ksd.model.pack import MEMBER_FLOATS, Shape, float_fields, refilled, spread, topology_arrays
 
 Array = np.ndarray
 SCALES = 19
@@ -191,17 +191,17 @@ class Template:
             Shape(kind, nodes, (0,), values, 0, 0, i)
             for i, (_, kind, nodes, values) in enumerate(words.springs)
         ]
-        self.skeleton = skeleton(
+        self.topology = topology_arrays(
             len(self.node_names), self.shapes, words.rows, words.loads, self.spring_shapes
         )
-        self.packed = Packed(self.leaf_words, self.leaf, self.skeleton.members)
+        self.packed = Packed(self.leaf_words, self.leaf, self.topology.members)
         self.heavy = np.array([w.heavy for w in self.leaf_words], bool)
         self.elements = np.array([float(w.number[0]) for w in self.leaf_words])
         self.given_leaves = [f for f, w in enumerate(self.leaf_words) if w.given is not None]
         if words.pulls and self.heavy.any():
-            self.skeleton = self.skeleton._replace(weight=np.zeros((len(self.leaf), 4)))
+            self.topology = self.topology._replace(weight=np.zeros((len(self.leaf), 4)))
         self._attach()
-        terms, loads = self.skeleton.terms, self.skeleton.loads
+        terms, loads = self.topology.terms, self.topology.loads
         self.term_nodes, self.load_nodes = terms.node, loads.node
         sizes = [SPRING + s[3] for s in words.springs]
         self.spring_first = np.cumsum([0, *sizes])
@@ -277,35 +277,35 @@ class Template:
         if len(self.block_part):
             own = n.rotation[:, self.block_part] @ n.point[:, self.block_point, :, None]
             places[:, links:] = n.origin[:, self.block_part] + own[..., 0]
-        bones, R = self.skeleton, n.rotation[:, self.part]
-        node = bones.members.node
+        topology, R = self.topology, n.rotation[:, self.part]
+        node = topology.members.node
         ends = leaves.ends[:, self.leaf] @ np.swapaxes(R, 2, 3)
         offset = n.origin[:, self.part, None] + ends - places[:, node]
         value, inner = self.packed.values(leaves, n.given)
         length = leaves.length[:, self.leaf]
-        members = bones.members._replace(
+        members = topology.members._replace(
             offset=offset, frame=R[:, :, None] @ leaves.frame[:, self.leaf], value=value, length=length,
             floor=leaves.floor[:, self.leaf],
         )  # fmt: skip
         at = n.terms[..., 4:7]
-        terms = bones.terms._replace(
+        terms = topology.terms._replace(
             coefficient=n.terms[..., 0],
             direction=n.terms[..., 1:4],
             point=at[:, :, None] - places[:, self.term_nodes],
         )
-        loads = bones.loads._replace(
+        loads = topology.loads._replace(
             point=n.loads[..., :3] - places[:, self.load_nodes],
             force=n.loads[..., 3:6],
             moment=n.loads[..., 6:9],
         )
         size = np.maximum(spread(places, offset, node), length.max(axis=1, initial=0.0))
-        arrays = bones._replace(
+        arrays = topology._replace(
             members=members, terms=terms, loads=loads, size=size, springs=self._springs(n, places),
             weight=self._weight(leaves.mass[:, self.leaf], n),
         )  # fmt: skip
         turned = np.empty((count, len(self.node_names), 3, 3))
         turned[:] = np.eye(3)
-        rest = Motion(places, turned, inner, np.zeros((count, len(bones.terms.start))))
+        rest = Motion(places, turned, inner, np.zeros((count, len(topology.terms.start))))
         return Filled(arrays, rest, leaves, points)
 
     def leaves(self, n: Numbers) -> Leaves:
@@ -362,7 +362,7 @@ class Template:
 
     def _springs(self, n: Numbers, places: Array) -> Members:
         """Springs with their numbers."""
-        springs, count, first = self.skeleton.springs, len(places), self.spring_first
+        springs, count, first = self.topology.springs, len(places), self.spring_first
         if not len(springs.kind):
             none: Members = many(springs, MEMBER_FLOATS, count)
             return none
@@ -425,15 +425,15 @@ def of_design(part: Any, names: Sequence[str], d: int) -> Any:
     return part._replace(**{name: np.ascontiguousarray(getattr(part, name)[d]) for name in names})
 
 
-def design(arrays: Arrays, bones: Arrays, d: int) -> Arrays:
-    """Arrays of design d of many; bones: arrays of the same integers, which are shared."""
+def design(arrays: Arrays, topology: Arrays, d: int) -> Arrays:
+    """Arrays of design d of many; topology: arrays of the same integers, which are shared."""
     joined = arrays.__dict__.get("joined")
     if joined is None:
         size: Any = arrays.size
         floats = [field.reshape(len(size), -1) for field in float_fields(arrays)]
         # of all designs at once, for the others
         joined = arrays.__dict__["joined"] = np.concatenate([size[:, None], *floats], axis=1)
-    return refilled(bones, joined[d].copy())
+    return refilled(topology, joined[d].copy())
 
 
 def motion_design(motion: Motion, d: int) -> Motion:

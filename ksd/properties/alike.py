@@ -24,12 +24,12 @@ State = tuple[Model, Motion, float]
 
 
 class Alike(NamedTuple):
-    """D states. models: of each; template: what they have in common, bones: its integers; floats (D, f): as in `Flat`;
+    """D states. models: of each; template: what they have in common, topology: its integers; floats (D, f): as in `Flat`;
     motion: with a leading axis over states; factor (D,): of the loads."""
 
     models: tuple[Model, ...]
     template: Template
-    bones: Arrays
+    topology: Arrays
     floats: Array
     motion: Motion
     factor: Array
@@ -41,14 +41,14 @@ class Alike(NamedTuple):
 
     def state(self, d: int) -> tuple[Bare, Motion]:
         """Numbers and state d, views of what is here."""
-        m, ints = self.motion, self.bones.flat.ints
-        flat = Flat(ints, self.floats[d], self.bones.flat.leaves_alone)
+        m, ints = self.motion, self.topology.flat.ints
+        flat = Flat(ints, self.floats[d], self.topology.flat.leaves_alone)
         weight = flat.floats[ints[WEIGHT] :].reshape(-1, 4)
         return Bare(flat, weight), Motion(m.x[d], m.R[d], m.inner[d], m.multiplier[d])
 
     def constants(self, members: NDArray[np.int64], size: int) -> Array:
         """The first `size` constants (D, k, size) of members (k,)."""
-        at = self.bones.flat.ints[MEMBERS + VALUE] + self.bones.members.value_at[members]
+        at = self.topology.flat.ints[MEMBERS + VALUE] + self.topology.members.value_at[members]
         return self.floats[:, at[:, None] + np.arange(size)]
 
     def finer(self) -> Alike:
@@ -63,11 +63,11 @@ class Alike(NamedTuple):
         leaves = Leaves(*(np.concatenate(field) for field in zip(*(k[1] for k in known), strict=True)))
         value, rest = fine.packed.values(leaves, np.concatenate([k[2] for k in known]))
         inner = np.zeros((len(value), rest.shape[1]))
-        number, wider = (b.members.number.tobytes() for b in (self.bones, fine.skeleton))
+        number, wider = (b.members.number.tobytes() for b in (self.topology, fine.topology))
         inner[:, widened(number, wider)] = m.inner
-        floats = revalued_floats(self.bones.flat.ints, self.floats, value)
+        floats = revalued_floats(self.topology.flat.ints, self.floats, value)
         motion = Motion(m.x.copy(), m.R.copy(), inner, m.multiplier.copy())
-        return self._replace(template=fine, bones=fine.skeleton, floats=floats, motion=motion)
+        return self._replace(template=fine, topology=fine.topology, floats=floats, motion=motion)
 
 
 def alike(states: Sequence[State]) -> list[tuple[list[int], Alike]]:
@@ -78,7 +78,7 @@ def alike(states: Sequence[State]) -> list[tuple[list[int], Alike]]:
         template = model.derived.get("leaves", (None,))[0]
         if template is None or model.bodies or not template.plain:
             continue
-        if model.arrays.flat.ints is template.skeleton.flat.ints:
+        if model.arrays.flat.ints is template.topology.flat.ints:
             groups.setdefault(id(template), []).append(k)
     found = []
     for numbers in groups.values():
@@ -87,5 +87,5 @@ def alike(states: Sequence[State]) -> list[tuple[list[int], Alike]]:
         motion = Motion(*(np.stack(field) for field in zip(*(states[k][1] for k in numbers), strict=True)))
         floats = np.stack([model.arrays.flat.floats for model in models])
         factor = np.array([states[k][2] for k in numbers])
-        found.append((numbers, Alike(models, template, template.skeleton, floats, motion, factor)))
+        found.append((numbers, Alike(models, template, template.topology, floats, motion, factor)))
     return found

@@ -241,25 +241,25 @@ def stiffnesses(
     Raises SceneError as `point_stiffness`.
     """
     fine, model = states.finer(), states.models[0]
-    bones, x = fine.bones, fine.motion.x
-    rows, count, unknowns = range(len(bones.terms.start)), len(model.drive_names), bones.plan.unknowns
+    topology, x = fine.topology, fine.motion.x
+    rows, count, unknowns = range(len(topology.terms.start)), len(model.drive_names), topology.plan.unknowns
     loads = np.zeros((len(x), 6 * (link is not None) + count * drives, unknowns))
     if link is not None:
         node = node_of(model, link)
-        start = int(bones.start[node])
+        start = int(topology.start[node])
         for d, (own, point) in enumerate(zip(states.models, at, strict=True)):
             loads[d, :6, start : start + 6] = point_motion(own, states.state(d)[1], node, point)[1]
         if rows:
             held = [
-                gradients_of_rows(bones, arrays.flat, motion, rows)
+                gradients_of_rows(topology, arrays.flat, motion, rows)
                 for arrays, motion in map(fine.state, range(len(x)))
             ]
-            left, _ = beyond_rows(bones, states.size, np.stack(held), loads[:, :6].swapaxes(1, 2))
+            left, _ = beyond_rows(topology, states.size, np.stack(held), loads[:, :6].swapaxes(1, 2))
             loads[:, :6] = left.swapaxes(1, 2)
     if drives:
-        loads[:, -count:, bones.terms.start[:count]] = np.eye(count)
+        loads[:, -count:, topology.terms.start[:count]] = np.eye(count)
     found, good = responses(fine, loads)
-    if bones.loads.skew.any():
+    if topology.loads.skew.any():
         # not conservative: the tangent has a skew part
         good[:] = False
     C = matrix = None
@@ -267,7 +267,7 @@ def stiffnesses(
         C = loads[:, :6] @ found[:, :6].swapaxes(1, 2)
         C = 0.5 * (C + C.swapaxes(1, 2))
     if drives:
-        matrix = -found[:, -count:, bones.terms.start[:count]]
+        matrix = -found[:, -count:, topology.terms.start[:count]]
         matrix = 0.5 * (matrix + matrix.swapaxes(1, 2))
     return Stiffnesses(C, matrix, good)
 

@@ -117,9 +117,9 @@ def beyond_rows(arrays: Arrays, size: Any, gradients: Array, loads: Array) -> tu
 def responses(states: Alike, loads: Array) -> tuple[Array, NDArray[np.bool_]]:
     """Response (D, k, unknowns) of D states to `loads` (D, k, unknowns), all drives held, and where it is one (D,): where
     the tangent is regular and rounding leaves digits, see `Tangent.solve`. The insides of leaves are settled, in place."""
-    bones, found = states.bones, np.empty(loads.shape)
-    work, good = make_work(bones), np.zeros(len(loads), bool)
-    plan, stored, held = bones.plan.ints, np.empty_like(work.value), np.zeros(len(bones.terms.start))
+    topology, found = states.topology, np.empty(loads.shape)
+    work, good = make_work(topology), np.zeros(len(loads), bool)
+    plan, stored, held = topology.plan.ints, np.empty_like(work.value), np.zeros(len(topology.terms.start))
     for d, factor in enumerate(states.factor.tolist()):
         arrays, motion = states.state(d)
         if len(work.weight):
@@ -127,7 +127,7 @@ def responses(states: Alike, loads: Array) -> tuple[Array, NDArray[np.bool_]]:
         settle_insides(arrays, motion, work, factor)
         assemble(arrays, motion, held, factor, work, 1e-8, 0, 10.0)
         stored[:] = work.value
-        _, pivot = factor_blocks(plan, work.value, work.spare, len(bones.plan.size))
+        _, pivot = factor_blocks(plan, work.value, work.spare, len(topology.plan.size))
         if pivot > SINGULAR:
             good[d] = refined_rows(plan, stored, work.value, work.spare, loads[d], found[d]) <= LOST
     return found, good

@@ -125,7 +125,7 @@ def test_designs_in_one_call_are_those_made_one_by_one(name, mesh, rng):
     filled = template(numbers)
     for d, scene in enumerate(scenes):
         model = compile_given(scene, mesh)
-        several = design(filled.arrays, template.skeleton, d), motion_design(filled.rest, d)
+        several = design(filled.arrays, template.topology, d), motion_design(filled.rest, d)
         _same((model.arrays, model.rest), several)
     if mesh.nodal or not drawings[0].joints:
         return
