@@ -165,11 +165,24 @@ def readme_table(found: dict[str, Any]) -> str:
                 ["the fourbar above at 300 mm, prepared", "time of a call [µs]", "force error"], body, left=1
             ),
             "",
+            *_first_runs(found.get("start_up", {})),
             f"{spoken_machine(found['machine'])}; thread time, medians;",
             "`python benchmarks/speed.py --readme README.md` renews it. Errors against finer leaves, orders (6, 5, 9).",
             "New designs, chains, the arm, other engines, methods at equal accuracy: [measured](benchmarks/README.md).",
         ]
     )
+
+
+def _first_runs(cases: dict[str, Any]) -> list[str]:
+    """How long the first runs take with no compiled kernels on disk, and a later one; none where not measured."""
+    names = ("empty cache", "empty cache, demo", "full, strain-mode")
+    if not all(name in cases for name in names):
+        return []
+    first, demo, later = (cases[name]["solved_s"] for name in names)
+    return [
+        f"A first solve with no kernels on disk takes {first:.0f} s, `ksd demo` {demo:.0f} s, later processes "
+        f"{later:.1f} s (wall time)."
+    ]
 
 
 def insert_table(readme: Path, table: str) -> None:

@@ -4,14 +4,18 @@ from __future__ import annotations
 
 import argparse
 import inspect
+import pkgutil
 import re
+from importlib import import_module
 from pathlib import Path
 
 from docstrings import by_parameter
 from validated import write_validated
 
 import ksd
+import ksd.view
 from ksd.cli.commands import parser
+from ksd.properties.words import Shown
 from ksd.scene import toml_schema as schema
 from ksd.scene.profile import NAMED
 from ksd.units import DIMENSIONS
@@ -42,6 +46,21 @@ REFERENCE = {
         "Job JobFile load_job optimise Optimum pareto Front choose Choice tolerance Tolerance "
         "frequency_curve state_space SweepInterrupted",
     ),
+    "Answers": (
+        "What questions to a `Configuration` return: each prints as a table and holds arrays in SI units.",
+        "properties.stiffness.PointStiffness properties.stiffness.DriveStiffness properties.frequencies.Modes "
+        "properties.buckling.Buckling properties.stress.Stress properties.stress.LeafStress properties.strength.Strength "
+        "properties.parasitic.Parasitic properties.parasitic.PivotShift properties.forces.SectionForces "
+        "properties.forces.InterfaceForces properties.forces.InterfaceForce properties.link_forces.LinkForces "
+        "properties.link_forces.LinkForce properties.internal_stress.Misplaced properties.extent.Clearance "
+        "properties.verify.Verification properties.doctor.Diagnosis "
+        "design.curve.FrequencyCurve design.state_space.StateSpace",
+    ),
+    "Pictures": (
+        "Drawn with matplotlib, without a display; `Configuration.plot`, `Table.plot` and `Configuration.view` call them.",
+        "view.plot_mechanism view.plot_mode view.plot_stroke view.animate_stroke view.animate_mode view.save_figure "
+        "view.show_mechanism view.write_vtu view.write_pvd",
+    ),
     "Joint database": (
         "Training and reading joint records.",
         "train Design Parameter Record find_record read_result",
@@ -59,7 +78,7 @@ CALLED = {"solve": "ksd.solve.solver.solve", "train": "ksd.train.run.train"}
 
 def directive(name: str) -> str:
     """What autodoc is asked of a public name."""
-    found = getattr(ksd, name)
+    found = pkgutil.resolve_name(f"ksd.{name}")
     kind = "class" if isinstance(found, type) else "function"
     if isinstance(found, type) and issubclass(found, Exception):
         kind = "exception"
@@ -68,9 +87,15 @@ def directive(name: str) -> str:
 
 
 def without_page() -> set[str]:
-    """Public names that are on no page of the reference."""
+    """Public names that are on no page of the reference: those of `ksd` and `ksd.view`, and every class of answers."""
     named = {name for _, names in REFERENCE.values() for name in names.split()}
-    return set(ksd.__all__) - named - {"errors", "units"}
+    for module in pkgutil.walk_packages(ksd.__path__, "ksd."):
+        if module.name.startswith(("ksd.properties", "ksd.design", "ksd.solve")):
+            import_module(module.name)
+    own = {pkgutil.resolve_name(f"ksd.{name}") for name in named}
+    answers = {f"{kind.__module__}.{kind.__name__}" for kind in Shown.__subclasses__() if kind not in own}
+    pictures = {f"view.{name}" for name in ksd.view.__all__}
+    return ((set(ksd.__all__) | pictures) - named - {"errors", "units"}) | answers
 
 
 def reference(folder: Path) -> None:

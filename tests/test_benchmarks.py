@@ -57,6 +57,11 @@ def test_speed(script, tmp_path):
     assert set(split) == {"assembly", "factorisation", "solve", "update"}
 
 
+def test_the_readme_has_the_stored_table(script):
+    found = json.loads((FOLDER / "results" / "speed.json").read_text())
+    assert script("speed_report").readme_table(found) in (FOLDER.parent / "README.md").read_text()
+
+
 def test_table_needs_its_markers(script, tmp_path):
     plain = tmp_path / "README.md"
     plain.write_text("no markers\n")

@@ -1,6 +1,7 @@
 """Every Python block of the documentation's pages runs, and the commands the pages name exist."""
 
 import argparse
+import math
 import pkgutil
 import re
 import runpy
@@ -11,6 +12,10 @@ import pytest
 
 import ksd
 from ksd.cli.commands import parser
+from ksd.solve.five import YIELDING
+from ksd.solve.following import MILD
+from ksd.solve.solver import DEFAULT_ACCURACY
+from ksd.train.softness import SOFTENED
 
 DOCS = Path(__file__).resolve().parents[1] / "docs"
 PAGES = sorted(
@@ -56,6 +61,42 @@ def test_what_a_page_points_at_exists(page):
         assert (DOCS.parent / path).exists(), f"{page}: {path}"
     for name in re.findall(r"`(ksd(?:\.\w+)+)", text):
         pkgutil.resolve_name(name)
+
+
+BOUNDS = {
+    "limits.md": [f"beyond {100 * YIELDING:g} % of the size the five steps refuse"],
+    "how_to/method_and_accuracy.md": ["one part in a thousand"] * (DEFAULT_ACCURACY == 1e-3),
+    "theory/non_conservative.md": [rf"\rho = 10^{{{round(math.log10(MILD))}}}$"],
+    "theory/element_orientations.md": ["a quarter of their stiffness"] * (SOFTENED == 0.25),
+}
+"""Sentences of pages that tell a bound of the package, made from the bound."""
+
+
+@pytest.mark.parametrize("page", BOUNDS)
+def test_bounds_in_prose_are_those_of_the_package(page):
+    assert BOUNDS[page] and all(sentence in (DOCS / page).read_text() for sentence in BOUNDS[page])
+
+
+def test_numbers_of_the_vibrations_tutorial(monkeypatch):
+    """Closed forms: beams clamped at both ends with 13/35 of their mass, a load on them, and one resonance."""
+    monkeypatch.setenv("MPLBACKEND", "Agg")
+    found = runpy.run_path(str(DOCS / "tutorials" / "7_vibrations_of_a_guide.py"))
+    free = found["free"].frequency_Hz
+    assert free[0] == pytest.approx(found["by_hand"], rel=1e-4)
+    # the rigid stage alone: no mass of the leaf springs, so a little high, three ways of which are in the table
+    lumped = found["lumped_Hz"]
+    assert lumped[0] == pytest.approx(
+        free[0] * math.sqrt(1 + 2 * 13 / 35 * found["leaf_mass"] / 0.5), rel=1e-4
+    )
+    for f in lumped[1:4]:
+        assert free[abs(free - f).argmin()] == pytest.approx(f, rel=1e-2) and free[abs(free - f).argmin()] < f
+    assert found["static_gain"] == pytest.approx(1.0, rel=1e-6)
+    told = found["plant"].frequency_Hz[0] * math.sqrt(1 - 2 * found["damping"] ** 2)
+    assert found["peak_Hz"] == pytest.approx(told, rel=2e-5)
+    assert found["amplification"] == pytest.approx(1 / (2 * found["damping"]), rel=1e-3)
+    assert found["overshoot"] == pytest.approx(1 + math.exp(-math.pi * found["damping"]), rel=1e-3)
+    for stiffness, expected in found["upright"]:
+        assert stiffness == pytest.approx(expected, rel=2e-4)
 
 
 def test_a_block_that_fails_is_found_with_its_line():

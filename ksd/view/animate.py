@@ -1,10 +1,10 @@
-"""The stroke, or a mode, as an animation (GIF): one frame per configuration, axes that stand still."""
+"""The stroke, or a mode, as an animation (GIF): one frame per configuration, axes that stand still; a mode as a picture."""
 
 from __future__ import annotations
 
 import io
 import os
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -19,6 +19,9 @@ from ksd.view.figure import new_figure, without_formulas
 from ksd.view.mechanism import plane_seen, plot_mechanism
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
     from ksd.properties.frequencies import Modes
     from ksd.solve.configuration import Configuration
 
@@ -63,6 +66,33 @@ def animate_mode(
     path. Raises SceneError as `animate_stroke`, and for a mode that is not there.
     """
     target = _target(path)
+    swing, view, title = _swing(pose, mode, modes, amplitude, view)
+    order = [swing(float(s)) for s in np.sin(2 * np.pi * np.arange(frames) / frames)]
+    return _written(order, target, view=view, fps=frames, dpi=dpi, title=title)
+
+
+def plot_mode(
+    pose: Configuration,
+    *,
+    mode: int | str = 1,
+    modes: Modes | None = None,
+    amplitude: float = 0.08,
+    axes: Axes | None = None,
+    view: View | None = None,
+) -> Figure:
+    """Matplotlib figure of a `Configuration` at the end of one swing of a mode, over the undeformed mechanism.
+
+    mode, modes, amplitude: as in `animate_mode`. axes, view: as in `plot_mechanism`, in space where a planar mechanism
+    leaves its plane. Raises SceneError for a mode that is not there, and for another view.
+    """
+    swing, view, title = _swing(pose, mode, modes, amplitude, view)
+    return plot_mechanism(swing(1.0), axes=axes, view=view, labels=False, title=title)
+
+
+def _swing(
+    pose: Configuration, mode: int | str, modes: Modes | None, amplitude: float, view: View | None
+) -> tuple[Callable[[float], Configuration], View | None, str]:
+    """The pose at a share of the swing of a mode, the view it is seen in, and the title."""
     found = pose.frequencies(freed=pose.model.drive_names) if modes is None else modes
     row = _row(found, mode)
     moved = np.abs(found.shape[row, :, :3])
@@ -71,11 +101,13 @@ def animate_mode(
     if plane is not None:
         across = "xyz".index(({*"xyz"} - {*plane}).pop())
         view = view or ("3d" if moved.max(axis=0).argmax() == across else plane)  # type: ignore[assignment]
-    swing = np.sin(2 * np.pi * np.arange(frames) / frames)
     still = replace(pose, model=found.model, chosen=False)
-    order = [replace(still, motion=found.moved(row, unit * float(s))) for s in swing]
+
+    def swing(share: float) -> Configuration:
+        return replace(still, motion=found.moved(row, unit * share))
+
     title = f"mode {row + 1}, {found.names[row]}: {found.frequency_Hz[row]:.4g} Hz, amplitude for the eye"
-    return _written(order, target, view=view, fps=frames, dpi=dpi, title=title)
+    return swing, view, title
 
 
 def _row(modes: Any, mode: int | str) -> int:

@@ -23,9 +23,12 @@ def test_it_is_read_in_five_minutes():
 def test_the_script_runs_as_printed(tmp_path):
     (script,) = re.findall(r"```python\n(.*?)```", TEXT, re.S)
     assert len([s for s in script.splitlines() if s.strip()]) <= 16
+    script += "print(pose.stiffness('top'))\n"
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     assert "521" in done.stdout
+    (shown,) = re.findall(r"```text\n(.*?)```", TEXT, re.S)
+    assert shown.split() == done.stdout[done.stdout.index("Stiffness of link") :].split()
 
 
 def test_the_two_commands_are_there():

@@ -1,7 +1,7 @@
 """Published and independent numbers, each beside the function that asks ksd for it.
 
 One source: `test_published.py` holds ksd to every number, `docs/tables.py` prints them all. The numbers themselves stand in
-`published_joints`, `published_beams` and `published_planar`.
+the other files that begin with `published_`.
 """
 
 from __future__ import annotations

@@ -70,6 +70,30 @@ def other_crossing(angle):
     return [conventional(model, {"turn": turn * deg}).forces["turn"] / (unit * turn) for turn in (30, 60)]
 
 
+def crossed(ratio, turn, mesh=None):
+    """A crossed pivot of thin leaf springs, turned by a moment alone."""
+    joint = ksd.CrossedPivot(STEEL, length=0.1, angle=45 * deg, thickness=1e-4, width=0.02, ratio=ratio)
+    return conventional(compile_scene(single_joint(joint), mesh=mesh), {"turn": turn})
+
+
+def crossed_stiffness(ratio):
+    """Over E I / L of one leaf."""
+    return (crossed(ratio, 1e-4).forces["turn"] / 1e-4 * 0.1 / (STEEL.E * 0.02 * 1e-12 / 12),)
+
+
+def crossed_shift(ratio, turn=2 * deg):
+    """How far the crossing moves along the symmetry axis, over its length and the square of the turn."""
+    shift = crossed(ratio, turn).pivot_shift("hinge").shift
+    return (np.linalg.norm(shift) / turn**2 / 0.1,)
+
+
+def wheel():
+    """Stiffness of a cartwheel over that of the crossed pivot of the same leaf springs."""
+    joint = ksd.Cartwheel(STEEL, length=0.1, angle=45 * deg, thickness=1e-4, width=0.02)
+    moment = conventional(compile_scene(single_joint(joint)), {"turn": 1e-4}).forces["turn"]
+    return (moment / crossed(0.5, 1e-4).forces["turn"],)
+
+
 def forces(n, method):
     """Drive force of the fourbar at d = .1 and .3, and the rotation of its top link there."""
     solve = ksd.prepare(fourbar(), mesh=chain(n))
@@ -196,6 +220,19 @@ def _rows():
             for a, v in zip((30, 60), values, strict=True)
         ]
         yield numbers(PIVOTS, RODS, partial(other_crossing, angle), *wanted)
+    # without stretch
+    zhao = "Zhao et al. 2011, small turns"
+    for ratio in (-0.25, 0.0, 0.1, 0.35, 0.5, 0.8, 1.25):
+        stiff = ("stiffness K L / (E I)", "", 8 * (1 - 3 * ratio + 3 * ratio**2), 1e-5)
+        shift = abs(9 * ratio**2 - 9 * ratio + 1) / (15 * np.cos(45 * deg))
+        ask = partial(crossed_stiffness, ratio)
+        yield numbers(
+            PIVOTS, "closed form, small turns", ask, (f"crossing at {ratio:g} L: {stiff[0]}", *stiff[1:])
+        )
+        wanted = (f"crossing at {ratio:g} L: pivot shift / (L θ²) at 2°", "", shift, 1e-3)
+        yield numbers(PIVOTS, zhao, partial(crossed_shift, ratio), wanted)
+    wanted = ("cartwheel, stiffness over that of the pivot crossed in the middle", "", 4.0, 2e-5)
+    yield numbers(PIVOTS, "closed form, small turns", wheel, wanted)
     for method, table, within in (("full", FULL, 1e-5), ("reduced", REDUCED, 5e-5)):
         for n, values in table.items():
             wanted = [

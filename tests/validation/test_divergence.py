@@ -2,8 +2,20 @@
 
 import numpy as np
 import pytest
+from published_divergence import (
+    EI,
+    SMALL,
+    L,
+    beck,
+    beck_exactly,
+    clamped,
+    on_an_arm,
+    on_an_arm_exactly,
+    on_arms,
+    own_factors,
+    shaft,
+)
 from scenes import STEEL
-from scipy.optimize import brentq
 
 import ksd
 from ksd.model.compile import compile_scene
@@ -11,11 +23,7 @@ from ksd.properties.buckling import buckling
 from ksd.properties.nonconservative import load_tangent, skew_tangent
 from ksd.properties.tangent import assembled_tangent
 from ksd.section import rectangle
-from ksd.solve.conventional import conventional
 
-L, ROD = 0.1, rectangle(1e-3, 1e-3)
-EI = STEEL.E * ROD.Iz
-SMALL = 1e-3
 MESHES = pytest.mark.parametrize(
     "mesh, error",
     [(ksd.Mesh(), 4e-3), (ksd.Mesh("corotational", elements=16), 2e-2)],
@@ -23,38 +31,12 @@ MESHES = pytest.mark.parametrize(
 )
 
 
-def clamped(section=ROD):
-    """A rod along x, clamped at the origin."""
-    scene = ksd.Mechanism("rod")
-    tip = scene.link("tip")
-    scene.leaf(
-        scene.ground,
-        tip,
-        start=(0, 0, 0),
-        end=(L, 0, 0),
-        section=section,
-        material=STEEL,
-        width_axis="y",
-        name="leaf",
-    )
-    return scene, tip
-
-
-def own_factors(scene, mesh=None):
-    """Critical load factors of all loads of a scene, which are SMALL of their unit."""
-    found = conventional(compile_scene(scene, mesh=mesh), {}).buckling()
-    return found, SMALL * found.factor
-
-
 @MESHES
 @pytest.mark.parametrize("arm", [0.5 * L, -0.3 * L])
 def test_a_force_at_the_end_of_a_rigid_arm(mesh, error, arm):
     """cot(kL) = k c, k^2 = P/EI, for a column with a rigid bar of length c on its end (Timoshenko and Gere, 2.1). Without
     the tangent of the load at its lever the bar made no difference."""
-    scene, _ = clamped()
-    model = compile_scene(scene, mesh=mesh)
-    kL = brentq(lambda x: np.cos(x) - x * arm / L * np.sin(x), 1e-6, 3.0)
-    found = buckling(model, model.rest, "tip", force=(-1, 0, 0), at=(L + arm, 0, 0), count=2)
+    found, kL = on_an_arm(arm, mesh), on_an_arm_exactly(arm)
     assert found.factor[0] == pytest.approx(kL**2 * EI / L**2, rel=error)
     assert found.conservative
 
@@ -63,21 +45,7 @@ def test_a_force_at_the_end_of_a_rigid_arm(mesh, error, arm):
 def test_greenhills_shaft(mesh, error):
     """A shaft on two bearings between torques fixed in space: M = 2 pi EI/L (Greenhill 1883; Ziegler, Principles of
     structural stability, 1968, sec. 5.2). The symmetric part of the tangent gave .78 of it."""
-    scene = ksd.Mechanism("shaft")
-    left, right = scene.links("left", "right")
-    scene.leaf(
-        left, right, start=(0, 0, 0), end=(L, 0, 0), section=ROD, material=STEEL, width_axis="y", name="shaft"
-    )
-    # a hair to ground: every mechanism hangs on it
-    scene.wire(scene.ground, left, diameter=2e-5, material=STEEL, start=(0, 0, 0.1), end=(0, 0, 0))
-    for link, place, axes in ((left, 0, "xyz"), (right, L, "yz")):
-        for axis in axes:
-            scene.support(link, along=axis, at=(place, 0, 0))
-    scene.support(left, about="x")
-    unit = SMALL * EI / L
-    scene.load(left, moment=(-unit, 0, 0))
-    scene.load(right, moment=(unit, 0, 0))
-    found, factor = own_factors(scene, mesh)
+    found, factor = shaft(mesh)
     assert (factor.max() > 0) and (factor.min() < 0)
     assert np.abs(factor[:2]) == pytest.approx(2 * np.pi, rel=1.5 * error)
     assert not found.conservative and "flutter" in str(found) and "unsymmetric tangent" in found.criterion
@@ -100,13 +68,7 @@ def test_a_cantilever_under_an_axial_or_tangential_moment_does_not_diverge(axis,
 def test_moments_of_dead_forces_on_arms(kind, expected):
     """Quasitangential moments (two forces on one arm) pi/2 EI/L, semitangential ones (four on two arms) pi EI/L (Ziegler
     1968; Argyris et al., Comp. Meth. Appl. Mech. Eng. 14, 1978): conservative."""
-    scene, tip = clamped()
-    arm, force = 0.01, SMALL * EI / L / (0.02 if kind == "quasi" else 0.04)
-    for sign in (1, -1):
-        scene.load(tip, force=(0, 0, sign * force), at=(L, sign * arm, 0))
-        if kind == "semi":
-            scene.load(tip, force=(0, -sign * force, 0), at=(L, 0, sign * arm))
-    found, factor = own_factors(scene)
+    found, factor = on_arms(kind)
     assert np.abs(factor[:2]) == pytest.approx(expected * np.pi, rel=3e-3)
     assert found.conservative
 
@@ -116,15 +78,7 @@ def test_moments_of_dead_forces_on_arms(kind, expected):
 def test_a_column_under_a_force_that_follows(mesh, error, spring):
     """Beck's column (1952) does not diverge. With a lateral spring c on its tip it does: EI (kL)^3/(c L^3) = kL cos kL - sin
     kL (from EI w'''' + P w'' = 0 with w'' = 0 and EI w''' = c w at the tip)."""
-    scene, tip = clamped()
-    stiffness = spring * EI / L**3
-    for far in ((L, 100 * L, 0), (L, 0, 100 * L)) if spring else ():
-        # from so far away that its direction does not turn
-        scene.spring(scene.ground, tip, start=far, end=(L, 0, 0), stiffness=stiffness, free_length=100 * L)
-    model = compile_scene(scene, mesh=mesh)
-    added = buckling(model, model.rest, "tip", force=(-1, 0, 0), at=(L, 0, 0), following=True)
-    scene.load(tip, force=(-SMALL * EI / L**2, 0, 0), at=(L, 0, 0), following=True)
-    own, factor = own_factors(scene, mesh)
+    added, own, factor = beck(spring, mesh)
     for found in (added, own):
         assert not found.conservative
     if not spring:
@@ -132,7 +86,7 @@ def test_a_column_under_a_force_that_follows(mesh, error, spring):
         far = 100 * EI / L**2
         assert np.all(np.abs(added.factor) > far) and np.all(np.abs(own.factor) * SMALL * EI / L**2 > far)
         return
-    exact = brentq(lambda x: x**3 / spring - x * np.cos(x) + np.sin(x), 4.4934, 5.0) ** 2
+    exact = beck_exactly(spring)
     assert factor[0] == pytest.approx(exact, rel=error)
     assert added.positive * L**2 / EI == pytest.approx(exact, rel=error)
 

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from effect_scenes import free_beam
+from published_effects import ALPHA, INERTIA, STEEL, A, L, T, W, blade, held, moved, strip_by_energy
 from scenes import cross_flexure
 
 import ksd
@@ -11,43 +12,7 @@ from ksd.section import restrained_warping_factor
 from ksd.section.plate import plate_factor
 from ksd.solve.conventional import conventional
 
-L, T, W = 0.1, 0.5e-3, 10e-3
-ALPHA = 12e-6
-STEEL = ksd.Material(E=200e9, nu=0.3, density=7800, expansion=ALPHA, name="steel")
-WEIGHTLESS = ksd.Material(E=200e9, G=76.9e9)
-A, INERTIA = T * W, W * T**3 / 12
 MESHES = {"strain": ksd.Mesh(), "chain": ksd.Mesh("corotational", elements=8)}
-
-
-def blade(*, length=L, width=W, thickness=T, material=STEEL, **leaf):
-    """A leaf along x from ground to link 'tip', thickness along y, width along z."""
-    scene = ksd.Mechanism("blade")
-    tip = scene.link("tip")
-    words = {
-        "section": ksd.rectangle(thickness, width),
-        "material": material,
-        "width_axis": (0, 0, 1),
-        **leaf,
-    }
-    scene.leaf("ground", tip, start=(0, 0, 0), end=(length, 0, 0), name="blade", **words)
-    return scene
-
-
-def held(scene, *directions):
-    """Drives of the tip in the directions named, x y z and a b c (turning)."""
-    for name in directions:
-        axis = np.eye(3)["xyzabc".index(name) % 3]
-        if name in "xyz":
-            scene.actuate("tip", along=axis, at=(L, 0, 0), name=name)
-        else:
-            scene.actuate("tip", about=axis, name=name)
-    return scene
-
-
-def moved(found):
-    """Displacement (3,) of the tip and its rotation about z."""
-    R = found.motion.R[1]
-    return found.motion.x[1] - found.model.rest.x[1], np.arctan2(R[1, 0], R[0, 0])
 
 
 @pytest.mark.parametrize("mesh", MESHES)
@@ -103,23 +68,6 @@ def test_sag_under_a_payload_and_its_own_weight_in_any_direction():
         )
 
 
-@pytest.mark.parametrize("pull", [5.0, -2.0])
-def test_prestress_changes_the_lateral_stiffness_of_a_guided_leaf(pull):
-    # tension N in a guided leaf: k = N / (L - 2 tanh(b L / 2) / b), b^2 = N / EI (beam column, Timoshenko and Gere,
-    # Theory of Elastic Stability, ch. 1), with the tension spread over nothing but the leaf
-    strain = pull / (200e9 * A)
-    scene = held(blade(), *"xyzabc")
-    scene.fit("blade", natural_length=L / (1 + strain))
-    # without shear, as in the closed form
-    model = ksd.compile_scene(scene, without="shear")
-    h = 1e-7
-    pair = [conventional(model, dict.fromkeys("xzabc", 0.0) | {"y": s * h}) for s in (1, -1)]
-    assert pair[0].forces["x"] == pytest.approx(pull, rel=1e-6)
-    measured = (pair[0].forces["y"] - pair[1].forces["y"]) / (2 * h)
-    b = np.sqrt(complex(pull / (200e9 * INERTIA)))
-    assert measured == pytest.approx(float((pull / (L - 2 * np.tanh(b * L / 2) / b)).real), rel=1e-5)
-
-
 def test_assembly_error_of_a_clamp():
     # a clamp 10 um too far out stretches the leaf; one turned by 1 mrad bends it
     scene = held(blade(), *"xyzabc")
@@ -139,34 +87,6 @@ def test_assembly_error_of_a_clamp():
     # nothing holds the tip: the leaf stays straight, the link sits off
     assert turn == pytest.approx(-2e-3, rel=1e-9)
     assert np.linalg.norm(shift) == pytest.approx(np.linalg.norm([1e-4, 2e-4, 3e-4]), rel=0.01)
-
-
-def test_a_zero_free_length_spring_balances_a_weight_at_every_angle():
-    # m g l sin = k a b sin: the balanced hinge has the moment of the bare one (Herder, Energy-free systems, 2001)
-    joint = ksd.CrossFlexure(WEIGHTLESS, length=0.1, angle=np.pi / 4, thickness=1e-3, widths=(0.04, 0.02))
-    arm, high, mass = 0.3, 0.2, 2.0
-    middle = 0.05 * np.sqrt(0.5) * 2 / 2
-
-    def hinge(balanced):
-        scene = ksd.Mechanism("arm")
-        tip = scene.link("tip")
-        placed = scene.join("ground", tip, joint, at=(0, 0, 0), axis="z", toward="y", name="hinge")
-        # a stiff support of the pivot, so that it is one point
-        for axis in "xy":
-            scene.support(tip, along=axis, at=(0, middle, 0), name=f"pivot {axis}")
-        scene.actuate_joint(placed, name="turn")
-        if balanced:
-            scene.mass(tip, mass=mass, at=(0, middle + arm, 0))
-            scene.gravity = (0, -9.81, 0)
-            k = mass * 9.81 * arm / (high * arm)
-            ends = {"start": (0, middle + high, 0), "end": (0, middle + arm, 0)}
-            scene.spring("ground", tip, **ends, stiffness=k, free_length=0.0)
-        return ksd.prepare(scene)
-
-    bare, balanced = hinge(False), hinge(True)
-    for angle in (0.1, 0.4, -0.7):
-        pair = [s(turn=angle, method="conventional").forces["turn"] for s in (bare, balanced)]
-        assert pair[1] == pytest.approx(pair[0], rel=1e-9)
 
 
 def test_a_joint_spring_adds_its_moment():
@@ -208,26 +128,6 @@ def test_restrained_warping_multiplies_the_torsional_stiffness(aspect, factor, m
     assert restrained_warping_factor(aspect, 1.0, 0.3) == pytest.approx(factor, abs=5e-7)
 
 
-def strip_by_energy(width, thickness, curvature, nu, n=1500):
-    """M R / (E I) of a strip by minimising its energy over the shape of the cross-section, finite differences.
-
-    U(k) = min over w(y) of int D/2 (k^2 + w''^2 + 2 nu k w'') + E t/2 (k w)^2 dy, M = dU/dk.
-    """
-    E, y = 1.0, np.linspace(-width / 2, width / 2, n + 1)
-    h = y[1] - y[0]
-    D = E * thickness**3 / (12 * (1 - nu**2))
-    second = (np.eye(n + 1, k=1) - 2 * np.eye(n + 1) + np.eye(n + 1, k=-1))[1:-1] / h**2
-    cell = np.full(n + 1, h)
-    cell[[0, -1]] = h / 2
-    # curvatures live between the edges; the outermost cells belong to the first and last of them
-    bend = np.full(n - 1, h)
-    bend[[0, -1]] = 1.5 * h
-    H = D * second.T @ (bend[:, None] * second) + E * thickness * curvature**2 * np.diag(cell)
-    w = np.linalg.solve(H, -D * nu * curvature * second.T @ bend)
-    moment = D * (curvature * width + nu * bend @ (second @ w)) + E * thickness * curvature * cell @ w**2
-    return moment / (E * width * thickness**3 / 12 * curvature)
-
-
 @pytest.mark.parametrize("searle", [0.3, 3.0, 12.0, 40.0, 200.0])
 def test_plate_stiffening_follows_the_strip_of_least_energy(searle):
     width, thickness = 40e-3, 1e-3
@@ -262,38 +162,6 @@ def test_a_wide_leaf_is_bent_with_the_factor_of_its_own_curvature():
         ksd.solve(slender, c=1e-4, method="conventional", **w).forces["c"] for w in ({}, {"with_": "plate"})
     ]
     assert pair[1] == pytest.approx(pair[0], rel=1e-6)
-
-
-def test_without_shear_the_cantilever_is_that_of_euler_and_bernoulli():
-    scene = blade(thickness=5e-3)
-    scene.load("tip", force=(0, 1e-3, 0), at=(L, 0, 0))
-    sag = {w: moved(conventional(ksd.compile_scene(scene, without=w), {}))[0][1] for w in ("shear", ())}
-    bending = 1e-3 * L**3 / (3 * 200e9 * W * (5e-3) ** 3 / 12)
-    assert sag["shear"] == pytest.approx(bending, rel=1e-9)
-    assert sag[()] == pytest.approx(bending + 1e-3 * L / (5 / 6 * STEEL.G * 5e-3 * W), rel=1e-9)
-
-
-def lever(**compliance):
-    """A long link from a driven leaf to a load: what bends is the leaf, and the link where it is elastic."""
-    scene = blade(length=0.02)
-    scene.load("tip", force=(0, 0.1, 0), at=(0.22, 0, 0), name="push")
-    if compliance:
-        scene.compliance("tip", **compliance)
-    return scene
-
-
-def test_a_link_with_a_section_bends_as_a_beam():
-    section = ksd.rectangle(2e-3, 10e-3)
-    found = conventional(
-        ksd.compile_scene(lever(section=section, material=STEEL, hub=(0.22, 0, 0)), without="shear"), {}
-    )
-    rigid = conventional(ksd.compile_scene(lever(), without="shear"), {})
-    node = found.model.scene.links.index("tip")
-    there = found.motion.x[node, 1]
-    R, x = rigid.motion.R[1], rigid.motion.x[1]
-    stiff_there = (x + R @ (np.array([0.22, 0, 0]) - rigid.model.rest.x[1]))[1]
-    EI = 200e9 * 10e-3 * (2e-3) ** 3 / 12
-    assert there - stiff_there == pytest.approx(0.1 * 0.2**3 / (3 * EI), rel=2e-3)
 
 
 @pytest.mark.parametrize("kind", ["npz", "h5"])

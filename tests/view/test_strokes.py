@@ -9,7 +9,7 @@ from scenes import cross_flexure, fourbar, single_joint
 import ksd
 from ksd.design.questions import KNOWN
 from ksd.design.table import Table
-from ksd.view import animate_mode, animate_stroke
+from ksd.view import animate_mode, animate_stroke, plot_mode
 from ksd.view.effect_cost import plot_effect_cost
 from ksd.view.figure import new_figure
 
@@ -163,3 +163,18 @@ def test_animation_of_a_mode(tmp_path):
         assert (tips[1] - tips[0]) / size == pytest.approx((ends[1] - ends[0]) / size, abs=5e-3)
     with pytest.raises(ksd.SceneError, match=f"1 to {len(modes)}"):
         animate_mode(pose, tmp_path / "m.gif", mode=99, modes=modes)
+
+
+def test_picture_of_a_mode():
+    """In the plane where the mode is, in space where it leaves it, titled with its name and frequency."""
+    pose = ksd.solve(fourbar(), top=0.2)
+    modes = pose.frequencies(freed="top")
+    for mode in ("intended", "parasitic_1"):
+        (axes,) = plot_mode(pose, mode=mode, modes=modes).axes
+        row = modes.names.index(mode)
+        assert axes.get_title(loc="left").startswith(
+            f"mode {row + 1}, {mode}: {modes.frequency_Hz[row]:.4g} Hz"
+        )
+        assert axes.get_xlabel() == ("x [mm]" if mode == "intended" else "")
+    with pytest.raises(ksd.SceneError, match=f"1 to {len(modes)}"):
+        plot_mode(pose, mode=0, modes=modes)
