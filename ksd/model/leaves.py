@@ -164,9 +164,11 @@ def _fitted(leaf: Any, modes: Modes, orders: tuple[int, int, int]) -> np.ndarray
     weight = np.sqrt(modes.weight)
     found, first = [], 0
     for axis, n in enumerate(orders):
-        basis = modes.basis[first : first + n]
-        found.append(np.linalg.lstsq((basis * weight).T, kappa[axis] * weight, rcond=None)[0])
-        first += n
+        basis, first = modes.basis[first : first + n], first + n
+        if kappa[axis].any():
+            found.append(np.linalg.lstsq((basis * weight).T, kappa[axis] * weight, rcond=None)[0])
+        else:
+            found.append(np.zeros(n))
     return np.concatenate(found)
 
 

@@ -190,6 +190,8 @@ class Curve(metaclass=Worded):
                 turn = np.concatenate([turn[:-1:2] @ turn[1::2], odd])
             return turn[0]
 
+        if s == 0.0:
+            return np.zeros(3), np.eye(3)
         fine = end(2 * STEPS)
         found = fine + (fine - end(STEPS)) / 15
         return found[:3, 3], found[:3, :3]
