@@ -15,7 +15,7 @@ import numpy as np
 
 from ksd.errors import SceneError
 from ksd.html import InNotebooks, Printed
-from ksd.model.arrays import LINEAR, MODAL, ROTATION, SOLID, TRANSLATION, Arrays, Motion
+from ksd.model.arrays import LINEAR, MODAL, ROTATION, SOLID, STRAIN, TRANSLATION, Arrays, Motion
 from ksd.model.drawing import Drawing, Numbers, draw
 from ksd.model.effects import Choice, applied, choose
 from ksd.model.leaves import cut_leaves
@@ -98,9 +98,19 @@ class Model(InNotebooks):
         """Number of links, ground included; they are the first nodes."""
         return len(self.scene.links)
 
+    @cached_property
+    def conservative(self) -> bool:
+        """Whether no load follows its link or is a moment in space."""
+        return not self.arrays.loads.skew.any()
+
+    @cached_property
+    def has_modes(self) -> bool:
+        """Whether there are strain-mode leaves."""
+        return bool((self.arrays.members.kind == STRAIN).any())
+
     def refuse_turns(self, target: np.ndarray) -> None:
         """SceneError for a drive that is to turn by more than the half turn either way that a pose tells."""
-        if all(-math.pi <= value <= math.pi for value in target.tolist()):
+        if all(-math.pi <= value <= math.pi for value in target[: len(self.drive_names)].tolist()):
             return
         terms = self.arrays.terms
         for name, value, first, end in zip(

@@ -84,6 +84,8 @@ class Look(NamedTuple):
 
 def look_at_modes(model: Model, motion: Motion) -> Look:
     """What the strain-mode leaves of a state say of their modes and points."""
+    if not model.has_modes:
+        return Look(0.0, "", 0, 0.0)
     m = model.arrays.members
     share, member, axis, turned = _worst(
         m.kind, m.number, m.value_at, m.value, m.inner_at, m.length, motion.inner

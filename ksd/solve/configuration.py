@@ -151,12 +151,12 @@ class Configuration(InNotebooks):
         are not conservative, no divergence and no flutter."""
         if self.negatives != self.expected:
             return False
-        return not len(self.model.arrays.loads.skew) or self.still is None or self.still[0]
+        return self.model.conservative or self.still is None or self.still[0]
 
     @cached_property
     def still(self) -> tuple[bool, str] | None:
         """Whether it flutters, in words, where loads follow their links or are moments; else None."""
-        if not self.model.arrays.loads.skew.any() or not self.converged:
+        if self.model.conservative or not self.converged:
             return None
         return keeps_still(*self.insides, self.load_factor)
 

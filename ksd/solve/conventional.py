@@ -23,7 +23,7 @@ from ksd.solve.load_steps import Way, load_steps, step_of, stopped
 from ksd.solve.pipeline import JointReader
 from ksd.solve.steps import CAP, RTOL, Stop
 from ksd.solve.storage import Storage, storage_of
-from ksd.solve.verdict import solved
+from ksd.solve.verdict import is_solved
 
 
 def conventional(
@@ -125,11 +125,11 @@ def by_load_steps(
     if kinematic is not None:
         ways["loads put on the unloaded state of the five steps"] = kinematic
     for said, begin in ways.items() if carries_load(model.arrays) else ():
-        if result is not None and solved(result):
+        if result is not None and is_solved(result):
             break
         with contextlib.suppress(KsdError):
             other = loads_last(model, targets, unloaded=begin(), planar=planar, joints=joints)
-            if solved(other) or result is None:
+            if is_solved(other) or result is None:
                 result = replace(other, notes=(*other.notes, said), method=method)
     if result is None:
         assert stopped is not None

@@ -134,13 +134,14 @@ def distance(motion: Motion, b: FiveStepsStorage, rest: ErrorEstimate) -> ErrorE
 
 
 def relative_error(model: Model, motion: Motion, truth: Motion) -> ErrorEstimate:
-    """Difference of two states, relative: forces by the largest, displacement by the largest of a link. Rounding is none."""
+    """Difference of a state to the true one, relative to that: forces by the largest, displacement by the largest of a link.
+    Rounding is none."""
     links, drives = model.links, len(model.drive_names)
     force, shift, turn = _difference(model, motion, truth)
     grain = 1e-11 * model.arrays.size
-    moved = grain + float(np.linalg.norm(motion.x[:links] - model.rest.x[:links], axis=1).max())
+    moved = grain + float(np.linalg.norm(truth.x[:links] - model.rest.x[:links], axis=1).max())
     noise = grain * model.arrays.members.floor.max() * min(1.0, model.arrays.size)
-    scale = np.abs(motion.multiplier[:drives]) + noise
+    scale = np.abs(truth.multiplier[:drives]) + noise
     of_force = float((force / np.maximum(scale, scale.max(initial=0.0))).max(initial=0.0))
     relative = max(of_force, shift / moved)
     return ErrorEstimate(force, shift, turn, relative if math.isfinite(relative) else math.inf)

@@ -61,7 +61,7 @@ def keeps_still(model: Model, motion: Motion, load_factor: float) -> tuple[bool,
 def counted(model: Model, motion: Motion, factor: float, negatives: int) -> int:
     """The negative pivots of a state, or, where loads are not conservative and the symmetric part of the tangent is not
     positive definite, what stands for them: see `divergences`."""
-    if not model.arrays.loads.skew.any() or negatives == len(model.arrays.terms.start):
+    if model.conservative or negatives == len(model.arrays.terms.start):
         return negatives
     arrays = exact(model.arrays)
     work = make_work(arrays)

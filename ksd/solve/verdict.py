@@ -233,6 +233,11 @@ def _spoken_range(name: str, value: float, low: float, high: float, *, scale: fl
     return f"joint '{name}' would move {v:.6g} mm, outside its trained range of {a:.4g} to {b:.4g} mm"
 
 
+def is_solved(c: Configuration) -> bool:
+    """Whether it is `solved`, in words only where numbers at hand do not tell."""
+    return _evident(c) or bool(solved(c))
+
+
 def solved(c: Configuration) -> Verdict:
     """Whether the equations are solved, at a minimum and on the branch meant, whatever the leaves are strained by and the
     mesh is off."""
@@ -313,7 +318,7 @@ def insist(c: Configuration) -> Configuration:
 def _evident(c: Configuration) -> bool:
     """Whether it is `solved`, as far as numbers at hand tell: verdicts are put in words when they are read."""
     # the conventional solver does not lean on the records of the joints
-    near = c.intended or c.method == "conventional"
+    near = c.intended or c.method in ("conventional", "constant")
     at_hand = near and c.stable and not c.doubts and c.converged
     return at_hand and (c.method_error is None or c.method_error.relative <= 1.0) and not _rolled(c)
 
