@@ -67,7 +67,7 @@ class FullBodies:
             self.wholes[self.model.member_names.index(name)] = (
                 whole if times == 1.0 else whole.on(body.solid.remeshed(times))
             )
-        self.arrays, self.residual = exact(self.model.arrays), math.inf
+        self.arrays, self.residual, self.negatives = exact(self.model.arrays), math.inf, 0
         self.work = make_work(self.arrays)
 
     def step(self, target: np.ndarray, factor: float, *, most: int) -> int | None:
@@ -76,7 +76,7 @@ class FullBodies:
         for i, whole in self.wholes.items():
             _condense(inner_state(self.model, self.state, i), whole)
         rtol, most = (TIGHT, 30) if self.wholes else (RTOL, most)
-        reason, count, self.residual, *_ = iterate(
+        reason, count, self.residual, self.negatives, _ = iterate(
             self.arrays, self.state, target, factor, self.work, rtol, most, CAP, math.inf
         )
         if reason in (Stop.NOT_FINITE, Stop.SINGULAR) or not np.isfinite(self.state.x).all():
@@ -98,12 +98,19 @@ def _condense(inner: np.ndarray, whole: FullSolid) -> None:
 
 
 def indicator(
-    model: Model, motion: Motion, target: np.ndarray, factor: float = 1.0, *, correctors: int | None = None
+    model: Model,
+    motion: Motion,
+    target: np.ndarray,
+    factor: float = 1.0,
+    *,
+    correctors: int | None = None,
+    negatives: int | None = None,
 ) -> tuple[ErrorEstimate, Step]:
     """Error of a state of reduced bodies, which is left alone, at drives target (c,) and loads times factor.
 
     correctors: how many steps; when None, so many until further ones change the error by 2 % at most. Where they do not
-    settle it is not known.
+    settle it is not known, nor where they end at another number of negative pivots than `negatives`: the state is on no
+    branch of the full model then.
     """
     clock, full = Stopwatch(), FullBodies(model, motion)
     lost = ErrorEstimate(np.full(len(model.drive_names), math.inf), math.inf, math.inf, math.inf)
@@ -120,6 +127,8 @@ def indicator(
         if correctors or settled or (count < most and not full.wholes):
             break
         last, estimate = estimate.relative, lost
+    if negatives is not None and full.negatives != negatives:
+        estimate = lost
     note = f"{taken} corrector steps of the full model"
     return estimate, Step("error estimate", taken, clock(), full.residual, Stop.CONVERGED, note)
 

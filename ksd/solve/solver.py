@@ -322,7 +322,9 @@ class Solver:
         )
         if not estimate:
             return found
-        error, step = indicator(model, found.motion, model.targets(found.targets), found.load_factor)
+        error, step = indicator(
+            model, found.motion, model.targets(found.targets), found.load_factor, negatives=found.negatives
+        )
         return replace(found, method_error=error, steps=(*found.steps[:-1], step, found.steps[-1]))
 
     def _has_bodies(self) -> bool:

@@ -261,7 +261,8 @@ def _solved(c: Configuration, minimum: Verdict, branch: Verdict, error: ErrorEst
         said = (
             f"its estimated error is {100 * error.relative:.2g} %"
             if math.isfinite(error.relative)
-            else "corrector steps of the full model grow from one to the next, so its error is not known"
+            else "corrector steps of the full model grow from one to the next or end at no state of its kind, so its error "
+            "is not known"
         )
         return Verdict(False, f"not to be trusted: {said}")
     if error is None and c.model.solids:
@@ -278,7 +279,8 @@ def _solved(c: Configuration, minimum: Verdict, branch: Verdict, error: ErrorEst
 
 def _worthless(c: Configuration, e: ErrorEstimate) -> bool:
     """Whether the error is larger than the answer, and not only because the answer is next to nothing."""
-    return not (e.relative <= 1.0 or e.displacement <= SLIGHT * c.model.arrays.size)
+    slight = e.displacement <= SLIGHT * c.model.arrays.size and c.method != "constant"
+    return not (e.relative <= 1.0 or slight)
 
 
 def strength(c: Configuration) -> Verdict:

@@ -120,6 +120,24 @@ def test_error_of_the_constant_method_is_told(paper, degrees):
     assert "bodies of constant stiffness" in str(found) and found.trusted
 
 
+def test_an_error_larger_than_the_answer_is_told():
+    """A shallow arch, clamped and guided, pushed down: its stiffness at rest gives ten times the force, and it is said so,
+    of the true force; where the state next to it is of another kind, the error is not known."""
+    curve = ksd.FreeCurve.legendre([0.0, -0.6], length=0.1)
+    end = tuple(curve.line(1.0)[0])
+    scene = ksd.Mechanism("arch", plane="xy")
+    scene.leaf("ground", scene.link("tip"), start=(0, 0, 0), end=end, curve=curve, section=ksd.rectangle(5e-4, 0.01),
+               material=ksd.Material(E=200e9, nu=0.3))  # fmt: skip
+    scene.slider("tip", along="y", at=end)
+    scene.actuate("tip", along="y", at=end, name="d")
+    exact = ksd.solve(scene, d=-1e-3, strict=False)
+    found = ksd.solve(scene, d=-1e-3, method="constant", strict=False)
+    true = abs(found.forces["d"] / exact.forces["d"] - 1)
+    assert true > 0.3 and found.error.relative == pytest.approx(true, rel=1e-2)
+    far = ksd.solve(scene, d=-7e-3, method="constant", strict=False)
+    assert far.error.relative == math.inf and not far.trust.trusted
+
+
 def test_links_held_in_their_plane_need_no_look_in_space(paper):
     """Of constant leaf springs between links that the plane holds one by one nothing can leave it: the same in space."""
     flat, space = (
