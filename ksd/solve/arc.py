@@ -29,6 +29,8 @@ LARGEST = 0.15
 """Largest arc of a step: rad, or displacement over the size of the mechanism, summed over the nodes."""
 MOST_BEND = 0.5
 """Largest turn [rad] of the path's tangent in a step."""
+WITHIN = 1e-2
+"""Smallest eigenvalue, scaled by the diagonal, of a tangent that is not singular."""
 SHORT = 1e-5
 """An arc below which its bend is accepted, whatever it is."""
 
@@ -177,7 +179,8 @@ class Tracer:
 
 @dataclass(frozen=True)
 class Turn:
-    """Where the path turns or branches: the kind, the place, and the null vector (n,) of its tangent."""
+    """Where the path turns or branches: the kind, the place, and the null vector (n,) of its tangent; zeros where what
+    buckles is inside a leaf spring, whose nodes stay."""
 
     kind: Literal["limit", "bifurcation"]
     at: Place
@@ -219,9 +222,12 @@ class Walk:
     def _record(self, kind: Literal["limit", "bifurcation"], at: Place) -> None:
         scale = scaling(0.5 * (at.K + at.K.T))
         values, vectors = np.linalg.eigh(0.5 * (at.K + at.K.T) * np.outer(scale, scale))
-        mode = scale * vectors[:, int(np.argmin(np.abs(values)))]
+        least = int(np.argmin(np.abs(values)))
+        mode = scale * vectors[:, least]
         mode = mode / self.tracer.length(np.append(mode, 0.0))
-        self.turns.append(Turn(kind, at, mode))
+        # a tangent of the nodes that is regular there: what is singular is condensed inside the leaf springs
+        inside = kind == "bifurcation" and abs(values[least]) > WITHIN
+        self.turns.append(Turn(kind, at, np.zeros_like(mode) if inside else mode))
 
     def _limit(self, before: Place, direction: Array, after: Place, ahead: Array, arc: float) -> Place:
         """Where d(factor)/ds vanishes, by the false position (Illinois) on the arc."""
@@ -325,6 +331,13 @@ def trace(
 def switched(tracer: Tracer, motion: Motion, f: float, mode: Array) -> tuple[Place, Array]:
     """A place on the other branch, 0.01 along `mode`, and the direction away from the bifurcation."""
     n = len(mode)
+    if not mode.any():
+        names = ", ".join(f"'{name}'" for name in tracer.model.member_names[:3])
+        raise ConvergenceError(
+            "at this bifurcation a leaf spring buckles between its ends, where the path has no node to leave along: draw a "
+            f"point on it, mechanism.point(leaf, s) with s [m] off its middle (leaf springs: {names}), and follow that "
+            "mechanism"
+        )
     at = starting_place(tracer.correct(motion, f, None))
     tracer.tangent(at, None)
     away = np.append(mode, 0.0)
@@ -332,4 +345,7 @@ def switched(tracer: Tracer, motion: Motion, f: float, mode: Array) -> tuple[Pla
         found = tracer.advance(at, away, size)
         if found is not None and tracer.length(np.append(np.zeros(n), found.f - f)) < 50 * size:
             return found, tracer.tangent(found, away)
-    raise ConvergenceError("the other branch was not found along the mode of this bifurcation")
+    raise ConvergenceError(
+        "the other branch was not found along the mode of this bifurcation; follow the mechanism with a small imperfection "
+        "of that shape instead (mechanism.fit, or a curve)"
+    )

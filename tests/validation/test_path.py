@@ -79,6 +79,36 @@ def test_the_perfect_bistable_beam_branches_and_says_so():
     assert not found.states[-1].stable
 
 
+def perfect(marks):
+    """Half of a double curved beam, its middle on a slider, pushed down, with points at fractions of its length."""
+    length, lean = 0.05, 0.0942
+    curve = ksd.FreeCurve(length, lambda s: (0, 0, lean * np.pi * np.cos(np.pi * s) / length))
+    end = tuple(curve.line(1.0)[0])
+    scene = ksd.Mechanism("half", plane="xy")
+    scene.leaf("ground", scene.link("shuttle"), start=(0, 0, 0), end=end, curve=curve, name="beam",
+               section=ksd.rectangle(0.5e-3, 8e-3), material=ksd.Material(E=2e9, nu=0.35))  # fmt: skip
+    for s in marks:
+        scene.point("beam", s * length)
+    scene.slider("shuttle", along="y", at=end)
+    scene.load("shuttle", force=(0, -0.25, 0), at=end)
+    return scene
+
+
+def test_a_branch_inside_a_leaf_needs_a_point():
+    """A beam that buckles between its ends tells no motion of its links; with a point on it its branch is followed, to the
+    same states on both sides."""
+    whole = follow(perfect(()))
+    (inner,) = whole.bifurcations[:1]
+    with pytest.raises(ksd.ConvergenceError, match=r"draw a point on it.*'beam'"):
+        follow(perfect(()), branch=inner)
+    cut = perfect((0.5,))
+    (point,) = follow(cut).bifurcations[:1]
+    assert point.factor == pytest.approx(inner.factor, rel=1e-3)
+    ends = [follow(cut, branch=point, side=side, most=40) for side in (1, -1)]
+    # Qiu: -.370 of this load for a beam of large Q, here it is 6
+    assert [end.limits[0] for end in ends] == pytest.approx([-0.3396, -0.3396], rel=1e-3)
+
+
 def elastica(share):
     """Shortening over length of a clamped column at `share` of its Euler load, in elliptic integrals."""
     from scipy.optimize import brentq
