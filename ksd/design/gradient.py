@@ -10,14 +10,16 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ksd.design.lines import Walk, fine_enough
+from ksd.design.lines import fine_enough
 from ksd.design.plan import Drawn, plan_lines
 from ksd.design.questions import (
+    MANY,
     Asked,
     Before,
     Pose,
@@ -184,8 +186,7 @@ def gradient(
     for line in lines:
         if line.scene is None:
             raise SceneError(line.failure)
-        solver = fine_enough(line, recipe, None)
-        walk = Walk(solver, recipe)
+        walk = fine_enough(line, recipe, None)
         perturbed = Perturbed(shares)
         for drives_here in line.poses:
             pose = walk.pose(drives_here)
@@ -197,8 +198,13 @@ def gradient(
             labels.append({**({"load_case": line.labels["load_case"]} if loads else {}), **drives_here})
             at_zero |= {p.name: p.value for p in parameters}
     stiff = replace(asked, questions=tuple(q for q in asked.questions if q not in FOLLOWED))
-    known = iter(answered_together([side for here, sides, _ in poses for side in _every(here, sides)], stiff))
-    found = [_AtPose(here, sides, asked, sizes, known) for here, sides, sizes in poses]
+    every = [_every(here, sides) for here, sides, _ in poses]
+    known = iter(answered_together([side for own in every for side in own], stiff))
+    stress = _stresses(every, asked.points) if "stress" in asked.questions else [None] * len(every)
+    found = [
+        _AtPose(here, sides, asked, sizes, known, own)
+        for (here, sides, sizes), own in zip(poses, stress, strict=True)
+    ]
     return _gathered(found, labels, at_zero)
 
 
@@ -209,7 +215,8 @@ def _every(here: Beside, sides: list[list[Beside]]) -> list[Beside]:
 
 class _AtPose:
     """Answers at a pose, `values` by column, and their slopes (columns, parameters), `errors` alike; moved (parameters, 6):
-    displacement and rotation of the point asked about. known: what was answered of the pose and those beside it together."""
+    displacement and rotation of the point asked about. known: what was answered of the pose and those beside it together,
+    stress: that of each of them where it is asked."""
 
     def __init__(
         self,
@@ -218,9 +225,10 @@ class _AtPose:
         asked: Asked,
         sizes: list[float],
         known: Iterator[Together],
+        stress: list[Row] | None,
     ) -> None:
         with np.errstate(divide="ignore", invalid="ignore"):
-            self._difference(here, asked, *_rows(here, sides, asked, known), np.array(sizes)[:, None])
+            self._difference(here, asked, *_rows(here, sides, asked, known, stress), np.array(sizes)[:, None])
         point, h = _point(here, asked), np.array(sizes)[:, None] * (STEP if len(sides[0]) == 2 else WIDE)
         self.moved = np.array([_motion(own[0], own[1], point) for own in sides]) / (2 * h)
 
@@ -275,15 +283,18 @@ def _point(here: Beside, asked: Asked) -> tuple[str, Any] | None:
 
 
 def _rows(
-    here: Beside, sides: list[list[Beside]], asked: Asked, known: Iterator[Together]
+    here: Beside,
+    sides: list[list[Beside]],
+    asked: Asked,
+    known: Iterator[Together],
+    stress: list[Row] | None,
 ) -> tuple[Row, list[list[Row]]]:
     """Answers of a pose, and of those beside it what they are there, by parameter and side."""
     every = _every(here, sides)
     plain = replace(asked, questions=tuple(q for q in asked.questions if q not in FOLLOWED))
     rows = [_plain(pose, plain, next(known).rows) for pose in every]
-    if "stress" in asked.questions:
-        for row, own in zip(rows, _stresses(every, asked.points), strict=True):
-            row |= own
+    for row, mine in zip(rows, stress or (), strict=False):
+        row |= mine
     beside = iter(rows[1:])
     found = [[next(beside) for _ in own] for own in sides]
     if "frequencies" in asked.questions:
@@ -318,20 +329,36 @@ class _Asked:
         return getattr(configuration, name)
 
 
-def _stresses(every: list[Beside], points: int) -> list[Row]:
-    """Stress of every leaf where it is largest in the first pose, and that of the leaf that is worst there."""
+def _stresses(poses: list[list[Beside]], points: int) -> list[list[Row]]:
+    """Of poses and those beside each: stress of every leaf where it is largest in the first of its pose, and that of the
+    leaf that is worst there."""
+    size = max(1, MANY // len(poses[0]))
+    if len(poses) > size:
+        return [row for k in range(0, len(poses), size) for row in _stresses(poses[k : k + size], points)]
+    every = [side for own in poses for side in own]
+    groups = alike([(*side.questioned, side.load_factor) for side in every])
     followed: Mapping[str, Array] | None = None
-    groups = alike([(*pose.questioned, pose.load_factor) for pose in every])
+    at = np.cumsum([0, *(len(own) for own in poses)])
     if len(groups) == 1 and len(groups[0][0]) == len(every):
-        followed = stress_followed(groups[0][1], points=points)
+        followed = stress_followed(groups[0][1], np.repeat(at[:-1], np.diff(at)), points=points)
     if followed is None:
-        found = [pose.configuration.stress(points=points).leaves for pose in every]
+        if len(poses) > 1:
+            return [row for own in poses for row in _stresses([own], points)]
+        found = [side.configuration.stress(points=points).leaves for side in every]
         marks = {name: int(np.argmax(leaf.von_mises_Pa)) for name, leaf in found[0].items()}
-        followed = {n: np.array([own[n].von_mises_Pa.flat[at] for own in found]) for n, at in marks.items()}
-    worst = max(followed, key=lambda name: float(followed[name][0]))
-    columns = {"stress_MPa": followed[worst]} | {f"stress_MPa[{n}]": v for n, v in followed.items()}
-    values = 1e-6 * np.array(list(columns.values())).T
-    return [dict(zip(columns, row, strict=True)) for row in values.tolist()]
+        followed = {n: np.array([own[n].von_mises_Pa.flat[k] for own in found]) for n, k in marks.items()}
+    columns = [f"stress_MPa[{name}]" for name in followed]
+    values = 1e-6 * np.array(list(followed.values())).T
+    rows = []
+    for first, end in pairwise(at.tolist()):
+        worst = int(values[first].argmax())
+        rows.append(
+            [
+                {"stress_MPa": own[worst]} | dict(zip(columns, own, strict=True))
+                for own in values[first:end].tolist()
+            ]
+        )
+    return rows
 
 
 def _follow_modes(

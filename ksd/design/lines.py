@@ -74,6 +74,7 @@ class Walk:
     def __init__(self, solver: Solver, recipe: Recipe) -> None:
         self.solver, self.recipe = solver, recipe
         self.before: Configuration | None = None
+        self._known: tuple[Mapping[str, float], Configuration] | None = None
 
     def pose(self, values: Mapping[str, float]) -> Configuration:
         """The configuration at drive values; errors as in `ksd.solve`."""
@@ -81,9 +82,14 @@ class Walk:
         if r.method == "conventional":
             self.before = self._continued(values)
             return self.before
-        return self.solver(
+        if self._known is not None and self._known[0] == values:
+            return self._known[1]
+        found = self.solver(
             values, method=r.method, accuracy=r.accuracy, relinearisations=r.relinearisations, strict=False
         )
+        # of the pose that says whether the mesh is fine enough, which comes again
+        self._known = self._known or (values, found)
+        return found
 
     def go_on_from(self, pose: Configuration | None) -> None:
         """What comes next starts from this pose, or from rest."""
@@ -112,22 +118,23 @@ class Walk:
         return settled(self.solver, walked, 0.1 * (self.recipe.accuracy or DEFAULT_ACCURACY))[0]
 
 
-def fine_enough(line: Line, recipe: Recipe, solver: Solver | None) -> Solver:
-    """The solver given, or a new one; without a mesh asked for, its curvature modes raised until they are enough at the
-    farthest pose of the line, as `ksd.solve` does. Errors of `Solver`; a pose that fails says so when it is walked."""
+def fine_enough(line: Line, recipe: Recipe, solver: Solver | None) -> Walk:
+    """A walk with the solver given, or a new one; without a mesh asked for, its curvature modes raised until they are enough
+    at the farthest pose of the line, as `ksd.solve` does. Errors of `Solver`; a pose that fails says so when walked."""
     words = {"extrapolate": recipe.extrapolate, **dict(recipe.effects)}
     solver = solver or Solver(line.scene, mesh=recipe.mesh, **words)
     farthest = max(line.poses, key=lambda pose: sum(v * v for v in pose.values()))
+    walk = Walk(solver, recipe)
     for _ in range(MOST_RISES if recipe.mesh is None else 0):
         try:
-            found = Walk(solver, recipe).pose(farthest)
+            found = walk.aside(farthest)
         except CAUGHT:
             break
         share, _, axis, _ = look_at_modes(found.model, found.motion)
         if share <= (recipe.accuracy or DEFAULT_ACCURACY):
             break
-        solver = Solver(line.scene, mesh=raised(solver.model.mesh, axis), **words)
-    return solver
+        walk = Walk(Solver(line.scene, mesh=raised(walk.solver.model.mesh, axis), **words), recipe)
+    return walk
 
 
 def run_line(line: Line, recipe: Recipe, solver: Solver | None, rows: list[Row]) -> Solver | None:
@@ -136,11 +143,10 @@ def run_line(line: Line, recipe: Recipe, solver: Solver | None, rows: list[Row])
         rows.extend(blank_rows(line, line.failure))
         return None
     try:
-        solver = fine_enough(line, recipe, solver)
+        walk = fine_enough(line, recipe, solver)
     except CAUGHT as reason:
         rows.extend(blank_rows(line, spoken(reason)))
         return None
-    walk = Walk(solver, recipe)
     before = Before(between=walk.aside)
     for first in range(0, len(line.poses), CHUNK):
         found = [_walked(walk, values) for values in line.poses[first : first + CHUNK]]
@@ -165,7 +171,7 @@ def run_line(line: Line, recipe: Recipe, solver: Solver | None, rows: list[Row])
                 row | {STATUS: "; ".join(f"{name}: {spoken(why)}" for name, why in troubles.items()) or OK}
             )
         walk.go_on_from(last)
-    return solver
+    return walk.solver
 
 
 def _walked(walk: Walk, values: Mapping[str, float]) -> Configuration | str:

@@ -88,17 +88,23 @@ class LeafStress(Shown):
         return f"{self.name}: {self.largest_Pa / 1e6:.4g} MPa at s = {s * 1e3:.4g} mm, {point}"
 
 
+CATALAN = 0.915965594177219015
+"""Sum of 1 - 1/9 + 1/25 - ..."""
+
+
 def torsion_factors(ratio: float) -> tuple[float, float]:
     """Shear stress over T t/J at the middle of the wide and of the narrow sides of a rectangle, ratio = w/t
     >= 1.
 
     1 - (8/pi^2) sum_odd 1/(n^2 cosh(n pi w/2t)) and (8/pi^2) sum_odd (-1)^((n-1)/2) tanh(n pi w/2t)/n^2.
     """
-    n = np.arange(1, 400, 2)
-    x = np.minimum(0.5 * n * math.pi * ratio, 300.0)
-    wide = 1.0 - 8 / math.pi**2 * float(np.sum(1.0 / (n**2 * np.cosh(x))))
-    narrow = 8 / math.pi**2 * float(np.sum(np.where(n % 4 == 1, 1.0, -1.0) * np.tanh(x) / n**2))
-    return wide, narrow
+    wide = narrow = 0.0
+    # tanh x = 1 - 2 / (exp(2 x) + 1): what is left of both series falls like exp(-x)
+    for n in range(1, 26, 2):
+        x = min(0.5 * n * math.pi * ratio, 300.0)
+        wide += 1.0 / (n**2 * math.cosh(x))
+        narrow += (2 - n % 4) * 2.0 / (n**2 * (math.exp(2 * x) + 1.0))
+    return 1.0 - 8 / math.pi**2 * wide, 8 / math.pi**2 * (CATALAN - narrow)
 
 
 def _rectangle(q: Any) -> StressPoints:
@@ -237,9 +243,23 @@ class LeavesStress(NamedTuple):
     mises: Array
 
 
-def stress_alike(states: Alike, *, points: int = POINTS) -> list[LeavesStress] | None:
-    """Stress of every leaf in all states; None where leaf springs have weight or points of their own, which `stress` answers
-    one by one."""
+class _Forces(NamedTuple):
+    """Section forces (n, S, 6) of leaf springs, and what `_stresses` makes stress of them with; the other fields as in
+    `LeavesStress`."""
+
+    state: NDArray[np.int64]
+    member: NDArray[np.int64]
+    section: NDArray[np.int64]
+    sections: list[Any]
+    s: Array
+    forces: Array
+    stations: tuple[Array, ...]
+    outlined: bool
+
+
+def _forces_alike(states: Alike, points: int) -> list[_Forces] | None:
+    """Section forces of every leaf in all states; None where leaf springs have weight or points of their own, which `stress`
+    answers one by one."""
     found, model = [], states.models[0]
     for group in leaf_groups(model):
         names = [model.member_names[i] for i in group.members.tolist()]
@@ -265,10 +285,22 @@ def stress_alike(states: Alike, *, points: int = POINTS) -> list[LeavesStress] |
                 *(np.stack(v)[row] for v in own[:5]),
                 *(np.concatenate(v, axis=1)[:, row] for v in own[5:]),
             )
-            mises = _stresses(forces[pick], stations, outlined=kind[1])[2]
-            section = number.ravel()[pick]
-            found.append(LeavesStress(state[pick], group.members[k[pick]], section, sections, s[pick], mises))
+            section, member = number.ravel()[pick], group.members[k[pick]]
+            found.append(
+                _Forces(state[pick], member, section, sections, s[pick], forces[pick], stations, kind[1])
+            )
     return found
+
+
+def stress_alike(states: Alike, *, points: int = POINTS) -> list[LeavesStress] | None:
+    """Stress of every leaf in all states; None as of `_forces_alike`."""
+    found = _forces_alike(states, points)
+    if found is None:
+        return None
+    return [
+        LeavesStress(*part[:5], _stresses(part.forces, part.stations, outlined=part.outlined)[2])
+        for part in found
+    ]
 
 
 def _sections(models: Sequence[Model], names: list[str]) -> tuple[NDArray[np.int64], list[Any]]:
@@ -306,22 +338,42 @@ def peaks(states: Alike, *, points: int = POINTS) -> list[dict[str, Peak]] | Non
     return found
 
 
-def stress_followed(states: Alike, *, points: int = POINTS) -> dict[str, Array] | None:
+def stress_followed(
+    states: Alike, first: NDArray[np.int64], *, points: int = POINTS
+) -> dict[str, Array] | None:
     """Von Mises stress (D,) [Pa] of every leaf by full name, at the station and point of its section where it is largest in
-    the first state: what gradients are differences of. None as of `stress_alike`, and where sections of a leaf have unlike
-    points."""
-    every = stress_alike(states, points=points)
+    state first[d] (D,): what gradients are differences of. None as of `_forces_alike`, and where sections of a leaf have
+    unlike points."""
+    every = _forces_alike(states, points)
     if every is None:
         return None
     found = np.empty((len(states.models), len(states.models[0].member_names)))
     for part in every:
-        if len(part.member) < len(np.unique(part.member)) * len(states.models):
+        place = np.full(found.shape, -1)
+        one = np.flatnonzero(first[part.state] == part.state)
+        if not len(one):
             return None
-        flat = part.mises.reshape(len(part.mises), -1)
-        at = np.zeros(found.shape[1], np.int64)
-        at[part.member[part.state == 0]] = flat[part.state == 0].argmax(axis=1)
-        found[part.state, part.member] = flat[np.arange(len(flat)), at[part.member]]
+        mises = _stresses(part.forces[one], _picked(part.stations, one), outlined=part.outlined)[2]
+        place[part.state[one], part.member[one]] = mises.reshape(len(one), -1).argmax(axis=1)
+        at = place[first[part.state], part.member]
+        if np.any(at < 0):
+            return None
+        row, (station, point) = np.arange(len(at)), np.divmod(at, mises.shape[2])
+        alone = _picked(part.stations, row, point)
+        mises = _stresses(part.forces[row, station][:, None], alone, outlined=part.outlined)[2]
+        found[part.state, part.member] = mises[:, 0, 0]
     return dict(zip(states.models[0].member_names, found.T, strict=True))
+
+
+def _picked(
+    stations: tuple[Array, ...], row: NDArray[np.int64], point: NDArray[np.int64] | None = None
+) -> tuple[Array, ...]:
+    """The stations of some leaves, at one point of each if given; they have one section from end to end."""
+    if point is None:
+        return (*(v[row] for v in stations[:5]), *(v[:, row] for v in stations[5:]))
+    y, z, *sizes = (v[row] for v in stations[:5])
+    places = (v[row, 0, point][:, None, None] for v in (y, z))
+    return (*places, *sizes, *(v[:, row, 0, point][..., None, None] for v in stations[5:]))
 
 
 @dataclass(frozen=True, repr=False)

@@ -137,10 +137,16 @@ def test_largest_stresses_of_many_states_together_are_those_one_by_one():
             assert (peak.s, peak.point) == one[name].where
     for those, group in groups:
         mixed = len({len(stress_points(q).names) for k in those for q in sections_of(poses[k])}) > 1
-        assert (stresses.stress_followed(group) is None) == mixed, "unlike sections have unlike points"
-        for name, followed in (stresses.stress_followed(group) or {}).items():
+        together = stresses.stress_followed(group, np.zeros(len(those), int))
+        assert (together is None) == mixed, "unlike sections have unlike points"
+        for name, followed in (together or {}).items():
             every = [poses[k].stress()[name].von_mises_Pa for k in those]
             mark = np.unravel_index(np.argmax(every[0]), every[0].shape)
             assert followed == pytest.approx([own[mark] for own in every], rel=1e-12)
+        alone = stresses.stress_followed(group, np.arange(len(those)))
+        for k, own in enumerate(stresses.peaks(group)):
+            assert {n: v[k] for n, v in alone.items()} == pytest.approx(
+                {n: p.largest_Pa for n, p in own.items()}
+            )
     chain = ksd.solve(single_joint(), turn=0.1, mesh=ksd.Mesh("corotational", elements=3))
     assert not alike([(*chain.unreduced, 1.0)])
