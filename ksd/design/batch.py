@@ -129,9 +129,10 @@ def batch(
     parameters that returns one. Drive values [m or rad] by name, numbers or arrays of one length. tabulated: take the
     condensed joints from tables over their stroke, made once per design; it pays from some hundred poses on. questions,
     link, at, freed, modes: as in `ksd.sweep`, answered in `Batch.answers`; of "reduced" they are asked of the equilibrium
-    next to the answer, as of a pose of `ksd.solve`. threads: cores when None. executor: any concurrent.futures executor
-    instead of threads; with processes, where Python works in parallel too, `mechanism` must be a function they can
-    import. Raises SceneError for bad input; designs, poses and questions that fail are in the result.
+    next to the answer, as of a pose of `ksd.solve`. relinearisations, mesh, extrapolate: as in `ksd.solve`. targets: drive
+    values as a mapping. threads: cores when None. executor: any concurrent.futures executor instead of threads; with
+    processes, where Python works in parallel too, `mechanism` must be a function they can import. Raises SceneError for bad
+    input; designs, poses and questions that fail are in the result.
     """
     check_ways(
         mesh=mesh, relinearisations=relinearisations, method=method, methods=("reduced", "full"),

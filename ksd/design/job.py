@@ -100,7 +100,8 @@ class Job(Shown):
     poses and load cases, counts. limits: the most by column, or (least, most), None for neither; "size_mm" takes the
     most along x, y and z. rules: functions of the parameters by name that must not be negative, told before anything is
     solved. link, at, freed, modes, loads, together and the drive values [m or rad]: as in `ksd.sweep`. method: "full",
-    "reduced", or "conventional", which knows no trained ranges; by the others these are bounds.
+    "reduced", or "conventional", which knows no trained ranges; by the others these are bounds. mesh, extrapolate: as in
+    `ksd.solve`; targets: drive values as a mapping.
 
     Raises SceneError for everything that is wrong before a solve.
     """
@@ -522,7 +523,8 @@ class Job(Shown):
         return _Loaded(self.function, self.cases[case])(**design)
 
     def margins(self, values: ArrayLike) -> Array:
-        """How far every side of every limit is met, over the limit (by itself where that is 0); negative where it is not."""
+        """How far every side of every limit is met (sides,) by `values` (answers,), over the limit (by itself where that is
+        0); negative where it is not."""
         found = []
         for a, v in zip(self.answers, np.asarray(values, float), strict=True):
             found += [(v - a.low) / (abs(a.low) or 1.0)] if np.isfinite(a.low) else []

@@ -28,7 +28,8 @@ class Tolerance(Shown):
 
     names: of the answers; nominal, first_order, sampled (answers,): values, and standard deviations to first order and of
     the samples. blame (answers, parameters): share of each parameter in the first-order variance. kept: share of the
-    samples that hold every limit; merits (samples,): worst target over its scale, nan where a sample failed. table: all
+    samples that hold every limit; reach (answers,): standard deviations to the
+    nearest limit. merits (samples,): worst target over its scale, nan where a sample failed. table: all
     samples.
     """
 

@@ -43,7 +43,7 @@ class Stroke:
 
 @dataclass(frozen=True)
 class Parameter:
-    """A shape parameter: name, range (SI), scale "linear" or "log" of its map to [-1, 1]."""
+    """A shape parameter: name, range `low` to `high` (SI), scale "linear" or "log" of its map to [-1, 1]."""
 
     name: str
     low: float

@@ -276,8 +276,9 @@ def compile_scene(
 ) -> Model:
     """The full model of a scene (a Mechanism or its frozen Scene) with the effects it mentions.
 
-    effects: "auto", "all" or the names wanted; with_, without: single effects put on or off, see `ksd.model.effects`.
-    Raises SceneError where the scene cannot be compiled (see `Mechanism.validate`) or an effect is unknown.
+    mesh: of the leaf springs, `ksd.Mesh()` when None. effects: "auto", "all" or the names wanted; with_, without: single
+    effects put on or off, see `ksd.model.effects`. Raises SceneError where the scene cannot be compiled (see
+    `Mechanism.validate`) or an effect is unknown.
     """
     scene = scene.scene() if hasattr(scene, "scene") else scene
     if not hasattr(scene, "fingerprint"):

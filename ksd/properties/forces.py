@@ -50,7 +50,8 @@ POINTS = 25
 
 @dataclass(frozen=True, repr=False)
 class SectionForces(Shown):
-    """Section forces of one leaf: stations s (k,) [m] from its start, values (k, 6), columns COMPONENTS.
+    """Section forces of one leaf: stations s (k,) [m] from its start, values (k, 6), columns N, Vy, Vz [N] and T, My, Mz
+    [Nm].
 
     Stations of a chain are its nodes.
     """

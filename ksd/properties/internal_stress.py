@@ -32,8 +32,8 @@ DIRECTIONS = ("along", "across", "sideways", "twist", "tilt", "yaw")
 
 @dataclass(frozen=True, repr=False)
 class Misplaced(Shown):
-    """What misplacements of leaf ends do: per (leaf, direction) the largest von Mises stress anywhere [Pa] of the change,
-    and where: the leaf it is in. offset [m] and rotation [rad] are the misplacements asked about."""
+    """What misplacements of leaf ends do. stress_Pa: by (leaf, direction) the largest von Mises stress anywhere of the
+    change; worst_leaf: the leaf it is in. offset [m] and rotation [rad] are the misplacements asked about."""
 
     offset: float
     rotation: float

@@ -43,8 +43,8 @@ class LinkForce:
 
 @dataclass(frozen=True, repr=False)
 class LinkForces(Shown):
-    """All of them: leaf springs in the order of the model, then link by link, ground first. plane: the one whose components
-    are printed, None for all; size [m]: by which moments and forces are compared."""
+    """All of them in `rows`: leaf springs in the order of the model, then link by link, ground first. plane: the one whose
+    components are printed, None for all; size [m]: by which moments and forces are compared."""
 
     rows: tuple[LinkForce, ...]
     plane: str | None

@@ -336,7 +336,7 @@ def _halved(C: Array, found: Tangent) -> Array:
 @dataclass(frozen=True, repr=False)
 class DriveStiffness(Shown):
     """Stiffness between drives: matrix (d, d), force of drive i [N or Nm] per motion of drive j [m or rad],
-    others held. conservative, backward_error: see `PointStiffness`."""
+    others held; names, units: of the drives and of the diagonal. conservative, backward_error: see `PointStiffness`."""
 
     names: tuple[str, ...]
     units: tuple[str, ...]

@@ -378,7 +378,7 @@ def _picked(
 
 @dataclass(frozen=True, repr=False)
 class Stress(Shown):
-    """Stress of all leaf springs by full name."""
+    """Stress of all leaf springs; leaves: by full name, which is the index too: ``stress["guide/low"]``."""
 
     leaves: dict[str, LeafStress]
 

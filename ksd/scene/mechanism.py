@@ -322,7 +322,8 @@ class Mechanism(InNotebooks, Mentioned):
         relative_to: Link | str | None = None,
         coefficient: float = 1.0,
     ) -> DriveTerm:
-        """Term: displacement [m] of point `at` of a link along a direction, seen from ground or a link."""
+        """Term of a drive: displacement [m] of point `at` (3,) [m] of a link along a direction, seen from ground or the link
+        `relative_to`, times `coefficient`. Raises SceneError for unknown links and directions."""
         return self._term(link, along, "translation", at, relative_to) * coefficient
 
     def rotation(
@@ -334,7 +335,8 @@ class Mechanism(InNotebooks, Mentioned):
         relative_to: Link | str | None = None,
         coefficient: float = 1.0,
     ) -> DriveTerm:
-        """Term: rotation [rad] of a link about a direction, seen from ground or a link; `at` is only kept."""
+        """Term of a drive: rotation [rad] of a link about a direction, seen from ground or the link `relative_to`, times
+        `coefficient`; `at` (3,) [m] is where pictures show it. Raises SceneError for unknown links and directions."""
         return self._term(link, about, "rotation", at, relative_to) * coefficient
 
     def _term(
@@ -403,7 +405,8 @@ class Mechanism(InNotebooks, Mentioned):
         motion: str | None = None,
         terms: Sequence[DriveTerm] | DriveTerm | None = None,
     ) -> Drive:
-        """Hold a component of motion at zero; the component is said as in `actuate`. Raises SceneError."""
+        """Hold a component of motion at zero: along or about a direction, of a joint, or a sum of terms, said as in
+        `actuate`. Its force is in `Configuration.reactions`. Raises SceneError."""
         said = {"along": along, "about": about, "at": at, "relative_to": relative_to}
         parts, default = self._parts(link, **said, joint=joint, motion=motion, terms=terms)
         held = Drive(self._drive_name(name, f"{default}.held", parts), parts)

@@ -114,7 +114,8 @@ class FilletedNotch(Profile):
 
 @dataclass(frozen=True)
 class StiffenedMiddle(Profile):
-    """A leaf with a thicker middle: `thickness` at both ends, `middle` thickness over the middle `part` (fraction)."""
+    """A leaf of one `width` [m] with a thicker middle: `thickness` [m] at both ends, `middle` [m] over the middle `part`
+    (fraction)."""
 
     thickness: float
     width: float

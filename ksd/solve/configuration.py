@@ -494,7 +494,8 @@ class Configuration(InNotebooks):
         )  # fmt: skip
 
     def interface_forces(self) -> InterfaceForces:
-        """Force [N] and moment [Nm], global, that joints, free leaf springs and springs exert on the links and on ground."""
+        """Force [N] and moment [Nm], global, that joints, free leaf springs, springs, pins and sliders exert on the links
+        and on ground, each at its own interface."""
         return interface_forces(*self.unreduced, load_factor=self.load_factor)
 
     def link_forces(self) -> LinkForces:
@@ -552,10 +553,11 @@ class Configuration(InNotebooks):
         """Matplotlib figure of the deformed over the undeformed mechanism, written to `path` (.png, .pdf, .svg ...) if
         given.
 
-        axes: drawn into these, a new figure when None. view: "xy", "xz" or "yz" onto a coordinate plane, "3d" in space,
-        or the azimuth and elevation of the eye [deg]; its plane for a planar mechanism, "3d" for others when None. labels:
-        names of links, drives and loads, with values and forces. color: "stress" colours the leaves by von Mises stress.
-        Raises SceneError for an unknown view, colour or file type.
+        axes: drawn into these, a new figure when None. view: "xy", "xz" or "yz" onto a coordinate plane, "3d" in space, or
+        the azimuth and elevation of the eye [deg]; its plane for a planar mechanism, "3d" for others when None. labels:
+        names of links, drives and loads, with values and forces. title: above the picture, names of scene and method when
+        None. color: "stress" colours the leaves by von Mises stress. Raises SceneError for an unknown view, colour or file
+        type.
         """
         figure = plot_mechanism(self, axes=axes, view=view, labels=labels, title=title, color=color)
         return figure if path is None else save_figure(figure, path)

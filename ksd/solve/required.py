@@ -88,12 +88,13 @@ def required_loads(
 ) -> RequiredLoads:
     """The loads, and of them the drive forces, that hold links in wanted poses.
 
-    poses: by link, (displacement (3,) [m], rotation) of its reference point, as `pose.links` gives them, or
-    (displacement, rotation, at) of the point that is at `at` (3,) [m] at rest; rotation: matrix (3, 3), rotation vector (3,)
-    [rad], or in a mechanism with a plane the angle [rad]. Links without a pose find their own, without actuation. method:
-    "constant" takes leaf springs of constant stiffness, one evaluation where all poses are given; without it they are exact.
-    The drives of the scene are the actuators: their forces, and those of the supports, balance the rest in the least-squares
-    sense, moments over the size of the mechanism. Raises SceneError for poses that no leaf can take.
+    poses: by link, (displacement (3,) [m], rotation) of its reference point, as `pose.links` gives them, or (displacement,
+    rotation, at) of the point that is at `at` (3,) [m] at rest; rotation: matrix (3, 3), rotation vector (3,) [rad], or in
+    a mechanism with a plane the angle [rad]. Links without a pose find their own, without actuation. method: "constant"
+    takes leaf springs of constant stiffness, one evaluation where all poses are given; without it they are exact. The
+    drives of the scene are the actuators: their forces, and those of the supports, balance the rest in the least-squares
+    sense, moments over the size of the mechanism. mesh: as in `ksd.solve`. Raises SceneError for poses that no leaf can
+    take.
     """
     if method not in (None, "constant", "conventional"):
         raise SceneError(f"method = {show(method)}: give 'constant', or nothing for exact leaf springs")

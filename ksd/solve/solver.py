@@ -102,7 +102,7 @@ def solve(
     planar: bool = True,
     **drives: float,
 ) -> Configuration:
-    """Solve one configuration of a mechanism at drive values given by name [m or rad].
+    """Solve one configuration of a mechanism at drive values [m or rad] by name, as keywords or in a mapping, `targets`.
 
     method: "kinematic", "reduced", "full", "conventional", "constant" (leaf springs of constant stiffness, that at rest:
     `ksd.model.constant`) or "modal" (leaf springs as modal bodies; `basis`: a
@@ -110,7 +110,7 @@ def solve(
     as in "reduced", and other leaf springs computed in full; or reduced solids by leaf, {"spring": reduce_solid(...)}, see
     `ksd.modal.solid_basis`: by "modal" beside condensed joints, without a method beside leaves in full); without one, the
     cheapest whose estimated error is within `accuracy` (relative, 1e-3 by default).
-    estimate: False leaves out the error figure of a fast method, and its cost. passes: extra relinearisation steps of
+    estimate: False leaves out the error figure of a fast method, and its cost. relinearisations: extra rounds of
     `reduced`. mesh: leaf model; without one, strain-mode leaves of orders fit for
     `accuracy`, raised when their highest modes carry too much energy. extrapolate, planar:
     see `prepare`. strict: raise TrustError where the answer is unstable or on a doubtful branch; False returns it with its
@@ -168,7 +168,7 @@ class Solver:
     """A mechanism prepared for repeated solves: compiled model, joint bodies, and storage used again each time.
 
     Options as in `ksd.prepare`; records: who finds the record of a joint family by its name. A compiled `Model` has its mesh
-    and effects already: mesh, effects, with_, without, accuracy and targets are for what is compiled here.
+    and effects already: mesh, effects, with_, without and accuracy are for what is compiled here.
     Call it with drive values by name: ``solver(top=0.3)``. Threads that share one take turns, since all solves write into
     the same storage; to solve in parallel make one for each.
     """

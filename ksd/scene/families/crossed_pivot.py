@@ -100,7 +100,7 @@ class BalancedCrossedPivot(_Crossed):
     (inner + outer)/2 + gap, so nothing is cut and out-of-plane loads are carried symmetrically. ratio 0.5 is
     the cross flexure of paper 1, over a smaller stroke.
 
-    widths (inner, outer) [m], the outer width being that of each outer leaf; gap [m] along z between inner
+    inner_width, outer_width [m], the latter that of each outer leaf; gap [m] along z between inner
     and outer leaf springs; the others as in `CrossedPivot`. Raises SceneError naming the parameter out of bounds.
     """
 
