@@ -20,6 +20,8 @@ Array = NDArray[np.float64]
 BALANCED = 1e-6
 """Share of the largest that a link needs below which what is left over is that of Newton's method."""
 
+ROUNDING = 1e-14
+
 
 class RequiredForces(NamedTuple):
     """What holds links in wanted poses: forces (drives,) [N or Nm] in the order of the drives, reactions (supports,)
@@ -42,6 +44,8 @@ class Actuation:
         # what holds a mechanism in its plane does nothing in it
         self.rows = self.drives + len(scene.supports)
         self.at = arrays.start[1 : model.links, None] + np.arange(6)
+        # of places, times the stretching stiffness of the shortest leaf spring
+        self.noise = ROUNDING * float(arrays.size * arrays.members.floor.max(initial=0.0))
         self.still = np.zeros(len(arrays.terms.start))
         self.share = np.ones((model.links - 1, 6))
         self.share[:, 3:] /= arrays.size
@@ -80,11 +84,7 @@ class Actuation:
             else:
                 forces = np.linalg.lstsq(ways, scaled, rcond=1e-10)[0]
             left = scaled - ways @ forces
-        size = np.abs(left)
-        if size.max(initial=0.0) <= BALANCED * np.abs(scaled).max(initial=0.0):
-            left = np.zeros_like(left)
-        else:
-            left[size <= BALANCED * np.abs(scaled).max()] = 0.0
+        left[np.abs(left) <= max(BALANCED * np.abs(scaled).max(initial=0.0), self.noise)] = 0.0
         unbalanced = left.reshape(-1, 6) / self.share
         return RequiredForces(forces[: self.drives], forces[self.drives :], unbalanced, needed)
 

@@ -6,17 +6,18 @@ missing to equilibrium on a link is the load it needs. Fewer actuators than moti
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ksd.errors import SceneError
+from ksd.errors import ConvergenceError, KsdError, SceneError
 from ksd.model.arrays import Motion
 from ksd.model.compile import Model
 from ksd.model.mesh import Mesh
+from ksd.model.orders import raised
 from ksd.model.plane import Plane, plane_of
 from ksd.numerics.rotations import rotation_exp, rotation_log
 from ksd.properties.words import Shown, listed, number
@@ -29,11 +30,16 @@ from ksd.section.checks import nearest, show
 from ksd.section.checks import number as checked
 from ksd.solve.actuation import Actuation
 from ksd.solve.configuration import Configuration
-from ksd.solve.solver import Solver, prepare
+from ksd.solve.solver import DEFAULT_ACCURACY, Solver, prepare
 
 Array = NDArray[np.float64]
 Wanted = dict[int, tuple[Array, Array]]
 """Place (3,) [m] of the reference point and rotation (3, 3) by node."""
+HALVINGS = 12
+"""Parts of the way to wanted poses that are tried where the whole is not possible."""
+DEAD = 0.03
+"""Least singular value of what holds links, over the largest, below which they can move all the same: the twelfth half of a
+way ends a sixtieth of the last angle before its dead centre."""
 STRETCH = 1.05
 """Chord of a leaf over its length from which on no leaf can take it."""
 
@@ -104,11 +110,17 @@ def required_loads(
     _check_lengths(model, wanted)
     if method == "constant" and len(wanted) == len(model.node_names) - 1:
         state = model.rest.copy()
-        state.multiplier[:] = 0.0
         for i, (x, R) in wanted.items():
             state.x[i], state.R[i] = x, R
     else:
-        state = _held(solver, model, wanted, method)
+        pose = _held_pose(solver, model, wanted, method or "conventional")
+        share, _, axis, _ = pose.resolution
+        if share > DEFAULT_ACCURACY and mesh is None and not isinstance(mechanism, Solver):
+            # as finely as `solve` would
+            return required_loads(mechanism, poses, method=method, mesh=raised(model.mesh, axis))
+        state = model.rest.copy()
+        state.x[:], state.R[:], state.inner[:] = pose.motion.x, pose.motion.R, pose.motion.inner
+    state.multiplier[:] = 0.0
     with solver.lock:
         actuation = solver.actuation if method == "constant" else Actuation(model)
         return _balance(model, state, actuation)
@@ -178,17 +190,79 @@ def held_pose(solver: Solver, poses: Mapping[str, Any]) -> Configuration:
     return _held_pose(solver, solver.model, wanted, "conventional")
 
 
-def _held(solver: Solver, model: Model, wanted: Wanted, method: Any) -> Motion:
-    """The state of a model with these links held in their poses, equilibrium everywhere else; multipliers zero."""
-    pose = _held_pose(solver, model, wanted, method or "conventional")
-    state = model.rest.copy()
-    state.x[:], state.R[:], state.inner[:] = pose.motion.x, pose.motion.R, pose.motion.inner
-    state.multiplier[:] = 0.0
-    return state
-
-
 def _held_pose(solver: Solver, model: Model, wanted: Wanted, method: Any) -> Configuration:
-    """That equilibrium, of the mechanism whose drives are these poses."""
+    """That equilibrium, of the mechanism whose drives are these poses. Raises ConvergenceError that says how far it gets,
+    and which links are at a dead centre there."""
+    holding, targets = _holding(solver, model, wanted)
+
+    def at(share: float) -> Configuration:
+        part = {name: share * value for name, value in targets.items()}
+        return holding(part, method=method, estimate=False, strict=False)
+
+    try:
+        return at(1.0)
+    except ConvergenceError as reason:
+        low, said = _obstacle(holding, at, targets)
+        said = said if "dead centre" in said else f"{said}; {reason}"
+        raise ConvergenceError(f"poses: {said}", reached=low, result=reason.result) from None
+
+
+def _obstacle(
+    holding: Solver, at: Callable[[float], Configuration], targets: Mapping[str, float]
+) -> tuple[float, str]:
+    """How far the wanted poses are reached, and whether links are at a dead centre there, in words."""
+    low, high, state = 0.0, 1.0, holding.model.rest
+    for _ in range(HALVINGS):
+        try:
+            state = at(0.5 * (low + high)).motion
+            low = 0.5 * (low + high)
+        except KsdError:
+            high = 0.5 * (low + high)
+    name = max(
+        targets, key=lambda n: abs(targets[n]) if ": r" in n else abs(targets[n]) / holding.model.arrays.size
+    )
+    link, _, way = name.partition(": ")
+    amount = low * targets[name] + 0.0
+    far = f"{amount:.4g} rad" if way[0] == "r" else f"{1e3 * amount:.4g} mm along {way}"
+    said = f"link '{link}' is led no further than {100 * low:.3g} % of its way, {far}"
+    stuck = _dead_centre(holding.model, state)
+    if not stuck:
+        return low, said
+    names = " and ".join(f"'{n}'" for n in stuck)
+    return low, (
+        f"{said}: there {names} are at a dead centre, where '{link}' cannot move them on; ask for less, or give the pose of "
+        f"'{stuck[0]}' instead"
+    )
+
+
+def _dead_centre(model: Model, state: Motion) -> tuple[str, ...]:
+    """The links without a pose that can move at a state though hinges, supports and poses hold them, the first one most;
+    empty where none can."""
+    still, hung = state.copy(), {n for h in (model.said or model.scene).hinges for n in (h.a, h.b)}
+    still.multiplier[:] = 0.0
+    actuation = Actuation(model)
+    actuation(still)
+    ways = actuation.ways.reshape(model.links - 1, 6, -1).copy()
+    ways[:, 3:] /= model.arrays.size
+    driven = {t.link for d in (model.said or model.scene).drives for t in d.terms}
+    names = model.scene.links[1:]
+    free = [k for k, name in enumerate(names) if name in hung and name not in driven]
+    if not free:
+        return ()
+    own = np.ones(6, bool)
+    if model.scene.plane is not None:
+        normal = np.asarray(normal_of(model.scene.plane)) != 0.0
+        own = np.append(~normal, normal)
+    held = ways[free][:, own].reshape(len(free) * int(own.sum()), -1).T
+    _, sizes, motions = np.linalg.svd(held)
+    if len(sizes) == held.shape[1] and sizes[-1] > DEAD * sizes[0]:
+        return ()
+    moved = np.linalg.norm(motions[-1].reshape(len(free), -1), axis=1)
+    return tuple(names[free[k]] for k in np.argsort(-moved) if moved[k] > 0.05)
+
+
+def _holding(solver: Solver, model: Model, wanted: Wanted) -> tuple[Solver, dict[str, float]]:
+    """The mechanism whose drives are these poses, and their values."""
     scene, found = model.said or model.scene, plane_of(model)
     axis = found.axis if isinstance(found, Plane) else None
     names = {model.node_names[i] for i in wanted} | {GROUND}
@@ -207,9 +281,7 @@ def _held_pose(solver: Solver, model: Model, wanted: Wanted, method: Any) -> Con
     free = tuple(s for s in scene.supports if {n for t in s.terms for n in (t.base, t.link)} - names)
     hinges = tuple(h for h in scene.hinges if {h.a, h.b} - names)
     held = replace(scene, drives=tuple(drives), supports=free, hinges=hinges)
-    return Solver(held, mesh=model.mesh, planar=solver.planar)(
-        targets, method=method, estimate=False, strict=False
-    )
+    return Solver(held, mesh=model.mesh, planar=solver.planar), targets
 
 
 def _balance(model: Model, state: Motion, actuation: Actuation) -> RequiredLoads:

@@ -261,6 +261,46 @@ def test_actuators_are_shared_by_least_squares():
     assert need.unbalanced["bar"] == pytest.approx(W - np.array([best, 0, 0, 0, 0, -arm * best]), abs=1e-9)
 
 
+def slider_crank(angle):
+    """A crank of 40 mm, drawn at this angle, a rigid rod of 120 mm, and a slider on a leaf spring."""
+    A = 0.04 * np.array([math.cos(angle), math.sin(angle), 0])
+    B = np.array([A[0] + math.sqrt(0.12**2 - A[1] ** 2), 0, 0])
+    scene = ksd.Mechanism("slider-crank", plane="xy")
+    crank, rod, slider = scene.links("crank", "rod", "slider")
+    scene.pin("ground", crank, at=(0, 0, 0))
+    scene.pin(crank, rod, at=A)
+    scene.pin(rod, slider, at=B)
+    scene.slider(slider, along="x", at=B)
+    scene.leaf("ground", slider, start=(B[0], 0.08, 0), end=B, section=ksd.rectangle(5e-4, 0.01),
+               material=ksd.Material(E=200e9, nu=0.3))  # fmt: skip
+    scene.actuate(slider, along="x", at=B, name="push")
+    return scene, 0.16 - B[0]
+
+
+def test_poses_beyond_a_dead_centre():
+    """Poses that rods cannot lead to say how far they do, which links stand in line there, and whose pose would do."""
+    scene, most = slider_crank(0.6)
+    for far in (most + 1e-4, 2 * most):
+        share = f"{100 * most / far:.3g} % of its way, 9.1"
+        with pytest.raises(
+            ksd.ConvergenceError,
+            match=rf"'slider' is led no further than {share}.* 'crank' and 'rod' are at a dead",
+        ):
+            ksd.required_loads(scene, {"slider": ((far, 0, 0), 0.0)})
+    # the pose of the crank leads through it, and at rest nothing is needed
+    through = ksd.required_loads(scene, {"crank": ((0, 0, 0), -1.2, (0, 0, 0))})
+    assert through.balanced and through.forces["push"] == pytest.approx(0.0, abs=1e-6)
+    with pytest.raises(ksd.ConvergenceError, match=r"no further than 0 % .* dead centre"):
+        ksd.required_loads(slider_crank(0.0)[0], {"slider": ((-1e-3, 0, 0), 0.0)})
+
+
+def test_required_loads_are_as_fine_as_a_solve():
+    scene, most = slider_crank(0.6)
+    want = ksd.solve(scene, push=0.9 * most, accuracy=1e-6).forces["push"]
+    need = ksd.required_loads(scene, {"slider": ((0.9 * most, 0, 0), 0.0)})
+    assert need.balanced and need.forces["push"] == pytest.approx(want, rel=8e-3)
+
+
 def test_wrong_poses_are_refused(paper):
     scene = paper.gripper(driven=True)
     with pytest.raises(ksd.SceneError, match=r"leaf 'arc 0' would be .* apart, but it is 18.85 mm long"):
