@@ -163,4 +163,4 @@ response = plant.response([1.0, 10.0, 100.0])
 print("x per newton of x at 1, 10, 100 Hz [mm/N]:", np.round(abs(response[:, 0, 0]) / mm, 4))
 
 # %%
-# `plant.to_mat("plant.mat")` writes it for MATLAB.
+# `plant.to_mat("plant.mat")` writes it for MATLAB; the tutorial on vibrations goes on from here with `scipy.signal`.

@@ -38,7 +38,8 @@ ZERO = 1e-9
 """Numbers below this, in the units of the columns, are rounding."""
 LEADING = (
     r".+_(force_N|moment_Nm|effort_SI)", r"error_percent", r"(?!support_).+_stiffness_Nm?_per_\w+", r"support_worst_.*\w",
-    r"first_parasitic_Hz", r"stress_MPa", r"buckling_(positive|negative)", r"clearance_mm", r".+_error_percent",
+    r"intended(_\d+)?_Hz", r"first_parasitic_Hz", r"stress_MPa", r"distance_.+_mm", r"buckling_(positive|negative)",
+    r"clearance_mm", r".+_error_percent",
 )  # fmt: skip
 """Columns that matter, as regular expressions, in the order in which they are printed."""
 

@@ -99,7 +99,8 @@ def parasitic(model: Model, motion: Motion, link: Any = None, *, at: Any = None)
     """Motion of the point of `link` at `at` (3,) [m] at rest, less what drives and supports prescribe there: rotations about
     prescribed axes, displacements along prescribed directions, each by one drive or by several together (three along z
     prescribe a lift and both tilts). What drives prescribe of a link that carries this one is taken out too: it moves this
-    one along rigidly; a rotation turns it about the middle of the joint driven, or the point of the drive. Where none
+    one along rigidly; a rotation turns it about the pivot of the joint driven, where its leaf springs cross or else the
+    middle between its interfaces, or about the point of the drive. Where none
     acts on this link, but on legs that hold it beside others, the motions they bring it to first order, from rest, are
     taken out, rotations times the size. By default link and point of the first drive.
 
@@ -229,7 +230,7 @@ def _pivot(scene: Any, drives: tuple[str, ...], *, carried: bool) -> Array | Non
     if carried and terms and all(t.kind == "translation" for t in terms):
         return np.mean([t.point for t in terms], axis=0)
     joints = [(t, _turned_joint(scene, t)) for t in terms if t.kind == "rotation"]
-    points = [t.point if j is None else _middle(j) for t, j in joints if carried or j is not None]
+    points = [t.point if j is None else _centre(j) for t, j in joints if carried or j is not None]
     return np.mean(points, axis=0) if points else None
 
 
@@ -257,13 +258,12 @@ def pivot_shift(model: Model, motion: Motion, joint: Any, *, at: Any = None) -> 
     if placed is None:
         known = ", ".join(j.name for j in model.scene.joints) or "none"
         raise SceneError(f"joint '{name}' is not part of this mechanism; its joints are {known}")
-    axis = next((np.asarray(m.axis) for m in placed.joint.motions if m.kind == "rotation"), None)
-    if axis is None:
+    if not any(m.kind == "rotation" for m in placed.joint.motions):
         raise SceneError(
             f"joint '{name}' has no intended rotation, so no pivot; ask `parasitic` for its motion"
         )
     turned = np.asarray(placed.rotation)
-    rest = placed.place(_crossing(placed, axis)) if at is None else np.asarray(at, float)
+    rest = _centre(placed) if at is None else np.asarray(at, float)
     a, b = (model.node_names.index(link) for link in (placed.a, placed.b))
     moved = [motion.x[k] + motion.R[k] @ (rest - model.rest.x[k]) for k in (a, b)]
     turn = np.empty(3)
@@ -272,10 +272,16 @@ def pivot_shift(model: Model, motion: Motion, joint: Any, *, at: Any = None) -> 
     return PivotShift(placed.name, rest, shift, turned.T @ turn)
 
 
-def _crossing(placed: Any, axis: Array) -> Array:
-    """The point (3,), in joint axes, that the lines of all leaves pass seen along the axis, at the height of the middle
-    between the interfaces; that middle where they do not."""
+def _centre(placed: Any) -> Array:
+    """The point (3,) at rest that a placed joint turns about: where its leaf springs cross."""
+    return np.asarray(placed.place(_crossing(placed)))
+
+
+def _crossing(placed: Any) -> Array:
+    """The point (3,), in joint axes, that the lines of all leaves pass seen along the axis of the (first) rotation, at the
+    height of the middle between the interfaces; that middle where they do not."""
     middle = 0.5 * np.asarray(placed.joint.pose_B, float)
+    axis = next(np.asarray(m.axis) for m in placed.joint.motions if m.kind == "rotation")
     across = np.linalg.svd(axis[None])[2][1:]
     lines = [(across @ np.asarray(f.start), across @ np.asarray(f.end)) for f in placed.joint.leaves()]
     lines = [(p, q) for p, q in lines if np.linalg.norm(q - p) > 0.0]

@@ -506,6 +506,8 @@ class Configuration(InNotebooks):
     def parasitic(self, link: Link | str | None = None, *, at: ArrayLike | None = None) -> Parasitic:
         """Motion from rest, shift [m] and turn [rad], that no drive or support prescribes, of the point of `link` at
         `at` (3,) [m] at rest; link and point of the first drive when None. Rest is the drawing, without weight and loads.
+        A joint that is driven prescribes a turn about its pivot, where its leaf springs cross; where they do not, about the
+        middle between its interfaces.
 
         Raises SceneError for an unknown link, or where there is no drive and none is named.
         """

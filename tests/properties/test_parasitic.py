@@ -1,6 +1,8 @@
-"""Parasitic motion in linkages of pins and sliders."""
+"""Parasitic motion in linkages of pins and sliders, and of joints that are driven."""
 
 import numpy as np
+import pytest
+from scenes import STEEL
 
 import ksd
 
@@ -22,3 +24,19 @@ def test_a_crank_does_not_carry_the_piston_behind_a_rod():
     assert np.allclose(found.shift, moved, atol=1e-12) and np.allclose(found.turn, 0.0, atol=1e-9)
     # the pin of the rod goes with the crank
     assert np.allclose(pose.parasitic(rod, at=(0.02, 0, 0)).shift, 0.0, atol=1e-9)
+
+
+@pytest.mark.parametrize("ratio", [0.127322, 0.3, 0.5])
+def test_a_driven_joint_prescribes_a_turn_about_its_crossing(ratio):
+    """Its own shift is all that is parasitic there; elsewhere on the link that and the turn of the arm are told apart."""
+    joint = ksd.CrossedPivot(STEEL, length=60e-3, angle=0.7, thickness=0.2e-3, width=15e-3, ratio=ratio)
+    scene = ksd.Mechanism("pivot")
+    arm = scene.link("arm")
+    placed = scene.join(scene.ground, arm, joint, at=(-ratio * joint.length_AB, 0, 0), axis="z", toward="x")
+    scene.actuate_joint(placed, name="turn")
+    pose = ksd.solve(scene, turn=0.2)
+    crossing, beyond = np.zeros(3), np.array((0.05, 0.01, 0))
+    whole = pose.displacement(arm, crossing)
+    assert pose.parasitic(arm, at=crossing).shift == pytest.approx(whole, abs=1e-12)
+    assert pose.pivot_shift(placed).shift == pytest.approx(whole, abs=1e-12)
+    assert pose.parasitic(arm, at=beyond).shift == pytest.approx(whole, abs=1e-9)
