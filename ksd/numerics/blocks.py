@@ -380,8 +380,9 @@ def residual_blocks(plan, value, b, x, rest, low):
     """rest = b - A x, summed in twice the digits, of the symmetric matrix in `value`, not factored; low: scratch; all
     (unknowns,)."""
     size, start, first, row, place = plan[SIZE], plan[START], plan[FIRST], plan[ROW], plan[PLACE]
-    rest[:] = b
-    low[:] = 0.0
+    # not rest[:] = b: the message numba keeps for other shapes takes it two seconds to compile
+    for i in range(len(b)):
+        rest[i], low[i] = b[i], 0.0
     for k in range(plan[BLOCKS]):
         n, a = plan[size + k], plan[start + k]
         for r in range(n):
@@ -407,7 +408,8 @@ def refined_blocks(plan, matrix, value, spare, b, x, change, low):
     Returns the length of the last refinement, `change`, over that of x, both weighed to energies by the diagonal of A:
     an estimate of the error before that refinement, and a bound for the one after it.
     """
-    x[:] = b
+    for i in range(len(b)):
+        x[i] = b[i]
     solve_blocks(plan, value, spare, x)
     error = 0.0
     for _ in range(REFINEMENTS):
