@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+from difflib import get_close_matches
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
@@ -20,6 +21,7 @@ from ksd.errors import (
     SceneWarning,
     TrustError,
     UnknownNameError,
+    UnknownWordError,
 )
 
 __version__ = "0.1.0"
@@ -67,8 +69,8 @@ __all__ = [
     "ModalBasis", "Model", "Motion", "Optimum", "ParallelGuide", "Parameter", "Path", "RangeError", "Record",
     "RecordError", "RequiredLoads", "RestShape", "Scene", "SceneError", "SceneFileError", "SceneWarning", "Section",
     "Solver", "StiffenedGuide", "StiffenedMiddle", "SweepInterrupted", "Table", "Taper", "Tolerance",
-    "TripleInfinityHinge", "TrustError", "UniversalJoint", "UnknownNameError", "Varying", "WireFlexure", "batch",
-    "choose", "circle", "compare", "compile_scene", "doctor", "errors", "find_record", "follow", "frequency_curve",
+    "TripleInfinityHinge", "TrustError", "UniversalJoint", "UnknownNameError", "UnknownWordError", "Varying", "WireFlexure",
+    "batch", "choose", "circle", "compare", "compile_scene", "doctor", "errors", "find_record", "follow", "frequency_curve",
     "gradient", "joint_families", "link_matrix", "load_job", "load_scene", "numbers", "optimise", "pareto", "polygon",
     "prepare", "read_result", "rectangle", "required_loads", "rest_shape", "save_scene", "solve", "state_space",
     "sweep", "tolerance", "train", "tube", "units", "wire",
@@ -148,9 +150,18 @@ def __getattr__(name: str) -> Any:
     if name in _ROOMS:
         return import_module(f"ksd.{name}")
     if name not in _HOME:
-        raise AttributeError(f"module 'ksd' has no attribute '{name}'")
+        raise AttributeError(f"ksd has no '{name}'{_meant(name)}")
     value = globals()[name] = getattr(import_module(_HOME[name]), name)
     return value
+
+
+def _meant(name: str) -> str:
+    """What was probably meant by a name there is not."""
+    if name in vars(units):
+        return f"; did you mean ksd.units.{name}?"
+    near = {known.lower(): known for known in __all__}
+    close = get_close_matches(name.lower(), near, n=1)
+    return f"; did you mean ksd.{near[close[0]]}?" if close else ""
 
 
 def __dir__() -> list[str]:

@@ -31,6 +31,10 @@ class UnknownNameError(SceneError):
         self.kind, self.name = kind, name
 
 
+class UnknownWordError(SceneError, AttributeError):
+    """There is no method or attribute of this name; the sentence tells which there are."""
+
+
 class SceneWarning(UserWarning):
     """A scene file says what is possible but was probably not meant."""
 

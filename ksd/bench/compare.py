@@ -15,14 +15,14 @@ from ksd.bench.measure import in_turns, percent, quartiles, rounds_of
 from ksd.bench.suite import FINEST, Way
 from ksd.design.questions import EFFORT
 from ksd.design.table import OK, STATUS, Table
-from ksd.design.words import check_ways, names_of
+from ksd.design.words import check_ways
 from ksd.errors import ConvergenceError, KsdError, SceneError
 from ksd.modal.choices import ModalBasis
 from ksd.model.compile import Model, compile_scene
 from ksd.model.mesh import Mesh
 from ksd.properties.words import progress_bar
 from ksd.scene import Mechanism, Scene
-from ksd.section.checks import nearest, show, truth, whole
+from ksd.section.checks import names_of, nearest, show, truth, whole, worded
 from ksd.solve.answer import drive_kind
 from ksd.solve.configuration import Configuration
 from ksd.solve.conventional import conventional
@@ -91,6 +91,7 @@ class Compared:
         )
 
 
+@worded
 def compare(
     mechanism: Mechanism | Scene,
     targets: Mapping[str, float] | None = None,

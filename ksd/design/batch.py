@@ -26,7 +26,7 @@ from ksd.errors import SceneError
 from ksd.model.mesh import Mesh
 from ksd.properties.words import Shown
 from ksd.scene.links import Link
-from ksd.section.checks import similar, whole
+from ksd.section.checks import similar, whole, worded
 from ksd.solve.many import SPOKEN, UNANSWERED
 from ksd.solve.space_steps import FULL, REDUCED
 from ksd.solve.steps import Stop
@@ -104,6 +104,7 @@ class Batch(Shown):
         return "\n".join(lines)
 
 
+@worded
 def batch(
     mechanism: Drawn,
     targets: Mapping[str, ArrayLike] | None = None,

@@ -18,6 +18,7 @@ from ksd.errors import SceneError
 from ksd.model.compile import Model
 from ksd.properties.words import Shown, listed, number
 from ksd.scene import Mechanism, Scene
+from ksd.section.checks import worded
 from ksd.solve.error import corrected
 from ksd.solve.solver import Method, Solver
 
@@ -85,6 +86,7 @@ STEPS = 24
 """Poses over half the stroke walked to keep the mode in sight from one configuration to the next."""
 
 
+@worded
 def frequency_curve(
     mechanism: Mechanism | Scene | Model | Solver,
     drive: str,

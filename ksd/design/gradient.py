@@ -41,7 +41,7 @@ from ksd.properties.stress import stress_followed
 from ksd.properties.words import Shown, listed
 from ksd.properties.words import number as written
 from ksd.scene.links import Link
-from ksd.section.checks import nearest, truth
+from ksd.section.checks import nearest, truth, worded
 from ksd.solve.perturbed import STEP, WIDE, Beside, Perturbed, parameters_of
 from ksd.solve.solver import Method
 
@@ -134,6 +134,7 @@ class Gradient(Shown):
         return joined(lines)
 
 
+@worded
 def gradient(
     design: Drawn,
     at_design: Mapping[str, Any] | None = None,

@@ -32,7 +32,7 @@ from ksd.design.words import check_executor
 from ksd.errors import ConvergenceError, SceneError
 from ksd.properties.words import number as written
 from ksd.properties.words import progress_bar
-from ksd.section.checks import number, show, similar, truth, whole
+from ksd.section.checks import number, show, similar, truth, whole, worded
 
 Array = np.ndarray
 METHODS = ("gradient", "cobyla", "cma")
@@ -72,6 +72,7 @@ Told = Callable[[Search, int], None]
 """Called after every new design of a search, with the count of starts that are done."""
 
 
+@worded
 def optimise(
     job: Job,
     *,

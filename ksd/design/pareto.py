@@ -23,7 +23,7 @@ from ksd.design.words import check_executor
 from ksd.errors import KsdError, SceneError
 from ksd.properties.words import Shown, listed, progress_bar
 from ksd.properties.words import number as written
-from ksd.section.checks import number, show, truth, whole
+from ksd.section.checks import number, show, truth, whole, worded
 from ksd.view import save_figure
 from ksd.view.front import plot_front
 
@@ -100,6 +100,7 @@ class Front(Shown):
         return figure if path is None else save_figure(figure, path)
 
 
+@worded
 def pareto(
     job: Job,
     *,
@@ -208,6 +209,7 @@ class Choice(Shown):
         return listed(("job", "worst target", "values", "<held by"), rows, f"Best: {self.best}")
 
 
+@worded
 def choose(
     jobs: Mapping[str, Job],
     *,

@@ -12,7 +12,6 @@ import numpy as np
 
 from ksd.design.table import spoken_column
 from ksd.design.tracking import SPARE, Between, Tracks, follow_through
-from ksd.design.words import names_of
 from ksd.errors import ConvergenceError, KsdError, SceneError
 from ksd.properties.alike import Alike, State, alike
 from ksd.properties.extent import clearance, extent
@@ -31,7 +30,7 @@ from ksd.properties.stiffness import (
     support_stiffness,
 )
 from ksd.properties.stress import Peak, peaks
-from ksd.section.checks import similar, truth, vector, whole, word
+from ksd.section.checks import names_of, similar, truth, vector, whole, word
 from ksd.solve.answer import drive_kind
 from ksd.solve.error import corrected
 

@@ -31,7 +31,7 @@ from ksd.scene.curves import Legendre
 from ksd.scene.drive import Drive
 from ksd.scene.mechanism import Mechanism
 from ksd.scene.redraw import Move, redrawn
-from ksd.section.checks import nearest, show, truth
+from ksd.section.checks import nearest, show, truth, worded
 from ksd.section.checks import number as checked
 from ksd.solve.configuration import Configuration
 from ksd.solve.required import held_pose, required_loads
@@ -50,6 +50,7 @@ UNSAID = {
 """What a scene may not mention, in words."""
 
 
+@worded
 def rest_shape(
     mechanism: Mechanism | Scene,
     wanted: Configuration | Mapping[str, Any] | None = None,

@@ -21,6 +21,7 @@ from ksd.design.table import write_mat
 from ksd.errors import SceneError
 from ksd.properties.tangent import factored_tangent
 from ksd.properties.words import Shown, listed, number
+from ksd.section.checks import worded
 from ksd.solve.answer import drive_kind
 from ksd.solve.configuration import Configuration
 from ksd.solve.following import MILD
@@ -80,6 +81,7 @@ class StateSpace(Shown):
         return write_mat(path, {**numbers, **named, "pose": values})
 
 
+@worded
 def state_space(
     pose: Configuration, *, modes: int = 6, damping: float = 0.01, drives: Iterable[str] | None = None
 ) -> StateSpace:

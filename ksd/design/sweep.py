@@ -25,7 +25,7 @@ from ksd.model.mesh import Mesh
 from ksd.numerics.processes import spawning
 from ksd.properties.words import progress_bar
 from ksd.scene.links import Link
-from ksd.section.checks import truth
+from ksd.section.checks import truth, worded
 from ksd.solve.solver import METHODS, Method
 
 PER_PROCESS = 4
@@ -42,6 +42,7 @@ class SweepInterrupted(KeyboardInterrupt):
         self.table = table
 
 
+@worded
 def sweep(
     mechanism: Drawn,
     targets: Mapping[str, ArrayLike] | None = None,

@@ -15,7 +15,7 @@ from ksd.design.table import OK, Table
 from ksd.errors import KsdError, SceneError
 from ksd.properties.words import Shown, listed
 from ksd.properties.words import number as written
-from ksd.section.checks import nearest, number, show, whole
+from ksd.section.checks import nearest, number, show, whole, worded
 
 Array = np.ndarray
 TOLD = 12
@@ -72,6 +72,7 @@ class Tolerance(Shown):
         )
 
 
+@worded
 def tolerance(
     job: Job,
     design: Any,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import inspect
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -11,7 +11,7 @@ import numpy as np
 from ksd.errors import SceneError
 from ksd.model.mesh import Mesh
 from ksd.scene import Scene
-from ksd.section.checks import LARGEST, nearest, show, similar, truth, whole, word
+from ksd.section.checks import LARGEST, in_python, nearest, show, similar, truth, whole
 from ksd.solve.solver import given_values, wanted_accuracy
 
 
@@ -29,9 +29,10 @@ def _row(name: str, given: Any, call: Callable[..., Any]) -> np.ndarray:
         found = np.empty((0, 0))
     usual = found.dtype.kind in "iuf" and found.ndim == 1 and found.size > 0
     if not usual or not np.all(np.abs(found.astype(float)) <= LARGEST):
+        meant = in_python(given)
+        hint = f"; {meant}" if meant else similar(name, _words_of(call), cutoff=0.8)
         raise SceneError(
-            f"drive values {name} = {show(given)}: give finite numbers in a row [m or rad]"
-            f"{similar(name, _words_of(call), cutoff=0.8)}"
+            f"drive values {name} = {show(given)}: give finite numbers in a row [m or rad]{hint}"
         )
     return found.astype(float)
 
@@ -117,12 +118,3 @@ def check_ways(
     wanted_accuracy(accuracy)
     for what, value in truths.items():
         truth(value, what)
-
-
-def names_of(given: Any, what: str) -> tuple[str, ...]:
-    """One name, or several, as a tuple; objects with a name stand for it."""
-    if isinstance(given, str):
-        return (given,)
-    if not isinstance(given, Iterable):
-        raise SceneError(f"{what} = {show(given)}: give a name, or several in a list")
-    return tuple(word(getattr(name, "name", name), what) for name in given)

@@ -25,7 +25,7 @@ from ksd.model.pack import Push, Row, revalued
 from ksd.model.plane import refuse_plane
 from ksd.model.template import Filled, Leaves, Template, design, motion_design, template_of
 from ksd.scene.contents import WANTED
-from ksd.section.checks import LARGEST, number, show, similar
+from ksd.section.checks import LARGEST, number, show, similar, worded
 
 
 @dataclass(frozen=True, repr=False)
@@ -266,6 +266,7 @@ def remeshed(model: Model, mesh: Mesh) -> Model:
     )
 
 
+@worded
 def compile_scene(
     scene: Any,
     *,

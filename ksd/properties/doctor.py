@@ -31,6 +31,7 @@ from ksd.scene.drive import GROUND
 from ksd.scene.hinges import PLANES, plane_hint
 from ksd.scene.mechanism import Mechanism
 from ksd.scene.plausible import implausible
+from ksd.section.checks import worded
 
 Array = NDArray[np.float64]
 RANK = 1e-2
@@ -140,6 +141,7 @@ class Diagnosis(Shown):
         }  # fmt: skip
 
 
+@worded
 def doctor(mechanism: Mechanism | Scene | Model) -> Diagnosis:
     """Count the freedoms and constraints of a mechanism (or Scene, or Model) at rest, and say what is free, what is
     redundant, and which release would make it exact.
@@ -201,6 +203,10 @@ def _described(mechanism: Any) -> Scene:
         raise SceneError(f"{type(mechanism).__name__} is not a mechanism; {WANTED}.")
     if len(scene.links) < 2:
         raise SceneError(f"mechanism '{scene.name}' has no link; add one with mechanism.link(name).")
+    if not (scene.joints or scene.leaves):
+        raise SceneError(
+            f"mechanism '{scene.name}' has no joint and no leaf; connect its links by mechanism.join or mechanism.leaf."
+        )
     return scene
 
 

@@ -28,6 +28,7 @@ from ksd.properties.shape import scene_leaves
 from ksd.properties.tangent import Tangent, factored_tangent, refuse_lost, row_gradients
 from ksd.properties.unfold import unfolded
 from ksd.properties.words import Shown, held, listed, movement_of, number, ways
+from ksd.section.checks import names_of
 
 Array = NDArray[np.float64]
 DENSE = 300
@@ -386,7 +387,7 @@ def frequencies(
     Freed drives keep their present force. dense: True or False forces one of the two routes. Raises SceneError when nothing
     has mass, KinematicsError when nothing resists a motion.
     """
-    freed = (freed,) if isinstance(freed, str) else tuple(freed)
+    freed = names_of(freed, "freed")
     fine, state = unfolded(model, motion, load_factor=load_factor)
     mass = inertia(fine, state, load_factor=load_factor)
     tangent = factored_tangent(fine, state, freed=freed, load_factor=load_factor)

@@ -24,10 +24,22 @@ from ksd.properties.shape import members_of_leaves
 from ksd.properties.stress import stress_of
 from ksd.properties.tangent import Tangent, exact, factored_tangent
 from ksd.properties.words import Shown
+from ksd.section.checks import positive, show
 
 Array = NDArray[np.float64]
 DIRECTIONS = ("along", "across", "sideways", "twist", "tilt", "yaw")
 """Misplacement of a leaf's end in its own axes: along e1, e2 (thickness), e3 (width); about e1, e3 and e2."""
+
+
+class _Misplacements(dict[tuple[str, str], Any]):
+    """What is known by (leaf, direction); SceneError for another."""
+
+    def __missing__(self, key: object) -> Any:
+        leaves = ", ".join(f"'{name}'" for name in dict.fromkeys(leaf for leaf, _ in self))
+        raise SceneError(
+            f"there is no misplacement {show(key)}: give a leaf, of {leaves}, and a direction, of {', '.join(DIRECTIONS)}, "
+            f"such as {next(iter(self))}"
+        )
 
 
 @dataclass(frozen=True, repr=False)
@@ -86,15 +98,13 @@ def internal_stress(
     for name in asked:
         if name not in names:
             raise SceneError(
-                f"leaf '{name}' is not part of this mechanism; its leaf springs are {', '.join(names)}"
+                f"leaf {show(name)} is not part of this mechanism; its leaf springs are {', '.join(names)}"
             )
-    if not (offset > 0 and rotation > 0):
-        raise SceneError(f"offset = {offset}, rotation = {rotation}: both misplacements must be positive")
+    offset, rotation = positive(offset, "offset", unit="m"), positive(rotation, "rotation", unit="rad")
     forces = (_of_strain if np.all(model.arrays.members.kind == STRAIN) else _of_chains)(
         model, motion, load_factor, points
     )
-    found: dict[tuple[str, str], float] = {}
-    where: dict[tuple[str, str], str] = {}
+    found, where = _Misplacements(), _Misplacements()
     for name in asked:
         for k, direction in enumerate(DIRECTIONS):
             misplaced = np.zeros(6)

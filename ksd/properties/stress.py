@@ -29,7 +29,7 @@ from ksd.properties.alike import Alike
 from ksd.properties.forces import SectionForces, section_forces, spring_energy, strain_forces
 from ksd.properties.leaf_groups import LeafGroup, elastic, leaf_groups, own_gravity
 from ksd.properties.shape import member_ends, member_parts, members_of_leaves, scene_leaves
-from ksd.properties.words import Named, Shown, number
+from ksd.properties.words import ByName, Named, Shown, number
 
 Array = NDArray[np.float64]
 POINTS = 25
@@ -421,7 +421,7 @@ def stress_of(model: Model, found: dict[str, SectionForces]) -> Stress:
     known: dict[str, LeafStress] = {}
     for names in alike.values():
         known |= zip(names, _leaf_stresses([found[n] for n in names], leaves[names[0]]), strict=True)
-    return Stress({name: known[name] for name in found})
+    return Stress(ByName({name: known[name] for name in found}, "leaf"))
 
 
 def strain_energy(model: Model, motion: Motion, *, load_factor: float = 1.0) -> Named[float]:

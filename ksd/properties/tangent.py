@@ -26,6 +26,7 @@ from ksd.properties.alike import Alike
 from ksd.properties.cache import per_model
 from ksd.properties.nonconservative import skew_tangent
 from ksd.properties.unfold import settle_insides
+from ksd.section.checks import names_of
 
 Array = NDArray[np.float64]
 SINGULAR = 1e-14
@@ -56,7 +57,7 @@ def exact_arrays(model: Model) -> Arrays:
 def row_numbers(model: Model, names: Iterable[str]) -> list[int]:
     """Rows of drives and supports by name; SceneError for a name that is neither."""
     known = (*model.drive_names, *model.support_names)
-    names = (names,) if isinstance(names, str) else tuple(names)
+    names = names_of(names, "freed")
     for name in names:
         if name not in known:
             raise SceneError(

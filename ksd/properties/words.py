@@ -13,8 +13,10 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from ksd.errors import UnknownNameError
 from ksd.html import InNotebooks, Printed
 from ksd.model.compile import Model
+from ksd.section.checks import nearest, show
 
 T = TypeVar("T")
 Array = NDArray[np.float64]
@@ -134,13 +136,28 @@ def movement(model: Model, shape: Array) -> str:
     return does and f"'{model.node_names[node]}' {does}"
 
 
-class Named(InNotebooks, dict[str, T]):
+class ByName(dict[str, T]):
+    """Answers by name; a name there is not raises UnknownNameError with those there are. what: they are, in a word."""
+
+    what = "answer"
+
+    def __init__(self, answers: Mapping[str, T], what: str) -> None:
+        super().__init__(answers)
+        self.what = what
+
+    def __missing__(self, name: object) -> T:
+        raise UnknownNameError(
+            f"there is no {self.what} {show(name)}{nearest(name, self)}", kind=self.what, name=str(name)
+        )
+
+
+class Named(InNotebooks, ByName[T]):
     """Answers by name, a mapping that prints as a table: one row per name, made by `row` of the answer."""
 
     def __init__(
         self, answers: Mapping[str, T], said: str, columns: Sequence[str], row: Callable[[T], Sequence[str]]
     ) -> None:
-        super().__init__(answers)
+        super().__init__(answers, columns[0])
         self._said, self._columns, self._row = said, columns, row
 
     def __repr__(self) -> str:

@@ -19,7 +19,7 @@ from ksd.scene.effects import Compliance, Distance, Fit, Heat, Spring, TurnSprin
 from ksd.scene.hinges import Hinge
 from ksd.scene.joint import Joint, Motion, leaves_of
 from ksd.scene.leaf import Condition, Leaf
-from ksd.scene.listing import printed_scene
+from ksd.scene.listing import in_millimetres, printed_scene
 from ksd.scene.profile import Curve, Profile
 from ksd.section.checks import Vector, as_given
 
@@ -33,7 +33,7 @@ WANTED = (
 """What to give where a mechanism is wanted."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class PlacedJoint:
     """A joint between links `a` (interface A) and `b` (interface B).
 
@@ -48,6 +48,10 @@ class PlacedJoint:
     origin: Vector
     rotation: Matrix
     conditions: tuple[tuple[str, Condition], ...] = ()
+
+    def __repr__(self) -> str:
+        at, length = in_millimetres(self.origin), 1e3 * self.joint.length
+        return f"<PlacedJoint '{self.name}': {self.joint.family}, {length:.4g} mm, from '{self.a}' to '{self.b}' at {at}>"
 
     def leaves(self) -> tuple[Leaf, ...]:
         """The leaf springs of the joint, in joint axes, with their conditions."""
@@ -66,7 +70,7 @@ class PlacedJoint:
         return np.asarray(self.rotation) @ np.asarray(axis, float)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class PlacedLeaf:
     """A free-form leaf from link `a` to link `b`; the leaf's own numbers are global."""
 
@@ -74,6 +78,10 @@ class PlacedLeaf:
     a: str
     b: str
     leaf: Leaf
+
+    def __repr__(self) -> str:
+        ends = " to ".join(in_millimetres(p) for p in (self.leaf.start, self.leaf.end))
+        return f"<PlacedLeaf '{self.name}': from '{self.a}' to '{self.b}', {ends}, {self.leaf.section!r}>"
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,8 @@ from ksd.scene.joint import DrawnJoint
 from ksd.scene.material import Material
 from ksd.scene.mechanism import Mechanism
 from ksd.scene.profile import NAMED
-from ksd.scene.toml_table import NUMBER, spelling
+from ksd.scene.toml_table import spelling
+from ksd.section.checks import NUMBER
 from ksd.units import DIMENSIONS
 
 Tree = dict[str, Any]

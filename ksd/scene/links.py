@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from ksd.errors import SceneError, UnknownNameError
 from ksd.scene.drive import GROUND, PointMass
-from ksd.section.checks import Vector, as_given, nearest, show, word
+from ksd.section.checks import Vector, all_worded, as_given, nearest, show, word
 
 
 @dataclass(frozen=True)
@@ -26,6 +26,7 @@ def spoken(link: Any) -> str:
     return link.name if isinstance(link, Link) else str(link)
 
 
+@all_worded
 class Links:
     """The links of a mechanism by name; "ground" is always one of them."""
 

@@ -34,7 +34,7 @@ def _rows(scene: Scene) -> Iterable[tuple[str, str, str, str]]:
     for f in scene.leaves:
         yield "leaf spring", f.name, f"{f.a} to {f.b}", f"{1e3 * f.leaf.length:.4g} mm"
     for h in scene.hinges:
-        yield h.kind, h.name, f"{h.a} to {h.b}", f"at {_vector(h.at, 1e3)} mm"
+        yield h.kind, h.name, f"{h.a} to {h.b}", f"at {in_millimetres(h.at)}"
     for kind, drives in (("drive", scene.drives), ("support", scene.supports)):
         for d in drives:
             yield kind, d.name, d.terms[0].link, " + ".join(map(_term, d.terms))
@@ -44,7 +44,7 @@ def _rows(scene: Scene) -> Iterable[tuple[str, str, str, str]]:
         )
         yield "load", p.name, p.link, ", ".join(said) + ", following" * p.following
     for m in scene.masses:
-        yield "mass", "", m.link, f"{m.mass:.4g} kg at {_vector(m.at, 1e3)} mm"
+        yield "mass", "", m.link, f"{m.mass:.4g} kg at {in_millimetres(m.at)}"
     for s in scene.springs:
         unit = "Nm/rad" if hasattr(s, "axis") else "N/m"
         yield "spring", s.name, f"{s.a} to {s.b}", f"{s.stiffness:.4g} {unit}"
@@ -61,6 +61,11 @@ def _term(term: Any) -> str:
     factor = "" if term.coefficient == 1.0 else f"{term.coefficient:g} \N{MULTIPLICATION SIGN} "
     said = f"{term.kind} {'along' if term.kind == 'translation' else 'about'} {_vector(term.direction)}"
     return factor + said + ("" if term.base == "ground" else f" relative to {term.base}")
+
+
+def in_millimetres(place: Any) -> str:
+    """A place (3,) [m] in words."""
+    return f"{_vector(place, 1e3)} mm"
 
 
 def _vector(values: Any, scale: float = 1.0) -> str:

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from numpy.typing import ArrayLike
 
-from ksd.errors import SceneError, UnknownNameError
+from ksd.errors import SceneError, UnknownNameError, UnknownWordError
 from ksd.html import InNotebooks
 from ksd.scene.contents import (
     LeafPoint,
@@ -32,13 +32,33 @@ from ksd.scene.placing import axis_word, numbered, rotation_at
 from ksd.scene.profile import Curve, Profile
 from ksd.scene.rules import check_scene
 from ksd.section import Section
-from ksd.section.checks import Axis, as_given, direction, nearest, number, show, vector, word, worded
+from ksd.section.checks import (
+    Axis,
+    Worded,
+    all_worded,
+    as_given,
+    direction,
+    nearest,
+    number,
+    show,
+    vector,
+    word,
+)
 
 SETTABLE = ("name", "plane", "gravity")
 """What of a mechanism is set by `=`; all else is said by its methods."""
+ASKED = ("solve", "prepare", "sweep", "batch", "doctor", "compare", "optimise", "follow", "gradient")
+"""What is asked of a mechanism by functions, not by its methods."""
+SYNONYMS = {
+    "drive": "actuate", "move": "actuate", "prescribe": "actuate", "fix": "support", "hold": "support", "clamp": "support",
+    "force": "load", "moment": "load", "torque": "load", "connect": "join", "joint": "join", "hinge": "pin", "body": "link",
+    "beam": "leaf", "flexure": "leaf", "temperature": "heat",
+}  # fmt: skip
+"""Methods by other words for what they say."""
 
 
-class Mechanism(InNotebooks, Mentioned):
+@all_worded
+class Mechanism(InNotebooks, Mentioned, metaclass=Worded):
     """A mechanism under construction: links, joints between them, drives, supports and loads.
 
     All positions [m] and directions are global, in the undeformed configuration, where every link is at zero
@@ -64,7 +84,22 @@ class Mechanism(InNotebooks, Mentioned):
         # a misspelt one would be taken in silence, and the scene solved without it
         if hasattr(self, "_last") and not name.startswith("_") and name not in SETTABLE:
             raise SceneError(f"a mechanism has no '{name}' to be set{nearest(name, SETTABLE)}")
-        super().__setattr__(name, value)
+        if name == "plane":
+            value = checked_plane(value, self.name)
+        super().__setattr__(name, word(value, "name", owner="Mechanism") if name == "name" else value)
+
+    if not TYPE_CHECKING:  # hidden, or checkers would take every name
+
+        def __getattr__(self, name):
+            # a property that fails comes by here too
+            if name.startswith("_") or hasattr(type(self), name):
+                raise AttributeError(name)
+            hint = nearest(name, (word for word in dir(self) if not word.startswith("_")))
+            if name in ASKED:
+                hint = f"; ask it by ksd.{name}(mechanism, ...)."
+            elif name in SYNONYMS:
+                hint = f"; say mechanism.{SYNONYMS[name]}."
+            raise UnknownWordError(f"a mechanism has no '{name}'{hint}")
 
     def __repr__(self) -> str:
         return (
@@ -120,7 +155,8 @@ class Mechanism(InNotebooks, Mentioned):
         owner = f"{kind} '{label}'"
         first, second = self._pair(pair[0], pair[1], owner)
         if not isinstance(joint, Joint):
-            raise SceneError(f"{owner}: {show(joint)} is not a joint; make one, e.g. ksd.CrossFlexure(...).")
+            said = getattr(joint, "__name__", None) or show(joint)
+            raise SceneError(f"{owner}: {said} is not a joint; make one, e.g. ksd.CrossFlexure(...).")
         origin = vector(where[0], "at", owner=owner, unit="m")
         return PlacedJoint(label, first, second, joint, origin, rotation_at(where[1], where[2], owner))
 
@@ -187,7 +223,6 @@ class Mechanism(InNotebooks, Mentioned):
         self._leaves.append(PlacedLeaf(label, first, second, made))
         return self._leaves[-1]
 
-    @worded
     def wire(
         self,
         a: Link | str,
@@ -225,8 +260,8 @@ class Mechanism(InNotebooks, Mentioned):
         if placed is None:
             known = [f.name for f in self._leaves]
             raise UnknownNameError(
-                f"point: there is no free-form leaf {show(label)}{nearest(label, known)} (those of a joint: say "
-                "mechanism.constrain)",
+                f"point: there is no free-form leaf {show(label)} (leaf springs of a joint are free-form by "
+                f"mechanism.constrain){nearest(label, known)}",
                 kind="leaf",
                 name=str(label),
             )
@@ -447,7 +482,10 @@ class Mechanism(InNotebooks, Mentioned):
         return (self._term(link, about, "rotation", at, relative_to),), spoken(link)
 
     def _checked_terms(self, terms: Any) -> tuple[tuple[DriveTerm, ...], str]:
-        parts = (terms,) if isinstance(terms, DriveTerm) else tuple(terms)
+        parts = (terms,) if isinstance(terms, DriveTerm) else terms
+        if not isinstance(parts, Iterable):
+            raise SceneError(f"terms = {show(terms)}: add up mechanism.displacement and mechanism.rotation.")
+        parts = tuple(parts)
         drive = Drive("terms", parts)
         for term in drive.terms:
             self._known(term.base, "drive term")
@@ -459,6 +497,8 @@ class Mechanism(InNotebooks, Mentioned):
         for placed in self._joints:
             if isinstance(name, str) and placed.name == name:
                 return placed
+        if not isinstance(name, str):
+            raise SceneError(f"{_unplaced(joint)}.")
         raise UnknownNameError(
             f"joint {show(name)} does not exist{nearest(name, [j.name for j in self._joints])}",
             kind="joint",
@@ -555,3 +595,21 @@ class Mechanism(InNotebooks, Mentioned):
             "points": tuple(self._points),
             **self._mentioned(),
         }
+
+
+def _unplaced(given: Any) -> str:
+    """What is given where a joint of the mechanism is wanted, and what to do."""
+    first = given[0] if given and isinstance(given, tuple) else given
+    if isinstance(first, PlacedLeaf):
+        return (
+            "joint: what mechanism.constrain and mechanism.leaf return are leaf springs, which have no intended motion; "
+            "drive a link, mechanism.actuate(link, ...), or connect by mechanism.join"
+        )
+    if isinstance(given, Link):
+        return f"joint: '{given.name}' is a link; drive it by mechanism.actuate(link, ...)"
+    what = (
+        f"a {given.family} is not part of the mechanism"
+        if isinstance(given, Joint)
+        else f"{show(given)} is no joint"
+    )
+    return f"joint: {what}; give what mechanism.join returned, or its name"

@@ -22,7 +22,7 @@ from ksd.scene.links import Link, Links
 from ksd.scene.material import Material
 from ksd.scene.placing import numbered
 from ksd.section import Section
-from ksd.section.checks import Axis, Vector, as_given, nearest, show, vector
+from ksd.section.checks import Axis, Vector, all_worded, as_given, nearest, show, vector, worded
 
 
 def read_npz(path: Path) -> dict[str, np.ndarray]:
@@ -58,6 +58,7 @@ READERS = {".npz": read_npz, ".h5": read_hdf5}
 """Who reads a link matrix, by the end of the file name."""
 
 
+@worded
 def link_matrix(path: str | os.PathLike[str]) -> LinkMatrix:
     """The stiffness of a flexible link from a file, `.npz` or `.h5`.
 
@@ -103,6 +104,7 @@ def link_matrix(path: str | os.PathLike[str]) -> LinkMatrix:
     return LinkMatrix(tuple(map(tuple, points.tolist())), tuple(map(tuple, K.tolist())))  # type: ignore[arg-type]
 
 
+@all_worded
 class Mentioned(Links):
     """Springs, flexible links, heat, assembly error and prestress of a mechanism, sentence by sentence."""
 

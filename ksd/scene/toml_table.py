@@ -11,7 +11,7 @@ from typing import Any, TypeVar
 
 from ksd.errors import SceneError
 from ksd.scene.plausible import meant_in
-from ksd.section.checks import direction, nearest, number, show, similar
+from ksd.section.checks import NUMBER, direction, nearest, number, show, similar
 from ksd.units import DIMENSIONS
 
 T = TypeVar("T")
@@ -21,8 +21,6 @@ _EXAMPLES = {
     "inertia": "3 kg mm^2", "temperature": "20 K", "expansion": "12e-6 1/K", "area": "40 mm^2",
     "second moment": "3 mm^4", "warping constant": "2 mm^6",
 }  # fmt: skip
-NUMBER = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
-"""Regular expression of a number in text."""
 _QUANTITY = re.compile(rf"\s*({NUMBER})\s*(.*?)\s*", re.DOTALL)
 ANY = ""
 """Stands for all names where it is not known which are wrong."""

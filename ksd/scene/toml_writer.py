@@ -34,11 +34,12 @@ from ksd.scene.toml_schema import (
     of_family,
 )
 from ksd.section import Section, circle, rectangle
-from ksd.section.checks import number, show
+from ksd.section.checks import number, show, worded
 
 Tree = dict[str, Any]
 
 
+@worded
 def save_scene(
     mechanism: Mechanism | Scene,
     path: str | os.PathLike[str],
@@ -53,6 +54,10 @@ def save_scene(
     drive.
     """
     scene = mechanism.scene() if isinstance(mechanism, Mechanism) else mechanism
+    if not isinstance(scene, Scene):
+        raise SceneError(
+            f"save_scene: {show(mechanism)} is not a mechanism; give the mechanism, then the file."
+        )
     tree = _scene_tree(scene, dict(targets or {}))
     if options:
         tree["options"] = dict(options)

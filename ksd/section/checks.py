@@ -9,6 +9,7 @@ from __future__ import annotations
 import difflib
 import inspect
 import math
+import re
 from collections.abc import Callable, Iterable, Sequence
 from functools import wraps
 from numbers import Real
@@ -17,10 +18,12 @@ from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ksd import units
 from ksd.errors import SceneError
 
 P = ParamSpec("P")
 R = TypeVar("R")
+T = TypeVar("T")
 Vector = tuple[float, float, float]
 Axis = str | ArrayLike
 """A direction: "x", "-y", ... or three numbers of any length."""
@@ -28,6 +31,8 @@ LARGEST = 1e30
 """The largest size of a number in SI units."""
 SMALLEST = 1e-90
 """The smallest number above zero (the warping constant of a micrometre leaf is 1e-50 m^6)."""
+NUMBER = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
+"""Regular expression of a number in text."""
 
 
 class Worded(type):
@@ -52,6 +57,14 @@ class Worded(type):
                 raise
 
 
+def all_worded(cls: type[T]) -> type[T]:
+    """A class whose public methods are `worded`."""
+    for name, method in list(vars(cls).items()):
+        if inspect.isfunction(method) and not name.startswith("_"):
+            setattr(cls, name, worded(method))
+    return cls
+
+
 def worded(function: Callable[P, R]) -> Callable[P, R]:
     """A function a user calls: an unknown or missing parameter raises SceneError, not TypeError."""
 
@@ -71,12 +84,31 @@ def worded(function: Callable[P, R]) -> Callable[P, R]:
 
 def _unfit(called: Callable[..., Any], given: dict[str, Any], reason: str) -> str:
     """The sentence for parameters that do not fit a function, or the constructor of a class."""
-    known, name_of = list(inspect.signature(called).parameters), called.__name__
+    known = [name for name in inspect.signature(called).parameters if name != "self"]
+    name_of = called.__name__
     what = "parameter" if isinstance(called, type) else "option"
     for name in given:
         if name not in known:
-            return f"{name_of}: it has no {what} '{name}'{nearest(name, known)}"
-    return f"{name_of}: {reason}; its parameters: {', '.join(known)}."
+            meant = _ELSEWHERE.get((name_of, name))
+            return f"{name_of}: it has no {what} '{name}'{f'; {meant}.' if meant else nearest(name, known)}"
+    if "too many positional" in reason:
+        # what must have its name, or what there is
+        named = [n for n, p in inspect.signature(called).parameters.items() if p.kind is p.KEYWORD_ONLY]
+        return (
+            f"{name_of}: more values than it takes without a name; name them: {'=, '.join(named or known)}=."
+        )
+    return f"{name_of}: {reason}; it takes {', '.join(known)}."
+
+
+_SECTION = "give section=ksd.rectangle(thickness, width)"
+_ELSEWHERE = {
+    ("leaf", "thickness"): _SECTION,
+    ("leaf", "width"): _SECTION,
+    ("actuate", "value"): "its value is given when it is solved, ksd.solve(mechanism, name=value)",
+    ("actuate_joint", "value"): "its value is given when it is solved, ksd.solve(mechanism, name=value)",
+    ("Mechanism", "gravity"): "say mechanism.gravity = (0, 0, -9.81)",
+}
+"""What to say instead of a word that belongs elsewhere, by function and word."""
 
 
 def as_given(value: object) -> Any:
@@ -108,7 +140,8 @@ def number(value: Any, what: str, *, owner: str = "", unit: str = "") -> float:
     if isinstance(value, np.ndarray) and value.ndim == 0:
         value = value.item()
     if isinstance(value, bool | np.bool_) or not isinstance(value, Real):
-        raise SceneError(f"{label(what, owner)} = {show(value)} is not a number; give one number{in_unit}.")
+        meant = in_python(value, unit) or f"give one number{in_unit}"
+        raise SceneError(f"{label(what, owner)} = {show(value)} is not a number; {meant}.")
     result = _as_float(value)
     if not math.isfinite(result):
         raise SceneError(
@@ -120,6 +153,24 @@ def number(value: Any, what: str, *, owner: str = "", unit: str = "") -> float:
             f"{label(what, owner)} = {show(value)} is too large; at most {LARGEST:g} can be used."
         )
     return result
+
+
+def in_python(said: Any, unit: str = "") -> str:
+    """How a number with its unit, as scene files have it, is written in Python: "50 mm" is 50 * ksd.units.mm; "" for
+    anything else, and for a unit that is not one of the SI unit `unit`, where that is known."""
+    match = re.fullmatch(rf"\s*({NUMBER})\s*(.*?)\s*", said) if isinstance(said, str) else None
+    if match is None:
+        return ""
+    value, name = match.groups()
+    if not name:
+        return f"write {value} without quotes"
+    kin = next((known for known in units.DIMENSIONS.values() if name in known), {})
+    if not kin or unit not in ("", next(iter(kin))):
+        return ""
+    if all(hasattr(units, word) for word in re.findall(r"[A-Za-z]+", name)):
+        product = re.sub(r"[A-Za-z]+", r"ksd.units.\g<0>", name).replace("^", "**").replace(" ", " * ")
+        return f"units are factors in Python: {value} * {product.replace('/', ' / ')}"
+    return f"write {float(value) * kin[name]:g}, in {next(iter(kin))}"
 
 
 def _as_float(value: Any) -> float:
@@ -238,6 +289,15 @@ def word(value: Any, what: str, *, owner: str = "") -> str:
     if not value.isprintable():
         raise SceneError(f"{label(what, owner)} = {show(value)} must be a name of printable characters.")
     return value
+
+
+def names_of(given: Any, what: str) -> tuple[str, ...]:
+    """A name, or several, as a tuple; objects with a name stand for it."""
+    if isinstance(given, str):
+        return (given,)
+    if not isinstance(given, Iterable):
+        raise SceneError(f"{what} = {show(given)}: give a name, or several in a list")
+    return tuple(word(getattr(name, "name", name), what) for name in given)
 
 
 def whole(value: Any, what: str, *, least: int = 1, owner: str = "") -> int:

@@ -6,7 +6,7 @@ import math
 from functools import lru_cache
 
 from ksd.errors import SceneError
-from ksd.section.checks import between, positive, show
+from ksd.section.checks import between, positive, show, worded
 from ksd.section.constants import Section
 
 _TERMS = 40
@@ -49,6 +49,7 @@ def _poisson(nu: float | None, owner: str) -> float | None:
     return None if nu is None else between(nu, "cowper (Poisson's ratio)", -1.0, 0.500001, owner=owner)
 
 
+@worded
 def rectangle(
     thickness: float, width: float, *, cowper: float | None = None, name: str = "rectangle"
 ) -> Section:
@@ -71,6 +72,7 @@ def _rectangle(t: float, w: float, nu: float | None, name: str) -> Section:
     return Section(t * w, J, t * w**3 / 12, w * t**3 / 12, k, k, Iw, width=w, thickness=t, name=name)
 
 
+@worded
 def circle(diameter: float, *, cowper: float | None = None, name: str = "circle") -> Section:
     """Full circle of `diameter` [m], the section of a wire.
 
@@ -83,6 +85,7 @@ def circle(diameter: float, *, cowper: float | None = None, name: str = "circle"
     return Section(math.pi * d**2 / 4, 2 * moment, moment, moment, k, k, width=d, thickness=d, name=name)
 
 
+@worded
 def tube(outer: float, inner: float, *, cowper: float | None = None, name: str = "tube") -> Section:
     """Circular tube of `outer` and `inner` diameter [m].
 

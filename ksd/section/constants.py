@@ -6,12 +6,12 @@ from dataclasses import dataclass
 from typing import Any
 
 from ksd.errors import SceneError
-from ksd.section.checks import not_negative, number, positive, show
+from ksd.section.checks import not_negative, number, positive, show, worded
 
 Point = tuple[float, float]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Section:
     """Cross-section numbers about the principal axes through the centroid; all SI.
 
@@ -59,6 +59,14 @@ class Section:
             rings = _outline(self.outline, f"section '{self.name}'")
             object.__setattr__(self, "outline", rings)
 
+    def __repr__(self) -> str:
+        lengths = (("thickness", self.thickness), ("width", self.width))
+        said = [f"{what} {1e3 * value:.4g} mm" for what, value in lengths if value]
+        said += [f"A {1e6 * self.A:.4g} mm^2"] + [
+            f"{k} {1e12 * getattr(self, k):.4g} mm^4" for k in ("Iy", "Iz", "J")
+        ]
+        return f"<Section '{self.name}': {', '.join(said)}>"
+
     def rigidity(self, E: float, G: float) -> tuple[float, float, float]:
         """(GJ, EIy, EIz) [N m^2] for moduli E, G [Pa]: torsion, bending about e2, bending about e3."""
         return G * self.J, E * self.Iy, E * self.Iz
@@ -86,6 +94,7 @@ def _point(value: Any, owner: str) -> Point:
     return number(y, "point y", owner=owner, unit="m"), number(z, "point z", owner=owner, unit="m")
 
 
+@worded
 def numbers(
     *,
     A: float,

@@ -21,11 +21,12 @@ from typing import Any
 import numpy as np
 
 from ksd.errors import SceneError
-from ksd.section.checks import between, label, positive, show
+from ksd.section.checks import between, label, positive, show, worded
 from ksd.section.constants import Section
 from ksd.section.outline_mesh import edges_of, inside, triangulate
 
 
+@worded
 def polygon(
     points: Sequence[Any],
     holes: Sequence[Sequence[Any]] = (),

@@ -31,10 +31,10 @@ from ksd.properties.stiffness import DriveStiffness, PointStiffness, drive_stiff
 from ksd.properties.strength import Strength, strength, unusual
 from ksd.properties.stress import Stress, strain_energy, stress
 from ksd.properties.verify import Verification, verify
-from ksd.properties.words import printed
+from ksd.properties.words import ByName, printed
 from ksd.scene.contents import PlacedJoint
 from ksd.scene.links import Link
-from ksd.section.checks import nearest, show
+from ksd.section.checks import all_worded, names_of, nearest, show, vector, whole
 from ksd.solve.answer import as_dict
 from ksd.solve.error import error_of, settled, truth_of, with_error
 from ksd.solve.following import keeps_still
@@ -59,6 +59,7 @@ Answer = TypeVar("Answer")
 """What a question asked of a configuration returns: a number, an array, or a mapping of them."""
 
 
+@all_worded
 @dataclass(frozen=True, repr=False, init=False)
 class Configuration(InNotebooks):
     """A deformed configuration: the model, its state, and the record of the solve that found it.
@@ -125,13 +126,13 @@ class Configuration(InNotebooks):
     @cached_property
     def motions(self) -> dict[str, float]:
         """Intended motion of every joint by name [rad or m]; empty where the joints have no records."""
-        return {} if self._joints is None else self._joints.by_motion()
+        return ByName({} if self._joints is None else self._joints.by_motion(), "joint motion")
 
     @cached_property
     def unintended(self) -> dict[str, np.ndarray]:
         """Displacement [m] and rotation [rad] (6,) of interface B off its intended pose, in joint axes, by joint; empty
         as `motions`."""
-        return {} if self._joints is None else self._joints.by_joint()
+        return ByName({} if self._joints is None else self._joints.by_joint(), "joint")
 
     @cached_property
     def _joints(self) -> JointMotions | None:
@@ -226,24 +227,25 @@ class Configuration(InNotebooks):
     def forces(self) -> dict[str, float]:
         """Drive force [N] or moment [Nm] by drive name: what the drive exerts on its link, positive along the drive."""
         count = len(self.model.drive_names)
-        return {
-            n: -float(m) for n, m in zip(self.model.drive_names, self.motion.multiplier[:count], strict=True)
-        }
+        efforts = zip(self.model.drive_names, self.motion.multiplier[:count], strict=True)
+        return ByName({n: -float(m) for n, m in efforts}, "drive")
 
     @property
     def reactions(self) -> dict[str, float]:
         """What every support exerts [N or Nm], by support name; not what holds the mechanism in its plane."""
         count, said = len(self.model.drive_names), (self.model.said or self.model.scene).supports
-        return {s.name: -float(m) for s, m in zip(said, self.motion.multiplier[count:], strict=False)}
+        efforts = zip(said, self.motion.multiplier[count:], strict=False)
+        return ByName({s.name: -float(m) for s, m in efforts}, "support")
 
     @property
     def links(self) -> dict[str, tuple[np.ndarray, np.ndarray]]:
         """Displacement (3,) [m] of the reference point and rotation matrix (3, 3) of every link, by name."""
         rest = self.model.rest
-        return {
+        moved = {
             link: (self.motion.x[i] - rest.x[i], self.motion.R[i].copy())
             for i, link in enumerate(self.model.scene.links)
         }
+        return ByName(moved, "link")
 
     def rotation(self, link: Link | str) -> np.ndarray:
         """Rotation vector (3,) [rad] of a link from rest, global axes. Raises SceneError for an unknown name."""
@@ -255,7 +257,7 @@ class Configuration(InNotebooks):
         """Displacement (3,) [m] of the point of a link that is at `at` (3,) [m] at rest, its reference point (the point
         itself, of a point of a leaf) when None. Raises SceneError for an unknown name."""
         i = self._node(link)
-        point = self.model.rest.x[i] if at is None else np.asarray(at, float)
+        point = self.model.rest.x[i] if at is None else np.array(vector(at, "at", unit="m"))
         return self.motion.x[i] + self.motion.R[i] @ (point - self.model.rest.x[i]) - point
 
     def distance(self, name: str) -> float:
@@ -364,6 +366,7 @@ class Configuration(InNotebooks):
         solids, KinematicsError when nothing resists a motion.
         """
         self._of_leaves("frequencies")
+        whole(count, "count")
         return frequencies(
             *self.unreduced, count=count, freed=freed, load_factor=self.load_factor, dense=dense
         )
@@ -388,6 +391,7 @@ class Configuration(InNotebooks):
         stress and reduced solids, ConvergenceError where none were found.
         """
         self._of_leaves("buckling")
+        whole(count, "count")
         return buckling(
             *self.unreduced, link, at=at, force=force, moment=moment, following=following, count=count, freed=freed,
             load_factor=self.load_factor,
@@ -399,7 +403,7 @@ class Configuration(InNotebooks):
         Raises SceneError of reduced solids.
         """
         self._of_leaves("stress")
-        return stress(*self.unreduced, points=points, load_factor=self.load_factor)
+        return stress(*self.unreduced, points=whole(points, "points"), load_factor=self.load_factor)
 
     def strain_energy(self) -> dict[str, float]:
         """Strain energy [J] of every leaf by full name, and of springs; the sum is what the mechanism stores."""
@@ -490,7 +494,8 @@ class Configuration(InNotebooks):
         """
         self._of_leaves("internal stress")
         return internal_stress(
-            *self.unreduced, offset=offset, rotation=rotation, leaves=leaves, load_factor=self.load_factor, points=points
+            *self.unreduced, offset=offset, rotation=rotation, leaves=names_of(leaves, "leaves"),
+            load_factor=self.load_factor, points=whole(points, "points"),
         )  # fmt: skip
 
     def interface_forces(self) -> InterfaceForces:
@@ -532,11 +537,15 @@ class Configuration(InNotebooks):
     def section_forces(self, *, points: int = 25) -> dict[str, SectionForces]:
         """Normal and shear forces [N], torsion and bending moments [Nm] along every leaf by full name, at `points`
         stations (of a chain at its nodes)."""
-        return section_forces(*self.unreduced, points=points, load_factor=self.load_factor)
+        return section_forces(
+            *self.unreduced, points=whole(points, "points", least=2), load_factor=self.load_factor
+        )
 
     def shape(self, *, points: int = 25) -> Shape:
         """Centrelines [m] of all leaves at `points` stations or more, outlines of all links, and driven points, global."""
-        return mechanism_shape(*self.insides, points=points, load_factor=self.load_factor)
+        return mechanism_shape(
+            *self.insides, points=whole(points, "points", least=2), load_factor=self.load_factor
+        )
 
     def as_dict(self) -> dict[str, Any]:
         """Every number of the tables and more, units in the keys; layout in `ksd.solve.answer.SCHEMA`."""

@@ -6,6 +6,7 @@ of both are compared, as `ksd effects` does for all effects and for a whole solv
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -18,6 +19,7 @@ from ksd.model.runs import run_factors
 from ksd.properties.cache import per_model
 from ksd.properties.stiffness import point_stiffness
 from ksd.properties.tangent import exact
+from ksd.properties.words import Named
 from ksd.solve.error import equilibrium
 from ksd.solve.plates import bent
 
@@ -25,22 +27,46 @@ if TYPE_CHECKING:
     from ksd.solve.configuration import Configuration
 
 
-def left_out(pose: Configuration) -> dict[str, dict[str, float]]:
+CHANGED = ("force", "displacement", "support_stiffness")
+"""What is compared."""
+
+
+class LeftOut(Named[dict[str, float]]):
+    """What `left_out` finds, by effect; prints as a table."""
+
+    def __init__(self, found: Mapping[str, dict[str, float]]) -> None:
+        said = "Change if an effect that is not in the model were [%]"
+        columns = ("effect", *(what.replace("_", " ") for what in CHANGED))
+        super().__init__(found, said, columns, _percents)
+
+    def __repr__(self) -> str:
+        said = (
+            f"{name} {{{', '.join(f'{k}: {100 * v:+.2g} %' for k, v in row.items())}}}"
+            for name, row in self.items()
+        )
+        return f"<LeftOut: {', '.join(said) or 'nothing'}>"
+
+
+def _percents(changes: Mapping[str, float]) -> list[str]:
+    return [f"{100.0 * changes[what]:+.2g}" if what in changes else "-" for what in CHANGED]
+
+
+def left_out(pose: Configuration) -> LeftOut:
     """Relative changes of "force" (of the largest), "displacement" (of the largest) and "support_stiffness" (the softest, of
     the first driven link), signed, by effect that is left out and that some leaf could have."""
     model, motion = pose.insides
     if not pose.converged or np.any(model.arrays.members.kind == SOLID):
-        return {}
+        return LeftOut({})
     target, factor = model.targets(pose.targets), pose.load_factor
     own = equilibrium(exact(model.arrays), motion.copy(), target, factor)
     if own is None:
-        return {}
+        return LeftOut({})
     found = {}
     for name, other in (("plate", _with_plates(model, own)), ("warping", _with_warping(model))):
         there = None if other is model else equilibrium(exact(other.arrays), own.copy(), target, factor)
         if there is not None:
             found[name] = _changes((model, own), (other, there), factor)
-    return found
+    return LeftOut(found)
 
 
 def _with_plates(model: Model, motion: Motion) -> Model:

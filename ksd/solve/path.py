@@ -17,6 +17,7 @@ from ksd.numerics.stopwatch import Stopwatch
 from ksd.properties.words import Shown, listed, number
 from ksd.scene.contents import Scene
 from ksd.scene.mechanism import Mechanism
+from ksd.section.checks import worded
 from ksd.solve.arc import REACHED, Course, Place, Walk, starting_place, switched
 from ksd.solve.configuration import Configuration
 from ksd.solve.conventional import bare, conventional
@@ -88,6 +89,7 @@ class Path(Shown):
         return tuple(t for t in self.turnings if t.kind == "bifurcation")
 
 
+@worded
 def follow(
     scene: Mechanism | Scene | Model,
     targets: Mapping[str, float] | None = None,

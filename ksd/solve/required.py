@@ -26,7 +26,7 @@ from ksd.scene.drive import GROUND, Drive, DriveTerm
 from ksd.scene.hinges import normal_of
 from ksd.scene.links import Link, spoken
 from ksd.scene.mechanism import Mechanism
-from ksd.section.checks import nearest, show
+from ksd.section.checks import nearest, show, worded
 from ksd.section.checks import number as checked
 from ksd.solve.actuation import Actuation
 from ksd.solve.configuration import Configuration
@@ -85,6 +85,7 @@ class RequiredLoads(Shown):
         return listed(("", "<link", *columns), rows, said)
 
 
+@worded
 def required_loads(
     mechanism: Mechanism | Scene | Solver,
     poses: Mapping[str, Any],

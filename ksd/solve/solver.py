@@ -84,6 +84,7 @@ def prepare(
     )  # fmt: skip
 
 
+@worded
 def solve(
     mechanism: Mechanism | Scene | Model,
     targets: Mapping[str, float] | None = None,
