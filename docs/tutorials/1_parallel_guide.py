@@ -146,7 +146,7 @@ for effect, changes in pose.left_out.items():
     print(f"{effect:8}", ", ".join(f"{name} {100 * change:+.2g} %" for name, change in changes.items()))
 
 # %%
-# Plate stiffening is worth some percent of force for leaf springs this wide. It is put in by a word.
+# The last lines say what plate stiffening is worth for leaf springs this wide. It is put in by a word.
 
 with_plate = ksd.solve(scene, push=5 * mm, with_="plate")
 print(f"{pose.forces['push']:.4f} N, with plate stiffening {with_plate.forces['push']:.4f} N")

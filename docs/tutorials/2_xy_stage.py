@@ -136,8 +136,8 @@ for name, joint in {"leaf springs": guide, "with a stiff middle": stiffer}.items
 # --------------------
 #
 # So far the masses were for frequencies only. Here gravity pulls across the stage, with a payload 30 mm above the
-# leaf springs. Rest is the drawing without weight, so the parasitic motion tells what the payload sinks: some
-# micrometres at rest, ten times that in the corner, where bent leaf springs twist.
+# leaf springs. Rest is the drawing without weight, so the parasitic motion tells what the payload sinks: little at rest,
+# much more in the corner, where bent leaf springs twist.
 
 hanging = stage_of(guide)
 hanging.mass("table", mass=0.2, inertia=(5e-5, 5e-5, 5e-5), at=middle + np.array((0, 0, 30)) * mm)

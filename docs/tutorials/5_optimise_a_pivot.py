@@ -67,17 +67,17 @@ for name in start:
     print(f"{name:18} {moment:10.2f} {stress:8.2f} {support:12.2f}")
 
 # %%
-# Support stiffness goes with the third power of thickness, and so does the moment: the motor will be what limits
-# it.
+# A slope is an exponent. What makes the support stiff, thickness, makes the moment grow as fast: the motor will be what
+# limits it.
 #
 # The job
 # -------
 #
 # A job says what to vary and between which bounds, what to make large, what limits it, and rules of geometry that
-# must not be negative, here that the widths and the gaps fit in 60 mm. Answers are columns of a sweep, at every
-# pose; a name that is not one is answered with all there are. A limit of one number is the most: a pivot that turns
-# both ways says `"turn_moment_Nm": (-0.5, 0.5)`. `"size_mm": (60, 40, None)` limits the room along x, y, z that its leaf
-# springs take up, over all poses together.
+# must not be negative, here that the widths and the gaps fit in 60 mm. Answers are columns of a sweep, at every pose;
+# a name that is not one is answered with all there are. Several targets are a tuple: the worst of them counts. A
+# limit of one number is the most: a pivot that turns both ways says `"turn_moment_Nm": (-0.5, 0.5)`. `"size_mm": (60,
+# 40, None)` limits the room along x, y, z that its leaf springs take up, over all poses together.
 
 job = ksd.Job(
     pivot,
@@ -106,9 +106,10 @@ best = ksd.optimise(job, start=start, starts=2)
 print(best)
 
 # %%
-# Read the last table first. It says what holds the optimum back, and what every limit is worth: a percent more
-# motor is about a percent more stiffness, but a percent on the bound of the length is two. If the shortest leaf
-# spring may be shorter, that is where to go; the stress is not what limits.
+# Read the last table first. It says what holds the optimum back, and what every limit is worth, in percent of stiffness per
+# percent that it is moved. Of two that can be moved the larger number is where to go: ask whether the shortest leaf
+# spring may be shorter before asking for a larger motor. The stress is not in the table, so it does not limit.
+# `support_worst_N_per_m[2]` is the second softest direction: of equal ones both are watched.
 
 best.plot()
 
@@ -124,8 +125,8 @@ worst.plot(color="stress")
 # Does it survive the workshop?
 # -----------------------------
 #
-# Sheet scatters by some micrometres of thickness. The optimum lies on its limits, so half of what is made will
-# exceed them.
+# Sheet scatters by some micrometres of thickness. The optimum lies on its limits, so much of what is made will exceed
+# them.
 
 made = ksd.tolerance(job, best, spread={"thickness": 4 * um, "length": 20 * um}, samples=100)
 print(made)

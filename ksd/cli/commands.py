@@ -149,15 +149,15 @@ def _sweep(commands: Any) -> None:
     parser = commands.add_parser(
         "sweep",
         help="answer all questions over the stroke",
-        description="Force, support stiffness, frequencies, stress, parasitic motion and energy at every pose of a "
+        description="Everything that the scene has an answer to, or the questions named, at every pose of a "
         "stroke. Several drives with a range are combined, the last one moving along the stroke.",
     )
     _take(parser, "scene")
     said = f"a range FROM:TO or FROM:TO:POSES ({POSES} poses), such as top=0mm:300mm:31, or one value; may be repeated"
     _take(parser, "--set", metavar="DRIVE=RANGE", help=said)
     said = (
-        "force, drive_stiffness, support_stiffness, frequencies, stress, parasitic, energy, buckling, size or clearance; "
-        "may be repeated"
+        "force, drive_stiffness, support_stiffness, frequencies, stress, parasitic, energy, buckling, size, clearance "
+        "or distance; may be repeated"
     )
     parser.add_argument("--question", action="append", default=[], metavar="Q", help=said)
     _take(parser, *_HOW)
