@@ -232,7 +232,7 @@ class _Reader:
 
     def _sizes(self, table: Table, kind: str) -> dict[str, Any]:
         """The diameter of a wire, or the section of a leaf, by name or from thickness and width."""
-        if kind == "leaf" and "thickness" in table and "section" not in table:
+        if kind == "leaf" and "section" not in table and ("thickness" in table or "width" in table):
             sizes = table.read(schema.SIZES["rectangle"])
             with table.judged():
                 return {"section": rectangle(**sizes)} if len(sizes) == len(schema.SIZES["rectangle"]) else {}

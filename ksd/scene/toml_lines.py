@@ -7,8 +7,7 @@ import re
 _HEADER = re.compile(r"""\s*(\[\[?)([\w.\-"' ]+)\]\]?\s*(?:\#.*)?""")
 _PLACE = re.compile(
     r"(?:, \[\[?(?P<path>[^\]]+)\]\]?(?: (?P<row>\d+))?(?:, \[(?P<part>[^\]]+)\])?)?"
-    r"(?: = |: (?:key '(?P<unknown>[^']+)' is unknown|key '\w+' is missing; did you mean \"(?P<meant>\w+)\""
-    r"|(?P<key>\w+)(?:\S* = |: link '))?)"
+    r"(?: = |: (?:key '(?P<unknown>[^']+)' is unknown|(?P<key>\w+)(?:\S* = |: link '))?)"
 )
 
 
@@ -44,7 +43,7 @@ class Lines:
         index = parts[0] if parts else index
         start = self.headers[index][1]
         end = self.headers[index + 1][1] - 1 if index + 1 < len(self.headers) else len(self.lines)
-        key = match["unknown"] or match["meant"] or match["key"]
+        key = match["unknown"] or match["key"]
         if key:
             own = re.compile(rf"""\s*["']?{re.escape(key)}["']?\s*=""")
             for number in range(start + 1, end + 1):

@@ -157,11 +157,15 @@ class Table:
                     found[key] = _value(self.values[key], kind.rstrip("!"), key, parts or {})
                     self._doubt(key, kind, self.values[key])
             elif kind.endswith("!") and self._is_table:
-                # a present key of a similar name is probably a misspelling of the missing one
-                others = self.unknown()
-                hint = similar(key, others, cutoff=0.7)
-                self._known |= {k for k in others if f'"{k}"' in hint}
-                self.note(f"{self.where}: key '{key}' is missing{hint}")
+                # a present key of a similar name is probably this one misspelt: one mistake, not two
+                meant = [k for k in self.unknown() if similar(key, [k], cutoff=0.7) != "."][:1]
+                self._known |= set(meant)
+                wrong = (
+                    f"key '{meant[0]}' is unknown; did you mean \"{key}\"?"
+                    if meant
+                    else f"key '{key}' is missing."
+                )
+                self.note(f"{self.where}: {wrong}")
         return found
 
     def _doubt(self, key: str, kind: str, value: Any) -> None:

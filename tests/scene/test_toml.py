@@ -196,7 +196,7 @@ MISTAKES = [
     ("[[join]]", 'lenght = 1\n[[join]]', ["[joint.cross]", "'lenght' is unknown", '"length"']),
     ('length = "100 mm"', "", ["[joint.cross]", "'length' is missing"]),
     ('length = "100 mm"', "length = -1", ["[joint.cross]", "length = -1", "positive"]),
-    ('length = "100 mm"', 'lenth = "100 mm"', ["[joint.cross]", "'length' is missing", '"lenth"']),
+    ('length = "100 mm"', 'lenth = "100 mm"', ["[joint.cross]: key 'lenth' is unknown; did you mean \"length\"?"]),
     ('widths = ["40 mm", 0.02]', "widths = 0.04", ["widths = 0.04", "two lengths"]),
     ('widths = ["40 mm", 0.02]', 'widths = ["40 N", 0.02]', ["widths[0] = '40 N': a length"]),
     ('"cross_flexure"', '"crossflexure"', ["[joint.cross]", "'crossflexure' is unknown", '"cross_flexure"']),
@@ -210,7 +210,7 @@ MISTAKES = [
     ('axis = "z"', 'axis = "up"', ["[[join]] 1", "axis = 'up'", "direction"]),
     ('axis = "z"', "axis = [0, 0]", ["axis = [0, 0]", "three numbers"]),
     ('toward = "x"', 'toward = "z"', ["[[join]] 1", "perpendicular"]),
-    ('toward = "x"', 'towards = "x"', ["[[join]] 1", "'toward' is missing", '"towards"']),
+    ('toward = "x"', 'towards = "x"', ["[[join]] 1: key 'towards' is unknown; did you mean \"toward\"?"]),
     ('toward = "x"', 'toward = "x"\ncolour = "red"', ["[[join]] 1", "'colour' is unknown"]),
     ('at = [0, 0, "1 mm"]', "at = 0", ["[[join]] 1", "at = 0", "list of 3"]),
     ('at = [0, 0, "1 mm"]', 'at = [0, 0, "1 kg"]', ["at[2] = '1 kg': a length"]),
@@ -285,7 +285,7 @@ TOGETHER = [
      ["[material.steel]: E = '200 GPA'", "[[join]] 1: joint = 'cros'", "[[wire]] 1: diameter = '0.5 kg'"]),
     # one key twice wrong, one missing, one unknown in the same table
     ({'length = "100 mm"': 'lenght = "100 mm"', '"45 deg"': '"45 mm"', '"1 mm"\nwidths': '"1 kg"\ncolour = 3\nwidths'},
-     ["[joint.cross]: key 'length' is missing; did you mean \"lenght\"", "[joint.cross]: angle = '45 mm'",
+     ["[joint.cross]: key 'lenght' is unknown; did you mean \"length\"?", "[joint.cross]: angle = '45 mm'",
       "[joint.cross]: thickness = '1 kg'", "[joint.cross]: key 'colour' is unknown"]),
     # nothing is said of the joints and leaves that are of the material
     ({"[material.steel]": "[materials.steel]", 'about = "z"': 'about = "up"'},
@@ -724,3 +724,20 @@ def test_mutated_files_raise_nothing_but_scene_errors(data, tmp_path_factory):
         else:
             lines.insert(data.draw(st.integers(0, len(lines) - 1)), lines.pop(i))
     refused_or_fine("\n".join(lines).encode(), tmp_path_factory.getbasetemp())
+
+
+@pytest.mark.parametrize("misspelt", ["thicknes", "widht"])
+def test_a_misspelt_size_of_a_leaf_is_the_one_mistake(tmp_path, misspelt):
+    meant = {"thicknes": "thickness", "widht": "width"}[misspelt]
+    file = tmp_path / "leaf.toml"
+    file.write_text(
+        'links = ["tip"]\n[material.steel]\nE = "200 GPa"\nnu = 0.3\n[[leaf]]\na = "ground"\nb = "tip"\n'
+        'start = [0, 0, 0]\nend = ["100 mm", 0, 0]\nmaterial = "steel"\nwidth_axis = "z"\n'
+        'thickness = "1 mm"\nwidth = "20 mm"\n'.replace(f"{meant} =", f"{misspelt} =")
+    )
+    with pytest.raises(SceneFileError) as caught:
+        ksd.load_scene(file)
+    line = 12 if misspelt == "thicknes" else 13
+    assert caught.value.mistakes == (
+        f"leaf.toml, line {line}, [[leaf]] 1: key '{misspelt}' is unknown; did you mean \"{meant}\"?",
+    )
