@@ -11,18 +11,17 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from functools import cached_property
 from itertools import zip_longest
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.interpolate import CubicHermiteSpline
 
-from ksd.design.rest_leaf import DrawnLeaf, Slopes, rotated
+from ksd.design.rest_leaf import STEP, DrawnLeaf
 from ksd.errors import ConvergenceError
 
 Array = NDArray[np.float64]
-S = np.array([[0.0, -1.0], [1.0, 0.0]])
 CLOSED = 1e-12
 """Residual, over forces and sizes of the mechanism, at which it counts as solved."""
 NEWTON = 12
@@ -57,6 +56,22 @@ class Term(NamedTuple):
             return self.coefficient * np.array([0.0, 0.0, self.way[0]])
         moment = self.point[0] * self.way[1] - self.point[1] * self.way[0]
         return self.coefficient * np.array([*self.way, moment])
+
+    def moved(self, poses: Array) -> Array:
+        """How far (k,) it moves from rest, at poses (k, links, 3), to what is drawn."""
+        base, link = poses[:, self.base], poses[:, self.link]
+        if self.turns:
+            return np.asarray(self.coefficient * self.way[0] * (base[:, 2] - link[:, 2]))
+        back = np.column_stack([np.zeros((len(base), 2)), -base[:, 2]])
+        seen = placed(back, placed(link, self.point) - base[:, :2])
+        return np.asarray(self.coefficient * ((self.point - seen) @ self.way))
+
+
+def placed(poses: Array, points: Array) -> Array:
+    """Points (k, 2), or one, of links with poses (k, 3)."""
+    c, s = np.cos(poses[:, 2]), np.sin(poses[:, 2])
+    x, y = points[..., 0], points[..., 1]
+    return poses[:, :2] + np.stack([c * x - s * y, s * x + c * y], axis=-1)
 
 
 class Row(NamedTuple):
@@ -117,118 +132,65 @@ class Equations:
         ])  # fmt: skip
 
     def evaluate(self, y: Array, share: float) -> tuple[Array, Array]:
-        """Scaled residual (n,) and tangent (n, n) at scaled unknowns y, with that share of loads, said forces and values."""
-        scale, at = self.unknowns, self.starts
-        z, n = y * scale, at[-1]
-        poses = np.vstack([np.zeros(3), z[at[1] : at[2]].reshape(-1, 3)])
-        F, J = np.zeros(n), np.zeros((n, n))
-        rested = [
-            leaf.slopes(z[3 * k : 3 * k + 3], share * self.gravity) for k, leaf in enumerate(self.leaves)
-        ]
-        self._equilibrium(z, share, rested, (F, J))
-        place = 3 * (self.links - 1)
+        """Scaled residual (n,) at scaled unknowns y with that share of loads, said forces and values, and its tangent
+        (n, n + 1) by both: complex steps, but for the leaf springs, which bring their own."""
+        n, scale = len(y), self.unknowns
+        z = np.tile(np.append(y * scale, share).astype(complex), (n + 2, 1))
+        z[1:] += 1j * STEP * np.diag(np.append(scale, 1.0))
+        rested = []
         for k, leaf in enumerate(self.leaves):
-            self._closing(k, leaf, rested[k], poses, (F, J), place + 3 * k)
-        place += 3 * len(self.leaves)
-        for r in range(len(self.rows)):
-            self._moved(r, z, poses, (F, J), place + r, share)
-        place += len(self.rows)
-        for k, said in enumerate(self.said):
-            column = at[2] + said.row if said.row is not None else 3 * int(said.leaf or 0) + said.component
-            F[place + k], J[place + k, column] = z[column] - share * said.size, 1.0
-        size = self._sizes(place)
-        return F / size, J * scale / size[:, None]
+            own, slopes = leaf.slopes(z[0, 3 * k : 3 * k + 3].real, share * self.gravity)
+            by_share = leaf.by_weight(z[0, 3 * k : 3 * k + 3].real, self.gravity, share)
+            moved = [z[:, 3 * k : 3 * k + 3] - z[0, 3 * k : 3 * k + 3], z[:, -1:] - share]
+            rested.append([
+                np.asarray(value) + moved[0] @ np.atleast_2d(slope).T + moved[1] * np.atleast_1d(more)
+                for value, slope, more in zip(own[:3], slopes, by_share, strict=True)
+            ])  # fmt: skip
+        F = self._residual(z, rested) / self._sizes()
+        return F[0].real, F[1:].imag.T / STEP
 
-    def _sizes(self, place: int) -> Array:
-        """What residuals (n,) are measured by."""
-        size = np.ones(place + len(self.said))
-        links = 3 * (self.links - 1)
-        size[:links] = np.tile(self.force * np.array([1.0, 1.0, self.size]), self.links - 1)
-        closing = links + 3 * len(self.leaves)
-        size[links:closing] = np.tile([self.size, self.size, 1.0], len(self.leaves))
-        size[closing:place] = [1.0 if r.terms[0].turns else self.size for r in self.rows]
-        size[place:] = [
-            self.force * (self.size if s.row is not None and self.rows[s.row].terms[0].turns else 1.0)
-            for s in self.said
-        ]
-        return size
+    def _sizes(self) -> Array:
+        """What residuals (n,) are measured by: wrenches, gaps and turns, motions of rows, forces."""
+        turns = [r.terms[0].turns for r in self.rows]
+        return np.concatenate([
+            np.tile(self.force * np.array([1.0, 1.0, self.size]), self.links - 1),
+            np.tile([self.size, self.size, 1.0], len(self.leaves)),
+            np.where(turns, 1.0, self.size),
+            [self.force * (self.size if s.row is not None and turns[s.row] else 1.0) for s in self.said],
+        ])  # fmt: skip
 
-    def _equilibrium(
-        self, z: Array, share: float, rested: Sequence[Slopes], found: tuple[Array, Array]
-    ) -> None:
-        """Forces and moments about the origin on every link but ground, as drawn."""
-        (F, J), at = found, self.starts
-
-        def add(link: int, wrench: Array, column: int, slope: Array | None) -> None:
-            if link:
-                own = slice(3 * (link - 1), 3 * link)
-                F[own] += wrench
-                if slope is not None:
-                    J[own, column : column + slope.shape[1]] += slope
-
-        for k, ((a, b), (own_rest, (_, _, slope))) in enumerate(zip(self.ends, rested, strict=True)):
-            add(a, own_rest.start, 3 * k, slope)
-            add(b, -z[3 * k : 3 * k + 3], 3 * k, -np.eye(3))
+    def _residual(self, z: Array, rested: Sequence[Sequence[Array]]) -> Array:
+        """Residuals (k, n) of k unknowns with the share behind them (k, n + 1), complex too; rested: displacement (k, 2),
+        turn (k, 1) and wrench at the start (k, 3) of every leaf."""
+        at, share, count = self.starts, z[:, -1:], len(z)
+        forces = np.zeros((count, self.links, 3), complex)
+        for k, ((a, b), (_, _, start)) in enumerate(zip(self.ends, rested, strict=True)):
+            forces[:, a] += start
+            forces[:, b] -= z[:, 3 * k : 3 * k + 3]
         for r, row in enumerate(self.rows):
-            force = z[at[2] + r]
             for t in row.terms:
-                add(t.link, force * t.wrench, at[2] + r, t.wrench[:, None])
-                add(t.base, -force * t.wrench, at[2] + r, -t.wrench[:, None])
+                forces[:, t.link] += z[:, at[2] + r, None] * t.wrench
+                forces[:, t.base] -= z[:, at[2] + r, None] * t.wrench
         for link, wrench in self.pushes:
-            add(link, share * wrench, 0, None)
+            forces[:, link] += share * wrench
         for k, (link, wrench) in enumerate(self.free):
-            add(link, z[at[3] + k] * wrench, at[3] + k, wrench[:, None])
-
-    def _closing(
-        self, k: int, leaf: DrawnLeaf, slopes: Slopes, poses: Array, found: tuple[Array, Array], place: int
-    ) -> None:
-        """From its start on one link at rest, a leaf comes to its end on the other."""
-        (F, J), at, (a, b) = found, self.starts, self.ends[k]
-        rested, (way, turn, _) = slopes
-        Ra, Rb = rotated(poses[a, 2]), rotated(poses[b, 2])
-        own = slice(place, place + 2)
-        reach = leaf.first + rested.way
-        F[own] = poses[a, :2] + Ra @ reach - poses[b, :2] - Rb @ leaf.last
-        F[place + 2] = poses[a, 2] + float(rested.turn) - poses[b, 2]
-        J[own, 3 * k : 3 * k + 3] = Ra @ way
-        J[place + 2, 3 * k : 3 * k + 3] = turn
-        for link, sign, lever in ((a, 1.0, S @ Ra @ reach), (b, -1.0, S @ Rb @ leaf.last)):
-            if link:
-                column = at[1] + 3 * (link - 1)
-                J[own, column : column + 2] += sign * np.eye(2)
-                J[own, column + 2] += sign * lever
-                J[place + 2, column + 2] += sign
-
-    def _moved(
-        self, r: int, z: Array, poses: Array, found: tuple[Array, Array], place: int, share: float
-    ) -> None:
-        """From rest to what is drawn, a drive or support has moved by its value."""
-        (F, J), at, row = found, self.starts, self.rows[r]
-        for t in row.terms:
-            base, link = (at[1] + 3 * (n - 1) if n else None for n in (t.base, t.link))
-            if t.turns:
-                size = t.coefficient * t.way[0]
-                F[place] -= size * (poses[t.link, 2] - poses[t.base, 2])
-                for column, sign in ((link, -1.0), (base, 1.0)):
-                    if column is not None:
-                        J[place, column + 2] += sign * size
-                continue
-            RB, RL = rotated(poses[t.base, 2]), rotated(poses[t.link, 2])
-            seen = RB.T @ (poses[t.link, :2] + RL @ t.point - poses[t.base, :2])
-            along = t.coefficient * t.way
-            F[place] += along @ (t.point - seen)
-            if link is not None:
-                J[place, link : link + 2] -= along @ RB.T
-                J[place, link + 2] -= along @ RB.T @ S @ RL @ t.point
-            if base is not None:
-                J[place, base : base + 2] += along @ RB.T
-                J[place, base + 2] += along @ S @ seen
-        if row.value is None:
-            column = at[4] + sum(other.value is None for other in self.rows[:r])
-            F[place] -= z[column]
-            J[place, column] -= 1.0
-        else:
-            F[place] -= share * row.value
+            forces[:, link] += z[:, at[3] + k, None] * wrench
+        poses = np.zeros((count, self.links, 3), complex)
+        poses[:, 1:] = z[:, at[1] : at[2]].reshape(count, -1, 3)
+        found = [forces[:, 1:].reshape(count, -1)]
+        for (a, b), leaf, (way, turn, _) in zip(self.ends, self.leaves, rested, strict=True):
+            # from its start on one link at rest, a leaf comes to its end on the other
+            found += [placed(poses[:, a], leaf.first + way) - placed(poses[:, b], leaf.last)]
+            found += [poses[:, a, 2:] + turn - poses[:, b, 2:]]
+        opened = iter(range(at[4], at[5]))
+        for row in self.rows:
+            moved = sum(t.moved(poses) for t in row.terms)
+            value = share[:, 0] * row.value if row.value is not None else z[:, next(opened)]
+            found.append((moved - value)[:, None])
+        for said in self.said:
+            column = at[2] + said.row if said.row is not None else 3 * int(said.leaf or 0) + said.component
+            found.append(z[:, column, None] - share * said.size)
+        return np.concatenate(found, axis=1)
 
     @property
     def determinate(self) -> bool:
@@ -242,30 +204,25 @@ class Equations:
         sizes = np.linalg.svd(J[np.ix_(equations, forces)], compute_uv=False)
         return bool(sizes[-1] > DETERMINATE * sizes[0])
 
-    def newton(self, y: Array, share: float, most: int = NEWTON) -> Array | None:
-        """Solution at a share from y, or None."""
-        last = np.inf
+    def newton(self, start: Array, normal: Array | None = None, most: int = NEWTON) -> Array | None:
+        """The solution (n + 1,), share last, in the plane through `start` across `normal`, at the share of `start` without
+        one; None where there is none."""
+        normal = np.append(np.zeros(len(start) - 1), 1.0) if normal is None else normal
+        point, last = start.copy(), np.inf
         for _ in range(most):
-            F, J = self.evaluate(y, share)
-            miss = float(np.abs(F).max())
+            F, J = self.evaluate(point[:-1], float(point[-1]))
+            off = float(normal @ (point - start))
+            miss = max(float(np.abs(F).max()), abs(off))
             if miss < CLOSED or (miss < 1e3 * CLOSED and miss >= 0.5 * last):
-                return y
+                return point
             if not np.isfinite(miss) or miss > 1e6:
                 return None
-            last, y = miss, y - np.linalg.solve(J, F)
+            last = miss
+            try:
+                point = point - np.linalg.solve(np.vstack([J, normal]), np.append(F, off))
+            except np.linalg.LinAlgError:
+                return None
         return None
-
-    def slope(self, y: Array, share: float) -> Array:
-        """How the residual changes with the share: everywhere alike where leaf springs have no weight."""
-        if not self.gravity.any():
-            return self._per_share
-        h = 1e-4
-        return (self.evaluate(y, share + h)[0] - self.evaluate(y, share - h)[0]) / (2.0 * h)
-
-    @cached_property
-    def _per_share(self) -> Array:
-        y = np.zeros(self.starts[-1])
-        return self.evaluate(y, 1.0)[0] - self.evaluate(y, 0.0)[0]
 
     def coiled(self, y: Array) -> bool:
         """Whether a leaf at rest is turned by more than twice around from what is drawn."""
@@ -289,8 +246,8 @@ def solved(equations: Equations, *, beyond_fold: bool) -> Found | float | None:
     the path folds where it does not come to the whole; None where it ends without a fold."""
     start = np.zeros(equations.starts[-1])
     if equations.determinate and not beyond_fold:
-        y = equations.newton(start, 1.0, most=60)
-        return None if y is None else Found(y, ())
+        point = equations.newton(np.append(start, 1.0), most=60)
+        return None if point is None else Found(point[:-1], ())
     if not beyond_fold:
         for point in _path(equations, start, 1.0):
             if point.fold is not None:
@@ -322,92 +279,53 @@ class Point(NamedTuple):
 
 def _path(equations: Equations, y: Array, sign: float) -> Iterator[Point]:
     """Points of the path from nothing, also beyond the whole, which itself comes exactly, as share 1."""
-    share, step = 0.0, FIRST
-    way = _tangent(equations, y, share, None)
-    weight = 1.0 / max(float(np.abs(way[:-1]).max() / max(abs(way[-1]), 1e-12)), 1e-12)
-    scale = np.append(np.full(len(y), weight), 1.0)
+    here, step = np.append(y, 0.0), FIRST
+    way = _tangent(equations, here, None)
+    # one unit of the share counts as much as the largest change of an unknown by it
+    scale = np.append(np.full(len(y), abs(way[-1]) / max(float(np.abs(way[:-1]).max()), 1e-12)), 1.0)
     way = sign * np.copysign(1.0, way[-1]) * way / np.linalg.norm(scale * way)
     for _ in range(STEPS):
-        found = _ahead(equations, (y, share), way, step, scale)
-        if found is not None:
-            new, there = found
-            ahead = _tangent(equations, new, there, way)
+        new = equations.newton(here + step * way, scale * scale * way)
+        cosine = 0.0
+        if new is not None:
+            ahead = _tangent(equations, new, way)
             ahead = ahead / np.linalg.norm(scale * ahead)
             cosine = float((scale * ahead) @ (scale * way))
-            if abs(cosine) < BENDS:
-                found = None
-        if found is None:
+        if new is None or abs(cosine) < BENDS:
             step *= 0.5
             if step < SHORTEST:
                 return
             continue
         ahead = np.copysign(1.0, cosine) * ahead
-        gone = float(np.linalg.norm(scale * np.append(new - y, there - share)))
-        fold = _turning(share, there, gone * way[-1], gone * ahead[-1]) if way[-1] * ahead[-1] < 0.0 else None
-        if (share - 1.0) * (there - 1.0) <= 0.0 and fold is None:
-            part = (1.0 - share) / (there - share)
-            whole = equations.newton(y + part * (new - y), 1.0)
+        gone, share, there = float(np.linalg.norm(scale * (new - here))), float(here[-1]), float(new[-1])
+        fold = None
+        if way[-1] * ahead[-1] < 0.0:
+            between = CubicHermiteSpline([0.0, 1.0], [share, there], [gone * way[-1], gone * ahead[-1]])
+            fold = float(between(between.derivative().roots(extrapolate=False)[0]))
+        elif (share - 1.0) * (there - 1.0) <= 0.0:
+            part = here + (1.0 - share) / (there - share) * (new - here)
+            whole = equations.newton(np.append(part[:-1], 1.0))
             if whole is not None:
-                yield Point(whole, 1.0, None)
-        if abs(there) > SHARES or equations.coiled(new):
+                yield Point(whole[:-1], 1.0, None)
+        if abs(there) > SHARES or equations.coiled(new[:-1]):
             return
-        yield Point(new, there if there != 1.0 else float(np.nextafter(1.0, 0.0)), fold)
-        y, share, way = new, there, ahead
+        yield Point(new[:-1], there if there != 1.0 else float(np.nextafter(1.0, 0.0)), fold)
+        here, way = new, ahead
         step = min(LONGEST, 1.5 * step)
 
 
-def _tangent(equations: Equations, y: Array, share: float, before: Array | None) -> Array:
-    """Direction (n+1,) of the path at a point, the way it is gone."""
-    _, J = equations.evaluate(y, share)
-    A = np.column_stack([J, equations.slope(y, share)])
-    border = np.append(np.zeros(len(y)), 1.0) if before is None else before
-    A = np.vstack([A, border])
+def _tangent(equations: Equations, point: Array, before: Array | None) -> Array:
+    """Direction (n + 1,) of the path at a point, the way it is gone."""
+    _, J = equations.evaluate(point[:-1], float(point[-1]))
+    none = np.zeros(len(J))
     try:
-        return np.asarray(np.linalg.solve(A, np.append(np.zeros(len(y)), 1.0)))
+        A = np.vstack([J, np.append(none, 1.0) if before is None else before])
+        return np.asarray(np.linalg.solve(A, np.append(none, 1.0)))
     except np.linalg.LinAlgError:
         raise ConvergenceError(
             "rest_shape: the drawn mechanism can move without any force, so that its rest shape is not determined; hold it "
             "by a drive or support."
         ) from None
-
-
-def _ahead(
-    equations: Equations, here: tuple[Array, float], way: Array, step: float, scale: Array
-) -> tuple[Array, float] | None:
-    """The point of the path that lies a step ahead, or None."""
-    point = np.append(*here) + step * way
-    start, normal, last = point.copy(), scale * scale * way, np.inf
-    for _ in range(NEWTON):
-        F, J = equations.evaluate(point[:-1], float(point[-1]))
-        off = float(normal @ (point - start))
-        miss = max(float(np.abs(F).max()), abs(off))
-        if miss < CLOSED or (miss < 1e3 * CLOSED and miss >= 0.5 * last):
-            return point[:-1], float(point[-1])
-        if not np.isfinite(miss) or miss > 1e3:
-            return None
-        last = miss
-        A = np.vstack([np.column_stack([J, equations.slope(point[:-1], float(point[-1]))]), normal])
-        try:
-            point = point - np.linalg.solve(A, np.append(F, off))
-        except np.linalg.LinAlgError:
-            return None
-    return None
-
-
-def _turning(a: float, b: float, rise_a: float, rise_b: float) -> float:
-    """The extreme of the cubic from a to b with these rises at its ends."""
-    # derivative rise_a (1-t)(1-3t) + 6 (b-a) t (1-t) + rise_b t (3t-2)
-    c = 3 * rise_a + 3 * rise_b - 6 * (b - a), -4 * rise_a - 2 * rise_b + 6 * (b - a), rise_a
-    inside = [
-        float(np.real(t)) for t in np.roots(c) if abs(np.imag(t)) < 1e-9 and -1e-9 < np.real(t) < 1 + 1e-9
-    ]
-    t = inside[0] if inside else 0.5
-    return float(
-        a * (1 + 2 * t) * (1 - t) ** 2
-        + rise_a * t * (1 - t) ** 2
-        + b * t * t * (3 - 2 * t)
-        + rise_b * t * t * (t - 1)
-    )
 
 
 __all__ = ["Equations", "Found", "Row", "Said", "Term", "solved"]

@@ -247,6 +247,14 @@ class DrawnLeaf:
         way, turn, start = (np.imag(part[1:]).T / STEP for part in found[:3])
         return Rested(*(np.real(part[0]) for part in found)), (way, turn, start)
 
+    def by_weight(self, wrench: Array, gravity: Array, share: float) -> tuple[Any, Any, Any]:
+        """How way (2,), turn and start (3,) change with the share of gravity (2,)."""
+        if not gravity.any():
+            return 0.0, 0.0, 0.0
+        found = self.rest(wrench[None], (share + 1j * STEP) * gravity)
+        way, turn, start = (np.imag(part[0]) / STEP for part in found[:3])
+        return way, turn, start
+
     def curve(self, rested: Rested) -> Legendre:
         """Its undeformed curve, of the first wrench."""
         return self.stations.curve(float(rested.length[0]), self.side * rested.curvature[0])
