@@ -246,8 +246,8 @@ def solved(equations: Equations, *, beyond_fold: bool) -> Found | float | None:
     the path folds where it does not come to the whole; None where it ends without a fold."""
     start = np.zeros(equations.starts[-1])
     if equations.determinate and not beyond_fold:
-        point = equations.newton(np.append(start, 1.0), most=60)
-        return None if point is None else Found(point[:-1], ())
+        whole = equations.newton(np.append(start, 1.0), most=60)
+        return None if whole is None else Found(whole[:-1], ())
     if not beyond_fold:
         for point in _path(equations, start, 1.0):
             if point.fold is not None:
