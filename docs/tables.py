@@ -18,6 +18,7 @@ from ksd.cli.commands import parser
 from ksd.properties.words import Shown
 from ksd.scene import toml_schema as schema
 from ksd.scene.profile import NAMED
+from ksd.solve.configuration import INSIDE
 from ksd.units import DIMENSIONS
 
 RESULTS = Path(__file__).resolve().parents[1] / "benchmarks" / "results"
@@ -83,6 +84,8 @@ def directive(name: str) -> str:
     if isinstance(found, type) and issubclass(found, Exception):
         kind = "exception"
     members = "\n   :members:\n   :inherited-members: tuple, Exception" if kind == "class" else ""
+    if found is ksd.Configuration:
+        members += f"\n   :exclude-members: {', '.join(sorted(INSIDE))}"
     return f".. auto{kind}:: ksd.{name}{members}\n"
 
 

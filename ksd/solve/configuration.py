@@ -115,7 +115,7 @@ class Configuration(InNotebooks):
         )  # fmt: skip
 
     def __dir__(self) -> list[str]:
-        return sorted(set(super().__dir__()) - _INSIDE)
+        return sorted(set(super().__dir__()) - INSIDE)
 
     def __repr__(self) -> str:
         forces = ", ".join(f"{n} {v:.6g}" for n, v in self.forces.items())
@@ -587,7 +587,7 @@ class Configuration(InNotebooks):
         return printed(*self.tables())
 
 
-_INSIDE = frozenset(
+INSIDE = frozenset(
     (
         "answering", "chosen", "doubts", "expected", "insides", "intended", "negatives", "notes", "questioned",
         "joint_motions", "resolution", "still", "unreduced", "_joints", "_node", "_of_leaves",
