@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
-from contextvars import ContextVar
 from dataclasses import dataclass
 from functools import lru_cache
 from itertools import combinations
@@ -15,7 +13,7 @@ from numpy.typing import NDArray
 
 from ksd.errors import SceneError
 from ksd.scene.leaf import Leaf
-from ksd.section.checks import dot
+from ksd.section.checks import checked, dot
 
 Array = NDArray[np.float64]
 TRIM = 0.06
@@ -123,22 +121,9 @@ def _clash(leaves: tuple[Leaf, ...]) -> tuple[str, str] | None:
     return clash([leaf_body(leaf) for leaf in leaves])
 
 
-_checked = ContextVar("checked", default=True)
-
-
-@contextmanager
-def unchecked() -> Iterator[None]:
-    """Inside, leaf springs that run through each other are no error: for designs all but equal to one that was checked."""
-    before = _checked.set(False)
-    try:
-        yield
-    finally:
-        _checked.reset(before)
-
-
 def check_clear(leaves: Sequence[Leaf], *, owner: str, advice: str = "move them apart") -> None:
     """Raise SceneError naming two leaf springs of `owner` that run through each other at rest."""
-    found = _clash(tuple(leaves)) if _checked.get() else None
+    found = _clash(tuple(leaves)) if checked() else None
     if found is not None:
         raise SceneError(
             f"{owner}: leaf springs '{found[0]}' and '{found[1]}' run through each other at rest; {advice}."

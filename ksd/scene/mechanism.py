@@ -37,6 +37,7 @@ from ksd.section.checks import (
     Worded,
     all_worded,
     as_given,
+    checked,
     direction,
     nearest,
     number,
@@ -568,8 +569,9 @@ class Mechanism(InNotebooks, Mentioned, metaclass=Worded):
         if last is not None and last[0].unchangeable and same_parts(parts, last[1]):
             return last[0]
         frozen = Scene(**parts)
-        check_scene(frozen)
-        self._last = frozen, parts
+        if checked():
+            check_scene(frozen)
+            self._last = frozen, parts
         return frozen
 
     def draft(self) -> Scene:

@@ -10,7 +10,9 @@ import difflib
 import inspect
 import math
 import re
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager
+from contextvars import ContextVar
 from functools import wraps
 from numbers import Real
 from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar
@@ -33,6 +35,24 @@ SMALLEST = 1e-90
 """The smallest number above zero (the warping constant of a micrometre leaf is 1e-50 m^6)."""
 NUMBER = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
 """Regular expression of a number in text."""
+
+
+_checked = ContextVar("checked", default=True)
+
+
+@contextmanager
+def unchecked() -> Iterator[None]:
+    """Inside, what only the whole shows is not checked: for designs all but equal to one that was."""
+    before = _checked.set(False)
+    try:
+        yield
+    finally:
+        _checked.reset(before)
+
+
+def checked() -> bool:
+    """Whether the whole is checked, see `unchecked`."""
+    return _checked.get()
 
 
 class Worded(type):
@@ -230,6 +250,8 @@ def vector(value: Any, what: str, *, owner: str = "", unit: str = "") -> Vector:
         plain = type(x) is type(y) is type(z) is float
         if plain and -LARGEST <= x <= LARGEST and -LARGEST <= y <= LARGEST and -LARGEST <= z <= LARGEST:
             return value
+        if all(type(v) in (int, float) and -LARGEST <= v <= LARGEST for v in value):
+            return float(x), float(y), float(z)
     in_unit = f" in {unit}" if unit else ""
     is_array = isinstance(value, np.ndarray) and value.ndim == 1
     is_list = isinstance(value, Sequence) and not isinstance(value, str | bytes)

@@ -26,9 +26,8 @@ from ksd.model.mesh import Mesh, MixedMesh
 from ksd.model.newton import largest_move, largest_turn, look, take_step
 from ksd.model.template import Template, template_of
 from ksd.properties.tangent import exact
-from ksd.scene.clearance import unchecked
 from ksd.scene.leaf import Condition
-from ksd.section.checks import nearest, number, show
+from ksd.section.checks import nearest, number, show, unchecked
 from ksd.solve.error import settled
 from ksd.solve.steps import RTOL
 
@@ -149,12 +148,12 @@ def _drawn_at(
     try:
         with unchecked():
             made = design(**{**given, name: value})
+            scene = made.scene() if hasattr(made, "scene") else made
     except (SceneError, ArithmeticError, ValueError) as reason:
         raise SceneError(
             f"there is no gradient by '{name}': the design cannot be built at {value:.9g}, beside the value asked about: "
             f"{reason}"
         ) from reason
-    scene = made.scene() if hasattr(made, "scene") else made
     # load cases come after the loads of the design itself
     return replace(scene, loads=(*scene.loads, *like.loads[len(scene.loads) :]))
 
@@ -321,6 +320,9 @@ def _as_bent(scene: Any, model: Model) -> Any:
 def _alike(one: Model, other: Model) -> bool:
     """Whether two models have the same unknowns."""
     a, b = one.arrays, other.arrays
+    if a.flat.ints is b.flat.ints and one.node_names is other.node_names:
+        # of one template
+        return True
     pairs = ((a.members.number, b.members.number), (a.members.inner_at, b.members.inner_at),
              (a.members.kind, b.members.kind), (a.members.node, b.members.node), (a.start, b.start),
              (a.terms.node, b.terms.node), (a.terms.kind, b.terms.kind), (a.loads.node, b.loads.node))  # fmt: skip
