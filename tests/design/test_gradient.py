@@ -7,6 +7,7 @@ from scenes import STEEL, single_joint
 import ksd
 from ksd.design.questions import KNOWN, ROUNDING
 from ksd.model.effects import choose
+from ksd.section.checks import unchecked
 from ksd.solve import perturbed
 from ksd.units import deg, mm
 
@@ -466,6 +467,40 @@ def test_more_wrong_words(of_pivot):
 
     with pytest.raises(ksd.SceneError, match=r"cannot be built at 0.06000.*60 mm alone"):
         ksd.gradient(narrow, {"length": 60 * mm}, turn=0.1, questions="force")
+
+
+def test_leaf_springs_that_touch_have_gradients_by_their_widths():
+    """A wider one beside it would not be built: only the design asked about is checked."""
+
+    def touching(inner, spacing):
+        joint = ksd.CrossFlexure(
+            STEEL,
+            length=70 * mm,
+            angle=40 * deg,
+            thickness=0.4 * mm,
+            widths=(inner, 12 * mm),
+            spacing=spacing,
+        )
+        scene = ksd.Mechanism("hinge")
+        scene.actuate_joint(
+            scene.join(scene.ground, scene.link("arm"), joint, at=(0, 0, 0), axis="z", toward="x"),
+            name="turn",
+        )
+        return scene
+
+    words = {"turn": 0.3, "by": "inner", "questions": ("force", "support_stiffness")}
+    found = ksd.gradient(touching, {"inner": 30 * mm, "spacing": 21 * mm}, **words)
+    apart = ksd.gradient(touching, {"inner": 30 * mm, "spacing": 21.01 * mm}, **words)
+    for column in ("turn_moment_Nm", "support_z_N_per_m"):
+        assert found[column, "inner"] == pytest.approx(apart[column, "inner"], rel=1e-2)
+    with pytest.raises(ksd.SceneError, match="run through each other"):
+        touching(30.01 * mm, 21 * mm)
+    loose = ksd.Mechanism("loose")
+    loose.link("arm")
+    with unchecked():
+        loose.scene()
+    with pytest.raises(ksd.SceneError):
+        loose.scene()
 
 
 def test_what_is_no_equilibrium_has_no_gradient(monkeypatch):
