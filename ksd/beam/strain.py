@@ -211,20 +211,23 @@ def _slopes(value, number, inner, pull, R, psi, force, v, S, slope, end, rho, et
             v[g, i] = R[g + 1, i, 0] + S[g, i, 0] * k0 + S[g, i, 1] * k1 + S[g, i, 2] * k2
             end[i] += w * v[g, i]
         v0, v1, v2 = v[g, 0], v[g, 1], v[g, 2]
-        for i in range(N):
-            p0, p1, p2 = psi[g + 1, 0, i], psi[g + 1, 1, i], psi[g + 1, 2, i]
-            q0, q1, q2 = p1 * k2 - p2 * k1, p2 * k0 - p0 * k2, p0 * k1 - p1 * k0
-            slope[g, 0, i], slope[g, 1, i], slope[g, 2, i] = (
-                p1 * v2 - p2 * v1,
-                p2 * v0 - p0 * v2,
-                p0 * v1 - p1 * v0,
-            )
-            for r in range(3):
-                slope[g, r, i] -= S[g, r, 0] * q0 + S[g, r, 1] * q1 + S[g, r, 2] * q2
         for r in range(3):
+            # row r of S [n]x - [v]x
+            b0 = S[g, r, 1] * k2 - S[g, r, 2] * k1
+            b1 = S[g, r, 2] * k0 - S[g, r, 0] * k2
+            b2 = S[g, r, 0] * k1 - S[g, r, 1] * k0
+            if r == 0:
+                b1, b2 = b1 + v2, b2 - v1
+            elif r == 1:
+                b0, b2 = b0 - v2, b2 + v0
+            else:
+                b0, b1 = b0 + v1, b1 - v0
             for i in range(N):
-                rho[r, i] += w * slope[g, r, i]
-                eta[r, i] += w * mass * slope[g, r, i]
+                s = b0 * psi[g + 1, 0, i] + b1 * psi[g + 1, 1, i] + b2 * psi[g + 1, 2, i]
+                slope[g, r, i] = s
+                rho[r, i] += w * s
+                if heavy:
+                    eta[r, i] += w * mass * s
 
 
 @kernel
@@ -249,7 +252,11 @@ def _tangent(value, number, inner, modes, gap, turn, J, T, G, R, psi, n, v, slop
         residual[i] = 0.0
         for j in range(i + 1):
             W[i, j] = 0.0
-    for h in range(ng, -1, -1):
+    # a leaf that carries nothing, as at rest, has its own stiffness alone
+    loaded = M0 != 0.0 or M1 != 0.0 or M2 != 0.0
+    for h in range(ng):
+        loaded = loaded or n[h, 0] != 0.0 or n[h, 1] != 0.0 or n[h, 2] != 0.0
+    for h in range(ng if loaded else -1, -1, -1):
         if h < ng:
             w = length * value[weight + h]
             k0, k1, k2 = w * n[h, 0], w * n[h, 1], w * n[h, 2]
@@ -268,6 +275,7 @@ def _tangent(value, number, inner, modes, gap, turn, J, T, G, R, psi, n, v, slop
         m1 = R[h, 0, 1] * M0 + R[h, 1, 1] * M1 + R[h, 2, 1] * M2
         m2 = R[h, 0, 2] * M0 + R[h, 1, 2] * M1 + R[h, 2, 2] * M2
         gap_second(h, gap, turn, J, m0, m1, m2, u0, u1, u2, V, M)
+        h0, h1, h2 = 0.5 * M0, 0.5 * M1, 0.5 * M2
         first = 0
         for axis in range(3):
             d = G[h, 0, axis] * M0 + G[h, 1, axis] * M1 + G[h, 2, axis] * M2
@@ -276,17 +284,19 @@ def _tangent(value, number, inner, modes, gap, turn, J, T, G, R, psi, n, v, slop
             for i in range(first, first + number[axis]):
                 p, q, s = length * modes[h, 0, i], length * modes[h, 1, i], length * modes[h, 2, i]
                 residual[i] -= p * d + q * e + s * g
-                # rotation in the middle of the gap: so comes in the skew part of the second derivative
+                # twice the rotation in the middle of the gap: so comes in the skew part of the second derivative
                 x, y, z = (
-                    0.5 * (psi[h, 0, i] + psi[h + 1, 0, i]),
-                    0.5 * (psi[h, 1, i] + psi[h + 1, 1, i]),
-                    0.5 * (psi[h, 2, i] + psi[h + 1, 2, i]),
+                    psi[h, 0, i] + psi[h + 1, 0, i],
+                    psi[h, 1, i] + psi[h + 1, 1, i],
+                    psi[h, 2, i] + psi[h + 1, 2, i],
                 )
-                x, y, z = X[0, i] + M1 * z - M2 * y, X[1, i] + M2 * x - M0 * z, X[2, i] + M0 * y - M1 * x
-                for k in range(9):
-                    Z[i, k] = (p * M[axis, k] + q * M[3 + axis, k] + s * M[6 + axis, k]) + (
-                        G[h, 0, k] * x + G[h, 1, k] * y + G[h, 2, k] * z
-                    )
+                x, y, z = X[0, i] + h1 * z - h2 * y, X[1, i] + h2 * x - h0 * z, X[2, i] + h0 * y - h1 * x
+                # the lower triangle of W reads columns of this axis and later ones
+                for c in range(axis, 3):
+                    for k in range(c, 9, 3):
+                        Z[i, k] = (p * M[axis, k] + q * M[3 + axis, k] + s * M[6 + axis, k]) + (
+                            G[h, 0, k] * x + G[h, 1, k] * y + G[h, 2, k] * z
+                        )
                 for j in range(i + 1):
                     W[i, j] -= p * Z[j, axis] + q * Z[j, 3 + axis] + s * Z[j, 6 + axis]
             first += number[axis]
@@ -505,17 +515,17 @@ def strain_condense(value, number, inner, store, f, d, Q, lam, K):
             store[8 * i + e] = Y[i, e]
         for r in range(6):
             j = rho[r, i] if r < 3 else psi[ng + 1, r - 3, i]
-            for e in range(6):
+            for e in range(r + 1):
                 F[r, e] += j * Y[i, e]
             store[gap + r] += j * Y[i, 6]
     for p in range(ng):
         w = value[0] * value[weight + p]
         for i in range(3):
-            for j in range(3):
+            for j in range(i + 1):
                 F[i, j] += w * S[p, i, j]
     for r in range(6):
         for e in range(r):
-            F[r, e] = F[e, r] = 0.5 * (F[r, e] + F[e, r])
+            F[e, r] = F[r, e]
     back, fine = _invert6(F, K)
     if not fine:
         status = 2

@@ -34,14 +34,11 @@ def gap_turn(h, moment, turn, J):
         x = moment[h, i] * moment[h, 3 + j] - moment[h, j] * moment[h, 3 + i]
         y = moment[h, 3 + i] * moment[h, 6 + j] - moment[h, 3 + j] * moment[h, 6 + i]
         turn[h, r] = a * p + b * s + c * q + d * x + y * PART_360
+        x, p, s = (x - 2.0 * q) * PART_360, p * PART_360, s * PART_240
         for e in range(3):
-            J[h, r, e] = (
-                (x - 2.0 * q) * moment[h, e] * PART_360
-                + p * moment[h, 6 + e] * PART_360
-                + s * moment[h, 3 + e] * PART_240
-            )
-            J[h, r, 3 + e] = s * moment[h, e] * PART_240 - p * moment[h, 3 + e] * PART_120
-            J[h, r, 6 + e] = p * moment[h, e] * PART_360
+            J[h, r, e] = x * moment[h, e] + p * moment[h, 6 + e] + s * moment[h, 3 + e]
+            J[h, r, 3 + e] = s * moment[h, e] - 3.0 * p * moment[h, 3 + e]
+            J[h, r, 6 + e] = p * moment[h, e]
     for r in range(3):
         # the direct factors, and d (p x s) + (s x q)/360
         i, j = (r + 1) % 3, (r + 2) % 3
@@ -59,7 +56,8 @@ def gap_turn(h, moment, turn, J):
 
 @kernel
 def gap_second(h, moment, turn, J, m0, m1, m2, u0, u1, u2, V, M):
-    """M (9, 9): symmetric second derivative by the moments of the work of m on the rotation of all behind gap h.
+    """M (9, 9): symmetric second derivative by the moments of the work of m on the rotation of all behind gap h, where the
+    axis of the row is that of the column or before it.
 
     m: moment carried, in the axes at the start of the gap; u = T^T m with the tangent T of exp(turn); turn and J of
     `gap_turn`; V (3, 3): scratch. The skew part, half of m on the cross product of two rotations, is left to the caller.
@@ -80,12 +78,15 @@ def gap_second(h, moment, turn, J, m0, m1, m2, u0, u1, u2, V, M):
     A00, A11, A22 = 2.0 * v0 * t0 + c, 2.0 * v1 * t1 + c, 2.0 * v2 * t2 + c
     A10, A20, A21 = v1 * t0 + v0 * t1, v2 * t0 + v0 * t2, v2 * t1 + v1 * t2
     # J^T A J
-    for e in range(9):
-        a, b, c = J[h, 0, e], J[h, 1, e], J[h, 2, e]
-        x, y, z = A00 * a + A10 * b + A20 * c, A10 * a + A11 * b + A21 * c, A20 * a + A21 * b + A22 * c
-        for k in range(9):
-            M[e, k] = J[h, 0, k] * x + J[h, 1, k] * y + J[h, 2, k] * z
-    # u.turn by the moments; v = s x u, w = u x p
+    for axis in range(3):
+        for e in range(axis, 9, 3):
+            a, b, c = J[h, 0, e], J[h, 1, e], J[h, 2, e]
+            x, y, z = A00 * a + A10 * b + A20 * c, A10 * a + A11 * b + A21 * c, A20 * a + A21 * b + A22 * c
+            for other in range(axis, 3):
+                for k in range(other, 9, 3):
+                    M[e, k] = J[h, 0, k] * x + J[h, 1, k] * y + J[h, 2, k] * z
+    # u.turn by the moments, in parts of 360; v = s x u, w = u x p
+    u0, u1, u2 = u0 * PART_360, u1 * PART_360, u2 * PART_360
     v0, v1, v2 = s1 * u2 - s2 * u1, s2 * u0 - s0 * u2, s0 * u1 - s1 * u0
     V[0, 0], V[0, 1], V[0, 2] = u0, u1, u2
     V[1, 0], V[1, 1], V[1, 2] = v0, v1, v2
@@ -95,32 +96,33 @@ def gap_second(h, moment, turn, J, m0, m1, m2, u0, u1, u2, V, M):
         p, s, q = moment[h, r], moment[h, 3 + r], moment[h, 6 + r]
         for e in range(3):
             pe, se, ue = moment[h, e], moment[h, 3 + e], V[0, e]
-            M[r, e] += (u * moment[h, 6 + e] + q * ue + p * V[1, e] + v * pe) * PART_360
-            x = u * se * PART_240 - ue * s * PART_120 + pe * w * PART_360
-            M[3 + r, e] += x
-            M[e, 3 + r] += x
-            M[3 + r, 3 + e] += (pe * u + ue * p) * PART_240
-            x = (ue * p - 2.0 * pe * u) * PART_360
-            M[6 + r, e] += x
-            M[e, 6 + r] += x
+            by_s, by_q = 1.5 * u * se - 3.0 * ue * s + pe * w, ue * p - 2.0 * pe * u
+            if r <= e:
+                M[r, e] += u * moment[h, 6 + e] + q * ue + p * V[1, e] + v * pe
+                M[3 + r, 3 + e] += 1.5 * (pe * u + ue * p)
+                M[3 + r, e] += by_s
+                M[6 + r, e] += by_q
+            if e <= r:
+                M[e, 3 + r] += by_s
+                M[e, 6 + r] += by_q
     # u.(p x s) = p.(s x u)
-    up, us = u0 * p0 + u1 * p1 + u2 * p2, (u0 * s0 + u1 * s1 + u2 * s2) * PART_240
+    up, us = u0 * p0 + u1 * p1 + u2 * p2, 1.5 * (u0 * s0 + u1 * s1 + u2 * s2)
     uq = u0 * moment[h, 6] + u1 * moment[h, 7] + u2 * moment[h, 8]
-    k = (p0 * v0 + p1 * v1 + p2 * v2 - 2.0 * uq) * PART_360
-    d = 1.0 / 12.0 + (p0 * p0 + p1 * p1 + p2 * p2) * PART_720
+    k = p0 * v0 + p1 * v1 + p2 * v2 - 2.0 * uq
     for r in range(3):
-        i, j, u = (r + 1) % 3, (r + 2) % 3, V[0, r]
         M[r, r] += k
         M[r, 3 + r] += us
         M[3 + r, r] += us
-        M[r, 6 + r] += up * PART_360
-        M[6 + r, r] += up * PART_360
-        M[3 + r, 3 + r] -= up * PART_120
-        M[i, 3 + j] += d * u
-        M[j, 3 + i] -= d * u
-        M[3 + i, j] -= d * u
-        M[3 + j, i] += d * u
-        M[3 + i, 6 + j] += u * PART_360
-        M[3 + j, 6 + i] -= u * PART_360
-        M[6 + i, 3 + j] -= u * PART_360
-        M[6 + j, 3 + i] += u * PART_360
+        M[r, 6 + r] += up
+        M[6 + r, r] += up
+        M[3 + r, 3 + r] -= 3.0 * up
+    # and the cross products of moments
+    d = 30.0 + 0.5 * (p0 * p0 + p1 * p1 + p2 * p2)
+    for r in range(2):
+        for e in range(r + 1, 3):
+            # e1 x e2 = e3, e2 x e3 = e1, but e1 x e3 = -e2
+            u = V[0, 0] if r == 1 else (V[0, 2] if e == 1 else -V[0, 1])
+            M[r, 3 + e] += d * u
+            M[3 + r, e] -= d * u
+            M[3 + r, 6 + e] += u
+            M[6 + r, 3 + e] -= u

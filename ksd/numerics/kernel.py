@@ -25,7 +25,11 @@ def kernel(
 
     inline: "always" puts its body into its callers, which saves compiling it once more where they are few.
     Division by zero gives inf or nan as in numpy (`error_model="numpy"`); results are checked for being
-    finite where they matter, so no exception machinery is compiled in. With NUMBA_DISABLE_JIT=1 it stays as it is.
+    finite where they matter, so no exception machinery is compiled in. A product and a sum may be rounded once instead
+    of twice (`fastmath={"contract"}`), by which a leaf in space takes a tenth less: last digits differ between processors
+    with and without that instruction. With NUMBA_DISABLE_JIT=1 it stays as it is.
     """
-    decorate = numba.njit(cache=FOLDER is not None, nogil=True, error_model="numpy", inline=inline)
+    decorate = numba.njit(
+        cache=FOLDER is not None, nogil=True, error_model="numpy", fastmath={"contract"}, inline=inline
+    )
     return decorate if function is None else decorate(function)
