@@ -18,6 +18,8 @@ L w v x n, for the m + (r(L) - r(s)) x n of the rod.
 A leaf with weight has line mass mu [kg/m] in gravity g [m/s^2], in frame p; its tables end with M(s) = int_s^L mu. Then
 the force is n(s) = n + M g. dH/dg = int M v is the first moment of the mass about end p, and eta_i its derivative by the
 amplitudes. `pull` holds g (`ksd.beam.weight`), and is empty for a leaf without weight.
+
+A leaf bent in its plane alone takes a shorter way to the same tangent (`ksd.beam.strain_flat`).
 """
 
 from __future__ import annotations
@@ -27,6 +29,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ksd.beam.strain_flat import flat_tangent, is_flat
 from ksd.beam.strain_gap import gap_second, gap_turn
 from ksd.beam.weight import PULL
 from ksd.numerics.kernel import kernel
@@ -256,7 +259,27 @@ def _tangent(value, number, inner, modes, gap, turn, J, T, G, R, psi, n, v, slop
     loaded = M0 != 0.0 or M1 != 0.0 or M2 != 0.0
     for h in range(ng):
         loaded = loaded or n[h, 0] != 0.0 or n[h, 1] != 0.0 or n[h, 2] != 0.0
-    for h in range(ng if loaded else -1, -1, -1):
+    flat = loaded and is_flat(number, inner, n)
+    if flat:
+        flat_tangent(
+            length,
+            number,
+            inner,
+            modes,
+            value[weight : weight + ng],
+            gap,
+            J,
+            G,
+            psi,
+            n,
+            v,
+            slope,
+            W,
+            residual,
+            X,
+            Z,
+        )
+    for h in range(ng if loaded and not flat else -1, -1, -1):
         if h < ng:
             w = length * value[weight + h]
             k0, k1, k2 = w * n[h, 0], w * n[h, 1], w * n[h, 2]
@@ -347,18 +370,21 @@ def _solve_modes(N, W, Y, before):
         negatives += pivot < 0.0
         for i in range(j + 1, N):
             l = W[j, i] / pivot
-            for c in range(i, N):
-                W[i, c] -= l * W[j, c]
-            for e in range(7):
-                Y[i, e] -= l * Y[j, e]
             W[i, j] = l
+            # bending in the plane of a leaf meets nothing out of it
+            if l != 0.0:
+                for c in range(i, N):
+                    W[i, c] -= l * W[j, c]
+                for e in range(7):
+                    Y[i, e] -= l * Y[j, e]
     for j in range(N - 1, -1, -1):
         for e in range(7):
             Y[j, e] /= W[j, j]
         for c in range(j + 1, N):
             l = W[c, j]
-            for e in range(7):
-                Y[j, e] -= l * Y[c, e]
+            if l != 0.0:
+                for e in range(7):
+                    Y[j, e] -= l * Y[c, e]
     return negatives, status
 
 

@@ -160,3 +160,28 @@ def _levi_civita():
     for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
         found[i, j, k], found[i, k, j] = 1.0, -1.0
     return found
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_leaf_bent_in_its_plane_is_worked_on_as_one_that_is_not(kind, rng):
+    """A twist too small for any number to notice takes the way of leaf springs bent anyhow."""
+    leaf = Leaf(kind, gravity=(300.0, -500.0, 0.0))
+    f, N = leaf.fields, leaf.N
+    inner = np.concatenate([np.zeros(7), rng.normal(size=6) * 8.0, rng.normal(size=6) * 300.0])
+    inner[N + 2 : N + 5] = 0.0
+    found = []
+    for twist in (0.0, 1e-200):
+        inner[0] = twist
+        strain_fields(leaf.value, leaf.number, inner, leaf.pull, f)
+        strain_tangent(leaf.value, leaf.number, inner, f)
+        found.append((f.W.copy(), f.g.copy()))
+    own = leaf.number[:2].sum()
+    assert not found[0][0][:own, own:].any()
+    scale = np.sqrt(np.abs(np.diag(found[1][0])))
+    assert np.abs((found[0][0] - found[1][0]) / np.outer(scale, scale)).max() < 1e-13
+    assert found[0][1] == pytest.approx(found[1][1], rel=1e-12, abs=1e-12 * np.abs(found[1][1]).max())
+    # far from what the leaf is without a load
+    strain_fields(leaf.value, leaf.number, np.zeros(N + 6), leaf.pull, f)
+    leaf.fields.n[:] = 0.0
+    strain_tangent(leaf.value, leaf.number, np.zeros(N + 6), f)
+    assert np.abs((found[0][0] - f.W) / np.outer(scale, scale))[:own, :own].max() > 0.1

@@ -1,0 +1,79 @@
+"""Tangent of a strain-mode leaf that is bent in its plane alone: weak bending meets neither torsion nor strong bending.
+
+Motions out of the plane are vectors in it, here complex numbers x + i y: e3 x (..) is i (..), the curvature of torsion is
+real, that of strong bending imaginary. The moments of a gap are (0, 0, p), (0, 0, s), (0, 0, q), its turn is p about e3, and
+of J and G, see `ksd.beam.strain_gap`, the three columns of torsion are enough: those of strong bending are i times as much.
+"""
+
+from __future__ import annotations
+
+from ksd.beam.strain_gap import PART_360
+from ksd.numerics.kernel import kernel
+from ksd.numerics.rotations import tangent_factors
+
+
+@kernel
+def is_flat(number, inner, n):
+    """Whether a leaf is bent in its plane alone, to the last bit; inner, n (ng, 3): as in `ksd.beam.strain`."""
+    across, N = number[0] + number[1], number[0] + number[1] + number[2]
+    flat = inner[N + 3] == 0.0 and inner[N + 4] == 0.0
+    for i in range(across):
+        flat = flat and inner[i] == 0.0
+    for h in range(number[3]):
+        flat = flat and n[h, 2] == 0.0
+    return flat
+
+
+@kernel
+def flat_tangent(length, number, inner, modes, weight, gap, J, G, psi, n, v, slope, W, residual, X, Z):
+    """W (lower) and residual as of `ksd.beam.strain.strain_tangent`, both zero before, without the leaf's own stiffness.
+
+    From end q back: M, the moment about e3 that a gap carries, and X, its derivative by the amplitudes, at end q as given.
+    """
+    nx, across, N, ng = number[0], number[0] + number[1], number[0] + number[1] + number[2], number[3]
+    M = inner[N + 5]
+    for h in range(ng, -1, -1):
+        if h < ng:
+            w = length * weight[h]
+            k0, k1 = w * n[h, 0], w * n[h, 1]
+            M += v[h, 0] * k1 - v[h, 1] * k0
+            for i in range(across):
+                X[0, i] -= slope[h, 2, i] * k1
+                X[1, i] += slope[h, 2, i] * k0
+            for i in range(across, N):
+                X[2, i] += slope[h, 0, i] * k1 - slope[h, 1, i] * k0
+        for i in range(across, N):
+            p = length * modes[h, 0, i]
+            residual[i] -= p * M
+            for j in range(across, i + 1):
+                W[i, j] -= p * X[2, j]
+        p, s, q, u = gap[h, 2], gap[h, 5], gap[h, 8], M * PART_360
+        # second derivative by the moments, Hermitian: c p M conj(j) j, and that of u.turn
+        jp, gp = complex(J[h, 0, 0], J[h, 1, 0]), complex(G[h, 0, 0], -G[h, 1, 0])
+        js, gs = complex(J[h, 0, 3], J[h, 1, 3]), complex(G[h, 0, 3], -G[h, 1, 3])
+        jq, gq = complex(J[h, 0, 6], J[h, 1, 6]), complex(G[h, 0, 6], -G[h, 1, 6])
+        _, c, _, _ = tangent_factors(p * p)
+        c *= p * M
+        pp = c * (jp.real * jp.real + jp.imag * jp.imag) - 2.0 * u * q
+        ss = c * (js.real * js.real + js.imag * js.imag) - 3.0 * u * p
+        qq = c * (jq.real * jq.real + jq.imag * jq.imag)
+        ps = c * jp.conjugate() * js + complex(1.5 * u * s, -(30.0 + 0.5 * p * p) * u)
+        pq = c * jp.conjugate() * jq + u * p
+        sq = c * js.conjugate() * jq - complex(0.0, u)
+        sp, qp, qs = ps.conjugate(), pq.conjugate(), sq.conjugate()
+        for i in range(across):
+            p, s, q = length * modes[h, 0, i], length * modes[h, 1, i], length * modes[h, 2, i]
+            # with the rotation in the middle of the gap
+            x = complex(
+                X[0, i] - 0.5 * M * (psi[h, 1, i] + psi[h + 1, 1, i]),
+                X[1, i] + 0.5 * M * (psi[h, 0, i] + psi[h + 1, 0, i]),
+            )
+            zp, zs, zq = pp * p + ps * s + pq * q, sp * p + ss * s + sq * q, qp * p + qs * s + qq * q
+            axis = 0 if i < nx else 1
+            if axis == 1:
+                zp, zs, zq = 1j * zp, 1j * zs, 1j * zq
+            zp, zs, zq = zp + gp * x, zs + gs * x, zq + gq * x
+            Z[i, 0], Z[i, 3], Z[i, 6] = zp.real, zs.real, zq.real
+            Z[i, 1], Z[i, 4], Z[i, 7] = zp.imag, zs.imag, zq.imag
+            for j in range(i + 1):
+                W[i, j] -= p * Z[j, axis] + s * Z[j, 3 + axis] + q * Z[j, 6 + axis]
