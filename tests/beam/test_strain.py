@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from ksd.beam.strain import fields_of, strain_condense, strain_fields, strain_recover, strain_tangent
+from ksd.beam.strain_flat import is_flat
 from ksd.beam.strain_values import PULL, make_modes, strain_scratch, strain_sizes, strain_values
 from ksd.numerics.rotations import rotation_exp
 
@@ -185,3 +186,18 @@ def test_a_leaf_bent_in_its_plane_is_worked_on_as_one_that_is_not(kind, rng):
     leaf.fields.n[:] = 0.0
     strain_tangent(leaf.value, leaf.number, np.zeros(N + 6), f)
     assert np.abs((found[0][0] - f.W) / np.outer(scale, scale))[:own, :own].max() > 0.1
+
+
+def test_a_leaf_with_any_moment_force_or_curvature_out_of_its_plane_is_not_flat():
+    number, n = np.array([2, 1, 2, 3]), np.zeros((3, 3))
+    n[:, :2] = 1.0
+    inner = np.concatenate([np.zeros(3), np.ones(2), [1.0, 1.0, 0.0], [0.0, 0.0, 1.0]])
+    assert is_flat(number, inner, n)
+    for i in (0, 1, 2, 8, 9):
+        bent = inner.copy()
+        bent[i] = 1e-200
+        assert not is_flat(number, bent, n)
+    for h in range(3):
+        pulled = n.copy()
+        pulled[h, 2] = 1e-200
+        assert not is_flat(number, inner, pulled)
