@@ -14,7 +14,7 @@ from ksd.design.table import spoken_column
 from ksd.design.tracking import SPARE, Between, Tracks, follow_through
 from ksd.errors import ConvergenceError, KsdError, SceneError
 from ksd.properties.alike import Alike, State, alike
-from ksd.properties.extent import clearance, extent
+from ksd.properties.extent import ALL_MEET, clearance, extent
 from ksd.properties.frequencies import Modes, frequencies
 from ksd.properties.parasitic import default_point, parasitic
 from ksd.properties.stiffness import (
@@ -87,11 +87,8 @@ def unanswerable(scene: Any) -> dict[str, str]:
     leaves = scene.leaf_names().values()
     if not scene.masses and not any(leaf.material.density for leaf in leaves):
         found["frequencies"] = "nothing has mass"
-    ends = [{j.a if e == "A" else j.b if e == "B" else f"{j.name}/{e}" for e in (leaf.start_block, leaf.end_block)}
-            for j in scene.joints for leaf in j.leaves()]  # fmt: skip
-    ends += [{placed.a, placed.b} for placed in scene.leaves]
-    if all(one & two for k, one in enumerate(ends) for two in ends[:k]):
-        found["clearance"] = "every two leaf springs share a block"
+    if not scene.leaves_apart():
+        found["clearance"] = ALL_MEET
     return found
 
 

@@ -12,22 +12,30 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.distance import cdist
 
 from ksd.errors import SceneError
 from ksd.model.arrays import Motion
 from ksd.model.compile import Model
+from ksd.properties.cache import per_model
 from ksd.properties.shape import POINTS, LeafShape, mechanism_shape, members_of_leaves
 from ksd.properties.words import Shown, number
 
 Array = NDArray[np.float64]
 _CORNERS = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
+CHUNK = 32
+"""Pairs of flat pieces that are looked at together, the nearest first."""
 _THEIRS, _OTHERS = (k.ravel() for k in np.meshgrid(np.arange(4), np.arange(4)))
+
+
+ALL_MEET = "every two leaf springs share a block or are in one joint with windows"
+"""Why a scene has no clearance."""
 
 
 @dataclass(frozen=True, repr=False)
 class Clearance(Shown):
-    """Smallest distance [m] between two leaf springs that share no block, half the thickness of both taken off; leaves:
-    their names. Not positive where they touch."""
+    """Smallest distance [m] between two leaf springs that share no block and are not in one joint with windows, half the
+    thickness of both taken off; leaves: their names. Not positive where they touch."""
 
     distance: float
     leaves: tuple[str, str]
@@ -53,23 +61,18 @@ def extent(model: Model, motion: Motion, *, points: int = POINTS) -> Array:
 
 
 def clearance(model: Model, motion: Motion, *, points: int = POINTS) -> Clearance:
-    """The nearest two leaf springs without a common block. Raises SceneError where all of them have one."""
+    """The nearest two leaf springs without a common block, but for those in one joint with windows. Raises SceneError where
+    there are none."""
     leaves = mechanism_shape(model, motion, points=points).leaves
-    members, node = members_of_leaves(model), model.arrays.members.node
-    blocks = np.array([[node[members[f.name][0], 0], node[members[f.name][-1], 1]] for f in leaves])
-    one, two = np.triu_indices(len(leaves), 1)
-    apart = ~(blocks[one][:, :, None] == blocks[two][:, None]).any(axis=(1, 2))
-    if not apart.any():
-        raise SceneError(
-            f"every two leaf springs of '{model.scene.name}' share a block: there is no clearance to speak of"
-        )
-    one, two = one[apart], two[apart]
+    one, two = _apart(model)
+    if not len(one):
+        raise SceneError(f"{ALL_MEET} in '{model.scene.name}': there is no clearance to speak of.")
     piece = [_pieces(f) for f in leaves]
     half = np.array([0.5 * f.thickness.max() for f in leaves])
-    centre = np.array([p[0].mean(axis=0) for p in piece])
-    reach = np.array([_reach(p, c) for p, c in zip(piece, centre, strict=True)])
-    gap = np.linalg.norm(centre[one] - centre[two], axis=1)
-    least = gap - reach[one] - reach[two] - half[one] - half[two]
+    ends = [_corners(p).reshape(-1, 3) for p in piece]
+    low, high = (np.array([end(c, axis=0) for c in ends]) for end in (np.min, np.max))
+    least = np.linalg.norm(np.maximum(0.0, np.maximum(low[one] - high[two], low[two] - high[one])), axis=1)
+    least -= half[one] + half[two]
     best, where = np.inf, (0, 0)
     for k in np.argsort(least):
         if least[k] >= best:
@@ -81,6 +84,14 @@ def clearance(model: Model, motion: Motion, *, points: int = POINTS) -> Clearanc
     return Clearance(float(best), (leaves[where[0]].name, leaves[where[1]].name))
 
 
+@per_model
+def _apart(model: Model) -> NDArray[np.int64]:
+    """Leaf springs (2, k) of the shape, of every two that have a clearance."""
+    index = {name: k for k, name in enumerate(members_of_leaves(model))}
+    pairs = [(index[a], index[b]) for a, b in model.scene.leaves_apart()]
+    return np.array(pairs, dtype=np.int64).reshape(-1, 2).T
+
+
 def _pieces(leaf: LeafShape) -> Array:
     """Centres, half edges along and half edges across (3, k, 3) of the flat pieces of a sheet."""
     across = 0.5 * leaf.width[:, None] * leaf.axes[:, :, 2]
@@ -88,22 +99,30 @@ def _pieces(leaf: LeafShape) -> Array:
     return np.array([0.5 * (ends[0] + ends[1]), 0.5 * (ends[1] - ends[0]), 0.5 * (across[:-1] + across[1:])])
 
 
-def _radius(piece: Array) -> Array:
-    """Largest distance (k,) from the centres of pieces to their corners."""
-    found: Array = np.linalg.norm(np.abs(piece[1]) + np.abs(piece[2]), axis=-1)
-    return found
-
-
-def _reach(piece: Array, centre: Array) -> float:
-    return float((np.linalg.norm(piece[0] - centre, axis=1) + _radius(piece)).max())
-
-
 def _distance(one: Array, two: Array, most: float) -> float:
     """Distance of two sheets (3, k, 3); inf where it is not below `most`."""
-    gap = np.linalg.norm(one[0][:, None] - two[0][None], axis=2)
-    near = gap - np.add.outer(_radius(one), _radius(two)) < min(most, float(gap.min()) * (1 + 1e-12))
-    i, j = np.nonzero(near)
-    return float(np.min(_flat_distance(one[:, i], two[:, j]), initial=np.inf))
+    gap = np.maximum(_box_gap(one, two), _box_gap(two, one).T)
+    # no further than the centres of two pieces are
+    i, j = np.nonzero(gap <= min(most, float(cdist(one[0], two[0]).min())))
+    nearest = np.argsort(gap[i, j])
+    best = np.inf
+    for part in np.split(nearest, range(CHUNK, len(nearest), CHUNK)):
+        if len(part) and gap[i[part[0]], j[part[0]]] < best:
+            best = min(best, float(_flat_distance(one[:, i[part]], two[:, j[part]]).min()))
+    return best
+
+
+def _box_gap(one: Array, two: Array) -> Array:
+    """What the pieces (3, n, 3) of a sheet and (3, m, 3) of another are apart at least (n, m), along edges and normals of
+    those of the first."""
+    axes = np.stack([one[1], np.cross(one[1], one[2]), one[2]], axis=1)
+    axes[:, 2] = np.cross(axes[:, 0], axes[:, 1])
+    axes /= np.linalg.norm(axes, axis=2, keepdims=True)
+    middle, *edges = (part @ np.swapaxes(axes, 1, 2) for part in two[:, None])
+    own = np.abs(axes @ np.moveaxis(one[1:], 0, 2)).sum(axis=2)
+    away = np.abs(middle - (axes @ one[0][:, :, None]).swapaxes(1, 2)) - own[:, None]
+    found: Array = np.linalg.norm(np.maximum(0.0, away - np.abs(edges[0]) - np.abs(edges[1])), axis=2)
+    return found
 
 
 def _flat_distance(one: Array, two: Array) -> Array:

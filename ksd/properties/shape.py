@@ -375,10 +375,20 @@ def members_of_leaves(model: Model) -> dict[str, list[int]]:
     return found
 
 
+@per_model
+def _rest_lines(model: Model) -> dict[tuple[int, int], tuple[Array, Array, Array]]:
+    """`member_line` at rest, by member and stations, of those asked for so far."""
+    return {}
+
+
 def _leaf_shape(model: Model, motion: Motion, name: str, members: list[int], points: int) -> LeafShape:
     leaf = scene_leaves(model)[name]
     count = max(2, math.ceil((points - 1) / len(members)) + 1)
-    lines = [[member_line(model, m, i, count) for i in members] for m in (model.rest, motion)]
+    known = _rest_lines(model)
+    for i in members:
+        if (i, count) not in known:
+            known[i, count] = member_line(model, model.rest, i, count)
+    lines = [[known[i, count] for i in members], [member_line(model, motion, i, count) for i in members]]
     at = np.cumsum([0.0] + [line[0][-1] for line in lines[0]])
     # where two elements meet, the station is kept once
     kept = [slice(int(k > 0), None) for k in range(len(members))]

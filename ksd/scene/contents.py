@@ -8,6 +8,7 @@ import operator
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import combinations
 from typing import Any
 
 import numpy as np
@@ -131,6 +132,19 @@ class Scene(InNotebooks):
         """Every leaf by its full name: "joint/leaf", and free-form leaf springs by their own."""
         inside = {f"{j.name}/{leaf.name}": leaf for j in self.joints for leaf in j.leaves()}
         return inside | {placed.name: placed.leaf for placed in self.leaves}
+
+    def leaves_apart(self) -> list[tuple[str, str]]:
+        """Full names of every two leaf springs that share no block and are not in one joint with windows."""
+        blocks: dict[str, set[str]] = {}
+        for j in self.joints:
+            ends = {"A": j.a, "B": j.b}
+            for leaf in leaves_of(j.joint):
+                both = (leaf.start_block, leaf.end_block)
+                found = blocks[f"{j.name}/{leaf.name}"] = {ends.get(e, f"{j.name}/{e}") for e in both}
+                # what passes through windows of one another shares the joint as if it were a block
+                found |= {f"{j.name}/"} if j.joint.windows else set()
+        blocks |= {placed.name: {placed.a, placed.b} for placed in self.leaves}
+        return [(one, two) for one, two in combinations(blocks, 2) if not blocks[one] & blocks[two]]
 
     @cached_property
     def unchangeable(self) -> bool:

@@ -124,7 +124,7 @@ def test_what_a_mechanism_has_no_answer_to_is_said_and_not_asked():
     m.actuate(table_, along="x", at=(0.03, 0.03, 0), name="drive")
     reasons = {
         "frequencies": "nothing has mass",
-        "clearance": "every two leaf springs share a block",
+        "clearance": "every two leaf springs share a block or are in one joint with windows",
     }
     assert unanswerable(m.scene()) == reasons
     found = ksd.sweep(m, drive=[0.0, 2e-3], **QUIET)

@@ -91,6 +91,37 @@ def test_distance_of_flat_pieces_is_the_least_of_many_points():
         )
 
 
+def test_distance_of_sheets_is_the_least_of_all_pairs_of_their_pieces():
+    rng = np.random.default_rng(7)
+    for k in range(40):
+        # two curved, twisted sheets of nine pieces, far, near and through each other
+        one, two = np.cumsum(rng.normal(size=(2, 3, 9, 3)), axis=2) * [[[1]], [[0.4]], [[0.7]]]
+        two[0] += rng.normal(size=3) * (9.0, 2.0, 0.0)[k % 3]
+        i, j = (a.ravel() for a in np.mgrid[:9, :9])
+        least = extent._flat_distance(one[:, i], two[:, j]).min()
+        assert extent._distance(one, two, np.inf) == pytest.approx(least, rel=1e-12, abs=1e-15)
+        assert extent._distance(one, two, least + 0.1) == pytest.approx(least, rel=1e-12, abs=1e-15)
+
+
+def test_leaf_springs_in_windows_of_one_joint_are_not_what_is_near():
+    # the folded leaf springs of this hinge have windows for its bars: told as touching, whatever the pose
+    scene, targets, _ = ksd.load_scene("ksd/scenes/arm_joints.toml")
+    pose = ksd.solve(scene, targets, method="reduced")
+    found = pose.clearance()
+    places = {}
+    for f in mechanism_shape(*pose.insides, points=41).leaves:
+        v = np.linspace(-0.5, 0.5, 21)[None, :, None] * f.width[:, None, None]
+        places[f.name] = (f.place[:, None] + v * f.axes[:, None, :, 2]).reshape(-1, 3)
+    trees = {name: cKDTree(p) for name, p in places.items()}
+    pairs = [(a, b) for a, b in scene.scene().leaves_apart() if a.split("/")[0] != b.split("/")[0]]
+    assert len(pairs) > 100 and all(
+        a.split("/")[0] != b.split("/")[0] for a, b in scene.scene().leaves_apart()
+    )
+    near = sorted(pairs, key=lambda p: np.linalg.norm(places[p[0]].mean(axis=0) - places[p[1]].mean(axis=0)))
+    least = min(trees[a].query(places[b])[0].min() for a, b in near[:400])
+    assert found.distance == pytest.approx(least - 0.45 * mm, abs=0.1 * mm) and found.distance > 5 * mm
+
+
 def test_no_clearance_where_all_leaf_springs_share_a_block():
     with pytest.raises(ksd.SceneError, match="share a block"):
         ksd.solve(single_joint(), turn=0.1).clearance()
