@@ -204,7 +204,7 @@ class Table(InNotebooks):
         *questions: str,
         path: str | os.PathLike[str] | None = None,
         over: str | None = None,
-        wide: int = 3,
+        wide: int = 2,
     ) -> Figure:
         """Matplotlib figure of the answers over the stroke, written to `path` (.png, .pdf, .svg ...) if given.
 

@@ -9,6 +9,7 @@ Global axes, SI.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import lru_cache
 from itertools import pairwise
@@ -52,7 +53,8 @@ class LeafShape:
 
 @dataclass(frozen=True)
 class BlockShape:
-    """A rigid block (link, ground, or block inside a joint): where leaf springs are clamped and drives act on it.
+    """A rigid block (link, ground, or block inside a joint): where leaf springs are clamped, drives, loads and springs
+    act, masses sit, and distances are asked.
 
     rest, place (k, 3): global positions [m]; owner (k,): name of the joint or leaf each point belongs to. leaf,
     station (k,): which leaf of the shape ends there and with which station (0 or -1); leaf -1 where none does.
@@ -107,6 +109,15 @@ class SpringShape:
 
 
 @dataclass(frozen=True)
+class DistanceShape:
+    """A distance asked for: its two points now, ends (2, 3) [m], and the direction (3,) it is measured in."""
+
+    name: str
+    ends: Array
+    direction: Array
+
+
+@dataclass(frozen=True)
 class Shape:
     """All there is to draw of a configuration; leaf springs and blocks in the order of the model."""
 
@@ -116,6 +127,7 @@ class Shape:
     hinges: tuple[HingeShape, ...] = ()
     loads: tuple[LoadShape, ...] = ()
     springs: tuple[SpringShape, ...] = ()
+    distances: tuple[DistanceShape, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -435,6 +447,10 @@ def _blocks(model: Model, motion: Motion) -> tuple[BlockShape, ...]:
             if term.kind == "translation":
                 arm = np.asarray(term.point, float) - model.rest.x[index[term.link]]
                 found[index[term.link]].append((arm, drive.name, -1, 0))
+    for link, at, acting in _points(model):
+        # ground is where something is clamped to it
+        if index[link]:
+            found[index[link]].append((np.asarray(at, float) - model.rest.x[index[link]], acting, -1, 0))
     blocks = []
     for node, name in enumerate(model.node_names):
         if found[node]:
@@ -443,6 +459,24 @@ def _blocks(model: Model, motion: Motion) -> tuple[BlockShape, ...]:
             rest = model.rest.x[node] + np.array(arms)
             blocks.append(BlockShape(name, rest, place, owner, np.array(leaf), np.array(station)))
     return tuple(blocks)
+
+
+def _points(model: Model) -> Iterator[tuple[str, ArrayLike, str]]:
+    """Link, place (3,) [m] at rest and name of what is fixed to links besides: loads, masses, springs, ends of distances."""
+    scene = model.scene
+    for load in scene.loads:
+        if np.any(load.force):
+            yield load.link, load.at, load.name
+    for mass in scene.masses:
+        if mass.mass:
+            yield mass.link, mass.at, mass.link
+    for spring in scene.springs:
+        if isinstance(spring, Spring):
+            yield spring.a, spring.start, spring.name
+            yield spring.b, spring.end, spring.name
+    for asked in scene.distances:
+        yield asked.a, asked.start, asked.name
+        yield asked.b, asked.end, asked.name
 
 
 def _hinges(model: Model, motion: Motion) -> tuple[HingeShape, ...]:
@@ -484,6 +518,17 @@ def _springs(model: Model, motion: Motion) -> tuple[SpringShape, ...]:
     return tuple(found)
 
 
+def _distances(model: Model, motion: Motion) -> tuple[DistanceShape, ...]:
+    index, found = {link: i for i, link in enumerate(model.scene.links)}, []
+    for asked in model.scene.distances:
+        ends = np.array(
+            [moved(model, motion, index[n], at) for n, at in ((asked.a, asked.start), (asked.b, asked.end))]
+        )
+        way = ends[1] - ends[0] if asked.along is None else motion.R[index[asked.a]] @ np.asarray(asked.along)
+        found.append(DistanceShape(asked.name, ends, way / max(float(np.linalg.norm(way)), 1e-300)))
+    return tuple(found)
+
+
 def moved(model: Model, motion: Motion, node: int, at: ArrayLike) -> Array:
     """Where the point at (3,) [m] at rest of a node is now (3,)."""
     arm = np.asarray(at, float) - model.rest.x[node]
@@ -492,9 +537,10 @@ def moved(model: Model, motion: Motion, node: int, at: ArrayLike) -> Array:
 
 
 def mechanism_shape(model: Model, motion: Motion, *, points: int = POINTS, load_factor: float = 1.0) -> Shape:
-    """Leaf springs at `points` stations or more, blocks, driven points, hinges, loads and springs of `model` at `motion`."""
+    """Leaf springs at `points` stations or more, blocks, driven points, hinges, loads, springs and distances of `model`
+    at `motion`."""
     leaves = tuple(_leaf_shape(model, motion, n, m, points) for n, m in members_of_leaves(model).items())
     return Shape(
         leaves, _blocks(model, motion), _driven(model, motion), _hinges(model, motion),
-        _loads(model, motion, factor=load_factor), _springs(model, motion),
+        _loads(model, motion, factor=load_factor), _springs(model, motion), _distances(model, motion),
     )  # fmt: skip

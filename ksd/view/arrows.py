@@ -11,6 +11,8 @@ from ksd.view.figure import BACKING, DRIVE, INK, LOAD, Array, spoken_force, spok
 
 LEAST, USUAL = 0.1, 0.13
 """Shortest arrow of a drive, and length of the arrow of a load, over the size of the mechanism."""
+COIL = 0.015
+"""Half the width of a coil spring, and the length of one of its coils, over that size."""
 ROUND = 0.05
 """Radius of the arrow of a rotation or moment over that size."""
 
@@ -69,6 +71,24 @@ def _load(axes: Any, load: Any, camera: Camera, size: float, *, labels: bool) ->
     return busy
 
 
+def draw_distances(axes: Any, shape: Any, camera: Camera, *, labels: bool) -> Array:
+    """Distances asked for: both points, and a thin line along which the distance is measured, with its value; returns points
+    (n, 2) [mm] that no label should cover."""
+    busy = [np.zeros((0, 2))]
+    for asked in shape.distances:
+        start, end = asked.ends
+        value = float((end - start) @ asked.direction)
+        line = camera.flat(np.stack([start, start + value * asked.direction, end]))
+        axes.plot(*line[:2].T, color=INK, linewidth=0.7, zorder=4.5, gid="distance")
+        axes.plot(*line[1:].T, color=INK, linewidth=0.7, linestyle=":", zorder=4.5)
+        axes.plot(*line[[0, 2]].T, "x", color=INK, markersize=5, zorder=6)
+        busy += [line, np.linspace(line[0], line[1], 25)]
+        if labels:
+            said = f"{asked.name}: {spoken_value(value, 'translation')}"
+            _label(axes, said, line[:2].mean(axis=0), INK)
+    return np.concatenate(busy)
+
+
 def _arrow(axes: Any, start: Array, end: Array, color: str) -> None:
     look = {"arrowstyle": "-|>", "color": color, "linewidth": 1.4, "shrinkA": 0, "shrinkB": 0}
     axes.annotate("", end, start, zorder=5, arrowprops=look)
@@ -109,7 +129,9 @@ def draw_springs(axes: Any, shape: Any, camera: Camera, size: float) -> None:
             start, end = camera.flat(spring.ends)
             way = end - start
             across = np.array([-way[1], way[0]]) / max(float(np.linalg.norm(way)), 1e-12)
-            share = np.concatenate([[0.0], np.linspace(0.2, 0.8, 14), [1.0]])
-            side = np.concatenate([[0.0], [0.0], np.tile([1.0, -1.0], 6), [0.0], [0.0]])
-            line = start + share[:, None] * way + 1e3 * 0.015 * size * side[:, None] * across
+            # coils of one size, however long it is
+            turns = int(np.clip(0.6 * np.linalg.norm(way) / (1e3 * COIL * size), 3, 40))
+            share = np.concatenate([[0.0], np.linspace(0.2, 0.8, 2 * turns + 2), [1.0]])
+            side = np.concatenate([[0.0, 0.0], np.tile([1.0, -1.0], turns), [0.0, 0.0]])
+            line = start + share[:, None] * way + 1e3 * COIL * size * side[:, None] * across
         axes.plot(*line.T, color=INK, linewidth=1.0, zorder=4.5, gid="spring")

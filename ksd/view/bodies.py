@@ -6,7 +6,7 @@ pads: both convex.
 
 from __future__ import annotations
 
-from itertools import pairwise
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -19,8 +19,8 @@ THICK = 0.006
 """Half the thickness of pads and webs, over the size of the mechanism."""
 SLIM = 0.42
 """Width of a web over that of the pads it joins."""
-FINE = 0.07
-"""Largest side of a polygon over the size of the mechanism: painted from back to front, large ones would hide others."""
+STEP = np.deg2rad(4.0)
+"""Turn between two stations of a leaf that is drawn with few."""
 SHARP = 0.9
 """Cosine of the angle between two faces from which their edge is drawn."""
 HATCH, GAP = 0.022, 0.016
@@ -62,16 +62,14 @@ def ribbon(place: Array, axes: Array, width: Array) -> tuple[Array, Array]:
 
 
 def pads(shape: Any, block: Any, *, rest: bool = False) -> list[Pad]:
-    """The pads of a block, one per joint or free leaf spring, drive and hinge; of the undeformed block with `rest`."""
-    found = []
-    owners = np.array(block.owner)
-    for owner in dict.fromkeys(block.owner):
-        points, edges, away = [], [], []
+    """The pads of a block, one per single point, joint or free leaf spring; of the undeformed block with `rest`."""
+    places = block.rest if rest else block.place
+    found = [Pad(point[None], (), np.zeros((0, 3))) for point in places[block.leaf < 0]]
+    owners = np.where(block.leaf < 0, "", block.owner)
+    for owner in dict.fromkeys(owners[block.leaf >= 0]):
+        edges, away = [], []
         for k in np.flatnonzero(owners == owner):
-            point = (block.rest if rest else block.place)[k]
-            if block.leaf[k] < 0:
-                points.append(point[None])
-                continue
+            point = places[k]
             leaf, j = shape.leaves[block.leaf[k]], int(block.station[k])
             axes = (leaf.rest_axes if rest else leaf.axes)[j]
             sides = 0.5 * leaf.width[j] * axes[:, 2]
@@ -81,7 +79,7 @@ def pads(shape: Any, block: Any, *, rest: bool = False) -> list[Pad]:
                 edge = np.concatenate([edge - across, edge + across])
             edges.append(edge)
             away.append(axes[:, 0] if j == 0 else -axes[:, 0])
-        found.append(Pad(np.concatenate(points + edges), tuple(edges), np.reshape(away, (-1, 3))))
+        found.append(Pad(np.concatenate(edges), tuple(edges), np.reshape(away, (-1, 3))))
     return found
 
 
@@ -99,7 +97,7 @@ def parts(block: Any, found: list[Pad], size: float) -> list[Array]:
     for pad, middle in zip(found, middles, strict=True):
         if not len(pad.away):
             continue
-        if _back(pad) is not None or (alone and block.name != "ground"):
+        if back_of(pad) is not None or (alone and block.name != "ground"):
             clamped.append(pad.corners)
         elif block.name == "ground":
             clamped += pad.edges
@@ -137,7 +135,7 @@ def body(points: Array, half: float, color: Any, *, edge: Any) -> list[Polygon]:
     return found
 
 
-def sheets(leaf: Any, colors: Any, *, line: float, size: float) -> list[Polygon]:
+def sheets(leaf: Any, colors: Any, *, line: float) -> list[Polygon]:
     """A leaf spring between its stations, colors (k-1, 4) or one, with its thickness where that varies."""
     low, high = ribbon(leaf.place, leaf.axes, leaf.width)
     normals = leaf.axes[:, :, 1]
@@ -152,17 +150,25 @@ def sheets(leaf: Any, colors: Any, *, line: float, size: float) -> list[Polygon]
             (low + off, high + off, normals), (low - off, high - off, -normals),
             (low - off, low + off, -side), (high - off, high + off, side),
         ]  # fmt: skip
-    pieces = int(np.clip(np.ceil(leaf.width.max() / (FINE * size)), 1, 12))
     for a, b, out in strips:
-        rungs = [a + u * (b - a) for u in np.linspace(0.0, 1.0, pieces + 1)]
-        for p, q in pairwise(rungs):
-            quads = np.stack([p[:-1], p[1:], q[1:], q[:-1]], axis=1)
-            # shading would change what a colour says
-            found += [
-                Polygon(quad, color, out[k] if light else None, line)
-                for k, (quad, color) in enumerate(zip(quads, each, strict=True))
-            ]
+        quads = np.stack([a[:-1], a[1:], b[1:], b[:-1]], axis=1)
+        # shading would change what a colour says
+        found += [
+            Polygon(quad, color, out[k] if light else None, line)
+            for k, (quad, color) in enumerate(zip(quads, each, strict=True))
+        ]
     return found
+
+
+def sparse(leaf: Any) -> Any:
+    """A leaf spring with no more stations than show its bend and twist."""
+    turns = leaf.axes[:-1].transpose(0, 2, 1) @ leaf.axes[1:]
+    angle = np.arccos(np.clip(0.5 * (np.trace(turns, axis1=1, axis2=2) - 1.0), -1.0, 1.0))
+    so_far = np.concatenate([[0.0], np.cumsum(angle)])
+    wanted = np.linspace(0.0, so_far[-1], int(np.ceil(so_far[-1] / STEP)) + 1)
+    kept = np.unique([0, *np.searchsorted(so_far, wanted[:-1]), len(so_far) - 1])
+    keys = ("s", "rest", "place", "rest_axes", "axes", "width", "thickness")
+    return replace(leaf, **{key: getattr(leaf, key)[kept] for key in keys})
 
 
 def outlines(leaf: Any, camera: Camera, *, rest: bool = False) -> list[Array]:
@@ -181,14 +187,14 @@ def outlines(leaf: Any, camera: Camera, *, rest: bool = False) -> list[Array]:
 def hatches(pad: Pad, size: float, camera: Camera) -> list[Array]:
     """Lines (2, 3) [m] of ground behind a pad: its edge, then strokes; behind every one of its leaf springs where it has no
     one back."""
-    back = _back(pad)
+    back = back_of(pad)
     if back is not None:
         return _ground(pad.corners, back, size, camera)
     each = zip(pad.edges, pad.away, strict=True)
     return [line for edge, away in each for line in _ground(edge, -away, size, camera)]
 
 
-def _back(pad: Pad) -> Array | None:
+def back_of(pad: Pad) -> Array | None:
     """Direction (3,) to the back of a flat pad; None where it is not flat or has leaf springs on both sides."""
     if not len(pad.away):
         return None
@@ -210,11 +216,17 @@ def _ground(corners: Array, back: Array, size: float, camera: Camera) -> list[Ar
     middle = corners.mean(axis=0)
     along = np.cross(camera.toward, back)
     if camera.plane is None:
-        longest = np.linalg.svd(corners - middle).Vh[:2]
-        along = max(longest, key=lambda way: float(np.linalg.norm(camera.flat(way))))
+        # the sides of the pad: along the width of a leaf spring and across it, the longer one as seen
+        wide = corners[1] - corners[0]
+        wide = wide - (wide @ back) * back
+        sides = [way / np.linalg.norm(way) for way in (wide, np.cross(back, wide))]
+        along = max(sides, key=lambda way: float(np.ptp(corners @ way) * np.linalg.norm(camera.flat(way))))
         side = np.cross(along, back)
         side *= np.sign(side @ camera.toward)
-        middle = middle + ((corners - middle) @ side).max() * side
+        beside = (corners - middle) @ side
+        middle = middle + beside.max() * side
+        # it need not be a rectangle
+        corners = corners[beside > beside.max() - 0.5 * np.ptp(beside) - 1e-9 * size]
     along = along / max(float(np.linalg.norm(along)), 1e-12)
     far = (corners - middle) @ along
     reach = max(0.5 * float(np.ptp(far)), 1.5 * GAP * size)
@@ -230,22 +242,3 @@ def block_colors(shape: Any) -> dict[str, str]:
     names = [b.name for b in shape.blocks if b.name != "ground" and "/" not in b.name]
     turn = {name: LINKS[k % len(LINKS)] for k, name in enumerate(names)}
     return {b.name: turn.get(b.name, GROUND if b.name == "ground" else FAINT) for b in shape.blocks}
-
-
-def fine(polygons: list[Polygon], most: float) -> list[Polygon]:
-    """The same, triangles and lines with a side longer than `most` [m] cut in halves again and again."""
-    found, left = [], list(polygons)
-    while left:
-        p = left.pop()
-        turn = [1, 0] if len(p.corners) == 2 else [1, 2, 0]
-        sides = ((p.corners - p.corners[turn]) ** 2).sum(axis=1)
-        k = int(sides.argmax())
-        if sides[k] <= most * most:
-            found.append(p)
-            continue
-        half = 0.5 * (p.corners[k] + p.corners[turn[k]])
-        for moved in (k, turn[k]):
-            corners = p.corners.copy()
-            corners[moved] = half
-            left.append(p._replace(corners=corners))
-    return found

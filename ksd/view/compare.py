@@ -7,9 +7,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ksd.view.figure import INK
+from ksd.view.figure import INK, LINES, plain_axes
+from ksd.view.labels import part_labels
 
-_STYLE = (("#c2410c", "o"), ("#3b6ea5", "s"), ("#6a9f58", "^"))
+_STYLE = tuple(zip(LINES, "os^", strict=False))
 
 
 class Mark(NamedTuple):
@@ -29,18 +30,15 @@ def plot_cost(axes: Any, marks: Sequence[Mark], *, title: str = "") -> None:
         style = {"color": color, "marker": symbol, "markersize": 7, "markeredgecolor": "white"}
         x, y = [1e6 * m.time for m in mine], [100 * m.error for m in mine]
         axes.plot(x, y, linestyle="none", label=label, zorder=3, **style)
-    for m, (side, shift) in zip(marks, _sides(marks), strict=True):
+    for m in marks:
         place = (1e6 * m.time, 100 * m.error)
-        axes.annotate(
-            m.name, place, shift, textcoords="offset points", fontsize=8, color=INK, ha=side, va="center"
-        )
+        axes.annotate(m.name, place, (9, 0), textcoords="offset points", fontsize=8, color=INK, va="center")
     _scales(axes, marks)
     axes.set_xlabel("thread time of a solve [\N{MICRO SIGN}s]")
     axes.set_ylabel("error of force and displacement [%]")
     axes.set_title(title, fontsize=10, color=INK, loc="left")
-    axes.legend(fontsize=8, frameon=False, loc="upper right")
-    for side in ("top", "right"):
-        axes.spines[side].set_visible(False)
+    axes.legend(fontsize=8, frameon=False, loc="upper center", bbox_to_anchor=(0.5, -0.12), ncols=3)
+    part_labels(axes, np.array([(1e6 * m.time, 100 * m.error) for m in marks]), np.zeros((0, 2)))
 
 
 def _scales(axes: Any, marks: Sequence[Mark]) -> None:
@@ -52,23 +50,4 @@ def _scales(axes: Any, marks: Sequence[Mark]) -> None:
     axes.set_ylim(30 * errors.min(), 500 * errors.max())
     for axis in (axes.xaxis, axes.yaxis):
         axis.set_major_formatter("{x:g}")
-    axes.grid(True, which="major", color="#eceff4", linewidth=0.8)
-    axes.set_axisbelow(True)
-
-
-def _sides(marks: Sequence[Mark]) -> list[tuple[str, tuple[float, float]]]:
-    """Where the names go: right of a mark; in a close row the first left, the last right, others above."""
-    found = []
-    for m in marks:
-        row = [
-            o
-            for o in marks
-            if abs(np.log10(o.error / m.error)) < 0.25 and abs(np.log10(o.time / m.time)) < 0.6
-        ]
-        if m is max(row, key=lambda o: o.time):
-            found.append(("left", (8.0, 0.0)))
-        elif m is min(row, key=lambda o: o.time):
-            found.append(("right", (-8.0, 0.0)))
-        else:
-            found.append(("center", (0.0, 11.0)))
-    return found
+    plain_axes(axes)

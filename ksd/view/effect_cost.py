@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from ksd.view.figure import BACKING, INK, LEAF
+from ksd.view.figure import BACKING, INK, LEAF, REST, plain_axes
 
-KEPT, LEFT = LEAF, "#b8c0cc"
+KEPT, LEFT = LEAF, REST
 
 
 def plot_effect_cost(
@@ -48,11 +48,8 @@ def plot_effect_cost(
     for one in axes:
         one.set_ylim(-0.5, len(names) + 0.05)
         one.xaxis.set_major_formatter("{x:g}")
-        one.grid(True, axis="x", color="#eceff4", linewidth=0.8)
-        one.set_axisbelow(True)
+        plain_axes(one, grid="x")
         one.tick_params(axis="y", length=0)
-        for side in ("top", "right"):
-            one.spines[side].set_visible(False)
     left.set_title(
         "What an effect changes (orange: simulated, grey: left out)", fontsize=10, color=INK, loc="left"
     )

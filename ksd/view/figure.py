@@ -6,7 +6,7 @@ import io
 import os
 from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,10 +27,21 @@ LOAD = "#0f6674"
 GROUND = "#4b5563"
 SHOWN = 0.64
 """Width of a figure in a notebook over that of its pixels, which are of screens twice as fine."""
+GRID = "#eceff4"
+PALE = "#eef0f4"
+"""Faces of what is undeformed."""
+LINES = (LEAF, "#3b6ea5", "#6a9f58", "#9a7bb5", "#b8925b", "#4fa3a0", "#b8657f", INK)
+"""Curves, marks and bars take these in turn; what is ordered takes shades of `color_map` (`shades`)."""
 LINKS = ("#5b8db8", "#6a9f58", "#9a7bb5", "#b8925b", "#4fa3a0", "#b8657f")
 """Links take these in turn; leaf springs share one colour so that they stand out."""
 BACKING = {"boxstyle": "round,pad=0.15", "fc": "white", "ec": "none", "alpha": 0.75}
 """Behind the words in a picture of a mechanism."""
+_LARGEST = {
+    "thickness": 0.05, "diameter": 0.05, "gap": 0.05, "fillet": 0.05, "length": 2.0, "width": 2.0, "spacing": 2.0,
+    "radius": 2.0, "angle": 3.15,
+}  # fmt: skip
+"""Design parameters that are lengths [m] or angles [rad], and what they are at most: beyond, they are in units of the
+user's own."""
 
 
 def new_figure(width: float, height: float, *, dpi: int = 150) -> Figure:
@@ -111,6 +122,19 @@ def color_map() -> Any:
     return ListedColormap(colormaps["inferno_r"](np.linspace(0.1, 0.95, 256)), name="light to dark")
 
 
+def shades(count: int) -> list[Any]:
+    """Colours of so many curves in their order, light to dark, of the one colour map."""
+    return list(color_map()(np.linspace(0.2, 0.95, count) if count > 1 else np.array([0.5])))
+
+
+def plain_axes(axes: Any, *, grid: Literal["both", "x"] = "both") -> None:
+    """A faint grid behind what is drawn, and no frame above and on the right."""
+    axes.grid(True, axis=grid, color=GRID, linewidth=0.8)
+    axes.set_axisbelow(True)
+    for side in ("top", "right"):
+        axes.spines[side].set_visible(False)
+
+
 def hull(points: Array) -> Array:
     """Corners (k, 2), counterclockwise, of the convex hull of points (n, 2); two where they lie on a line."""
     order = sorted({(float(x), float(y)) for x, y in points})
@@ -136,8 +160,29 @@ def _left(a: tuple[float, float], b: tuple[float, float], c: tuple[float, float]
 
 
 def spoken_value(value: float, kind: str) -> str:
-    """A drive value with its unit: mm for translations, degrees for rotations."""
-    return f"{1e3 * value:.4g} mm" if kind == "translation" else f"{np.degrees(value):.4g}\N{DEGREE SIGN}"
+    """A drive value with its unit: mm or, where small, µm for translations, degrees for rotations."""
+    if kind != "translation":
+        return f"{np.degrees(value):.4g}\N{DEGREE SIGN}"
+    return f"{1e6 * value:.4g} \N{MICRO SIGN}m" if 0 < abs(value) < 1e-5 else f"{1e3 * value:.4g} mm"
+
+
+def spoken_label(label: str, value: float) -> str:
+    """A label with its value and unit: "x 10 mm" of x_mm = 10, "thickness 0.8 mm" of thickness = 0.0008 (m)."""
+    name, _, unit = label.rpartition("_")
+    if name and unit in ("mm", "deg"):
+        return f"{name} {value:.4g} {unit}".replace(" deg", "\N{DEGREE SIGN}")
+    return f"{label.replace('_', ' ')} {spoken_parameter(label, value)}"
+
+
+def spoken_parameter(name: str, value: float, *, most: float | None = None, digits: int = 4) -> str:
+    """A design parameter with its unit, if its name tells one and neither it nor `most`, the largest beside it, is too large
+    for that."""
+    largest = _LARGEST.get(name.rpartition("_")[2])
+    if largest is None or not max(abs(value), abs(most or 0.0)) <= largest:
+        return f"{value:.{digits}g}"
+    if name.endswith("angle"):
+        return f"{np.degrees(value):.{digits}g}\N{DEGREE SIGN}"
+    return f"{1e3 * value:.{digits}g} mm"
 
 
 def spoken_force(value: float, kind: str) -> str:

@@ -7,7 +7,16 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ksd.view.figure import FAINT, INK, LEAF, Array, new_figure
+from ksd.view.figure import (
+    FAINT,
+    INK,
+    LEAF,
+    Array,
+    color_map,
+    new_figure,
+    plain_axes,
+    spoken_parameter,
+)
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -18,33 +27,52 @@ LONG = 9
 
 def plot_front(front: Any) -> Figure:
     """Matplotlib figure of a `ksd.design.pareto.Front`."""
-    figure = new_figure(10.0, 4.0)
+    figure = new_figure(8.4, 3.6)
     left, right = figure.subplots(1, 2)
     good = np.isfinite(front.merits)
     left.plot(front.limits[good], front.merits[good], "o-", color=LEAF, markersize=4)
-    left.set_xlabel(f"most {front.against}")
     job = front.job
-    left.set_ylabel(job.merit_name)
+    left.set_xlabel(f"most {front.against}", fontsize=9)
+    left.set_title(job.merit_name, fontsize=9, loc="left", color=INK)
+    left.tick_params(labelsize=8)
+    plain_axes(left)
     draw_designs(right, job.parameters, job.bounds, front.designs[good], front.merits[good])
-    right.set_title("designs, the best dark")
+    right.set_title("designs, the best dark", fontsize=9, loc="left", color=INK)
     return figure
 
 
 def draw_designs(
-    axes: Any, names: Sequence[str], bounds: Array, designs: Array, merits: Array, *, color: str = LEAF
+    axes: Any,
+    names: Sequence[str],
+    bounds: Array,
+    designs: Array,
+    merits: Array,
+    *,
+    best: Array | None = None,
 ) -> None:
-    """Designs (n, P) as lines across an axis per parameter, from its least to its most; the better the darker."""
+    """Designs (n, P) as lines across an axis per parameter, from its least to its most; the better the darker. best (P,):
+    drawn thick."""
     share = (designs - bounds[:, 0]) / np.diff(bounds)[:, 0]
     span = np.ptp(merits) if len(merits) else 0.0
+    # a line alone, or one as good as all others, is the best
+    shades = (merits - merits.min()) / span if span > 0.0 else np.ones(len(merits))
     for k in np.argsort(merits):
-        # a line alone, or one as good as all others, is the best
-        shade = (merits[k] - merits.min()) / span if span > 0.0 else 1.0
-        axes.plot(range(len(names)), share[k], color=color, alpha=0.15 + 0.85 * shade, linewidth=1.2)
-    for k, (low, high) in enumerate(bounds.tolist()):
-        axes.axvline(k, color=FAINT, linewidth=0.8)
-        axes.annotate(f"{low:.3g}", (k, -0.03), ha="center", va="top", color=INK, fontsize=7)
-        axes.annotate(f"{high:.3g}", (k, 1.03), ha="center", va="bottom", color=INK, fontsize=7)
+        axes.plot(range(len(names)), share[k], color=color_map()(shades[k]), linewidth=1.2)
+    if best is not None:
+        thick = (best - bounds[:, 0]) / np.diff(bounds)[:, 0]
+        axes.plot(range(len(names)), thick, color=INK, linewidth=2.4, gid="best")
+    for k, (name, (low, high)) in enumerate(zip(names, bounds.tolist(), strict=True)):
+        axes.axvline(k, color=FAINT, linewidth=0.8, zorder=1)
+        ends = ((low, -0.03, "top"), (high, 1.03, "bottom"))
+        for value, place, side in ends:
+            said = spoken_parameter(name, value, most=high, digits=3)
+            axes.annotate(said, (k, place), ha="center", va=side, color=INK, fontsize=7)
     slanted = max(map(len, names)) > LONG and len(names) > 2
-    axes.set_xticks(range(len(names)), names, **({"rotation": 20, "ha": "right"} if slanted else {}))
+    axes.set_xticks(
+        range(len(names)), names, fontsize=8, **({"rotation": 20, "ha": "right"} if slanted else {})
+    )
     axes.set_yticks([])
     axes.set_ylim(-0.12, 1.12)
+    axes.set_xlim(-0.35, len(names) - 0.65)
+    axes.spines[:].set_visible(False)
+    axes.tick_params(axis="x", length=0)

@@ -19,7 +19,9 @@ _WAYS = np.array([(0, 1), (0, -1), (1, 0), (-1, 0), (1, 1), (-1, -1), (1, -1), (
 _MOVES = np.concatenate([np.zeros((1, 2)), *(far * _WAYS for far in _FAR)])
 _LED = 18.0
 """Distance, in points, from which a line leads to a label."""
-_CROSSED, _MOVED = 0.03, 2e-3
+AROUND = np.array([3.0, 2.0])
+"""Points left free on the sides and above and below a label."""
+_CROSSED, _MOVED = 0.06, 2e-3
 """Cost, in label areas, of a point of a leaf that is covered, and of each point of distance."""
 
 
@@ -32,23 +34,29 @@ def part_labels(axes: Any, keep_off: Array, avoid: Array) -> None:
     for text in labels:
         # the picture must not shrink to make room for a label that will be moved
         text.set_in_layout(False)
-    without_formulas(figure).draw_without_rendering()
+    without_formulas(figure)
+    # scales of equal length are settled by the first
+    for _ in range(2):
+        figure.draw_without_rendering()
     figure.set_layout_engine("none")
     renderer, scale = figure.canvas.get_renderer(), figure.dpi / 72
     marks, lines = (axes.transData.transform(np.reshape(p, (-1, 2))) for p in (keep_off, avoid))
     taken: list[Bbox] = [text.get_window_extent(renderer) for text in said if text not in labels]
     for text in labels:
         box = text.get_window_extent(renderer)
-        boxes = [box.translated(*(scale * move)) for move in _MOVES]
+        # also with its end or its middle where its start was
+        back = np.array([[box.width, 0.0]]) / scale
+        moves = np.concatenate([_MOVES, _MOVES - 0.5 * back, _MOVES - back])
+        boxes = [box.translated(*(scale * move)) for move in moves]
         costs = [
             _lost(b, taken, axes.bbox)
-            + _covered(b, marks)
+            + _covered(b.padded(*(scale * AROUND)), marks)
             + _CROSSED * _covered(b, lines)
             + _MOVED * np.abs(move).max()
-            for b, move in zip(boxes, _MOVES, strict=True)
+            for b, move in zip(boxes, moves, strict=True)
         ]
         best = int(np.argmin(costs))
-        text.set_position(tuple(np.array(text.get_position(), float) + _MOVES[best]))
+        text.set_position(tuple(np.array(text.get_position(), float) + moves[best]))
         taken.append(boxes[best])
         _lead(axes, text, boxes[best], far=_LED * scale)
 
@@ -68,7 +76,7 @@ def _lost(box: Bbox, taken: list[Bbox], frame: Bbox) -> float:
     """Share of the label that lies on others or outside the frame."""
     area = box.width * box.height
     # what is cut off cannot be read at all
-    lost = 5.0 * (area - _shared(box, frame)) + sum(_shared(box.padded(12.0, 2.0), other) for other in taken)
+    lost = 20.0 * (area - _shared(box, frame)) + sum(_shared(box.padded(12.0, 2.0), other) for other in taken)
     return float(lost / area)
 
 

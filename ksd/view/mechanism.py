@@ -2,31 +2,47 @@
 
 from __future__ import annotations
 
+import textwrap
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
 from ksd.model.plane import Plane, plane_of
-from ksd.view.arrows import draw_arrows, draw_springs
+from ksd.view.arrows import draw_arrows, draw_distances, draw_springs
 from ksd.view.bodies import (
-    FINE,
     THICK,
+    Pad,
     Polygon,
+    back_of,
     block_colors,
     body,
-    fine,
     hatches,
     outlines,
     pads,
     parts,
     sheets,
     size_of,
+    sparse,
     thick,
 )
 from ksd.view.camera import Camera, View, camera_of
-from ksd.view.figure import BACKING, FAINT, GROUND, INK, LEAF, REST, Array, hull, mixed, new_figure
+from ksd.view.figure import (
+    BACKING,
+    FAINT,
+    GROUND,
+    INK,
+    LEAF,
+    PALE,
+    REST,
+    Array,
+    hull,
+    mixed,
+    new_figure,
+    plain_axes,
+)
 from ksd.view.heat import Heat, heat_of
 from ksd.view.labels import FIXED, part_labels
+from ksd.view.order import back_to_front
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -34,10 +50,20 @@ if TYPE_CHECKING:
 
     from ksd.solve.configuration import Configuration
 
+WIDE, HIGH = 6.2, 5.4
+"""Most inches of axes."""
+NARROW, LOW = 3.4, 1.6
+"""Fewest inches of axes."""
+LETTER = 0.082
+"""Inches that a letter of a title takes."""
 LIGHT = np.array([-0.35, 0.65, 0.68])
 """Where the light comes from, in the picture: left, above, before."""
+CLOSE = 1e-4
+"""Distance over the size of the mechanism up to which polygons lie in one plane."""
 DIM = 0.62
 """What is left of a colour where the light does not fall."""
+SMALL = 0.5e-3
+"""Size [m] below which axes are in micrometres."""
 CORNER = np.deg2rad(6.0)
 """Turn between two stations of a leaf beyond which its line would show a corner."""
 
@@ -54,7 +80,9 @@ def smooth_shape(configuration: Configuration) -> Any:
     shape = configuration.shape()
     along = [axes[:, :, 0] for leaf in shape.leaves for axes in (leaf.axes, leaf.rest_axes)]
     cosine = min((float((e[:-1] * e[1:]).sum(axis=1).min()) for e in along), default=1.0)
-    sharp = float(np.arccos(np.clip(cosine, -1.0, 1.0)))
+    slopes = [np.arctan(0.5 * np.gradient(leaf.thickness, leaf.s)) for leaf in shape.leaves]
+    turns = [float(np.abs(np.diff(slope)).max()) for slope in slopes]
+    sharp = max(float(np.arccos(np.clip(cosine, -1.0, 1.0))), *turns)
     return (
         shape
         if sharp <= CORNER
@@ -83,7 +111,7 @@ def plot_mechanism(
     heat = heat_of(configuration, shape, color)
     own = axes is None
     if axes is None:
-        axes = _fitting_figure(shape, camera, wide=7.0 if color is None else 8.0).add_subplot()
+        axes = new_figure(WIDE, HIGH).add_subplot()
     size = size_of(shape)
     _undeformed(axes, shape, camera, size)
     paint(axes, _polygons(shape, camera, size, heat), camera)
@@ -91,12 +119,22 @@ def plot_mechanism(
     draw_springs(axes, shape, camera, size)
     axes.set_aspect("equal")
     axes.margins(0.08, 0.08)
-    busy = draw_arrows(axes, configuration, shape, camera, size=size, labels=labels)
+    busy = np.concatenate(
+        [
+            draw_arrows(axes, configuration, shape, camera, size=size, labels=labels),
+            draw_distances(axes, shape, camera, labels=labels),
+        ]
+    )
     if labels:
         _names(axes, shape, camera)
+    said = title if title is not None else _caption(configuration)
+    if own:
+        said = _fit(axes, said, bar=0.0 if heat is None else 1.0)
     if heat is not None:
         heat.bar(axes, shrink=0.8, aspect=30, pad=0.02)
-    _frame(axes, shape, camera, size, title if title is not None else _caption(configuration))
+    _frame(axes, camera, size, said)
+    if not camera.plane and (own or labels):
+        _triad(axes, shape, camera, size)
     if own and labels:
         leaves = camera.flat(np.concatenate([leaf.place for leaf in shape.leaves]))
         part_labels(axes, busy, leaves)
@@ -108,11 +146,21 @@ def _caption(configuration: Any) -> str:
     return f"{configuration.model.scene.name}, {configuration.method}; undeformed in grey"
 
 
-def _fitting_figure(shape: Any, camera: Camera, *, wide: float) -> Any:
-    """A figure `wide` inches wide, as high as the mechanism needs at equal scales."""
-    points = camera.flat(np.concatenate([b.place for b in shape.blocks] + [b.rest for b in shape.blocks]))
-    across, high = np.maximum(np.ptp(points, axis=0), 1e-9)
-    return new_figure(wide, float(np.clip(6.2 * high / across + 0.9, 3.0, 6.4)))
+def _fit(axes: Any, title: str, *, bar: float) -> str:
+    """Give the figure the size that what is drawn needs at equal scales, `bar` inches for a scale besides; returns the
+    title in lines that fit."""
+    axes.autoscale_view()
+    ends = np.array([axes.get_xlim(), axes.get_ylim()])
+    spans = np.diff(ends)[:, 0]
+    scale = min(np.array([WIDE, HIGH]) / spans)
+    # what is slender in the picture still needs room for words
+    inches = np.maximum(scale * spans, (NARROW, LOW))
+    more = 0.5 * (inches / scale - spans)
+    axes.set_xlim(ends[0, 0] - more[0], ends[0, 1] + more[0])
+    axes.set_ylim(ends[1, 0] - more[1], ends[1, 1] + more[1])
+    lines = textwrap.wrap(title, int((inches[0] + bar) / LETTER))
+    axes.figure.set_size_inches(inches[0] + bar + 0.8, inches[1] + 0.65 + 0.17 * len(lines))
+    return "\n".join(lines)
 
 
 def _polygons(shape: Any, camera: Camera, size: float, heat: Heat | None) -> list[Polygon]:
@@ -130,12 +178,12 @@ def _polygons(shape: Any, camera: Camera, size: float, heat: Heat | None) -> lis
         if name == "ground":
             lines = (line for pad in clamped for line in hatches(pad, size, camera))
             found += [Polygon(line, GROUND, None, 0.9) for line in lines]
-    found = fine(found, FINE * size)
-    for leaf in shape.leaves:
+    for whole in shape.leaves:
+        leaf = whole if heat or camera.plane or thick(whole) else sparse(whole)
         # a cut is seen whole: pale, or its outline is lost
         plain = LEAF if not thick(leaf) else mixed(LEAF, 0.45)
         colors = plain if heat is None else heat.between(leaf.name)
-        found += sheets(leaf, colors, line=1.8 if camera.plane and not thick(leaf) else 0.4, size=size)
+        found += sheets(leaf, colors, line=1.8 if camera.plane and not thick(leaf) else 0.4)
         edge = LEAF if camera.plane else mixed(LEAF, -0.35)
         for ring in outlines(leaf, camera):
             found += [
@@ -149,13 +197,12 @@ def paint(axes: Any, polygons: list[Polygon], camera: Camera) -> None:
     from matplotlib.collections import PolyCollection
 
     shown = [p for p in polygons if not p.body or p.normal is None or p.normal @ camera.toward > -1e-9]
-    depth = np.array([p.corners.mean(axis=0) @ camera.toward for p in shown])
     size = float(np.ptp(np.concatenate([p.corners for p in shown]), axis=0).max())
-    # an outline lies before its face, the end of a leaf spring in the pad that clamps it
-    sheets_before = 1e3 if camera.plane else -1.3 * THICK
-    lift = [0.004 * (len(p.corners) == 2) + (0.0 if p.body else sheets_before) for p in shown]
-    depth += size * np.array(lift)
-    order = [shown[k] for k in np.argsort(depth, kind="stable")]
+    # onto a plane leaf springs are lines, and seen
+    first = [p for p in shown if p.body or not camera.plane]
+    last = [p for p in shown if not p.body and camera.plane]
+    last.sort(key=lambda p: float(p.corners.mean(axis=0) @ camera.toward))
+    order = back_to_front(first, camera.toward, close=CLOSE * size) + last
     colors = [_lit(p, camera) for p in order]
     axes.add_collection(
         PolyCollection(
@@ -183,7 +230,7 @@ def _undeformed(axes: Any, shape: Any, camera: Camera, size: float) -> None:
     """Leaf springs and links at rest, in grey, behind everything."""
     for leaf in shape.leaves:
         for ring in outlines(leaf, camera, rest=True):
-            axes.fill(*camera.flat(ring).T, facecolor="#eef0f4", edgecolor=REST, linewidth=0.7, zorder=1)
+            axes.fill(*camera.flat(ring).T, facecolor=PALE, edgecolor=REST, linewidth=0.7, zorder=1)
         if camera.plane and not thick(leaf):
             _line(axes, camera.flat(leaf.rest), color=REST, linewidth=1.2, zorder=1)
     for block in shape.blocks:
@@ -221,26 +268,40 @@ def _names(axes: Any, shape: Any, camera: Camera) -> None:
         clamped = pads(shape, block)
         if not clamped:
             continue
-        picked = clamped[:1] if block.name == "ground" else clamped
-        at = np.mean([p.corners.mean(axis=0) for p in picked], axis=0)
+        if block.name == "ground":
+            at, shift, side = _below(clamped[0], camera)
+        else:
+            at, shift, side = np.mean([p.corners.mean(axis=0) for p in clamped], axis=0), 0, "center"
         axes.annotate(
-            block.name, camera.flat(at), (0, -14 if block.name == "ground" else 0), textcoords="offset points", ha="center",
-            va="center", fontsize=8, color=INK, zorder=6, bbox=BACKING,
+            block.name, camera.flat(at), (0, shift), textcoords="offset points", ha="center", va=side, fontsize=8,
+            color=INK, zorder=6, bbox=BACKING,
         )  # fmt: skip
 
 
-def _frame(axes: Any, shape: Any, camera: Camera, size: float, title: str) -> None:
+def _below(pad: Pad, camera: Camera) -> tuple[Array, int, str]:
+    """Where the name of ground stands: point (3,), points above it, and which side of the word is there. Behind the pad, at
+    the lower end of an upright one."""
+    behind = back_of(pad)
+    if behind is None:
+        behind = -pad.away.mean(axis=0) if len(pad.away) else -camera.up
+    x, y = camera.flat(behind)
+    if camera.plane and abs(x) > abs(y):
+        return pad.corners[(pad.corners @ camera.up).argmin()], -9, "top"
+    return pad.corners.mean(axis=0), (-14 if y < 0 or not camera.plane else 14), "center"
+
+
+def _frame(axes: Any, camera: Camera, size: float, title: str) -> None:
     axes.set_title(title, fontsize=10, color=INK, loc="left")
     if camera.plane is None:
         axes.set_axis_off()
-        _triad(axes, shape, camera, size)
         return
-    axes.set_xlabel(f"{camera.plane[0]} [mm]")
-    axes.set_ylabel(f"{camera.plane[1]} [mm]")
-    axes.grid(True, color="#eceff4", linewidth=0.8)
-    axes.set_axisbelow(True)
-    for side in ("top", "right"):
-        axes.spines[side].set_visible(False)
+    small = size < SMALL
+    for axis, name in zip((axes.xaxis, axes.yaxis), camera.plane, strict=True):
+        axis.set_label_text(f"{name} [{'µm' if small else 'mm'}]", fontsize=9)
+        if small:
+            axis.set_major_formatter(lambda value, _: f"{1e3 * value:.6g}")
+    axes.tick_params(labelsize=8)
+    plain_axes(axes)
 
 
 def _triad(axes: Any, shape: Any, camera: Camera, size: float) -> None:
@@ -250,7 +311,7 @@ def _triad(axes: Any, shape: Any, camera: Camera, size: float) -> None:
     tips = camera.flat(length * np.eye(3))
     low, high = (1.3 * end for end in (np.minimum(tips.min(axis=0), 0.0), np.maximum(tips.max(axis=0), 0.0)))
     # room for the letters, and for the words below
-    low -= 1e3 * length * np.array([0.15, 0.4])
+    low -= 1e3 * length * np.array([0.15, 0.55])
     high += 1e2 * length
     ends = np.array([axes.get_xlim(), axes.get_ylim()])
     points = np.concatenate([p for part in (*shape.leaves, *shape.blocks) for p in (part.rest, part.place)])
@@ -273,6 +334,7 @@ def _triad(axes: Any, shape: Any, camera: Camera, size: float) -> None:
                 name, corner + tip, way, textcoords="offset points", ha="center", va="center", fontsize=8, color=FAINT,
                 gid=FIXED,
             )  # fmt: skip
-    below = corner + low + 10.0 * length
-    words = {"textcoords": "offset points", "va": "bottom", "fontsize": 7, "color": FAINT, "gid": FIXED}
-    axes.annotate(f"axes: {1e3 * length:g} mm", below, (0, 0), **words)
+    ends = np.vstack([corner, corner + tips])
+    words = {"textcoords": "offset points", "va": "top", "fontsize": 7, "color": FAINT, "gid": FIXED}
+    said = f"{1e6 * length:g} µm" if size < SMALL else f"{1e3 * length:g} mm"
+    axes.annotate(f"axes: {said}", ends.min(axis=0), (-6, -12), **words)

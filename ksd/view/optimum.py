@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ksd.view.figure import FAINT, LEAF, LINKS, new_figure
+from ksd.view.figure import INK, LEAF, LINKS, new_figure, plain_axes
 from ksd.view.front import draw_designs
 
 if TYPE_CHECKING:
@@ -22,7 +22,9 @@ SMALL = 1e-5
 
 def plot_optimum(optimum: Any) -> Figure:
     """Matplotlib figure of a `ksd.design.optimum.Optimum`: convergence on the left, designs on the right."""
-    figure = new_figure(10.0, 4.6)
+    from matplotlib.ticker import MaxNLocator
+
+    figure = new_figure(8.4, 4.4)
     grid = figure.add_gridspec(2, 2, height_ratios=(2, 1))
     top = figure.add_subplot(grid[0, 0])
     low, right = figure.add_subplot(grid[1, 0], sharex=top), figure.add_subplot(grid[:, 1])
@@ -34,19 +36,24 @@ def plot_optimum(optimum: Any) -> Figure:
         color = LINKS[k % len(LINKS)]
         _one_start(top, low, tried.merits[own], tried.exceeded[own], color, name)
     top.axhline(optimum.merit, color=LEAF, linewidth=0.8, zorder=0)
-    top.set_title(f"{optimum.job.merit_name}, {optimum.merit:.6g} at the optimum", fontsize=9)
+    said: dict[str, Any] = {"fontsize": 9, "loc": "left", "color": INK}
+    top.set_title(f"{optimum.job.merit_name},\n{optimum.merit:.6g} at the optimum", **said)
     top.tick_params(labelbottom=False)
     if len(names) <= MANY:
-        top.legend(fontsize=7)
-    low.set_title("limit exceeded most [%]", fontsize=9)
+        top.legend(fontsize=8, frameon=False)
+    low.set_title("limit exceeded most [%]", **said)
+    for axes in (top, low):
+        plain_axes(axes)
+        axes.tick_params(labelsize=8)
     low.set_yscale("symlog", linthresh=100 * SMALL)
     low.set_ylim(bottom=0)
-    low.set_xlabel("designs of a start")
+    low.set_xlabel("designs of a start", fontsize=9)
+    # a design is a whole number
+    low.xaxis.set_major_locator(MaxNLocator(integer=True))
     met = tried.met if tried.met.any() else np.ones_like(tried.met)
-    draw_designs(right, job.parameters, job.bounds, tried.designs[met], tried.merits[met], color=FAINT)
-    best = np.array([list(optimum.design.values())])
-    draw_designs(right, job.parameters, job.bounds, best, np.array([optimum.merit]))
-    right.set_title("designs within the limits, grey, and the optimum", fontsize=9)
+    best = np.array(list(optimum.design.values()))
+    draw_designs(right, job.parameters, job.bounds, tried.designs[met], tried.merits[met], best=best)
+    right.set_title("designs within the limits, the better the darker;\nthe optimum thick", **said)
     return figure
 
 

@@ -4,32 +4,28 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
+from itertools import cycle
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from ksd.errors import SceneError
-from ksd.view.figure import INK, Array, mixed, new_figure
+from ksd.view.figure import DRIVE, GROUND, INK, LINES, Array, mixed, new_figure, plain_axes, spoken_label
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from ksd.design.table import Table
 
-_COLORS = ("#c2410c", "#3b6ea5", "#6a9f58", "#9a7bb5", "#b8925b", "#4fa3a0", "#b8657f", "#1f2430")
 _STYLES = ("-", "--", ":", "-.")
-_NEUTRAL, _KEYS = "#6b7280", 8
-"""Colour of the key, and how many of many designs it names."""
-_LARGEST = {
-    "thickness": 0.05, "diameter": 0.05, "gap": 0.05, "fillet": 0.05, "length": 2.0, "width": 2.0, "spacing": 2.0,
-    "radius": 2.0, "angle": 3.15,
-}  # fmt: skip
-"""Design parameters that are lengths [m] or angles [rad], and what they are at most: beyond, they are in units of the
-user's own."""
+_KEYS = 8
+"""How many of many designs the key names."""
 _NOISE = 1e-9
 """Series below this fraction of the largest of their panel are zero but for rounding, and left out."""
 
 
+_BEHIND = {"linewidth": 5.0, "alpha": 0.3, "zorder": 1.5}
+"""How a curve is drawn that lies on others."""
 _NOTHING = 1e-9
 """Panels whose largest value (in their unit) stays below this have nothing to show."""
 
@@ -91,7 +87,7 @@ _PANELS: dict[str, tuple[_Panel, ...]] = {
 
 
 def plot_stroke(
-    table: Table, questions: Sequence[str] = (), *, over: str | None = None, wide: int = 3
+    table: Table, questions: Sequence[str] = (), *, over: str | None = None, wide: int = 2
 ) -> Figure:
     """Draw the answers in `table` (of `ksd.sweep`) over a drive; returns the matplotlib figure.
 
@@ -105,7 +101,7 @@ def plot_stroke(
     panels = _wanted(table, questions)
     wide = min(wide, len(panels))
     high = -(-len(panels) // wide)
-    figure = new_figure(4.6 * wide, 3.3 * high)
+    figure = new_figure(4.1 * wide, 3.0 * high)
     grid = figure.subplots(high, wide, squeeze=False).ravel()
     groups = _groups(table, over)
     for axes, (panel, columns) in zip(grid, panels, strict=False):
@@ -155,21 +151,9 @@ def _groups(table: Any, over: str) -> dict[str, np.ndarray]:
     others = [n for n in still if len(set(table.columns[n])) > 1]
     named: dict[str, list[int]] = {}
     for k, row in enumerate(table.rows()):
-        said = ", ".join(row[n] if isinstance(row[n], str) else _value(n, row[n]) for n in others)
+        said = ", ".join(row[n] if isinstance(row[n], str) else spoken_label(n, row[n]) for n in others)
         named.setdefault(said, []).append(k)
     return {said: np.array(rows) for said, rows in named.items()}
-
-
-def _value(label: str, value: float) -> str:
-    """A label with its value and unit: "x 10 mm" of x_mm = 10, "thickness 0.8 mm" of thickness = 0.0008 (m)."""
-    name, _, unit = label.rpartition("_")
-    if name and unit in ("mm", "deg"):
-        return f"{name} {value:.4g} {unit}".replace(" deg", "\N{DEGREE SIGN}")
-    most = _LARGEST.get(label.rpartition("_")[2])
-    if most is None or not abs(value) <= most:
-        return f"{label.replace('_', ' ')} {value:.4g}"
-    said = f"{np.degrees(value):.4g}\N{DEGREE SIGN}" if label.endswith("angle") else f"{1e3 * value:.4g} mm"
-    return f"{label.replace('_', ' ')} {said}"
 
 
 def _shades(count: int) -> Array:
@@ -186,7 +170,7 @@ def _draw(axes: Any, table: Any, panel: _Panel, columns: dict[str, str], *, over
     noise = 0.0 if panel.log else _NOISE * largest
     # a single point is no line
     shown = {c: n for c, n in columns.items() if np.sum(np.abs(table[c]) > noise) > 1}
-    for color, (column, name) in zip(_cycle(_COLORS), (shown or columns).items(), strict=False):
+    for color, (column, name) in zip(cycle(LINES), (shown or columns).items(), strict=False):
         for style, shade, (said, rows) in zip(
             _styles(len(groups)), _shades(len(groups)), groups.items(), strict=True
         ):
@@ -194,10 +178,12 @@ def _draw(axes: Any, table: Any, panel: _Panel, columns: dict[str, str], *, over
             y = np.where(y > 0, y, np.nan) if panel.log else y
             last = said == next(reversed(groups))
             tone = mixed(color, float(shade))
-            axes.plot(x[rows], y, style, color=tone, linewidth=1.6, label=name if last else None)
+            # the worst direction is one of the others, which it must not hide
+            look = _BEHIND if name == "worst" and len(shown) > 1 else {"linewidth": 1.6}
+            axes.plot(x[rows], y, style, color=tone, label=name if last else None, **look)
     bad = np.isin(np.arange(len(x)), [k for k, s in enumerate(table["status"]) if s != "ok"])
     if bad.any():
-        mark = {"transform": axes.get_xaxis_transform(), "color": "#b91c1c", "clip_on": False}
+        mark = {"transform": axes.get_xaxis_transform(), "color": DRIVE, "clip_on": False}
         axes.plot(x[bad], np.full(bad.sum(), 0.02), "x", markersize=5, **mark)
     _scales(axes, panel, _spoken(over))
     if shown and len(columns) > 1:
@@ -215,11 +201,6 @@ def _legend(axes: Any, count: int, log: bool) -> None:
     axes.legend(ncols=3 if count > 3 else 1, loc=place, **look)
 
 
-def _cycle(kinds: Sequence[str]) -> list[str]:
-    """The kinds over and over, enough for any table."""
-    return list(kinds) * 64
-
-
 def _scales(axes: Any, panel: _Panel, over: str) -> None:
     if panel.log:
         axes.set_yscale("log")
@@ -228,17 +209,16 @@ def _scales(axes: Any, panel: _Panel, over: str) -> None:
         if high / low < 30:
             from matplotlib.ticker import LogFormatter, LogLocator, NullFormatter
 
+            plain = low > 1e-4 and high < 1e4
+            numbers = "{x:g}" if plain else LogFormatter(labelOnlyBase=False, minor_thresholds=(9, 9))
             axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
-            axes.yaxis.set_major_formatter(LogFormatter(labelOnlyBase=False, minor_thresholds=(9, 9)))
+            axes.yaxis.set_major_formatter(numbers)
             axes.yaxis.set_minor_formatter(NullFormatter())
     axes.set_xlabel(over, fontsize=9)
     axes.set_ylabel(panel.label, fontsize=9)
     axes.set_title(panel.title, fontsize=10, color=INK, loc="left")
     axes.tick_params(labelsize=8)
-    axes.grid(True, color="#eceff4", linewidth=0.8)
-    axes.set_axisbelow(True)
-    for side in ("top", "right"):
-        axes.spines[side].set_visible(False)
+    plain_axes(axes)
 
 
 def _spoken(column: str) -> str:
@@ -255,7 +235,7 @@ def _heading(figure: Any, table: Any, groups: dict[str, np.ndarray]) -> None:
     if len(groups) > 1:
         every = zip(groups, _styles(len(groups)), _shades(len(groups)), strict=True)
         lines = [
-            Line2D([], [], color=mixed(_NEUTRAL, float(shade)), linestyle=style, linewidth=1.6, label=said)
+            Line2D([], [], color=mixed(GROUND, float(shade)), linestyle=style, linewidth=1.6, label=said)
             for said, style, shade in every
         ]
         # of many, a few from the first to the last
@@ -266,7 +246,7 @@ def _heading(figure: Any, table: Any, groups: dict[str, np.ndarray]) -> None:
     if table.failures:
         count = len(table.failures)
         said = f"{count} pose{'s' * (count != 1)} without full answer"
-        key.append(Line2D([], [], color="#b91c1c", linestyle="none", marker="x", markersize=5, label=said))
+        key.append(Line2D([], [], color=DRIVE, linestyle="none", marker="x", markersize=5, label=said))
     if key:
         wide = max(1, int(figure.get_figwidth() / 0.078 / (7 + max(len(line.get_label()) for line in key))))
         figure.legend(handles=key, loc="outside upper left", ncols=wide, fontsize=8, frameon=False)

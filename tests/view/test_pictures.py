@@ -25,6 +25,7 @@ from ksd.view.compare import Mark, plot_cost
 from ksd.view.figure import color_map, hull, new_figure
 from ksd.view.heat import heat_of
 from ksd.view.mechanism import paint
+from ksd.view.order import back_to_front
 
 SCENES = Path(ksd.__file__).parent / "scenes"
 
@@ -179,6 +180,85 @@ def test_drives_and_loads_are_arrows_of_a_readable_length():
         assert any(line.get_gid() == "spring" for line in axes.lines)
         (force,) = (load for load in pose.shape().loads if load.kind == "force")
         assert any(np.allclose(t.xy, 1e3 * force.place[:2]) for t in arrows)
+
+
+def test_a_link_reaches_its_loads_masses_and_springs():
+    """Nothing acts in the air: the body of a link holds every point at which something acts on it."""
+    scene = single_joint()
+    scene.load("tip", force=(0, -1.0, 0), at=(0.3, 0.0, 0.0))
+    scene.mass("tip", mass=0.2, at=(0.2, 0.1, 0.0))
+    scene.spring("ground", "tip", start=(-0.1, 0, 0), end=(0.15, -0.1, 0), stiffness=10.0)
+    pose = ksd.solve(scene, turn=0.3)
+    shape = pose.shape()
+    size = size_of(shape)
+    blocks = {b.name: b for b in shape.blocks}
+    hold = {name: np.concatenate(parts(blocks[name], pads(shape, blocks[name]), size)) for name in ("tip",)}
+    acting = [load.place for load in shape.loads] + [shape.springs[0].ends[1]]
+    assert len(acting) == 3
+    for place in acting:
+        assert np.linalg.norm(hold["tip"] - place, axis=1).min() < 1e-12
+    moved = np.add(pose.displacement("tip", (0.3, 0, 0)), (0.3, 0, 0))
+    assert shape.loads[0].place == pytest.approx(moved, abs=1e-12)
+    outline = np.concatenate(painted(plot_mechanism(pose))[0])
+    for place in acting:
+        away = outline - 1e3 * place[:2]
+        assert np.linalg.norm(away, axis=1).min() < 3e3 * THICK * size
+
+
+def test_distances_are_drawn():
+    """A cross at both points, a thin line along which it is measured, and the value `pose.distance` has."""
+    scene = fourbar()
+    scene.distance("left", "right", start=(-0.2, 0.2, 0), end=(0.2, 0.2, 0), name="gap")
+    scene.distance("ground", "top", start=(0, 0, 0), end=(0.1, 0.37, 0), along="y", name="rise")
+    pose = ksd.solve(scene, top=0.2)
+    figure = plot_mechanism(pose)
+    said = texts(figure)
+    lines = [line for line in figure.axes[0].lines if line.get_gid() == "distance"]
+    crosses = [line for line in figure.axes[0].lines if line.get_marker() == "x"]
+    assert len(lines) == len(crosses) == 2
+    for name, line, ends, asked in zip(("gap", "rise"), lines, crosses, scene.scene().distances, strict=True):
+        value = 1e3 * pose.distance(name)
+        assert any(text == f"{name}: {value:.4g} mm" for text in said)
+        assert np.hypot(*np.diff(line.get_xydata(), axis=0)[0]) == pytest.approx(abs(value), rel=1e-9)
+        for place, link, at in zip(
+            ends.get_xydata(), (asked.a, asked.b), (asked.start, asked.end), strict=True
+        ):
+            assert place == pytest.approx(1e3 * (pose.displacement(link, at) + at)[:2], rel=1e-9, abs=1e-9)
+    (x, _), (x_end, _) = lines[1].get_xydata()
+    assert x == pytest.approx(x_end), "along y of a ground that stays"
+
+
+def test_what_crosses_is_parted():
+    """Two sheets through each other and a body: at every point of the picture the nearest is painted last."""
+    one = np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0.0]])
+    other = one[:, [2, 1, 0]]
+    cube = [p for p in body(np.zeros((1, 3)), 0.4, "#00ff00", edge="#000000") if len(p.corners) == 3]
+    camera = camera_of(None, (-60, 24), plane=None)
+    polygons = [Polygon(one, "#ff0000"), Polygon(other, "#0000ff"), *cube]
+    shown = [p for p in polygons if not p.body or p.normal @ camera.toward > 0]
+    rng = np.random.default_rng(3)
+    rays = rng.uniform(-1.2, 1.2, (400, 2)) @ np.stack([camera.right, camera.up])
+
+    def hits(polygon, start):
+        """Depth at which the ray meets a polygon, None where it passes."""
+        a, b, c = polygon.corners[:3]
+        normal = np.cross(b - a, c - a)
+        if np.linalg.norm(normal) < 1e-12 or abs(normal @ camera.toward) < 1e-9:
+            return None
+        t = (a - start) @ normal / (normal @ camera.toward)
+        place, sides = start + t * camera.toward, np.roll(polygon.corners, -1, axis=0) - polygon.corners
+        turns = np.cross(sides, place - polygon.corners) @ normal
+        return t if (turns > 1e-9).all() or (turns < -1e-9).all() else None
+
+    pieces = back_to_front(shown, camera.toward, close=1e-6)
+    checked = 0
+    for start in rays:
+        depths = [(d, p.color) for p in shown if (d := hits(p, start)) is not None]
+        painted_last = [p.color for p in pieces if hits(p, start) is not None]
+        if len({color for _, color in depths}) > 1 and painted_last:
+            assert painted_last[-1] == max(depths)[1]
+            checked += 1
+    assert checked > 50 and len(pieces) > len(shown)
 
 
 def test_impossible_files_are_refused(bent, tmp_path):

@@ -100,6 +100,15 @@ def test_stiffness_and_frequencies_have_log_axes(table):
     assert [a.get_yscale() for a in table.plot("force").axes] == ["linear"]
 
 
+def test_the_worst_direction_hides_no_other(table):
+    """It equals one of the others at every pose, and is a pale band below them."""
+    for axes in table.plot("support_stiffness").axes[:2]:
+        by = {line.get_label(): line for line in axes.lines}
+        worst = by.pop("worst")
+        assert worst.get_alpha() < 0.5 and all(worst.get_zorder() < line.get_zorder() for line in by.values())
+        assert all(worst.get_linewidth() > 2 * line.get_linewidth() for line in by.values())
+
+
 def test_failures_are_told_in_the_picture(table):
     assert key(table.plot("force")) == ["1 pose without full answer"]
 
