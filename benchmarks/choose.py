@@ -9,13 +9,15 @@ spatial flexure hinges, 2012). Writes results/choose.json and choose.png. Run: p
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
-from common import STEEL, canvas, label, machine, options, write_json
+from common import STEEL, canvas, label, machine, options, save_picture, write_json
 
 import ksd
 from ksd.units import deg, mm
+from ksd.view.figure import FAINT, INK, LEAF, LINES
 
 TURNS = np.array([-20, 0, 20]) * deg
 MASS, SIZE = 1.0, 60 * mm
@@ -113,25 +115,31 @@ def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
     print(chosen)
     for name, row in rows.items():
         print(f"{name:15} {row['worst_Hz']:6.1f} Hz of {row['rest_Hz']:6.1f} at rest: {row['kept']:.0%} kept")
-    picture(rows, asked.out / "choose.png")
+    picture(found, asked.out / "choose.png")
     return found
 
 
-def picture(rows: dict[str, dict[str, Any]], path: Any) -> None:
-    """First frequency at rest and at worst of every joint."""
-    figure, axes = canvas(1, 1, size=(5.5, 3.2), title="First frequency with the turn held")
+def picture(found: dict[str, Any], path: Path) -> None:
+    """First frequency at rest and at worst of every joint, and the share that is kept."""
+    figure, ((axes,),) = canvas(
+        1, 1, size=(5.5, 3.2), title="First frequency with the turn held, optimised joints"
+    )
+    rows = found["optima"]
     for k, row in enumerate(rows.values()):
-        axes[0, 0].plot(
-            [row["worst_Hz"], row["rest_Hz"]], [k, k], "-", color="#9aa3b2", linewidth=3, zorder=1
+        ends = [row["worst_Hz"], row["rest_Hz"]]
+        axes.plot(ends, [k, k], "-", color=FAINT, linewidth=3, zorder=1)
+        said = f"{100 * row['kept']:.0f} % kept"
+        axes.annotate(
+            said, (ends[1], k), (8, 0), textcoords="offset points", va="center", fontsize=8, color=INK
         )
     places = range(len(rows))
-    axes[0, 0].plot([r["rest_Hz"] for r in rows.values()], places, "o", color="#5b8db8", label="at rest")
-    axes[0, 0].plot([r["worst_Hz"] for r in rows.values()], places, "o", color="#c2410c", label="worst")
-    axes[0, 0].set_yticks(list(places), list(rows))
-    axes[0, 0].invert_yaxis()
-    axes[0, 0].set_xlim(left=0)
-    label(axes[0, 0], x="first frequency [Hz]", y="", legend=True)
-    figure.savefig(path)
+    axes.plot([r["rest_Hz"] for r in rows.values()], places, "o", color=LINES[1], label="at rest")
+    axes.plot([r["worst_Hz"] for r in rows.values()], places, "o", color=LEAF, label="worst over ±20°")
+    axes.set_yticks(list(places), list(rows))
+    axes.set_ylim(len(rows) - 0.6, -0.6)
+    axes.set_xlim(0, 1.2 * max(r["rest_Hz"] for r in rows.values()))
+    label(axes, x="first frequency [Hz]", y="", legend=True)
+    save_picture(figure, path)
 
 
 if __name__ == "__main__":

@@ -30,6 +30,7 @@ from ksd.model.leaves import Mesh
 from ksd.solve.conventional import conventional
 from ksd.solve.storage import Storage
 from ksd.units import GPa, deg, mm
+from ksd.view.figure import plain_axes
 
 RESULTS = Path(__file__).resolve().parent / "results"
 STEEL = ksd.Material(E=200 * GPa, G=76.9 * GPa, density=7800)
@@ -254,11 +255,17 @@ def numbers_of(picture_path: Path, name: str) -> Path:
 def save_picture(figure: Any, path: Path, *, numbers: Path | None = None) -> None:
     """Write a picture (.png) that tells which numbers it shows: name and SHA-256 of their file, as its text `Numbers`; the
     file of the same name beside it, or the stored one, when None."""
-    numbers = numbers or numbers_of(path, path.with_suffix(".json").name)
+    write_file(
+        path, stamped(figure, numbers or numbers_of(path, path.with_suffix(".json").name)), what="picture"
+    )
+
+
+def stamped(figure: Any, numbers: Path) -> bytes:
+    """A picture (.png) with the name and the digest of the file of its numbers."""
     digest = hashlib.sha256(numbers.read_bytes()).hexdigest()
     content = io.BytesIO()
     figure.savefig(content, format="png", metadata={"Numbers": f"{numbers.name} {digest}"})
-    write_file(path, content.getvalue(), what="picture")
+    return content.getvalue()
 
 
 def canvas(rows: int, columns: int, *, size: tuple[float, float], title: str) -> tuple[Any, np.ndarray]:
@@ -271,11 +278,8 @@ def canvas(rows: int, columns: int, *, size: tuple[float, float], title: str) ->
     figure.suptitle(f"{title}\ncomputed by ksd", fontsize=10)
     axes = figure.subplots(rows, columns, squeeze=False)
     for a in axes.flat:
-        a.grid(True, color="#e7eaf0", linewidth=0.8)
-        a.set_axisbelow(True)
+        plain_axes(a)
         a.tick_params(labelsize=8)
-        for side in ("top", "right"):
-            a.spines[side].set_visible(False)
     return figure, axes
 
 

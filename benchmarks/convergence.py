@@ -2,23 +2,27 @@
 in every quantity.
 
 `python benchmarks/convergence.py` computes moment, length, support stiffness, buckling, frequencies, large deflection
-and notch compliance with 2 to 32 elements per leaf, takes the strain-mode leaf as reference, and draws the errors.
+and notch compliance with 2 to 32 elements per leaf, takes the strain-mode leaf as reference, and writes the errors into
+convergence.json and convergence.png.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
 
 import common
 import numpy as np
-from common import RESULTS, STEEL
+from common import STEEL, machine, options, save_picture, write_json
 
 import ksd
 from ksd.model.mesh import Mesh
 from ksd.properties.buckling import buckling
 from ksd.solve.conventional import conventional
 from ksd.units import deg
+from ksd.view.figure import GROUND, INK, new_figure, plain_axes, shades
 
 REFERENCE = Mesh(orders=(7, 5, 10), points=14)
 ELEMENTS = (2, 4, 8, 16, 32)
@@ -192,40 +196,82 @@ def errors(quantity: Callable[[Mesh], float], elements: tuple[int, ...]) -> list
     return [abs(quantity(Mesh("corotational", elements=n)) / exact - 1) for n in elements]
 
 
-def order(found: list[float]) -> float:
+def order_of(found: Sequence[float]) -> float:
     """Observed order of the last refinement, elements doubling."""
     return math.log2(found[-2] / found[-1])
 
 
-def _draw(table: dict[str, list[float]]) -> None:
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(8.5, 5.5), layout="constrained")
+def picture(found: Mapping[str, Any], path: Path) -> None:
+    """Errors over elements per leaf, the coarsest at the end light, named where they end."""
+    figure = new_figure(8.4, 5.4)
     axes = figure.add_subplot()
-    marks = "osv^<>DPXdhp*8H+x1"
-    for (name, found), mark in zip(table.items(), marks, strict=False):
-        axes.loglog(ELEMENTS, found, marker=mark, lw=1, ms=5, label=name.replace("_", " "))
-    slope = [0.5 * (ELEMENTS[0] / n) ** 2 for n in ELEMENTS]
-    axes.loglog(ELEMENTS, slope, "k--", lw=1, label="second order")
-    axes.set_xticks(ELEMENTS, [str(n) for n in ELEMENTS])
+    elements, table = found["elements"], found["errors"]
+    order = sorted(table, key=lambda name: -table[name][-1])
+    ends = spread([math.log10(table[name][-1]) for name in order], 0.25)
+    for name, end, color in zip(order, ends, shades(len(order)), strict=True):
+        axes.loglog(elements, table[name], "o-", lw=1.2, ms=3.5, color=color)
+        there = (elements[-1], table[name][-1])
+        line = {
+            "arrowstyle": "-",
+            "color": color,
+            "linewidth": 0.6,
+            "shrinkA": 0,
+            "shrinkB": 3,
+            "relpos": (0, 0.5),
+        }
+        axes.annotate(
+            name.replace("_", " "), there, (1.4 * elements[-1], 10**end), textcoords="data", va="center", fontsize=8,
+            color=INK, arrowprops=line, annotation_clip=False,
+        )  # fmt: skip
+    slope = [1e-3 * (elements[0] / n) ** 2 for n in elements]
+    axes.loglog(elements, slope, "--", color=GROUND, lw=1.2)
+    axes.annotate(
+        "second order",
+        (elements[0], slope[0]),
+        (-4, -20),
+        textcoords="offset points",
+        fontsize=8,
+        color=GROUND,
+    )
+    axes.set_xticks(elements, [str(n) for n in elements])
     axes.minorticks_off()
-    axes.set_xlabel("Appendix A elements per leaf")
-    axes.set_ylabel("relative error against the strain-mode leaf")
-    axes.set_title("Chains of Appendix A elements converge to the strain-mode leaf (computed by ksd)")
-    axes.grid(True, which="major", alpha=0.3)
-    axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False)
-    RESULTS.mkdir(exist_ok=True)
-    figure.savefig(RESULTS / "convergence.png", dpi=130)
+    axes.yaxis.set_major_formatter("{x:g}")
+    axes.set_xlabel("Appendix A elements per leaf", fontsize=9)
+    axes.set_ylabel("relative error against the strain-mode leaf", fontsize=9)
+    axes.set_title(
+        "Chains of Appendix A elements converge to the strain-mode leaf", fontsize=10, loc="left", color=INK
+    )
+    axes.tick_params(labelsize=8)
+    plain_axes(axes)
+    save_picture(figure, path)
 
 
-def main() -> None:
-    """Table of errors and observed orders, and the picture."""
+def spread(places: Sequence[float], gap: float) -> list[float]:
+    """Falling places moved as little as may be so that each is `gap` below the one before."""
+    # the mean of the places of a crowd, each less what those before it take, is where the crowd fits best
+    crowds: list[list[float]] = []
+    for k, place in enumerate(places):
+        crowds.append([place + k * gap])
+        while len(crowds) > 1 and np.mean(crowds[-1]) > np.mean(crowds[-2]):
+            last = crowds.pop()
+            crowds[-1] += last
+    flat = [float(np.mean(crowd)) for crowd in crowds for _ in crowd]
+    return [place - k * gap for k, place in enumerate(flat)]
+
+
+def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
+    """Table of errors and observed orders, convergence.json and the picture; returns the numbers."""
+    asked = options(__doc__, argv)
+    elements = ELEMENTS[:3] if asked.quick else ELEMENTS
     table = {}
     for quantity in QUANTITIES:
-        table[quantity.__name__] = found = errors(quantity, ELEMENTS)
+        table[quantity.__name__] = found = errors(quantity, elements)
         cells = "  ".join(f"{e:9.2e}" for e in found)
-        print(f"{quantity.__name__:14s} {cells}   order {order(found):.2f}")
-    _draw(table)
+        print(f"{quantity.__name__:17s} {cells}   order {order_of(found):.2f}")
+    written = {"machine": machine(), "elements": elements, "errors": table}
+    write_json(written, asked.out / "convergence.json")
+    picture(written, asked.out / "convergence.png")
+    return written
 
 
 if __name__ == "__main__":

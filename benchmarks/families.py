@@ -267,12 +267,11 @@ def picture(names: Iterable[str], path: Path) -> None:
         panels.append((name.replace("_", " "), ksd.prepare(alone(joint))(values, method="full")))
     panels += [(name, constrained(joint, share)) for name, (joint, share) in CONSTRAINTS.items()]
     rows = -(-len(panels) // columns)
-    figure = new_figure(2.9 * columns, 2.9 * rows)
+    figure = new_figure(2.2 * columns, 2.2 * rows)
     axes = figure.subplots(rows, columns, squeeze=False)
     for place, (title, state) in zip(axes.flat, panels, strict=False):
         plot_mechanism(state, axes=place, labels=False, title=title)
-        place.margins(0.12)
-        place.autoscale()
+        place.set_anchor("NW")
         place.set_axis_off()
     for place in axes.flat[len(panels) :]:
         place.set_axis_off()

@@ -9,16 +9,16 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ksd.view.figure import BACKING, INK, LEAF
+from ksd.view.figure import BACKING, GROUND, INK, LEAF, LINES, REST, plain_axes
 from ksd.view.labels import part_labels
 
 NAMED = {
-    "kinematic": "#d9a514",
-    "reduced": "#5a9a4a",
-    "reduced, 1 pass": "#3b6ea5",
+    "kinematic": LINES[4],
+    "reduced": LINES[2],
+    "reduced, 1 pass": LINES[1],
     "full": LEAF,
-    "conventional": "#8a63b0",
-    "plain Newton": "#444b57",
+    "conventional": LINES[3],
+    "plain Newton": GROUND,
 }
 """Methods that are told by name with strain-mode leaf springs, and their colours."""
 CHAINS = ("conventional", "plain Newton")
@@ -87,7 +87,7 @@ def _draw(axes: Any, every: Iterable[Mark]) -> tuple[Any, Any]:
     """One panel; returns points (n, 2) of named marks and along its front, and of the others."""
     marks = in_plane(every)
     rest = [m for m in marks if m.method not in NAMED or (m.elements and m.method not in CHAINS)]
-    axes.plot([m.time for m in rest], [m.error for m in rest], ".", color="#c3c9d4", markersize=4, zorder=1)
+    axes.plot([m.time for m in rest], [m.error for m in rest], ".", color=REST, markersize=4, zorder=1)
     for method in CHAINS:
         row = sorted((m for m in marks if m.method == method and m.elements), key=lambda m: m.elements)
         look = {"color": NAMED[method], "markersize": 3.5, "linewidth": 0.8, "zorder": 2}
@@ -135,7 +135,7 @@ def _shared(marks: Sequence[Mark]) -> list[tuple[str, Mark]]:
             rows.append([m])
         else:
             row.append(m)
-    return [(", ".join(SAID.get(m.method, m.method) for m in row), row[-1]) for row in rows]
+    return [("; ".join(SAID.get(m.method, m.method) for m in row), row[-1]) for row in rows]
 
 
 def _say(
@@ -168,8 +168,5 @@ def plain_scales(axes: Any) -> None:
         axis.set_major_formatter("{x:g}")
         axis.set_minor_formatter(NullFormatter())
         axis.set_minor_locator(NullLocator())
-    axes.grid(True, color="#eceff4", linewidth=0.8)
-    axes.set_axisbelow(True)
+    plain_axes(axes)
     axes.tick_params(labelsize=8)
-    for side in ("top", "right"):
-        axes.spines[side].set_visible(False)

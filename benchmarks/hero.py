@@ -19,7 +19,7 @@ from speed_report import marks_of
 
 import ksd
 from ksd.view import plot_mechanism
-from ksd.view.figure import INK, hull, new_figure
+from ksd.view.figure import FAINT, INK, LEAF, hull, mixed, new_figure
 
 DOCS = Path(__file__).resolve().parents[1] / "docs"
 POINTS = 61
@@ -31,10 +31,11 @@ def draw_mechanism(axes: Any, solver: ksd.Solver) -> ksd.Configuration:
     for d in (0.1, 0.2):
         passed = solver(top=d, method="full").shape(points=POINTS)
         for block in passed.blocks:
-            axes.fill(*(1e3 * hull(block.place[:, :2])).T, color="#8fa3b8", alpha=0.13, zorder=0.5)
+            axes.fill(*(1e3 * hull(block.place[:, :2])).T, color=FAINT, alpha=0.13, zorder=0.5)
         for leaf in passed.leaves:
-            axes.plot(*(1e3 * leaf.place[:, :2].T), color="#e3bfa9", linewidth=1.4, zorder=1.5)
+            axes.plot(*(1e3 * leaf.place[:, :2].T), color=mixed(LEAF, 0.6), linewidth=1.4, zorder=1.5)
     plot_mechanism(pose, axes=axes, labels=False, title="", color="stress")
+    axes.set_anchor("NW")
     axes.set_title(
         f"Fourbar of four cross flexures, moved {1e3 * STROKE:.0f} mm by {pose.forces['top']:.1f} N",
         fontsize=10, loc="left", color=INK,
@@ -44,11 +45,11 @@ def draw_mechanism(axes: Any, solver: ksd.Solver) -> ksd.Configuration:
 
 def draw(path: Path, numbers: Path) -> ksd.Configuration:
     """The picture, its right half from the rows of `speed.json`."""
-    figure = new_figure(12.0, 4.3)
+    figure = new_figure(10.4, 4.0)
     left, right = figure.subplots(1, 2, width_ratios=(1.6, 1.0))
     pose = draw_mechanism(left, ksd.prepare(fourbar(1)))
     marks = marks_of(json.loads(numbers.read_text())["solves"]["1"]["rows"], "force_error")
-    title = "What accuracy costs (black: front of all methods)"
+    title = "What accuracy costs (black: the front)"
     draw_fronts([Panel(right, marks, title, "thread time of the compiled steps", "drive force")])
     save_picture(figure, path, numbers=numbers)
     return pose

@@ -17,11 +17,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from common import STEEL, canvas, chain, label, machine, options, write_json
+from common import STEEL, canvas, chain, label, machine, options, save_picture, write_json
 from scipy.optimize import differential_evolution
 
 import ksd
 from ksd.units import deg, mm
+from ksd.view.figure import LEAF
 
 STROKE = 150 * mm
 STRESS, FORCE = 600e6, 40.0
@@ -123,17 +124,16 @@ def compared(x: Sequence[float], repeats: int) -> dict[str, dict[str, float]]:
     }
 
 
-def picture(loop: Loop, path: Path) -> None:
+def picture(found: dict[str, Any], path: Path) -> None:
     """Stiffness of the best design so far over the designs tried."""
     figure, axes = canvas(
         1, 1, size=(5.5, 3.4), title="Fourbar, out-of-plane support stiffness at d = 150 mm"
     )
-    axes[0, 0].step(
-        range(1, len(loop.best)), 1e-3 * np.exp(-np.array(loop.best[1:])), where="post", color="#c8380f"
-    )
+    best = 1e-3 * np.array(found["best_so_far_N_per_m"])
+    axes[0, 0].step(range(1, len(best) + 1), best, where="post", color=LEAF)
     axes[0, 0].set_ylim(bottom=0)
     label(axes[0, 0], x="designs tried", y="best support stiffness z [kN/m]", legend=False)
-    figure.savefig(path)
+    save_picture(figure, path)
 
 
 def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
@@ -153,11 +153,12 @@ def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
         "time_per_design_ms": 1e3 * spent / loop.designs,
         "start": dict(zip(BOUNDS, START, strict=True)),
         "best": dict(zip(BOUNDS, best.x, strict=True)),
+        "best_so_far_N_per_m": np.exp(-np.array(loop.best[1:])),
         "at_start": compared(START, 3 if asked.quick else 15),
         "at_best": compared(best.x, 3 if asked.quick else 15),
     }
     write_json(found, asked.out / "optimise.json")
-    picture(loop, asked.out / "optimise.png")
+    picture(found, asked.out / "optimise.png")
     print(
         f"{loop.designs} designs, {loop.failures} failed, {found['time_per_design_ms']:.2f} ms each (thread time)"
     )

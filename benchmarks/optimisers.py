@@ -14,10 +14,11 @@ import contextlib
 import importlib.util
 import time
 from collections.abc import Callable, Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
-from common import canvas, label, machine, options, write_json
+from common import canvas, label, machine, options, save_picture, write_json
 from gradients import SIDES, fourbar, pivot
 from scipy.optimize import minimize
 
@@ -26,12 +27,13 @@ from ksd.design.job import Log
 from ksd.design.optimise import optimum_of
 from ksd.design.search import Search
 from ksd.units import deg, mm
+from ksd.view.figure import LINES
 
 OPTIMUM = 0.5035665
 """Of the pivot, specification of this job."""
 REACHED = 0.999
 """Share of an optimum that counts as the same value."""
-COLORS = {"gradient": "#c2410c", "CMA-ES": "#5b8db8", "Nelder-Mead": "#6a9f58"}
+COLORS = dict(zip(("gradient", "CMA-ES", "Nelder-Mead"), LINES, strict=False))
 
 
 def pivot_job() -> ksd.Job:
@@ -195,11 +197,11 @@ def compared(rows: Sequence[dict[str, Any]]) -> dict[str, Any]:
     return {"seconds": pairs, "ratio_median": float(np.nanmedian(ratios)), "ratios": ratios}
 
 
-def picture(parts: dict[str, Sequence[dict[str, Any]]], path: Any) -> None:
+def picture(found: dict[str, Any], path: Path) -> None:
     """Best value so far over CPU time, one line per run."""
-    figure, axes = canvas(
-        1, len(parts), size=(5.2, 3.6), title="Best worst target so far against CPU time, limits met"
-    )
+    parts = found["parts"]
+    title = "The best of the designs so far that meet all limits, one line per run"
+    figure, axes = canvas(1, len(parts), size=(5.2, 3.6), title=title)
     for ax, (name, rows) in zip(axes[0], parts.items(), strict=True):
         end = 1.2 * max(r["course"][-1][0] for r in rows if r["course"])
         for r in rows:
@@ -208,8 +210,9 @@ def picture(parts: dict[str, Sequence[dict[str, Any]]], path: Any) -> None:
                 own = {"color": COLORS[r["way"]], "label": r["way"] if r["start"] == 1 else None}
                 ax.step([*t, end], [*merit, merit[-1]], where="post", **own)
         ax.set_xscale("log")
+        ax.xaxis.set_major_formatter("{x:g}")
         label(ax, x="CPU time [s]", y="worst target over its scale", title=name)
-    figure.savefig(path)
+    save_picture(figure, path)
 
 
 def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
@@ -233,7 +236,7 @@ def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
         if said:
             print(f"{name}: evolution takes {said['ratio_median']:.0f} times as long to the same value")
     write_json(found, asked.out / "optimisers.json")
-    picture(parts, asked.out / "optimisers.png")
+    picture(found, asked.out / "optimisers.png")
     return found
 
 

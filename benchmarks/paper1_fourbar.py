@@ -27,8 +27,9 @@ from common import (
 
 import ksd
 from ksd.solve.conventional import conventional
+from ksd.view.figure import GROUND, LEAF, LINES, shades
 
-COLORS = {"plain": "#444b57", "mip": "#8a63b0", "step 3": "#5a9a4a", "step 5": "#c2410c"}
+COLORS = {"plain": GROUND, "mip": LINES[3], "step 3": LINES[2], "step 5": LEAF}
 NAMES = {
     "plain": "conventional, plain Newton",
     "mip": "conventional, MIP",
@@ -73,7 +74,7 @@ def draw_10(found: dict[str, Any]) -> Any:
         stored = found["readings"][str(reading)]
         h, cases = stored["height_m"], stored["elements"]
         unit = 4 * bending_stiffness(cross_flexure()) / h**2 * places[1:]
-        for n, color in (("1", "#c2410c"), ("3", "#3b6ea5")):
+        for n, color in zip("13", shades(2), strict=True):
             if n in cases:
                 full, reduced = (np.array(cases[n][m]["force_N"])[1:] / unit for m in ("full", "reduced"))
                 axes.plot(

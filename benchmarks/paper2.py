@@ -2,7 +2,7 @@
 
     python benchmarks/paper2.py [--quick] [--out FOLDER]
 
-Writes fig1.png .. fig6.png of paper 2, paper2.json and paper2.md. The paper prints no dimensions and its figures are
+Writes paper2_fig1.png .. paper2_fig6.png, paper2.json and paper2.md. The paper prints no dimensions and its figures are
 lost: leaf springs of 100 x 20 x 0.5 mm. In place of its Ansys runs stands the strain-mode leaf, an independent element.
 """
 
@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from common import canvas, label, numbers_of, save_picture, write_json
 from paper2_cases import (
     CASES,
     DEFAULT,
@@ -40,6 +41,7 @@ from ksd.model.compile import compile_scene
 from ksd.model.mesh import Mesh
 from ksd.numerics.reduction import craig_bampton, modal_derivatives
 from ksd.solve.configuration import Configuration
+from ksd.view.figure import FAINT, LINES
 
 RESULTS = Path(__file__).resolve().parent / "results"
 PLANE = (0, 1, 5)
@@ -132,81 +134,10 @@ def deformed(case: str, load: float) -> dict[str, Any]:
     return {"load": load, "rest": rest, "lines": drawn, "stroke": strokes, "support": support}
 
 
-def draw_modes(modes: dict[str, np.ndarray], path: Path, title: str) -> None:
-    """Transverse and axial displacement of every mode and derivative, largest displacement 1; what is zero is left out."""
-    import matplotlib
-
-    matplotlib.use("Agg")
-    from matplotlib import pyplot as plt
-
-    figure, axes = plt.subplots(2, 1, figsize=(6.5, 5.5), sharex=True, layout="constrained")
-    for axis, column, word in zip(axes, (1, 0), ("v, across the leaf", "u, along the leaf"), strict=True):
-        axis.axhline(0.0, color="0.7", linewidth=0.8)
-        for k, (name, shape) in enumerate(modes.items()):
-            if np.abs(shape[:, column]).max() > 1e-6:
-                symbol = "$\\" + name.replace("_", "_{") + "}$"
-                axis.plot(np.linspace(0, 1, 11), shape[:, column], color=f"C{k}", marker=".", label=symbol)
-        axis.set_ylabel(f"{word} [of the largest]")
-        axis.legend(loc="center left", bbox_to_anchor=(1.0, 0.5))
-    axes[1].set_xlabel("place along the leaf x/L [-]")
-    figure.suptitle(title)
-    figure.savefig(path, dpi=120)
-    plt.close(figure)
-
-
-def draw_shapes(state: dict[str, Any], path: Path, title: str) -> None:
-    """Deformed leaves, one colour per model, with their strokes in the legend; beside them how far they are from the full
-    model, largest of all leaf springs."""
-    import matplotlib
-
-    matplotlib.use("Agg")
-    from matplotlib import pyplot as plt
-
-    figure, (axis, apart) = plt.subplots(1, 2, figsize=(9.5, 4.8), layout="constrained")
-    unit = " degrees" if "cross" in title else " L"
-    exact = state["lines"]["full, 10 elements"]
-    for line in state["rest"]:
-        axis.plot(*(1e3 * line.T), color="0.8", linewidth=1.0)
-    axis.plot([], [], color="0.8", label="undeformed")
-    for k, (name, stroke_of) in enumerate(state["stroke"].items()):
-        label = f"{name}: {stroke_of:.4f}{unit}"
-        if name not in state["lines"]:
-            axis.plot([], [], " ", label=label)
-            continue
-        style = {"color": f"C{k}", "marker": "." if k else None, "linewidth": 3.0 if k == 0 else 1.0}
-        for n, line in enumerate(state["lines"][name]):
-            axis.plot(*(1e3 * line.T), label=label if n == 0 else None, **style)
-        if k:
-            off = [np.linalg.norm(a - b, axis=1) for a, b in zip(state["lines"][name], exact, strict=True)]
-            apart.plot(np.linspace(0, 1, 11)[1:], 1e3 * np.max(off, axis=0)[1:], **style)
-    axis.set_aspect("equal", adjustable="datalim")
-    axis.set(xlabel="x [mm]", ylabel="y [mm]", title="deformed leaf springs")
-    apart.set(
-        xlabel="place along the leaf x/L [-]",
-        ylabel="distance [mm]",
-        title="distance from the full model",
-        yscale="log",
-    )
-    figure.suptitle(title)
-    figure.legend(fontsize=8, loc="outside lower center", ncols=2)
-    figure.savefig(path, dpi=120)
-    plt.close(figure)
-
-
-def figures(folder: Path) -> dict[str, Any]:
-    """All six figures and the numbers in them."""
+def figures() -> dict[str, Any]:
+    """The numbers in all six figures."""
     modes = beam_modes()
-    draw_modes(
-        modes["figure_1"],
-        folder / "paper2_fig1.png",
-        "Fig. 1: vibration modes of a cantilever and their derivatives",
-    )
-    draw_modes(
-        modes["figure_2"],
-        folder / "paper2_fig2.png",
-        "Fig. 2: Craig-Bampton modes of the right node and their derivatives",
-    )
-    found: dict[str, Any] = {}
+    found: dict[str, Any] = {name: modes[name] for name in ("figure_1", "figure_2")}
     load = PRINTED_LOADS["cantilever"]
     tip = deformed("cantilever", load)
     base = np.column_stack([np.linspace(0, L, 11), np.zeros(11)])
@@ -221,21 +152,104 @@ def figures(folder: Path) -> dict[str, Any]:
     locked = solved(manifold)
     tip["stroke"]["quadratic manifold"] = stroke(locked)
     tip["support"]["quadratic manifold"] = support_compliance(locked, CASES["cantilever"][1])
-    draw_shapes(tip, folder / "paper2_fig3.png", f"Fig. 3: cantilever under a tip load of {load:g} EI/L²")
-    found["figure_3"] = {"stroke": tip["stroke"], "support": tip["support"]}
+    found["figure_3"] = tip
     for figure, case, load in (
         (4, "parallel guide", PRINTED_LOADS["parallel guide"]),
         (5, "cross flexure", PRINTED_LOADS["cross flexure"]),
         (6, "parallel guide", 15.0),
     ):
-        state = deformed(case, load)
-        draw_shapes(
-            state,
-            folder / f"paper2_fig{figure}.png",
-            f"Fig. {figure}: {case} under {load:g} {'EI/L' if figure == 5 else 'EI/L²'}",
-        )
-        found[f"figure_{figure}"] = {"stroke": state["stroke"], "support": state["support"]}
+        found[f"figure_{figure}"] = deformed(case, load)
     return found
+
+
+TITLES = {
+    1: "Fig. 1: vibration modes of a cantilever and their derivatives",
+    2: "Fig. 2: Craig-Bampton modes of the right node and their derivatives",
+    3: "Fig. 3: cantilever under a tip load of {load:g} EI/L\N{SUPERSCRIPT TWO}",
+    4: "Fig. 4: parallel guide under {load:g} EI/L\N{SUPERSCRIPT TWO}",
+    5: "Fig. 5: cross flexure under {load:g} EI/L",
+    6: "Fig. 6: parallel guide under {load:g} EI/L\N{SUPERSCRIPT TWO}",
+}
+DRAWN = tuple(f"paper2_fig{figure}.png" for figure in TITLES)
+"""Pictures of the numbers in paper2.json."""
+
+
+def picture(found: dict[str, Any], path: Path) -> None:
+    """One of DRAWN, from the numbers of paper2.json."""
+    number = int(path.stem[-1])
+    numbers = found[f"figure_{number}"]
+    title = TITLES[number].format(load=numbers.get("load"))
+    figure = mode_figure(numbers, title) if number < 3 else shape_figure(numbers, title)
+    save_picture(figure, path, numbers=numbers_of(path, "paper2.json"))
+
+
+def mode_figure(modes: dict[str, Any], title: str) -> Any:
+    """Transverse and axial displacement of every mode and derivative, largest displacement 1; what is zero is left out."""
+    figure, ((above,), (below,)) = canvas(2, 1, size=(6.5, 2.7), title=title)
+    for axis, column, word in ((above, 1, "v, across the leaf"), (below, 0, "u, along the leaf")):
+        axis.axhline(0.0, color=FAINT, linewidth=0.8)
+        for color, (name, shape) in zip(LINES, modes.items(), strict=False):
+            row = np.array(shape)[:, column]
+            if np.abs(row).max() > 1e-6:
+                symbol = "$\\" + name.replace("_", "_{") + "}$"
+                axis.plot(np.linspace(0, 1, 11), row, color=color, marker=".", label=symbol)
+        label(axis, x="place along the leaf x/L [-]", y=f"{word} [of the largest]", **BESIDE)
+    return figure
+
+
+BESIDE = {"loc": "center left", "bbox_to_anchor": (1.0, 0.5), "fontsize": 9}
+
+
+def shape_figure(state: dict[str, Any], title: str) -> Any:
+    """Deformed leaves, one colour per model, with their strokes in the legend; how far they are from the full model, largest
+    of all leaf springs."""
+    rest = [np.array(line) for line in state["rest"]]
+    drawn = {name: [np.array(line) for line in found] for name, found in state["lines"].items()}
+    wide, high = np.ptp(
+        np.concatenate([*rest, *(line for found in drawn.values() for line in found)]), axis=0
+    )
+    flat = wide > 3 * high
+    figure, grid = canvas(*((2, 1) if flat else (1, 2)), size=(7.0, 2.6) if flat else (4.5, 4.3), title=title)
+    axis, apart = grid.ravel()
+    unit = "\N{DEGREE SIGN}" if "cross" in title else " L"
+    for line in rest:
+        axis.plot(*(1e3 * line.T), color=FAINT, linewidth=1.0)
+    axis.plot([], [], color=FAINT, label="undeformed")
+    exact = drawn["full, 10 elements"]
+    for k, (color, (name, found)) in enumerate(zip(LINES, drawn.items(), strict=False)):
+        style = {
+            "color": color,
+            "marker": "." if k else None,
+            "linewidth": 1.0 if k else 3.5,
+            "alpha": 1.0 if k else 0.4,
+        }
+        for n, line in enumerate(found):
+            said = f"{name}: {state['stroke'][name]:.4f}{unit}"
+            axis.plot(*(1e3 * line.T), label=None if n else said, **style)
+        if k:
+            off = [np.linalg.norm(a - b, axis=1) for a, b in zip(found, exact, strict=True)]
+            apart.plot(np.linspace(0, 1, 11)[1:], 1e3 * np.max(off, axis=0)[1:], **style)
+    axis.set_aspect("equal")
+    axis.margins(y=0.3 if flat else 0.05)
+    others = [f"{name}: {value:.4f}{unit}" for name, value in state["stroke"].items() if name not in drawn]
+    label(
+        axis,
+        x="x [mm]",
+        y="y [mm]",
+        title="deformed leaf springs; not drawn:\n" + ",\n".join(others),
+        legend=False,
+    )
+    apart.set_yscale("log")
+    apart.yaxis.set_major_formatter("{x:g}")
+    label(
+        apart,
+        x="place along the leaf x/L [-]",
+        y="distance [mm]",
+        title="distance from the full model",
+        legend=False,
+    )
+    figure.legend(fontsize=8, loc="outside lower center", ncols=2, frameon=False)
+    return figure
 
 
 LARGE = {"cantilever": 2.1, "parallel guide": 16.0, "cross flexure": 2.45}
@@ -419,14 +433,16 @@ def main(arguments: list[str] | None = None) -> dict[str, Any]:
     parser.add_argument("--out", type=Path, default=RESULTS)
     chosen = parser.parse_args(arguments)
     chosen.out.mkdir(parents=True, exist_ok=True)
-    found = figures(chosen.out)
+    found = figures()
     found["acceptance"], found["variants"] = acceptance(quick=chosen.quick), variants(quick=chosen.quick)
     for case in CASES:
         found["acceptance"] += around(case)
     found["space"] = in_space()
     found["acceptance"] += space_acceptance(found["space"])
     found["spacings"] = spacings(quick=chosen.quick)
-    (chosen.out / "paper2.json").write_text(json.dumps(found, indent=1, default=float))
+    write_json(found, chosen.out / "paper2.json")
+    for name in DRAWN:
+        picture(json.loads((chosen.out / "paper2.json").read_text()), chosen.out / name)
     (chosen.out / "paper2.md").write_text(table(found))
     print(table(found))
     return found

@@ -14,9 +14,14 @@ from pathlib import Path
 from typing import Any
 
 import bench
+import choose
+import convergence
 import families
 import hero
+import optimise
+import optimisers
 import paper1
+import paper2
 import speed_report
 from common import RESULTS, options
 
@@ -25,9 +30,15 @@ PICTURES: dict[str, Drawn] = {
     "speed.png": speed_report.picture,
     "bench.png": bench.picture,
     "families.png": lambda found, path: families.picture(found["families"], path),
+    "choose.png": choose.picture,
+    "convergence.png": convergence.picture,
+    "optimise.png": optimise.picture,
+    "optimisers.png": optimisers.picture,
     **dict.fromkeys(paper1.DRAWN, paper1.picture),
+    **dict.fromkeys(paper2.DRAWN, paper2.picture),
 }
-"""How a picture of benchmarks/results is drawn from its numbers, of the same name but for those of paper 1."""
+"""How a picture of benchmarks/results is drawn from its numbers, of the same name but for those of the papers."""
+NUMBERS = dict.fromkeys(paper1.DRAWN, "paper1.json") | dict.fromkeys(paper2.DRAWN, "paper2.json")
 
 
 def main(argv: Sequence[str] | None = None) -> list[Path]:
@@ -38,7 +49,7 @@ def main(argv: Sequence[str] | None = None) -> list[Path]:
     hero.draw(top, RESULTS / "speed.json")
     drawn = [top]
     for name, draw in PICTURES.items():
-        numbers = RESULTS / ("paper1.json" if name in paper1.DRAWN else Path(name).with_suffix(".json"))
+        numbers = RESULTS / NUMBERS.get(name, Path(name).with_suffix(".json"))
         draw(json.loads(numbers.read_text()), chosen.out / name)
         drawn.append(chosen.out / name)
     for path in drawn:

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from PIL import Image
+from readable import assert_readable
 
 import ksd
 from ksd.view.figure import new_figure
@@ -70,11 +71,19 @@ def test_table_needs_its_markers(script, tmp_path):
     assert plain.read_text() == "no markers\n"
 
 
-def test_all_stored_pictures_by_one_command(script, tmp_path):
-    """Drawn anew, and each stored one shows the numbers that are stored."""
-    pictures = script("pictures")
+def test_all_stored_pictures_by_one_command(script, tmp_path, monkeypatch):
+    """Drawn anew, each to be read, and each stored one shows the numbers that are stored; there are no others."""
+    pictures, stamped = script("pictures"), script("common").stamped
+
+    def read(figure, *words):
+        assert_readable(figure)
+        return stamped(figure, *words)
+
+    monkeypatch.setattr(script("common"), "stamped", read)
     drawn = pictures.main(["--out", str(tmp_path)])
     assert {p.name for p in drawn} == {"hero.png", *pictures.PICTURES}
+    kept = [*(FOLDER.parent / "docs").glob("*.png"), *(FOLDER / "results").glob("*.png")]
+    assert {p.name for p in kept} == {p.name for p in drawn}
     for path in drawn:
         stored = (
             FOLDER.parent / "docs" / path.name if path.name == "hero.png" else FOLDER / "results" / path.name
