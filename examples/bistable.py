@@ -44,7 +44,7 @@ def picture(path=None):
     """Force over the motion of the shuttle: it falls through between the two snaps."""
     figure = Figure(figsize=(6, 3.6), layout="constrained")
     axes = figure.add_subplot(xlabel="motion over h", ylabel="force / (EI h/l^3)")
-    axes.plot(down, 1000 * load.factor)
+    axes.plot(down, 1000 * load.factor, color="#c2410c")
     return figure if path is None else ksd.view.save_figure(figure, path)
 
 

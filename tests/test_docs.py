@@ -9,6 +9,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from readable import assert_readable
 
 import ksd
 from ksd.cli.commands import parser
@@ -33,6 +34,9 @@ def test_blocks_of_a_page_run_in_order(page, monkeypatch, tmp_path):
     monkeypatch.chdir(tmp_path)
     shown = list(run_blocks(page, (DOCS / page).read_text()))
     assert any(printed or figure for printed, figure in shown), "the page shows no answer"
+    for _, figure in shown:
+        if figure:
+            assert_readable(figure)
 
 
 @pytest.mark.parametrize("page", NAMES)

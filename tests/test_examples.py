@@ -6,6 +6,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from readable import assert_readable
 
 FOLDER = Path(__file__).resolve().parents[1] / "examples"
 LINES = 60
@@ -188,7 +189,9 @@ def test_example(name, capsys, monkeypatch, tmp_path):
         assert math.isclose(found, value, rel_tol=within, abs_tol=1e-300), (
             f"{answer} {found}: {value}, {source}"
         )
-    assert answers["picture"]().axes, "nothing drawn"
+    drawn = answers["picture"]()
+    assert drawn.axes, "nothing drawn"
+    assert_readable(drawn)
     assert not list(tmp_path.iterdir()), "a picture that nobody asked for"
 
 

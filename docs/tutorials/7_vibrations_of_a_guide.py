@@ -194,10 +194,10 @@ print(f"overshoot {overshoot:.3f} times, exp(-pi zeta) says {1 + np.exp(-np.pi *
 
 figure = Figure(figsize=(9, 3.6), layout="constrained")
 left, right = figure.subplots(1, 2)
-left.loglog(frequency, np.abs(gain) / mm)
+left.loglog(frequency, np.abs(gain) / mm, color="#c2410c")
 left.set(xlabel="frequency [Hz]", ylabel="push per force [mm/N]", title="frequency response at 5 mm")
-right.plot(seconds, moved / mm)
-right.axhline(force * static / mm, color="0.6", lw=1)
+right.plot(seconds, moved / mm, color="#c2410c")
+right.axhline(force * static / mm, color="#9aa3b2", lw=1)
 right.set(xlabel="time [s]", ylabel="push beyond 5 mm [mm]", title=f"step of {force} N")
 figure.align_labels()
 figure  # noqa: B018  (the page shows it)
