@@ -13,7 +13,7 @@ from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
 from copy import copy
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, lru_cache, update_wrapper
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
@@ -33,17 +33,20 @@ from ksd.library import find_record
 from ksd.model.mesh import Mesh
 from ksd.properties.words import Shown, progress_bar
 from ksd.properties.words import number as written
-from ksd.scene import Scene
+from ksd.scene import Mechanism, Scene
 from ksd.scene.drive import Load
 from ksd.scene.links import Link
-from ksd.section.checks import LARGEST, nearest, number, show, similar, truth
+from ksd.section.checks import LARGEST, checked, nearest, number, show, similar, truth, unchecked
 from ksd.solve.many import SPOKEN, UNANSWERED
+from ksd.solve.perturbed import STEP
 from ksd.solve.space_steps import FULL, REDUCED
 from ksd.solve.steps import Stop
 
 Array = np.ndarray
 BLOCK = 32
 """Designs evaluated between two looks at the keyboard."""
+SPARE = 8
+"""Scenes kept beyond those of a gradient."""
 TRIED = 4096
 """Designs at which rules are tried before they count as never met."""
 INFINITE = {"support": np.inf, "buckling_positive": np.inf, "buckling_negative": -np.inf}
@@ -77,6 +80,26 @@ class Judged(NamedTuple):
     status: tuple[str, ...]
 
 
+class _Drawn:
+    """A function of parameters that keeps the scenes it drew last: rules, answers and their slopes are asked of the same.
+    Known to other processes without them."""
+
+    def __init__(self, function: Callable[..., Any], most: int) -> None:
+        self.function, self.most = function, most
+        self.kept = lru_cache(most)(self._drawn)
+        update_wrapper(self, function)
+
+    def __reduce__(self) -> Any:
+        return _Drawn, (self.function, self.most)
+
+    def __call__(self, **parameters: Any) -> Any:
+        return self.kept(checked(), tuple(parameters.items()))
+
+    def _drawn(self, _: bool, given: tuple[tuple[str, Any], ...]) -> Any:
+        made = self.function(**dict(given))
+        return made.scene() if isinstance(made, Mechanism) else made
+
+
 @dataclass(frozen=True)
 class _Loaded:
     """A function of parameters with loads added to the scene it draws; known to other processes."""
@@ -107,6 +130,7 @@ class Job(Shown):
     """
 
     function: Callable[..., Any]
+    drawn: _Drawn
     vary: Mapping[str, tuple[float, float]]
     answers: tuple[Answer, ...]
     rules: tuple[Rule, ...]
@@ -161,7 +185,8 @@ class Job(Shown):
         middle = {n: float(v) for n, v in zip(given, _middle(np.array(list(given.values()))), strict=True)}
         design_points(function, [middle])
         self.__dict__.update(
-            function=function, vary=given, loads=loads, mesh=mesh or Mesh(), method=method, extrapolate=extrapolate,
+            function=function, drawn=_Drawn(function, 2 * len(given) + SPARE), vary=given, loads=loads,
+            mesh=mesh or Mesh(), method=method, extrapolate=extrapolate,
             together=truth(together, "together"), drives=values, cases=load_cases(loads), rules=_checked(rules),
             paths=drive_paths(values, together=together),
         )  # fmt: skip
@@ -185,7 +210,7 @@ class Job(Shown):
         reason: Exception | None = None
         for place in places:
             try:
-                return scene_of(self.function, self._stretched(place, np.array(list(self.vary.values()))))
+                return scene_of(self.drawn, self._stretched(place, np.array(list(self.vary.values()))))
             except SceneError as why:
                 reason = reason or why
         raise SceneError(f"no design within the bounds could be built; the one in the middle: {reason}")
@@ -297,7 +322,7 @@ class Job(Shown):
     def _shapes_at(self, place: Array) -> list[Mapping[str, float]]:
         """Shape parameters of every joint at places (P,) in 0..1 of the bounds given; none where it cannot be drawn."""
         try:
-            scene = scene_of(self.function, self._stretched(place, np.array(list(self.vary.values()))))
+            scene = scene_of(self.drawn, self._stretched(place, np.array(list(self.vary.values()))))
             return [placed.joint.shape() for placed in scene.joints]
         except SceneError:
             return []
@@ -396,12 +421,26 @@ class Job(Shown):
                 words = f"no parameter {why}" if isinstance(why, KeyError) else str(why)
                 raise SceneError(f"rule {_spoken_rule(k, rule)} gives no number: {words}") from None
         if self.ranges and shapes:
-            try:
-                drawn = [placed.joint.shape() for placed in scene_of(self.function, parameters).joints]
-            except SceneError:
-                drawn = []
-            found += [r.margin(drawn) for r in self.ranges]
+            found += self._range_margins(parameters)
         return np.array(found)
+
+    def _range_margins(self, parameters: Mapping[str, float]) -> list[float]:
+        """How far a design is within the trained ranges that hang on several parameters."""
+        try:
+            drawn = [placed.joint.shape() for placed in scene_of(self.drawn, parameters).joints]
+        except SceneError:
+            drawn = []
+        return [r.margin(drawn) for r in self.ranges]
+
+    def range_slopes(self, x: ArrayLike) -> Array:
+        """Slopes (ranges, P) of the last rules, by the designs that `slopes` draws too."""
+        parameters, found = self.design_at(x), np.zeros((len(self.ranges), len(self.vary)))
+        for i, (name, value) in enumerate(parameters.items() if self.ranges else ()):
+            h = STEP * (abs(value) or 1.0)
+            with unchecked():
+                plus, minus = (self._range_margins({**parameters, name: value + s}) for s in (h, -h))
+            found[:, i] = (np.array(plus) - minus) / (2 * h)
+        return found
 
     # ---- answers ---------------------------------------------------------------------------------------------------------
 
@@ -417,7 +456,7 @@ class Job(Shown):
         status: list[str] = [OK] * len(designs)
         steps = [step for path in self.paths for step in path]
         for extra in self.cases.values():
-            function = _Loaded(self.function, extra)
+            function = _Loaded(self.drawn, extra)
             for d, (mine, why) in enumerate(self._solved(function, designs, steps, executor)):
                 rows[d] += mine
                 status[d] = why if status[d] == OK else status[d]
@@ -466,7 +505,7 @@ class Job(Shown):
         """Answers (answers,) and their derivatives (answers, P)."""
         asked = self.asked
         found = gradient(
-            self.function, self.design_at(x), questions=asked.questions, link=asked.link, at=asked.at, freed=asked.freed,
+            self.drawn, self.design_at(x), questions=asked.questions, link=asked.link, at=asked.at, freed=asked.freed,
             modes=asked.modes, loads=self.loads, together=self.together, mesh=self.mesh, extrapolate=self.extrapolate,
             method=self.method, targets=self.drives,
         )  # fmt: skip
@@ -520,7 +559,7 @@ class Job(Shown):
 
     def scene_at(self, design: Mapping[str, float], case: str) -> Scene:
         """The scene of a design with the loads of a case of `poses`. SceneError where it cannot be drawn."""
-        return _Loaded(self.function, self.cases[case])(**design)
+        return _Loaded(self.drawn, self.cases[case])(**design)
 
     def margins(self, values: ArrayLike) -> Array:
         """How far every side of every limit is met (sides,) by `values` (answers,), over the limit (by itself where that is
@@ -572,7 +611,7 @@ class Job(Shown):
         scenes = []
         for x in self.random(2):
             try:
-                scenes.append(scene_of(self.function, self.design_at(x)).fingerprint())
+                scenes.append(scene_of(self.drawn, self.design_at(x)).fingerprint())
             except SceneError as why:
                 scenes.append(str(why))
         said = (

@@ -37,7 +37,9 @@ from ksd.section.checks import number, show, similar, truth, whole, worded
 Array = np.ndarray
 METHODS = ("gradient", "cobyla", "cma")
 TOLERANCE = 1e-6
-"""Change of the logarithm of the worst answer, and of limits exceeded, at which it stops."""
+"""Change of the logarithm of the worst answer, and of limits exceeded, at which it counts as no better."""
+STILL = 1e-8
+"""The same between two gradients of SLSQP; answers are rounded by less."""
 MOST = {"gradient": 100, "cobyla": 2000, "cma": 1000}
 """Iterations, or generations, of every method."""
 EVOLVED = 1e-4
@@ -56,7 +58,11 @@ SETTLED, AGAIN = 1e-3, 12
 
 
 class _Stalled(Exception):
-    """No better design for a while."""
+    """No better design than y (P,) for a while."""
+
+    def __init__(self, y: Array) -> None:
+        super().__init__()
+        self.y = y
 
 
 class _Way(NamedTuple):
@@ -333,17 +339,23 @@ def _minimised(search: Search, y: Array, box: Array, method: str) -> Array:
     def gap(z: Array) -> Array:
         return search.margins(_inside(z[:-1], box)) - targets * z[-1]
 
-    reached, patience = -np.inf, PATIENCE
+    reached, patience, before = -np.inf, PATIENCE, -np.inf
 
     def slope(z: Array) -> Array:
-        nonlocal reached, patience
+        nonlocal reached, patience, before
+        y = _inside(z[:-1], box)
+        margins = search.margins(y)
+        before, moved = search.level(margins), abs(search.level(margins) - before)
+        if max(moved, search.exceeded(margins)) <= STILL:
+            # SLSQP sums what is exceeded, and where that is rounding its line search halves steps to no end
+            raise _Stalled(y)
         better = search.best[0] > reached + TOLERANCE
         reached, patience = (
             (search.best[0], PATIENCE) if better else (reached, patience - np.isfinite(reached))
         )
         if patience <= 0:
-            raise _Stalled
-        return np.column_stack([search.slopes(_inside(z[:-1], box)), -targets])
+            raise _Stalled((search.met_best or search.best)[1])
+        return np.column_stack([search.slopes(y), -targets])
 
     z = np.append(y, search.level(search.margins(y)))
     down = -np.eye(len(z))[-1]
@@ -353,10 +365,10 @@ def _minimised(search: Search, y: Array, box: Array, method: str) -> Array:
             found = minimize(
                 **common, method="SLSQP", jac=lambda z: down, bounds=[*box.tolist(), (None, None)],
                 constraints={"type": "ineq", "fun": gap, "jac": slope},
-                options={"ftol": 1e-3 * TOLERANCE, "maxiter": MOST[method]},
+                options={"ftol": STILL, "maxiter": MOST[method]},
             )  # fmt: skip
-        except _Stalled:
-            return search.best[1] if search.met_best is None else search.met_best[1]
+        except _Stalled as stalled:
+            return stalled.y
     else:
 
         def within(z: Array) -> Array:

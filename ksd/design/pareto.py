@@ -117,7 +117,7 @@ def pareto(
 
     against: column of `ksd.sweep` that is limited from above, at every pose and load case. span: its least and most, in
     units of the column; by default from its value at the optimum without such a limit down to a tenth of that. The points
-    follow by equal ratios, each optimised by gradients from its neighbour. start, starts, seed: of the first; resume,
+    follow by equal ratios, each by gradients from beyond its neighbours. start, starts, seed: of the first; resume,
     progress: as in `ksd.optimise`; points share their designs. Ctrl-C raises SweepInterrupted, with every design in its
     `.table`. Raises SceneError for wrong words and what the first optimum raises.
     """
@@ -150,17 +150,27 @@ def pareto(
                 raise SceneError(f"{against} is {written(most)} at the optimum: give a span of limits for it")
             span = most / SPAN, most
         limits = np.geomspace(span[1], span[0], count)
-        at = best
+        way = Search(wide, log, "gradient, start 1")
         for limit in limits[1:].tolist():
-            near = [np.array(list(at.design.values()))]
             try:
-                at = optimum_of(job.limited(against, limit), log, near, "gradient", told=told)
-                found.append(at)
+                near = _ahead(way, found)
+                found.append(optimum_of(job.limited(against, limit), log, [near], "gradient", told=told))
                 status.append(OK)
             except KsdError as why:
                 found.append(None)
                 status.append(str(why))
     return Front(job, against, limits, tuple(found), tuple(status))
+
+
+def _ahead(search: Search, found: list[Optimum | None]) -> Array:
+    """Where the next point is looked for (P,): as far beyond the last one as that is from the one before, if designs there
+    have answers; else at the last one."""
+    good = [search.scaled(np.array(list(p.design.values()))) for p in found if p is not None]
+    last = search.x(good[-1])
+    if len(found) < 2 or None in found[-2:]:
+        return last
+    ahead = search.x(2 * good[-1] - good[-2])
+    return ahead if search.log.batch(ahead, by=search.by).status[0] == OK else last
 
 
 def _ends(span: Any) -> tuple[float, float]:

@@ -148,18 +148,20 @@ class Search:
             if bad.any():
                 name = self.job.names[self.sides[int(np.argmax(bad))].answer]
                 raise Failed(y, f"there is no gradient of {name}")
-            self.sloped[key] = np.vstack([rows, self._rule_slopes(y)])
+            ranges = self.job.range_slopes(x) * inner / self.rule_sizes[len(self.job.rules) :, None]
+            self.sloped[key] = np.vstack([rows, self._rule_slopes(y), ranges])
         return self.sloped[key]
 
     def _rule_slopes(self, y: Array) -> Array:
-        """Slopes (R, P) of the rules."""
-        h, found = 1e-6, np.zeros((len(self.job.rule_names), len(y)))
+        """Slopes (R, P) of the rules of the job."""
+        count = len(self.job.rules)
+        h, found = 1e-6, np.zeros((count, len(y)))
         for i in range(len(y) if len(found) else 0):
             step = h * (np.arange(len(y)) == i)
             # a parameter at its bound is stepped to one side
             ends = [np.clip(y + s * step, *self.bounds.T) for s in (1, -1)]
-            plus, minus = (self.job.rule_values(self.x(e)) for e in ends)
-            found[:, i] = (plus - minus) / (ends[0][i] - ends[1][i]) / self.rule_sizes
+            plus, minus = (self.job.rule_values(self.x(e), shapes=False) for e in ends)
+            found[:, i] = (plus - minus) / (ends[0][i] - ends[1][i]) / self.rule_sizes[:count]
         return found
 
     def level(self, margins: Array) -> float:

@@ -1,6 +1,7 @@
 """A job's answers are those of sweeps, its slopes those of re-solves, its rows outlive it; bad input is told at once."""
 
 import json
+import pickle
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
@@ -10,6 +11,7 @@ from scenes import STEEL, fourbar
 import ksd
 from ksd.design import job as room
 from ksd.design.job import Log
+from ksd.design.search import Search
 from ksd.units import deg, mm
 
 VARY = {
@@ -97,6 +99,29 @@ def test_slopes_are_those_of_solves_beside(plain):
         pair = plain.batch([x + step, x - step]).values
         wanted = (pair[0] - pair[1])[turned] / (2 * step[k])
         assert slopes[turned, k] == pytest.approx(wanted, rel=2e-5)
+
+
+def test_a_design_is_drawn_once_for_rules_answers_and_slopes():
+    drawn = []
+
+    def counted(**parameters):
+        drawn.append(parameters)
+        return pivot(**parameters)
+
+    asked = job(function=counted)
+    search = Search(asked, Log(asked), "")
+    assert asked.ranges and len(search.rule_sizes) == 2
+    y = search.scaled(asked.point(BEST)) - 0.01
+    drawn.clear()
+    search.margins(y)
+    slopes = search.slopes(y)[-1]
+    assert len(drawn) == 1 + 2 * len(BEST)
+    # inner over outer width within its trained range, by the parameters in logarithms
+    for k in range(len(y)):
+        ends = [search.margins(y + s * (np.arange(len(y)) == k))[-1] for s in (1e-4, -1e-4)]
+        assert slopes[k] == pytest.approx((ends[0] - ends[1]) / 2e-4, rel=1e-6, abs=1e-9)
+    again = pickle.loads(pickle.dumps(job().drawn))
+    assert again(**BEST).fingerprint() == pivot(**BEST).scene().fingerprint()
 
 
 def test_loads_size_and_conventional_poses():

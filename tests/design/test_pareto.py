@@ -29,6 +29,14 @@ def test_points_are_optima_under_their_limit(front):
     assert front.points[1].answers[MOMENT] == pytest.approx(front.limits[1], rel=1e-6)
 
 
+def test_a_point_is_looked_for_beyond_the_two_before():
+    found = ksd.pareto(small(), against=MOMENT, points=5, span=(0.1, 1.0))
+    x = np.log(found.designs)
+    first = [np.log(list(p.starts[0].start.values())) for p in found.points]
+    assert first[3] == pytest.approx(2 * x[2] - x[1], rel=1e-9)
+    assert found.points[3].evaluations <= found.points[1].evaluations
+
+
 def test_a_front_is_told_and_drawn(front, tmp_path):
     rows = list(front.table.rows())
     assert rows[1]["merit"] == front.merits[1] and rows[1]["thickness"] == front.points[1].design["thickness"]
