@@ -28,7 +28,7 @@ from ksd.design.questions import Asked, Row, asked_of, columns_of_drives, known_
 from ksd.design.resume import ResumeFile
 from ksd.design.table import OK, Table
 from ksd.design.words import check_drives, check_executor, check_ways, drive_rows
-from ksd.errors import KsdError, SceneError
+from ksd.errors import KsdError, RecordError, SceneError
 from ksd.library import find_record
 from ksd.model.mesh import Mesh
 from ksd.properties.words import Shown, progress_bar
@@ -51,6 +51,8 @@ TRIED = 4096
 """Designs at which rules are tried before they count as never met."""
 INFINITE = {"support": np.inf, "buckling_positive": np.inf, "buckling_negative": -np.inf}
 """What an answer that is no number stands for, by the beginning of its column: nothing moves, or nothing buckles."""
+AMOUNTS = {"force", "parasitic"}
+"""Questions whose answers have a sign: of what is minimised their size counts."""
 Targets = str | Sequence[str] | Mapping[str, float]
 Rule = Callable[[Mapping[str, float]], float]
 
@@ -60,7 +62,7 @@ class Answer:
     """One number a design is judged by: a column of `ksd.sweep` at a pose, or over all of them (None).
 
     role: "maximise", "minimise" or "limit"; scale: what a target is measured in; low, high: of a limit; factor: by which a
-    target is multiplied before it counts.
+    target is multiplied before it counts; amount: its size is the answer.
     """
 
     name: str
@@ -71,6 +73,7 @@ class Answer:
     low: float = -np.inf
     high: float = np.inf
     factor: float = 1.0
+    amount: bool = False
 
 
 class Judged(NamedTuple):
@@ -120,11 +123,12 @@ class Job(Shown):
 
     function: of the parameters, returns a mechanism. vary: least and most of every parameter, SI. maximise or minimise:
     columns of `ksd.sweep`, several with the scale each is measured in: the worst of them over their scales, over all
-    poses and load cases, counts. limits: the most by column, or (least, most), None for neither; "size_mm" takes the
-    most along x, y and z. rules: functions of the parameters by name that must not be negative, told before anything is
-    solved. link, at, freed, modes, loads, together and the drive values [m or rad]: as in `ksd.sweep`. method: "full",
-    "reduced", or "conventional", which knows no trained ranges; by the others these are bounds. mesh, extrapolate: as in
-    `ksd.solve`; targets: drive values as a mapping.
+    poses and load cases, counts; of forces, moments and parasitic motion that are minimised it is their size. limits: the
+    most by column, or (least, most), None for neither; "size_mm" takes the most along x, y and z. rules: functions of the
+    parameters by name that must not be negative, told before anything is solved. link, at, freed, modes, loads, together
+    and the drive values [m or rad]: as in `ksd.sweep`. method: "full", "reduced", or "conventional", which knows no
+    trained ranges; by the others these are bounds; when None "full" where every joint has a record, else "conventional".
+    mesh, extrapolate: as in `ksd.solve`; targets: drive values as a mapping.
 
     Raises SceneError for everything that is wrong before a solve.
     """
@@ -162,7 +166,7 @@ class Job(Shown):
         at: ArrayLike | None = None,
         freed: str | Sequence[str] | None = None,
         modes: int = 3,
-        method: Literal["full", "reduced", "conventional"] = "full",
+        method: Literal["full", "reduced", "conventional"] | None = None,
         mesh: Mesh | None = None,
         extrapolate: bool = False,
         together: bool = False,
@@ -186,12 +190,13 @@ class Job(Shown):
         design_points(function, [middle])
         self.__dict__.update(
             function=function, drawn=_Drawn(function, 2 * len(given) + SPARE), vary=given, loads=loads,
-            mesh=mesh or Mesh(), method=method, extrapolate=extrapolate,
+            mesh=mesh or Mesh(), extrapolate=extrapolate,
             together=truth(together, "together"), drives=values, cases=load_cases(loads), rules=_checked(rules),
             paths=drive_paths(values, together=together),
         )  # fmt: skip
         scene = self._first(middle)
         check_drives(scene, tuple(values), Job)
+        self.__dict__["method"] = method or _usual_method(scene)
         for extra in self.cases.values():
             if loaded(scene, extra)[1]:
                 raise SceneError(loaded(scene, extra)[1])
@@ -199,7 +204,8 @@ class Job(Shown):
         wanted = _wanted(maximise, minimise, limits, known)
         questions = tuple(dict.fromkeys(known[column] for column, *_ in wanted))
         asked = replace(asked_of(questions, link, at, freed, modes=modes), every=True)
-        self.__dict__.update(asked=asked, answers=self._listed(wanted, scene))
+        signed = {column for column, question in known.items() if question in AMOUNTS}
+        self.__dict__.update(asked=asked, answers=self._listed(wanted, scene, signed))
         self.__dict__.update(zip(("bounds", "held_by", "ranges"), self._trained(scene), strict=True))
         self.random(1)
 
@@ -259,17 +265,20 @@ class Job(Shown):
 
     # ---- what is asked ---------------------------------------------------------------------------------------------------
 
-    def _listed(self, wanted: list[tuple[str, str, float, float, float]], scene: Scene) -> tuple[Answer, ...]:
-        """Every wanted column at every pose; stress of every leaf; size of all poses together."""
+    def _listed(
+        self, wanted: list[tuple[str, str, float, float, float]], scene: Scene, signed: set[str]
+    ) -> tuple[Answer, ...]:
+        """Every wanted column at every pose; stress of every leaf; size of all poses together; of `signed` the size."""
         found, labels = [], [self._label(case, step, scene) for case, step in self.poses]
         leaves = [f"stress_MPa[{name}]" for name in scene.leaf_names()]
         for column, role, scale, low, high in wanted:
             if column.startswith("size_"):
                 found.append(Answer(column, column, role, None, scale, low, high))
                 continue
+            amount = role == "minimise" and column in signed
             for k, label in enumerate(labels):
                 for own in leaves if column == "stress_MPa" else [column, *others(column)]:
-                    found.append(Answer(f"{own}{label}", own, role, k, scale, low, high))
+                    found.append(Answer(f"{own}{label}", own, role, k, scale, low, high, amount=amount))
         return tuple(found)
 
     def _label(self, case: str, step: Mapping[str, float], scene: Scene) -> str:
@@ -493,6 +502,7 @@ class Job(Shown):
             else:
                 row = rows[a.pose]
                 value = row.get(a.column, np.nan)
+                value = abs(value) if a.amount else value
                 # an answer that is there but no number: what it stands for
                 found[k] = _infinite(a.column) if a.column in row and np.isnan(value) else value
         return found
@@ -519,6 +529,7 @@ class Job(Shown):
                 slopes[k] -= found.slopes[low, :, np.argmin(found.values[found.columns[low]])]
             elif a.column in column:
                 slopes[k] = found.slopes[column[a.column], :, a.pose]
+                slopes[k] *= np.sign(rows[a.pose][a.column]) if a.amount else 1.0
         values = self._of(rows)
         slopes[np.isinf(values)] = 0.0
         return values, slopes
@@ -542,13 +553,14 @@ class Job(Shown):
     def merit_name(self) -> str:
         """What `merit` is, in words."""
         goals = [a for a in self.answers if a.role != "limit"]
+        minus = "minus the " if goals[0].role == "minimise" else ""
         if any(a.scale != 1.0 for a in goals):
-            return "worst target over its scale"
+            return f"{minus}worst target over its scale"
         # "support_worst_N_per_m[2]" is one of "support_worst_N_per_m"
         columns = {a.column.split("[")[0] for a in goals}
         if len(columns) > 1:
-            return "worst target"
-        return f"{'minus the ' if goals[0].role == 'minimise' else ''}worst {columns.pop()}"
+            return f"{minus}worst target"
+        return f"{minus}worst {columns.pop()}"
 
     @staticmethod
     def merit_of(answer: Answer, value: float) -> float:
@@ -645,6 +657,18 @@ class _Range:
         value = self.of(shapes)
         known = np.isfinite(value) and (self.shape.scale != "log" or value > 0.0)
         return 1.0 - abs(self.shape.place(value)) if known else -1.0
+
+
+def _usual_method(scene: Scene) -> Literal["full", "conventional"]:
+    """ "full" where all joints have records and links are rigid."""
+    if not scene.joints or scene.compliances:
+        return "conventional"
+    try:
+        for family in {placed.joint.family for placed in scene.joints}:
+            find_record(family)
+    except RecordError:
+        return "conventional"
+    return "full"
 
 
 def _given_bounds(vary: Any) -> dict[str, tuple[float, float]]:

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from ksd.design.lines import spoken
-from ksd.design.questions import TOGETHER, Asked, Before, Pose, Row, answered, answered_together
+from ksd.design.questions import POINTED, TOGETHER, Asked, Before, Pose, Row, answered, answered_together
 from ksd.errors import SceneError
 from ksd.model.arrays import Motion
 from ksd.properties.stiffness import node_of, point_motion
@@ -20,9 +20,6 @@ from ksd.solve.many import UNANSWERED, UNSTABLE, Poses, space_many, tabulated_ma
 from ksd.solve.space_steps import KINEMATIC, REDUCED
 from ksd.solve.steps import CAP, RTOL, Stop
 from ksd.solve.tables import joint_tables
-
-POINTED = {"support_stiffness", "parasitic"}
-"""Questions about a point of a link."""
 
 
 @dataclass
@@ -68,7 +65,7 @@ class Prepared:
             # what is wrong with it is told before anything is solved
             model = five.model
             row_numbers(model, self.asked.freed or ())
-            if POINTED & set(self.asked.questions):
+            if set(POINTED) & set(self.asked.questions):
                 link, at = self.asked.point(model.scene)
                 point_motion(model, model.rest, node_of(model, link), at)
         if method == KINEMATIC:

@@ -36,6 +36,8 @@ from ksd.solve.error import corrected
 
 Row = dict[str, Any]
 VALUE = {"translation": ("mm", 1e3), "rotation": ("deg", 180 / np.pi), "mixed": ("SI", 1.0)}
+POINTED = ("support_stiffness", "parasitic")
+"""Questions about a point of a link."""
 EFFORT = {"translation": "force_N", "rotation": "moment_Nm", "mixed": "effort_SI"}
 
 
@@ -81,14 +83,17 @@ def asked_of(
     return Asked(names, name, point, let_go, modes, errors=truth(errors, "errors"))
 
 
-def unanswerable(scene: Any) -> dict[str, str]:
-    """Questions to which a scene has no answer, with the reason: sweeps and reports leave them out unless they are named."""
+def unanswerable(scene: Any, link: str | None = None) -> dict[str, str]:
+    """Questions to which a scene has no answer, with the reason: sweeps and reports leave them out unless they are named;
+    link: asked about."""
     found: dict[str, str] = {}
     leaves = scene.leaf_names().values()
     if not scene.masses and not any(leaf.material.density for leaf in leaves):
         found["frequencies"] = "nothing has mass"
     if not scene.leaves_apart():
         found["clearance"] = ALL_MEET
+    if not scene.drives and link is None:
+        found |= dict.fromkeys(POINTED, "no drive whose point could be asked about: name a link")
     return found
 
 

@@ -99,7 +99,7 @@ def sweep(
     values = drive_rows(targets, drives, sweep)
     lines, name = plan_lines(mechanism, values, designs, loads, together=together, call=sweep)
     drawn = next((line.scene for line in lines if line.scene is not None), None)
-    missing = unanswerable(drawn) if questions is None and drawn is not None else {}
+    missing = unanswerable(drawn, recipe.asked.link) if questions is None and drawn is not None else {}
     possible = tuple(q for q in recipe.asked.questions if q not in missing)
     recipe = replace(recipe, asked=replace(recipe.asked, questions=possible, usual=questions is None))
     kept = ResumeFile(resume, fingerprint(lines, recipe))

@@ -256,8 +256,9 @@ def stiffnesses(
             ]
             left, _ = beyond_rows(topology, states.size, np.stack(held), loads[:, :6].swapaxes(1, 2))
             loads[:, :6] = left.swapaxes(1, 2)
+    first = loads.shape[1] - count * drives
     if drives:
-        loads[:, -count:, topology.terms.start[:count]] = np.eye(count)
+        loads[:, first:, topology.terms.start[:count]] = np.eye(count)
     found, good = responses(fine, loads)
     if topology.loads.skew.any():
         # not conservative: the tangent has a skew part
@@ -267,7 +268,7 @@ def stiffnesses(
         C = loads[:, :6] @ found[:, :6].swapaxes(1, 2)
         C = 0.5 * (C + C.swapaxes(1, 2))
     if drives:
-        matrix = -found[:, -count:, topology.terms.start[:count]]
+        matrix = -found[:, first:, topology.terms.start[:count]]
         matrix = 0.5 * (matrix + matrix.swapaxes(1, 2))
     return Stiffnesses(C, matrix, good)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
@@ -124,7 +125,7 @@ class DrawnJoint(Joint):
     A at the origin, B anywhere but there. length [m]: scale of the record, |AB| when not given. shape: its
     dimensionless shape parameters, when it belongs to a range of similar joints. windows: leaf springs may cross, one in a
     window of the other (left out of the model). held_by_others: what it leaves free beside the intended motions is held
-    by the mechanism around it (see `ksd.train.softness`). Raises SceneError when A or B is missing, a leaf hangs on an
+    by the mechanism around it. Raises SceneError when A or B is missing, a leaf hangs on an
     unknown block, a block on no leaf, or leaf springs run through each other.
     """
 
@@ -176,6 +177,18 @@ class DrawnJoint(Joint):
         }
         for key, value in clean.items():
             object.__setattr__(self, key, value)
+
+    def __str__(self) -> str:
+        lines = [f"{self.name}: blocks {', '.join(name for name, _ in self.block_points)}"]
+        for m in self.intended:
+            unit, factor = ("deg", 180.0 / math.pi) if m.kind == "rotation" else ("mm", 1e3)
+            low, high = (f"{factor * v:.6g}" for v in m.range)
+            lines.append(f"motion {m.name}: {m.kind}, {low} to {high} {unit}")
+        lines += [
+            f"leaf spring {leaf.name}: {leaf.start_block} to {leaf.end_block}, {1e3 * leaf.length:.6g} mm"
+            for leaf in self.drawn_leaves
+        ]
+        return "\n".join(lines)
 
     @property
     def family(self) -> str:  # type: ignore[override]

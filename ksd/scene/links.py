@@ -20,6 +20,9 @@ class Link:
     owner: Links = field(compare=False, repr=False)
     at: Vector | None = field(default=None, compare=False, repr=False)
 
+    def __str__(self) -> str:
+        return self.name
+
 
 def spoken(link: Any) -> str:
     """A link's name for messages and default names."""

@@ -286,3 +286,69 @@ def test_the_worst_target_is_spoken_by_its_column_where_it_has_no_scale(plain):
     assert least.merit_name == "minus the worst turn_moment_Nm"
     two = job(maximise=("support_z_N_per_m", "support_x_N_per_m"))
     assert two.merit_spoken(0.5) == "worst target 0.500" and two.merit_name == "worst target"
+
+
+def leaning(lean):
+    """A drawn joint that no record is there for."""
+    leaves = [
+        ksd.Leaf(
+            start=(0, side * 20 * mm, 0), end=(40 * mm, side * lean, 0), width_axis="z", material=STEEL, name=name,
+            section=ksd.rectangle(0.2 * mm, 15 * mm),
+        )
+        for name, side in (("low", -1), ("high", 1))
+    ]  # fmt: skip
+    joint = ksd.DrawnJoint(
+        "leaning", blocks={"A": (0, 0, 0), "B": (40 * mm, 0, 0)}, leaves=leaves,
+        motions=[ksd.Motion("turn", "rotation", "z", (-0.2, 0.2))],
+    )  # fmt: skip
+    scene = ksd.Mechanism("leaning")
+    arm = scene.link("arm")
+    placed = scene.join(scene.ground, arm, joint, at=(0, 0, 0), axis="z", toward="x")
+    scene.actuate_joint(placed, name="turn")
+    return scene
+
+
+def strip(lean):
+    """A leaf spring without any joint."""
+    scene = ksd.Mechanism("strip")
+    arm = scene.link("arm")
+    scene.leaf(
+        scene.ground, arm, start=(0, 0, 0), end=(40 * mm, lean, 0), section=ksd.rectangle(0.2 * mm, 15 * mm),
+        material=STEEL, width_axis="z",
+    )  # fmt: skip
+    scene.actuate(arm, about="z", name="turn")
+    return scene
+
+
+def elastic(lean):
+    """A pivot with a link that bends."""
+    scene = pivot(60 * mm, 45 * deg, 0.3 * mm, 20 * mm, 10 * mm + lean)
+    scene.compliance("arm", section=ksd.rectangle(5 * mm, 20 * mm), material=STEEL)
+    return scene
+
+
+@pytest.mark.parametrize("function", [leaning, strip, elastic])
+def test_without_records_or_with_elastic_links_a_job_is_conventional(function, plain):
+    assert plain.method == "full"
+    own = ksd.Job(function, vary={"lean": (4 * mm, 8 * mm)}, turn=0.05, maximise="turn_stiffness_Nm_per_rad")
+    swept = ksd.sweep(
+        function, designs=[{"lean": 6 * mm}], turn=0.05, questions="drive_stiffness", progress=False
+    )
+    assert own.method == "conventional"
+    assert own.values([6 * mm])[0] == pytest.approx(swept["turn_stiffness_Nm_per_rad"][0], rel=1e-5)
+
+
+def test_of_parasitic_motion_and_moments_that_are_minimised_the_size_counts():
+    words = {"vary": {"lean": (4 * mm, 8 * mm)}, "link": "arm", "at": (60 * mm, 0, 0), "turn": [-0.05, 0.05]}
+    goals = ("parasitic_x_mm", "parasitic_y_mm", "turn_moment_Nm")
+    own, x = ksd.Job(leaning, minimise=goals, **words), [6 * mm]
+    signed = ksd.Job(leaning, maximise=goals, **words)
+    assert (signed.values(x) < 0).sum() >= 3
+    assert own.values(x) == pytest.approx(np.abs(signed.values(x)))
+    assert own.merit(own.values(x)) == pytest.approx(-np.abs(signed.values(x)).max())
+    h = 1e-6
+    expected = (own.values([6 * mm + h]) - own.values([6 * mm - h])) / (2 * h)
+    assert own.jacobian(x)[:, 0] == pytest.approx(expected, rel=1e-4, abs=1e-6)
+    assert own.merit_spoken(-0.25) == "worst target 0.250"
+    scaled = ksd.Job(leaning, minimise={"parasitic_x_mm": 0.1, "turn_moment_Nm": 1.0}, **words)
+    assert scaled.merit_spoken(-0.25) == "worst target 0.250 of its scale"

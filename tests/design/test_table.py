@@ -149,3 +149,16 @@ def test_without_critical_load_factors_the_usual_questions_have_not_failed(monke
     assert "buckling" not in str(found).partition("columns:")[0]
     named = ksd.sweep(single_joint(), turn=[0.2], questions="buckling", **QUIET)
     assert "buckling: no critical load factor" in named.failures[0]["status"]
+
+
+def test_a_point_is_not_asked_about_where_no_drive_and_no_link_tells_it():
+    m = ksd.Mechanism("hung")
+    end = m.link("end")
+    m.leaf(
+        "ground", end, start=(0, 0, 0), end=(0.06, 0, 0), width_axis="z", section=ksd.rectangle(3e-4, 0.02),
+        material=ksd.Material(200e9, nu=0.3),
+    )  # fmt: skip
+    cases = {"some": [{"link": "end", "force": (0, 0.1, 0), "at": (0.06, 0, 0)}]}
+    found = ksd.sweep(m, loads=cases, **QUIET)
+    assert found.failures == [] and "support_stiffness (no drive whose point" in str(found)
+    assert "support_worst_N_per_m" in ksd.sweep(m, loads=cases, link=end, **QUIET).columns

@@ -15,6 +15,7 @@ from ksd.scene import (
     Joint,
     Leaf,
     Material,
+    Mechanism,
     Motion,
     joint_families,
     joint_family,
@@ -267,3 +268,13 @@ def test_scene_imports_numpy_alone():
     heavy = "{'numba', 'scipy', 'h5py', 'skfem', 'matplotlib'}"
     code = f"import sys, ksd.scene; sys.exit(bool({heavy} & set(sys.modules)))"
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
+
+
+def test_a_drawn_joint_and_a_link_print_as_what_they_are():
+    scene = Mechanism("printed")
+    assert f"{scene.link('jaw')}, {scene.ground}" == "jaw, ground"
+    assert str(drawn(leaves=[leaf(name="strip")])).split("\n") == [
+        "mine: blocks A, B",
+        "motion angle: rotation, -57.2958 to 57.2958 deg",
+        "leaf spring strip: A to B, 100 mm",
+    ]
