@@ -15,9 +15,9 @@ from ksd.design.plan import scene_of
 from ksd.design.prepared import Found, Prepared, answer_together
 from ksd.errors import KsdError
 from ksd.library import Record, find_record
-from ksd.model.compile import model_of
+from ksd.model.compile import marked, model_of
 from ksd.model.drawing import Drawing, draw
-from ksd.model.effects import applied, choose
+from ksd.model.effects import Choice, applied, choose
 from ksd.model.mesh import Mesh
 from ksd.model.template import Template, template_of
 from ksd.scene import Scene
@@ -29,9 +29,12 @@ CHUNK = 64
 
 
 class _Design(NamedTuple):
-    """Design `number` of a chunk as it is simulated: scene, drawing, and shape parameters of its different joints."""
+    """Design `number` of a chunk: as it was described, which effects are simulated, the scene with them, drawing, and shape
+    parameters of its different joints."""
 
     number: int
+    said: Scene
+    choice: Choice
     scene: Scene
     drawing: Drawing
     shapes: list[Mapping[str, float]]
@@ -69,13 +72,14 @@ class Designs:
         alike: dict[Template, list[_Design]] = {}
         for number, maker in enumerate(makers):
             try:
-                scene = maker()
+                said = maker()
                 mesh = Mesh() if self.mesh is None else self.mesh
-                scene, mesh = applied(scene, mesh, choose(scene, mesh))
+                choice = choose(said, mesh)
+                scene, mesh = applied(said, mesh, choice)
                 drawing = draw(scene, mesh)
                 shapes = self._shapes(drawing)
                 template = template_of(drawing.words, mesh)
-                alike.setdefault(template, []).append(_Design(number, scene, drawing, shapes))
+                alike.setdefault(template, []).append(_Design(number, said, choice, scene, drawing, shapes))
             except KsdError as reason:
                 found[number] = reason
         for template, designs in alike.items():
@@ -112,7 +116,7 @@ class Designs:
         state = mine["state"] if mine.get("layout") is layout else None
         for d, one in enumerate(designs):
             try:
-                model = model_of(one.scene, template, filled, numbers, d)
+                model = marked(model_of(one.scene, template, filled, numbers, d), one.said, one.choice)
                 five = FiveSteps(
                     model, body_design(layout, bodies, d), extrapolate=self.extrapolate, state=state
                 )

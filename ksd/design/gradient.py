@@ -8,10 +8,10 @@ differenced, as mu passes through infinity where there is no stress.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -42,6 +42,7 @@ from ksd.properties.words import Shown, listed
 from ksd.properties.words import number as written
 from ksd.scene.links import Link
 from ksd.section.checks import nearest, truth, worded
+from ksd.solve.configuration import Configuration
 from ksd.solve.perturbed import STEP, WIDE, Beside, Perturbed, parameters_of
 from ksd.solve.solver import Method
 
@@ -180,33 +181,60 @@ def gradient(
     values = drive_rows(targets, drives, gradient)
     designs = None if at_design is None else [at_design]
     lines, _ = plan_lines(design, values, designs, loads, together=truth(together, "together"), call=gradient)
+
+    def solved() -> Iterator[Solved]:
+        for line in lines:
+            if line.scene is None:
+                raise SceneError(line.failure)
+            walk = fine_enough(line, recipe, None)
+            case = {"load_case": line.labels["load_case"]} if loads else {}
+            yield Solved(line.scene, [walk.pose(v) for v in line.poses], [{**case, **v} for v in line.poses])
+
+    made = design if callable(design) else None
+    return gradient_at(solved(), asked, made, at_design, by=by, sizes=sizes, errors=errors)
+
+
+class Solved(NamedTuple):
+    """Poses of a scene with their labels: drive values by name, and load case."""
+
+    scene: Any
+    poses: Sequence[Configuration]
+    labels: Sequence[Mapping[str, Any]]
+
+
+def gradient_at(
+    solved: Iterable[Solved],
+    asked: Asked,
+    design: Callable[..., Any] | None,
+    at_design: Mapping[str, Any] | None,
+    *,
+    by: str | Iterable[str] | None = None,
+    sizes: Mapping[str, float] | None = None,
+    errors: bool = False,
+) -> Gradient:
+    """`gradient` at poses that are solved; design: None for a mechanism."""
     shares = (WIDE, -WIDE, 2 * WIDE, -2 * WIDE) if errors else (STEP, -STEP)
     poses: list[tuple[Beside, list[list[Beside]], list[float]]] = []
     labels: list[Mapping[str, Any]] = []
     at_zero: dict[str, float] = {}
-    for line in lines:
-        if line.scene is None:
-            raise SceneError(line.failure)
-        walk = fine_enough(line, recipe, None)
+    for scene, found, said in solved:
         perturbed = Perturbed(shares)
-        for drives_here in line.poses:
-            pose = walk.pose(drives_here)
+        for pose in found:
             parameters = parameters_of(
-                line.scene, pose.targets, size=pose.model.arrays.size, at_design=at_design, by=by, sizes=sizes,
-                design=design if callable(design) else None,
+                scene, pose.targets, size=pose.model.arrays.size, at_design=at_design, by=by, sizes=sizes, design=design
             )  # fmt: skip
             poses.append((*perturbed(pose, parameters), [p.size for p in parameters]))
-            labels.append({**({"load_case": line.labels["load_case"]} if loads else {}), **drives_here})
             at_zero |= {p.name: p.value for p in parameters}
+        labels += said
     stiff = replace(asked, questions=tuple(q for q in asked.questions if q not in FOLLOWED))
     every = [_every(here, sides) for here, sides, _ in poses]
     known = iter(answered_together([side for own in every for side in own], stiff))
     stress = _stresses(every, asked.points) if "stress" in asked.questions else [None] * len(every)
-    found = [
+    at_poses = [
         _AtPose(here, sides, asked, sizes, known, own)
         for (here, sides, sizes), own in zip(poses, stress, strict=True)
     ]
-    return _gathered(found, labels, at_zero)
+    return _gathered(at_poses, labels, at_zero)
 
 
 def _every(here: Beside, sides: list[list[Beside]]) -> list[Beside]:

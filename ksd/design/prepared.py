@@ -18,14 +18,17 @@ from ksd.solve.error import settle
 from ksd.solve.five import FiveSteps
 from ksd.solve.many import UNANSWERED, UNSTABLE, Poses, space_many, tabulated_many
 from ksd.solve.space_steps import KINEMATIC, REDUCED
-from ksd.solve.steps import CAP, RTOL, Stop
+from ksd.solve.steps import CAP, RTOL, Step, Stop
 from ksd.solve.tables import joint_tables
+
+SOLVED = (Step("in a batch", 0, 0.0, 0.0, Stop.CONVERGED),)
+"""Steps of a pose that questions are asked of; one without an equilibrium is asked nothing."""
 
 
 @dataclass
 class Found:
     """Numbers of one design; rows (N): answers by column; reasons: why a question has none, by pose; waiting: poses that are
-    asked together with those of other designs, see `answer_together`."""
+    asked together with those of other designs, see `answer_together`; poses: those that were solved, where they are kept."""
 
     links: tuple[str, ...]
     drives: tuple[str, ...]
@@ -40,6 +43,7 @@ class Found:
     reasons: dict[int, str] = field(default_factory=dict)
     compliance: np.ndarray | None = None
     waiting: list[tuple[int, Pose]] = field(default_factory=list)
+    poses: list[Configuration] = field(default_factory=list)
 
 
 class Prepared:
@@ -53,13 +57,14 @@ class Prepared:
         relinearisations: int = 0,
         tabulated: bool = False,
         asked: Asked | None = None,
+        keep: bool = False,
     ) -> None:
         if five.model.mesh.plate:
             raise SceneError(
                 "plate stiffening depends on how much each leaf is bent, and is not settled pose by pose in batches: use "
                 "ksd.sweep, or leave 'plate' out of what the scene considers"
             )
-        self.five, self.method, self.relinearisations = five, method, relinearisations
+        self.five, self.method, self.relinearisations, self.keep = five, method, relinearisations, keep
         self.asked = asked if asked is not None and asked.questions else None
         if self.asked is not None:
             # what is wrong with it is told before anything is solved
@@ -126,6 +131,8 @@ class _Questions:
                 return UNSTABLE
         pose = Pose(self._posed(motion, full.copy() if reduced else motion, target), self.before)
         self.found.rows[n], self.before, failed = answered(pose, self.asked)
+        if self.design.keep:
+            self.found.poses.append(pose.configuration)
         if self.later:
             self.found.waiting.append((n, pose))
         return _note(self.found, n, failed)
@@ -136,7 +143,7 @@ class _Questions:
         values = dict(zip(model.drive_names, target.tolist(), strict=False))
         count = len(target)
         pose = Configuration(
-            model, motion, "reduced" if reduced else "full", values, (), negatives=count, expected=count, chosen=reduced
+            model, motion, "reduced" if reduced else "full", values, SOLVED, negatives=count, expected=count, chosen=reduced
         )  # fmt: skip
         pose.__dict__["answering"] = answering
         return pose

@@ -101,6 +101,25 @@ def test_slopes_are_those_of_solves_beside(plain):
         assert slopes[turned, k] == pytest.approx(wanted, rel=2e-5)
 
 
+@pytest.mark.parametrize("method", ["full", "reduced"])
+def test_slopes_go_on_from_the_equilibria_of_values(method, monkeypatch):
+    loads = {"empty": [], "payload": [{"link": "arm", "force": (0, 0, -20.0), "at": (0.1, 0, 0)}]}
+    asked = job(method=method, loads=loads)
+    x = asked.point(BEST) * 0.99
+    alone = asked.slopes(x)
+    monkeypatch.setattr(room, "gradient", None)
+    asked.values(x)
+    slopes = asked.slopes(x)[1] * x
+    most = np.abs(alone[1] * x).max(axis=1, keepdims=True)
+    # rounding alone at rest
+    assert (np.abs(slopes - alone[1] * x) <= 1e-6 * np.maximum(most, 1e-6)).all()
+    assert pickle.loads(pickle.dumps(job())).last is None
+    asked.values(x * 0.99)
+    with pytest.raises(TypeError):
+        # of another design than the last
+        asked.slopes(x)
+
+
 def test_a_design_is_drawn_once_for_rules_answers_and_slopes():
     drawn = []
 
