@@ -43,6 +43,11 @@ def number(value: float | None, digits: int = 4, *, zero: float = 0.0) -> str:
     return f"{value:.{places}f}"
 
 
+def signed(percent: float) -> str:
+    """A change with its sign, in two digits, or without an exponent where it is large."""
+    return f"{percent:+.2g}" if abs(percent) < 99.5 else f"{percent:+.0f}"
+
+
 def table(*columns: str) -> Any:
     """An empty table: the first column is text, the others are numbers on the right unless marked by '<'."""
     from rich import box

@@ -19,7 +19,7 @@ from ksd.model.runs import run_factors
 from ksd.properties.cache import per_model
 from ksd.properties.stiffness import point_stiffness
 from ksd.properties.tangent import exact
-from ksd.properties.words import Named
+from ksd.properties.words import Named, signed
 from ksd.solve.error import equilibrium
 from ksd.solve.plates import bent
 
@@ -41,14 +41,14 @@ class LeftOut(Named[dict[str, float]]):
 
     def __repr__(self) -> str:
         said = (
-            f"{name} {{{', '.join(f'{k}: {100 * v:+.2g} %' for k, v in row.items())}}}"
+            f"{name} {{{', '.join(f'{k}: {signed(100 * v)} %' for k, v in row.items())}}}"
             for name, row in self.items()
         )
         return f"<LeftOut: {', '.join(said) or 'nothing'}>"
 
 
 def _percents(changes: Mapping[str, float]) -> list[str]:
-    return [f"{100.0 * changes[what]:+.2g}" if what in changes else "-" for what in CHANGED]
+    return [signed(100.0 * changes[what]) if what in changes else "-" for what in CHANGED]
 
 
 def left_out(pose: Configuration) -> LeftOut:

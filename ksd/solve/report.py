@@ -7,10 +7,10 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from ksd.properties.words import WIDTH, number
+from ksd.properties.words import WIDTH, number, signed
 from ksd.properties.words import table as _table
 from ksd.solve.answer import SCHEMA, as_dict
-from ksd.solve.steps import FAST
+from ksd.solve.steps import FAST, RTOL, percent
 
 if TYPE_CHECKING:
     from ksd.solve.configuration import Configuration
@@ -42,7 +42,7 @@ def tables(configuration: Configuration) -> list[Any]:
     from rich.text import Text
 
     d = as_dict(configuration)
-    parts = [_head(d), _steps(d), _drives(d)]
+    parts = [_head(d), _steps(d), *([_drives(d)] if d["drives"] or d["supports"] else [])]
     parts += [Text(said, style="" if fine else "bold red") for said, fine in verdict_lines(d)]
     if d["joints"]:
         parts += _joints(d)
@@ -87,7 +87,8 @@ def _drives(d: dict[str, Any]) -> Any:
     table = _table("drive", "value", "<", "force or moment", "<", "estimated error")
     for name, row in d["drives"].items():
         (at, value), (effort, force), (_, error) = row.items()
-        said = "-" if error is None else f"{number(error, 2, zero=1e-12)} {_UNITS[effort]}"
+        least = f"under {number(RTOL * abs(force), 2)}" if error == 0.0 and force else "0"
+        said = "-" if error is None else f"{number(error, 2) if error else least} {_UNITS[effort]}"
         table.add_row(
             name, number(value, 6, zero=1e-12), _UNITS[at], number(force, 6, zero=1e-12), _UNITS[effort], said
         )
@@ -120,14 +121,15 @@ def error_sentence(d: dict[str, Any]) -> str:
     if error["relative_percent"] is None:
         return "Estimated error: not known, corrector steps grow; do not use this result"
     shift, turn = (number(error[k], 2, zero=1e-6) for k in ("displacement_um", "rotation_mrad"))
-    percent = number(error["relative_percent"], 2, zero=1e-9)
+    off = percent(0.01 * error["relative_percent"])
     mesh = "that of its mesh is not known"
     if error["mesh_percent"] is not None:
-        share = number(error["mesh_percent"], 2, zero=1e-9)
+        share = percent(0.01 * error["mesh_percent"])
         mesh = (
             f"of which mesh {share} %" if d["method"] in FAST or d["basis"] is not None else "all of it mesh"
         )
-    return f"Estimated error: {percent} %, {mesh} (links within {shift} um and {turn} mrad)"
+    within = f" (links within {shift} um and {turn} mrad)" if error["relative_percent"] else ""
+    return f"Estimated error: {off} %, {mesh}{within}"
 
 
 def _missing(left_out: dict[str, dict[str, float | None]]) -> list[str]:
@@ -135,7 +137,7 @@ def _missing(left_out: dict[str, dict[str, float | None]]) -> list[str]:
     said = []
     for name, changes in left_out.items():
         weights = [
-            f"{what.removesuffix('_percent').replace('_', ' ')} {value:+.2g} %"
+            f"{what.removesuffix('_percent').replace('_', ' ')} {signed(value)} %"
             for what, value in changes.items()
             if value is not None and abs(value) >= LITTLE
         ]

@@ -27,7 +27,7 @@ from ksd.properties.doctor import doctor
 from ksd.scene.hinges import plane_hint
 from ksd.solve.joint_range import FAR_SHIFT, FAR_TURN
 from ksd.solve.load_steps import difference, laden
-from ksd.solve.steps import ErrorEstimate
+from ksd.solve.steps import ErrorEstimate, percent
 
 if TYPE_CHECKING:
     from ksd.solve.configuration import Configuration
@@ -259,7 +259,7 @@ def _solved(c: Configuration, minimum: Verdict, branch: Verdict, error: ErrorEst
         )
     if error is not None and _worthless(c, error):
         said = (
-            f"its estimated error is {100 * error.relative:.2g} %"
+            f"its estimated error is {percent(error.relative)} %"
             if math.isfinite(error.relative)
             else "corrector steps of the full model grow from one to the next or end at no state of its kind, so its error "
             "is not known"
@@ -270,8 +270,8 @@ def _solved(c: Configuration, minimum: Verdict, branch: Verdict, error: ErrorEst
             True, "trusted but for the bases of its solids, whose error was not estimated (ksd.solve does)"
         )
     if c.method_error is not None and error is not None:
-        return Verdict(True, f"trusted within its estimated error of {100 * error.relative:.2g} %")
-    off = "" if error is None else f", within an estimated error of {100 * error.relative:.2g} %"
+        return Verdict(True, f"trusted within its estimated error of {percent(error.relative)} %")
+    off = "" if error is None else f", within an estimated error of {percent(error.relative)} %"
     return Verdict(
         True, f"trusted: {c.steps[-1].reason}, it is a minimum, and the branch is the one meant{off}"
     )

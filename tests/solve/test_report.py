@@ -12,8 +12,9 @@ from scenes import fourbar, single_joint
 
 import ksd
 from ksd.model.compile import compile_scene
+from ksd.properties.words import signed
 from ksd.solve.conventional import conventional
-from ksd.solve.report import SCHEMA, WIDTH, as_dict, number
+from ksd.solve.report import SCHEMA, WIDTH, as_dict, error_sentence, number
 from ksd.solve.steps import ErrorEstimate, JointMotions
 
 
@@ -189,3 +190,35 @@ def test_mixed_drive_has_a_value_without_unit():
     d = as_dict(conventional(compile_scene(scene), {"sum": 1e-3}))
     assert set(d["drives"]["sum"]) == {"value", "effort", "effort_error"}
     assert d["joints"] == {} and set(d["leaves"]) == {"leaf"}
+
+
+def test_an_error_too_small_to_see_is_under_the_bound_of_a_residual(exact):
+    """1e-8 of the force of `RTOL`, told as such; it was told as 0."""
+    none = ErrorEstimate(np.zeros(1), 0.0, 0.0, 0.0, 0.0)
+    assert str(none) == "under 1e-06 %"
+    assert "mesh under 1e-06 %" in str(replace(none, relative=1e-3))
+    told = as_dict(exact)
+    told["error"] = {
+        "relative_percent": 0.0, "mesh_percent": 0.0, "displacement_um": 0.0, "rotation_mrad": 0.0
+    }  # fmt: skip
+    assert error_sentence(told) == "Estimated error: under 1e-06 %, all of it mesh"
+
+
+def test_without_drives_there_is_no_table_of_drives():
+    scene = ksd.Mechanism("hung")
+    end = scene.link("end")
+    scene.leaf(
+        scene.ground, end, start=(0, 0, 0), end=(0.06, 0, 0), width_axis="z", section=ksd.rectangle(3e-4, 0.02),
+        material=ksd.Material(200e9, nu=0.3),
+    )  # fmt: skip
+    scene.load(end, force=(0, 0.1, 0), at=(0.06, 0, 0))
+    said = str(ksd.solve(scene))
+    assert "hung: solved" in said and "force or moment" not in said
+
+
+@pytest.mark.parametrize(
+    ("percent", "text"),
+    [(203.4, "+203"), (-99.6, "-100"), (12.34, "+12"), (-0.0123, "-0.012"), (99.4, "+99")],
+)
+def test_changes_have_a_sign_and_no_exponent_where_they_are_large(percent, text):
+    assert signed(percent) == text
