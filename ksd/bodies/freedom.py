@@ -31,10 +31,8 @@ def _jacobian(bodies: JointBodies, theta: np.ndarray) -> tuple[np.ndarray, np.nd
     W = np.zeros((len(arrays.start), motions, 6))
     place, series = np.zeros((len(loops.node), 24)), np.zeros((3, loops.pose.shape[2]))
     target, reach = np.zeros(len(arrays.terms.start)), np.zeros((2, len(arrays.start)), np.int64)
-    rest, terms, size = bodies.reduced_rest, arrays.terms, arrays.size
-    loop_equations(
-        terms, size, loops, theta, target, rest.x.copy(), rest.R.copy(), place, series, reach, W, J, residual
-    )
+    x, R = bodies.reduced_rest.x.copy(), bodies.reduced_rest.R.copy()
+    loop_equations(*arrays.flat[:2], *loops.flat, theta, target, x, R, place, series, reach, W, J, residual)
     return J, W
 
 

@@ -15,9 +15,8 @@ from typing import Any
 import numpy as np
 
 from ksd.beam.linear import LINEAR_INNER
-from ksd.bodies.kinematics import Loops
+from ksd.bodies.flat import Inside, Loops
 from ksd.bodies.polynomials import Polynomials
-from ksd.bodies.substructures import Inside
 from ksd.bodies.weight import NOTHING_HUNG, Hung
 from ksd.errors import KinematicsError, RecordError, SceneError
 from ksd.library import Record

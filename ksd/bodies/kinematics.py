@@ -8,186 +8,199 @@ handles the redundant equations of an overconstrained loop. Paper 1, section 2.2
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
 
 import numpy as np
 
+from ksd.bodies.flat import (
+    ANCHOR,
+    AXES,
+    BRANCHES,
+    CLOSING,
+    CLOSINGS,
+    FIRST,
+    JOINT_NODE,
+    MONOMIALS,
+    TREE,
+    Loops,
+)
 from ksd.bodies.series import joint_places
 from ksd.bodies.slopes import term_slope
-from ksd.model.arrays import TRANSLATION, Arrays, Motion
+from ksd.model.arrays import (
+    ROWS,
+    TERM_COEFFICIENT,
+    TERM_FIRST,
+    TERM_KIND,
+    TERM_NODE,
+    TRANSLATION,
+    Arrays,
+    Motion,
+)
 from ksd.numerics.kernel import kernel
 from ksd.numerics.rotations import rotation_log
 
 
-class Loops(NamedTuple):
-    """Kinematics of J joints between nodes (0 ground, links 1..), all polynomials already for this design.
-
-    node (J, 2); anchor (J, 2, 3): interface points A, B at rest from the nodes' reference points [m]; frame
-    (J, 3, 3): joint axes at rest; length (J,); first (J+1,): motions of joint j are theta[first[j]:first[j+1]];
-    tree (T, 2): joint, and 1 when it leads from A to B; closing (C,): joints closing loops; power_first (J+1,),
-    power (P, 2): exponents; pose (J, 6, M): rotation vector and chord of interface B by monomial.
-    """
-
-    node: np.ndarray
-    anchor: np.ndarray
-    frame: np.ndarray
-    length: np.ndarray
-    first: np.ndarray
-    tree: np.ndarray
-    closing: np.ndarray
-    power_first: np.ndarray
-    power: np.ndarray
-    pose: np.ndarray
-
-
 @kernel
-def _axes(A, B, C):
-    """C = A B for (3, 3) matrices."""
+def interface_pose(loops, shapes, j, end, x, R, frames, i):
+    """Axes of interface A (end 0) or B (1) of joint j on its link into frames[i, :3], its position into frames[i, 3]."""
+    node, F = loops[loops[JOINT_NODE] + 2 * j + end], loops[AXES] + 9 * j
+    anchor = loops[ANCHOR] + 6 * j + 3 * end
     for r in range(3):
+        p, q, s = R[node, r, 0], R[node, r, 1], R[node, r, 2]
         for c in range(3):
-            C[r, c] = A[r, 0] * B[0, c] + A[r, 1] * B[1, c] + A[r, 2] * B[2, c]
+            frames[i, r, c] = p * shapes[F + c] + q * shapes[F + 3 + c] + s * shapes[F + 6 + c]
+        frames[i, 3, r] = x[node, r] + p * shapes[anchor] + q * shapes[anchor + 1] + s * shapes[anchor + 2]
 
 
 @kernel
-def _axes_turned(A, B, C):
-    """C = A B^T for (3, 3) matrices."""
+def _place_link(loops, shapes, j, end, frames, x, R):
+    """`interface_pose` the other way round: the link whose interface stands at frames[end]."""
+    node, F = loops[loops[JOINT_NODE] + 2 * j + end], loops[AXES] + 9 * j
+    anchor = loops[ANCHOR] + 6 * j + 3 * end
     for r in range(3):
+        p, q, s = frames[end, r, 0], frames[end, r, 1], frames[end, r, 2]
         for c in range(3):
-            C[r, c] = A[r, 0] * B[c, 0] + A[r, 1] * B[c, 1] + A[r, 2] * B[c, 2]
+            R[node, r, c] = p * shapes[F + 3 * c] + q * shapes[F + 3 * c + 1] + s * shapes[F + 3 * c + 2]
+        p, q, s = R[node, r, 0], R[node, r, 1], R[node, r, 2]
+        x[node, r] = frames[end, 3, r] - p * shapes[anchor] - q * shapes[anchor + 1] - s * shapes[anchor + 2]
 
 
 @kernel
-def _point(R, s, sign, x, p):
-    """p = x + sign R s."""
+def _onward(place, j, frames, i):
+    """frames[i]: where interface B of joint j is meant to be, its interface A at frames[0]."""
     for r in range(3):
-        p[r] = x[r] + sign * (R[r, 0] * s[0] + R[r, 1] * s[1] + R[r, 2] * s[2])
-
-
-@kernel
-def _hang(loops, place, j, forward, x, R, W, reach):
-    """Pose of the link beyond tree joint j and its twist columns W (node, motion, 6), from the link before it; motions from
-    reach[0] (node) on do not move a link, reach[1] is the one before it."""
-    a, b = loops.node[j, 0], loops.node[j, 1]
-    RA, RB, rel = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))
-    pA, pB = np.empty(3), np.empty(3)
-    for r in range(3):
+        p, q, s = frames[0, r, 0], frames[0, r, 1], frames[0, r, 2]
         for c in range(3):
-            rel[r, c] = place[j, 3 * r + c]
-    d = place[j, 9:12]
+            frames[i, r, c] = p * place[j, c] + q * place[j, 3 + c] + s * place[j, 6 + c]
+        frames[i, 3, r] = frames[0, 3, r] + p * place[j, 9] + q * place[j, 10] + s * place[j, 11]
+
+
+@kernel
+def _backward(place, j, frames):
+    """frames[0]: where interface A of joint j is meant to be, its interface B at frames[1]."""
+    for r in range(3):
+        p, q, s = frames[1, r, 0], frames[1, r, 1], frames[1, r, 2]
+        for c in range(3):
+            frames[0, r, c] = p * place[j, 3 * c] + q * place[j, 3 * c + 1] + s * place[j, 3 * c + 2]
+        p, q, s = frames[0, r, 0], frames[0, r, 1], frames[0, r, 2]
+        frames[0, 3, r] = frames[1, 3, r] - p * place[j, 9] - q * place[j, 10] - s * place[j, 11]
+
+
+@kernel
+def _own_twist(place, j, k, frames, a0, a1, a2):
+    """Twist (v, w) by the joint's own motion k of a point at a from its interface B: w = A dphi, v = A dd + w x a, with the
+    axes A of its interface A in frames[0]."""
+    at = 12 + 6 * k
+    d0, d1, d2 = place[j, at], place[j, at + 1], place[j, at + 2]
+    p0, p1, p2 = place[j, at + 3], place[j, at + 4], place[j, at + 5]
+    w0 = frames[0, 0, 0] * p0 + frames[0, 0, 1] * p1 + frames[0, 0, 2] * p2
+    w1 = frames[0, 1, 0] * p0 + frames[0, 1, 1] * p1 + frames[0, 1, 2] * p2
+    w2 = frames[0, 2, 0] * p0 + frames[0, 2, 1] * p1 + frames[0, 2, 2] * p2
+    v0 = frames[0, 0, 0] * d0 + frames[0, 0, 1] * d1 + frames[0, 0, 2] * d2 + w1 * a2 - w2 * a1
+    v1 = frames[0, 1, 0] * d0 + frames[0, 1, 1] * d1 + frames[0, 1, 2] * d2 + w2 * a0 - w0 * a2
+    v2 = frames[0, 2, 0] * d0 + frames[0, 2, 1] * d1 + frames[0, 2, 2] * d2 + w0 * a1 - w1 * a0
+    return v0, v1, v2, w0, w1, w2
+
+
+@kernel
+def _hang(loops, shapes, place, t, x, R, W, reach, frames):
+    """Pose of the link beyond branch t of the tree and its twist columns W (node, motion, 6), from the link before it;
+    motions from reach[0] (node) on do not move a link, reach[1] is the one before it."""
+    j, forward = loops[loops[TREE] + 2 * t], loops[loops[TREE] + 2 * t + 1]
+    near, far = loops[loops[JOINT_NODE] + 2 * j + 1 - forward], loops[loops[JOINT_NODE] + 2 * j + forward]
+    interface_pose(loops, shapes, j, 1 - forward, x, R, frames, 1 - forward)
     if forward == 1:
-        _axes(R[a], loops.frame[j], RA)
-        _axes(RA, rel, RB)
-        _point(R[a], loops.anchor[j, 0], 1.0, x[a], pA)
-        _point(RA, d, 1.0, pA, pB)
-        _axes_turned(RB, loops.frame[j], R[b])
-        _point(R[b], loops.anchor[j, 1], -1.0, pB, x[b])
-        near, far, sign = a, b, 1.0
+        _onward(place, j, frames, forward)
     else:
-        _axes(R[b], loops.frame[j], RB)
-        _axes_turned(RB, rel, RA)
-        _point(R[b], loops.anchor[j, 1], 1.0, x[b], pB)
-        _point(RA, d, -1.0, pB, pA)
-        _axes_turned(RA, loops.frame[j], R[a])
-        _point(R[a], loops.anchor[j, 0], -1.0, pA, x[a])
-        near, far, sign = b, a, -1.0
-    reach[0, far], reach[1, far] = max(reach[0, near], loops.first[j + 1]), near
-    for q in range(reach[0, near], reach[0, far]):
+        _backward(place, j, frames)
+    _place_link(loops, shapes, j, forward, frames, x, R)
+    first, last = loops[loops[FIRST] + j], loops[loops[FIRST] + j + 1]
+    begin, end = reach[0, near], max(reach[0, near], last)
+    reach[0, far], reach[1, far] = end, near
+    for q in range(begin, end):
         for r in range(6):
             W[far, q, r] = 0.0
-    for q in range(reach[0, near]):
+    a0, a1, a2 = x[far, 0] - x[near, 0], x[far, 1] - x[near, 1], x[far, 2] - x[near, 2]
+    for q in range(begin):
+        w0, w1, w2 = W[near, q, 3], W[near, q, 4], W[near, q, 5]
+        W[far, q, 0] = W[near, q, 0] + w1 * a2 - w2 * a1
+        W[far, q, 1] = W[near, q, 1] + w2 * a0 - w0 * a2
+        W[far, q, 2] = W[near, q, 2] + w0 * a1 - w1 * a0
+        W[far, q, 3], W[far, q, 4], W[far, q, 5] = w0, w1, w2
+    a0, a1, a2 = x[far, 0] - frames[1, 3, 0], x[far, 1] - frames[1, 3, 1], x[far, 2] - frames[1, 3, 2]
+    sign = 2.0 * forward - 1.0
+    for q in range(first, last):
+        v0, v1, v2, w0, w1, w2 = _own_twist(place, j, q - first, frames, a0, a1, a2)
+        W[far, q, 0] += sign * v0
+        W[far, q, 1] += sign * v1
+        W[far, q, 2] += sign * v2
+        W[far, q, 3] += sign * w0
+        W[far, q, 4] += sign * w1
+        W[far, q, 5] += sign * w2
+
+
+@kernel
+def _close_joint(loops, shapes, place, c, size, x, R, W, J, residual, frames):
+    """Six equations of the joint that closes loop c: interface B on its link where the one from A on is."""
+    j, row = loops[loops[CLOSING] + c], 6 * c
+    a, b = loops[loops[JOINT_NODE] + 2 * j], loops[loops[JOINT_NODE] + 2 * j + 1]
+    for end in range(2):
+        interface_pose(loops, shapes, j, end, x, R, frames, end)
+    # no literal, for which numba would compile `_onward` once more
+    _onward(place, j, frames, 2 + 0 * c)
+    for r in range(3):
+        p, q, s = frames[1, r, 0], frames[1, r, 1], frames[1, r, 2]
+        for k in range(3):
+            frames[3, r, k] = p * frames[2, k, 0] + q * frames[2, k, 1] + s * frames[2, k, 2]
+    rotation_log(frames[3], frames[3, 3])
+    for r in range(3):
+        residual[row + r] = frames[1, 3, r] - frames[2, 3, r]
+        residual[row + 3 + r] = size * frames[3, 3, r]
+    for q in range(W.shape[1]):
         for r in range(3):
             i, k = (r + 1) % 3, (r + 2) % 3
-            W[far, q, 3 + r] = W[near, q, 3 + r]
-            W[far, q, r] = (
-                W[near, q, r]
-                + W[near, q, 3 + i] * (x[far, k] - x[near, k])
-                - W[near, q, 3 + k] * (x[far, i] - x[near, i])
-            )
-    for q in range(loops.first[j], loops.first[j + 1]):
-        _own_twist(place[j], q - loops.first[j], RA, pB, x[far], sign, W[far, q])
+            J[row + 3 + r, q] = size * (W[b, q, 3 + r] - W[a, q, 3 + r])
+            J[row + r, q] = (
+                W[b, q, r] - W[a, q, r]
+                + W[b, q, 3 + i] * (frames[1, 3, k] - x[b, k]) - W[b, q, 3 + k] * (frames[1, 3, i] - x[b, i])
+                - W[a, q, 3 + i] * (frames[2, 3, k] - x[a, k]) + W[a, q, 3 + k] * (frames[2, 3, i] - x[a, i])
+            )  # fmt: skip
+    first = loops[loops[FIRST] + j]
+    for q in range(first, loops[loops[FIRST] + j + 1]):
+        v0, v1, v2, w0, w1, w2 = _own_twist(place, j, q - first, frames, 0.0, 0.0, 0.0)
+        J[row, q] -= v0
+        J[row + 1, q] -= v1
+        J[row + 2, q] -= v2
+        J[row + 3, q] -= size * w0
+        J[row + 4, q] -= size * w1
+        J[row + 5, q] -= size * w2
 
 
 @kernel
-def _own_twist(place, k, RA, pB, y, sign, column):
-    """Add the joint's own motion k: w = RA dphi, velocity RA dd + w x (y - pB), times sign."""
-    at = 12 + 6 * k
-    d0, d1, d2, p0, p1, p2 = (
-        place[at],
-        place[at + 1],
-        place[at + 2],
-        place[at + 3],
-        place[at + 4],
-        place[at + 5],
-    )
-    w0 = RA[0, 0] * p0 + RA[0, 1] * p1 + RA[0, 2] * p2
-    w1 = RA[1, 0] * p0 + RA[1, 1] * p1 + RA[1, 2] * p2
-    w2 = RA[2, 0] * p0 + RA[2, 1] * p1 + RA[2, 2] * p2
-    a0, a1, a2 = y[0] - pB[0], y[1] - pB[1], y[2] - pB[2]
-    column[0] += sign * (RA[0, 0] * d0 + RA[0, 1] * d1 + RA[0, 2] * d2 + w1 * a2 - w2 * a1)
-    column[1] += sign * (RA[1, 0] * d0 + RA[1, 1] * d1 + RA[1, 2] * d2 + w2 * a0 - w0 * a2)
-    column[2] += sign * (RA[2, 0] * d0 + RA[2, 1] * d1 + RA[2, 2] * d2 + w0 * a1 - w1 * a0)
-    column[3] += sign * w0
-    column[4] += sign * w1
-    column[5] += sign * w2
+def loop_equations(ints, floats, loops, shapes, theta, target, x, R, place, series, reach, W, J, residual):
+    """Link poses for theta (into x, R), residual (E,) and Jacobian J (E, motions); rotations times the size.
 
-
-@kernel
-def loop_equations(terms, size, loops, theta, target, x, R, place, series, reach, W, J, residual):
-    """Link poses for theta (into x, R), residual (E,) and Jacobian J (E, motions); rotations times `size`.
-
-    Rows: six per closing joint, then one per constraint row of the model. W and J hold zeros at the first call; what stays
-    zero is not written, so that a joint of a long chain costs little more. reach (2, k): scratch.
+    ints, floats: of a model with the links, as in `ksd.model.arrays.Flat`; loops, shapes: as in `ksd.bodies.flat`. Rows: six
+    per closing joint, then one per constraint row of the model. W and J hold zeros at the first call; what stays zero is not
+    written, so that a joint of a long chain costs little more. reach (2, k): scratch.
     """
-    motions = len(theta)
-    joint_places(loops, theta, place, series)
-    reach[0, :], reach[1, :] = 0, -1
-    for t in range(len(loops.tree)):
-        _hang(loops, place, loops.tree[t, 0], loops.tree[t, 1], x, R, W, reach)
-    RA, RB, want, rel = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))
-    pA, pB, pW, turned = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
-    own = np.empty(6)
-    for c in range(len(loops.closing)):
-        j = loops.closing[c]
-        a, b = loops.node[j, 0], loops.node[j, 1]
-        _axes(R[a], loops.frame[j], RA)
-        for r in range(3):
-            for k in range(3):
-                rel[r, k] = place[j, 3 * r + k]
-        _axes(RA, rel, want)
-        _axes(R[b], loops.frame[j], RB)
-        _point(R[a], loops.anchor[j, 0], 1.0, x[a], pA)
-        _point(RA, place[j, 9:12], 1.0, pA, pW)
-        _point(R[b], loops.anchor[j, 1], 1.0, x[b], pB)
-        _axes_turned(RB, want, rel)
-        rotation_log(rel, turned)
-        row = 6 * c
-        for r in range(3):
-            residual[row + r] = pB[r] - pW[r]
-            residual[row + 3 + r] = size * turned[r]
-        for q in range(motions):
-            for r in range(3):
-                i, k = (r + 1) % 3, (r + 2) % 3
-                J[row + 3 + r, q] = size * (W[b, q, 3 + r] - W[a, q, 3 + r])
-                J[row + r, q] = (
-                    W[b, q, r] + W[b, q, 3 + i] * (pB[k] - x[b, k]) - W[b, q, 3 + k] * (pB[i] - x[b, i])
-                    - W[a, q, r] - W[a, q, 3 + i] * (pW[k] - x[a, k]) + W[a, q, 3 + k] * (pW[i] - x[a, i])
-                )  # fmt: skip
-        for q in range(loops.first[j], loops.first[j + 1]):
-            own[:] = 0.0
-            _own_twist(place[j], q - loops.first[j], RA, pW, pW, 1.0, own)
-            for r in range(3):
-                J[row + r, q] -= own[r]
-                J[row + 3 + r, q] -= size * own[3 + r]
-    _constraint_equations(terms, size, target, x, R, reach, W, J, residual, 6 * len(loops.closing))
+    joint_places(loops, shapes, theta, place, series)
+    for k in range(reach.shape[1]):
+        reach[0, k], reach[1, k] = 0, -1
+    frames = np.empty((4, 4, 3))
+    for t in range(loops[BRANCHES]):
+        _hang(loops, shapes, place, t, x, R, W, reach, frames)
+    for c in range(loops[CLOSINGS]):
+        _close_joint(loops, shapes, place, c, floats[0], x, R, W, J, residual, frames)
+    _constraint_equations(ints, floats, target, x, R, reach, W, J, residual, 6 * loops[CLOSINGS])
 
 
 @kernel
-def term_columns(terms, reach, t):
+def _term_columns(ints, reach, t):
     """First and last but one motion that constraint term t depends on: a rotation between a link and the one it hangs on
     knows the joint between them alone."""
-    a, b = terms.node[t, 0], terms.node[t, 1]
+    a, b = ints[ints[TERM_NODE] + 2 * t], ints[ints[TERM_NODE] + 2 * t + 1]
     first, last = 0, max(reach[0, a], reach[0, b])
-    if terms.kind[t] != TRANSLATION:
+    if ints[ints[TERM_KIND] + t] != TRANSLATION:
         if reach[1, b] == a:
             first = reach[0, a]
         elif reach[1, a] == b:
@@ -196,44 +209,46 @@ def term_columns(terms, reach, t):
 
 
 @kernel
-def row_columns(terms, reach, i):
+def _row_columns(ints, reach, i):
     """The same of row i."""
-    first, last = term_columns(terms, reach, terms.first[i])
-    for t in range(terms.first[i] + 1, terms.first[i + 1]):
-        low, high = term_columns(terms, reach, t)
+    begin = ints[ints[TERM_FIRST] + i]
+    first, last = _term_columns(ints, reach, begin)
+    for t in range(begin + 1, ints[ints[TERM_FIRST] + i + 1]):
+        low, high = _term_columns(ints, reach, t)
         first, last = min(first, low), max(last, high)
     return first, last
 
 
 @kernel
-def _constraint_equations(terms, size, target, x, R, reach, W, J, residual, row):
+def _constraint_equations(ints, floats, target, x, R, reach, W, J, residual, row):
     """One equation per drive or support: sum of terms minus target, with its derivative along the twist columns."""
-    gradient, scratch = np.empty(12), np.empty(9)
-    for i in range(len(terms.start)):
-        rotations = 0
-        residual[row + i] = -target[i]
-        first, last = row_columns(terms, reach, i)
+    slope = np.empty((7, 3))
+    for i in range(ints[ROWS]):
+        rotations, size, total = 0, floats[0], -target[i]
+        begin, end = ints[ints[TERM_FIRST] + i], ints[ints[TERM_FIRST] + i + 1]
+        first, last = _row_columns(ints, reach, i)
         for q in range(first, last):
             J[row + i, q] = 0.0
-        for t in range(terms.first[i], terms.first[i + 1]):
-            c = terms.coefficient[t]
-            residual[row + i] += c * term_slope(terms, x, R, t, gradient, scratch)
-            a, b = terms.node[t, 0], terms.node[t, 1]
-            low, high = term_columns(terms, reach, t)
-            turns = terms.kind[t] != TRANSLATION
+        for t in range(begin, end):
+            c = floats[ints[TERM_COEFFICIENT] + t]
+            total += c * term_slope(ints, floats, x, R, t, slope)
+            a, b = ints[ints[TERM_NODE] + 2 * t], ints[ints[TERM_NODE] + 2 * t + 1]
+            low, high = _term_columns(ints, reach, t)
+            turns = ints[ints[TERM_KIND] + t] != TRANSLATION
             rotations += turns
             for q in range(low, high):
                 s = 0.0
                 for r in range(3):
-                    s += gradient[3 + r] * W[a, q, 3 + r] + gradient[9 + r] * W[b, q, 3 + r]
+                    s += slope[1, r] * W[a, q, 3 + r] + slope[3, r] * W[b, q, 3 + r]
                 if not turns:
                     for r in range(3):
-                        s += gradient[r] * W[a, q, r] + gradient[6 + r] * W[b, q, r]
+                        s += slope[0, r] * W[a, q, r] + slope[2, r] * W[b, q, r]
                 J[row + i, q] += c * s
-        if rotations == terms.first[i + 1] - terms.first[i]:
-            residual[row + i] *= size
-            for q in range(first, last):
-                J[row + i, q] *= size
+        if rotations < end - begin:
+            size = 1.0
+        residual[row + i] = size * total
+        for q in range(first, last):
+            J[row + i, q] *= size
 
 
 @kernel
@@ -315,20 +330,19 @@ def close_loops(
     the square of that.
     """
     found: tuple[int, int, float, float] = _close(
-        arrays.terms, float(arrays.flat.floats[0]), loops, theta, target, motion.x, motion.R, place, most
+        *arrays.flat[:2], *loops.flat, theta, target, motion.x, motion.R, place, most
     )
     return found
 
 
 @kernel
-def _close(terms, size, loops, theta, target, x, R, place, most):
-    rows, motions = 6 * len(loops.closing) + len(terms.start), len(theta)
-    W, series = np.zeros((len(x), motions, 6)), np.empty((3, loops.pose.shape[2]))
-    J, residual, step = np.zeros((rows, motions)), np.zeros(rows), np.zeros(motions)
-    room, reach = room_for(rows, motions), np.empty((2, len(x)), np.int64)
-    pivot, gap = 1.0, 0.0
+def _close(ints, floats, loops, shapes, theta, target, x, R, place, most):
+    rows, motions, links = 6 * loops[CLOSINGS] + ints[ROWS], len(theta), len(x)
+    W, J, series = np.zeros((links, motions, 6)), np.zeros((rows, motions)), np.empty((3, loops[MONOMIALS]))
+    residual, step, reach = np.zeros(rows), np.zeros(motions), np.empty((2, links), np.int64)
+    room, pivot, gap = room_for(rows, motions), 1.0, 0.0
     for n in range(most):
-        loop_equations(terms, size, loops, theta, target, x, R, place, series, reach, W, J, residual)
+        loop_equations(ints, floats, loops, shapes, theta, target, x, R, place, series, reach, W, J, residual)
         pivot = least_squares(J, residual, step, room)
         if not pivot > 1e-13:
             return 3, n, math.inf, pivot
@@ -337,7 +351,9 @@ def _close(terms, size, loops, theta, target, x, R, place, most):
             return 5, n, math.inf, pivot
         if largest < 1e-6:
             # quadratic: the error left is the square of this step; poses follow it
-            loop_equations(terms, size, loops, theta, target, x, R, place, series, reach, W, J, residual)
+            loop_equations(
+                ints, floats, loops, shapes, theta, target, x, R, place, series, reach, W, J, residual
+            )
             for r in range(len(residual)):
                 gap = max(gap, abs(residual[r]))
             return 0, n + 1, gap, pivot

@@ -6,42 +6,38 @@ import math
 
 import numpy as np
 
-from ksd.model.arrays import TRANSLATION
+from ksd.model.arrays import TERM_DIRECTION, TERM_KIND, TERM_NODE, TERM_POINT, TRANSLATION
 from ksd.numerics.kernel import kernel
 from ksd.numerics.rotations import rotation_log
 
 
 @kernel
-def term_slope(terms, x, R, t, gradient, scratch):
-    """Value of constraint term t and its gradient (12,) on (base, node); see `ksd.model.loading.term_value`.
+def term_slope(ints, floats, x, R, t, slope):
+    """Value of constraint term t, its derivatives by displacement and rotation of base and node into slope[:4]; see
+    `ksd.model.loading.term_value`. slope (7, 3): then direction u, the node's arm and the lever.
 
-    scratch (9,). A rotation is 2 atan2(q.u, q0) of the relative rotation's quaternion.
+    A rotation is 2 atan2(q.u, q0) of the relative rotation's quaternion.
     """
-    a, b = terms.node[t, 0], terms.node[t, 1]
-    u, q, lever = scratch[0:3], scratch[3:6], scratch[6:9]
+    a, b = ints[ints[TERM_NODE] + 2 * t], ints[ints[TERM_NODE] + 2 * t + 1]
+    direction, point = ints[TERM_DIRECTION] + 3 * t, ints[TERM_POINT] + 6 * t
     value = 0.0
     for r in range(3):
-        u[r] = (
-            R[a, r, 0] * terms.direction[t, 0]
-            + R[a, r, 1] * terms.direction[t, 1]
-            + R[a, r, 2] * terms.direction[t, 2]
-        )
-    if terms.kind[t] == TRANSLATION:
-        for r in range(3):
-            q[r], p = 0.0, 0.0
-            for c in range(3):
-                p += R[a, r, c] * terms.point[t, 0, c]
-                q[r] += R[b, r, c] * terms.point[t, 1, c]
-            lever[r] = x[b, r] + q[r] - x[a, r]
-            value += u[r] * (lever[r] - p)
+        own, p, arm = 0.0, 0.0, 0.0
+        for c in range(3):
+            own += R[a, r, c] * floats[direction + c]
+            p += R[a, r, c] * floats[point + c]
+            arm += R[b, r, c] * floats[point + 3 + c]
+        lever = x[b, r] + arm - x[a, r]
+        slope[4, r], slope[5, r], slope[6, r] = own, arm, lever
+        value += own * (lever - p)
+    if ints[ints[TERM_KIND] + t] == TRANSLATION:
         for r in range(3):
             j, k = (r + 1) % 3, (r + 2) % 3
-            gradient[r] = -u[r]
-            gradient[3 + r] = u[j] * lever[k] - u[k] * lever[j]
-            gradient[6 + r] = u[r]
-            gradient[9 + r] = q[j] * u[k] - q[k] * u[j]
+            slope[0, r], slope[2, r] = -slope[4, r], slope[4, r]
+            slope[1, r] = slope[4, j] * slope[6, k] - slope[4, k] * slope[6, j]
+            slope[3, r] = slope[5, j] * slope[4, k] - slope[5, k] * slope[4, j]
         return value
-    rel = np.empty((3, 3))
+    u, q, rel = slope[4], slope[5], np.empty((3, 3))
     for i in range(3):
         for j in range(3):
             rel[i, j] = R[b, i, 0] * R[a, j, 0] + R[b, i, 1] * R[a, j, 1] + R[b, i, 2] * R[a, j, 2]
@@ -55,7 +51,6 @@ def term_slope(terms, x, R, t, gradient, scratch):
         j, k = (i + 1) % 3, (i + 2) % 3
         # d(q.u) and d(q0) of a turn about axis i
         across = 0.5 * (q0 * u[i] + f * (q[j] * u[k] - q[k] * u[j]))
-        slope = 2.0 * (q0 * across + 0.5 * along * f * q[i]) / size
-        gradient[i], gradient[6 + i] = 0.0, 0.0
-        gradient[3 + i], gradient[9 + i] = -slope, slope
+        by_turn = 2.0 * (q0 * across + 0.5 * along * f * q[i]) / size
+        slope[0, i], slope[1, i], slope[2, i], slope[3, i] = 0.0, -by_turn, 0.0, by_turn
     return 2.0 * math.atan2(along, q0)

@@ -7,89 +7,88 @@ the axes of their interface A (paper 1, eqs. 2.3-2.6 and section 3); one backwar
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 
-from ksd.bodies.kinematics import Loops
+from ksd.bodies.flat import (
+    AXES,
+    BLOCK_JOINT,
+    BLOCK_NODE,
+    BLOCK_POSE,
+    COEFFICIENT,
+    FUNCTIONS,
+    INNER_BLOCKS,
+    JOINT_LENGTH,
+    JOINTS,
+    MONOMIALS,
+    NEAR_COEFFICIENT,
+    NEAR_FUNCTIONS,
+    NEAR_OWNER,
+    NEAR_TARGET,
+    OWNER,
+    TARGET,
+    Inside,
+    Loops,
+)
+from ksd.bodies.kinematics import interface_pose
 from ksd.bodies.series import monomials, pose_from
 from ksd.model.arrays import Arrays, Motion, Work
 from ksd.model.newton import GRAIN, assemble, take_step
-from ksd.model.poses import member_pose
 from ksd.numerics.blocks import BLOCKS, DIAGONAL, START, backward_blocks, factor_blocks, forward_blocks
 from ksd.numerics.kernel import kernel
 from ksd.numerics.rotations import rotation_log
 
 
-class Inside(NamedTuple):
-    """Database functions of the insides of J joints, flattened; polynomials in the motions of their joint.
-
-    block_node (K,), block_joint (K,): substructure node and joint of every internal block; block_pose (K, 6, M): rotation
-    vector and chord by monomial. joint (F,), target (F,), coefficient (F, M): entry `target` of the inner states (amplitudes
-    1/m, wrenches N and Nm). near_joint, near_target, near_coefficient: the same for work.near (rotation vectors).
-    """
-
-    block_node: np.ndarray
-    block_joint: np.ndarray
-    block_pose: np.ndarray
-    joint: np.ndarray
-    target: np.ndarray
-    coefficient: np.ndarray
-    near_joint: np.ndarray
-    near_target: np.ndarray
-    near_coefficient: np.ndarray
-
-
 def set_near(
-    substructures: Arrays,
-    loops: Loops,
-    inside: Inside,
-    theta: np.ndarray,
-    place: np.ndarray,
-    motion: Motion,
-    work: Work,
+    loops: Loops, inside: Inside, theta: np.ndarray, place: np.ndarray, motion: Motion, work: Work
 ) -> None:
     """Step 2, first half: state of the substructures of the intended motion theta, from the database functions alone.
 
     place (J, 24): interface poses of step 1. Node 1 + .. of the substructures: see `Inside`; node `last J` are the Bs.
     """
-    _set_near(loops, inside, theta, place, motion.x, motion.R, motion.inner, work.near)
+    _set_near(*loops.flat, *inside.flat, theta, place, motion.x, motion.R, motion.inner, work.near)
 
 
 @kernel
-def _set_near(loops, inside, theta, place, x, R, inner, near):
-    J, nodes, size = len(loops.node), len(x), loops.pose.shape[2]
-    values, slope, counts = np.empty((J, size)), np.empty((2, size)), np.empty(J, np.int64)
-    for j in range(J):
-        counts[j] = monomials(loops, theta, j, values[j], slope)
-        B = nodes - J + j
-        for r in range(3):
-            x[B, r] = place[j, 9 + r]
-            for c in range(3):
-                R[B, r, c] = place[j, 3 * r + c]
-    put = np.empty(24)
-    slope[:, :] = 0.0
+def _put(place, j, x, R, node):
+    """A node where a joint or block is."""
+    for r in range(3):
+        x[node, r] = place[j, 9 + r]
+        for c in range(3):
+            R[node, r, c] = place[j, 3 * r + c]
+
+
+@kernel
+def _functions(inside, functions, owner, target, coefficient, count, series, counts, found):
+    """Values of `count` functions into found, whose owner, target and coefficient begin at these places."""
+    size = series.shape[2]
+    for f in range(count):
+        j, s = inside[owner + f], 0.0
+        for i in range(counts[j]):
+            s += functions[coefficient + size * f + i] * series[j, 0, i]
+        found[inside[target + f]] = s
+
+
+@kernel
+def _set_near(loops, shapes, inside, functions, theta, place, x, R, inner, near):
+    joints, size = loops[JOINTS], loops[MONOMIALS]
+    series, counts, put = np.empty((joints, 3, size)), np.empty(joints, np.int64), np.empty((1, 24))
+    for j in range(joints):
+        counts[j] = monomials(loops, theta, j, series[j])
+        _put(place, j, x, R, len(x) - joints + j)
     # no derivatives wanted; a variable, since a literal 0 would compile `pose_from` a second time
-    motions = 0 * J
-    for k in range(len(inside.block_node)):
-        j = inside.block_joint[k]
-        pose_from(inside.block_pose[k], loops.length[j], values[j], slope, counts[j], motions, put)
-        for r in range(3):
-            x[inside.block_node[k], r] = put[9 + r]
-            for c in range(3):
-                R[inside.block_node[k], r, c] = put[3 * r + c]
-    for f in range(len(inside.joint)):
-        j = inside.joint[f]
-        s = 0.0
-        for i in range(counts[j]):
-            s += inside.coefficient[f, i] * values[j, i]
-        inner[inside.target[f]] = s
-    for f in range(len(inside.near_joint)):
-        j = inside.near_joint[f]
-        s = 0.0
-        for i in range(counts[j]):
-            s += inside.near_coefficient[f, i] * values[j, i]
-        near[inside.near_target[f]] = s
+    first = 0 * joints
+    for k in range(inside[INNER_BLOCKS]):
+        j = inside[inside[BLOCK_JOINT] + k]
+        at, length = inside[BLOCK_POSE] + 6 * size * k, shapes[loops[JOINT_LENGTH] + j]
+        pose_from(functions, at, size, length, series[j], counts[j], first, put, first)
+        _put(put, first, x, R, inside[inside[BLOCK_NODE] + k])
+    _functions(
+        inside, functions, inside[OWNER], inside[TARGET], inside[COEFFICIENT], inside[FUNCTIONS], series, counts, inner
+    )  # fmt: skip
+    _functions(
+        inside, functions, inside[NEAR_OWNER], inside[NEAR_TARGET], inside[NEAR_COEFFICIENT], inside[NEAR_FUNCTIONS],
+        series, counts, near,
+    )  # fmt: skip
 
 
 def condense_joints(
@@ -135,23 +134,28 @@ def _condense_blocks(plan, start, joints, x, R, value, spare, rhs, inner):
 
 
 @kernel
-def relative_poses(node, offset, frame, joints, x, R, relative):
-    """Of the first members, with node, offset, frame as in `Members`: relative (J, 12), position d and rotation (row-major)
-    of interface B in the axes of interface A."""
-    nodes, offsets, frames = node.reshape(-1), offset.reshape(-1), frame.reshape(-1)
-    pose, Q = np.empty(18), np.empty((3, 3))
-    for j in range(joints):
-        member_pose(nodes, 2 * j, offsets, 6 * j, frames, 18 * j, x, R, pose, Q)
+def relative_poses(loops, shapes, x, R, relative):
+    """relative (J, 12): position d and rotation (row-major) of interface B of every joint in the axes of interface A, the
+    links at x, R."""
+    frames = np.empty((2, 4, 3))
+    for j in range(loops[JOINTS]):
+        for end in range(2):
+            interface_pose(loops, shapes, j, end, x, R, frames, end)
+        d0, d1, d2 = (
+            frames[1, 3, 0] - frames[0, 3, 0],
+            frames[1, 3, 1] - frames[0, 3, 1],
+            frames[1, 3, 2] - frames[0, 3, 2],
+        )
         for r in range(3):
-            relative[j, r] = pose[r] * pose[15] + pose[3 + r] * pose[16] + pose[6 + r] * pose[17]
+            p, q, s = frames[0, 0, r], frames[0, 1, r], frames[0, 2, r]
+            relative[j, r] = p * d0 + q * d1 + s * d2
             for c in range(3):
-                relative[j, 3 + 3 * r + c] = Q[r, c]
+                relative[j, 3 + 3 * r + c] = p * frames[1, 0, c] + q * frames[1, 1, c] + s * frames[1, 2, c]
 
 
 def recover_joints(
     substructures: Arrays,
-    reduced: Arrays,
-    joints: int,
+    loops: Loops,
     reduced_motion: Motion,
     motion: Motion,
     work: Work,
@@ -161,12 +165,12 @@ def recover_joints(
 
     Returns the largest unintended displacement of an interface B from its reference, (m, rad).
     """
-    m = reduced.members
-    relative_poses(m.node, m.offset, m.frame, joints, reduced_motion.x, reduced_motion.R, relative)
     shift, twist = _recover_blocks(
+        *loops.flat,
         substructures.plan.ints,
         substructures.start,
-        joints,
+        reduced_motion.x,
+        reduced_motion.R,
         relative,
         motion.x,
         motion.R,
@@ -179,7 +183,9 @@ def recover_joints(
 
 
 @kernel
-def _recover_blocks(plan, start, joints, relative, x, R, value, spare, rhs):
+def _recover_blocks(loops, shapes, plan, start, link_x, link_R, relative, x, R, value, spare, rhs):
+    relative_poses(loops, shapes, link_x, link_R, relative)
+    joints = loops[JOINTS]
     stop = plan[BLOCKS] - joints
     turned, v = np.empty((3, 3)), np.empty(3)
     nodes = len(start)
@@ -207,25 +213,24 @@ def _recover_blocks(plan, start, joints, relative, x, R, value, spare, rhs):
 
 
 @kernel
-def place_insides(node, anchor, frame, block_joint, block_node, full_node, own_x, own_R, x, R):
+def place_insides(loops, shapes, inside, full_node, own_x, own_R, x, R):
     """Internal blocks of the substructures (A axes) into the full model's nodes (global), links already in place.
 
     A block's frame is identity at rest in both, so R_full = R_a F R_own F^T with F the joint axes at rest.
     """
-    RA, T = np.empty((3, 3)), np.empty((3, 3))
-    for k in range(len(block_node)):
-        j, b, f = block_joint[k], block_node[k], full_node[k]
-        a = node[j, 0]
-        F = frame[j]
+    frames, T = np.empty((1, 4, 3)), np.empty((3, 3))
+    # no literal, for which numba would compile `interface_pose` once more
+    first = 0 * loops[JOINTS]
+    for k in range(len(full_node)):
+        j, b, f = inside[inside[BLOCK_JOINT] + k], inside[inside[BLOCK_NODE] + k], full_node[k]
+        F = loops[AXES] + 9 * j
+        interface_pose(loops, shapes, j, first, x, R, frames, first)
         for r in range(3):
+            p, q, s = frames[0, r, 0], frames[0, r, 1], frames[0, r, 2]
+            x[f, r] = frames[0, 3, r] + p * own_x[b, 0] + q * own_x[b, 1] + s * own_x[b, 2]
             for c in range(3):
-                RA[r, c] = R[a, r, 0] * F[0, c] + R[a, r, 1] * F[1, c] + R[a, r, 2] * F[2, c]
+                T[r, c] = p * own_R[b, 0, c] + q * own_R[b, 1, c] + s * own_R[b, 2, c]
         for r in range(3):
-            s = x[a, r]
+            p, q, s = T[r, 0], T[r, 1], T[r, 2]
             for c in range(3):
-                s += R[a, r, c] * anchor[j, 0, c] + RA[r, c] * own_x[b, c]
-                T[r, c] = RA[r, 0] * own_R[b, 0, c] + RA[r, 1] * own_R[b, 1, c] + RA[r, 2] * own_R[b, 2, c]
-            x[f, r] = s
-        for r in range(3):
-            for c in range(3):
-                R[f, r, c] = T[r, 0] * F[c, 0] + T[r, 1] * F[c, 1] + T[r, 2] * F[c, 2]
+                R[f, r, c] = p * shapes[F + 3 * c] + q * shapes[F + 3 * c + 1] + s * shapes[F + 3 * c + 2]

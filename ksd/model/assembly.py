@@ -20,6 +20,7 @@ from ksd.model.arrays import (
     INNER_AT,
     KIND,
     LENGTH,
+    LINEAR,
     MEMBER_COUNT,
     MEMBERS,
     MODAL,
@@ -52,7 +53,7 @@ def condense_member(
     lam: Any,
     K: Any,
 ) -> Any:
-    """Wrench lam (12,) and stiffness K (6, 6) of a member at relative pose d (3,), Q (3, 3), in frame p.
+    """Wrench lam (12,) and stiffness K (6, 6) of a member, not a linear one, at relative pose d (3,), Q (3, 3), in frame p.
 
     near: rotation vectors about which a chain is linearised, empty for the exact tangent; room: `ksd.beam.strain.Fields`
     for a leaf. Returns (negative pivots, force error [N], moment error [Nm], status).
@@ -76,13 +77,11 @@ def condense_member(
 
 @kernel(inline="always")
 def condense_leaf(kind, value, number, state, store, room, near, d, Q, lam, K):
-    """`condense_member` of strain-mode leaves and linear bodies alone, which compile in half the time."""
+    """`condense_member` of strain-mode leaves alone, which compile in half the time."""
     if kind == PLANAR:
         told = planar_leaf.condense(value, number, state, store, d, Q, lam, K)
-    elif kind == STRAIN:
-        told = strain_condense(value, number, state, store, room, d, Q, lam, K)
     else:
-        told = linear_condense(state, d, Q, lam, K)
+        told = strain_condense(value, number, state, store, room, d, Q, lam, K)
     return told
 
 
@@ -239,11 +238,15 @@ def add_members(condense, pull, weigh, ints, floats, x, R, inner, work, room, fa
             mine = store[kept : kept + store_size]
             if heavy:
                 pull(pose, weight, i, factor, mine)
-            back, dn, dm, told = condense(
-                kind, floats[ints[MEMBERS + VALUE] + ints[value_at + i] :], ints[number + 4 * i : number + 4 * i + 4],
-                inner[own : own + state_size], mine, leaf,
-                close[near_at[i] : near_at[i + 1] if linearised else near_at[i]], d, Q, lam, K,
-            )  # fmt: skip
+            if kind == LINEAR:
+                # apart: to hand on what a leaf takes counts the users of two dozen arrays
+                back, dn, dm, told = linear_condense(inner[own : own + state_size], d, Q, lam, K)
+            else:
+                back, dn, dm, told = condense(
+                    kind, floats[ints[MEMBERS + VALUE] + ints[value_at + i] :], ints[number + 4 * i : number + 4 * i + 4],
+                    inner[own : own + state_size], mine, leaf,
+                    close[near_at[i] : near_at[i + 1] if linearised else near_at[i]], d, Q, lam, K,
+                )  # fmt: skip
         member_tangent(pose, lam, K, T, force, A, M)
         negatives += back
         status = max(status, told)

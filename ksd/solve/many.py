@@ -163,7 +163,7 @@ def tabulated_many(
     where the last two lead to, and from rest if that fails. Otherwise as `space_many`.
     """
     state, loops, arrays, reduced = s.state, s.bodies.loops, s.bodies.reduced, s.state.reduced
-    theta, status, m = state.theta, found.status, s.bodies.reduced.members
+    theta, status = state.theta, found.status
     rtol, _, gap = ways.tolist()
     joints, wide = len(loops.node), gap * size_of(arrays)
     then, shift, first = theta.copy(), np.zeros((len(reduced.x), 6)), loops.first[:-1]
@@ -192,10 +192,10 @@ def tabulated_many(
             cubic, which, (theta[first] - limits[first, 2]) / (limits[first, 3] - limits[first, 2]), inner
         )
         status[n], negatives = _settle(s, target, rtol, shift)
-        relative_poses(m.node, m.offset, m.frame, joints, reduced.x, reduced.R, state.relative)
+        relative_poses(*loops.flat, reduced.x, reduced.R, state.relative)
         state.found[:] = theta
         intended_motions(
-            loops, state.relative, state.found, state.place, state.series, state.off, state.known
+            *loops.flat, state.relative, state.found, state.place, state.series, state.off, state.known
         )
         if status[n] == 0 and negatives != expected:
             status[n] = UNSTABLE

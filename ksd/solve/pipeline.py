@@ -78,17 +78,12 @@ def kinematic_forces(b: FiveStepsStorage, target: np.ndarray) -> None:
     The joints' moments in pure intended motion (wrench F of the condensed joints along the motion) and the external
     loads are balanced by the loop and drive equations.
     """
+    reduced = b.reduced
     drive_forces(
-        b.bodies.reduced,
-        b.bodies.loops,
-        b.theta,
-        target,
-        b.reduced.copy(),
-        b.place,
-        b.reduced.inner,
-        b.reduced.multiplier,
-    )
-    b.full.multiplier[:] = b.reduced.multiplier
+        *b.bodies.reduced.flat[:2], *b.bodies.loops.flat, b.theta, target, reduced.x.copy(), reduced.R.copy(), b.place,
+        reduced.inner, reduced.multiplier,
+    )  # fmt: skip
+    b.full.multiplier[:] = reduced.multiplier
 
 
 def read_motions(
@@ -152,8 +147,8 @@ class JointReader:
         joints, start, found = len(loops.node), np.zeros(len(limits)), np.zeros(len(limits))
         off, known, seen = np.zeros((joints, 6)), np.zeros(joints, np.int64), np.zeros(2, np.int64)
         read_joints(
-            loops.node, loops.anchor, np.stack([loops.frame] * 2, axis=1), loops, motion.x, motion.R, start, found,
-            np.zeros((joints, 12)), np.zeros((joints, 24)), np.zeros((3, loops.pose.shape[2])), off, known, limits, seen,
+            *loops.flat, motion.x, motion.R, start, found, np.zeros((joints, 12)), np.zeros((joints, 24)),
+            np.zeros((3, loops.pose.shape[2])), off, known, limits, seen,
         )  # fmt: skip
         names = tuple(placed.name for placed in self.model.scene.joints)
         return read_motions(self._loops, names, found, off, known, intended=bool(seen[1]))

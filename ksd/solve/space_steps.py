@@ -8,11 +8,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ksd.bodies.flat import JOINT_LENGTH, JOINTS, Inside, Loops
 from ksd.bodies.joints import JointBodies
-from ksd.bodies.kinematics import Loops, close_loops
+from ksd.bodies.kinematics import close_loops
 from ksd.bodies.readout import intended_motions
 from ksd.bodies.substructures import (
-    Inside,
     condense_joints,
     place_insides,
     recover_joints,
@@ -130,29 +130,20 @@ def close_from_rest(s: SpaceSet, target: np.ndarray) -> tuple[int, int, float]:
 def place_space(s: SpaceSet) -> None:
     """Links, internal blocks, inner states and multipliers into the full state."""
     bodies, full, reduced, substructures = s.bodies, s.state.full, s.state.reduced, s.state.substructures
-    loops, inside, links, inner = bodies.loops, bodies.inside, len(reduced.x), len(substructures.inner)
+    links, inner = len(reduced.x), len(substructures.inner)
     full.x[:links], full.R[:links] = reduced.x, reduced.R
-    free = reduced.inner[LINEAR_SIZE * len(loops.node) :]
+    free = reduced.inner[LINEAR_SIZE * len(bodies.loops.node) :]
     full.inner[:inner], full.inner[inner : inner + len(free)] = substructures.inner, free
     full.multiplier[:] = reduced.multiplier
     place_insides(
-        loops.node, loops.anchor, loops.frame, inside.block_joint, inside.block_node, bodies.full_node,
-        substructures.x, substructures.R, full.x, full.R,
+        *bodies.loops.flat, bodies.inside.flat.ints, bodies.full_node, substructures.x, substructures.R, full.x, full.R,
     )  # fmt: skip
 
 
 def near_space(s: SpaceSet) -> None:
     """Step 2, first half: the near configuration of all joints."""
     b, state = s.bodies, s.state
-    set_near(
-        b.substructures,
-        b.loops,
-        b.inside,
-        state.theta,
-        state.place,
-        state.substructures,
-        state.substructure_work,
-    )
+    set_near(b.loops, b.inside, state.theta, state.place, state.substructures, state.substructure_work)
 
 
 def condense_space(s: SpaceSet, near: int) -> int:
@@ -179,8 +170,7 @@ def recover_space(s: SpaceSet) -> tuple[float, float]:
     b, state = s.bodies, s.state
     return recover_joints(
         b.substructures,
-        b.reduced,
-        len(b.loops.node),
+        b.loops,
         state.reduced,
         state.substructures,
         state.substructure_work,
@@ -189,25 +179,24 @@ def recover_space(s: SpaceSet) -> tuple[float, float]:
 
 
 @kernel
-def read_joints(
-    node, offset, frame, loops, x, R, theta, found, relative, place, series, off, known, limits, seen
-):
-    """Intended motions found (q,) of all joints where links are at x, R, their search begun at theta (q,); node, offset,
-    frame: of the joints as members; the rest as in `SpaceState`."""
-    relative_poses(node, offset, frame, len(loops.node), x, R, relative)
+def read_joints(loops, shapes, x, R, theta, found, relative, place, series, off, known, limits, seen):
+    """Intended motions found (q,) of all joints where links are at x, R, their search begun at theta (q,); loops, shapes: as
+    in `ksd.bodies.flat`; the rest as in `SpaceState`."""
+    relative_poses(loops, shapes, x, R, relative)
     for q in range(len(theta)):
         found[q] = theta[q]
-    intended_motions(loops, relative, found, place, series, off, known)
+    intended_motions(loops, shapes, relative, found, place, series, off, known)
+    length = shapes[loops[JOINT_LENGTH] : loops[JOINT_LENGTH] + loops[JOINTS]]
     # a variable, not the literal 3
-    look_at_joints(theta, found, off, known, 3 + 0 * len(theta), limits, loops.length, seen)
+    look_at_joints(theta, found, off, known, 3 + 0 * len(theta), limits, length, seen)
 
 
 def read_space(s: SpaceSet) -> None:
     """Intended motions of the answer."""
-    m, state = s.bodies.reduced.members, s.state
+    state = s.state
     read_joints(
-        m.node, m.offset, m.frame, s.bodies.loops, state.full.x, state.full.R, state.theta, state.found, state.relative,
-        state.place, state.series, state.off, state.known, state.limits, state.seen,
+        *s.bodies.loops.flat, state.full.x, state.full.R, state.theta, state.found, state.relative, state.place,
+        state.series, state.off, state.known, state.limits, state.seen,
     )  # fmt: skip
 
 

@@ -45,7 +45,7 @@ def condense_along(s: SpaceSet, thetas: np.ndarray, found: np.ndarray) -> int:
     state, worst = s.state, 0
     for n, theta in enumerate(thetas):
         state.theta[:] = theta
-        joint_places(s.bodies.loops, state.theta, state.place, state.series)
+        joint_places(*s.bodies.loops.flat, state.theta, state.place, state.series)
         near_space(s)
         worst = max(worst, condense_space(s, 1))
         found[n] = state.reduced.inner[: LINEAR_SIZE * found.shape[1]].reshape(-1, LINEAR_SIZE)[:, 12:]

@@ -44,7 +44,7 @@ def test_wrenches_and_inner_nodes_are_those_of_each(scene, elements, drives, rng
     given, state, work = b.bodies.substructures, b.substructures, b.substructure_work
     members = given.members
     state.assign(b.bodies.substructure_rest)
-    set_near(given, b.bodies.loops, b.bodies.inside, b.theta, b.place, state, work)
+    set_near(b.bodies.loops, b.bodies.inside, b.theta, b.place, state, work)
     assemble(given, state, np.zeros(0), 1.0, work, 1e-8, 1, 10.0)
     alone, kept = [], []
     pose, Q = np.zeros(18), np.zeros((3, 3))

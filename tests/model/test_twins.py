@@ -56,7 +56,7 @@ def test_condensed_joints_are_those_of_leaves_worked_on_one_by_one(mesh):
     found = []
     for change in (0.0, SLIGHT):
         state.assign(b.substructure_rest)
-        set_near(b.substructures, b.loops, b.inside, storage.theta, storage.place, state, work)
+        set_near(b.loops, b.inside, storage.theta, storage.place, state, work)
         if mesh.leaf == "strain":
             state.inner[given.inner_at[2]] += change
         else:
