@@ -22,12 +22,12 @@ from numpy.typing import ArrayLike
 from ksd.design.designs import Designs, in_blocks, makers_of
 from ksd.design.gradient import Solved, gradient, gradient_at
 from ksd.design.lines import Line, Recipe, run_line
-from ksd.design.plan import Paths, design_points, drive_paths, load_cases, loaded, scene_of
+from ksd.design.plan import Paths, drive_paths, load_cases, loaded, scene_of
 from ksd.design.prepared import Found
 from ksd.design.questions import Asked, Row, asked_of, columns_of_drives, known_columns, others
 from ksd.design.resume import ResumeFile
 from ksd.design.table import OK, Table
-from ksd.design.words import check_drives, check_executor, check_ways, drive_rows
+from ksd.design.words import check_drives, check_executor, check_parameters, check_ways, drive_rows
 from ksd.errors import KsdError, RecordError, SceneError
 from ksd.library import find_record
 from ksd.model.mesh import Mesh
@@ -189,7 +189,7 @@ class Job(Shown):
             raise SceneError("a job needs drive values, for example turn=[0, 0.3]")
         given = _given_bounds(vary)
         middle = {n: float(v) for n, v in zip(given, _middle(np.array(list(given.values()))), strict=True)}
-        design_points(function, [middle])
+        check_parameters(function, [given], "vary")
         self.__dict__.update(
             function=function, drawn=_Drawn(function, 2 * len(given) + SPARE), vary=given, loads=loads,
             mesh=mesh or Mesh(), extrapolate=extrapolate, last=None,
@@ -247,7 +247,7 @@ class Job(Shown):
         return tuple((case, step) for case in self.cases for step in steps)
 
     def _line(self) -> str:
-        goals = {a.column: a.role for a in self.answers if a.role != "limit"}
+        goals = {a.column.split("[")[0]: a.role for a in self.answers if a.role != "limit"}
         said = ", ".join(f"{role} {column}" for column, role in goals.items())
         return f"{said} by {', '.join(self.parameters)} at {len(self.poses)} poses"
 
@@ -326,7 +326,10 @@ class Job(Shown):
             name, low, high = self.parameters[i], *self._within(r, i)
             said = f"the trained range {written(r.shape.low)} to {written(r.shape.high)} of {r.words}"
             if not low < high:
-                raise SceneError(f"vary: {name} = {show(self.vary[name])} lies outside {said}")
+                raise SceneError(
+                    f"vary: {name} = {show(self.vary[name])} lies outside {said}; vary it within, or give "
+                    "method='conventional' or extrapolate=True"
+                )
             for side, end, tighter in (("least", 0, low > bounds[i, 0]), ("most", 1, high < bounds[i, 1])):
                 if tighter:
                     bounds[i, end] = (low, high)[end]
@@ -415,6 +418,13 @@ class Job(Shown):
                 found.append(x)
             if len(found) == count:
                 return np.array(found)
+        if self.ranges and (least[len(self.rules) :] <= -1.0).all():
+            try:
+                scene_of(self.drawn, self.design_at(x))
+            except SceneError as why:
+                raise SceneError(
+                    f"no design within the bounds and rules could be built; the last one: {why}"
+                ) from why
         never = [n for n, v in zip(self.rule_names, least, strict=True) if v < 0.0]
         said = f"rule {never[0]} is met" if never else "all rules are met together"
         raise SceneError(f"{said} by none of {TRIED} designs within the bounds")
@@ -432,7 +442,8 @@ class Job(Shown):
             try:
                 found.append(float(rule(dict(parameters))))
             except (KeyError, TypeError, ValueError, ArithmeticError) as why:
-                words = f"no parameter {why}" if isinstance(why, KeyError) else str(why)
+                missing = isinstance(why, KeyError)
+                words = f"no parameter {why}{nearest(why.args[0], self.parameters)}" if missing else str(why)
                 raise SceneError(f"rule {_spoken_rule(k, rule)} gives no number: {words}") from None
         if self.ranges and shapes:
             found += self._range_margins(parameters)

@@ -101,8 +101,8 @@ def optimise(
     `ksd.tolerance`. executor: gets whole starts, of a single one the populations of "cma". resume, progress: as in
     `ksd.sweep`; with `resume` designs in the file are not computed again.
 
-    Raises SceneError for wrong words, ConvergenceError where no start leads to a design that meets the limits; Ctrl-C
-    raises SweepInterrupted, with every design evaluated in its `.table`.
+    Raises SceneError for wrong words, ConvergenceError where no start leads to a design that meets the limits, with every
+    design evaluated in its `.result`; Ctrl-C raises SweepInterrupted, with every design evaluated in its `.table`.
     """
     if not isinstance(job, Job):
         raise SceneError(f"{show(job)} is no job: make one with ksd.Job(...)")
@@ -164,7 +164,8 @@ def optimum_of(
     if not good:
         first = ways[0].ended.status
         raise ConvergenceError(
-            f"none of {len(X)} starts led to a design that meets the limits; the first: {first}"
+            f"none of {len(X)} starts led to a design that meets the limits; the first: {first}",
+            result=log.table(),
         )
     best, margins = max(good, key=lambda w: w.ended.merit), dict[str, float]()
     if times and scatter is not None:
@@ -249,7 +250,11 @@ def _way(search: Search, x: Array, method: str, clock: Callable[[], float] = tim
         y = _evolved(search, y) if method == "cma" else _descended(search, y, method)
         margins = search.margins(y)
         merit = job.merit(search.log.values(search.x(y)))
-        status = OK if search.met(margins) else "the limits are not met"
+        status = (
+            OK
+            if search.met(margins)
+            else f"the limits are not met, farthest from it is {search.farthest(margins)}"
+        )
     except Failed as failed:
         y, status = failed.y, str(failed)
     first, last = job.design_at(x), job.design_at(search.x(y))

@@ -176,6 +176,11 @@ class Search:
         """The most by which a limit or rule is exceeded; 0 where all are met."""
         return float(-margins[~self.targets].min(initial=0.0))
 
+    def farthest(self, margins: Array) -> str:
+        """Name of the limit or rule that is exceeded most."""
+        names = [self.job.names[s.answer] for s in self.sides] + [f"rule {n}" for n in self.job.rule_names]
+        return names[int(np.argmin(np.where(self.targets, np.inf, margins)))]
+
     def met(self, margins: Array) -> bool:
         """Whether limits and rules are met."""
         return self.exceeded(margins) <= BINDING

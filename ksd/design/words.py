@@ -57,8 +57,8 @@ def _words_of(function: Callable[..., Any]) -> list[str]:
     return [p.name for p in inspect.signature(function).parameters.values() if p.kind in kinds]
 
 
-def check_parameters(mechanism: Callable[..., Any], designs: Sequence[Any]) -> None:
-    """SceneError where a set of parameters does not fit the function that draws the mechanism."""
+def check_parameters(mechanism: Callable[..., Any], designs: Sequence[Any], word: str = "designs") -> None:
+    """SceneError where a set of parameters, of this word of a call, does not fit the function that draws the mechanism."""
     try:
         signature = inspect.signature(mechanism)
     except ValueError:
@@ -79,12 +79,10 @@ def check_parameters(mechanism: Callable[..., Any], designs: Sequence[Any]) -> N
             )
         for said in design:
             if said not in known and not takes_all:
-                raise SceneError(f"designs: {name} has no parameter '{said}'{nearest(said, known)}")
+                raise SceneError(f"{word}: {name} has no parameter '{said}'{nearest(said, known)}")
         for said in needed:
             if said not in design:
-                raise SceneError(
-                    f"designs: parameter '{said}' of {name} has no value in {show(dict(design))}"
-                )
+                raise SceneError(f"{word}: parameter '{said}' of {name} has no value in {show(dict(design))}")
 
 
 def check_executor(executor: Any) -> None:

@@ -77,7 +77,9 @@ def test_answers_are_those_of_a_sweep_and_the_worst_counts(plain):
     margins = plain.margins(values)
     assert len(margins) == 9 + 2 * 3 and margins.min() == pytest.approx(0, abs=1e-5)
     assert plain.rule_values(x)[0] == pytest.approx(0, abs=1e-6)
-    assert "maximise support_worst_N_per_m" in str(plain) and "stress_MPa at most 500" in str(plain)
+    assert "maximise support_worst_N_per_m, maximise support_worst_Nm_per_rad by" in str(
+        plain
+    ) and "stress_MPa at most 500" in str(plain)
 
 
 def test_slopes_are_those_of_solves_beside(plain):
@@ -234,12 +236,13 @@ def failing(thickness):
     [
         ({"maximise": {"support_wurst_N_per_m": 1}}, 'did you mean "support_worst_N_per_m"?'),
         ({"limits": {"stress_Mpa": 500}}, "there is no answer 'stress_Mpa'"),
-        ({"vary": {**VARY, "thicknes": (1e-4, 1e-3)}}, "has no parameter 'thicknes'"),
-        ({"vary": {"length": (0.04, 0.12)}}, "parameter 'angle' of pivot has no value"),
+        ({"vary": {**VARY, "thicknes": (1e-4, 1e-3)}}, "vary: pivot has no parameter 'thicknes'"),
+        ({"vary": {"length": (0.04, 0.12)}}, "vary: parameter 'angle' of pivot has no value in {'length': (0.04,"),
         ({"vary": {**VARY, "angle": (0.6, 0.6)}}, "holds no design"),
         ({"vary": {**VARY, "angle": 0.6}}, "give (least, most)"),
         ({"vary": {}}, "vary: give least and most"),
-        ({"vary": {**VARY, "angle": (1 * deg, 9 * deg)}}, "lies outside the trained range"),
+        ({"vary": {**VARY, "angle": (1 * deg, 9 * deg)}}, "angle of cross_flexure 'hinge'; vary it within"),
+        ({"rules": [lambda p: p["iner"]]}, "no parameter 'iner'; did you mean \"inner\"?"),
         ({"rules": [lambda p: -1.0]}, "rule 1 is met by none of"),
         ({"rules": [lambda p: p["inner"], lambda p: p["width"]]}, "rule 2 gives no number: no parameter 'width'"),
         ({"rules": "wide"}, "give functions of the parameters"),
@@ -262,6 +265,22 @@ def test_what_is_wrong_is_told_before_a_solve(changes, sentence):
     with pytest.raises(ksd.SceneError) as told:
         job(**changes)
     assert sentence in str(told.value), told.value
+
+
+def test_designs_within_the_rules_that_cannot_be_built_are_told():
+    count = 0
+
+    def late(**parameters):
+        nonlocal count
+        count += 1
+        if count > 500:
+            raise ValueError("no steel is left")
+        return pivot(**parameters)
+
+    own = job(function=late)
+    count = 500
+    with pytest.raises(ksd.SceneError, match=r"within the bounds and rules could be built.*no steel is left"):
+        own.random(1, seed=3)
 
 
 def test_a_job_without_drives_and_starts_outside(plain):
