@@ -498,7 +498,10 @@ def _loads(model: Model, motion: Motion, *, factor: float) -> tuple[LoadShape, .
         for kind in ("force", "moment"):
             value = np.asarray(getattr(load, kind))
             if value.any():
-                found.append(LoadShape(load.name, kind, moved(model, motion, node, load.at), turned @ value))
+                # a moment said without a place turns the whole link
+                whole = not any(load.force) and not any(load.at)
+                place = moved(model, motion, node, model.rest.x[node] if whole else load.at)
+                found.append(LoadShape(load.name, kind, place, turned @ value))
     for mass in model.scene.masses:
         place = moved(model, motion, index[mass.link], mass.at)
         found.append(LoadShape(mass.link, "mass", place, np.array([mass.mass])))

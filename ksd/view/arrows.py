@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from ksd.view.camera import Camera
-from ksd.view.figure import BACKING, DRIVE, INK, LOAD, Array, spoken_force, spoken_value
+from ksd.view.figure import BACKING, DRIVE, INK, LOAD, Array, spoken_amount, spoken_value
 
 LEAST, USUAL = 0.1, 0.13
 """Shortest arrow of a drive, and length of the arrow of a load, over the size of the mechanism."""
@@ -15,6 +15,8 @@ COIL = 0.015
 """Half the width of a coil spring, and the length of one of its coils, over that size."""
 ROUND = 0.05
 """Radius of the arrow of a rotation or moment over that size."""
+EDGE_ON = 0.17
+"""Cosine of the angle of an axis to the eye below which a rotation is an arrow with two heads along it."""
 
 
 def draw_arrows(
@@ -45,7 +47,8 @@ def draw_arrows(
         axes.plot(*place, marker="o", markersize=5, color=DRIVE, markerfacecolor="white", zorder=6)
         busy.append(place[None])
         if labels:
-            force = spoken_force(configuration.forces[driven.name], driven.kind)
+            unit = "N" if driven.kind == "translation" else "Nm"
+            force = spoken_amount(configuration.forces[driven.name], unit)
             _label(axes, f"{driven.name}: {spoken_value(value, driven.kind)}, {force}", tip, DRIVE)
     busy += [_load(axes, load, camera, size, labels=labels) for load in shape.loads]
     return np.concatenate(busy)
@@ -66,8 +69,13 @@ def _load(axes: Any, load: Any, camera: Camera, size: float, *, labels: bool) ->
     else:
         axes.plot(*place, marker="o", markersize=6, color=INK, zorder=6)
     if labels:
-        said = f"{load.name}: {amount:.4g} {unit}" if load.kind != "mass" else f"{amount:.4g} kg"
-        _label(axes, said, tip, INK if load.kind == "mass" else LOAD)
+        said = spoken_amount(amount, unit)
+        _label(
+            axes,
+            said if load.kind == "mass" else f"{load.name}: {said}",
+            tip,
+            INK if load.kind == "mass" else LOAD,
+        )
     return busy
 
 
@@ -97,7 +105,13 @@ def _arrow(axes: Any, start: Array, end: Array, color: str) -> None:
 
 
 def _turning(axes: Any, camera: Camera, place: Array, axis: Array, size: float, color: str) -> Array:
-    """Three quarters of a circle about an axis (3,), right-handed, with a head; returns its points (n, 2) [mm]."""
+    """Three quarters of a circle about an axis (3,), right-handed, with a head; where that would be seen as a line an arrow
+    with two heads along the axis; returns its points (n, 2) [mm]."""
+    if abs(axis @ camera.toward) < EDGE_ON:
+        flat = camera.flat(place + np.linspace(0.0, USUAL * size, 25)[:, None] * axis)
+        for end in (flat[-5], flat[-1]):
+            _arrow(axes, flat[0], end, color)
+        return flat
     first = camera.right - (camera.right @ axis) * axis
     if np.linalg.norm(first) < 0.3:
         first = camera.up - (camera.up @ axis) * axis

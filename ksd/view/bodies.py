@@ -19,7 +19,7 @@ THICK = 0.006
 """Half the thickness of pads and webs, over the size of the mechanism."""
 SLIM = 0.42
 """Width of a web over that of the pads it joins."""
-STEP = np.deg2rad(4.0)
+STEP = np.deg2rad(2.0)
 """Turn between two stations of a leaf that is drawn with few."""
 SHARP = 0.9
 """Cosine of the angle between two faces from which their edge is drawn."""
@@ -103,8 +103,10 @@ def parts(block: Any, found: list[Pad], size: float) -> list[Array]:
             clamped += pad.edges
         else:
             clamped += [part for edge in pad.edges for part in (edge, np.vstack([_slim(edge), middle]))]
-    if alone or block.name == "ground":
+    if block.name == "ground":
         return clamped
+    if alone:
+        return clamped or [middles]
     return [*clamped, np.concatenate([_slim(p.corners) for p in found])]
 
 
@@ -171,6 +173,19 @@ def sparse(leaf: Any) -> Any:
     return replace(leaf, **{key: getattr(leaf, key)[kept] for key in keys})
 
 
+def facing(leaf: Any, camera: Camera) -> Any:
+    """A leaf spring; one as thick as wide everywhere, such as a wire, with its width across the line of sight."""
+    if thick(leaf) or not np.allclose(leaf.width, leaf.thickness):
+        return leaf
+    turned = []
+    for axes in (leaf.rest_axes, leaf.axes):
+        across = np.cross(axes[:, :, 0], camera.toward)
+        length = np.linalg.norm(across, axis=1, keepdims=True)
+        across = np.where(length > 1e-3, across / np.maximum(length, 1e-3), axes[:, :, 2])
+        turned.append(np.stack([axes[:, :, 0], np.cross(across, axes[:, :, 0]), across], axis=2))
+    return replace(leaf, rest_axes=turned[0], axes=turned[1])
+
+
 def outlines(leaf: Any, camera: Camera, *, rest: bool = False) -> list[Array]:
     """Closed lines (k, 3) [m] around a leaf spring: of its sheet in space, of its thickness where that is drawn; none of a
     plain leaf seen onto a plane."""
@@ -186,7 +201,9 @@ def outlines(leaf: Any, camera: Camera, *, rest: bool = False) -> list[Array]:
 
 def hatches(pad: Pad, size: float, camera: Camera) -> list[Array]:
     """Lines (2, 3) [m] of ground behind a pad: its edge, then strokes; behind every one of its leaf springs where it has no
-    one back."""
+    one back; below a pin."""
+    if not len(pad.away):
+        return _ground(pad.corners, -camera.up, size, camera)
     back = back_of(pad)
     if back is not None:
         return _ground(pad.corners, back, size, camera)
@@ -215,7 +232,7 @@ def _ground(corners: Array, back: Array, size: float, camera: Camera) -> list[Ar
     """The line at the back of corners (k, 3), and slanting strokes behind it, on the side of the eye."""
     middle = corners.mean(axis=0)
     along = np.cross(camera.toward, back)
-    if camera.plane is None:
+    if camera.plane is None and len(corners) > 1:
         # the sides of the pad: along the width of a leaf spring and across it, the longer one as seen
         wide = corners[1] - corners[0]
         wide = wide - (wide @ back) * back

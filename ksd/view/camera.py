@@ -15,7 +15,7 @@ PLANES = {"xy": (0, 1), "xz": (0, 2), "yz": (1, 2)}
 ELEVATION = 24.0
 AZIMUTHS = (-60.0, -35.0, -75.0, -120.0, -145.0, 35.0, 60.0, 120.0, 145.0)
 """Tried for "3d", the usual ones first."""
-FLAT = 0.5
+FLAT = 0.3
 """Ratio of the two smaller extents below which a mechanism is flat, and is seen with its broad side upright."""
 AHEAD = 1.1
 """How many times better a direction must be to be taken before the usual ones."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import os
+import re
 from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
@@ -163,7 +164,7 @@ def spoken_value(value: float, kind: str) -> str:
     """A drive value with its unit: mm or, where small, µm for translations, degrees for rotations."""
     if kind != "translation":
         return f"{np.degrees(value):.4g}\N{DEGREE SIGN}"
-    return f"{1e6 * value:.4g} \N{MICRO SIGN}m" if 0 < abs(value) < 1e-5 else f"{1e3 * value:.4g} mm"
+    return f"{1e6 * value:.4g} \N{MICRO SIGN}m" if 0 < abs(value) < 1e-4 else f"{1e3 * value:.4g} mm"
 
 
 def spoken_label(label: str, value: float) -> str:
@@ -177,14 +178,25 @@ def spoken_label(label: str, value: float) -> str:
 def spoken_parameter(name: str, value: float, *, most: float | None = None, digits: int = 4) -> str:
     """A design parameter with its unit, if its name tells one and neither it nor `most`, the largest beside it, is too large
     for that."""
-    largest = _LARGEST.get(name.rpartition("_")[2])
+    kind = re.split(r"[_.]", name)[-1].partition("[")[0]
+    largest = _LARGEST.get(kind, _LARGEST.get(kind.removesuffix("s")))
     if largest is None or not max(abs(value), abs(most or 0.0)) <= largest:
         return f"{value:.{digits}g}"
-    if name.endswith("angle"):
+    if kind.startswith("angle"):
         return f"{np.degrees(value):.{digits}g}\N{DEGREE SIGN}"
     return f"{1e3 * value:.{digits}g} mm"
 
 
-def spoken_force(value: float, kind: str) -> str:
-    """A drive force [N] or moment [Nm] with its unit."""
-    return f"{value + 0.0:.4g} {'N' if kind == 'translation' else 'Nm'}"  # not "-0"
+THOUSANDS = {"N": "kN", "Nm": "kNm", "kg": "t"}
+THOUSANDTHS = {"N": "mN", "Nm": "mNm", "kg": "g"}
+
+
+def spoken_amount(value: float, unit: str) -> str:
+    """A force [N], moment [Nm] or mass [kg] with its unit, of thousands or thousandths where it is large or small."""
+    if abs(value) >= 1e4:
+        return f"{1e-3 * value:.4g} {THOUSANDS[unit]}"
+    if 0.0 < abs(value) < 1e-6 and unit != "kg":
+        return f"{1e6 * value:.4g} \N{MICRO SIGN}{unit}"
+    if 0.0 < abs(value) < 1e-3:
+        return f"{1e3 * value:.4g} {THOUSANDTHS[unit]}"
+    return f"{value + 0.0:.4g} {unit}"  # not "-0"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import textwrap
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
@@ -16,6 +17,7 @@ from ksd.view.bodies import (
     back_of,
     block_colors,
     body,
+    facing,
     hatches,
     outlines,
     pads,
@@ -108,6 +110,7 @@ def plot_mechanism(
     """
     shape = smooth_shape(configuration)
     camera = camera_of(shape, view, plane=plane_seen(configuration))
+    shape = replace(shape, leaves=tuple(facing(leaf, camera) for leaf in shape.leaves))
     heat = heat_of(configuration, shape, color)
     own = axes is None
     if axes is None:
@@ -127,14 +130,14 @@ def plot_mechanism(
     )
     if labels:
         _names(axes, shape, camera)
+    if not camera.plane and (own or labels):
+        _triad(axes, shape, camera, size, busy)
     said = title if title is not None else _caption(configuration)
     if own:
         said = _fit(axes, said, bar=0.0 if heat is None else 1.0)
     if heat is not None:
         heat.bar(axes, shrink=0.8, aspect=30, pad=0.02)
     _frame(axes, camera, size, said)
-    if not camera.plane and (own or labels):
-        _triad(axes, shape, camera, size)
     if own and labels:
         leaves = camera.flat(np.concatenate([leaf.place for leaf in shape.leaves]))
         part_labels(axes, busy, leaves)
@@ -304,8 +307,8 @@ def _frame(axes: Any, camera: Camera, size: float, title: str) -> None:
     plain_axes(axes)
 
 
-def _triad(axes: Any, shape: Any, camera: Camera, size: float) -> None:
-    """The three axes in the emptiest corner, of one length that is told."""
+def _triad(axes: Any, shape: Any, camera: Camera, size: float, busy: Array) -> None:
+    """The three axes in an empty corner, or beside or below what is drawn, of one length that is told."""
     digit = 10.0 ** np.floor(np.log10(0.16 * size))
     length = max(step * digit for step in (1, 2, 5) if step * digit <= 0.16 * size)
     tips = camera.flat(length * np.eye(3))
@@ -313,17 +316,23 @@ def _triad(axes: Any, shape: Any, camera: Camera, size: float) -> None:
     # room for the letters, and for the words below
     low -= 1e3 * length * np.array([0.15, 0.55])
     high += 1e2 * length
+    axes.autoscale_view()
     ends = np.array([axes.get_xlim(), axes.get_ylim()])
-    points = np.concatenate([p for part in (*shape.leaves, *shape.blocks) for p in (part.rest, part.place)])
-    points = camera.flat(points)
-    corners = [
-        np.array([x, y])
-        for y in (ends[1, 0] - low[1], ends[1, 1] - high[1])
-        for x in (ends[0, 0] - low[0], ends[0, 1] - high[0])
-    ]
-    near = [np.linalg.norm(points - corner - 0.5 * (low + high), axis=1).min() for corner in corners]
-    far = float(np.linalg.norm(high - low))
-    corner = next((c for c, d in zip(corners, near, strict=True) if d > far), corners[int(np.argmax(near))])
+    drawn = [line for leaf in shape.leaves for line in (leaf.rest, leaf.place)]
+    # bodies reach from point to point
+    drawn += [
+        (share * points[:, None] + (1.0 - share) * points).reshape(-1, 3)
+        for block in shape.blocks for points in (block.rest, block.place) for share in np.linspace(0.0, 0.5, 6)
+    ]  # fmt: skip
+    taken = np.concatenate([camera.flat(np.concatenate(drawn)), busy])
+    (left, right), (bottom, top) = ends - np.stack([low, high], axis=1)
+    corners = np.array([(left, bottom), (right, bottom), (left, top), (right, top)])
+    gap = 3e2 * length
+    free = [not ((taken > c + low - gap) & (taken < c + high + gap)).all(axis=1).any() for c in corners]
+    beside = np.ptp(ends[0]) / WIDE < np.ptp(ends[1]) / HIGH
+    outside = (right + (high - low)[0], bottom) if beside else (left, bottom - (high - low)[1])
+    corner = corners[free.index(True)] if any(free) else np.array(outside)
+    axes.update_datalim([corner + low, corner + high])
     look = {"color": FAINT, "linewidth": 1.0, "shrinkA": 0, "shrinkB": 0}
     for name, tip in zip("xyz", tips, strict=True):
         if np.linalg.norm(tip) > 0.1 * np.abs(tips).max():

@@ -187,32 +187,32 @@ def _draw(axes: Any, table: Any, panel: _Panel, columns: dict[str, str], *, over
         axes.plot(x[bad], np.full(bad.sum(), 0.02), "x", markersize=5, **mark)
     _scales(axes, panel, _spoken(over))
     if shown and len(columns) > 1:
-        _legend(axes, len(shown), panel.log)
+        _legend(axes, len(shown), panel.log, crowded=len(shown) * len(groups) > 3)
 
 
-def _legend(axes: Any, count: int, log: bool) -> None:
-    """Names of the series; more than three get room of their own above the curves."""
-    if count > 3:
+def _legend(axes: Any, count: int, log: bool, *, crowded: bool) -> None:
+    """Names of the series; above more than three curves they get room of their own."""
+    if crowded:
         low, high = axes.get_ylim()
         room = 0.12 * -(-count // 3)
         axes.set_ylim(low, high * (high / low) ** room if log else high + room * (high - low))
-    place = "upper center" if count > 3 else "best"
+    place = "upper center" if crowded else "best"
     look = {"fontsize": 8, "framealpha": 0.8, "edgecolor": "none"}
-    axes.legend(ncols=3 if count > 3 else 1, loc=place, **look)
+    axes.legend(ncols=3 if crowded else 1, loc=place, **look)
 
 
 def _scales(axes: Any, panel: _Panel, over: str) -> None:
     if panel.log:
         axes.set_yscale("log")
         low, high = axes.get_ylim()
-        # within a decade or so the decades alone leave an axis without numbers
-        if high / low < 30:
-            from matplotlib.ticker import LogFormatter, LogLocator, NullFormatter
+        # within few decades these alone leave an axis without numbers
+        if high / low < 300:
+            from matplotlib.ticker import LogFormatterSciNotation, LogLocator, NullFormatter
 
             plain = low > 1e-4 and high < 1e4
-            numbers = "{x:g}" if plain else LogFormatter(labelOnlyBase=False, minor_thresholds=(9, 9))
-            axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
-            axes.yaxis.set_major_formatter(numbers)
+            powers = LogFormatterSciNotation(labelOnlyBase=False, minor_thresholds=(9, 9))
+            axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if high / low < 30 else (1.0, 3.0)))
+            axes.yaxis.set_major_formatter("{x:g}" if plain else powers)
             axes.yaxis.set_minor_formatter(NullFormatter())
     axes.set_xlabel(over, fontsize=9)
     axes.set_ylabel(panel.label, fontsize=9)
@@ -249,6 +249,8 @@ def _heading(figure: Any, table: Any, groups: dict[str, np.ndarray]) -> None:
         key.append(Line2D([], [], color=DRIVE, linestyle="none", marker="x", markersize=5, label=said))
     if key:
         wide = max(1, int(figure.get_figwidth() / 0.078 / (7 + max(len(line.get_label()) for line in key))))
+        # a legend is filled by columns, and read by rows
+        key = [line for k in range(wide) for line in key[k::wide]]
         figure.legend(handles=key, loc="outside upper left", ncols=wide, fontsize=8, frameon=False)
 
 

@@ -9,8 +9,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from matplotlib.colors import to_hex
+from matplotlib.colors import to_hex, to_rgba
 from PIL import Image
+from readable import assert_readable
 from scenes import fourbar, single_joint
 
 import ksd
@@ -19,10 +20,10 @@ from ksd.model.compile import compile_scene
 from ksd.model.leaves import Mesh
 from ksd.solve.conventional import conventional
 from ksd.view import plot_mechanism, write_pvd
-from ksd.view.bodies import THICK, Polygon, body, hatches, pads, parts, size_of
+from ksd.view.bodies import THICK, Polygon, body, facing, hatches, pads, parts, ribbon, size_of
 from ksd.view.camera import camera_of
 from ksd.view.compare import Mark, plot_cost
-from ksd.view.figure import color_map, hull, new_figure
+from ksd.view.figure import FAINT, LOAD, color_map, hull, new_figure, spoken_amount, spoken_parameter
 from ksd.view.heat import heat_of
 from ksd.view.mechanism import paint
 from ksd.view.order import back_to_front
@@ -203,6 +204,103 @@ def test_a_link_reaches_its_loads_masses_and_springs():
     for place in acting:
         away = outline - 1e3 * place[:2]
         assert np.linalg.norm(away, axis=1).min() < 3e3 * THICK * size
+
+
+def test_links_of_pins_alone_and_ground_below_a_pin():
+    """A link that only pins hold is drawn, and ground is hatched where a pin stands on it."""
+    scene = ksd.Mechanism("crank and slide", plane="xy")
+    crank, slide = scene.links("crank", "slide")
+    rod = scene.link("rod")
+    section, steel = ksd.rectangle(5e-4, 0.01), ksd.Material(E=200e9, nu=0.3)
+    scene.pin(scene.ground, crank, at=(0, 0, 0))
+    scene.pin(crank, rod, at=(0, 0.03, 0))
+    scene.leaf(rod, slide, start=(0, 0.03, 0), end=(0.1, 0, 0), section=section, material=steel)
+    end = scene.link("end")
+    scene.pin(slide, end, at=(0.1, 0, 0))
+    scene.slider(end, along="x", at=(0.1, 0, 0))
+    scene.actuate(crank, about="z", name="turn")
+    scene.actuate(slide, about="z", name="tilt")
+    pose = ksd.solve(scene, turn=0.2, tilt=0.1)
+    shape = pose.shape()
+    blocks, size = {b.name: b for b in shape.blocks}, size_of(shape)
+    (alone,) = parts(blocks["end"], pads(shape, blocks["end"]), size)
+    assert alone == pytest.approx(np.tile(shape.hinges[-1].place, (len(alone), 1)), abs=1e-12)
+    camera = camera_of(shape, "xy", plane=None)
+    (pad,) = pads(shape, blocks["ground"])
+    strokes = np.concatenate(hatches(pad, size, camera))
+    assert strokes[:, 1].max() < 0 and abs(strokes[:, 0]).max() < 0.1 * size
+    for view in ("xy", "3d"):
+        assert_readable(plot_mechanism(pose, view=view))
+
+
+def test_wires_are_as_thick_as_they_are_from_every_side():
+    scene = ksd.Mechanism("wire")
+    steel = ksd.Material(E=200e9, nu=0.3)
+    scene.wire("ground", scene.link("tip"), start=(0, 0, 0), end=(0, 0, 0.1), diameter=2e-3, material=steel)
+    scene.load("tip", force=(1e-3, 0, 0), at=(0, 0, 0.1))
+    pose = ksd.solve(scene)
+    for azimuth in (-90, -45, 0, 60):
+        camera = camera_of(None, (azimuth, 0), plane=None)
+        leaf = facing(pose.shape().leaves[0], camera)
+        low, high = (camera.flat(edge) for edge in ribbon(leaf.place, leaf.axes, leaf.width))
+        assert np.linalg.norm(high - low, axis=1) == pytest.approx(2.0, rel=1e-9)
+        assert np.einsum("kij,kil->kjl", leaf.axes, leaf.axes) == pytest.approx(
+            np.tile(np.eye(3), (len(low), 1, 1))
+        )
+
+
+def test_moments_stand_at_their_link_and_are_seen_from_the_side():
+    """Said without a place, a moment stands at the link; seen along its plane it is an arrow with two heads along it."""
+    scene = single_joint()
+    scene.load("tip", moment=(0, 0, 0.5), name="twist")
+    pose = ksd.solve(scene, turn=0.2)
+    shape = pose.shape()
+    (tip,) = (b for b in shape.blocks if b.name == "tip")
+    (twist,) = shape.loads
+    assert (twist.place >= tip.place.min(axis=0) - 1e-9).all() and (
+        twist.place <= tip.place.max(axis=0) + 1e-9
+    ).all()
+    for view, heads, straight in (("xy", 1, False), ("xz", 2, True)):
+        (axes,) = plot_mechanism(pose, view=view, labels=False).axes
+        arrows = [t for t in axes.texts if t.arrow_patch.get_edgecolor() == to_rgba(LOAD)]
+        ways = [np.subtract(t.xy, t.xyann) for t in arrows]
+        assert len(ways) == heads
+        assert all((abs(way[0]) < 1e-6 * abs(way[1])) == straight for way in ways)
+
+
+def test_axes_in_space_stand_beside_what_is_drawn():
+    """Where no corner is empty they have room of their own."""
+    mechanism, targets, _ = ksd.load_scene(SCENES / "arm.toml")
+    pose = ksd.solve(mechanism, targets)
+    for view in ((-60, 24), (30, 40), (-75, 10), (180, 60)):
+        (axes,) = plot_mechanism(pose, view=view).axes
+        corners = np.concatenate(painted(axes.figure)[0])
+        arrows = [
+            t
+            for t in axes.texts
+            if getattr(t, "arrow_patch", None) and t.arrow_patch.get_edgecolor() == to_rgba(FAINT)
+        ]
+        places = np.array([place for t in arrows for place in (t.xy, t.xyann)])
+        low, high = places.min(axis=0), places.max(axis=0)
+        assert len(arrows) > 1 and not ((corners > low) & (corners < high)).all(axis=1).any()
+
+
+@pytest.mark.parametrize(
+    ("value", "unit", "said"),
+    [(521.23, "N", "521.2 N"), (84600.0, "N", "84.6 kN"), (1.114e-4, "N", "0.1114 mN"), (-2.37e-6, "Nm", "-0.00237 mNm"),
+     (9.6e-8, "N", "0.096 µN"), (5e4, "kg", "50 t"), (2e-4, "kg", "0.2 g"), (-0.0, "N", "0 N")],
+)  # fmt: skip
+def test_amounts_have_units_of_their_size(value, unit, said):
+    assert spoken_amount(value, unit).replace("\N{MICRO SIGN}", "µ") == said
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "said"),
+    [("length", 0.04, "40 mm"), ("joint.cross.thickness", 4e-4, "0.4 mm"), ("joint.cross.widths[1]", 0.02, "20 mm"),
+     ("angle", np.pi / 4, "45°"), ("leaf.radius", 0.01, "10 mm"), ("count", 3.0, "3"), ("length", 40.0, "40")],
+)  # fmt: skip
+def test_design_parameters_have_their_unit(name, value, said):
+    assert spoken_parameter(name, value) == said
 
 
 def test_distances_are_drawn():

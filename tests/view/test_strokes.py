@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from matplotlib.colors import to_rgb
 from PIL import Image
+from readable import assert_readable
 from scenes import cross_flexure, fourbar, single_joint
 
 import ksd
@@ -38,7 +39,14 @@ def key(figure):
     assert box.x1 <= figure.bbox.x1 and not any(
         box.overlaps(a.get_tightbbox()) for a in figure.axes if a.get_visible()
     )
-    return [text.get_text() for text in legend.get_texts()]
+    return [text.get_text() for text, _ in by_rows(legend)]
+
+
+def by_rows(legend):
+    """Words and lines of a legend as they are read, row by row."""
+    places = [text.get_window_extent() for text in legend.get_texts()]
+    order = sorted(range(len(places)), key=lambda k: (-round(places[k].y0), places[k].x0))
+    return [(legend.get_texts()[k], legend.legend_handles[k]) for k in order]
 
 
 def test_two_drives_have_a_key_from_light_to_dark():
@@ -55,8 +63,25 @@ def test_two_drives_have_a_key_from_light_to_dark():
     assert len(said) == 8 and said[0] == "x 0 mm" and said[-1] == "x 100 mm"
     tones = [sum(to_rgb(line.get_color())) for line in figure.axes[0].lines]
     assert len(tones) == 12 and (np.diff(tones) < 0).all()
-    marks = [sum(to_rgb(line.get_color())) for line in figure.legends[0].legend_handles]
+    marks = [sum(to_rgb(line.get_color())) for _, line in by_rows(figure.legends[0])]
     assert (np.diff(marks) < 0).all()
+
+
+def test_legends_and_numbers_of_many_curves():
+    """Above many curves the legend has room of its own; numbers on an axis of two decades lie apart."""
+    columns = ("x_mm", "y_mm", "support_x_N_per_m", "support_z_N_per_m", "status")
+    poses = [
+        dict(zip(columns, (x, float(y), 10.0 ** (6 + 0.3 * x), 10.0 ** (7.5 - 0.3 * x), "ok"), strict=True))
+        for x in range(5)
+        for y in range(3)
+    ]
+    figure = Table.of_rows(poses, ("x_mm", "y_mm"), moving=("y_mm",)).plot("support_stiffness")
+    assert_readable(figure)
+    axes = figure.axes[0]
+    low = axes.get_legend().get_window_extent().y0
+    assert all(axes.transData.transform(line.get_xydata())[:, 1].max() < low for line in axes.lines)
+    numbers = [t for t in axes.get_yticklabels() if t.get_text()]
+    assert 3 <= len(numbers) <= 8
 
 
 @pytest.mark.parametrize(
