@@ -216,17 +216,18 @@ class DrawnLeaf:
             along = 1.0 + self.stretch * (fx * np.cos(theta) + fy * np.sin(theta))
             across = self.shear * (fy * np.cos(theta) - fx * np.sin(theta))
             rate = np.sqrt(along**2 + across**2)
-            total = s.total(rate)
-            before = sigma, shear
-            sigma, shear, length = (
-                s.integral(rate) / total[:, None, None],
-                np.arctan(across / along),
-                self.long / total,
-            )
+            total, before = s.total(rate), (sigma, shear)
+            with np.errstate(all="ignore"):
+                shear = np.arctan(across / along)
+            sigma, length = s.integral(rate) / total[:, None, None], self.long / total
             if max(np.abs(sigma - before[0]).max(), np.abs(shear - before[1]).max()) < 1e-15:
                 break
         else:
-            raise _TooSoft
+            force, limit = np.abs(wrench[:, :2]).max(), 0.1 / max(self.stretch.max(), self.shear.max())
+            raise SceneError(
+                f"rest_shape: {force:.4g} N stretch or shear leaf '{self.name}' beyond small strains; up to {limit:.4g} N, "
+                "a tenth of its EA or GA, would do."
+            )
         bend = self.bending * (mo - x * fy + y * fx)
         lost = length[:, None, None] * s.integral(bend)
         theta0 = phi - shear - lost
@@ -258,15 +259,6 @@ class DrawnLeaf:
     def curve(self, rested: Rested) -> Legendre:
         """Its undeformed curve, of the first wrench."""
         return self.stations.curve(float(rested.length[0]), self.side * rested.curvature[0])
-
-
-class _TooSoft(SceneError):
-    """Wrenches that stretch or shear a leaf beyond what there is of it."""
-
-    def __init__(self) -> None:
-        super().__init__(
-            "rest_shape: a leaf is stretched or sheared beyond small strains; its forces are too large."
-        )
 
 
 def _edge(s: Stations, f: Any) -> Any:

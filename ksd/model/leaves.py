@@ -139,6 +139,26 @@ class _Body:
     mass: float = 0.0
 
 
+COILED = 5.0
+"""Turning of a curve to and fro [rad] that the modes of one leaf follow in any case."""
+
+
+@lru_cache(maxsize=32)
+def _projector(modes: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Gauss points (64,) in [-1, 1], roots of their weights (64, 1), Legendre polynomials of norm 1 there (64, modes)."""
+    x, w = np.polynomial.legendre.leggauss(64)
+    root = np.sqrt(w)[:, None]
+    return x, root, root * np.polynomial.legendre.legvander(x, modes - 1) * np.sqrt(np.arange(modes) + 0.5)
+
+
+def _missed(curve: Any, modes: int, pieces: int = 1) -> float:
+    """Share of the square of a curvature that so many modes on each of equal pieces miss."""
+    x, root, V = _projector(modes)
+    s = (np.arange(pieces) + 0.5 * (x[:, None] + 1.0)) / pieces
+    kappa = root * curve.curvatures(s.ravel()).reshape(64, -1)
+    return 1.0 - float(((V.T @ kappa) ** 2).sum() / max((kappa**2).sum(), 1e-300))
+
+
 def raised_orders(leaf: Any, mesh: Mesh) -> tuple[tuple[int, int, int], int]:
     """Curvature modes and quadrature points of a leaf: those asked for, more for a leaf that is curved at rest.
 
@@ -287,6 +307,17 @@ def _chain_body(leaf: Any, mesh: Mesh, heavy: bool) -> _Body:
     return _Body(COROTATIONAL, value, number, inner, store, d, Q, mass)
 
 
+def _too_wavy(leaf: Any, name: str) -> SceneError:
+    """What to say of a leaf whose modes do not follow its curve."""
+    turning = leaf.length * np.abs(leaf.curve.curvatures(np.linspace(0.0, 1.0, 65))).sum(axis=1).mean()
+    pieces = max(2, math.ceil(turning / COILED))
+    pieces = next((n for n in range(pieces, pieces + 64) if _missed(leaf.curve, 12, n) < 1e-6), pieces)
+    return SceneError(
+        f"leaf '{name}': its curve bends to and fro more often than the curvature modes of a leaf; put points on it, "
+        f"mechanism.point('{name}', s) every {1e3 * leaf.length / pieces:.3g} mm, and each piece has modes of its own"
+    )
+
+
 def _placed(leaf: Any, d: np.ndarray, name: str) -> tuple[np.ndarray, np.ndarray]:
     """Axes (3, 3) of end p such that the undeformed end q, at d (3,) in them, lies towards the end drawn, and its place.
 
@@ -296,6 +327,10 @@ def _placed(leaf: Any, d: np.ndarray, name: str) -> tuple[np.ndarray, np.ndarray
     chord = leaf_axes(start, end, width, name)
     reach, given = float(np.linalg.norm(d)), float(np.linalg.norm(end - start))
     if abs(reach - given) > 1e-3 * given:
+        with np.errstate(all="ignore"):
+            drawn = math.nan if leaf.curve is None else float(np.linalg.norm(leaf.curve.line(1.0)[0]))
+        if abs(drawn - given) < 1e-3 * given:
+            raise _too_wavy(leaf, name)
         raise SceneError(
             f"leaf '{name}': its curve spans {reach:.6g} m from start to end, but the ends are {given:.6g} m apart; "
             "move an end or change the curve"

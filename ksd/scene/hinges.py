@@ -20,11 +20,11 @@ PLANES = {"xy": 2, "xz": 1, "yz": 0}
 _AXES = (((1.0, 0.0, 0.0), "x"), ((0.0, 1.0, 0.0), "y"), ((0.0, 0.0, 1.0), "z"))
 
 
-def checked_plane(plane: Any, owner: str) -> str | None:
+def checked_plane(plane: Any) -> str | None:
     """A word of PLANES, or None. Raises SceneError."""
     if plane is None or (isinstance(plane, str) and plane in PLANES):
         return plane
-    raise SceneError(f'{owner}: plane = {show(plane)} must be "xy", "xz" or "yz".')
+    raise SceneError(f'plane = {show(plane)} must be "xy", "xz" or "yz".')
 
 
 def normal_of(plane: str) -> Vector:
@@ -93,6 +93,20 @@ def checked_hinge(hinge: Hinge, plane: str | None) -> Hinge:
     return hinge
 
 
+def checked_drive(drive: Drive, plane: str | None) -> Drive:
+    """The drive, seen to move something in the plane. Raises SceneError."""
+    if plane is None:
+        return drive
+    for term in drive.terms:
+        along = abs(float(np.dot(term.direction, normal_of(plane))))
+        if (along < 1.0 - 1e-9) if term.kind == "translation" else (along > 1e-9):
+            return drive
+    raise SceneError(
+        f"drive '{drive.name}' leaves the plane {plane}, in which the mechanism lives; give along a direction in it, or "
+        f'about="{_AXES[PLANES[plane]][1]}".'
+    )
+
+
 def plane_holds(scene: Any) -> tuple[Drive, ...]:
     """Supports that hold a scene in its plane: one link of every group that joints tie together, none of ground's."""
     if scene.plane is None:
@@ -140,4 +154,13 @@ def plane_hint(scene: Any) -> str:
     )
 
 
-__all__ = ["PLANES", "Hinge", "checked_hinge", "checked_plane", "normal_of", "plane_hint", "plane_holds"]
+__all__ = [
+    "PLANES",
+    "Hinge",
+    "checked_drive",
+    "checked_hinge",
+    "checked_plane",
+    "normal_of",
+    "plane_hint",
+    "plane_holds",
+]

@@ -21,7 +21,7 @@ from ksd.scene.contents import (
     same_parts,
 )
 from ksd.scene.drive import GROUND, Drive, DriveTerm, Load
-from ksd.scene.hinges import Hinge, checked_hinge, checked_plane, normal_of
+from ksd.scene.hinges import Hinge, checked_drive, checked_hinge, checked_plane, normal_of
 from ksd.scene.joint import Joint
 from ksd.scene.leaf import Leaf
 from ksd.scene.leaf import wire as make_wire
@@ -71,7 +71,7 @@ class Mechanism(InNotebooks, Mentioned, metaclass=Worded):
 
     def __init__(self, name: str = "mechanism", *, plane: str | None = None) -> None:
         super().__init__(name)
-        self.plane = checked_plane(plane, self.name)
+        self.plane = checked_plane(plane)
         self._hinges: dict[str, tuple[Hinge, tuple[Drive, ...]]] = {}
         self._points: list[LeafPoint] = []
         self._joints: list[PlacedJoint] = []
@@ -86,7 +86,7 @@ class Mechanism(InNotebooks, Mentioned, metaclass=Worded):
         if hasattr(self, "_last") and not name.startswith("_") and name not in SETTABLE:
             raise SceneError(f"a mechanism has no '{name}' to be set{nearest(name, SETTABLE)}")
         if name == "plane":
-            value = checked_plane(value, self.name)
+            value = checked_plane(value)
         super().__setattr__(name, word(value, "name", owner="Mechanism") if name == "name" else value)
 
     if not TYPE_CHECKING:  # hidden, or checkers would take every name
@@ -207,6 +207,16 @@ class Mechanism(InNotebooks, Mentioned, metaclass=Worded):
         first, second = self._pair(a, b, f"leaf '{label}'")
         if width_axis is None and self.plane is not None:
             width_axis = normal_of(self.plane)
+            ends = (
+                vector(start, "start", owner=f"leaf '{label}'"),
+                vector(end, "end", owner=f"leaf '{label}'"),
+            )
+            rise = sum(n * (b - a) for n, a, b in zip(width_axis, *ends, strict=True))
+            if abs(rise) > 1e-6 * math.dist(*ends):
+                raise SceneError(
+                    f"leaf '{label}' leaves the plane {self.plane}: its ends are {1e3 * abs(rise):.4g} mm apart across it; "
+                    "put both in it, or say width_axis."
+                )
         made = Leaf(
             start=as_given(start),
             end=as_given(end),
@@ -415,7 +425,7 @@ class Mechanism(InNotebooks, Mentioned, metaclass=Worded):
         """
         said = {"along": along, "about": about, "at": at, "relative_to": relative_to}
         parts, default = self._parts(link, **said, joint=joint, motion=motion, terms=terms)
-        drive = Drive(self._drive_name(name, default, parts), parts)
+        drive = checked_drive(Drive(self._drive_name(name, default, parts), parts), self.plane)
         self._drives.append(drive)
         return drive
 

@@ -39,6 +39,8 @@ def broken_rules(scene: Scene) -> Iterator[str]:
     if wrong or len(scene.links) < 2:
         return
     yield from _loose(scene)
+    if not (scene.joints or scene.leaves):
+        yield f"mechanism '{scene.name}' has no joint and no leaf; connect its links by mechanism.join or mechanism.leaf."
     yield from _same_freedoms(scene)
     yield from _apart(scene)
     if scene.heats or scene.fits:

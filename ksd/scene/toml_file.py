@@ -85,7 +85,9 @@ def scene_of_tables(
     reader = _Reader(top, file)
     reader.say_all()
     if not noted.mistakes:
-        noted.mistakes += [f"{file.name}: {rule}" for rule in broken_rules(reader.mechanism.draft())]
+        noted.mistakes += [
+            f"{reader.place_of(rule)}: {rule}" for rule in broken_rules(reader.mechanism.draft())
+        ]
     if noted.mistakes or noted.doubts:
         lines = Lines(file.name, text)
         noted = Noted([lines.at(said) for said in noted.mistakes], [lines.at(said) for said in noted.doubts])
@@ -142,6 +144,8 @@ _NAMES = {
     "point": ("link",),
 }
 """What kinds of names a sentence brings into a mechanism."""
+_CALLED = {"join": "joint", "wire": "leaf", "actuate": "drive"}
+"""What mistakes call that of a sentence, where not by its name."""
 
 
 class _Reader:
@@ -153,6 +157,7 @@ class _Reader:
 
     def __init__(self, top: Table, file: Path) -> None:
         self.folder = file.parent
+        self.file, self.places = file.name, dict[str, str]()
         self.targets: dict[str, float] = {}
         self.mechanism, self.planned = Mechanism("scene"), False
         self.lost: dict[str, set[str]] = {"joint": set(), "leaf": set(), "link": set()}
@@ -197,6 +202,10 @@ class _Reader:
                     for kind in _NAMES.get(sentence, ()):
                         self.lost[kind].add(name if isinstance(name, str) else ANY)
 
+    def place_of(self, rule: str) -> str:
+        """File and table of what a broken rule begins with."""
+        return next((where for own, where in self.places.items() if rule.startswith(own)), self.file)
+
     def _heard(self, sentence: Callable[..., T]) -> Callable[..., T]:
         """A sentence of the mechanism; Unsaid where it speaks of what only a mistake elsewhere keeps from being there."""
 
@@ -228,7 +237,8 @@ class _Reader:
             words |= self._sizes(table, sentence) | _shapes(table)
         elif sentence == "compliance":
             words = self._with_matrix(table, words)
-        table.say(self._heard(getattr(self.mechanism, sentence)), words)
+        made = table.say(self._heard(getattr(self.mechanism, sentence)), words)
+        self.places[f"{_CALLED.get(sentence, sentence)} '{getattr(made, 'name', '')}'"] = table.where
 
     def _sizes(self, table: Table, kind: str) -> dict[str, Any]:
         """The diameter of a wire, or the section of a leaf, by name or from thickness and width."""
@@ -261,6 +271,7 @@ class _Reader:
             value = table.read({"value": one})
         if value:
             self.targets[drive.name] = value["value"]
+        self.places[f"drive '{drive.name}'"] = table.where
 
     def _terms(self, table: Table) -> dict[str, list[DriveTerm]]:
         terms = each(self._term, table.tables("terms"))
@@ -318,7 +329,7 @@ def _made(make: Callable[[Table, str], T], table: Table, name: str) -> T | None:
 
 def _one_of(table: Table, key: str, known: Collection[str], what: str) -> str:
     """The word that says what else a table holds. Raises Unsaid."""
-    found = table.read({key: "text!"}).get(key, "")
+    found = table.read({key: "text!"}, known=known).get(key, "")
     if table.sound and found not in known:
         table.note(f"{table.where}: {what} {show(found)} is unknown{nearest(found, known)}")
     if not table.sound:

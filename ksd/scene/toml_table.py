@@ -142,11 +142,13 @@ class Table:
             doubts = " ".join(self._doubts)
             self.note(f"{self.where}: {error}{' Plain numbers are in SI: ' if doubts else ''}{doubts}")
 
-    def read(self, schema: Mapping[str, str], parts: Parts | None = None) -> dict[str, Any]:
+    def read(
+        self, schema: Mapping[str, str], parts: Parts | None = None, *, known: Iterable[str] = ()
+    ) -> dict[str, Any]:
         """The values of the keys that are given, as the kinds of a schema say (see `ksd.scene.toml_schema`).
 
         parts: the "material"s, "section"s and "joint"s of the file by name, None for those that are wrong themselves; ANY
-        among them where there may be more.
+        among them where there may be more; known: the words that a key which is missing may be.
         Notes a key that is missing, or of a wrong type, unit or name.
         """
         self._known |= schema.keys()
@@ -163,7 +165,7 @@ class Table:
                 wrong = (
                     f"key '{meant[0]}' is unknown; did you mean \"{key}\"?"
                     if meant
-                    else f"key '{key}' is missing."
+                    else f"key '{key}' is missing{': one of ' if known else ''}{', '.join(known)}."
                 )
                 self.note(f"{self.where}: {wrong}")
         return found
@@ -272,7 +274,8 @@ def _value(value: Any, kind: str, key: str, parts: Parts) -> Any:
             raise SceneError(f"{key} = {show(value)} must be a list of names.")
         return value
     if not isinstance(value, str):
-        raise SceneError(f"{key} = {show(value)} must be text in quotes.")
+        name = "" if kind == "text" else f", the name of a [{kind}.NAME]"
+        raise SceneError(f"{key} = {show(value)} must be text in quotes{name}.")
     if kind == "text":
         return value
     known = parts[kind]

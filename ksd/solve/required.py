@@ -40,6 +40,8 @@ HALVINGS = 12
 DEAD = 0.03
 """Least singular value of what holds links, over the largest, below which they can move all the same: the twelfth half of a
 way ends a sixtieth of the last angle before its dead centre."""
+FLAT = 1e-6
+"""Displacement over the size, and rotation [rad], across a plane that a pose in it may have."""
 STRETCH = 1.05
 """Chord of a leaf over its length from which on no leaf can take it."""
 
@@ -148,6 +150,13 @@ def _wanted(model: Model, poses: Mapping[str, Any]) -> Wanted:
             raise SceneError(
                 f"poses: {show(name)}: {show(said)} must be (displacement (3,), rotation), or (displacement, rotation, at)."
             ) from None
+        if model.scene.plane is not None:
+            normal = np.asarray(normal_of(model.scene.plane))
+            if abs(normal @ shift) > FLAT * model.arrays.size or np.abs(R @ normal - normal).max() > FLAT:
+                raise SceneError(
+                    f"poses: {show(name)}: {show(said)} leaves the plane {model.scene.plane} of the mechanism; give a "
+                    "displacement in it and an angle about its normal."
+                )
         found[i] = point + shift + R @ (rest - point), R
     return found
 

@@ -208,7 +208,7 @@ def test_files_hold_curves_and_profiles(curve, profile, tmp_path_factory):
             37,
             r"amplitudes\[0\] = '30 mm': an angle is expected",
         ),
-        ('kind = "arc"\nradius = 1\nangel = 1', 38, r"did you mean \"angel\""),
+        ('kind = "arc"\nradius = 1\nangel = 1', 38, r"did you mean \"angle\""),
         ("radius = 1", 35, r"key 'kind' is missing"),
     ],
 )

@@ -301,6 +301,68 @@ def test_errors_give_the_number_that_works():
     assert "the nearest is at=(0.1, 0.0, 0.0)" in refused(scene.validate)
 
 
+def test_what_leaves_the_plane_is_refused():
+    scene = bent()
+    for way in ({"along": "z", "at": (0.1, 0, 0)}, {"about": "y"}):
+        assert 'about="z"' in refused(lambda way=way: scene.actuate("tip", **way))
+    words = {"section": THIN, "material": STEEL, "start": (0, 0.1, 0)}
+    said = refused(lambda: scene.leaf("ground", "tip", end=(0.1, 0, 1e-3), **words))
+    assert "leaves the plane xy: its ends are 1 mm apart across it" in said
+    for pose in (((0, 0, 1e-3), 0.0), ((0, 0, 0), (0.1, 0, 0))):
+        assert "leaves the plane xy" in refused(lambda pose=pose: ksd.required_loads(scene, {"tip": pose}))
+
+
+def test_pins_alone_are_no_mechanism_of_flexures():
+    scene = ksd.Mechanism("pins", plane="xy")
+    crank = scene.link("crank")
+    scene.pin("ground", crank, at=(0, 0, 0))
+    scene.load(crank, force=(1, 0, 0), at=(0, 0.1, 0))
+    assert "has no joint and no leaf" in refused(lambda: ksd.solve(scene))
+
+
+def test_a_curve_that_waves_too_often_says_where_points_help():
+    """A dozen waves: refused with a distance of points at which it is as exact as with twice as many."""
+
+    def wavy(points):
+        curve = ksd.FreeCurve.sine([0.6 / k**2 for k in range(1, 13)], length=0.07)
+        end = tuple(curve.line(1.0)[0])
+        scene = bent(curve=curve, end=end)
+        for k in range(1, points + 1):
+            scene.point("wire", 0.07 * k / (points + 1))
+        scene.load("tip", force=(0, 0.1, 0), at=end)
+        return ksd.solve(scene).displacement("tip")
+
+    said = refused(lambda: wavy(0))
+    points = round(70 / float(said.split("every ")[1].split(" mm")[0])) - 1
+    assert wavy(points) == pytest.approx(wavy(2 * points + 1), rel=1e-5, abs=1e-9)
+
+
+MISTAKES = [
+    (
+        "[0.03, 0.04, 0.0]\na =",
+        "[30, 40, 0]\na =",
+        r"line \d+, \[\[pin\]\] 2: pin 'A' does not meet .* if that was in mm",
+    ),
+    ("along = [1.0", "along = [0.0", r"line \d+, \[\[slider\]\] 1.* no direction"),
+    ("s = 0.05", 's = "150 mm"', r"line \d+, \[\[point\]\] 1: .* give 0 < s < 0\.126491"),
+    ("about = [0.0, 0.0, 1.0]", 'about = "x"', r'line \d+, \[\[actuate\]\] 1: .* about="z"'),
+    ('plane = "xy"', 'plane = "xw"', r"line \d+: plane = 'xw' must be"),
+]
+
+
+@pytest.mark.parametrize("right, wrong, message", MISTAKES)
+def test_mistakes_in_files_have_their_line(right, wrong, message, tmp_path):
+    scene = sliding()
+    scene.point("rod", 0.05, name="middle")
+    file = tmp_path / "scene.toml"
+    ksd.save_scene(scene, file)
+    text = file.read_text()
+    assert right in text
+    file.write_text(text.replace(right, wrong, 1))
+    with pytest.raises(ksd.SceneError, match=message):
+        ksd.load_scene(file)
+
+
 names = st.text("abcdefg", min_size=1, max_size=6)
 
 

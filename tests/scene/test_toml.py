@@ -303,7 +303,7 @@ TOGETHER = [
     ({'links = ["arm"]': "links = 3", 'axis = "z"': 'axis = "w"', "elements = 3": "elements = 0"},
      ["links = 3", "[[join]] 1: axis = 'w'"]),
     ({'name = "lever"': 'name = "lever"\nplane = "ab"', '"30 deg"': '"30 kg"'},
-     ["lever: plane = 'ab'", "[[actuate]] 1: value = '30 kg'"]),
+     ["plane = 'ab'", "[[actuate]] 1: value = '30 kg'"]),
     # what only the whole shows, all of it
     ({'links = ["arm"]': 'links = ["arm", "one", "two"]'},
      ["link 'one' is attached to nothing", "link 'two' is attached to nothing"]),
