@@ -18,6 +18,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation, Slerp
 
 from ksd.beam.rod import WEIGHTS
 from ksd.beam.weight import PULL
@@ -48,6 +49,8 @@ MOST_TURN = 0.5
 """Largest turn of a link in a step [rad]."""
 SHRINKS = 1.0
 """Way of the parts in a step over that in the step before, beyond which they go astray."""
+BETWEEN = 32
+"""Places of a leaf between which those of its stations are, for each."""
 FAR = 1e3
 """Gap [m, rad] that stands for all larger ones."""
 GRAIN = 1e-11
@@ -154,13 +157,13 @@ def _begun(
         wrench[first] = turned
         if last == first + 1:
             continue
-        s, line, turns = member_line(model, motion, i, 8 * int(last - first))
+        s, line, turns = member_line(model, motion, i, BETWEEN * int(last - first))
         along = np.concatenate([[0.0], np.cumsum(sample.step)])[
             rods.at_step[first:last] - rods.at_step[first]
         ]
         share = along / sample.step.sum() * s[-1]
         place[first:last] = np.array([np.interp(share, s, x) for x in line.T]).T
-        axes[first:last] = turns[np.abs(s[:, None] - share).argmin(axis=0)]
+        axes[first:last] = Slerp(s, Rotation.from_matrix(turns))(share).as_matrix()
         mass = sample.step * (sample.rod[:, :, 9] @ WEIGHTS)
         n, m = ends.frame[i] @ at_p[i, :3], ends.frame[i] @ at_p[i, 3:]
         for j in range(first + 1, last):

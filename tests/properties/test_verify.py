@@ -324,3 +324,20 @@ def test_refusals():
     solid = reduce_solid(block(STEEL, 0.1, 0.01, width=0.02, cells=(4, 1)), order=2)
     with pytest.raises(SceneError, match=r"verification is not known of reduced solids \(blade\)"):
         ksd.solve(scene, basis={"blade": solid}, strict=False).verify()
+
+
+@pytest.mark.parametrize("d", [0.003, 0.004])
+def test_a_taut_curved_leaf_is_cut_where_its_state_has_the_stations(d):
+    """Beside a tapered and a straight one: the figure is that of a finer mesh."""
+    scene = ksd.Mechanism("loop", plane="xy")
+    a, b = scene.links("a", "b")
+    words = {"section": ksd.rectangle(0.5e-3, 10e-3), "material": STEEL}
+    taper = ksd.Taper((0.8e-3, 0.4e-3), (10e-3, 6e-3))
+    scene.leaf("ground", a, start=(0, 0, 0), end=(0.05, 0.02, 0), profile=taper, **words)
+    curve = ksd.FreeCurve.sine([0.5], chord=0.05)
+    scene.leaf(a, b, start=(0.05, 0.02, 0), end=(0.1, 0.02, 0), curve=curve, **words)
+    scene.leaf("ground", b, start=(0.1, -0.04, 0), end=(0.1, 0.02, 0), **words)
+    scene.load(a, force=(0, -2, 0), at=(0.05, 0.03, 0))
+    scene.actuate(b, along="x", at=(0.1, 0.02, 0), name="d")
+    pose = ksd.solve(scene, d=d, strict=False)
+    assert pose.verify().relative == pytest.approx(pose.error.relative, rel=0.02)

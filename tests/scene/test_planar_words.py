@@ -255,6 +255,9 @@ def test_pictures(tmp_path):
     )
     assert np.allclose(pin.get_ydata(), 1e3 * turned[1])
     assert ksd.view.plot_mechanism(found, view="3d")
+    scene = sliding()
+    scene.point("rod", 0.05)
+    assert ksd.solve(scene, turn=0.4).plot().axes
 
 
 def refused(call):
