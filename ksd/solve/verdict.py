@@ -24,6 +24,7 @@ from ksd.errors import ConvergenceError, RangeError, TrustError
 from ksd.model.arrays import STRAIN, carries_load
 from ksd.model.mesh import MOST_ORDER
 from ksd.properties.doctor import doctor
+from ksd.properties.words import number
 from ksd.scene.hinges import plane_hint
 from ksd.solve.joint_range import FAR_SHIFT, FAR_TURN
 from ksd.solve.load_steps import difference, laden
@@ -124,7 +125,8 @@ def intended_branch(c: Configuration) -> Verdict:
     if c.doubts:
         return Verdict(False, "another branch is possible: " + "; ".join(c.doubts))
     name, share, shift, turn = _furthest(c)
-    off = f"joint '{name}' is {1e3 * shift:.3g} mm and {np.rad2deg(turn):.3g} degrees off its intended motion"
+    turned = number(float(np.rad2deg(turn)), 3, zero=1e-9)
+    off = f"joint '{name}' is {1e3 * shift:.3g} mm and {turned} degrees off its intended motion"
     if share > 1.0 and c.method not in ("conventional", "constant"):
         return Verdict(False, f"{off}: too far to be the state its record describes")
     if name:
