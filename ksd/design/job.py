@@ -212,7 +212,7 @@ class Job(Shown):
         self.random(1)
 
     def __getstate__(self) -> dict[str, Any]:
-        return {**self.__dict__, "last": None}
+        return {k: v for k, v in self.__dict__.items() if k != "_solvers"} | {"last": None}
 
     def _first(self, middle: Mapping[str, float]) -> Scene:
         """The scene in the middle of the bounds, or of another design within them."""
@@ -503,15 +503,20 @@ class Job(Shown):
             else:
                 walked = in_blocks(executor, designs, 1, _walked_all, function, recipe, self.paths)
             return [(*rows, []) for rows in walked]
-        alone = len(designs) == 1 and executor is None
-        ways = {"method": FULL if self.method == "full" else REDUCED, "asked": self.asked, "keep": alone}
-        values = {n: np.array([step[n] for step in steps]) for n in self.drives}
-        solver = Designs(values, ways, self.mesh, self.extrapolate)
+        solver = self._solvers[len(designs) == 1 and executor is None]
         if executor is not None:
             found = solver.solve_in(executor, function, designs)
         else:
             found = solver.solve(makers_of(function, designs), 1)
         return [(*_rows_of(f, len(steps)), f.poses if isinstance(f, Found) else []) for f in found]
+
+    @cached_property
+    def _solvers(self) -> dict[bool, Designs]:
+        """What solves designs, keeping their poses or not."""
+        steps = [step for path in self.paths for step in path]
+        values = {n: np.array([step[n] for step in steps]) for n in self.drives}
+        ways = {"method": FULL if self.method == "full" else REDUCED, "asked": self.asked}
+        return {k: Designs(values, {**ways, "keep": k}, self.mesh, self.extrapolate) for k in (False, True)}
 
     def _of(self, rows: list[Row]) -> Array:
         """Answers (answers,) from the rows of all poses."""

@@ -441,11 +441,12 @@ def _holds(search: Search, y: Array) -> tuple[dict[str, float], dict[str, float]
 def _flat(search: Search, y: Array, way: Array, close: Array) -> dict[str, float]:
     """The direction `way` (P,) by name, where a step along it changes nothing that is `close`; else nothing."""
     way = way / np.abs(way).max()
-    try:
-        ends = [search.margins(_inside(y + s * TRIED * way, search.bounds)) for s in (1.0, -1.0)]
-    except Failed:
-        return {}
     here = search.margins(y)
-    if max(float(np.abs(end - here)[close].max()) for end in ends) > BINDING * TRIED * 10:
-        return {}
+    for s in (1.0, -1.0):
+        try:
+            end = search.margins(_inside(y + s * TRIED * way, search.bounds))
+        except Failed:
+            return {}
+        if np.abs(end - here)[close].max() > BINDING * TRIED * 10:
+            return {}
     return {n: float(v) for n, v in zip(search.job.parameters, way, strict=True) if abs(v) > 1e-3}
