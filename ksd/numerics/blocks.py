@@ -237,6 +237,32 @@ def _stiffen(plan, value, spare):
                 pair += 1
 
 
+@kernel(inline="always")
+def _solve_row(value, spare, w, at, n):
+    """Row of n numbers from value[w] on times (L D L^T)^-1, the pivot block factored from value[at] on, into spare[w:]."""
+    for c in range(n):
+        s = value[w + c]
+        for b in range(c):
+            s -= spare[w + b] * value[at + c * n + b]
+        spare[w + c] = s
+    for c in range(n - 1, -1, -1):
+        s = spare[w + c] / value[at + c * n + c]
+        for b in range(c + 1, n):
+            s -= spare[w + b] * value[at + b * n + c]
+        spare[w + c] = s
+
+
+@kernel(inline="always")
+def _update_block(value, spare, i, j, q, rows, columns, n):
+    """Block (rows, columns) from value[q] on minus W_ik A_jk^T, W from spare[i] on, A from value[j] on, n columns each."""
+    for r in range(rows):
+        for c in range(columns):
+            s = 0.0
+            for b in range(n):
+                s += spare[i + r * n + b] * value[j + c * n + b]
+            value[q + r * columns + c] -= s
+
+
 @kernel
 def factor_blocks(plan, value, spare, stop):
     """Factor in place, columns 0 .. stop-1, by `Blocks.ints`; returns (negative pivots, smallest relative pivot).
@@ -283,16 +309,11 @@ def factor_blocks(plan, value, spare, stop):
         for e in range(begin, end):
             for r in range(plan[size + plan[row + e]]):
                 w = plan[place + e] + r * n
-                for c in range(n):
-                    s = value[w + c]
-                    for b in range(c):
-                        s -= spare[w + b] * value[at + c * n + b]
-                    spare[w + c] = s
-                for c in range(n - 1, -1, -1):
-                    s = spare[w + c] / value[at + c * n + c]
-                    for b in range(c + 1, n):
-                        s -= spare[w + b] * value[at + b * n + c]
-                    spare[w + c] = s
+                # the blocks of space by a number the compiler knows: in half the time
+                if n == 6:
+                    _solve_row(value, spare, w, at, 6)
+                else:
+                    _solve_row(value, spare, w, at, n)
         # A_ij -= A_ik D^-1 A_jk^T for every pair i >= j of this column
         t = plan[TARGET] + plan[plan[FIRST_TARGET] + k]
         for f in range(begin, end):
@@ -300,12 +321,11 @@ def factor_blocks(plan, value, spare, stop):
             for e in range(f, end):
                 pi, q = plan[place + e], plan[t]
                 t += 1
-                for r in range(plan[size + plan[row + e]]):
-                    for c in range(mj):
-                        s = 0.0
-                        for b in range(n):
-                            s += spare[pi + r * n + b] * value[pj + c * n + b]
-                        value[q + r * mj + c] -= s
+                mi = plan[size + plan[row + e]]
+                if n == 6 and mi == 6 and mj == 6:
+                    _update_block(value, spare, pi, pj, q, 6, 6, 6)
+                else:
+                    _update_block(value, spare, pi, pj, q, mi, mj, n)
     return negatives, worst
 
 
