@@ -75,7 +75,7 @@ def conventional(
     )  # fmt: skip
     if driven.stop is not Stop.CONVERGED:
         raise ConvergenceError(
-            stopped(driven, doubts),
+            stopped(model, driven, doubts),
             reached=driven.reached,
             result=result,
         )

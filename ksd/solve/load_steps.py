@@ -11,7 +11,7 @@ tells limit points and bifurcations on the way.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
@@ -23,6 +23,7 @@ from ksd.model.newton import CONVERGED, Newton, iterate
 from ksd.model.plane import Plane, plane_of, refuse_plane
 from ksd.numerics.rotations import rotation_log
 from ksd.properties.cache import per_model
+from ksd.properties.doctor import doctor
 from ksd.scene.hinges import plane_holds
 from ksd.solve.arc import REACHED, Course, Walk, trace
 from ksd.solve.following import counted
@@ -336,6 +337,8 @@ def _drive(storage: Storage, begin: Motion, way: Way, planar: bool | Literal["au
     return _counted(storage.model, arrived, driven, way), why, arrived
 
 
+AT_START = 1e-3
+"""Share of a way up to which a stop is one of the start."""
 POLISH = 3
 """Spatial iterations allowed to bring the rounding of a planar answer within the spatial bounds."""
 
@@ -425,6 +428,15 @@ def load_steps(
     return confirmed(model, first, again, arc, reason) if reason else (*first, ())
 
 
+def _rigid_fights(model: Model) -> Iterator[str]:
+    """Sentences of the doctor on drives that fight what is rigid as they are, so that no leaf spring can give way."""
+    for fight in doctor(model.said or model.scene).fights:
+        if fight.what.startswith("drive ") and all(
+            o.startswith(("drive ", "support ")) for o in fight.others
+        ):
+            yield fight.sentence
+
+
 def step_of(driven: Driven, how: str, time: float) -> Step:
     """The record of load steps that took `time` [s]; how: as of `load_steps`."""
     note = f"{driven.taken} load step{'s' * (driven.taken != 1)}{', ' * bool(how)}{how}"
@@ -433,7 +445,9 @@ def step_of(driven: Driven, how: str, time: float) -> Step:
     return Step("equilibrium", driven.solves, time, driven.residual, driven.stop, note)
 
 
-def stopped(driven: Driven, doubts: tuple[str, ...]) -> str:
+def stopped(model: Model, driven: Driven, doubts: tuple[str, ...]) -> str:
     """Where and why load steps stopped, a sentence."""
     why = doubts[0] if doubts else driven.stop.sentence
+    if driven.reached < AT_START:
+        why = next(_rigid_fights(model), why)
     return f"the conventional solver stopped at {100 * driven.reached:.3g} % of the drive motion: {why}"

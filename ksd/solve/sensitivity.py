@@ -97,7 +97,7 @@ def _beside(pose: Configuration, loaded: Model, state: Motion) -> Configuration:
         joint_motions=None, notes=(), intended=False,
     )  # fmt: skip
     if driven.stop is not Stop.CONVERGED:
-        raise ConvergenceError(stopped(driven, doubts), reached=driven.reached, result=found)
+        raise ConvergenceError(stopped(loaded, driven, doubts), reached=driven.reached, result=found)
     return found
 
 

@@ -366,6 +366,23 @@ def test_mistakes_in_files_have_their_line(right, wrong, message, tmp_path):
         ksd.load_scene(file)
 
 
+@pytest.mark.parametrize("load", [0.0, -2.0])
+def test_a_drive_that_rigid_hinges_lock_is_named(load):
+    """The knee of a crank and a slide that do not turn against one another runs on a circle and on a line."""
+    scene = ksd.Mechanism("locked", plane="xy")
+    crank, slide = scene.links("crank", "slide")
+    scene.pin("ground", crank, at=(0, 0, 0))
+    scene.pin(crank, slide, at=(0.05, 0.03, 0), name="knee")
+    scene.slider(slide, along="x", at=(0.1, 0, 0))
+    scene.leaf("ground", crank, start=(0, 0.02, 0), end=(0, 0.06, 0), section=THIN, material=STEEL)
+    scene.load(crank, force=(0, load, 0), at=(0.05, 0.03, 0))
+    scene.actuate(slide, along="x", at=(0.1, 0, 0), name="push")
+    with pytest.raises(
+        ksd.ConvergenceError, match=r"drive 'push' fights support .*'knee.x'.* remove drive 'push'"
+    ):
+        ksd.solve(scene, push=1e-3)
+
+
 names = st.text("abcdefg", min_size=1, max_size=6)
 
 
