@@ -46,6 +46,8 @@ _UNSYMMETRIC = {
 }
 RIGID = 1e-13
 """Compliance below this fraction of the largest (rotations times the model's size) counts as none."""
+RIGID_ALONE = 1e-25
+"""Compliance [m/N] below which there is none in any direction: all is held, and this is rounding."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -90,11 +92,12 @@ class PointStiffness(Shown):
     def _coupled(self, direction: str) -> str:
         """The direction whose motion goes along most with that of `direction`, and C_ij / sqrt(C_ii C_jj)."""
         C, i = self._scaled(), _number(direction)
-        if C[i, i] < RIGID * np.abs(C).max():
+        none = _none(C)
+        if C[i, i] < none:
             return ""
         own = np.diagonal(C)
         share = np.abs(C[:, i]) / np.sqrt(C[i, i] * np.maximum(own, 1e-300))
-        share[(own < RIGID * np.abs(C).max()) | (np.arange(6) == i)] = 0.0
+        share[(own < none) | (np.arange(6) == i)] = 0.0
         other = int(np.argmax(share))
         return f"{DIRECTIONS[other]} ({share[other]:.2f})" if share[other] > 1e-6 else ""
 
@@ -108,7 +111,7 @@ class PointStiffness(Shown):
         scale = np.where(np.array(pick) < 3, 1.0, self.size)
         part = self.compliance[np.ix_(pick, pick)] * np.outer(scale, scale)
         moves, values, loads = np.linalg.svd(part)
-        if values[-1] < RIGID * np.abs(self._scaled()).max():
+        if values[-1] < _none(self._scaled()):
             worst = np.argmax(np.abs(moves[:, -1]))
             raise KinematicsError(
                 f"link '{self.link}' cannot move along {directions[int(worst)]} while the drives and supports "
@@ -129,7 +132,7 @@ class PointStiffness(Shown):
         value = C[i, i]
         if fixed:
             value -= C[i, fixed] @ np.linalg.pinv(C[np.ix_(fixed, fixed)], rcond=RIGID) @ C[fixed, i]
-        if abs(value) < RIGID * np.abs(C).max():
+        if abs(value) < _none(C):
             return float("inf")
         return float((self.size**2 if i >= 3 else 1.0) / value)
 
@@ -160,7 +163,12 @@ def _scaled(compliance: Array, size: Any) -> tuple[Array, Array]:
     scale = np.ones((*np.shape(size), 6))
     scale[..., 3:] = np.asarray(size)[..., None]
     C = compliance * scale[..., None] * scale[..., None, :]
-    return C, RIGID * np.abs(C).max(axis=(-2, -1))[..., None]
+    return C, _none(C)[..., None]
+
+
+def _none(C: Array) -> Any:
+    """What counts as none (...) of compliances (..., 6, 6) [m/N]."""
+    return np.maximum(RIGID * np.abs(C).max(axis=(-2, -1)), RIGID_ALONE)
 
 
 def support_stiffness(compliance: Array, size: Any) -> Array:

@@ -14,7 +14,8 @@ if TYPE_CHECKING:
 def printed_scene(scene: Scene) -> Printed:
     """The parts of a scene, a line each."""
     rows = list(_rows(scene))
-    head = f"{scene.name}: links {', '.join(scene.links[1:]) or 'none'}"
+    place = "" if scene.plane is None else f"in the plane {scene.plane}, "
+    head = f"{scene.name}: {place}links {', '.join(scene.links[1:]) or 'none'}"
     wide = [max((len(row[k]) for row in rows), default=0) for k in range(3)]
     lines = [
         "  ".join(cell.ljust(n) for cell, n in zip(row, (*wide, 0), strict=True)).rstrip() for row in rows
@@ -33,6 +34,8 @@ def _rows(scene: Scene) -> Iterable[tuple[str, str, str, str]]:
         )
     for f in scene.leaves:
         yield "leaf spring", f.name, f"{f.a} to {f.b}", f"{1e3 * f.leaf.length:.4g} mm"
+    for point in scene.points:
+        yield "point", point.name, point.leaf, f"s = {1e3 * point.s:.4g} mm"
     for h in scene.hinges:
         yield h.kind, h.name, f"{h.a} to {h.b}", f"at {in_millimetres(h.at)}"
     for kind, drives in (("drive", scene.drives), ("support", scene.supports)):

@@ -59,6 +59,16 @@ def test_forces_of_pins_and_sliders():
     assert "guide" in str(forces)
 
 
+def test_what_hinges_and_drives_hold_has_no_stiffness():
+    """A crank on a pin whose turn is driven: no direction gives way, and nothing is made of rounding."""
+    found = ksd.solve(sliding(), turn=0.4)
+    stiff = found.stiffness("crank")
+    assert set(stiff.supports.values()) == {math.inf} and stiff.worst == (math.inf, math.inf)
+    assert str(stiff).count("held") == 7
+    rows = ksd.sweep(sliding(), turn=[0.0, 0.4], questions="support_stiffness", link="crank", progress=False)
+    assert all(math.isnan(v) for v in rows["support_worst_N_per_m"])
+
+
 def test_pins_in_space():
     """The same mechanism without a plane: a pin holds five motions, a slider five, and nothing else is needed."""
     scene = ksd.Mechanism("in space")
@@ -217,6 +227,9 @@ def test_what_is_printed():
         "'middle' at s = 50 mm of 'rod'",
     ):
         assert words in said
+    lines = str(scene).splitlines()
+    assert lines[0].startswith("slider-crank: in the plane xy, links crank")
+    assert any(line.split() == ["point", "middle", "rod", "s", "=", "50", "mm"] for line in lines)
     told = ksd.doctor(scene)
     assert (told.freedoms, told.held) == (4, 1)
     assert not any(w in str(told) for w in ("along z", "about x", "in xy"))
