@@ -325,7 +325,9 @@ def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
     result = {
         "machine": machine(),
         "cost": costs(2 if asked.quick else 25, ("fourbar",) if asked.quick else ("fourbar", "arm")),
-        "optima": optima(*((1, ("gradient",)) if asked.quick else (5, ("gradient", "cobyla", "cma")))),
+        "optima": optima(
+            *((1, ("gradient",)) if asked.quick else (5, ("gradient", "trust-constr", "cobyla", "cma")))
+        ),
         "accuracy": accuracy(designs=1 if asked.quick else 10, heavy=2, names=names),
     }
     write_json(result, asked.out / "gradients.json")

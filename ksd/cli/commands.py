@@ -184,7 +184,11 @@ def _optimise(commands: Any) -> None:
     said = "where to start, such as joint.cross.thickness=0.4mm; all that varies, or none for the middle of the bounds"
     parser.add_argument("--start", action="append", default=[], metavar="NAME=VALUE", help=said)
     parser.add_argument("--starts", type=int, metavar="N", help="starts, the others random (1)")
-    _take(parser, "--method", help="gradient (the default), cobyla, or cma, which needs the package cma")
+    _take(
+        parser,
+        "--method",
+        help="gradient (the default), trust-constr, cobyla, or cma, which needs the package cma",
+    )
     said = "move limits in by K standard deviations of the [optimise.spread] of the file"
     parser.add_argument("--robust", type=float, metavar="K", help=said)
     parser.add_argument("--seed", type=int, metavar="S", help="of the random starts (0)")

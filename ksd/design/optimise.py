@@ -20,7 +20,7 @@ from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.optimize import minimize, nnls
+from scipy.optimize import BFGS, Bounds, NonlinearConstraint, minimize, nnls
 
 from ksd.design.job import Job, Log
 from ksd.design.optimum import Ended, Optimum
@@ -35,12 +35,12 @@ from ksd.properties.words import progress_bar
 from ksd.section.checks import number, show, similar, truth, whole, worded
 
 Array = np.ndarray
-METHODS = ("gradient", "cobyla", "cma")
+METHODS = ("gradient", "trust-constr", "cobyla", "cma")
 TOLERANCE = 1e-6
 """Change of the logarithm of the worst answer, and of limits exceeded, at which it counts as no better."""
 STILL = 1e-8
 """The same between two gradients of SLSQP; answers are rounded by less."""
-MOST = {"gradient": 100, "cobyla": 2000, "cma": 1000}
+MOST = {"gradient": 100, "trust-constr": 200, "cobyla": 2000, "cma": 1000}
 """Iterations, or generations, of every method."""
 EVOLVED = 1e-4
 """Change of the fitness at which an evolution stops: gradients go on from there."""
@@ -84,7 +84,7 @@ def optimise(
     *,
     start: Mapping[str, float] | ArrayLike | None = None,
     starts: int = 1,
-    method: Literal["gradient", "cobyla", "cma"] = "gradient",
+    method: Literal["gradient", "trust-constr", "cobyla", "cma"] = "gradient",
     robust: float = 0.0,
     spread: Mapping[str, float] | None = None,
     seed: int = 0,
@@ -95,11 +95,11 @@ def optimise(
     """The design of a job whose worst target is best under its limits and rules; returns an `Optimum`.
 
     start: parameters by name or in order, the middle of the bounds when None; starts: how many, the others random by
-    `seed`. method: "gradient" (SLSQP with `ksd.gradient`), "cobyla" (no derivatives), "cma" (evolution, then a polish
-    by gradients; needs the package cma). robust: limits are moved in, and targets count less, by so many standard deviations
-    of their answers (of targets: of their logarithms), to first order, where parameters scatter by `spread`, as in
-    `ksd.tolerance`. executor: gets whole starts, of a single one the populations of "cma". resume, progress: as in
-    `ksd.sweep`; with `resume` designs in the file are not computed again.
+    `seed`. method: "gradient" (SLSQP with `ksd.gradient`), "trust-constr" (interior points with the same), "cobyla" (no
+    derivatives), "cma" (evolution, then a polish by gradients; needs the package cma). robust: limits are moved in, and
+    targets count less, by so many standard deviations of their answers (of targets: of their logarithms), to first order,
+    where parameters scatter by `spread`, as in `ksd.tolerance`. executor: gets whole starts, of a single one the
+    populations of "cma". resume, progress: as in `ksd.sweep`; with `resume` designs in the file are not computed again.
 
     Raises SceneError for wrong words, ConvergenceError where no start leads to a design that meets the limits, with every
     design evaluated in its `.result`; Ctrl-C raises SweepInterrupted, with every design evaluated in its `.table`.
@@ -346,6 +346,9 @@ def _minimised(search: Search, y: Array, box: Array, method: str) -> Array:
 
     reached, patience, before = -np.inf, PATIENCE, -np.inf
 
+    def sloped(z: Array) -> Array:
+        return np.column_stack([search.slopes(_inside(z[:-1], box)), -targets])
+
     def slope(z: Array) -> Array:
         nonlocal reached, patience, before
         y = _inside(z[:-1], box)
@@ -360,7 +363,7 @@ def _minimised(search: Search, y: Array, box: Array, method: str) -> Array:
         )
         if patience <= 0:
             raise _Stalled((search.met_best or search.best)[1])
-        return np.column_stack([search.slopes(y), -targets])
+        return sloped(z)
 
     z = np.append(y, search.level(search.margins(y)))
     down = -np.eye(len(z))[-1]
@@ -374,6 +377,15 @@ def _minimised(search: Search, y: Array, box: Array, method: str) -> Array:
             )  # fmt: skip
         except _Stalled as stalled:
             return stalled.y
+    elif method == "trust-constr":
+        zeros = np.zeros((len(z), len(z)))
+        # gtol is met while the barrier still stands
+        found = minimize(
+            **common, method="trust-constr", jac=lambda z: down, hess=lambda z: zeros,
+            bounds=Bounds(*np.vstack([box, [-np.inf, np.inf]]).T, keep_feasible=True),
+            constraints=NonlinearConstraint(gap, 0.0, np.inf, jac=sloped, hess=BFGS()),
+            options={"xtol": TOLERANCE, "gtol": 0.0, "barrier_tol": TOLERANCE, "maxiter": MOST[method]},
+        )  # fmt: skip
     else:
 
         def within(z: Array) -> Array:

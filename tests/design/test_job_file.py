@@ -168,7 +168,7 @@ def test_mistakes_are_told_in_one_sentence(old, new, sentence, tmp_path, capsys)
         (["--plot", "a.doc"], "type 'doc' is unknown"),
         (["--report", "none/a.html"], "folder 'none' does not exist"),
         (["--robust", "-1"], "robust = -1"),
-        (["--method", "cmaes"], "choose one of gradient, cobyla, cma"),
+        (["--method", "cmaes"], "choose one of gradient, trust-constr, cobyla, cma"),
     ],
 )
 def test_wrong_options(words, sentence, tmp_path, capsys, monkeypatch):
