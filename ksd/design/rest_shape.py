@@ -29,7 +29,9 @@ from ksd.scene.clearance import TOUCH, leaf_body, meetings, meets_itself
 from ksd.scene.contents import Scene
 from ksd.scene.curves import Legendre
 from ksd.scene.drive import Drive
+from ksd.scene.leaf import Leaf
 from ksd.scene.mechanism import Mechanism
+from ksd.scene.profile import FreeCurve
 from ksd.scene.redraw import Move, redrawn
 from ksd.section.checks import nearest, show, truth, worded
 from ksd.section.checks import number as checked
@@ -38,6 +40,8 @@ from ksd.solve.required import held_pose, required_loads
 from ksd.solve.solver import given_values, prepare, solve
 
 Array = NDArray[np.float64]
+Piece = tuple[str, str, str, Leaf]
+"""A leaf spring, or its piece between points: name, links at its start and end, and how it lies."""
 RETURNED = 1e-4
 """Distance from the wanted shape, over the size, up to which the forward solution has come back to it."""
 UNSAID = {
@@ -85,9 +89,15 @@ def rest_shape(
         truth(value, key)
     _refuse(scene)
     axes, values = axes_of(str(scene.plane)), given_values(targets, drives)
-    drawn, values = _drawn(scene, wanted, axes, values, mesh)
+    drawn, pieces, values = _drawn(scene, wanted, axes, values, mesh)
     problem = _Problem(
-        drawn, axes, values, (free,) if isinstance(free, str) else tuple(free), forces or {}, mesh or FINE
+        drawn,
+        pieces,
+        axes,
+        values,
+        (free,) if isinstance(free, str) else tuple(free),
+        forces or {},
+        mesh or FINE,
     )
     found = solved(problem.equations, beyond_fold=beyond_fold)
     if not isinstance(found, Found):
@@ -112,10 +122,10 @@ def _refuse(scene: Scene) -> None:
 
 def _drawn(
     scene: Scene, wanted: Any, axes: Axes, values: dict[str, float], mesh: Mesh | None
-) -> tuple[Scene, dict[str, float]]:
-    """The scene drawn in its wanted shape, and its drive values."""
+) -> tuple[Scene, list[Piece], dict[str, float]]:
+    """The scene drawn in its wanted shape, the pieces of its leaf springs there, and its drive values."""
     if wanted is None:
-        return scene, values
+        return scene, cut_leaves(scene), values
     if isinstance(wanted, Mapping):
         wanted = held_pose(prepare(scene, mesh=mesh or FINE), wanted)
     elif isinstance(wanted, Configuration):
@@ -141,12 +151,15 @@ def _drawn(
         for i, link in enumerate(model.node_names)
     }
     curves: dict[str, list[Legendre]] = {}
-    for i, name in enumerate(model.member_names):
-        whole, leaf = pieces[name]
-        curves.setdefault(whole, []).append(
-            deformed_curve(leaf, model.mesh.of(whole), axes, (model, motion, i), gravity)
-        )
-    return Scene(**redrawn(scene, moves, curves)), values
+    drawn: list[Piece] = []
+    for name, a, b, leaf in cut_leaves(scene):
+        whole, i = pieces[name][0], model.member_names.index(name)
+        curve = deformed_curve(leaf, model.mesh.of(whole), axes, (model, motion, i), gravity)
+        curves.setdefault(whole, []).append(curve)
+        # a force at a point turns the line there against its sections, by shear: each piece is drawn by itself
+        ends = moves[a].point(leaf.start), moves[b].point(leaf.end)
+        drawn.append((name, a, b, replace(leaf, start=ends[0], end=ends[1], curve=FreeCurve.of(curve))))
+    return Scene(**redrawn(scene, moves, curves)), drawn, values
 
 
 def _gravity(scene: Scene, axes: Axes) -> Array:
@@ -162,8 +175,8 @@ class _Problem:
     """Equations of a drawn scene, and their solution as a scene at rest."""
 
     def __init__(
-        self, scene: Scene, axes: Axes, values: Mapping[str, float], free: tuple[str, ...], forces: Mapping[str, Any],
-        mesh: Mesh,
+        self, scene: Scene, pieces: list[Piece], axes: Axes, values: Mapping[str, float], free: tuple[str, ...],
+        forces: Mapping[str, Any], mesh: Mesh,
     ) -> None:  # fmt: skip
         self.scene, self.axes, self.free, self.forces = scene, axes, free, forces
         ends = np.array([axes.of(p) for f in scene.leaves for p in (f.leaf.start, f.leaf.end)])
@@ -171,7 +184,7 @@ class _Problem:
         size = float(np.ptp(ends, axis=0).max())
         self.number = {link: i for i, link in enumerate(scene.links)}
         self.leaves = tuple(
-            DrawnLeaf(name, (a, b), leaf, axes, self.origin, mesh) for name, a, b, leaf in cut_leaves(scene)
+            DrawnLeaf(name, (a, b), leaf, axes, self.origin, mesh) for name, a, b, leaf in pieces
         )
         bending = float(np.mean([1.0 / leaf.bending.mean() for leaf in self.leaves]))
         self.loads = {load.name: load for load in scene.loads}

@@ -236,6 +236,18 @@ def test_points_and_following_loads():
     assert drawn.loads[2].force != pytest.approx((0, 3, 0), rel=1e-3)
 
 
+def test_points_of_a_leaf_that_shears():
+    """Forces at points turn the line against its sections there; rest and pose come back all the same."""
+    scene = ksd.Mechanism("soft strip", plane="xy")
+    tip = scene.link("tip")
+    scene.leaf("ground", tip, start=(0, 0, 0), end=(0.12, 0, 0), section=ksd.rectangle(2e-3, 10e-3),
+               material=ksd.Material(E=2e8, nu=0.35), name="strip")  # fmt: skip
+    for s, force in ((0.03, 0.9), (0.07, -0.4)):
+        scene.load(scene.point("strip", s), force=(0.2, -force, 0))
+    scene.load(tip, force=(0, -0.1, 0), at=(0.12, 0, 0))
+    round_trip(scene)
+
+
 def test_what_is_free():
     """A drive of known force: its travel is found; one of known travel: its force. Both are one rest shape."""
     scene = slider(0.8)
