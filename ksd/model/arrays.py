@@ -116,10 +116,13 @@ class Arrays(Fields):
         return opened, (self.flat,)
 
 
+LEAVES, BEAMS, ANY = range(3)
+
+
 class Flat(NamedTuple):
     """`Arrays` in two, for compiled code: ints = counts, then where every field begins, and the fields of whole numbers;
-    floats = size and the other fields. leaves_alone: whether all members are strain-mode leaves or linear, without weight,
-    and no load has a skew tangent.
+    floats = size and the other fields. members: LEAVES where all members are strain-mode leaves or linear, without weight,
+    and no load has a skew tangent; ANY where one is a modal body or a solid; else BEAMS.
 
     Kernels read a field by the place where it begins, which costs nothing, and no look into a named tuple, which counts the
     users of an array: entry c of row i of a field f of w columns is ints[ints[f] + w i + c], or that of floats.
@@ -127,7 +130,7 @@ class Flat(NamedTuple):
 
     ints: np.ndarray
     floats: np.ndarray
-    leaves_alone: bool
+    members: int
 
 
 class Bare(NamedTuple):
@@ -179,10 +182,17 @@ def flatten(arrays: Fields) -> Flat:
     return Flat(
         np.concatenate([np.array([*counts, *places, to], np.int64), *ints]),
         np.concatenate([np.array([arrays.size]), *floats]),
-        not len(arrays.weight)
-        and not arrays.loads.skew.any()
-        and bool(np.isin(arrays.members.kind, (STRAIN, PLANAR, LINEAR)).all()),
+        _members_of(arrays),
     )
+
+
+def _members_of(arrays: Fields) -> int:
+    """`Flat.members`."""
+    kind = arrays.members.kind
+    if np.isin(kind, (MODAL, SOLID)).any():
+        return ANY
+    leaves = np.isin(kind, (STRAIN, PLANAR, LINEAR)).all()
+    return LEAVES if leaves and not len(arrays.weight) and not arrays.loads.skew.any() else BEAMS
 
 
 _INT, _FLOAT = 0, 1

@@ -40,32 +40,29 @@ from ksd.model.tangents import member_norms, member_tangent, scatter
 from ksd.numerics.kernel import kernel
 
 
-def condense_member(
-    kind: Any,
-    value: Any,
-    number: Any,
-    state: Any,
-    store: Any,
-    room: Any,
-    near: Any,
-    d: Any,
-    Q: Any,
-    lam: Any,
-    K: Any,
-) -> Any:
+@kernel(inline="always")
+def condense_any(kind, value, number, state, store, room, near, d, Q, lam, K):
     """Wrench lam (12,) and stiffness K (6, 6) of a member, not a linear one, at relative pose d (3,), Q (3, 3), in frame p.
 
     near: rotation vectors about which a chain is linearised, empty for the exact tangent; room: `ksd.beam.strain.Fields`
     for a leaf. Returns (negative pivots, force error [N], moment error [Nm], status).
     """
+    if kind == MODAL:
+        told = modal_condense(value, number, state, store, d, Q, lam, K)
+    elif kind == SOLID:
+        told = polynomial_condense(value, number, state, store, d, Q, lam, K)
+    else:
+        told = condense_beam(kind, value, number, state, store, room, near, d, Q, lam, K)
+    return told
+
+
+@kernel(inline="always")
+def condense_beam(kind, value, number, state, store, room, near, d, Q, lam, K):
+    """`condense_any` but of modal bodies and solids, which take as long to compile as the others together."""
     if len(near) > 0:
         told = near_condense(value, number, state, store, near, d, Q, lam, K)
     elif kind == COROTATIONAL:
         told = corotational.condense(value, number, state, store, d, Q, lam, K)
-    elif kind == MODAL:
-        told = modal_condense(value, number, state, store, d, Q, lam, K)
-    elif kind == SOLID:
-        told = polynomial_condense(value, number, state, store, d, Q, lam, K)
     else:
         told = condense_leaf(kind, value, number, state, store, room, near, d, Q, lam, K)
         if kind == STRAIN:
@@ -77,7 +74,7 @@ def condense_member(
 
 @kernel(inline="always")
 def condense_leaf(kind, value, number, state, store, room, near, d, Q, lam, K):
-    """`condense_member` of strain-mode leaves alone, which compile in half the time."""
+    """`condense_any` of strain-mode leaves alone, which compile in half the time."""
     if kind == PLANAR:
         told = planar_leaf.condense(value, number, state, store, d, Q, lam, K)
     else:
@@ -85,12 +82,9 @@ def condense_leaf(kind, value, number, state, store, room, near, d, Q, lam, K):
     return told
 
 
-condense_any = kernel(inline="always")(condense_member)
-
-
 @kernel(inline="always")
 def recover_leaf(kind, value, number, state, store, xi, scale):
-    """`recover_any` of strain-mode leaves and linear bodies alone."""
+    """`recover_beam` of strain-mode leaves and linear bodies alone."""
     if kind == PLANAR:
         planar_leaf.recover(value, number, state, store, xi, scale)
     elif kind == STRAIN:
@@ -98,14 +92,21 @@ def recover_leaf(kind, value, number, state, store, xi, scale):
 
 
 @kernel(inline="always")
-def recover_any(kind, value, number, state, store, xi, scale):
-    """Inner update of a member after its end q moved by xi (6,) relative to its end p."""
+def recover_beam(kind, value, number, state, store, xi, scale):
+    """`recover_any` but of modal bodies and solids."""
     if kind == COROTATIONAL:
         corotational.recover(value, number, state, store, xi, scale)
-    elif kind in (MODAL, SOLID):
-        modal_recover(value, number, state, store, xi, scale)
     else:
         recover_leaf(kind, value, number, state, store, xi, scale)
+
+
+@kernel(inline="always")
+def recover_any(kind, value, number, state, store, xi, scale):
+    """Inner update of a member after its end q moved by xi (6,) relative to its end p."""
+    if kind in (MODAL, SOLID):
+        modal_recover(value, number, state, store, xi, scale)
+    else:
+        recover_beam(kind, value, number, state, store, xi, scale)
 
 
 @kernel(inline="always")

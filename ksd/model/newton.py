@@ -9,7 +9,7 @@ no longer lowered the residual. Without the last condition forces of taut leaves
 nothing of the insides of leaf springs, and what leaves positions right to 1e-14 is still a force in a stiff one.
 
 Every compiled caller of the leaf kernels contains them and takes as long to compile, so there is one, `newton`, with a
-task, and `newton_any` for what few mechanisms have; the functions below them are what Python calls.
+task, `newton_beams` and `newton_any` for what fewer mechanisms have; the functions below them are what Python calls.
 """
 
 from __future__ import annotations
@@ -46,11 +46,13 @@ from ksd.model.arrays import (
 from ksd.model.assembly import (
     add_members,
     condense_any,
+    condense_beam,
     condense_leaf,
     no_weight,
     no_weight_added,
     open_member_room,
     recover_any,
+    recover_beam,
     recover_leaf,
 )
 from ksd.model.loading import add_loads, add_terms
@@ -332,24 +334,8 @@ def _no_turn_step(ints, floats, plan, R, matrix, spare, rhs, scratch, factor):
 
 @kernel
 def newton(
-    ints,
-    floats,
-    x,
-    R,
-    inner,
-    multiplier,
-    target,
-    flat,
-    at,
-    task,
-    near,
-    most,
-    factor,
-    rtol,
-    grain,
-    cap,
-    blow_up,
-):
+    ints, floats, x, R, inner, multiplier, target, flat, at, task, near, most, factor, rtol, grain, cap, blow_up
+):  # fmt: skip
     """A task on a system: see `iterate`; ints, floats as in `Flat`, flat, at as in `Work`.
 
     Returns (reason, steps taken, residual over its bound, negative pivots, smallest relative pivot); of LOOK, ASSEMBLE and
@@ -363,31 +349,29 @@ def newton(
 
 
 @kernel
+def newton_beams(
+    ints, floats, x, R, inner, multiplier, target, flat, at, task, near, most, factor, rtol, grain, cap, blow_up
+):  # fmt: skip
+    """`newton` for chains too, weight, and loads that are not conservative."""
+    return _newton(
+        condense_beam, pull_member, weigh_member, recover_beam, turn_pull, turn_step,
+        ints, floats, x, R, inner, multiplier, target, flat, at, task, near, most, factor, rtol, grain, cap, blow_up,
+    )  # fmt: skip
+
+
+@kernel
 def newton_any(
-    ints,
-    floats,
-    x,
-    R,
-    inner,
-    multiplier,
-    target,
-    flat,
-    at,
-    task,
-    near,
-    most,
-    factor,
-    rtol,
-    grain,
-    cap,
-    blow_up,
-):
-    """`newton` for members of every kind, weight, and loads that are not conservative."""
+    ints, floats, x, R, inner, multiplier, target, flat, at, task, near, most, factor, rtol, grain, cap, blow_up
+):  # fmt: skip
+    """`newton_beams` for members of every kind."""
     return _newton(
         condense_any, pull_member, weigh_member, recover_any, turn_pull, turn_step,
         ints, floats, x, R, inner, multiplier, target, flat, at, task, near, most, factor, rtol, grain, cap, blow_up,
     )  # fmt: skip
 
+
+_ENTRIES = (newton, newton_beams, newton_any)
+"""By `Flat.members`."""
 
 Newton = tuple[int, int, float, int, float]
 """Reason, steps taken, residual over its bound, negative pivots, smallest relative pivot: see `iterate`."""
@@ -399,7 +383,7 @@ def _run(
 ) -> Newton:  # fmt: skip
     # one type of every argument: for another one all would be compiled again
     flat = arrays.flat
-    found: Newton = (newton if flat.leaves_alone else newton_any)(
+    found: Newton = _ENTRIES[flat.members](
         flat.ints, flat.floats, *motion, np.ascontiguousarray(target, np.float64), work.flat, work.at,
         task, int(near), int(most), float(factor), float(rtol), float(grain), float(cap), float(blow_up),
     )  # fmt: skip

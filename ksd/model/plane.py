@@ -23,6 +23,7 @@ from ksd.model.arrays import (
     COIL,
     COROTATIONAL,
     FLOATS,
+    LEAVES,
     LINEAR,
     MODAL,
     PLANAR,
@@ -100,7 +101,7 @@ class _Planar(NamedTuple):
 def _planar(ints: bytes, axis: int, rows: tuple[int, ...], heavy: bytes) -> _Planar:
     """See `_masked`; ints: as in `Flat`, heavy: whether each member has weight."""
     flat = np.frombuffer(ints, np.int64)
-    space = opened(Flat(flat, np.zeros(int(flat[FLOATS])), False))
+    space = opened(Flat(flat, np.zeros(int(flat[FLOATS])), LEAVES))
     keep = np.array([*(c for c in range(3) if c != axis), 3 + axis])
     terms, loads, springs, nodes = space.terms, space.loads, space.springs, len(space.start)
     node, first = terms.node.tolist(), terms.first.tolist()

@@ -42,7 +42,7 @@ class Alike(NamedTuple):
     def state(self, d: int) -> tuple[Bare, Motion]:
         """Numbers and state d, views of what is here."""
         m, ints = self.motion, self.topology.flat.ints
-        flat = Flat(ints, self.floats[d], self.topology.flat.leaves_alone)
+        flat = Flat(ints, self.floats[d], self.topology.flat.members)
         weight = flat.floats[ints[WEIGHT] :].reshape(-1, 4)
         return Bare(flat, weight), Motion(m.x[d], m.R[d], m.inner[d], m.multiplier[d])
 

@@ -22,10 +22,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ksd.beam import corotational
+from ksd.beam.modal import modal_condense
+from ksd.beam.polynomial import polynomial_condense
 from ksd.beam.weight import PULL
 from ksd.errors import SceneError
-from ksd.model.arrays import COIL, SOLID, TURN, Motion, Work, make_work
-from ksd.model.assembly import condense_member
+from ksd.model.arrays import COIL, COROTATIONAL, MODAL, SOLID, TURN, Motion, Work, make_work
 from ksd.model.compile import Model
 from ksd.model.poses import member_pose
 from ksd.numerics.rotations import rotation_exp
@@ -193,6 +195,9 @@ def _along(r: Array, R: Array, wrench: Array, *weight: Array) -> Array:
     return found.reshape(*r.shape[:2], 6)
 
 
+_CONDENSE = {COROTATIONAL: corotational.condense, MODAL: modal_condense, SOLID: polynomial_condense}
+
+
 def _chain_wrench(
     model: Model, motion: Motion, i: int, ends: Ends, how: tuple[Work | None, float]
 ) -> tuple[Array | None, Array]:
@@ -206,9 +211,9 @@ def _chain_wrench(
         work.store[at : at + 3] = gravity
     store = work.store[members.store_at[i] : members.store_at[i + 1]]
     state = motion.inner[members.inner_at[i] : members.inner_at[i + 1]]
-    condense_member(
-        members.kind[i], members.value[members.value_at[i] :], members.number[i], state, store, work.scratch, work.near[:0],
-        ends.d, np.ascontiguousarray(ends.Q), work.lam[i], stiffness,
+    _CONDENSE[members.kind[i]](
+        members.value[members.value_at[i] :], members.number[i], state, store, ends.d, np.ascontiguousarray(ends.Q),
+        work.lam[i], stiffness,
     )  # fmt: skip
     return gravity, work.lam[i, :6]
 
