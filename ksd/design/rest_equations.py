@@ -302,6 +302,10 @@ def _path(equations: Equations, y: Array, sign: float) -> Iterator[Point]:
         if way[-1] * ahead[-1] < 0.0:
             between = CubicHermiteSpline([0.0, 1.0], [share, there], [gone * way[-1], gone * ahead[-1]])
             fold = float(between(between.derivative().roots(extrapolate=False)[0]))
+            if min((share - 1.0) * (fold - 1.0), (there - 1.0) * (fold - 1.0)) < 0.0 and step > SHORTEST:
+                # the whole lies before the fold, or behind it, in the same step
+                step *= 0.5
+                continue
         elif (share - 1.0) * (there - 1.0) <= 0.0:
             part = here + (1.0 - share) / (there - share) * (new - here)
             whole = equations.newton(np.append(part[:-1], 1.0))

@@ -165,6 +165,21 @@ def test_no_rest_shape_beyond_the_fold():
         ksd.rest_shape(cantilever(), beyond_fold=True)
 
 
+@pytest.mark.parametrize("share", [0.95, 0.99, 0.998, 0.9999])
+def test_what_the_fold_allows_has_two_rest_shapes(share):
+    """Up to the number that the fold is told at, the next solution and the other one, which meet there."""
+    force = share * 3.00766
+    first, other = (
+        ksd.rest_shape(fourbar(), free="push", forces={"L3": {"x": force}}, beyond_fold=beyond, check=False)
+        for beyond in (False, True)
+    )
+    assert first.folds == () and other.folds == pytest.approx((1 / share,), rel=1e-4)
+    one, two = (found.loads[0].force[0] for found in (first, other))
+    assert one > -26.4 > two
+    assert (one - two) / math.sqrt(1 - 1 / other.folds[0]) == pytest.approx(23.4, rel=0.03)
+    assert all(found.leaf_forces["L3"][0] == pytest.approx(force, rel=1e-10) for found in (first, other))
+
+
 def test_the_shape_of_one_load_under_another():
     """A shape found under one load, wanted under another: it is taken there, and the leaf is no longer straight."""
     pose = ksd.solve(cantilever((0, 8, 0)), mesh=FINE)
