@@ -91,7 +91,8 @@ class _Drawn:
     def __init__(self, function: Callable[..., Any], most: int) -> None:
         self.function, self.most = function, most
         self.kept = lru_cache(most)(self._drawn)
-        update_wrapper(self, function)
+        # attributes of a callable object are its own
+        update_wrapper(self, function, updated=())
 
     def __reduce__(self) -> Any:
         return _Drawn, (self.function, self.most)
@@ -273,7 +274,8 @@ class Job(Shown):
     def _listed(
         self, wanted: list[tuple[str, str, float, float, float]], scene: Scene, signed: set[str]
     ) -> tuple[Answer, ...]:
-        """Every wanted column at every pose; stress of every leaf; size of all poses together; of `signed` the size."""
+        """Every wanted column at every pose; stress of every leaf; size of all poses together; of `signed` the size. No two
+        names are alike: a limit of what is minimised by its size says so."""
         found, labels = [], [self._label(case, step, scene) for case, step in self.poses]
         leaves = [f"stress_MPa[{name}]" for name in scene.leaf_names()]
         for column, role, scale, low, high in wanted:
@@ -281,9 +283,12 @@ class Job(Shown):
                 found.append(Answer(column, column, role, None, scale, low, high))
                 continue
             amount = role == "minimise" and column in signed
+            sizes = {a.name for a in found if a.amount}
             for k, label in enumerate(labels):
                 for own in leaves if column == "stress_MPa" else [column, *others(column)]:
-                    found.append(Answer(f"{own}{label}", own, role, k, scale, low, high, amount=amount))
+                    name = f"{own}{label}"
+                    name += " with its sign" if name in sizes else ""
+                    found.append(Answer(name, own, role, k, scale, low, high, amount=amount))
         return tuple(found)
 
     def _label(self, case: str, step: Mapping[str, float], scene: Scene) -> str:
@@ -667,6 +672,7 @@ class Job(Shown):
             self.poses,
             self.loads,
             self.names,
+            [a.amount for a in self.answers],
             scenes,
         )
         return f"{self.parameters} {said!r}"

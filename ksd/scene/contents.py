@@ -144,6 +144,8 @@ class Scene(InNotebooks):
                 # what passes through windows of one another shares the joint as if it were a block
                 found |= {f"{j.name}/"} if j.joint.windows else set()
         blocks |= {placed.name: {placed.a, placed.b} for placed in self.leaves}
+        for point in self.points:
+            blocks[point.leaf].add(point.name)
         return [(one, two) for one, two in combinations(blocks, 2) if not blocks[one] & blocks[two]]
 
     @cached_property

@@ -390,3 +390,35 @@ def test_of_parasitic_motion_and_moments_that_are_minimised_the_size_counts():
     assert own.merit_spoken(-0.25) == "worst target 0.250"
     scaled = ksd.Job(leaning, minimise={"parasitic_x_mm": 0.1, "turn_moment_Nm": 1.0}, **words)
     assert scaled.merit_spoken(-0.25) == "worst target 0.250 of its scale"
+
+
+def test_a_limit_of_what_is_minimised_by_its_size_has_a_name_of_its_own():
+    """A log keeps answers by name: both must come back as they are, and no file of sizes is one of signed numbers."""
+    words = {"vary": {"lean": (4 * mm, 8 * mm)}, "turn": [-0.05]}
+    own = ksd.Job(leaning, minimise="turn_moment_Nm", limits={"turn_moment_Nm": (-9, 9)}, **words)
+    x, log = [6 * mm], Log(own)
+    assert len(set(own.names)) == 2
+    size, signed = log.values(x)
+    assert size == -signed > 0
+    assert log.slopes(x)[1] == pytest.approx(own.jacobian(x), rel=1e-12)
+    sizes, numbers = (
+        ksd.Job(leaning, **{way: "turn_moment_Nm"}, **words) for way in ("minimise", "maximise")
+    )
+    assert sizes.names == numbers.names and sizes.fingerprint != numbers.fingerprint
+
+
+class Leaner:
+    """Draws mechanisms; what it keeps has names that a job uses too."""
+
+    def __init__(self):
+        self.function, self.most, self.kept = strip, 1, None
+
+    def __call__(self, lean):
+        return self.function(lean)
+
+
+def test_a_job_of_a_callable_object_leaves_its_attributes_to_it():
+    words = {"vary": {"lean": (4 * mm, 8 * mm)}, "turn": 0.05, "maximise": "turn_stiffness_Nm_per_rad"}
+    assert ksd.Job(Leaner(), **words).values([6 * mm]) == pytest.approx(
+        ksd.Job(strip, **words).values([6 * mm])
+    )

@@ -122,6 +122,21 @@ def test_leaf_springs_in_windows_of_one_joint_are_not_what_is_near():
     assert found.distance == pytest.approx(least - 0.45 * mm, abs=0.1 * mm) and found.distance > 5 * mm
 
 
+def test_no_clearance_to_a_leaf_spring_on_whose_point_one_stands():
+    """They meet there, as at a block."""
+    scene = ksd.Mechanism("branch", plane="xy")
+    words = {"section": ksd.rectangle(0.5 * mm, 10 * mm), "material": STEEL}
+    a, b = scene.links("a", "b")
+    scene.leaf("ground", a, start=(0, 0, 0), end=(0.1, 0, 0), name="under", **words)
+    point = scene.point("under", 0.05)
+    scene.leaf(point, b, start=(0.05, 0, 0), end=(0.05, 0.08, 0), name="up", **words)
+    scene.leaf("ground", b, start=(0.15, 0.08, 0), end=(0.05, 0.08, 0), name="over", **words)
+    scene.actuate(a, along="y", at=(0.1, 0, 0), name="d")
+    assert scene.scene().leaves_apart() == []
+    with pytest.raises(ksd.SceneError, match="share a block"):
+        ksd.solve(scene, d=1 * mm).clearance()
+
+
 def test_no_clearance_where_all_leaf_springs_share_a_block():
     with pytest.raises(ksd.SceneError, match="share a block"):
         ksd.solve(single_joint(), turn=0.1).clearance()
