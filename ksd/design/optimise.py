@@ -379,6 +379,9 @@ def _minimised(search: Search, y: Array, box: Array, method: str) -> Array:
             return stalled.y
     elif method == "trust-constr":
         zeros = np.zeros((len(z), len(z)))
+        # interior points begin inside
+        margin = 0.01 * np.diff(box)[:, 0]
+        common["x0"] = np.append(np.clip(y, box[:, 0] + margin, box[:, 1] - margin), z[-1])
         # gtol is met while the barrier still stands
         found = minimize(
             **common, method="trust-constr", jac=lambda z: down, hess=lambda z: zeros,
