@@ -183,7 +183,9 @@ def _together(found: list[Any], count: int) -> Batch:
     good = [f for f in found if isinstance(f, Found)]
     reasons: dict[Any, str] = {d: str(f) for d, f in enumerate(found) if not isinstance(f, Found)}
     if not good:
-        raise SceneError(f"no design could be prepared; the first: {reasons[0]}")
+        raise SceneError(
+            f"no design could be prepared; the first: {reasons[0]}; ksd.sweep takes every mechanism"
+        )
     like = good[0]
 
     def stacked(field: str) -> np.ndarray:

@@ -581,24 +581,27 @@ class Job(Shown):
         """The worst target in words, at one design or from one to another: over its scale, or where there is
         but one and no scale, by its column."""
         name = self.merit_name
-        sign = -1.0 if name.startswith("minus") else 1.0
-        said = " to ".join(written(sign * m, digits) for m in merits)
+        said = " to ".join(written(self.merit_sign * m, digits) for m in merits)
         if name.endswith("scale"):
             return f"worst target {said} of its scale"
-        return f"{name.removeprefix('minus the ')} {said}"
+        return f"{name} {said}"
+
+    @property
+    def merit_sign(self) -> float:
+        """-1 where targets are minimised: `merit` is minus the worst of them."""
+        return -1.0 if any(a.role == "minimise" for a in self.answers) else 1.0
 
     @property
     def merit_name(self) -> str:
-        """What `merit` is, in words."""
+        """What `merit` times its sign is, in words."""
         goals = [a for a in self.answers if a.role != "limit"]
-        minus = "minus the " if goals[0].role == "minimise" else ""
         if any(a.scale != 1.0 for a in goals):
-            return f"{minus}worst target over its scale"
+            return "worst target over its scale"
         # "support_worst_N_per_m[2]" is one of "support_worst_N_per_m"
         columns = {a.column.split("[")[0] for a in goals}
         if len(columns) > 1:
-            return f"{minus}worst target"
-        return f"{minus}worst {columns.pop()}"
+            return "worst target"
+        return f"worst {columns.pop()}"
 
     @staticmethod
     def merit_of(answer: Answer, value: float) -> float:

@@ -33,7 +33,7 @@ def optimum_page(optimum: Optimum) -> str:
 def _cards(optimum: Optimum) -> list[tuple[str, str]]:
     starts = f"{optimum.agreed} of {len(optimum.starts)}"
     return [
-        (written(optimum.merit, 6), optimum.job.merit_name),
+        (written(optimum.job.merit_sign * optimum.merit, 6), optimum.job.merit_name),
         (starts, "starts end here"),
         (f"{optimum.evaluations} + {optimum.gradients}", "values and gradients"),
         (f"{written(optimum.seconds, 3)} s", "CPU time"),

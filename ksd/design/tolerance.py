@@ -29,8 +29,8 @@ class Tolerance(Shown):
     names: of the answers; nominal, first_order, sampled (answers,): values, and standard deviations to first order and of
     the samples. blame (answers, parameters): share of each parameter in the first-order variance. kept: share of the
     samples that hold every limit; reach (answers,): standard deviations to the
-    nearest limit. merits (samples,): worst target over its scale, nan where a sample failed. table: all
-    samples.
+    nearest limit. merits (samples,): worst target over its scale, nan where a sample failed; sign: -1 where targets are
+    minimised, and merits are minus the worst. table: all samples.
     """
 
     names: tuple[str, ...]
@@ -43,6 +43,7 @@ class Tolerance(Shown):
     merits: Array
     reach: Array
     table: Table
+    sign: float
 
     def to_blame(self, name: str) -> dict[str, float]:
         """Share of every parameter in the first-order variance of an answer, the largest first. SceneError for an
@@ -55,7 +56,7 @@ class Tolerance(Shown):
     def _line(self) -> str:
         merits = self.merits[np.isfinite(self.merits)]
         worst = (
-            f", worst target {written(float(merits.mean()))} +- {written(float(merits.std()))}"
+            f", worst target {written(self.sign * float(merits.mean()))} +- {written(float(merits.std()))}"
             if len(merits)
             else ""
         )
@@ -109,7 +110,7 @@ def tolerance(
     return Tolerance(
         job.names, {job.parameters[k]: float(sd[k]) for k in chosen}, nominal, first,
         np.array([np.nanstd(v[good], ddof=1) if np.isfinite(v[good]).sum() > 1 else 0.0 for v in finite.T]), blame,
-        float(np.mean(kept)), merits, _reach(job, nominal, first), log.table(),
+        float(np.mean(kept)), merits, _reach(job, nominal, first), log.table(), job.merit_sign,
     )  # fmt: skip
 
 

@@ -30,8 +30,8 @@ def plot_front(front: Any) -> Figure:
     figure = new_figure(8.4, 3.6)
     left, right = figure.subplots(1, 2)
     good = np.isfinite(front.merits)
-    left.plot(front.limits[good], front.merits[good], "o-", color=LEAF, markersize=4)
     job = front.job
+    left.plot(front.limits[good], job.merit_sign * front.merits[good], "o-", color=LEAF, markersize=4)
     left.set_xlabel(f"most {front.against}", fontsize=9)
     left.set_title(job.merit_name, fontsize=9, loc="left", color=INK)
     left.tick_params(labelsize=8)

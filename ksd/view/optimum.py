@@ -34,10 +34,10 @@ def plot_optimum(optimum: Any) -> Figure:
     for k, name in enumerate(names):
         own = by == name
         color = LINKS[k % len(LINKS)]
-        _one_start(top, low, tried.merits[own], tried.exceeded[own], color, name)
-    top.axhline(optimum.merit, color=LEAF, linewidth=0.8, zorder=0)
+        _one_start(top, low, tried.merits[own], tried.exceeded[own], color, name, job.merit_sign)
+    top.axhline(job.merit_sign * optimum.merit, color=LEAF, linewidth=0.8, zorder=0)
     said: dict[str, Any] = {"fontsize": 9, "loc": "left", "color": INK}
-    top.set_title(f"{optimum.job.merit_name},\n{optimum.merit:.6g} at the optimum", **said)
+    top.set_title(f"{job.merit_name},\n{job.merit_sign * optimum.merit:.6g} at the optimum", **said)
     top.tick_params(labelbottom=False)
     if len(names) <= MANY:
         top.legend(fontsize=8, frameon=False)
@@ -57,16 +57,19 @@ def plot_optimum(optimum: Any) -> Figure:
     return figure
 
 
-def _one_start(top: Any, low: Any, merits: np.ndarray, exceeded: np.ndarray, color: str, name: str) -> None:
+def _one_start(
+    top: Any, low: Any, merits: np.ndarray, exceeded: np.ndarray, color: str, name: str, sign: float
+) -> None:
     """Designs of a start in their order; filled where limits are met. Of many designs the best so far that meets them."""
     count, met = np.arange(1, len(merits) + 1), exceeded <= SMALL
     style = {"color": color, "linewidth": 1.0}
     if len(merits) > LONG:
         best = np.maximum.accumulate(np.where(met, merits, -np.inf))
         known = np.isfinite(best)
-        top.step(count[known], best[known], where="post", label=name, **style)
+        top.step(count[known], sign * best[known], where="post", label=name, **style)
         low.plot(count, 100 * np.minimum.accumulate(exceeded), **style)
         return
+    merits = sign * merits
     top.plot(count, merits, "-", label=name, **style)
     top.plot(count[met], merits[met], "o", color=color, markersize=4)
     top.plot(count[~met], merits[~met], "o", color=color, markersize=4, markerfacecolor="white")

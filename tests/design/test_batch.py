@@ -284,3 +284,18 @@ def test_a_compliance_is_asked_of_a_link_that_is_there():
         ksd.batch(bar(), drive=0.01, questions="support_stiffness", link="roof", threads=1)
     with pytest.raises(ksd.SceneError, match="answer no questions"):
         ksd.batch(bar(), drive=0.01, questions="stress", tabulated=True)
+
+
+def test_leaf_springs_without_joints_are_sent_to_a_sweep():
+    def strip(length):
+        scene = ksd.Mechanism("strip")
+        end = scene.link("end")
+        scene.leaf(
+            scene.ground, end, start=(0, 0, 0), end=(length, 0, 0), section=ksd.rectangle(2e-4, 0.015),
+            material=ksd.Material(200e9, nu=0.3), width_axis="z",
+        )  # fmt: skip
+        scene.actuate(end, about="z", name="turn")
+        return scene
+
+    with pytest.raises(ksd.SceneError, match=r"nothing to reduce.*; ksd\.sweep takes every mechanism"):
+        ksd.batch(strip, designs=[{"length": 0.04}], turn=0.05)

@@ -321,7 +321,7 @@ def test_the_worst_target_is_spoken_by_its_column_where_it_has_no_scale(plain):
     assert most.merit_spoken(1234.0, 2345.0, digits=4) == "worst support_z_N_per_m 1234 to 2345"
     least = job(maximise=(), minimise="turn_moment_Nm")
     assert least.merit_spoken(-0.5) == "worst turn_moment_Nm 0.500"
-    assert least.merit_name == "minus the worst turn_moment_Nm"
+    assert least.merit_name == "worst turn_moment_Nm" and (least.merit_sign, most.merit_sign) == (-1.0, 1.0)
     two = job(maximise=("support_z_N_per_m", "support_x_N_per_m"))
     assert two.merit_spoken(0.5) == "worst target 0.500" and two.merit_name == "worst target"
 

@@ -2,11 +2,11 @@
 
 import numpy as np
 import pytest
-from test_job import BEST, job
+from test_job import BEST, job, strip
 
 import ksd
 from ksd.design.job import Log
-from ksd.units import deg
+from ksd.units import deg, mm
 
 SPREAD = {"length": 20e-6, "inner": 20e-6, "outer": 20e-6, "angle": 0.1 * deg, "thickness": 4e-6}
 
@@ -61,3 +61,19 @@ def test_wrong_words_of_tolerance():
             ksd.tolerance(one, words.pop("design", BEST), **words)
     with pytest.raises(ksd.SceneError, match="is no job"):
         ksd.tolerance(Log, BEST, spread=SPREAD)
+
+
+def test_what_is_minimised_is_told_and_drawn_as_it_is():
+    """The longest strip turns most easily: EI/L times the turn."""
+    one = ksd.Job(strip, vary={"lean": (4 * mm, 8 * mm)}, turn=0.05, minimise="turn_moment_Nm")
+    best = ksd.optimise(one)
+    assert best.merit == pytest.approx(
+        -200e9 * 15e-3 * 0.2e-3**3 / 12 * 0.05 / np.hypot(40e-3, 8e-3), rel=1e-3
+    )
+    (top, *_) = best.plot().axes
+    assert top.get_title(loc="left").endswith(f"{-best.merit:.6g} at the optimum")
+    assert all(
+        (line.get_ydata() > 0.0).all() for line in top.lines if line.get_label().startswith("gradient")
+    )
+    made = ksd.tolerance(one, best, spread={"lean": 1e-5}, samples=4)
+    assert (made.merits < 0.0).all() and "worst target 0." in str(made)
