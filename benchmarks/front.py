@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable, Sequence
 from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from ksd.view.compare import in_rows
 from ksd.view.figure import BACKING, GROUND, INK, LEAF, LINES, REST, plain_axes
 from ksd.view.labels import part_labels
 
@@ -26,8 +26,6 @@ CHAINS = ("conventional", "plain Newton")
 SAID = {"reduced, 1 pass": "reduced, one step", "plain Newton": "plain Newton, as the paper's baseline"}
 BELOW = 1e-6
 """Errors [%] below this are those of the reference, and drawn here."""
-BESIDE = 1.5
-"""Factor of time within which marks of one error share a label."""
 
 
 class Mark(NamedTuple):
@@ -105,8 +103,8 @@ def _draw(axes: Any, every: Iterable[Mark]) -> tuple[Any, Any]:
         )
     axes.set_xlim(low, high)
     axes.set_ylim(0.15 * min(m.error for m in marks), 6.0 * max(m.error for m in marks))
-    for label, m in _shared(strain):
-        _say(axes, label, m, INK, (9, 0), side="left")
+    for row in in_rows(strain):
+        _say(axes, "; ".join(SAID.get(m.method, m.method) for m in row), row[-1], INK, (9, 0), side="left")
     for method in CHAINS:
         if row := [m for m in marks if m.method == method and m.elements]:
             slow = max(row, key=lambda m: m.time)
@@ -117,25 +115,6 @@ def _draw(axes: Any, every: Iterable[Mark]) -> tuple[Any, Any]:
     line = np.stack([np.interp(along, np.arange(len(corners)), c) for c in corners.T], axis=1)
     named = [(m.time, m.error) for m in marks if m not in rest]
     return np.concatenate([named, np.exp(line)]), np.array([(m.time, m.error) for m in rest])
-
-
-def _shared(marks: Sequence[Mark]) -> list[tuple[str, Mark]]:
-    """Labels of marks, one for those of the same error that are near each other: at the slowest of them."""
-    rows: list[list[Mark]] = []
-    for m in sorted(marks, key=lambda m: m.time):
-        row = next(
-            (
-                r
-                for r in rows
-                if abs(math.log10(r[-1].error / m.error)) < 0.15 and m.time < BESIDE * r[-1].time
-            ),
-            None,
-        )
-        if row is None:
-            rows.append([m])
-        else:
-            row.append(m)
-    return [("; ".join(SAID.get(m.method, m.method) for m in row), row[-1]) for row in rows]
 
 
 def _say(

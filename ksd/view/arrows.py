@@ -16,7 +16,8 @@ COIL = 0.015
 ROUND = 0.05
 """Radius of the arrow of a rotation or moment over that size."""
 EDGE_ON = 0.17
-"""Cosine of the angle of an axis to the eye below which a rotation is an arrow with two heads along it."""
+"""Cosine of the angle of an axis to the eye below which a rotation is an arrow with two heads along it, and tangent of that
+of an arrow below which it is a point."""
 
 
 def draw_arrows(
@@ -36,7 +37,7 @@ def draw_arrows(
                     driven.place,
                 )
             tip = camera.flat(end)
-            _arrow(axes, camera.flat(start), tip, DRIVE)
+            _straight(axes, camera, start, end, DRIVE)
             if abs(value) >= LEAST * size:
                 axes.plot(*np.stack([tip, place]).T, color=DRIVE, linewidth=0.8, linestyle=":", zorder=5)
             busy.append(np.linspace(camera.flat(start), tip, 25))
@@ -60,9 +61,10 @@ def _load(axes: Any, load: Any, camera: Camera, size: float, *, labels: bool) ->
     unit = {"force": "N", "moment": "Nm", "mass": "kg"}[load.kind]
     tip, busy = place, place[None]
     if load.kind == "force":
-        start = camera.flat(load.place - USUAL * size * load.value / amount)
-        _arrow(axes, start, place, LOAD)
-        tip, busy = start, np.linspace(start, place, 25)
+        start = load.place - USUAL * size * load.value / amount
+        _straight(axes, camera, start, load.place, LOAD)
+        tip = camera.flat(start)
+        busy = np.linspace(tip, place, 25)
     elif load.kind == "moment":
         busy = _turning(axes, camera, load.place, load.value / amount, size, LOAD)
         tip = busy[-1]
@@ -95,6 +97,17 @@ def draw_distances(axes: Any, shape: Any, camera: Camera, *, labels: bool) -> Ar
             said = f"{asked.name}: {spoken_value(value, 'translation')}"
             _label(axes, said, line[:2].mean(axis=0), INK)
     return np.concatenate(busy)
+
+
+def _straight(axes: Any, camera: Camera, start: Array, end: Array, color: str) -> None:
+    """An arrow in space [m]; where it points to the eye or away, a circle with its tip or its feathers."""
+    way = (end - start) @ camera.toward
+    if np.linalg.norm(camera.flat(end - start)) > 1e3 * EDGE_ON * abs(way):
+        _arrow(axes, camera.flat(start), camera.flat(end), color)
+        return
+    look = {"color": color, "linestyle": "none", "zorder": 6.5}
+    axes.plot(*camera.flat(end), "o", markersize=9, markerfacecolor="white", **look)
+    axes.plot(*camera.flat(end), marker="." if way > 0.0 else "x", markersize=5, **look)
 
 
 def _arrow(axes: Any, start: Array, end: Array, color: str) -> None:

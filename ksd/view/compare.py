@@ -10,6 +10,8 @@ import numpy as np
 from ksd.view.figure import INK, LINES, plain_axes
 from ksd.view.labels import part_labels
 
+LEVEL, BESIDE = 0.15, 1.5
+"""Decades of error, and ratio of times, up to which marks share a label."""
 _STYLE = tuple(zip(LINES, "os^", strict=False))
 
 
@@ -30,15 +32,30 @@ def plot_cost(axes: Any, marks: Sequence[Mark], *, title: str = "") -> None:
         style = {"color": color, "marker": symbol, "markersize": 7, "markeredgecolor": "white"}
         x, y = [1e6 * m.time for m in mine], [100 * m.error for m in mine]
         axes.plot(x, y, linestyle="none", label=label, zorder=3, **style)
-    for m in marks:
-        place = (1e6 * m.time, 100 * m.error)
-        axes.annotate(m.name, place, (9, 0), textcoords="offset points", fontsize=8, color=INK, va="center")
+        for row in in_rows(mine):
+            place, said = (1e6 * row[-1].time, 100 * row[-1].error), "; ".join(m.name for m in row)
+            axes.annotate(said, place, (9, 0), textcoords="offset points", fontsize=8, color=INK, va="center")
     _scales(axes, marks)
     axes.set_xlabel("thread time of a solve [\N{MICRO SIGN}s]")
     axes.set_ylabel("error of force and displacement [%]")
     axes.set_title(title, fontsize=10, color=INK, loc="left")
     axes.legend(fontsize=8, frameon=False, loc="upper center", bbox_to_anchor=(0.5, -0.12), ncols=3)
     part_labels(axes, np.array([(1e6 * m.time, 100 * m.error) for m in marks]), np.zeros((0, 2)))
+
+
+def in_rows(marks: Sequence[Any]) -> list[list[Any]]:
+    """Marks of the same `error` with a `time` near that of another, the fastest of a row first: one label tells them all."""
+    rows: list[list[Any]] = []
+    for m in sorted(marks, key=lambda m: float(m.time)):
+        near = (
+            r for r in rows if abs(np.log10(r[-1].error / m.error)) < LEVEL and m.time < BESIDE * r[-1].time
+        )
+        row = next(near, None)
+        if row is None:
+            rows.append([m])
+        else:
+            row.append(m)
+    return rows
 
 
 def _scales(axes: Any, marks: Sequence[Mark]) -> None:

@@ -238,11 +238,9 @@ def _undeformed(axes: Any, shape: Any, camera: Camera, size: float) -> None:
             _line(axes, camera.flat(leaf.rest), color=REST, linewidth=1.2, zorder=1)
     for block in shape.blocks:
         if block.name != "ground" and ("/" not in block.name or camera.plane):
-            # a point of a leaf has none
-            for part in parts(block, pads(shape, block, rest=True), size)[-1:]:
-                corners = hull(camera.flat(part))
-                ring = np.vstack([corners, corners[:1]])
-                _line(axes, ring, color=REST, linewidth=0.8, linestyle=(0, (4, 3)), zorder=1)
+            corners = hull(camera.flat(parts(block, pads(shape, block, rest=True), size)[-1]))
+            ring = np.vstack([corners, corners[:1]])
+            _line(axes, ring, color=REST, linewidth=0.8, linestyle=(0, (4, 3)), zorder=1)
 
 
 def _line(axes: Any, points: Array, **style: Any) -> None:

@@ -268,6 +268,20 @@ def test_moments_stand_at_their_link_and_are_seen_from_the_side():
         assert all((abs(way[0]) < 1e-6 * abs(way[1])) == straight for way in ways)
 
 
+def test_forces_to_the_eye_are_points():
+    """A circle with a dot for the tip, with a cross for the feathers; an arrow from every other side."""
+    scene = single_joint()
+    scene.load("tip", force=(0, 0, 2.0), at=(0.2, 0, 0), name="lift")
+    scene.load("tip", force=(0, 0, -2.0), at=(0.3, 0, 0), name="push")
+    pose = ksd.solve(scene, turn=0.2)
+    for view, drawn in (("xy", {"o": 2, ".": 1, "x": 1}), ("xz", {}), ("3d", {})):
+        (axes,) = plot_mechanism(pose, view=view).axes
+        marks = [line.get_marker() for line in axes.lines if to_rgba(line.get_color()) == to_rgba(LOAD)]
+        assert {mark: marks.count(mark) for mark in marks} == drawn
+        arrows = [t for t in axes.texts if t.arrow_patch and t.arrow_patch.get_edgecolor() == to_rgba(LOAD)]
+        assert len(arrows) == (0 if drawn else 2)
+
+
 def test_axes_in_space_stand_beside_what_is_drawn():
     """Where no corner is empty they have room of their own."""
     mechanism, targets, _ = ksd.load_scene(SCENES / "arm.toml")
@@ -465,14 +479,16 @@ def test_a_window_without_pyvista_is_a_sentence(bent, monkeypatch, tmp_path):
 
 
 def test_cost_picture_names_every_method():
+    """Those beside each other in one label, from the fastest; all apart."""
     marks = [
         Mark("slow", "strain-mode", 1e-3, 1e-6),
         Mark("near", "strain-mode", 1.2e-3, 1e-6),
+        Mark("far", "strain-mode", 5e-3, 1e-6),
         Mark("b", "5 elements", 5e-3, 1e-2),
     ]
     figure = new_figure(5, 4)
     plot_cost(figure.add_subplot(), marks)
-    assert [t for t in texts(figure) if t] == ["slow", "near", "b"]
+    assert [t for t in texts(figure) if t] == ["slow; near", "far", "b"]
     for (one, a), (two, b) in combinations(boxes(figure), 2):
         assert not a.overlaps(b), f"'{one}' on '{two}'"
 
