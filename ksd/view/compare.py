@@ -10,8 +10,8 @@ import numpy as np
 from ksd.view.figure import INK, LINES, plain_axes
 from ksd.view.labels import part_labels
 
-LEVEL, BESIDE = 0.15, 1.5
-"""Decades of error, and ratio of times, up to which marks share a label."""
+LEVEL, BESIDE = 10**0.15, 1.5
+"""Ratios of errors and of times up to which marks share a label."""
 _STYLE = tuple(zip(LINES, "os^", strict=False))
 
 
@@ -48,8 +48,9 @@ def in_rows(marks: Sequence[Any]) -> list[list[Any]]:
     rows: list[list[Any]] = []
     for m in sorted(marks, key=lambda m: float(m.time)):
         near = (
-            r for r in rows if abs(np.log10(r[-1].error / m.error)) < LEVEL and m.time < BESIDE * r[-1].time
-        )
+            r for r in rows
+            if max(r[-1].error, m.error) < LEVEL * min(r[-1].error, m.error) and m.time < BESIDE * r[-1].time
+        )  # fmt: skip
         row = next(near, None)
         if row is None:
             rows.append([m])
