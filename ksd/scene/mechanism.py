@@ -87,6 +87,8 @@ class Mechanism(InNotebooks, Mentioned, metaclass=Worded):
             raise SceneError(f"a mechanism has no '{name}' to be set{nearest(name, SETTABLE)}")
         if name == "plane":
             value = checked_plane(value)
+            for drive in self.__dict__.get("_drives", ()):
+                checked_drive(drive, value)
         super().__setattr__(name, word(value, "name", owner="Mechanism") if name == "name" else value)
 
     if not TYPE_CHECKING:  # hidden, or checkers would take every name

@@ -87,8 +87,10 @@ def _drives(d: dict[str, Any]) -> Any:
     table = _table("drive", "value", "<", "force or moment", "<", "estimated error")
     for name, row in d["drives"].items():
         (at, value), (effort, force), (_, error) = row.items()
-        least = f"under {number(RTOL * abs(force), 2)}" if error == 0.0 and force else "0"
-        said = "-" if error is None else f"{number(error, 2) if error else least} {_UNITS[effort]}"
+        least = RTOL * abs(force)
+        seen = error is not None and (error > least or not force)
+        told = number(error, 2) if seen else f"under {number(least, 2)}"
+        said = "-" if error is None else f"{told} {_UNITS[effort]}"
         table.add_row(
             name, number(value, 6, zero=1e-12), _UNITS[at], number(force, 6, zero=1e-12), _UNITS[effort], said
         )
@@ -128,7 +130,7 @@ def error_sentence(d: dict[str, Any]) -> str:
         mesh = (
             f"of which mesh {share} %" if d["method"] in FAST or d["basis"] is not None else "all of it mesh"
         )
-    within = f" (links within {shift} um and {turn} mrad)" if error["relative_percent"] else ""
+    within = f" (links within {shift} um and {turn} mrad)" if error["relative_percent"] > 100 * RTOL else ""
     return f"Estimated error: {off} %, {mesh}{within}"
 
 

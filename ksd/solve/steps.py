@@ -93,15 +93,15 @@ class ErrorEstimate:
     def __str__(self) -> str:
         if not np.isfinite(self.relative):
             return "not known"
-        if self.relative == 0.0:
-            return f"{percent(0.0)} %"
+        if self.relative <= RTOL:
+            return f"{percent(self.relative)} %"
         links = f"links within {1e6 * self.displacement:.2g} um and {1e3 * self.rotation:.2g} mrad"
         return f"{percent(self.relative)} %, of which mesh {percent(self.mesh)} % ({links})"
 
 
 def percent(error: float) -> str:
-    """A relative error in percent; the bound of a residual where a finer mesh was in balance at once."""
-    return f"{100 * error:.2g}" if error > 0.0 else f"under {100 * RTOL:.0e}"
+    """A relative error in percent; the bound of a residual where it is less, and cannot be seen."""
+    return f"{100 * error:.2g}" if error > RTOL else f"under {100 * RTOL:.0e}"
 
 
 _NAMES = ("1 close loops", "2 joint stiffness", "3 reduced equilibrium", "4 recovery")

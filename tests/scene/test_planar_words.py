@@ -321,6 +321,11 @@ def test_what_leaves_the_plane_is_refused():
     scene = bent()
     for way in ({"along": "z", "at": (0.1, 0, 0)}, {"about": "y"}):
         assert 'about="z"' in refused(lambda way=way: scene.actuate("tip", **way))
+    scene.plane = None
+    scene.actuate("tip", about="y", name="tilt")
+    with pytest.raises(ksd.SceneError, match="drive 'tilt' leaves the plane xy"):
+        scene.plane = "xy"
+    scene = bent()
     words = {"section": THIN, "material": STEEL, "start": (0, 0.1, 0)}
     said = refused(lambda: scene.leaf("ground", "tip", end=(0.1, 0, 1e-3), **words))
     assert "leaves the plane xy: its ends are 1 mm apart across it" in said

@@ -197,6 +197,7 @@ def test_an_error_too_small_to_see_is_under_the_bound_of_a_residual(exact):
     none = ErrorEstimate(np.zeros(1), 0.0, 0.0, 0.0, 0.0)
     assert str(none) == "under 1e-06 %"
     assert "mesh under 1e-06 %" in str(replace(none, relative=1e-3))
+    assert str(replace(none, relative=1.7e-14)) == "under 1e-06 %"
     told = as_dict(exact)
     told["error"] = {
         "relative_percent": 0.0, "mesh_percent": 0.0, "displacement_um": 0.0, "rotation_mrad": 0.0
