@@ -21,6 +21,13 @@ LARGEST = 1 << 28
 Name = str | os.PathLike[str]
 
 
+def named_file(path: Name, what: str) -> Path:
+    """The path as such. Raises SceneError, calling the file `what`, for what is no name of a file."""
+    if not isinstance(path, str | os.PathLike):
+        raise SceneError(f"{what}: {' '.join(repr(path).split())[:80]} is no name of a file.")
+    return Path(path)
+
+
 def write_file(
     path: Name, content: bytes | str, *, what: str = "file", error: type[KsdError] = SceneError
 ) -> Path:

@@ -36,7 +36,7 @@ from ksd.properties.words import number as written
 from ksd.scene import Mechanism, Scene
 from ksd.scene.drive import Load
 from ksd.scene.links import Link
-from ksd.section.checks import LARGEST, checked, nearest, number, show, similar, truth, unchecked
+from ksd.section.checks import LARGEST, Worded, checked, nearest, number, show, similar, truth, unchecked
 from ksd.solve.configuration import Configuration
 from ksd.solve.many import SPOKEN, UNANSWERED
 from ksd.solve.perturbed import STEP
@@ -120,7 +120,7 @@ class _Loaded:
 
 
 @dataclass(frozen=True, init=False, repr=False, eq=False)
-class Job(Shown):
+class Job(Shown, metaclass=Worded):
     """What to vary, what to make large or small, and what limits it; see `ksd.optimise`.
 
     function: of the parameters, returns a mechanism. vary: least and most of every parameter, SI. maximise or minimise:

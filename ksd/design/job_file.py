@@ -25,6 +25,7 @@ import numpy as np
 
 from ksd.design.job import Job
 from ksd.errors import SceneError
+from ksd.files import named_file
 from ksd.scene import toml_schema as schema
 from ksd.scene.drive import Drive
 from ksd.scene.formula import Keys, amount, dimension_of, evaluated, item_at, names_in, slot, spoken
@@ -99,7 +100,7 @@ def load_job(path: str | os.PathLike[str], *, drives: Mapping[str, str] | None =
     drives: drive values in place of those of the file, by name, as text such as "0deg:30deg:3". Raises SceneError, naming
     file, table and key, for what is wrong in it, and what `ksd.Job` raises.
     """
-    file = Path(path)
+    file = named_file(path, "job file")
     tables = parsed_file(file)
     top = Table({k: tables.pop(k) for k in ("job", "optimise") if k in tables}, file.name)
     said, optimise = top.table("job"), top.table("optimise")

@@ -30,7 +30,7 @@ from ksd.properties.stiffness import (
     support_stiffness,
 )
 from ksd.properties.stress import Peak, peaks
-from ksd.section.checks import names_of, similar, truth, vector, whole, word
+from ksd.section.checks import names_of, nearest, show, similar, truth, vector, whole, word
 from ksd.solve.answer import drive_kind
 from ksd.solve.error import corrected
 
@@ -65,6 +65,22 @@ class Asked:
             return self.link, self.at
         link, point = default_point(scene)
         return link, self.at if self.at is not None else point
+
+
+def check_asked(asked: Asked, scene: Any) -> None:
+    """SceneError where questions speak of a link, drive or support that a scene does not have."""
+    blocks = [f"{j.name}/{block}" for j in scene.joints for block in j.joint.blocks() if block not in "AB"]
+    links, rows = (*scene.links[1:], *blocks), [d.name for d in (*scene.drives, *scene.supports)]
+    for what, names, known in (
+        ("link", filter(None, [asked.link]), links),
+        ("freed", asked.freed or (), rows),
+    ):
+        for name in names:
+            if name not in known:
+                kind = "link" if what == "link" else "drive or support"
+                raise SceneError(
+                    f"{what} = {show(name)}: there is no such {kind} in '{scene.name}'{nearest(name, known)}"
+                )
 
 
 def asked_of(

@@ -21,7 +21,7 @@ from ksd.design.table import write_mat
 from ksd.errors import SceneError
 from ksd.properties.tangent import factored_tangent
 from ksd.properties.words import Shown, listed, number
-from ksd.section.checks import worded
+from ksd.section.checks import names_of, not_negative, show, whole, worded
 from ksd.solve.answer import drive_kind
 from ksd.solve.configuration import Configuration
 from ksd.solve.following import MILD
@@ -91,15 +91,15 @@ def state_space(
     the others stay held. Raises SceneError for names, modes or damping out of range, and for a scene without mass or under
     loads that are not conservative.
     """
+    if not isinstance(pose, Configuration):
+        raise SceneError(f"pose = {show(pose)} is no configuration; give what ksd.solve returns.")
     known = pose.model.drive_names
-    freed = tuple(known) if drives is None else tuple(drives)
+    freed = tuple(known) if drives is None else names_of(drives, "drives")
     if not freed or any(d not in known for d in freed):
         raise SceneError(f"drives = {freed}: name drives to be let go, out of {', '.join(known) or 'none'}")
-    if not 0.0 <= damping < 1.0:
+    if not not_negative(damping, "damping") < 1.0:
         raise SceneError(f"damping = {damping}: a ratio from 0 to below 1 is needed")
-    if modes < 1:
-        raise SceneError(f"modes = {modes}: at least one mode is needed")
-    found = pose.frequencies(count=modes, freed=freed)
+    found = pose.frequencies(count=whole(modes, "modes"), freed=freed)
     if (
         not found.conservative
         and factored_tangent(*pose.insides, load_factor=pose.load_factor).skew_share() > MILD

@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike
 
 from ksd.design.lines import Line, Recipe, blank_rows, run_block, run_line
 from ksd.design.plan import Designs, Drawn, fingerprint, plan_lines
-from ksd.design.questions import KNOWN, Asked, asked_of, unanswerable
+from ksd.design.questions import KNOWN, Asked, asked_of, check_asked, unanswerable
 from ksd.design.resume import ResumeFile
 from ksd.design.table import Table
 from ksd.design.words import check_executor, check_ways, drive_rows
@@ -99,6 +99,8 @@ def sweep(
     values = drive_rows(targets, drives, sweep)
     lines, name = plan_lines(mechanism, values, designs, loads, together=together, call=sweep)
     drawn = next((line.scene for line in lines if line.scene is not None), None)
+    if drawn is not None:
+        check_asked(recipe.asked, drawn)
     missing = unanswerable(drawn, recipe.asked.link) if questions is None and drawn is not None else {}
     possible = tuple(q for q in recipe.asked.questions if q not in missing)
     recipe = replace(recipe, asked=replace(recipe.asked, questions=possible, usual=questions is None))

@@ -22,7 +22,7 @@ from ksd.files import write_file
 from ksd.html import InNotebooks
 from ksd.library.tables import read_columns, write_columns
 from ksd.properties.words import WIDTH, number, printed
-from ksd.section.checks import nearest, show
+from ksd.section.checks import nearest, show, worded
 from ksd.view import plot_stroke, save_figure
 
 if TYPE_CHECKING:
@@ -188,6 +188,7 @@ class Table(InNotebooks):
         keep = (*self.labels, STATUS)
         return [{k: row[k] for k in keep} for row in self.rows() if row[STATUS] != OK]
 
+    @worded
     def where(self, **labels: float | str) -> Table:
         """The rows whose label columns have these values (numbers to 1e-9), an empty table when there are none.
 

@@ -5,13 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 from ksd.errors import SceneError
+from ksd.section.checks import Worded
 
 FEW = 2
 """Internal modes by default; bodies of order 2 with so many are found from where the joints' records put their ends."""
 
 
 @dataclass(frozen=True)
-class ModalBasis:
+class ModalBasis(metaclass=Worded):
     """How the basis of a leaf is made.
 
     coordinates: "director" (position and two directors of every node; r' = director is linear, so a linear span can

@@ -25,6 +25,7 @@ from ksd.model.pack import Push, Row, revalued
 from ksd.model.plane import refuse_plane
 from ksd.model.template import Filled, Leaves, Template, design, motion_design, template_of
 from ksd.scene.contents import WANTED
+from ksd.scene.plausible import far_drives
 from ksd.section.checks import LARGEST, number, show, similar, worded
 
 
@@ -108,6 +109,10 @@ class Model(InNotebooks):
         """Whether there are strain-mode leaves."""
         return bool((self.arrays.members.kind == STRAIN).any())
 
+    def far_drives(self, values: Mapping[str, float]) -> tuple[str, ...]:
+        """Drive values [m or rad] by name that were probably meant in another unit, a sentence each."""
+        return far_drives(self.scene, values, self.arrays.size)
+
     def refuse_turns(self, target: np.ndarray) -> None:
         """SceneError for a drive that is to turn by more than the half turn either way that a pose tells."""
         if all(-math.pi <= value <= math.pi for value in target[: len(self.drive_names)].tolist()):
@@ -121,7 +126,7 @@ class Model(InNotebooks):
                 raise SceneError(
                     f"drive '{name}' = {np.rad2deg(value):.6g} deg: a prescribed rotation is read from the pose of its "
                     f"links, which tells it within {np.rad2deg(most):.6g} deg either way; turn further by a moment "
-                    "(mechanism.load)"
+                    f"(mechanism.load){''.join(f'; {said}' for said in self.far_drives({name: value}))}"
                 )
 
     def targets(self, values: Mapping[str, float]) -> np.ndarray:

@@ -22,7 +22,7 @@ from ksd.model.runs import run_factors
 from ksd.scene.effects import leaf_conditions
 from ksd.scene.hinges import plane_holds
 from ksd.scene.leaf import Condition
-from ksd.section.checks import nearest
+from ksd.section.checks import nearest, show
 
 WORDS = {
     "spatial": "six unknowns per node",
@@ -77,11 +77,13 @@ def _names(words: Any, what: str) -> tuple[str, ...]:
     """Checked effect names from one word or several."""
     found = (words,) if isinstance(words, str) else words
     if not isinstance(found, Iterable):
-        raise SceneError(f"{what} = {words!r}: name effects, such as {what}='shear'")
+        also = ", 'auto' or 'all'" if what == "effects" else ""
+        raise SceneError(f"{what} = {show(words)}: name effects, such as {what}='shear'{also}.")
     found = tuple(found)
     for name in found:
         if name not in WORDS:
-            raise SceneError(f"{what}: there is no effect {name!r}{nearest(str(name), WORDS)}")
+            known = (*WORDS, "auto", "all") if what == "effects" else WORDS
+            raise SceneError(f"{what}: there is no effect {show(name)}{nearest(name, known)}")
     return found
 
 
@@ -158,7 +160,7 @@ def choose(
         raise SceneError(f"'{min(both)}' is both in with_ and in without; keep one of them")
     named = None
     if not (isinstance(effects, str) and effects in ("auto", "all")):
-        named = _names(effects, "effects (beside 'auto' and 'all')")
+        named = _names(effects, "effects")
     said = mentioned(scene, mesh)
     for name in {*on, *(named or ())} - {*said, *NATURE}:
         raise SceneError(f"effect '{name}' is asked for, but the scene says nothing of it; {_HOW[name]}")

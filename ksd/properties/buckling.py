@@ -139,8 +139,12 @@ class Buckling(Shown):
             (number(m), movement(self.model, v) or between)
             for m, v in zip(self.factor, self.shape, strict=True)
         ]
-        what = "is no minimum" if self.conservative else "diverges"
-        bad = [f"The state itself {what}, in {self.unstable} directions"] * bool(self.unstable)
+        count = "1 direction" if self.unstable == 1 else f"{self.unstable} directions"
+        what = f"is no minimum, in {count}" if self.conservative else f"diverges, in {count}"
+        if not self.conservative and self.unstable % 2 == 0:
+            # of two real eigenvalues of an unsymmetric matrix the masses make a pair that oscillates, or not
+            what = "is left; whether slowly (divergence) or in oscillations (flutter) its frequencies tell"
+        bad = [f"The state itself {what}"] * bool(self.unstable)
         bad += [self.criterion[:1].upper() + self.criterion[1:]] * (not self.conservative)
         none = [self.reason[:1].upper() + self.reason[1:]] * bool(self.reason)
         said = "Critical load factors: times the load is added, or stresses grow, all else held; negative: reversed"

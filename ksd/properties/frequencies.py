@@ -100,7 +100,11 @@ class Modes(Shown):
         growing = np.flatnonzero(self.growth_per_s > 0.0)
         if not len(growing):
             return "none of these grows, neither by itself (divergence) nor in oscillations (flutter)"
-        named = (f"{k + 1} by {number(self.growth_per_s[k])}" for k in growing)
+        kinds = {True: "divergence", False: "flutter"}
+        named = (
+            f"{k + 1} by {number(self.growth_per_s[k])} ({kinds[bool(self.omega_squared[k] < 0.0)]})"
+            for k in growing
+        )
         return f"modes that grow, per second and without damping: {', '.join(named)}"
 
     @cached_property

@@ -118,6 +118,8 @@ class Load:
 
     def __post_init__(self) -> None:
         owner = f"load '{word(self.name, 'name', owner='load')}'"
+        if self.link == GROUND:
+            raise SceneError(f"{owner}: it acts on the ground, which does not move; name another link.")
         for key, unit in {"force": "N", "moment": "Nm", "at": "m"}.items():
             object.__setattr__(self, key, vector(getattr(self, key), key, owner=owner, unit=unit))
         if not isinstance(self.following, bool):

@@ -17,7 +17,18 @@ from ksd.errors import SceneError
 from ksd.scene.leaf import Condition
 from ksd.scene.material import Material
 from ksd.section import Section
-from ksd.section.checks import Vector, direction, nearest, not_negative, number, positive, show, vector, word
+from ksd.section.checks import (
+    Vector,
+    Worded,
+    direction,
+    nearest,
+    not_negative,
+    number,
+    positive,
+    show,
+    vector,
+    word,
+)
 
 CONSIDERED = ("warping", "plate")
 """Effects of the leaf that a scene may ask to be considered; see `ksd.model.effects`."""
@@ -120,7 +131,7 @@ HUGE = 1e30
 
 
 @dataclass(frozen=True)
-class LinkMatrix:
+class LinkMatrix(metaclass=Worded):
     """Stiffness of a flexible link between its two interfaces, as a Craig-Bampton reduction gives it.
 
     points (2, 3) [m]: the interfaces, global at rest; stiffness (12, 12): forces and moments on both interfaces by

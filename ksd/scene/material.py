@@ -76,4 +76,4 @@ def _complete(E: float | None, G: float | None, nu: float | None, owner: str) ->
     if nu is not None and G is not None:
         return 2 * G * (1 + nu), G, nu
     given = [k for k, v in (("E", E), ("G", G), ("nu", nu)) if v is not None]
-    raise SceneError(f"{owner}: give two of E, G and nu; only {given[0] if given else 'none'} is given.")
+    raise SceneError(f"{owner}: give two of E, G and nu; {f'only {given[0]}' if given else 'none'} is given.")

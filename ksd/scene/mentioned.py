@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ksd.errors import SceneError
-from ksd.files import LARGEST, read_file
+from ksd.files import LARGEST, named_file, read_file
 from ksd.hdf5 import read_hdf5
 from ksd.scene.contents import PlacedJoint, PlacedLeaf
 from ksd.scene.effects import CONSIDERED, Compliance, Distance, Fit, Heat, LinkMatrix, Spring, TurnSpring
@@ -66,7 +66,7 @@ def link_matrix(path: str | os.PathLike[str]) -> LinkMatrix:
     displacements and rotations of each interface first (N/m, N, Nm) and m internal modes last, which statics condenses.
     Raises SceneError for a file that is missing, of another kind, damaged, or without these arrays.
     """
-    file = Path(path)
+    file = named_file(path, "link matrix")
     read = READERS.get(file.suffix.lower())
     if read is None:
         raise SceneError(f"link matrix '{file}': a file of kind {' or '.join(READERS)} is needed.")

@@ -6,7 +6,7 @@ Nothing here is refused: rubber, silicon and giant antennas exist. The sentences
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 
 from ksd.scene.contents import Scene
 from ksd.scene.leaf import Leaf
@@ -21,6 +21,9 @@ MODULI = (1e6, 1.3e12)
 """Young's and shear moduli [Pa] from rubber to diamond."""
 DENSITIES = (10.0, 23e3)
 """Densities [kg/m^3] from foam to osmium."""
+ACCELERATION, MASS = 1e3, 100.0
+"""Weight of a hundred g [m/s^2], and a mass [kg] that no flexure carries; a plain number above was probably meant in another
+unit."""
 LIMITS = (1e-5, 0.5)
 """Stress limits over Young's modulus."""
 
@@ -36,7 +39,28 @@ def meant_in(value: float, dimension: str, key: str) -> str:
         return "GPa" if size < 1e3 and key in ("E", "G") else "MPa"
     if dimension == "density":
         return "g/cm^3" if 0.0 < size < DENSITIES[0] else ""
+    if dimension == "acceleration":
+        return "mm/s^2" if size > ACCELERATION else ""
+    if dimension == "mass":
+        return "g" if size > MASS else ""
     return ""
+
+
+def far_drives(scene: Scene, values: Mapping[str, float], size: float) -> tuple[str, ...]:
+    """A sentence for every drive value [m or rad] that was probably meant in another unit: over twice the size [m] of the
+    mechanism, or more than a turn."""
+    found = []
+    for drive in scene.drives:
+        value, (most, si, unit) = values.get(drive.name, 0.0), {
+            "length": (2.0 * size, "m", "mm"), "angle": (2.0 * math.pi, "rad", "deg"), "number": (math.inf, "", ""),
+        }[drive.dimension]  # fmt: skip
+        if abs(value) > most:
+            across = f" and the mechanism {size:.3g} m large" if unit == "mm" else ""
+            found.append(
+                f"{drive.name} = {value:g} is {value:g} {si}{across}: did you mean {value:g} {unit} "
+                f"({value:g} * ksd.units.{unit} in Python)?"
+            )
+    return tuple(found)
 
 
 def implausible(scene: Scene) -> tuple[str, ...]:

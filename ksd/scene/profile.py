@@ -143,6 +143,10 @@ class Varying(Profile):
     function: Callable[[float], Section]
     breaks: tuple[float, ...] = ()
 
+    def __post_init__(self) -> None:
+        if not callable(self.function):
+            raise SceneError(f"Varying: function = {show(self.function)} must be a function of s in [0, 1].")
+
     def section(self, s: float) -> Section:
         """The function's answer; SceneError when it is not a Section."""
         found = self.function(s)

@@ -11,6 +11,7 @@ from ksd.errors import SceneError
 from ksd.scene.contents import Scene
 from ksd.scene.drive import GROUND
 from ksd.scene.effects import leaf_conditions
+from ksd.scene.joint import leaves_of
 from ksd.section.checks import nearest
 
 
@@ -27,9 +28,14 @@ def broken_rules(scene: Scene) -> Iterator[str]:
     """A sentence for every rule that a scene breaks; rules about the whole only where all names are right."""
     if len(scene.links) < 2:
         yield f"mechanism '{scene.name}' has no link; add one with mechanism.link(name)."
+    # "hinge/fold" is a block, or a leaf, inside of joint 'hinge'
+    slashed = any("/" in name for name in (*scene.links, *(f.name for f in scene.leaves)))
+    joints = scene.joints if slashed else ()
+    blocks = [f"{j.name}/{block}" for j in joints for block in j.joint.blocks()]
+    inside = [f"{j.name}/{leaf.name}" for j in joints for leaf in leaves_of(j.joint)]
     named = {
-        "link": scene.links,
-        "joint or leaf": [j.name for j in scene.joints] + [f.name for f in scene.leaves],
+        "link": [*scene.links, *blocks],
+        "joint or leaf": [*(j.name for j in scene.joints), *(f.name for f in scene.leaves), *inside],
         "drive or support": [d.name for d in (*scene.drives, *scene.supports)],
         "load": [load.name for load in scene.loads],
     }

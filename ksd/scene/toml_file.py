@@ -33,7 +33,7 @@ from typing import Any, TypeVar
 
 from ksd import section
 from ksd.errors import SceneError, SceneFileError, SceneWarning, UnknownNameError
-from ksd.files import read_file
+from ksd.files import named_file, read_file
 from ksd.scene import toml_schema as schema
 from ksd.scene.drive import Drive, DriveTerm
 from ksd.scene.effects import LinkMatrix
@@ -69,7 +69,7 @@ def load_scene(path: str | os.PathLike[str], *, option_names: Collection[str] | 
     one, or holds a wrong type, unit or value. Warns (SceneWarning) once of plain numbers that were probably meant in another
     unit.
     """
-    file = Path(path)
+    file = named_file(path, "scene file")
     text = _text_of(file)
     return scene_of_tables(_parsed(text, file.name), file, option_names=option_names, text=text)
 

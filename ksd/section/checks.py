@@ -113,10 +113,12 @@ def _unfit(called: Callable[..., Any], given: dict[str, Any], reason: str) -> st
             return f"{name_of}: it has no {what} '{name}'{f'; {meant}.' if meant else nearest(name, known)}"
     if "too many positional" in reason:
         # what must have its name, or what there is
-        named = [n for n, p in inspect.signature(called).parameters.items() if p.kind is p.KEYWORD_ONLY]
-        return (
-            f"{name_of}: more values than it takes without a name; name them: {'=, '.join(named or known)}=."
-        )
+        kinds = {n: p.kind for n, p in inspect.signature(called).parameters.items() if n != "self"}
+        named = [n for n, kind in kinds.items() if kind is inspect.Parameter.KEYWORD_ONLY]
+        any_name = inspect.Parameter.VAR_KEYWORD in kinds.values() and len(kinds) == 1
+        how = f"name them: {'=, '.join(named or known)}=." if known and not any_name else ""
+        how = how or ("write name=value." if any_name else "it takes none.")
+        return f"{name_of}: more values than it takes without a name; {how}"
     return f"{name_of}: {reason}; it takes {', '.join(known)}."
 
 
@@ -185,7 +187,7 @@ def in_python(said: Any, unit: str = "") -> str:
     if not name:
         return f"write {value} without quotes"
     kin = next((known for known in units.DIMENSIONS.values() if name in known), {})
-    if not kin or unit not in ("", next(iter(kin))):
+    if not kin or (unit and next(iter(kin)) not in unit.split(" or ")):
         return ""
     if all(hasattr(units, word) for word in re.findall(r"[A-Za-z]+", name)):
         product = re.sub(r"[A-Za-z]+", r"ksd.units.\g<0>", name).replace("^", "**").replace(" ", " * ")
@@ -236,9 +238,12 @@ def between(
     result = number(value, what, owner=owner)
     if not low < result < high:
         in_unit = f" {unit}" if unit else ""
+        # degrees given as radians
+        meant = unit == "deg" and abs(result) > 2 * math.pi and low < result * scale < high
+        hint = f"; did you mean {result:g} * ksd.units.{unit}?" if meant else "."
         raise SceneError(
             f"{label(what, owner)} = {result / scale:.6g}{in_unit} must lie between "
-            f"{low / scale:.6g} and {high / scale:.6g}{in_unit}."
+            f"{low / scale:.6g} and {high / scale:.6g}{in_unit}{hint}"
         )
     return result
 
@@ -329,7 +334,7 @@ def whole(value: Any, what: str, *, least: int = 1, owner: str = "") -> int:
     return int(value)
 
 
-def similar(name: Any, known: Iterable[str], *, cutoff: float = 0.5) -> str:
+def similar(name: Any, known: Iterable[str], *, cutoff: float = 0.6) -> str:
     """'; did you mean "..."?' with the nearest known name, or '.' when none is near."""
     close = difflib.get_close_matches(str(name), sorted(known), n=1, cutoff=cutoff)
     return f'; did you mean "{close[0]}"?' if close else "."

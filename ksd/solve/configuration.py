@@ -205,7 +205,13 @@ class Configuration(InNotebooks):
         """What the user should know: of the solve, of the scene (`ksd.scene.plausible`), and of strain and stress."""
         strain = () if self.strength is None else self.strength.warnings
         joints = () if self._joints is None else self._joints.unknown
-        return (*self.notes, *joints, *filter(None, [self.minimum]), *unusual(self.model), *strain)
+        own = (*self.far_drives, *unusual(self.model))
+        return (*self.notes, *joints, *filter(None, [self.minimum]), *own, *strain)
+
+    @property
+    def far_drives(self) -> tuple[str, ...]:
+        """Drive values that were probably meant in another unit, a sentence each."""
+        return self.model.far_drives(self.targets)
 
     @cached_property
     def minimum(self) -> str:
@@ -477,6 +483,10 @@ class Configuration(InNotebooks):
         names, and where a parameter changes more than numbers, ConvergenceError at the end of a branch. Method:
         `ksd.solve.perturbed`.
         """
+        if not callable(question):
+            raise SceneError(
+                f"question = {show(question)}: give a function of a pose, such as lambda pose: pose.forces['top']."
+            )
         scene = self.model.said or self.model.scene
         parameters = parameters_of(
             scene, self.targets, size=self.model.arrays.size, design=design, at_design=at_design, by=by, sizes=sizes

@@ -47,7 +47,7 @@ def unstable_rest(model: Model) -> tuple[UnstableRest, ...]:
     that is: one, or none."""
     inner, loads = _causes(model)
     found = _unstable(model, inner, 0.0) if inner else ()
-    return found or (_unstable(model, (*inner, *loads), 1.0) if loads else ())
+    return found or (_unstable(model, (*inner, *loads), 1.0) if loads and model.conservative else ())
 
 
 def _unstable(model: Model, causes: tuple[str, ...], factor: float) -> tuple[UnstableRest, ...]:

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import threading
 from collections import OrderedDict
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import replace
 from functools import cached_property
 from inspect import signature
@@ -267,7 +268,7 @@ class Solver:
         estimate: bool = True,
     ) -> Configuration:
         """The answer as it is, whether the mesh resolves it or not, trusted or not."""
-        with self.lock:
+        with self.lock, self._units_doubted(values):
             if method is not None:
                 _check_words(method, relinearisations)
             if method == "constant":
@@ -290,6 +291,17 @@ class Solver:
                 # the distance to the exact state is the error, no longer an estimate of it
                 error = relative_error(found.model, found.motion, other.motion)
             return replace(found, doubts=(*found.doubts, *filter(None, [against])), method_error=error)
+
+    @contextmanager
+    def _units_doubted(self, values: Mapping[str, float]) -> Iterator[None]:
+        """Add to what stops a solve that its drive values were probably meant in another unit."""
+        try:
+            yield
+        except (ConvergenceError, RangeError) as error:
+            said = "; ".join(self.model.far_drives(values))
+            if said:
+                error.args = (f"{str(error).rstrip('.')}; {said}",)
+            raise
 
     @cached_property
     def constant(self) -> tuple[Model, Storage]:

@@ -84,7 +84,7 @@ def stable(c: Configuration) -> Verdict:
 def stability(c: Configuration) -> str:
     """Whether the configuration stays where it is, in words."""
     surplus = c.negatives - c.expected
-    if surplus == 0 and c.still is not None:
+    if c.still is not None and (surplus == 0 or (surplus > 0 and not c.still[0])):
         return c.still[1]
     if surplus == 0:
         return "stable: a minimum of energy under the held drives"
@@ -312,9 +312,8 @@ def insist(c: Configuration) -> Configuration:
     trusted = solved(c)
     if not trusted:
         minima = f"; {c.minimum}" * bool(c.minimum)
-        said = (
-            f"{trusted}{minima}{_fighting_drives(c)}; strict=False (in Python) returns the state all the same"
-        )
+        meant = "".join(f"; {said}" for said in c.far_drives)
+        said = f"{trusted}{minima}{_fighting_drives(c)}; strict=False (in Python) returns the state all the same{meant}"
         raise TrustError(said, reached=1.0, result=c)
     return c
 

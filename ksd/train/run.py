@@ -24,6 +24,7 @@ from ksd.library.functions import Array, legendre_products, monomials
 from ksd.model.leaves import raised_orders
 from ksd.model.mesh import Mesh as LeafMesh
 from ksd.scene import DrawnJoint, Joint
+from ksd.section.checks import worded
 from ksd.train.asked import check_design, check_meshes
 from ksd.train.designs import Design, changes, design_of
 from ksd.train.fit import Fit, fit_functions
@@ -45,6 +46,7 @@ FIRST, FRESH = 16, 8
 """Shapes of the first round (doubled from round to round), and shapes kept out of the fit."""
 
 
+@worded
 def train(
     family_or_joint: str | Joint | Design,
     *,

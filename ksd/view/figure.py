@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ksd.errors import SceneError
-from ksd.files import check_target, write_file
+from ksd.files import check_target, named_file, write_file
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -75,7 +75,7 @@ def check_picture(path: str | os.PathLike[str]) -> Path:
     """The path, if a picture can be written there. SceneError for an unknown type, a missing folder, or what is no file."""
     from matplotlib.backend_bases import FigureCanvasBase
 
-    target = Path(path)
+    target = named_file(path, "picture")
     known = FigureCanvasBase.get_supported_filetypes()
     kind = target.suffix.lstrip(".").lower()
     if kind not in known:

@@ -162,3 +162,8 @@ def test_a_point_is_not_asked_about_where_no_drive_and_no_link_tells_it():
     found = ksd.sweep(m, loads=cases, **QUIET)
     assert found.failures == [] and "support_stiffness (no drive whose point" in str(found)
     assert "support_worst_N_per_m" in ksd.sweep(m, loads=cases, link=end, **QUIET).columns
+
+
+def test_where_takes_names():
+    with pytest.raises(ksd.SceneError, match="where: more values than it takes without a name"):
+        ksd.sweep(single_joint(), turn=[0.1], questions="force", progress=False).where(5)

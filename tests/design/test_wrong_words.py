@@ -137,6 +137,11 @@ def test_words_of_batch(given, sentence):
         ({"at": ("a", 0, 0)}, "at[0] = 'a' is not a number"),
         ({"at": (math.nan, 0, 0)}, "at[0] = nan is not finite"),
         ({"link": 5}, "link = 5 must be a name"),
+        ({"link": "tpo"}, "link = 'tpo': there is no such link in 'fourbar'; did you mean \"top\"?"),
+        (
+            {"freed": "tpo"},
+            "freed = 'tpo': there is no such drive or support in 'fourbar'; did you mean \"top\"?",
+        ),
         ({"freed": 5}, "freed = 5: give a name, or several in a list"),
         ({"freed": [5]}, "freed = 5 must be a name"),
         ({"questions": 5}, "questions = 5: give a name, or several in a list"),

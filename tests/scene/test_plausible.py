@@ -4,7 +4,7 @@ import pytest
 
 import ksd
 from ksd.errors import SceneWarning
-from ksd.scene.plausible import implausible, meant_in
+from ksd.scene.plausible import far_drives, implausible, meant_in
 from ksd.scene.profile import CircularNotch
 
 
@@ -133,3 +133,42 @@ value = "10 deg"
 )
 def test_the_unit_a_plain_number_was_meant_in(value, dimension, key, unit):
     assert meant_in(value, dimension, key) == unit
+
+
+def guide():
+    m = ksd.Mechanism("guide")
+    stage, steel = m.link("stage"), ksd.Material(E=200e9, nu=0.3)
+    for x in (0.0, 0.05):
+        m.leaf(m.ground, stage, start=(x, 0, 0), end=(x, 0.1, 0), section=ksd.rectangle(0.5e-3, 0.02), material=steel,
+               width_axis="z")  # fmt: skip
+    m.actuate(stage, along="x", at=(0.025, 0.1, 0), name="push")
+    return m
+
+
+def test_a_drive_value_in_another_unit_is_doubted_where_the_solve_stops_and_where_it_does_not():
+    said = "push = 2 is 2 m and the mechanism 0.1 m large: did you mean 2 mm (2 * ksd.units.mm in Python)?"
+    with pytest.raises(ksd.ConvergenceError) as caught:
+        ksd.solve(guide(), push=2)
+    assert str(caught.value).endswith(said)
+    assert said in ksd.solve(guide(), push=2, strict=False).warnings
+    assert "did you mean" not in " ".join(ksd.solve(guide(), push=2e-3).warnings)
+    assert far_drives(guide().scene(), {"push": 0.15}, 0.1) == ()
+    turned = scene()
+    with pytest.raises(ksd.SceneError) as caught:
+        ksd.solve(turned, drive=20)
+    assert str(caught.value).endswith(
+        "drive = 20 is 20 rad: did you mean 20 deg (20 * ksd.units.deg in Python)?"
+    )
+
+
+@pytest.mark.parametrize(
+    ("value", "dimension", "unit"),
+    [
+        (-9810.0, "acceleration", "mm/s^2"),
+        (-9.81, "acceleration", ""),
+        (500.0, "mass", "g"),
+        (0.5, "mass", ""),
+    ],
+)
+def test_plain_gravity_and_masses_in_another_unit(value, dimension, unit):
+    assert meant_in(value, dimension, "") == unit

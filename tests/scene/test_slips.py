@@ -49,6 +49,21 @@ def mechanism():
         (lambda m: m.solve(), "a mechanism has no 'solve'; ask it by ksd.solve(mechanism, ...)."),
         (lambda m: ksd.Mechanism("m", "xy"), "Mechanism: more values than it takes without a name; name them: plane=."),
         (lambda m: ksd.Mechanism(gravity=(0, 0, -9.81)), "no parameter 'gravity'; say mechanism.gravity = (0, 0, -9.81)."),
+        (lambda m: m.elastic("a"), "a mechanism has no 'elastic'; known: actuate, "),
+        (lambda m: m.load("ground", force=(1, 0, 0), at=(0, 0, 0)), "it acts on the ground, which does not move; name"),
+        (lambda m: ksd.Material(), "Material: give two of E, G and nu; none is given."),
+        (lambda m: ksd.Material(E=1e11), "Material: give two of E, G and nu; only E is given."),
+        (lambda m: cross_flexure(angle=45), "must lie between 0 and 90 deg; did you mean 45 * ksd.units.deg?"),
+        (lambda m: cross_flexure(angle=1.6), "angle = 91.6732 deg must lie between 0 and 90 deg."),
+        (lambda m: ksd.Varying(1), "Varying: function = 1 must be a function of s in [0, 1]."),
+        (lambda m: ksd.ModalBasis(modes=3), "ModalBasis: it has no parameter 'modes'"),
+        (lambda m: ksd.LinkMatrix(), "LinkMatrix: missing a required argument: 'points'"),
+        (lambda m: ksd.Job(), "Job: missing a required argument: 'function'"),
+        (lambda m: ksd.train("cross_flexure", vary=5), "train: it has no option 'vary'"),
+        (lambda m: ksd.load_scene(None), "scene file: None is no name of a file."),
+        (lambda m: ksd.load_job(None), "job file: None is no name of a file."),
+        (lambda m: ksd.link_matrix(5), "link matrix: 5 is no name of a file."),
+        (lambda m: ksd.state_space(5), "pose = 5 is no configuration; give what ksd.solve returns."),
         (lambda m: ksd.rectangle(width=0.04, thicknes=1e-3), "no option 'thicknes'; did you mean \"thickness\"?"),
         (lambda m: ksd.circle(), "circle: missing a required argument: 'diameter'"),
         (lambda m: ksd.solve(), "solve: missing a required argument: 'mechanism'"),
@@ -124,3 +139,12 @@ def test_parts_print_what_they_are():
     assert repr(section) == (
         "<Section 'rectangle': thickness 1 mm, width 40 mm, A 40 mm^2, Iy 5333 mm^4, Iz 3.333 mm^4, J 13.12 mm^4>"
     )
+
+
+def test_a_link_has_no_name_of_a_block_inside_a_joint():
+    scene = ksd.Mechanism("m")
+    arm = scene.link("hinge/fold_low")
+    hinge = ksd.InfinityHinge(STEEL, length=0.05, thickness=0.3e-3, width=0.005)
+    scene.join(scene.ground, arm, hinge, **HERE, name="hinge")
+    with pytest.raises(ksd.SceneError, match="the name 'hinge/fold_low' is used for 2 links"):
+        scene.scene()

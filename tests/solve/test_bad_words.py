@@ -37,6 +37,12 @@ def test_a_description_with_a_wrong_word(make, sentence):
     ("options", "sentence"),
     [
         ({"top": "a"}, "drive 'top' = 'a' is not a number"),
+        (
+            {"top": "2 mm"},
+            "drive 'top' = '2 mm' is not a number; units are factors in Python: 2 * ksd.units.mm.",
+        ),
+        ({"top": 0.1, "effects": 5}, "effects = 5: name effects, such as effects='shear', 'auto' or 'all'."),
+        ({"top": 0.1, "effects": "al"}, "effects: there is no effect 'al'; did you mean \"all\"?"),
         ({"top": [1, 2]}, "drive 'top' = [1, 2] is not a number"),
         ({"top": 0.1, "accuracy": "a"}, "accuracy = 'a' is not a number"),
         (

@@ -142,3 +142,17 @@ def test_the_verdicts_agree():
     found = ksd.solve(cantilever((-21.0, 0, 0)), strict=False)
     assert not found.stable and not found.trusted and not found.trust.stable
     assert "FLUTTER" in found.as_dict()["stability"] and found.as_dict()["stable"] is False
+
+
+def test_a_column_that_flutters_is_not_said_to_diverge():
+    # Beck's column flutters beyond 20.05 EI/L^2 and never diverges
+    model = cantilever((-24.0, 0.0, 0.0))
+    pose = ksd.solve(model, strict=False)
+    said = str(pose)
+    assert (
+        "UNSTABLE: FLUTTER, as loads follow, at" in said and "diverges" not in said and "minima" not in said
+    )
+    assert "The state itself diverges" not in str(pose.buckling())
+    assert str(pose.frequencies()).count("(flutter)") == 2
+    with pytest.raises(ksd.TrustError, match="FLUTTER"):
+        ksd.solve(model)

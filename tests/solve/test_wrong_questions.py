@@ -39,6 +39,17 @@ def pose():
         (lambda p: p.frequencies(count=0), "count = 0 must be a whole number of at least 1"),
         (lambda p: p.frequencies(modes=3), "frequencies: it has no option 'modes'"),
         (lambda p: p.frequencies(freed=5), "freed = 5: give a name, or several in a list"),
+        (
+            lambda p: p.link_forces("x"),
+            "link_forces: more values than it takes without a name; it takes none.",
+        ),
+        (
+            lambda p: p.gradient(5),
+            "question = 5: give a function of a pose, such as lambda pose: pose.forces['top'].",
+        ),
+        (lambda p: p.plot(path=5), "picture: 5 is no name of a file."),
+        (lambda p: ksd.state_space(p, damping="a"), "damping = 'a' is not a number"),
+        (lambda p: ksd.state_space(p, modes=0), "modes = 0 must be a whole number of at least 1."),
         (lambda p: p.buckling(count="a"), "count = 'a' must be a whole number"),
     ],
 )
