@@ -6,7 +6,7 @@ import math
 import os
 import signal
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from concurrent.futures import Executor, Future, ProcessPoolExecutor, as_completed
+from concurrent.futures import Executor, Future, as_completed
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from dataclasses import replace
@@ -22,7 +22,7 @@ from ksd.design.table import Table
 from ksd.design.words import check_executor, check_ways, drive_rows
 from ksd.errors import KsdError
 from ksd.model.mesh import Mesh
-from ksd.numerics.processes import spawning
+from ksd.numerics.processes import process_pool, spawning
 from ksd.properties.words import progress_bar
 from ksd.scene.links import Link
 from ksd.section.checks import truth, worded
@@ -30,6 +30,8 @@ from ksd.solve.solver import METHODS, Method
 
 PER_PROCESS = 4
 """Blocks handed to each worker, so that none idles long at the end."""
+PER_BLOCK = 100
+"""Poses of a block at most, as far as its lines are no longer: what is done of a block is lost when it is interrupted."""
 WORTH = 200
 """Poses below which starting processes costs more than it saves."""
 
@@ -170,11 +172,8 @@ def _run(missing: list[Line], recipe: Recipe, executor: Executor | None, where: 
     if context is None:
         _run_here(missing, recipe, where)
         return
-    pool = ProcessPoolExecutor(os.cpu_count() or 1, mp_context=context, initializer=_quiet)
-    try:
+    with process_pool(context, _quiet) as pool:
         _run_on(pool, missing, recipe, where)
-    finally:
-        pool.shutdown(wait=False, cancel_futures=True)
 
 
 def _run_here(missing: list[Line], recipe: Recipe, where: Any) -> None:
@@ -208,7 +207,8 @@ class _Counted(list[Any]):
 def _run_on(executor: Executor, missing: list[Line], recipe: Recipe, where: Any) -> None:
     kept, _, done = where
     workers = getattr(executor, "_max_workers", None) or os.cpu_count() or 1
-    size = max(1, math.ceil(len(missing) / (PER_PROCESS * workers)))
+    size = math.ceil(len(missing) / (PER_PROCESS * workers))
+    size = max(1, min(size, PER_BLOCK * len(missing) // max(1, sum(len(line.poses) for line in missing))))
     blocks = [tuple(missing[i : i + size]) for i in range(0, len(missing), size)]
     waiting: dict[Future[Any], tuple[Line, ...]] = {executor.submit(run_block, b, recipe): b for b in blocks}
     try:

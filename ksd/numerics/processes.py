@@ -7,10 +7,13 @@ is needed where all that is sent comes from imported modules.
 
 from __future__ import annotations
 
+import os
 import pickle
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager
+from multiprocessing import active_children
 from multiprocessing.context import SpawnContext, SpawnProcess
 from pathlib import Path
 from typing import Any
@@ -56,4 +59,21 @@ def spawning(*sent: Any) -> SpawnContext | None:
     return SpawnContext() if script is None or Path(script).is_file() else None
 
 
-__all__ = ["spawning"]
+@contextmanager
+def process_pool(context: SpawnContext, initializer: Callable[[], None]) -> Iterator[ProcessPoolExecutor]:
+    """A pool with a process per core; they are ended at once where their answers are not waited for (Ctrl-C): at its exit
+    the interpreter would wait for what they are at."""
+    others = active_children()
+    pool = ProcessPoolExecutor(os.cpu_count() or 1, mp_context=context, initializer=initializer)
+    try:
+        yield pool
+    except BaseException:
+        for child in active_children():
+            if child not in others:
+                child.terminate()
+        raise
+    finally:
+        pool.shutdown(wait=False, cancel_futures=True)
+
+
+__all__ = ["process_pool", "spawning"]

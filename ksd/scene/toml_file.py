@@ -118,7 +118,7 @@ def parsed_file(file: Path) -> dict[str, Any]:
 def _text_of(file: Path) -> str:
     content = read_file(file, what="scene file", most=LARGEST, hint="check the path")
     try:
-        return content.decode()
+        return content.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         raise SceneError(
             f"{file.name}: byte {error.start + 1} is not UTF-8 text; save the file as UTF-8."

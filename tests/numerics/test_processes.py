@@ -2,8 +2,12 @@
 
 import subprocess
 import sys
+import time
+from multiprocessing import active_children
 
 import pytest
+
+from ksd.numerics.processes import process_pool, spawning
 
 PLAIN = """
 import math
@@ -45,3 +49,21 @@ def test_from_standard_input():
     text += "print(spawning(Own()), spawning(lambda: 0), spawning(math.pi) is not None)"
     done = subprocess.run([sys.executable], input=text, capture_output=True, text=True, timeout=60)
     assert done.stdout.split() == ["None", "None", "True"], done.stderr
+
+
+def nothing():
+    """How the processes begin."""
+
+
+def test_a_pool_that_is_given_up_ends_its_processes():
+    before = active_children()
+    with pytest.raises(KeyboardInterrupt), process_pool(spawning(nothing), nothing) as pool:
+        assert pool.submit(abs, -1).result() == 1
+        own = [child for child in active_children() if child not in before]
+        for _ in own:
+            pool.submit(time.sleep, 3600)
+        raise KeyboardInterrupt
+    for child in own:
+        # the interpreter would wait an hour for them at its exit
+        child.join(60)
+    assert own and not any(child.is_alive() for child in own)

@@ -741,3 +741,10 @@ def test_a_misspelt_size_of_a_leaf_is_the_one_mistake(tmp_path, misspelt):
     assert caught.value.mistakes == (
         f"leaf.toml, line {line}, [[leaf]] 1: key '{misspelt}' is unknown; did you mean \"{meant}\"?",
     )
+
+
+def test_a_file_of_windows_editors_is_read(tmp_path):
+    # a byte order mark before the text, and two characters at the ends of its lines
+    file = tmp_path / "marked.toml"
+    file.write_bytes(b"\xef\xbb\xbf" + GOOD.replace("\n", "\r\n").encode())
+    assert ksd.load_scene(file)[0].scene().links
