@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import argparse
-from importlib.resources import files
 from pathlib import Path
 
 from ksd.cli.output import console
 from ksd.cli.schema import schema_text
 from ksd.errors import SceneError
 from ksd.files import write_file
+from ksd.scene.toml_file import shipped_scenes
 from ksd.scene.toml_writer import quoted
 from ksd.section.checks import nearest, word
 
@@ -19,7 +19,7 @@ SCHEMA, JOB_SCHEMA = "ksd.schema.json", "ksd.job.schema.json"
 
 def run(options: argparse.Namespace) -> int:
     """Write the file. Raises SceneError where there is one already, or for a scene to start from that does not exist."""
-    shipped = {Path(f.name).stem: f for f in (files("ksd") / "scenes").iterdir() if f.name.endswith(".toml")}
+    shipped = shipped_scenes()
     if options.like not in shipped:
         raise SceneError(f"--like {options.like}: there is no such scene{nearest(options.like, shipped)}")
     file = Path(options.name)

@@ -28,6 +28,8 @@ import tomllib
 import warnings
 from collections.abc import Callable, Collection
 from functools import partial
+from importlib.resources import files
+from importlib.resources.abc import Traversable
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -115,8 +117,17 @@ def parsed_file(file: Path) -> dict[str, Any]:
     return _parsed(_text_of(file), file.name)
 
 
+def shipped_scenes() -> dict[str, Traversable]:
+    """The scene and job files that come with the package, by name."""
+    return {Path(f.name).stem: f for f in (files("ksd") / "scenes").iterdir() if f.name.endswith(".toml")}
+
+
 def _text_of(file: Path) -> str:
-    content = read_file(file, what="scene file", most=LARGEST, hint="check the path")
+    ships = file.stem in shipped_scenes() and not os.path.lexists(file)
+    meant = (
+        f"check the path; `ksd new NAME --like {file.stem}` writes the scene of that name" if ships else ""
+    )
+    content = read_file(file, what="scene file", most=LARGEST, hint=meant or "check the path")
     try:
         return content.decode("utf-8-sig")
     except UnicodeDecodeError as error:

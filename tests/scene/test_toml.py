@@ -748,3 +748,13 @@ def test_a_file_of_windows_editors_is_read(tmp_path):
     file = tmp_path / "marked.toml"
     file.write_bytes(b"\xef\xbb\xbf" + GOOD.replace("\n", "\r\n").encode())
     assert ksd.load_scene(file)[0].scene().links
+
+
+@pytest.mark.parametrize("name", ["pivot", "pivot.toml"])
+def test_a_shipped_scene_that_is_not_here_is_told_of(name, tmp_path):
+    with pytest.raises(
+        ksd.SceneError, match=r"does not exist; check the path; `ksd new NAME --like pivot` writes the scene"
+    ):
+        ksd.load_scene(tmp_path / name)
+    with pytest.raises(ksd.SceneError, match=r"does not exist; check the path\.$"):
+        ksd.load_scene(tmp_path / "other.toml")
