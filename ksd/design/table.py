@@ -22,7 +22,7 @@ from ksd.files import write_file
 from ksd.html import InNotebooks
 from ksd.library.tables import read_columns, write_columns
 from ksd.properties.words import WIDTH, number, printed
-from ksd.section.checks import nearest, show, worded
+from ksd.section.checks import names_of, nearest, show, worded
 from ksd.view import plot_stroke, save_figure
 
 if TYPE_CHECKING:
@@ -213,7 +213,7 @@ class Table(InNotebooks):
         one with most values when None. wide: panels side by side. Raises SceneError for a question the table has no
         answer to.
         """
-        figure = plot_stroke(self, questions, over=over, wide=wide)
+        figure = plot_stroke(self, names_of(questions, "questions"), over=over, wide=wide)
         return figure if path is None else save_figure(figure, path)
 
     def to_csv(self, path: str | os.PathLike[str]) -> Path:

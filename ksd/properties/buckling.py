@@ -62,6 +62,7 @@ from ksd.properties.tangent import (
 )
 from ksd.properties.unfold import unfolded
 from ksd.properties.words import Shown, listed, movement, number
+from ksd.section.checks import wrench_of
 
 Array = NDArray[np.float64]
 DENSE, MOST_DENSE = 80, 1000
@@ -497,11 +498,7 @@ def _load(
     """Nodal loads (n,) of a force and a moment on a point of a link, and their tangent (6, 6) in the motion of its node."""
     model, motion = tangent.model, tangent.motion
     node = node_of(model, link)
-    load = np.concatenate([np.asarray(w, float) for w in wrench])
-    if load.shape != (6,) or not np.isfinite(load).all() or not load.any():
-        raise SceneError(
-            f"buckling load on '{link}': give a finite force (3,) or moment (3,) that is not zero"
-        )
+    load = wrench_of(*wrench, f"buckling load on '{link}'")
     point, B = point_motion(model, motion, node, at)
     loads = np.zeros(model.arrays.plan.unknowns)
     loads[tangent.unknowns(node)] = B.T @ load

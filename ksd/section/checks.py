@@ -266,6 +266,26 @@ def vector(value: Any, what: str, *, owner: str = "", unit: str = "") -> Vector:
     return x, y, z
 
 
+def wrench_of(force: Any, moment: Any, owner: str) -> np.ndarray:
+    """Force (3,) [N] and moment (3,) [Nm] together (6,), not all zero."""
+    found = np.array(
+        [*vector(force, "force", owner=owner, unit="N"), *vector(moment, "moment", owner=owner, unit="Nm")]
+    )
+    if not found.any():
+        raise SceneError(f"{owner}: force and moment are zero; give one that is not zero.")
+    return found
+
+
+def question_of(question: Any) -> Callable[[Any], Any]:
+    """A function of a pose, checked to be one."""
+    if not callable(question):
+        raise SceneError(
+            f"question = {show(question)}: give a function of a pose, such as lambda pose: pose.forces['top']."
+        )
+    found: Callable[[Any], Any] = question
+    return found
+
+
 _AXES: dict[str, Vector] = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
 
 

@@ -34,7 +34,7 @@ from ksd.properties.verify import Verification, verify
 from ksd.properties.words import ByName, printed
 from ksd.scene.contents import PlacedJoint
 from ksd.scene.links import Link
-from ksd.section.checks import all_worded, names_of, nearest, show, vector, whole
+from ksd.section.checks import all_worded, names_of, nearest, question_of, show, vector, whole
 from ksd.solve.answer import as_dict
 from ksd.solve.error import error_of, settled, truth_of, with_error
 from ksd.solve.following import keeps_still
@@ -483,10 +483,7 @@ class Configuration(InNotebooks):
         names, and where a parameter changes more than numbers, ConvergenceError at the end of a branch. Method:
         `ksd.solve.perturbed`.
         """
-        if not callable(question):
-            raise SceneError(
-                f"question = {show(question)}: give a function of a pose, such as lambda pose: pose.forces['top']."
-            )
+        question_of(question)
         scene = self.model.said or self.model.scene
         parameters = parameters_of(
             scene, self.targets, size=self.model.arrays.size, design=design, at_design=at_design, by=by, sizes=sizes

@@ -17,7 +17,8 @@ from ksd.numerics.stopwatch import Stopwatch
 from ksd.properties.words import Shown, listed, number
 from ksd.scene.contents import Scene
 from ksd.scene.mechanism import Mechanism
-from ksd.section.checks import worded
+from ksd.section.checks import number as checked_number
+from ksd.section.checks import positive, whole, worded
 from ksd.solve.arc import REACHED, Course, Place, Walk, starting_place, switched
 from ksd.solve.configuration import Configuration
 from ksd.solve.conventional import bare, conventional
@@ -113,6 +114,10 @@ def follow(
     path (`Path.warnings`). Raises SceneError for a path without a parameter (no load, no drive motion), ConvergenceError
     where its start is no equilibrium.
     """
+    for value, name in ((until, "until"), (side, "side")):
+        checked_number(value, name)
+    positive(first, "first")
+    whole(most, "most")
     model = scene if isinstance(scene, Model) else compile_scene(scene, mesh=mesh)
     begin = start or (branch.configuration if branch else None)
     if begin is None and control == "load" and any((targets or {}).values()):

@@ -21,6 +21,7 @@ from ksd.numerics.rotations import rotation_log
 from ksd.numerics.stopwatch import Stopwatch
 from ksd.properties.tangent import assembled_tangent, factored
 from ksd.scene.drive import Load
+from ksd.section.checks import question_of, vector, wrench_of
 from ksd.solve.load_steps import Way, load_steps, step_of, stopped
 from ksd.solve.steps import Stop
 from ksd.solve.storage import storage_of
@@ -60,14 +61,16 @@ def sensitivity(
         raise SceneError(
             f"link '{name}' is not part of '{scene.name}'; its links are {', '.join(scene.links)}"
         )
-    wrench = np.concatenate([np.asarray(force, float), np.asarray(moment, float)])
-    if wrench.shape != (6,) or not np.isfinite(wrench).all() or not wrench.any():
-        raise SceneError(f"load on '{name}': give a finite force (3,) or moment (3,) that is not zero")
+    question_of(question)
+    load, place = (
+        wrench_of(force, moment, f"load on '{name}'"),
+        vector(at, "at", owner="sensitivity", unit="m"),
+    )
     states: list[Configuration] = []
     rest: list[tuple[Array, Array]] = []
     for sign in (1.0, -1.0):
-        f, m = (tuple((sign * STEP * part).tolist()) for part in (wrench[:3], wrench[3:]))
-        extra = Load("sensitivity", name, f, m, tuple(np.asarray(at, float).tolist()))
+        f, m = (tuple((sign * STEP * part).tolist()) for part in (load[:3], load[3:]))
+        extra = Load("sensitivity", name, f, m, place)
         more = replace(model.scene, loads=(*model.scene.loads, extra))
         loaded = marked(compile_given(more, model.mesh), scene, model.choice)
         states.append(_beside(pose, loaded, state))

@@ -167,3 +167,5 @@ def test_a_point_is_not_asked_about_where_no_drive_and_no_link_tells_it():
 def test_where_takes_names():
     with pytest.raises(ksd.SceneError, match="where: more values than it takes without a name"):
         ksd.sweep(single_joint(), turn=[0.1], questions="force", progress=False).where(5)
+    with pytest.raises(ksd.SceneError, match=r"questions = \[\] must be a name"):
+        ksd.sweep(single_joint(), turn=[0.1], questions="force", progress=False).plot([])

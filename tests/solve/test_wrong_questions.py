@@ -50,6 +50,38 @@ def pose():
         (lambda p: p.plot(path=5), "picture: 5 is no name of a file."),
         (lambda p: ksd.state_space(p, damping="a"), "damping = 'a' is not a number"),
         (lambda p: ksd.state_space(p, modes=0), "modes = 0 must be a whole number of at least 1."),
+        (
+            lambda p: p.buckling("top", force="x", at=(0, 0, 0)),
+            "buckling load on 'top': force = 'x' must be three numbers",
+        ),
+        (
+            lambda p: p.buckling("top", force=(0, 0, 0), at=(0, 0, 0)),
+            "force and moment are zero; give one that is not zero.",
+        ),
+        (
+            lambda p: p.sensitivity("x", "top", at=(0, 0, 0), force=(1, 0, 0)),
+            "question = 'x': give a function of a pose",
+        ),
+        (
+            lambda p: p.sensitivity(len, "top", at=(0, 0), force=(1, 0, 0)),
+            "sensitivity: at = (0, 0) must be three numbers",
+        ),
+        (
+            lambda p: p.sensitivity(len, "top", at=(0, 0, 0), force=(1, float("nan"), 0)),
+            "force[1] = nan is not finite",
+        ),
+        (
+            lambda p: ksd.follow(p.model, {"top": 0.1}, control="drives", until=float("nan")),
+            "until = nan is not finite",
+        ),
+        (
+            lambda p: ksd.follow(p.model, {"top": 0.1}, control="drives", most=0),
+            "most = 0 must be a whole number",
+        ),
+        (
+            lambda p: ksd.follow(p.model, {"top": 0.1}, control="drives", first=-1),
+            "first = -1 must be positive",
+        ),
         (lambda p: p.buckling(count="a"), "count = 'a' must be a whole number"),
     ],
 )
