@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -319,14 +319,6 @@ def revalued_floats(ints: np.ndarray, floats: np.ndarray, value: np.ndarray) -> 
     return np.concatenate([floats[:, :first], value, floats[:, end:]], axis=1)
 
 
-def size_of(extent: np.ndarray, length: np.ndarray, points: np.ndarray) -> Any:
-    """(D,): length scale of mechanisms, from their extent (D,) and the lengths (D, m) of their leaf springs; of links
-    only hinges hold, all at one place, from how far off it they are held, points (D, terms, 2, 3)."""
-    size = np.maximum(extent, length.max(axis=1, initial=0.0))
-    reach = np.abs(points).max(axis=(1, 2, 3), initial=0.0)
-    return np.where(size > 0.0, size, np.where(reach > 0.0, reach, 1.0))
-
-
 def spread(places: np.ndarray, offset: np.ndarray, node: np.ndarray) -> np.ndarray:
     """(D,): largest extent along an axis of the nodes at places (D, k, 3) and of the ends of members on them, offset
     (D, m, 2, 3), node (m, 2); ground, node 0, counts by those alone: a mechanism far from its origin is no larger."""
@@ -372,8 +364,7 @@ def pack(parts: Assembly) -> tuple[Arrays, Motion]:
     )
     members = _filled(laid.members, parts.members)
     reference = np.array(parts.reference, float)
-    points = np.array([t[5:7] for t in flat], float).reshape(-1, 2, 3)
-    extent = spread(reference[None], members.offset[None], members.node)
+    extent = spread(reference[None], members.offset[None], members.node)[0]
     weight = laid.weight
     if parts.gravity is not None and any(m.mass for m in parts.members):
         weight = np.array([[m.mass, *parts.gravity] for m in parts.members])
@@ -382,14 +373,14 @@ def pack(parts: Assembly) -> tuple[Arrays, Motion]:
         terms=laid.terms._replace(
             coefficient=np.array([t[0] for t in flat], float),
             direction=np.array([t[4] for t in flat], float).reshape(-1, 3),
-            point=points,
+            point=np.array([t[5:7] for t in flat], float).reshape(-1, 2, 3),
         ),
         loads=laid.loads._replace(
             point=np.array([p.point for p in parts.pushes], float).reshape(-1, 3),
             force=np.array([p.force for p in parts.pushes], float).reshape(-1, 3),
             moment=np.array([p.moment for p in parts.pushes], float).reshape(-1, 3),
         ),
-        size=float(size_of(extent, members.length[None], points[None])[0]),
+        size=float(max(extent, members.length.max(initial=0.0))),
         springs=_filled(laid.springs, parts.springs) if parts.springs else laid.springs,
         weight=weight,
     )

@@ -19,7 +19,7 @@ from ksd.beam.strain_values import strain_constants, strain_sizes, strain_values
 from ksd.model.arrays import STRAIN, Arrays, Members, Motion
 from ksd.model.drawing import GIVEN, LEAF, SPRING, LeafWords, Numbers, Words, places_of
 from ksd.model.mesh import Mesh
-from ksd.model.pack import MEMBER_FLOATS, Shape, float_fields, refilled, size_of, spread, topology_arrays
+from ksd.model.pack import MEMBER_FLOATS, Shape, float_fields, refilled, spread, topology_arrays
 
 Array = np.ndarray
 SCALES = 19
@@ -298,7 +298,7 @@ class Template:
             force=n.loads[..., 3:6],
             moment=n.loads[..., 6:9],
         )
-        size = size_of(spread(places, offset, node), length, terms.point)
+        size = np.maximum(spread(places, offset, node), length.max(axis=1, initial=0.0))
         arrays = topology._replace(
             members=members, terms=terms, loads=loads, size=size, springs=self._springs(n, places),
             weight=self._weight(leaves.mass[:, self.leaf], n),

@@ -140,7 +140,7 @@ def relative_error(model: Model, motion: Motion, truth: Motion) -> ErrorEstimate
     force, shift, turn = _difference(model, motion, truth)
     grain = 1e-11 * model.arrays.size
     moved = grain + float(np.linalg.norm(truth.x[:links] - model.rest.x[:links], axis=1).max())
-    noise = grain * model.arrays.members.floor.max(initial=0.0) * min(1.0, model.arrays.size)
+    noise = grain * model.arrays.members.floor.max() * min(1.0, model.arrays.size)
     scale = np.abs(truth.multiplier[:drives]) + noise
     of_force = float((force / np.maximum(scale, scale.max(initial=0.0))).max(initial=0.0))
     relative = max(of_force, shift / moved)
