@@ -90,23 +90,25 @@ def scene_of_tables(
         noted.mistakes += [
             f"{reader.place_of(rule)}: {rule}" for rule in broken_rules(reader.mechanism.draft())
         ]
-    if noted.mistakes or noted.doubts:
-        lines = Lines(file.name, text)
-        noted = Noted([lines.at(said) for said in noted.mistakes], [lines.at(said) for said in noted.doubts])
-    if noted.mistakes:
-        raise SceneFileError(_listed(file.name, noted), mistakes=tuple(noted.mistakes))
-    if noted.doubts:
-        more = f" So for {len(noted.doubts) - 1} more." if len(noted.doubts) > 1 else ""
-        warnings.warn(f"{noted.doubts[0]} Plain numbers are in SI.{more}", SceneWarning, stacklevel=3)
+    lines = Lines(file.name, text)
+    mistakes = [lines.at(said) for said in noted.mistakes]
+    # what was refused tells its own
+    doubts = [
+        lines.at(f"{where}: {said}") for where, said in noted.doubts if not any(said in m for m in mistakes)
+    ]
+    if mistakes:
+        raise SceneFileError(_listed(file.name, mistakes, doubts), mistakes=tuple(mistakes))
+    if doubts:
+        more = f" So for {len(doubts) - 1} more." if len(doubts) > 1 else ""
+        warnings.warn(f"{doubts[0]} Plain numbers are in SI.{more}", SceneWarning, stacklevel=3)
     return reader.mechanism, reader.targets, options
 
 
-def _listed(name: str, noted: Noted) -> str:
+def _listed(name: str, mistakes: list[str], doubts: list[str]) -> str:
     """The sentence of one mistake, or a list of several, with the first plain number that was probably meant otherwise."""
-    mistakes = noted.mistakes
+    lines = [said.removeprefix(name).lstrip(",: ") for said in (*mistakes[:MOST], *doubts[:1])]
     if len(mistakes) == 1:
-        return mistakes[0]
-    lines = [said.removeprefix(name).lstrip(",: ") for said in (*mistakes[:MOST], *noted.doubts[:1])]
+        return "\n  ".join([mistakes[0], *lines[1:]])
     if len(mistakes) > MOST:
         lines.insert(MOST, f"and {len(mistakes) - MOST} more.")
     return "\n  ".join([f"{name} has {len(mistakes)} mistakes:", *lines])

@@ -92,10 +92,10 @@ class Unsaid(SceneError):
 
 @dataclass
 class Noted:
-    """What is wrong in a file, a sentence each, and plain numbers that were probably meant in another unit."""
+    """What is wrong in a file, a sentence each, and plain numbers that were probably meant otherwise: where and what."""
 
     mistakes: list[str] = field(default_factory=list)
-    doubts: list[str] = field(default_factory=list)
+    doubts: list[tuple[str, str]] = field(default_factory=list)
 
 
 class Table:
@@ -132,14 +132,14 @@ class Table:
             self._noted.mistakes.append(mistake)
 
     @contextmanager
-    def judged(self) -> Iterator[None]:
-        """Note what is refused inside as a mistake of this table."""
+    def judged(self, *, doubting: bool = True) -> Iterator[None]:
+        """Note what is refused inside as a mistake of this table; doubting: with the plain numbers that may be why."""
         try:
             yield
         except Unsaid:
             self.sound = False
         except SceneError as error:
-            doubts = " ".join(self._doubts)
+            doubts = " ".join(self._doubts if doubting else ())
             self.note(f"{self.where}: {error}{' Plain numbers are in SI: ' if doubts else ''}{doubts}")
 
     def read(
@@ -155,7 +155,7 @@ class Table:
         found = {}
         for key, kind in schema.items():
             if key in self.values:
-                with self.judged():
+                with self.judged(doubting=False):
                     found[key] = _value(self.values[key], kind.rstrip("!"), key, parts or {})
                     self._doubt(key, kind, self.values[key])
             elif kind.endswith("!") and self._is_table:
@@ -180,7 +180,7 @@ class Table:
                 said = f"{key} = {plain:g} is {plain:g} {si}: did you mean '{plain:g} {unit}'?"
                 self._doubts.append(said)
                 if self._noted is not None:
-                    self._noted.doubts.append(f"{self.where}: {said}")
+                    self._noted.doubts.append((self.where, said))
                 return
 
     def say(self, sentence: Callable[..., T], words: Mapping[str, Any]) -> T:

@@ -113,6 +113,31 @@ value = "10 deg"
         assert ksd.load_scene(tmp_path / "again.toml")[0].scene() == made.scene()
 
 
+@pytest.mark.parametrize("width", ['"1 inc"', "-1"])
+def test_a_bare_number_beside_a_mistake_is_named_once(tmp_path, width):
+    file = tmp_path / "wrong.toml"
+    file.write_text(
+        f"""links = ["tip"]
+[material.steel]
+E = "210 GPa"
+nu = 0.3
+[[leaf]]
+a = "ground"
+b = "tip"
+start = [0, 0, 0]
+end = ["50 mm", 60, 0]
+width_axis = "z"
+thickness = "0.5 mm"
+width = {width}
+material = "steel"
+"""
+    )
+    with pytest.raises(ksd.SceneError) as caught:
+        ksd.load_scene(file)
+    assert str(caught.value).count("end = 60 is 60 m: did you mean '60 mm'?") == 1
+    assert "width" in str(caught.value)
+
+
 @pytest.mark.parametrize(
     ("value", "dimension", "key", "unit"),
     [
