@@ -80,8 +80,8 @@ class ErrorEstimate:
     """Estimated error of an answer: what a fast method adds, by corrector steps of the full model, or all of it.
 
     force (drives,): N or Nm; displacement [m] and rotation [rad]: largest of any link; relative: the larger of force error
-    over force and displacement error over displacement; mesh: that of the mesh alone, relative alike. All inf where it is
-    not known: corrector steps grow, or there is no equilibrium on a finer mesh.
+    over force and displacement error over displacement; mesh: that of the mesh alone, relative alike, 0 where it was not
+    looked at. All inf where it is not known: corrector steps grow, or there is no equilibrium on a finer mesh.
     """
 
     force: np.ndarray
@@ -96,7 +96,8 @@ class ErrorEstimate:
         if self.relative <= RTOL:
             return f"{percent(self.relative)} %"
         links = f"links within {1e6 * self.displacement:.2g} um and {1e3 * self.rotation:.2g} mrad"
-        return f"{percent(self.relative)} %, of which mesh {percent(self.mesh)} % ({links})"
+        of_mesh = f", of which mesh {percent(self.mesh)} %" if self.mesh > 0.0 else ""
+        return f"{percent(self.relative)} %{of_mesh} ({links})"
 
 
 def percent(error: float) -> str:

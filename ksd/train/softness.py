@@ -145,7 +145,7 @@ def undeclared(joint: DrawnJoint) -> Freedom | None:
 
 
 def _undeclared(joint: DrawnJoint, whole: Array, soft: Array) -> Freedom | None:
-    """The same from the stiffness and that of the softened joint."""
+    """`undeclared` from the stiffness (6, 6) at rest and that of the softened joint."""
     held = null_space(_declared(joint))
     if held.shape[1] == 0:
         return None
