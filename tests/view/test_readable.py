@@ -17,6 +17,7 @@ from ksd.view.effect_cost import plot_effect_cost
 from ksd.view.figure import new_figure
 
 ROOT = Path(__file__).resolve().parents[2]
+PALETTE = ROOT / "ksd" / "view" / "figure.py"
 SCENES = Path(ksd.__file__).parent / "scenes"
 SHIPPED = sorted(f.stem for f in SCENES.glob("*.toml") if not f.stem.endswith("_job"))
 
@@ -141,13 +142,13 @@ def sources():
     folders = ("ksd", "benchmarks", "examples", "docs")
     return [
         path for folder in folders for path in sorted((ROOT / folder).rglob("*.py"))
-        if path != Path(palette.__file__) and not MADE & set(path.relative_to(ROOT).parts)
+        if path != PALETTE and not MADE & set(path.relative_to(ROOT).parts)
     ]  # fmt: skip
 
 
 def test_no_colours_but_those_of_the_palette():
     """Nowhere else a colour map, a grey by number or one of matplotlib's cycle; colours in codes are the palette's."""
-    known = set(re.findall(r"#[0-9a-f]{6}", Path(palette.__file__).read_text()))
+    known = set(re.findall(r"#[0-9a-f]{6}", PALETTE.read_text()))
     foreign = re.compile(
         r"""cmap=["']|get_cmap|colormaps|color=["'](?:C\d|0?\.\d+|[a-z]+)["']|["']C\d["']|f"C\{"""
     )
