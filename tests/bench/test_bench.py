@@ -5,7 +5,8 @@ import math
 
 import pytest
 
-from ksd.bench import SUITE, Row
+import ksd
+from ksd.bench import SUITE, Case, Row, measure
 from ksd.bench.measure import cheapest, front, good, numbers, summary, table
 from ksd.cli import main
 from ksd.model.compile import compile_scene
@@ -79,3 +80,25 @@ def test_command(tmp_path, capsys):
     assert list(json.loads(path.read_text())["cases"]) == ["parallel guide, 20 mm"]
     assert main(["bench", "--case", "rocket"]) == 2
     assert "rocket" in capsys.readouterr().err
+
+
+def test_a_link_that_is_held_in_every_direction_has_no_error_of_stiffness():
+    """The six-joint arm: its last link is driven in every direction."""
+
+    def held():
+        scene = ksd.Mechanism("held")
+        end = scene.link("end")
+        scene.leaf(
+            scene.ground, end, start=(0, 0, 0), end=(0.1, 0, 0), width_axis="z", section=ksd.rectangle(5e-4, 0.02),
+            material=ksd.Material(200e9, nu=0.3),
+        )  # fmt: skip
+        for axis in "xyz":
+            scene.actuate(end, along=axis, at=(0.1, 0, 0), name=axis)
+            scene.actuate(end, about=axis, name=f"about {axis}")
+        return scene, {
+            name: 0.005 * (name == "y") for name in ("x", "y", "z", "about x", "about y", "about z")
+        }
+
+    rows = measure(Case("held", held, "end", (0.1, 0.0, 0.0), baseline=()), quick=True, repeats=2).rows
+    found = [row for row in rows if not row.failed]
+    assert found and all(row.stiffness_error == 0.0 for row in found)
