@@ -80,7 +80,9 @@ def test_legends_and_numbers_of_many_curves():
     axes = figure.axes[0]
     low = axes.get_legend().get_window_extent().y0
     assert all(axes.transData.transform(line.get_xydata())[:, 1].max() < low for line in axes.lines)
-    numbers = [t for t in axes.get_yticklabels() if t.get_text()]
+    bottom, top = axes.get_ylim()
+    # older ones of matplotlib have some beyond what is shown
+    numbers = [t for t in axes.get_yticklabels() if t.get_text() and bottom <= t.get_position()[1] <= top]
     assert 3 <= len(numbers) <= 8
 
 
