@@ -46,6 +46,15 @@ class Alike(NamedTuple):
         weight = flat.floats[ints[WEIGHT] :].reshape(-1, 4)
         return Bare(flat, weight), Motion(m.x[d], m.R[d], m.inner[d], m.multiplier[d])
 
+    def pick(self, which: NDArray[np.int64]) -> Alike:
+        """Some of the states."""
+        return self._replace(
+            models=tuple(self.models[d] for d in which.tolist()),
+            floats=self.floats[which],
+            motion=Motion(*(field[which] for field in self.motion)),
+            factor=self.factor[which],
+        )
+
     def constants(self, members: NDArray[np.int64], size: int) -> Array:
         """The first `size` constants (D, k, size) of members (k,)."""
         at = self.topology.flat.ints[MEMBERS + VALUE] + self.topology.members.value_at[members]

@@ -243,64 +243,49 @@ class LeavesStress(NamedTuple):
     mises: Array
 
 
-class _Forces(NamedTuple):
-    """Section forces (n, S, 6) of leaf springs, and what `_stresses` makes stress of them with; the other fields as in
-    `LeavesStress`."""
-
-    state: NDArray[np.int64]
-    member: NDArray[np.int64]
-    section: NDArray[np.int64]
-    sections: list[Any]
-    s: Array
-    forces: Array
-    stations: tuple[Array, ...]
-    outlined: bool
-
-
-def _forces_alike(states: Alike, points: int) -> list[_Forces] | None:
-    """Section forces of every leaf in all states; None where leaf springs have weight or points of their own, which `stress`
+def stress_alike(states: Alike, *, points: int = POINTS) -> list[LeavesStress] | None:
+    """Stress of every leaf in all states; None where leaf springs have weight or points of their own, which `stress`
     answers one by one."""
     found, model = [], states.models[0]
     for group in leaf_groups(model):
-        names = [model.member_names[i] for i in group.members.tolist()]
-        if group.heavy or not set(names) <= set(scene_leaves(model)):
+        known = _forces_alike(states, group, points)
+        if known is None:
             return None
-        number, sections = _sections(states.models, names)
-        value, inner = (
-            states.constants(group.members, group.value.shape[1]),
-            states.motion.inner[:, group.places],
-        )
-        leaves = number.size
-        s, forces = strain_forces(value.reshape(leaves, -1), inner.reshape(leaves, -1), group.number, points)
-        state, k = np.divmod(np.arange(leaves), len(names))
+        s, forces, number, sections = known
+        state, k = np.divmod(np.arange(len(s)), len(group.members))
         kinds = [(len(stress_points(q).names), q.outline is not None) for q in sections]
         for kind in dict.fromkeys(kinds):
             mine = [n for n, own in enumerate(kinds) if own == kind]
             place = np.full(len(kinds), -1)
             place[mine] = np.arange(len(mine))
-            pick = np.flatnonzero(place[number.ravel()] >= 0)
-            row = place[number.ravel()[pick]]
+            pick = np.flatnonzero(place[number] >= 0)
+            row = place[number[pick]]
             own: list[Any] = list(zip(*(_stations((sections[n],)) for n in mine), strict=True))
             stations = (
                 *(np.stack(v)[row] for v in own[:5]),
                 *(np.concatenate(v, axis=1)[:, row] for v in own[5:]),
             )
-            section, member = number.ravel()[pick], group.members[k[pick]]
+            mises = _stresses(forces[pick], stations, outlined=kind[1])[2]
             found.append(
-                _Forces(state[pick], member, section, sections, s[pick], forces[pick], stations, kind[1])
+                LeavesStress(state[pick], group.members[k[pick]], number[pick], sections, s[pick], mises)
             )
     return found
 
 
-def stress_alike(states: Alike, *, points: int = POINTS) -> list[LeavesStress] | None:
-    """Stress of every leaf in all states; None as of `_forces_alike`."""
-    found = _forces_alike(states, points)
-    if found is None:
+def _forces_alike(
+    states: Alike, group: LeafGroup, points: int
+) -> tuple[Array, Array, NDArray[np.int64], list[Any]] | None:
+    """Stations (n, S) and section forces (n, S, 6) of the leaves of a group in all states, one state after the other, the
+    number (n,) of the section of each, and the sections; None as of `stress_alike`."""
+    names = [states.models[0].member_names[i] for i in group.members.tolist()]
+    if group.heavy or not set(names) <= set(scene_leaves(states.models[0])):
         return None
-    return [
-        LeavesStress(*part[:5], _stresses(part.forces, part.stations, outlined=part.outlined)[2])
-        for part in found
-    ]
+    value = states.constants(group.members, group.value.shape[1])
+    inner = states.motion.inner[:, group.places]
+    count = len(value) * len(names)
+    number, sections = _sections(states.models, names)
+    s, forces = strain_forces(value.reshape(count, -1), inner.reshape(count, -1), group.number, points)
+    return s, forces, number.ravel(), sections
 
 
 def _sections(models: Sequence[Model], names: list[str]) -> tuple[NDArray[np.int64], list[Any]]:
@@ -342,38 +327,41 @@ def stress_followed(
     states: Alike, first: NDArray[np.int64], *, points: int = POINTS
 ) -> dict[str, Array] | None:
     """Von Mises stress (D,) [Pa] of every leaf by full name, at the station and point of its section where it is largest in
-    state first[d] (D,): what gradients are differences of. None as of `_forces_alike`, and where sections of a leaf have
+    state first[d] (D,): what gradients are differences of. None as of `stress_alike`, and where sections of a leaf have
     unlike points."""
-    every = _forces_alike(states, points)
+    own, of = np.unique(first, return_inverse=True)
+    every, model = stress_alike(states.pick(own), points=points), states.models[0]
     if every is None:
         return None
-    found = np.empty((len(states.models), len(states.models[0].member_names)))
+    where = np.empty((len(own), len(model.member_names), 2), np.int64)
     for part in every:
-        place = np.full(found.shape, -1)
-        one = np.flatnonzero(first[part.state] == part.state)
-        if not len(one):
+        at = part.mises.reshape(len(part.mises), -1).argmax(axis=1)
+        where[part.state, part.member] = np.column_stack(np.divmod(at, part.mises.shape[2]))
+    found = np.empty((len(first), len(model.member_names)))
+    for group in leaf_groups(model):
+        known = _forces_alike(states, group, points)
+        assert known is not None
+        _, forces, number, sections = known
+        tables = [_point_table(q) for q in sections]
+        count = np.array([len(table) for table in tables])[number].reshape(len(first), -1)
+        if (count != count[first]).any():
             return None
-        mises = _stresses(part.forces[one], _picked(part.stations, one), outlined=part.outlined)[2]
-        place[part.state[one], part.member[one]] = mises.reshape(len(one), -1).argmax(axis=1)
-        at = place[first[part.state], part.member]
-        if np.any(at < 0):
-            return None
-        row, (station, point) = np.arange(len(at)), np.divmod(at, mises.shape[2])
-        alone = _picked(part.stations, row, point)
-        mises = _stresses(part.forces[row, station][:, None], alone, outlined=part.outlined)[2]
-        found[part.state, part.member] = mises[:, 0, 0]
-    return dict(zip(states.models[0].member_names, found.T, strict=True))
+        station, point = where[of][:, group.members].reshape(-1, 2).T
+        rows = np.array([tables[n][p] for n, p in zip(number.tolist(), point.tolist(), strict=True)]).T
+        stations = (*rows[:5, :, None, None], *rows[5:].reshape(3, 2, -1, 1, 1))
+        at_station = forces[np.arange(len(station)), station][:, None]
+        outlined = np.array([q.outline is not None for q in sections])[number]
+        both = (_stresses(at_station, stations, outlined=o)[2].ravel() for o in (True, False))
+        found[:, group.members] = np.where(outlined, *both).reshape(count.shape)
+    return dict(zip(model.member_names, found.T, strict=True))
 
 
-def _picked(
-    stations: tuple[Array, ...], row: NDArray[np.int64], point: NDArray[np.int64] | None = None
-) -> tuple[Array, ...]:
-    """The stations of some leaves, at one point of each if given; they have one section from end to end."""
-    if point is None:
-        return (*(v[row] for v in stations[:5]), *(v[:, row] for v in stations[5:]))
-    y, z, *sizes = (v[row] for v in stations[:5])
-    places = (v[row, 0, point][:, None, None] for v in (y, z))
-    return (*places, *sizes, *(v[:, row, 0, point][..., None, None] for v in stations[5:]))
+@lru_cache(maxsize=1024)
+def _point_table(section: Any) -> Array:
+    """(p, 11): y, z of the points of a section, its A, Iy, Iz, and (tau_xy, tau_xz) of torsion, along_y, along_z."""
+    at = stress_points(section)
+    sizes = np.broadcast_to([section.A, section.Iy, section.Iz], (len(at.y), 3))
+    return np.column_stack([at.y, at.z, sizes, at.torsion, at.along_y, at.along_z])
 
 
 @dataclass(frozen=True, repr=False)
