@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from itertools import pairwise
+from itertools import chain, pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -24,7 +24,6 @@ from ksd.design.questions import (
     Before,
     Pose,
     Row,
-    Together,
     answered_together,
     answers,
     asked_of,
@@ -43,7 +42,7 @@ from ksd.properties.words import number as written
 from ksd.scene.links import Link
 from ksd.section.checks import nearest, truth, worded
 from ksd.solve.configuration import Configuration
-from ksd.solve.perturbed import STEP, WIDE, Beside, Perturbed, parameters_of
+from ksd.solve.perturbed import STEP, WIDE, Perturbed, parameters_of
 from ksd.solve.solver import Method
 
 Array = np.ndarray
@@ -214,7 +213,8 @@ def gradient_at(
 ) -> Gradient:
     """`gradient` at poses that are solved; design: None for a mechanism."""
     shares = (WIDE, -WIDE, 2 * WIDE, -2 * WIDE) if errors else (STEP, -STEP)
-    poses: list[tuple[Beside, list[list[Beside]], list[float]]] = []
+    poses: list[list[Configuration]] = []
+    steps: list[Array] = []
     labels: list[Mapping[str, Any]] = []
     at_zero: dict[str, float] = {}
     for scene, found, said in solved:
@@ -223,72 +223,64 @@ def gradient_at(
             parameters = parameters_of(
                 scene, pose.targets, size=pose.model.arrays.size, at_design=at_design, by=by, sizes=sizes, design=design
             )  # fmt: skip
-            poses.append((*perturbed(pose, parameters), [p.size for p in parameters]))
+            here, sides = perturbed(pose, parameters)
+            poses.append([here, *(side for own in sides for side in own)])
+            steps.append(np.array([p.size * shares[0] for p in parameters])[:, None])
             at_zero |= {p.name: p.value for p in parameters}
         labels += said
-    stiff = replace(asked, questions=tuple(q for q in asked.questions if q not in FOLLOWED))
-    every = [_every(here, sides) for here, sides, _ in poses]
-    known = iter(answered_together([side for own in every for side in own], stiff))
-    stress = _stresses(every, asked.points) if "stress" in asked.questions else [None] * len(every)
+    rows = _rows(poses, asked, len(shares))
     at_poses = [
-        _AtPose(here, sides, asked, sizes, known, own)
-        for (here, sides, sizes), own in zip(poses, stress, strict=True)
+        _AtPose(own, asked, told, step, len(shares))
+        for own, told, step in zip(poses, rows, steps, strict=True)
     ]
     return _gathered(at_poses, labels, at_zero)
 
 
-def _every(here: Beside, sides: list[list[Beside]]) -> list[Beside]:
-    """A pose and all beside it."""
-    return [here, *(side for own in sides for side in own)]
-
-
 class _AtPose:
-    """Answers at a pose, `values` by column, and their slopes (columns, parameters), `errors` alike; moved (parameters, 6):
-    displacement and rotation of the point asked about. known: what was answered of the pose and those beside it together,
-    stress: that of each of them where it is asked."""
+    """Answers at a pose, `values` by column, and their slopes (columns, parameters), `errors` alike, None without; moved
+    (parameters, 6): displacement and rotation of the point asked about.
+
+    poses: this one, then those at the sides of every parameter; rows: their answers; step (parameters, 1): to the first.
+    """
 
     def __init__(
-        self,
-        here: Beside,
-        sides: list[list[Beside]],
-        asked: Asked,
-        sizes: list[float],
-        known: Iterator[Together],
-        stress: list[Row] | None,
+        self, poses: list[Configuration], asked: Asked, rows: list[Row], step: Array, sides: int
     ) -> None:
-        with np.errstate(divide="ignore", invalid="ignore"):
-            self._difference(here, asked, *_rows(here, sides, asked, known, stress), np.array(sizes)[:, None])
-        point, h = _point(here, asked), np.array(sizes)[:, None] * (STEP if len(sides[0]) == 2 else WIDE)
-        self.moved = np.array([_motion(own[0], own[1], point) for own in sides]) / (2 * h)
-
-    def _difference(self, here: Beside, asked: Asked, first: Row, rows: list[list[Row]], size: Array) -> None:
-        """Central differences; with four sides to fourth order, and their errors."""
+        first = rows[0]
         self.columns = tuple(
             c for c, v in first.items() if isinstance(v, float) and not any(n in c for n in NO_ANSWER)
         )
         self.values = np.array([first[c] for c in self.columns], float)
+        found = np.array([[row.get(c, np.nan) for c in self.columns] for row in rows[1:]])
+        with np.errstate(divide="ignore", invalid="ignore"):
+            self._difference(found.reshape(len(step), sides, -1).swapaxes(0, 1), step)
+        scene = poses[0].model.scene
+        point = asked.point(scene) if asked.link is not None or scene.drives else None
+        self.moved = np.array([_motion(poses[k], poses[k + 1], point) for k in range(1, len(poses), sides)])
+        self.moved /= 2 * step
         self.reasons: dict[str, str] = {}
+        for i in np.flatnonzero(~np.isfinite(self.slopes).all(axis=1)).tolist():
+            column = self.columns[i]
+            self.reasons[column] = _why(column, float(self.values[i]), point[0] if point else "")
+            self.slopes[i] = np.nan
+
+    def _difference(self, q: Array, h: Array) -> None:
+        """Central differences of answers q (sides, parameters, columns); with four sides to fourth order, and their
+        errors."""
         inverse = np.array([c.startswith("buckling") for c in self.columns])
         # of critical load factors 1/mu
         outer = np.where(inverse, -(self.values**2), 1.0)
-        found = np.array([[[row.get(c, np.nan) for c in self.columns] for row in own] for own in rows])
-        q, now = (np.where(inverse, 1.0 / a, a) for a in (found.swapaxes(0, 1), self.values))
-        h = size * (STEP if len(q) == 2 else WIDE)
+        q, now = (np.where(inverse, 1.0 / a, a) for a in (q, self.values))
         slope, self.errors = (q[0] - q[1]) / (2 * h), None
         if len(q) > 2:
             wide = (q[2] - q[3]) / (4 * h)
             # half the difference of the slopes to both sides: falls with h unless there is a kink
             bends = (q[0] + q[1] - 2 * now) / (2 * h), (q[2] + q[3] - 2 * now) / (4 * h)
             kink = np.abs(2 * bends[0] - bends[1])
-            kink[~(kink > KINK * np.maximum(np.abs(slope), np.abs(now) / size))] = 0.0
+            kink[~(kink > KINK * np.maximum(np.abs(slope), np.abs(now) * WIDE / h))] = 0.0
             self.errors = (np.abs(outer) * np.maximum(np.abs(slope - wide) / 3, kink)).T
             slope = slope + (slope - wide) / 3
         self.slopes = (outer * slope).T
-        point = _point(here, asked)
-        for i in np.flatnonzero(~np.isfinite(self.slopes).all(axis=1)).tolist():
-            column = self.columns[i]
-            self.reasons[column] = _why(column, float(self.values[i]), point[0] if point else "")
-            self.slopes[i] = np.nan
 
 
 def _why(column: str, value: float, link: str) -> str:
@@ -305,60 +297,29 @@ def _why(column: str, value: float, link: str) -> str:
     )
 
 
-def _point(here: Beside, asked: Asked) -> tuple[str, Any] | None:
-    """Link and point asked about; None where there is none."""
-    scene = here.model.scene
-    return asked.point(scene) if asked.link is not None or scene.drives else None
-
-
-def _rows(
-    here: Beside,
-    sides: list[list[Beside]],
-    asked: Asked,
-    known: Iterator[Together],
-    stress: list[Row] | None,
-) -> tuple[Row, list[list[Row]]]:
-    """Answers of a pose, and of those beside it what they are there, by parameter and side."""
-    every = _every(here, sides)
+def _rows(poses: list[list[Configuration]], asked: Asked, sides: int) -> list[list[Row]]:
+    """Answers of poses, each with those beside it: what is followed is what it is at the pose."""
     plain = replace(asked, questions=tuple(q for q in asked.questions if q not in FOLLOWED))
-    rows = [_plain(pose, plain, next(known).rows) for pose in every]
-    for row, mine in zip(rows, stress or (), strict=False):
-        row |= mine
-    beside = iter(rows[1:])
-    found = [[next(beside) for _ in own] for own in sides]
+    known = iter(answered_together([pose for own in poses for pose in own], plain))
+    rows = [[_plain(pose, plain, next(known).rows) for pose in own] for own in poses]
+    if "stress" in asked.questions:
+        for row, more in zip(chain(*rows), chain(*_stresses(poses, asked.points)), strict=True):
+            row |= more
     if "frequencies" in asked.questions:
-        _follow_modes(here, sides, asked, rows[0], found)
-    return rows[0], found
+        for own, told in zip(poses, rows, strict=True):
+            _follow_modes(own, asked, told, sides)
+    return rows
 
 
-def _plain(pose: Beside, asked: Asked, known: Mapping[str, Row]) -> Row:
+def _plain(pose: Configuration, asked: Asked, known: Mapping[str, Row]) -> Row:
     """Row of the questions that need not be followed; raises what a question raises."""
-    row, _, failed = answers(_Asked(pose), asked, Before(), known)
+    row, _, failed = answers(pose, asked, Before(), known)
     for name, reason in failed.items():
         raise type(reason)(f"no gradient of {name}: {reason}") from reason
     return row
 
 
-class _Asked:
-    """A pose beside another, which becomes a configuration where a question wants one."""
-
-    method_error = None
-
-    def __init__(self, pose: Beside) -> None:
-        self.pose, self.model, self.motion = pose, pose.model, pose.motion
-
-    @property
-    def forces(self) -> dict[str, float]:
-        """Drive forces by name."""
-        names = self.model.drive_names
-        return dict(zip(names, (-self.motion.multiplier[: len(names)]).tolist(), strict=True))
-
-    def __getattr__(self, name: str) -> Any:
-        configuration = self.__dict__.setdefault("configuration", self.pose.configuration)
-        return getattr(configuration, name)
-
-
-def _stresses(poses: list[list[Beside]], points: int) -> list[list[Row]]:
+def _stresses(poses: list[list[Configuration]], points: int) -> list[list[Row]]:
     """Of poses and those beside each: stress of every leaf where it is largest in the first of its pose, and that of the
     leaf that is worst there."""
     size = max(1, MANY // len(poses[0]))
@@ -373,7 +334,7 @@ def _stresses(poses: list[list[Beside]], points: int) -> list[list[Row]]:
     if followed is None:
         if len(poses) > 1:
             return [row for own in poses for row in _stresses([own], points)]
-        found = [side.configuration.stress(points=points).leaves for side in every]
+        found = [side.stress(points=points).leaves for side in every]
         marks = {name: int(np.argmax(leaf.von_mises_Pa)) for name, leaf in found[0].items()}
         followed = {n: np.array([own[n].von_mises_Pa.flat[k] for own in found]) for n, k in marks.items()}
     columns = [f"stress_MPa[{name}]" for name in followed]
@@ -390,23 +351,20 @@ def _stresses(poses: list[list[Beside]], points: int) -> list[list[Row]]:
     return rows
 
 
-def _follow_modes(
-    here: Beside, sides: list[list[Beside]], asked: Asked, first: Row, found: list[list[Row]]
-) -> None:
-    """Frequencies, added to the rows: of the modes of the pose. What one side finds its modes to be is known to the next,
-    so that both sides of a mixture of equal frequencies are of one mode."""
-    row, tracks = frequency_row(Pose(here.configuration), asked)
-    first |= row
-    for own, rows in zip(sides, found, strict=True):
-        before = tracks
-        for side, to in zip(own, rows, strict=True):
-            row, before = frequency_row(Pose(side.configuration, Before(tracks=before)), asked)
-            worst = tracks.first_parasitic
-            row["first_parasitic_Hz"] = np.nan if worst is None else before.frequency_Hz(worst)
-            to |= row
+def _follow_modes(poses: list[Configuration], asked: Asked, rows: list[Row], sides: int) -> None:
+    """Frequencies, added to the rows: of the modes of the first pose. What one side of a parameter finds its modes to be is
+    known to the next, so that both sides of a mixture of equal frequencies are of one mode."""
+    row, tracks = frequency_row(Pose(poses[0]), asked)
+    rows[0] |= row
+    before, worst = tracks, tracks.first_parasitic
+    for k, (pose, to) in enumerate(zip(poses[1:], rows[1:], strict=True)):
+        before = before if k % sides else tracks
+        row, before = frequency_row(Pose(pose, Before(tracks=before)), asked)
+        row["first_parasitic_Hz"] = np.nan if worst is None else before.frequency_Hz(worst)
+        to |= row
 
 
-def _motion(plus: Beside, minus: Beside, point: tuple[str, Any] | None) -> Array:
+def _motion(plus: Configuration, minus: Configuration, point: tuple[str, Any] | None) -> Array:
     """Displacement and rotation (6,) of the point of a link between two poses beside one another."""
     found = np.full(6, np.nan)
     if point is not None:

@@ -13,7 +13,7 @@ import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import partial
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -155,7 +155,8 @@ def _drawn_at(
             f"{reason}"
         ) from reason
     # load cases come after the loads of the design itself
-    return replace(scene, loads=(*scene.loads, *like.loads[len(scene.loads) :]))
+    extra = like.loads[len(scene.loads) :]
+    return replace(scene, loads=(*scene.loads, *extra)) if extra else scene
 
 
 def _loaded_at(scene: Any, k: int, kind: str, axis: int, value: float) -> Any:
@@ -164,33 +165,6 @@ def _loaded_at(scene: Any, k: int, kind: str, axis: int, value: float) -> Any:
     vector[axis] = value
     load = replace(scene.loads[k], **{kind: tuple(vector)})
     return replace(scene, loads=(*scene.loads[:k], load, *scene.loads[k + 1 :]))
-
-
-class Beside(NamedTuple):
-    """The equilibrium of a model beside a pose, at drive values by name."""
-
-    pose: Configuration
-    model: Model
-    motion: Motion
-    targets: Mapping[str, float]
-
-    @property
-    def questioned(self) -> tuple[Model, Motion]:
-        """Model and state that questions are asked of."""
-        return self.model, self.motion
-
-    @property
-    def load_factor(self) -> float:
-        """What loads are multiplied by."""
-        return self.pose.load_factor
-
-    @property
-    def configuration(self) -> Configuration:
-        """As a pose."""
-        return replace(
-            self.pose, model=self.model, motion=self.motion, targets=dict(self.targets), method="conventional",
-            method_error=None, chosen=False, joint_motions=None, notes=(), doubts=(),
-        )  # fmt: skip
 
 
 class Perturbed:
@@ -202,7 +176,7 @@ class Perturbed:
 
     def __call__(
         self, pose: Configuration, parameters: Sequence[Parameter]
-    ) -> tuple[Beside, list[list[Beside]]]:
+    ) -> tuple[Configuration, list[list[Configuration]]]:
         """The equilibrium of a pose, and those beside it by parameter and share. Only values of drives may differ from those
         of the call before.
 
@@ -241,7 +215,7 @@ class Perturbed:
         targets: Mapping[str, float],
         storage: _Storage,
         name: str = "",
-    ) -> Beside:
+    ) -> Configuration:
         """The equilibrium of a model Newton steps from a state; name: of the parameter that was changed."""
         arrays, motion, target = exact(model.arrays), start.copy(), model.targets(targets)
         work = storage.of(arrays)
@@ -256,7 +230,10 @@ class Perturbed:
             raise ConvergenceError(
                 f"no gradient: Newton steps do not reach the equilibrium {where}; it is near the end of its branch"
             )
-        return Beside(pose, model, motion, targets)
+        return replace(
+            pose, model=model, motion=motion, targets=dict(targets), method="conventional", method_error=None,
+            chosen=False, joint_motions=None, notes=(), doubts=(),
+        )  # fmt: skip
 
 
 class _Storage:
@@ -358,7 +335,7 @@ def slopes(
     parameter."""
     _, sides = Perturbed()(pose, parameters)
     return {
-        p.name: _difference(question(own[0].configuration), question(own[1].configuration), 2 * STEP * p.size)
+        p.name: _difference(question(own[0]), question(own[1]), 2 * STEP * p.size)
         for p, own in zip(parameters, sides, strict=True)
     }
 
