@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike
 from ksd.design.designs import Designs, makers_of
 from ksd.design.plan import Designs as Shapes
 from ksd.design.plan import Drawn, design_points, scene_of
-from ksd.design.prepared import Found
+from ksd.design.prepared import Found, spoken_status
 from ksd.design.questions import Row, asked_of
 from ksd.design.words import check_drives, check_executor, check_ways, drive_rows
 from ksd.errors import SceneError
@@ -27,9 +27,8 @@ from ksd.model.mesh import Mesh
 from ksd.properties.words import Shown
 from ksd.scene.links import Link
 from ksd.section.checks import similar, whole, worded
-from ksd.solve.many import SPOKEN, UNANSWERED
+from ksd.solve.many import UNANSWERED
 from ksd.solve.space_steps import FULL, REDUCED
-from ksd.solve.steps import Stop
 
 NOT_BUILT = 20
 """Status of all poses of a design that could not be prepared."""
@@ -83,9 +82,7 @@ class Batch(Shown):
         code = int(self.status[design, pose])
         if code == NOT_BUILT:
             return self.reasons[int(design)]
-        if code == UNANSWERED:
-            return self.reasons[int(design), int(pose)]
-        return SPOKEN[code] if code in SPOKEN else Stop(code).sentence
+        return self.reasons.get((int(design), int(pose))) or spoken_status(code)
 
     def _line(self) -> str:
         designs, poses = self.status.shape

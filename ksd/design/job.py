@@ -18,14 +18,15 @@ from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.optimize import brentq
 
 from ksd.design.designs import Designs, in_blocks, makers_of
 from ksd.design.gradient import Solved, gradient, gradient_at
 from ksd.design.lines import Line, Recipe, run_line
 from ksd.design.plan import Paths, drive_paths, load_cases, loaded, scene_of
-from ksd.design.prepared import Found
+from ksd.design.prepared import Found, spoken_status
 from ksd.design.questions import Asked, Row, asked_of, columns_of_drives, known_columns, others
-from ksd.design.resume import ResumeFile
+from ksd.design.resume import ResumeFile, records_of
 from ksd.design.table import OK, Table
 from ksd.design.words import check_drives, check_executor, check_parameters, check_ways, drive_rows
 from ksd.errors import KsdError, RecordError, SceneError
@@ -38,10 +39,8 @@ from ksd.scene.drive import Load
 from ksd.scene.links import Link
 from ksd.section.checks import LARGEST, Worded, checked, nearest, number, show, similar, truth, unchecked
 from ksd.solve.configuration import Configuration
-from ksd.solve.many import SPOKEN, UNANSWERED
 from ksd.solve.perturbed import STEP
 from ksd.solve.space_steps import FULL, REDUCED
-from ksd.solve.steps import Stop
 
 Array = np.ndarray
 BLOCK = 32
@@ -189,7 +188,6 @@ class Job(Shown, metaclass=Worded):
         if not values:
             raise SceneError("a job needs drive values, for example turn=[0, 0.3]")
         given = _given_bounds(vary)
-        middle = {n: float(v) for n, v in zip(given, _middle(np.array(list(given.values()))), strict=True)}
         check_parameters(function, [given], "vary")
         self.__dict__.update(
             function=function, drawn=_Drawn(function, 2 * len(given) + SPARE), vary=given, loads=loads,
@@ -197,7 +195,7 @@ class Job(Shown, metaclass=Worded):
             together=truth(together, "together"), drives=values, cases=load_cases(loads), rules=_checked(rules),
             paths=drive_paths(values, together=together),
         )  # fmt: skip
-        scene = self._first(middle)
+        scene = first_built(lambda **parameters: scene_of(self.drawn, parameters), given)
         check_drives(scene, tuple(values), Job)
         self.__dict__["method"] = method or _usual_method(scene)
         for extra in self.cases.values():
@@ -215,22 +213,6 @@ class Job(Shown, metaclass=Worded):
     def __getstate__(self) -> dict[str, Any]:
         return {k: v for k, v in self.__dict__.items() if k != "_solvers"} | {"last": None}
 
-    def _first(self, middle: Mapping[str, float]) -> Scene:
-        """The scene in the middle of the bounds, or of another design within them."""
-        P = len(self.vary)
-        places = np.vstack([np.full(P, 0.5), np.random.default_rng(0).uniform(size=(40, P))])
-        reason: Exception | None = None
-        for place in places:
-            try:
-                return scene_of(self.drawn, self._stretched(place, np.array(list(self.vary.values()))))
-            except SceneError as why:
-                reason = reason or why
-        raise SceneError(f"no design within the bounds could be built; the one in the middle: {reason}")
-
-    def _stretched(self, place: Array, bounds: Array) -> dict[str, float]:
-        """Parameters at places (P,) in 0..1 between bounds (P, 2)."""
-        return dict(zip(self.vary, (bounds[:, 0] + place * np.diff(bounds)[:, 0]).tolist(), strict=True))
-
     @property
     def parameters(self) -> tuple[str, ...]:
         """Names of what is varied."""
@@ -241,11 +223,15 @@ class Job(Shown, metaclass=Worded):
         """Names of the answers."""
         return tuple(a.name for a in self.answers)
 
+    @property
+    def steps(self) -> list[dict[str, float]]:
+        """Drive values by name of the poses of every load case."""
+        return [step for path in self.paths for step in path]
+
     @cached_property
     def poses(self) -> tuple[tuple[str, Mapping[str, float]], ...]:
         """Load case and drive values by name of every pose."""
-        steps = [step for path in self.paths for step in path]
-        return tuple((case, step) for case in self.cases for step in steps)
+        return tuple((case, step) for case in self.cases for step in self.steps)
 
     def _line(self) -> str:
         goals = {a.column.split("[")[0]: a.role for a in self.answers if a.role != "limit"}
@@ -276,7 +262,7 @@ class Job(Shown, metaclass=Worded):
     ) -> tuple[Answer, ...]:
         """Every wanted column at every pose; stress of every leaf; size of all poses together; of `signed` the size. No two
         names are alike: a limit of what is minimised by its size says so."""
-        found, labels = [], [self._label(case, step, scene) for case, step in self.poses]
+        found, labels = [], self._labels(scene)
         leaves = [f"stress_MPa[{name}]" for name in scene.leaf_names()]
         for column, role, scale, low, high in wanted:
             if column.startswith("size_"):
@@ -291,17 +277,21 @@ class Job(Shown, metaclass=Worded):
                     found.append(Answer(name, own, role, k, scale, low, high, amount=amount))
         return tuple(found)
 
-    def _label(self, case: str, step: Mapping[str, float], scene: Scene) -> str:
-        """Which pose it is, in words; nothing where there is only one."""
+    def _labels(self, scene: Scene) -> list[str]:
+        """Which pose each is, in words and in as many digits as tell them apart; nothing where there is only one."""
         if len(self.poses) == 1:
-            return ""
+            return [""]
         units = columns_of_drives(scene)
-        said = [
-            f"{n} {written(units[n][1] * v)} {units[n][0].rsplit('_', 1)[1]}"
-            for n, v in step.items()
-            if len(self.drives[n]) > 1 or len(self.paths) * len(self.paths[0]) == 1
-        ]
-        return f" at {', '.join([*([case] if case else []), *said])}"
+        moving = [n for n, v in self.drives.items() if len(v) > 1 or len(self.steps) == 1]
+        found: list[str] = []
+        for say in (written, "{:.6g}".format, "{:.9g}".format, "{:.12g}".format, repr):
+            found = []
+            for case, step in self.poses:
+                said = [f"{n} {say(units[n][1] * step[n])} {units[n][0].rsplit('_', 1)[1]}" for n in moving]
+                found.append(f" at {', '.join([*([case] if case else []), *said])}")
+            if len(set(found)) == len(found):
+                break
+        return found
 
     def _trained(self, scene: Scene) -> tuple[Array, dict[tuple[str, str], str], tuple[_Range, ...]]:
         """Bounds within the trained ranges of the joints, what cut them, and ranges that hang on several parameters."""
@@ -344,7 +334,7 @@ class Job(Shown, metaclass=Worded):
     def _shapes_at(self, place: Array) -> list[Mapping[str, float]]:
         """Shape parameters of every joint at places (P,) in 0..1 of the bounds given; none where it cannot be drawn."""
         try:
-            scene = scene_of(self.drawn, self._stretched(place, np.array(list(self.vary.values()))))
+            scene = scene_of(self.drawn, _design_between(self.vary, place))
             return [placed.joint.shape() for placed in scene.joints]
         except SceneError:
             return []
@@ -353,23 +343,18 @@ class Job(Shown, metaclass=Worded):
         """Where, between its bounds, parameter i keeps a shape parameter within its range; nothing where it never does."""
         low, high = self.vary[self.parameters[i]]
 
-        def inside(share: float) -> bool:
+        def margin(share: float) -> float:
             place = np.full(len(self.vary), 0.37)
             place[i] = share
-            return own.margin(self._shapes_at(place)) >= -1e-9
+            # a bound in other digits than the range is within, as records take it
+            return own.margin(self._shapes_at(place)) + 5e-10
 
-        shares = np.linspace(0.0, 1.0, 9)
-        good = [float(s) for s in shares if inside(s)]
+        good = [s for s in np.linspace(0.0, 1.0, 9).tolist() if margin(s) >= 0.0]
         if not good:
             return high, low
-        ends = []
-        for a, b in ((good[0], good[0] - 0.125), (good[-1], good[-1] + 0.125)):
-            # halved to the last digits, from the side that is within
-            for _ in range(50 if 0.0 <= b <= 1.0 else 0):
-                middle = 0.5 * (a + b)
-                a, b = (middle, b) if inside(middle) else (a, middle)
-            ends.append(low + a * (high - low))
-        return ends[0], ends[1]
+        ends = ((good[0], good[0] - 0.125), (good[-1], good[-1] + 0.125))
+        least, most = (brentq(margin, a, b, xtol=1e-15) if 0.0 <= b <= 1.0 else a for a, b in ends)
+        return low + least * (high - low), low + most * (high - low)
 
     # ---- designs ---------------------------------------------------------------------------------------------------------
 
@@ -485,7 +470,7 @@ class Job(Shown, metaclass=Worded):
         designs = [self.design_at(x) for x in X]
         rows: list[list[Row]] = [[] for _ in designs]
         status: list[str] = [OK] * len(designs)
-        steps = [step for path in self.paths for step in path]
+        steps = self.steps
         last: list[Solved] = []
         for extra in self.cases.values():
             function = _Loaded(self.drawn, extra)
@@ -518,8 +503,7 @@ class Job(Shown, metaclass=Worded):
     @cached_property
     def _solvers(self) -> dict[bool, Designs]:
         """What solves designs, keeping their poses or not."""
-        steps = [step for path in self.paths for step in path]
-        values = {n: np.array([step[n] for step in steps]) for n in self.drives}
+        values = {n: np.array([step[n] for step in self.steps]) for n in self.drives}
         ways = {"method": FULL if self.method == "full" else REDUCED, "asked": self.asked}
         return {k: Designs(values, {**ways, "keep": k}, self.mesh, self.extrapolate) for k in (False, True)}
 
@@ -658,26 +642,18 @@ class Job(Shown, metaclass=Worded):
         limits = {**(self.words["limits"] or {}), column: (None, min(high, LARGEST))}
         return Job(self.function, **{**self.words, "limits": limits})
 
-    @cached_property
     def fingerprint(self) -> str:
-        """What answers depend on beside the parameters: the recipe, and the scenes of two designs."""
-        scenes = []
+        """What answers depend on beside the parameters: the recipe, the scenes of two designs, and joint records."""
+        scenes, failed = [], []
         for x in self.random(2):
             try:
-                scenes.append(scene_of(self.drawn, self.design_at(x)).fingerprint())
+                scenes.append(scene_of(self.drawn, self.design_at(x)))
             except SceneError as why:
-                scenes.append(str(why))
+                failed.append(str(why))
         said = (
-            self.asked,
-            self.method,
-            self.mesh,
-            self.extrapolate,
-            self.poses,
-            self.loads,
-            self.names,
-            [a.amount for a in self.answers],
-            scenes,
-        )
+            self.asked, self.method, self.mesh, self.extrapolate, self.poses, self.loads, self.names,
+            [a.amount for a in self.answers], [scene.fingerprint() for scene in scenes], records_of(scenes), failed,
+        )  # fmt: skip
         return f"{self.parameters} {said!r}"
 
 
@@ -731,8 +707,25 @@ def _given_bounds(vary: Any) -> dict[str, tuple[float, float]]:
     return found
 
 
-def _middle(bounds: Array) -> Array:
-    return np.asarray(bounds.mean(axis=1))
+def first_built(make: Callable[..., Any], bounds: Mapping[str, tuple[float, float]]) -> Any:
+    """What `make` returns of the parameters in the middle of bounds by name, or elsewhere within them. Raises SceneError
+    where it does so nowhere."""
+    reason: SceneError | None = None
+    middle = np.full(len(bounds), 0.5)
+    for place in (middle, *np.random.default_rng(0).uniform(size=(40, len(bounds)))):
+        try:
+            return make(**_design_between(bounds, place))
+        except SceneError as why:
+            reason = reason or why
+    raise SceneError(f"no design within the bounds could be built; the one in the middle: {reason}")
+
+
+def _design_between(bounds: Mapping[str, tuple[float, float]], place: Array) -> dict[str, float]:
+    """Parameters by name at places (P,) in 0..1 of their bounds."""
+    return {
+        n: low + share * (high - low)
+        for (n, (low, high)), share in zip(bounds.items(), place.tolist(), strict=True)
+    }
 
 
 def _checked(rules: Any) -> tuple[Rule, ...]:
@@ -829,9 +822,7 @@ def _rows_of(found: Found | KsdError, count: int) -> tuple[list[Row], str]:
     if not len(bad):
         return found.rows, OK
     n = int(bad[0])
-    code = int(found.status[n])
-    why = found.reasons[n] if code == UNANSWERED else SPOKEN[code] if code in SPOKEN else Stop(code).sentence
-    return found.rows, why
+    return found.rows, found.reasons.get(n) or spoken_status(int(found.status[n]))
 
 
 def _walked_all(

@@ -23,7 +23,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ksd.design.job import Job
+from ksd.design.job import Job, first_built
 from ksd.errors import SceneError
 from ksd.files import named_file
 from ksd.scene import toml_schema as schema
@@ -113,7 +113,13 @@ def load_job(path: str | os.PathLike[str], *, drives: Mapping[str, str] | None =
         _put(tables, keys, value)
     formulas = tuple(keys for keys in _formulas(tables, ()) if keys not in varied.values())
     function = VariedScene(tables, place, tuple(varied.items()), formulas)
-    mechanism, targets = _first(function, bounds)
+
+    def built(**parameters: float) -> tuple[Mechanism, dict[str, float]]:
+        mechanism, targets, *_ = scene_of_tables(function.filled(parameters), place)
+        mechanism.scene()
+        return mechanism, targets
+
+    mechanism, targets = first_built(built, bounds)
     found = {d.name: d for d in mechanism.scene().drives}
     values = _drive_values(said.table("drives"), found, targets, drives or {})
     loads = _loads(said.table("loads"))
@@ -245,24 +251,6 @@ def _formulas(values: Any, way: Keys) -> list[Keys]:
     else:
         return [way] if isinstance(values, str) and values.lstrip().startswith("=") else []
     return [keys for key, value in pairs for keys in _formulas(value, (*way, key))]
-
-
-def _first(
-    function: VariedScene, bounds: Mapping[str, tuple[float, float]]
-) -> tuple[Mechanism, dict[str, float]]:
-    """Mechanism and drive values of a design within the bounds. SceneError, of the middle one, where there is none."""
-    reason: SceneError | None = None
-    for place in (0.5, *np.random.default_rng(0).uniform(size=(40, len(bounds)))):
-        ends = np.array(list(bounds.values()))
-        x = ends[:, 0] + place * (ends[:, 1] - ends[:, 0])
-        try:
-            made = scene_of_tables(function.filled(dict(zip(bounds, x.tolist(), strict=True))), function.file)
-            made[0].scene()
-            return made[0], made[1]
-        except SceneError as why:
-            reason = reason or why
-    assert reason is not None
-    raise reason
 
 
 def _drive_values(

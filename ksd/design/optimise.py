@@ -133,10 +133,7 @@ def kept(log: Log, done: Callable[[], str] = lambda: "") -> Iterator[None]:
     try:
         yield
     except KeyboardInterrupt:
-        again = "" if log.kept.path is None else f"; call again with resume='{log.kept.path}' to go on"
-        raise SweepInterrupted(
-            f"interrupted: {done()}the designs done are in .table of this exception{again}", log.table()
-        ) from None
+        raise SweepInterrupted(f"{done()}the designs done are", log.table(), log.kept.path) from None
 
 
 def optimum_of(

@@ -253,11 +253,8 @@ def choose(
             for one in waiting:
                 if one is not None:
                     one.cancel()
-            again = "" if resume is None else f"; call again with resume='{resume}' to go on"
-            raise SweepInterrupted(
-                f"interrupted: {len(found)} of {len(jobs)} jobs are done, see .table of this exception{again}",
-                _table_of(found),
-            ) from None
+            done = f"{len(found)} of {len(jobs)} jobs are done, the rows of these are"
+            raise SweepInterrupted(done, _table_of(found), resume) from None
     order = sorted(found, key=lambda n: -found[n].merit if isinstance(found[n], Optimum) else np.inf)
     return Choice(
         {n: found[n] if isinstance(found[n], Optimum) else None for n in order},

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from ksd.design.lines import Line, Recipe
+from ksd.design.resume import records_of
 from ksd.design.words import check_drives, check_parameters
 from ksd.errors import SceneError
 from ksd.scene import Mechanism, Scene
@@ -185,7 +186,12 @@ def _load(entry: Any, name: str) -> Any:
     said = {**words, **entry}
     link = getattr(said["link"], "name", said["link"])
     if said["at"] is None:
-        raise SceneError(f"load case '{name}': give at, the point (3,) [m] of link '{link}' where it acts")
+        if "force" in entry:
+            raise SceneError(
+                f"load case '{name}': give at, the point (3,) [m] of link '{link}' where the force acts"
+            )
+        # a moment alone acts on the link as a whole
+        said["at"] = (0.0, 0.0, 0.0)
     return Load(said["name"], link, said["force"], said["moment"], said["at"], said["following"])
 
 
@@ -201,7 +207,8 @@ def loaded(scene: Scene | None, extra: tuple[Load, ...]) -> tuple[Scene | None, 
 
 def fingerprint(lines: Sequence[Line], recipe: Recipe) -> str:
     """Hash of everything the rows depend on."""
-    digest = hashlib.sha256(repr(recipe).encode())
+    records = records_of(line.scene for line in lines if line.scene is not None)
+    digest = hashlib.sha256(f"{recipe!r} {records}".encode())
     for line in lines:
         scene = line.failure if line.scene is None else line.scene.fingerprint()
         digest.update(f"{line.number} {dict(line.labels)} {scene} {line.poses}".encode())

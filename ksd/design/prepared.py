@@ -16,7 +16,7 @@ from ksd.properties.tangent import row_numbers
 from ksd.solve.configuration import Configuration
 from ksd.solve.error import settle
 from ksd.solve.five import FiveSteps
-from ksd.solve.many import UNANSWERED, UNSTABLE, Poses, space_many, tabulated_many
+from ksd.solve.many import SPOKEN, UNANSWERED, UNSTABLE, Poses, space_many, tabulated_many
 from ksd.solve.space_steps import KINEMATIC, REDUCED
 from ksd.solve.steps import CAP, RTOL, Step, Stop
 from ksd.solve.tables import joint_tables
@@ -147,6 +147,11 @@ class _Questions:
         )  # fmt: skip
         pose.__dict__["answering"] = answering
         return pose
+
+
+def spoken_status(code: int) -> str:
+    """The status of a pose in words."""
+    return SPOKEN[code] if code in SPOKEN else Stop(code).sentence
 
 
 def _note(found: Found, n: int, failed: Mapping[str, Exception]) -> int:

@@ -8,11 +8,13 @@ from __future__ import annotations
 import hashlib
 import json
 import os
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any
 
-from ksd.errors import SceneError
+from ksd.errors import RecordError, SceneError
 from ksd.files import check_target, read_file, write_file
+from ksd.library.files import find_record, record_bytes
 from ksd.section.checks import show
 
 Rows = list[dict[str, Any]]
@@ -24,7 +26,9 @@ class ResumeFile:
     SceneError when the file belongs to another one or cannot be written.
     """
 
-    def __init__(self, path: str | os.PathLike[str] | None, fingerprint: str, *, what: str = "sweep") -> None:
+    def __init__(
+        self, path: str | os.PathLike[str] | None, fingerprint: Callable[[], str], *, what: str = "sweep"
+    ) -> None:
         if path is not None and not isinstance(path, str | os.PathLike):
             raise SceneError(f"resume = {show(path)}: give the name of a file")
         self.path = None if path is None else Path(path)
@@ -33,7 +37,7 @@ class ResumeFile:
         if self.path is None:
             return
         check_target(self.path, what="resume")
-        head = json.dumps({f"ksd {what}": fingerprint})
+        head = json.dumps({f"ksd {what}": fingerprint()})
         intact = self._read(head) if self.path.exists() and self.path.stat().st_size else [head]
         # whole or not at all: a kill here must not cost the lines of the runs before
         write_file(self.path, "\n".join(intact) + "\n", what="resume")
@@ -44,8 +48,8 @@ class ResumeFile:
         lines = read_file(self.path, what="resume").decode("utf-8", errors="replace").splitlines()
         if lines[:1] != [head]:
             raise SceneError(
-                f"resume = '{self.path}' belongs to another {self.what} (other scene, values, questions or method); give "
-                "another file name, or delete it to begin anew."
+                f"resume = '{self.path}' belongs to another {self.what} (other scene, values, questions, method or joint "
+                "records); give another file name, or delete it to begin anew."
             )
         intact = lines[:1]
         for text in lines[1:]:
@@ -73,6 +77,18 @@ class ResumeFile:
                 f"resume = '{self.path}' cannot be written any more: {error.strerror}; what is in it is kept, make room "
                 "and start again."
             ) from error
+
+
+def records_of(scenes: Iterable[Any]) -> list[str]:
+    """What the joint records hold that answers of scenes come from: family and hash of each, or of why there is none."""
+    found = []
+    for family in sorted({placed.joint.family for scene in scenes for placed in scene.joints}):
+        try:
+            said = record_bytes(find_record(family))
+        except RecordError as why:
+            said = str(why).encode()
+        found.append(f"{family} {hashlib.sha256(said).hexdigest()}")
+    return found
 
 
 def _entry(body: str, kind: type) -> dict[str, Any] | None:

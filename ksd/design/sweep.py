@@ -39,8 +39,9 @@ WORTH = 200
 class SweepInterrupted(KeyboardInterrupt):
     """Ctrl-C during a sweep: `table` holds all rows done; the others say that they were not reached."""
 
-    def __init__(self, message: str, table: Table) -> None:
-        super().__init__(message)
+    def __init__(self, said: str, table: Table, resume: Any = None) -> None:
+        again = "" if resume is None else f"; call again with resume='{resume}' to go on"
+        super().__init__(f"interrupted: {said} in .table of this exception{again}")
         self.table = table
 
 
@@ -106,7 +107,7 @@ def sweep(
     missing = unanswerable(drawn, recipe.asked.link) if questions is None and drawn is not None else {}
     possible = tuple(q for q in recipe.asked.questions if q not in missing)
     recipe = replace(recipe, asked=replace(recipe.asked, questions=possible, usual=questions is None))
-    kept = ResumeFile(resume, fingerprint(lines, recipe))
+    kept = ResumeFile(resume, lambda: fingerprint(lines, recipe))
     table = _collected(lines, recipe, kept, name, how=(executor, progress))
     said = ", ".join(f"{question} ({reason})" for question, reason in missing.items())
     return replace(table, facts={**table.facts, "left_out": said}) if said else table
@@ -125,10 +126,7 @@ def _collected(
             _run(missing, recipe, how[0], (kept, partial, done))
     except KeyboardInterrupt:
         table = _table(lines, kept.found | partial, name, facts)
-        again = "" if kept.path is None else f"; call again with resume='{kept.path}' to go on"
-        raise SweepInterrupted(
-            f"interrupted: the rows done are in .table of this exception{again}", table
-        ) from None
+        raise SweepInterrupted("the rows done are", table, kept.path) from None
     return _table(lines, kept.found, name, facts)
 
 

@@ -3,6 +3,7 @@
 import json
 import pickle
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ import ksd
 from ksd.design import job as room
 from ksd.design.job import Log
 from ksd.design.search import Search
+from ksd.library import find_record, write_record
 from ksd.units import deg, mm
 
 VARY = {
@@ -422,3 +424,45 @@ def test_a_job_of_a_callable_object_leaves_its_attributes_to_it():
     assert ksd.Job(Leaner(), **words).values([6 * mm]) == pytest.approx(
         ksd.Job(strip, **words).values([6 * mm])
     )
+
+
+def test_poses_close_together_have_names_of_their_own():
+    close = job(turn=[0.3, 0.3 + 1e-7, 0.3 + 2e-7], limits=None, method="conventional")
+    assert len(set(close.names)) == len(close.names) and "17.1887339 deg" in close.names[0]
+    x = close.point(BEST)
+    log = Log(close)
+    # by equal names one would be taken for the other
+    assert np.array_equal(log.values(x), close.values(x)) and len(set(log.values(x)[:9:3].tolist())) == 3
+
+
+def test_kept_designs_of_other_joint_records_are_not_taken_for_those_of_these(tmp_path, monkeypatch, plain):
+    file, words = tmp_path / "pivot.jsonl", {"questions": "force", "turn": [0.2], "progress": False}
+    design = [{**BEST}]
+    Log(plain, resume=file).values(plain.point(BEST))
+    ksd.sweep(pivot, designs=design, resume=tmp_path / "sweep.jsonl", **words)
+    record = find_record("cross_flexure")
+    write_record(replace(record, trained="2001-01-01"), tmp_path / "cross_flexure.h5")
+    monkeypatch.setenv("KSD_DATABASE", str(tmp_path))
+    with pytest.raises(ksd.SceneError, match=r"another job .* or joint records"):
+        Log(plain, resume=file)
+    with pytest.raises(ksd.SceneError, match=r"another sweep .* or joint records"):
+        ksd.sweep(pivot, designs=design, resume=tmp_path / "sweep.jsonl", **words)
+    monkeypatch.delenv("KSD_DATABASE")
+    assert len(Log(plain, resume=file).kept.found) == 1
+
+
+def test_a_moment_needs_no_point():
+    """It acts on the link as a whole; a force does not."""
+    at = {"link": "arm", "moment": (0, 0, 0.1)}
+    words = {"questions": "force", "turn": 0.2, "progress": False}
+    free = ksd.sweep(pivot(**BEST), loads={"wind": at}, **words)
+    somewhere = ksd.sweep(pivot(**BEST), loads={"wind": {**at, "at": (0.1, 0.2, 0.3)}}, **words)
+    none = ksd.sweep(pivot(**BEST), **words)
+    moments = [table["turn_moment_Nm"][0] for table in (free, somewhere, none)]
+    assert moments[0] == pytest.approx(moments[1], rel=1e-12) and moments[2] - moments[0] == pytest.approx(
+        0.1
+    )
+    with pytest.raises(
+        ksd.SceneError, match=r"'wind 1': give at, the point .* of link 'arm' where the force acts"
+    ):
+        ksd.sweep(pivot(**BEST), loads={"wind": {"link": "arm", "force": (0, 1, 0)}}, **words)

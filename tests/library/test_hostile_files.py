@@ -70,7 +70,7 @@ def readers(folder):
         "matrix": (ksd.link_matrix, folder / "arm.npz", SceneError),
         "matrix in HDF5": (ksd.link_matrix, folder / "arm.h5", SceneError),
         "scene": (ksd.load_scene, folder / "scene.toml", SceneError),
-        "sweep": (lambda path: ResumeFile(path, "x"), folder / "sweep.jsonl", SceneError),
+        "sweep": (lambda path: ResumeFile(path, lambda: "x"), folder / "sweep.jsonl", SceneError),
     }
 
 
@@ -353,21 +353,21 @@ def test_kept_lines_with_a_right_hash_and_wrong_content_are_computed_again(tmp_p
     bodies = ("3", "[]", "{", '{"line": 0}', '{"line": "a", "rows": []}', '{"line": 1, "rows": [3]}')
     for body in (*bodies, '{"line": 1, "rows": [{"force_N": [1]}]}', "[" * 100_000):
         path.unlink(missing_ok=True)
-        ResumeFile(path, "x").keep(0, [{"force_N": 1.0}])
+        ResumeFile(path, lambda: "x").keep(0, [{"force_N": 1.0}])
         with open(path, "a") as file:
             file.write(f"{_hash(body)} {body}\n")
-        assert ResumeFile(path, "x").found == {0: [{"force_N": 1.0}]}
+        assert ResumeFile(path, lambda: "x").found == {0: [{"force_N": 1.0}]}
 
 
 def test_kept_designs_with_a_right_hash_and_wrong_content_are_computed_again(tmp_path):
     path, job = (
         tmp_path / "job.jsonl",
-        SimpleNamespace(parameters=("t",), names=("force_N",), fingerprint="x"),
+        SimpleNamespace(parameters=("t",), names=("force_N",), fingerprint=lambda: "x"),
     )
     good = {"t": 1.0, "force_N": 2.0, "status": "ok"}
     for key, rows in (("a", []), ("b", [{"t": 1.0}]), ("slopes a", [good, good]), ("slopes b", [{"t": 1.0}])):
         path.unlink(missing_ok=True)
-        kept = ResumeFile(path, "x", what="job")
+        kept = ResumeFile(path, lambda: "x", what="job")
         kept.keep("0x1p+0", [good])
         kept.keep(key, rows)
         assert Log(job, resume=path).kept.found == {"0x1p+0": [good]}
