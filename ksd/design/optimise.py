@@ -13,6 +13,7 @@ from __future__ import annotations
 import importlib
 import os
 import time
+import warnings
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import Executor, Future
 from contextlib import contextmanager
@@ -245,13 +246,9 @@ def _way(search: Search, x: Array, method: str, clock: Callable[[], float] = tim
     merit, y = np.nan, search.scaled(x)
     try:
         y = _evolved(search, y) if method == "cma" else _descended(search, y, method)
-        margins = search.margins(y)
+        met = search.met(search.margins(y))
         merit = job.merit(search.log.values(search.x(y)))
-        status = (
-            OK
-            if search.met(margins)
-            else f"the limits are not met, farthest from it is {search.farthest(margins)}"
-        )
+        status = OK if met else f"the limits are not met, farthest from it is {search.farthest(y)}"
     except Failed as failed:
         y, status = failed.y, str(failed)
     first, last = job.design_at(x), job.design_at(search.x(y))
@@ -380,12 +377,15 @@ def _minimised(search: Search, y: Array, box: Array, method: str) -> Array:
         margin = 0.01 * np.diff(box)[:, 0]
         common["x0"] = np.append(np.clip(y, box[:, 0] + margin, box[:, 1] - margin), z[-1])
         # gtol is met while the barrier still stands
-        found = minimize(
-            **common, method="trust-constr", jac=lambda z: down, hess=lambda z: zeros,
-            bounds=Bounds(*np.vstack([box, [-np.inf, np.inf]]).T, keep_feasible=True),
-            constraints=NonlinearConstraint(gap, 0.0, np.inf, jac=sloped, hess=BFGS()),
-            options={"xtol": TOLERANCE, "gtol": 0.0, "barrier_tol": TOLERANCE, "maxiter": MOST[method]},
-        )  # fmt: skip
+        with warnings.catch_warnings():
+            # a step so short that no slope changes
+            warnings.filterwarnings("ignore", message="delta_grad == 0.0")
+            found = minimize(
+                **common, method="trust-constr", jac=lambda z: down, hess=lambda z: zeros,
+                bounds=Bounds(*np.vstack([box, [-np.inf, np.inf]]).T, keep_feasible=True),
+                constraints=NonlinearConstraint(gap, 0.0, np.inf, jac=sloped, hess=BFGS()),
+                options={"xtol": TOLERANCE, "gtol": 0.0, "barrier_tol": TOLERANCE, "maxiter": MOST[method]},
+            )  # fmt: skip
     else:
 
         def within(z: Array) -> Array:

@@ -15,6 +15,7 @@ import numpy as np
 from ksd.design.job import Job, Log
 from ksd.design.table import OK
 from ksd.errors import KsdError
+from ksd.properties.words import number as written
 
 Array = np.ndarray
 BINDING = 1e-5
@@ -176,10 +177,14 @@ class Search:
         """The most by which a limit or rule is exceeded; 0 where all are met."""
         return float(-margins[~self.targets].min(initial=0.0))
 
-    def farthest(self, margins: Array) -> str:
-        """Name of the limit or rule that is exceeded most."""
-        names = [self.job.names[s.answer] for s in self.sides] + [f"rule {n}" for n in self.job.rule_names]
-        return names[int(np.argmin(np.where(self.targets, np.inf, margins)))]
+    def farthest(self, y: Array) -> str:
+        """The limit or rule that is exceeded most at y, in words."""
+        k = int(np.argmin(np.where(self.targets, np.inf, self.margins(y))))
+        if k >= len(self.sides):
+            return f"rule {self.job.rule_names[k - len(self.sides)]}"
+        side = self.sides[k]
+        value = float(self.log.values(self.x(y))[side.answer])
+        return f"{self.job.names[side.answer]}: {written(value)}, the limit is {written(side.reference)}"
 
     def met(self, margins: Array) -> bool:
         """Whether limits and rules are met."""

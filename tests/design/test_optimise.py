@@ -156,6 +156,23 @@ def test_no_start_that_works_is_told():
     assert len(told.value.result) > 3 and told.value.result["stress_MPa[hinge/inner]"].min() > 1.0
 
 
+def test_a_start_that_ends_outside_the_limits_is_no_optimum():
+    """Interior points stick outside a tight limit from the middle of the bounds, though others find the way."""
+    tight, words = small(limits={"stress_MPa": 150}), {"method": "trust-constr", "seed": 1}
+    with pytest.raises(ksd.ConvergenceError) as told:
+        ksd.optimise(tight, **words)
+    assert "none of 1 starts led to a design that meets the limits" in str(told.value)
+    assert "farthest from it is stress_MPa[hinge/inner]: 2" in str(told.value)
+    assert str(told.value).endswith("the limit is 150.0")
+    best = ksd.optimise(tight, starts=2, **words)
+    stuck, found = best.starts
+    # it promises more than any design within the limits
+    assert stuck.merit > 2 * found.merit and "limits are not met" in stuck.status
+    assert best.merit == found.merit and best.agreed == 1 and "1 of 2 starts end here" in str(best)
+    assert max(best.answers[n] for n in best.answers if "stress" in n) <= 150 * (1 + 2e-5)
+    assert best.merit == pytest.approx(ksd.optimise(tight).merit, rel=1e-4)
+
+
 def test_a_flat_direction_is_named():
     """Stress at a given turn knows thickness over length alone: all sizes in one ratio are as good."""
     ratio = small(
