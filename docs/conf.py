@@ -35,6 +35,7 @@ exclude_patterns = [
     "tutorial/*.ipynb",
     "_made/blocks",
     "_made/commands.md",
+    "_made/job_tables.md",
     "_made/scene_tables.md",
     "_made/units.md",
     "_made/validated.md",

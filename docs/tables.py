@@ -15,6 +15,7 @@ from validated import write_validated
 import ksd
 import ksd.view
 from ksd.cli.commands import parser
+from ksd.design import job_file
 from ksd.properties.words import Shown
 from ksd.scene import toml_schema as schema
 from ksd.scene.profile import NAMED
@@ -171,6 +172,17 @@ def scene_format(folder: Path) -> None:
                 lines += keys(f'[leaf.{key}], kind = "{kind}"', own, NAMED[key][kind][1])
     for name, family in sorted(ksd.joint_families().items()):
         lines += keys(f'[joint.NAME], family = "{name}"', schema.of_family(family), family)
+    said = (inspect.getdoc(job_file) or "").partition("\n")[2].strip("\n")
+    jobs = [
+        "```text",
+        inspect.cleandoc(said.rpartition("\n\n")[0]),
+        "```",
+        "",
+        said.rpartition("\n\n")[2],
+        "",
+    ]
+    jobs += keys("[job]", job_file.JOB) + keys("[optimise]", job_file.OPTIMISE)
+    (folder / "job_tables.md").write_text("\n".join(jobs))
     units = ["| quantity | units |", "|---|---|"]
     units += [
         f"| {name} | {', '.join(f'`{unit}`' for unit in found)} |" for name, found in DIMENSIONS.items()

@@ -88,8 +88,9 @@ except ksd.RecordError as reason:
 
 # %%
 # `ksd.train` moves the joint through its range, from its own finite element model, and writes polynomials of
-# where B goes and how the leaf springs bend into one file. It takes a second for a joint like this. Without `out`
-# the record lands in `database/` where you are; elsewhere it is found by the environment variable `KSD_DATABASE`.
+# where B goes and how the leaf springs bend into one file. For a joint like this that is done while you wait. `meshes`
+# says for which leaf springs: without it chains of beam elements are trained besides. Without `out` the record lands in
+# `database/` where you are; elsewhere it is found by the environment variable `KSD_DATABASE`.
 
 folder = tempfile.mkdtemp()
 record = ksd.train(joint, out=folder, meshes=("strain",), progress=False)

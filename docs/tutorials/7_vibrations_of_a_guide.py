@@ -2,8 +2,7 @@
 
 The parallel guide of the first tutorial carries a camera, and a controller is to hold it still. Which frequencies does it
 have, which of them is the motion meant and which is not, where do they go over the stroke and with the payload, and what
-does the controller see? All of it is linear: small vibrations about one pose. Motion at speed from one pose to another is
-not in the package; the last section says what can be done.
+does the controller see? All of it is linear: small vibrations about one pose, which is what the package has of dynamics.
 """
 
 # %%
@@ -210,9 +209,5 @@ for swing in (0.1 * mm, 1 * mm):
     print(f"+-{swing / mm:.1f} mm: drive stiffness {ends[0]:.1f} to {ends[1]:.1f} N/m")
 
 # %%
-# What is not there
-# -----------------
-#
-# There is no time integration: motion from one pose to another at speed, spin-up, impact and anything where velocities
-# themselves make forces need another program. `plant.to_mat("plant.mat")` hands the linear model to one for control; poses,
-# forces and stiffness over the stroke are the tables it needs for gain scheduling. Damping has to be measured or assumed.
+# Motion at speed from one pose to another, spin-up and impact are not in the package; what stands for them is in the
+# theory, on the page on dynamics. `plant.to_mat("plant.mat")` hands the linear model to a program for control.
