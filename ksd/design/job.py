@@ -31,6 +31,7 @@ from ksd.design.table import OK, Table
 from ksd.design.words import check_drives, check_executor, check_parameters, check_ways, drive_rows
 from ksd.errors import KsdError, RecordError, SceneError
 from ksd.library import find_record
+from ksd.model.compile import compile_scene
 from ksd.model.mesh import Mesh
 from ksd.properties.words import Shown, progress_bar
 from ksd.properties.words import number as written
@@ -195,7 +196,7 @@ class Job(Shown, metaclass=Worded):
             together=truth(together, "together"), drives=values, cases=load_cases(loads), rules=_checked(rules),
             paths=drive_paths(values, together=together),
         )  # fmt: skip
-        scene = first_built(lambda **parameters: scene_of(self.drawn, parameters), given)
+        scene = self._first()
         check_drives(scene, tuple(values), Job)
         self.__dict__["method"] = method or _usual_method(scene)
         for extra in self.cases.values():
@@ -597,6 +598,15 @@ class Job(Shown, metaclass=Worded):
     def scene_at(self, design: Mapping[str, float], case: str) -> Scene:
         """The scene of a design with the loads of a case of `poses`. SceneError where it cannot be drawn."""
         return _Loaded(self.drawn, self.cases[case])(**design)
+
+    def _first(self) -> Scene:
+        """The scene in the middle of the bounds, or of another design within them."""
+        return first_built(lambda **parameters: scene_of(self.drawn, parameters), self.vary)
+
+    def far_drives(self) -> tuple[str, ...]:
+        """Drive values that were probably meant in another unit, a sentence each."""
+        model = compile_scene(self._first(), mesh=self.mesh)
+        return tuple(dict.fromkeys(said for _, values in self.poses for said in model.far_drives(values)))
 
     def margins(self, values: ArrayLike) -> Array:
         """How far every side of every limit is met (sides,) by `values` (answers,), over the limit (by itself where that is

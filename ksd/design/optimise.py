@@ -160,9 +160,9 @@ def optimum_of(
         heard(way.search)
     good = [w for w in ways if w.ended.status == OK]
     if not good:
-        first = ways[0].ended.status
+        meant = "".join(f"; {said}" for said in job.far_drives())
         raise ConvergenceError(
-            f"none of {len(X)} starts led to a design that meets the limits; the first: {first}",
+            f"none of {len(X)} starts led to a design that meets the limits; the first: {ways[0].ended.status}{meant}",
             result=log.table(),
         )
     best, margins = max(good, key=lambda w: w.ended.merit), dict[str, float]()

@@ -143,7 +143,7 @@ def _drawn(
         )
     if (model.arrays.members.kind != STRAIN).any():
         raise SceneError(
-            "rest_shape: the wanted pose is one of chains or reduced bodies; solve it with leaf='strain'."
+            "rest_shape: the wanted pose is one of chains or reduced bodies; solve it without mesh= and basis=."
         )
     gravity = wanted.load_factor * _gravity(model.scene, axes)
     moves = {

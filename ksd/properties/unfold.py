@@ -53,7 +53,7 @@ def _insist_on_straight(model: Model) -> None:
         if (leaf.curve is not None or leaf.profile is not None) and mesh.leaf != "strain" and not mesh.nodal:
             raise SceneError(
                 f"leaf '{name}' is curved or has a profile: its frequencies and buckling are answered by "
-                "strain-mode leaves (leaf='strain') only, not by chains of elements"
+                "strain-mode leaf springs (no mesh=) only, not by chains of elements"
             )
 
 

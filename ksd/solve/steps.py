@@ -36,7 +36,7 @@ _SENTENCES = {
     Stop.CONVERGED: "equilibrium reached: every residual is within its bound",
     Stop.TOO_MANY: "the iteration limit was reached before equilibrium",
     Stop.LOCAL_ANGLE: "an element turned more than 60 degrees relative to its chord, beyond what the Appendix A element can "
-    "represent; use more elements per leaf or leaf='strain'",
+    "represent; use more elements per leaf, or strain-mode leaf springs (no mesh=)",
     Stop.SINGULAR: "the stiffness matrix is singular: something can move without resistance at this state",
     Stop.DIVERGED: "the residual exceeded eps_max, so the step was given up",
     Stop.NOT_FINITE: "a number overflowed: the last step left the region where the equations make sense",
@@ -95,14 +95,19 @@ class ErrorEstimate:
             return "not known"
         if self.relative <= RTOL:
             return f"{percent(self.relative)} %"
-        links = f"links within {1e6 * self.displacement:.2g} um and {1e3 * self.rotation:.2g} mrad"
+        links = f"links within {_two(1e6 * self.displacement)} um and {_two(1e3 * self.rotation)} mrad"
         of_mesh = f", of which mesh {percent(self.mesh)} %" if self.mesh > 0.0 else ""
         return f"{percent(self.relative)} %{of_mesh} ({links})"
 
 
 def percent(error: float) -> str:
     """A relative error in percent; the bound of a residual where it is less, and cannot be seen."""
-    return f"{100 * error:.2g}" if error > RTOL else f"under {100 * RTOL:.0e}"
+    return _two(100 * error) if error > RTOL else f"under {100 * RTOL:.0e}"
+
+
+def _two(value: float) -> str:
+    """Two digits, or without an exponent where it is large."""
+    return f"{value:.2g}" if value < 99.5 else f"{value:.0f}"
 
 
 _NAMES = ("1 close loops", "2 joint stiffness", "3 reduced equilibrium", "4 recovery")

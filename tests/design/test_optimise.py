@@ -152,6 +152,8 @@ def test_no_start_that_works_is_told():
         ksd.optimise(small(never), start=[50 * mm, 0.5 * mm])
     with pytest.raises(ksd.ConvergenceError, match=r"farthest from it is stress_MPa") as told:
         ksd.optimise(small(limits={"stress_MPa": 1.0}))
+    with pytest.raises(ksd.ConvergenceError, match=r"turn = 20 is 20 rad: did you mean 20 deg"):
+        ksd.optimise(small(turn=20))
     # nothing is lost
     assert len(told.value.result) > 3 and told.value.result["stress_MPa[hinge/inner]"].min() > 1.0
 

@@ -97,6 +97,16 @@ def test_designs_loads_and_drives_combine():
     assert np.abs(table.where(load_case="bare")["parasitic_z_mm"]).max() < 1e-9
 
 
+def test_a_moment_alone_needs_no_point():
+    moment = (0, 0, 0.01)
+    cases = {"twisted": {"link": "tip", "moment": moment}}
+    table = sweep(thin(1e-3), loads=cases, questions="force", turn=0.2, method="conventional", **QUIET)
+    loaded = thin(1e-3)
+    loaded.load("tip", moment=moment)
+    alone = ksd.solve(loaded, turn=0.2, method="conventional").forces["turn"]
+    assert table["turn_moment_Nm"] == pytest.approx([alone], rel=1e-9)
+
+
 def test_two_drives_walk_a_grid_or_together():
     scene = fourbar()
     scene.actuate("top", along="z", at=(0, 0.37, 0), name="side")

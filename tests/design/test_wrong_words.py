@@ -156,6 +156,10 @@ def test_words_of_batch(given, sentence):
         ({"loads": {"a": 5}}, "a load case is a list such as"),
         ({"loads": {"a": "top"}}, "a load case is a list such as"),
         ({"loads": {"a": [5]}}, "load case 'a 1': 5 is no load"),
+        (
+            {"loads": {"a": [{"link": "top", "force": (0, 1, 0)}]}},
+            "load case 'a 1': give at, the point (3,) [m] of",
+        ),
         ({"modess": 3}, 'did you mean "modes"?'),
         ({"question": "force"}, 'did you mean "questions"?'),
     ],

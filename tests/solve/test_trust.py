@@ -261,4 +261,6 @@ def test_verdicts_and_errors_print_as_sentences():
     told = ErrorEstimate(np.zeros(1), 2e-6, 3e-5, 8e-3, 2e-3)
     assert str(told) == "0.8 %, of which mesh 0.2 % (links within 2 um and 0.03 mrad)"
     assert str(replace(told, mesh=0.0)) == "0.8 % (links within 2 um and 0.03 mrad)"
+    far = ErrorEstimate(np.zeros(1), 1.02e-4, 0.3, 7.44)
+    assert str(far) == "744 % (links within 102 um and 300 mrad)"
     assert str(ErrorEstimate(np.zeros(1), np.inf, np.inf, np.inf)) == "not known"
