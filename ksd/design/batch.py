@@ -32,6 +32,8 @@ from ksd.solve.space_steps import FULL, REDUCED
 
 NOT_BUILT = 20
 """Status of all poses of a design that could not be prepared."""
+UNLIKE = "it has other links, drives or joints than the first design, or in another order: ksd.sweep takes such designs"
+"""Why a design is not solved together with the others."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -177,13 +179,13 @@ def _poses(found: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
 
 def _together(found: list[Any], count: int) -> Batch:
     """One result of all designs; those that failed are nan."""
-    good = [f for f in found if isinstance(f, Found)]
-    reasons: dict[Any, str] = {d: str(f) for d, f in enumerate(found) if not isinstance(f, Found)}
-    if not good:
+    like = next((f for f in found if isinstance(f, Found)), None)
+    if like is None:
         raise SceneError(
-            f"no design could be prepared; the first: {reasons[0]}; ksd.sweep takes every mechanism"
+            f"no design could be prepared; the first: {found[0]}; ksd.sweep takes every mechanism"
         )
-    like = good[0]
+    found = [UNLIKE if isinstance(f, Found) and f.names != like.names else f for f in found]
+    reasons: dict[Any, str] = {d: str(f) for d, f in enumerate(found) if not isinstance(f, Found)}
 
     def stacked(field: str) -> np.ndarray:
         blank = np.full(getattr(like, field).shape, np.nan)

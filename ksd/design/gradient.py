@@ -24,8 +24,8 @@ from ksd.design.questions import (
     Before,
     Pose,
     Row,
+    answered,
     answered_together,
-    answers,
     asked_of,
     frequency_row,
 )
@@ -128,9 +128,8 @@ class Gradient(Shown):
                 (c, written(float(self.values[c][n])), *(written(float(v)) for v in self.slopes[i, :, n]))
                 for i, c in enumerate(self.columns)
             ]
-            lines.append(
-                listed(("answer", "value", *self.parameters), rows, f"Gradient per SI unit at {where}")
-            )
+            said = f"Gradient per SI unit{' at ' if where else ''}{where}"
+            lines.append(listed(("answer", "value", *self.parameters), rows, said))
         return joined(lines)
 
 
@@ -313,7 +312,7 @@ def _rows(poses: list[list[Configuration]], asked: Asked, sides: int) -> list[li
 
 def _plain(pose: Configuration, asked: Asked, known: Mapping[str, Row]) -> Row:
     """Row of the questions that need not be followed; raises what a question raises."""
-    row, _, failed = answers(pose, asked, Before(), known)
+    row, _, failed = answered(Pose(pose), asked, known)
     for name, reason in failed.items():
         raise type(reason)(f"no gradient of {name}: {reason}") from reason
     return row

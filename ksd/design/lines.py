@@ -7,7 +7,16 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from ksd.design.questions import CAUGHT, NOTHING, Asked, Before, answered_together, answers, columns_of_drives
+from ksd.design.questions import (
+    CAUGHT,
+    NOTHING,
+    Asked,
+    Before,
+    Pose,
+    answered,
+    answered_together,
+    columns_of_drives,
+)
 from ksd.design.table import OK, STATUS
 from ksd.errors import ConvergenceError
 from ksd.model.mesh import Mesh
@@ -159,7 +168,7 @@ def run_line(line: Line, recipe: Recipe, solver: Solver | None, rows: list[Row])
                 rows.append(row | {STATUS: pose})
                 continue
             walk.go_on_from(pose)
-            told, before, troubles = answers(pose, recipe.asked, before, next(known).rows)
+            told, before, troubles = answered(Pose(pose, before), recipe.asked, next(known).rows)
             row |= told
             if recipe.judged:
                 row |= {

@@ -45,6 +45,11 @@ class Found:
     waiting: list[tuple[int, Pose]] = field(default_factory=list)
     poses: list[Configuration] = field(default_factory=list)
 
+    @property
+    def names(self) -> tuple[tuple[str, ...], ...]:
+        """Of what the numbers are."""
+        return self.links, self.drives, self.joints
+
 
 class Prepared:
     """One design prepared for batches: call it with drive values, arrays of one length by name."""

@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
+from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -429,20 +430,12 @@ def _note_stiffness(stiff: Stiffnesses, states: Alike, asked: Asked, rows: list[
             rows[n]["drive_stiffness"] = _drives_row(names, units, np.diagonal(stiff.drives[n]))
 
 
-def answers(
-    configuration: Any, asked: Asked, before: Before, known: Mapping[str, Row] | None = None
+def answered(
+    pose: Pose, asked: Asked, known: Mapping[str, Row] = MappingProxyType({})
 ) -> tuple[Row, Before, dict[str, Exception]]:
     """Row of one pose, what the next one goes on from, and why a question could not be answered, by question; known: rows
     of questions that were answered together with those of other poses."""
-    return answered(Pose(configuration, before), asked, known)
-
-
-def answered(
-    pose: Pose, asked: Asked, known: Mapping[str, Row] | None = None
-) -> tuple[Row, Before, dict[str, Exception]]:
-    """`answers` of a pose under question."""
     row: Row = {}
-    known = known or {}
     failed: dict[str, Exception] = {}
     before, configuration = pose.before, pose.configuration
     tracks = before.tracks

@@ -118,7 +118,11 @@ def parameters_of(
     names = (by,) if isinstance(by, str) else by
     if names is None:
         names = [n for n in numbers if n not in counts] or drives
-    known = [*numbers, *drives, *loads]
+    known, names = [*numbers, *drives, *loads], list(names)
+    if not names:
+        raise SceneError(
+            f"there is nothing to take a gradient by: name it, by=(...), of {', '.join(known) or 'no parameters'}"
+        )
     for name in (*names, *sizes):
         if name in given and name not in numbers:
             raise SceneError(

@@ -299,3 +299,21 @@ def test_leaf_springs_without_joints_are_sent_to_a_sweep():
 
     with pytest.raises(ksd.SceneError, match=r"nothing to reduce.*; ksd\.sweep takes every mechanism"):
         ksd.batch(strip, designs=[{"length": 0.04}], turn=0.05)
+
+
+def pair(first):
+    """Two hinges side by side, in one order or the other."""
+    scene = ksd.Mechanism("pair")
+    for k in (0, 1) if first else (1, 0):
+        tip, joint = scene.link(f"tip{k}"), cross_flexure(thickness=(k + 1) * 0.5 * mm)
+        placed = scene.join(scene.ground, tip, joint, at=(0, k, 0), axis="z", toward="x", name=f"hinge{k}")
+        scene.actuate_joint(placed, name=f"turn{k}")
+    return scene
+
+
+def test_designs_with_links_in_another_order_are_told_apart():
+    """Their forces would stand under the names of the first."""
+    found = ksd.batch(pair, turn0=0.1, turn1=0.1, designs=[{"first": True}, {"first": False}])
+    assert found.solved == 1 and "other links, drives or joints than the first" in found.why(1, 0)
+    assert found.forces["turn1"][0, 0] == pytest.approx(8 * found.forces["turn0"][0, 0], rel=0.01)
+    assert np.isnan(found.forces["turn1"][1]).all()

@@ -448,6 +448,10 @@ def test_wrong_words_are_told(change, message):
 
 
 def test_more_wrong_words(of_pivot):
+    with pytest.raises(
+        ksd.SceneError, match=r"nothing to take a gradient by: name it, by=.*, of length, angle"
+    ):
+        ksd.gradient(pivot, PIVOT, by=(), turn=0.1)
     with pytest.raises(ksd.SceneError, match=r"no gradient of column 'stress_MP'.*stress_MPa"):
         of_pivot["stress_MP", "length"]
     with pytest.raises(ksd.SceneError, match=r"no gradient by 'lenth'.*length"):
