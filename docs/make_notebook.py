@@ -12,15 +12,15 @@ from pathlib import Path
 CELLS = (
     "# A fourbar in a notebook\n\nFour cross flexures, drawn in steel. Every answer shows itself: scenes, poses and "
     "tables as tables, figures as pictures.",
-    "import ksd\nfrom ksd.units import GPa, mm\n\n"
+    "import ksd\nfrom ksd.units import GPa, deg, mm\n\n"
     "steel = ksd.Material(E=200 * GPa, G=76.9 * GPa, density=7800)\n"
-    "cross = ksd.CrossFlexure(steel, length=100 * mm, angle=0.785, thickness=1 * mm, widths=(40 * mm, 20 * mm))\n\n"
+    "cross = ksd.CrossFlexure(steel, length=100 * mm, angle=45 * deg, thickness=1 * mm, widths=(40 * mm, 20 * mm))\n\n"
     'fourbar = ksd.Mechanism("fourbar")\n'
     'left, top, right = (fourbar.link(name) for name in ("left", "top", "right"))\n'
     "for x, side in ((-200 * mm, left), (200 * mm, right)):\n"
     '    fourbar.join(fourbar.ground, side, cross, at=(x, 0, 0), axis="z", toward="y")\n'
     '    fourbar.join(side, top, cross, at=(x, 300 * mm, 0), axis="z", toward="y")\n'
-    'fourbar.actuate(top, along="x", at=(0, 371 * mm, 0), name="top")\n'
+    'fourbar.actuate(top, along="x", at=(0, 300 * mm + cross.length_AB, 0))\n'
     "fourbar",
     "The top link is moved 200 mm.",
     "pose = ksd.solve(fourbar, top=200 * mm)\npose",
