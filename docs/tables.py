@@ -143,6 +143,15 @@ def kind_of(kind: str) -> str:
     return many + KINDS.get(name, name) + (", **required**" if kind.endswith("!") else "")
 
 
+def of_family(family: type[ksd.Joint]) -> schema.Schema:
+    """Keys of a joint; a list only where it takes one."""
+    given = inspect.signature(family).parameters
+    return {
+        key: kind.replace("[]", "") if str(given[key].annotation).startswith("float") else kind
+        for key, kind in schema.of_family(family).items()
+    }
+
+
 def keys(title: str, table: schema.Schema, *sources: object) -> list[str]:
     """What the docstrings of `sources` say of a table of a scene file, and its keys with their kinds."""
     lines = [f"### {title}", ""]
@@ -160,7 +169,8 @@ def scene_format(folder: Path) -> None:
     lines = keys("Top of the file", schema.TOP, ksd.Mechanism)
     lines += keys("[material.NAME]", schema.MATERIAL, ksd.Material)
     for kind, table in schema.SECTIONS.items():
-        lines += keys(f'[section.NAME], kind = "{kind}"', table, getattr(ksd, kind))
+        meanings = [ksd.Section] if kind == "numbers" else []
+        lines += keys(f'[section.NAME], kind = "{kind}"', table, getattr(ksd, kind), *meanings)
     for word, table in schema.SENTENCES.items():
         method = getattr(ksd.Mechanism, word)
         more = (
@@ -171,7 +181,7 @@ def scene_format(folder: Path) -> None:
             for kind, own in shapes.items():
                 lines += keys(f'[leaf.{key}], kind = "{kind}"', own, NAMED[key][kind][1])
     for name, family in sorted(ksd.joint_families().items()):
-        lines += keys(f'[joint.NAME], family = "{name}"', schema.of_family(family), family)
+        lines += keys(f'[joint.NAME], family = "{name}"', of_family(family), family)
     said = (inspect.getdoc(job_file) or "").partition("\n")[2].strip("\n")
     jobs = [
         "```text",
