@@ -7,11 +7,10 @@ import math
 
 from ksd.bench.compare import compare
 from ksd.cli.output import check_plot, console
-from ksd.cli.solve import OPTIONS, drive_value, effect_words
+from ksd.cli.solve import effect_words, scene_of
 from ksd.cli.sweep import writer_of
 from ksd.design.table import Table
 from ksd.errors import SceneError
-from ksd.scene.toml_file import load_scene
 from ksd.view.compare import Mark, plot_cost
 from ksd.view.figure import new_figure, save_figure
 
@@ -20,11 +19,7 @@ def run(options: argparse.Namespace) -> int:
     """Load, solve, print, write. Errors as in `ksd.load_scene` and `ksd.compare`."""
     check_plot(options.plot)
     write = None if options.out is None else writer_of(options.out)
-    mechanism, targets, written = load_scene(options.scene, option_names=tuple(OPTIONS))
-    scene = mechanism.scene()
-    for text in options.set:
-        name, value = drive_value(scene, text)
-        targets[name] = value
+    scene, targets, written = scene_of(options.scene, options.set)
     asked = {key: getattr(options, key) or written.get(key) for key in ("effects", "with", "without")}
     words = {key: value for key, value in effect_words(asked).items() if key != "accuracy"}
     table = compare(

@@ -10,11 +10,10 @@ from rich import box
 from rich.table import Table
 
 from ksd.cli.output import STDOUT, check_json, check_plot, console, write_json
-from ksd.cli.solve import OPTIONS, drive_value
+from ksd.cli.solve import scene_of
 from ksd.design.effect_cost import effect_cost
 from ksd.model.listing import reason
 from ksd.properties.words import signed
-from ksd.scene.toml_file import load_scene
 from ksd.view.effect_cost import plot_effect_cost
 from ksd.view.figure import new_figure, save_figure
 
@@ -23,11 +22,7 @@ def run(options: argparse.Namespace) -> int:
     """Load, solve every variant, print, write. Errors as in `ksd.solve` and `ksd.load_scene`."""
     check_json(options.json)
     check_plot(options.plot)
-    mechanism, targets, written = load_scene(options.scene, option_names=tuple(OPTIONS))
-    scene = mechanism.scene()
-    for text in options.set:
-        name, value = drive_value(scene, text)
-        targets[name] = value
+    scene, targets, written = scene_of(options.scene, options.set)
     accuracy = options.accuracy or written.get("accuracy") or 1e-3
     choice, rows = effect_cost(scene, targets)
     if options.json:

@@ -10,13 +10,12 @@ from typing import Any
 import numpy as np
 
 from ksd.cli.output import console, interrupted
-from ksd.cli.solve import OPTIONS, drive_value, effect_words, settings, solved
+from ksd.cli.solve import effect_words, scene_of, settings, solved
 from ksd.design.page import Compared, page
 from ksd.design.questions import KNOWN, unanswerable
 from ksd.design.sweep import sweep
 from ksd.errors import KsdError, SceneError
 from ksd.files import check_target, write_file
-from ksd.scene.toml_file import load_scene
 from ksd.solve.solver import prepare
 
 
@@ -24,12 +23,8 @@ def run(options: argparse.Namespace) -> int:
     """Solve, sweep, compare, write. Errors as in `ksd.solve` and `ksd.load_scene`."""
     if not 2 <= options.poses <= 10_000:
         raise SceneError(f"--poses {options.poses}: between 2 and 10000 poses are possible")
-    mechanism, targets, written = load_scene(options.scene, option_names=tuple(OPTIONS))
+    scene, targets, written = scene_of(options.scene, options.set)
     asked = settings(written, options)
-    scene = mechanism.scene()
-    for text in options.set:
-        name, value = drive_value(scene, text)
-        targets[name] = value
     target = Path(options.out or Path(options.scene).with_suffix(".html"))
     check_target(target, what="--out")
     # a first solve: it raises the curvature modes where they are few, and loads kernels, which no time shown holds

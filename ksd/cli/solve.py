@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import argparse
 import warnings
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 from ksd.cli.output import STDOUT, check_json, check_plot, console, write_json
 from ksd.errors import SceneError, SceneWarning
 from ksd.model.mesh import Mesh
+from ksd.scene import Scene
 from ksd.scene.plausible import meant_in
 from ksd.scene.toml_file import load_scene
 from ksd.scene.toml_table import quantity
@@ -30,12 +32,8 @@ def run(options: argparse.Namespace) -> int:
     """Load, solve, print, write. Errors as in `ksd.solve` and `ksd.load_scene`."""
     check_json(options.json)
     check_plot(options.plot, kinds=(".vtu",))
-    mechanism, targets, written = load_scene(options.scene, option_names=tuple(OPTIONS))
+    scene, targets, written = scene_of(options.scene, options.set)
     asked = settings(written, options)
-    scene = mechanism.scene()
-    for text in options.set:
-        name, value = drive_value(scene, text)
-        targets[name] = value
     result = solved(scene, targets, asked)
     if options.json:
         write_json(result.as_dict(), options.json)
@@ -50,19 +48,26 @@ def run(options: argparse.Namespace) -> int:
     return 0
 
 
-def settings(written: dict[str, Any], options: argparse.Namespace) -> dict[str, Any]:
-    """What is asked of the solver, the command line over the file. SceneError for what does not fit."""
-    asked: dict[str, Any] = {}
-    for key, kind in OPTIONS.items():
-        value = written.get(key)
+def scene_of(path: str, said: Sequence[str] = ()) -> tuple[Scene, dict[str, float], dict[str, Any]]:
+    """The scene of a file, its drive values (SI) with those said on the command line over them, and its [options].
+
+    Raises SceneError for what does not fit, an option of another type too.
+    """
+    mechanism, targets, written = load_scene(path, option_names=tuple(OPTIONS))
+    for key, value in written.items():
+        kind = OPTIONS[key]
         # a whole number is a fine accuracy, but true is not a number
-        fits = isinstance(value, (int, float) if kind is float else kind) and (
-            kind is bool or not isinstance(value, bool)
-        )
-        if value is not None and not fits:
+        fits = isinstance(value, (int, float) if kind is float else kind)
+        if not fits or (isinstance(value, bool) and kind is not bool):
             raise SceneError(f"[options] {key} = {value!r}: {_TYPES[kind]} is needed")
-        given = getattr(options, key, None)
-        asked[key] = value if given is None else given
+    scene = mechanism.scene()
+    return scene, targets | dict(drive_value(scene, text) for text in said), written
+
+
+def settings(written: dict[str, Any], options: argparse.Namespace) -> dict[str, Any]:
+    """What is asked of the solver, the command line over the file. SceneError for what does not fit together."""
+    given = {key: getattr(options, key) for key in OPTIONS}
+    asked = {key: written.get(key) if value is None else value for key, value in given.items()}
     if options.accuracy is not None and options.method is None:
         asked["method"] = None
     if asked["method"] is not None and asked["accuracy"] is not None:

@@ -10,11 +10,10 @@ import numpy as np
 
 from ksd.cli.commands import POSES
 from ksd.cli.output import check_plot, console, interrupted
-from ksd.cli.solve import OPTIONS, drive_value, effect_words, mesh_of, settings
+from ksd.cli.solve import drive_value, effect_words, mesh_of, scene_of, settings
 from ksd.design.sweep import sweep
 from ksd.errors import ConvergenceError, SceneError
 from ksd.files import check_target
-from ksd.scene.toml_file import load_scene
 
 WRITERS = {".csv": "to_csv", ".h5": "to_hdf5", ".hdf5": "to_hdf5", ".mat": "to_mat"}
 """How a table is written, by the ending of the file."""
@@ -24,9 +23,8 @@ def run(options: argparse.Namespace) -> int:
     """Sweep, print, write; a pose that fails is a row that says why, and the exit code is then 3."""
     check_plot(options.plot)
     write = None if options.out is None else writer_of(options.out)
-    mechanism, targets, written = load_scene(options.scene, option_names=tuple(OPTIONS))
+    scene, targets, written = scene_of(options.scene)
     asked = settings(written, options)
-    scene = mechanism.scene()
     found = dict(stroke_value(scene, text) for text in options.set)
     if not found:  # the values of the file are the end of the stroke
         found = {n: np.linspace(0.0, v, POSES) for n, v in targets.items()}
