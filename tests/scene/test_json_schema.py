@@ -205,7 +205,7 @@ def test_what_is_wrong_in_a_job_does_not_fit(old, new, tmp_path):
     assert not fits(tomllib.loads(text), JOBS, JOBS)
 
 
-def test_a_job_may_name_its_scene(tmp_path):
+def test_a_job_may_name_its_scene():
     text = '[job]\nscene = "pivot.toml"\nmaximise = "stress_MPa"\n[job.vary]\njoint.cross.thickness = ["0.2 mm", "1 mm"]\n'
     assert fits(tomllib.loads(text), JOBS, JOBS)
 

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from readable import assert_readable
-from scenes import cross_flexure, fourbar, single_joint
+from scenes import cross_flexure, single_joint
 
 import ksd
 from ksd.design.questions import KNOWN
@@ -67,15 +67,12 @@ def test_small_and_slender_mechanisms():
     assert any("5 µm" in text.get_text() for text in figure.axes[0].texts)
 
 
-def test_strokes():
-    table = ksd.sweep(
-        fourbar(), method="full", questions=KNOWN, top=[*np.linspace(0, 0.3, 8), 0.6], progress=False
-    )
+def test_strokes(table):
     assert_readable(table.plot())
     assert_readable(table.plot(wide=3))
-    for question in KNOWN:
-        if question not in ("closed_form",) and any(a for a in table.columns if question.split("_")[0] in a):
-            assert_readable(table.plot(question))
+    assert KNOWN[-1] == "distance"  # of which the scene says none
+    for question in KNOWN[:-1]:
+        assert_readable(table.plot(question))
     designs = ksd.sweep(
         lambda thickness: single_joint(cross_flexure(thickness=thickness)),
         designs={"thickness": [8e-4, 9e-4, 1e-3]}, questions="force", method="full", turn=[0.0, 0.2, 0.4], progress=False,

@@ -8,18 +8,10 @@ from readable import assert_readable
 from scenes import cross_flexure, fourbar, single_joint
 
 import ksd
-from ksd.design.questions import KNOWN
 from ksd.design.table import Table
 from ksd.view import animate_mode, animate_stroke, plot_mode
 from ksd.view.effect_cost import plot_effect_cost
 from ksd.view.figure import new_figure
-
-
-@pytest.fixture(scope="module")
-def table():
-    """Nine poses of the fourbar, the last out of reach."""
-    values = [*np.linspace(0, 0.3, 8), 0.6]
-    return ksd.sweep(fourbar(), method="full", questions=KNOWN, top=values, progress=False)
 
 
 def test_every_panel_has_labels_with_units(table):
