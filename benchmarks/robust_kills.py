@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 
 ROOT = Path(__file__).resolve().parents[1]
-sys.path[:0] = [str(ROOT / "tests" / "library"), str(ROOT)]
+sys.path[:0] = [str(ROOT / "tests" / "library"), str(ROOT / "tests"), str(ROOT)]
 
 from test_damage import SMALLEST, all_refused, killed_training  # noqa: E402
 

@@ -1,20 +1,22 @@
 """Fixtures shared by all tests; the scenes are in `scenes.py`."""
 
+import subprocess
+import sys
+from pathlib import Path
+
 import numpy as np
 import pytest
+from processes import environment
 
 
 def pytest_configure(config):
     """Compile the kernels once, before the workers of pytest-xdist start: each of them then finds them in the cache."""
     if hasattr(config, "workerinput") or not getattr(config.option, "numprocesses", None):
         return
-    from scenes import fourbar
-
-    import ksd
-
-    for mesh in (None, ksd.Mesh("corotational", elements=2)):
-        for planar in (True, False):
-            ksd.prepare(fourbar(), mesh=mesh, planar=planar)(top=0.1, method="full")
+    tests = Path(__file__).parent
+    parts = [[sys.executable, tests / "kernels.py", part] for part in ("equilibrium", "joints")]
+    for process in [subprocess.Popen(part, env=environment(tests)) for part in parts]:
+        assert process.wait() == 0, "kernels.py does not run"
 
 
 @pytest.fixture

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from processes import environment
 from scenes import cross_flexure, fourbar, single_joint
 
 import ksd
@@ -334,10 +335,9 @@ def test_pool_by_default_in_a_script(tmp_path):
         "                  questions='force', turn=np.linspace(0, 0.5, 101), method='full', progress=False)\n"
         "    print(len(t), len(t.failures))\n"
     )
-    paths = f"{ROOT}:{ROOT / 'tests'}"
     done = subprocess.run(
         [sys.executable, str(script)], capture_output=True, text=True, cwd=ROOT,
-        env={**__import__("os").environ, "PYTHONPATH": paths},
+        env=environment(ROOT / "tests"),
     )  # fmt: skip
     assert done.stdout.split() == ["202", "0"], done.stderr
 

@@ -14,6 +14,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from processes import environment
 
 import ksd.library.files as files
 from ksd.design import Table
@@ -22,7 +23,6 @@ from ksd.errors import RecordError
 from ksd.library import read_record, read_result, write_record
 from ksd.library.tables import write_answer
 
-ROOT = Path(__file__).resolve().parents[2]
 FLIPS, CUTS = 5000, 1000
 SMALLEST = files.shipped_folder() / "filleted_notch.h5"
 """The smallest record that ships: 10 kB."""
@@ -133,9 +133,8 @@ print(len(seen), flush=True)
 def test_four_processes_read_while_one_replaces(record, tmp_path):
     """Each reader sees whole records only, ends with the last, and none was ever refused."""
     path = write_record(record, tmp_path / "toy.h5")
-    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
     start = [sys.executable, "-c", READER, str(path)]
-    pipes = {"env": environment, "stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
+    pipes = {"env": environment(), "stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
     readers = [subprocess.Popen([*start, str(n)], **pipes) for n in range(4)]
     n = 0
     while any(r.poll() is None for r in readers):
@@ -262,11 +261,10 @@ def killed_training(folder, kills, rng, *, span):
     Nothing finished is lost: what is kept never becomes less, and there is no record before the end. Returns how many of
     the kills found the training at work.
     """
-    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
     start = [sys.executable, "-c", TRAINING, str(folder)]
     kept, hit = set(), 0
     for wait in rng.uniform(*span, kills):
-        process = subprocess.Popen(start, env=environment)
+        process = subprocess.Popen(start, env=environment())
         time.sleep(wait)
         process.kill()
         hit += process.wait() == -signal.SIGKILL
@@ -279,7 +277,7 @@ def killed_training(folder, kills, rng, *, span):
             continue
         assert kept <= now
         kept = now
-    assert subprocess.run(start, env=environment).returncode == 0
+    assert subprocess.run(start, env=environment()).returncode == 0
     assert not (folder / ".cross_flexure.partial").exists()
     return hit
 

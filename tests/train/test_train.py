@@ -12,6 +12,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from processes import environment
 
 import ksd
 from ksd.errors import SceneError
@@ -211,10 +212,9 @@ if __name__ == "__main__":
 def test_ctrl_c_in_a_process_run_keeps_finished_shapes(tmp_path):
     script = tmp_path / "run.py"
     script.write_text(SCRIPT.format(out=str(tmp_path)))
-    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
     # a test run started in the background is deaf to Ctrl-C, and so would be what it starts
     process = subprocess.Popen(
-        [sys.executable, str(script)], env=environment, stderr=subprocess.PIPE, start_new_session=True,
+        [sys.executable, str(script)], env=environment(), stderr=subprocess.PIPE, start_new_session=True,
         preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
     )  # fmt: skip
     folder = tmp_path / ".cross_flexure.partial"
@@ -484,8 +484,7 @@ if __name__ == "__main__":
 def test_a_killed_run_resumes_to_the_same_bytes(tmp_path, threads):
     script = tmp_path / "run.py"
     script.write_text(KILLED.format(out=str(tmp_path)))
-    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
-    process = subprocess.Popen([sys.executable, str(script)], env=environment, start_new_session=True)
+    process = subprocess.Popen([sys.executable, str(script)], env=environment(), start_new_session=True)
     folder = tmp_path / ".cartwheel.partial"
     while process.poll() is None and len(list(folder.glob("*.npz"))) < 4:
         time.sleep(0.01)

@@ -1,6 +1,5 @@
 """Pictures and ParaView files: made without a display, of what the configuration holds."""
 
-import os
 import subprocess
 import sys
 import xml.etree.ElementTree as ElementTree
@@ -11,6 +10,7 @@ import numpy as np
 import pytest
 from matplotlib.colors import to_hex, to_rgba
 from PIL import Image
+from processes import environment
 from readable import assert_readable
 from scenes import fourbar, single_joint
 
@@ -461,7 +461,7 @@ def test_a_window_rendered_without_a_display(bent, tmp_path):
         "import sys, ksd; from ksd.scene.toml_file import load_scene;"
         f"m, t, _ = load_scene({str(SCENES / 'fourbar.toml')!r}); ksd.solve(m, t).view(sys.argv[1])"
     )
-    words = {**os.environ, "VTK_DEFAULT_OPENGL_WINDOW": "vtkEGLRenderWindow"}
+    words = environment(VTK_DEFAULT_OPENGL_WINDOW="vtkEGLRenderWindow")
     done = subprocess.run(
         [sys.executable, "-c", code, str(tmp_path / "a.png")], env=words, capture_output=True
     )
