@@ -9,8 +9,9 @@ Values and derivatives are of the same equilibria on the same mesh. Designs go t
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor
+from contextlib import contextmanager
 from copy import copy
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache, update_wrapper
@@ -27,6 +28,7 @@ from ksd.design.plan import Paths, drive_paths, load_cases, loaded, scene_of
 from ksd.design.prepared import Found, spoken_status
 from ksd.design.questions import Asked, Row, asked_of, columns_of_drives, known_columns, others
 from ksd.design.resume import ResumeFile, records_of
+from ksd.design.sweep import SweepInterrupted
 from ksd.design.table import OK, Table
 from ksd.design.words import check_drives, check_executor, check_parameters, check_ways, drive_rows
 from ksd.errors import KsdError, RecordError, SceneError
@@ -887,6 +889,14 @@ class Log:
         """How many designs were evaluated or replayed."""
         return len(self.rows)
 
+    @contextmanager
+    def interruptible(self, done: Callable[[], str] = lambda: "") -> Iterator[None]:
+        """Ctrl-C inside raises SweepInterrupted with all designs; done: what else is said."""
+        try:
+            yield
+        except KeyboardInterrupt:
+            raise SweepInterrupted(f"{done()}the designs done are", self.table(), self.kept.path) from None
+
     def batch(self, X: ArrayLike, *, by: str = "") -> Judged:
         """`Job.batch`, block by block, each design on disk when its block is done."""
         X = np.atleast_2d(np.asarray(X, float))
@@ -933,6 +943,7 @@ class Log:
     def _keep(self, key: str, x: Array, values: Array, status: str, by: str) -> None:
         row = {**self.job.design_at(x), **dict(zip(self.job.names, values.tolist(), strict=True))}
         self.kept.keep(key, [row | {"by": by, "status": status}])
+        self._read(key)
 
     def _read(self, key: str) -> Row:
         """The row of a design, noted as asked for."""

@@ -16,7 +16,6 @@ import time
 import warnings
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import Executor, Future
-from contextlib import contextmanager
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
@@ -26,7 +25,6 @@ from scipy.optimize import BFGS, Bounds, NonlinearConstraint, minimize, nnls
 from ksd.design.job import Job, Log
 from ksd.design.optimum import Ended, Optimum
 from ksd.design.search import BINDING, Failed, Search
-from ksd.design.sweep import SweepInterrupted
 from ksd.design.table import OK
 from ksd.design.tolerance import check_spread, first_order
 from ksd.design.words import check_executor
@@ -118,7 +116,7 @@ def optimise(
     X = [job.point(start), *job.random(count, whole(seed, "seed", least=0) + 1)[: count - 1]]
     check_executor(executor)
     log = Log(job, resume=resume, executor=None if count > 1 else executor)
-    with kept(log), progress_bar(truth(progress, "progress")) as bar:
+    with log.interruptible(), progress_bar(truth(progress, "progress")) as bar:
         task = bar.add_task("starts", total=count)
 
         def told(search: Search, done: int) -> None:
@@ -126,15 +124,6 @@ def optimise(
 
         elsewhere = executor if count > 1 else None
         return optimum_of(job, log, X, method, executor=elsewhere, times=times, scatter=scatter, told=told)
-
-
-@contextmanager
-def kept(log: Log, done: Callable[[], str] = lambda: "") -> Iterator[None]:
-    """Ctrl-C inside raises SweepInterrupted with all designs of a log; done: what else is said."""
-    try:
-        yield
-    except KeyboardInterrupt:
-        raise SweepInterrupted(f"{done()}the designs done are", log.table(), log.kept.path) from None
 
 
 def optimum_of(

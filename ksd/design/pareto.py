@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ksd.design.job import Job, Log
-from ksd.design.optimise import kept, optimise, optimum_of, so_far
+from ksd.design.optimise import optimise, optimum_of, so_far
 from ksd.design.optimum import Optimum
 from ksd.design.search import Search
 from ksd.design.sweep import SweepInterrupted
@@ -135,7 +135,7 @@ def pareto(
     def done() -> str:
         return f"{len(found)} of {count} points are done, "
 
-    with kept(log, done), progress_bar(truth(progress, "progress")) as bar:
+    with log.interruptible(done), progress_bar(truth(progress, "progress")) as bar:
         task = bar.add_task("points", total=count)
 
         def told(search: Search, _: int) -> None:

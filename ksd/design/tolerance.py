@@ -89,15 +89,16 @@ def tolerance(
 
     design: an optimum of `ksd.optimise`, or parameters by name or in order. spread: standard deviation of parameters by
     name, SI; others are exact. samples: for the Monte Carlo by `seed`; they may leave bounds and rules, which are not what
-    is made. executor, resume, progress: as in `ksd.optimise`. Raises SceneError for wrong words, KsdError where the design
-    itself has no answers.
+    is made. executor, resume, progress: as in `ksd.optimise`, Ctrl-C too. Raises SceneError for wrong words, KsdError where
+    the design itself has no answers.
     """
     x, sd, count = *_given(job, design, spread), whole(samples, "samples", least=2)
     log = Log(job, resume=resume, executor=executor, progress=progress)
-    nominal, slopes = log.slopes(x, by="tolerance")
-    parts, first = (slopes * sd) ** 2, first_order(slopes, sd)
     X = x + sd * np.random.default_rng(whole(seed, "seed", least=0)).normal(size=(count, len(x)))
-    values, status = log.batch(X, by="tolerance")
+    with log.interruptible():
+        nominal, slopes = log.slopes(x, by="tolerance")
+        values, status = log.batch(X, by="tolerance")
+    parts, first = (slopes * sd) ** 2, first_order(slopes, sd)
     good = np.array([s == OK for s in status]) & np.isfinite(values).any(axis=1)
     if not good.any():
         raise KsdError(f"none of {count} samples could be solved; the first: {status[0]}")

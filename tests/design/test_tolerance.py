@@ -5,6 +5,7 @@ import pytest
 from test_job import BEST, job, strip
 
 import ksd
+from ksd.design import job as room
 from ksd.design.job import Log
 from ksd.units import deg, mm
 
@@ -46,6 +47,25 @@ def test_limits_are_moved_in_on_both_sides():
         assert (b.low, b.high) == ((a.low + own, a.high - own) if a.role == "limit" else (a.low, a.high))
     values = one.values(one.point(BEST))
     assert (moved.margins(values) < one.margins(values)).all()
+
+
+def test_ctrl_c_keeps_the_samples_that_are_done(monkeypatch, tmp_path):
+    monkeypatch.setattr(room, "BLOCK", 2)
+    honest, calls = ksd.Job.batch, []
+
+    def interrupted(self, X, **how):
+        calls.append(len(X))
+        if len(calls) == 3:
+            raise KeyboardInterrupt
+        return honest(self, X, **how)
+
+    monkeypatch.setattr(ksd.Job, "batch", interrupted)
+    words = {"spread": SPREAD, "samples": 6, "resume": tmp_path / "rows.jsonl"}
+    with pytest.raises(ksd.SweepInterrupted, match=r"call again with resume='.*rows.jsonl' to go on") as told:
+        ksd.tolerance(job(turn=[0.5]), BEST, **words)
+    # the design itself, and two blocks of samples
+    assert calls == [2, 2, 2] and told.value.table["status"] == ["ok"] * 5
+    assert ksd.tolerance(job(turn=[0.5]), BEST, **words).merits.shape == (6,) and calls == [2, 2, 2, 2]
 
 
 def test_wrong_words_of_tolerance():
