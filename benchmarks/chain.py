@@ -41,7 +41,8 @@ class Case:
         self.prepared = Prepared(Solver(scene, mesh=mesh).five_steps, method=method)
         self.count = max(3, 300 // joints)
         self.values = {n: np.linspace(0.5, 1.0, self.count) * v for n, v in targets.items()}
-        self.bytes = stored(self.prepared.five.storage.parts)
+        b = self.prepared.five.storage
+        self.bytes = stored((*vars(b.bodies).values(), b.model.arrays, b.model.rest, b.state))
         self.solved = bool((self.prepared(self.values).status == 0).all())
 
     def __call__(self) -> None:

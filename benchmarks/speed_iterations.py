@@ -44,7 +44,7 @@ def systems() -> dict[str, System]:
         solver = ksd.prepare(fourbar(1), mesh=mesh)
         b = solver.five_steps.storage
         # steps 1 and 2
-        space_steps(b.parts, TARGET, KINEMATIC, 0, 0, RTOL, CAP, GAP, np.zeros((5, 5)))
+        space_steps(b, TARGET, KINEMATIC, 0, GAP)
         arrays, reduced = b.model.arrays, b.bodies.reduced
         found[f"full, {name}"] = System(arrays, b.model.rest.copy(), b.full_work, (1, 4))
         found[f"reduced, {name}"] = System(reduced, b.reduced.copy(), b.reduced_work, (0, 2))

@@ -41,7 +41,7 @@ class _Design(NamedTuple):
 
 
 class Designs:
-    """Solves designs at drive values; ways: method, passes, tabulated (`Prepared`); mesh: None for the usual one."""
+    """Solves designs at drive values; ways: method, relinearisations, tabulated (`Prepared`); mesh: the usual when None."""
 
     def __init__(
         self, values: Mapping[str, np.ndarray], ways: Mapping[str, Any], mesh: Mesh | None, extrapolate: bool
@@ -120,7 +120,7 @@ class Designs:
                 five = FiveSteps(
                     model, body_design(layout, bodies, d), extrapolate=self.extrapolate, state=state
                 )
-                state = five.storage.parts.state
+                state = five.storage.state
                 found[one.number] = Prepared(five, **self.ways)(self.values)
             except KsdError as reason:
                 found[one.number] = reason

@@ -18,7 +18,7 @@ from ksd.solve.error import settle
 from ksd.solve.five import FiveSteps
 from ksd.solve.many import SPOKEN, UNANSWERED, UNSTABLE, Poses, space_many, tabulated_many
 from ksd.solve.space_steps import KINEMATIC, REDUCED
-from ksd.solve.steps import CAP, RTOL, Step, Stop
+from ksd.solve.steps import Step, Stop
 from ksd.solve.tables import joint_tables
 
 SOLVED = (Step("in a batch", 0, 0.0, 0.0, Stop.CONVERGED),)
@@ -81,7 +81,7 @@ class Prepared:
         if method == KINEMATIC:
             five.insist_on_motions()
         b = five.storage
-        self.tables = joint_tables(b.parts, b.bodies) if tabulated else None
+        self.tables = joint_tables(b) if tabulated else None
         limits = np.column_stack([b.lowest, b.highest])
         self._limits = limits + (np.array([-np.inf, np.inf]) if five.extrapolate else 0.0)
 
@@ -101,13 +101,11 @@ class Prepared:
         found = Found(*names, force, x, R, motion, status, error)
         ask = None if self.asked is None else _Questions(self, self.asked, targets, found)
         if self.tables is None:
-            space_many(
-                b.parts, targets, rows, self.method, self.relinearisations, _ways(self.five), self._limits, put, ask
-            )  # fmt: skip
+            space_many(b, targets, self.method, self.relinearisations, self.five.gap, self._limits, put, ask)
         else:
             t = self.tables
             limits = np.column_stack([self._limits, t.limits])
-            tabulated_many(b.parts, t.cubic, t.which, targets, rows, _ways(self.five), limits, put)
+            tabulated_many(b, t.cubic, t.which, targets, self.five.gap, limits, put)
         found.motion = motion * b.bodies.motion_scale
         return found
 
@@ -182,8 +180,3 @@ def answer_together(designs: Sequence[Found], asked: Asked) -> None:
         found.status[n] = _note(found, n, failed)
     for found in designs:
         found.waiting.clear()
-
-
-def _ways(five: FiveSteps) -> np.ndarray:
-    """Tolerances of the steps: residual, turn per iteration, gap of the loops."""
-    return np.array([RTOL, CAP, five.gap])

@@ -19,9 +19,9 @@ from ksd.model.arrays import Motion, Work, make_work
 from ksd.model.compile import Model
 from ksd.model.newton import GRAIN, LOOSE, assemble, largest_move, largest_turn, take_step
 from ksd.model.weight import weight_force
+from ksd.numerics.indefinite import inertia, scaling
 from ksd.properties.nonconservative import divergences, skew_tangent
 from ksd.properties.tangent import stored_matrix
-from ksd.solve.pivoted import inertia, scaling
 from ksd.solve.steps import RTOL, Stop
 
 Array = NDArray[np.float64]

@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 from ksd.model.arrays import Motion
 from ksd.model.compile import Model
 from ksd.model.newton import look, take_step
-from ksd.solve.pipeline import FiveStepsStorage
+from ksd.solve.space_steps import FiveStepsStorage
 from ksd.solve.steps import RTOL, ErrorEstimate, Step, Stop
 
 COARSE = 0.01

@@ -23,9 +23,8 @@ from ksd.solve.configuration import Configuration
 from ksd.solve.estimate import distance, estimate_error
 from ksd.solve.following import counted
 from ksd.solve.load_steps import WANDERED, wandered
-from ksd.solve.pipeline import FiveStepsStorage
-from ksd.solve.space_steps import FULL, KINEMATIC, REDUCED, SpaceState, space_steps
-from ksd.solve.steps import CAP, RTOL, FiveStepRecord, Step, Stop
+from ksd.solve.space_steps import FULL, KINEMATIC, REDUCED, FiveStepsStorage, SpaceState, space_steps
+from ksd.solve.steps import FiveStepRecord, Step, Stop
 from ksd.solve.verdict import trained_range
 
 _CODES = {"kinematic": KINEMATIC, "reduced": REDUCED, "full": FULL}
@@ -61,7 +60,6 @@ class FiveSteps:
         self.fit: Fit = check_freedoms(model, bodies)
         self.gap = GAP if self.fit.exact else YIELDING
         self.storage = FiveStepsStorage(model, bodies, state)
-        self._out: dict[int, np.ndarray] = {}
         self._expected = len(model.drive_names) + len(model.support_names)
 
     def __call__(
@@ -77,19 +75,13 @@ class FiveSteps:
         if method == "kinematic":
             self.insist_on_motions()
         b, code = self.storage, _CODES[method]
-        out = self._out.get(relinearisations)
-        if out is None:
-            out = self._out[relinearisations] = np.zeros((2 + 3 * (relinearisations + 1), 5))
-        first: Step | None = None
-        ready = 0
-        if b.bodies.hanging:
-            first, ready = _closed(b, target, self.gap), 1
-        count, negatives = self._steps(target, code, relinearisations, ready, out)
-        if not ready and (out[0, 0] != 0 or not out[0, 2] < self.gap * b.bodies.reduced.size):
+        record, negatives = space_steps(b, target, code, relinearisations, self.gap)
+        first = None
+        if record[0][0] != 0 or not record[0][2] < self.gap * b.bodies.reduced.size:
             first = _closed(b, target, self.gap)
-            count, negatives = self._steps(target, code, relinearisations, 1, out)
-        record, (inside, intended) = out[:count].tolist(), b.seen.tolist()
-        arrived = record[-1][0] == 0.0
+            record, negatives = space_steps(b, target, code, relinearisations, self.gap, closed=True)
+        inside, intended = b.seen.tolist()
+        arrived = record[-1][0] == 0
         warnings = [] if arrived and inside else trained_range(b, b.theta, extrapolate=self.extrapolate)
         steps = FiveStepRecord(record, relinearisations, first=first)
         if not arrived or first is not None:
@@ -100,7 +92,6 @@ class FiveSteps:
             clock = Stopwatch()
             pipeline.kinematic_forces(b, target)
             steps.rows[-1][3] += clock()
-            moved = moved._replace(found=moved.found.copy())
             return self._kinematic((values, target, steps), moved, warnings, estimate=estimate)
         if estimate and method == "reduced":
             # condensed joints cannot buckle: the inertia is that of the full model at the recovered state
@@ -109,14 +100,6 @@ class FiveSteps:
         return self._configuration(
             (dict(values), method, steps), moved, negatives=negatives, error=error, warnings=warnings
         )
-
-    def _steps(
-        self, target: np.ndarray, code: int, relinearisations: int, closed: int, out: np.ndarray
-    ) -> tuple[int, int]:
-        """All steps but the first when that is done already (`closed` 1); their rows in `out` are where they always are."""
-        ways = target, code, relinearisations, closed, RTOL, CAP, self.gap
-        count, negatives = space_steps(self.storage.parts, *ways, out[closed:])
-        return closed + count, negatives
 
     def insist_on_motions(self) -> None:
         """KinematicsError where intended motions alone say nothing of a drive or support."""

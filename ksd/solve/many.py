@@ -13,14 +13,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ksd.bodies.kinematics import close_loops
 from ksd.bodies.readout import intended_motions
 from ksd.bodies.substructures import relative_poses
 from ksd.model.newton import CONVERGED, iterate
 from ksd.numerics.kernel import kernel
 from ksd.numerics.rotations import rotation_log, turn
 from ksd.solve.joint_range import far, outside
-from ksd.solve.space_steps import LINEAR_SIZE, SpaceSet, close_from_rest, size_of, space_steps
+from ksd.solve.space_steps import LINEAR_SIZE, FiveStepsStorage, close_joints, space_steps
+from ksd.solve.steps import RTOL
 
 LOCKED, OUT_OF_RANGE, UNSTABLE, FAR, UNANSWERED = 10, 11, 12, 13, 14
 """Statuses beyond those of `ksd.solve.steps.Stop`."""
@@ -46,29 +46,26 @@ class Poses(NamedTuple):
 
 
 def space_many(
-    s: SpaceSet, targets: np.ndarray, expected: int, method: int, relinearisations: int, ways: np.ndarray,
-    limits: np.ndarray, found: Poses, ask: Callable[[int], int] | None = None,
+    b: FiveStepsStorage, targets: np.ndarray, method: int, relinearisations: int, gap: float, limits: np.ndarray,
+    found: Poses, ask: Callable[[int], int] | None = None,
 ) -> None:  # fmt: skip
-    """Solve at targets (N, c) into `found`; ways = (rtol, cap, gap), limits (q, 2): trained ranges with slack.
+    """Solve at targets (N, c) into `found`; gap: see `space_steps`; limits (q, 2): trained ranges with slack.
 
-    expected: negative pivots of the rows. ask: asks more of every pose that was solved, whose state is in the storage, and
-    returns its status.
+    ask: asks more of every pose that was solved, whose state is in the storage, and returns its status.
     """
-    state, length = s.state, s.bodies.loops.length
-    out, full, links = np.zeros((2 + 3 * (relinearisations + 1), 5)), s.state.full, found.x.shape[1]
-    rtol, cap, gap = ways.tolist()
+    full, links, length = b.full, found.x.shape[1], b.bodies.loops.length
     for n, target in enumerate(targets):
-        rows, negatives = space_steps(s, target, method, relinearisations, 0, rtol, cap, gap, out)
-        status = int(out[rows - 1, 0])
-        if out[0, 0] != 0 or not out[0, 2] < gap * size_of(s.bodies.reduced):
+        rows, negatives = space_steps(b, target, method, relinearisations, gap)
+        status = int(rows[-1][0])
+        if rows[0][0] != 0 or not rows[0][2] < gap * b.bodies.reduced.size:
             status = LOCKED
-        elif outside(state.theta, limits, 0):
+        elif outside(b.theta, limits, 0):
             status = OUT_OF_RANGE
-        elif status == 0 and negatives != expected:
+        elif status == 0 and negatives != len(target):
             status = UNSTABLE
-        elif status == 0 and far(state.off, 3, length, 0):
+        elif status == 0 and far(b.off, 3, length, 0):
             status = FAR
-        found.force[n], found.motion[n] = -full.multiplier, state.found
+        found.force[n], found.motion[n] = -full.multiplier, b.found
         found.x[n], found.R[n] = full.x[:links], full.R[:links]
         found.status[n] = ask(n) if ask is not None and status == 0 else status
 
@@ -131,14 +128,14 @@ def _add_offset(x, R, off):
         turn(off[k, 3:6], R[k])
 
 
-def _settle(s: SpaceSet, target: np.ndarray, rtol: float, off: np.ndarray) -> tuple[int, int]:
+def _settle(b: FiveStepsStorage, target: np.ndarray, off: np.ndarray) -> tuple[int, int]:
     """Equilibrium of links and condensed joints, first as far off the kinematic pose as the pose before was, off (links, 6),
     where that is anything; which becomes what this one is. Returns (reason, negative pivots)."""
-    arrays, motion, work = s.bodies.reduced, s.state.reduced, s.state.reduced_work
+    arrays, motion, work = b.bodies.reduced, b.reduced, b.reduced_work
     x, R, reason, negatives = motion.x.copy(), motion.R.copy(), -1, 0
 
     def newton(most: int) -> tuple[int, int]:
-        found = iterate(arrays, motion, target, 1.0, work, rtol, most, math.inf, math.inf)
+        found = iterate(arrays, motion, target, 1.0, work, RTOL, most, math.inf, math.inf)
         return found[0], found[3]
 
     if off.any():
@@ -154,18 +151,16 @@ def _settle(s: SpaceSet, target: np.ndarray, rtol: float, off: np.ndarray) -> tu
 
 
 def tabulated_many(
-    s: SpaceSet, cubic: np.ndarray, which: np.ndarray, targets: np.ndarray, expected: int, ways: np.ndarray,
-    limits: np.ndarray, found: Poses,
+    b: FiveStepsStorage, cubic: np.ndarray, which: np.ndarray, targets: np.ndarray, gap: float, limits: np.ndarray,
+    found: Poses,
 ) -> None:  # fmt: skip
     """Steps 1 and 3 at targets (N, c), the joints from cubic (T, pieces, 4, 27); which (J,): table of every joint.
 
     limits (q, 4): trained ranges with slack, then as they are. A pose much nearer to the one before than to rest starts
     where the last two lead to, and from rest if that fails. Otherwise as `space_many`.
     """
-    state, loops, arrays, reduced = s.state, s.bodies.loops, s.bodies.reduced, s.state.reduced
-    theta, status = state.theta, found.status
-    rtol, _, gap = ways.tolist()
-    joints, wide = len(loops.node), gap * size_of(arrays)
+    loops, reduced, theta, status = b.bodies.loops, b.reduced, b.theta, found.status
+    joints, wide = len(loops.node), gap * b.bodies.reduced.size
     then, shift, first = theta.copy(), np.zeros((len(reduced.x), 6)), loops.first[:-1]
     inner = reduced.inner[: LINEAR_SIZE * joints].reshape(joints, LINEAR_SIZE)
     for n, target in enumerate(targets):
@@ -175,31 +170,30 @@ def tabulated_many(
                 _go_on(target, targets[n - 1], targets[n - 2], theta, then)
             else:
                 then[:] = theta
-            reason, _, left, _ = close_loops(arrays, loops, theta, target, reduced, state.place, 40)
+            reason, _, left = close_joints(b, target)
             closed = reason == 0 and left < wide and not outside(theta, limits, 0)
         else:
             then[:] = theta
             shift[:] = 0.0
         if not closed:
-            reason, _, left = close_from_rest(s, target)
+            b.restart()
+            reason, _, left = close_joints(b, target)
             closed = reason == 0 and left < wide
         found.motion[n] = theta
         if not closed or outside(theta, limits, 0):
             status[n] = OUT_OF_RANGE if closed else LOCKED
             continue
-        inner[:, :3], inner[:, 3:12] = state.place[:, 9:12], state.place[:, :9]
+        inner[:, :3], inner[:, 3:12] = b.place[:, 9:12], b.place[:, :9]
         _from_table(
             cubic, which, (theta[first] - limits[first, 2]) / (limits[first, 3] - limits[first, 2]), inner
         )
-        status[n], negatives = _settle(s, target, rtol, shift)
-        relative_poses(*loops.flat, reduced.x, reduced.R, state.relative)
-        state.found[:] = theta
-        intended_motions(
-            *loops.flat, state.relative, state.found, state.place, state.series, state.off, state.known
-        )
-        if status[n] == 0 and negatives != expected:
+        status[n], negatives = _settle(b, target, shift)
+        relative_poses(*loops.flat, reduced.x, reduced.R, b.state.relative)
+        b.found[:] = theta
+        intended_motions(*loops.flat, b.state.relative, b.found, b.place, b.state.series, b.off, b.known)
+        if status[n] == 0 and negatives != len(target):
             status[n] = UNSTABLE
-        elif status[n] == 0 and far(state.off, 3, loops.length, 0):
+        elif status[n] == 0 and far(b.off, 3, loops.length, 0):
             status[n] = FAR
-        found.force[n], found.motion[n] = -reduced.multiplier, state.found
+        found.force[n], found.motion[n] = -reduced.multiplier, b.found
         found.x[n], found.R[n] = reduced.x, reduced.R

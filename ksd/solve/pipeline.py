@@ -1,4 +1,4 @@
-"""Around the compiled five steps: their storage, step 1 along the drive, forces of a kinematic answer, error estimates.
+"""Around the compiled five steps: step 1 along the drive, forces of a kinematic answer, error estimates.
 
 The steps of the KSD method (paper 1, section 2) themselves are in `ksd.solve.space_steps`:
 1 close the loops by the database constraints; 2 near configuration and condensed stiffness of every joint; 3 equilibrium
@@ -10,65 +10,27 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
-from ksd.bodies.joints import JointBodies, JointLoops, hang_links, joint_loops
-from ksd.bodies.kinematics import close_loops
+from ksd.bodies.joints import JointBodies, JointLoops, joint_loops
 from ksd.bodies.readout import drive_forces
 from ksd.errors import KsdError
 from ksd.library import Record
-from ksd.model.arrays import Motion, flatten, opened
+from ksd.model.arrays import Motion
 from ksd.model.compile import Model
 from ksd.numerics.stopwatch import Stopwatch
 from ksd.solve.joint_range import motion_limits
-from ksd.solve.space_steps import SpaceState, read_joints, space_set
+from ksd.solve.space_steps import FiveStepsStorage, close_joints, read_joints
 from ksd.solve.steps import JointMotions, Step, Stop
 
 
-class FiveStepsStorage:
-    """Storage of one thread for repeated solves of one model in space: every array the five steps write into.
-
-    parts: all of it as the compiled steps take it. lowest, highest (motions,): trained
-    ranges with their slack.
-    """
-
-    def __init__(self, model: Model, bodies: JointBodies, state: SpaceState | None = None) -> None:
-        if len(bodies.hung.owner):
-            # step 2 sets where the weight of the joints pulls; another thread has its own
-            own = opened(flatten(bodies.reduced))
-            bodies = replace(bodies, reduced=own)
-        self.model, self.bodies = model, bodies
-        parts = space_set(model, bodies, state)
-        self.parts = parts
-        state = parts.state
-        self.full, self.full_work = state.full, state.full_work
-        self.reduced, self.reduced_work = state.reduced, state.reduced_work
-        self.substructures, self.substructure_work = state.substructures, state.substructure_work
-        self.theta, self.place, self.found, self.off = state.theta, state.place, state.found, state.off
-        self.known = state.known
-        self.joint_names = tuple(p.name for p in model.scene.joints)
-        self.seen = state.seen
-        self.lowest, self.highest, _, _ = state.limits.T
-
-    def restart(self) -> None:
-        """Back to rest, in place."""
-        self.full.assign(self.model.rest)
-        self.reduced.assign(self.bodies.reduced_rest)
-        self.substructures.assign(self.bodies.substructure_rest)
-        self.theta[:] = 0.0
-
-
-def close(b: FiveStepsStorage, target: np.ndarray, *, most: int = 40) -> Step:
+def close(b: FiveStepsStorage, target: np.ndarray) -> Step:
     """Step 1: intended motions and link poses, from the constraint functions alone."""
     clock = Stopwatch()
-    reason, count, gap, _ = close_loops(
-        b.bodies.reduced, b.bodies.loops, b.theta, target, b.reduced, b.place, most
-    )
-    if b.bodies.hanging:
-        hang_links(b.bodies, b.reduced)
+    reason, count, gap = close_joints(b, target)
     return Step("1 close loops", count, clock(), gap, Stop(reason), note=f"gap {gap:.1e} m")
 
 

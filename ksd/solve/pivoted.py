@@ -13,16 +13,14 @@ import math
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ksd.model.arrays import Arrays, Motion, Work
+from ksd.model.arrays import Arrays, Motion
 from ksd.model.newton import GRAIN, assemble, largest_move, largest_turn, settled, take_step
 from ksd.numerics.indefinite import inertia, scaling, solve_scaled
 from ksd.properties.nonconservative import skew_tangent
-from ksd.properties.tangent import exact, stored_matrix
+from ksd.properties.tangent import stored_matrix
 from ksd.solve.steps import Stop
 
-Array = NDArray[np.float64]
 SINGULAR = 1e-15
 """Reciprocal condition of the equilibrated matrix below which it counts as singular."""
 
@@ -61,18 +59,3 @@ def iterate_pivoted(arrays: Arrays, motion: Motion, *aim: Any) -> tuple[int, int
         moved = max(turn / 1e-6, largest_move(arrays, work.rhs) / (1e-7 * arrays.size))
         take_step(arrays, motion, work.rhs, work, cap / turn if n > 0 and turn > cap else 1.0)
     return Stop.TOO_MANY, most, worst, 0, condition
-
-
-def negatives_at(arrays: Arrays, motion: Motion, target: Array, factor: float, work: Work) -> int:
-    """Negative pivots of the exact tangent at a state, counted with pivoting."""
-    _, _, inside, _ = assemble(exact(arrays), motion, target, factor, work, 1e-8, 0, GRAIN)
-    return inertia(stored_matrix(arrays, work.value)) + int(inside)
-
-
-__all__ = [
-    "inertia",
-    "iterate_pivoted",
-    "negatives_at",
-    "scaling",
-    "solve_scaled",
-]

@@ -131,7 +131,7 @@ class ReducedBodies:
         return with_modal_bodies(self.full, self.modal) if self.modal else self.full
 
     def __call__(self, values: Mapping[str, float], *, relinearisations: int = 0) -> Configuration:
-        """Solve at drive values by name [m or rad]. passes: rounds in which joints are condensed again where they are.
+        """Solve at drive values by name [m or rad]. relinearisations: rounds in which joints are condensed anew.
 
         Raises RangeError, and ConvergenceError where the reduced equilibrium is not found, which says "basis no longer
         successful".
@@ -214,18 +214,18 @@ class _Placed:
         steps += more
         for n in range(relinearisations + 1):
             if n > 0:
-                condense_space(self.storage.parts, 0)
+                condense_space(self.storage, 0)
                 self._condense(ready, motion)
                 step, _ = ready.loaded(motion, target, 1.0, smallest=1.0)
                 if step.stop is not Stop.CONVERGED:
                     raise ConvergenceError(
-                        f"in a further pass {step.stop.sentence}: the loads bend the joints too far from their intended "
-                        "motion to condense them there; take fewer passes, or use method='full'"
+                        f"in relinearisation step {n} {step.stop.sentence}: the loads bend the joints too far from their "
+                        "intended motion to condense them there; take fewer relinearisations, or use method='full'"
                     )
                 steps.append(step)
             self.storage.reduced.x[:], self.storage.reduced.R[:] = motion.x[:links], motion.R[:links]
             clock()
-            shift, _ = recover_space(self.storage.parts)
+            shift, _ = recover_space(self.storage)
             steps.append(Step("4 recovery", 0, clock(), shift, Stop.CONVERGED))
         return self._answer(ready, motion, values, steps, placed.notes)
 
@@ -300,7 +300,7 @@ class _Placed:
     ) -> Configuration:
         """The state of all leaf springs, and what the joints' records say of it."""
         b, mix, model = self.storage, ready.mix, ready.model
-        place_space(b.parts)
+        place_space(b)
         state = same_state(self.model, b.full, model)
         state.x[mix.nodes], state.R[mix.nodes] = motion.x, motion.R
         state.multiplier[:] = motion.multiplier
@@ -310,7 +310,7 @@ class _Placed:
         work, plan = make_work(model.arrays), model.arrays.plan
         _, _, own, _ = assemble(model.arrays, state, model.targets(values), 1.0, work, RTOL, 0, 10.0)
         negatives, _ = factor_blocks(plan.ints, work.value, work.spare, len(plan.size))
-        read_space(b.parts)
+        read_space(b)
         intended = bool(b.seen[1])
         joint_motions = pipeline.read_motions(
             b.bodies, b.joint_names, b.found.copy(), b.off.copy(), b.known, intended=intended

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from ksd.errors import ConvergenceError, KsdError, SceneError
 from ksd.model.arrays import Motion
-from ksd.model.compile import Model
+from ksd.model.compile import Model, compile_chosen, compile_given
 from ksd.model.mesh import Mesh
 from ksd.model.orders import raised
 from ksd.model.plane import Plane, plane_of
@@ -291,7 +291,12 @@ def _holding(solver: Solver, model: Model, wanted: Wanted) -> tuple[Solver, dict
     free = tuple(s for s in scene.supports if {n for t in s.terms for n in (t.base, t.link)} - names)
     hinges = tuple(h for h in scene.hinges if {h.a, h.b} - names)
     held = replace(scene, drives=tuple(drives), supports=free, hinges=hinges)
-    return Solver(held, mesh=model.mesh, planar=solver.planar), targets
+    made = (
+        compile_given(held, model.mesh)
+        if model.choice is None
+        else compile_chosen(held, model.mesh, model.choice)
+    )
+    return Solver(made, planar=solver.planar), targets
 
 
 def _balance(model: Model, state: Motion, actuation: Actuation) -> RequiredLoads:

@@ -64,8 +64,8 @@ def _unstable(model: Model, causes: tuple[str, ...], factor: float) -> tuple[Uns
     scale = np.array([1.0] * 3 + [1.0 / model.arrays.size] * 3)
     moves = (starts[:, None] + np.arange(6)).ravel()
     scales = np.tile(scale, len(starts))[:, None]
-    held = scales * row_gradients(model, motion, range(len(model.arrays.terms.start)))[moves]
-    _, size, axes = np.linalg.svd(held.T)
+    rows = scales * row_gradients(model, motion, range(len(model.arrays.terms.start)))[moves]
+    _, size, axes = np.linalg.svd(rows.T)
     free = scales * axes[int(np.sum(size > NEGATIVE * size.max(initial=0.0))) :].T
     value, vector = np.linalg.eigh(free.T @ tangent.matrix()[np.ix_(moves, moves)] @ free)
     count = tangent.inside + int(np.sum(value < -NEGATIVE * np.abs(value).max(initial=0.0)))

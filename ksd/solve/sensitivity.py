@@ -66,12 +66,13 @@ def sensitivity(
         wrench_of(force, moment, f"load on '{name}'"),
         vector(at, "at", owner="sensitivity", unit="m"),
     )
+    acting = _acting(model.scene, pose.load_factor)
     states: list[Configuration] = []
     rest: list[tuple[Array, Array]] = []
     for sign in (1.0, -1.0):
         f, m = (tuple((sign * STEP * part).tolist()) for part in (load[:3], load[3:]))
         extra = Load("sensitivity", name, f, m, place)
-        more = replace(model.scene, loads=(*model.scene.loads, extra))
+        more = replace(acting, loads=(*acting.loads, extra))
         loaded = marked(compile_given(more, model.mesh), scene, model.choice)
         states.append(_beside(pose, loaded, state))
         rest.append(_refine(states[-1]))
@@ -88,11 +89,21 @@ def sensitivity(
     return float(found) if found.ndim == 0 else found
 
 
+def _acting(scene: Any, factor: float) -> Any:
+    """The scene with its loads and gravity times a load factor."""
+
+    def times(vector: Any) -> Any:
+        return tuple(factor * part for part in vector)
+
+    loads = tuple(replace(x, force=times(x.force), moment=times(x.moment)) for x in scene.loads)
+    return replace(scene, loads=loads, gravity=None if scene.gravity is None else times(scene.gravity))
+
+
 def _beside(pose: Configuration, loaded: Model, state: Motion) -> Configuration:
     """The equilibrium of the loaded model next to `state`, drives as they are."""
     target, clock = loaded.targets(pose.targets), Stopwatch()
     driven, how, motion, doubts = load_steps(
-        storage_of(loaded), state, Way(target, target, (pose.load_factor, 1.0), rtol=RTOL), fresh=False, planar=False
+        storage_of(loaded), state, Way(target, target, (1.0, 1.0), rtol=RTOL), fresh=False, planar=False
     )  # fmt: skip
     found = replace(
         pose, model=loaded, motion=motion, method="conventional", method_error=None, chosen=False, load_factor=1.0,

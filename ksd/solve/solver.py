@@ -130,10 +130,12 @@ def solve(
     ):
         truth(given, word)
     if isinstance(mechanism, Model):
-        if effects != "auto" or with_ or without:
-            raise SceneError("effects are chosen when a model is compiled: pass them to ksd.compile_scene")
         refuse_unknown(drives, mechanism.drive_names, solve)
-        return Solver(mechanism, extrapolate=extrapolate, basis=basis, planar=planar)(
+        made = Solver(
+            mechanism, mesh=mesh, extrapolate=extrapolate, basis=basis, planar=planar, effects=effects, with_=with_,
+            without=without,
+        )  # fmt: skip
+        return made(
             values,
             method=method,
             accuracy=accuracy,
@@ -170,7 +172,7 @@ class Solver:
     """A mechanism prepared for repeated solves: compiled model, joint bodies, and storage used again each time.
 
     Options as in `ksd.prepare`; records: who finds the record of a joint family by its name. A compiled `Model` has its mesh
-    and effects already: mesh, effects, with_, without and accuracy are for what is compiled here.
+    and effects already: SceneError where it is given with others.
     Call it with drive values by name: ``solver(top=0.3)``. Threads that share one take turns, since all solves write into
     the same storage; to solve in parallel make one for each.
     """
@@ -191,6 +193,10 @@ class Solver:
     ) -> None:
         if not isinstance(mechanism, Model):
             mechanism = compile_scene(mechanism, mesh=mesh, effects=effects, with_=with_, without=without)
+        elif mesh is not None or effects != "auto" or with_ or without:
+            raise SceneError(
+                "mesh and effects are chosen when a model is compiled: pass them to ksd.compile_scene"
+            )
         self.model: Model = mechanism
         self.records, self.extrapolate, self.planar = records, extrapolate, truth(planar, "planar")
         self.basis, self.accuracy = basis, wanted_accuracy(accuracy)

@@ -1,15 +1,16 @@
-"""The five steps in space, one compiled call or two for each; storage is prepared once (`SpaceSet`)."""
+"""The five steps in space, one compiled call or two for each; storage is prepared once (`FiveStepsStorage`)."""
 
 from __future__ import annotations
 
 import math
 import time
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 
-from ksd.bodies.flat import JOINT_LENGTH, JOINTS, Inside, Loops
-from ksd.bodies.joints import JointBodies
+from ksd.bodies.flat import JOINT_LENGTH, JOINTS
+from ksd.bodies.joints import JointBodies, hang_links
 from ksd.bodies.kinematics import close_loops
 from ksd.bodies.readout import intended_motions
 from ksd.bodies.substructures import (
@@ -19,35 +20,18 @@ from ksd.bodies.substructures import (
     relative_poses,
     set_near,
 )
-from ksd.bodies.weight import Hung, hang_joints, turn_gravity
-from ksd.model.arrays import Arrays, Motion, Work, make_work
+from ksd.bodies.weight import hang_joints, turn_gravity
+from ksd.model.arrays import Motion, Work, flatten, make_work, opened
 from ksd.model.compile import Model
 from ksd.model.newton import iterate
 from ksd.numerics.kernel import kernel
 from ksd.solve.joint_range import look_at_joints, motion_limits
+from ksd.solve.steps import CAP, RTOL
 
 KINEMATIC, REDUCED, FULL = 0, 1, 2
 LINEAR_SIZE = 54
-
-
-class SpaceBodies(NamedTuple):
-    """Everything the five steps read."""
-
-    loops: Loops
-    inside: Inside
-    full_node: np.ndarray
-    substructures: Arrays
-    reduced: Arrays
-    full: Arrays
-    hung: Hung
-
-
-class SpaceStart(NamedTuple):
-    """Rest states."""
-
-    substructures: Motion
-    reduced: Motion
-    full: Motion
+MOST_CLOSING = 40
+"""Iterations of step 1 at the most."""
 
 
 class SpaceState(NamedTuple):
@@ -75,61 +59,66 @@ class SpaceState(NamedTuple):
     seen: np.ndarray
 
 
-class SpaceSet(NamedTuple):
-    """What one solve reads and writes."""
+class FiveStepsStorage:
+    """Storage for repeated solves of one model in space: what the five steps read and write. Not for two threads at once.
 
-    bodies: SpaceBodies
-    rest: SpaceStart
-    state: SpaceState
+    state: that of a design of the same words, taken over. lowest, highest (motions,): trained ranges with their slack.
+    """
+
+    def __init__(self, model: Model, bodies: JointBodies, state: SpaceState | None = None) -> None:
+        if len(bodies.hung.owner):
+            # step 2 sets where the weight of the joints pulls; another thread has its own
+            bodies = replace(bodies, reduced=opened(flatten(bodies.reduced)))
+        self.model, self.bodies = model, bodies
+        state = _new_state(model, bodies) if state is None else _taken_over(state, model, bodies)
+        self.state, self.joint_names = state, tuple(p.name for p in model.scene.joints)
+        self.full, self.full_work = state.full, state.full_work
+        self.reduced, self.reduced_work = state.reduced, state.reduced_work
+        self.substructures, self.substructure_work = state.substructures, state.substructure_work
+        self.theta, self.place, self.found, self.off = state.theta, state.place, state.found, state.off
+        self.known, self.seen = state.known, state.seen
+        self.lowest, self.highest, _, _ = state.limits.T
+
+    def restart(self) -> None:
+        """Back to rest, in place."""
+        self.reduced.assign(self.bodies.reduced_rest)
+        self.substructures.assign(self.bodies.substructure_rest)
+        self.theta[:] = 0.0
 
 
-def space_set(model: Model, bodies: JointBodies, state: SpaceState | None = None) -> SpaceSet:
-    """Prepared storage for `model` with its joint `bodies`; state: storage of a design of the same words, taken over."""
+def _new_state(model: Model, bodies: JointBodies) -> SpaceState:
     joints, motions = len(bodies.loops.node), len(bodies.motion_names)
-    rest = SpaceStart(bodies.substructure_rest, bodies.reduced_rest, model.rest)
-    if state is not None:
-        state.full.assign(model.rest)
-        every = (
-            (state.substructure_work, bodies.substructures),
-            (state.reduced_work, bodies.reduced),
-            (state.full_work, model.arrays),
-        )
-        for work, arrays in every:
-            work.weight[...] = arrays.weight
-    state = state or SpaceState(
+    return SpaceState(
         np.zeros(motions), np.zeros((joints, 24)), np.zeros((joints, 12)),
         np.zeros((3, bodies.loops.pose.shape[2])), np.zeros(motions), np.zeros((joints, 6)),
         np.zeros(joints, np.int64),
-        rest.substructures.copy(), rest.reduced.copy(), rest.full.copy(),
+        bodies.substructure_rest.copy(), bodies.reduced_rest.copy(), model.rest.copy(),
         make_work(bodies.substructures, near=bodies.near), make_work(bodies.reduced), make_work(model.arrays),
         motion_limits(bodies.motion_range), np.zeros(2, np.int64),
     )  # fmt: skip
-    parts = (
-        bodies.loops, bodies.inside, bodies.full_node, bodies.substructures, bodies.reduced, model.arrays, bodies.hung,
-    )  # fmt: skip
-    return SpaceSet(SpaceBodies(*parts), rest, state)
 
 
-def size_of(arrays: Arrays) -> float:
-    """Length scale [m] as compiled code reads it: another design may have been written into the arrays."""
-    return float(arrays.flat.floats[0])
+def _taken_over(state: SpaceState, model: Model, bodies: JointBodies) -> SpaceState:
+    state.full.assign(model.rest)
+    state.substructure_work.weight[...] = bodies.substructures.weight
+    state.reduced_work.weight[...] = bodies.reduced.weight
+    state.full_work.weight[...] = model.arrays.weight
+    return state
 
 
-def close_from_rest(s: SpaceSet, target: np.ndarray) -> tuple[int, int, float]:
-    """Back to rest, then step 1. Returns (reason, iterations, gap left [m])."""
-    state = s.state
-    state.reduced.assign(s.rest.reduced)
-    state.substructures.assign(s.rest.substructures)
-    state.theta[:] = 0.0
-    reason, count, left, _ = close_loops(
-        s.bodies.reduced, s.bodies.loops, state.theta, target, state.reduced, state.place, 40
+def close_joints(b: FiveStepsStorage, target: np.ndarray) -> tuple[int, int, float]:
+    """Step 1 from where the joints are, and links that hang on leaves alone. Returns (reason, iterations, gap left [m])."""
+    reason, count, gap, _ = close_loops(
+        b.bodies.reduced, b.bodies.loops, b.theta, target, b.reduced, b.place, MOST_CLOSING
     )
-    return reason, count, left
+    if b.bodies.hanging:
+        hang_links(b.bodies, b.reduced)
+    return reason, count, gap
 
 
-def place_space(s: SpaceSet) -> None:
+def place_space(b: FiveStepsStorage) -> None:
     """Links, internal blocks, inner states and multipliers into the full state."""
-    bodies, full, reduced, substructures = s.bodies, s.state.full, s.state.reduced, s.state.substructures
+    bodies, full, reduced, substructures = b.bodies, b.full, b.reduced, b.substructures
     links, inner = len(reduced.x), len(substructures.inner)
     full.x[:links], full.R[:links] = reduced.x, reduced.R
     free = reduced.inner[LINEAR_SIZE * len(bodies.loops.node) :]
@@ -140,41 +129,38 @@ def place_space(s: SpaceSet) -> None:
     )  # fmt: skip
 
 
-def near_space(s: SpaceSet) -> None:
+def near_space(b: FiveStepsStorage) -> None:
     """Step 2, first half: the near configuration of all joints."""
-    b, state = s.bodies, s.state
-    set_near(b.loops, b.inside, state.theta, state.place, state.substructures, state.substructure_work)
+    set_near(b.bodies.loops, b.bodies.inside, b.theta, b.place, b.substructures, b.substructure_work)
 
 
-def condense_space(s: SpaceSet, near: int) -> int:
+def condense_space(b: FiveStepsStorage, near: int) -> int:
     """Step 2, second half: the joints condensed. Returns the worst status of a leaf."""
-    b, state, work = s.bodies, s.state, s.state.substructure_work
-    loops, hung, members = b.loops, b.hung, b.substructures.members
+    loops, hung, substructures, work = (
+        b.bodies.loops,
+        b.bodies.hung,
+        b.bodies.substructures,
+        b.substructure_work,
+    )
+    members = substructures.members
     if len(hung.owner):
-        turn_gravity(
-            hung.owner, loops.node, state.reduced.R, loops.frame, b.substructures.weight, work.weight
-        )
+        turn_gravity(hung.owner, loops.node, b.reduced.R, loops.frame, substructures.weight, work.weight)
     _, _, status = condense_joints(
-        b.substructures, len(loops.node), state.substructures, work, near, state.reduced.inner
+        substructures, len(loops.node), b.substructures, work, near, b.reduced.inner
     )
     if len(hung.owner):
         hang_joints(
-            hung.owner, hung.load, members.node, members.store_at, state.substructures.x, work.pose, work.store,
-            work.weight, loops.anchor, loops.frame, b.reduced.loads.point,
+            hung.owner, hung.load, members.node, members.store_at, b.substructures.x, work.pose, work.store,
+            work.weight, loops.anchor, loops.frame, b.bodies.reduced.loads.point,
         )  # fmt: skip
     return status
 
 
-def recover_space(s: SpaceSet) -> tuple[float, float]:
+def recover_space(b: FiveStepsStorage) -> tuple[float, float]:
     """Step 4. Returns the largest displacement [m] and rotation [rad] of an interface off its near pose."""
-    b, state = s.bodies, s.state
+    bodies, relative = b.bodies, b.state.relative
     return recover_joints(
-        b.substructures,
-        b.loops,
-        state.reduced,
-        state.substructures,
-        state.substructure_work,
-        state.relative,
+        bodies.substructures, bodies.loops, b.reduced, b.substructures, b.substructure_work, relative
     )
 
 
@@ -191,79 +177,89 @@ def read_joints(loops, shapes, x, R, theta, found, relative, place, series, off,
     look_at_joints(theta, found, off, known, 3 + 0 * len(theta), limits, length, seen)
 
 
-def read_space(s: SpaceSet) -> None:
+def read_space(b: FiveStepsStorage) -> None:
     """Intended motions of the answer."""
-    state = s.state
+    state = b.state
     read_joints(
-        *s.bodies.loops.flat, state.full.x, state.full.R, state.theta, state.found, state.relative, state.place,
-        state.series, state.off, state.known, state.limits, state.seen,
+        *b.bodies.loops.flat, b.full.x, b.full.R, b.theta, b.found, state.relative, b.place, state.series, b.off, b.known,
+        state.limits, b.seen,
     )  # fmt: skip
 
 
-class _Record:
-    """Rows of steps: reason, iterations, residual or gap, seconds of this thread, largest unintended angle."""
+Rows = list[list[float]]
+"""Of every step: reason, iterations, residual or gap, seconds of this thread, largest unintended angle [rad]."""
 
-    def __init__(self, out: np.ndarray) -> None:
-        self.out, self.rows, self.at = out, 0, time.thread_time_ns()
+
+class _Record:
+    """The rows of a solve while it goes on."""
+
+    def __init__(self) -> None:
+        self.rows: Rows = []
+        self.at = time.thread_time_ns()
 
     def step(self, reason: int, count: int, residual: float, twist: float = 0.0) -> None:
         before, self.at = self.at, time.thread_time_ns()
-        self.out[self.rows] = reason, count, residual, 1e-9 * (self.at - before), twist
-        self.rows += 1
+        self.rows.append([reason, count, residual, 1e-9 * (self.at - before), twist])
 
 
 def _reduce(
-    s: SpaceSet, target: np.ndarray, relinearisations: int, kinematic: bool, rtol: float, record: _Record
+    b: FiveStepsStorage, target: np.ndarray, relinearisations: int, kinematic: bool, record: _Record
 ) -> tuple[int, bool]:
     """Steps 2 to 4 from the closed loops on, with `relinearisations` relinearised rounds; kinematic: step 2 alone.
 
     Returns (negative pivots, whether all went well).
     """
-    negatives, state = 0, s.state
-    near_space(s)
+    negatives = 0
+    near_space(b)
     for n in range(relinearisations + 1):
-        status = condense_space(s, 1 if n == 0 else 0)
+        status = condense_space(b, 1 if n == 0 else 0)
         # stops of leaves: 1 a local angle, 2 singular
         record.step(status + (status > 0), 0, 0.0)
         if status != 0 or kinematic:
             return negatives, status == 0
         reason, count, worst, negatives, _ = iterate(
-            s.bodies.reduced, state.reduced, target, 1.0, state.reduced_work, rtol, 25, math.inf, math.inf
+            b.bodies.reduced, b.reduced, target, 1.0, b.reduced_work, RTOL, 25, math.inf, math.inf
         )
         record.step(reason, count, worst)
         if reason != 0:
             return negatives, False
-        shift, twist = recover_space(s)
+        shift, twist = recover_space(b)
         if n == relinearisations:
-            place_space(s)
+            place_space(b)
         record.step(0, 0, shift, twist)
     return negatives, True
 
 
 def space_steps(
-    s: SpaceSet, target: np.ndarray, method: int, relinearisations: int, closed: int, rtol: float, cap: float, gap: float,
-    out: np.ndarray,
-) -> tuple[int, int]:  # fmt: skip
-    """Steps 1 to 4, and 5 when `method` is 2, at the drive values target (c,).
+    b: FiveStepsStorage,
+    target: np.ndarray,
+    method: int,
+    relinearisations: int,
+    gap: float,
+    *,
+    closed: bool = False,
+) -> tuple[Rows, int]:
+    """Steps 1 to 4, and 5 when `method` is FULL, at the drive values target (c,).
 
-    closed: 1 when step 1 is done already, in the storage. out (2 + 3 (passes + 1), 5): see `_Record`. Returns (rows
-    written, negative pivots of the last equilibrium).
+    gap: largest one of the closed loops over the size; closed: step 1 is done already, in the storage. Returns the rows of
+    the steps done, and the negative pivots of the last equilibrium.
     """
-    record, state = _Record(out), s.state
+    record = _Record()
     if not closed:
-        reason, count, left = close_from_rest(s, target)
+        b.restart()
+        reason, count, left = close_joints(b, target)
         record.step(reason, count, left)
-        if reason != 0 or not left < gap * size_of(s.bodies.reduced):
-            return 1, 0
-    negatives, sound = _reduce(s, target, relinearisations, method == KINEMATIC, rtol, record)
+        if reason != 0 or not left < gap * b.bodies.reduced.size:
+            return record.rows, 0
+    negatives, sound = _reduce(b, target, relinearisations, method == KINEMATIC, record)
     if not sound:
         return record.rows, negatives
     if method == KINEMATIC:
-        place_space(s)
+        place_space(b)
     if method == FULL:
         reason, count, worst, negatives, _ = iterate(
-            s.bodies.full, state.full, target, 1.0, state.full_work, rtol, 30, cap, math.inf
+            b.model.arrays, b.full, target, 1.0, b.full_work, RTOL, 30, CAP, math.inf
         )
         record.step(reason, count, worst)
-    read_space(s)
+    read_space(b)
     return record.rows, negatives

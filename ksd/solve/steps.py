@@ -114,10 +114,10 @@ _NAMES = ("1 close loops", "2 joint stiffness", "3 reduced equilibrium", "4 reco
 
 
 class FiveStepRecord(Sequence[Step]):
-    """What the compiled five steps wrote down, one row per step, as `Step`s; a row is put in words when it is looked at.
+    """What the five steps wrote down, one row per step, as `Step`s; a row is put in words when it is looked at.
 
-    rows: five numbers each, see `ksd.solve.space_steps.note_step`. passes: relinearised rounds. first: step 1 where it was
-    not done by the compiled call; more: steps after the compiled ones.
+    rows: see `ksd.solve.space_steps.Rows`; relinearisations: rounds after the first. first: step 1 where it was done apart,
+    without a row; more: steps after the five.
     """
 
     def __init__(
@@ -128,7 +128,14 @@ class FiveStepRecord(Sequence[Step]):
         first: Step | None = None,
         more: tuple[Step, ...] = (),
     ) -> None:
-        self.rows, self.relinearisations, self.first, self.more = rows, relinearisations, first, more
+        # a row that `_step` leaves alone
+        alone = [] if first is None else [[0.0, first.iterations, first.residual, first.time, 0.0]]
+        self.rows, self.relinearisations, self.first, self.more = (
+            [*alone, *rows],
+            relinearisations,
+            first,
+            more,
+        )
 
     def __len__(self) -> int:
         return len(self.rows) + len(self.more)

@@ -10,11 +10,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ksd.bodies.joints import JointBodies
 from ksd.bodies.series import joint_places
 from ksd.errors import SceneError
 from ksd.solve.many import PIECES
-from ksd.solve.space_steps import LINEAR_SIZE, SpaceSet, condense_space, near_space
+from ksd.solve.space_steps import LINEAR_SIZE, FiveStepsStorage, condense_space, near_space
 
 FIRST, MOST = 32, 2048
 """Pieces tried first, and most."""
@@ -40,24 +39,24 @@ class JointTables:
         return f"{count} table{'s' * (count > 1)} of {pieces} pieces, interpolation error {self.error:.1e}"
 
 
-def condense_along(s: SpaceSet, thetas: np.ndarray, found: np.ndarray) -> int:
+def condense_along(b: FiveStepsStorage, thetas: np.ndarray, found: np.ndarray) -> int:
     """Condensed joints at thetas (N, q): found (N, J, 42), wrench and stiffness. Returns the worst status."""
-    state, worst = s.state, 0
+    worst = 0
     for n, theta in enumerate(thetas):
-        state.theta[:] = theta
-        joint_places(*s.bodies.loops.flat, state.theta, state.place, state.series)
-        near_space(s)
-        worst = max(worst, condense_space(s, 1))
-        found[n] = state.reduced.inner[: LINEAR_SIZE * found.shape[1]].reshape(-1, LINEAR_SIZE)[:, 12:]
+        b.theta[:] = theta
+        joint_places(*b.bodies.loops.flat, b.theta, b.place, b.state.series)
+        near_space(b)
+        worst = max(worst, condense_space(b, 1))
+        found[n] = b.reduced.inner[: LINEAR_SIZE * found.shape[1]].reshape(-1, LINEAR_SIZE)[:, 12:]
     return worst
 
 
-def _sampled(parts: SpaceSet, bodies: JointBodies, shares: np.ndarray) -> np.ndarray:
+def _sampled(b: FiveStepsStorage, shares: np.ndarray) -> np.ndarray:
     """(N, J, 27): all joints at `shares` (N,) of their trained ranges."""
-    low, high = bodies.motion_range.T
+    low, high = b.bodies.motion_range.T
     thetas = low + shares[:, None] * (high - low)
-    found = np.empty((len(shares), len(bodies.loops.node), 42))
-    if condense_along(parts, thetas, found) != 0:
+    found = np.empty((len(shares), len(b.bodies.loops.node), 42))
+    if condense_along(b, thetas, found) != 0:
         raise SceneError(
             "tabulated = True: a joint cannot be condensed over its whole trained range; leave it out"
         )
@@ -77,29 +76,29 @@ def _error(exact: np.ndarray, near: np.ndarray) -> float:
     return float(max(stiffness.max(initial=0.0), wrench.max(initial=0.0)))
 
 
-def joint_tables(parts: SpaceSet, bodies: JointBodies, *, accuracy: float = 1e-6) -> JointTables:
-    """Tables of all joints, refined until the interpolation error is below `accuracy` or pieces run out.
+def joint_tables(b: FiveStepsStorage, *, accuracy: float = 1e-6) -> JointTables:
+    """Tables of all joints of a design, refined until the interpolation error is below `accuracy` or pieces run out.
 
     Raises SceneError for joints of more than one intended motion, and for leaf springs with weight.
     """
     from scipy.interpolate import CubicSpline
 
-    loops = bodies.loops
+    loops = b.bodies.loops
     if np.any(np.diff(loops.first) != 1):
         raise SceneError(
             "tabulated = True: only joints of one intended motion can be tabulated; leave it out"
         )
-    if len(bodies.hung.owner):
+    if len(b.bodies.hung.owner):
         raise SceneError(
             "tabulated = True: joints whose leaves have weight depend on how they stand, not on the stroke alone; leave it "
             "out, or compile without='gravity'"
         )
     pieces = FIRST
     grid = np.linspace(0.0, 1.0, pieces + 1)
-    values = _sampled(parts, bodies, grid)
+    values = _sampled(b, grid)
     while True:
         halves = grid[:-1] + 0.5 / pieces
-        between = _sampled(parts, bodies, halves)
+        between = _sampled(b, halves)
         spline = CubicSpline(grid, values, axis=0)
         error = _error(between, spline(halves))
         if error <= accuracy or pieces >= MOST:
@@ -116,4 +115,4 @@ def joint_tables(parts: SpaceSet, bodies: JointBodies, *, accuracy: float = 1e-6
     first = [keys.index(k) for k in distinct]
     assert cubic.shape[-1] == PIECES
     which = np.array([distinct.index(k) for k in keys], np.int64)
-    return JointTables(np.ascontiguousarray(cubic[first]), which, bodies.motion_range, error)
+    return JointTables(np.ascontiguousarray(cubic[first]), which, b.bodies.motion_range, error)

@@ -32,7 +32,7 @@ from ksd.solve.steps import ErrorEstimate, percent
 
 if TYPE_CHECKING:
     from ksd.solve.configuration import Configuration
-    from ksd.solve.pipeline import FiveStepsStorage
+    from ksd.solve.space_steps import FiveStepsStorage
 
 SLIGHT = 1e-3
 """Error of a link position, over the size of the mechanism, that is small however small the answer."""

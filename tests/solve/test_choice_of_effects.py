@@ -318,6 +318,15 @@ def test_wrong_words_get_a_sentence(words, said):
         ksd.compile_scene(fourbar(), **words)
 
 
+@pytest.mark.parametrize("words", [{"mesh": ksd.Mesh()}, {"with_": "warping"}, {"effects": "all"}])
+def test_a_compiled_model_has_its_mesh_and_effects(words):
+    model = ksd.compile_scene(fourbar())
+    with pytest.raises(SceneError, match="chosen when a model is compiled"):
+        ksd.solve(model, top=0.1, **words)
+    with pytest.raises(SceneError, match="chosen when a model is compiled"):
+        ksd.prepare(model, **words)
+
+
 COUNTED = {
     "springs": (
         ("ksd.model.drawing", "spring_members"),

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from scenes import cross_flexure, fourbar
+from scenes import STEEL, cross_flexure, fourbar
 
 import ksd
 from ksd.errors import KinematicsError, SceneError
@@ -72,3 +72,19 @@ def test_a_load_on_a_held_direction_is_not_refused(pose):
     """The drive takes all of it: nothing moves, and the answer is exact."""
     slope = pose.sensitivity(lambda p: p.forces["top"], "top", force=(1.0, 0, 0), at=POINT)
     assert slope == pytest.approx(-1.0, rel=1e-9)
+
+
+def test_a_state_under_part_of_its_loads_keeps_that_part():
+    """What a load along a leaf does to its softness depends on how much of it acts."""
+    scene = ksd.Mechanism("cantilever")
+    tip = scene.link("tip")
+    section = ksd.rectangle(0.5e-3, 0.02)
+    scene.leaf(
+        scene.ground, tip, start=(0, 0, 0), end=(0.1, 0, 0), section=section, material=STEEL, width_axis="z"
+    )
+    scene.load(tip, at=(0.1, 0, 0), force=(-30.0, 0, 0))
+    state = ksd.follow(scene, until=0.4).states[-1]
+    assert state.load_factor == pytest.approx(0.4)
+    push = {"force": (0, 1e-2, 0), "at": (0.1, 0, 0)}
+    moved = state.sensitivity(lambda p: p.displacement("tip")[1], "tip", **push)
+    assert moved == pytest.approx(1e-2 * state.stiffness("tip", at=(0.1, 0, 0)).compliance[1, 1], rel=1e-4)

@@ -243,6 +243,21 @@ def test_fewer_actuators_than_poses(paper):
     assert same.forces["crank"] == pytest.approx(driven.forces["crank"], rel=1e-6)
 
 
+def test_what_a_solver_leaves_out_does_not_move_the_other_links():
+    """Two leaf springs in a row, their end held where it is at rest: without gravity the mass between them does not sag."""
+    scene = ksd.Mechanism("row", plane="xy")
+    links = "ground", *scene.links("middle", "end")
+    for k in range(2):
+        scene.leaf(*links[k : k + 2], start=(0.05 * k, 0, 0), end=(0.05 * k + 0.05, 0, 0),
+                   section=ksd.rectangle(5e-4, 1e-2), material=ksd.Material(E=200e9, nu=0.3))  # fmt: skip
+    scene.mass("middle", 0.2, at=(0.05, 0, 0))
+    scene.gravity = (0, -9.81, 0)
+    poses = {"end": ((0, 0, 0), 0.0)}
+    assert ksd.required_loads(ksd.prepare(scene), poses).loads["end"][1] > 0.5
+    need = ksd.required_loads(ksd.prepare(scene, without="gravity"), poses)
+    assert need.loads["end"] == pytest.approx(np.zeros(6), abs=1e-9)
+
+
 def test_actuators_are_shared_by_least_squares():
     """A bar on two leaf springs, wanted 1 mm up and level, by one actuator beside its middle."""
     scene = ksd.Mechanism("bar", plane="xy")
