@@ -19,7 +19,7 @@ if FOLDER is not None:
         )
         # what a compiler makes stays: to look through it for garbage every 700 objects takes a fifth of the time
         _first, *_others = gc.get_threshold()
-        gc.set_threshold(_first and max(20_000, _first), *_others)
+        gc.set_threshold(_first and max(100_000, _first), *_others)
 
 
 def kernel(

@@ -250,7 +250,7 @@ def test_what_a_solver_leaves_out_does_not_move_the_other_links():
     for k in range(2):
         scene.leaf(*links[k : k + 2], start=(0.05 * k, 0, 0), end=(0.05 * k + 0.05, 0, 0),
                    section=ksd.rectangle(5e-4, 1e-2), material=ksd.Material(E=200e9, nu=0.3))  # fmt: skip
-    scene.mass("middle", 0.2, at=(0.05, 0, 0))
+    scene.mass("middle", mass=0.2, at=(0.05, 0, 0))
     scene.gravity = (0, -9.81, 0)
     poses = {"end": ((0, 0, 0), 0.0)}
     assert ksd.required_loads(ksd.prepare(scene), poses).loads["end"][1] > 0.5
