@@ -51,9 +51,7 @@ MANY = 1000
 
 def tip_moved(state: ksd.Configuration) -> dict[str, float]:
     """Displacement of the tip [m] by drive name of the location-case."""
-    node = state.model.node_names.index("third")
-    place = state.motion.x[node] + state.motion.R[node] @ (TIP - state.model.rest.x[node])
-    return dict(zip("xyz", (place - TIP).tolist(), strict=True))
+    return dict(zip("xyz", state.displacement("third", TIP).tolist(), strict=True))
 
 
 class Case:

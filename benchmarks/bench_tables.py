@@ -183,7 +183,7 @@ def _slow(m: Told, fast: Row, slow: Row, times: float) -> str:
     words = [
         f"{slow.method} makes {slow.passes} passes over the leaf springs, {fast.method} {fast.passes}, so at equal cost of "
         f"a pass {most:.3g} would be the most"
-        + (" (that of step 2, four chains at a time, costs less)" if times > most else "")
+        + (f" (a pass of {slow.method} costs more)" if times > most else "")
     ]
     around = fast.call[1] - fast.steps[1]
     words.append(f"compiled steps {fast.steps[1]:.0f} us, Python around them {around:.0f} us")

@@ -7,24 +7,22 @@ neighbour disturbs all of them alike, and the first rounds (compilation, caches)
 from __future__ import annotations
 
 import argparse
-import datetime
 import hashlib
 import io
 import json
 import math
-import os
-import platform
 import statistics
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from importlib.metadata import PackageNotFoundError, version
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 import ksd
+from ksd.bench.measure import machine as processor
 from ksd.files import write_file
 from ksd.model.leaves import Mesh
 from ksd.solve.conventional import conventional
@@ -197,24 +195,14 @@ def interleaved(cases: Mapping[str, Callable[[], Any]], *, repeats: int, warm: i
 
 
 def machine() -> dict[str, Any]:
-    """Processor, versions and date; nothing that identifies the computer."""
-    found = {"processor": _processor(), "logical_cores": os.cpu_count(), "python": platform.python_version()}
-    found["load_average"] = round(os.getloadavg()[0], 2) if hasattr(os, "getloadavg") else None
-    for package in ("ksd", "numpy", "scipy", "numba", "matplotlib"):
-        try:
-            found[package] = version(package)
-        except PackageNotFoundError:
-            found[package] = getattr(__import__(package), "__version__", "unknown")
-    return {"date": datetime.date.today().isoformat(), **found}
+    """Date, processor, load and versions; nothing that identifies the computer."""
+    return {**processor(), **{package: version(package) for package in ("scipy", "matplotlib")}}
 
 
-def _processor() -> str:
-    try:
-        lines = Path("/proc/cpuinfo").read_text().splitlines()
-    except OSError:
-        return platform.processor() or platform.machine()
-    named = [s.split(":", 1)[1].strip() for s in lines if s.startswith("model name")]
-    return named[0] if named else platform.machine()
+def spoken_machine(found: Mapping[str, Any]) -> str:
+    """Date, processor and versions in one line."""
+    versions = ", ".join(f"{name} {found[name]}" for name in ("ksd", "python", "numpy", "numba"))
+    return f"{found['date']}, one thread of {found['processor']}, {versions}"
 
 
 def clean(value: Any) -> Any:

@@ -12,8 +12,6 @@ prints the answers instead.
 
 from __future__ import annotations
 
-import datetime
-import platform
 import sys
 from pathlib import Path
 from typing import Any
@@ -23,6 +21,7 @@ import numpy as np
 ROOT = Path(__file__).resolve().parents[1]
 sys.path[:0] = [str(ROOT / "tests" / "validation"), str(ROOT / "tests"), str(ROOT)]
 
+from common import RESULTS, machine, spoken_machine  # noqa: E402
 from hard_bank import CASES, FINE, Case  # noqa: E402
 
 import ksd  # noqa: E402
@@ -171,21 +170,13 @@ def main() -> int:
     head = [
         f"# {len(CASES)} hard cases",
         "",
-        f"By `python benchmarks/hard_cases.py`, {stamp()}.",
+        f"By `python benchmarks/hard_cases.py`, {spoken_machine(machine())}.",
         "",
         *said,
         "",
     ]
-    (ROOT / "benchmarks" / "results" / "hard_cases.md").write_text(
-        "\n".join([*head, *lines, "", *reasons]) + "\n"
-    )
+    (RESULTS / "hard_cases.md").write_text("\n".join([*head, *lines, "", *reasons]) + "\n")
     return sum(c["wrong"] for c in counts.values())
-
-
-def stamp() -> str:
-    """Date and versions."""
-    today = datetime.date.today().isoformat()
-    return f"{today}, ksd {ksd.__version__}, Python {platform.python_version()}, numpy {np.__version__}"
 
 
 if __name__ == "__main__":

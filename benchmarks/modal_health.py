@@ -10,15 +10,14 @@ many indicators lie within [0.6, 1.4] of it.
 
 from __future__ import annotations
 
-import argparse
-import json
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import lru_cache
-from pathlib import Path
 from typing import Any
 
 import numpy as np
+from common import machine, options, spoken_machine, write_json
 from paper2_cases import DEFAULT, EI, PRINTED, STEEL, L, T, W, _leaves
 
 import ksd
@@ -33,7 +32,6 @@ from ksd.solve.conventional import conventional
 from ksd.solve.estimate import relative_error
 from ksd.solve.full_bodies import indicator
 
-RESULTS = Path(__file__).resolve().parent / "results"
 BASES = (PRINTED, replace(PRINTED, internal=1), replace(PRINTED, frame="chord"), replace(DEFAULT, internal=0))
 CORRECTORS = (1, 2, 3, 4, None)
 """Corrector steps of the full model; None: as the method takes them, until the indicator settles."""
@@ -184,20 +182,17 @@ def collected(seed: int, wanted: int) -> tuple[list[dict[str, Any]], dict[str, i
     return rows, lost
 
 
-def main(arguments: list[str] | None = None) -> dict[str, Any]:
+def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
     """Run, write, return the numbers."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--quick", action="store_true")
-    parser.add_argument("--out", type=Path, default=RESULTS)
-    chosen = parser.parse_args(arguments)
-    rows: list[dict[str, Any]] = []
+    chosen = options(__doc__, argv)
+    on, rows = machine(), []
     lost = dict.fromkeys(NAMES, 0)
     for seed in SEEDS[: 1 if chosen.quick else None]:
         more, missed = collected(seed, 4 if chosen.quick else 45)
         rows += more
         lost = {name: lost[name] + missed[name] for name in NAMES}
     said = [
-        "# Error indicator of modal bodies", "",
+        "# Error indicator of modal bodies", "", f"{spoken_machine(on)}.", "",
         f"{len(rows)} random states with true errors of 0.1 to 10 %; share of indicators within [0.6, 1.4] of them, and",
         "the extremes of indicator over true error, by corrector steps of the full model; the method goes",
         "on until the indicator settles, and gives none where it does not. Of solids the method alone is told.", "",
@@ -220,11 +215,11 @@ def main(arguments: list[str] | None = None) -> dict[str, Any]:
             f"| {name} | {len(mine)} | " + " | ".join(cells) + f" | {lost.get(name, sum(lost.values()))} |"
         )
     text = "\n".join([*said, ""])
-    chosen.out.mkdir(parents=True, exist_ok=True)
     (chosen.out / "modal_health.md").write_text(text)
-    (chosen.out / "modal_health.json").write_text(json.dumps(rows, indent=1, default=float))
+    found = {"machine": on, "rows": rows}
+    write_json(found, chosen.out / "modal_health.json")
     print(text)
-    return {"rows": rows}
+    return found
 
 
 if __name__ == "__main__":

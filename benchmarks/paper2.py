@@ -8,15 +8,15 @@ lost: leaf springs of 100 x 20 x 0.5 mm. In place of its Ansys runs stands the s
 
 from __future__ import annotations
 
-import argparse
 import json
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from common import canvas, label, numbers_of, save_picture, write_json
+from common import canvas, label, machine, numbers_of, options, save_picture, spoken_machine, write_json
 from paper2_cases import (
     CASES,
     DEFAULT,
@@ -43,7 +43,6 @@ from ksd.numerics.reduction import craig_bampton, modal_derivatives
 from ksd.solve.configuration import Configuration
 from ksd.view.figure import FAINT, LINES
 
-RESULTS = Path(__file__).resolve().parent / "results"
 PLANE = (0, 1, 5)
 """Of six coordinates of a node those in the plane."""
 PRINTED_LOADS = {"cantilever": 0.3, "parallel guide": 3.5, "cross flexure": 0.4}
@@ -385,7 +384,7 @@ takes it to 0.06 %.
 
 def table(found: dict[str, Any]) -> str:
     """Markdown of everything."""
-    said = ["# Paper 2 from our runs", "",
+    said = ["# Paper 2 from our runs", "", f"{spoken_machine(found['machine'])}.", "",
             "Stroke over L, degrees in figure 5; support compliance along x with the stroke held. The lines of",
             "figure 3 that are projected as in eq. 10 have no end frames of which a support could be asked.", "",
             "| figure | model | stroke | off the full model | support compliance [m/N] | off the full model |",
@@ -426,14 +425,10 @@ def table(found: dict[str, Any]) -> str:
     return "\n".join(said)
 
 
-def main(arguments: list[str] | None = None) -> dict[str, Any]:
+def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
     """Run, write, return the numbers."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--quick", action="store_true")
-    parser.add_argument("--out", type=Path, default=RESULTS)
-    chosen = parser.parse_args(arguments)
-    chosen.out.mkdir(parents=True, exist_ok=True)
-    found = figures()
+    chosen = options(__doc__, argv)
+    found = {"machine": machine(), **figures()}
     found["acceptance"], found["variants"] = acceptance(quick=chosen.quick), variants(quick=chosen.quick)
     for case in CASES:
         found["acceptance"] += around(case)

@@ -102,10 +102,6 @@ def hinge() -> ksd.Mechanism:
     return scene
 
 
-EXACT_HZ = {0.0: 283.5, -20.0: 97.3, -45.0: 54.5}
-"""Section B, within 0.3 %."""
-
-
 def in_space(angles: tuple[float, ...] = ANGLES) -> list[dict[str, Any]]:
     """Errors of moment and first parasitic frequency by the tangent basis at the trained configuration, the undeformed
     default and strain modes, against their own limit of fine leaf springs."""

@@ -7,12 +7,11 @@ Run: python benchmarks/planar.py
 
 from __future__ import annotations
 
-import statistics
-import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
+from common import STROKE, fourbar, interleaved
 
 import ksd
 from ksd.model.arrays import Motion, make_work
@@ -23,45 +22,12 @@ from ksd.model.plane import Plane, plane_of
 from ksd.solve.conventional import conventional
 from ksd.solve.load_steps import Way, drive_to
 from ksd.solve.storage import Storage
-from ksd.units import GPa, deg, mm
 
-STROKE = 300 * mm
 MESHES = {
     "strain-mode leaves": Mesh(),
     "5 elements, condensed": Mesh("corotational", elements=5),
     "5 elements, nodal": Mesh("corotational", elements=5, nodal=True),
 }
-
-
-def fourbar() -> ksd.Mechanism:
-    """The fourbar of paper 1, section 4.3."""
-    steel = ksd.Material(E=200 * GPa, G=76.9 * GPa, density=7800)
-    cross = ksd.CrossFlexure(
-        steel, length=100 * mm, angle=45 * deg, thickness=1 * mm, widths=(40 * mm, 20 * mm)
-    )
-    scene = ksd.Mechanism("fourbar")
-    left, top, right = scene.links("left", "top", "right")
-    high = 300 * mm
-    for a, b, x, y in (
-        (scene.ground, left, -0.2, 0.0),
-        (left, top, -0.2, high),
-        (right, top, 0.2, high),
-        (scene.ground, right, 0.2, 0.0),
-    ):
-        scene.join(a, b, cross, at=(x, y, 0), axis="z", toward="y")
-    scene.actuate(top, along="x", at=(0, high + cross.length_AB, 0), name="top")
-    return scene
-
-
-def medians(calls: Sequence[Callable[[], object]], rounds: int) -> list[float]:
-    """Median thread CPU time [s] of every call, run in turn."""
-    times: list[list[int]] = [[] for _ in calls]
-    for _ in range(rounds):
-        for call, found in zip(calls, times, strict=True):
-            begin = time.thread_time_ns()
-            call()
-            found.append(time.thread_time_ns() - begin)
-    return [1e-9 * statistics.median(found) for found in times]
 
 
 def equilibria(model: ksd.Model, plane: Plane) -> tuple[Callable[[], object], Callable[[], object]]:
@@ -92,17 +58,15 @@ def main(rounds: int = 200) -> None:
         plane = plane_of(model)
         assert isinstance(plane, Plane)
         room = Storage(model)
-        calls = [
+        whole = [
             lambda m=model, r=room, p=p: conventional(m, {"top": STROKE}, planar=p, storage=r)
             for p in (False, True)
         ]
-        calls += equilibria(model, plane)
-        for call in calls:
-            call()
-        times = medians(calls, rounds)
+        calls = {str(k): call for k, call in enumerate([*whole, *equilibria(model, plane)])}
+        times = [found.median for found in interleaved(calls, repeats=rounds).values()]
         line = f"{name:24s}{model.arrays.plan.unknowns:>6d} ->{plane.arrays.plan.unknowns:>3d}"
         for spatial, planar in (times[:2], times[2:]):
-            line += f"{1e6 * spatial:>11.0f} ->{1e6 * planar:>7.0f}{spatial / planar:>8.2f}"
+            line += f"{spatial:>11.0f} ->{planar:>7.0f}{spatial / planar:>8.2f}"
         print(line)
     print("ratio: how many times the plane is faster")
 

@@ -6,7 +6,7 @@ import math
 from pathlib import Path
 from typing import Any
 
-from common import READINGS, save_picture
+from common import READINGS, save_picture, spoken_machine
 from front import Mark, Panel, draw_fronts
 
 from ksd.view.figure import new_figure
@@ -100,13 +100,6 @@ def _why_missed(solves: dict[str, Any]) -> list[str]:
         "leaves: steps 1, 2 and 4 cost about as much as the iterations they save on joints this small. Joints of many",
         "leaf springs repay them: see the arm of 3x-infinity joints in `bench.json`.",
     ]
-
-
-def spoken_machine(machine: dict[str, Any]) -> str:
-    """Date, processor and versions in one line."""
-    names = ("ksd", "python", "numpy", "numba")
-    versions = ", ".join(f"{n} {machine[n]}" for n in names)
-    return f"{machine['date']}, one thread of {machine['processor']}, {versions}"
 
 
 def markdown(found: dict[str, Any]) -> str:

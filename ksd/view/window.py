@@ -12,15 +12,13 @@ import numpy as np
 from ksd.errors import SceneError
 from ksd.files import write_file
 from ksd.view.bodies import THICK, Polygon, block_colors, body, pads, parts, ribbon, size_of
+from ksd.view.camera import Camera, camera_of
 from ksd.view.figure import INK, REST, Array, check_picture, color_map, mixed
 from ksd.view.heat import LABEL
 from ksd.view.vtk import collect
 
 if TYPE_CHECKING:
     from ksd.solve.configuration import Configuration
-
-FLAT = 0.5
-"""Ratio of the two smaller extents below which a mechanism is flat."""
 
 
 def show_mechanism(configuration: Configuration, path: str | os.PathLike[str] | None = None) -> Path | None:
@@ -44,7 +42,7 @@ def show_mechanism(configuration: Configuration, path: str | os.PathLike[str] | 
     plotter.set_background("white")
     _deformed(pyvista, plotter, configuration)
     _rest(plotter, configuration)
-    _axes(plotter)
+    _axes(plotter, camera_of(configuration.shape(), "3d", plane=None))
     if target is None:
         plotter.show()
         return None
@@ -103,24 +101,12 @@ def _rest(plotter: Any, configuration: Any) -> None:
         plotter.add_lines(np.vstack([low, high[::-1], low[:1]]), color=REST, width=1, connected=True)
 
 
-def _axes(plotter: Any) -> None:
+def _axes(plotter: Any, camera: Camera) -> None:
     plotter.show_axes()
     spans = np.ptp(np.reshape(plotter.bounds, (3, 2)), axis=1)
     titles = {"xtitle": "x [mm]", "ytitle": "y [mm]", "ztitle": "z [mm]"}
     counts = {f"n_{a}labels": 4 if s > 0.3 * spans.max() else 2 for a, s in zip("xyz", spans, strict=True)}
     flat = {"color": INK, "location": "outer", "font_size": 12, "fmt": "%.0f", "use_3d_text": False}
     plotter.show_bounds(**flat, padding=0.05, **titles, **counts)
-    towards, up = _view(spans)
-    plotter.view_vector(towards, viewup=up)
+    plotter.view_vector(camera.toward, viewup=camera.up)
     plotter.camera.zoom(0.85)
-
-
-def _view(spans: np.ndarray) -> tuple[tuple[float, ...], tuple[float, ...]]:
-    """Where to look from, and what is up: onto the broad side of what is flat, aslant from above otherwise."""
-    thin = int(np.argmin(spans))
-    if spans[thin] > FLAT * np.sort(spans)[1]:
-        return (0.43, -0.75, 0.5), (0.0, 0.0, 1.0)
-    upward = 1 if thin == 2 else 2
-    towards = np.full(3, 0.3)
-    towards[thin], towards[upward] = -0.85 if thin == 1 else 0.85, 0.4
-    return tuple(towards.tolist()), tuple(np.eye(3)[upward].tolist())
