@@ -82,16 +82,16 @@ def draw_fronts(panels: Sequence[Panel]) -> None:
 
 
 def _draw(axes: Any, every: Iterable[Mark]) -> tuple[Any, Any]:
-    """One panel; returns points (n, 2) of named marks and along its front, and of the others."""
+    """One panel; returns points (n, 2) of named marks and along its lines, and of the others."""
     marks = in_plane(every)
     rest = [m for m in marks if m.method not in NAMED or (m.elements and m.method not in CHAINS)]
     axes.plot([m.time for m in rest], [m.error for m in rest], ".", color=REST, markersize=4, zorder=1)
+    lines = []
     for method in CHAINS:
         row = sorted((m for m in marks if m.method == method and m.elements), key=lambda m: m.elements)
         look = {"color": NAMED[method], "markersize": 3.5, "linewidth": 0.8, "zorder": 2}
         axes.plot([m.time for m in row], [m.error for m in row], "s-", **look)
-        for m in row[:: len(row) - 1 or 1]:
-            _say(axes, f"{m.elements}", m, NAMED[method], (0, 7), size=7)
+        lines.append([(m.time, m.error) for m in row])
     best = pareto([(m.time, m.error) for m in marks])
     low, high = 0.5 * min(m.time for m in marks), 2.2 * max(m.time for m in marks)
     steps = [(best[0][0], 10.0 * max(m.error for m in marks)), *best]
@@ -107,29 +107,30 @@ def _draw(axes: Any, every: Iterable[Mark]) -> tuple[Any, Any]:
         _say(axes, "; ".join(SAID.get(m.method, m.method) for m in row), row[-1], INK, (9, 0), side="left")
     for method in CHAINS:
         if row := [m for m in marks if m.method == method and m.elements]:
+            ends = (" and " if len(row) == 2 else " to ").join(
+                f"{pick(m.elements for m in row)}" for pick in (min, max)
+            )
             slow = max(row, key=lambda m: m.time)
-            _say(axes, f"{method},\nn elements per leaf", slow, NAMED[method], (0, -14), side="right")
+            said = f"{method}, {ends}\nelements per leaf"
+            _say(axes, said, slow, NAMED[method], (0, -14), side="right")
     plain_scales(axes)
-    corners = np.log([point for a, b in pairwise(steps) for point in (a, (b[0], a[1]), b)])
-    along = np.linspace(0, len(corners) - 1, 20 * len(corners))
-    line = np.stack([np.interp(along, np.arange(len(corners)), c) for c in corners.T], axis=1)
+    lines.append([point for a, b in pairwise(steps) for point in (a, (b[0], a[1]), b)])
     named = [(m.time, m.error) for m in marks if m not in rest]
-    return np.concatenate([named, np.exp(line)]), np.array([(m.time, m.error) for m in rest])
+    busy = np.concatenate([named, *(_along(line) for line in lines if line)])
+    return busy, np.array([(m.time, m.error) for m in rest])
 
 
-def _say(
-    axes: Any,
-    words: str,
-    m: Mark,
-    color: str,
-    shift: tuple[float, float],
-    *,
-    side: str = "center",
-    size: float = 8,
-) -> None:
+def _along(line: Sequence[tuple[float, float]]) -> np.ndarray:
+    """Points (n, 2) along a line that is straight in the logarithms."""
+    corners = np.log(line)
+    along = np.linspace(0, len(corners) - 1, 20 * len(corners))
+    return np.exp(np.stack([np.interp(along, np.arange(len(corners)), c) for c in corners.T], axis=1))
+
+
+def _say(axes: Any, words: str, m: Mark, color: str, shift: tuple[float, float], *, side: str) -> None:
     axes.annotate(
-        words, (m.time, m.error), shift, textcoords="offset points", fontsize=size, color=color, ha=side, va="center",
-        zorder=5, bbox=BACKING,
+        words, (m.time, m.error), shift, textcoords="offset points", fontsize=8, color=color, ha=side, va="center", zorder=5,
+        bbox=BACKING, in_layout=False,
     )  # fmt: skip
 
 

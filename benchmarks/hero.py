@@ -45,8 +45,8 @@ def draw_mechanism(axes: Any, solver: ksd.Solver) -> ksd.Configuration:
 
 def draw(path: Path, numbers: Path) -> ksd.Configuration:
     """The picture, its right half from the rows of `speed.json`."""
-    figure = new_figure(10.4, 4.0)
-    left, right = figure.subplots(1, 2, width_ratios=(1.6, 1.0))
+    figure = new_figure(10.4, 3.5)
+    left, right = figure.subplots(1, 2, width_ratios=(1.7, 1.0))
     pose = draw_mechanism(left, ksd.prepare(fourbar(1)))
     marks = marks_of(json.loads(numbers.read_text())["solves"]["1"]["rows"], "force_error")
     title = "What accuracy costs (black: the front)"

@@ -11,20 +11,17 @@ Writes paper3.json and paper3.png.
 
 from __future__ import annotations
 
-import argparse
-import json
 import math
-import statistics
-import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from common import canvas, interleaved, label, machine, options, save_picture, write_json
 
 import ksd
+from ksd.view.figure import LINES
 
-RESULTS = Path(__file__).resolve().parent / "results"
 R, ANGLE, JAW = 4e-3, 1.5 * math.pi, np.array([0.07, 0.045])
 CORNERS = ((0.0, 0.0), (0.0, 0.03), (0.04, 0.03), (0.04, 0.0))
 ENDS = (90.0, 0.0, -90.0, 90.0)
@@ -162,16 +159,6 @@ def answers(pose: Any) -> tuple[float, float, float, float]:
     return pose.rotation("crank")[2], pose.rotation("rocker")[2], x, y
 
 
-def microseconds(call: Callable[[], Any], count: int = 200) -> float:
-    """Median thread time of a call."""
-    times = []
-    for _ in range(count):
-        clock = time.thread_time_ns()
-        call()
-        times.append(1e-3 * (time.thread_time_ns() - clock))
-    return statistics.median(times)
-
-
 def curves(torques: np.ndarray) -> dict[str, np.ndarray]:
     """Answers (n, 4) at every torque, by model."""
     ways: dict[str, Callable[[float], Any]] = {
@@ -182,28 +169,29 @@ def curves(torques: np.ndarray) -> dict[str, np.ndarray]:
     return {name: np.array([way(float(t)) for t in torques]) for name, way in ways.items()}
 
 
-def draw(torques: np.ndarray, found: dict[str, np.ndarray], file: Path) -> None:
-    """Crank angle over torque, its error, and the gripper at the last torque."""
-    from matplotlib.figure import Figure
+STYLES = {"linear": ":", "partial": "--", "exact": "-"}
 
-    figure = Figure(figsize=(13.0, 4.0), layout="constrained")
-    left, middle, right = figure.subplots(1, 3)
-    for name, style in (("linear", ":"), ("partial", "--"), ("exact", "-")):
-        left.plot(1e3 * torques, np.degrees(found[name][:, 0]), style, label=name)
+
+def picture(found: Mapping[str, Any], path: Path) -> None:
+    """Crank angle over torque, its error, and the gripper at the last torque."""
+    torques, exact = 1e3 * np.array(found["torque"]), np.array(found["exact"])[:, 0]
+    title = "Gripper of paper 3: by constant flexure matrices, balanced undeformed (linear) or as it is (partial), and exact"
+    figure, ((left, middle, right),) = canvas(1, 3, size=(4.2, 3.2), title=title)
+    for color, (name, style) in zip(LINES, STYLES.items(), strict=False):
+        angle = np.array(found[name])[:, 0]
+        left.plot(torques, np.degrees(angle), style, color=color, label=name)
         if name != "exact":
-            middle.plot(
-                1e3 * torques, 100 * (found[name][:, 0] / found["exact"][:, 0] - 1), style, label=name
-            )
-    for axes, said in ((left, "crank angle [deg]"), (middle, "error of the crank angle [%]")):
-        axes.set_xlabel("crank torque [mNm]")
-        axes.set_ylabel(said)
-        axes.legend(frameon=False)
-    ksd.solve(gripper(float(torques[-1]))).plot(axes=right)
-    figure.savefig(file, dpi=150)
+            middle.plot(torques, 100 * (angle / exact - 1), style, color=color, label=name)
+    label(left, x="crank torque [mNm]", y="crank angle [deg]")
+    label(middle, x="crank torque [mNm]", y="error of the crank angle [%]")
+    last = found["torque"][-1]
+    ksd.solve(gripper(last)).plot(axes=right, labels=False, title=f"exact, at {1e3 * last:g} mNm")
+    save_picture(figure, path)
 
 
 def inverse() -> dict[str, Any]:
-    """Crank torque [Nm] and opening [mm] at 15 degrees, with the error told; times [us] of prepared calls."""
+    """Crank torque [Nm] and opening [mm] at 15 degrees, with the error told; median thread times [us] of prepared
+    calls, in turns."""
     solver, loaded, found = ksd.prepare(gripper(driven=True)), ksd.prepare(gripper(5e-3)), {}
     for method in ("constant", "conventional"):
         pose = solver(crank=math.radians(15), method=method)  # type: ignore[arg-type]
@@ -218,28 +206,23 @@ def inverse() -> dict[str, Any]:
         "inverse, constant": lambda: solver.required_forces(places, turns),
         "inverse by names, constant": lambda: ksd.required_loads(solver, wanted, method="constant"),
     }
-    return found | {"microseconds": {said: microseconds(call) for said, call in calls.items()}}
+    return found | {"microseconds": {n: t.median for n, t in interleaved(calls, repeats=200).items()}}
 
 
 def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
     """Print, write and draw the comparison."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
-    parser.add_argument("--quick", action="store_true", help="three torques")
-    parser.add_argument("--out", type=Path, default=RESULTS, help="folder of paper3.json and paper3.png")
-    options = parser.parse_args(argv)
-    torques = np.linspace(0.0, 5e-3, 4 if options.quick else 11)[1:]
+    chosen = options(__doc__ or "", argv)
+    torques = np.linspace(0.0, 5e-3, 4 if chosen.quick else 11)[1:]
     found = curves(torques)
     print("crank torque [mNm]; crank angle [deg] linear, partial, exact; error of the first two [%]")
     for k, torque in enumerate(torques):
-        angles = [math.degrees(found[n][k, 0]) for n in ("linear", "partial", "exact")]
+        angles = [math.degrees(found[n][k, 0]) for n in STYLES]
         off = [100 * (a / angles[2] - 1) for a in angles[:2]]
         print(f"{1e3 * torque:6.2f}", *(f"{a:9.4f}" for a in angles), *(f"{e:+7.2f}" for e in off))
-    back = inverse()
-    print(f"crank at 15 degrees, and thread times [us] of prepared calls: {json.dumps(back, indent=1)}")
-    made = {"torque": torques.tolist(), **{n: v.tolist() for n, v in found.items()}, "inverse": back}
-    options.out.mkdir(parents=True, exist_ok=True)
-    (options.out / "paper3.json").write_text(json.dumps(made, indent=1) + "\n")
-    draw(torques, found, options.out / "paper3.png")
+    made = {"machine": machine(), "torque": torques.tolist(), **found, "inverse": inverse()}
+    print(f"crank at 15 degrees, and thread times [us] of prepared calls: {made['inverse']}")
+    write_json(made, chosen.out / "paper3.json")
+    picture(made, chosen.out / "paper3.png")
     return made
 
 

@@ -22,6 +22,7 @@ import optimise
 import optimisers
 import paper1
 import paper2
+import paper3
 import speed_report
 from common import RESULTS, options
 
@@ -34,6 +35,7 @@ PICTURES: dict[str, Drawn] = {
     "convergence.png": convergence.picture,
     "optimise.png": optimise.picture,
     "optimisers.png": optimisers.picture,
+    "paper3.png": paper3.picture,
     **dict.fromkeys(paper1.DRAWN, paper1.picture),
     **dict.fromkeys(paper2.DRAWN, paper2.picture),
 }

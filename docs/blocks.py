@@ -10,6 +10,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+from figures import css_width
 from matplotlib.figure import Figure
 
 BLOCK = re.compile(r"^```python\n(.*?)^```\n", re.S | re.M)
@@ -45,7 +46,8 @@ def show_blocks(app: Any, page: str, source: list[str]) -> None:
             if figure:
                 path = folder / f"{page.replace('/', '_')}_{number}.png"
                 figure.savefig(path, dpi=150)
-                below += f"\n![picture drawn by the block above](/_made/blocks/{path.name})\n"
+                below += f"\n```{{image}} /_made/blocks/{path.name}\n:alt: picture drawn by the block above\n"
+                below += f":width: {css_width(path)}\n```\n"
             shown.append(below)
     below_each = iter(shown)
     source[0] = BLOCK.sub(lambda found: found[0] + next(below_each), text)

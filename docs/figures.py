@@ -1,4 +1,4 @@
-"""Which figures of an example or a tutorial the site shows."""
+"""Which figures of an example or a tutorial the site shows, and how large."""
 
 from __future__ import annotations
 
@@ -7,7 +7,13 @@ from pathlib import Path
 from typing import Any
 
 from matplotlib.figure import Figure
-from sphinx_gallery.scrapers import figure_rst
+from PIL import Image
+
+
+def css_width(path: Path) -> str:
+    """Width of a picture on the site: that in which its words are as large as those of all others."""
+    picture = Image.open(path)
+    return f"{96 * picture.width / picture.info['dpi'][0]:.0f}px"
 
 
 def of_block(block: Any, block_vars: dict[str, Any], gallery_conf: dict[str, Any]) -> str:
@@ -23,4 +29,5 @@ def of_block(block: Any, block_vars: dict[str, Any], gallery_conf: dict[str, Any
         # drawn once: nothing is solved again
         shutil.move(written, path)
     names["___"] = None
-    return figure_rst([path], gallery_conf["src_dir"])
+    place = Path(path).relative_to(gallery_conf["src_dir"]).as_posix()
+    return f".. image:: /{place}\n   :alt: what the lines above draw\n   :width: {css_width(path)}\n"

@@ -3,7 +3,7 @@
 import hashlib
 import json
 from importlib import import_module
-from itertools import combinations
+from itertools import combinations, pairwise
 from pathlib import Path
 
 import numpy as np
@@ -113,11 +113,16 @@ def test_the_front_of_a_work_precision_picture(script):
     assert np.column_stack(line.get_data())[1:].tolist() == [[20.0, 0.5], [40.0, 1e-5]]
     figure.canvas.draw()
     boxes = {t.get_text(): t.get_window_extent() for t in axes.texts if t.get_text()}
-    assert {"reduced", "conventional", "full", "kinematic", "plain Newton,\nn elements per leaf"} <= set(
+    assert {"reduced", "conventional", "full", "kinematic", "plain Newton, 1 to 5\nelements per leaf"} <= set(
         boxes
     )
     for (one, a), (two, b) in combinations(boxes.items(), 2):
         assert not a.overlaps(b), f"'{one}' on '{two}'"
+    for line in (found for found in axes.lines if found.get_marker() == "s" and len(found.get_xdata())):
+        ends = axes.transData.transform(np.column_stack(line.get_data()))
+        along = np.concatenate([np.linspace(a, b, 200) for a, b in pairwise(ends)])
+        for word, box in boxes.items():
+            assert not ((along > box.min) & (along < box.max)).all(axis=1).any(), f"'{word}' on a line"
     assert all(axes.bbox.x0 <= box.x0 and box.x1 <= axes.bbox.x1 for box in boxes.values())
 
 

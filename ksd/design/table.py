@@ -9,6 +9,7 @@ import os
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -73,7 +74,12 @@ class Table(InNotebooks):
         leading: tuple[str, ...] = (),
     ) -> Table:
         """A table of rows that need not have the same keys; numbers missing are nan, texts empty."""
-        names = list(dict.fromkeys([*labels, *(key for row in rows for key in row)]))
+        names = list(labels)
+        for keys in dict.fromkeys(tuple(row) for row in rows):
+            for before, key in pairwise(("", *keys)):
+                if key not in names:
+                    # beside its like, also where only later rows have it
+                    names.insert(names.index(before) + 1 if before else len(labels), key)
         names = [n for n in names if n != STATUS] + [STATUS]
         blank: dict[str, Any] = {}
         for n in names:

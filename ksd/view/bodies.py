@@ -187,10 +187,10 @@ def facing(leaf: Any, camera: Camera) -> Any:
 
 
 def outlines(leaf: Any, camera: Camera, *, rest: bool = False) -> list[Array]:
-    """Closed lines (k, 3) [m] around a leaf spring: of its sheet in space, of its thickness where that is drawn; none of a
+    """Closed lines (k, 3) [m] around a leaf spring: of its sheet, of its thickness where that is drawn; none of a deformed
     plain leaf seen onto a plane."""
     place, axes = (leaf.rest, leaf.rest_axes) if rest else (leaf.place, leaf.axes)
-    rings = [] if camera.plane else [ribbon(place, axes, leaf.width)]
+    rings = [] if camera.plane and not rest else [ribbon(place, axes, leaf.width)]
     if thick(leaf):
         half = 0.5 * leaf.thickness[:, None] * axes[:, :, 1]
         side = 0.5 * leaf.width[:, None] * axes[:, :, 2]

@@ -195,7 +195,7 @@ def spoken_amount(value: float, unit: str) -> str:
     """A force [N], moment [Nm] or mass [kg] with its unit, of thousands or thousandths where it is large or small."""
     if abs(value) >= 1e4:
         return f"{1e-3 * value:.4g} {THOUSANDS[unit]}"
-    if 0.0 < abs(value) < 1e-6 and unit != "kg":
+    if 0.0 < abs(value) < 1e-4 and unit != "kg":
         return f"{1e6 * value:.4g} \N{MICRO SIGN}{unit}"
     if 0.0 < abs(value) < 1e-3:
         return f"{1e3 * value:.4g} {THOUSANDTHS[unit]}"

@@ -19,10 +19,11 @@ _WAYS = np.array([(0, 1), (0, -1), (1, 0), (-1, 0), (1, 1), (-1, -1), (1, -1), (
 _MOVES = np.concatenate([np.zeros((1, 2)), *(far * _WAYS for far in _FAR)])
 _LED = 18.0
 """Distance, in points, from which a line leads to a label."""
-AROUND = np.array([3.0, 2.0])
+AROUND = np.array([5.0, 4.0])
 """Points left free on the sides and above and below a label."""
-_CROSSED, _MOVED = 0.06, 2e-3
-"""Cost, in label areas, of a point of a leaf that is covered, and of each point of distance."""
+_CROSSED, _CROSSING, _OFF = 0.06, 0.3, 2e-3
+"""Cost, in label areas, of a point of a leaf that is covered, of another label on the way to what a label names, and of each
+point of that way."""
 
 
 def part_labels(axes: Any, keep_off: Array, avoid: Array) -> None:
@@ -48,36 +49,44 @@ def part_labels(axes: Any, keep_off: Array, avoid: Array) -> None:
         back = np.array([[box.width, 0.0]]) / scale
         moves = np.concatenate([_MOVES, _MOVES - 0.5 * back, _MOVES - back])
         boxes = [box.translated(*(scale * move)) for move in moves]
+        named = axes.transData.transform(text.xy)
         costs = [
             _lost(b, taken, axes.bbox)
             + _covered(b.padded(*(scale * AROUND)), marks)
             + _CROSSED * _covered(b, lines)
-            + _MOVED * np.abs(move).max()
-            for b, move in zip(boxes, moves, strict=True)
+            + _OFF * _gap(b, named) / scale
+            + _CROSSING * sum(_covered(other, _way(b, named)) > 0 for other in taken)
+            for b in boxes
         ]
         best = int(np.argmin(costs))
         text.set_position(tuple(np.array(text.get_position(), float) + moves[best]))
         taken.append(boxes[best])
-        _lead(axes, text, boxes[best], far=_LED * scale)
+        if _gap(boxes[best], named) > _LED * scale:
+            # a fine line to it
+            way = _way(boxes[best], named)
+            marks = np.concatenate([marks, way])
+            line = axes.transData.inverted().transform(way[[0, -1]])
+            look = {"color": text.get_color(), "linewidth": 0.5, "alpha": 0.6, "zorder": 5}
+            axes.plot(*line.T, scalex=False, scaley=False, **look)
 
 
-def _lead(axes: Any, text: Any, box: Bbox, *, far: float) -> None:
-    """A fine line to a label from what it names, where that is more than `far` pixels off."""
-    start = axes.transData.transform(text.xy)
-    end = np.clip(start, box.min, box.max)
-    if np.linalg.norm(end - start) > far:
-        line = axes.transData.inverted().transform(np.stack([start, end]))
-        axes.plot(
-            *line.T, color=text.get_color(), linewidth=0.5, alpha=0.6, zorder=5, scalex=False, scaley=False
-        )
+def _way(box: Bbox, point: Array) -> Array:
+    """Points (n, 2) from a point to a box, straight."""
+    return np.linspace(point, np.clip(point, box.min, box.max), 20)
+
+
+def _gap(box: Bbox, point: Array) -> float:
+    """Pixels from a point to a box; 0 inside."""
+    return float(np.linalg.norm(np.diff(_way(box, point)[[0, -1]], axis=0)))
 
 
 def _lost(box: Bbox, taken: list[Bbox], frame: Bbox) -> float:
-    """Share of the label that lies on others or outside the frame."""
+    """Share of the label that is outside the frame, and of it or of others where they lie on each other."""
     area = box.width * box.height
+    near = box.padded(12.0, 2.0)
+    on_others = sum(_shared(near, other) / min(area, other.width * other.height) for other in taken)
     # what is cut off cannot be read at all
-    lost = 20.0 * (area - _shared(box, frame)) + sum(_shared(box.padded(12.0, 2.0), other) for other in taken)
-    return float(lost / area)
+    return 20.0 * (1.0 - _shared(box, frame) / area) + on_others
 
 
 def _shared(one: Bbox, other: Bbox) -> float:

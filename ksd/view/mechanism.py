@@ -169,24 +169,24 @@ def _fit(axes: Any, title: str, *, bar: float) -> str:
 def _polygons(shape: Any, camera: Camera, size: float, heat: Heat | None) -> list[Polygon]:
     """All that is solid, in no order."""
     found: list[Polygon] = []
-    for name, color in block_colors(shape).items():
-        block = next(b for b in shape.blocks if b.name == name)
-        clamped = pads(shape, block)
+    colors = block_colors(shape)
+    for block in shape.blocks:
+        clamped, color = pads(shape, block), colors[block.name]
         pale, edge = mixed(color, 0.45), mixed(color, 0.0)
         pieces = parts(block, clamped, size)
         for k, points in enumerate(pieces):
             # the web, the last, ends within the pads
             half = THICK * size * (0.8 if 0 < k == len(pieces) - 1 else 1.0)
             found += body(points, half, pale, edge=edge)
-        if name == "ground":
+        if block.name == "ground":
             lines = (line for pad in clamped for line in hatches(pad, size, camera))
             found += [Polygon(line, GROUND, None, 0.9) for line in lines]
     for whole in shape.leaves:
         leaf = whole if heat or camera.plane or thick(whole) else sparse(whole)
         # a cut is seen whole: pale, or its outline is lost
         plain = LEAF if not thick(leaf) else mixed(LEAF, 0.45)
-        colors = plain if heat is None else heat.between(leaf.name)
-        found += sheets(leaf, colors, line=1.8 if camera.plane and not thick(leaf) else 0.4)
+        drawn = plain if heat is None else heat.between(leaf.name)
+        found += sheets(leaf, drawn, line=1.8 if camera.plane and not thick(leaf) else 0.4)
         edge = LEAF if camera.plane else mixed(LEAF, -0.35)
         for ring in outlines(leaf, camera):
             found += [

@@ -26,6 +26,8 @@ _NOISE = 1e-9
 
 _BEHIND = {"linewidth": 5.0, "alpha": 0.3, "zorder": 1.5}
 """How a curve is drawn that lies on others."""
+_SAME = 0.01
+"""Relative difference below which a curve lies on another."""
 _NOTHING = 1e-9
 """Panels whose largest value (in their unit) stays below this have nothing to show."""
 
@@ -170,6 +172,7 @@ def _draw(axes: Any, table: Any, panel: _Panel, columns: dict[str, str], *, over
     noise = 0.0 if panel.log else _NOISE * largest
     # a single point is no line
     shown = {c: n for c, n in columns.items() if np.sum(np.abs(table[c]) > noise) > 1}
+    hidden = _hidden(table, shown)
     for color, (column, name) in zip(cycle(LINES), (shown or columns).items(), strict=False):
         for style, shade, (said, rows) in zip(
             _styles(len(groups)), _shades(len(groups)), groups.items(), strict=True
@@ -178,8 +181,7 @@ def _draw(axes: Any, table: Any, panel: _Panel, columns: dict[str, str], *, over
             y = np.where(y > 0, y, np.nan) if panel.log else y
             last = said == next(reversed(groups))
             tone = mixed(color, float(shade))
-            # the worst direction is one of the others, which it must not hide
-            look = _BEHIND if name == "worst" and len(shown) > 1 else {"linewidth": 1.6}
+            look = _BEHIND if column in hidden else {"linewidth": 1.6}
             axes.plot(x[rows], y, style, color=tone, label=name if last else None, **look)
     bad = np.isin(np.arange(len(x)), [k for k, s in enumerate(table["status"]) if s != "ok"])
     if bad.any():
@@ -188,6 +190,16 @@ def _draw(axes: Any, table: Any, panel: _Panel, columns: dict[str, str], *, over
     _scales(axes, panel, _spoken(over))
     if shown and len(columns) > 1:
         _legend(axes, len(shown), panel.log, crowded=len(shown) * len(groups) > 3)
+
+
+def _hidden(table: Any, shown: dict[str, str]) -> set[str]:
+    """Columns whose curves lie on those of later ones, and the worst direction, which is one of the others."""
+    worst = {one for one in shown if shown[one] == "worst" and len(shown) > 1}
+    plain = [one for one in shown if one not in worst]
+    return worst | {
+        one for k, one in enumerate(plain) for other in plain[k + 1 :]
+        if np.allclose(table[one], table[other], rtol=_SAME, atol=0.0, equal_nan=True)
+    }  # fmt: skip
 
 
 def _legend(axes: Any, count: int, log: bool, *, crowded: bool) -> None:

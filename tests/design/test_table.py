@@ -98,6 +98,21 @@ def test_leading_columns_are_printed_whatever_they_are_called(tmp_path):
     assert str(again) == said and str(again.where(top_mm=10.0)).count("10.000") == 1
 
 
+def test_columns_only_later_rows_have_stand_beside_their_like():
+    """A mode first met on the way; the first row without an answer at all."""
+    first = {"top_mm": 0.0, "parasitic_1_Hz": 9.0, "stress_MPa": 1.0, "warnings": "", "status": "ok"}
+    later = {
+        "top_mm": 1.0,
+        "parasitic_1_Hz": 8.0,
+        "parasitic_2_Hz": 9.0,
+        "stress_MPa": 1.0,
+        "warnings": "",
+        "status": "ok",
+    }
+    for found in ([first, later], [{"top_mm": 0.0, "status": "no"}, later, first]):
+        assert list(table(found).columns) == list(later)
+
+
 def test_every_answer_of_a_sweep_has_words_and_unit():
     assert spoken_column("time_us") == ("time", "us") and spoken_column("error_percent") == ("error", "%")
     known = ksd.design.questions.known_columns(fourbar().scene(), 2)

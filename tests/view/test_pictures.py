@@ -301,7 +301,7 @@ def test_axes_in_space_stand_beside_what_is_drawn():
 
 @pytest.mark.parametrize(
     ("value", "unit", "said"),
-    [(521.23, "N", "521.2 N"), (84600.0, "N", "84.6 kN"), (1.114e-4, "N", "0.1114 mN"), (-2.37e-6, "Nm", "-0.00237 mNm"),
+    [(521.23, "N", "521.2 N"), (84600.0, "N", "84.6 kN"), (1.114e-4, "N", "0.1114 mN"), (-2.37e-6, "Nm", "-2.37 µNm"),
      (9.6e-8, "N", "0.096 µN"), (5e4, "kg", "50 t"), (2e-4, "kg", "0.2 g"), (-0.0, "N", "0 N")],
 )  # fmt: skip
 def test_amounts_have_units_of_their_size(value, unit, said):

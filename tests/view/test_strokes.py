@@ -128,6 +128,16 @@ def test_the_worst_direction_hides_no_other(table):
         assert all(worst.get_linewidth() > 2 * line.get_linewidth() for line in by.values())
 
 
+def test_a_curve_below_another_is_seen():
+    """Of two equal frequencies the first is a pale band below the second; a third, 2 % off, is a line."""
+    rows = [
+        {"x_mm": x, "parasitic_1_Hz": 200 + x, "parasitic_2_Hz": 200 + x, "parasitic_3_Hz": 1.02 * (200 + x), "status": "ok"}
+        for x in (0.0, 1.0, 2.0)
+    ]  # fmt: skip
+    figure = Table.of_rows(rows, ("x_mm",), moving=("x_mm",)).plot("frequencies")
+    assert [line.get_linewidth() > 4 for line in figure.axes[0].lines] == [True, False, False]
+
+
 def test_failures_are_told_in_the_picture(table):
     assert key(table.plot("force")) == ["1 pose without full answer"]
 
