@@ -17,6 +17,8 @@ _FAR = (12.0, 22.0, 34.0, 48.0, 64.0, 84.0, 112.0)
 """Distances tried, in points, from the place a label was given."""
 _WAYS = np.array([(0, 1), (0, -1), (1, 0), (-1, 0), (1, 1), (-1, -1), (1, -1), (-1, 1)], float)
 _MOVES = np.concatenate([np.zeros((1, 2)), *(far * _WAYS for far in _FAR)])
+_NEAR = 10.0
+"""Distance, in points, up to which one place is as good as another."""
 _LED = 18.0
 """Distance, in points, from which a line leads to a label."""
 AROUND = np.array([5.0, 4.0])
@@ -50,11 +52,12 @@ def part_labels(axes: Any, keep_off: Array, avoid: Array) -> None:
         moves = np.concatenate([_MOVES, _MOVES - 0.5 * back, _MOVES - back])
         boxes = [box.translated(*(scale * move)) for move in moves]
         named = axes.transData.transform(text.xy)
+        meant = max(_gap(box, named), _NEAR * scale)
         costs = [
             _lost(b, taken, axes.bbox)
             + _covered(b.padded(*(scale * AROUND)), marks)
             + _CROSSED * _covered(b, lines)
-            + _OFF * _gap(b, named) / scale
+            + _OFF * max(_gap(b, named) - meant, 0.0) / scale
             + _CROSSING * sum(_covered(other, _way(b, named)) > 0 for other in taken)
             for b in boxes
         ]
