@@ -71,15 +71,8 @@ class RestShape(Shown, Scene):
                 placed.name, number(1e3 * placed.leaf.length, 6), number(1e3 * chord, 6),
                 *(number(float(f), 5, zero=noise) for f in (h, v, first, last)),
             ))  # fmt: skip
-        columns = (
-            "leaf",
-            "length [mm]",
-            "chord [mm]",
-            f"F{axes[0]} [N]",
-            f"F{axes[1]} [N]",
-            "M start [Nm]",
-            "M end [Nm]",
-        )
+        sides = [f"F{a} [N]" for a in axes[:2]]
+        columns = ("leaf", "length [mm]", "chord [mm]", *sides, "M start [Nm]", "M end [Nm]")
         drives = [
             f"{n} = {number(v, 6)}, {number(self.forces[n], 6)} N or Nm" for n, v in self.targets.items()
         ]

@@ -24,6 +24,7 @@ from ksd.model.arrays import make_work
 from ksd.model.compile import Model, compile_scene, reference_points
 from ksd.model.leaves import cut_leaves
 from ksd.model.newton import assemble
+from ksd.properties.nonconservative import cross_matrix
 from ksd.properties.tangent import exact, stored_matrix
 from ksd.properties.words import Shown
 from ksd.scene.contents import WANTED, PlacedLeaf, Scene
@@ -39,6 +40,12 @@ RANK = 1e-2
 fighting each other."""
 ALIGNED = 1e-6
 """The same, below which constraints fight exactly, not only nearly."""
+GAP = 10.0
+"""Smallest ratio of neighbouring eigenvalues that parts stiff directions from soft ones."""
+_LEAF = (
+    "stretch", "bending across its thickness", "shear in its plane", "torsion", "bending in its plane",
+    "bending across its thickness",
+)  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -351,19 +358,6 @@ def _joints(names: Sequence[str]) -> str:
     return f"joint{'s' * (len(names) > 1)} {_listed([repr(n) for n in names])}"
 
 
-__all__ = ["Diagnosis", "Fight", "Free", "doctor"]
-GAP = 10.0
-"""Smallest ratio of neighbouring eigenvalues that parts stiff directions from soft ones."""
-_LEAF = (
-    "stretch",
-    "bending across its thickness",
-    "shear in its plane",
-    "torsion",
-    "bending in its plane",
-    "bending across its thickness",
-)
-
-
 @dataclass(frozen=True)
 class Constraint:
     """One direction that something holds. what: "y-rotation of joint 'B'"; row (6 nodes,); stiffness [N/m] along the
@@ -390,9 +384,7 @@ class Spring:
         """(6, 6 nodes): its own motion, rotations times its length, from those of all nodes, rotations times `size`."""
         J = np.zeros((6, 6 * len(places)))
         for node, sign in zip(self.nodes, (-1.0, 1.0), strict=True):
-            x, y, z = self.point - places[node]
-            lever = np.array([[0.0, z, -y], [-z, 0.0, x], [y, -x, 0.0]])
-            at = 6 * node
+            lever, at = -cross_matrix(self.point - places[node]), 6 * node
             J[:3, at : at + 3] += sign * self.axes.T
             J[:3, at + 3 : at + 6] += sign * self.axes.T @ lever / size
             J[3:, at + 3 : at + 6] += sign * self.axes.T * (self.length / size)
@@ -411,11 +403,10 @@ def stiffness_at_rest(scene: Scene, point: Array, axes: Array, length: float) ->
         )
     else:
         K = K[np.ix_(own, own)]
-    x, y, z = model.rest.x[1] - point
     T = np.zeros((6, 6))
     # the reference point moves with the point: u + phi x r
     T[:3, :3], T[3:, 3:] = axes, axes / length
-    T[:3, 3:] = np.array([[0.0, z, -y], [-z, 0.0, x], [y, -x, 0.0]]) @ axes / length
+    T[:3, 3:] = -cross_matrix(model.rest.x[1] - point) @ axes / length
     found = T.T @ K @ T
     return 0.5 * (found + found.T)
 
@@ -548,3 +539,6 @@ def prescribed_rows(model: Model, size: float) -> tuple[list[Constraint], list[C
         found.append(Constraint(f"{kind} '{name}'", row / length, np.inf, f"remove {kind} '{name}'"))
     drives = len(model.drive_names)
     return found[drives:], found[:drives]
+
+
+__all__ = ["Diagnosis", "Fight", "Free", "doctor"]

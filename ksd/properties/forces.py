@@ -27,7 +27,7 @@ from ksd.beam.modal import modal_condense
 from ksd.beam.polynomial import polynomial_condense
 from ksd.beam.weight import PULL
 from ksd.errors import SceneError
-from ksd.model.arrays import COIL, COROTATIONAL, MODAL, SOLID, TURN, Motion, Work, make_work
+from ksd.model.arrays import COIL, COROTATIONAL, MODAL, SOLID, STRAIN, TURN, Motion, Work, make_work
 from ksd.model.compile import Model
 from ksd.model.poses import member_pose
 from ksd.numerics.rotations import rotation_exp
@@ -40,6 +40,7 @@ from ksd.properties.shape import (
     member_ends,
     member_parts,
     members_of_leaves,
+    place_of,
     strain_curves,
 )
 from ksd.properties.words import Named, Shown, listed, number
@@ -94,12 +95,12 @@ def section_forces(
         gravity = own_gravity(model, motion, group, load_factor)
         made = strain_forces(group.value, motion.inner[group.places], group.number, points, gravity)
         parts |= zip(group.members.tolist(), zip(*made, strict=True), strict=True)
-    found, work = {}, make_work(model.arrays) if len(parts) < len(model.arrays.members.kind) else None
+    found, how = {}, (make_work(model.arrays), load_factor)
     for name, members in members_of_leaves(model).items():
         at, stations, values = 0.0, [], []
         for i in members:
             other = _solid_forces if model.arrays.members.kind[i] == SOLID else _chain_forces
-            s, forces = parts[i] if i in parts else other(model, motion, i, (work, load_factor))
+            s, forces = parts[i] if i in parts else other(model, motion, i, how)
             stations.append(at + s)
             values.append(forces)
             at += s[-1]
@@ -117,16 +118,12 @@ def _most(forces: SectionForces) -> list[str]:
 
 def end_wrenches(model: Model, motion: Motion, *, load_factor: float = 1.0) -> Array:
     """Force and moment (members, 6) [N, Nm] on end q of every member, in the frame of its end p."""
-    members = model.arrays.members
-    found, work = np.empty((len(members.kind), 6)), None
-    strain = set()
+    kind, how = model.arrays.members.kind, (make_work(model.arrays), load_factor)
+    found = np.empty((len(kind), 6))
     for group in leaf_groups(model):
         found[group.members] = motion.inner[group.places][:, group.modes :]
-        strain |= set(group.members.tolist())
-    for i in range(len(found)):
-        if i not in strain:
-            work = work or make_work(model.arrays)
-            found[i] = _chain_wrench(model, motion, i, member_ends(model, motion, i), (work, load_factor))[1]
+    for i in np.flatnonzero(kind != STRAIN).tolist():
+        found[i] = _chain_wrench(model, motion, i, member_ends(model, motion, i), how)[1]
     return found
 
 
@@ -140,9 +137,7 @@ def strain_forces(
     return s, _along(r, R, inner[:, None, int(number[:3].sum()) :], *weight)
 
 
-def _chain_forces(
-    model: Model, motion: Motion, i: int, how: tuple[Work | None, float]
-) -> tuple[Array, Array]:
+def _chain_forces(model: Model, motion: Motion, i: int, how: tuple[Work, float]) -> tuple[Array, Array]:
     """Stations (k,) and section forces (k, 6) of a chain, at its nodes; how: storage and load factor."""
     value, number, inner = member_parts(model, motion, i)
     ends = member_ends(model, motion, i)
@@ -154,9 +149,7 @@ def _chain_forces(
     return np.concatenate([[0.0], np.cumsum(lengths)]), forces[0]
 
 
-def _solid_forces(
-    model: Model, motion: Motion, i: int, how: tuple[Work | None, float]
-) -> tuple[Array, Array]:
+def _solid_forces(model: Model, motion: Motion, i: int, how: tuple[Work, float]) -> tuple[Array, Array]:
     """Stations (k,) and section forces (k, 6) along the middle of a reduced solid."""
     ends = member_ends(model, motion, i)
     solid = model.bodies[model.member_names[i]]
@@ -199,12 +192,11 @@ _CONDENSE = {COROTATIONAL: corotational.condense, MODAL: modal_condense, SOLID: 
 
 
 def _chain_wrench(
-    model: Model, motion: Motion, i: int, ends: Ends, how: tuple[Work | None, float]
+    model: Model, motion: Motion, i: int, ends: Ends, how: tuple[Work, float]
 ) -> tuple[Array | None, Array]:
     """Gravity (3,) on a chain, None without weight, and force and moment (6,) on its end q, inner residual condensed out;
     frame p."""
     members, stiffness, gravity, (work, factor) = model.arrays.members, np.empty((6, 6)), None, how
-    assert work is not None
     if len(work.weight) and work.weight[i, 0] > 0.0:
         gravity = factor * (work.weight[i, 1:] @ ends.frame)
         at = int(members.store_at[i + 1]) - PULL
@@ -302,7 +294,7 @@ def interface_forces(model: Model, motion: Motion, *, load_factor: float = 1.0) 
         mine = [e for e in ends if e.name.startswith(f"{placed.name}/")]
         for link, point in ((placed.a, placed.origin), (placed.b, placed.place(placed.joint.pose_B))):
             node = model.node_names.index(link)
-            here = motion.x[node] + motion.R[node] @ (np.asarray(point) - model.rest.x[node])
+            here = place_of(model, motion, node, point)
             theirs = [e for e in mine if e.link == link]
             force = sum((e.force for e in theirs), np.zeros(3))
             moment = sum((e.moment + np.cross(e.point - here, e.force) for e in theirs), np.zeros(3))
@@ -349,7 +341,7 @@ def _hinge(model: Model, motion: Motion, hinge: Any) -> list[InterfaceForce]:
             force = force + share
         else:
             moment = moment + share
-    place = motion.x[nodes[1]] + motion.R[nodes[1]] @ (np.asarray(hinge.at) - model.rest.x[nodes[1]])
+    place = place_of(model, motion, nodes[1], hinge.at)
     return [
         InterfaceForce(hinge.name, hinge.a, place, -force, -moment),
         InterfaceForce(hinge.name, hinge.b, place, force, moment),

@@ -170,15 +170,14 @@ class Modes(Shown):
 
     def moved(self, row: int, size: float) -> Motion:
         """The state of `model` displaced by `size` times the mode of this row, to first order, leaf springs included."""
-        state, x = self.motion.copy(), size * self.vector[row]
-        for group, leaf in zip(leaf_groups(self.model), self.mass.leaves, strict=True):
-            starts = self.model.arrays.start[self.model.arrays.members.node[group.members]]
-            ends = np.where(
-                starts[..., None] < 0, 0.0, x[np.maximum(starts, 0)[..., None] + np.arange(6)]
-            ).reshape(len(starts), 12, 1)
-            bent = x[leaf.inner] + (leaf.P @ (leaf.relative @ ends))[..., 0]
+        # what is fixed reads the zero at the end
+        state, x = self.motion.copy(), np.append(size * self.vector[row], 0.0)
+        for group, leaf, (at, _) in zip(
+            leaf_groups(self.model), self.mass.leaves, self.mass.stacks, strict=False
+        ):
+            bent = x[leaf.inner] + (leaf.P @ (leaf.relative @ x[at[:, :12], None]))[..., 0]
             state.inner[group.places[:, : group.modes]] += bent
-        move_nodes(self.model.arrays, state, np.ascontiguousarray(x[: self.model.arrays.plan.unknowns]), 1.0)
+        move_nodes(self.model.arrays, state, x[: self.model.arrays.plan.unknowns], 1.0)
         return state
 
     @cached_property

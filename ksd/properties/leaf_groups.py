@@ -14,6 +14,7 @@ from ksd.beam.strain_values import strain_constants
 from ksd.model.arrays import STRAIN, Motion
 from ksd.model.compile import Model
 from ksd.properties.cache import per_model
+from ksd.properties.nonconservative import cross_matrix
 
 Array = NDArray[np.float64]
 
@@ -80,14 +81,6 @@ def end_frames(model: Model, motion: Motion, which: NDArray[np.int64]) -> EndFra
     return EndFrames(start, frame, d, arms, end - motion.x[nodes[:, 0]])
 
 
-def cross_matrices(v: Array) -> Array:
-    """[v]x (k, 3, 3) of rows (k, 3)."""
-    found = np.zeros((len(v), 3, 3))
-    for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
-        found[:, j, k], found[:, k, j] = -v[:, i], v[:, i]
-    return found
-
-
 def end_levers(ends: EndFrames) -> tuple[Array, Array]:
     """(k, 6, 12) each: motion of end p, and of end q relative to it, in frame p, from the motion of both nodes."""
     count = len(ends.start)
@@ -95,9 +88,9 @@ def end_levers(ends: EndFrames) -> tuple[Array, Array]:
     turn = ends.frame.swapaxes(1, 2)
     own[:, :3, :3] = own[:, 3:, 3:6] = relative[:, :3, 6:9] = relative[:, 3:, 9:] = turn
     relative[:, :3, :3] = relative[:, 3:, 3:6] = -turn
-    own[:, :3, 3:6] = -turn @ cross_matrices(ends.arms[:, 0])
-    relative[:, :3, 3:6] = turn @ cross_matrices(ends.reach)
-    relative[:, :3, 9:] = -turn @ cross_matrices(ends.arms[:, 1])
+    own[:, :3, 3:6] = -turn @ cross_matrix(ends.arms[:, 0])
+    relative[:, :3, 3:6] = turn @ cross_matrix(ends.reach)
+    relative[:, :3, 9:] = -turn @ cross_matrix(ends.arms[:, 1])
     return own, relative
 
 
@@ -145,16 +138,20 @@ def leaf_weight(model: Model, motion: Motion, group: LeafGroup, load_factor: flo
     return LeafWeight(pull, turn, corner)
 
 
+def node_unknowns(model: Model, nodes: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Unknowns (k, 6 n) of the motions of nodes (k, n), -1 where one is fixed."""
+    first = model.arrays.start[nodes][..., None]
+    return np.where(first < 0, -1, first + np.arange(6)).reshape(len(nodes), -1)
+
+
 @per_model
 def inner_unknowns(model: Model) -> tuple[NDArray[np.int64], ...]:
     """Unknowns (k, 12 + N) of the leaves of every group: the motions of both nodes in elimination order, -1 where a node
     is fixed, then inner coordinates of their own behind all node unknowns."""
     at, found = model.arrays.plan.unknowns, []
     for group in leaf_groups(model):
-        first = model.arrays.start[model.arrays.members.node[group.members]]
-        nodes = np.where(first[..., None] < 0, -1, first[..., None] + np.arange(6)).reshape(len(first), 12)
-        own = at + np.arange(len(first) * group.modes).reshape(len(first), -1)
-        found.append(np.hstack([nodes, own]))
+        own = at + np.arange(group.places[:, : group.modes].size).reshape(-1, group.modes)
+        found.append(np.hstack([node_unknowns(model, model.arrays.members.node[group.members]), own]))
         at += own.size
     return tuple(found)
 

@@ -29,6 +29,7 @@ from ksd.properties.leaf_groups import (
     flexible_leaves,
     inner_unknowns,
     leaf_groups,
+    node_unknowns,
 )
 from ksd.properties.nonconservative import cross_matrix
 from ksd.properties.shape import member_ends, member_parts, members_of_leaves, scene_leaves
@@ -68,12 +69,6 @@ def leaf_line_mass(leaf: Any, s: Array) -> Array:
     density, profile = leaf.material.density or 0.0, getattr(leaf, "profile", None)
     sections = [leaf.section if profile is None else profile.section(float(x)) for x in s]
     return density * np.array([[q.A, q.Iy + q.Iz, q.Iy, q.Iz] for q in sections])
-
-
-def _node_unknowns(model: Model, nodes: Any) -> NDArray[np.int64]:
-    """Unknowns (6 per node) of nodes; -1 for ground."""
-    start = model.arrays.start[np.asarray(nodes)]
-    return np.concatenate([np.full(6, -1) if s < 0 else np.arange(s, s + 6) for s in start])
 
 
 def _chain_element(model: Model, motion: Motion, i: int, leaf: Any, line: Array) -> Array:
@@ -153,10 +148,10 @@ def inertia(model: Model, motion: Motion, *, load_factor: float = 1.0) -> Inerti
         stacks.append((places, _leaf_roots(leaf, line)))
     for i in np.flatnonzero(members.kind != STRAIN).tolist():
         root = _root(_chain_element(model, motion, i, owner[i][0], owner[i][1][0]))
-        stacks.append((_node_unknowns(model, members.node[i])[None], root))
+        stacks.append((node_unknowns(model, members.node[i][None]), root))
     for mass in model.scene.masses:
         node, own = _link_mass(model, motion, mass)
-        stacks.append((_node_unknowns(model, [node])[None], _root(own)))
+        stacks.append((node_unknowns(model, np.array([[node]])), _root(own)))
     if not any(np.any(B) for _, B in stacks):
         raise SceneError(
             "nothing in this scene has mass, so it has no frequencies: give a material its density "

@@ -14,8 +14,11 @@ REAL = 1e-9
 
 
 def cross_matrix(v: Array) -> Array:
-    """[v]x (3, 3)."""
-    return np.array([[0.0, -v[2], v[1]], [v[2], 0.0, -v[0]], [-v[1], v[0], 0.0]])
+    """[v]x (..., 3, 3) of vectors (..., 3)."""
+    found = np.zeros((*v.shape, 3))
+    for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
+        found[..., j, k], found[..., k, j] = -v[..., i], v[..., i]
+    return found
 
 
 def load_tangent(force: Array, moment: Array, lever: Array, *, following: bool) -> Array:

@@ -16,6 +16,8 @@ from ksd.errors import KinematicsError, SceneError
 from ksd.model.arrays import ROTATION, Motion
 from ksd.model.compile import Model
 from ksd.numerics.rotations import rotation_exp, rotation_log
+from ksd.properties.nonconservative import cross_matrix
+from ksd.properties.shape import place_of
 from ksd.properties.stiffness import drive_coupling, node_of, point_motion
 from ksd.properties.tangent import SAME, beyond_rows, row_gradients
 from ksd.properties.words import Shown, number
@@ -119,14 +121,14 @@ def parasitic(model: Model, motion: Motion, link: Any = None, *, at: Any = None)
     drives: set[str] = set()
     shift, turn, before = np.zeros(3), np.zeros(3), point
     for base, end in pairwise(frames):
-        now = motion.x[end] + motion.R[end] @ (point - model.rest.x[end])
+        now = place_of(model, motion, end, point)
         moved, turned = now - before, np.empty(3)
         rotation_log(motion.R[end] @ motion.R[base].T, turned)
         along, about, acting = _prescribed(model, motion, base, end, now)
         own = about @ (about.T @ turned)
         pivot = _pivot(model.scene, acting, carried=end != node)
         if pivot is not None:
-            arm = before - motion.x[base] - motion.R[base] @ (pivot - model.rest.x[base])
+            arm = before - place_of(model, motion, base, pivot)
             Q = np.empty((3, 3))
             rotation_exp(own, Q)
             moved -= Q @ arm - arm
@@ -208,9 +210,7 @@ def _prescribed(
         if node:
             s, start = place - motion.x[node], int(model.arrays.start[node])
             loads[start : start + 6] = sign * np.eye(6)
-            loads[start + 3 : start + 6, :3] = sign * np.array(
-                [[0, -s[2], s[1]], [s[2], 0, -s[0]], [-s[1], s[0], 0]]
-            )
+            loads[start + 3 : start + 6, :3] = sign * cross_matrix(s)
     rows = len(model.drive_names) + len(model.support_names)
     scale = np.array([1.0] * 3 + [1.0 / model.arrays.size] * 3)
     gradients = row_gradients(model, motion, range(rows))
@@ -265,7 +265,7 @@ def pivot_shift(model: Model, motion: Motion, joint: Any, *, at: Any = None) -> 
     turned = np.asarray(placed.rotation)
     rest = _centre(placed) if at is None else np.asarray(at, float)
     a, b = (model.node_names.index(link) for link in (placed.a, placed.b))
-    moved = [motion.x[k] + motion.R[k] @ (rest - model.rest.x[k]) for k in (a, b)]
+    moved = [place_of(model, motion, k, rest) for k in (a, b)]
     turn = np.empty(3)
     rotation_log(motion.R[a].T @ motion.R[b], turn)
     shift = turned.T @ motion.R[a].T @ (moved[1] - moved[0])

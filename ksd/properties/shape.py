@@ -26,6 +26,7 @@ from ksd.model.leaves import leaf_of
 from ksd.properties.cache import per_model
 from ksd.scene.effects import Spring
 from ksd.scene.joint import leaves_of
+from ksd.section.constants import extents
 
 Array = NDArray[np.float64]
 POINTS = 25
@@ -318,13 +319,13 @@ def chain_axes(value: Array, number: NDArray[np.int64]) -> Array:
     n = int(number[0])
     T = value[: 16 * n].reshape(n, 16)[:, 7:].reshape(n, 3, 3)
     axes = np.tile(np.eye(3), (n + 1, 1, 1))
-    axes[1:n] = _straightened(T[:-1] + T[1:])
+    axes[1:n] = straightened(T[:-1] + T[1:])
     axes[n] = value[16 * n : 16 * n + 9].reshape(3, 3)
     return axes
 
 
-def _straightened(A: Array) -> Array:
-    """The nearest rotations to matrices (k, 3, 3) that are nearly rotations."""
+def straightened(A: Array) -> Array:
+    """The nearest rotations to matrices (..., 3, 3) that are nearly rotations."""
     left, _, right = np.linalg.svd(A)
     found: Array = left @ right
     return found
@@ -338,15 +339,18 @@ def _chain_curve(
     x, R = chain_nodes(value, number, inner, ends)
     axes = R @ chain_axes(value, number)
     lengths = value[: 16 * n].reshape(n, 16)[:, 0]
-    u = np.linspace(0.0, 1.0, max(2, math.ceil((points - 1) / n) + 1))[1:, None]
-    weights = (1 - 3 * u**2 + 2 * u**3, 3 * u**2 - 2 * u**3, u - 2 * u**2 + u**3, u**3 - u**2)
-    s, place, turned = [np.zeros(1)], [x[:1]], [axes[:1]]
-    for k, L in enumerate(lengths):
-        slopes = L * axes[k, :, 0], L * axes[k + 1, :, 0]
-        place.append(sum(w * y for w, y in zip(weights, (x[k], x[k + 1], *slopes), strict=True)))
-        turned.append(_straightened((1 - u[:, :, None]) * axes[k] + u[:, :, None] * axes[k + 1]))
-        s.append(lengths[:k].sum() + L * u[:, 0])
-    return np.concatenate(s), np.concatenate(place), np.concatenate(turned)
+    u = np.linspace(0.0, 1.0, max(2, math.ceil((points - 1) / n) + 1))[1:]
+    weights = np.array([1 - 3 * u**2 + 2 * u**3, 3 * u**2 - 2 * u**3, u - 2 * u**2 + u**3, u**3 - u**2])
+    slopes = lengths[:, None] * axes[:-1, :, 0], lengths[:, None] * axes[1:, :, 0]
+    place = np.einsum("wk,wni->nki", weights, np.array([x[:-1], x[1:], *slopes]))
+    between = u[:, None, None]
+    turned = straightened((1 - between) * axes[:-1, None] + between * axes[1:, None])
+    s = (np.cumsum(lengths) - lengths)[:, None] + lengths[:, None] * u
+    return (
+        np.append(0.0, s),
+        np.concatenate([x[:1], place.reshape(-1, 3)]),
+        np.concatenate([axes[:1], turned.reshape(-1, 3, 3)]),
+    )
 
 
 def member_line(model: Model, motion: Motion, i: int, points: int) -> tuple[Array, Array, Array]:
@@ -409,8 +413,7 @@ def _leaf_shape(model: Model, motion: Motion, name: str, members: list[int], poi
     ]
     s = np.concatenate([line[0][kept[k]] + at[k] for k, line in enumerate(lines[0])])
     sections = [leaf.section if leaf.profile is None else leaf.profile.section(float(x)) for x in s / s[-1]]
-    width = np.array([q.width or math.sqrt(12 * q.Iy / q.A) for q in sections])
-    thickness = np.array([q.thickness or math.sqrt(12 * q.Iz / q.A) for q in sections])
+    thickness, width = np.array([extents(q) for q in sections]).T
     (rest, rest_axes), (place, axes) = joined
     return LeafShape(name, s, rest, place, rest_axes, axes, width, thickness)
 
@@ -424,7 +427,7 @@ def _driven(model: Model, motion: Motion) -> tuple[DrivenPoint, ...]:
         if term.kind == "rotation" and not rest.any():
             # said without a place: it turns the whole link
             rest = model.rest.x[node]
-        place = moved(model, motion, node, rest)
+        place = place_of(model, motion, node, rest)
         along = motion.R[index[term.base]] @ np.asarray(term.direction, float)
         found.append(DrivenPoint(drive.name, term.kind, rest, place, along))
     return tuple(found)
@@ -484,7 +487,7 @@ def _hinges(model: Model, motion: Motion) -> tuple[HingeShape, ...]:
     found = []
     for hinge in model.scene.hinges:
         a, b, rest = index[hinge.a], index[hinge.b], np.asarray(hinge.at)
-        place = moved(model, motion, b, rest)
+        place = place_of(model, motion, b, rest)
         found.append(HingeShape(hinge.name, hinge.kind, rest, place, motion.R[a] @ np.asarray(hinge.axis)))
     return tuple(found)
 
@@ -500,10 +503,10 @@ def _loads(model: Model, motion: Motion, *, factor: float) -> tuple[LoadShape, .
             if value.any():
                 # a moment said without a place turns the whole link
                 whole = not any(load.force) and not any(load.at)
-                place = moved(model, motion, node, model.rest.x[node] if whole else load.at)
+                place = place_of(model, motion, node, model.rest.x[node] if whole else load.at)
                 found.append(LoadShape(load.name, kind, place, turned @ value))
     for mass in model.scene.masses:
-        place = moved(model, motion, index[mass.link], mass.at)
+        place = place_of(model, motion, index[mass.link], mass.at)
         found.append(LoadShape(mass.link, "mass", place, np.array([mass.mass])))
     return tuple(found)
 
@@ -516,7 +519,7 @@ def _springs(model: Model, motion: Motion) -> tuple[SpringShape, ...]:
             if isinstance(spring, Spring)
             else ((spring.b, spring.at),)
         )
-        places = [moved(model, motion, index[link], at) for link, at in ends]
+        places = [place_of(model, motion, index[link], at) for link, at in ends]
         found.append(SpringShape(spring.name, np.array(places)))
     return tuple(found)
 
@@ -525,14 +528,17 @@ def _distances(model: Model, motion: Motion) -> tuple[DistanceShape, ...]:
     index, found = {link: i for i, link in enumerate(model.scene.links)}, []
     for asked in model.scene.distances:
         ends = np.array(
-            [moved(model, motion, index[n], at) for n, at in ((asked.a, asked.start), (asked.b, asked.end))]
+            [
+                place_of(model, motion, index[n], at)
+                for n, at in ((asked.a, asked.start), (asked.b, asked.end))
+            ]
         )
         way = ends[1] - ends[0] if asked.along is None else motion.R[index[asked.a]] @ np.asarray(asked.along)
         found.append(DistanceShape(asked.name, ends, way / max(float(np.linalg.norm(way)), 1e-300)))
     return tuple(found)
 
 
-def moved(model: Model, motion: Motion, node: int, at: ArrayLike) -> Array:
+def place_of(model: Model, motion: Motion, node: int, at: ArrayLike) -> Array:
     """Where the point at (3,) [m] at rest of a node is now (3,)."""
     arm = np.asarray(at, float) - model.rest.x[node]
     place: Array = motion.x[node] + motion.R[node] @ arm

@@ -22,6 +22,7 @@ from ksd.errors import KinematicsError, SceneError
 from ksd.model.arrays import ROTATION, STRAIN, Motion
 from ksd.model.compile import Model
 from ksd.properties.alike import Alike
+from ksd.properties.nonconservative import cross_matrix
 from ksd.properties.tangent import (
     Tangent,
     beyond_rows,
@@ -32,6 +33,7 @@ from ksd.properties.tangent import (
 )
 from ksd.properties.unfold import unfolded
 from ksd.properties.words import Shown, held, listed, number
+from ksd.section.checks import names_of
 
 Array = NDArray[np.float64]
 DIRECTIONS = ("x", "y", "z", "rx", "ry", "rz")
@@ -125,10 +127,7 @@ class PointStiffness(Shown):
 
         inf where the held drives and supports leave no compliance.
         """
-        return self._support(self._scaled(), direction, held)
-
-    def _support(self, C: Array, direction: str, held: Sequence[str]) -> float:
-        i, fixed = _number(direction), [_number(d) for d in held if d != direction]
+        C, i, fixed = self._scaled(), _number(direction), [_number(d) for d in held if d != direction]
         value = C[i, i]
         if fixed:
             value -= C[i, fixed] @ np.linalg.pinv(C[np.ix_(fixed, fixed)], rcond=RIGID) @ C[fixed, i]
@@ -227,7 +226,7 @@ def point_motion(model: Model, motion: Motion, node: int, at: Any) -> tuple[Arra
         raise SceneError(f"at = {at!r}: three finite coordinates [m] of a point at rest are needed")
     s = motion.R[node] @ (point - model.rest.x[node])
     B = np.eye(6)
-    B[:3, 3:] = [[0.0, s[2], -s[1]], [-s[2], 0.0, s[0]], [s[1], -s[0], 0.0]]
+    B[:3, 3:] = -cross_matrix(s)
     return motion.x[node] + s, B
 
 
@@ -309,7 +308,7 @@ def point_stiffness(
     columns (3, 3). freed: names of drives and supports let go at their present force. tangent: reuse of
     `finer_tangent`. Raises SceneError for unknown names, KinematicsError where nothing resists a motion.
     """
-    node = node_of(model, link)
+    node, freed = node_of(model, link), names_of(freed, "freed")
     found = tangent or finer_tangent(model, motion, freed=freed, load_factor=load_factor)
     point, B = point_motion(model, motion, node, at)
     columns = _axes(axes, motion.R[node])
@@ -324,7 +323,6 @@ def point_stiffness(
     loads = beyond_rows(found.arrays, found.arrays.size, gradients, loads)[0]
     response, error = found.solve_with_error(loads)
     C = loads.T @ response
-    freed = (freed,) if isinstance(freed, str) else tuple(freed)
     return PointStiffness(
         model.node_names[node],
         point,
@@ -396,7 +394,7 @@ def drive_stiffness(
     tangent: Tangent | None = None,
 ) -> DriveStiffness:
     """dF/dd of all held drives at the present state; drives named in `freed` keep their force instead."""
-    freed = (freed,) if isinstance(freed, str) else tuple(freed)
+    freed = names_of(freed, "freed")
     found = tangent or finer_tangent(model, motion, freed=freed, load_factor=load_factor)
     rows = [i for i, n in enumerate(model.drive_names) if n not in freed]
     terms, units = model.arrays.terms, drive_units(model, rows)
@@ -422,7 +420,7 @@ def drive_coupling(
 
     Arguments as in `point_stiffness`.
     """
-    freed = (freed,) if isinstance(freed, str) else tuple(freed)
+    freed = names_of(freed, "freed")
     node = node_of(model, link)
     found = finer_tangent(model, motion, freed=freed, load_factor=load_factor)
     rows = [i for i, n in enumerate(model.drive_names) if n not in freed]

@@ -4,7 +4,8 @@ much.
 From the section forces of `ksd.properties.forces` by beam theory, in section axes y (thickness) and z
 (width): sigma = N/A + My z/Iy - Mz y/Iz. Shear stress of a rectangle: torsion by the exact series at the
 middle of its faces and edges, zero at corners (Timoshenko and Goodier, section 109), shear forces by the
-parabola 3 V / 2 A on the middle lines. Circle: T r/J and 4 V / 3 A at the rim. Any other section: bending at
+parabola 3 V / 2 A on the middle lines. Circle and tube: T R/J, and V/A times 4/3 (1 + m + m^2) / (1 + m^2) at the neutral
+axis, m inner over outer diameter (Timoshenko, Strength of Materials I, section 26). Any other section: bending at
 the corners of its outline; torsion T t/J and shear 1.5 V/A, upper figures for a strip of its thickness, added
 everywhere. Stress raisers at clamps and the restrained warping stress near them are not part of beam theory.
 Pa; s in m.
@@ -30,6 +31,7 @@ from ksd.properties.forces import SectionForces, section_forces, spring_energy, 
 from ksd.properties.leaf_groups import LeafGroup, elastic, leaf_groups, own_gravity
 from ksd.properties.shape import member_ends, member_parts, members_of_leaves, scene_leaves
 from ksd.properties.words import ByName, Named, Shown, number
+from ksd.section.constants import extents
 
 Array = NDArray[np.float64]
 POINTS = 25
@@ -109,8 +111,7 @@ def torsion_factors(ratio: float) -> tuple[float, float]:
 
 def _rectangle(q: Any) -> StressPoints:
     """Four corners, the middles of the four sides, and the centre."""
-    t = q.thickness or math.sqrt(12 * q.Iz / q.A)
-    w = q.width or math.sqrt(12 * q.Iy / q.A)
+    t, w = extents(q)
     y = 0.5 * t * np.array([1, 1, -1, -1, 1, -1, 0, 0, 0])
     z = 0.5 * w * np.array([1, -1, 1, -1, 0, 0, 1, -1, 0])
     names = (
@@ -135,17 +136,17 @@ def _rectangle(q: Any) -> StressPoints:
     return StressPoints(names, y, z, torsion, along_y, along_z)
 
 
-def _circle(q: Any) -> StressPoints:
-    """Eight points of the rim and the centre."""
-    r = 0.5 * q.thickness
-    angle = np.arange(8) * math.pi / 4
-    y, z = np.append(r * np.cos(angle), 0.0), np.append(r * np.sin(angle), 0.0)
-    names = (*(f"rim {45 * k} deg" for k in range(8)), "centre")
+def _round(q: Any, hole: float) -> StressPoints:
+    """Eight points of the rim, and the centre of a circle; hole: inner over outer diameter."""
+    r, angle = 0.5 * q.thickness, np.arange(8) * math.pi / 4
+    names = (*(f"rim {45 * k} deg" for k in range(8)), *["centre"] * (hole == 0.0))
+    y, z = np.zeros((2, len(names)))
+    y[:8], z[:8] = r * np.cos(angle), r * np.sin(angle)
     torsion = np.column_stack([-z, y]) / q.J
-    along_y, along_z = np.zeros((9, 2)), np.zeros((9, 2))
+    along_y, along_z = np.zeros((2, len(names), 2))
     # parabola in the distance from the axis across the force
-    along_y[:, 0] = 4 / 3 / q.A * (1 - (y / r) ** 2)
-    along_z[:, 1] = 4 / 3 / q.A * (1 - (z / r) ** 2)
+    most = 4 / 3 * (1 + hole + hole**2) / (1 + hole**2) / q.A
+    along_y[:, 0], along_z[:, 1] = most * (1 - (y / r) ** 2), most * (1 - (z / r) ** 2)
     return StressPoints(names, y, z, torsion, along_y, along_z)
 
 
@@ -165,23 +166,28 @@ def stress_points(section: Any) -> StressPoints:
     """Points at which the stress of a section is looked at; its kind is told by its outline and numbers."""
     if section.outline is not None:
         return _outline(section)
-    disc = math.pi * section.thickness**2 / 4
-    if section.thickness > 0.0 and section.thickness == section.width and abs(section.A - disc) < 1e-6 * disc:
-        return _circle(section)
+    if section.thickness == section.width > 0.0:
+        # of a circle or tube the second moments follow from diameter and area
+        empty = 1.0 - section.A / (math.pi * section.thickness**2 / 4)
+        moment = section.A * section.thickness**2 * (1.0 + empty) / 16
+        if empty > -1e-6 and np.allclose([section.Iy, section.Iz], moment, rtol=1e-6, atol=0.0):
+            return _round(section, math.sqrt(empty) if empty > 1e-6 else 0.0)
     return _rectangle(section)
 
 
 @lru_cache(maxsize=1024)
 def _stations(sections: tuple[Any, ...]) -> tuple[Array, ...]:
     """y, z (s, p), A, Iy, Iz (s, 1) of the sections along a leaf, and torsion, along_y, along_z (2, 1, s, p) of their
-    points, components first; s is 1 where all are one."""
+    points, components first; s is 1 where all are one. A section of fewer points than another has its last one again."""
     found = [stress_points(q) for q in sections]
-    sizes = (np.array([[getattr(q, n)] for q in sections]) for n in ("A", "Iy", "Iz"))
-    shear = (
-        np.array([getattr(f, n).T for f in found]).swapaxes(0, 1)[:, None]
-        for n in ("torsion", "along_y", "along_z")
+    most = max(len(f.names) for f in found)
+    kept = [np.minimum(np.arange(most), len(f.names) - 1) for f in found]
+    y, z, *shear = (
+        np.array([getattr(f, n)[own] for f, own in zip(found, kept, strict=True)])
+        for n in ("y", "z", "torsion", "along_y", "along_z")
     )
-    return np.array([f.y for f in found]), np.array([f.z for f in found]), *sizes, *shear
+    sizes = (np.array([[getattr(q, n)] for q in sections]) for n in ("A", "Iy", "Iz"))
+    return y, z, *sizes, *(np.moveaxis(v, 2, 0)[:, None] for v in shear)
 
 
 def _leaf_stresses(forces: list[SectionForces], leaf: Any) -> list[LeafStress]:
@@ -191,14 +197,16 @@ def _leaf_stresses(forces: list[SectionForces], leaf: Any) -> list[LeafStress]:
     at = np.clip(s / s[-1], 1e-9, 1 - 1e-9)
     sections = (leaf.section,) if profile is None else tuple(profile.section(float(x)) for x in at)
     stations = _stations(sections)
-    parts = _stresses(
-        np.array([f.values for f in forces]), stations, outlined=leaf.section.outline is not None
-    )
+    outlined = any(q.outline is not None for q in sections)
+    parts = _stresses(np.array([f.values for f in forces]), stations, outlined=outlined)
     places = [np.broadcast_to(v, (len(s), v.shape[1])) for v in stations[:2]]
-    return [
-        LeafStress(f.name, f.s, stress_points(sections[0]).names, *places, *(v[k] for v in parts))
-        for k, f in enumerate(forces)
-    ]
+    # of sections of several kinds a point has the names it has in each
+    kinds = list(dict.fromkeys(stress_points(q).names for q in sections))
+    names = tuple(
+        " or ".join(dict.fromkeys(own[min(p, len(own) - 1)] for own in kinds))
+        for p in range(max(map(len, kinds)))
+    )
+    return [LeafStress(f.name, f.s, names, *places, *(v[k] for v in parts)) for k, f in enumerate(forces)]
 
 
 def _stresses(values: Array, stations: tuple[Array, ...], *, outlined: bool) -> tuple[Array, ...]:

@@ -313,7 +313,7 @@ def factored(assembled: Assembled, freed: Iterable[str] = ()) -> Tangent:
 
     Raises SceneError for an unknown name, KinematicsError where a motion is left that nothing resists.
     """
-    freed = (freed,) if isinstance(freed, str) else tuple(freed)
+    freed = names_of(freed, "freed")
     arrays, value = assembled.arrays, assembled.value.copy()
     if np.any(arrays.members.kind == SOLID) or np.any(arrays.members.kind == LINEAR):
         return _dense(assembled, freed)
@@ -352,6 +352,7 @@ def factored_tangent(
     model: Model, motion: Motion, *, freed: Iterable[str] = (), load_factor: float = 1.0
 ) -> Tangent:
     """Assemble and factor the exact tangent at `motion` in one go, see `factored`."""
+    freed = names_of(freed, "freed")
     # wrong names are told before any work is done
     row_numbers(model, freed)
     return factored(assembled_tangent(model, motion, load_factor=load_factor), freed)

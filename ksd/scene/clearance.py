@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
@@ -14,6 +13,7 @@ from numpy.typing import NDArray
 from ksd.errors import SceneError
 from ksd.scene.leaf import Leaf
 from ksd.section.checks import checked, dot
+from ksd.section.constants import extents
 
 Array = NDArray[np.float64]
 TRIM = 0.06
@@ -48,7 +48,7 @@ def leaf_body(leaf: Leaf, *, count: int = PIECES) -> Body:
     if leaf.curve is not None:
         return pieces(leaf.name, blocks, _curved(leaf, count), leaf)
     start, end = np.array(leaf.start), np.array(leaf.end)
-    half = 0.5 * np.array([leaf.length, *_across(leaf)])
+    half = 0.5 * np.array([leaf.length, *extents(leaf.section)])
     return Body(leaf.name, blocks, 0.5 * (start + end)[None], leaf.axes[None], half[None])
 
 
@@ -82,14 +82,8 @@ def pieces(
     e3 = e3 - np.sum(e3 * e1, axis=1)[:, None] * e1
     e3 = e3 / np.linalg.norm(e3, axis=1)[:, None]
     axes = np.stack([e1, np.cross(e3, e1), e3], axis=2)
-    half = 0.5 * np.column_stack([length, *(np.full(len(length), w) for w in _across(leaf))])
+    half = 0.5 * np.column_stack([length, *(np.full(len(length), w) for w in extents(leaf.section))])
     return Body(name, blocks, 0.5 * (line[1:] + line[:-1]), axes, half)
-
-
-def _across(leaf: Leaf) -> tuple[float, float]:
-    """Thickness and width [m], of the rectangle of equal moments where the section does not say."""
-    q = leaf.section
-    return q.thickness or math.sqrt(12 * q.Iz / q.A), q.width or math.sqrt(12 * q.Iy / q.A)
 
 
 def clash(bodies: Sequence[Body], *, touch: float = TOUCH) -> tuple[str, str] | None:

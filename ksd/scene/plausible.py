@@ -12,6 +12,7 @@ from ksd.scene.contents import Scene
 from ksd.scene.leaf import Leaf
 from ksd.scene.material import Material
 from ksd.section import Section
+from ksd.section.constants import extents
 
 STOUT = 5.0
 """Length over thickness below which a leaf is a block: plane sections and clamps without compliance do not hold."""
@@ -71,14 +72,6 @@ def implausible(scene: Scene) -> tuple[str, ...]:
     for judge in (_of_length, _of_thickness, _of_width):
         found += _together(leaves, judge)
     return tuple(found)
-
-
-def extents(section: Section) -> tuple[float, float]:
-    """Thickness and width [m]: as given, or of the rectangle with the same area and second moments."""
-    return (
-        section.thickness or math.sqrt(12 * section.Iz / section.A),
-        section.width or math.sqrt(12 * section.Iy / section.A),
-    )
 
 
 def thinnest(leaf: Leaf) -> Section:

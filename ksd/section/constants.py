@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Any
 
@@ -92,6 +93,14 @@ def _point(value: Any, owner: str) -> Point:
     except (TypeError, ValueError):
         raise SceneError(f"{owner}: point {show(value)} must be two numbers (y, z) in m.") from None
     return number(y, "point y", owner=owner, unit="m"), number(z, "point z", owner=owner, unit="m")
+
+
+def extents(section: Section) -> tuple[float, float]:
+    """Thickness and width [m]: as given, or of the rectangle with the same area and second moments."""
+    return (
+        section.thickness or math.sqrt(12 * section.Iz / section.A),
+        section.width or math.sqrt(12 * section.Iy / section.A),
+    )
 
 
 @worded

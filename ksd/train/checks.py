@@ -14,6 +14,7 @@ from ksd.model.compile import Model
 from ksd.properties.stiffness import point_stiffness
 from ksd.scene import Joint, Leaf
 from ksd.scene.clearance import BENT, FINE, PIECES, Body, meetings, pieces
+from ksd.section.constants import extents
 from ksd.solve.configuration import Configuration
 from ksd.train.poses import pose
 from ksd.train.softness import MARGIN, aside, in_shape, intended_stiffness, scaling
@@ -143,7 +144,7 @@ def _reach(boxes: set[int]) -> float:
 
 
 def _width(leaf: Leaf) -> float:
-    return float(leaf.section.width or np.sqrt(12 * leaf.section.Iy / leaf.section.A))
+    return extents(leaf.section)[1]
 
 
 def _within(narrow: Leaf, wide: Leaf) -> bool:

@@ -1,5 +1,7 @@
 """Stress of leaf springs against beam formulas, and strain energy against the work of the drives."""
 
+import math
+
 import numpy as np
 import pytest
 from scenes import STEEL, fourbar, single_joint
@@ -150,3 +152,46 @@ def test_largest_stresses_of_many_states_together_are_those_one_by_one():
             )
     chain = ksd.solve(single_joint(), turn=0.1, mesh=ksd.Mesh("corotational", elements=3))
     assert not alike([(*chain.unreduced, 1.0)])
+
+
+@pytest.mark.parametrize("inner", [0.0, 6e-3, 9.8e-3])
+def test_circles_and_tubes(inner):
+    """T R/J, M R/I about an oblique axis, and the shear of a force, to 2 V/A of a thin tube; a circle has a centre."""
+    outer, straight = 10e-3, np.zeros((1, 1, 6))
+    q = ksd.tube(outer, inner) if inner else ksd.circle(outer)
+    points, stations = stress_points(q), stresses._stations((q,))
+    assert ("centre" in points.names) == (inner == 0.0)
+
+    def most(**forces):
+        values = straight.copy()
+        for name, value in forces.items():
+            values[0, 0, ("N", "Vy", "Vz", "T", "My", "Mz").index(name)] = value
+        return float(stresses._stresses(values, stations, outlined=False)[2].max())
+
+    assert most(T=3.0) == pytest.approx(math.sqrt(3) * 3.0 * outer / 2 / q.J)
+    assert most(My=2.0, Mz=-2.0) == pytest.approx(2.0 * math.sqrt(2) * outer / 2 / q.Iz)
+    m = inner / outer
+    assert most(Vz=5.0) == pytest.approx(
+        math.sqrt(3) * 4 / 3 * 5.0 / q.A * (1 + m + m * m) / (1 + m * m), rel=1e-9
+    )
+    assert most(N=7.0) == pytest.approx(7.0 / q.A)
+
+
+def test_a_profile_of_unlike_sections():
+    """A wire, a tube and a rail one after the other: each part has the stress it has in a leaf of its own section."""
+    rail = polygon([(-1e-3, -2e-3), (1e-3, -2e-3), (1e-3, 2e-3), (0, 3e-3), (-1e-3, 2e-3)])
+    parts = ksd.circle(2e-3), ksd.tube(4e-3, 3e-3), rail
+    scene = ksd.Mechanism("three rods")
+    tip = scene.link("tip")
+    scene.leaf(scene.ground, tip, start=(0, 0, 0), end=(0.09, 0, 0), section=parts[0], material=STEEL, width_axis="z",
+               profile=ksd.Varying(lambda s: parts[min(int(3 * s), 2)], breaks=(1 / 3, 2 / 3)), name="leaf")  # fmt: skip
+    scene.load(tip, force=(3.0, 0.4, -0.2), at=(0.09, 0.01, 0.02))
+    pose = ksd.solve(scene)
+    found, forces = pose.stress()["leaf"], pose.section_forces()["leaf"]
+    assert found.points[0] == "rim 0 deg or corner 1" and pose.strength is not None
+    for k in np.flatnonzero(np.abs(3 * found.s / 0.09 % 1 - 0.5) < 0.4):
+        q = parts[int(3 * found.s[k] / 0.09)]
+        want = stresses._stresses(forces.values[None, k : k + 1], stresses._stations((q,)), outlined=True)[
+            2
+        ].max()
+        assert found.von_mises_Pa[k].max() == pytest.approx(float(want), rel=1e-12)
