@@ -18,7 +18,6 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation, Slerp
 
 from ksd.beam.rod import WEIGHTS
 from ksd.beam.weight import PULL
@@ -30,7 +29,7 @@ from ksd.model.rods import RodState, add_rods, move_rods
 from ksd.numerics.rotations import rotation_log
 from ksd.properties.leaf_groups import EndFrames, end_frames
 from ksd.properties.leaf_rods import RodParts, cut_rods, leaves_as_rods
-from ksd.properties.shape import crossed, member_line
+from ksd.properties.shape import crossed, member_line, straightened
 from ksd.properties.tangent import Assembled, assembled_tangent, factored, skew_block
 from ksd.properties.words import Shown, listed, number, printed
 
@@ -157,21 +156,22 @@ def _begun(
         wrench[first] = turned
         if last == first + 1:
             continue
+        own, to = slice(first + 1, last), np.cumsum(cut.length[first:last])
         s, line, turns = member_line(model, motion, i, BETWEEN * int(last - first))
-        along = np.concatenate([[0.0], np.cumsum(sample.step)])[
-            rods.at_step[first:last] - rods.at_step[first]
-        ]
-        share = along / sample.step.sum() * s[-1]
-        place[first:last] = np.array([np.interp(share, s, x) for x in line.T]).T
-        axes[first:last] = Slerp(s, Rotation.from_matrix(turns))(share).as_matrix()
-        mass = sample.step * (sample.rod[:, :, 9] @ WEIGHTS)
-        n, m = ends.frame[i] @ at_p[i, :3], ends.frame[i] @ at_p[i, 3:]
-        for j in range(first + 1, last):
-            here = slice(*(rods.at_step[j - 1 : j + 1] - rods.at_step[first]))
-            weight = mass[here].sum() * gravity[i]
-            m = m + np.cross(n - 0.5 * weight, place[j] - place[j - 1])
-            n = n - weight
-            wrench[j] = np.concatenate([n @ axes[j], m @ axes[j]])
+        share = to[:-1] * (s[-1] / to[-1])
+        k = np.searchsorted(s, share)
+        part = ((share - s[k - 1]) / (s[k] - s[k - 1]))[:, None]
+        place[own] = (1.0 - part) * line[k - 1] + part * line[k]
+        axes[own] = straightened((1.0 - part[..., None]) * turns[k - 1] + part[..., None] * turns[k])
+        # from one station to the next by equilibrium, the weight between them halfway
+        mass = np.add.reduceat(
+            sample.step * (sample.rod[:, :, 9] @ WEIGHTS), rods.at_step[first:last] - rods.at_step[first]
+        )
+        weight = mass[:-1, None] * gravity[i]
+        n = ends.frame[i] @ at_p[i, :3] - np.cumsum(weight, axis=0)
+        way = np.diff(place[own], axis=0, prepend=ends.start[i : i + 1])
+        m = ends.frame[i] @ at_p[i, 3:] + np.cumsum(crossed(n + 0.5 * weight, way), axis=0)
+        wrench[own] = (np.stack([n, m], axis=1) @ axes[own]).reshape(-1, 6)
     sizes = (6,), (6, 7), (6, 13), (6,)
     return RodState(gravity, place, axes, wrench, *(np.zeros((count, *size)) for size in sizes))
 
