@@ -62,7 +62,7 @@ from ksd.properties.tangent import (
 )
 from ksd.properties.unfold import unfolded
 from ksd.properties.words import Shown, listed, movement, number
-from ksd.section.checks import wrench_of
+from ksd.section.checks import names_of, wrench_of
 
 Array = NDArray[np.float64]
 DENSE, MOST_DENSE = 80, 1000
@@ -551,6 +551,7 @@ def buckling(
     stress, ConvergenceError where none were found.
     """
     _refuse_mixture(model)
+    freed = names_of(freed, "freed")
     fine, state = unfolded(model, motion, load_factor=load_factor)
     load = None if link is None else (link, at, (force, moment), following)
     assembled = assembled_tangent(fine, state, load_factor=load_factor)

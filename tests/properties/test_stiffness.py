@@ -5,6 +5,7 @@ import pytest
 from scenes import cross_flexure, fourbar, single_joint
 from scipy.spatial.transform import Rotation
 
+import ksd
 from ksd.errors import KinematicsError, SceneError
 from ksd.model.compile import compile_scene
 from ksd.model.leaves import Mesh
@@ -194,3 +195,16 @@ def test_states_under_loads_that_are_not_conservative_are_asked_alone():
     pose = conventional(compile_scene(scene), {"turn": 0.1})
     ((_, group),) = alike([(pose.model, pose.motion, 1.0)])
     assert not stiffnesses(group, "tip", at=[None]).good.any()
+
+
+def test_freed_drives_by_a_generator():
+    """Names that can be read once only let go what the same names in a list do."""
+    pose = ksd.solve(single_joint(), turn=0.1)
+    names = lambda: (name for name in ["turn"])  # noqa: E731
+    assert pose.stiffness("tip", freed=names()).compliance == pytest.approx(
+        pose.stiffness("tip", freed=["turn"]).compliance
+    )
+    assert pose.drive_stiffness(freed=names()).names == ()
+    assert pose.buckling("tip", force=(0, -1, 0), freed=names()).factor == pytest.approx(
+        pose.buckling("tip", force=(0, -1, 0), freed="turn").factor
+    )
