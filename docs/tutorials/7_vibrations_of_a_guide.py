@@ -1,4 +1,4 @@
-"""Vibrations of a guide
+"""Dynamics: the vibrations of a guide
 
 The parallel guide of the first tutorial carries a camera, and a controller is to hold it still. Which frequencies does it
 have, which of them is the motion meant and which is not, where do they go over the stroke and with the payload, and what
