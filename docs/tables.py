@@ -6,6 +6,7 @@ import argparse
 import inspect
 import pkgutil
 import re
+from collections.abc import Iterator
 from importlib import import_module
 from pathlib import Path
 
@@ -15,6 +16,7 @@ from validated import write_validated
 import ksd
 import ksd.view
 from ksd.cli.commands import parser
+from ksd.cli.solve import OPTIONS
 from ksd.design import job_file
 from ksd.properties.words import Shown
 from ksd.scene import toml_schema as schema
@@ -130,9 +132,16 @@ def command_line(folder: Path) -> None:
 KINDS = {
     "length": "length", "angle": "angle", "stress": "stress", "number": "number", "text": "text", "flag": "true or false",
     "direction": '`"x"`, `"-z"` or three numbers', "material": "name of a material", "section": "name of a section",
-    "joint": "name of a joint", "any": "as said above",
+    "joint": "name of a joint", "any": "as said above", "value": "length or angle",
+    "terms": "a list of tables, see there", "parts": "tables of their own, see there",
 }  # fmt: skip
 """What a kind of `ksd.scene.toml_schema` is called."""
+
+
+OPTION = {str: "text", float: "number", int: "number", bool: "flag"}
+"""The same of the types of [options]."""
+PARTS = ("blocks", "shape", "leaf", "wire", "motion")
+"""Tables of a drawn joint."""
 
 
 def kind_of(kind: str) -> str:
@@ -164,24 +173,43 @@ def keys(title: str, table: schema.Schema, *sources: object) -> list[str]:
     return [*lines, "| key | kind |", "|---|---|", *rows, ""]
 
 
+def scene_tables() -> Iterator[tuple[str, schema.Schema, tuple[object, ...]]]:
+    """Every table of a scene file: title, its keys, and what says about it."""
+    sizes = {"leaf": {**schema.SIZES["leaf"], **schema.SIZES["rectangle"]}, "wire": schema.SIZES["wire"]}
+    # one way or the other
+    sizes["leaf"] = {key: kind.rstrip("!") for key, kind in sizes["leaf"].items()}
+    more = sizes | {"actuate": {"terms": "terms", "value": "value"}, "support": {"terms": "terms"}}
+    about = {"leaf": (ksd.Leaf,), "wire": (ksd.Leaf,), "support": (ksd.Mechanism.actuate,)}
+    yield "Top of the file", schema.TOP, (ksd.Mechanism,)
+    yield "[material.NAME]", schema.MATERIAL, (ksd.Material,)
+    for kind, table in schema.SECTIONS.items():
+        yield (
+            f'[section.NAME], kind = "{kind}"',
+            table,
+            (getattr(ksd, kind), *[ksd.Section] * (kind == "numbers")),
+        )
+    for word, table in schema.SENTENCES.items():
+        yield f"[[{word}]]", table | more.get(word, {}), (getattr(ksd.Mechanism, word), *about.get(word, ()))
+        if word == "wire":
+            for key, shapes in schema.SHAPES.items():
+                for kind, own in shapes.items():
+                    yield f'[leaf.{key}] or [wire.{key}], kind = "{kind}"', own, (NAMED[key][kind][1],)
+        if word == "support":
+            yield "[[actuate.terms]] or [[support.terms]]", schema.TERM, (ksd.Mechanism.displacement,)
+    for name, family in sorted(ksd.joint_families().items()):
+        yield f'[joint.NAME], family = "{name}"', of_family(family), (family,)
+    yield '[joint.NAME], family = "drawn"', schema.DRAWN | dict.fromkeys(PARTS, "parts"), (ksd.DrawnJoint,)
+    for kind in ("leaf", "wire"):
+        yield f"[[joint.NAME.{kind}]]", schema.LEAF | schema.BLOCKS | sizes[kind], (ksd.Leaf,)
+    for kind, table in schema.MOTIONS.items():
+        own = {key: said for key, said in table.items() if key != "kind"}
+        yield f'[[joint.NAME.motion]], kind = "{kind}"', own, (ksd.Motion,)
+    yield "[options]", {key: OPTION[kind] for key, kind in OPTIONS.items()}, ()
+
+
 def scene_format(folder: Path) -> None:
     """Every table of a scene file with its keys, from the schema that reads it."""
-    lines = keys("Top of the file", schema.TOP, ksd.Mechanism)
-    lines += keys("[material.NAME]", schema.MATERIAL, ksd.Material)
-    for kind, table in schema.SECTIONS.items():
-        meanings = [ksd.Section] if kind == "numbers" else []
-        lines += keys(f'[section.NAME], kind = "{kind}"', table, getattr(ksd, kind), *meanings)
-    for word, table in schema.SENTENCES.items():
-        method = getattr(ksd.Mechanism, word)
-        more = (
-            [ksd.Leaf] if word in ("leaf", "wire") else [ksd.Mechanism.actuate] if word == "support" else []
-        )
-        lines += keys(f"[[{word}]]", table, method, *more)
-        for key, shapes in schema.SHAPES.items() if word == "leaf" else ():
-            for kind, own in shapes.items():
-                lines += keys(f'[leaf.{key}], kind = "{kind}"', own, NAMED[key][kind][1])
-    for name, family in sorted(ksd.joint_families().items()):
-        lines += keys(f'[joint.NAME], family = "{name}"', of_family(family), family)
+    lines = [line for title, table, about in scene_tables() for line in keys(title, table, *about)]
     said = (inspect.getdoc(job_file) or "").partition("\n")[2].strip("\n")
     jobs = [
         "```text",

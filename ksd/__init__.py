@@ -36,7 +36,7 @@ _HOMES = {
     ),
     "ksd.section": ("Section", "circle", "numbers", "polygon", "rectangle", "tube"),
     "ksd.scene.effects": ("LinkMatrix",),
-    "ksd.scene.mentioned": ("link_matrix",),
+    "ksd.scene.link_matrix": ("link_matrix",),
     "ksd.scene.toml_file": ("load_scene", "save_scene"),
     "ksd.model.mesh": ("Mesh",),
     "ksd.modal.choices": ("ModalBasis",),
@@ -130,7 +130,7 @@ if TYPE_CHECKING:
         wire,
     )
     from ksd.scene.effects import LinkMatrix
-    from ksd.scene.mentioned import link_matrix
+    from ksd.scene.link_matrix import link_matrix
     from ksd.scene.toml_file import load_scene, save_scene
     from ksd.section import Section, circle, numbers, polygon, rectangle, tube
     from ksd.solve.configuration import Configuration

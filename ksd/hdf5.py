@@ -11,13 +11,12 @@ import io
 import math
 import zlib
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ksd.files import LARGEST, read_file
+from ksd.files import LARGEST
 
 T = TypeVar("T")
 GZIP, SHUFFLE, FLETCHER32 = 1, 2, 3
@@ -132,16 +131,3 @@ def contents(content: bytes, read: Callable[[Contents], T]) -> T:
 
     with h5py.File(io.BytesIO(content), "r") as file:
         return read(Contents(file, h5py))
-
-
-def read_hdf5(path: Path) -> dict[str, NDArray[np.float64]]:
-    """The numbers of a link matrix (see `ksd.link_matrix`): `K` and `points`, where they are there.
-
-    Raises SceneError for what is no regular file, ValueError for what may not be read, and whatever h5py raises.
-    """
-
-    def arrays(found: Contents) -> dict[str, NDArray[np.float64]]:
-        items = found.items(found.file)
-        return {name: found.numbers(items[name]) for name in ("points", "K") if name in items}
-
-    return contents(read_file(path, what="link matrix"), arrays)

@@ -32,5 +32,3 @@ DIMENSIONS: dict[str, dict[str, float]] = {
     "warping constant": {"m^6": 1.0, "mm^6": mm**6},
 }  # fmt: skip
 """Units a scene file may use, with their SI factors, by dimension; the first is the SI unit, in which plain numbers are."""
-NAMES = {name: factor for units in DIMENSIONS.values() for name, factor in units.items()}
-"""SI factors of all of them by name."""

@@ -1,6 +1,7 @@
 """Every Python block of the documentation's pages runs, and the commands the pages name exist."""
 
 import argparse
+import json
 import math
 import pkgutil
 import re
@@ -13,6 +14,7 @@ from readable import assert_readable
 
 import ksd
 from ksd.cli.commands import parser
+from ksd.cli.schema import schema_text
 from ksd.solve.five import YIELDING
 from ksd.solve.following import MILD
 from ksd.solve.solver import DEFAULT_ACCURACY
@@ -24,7 +26,8 @@ PAGES = sorted(
 )
 NAMES = [str(path.relative_to(DOCS)) for path in PAGES]
 sys.path.insert(0, str(DOCS))
-without_page = runpy.run_path(str(DOCS / "tables.py"))["without_page"]
+TABLES = runpy.run_path(str(DOCS / "tables.py"))
+without_page = TABLES["without_page"]
 run_blocks = runpy.run_path(str(DOCS / "blocks.py"))["run_blocks"]
 
 
@@ -114,3 +117,48 @@ def test_a_block_that_fails_is_found_with_its_line():
 
 def test_every_public_name_is_on_a_page_of_the_reference():
     assert not without_page(), "name them in docs/tables.py"
+
+
+def tables_of_schema(path, tree):
+    """Every table of the JSON schema, by the name the page gives it: its keys, and those of them that are tables."""
+    for one in tree.get("oneOf", [tree]):
+        known = one.get("properties", {})
+        said = "".join(f', {key} = "{v["const"]}"' for key, v in known.items() if "const" in v)
+        inner = {key: v.get("items", v) for key, v in known.items()}
+        inner = {key: v for key, v in inner.items() if "properties" in v or "oneOf" in v}
+        plain = {key for key, v in known.items() if "const" not in v}
+        yield path + said, plain, inner.keys()
+        for key, table in inner.items():
+            inside = (
+                f"{path}.{key}".removeprefix("joint.NAME.")
+                if key in ("curve", "profile")
+                else f"{path}.{key}"
+            )
+            yield from tables_of_schema(inside, table)
+
+
+def test_the_page_of_the_scene_format_has_every_key_of_the_schema_and_no_other(tmp_path):
+    TABLES["scene_format"](tmp_path)
+    found = {}
+    for part in (tmp_path / "scene_tables.md").read_text().split("### ")[1:]:
+        places, _, kind = part.splitlines()[0].partition(", ")
+        for place in places.split(" or "):
+            found[f"{place.strip('[]')}{', ' if kind else ''}{kind}"] = set(
+                re.findall(r"^\| `(\w+)` \|", part, re.M)
+            )
+    schema = json.loads(schema_text())
+    tops = {}
+    for key, value in schema["properties"].items():
+        if key in ("material", "section", "joint"):
+            tops[f"{key}.NAME"] = value["additionalProperties"]
+        elif "properties" in value or "properties" in value.get("items", {}):
+            tops[key] = value.get("items", value)
+    assert found.pop("Top of the file") == schema["properties"].keys() - {
+        p.removesuffix(".NAME") for p in tops
+    }
+    seen = set()
+    for top, tree in tops.items():
+        for name, keys, inner in tables_of_schema(top, tree):
+            assert keys - inner <= found[name] <= keys, name
+            seen.add(name)
+    assert seen == found.keys()

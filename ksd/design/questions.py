@@ -15,7 +15,7 @@ from ksd.design.table import spoken_column
 from ksd.design.tracking import SPARE, Between, Tracks, follow_through
 from ksd.errors import ConvergenceError, KsdError, SceneError
 from ksd.properties.alike import Alike, State, alike
-from ksd.properties.extent import ALL_MEET, clearance, extent
+from ksd.properties.extent import clearance, extent, why_no_clearance
 from ksd.properties.frequencies import Modes, frequencies
 from ksd.properties.parasitic import default_point, parasitic
 from ksd.properties.stiffness import (
@@ -107,8 +107,8 @@ def unanswerable(scene: Any, link: str | None = None) -> dict[str, str]:
     leaves = scene.leaf_names().values()
     if not scene.masses and not any(leaf.material.density for leaf in leaves):
         found["frequencies"] = "nothing has mass"
-    if not scene.leaves_apart():
-        found["clearance"] = ALL_MEET
+    if meet := why_no_clearance(scene):
+        found["clearance"] = meet
     if not scene.drives and link is None:
         found |= dict.fromkeys(POINTED, "no drive whose point could be asked about: name a link")
     return found

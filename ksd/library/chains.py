@@ -20,23 +20,16 @@ POINTS = 4
 
 def _exp(v: Array) -> Array:
     """Rotation matrices (..., 3, 3) of rotation vectors (..., 3)."""
-    t = np.linalg.norm(v, axis=-1)[..., None, None]
-    a, b = np.sinc(t / np.pi), 0.5 * np.sinc(0.5 * t / np.pi) ** 2
-    x = np.zeros((*v.shape[:-1], 3, 3))
-    for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
-        x[..., i, j], x[..., j, i] = -v[..., k], v[..., k]
-    return np.eye(3) + a * x + b * (x @ x)
+    from scipy.spatial.transform import Rotation
+
+    return np.asarray(Rotation.from_rotvec(v.reshape(-1, 3)).as_matrix()).reshape(*v.shape, 3)
 
 
 def rotation_vectors(R: Array) -> Array:
-    """Rotation vectors (..., 3) of rotation matrices (..., 3, 3), angles below pi; through the quaternion."""
-    axial = np.stack(
-        [R[..., 2, 1] - R[..., 1, 2], R[..., 0, 2] - R[..., 2, 0], R[..., 1, 0] - R[..., 0, 1]], -1
-    )
-    sine = 0.5 * np.linalg.norm(axial, axis=-1)
-    angle = np.arctan2(sine, 0.5 * (np.trace(R, axis1=-2, axis2=-1) - 1))
-    ratio = np.where(sine > 1e-8, angle / np.where(sine > 1e-8, sine, 1.0), 1.0)
-    return 0.5 * axial * ratio[..., None]
+    """Rotation vectors (..., 3) of rotation matrices (..., 3, 3)."""
+    from scipy.spatial.transform import Rotation
+
+    return np.asarray(Rotation.from_matrix(R.reshape(-1, 3, 3)).as_rotvec()).reshape(R.shape[:-1])
 
 
 def chain_rotations(amplitudes: Array, orders: tuple[int, int, int], n: int) -> Array:

@@ -11,7 +11,6 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from difflib import get_close_matches
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +18,7 @@ from numpy.typing import NDArray
 from ksd.errors import RangeError, SceneError
 from ksd.library.chains import longer_chain
 from ksd.library.functions import Array, Functions, JointFunctions, Mesh, legendre_products
+from ksd.section.checks import nearest
 
 EDGE = 1e-9
 """Overshoot of a range, relative to its width, that counts as rounding."""
@@ -153,11 +153,6 @@ class Record:
         """Names of the shape parameters."""
         return tuple(p.name for p in self.parameters)
 
-    @property
-    def shape_range(self) -> Array:
-        """(s, 2): trained ranges of the shape parameters, SI."""
-        return np.array([[p.low, p.high] for p in self.parameters]).reshape(-1, 2)
-
     def worst(self, mesh: Mesh, group: str = "interface") -> float:
         """Largest error of a group on fresh shapes; nan when none was measured."""
         found = [r.fresh_max for r in self.residuals if (r.mesh, r.group) == (mesh, group)]
@@ -201,12 +196,7 @@ class Record:
         `contract`."""
         for name in shape:
             if name not in self.shape_names:
-                near = get_close_matches(name, self.shape_names, 1)
-                hint = (
-                    f"; did you mean {near[0]!r}?"
-                    if near
-                    else f"; it has {', '.join(self.shape_names) or 'none'}."
-                )
+                hint = nearest(name, self.shape_names)
                 raise SceneError(f"The record of {self.family} has no shape parameter {name!r}{hint}")
         places, outside = [], []
         for p in self.parameters:

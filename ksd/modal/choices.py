@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 from ksd.errors import SceneError
-from ksd.section.checks import Worded
+from ksd.section.checks import Worded, number, truth, whole
 
 FEW = 2
 """Internal modes by default; bodies of order 2 with so many are found from where the joints' records put their ends."""
@@ -51,6 +51,9 @@ class ModalBasis(metaclass=Worded):
                 "derivatives = 'tied': the quadratic manifold is one of coordinates='angle' and order=2, where every "
                 "mode has one amplitude"
             )
+        for name in ("order", "internal", "elements"):
+            whole(getattr(self, name), name, least=0)
+        truth(self.plane, "plane")
         if self.order not in (1, 2, 3):
             raise SceneError(f"order = {self.order}: 1 (no derivatives), 2 or 3 are possible")
         if not 0 <= self.internal <= 12:
@@ -59,7 +62,7 @@ class ModalBasis(metaclass=Worded):
             )
         if not 2 <= self.elements <= 500:
             raise SceneError(f"elements = {self.elements}: between 2 and 500 elements per leaf are possible")
-        if not 0.0 < self.cut < 1e-2:
+        if not 0.0 < number(self.cut, "cut") < 1e-2:
             raise SceneError(f"cut = {self.cut}: give a fraction between 0 and 0.01, for example 1e-8")
 
     @property

@@ -15,6 +15,8 @@ from typing import Any
 import numpy as np
 
 from ksd.errors import SceneError
+from ksd.scene.material import Material
+from ksd.section.checks import positive, show, whole
 
 
 @dataclass
@@ -28,7 +30,6 @@ class Solid:
 
     basis: Any
     moduli: tuple[float, float]
-    density: float
     width: float
     length: float
     component: np.ndarray
@@ -153,14 +154,12 @@ class Solid:
         return (*np.shape(gradient)[:2], *np.shape(self.basis.dx))
 
     def mass(self) -> Any:
-        """Sparse mass matrix [kg]."""
+        """Sparse mass matrix [m^3] of a density of one: which modes are lowest is all it decides."""
         shape = np.shape(self.basis.dx)
         N = np.stack(
             [np.broadcast_to(np.asarray(f[0]), (len(np.asarray(f[0])), *shape)) for f in self.basis.basis], 1
         )
-        return self._sparse(
-            np.einsum("iaeq,ibeq,eq->eab", N, N, self._shapes[1] * self.density, optimize=True)
-        )
+        return self._sparse(np.einsum("iaeq,ibeq,eq->eab", N, N, self._shapes[1], optimize=True))
 
     def gradients(self, u: np.ndarray) -> np.ndarray:
         """Displacement gradient (dim, dim, quadrature points) of u."""
@@ -206,12 +205,13 @@ def block(
     import skfem
 
     for name, value in (("length", length), ("thickness", thickness), ("width", width)):
-        if not value > 0.0:
-            raise SceneError(f"solid: {name} = {value} m must be positive")
-    if len(cells) not in (2, 3) or min(cells) < 1:
-        raise SceneError(
-            f"solid: cells = {cells}: give (nx, ny) for 2D or (nx, ny, nz) for 3D, each at least 1"
-        )
+        positive(value, name, owner="solid", unit="m")
+    if not isinstance(material, Material):
+        raise SceneError(f"solid: material = {show(material)} must be a Material.")
+    if not isinstance(cells, tuple | list) or len(cells) not in (2, 3):
+        raise SceneError(f"solid: cells = {show(cells)}: give (nx, ny) for 2D or (nx, ny, nz) for 3D.")
+    for n in cells:
+        whole(n, "cells", owner="solid")
     lines = [np.linspace(0.0, length, cells[0] + 1), np.linspace(-thickness / 2, thickness / 2, cells[1] + 1)]
     if len(cells) == 3:
         lines.append(np.linspace(-width / 2, width / 2, cells[2] + 1))
@@ -225,16 +225,22 @@ def block(
     basis = skfem.Basis(mesh, element, intorder=4)
     component, place = _dofs(basis)
     tiny = 1e-9 * length
-    lame = material.E * material.nu / (1 - material.nu**2) if flat else None
-    nu = material.nu
-    lam = lame if lame is not None else material.E * nu / ((1 + nu) * (1 - 2 * nu))
+    # moduli that no isotropic material has together tell a ratio of their own
+    nu = material.E / (2 * material.G) - 1
+    most = 1.0 if flat else 0.5
+    if not -1.0 < nu < most:
+        raise SceneError(
+            f"solid: E = {material.E:g} Pa and G = {material.G:g} Pa make a Poisson's ratio of {nu:.3g}; in "
+            f"{'plane stress' if flat else 'space'} it must lie between -1 and {most:g}."
+        )
+    lam = material.E * nu / (1 - nu**2 if flat else (1 + nu) * (1 - 2 * nu))
 
     def remeshed(times: float) -> Solid:
         more = tuple(math.ceil(times * n) for n in cells)
         return block(material, length, thickness, width=width, cells=more, outline=outline)
 
     return Solid(
-        basis, (lam, material.E / (2 * (1 + nu))), material.density, width if flat else 1.0, length,
+        basis, (lam, material.G), width if flat else 1.0, length,
         component, place, np.flatnonzero(place[:, 0] < tiny), np.flatnonzero(place[:, 0] > length - tiny),
         remeshed,
     )  # fmt: skip

@@ -17,6 +17,7 @@ import numpy as np
 from ksd.beam.modal_jets import JET
 from ksd.beam.polynomial import face_jets
 from ksd.errors import SceneError
+from ksd.modal.choices import ModalBasis
 from ksd.modal.solid import Solid
 from ksd.modal.symmetry import Mirrors, conditioned_by_parity, mirrors, sorted_by_parity
 from ksd.model.arrays import SOLID
@@ -178,12 +179,7 @@ def reduce_solid(
 
     frame, internal, order, cut: as in `ksd.ModalBasis`. Raises SceneError for words that are not choices.
     """
-    if frame not in ("chord", "node"):
-        raise SceneError(f"frame = {frame!r}: choose one of chord, node")
-    if order not in (1, 2, 3) or not 0 <= internal <= 12:
-        raise SceneError(
-            f"order = {order}, internal = {internal}: order 1 to 3 and 0 to 12 internal modes are possible"
-        )
+    ModalBasis(frame=frame, internal=internal, order=order, cut=cut)
     rest, inner, planes = solid.tangent(np.zeros(solid.size)), solid.inner, mirrors(solid)
     at, b0, faces = _faces(solid, frame)
     patterns = np.array(faces).T + extended(rest, np.array(faces).T, inner)

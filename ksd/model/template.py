@@ -298,7 +298,12 @@ class Template:
             force=n.loads[..., 3:6],
             moment=n.loads[..., 6:9],
         )
-        size = np.maximum(spread(places, offset, node), length.max(axis=1, initial=0.0))
+        if len(self.leaf):
+            size = np.maximum(spread(places, offset, node), length.max(axis=1, initial=0.0))
+        else:
+            # a linkage of pins and springs is as large as the places its sentences name
+            named = np.concatenate([at, n.loads[..., :3], *self._spring_ends(n)], axis=1)
+            size = np.ptp(named, axis=1).max(axis=1)
         arrays = topology._replace(
             members=members, terms=terms, loads=loads, size=size, springs=self._springs(n, places),
             weight=self._weight(leaves.mass[:, self.leaf], n),
@@ -359,6 +364,10 @@ class Template:
             return np.zeros((len(mass), 0, 4))
         gravity = np.broadcast_to(n.gravity[:, None], (*mass.shape, 3))
         return np.concatenate([mass[..., None], gravity], axis=2)
+
+    def _spring_ends(self, n: Numbers) -> list[Array]:
+        """Both ends (D, 2, 3) of every spring [m]."""
+        return [n.springs[:, a : a + 6].reshape(-1, 2, 3) for a in self.spring_first[:-1]]
 
     def _springs(self, n: Numbers, places: Array) -> Members:
         """Springs with their numbers."""

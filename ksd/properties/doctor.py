@@ -29,9 +29,10 @@ from ksd.properties.tangent import exact, stored_matrix
 from ksd.properties.words import Shown
 from ksd.scene.contents import WANTED, PlacedLeaf, Scene
 from ksd.scene.drive import GROUND
-from ksd.scene.hinges import PLANES, plane_hint
+from ksd.scene.hinges import PLANES
 from ksd.scene.mechanism import Mechanism
 from ksd.scene.plausible import implausible
+from ksd.scene.rules import plane_hint
 from ksd.section.checks import worded
 
 Array = NDArray[np.float64]

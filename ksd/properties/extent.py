@@ -20,6 +20,7 @@ from ksd.model.compile import Model
 from ksd.properties.cache import per_model
 from ksd.properties.shape import POINTS, LeafShape, mechanism_shape, members_of_leaves
 from ksd.properties.words import Shown, number
+from ksd.scene.contents import Scene
 
 Array = NDArray[np.float64]
 _CORNERS = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
@@ -28,8 +29,14 @@ CHUNK = 32
 _THEIRS, _OTHERS = (k.ravel() for k in np.meshgrid(np.arange(4), np.arange(4)))
 
 
-ALL_MEET = "every two leaf springs share a block or are in one joint with windows"
-"""Why a scene has no clearance."""
+def why_no_clearance(scene: Scene) -> str:
+    """Why no two leaf springs have a clearance, "" where some do."""
+    if scene.leaves_apart():
+        return ""
+    count = len(scene.leaf_names())
+    if count < 2:
+        return f"a clearance is the distance of two leaf springs, and it has {'one' if count else 'none'}"
+    return "every two leaf springs share a block or are in one joint with windows"
 
 
 @dataclass(frozen=True, repr=False)
@@ -66,7 +73,7 @@ def clearance(model: Model, motion: Motion, *, points: int = POINTS) -> Clearanc
     leaves = mechanism_shape(model, motion, points=points).leaves
     one, two = _apart(model)
     if not len(one):
-        raise SceneError(f"{ALL_MEET} in '{model.scene.name}': there is no clearance to speak of.")
+        raise SceneError(f"'{model.scene.name}' has no clearance: {why_no_clearance(model.scene)}.")
     piece = [_pieces(f) for f in leaves]
     half = np.array([0.5 * f.thickness.max() for f in leaves])
     ends = [_corners(p).reshape(-1, 3) for p in piece]

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from itertools import pairwise
@@ -21,6 +20,7 @@ from ksd.properties.shape import place_of
 from ksd.properties.stiffness import drive_coupling, node_of, point_motion
 from ksd.properties.tangent import SAME, beyond_rows, row_gradients
 from ksd.properties.words import Shown, number
+from ksd.scene.contents import reached
 from ksd.scene.drive import GROUND
 
 Array = NDArray[np.float64]
@@ -149,32 +149,22 @@ def parasitic(model: Model, motion: Motion, link: Any = None, *, at: Any = None)
     return Parasitic(model.node_names[node], point, shift, turn, named)
 
 
-def _reached(next_to: Mapping[str, set[str]], start: str, without: Collection[str]) -> set[str]:
-    """Links that hang together with `start` when others are taken away."""
-    reached, rest = {start}, [start]
-    while rest:
-        fresh = next_to.get(rest.pop(), set()) - reached - set(without)
-        reached |= fresh
-        rest += fresh
-    return reached
-
-
 def _cuts(scene: Any, link: str) -> list[str]:
     """Links without which `link` would not hang on ground, in order from ground."""
     # what hangs on both sides, through a slider too, is carried by neither
     next_to, after = scene.neighbours(hinges=True), {}
     for one in set(scene.links) - {GROUND, link}:
-        reached = _reached(next_to, GROUND, [one])
-        if link in next_to and link not in reached:
+        found = reached(next_to, GROUND, [one])
+        if link in next_to and link not in found:
             # the fewer links are left without it, the farther out it is
-            after[one] = len(reached)
+            after[one] = len(found)
     return sorted(after, key=lambda name: after[name])
 
 
 def _leg_drives(scene: Any, cuts: list[str], link: str) -> set[str]:
     """Drives of links between `link` and what carries it that hang there without it too."""
     next_to = scene.neighbours(hinges=True)
-    legs = _reached(next_to, link, [GROUND, *cuts]) & _reached(next_to, GROUND, [link])
+    legs = reached(next_to, link, [GROUND, *cuts]) & reached(next_to, GROUND, [link])
     return {d.name for d in scene.drives if any({t.base, t.link} & legs for t in d.terms)}
 
 

@@ -46,40 +46,20 @@ def leaf_body(leaf: Leaf, *, count: int = PIECES) -> Body:
     """The boxes of a leaf at rest: one for a straight leaf, `count` along a curved one."""
     blocks = (leaf.start_block, leaf.end_block)
     if leaf.curve is not None:
-        return pieces(leaf.name, blocks, _curved(leaf, count), leaf)
+        line, axes = zip(*(leaf.section_at(k / (2 * count)) for k in range(2 * count + 1)), strict=True)
+        width = np.array(axes)[1::2, :, 2]
+        return pieces(leaf.name, blocks, np.array(line)[::2], leaf, width=width)
     start, end = np.array(leaf.start), np.array(leaf.end)
     half = 0.5 * np.array([leaf.length, *extents(leaf.section)])
     return Body(leaf.name, blocks, 0.5 * (start + end)[None], leaf.axes[None], half[None])
 
 
-def _curved(leaf: Leaf, boxes: int) -> Array:
-    """Points between the boxes of a curved leaf: its curvature integrated in the plane or space, then laid on its chord."""
-    assert leaf.curve is not None
-    count = 16 * boxes
-    h, R, points = leaf.length / count, np.eye(3), [np.zeros(3)]
-    for x, y, z in (0.5 * h * leaf.curve.curvatures((np.arange(count) + 0.5) / count)).tolist():
-        W = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
-        # Cayley's rotation, of second order in h like the rule for the position
-        turned = R @ np.linalg.solve(np.eye(3) - W, np.eye(3) + W)
-        points.append(points[-1] + 0.5 * h * (R[:, 0] + turned[:, 0]))
-        R = turned
-    shape = np.array(points)[:: count // boxes]
-    chord = shape[-1] / np.linalg.norm(shape[-1])
-    across = np.array([0.0, 0.0, 1.0])
-    own = np.column_stack([chord, np.cross(across, chord), across])
-    return np.asarray(leaf.start) + shape @ own @ leaf.axes.T
-
-
-def pieces(
-    name: str, blocks: tuple[str, str], line: Array, leaf: Leaf, *, width: Array | None = None
-) -> Body:
-    """Boxes between the points `line` (k+1, 3) of a leaf; width (k, 3): direction of its width at each, at rest when
-    None."""
+def pieces(name: str, blocks: tuple[str, str], line: Array, leaf: Leaf, *, width: Array) -> Body:
+    """Boxes between the points `line` (k+1, 3) of a leaf; width (k, 3): direction of its width in each."""
     along = np.diff(line, axis=0)
     length = np.linalg.norm(along, axis=1)
     e1 = along / length[:, None]
-    e3 = np.broadcast_to(leaf.axes[:, 2] if width is None else width, e1.shape)
-    e3 = e3 - np.sum(e3 * e1, axis=1)[:, None] * e1
+    e3 = width - np.sum(width * e1, axis=1)[:, None] * e1
     e3 = e3 / np.linalg.norm(e3, axis=1)[:, None]
     axes = np.stack([e1, np.cross(e3, e1), e3], axis=2)
     half = 0.5 * np.column_stack([length, *(np.full(len(length), w) for w in extents(leaf.section))])

@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import hashlib
 import operator
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import combinations
@@ -22,7 +22,7 @@ from ksd.scene.joint import Joint, Motion, leaves_of
 from ksd.scene.leaf import Condition, Leaf
 from ksd.scene.listing import in_millimetres, printed_scene
 from ksd.scene.profile import Curve, Profile
-from ksd.section.checks import Vector, as_given
+from ksd.section.checks import Vector, as_given, triple
 
 Matrix = tuple[Vector, Vector, Vector]
 
@@ -159,18 +159,11 @@ class Scene(InNotebooks):
 
     def fingerprint(self) -> str:
         """SHA-256 (hexadecimal) of all contents."""
-        return self._fingerprint if self.unchangeable else self._hashed()
+        return self._fingerprint if self.unchangeable else fingerprint(self)
 
     @cached_property
     def _fingerprint(self) -> str:
-        return self._hashed()
-
-    def _hashed(self) -> str:
-        digest = hashlib.sha256()
-        for piece in _pieces(self):
-            digest.update(piece.encode())
-            digest.update(b"\n")
-        return digest.hexdigest()
+        return fingerprint(self)
 
     def neighbours(self, *, hinges: bool = False, supports: bool = False) -> dict[str, set[str]]:
         """Links next to each link through joints and free-form leaf springs, and through pins and sliders, or all supports,
@@ -187,6 +180,16 @@ class Scene(InNotebooks):
             found.setdefault(a, set()).add(b)
             found.setdefault(b, set()).add(a)
         return found
+
+
+def reached(next_to: Mapping[str, set[str]], start: str = GROUND, without: Collection[str] = ()) -> set[str]:
+    """Links that hang together with `start`, see `Scene.neighbours`, when others are taken away."""
+    found, rest = {start}, [start]
+    while rest:
+        fresh = next_to[rest.pop()] - found - set(without)
+        found |= fresh
+        rest += fresh
+    return found
 
 
 def same_parts(one: Mapping[str, Any], other: Mapping[str, Any]) -> bool:
@@ -206,7 +209,7 @@ def joint_angle(joint: PlacedJoint, motion: Motion) -> tuple[str, Vector, Vector
     """(kind, global direction, global point of B) of an intended motion of a placed joint."""
     place = joint.joint.pose_B if motion.point is None else motion.point
     axis, point = joint.turn(motion.axis), joint.place(place)
-    return motion.kind, _triple(axis), _triple(point)
+    return motion.kind, triple(axis), triple(point)
 
 
 def placed_leaf(joint: PlacedJoint, leaf: Leaf, links: Mapping[str, str]) -> PlacedLeaf:
@@ -214,9 +217,9 @@ def placed_leaf(joint: PlacedJoint, leaf: Leaf, links: Mapping[str, str]) -> Pla
     label = f"{joint.name}/{leaf.name}"
     moved = replace(
         leaf,
-        start=_triple(joint.place(leaf.start)),
-        end=_triple(joint.place(leaf.end)),
-        width_axis=_triple(joint.turn(as_given(leaf.width_axis))),
+        start=triple(joint.place(leaf.start)),
+        end=triple(joint.place(leaf.end)),
+        width_axis=triple(joint.turn(as_given(leaf.width_axis))),
         start_block=links[leaf.start_block],
         end_block=links[leaf.end_block],
         name=label,
@@ -224,16 +227,23 @@ def placed_leaf(joint: PlacedJoint, leaf: Leaf, links: Mapping[str, str]) -> Pla
     return PlacedLeaf(label, moved.start_block, moved.end_block, moved)
 
 
-def _triple(values: Any) -> Vector:
-    x, y, z = (float(v) for v in values)
-    return x, y, z
+def fingerprint(value: Any) -> str:
+    """SHA-256 (hexadecimal) of all that a value of numbers, texts, tuples and frozen sentences holds."""
+    digest = hashlib.sha256()
+    for piece in _pieces(value):
+        digest.update(piece.encode())
+        digest.update(b"\n")
+    return digest.hexdigest()
 
 
 def _pieces(value: Any) -> Iterator[str]:
     """Unambiguous text of a value, part by part: types, field names, exact floats."""
-    if dataclasses.is_dataclass(value) and not isinstance(value, type):
+    if isinstance(value, np.ndarray):
+        value = value.tolist()
+    own = dataclasses.is_dataclass(value) and not isinstance(value, type)
+    if own or isinstance(value, Curve | Profile):
         yield f"<{type(value).__name__}"
-        for field in dataclasses.fields(value):
+        for field in dataclasses.fields(value) if own else ():
             if field.compare:
                 yield field.name
                 yield from _pieces(getattr(value, field.name))
@@ -260,7 +270,7 @@ def _sampled(value: Curve | Profile) -> Any:
     """A curve or profile at 17 stations: a function in it has no contents that could be hashed."""
     stations = [float(s) for s in np.linspace(0.0, 1.0, 17)]
     if isinstance(value, Curve):
-        return tuple(map(_triple, value.curvatures(stations)))
+        return tuple(map(triple, value.curvatures(stations)))
     return tuple(value.section(s) for s in stations)
 
 
@@ -273,4 +283,5 @@ __all__ = [
     "Scene",
     "joint_angle",
     "placed_leaf",
+    "reached",
 ]

@@ -160,11 +160,11 @@ def numbers(values: Any, what: str, owner: str) -> tuple[float, ...]:
     """One or more finite numbers. Raises SceneError."""
     try:
         found = np.atleast_1d(np.asarray(values, float))
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         found = np.zeros((0, 0))
     if found.ndim != 1 or not len(found) or not np.isfinite(found).all():
         raise SceneError(f"{owner}: {what} = {show(values)} must be numbers, one or more.")
-    return tuple(found.tolist())
+    return tuple(number(v, what, owner=owner) for v in found.tolist())
 
 
 def length_of(length: Any, chord: Any, angle: Callable[[np.ndarray], np.ndarray], owner: str) -> float:
@@ -211,7 +211,7 @@ def spline_shape(points: Any, start: float | None, end: float | None) -> Spline:
     """Raises SceneError."""
     try:
         r = np.asarray(points, float)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         r = np.zeros(0)
     if r.ndim != 2 or r.shape[1] != 2 or len(r) < 2 or not np.isfinite(r).all():
         raise SceneError(f"FreeCurve.spline: points = {show(points)} must be two or more points (x, y) in m.")

@@ -144,14 +144,21 @@ class LinkMatrix(metaclass=Worded):
 
     def __post_init__(self) -> None:
         owner = "link matrix"
-        rows = tuple(self.points)
+        rows = self.points.tolist() if isinstance(self.points, np.ndarray) else self.points
+        if not isinstance(rows, tuple | list):
+            raise SceneError(
+                f"{owner}: points = {show(self.points)} must be its two interfaces (x, y, z) in m."
+            )
         if len(rows) != 2:
             raise SceneError(
                 f"{owner}: {len(rows)} interfaces are given; a matrix stands for a link with two. Give a link with "
                 "more attachments a section instead."
             )
         object.__setattr__(self, "points", tuple(vector(p, "points", owner=owner, unit="m") for p in rows))
-        K = np.asarray(self.stiffness, float)
+        try:
+            K = np.asarray(self.stiffness, float)
+        except (TypeError, ValueError, OverflowError):
+            K = np.zeros(0)
         if K.shape != (12, 12) or not np.all(np.isfinite(K)):
             raise SceneError(f"{owner}: stiffness has shape {K.shape}; 12 x 12 finite numbers are needed.")
         self._check(K, owner)

@@ -14,9 +14,8 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from ksd.errors import SceneError
-from ksd.scene.toml_table import quantity
+from ksd.scene.toml_table import measured
 from ksd.section.checks import nearest, number, show
-from ksd.units import DIMENSIONS
 
 Keys = tuple[str | int, ...]
 FUNCTIONS: Mapping[str, Callable[..., float]] = {
@@ -36,23 +35,16 @@ def amount(value: Any, what: str) -> float:
     """A number (SI), or text with a unit of any dimension, in SI. Raises SceneError, naming `what`, for anything else."""
     if not isinstance(value, str):
         return number(value, what)
-    for dimension in DIMENSIONS:
-        try:
-            return quantity(value, dimension, what)
-        except SceneError:
-            continue
-    raise SceneError(f"{what} = {show(value)}: give a number in SI, or text with a unit such as '100 mm'")
+    found = measured(value)
+    if found is None:
+        raise SceneError(f"{what} = {show(value)}: give a number in SI, or text with a unit such as '100 mm'")
+    return number(found[0], what)
 
 
 def dimension_of(value: Any) -> str | None:
     """The dimension of text with a unit; None for plain numbers and other text."""
-    for dimension in DIMENSIONS if isinstance(value, str) else ():
-        try:
-            quantity(value, dimension, "")
-            return dimension
-        except SceneError:
-            continue
-    return None
+    found = measured(value) if isinstance(value, str) else None
+    return None if found is None else found[1]
 
 
 def evaluated(formula: str, tables: Mapping[str, Any]) -> float:

@@ -93,18 +93,21 @@ def checked_hinge(hinge: Hinge, plane: str | None) -> Hinge:
     return hinge
 
 
-def checked_drive(drive: Drive, plane: str | None) -> Drive:
-    """The drive, seen to move something in the plane. Raises SceneError."""
-    if plane is None:
-        return drive
-    for term in drive.terms:
-        along = abs(float(np.dot(term.direction, normal_of(plane))))
-        if (along < 1.0 - 1e-9) if term.kind == "translation" else (along > 1e-9):
-            return drive
-    raise SceneError(
-        f"drive '{drive.name}' leaves the plane {plane}, in which the mechanism lives; give along a direction in it, or "
-        f'about="{_AXES[PLANES[plane]][1]}".'
-    )
+def checked_drive(drive: Drive, plane: str | None, kind: str = "drive") -> Drive:
+    """The drive or support, seen to be of the plane in all of its terms. Raises SceneError."""
+    for term in drive.terms if plane else ():
+        lean = abs(float(np.dot(term.direction, normal_of(str(plane)))))
+        held = lean > 1.0 - 1e-9 if term.kind == "translation" else lean < 1e-9
+        if kind == "support" and held:
+            # the plane holds it already
+            continue
+        if lean > 1e-9 if term.kind == "translation" else lean < 1.0 - 1e-9:
+            word = "along" if term.kind == "translation" else "about"
+            raise SceneError(
+                f"{kind} '{drive.name}' leaves the plane {plane}, in which the mechanism lives: {word} = "
+                f'{show(term.direction)}; give along a direction in it, or about="{_AXES[PLANES[str(plane)]][1]}".'
+            )
+    return drive
 
 
 def plane_holds(scene: Any) -> tuple[Drive, ...]:
@@ -137,23 +140,6 @@ def plane_holds(scene: Any) -> tuple[Drive, ...]:
     )
 
 
-def plane_hint(scene: Any) -> str:
-    """What to say of a scene that looks planar, names no plane, and has links which supports alone tie to ground."""
-    widths = [np.abs(np.asarray(leaf.width_axis)) for leaf in scene.leaf_names().values()]
-    plane = next((p for p, k in PLANES.items() if all(w[k] > 1.0 - 1e-9 for w in widths)), None)
-    reached, front, next_to = {GROUND}, [GROUND], scene.neighbours()
-    while front:
-        fresh = next_to[front.pop()] - reached
-        reached |= fresh
-        front += fresh
-    if scene.plane is not None or plane is None or not widths or reached == set(scene.links):
-        return ""
-    return (
-        f"all leaf springs have their width across the plane {plane}: if the mechanism lives in it, say "
-        f"ksd.Mechanism('{scene.name}', plane='{plane}'), which holds every link in it"
-    )
-
-
 __all__ = [
     "PLANES",
     "Hinge",
@@ -161,6 +147,5 @@ __all__ = [
     "checked_hinge",
     "checked_plane",
     "normal_of",
-    "plane_hint",
     "plane_holds",
 ]

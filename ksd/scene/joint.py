@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Any, ClassVar
 
@@ -13,7 +13,18 @@ import numpy as np
 from ksd.errors import SceneError
 from ksd.scene.clearance import check_clear
 from ksd.scene.leaf import Leaf
-from ksd.section.checks import Vector, Worded, direction, nearest, number, positive, show, vector, word
+from ksd.section.checks import (
+    Vector,
+    Worded,
+    direction,
+    nearest,
+    number,
+    numbered,
+    positive,
+    show,
+    vector,
+    word,
+)
 
 
 @dataclass(frozen=True)
@@ -123,7 +134,8 @@ class DrawnJoint(Joint):
 
     name: its family name, under which a record may be trained. blocks: {"A": point, "B": point, others} [m],
     A at the origin, B anywhere but there. length [m]: scale of the record, |AB| when not given. shape: its
-    dimensionless shape parameters, when it belongs to a range of similar joints. windows: leaf springs may cross, one in a
+    dimensionless shape parameters, when it belongs to a range of similar joints. Leaves of one name are numbered, "leaf",
+    "leaf.2". windows: leaf springs may cross, one in a
     window of the other (left out of the model). held_by_others: what it leaves free beside the intended motions is held
     by the mechanism around it. Raises SceneError when A or B is missing, a leaf hangs on an
     unknown block, a block on no leaf, or leaf springs run through each other.
@@ -151,6 +163,11 @@ class DrawnJoint(Joint):
         held_by_others: bool = False,
     ) -> None:
         owner = f"joint '{word(name, 'name', owner='DrawnJoint')}'"
+        for key, given, kind in (("blocks", blocks, Mapping), ("shape", shape or {}, Mapping),
+                                 ("leaves", leaves, Sequence), ("motions", motions, Sequence)):  # fmt: skip
+            if not isinstance(given, kind):
+                how = "{name: value}" if kind is Mapping else "a list"
+                raise SceneError(f"{owner}: {key} = {show(given)} must be {how}.")
         points = {
             word(k, "block name", owner=owner): vector(v, f"block '{k}'", owner=owner, unit="m")
             for k, v in blocks.items()
@@ -163,6 +180,16 @@ class DrawnJoint(Joint):
             check_clear(leaves, owner=owner, advice=_ADVICE)
         if not motions or not all(isinstance(m, Motion) for m in motions):
             raise SceneError(f"{owner}: motions = {show(motions)} must be at least one Motion.")
+        twice = [m for k, m in enumerate(motions) if m.name in {other.name for other in motions[:k]}]
+        if twice:
+            raise SceneError(
+                f"{owner}: two motions are named '{twice[0].name}'; give each a name of its own."
+            )
+        leaves, named = list(leaves), set[str]()
+        for k, leaf in enumerate(leaves):
+            own = numbered(leaf.name, named)
+            named.add(own)
+            leaves[k] = leaf if own == leaf.name else replace(leaf, name=own)
         given = np.linalg.norm(points["B"]) if length is None else length
         numbers = {k: number(v, f"shape '{k}'", owner=owner) for k, v in (shape or {}).items()}
         clean = {

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
@@ -20,20 +21,22 @@ from ksd.scene.contents import (
     placed_leaf,
     same_parts,
 )
-from ksd.scene.drive import GROUND, Drive, DriveTerm, Load
+from ksd.scene.drive import GROUND, Drive, DriveTerm, Load, PointMass
+from ksd.scene.effects import CONSIDERED, Compliance, Distance, Fit, Heat, LinkMatrix, Spring, TurnSpring
 from ksd.scene.hinges import Hinge, checked_drive, checked_hinge, checked_plane, normal_of
 from ksd.scene.joint import Joint
 from ksd.scene.leaf import Leaf
 from ksd.scene.leaf import wire as make_wire
+from ksd.scene.link_matrix import link_matrix
 from ksd.scene.links import Link, spoken
 from ksd.scene.material import Material
-from ksd.scene.mentioned import Mentioned
-from ksd.scene.placing import axis_word, numbered, rotation_at
+from ksd.scene.placing import axis_word, rotation_at
 from ksd.scene.profile import Curve, Profile
 from ksd.scene.rules import check_scene
 from ksd.section import Section
 from ksd.section.checks import (
     Axis,
+    Vector,
     Worded,
     all_worded,
     as_given,
@@ -41,6 +44,7 @@ from ksd.section.checks import (
     direction,
     nearest,
     number,
+    numbered,
     show,
     vector,
     word,
@@ -59,7 +63,7 @@ SYNONYMS = {
 
 
 @all_worded
-class Mechanism(InNotebooks, Mentioned, metaclass=Worded):
+class Mechanism(InNotebooks, metaclass=Worded):
     """A mechanism under construction: links, joints between them, drives, supports and loads.
 
     All positions [m] and directions are global, in the undeformed configuration, where every link is at zero
@@ -70,15 +74,25 @@ class Mechanism(InNotebooks, Mentioned, metaclass=Worded):
     """
 
     def __init__(self, name: str = "mechanism", *, plane: str | None = None) -> None:
-        super().__init__(name)
-        self.plane = checked_plane(plane)
-        self._hinges: dict[str, tuple[Hinge, tuple[Drive, ...]]] = {}
+        self.name = name
+        self._hinges: dict[str, tuple[Hinge, tuple[Drive, ...]]]
+        self.plane = plane
+        self.ground = Link(GROUND, self)
+        self._links: dict[str, Link] = {GROUND: self.ground}
+        self._masses: list[PointMass] = []
+        self._compliances: dict[str, Compliance] = {}
+        self._gravity: Vector | None = None
         self._points: list[LeafPoint] = []
         self._joints: list[PlacedJoint] = []
         self._leaves: list[PlacedLeaf] = []
         self._drives: list[Drive] = []
         self._supports: list[Drive] = []
         self._loads: list[Load] = []
+        self._springs: list[Spring | TurnSpring] = []
+        self._heats: list[Heat] = []
+        self._fits: list[Fit] = []
+        self._consider: tuple[str, ...] = ()
+        self._distances: list[Distance] = []
         self._last: tuple[Scene, dict[str, Any]] | None = None
 
     def __setattr__(self, name: str, value: Any) -> None:
@@ -87,8 +101,12 @@ class Mechanism(InNotebooks, Mentioned, metaclass=Worded):
             raise SceneError(f"a mechanism has no '{name}' to be set{nearest(name, SETTABLE)}")
         if name == "plane":
             value = checked_plane(value)
-            for drive in self.__dict__.get("_drives", ()):
-                checked_drive(drive, value)
+            own = self.__dict__
+            for kind, said in (("drive", "_drives"), ("support", "_supports")):
+                for drive in own.get(said, ()):
+                    checked_drive(drive, value, kind)
+            hinges = {n: checked_hinge(h, value) for n, (h, _) in own.get("_hinges", {}).items()}
+            self._hinges = {n: (h, h.supports(value)) for n, h in hinges.items()}
         super().__setattr__(name, word(value, "name", owner="Mechanism") if name == "name" else value)
 
     if not TYPE_CHECKING:  # hidden, or checkers would take every name
@@ -113,6 +131,125 @@ class Mechanism(InNotebooks, Mentioned, metaclass=Worded):
     def __str__(self) -> str:
         """What it is made of so far, a line each."""
         return str(self.draft())
+
+    # Links
+
+    @property
+    def gravity(self) -> Vector | None:
+        """Acceleration (3,) [m/s^2], e.g. (0, -9.81, 0); None when the scene does not mention gravity.
+
+        It pulls at the masses of links, and along every leaf whose material has a density.
+        """
+        return self._gravity
+
+    @gravity.setter
+    def gravity(self, value: ArrayLike | None) -> None:
+        self._gravity = None if value is None else vector(value, "gravity", owner=self.name, unit="m/s^2")
+
+    def link(
+        self,
+        name: str,
+        *,
+        mass: float | None = None,
+        inertia: ArrayLike | None = None,
+        at: ArrayLike | None = None,
+        section: Section | None = None,
+        material: Material | None = None,
+    ) -> Link:
+        """A new link; mass [kg], inertia [kg m^2] and its centre `at` [m] as in `mass`.
+
+        It is rigid unless section and material are given: then it is elastic as said in `compliance`.
+        """
+        word(name, "link name", owner=self.name)
+        if name in self._links:
+            raise SceneError(f"link '{name}' exists already; every link needs its own name.")
+        if mass is None and inertia is not None:
+            raise SceneError(f"link '{name}': inertia is given without mass; give both.")
+        added = self._links[name] = Link(name, self)
+        try:
+            if section is not None or material is not None:
+                self.compliance(added, section=section, material=material)
+            if mass is not None:
+                self.mass(added, mass=mass, inertia=inertia, at=at)
+        except SceneError:
+            # a refused sentence leaves nothing behind
+            del self._links[name]
+            self._compliances.pop(name, None)
+            raise
+        return added
+
+    def links(self, *names: str) -> tuple[Link, ...]:
+        """New links, one per name."""
+        return tuple(self.link(name) for name in names)
+
+    def _known(self, link: Link | str, owner: str) -> str:
+        """The name of a link of this mechanism."""
+        if isinstance(link, Link):
+            if link.owner is not self:
+                raise SceneError(
+                    f"{owner}: link '{link.name}' belongs to another mechanism, '{link.owner.name}'."
+                )
+            return link.name
+        if not isinstance(link, str):
+            raise SceneError(
+                f"{owner}: {show(link)} is not a link; give a link of the mechanism or its name."
+            )
+        if link not in self._links:
+            raise UnknownNameError(
+                f"{owner}: link '{link}' does not exist{nearest(link, self._links)}", kind="link", name=link
+            )
+        return link
+
+    def _spot(self, link: str, at: ArrayLike | None) -> Any:
+        """`at` as said; of a point of a leaf, where nothing is said, its own place."""
+        return self._links[link].at if at is None else as_given(at)
+
+    def _pair(self, a: Link | str, b: Link | str, owner: str) -> tuple[str, str]:
+        first, second = self._known(a, owner), self._known(b, owner)
+        if first == second:
+            raise SceneError(f"{owner} connects link '{first}' with itself; it needs two different links.")
+        return first, second
+
+    def mass(
+        self, link: Link | str, *, mass: float, inertia: ArrayLike | None = None, at: ArrayLike | None = None
+    ) -> PointMass:
+        """A rigid mass [kg]: centre `at` (3,) [m], inertia (3,) or (3, 3) [kg m^2] about it, global axes."""
+        known = self._known(link, "mass")
+        place = self._spot(known, at)
+        if place is None:
+            raise SceneError(f"mass on '{known}': 'at' is missing; give its centre (x, y, z) in m.")
+        added = PointMass(known, mass, as_given(inertia), place)
+        self._masses.append(added)
+        return added
+
+    def compliance(
+        self,
+        link: Link | str,
+        *,
+        section: Section | None = None,
+        material: Material | None = None,
+        hub: ArrayLike | None = None,
+        width_axis: Axis | None = None,
+        matrix: LinkMatrix | str | os.PathLike[str] | None = None,
+    ) -> Compliance:
+        """Make a link elastic: by section and material, or by a Craig-Bampton matrix (or the file of one).
+
+        With a section it is a beam from its hub (3,) [m] (the mean of its attachments when left out) to every joint and
+        leaf on it; loads, drives, masses and springs of the link act on the hub. width_axis: direction of the
+        section's width, the axis of the first joint on it when left out. With a matrix (see `LinkMatrix`, `link_matrix`)
+        the link has two interfaces; what is attached goes to the interface it sits at, loads, drives, masses and
+        springs act on the first. Raises SceneError.
+        """
+        known = self._known(link, "compliance")
+        if known == self.ground.name:
+            raise SceneError("compliance: the ground cannot be elastic; put a link and leaf springs between.")
+        if known in self._compliances:
+            raise SceneError(f"compliance of link '{known}' is given twice; keep one.")
+        if isinstance(matrix, str | os.PathLike):
+            matrix = link_matrix(matrix)
+        made = Compliance(known, section, material, as_given(hub), as_given(width_axis), matrix)
+        self._compliances[known] = made
+        return made
 
     # Elastic connections
 
@@ -291,7 +428,8 @@ class Mechanism(InNotebooks, Mentioned, metaclass=Worded):
                 )
         # not by its place, which a design may vary
         count = 1 + sum(other.leaf == label for other in self._points)
-        made = LeafPoint(name or numbered(f"{label} point {count}", set(self._links)), label, at)
+        default = numbered(f"{label} point {count}", set(self._links))
+        made = LeafPoint(default if name is None else name, label, at)
         place, _ = placed.leaf.section_at(at / length)
         self.link(made.name)
         self._points.append(made)
@@ -320,7 +458,7 @@ class Mechanism(InNotebooks, Mentioned, metaclass=Worded):
                 "a pin needs its axis: give axis=, or say the plane of the mechanism, "
                 f'ksd.Mechanism("{self.name}", plane="xy").'
             )
-        return self._hinge("pin", (a, b), at, axis or normal_of(str(self.plane)), name)
+        return self._hinge("pin", (a, b), at, normal_of(str(self.plane)) if axis is None else axis, name)
 
     def slider(
         self,
@@ -335,11 +473,12 @@ class Mechanism(InNotebooks, Mentioned, metaclass=Worded):
 
         at (3,) [m]: where the guide is drawn and its force is taken. The default name is "a-link". Raises SceneError.
         """
-        return self._hinge("slider", (relative_to or GROUND, link), at, along, name)
+        return self._hinge("slider", (GROUND if relative_to is None else relative_to, link), at, along, name)
 
     def _hinge(self, kind: str, pair: tuple[Any, Any], at: Any, axis: Any, name: str | None) -> Hinge:
         used = {*self._hinges, *(d.name for d in (*self._drives, *self._supports))}
-        label = name or numbered(f"{spoken(pair[0])}-{spoken(pair[1])}", used)
+        default = f"{spoken(pair[0])}-{spoken(pair[1])}"
+        label = numbered(default, used) if name is None else word(name, "name", owner=kind)
         owner = f"{kind} '{label}'"
         if label in used:
             raise SceneError(f"the name '{label}' is used already; every pin and slider needs its own name.")
@@ -457,7 +596,9 @@ class Mechanism(InNotebooks, Mentioned, metaclass=Worded):
         `actuate`. Its force is in `Configuration.reactions`. Raises SceneError."""
         said = {"along": along, "about": about, "at": at, "relative_to": relative_to}
         parts, default = self._parts(link, **said, joint=joint, motion=motion, terms=terms)
-        held = Drive(self._drive_name(name, f"{default}.held", parts), parts)
+        held = checked_drive(
+            Drive(self._drive_name(name, f"{default}.held", parts), parts), self.plane, "support"
+        )
         self._supports.append(held)
         return held
 
@@ -569,6 +710,152 @@ class Mechanism(InNotebooks, Mentioned, metaclass=Worded):
         self._loads.append(push)
         return push
 
+    # What is mentioned beyond leaf springs, drives and loads, see `ksd.scene.effects`
+
+    def spring(
+        self,
+        a: Link | str,
+        b: Link | str,
+        *,
+        start: ArrayLike,
+        end: ArrayLike,
+        stiffness: float,
+        free_length: float | None = None,
+        name: str | None = None,
+    ) -> Spring:
+        """A coil spring from `start` (3,) [m] on link `a` to `end` on `b`, stiffness [N/m].
+
+        free_length [m]: its length without force; the distance of its ends at rest when left out, 0 for the
+        zero-free-length spring of static balancing. Raises SceneError.
+        """
+        label = self._spring_name(name, "spring")
+        first, second = self._pair(a, b, f"spring '{label}'")
+        ends = [
+            vector(p, w, owner=f"spring '{label}'", unit="m") for p, w in ((start, "start"), (end, "end"))
+        ]
+        length = math.dist(*ends) if free_length is None else free_length
+        made = Spring(label, first, second, ends[0], ends[1], stiffness, length)
+        self._springs.append(made)
+        return made
+
+    def joint_spring(
+        self,
+        joint: PlacedJoint | str,
+        *,
+        stiffness: float,
+        rest_angle: float = 0.0,
+        motion: str | None = None,
+        name: str | None = None,
+    ) -> TurnSpring:
+        """A torsion spring [Nm/rad] about the axis of a joint (of its motion `motion`, of several), between its links.
+
+        rest_angle [rad]: rotation of b relative to a without moment, above 0 it pulls that way. Raises SceneError.
+        """
+        placed = self._placed(joint)
+        turning = placed.joint.motion(motion)
+        label = self._spring_name(name, f"{placed.name}.spring")
+        if turning.kind != "rotation":
+            raise SceneError(
+                f"joint spring '{label}': motion '{turning.name}' of joint '{placed.name}' is a translation; "
+                "put a coil spring (mechanism.spring) between its links."
+            )
+        axis = placed.turn(turning.axis)
+        words: dict[str, Any] = {"stiffness": stiffness, "rest_angle": rest_angle, "name": label}
+        return self.turn_spring(placed.a, placed.b, at=placed.origin, axis=axis, **words)
+
+    def turn_spring(
+        self,
+        a: Link | str,
+        b: Link | str,
+        *,
+        at: ArrayLike,
+        axis: Axis,
+        stiffness: float,
+        rest_angle: float = 0.0,
+        name: str | None = None,
+    ) -> TurnSpring:
+        """A torsion spring [Nm/rad] from link `a` to link `b` about `axis` through `at` (3,) [m]; see `joint_spring`."""
+        label = self._spring_name(name, "torsion spring")
+        first, second = self._pair(a, b, f"spring '{label}'")
+        made = TurnSpring(label, first, second, as_given(at), as_given(axis), stiffness, rest_angle)
+        self._springs.append(made)
+        return made
+
+    def _spring_name(self, name: str | None, default: str) -> str:
+        used = {s.name for s in self._springs}
+        if name is None:
+            return numbered(default, used)
+        if word(name, "name", owner="spring") in used:
+            raise SceneError(f"the spring name '{name}' is used already; every spring needs its own name.")
+        return name
+
+    def heat(
+        self, temperature: float = 0.0, *, through: float = 0.0, leaves: str | Sequence[str] | None = None
+    ) -> Heat:
+        """Warm leaf springs by `temperature` [K], and by `through` [K] more at their +e2 face than at their -e2 face.
+
+        leaves: full names ("joint/leaf"), all of the mechanism when left out; their material needs its expansion.
+        """
+        names = (leaves,) if isinstance(leaves, str) else leaves
+        if names is not None and not isinstance(names, list | tuple):
+            raise SceneError(f"heat: leaves = {show(leaves)} must be names of leaf springs in a list.")
+        self._heats.append(Heat(temperature, through, None if names is None else tuple(names)))
+        return self._heats[-1]
+
+    def fit(
+        self,
+        leaf: PlacedLeaf | str,
+        *,
+        natural_length: float | None = None,
+        shift: ArrayLike = (0.0, 0.0, 0.0),
+        turn: ArrayLike = (0.0, 0.0, 0.0),
+    ) -> Fit:
+        """How a leaf is put in: prestress by natural_length [m], assembly error of its clamp by shift [m] and turn [rad].
+
+        leaf: full name ("joint/leaf") or a free-form leaf; shift and turn (3,) lead from where end q is drawn to where
+        it is clamped, in the axes of the leaf. Raises SceneError.
+        """
+        self._fits.append(
+            Fit(str(getattr(leaf, "name", leaf)), natural_length, as_given(shift), as_given(turn))
+        )
+        return self._fits[-1]
+
+    def consider(self, *effects: str) -> None:
+        """Effects of the leaf material, "warping" and "plate", to be simulated.
+
+        Without this sentence leaf springs are standard beams, as in the literature they are compared with.
+        """
+        for effect in effects:
+            if effect not in CONSIDERED:
+                raise SceneError(f"consider: {show(effect)} is unknown{nearest(effect, CONSIDERED)}")
+        self._consider = tuple(sorted({*self._consider, *effects}))
+
+    # Questions
+
+    def distance(
+        self,
+        a: Link | str,
+        b: Link | str,
+        *,
+        start: ArrayLike,
+        end: ArrayLike,
+        along: Axis | None = None,
+        name: str,
+    ) -> Distance:
+        """Ask for the distance of the point `end` (3,) [m] of link `b` from the point `start` of link `a`, such as the
+        opening of a jaw: `pose.distance(name)`, and the column "distance_NAME_mm" of sweeps, jobs and gradients.
+
+        along: its signed component along a direction, which turns with `a`; the whole distance when None. Raises SceneError.
+        """
+        owner = f"distance '{word(name, 'name', owner='distance')}'"
+        if name in {d.name for d in self._distances}:
+            raise SceneError(f"{owner}: the name is used already; every distance needs its own.")
+        first, second = self._pair(a, b, owner)
+        axis = None if along is None else as_given(along)
+        made = Distance(name, first, second, as_given(start), as_given(end), axis)
+        self._distances.append(made)
+        return made
+
     # The whole
 
     def validate(self) -> None:
@@ -607,7 +894,13 @@ class Mechanism(InNotebooks, Mentioned, metaclass=Worded):
             "plane": self.plane,
             "hinges": tuple(hinge for hinge, _ in hinges),
             "points": tuple(self._points),
-            **self._mentioned(),
+            "springs": tuple(self._springs),
+            "distances": tuple(self._distances),
+            "compliances": tuple(self._compliances.values()),
+            "heats": tuple(self._heats),
+            "fits": tuple(self._fits),
+            "consider": self._consider,
+            "gravity": self._gravity,
         }
 
 

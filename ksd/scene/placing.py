@@ -1,4 +1,4 @@
-"""Default names, and the axes in which a joint is placed."""
+"""The axes in which a joint is placed, and names of directions."""
 
 from __future__ import annotations
 
@@ -10,15 +10,6 @@ from ksd.errors import SceneError
 from ksd.scene.contents import Matrix
 from ksd.scene.drive import DriveTerm
 from ksd.section.checks import cross, direction, dot, show, unit
-
-
-def numbered(default: str, used: set[str]) -> str:
-    """`default`, or default.2, default.3 ... whichever is free first."""
-    name, count = default, 1
-    while name in used:
-        count += 1
-        name = f"{default}.{count}"
-    return name
 
 
 def axis_word(term: DriveTerm) -> str:

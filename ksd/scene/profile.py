@@ -17,9 +17,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ksd.errors import SceneError
-from ksd.scene.curves import Bend, Legendre, Sine, Spline, legendre_shape, sine_shape, spline_shape
+from ksd.scene.curves import Bend, Legendre, Sine, Spline, legendre_shape, numbers, sine_shape, spline_shape
 from ksd.section import Section, rectangle
-from ksd.section.checks import Worded, number, positive, show
+from ksd.section.checks import Worded, between, number, positive, show
 
 STEPS = 60
 """Steps by which the line of a curve is integrated, and twice as many."""
@@ -126,9 +126,9 @@ class StiffenedMiddle(Profile):
         for name in ("thickness", "width", "middle"):
             value = positive(getattr(self, name), name, owner="StiffenedMiddle", unit="m")
             object.__setattr__(self, name, value)
-        if not 0.0 < self.part < 1.0:
-            raise SceneError(f"StiffenedMiddle: part = {show(self.part)} must be a fraction between 0 and 1.")
-        object.__setattr__(self, "breaks", (0.5 - 0.5 * self.part, 0.5 + 0.5 * self.part))
+        part = between(self.part, "part", 0.0, 1.0, owner="StiffenedMiddle")
+        object.__setattr__(self, "part", part)
+        object.__setattr__(self, "breaks", (0.5 - 0.5 * part, 0.5 + 0.5 * part))
 
     def section(self, s: float) -> Section:
         """Thick inside the middle part, thin outside."""
@@ -146,6 +146,10 @@ class Varying(Profile):
     def __post_init__(self) -> None:
         if not callable(self.function):
             raise SceneError(f"Varying: function = {show(self.function)} must be a function of s in [0, 1].")
+        breaks = numbers(self.breaks, "breaks", "Varying") if np.size(self.breaks) else ()
+        if not all(a < b for a, b in zip((0.0, *breaks), (*breaks, 1.0), strict=True)):
+            raise SceneError(f"Varying: breaks = {show(self.breaks)} must rise between 0 and 1.")
+        object.__setattr__(self, "breaks", breaks)
 
     def section(self, s: float) -> Section:
         """The function's answer; SceneError when it is not a Section."""

@@ -13,7 +13,7 @@ from ksd.scene.contents import LeafPoint, PlacedLeaf, Scene
 from ksd.scene.curves import Legendre
 from ksd.scene.drive import GROUND, Drive
 from ksd.scene.profile import Curve, FreeCurve
-from ksd.section.checks import Vector
+from ksd.section.checks import Vector, triple
 
 
 class Move(NamedTuple):
@@ -24,19 +24,14 @@ class Move(NamedTuple):
 
     def point(self, p: ArrayLike) -> Vector:
         """Where the point p (3,) [m] goes."""
-        return _triple(self.shift + self.turn @ np.asarray(p, float))
+        return triple(self.shift + self.turn @ np.asarray(p, float))
 
     def way(self, e: ArrayLike) -> Vector:
         """Where a direction (3,) of the link turns to."""
-        return _triple(self.turn @ np.asarray(e, float))
+        return triple(self.turn @ np.asarray(e, float))
 
 
 STILL = Move(np.eye(3), np.zeros(3))
-
-
-def _triple(values: np.ndarray) -> Vector:
-    x, y, z = values.tolist()
-    return x, y, z
 
 
 def redrawn(
@@ -112,7 +107,7 @@ def _drive(drive: Drive, go: Mapping[str, Move]) -> Drive:
 
 
 def _turned(R: np.ndarray, inertia: Any) -> Any:
-    return tuple(map(_triple, R @ np.asarray(inertia) @ R.T))
+    return tuple(map(triple, R @ np.asarray(inertia) @ R.T))
 
 
 __all__ = ["STILL", "Move", "redrawn"]

@@ -7,10 +7,13 @@ from collections import Counter
 from collections.abc import Iterable, Iterator
 from typing import Any
 
+import numpy as np
+
 from ksd.errors import SceneError
-from ksd.scene.contents import Scene
+from ksd.scene.contents import Scene, reached
 from ksd.scene.drive import GROUND
 from ksd.scene.effects import leaf_conditions
+from ksd.scene.hinges import PLANES
 from ksd.scene.joint import leaves_of
 from ksd.section.checks import nearest
 
@@ -93,13 +96,8 @@ def _loose(scene: Scene) -> Iterator[str]:
         yield (
             f"link '{link}' is attached to nothing; connect it with mechanism.join or mechanism.leaf, or remove it."
         )
-    neighbours = scene.neighbours(supports=True)
-    reached, front = {GROUND}, [GROUND]
-    while front:
-        fresh = neighbours[front.pop()] - reached
-        reached |= fresh
-        front += fresh
-    adrift = [link for link in scene.links if link not in (*reached, *loose)]
+    tied = reached(scene.neighbours(supports=True))
+    adrift = [link for link in scene.links if link not in (*tied, *loose)]
     if adrift:
         names = ", ".join(f"'{link}'" for link in adrift)
         yield f"no chain of joints leads from {names} to ground; join one of them to ground."
@@ -148,3 +146,20 @@ def _same_freedoms(scene: Scene) -> Iterator[str]:
             first = seen.setdefault(drive.freedom(), spoken)
             if first != spoken:
                 yield f"{first} and {spoken} prescribe the same freedom; remove one of them."
+
+
+def plane_hint(scene: Scene) -> str:
+    """What to say of a scene that looks planar, names no plane, and has links which supports alone tie to ground."""
+    widths = [np.abs(np.asarray(leaf.width_axis)) for leaf in scene.leaf_names().values()]
+    plane = next((p for p, k in PLANES.items() if all(w[k] > 1.0 - 1e-9 for w in widths)), None)
+    if (
+        scene.plane is not None
+        or plane is None
+        or not widths
+        or reached(scene.neighbours()) == set(scene.links)
+    ):
+        return ""
+    return (
+        f"all leaf springs have their width across the plane {plane}: if the mechanism lives in it, say "
+        f"ksd.Mechanism('{scene.name}', plane='{plane}'), which holds every link in it"
+    )

@@ -279,9 +279,7 @@ class _Reader:
         value = table.read({"value": dimension})
         drive: Drive = table.say(self._heard(self.mechanism.actuate), words)
         if dimension == "any":
-            kinds = {term.kind for term in drive.terms}
-            one = {"translation": "length", "rotation": "angle"}[kinds.pop()] if len(kinds) == 1 else "number"
-            value = table.read({"value": one})
+            value = table.read({"value": drive.dimension})
         if value:
             self.targets[drive.name] = value["value"]
         self.places[f"drive '{drive.name}'"] = table.where

@@ -77,6 +77,16 @@ def quantity(value: Any, dimension: str, what: str) -> float:
     return number(float(match[1]) * units[found], what)
 
 
+def measured(said: str) -> tuple[float, str] | None:
+    """The number (SI) that text such as "100 mm" tells, and its dimension; None for other text."""
+    match = _QUANTITY.fullmatch(said)
+    unit = unit_named(match[2]) if match else None
+    if match is None or unit is None:
+        return None
+    dimension = next(name for name, units in DIMENSIONS.items() if unit in units)
+    return float(match[1]) * DIMENSIONS[dimension][unit], dimension
+
+
 @contextmanager
 def placed_at(where: str) -> Iterator[None]:
     """Put file and table before the message of any SceneError raised inside."""

@@ -19,7 +19,6 @@ from ksd.scene.joint import DrawnJoint, Joint
 from ksd.scene.leaf import Leaf
 from ksd.scene.material import Material
 from ksd.scene.mechanism import Mechanism
-from ksd.scene.placing import numbered
 from ksd.scene.profile import NAMED, FreeCurve
 from ksd.scene.toml_schema import (
     BLOCKS,
@@ -34,7 +33,7 @@ from ksd.scene.toml_schema import (
     of_family,
 )
 from ksd.section import Section, circle, rectangle
-from ksd.section.checks import number, show, worded
+from ksd.section.checks import number, numbered, show, worded
 
 Tree = dict[str, Any]
 

@@ -313,6 +313,12 @@ def direction(value: Any, what: str, *, owner: str = "") -> Vector:
     return x / length, y / length, z / length
 
 
+def triple(values: Iterable[Any]) -> Vector:
+    """Three numbers as plain floats."""
+    x, y, z = (float(v) for v in values)
+    return x, y, z
+
+
 def dot(a: Vector, b: Vector) -> float:
     """Scalar product of three numbers each."""
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
@@ -345,6 +351,15 @@ def names_of(given: Any, what: str) -> tuple[str, ...]:
     if not isinstance(given, Iterable):
         raise SceneError(f"{what} = {show(given)}: give a name, or several in a list")
     return tuple(word(getattr(name, "name", name), what) for name in given)
+
+
+def numbered(default: str, used: set[str]) -> str:
+    """`default`, or default.2, default.3 ... whichever is free first."""
+    name, count = default, 1
+    while name in used:
+        count += 1
+        name = f"{default}.{count}"
+    return name
 
 
 def whole(value: Any, what: str, *, least: int = 1, owner: str = "") -> int:

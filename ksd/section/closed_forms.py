@@ -59,6 +59,8 @@ def rectangle(
     10 (1 + nu) / (12 + 11 nu) instead (J. Appl. Mech. 33, 1966, table 1). J by the exact series.
     Raises SceneError unless both lengths are positive and finite.
     """
+    if not isinstance(name, str):
+        raise SceneError(f"rectangle: name = {show(name)} must be text.")
     t = positive(thickness, "thickness", owner=name, unit="m")
     w = positive(width, "width", owner=name, unit="m")
     nu = _poisson(cowper, name)

@@ -84,6 +84,8 @@ def _outline(value: Any, owner: str) -> tuple[tuple[Point, ...], ...]:
         raise SceneError(
             f"{owner}: outline = {show(value)} must be a list of rings of points (y, z)."
         ) from None
+    if not rings or min(map(len, rings)) < 3:
+        raise SceneError(f"{owner}: outline = {show(value)}: every ring needs three points (y, z) or more.")
     return tuple(tuple(_point(p, owner) for p in ring) for ring in rings)
 
 

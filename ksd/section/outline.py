@@ -136,6 +136,10 @@ def _finite_elements(points: np.ndarray, triangles: np.ndarray, nu: float) -> di
 
 def _rings(points: Sequence[Any], holes: Sequence[Any], name: str) -> list[np.ndarray]:
     """Checked rings (n, 2): the outline anticlockwise, holes clockwise."""
+    if not isinstance(holes, Sequence | np.ndarray):
+        raise SceneError(
+            f"{name}: holes = {show(holes)} must be a list of holes, each of points (y, z) in m."
+        )
     rings = [_ring(points, "points", name)]
     rings += [_ring(hole, f"holes[{i}]", name) for i, hole in enumerate(holes)]
     for i, ring in enumerate(rings):

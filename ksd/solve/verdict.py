@@ -25,7 +25,7 @@ from ksd.model.arrays import STRAIN, carries_load
 from ksd.model.mesh import MOST_ORDER
 from ksd.properties.doctor import doctor
 from ksd.properties.words import number
-from ksd.scene.hinges import plane_hint
+from ksd.scene.rules import plane_hint
 from ksd.solve.joint_range import FAR_SHIFT, FAR_TURN
 from ksd.solve.load_steps import difference, laden
 from ksd.solve.steps import ErrorEstimate, percent

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 
@@ -13,7 +12,7 @@ from ksd.library import Mesh, Parameter
 from ksd.scene import DrawnJoint, Joint, Leaf, Material
 from ksd.scene.profile import Curve, Profile
 from ksd.section import Section
-from ksd.section.checks import Vector, nearest
+from ksd.section.checks import Vector, nearest, number, show
 from ksd.train.catalogue import ENTRIES, FULL
 
 
@@ -83,13 +82,13 @@ def design_of(
 ) -> Design:
     """The design of a family by name, of one joint as drawn (its shape fixed), or as given.
 
-    shapes: other ranges {parameter: (low, high)}, SI. Raises SceneError for unknown names or empty ranges.
+    shapes: other ranges {parameter: (low, high)}, SI. Raises SceneError for unknown names and what is no range.
     """
     if isinstance(family_or_joint, Joint):
         design = _fixed(family_or_joint)
     elif isinstance(family_or_joint, Design):
         design = family_or_joint
-    elif family_or_joint in ENTRIES:
+    elif isinstance(family_or_joint, str) and family_or_joint in ENTRIES:
         entry = ENTRIES[family_or_joint]
         design = Design(
             family_or_joint,
@@ -109,13 +108,12 @@ def design_of(
 
 def _with_ranges(design: Design, shapes: Mapping[str, tuple[float, float]]) -> Design:
     known = {p.name: p for p in design.parameters}
-    for name, (low, high) in shapes.items():
+    for name, ends in shapes.items():
         if name not in known:
             raise SceneError(f"{design.family}: shape parameter {name!r} is unknown{nearest(name, known)}")
-        if not (math.isfinite(low) and math.isfinite(high) and low <= high):
-            raise SceneError(
-                f"{design.family}: range {low:g} to {high:g} of {name} must rise; give (low, high)."
-            )
+        if not isinstance(ends, tuple | list) or len(ends) != 2:
+            raise SceneError(f"{design.family}: {name} = {show(ends)} must be a range (low, high).")
+        low, high = (number(end, name, owner=design.family) for end in ends)
         known[name] = replace(known[name], low=low, high=high)
     return replace(design, parameters=tuple(known.values()))
 

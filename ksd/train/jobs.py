@@ -10,7 +10,7 @@ import shutil
 import signal
 from concurrent.futures import Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
 from typing import Any
@@ -22,7 +22,8 @@ from ksd.files import read_file, write_file
 from ksd.library.files import in_folder
 from ksd.numerics.processes import spawning
 from ksd.properties.words import progress_bar
-from ksd.scene import DrawnJoint, Leaf
+from ksd.scene import DrawnJoint
+from ksd.scene.contents import fingerprint
 from ksd.train.sweep import Plan, Samples, sample_joint
 
 WORKERS = 2
@@ -42,22 +43,7 @@ class Job:
 
     def key(self) -> str:
         """Name of its result: a hash of the joint and of how it is sampled."""
-        joint = self.joint
-        # curves and profiles may be functions, which have no contents: sampled
-        plain = [replace(leaf, curve=None, profile=None) for leaf in joint.leaves()]
-        sampled = [_sampled(leaf) for leaf in joint.leaves()]
-        words = (joint.windows, joint.held_by_others)
-        text = f"{joint.blocks()} {plain} {sampled} {joint.motions} {joint.length} {words} {self.plan}"
-        return hashlib.sha256(text.encode()).hexdigest()[:20]
-
-
-def _sampled(leaf: Leaf) -> list[Any]:
-    """What a leaf with a curve or a profile is at nine stations."""
-    found: list[Any] = []
-    for x in np.linspace(0, 1, 9).tolist() if leaf.curve or leaf.profile else []:
-        found.append(None if leaf.curve is None else np.asarray(leaf.curve.curvature(x), float).tolist())
-        found.append(None if leaf.profile is None else leaf.profile.section(x))
-    return found
+        return fingerprint((self.joint, self.plan))[:20]
 
 
 def perform(job: Job) -> Samples:

@@ -60,7 +60,7 @@ def test_numbers_no_extrapolation_can_use(record, value):
 
 
 def test_wrong_words_are_named(record):
-    with pytest.raises(SceneError, match="'angel'; did you mean 'angle'"):
+    with pytest.raises(SceneError, match="'angel'; did you mean \"angle\""):
         record.contract({"angel": 0.6, "ratio": 1.0}, "strain")
     with pytest.raises(SceneError, match="'ratio' of toy is missing"):
         record.contract({"angle": 0.6}, "strain")

@@ -204,5 +204,21 @@ def test_solids_are_checked(flat, reduced):
         block(STEEL, LENGTH, THICK, width=WIDTH, cells=(3,))
     with pytest.raises(ksd.SceneError, match="thickness = -1"):
         block(STEEL, LENGTH, -1.0, width=WIDTH, cells=(3, 3))
+    with pytest.raises(ksd.SceneError, match=r"cells = 2\.5 must be a whole number"):
+        block(STEEL, LENGTH, THICK, width=WIDTH, cells=(2.5, 3))
+    with pytest.raises(ksd.SceneError, match="material = 'steel' must be a Material"):
+        block("steel", LENGTH, THICK, width=WIDTH, cells=(3, 3))
+    with pytest.raises(ksd.SceneError, match=r"Poisson's ratio of 0\.5; in space it must lie"):
+        block(ksd.Material(E=1e6, nu=0.5), LENGTH, THICK, width=WIDTH, cells=(3, 1, 1))
+
     with pytest.raises(ksd.SceneError, match="choose one of chord, node"):
         reduce_solid(flat, frame="middle")
+
+
+def test_a_solid_needs_no_density():
+    """It ended in a TypeError; which modes are lowest is all the mass decides."""
+    light, heavy = (
+        reduce_solid(block(ksd.Material(200e9, nu=0.3, density=d), LENGTH, THICK, width=WIDTH, cells=(4, 1)))
+        for d in (None, 7800)
+    )
+    assert np.array_equal(light.value, heavy.value)

@@ -144,6 +144,19 @@ def test_no_clearance_where_all_leaf_springs_share_a_block():
     assert "clearance: every two" in table["status"][0] and table["size_z_mm"][0] > 60
 
 
+def test_no_clearance_of_one_leaf_spring():
+    scene = ksd.Mechanism("blade", plane="xy")
+    tip = scene.link("tip")
+    scene.leaf(
+        "ground", tip, start=(0, 0, 0), end=(0.1, 0, 0), section=ksd.rectangle(1e-3, 0.01), material=STEEL
+    )
+    scene.actuate(tip, along="y", at=(0.1, 0, 0), name="d")
+    with pytest.raises(
+        ksd.SceneError, match=r"'blade' has no clearance: .* of two leaf springs, and it has one"
+    ):
+        ksd.solve(scene, d=1 * mm).clearance()
+
+
 def test_worst_support_stiffness_is_the_least_of_all_directions():
     pose = ksd.solve(single_joint(), turn=0.3)
     found = pose.stiffness("tip", at=(0.03, 0.02, 0.05))

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from test_json_schema import SCHEMA, fits
 
 import ksd
+from ksd.scene.clearance import leaf_body
 
 
 def angles(curve, s):
@@ -244,4 +245,31 @@ def test_a_rest_shape_is_written(tmp_path):
     back = ksd.load_scene(tmp_path / "rest.toml")[0]
     assert ksd.solve(back).displacement("tip") == pytest.approx(
         ksd.solve(found).displacement("tip"), rel=1e-12
+    )
+
+
+def test_boxes_of_a_curve_in_space_follow_it():
+    """A helix: they left it, their axes askew, wherever its chord was out of the plane of its start."""
+    r, pitch, turn = 0.02, 0.03, 4.0
+    rate = math.hypot(r, pitch / (2 * math.pi))
+    bend, twist = r / rate**2, pitch / (2 * math.pi) / rate**2
+    curve = ksd.FreeCurve(turn * rate, lambda s: (twist, 0.0, bend))
+    climb = pitch / (2 * math.pi)
+    end = np.array([r * (math.cos(turn) - 1), r * math.sin(turn), climb * turn])
+    chord = float(np.linalg.norm(end))
+    leaf = ksd.Leaf(
+        start=(0, 0, 0), end=(chord, 0, 0), width_axis="z", section=ksd.rectangle(5e-4, 3e-3), curve=curve,
+        material=ksd.Material(200e9, nu=0.3),
+    )  # fmt: skip
+    body = leaf_body(leaf, count=64)
+    a = turn * (np.arange(64) + 0.5) / 64
+    line = np.column_stack([r * (np.cos(a) - 1), r * np.sin(a), climb * a])
+    # distances from both ends tell a point but for a turn about the chord
+    for start, other in ((np.zeros(3), np.zeros(3)), (end, np.array([chord, 0, 0]))):
+        want = np.linalg.norm(line - start, axis=1)
+        assert np.linalg.norm(body.centre - other, axis=1) == pytest.approx(want, abs=2e-5)
+    # the width stays along the binormal
+    slope = climb / rate
+    assert body.axes[:, :, 2] @ body.axes[:, :, 2].T == pytest.approx(
+        ((r / rate) ** 2 + slope**2 * np.cos(np.subtract.outer(a, a))), abs=2e-3
     )

@@ -321,6 +321,20 @@ def test_what_leaves_the_plane_is_refused():
     scene = bent()
     for way in ({"along": "z", "at": (0.1, 0, 0)}, {"about": "y"}):
         assert 'about="z"' in refused(lambda way=way: scene.actuate("tip", **way))
+    # it was taken as its part in the plane
+    for way in ((0, 1, 1e-3), (0, 1, 0.5)):
+        assert "leaves the plane xy" in refused(
+            lambda way=way: scene.actuate("tip", along=way, at=(0.1, 0, 0))
+        )
+        assert "support 'tip.held' leaves" in refused(
+            lambda way=way: scene.support("tip", along=way, at=(0.1, 0, 0))
+        )
+    mixed = scene.displacement("tip", "y", at=(0.1, 0, 0)) + scene.rotation("tip", "x")
+    assert "about = (1.0, 0.0, 0.0)" in refused(lambda: scene.actuate(terms=mixed))
+    # what the plane holds already may be said
+    scene.support("tip", along="z", at=(0.1, 0, 0))
+    scene.support("tip", about="x")
+    scene = bent()
     scene.plane = None
     scene.actuate("tip", about="y", name="tilt")
     with pytest.raises(ksd.SceneError, match="drive 'tilt' leaves the plane xy"):
@@ -331,6 +345,29 @@ def test_what_leaves_the_plane_is_refused():
     assert "leaves the plane xy: its ends are 1 mm apart across it" in said
     for pose in (((0, 0, 1e-3), 0.0), ((0, 0, 0), (0.1, 0, 0))):
         assert "leaves the plane xy" in refused(lambda pose=pose: ksd.required_loads(scene, {"tip": pose}))
+
+
+def test_a_plane_said_last_is_that_of_the_pins_too():
+    """They kept holding what the plane holds, and the answer was not certain."""
+
+    def pinned(early):
+        scene = ksd.Mechanism("bent", plane="xy" if early else None)
+        tip, arm = scene.links("tip", "arm")
+        scene.leaf(
+            "ground", tip, start=(0, 0, 0), end=(0.1, 0, 0), section=THIN, material=STEEL, width_axis="z"
+        )
+        # the axis as an array
+        scene.pin(tip, arm, at=(0.1, 0, 0), axis=np.array([0.0, 0.0, 1.0]))
+        scene.slider(arm, along="x", at=(0.2, 0, 0))
+        scene.plane = "xy"
+        return scene.scene()
+
+    assert pinned(True).fingerprint() == pinned(False).fingerprint()
+    scene = ksd.Mechanism("askew")
+    scene.pin("ground", scene.link("arm"), at=(0, 0, 0), axis="x", name="hinge")
+    with pytest.raises(ksd.SceneError, match="pin 'hinge': its axis"):
+        scene.plane = "xy"
+    assert scene.plane is None
 
 
 def test_pins_alone_are_no_mechanism_of_flexures():

@@ -18,6 +18,39 @@ def mechanism():
     return m
 
 
+TURN = ksd.Motion("turn", "rotation", "z", (-0.1, 0.1))
+
+
+def drawn(**words):
+    """A joint of two leaves that nobody named."""
+    leaves = [
+        ksd.Leaf(
+            start=(0, y, 0),
+            end=(0.1, y, 0),
+            section=ksd.rectangle(1e-3, 0.02),
+            material=STEEL,
+            width_axis="z",
+        )
+        for y in (0.0, 0.03)
+    ]
+    return ksd.DrawnJoint(
+        "d", **{"blocks": {"A": (0, 0, 0), "B": (0.1, 0, 0)}, "leaves": leaves, "motions": [TURN], **words}
+    )
+
+
+def numbers(**words):
+    return ksd.numbers(A=1e-5, J=1e-12, Iy=1e-11, Iz=1e-12, **words)
+
+
+def test_leaf_springs_of_one_name_are_told_apart():
+    """Of two of one name, stresses told one alone."""
+    assert [leaf.name for leaf in drawn().leaves()] == ["leaf", "leaf.2"]
+    m = ksd.Mechanism("pair")
+    m.actuate_joint(m.join("ground", m.link("a"), drawn(), **HERE, name="j"), name="q")
+    pose = ksd.solve(m, q=0.01, method="conventional")
+    assert sorted(pose.stress().leaves) == ["j/leaf", "j/leaf.2"]
+
+
 @pytest.mark.parametrize(
     ("say", "sentence"),
     [
@@ -56,7 +89,35 @@ def mechanism():
         (lambda m: cross_flexure(angle=45), "must lie between 0 and 90 deg; did you mean 45 * ksd.units.deg?"),
         (lambda m: cross_flexure(angle=1.6), "angle = 91.6732 deg must lie between 0 and 90 deg."),
         (lambda m: ksd.Varying(1), "Varying: function = 1 must be a function of s in [0, 1]."),
+        (lambda m: ksd.Varying(len, breaks=5), "Varying: breaks = 5 must rise between 0 and 1."),
+        (lambda m: ksd.StiffenedMiddle(1e-3, 0.02, 3e-3, "0.5"), "part = '0.5' is not a number; write 0.5 without quotes."),
+        (lambda m: ksd.FreeCurve.sine(10**400, length=1), "amplitudes = 1000"),
+        (lambda m: ksd.FreeCurve.sine(1e300, length=1), "amplitudes = 1e+300 is too large"),
+        (lambda m: ksd.rectangle(1e-3, 0.01, name=[1]), "rectangle: name = [1] must be text."),
+        (lambda m: ksd.polygon([(0, 0), (1, 0), (0, 1)], 5), "polygon: holes = 5 must be a list of holes"),
+        (lambda m: numbers(outline=[]), "outline = []: every ring needs three points"),
+        (lambda m: numbers(outline=[[(0, 0), (1, 0)]]), "every ring needs three points"),
+        (lambda m: drawn(blocks=5), "joint 'd': blocks = 5 must be {name: value}."),
+        (lambda m: drawn(leaves=5), "joint 'd': leaves = 5 must be a list."),
+        (lambda m: drawn(motions=[TURN, TURN]), "joint 'd': two motions are named 'turn'; give each a name of its own."),
+        (
+            lambda m: ksd.CrossedPivot(STEEL, length=0.1, angle=0.8, thickness=1e-3, width=0.02, ratio=True),
+            "CrossedPivot: ratio = True is not a number",
+        ),
         (lambda m: ksd.ModalBasis(modes=3), "ModalBasis: it has no parameter 'modes'"),
+        (lambda m: ksd.ModalBasis(elements=2.5), "elements = 2.5 must be a whole number"),
+        (lambda m: ksd.ModalBasis(plane="no"), "plane = 'no' must be True or False."),
+        (lambda m: ksd.ModalBasis(cut="small"), "cut = 'small' is not a number"),
+        (lambda m: ksd.LinkMatrix(5, 5), "link matrix: points = 5 must be its two interfaces"),
+        (lambda m: ksd.LinkMatrix(((0, 0, 0), (1, 0, 0)), "soft"), "stiffness has shape (0,); 12 x 12 finite numbers"),
+        (
+            lambda m: m.spring("ground", "a", start=(0, 0, 0), end=(1, 0, 0), stiffness=1, name=[1]),
+            "spring: name = [1] must be a name",
+        ),
+        (lambda m: m.slider("a", along="x", at=(0, 0, 0), relative_to=0), "0 is not a link"),
+        (lambda m: ksd.train("cross_flexure", shapes={"angle": 5}), "angle = 5 must be a range (low, high)."),
+        (lambda m: ksd.train("cross_flexure", shapes={"angle": ("a", 1)}), "angle = 'a' is not a number"),
+        (lambda m: ksd.train(["cross_flexure"]), "cannot be trained"),
         (lambda m: ksd.LinkMatrix(), "LinkMatrix: missing a required argument: 'points'"),
         (lambda m: ksd.Job(), "Job: missing a required argument: 'function'"),
         (lambda m: ksd.train("cross_flexure", vary=5), "train: it has no option 'vary'"),

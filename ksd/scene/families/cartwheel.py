@@ -8,7 +8,7 @@ from typing import ClassVar
 
 from ksd.errors import SceneError
 from ksd.scene.families.crossed_pivot import pivot_stiffness
-from ksd.scene.families.sheet import Family, Point, bending, check_sheet, flat, measured, strip
+from ksd.scene.families.sheet import Family, Leaning, Point, bending, check_sheet, flat, measured, strip
 from ksd.scene.leaf import Leaf
 from ksd.scene.material import Material
 from ksd.section.checks import Vector, between
@@ -18,7 +18,7 @@ _BUTTERFLY = math.radians(30)
 
 
 @dataclass(frozen=True)
-class Cartwheel(Family):
+class Cartwheel(Leaning):
     """Two leaf springs crossing in their middle and joined there by a hub; B turns about z, +-20 degrees.
 
     Joint axes: A at the origin, B at (L cos(angle), 0, 0), the hub (internal block) at the middle; the four
@@ -43,14 +43,7 @@ class Cartwheel(Family):
     orders: tuple[int, int, int] | None = None
 
     def __post_init__(self) -> None:
-        check_sheet(self, "width")
-        name, unit = type(self).__name__, math.radians(1)
-        angle = between(self.angle, "angle", 0.0, 0.5 * math.pi, owner=name, unit="deg", scale=unit)
-        object.__setattr__(self, "angle", angle)
-
-    @property
-    def pose_B(self) -> Vector:
-        return (self.length * math.cos(self.angle), 0.0, 0.0)
+        self.check_leaning("width")
 
     def blocks(self) -> dict[str, Vector]:
         return {**super().blocks(), "hub": (0.5 * self.pose_B[0], 0.0, 0.0)}

@@ -8,18 +8,18 @@ from typing import Any, ClassVar
 
 from ksd.errors import SceneError
 from ksd.scene.clearance import check_clear
-from ksd.scene.families.sheet import Family, measured
+from ksd.scene.families.sheet import Leaning, measured, strip
 from ksd.scene.joint import leaves_of
-from ksd.scene.leaf import Leaf, mesh
+from ksd.scene.leaf import Leaf
 from ksd.scene.material import Material
-from ksd.section import rectangle
-from ksd.section.checks import Vector, between, not_negative, positive, show
+from ksd.section.checks import not_negative, positive, show
 
 _STROKE = math.radians(75)
+_NAME = "CrossFlexure"
 
 
 @dataclass(frozen=True)
-class CrossFlexure(Family):
+class CrossFlexure(Leaning):
     """Three leaf springs crossing in their middle; B turns about z relative to A, +-75 degrees.
 
     Joint axes: A at the origin, B at (L cos(angle), 0, 0), z along the widths. With h = L sin(angle)/2 the
@@ -58,55 +58,21 @@ class CrossFlexure(Family):
         elements: int | None = None,
         orders: tuple[int, int, int] | None = None,
     ) -> None:
-        name = "CrossFlexure"
-        if not isinstance(material, Material):
-            raise SceneError(f"{name}: material = {show(material)} must be a Material.")
-        pair = _widths(widths, name)
-        clean: dict[str, Any] = {
-            "material": material,
-            "length": positive(length, "length", owner=name, unit="m"),
-            "angle": between(
-                angle, "angle", 0.0, 0.5 * math.pi, owner=name, unit="deg", scale=math.radians(1)
-            ),
-            "thickness": positive(thickness, "thickness", owner=name, unit="m"),
-            "widths": pair,
-            "spacing": _spacing(pair, gap, spacing, name),
-            **mesh(elements, orders, owner=name),
-        }
-        if clean["thickness"] >= 0.5 * clean["length"]:
-            raise SceneError(
-                f"{name}: thickness = {thickness:g} m must be below half the leaf length, {length / 2:g} m; "
-                "a leaf is slender."
-            )
-        for key, value in clean.items():
+        pair = _widths(widths)
+        said = {
+            "material": material, "length": length, "angle": angle, "thickness": thickness, "widths": pair,
+            "spacing": _spacing(pair, gap, spacing), "elements": elements, "orders": orders,
+        }  # fmt: skip
+        for key, value in said.items():
             object.__setattr__(self, key, value)
-        check_clear(leaves_of(self), owner=name, advice="raise the spacing to half the sum of the widths")
-
-    @property
-    def pose_B(self) -> Vector:
-        return (self.length * math.cos(self.angle), 0.0, 0.0)
+        self.check_leaning()
+        check_clear(leaves_of(self), owner=_NAME, advice="raise the spacing to half the sum of the widths")
 
     def leaves(self) -> tuple[Leaf, ...]:
-        inner, outer = (rectangle(self.thickness, w) for w in self.widths)
         x, h, c = self.pose_B[0], 0.5 * self.length * math.sin(self.angle), self.spacing
-        places = (
-            ("inner", inner, -h, 0.0),
-            ("outer_low", outer, h, -c),
-            ("outer_high", outer, h, c),
-        )
-        return tuple(
-            Leaf(
-                start=(0.0, y, z),
-                end=(x, -y, z),
-                width_axis=(0.0, 0.0, 1.0),
-                section=section,
-                material=self.material,
-                name=name,
-                elements=self.elements,
-                orders=self.orders,
-            )
-            for name, section, y, z in places
-        )
+        inner, outer = self.widths
+        places = (("inner", inner, -h, 0.0), ("outer_low", outer, h, -c), ("outer_high", outer, h, c))
+        return tuple(strip(self, name, ((0.0, y), (x, -y)), width, z=z) for name, width, y, z in places)
 
     def shape(self) -> dict[str, float]:
         """angle [rad] and width_ratio = both outer widths over the inner one."""
@@ -118,23 +84,23 @@ class CrossFlexure(Family):
         return self.material.E * (self.widths[0] + 2 * self.widths[1]) * self.thickness**3 / 12 / self.length
 
 
-def _widths(widths: Any, owner: str) -> tuple[float, float]:
+def _widths(widths: Any) -> tuple[float, float]:
     if not isinstance(widths, tuple | list) or len(widths) != 2:
-        raise SceneError(f"{owner}: widths = {show(widths)} must be two lengths (inner, outer) in m.")
+        raise SceneError(f"{_NAME}: widths = {show(widths)} must be two lengths (inner, outer) in m.")
     inner, outer = (
-        positive(w, f"widths[{i}] ({k})", owner=owner, unit="m")
+        positive(w, f"widths[{i}] ({k})", owner=_NAME, unit="m")
         for i, (w, k) in enumerate(zip(widths, ("inner", "outer"), strict=True))
     )
     return inner, outer
 
 
-def _spacing(widths: tuple[float, float], gap: Any, spacing: Any, owner: str) -> float:
+def _spacing(widths: tuple[float, float], gap: Any, spacing: Any) -> float:
     """Distance of the outer leaf springs from the inner one along z, from either way of saying it."""
     if gap is not None and spacing is not None:
         raise SceneError(
-            f"{owner}: gap = {show(gap)} and spacing = {show(spacing)} say the same; give one of them."
+            f"{_NAME}: gap = {show(gap)} and spacing = {show(spacing)} say the same; give one of them."
         )
     if spacing is not None:
-        return positive(spacing, "spacing", owner=owner, unit="m")
-    free = 0.0 if gap is None else not_negative(gap, "gap", owner=owner, unit="m")
+        return positive(spacing, "spacing", owner=_NAME, unit="m")
+    free = 0.0 if gap is None else not_negative(gap, "gap", owner=_NAME, unit="m")
     return 0.5 * (widths[0] + widths[1]) + free

@@ -6,10 +6,10 @@ import math
 from dataclasses import KW_ONLY, dataclass
 from typing import ClassVar
 
-from ksd.scene.families.sheet import Family, bending, check_sheet, inside, measured, strip
+from ksd.scene.families.sheet import Leaning, bending, inside, measured, strip
 from ksd.scene.leaf import Leaf
 from ksd.scene.material import Material
-from ksd.section.checks import Vector, between, not_negative
+from ksd.section.checks import not_negative
 
 _STROKE = math.radians(30)
 _RATIOS = (-1.0, 2.0)
@@ -24,24 +24,16 @@ def pivot_stiffness(ratio: float, bending_per_length: float) -> float:
     return 8 * (1 - 3 * ratio + 3 * ratio**2) * bending_per_length
 
 
-def _check_shape(joint: CrossedPivot | BalancedCrossedPivot) -> None:
-    owner = type(joint).__name__
-    unit = math.radians(1)
-    angle = between(joint.angle, "angle", 0.0, 0.5 * math.pi, owner=owner, unit="deg", scale=unit)
-    object.__setattr__(joint, "angle", angle)
-    object.__setattr__(joint, "ratio", inside(joint.ratio, "ratio", _RATIOS, owner=owner))
-
-
-class _Crossed(Family):
-    """What crossed pivots share: the line AB and the motion."""
+class _Crossed(Leaning):
+    """What crossed pivots share: the motion, and where their leaf springs may cross."""
 
     stroke = _STROKE
+    ratio: float
 
-    angle: float
-
-    @property
-    def pose_B(self) -> Vector:
-        return (self.length * math.cos(self.angle), 0.0, 0.0)
+    def check_crossed(self, *lengths: str) -> None:
+        """`check_leaning`, and the ratio within its bounds."""
+        self.check_leaning(*lengths)
+        object.__setattr__(self, "ratio", inside(self.ratio, "ratio", _RATIOS, owner=type(self).__name__))
 
 
 @dataclass(frozen=True)
@@ -74,8 +66,7 @@ class CrossedPivot(_Crossed):
     orders: tuple[int, int, int] | None = None
 
     def __post_init__(self) -> None:
-        check_sheet(self, "width")
-        _check_shape(self)
+        self.check_crossed("width")
 
     def leaves(self) -> tuple[Leaf, ...]:
         x, s = self.pose_B[0], self.length * math.sin(self.angle)
@@ -122,8 +113,7 @@ class BalancedCrossedPivot(_Crossed):
     orders: tuple[int, int, int] | None = None
 
     def __post_init__(self) -> None:
-        check_sheet(self, "inner_width", "outer_width")
-        _check_shape(self)
+        self.check_crossed("inner_width", "outer_width")
         gap = not_negative(self.gap, "gap", owner=type(self).__name__, unit="m")
         object.__setattr__(self, "gap", gap)
 

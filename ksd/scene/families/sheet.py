@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from functools import lru_cache
 from typing import Any, ClassVar
@@ -11,7 +12,7 @@ from ksd.scene.joint import Joint, Motion
 from ksd.scene.leaf import Leaf, mesh
 from ksd.scene.material import Material
 from ksd.section import rectangle
-from ksd.section.checks import Vector, positive, show
+from ksd.section.checks import Vector, between, number, positive, show
 
 Point = tuple[float, float]
 
@@ -35,6 +36,23 @@ class Family(Joint):
     def shape(self) -> dict[str, float]:
         """No parameter."""
         return {}
+
+
+class Leaning(Family):
+    """Joints whose leaf springs lean by `angle` [rad] from the line AB, from the height of A to that of B."""
+
+    angle: float
+
+    @property
+    def pose_B(self) -> Vector:
+        return (self.length * math.cos(self.angle), 0.0, 0.0)
+
+    def check_leaning(self, *lengths: str) -> None:
+        """`check_sheet`, and the angle between 0 and 90 degrees."""
+        check_sheet(self, *lengths)
+        owner, unit = type(self).__name__, math.radians(1)
+        angle = between(self.angle, "angle", 0.0, 0.5 * math.pi, owner=owner, unit="deg", scale=unit)
+        object.__setattr__(self, "angle", angle)
 
 
 def measured(*lengths: str, **others: str) -> dict[str, str]:
@@ -109,10 +127,10 @@ def bending(joint: Any, width: float) -> float:
 
 def inside(value: float, name: str, bounds: tuple[float, float], *, owner: str) -> float:
     """A dimensionless number within `bounds`, ends included. Raises SceneError."""
-    low, high = bounds
-    if not isinstance(value, int | float) or not low <= value <= high:
+    (low, high), found = bounds, number(value, name, owner=owner)
+    if not low <= found <= high:
         raise SceneError(f"{owner}: {name} = {show(value)} must lie between {low:g} and {high:g}.")
-    return float(value)
+    return found
 
 
 def flat(points: Mapping[str, Point]) -> dict[str, Vector]:

@@ -1,0 +1,104 @@
+"""Files of flexible links: a stiffness matrix in numpy's format or in HDF5."""
+
+from __future__ import annotations
+
+import io
+import math
+import os
+import zipfile
+
+import numpy as np
+
+from ksd.errors import SceneError
+from ksd.files import LARGEST, named_file, read_file
+from ksd.hdf5 import Contents, contents
+from ksd.scene.effects import LinkMatrix
+from ksd.section.checks import worded
+
+KEYS = ("points", "K")
+"""Arrays of a file."""
+
+
+def _of_npz(content: bytes) -> dict[str, np.ndarray]:
+    """The arrays `points` and `K` of a numpy file, where they are there; no array is larger than it unpacks to."""
+    with zipfile.ZipFile(io.BytesIO(content)) as archive:
+        names = {f"{key}.npy" for key in KEYS} & set(archive.namelist())
+        return {name.removesuffix(".npy"): _array(archive, name) for name in names}
+
+
+def _array(archive: zipfile.ZipFile, name: str) -> np.ndarray:
+    """One array of a numpy file, its size compared with what it declares before anything is made of it."""
+    if archive.getinfo(name).file_size > LARGEST:
+        raise ValueError(f"{name} is larger than the {LARGEST >> 20} MiB that are read")
+    with archive.open(name) as member:
+        content = io.BytesIO(member.read(LARGEST + 1))
+    version = np.lib.format.read_magic(content)
+    header = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
+    shape, _, kind = header(content)
+    if (
+        kind.kind not in "fiu"
+        or math.prod(shape) * kind.itemsize != content.getbuffer().nbytes - content.tell()
+    ):
+        raise ValueError(f"{name} is not the array of numbers it declares")
+    content.seek(0)
+    found: np.ndarray = np.load(content, allow_pickle=False)
+    return found
+
+
+def _of_hdf5(content: bytes) -> dict[str, np.ndarray]:
+    """The same of an HDF5 file."""
+
+    def arrays(found: Contents) -> dict[str, np.ndarray]:
+        items = found.items(found.file)
+        return {name: found.numbers(items[name]) for name in KEYS if name in items}
+
+    return contents(content, arrays)
+
+
+READERS = {".npz": _of_npz, ".h5": _of_hdf5}
+"""Who reads a link matrix, by the end of the file name."""
+
+
+@worded
+def link_matrix(path: str | os.PathLike[str]) -> LinkMatrix:
+    """The stiffness of a flexible link from a file, `.npz` or `.h5`.
+
+    Arrays: `points` (2, 3) [m], the interfaces, global at rest; `K` (12 + m, 12 + m), stiffness with the six
+    displacements and rotations of each interface first (N/m, N, Nm) and m internal modes last, which statics condenses.
+    Raises SceneError for a file that is missing, of another kind, damaged, or without these arrays.
+    """
+    file = named_file(path, "link matrix")
+    read = READERS.get(file.suffix.lower())
+    if read is None:
+        raise SceneError(f"link matrix '{file}': a file of kind {' or '.join(READERS)} is needed.")
+    content = read_file(file, what="link matrix")
+    try:
+        arrays = read(content)
+    except Exception as reason:
+        # the readers of foreign formats do not say what they raise
+        said = " ".join(str(reason).split()) or type(reason).__name__
+        raise SceneError(
+            f"link matrix '{file}' cannot be read: {said.rstrip('.')}; export it again, numpy or HDF5."
+        ) from None
+    for key in KEYS:
+        if key not in arrays:
+            raise SceneError(
+                f"link matrix '{file}': array '{key}' is missing; write K and points (see ksd.link_matrix)."
+            )
+    points, K = np.asarray(arrays["points"], float), np.asarray(arrays["K"], float)
+    if points.ndim != 2 or points.shape[1] != 3 or K.ndim != 2 or K.shape[0] != K.shape[1] or len(K) < 12:
+        raise SceneError(
+            f"link matrix '{file}': points {points.shape} must be (2, 3), K {K.shape} square, 12 or more."
+        )
+    if not np.all(np.isfinite(K)):
+        raise SceneError(f"link matrix '{file}': K holds numbers that are not finite; export it again.")
+    edge = 6 * len(points)
+    inner = K[edge:, edge:]
+    if len(inner):
+        try:
+            K = K[:edge, :edge] - K[:edge, edge:] @ np.linalg.solve(inner, K[edge:, :edge])
+        except np.linalg.LinAlgError:
+            raise SceneError(
+                f"link matrix '{file}': the stiffness of its internal modes is singular."
+            ) from None
+    return LinkMatrix(tuple(map(tuple, points.tolist())), tuple(map(tuple, K.tolist())))  # type: ignore[arg-type]
