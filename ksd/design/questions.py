@@ -107,6 +107,8 @@ def unanswerable(scene: Any, link: str | None = None) -> dict[str, str]:
     leaves = scene.leaf_names().values()
     if not scene.masses and not any(leaf.material.density for leaf in leaves):
         found["frequencies"] = "nothing has mass"
+    if not leaves:
+        found |= dict.fromkeys(("stress", "size"), "there is no leaf spring")
     if meet := why_no_clearance(scene):
         found["clearance"] = meet
     if not scene.drives and link is None:

@@ -303,7 +303,8 @@ class Template:
         else:
             # a linkage of pins and springs is as large as the places its sentences name
             named = np.concatenate([at, n.loads[..., :3], *self._spring_ends(n)], axis=1)
-            size = np.ptp(named, axis=1).max(axis=1)
+            size = (named.max(axis=1, initial=-np.inf) - named.min(axis=1, initial=np.inf)).max(axis=1)
+            size[~(size > 0.0)] = 1.0
         arrays = topology._replace(
             members=members, terms=terms, loads=loads, size=size, springs=self._springs(n, places),
             weight=self._weight(leaves.mass[:, self.leaf], n),

@@ -211,10 +211,6 @@ def _described(mechanism: Any) -> Scene:
         raise SceneError(f"{type(mechanism).__name__} is not a mechanism; {WANTED}.")
     if len(scene.links) < 2:
         raise SceneError(f"mechanism '{scene.name}' has no link; add one with mechanism.link(name).")
-    if not (scene.joints or scene.leaves):
-        raise SceneError(
-            f"mechanism '{scene.name}' has no joint and no leaf; connect its links by mechanism.join or mechanism.leaf."
-        )
     return scene
 
 
@@ -320,7 +316,7 @@ def _spoken(links: Sequence[str], twist: Array, energy: float, size: float) -> F
     way = f"turn about {'xyz'[k - 3]}" if turns else f"slide along {'xyz'[k]}"
     unit = "Nm/rad" if turns else "N/m"
     soft = f"only leaf springs that bend hold it, with {value:.3g} {unit}"
-    why = soft if value > 0.0 else "nothing holds it"
+    why = soft if value > 0.0 else "no leaf spring or support holds it"
     return Free(f"link '{links[link]}' can {way}: {why}", value, twist)
 
 

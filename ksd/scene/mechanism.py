@@ -880,7 +880,7 @@ class Mechanism(InNotebooks, metaclass=Worded):
     def _words(self) -> dict[str, Any]:
         """The words of `Scene`."""
         points = [p.name for p in self._points]
-        # pins before sliders, as in files
+        # pins before sliders, and coil springs before torsion springs, as in files
         hinges = sorted(self._hinges.values(), key=lambda h: h[0].kind)
         return {
             "name": self.name,
@@ -894,7 +894,7 @@ class Mechanism(InNotebooks, metaclass=Worded):
             "plane": self.plane,
             "hinges": tuple(hinge for hinge, _ in hinges),
             "points": tuple(self._points),
-            "springs": tuple(self._springs),
+            "springs": tuple(sorted(self._springs, key=lambda s: isinstance(s, TurnSpring))),
             "distances": tuple(self._distances),
             "compliances": tuple(self._compliances.values()),
             "heats": tuple(self._heats),

@@ -7,8 +7,6 @@ from collections import Counter
 from collections.abc import Iterable, Iterator
 from typing import Any
 
-import numpy as np
-
 from ksd.errors import SceneError
 from ksd.scene.contents import Scene, reached
 from ksd.scene.drive import GROUND
@@ -48,8 +46,6 @@ def broken_rules(scene: Scene) -> Iterator[str]:
     if wrong or len(scene.links) < 2:
         return
     yield from _loose(scene)
-    if not (scene.joints or scene.leaves):
-        yield f"mechanism '{scene.name}' has no joint and no leaf; connect its links by mechanism.join or mechanism.leaf."
     yield from _same_freedoms(scene)
     yield from _apart(scene)
     if scene.heats or scene.fits:
@@ -87,8 +83,8 @@ def _unknown(scene: Scene) -> Iterator[str]:
 
 
 def _loose(scene: Scene) -> Iterator[str]:
-    """Each link carries a joint or leaf, and a chain of those or of supports leads to ground."""
-    hung = {link for h in scene.hinges for link in (h.a, h.b)}
+    """Each link carries a joint, leaf, pin or spring, and a chain of joints, leaves or supports leads to ground."""
+    hung = {link for part in (*scene.hinges, *scene.springs) for link in (part.a, part.b)}
     loose = [
         link for link, others in scene.neighbours().items() if not others and link not in (GROUND, *hung)
     ]
@@ -150,16 +146,13 @@ def _same_freedoms(scene: Scene) -> Iterator[str]:
 
 def plane_hint(scene: Scene) -> str:
     """What to say of a scene that looks planar, names no plane, and has links which supports alone tie to ground."""
-    widths = [np.abs(np.asarray(leaf.width_axis)) for leaf in scene.leaf_names().values()]
-    plane = next((p for p, k in PLANES.items() if all(w[k] > 1.0 - 1e-9 for w in widths)), None)
-    if (
-        scene.plane is not None
-        or plane is None
-        or not widths
-        or reached(scene.neighbours()) == set(scene.links)
-    ):
+    across = [leaf.width_axis for leaf in scene.leaf_names().values()]
+    said = "leaf springs have their width" if across else "pins turn about an axis"
+    across += [h.axis for h in scene.hinges if h.kind == "pin"]
+    plane = next((p for p, k in PLANES.items() if all(abs(e[k]) > 1.0 - 1e-9 for e in across)), None)
+    if scene.plane or plane is None or not across or reached(scene.neighbours()) == set(scene.links):
         return ""
     return (
-        f"all leaf springs have their width across the plane {plane}: if the mechanism lives in it, say "
+        f"all {said} across the plane {plane}: if the mechanism lives in it, say "
         f"ksd.Mechanism('{scene.name}', plane='{plane}'), which holds every link in it"
     )

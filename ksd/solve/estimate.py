@@ -140,8 +140,8 @@ def relative_error(model: Model, motion: Motion, truth: Motion) -> ErrorEstimate
     force, shift, turn = _difference(model, motion, truth)
     grain = 1e-11 * model.arrays.size
     moved = grain + float(np.linalg.norm(truth.x[:links] - model.rest.x[:links], axis=1).max())
-    noise = grain * model.arrays.members.floor.max() * min(1.0, model.arrays.size)
-    scale = np.abs(truth.multiplier[:drives]) + noise
+    stiffest = np.max([*model.arrays.members.floor, *model.arrays.springs.floor], initial=1e-300)
+    scale = np.abs(truth.multiplier[:drives]) + grain * stiffest * min(1.0, model.arrays.size)
     of_force = float((force / np.maximum(scale, scale.max(initial=0.0))).max(initial=0.0))
     relative = max(of_force, shift / moved)
     return ErrorEstimate(force, shift, turn, relative if math.isfinite(relative) else math.inf)

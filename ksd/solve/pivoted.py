@@ -23,6 +23,8 @@ from ksd.solve.steps import Stop
 
 SINGULAR = 1e-15
 """Reciprocal condition of the equilibrated matrix below which it counts as singular."""
+LOOSE = 1e-14
+"""Eigenvalue of the equilibrated matrix below which it is rounding."""
 
 
 def iterate_pivoted(arrays: Arrays, motion: Motion, *aim: Any) -> tuple[int, int, float, int, float]:
@@ -44,6 +46,8 @@ def iterate_pivoted(arrays: Arrays, motion: Motion, *aim: Any) -> tuple[int, int
             return Stop.NOT_FINITE, n, worst, 0, condition
         if settled(worst, before, moved):
             reason = (Stop.CONVERGED, Stop.LOCAL_ANGLE, Stop.SINGULAR)[status]
+            if reason == Stop.CONVERGED and _moves_freely(K, arrays):
+                reason = Stop.SINGULAR
             return reason, n, worst, inertia(K) + inside, condition
         if n == most:
             break
@@ -59,3 +63,12 @@ def iterate_pivoted(arrays: Arrays, motion: Motion, *aim: Any) -> tuple[int, int
         moved = max(turn / 1e-6, largest_move(arrays, work.rhs) / (1e-7 * arrays.size))
         take_step(arrays, motion, work.rhs, work, cap / turn if n > 0 and turn > cap else 1.0)
     return Stop.TOO_MANY, most, worst, 0, condition
+
+
+def _moves_freely(K: np.ndarray, arrays: Arrays) -> bool:
+    """Whether something moves at a state without any force: the kernel of its tangent K holds more than the forces of
+    supports that are said twice."""
+    scale = scaling(K)
+    values, vectors = np.linalg.eigh(K * np.outer(scale, scale))
+    kernel = np.delete(vectors[:, np.abs(values) < LOOSE], arrays.terms.start, axis=0)
+    return bool((np.linalg.norm(kernel, axis=0) > 1e-3).any())

@@ -68,7 +68,7 @@ def _best(shape: Any) -> Camera:
     """The direction from which leaf springs and links hide each other least; z is up, y where the mechanism lies flat."""
     places = [leaf.place for leaf in shape.leaves]
     points = np.array([p.mean(axis=0) for p in places] + [b.place.mean(axis=0) for b in shape.blocks])
-    spans = np.ptp(np.concatenate(places), axis=0)
+    spans = np.ptp(np.concatenate(places or [b.place for b in shape.blocks]), axis=0)
     flat = spans[2] < FLAT * np.sort(spans)[1]
     axes = np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]]) if flat else np.eye(3)
     cameras = [_from(azimuth, ELEVATION, axes) for azimuth in AZIMUTHS]

@@ -84,7 +84,7 @@ def smooth_shape(configuration: Configuration) -> Any:
     cosine = min((float((e[:-1] * e[1:]).sum(axis=1).min()) for e in along), default=1.0)
     slopes = [np.arctan(0.5 * np.gradient(leaf.thickness, leaf.s)) for leaf in shape.leaves]
     turns = [float(np.abs(np.diff(slope)).max()) for slope in slopes]
-    sharp = max(float(np.arccos(np.clip(cosine, -1.0, 1.0))), *turns)
+    sharp = max([float(np.arccos(np.clip(cosine, -1.0, 1.0))), *turns])
     return (
         shape
         if sharp <= CORNER
@@ -139,7 +139,7 @@ def plot_mechanism(
         heat.bar(axes, shrink=0.8, aspect=30, pad=0.02)
     _frame(axes, camera, size, said)
     if own and labels:
-        leaves = camera.flat(np.concatenate([leaf.place for leaf in shape.leaves]))
+        leaves = camera.flat(np.concatenate([np.zeros((0, 3)), *(leaf.place for leaf in shape.leaves)]))
         part_labels(axes, busy, leaves)
     figure: Figure = axes.figure  # type: ignore[assignment]
     return figure

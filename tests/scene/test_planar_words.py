@@ -370,14 +370,6 @@ def test_a_plane_said_last_is_that_of_the_pins_too():
     assert scene.plane is None
 
 
-def test_pins_alone_are_no_mechanism_of_flexures():
-    scene = ksd.Mechanism("pins", plane="xy")
-    crank = scene.link("crank")
-    scene.pin("ground", crank, at=(0, 0, 0))
-    scene.load(crank, force=(1, 0, 0), at=(0, 0.1, 0))
-    assert "has no joint and no leaf" in refused(lambda: ksd.solve(scene))
-
-
 def test_a_curve_that_waves_too_often_says_where_points_help():
     """A dozen waves: refused with a distance of points at which it is as exact as with twice as many."""
 
