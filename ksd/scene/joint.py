@@ -163,11 +163,11 @@ class DrawnJoint(Joint):
         held_by_others: bool = False,
     ) -> None:
         owner = f"joint '{word(name, 'name', owner='DrawnJoint')}'"
-        for key, given, kind in (("blocks", blocks, Mapping), ("shape", shape or {}, Mapping),
+        for key, parts, kind in (("blocks", blocks, Mapping), ("shape", shape or {}, Mapping),
                                  ("leaves", leaves, Sequence), ("motions", motions, Sequence)):  # fmt: skip
-            if not isinstance(given, kind):
+            if not isinstance(parts, kind):
                 how = "{name: value}" if kind is Mapping else "a list"
-                raise SceneError(f"{owner}: {key} = {show(given)} must be {how}.")
+                raise SceneError(f"{owner}: {key} = {show(parts)} must be {how}.")
         points = {
             word(k, "block name", owner=owner): vector(v, f"block '{k}'", owner=owner, unit="m")
             for k, v in blocks.items()

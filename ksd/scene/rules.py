@@ -13,7 +13,7 @@ from ksd.scene.drive import GROUND
 from ksd.scene.effects import leaf_conditions
 from ksd.scene.hinges import PLANES
 from ksd.scene.joint import leaves_of
-from ksd.section.checks import nearest
+from ksd.section.checks import as_given, nearest
 
 
 def check_scene(scene: Scene) -> None:
@@ -146,7 +146,7 @@ def _same_freedoms(scene: Scene) -> Iterator[str]:
 
 def plane_hint(scene: Scene) -> str:
     """What to say of a scene that looks planar, names no plane, and has links which supports alone tie to ground."""
-    across = [leaf.width_axis for leaf in scene.leaf_names().values()]
+    across = [as_given(leaf.width_axis) for leaf in scene.leaf_names().values()]
     said = "leaf springs have their width" if across else "pins turn about an axis"
     across += [h.axis for h in scene.hinges if h.kind == "pin"]
     plane = next((p for p, k in PLANES.items() if all(abs(e[k]) > 1.0 - 1e-9 for e in across)), None)
