@@ -903,14 +903,13 @@ class Log:
         keys = [_key(x) for x in X]
         new = [k for k, key in enumerate(keys) if key not in self.kept.found and keys.index(key) == k]
         with progress_bar(self.progress and len(new) > 1) as bar:
-            task = bar.add_task(by or "designs", total=len(new)) if self.progress else None
+            task = bar.add_task(by or "designs", total=len(new))
             for first in range(0, len(new), BLOCK):
                 block = new[first : first + BLOCK]
                 judged = self.job.batch(X[block], executor=self.executor)
                 for k, values, status in zip(block, *judged, strict=True):
                     self._keep(keys[k], X[k], values, status, by)
-                if task is not None:
-                    bar.advance(task, len(block))
+                bar.advance(task, len(block))
         found = [self._read(key) for key in keys]
         return Judged(
             np.array([[row[n] for n in self.job.names] for row in found]),

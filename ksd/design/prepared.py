@@ -17,7 +17,7 @@ from ksd.solve.configuration import Configuration
 from ksd.solve.error import settle
 from ksd.solve.five import FiveSteps
 from ksd.solve.many import SPOKEN, UNANSWERED, UNSTABLE, Poses, space_many, tabulated_many
-from ksd.solve.space_steps import KINEMATIC, REDUCED
+from ksd.solve.space_steps import REDUCED
 from ksd.solve.steps import Step, Stop
 from ksd.solve.tables import joint_tables
 
@@ -78,8 +78,6 @@ class Prepared:
             if set(POINTED) & set(self.asked.questions):
                 link, at = self.asked.point(model.scene)
                 point_motion(model, model.rest, node_of(model, link), at)
-        if method == KINEMATIC:
-            five.insist_on_motions()
         b = five.storage
         self.tables = joint_tables(b) if tabulated else None
         limits = np.column_stack([b.lowest, b.highest])

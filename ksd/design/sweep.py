@@ -232,10 +232,6 @@ def _quiet() -> None:
 @contextmanager
 def _bar(title: str, total: int, shown: bool) -> Iterator[Any]:
     """A progress bar on stderr with the time left; yields a function that moves it on."""
-    if not shown:
-        # some versions of rich print an empty line for a bar that is not there
-        yield lambda _: None
-        return
     with progress_bar(shown) as bar:
         task = bar.add_task(title, total=total)
         yield lambda count: bar.advance(task, count)

@@ -76,8 +76,23 @@ def printed(*parts: Any, width: int = WIDTH) -> Printed:
     return Printed("\n".join(line.rstrip() for line in text.get().splitlines()), parts)
 
 
+class _NoBar:
+    """A progress bar that nobody sees: rich takes as long for one as a job for a design, and some versions print a line."""
+
+    def __enter__(self) -> _NoBar:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        pass
+
+    def __getattr__(self, name: str) -> Callable[..., None]:
+        return lambda *_, **__: None
+
+
 def progress_bar(shown: bool) -> Any:
     """A rich progress bar on stderr, with the count and the time left; what it is called is no markup."""
+    if not shown:
+        return _NoBar()
     from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 

@@ -76,6 +76,7 @@ class Jobs:
         self._pool: Executor | None = None
         self._bar, self._task = _progress_bar(title, progress)
         self._made: set[Path] = set()
+        self._total = 0
         self._trusted = False
 
     def __enter__(self) -> Jobs:
@@ -87,9 +88,14 @@ class Jobs:
         if self._pool is not None:
             self._pool.shutdown(wait=kind is None, cancel_futures=True)
 
+    def _expect(self, more: int) -> None:
+        """So many jobs more are on the bar."""
+        self._total += more
+        self._bar.update(self._task, total=self._total)
+
     def run(self, jobs: list[Job]) -> list[Samples]:
         """Results in the order of `jobs`; finished ones of an earlier run are read back."""
-        self._bar.update(self._task, total=(self._bar.tasks[0].total or 0) + len(jobs))
+        self._expect(len(jobs))
         found = {}
         if self.resume:
             found = {i: kept for i, job in enumerate(jobs) if (kept := self._load(job)) is not None}
@@ -103,7 +109,7 @@ class Jobs:
     def _rechecked(self, jobs: list[Job], found: dict[int, Samples], first: int) -> dict[int, Samples]:
         """The kept results where this code still gives the `first` of them, else what it gives for that one alone."""
         made: dict[int, Samples] = {}
-        self._bar.update(self._task, total=(self._bar.tasks[0].total or 0) + 1)
+        self._expect(1)
         self._compute(jobs, [first], made)
         self._trusted = True
         if _same(found[first], made[first]):
