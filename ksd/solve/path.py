@@ -22,7 +22,7 @@ from ksd.section.checks import positive, whole, worded
 from ksd.solve.arc import REACHED, Course, Place, Walk, starting_place, switched
 from ksd.solve.configuration import Configuration
 from ksd.solve.conventional import bare, conventional
-from ksd.solve.solver import DEFAULT_ACCURACY
+from ksd.solve.solver import COMPILED, DEFAULT_ACCURACY
 from ksd.solve.steps import Step, Stop
 from ksd.solve.verdict import mesh_check
 
@@ -118,6 +118,8 @@ def follow(
         checked_number(value, name)
     positive(first, "first")
     whole(most, "most")
+    if isinstance(scene, Model) and mesh is not None:
+        raise SceneError(COMPILED)
     model = scene if isinstance(scene, Model) else compile_scene(scene, mesh=mesh)
     begin = start or (branch.configuration if branch else None)
     if begin is None and control == "load" and any((targets or {}).values()):

@@ -53,6 +53,7 @@ DEFAULT_ACCURACY = 1e-3
 DEFAULT_MESH = Mesh()
 MOST_RISES = 5
 """How often `solve` raises the orders of the strain-mode leaves when their highest modes are not negligible."""
+COMPILED = "mesh and effects are chosen when a model is compiled: pass them to ksd.compile_scene"
 KEPT = 16
 """Solvers that `solve` keeps."""
 _recent: OrderedDict[tuple[Any, ...], Solver] = OrderedDict()
@@ -194,9 +195,7 @@ class Solver:
         if not isinstance(mechanism, Model):
             mechanism = compile_scene(mechanism, mesh=mesh, effects=effects, with_=with_, without=without)
         elif mesh is not None or effects != "auto" or with_ or without:
-            raise SceneError(
-                "mesh and effects are chosen when a model is compiled: pass them to ksd.compile_scene"
-            )
+            raise SceneError(COMPILED)
         self.model: Model = mechanism
         self.records, self.extrapolate, self.planar = records, extrapolate, truth(planar, "planar")
         self.basis, self.accuracy = basis, wanted_accuracy(accuracy)
@@ -486,12 +485,17 @@ def _check_words(method: object, relinearisations: object) -> None:
 
 
 def given_values(targets: Any, drives: Mapping[str, float]) -> dict[str, float]:
-    """Drive values by name, from a mapping and from words; SceneError for what is no mapping."""
+    """Drive values by name, from a mapping and from words; SceneError for what is no mapping, and a drive in both."""
     if targets is not None and not isinstance(targets, Mapping):
         raise SceneError(
             f"targets = {show(targets)}: give drive values by name, for example top=0.1 or {{'top': 0.1}}"
         )
-    return {**(targets or {}), **drives} if drives else dict(targets or {})
+    for name in drives if targets else ():
+        if name in targets:
+            raise SceneError(
+                f"drive '{name}' has two values, {show(targets[name])} in targets and {show(drives[name])}; give it one"
+            )
+    return {**(targets or {}), **drives}
 
 
 def refuse_unknown(given: Iterable[str], drives: Iterable[str], call: Callable[..., Any]) -> None:

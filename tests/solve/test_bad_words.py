@@ -44,6 +44,10 @@ def test_a_description_with_a_wrong_word(make, sentence):
         ({"top": 0.1, "effects": 5}, "effects = 5: name effects, such as effects='shear', 'auto' or 'all'."),
         ({"top": 0.1, "effects": "al"}, "effects: there is no effect 'al'; did you mean \"all\"?"),
         ({"top": [1, 2]}, "drive 'top' = [1, 2] is not a number"),
+        (
+            {"targets": {"top": 0.1}, "top": 0.2},
+            "drive 'top' has two values, 0.1 in targets and 0.2; give it one",
+        ),
         ({"top": 0.1, "accuracy": "a"}, "accuracy = 'a' is not a number"),
         (
             {"top": 0.1, "method": "reduced", "relinearisations": "a"},

@@ -327,6 +327,11 @@ def test_a_compiled_model_has_its_mesh_and_effects(words):
         ksd.prepare(model, **words)
 
 
+def test_a_path_of_a_compiled_model_has_its_mesh():
+    with pytest.raises(SceneError, match="chosen when a model is compiled"):
+        ksd.follow(ksd.compile_scene(fourbar()), {"top": 0.1}, control="drives", mesh=ksd.Mesh())
+
+
 COUNTED = {
     "springs": (
         ("ksd.model.drawing", "spring_members"),
