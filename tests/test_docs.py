@@ -106,6 +106,25 @@ def test_numbers_of_the_vibrations_tutorial(monkeypatch):
         assert stiffness == pytest.approx(expected, rel=2e-4)
 
 
+def test_numbers_of_the_contact_page():
+    """The stop and the grip by superposition of small deflections: forces that close a gap over a compliance."""
+    text = (DOCS / "theory" / "contact.md").read_text()
+    said = "".join(printed for printed, _ in run_blocks("contact", text))
+    found = {
+        key: float(re.search(pattern, said)[1])
+        for key, pattern in {"stop": r"pushes with (-[\d.]+) N", "grip": r"gripping with ([\d.]+) N"}.items()
+    }
+    E, L, width, t = 200e9, 80e-3, 25e-3, 0.4e-3
+    assert found["stop"] == pytest.approx(24 * E * width * t**3 / 12 / L**3 * 3e-3 - 8, rel=3e-3)
+    EI, L, push, tip = 2.2e9 * 8e-3 * 1e-9 / 12, 30e-3, 10e-3, 30e-3
+
+    def across(arm):
+        """Motion of a tip for a force at this height above the leaf spring."""
+        return (L**3 / 3 + L**2 * (arm + tip) / 2 + L * arm * tip) / EI
+
+    assert found["grip"] == pytest.approx((0.15 * across(push) - 1e-3) / across(tip), rel=5e-3)
+
+
 def test_a_block_that_fails_is_found_with_its_line():
     text = "# page\n\n```python\na = 1\nprint(a)\n```\n\n```python\nprint(a)\na / 0\n```\n"
     shown = run_blocks("page.md", text)
