@@ -33,7 +33,8 @@ REFERENCE = {
         "CircularNotch FilletedNotch StiffenedMiddle LinkMatrix link_matrix Scene load_scene save_scene",
     ),
     "Joints": (
-        "Families of flexure joints, and joints of your own.",
+        "Families of flexure joints, and joints of your own. All take a `Material`, and as `elements` or `orders` a mesh of "
+        "every leaf spring of theirs (see `Leaf`); left out, `accuracy` decides.",
         "Joint CrossFlexure CrossedPivot BalancedCrossedPivot Cartwheel Butterfly InfinityHinge TripleInfinityHinge "
         "ParallelGuide StiffenedGuide CircularNotchHinge FilletedNotchHinge ArcHinge UniversalJoint FoldedLeaf "
         "WireFlexure DrawnJoint Motion joint_families",

@@ -129,8 +129,8 @@ class Job(Shown, metaclass=Worded):
     columns of `ksd.sweep`, several with the scale each is measured in: the worst of them over their scales, over all
     poses and load cases, counts; of forces, moments and parasitic motion that are minimised it is their size. limits: the
     most by column, or (least, most), None for neither; "size_mm" takes the most along x, y and z. rules: functions of the
-    parameters by name that must not be negative, told before anything is solved. link, at, freed, modes, loads, together
-    and the drive values [m or rad]: as in `ksd.sweep`. method: "full", "reduced", or "conventional", which knows no
+    parameters by name that must not be negative, told before anything is solved. link, at, freed, modes, loads, together:
+    as in `ksd.sweep`, and so the drive values [m or rad]. method: "full", "reduced", or "conventional", which knows no
     trained ranges; by the others these are bounds; when None "full" where every joint has a record, else "conventional".
     mesh, extrapolate: as in `ksd.solve`; targets: drive values as a mapping.
 
