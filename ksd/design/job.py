@@ -664,7 +664,8 @@ class Job(Shown, metaclass=Worded):
                 failed.append(str(why))
         said = (
             self.asked, self.method, self.mesh, self.extrapolate, self.poses, self.loads, self.names,
-            [a.amount for a in self.answers], [scene.fingerprint() for scene in scenes], records_of(scenes), failed,
+            [a.amount for a in self.answers], [scene.fingerprint() for scene in scenes],
+            records_of(scenes, self.method), failed,
         )  # fmt: skip
         return f"{self.parameters} {said!r}"
 
@@ -845,7 +846,7 @@ def _walked_all(
 
 
 def _walked(function: Any, design: Mapping[str, float], recipe: Recipe, paths: Any) -> tuple[list[Row], str]:
-    """The same by conventional poses, each from the one before."""
+    """Rows of a design by conventional poses, each from the one before, and "ok" or the first reason why not."""
     try:
         scene = function(**design)
     except SceneError as why:

@@ -207,7 +207,7 @@ def loaded(scene: Scene | None, extra: tuple[Load, ...]) -> tuple[Scene | None, 
 
 def fingerprint(lines: Sequence[Line], recipe: Recipe) -> str:
     """Hash of everything the rows depend on."""
-    records = records_of(line.scene for line in lines if line.scene is not None)
+    records = records_of((line.scene for line in lines if line.scene is not None), recipe.method)
     digest = hashlib.sha256(f"{recipe!r} {records}".encode())
     for line in lines:
         scene = line.failure if line.scene is None else line.scene.fingerprint()

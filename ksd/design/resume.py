@@ -79,10 +79,12 @@ class ResumeFile:
             ) from error
 
 
-def records_of(scenes: Iterable[Any]) -> list[str]:
-    """What the joint records hold that answers of scenes come from: family and hash of each, or of why there is none."""
+def records_of(scenes: Iterable[Any], method: str | None) -> list[str]:
+    """What the joint records hold that answers of scenes by this method come from: family and hash of each, or of why there
+    is none."""
     found = []
-    for family in sorted({placed.joint.family for scene in scenes for placed in scene.joints}):
+    families = {placed.joint.family for scene in scenes for placed in scene.joints}
+    for family in sorted(families if method != "conventional" else ()):
         try:
             said = record_bytes(find_record(family))
         except RecordError as why:

@@ -447,7 +447,11 @@ def test_kept_designs_of_other_joint_records_are_not_taken_for_those_of_these(tm
         Log(plain, resume=file)
     with pytest.raises(ksd.SceneError, match=r"another sweep .* or joint records"):
         ksd.sweep(pivot, designs=design, resume=tmp_path / "sweep.jsonl", **words)
+    # what knows no records goes on
+    free = job(method="conventional", turn=[0.2])
+    Log(free, resume=tmp_path / "free.jsonl").values(free.point(BEST))
     monkeypatch.delenv("KSD_DATABASE")
+    assert len(Log(free, resume=tmp_path / "free.jsonl").kept.found) == 1
     assert len(Log(plain, resume=file).kept.found) == 1
 
 
