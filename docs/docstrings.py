@@ -49,3 +49,12 @@ def as_rst(app: Any, what: str, name: str, found: Any, options: Any, lines: list
         made += by_parameter(text.strip(), names) if text.strip() else []
         made += [escape(raised + errors), ""] if raised else []
     lines[:] = made
+
+
+def aliases_by_name(
+    app: Any, what: str, name: str, found: Any, options: Any, signature: str | None, returned: str | None
+) -> tuple[str | None, ...]:
+    """Types of a signature by the names of `autodoc_type_aliases`, which Sphinx wraps where they stand in a union."""
+    return tuple(
+        said and re.sub(r"TypeAliasForwardRef\('(.*?)'\)", r"\1", said) for said in (signature, returned)
+    )
