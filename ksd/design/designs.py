@@ -46,7 +46,7 @@ class Designs:
     def __init__(
         self, values: Mapping[str, np.ndarray], ways: Mapping[str, Any], mesh: Mesh | None, extrapolate: bool
     ) -> None:
-        self.values, self.ways, self.mesh, self.extrapolate = values, ways, mesh, extrapolate
+        self.values, self.ways, self.mesh, self.extrapolate = values, ways, mesh or Mesh(), extrapolate
         self._own = threading.local()
         self._records: dict[str, Record] = {}
 
@@ -73,9 +73,8 @@ class Designs:
         for number, maker in enumerate(makers):
             try:
                 said = maker()
-                mesh = Mesh() if self.mesh is None else self.mesh
-                choice = choose(said, mesh)
-                scene, mesh = applied(said, mesh, choice)
+                choice = choose(said, self.mesh)
+                scene, mesh = applied(said, self.mesh, choice)
                 drawing = draw(scene, mesh)
                 shapes = self._shapes(drawing)
                 template = template_of(drawing.words, mesh)

@@ -122,10 +122,11 @@ class _Questions:
 
     def __call__(self, n: int) -> int:
         """The answers of pose n, of the equilibrium next to it where the method leads to none; returns the status."""
-        model, full, target = self.design.five.model, self.design.five.storage.full, self.targets[n]
-        motion, reduced = full.copy(), self.design.method == REDUCED
+        b, target = self.design.five.storage, self.targets[n]
+        full, reduced = b.full, self.design.method == REDUCED
+        motion = full.copy()
         if reduced:
-            stop, negatives = settle(model.arrays, full, target, 1.0)
+            stop, negatives = settle(b.model.arrays, full, target, 1.0, b.full_work)
             if stop is not Stop.CONVERGED:
                 return int(stop)
             if negatives != len(target):

@@ -43,7 +43,7 @@ def finer(model: Model) -> Model:
 
 def opened_mesh(model: Model) -> Mesh:
     """The mesh of `finer`."""
-    return _opened(model.mesh, model.arrays.members.kind)
+    return _opened(model.mesh, bool(np.any(model.arrays.members.kind == STRAIN)))
 
 
 def _insist_on_straight(model: Model) -> None:
@@ -57,14 +57,15 @@ def _insist_on_straight(model: Model) -> None:
             )
 
 
-def _opened(mesh: Mesh, kind: np.ndarray) -> Mesh:
+@lru_cache(maxsize=64)
+def _opened(mesh: Mesh, strain: bool) -> Mesh:
     """The finer mesh, part by part."""
     if isinstance(mesh, MixedMesh):
-        others = tuple((_opened(other, kind), names) for other, names in mesh.others)
+        others = tuple((_opened(other, strain), names) for other, names in mesh.others)
         mesh = replace(mesh, others=others)
     if mesh.leaf != "strain":
         return mesh if mesh.nodal else replace(mesh, nodal=True)
-    if not np.any(kind == STRAIN) or max(mesh.orders) >= MOST_ORDER:
+    if not strain or max(mesh.orders) >= MOST_ORDER:
         return mesh
     nx, ny, nz = mesh.orders
     return replace(mesh, orders=(nx + 1, ny + 1, nz + 1), points=max(mesh.points, nz + 2) + 1)

@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ksd.errors import ConvergenceError
-from ksd.model.arrays import STRAIN, Arrays, Motion, make_work
+from ksd.model.arrays import STRAIN, Arrays, Motion, Work, make_work
 from ksd.model.compile import Model, compile_given
 from ksd.model.newton import iterate
 from ksd.properties.cache import per_model
@@ -190,12 +190,13 @@ def equilibrium(arrays: Arrays, state: Motion, target: np.ndarray, factor: float
     return state if settle(arrays, state, target, factor)[0] is Stop.CONVERGED else None
 
 
-def settle(arrays: Arrays, state: Motion, target: np.ndarray, factor: float) -> tuple[Stop, int]:
+def settle(
+    arrays: Arrays, state: Motion, target: np.ndarray, factor: float, work: Work | None = None
+) -> tuple[Stop, int]:
     """Newton steps from `state`, in place, drives at target (c,) and loads times factor: how they ended, and negative
-    pivots."""
-    reason, *_, negatives, _ = iterate(
-        arrays, state, target, factor, make_work(arrays), RTOL, MOST, CAP, math.inf
-    )
+    pivots. work: storage, made when None."""
+    work = make_work(arrays) if work is None else work
+    reason, *_, negatives, _ = iterate(arrays, state, target, factor, work, RTOL, MOST, CAP, math.inf)
     return Stop(reason), int(negatives)
 
 
