@@ -30,7 +30,7 @@ def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
         "figure_10": lambda: figure_10(meshes=(1, 2, 3), steps=3) if quick else figure_10(),
         "figure_11": lambda: figure_11(meshes=(2,), repeats=2) if quick else figure_11(),
         "figure_12": lambda: (
-            figure_12(moments=np.array([-360.0, 0.0, 250.0]), repeats=2) if quick else figure_12()
+            figure_12(n=2, moments=np.array([-360.0, 0.0, 250.0]), repeats=2) if quick else figure_12()
         ),
     }
     found: dict[str, Any] = {"machine": machine()}
