@@ -270,11 +270,13 @@ class Walk:
             return min(arc, abs((until - at.f) / slope))
         return arc
 
-    def go(self, at: Place, ahead: Array, *, until: float, arc: float, most: int) -> None:
-        """Follow from `at` in direction `ahead`."""
-        self.stop = self._go(at, ahead, until=until, arc=arc, most=most)
+    def go(
+        self, at: Place, ahead: Array, *, until: float, arc: float, most: int, turns: float = math.inf
+    ) -> None:
+        """Follow from `at` in direction `ahead`, through so many turning points at most."""
+        self.stop = self._go(at, ahead, until=until, arc=arc, most=most, turns=turns)
 
-    def _go(self, at: Place, ahead: Array, *, until: float, arc: float, most: int) -> str:
+    def _go(self, at: Place, ahead: Array, *, until: float, arc: float, most: int, turns: float) -> str:
         self.keep(at)
         sign, largest = (1.0 if until >= at.f else -1.0), LARGEST * np.sqrt(len(self.model.node_names))
         for _ in range(most):
@@ -293,6 +295,8 @@ class Walk:
                 arc = 0.5 * length
                 continue
             self.turn(at, ahead, found, onward, length)
+            if len(self.turns) >= turns:
+                return "it turns"
             at, ahead = found, onward
             if abs(at.f - until) <= 2e-6 * abs(until):
                 self.keep(self.tracer.correct(at.motion, until, None) or at)
@@ -315,16 +319,24 @@ def starting_place(at: Place | None) -> Place:
 
 
 def trace(
-    model: Model, course: Course, motion: Motion, *, f: float = 0.0, first: float = 0.02, most: int = 300
+    model: Model,
+    course: Course,
+    motion: Motion,
+    *,
+    f: float = 0.0,
+    first: float = 0.02,
+    most: int = 300,
+    turns: float = math.inf,
 ) -> Walk:
-    """Follow a course of drives and loads from the equilibrium `motion` at parameter f to 1, by arc length.
+    """Follow a course of drives and loads from the equilibrium `motion` at parameter f to 1, by arc length, or until it has
+    turned so many times.
 
     Raises ConvergenceError where the start is no equilibrium.
     """
     walk = Walk(model, course)
     at = starting_place(walk.tracer.correct(motion.copy(), f, None, most=40))
     ahead = walk.tracer.tangent(at, None)
-    walk.go(at, ahead, until=1.0, arc=first / max(abs(float(ahead[-1])), 1e-9), most=most)
+    walk.go(at, ahead, until=1.0, arc=first / max(abs(float(ahead[-1])), 1e-9), most=most, turns=turns)
     return walk
 
 

@@ -418,12 +418,12 @@ def load_steps(
         finer = way._replace(steps=size, smallest=min(way.smallest, 0.25 / size))
         return _drive(storage, begin, finer, planar, fresh)
 
-    def arc() -> Walk:
+    def arc(turns: float = math.inf) -> Walk:
         low, high = way.factors
-        return trace(model, Course(way.start, way.target - way.start, low, high - low), begin)
+        return trace(model, Course(way.start, way.target - way.start, low, high - low), begin, turns=turns)
 
     if first[0].stop is not Stop.CONVERGED:
-        return rescued(first, arc)
+        return rescued(first, lambda: arc(turns=1))
     reason = doubt(model, first[2], first[0], way.target, fresh=fresh, steps=way.steps)
     return confirmed(model, first, again, arc, reason) if reason else (*first, ())
 

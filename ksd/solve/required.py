@@ -30,7 +30,7 @@ from ksd.section.checks import nearest, show, worded
 from ksd.section.checks import number as checked
 from ksd.solve.actuation import Actuation
 from ksd.solve.configuration import Configuration
-from ksd.solve.solver import DEFAULT_ACCURACY, Solver, prepare
+from ksd.solve.solver import DEFAULT_ACCURACY, MOST_RISES, Solver, prepare
 
 Array = NDArray[np.float64]
 Wanted = dict[int, tuple[Array, Array]]
@@ -117,10 +117,14 @@ def required_loads(
             state.x[i], state.R[i] = x, R
     else:
         pose = _held_pose(solver, model, wanted, method or "conventional")
-        share, _, axis, _ = pose.resolution
-        if share > DEFAULT_ACCURACY and mesh is None and not isinstance(mechanism, Solver):
-            # as finely as `solve` would
-            return required_loads(mechanism, poses, method=method, mesh=raised(model.mesh, axis))
+        # as finely as `solve` would
+        for _ in range(MOST_RISES):
+            share, _, axis, _ = pose.resolution
+            if share <= DEFAULT_ACCURACY or mesh is not None or isinstance(mechanism, Solver):
+                break
+            solver = prepare(mechanism, mesh=raised(model.mesh, axis))
+            model = solver.constant[0] if method == "constant" else solver.model
+            pose = _held_pose(solver, model, wanted, method or "conventional")
         state = model.rest.copy()
         state.x[:], state.R[:], state.inner[:] = pose.motion.x, pose.motion.R, pose.motion.inner
     state.multiplier[:] = 0.0
