@@ -19,7 +19,7 @@ ROOT = HERE.parent
 sys.path.insert(0, str(HERE))
 
 from blocks import show_blocks  # noqa: E402  (beside this file)
-from docstrings import aliases_by_name, as_rst  # noqa: E402
+from docstrings import as_rst, readable  # noqa: E402
 from tables import write_tables  # noqa: E402
 
 project = "ksd"
@@ -101,4 +101,4 @@ def setup(app: Sphinx) -> None:
     """Below every Python block of a page stands what it printed and drew; docstrings and signatures are readable."""
     app.connect("source-read", show_blocks)
     app.connect("autodoc-process-docstring", as_rst)
-    app.connect("autodoc-process-signature", aliases_by_name)
+    app.connect("autodoc-process-signature", readable)

@@ -51,10 +51,11 @@ def as_rst(app: Any, what: str, name: str, found: Any, options: Any, lines: list
     lines[:] = made
 
 
-def aliases_by_name(
+def readable(
     app: Any, what: str, name: str, found: Any, options: Any, signature: str | None, returned: str | None
 ) -> tuple[str | None, ...]:
-    """Types of a signature by the names of `autodoc_type_aliases`, which Sphinx wraps where they stand in a union."""
+    """A signature that Sphinx can parse: type aliases, which it wraps in unions, by name; defaults made anew as dots."""
     return tuple(
-        said and re.sub(r"TypeAliasForwardRef\('(.*?)'\)", r"\1", said) for said in (signature, returned)
+        said and re.sub(r"TypeAliasForwardRef\('(.*?)'\)", r"\1", said).replace("<factory>", "...")
+        for said in (signature, returned)
     )
