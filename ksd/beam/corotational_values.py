@@ -5,7 +5,7 @@ Layouts are those of `ksd.beam.corotational`. SI units; everything in the frame 
 
 from __future__ import annotations
 
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,30 +21,9 @@ KEPT, TAIL = 120, 148
 """Scratch per element and per chain, as in `ksd.beam.corotational_element`, which importing would compile."""
 
 
-class SectionNumbers(Protocol):
+class ElementSection(NamedTuple):
     """What an element needs of a section: moduli E, G [Pa], area A [m2], Saint-Venant torsion constant J,
     second moments Iy (about y, deflection along z) and Iz [m4], shear factors ky, kz (along y and z)."""
-
-    @property
-    def E(self) -> float: ...
-    @property
-    def G(self) -> float: ...
-    @property
-    def A(self) -> float: ...
-    @property
-    def J(self) -> float: ...
-    @property
-    def Iy(self) -> float: ...
-    @property
-    def Iz(self) -> float: ...
-    @property
-    def ky(self) -> float: ...
-    @property
-    def kz(self) -> float: ...
-
-
-class ElementSection(NamedTuple):
-    """The plainest `SectionNumbers`: eight numbers given by keyword."""
 
     E: float
     G: float
@@ -83,7 +62,7 @@ def lumped_masses(value: Array, n: int, line_mass: Array) -> Array:
     return np.concatenate([np.append(half, 0.0) + np.append(0.0, half), first, -Q0.T @ last])
 
 
-def stiffness_numbers(section: SectionNumbers, length: float) -> tuple[float, ...]:
+def stiffness_numbers(section: ElementSection, length: float) -> tuple[float, ...]:
     """(S1, S2, S3a, S3b, S4a, S4b) of an element of `length` m: paper 1 (A.15), shear factors by errata 2.
 
     Phi of S3 (deflection along z) is 12 E Iy/(kz G A L0^2); the print has ky and kz swapped.
@@ -96,7 +75,7 @@ def stiffness_numbers(section: SectionNumbers, length: float) -> tuple[float, ..
     return s1, s2, s3 * (4 + phi_z), s3 * (-2 + phi_z), s4 * (4 + phi_y), s4 * (-2 + phi_y)
 
 
-def shear_ratios(section: SectionNumbers, length: float) -> tuple[float, float]:
+def shear_ratios(section: ElementSection, length: float) -> tuple[float, float]:
     """(Phi_y, Phi_z) of deflection along y and along z: 12 E Iz/(ky G A L^2) and 12 E Iy/(kz G A L^2)."""
     ratio = 12 * section.E / (section.G * section.A * length**2)
     return ratio * section.Iz / section.ky, ratio * section.Iy / section.kz
@@ -109,34 +88,13 @@ def straight_nodes(length: float, n: int) -> tuple[Array, Array]:
     return positions, np.tile(np.eye(3), (n + 1, 1, 1))
 
 
-def arc_nodes(curvature: Array, length: float, n: int) -> tuple[Array, Array]:
-    """Undeformed nodes of a leaf of constant `curvature` (3,) 1/m (twist, about y, about z; section axes).
-
-    Returns positions (n+1, 3) and orientations (n+1, 3, 3): the exact helix or arc of arc length `length`.
-    """
-    positions, orientations = straight_nodes(length, n)
-    k = np.asarray(curvature, float)
-    cross = np.array([[0, -k[2], k[1]], [k[2], 0, -k[0]], [-k[1], k[0], 0]])
-    norm = float(np.linalg.norm(k))
-    for i in range(1, n + 1):
-        s = length * i / n
-        t = norm * s
-        if t < 1e-6:
-            a, b, c = s, s**2 / 2, s**3 / 6
-        else:
-            a, b, c = np.sin(t) / norm, (1 - np.cos(t)) / norm**2, (t - np.sin(t)) / norm**3
-        orientations[i] = np.eye(3) + a * cross + b * cross @ cross
-        positions[i] = (s * np.eye(3) + b * cross + c * cross @ cross)[:, 0]
-    return positions, orientations
-
-
 def chain_values(
-    section: SectionNumbers, L: float, n: int, curve: tuple[Array, Array] | None = None
+    section: ElementSection, L: float, n: int, curve: tuple[Array, Array] | None = None
 ) -> Array:
     """The constants `value` (16 n + 9,) of a chain of n equal elements of one section.
 
-    `curve` gives undeformed positions (n+1, 3) m and orientations (n+1, 3, 3) of the nodes of a curved leaf
-    (see `arc_nodes`), starting at the origin unrotated; without it the leaf is straight with length `L`.
+    `curve` gives undeformed positions (n+1, 3) m and orientations (n+1, 3, 3) of the nodes of a curved leaf,
+    starting at the origin unrotated; without it the leaf is straight with length `L`.
     Elements of a curved leaf are its chords, their section axes the mean of both nodes'.
     Raises ValueError when n < 1 or a length is not positive.
     """

@@ -142,7 +142,7 @@ def rotation_jets(M, v):
 
 
 @kernel
-def _turned(F, C, M):
+def turned_jets(F, C, M):
     """M (9, 28): columns of F^T Q; row r of F is F[3 r ..]."""
     M[:] = 0.0
     for c in range(3):
@@ -190,5 +190,5 @@ def boundary_jets(frame, angle, reference, d, Q, out):
     F, A = np.empty((9, JET)), np.empty((9, JET))
     chord_jets(D, F, out[0])
     _ends(F, reference[:9], angle, out[1:])
-    _turned(F, C, A)
+    turned_jets(F, C, A)
     _ends(A, reference[9:], angle, out[4 if angle else 7 :])

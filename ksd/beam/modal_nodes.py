@@ -14,47 +14,27 @@ import numpy as np
 
 from ksd.beam.corotational import condense
 from ksd.beam.corotational_element import KEPT, TAIL
+from ksd.beam.levers import member_tangent
 from ksd.numerics.kernel import kernel
-from ksd.numerics.rotations import rotation_exp
-
-
-@kernel
-def _spin_coefficients(t2):
-    """A = (1 - cos t)/t^2, B = (t - sin t)/t^3 and their derivatives by t, over t."""
-    if t2 < 0.04:
-        A = 0.5 - t2 * (1 / 24 - t2 * (1 / 720 - t2 / 40320))
-        B = 1 / 6 - t2 * (1 / 120 - t2 * (1 / 5040 - t2 / 362880))
-        return A, B, -1 / 12 + t2 * (1 / 180 - t2 / 6720), -1 / 60 + t2 * (1 / 1260 - t2 / 60480)
-    t = math.sqrt(t2)
-    c, s = math.cos(t), math.sin(t)
-    A, B = (1.0 - c) / t2, (t - s) / (t2 * t)
-    return A, B, (s / t - 2.0 * A) / t2, ((1.0 - c) / t2 - 3.0 * B) / t2
+from ksd.numerics.rotations import exp_tangent, rotation_exp, tangent_factors
 
 
 @kernel
 def _angle_node(v, R0, R, W):
-    """R = exp(v) R0 and spin W (3, 3): dphi = W dv."""
+    """R = exp(v) R0 and spin W (3, 3 or more): dphi = W dv."""
     turned = np.empty((3, 3))
     rotation_exp(v, turned)
     for r in range(3):
         for c in range(3):
             R[r, c] = turned[r, 0] * R0[3 * c] + turned[r, 1] * R0[3 * c + 1] + turned[r, 2] * R0[3 * c + 2]
-    A, B, _, _ = _spin_coefficients(v[0] * v[0] + v[1] * v[1] + v[2] * v[2])
-    t2 = v[0] * v[0] + v[1] * v[1] + v[2] * v[2]
-    for r in range(3):
-        i, j = (r + 1) % 3, (r + 2) % 3
-        for c in range(3):
-            W[r, c] = B * v[r] * v[c]
-        W[r, r] += 1.0 - B * t2
-        W[r, i] -= A * v[j]
-        W[r, j] += A * v[i]
+    exp_tangent(v, W)
 
 
 @kernel
 def _angle_curvature(v, m, H):
     """H (3, 3): second derivatives of m . phi by v, phi the rotation vector of the increment of exp(v)."""
     t2 = v[0] * v[0] + v[1] * v[1] + v[2] * v[2]
-    _, B, A1, B1 = _spin_coefficients(t2)
+    _, B, A1, B1 = tangent_factors(t2)
     mv = m[0] * v[0] + m[1] * v[1] + m[2] * v[2]
     for r in range(3):
         for c in range(3):
@@ -139,78 +119,21 @@ def _element(record, scratch, xa, Ra, xb, Rb, force, T):
     `scratch`: store of a chain of one element, after it room for its constants.
     """
     lam, K, d, Q = np.empty(12), np.empty((6, 6)), np.empty(3), np.empty((3, 3))
-    w = np.empty(3)
+    pose, A, M = np.empty(18), np.empty((6, 6)), np.empty((6, 12))
     for r in range(3):
-        w[r] = xb[r] - xa[r]
-    for r in range(3):
-        d[r] = Ra[0, r] * w[0] + Ra[1, r] * w[1] + Ra[2, r] * w[2]
+        # ends on the nodes themselves: the lever from a to b, none at b
+        pose[9 + r], pose[12 + r] = xb[r] - xa[r], 0.0
         for c in range(3):
+            pose[3 * r + c] = Ra[r, c]
             Q[r, c] = Ra[0, r] * Rb[0, c] + Ra[1, r] * Rb[1, c] + Ra[2, r] * Rb[2, c]
+    for r in range(3):
+        d[r] = Ra[0, r] * pose[9] + Ra[1, r] * pose[10] + Ra[2, r] * pose[11]
     number = np.empty(4, np.int64)
     number[0], number[1] = 1, 0
     # a longer store would mean a chain with weight
     _, _, _, status = condense(record, number, scratch[:6], scratch[6 : 6 + KEPT + TAIL], d, Q, lam, K)
-    # to global axes
-    A, B = np.empty((6, 6)), np.empty((6, 6))
-    for e in range(2):
-        for r in range(3):
-            for c in range(6):
-                o = 3 * e
-                B[o + r, c] = Ra[r, 0] * K[o, c] + Ra[r, 1] * K[o + 1, c] + Ra[r, 2] * K[o + 2, c]
-    for r in range(6):
-        for e in range(2):
-            for c in range(3):
-                o = 3 * e
-                A[r, o + c] = B[r, o] * Ra[c, 0] + B[r, o + 1] * Ra[c, 1] + B[r, o + 2] * Ra[c, 2]
-    n, m = np.empty(3), np.empty(3)
-    for r in range(3):
-        n[r] = Ra[r, 0] * lam[0] + Ra[r, 1] * lam[1] + Ra[r, 2] * lam[2]
-        m[r] = Ra[r, 0] * lam[3] + Ra[r, 1] * lam[4] + Ra[r, 2] * lam[5]
-    _levers(A, n, m, w, force, T)
+    member_tangent(pose, lam, K, T, force, A, M)
     return status
-
-
-@kernel
-def _levers(A, n, m, w, force, T):
-    """Node force and tangent from force n, moment m and stiffness A (6, 6) at end b, lever w from a to b.
-
-    xi = (dxb - dxa - dphi_a x w, dphi_b - dphi_a); second derivatives as in `ksd.model.assembly`.
-    """
-    M = np.empty((6, 12))
-    for r in range(6):
-        a0, a1, a2 = A[r, 0], A[r, 1], A[r, 2]
-        M[r, 0], M[r, 1], M[r, 2], M[r, 6], M[r, 7], M[r, 8] = -a0, -a1, -a2, a0, a1, a2
-        M[r, 3] = a1 * w[2] - a2 * w[1] - A[r, 3]
-        M[r, 4] = a2 * w[0] - a0 * w[2] - A[r, 4]
-        M[r, 5] = a0 * w[1] - a1 * w[0] - A[r, 5]
-        M[r, 9], M[r, 10], M[r, 11] = A[r, 3], A[r, 4], A[r, 5]
-    for c in range(12):
-        a0, a1, a2 = M[0, c], M[1, c], M[2, c]
-        T[0, c], T[1, c], T[2, c], T[6, c], T[7, c], T[8, c] = -a0, -a1, -a2, a0, a1, a2
-        T[3, c] = a1 * w[2] - a2 * w[1] - M[3, c]
-        T[4, c] = a2 * w[0] - a0 * w[2] - M[4, c]
-        T[5, c] = a0 * w[1] - a1 * w[0] - M[5, c]
-        T[9, c], T[10, c], T[11, c] = M[3, c], M[4, c], M[5, c]
-    nw = n[0] * w[0] + n[1] * w[1] + n[2] * w[2]
-    for i in range(3):
-        for j in range(3):
-            T[3 + i, 3 + j] += 0.5 * (n[i] * w[j] + w[i] * n[j])
-        T[3 + i, 3 + i] -= nw
-        j, k = (i + 1) % 3, (i + 2) % 3
-        T[i, 3 + j] -= n[k]
-        T[j, 3 + i] += n[k]
-        T[3 + j, i] -= n[k]
-        T[3 + i, j] += n[k]
-        T[6 + i, 3 + j] += n[k]
-        T[6 + j, 3 + i] -= n[k]
-        T[3 + j, 6 + i] += n[k]
-        T[3 + i, 6 + j] -= n[k]
-        T[9 + i, 3 + j] += 0.5 * m[k]
-        T[9 + j, 3 + i] -= 0.5 * m[k]
-        T[3 + j, 9 + i] += 0.5 * m[k]
-        T[3 + i, 9 + j] -= 0.5 * m[k]
-        force[i], force[6 + i], force[9 + i] = -n[i], n[i], m[i]
-        force[3 + i] = -m[i] - (w[j] * n[k] - w[k] * n[j])
 
 
 @kernel

@@ -20,7 +20,7 @@ import math
 import numpy as np
 
 from ksd.beam.modal import eliminate_inner, to_pose
-from ksd.beam.modal_jets import JET, chord_jets, jet_product, pose_jets
+from ksd.beam.modal_jets import JET, chord_jets, pose_jets, turned_jets
 from ksd.numerics.kernel import kernel
 
 
@@ -28,25 +28,14 @@ from ksd.numerics.kernel import kernel
 def face_jets(frame, d, Q, out):
     """Pose values (19, 28): frame 0, node frame of end p: d and the columns of Q, the last 7 not used;
     frame 1, chord frame: |d|, columns of p's rotation, columns of q's rotation."""
-    D, C = np.empty((3, JET)), np.empty((9, JET))
-    pose_jets(d, Q, D, C)
     out[:] = 0.0
     if frame == 0:
-        for k in range(JET):
-            for r in range(3):
-                out[r, k] = D[r, k]
-            for r in range(9):
-                out[3 + r, k] = C[r, k]
+        pose_jets(d, Q, out[:3], out[3:])
         return
-    F = np.empty((9, JET))
-    chord_jets(D, F, out[0])
-    for r in range(9):
-        for k in range(JET):
-            out[1 + r, k] = F[r, k]
-    for c in range(3):
-        for r in range(3):
-            for k in range(3):
-                jet_product(F[3 * k + r], C[3 * c + k], 1.0, out[10 + 3 * c + r])
+    D, C = np.empty((3, JET)), np.empty((9, JET))
+    pose_jets(d, Q, D, C)
+    chord_jets(D, out[1:10], out[0])
+    turned_jets(out[1:10], C, out[10:])
 
 
 @kernel

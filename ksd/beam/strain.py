@@ -87,8 +87,7 @@ def constants_at(number):
 
 
 def open_room(N, ng, scratch):  # type: ignore[no-untyped-def]
-    """`Fields` for N modes and ng points over `strain_values.room_size` numbers or more; also compiled, in
-    `ksd.model.newton`."""
+    """`Fields` for N modes and ng points over `strain_values.room_size` numbers or more; compiled, `leaf_room`."""
     turn = 9 * (ng + 1)
     J = turn + 3 * (ng + 1)
     T = J + 27 * (ng + 1)

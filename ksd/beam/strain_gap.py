@@ -15,7 +15,7 @@ from __future__ import annotations
 from ksd.numerics.kernel import kernel
 from ksd.numerics.rotations import tangent_factors
 
-PART_120, PART_240, PART_360, PART_720 = 1.0 / 120.0, 1.0 / 240.0, 1.0 / 360.0, 1.0 / 720.0
+PART_240, PART_360, PART_720 = 1.0 / 240.0, 1.0 / 360.0, 1.0 / 720.0
 """Of the Magnus expansion: a product takes a fifth of the time of a division."""
 
 

@@ -1,7 +1,7 @@
 """What the strain-mode leaf needs beyond equilibrium: its uncondensed tangent, its mass, and its inner
 flexibility.
 
-The velocity of the leaf is that of end p plus the mode fields (rho_i, psi_i) of `ksd.beam.strain_fields`
+The velocity of the leaf is that of end p plus the mode fields (rho_i, psi_i) of `ksd.beam.strain`
 times the rates of the amplitudes; the stretch and shear that join it to end q (a velocity of 1/EA times the
 rate of the force) are spread linearly along it, so that the mass stands on motions alone and is never
 negative. Everything in frame p.
@@ -9,13 +9,13 @@ negative. Everything in frame p.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ksd.beam.strain import fields_of, leaf_room, strain_fields, strain_tangent
+from ksd.beam.strain import constants_at, fields_of, leaf_room, strain_fields, strain_tangent
 from ksd.beam.strain_values import masses_beyond, strain_scratch
 from ksd.numerics.kernel import kernel
 
@@ -24,17 +24,18 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class StrainParts:
-    """One leaf at one state: W (N, N), J (6, N), S (3, 3) of the uncondensed tangent, and the mode fields.
+    """Leaf springs at one state each, k of them: W (k, N, N), J (k, 6, N), S (k, 3, 3) of the uncondensed tangent, and the
+    mode fields.
 
-    Tangent in (xi, a, lam): [0 0 I; 0 W -J^T; I -J -S], S in the force block only. r (ng, 3): points; R (ng,
-    3, 3): their orientations; rho, psi (ng, 3, N): displacement and rotation per unit amplitude; weight
-    (ng,), sum 1; s (ng,): points in units of the length.
+    Tangent in (xi, a, lam): [0 0 I; 0 W -J^T; I -J -S], S in the force block only. length (k,) [m]; r (k, ng, 3): points;
+    end (k, 3): end q; R (k, ng, 3, 3): orientations; rho, psi (k, ng, 3, N): displacement and rotation per unit amplitude;
+    weight (k, ng), sum 1; s (k, ng): points in units of the length.
     """
 
     W: Array
     J: Array
     S: Array
-    length: Any
+    length: Array
     s: Array
     weight: Array
     r: Array
@@ -46,9 +47,9 @@ class StrainParts:
 
 def strain_stations(value: Array, number: NDArray[np.int64]) -> Array:
     """Quadrature points (ng,) of a leaf in units of its length."""
-    nx, ny, nz, ng = (int(n) for n in number[:4])
-    at = 1 + nx * nx + ny * ny + nz * nz + nx + ny + nz + ng
-    return value[at : at + ng * ng].reshape(ng, ng).sum(axis=1)
+    _, weight, _, _, _ = constants_at(number)
+    ng = int(number[3])
+    return value[weight + ng : weight + ng + ng * ng].reshape(ng, ng).sum(axis=1)
 
 
 @dataclass(frozen=True)
@@ -60,13 +61,6 @@ class StrainPull:
     eta: Array
     B: Array
     D: Array
-
-
-def strain_parts(value: Array, number: NDArray[np.int64], inner: Array) -> StrainParts:
-    """Tangent blocks and fields of a leaf with constants `value`, `number` at inner state `inner` (N +
-    6,)."""
-    found = many_parts(value[None], number, inner[None])
-    return StrainParts(**{f.name: getattr(found, f.name)[0] for f in fields(StrainParts)})
 
 
 def many_parts(
@@ -105,8 +99,8 @@ def _every_field(number: NDArray[np.int64], scratch: Array) -> Any:
 
 def many_slacks(value: Array, number: NDArray[np.int64], inner: Array) -> Array:
     """S (k, 3, 3) [m/N] of k leaf springs, without the rest of `many_parts`."""
-    nx, ny, nz, ng = (int(n) for n in number[:4])
-    first = 1 + nx * nx + ny * ny + nz * nz + nx + ny + nz
+    _, first, _, _, _ = constants_at(number)
+    ng = int(number[3])
     scratch, none = np.zeros((len(value), strain_scratch(number))), np.zeros((len(value), 0))
     _every_leaf(np.ascontiguousarray(value), number, np.ascontiguousarray(inner), none, scratch, 0)
     weight = value[:, :1] * value[:, first : first + ng]
@@ -118,9 +112,8 @@ def _many(
     value: Array, number: NDArray[np.int64], inner: Array, gravity: Array | None
 ) -> tuple[StrainParts, Array, Array, Array]:
     """The parts, and v (k, ng, 3), S (k, ng, 3, 3), eta (k, 3, N) of `ksd.beam.strain.Fields`."""
-    nx, ny, nz, ng = (int(n) for n in number[:4])
-    k = len(value)
-    at = 1 + nx * nx + ny * ny + nz * nz + nx + ny + nz
+    _, at, _, _, _ = constants_at(number)
+    k, ng = len(value), int(number[3])
     L, weight = value[:, 0], value[:, at : at + ng]
     integral = value[:, at + ng : at + ng + ng * ng].reshape(k, ng, ng)
     scratch = np.zeros((k, strain_scratch(number)))
@@ -186,7 +179,7 @@ def strain_mass_root(parts: StrainParts, P: Array, line: Array) -> Array:
     spin[..., 6:12] = parts.psi @ across
     spin[..., 12:] = parts.psi
     spin = parts.R.swapaxes(-1, -2) @ spin
-    scale = np.asarray(parts.length)[..., None] * parts.weight
+    scale = parts.length[..., None] * parts.weight
     amount = np.sqrt(scale[..., None] * np.broadcast_to(line, (*batch, ng, 4)))
     move *= amount[..., :1, None]
     spin *= amount[..., 1:, None]

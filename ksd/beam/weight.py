@@ -16,8 +16,7 @@ place  meaning
 36:39  change of g by the step, set before `recover`
 =====  ======================================================================================
 
-The weight itself, mass times g, acts at end p with the moment s x g. So far no model asks for it: scenes put weight on
-links alone. Here: the inner nodes of
+The weight itself, mass times g, acts at end p with the moment s x g (`ksd.beam.weight_entry`). Here: the inner nodes of
 Appendix A chains, which carry half the mass of both their elements. The elements' end moments g m L/12 (work-equivalent
 to cubic deflection) cancel at the inner nodes of a uniform leaf; at both ends they act as the half masses' levers L/6.
 """

@@ -1,4 +1,4 @@
-"""C entry points of the weight of a leaf: dead distributed load with its exact tangent, compiled where a model has some.
+"""The weight of a leaf as its nodes feel it: dead distributed load with its exact tangent, compiled where a model has some.
 
 A leaf with weight has the potential V(xi, g) - mass g.x_p: x_p the place of end p, g gravity in the frame of end p
 (`ksd.beam.weight`). When that frame turns by dphi, g turns in it by g x dphi; so beside the terms of every member stand

@@ -6,37 +6,20 @@ loops[loops[F] + w i + c] where it is a whole number, shapes[loops[F] + w i + c]
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
 
+from ksd.model.arrays import join_fields
+
 
 class FlatFields(NamedTuple):
-    """ints = counts, then where every field begins, and the fields of whole numbers; floats = the other fields. Of `Loops`
-    kernels call them `loops` and `shapes`, of `Inside` `inside` and `functions`."""
+    """See `ksd.model.arrays.join_fields`. Of `Loops` kernels call them `loops` and `shapes`, of `Inside` `inside` and
+    `functions`."""
 
     ints: np.ndarray
     floats: np.ndarray
-
-
-def _flatten(counts: list[int], fields: Iterable[np.ndarray]) -> FlatFields:
-    """A copy of the fields, one after the other."""
-    fields = list(fields)
-    ints, floats, places = [np.zeros(0, np.int64)], [np.zeros(0)], []
-    at, to = len(counts) + len(fields), 0
-    for field in fields:
-        if field.dtype == np.int64:
-            places.append(at)
-            ints.append(field.reshape(-1))
-            at += field.size
-        else:
-            places.append(to)
-            floats.append(field.reshape(-1))
-            to += field.size
-    ints[0] = np.array([*counts, *places], np.int64)
-    return FlatFields(np.concatenate(ints), np.concatenate(floats))
 
 
 class LoopFields(NamedTuple):
@@ -66,7 +49,8 @@ class Loops(LoopFields):
     @cached_property
     def flat(self) -> FlatFields:
         """All fields, of one design."""
-        return _flatten([len(self.node), len(self.tree), len(self.closing), self.pose.shape[2]], self)
+        counts = len(self.node), len(self.tree), len(self.closing), self.pose.shape[2]
+        return FlatFields(*join_fields(counts, (), self))
 
 
 JOINTS, BRANCHES, CLOSINGS, MONOMIALS = range(4)
@@ -100,7 +84,8 @@ class Inside(InsideFields):
     @cached_property
     def flat(self) -> FlatFields:
         """All fields, of one design."""
-        return _flatten([len(self.block_node), len(self.joint), len(self.near_joint)], self)
+        counts = len(self.block_node), len(self.joint), len(self.near_joint)
+        return FlatFields(*join_fields(counts, (), self))
 
 
 INNER_BLOCKS, FUNCTIONS, NEAR_FUNCTIONS = range(3)

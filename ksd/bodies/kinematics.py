@@ -24,7 +24,6 @@ from ksd.bodies.flat import (
     Loops,
 )
 from ksd.bodies.series import joint_places
-from ksd.bodies.slopes import term_slope
 from ksd.model.arrays import (
     ROWS,
     TERM_COEFFICIENT,
@@ -35,6 +34,7 @@ from ksd.model.arrays import (
     Arrays,
     Motion,
 )
+from ksd.model.loading import term_slope
 from ksd.numerics.kernel import kernel
 from ksd.numerics.rotations import rotation_log
 
@@ -222,7 +222,7 @@ def _row_columns(ints, reach, i):
 @kernel
 def _constraint_equations(ints, floats, target, x, R, reach, W, J, residual, row):
     """One equation per drive or support: sum of terms minus target, with its derivative along the twist columns."""
-    slope = np.empty((7, 3))
+    slope = np.empty((8, 3))
     for i in range(ints[ROWS]):
         rotations, size, total = 0, floats[0], -target[i]
         begin, end = ints[ints[TERM_FIRST] + i], ints[ints[TERM_FIRST] + i + 1]

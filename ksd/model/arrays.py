@@ -6,7 +6,7 @@ from the link's reference point. Lengths m, forces N, moments Nm, angles rad.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -160,30 +160,33 @@ def _leaves(part: Any) -> Iterator[np.ndarray]:
             yield from _leaves(field)
 
 
-def flatten(arrays: Fields) -> Flat:
-    """A copy of the fields, one after the other."""
-    ints: list[np.ndarray] = []
-    floats: list[np.ndarray] = []
-    places, at, to = [], FLOATS + 1, 1
-    for leaf in _leaves(arrays):
-        if leaf.dtype == np.int64:
+def join_fields(
+    counts: Sequence[int], first: Sequence[float], fields: Iterable[np.ndarray]
+) -> tuple[np.ndarray, np.ndarray]:
+    """Copies of fields in two arrays: counts, where every field begins, how many floats there are, and the fields of whole
+    numbers; the numbers `first`, and the other fields."""
+    fields = list(fields)
+    ints, floats, places = [], [np.array(first, float)], []
+    at, to = len(counts) + len(fields) + 1, len(first)
+    for field in fields:
+        if field.dtype == np.int64:
             places.append(at)
-            ints.append(leaf.reshape(-1))
-            at += leaf.size
+            ints.append(field.reshape(-1))
+            at += field.size
         else:
             places.append(to)
-            floats.append(leaf.reshape(-1))
-            to += leaf.size
-    assert len(places) == FLOATS - PLAN
-    counts = [
+            floats.append(field.reshape(-1))
+            to += field.size
+    return np.concatenate([np.array([*counts, *places, to], np.int64), *ints]), np.concatenate(floats)
+
+
+def flatten(arrays: Fields) -> Flat:
+    """A copy of the fields, one after the other."""
+    counts = (
         arrays.scratch, len(arrays.start), len(arrays.members.kind), len(arrays.terms.start), len(arrays.loads.node),
         len(arrays.springs.kind), len(arrays.keep),
-    ]  # fmt: skip
-    return Flat(
-        np.concatenate([np.array([*counts, *places, to], np.int64), *ints]),
-        np.concatenate([np.array([arrays.size]), *floats]),
-        _members_of(arrays),
-    )
+    )  # fmt: skip
+    return Flat(*join_fields(counts, (arrays.size,), _leaves(arrays)), _members_of(arrays))
 
 
 def _members_of(arrays: Fields) -> int:
@@ -287,7 +290,7 @@ class Work(NamedTuple):
 
 
 def open_work(flat, at):  # type: ignore[no-untyped-def]
-    """The fields of `Work`; also compiled, in `ksd.model.newton`."""
+    """The fields of `Work`."""
     return Work(
         flat[: at[0]], flat[at[0] : at[1]], flat[at[1] : at[2]], flat[at[2] : at[3]],
         flat[at[3] : at[4]].reshape(-1, 12), flat[at[4] : at[5]].reshape(-1, 18), flat[at[5] : at[6]].reshape(-1, 2),

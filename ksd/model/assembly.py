@@ -1,4 +1,4 @@
-"""Compiled assembly: members add force and tangent into one prepared storage (`ksd.model.tangents`)."""
+"""Compiled assembly: members add force and tangent into one prepared storage (`ksd.beam.levers`)."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ import numpy as np
 
 from ksd.beam import corotational, planar_leaf
 from ksd.beam.corotational_near import near_condense
+from ksd.beam.levers import member_norms, member_tangent
 from ksd.beam.linear import linear_condense
 from ksd.beam.modal import modal_condense, modal_recover
 from ksd.beam.polynomial import polynomial_condense
@@ -36,7 +37,7 @@ from ksd.model.arrays import (
     VALUE_AT,
 )
 from ksd.model.poses import member_pose
-from ksd.model.tangents import member_norms, member_tangent, scatter
+from ksd.model.tangents import scatter
 from ksd.numerics.kernel import kernel
 
 

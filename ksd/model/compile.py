@@ -15,13 +15,13 @@ import numpy as np
 
 from ksd.errors import SceneError
 from ksd.html import InNotebooks, Printed
-from ksd.model.arrays import LINEAR, MODAL, ROTATION, SOLID, STRAIN, TRANSLATION, Arrays, Motion
+from ksd.model.arrays import LINEAR, MODAL, ROTATION, SOLID, STRAIN, Arrays, Motion
 from ksd.model.drawing import Drawing, Numbers, draw
 from ksd.model.effects import Choice, applied, choose
 from ksd.model.leaves import cut_leaves
 from ksd.model.listing import listing
 from ksd.model.mesh import Mesh
-from ksd.model.pack import Push, Row, revalued
+from ksd.model.pack import revalued
 from ksd.model.plane import refuse_plane
 from ksd.model.template import Filled, Leaves, Template, design, motion_design, template_of
 from ksd.scene.contents import WANTED
@@ -159,53 +159,6 @@ def reference_points(scene: Any) -> np.ndarray:
     places = np.array([np.mean(f, axis=0) if f else np.zeros(3) for f in found])
     places[0] = 0.0
     return places
-
-
-def _row(terms: Any, index: Mapping[str, int], places: np.ndarray) -> Row:
-    """A drive or support: its value is measured from rest, so the rest value of a translation is zero by choice of
-    the base point: the base's own point coincides with the driven point at rest."""
-    rows = []
-    for t in terms:
-        a, b = index[t.base], index[t.link]
-        point = np.asarray(t.point, float)
-        kind = ROTATION if t.kind == "rotation" else TRANSLATION
-        rows.append(
-            (
-                float(t.coefficient),
-                kind,
-                a,
-                b,
-                np.asarray(t.direction, float),
-                point - places[a],
-                point - places[b],
-            )
-        )
-    return Row(tuple(rows))
-
-
-def constraint_rows(scene: Any, places: np.ndarray) -> tuple[list[Row], tuple[str, ...], tuple[str, ...]]:
-    """Rows of all drives, then all supports, with their names."""
-    index = {link: i for i, link in enumerate(scene.links)}
-    rows = [_row(d.terms, index, places) for d in (*scene.drives, *scene.supports)]
-    return rows, tuple(d.name for d in scene.drives), tuple(s.name for s in scene.supports)
-
-
-def external_loads(scene: Any, places: np.ndarray) -> list[Push]:
-    """Forces and moments on links; gravity acts at the centre of every mass the scene names."""
-    index = {link: i for i, link in enumerate(scene.links)}
-    pushes = []
-    for load in scene.loads:
-        node = index[load.link]
-        pushes.append(
-            Push(node, np.asarray(load.at, float) - places[node], np.asarray(load.force, float),
-                 np.asarray(load.moment, float), bool(load.following))
-        )  # fmt: skip
-    if scene.gravity is not None:
-        for mass in scene.masses:
-            node = index[mass.link]
-            weight = mass.mass * np.asarray(scene.gravity, float)
-            pushes.append(Push(node, np.asarray(mass.at, float) - places[node], weight, np.zeros(3)))
-    return [p for p in pushes if p.node != 0]
 
 
 class Drawn(NamedTuple):

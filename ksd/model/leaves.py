@@ -11,7 +11,6 @@ from collections.abc import Container, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from itertools import pairwise
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -42,24 +41,18 @@ FINE = 400
 """Steps by which a curve is integrated for the nodes of a chain."""
 
 
-def leaf_axes(start: np.ndarray, end: np.ndarray, width_axis: np.ndarray | None, name: str) -> np.ndarray:
-    """Columns e1 (along), e2 (thickness), e3 (width) of a straight leaf; SceneError if width lies along it.
-
-    Without a width axis (a wire) e3 is the global axis furthest from e1, turned across.
-    """
+def leaf_axes(start: np.ndarray, end: np.ndarray, width: np.ndarray) -> np.ndarray:
+    """(..., 3, 3): columns e1 (along), e2 (thickness), e3 (width) of straight leaves."""
     along = end - start
-    e1 = along / np.linalg.norm(along)
-    if width_axis is None:
-        width_axis = np.eye(3)[int(np.argmin(np.abs(e1)))]
-    e3 = width_axis - (width_axis @ e1) * e1
-    size = np.linalg.norm(e3)
-    if size < 1e-9 * np.linalg.norm(width_axis):
-        raise SceneError(
-            f"leaf '{name}': width_axis = {tuple(width_axis)} lies along the leaf; turn it across"
-        )
-    e3 /= size
-    e2 = (e3[1] * e1[2] - e3[2] * e1[1], e3[2] * e1[0] - e3[0] * e1[2], e3[0] * e1[1] - e3[1] * e1[0])
-    return np.array([e1, e2, e3]).T
+    # methods: the functions of numpy cost five times as much on arrays as small as one design has
+    e1 = along / np.sqrt((along * along).sum(axis=-1, keepdims=True))
+    e3 = width - (width * e1).sum(axis=-1, keepdims=True) * e1
+    e3 = e3 / np.sqrt((e3 * e3).sum(axis=-1, keepdims=True))
+    axes = np.empty((*start.shape, 3))
+    axes[..., 0], axes[..., 2] = e1, e3
+    for r, i, j in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
+        axes[..., r, 1] = e3[..., i] * e1[..., j] - e3[..., j] * e1[..., i]
+    return axes
 
 
 def factors(section: Section, leaf: Any, mesh: Mesh) -> tuple[float, float]:
@@ -250,20 +243,13 @@ def _undeformed_end(
     return fields.end.copy(), fields.R[-1].copy()
 
 
-def _numbers(section: Section, leaf: Any, mesh: Mesh) -> SimpleNamespace:
+def _numbers(section: Section, leaf: Any, mesh: Mesh) -> chains.ElementSection:
     """Section and material numbers in one place, as the chain set-up reads them."""
-    material = leaf.material
+    E, G = leaf.material.E, leaf.material.G
     stiff, _ = rigidities(section, leaf, mesh)
     free = 1.0 if mesh.shear else math.inf
-    return SimpleNamespace(
-        E=material.E,
-        G=material.G,
-        A=section.A,
-        J=stiff[0] / material.G,
-        Iy=section.Iy,
-        Iz=stiff[2] / material.E,
-        ky=free * section.ky,
-        kz=free * section.kz,
+    return chains.ElementSection(
+        E, G, section.A, stiff[0] / G, section.Iy, stiff[2] / E, free * section.ky, free * section.kz
     )
 
 
@@ -324,7 +310,6 @@ def _placed(leaf: Any, d: np.ndarray, name: str) -> tuple[np.ndarray, np.ndarray
     The chord of a curved leaf must be as long as the distance of its ends, to 1e-3.
     """
     start, end, width = (np.asarray(v, float) for v in (leaf.start, leaf.end, leaf.width_axis))
-    chord = leaf_axes(start, end, width, name)
     reach, given = float(np.linalg.norm(d)), float(np.linalg.norm(end - start))
     if abs(reach - given) > 1e-3 * given:
         with np.errstate(all="ignore"):
@@ -335,8 +320,12 @@ def _placed(leaf: Any, d: np.ndarray, name: str) -> tuple[np.ndarray, np.ndarray
             f"leaf '{name}': its curve spans {reach:.6g} m from start to end, but the ends are {given:.6g} m apart; "
             "move an end or change the curve"
         )
-    own = leaf_axes(np.zeros(3), d, np.array([0.0, 0.0, 1.0]), name)
-    axes = chord @ own.T
+    if np.hypot(d[0], d[1]) < 1e-6 * reach:
+        raise SceneError(
+            f"leaf '{name}': its curve ends straight along the width of its start, so that width_axis does not say how it "
+            "is turned about the line between its ends; cut it into two leaves"
+        )
+    axes = leaf_axes(start, end, width) @ leaf_axes(np.zeros(3), d, np.array([0.0, 0.0, 1.0])).T
     return axes, start + axes @ d
 
 

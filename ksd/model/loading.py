@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 
+from ksd.beam.levers import geometric_tangent
 from ksd.model.arrays import (
     KEEP,
     LOAD_BLOCK,
@@ -29,7 +30,7 @@ from ksd.model.arrays import (
     TRANSLATION,
     WIDTH,
 )
-from ksd.model.tangents import couple, geometric_tangent
+from ksd.model.tangents import couple
 from ksd.numerics.kernel import kernel
 from ksd.numerics.rotations import rotation_log
 
@@ -86,73 +87,81 @@ def add_loads(ints, floats, R, factor, rtol, matrix, rhs, scale):
 
 
 @kernel
-def term_value(ints, floats, t, x, R, gradient, tangent, weight):
-    """Value of constraint term t; its gradient (12,) on (base, node), and weight * second derivatives (12, 12).
+def term_slope(ints, floats, x, R, t, slope):
+    """Value of constraint term t; its derivatives by displacement and rotation of base and node into slope[:4].
 
-    Translation: u.(x_b + s_b - x_a - s_a) with u, s_a turning with base. Rotation: twist of R_a^T R_b about u.
+    Translation: u.(x_b + s_b - x_a - s_a) with u, s_a turning with base. Rotation: twist of R_a^T R_b about u. slope (8, 3):
+    then u, and of a translation zero, the lever and s_b, of a rotation (q0, .., ..), .. and q, see `twist`.
     """
     a, b = ints[ints[TERM_NODE] + 2 * t], ints[ints[TERM_NODE] + 2 * t + 1]
     direction, point = ints[TERM_DIRECTION] + 3 * t, ints[TERM_POINT] + 6 * t
-    # n = weight u, no moment, the levers, and u
-    of, value = np.zeros((5, 3)), 0.0
-    for i in range(12):
-        gradient[i] = 0.0
-        for j in range(12):
-            tangent[i, j] = 0.0
+    value = 0.0
     for r in range(3):
-        u, p, q = 0.0, 0.0, 0.0
+        u, p, arm = 0.0, 0.0, 0.0
         for c in range(3):
             u += R[a, r, c] * floats[direction + c]
             p += R[a, r, c] * floats[point + c]
-            q += R[b, r, c] * floats[point + 3 + c]
+            arm += R[b, r, c] * floats[point + 3 + c]
         # the base's own point only shifts the value by a constant along u fixed in base
-        lever = x[b, r] + q - x[a, r]
-        of[0, r], of[2, r], of[3, r], of[4, r] = weight * u, lever, q, u
+        lever = x[b, r] + arm - x[a, r]
+        slope[4, r], slope[5, r], slope[6, r], slope[7, r] = u, 0.0, lever, arm
         value += u * (lever - p)
     if ints[ints[TERM_KIND] + t] == TRANSLATION:
         for r in range(3):
             j, k = (r + 1) % 3, (r + 2) % 3
-            gradient[r], gradient[6 + r] = -of[4, r], of[4, r]
-            gradient[3 + r] = of[4, j] * of[2, k] - of[4, k] * of[2, j]
-            gradient[9 + r] = of[3, j] * of[4, k] - of[3, k] * of[4, j]
-        geometric_tangent(of, tangent)
+            slope[0, r], slope[2, r] = -slope[4, r], slope[4, r]
+            slope[1, r] = slope[4, j] * slope[6, k] - slope[4, k] * slope[6, j]
+            slope[3, r] = slope[7, j] * slope[4, k] - slope[7, k] * slope[4, j]
     else:
-        value = twist(R[a], R[b], of[4], gradient, tangent, weight)
+        value, slope[5, 0] = twist(R[a], R[b], slope[4], slope[7], slope[3])
+        for r in range(3):
+            slope[0, r], slope[1, r], slope[2, r] = 0.0, -slope[3, r], 0.0
     return value
 
 
 @kernel
-def twist(Ra, Rb, u, gradient, tangent, weight):
-    """Twist angle 2 atan2(q.u, q0) of the relative rotation, with derivatives in D = dphi_b - dphi_a.
+def twist(Ra, Rb, u, q, slope):
+    """Twist angle 2 atan2(q.u, q0) of the relative rotation, and q0; its derivative by dphi_b - dphi_a into slope (3,).
 
-    Quaternion (q0, q) of Rb Ra^T in global axes, u turning with a: the same number as in base axes.
-    Second derivatives keep the part symmetric in D; with dphi_a they add -1/2 [m]x coupling, m = gradient.
+    Quaternion (q0, q) of Rb Ra^T in global axes, u turning with a: the same number as in base axes; q (3,) is written.
     """
-    rel, v, dr = np.empty((3, 3)), np.empty(3), np.empty(3)
+    rel = np.empty((3, 3))
     for i in range(3):
         for j in range(3):
             rel[i, j] = Rb[i, 0] * Ra[j, 0] + Rb[i, 1] * Ra[j, 1] + Rb[i, 2] * Ra[j, 2]
-    rotation_log(rel, v)
-    t = math.sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2])
+    rotation_log(rel, q)
+    t = math.sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2])
     q0 = math.cos(0.5 * t)
     f = 0.5 if t < 1e-12 else math.sin(0.5 * t) / t
     N = 0.0
     for i in range(3):
-        v[i] *= f
-        N += v[i] * u[i]
-    r2 = N * N + q0 * q0
-    # q0' = -q.D/2, (q.u)' = (q0 u + q x u ... ).D/2 : d(q)/dD = (q0 D + D x q)/2; dr = (r2)'
+        q[i] *= f
+        N += q[i] * u[i]
     for i in range(3):
         j, k = (i + 1) % 3, (i + 2) % 3
-        dN, d0 = 0.5 * (q0 * u[i] + v[j] * u[k] - v[k] * u[j]), -0.5 * v[i]
-        g = 2.0 * (q0 * dN - N * d0) / r2
-        dr[i] = 2.0 * (N * dN + q0 * d0)
-        gradient[3 + i], gradient[9 + i] = -g, g
+        # (q.u)' and q0' are halves of this and of -q
+        along = q0 * u[i] + q[j] * u[k] - q[k] * u[j]
+        slope[i] = (q0 * along + N * q[i]) / (N * N + q0 * q0)
+    return 2.0 * math.atan2(N, q0), q0
+
+
+@kernel
+def twist_curvature(u, q, q0, slope, weight, tangent):
+    """Add weight * second derivatives of `twist` by the rotations of (a, b) to tangent (12, 12).
+
+    They keep the part symmetric in D = dphi_b - dphi_a; with dphi_a they add -1/2 [m]x coupling, m = slope.
+    """
+    N = q[0] * u[0] + q[1] * u[1] + q[2] * u[2]
+    r2, dr = N * N + q0 * q0, np.empty(3)
+    for i in range(3):
+        j, k = (i + 1) % 3, (i + 2) % 3
+        # the derivative of r2
+        dr[i] = N * (q0 * u[i] + q[j] * u[k] - q[k] * u[j]) - q0 * q[i]
     # N'' = -N/4 and q0'' = -q0/4 cancel in atan2; the symmetric part left is -(g r2' + r2' g)/2 / r2
     for i in range(3):
-        g = gradient[9 + i]
+        g = slope[i]
         for j in range(3):
-            h = -0.5 * weight * (g * dr[j] + gradient[9 + j] * dr[i]) / r2
+            h = -0.5 * weight * (g * dr[j] + slope[j] * dr[i]) / r2
             tangent[3 + i, 3 + j] += h
             tangent[9 + i, 9 + j] += h
             tangent[3 + i, 9 + j] -= h
@@ -163,7 +172,6 @@ def twist(Ra, Rb, u, gradient, tangent, weight):
         tangent[9 + k, 3 + j] -= c
         tangent[3 + k, 9 + j] += c
         tangent[3 + j, 9 + k] -= c
-    return 2.0 * math.atan2(N, q0)
 
 
 @kernel
@@ -172,7 +180,7 @@ def add_terms(ints, floats, x, R, multiplier, target, rtol, matrix, rhs, scale):
 
     Returns the largest gap, in metres (rotations times the model's length scale).
     """
-    gradient, tangent = np.empty(12), np.empty((12, 12))
+    slope, tangent = np.empty((8, 3)), np.empty((12, 12))
     largest, keep, w, size = 0.0, ints[KEEP], ints[WIDTH], floats[0]
     for i in range(ints[ROWS]):
         row, mu = ints[ints[TERM_START] + i], multiplier[i]
@@ -181,9 +189,16 @@ def add_terms(ints, floats, x, R, multiplier, target, rtol, matrix, rhs, scale):
         gap, reach = -target[i], 1.0
         for t in range(ints[ints[TERM_FIRST] + i], ints[ints[TERM_FIRST] + i + 1]):
             c = floats[ints[TERM_COEFFICIENT] + t]
-            gap += c * term_value(ints, floats, t, x, R, gradient, tangent, mu * c)
-            if ints[ints[TERM_KIND] + t] != TRANSLATION:
+            gap += c * term_slope(ints, floats, x, R, t, slope)
+            tangent[:, :] = 0.0
+            if ints[ints[TERM_KIND] + t] == TRANSLATION:
+                # as of a member whose force is mu c u
+                for r in range(3):
+                    slope[4, r] *= mu * c
+                geometric_tangent(slope[4:], tangent)
+            else:
                 reach = size
+                twist_curvature(slope[4], slope[7], slope[5, 0], slope[3], mu * c, tangent)
             block = ints[TERM_BLOCK] + 5 * t
             for e in range(2):
                 node = ints[ints[TERM_NODE] + 2 * t + e]
@@ -193,7 +208,7 @@ def add_terms(ints, floats, x, R, multiplier, target, rtol, matrix, rhs, scale):
                 f2, m2 = 0.0, 0.0
                 for r in range(w):
                     p = ints[keep + r]
-                    value = c * gradient[6 * e + p]
+                    value = c * slope[2 * e + p // 3, p % 3]
                     # the row is stored (multiplier, node) or (node, multiplier): w numbers either way
                     matrix[at + r] += value
                     rhs[u + r] += mu * value

@@ -28,6 +28,7 @@ from ksd.model.arrays import (
     WIDTH,
 )
 from ksd.numerics.blocks import solve_blocks
+from ksd.numerics.elimination import solve_small
 from ksd.numerics.kernel import kernel
 
 
@@ -65,31 +66,6 @@ def _rest(ints, floats, i, R, factor, B):
 
 
 @kernel
-def _gauss(G, z):
-    """z <- G^-1 z in place, with pivoting by rows; G (k, k) is lost."""
-    k = len(z)
-    for c in range(k):
-        best = c
-        for r in range(c + 1, k):
-            if abs(G[r, c]) > abs(G[best, c]):
-                best = r
-        if best != c:
-            for q in range(k):
-                G[c, q], G[best, q] = G[best, q], G[c, q]
-            z[c], z[best] = z[best], z[c]
-        for r in range(c + 1, k):
-            f = G[r, c] / G[c, c]
-            if f != 0.0:
-                for q in range(c + 1, k):
-                    G[r, q] -= f * G[c, q]
-                z[r] -= f * z[c]
-    for c in range(k - 1, -1, -1):
-        for q in range(c + 1, k):
-            z[c] -= G[c, q] * z[q]
-        z[c] /= G[c, c]
-
-
-@kernel
 def turn_step(ints, floats, plan, R, matrix, spare, rhs, scratch, factor):
     """Correct the step in rhs of a system whose matrix is factored; R (k, 3, 3): rotations of the nodes."""
     n, keep, width = len(rhs), ints[KEEP], ints[WIDTH]
@@ -101,7 +77,7 @@ def turn_step(ints, floats, plan, R, matrix, spare, rhs, scratch, factor):
     if k == 0:
         return
     X, B = scratch[: k * n].reshape(k, n), np.empty((6, 6))
-    G, z = scratch[k * n : k * (n + k)].reshape(k, k), scratch[k * (n + k) : k * (n + k + 1)]
+    G, z = scratch[k * n : k * (n + k)].reshape(k, k), scratch[k * (n + k) : k * (n + k + 1)].reshape(k, 1)
     # X: K^-1 for every unknown of the loaded nodes
     row, i = 0, _next(ints, 0 * n)
     while i < ints[LOADS]:
@@ -117,17 +93,17 @@ def turn_step(ints, floats, plan, R, matrix, spare, rhs, scratch, factor):
         u = ints[ints[START] + ints[ints[LOAD_NODE] + i]]
         _rest(ints, floats, i, R, factor, B)
         for r in range(width):
-            z[row] = 0.0
+            z[row, 0] = 0.0
             for q in range(k):
                 G[row, q] = 1.0 if row == q else 0.0
             for c in range(width):
                 b = B[ints[keep + r], ints[keep + c]]
-                z[row] += b * rhs[u + c]
+                z[row, 0] += b * rhs[u + c]
                 for q in range(k):
                     G[row, q] += b * X[q, u + c]
             row += 1
         i = _next(ints, i + 1)
-    _gauss(G, z)
+    solve_small(G, z)
     for q in range(k):
         for c in range(n):
-            rhs[c] -= z[q] * X[q, c]
+            rhs[c] -= z[q, 0] * X[q, c]

@@ -16,8 +16,8 @@ LADDER = (
     (1e-5, (5, 3, 6), 8),
     (0.0, (6, 4, 8), 10),
 )
-"""Accuracy reached by (nx, ny, nz) curvature modes and quadrature points, coarse to fine. Fewer than the first would be
-dearer: the compiler knows the sizes of those (`benchmarks/results/leaf_cost.json`)."""
+"""Accuracy reached by (nx, ny, nz) curvature modes and quadrature points, coarse to fine (what they cost:
+`benchmarks/results/leaf_cost.json`)."""
 
 
 def mesh_for(accuracy: float) -> Mesh:

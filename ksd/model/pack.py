@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -254,53 +254,32 @@ def topology_arrays(
 MEMBER_FLOATS = ("offset", "frame", "value", "length", "floor")
 TERM_FLOATS = ("coefficient", "direction", "point")
 LOAD_FLOATS = ("point", "force", "moment")
+_FLOATS = {"members": MEMBER_FLOATS, "terms": TERM_FLOATS, "loads": LOAD_FLOATS, "springs": MEMBER_FLOATS}
 
 
 def float_fields(arrays: Arrays) -> list[np.ndarray]:
     """The fields of numbers, in the order of `Flat.floats` behind the size."""
-    parts = (
-        (arrays.members, MEMBER_FLOATS), (arrays.terms, TERM_FLOATS), (arrays.loads, LOAD_FLOATS),
-        (arrays.springs, MEMBER_FLOATS), (arrays, ("weight",)),
-    )  # fmt: skip
-    return [getattr(part, name) for part, names in parts for name in names]
+    found = [getattr(getattr(arrays, part), name) for part, names in _FLOATS.items() for name in names]
+    return [*found, arrays.weight]
 
 
 def refilled(topology: Arrays, floats: np.ndarray) -> Arrays:
     """Arrays with the integers of `topology`, which are shared, and other numbers, laid out as `Flat.floats`: a third of
     the time of `opened`, which makes views of the integers too."""
-    views, at = [], 1
-    for own in float_fields(topology):
-        views.append(floats[at : at + own.size].reshape(own.shape))
-        at += own.size
-    m, t, q, s = topology.members, topology.terms, topology.loads, topology.springs
-    offset, frame, value, length, floor, coefficient, along, point, place, force, moment, *spring, weight = (
-        views
-    )
-    arrays = Arrays(
-        topology.plan,
-        topology.start,
-        Members(
-            m.kind,
-            m.node,
-            offset,
-            frame,
-            m.number,
-            m.value_at,
-            value,
-            m.inner_at,
-            m.store_at,
-            length,
-            floor,
-            m.block,
-        ),
-        Terms(t.first, t.start, coefficient, t.kind, t.node, along, point, t.block, t.flip),
-        Loads(q.node, place, force, moment, q.following, q.skew, q.block),
-        float(floats[0]),
-        s._replace(**dict(zip(MEMBER_FLOATS, spring, strict=True))),
-        topology.scratch,
-        weight,
-        topology.keep,
-    )
+    at = 1
+
+    def filled(part: Any, names: Iterable[str]) -> Any:
+        nonlocal at
+        views = {}
+        for name in names:
+            own = getattr(part, name)
+            views[name] = floats[at : at + own.size].reshape(own.shape)
+            at += own.size
+        return part._replace(**views)
+
+    # in the order of `float_fields`
+    made = {part: filled(getattr(topology, part), names) for part, names in _FLOATS.items()}
+    arrays: Arrays = filled(topology._replace(size=float(floats[0]), **made), ("weight",))
     arrays.flat = topology.flat._replace(floats=floats)
     return arrays
 

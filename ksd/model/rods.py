@@ -11,9 +11,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ksd.beam.levers import member_tangent
 from ksd.beam.rod import STATE, integrate_rod, open_rod_room
 from ksd.model.arrays import BLOCK, KEEP, MEMBERS, NODE, START, WIDTH
-from ksd.model.tangents import member_tangent, scatter
+from ksd.model.tangents import scatter
+from ksd.numerics.elimination import solve_small
 from ksd.numerics.kernel import kernel
 from ksd.numerics.rotations import straighten, turn
 
@@ -47,33 +49,6 @@ class RodState(NamedTuple):
     back: np.ndarray
     kept: np.ndarray
     moved: np.ndarray
-
-
-@kernel
-def _solve_small(A, B):
-    """B (n, k) <- A^-1 B, A (n, n) is overwritten: elimination with the largest pivot of the column."""
-    n, count = B.shape
-    for c in range(n):
-        best = c
-        for r in range(c + 1, n):
-            if abs(A[r, c]) > abs(A[best, c]):
-                best = r
-        for k in range(n):
-            A[c, k], A[best, k] = A[best, k], A[c, k]
-        for k in range(count):
-            B[c, k], B[best, k] = B[best, k], B[c, k]
-        for r in range(c + 1, n):
-            share = A[r, c] / A[c, c]
-            for k in range(c + 1, n):
-                A[r, k] -= share * A[c, k]
-            for k in range(count):
-                B[r, k] -= share * B[c, k]
-    for c in range(n - 1, -1, -1):
-        for k in range(count):
-            s = B[c, k]
-            for r in range(c + 1, n):
-                s -= A[c, r] * B[r, k]
-            B[c, k] = s / A[c, c]
 
 
 @kernel
@@ -123,7 +98,7 @@ def _close(y, gap, length, back, A, K, lam):
             A[r, c] = y[STATE + 9 * c + r] / ((length if r < 3 else 1.0) * (length if c < 3 else 1.0))
             back[r, c] = 1.0 if r == c else 0.0
         back[r, 6] = gap[r] / (length if r < 3 else 1.0)
-    _solve_small(A, back)
+    solve_small(A, back)
     for r in range(6):
         for c in range(7):
             back[r, c] /= (length if r < 3 else 1.0) * (length if c < 3 else 1.0)
@@ -163,7 +138,7 @@ def _join(E, g, T, force, kept, A):
             A[r, c] = E[6 + r, 6 + c] + T[r, c]
             kept[r, c], kept[r, 6 + c] = E[6 + r, c], T[r, 6 + c]
         kept[r, 12] = g[6 + r] + force[r]
-    _solve_small(A, kept)
+    solve_small(A, kept)
     for r in range(6):
         for c in range(6):
             # coupling and far end, before the near one is overwritten

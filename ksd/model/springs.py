@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from ksd.beam.levers import member_norms, member_tangent
 from ksd.beam.linear import linear_condense
 from ksd.beam.spring import coil_condense
 from ksd.model.arrays import (
@@ -30,10 +31,10 @@ from ksd.model.arrays import (
     VALUE,
     VALUE_AT,
 )
-from ksd.model.loading import twist
+from ksd.model.loading import twist, twist_curvature
 from ksd.model.pack import Member
 from ksd.model.poses import member_pose
-from ksd.model.tangents import member_norms, member_tangent, scatter
+from ksd.model.tangents import scatter
 from ksd.numerics.kernel import kernel
 from ksd.scene.effects import LinkMatrix, Spring, TurnSpring
 
@@ -51,6 +52,7 @@ def add_springs(ints, floats, x, R, rtol, noise, matrix, rhs, scale, poses, lams
     node, value_at, block = ints[SPRINGS + NODE], ints[SPRINGS + VALUE_AT], ints[SPRINGS + BLOCK]
     Q, K, pose, lam, norms = np.empty((3, 3)), np.empty((6, 6)), np.empty(18), np.empty(12), np.empty(6)
     T, force, d, A, M = np.empty((12, 12)), np.empty(12), np.empty(3), np.empty((6, 6)), np.empty((6, 12))
+    q, slope = np.empty(3), np.empty(3)
     for i in range(ints[SPRING_COUNT]):
         a, b = ints[node + 2 * i], ints[node + 2 * i + 1]
         kind, row = ints[ints[SPRINGS + KIND] + i], ints[MEMBER_COUNT] + i
@@ -65,18 +67,19 @@ def add_springs(ints, floats, x, R, rtol, noise, matrix, rhs, scale, poses, lams
                 d[c] = pose[3 * c + 2]
             T[:, :] = 0.0
             force[:] = 0.0
-            # the angle first, since the moment weighs its second derivatives
-            moment, stiffness = 0.0, value[0]
-            moment = stiffness * (twist(R[a], R[b], d, force, T, moment) - value[1])
-            T[:, :] = 0.0
-            twist(R[a], R[b], d, force, T, moment)
-            for r in range(12):
-                for c in range(12):
-                    T[r, c] += stiffness * force[r] * force[c]
+            angle, q0 = twist(R[a], R[b], d, q, slope)
+            moment = value[0] * (angle - value[1])
+            twist_curvature(d, q, q0, slope, moment, T)
+            for r in range(3):
+                force[3 + r], force[9 + r] = -moment * slope[r], moment * slope[r]
+                for c in range(3):
+                    k = value[0] * slope[r] * slope[c]
+                    T[3 + r, 3 + c] += k
+                    T[9 + r, 9 + c] += k
+                    T[3 + r, 9 + c] -= k
+                    T[9 + r, 3 + c] -= k
             lam[:] = 0.0
             lam[5], lam[11] = moment, moment
-            for r in range(12):
-                force[r] *= moment
         else:
             if kind == COIL:
                 status = max(status, coil_condense(value, d, lam, K))

@@ -18,6 +18,7 @@ from ksd.beam import corotational_values as chains
 from ksd.beam.strain_values import strain_constants, strain_sizes, strain_values
 from ksd.model.arrays import STRAIN, Arrays, Members, Motion
 from ksd.model.drawing import GIVEN, LEAF, SPRING, LeafWords, Numbers, Words, places_of
+from ksd.model.leaves import leaf_axes
 from ksd.model.mesh import Mesh
 from ksd.model.pack import MEMBER_FLOATS, Shape, float_fields, refilled, spread, topology_arrays
 
@@ -91,20 +92,6 @@ class Leaves(NamedTuple):
     mass: Array
     floor: Array
     length: Array
-
-
-def leaf_axes(start: Array, end: Array, width: Array) -> Array:
-    """(..., 3, 3): columns e1 (along), e2 (thickness), e3 (width) of straight leaves."""
-    along = end - start
-    # methods: the functions of numpy cost five times as much on arrays as small as one design has
-    e1 = along / np.sqrt((along * along).sum(axis=-1, keepdims=True))
-    e3 = width - (width * e1).sum(axis=-1, keepdims=True) * e1
-    e3 = e3 / np.sqrt((e3 * e3).sum(axis=-1, keepdims=True))
-    axes = np.empty((*start.shape, 3))
-    axes[..., 0], axes[..., 2] = e1, e3
-    for r, i, j in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
-        axes[..., r, 1] = e3[..., i] * e1[..., j] - e3[..., j] * e1[..., i]
-    return axes
 
 
 class Packed:

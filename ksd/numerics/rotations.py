@@ -143,15 +143,7 @@ def straighten(R):
 def exp_tangent(v, T):
     """T (3, 3): exp(v + dv) = exp(T dv) exp(v) to first order (left Jacobian of the rotation group)."""
     x, y, z = v[0], v[1], v[2]
-    t2 = x * x + y * y + z * z
-    if t2 < 1e-6:
-        b = 0.5 - t2 / 24.0
-        c = 1.0 / 6.0 - t2 / 120.0
-    else:
-        t = math.sqrt(t2)
-        h = math.sin(0.5 * t)
-        b = 2.0 * h * h / t2
-        c = (t - math.sin(t)) / (t2 * t)
+    b, c, _, _ = tangent_factors(x * x + y * y + z * z)
     _series(x, y, z, b, c, T)
 
 

@@ -29,12 +29,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ksd.beam.levers import geometric_tangent
 from ksd.errors import ConvergenceError, SceneError
 from ksd.model.arrays import COIL, STRAIN, TURN, Motion, make_work
 from ksd.model.compile import Model
 from ksd.model.loading import twist
 from ksd.model.newton import assemble, assemble_nodes, move_nodes
-from ksd.model.tangents import geometric_tangent
 from ksd.properties.leaf_groups import (
     EndFrames,
     LeafGroup,
@@ -217,7 +217,7 @@ def _relaxed(model: Model, motion: Motion) -> Model:
         if springs.kind[i] == COIL:
             here[1] = np.linalg.norm(d)
         elif springs.kind[i] == TURN:
-            here[1] = twist(R[a], R[b], frame[:, 2].copy(), np.zeros(12), np.zeros((12, 12)), 0.0)
+            here[1], _ = twist(R[a], R[b], frame[:, 2].copy(), np.zeros(3), np.zeros(3))
         else:
             # place and rotation at rest, then the wrench there
             here[:3], here[3:12] = d, (frame.T @ R[b] @ springs.frame[i, 1]).ravel()

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from ksd.errors import KinematicsError, SceneError
 from ksd.model.arrays import COROTATIONAL, LINEAR, SOLID, Arrays, Flat, Motion, Work, make_work
 from ksd.model.compile import Model
-from ksd.model.loading import term_value
+from ksd.model.loading import term_slope
 from ksd.model.newton import assemble
 from ksd.numerics.blocks import factor_blocks, refined_rows, residual_blocks
 from ksd.numerics.indefinite import inertia, scaling, solve_scaled
@@ -86,14 +86,14 @@ def gradients_of_rows(arrays: Arrays, flat: Flat, motion: Motion, rows: Iterable
     """The same of a model with the integers of `arrays` and the numbers of `flat`."""
     terms, rows = arrays.terms, list(rows)
     found = np.zeros((arrays.plan.unknowns, len(rows)))
-    gradient, scratch = np.empty(12), np.empty((12, 12))
+    slope = np.empty((8, 3))
     for k, row in enumerate(rows):
         for t in range(terms.first[row], terms.first[row + 1]):
-            term_value(flat.ints, flat.floats, t, motion.x, motion.R, gradient, scratch, 0.0)
+            term_slope(flat.ints, flat.floats, motion.x, motion.R, t, slope)
             for e in range(2):
                 start = arrays.start[terms.node[t, e]]
                 if start >= 0:
-                    found[start : start + 6, k] += terms.coefficient[t] * gradient[6 * e : 6 * e + 6]
+                    found[start : start + 6, k] += terms.coefficient[t] * slope[2 * e : 2 * e + 2].ravel()
     return found
 
 

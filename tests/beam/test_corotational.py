@@ -6,6 +6,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from scipy.linalg import expm
 
 from ksd.beam import corotational as chain
 from ksd.beam import corotational_values as setup
@@ -193,6 +194,14 @@ def test_elastica_in_a_tilted_plane_converges_with_order_two():
     assert errors[-1] < 1e-3
 
 
+def arc_nodes(curvature, length, n):
+    """Nodes of a leaf of constant curvature (3,) at rest: the exact helix, by the exponential of a rigid motion."""
+    x, y, z = curvature
+    along = np.array([[0, -z, y, 1], [z, 0, -x, 0], [-y, x, 0, 0], [0, 0, 0, 0]])
+    poses = np.array([expm(s * along) for s in np.linspace(0, length, n + 1)])
+    return poses[:, :3, 3], poses[:, :3, :3]
+
+
 def test_forty_five_degree_bend():
     """Acceptance A: R = 100, unit square, E = 1e7, nu = 0, tip load 600; tip (15.685, 47.150, 53.475).
 
@@ -201,7 +210,7 @@ def test_forty_five_degree_bend():
     square = setup.ElementSection(E=1e7, G=5e6, A=1.0, J=1 / 6, Iy=1 / 12, Iz=1 / 12, ky=1.0, kz=1.0)
     tips = []
     for n in (8, 16):
-        curve = setup.arc_nodes(np.array([0, 0, 0.01]), 25 * np.pi, n)
+        curve = arc_nodes(np.array([0, 0, 0.01]), 25 * np.pi, n)
         leaf = Leaf(square, 25 * np.pi, n, curve=curve)
         leaf.load([0, 0, 600.0, 0, 0, 0], steps=6)
         tips.append(leaf.d[[1, 0, 2]])
@@ -210,7 +219,7 @@ def test_forty_five_degree_bend():
 
 
 def test_undeformed_curved_leaf_is_free_of_force():
-    curve = setup.arc_nodes(np.array([3.0, -4.0, 9.0]), L, 4)
+    curve = arc_nodes(np.array([3.0, -4.0, 9.0]), L, 4)
     leaf = Leaf(LEAF, L, 4, curve=curve)
     assert np.allclose(leaf.d, curve[0][-1], atol=1e-15)
     leaf.condense()

@@ -123,6 +123,16 @@ def test_curve_that_does_not_fit_its_ends_is_refused():
         cantilever(end=(0.2, 0, 0), curve=ksd.Arc(0.05, 1.0))
 
 
+def test_half_circle_about_the_strong_axis_is_refused():
+    """Its chord lies along the width of its start, and says nothing of how the leaf is turned about it."""
+    r = 0.05
+    bent = ksd.FreeCurve(np.pi * r, lambda s: (0.0, 1 / r, 0.0))
+    with pytest.raises(
+        ksd.SceneError, match=r"leaf 'leaf': its curve ends straight along the width of its start"
+    ):
+        cantilever(end=(2 * r, 0, 0), curve=bent)
+
+
 @pytest.mark.parametrize("elements", [8, 16, 32])
 def test_chains_converge_to_the_tapered_leaf(elements):
     taper = ksd.Taper(thickness=(1e-3, 0.5e-3), width=(40e-3, 20e-3))
