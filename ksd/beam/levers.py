@@ -14,7 +14,7 @@ import math
 from ksd.numerics.kernel import kernel
 
 
-@kernel
+@kernel(inline="late")
 def _turn_stiffness(pose, K, A, T):
     """A (6, 6) = diag(Rp, Rp) K diag(Rp, Rp)^T; T (6, 6 or more): scratch."""
     for b in (0, 3):
@@ -33,7 +33,7 @@ def _turn_stiffness(pose, K, A, T):
                 A[r, b + c] = s
 
 
-@kernel
+@kernel(inline="late")
 def _times_levers(A, pose, M):
     """M (6, 12) = A [ -1, [w]x, 1, -[s]x ; 0, -1, 0, 1 ] for A (6, 6); levers w = pose[9:12], s = pose[12:15]."""
     w0, w1, w2, s0, s1, s2 = pose[9], pose[10], pose[11], pose[12], pose[13], pose[14]
@@ -45,7 +45,7 @@ def _times_levers(A, pose, M):
         M[r, 9], M[r, 10], M[r, 11] = a2 * s1 - a1 * s2 + b0, a0 * s2 - a2 * s0 + b1, a1 * s0 - a0 * s1 + b2
 
 
-@kernel
+@kernel(inline="late")
 def geometric_tangent(of, T):
     """Add the second derivatives of n.xi_t + m.xi_r to T (12, 12), see the module docstring; rows of `of`: n, m and the
     levers w, s."""

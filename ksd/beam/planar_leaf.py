@@ -31,7 +31,7 @@ TINY_PIVOT = 1e-15
 TURN = 2.0 * math.pi
 
 
-@kernel
+@kernel(inline="late")
 def _gather(value, number, inner, store):
     """W (lower) and (J, g) into the store, at the points. Returns place and angle of end q, and the force block of F."""
     nz, points, first, wrench = number[0], number[1], number[2], number[3]
@@ -85,7 +85,7 @@ def _gather(value, number, inner, store):
     return x, y, angle, xx, xy, yy
 
 
-@kernel
+@kernel(inline="late")
 def _solve(nz, store):
     """W^-1 (J, g) by LDL^T in place of W (lower), into the head of the store; returns (negative pivots, status)."""
     negatives, status, J, W = 0, 0, 4 * nz, 8 * nz

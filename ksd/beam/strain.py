@@ -46,8 +46,8 @@ class Fields(NamedTuple):
     (ng+1, 3, 3): from a change of turn to the rotation of all behind; G = T J. R (ng+2, 3, 3): orientation; psi (ng+2, 3,
     N): rotation by the amplitudes. n (ng, 3): force; v (ng, 3) = r'; S (ng, 3, 3) = R C R^T [1/N]; slope (ng, 3, N): v by
     the amplitudes, at fixed n. end (3,) [m]: place of end q; rho, eta (3, N): that place, and the first moment of the mass,
-    by the amplitudes; eta only with weight. W (N, N) tangent and g (N,) residual of the amplitudes; Y (N, 7) right-hand
-    sides; X (3, N), Z (N, 9), M (9, 9), V (3, 3): scratch.
+    by the amplitudes; eta only with weight. W (N, N) tangent of the amplitudes; Y (N, 8) right-hand sides, the seventh their
+    residual; X (3, N), Z (N, 9), M (9, 9), V (3, 3): scratch.
     """
 
     gap: np.ndarray
@@ -65,7 +65,6 @@ class Fields(NamedTuple):
     rho: np.ndarray
     eta: np.ndarray
     W: np.ndarray
-    g: np.ndarray
     Y: np.ndarray
     X: np.ndarray
     Z: np.ndarray
@@ -102,9 +101,8 @@ def open_room(N, ng, scratch):  # type: ignore[no-untyped-def]
     rho = end + 3
     eta = rho + 3 * N
     W = eta + 3 * N
-    g = W + N * N
-    Y = g + N
-    X = Y + 7 * N
+    Y = W + N * N
+    X = Y + 8 * N
     Z = X + 3 * N
     M = Z + 9 * N
     return Fields(
@@ -122,9 +120,8 @@ def open_room(N, ng, scratch):  # type: ignore[no-untyped-def]
         scratch[end:rho],
         scratch[rho:eta].reshape(3, N),
         scratch[eta:W].reshape(3, N),
-        scratch[W:g].reshape(N, N),
-        scratch[g:Y],
-        scratch[Y:X].reshape(N, 7),
+        scratch[W:Y].reshape(N, N),
+        scratch[Y:X].reshape(N, 8),
         scratch[X:Z].reshape(3, N),
         scratch[Z:M].reshape(N, 9),
         scratch[M : M + 81].reshape(9, 9),
@@ -140,23 +137,26 @@ def fields_of(number: np.ndarray, scratch: np.ndarray) -> Fields:
     return open_room(int(number[:3].sum()), int(number[3]), scratch)
 
 
-@kernel
-def _orientations(length, number, a, modes, gap, turn, J, T, G, R, psi):
+@kernel(inline="late")
+def _orientations(value, number, a, f):
     """R and psi at the points and at end q, by the turn of every gap: R <- R exp(turn), psi <- psi + G d(moments), with
     exp(turn) = I + T [turn]x, the tangent T of the exponential, turned into frame p."""
+    gap, turn, J, T, G, R, psi = f.gap, f.turn, f.J, f.T, f.G, f.R, f.psi
+    N, length = number[0] + number[1] + number[2], value[0]
+    _, _, _, modes, _ = constants_at(number)
     for r in range(3):
         for e in range(3):
             R[0, r, e] = 1.0 if r == e else 0.0
-        for i in range(number[0] + number[1] + number[2]):
+        for i in range(N):
             psi[0, r, i] = 0.0
     for h in range(number[3] + 1):
-        first = 0
+        first, at = 0, modes + 3 * N * h
         for axis in range(3):
             p, q, s = 0.0, 0.0, 0.0
             for i in range(first, first + number[axis]):
-                p += a[i] * modes[h, 0, i]
-                q += a[i] * modes[h, 1, i]
-                s += a[i] * modes[h, 2, i]
+                p += a[i] * value[at + i]
+                q += a[i] * value[at + N + i]
+                s += a[i] * value[at + 2 * N + i]
             gap[h, axis], gap[h, 3 + axis], gap[h, 6 + axis] = length * p, length * q, length * s
             first += number[axis]
         gap_turn(h, gap, turn, J)
@@ -180,7 +180,7 @@ def _orientations(length, number, a, modes, gap, turn, J, T, G, R, psi):
             b0, b1, b2 = length * G[h, 0, 3 + axis], length * G[h, 1, 3 + axis], length * G[h, 2, 3 + axis]
             c0, c1, c2 = length * G[h, 0, 6 + axis], length * G[h, 1, 6 + axis], length * G[h, 2, 6 + axis]
             for i in range(first, first + number[axis]):
-                p, q, s = modes[h, 0, i], modes[h, 1, i], modes[h, 2, i]
+                p, q, s = value[at + i], value[at + N + i], value[at + 2 * N + i]
                 x, y, z = psi[h, 0, i], psi[h, 1, i], psi[h, 2, i]
                 psi[h + 1, 0, i] = x + a0 * p + b0 * q + c0 * s
                 psi[h + 1, 1, i] = y + a1 * p + b1 * q + c1 * s
@@ -188,9 +188,10 @@ def _orientations(length, number, a, modes, gap, turn, J, T, G, R, psi):
             first += number[axis]
 
 
-@kernel
-def _slopes(value, number, inner, pull, R, psi, force, v, S, slope, end, rho, eta):
+@kernel(inline="late")
+def _slopes(value, number, inner, pull, f):
     """n(s), v = R (e1 + C R^T n(s)), S = R C R^T and slope = psi x v - S (psi x n(s)) at every point; end, rho and eta."""
+    R, psi, force, v, S, slope, end, rho, eta = f.R, f.psi, f.n, f.v, f.S, f.slope, f.end, f.rho, f.eta
     N, heavy = number[0] + number[1] + number[2], len(pull) > 0
     _, weight, soft, _, beyond = constants_at(number)
     for r in range(3):
@@ -232,26 +233,31 @@ def _slopes(value, number, inner, pull, R, psi, force, v, S, slope, end, rho, et
                     eta[r, i] += w * mass * s
 
 
-@kernel
+@kernel(inline="late")
 def strain_fields(value, number, inner, pull, f):
-    """`Fields` f of a leaf with inner state `inner` = (a (N,), n (3,), m (3,)), without W, g and Y."""
-    _, _, _, gap, beyond = constants_at(number)
-    modes = value[gap:beyond].reshape(number[3] + 1, 3, number[0] + number[1] + number[2])
-    _orientations(value[0], number, inner, modes, f.gap, f.turn, f.J, f.T, f.G, f.R, f.psi)
-    _slopes(value, number, inner, pull, f.R, f.psi, f.n, f.v, f.S, f.slope, f.end, f.rho, f.eta)
+    """`Fields` f of a leaf with inner state `inner` = (a (N,), n (3,), m (3,)), without W and Y."""
+    _orientations(value, number, inner, f)
+    _slopes(value, number, inner, pull, f)
 
 
-@kernel
-def _tangent(value, number, inner, modes, gap, turn, J, T, G, R, psi, n, v, slope, M, V, W, residual, X, Z):
-    """See `strain_tangent`. From end q back: M, the moment a gap carries, and X, its derivative by the amplitudes."""
+@kernel(inline="late")
+def strain_tangent(value, number, inner, f):
+    """W and residual g of the amplitudes at fixed end wrench and gravity, into the fields f as left by `strain_fields`:
+
+    g_i = K (a - a0) - dH/da_i - m.psi_i(L), and W_ij the symmetric part of its derivative. The skew part, a half of
+    m.(psi_i(L) x psi_j(L)), is that of a moment that is fixed in space, on end q alone: no matter of the leaf.
+    From end q back: M, the moment a gap carries, and X, its derivative by the amplitudes.
+    """
+    gap, turn, J, T, G, R, psi, n, v, slope = f.gap, f.turn, f.J, f.T, f.G, f.R, f.psi, f.n, f.v, f.slope
+    M, V, W, Y, X, Z = f.M, f.V, f.W, f.Y, f.X, f.Z
     N, ng, length = number[0] + number[1] + number[2], number[3], value[0]
-    rest, weight, _, _, _ = constants_at(number)
+    rest, weight, _, modes, _ = constants_at(number)
     M0, M1, M2 = inner[N + 3], inner[N + 4], inner[N + 5]
     for i in range(N):
         # a moment fixed in space is no gradient: half of what turns with the end makes W its symmetric part
         p0, p1, p2 = 0.5 * psi[ng + 1, 0, i], 0.5 * psi[ng + 1, 1, i], 0.5 * psi[ng + 1, 2, i]
         X[0, i], X[1, i], X[2, i] = M2 * p1 - M1 * p2, M0 * p2 - M2 * p0, M1 * p0 - M0 * p1
-        residual[i] = 0.0
+        Y[i, 6] = 0.0
         for j in range(i + 1):
             W[i, j] = 0.0
     # a leaf that carries nothing, as at rest, has its own stiffness alone
@@ -260,24 +266,7 @@ def _tangent(value, number, inner, modes, gap, turn, J, T, G, R, psi, n, v, slop
         loaded = loaded or n[h, 0] != 0.0 or n[h, 1] != 0.0 or n[h, 2] != 0.0
     flat = loaded and is_flat(number, inner, n)
     if flat:
-        flat_tangent(
-            length,
-            number,
-            inner,
-            modes,
-            value[weight : weight + ng],
-            gap,
-            J,
-            G,
-            psi,
-            n,
-            v,
-            slope,
-            W,
-            residual,
-            X,
-            Z,
-        )
+        flat_tangent(value, number, inner, modes, weight, gap, J, G, psi, n, v, slope, W, Y, X, Z)
     for h in range(ng if loaded and not flat else -1, -1, -1):
         if h < ng:
             w = length * value[weight + h]
@@ -298,14 +287,14 @@ def _tangent(value, number, inner, modes, gap, turn, J, T, G, R, psi, n, v, slop
         m2 = R[h, 0, 2] * M0 + R[h, 1, 2] * M1 + R[h, 2, 2] * M2
         gap_second(h, gap, turn, J, m0, m1, m2, u0, u1, u2, V, M)
         h0, h1, h2 = 0.5 * M0, 0.5 * M1, 0.5 * M2
-        first = 0
+        first, at = 0, modes + 3 * N * h
         for axis in range(3):
             d = G[h, 0, axis] * M0 + G[h, 1, axis] * M1 + G[h, 2, axis] * M2
             e = G[h, 0, 3 + axis] * M0 + G[h, 1, 3 + axis] * M1 + G[h, 2, 3 + axis] * M2
             g = G[h, 0, 6 + axis] * M0 + G[h, 1, 6 + axis] * M1 + G[h, 2, 6 + axis] * M2
             for i in range(first, first + number[axis]):
-                p, q, s = length * modes[h, 0, i], length * modes[h, 1, i], length * modes[h, 2, i]
-                residual[i] -= p * d + q * e + s * g
+                p, q, s = length * value[at + i], length * value[at + N + i], length * value[at + 2 * N + i]
+                Y[i, 6] -= p * d + q * e + s * g
                 # twice the rotation in the middle of the gap: so comes in the skew part of the second derivative
                 x, y, z = (
                     psi[h, 0, i] + psi[h + 1, 0, i],
@@ -331,40 +320,25 @@ def _tangent(value, number, inner, modes, gap, turn, J, T, G, R, psi, n, v, slop
         for i in range(first, first + count):
             for j in range(first, first + count):
                 W[i, j] += value[at]
-                residual[i] += value[at] * (inner[j] - value[rest + j])
+                Y[i, 6] += value[at] * (inner[j] - value[rest + j])
                 at += 1
         first += count
 
 
-@kernel
-def strain_tangent(value, number, inner, f):
-    """W and g of the amplitudes at fixed end wrench and gravity, into the fields f as left by `strain_fields`:
-
-    g_i = K (a - a0) - dH/da_i - m.psi_i(L), and W_ij the symmetric part of its derivative. The skew part, a half of
-    m.(psi_i(L) x psi_j(L)), is that of a moment that is fixed in space, on end q alone: no matter of the leaf.
-    """
-    _, _, _, gap, beyond = constants_at(number)
-    modes = value[gap:beyond].reshape(number[3] + 1, 3, number[0] + number[1] + number[2])
-    _tangent(
-        value, number, inner, modes,
-        f.gap, f.turn, f.J, f.T, f.G, f.R, f.psi, f.n, f.v, f.slope, f.M, f.V, f.W, f.g, f.X, f.Z,
-    )  # fmt: skip
-
-
-@kernel
-def _solve_modes(N, W, Y, before):
-    """Y (N, 7) <- W^-1 Y by LDL^T in place of W, whose diagonal is put into before (N,): L below the diagonal, D on it.
+@kernel(inline="late")
+def _solve_modes(N, W, Y):
+    """Y (N, 7) <- W^-1 Y by LDL^T in place of W: L below the diagonal, D on it; Y[:, 7]: a grain of the diagonal before.
 
     Returns (negative pivots, 2 where one had to be replaced, else 0).
     """
     negatives, status = 0, 0
     for j in range(N):
-        before[j] = abs(W[j, j])
+        Y[j, 7] = TINY_PIVOT * abs(W[j, j])
     for j in range(N):
         pivot = W[j, j]
-        if not abs(pivot) > TINY_PIVOT * before[j]:
+        if not abs(pivot) > Y[j, 7]:
             status = 2
-            pivot = TINY_PIVOT * before[j] + 1e-300
+            pivot = Y[j, 7] + 1e-300
             W[j, j] = pivot
         negatives += pivot < 0.0
         for i in range(j + 1, N):
@@ -402,20 +376,18 @@ def _substitute(N, W, Y):
             Y[j, e] = s
 
 
-@kernel
-def _invert6(F, K):
-    """K (6, 6) = F^-1 for symmetric F (6, 6) by sweeping pivot after pivot; returns (negative pivots, ok)."""
-    negatives = 0
-    row = np.empty(6)
+@kernel(inline="late")
+def _invert6(F, K, row):
+    """K (6, 6) = F^-1 for symmetric F (6, 6 or more) by sweeping pivot after pivot; row (6,): scratch; returns (negative
+    pivots, ok)."""
+    negatives, fine = 0, True
     for i in range(6):
         for j in range(6):
             K[i, j] = F[i, j]
     for k in range(6):
         pivot = K[k, k]
-        if not abs(pivot) > 1e-18 * abs(F[k, k]):
-            return negatives, False
-        if pivot < 0.0:
-            negatives += 1
+        fine &= abs(pivot) > 1e-18 * abs(F[k, k])
+        negatives += pivot < 0.0
         for j in range(6):
             row[j] = K[k, j] / pivot
         for i in range(6):
@@ -429,7 +401,7 @@ def _invert6(F, K):
     for i in range(6):
         for j in range(6):
             K[i, j] = -K[i, j]
-    return negatives, True
+    return negatives, fine
 
 
 @kernel(inline="always")
@@ -508,27 +480,24 @@ def strain_condense(value, number, inner, store, f, d, Q, lam, K):
     Returns (negative pivots of W minus those of F, |change of n| [N], |change of m| [Nm], status).
     """
     N, ng = number[0] + number[1] + number[2], number[3]
-    _, weight, _, gaps, beyond = constants_at(number)
-    modes = value[gaps:beyond].reshape(ng + 1, 3, N)
+    _, weight, _, _, _ = constants_at(number)
     tail = N * 8
     gap = tail + 36
     heavy = len(store) > tail + 42
     pull = store[len(store) - PULL if heavy else len(store) :]
-    W, g, Y, R, rho, psi, S, end = f.W, f.g, f.Y, f.R, f.rho, f.psi, f.S, f.end
-    _orientations(value[0], number, inner, modes, f.gap, f.turn, f.J, f.T, f.G, R, psi)
-    _slopes(value, number, inner, pull, R, psi, f.n, f.v, S, f.slope, end, rho, f.eta)
-    _tangent(
-        value, number, inner, modes,
-        f.gap, f.turn, f.J, f.T, f.G, R, psi, f.n, f.v, f.slope, f.M, f.V, W, g, f.X, f.Z,
-    )  # fmt: skip
+    strain_fields(value, number, inner, pull, f)
+    strain_tangent(value, number, inner, f)
+    W, Y, R, rho, psi, S, end = f.W, f.Y, f.R, f.rho, f.psi, f.S, f.end
     # Y = W^-1 [J^T, g], seven right-hand sides at once; J = (rho(L), psi(L))
     for i in range(N):
         for r in range(3):
             Y[i, r], Y[i, 3 + r] = rho[r, i], psi[ng + 1, r, i]
-        Y[i, 6] = g[i]
-    negatives, status = _solve_modes(N, W, Y, g)
+    negatives, status = _solve_modes(N, W, Y)
     # F = J W^-1 J^T + L sum w S (force block);  gap = closure + J W^-1 g
-    F, turned, step = np.zeros((6, 6)), f.V, np.empty(6)
+    F, turned, row, step = f.M, f.V, f.gap[0], f.gap[1]
+    for r in range(6):
+        for e in range(6):
+            F[r, e] = 0.0
     for i in range(3):
         for j in range(3):
             turned[i, j] = Q[i, 0] * R[ng + 1, j, 0] + Q[i, 1] * R[ng + 1, j, 1] + Q[i, 2] * R[ng + 1, j, 2]
@@ -551,7 +520,7 @@ def strain_condense(value, number, inner, store, f, d, Q, lam, K):
     for r in range(6):
         for e in range(r):
             F[e, r] = F[r, e]
-    back, fine = _invert6(F, K)
+    back, fine = _invert6(F, K, row)
     if not fine:
         status = 2
     dn, dm = 0.0, 0.0
@@ -584,9 +553,7 @@ def strain_recover(value, number, inner, store, xi, scale):
     gap = tail + 36
     heavy = len(store) > tail + 42
     o = len(store) - PULL
-    step, m = np.empty(6), np.empty(3)
-    for r in range(3):
-        m[r] = inner[N + 3 + r]
+    step, m0, m1, m2 = np.empty(6), inner[N + 3], inner[N + 4], inner[N + 5]
     for r in range(6):
         s = 0.0
         for e in range(6):
@@ -595,9 +562,11 @@ def strain_recover(value, number, inner, store, xi, scale):
             for e in range(3):
                 s += store[o + 9 + 3 * r + e] * store[o + 36 + e]
         step[r] = s
-        if r >= 3:
-            s -= _half_turned(m, store[7] + xi[3], store[15] + xi[4], store[23] + xi[5], r - 3)
         inner[N + r] += scale * s
+    x, y, z = store[7] + xi[3], store[15] + xi[4], store[23] + xi[5]
+    inner[N + 3] -= scale * 0.5 * (m1 * z - m2 * y)
+    inner[N + 4] -= scale * 0.5 * (m2 * x - m0 * z)
+    inner[N + 5] -= scale * 0.5 * (m0 * y - m1 * x)
     for i in range(N):
         s = -store[i * 8 + 6]
         for e in range(6):

@@ -12,7 +12,7 @@ from ksd.numerics.kernel import kernel
 from ksd.numerics.rotations import tangent_factors
 
 
-@kernel
+@kernel(inline="late")
 def is_flat(number, inner, n):
     """Whether a leaf is bent in its plane alone, to the last bit; inner, n (ng, 3): as in `ksd.beam.strain`."""
     across, N = number[0] + number[1], number[0] + number[1] + number[2]
@@ -24,17 +24,19 @@ def is_flat(number, inner, n):
     return flat
 
 
-@kernel
-def flat_tangent(length, number, inner, modes, weight, gap, J, G, psi, n, v, slope, W, residual, X, Z):
-    """W (lower) and residual as of `ksd.beam.strain.strain_tangent`, both zero before, without the leaf's own stiffness.
+@kernel(inline="late")
+def flat_tangent(value, number, inner, modes, weight, gap, J, G, psi, n, v, slope, W, Y, X, Z):
+    """W (lower) and the residual in Y as of `ksd.beam.strain.strain_tangent`, both zero before, without the leaf's own
+    stiffness; modes, weight: where moments over gaps and weights begin in value.
 
     From end q back: M, the moment about e3 that a gap carries, and X, its derivative by the amplitudes, at end q as given.
     """
     nx, across, N, ng = number[0], number[0] + number[1], number[0] + number[1] + number[2], number[3]
-    M = inner[N + 5]
+    length, M = value[0], inner[N + 5]
     for h in range(ng, -1, -1):
+        at = modes + 3 * N * h
         if h < ng:
-            w = length * weight[h]
+            w = length * value[weight + h]
             k0, k1 = w * n[h, 0], w * n[h, 1]
             M += v[h, 0] * k1 - v[h, 1] * k0
             for i in range(across):
@@ -43,8 +45,8 @@ def flat_tangent(length, number, inner, modes, weight, gap, J, G, psi, n, v, slo
             for i in range(across, N):
                 X[2, i] += slope[h, 0, i] * k1 - slope[h, 1, i] * k0
         for i in range(across, N):
-            p = length * modes[h, 0, i]
-            residual[i] -= p * M
+            p = length * value[at + i]
+            Y[i, 6] -= p * M
             for j in range(across, i + 1):
                 W[i, j] -= p * X[2, j]
         p, s, q, u = gap[h, 2], gap[h, 5], gap[h, 8], M * PART_360
@@ -62,7 +64,7 @@ def flat_tangent(length, number, inner, modes, weight, gap, J, G, psi, n, v, slo
         sq = c * js.conjugate() * jq - complex(0.0, u)
         sp, qp, qs = ps.conjugate(), pq.conjugate(), sq.conjugate()
         for i in range(across):
-            p, s, q = length * modes[h, 0, i], length * modes[h, 1, i], length * modes[h, 2, i]
+            p, s, q = length * value[at + i], length * value[at + N + i], length * value[at + 2 * N + i]
             # with the rotation in the middle of the gap
             x = complex(
                 X[0, i] - 0.5 * M * (psi[h, 1, i] + psi[h + 1, 1, i]),

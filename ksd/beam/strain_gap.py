@@ -19,7 +19,7 @@ PART_240, PART_360, PART_720 = 1.0 / 240.0, 1.0 / 360.0, 1.0 / 720.0
 """Of the Magnus expansion: a product takes a fifth of the time of a division."""
 
 
-@kernel
+@kernel(inline="late")
 def gap_turn(h, moment, turn, J):
     """turn (.., 3) of gap h and its derivative J (.., 3, 9) by the moments (.., 9)."""
     p0, p1, p2 = moment[h, 0], moment[h, 1], moment[h, 2]
@@ -54,7 +54,7 @@ def gap_turn(h, moment, turn, J):
         J[h, j, 6 + i] += s * PART_360
 
 
-@kernel
+@kernel(inline="late")
 def gap_second(h, moment, turn, J, m0, m1, m2, u0, u1, u2, V, M):
     """M (9, 9): symmetric second derivative by the moments of the work of m on the rotation of all behind gap h, where the
     axis of the row is that of the column or before it.

@@ -129,20 +129,20 @@ def _as_before(ints, i, numbers, one, two, count, d, Q, before):
         ints[MEMBERS + VALUE_AT] + i,
         ints[MEMBERS + NUMBER] + 4 * i,
     )
-    same = i > 0 and ints[value_at] == ints[value_at - 1] and ints[kind] == ints[kind - 1]
+    same = i > 0
     for r in range(3):
-        same = same and before[r] == d[r]
+        same &= before[r] == d[r]
         before[r] = d[r]
         for c in range(3):
-            same = same and before[3 + 3 * r + c] == Q[r, c]
+            same &= before[3 + 3 * r + c] == Q[r, c]
             before[3 + 3 * r + c] = Q[r, c]
     if same:
+        same &= ints[value_at] == ints[value_at - 1]
+        same &= ints[kind] == ints[kind - 1]
         for c in range(4):
-            same = same and ints[number + c] == ints[number - 4 + c]
-        k = 0
-        while same and k < count:
-            same = numbers[one + k] == numbers[two + k]
-            k += 1
+            same &= ints[number + c] == ints[number - 4 + c]
+        for k in range(count):
+            same &= numbers[one + k] == numbers[two + k]
     return same
 
 
@@ -242,7 +242,7 @@ def add_members(condense, pull, weigh, ints, floats, x, R, inner, work, room, fa
                 pull(pose, weight, i, factor, mine)
             if kind == LINEAR:
                 # apart: to hand on what a leaf takes counts the users of two dozen arrays
-                back, dn, dm, told = linear_condense(inner[own : own + state_size], d, Q, lam, K)
+                back, dn, dm, told = linear_condense(inner[own : own + state_size], d, Q, lam, K, A, M)
             else:
                 back, dn, dm, told = condense(
                     kind, floats[ints[MEMBERS + VALUE] + ints[value_at + i] :], ints[number + 4 * i : number + 4 * i + 4],

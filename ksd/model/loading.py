@@ -86,7 +86,7 @@ def add_loads(ints, floats, R, factor, rtol, matrix, rhs, scale):
         scale[node, 1] += rtol * math.sqrt(m2)
 
 
-@kernel
+@kernel(inline="late")
 def term_slope(ints, floats, x, R, t, slope):
     """Value of constraint term t; its derivatives by displacement and rotation of base and node into slope[:4].
 
@@ -119,7 +119,7 @@ def term_slope(ints, floats, x, R, t, slope):
     return value
 
 
-@kernel
+@kernel(inline="late")
 def twist(Ra, Rb, u, q, slope):
     """Twist angle 2 atan2(q.u, q0) of the relative rotation, and q0; its derivative by dphi_b - dphi_a into slope (3,).
 
@@ -145,7 +145,7 @@ def twist(Ra, Rb, u, q, slope):
     return 2.0 * math.atan2(N, q0), q0
 
 
-@kernel
+@kernel(inline="late")
 def twist_curvature(u, q, q0, slope, weight, tangent):
     """Add weight * second derivatives of `twist` by the rotations of (a, b) to tangent (12, 12).
 

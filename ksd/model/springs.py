@@ -84,7 +84,7 @@ def add_springs(ints, floats, x, R, rtol, noise, matrix, rhs, scale, poses, lams
             if kind == COIL:
                 status = max(status, coil_condense(value, d, lam, K))
             else:
-                linear_condense(value, d, Q, lam, K)
+                linear_condense(value, d, Q, lam, K, A, M)
             member_tangent(pose, lam, K, T, force, A, M)
         member_norms(lam, force, norms)
         n, m, L = norms[0], norms[1], floats[ints[SPRINGS + LENGTH] + i]

@@ -22,7 +22,7 @@ def scatter(ints, block, T, force, a, b, matrix, rhs):
     couple(ints, ints[block + 2], ints[block + 3], T, matrix)
 
 
-@kernel
+@kernel(inline="late")
 def couple(ints, at, flipped, T, matrix):
     """Add the coupling of T (12, 12) to the block stored from `at` on, whose rows are of the first node where flipped."""
     keep, w = ints[KEEP], ints[WIDTH]

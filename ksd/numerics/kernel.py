@@ -23,17 +23,22 @@ if FOLDER is not None:
 
 
 def kernel(
-    function: Callable[..., Any] | None = None, *, inline: Literal["never", "always"] = "never"
+    function: Callable[..., Any] | None = None, *, inline: Literal["never", "always", "late"] = "never"
 ) -> Any:
     """Compile `function` with numba on first call: cached on disk, releasing the interpreter lock.
 
-    inline: "always" puts its body into its callers, which saves compiling it once more where they are few.
+    inline: "always" puts its body into its callers, which saves compiling it once more where they are few; "late" does so
+    when they are turned into machine code. Numba counts the users of every array handed on, which took a third of an
+    assembly; LLVM drops that in a kernel in which no call of another one is left, that makes no array and raises nothing,
+    and whose arrays live until its end rather than between two of its loops.
     Division by zero gives inf or nan as in numpy (`error_model="numpy"`); results are checked for being
     finite where they matter, so no exception machinery is compiled in. A product and a sum may be rounded once instead
     of twice (`fastmath={"contract"}`), by which a leaf in space takes a tenth less: last digits differ between processors
     with and without that instruction. With NUMBA_DISABLE_JIT=1 it stays as it is.
     """
+    early: Literal["never", "always"] = "always" if inline == "always" else "never"
     decorate = numba.njit(
-        cache=FOLDER is not None, nogil=True, error_model="numpy", fastmath={"contract"}, inline=inline
-    )
+        cache=FOLDER is not None, nogil=True, error_model="numpy", fastmath={"contract"}, inline=early,
+        forceinline=inline == "late",
+    )  # fmt: skip
     return decorate if function is None else decorate(function)

@@ -11,7 +11,7 @@ import math
 from ksd.numerics.kernel import kernel
 
 
-@kernel
+@kernel(inline="late")
 def _sine_series(u):
     """sin h / h for u = h^2 up to 2.5, to rounding (Taylor)."""
     s = 1.0 / 51090942171709440000.0 * u - 1.0 / 121645100408832000.0
@@ -26,7 +26,7 @@ def _sine_series(u):
     return s * u + 1.0
 
 
-@kernel
+@kernel(inline="late")
 def rotation_factors(t2):
     """(sin t / t, (1 - cos t) / t^2) of the angle with square t2.
 
@@ -51,7 +51,7 @@ def rotation_exp(v, R):
     _series(v[0], v[1], v[2], a, b, R)
 
 
-@kernel
+@kernel(inline="late")
 def rotation_log_below(R, v):
     """`rotation_log` where the angle is below 150 degrees.
 
@@ -81,7 +81,7 @@ def rotation_log_below(R, v):
     v[0], v[1], v[2] = f * x, f * y, f * z
 
 
-@kernel
+@kernel(inline="late")
 def rotation_log(R, v):
     """v (3,) = rotation vector of R (3, 3), |v| <= pi; through the quaternion, safe near 0 and pi."""
     if not 1.0 + R[0, 0] + R[1, 1] + R[2, 2] < 0.25:
@@ -147,7 +147,7 @@ def exp_tangent(v, T):
     _series(x, y, z, b, c, T)
 
 
-@kernel
+@kernel(inline="late")
 def tangent_factors(t2):
     """(b, c, b', c') of the tangent of the exponential, T = I + b [v]x + c [v]x^2, with db = b' v.dv, dc = c' v.dv.
 
@@ -173,7 +173,7 @@ def tangent_factors(t2):
     return b, c, (a - 2.0 * b) / t2, (b - 3.0 * c) / t2
 
 
-@kernel
+@kernel(inline="late")
 def log_tangent(v, T):
     """T (3, 3): log(exp(dphi) exp(v)) = v + T dphi to first order (inverse of `exp_tangent`)."""
     x, y, z = v[0], v[1], v[2]
@@ -186,7 +186,7 @@ def log_tangent(v, T):
     _series(x, y, z, -0.5, c, T)
 
 
-@kernel
+@kernel(inline="late")
 def _series(x, y, z, b, c, T):
     """T = I + b [v]x + c [v]x^2."""
     T[0, 0] = 1.0 - c * (y * y + z * z)
