@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+from ksd.properties.strength import LAW, NOTABLE
 from ksd.properties.words import WIDTH, number, signed
 from ksd.properties.words import table as _table
 from ksd.solve.answer import SCHEMA, as_dict
@@ -131,7 +132,9 @@ def error_sentence(d: dict[str, Any]) -> str:
             f"of which mesh {share} %" if d["method"] in FAST or d["basis"] is not None else "all of it mesh"
         )
     within = f" (links within {shift} um and {turn} mrad)" if error["relative_percent"] > 100 * RTOL else ""
-    return f"Estimated error: {off} %, {mesh}{within}"
+    strain = (d["strength"] or {}).get("largest_strain_percent") or 0.0
+    law = f"; beside it, other laws of elasticity differ by about {LAW * strain:.2g} % in force at its strain"
+    return f"Estimated error: {off} %, {mesh}{within}{law if strain > 100 * NOTABLE else ''}"
 
 
 def _missing(left_out: dict[str, dict[str, float | None]]) -> list[str]:

@@ -82,6 +82,14 @@ def test_a_taut_leaf_says_what_the_law_of_elasticity_matters():
     # sqrt(1 + (d/L)^2) - 1 along the leaf, and as much again and more by bending at its ends
     assert 0.01 < pose.strength.strain < 0.05
     assert pose.trusted and any("law of elasticity" in w for w in pose.warnings)
+    # with the error told, which is of the mesh and the method alone
+    said = " ".join(str(pose).split())
+    share = (
+        f"other laws of elasticity differ by about {150 * pose.strength.strain:.2g} % in force at its strain"
+    )
+    assert share in said and said.index("Estimated error") < said.index(share)
+    small = ksd.solve(one_leaf(length=0.1, thickness=1e-3, width=0.02, held=True), {"drive": 0.001})
+    assert "other laws" not in str(small)
     beyond = ksd.solve(one_leaf(length=0.1, thickness=1e-3, width=0.02, held=True), {"drive": 0.04})
     assert not beyond.trusted
 
