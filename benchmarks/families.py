@@ -270,7 +270,9 @@ def picture(names: Iterable[str], path: Path) -> None:
     figure = new_figure(2.2 * columns, 2.2 * rows)
     axes = figure.subplots(rows, columns, squeeze=False)
     for place, (title, state) in zip(axes.flat, panels, strict=False):
-        plot_mechanism(state, axes=place, labels=False, title=title)
+        # seen onto its plane its leaf springs lie on each other
+        view = (-90, 35) if title == "triple infinity hinge" else None
+        plot_mechanism(state, axes=place, view=view, labels=False, title=title)
         place.set_anchor("NW")
         place.set_axis_off()
     for place in axes.flat[len(panels) :]:

@@ -17,6 +17,7 @@ from ksd.html import InNotebooks
 from ksd.modal.bodies import inside
 from ksd.model.arrays import Motion
 from ksd.model.compile import Model
+from ksd.model.newton import GRAIN
 from ksd.numerics.rotations import rotation_log
 from ksd.properties.buckling import Buckling, buckling
 from ksd.properties.extent import Clearance, clearance, extent
@@ -35,7 +36,7 @@ from ksd.properties.words import ByName, printed
 from ksd.scene.contents import PlacedJoint
 from ksd.scene.links import Link
 from ksd.section.checks import all_worded, names_of, nearest, question_of, show, vector, whole
-from ksd.solve.answer import as_dict
+from ksd.solve.answer import as_dict, drive_kind
 from ksd.solve.error import error_of, settled, truth_of, with_error
 from ksd.solve.following import keeps_still
 from ksd.solve.left_out import left_out
@@ -118,7 +119,7 @@ class Configuration(InNotebooks):
         return sorted(set(super().__dir__()) - INSIDE)
 
     def __repr__(self) -> str:
-        forces = ", ".join(f"{n} {v:.6g}" for n, v in self.forces.items())
+        forces = ", ".join(f"{n} {v:.6g}" for n, v in self.told_forces.items())
         return (
             f"<Configuration of '{self.model.scene.name}' by {self.method}: {self.targets}, forces {forces}>"
         )
@@ -235,6 +236,17 @@ class Configuration(InNotebooks):
         count = len(self.model.drive_names)
         efforts = zip(self.model.drive_names, self.motion.multiplier[:count], strict=True)
         return ByName({n: -float(m) for n, m in efforts}, "drive")
+
+    @property
+    def told_forces(self) -> dict[str, float]:
+        """`forces` as they are told in words: 0 where no more than rounding leaves in the equilibrium, which is GRAIN times
+        that of EA/L at the farthest place. A small force beyond it is true, however small beside others."""
+        arrays, drives = self.model.arrays, self.model.scene.drives
+        reach = max(float(arrays.size), float(np.abs(self.motion.x).max()))
+        noise = GRAIN * np.finfo(float).eps * reach * float(arrays.members.floor.max(initial=0.0))
+        turning = {d.name for d in drives if drive_kind(d) != "translation"}
+        least = {n: noise * (float(arrays.size) if n in turning else 1.0) for n in self.forces}
+        return {n: v if abs(v) > least[n] else 0.0 for n, v in self.forces.items()}
 
     @property
     def reactions(self) -> dict[str, float]:
@@ -597,7 +609,7 @@ class Configuration(InNotebooks):
 INSIDE = frozenset(
     (
         "answering", "chosen", "doubts", "expected", "insides", "intended", "negatives", "notes", "questioned",
-        "joint_motions", "resolution", "still", "unreduced", "_joints", "_node", "_of_leaves",
+        "joint_motions", "resolution", "still", "told_forces", "unreduced", "_joints", "_node", "_of_leaves",
     )
 )  # fmt: skip
 """What other rooms of the package ask a configuration for; `dir` leaves it out."""

@@ -299,6 +299,31 @@ def test_axes_in_space_stand_beside_what_is_drawn():
         assert len(arrows) > 1 and not ((corners > low) & (corners < high)).all(axis=1).any()
 
 
+def warm_guide(warmer):
+    """A guide held at rest, its upper leaf warmer [K]."""
+    steel = ksd.Material(E=200e9, nu=0.3, expansion=12e-6)
+    joint = ksd.ParallelGuide(steel, length=0.08, thickness=4e-4, width=0.02, spacing=0.06)
+    scene = ksd.Mechanism("guide")
+    stage = scene.link("stage")
+    placed = scene.join(scene.ground, stage, joint, at=(0, 0, 0), axis="z", toward="x", name="guide")
+    scene.actuate_joint(placed, name="d")
+    scene.heat(warmer, leaves=["guide/high"])
+    return ksd.solve(scene, d=0.0)
+
+
+def test_forces_of_rounding_read_as_zero_and_small_true_ones_do_not():
+    """A spatial arm at rest; a guide tilted by a warm leaf: its force is of second order, a ten-thousandth of those in its
+    leaf springs, and true."""
+    mechanism, targets, _ = ksd.load_scene(SCENES / "arm.toml")
+    rest = ksd.solve(mechanism, dict.fromkeys(targets, 0.0))
+    assert 0.0 < max(map(abs, rest.forces.values())) < 1e-12
+    assert {f"{name}: 0 mm, 0 N" for name in targets} <= set(texts(rest.plot())) and "x 0, " in repr(rest)
+    once, twice = (warm_guide(warmer) for warmer in (5.0, 10.0))
+    assert twice.forces["d"] / once.forces["d"] == pytest.approx(4.0, rel=1e-3)
+    assert 0.0 < once.forces["d"] < 1e-3 * max(abs(f.start[0]) for f in once.section_forces().values())
+    assert any(text.startswith("d: 0 mm, 0.09598 ") for text in texts(once.plot()))
+
+
 @pytest.mark.parametrize(
     ("value", "unit", "said"),
     [(521.23, "N", "521.2 N"), (84600.0, "N", "84.6 kN"), (1.114e-4, "N", "0.1114 mN"), (-2.37e-6, "Nm", "-2.37 µNm"),
