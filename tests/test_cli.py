@@ -593,3 +593,9 @@ def test_training_elsewhere_says_where_it_is_looked_for(monkeypatch, capsys, tmp
     monkeypatch.setenv("KSD_DATABASE", str(tmp_path))
     assert main([*argv, "--out", str(tmp_path)]) == 0
     assert "KSD_DATABASE" not in capsys.readouterr().out
+
+
+def test_without_a_command_the_commands_are_listed(capsys):
+    assert main([]) == 2
+    said = capsys.readouterr().err
+    assert "optimise  find the best design of a job" in said and said.endswith("ksd: give a command.\n")

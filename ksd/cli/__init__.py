@@ -30,7 +30,11 @@ def main(argv: Sequence[str] | None = None) -> int:
         sys.stderr = open(os.devnull, "w")  # noqa: SIM115
     if sys.stdout is None:
         return _fail("standard output is closed; send it to a file or to /dev/null", BAD_INPUT)
-    options = parser(__version__).parse_args(argv)
+    commands = parser(__version__)
+    options = commands.parse_args(argv)
+    if options.command is None:
+        commands.print_help(sys.stderr)
+        return _fail("give a command", BAD_INPUT)
     try:
         with warnings.catch_warnings():
             warnings.showwarning = _warned(warnings.showwarning)

@@ -272,14 +272,14 @@ COMMANDS = {
 
 
 def parser(version: str) -> argparse.ArgumentParser:
-    """The parser of all commands; `options.command` is the one that was given."""
+    """The parser of all commands; `options.command` is the one that was given, None without."""
     top = argparse.ArgumentParser(
         prog="ksd",
         description="Deformed configurations of flexure mechanisms in large deflection, from fast to exact.",
         epilog="exit codes: 0 solved, 2 bad input, 3 not converged, 4 joint record missing or damaged",
     )
     top.add_argument("--version", action="version", version=f"ksd {version}")
-    commands = top.add_subparsers(title="commands", metavar="COMMAND", required=True, dest="command")
+    commands = top.add_subparsers(title="commands", metavar="COMMAND", dest="command")
     for add in COMMANDS.values():
         add(commands)
     return top

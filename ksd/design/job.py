@@ -239,7 +239,8 @@ class Job(Shown, metaclass=Worded):
     def _line(self) -> str:
         goals = {a.column.split("[")[0]: a.role for a in self.answers if a.role != "limit"}
         said = ", ".join(f"{role} {column}" for column, role in goals.items())
-        return f"{said} by {', '.join(self.parameters)} at {len(self.poses)} poses"
+        poses = "one pose" if len(self.poses) == 1 else f"{len(self.poses)} poses"
+        return f"{said} by {', '.join(self.parameters)} at {poses}"
 
     def __str__(self) -> str:
         lines = [f"Job: {self._line()}"]

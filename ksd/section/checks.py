@@ -370,9 +370,11 @@ def whole(value: Any, what: str, *, least: int = 1, owner: str = "") -> int:
 
 
 def similar(name: Any, known: Iterable[str], *, cutoff: float = 0.6) -> str:
-    """'; did you mean "..."?' with the nearest known name, or '.' when none is near."""
-    close = difflib.get_close_matches(str(name), sorted(known), n=1, cutoff=cutoff)
-    return f'; did you mean "{close[0]}"?' if close else "."
+    """'; did you mean "..."?' with the known name that is nearest, whole or in a word of it, or '.' when none is near."""
+    names = sorted(known)
+    words = {part: whole for whole in reversed(names) for part in whole.split("_")} | {n: n for n in names}
+    close = difflib.get_close_matches(str(name), words, n=1, cutoff=cutoff)
+    return f'; did you mean "{words[close[0]]}"?' if close else "."
 
 
 def nearest(name: Any, known: Iterable[str]) -> str:

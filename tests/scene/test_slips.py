@@ -208,3 +208,12 @@ def test_a_link_has_no_name_of_a_block_inside_a_joint():
     scene.join(scene.ground, arm, hinge, **HERE, name="hinge")
     with pytest.raises(ksd.SceneError, match="the name 'hinge/fold_low' is used for 2 links"):
         scene.scene()
+
+
+@pytest.mark.parametrize(
+    "slip, meant",
+    [("stifness", "drive_stiffness"), ("stres", "stress"), ("suport_stifness", "support_stiffness")],
+)
+def test_a_slip_in_one_word_of_a_name_finds_the_name(slip, meant):
+    with pytest.raises(ksd.SceneError, match=f'did you mean "{meant}"'):
+        ksd.sweep(fourbar(), questions=(slip,))
