@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 
 from ksd.errors import SceneError
-from ksd.section.checks import between, label, positive, show, worded
+from ksd.section.checks import LARGEST, between, label, positive, show, worded
 from ksd.section.constants import Section
 from ksd.section.outline_mesh import edges_of, inside, triangulate
 
@@ -49,9 +49,9 @@ def polygon(
     if mesh_size is not None:
         mesh_size = positive(mesh_size, "mesh_size", owner=name, unit="m")
     rings = _rings(points, holes, name)
-    # unit size, so that tolerances and conditioning do not depend on the unit of length
-    scale = float(np.ptp(rings[0], axis=0).max())
-    rings = [r / scale for r in rings]
+    # unit size about the origin, so that tolerances and conditioning depend on neither the unit of length nor the place
+    scale, place = float(np.ptp(rings[0], axis=0).max()), rings[0].mean(axis=0)
+    rings = [(r - place) / scale for r in rings]
     corners, triangles = triangulate(rings, None if mesh_size is None else mesh_size / scale)
     centre, tilt = _principal(corners, triangles)
     c, s = np.cos(tilt), np.sin(tilt)
@@ -170,6 +170,10 @@ def _ring(points: Sequence[Any], what: str, name: str) -> np.ndarray:
         raise SceneError(
             f"{label(what, name)} has a coordinate that is not finite; give finite numbers in m."
         )
+    if len(ring) and np.abs(ring).max() > LARGEST:
+        raise SceneError(
+            f"{label(what, name)} has a coordinate that is too large; at most {LARGEST:g} can be used."
+        )
     if len(ring):
         ring = ring[np.linalg.norm(ring - np.roll(ring, 1, axis=0), axis=1) > 1e-12 * np.abs(ring).max()]
     if len(ring) < 3:
@@ -195,6 +199,8 @@ def _refuse_crossings(rings: list[np.ndarray], name: str) -> None:
     along = (q - p)[:, None]
     s = ((p[None] - p[:, None]) * along).sum(axis=2) / (along**2).sum(axis=2)
     touching = (first == 0) & (s > 1e-12) & (s < 1 - 1e-12)
+    # two corners in one place: the edges from there meet
+    touching |= np.triu(np.linalg.norm(p[None] - p[:, None], axis=2) < 1e-12 * np.abs(p).max(), 1)
     if crossing.any() or touching.any():
         i, j = (int(k[0]) for k in np.nonzero(crossing | touching))
         raise SceneError(

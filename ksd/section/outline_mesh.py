@@ -232,6 +232,7 @@ def triangulate(rings: Sequence[np.ndarray], mesh_size: float | None = None) -> 
         interior = interior[(away > radius).all(axis=1)]
         fresh = len(border) + np.arange(len(middle))
         border = np.concatenate([border, middle])
+        _refuse_more(len(border) + len(interior))
         segments = np.concatenate([segments[~lost], np.column_stack([a, fresh]), np.column_stack([fresh, b])])
     area = 0.5 * np.abs(_cross(*(points[triangles][:, k] - points[triangles][:, 0] for k in (1, 2)))).sum()
     wanted = 0.5 * _cross(edges.tail, edges.head).sum()

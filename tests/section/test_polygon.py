@@ -123,6 +123,14 @@ def test_turning_the_drawing_turns_nothing_but_the_tilt():
     assert np.allclose(turned.outline[0], straight.outline[0], atol=1e-9)
 
 
+def test_where_it_is_drawn_does_not_matter():
+    """A kilometre from the origin it could not be meshed."""
+    here = polygon([(0, 0), (1e-3, 0), (1e-3, 1e-2), (0, 1e-2)])
+    there = polygon([(y + 1e3, z - 1e3) for y, z in ((0, 0), (1e-3, 0), (1e-3, 1e-2), (0, 1e-2))])
+    for name in ("A", "J", "Iy", "Iz", "ky", "kz", "Iw"):
+        assert getattr(there, name) == pytest.approx(getattr(here, name), rel=1e-8), name
+
+
 def test_direction_of_drawing_and_closing_point_do_not_matter():
     first = polygon(L_SHAPE)
     assert pytest.approx(first.J, rel=1e-6) == polygon([*L_SHAPE[::-1], L_SHAPE[-1]]).J
@@ -155,6 +163,16 @@ def test_mesh_covers_the_outline_and_follows_its_edges():
         (lambda: polygon([(0, 0), (2, 1), (2, 0), (0, 3)]), ["meets the edge"]),
         (lambda: polygon([(0, 0), (1, math.nan), (1, 1)]), ["not finite"]),
         (lambda: polygon("abc"), ["must be points"]),
+        (lambda: polygon([(0, 0), (1e200, 0), (0, 1)]), ["coordinate that is too large"]),
+        # a spike without area, drawn there and back: it was meshed for ever
+        (
+            lambda: polygon([(0, 0), (1, 0), (1, 1), (0.5, 1), (0.5, 3), (0.5, 1), (0, 1)]),
+            ["(0.5, 1.0) to (0.5, 3.0)", "must not cross or touch"],
+        ),
+        (
+            lambda: polygon([(0, 0), (1, 0), (1, 1), (0.5, 1), (0.5 + 1e-9, 3), (0.5 - 1e-9, 1), (0, 1)]),
+            ["needs more than"],
+        ),
         (lambda: polygon([(0, 0, 0), (1, 0, 0), (1, 1, 0)]), ["must be points"]),
         (lambda: polygon(box(1, 1), [[(0.5, 0.5), (2, 0.5), (2, 0.6)]]), ["meets the edge"]),
         (lambda: polygon(box(1, 1), [[(2, 2), (3, 2), (3, 3)]]), ["holes[0]", "inside"]),
