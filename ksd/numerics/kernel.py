@@ -17,7 +17,7 @@ if FOLDER is not None:
         logging.getLogger("ksd").warning(
             "ksd: compiling its kernels for this machine (once; about a minute) ..."
         )
-        # what a compiler makes stays: to look through it for garbage every 700 objects takes a fifth of the time
+        # what a compiler makes stays: to look through it for garbage every 700 objects takes a tenth of the time
         _first, *_others = gc.get_threshold()
         gc.set_threshold(_first and max(100_000, _first), *_others)
 
