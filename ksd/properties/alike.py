@@ -12,10 +12,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ksd.model.arrays import MEMBERS, VALUE, WEIGHT, Arrays, Bare, Flat, Motion
+from ksd.model.arrays import MEMBERS, STRAIN, VALUE, WEIGHT, Arrays, Bare, Flat, Motion
 from ksd.model.compile import Model
+from ksd.model.drawing import draw
+from ksd.model.mesh import Mesh
 from ksd.model.pack import revalued_floats
-from ksd.model.template import Leaves, Template
+from ksd.model.template import Leaves, Template, design, template_of
 from ksd.properties.unfold import opened_mesh, widened
 
 Array = NDArray[np.float64]
@@ -60,32 +62,52 @@ class Alike(NamedTuple):
         at = self.topology.flat.ints[MEMBERS + VALUE] + self.topology.members.value_at[members]
         return self.floats[:, at[:, None] + np.arange(size)]
 
-    def finer(self) -> Alike:
+    def finer(self) -> Alike | None:
         """The same states with one mode more per axis in every leaf, see `ksd.properties.unfold`; amplitudes of these are
-        zero."""
-        mesh = opened_mesh(self.models[0])
-        fine = self.template.on(mesh)
-        m = self.motion
-        if mesh == self.template.mesh or fine is None:
+        zero. None where leaf springs that bring their constants then differ in more than numbers."""
+        mesh, m = opened_mesh(self.models[0]), self.motion
+        if mesh == self.template.mesh:
             return self._replace(motion=m.copy())
-        known = [model.derived["leaves"] for model in self.models]
-        leaves = Leaves(*(np.concatenate(field) for field in zip(*(k[1] for k in known), strict=True)))
-        value, rest = fine.packed.values(leaves, np.concatenate([k[2] for k in known]))
-        inner = np.zeros((len(value), rest.shape[1]))
+        found = self._revalued(mesh) or self._drawn(mesh)
+        if found is None:
+            return None
+        fine, floats = found
+        inner = np.zeros((len(floats), int(fine.topology.members.inner_at[-1])))
         number, wider = (b.members.number.tobytes() for b in (self.topology, fine.topology))
         inner[:, widened(number, wider)] = m.inner
-        floats = revalued_floats(self.topology.flat.ints, self.floats, value)
         motion = Motion(m.x.copy(), m.R.copy(), inner, m.multiplier.copy())
         return self._replace(template=fine, topology=fine.topology, floats=floats, motion=motion)
 
+    def _revalued(self, mesh: Mesh) -> tuple[Template, Array] | None:
+        """Template and numbers (D, f) on another mesh, where the constants of leaf springs follow from their scales."""
+        fine = self.template.on(mesh)
+        if fine is None:
+            return None
+        known = [model.derived["leaves"] for model in self.models]
+        leaves = Leaves(*(np.concatenate(field) for field in zip(*(k[1] for k in known), strict=True)))
+        value, _ = fine.packed.values(leaves, np.concatenate([k[2] for k in known]))
+        return fine, revalued_floats(self.topology.flat.ints, self.floats, value)
+
+    def _drawn(self, mesh: Mesh) -> tuple[Template, Array] | None:
+        """The same of leaf springs that bring their constants: every scene drawn anew."""
+        models = list({id(model): model for model in self.models}.values())
+        drawings = [draw(model.scene, mesh) for model in models]
+        fine = template_of(drawings[0].words, mesh)
+        if any(drawing.words != fine.words for drawing in drawings):
+            return None
+        filled = fine(fine.numbers([drawing.numbers for drawing in drawings]))
+        floats = {id(m): design(filled.arrays, fine.topology, d).flat.floats for d, m in enumerate(models)}
+        return fine, np.stack([floats[id(model)] for model in self.models])
+
 
 def alike(states: Sequence[State]) -> list[tuple[list[int], Alike]]:
-    """The states that can be asked together, with their numbers in the list: those of straight strain-mode leaves on one
-    mesh."""
+    """The states that can be asked together, with their numbers in the list: those of strain-mode leaves on one mesh."""
     groups: dict[int, list[int]] = {}
     for k, (model, _, _) in enumerate(states):
         template = model.derived.get("leaves", (None,))[0]
-        if template is None or model.bodies or not template.plain:
+        if template is None or model.bodies or type(template.mesh) is not Mesh:
+            continue
+        if any(leaf.kind != STRAIN for leaf in template.leaf_words):
             continue
         if model.arrays.flat.ints is template.topology.flat.ints:
             groups.setdefault(id(template), []).append(k)

@@ -248,6 +248,8 @@ def stiffnesses(
     Raises SceneError as `point_stiffness`.
     """
     fine, model = states.finer(), states.models[0]
+    if fine is None:
+        return Stiffnesses(None, None, np.zeros(len(states.models), bool))
     topology, x = fine.topology, fine.motion.x
     rows, count, unknowns = range(len(topology.terms.start)), len(model.drive_names), topology.plan.unknowns
     loads = np.zeros((len(x), 6 * (link is not None) + count * drives, unknowns))

@@ -286,7 +286,8 @@ def _forces_alike(
     """Stations (n, S) and section forces (n, S, 6) of the leaves of a group in all states, one state after the other, the
     number (n,) of the section of each, and the sections; None as of `stress_alike`."""
     names = [states.models[0].member_names[i] for i in group.members.tolist()]
-    if group.heavy or not set(names) <= set(scene_leaves(states.models[0])):
+    leaves = scene_leaves(states.models[0])
+    if group.heavy or any(n not in leaves or leaves[n].profile is not None for n in names):
         return None
     value = states.constants(group.members, group.value.shape[1])
     inner = states.motion.inner[:, group.places]

@@ -19,6 +19,7 @@ from ksd.properties.stiffness import (
     stiffnesses,
     support_stiffness,
 )
+from ksd.properties.stress import peaks
 from ksd.solve.conventional import conventional
 
 AT = (0.02, 0.31, 0.01)
@@ -187,6 +188,33 @@ def test_many_states_together_have_the_stiffness_of_each(gravity):
         assert row[5] > 1e9
         assert row[:5] == pytest.approx(1.0 / np.diagonal(C)[:5])
         assert own[0] == pytest.approx(1.0 / np.linalg.eigvalsh(C[:3, :3])[::-1])
+
+
+def test_curved_leaves_together_have_the_stiffness_and_stress_of_each():
+    """Arcs of several radii, and one of them twice; a leaf with a profile has its stress alone."""
+
+    def arc(radius, **words):
+        scene = ksd.Mechanism("arc")
+        tip, end = scene.link("tip"), 2 * radius * np.sin(0.4)
+        scene.leaf(scene.ground, tip, start=(0, 0, 0), end=(end, 0, 0), section=ksd.rectangle(5e-4, 1e-2), width_axis="z",
+                   material=ksd.Material(E=200e9, nu=0.3), curve=ksd.Arc(radius, 0.8), name="leaf", **words)  # fmt: skip
+        scene.actuate(tip, along="y", at=(end, 0, 0), name="d")
+        return scene
+
+    poses = [ksd.solve(arc(r), d=d) for r, d in ((0.05, 2e-3), (0.06, -3e-3))]
+    poses.append(ksd.prepare(poses[0].model)(d=1e-3))
+    ((numbers, group),) = alike([(p.model, p.motion, 1.0) for p in poses])
+    found, peak = stiffnesses(group, "tip", at=[None] * 3, drives=True), peaks(group)
+    assert numbers == [0, 1, 2] and found.good.all()
+    for k, pose in enumerate(poses):
+        assert found.compliance[k] == pytest.approx(pose.stiffness("tip").compliance, rel=1e-9, abs=1e-12)
+        assert found.drives[k] == pytest.approx(pose.drive_stiffness().matrix, rel=1e-9)
+        assert peak[k]["leaf"].largest_Pa == pytest.approx(pose.stress().largest_Pa, rel=1e-12)
+    tapered = ksd.solve(arc(0.05, profile=ksd.Taper((5e-4, 4e-4), (1e-2, 1e-2))), d=1e-3)
+    ((_, group),) = alike([(tapered.model, tapered.motion, 1.0)])
+    assert peaks(group) is None
+    alone = stiffnesses(group, "tip", at=[None])
+    assert alone.compliance[0] == pytest.approx(tapered.stiffness("tip").compliance, rel=1e-9, abs=1e-12)
 
 
 def test_states_under_loads_that_are_not_conservative_are_asked_alone():
