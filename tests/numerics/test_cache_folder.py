@@ -143,3 +143,20 @@ def test_without_a_folder_kernels_are_compiled_in_memory(tmp_path):
     )
     assert done.stdout == "None 3.0\n", done.stderr
     assert done.stderr.count("kernels are compiled in memory, at every start") == 1
+
+
+@pytest.mark.parametrize("compiled", [False, True])
+def test_the_process_that_compiles_looks_for_garbage_less_often(tmp_path, compiled):
+    """Only with an empty cache; a collector that was switched off stays so."""
+    if compiled:
+        (tmp_path / KEY).mkdir()
+        (tmp_path / KEY / "one.nbi").touch()
+    told = []
+    for own in (700, 0):
+        program = f"import gc; gc.set_threshold({own}, 10, 10); import ksd.numerics.kernel; print(*gc.get_threshold())"
+        done = subprocess.run(
+            [sys.executable, "-c", program], capture_output=True, text=True, check=True,
+            env={**os.environ, "KSD_CACHE_DIR": str(tmp_path), "NUMBA_DISABLE_JIT": "0"},
+        )  # fmt: skip
+        told.append(done.stdout.split())
+    assert told == [["700" if compiled else "100000", "10", "10"], ["0", "10", "10"]]
