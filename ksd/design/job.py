@@ -26,7 +26,7 @@ from ksd.design.gradient import Solved, gradient, gradient_at
 from ksd.design.lines import Line, Recipe, run_line
 from ksd.design.plan import Paths, drive_paths, load_cases, loaded, scene_of
 from ksd.design.prepared import Found, spoken_status
-from ksd.design.questions import Asked, Row, asked_of, columns_of_drives, known_columns, others
+from ksd.design.questions import Asked, Row, asked_of, check_asked, columns_of_drives, known_columns, others
 from ksd.design.resume import ResumeFile, records_of
 from ksd.design.sweep import SweepInterrupted
 from ksd.design.table import OK, Table
@@ -208,6 +208,7 @@ class Job(Shown, metaclass=Worded):
         wanted = _wanted(maximise, minimise, limits, known)
         questions = tuple(dict.fromkeys(known[column] for column, *_ in wanted))
         asked = replace(asked_of(questions, link, at, freed, modes=modes), every=True)
+        check_asked(asked, scene)
         signed = {column for column, question in known.items() if question in AMOUNTS}
         self.__dict__.update(asked=asked, answers=self._listed(wanted, scene, signed))
         self.__dict__.update(zip(("bounds", "held_by", "ranges"), self._trained(scene), strict=True))

@@ -261,6 +261,8 @@ def failing(thickness):
         ({"limits": {"size_mm": 80}}, "give the most along x, y and z"),
         ({"link": "leg", "loads": {"p": [{"link": "leg", "force": (0, 0, 1), "at": (0, 0, 0)}]}}, "acts on link 'leg'"),
         ({"method": "modal"}, "method = 'modal': choose one of"),
+        ({"link": "arn"}, "link = 'arn': there is no such link in 'pivot'; did you mean \"arm\"?"),
+        ({"freed": "turm"}, "freed = 'turm': there is no such drive or support in 'pivot'; did you mean \"turn\"?"),
     ],
 )  # fmt: skip
 def test_what_is_wrong_is_told_before_a_solve(changes, sentence):
