@@ -151,7 +151,8 @@ def _turning(solid: Solid, frame: str) -> list[np.ndarray]:
         return u
 
     shifts = range(1 if frame == "chord" else (2 if flat else 3))
-    found = [solid.pattern("b", row, -1) for row in shifts]
+    # as large as the rotations, whatever the unit of length: small columns are dropped
+    found = [solid.length * solid.pattern("b", row, -1) for row in shifts]
     found += [turn("b", axis) for axis in ([2] if flat else [0, 1, 2])]
     if frame == "chord":
         found += [turn("a", axis) for axis in axes]
@@ -168,7 +169,7 @@ def _derivatives(solid: Solid, modes: np.ndarray, inner: Any, order: int) -> lis
         scale = far / np.abs(v).max()
         return (solid.tangent(scale * v) - solid.tangent(-scale * v)) / (2.0 * scale)
 
-    found = modal_derivatives(solid.tangent, some, inner, step=0.1 * far, order=order, analytic=along)
+    found = modal_derivatives(solid.tangent, some, inner, step=0.01, order=order, analytic=along)
     return list(found.shapes.T)
 
 

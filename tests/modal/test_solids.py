@@ -222,3 +222,13 @@ def test_a_solid_needs_no_density():
         for d in (None, 7800)
     )
     assert np.array_equal(light.value, heavy.value)
+
+
+def test_the_unit_of_length_changes_nothing_in_a_basis():
+    """Of micrometres, what follows turns to second order was dropped beside what follows shifts: 26 % off."""
+    made = [
+        reduce_solid(block(STEEL, s * LENGTH, s * THICK, width=s * WIDTH, cells=(4, 1)))
+        for s in (1.0, 1e-6, 1e4)
+    ]
+    assert len({b.unknowns for b in made}) == 1
+    assert [b.condition for b in made[1:]] == pytest.approx([made[0].condition] * 2, rel=1e-6)
