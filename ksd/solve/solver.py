@@ -490,12 +490,13 @@ def given_values(targets: Any, drives: Mapping[str, float]) -> dict[str, float]:
         raise SceneError(
             f"targets = {show(targets)}: give drive values by name, for example top=0.1 or {{'top': 0.1}}"
         )
-    for name in drives if targets else ():
-        if name in targets:
+    said = targets or {}
+    for name, value in drives.items():
+        if name in said:
             raise SceneError(
-                f"drive '{name}' has two values, {show(targets[name])} in targets and {show(drives[name])}; give it one"
+                f"drive '{name}' has two values, {show(said[name])} in targets and {show(value)}; give it one"
             )
-    return {**(targets or {}), **drives}
+    return {**said, **drives}
 
 
 def refuse_unknown(given: Iterable[str], drives: Iterable[str], call: Callable[..., Any]) -> None:
