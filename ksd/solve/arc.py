@@ -278,6 +278,8 @@ class Walk:
 
     def _go(self, at: Place, ahead: Array, *, until: float, arc: float, most: int, turns: float) -> str:
         self.keep(at)
+        if at.f == until:
+            return REACHED
         sign, largest = (1.0 if until >= at.f else -1.0), LARGEST * np.sqrt(len(self.model.node_names))
         for _ in range(most):
             length = self._arc(at, ahead, min(arc, largest), until)

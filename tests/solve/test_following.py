@@ -156,3 +156,10 @@ def test_a_column_that_flutters_is_not_said_to_diverge():
     assert str(pose.frequencies()).count("(flutter)") == 2
     with pytest.raises(ksd.TrustError, match="FLUTTER"):
         ksd.solve(model)
+
+
+def test_a_path_to_where_it_starts_is_that_place():
+    scene = fourbar()
+    scene.load("top", force=(0.0, -3.0, 0.0), at=(0.0, 0.3, 0.0))
+    path = ksd.follow(scene, {"top": 0.05}, until=0.0)
+    assert path.ended and path.factor.tolist() == [0.0]
