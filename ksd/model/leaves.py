@@ -155,8 +155,8 @@ def _missed(curve: Any, modes: int, pieces: int = 1) -> float:
 def raised_orders(leaf: Any, mesh: Mesh) -> tuple[tuple[int, int, int], int]:
     """Curvature modes and quadrature points of a leaf: those asked for, more for a leaf that is curved at rest.
 
-    A moment that is constant in space varies like a sine along an arc; one more mode per 20 degrees of total turning
-    about an axis keeps its representation at 1e-7 (checked against the closed form of a circular arc).
+    A moment that is constant in space varies like a sine along an arc; one more mode per 30 degrees of total turning
+    about an axis keeps the compliance at 1e-7 (circular arcs of up to 330 degrees against meshes of 16 modes).
     """
     orders = tuple(leaf.orders or mesh.orders)
     points = max(mesh.points, max(orders) + 1)

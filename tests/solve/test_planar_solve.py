@@ -172,8 +172,9 @@ def test_the_option_is_checked():
         conventional(compile_scene(single_joint()), {"turn": 0.1}, planar="yes")
 
 
-def test_the_benchmark_runs(capsys):
+def test_the_benchmark_runs(capsys, monkeypatch):
     path = Path(__file__).resolve().parents[2] / "benchmarks" / "planar.py"
+    monkeypatch.syspath_prepend(str(path.parent))
     spec = importlib.util.spec_from_file_location("planar_benchmark", path)
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
