@@ -399,7 +399,7 @@ def test_interruption_exits_130(monkeypatch, capsys):
 
 
 @pytest.mark.parametrize(
-    "argv", [[], ["fly"], ["solve"], ["solve", "a.toml", "--elements", "many"], ["demo", "--nope"]]
+    "argv", [["fly"], ["solve"], ["solve", "a.toml", "--elements", "many"], ["demo", "--nope"]]
 )
 def test_wrong_arguments_exit_2(argv, capsys):
     with pytest.raises(SystemExit) as stop:

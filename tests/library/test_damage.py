@@ -157,7 +157,7 @@ def writers(record, table, folder):
         "csv": lambda: table.to_csv(folder / "table.csv"),
         "mat": lambda: table.to_mat(folder / "table.mat"),
         "answer": lambda: write_answer({"a": list(range(1000))}, folder / "answer.json"),
-        "sweep": lambda: ResumeFile(folder / "sweep.jsonl", "x").keep(
+        "sweep": lambda: ResumeFile(folder / "sweep.jsonl", lambda: "x").keep(
             0, [{"force_N": float(n)} for n in range(1000)]
         ),
         "new sweep": lambda: ResumeFile(folder / f"new sweep {os.getpid()}", "x").keep(
