@@ -160,7 +160,7 @@ def writers(record, table, folder):
         "sweep": lambda: ResumeFile(folder / "sweep.jsonl", lambda: "x").keep(
             0, [{"force_N": float(n)} for n in range(1000)]
         ),
-        "new sweep": lambda: ResumeFile(folder / f"new sweep {os.getpid()}", "x").keep(
+        "new sweep": lambda: ResumeFile(folder / f"new sweep {os.getpid()}", lambda: "x").keep(
             0, [{"force_N": 1.0}] * 50
         ),
     }
