@@ -197,7 +197,7 @@ def sentences(record, table, folder, prepare):
     assert {n: h for n, h in before.items() if "sweep" not in n} == after
     # of the sweep, finished lines stay and the one that did not fit is left out
 
-    assert len(ResumeFile(folder / "sweep.jsonl", "x").found) == 1
+    assert len(ResumeFile(folder / "sweep.jsonl", lambda: "x").found) == 1
     return found
 
 
