@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ksd.bench.measure import unbeaten
 from ksd.view.compare import in_rows
 from ksd.view.figure import BACKING, GROUND, INK, LEAF, LINES, REST, plain_axes
 from ksd.view.labels import part_labels
@@ -48,16 +49,6 @@ def in_plane(marks: Iterable[Mark]) -> list[Mark]:
     return list(best.values())
 
 
-def pareto(points: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:
-    """Those (time, error) that no other beats in both, by rising time."""
-    kept: list[tuple[float, float]] = []
-    for time, error in sorted(points):
-        # less than 1 % better is rounding, not accuracy
-        if not kept or error < 0.99 * kept[-1][1]:
-            kept.append((time, error))
-    return kept
-
-
 class Panel(NamedTuple):
     """Axes, what is drawn in them, and the words about them."""
 
@@ -92,7 +83,7 @@ def _draw(axes: Any, every: Iterable[Mark]) -> tuple[Any, Any]:
         look = {"color": NAMED[method], "markersize": 3.5, "linewidth": 0.8, "zorder": 2}
         axes.plot([m.time for m in row], [m.error for m in row], "s-", **look)
         lines.append([(m.time, m.error) for m in row])
-    best = pareto([(m.time, m.error) for m in marks])
+    best = [(marks[n].time, marks[n].error) for n in unbeaten((m.time, m.error) for m in marks)]
     low, high = 0.5 * min(m.time for m in marks), 2.2 * max(m.time for m in marks)
     steps = [(best[0][0], 10.0 * max(m.error for m in marks)), *best]
     axes.step(*zip(*steps, strict=True), where="post", color=INK, linewidth=1.3, zorder=1.5, gid="front")

@@ -126,11 +126,6 @@ def test_the_front_of_a_work_precision_picture(script):
     assert all(axes.bbox.x0 <= box.x0 and box.x1 <= axes.bbox.x1 for box in boxes.values())
 
 
-def test_pareto_front(script):
-    pareto = script("front").pareto
-    assert pareto([(3, 1), (1, 5), (2, 6), (2, 4), (4, 2)]) == [(1, 5), (2, 4), (3, 1)]
-
-
 def test_optimise(script, tmp_path):
     found = script("optimise").main(["--quick", "--out", str(tmp_path)])
     rows = found["at_best"]

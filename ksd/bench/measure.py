@@ -242,17 +242,21 @@ def cheapest(rows: Iterable[Row]) -> list[Row]:
     return sorted(found.values(), key=lambda r: r.call[1])
 
 
-def front(rows: Iterable[Row], key: str) -> list[Row]:
-    """Rows that no other beats in time and in the error `key`, by rising time."""
-    kept: list[Row] = []
-    for row in sorted(rows, key=lambda r: r.call[1]):
-        error = max(getattr(row, key), ROUNDING)
-        if not math.isfinite(error) or not row.stable or not math.isfinite(row.call[1]):
-            continue
+def unbeaten(points: Iterable[tuple[float, float]]) -> list[int]:
+    """Numbers of the points (time, error) that no other beats in both, by rising time."""
+    kept: list[int] = []
+    known = list(points)
+    for n in sorted(range(len(known)), key=known.__getitem__):
         # less than 1 % better is rounding, not accuracy
-        if not kept or error < 0.99 * max(getattr(kept[-1], key), ROUNDING):
-            kept.append(row)
+        if not kept or known[n][1] < 0.99 * known[kept[-1]][1]:
+            kept.append(n)
     return kept
+
+
+def front(rows: Iterable[Row], key: str) -> list[Row]:
+    """Stable rows that no other beats in time and in the error `key`, by rising time."""
+    known = [r for r in rows if r.stable and math.isfinite(r.call[1]) and math.isfinite(getattr(r, key))]
+    return [known[n] for n in unbeaten((r.call[1], max(getattr(r, key), ROUNDING)) for r in known)]
 
 
 def numbers(results: Sequence[Measured]) -> dict[str, Any]:

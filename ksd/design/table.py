@@ -9,6 +9,7 @@ import os
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -36,7 +37,7 @@ OK = "ok"
 ENDS = 5
 """Rows printed of each end of a long table."""
 ZERO = 1e-9
-"""Numbers below this, in the units of the columns, are rounding."""
+"""Numbers below this share of the largest with their unit are rounding."""
 LEADING = (
     r".+_(force_N|moment_Nm|effort_SI)", r"error_percent", r"(?!support_).+_stiffness_Nm?_per_\w+", r"support_worst_.*\w",
     r"intended(_\d+)?_Hz", r"first_parasitic_Hz", r"stress_MPa", r"distance_.+_mm", r"buckling_(positive|negative)",
@@ -129,9 +130,11 @@ class Table(InNotebooks):
         if self.leading:
             return [n for n in self.leading if n in self.columns]
         own = [n for n in self.columns if n not in (*self.labels, STATUS)]
-        least = ZERO if len(self) > 1 else -1.0
         said = [n for pattern in LEADING for n in own if re.fullmatch(pattern, n)]
-        return [n for n in said if any(isinstance(v, str) or abs(v) > least for v in self.columns[n])]
+        return [
+            n for n in said
+            if any(isinstance(v, str) or abs(v) > (self._noise(n) if len(self) > 1 else -1.0) for v in self.columns[n])
+        ]  # fmt: skip
 
     def _folded(self) -> list[list[str]]:
         """The columns shown, as many beside the labels as fit the width, the others in tables below."""
@@ -163,7 +166,23 @@ class Table(InNotebooks):
         if name == STATUS:
             said = list(self._reasons())
             return value if value == OK else f"({said.index(value) + 1})"
-        return value if isinstance(value, str) else "-" if math.isnan(value) else number(value, 5, zero=ZERO)
+        if isinstance(value, str):
+            return value
+        return "-" if math.isnan(value) else number(value, 5, zero=self._noise(name))
+
+    def _noise(self, name: str) -> float:
+        """What is rounding in a column."""
+        return ZERO * self._largest[_unit_or_name(name)]
+
+    @cached_property
+    def _largest(self) -> dict[str, float]:
+        """The largest finite number of all columns with a unit, by that unit; of a column without one, by its name."""
+        found: dict[str, float] = {}
+        for name, column in self.columns.items():
+            sizes = (abs(v) for v in column if not isinstance(v, str) and math.isfinite(v))
+            own = _unit_or_name(name)
+            found[own] = max(found.get(own, 0.0), max(sizes, default=0.0))
+        return found
 
     def _reasons(self) -> dict[str, list[int]]:
         """Why rows have no full answer, with the rows."""
@@ -283,6 +302,10 @@ def spoken_column(name: str) -> tuple[str, str]:
             said = "%" if unit == "percent" else unit.replace("_per_", "/")
             return name.removesuffix(f"_{unit}").replace("_", " "), said
     return name.replace("_", " "), ""
+
+
+def _unit_or_name(name: str) -> str:
+    return spoken_column(name.partition("[")[0])[1] or name
 
 
 def _head(name: str) -> str:

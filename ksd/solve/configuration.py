@@ -27,7 +27,7 @@ from ksd.properties.internal_stress import Misplaced, internal_stress
 from ksd.properties.link_forces import LinkForces, link_forces
 from ksd.properties.parasitic import Parasitic, PivotShift, parasitic, pivot_shift
 from ksd.properties.resolution import Look, look_at_modes
-from ksd.properties.shape import Shape, mechanism_shape
+from ksd.properties.shape import Shape, mechanism_shape, place_of
 from ksd.properties.stiffness import DriveStiffness, PointStiffness, drive_stiffness, point_stiffness
 from ksd.properties.strength import Strength, strength, unusual
 from ksd.properties.stress import Stress, strain_energy, stress
@@ -276,7 +276,7 @@ class Configuration(InNotebooks):
         itself, of a point of a leaf) when None. Raises SceneError for an unknown name."""
         i = self._node(link)
         point = self.model.rest.x[i] if at is None else np.array(vector(at, "at", unit="m"))
-        return self.motion.x[i] + self.motion.R[i] @ (point - self.model.rest.x[i]) - point
+        return place_of(self.model, self.motion, i, point) - point
 
     def distance(self, name: str) -> float:
         """The distance [m] of two points that the scene asks for by this name (`Mechanism.distance`); along a direction, its
@@ -287,14 +287,13 @@ class Configuration(InNotebooks):
                 f"distance {show(name)} is not asked for in this mechanism{nearest(name, known)}"
             )
         asked = known[name]
-        i, rest, motion = self._node(asked.a), self.model.rest, self.motion
-        start, end = (
-            motion.x[k] + motion.R[k] @ (np.asarray(p) - rest.x[k])
-            for k, p in ((i, asked.start), (self._node(asked.b), asked.end))
+        i, j = self._node(asked.a), self._node(asked.b)
+        way = place_of(self.model, self.motion, j, asked.end) - place_of(
+            self.model, self.motion, i, asked.start
         )
-        if asked.along is None:
-            return float(np.linalg.norm(end - start))
-        return float((end - start) @ motion.R[i] @ np.asarray(asked.along))
+        return float(
+            np.linalg.norm(way) if asked.along is None else way @ self.motion.R[i] @ np.asarray(asked.along)
+        )
 
     def _node(self, named: Link | str) -> int:
         """Number of a link or internal block."""

@@ -7,7 +7,7 @@ import pytest
 
 import ksd
 from ksd.bench import SUITE, Case, Row, measure
-from ksd.bench.measure import cheapest, front, good, numbers, summary, table
+from ksd.bench.measure import cheapest, front, good, numbers, summary, table, unbeaten
 from ksd.cli import main
 from ksd.model.compile import compile_scene
 
@@ -50,6 +50,11 @@ def test_times_are_ordered_and_steps_below_the_call(fourbar):
     for r in fourbar.rows:
         assert 0 < r.steps[1] <= r.call[1]
         assert r.call[0] <= r.call[1] <= r.call[2]
+
+
+def test_points_that_no_other_beats():
+    points = [(3, 1), (1, 5), (2, 6), (2, 4), (4, 2)]
+    assert [points[n] for n in unbeaten(points)] == [(1, 5), (2, 4), (3, 1)]
 
 
 def test_front_and_cheapest():

@@ -184,3 +184,24 @@ def test_where_takes_names():
         ksd.sweep(single_joint(), turn=[0.1], questions="force", progress=False).where(5)
     with pytest.raises(ksd.SceneError, match=r"questions = \[\] must be a name"):
         ksd.sweep(single_joint(), turn=[0.1], questions="force", progress=False).plot([])
+
+
+def test_small_forces_are_printed_and_rounding_beside_larger_ones_is_not():
+    """A micro-mechanism has nN and nNm; 1e-12 of the largest force of a table is rounding."""
+    made = Table(
+        {"turn_deg": (0.0, 1.0), "turn_moment_Nm": (2e-11, 4.5e-10), "status": ("ok", "ok")}, ("turn_deg",)
+    )
+    assert "4.50e-10" in str(made) and "2.00e-11" in str(made)
+    both = {
+        "push_mm": (0.0, 1.0),
+        "a_force_N": (1e-13, 3.0),
+        "b_force_N": (2e-12, -1e-12),
+        "status": ("ok", "ok"),
+    }
+    said = str(Table(both, ("push_mm",)))
+    assert (
+        "e-1" not in said
+        and "3.0000" in said
+        and "a force" in said
+        and "b force" not in said.partition("columns:")[0]
+    )
