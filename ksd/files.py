@@ -111,7 +111,7 @@ def read_file(
     not readable.
     """
     try:
-        with open(path, "rb", opener=_without_waiting) as file:
+        with open(os.fspath(path), "rb", opener=_without_waiting) as file:
             found = os.fstat(file.fileno())
             if not stat.S_ISREG(found.st_mode):
                 reason = f"it is {_kind(found.st_mode)}, no file"

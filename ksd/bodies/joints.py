@@ -34,11 +34,13 @@ from ksd.model.template import (
     motion_design,
     of_design,
 )
-from ksd.scene.joint import leaves_of
+from ksd.scene.joint import DrawnJoint, leaves_of, proportions
 
 LOOP_FLOATS = ("anchor", "frame", "length", "pose")
 ONE, INVERSE, FORCE, MOMENT = 0, 1, 2, 3
 """What functions of the insides are multiplied by: 1, 1/L, EIz/L^2, EIz/L of their leaf."""
+REDRAWN = 1e-3
+"""Difference of proportions from which a drawn joint is another one; smaller ones the error figure tells."""
 
 
 @dataclass(frozen=True)
@@ -476,6 +478,14 @@ def _check_record(joint: Any, record: Record, mesh: str | int) -> None:
             raise RecordError(
                 f"the record of {joint.family} is of a joint with {there} {what}, this one has {here}; give your joint a "
                 "family name of its own and train it with ksd.train(joint)"
+            )
+    for what, here in proportions(joint).items() if isinstance(joint, DrawnJoint) else ():
+        there = record.design.get(what, here)
+        if abs(here - there) > REDRAWN * max(1.0, abs(here)):
+            raise RecordError(
+                f"the record of {joint.family} is of a joint drawn in other proportions ({what}: {there:.6g} there, "
+                f"{here:.6g} here, lengths over that of the joint); give your joint a family name of its own and train it "
+                "with ksd.train(joint)"
             )
     if mesh in record.functions or all(leaf.profile is None and leaf.curve is None for leaf in leaves):
         return

@@ -128,7 +128,8 @@ class Job(Shown, metaclass=Worded):
     function: of the parameters, returns a mechanism. vary: least and most of every parameter, SI. maximise or minimise:
     columns of `ksd.sweep`, several with the scale each is measured in: the worst of them over their scales, over all
     poses and load cases, counts; of forces, moments and parasitic motion that are minimised it is their size. limits: the
-    most by column, or (least, most), None for neither; "size_mm" takes the most along x, y and z. rules: functions of the
+    most by column, or (least, most), None for neither, in units of the column; without a target they are enough for
+    `ksd.tolerance`; "size_mm" takes the most along x, y and z. rules: functions of the
     parameters by name that must not be negative, told before anything is solved. link, at, freed, modes, loads, together:
     as in `ksd.sweep`, and so the drive values [m or rad]. method: "full", "reduced", or "conventional", which knows no
     trained ranges; by the others these are bounds; when None "full" where every joint has a record, else "conventional".
@@ -562,9 +563,10 @@ class Job(Shown, metaclass=Worded):
         return values, slopes
 
     def merit(self, values: ArrayLike) -> float:
-        """The worst target over its scale, larger is better: of what is minimised the largest with a minus."""
+        """The worst target over its scale, larger is better: of what is minimised the largest with a minus; nan of a job
+        that has limits alone."""
         pairs = zip(self.answers, np.asarray(values, float), strict=True)
-        return float(np.min([self.merit_of(a, v) for a, v in pairs if a.role != "limit"]))
+        return min((self.merit_of(a, float(v)) for a, v in pairs if a.role != "limit"), default=np.nan)
 
     def merit_spoken(self, *merits: float, digits: int = 3) -> str:
         """The worst target in words, at one design or from one to another: over its scale, or where there is
@@ -757,12 +759,25 @@ def _spoken_rule(k: int, rule: Rule) -> str:
     return f"{k + 1}" if name == "<lambda>" else f"'{name}'"
 
 
+def check_job(job: Any, *, target: bool = True) -> None:
+    """Raise SceneError for what is no job and, where one is needed, for a job without a target."""
+    if not isinstance(job, Job):
+        raise SceneError(f"{show(job)} is no job: make one with ksd.Job(...)")
+    if target and all(a.role == "limit" for a in job.answers):
+        raise SceneError(
+            "this job has limits alone, and nothing to make better: give maximise or minimise in ksd.Job(...)"
+        )
+
+
 def _wanted(
     maximise: Any, minimise: Any, limits: Any, known: Mapping[str, str]
 ) -> list[tuple[str, str, float, float, float]]:
     """Column, role, scale, least and most of every target and limit; raises SceneError."""
-    if bool(maximise) == bool(minimise):
-        raise SceneError("give one of maximise and minimise, for example maximise='support_worst_N_per_m'")
+    if (maximise and minimise) or not (maximise or minimise or limits):
+        raise SceneError(
+            "give one of maximise and minimise, for example maximise='support_worst_N_per_m', or, for ksd.tolerance, limits "
+            "alone"
+        )
     role, goals = ("maximise", maximise) if maximise else ("minimise", minimise)
     if isinstance(goals, str):
         goals = {goals: 1.0}

@@ -105,7 +105,9 @@ def load_job(path: str | os.PathLike[str], *, drives: Mapping[str, str] | None =
     top = Table({k: tables.pop(k) for k in ("job", "optimise") if k in tables}, file.name)
     said, optimise = top.table("job"), top.table("optimise")
     if "job" not in top:
-        raise SceneError(f"{file.name}: [job] is missing: say there what to vary and what to maximise")
+        raise SceneError(
+            f"{file.name}: [job] is missing: say there what to vary, and what to maximise or to limit"
+        )
     words = said.read(JOB)
     tables, place = _scene_tables(tables, file, words.pop("scene", None))
     varied, bounds, fixed = _varied(said.table("vary"), tables)

@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.optimize import BFGS, Bounds, NonlinearConstraint, minimize, nnls
 
-from ksd.design.job import Job, Log
+from ksd.design.job import Job, Log, check_job
 from ksd.design.optimum import Ended, Optimum
 from ksd.design.search import BINDING, Failed, Search
 from ksd.design.table import OK
@@ -103,8 +103,7 @@ def optimise(
     Raises SceneError for wrong words, ConvergenceError where no start leads to a design that meets the limits, with every
     design evaluated in its `.result`; Ctrl-C raises SweepInterrupted, with every design evaluated in its `.table`.
     """
-    if not isinstance(job, Job):
-        raise SceneError(f"{show(job)} is no job: make one with ksd.Job(...)")
+    check_job(job)
     if not isinstance(method, str) or method not in METHODS:
         raise SceneError(
             f"method = {show(method)}: choose one of {', '.join(METHODS)}{similar(method, METHODS)}"

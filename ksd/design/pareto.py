@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ksd.design.job import Job, Log
+from ksd.design.job import Job, Log, check_job
 from ksd.design.optimise import optimise, optimum_of, so_far
 from ksd.design.optimum import Optimum
 from ksd.design.search import Search
@@ -121,8 +121,7 @@ def pareto(
     progress: as in `ksd.optimise`; points share their designs. Ctrl-C raises SweepInterrupted, with every design in its
     `.table`. Raises SceneError for wrong words and what the first optimum raises.
     """
-    if not isinstance(job, Job):
-        raise SceneError(f"{show(job)} is no job: make one with ksd.Job(...)")
+    check_job(job)
     count = whole(points, "points", least=2)
     high = np.inf if span is None else _ends(span)[1]
     wide = job.limited(against, high)

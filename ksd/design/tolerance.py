@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from ksd.design.job import Job, Log
+from ksd.design.job import Job, Log, check_job
 from ksd.design.table import OK, Table
 from ksd.errors import KsdError, SceneError
 from ksd.properties.words import Shown, listed
@@ -27,10 +27,10 @@ class Tolerance(Shown):
     """Answers of a design whose parameters scatter independently, normally, by `spread` (standard deviations, SI).
 
     names: of the answers; nominal, first_order, sampled (answers,): values, and standard deviations to first order and of
-    the samples. blame (answers, parameters): share of each parameter in the first-order variance. kept: share of the
-    samples that hold every limit; reach (answers,): standard deviations to the
-    nearest limit. merits (samples,): worst target over its scale, nan where a sample failed; sign: -1 where targets are
-    minimised, and merits are minus the worst. table: all samples.
+    the samples, in units of their columns. blame (answers, parameters): share of each parameter in the first-order variance.
+    kept: share of the samples that hold every limit; reach (answers,): standard deviations to the nearest limit. merits
+    (samples,): worst target over its scale, nan where a sample failed and of a job without targets; sign: -1 where targets
+    are minimised, and merits are minus the worst. table: all samples.
     """
 
     names: tuple[str, ...]
@@ -87,7 +87,8 @@ def tolerance(
 ) -> Tolerance:
     """How the answers of a job scatter with the parameters of a design; returns a `Tolerance`.
 
-    design: an optimum of `ksd.optimise`, or parameters by name or in order. spread: standard deviation of parameters by
+    job: what is asked, with or without a target; its limits decide the yield. design: an optimum of `ksd.optimise`, or
+    parameters by name or in order. spread: standard deviation of parameters by
     name, SI; others are exact. samples: for the Monte Carlo by `seed`; they may leave bounds and rules, which are not what
     is made. executor, resume, progress: as in `ksd.optimise`, Ctrl-C too. Raises SceneError for wrong words, KsdError where
     the design itself has no answers.
@@ -122,8 +123,7 @@ def first_order(slopes: Array, sd: Array) -> Array:
 
 def _given(job: Any, design: Any, spread: Any) -> tuple[Array, Array]:
     """The design (P,) and standard deviations (P,); raises SceneError."""
-    if not isinstance(job, Job):
-        raise SceneError(f"{show(job)} is no job: make one with ksd.Job(...)")
+    check_job(job, target=False)
     return job.point(getattr(design, "design", design)), check_spread(job, spread)
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 from ksd.errors import SceneError
-from ksd.section.checks import Worded, number, truth, whole
+from ksd.section.checks import Worded, number, show, truth, whole
 
 FEW = 2
 """Internal modes by default; bodies of order 2 with so many are found from where the joints' records put their ends."""
@@ -87,8 +87,8 @@ class ModalBasis(metaclass=Worded):
 
 
 def _among(name: str, value: object, known: tuple[str, ...]) -> None:
-    if value not in known:
-        raise SceneError(f"{name} = {value!r}: choose one of {', '.join(known)}")
+    if not isinstance(value, str) or value not in known:
+        raise SceneError(f"{name} = {show(value)}: choose one of {', '.join(known)}")
 
 
 __all__ = ["ModalBasis"]

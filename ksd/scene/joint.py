@@ -128,6 +128,27 @@ def _leaves_of(joint: Joint) -> tuple[Leaf, ...]:
     return joint.leaves()
 
 
+def proportions(joint: Joint) -> dict[str, float]:
+    """How a joint is drawn, over its `length`: blocks, ends and lengths of leaf springs, and their soft bending stiffness
+    over that of the first one. A record of one joint as drawn holds for those alone."""
+    leaves, L = leaves_of(joint), joint.length
+    points = {f"block {n}": point for n, point in enumerate(joint.blocks().values())}
+    for n, leaf in enumerate(leaves, 1):
+        points |= {f"start of leaf {n}": leaf.start, f"end of leaf {n}": leaf.end}
+    found = {
+        f"{name}, {axis}": c / L
+        for name, point in points.items()
+        for axis, c in zip("xyz", point, strict=True)
+    }
+    bending = [leaf.material.E * leaf.section.Iz for leaf in leaves]
+    for n, leaf in enumerate(leaves, 1):
+        found |= {
+            f"length of leaf {n}": leaf.length / L,
+            f"bending stiffness of leaf {n}": bending[n - 1] / bending[0],
+        }
+    return found
+
+
 @dataclass(frozen=True, init=False)
 class DrawnJoint(Joint):
     """A joint drawn by the user from blocks, leaf springs and intended motions, in joint axes.

@@ -8,10 +8,13 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 
+import numpy as np
+
 from ksd.scene.contents import Scene
 from ksd.scene.leaf import Leaf
 from ksd.scene.material import Material
 from ksd.section import Section
+from ksd.section.checks import show
 from ksd.section.constants import extents
 
 STOUT = 5.0
@@ -20,6 +23,12 @@ LENGTHS = (1e-6, 5.0)
 """Leaf springs [m] from micromachined to as long as a room."""
 MODULI = (1e6, 1.3e12)
 """Young's and shear moduli [Pa] from rubber to diamond."""
+DENSE, METAL = 2500.0, 5e9
+"""Density [kg/m^3] from which a solid is a metal or a ceramic, and Young's modulus [Pa] that each of those has at least."""
+METALS = ("steel", "alumin", "titan", "brass", "bronze", "copper", "invar", "nickel", "tungsten", "magnesium")
+"""What is in the names of metals."""
+LARGEST = 10.0
+"""Distance [m] of parts of one mechanism."""
 DENSITIES = (10.0, 23e3)
 """Densities [kg/m^3] from foam to osmium."""
 ACCELERATION, MASS = 1e3, 100.0
@@ -71,7 +80,23 @@ def implausible(scene: Scene) -> tuple[str, ...]:
     found = [said for material in materials for said in _of_material(material)]
     for judge in (_of_length, _of_thickness, _of_width):
         found += _together(leaves, judge)
-    return tuple(found)
+    return (*found, *_of_places(scene))
+
+
+def _of_places(scene: Scene) -> Iterator[str]:
+    """Of the sizes of joints (the leaf springs in them are judged each), and of how far all parts are apart."""
+    for placed in scene.joints:
+        for key, dimension in placed.joint.quantities.items():
+            said = getattr(placed.joint, key, None)
+            if dimension == "length" and key != "length" and said is not None and np.max(said) > LENGTHS[1]:
+                yield f"joint '{placed.name}': {key} = {show(said)} is in m, and that of no flexure; did you mean mm?"
+    places = [j.origin for j in scene.joints] + [
+        end for f in scene.leaves for end in (f.leaf.start, f.leaf.end)
+    ]
+    apart = np.ptp([*places, *(m.at for m in scene.masses)] or [(0.0, 0.0, 0.0)], axis=0)
+    k = int(np.argmax(apart))
+    if apart[k] > LARGEST:
+        yield f"its joints, leaf springs and masses are {apart[k]:g} m apart along {'xyz'[k]}; lengths are in m"
 
 
 def thinnest(leaf: Leaf) -> Section:
@@ -90,6 +115,10 @@ def _of_material(m: Material) -> Iterator[str]:
             f"{name}: {key} = {value:g} Pa is softer than rubber; if it is meant in MPa, write {value:g}e6 in Python or "
             f"'{value:g} MPa' in a scene file"
         )
+    elif m.E < METAL and ((m.density or 0.0) > DENSE or any(metal in m.name.lower() for metal in METALS)):
+        thousand = f": did you mean {m.E / 1e6:g} GPa?" if m.E < 1e9 else "; moduli are in Pa"
+        why = f" of {m.density:g} kg/m^3" if (m.density or 0.0) > DENSE else ""
+        yield f"{name}: E = {m.E:g} Pa is softer than any metal{why}{thousand}"
     elif value > MODULI[1]:
         yield f"{name}: {key} = {value:g} Pa is stiffer than diamond (1.2e12 Pa); moduli are in Pa"
     if m.density is not None and not DENSITIES[0] <= m.density <= DENSITIES[1]:

@@ -10,6 +10,7 @@ import numpy as np
 from ksd.errors import SceneError
 from ksd.library import Mesh, Parameter
 from ksd.scene import DrawnJoint, Joint, Leaf, Material
+from ksd.scene.joint import proportions
 from ksd.scene.profile import Curve, Profile
 from ksd.section import Section
 from ksd.section.checks import Vector, nearest, number, show
@@ -130,7 +131,9 @@ class Fixed:
 
 def _fixed(joint: Joint) -> Design:
     single = tuple(Parameter(name, value, value) for name, value in joint.shape().items())
-    return Design(joint.family, single, Fixed(joint), {"length": joint.length})
+    # a family is told by its shape parameters, a drawing by all of it
+    drawing = proportions(joint) if isinstance(joint, DrawnJoint) else {}
+    return Design(joint.family, single, Fixed(joint), {"length": joint.length, **drawing})
 
 
 def _thin(section: Section, factor: float) -> Section:

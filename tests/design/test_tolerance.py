@@ -27,6 +27,21 @@ def test_samples_scatter_as_to_first_order_and_half_of_them_hold_the_limit(made)
     assert "hold every limit" in str(made) and "thickness 99 %" in str(made)
 
 
+def test_limits_alone_are_enough_and_say_the_same_as_beside_a_target():
+    words = {"turn": [0.5], "limits": {"stress_MPa": 469.0}}
+    alone, both = job(maximise=(), **words), job(**words)
+    found, asked = (ksd.tolerance(j, BEST, spread=SPREAD, samples=16, seed=1) for j in (alone, both))
+    names = [n for n in found.names if n.startswith("stress")]
+    assert names == list(found.names) and 0.0 < found.kept == asked.kept < 1.0
+    k = [asked.names.index(n) for n in names]
+    assert found.nominal == pytest.approx(asked.nominal[k])
+    assert found.first_order == pytest.approx(asked.first_order[k])
+    assert np.isnan(found.merits).all() and found._line().endswith("of 16 samples hold every limit")
+    for call in (ksd.optimise, lambda j: ksd.pareto(j, against="stress_MPa")):
+        with pytest.raises(ksd.SceneError, match="this job has limits alone, and nothing to make better"):
+            call(alone)
+
+
 def test_standard_deviations_are_those_of_slopes(made):
     one = job(turn=[0.5235987755982988])
     x = one.point(BEST)

@@ -25,6 +25,12 @@ def scene(*, length=0.1, thickness=1e-3, width=0.04, profile=None, **material):
     [
         ({"E": 210000.0}, "E = 210000 Pa is softer than rubber; if it is meant in MPa"),
         ({"E": 2.1e14}, "stiffer than diamond"),
+        (
+            {"E": 200e6, "name": "Steel"},
+            "material 'Steel': E = 2e+08 Pa is softer than any metal: did you mean 200 GPa?",
+        ),
+        ({"E": 71e6, "name": "", "density": 2700.0}, "any metal of 2700 kg/m^3: did you mean 71 GPa?"),
+        ({"E": 2e9, "density": 7800.0}, "softer than any metal of 7800 kg/m^3; moduli are in Pa"),
         ({"length": 50.0}, "leaf 'leaf': length 50 m is that of no flexure"),
         ({"length": 1e-7, "thickness": 1e-9, "width": 1e-8}, "length 1e-07 m"),
         ({"length": 0.05, "thickness": 0.02, "width": 0.01}, "only 2.5 thicknesses"),
@@ -50,6 +56,32 @@ def test_flexures_are_silent():
     made = scene(density=7800.0, yield_stress=1.2e9, fatigue_limit=0.5e9)
     assert implausible(made.scene()) == ()
     assert ksd.solve(made, {"drive": 0.1}).warnings == ()
+
+
+@pytest.mark.parametrize(
+    ("name", "E", "density"),
+    [("rubber", 5e6, 1100.0), ("PTFE", 0.5e9, 2200.0), ("lead", 16e9, 11340.0), ("", 2e9, None)],
+)
+def test_soft_materials_are_silent(name, E, density):
+    assert implausible(scene(name=name, E=E, density=density).scene()) == ()
+
+
+def far_apart(spacing, off):
+    m, steel = ksd.Mechanism("guide"), ksd.Material(200e9, nu=0.3)
+    stage = m.link("stage")
+    for x in (0.0, off):
+        guide = ksd.ParallelGuide(steel, length=0.1, thickness=5e-4, width=0.02, spacing=spacing)
+        m.join(m.ground, stage, guide, at=(0, x, 0), axis="z", toward="x")
+    return m.draft()
+
+
+def test_parts_too_far_apart_are_doubted_once():
+    assert implausible(far_apart(0.06, 0.5)) == ()
+    assert implausible(far_apart(60.0, 0.5))[0] == (
+        "joint 'ground-stage': spacing = 60.0 is in m, and that of no flexure; did you mean mm?"
+    )
+    (said,) = implausible(far_apart(0.06, 60.0))
+    assert said == "its joints, leaf springs and masses are 60 m apart along y; lengths are in m"
 
 
 def test_a_notch_is_judged_where_it_is_thinnest():

@@ -261,17 +261,15 @@ def test_internal_blocks_are_recorded(tmp_path, threads):
     assert blocks[0, 3] == pytest.approx(shift / 0.1, rel=0.02)
 
 
-def guide():
+def guide(*, apart=0.03, scale=1.0, thicker=1.0):
     """A parallel guide: two leaf springs along y, B moves along x."""
-    section = rectangle(0.5e-3, 0.03)
+    L = 0.1 * scale
     leaves = [
-        ksd.Leaf(
-            start=(x, 0, 0), end=(x, 0.1, 0), width_axis=(0, 0, 1), section=section, material=STEEL, name=name
-        )
-        for name, x in (("left", -0.03), ("right", 0.03))
-    ]
-    motion = Motion("slide", "translation", (1, 0, 0), (-0.02, 0.02))
-    return DrawnJoint("guide", blocks={"A": (0, 0, 0), "B": (0, 0.1, 0)}, leaves=leaves, motions=[motion])
+        ksd.Leaf(start=(x, 0, 0), end=(x, L, 0), width_axis=(0, 0, 1), section=rectangle(t, 0.03), material=STEEL, name=name)
+        for name, x, t in (("left", -apart * scale, 0.5e-3), ("right", apart * scale, thicker * 0.5e-3))
+    ]  # fmt: skip
+    motion = Motion("slide", "translation", (1, 0, 0), (-0.02 * scale, 0.02 * scale))
+    return DrawnJoint("guide", blocks={"A": (0, 0, 0), "B": (0, L, 0)}, leaves=leaves, motions=[motion])
 
 
 def test_a_translation_is_recorded_over_the_joint_length(tmp_path, threads):
@@ -281,6 +279,31 @@ def test_a_translation_is_recorded_over_the_joint_length(tmp_path, threads):
     place = pose[3:]
     # acceptance D: shortening 6.02045e-3 L at a stroke of 0.1 L, rotation held there and free here
     assert place[0] == pytest.approx(0.1, abs=2e-4) and place[1] == pytest.approx(1 - 6.02e-3, abs=1e-4)
+
+
+def test_a_record_of_a_joint_as_drawn_is_refused_by_one_drawn_otherwise(tmp_path, threads):
+    words = {"executor": threads, "meshes": ("strain",), "progress": False}
+    train(guide(), out=tmp_path, **words)
+    record = read_record(tmp_path / "guide.h5")
+
+    def solved(joint, record=record):
+        m = ksd.Mechanism("one")
+        stage = m.link("stage")
+        m.actuate(joint=m.join(m.ground, stage, joint, at=(0, 0, 0), axis="z", toward="y"), name="slide")
+        return ksd.Solver(m, records=lambda family: record)(slide=0.01 * joint.length / 0.1, method="reduced")
+
+    # twice as large, or another scale of thickness: the same joint
+    assert solved(guide()).trusted and solved(guide(scale=2.0)).trusted
+    for other, said in (
+        (guide(apart=0.02), r"start of leaf 1, x: -0\.3 there, -0\.2 here"),
+        (guide(thicker=1.1), r"bending stiffness of leaf 2: 1 there, 1\.331 here"),
+    ):
+        with pytest.raises(
+            ksd.RecordError, match=rf"guide is of a joint drawn in other proportions \({said}, lengths over"
+        ):
+            solved(other)
+        # records of before hold no drawing: the error figure tells
+        solved(other, replace(record, design={"length": 0.1}))
 
 
 def test_leaving_the_plane_is_refused(tmp_path, threads):
