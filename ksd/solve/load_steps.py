@@ -19,7 +19,7 @@ import numpy as np
 from ksd.errors import ConvergenceError, SceneError
 from ksd.model.arrays import LINEAR, Arrays, Motion, Work, carries_load
 from ksd.model.compile import Model
-from ksd.model.newton import CONVERGED, Newton, iterate
+from ksd.model.newton import CONVERGED, SINGULAR, Newton, assemble, iterate
 from ksd.model.plane import Plane, plane_of, refuse_plane
 from ksd.numerics.rotations import rotation_log
 from ksd.properties.cache import per_model
@@ -27,7 +27,7 @@ from ksd.properties.doctor import doctor
 from ksd.scene.hinges import plane_holds
 from ksd.solve.arc import REACHED, Course, Walk, trace
 from ksd.solve.following import counted
-from ksd.solve.pivoted import iterate_pivoted
+from ksd.solve.pivoted import iterate_pivoted, moves_freely
 from ksd.solve.steps import CAP, RTOL, Step, Stop
 from ksd.solve.storage import Storage
 
@@ -367,7 +367,12 @@ def _drive_in_plane(
         motion.multiplier[np.setdiff1d(np.arange(len(motion.multiplier)), plane.rows)] = 0.0
 
     def newton(motion: Motion, values: np.ndarray, factor: float, *bounds: Any) -> Newton:
-        return iterate(plane.arrays, motion, values, factor, work, *bounds)
+        found = iterate(plane.arrays, motion, values, factor, work, *bounds)
+        if found[0] == CONVERGED and found[4] < WEAK_PIVOT:
+            # what nothing holds has converged too, at rest and where no force goes against it
+            assemble(plane.arrays, motion, values, factor, work, bounds[0], 0, 0.0)
+            return (SINGULAR, *found[1:]) if moves_freely(plane.arrays, work) else found
+        return found
 
     driven = drive_to(motion, newton, way, begin=begin)
     if _is_held(model):
@@ -422,6 +427,9 @@ def load_steps(
         low, high = way.factors
         return trace(model, Course(way.start, way.target - way.start, low, high - low), begin, turns=turns)
 
+    if first[0].stop is Stop.SINGULAR and first[0].reached == 0.0:
+        # what nothing holds from the start on has no path
+        return *first, ()
     if first[0].stop is not Stop.CONVERGED:
         return rescued(first, lambda: arc(turns=1))
     reason = doubt(model, first[2], first[0], way.target, fresh=fresh, steps=way.steps)

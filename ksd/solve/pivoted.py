@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from ksd.model.arrays import Arrays, Motion
+from ksd.model.arrays import Arrays, Motion, Work
 from ksd.model.newton import GRAIN, assemble, largest_move, largest_turn, settled, take_step
 from ksd.numerics.indefinite import inertia, scaling, solve_scaled
 from ksd.properties.nonconservative import skew_tangent
@@ -46,7 +46,7 @@ def iterate_pivoted(arrays: Arrays, motion: Motion, *aim: Any) -> tuple[int, int
             return Stop.NOT_FINITE, n, worst, 0, condition
         if settled(worst, before, moved):
             reason = (Stop.CONVERGED, Stop.LOCAL_ANGLE, Stop.SINGULAR)[status]
-            if reason == Stop.CONVERGED and _moves_freely(K, arrays):
+            if reason == Stop.CONVERGED and moves_freely(arrays, work):
                 reason = Stop.SINGULAR
             return reason, n, worst, inertia(K) + inside, condition
         if n == most:
@@ -65,9 +65,10 @@ def iterate_pivoted(arrays: Arrays, motion: Motion, *aim: Any) -> tuple[int, int
     return Stop.TOO_MANY, most, worst, 0, condition
 
 
-def _moves_freely(K: np.ndarray, arrays: Arrays) -> bool:
-    """Whether something moves at a state without any force: the kernel of its tangent K holds more than the forces of
-    supports that are said twice."""
+def moves_freely(arrays: Arrays, work: Work) -> bool:
+    """Whether something moves at the state assembled in `work` without any force: the kernel of its tangent holds more than
+    the forces of supports that are said twice."""
+    K = stored_matrix(arrays, work.value)
     scale = scaling(K)
     values, vectors = np.linalg.eigh(K * np.outer(scale, scale))
     kernel = np.delete(vectors[:, np.abs(values) < LOOSE], arrays.terms.start, axis=0)

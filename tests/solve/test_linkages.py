@@ -134,6 +134,41 @@ def test_what_nothing_holds_is_said():
         ksd.solve(linkage(plane=None))
 
 
+def on_a_guide(what, k, plane):
+    """A guide of two leaf springs with something on it that nothing holds, at places whose rounding differs."""
+    m, steel = ksd.Mechanism("guide", plane=plane), ksd.Material(E=200e9, nu=0.3)
+    stage, sheet = m.link("stage"), ksd.rectangle(0.5e-3, 0.02)
+    for x in (0.0, 0.05):
+        m.leaf(
+            "ground", stage, start=(x, 0, 0), end=(x, 0.1, 0), section=sheet, material=steel, width_axis="z"
+        )
+    m.actuate(stage, along="x", at=(0.025, 0.1, 0), name="push")
+    free, at = m.link("free"), (0.025 + 0.0173 * k, 0.1, 0)
+    if what == "slider":
+        m.slider(free, along=(1, 0.3 * k, 0), at=(0.3, 0, 0))
+        return m
+    m.pin(stage, free, at=at, axis="z")
+    if what == "leaf":
+        end = (at[0] + 0.05, 0.1 + 0.01 * k, 0)
+        m.leaf(free, m.link("tip"), start=at, end=end, section=sheet, material=steel, width_axis="z")
+    return m
+
+
+@pytest.mark.parametrize("what", ["arm", "leaf", "slider"])
+@pytest.mark.parametrize("plane", ["xy", None])
+def test_what_nothing_holds_is_said_whatever_its_pivot_rounds_to(what, plane):
+    """By luck of that rounding it was told at rest, told unstable, or trusted."""
+    for k in range(4):
+        for push in (0.0, 1e-3):
+            with pytest.raises(ksd.ConvergenceError, match="something can move without resistance"):
+                ksd.solve(on_a_guide(what, k, plane), push=push)
+    # weight holds a pendulum
+    hanging = on_a_guide("arm", 2, plane)
+    hanging.gravity = (0, -9.81, 0)
+    hanging.mass("free", mass=0.1, at=(0.025 + 0.0346, 0.05, 0))
+    assert ksd.solve(hanging, push=1e-3).trusted
+
+
 def test_a_linkage_is_written_drawn_and_asked(tmp_path):
     m = linkage()
     ksd.save_scene(m, tmp_path / "a.toml")
