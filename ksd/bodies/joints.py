@@ -479,12 +479,12 @@ def _check_record(joint: Any, record: Record, mesh: str | int) -> None:
                 f"the record of {joint.family} is of a joint with {there} {what}, this one has {here}; give your joint a "
                 "family name of its own and train it with ksd.train(joint)"
             )
-    for what, here in proportions(joint).items() if isinstance(joint, DrawnJoint) else ():
-        there = record.design.get(what, here)
-        if abs(here - there) > REDRAWN * max(1.0, abs(here)):
+    for what, own in proportions(joint).items() if isinstance(joint, DrawnJoint) else ():
+        theirs = record.design.get(what, own)
+        if abs(own - theirs) > REDRAWN * max(1.0, abs(own)):
             raise RecordError(
-                f"the record of {joint.family} is of a joint drawn in other proportions ({what}: {there:.6g} there, "
-                f"{here:.6g} here, lengths over that of the joint); give your joint a family name of its own and train it "
+                f"the record of {joint.family} is of a joint drawn in other proportions ({what}: {theirs:.6g} there, "
+                f"{own:.6g} here, lengths over that of the joint); give your joint a family name of its own and train it "
                 "with ksd.train(joint)"
             )
     if mesh in record.functions or all(leaf.profile is None and leaf.curve is None for leaf in leaves):
