@@ -15,10 +15,10 @@ from ksd.design.plan import scene_of
 from ksd.design.prepared import Found, Prepared, answer_together
 from ksd.errors import KsdError
 from ksd.library import Record, find_record
-from ksd.model.compile import marked, model_of
+from ksd.model.compile import model_of
 from ksd.model.drawing import Drawing, draw
 from ksd.model.effects import Choice, applied, choose
-from ksd.model.mesh import Mesh
+from ksd.model.mesh import DEFAULT_MESH, Mesh
 from ksd.model.template import Template, template_of
 from ksd.scene import Scene
 from ksd.solve.five import FiveSteps
@@ -46,7 +46,7 @@ class Designs:
     def __init__(
         self, values: Mapping[str, np.ndarray], ways: Mapping[str, Any], mesh: Mesh | None, extrapolate: bool
     ) -> None:
-        self.values, self.ways, self.mesh, self.extrapolate = values, ways, mesh or Mesh(), extrapolate
+        self.values, self.ways, self.mesh, self.extrapolate = values, ways, mesh or DEFAULT_MESH, extrapolate
         self._own = threading.local()
         self._records: dict[str, Record] = {}
 
@@ -115,7 +115,7 @@ class Designs:
         state = mine["state"] if mine.get("layout") is layout else None
         for d, one in enumerate(designs):
             try:
-                model = marked(model_of(one.scene, template, filled, numbers, d), one.said, one.choice)
+                model = model_of(one.scene, template, filled, numbers, d, said=one.said, choice=one.choice)
                 five = FiveSteps(
                     model, body_design(layout, bodies, d), extrapolate=self.extrapolate, state=state
                 )

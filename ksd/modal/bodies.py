@@ -15,7 +15,7 @@ from ksd.errors import SceneError
 from ksd.modal.basis import LeafBasis, LeafShape, chain_records, make_basis, rest_basis
 from ksd.modal.choices import ModalBasis
 from ksd.model.arrays import COROTATIONAL, Motion
-from ksd.model.compile import Model, compile_given, marked
+from ksd.model.compile import Model, compile_given
 from ksd.model.constant import bent_leaves, is_constant
 from ksd.model.mesh import Mesh, MixedMesh
 from ksd.model.reduced import inner_state, member_pose, same_state, with_bodies
@@ -38,7 +38,7 @@ def with_chains(model: Model, leaves: Mapping[str, ModalBasis]) -> Model:
     elif chains:
         words = {k: getattr(mesh, k) for k in Mesh.__dataclass_fields__}
         mesh = MixedMesh(**words, others=tuple(chains.items()))
-    return model if mesh == model.mesh else marked(compile_given(model.scene, mesh), model.said, model.choice)
+    return model if mesh == model.mesh else compile_given(model.scene, mesh, model.said, model.choice)
 
 
 def chain_shape(model: Model, i: int, motion: Motion) -> LeafShape:

@@ -7,6 +7,7 @@ from the link's reference point. Lengths m, forces N, moments Nm, angles rad.
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
+from itertools import accumulate
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -305,23 +306,22 @@ compiled_open_work = kernel(open_work)
 def turning_room(arrays: Arrays) -> int:
     """Scratch that loads with a skew tangent take in a Newton step (`ksd.model.nonconservative`)."""
     loads = arrays.loads
+    if not len(loads.node):
+        return 0
     rows = len(arrays.keep) * int(np.sum((loads.skew == 1) & (arrays.start[loads.node] >= 0)))
     return rows * (arrays.plan.unknowns + rows + 1)
 
 
 def make_work(arrays: Arrays, *, near: np.ndarray | None = None) -> Work:
     """Storage for one thread working on `arrays`; `near` (m,) lengths of the near configurations, if any."""
-    members = arrays.members
-    count = len(members.kind)
-    near_at = np.zeros(count + 1, np.int64)
-    if near is not None:
-        near_at[1:] = np.cumsum(near)
+    members, count = arrays.members, len(arrays.members.kind)
+    near_at = [0] * (count + 1) if near is None else [0, *accumulate(near.tolist())]
     rows = count + len(arrays.springs.kind)
     sizes = (
-        arrays.plan.values, arrays.plan.values, arrays.plan.unknowns, members.store_at[-1], 12 * rows, 18 * rows,
+        arrays.plan.values, arrays.plan.values, arrays.plan.unknowns, int(members.store_at[-1]), 12 * rows, 18 * rows,
         2 * len(arrays.start), near_at[-1], max(arrays.scratch, turning_room(arrays)), arrays.weight.size,
     )  # fmt: skip
-    at = np.concatenate([np.cumsum(sizes), near_at]).astype(np.int64)
+    at = np.array([*accumulate(sizes), *near_at], np.int64)
     work = open_work(np.zeros(at[9]), at)
     work.weight[:] = arrays.weight
     return work

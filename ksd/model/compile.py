@@ -20,7 +20,7 @@ from ksd.model.drawing import Drawing, Numbers, draw
 from ksd.model.effects import Choice, applied, choose
 from ksd.model.leaves import cut_leaves
 from ksd.model.listing import listing
-from ksd.model.mesh import Mesh
+from ksd.model.mesh import DEFAULT_MESH, Mesh
 from ksd.model.pack import revalued
 from ksd.model.plane import refuse_plane
 from ksd.model.template import Filled, Leaves, Template, design, motion_design, template_of
@@ -185,22 +185,30 @@ def drawn(model: Model) -> Drawn:
     return found
 
 
-def compile_given(scene: Any, mesh: Mesh) -> Model:
-    """The full model of a frozen scene exactly as it stands, no effect chosen: every leaf a member, every block a node."""
+def compile_given(scene: Any, mesh: Mesh, said: Any = None, choice: Choice | None = None) -> Model:
+    """The full model of a frozen scene exactly as it stands, no effect chosen: every leaf a member, every block a node.
+
+    said, choice: see `Model`; the scene itself, and none, where they are None.
+    """
     made = _drawn(scene, mesh)
-    model = model_of(scene, made.template, made.filled, made.numbers)
+    model = model_of(scene, made.template, made.filled, made.numbers, said=said, choice=choice)
     model.derived["drawn"] = made
     return model
 
 
-def model_of(scene: Any, template: Template, filled: Filled, numbers: Numbers, d: int = 0) -> Model:
-    """The model of design d of those packed together; scene: its frozen scene."""
+def model_of(
+    scene: Any, template: Template, filled: Filled, numbers: Numbers, d: int = 0, *, said: Any = None,
+    choice: Choice | None = None,
+) -> Model:  # fmt: skip
+    """The model of design d of those packed together; scene: its frozen scene; said, choice: as in `compile_given`."""
     words = template.words
     model = Model(
         scene, template.mesh, design(filled.arrays, template.topology, d), motion_design(filled.rest, d),
         template.node_names, template.member_names, template.joint_members, words.drives, words.supports,
-        template.spring_names, scene,
+        template.spring_names, scene if said is None else said, choice,
     )  # fmt: skip
+    if choice is not None and choice["spatial"].present:
+        refuse_plane(model, f"six unknowns per node are wanted: {choice['spatial'].reason}")
     leaves = Leaves(*(a[d : d + 1] for a in filled.leaves))
     model.derived["leaves"] = template, leaves, numbers.given[d : d + 1]
     return model
@@ -242,7 +250,7 @@ def compile_scene(
     scene = scene.scene() if hasattr(scene, "scene") else scene
     if not hasattr(scene, "fingerprint"):
         raise SceneError(f"{show(scene)} is no mechanism; {WANTED}.")
-    mesh = Mesh() if mesh is None else mesh
+    mesh = DEFAULT_MESH if mesh is None else mesh
     if not isinstance(mesh, Mesh):
         raise SceneError(
             f"mesh = {show(mesh)}: give a ksd.Mesh, for example ksd.Mesh('corotational', elements=5)."
@@ -252,14 +260,4 @@ def compile_scene(
 
 def compile_chosen(scene: Any, mesh: Mesh, choice: Choice) -> Model:
     """The model of a frozen scene with the effects of `choice`."""
-    return marked(compile_given(*applied(scene, mesh, choice)), scene, choice)
-
-
-def marked(model: Model, said: Any, choice: Choice | None) -> Model:
-    """The model with what it stands for: the scene as described, and the choice of its effects."""
-    made = model.derived
-    model = replace(model, said=said, choice=choice)
-    model.derived.update(made)
-    if choice is not None and choice["spatial"].present:
-        refuse_plane(model, f"six unknowns per node are wanted: {choice['spatial'].reason}")
-    return model
+    return compile_given(*applied(scene, mesh, choice), scene, choice)

@@ -86,6 +86,7 @@ class Mesh(metaclass=Worded):
         return f"{self.elements} Appendix A elements per leaf, {newton}{', nodal' if self.nodal else ''}"
 
 
+DEFAULT_MESH = Mesh()
 MORE, MORE_POINTS = (2, 2, 3), 4
 """Modes and points by which a leaf is refined: the default leaf becomes one of orders (6, 5, 9) on 11 points."""
 

@@ -8,7 +8,8 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
-from typing import Any, NamedTuple
+from itertools import accumulate
+from typing import NamedTuple
 
 import numpy as np
 
@@ -263,23 +264,35 @@ def float_fields(arrays: Arrays) -> list[np.ndarray]:
     return [*found, arrays.weight]
 
 
+def _places(topology: Arrays) -> dict[str, list[tuple[str, slice, tuple[int, ...]]]]:
+    """Name, place in `Flat.floats` and shape of the fields of numbers that are not empty, by their part."""
+    at, found = 1, {}
+    for part, names in _FLOATS.items():
+        own = {name: getattr(getattr(topology, part), name) for name in names}
+        ends = list(accumulate((field.size for field in own.values()), initial=at))
+        found[part] = [
+            (name, slice(*ends[k : k + 2]), field.shape)
+            for k, (name, field) in enumerate(own.items())
+            if field.size
+        ]
+        at = ends[-1]
+    return found
+
+
 def refilled(topology: Arrays, floats: np.ndarray) -> Arrays:
     """Arrays with the integers of `topology`, which are shared, and other numbers, laid out as `Flat.floats`: a third of
     the time of `opened`, which makes views of the integers too."""
-    at = 1
-
-    def filled(part: Any, names: Iterable[str]) -> Any:
-        nonlocal at
-        views = {}
-        for name in names:
-            own = getattr(part, name)
-            views[name] = floats[at : at + own.size].reshape(own.shape)
-            at += own.size
-        return part._replace(**views)
-
-    # in the order of `float_fields`
-    made = {part: filled(getattr(topology, part), names) for part, names in _FLOATS.items()}
-    arrays: Arrays = filled(topology._replace(size=float(floats[0]), **made), ("weight",))
+    places = topology.__dict__.get("places")
+    if places is None:
+        places = topology.__dict__["places"] = _places(topology)
+    made = {
+        part: getattr(topology, part)._replace(
+            **{name: floats[at].reshape(shape) for name, at, shape in fields}
+        )
+        for part, fields in places.items()
+    }
+    weight = floats[len(floats) - topology.weight.size :].reshape(-1, 4)
+    arrays = topology._replace(size=float(floats[0]), weight=weight, **made)
     arrays.flat = topology.flat._replace(floats=floats)
     return arrays
 

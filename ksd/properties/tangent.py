@@ -103,16 +103,20 @@ def beyond_rows(arrays: Arrays, size: Any, gradients: Array, loads: Array) -> tu
 
     arrays: whose unknowns they are; size [m]: of the mechanism. All may have a leading axis over states.
     """
-    start = arrays.start
-    turns = np.ones((*np.shape(size), arrays.plan.unknowns, 1))
+    start, unknowns = arrays.start, arrays.plan.unknowns
+    turns = np.ones((*np.shape(size), unknowns, 1))
     turns[..., (start[start >= 0, None] + np.arange(3, 6)).ravel(), 0] = np.asarray(size)[..., None]
-    A, b = gradients / turns, loads / turns
+    # rows depend on the motion of few nodes
+    own = np.flatnonzero(gradients.any(axis=-1).reshape(-1, unknowns).any(axis=0))
+    A, left = (gradients / turns)[..., own, :], loads / turns
     norm = np.sqrt((A * A).sum(axis=-2, keepdims=True))
-    A = A / np.where(norm == 0.0, 1.0, norm)
-    share = (A.swapaxes(-1, -2) if A.shape[-1] == 1 else np.linalg.pinv(A, rcond=SAME)) @ b
-    left = b - A @ share
-    none = (left * left).sum(axis=-2, keepdims=True) <= SAME**2 * (b * b).sum(axis=-2, keepdims=True)
-    return np.where(none, 0.0, left) * turns, share / np.where(norm == 0.0, 1.0, norm).swapaxes(-1, -2)
+    norm[norm == 0.0] = 1.0
+    A = A / norm
+    share = (A.swapaxes(-1, -2) if A.shape[-1] == 1 else np.linalg.pinv(A, rcond=SAME)) @ left[..., own, :]
+    least = SAME**2 * (left * left).sum(axis=-2, keepdims=True)
+    left[..., own, :] -= A @ share
+    none = (left * left).sum(axis=-2, keepdims=True) <= least
+    return np.where(none, 0.0, left) * turns, share / norm.swapaxes(-1, -2)
 
 
 def responses(states: Alike, loads: Array) -> tuple[Array, NDArray[np.bool_]]:

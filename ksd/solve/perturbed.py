@@ -19,7 +19,7 @@ import numpy as np
 
 from ksd.errors import ConvergenceError, SceneError
 from ksd.model.arrays import STRAIN, Arrays, Motion, Work, make_work
-from ksd.model.compile import Model, marked, model_of
+from ksd.model.compile import Model, model_of
 from ksd.model.drawing import draw
 from ksd.model.effects import applied, with_conditions
 from ksd.model.mesh import Mesh, MixedMesh
@@ -286,7 +286,7 @@ def _compiled(model: Model, mesh: Mesh, scenes: Sequence[Any]) -> list[Model]:
         numbers = template.numbers([row for _, _, row in members])
         filled = template(numbers)
         for d, (k, plain, _) in enumerate(members):
-            found[k] = marked(model_of(plain, template, filled, numbers, d), scenes[k], model.choice)
+            found[k] = model_of(plain, template, filled, numbers, d, said=scenes[k], choice=model.choice)
     return [found[k] for k in range(len(scenes))]
 
 

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 from scipy.integrate import trapezoid
 
 from ksd.model.arrays import Motion
-from ksd.model.compile import Model, compile_given, marked
+from ksd.model.compile import Model, compile_given
 from ksd.model.effects import with_conditions
 from ksd.model.leaves import rigidities
 from ksd.properties.cache import per_model
@@ -84,7 +84,7 @@ def settled(solver: Any, solve: Callable[[Any], Configuration], bound: float) ->
         if moved <= bound:
             break
         scene = with_conditions(found.model.scene, conditions)
-        compiled = compile_given(scene, found.model.mesh)
-        solver = solver.of(marked(compiled, solver.model.said, solver.model.choice))
+        model = solver.model
+        solver = solver.of(compile_given(scene, found.model.mesh, model.said, model.choice))
         found = solve(solver)
     return found, solver

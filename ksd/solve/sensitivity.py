@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from ksd.errors import ConvergenceError, KinematicsError, SceneError
 from ksd.model.arrays import Motion
-from ksd.model.compile import Model, compile_given, marked
+from ksd.model.compile import Model, compile_given
 from ksd.model.newton import take_step
 from ksd.numerics.rotations import rotation_log
 from ksd.numerics.stopwatch import Stopwatch
@@ -73,7 +73,7 @@ def sensitivity(
         f, m = (tuple((sign * STEP * part).tolist()) for part in (load[:3], load[3:]))
         extra = Load("sensitivity", name, f, m, place)
         more = replace(acting, loads=(*acting.loads, extra))
-        loaded = marked(compile_given(more, model.mesh), scene, model.choice)
+        loaded = compile_given(more, model.mesh, scene, model.choice)
         states.append(_beside(pose, loaded, state))
         rest.append(_refine(states[-1]))
     error = _backward_error(states[0], states[1], rest)

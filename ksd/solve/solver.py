@@ -21,7 +21,7 @@ from ksd.modal.choices import ModalBasis
 from ksd.modal.solid_basis import SolidBasis
 from ksd.model.compile import Model, compile_scene
 from ksd.model.constant import with_constant_leaves
-from ksd.model.mesh import Mesh
+from ksd.model.mesh import DEFAULT_MESH, Mesh
 from ksd.model.orders import mesh_for, raised
 from ksd.model.plane import Plane, plane_of
 from ksd.scene.contents import Scene
@@ -50,7 +50,6 @@ Basis = ModalBasis | Mapping[str, ModalBasis | SolidBasis]
 Method = Literal["kinematic", "reduced", "full", "conventional", "modal", "constant"]
 METHODS = ("kinematic", "reduced", "full", "conventional", "modal", "constant")
 DEFAULT_ACCURACY = 1e-3
-DEFAULT_MESH = Mesh()
 MOST_RISES = 5
 """How often `solve` raises the orders of the strain-mode leaves when their highest modes are not negligible."""
 COMPILED = "mesh and effects are chosen when a model is compiled: pass them to ksd.compile_scene"
