@@ -76,8 +76,7 @@ class LeafRod(NamedTuple):
     def sampled(self, count: int) -> _Sampled:
         """The leaf in so many steps."""
         if count not in self.known:
-            step, rod = _sampled(natural(self.leaf), self.mesh, self.heavy, count)
-            self.known[count] = _Sampled(step, rod, _moved(self.leaf, self.mesh, count))
+            self.known[count] = _sample(self.leaf, self.mesh, self.heavy, count)
         return self.known[count]
 
 
@@ -93,7 +92,8 @@ def leaves_as_rods(model: Model) -> tuple[LeafRod, ...]:
         # the leaf is kept beside, or another one might come to have its number
         key = id(leaf), mesh, heavy
         if key not in known:
-            step, rod = _sampled(natural(leaf), mesh, heavy, SHAPED)
+            sample = _sample(leaf, mesh, heavy, SHAPED)
+            step, rod = sample.step, sample.rod
             middle = rod[len(step) // 2, 2]
             bent = float(step @ (np.sqrt((rod[:, :, :3] ** 2).sum(axis=2)) @ WEIGHTS))
             if leaf.profile is not None:
@@ -101,7 +101,9 @@ def leaves_as_rods(model: Model) -> tuple[LeafRod, ...]:
                 bent += VARIES * math.log(float(rod[:, :, 3:6].max() / rod[:, :, 3:6].min(axis=(0, 1)).max()))
             mass = float(step @ (rod[:, :, 9] @ WEIGHTS))
             soft, axial = float(rod[:, :, 3:6].max()), 1.0 / max(float(middle[6]), 1e-300)
-            made.append(LeafRod(leaf, mesh, heavy, float(step.sum()), bent, soft, axial, mass, {}))
+            made.append(
+                LeafRod(leaf, mesh, heavy, float(step.sum()), bent, soft, axial, mass, {SHAPED: sample})
+            )
             known[key] = made[-1]
         else:
             made.append(known[key])
@@ -123,6 +125,11 @@ def _pieces(model: Model) -> tuple[dict[str, Any], dict[str, Any]]:
     scene = model.scene
     inside = {f"{j.name}/{leaf.name}": leaf for j in scene.joints for leaf in j.leaves()}
     return inside | {name: leaf for name, _, _, leaf in cut_leaves(scene)}, scene.leaf_names()
+
+
+def _sample(leaf: Any, mesh: Any, heavy: bool, count: int) -> _Sampled:
+    """A leaf in `count` steps between breaks."""
+    return _Sampled(*_sampled(natural(leaf), mesh, heavy, count), _moved(leaf, mesh, count))
 
 
 def _sampled(leaf: Any, mesh: Any, heavy: bool, count: int) -> tuple[Array, Array]:

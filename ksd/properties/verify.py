@@ -48,7 +48,7 @@ MOST_TURN = 0.5
 """Largest turn of a link in a step [rad]."""
 SHRINKS = 1.0
 """Way of the parts in a step over that in the step before, beyond which they go astray."""
-BETWEEN = 32
+BETWEEN = 16
 """Places of a leaf between which those of its stations are, for each."""
 FAR = 1e3
 """Gap [m, rad] that stands for all larger ones."""
@@ -177,10 +177,13 @@ def _begun(
 
 
 class _Rods:
-    """A model with rods in the place of its leaves, from the state that they are to be put to."""
+    """A model with rods in the place of its leaves, from the state that they are to be put to; judged: the state by whose
+    distance they are close enough."""
 
-    def __init__(self, assembled: Assembled, target: Array, load_factor: float) -> None:
-        self.model, self.work, self.begin = assembled.model, assembled.work, assembled.motion
+    def __init__(
+        self, assembled: Assembled, target: Array, load_factor: float, judged: tuple[Model, Motion]
+    ) -> None:
+        self.model, self.work, self.judged = assembled.model, assembled.work, judged
         self.target, self.load_factor = target, load_factor
         mass = np.array([leaf.mass for leaf in leaves_as_rods(self.model)])
         ends, at_p, gravity = _wrenches(assembled, mass, load_factor)
@@ -212,7 +215,8 @@ class _Rods:
         """Newton's method to where all gaps are closed; whether they are. Raises KinematicsError where a motion of the state
         to begin with is left that nothing resists."""
         arrays, motion, before = self.model.arrays, self.motion, math.inf
-        scale = _scale(self.model, self.begin)
+        model, begin = self.judged
+        scale = _scale(model, begin)
         for k in range(ROUNDS):
             if k > 0:
                 self._assemble()
@@ -230,8 +234,8 @@ class _Rods:
                 return True
             way = float(_misses(self.state.moved, self.cut.length).max())
             last = scale.relative(_step_way(self.model, step))
-            whole = scale.relative(_way(self.model, self.begin, motion))
-            if k > 0 and way < WIDE and last <= NEARLY * whole + NOTHING:
+            whole = scale.relative(_way(model, begin, motion))
+            if way < WIDE and last <= NEARLY * whole + NOTHING:
                 return True
             if not way <= SHRINKS * before or largest_turn(arrays, step) > MOST_TURN:
                 return False
@@ -325,10 +329,11 @@ def verify(
         step, now = factored(assembled).solve(-assembled.work.rhs[:, None])[:, 0], motion.copy()
         move_nodes(model.arrays, now, step, 1.0)
         return _answer(model, motion, now, Gaps((), np.zeros((0, 6)), np.zeros(0)), ())
-    rods = _Rods(assembled, target, load_factor)
+    judged = of or (model, motion)
+    rods = _Rods(assembled, target, load_factor, judged)
     gaps = rods.gaps()
     unclosed = () if rods.close() else rods.unclosed()
-    return _answer(*(of or (model, motion)), rods.motion, gaps, unclosed)
+    return _answer(*judged, rods.motion, gaps, unclosed)
 
 
 def _answer(model: Model, motion: Motion, now: Motion, gaps: Gaps, unclosed: tuple[str, ...]) -> Verification:
