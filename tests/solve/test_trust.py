@@ -147,7 +147,9 @@ def test_a_state_is_judged_on_the_mesh_it_ends_on():
     """On the modes a solve starts with, a leaf misses a fifth of its energy, and the way there branches."""
     m = ksd.Mechanism("slider")
     stage, hand = m.links("stage", "hand")
-    guide = ksd.StiffenedGuide(STEEL, length=0.1, flexible=0.39183, thickness=5e-4, width=0.04, spacing=0.2732)
+    guide = ksd.StiffenedGuide(
+        STEEL, length=0.1, flexible=0.39183, thickness=5e-4, width=0.04, spacing=0.2732
+    )
     wheel = ksd.Cartwheel(STEEL, length=0.1, angle=1.03826, thickness=5e-4, width=0.04)
     axis = (-0.6318357071443441, -0.3482048670704362, 0.6924861079659768)
     toward = (-0.28092638745652976, 0.9355433992223378, 0.21410024054665946)
@@ -159,7 +161,9 @@ def test_a_state_is_judged_on_the_mesh_it_ends_on():
     m.load(hand, force=(96.5, -82.87, 70.39), at=(0.15, 0.02, 0))
     m.load(hand, force=(-82.64, 2229.13, 723.66), at=at)
     drives = {"stroke": 1.7332e-3, "turn": -9.44434e-3}
-    with pytest.raises(TrustError, match=r"19 % of its energy in its highest torsion mode; .* few for this state"):
+    with pytest.raises(
+        TrustError, match=r"19 % of its energy in its highest torsion mode; .* few for this state"
+    ):
         ksd.solve(m, drives, mesh=ksd.Mesh())
     pose = ksd.solve(m, drives)
     end = ksd.follow(m, drives, mesh=ksd.Mesh(orders=(8, 8, 12), points=16)).states[-1]
