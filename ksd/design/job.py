@@ -492,14 +492,13 @@ class Job(Shown, metaclass=Worded):
         self, function: Any, designs: list[dict[str, float]], steps: list[Any], executor: Executor | None
     ) -> list[tuple[list[Row], str, list[Configuration]]]:
         """Rows of every design, "ok" or the first reason why not, and of a single one its poses."""
+        single = len(designs) == 1 and executor is None
         if self.method == "conventional":
             recipe = Recipe(self.asked, method="conventional", mesh=self.mesh, judged=False)
-            if executor is None:
-                walked = _walked_all(function, recipe, self.paths, designs)
-            else:
-                walked = in_blocks(executor, designs, 1, _walked_all, function, recipe, self.paths)
-            return [(*rows, []) for rows in walked]
-        solver = self._solvers[len(designs) == 1 and executor is None]
+            if executor is not None:
+                return in_blocks(executor, designs, 1, _walked_all, function, recipe, self.paths)
+            return _walked_all(function, recipe, self.paths, designs, keep=single)
+        solver = self._solvers[single]
         if executor is not None:
             found = solver.solve_in(executor, function, designs)
         else:
@@ -856,23 +855,25 @@ def _rows_of(found: Found | KsdError, count: int) -> tuple[list[Row], str]:
 
 
 def _walked_all(
-    function: Any, recipe: Recipe, paths: Any, designs: Sequence[Mapping[str, float]]
-) -> list[tuple[list[Row], str]]:
-    """`_walked` of several designs."""
-    return [_walked(function, design, recipe, paths) for design in designs]
-
-
-def _walked(function: Any, design: Mapping[str, float], recipe: Recipe, paths: Any) -> tuple[list[Row], str]:
-    """Rows of a design by conventional poses, each from the one before, and "ok" or the first reason why not."""
-    try:
-        scene = function(**design)
-    except SceneError as why:
-        return [{}] * sum(len(p) for p in paths), str(why)
-    rows: list[Row] = []
-    solver = None
-    for k, path in enumerate(paths):
-        solver = run_line(Line(k, {}, scene, path), recipe, solver, rows)
-    return rows, next((str(row["status"]) for row in rows if row["status"] != OK), OK)
+    function: Any, recipe: Recipe, paths: Any, designs: Sequence[Mapping[str, float]], *, keep: bool = False
+) -> list[tuple[list[Row], str, list[Configuration]]]:
+    """Rows of designs by conventional poses, each from the one before, "ok" or the first reason why not, and where they are
+    to be kept the poses."""
+    found: list[tuple[list[Row], str, list[Configuration]]] = []
+    for design in designs:
+        rows: list[Row] = []
+        poses: list[Configuration] = []
+        try:
+            scene = function(**design)
+        except SceneError as why:
+            found.append(([{}] * sum(len(p) for p in paths), str(why), poses))
+            continue
+        solver = None
+        for k, path in enumerate(paths):
+            solver = run_line(Line(k, {}, scene, path), recipe, solver, rows, poses if keep else None)
+        status = next((str(row["status"]) for row in rows if row["status"] != OK), OK)
+        found.append((rows, status, poses))
+    return found
 
 
 class Log:

@@ -146,8 +146,11 @@ def fine_enough(line: Line, recipe: Recipe, solver: Solver | None) -> Walk:
     return walk
 
 
-def run_line(line: Line, recipe: Recipe, solver: Solver | None, rows: list[Row]) -> Solver | None:
-    """Walk a line, appending a row per pose to `rows`; returns the solver for a next line of the same scene."""
+def run_line(
+    line: Line, recipe: Recipe, solver: Solver | None, rows: list[Row], poses: list[Configuration] | None = None
+) -> Solver | None:
+    """Walk a line, appending a row per pose to `rows` and what was found to `poses`, if given; returns the solver for a next
+    line of the same scene."""
     if line.scene is None:
         rows.extend(blank_rows(line, line.failure))
         return None
@@ -160,6 +163,8 @@ def run_line(line: Line, recipe: Recipe, solver: Solver | None, rows: list[Row])
     for first in range(0, len(line.poses), CHUNK):
         found = [_walked(walk, values) for values in line.poses[first : first + CHUNK]]
         good, last = [pose for pose in found if not isinstance(pose, str)], walk.before
+        if poses is not None:
+            poses += good
         # an error figure is asked question by question
         known = iter([NOTHING] * len(good) if recipe.asked.errors else answered_together(good, recipe.asked))
         for values, pose in zip(line.poses[first:], found, strict=False):

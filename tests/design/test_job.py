@@ -105,7 +105,7 @@ def test_slopes_are_those_of_solves_beside(plain):
         assert slopes[turned, k] == pytest.approx(wanted, rel=2e-5)
 
 
-@pytest.mark.parametrize("method", ["full", "reduced"])
+@pytest.mark.parametrize("method", ["full", "reduced", "conventional"])
 def test_slopes_go_on_from_the_equilibria_of_values(method, monkeypatch):
     loads = {"empty": [], "payload": [{"link": "arm", "force": (0, 0, -20.0), "at": (0.1, 0, 0)}]}
     asked = job(method=method, loads=loads)
