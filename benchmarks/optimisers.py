@@ -23,7 +23,7 @@ from gradients import SIDES, fourbar, pivot
 from scipy.optimize import minimize
 
 import ksd
-from ksd.design.job import Log
+from ksd.design.log import Log
 from ksd.design.optimise import optimum_of
 from ksd.design.search import Search
 from ksd.units import deg, mm

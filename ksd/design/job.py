@@ -2,16 +2,13 @@
 
 Targets and limits are columns of `ksd.sweep`, at every pose and load case; the worst counts. Stress is answered for every
 leaf and the worst support stiffness with all principal ones, as the worst of several has kinks; size for all poses together.
-Values and derivatives are of the same equilibria on the same mesh. Designs go through the batch (`ksd.design.designs`);
-`Log` writes every evaluated design down and replays it.
+Values and derivatives are of the same equilibria on the same mesh. Designs go through the batch (`ksd.design.designs`).
 """
 
 from __future__ import annotations
 
-import os
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
-from contextlib import contextmanager
 from copy import copy
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache, update_wrapper
@@ -22,20 +19,19 @@ from numpy.typing import ArrayLike
 from scipy.optimize import brentq
 
 from ksd.design.designs import Designs, in_blocks, makers_of
-from ksd.design.gradient import Solved, gradient, gradient_at
+from ksd.design.gradient import Solved, gradient_at
 from ksd.design.lines import Line, Recipe, run_line
-from ksd.design.plan import Paths, drive_paths, load_cases, loaded, scene_of
+from ksd.design.plan import Paths, built, drive_paths, load_cases, loaded, scene_of
 from ksd.design.prepared import Found, spoken_status
 from ksd.design.questions import Asked, Row, asked_of, check_asked, columns_of_drives, known_columns, others
-from ksd.design.resume import ResumeFile, records_of
-from ksd.design.sweep import SweepInterrupted
-from ksd.design.table import OK, Table
+from ksd.design.resume import records_of
+from ksd.design.table import OK
 from ksd.design.words import check_drives, check_executor, check_parameters, check_ways, drive_rows
 from ksd.errors import KsdError, RecordError, SceneError
 from ksd.library import find_record
 from ksd.model.compile import compile_scene
 from ksd.model.mesh import Mesh
-from ksd.properties.words import Shown, progress_bar
+from ksd.properties.words import Shown
 from ksd.properties.words import number as written
 from ksd.scene import Mechanism, Scene
 from ksd.scene.drive import Load
@@ -46,8 +42,6 @@ from ksd.solve.perturbed import STEP
 from ksd.solve.space_steps import FULL, REDUCED
 
 Array = np.ndarray
-BLOCK = 32
-"""Designs evaluated between two looks at the keyboard."""
 SPARE = 8
 """Scenes kept beyond those of a gradient."""
 TRIED = 4096
@@ -152,7 +146,6 @@ class Job(Shown, metaclass=Worded):
     cases: Mapping[str, tuple[Load, ...]]
     drives: Mapping[str, Array]
     paths: Paths
-    together: bool
     method: Literal["full", "reduced", "conventional"]
     mesh: Mesh
     extrapolate: bool
@@ -196,8 +189,8 @@ class Job(Shown, metaclass=Worded):
         self.__dict__.update(
             function=function, drawn=_Drawn(function, 2 * len(given) + SPARE), vary=given, loads=loads,
             mesh=mesh or Mesh(), extrapolate=extrapolate, last=None,
-            together=truth(together, "together"), drives=values, cases=load_cases(loads), rules=_checked(rules),
-            paths=drive_paths(values, together=together),
+            drives=values, cases=load_cases(loads), rules=_checked(rules),
+            paths=drive_paths(values, together=truth(together, "together")),
         )  # fmt: skip
         scene = self._first()
         check_drives(scene, tuple(values), Job)
@@ -535,17 +528,13 @@ class Job(Shown, metaclass=Worded):
         return self.slopes(x)[1]
 
     def slopes(self, x: ArrayLike) -> tuple[Array, Array]:
-        """Answers (answers,) and their derivatives (answers, P)."""
-        asked, last, design = self.asked, self.last, self.design_at(x)
-        if last is not None and last[0] == np.asarray(x, float).tobytes():
-            # of the equilibria that values were just asked of
-            found = gradient_at(last[1], asked, self.drawn, design)
-        else:
-            found = gradient(
-                self.drawn, design, questions=asked.questions, link=asked.link, at=asked.at, freed=asked.freed,
-                modes=asked.modes, loads=self.loads, together=self.together, mesh=self.mesh, extrapolate=self.extrapolate,
-                method=self.method, targets=self.drives,
-            )  # fmt: skip
+        """Answers (answers,) and their derivatives (answers, P), of the equilibria that values are asked of."""
+        x = np.asarray(x, float)
+        if self.last is None or self.last[0] != x.tobytes():
+            status = self.batch(x[None]).status[0]
+            if self.last is None:
+                raise KsdError(f"no gradient: {status}")
+        found = gradient_at(self.last[1], self.asked, self.drawn, self.design_at(x))
         column = {c: i for i, c in enumerate(found.columns)}
         rows = [{c: float(found.values[c][n]) for c in column} for n in range(len(self.poses))]
         slopes = np.zeros((len(self.answers), len(self.vary)))
@@ -859,128 +848,13 @@ def _walked_all(
 ) -> list[tuple[list[Row], str, list[Configuration]]]:
     """Rows of designs by conventional poses, each from the one before, "ok" or the first reason why not, and where they are
     to be kept the poses."""
-    found: list[tuple[list[Row], str, list[Configuration]]] = []
+    found = []
     for design in designs:
         rows: list[Row] = []
         poses: list[Configuration] = []
-        try:
-            scene = function(**design)
-        except SceneError as why:
-            found.append(([{}] * sum(len(p) for p in paths), str(why), poses))
-            continue
-        solver = None
+        solver, (scene, failure) = None, built(function, design)
         for k, path in enumerate(paths):
-            solver = run_line(Line(k, {}, scene, path), recipe, solver, rows, poses if keep else None)
-        status = next((str(row["status"]) for row in rows if row["status"] != OK), OK)
-        found.append((rows, status, poses))
+            line = Line(k, {}, scene, path, failure)
+            solver = run_line(line, recipe, solver, rows, poses if keep else None)
+        found.append((rows, next((str(row["status"]) for row in rows if row["status"] != OK), OK), poses))
     return found
-
-
-class Log:
-    """Evaluates designs of a job and writes every one down: parameters, answers, "ok" or why not, and who asked.
-
-    resume: a file of JSON lines that keeps them; what is in it is replayed, not computed. executor: gets blocks of designs.
-    Raises SceneError for a file of another job.
-    """
-
-    def __init__(
-        self,
-        job: Job,
-        *,
-        resume: str | os.PathLike[str] | None = None,
-        executor: Executor | None = None,
-        progress: bool = False,
-    ) -> None:
-        check_executor(executor)
-        truth(progress, "progress")
-        self.job, self.executor, self.progress = job, executor, progress
-        self.kept = ResumeFile(resume, job.fingerprint, what="job")
-        sizes = {key: len(job.parameters) if key.startswith("slopes") else 1 for key in self.kept.found}
-        for key, size in sizes.items():
-            rows = self.kept.found[key]
-            if len(rows) != size or any(not set(job.names) <= set(row) for row in rows):
-                # right by its hash, but not what a log writes: computed again
-                del self.kept.found[key]
-        self.rows: dict[str, Row] = {}
-
-    @property
-    def count(self) -> int:
-        """How many designs were evaluated or replayed."""
-        return len(self.rows)
-
-    @contextmanager
-    def interruptible(self, done: Callable[[], str] = lambda: "") -> Iterator[None]:
-        """Ctrl-C inside raises SweepInterrupted with all designs; done: what else is said."""
-        try:
-            yield
-        except KeyboardInterrupt:
-            raise SweepInterrupted(f"{done()}the designs done are", self.table(), self.kept.path) from None
-
-    def batch(self, X: ArrayLike, *, by: str = "") -> Judged:
-        """`Job.batch`, block by block, each design on disk when its block is done."""
-        X = np.atleast_2d(np.asarray(X, float))
-        keys = [_key(x) for x in X]
-        new = [k for k, key in enumerate(keys) if key not in self.kept.found and keys.index(key) == k]
-        with progress_bar(self.progress and len(new) > 1) as bar:
-            task = bar.add_task(by or "designs", total=len(new))
-            for first in range(0, len(new), BLOCK):
-                block = new[first : first + BLOCK]
-                judged = self.job.batch(X[block], executor=self.executor)
-                for k, values, status in zip(block, *judged, strict=True):
-                    self._keep(keys[k], X[k], values, status, by)
-                bar.advance(task, len(block))
-        found = [self._read(key) for key in keys]
-        return Judged(
-            np.array([[row[n] for n in self.job.names] for row in found]),
-            tuple(str(row["status"]) for row in found),
-        )
-
-    def values(self, x: ArrayLike, *, by: str = "") -> Array:
-        """`Job.values`."""
-        return self.batch(x, by=by).values[0]
-
-    def slopes(self, x: ArrayLike, *, by: str = "") -> tuple[Array, Array]:
-        """`Job.slopes`; a design without derivatives raises what it raises, and is a row."""
-        x = np.asarray(x, float)
-        key = f"slopes {_key(x)}"
-        if key not in self.kept.found:
-            try:
-                values, slopes = self.job.slopes(x)
-            except KsdError as why:
-                if _key(x) not in self.kept.found:
-                    self._keep(_key(x), x, np.full(len(self.job.names), np.nan), str(why), by)
-                self._read(_key(x))
-                raise
-            if _key(x) not in self.kept.found:
-                self._keep(_key(x), x, values, OK, by)
-            self.kept.keep(key, [dict(zip(self.job.names, s.tolist(), strict=True)) for s in slopes.T])
-        row = self._read(_key(x))
-        slopes = np.array([[by_one[n] for n in self.job.names] for by_one in self.kept.found[key]]).T
-        return np.array([row[n] for n in self.job.names]), slopes
-
-    def _keep(self, key: str, x: Array, values: Array, status: str, by: str) -> None:
-        row = {**self.job.design_at(x), **dict(zip(self.job.names, values.tolist(), strict=True))}
-        self.kept.keep(key, [row | {"by": by, "status": status}])
-        self._read(key)
-
-    def _read(self, key: str) -> Row:
-        """The row of a design, noted as asked for."""
-        row: Row = self.kept.found[key][0]
-        self.rows.setdefault(key, row)
-        return row
-
-    def take(self, found: Mapping[Any, list[Row]]) -> None:
-        """Designs and slopes that the log of a worker holds, as if they had been computed here."""
-        for key, rows in found.items():
-            if key not in self.kept.found:
-                self.kept.keep(key, rows)
-            if not key.startswith("slopes"):
-                self._read(key)
-
-    def table(self) -> Table:
-        """Every design, in the order it was first asked for."""
-        return Table.of_rows(list(self.rows.values()), self.job.parameters, name="job")
-
-
-def _key(x: Array) -> str:
-    return " ".join(float(v).hex() for v in x)

@@ -147,7 +147,11 @@ def fine_enough(line: Line, recipe: Recipe, solver: Solver | None) -> Walk:
 
 
 def run_line(
-    line: Line, recipe: Recipe, solver: Solver | None, rows: list[Row], poses: list[Configuration] | None = None
+    line: Line,
+    recipe: Recipe,
+    solver: Solver | None,
+    rows: list[Row],
+    poses: list[Configuration] | None = None,
 ) -> Solver | None:
     """Walk a line, appending a row per pose to `rows` and what was found to `poses`, if given; returns the solver for a next
     line of the same scene."""

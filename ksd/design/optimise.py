@@ -22,7 +22,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.optimize import BFGS, Bounds, NonlinearConstraint, minimize, nnls
 
-from ksd.design.job import Job, Log, check_job
+from ksd.design.job import Job, check_job
+from ksd.design.log import Log
 from ksd.design.optimum import Ended, Optimum
 from ksd.design.search import BINDING, Failed, Search
 from ksd.design.table import OK

@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from ksd.design.job import Job, Log
+from ksd.design.job import Job
+from ksd.design.log import Log
 from ksd.design.optimum_page import optimum_page
 from ksd.design.search import BINDING, Search
 from ksd.design.table import OK, Table

@@ -13,7 +13,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ksd.design.job import Job, Log, check_job
+from ksd.design.job import Job, check_job
+from ksd.design.log import Log
 from ksd.design.optimise import optimise, optimum_of, so_far
 from ksd.design.optimum import Optimum
 from ksd.design.search import Search

@@ -38,7 +38,7 @@ def plan_lines(
     lines: list[Line] = []
     name = ""
     for parameters in design_points(mechanism, designs):
-        scene, failure = _built(mechanism, parameters)
+        scene, failure = built(mechanism, parameters)
         name = name or getattr(scene, "name", "")
         if scene is not None and designs is None:
             check_drives(scene, tuple(values), call)
@@ -46,8 +46,8 @@ def plan_lines(
             laden, trouble = loaded(scene, extra)
             labels = dict(parameters) | ({} if loads is None else {"load_case": case})
             lines += [Line(len(lines) + k, labels, laden, p, failure or trouble) for k, p in enumerate(paths)]
-    built = next((line.scene for line in lines if line.scene is not None), None)
-    return [line if line.scene is not None else replace(line, like=built) for line in lines], name
+    like = next((line.scene for line in lines if line.scene is not None), None)
+    return [line if line.scene is not None else replace(line, like=like) for line in lines], name
 
 
 def drive_paths(arrays: Mapping[str, np.ndarray], *, together: bool) -> Paths:
@@ -125,7 +125,7 @@ class NoMechanism(SceneError):
     """What was given is no mechanism, and no function that returns one."""
 
 
-def _built(mechanism: Any, parameters: Mapping[str, Any]) -> tuple[Scene | None, str]:
+def built(mechanism: Any, parameters: Mapping[str, Any]) -> tuple[Scene | None, str]:
     """The scene of a design, or None and why it could not be built."""
     try:
         return scene_of(mechanism, parameters), ""

@@ -12,7 +12,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ksd.design.job import Job, Log
+from ksd.design.job import Job
+from ksd.design.log import Log
 from ksd.design.table import OK
 from ksd.errors import KsdError
 from ksd.properties.words import number as written

@@ -10,7 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from ksd.design.job import Job, Log, check_job
+from ksd.design.job import Job, check_job
+from ksd.design.log import Log
 from ksd.design.table import OK, Table
 from ksd.errors import KsdError, SceneError
 from ksd.properties.words import Shown, listed

@@ -18,7 +18,7 @@ import pytest
 import ksd
 import ksd.files
 from ksd.design import Table
-from ksd.design.job import Log
+from ksd.design.log import Log
 from ksd.design.resume import ResumeFile, _hash
 from ksd.errors import KsdError, RecordError, SceneError
 from ksd.files import read_file, write_file
