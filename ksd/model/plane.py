@@ -333,18 +333,15 @@ def _find_plane(model: Model) -> Plane | str:
     if not len(model.arrays.members.kind):
         return "it has no leaf springs to show a plane"
     axis, k = _normal_axis(model.arrays)
+    if reason := _leaving_member(model, k):
+        return reason
     rows = _planar_rows(model, k)
-    reason = (
-        _leaving_member(model, k)
-        or (rows if isinstance(rows, str) else "")
-        or _leaving_load(model, k)
-        or _leaving_spring(model, k)
-    )
-    if reason:
+    if isinstance(rows, str):
+        return rows
+    if reason := _leaving_load(model, k) or _leaving_spring(model, k):
         return reason
     if max(abs(k[axis - 1]), abs(k[axis - 2])) > PARALLEL:
         return f"its plane, across {_spoken(k)}, is across none of the global axes"
-    assert not isinstance(rows, str)
     return Plane(model.arrays, model.rest, axis, rows)
 
 

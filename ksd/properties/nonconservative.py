@@ -12,13 +12,13 @@ Array = NDArray[np.float64]
 REAL = 1e-9
 """Imaginary part of an eigenvalue, over its size, below which it is real."""
 
+_CROSS = np.cross(np.eye(3)[:, None], np.eye(3)[None]).swapaxes(1, 2).reshape(3, 9)
+"""[e]x of the three axes, a row each."""
+
 
 def cross_matrix(v: Array) -> Array:
     """[v]x (..., 3, 3) of vectors (..., 3)."""
-    found = np.zeros((*v.shape, 3))
-    for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
-        found[..., j, k], found[..., k, j] = -v[..., i], v[..., i]
-    return found
+    return (v @ _CROSS).reshape(*v.shape, 3)
 
 
 def load_tangent(force: Array, moment: Array, lever: Array, *, following: bool) -> Array:

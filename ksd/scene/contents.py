@@ -22,7 +22,7 @@ from ksd.scene.joint import Joint, Motion, leaves_of
 from ksd.scene.leaf import Condition, Leaf
 from ksd.scene.listing import in_millimetres, printed_scene
 from ksd.scene.profile import Curve, Profile
-from ksd.section.checks import Vector, as_given, triple
+from ksd.section.checks import Vector, as_given, dot, triple
 
 Matrix = tuple[Vector, Vector, Vector]
 
@@ -208,8 +208,9 @@ def same_parts(one: Mapping[str, Any], other: Mapping[str, Any]) -> bool:
 def joint_angle(joint: PlacedJoint, motion: Motion) -> tuple[str, Vector, Vector]:
     """(kind, global direction, global point of B) of an intended motion of a placed joint."""
     place = joint.joint.pose_B if motion.point is None else motion.point
-    axis, point = joint.turn(motion.axis), joint.place(place)
-    return motion.kind, triple(axis), triple(point)
+    # plain numbers: a design loop comes by here for every drive
+    axis, point = (triple(dot(row, v) for row in joint.rotation) for v in (motion.axis, place))
+    return motion.kind, axis, triple(map(operator.add, joint.origin, point))
 
 
 def placed_leaf(joint: PlacedJoint, leaf: Leaf, links: Mapping[str, str]) -> PlacedLeaf:

@@ -97,7 +97,7 @@ class Mechanism(InNotebooks, metaclass=Worded):
 
     def __setattr__(self, name: str, value: Any) -> None:
         # a misspelt one would be taken in silence, and the scene solved without it
-        if hasattr(self, "_last") and not name.startswith("_") and name not in SETTABLE:
+        if not name.startswith("_") and name not in SETTABLE and hasattr(self, "_last"):
             raise SceneError(f"a mechanism has no '{name}' to be set{nearest(name, SETTABLE)}")
         if name == "plane":
             value = checked_plane(value)
