@@ -70,19 +70,21 @@ def space_many(
         found.status[n] = ask(n) if ask is not None and status == 0 else status
 
 
-_ROWS, _COLUMNS = np.triu_indices(6)
-
-
-def _from_table(cubic: np.ndarray, which: np.ndarray, share: np.ndarray, inner: np.ndarray) -> None:
+@kernel
+def _from_table(cubic, which, share, inner):
     """Wrench and stiffness of every joint at `share` (J,), 0 to 1, of its trained range, into inner (J, 54)."""
     pieces = cubic.shape[1]
-    at = np.clip(share * pieces, 0.0, pieces - 1e-9)
-    k = at.astype(int)
-    u, c = (at - k)[:, None], cubic[which, k]
-    value = c[:, 0] + u * (c[:, 1] + u * (c[:, 2] + u * c[:, 3]))
-    inner[:, 12:18] = value[:, :6]
-    inner[:, 18 + 6 * _ROWS + _COLUMNS] = value[:, 6:]
-    inner[:, 18 + 6 * _COLUMNS + _ROWS] = value[:, 6:]
+    for j in range(len(which)):
+        at = min(max(share[j] * pieces, 0.0), pieces - 1e-9)
+        k = int(at)
+        u, c, n = at - k, cubic[which[j], k], 6
+        for i in range(6):
+            inner[j, 12 + i] = c[0, i] + u * (c[1, i] + u * (c[2, i] + u * c[3, i]))
+        for row in range(6):
+            for column in range(row, 6):
+                value = c[0, n] + u * (c[1, n] + u * (c[2, n] + u * c[3, n]))
+                inner[j, 18 + 6 * row + column] = inner[j, 18 + 6 * column + row] = value
+                n += 1
 
 
 @kernel
@@ -162,10 +164,11 @@ def tabulated_many(
     loops, reduced, theta, status = b.bodies.loops, b.reduced, b.theta, found.status
     joints, wide = len(loops.node), gap * b.bodies.reduced.size
     then, shift, first = theta.copy(), np.zeros((len(reduced.x), 6)), loops.first[:-1]
+    low, span = limits[first, 2], limits[first, 3] - limits[first, 2]
     inner = reduced.inner[: LINEAR_SIZE * joints].reshape(joints, LINEAR_SIZE)
     for n, target in enumerate(targets):
-        closed = False
-        if n and status[n - 1] == 0 and np.sum((target - targets[n - 1]) ** 2) < 0.1 * np.sum(target**2):
+        closed, way = False, target - targets[n - 1]
+        if n and status[n - 1] == 0 and way @ way < 0.1 * (target @ target):
             if n > 1 and status[n - 2] == 0:
                 _go_on(target, targets[n - 1], targets[n - 2], theta, then)
             else:
@@ -184,9 +187,7 @@ def tabulated_many(
             status[n] = OUT_OF_RANGE if closed else LOCKED
             continue
         inner[:, :3], inner[:, 3:12] = b.place[:, 9:12], b.place[:, :9]
-        _from_table(
-            cubic, which, (theta[first] - limits[first, 2]) / (limits[first, 3] - limits[first, 2]), inner
-        )
+        _from_table(cubic, which, (theta[first] - low) / span, inner)
         status[n], negatives = _settle(b, target, shift)
         relative_poses(*loops.flat, reduced.x, reduced.R, b.state.relative)
         b.found[:] = theta
