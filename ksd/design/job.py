@@ -19,6 +19,7 @@ from numpy.typing import ArrayLike
 from scipy.optimize import brentq
 
 from ksd.design.designs import Designs, in_blocks, makers_of
+from ksd.design.goals import AMOUNTS, Answer, goals_of
 from ksd.design.gradient import Solved, gradient_at
 from ksd.design.lines import Line, Recipe, run_line
 from ksd.design.plan import Paths, built, drive_paths, load_cases, loaded, scene_of
@@ -36,7 +37,7 @@ from ksd.properties.words import number as written
 from ksd.scene import Mechanism, Scene
 from ksd.scene.drive import Load
 from ksd.scene.links import Link
-from ksd.section.checks import LARGEST, Worded, checked, nearest, number, show, similar, truth, unchecked
+from ksd.section.checks import LARGEST, Worded, checked, nearest, number, show, truth, unchecked
 from ksd.solve.configuration import Configuration
 from ksd.solve.perturbed import STEP
 from ksd.solve.space_steps import FULL, REDUCED
@@ -46,31 +47,8 @@ SPARE = 8
 """Scenes kept beyond those of a gradient."""
 TRIED = 4096
 """Designs at which rules are tried before they count as never met."""
-INFINITE = {"support": np.inf, "buckling_positive": np.inf, "buckling_negative": -np.inf}
-"""What an answer that is no number stands for, by the beginning of its column: nothing moves, or nothing buckles."""
-AMOUNTS = {"force", "parasitic"}
-"""Questions whose answers have a sign: of what is minimised their size counts."""
 Targets = str | Sequence[str] | Mapping[str, float]
 Rule = Callable[[Mapping[str, float]], float]
-
-
-@dataclass(frozen=True)
-class Answer:
-    """One number a design is judged by: a column of `ksd.sweep` at a pose, or over all of them (None).
-
-    role: "maximise", "minimise" or "limit"; scale: what a target is measured in; low, high: of a limit; factor: by which a
-    target is multiplied before it counts; amount: its size is the answer.
-    """
-
-    name: str
-    column: str
-    role: str
-    pose: int | None
-    scale: float = 1.0
-    low: float = -np.inf
-    high: float = np.inf
-    factor: float = 1.0
-    amount: bool = False
 
 
 class Judged(NamedTuple):
@@ -199,12 +177,12 @@ class Job(Shown, metaclass=Worded):
             if loaded(scene, extra)[1]:
                 raise SceneError(loaded(scene, extra)[1])
         known = known_columns(scene, modes)
-        wanted = _wanted(maximise, minimise, limits, known)
-        questions = tuple(dict.fromkeys(known[column] for column, *_ in wanted))
+        goals = goals_of(maximise, minimise, limits, known)
+        questions = tuple(dict.fromkeys(known[goal.column] for goal in goals))
         asked = replace(asked_of(questions, link, at, freed, modes=modes), every=True)
         check_asked(asked, scene)
         signed = {column for column, question in known.items() if question in AMOUNTS}
-        self.__dict__.update(asked=asked, answers=self._listed(wanted, scene, signed))
+        self.__dict__.update(asked=asked, answers=self._listed(goals, scene, signed))
         self.__dict__.update(zip(("bounds", "held_by", "ranges"), self._trained(scene), strict=True))
         self.random(1)
 
@@ -256,24 +234,22 @@ class Job(Shown, metaclass=Worded):
 
     # ---- what is asked ---------------------------------------------------------------------------------------------------
 
-    def _listed(
-        self, wanted: list[tuple[str, str, float, float, float]], scene: Scene, signed: set[str]
-    ) -> tuple[Answer, ...]:
-        """Every wanted column at every pose; stress of every leaf; size of all poses together; of `signed` the size. No two
-        names are alike: a limit of what is minimised by its size says so."""
+    def _listed(self, goals: list[Answer], scene: Scene, signed: set[str]) -> tuple[Answer, ...]:
+        """Every goal at every pose; stress of every leaf; size of all poses together; of `signed` the size. No two names are
+        alike: a limit of what is minimised by its size says so."""
         found, labels = [], self._labels(scene)
         leaves = [f"stress_MPa[{name}]" for name in scene.leaf_names()]
-        for column, role, scale, low, high in wanted:
-            if column.startswith("size_"):
-                found.append(Answer(column, column, role, None, scale, low, high))
+        for goal in goals:
+            if goal.column.startswith("size_"):
+                found.append(goal)
                 continue
-            amount = role == "minimise" and column in signed
+            amount = goal.role == "minimise" and goal.column in signed
             sizes = {a.name for a in found if a.amount}
             for k, label in enumerate(labels):
-                for own in leaves if column == "stress_MPa" else [column, *others(column)]:
+                for own in leaves if goal.column == "stress_MPa" else [goal.column, *others(goal.column)]:
                     name = f"{own}{label}"
                     name += " with its sign" if name in sizes else ""
-                    found.append(Answer(name, own, role, k, scale, low, high, amount=amount))
+                    found.append(replace(goal, name=name, column=own, pose=k, amount=amount))
         return tuple(found)
 
     def _labels(self, scene: Scene) -> list[str]:
@@ -520,7 +496,7 @@ class Job(Shown, metaclass=Worded):
                 value = row.get(a.column, np.nan)
                 value = abs(value) if a.amount else value
                 # an answer that is there but no number: what it stands for
-                found[k] = _infinite(a.column) if a.column in row and np.isnan(value) else value
+                found[k] = a.infinite if a.column in row and np.isnan(value) else value
         return found
 
     def jacobian(self, x: ArrayLike) -> Array:
@@ -554,7 +530,7 @@ class Job(Shown, metaclass=Worded):
         """The worst target over its scale, larger is better: of what is minimised the largest with a minus; nan of a job
         that has limits alone."""
         pairs = zip(self.answers, np.asarray(values, float), strict=True)
-        return min((self.merit_of(a, float(v)) for a, v in pairs if a.role != "limit"), default=np.nan)
+        return min((a.merit(float(v)) for a, v in pairs if a.role != "limit"), default=np.nan)
 
     def merit_spoken(self, *merits: float, digits: int = 3) -> str:
         """The worst target in words, at one design or from one to another: over its scale, or where there is
@@ -582,13 +558,6 @@ class Job(Shown, metaclass=Worded):
             return "worst target"
         return f"worst {columns.pop()}"
 
-    @staticmethod
-    def merit_of(answer: Answer, value: float) -> float:
-        """One target over its scale, larger is better; infinite for a limit, which is none."""
-        if answer.role == "limit":
-            return np.inf
-        return (value if answer.role == "maximise" else -value) * answer.factor / answer.scale
-
     def scene_at(self, design: Mapping[str, float], case: str) -> Scene:
         """The scene of a design with the loads of a case of `poses`. SceneError where it cannot be drawn."""
         return _Loaded(self.drawn, self.cases[case])(**design)
@@ -605,28 +574,17 @@ class Job(Shown, metaclass=Worded):
     def margins(self, values: ArrayLike) -> Array:
         """How far every side of every limit is met (sides,) by `values` (answers,), over the limit (by itself where that is
         0); negative where it is not."""
-        found = []
-        for a, v in zip(self.answers, np.asarray(values, float), strict=True):
-            found += [(v - a.low) / (abs(a.low) or 1.0)] if np.isfinite(a.low) else []
-            found += [(a.high - v) / (abs(a.high) or 1.0)] if np.isfinite(a.high) else []
-        return np.array(found)
+        pairs = zip(self.answers, np.asarray(values, float), strict=True)
+        return np.array([margin for a, v in pairs for margin in a.margins(v)])
 
     def moved(self, by: Array, at: Array | None = None) -> Job:
         """The same job with limits moved in by (answers,), in the units of their columns; where values `at` (answers,) are
         given, limits of their sign, and targets, by that share of them in logarithms."""
         at = np.full(len(by), np.nan) if at is None else at
-        found, moved = copy(self), []
-        for a, own, value in zip(self.answers, by.tolist(), at.tolist(), strict=True):
-            # far from what it scatters by; else its logarithm says nothing
-            share = own / abs(value) if abs(value) > 2.0 * own and np.isfinite(value) else 0.0
-            if a.role == "limit":
-                low, high = (
-                    _moved(end, sign * own, share, value) for end, sign in ((a.low, 1.0), (a.high, -1.0))
-                )
-                moved.append(replace(a, low=low, high=high))
-            else:
-                moved.append(replace(a, factor=float(np.exp(-share if a.role == "maximise" else share))))
-        found.__dict__["answers"] = tuple(moved)
+        found = copy(self)
+        found.__dict__["answers"] = tuple(
+            a.moved(*own) for a, *own in zip(self.answers, by.tolist(), at.tolist(), strict=True)
+        )
         return found
 
     def column_of(self, name: str) -> str:
@@ -755,81 +713,6 @@ def check_job(job: Any, *, target: bool = True) -> None:
         raise SceneError(
             "this job has limits alone, and nothing to make better: give maximise or minimise in ksd.Job(...)"
         )
-
-
-def _wanted(
-    maximise: Any, minimise: Any, limits: Any, known: Mapping[str, str]
-) -> list[tuple[str, str, float, float, float]]:
-    """Column, role, scale, least and most of every target and limit; raises SceneError."""
-    if (maximise and minimise) or not (maximise or minimise or limits):
-        raise SceneError(
-            "give one of maximise and minimise, for example maximise='support_worst_N_per_m', or, for ksd.tolerance, limits "
-            "alone"
-        )
-    role, goals = ("maximise", maximise) if maximise else ("minimise", minimise)
-    if isinstance(goals, str):
-        goals = {goals: 1.0}
-    elif not isinstance(goals, Mapping):
-        if not isinstance(goals, Sequence) or not all(isinstance(g, str) for g in goals):
-            raise SceneError(
-                f"{role} = {show(goals)}: give a column, several, or their scales by column, such as {{'stress_MPa': 500}}"
-            )
-        goals = dict.fromkeys(goals, 1.0)
-    found = []
-    for column, scale in goals.items():
-        size = number(scale, f"{role}: {column}")
-        if size <= 0.0:
-            raise SceneError(f"{role}: {column} = {show(scale)}: its scale must be positive")
-        found.append((_column(column, known), role, size, -np.inf, np.inf))
-    if limits is not None and not isinstance(limits, Mapping):
-        raise SceneError(f"limits = {show(limits)}: give limits by column, such as {{'stress_MPa': 500}}")
-    for column, given in (limits or {}).items():
-        if column == "size_mm":
-            sizes = given if isinstance(given, Sequence | np.ndarray) else ()
-            if len(sizes) != 3:
-                raise SceneError(
-                    f"limits: size_mm = {show(given)}: give the most along x, y and z, None for no limit"
-                )
-            for axis, most in zip("xyz", sizes, strict=True):
-                if most is not None:
-                    found.append(
-                        (f"size_{axis}_mm", "limit", 1.0, -np.inf, number(most, f"limits: size_{axis}_mm"))
-                    )
-            continue
-        both = given if isinstance(given, Sequence) and not isinstance(given, str) else (None, given)
-        if len(both) != 2 or both[0] is both[1] is None:
-            raise SceneError(
-                f"limits: {column} = {show(given)}: give the most, or (least, most), None for neither"
-            )
-        ends = [
-            side * np.inf if v is None else number(v, f"limits: {column}")
-            for v, side in zip(both, (-1, 1), strict=True)
-        ]
-        if not ends[0] < ends[1]:
-            raise SceneError(
-                f"limits: {column} = {show(given)} holds nothing: the least must be below the most"
-            )
-        found.append((_column(column, known), "limit", 1.0, ends[0], ends[1]))
-    return found
-
-
-def _column(column: Any, known: Mapping[str, str]) -> str:
-    if column not in known:
-        raise SceneError(
-            f"there is no answer {show(column)}; there are {', '.join(known)}{similar(column, known)}"
-        )
-    return str(column)
-
-
-def _moved(end: float, by: float, share: float, value: float) -> float:
-    """An end of a limit moved by this much, or by a share of it where it is of the sign of the value."""
-    if share == 0.0 or not np.isfinite(end) or end * value <= 0.0:
-        return end + by
-    return end * float(np.exp(np.sign(by * end) * share))
-
-
-def _infinite(column: str) -> float:
-    return next((v for begin, v in INFINITE.items() if column.startswith(begin)), np.nan)
 
 
 def _rows_of(found: Found | KsdError, count: int) -> tuple[list[Row], str]:

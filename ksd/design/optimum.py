@@ -108,7 +108,7 @@ class Optimum(Shown):
     @property
     def worst(self) -> str:
         """Name of the answer that is the worst target."""
-        goals = [(self.job.merit_of(a, self.answers[a.name]), a.name) for a in self.job.answers]
+        goals = [(a.merit(self.answers[a.name]), a.name) for a in self.job.answers]
         return min((g for g in goals if np.isfinite(g[0])), default=goals[0])[1]
 
     def pose(self, answer: str | None = None) -> Configuration:

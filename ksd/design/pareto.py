@@ -79,15 +79,8 @@ class Front(Shown):
 
     def __str__(self) -> str:
         rows = [
-            (
-                written(float(limit)),
-                written(float(merit), 5),
-                *(written(v) for v in x),
-                "" if status == OK else status,
-            )
-            for limit, merit, x, status in zip(
-                self.limits, self.merits, self.designs.tolist(), self.status, strict=True
-            )
+            (written(limit), written(merit, 5), *map(written, x), "" if status == OK else status)
+            for limit, merit, *x, status in (row.values() for row in self.table.rows())
         ]
         return listed(
             (f"most {self.against}", "worst target", *self.job.parameters, "<"),
