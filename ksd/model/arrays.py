@@ -123,7 +123,7 @@ LEAVES, BEAMS, ANY = range(3)
 class Flat(NamedTuple):
     """`Arrays` in two, for compiled code: ints = counts, then where every field begins, and the fields of whole numbers;
     floats = size and the other fields. members: LEAVES where all members are strain-mode leaves or linear, without weight,
-    and no load has a skew tangent; ANY where one is a modal body or a solid; else BEAMS.
+    there are no springs, and no load has a skew tangent; ANY where one is a modal body or a solid; else BEAMS.
 
     Kernels read a field by the place where it begins, which costs nothing, and no look into a named tuple, which counts the
     users of an array: entry c of row i of a field f of w columns is ints[ints[f] + w i + c], or that of floats.
@@ -196,7 +196,8 @@ def _members_of(arrays: Fields) -> int:
     if np.isin(kind, (MODAL, SOLID)).any():
         return ANY
     leaves = np.isin(kind, (STRAIN, PLANAR, LINEAR)).all()
-    return LEAVES if leaves and not len(arrays.weight) and not arrays.loads.skew.any() else BEAMS
+    more = len(arrays.weight) or len(arrays.springs.kind) or arrays.loads.skew.any()
+    return LEAVES if leaves and not more else BEAMS
 
 
 _INT, _FLOAT = 0, 1

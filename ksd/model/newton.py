@@ -106,6 +106,7 @@ def _assemble(
     condense,
     pull,
     weigh,
+    springs,
     ints,
     floats,
     x,
@@ -138,7 +139,7 @@ def _assemble(
         )
     if ints[SPRING_COUNT] > 0:
         status = max(
-            status, add_springs(ints, floats, x, R, rtol, noise, matrix, rhs, scale, work.pose, work.lam)
+            status, springs(ints, floats, x, R, rtol, noise, matrix, rhs, scale, work.pose, work.lam)
         )
     if ints[LOADS] > 0:
         add_loads(ints, floats, R, factor, rtol, matrix, rhs, scale)
@@ -236,10 +237,10 @@ def _take(recover, turn_weight, ints, floats, x, R, inner, multiplier, work, roo
 
 @kernel(inline="always")
 def _newton(
-    condense, pull, weigh, recover, turn_weight, turn_rest,
+    condense, pull, weigh, springs, recover, turn_weight, turn_rest,
     ints, floats, x, R, inner, multiplier, target, flat, at, task, near, most, factor, rtol, grain, cap, blow_up,
 ):  # fmt: skip
-    """See `newton`; the first six: what to do with the members and loads there are."""
+    """See `newton`; the first seven: what to do with the members, springs and loads there are."""
     work, plan = compiled_open_work(flat, at), ints[ints[PLAN] :]
     room = open_member_room(ints, work.scratch)
     matrix, spare, rhs = work.value, work.spare, work.rhs
@@ -252,8 +253,8 @@ def _newton(
             # a load too small to rise above rounding still gets one step: at first the bounds have no grain
             bound = GRAIN if n > 0 or polished else grain
             worst, gap, inside, status = _assemble(
-                condense, pull, weigh, ints, floats, x, R, inner, multiplier, target, work, room, task, near,
-                factor, rtol, bound,
+                condense, pull, weigh, springs, ints, floats, x, R, inner, multiplier, target, work, room, task,
+                near, factor, rtol, bound,
             )  # fmt: skip
         if task in (ASSEMBLE, NODES_ALONE):
             reason, negatives, pivot = status, inside, gap
@@ -323,6 +324,12 @@ def _newton(
 
 
 @kernel(inline="always")
+def _no_springs(ints, floats, x, R, rtol, noise, matrix, rhs, scale, poses, lams):
+    """`add_springs` where there are none."""
+    return 0
+
+
+@kernel(inline="always")
 def _no_weight_turned(pose, move, store):
     """`turn_pull` where nothing weighs anything."""
 
@@ -343,7 +350,7 @@ def newton(
     [m] for the pivot.
     """
     return _newton(
-        condense_leaf, no_weight, no_weight_added, recover_leaf, _no_weight_turned, _no_turn_step,
+        condense_leaf, no_weight, no_weight_added, _no_springs, recover_leaf, _no_weight_turned, _no_turn_step,
         ints, floats, x, R, inner, multiplier, target, flat, at, task, near, most, factor, rtol, grain, cap, blow_up,
     )  # fmt: skip
 
@@ -352,9 +359,9 @@ def newton(
 def newton_beams(
     ints, floats, x, R, inner, multiplier, target, flat, at, task, near, most, factor, rtol, grain, cap, blow_up
 ):  # fmt: skip
-    """`newton` for chains too, weight, and loads that are not conservative."""
+    """`newton` for chains too, springs, weight, and loads that are not conservative."""
     return _newton(
-        condense_beam, pull_member, weigh_member, recover_beam, turn_pull, turn_step,
+        condense_beam, pull_member, weigh_member, add_springs, recover_beam, turn_pull, turn_step,
         ints, floats, x, R, inner, multiplier, target, flat, at, task, near, most, factor, rtol, grain, cap, blow_up,
     )  # fmt: skip
 
@@ -365,7 +372,7 @@ def newton_any(
 ):  # fmt: skip
     """`newton_beams` for members of every kind."""
     return _newton(
-        condense_any, pull_member, weigh_member, recover_any, turn_pull, turn_step,
+        condense_any, pull_member, weigh_member, add_springs, recover_any, turn_pull, turn_step,
         ints, floats, x, R, inner, multiplier, target, flat, at, task, near, most, factor, rtol, grain, cap, blow_up,
     )  # fmt: skip
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import gc
 import logging
 from collections.abc import Callable
+from multiprocessing import parent_process
 from typing import Any, Literal
 
 import numba
@@ -14,9 +15,11 @@ from ksd.numerics.cache import FOLDER, compiled_before
 if FOLDER is not None:
     numba.config.CACHE_DIR = str(FOLDER)  # type: ignore[attr-defined]
     if not compiled_before() and not numba.config.DISABLE_JIT:  # type: ignore[attr-defined]
-        logging.getLogger("ksd").warning(
-            "ksd: compiling its kernels for this machine (once; about a minute) ..."
-        )
+        # a process of a pool has one that says so already
+        if parent_process() is None:
+            logging.getLogger("ksd").warning(
+                "ksd: compiling its kernels for this machine (once; about a minute) ..."
+            )
         # what a compiler makes stays: to look through it for garbage every 700 objects takes a tenth of the time
         _first, *_others = gc.get_threshold()
         gc.set_threshold(_first and max(100_000, _first), *_others)

@@ -385,6 +385,7 @@ def test_the_assembly_calls_nothing_for_what_is_absent(monkeypatch):
             None,
             None,
             None,
+            newton.add_springs,
             *arrays.flat[:2],
             *rest,
             np.zeros(1),
