@@ -21,7 +21,7 @@ from ksd.modal.solid import block
 from ksd.modal.solid_basis import reduce_solid
 from ksd.model.assembly import no_weight, no_weight_added
 from ksd.model.compile import compile_scene
-from ksd.model.newton import _no_turn_step, _no_weight_turned
+from ksd.model.newton import _no_springs, _no_turn_step, _no_weight_turned
 from ksd.solve import tables
 from ksd.solve.conventional import conventional
 
@@ -192,10 +192,11 @@ def test_solids():
     assert ksd.solve(scene, basis={"blade": solid}, strict=False).converged
 
 
-def test_without_weight_nothing_happens():
+def test_without_weight_or_springs_nothing_happens():
     assert no_weight(None, None, None, None, None) is no_weight_added(None, None, None, None, None) is None
     assert _no_weight_turned(None, None, None) is None
     assert _no_turn_step(*[None] * 9) is None
+    assert _no_springs(*[None] * 11) == 0
 
 
 def kernels():
