@@ -19,7 +19,7 @@ from ksd.bodies.series import pose_from
 from ksd.modal import ModalBasis, with_modal_bodies
 from ksd.modal.solid import block
 from ksd.modal.solid_basis import reduce_solid
-from ksd.model.assembly import no_weight, no_weight_added
+from ksd.model.assembly import no_weight, no_weight_added, no_weight_followed
 from ksd.model.compile import compile_scene
 from ksd.model.newton import _no_springs, _no_turn_step, _no_weight_turned
 from ksd.solve import tables
@@ -194,6 +194,7 @@ def test_solids():
 
 def test_without_weight_or_springs_nothing_happens():
     assert no_weight(None, None, None, None, None) is no_weight_added(None, None, None, None, None) is None
+    assert no_weight_followed(*[None] * 8) is None
     assert _no_weight_turned(None, None, None) is None
     assert _no_turn_step(*[None] * 9) is None
     assert _no_springs(*[None] * 11) == 0

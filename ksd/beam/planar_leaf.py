@@ -92,30 +92,41 @@ def _solve(nz, store):
     for j in range(nz):
         pivot = store[W + j * nz + j]
         before = abs(pivot)
+        x, y, turn, g = store[J + 4 * j], store[J + 4 * j + 1], store[J + 4 * j + 2], store[J + 4 * j + 3]
         for c in range(j):
             l = store[W + j * nz + c]
             pivot -= l * l * store[W + c * nz + c]
+            x -= l * store[4 * c]
+            y -= l * store[4 * c + 1]
+            turn -= l * store[4 * c + 2]
+            g -= l * store[4 * c + 3]
+        store[4 * j], store[4 * j + 1], store[4 * j + 2], store[4 * j + 3] = x, y, turn, g
         if not abs(pivot) > TINY_PIVOT * before:
             status = 2
         store[W + j * nz + j] = pivot
         if pivot < 0.0:
             negatives += 1
+        soft = 1.0 / pivot
         for i in range(j + 1, nz):
             t = store[W + i * nz + j]
             for c in range(j):
                 t -= store[W + i * nz + c] * store[W + j * nz + c] * store[W + c * nz + c]
-            store[W + i * nz + j] = t / pivot
-        for e in range(4):
-            t = store[J + 4 * j + e]
-            for c in range(j):
-                t -= store[W + j * nz + c] * store[4 * c + e]
-            store[4 * j + e] = t
+            store[W + i * nz + j] = t * soft
     for j in range(nz - 1, -1, -1):
-        for e in range(4):
-            t = store[4 * j + e] / store[W + j * nz + j]
-            for c in range(j + 1, nz):
-                t -= store[W + c * nz + j] * store[4 * c + e]
-            store[4 * j + e] = t
+        soft = 1.0 / store[W + j * nz + j]
+        x, y, turn, g = (
+            soft * store[4 * j],
+            soft * store[4 * j + 1],
+            soft * store[4 * j + 2],
+            soft * store[4 * j + 3],
+        )
+        for c in range(j + 1, nz):
+            l = store[W + c * nz + j]
+            x -= l * store[4 * c]
+            y -= l * store[4 * c + 1]
+            turn -= l * store[4 * c + 2]
+            g -= l * store[4 * c + 3]
+        store[4 * j], store[4 * j + 1], store[4 * j + 2], store[4 * j + 3] = x, y, turn, g
     return negatives, status
 
 

@@ -21,7 +21,6 @@ from ksd.model.arrays import (
     INNER_AT,
     KIND,
     LENGTH,
-    LINEAR,
     MEMBER_COUNT,
     MEMBERS,
     MODAL,
@@ -42,45 +41,52 @@ from ksd.numerics.kernel import kernel
 
 
 @kernel(inline="always")
-def condense_any(kind, value, number, state, store, room, near, d, Q, lam, K):
-    """Wrench lam (12,) and stiffness K (6, 6) of a member, not a linear one, at relative pose d (3,), Q (3, 3), in frame p.
+def condense_any(kind, value, number, state, store, near, d, Q, lam, K, A, M):
+    """Wrench lam (12,) and stiffness K (6, 6) of a member, not a strain-mode leaf, at relative pose d (3,), Q (3, 3), in
+    frame p.
 
-    near: rotation vectors about which a chain is linearised, empty for the exact tangent; room: `ksd.beam.strain.Fields`
-    for a leaf. Returns (negative pivots, force error [N], moment error [Nm], status).
+    near: rotation vectors about which a chain is linearised, empty for the exact tangent; A (6, 6), M (6, 12): scratch.
+    Returns (negative pivots, force error [N], moment error [Nm], status).
     """
     if kind == MODAL:
         told = modal_condense(value, number, state, store, d, Q, lam, K)
     elif kind == SOLID:
         told = polynomial_condense(value, number, state, store, d, Q, lam, K)
     else:
-        told = condense_beam(kind, value, number, state, store, room, near, d, Q, lam, K)
+        told = condense_beam(kind, value, number, state, store, near, d, Q, lam, K, A, M)
     return told
 
 
 @kernel(inline="always")
-def condense_beam(kind, value, number, state, store, room, near, d, Q, lam, K):
+def condense_beam(kind, value, number, state, store, near, d, Q, lam, K, A, M):
     """`condense_any` but of modal bodies and solids, which take as long to compile as the others together."""
     if len(near) > 0:
         told = near_condense(value, number, state, store, near, d, Q, lam, K)
     elif kind == COROTATIONAL:
         told = corotational.condense(value, number, state, store, d, Q, lam, K)
     else:
-        told = condense_leaf(kind, value, number, state, store, room, near, d, Q, lam, K)
-        if kind == STRAIN:
-            strain_follow(value, number, state, store, room, lam, K)
-        elif kind == PLANAR:
-            planar_leaf.follow(value, number, state, store, lam)
+        told = condense_linear(kind, value, number, state, store, near, d, Q, lam, K, A, M)
     return told
 
 
 @kernel(inline="always")
-def condense_leaf(kind, value, number, state, store, room, near, d, Q, lam, K):
-    """`condense_any` of strain-mode leaves alone, which compile in half the time."""
-    if kind == PLANAR:
-        told = planar_leaf.condense(value, number, state, store, d, Q, lam, K)
-    else:
-        told = strain_condense(value, number, state, store, room, d, Q, lam, K)
-    return told
+def condense_linear(kind, value, number, state, store, near, d, Q, lam, K, A, M):
+    """`condense_any` of linear bodies alone."""
+    return linear_condense(state, d, Q, lam, K, A, M)
+
+
+@kernel(inline="always")
+def follow_leaf(kind, value, number, state, store, leaf, lam, K):
+    """What the weight of a strain-mode leaf does, after it was condensed."""
+    if kind == STRAIN:
+        strain_follow(value, number, state, store, leaf, lam, K)
+    elif kind == PLANAR:
+        planar_leaf.follow(value, number, state, store, lam)
+
+
+@kernel(inline="always")
+def no_weight_followed(kind, value, number, state, store, leaf, lam, K):
+    """`follow_leaf` where nothing weighs anything."""
 
 
 @kernel(inline="always")
@@ -188,8 +194,11 @@ def open_member_room(ints, scratch):
 
 
 @kernel(inline="always")
-def add_members(condense, pull, weigh, ints, floats, x, R, inner, work, room, factor, rtol, noise, near):
-    """All members, their weight times `factor`, into work.value and work.rhs; condense, pull, weigh: for what there is.
+def add_members(
+    condense, pull, follow, weigh, ints, floats, x, R, inner, work, room, factor, rtol, noise, near
+):
+    """All members, their weight times `factor`, into work.value and work.rhs; condense, pull, follow, weigh: for what there
+    is.
 
     near 0: exact tangents at the state; 1: Appendix A chains are linearised about the element orientations in work.near
     (paper 1, section 3), their inner state is set. Of neighbours that are in the same state, as the two
@@ -203,7 +212,7 @@ def add_members(condense, pull, weigh, ints, floats, x, R, inner, work, room, fa
     A, M, leaf = room.A, room.M, room.leaf
     store, near_at, close, weight = work.store, work.near_at, work.near, work.weight
     matrix, rhs, scale, poses, lams = work.value, work.rhs, work.scale, work.pose, work.lam
-    node, value_at, number = ints[MEMBERS + NODE], ints[MEMBERS + VALUE_AT], ints[MEMBERS + NUMBER]
+    node, value_at, number_at = ints[MEMBERS + NODE], ints[MEMBERS + VALUE_AT], ints[MEMBERS + NUMBER]
     inner_at, store_at, block = ints[MEMBERS + INNER_AT], ints[MEMBERS + STORE_AT], ints[MEMBERS + BLOCK]
     negatives, worst, status = 0, 0.0, 0
     back, dn, dm, told = 0, 0.0, 0.0, 0
@@ -240,15 +249,20 @@ def add_members(condense, pull, weigh, ints, floats, x, R, inner, work, room, fa
             mine = store[kept : kept + store_size]
             if heavy:
                 pull(pose, weight, i, factor, mine)
-            if kind == LINEAR:
-                # apart: to hand on what a leaf takes counts the users of two dozen arrays
-                back, dn, dm, told = linear_condense(inner[own : own + state_size], d, Q, lam, K, A, M)
+            state, number = inner[own : own + state_size], ints[number_at + 4 * i : number_at + 4 * i + 4]
+            value = floats[ints[MEMBERS + VALUE] + ints[value_at + i] :]
+            # leaf springs apart: to hand on their room counts the users of two dozen arrays
+            if kind == PLANAR:
+                back, dn, dm, told = planar_leaf.condense(value, number, state, mine, d, Q, lam, K)
+            elif kind == STRAIN:
+                back, dn, dm, told = strain_condense(value, number, state, mine, leaf, d, Q, lam, K)
             else:
                 back, dn, dm, told = condense(
-                    kind, floats[ints[MEMBERS + VALUE] + ints[value_at + i] :], ints[number + 4 * i : number + 4 * i + 4],
-                    inner[own : own + state_size], mine, leaf,
-                    close[near_at[i] : near_at[i + 1] if linearised else near_at[i]], d, Q, lam, K,
+                    kind, value, number, state, mine, close[near_at[i] : near_at[i + 1] if linearised else near_at[i]],
+                    d, Q, lam, K, A, M,
                 )  # fmt: skip
+            if heavy:
+                follow(kind, value, number, state, mine, leaf, lam, K)
         member_tangent(pose, lam, K, T, force, A, M)
         negatives += back
         status = max(status, told)

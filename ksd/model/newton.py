@@ -47,9 +47,11 @@ from ksd.model.assembly import (
     add_members,
     condense_any,
     condense_beam,
-    condense_leaf,
+    condense_linear,
+    follow_leaf,
     no_weight,
     no_weight_added,
+    no_weight_followed,
     open_member_room,
     recover_any,
     recover_beam,
@@ -105,6 +107,7 @@ def _worst_node(ints, rhs, scale):
 def _assemble(
     condense,
     pull,
+    follow,
     weigh,
     springs,
     ints,
@@ -135,7 +138,7 @@ def _assemble(
     negatives, worst, status = 0, 0.0, 0
     if task != NODES_ALONE:
         negatives, worst, status = add_members(
-            condense, pull, weigh, ints, floats, x, R, inner, work, room, factor, rtol, noise, near
+            condense, pull, follow, weigh, ints, floats, x, R, inner, work, room, factor, rtol, noise, near
         )
     if ints[SPRING_COUNT] > 0:
         status = max(
@@ -237,10 +240,10 @@ def _take(recover, turn_weight, ints, floats, x, R, inner, multiplier, work, roo
 
 @kernel(inline="always")
 def _newton(
-    condense, pull, weigh, springs, recover, turn_weight, turn_rest,
+    condense, pull, follow, weigh, springs, recover, turn_weight, turn_rest,
     ints, floats, x, R, inner, multiplier, target, flat, at, task, near, most, factor, rtol, grain, cap, blow_up,
 ):  # fmt: skip
-    """See `newton`; the first seven: what to do with the members, springs and loads there are."""
+    """See `newton`; the first eight: what to do with the members, springs and loads there are."""
     work, plan = compiled_open_work(flat, at), ints[ints[PLAN] :]
     room = open_member_room(ints, work.scratch)
     matrix, spare, rhs = work.value, work.spare, work.rhs
@@ -253,7 +256,7 @@ def _newton(
             # a load too small to rise above rounding still gets one step: at first the bounds have no grain
             bound = GRAIN if n > 0 or polished else grain
             worst, gap, inside, status = _assemble(
-                condense, pull, weigh, springs, ints, floats, x, R, inner, multiplier, target, work, room, task,
+                condense, pull, follow, weigh, springs, ints, floats, x, R, inner, multiplier, target, work, room, task,
                 near, factor, rtol, bound,
             )  # fmt: skip
         if task in (ASSEMBLE, NODES_ALONE):
@@ -350,7 +353,8 @@ def newton(
     [m] for the pivot.
     """
     return _newton(
-        condense_leaf, no_weight, no_weight_added, _no_springs, recover_leaf, _no_weight_turned, _no_turn_step,
+        condense_linear, no_weight, no_weight_followed, no_weight_added, _no_springs, recover_leaf, _no_weight_turned,
+        _no_turn_step,
         ints, floats, x, R, inner, multiplier, target, flat, at, task, near, most, factor, rtol, grain, cap, blow_up,
     )  # fmt: skip
 
@@ -361,7 +365,7 @@ def newton_beams(
 ):  # fmt: skip
     """`newton` for chains too, springs, weight, and loads that are not conservative."""
     return _newton(
-        condense_beam, pull_member, weigh_member, add_springs, recover_beam, turn_pull, turn_step,
+        condense_beam, pull_member, follow_leaf, weigh_member, add_springs, recover_beam, turn_pull, turn_step,
         ints, floats, x, R, inner, multiplier, target, flat, at, task, near, most, factor, rtol, grain, cap, blow_up,
     )  # fmt: skip
 
@@ -372,7 +376,7 @@ def newton_any(
 ):  # fmt: skip
     """`newton_beams` for members of every kind."""
     return _newton(
-        condense_any, pull_member, weigh_member, add_springs, recover_any, turn_pull, turn_step,
+        condense_any, pull_member, follow_leaf, weigh_member, add_springs, recover_any, turn_pull, turn_step,
         ints, floats, x, R, inner, multiplier, target, flat, at, task, near, most, factor, rtol, grain, cap, blow_up,
     )  # fmt: skip
 

@@ -382,9 +382,7 @@ def test_the_assembly_calls_nothing_for_what_is_absent(monkeypatch):
         model = ksd.compile_scene(scene)
         arrays, rest, work = model.arrays, model.rest, make_work(model.arrays)
         newton._assemble.py_func(
-            None,
-            None,
-            None,
+            *4 * [None],
             newton.add_springs,
             *arrays.flat[:2],
             *rest,
