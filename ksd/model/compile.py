@@ -15,7 +15,7 @@ import numpy as np
 
 from ksd.errors import SceneError
 from ksd.html import InNotebooks, Printed
-from ksd.model.arrays import LINEAR, MODAL, ROTATION, SOLID, STRAIN, Arrays, Motion
+from ksd.model.arrays import LINEAR, MODAL, ROTATION, SOLID, Arrays, Motion
 from ksd.model.drawing import Drawing, Numbers, draw
 from ksd.model.effects import Choice, applied, choose
 from ksd.model.leaves import cut_leaves
@@ -105,9 +105,9 @@ class Model(InNotebooks):
         return not self.arrays.loads.skew.any()
 
     @cached_property
-    def has_modes(self) -> bool:
-        """Whether there are strain-mode leaves."""
-        return bool((self.arrays.members.kind == STRAIN).any())
+    def kinds(self) -> frozenset[int]:
+        """What there is among its members: STRAIN, COROTATIONAL, ... of `ksd.model.arrays`."""
+        return frozenset(self.arrays.members.kind.tolist())
 
     def far_drives(self, values: Mapping[str, float]) -> tuple[str, ...]:
         """Drive values [m or rad] by name that were probably meant in another unit, a sentence each."""

@@ -220,11 +220,14 @@ def _leaving_member(model: Model, k: np.ndarray) -> str:
     e3, kind = members.frame[..., 2], members.kind
     off = e3 - (e3 @ k)[..., None] * k
     tilt = np.sqrt((off * off).sum(axis=-1))
-    linear = np.flatnonzero(kind == LINEAR)
-    leaves = (kind == MODAL) | (kind == SOLID) | (tilt > PARALLEL).any(axis=1)
-    leaves[linear] |= np.array([_couples(model.rest.inner[members.inner_at[i] :]) for i in linear], bool)
+    leaves = (tilt > PARALLEL).any(axis=1)
+    if not model.kinds <= {STRAIN, COROTATIONAL}:
+        linear = np.flatnonzero(kind == LINEAR)
+        leaves |= (kind == MODAL) | (kind == SOLID)
+        leaves[linear] |= np.array([_couples(model.rest.inner[members.inner_at[i] :]) for i in linear], bool)
     # undeformed amplitudes of zero are those of a straight leaf
-    if not leaves.any() and (model.rest.inner.any() or (kind != STRAIN).any()) and not len(linear):
+    straight = model.kinds == {STRAIN} and not model.rest.inner.any()
+    if not straight and LINEAR not in model.kinds and not leaves.any():
         # those of one group have the same constants
         group, first = np.unique(members.value_at, return_index=True)
         bent = [at for at, i in zip(group, first, strict=True) if not _straight_across(members, int(i))]

@@ -101,9 +101,7 @@ def internal_stress(
                 f"leaf {show(name)} is not part of this mechanism; its leaf springs are {', '.join(names)}"
             )
     offset, rotation = positive(offset, "offset", unit="m"), positive(rotation, "rotation", unit="rad")
-    forces = (_of_strain if np.all(model.arrays.members.kind == STRAIN) else _of_chains)(
-        model, motion, load_factor, points
-    )
+    forces = (_of_strain if model.kinds <= {STRAIN} else _of_chains)(model, motion, load_factor, points)
     found, where = _Misplacements(), _Misplacements()
     for name in asked:
         for k, direction in enumerate(DIRECTIONS):

@@ -65,7 +65,7 @@ class Look(NamedTuple):
 
 def look_at_modes(model: Model, motion: Motion) -> Look:
     """What the strain-mode leaves of a state say of their modes and points."""
-    if not model.has_modes:
+    if STRAIN not in model.kinds:
         return Look(0.0, "", 0, 0.0)
     share, member, axis, turned = _worst(model.arrays.members, motion.inner)
     return Look(share, model.member_names[member] if share > 0.0 else "", axis, turned)

@@ -287,7 +287,7 @@ def finer_tangent(
 ) -> Tangent:
     """The factored tangent these questions stand on; with `finer`, strain-mode leaves take part with one more
     mode per axis than in the state (see `ksd.properties.unfold`), chains and mixtures as they are."""
-    if finer and np.all(model.arrays.members.kind == STRAIN):
+    if finer and model.kinds <= {STRAIN}:
         model, motion = unfolded(model, motion, load_factor=load_factor)
     return factored_tangent(model, motion, freed=freed, load_factor=load_factor)
 

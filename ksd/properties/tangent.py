@@ -319,7 +319,7 @@ def factored(assembled: Assembled, freed: Iterable[str] = ()) -> Tangent:
     """
     freed = names_of(freed, "freed")
     arrays, value = assembled.arrays, assembled.value.copy()
-    if np.any(arrays.members.kind == SOLID) or np.any(arrays.members.kind == LINEAR):
+    if not assembled.model.kinds.isdisjoint((SOLID, LINEAR)):
         return _dense(assembled, freed)
     spare = np.zeros_like(value)
     free_rows(arrays, value, row_numbers(assembled.model, freed))

@@ -32,7 +32,7 @@ PASSES = 1
 @per_model
 def finer(model: Model) -> Model:
     """The model with chain nodes in the open and one more mode per axis in strain-mode leaves."""
-    if np.any(model.arrays.members.kind == COROTATIONAL):
+    if COROTATIONAL in model.kinds:
         _insist_on_straight(model)
     opened = opened_mesh(model)
     if opened == model.mesh:
@@ -43,7 +43,7 @@ def finer(model: Model) -> Model:
 
 def opened_mesh(model: Model) -> Mesh:
     """The mesh of `finer`."""
-    return _opened(model.mesh, bool(np.any(model.arrays.members.kind == STRAIN)))
+    return _opened(model.mesh, STRAIN in model.kinds)
 
 
 def _insist_on_straight(model: Model) -> None:
@@ -77,7 +77,7 @@ def unfolded(model: Model, motion: Motion, *, load_factor: float = 1.0) -> tuple
     if fine is model:
         return model, motion
     state = _open_chains(model, motion, fine)
-    if np.any(model.arrays.members.kind == STRAIN):
+    if STRAIN in model.kinds:
         settle_insides(fine.arrays, state, make_work(fine.arrays), load_factor)
     return fine, state
 
@@ -120,7 +120,7 @@ def _open_chains(model: Model, motion: Motion, fine: Model) -> Motion:
     """State of the finer model: strain-mode leaves with more modes, the inner nodes and stresses of chains in the open."""
     members, more = model.arrays.members, fine.arrays.members
     state = fine.rest.copy()
-    if model.member_names == fine.member_names and np.all(members.kind == STRAIN):
+    if model.member_names == fine.member_names and model.kinds <= {STRAIN}:
         state.inner[widened(members.number.tobytes(), more.number.tobytes())] = motion.inner
         return Motion(motion.x.copy(), motion.R.copy(), state.inner, motion.multiplier.copy())
     index = {name: k for k, name in enumerate(fine.node_names)}

@@ -55,7 +55,7 @@ def left_out(pose: Configuration) -> LeftOut:
     """Relative changes of "force" (of the largest), "displacement" (of the largest) and "support_stiffness" (the softest, of
     the first driven link), signed, by effect that is left out and that some leaf could have."""
     model, motion = pose.insides
-    if not pose.converged or np.any(model.arrays.members.kind == SOLID):
+    if not pose.converged or SOLID in model.kinds:
         return LeftOut({})
     target, factor = model.targets(pose.targets), pose.load_factor
     own = equilibrium(exact(model.arrays), motion.copy(), target, factor)

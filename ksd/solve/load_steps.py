@@ -348,7 +348,7 @@ def _is_held(model: Model) -> bool:
     """Whether all nodes are held in the plane that a mechanism names, on members of constant stiffness, which have nothing
     inside that could leave it."""
     held = {term.link for hold in plane_holds(model.scene) for term in hold.terms}
-    return held.issuperset(model.node_names[1:]) and bool((model.arrays.members.kind == LINEAR).all())
+    return held.issuperset(model.node_names[1:]) and model.kinds <= {LINEAR}
 
 
 def _drive_in_plane(
