@@ -303,7 +303,9 @@ def direction(value: Any, what: str, *, owner: str = "") -> Vector:
     parts = vector(value, what, owner=owner)
     size = max(abs(c) for c in parts)
     if size == 0.0:
-        raise SceneError(f"{label(what, owner)} = {show(value)} has no length, so it is no direction.")
+        raise SceneError(
+            f'{label(what, owner)} = {show(value)} has no length, so it is no direction; give one, such as {what}="x".'
+        )
     if abs(math.hypot(*parts) - 1.0) <= 1e-15:
         # a unit vector stays as it is, so that reading back what was written changes no digit
         return parts

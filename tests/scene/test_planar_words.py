@@ -291,7 +291,8 @@ def test_errors_give_the_number_that_works():
         assert "give 0 < s < 0.1" in said and f"'{end}'" in said
     assert "use it" in refused(lambda: scene.point("wire", 0.02))
     assert '"wire"' in refused(lambda: scene.point("wir", 0.02))
-    assert "no direction" in refused(lambda: scene.slider("tip", along=(0, 0, 0), at=(0.1, 0, 0)))
+    said = refused(lambda: scene.slider("tip", along=(0, 0, 0), at=(0.1, 0, 0)))
+    assert 'no direction; give one, such as along="x".' in said
     assert 'along="x"' in refused(lambda: scene.slider("tip", along="z", at=(0.1, 0, 0)))
     assert "leave axis out" in refused(lambda: scene.pin("ground", "tip", at=(0.1, 0, 0), axis="x"))
     assert "'at' is missing" in refused(lambda: scene.pin("ground", "tip"))
