@@ -152,6 +152,7 @@ def _missed(curve: Any, modes: int, pieces: int = 1) -> float:
     return 1.0 - float(((V.T @ kappa) ** 2).sum() / max((kappa**2).sum(), 1e-300))
 
 
+@lru_cache(maxsize=512)
 def raised_orders(leaf: Any, mesh: Mesh) -> tuple[tuple[int, int, int], int]:
     """Curvature modes and quadrature points of a leaf: those asked for, more for a leaf that is curved at rest.
 
@@ -174,15 +175,13 @@ def raised_orders(leaf: Any, mesh: Mesh) -> tuple[tuple[int, int, int], int]:
 def _fitted(leaf: Any, modes: Modes, orders: tuple[int, int, int]) -> np.ndarray:
     """Amplitudes (N,) of the stress-free curvature, by weighted least squares at the quadrature points."""
     kappa = leaf.curve.curvatures(modes.s).T
-    weight = np.sqrt(modes.weight)
-    found, first = [], 0
-    for axis, n in enumerate(orders):
-        basis, first = modes.basis[first : first + n], first + n
+    found = np.zeros(sum(orders))
+    for axis, end in enumerate(np.cumsum(orders).tolist()):
         if kappa[axis].any():
-            found.append(np.linalg.lstsq((basis * weight).T, kappa[axis] * weight, rcond=None)[0])
-        else:
-            found.append(np.zeros(n))
-    return np.concatenate(found)
+            own = slice(end - orders[axis], end)
+            weighted = modes.basis[own] * modes.weight
+            found[own] = np.linalg.solve(weighted @ modes.basis[own].T, weighted @ kappa[axis])
+    return found
 
 
 def leaf_modes(leaf: Any, mesh: Mesh) -> Modes:
