@@ -45,6 +45,8 @@ def picture(path=None):
     figure = Figure(figsize=(6, 3.6), layout="constrained")
     axes = figure.add_subplot(xlabel="motion over h", ylabel="force / (EI h/l^3)")
     axes.plot(down, 1000 * load.factor, color="#c2410c")
+    axes.grid(color="#eceff4")
+    axes.spines[["top", "right"]].set_visible(False)
     return figure if path is None else ksd.view.save_figure(figure, path)
 
 

@@ -198,6 +198,9 @@ left.set(xlabel="frequency [Hz]", ylabel="push per force [mm/N]", title="frequen
 right.plot(seconds, moved / mm, color="#c2410c")
 right.axhline(force * static / mm, color="#9aa3b2", lw=1)
 right.set(xlabel="time [s]", ylabel="push beyond 5 mm [mm]", title=f"step of {force} N")
+for axes in (left, right):
+    axes.grid(color="#eceff4")
+    axes.spines[["top", "right"]].set_visible(False)
 figure.align_labels()
 figure  # noqa: B018  (the page shows it)
 

@@ -15,6 +15,8 @@ COIL = 0.015
 """Half the width of a coil spring, and the length of one of its coils, over that size."""
 ROUND = 0.05
 """Radius of the arrow of a rotation or moment over that size."""
+HEAD = 0.8
+"""Length of its head over that radius."""
 EDGE_ON = 0.17
 """Cosine of the angle of an axis to the eye below which a rotation is an arrow with two heads along it, and tangent of that
 of an arrow below which it is a point."""
@@ -129,11 +131,14 @@ def _turning(axes: Any, camera: Camera, place: Array, axis: Array, size: float, 
     if np.linalg.norm(first) < 0.3:
         first = camera.up - (camera.up @ axis) * axis
     first = first / np.linalg.norm(first)
-    angles = np.linspace(-0.25 * np.pi, 1.25 * np.pi, 40)[:, None]
-    ring = place + ROUND * size * (np.cos(angles) * first + np.sin(angles) * np.cross(axis, first))
-    flat = camera.flat(ring)
-    axes.plot(*flat[:-1].T, color=color, linewidth=1.4, zorder=5)
-    _arrow(axes, flat[-3], flat[-1], color)
+    second, radius = np.cross(axis, first), ROUND * size
+    angles = np.linspace(-0.25 * np.pi, 1.15 * np.pi, 40)[:, None]
+    rays = np.cos(angles) * first + np.sin(angles) * second
+    # as large as the ring it belongs to, which in a small picture is shorter than matplotlib's arrow heads
+    head = np.array([rays[-1] * 1.35, np.cross(axis, rays[-1]) * HEAD + rays[-1], rays[-1] * 0.65])
+    flat = camera.flat(place + radius * np.concatenate([rays, head]))
+    axes.plot(*flat[: len(rays)].T, color=color, linewidth=1.4, zorder=5, solid_capstyle="butt")
+    axes.fill(*flat[len(rays) :].T, color=color, linewidth=0.0, zorder=5)
     return flat
 
 

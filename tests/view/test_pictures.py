@@ -260,12 +260,21 @@ def test_moments_stand_at_their_link_and_are_seen_from_the_side():
     assert (twist.place >= tip.place.min(axis=0) - 1e-9).all() and (
         twist.place <= tip.place.max(axis=0) + 1e-9
     ).all()
-    for view, heads, straight in (("xy", 1, False), ("xz", 2, True)):
+    for view, rings in (("xy", 1), ("xz", 0)):
         (axes,) = plot_mechanism(pose, view=view, labels=False).axes
         arrows = [t for t in axes.texts if t.arrow_patch.get_edgecolor() == to_rgba(LOAD)]
         ways = [np.subtract(t.xy, t.xyann) for t in arrows]
-        assert len(ways) == heads
-        assert all((abs(way[0]) < 1e-6 * abs(way[1])) == straight for way in ways)
+        assert len(ways) == (0 if rings else 2)
+        assert all(abs(way[0]) < 1e-6 * abs(way[1]) for way in ways)
+        heads = [p.get_xy()[:3] for p in axes.patches if p.get_facecolor() == to_rgba(LOAD)]
+        assert len(heads) == rings
+        for outer, tip, inner in heads:
+            # goes on from the end of the ring, the way the moment turns
+            (ring,) = (line for line in axes.lines if to_rgba(line.get_color()) == to_rgba(LOAD))
+            end, centre = 0.5 * (outer + inner), 1e3 * np.array(twist.place[:2])
+            assert ring.get_xydata()[-1] == pytest.approx(end)
+            (x, y), (u, v) = end - centre, tip - end
+            assert x * v - y * u == pytest.approx(np.hypot(x, y) * np.hypot(u, v)) and x * v > y * u
 
 
 def test_forces_to_the_eye_are_points():
