@@ -6,48 +6,67 @@ Legendre series that has converged has next to nothing there.
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
 
-from ksd.model.arrays import STRAIN, Members, Motion
+from ksd.model.arrays import STRAIN, Motion
 from ksd.model.compile import Model
+from ksd.numerics.kernel import kernel
 
 IDLE = 1e-6
 """Energy of a leaf, over the largest of any, below which it hardly takes part and does not decide."""
 
 
-def _worst(m: Members, inner: np.ndarray) -> tuple[float, int, int, float]:
-    """(share, member, axis, turned) of `Look`; share 0 where no leaf has any.
+@kernel(inline="always")
+def _alone(value, inner, K, state, rest, n, j):
+    """Energy of amplitude j of the n about an axis."""
+    return 0.5 * value[K + (n + 1) * j] * (inner[state + j] - value[rest + j]) ** 2
 
-    Leaves of the same numbers of modes at once. The layout of the constants is that of `ksd.beam.strain_values`.
+
+@kernel
+def _worst(kind, number, value_at, value, inner_at, length, inner):
+    """(share, member, axis, turned) of `Look`, of fields of `Members`; share 0 where no leaf has any.
+
+    The layout of the constants is that of `ksd.beam.strain_values`.
     """
-    count = len(m.kind)
-    energy, missing, turned = np.zeros(count), np.zeros((count, 3)), 0.0
-    strain = m.kind == STRAIN
-    for number in np.unique(m.number[strain], axis=0):
-        leaves = np.flatnonzero(strain & (m.number == number).all(axis=1))
-        K, state = m.value_at[leaves, None] + 1, m.inner_at[leaves, None]
-        rest, constant = K + (number[:3] ** 2).sum(), 0.0
-        for axis, n in enumerate(number[:3].tolist()):
-            amplitudes = inner[state + np.arange(n)]
-            change = amplitudes - m.value[rest + np.arange(n)]
-            stiffness = m.value[K + np.arange(n * n)].reshape(-1, n, n)
-            energy[leaves] += 0.5 * np.einsum("li,lij,lj->l", change, stiffness, change)
-            constant += amplitudes[:, 0] ** 2
-            # energy of every amplitude alone: the highest, the one below, and the next one of its parity
-            alone = 0.5 * stiffness.diagonal(axis1=1, axis2=2) * change**2
-            top, near, far = alone[:, [n - 1, *((n - 2, n - 4) if n >= 4 else (n - 1, n - 1))]].T
-            # near (near / far) where the series falls, near where it does not; nothing where there is no fourth
-            missing[leaves, axis] = np.maximum(top, near * np.minimum(near, far) / np.maximum(far, 1e-300))
+    energy, most, turned = np.zeros(len(kind)), 0.0, 0.0
+    for i in range(len(kind)):
+        if kind[i] != STRAIN:
+            continue
+        K, state = value_at[i] + 1, inner_at[i]
+        rest = K + number[i, 0] ** 2 + number[i, 1] ** 2 + number[i, 2] ** 2
+        constant = 0.0
+        for axis in range(3):
+            n = number[i, axis]
+            constant += inner[state] ** 2
+            for j in range(n):
+                moment = 0.0
+                for k in range(n):
+                    moment += value[K + n * j + k] * (inner[state + k] - value[rest + k])
+                energy[i] += 0.5 * moment * (inner[state + j] - value[rest + j])
             K, state, rest = K + n * n, state + n, rest + n
-        turned = max(turned, float((np.sqrt(constant) * m.length[leaves]).max() / number[3]))
-    active = strain & (energy > IDLE * energy.max(initial=0.0))
-    if not active.any():
-        return 0.0, 0, 0, turned
-    share = np.where(active[:, None], missing, 0.0) / np.where(active, energy, 1.0)[:, None]
-    member, axis = divmod(int(share.argmax()), 3)
-    return float(share[member, axis]), member, axis, turned
+        most = max(most, energy[i])
+        turned = max(turned, math.sqrt(constant) * length[i] / number[i, 3])
+    share, member, about = 0.0, 0, 0
+    for i in range(len(kind)):
+        if kind[i] != STRAIN or not energy[i] > IDLE * most:
+            continue
+        K, state = value_at[i] + 1, inner_at[i]
+        rest = K + number[i, 0] ** 2 + number[i, 1] ** 2 + number[i, 2] ** 2
+        for axis in range(3):
+            n = number[i, axis]
+            second, fourth = (n - 2, n - 4) if n >= 4 else (n - 1, n - 1)
+            top = _alone(value, inner, K, state, rest, n, n - 1)
+            near = _alone(value, inner, K, state, rest, n, second)
+            far = _alone(value, inner, K, state, rest, n, fourth)
+            # near (near / far) where the series falls, near where it does not; nothing where there is no fourth
+            missing = max(top, near * min(near, far) / max(far, 1e-300))
+            if missing > share * energy[i]:
+                share, member, about = missing / energy[i], i, axis
+            K, state, rest = K + n * n, state + n, rest + n
+    return share, member, about, turned
 
 
 class Look(NamedTuple):
@@ -67,5 +86,8 @@ def look_at_modes(model: Model, motion: Motion) -> Look:
     """What the strain-mode leaves of a state say of their modes and points."""
     if STRAIN not in model.kinds:
         return Look(0.0, "", 0, 0.0)
-    share, member, axis, turned = _worst(model.arrays.members, motion.inner)
+    m = model.arrays.members
+    share, member, axis, turned = _worst(
+        m.kind, m.number, m.value_at, m.value, m.inner_at, m.length, motion.inner
+    )
     return Look(share, model.member_names[member] if share > 0.0 else "", axis, turned)
