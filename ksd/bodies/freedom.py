@@ -46,7 +46,7 @@ def _null_spaces(J: np.ndarray, *ranks: float) -> list[np.ndarray]:
     if J.shape[0] == 0:
         return [np.eye(J.shape[1])] * len(ranks)
     _, s, vt = np.linalg.svd(J)
-    return [vt[int(np.sum(s > rank * max(s[0], 1e-300))) :].T for rank in ranks]
+    return [vt[np.count_nonzero(s > rank * max(s[0], 1e-300)) :].T for rank in ranks]
 
 
 def describe_motion(model: Model, twist: np.ndarray) -> str:
@@ -120,7 +120,7 @@ def _yielding(model: Model, J: np.ndarray, W: np.ndarray, loops: int, free: np.n
     held = J[loops:] @ free
     names = (*model.drive_names, *model.support_names)
     scale = RANK * np.abs(J).max(initial=1e-300)
-    idle = [not np.abs(row).max(initial=0.0) >= scale for row in held]
+    idle = (~(np.abs(held) >= scale).any(axis=1)).tolist()
     left = free @ _null_space(held) if free.shape[1] else free
     if any(idle) and (left.shape[1] or not free.shape[1]):
         name = names[idle.index(True)]
