@@ -108,16 +108,16 @@ def compare(
 ) -> Table:
     """One pose of a mechanism by every method: a `ksd.Table` with a row for each, its answer, time and error.
 
-    targets, drives: drive values [m or rad] by name; methods: those of METHODS to compare, all when None; elements: Appendix
-    A elements of each leaf in the rows that have such; repeats: calls of which the median time is told, in turns with the
-    others (fewer of slow ones); extrapolate, effects, with_, without: as in `ksd.solve`. Columns: time_us of a call of the
-    prepared solver and steps_us of its compiled steps (thread CPU time), estimate_us (of the method's error figure, on top),
-    factorisations, drive forces, moved_mm (of the farthest link), force_error_percent (of each drive, over the largest
-    force or moment), displacement_error_percent (of each link, over moved_mm), error_percent (the larger; that of the mesh
-    is in it, as the reference is strain-mode leaves of order 6, 5, 9 by the conventional method), estimated_error_percent
-    and told_error_percent (what the answer says of its method alone, and with its mesh). A method that cannot do this scene
-    is a row whose `status` says why. Raises SceneError for wrong words, ConvergenceError where the reference has no
-    equilibrium there.
+    targets, drives: drive values [m or rad] by name; methods: those of METHODS to compare, all when None; elements:
+    Appendix A elements of each leaf in the rows that have such; repeats: calls of which the median time is told, in turns
+    with the others (fewer of slow ones); extrapolate, effects, with_, without: as in `ksd.solve`; progress: whether a bar
+    tells how far it is. Columns: time_us of a call of the prepared solver and steps_us of its compiled steps (thread CPU
+    time), estimate_us (of the method's error figure, on top), factorisations, drive forces, moved_mm (of the farthest
+    link), force_error_percent (of each drive, over the largest force or moment), displacement_error_percent (of each
+    link, over moved_mm), error_percent (the larger; that of the mesh is in it, as the reference is strain-mode leaves of
+    order 6, 5, 9 by the conventional method), estimated_error_percent and told_error_percent (what the answer says of its
+    method alone, and with its mesh). A method that cannot do this scene is a row whose `status` says why. Raises
+    SceneError for wrong words, ConvergenceError where the reference has no equilibrium there.
     """
     check_ways(mesh=None, relinearisations=0, extrapolate=extrapolate, progress=progress)
     wanted = METHODS if methods is None else names_of(methods, "methods")

@@ -99,10 +99,10 @@ def frequency_curve(
 ) -> FrequencyCurve:
     """The frequency of a mode over drive values -stroke..stroke from three configurations: 0, 1/2 and 1 times stroke.
 
-    mechanism: Mechanism, Scene, Model or `Solver`. drive: name; stroke [m or rad]. mode: "intended", "first_parasitic", or
-    "parasitic_1", ... as counted at rest and followed by MAC (the walk in between costs more solves; the first two
-    need none). checks: fractions of the stroke solved besides to tell the error. held: values of the other drives.
-    Raises SceneError for names, ConvergenceError where a configuration is not found.
+    mechanism: Mechanism, Scene, Model or `Solver`. drive: name; stroke [m or rad]. mode: "intended", "first_parasitic",
+    or "parasitic_1", ... as counted at rest and followed by MAC (the walk in between costs more solves; the first two
+    need none). checks: fractions of the stroke solved besides to tell the error. held: values of the other drives [m or
+    rad]; method: as in `ksd.solve`. Raises SceneError for names, ConvergenceError where a configuration is not found.
     """
     solver = mechanism if isinstance(mechanism, Solver) else Solver(mechanism)
     if drive not in solver.model.drive_names:

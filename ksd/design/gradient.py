@@ -59,11 +59,11 @@ class Gradient(Shown):
     """Derivatives of answers at poses: ``gradient[column, parameter]`` (poses,), in units of the column per SI unit of
     the parameter.
 
-    values: the answers of the same equilibria (poses,) by column, in columns of `ksd.sweep`, and "stress_MPa[leaf]" of
-    every leaf; poses: drive values and load case of each. point: how the point asked about moves, displacement [m] and
-    rotation [rad] (poses, 6), by parameter. reasons: why there is no gradient, by column and pose; it is nan there.
-    errors: |g(h) - g(2h)| / 3 in the order of `slopes`, or how far the slopes to both sides differ where there is a
-    kink; None where they were not asked for. slopes (columns, parameters, poses).
+    at_design: parameters by name, SI. values: the answers of the same equilibria (poses,) by column, in columns of
+    `ksd.sweep`, and "stress_MPa[leaf]" of every leaf; poses: drive values and load case of each. point: how the point
+    asked about moves, displacement [m] and rotation [rad] (poses, 6), by parameter. reasons: why there is no gradient, by
+    column and pose; it is nan there. error_slopes: |g(h) - g(2h)| / 3 in the order of `slopes`, or how far the slopes to
+    both sides differ where there is a kink; None where they were not asked for. slopes (columns, parameters, poses).
     """
 
     columns: tuple[str, ...]

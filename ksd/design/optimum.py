@@ -63,12 +63,12 @@ class Tried(NamedTuple):
 class Optimum(Shown):
     """The best design that was found, and what holds it.
 
-    design: parameters by name, SI; merit: the worst target over its scale; answers: by name; held: what holds it back
-    (target, limit, rule, bound), and what it is worth: percent by which the merit grows per percent that a limit or
-    bound is moved (of targets the share that each has in the worst, of rules per percent of their range); flat: a
-    direction of parameters that changes none of it, by name; starts: how each ended; table: every design; seconds: of
-    CPU time; robust: standard deviations by which limits of `job` are moved in and targets count less; margins: what
-    that is, by answer, in units of its column.
+    job: with the limits that were held; method: of the search; design: parameters by name, SI; merit: the worst target
+    over its scale; answers: by name; held: what holds it back (target, limit, rule, bound), and what it is worth: percent
+    by which the merit grows per percent that a limit or bound is moved (of targets the share that each has in the worst,
+    of rules per percent of their range); flat: a direction of parameters that changes none of it, by name; starts: how
+    each ended; table: every design; seconds: of CPU time; robust: standard deviations by which limits of `job` are moved
+    in and targets count less; margins: what that is, by answer, in units of its column.
     """
 
     job: Job

@@ -175,7 +175,10 @@ def _ends(span: Any) -> tuple[float, float]:
 
 @dataclass(frozen=True, repr=False, eq=False)
 class Choice(Shown):
-    """Optima of several jobs by name, the best first, and "ok" or why there is none."""
+    """What `ksd.choose` found.
+
+    optima: of the jobs by name, the best first, None where there is none; status: "ok" or why there is none.
+    """
 
     optima: Mapping[str, Optimum | None]
     status: Mapping[str, str]
@@ -224,9 +227,9 @@ def choose(
 ) -> Choice:
     """The optimum of every job by name, such as one joint of the library each, the best first; returns a `Choice`.
 
-    Their targets should be measured in the same scales. starts, seed: as in `ksd.optimise`; executor: gets one job each;
-    resume: a folder that keeps the designs of every job in a file of its own. Raises SceneError for what is no job; a job
-    without an optimum says why. Ctrl-C raises SweepInterrupted, with a row for every job done in its `.table`.
+    Their targets should be measured in the same scales. starts, seed, progress: as in `ksd.optimise`; executor: gets one
+    job each; resume: a folder that keeps the designs of every job in a file of its own. Raises SceneError for what is no
+    job; a job without an optimum says why. Ctrl-C raises SweepInterrupted, with a row for every job done in its `.table`.
     """
     if not isinstance(jobs, Mapping) or not jobs or not all(isinstance(j, Job) for j in jobs.values()):
         raise SceneError(f"jobs = {show(jobs)}: give jobs by name, such as {{'cross': ksd.Job(...)}}")

@@ -85,7 +85,7 @@ class StateSpace(Shown):
 def state_space(
     pose: Configuration, *, modes: int = 6, damping: float = 0.01, drives: Iterable[str] | None = None
 ) -> StateSpace:
-    """State-space model of a `Configuration` with its `modes` lowest modes.
+    """State-space model of a `Configuration` with its `modes` lowest modes, returned as a `StateSpace`.
 
     damping: modal damping ratio zeta of every mode. drives: those let go and used as inputs and outputs, all when None;
     the others stay held. Raises SceneError for names, modes or damping out of range, and for a scene without mass or under

@@ -43,7 +43,10 @@ class Stroke:
 
 @dataclass(frozen=True)
 class Parameter:
-    """A shape parameter: name, range `low` to `high` (SI), scale "linear" or "log" of its map to [-1, 1]."""
+    """A shape parameter: name, range `low` to `high` (SI), scale "linear" or "log" of its map to [-1, 1].
+
+    `ksd.train` refuses what is no range (SceneError).
+    """
 
     name: str
     low: float
@@ -114,11 +117,12 @@ class Probes:
 class Record:
     """All that training found out about one joint family; see the module docstring for the functions.
 
-    powers (M, motions + parameters): exponents of the motions, then Legendre degrees of the parameters.
-    functions: by mesh. leaf springs, blocks: names in the order of the arrays. orders: curvature modes (nx, ny, nz)
-    of a leaf. design: the joint trained on (SI numbers by name); samples: shapes fitted and fresh. trained:
-    date as given to the trainer, ISO; version: of the trainer; history: one sentence per event; probes: states by
-    which `ksd.train.check_probes` tells whether the record still agrees with this code, None in files of format 1.
+    powers (M, motions + parameters): exponents of the motions, then Legendre degrees of the parameters. functions: by
+    mesh. leaves, blocks: names in the order of the arrays. residuals: how well it is fitted; evidence: what changes of
+    other inputs do. orders: curvature modes (nx, ny, nz) of a leaf. design: the joint trained on (SI numbers by name);
+    samples: shapes fitted and fresh. trained: date as given to the trainer, ISO; version: of the trainer; history: one
+    sentence per event; probes: states by which `ksd.train.check_probes` tells whether the record still agrees with this
+    code, None in files of format 1.
     """
 
     family: str

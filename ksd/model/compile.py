@@ -34,11 +34,11 @@ class Model(InNotebooks):
     """What the computer solves: frozen arrays of one scene with one mesh, and its rest state.
 
     node_names: "ground", links, then "joint/block"; member_names: "joint/leaf", then free leaf springs. joint_members[j]
-    is the slice of members of joint j. drive_names: the first rows; supports follow, held at zero. spring_names: of
-    `arrays.springs`. scene: what is simulated, so without the effects left out and with elastic links taken apart;
-    said: the scene as it was described. choice: the effects and why, None when the scene was compiled as given. bodies:
-    reduced bodies in the place of leaves, by name (`ksd.model.reduced`); full: the model whose chains the modal ones among
-    them reduce, None without.
+    is the slice of members of joint j. drive_names: the first rows; support_names: those after them, held at zero.
+    spring_names: of `arrays.springs`. scene: what is simulated, so without the effects left out and with elastic links
+    taken apart; said: the scene as it was described. choice: the effects and why, None when the scene was compiled as
+    given. bodies: reduced bodies in the place of leaves, by name (`ksd.model.reduced`); full: the model whose chains the
+    modal ones among them reduce, None without.
     """
 
     scene: Any

@@ -47,13 +47,13 @@ EMPTY = 1e-13
 class Modes(Shown):
     """Eigenfrequencies about a state, lowest first, and their shapes.
 
-    frequency_Hz (k,): omega / 2 pi; an unstable mode (omega^2 < 0) has the negative number -sqrt(-omega^2) /
-    2 pi and comes first. omega_squared (k,) [1/s^2]. shape (k, nodes, 6): displacement [m] and rotation [rad]
-    of every node of `model` for unit modal mass [kg m^2]; vector (k, size): all unknowns, inner ones
-    included. drive_motion (k, drives): what every drive's coordinate does in each mode [m or rad]; zero where
-    it is held. drive_compliance (d, d) [m/N, rad/Nm]: static, of the freed drives. growth_per_s (k,): rate at which a mode
-    grows by itself: of an unstable one, or, where loads are not conservative, of the two that flutter at one frequency,
-    which come first too. freed: names let go. massless: materials without a density; their leaves took part without mass.
+    frequency_Hz (k,): omega / 2 pi; an unstable mode (omega^2 < 0) has the negative number -sqrt(-omega^2) / 2 pi and
+    comes first. omega_squared (k,) [1/s^2]. shape (k, nodes, 6): displacement [m] and rotation [rad] of every node of
+    `model` for unit modal mass [kg m^2]; vector (k, size): all unknowns, inner ones included. drive_motion (k, drives):
+    what every drive's coordinate does in each mode [m or rad]; zero where it is held. drive_compliance (d, d) [m/N,
+    rad/Nm]: static, of the freed drives. growth_per_s (k,): rate at which a mode grows by itself: of an unstable one, or,
+    where loads are not conservative, of the two that flutter at one frequency, which come first too. freed: names let go.
+    motion, mass: the state and its masses. massless: materials without a density; their leaves took part without mass.
     backward_error: what one more inverse iteration changes of a mode, over the response of the softest one.
     """
 

@@ -98,7 +98,8 @@ class LeafPoint:
 class Scene(InNotebooks):
     """A mechanism as described: links[0] is "ground"; all positions global at rest, SI units.
 
-    gravity (3,) [m/s^2] or None when the scene does not mention it; springs, compliances, heats, fits: see
+    name: of the mechanism; links: names; joints, leaves: as placed; drives, supports, loads, masses: as said. gravity (3,)
+    [m/s^2] or None when the scene does not mention it; springs, compliances, heats, fits: see
     `ksd.scene.effects`; consider: effects of the leaf that may be taken up. plane: the one it lives in ("xy", "xz", "yz");
     hinges: pins and sliders, whose supports are among `supports`; points: links that are points of leaves; distances: asked
     for. Two scenes are equal when everything said in them is; `fingerprint` is then the same in every process and on every

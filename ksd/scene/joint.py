@@ -31,9 +31,10 @@ from ksd.section.checks import (
 class Motion(metaclass=Worded):
     """One intended motion of interface B relative to A.
 
-    kind "rotation" [rad] or "translation" [m]; axis (3,) unit, in joint axes; range (low, high) it may be
-    used in. point (3,) [m], joint axes at rest: the point of B whose displacement a translation is, and where
-    its force acts; interface B when None.
+    name: by which it is driven. kind "rotation" [rad] or "translation" [m]; axis (3,) unit, in joint axes; range (low,
+    high) it may be used in. point (3,) [m], joint axes at rest: the point of B whose displacement a translation is, and
+    where its force acts; interface B when None. Raises SceneError for another kind, an axis of no length and a range that
+    does not rise.
     """
 
     name: str

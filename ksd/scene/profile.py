@@ -37,7 +37,8 @@ class Profile(metaclass=Worded):
 
 @dataclass(frozen=True)
 class Taper(Profile):
-    """Thickness and width [m] running linearly from start to end."""
+    """Thickness and width [m], two numbers each, running linearly from start to end. Raises SceneError for what is not
+    positive."""
 
     thickness: tuple[float, float]
     width: tuple[float, float]
@@ -61,7 +62,7 @@ class CircularNotch(Profile):
     """Circular notch hinge of length 2 radius: t(x) = minimum + 2 (R - sqrt(R^2 - x^2)) about the middle.
 
     radius, minimum thickness, width [m]. A full semicircle; the leaf that carries it is 2 radius long. Source:
-    Paros and Weisbord, Machine Design 37 (1965), the right circular hinge.
+    Paros and Weisbord, Machine Design 37 (1965), the right circular hinge. Raises SceneError for what is not positive.
     """
 
     radius: float
@@ -85,7 +86,8 @@ class FilletedNotch(Profile):
     """Corner-filleted notch hinge: a straight leaf of `minimum` thickness with quarter-circle fillets at its ends.
 
     length [m] of leaf and both fillets together, radius of the fillets, minimum thickness, width [m].
-    Source: Lobontiu et al., Journal of Mechanical Design 123 (2001), the corner-filleted hinge.
+    Source: Lobontiu et al., Journal of Mechanical Design 123 (2001), the corner-filleted hinge. Raises SceneError for
+    what is not positive, and fillets longer than the leaf.
     """
 
     length: float
@@ -115,7 +117,7 @@ class FilletedNotch(Profile):
 @dataclass(frozen=True)
 class StiffenedMiddle(Profile):
     """A leaf of one `width` [m] with a thicker middle: `thickness` [m] at both ends, `middle` [m] over the middle `part`
-    (fraction)."""
+    (fraction). Raises SceneError for what is not positive, and another fraction than between 0 and 1."""
 
     thickness: float
     width: float
@@ -138,7 +140,8 @@ class StiffenedMiddle(Profile):
 
 @dataclass(frozen=True)
 class Varying(Profile):
-    """Any profile: a function of s in [0, 1] returning a Section, with the fractions of its kinks."""
+    """Any profile: a `function` of s in [0, 1] returning a `ksd.Section`, with `breaks`, the fractions of its kinks. Raises
+    SceneError for what is no function or no fraction."""
 
     function: Callable[[float], Section]
     breaks: tuple[float, ...] = ()
@@ -256,7 +259,10 @@ class ProfilePart(Profile):
 
 @dataclass(frozen=True)
 class Arc(Curve):
-    """A circular arc of `radius` [m] and `angle` [rad], bending about e3 (width); positive angles bend towards e2."""
+    """A circular arc of `radius` [m] and `angle` [rad], bending about e3 (width); positive angles bend towards e2.
+
+    Raises SceneError for a radius that is not positive and an angle of zero or more than a turn.
+    """
 
     radius: float
     angle: float
@@ -303,7 +309,7 @@ class FreeCurve(Curve):
 
     Anything smooth; it is represented by the curvature modes of the leaf. `sine`, `legendre` and `spline` make it of a
     few numbers, by which answers have gradients (`ksd.gradient`, `ksd.Job`), and which scene files hold; they bend about
-    e3, towards e2.
+    e3, towards e2. Raises SceneError for a length that is not positive and what is no function.
     """
 
     length: float

@@ -73,6 +73,7 @@ class Configuration(InNotebooks):
     (see `error`). negatives: negative pivots at the end, expected: those the constraint rows explain. doubts: what
     speaks against the branch and was not cleared up by smaller steps. notes: what the solve itself warns of, part of
     `warnings`. intended: every joint was seen near its intended motion, so the verdict need not look again.
+    load_factor: share of the loads of the scene that acts; chosen: the method was chosen for its estimated error.
     """
 
     model: Model

@@ -45,7 +45,7 @@ class Turning:
 
 @dataclass(frozen=True, repr=False)
 class Path(Shown):
-    """Equilibria in order along the path: factor (k,) of the loads or of the drive motion, one state for each.
+    """Equilibria in order along the path: factor (k,) of the loads or of the drive motion; states: one for each.
 
     turnings: limit points and bifurcations passed; stop: why it ended, in words.
     """

@@ -62,6 +62,7 @@ def train(
 ) -> Record:
     """Train a joint family (by name or `Design`) or one joint as drawn, write its record and return it.
 
+    family_or_joint: name of a family of the catalogue, a joint, or a `Design`; progress: whether a bar tells how far it is.
     shapes: ranges {parameter: (low, high)} SI in place of those of the family. meshes: "strain" and numbers of
     Appendix A elements per leaf; those of the design when None. out: folder or .h5 file; $KSD_DATABASE or ./database
     when None; elsewhere a record is found where KSD_DATABASE

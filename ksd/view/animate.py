@@ -37,7 +37,8 @@ def animate_stroke(
 ) -> Path:
     """Write the `configurations` of one mechanism as an animated GIF, forth and (with `back`) back again.
 
-    view: as in `plot_mechanism`. Returns the path. Raises SceneError for no configurations, another
+    view: as in `plot_mechanism`. frames_per_second, dpi: of the
+    film. Returns the path. Raises SceneError for no configurations, another
     file type than .gif, or a folder that does not exist.
     """
     target = _target(path)
@@ -62,8 +63,8 @@ def animate_mode(
 
     mode: its number, from 1, in the table that `modes` prints (`pose.frequencies()` with all drives let go when None), or
     its name there ("intended", "parasitic_1", see `Modes.names`). amplitude: largest displacement over the size of the
-    mechanism, for the eye only. view: as in `plot_mechanism`, in space where a planar one leaves its plane. Returns the
-    path. Raises SceneError as `animate_stroke`, and for a mode that is not there.
+    mechanism, for the eye only. view: as in `plot_mechanism`, in space where a planar one leaves its plane. frames: of one
+    swing; dpi: of the film. Returns the path. Raises SceneError as `animate_stroke`, and for a mode that is not there.
     """
     target = _target(path)
     swing, view, title = _swing(pose, mode, modes, amplitude, view)

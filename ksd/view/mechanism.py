@@ -105,8 +105,9 @@ def plot_mechanism(
 
     axes: matplotlib axes to draw into, a new figure when None. view: "xy", "xz" or "yz" onto a coordinate plane, "3d" in
     space, or the azimuth and elevation of the eye [deg]; its plane for a planar mechanism, "3d" for others when None.
-    labels: names of links, drives and loads, with drive values and forces. color: "stress" colours the leaf springs by their
-    von Mises stress, with a scale. Raises SceneError for another view or colour.
+    labels: names of links, drives and loads, with drive values and forces. title: above the picture, names of scene and
+    method when None. color: "stress" colours the leaf springs by their von Mises stress, with a scale. Raises SceneError
+    for another view or colour.
     """
     shape = smooth_shape(configuration)
     camera = camera_of(shape, view, plane=plane_seen(configuration))
