@@ -442,20 +442,25 @@ class Job(Shown, metaclass=Worded):
         """Answers of designs X (D, P), all poses and load cases; an executor gets blocks of designs."""
         check_executor(executor)
         X = np.atleast_2d(np.asarray(X, float))
+        judged, solved = self._judged(X, executor)
+        self.__dict__["last"] = (X[0].tobytes(), solved) if solved else None
+        return judged
+
+    def _judged(self, X: Array, executor: Executor | None = None) -> tuple[Judged, list[Solved]]:
+        """`batch`, and the poses of a single design that has all answers."""
         designs = [self.design_at(x) for x in X]
         rows: list[list[Row]] = [[] for _ in designs]
         status: list[str] = [OK] * len(designs)
         steps = self.steps
-        last: list[Solved] = []
+        solved: list[Solved] = []
         for extra in self.cases.values():
             function = _Loaded(self.drawn, extra)
             for d, (mine, why, poses) in enumerate(self._solved(function, designs, steps, executor)):
                 rows[d] += mine
                 status[d] = why if status[d] == OK else status[d]
-                last += [Solved(poses[0].model.said, poses, steps)] if poses else []
-        good = status == [OK] and len(last) == len(self.cases)
-        self.__dict__["last"] = (X[0].tobytes(), last) if good else None
-        return Judged(np.array([self._of(mine) for mine in rows]), tuple(status))
+                solved += [Solved(poses[0].model.said, poses, steps)] if poses else []
+        good = status == [OK] and len(solved) == len(self.cases)
+        return Judged(np.array([self._of(mine) for mine in rows]), tuple(status)), solved if good else []
 
     def _solved(
         self, function: Any, designs: list[dict[str, float]], steps: list[Any], executor: Executor | None
@@ -505,12 +510,14 @@ class Job(Shown, metaclass=Worded):
 
     def slopes(self, x: ArrayLike) -> tuple[Array, Array]:
         """Answers (answers,) and their derivatives (answers, P), of the equilibria that values are asked of."""
-        x = np.asarray(x, float)
-        if self.last is None or self.last[0] != x.tobytes():
-            status = self.batch(x[None]).status[0]
-            if self.last is None:
-                raise KsdError(f"no gradient: {status}")
-        found = gradient_at(self.last[1], self.asked, self.drawn, self.design_at(x))
+        x, last = np.asarray(x, float), self.last
+        if last is not None and last[0] == x.tobytes():
+            solved = last[1]
+        else:
+            judged, solved = self._judged(x[None])
+            if not solved:
+                raise KsdError(f"no gradient: {judged.status[0]}")
+        found = gradient_at(solved, self.asked, self.drawn, self.design_at(x))
         column = {c: i for i, c in enumerate(found.columns)}
         rows = [{c: float(found.values[c][n]) for c in column} for n in range(len(self.poses))]
         slopes = np.zeros((len(self.answers), len(self.vary)))
