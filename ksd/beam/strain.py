@@ -141,7 +141,9 @@ def fields_of(number: np.ndarray, scratch: np.ndarray) -> Fields:
 def _orientations(value, number, a, f):
     """R and psi at the points and at end q, by the turn of every gap: R <- R exp(turn), psi <- psi + G d(moments), with
     exp(turn) = I + T [turn]x, the tangent T of the exponential, turned into frame p."""
-    gap, turn, J, T, G, R, psi = f.gap, f.turn, f.J, f.T, f.G, f.R, f.psi
+    gap, turn, J = f.gap, f.turn, f.J
+    T, G = f.T, f.G
+    R, psi = f.R, f.psi
     N, length = number[0] + number[1] + number[2], value[0]
     _, _, _, modes, _ = constants_at(number)
     for r in range(3):
@@ -191,7 +193,9 @@ def _orientations(value, number, a, f):
 @kernel(inline="late")
 def _slopes(value, number, inner, pull, f):
     """n(s), v = R (e1 + C R^T n(s)), S = R C R^T and slope = psi x v - S (psi x n(s)) at every point; end, rho and eta."""
-    R, psi, force, v, S, slope, end, rho, eta = f.R, f.psi, f.n, f.v, f.S, f.slope, f.end, f.rho, f.eta
+    R, psi, force = f.R, f.psi, f.n
+    v, S, slope = f.v, f.S, f.slope
+    end, rho, eta = f.end, f.rho, f.eta
     N, heavy = number[0] + number[1] + number[2], len(pull) > 0
     _, weight, soft, _, beyond = constants_at(number)
     for r in range(3):
@@ -248,8 +252,12 @@ def strain_tangent(value, number, inner, f):
     m.(psi_i(L) x psi_j(L)), is that of a moment that is fixed in space, on end q alone: no matter of the leaf.
     From end q back: M, the moment a gap carries, and X, its derivative by the amplitudes.
     """
-    gap, turn, J, T, G, R, psi, n, v, slope = f.gap, f.turn, f.J, f.T, f.G, f.R, f.psi, f.n, f.v, f.slope
-    M, V, W, Y, X, Z = f.M, f.V, f.W, f.Y, f.X, f.Z
+    gap, turn, J = f.gap, f.turn, f.J
+    T, G = f.T, f.G
+    R, psi = f.R, f.psi
+    n, v, slope = f.n, f.v, f.slope
+    M, V, W = f.M, f.V, f.W
+    Y, X, Z = f.Y, f.X, f.Z
     N, ng, length = number[0] + number[1] + number[2], number[3], value[0]
     rest, weight, _, modes, _ = constants_at(number)
     M0, M1, M2 = inner[N + 3], inner[N + 4], inner[N + 5]
@@ -487,14 +495,17 @@ def strain_condense(value, number, inner, store, f, d, Q, lam, K):
     pull = store[len(store) - PULL if heavy else len(store) :]
     strain_fields(value, number, inner, pull, f)
     strain_tangent(value, number, inner, f)
-    W, Y, R, rho, psi, S, end = f.W, f.Y, f.R, f.rho, f.psi, f.S, f.end
+    W, Y, R = f.W, f.Y, f.R
+    rho, psi = f.rho, f.psi
+    S, end = f.S, f.end
     # Y = W^-1 [J^T, g], seven right-hand sides at once; J = (rho(L), psi(L))
     for i in range(N):
         for r in range(3):
             Y[i, r], Y[i, 3 + r] = rho[r, i], psi[ng + 1, r, i]
     negatives, status = _solve_modes(N, W, Y)
     # F = J W^-1 J^T + L sum w S (force block);  gap = closure + J W^-1 g
-    F, turned, row, step = f.M, f.V, f.gap[0], f.gap[1]
+    F, turned = f.M, f.V
+    row, step = f.gap[0], f.gap[1]
     for r in range(6):
         for e in range(6):
             F[r, e] = 0.0

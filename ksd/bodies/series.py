@@ -36,7 +36,7 @@ def monomials(loops, theta, j, series):
     return count
 
 
-@kernel
+@kernel(inline="always")
 def _in_plane(f, length, motions, place, j):
     """`pose_from` for a motion in the x-y plane of the joint, ten times as fast; False where it is none.
 

@@ -206,12 +206,14 @@ def add_members(
     status).
     """
     # by names of their own: every look into a named tuple counts the users of an array
-    pose, Q, d, lam, K, T, force, norms, before = (
-        room.pose, room.Q, room.d, room.lam, room.K, room.T, room.force, room.norms, room.before,
-    )  # fmt: skip
+    pose, Q, d = room.pose, room.Q, room.d
+    lam, K, T = room.lam, room.K, room.T
+    force, norms, before = room.force, room.norms, room.before
     A, M, leaf = room.A, room.M, room.leaf
-    store, near_at, close, weight = work.store, work.near_at, work.near, work.weight
-    matrix, rhs, scale, poses, lams = work.value, work.rhs, work.scale, work.pose, work.lam
+    store, weight = work.store, work.weight
+    near_at, close = work.near_at, work.near
+    matrix, rhs, scale = work.value, work.rhs, work.scale
+    poses, lams = work.pose, work.lam
     node, value_at, number_at = ints[MEMBERS + NODE], ints[MEMBERS + VALUE_AT], ints[MEMBERS + NUMBER]
     inner_at, store_at, block = ints[MEMBERS + INNER_AT], ints[MEMBERS + STORE_AT], ints[MEMBERS + BLOCK]
     negatives, worst, status = 0, 0.0, 0

@@ -216,14 +216,9 @@ def _move_nodes(ints, x, R, multiplier, step, scale):
 @kernel(inline="always")
 def _take(recover, turn_weight, ints, floats, x, R, inner, multiplier, work, room, scale):
     """The step in work.rhs times `scale`: members first (their frames are the old ones), then nodes and multipliers."""
-    step, store, poses, weight, move, xi = (
-        work.rhs,
-        work.store,
-        work.pose,
-        work.weight,
-        room.force,
-        room.norms,
-    )
+    step, store = work.rhs, work.store
+    poses, weight = work.pose, work.weight
+    move, xi = room.force, room.norms
     for i in range(ints[MEMBER_COUNT]):
         _relative_motion(ints, poses, i, step, move, xi)
         own, kept = ints[MEMBERS + INNER_AT] + i, ints[MEMBERS + STORE_AT] + i

@@ -25,7 +25,7 @@ def motion_limits(motion_range: np.ndarray) -> np.ndarray:
     return np.column_stack([low - slack, high + slack, middle - reach, middle + reach])
 
 
-@kernel
+@kernel(inline="always")
 def outside(theta, limits, first):
     """Whether a motion (q,) is outside columns first and first + 1 of limits (q, ..)."""
     # any() of a generator does not compile
@@ -35,7 +35,7 @@ def outside(theta, limits, first):
     return False
 
 
-@kernel
+@kernel(inline="always")
 def far(off, turn_at, length, unknown):
     """Whether a joint is further off its intended motion, off (J, ..), than its record describes; length (J,).
 
@@ -54,7 +54,7 @@ def far(off, turn_at, length, unknown):
     return False
 
 
-@kernel
+@kernel(inline="always")
 def look_at_joints(theta, found, off, known, turn_at, limits, length, seen):
     """seen[0]: whether the motions theta (q,) of step 1 are in their trained ranges; seen[1]: whether those of the answer,
     found (q,), are known and every joint is near its own. limits (q, 4): see `motion_limits`; off, known: what is left."""
