@@ -402,7 +402,7 @@ def _drive_in_plane(
 
 def _counted(model: Model, motion: Motion, driven: Driven, way: Way) -> Driven:
     """With what stands for negative pivots where loads are not conservative."""
-    if driven.stop is not Stop.CONVERGED or not len(model.arrays.loads.skew):
+    if driven.stop is not Stop.CONVERGED or model.conservative:
         return driven
     return driven._replace(negatives=counted(model, motion, way.factors[1], driven.negatives))
 
