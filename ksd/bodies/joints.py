@@ -365,20 +365,19 @@ class Layout:
         inside = self.template.block_point[: nodes - 1 - joints]
         x[:, 1 : nodes - joints] = n.point[:, inside]
         x[:, nodes - joints :] = n.ends[:, self.different, 1]
-        offset = leaves.ends[:, leaf] - x[:, self.substructures.members.node]
-        length = leaves.length[:, leaf]
+        ends, length = leaves.ends[:, leaf], leaves.length[:, leaf]
         if self.substructure_packed is None:
             value, inner = full.value, filled.rest.inner
         else:
             value, inner = self.substructure_packed.values(leaves, n.given)
         members = self.substructures.members._replace(
-            offset=offset,
+            offset=ends - x[:, self.substructures.members.node],
             frame=leaves.frame[:, leaf],
             value=value,
             length=length,
             floor=leaves.floor[:, leaf],
         )
-        extent = np.maximum(spread(x, offset, members.node), length.max(axis=1, initial=0.0))
+        extent = np.maximum(spread(x, ends), length.max(axis=1, initial=0.0))
         # gravity as given; turned into the axes of every joint before it is condensed
         weight = filled.arrays.weight[:, : len(leaf)]
         topology = self.substructures
@@ -424,7 +423,7 @@ class Layout:
                 coefficient=full.terms.coefficient, direction=full.terms.direction, point=full.terms.point
             ),
             loads=topology.loads._replace(point=loads.point, force=loads.force, moment=loads.moment),
-            size=np.maximum(spread(x, offset, made.node), lengths.max(axis=1, initial=0.0)),
+            size=np.maximum(spread(x, x[:, made.node] + offset), lengths.max(axis=1, initial=0.0)),
             springs=full.springs,
             weight=weight,
         )  # fmt: skip

@@ -311,11 +311,10 @@ def revalued_floats(ints: np.ndarray, floats: np.ndarray, value: np.ndarray) -> 
     return np.concatenate([floats[:, :first], value, floats[:, end:]], axis=1)
 
 
-def spread(places: np.ndarray, offset: np.ndarray, node: np.ndarray) -> np.ndarray:
-    """(D,): largest extent along an axis of the nodes at places (D, k, 3) and of the ends of members on them, offset
-    (D, m, 2, 3), node (m, 2); ground, node 0, counts by those alone: a mechanism far from its origin is no larger."""
-    ends = (places[:, node] + offset).reshape(len(places), -1, 3)
-    seen = np.concatenate([ends, places[:, 1:]], axis=1)
+def spread(places: np.ndarray, ends: np.ndarray) -> np.ndarray:
+    """(D,): largest extent along an axis of the nodes at places (D, k, 3) and of the ends of members (D, m, 2, 3); ground,
+    node 0, counts by those alone: a mechanism far from its origin is no larger."""
+    seen = np.concatenate([ends.reshape(len(places), -1, 3), places[:, 1:]], axis=1)
     return (seen.max(axis=1) - seen.min(axis=1)).max(axis=1) if seen.shape[1] else np.zeros(len(places))
 
 
@@ -356,7 +355,7 @@ def pack(parts: Assembly) -> tuple[Arrays, Motion]:
     )
     members = _filled(laid.members, parts.members)
     reference = np.array(parts.reference, float)
-    extent = spread(reference[None], members.offset[None], members.node)[0]
+    extent = spread(reference[None], (reference[members.node] + members.offset)[None])[0]
     weight = laid.weight
     if parts.gravity is not None and any(m.mass for m in parts.members):
         weight = np.array([[m.mass, *parts.gravity] for m in parts.members])

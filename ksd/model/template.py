@@ -265,14 +265,12 @@ class Template:
             own = n.rotation[:, self.block_part] @ n.point[:, self.block_point, :, None]
             places[:, links:] = n.origin[:, self.block_part] + own[..., 0]
         topology, R = self.topology, n.rotation[:, self.part]
-        node = topology.members.node
-        ends = leaves.ends[:, self.leaf] @ np.swapaxes(R, 2, 3)
-        offset = n.origin[:, self.part, None] + ends - places[:, node]
+        ends = n.origin[:, self.part, None] + leaves.ends[:, self.leaf] @ np.swapaxes(R, 2, 3)
         value, inner = self.packed.values(leaves, n.given)
         length = leaves.length[:, self.leaf]
         members = topology.members._replace(
-            offset=offset, frame=R[:, :, None] @ leaves.frame[:, self.leaf], value=value, length=length,
-            floor=leaves.floor[:, self.leaf],
+            offset=ends - places[:, topology.members.node], frame=R[:, :, None] @ leaves.frame[:, self.leaf],
+            value=value, length=length, floor=leaves.floor[:, self.leaf],
         )  # fmt: skip
         at = n.terms[..., 4:7]
         terms = topology.terms._replace(
@@ -286,7 +284,7 @@ class Template:
             moment=n.loads[..., 6:9],
         )
         if len(self.leaf):
-            size = np.maximum(spread(places, offset, node), length.max(axis=1, initial=0.0))
+            size = np.maximum(spread(places, ends), length.max(axis=1, initial=0.0))
         else:
             # a linkage of pins and springs is as large as the places its sentences name
             named = np.concatenate([at, n.loads[..., :3], *self._spring_ends(n)], axis=1)
