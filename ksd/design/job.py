@@ -537,7 +537,7 @@ class Job(Shown, metaclass=Worded):
         """The worst target over its scale, larger is better: of what is minimised the largest with a minus; nan of a job
         that has limits alone."""
         pairs = zip(self.answers, np.asarray(values, float), strict=True)
-        return min((a.merit(float(v)) for a, v in pairs if a.role != "limit"), default=np.nan)
+        return float(np.min([a.merit(v) for a, v in pairs if a.role != "limit"] or [np.nan]))
 
     def merit_spoken(self, *merits: float, digits: int = 3) -> str:
         """The worst target in words, at one design or from one to another: over its scale, or where there is

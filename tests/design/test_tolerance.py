@@ -37,6 +37,9 @@ def test_limits_alone_are_enough_and_say_the_same_as_beside_a_target():
     assert found.nominal == pytest.approx(asked.nominal[k])
     assert found.first_order == pytest.approx(asked.first_order[k])
     assert np.isnan(found.merits).all() and found._line().endswith("of 16 samples hold every limit")
+    # what has no answer is no worst target
+    missing = np.where(np.arange(len(both.answers)) == 1, np.nan, both.values(both.point(BEST)))
+    assert both.answers[1].role != "limit" and np.isnan(both.merit(missing))
     for call in (ksd.optimise, lambda j: ksd.pareto(j, against="stress_MPa")):
         with pytest.raises(ksd.SceneError, match="this job has limits alone, and nothing to make better"):
             call(alone)
