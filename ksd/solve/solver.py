@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import threading
 from collections import OrderedDict
-from collections.abc import Callable, Iterable, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
 from functools import cached_property
 from inspect import signature
@@ -272,40 +271,46 @@ class Solver:
         estimate: bool = True,
     ) -> Configuration:
         """The answer as it is, whether the mesh resolves it or not, trusted or not."""
-        with self.lock, self._units_doubted(values):
-            if method is not None:
-                _check_words(method, relinearisations)
-            if method == "constant":
-                return self._by_constant_leaves(values, estimate)
-            if self._has_bodies():
-                return self._of_bodies(values, method, relinearisations, estimate)
-            if self.model.mesh.plate:
-                found, used = settled(
-                    self,
-                    lambda s: s._solve(values, method, accuracy, relinearisations, estimate),
-                    0.1 * accuracy,
-                )
-            else:
-                found, used = self._solve(values, method, accuracy, relinearisations, estimate), self
-            if method is None or not needs_load_step_check(found):
-                return found
-            against, other = load_step_check(found, lambda: used._by_load_steps(values))
-            error = found.method_error
-            if error is not None and other is not None:
-                # the distance to the exact state is the error, no longer an estimate of it
-                error = relative_error(found.model, found.motion, other.motion)
-            return replace(found, doubts=(*found.doubts, *filter(None, [against])), method_error=error)
-
-    @contextmanager
-    def _units_doubted(self, values: Mapping[str, float]) -> Iterator[None]:
-        """Add to what stops a solve that its drive values were probably meant in another unit."""
         try:
-            yield
+            with self.lock:
+                return self._answer(values, method, accuracy, relinearisations, estimate)
         except (ConvergenceError, RangeError) as error:
+            # the drive values were probably meant in another unit
             said = "; ".join(self.model.far_drives(values))
             if said:
                 error.args = (f"{str(error).rstrip('.')}; {said}",)
             raise
+
+    def _answer(
+        self,
+        values: Mapping[str, float],
+        method: str | None,
+        accuracy: float,
+        relinearisations: int,
+        estimate: bool,
+    ) -> Configuration:
+        if method is not None:
+            _check_words(method, relinearisations)
+        if method == "constant":
+            return self._by_constant_leaves(values, estimate)
+        if self._has_bodies():
+            return self._of_bodies(values, method, relinearisations, estimate)
+        if self.model.mesh.plate:
+            found, used = settled(
+                self,
+                lambda s: s._solve(values, method, accuracy, relinearisations, estimate),
+                0.1 * accuracy,
+            )
+        else:
+            found, used = self._solve(values, method, accuracy, relinearisations, estimate), self
+        if method is None or not needs_load_step_check(found):
+            return found
+        against, other = load_step_check(found, lambda: used._by_load_steps(values))
+        error = found.method_error
+        if error is not None and other is not None:
+            # the distance to the exact state is the error, no longer an estimate of it
+            error = relative_error(found.model, found.motion, other.motion)
+        return replace(found, doubts=(*found.doubts, *filter(None, [against])), method_error=error)
 
     @cached_property
     def constant(self) -> tuple[Model, Storage]:
