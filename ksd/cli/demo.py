@@ -9,8 +9,8 @@ estimated_error_percent (estimates are null where the method is exact).
 from __future__ import annotations
 
 import argparse
-from concurrent.futures import ProcessPoolExecutor
 from importlib.resources import as_file, files
+from multiprocessing.context import SpawnContext
 from typing import Any
 
 from rich import box
@@ -21,7 +21,7 @@ from ksd.bench.compare import Approach, Compared, Reference, approaches, measure
 from ksd.cli.output import STDOUT, check_json, check_plot, console, write_json
 from ksd.model.compile import compile_scene
 from ksd.model.mesh import Mesh
-from ksd.numerics.processes import spawning
+from ksd.numerics.processes import process_pool, spawning
 from ksd.scene.toml_file import load_scene
 from ksd.solve.conventional import conventional
 from ksd.solve.report import number
@@ -73,8 +73,8 @@ def compare(scene: Any, targets: dict[str, float]) -> tuple[Reference, Any, list
     ways: list[Approach] = approaches(scene, targets, Mesh(), ELEMENTS)
     shown = [way for way in ways if way.method not in LEFT_OUT]
     # where nothing is compiled yet, chains and strain-mode leaves are so at the same time
-    with ProcessPoolExecutor(1, mp_context=spawning(scene, targets)) as other:
-        found = other.submit(limit, scene, targets)
+    with process_pool(spawning(scene, targets) or SpawnContext()) as others:
+        found = others.submit(limit, scene, targets)
         full = solve(scene, targets, method="full")
         reference = found.result()
     return reference, full, measured(shown, scene.name, reference, REPEATS, tell=False)

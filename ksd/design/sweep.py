@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import os
-import signal
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor, Future, as_completed
 from concurrent.futures.process import BrokenProcessPool
@@ -170,7 +169,7 @@ def _run(missing: list[Line], recipe: Recipe, executor: Executor | None, where: 
     if context is None:
         _run_here(missing, recipe, where)
         return
-    with process_pool(context, _quiet) as pool:
+    with process_pool(context) as pool:
         _run_on(pool, missing, recipe, where)
 
 
@@ -222,11 +221,6 @@ def _run_on(executor: Executor, missing: list[Line], recipe: Recipe, where: Any)
     finally:
         for future in waiting:
             future.cancel()
-
-
-def _quiet() -> None:
-    """Ctrl-C is the business of the process that started the workers."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 
 @contextmanager

@@ -9,8 +9,9 @@ from __future__ import annotations
 
 import os
 import pickle
+import signal
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager
 from multiprocessing import active_children
@@ -59,12 +60,17 @@ def spawning(*sent: Any) -> SpawnContext | None:
     return SpawnContext() if script is None or Path(script).is_file() else None
 
 
+def leave_interrupts() -> None:
+    """Ctrl-C is the business of the process that started this one."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+
+
 @contextmanager
-def process_pool(context: SpawnContext, initializer: Callable[[], None]) -> Iterator[ProcessPoolExecutor]:
+def process_pool(context: SpawnContext) -> Iterator[ProcessPoolExecutor]:
     """A pool with a process per core; they are ended at once where their answers are not waited for (Ctrl-C): at its exit
     the interpreter would wait for what they are at."""
     others = active_children()
-    pool = ProcessPoolExecutor(os.cpu_count() or 1, mp_context=context, initializer=initializer)
+    pool = ProcessPoolExecutor(os.cpu_count() or 1, mp_context=context, initializer=leave_interrupts)
     try:
         yield pool
     except BaseException:
@@ -76,4 +82,4 @@ def process_pool(context: SpawnContext, initializer: Callable[[], None]) -> Iter
         pool.shutdown(wait=False, cancel_futures=True)
 
 
-__all__ = ["process_pool", "spawning"]
+__all__ = ["leave_interrupts", "process_pool", "spawning"]

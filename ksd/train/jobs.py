@@ -7,7 +7,6 @@ from __future__ import annotations
 import hashlib
 import io
 import shutil
-import signal
 from concurrent.futures import Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass
@@ -20,7 +19,7 @@ import numpy as np
 from ksd.errors import KsdError, RecordError, SceneError
 from ksd.files import read_file, write_file
 from ksd.library.files import in_folder
-from ksd.numerics.processes import spawning
+from ksd.numerics.processes import leave_interrupts, spawning
 from ksd.properties.words import progress_bar
 from ksd.scene import DrawnJoint
 from ksd.scene.contents import fingerprint
@@ -54,11 +53,6 @@ def perform(job: Job) -> Samples:
         if job.tried:
             return {}
         raise
-
-
-def _quiet() -> None:
-    """Ctrl-C is the business of the process that started the workers."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 
 class Jobs:
@@ -146,7 +140,7 @@ class Jobs:
             # spawned, not forked: compiled kernels and threads do not survive a fork safely
             context = spawning(job)
             if context is not None:
-                self._pool = ProcessPoolExecutor(WORKERS, mp_context=context, initializer=_quiet)
+                self._pool = ProcessPoolExecutor(WORKERS, mp_context=context, initializer=leave_interrupts)
             else:
                 self._pool = ThreadPoolExecutor(WORKERS)
         return self._pool

@@ -52,12 +52,12 @@ def test_from_standard_input():
 
 
 def nothing():
-    """How the processes begin."""
+    """What is sent."""
 
 
 def test_a_pool_that_is_given_up_ends_its_processes():
     before = active_children()
-    with pytest.raises(KeyboardInterrupt), process_pool(spawning(nothing), nothing) as pool:
+    with pytest.raises(KeyboardInterrupt), process_pool(spawning(nothing)) as pool:
         assert pool.submit(abs, -1).result() == 1
         own = [child for child in active_children() if child not in before]
         for _ in own:
