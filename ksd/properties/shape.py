@@ -19,11 +19,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ksd.beam.strain_values import masses_beyond
+from ksd.beam.strain_walk import walk
 from ksd.model.arrays import COROTATIONAL, SOLID, STRAIN, Motion
 from ksd.model.compile import Model
 from ksd.model.leaves import leaf_of
 from ksd.properties.cache import per_model
-from ksd.properties.nonconservative import cross_matrix
 from ksd.scene.effects import Spring
 from ksd.scene.joint import leaves_of
 from ksd.section.constants import extents
@@ -261,30 +261,15 @@ def strain_curves(
         middle, reach = 0.5 * (x[1:] + x[:-1]), (b - a) / (2 * math.sqrt(3) * half)
         h = (L * (b - a) / half)[:, None, None]
         bends = _between(tables, tables.kappa, np.concatenate([middle - reach, middle + reach]), k)
-        R = _orientations(bends, h, R[:, -1])
-        pulled = n + weight.pull(tables, x, k)
-        local = _between(tables, tables.soft, x, k) * np.einsum("lpij,lpi->lpj", R, pulled)
-        v = R[..., 0] + np.einsum("lpij,lpj->lpi", R, local)
+        before, R, v = R[:, -1], np.empty((len(value), len(x), 3, 3)), np.empty((len(value), len(x), 3))
+        pulled = np.broadcast_to(n + weight.pull(tables, x, k), v.shape).copy()
+        walk(bends, _between(tables, tables.soft, x, k), pulled, h[:, 0, 0], before, R, v)
         weight.add(h, v)
         pieces = h / 3 * (v[:, :-2:2] + 4 * v[:, 1::2] + v[:, 2::2])
         s.append(L[:, None] * x[2::2])
         r.append(r[-1][:, -1:] + np.cumsum(pieces, axis=1))
         turned.append(R[:, 2::2])
     return *(np.concatenate(found, axis=1) for found in (s, r, turned)), *weight.found()
-
-
-def _orientations(bends: Array, h: Array, start: Array) -> Array:
-    """R (leaves, m+1, 3, 3) after every one of m Magnus steps of fourth order and length h (leaves, 1, 1) [m], from start
-    (leaves, 3, 3) on; bends (leaves, 2 m, 3) [1/m]: curvature at the first Gauss point of every step, then at the second."""
-    one, two = np.split(bends, 2, axis=1)
-    turn = 0.5 * h * (one + two) + math.sqrt(3.0) / 12.0 * h * h * crossed(one, two)
-    angle, spin = np.linalg.norm(turn, axis=2)[..., None, None], cross_matrix(turn)
-    step = np.eye(3) + np.sinc(angle / np.pi) * spin
-    step += 0.5 * np.sinc(0.5 * angle / np.pi) ** 2 * (spin @ spin)
-    R = [start]
-    for g in range(step.shape[1]):
-        R.append(R[-1] @ step[:, g])
-    return np.stack(R, axis=1)
 
 
 class _Beyond:

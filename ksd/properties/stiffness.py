@@ -431,22 +431,3 @@ def drive_coupling(
     moved = B @ _drive_response(found, rows)[0][found.unknowns(node)]
     turned = np.vstack([columns.T @ moved[:3], columns.T @ moved[3:]])
     return {model.drive_names[i]: turned[:, k] for k, i in enumerate(rows)}
-
-
-def cross_compliance(
-    model: Model,
-    motion: Motion,
-    links: tuple[Any, Any],
-    *,
-    at: tuple[Any, Any] = (None, None),
-    freed: Iterable[str] = (),
-    load_factor: float = 1.0,
-) -> Array:
-    """Coupling (6, 6): motion of a point of links[0] per unit force and moment at a point of links[1]; global
-    axes."""
-    found = finer_tangent(model, motion, freed=freed, load_factor=load_factor)
-    nodes = [node_of(model, link) for link in links]
-    levers = [point_motion(model, motion, n, p)[1] for n, p in zip(nodes, at, strict=True)]
-    loads = np.zeros((found.arrays.plan.unknowns, 6))
-    loads[found.unknowns(nodes[1])] = levers[1].T
-    return levers[0] @ found.solve(loads)[found.unknowns(nodes[0])]

@@ -11,7 +11,6 @@ from ksd.model.compile import compile_scene
 from ksd.model.leaves import Mesh
 from ksd.properties.alike import alike
 from ksd.properties.stiffness import (
-    cross_compliance,
     drive_coupling,
     drive_stiffness,
     point_stiffness,
@@ -114,15 +113,6 @@ def test_freeing_a_drive_adds_its_compliance():
     u = drive_coupling(base.model, base.motion, "top", at=AT)["top"]
     k = drive_stiffness(base.model, base.motion)["top"]
     assert free == pytest.approx(held + np.outer(u, u) / k, rel=1e-6, abs=1e-12)
-
-
-def test_cross_compliance_is_reciprocal():
-    base = state()
-    there = cross_compliance(base.model, base.motion, ("top", "left"), at=(AT, (0, 0.1, 0)))
-    back = cross_compliance(base.model, base.motion, ("left", "top"), at=((0, 0.1, 0), AT))
-    assert there == pytest.approx(back.T, rel=1e-8, abs=1e-14)
-    own = cross_compliance(base.model, base.motion, ("top", "top"), at=(AT, AT))
-    assert own == pytest.approx(point_stiffness(base.model, base.motion, "top", at=AT).compliance, abs=1e-14)
 
 
 @pytest.mark.parametrize(
