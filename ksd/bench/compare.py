@@ -13,6 +13,7 @@ import numpy as np
 
 from ksd.bench.measure import in_turns, percent, quartiles, rounds_of
 from ksd.bench.suite import FINEST, Way
+from ksd.checks import names_of, nearest, show, truth, whole, worded
 from ksd.design.questions import EFFORT
 from ksd.design.table import OK, STATUS, Table
 from ksd.design.words import check_ways
@@ -22,7 +23,6 @@ from ksd.model.compile import Model, compile_scene
 from ksd.model.mesh import Mesh
 from ksd.properties.words import progress_bar
 from ksd.scene import Mechanism, Scene
-from ksd.section.checks import names_of, nearest, show, truth, whole, worded
 from ksd.solve.answer import drive_kind
 from ksd.solve.configuration import Configuration
 from ksd.solve.conventional import conventional

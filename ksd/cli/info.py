@@ -10,11 +10,11 @@ from rich.table import Table
 from rich.text import Text
 
 import ksd
+from ksd.checks import nearest
 from ksd.cli.output import console
 from ksd.errors import RecordError, SceneError
 from ksd.library import describe_database, read_record, record_folders
 from ksd.scene import joint_families
-from ksd.section.checks import nearest
 from ksd.train import check_probes, design_of, known_designs
 from ksd.train.portrait import counted, described
 

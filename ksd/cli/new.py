@@ -5,13 +5,13 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+from ksd.checks import nearest, word
 from ksd.cli.output import console
 from ksd.cli.schema import schema_text
 from ksd.errors import SceneError
 from ksd.files import write_file
 from ksd.scene.toml_file import shipped_scenes
 from ksd.scene.toml_writer import quoted
-from ksd.section.checks import nearest, word
 
 SCHEMA, JOB_SCHEMA = "ksd.schema.json", "ksd.job.schema.json"
 """Names of the schema beside a scene and beside a job."""

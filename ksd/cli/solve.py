@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from ksd.checks import nearest
 from ksd.cli.output import STDOUT, check_json, check_plot, console, write_json
 from ksd.errors import SceneError, SceneWarning
 from ksd.model.mesh import Mesh
@@ -15,7 +16,6 @@ from ksd.scene import Scene
 from ksd.scene.plausible import meant_in
 from ksd.scene.toml_file import load_scene
 from ksd.scene.toml_table import quantity
-from ksd.section.checks import nearest
 from ksd.solve.solver import solve
 from ksd.units import DIMENSIONS
 

@@ -16,6 +16,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ksd.checks import similar, whole, worded
 from ksd.design.designs import Designs, makers_of
 from ksd.design.plan import Designs as Shapes
 from ksd.design.plan import Drawn, design_points, scene_of
@@ -26,7 +27,6 @@ from ksd.errors import SceneError
 from ksd.model.mesh import Mesh
 from ksd.properties.words import Shown
 from ksd.scene.links import Link
-from ksd.section.checks import similar, whole, worded
 from ksd.solve.many import UNANSWERED
 from ksd.solve.space_steps import FULL, REDUCED
 

@@ -13,12 +13,12 @@ from typing import Any
 
 import numpy as np
 
+from ksd.checks import worded
 from ksd.design.tracking import SPARE, Tracks, first_tracks, follow_through
 from ksd.errors import SceneError
 from ksd.model.compile import Model
 from ksd.properties.words import Shown, listed, number
 from ksd.scene import Mechanism, Scene
-from ksd.section.checks import worded
 from ksd.solve.error import corrected
 from ksd.solve.solver import Method, Solver
 

@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
+from ksd.checks import number, show, similar
 from ksd.errors import SceneError
-from ksd.section.checks import number, show, similar
 
 INFINITE = {"support": np.inf, "buckling_positive": np.inf, "buckling_negative": -np.inf}
 """What an answer that is no number stands for, by the beginning of its column: nothing moves, or nothing buckles."""

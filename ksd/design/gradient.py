@@ -16,6 +16,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ksd.checks import nearest, truth, worded
 from ksd.design.lines import fine_enough
 from ksd.design.plan import Drawn, plan_lines
 from ksd.design.questions import (
@@ -40,7 +41,6 @@ from ksd.properties.stress import stress_followed
 from ksd.properties.words import Shown, listed
 from ksd.properties.words import number as written
 from ksd.scene.links import Link
-from ksd.section.checks import nearest, truth, worded
 from ksd.solve.configuration import Configuration
 from ksd.solve.perturbed import STEP, WIDE, Perturbed, parameters_of
 from ksd.solve.solver import Method

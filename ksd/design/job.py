@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.optimize import brentq
 
+from ksd.checks import LARGEST, Worded, checked, nearest, number, show, truth, unchecked
 from ksd.design.designs import Designs, in_blocks, makers_of
 from ksd.design.goals import AMOUNTS, Answer, goals_of
 from ksd.design.gradient import Solved, gradient_at
@@ -37,7 +38,6 @@ from ksd.properties.words import number as written
 from ksd.scene import Mechanism, Scene
 from ksd.scene.drive import Load
 from ksd.scene.links import Link
-from ksd.section.checks import LARGEST, Worded, checked, nearest, number, show, truth, unchecked
 from ksd.solve.configuration import Configuration
 from ksd.solve.perturbed import STEP
 from ksd.solve.space_steps import FULL, REDUCED

@@ -23,6 +23,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ksd.checks import nearest, show
 from ksd.design.job import Job, first_built
 from ksd.errors import SceneError
 from ksd.files import named_file
@@ -32,7 +33,6 @@ from ksd.scene.formula import Keys, amount, dimension_of, evaluated, item_at, na
 from ksd.scene.mechanism import Mechanism
 from ksd.scene.toml_file import parsed_file, scene_of_tables
 from ksd.scene.toml_table import Table, placed_at, quantity
-from ksd.section.checks import nearest, show
 
 JOB = {
     "scene": "text", "link": "text", "at": "length[3]", "maximise": "any", "minimise": "any", "limits": "any",

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ksd.checks import truth
 from ksd.design.job import Job, Judged
 from ksd.design.questions import Row
 from ksd.design.resume import ResumeFile
@@ -19,7 +20,6 @@ from ksd.design.table import OK, Table
 from ksd.design.words import check_executor
 from ksd.errors import KsdError
 from ksd.properties.words import progress_bar
-from ksd.section.checks import truth
 
 Array = np.ndarray
 BLOCK = 32

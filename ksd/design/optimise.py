@@ -22,6 +22,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.optimize import BFGS, Bounds, NonlinearConstraint, minimize, nnls
 
+from ksd.checks import number, show, similar, truth, whole, worded
 from ksd.design.job import Job, check_job
 from ksd.design.log import Log
 from ksd.design.optimum import Ended, Optimum
@@ -32,7 +33,6 @@ from ksd.design.words import check_executor
 from ksd.errors import ConvergenceError, SceneError
 from ksd.properties.words import number as written
 from ksd.properties.words import progress_bar
-from ksd.section.checks import number, show, similar, truth, whole, worded
 
 Array = np.ndarray
 METHODS = ("gradient", "trust-constr", "cobyla", "cma")

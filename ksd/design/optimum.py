@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from ksd.checks import nearest
 from ksd.design.job import Job
 from ksd.design.log import Log
 from ksd.design.optimum_page import optimum_page
@@ -21,7 +22,6 @@ from ksd.files import check_target, write_file
 from ksd.html import joined
 from ksd.properties.words import Shown, listed
 from ksd.properties.words import number as written
-from ksd.section.checks import nearest
 from ksd.solve.configuration import Configuration
 from ksd.solve.solver import prepare
 from ksd.view import save_figure

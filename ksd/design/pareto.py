@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ksd.checks import number, show, truth, whole, worded
 from ksd.design.job import Job, check_job
 from ksd.design.log import Log
 from ksd.design.optimise import optimise, optimum_of, so_far
@@ -24,7 +25,6 @@ from ksd.design.words import check_executor
 from ksd.errors import KsdError, SceneError
 from ksd.properties.words import Shown, listed, progress_bar
 from ksd.properties.words import number as written
-from ksd.section.checks import number, show, truth, whole, worded
 from ksd.view import save_figure
 from ksd.view.front import plot_front
 

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from ksd.checks import show
 from ksd.design.lines import Line, Recipe
 from ksd.design.resume import records_of
 from ksd.design.words import check_drives, check_parameters
@@ -18,7 +19,6 @@ from ksd.errors import SceneError
 from ksd.scene import Mechanism, Scene
 from ksd.scene.contents import WANTED
 from ksd.scene.drive import Load
-from ksd.section.checks import show
 
 Drawn = Mechanism | Scene | Callable[..., Mechanism | Scene]
 """A mechanism, or a function of its parameters that draws one."""

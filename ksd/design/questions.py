@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ksd.checks import names_of, nearest, show, similar, truth, vector, whole, word
 from ksd.design.table import spoken_column
 from ksd.design.tracking import SPARE, Between, Tracks, follow_through
 from ksd.errors import ConvergenceError, KsdError, SceneError
@@ -31,7 +32,6 @@ from ksd.properties.stiffness import (
     support_stiffness,
 )
 from ksd.properties.stress import Peak, peaks
-from ksd.section.checks import names_of, nearest, show, similar, truth, vector, whole, word
 from ksd.solve.answer import drive_kind
 from ksd.solve.error import corrected
 

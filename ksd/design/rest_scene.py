@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ksd.checks import nearest, show, whole
 from ksd.design.rest_leaf import DrawnLeaf, axes_of
 from ksd.errors import SceneError
 from ksd.files import write_file
@@ -20,7 +21,6 @@ from ksd.model.leaves import cut_leaves
 from ksd.model.mesh import Mesh
 from ksd.properties.words import Shown, listed, number, printed
 from ksd.scene.contents import Scene
-from ksd.section.checks import nearest, show, whole
 
 Array = NDArray[np.float64]
 FINE = Mesh(orders=(3, 2, 12), points=16)

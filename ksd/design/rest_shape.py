@@ -15,6 +15,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ksd.checks import nearest, show, truth, worded
+from ksd.checks import number as checked
 from ksd.design.rest_equations import Equations, Found, Row, Said, Term, solved
 from ksd.design.rest_leaf import Axes, DrawnLeaf, axes_of, deformed_curve, rotated
 from ksd.design.rest_scene import FINE, RestShape, pieces_of
@@ -33,8 +35,6 @@ from ksd.scene.leaf import Leaf
 from ksd.scene.mechanism import Mechanism
 from ksd.scene.profile import FreeCurve
 from ksd.scene.redraw import Move, redrawn
-from ksd.section.checks import nearest, show, truth, worded
-from ksd.section.checks import number as checked
 from ksd.solve.configuration import Configuration
 from ksd.solve.required import held_pose, required_loads
 from ksd.solve.solver import given_values, prepare, solve

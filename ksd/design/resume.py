@@ -12,10 +12,10 @@ from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any
 
+from ksd.checks import show
 from ksd.errors import RecordError, SceneError
 from ksd.files import check_target, read_file, write_file
 from ksd.library.files import find_record, record_bytes
-from ksd.section.checks import show
 
 Rows = list[dict[str, Any]]
 

@@ -16,12 +16,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ksd.checks import names_of, not_negative, show, whole, worded
 from ksd.design.questions import VALUE
 from ksd.design.table import write_mat
 from ksd.errors import SceneError
 from ksd.properties.tangent import factored_tangent
 from ksd.properties.words import Shown, listed, number
-from ksd.section.checks import names_of, not_negative, show, whole, worded
 from ksd.solve.answer import drive_kind
 from ksd.solve.configuration import Configuration
 from ksd.solve.following import MILD

@@ -13,6 +13,7 @@ from typing import Any
 
 from numpy.typing import ArrayLike
 
+from ksd.checks import truth, worded
 from ksd.design.lines import Line, Recipe, blank_rows, run_block, run_line
 from ksd.design.plan import Designs, Drawn, fingerprint, plan_lines
 from ksd.design.questions import KNOWN, Asked, asked_of, check_asked, unanswerable
@@ -24,7 +25,6 @@ from ksd.model.mesh import Mesh
 from ksd.numerics.processes import process_pool, spawning
 from ksd.properties.words import progress_bar
 from ksd.scene.links import Link
-from ksd.section.checks import truth, worded
 from ksd.solve.solver import METHODS, Method
 
 PER_PROCESS = 4

@@ -19,12 +19,12 @@ from rich import box
 from rich.table import Table as Grid
 from rich.text import Text
 
+from ksd.checks import names_of, nearest, show, worded
 from ksd.errors import RecordError, SceneError
 from ksd.files import write_file
 from ksd.html import InNotebooks
 from ksd.library.tables import read_columns, write_columns
 from ksd.properties.words import WIDTH, number, printed
-from ksd.section.checks import names_of, nearest, show, worded
 from ksd.view import plot_stroke, save_figure
 
 if TYPE_CHECKING:

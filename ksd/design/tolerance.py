@@ -10,13 +10,13 @@ from typing import Any
 
 import numpy as np
 
+from ksd.checks import nearest, number, show, whole, worded
 from ksd.design.job import Job, check_job
 from ksd.design.log import Log
 from ksd.design.table import OK, Table
 from ksd.errors import KsdError, SceneError
 from ksd.properties.words import Shown, listed
 from ksd.properties.words import number as written
-from ksd.section.checks import nearest, number, show, whole, worded
 
 Array = np.ndarray
 TOLD = 12

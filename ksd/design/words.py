@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 
+from ksd.checks import LARGEST, in_python, nearest, show, similar, truth, whole
 from ksd.errors import SceneError
 from ksd.model.mesh import Mesh
 from ksd.scene import Scene
-from ksd.section.checks import LARGEST, in_python, nearest, show, similar, truth, whole
 from ksd.solve.solver import given_values, wanted_accuracy
 
 

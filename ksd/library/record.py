@@ -15,10 +15,10 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from ksd.checks import nearest
 from ksd.errors import RangeError, SceneError
 from ksd.library.chains import longer_chain
 from ksd.library.functions import Array, Functions, JointFunctions, Mesh, legendre_products
-from ksd.section.checks import nearest
 
 EDGE = 1e-9
 """Overshoot of a range, relative to its width, that counts as rounding."""

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
+from ksd.checks import Worded, number, show, truth, whole
 from ksd.errors import SceneError
-from ksd.section.checks import Worded, number, show, truth, whole
 
 FEW = 2
 """Internal modes by default; bodies of order 2 with so many are found from where the joints' records put their ends."""

@@ -14,9 +14,9 @@ from typing import Any
 
 import numpy as np
 
+from ksd.checks import positive, show, whole
 from ksd.errors import SceneError
 from ksd.scene.material import Material
-from ksd.section.checks import positive, show, whole
 
 
 @dataclass

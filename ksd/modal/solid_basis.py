@@ -16,6 +16,7 @@ import numpy as np
 
 from ksd.beam.modal_jets import JET
 from ksd.beam.polynomial import face_jets
+from ksd.checks import show
 from ksd.errors import SceneError
 from ksd.modal.choices import ModalBasis
 from ksd.modal.solid import Solid
@@ -24,7 +25,6 @@ from ksd.model.arrays import SOLID
 from ksd.model.compile import Model
 from ksd.model.reduced import with_bodies
 from ksd.numerics.reduction import Modes, craig_bampton, extended, modal_derivatives
-from ksd.section.checks import show
 
 
 @dataclass(frozen=True, repr=False)

@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ksd.checks import LARGEST, number, show, similar, worded
 from ksd.errors import SceneError
 from ksd.html import InNotebooks, Printed
 from ksd.model.arrays import LINEAR, MODAL, ROTATION, SOLID, Arrays, Motion
@@ -26,7 +27,6 @@ from ksd.model.plane import refuse_plane
 from ksd.model.template import Filled, Leaves, Template, design, motion_design, template_of
 from ksd.scene.contents import WANTED
 from ksd.scene.plausible import far_drives
-from ksd.section.checks import LARGEST, number, show, similar, worded
 
 
 @dataclass(frozen=True, repr=False)

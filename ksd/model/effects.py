@@ -15,6 +15,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
+from ksd.checks import nearest, show
 from ksd.errors import SceneError
 from ksd.model.elastic_links import with_elastic_links
 from ksd.model.mesh import Mesh
@@ -22,7 +23,6 @@ from ksd.model.runs import run_factors
 from ksd.scene.effects import leaf_conditions
 from ksd.scene.hinges import plane_holds
 from ksd.scene.leaf import Condition
-from ksd.section.checks import nearest, show
 
 WORDS = {
     "spatial": "six unknowns per node",

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, fields, replace
 
 from ksd.beam.strain_values import DEFAULT_ORDERS, DEFAULT_POINTS
+from ksd.checks import Worded, show, truth, whole
 from ksd.errors import SceneError
-from ksd.section.checks import Worded, show, truth, whole
 
 MOST_ORDER = 24
 """Curvature modes about an axis that a mesh has at most: ends of taut leaf springs bend within a hundredth of the length."""

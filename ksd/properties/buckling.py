@@ -30,6 +30,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ksd.beam.levers import geometric_tangent
+from ksd.checks import names_of, wrench_of
 from ksd.errors import ConvergenceError, SceneError
 from ksd.model.arrays import COIL, STRAIN, TURN, Motion, make_work
 from ksd.model.compile import Model
@@ -62,7 +63,6 @@ from ksd.properties.tangent import (
 )
 from ksd.properties.unfold import unfolded
 from ksd.properties.words import Shown, listed, movement, number
-from ksd.section.checks import names_of, wrench_of
 
 Array = NDArray[np.float64]
 DENSE, MOST_DENSE = 80, 1000

@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ksd.checks import worded
 from ksd.errors import SceneError
 from ksd.model.arrays import make_work
 from ksd.model.compile import Model, compile_scene, reference_points
@@ -33,7 +34,6 @@ from ksd.scene.hinges import PLANES
 from ksd.scene.mechanism import Mechanism
 from ksd.scene.plausible import implausible
 from ksd.scene.rules import plane_hint
-from ksd.section.checks import worded
 
 Array = NDArray[np.float64]
 RANK = 1e-2

@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ksd.checks import names_of
 from ksd.errors import ConvergenceError
 from ksd.model.arrays import STRAIN, Motion
 from ksd.model.compile import Model
@@ -28,7 +29,6 @@ from ksd.properties.shape import scene_leaves
 from ksd.properties.tangent import Tangent, factored_tangent, refuse_lost, row_gradients
 from ksd.properties.unfold import unfolded
 from ksd.properties.words import Shown, held, listed, movement_of, number, ways
-from ksd.section.checks import names_of
 
 Array = NDArray[np.float64]
 DENSE = 300

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ksd.checks import positive, show
 from ksd.errors import SceneError
 from ksd.model.arrays import STRAIN, Motion, make_work
 from ksd.model.compile import Model
@@ -24,7 +25,6 @@ from ksd.properties.shape import members_of_leaves
 from ksd.properties.stress import stress_of
 from ksd.properties.tangent import Tangent, exact, factored_tangent
 from ksd.properties.words import Shown
-from ksd.section.checks import positive, show
 
 Array = NDArray[np.float64]
 DIRECTIONS = ("along", "across", "sideways", "twist", "tilt", "yaw")

@@ -18,6 +18,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ksd.checks import names_of
 from ksd.errors import KinematicsError, SceneError
 from ksd.model.arrays import ROTATION, STRAIN, Motion
 from ksd.model.compile import Model
@@ -33,7 +34,6 @@ from ksd.properties.tangent import (
 )
 from ksd.properties.unfold import unfolded
 from ksd.properties.words import Shown, held, listed, number
-from ksd.section.checks import names_of
 
 Array = NDArray[np.float64]
 DIRECTIONS = ("x", "y", "z", "rx", "ry", "rz")

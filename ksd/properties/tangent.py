@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ksd.checks import names_of
 from ksd.errors import KinematicsError, SceneError
 from ksd.model.arrays import COROTATIONAL, LINEAR, SOLID, Arrays, Flat, Motion, Work, make_work
 from ksd.model.compile import Model
@@ -26,7 +27,6 @@ from ksd.properties.alike import Alike
 from ksd.properties.cache import per_model
 from ksd.properties.nonconservative import skew_tangent
 from ksd.properties.unfold import settle_insides
-from ksd.section.checks import names_of
 
 Array = NDArray[np.float64]
 SINGULAR = 1e-14

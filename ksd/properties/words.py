@@ -13,10 +13,10 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from ksd.checks import nearest, show
 from ksd.errors import UnknownNameError
 from ksd.html import InNotebooks, Printed
 from ksd.model.compile import Model
-from ksd.section.checks import nearest, show
 
 T = TypeVar("T")
 Array = NDArray[np.float64]

@@ -10,9 +10,9 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
+from ksd.checks import checked, dot
 from ksd.errors import SceneError
 from ksd.scene.leaf import Leaf
-from ksd.section.checks import checked, dot
 from ksd.section.constants import extents
 
 Array = NDArray[np.float64]

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ksd.checks import Vector, as_given, dot, triple
 from ksd.html import InNotebooks
 from ksd.scene.drive import GROUND, Drive, Load, PointMass
 from ksd.scene.effects import Compliance, Distance, Fit, Heat, Spring, TurnSpring
@@ -22,7 +23,6 @@ from ksd.scene.joint import Joint, Motion, leaves_of
 from ksd.scene.leaf import Condition, Leaf
 from ksd.scene.listing import in_millimetres, printed_scene
 from ksd.scene.profile import Curve, Profile
-from ksd.section.checks import Vector, as_given, dot, triple
 
 Matrix = tuple[Vector, Vector, Vector]
 

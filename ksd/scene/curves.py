@@ -13,8 +13,8 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.polynomial import legendre
 
+from ksd.checks import number, positive, show
 from ksd.errors import SceneError
-from ksd.section.checks import number, positive, show
 
 MOST = 30
 """Most Newton steps to where a spline has a given length."""

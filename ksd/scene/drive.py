@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import Any
 
+from ksd.checks import Vector, direction, number, show, vector, word
 from ksd.errors import SceneError
-from ksd.section.checks import Vector, direction, number, show, vector, word
 
 GROUND = "ground"
 

@@ -13,11 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from ksd.errors import SceneError
-from ksd.scene.leaf import Condition
-from ksd.scene.material import Material
-from ksd.section import Section
-from ksd.section.checks import (
+from ksd.checks import (
     Vector,
     Worded,
     direction,
@@ -29,6 +25,10 @@ from ksd.section.checks import (
     vector,
     word,
 )
+from ksd.errors import SceneError
+from ksd.scene.leaf import Condition
+from ksd.scene.material import Material
+from ksd.section import Section
 
 CONSIDERED = ("warping", "plate")
 """Effects of the leaf that a scene may ask to be considered; see `ksd.model.effects`."""

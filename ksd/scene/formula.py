@@ -13,9 +13,9 @@ import re
 from collections.abc import Callable, Mapping
 from typing import Any
 
+from ksd.checks import nearest, number, show
 from ksd.errors import SceneError
 from ksd.scene.toml_table import measured
-from ksd.section.checks import nearest, number, show
 
 Keys = tuple[str | int, ...]
 FUNCTIONS: Mapping[str, Callable[..., float]] = {

@@ -11,9 +11,9 @@ from typing import Any
 
 import numpy as np
 
+from ksd.checks import Vector, direction, show, vector, word
 from ksd.errors import SceneError
 from ksd.scene.drive import GROUND, Drive, DriveTerm
-from ksd.section.checks import Vector, direction, show, vector, word
 
 PLANES = {"xy": 2, "xz": 1, "yz": 0}
 """Planes a mechanism can live in, and the axis across each."""

@@ -10,10 +10,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from ksd.errors import SceneError
-from ksd.scene.clearance import check_clear
-from ksd.scene.leaf import Leaf
-from ksd.section.checks import (
+from ksd.checks import (
     Vector,
     Worded,
     direction,
@@ -25,6 +22,9 @@ from ksd.section.checks import (
     vector,
     word,
 )
+from ksd.errors import SceneError
+from ksd.scene.clearance import check_clear
+from ksd.scene.leaf import Leaf
 
 
 @dataclass(frozen=True)

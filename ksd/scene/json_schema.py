@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from ksd import section
+from ksd.checks import NUMBER
 from ksd.scene import toml_schema as schema
 from ksd.scene.effects import CONSIDERED
 from ksd.scene.families import joint_families
@@ -17,7 +18,6 @@ from ksd.scene.material import Material
 from ksd.scene.mechanism import Mechanism
 from ksd.scene.profile import NAMED
 from ksd.scene.toml_table import spelling
-from ksd.section.checks import NUMBER
 from ksd.units import DIMENSIONS
 
 Tree = dict[str, Any]

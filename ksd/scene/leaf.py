@@ -9,11 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ksd.errors import SceneError
-from ksd.scene.material import Material
-from ksd.scene.profile import Curve, Profile, line_of
-from ksd.section import Section, circle
-from ksd.section.checks import (
+from ksd.checks import (
     Axis,
     Vector,
     Worded,
@@ -29,6 +25,10 @@ from ksd.section.checks import (
     word,
     worded,
 )
+from ksd.errors import SceneError
+from ksd.scene.material import Material
+from ksd.scene.profile import Curve, Profile, line_of
+from ksd.section import Section, circle
 
 
 @dataclass(frozen=True)

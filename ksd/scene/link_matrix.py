@@ -9,11 +9,11 @@ import zipfile
 
 import numpy as np
 
+from ksd.checks import worded
 from ksd.errors import SceneError
 from ksd.files import LARGEST, named_file, read_file
 from ksd.hdf5 import Contents, contents
 from ksd.scene.effects import LinkMatrix
-from ksd.section.checks import worded
 
 KEYS = ("points", "K")
 """Arrays of a file."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any
 
-from ksd.section.checks import Vector
+from ksd.checks import Vector
 
 
 @dataclass(frozen=True)

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
+from ksd.checks import Worded, between, number, positive, show
 from ksd.errors import SceneError
-from ksd.section.checks import Worded, between, number, positive, show
 
 
 @dataclass(frozen=True, init=False)

@@ -10,6 +10,21 @@ from typing import TYPE_CHECKING, Any
 
 from numpy.typing import ArrayLike
 
+from ksd.checks import (
+    Axis,
+    Vector,
+    Worded,
+    all_worded,
+    as_given,
+    checked,
+    direction,
+    nearest,
+    number,
+    numbered,
+    show,
+    vector,
+    word,
+)
 from ksd.errors import SceneError, UnknownNameError, UnknownWordError
 from ksd.html import InNotebooks
 from ksd.scene.contents import (
@@ -34,21 +49,6 @@ from ksd.scene.placing import axis_word, rotation_at
 from ksd.scene.profile import Curve, Profile
 from ksd.scene.rules import check_scene
 from ksd.section import Section
-from ksd.section.checks import (
-    Axis,
-    Vector,
-    Worded,
-    all_worded,
-    as_given,
-    checked,
-    direction,
-    nearest,
-    number,
-    numbered,
-    show,
-    vector,
-    word,
-)
 
 SETTABLE = ("name", "plane", "gravity")
 """What of a mechanism is set by `=`; all else is said by its methods."""

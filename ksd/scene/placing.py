@@ -6,10 +6,10 @@ from typing import Any
 
 import numpy as np
 
+from ksd.checks import cross, direction, dot, show, unit
 from ksd.errors import SceneError
 from ksd.scene.contents import Matrix
 from ksd.scene.drive import DriveTerm
-from ksd.section.checks import cross, direction, dot, show, unit
 
 
 def axis_word(term: DriveTerm) -> str:

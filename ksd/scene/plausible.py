@@ -10,11 +10,11 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 
 import numpy as np
 
+from ksd.checks import show
 from ksd.scene.contents import Scene
 from ksd.scene.leaf import Leaf
 from ksd.scene.material import Material
 from ksd.section import Section
-from ksd.section.checks import show
 from ksd.section.constants import extents
 
 STOUT = 5.0

@@ -16,10 +16,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ksd.checks import Worded, between, number, positive, show
 from ksd.errors import SceneError
 from ksd.scene.curves import Bend, Legendre, Sine, Spline, legendre_shape, numbers, sine_shape, spline_shape
 from ksd.section import Section, rectangle
-from ksd.section.checks import Worded, between, number, positive, show
 
 STEPS = 60
 """Steps by which the line of a curve is integrated, and twice as many."""

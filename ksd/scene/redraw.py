@@ -9,11 +9,11 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ksd.checks import Vector, triple
 from ksd.scene.contents import LeafPoint, PlacedLeaf, Scene
 from ksd.scene.curves import Legendre
 from ksd.scene.drive import GROUND, Drive
 from ksd.scene.profile import Curve, FreeCurve
-from ksd.section.checks import Vector, triple
 
 
 class Move(NamedTuple):

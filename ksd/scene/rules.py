@@ -7,13 +7,13 @@ from collections import Counter
 from collections.abc import Iterable, Iterator
 from typing import Any
 
+from ksd.checks import as_given, nearest
 from ksd.errors import SceneError
 from ksd.scene.contents import Scene, reached
 from ksd.scene.drive import GROUND
 from ksd.scene.effects import leaf_conditions
 from ksd.scene.hinges import PLANES
 from ksd.scene.joint import leaves_of
-from ksd.section.checks import as_given, nearest
 
 
 def check_scene(scene: Scene) -> None:

@@ -34,6 +34,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from ksd import section
+from ksd.checks import nearest, show, similar
 from ksd.errors import SceneError, SceneFileError, SceneWarning, UnknownNameError
 from ksd.files import named_file, read_file
 from ksd.scene import toml_schema as schema
@@ -51,7 +52,6 @@ from ksd.scene.toml_lines import Lines
 from ksd.scene.toml_table import ANY, Noted, Table, Unsaid, each
 from ksd.scene.toml_writer import save_scene
 from ksd.section import Section, rectangle
-from ksd.section.checks import nearest, show, similar
 
 __all__ = ["load_scene", "save_scene"]
 

@@ -9,9 +9,9 @@ from dataclasses import dataclass, field
 from functools import cache
 from typing import Any, TypeVar
 
+from ksd.checks import NUMBER, direction, nearest, number, show, similar
 from ksd.errors import SceneError
 from ksd.scene.plausible import meant_in
-from ksd.section.checks import NUMBER, direction, nearest, number, show, similar
 from ksd.units import DIMENSIONS
 
 T = TypeVar("T")

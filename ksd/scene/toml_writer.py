@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from ksd.checks import number, numbered, show, worded
 from ksd.errors import SceneError
 from ksd.files import write_file
 from ksd.scene.contents import PlacedJoint, Scene
@@ -33,7 +34,6 @@ from ksd.scene.toml_schema import (
     of_family,
 )
 from ksd.section import Section, circle, rectangle
-from ksd.section.checks import number, numbered, show, worded
 
 Tree = dict[str, Any]
 

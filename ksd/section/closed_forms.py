@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from functools import lru_cache
 
+from ksd.checks import between, positive, show, worded
 from ksd.errors import SceneError
-from ksd.section.checks import between, positive, show, worded
 from ksd.section.constants import Section
 
 _TERMS = 40

@@ -6,8 +6,8 @@ import math
 from dataclasses import dataclass
 from typing import Any
 
+from ksd.checks import not_negative, number, positive, show, worded
 from ksd.errors import SceneError
-from ksd.section.checks import not_negative, number, positive, show, worded
 
 Point = tuple[float, float]
 

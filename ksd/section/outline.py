@@ -20,8 +20,8 @@ from typing import Any
 
 import numpy as np
 
+from ksd.checks import LARGEST, between, label, positive, show, worded
 from ksd.errors import SceneError
-from ksd.section.checks import LARGEST, between, label, positive, show, worded
 from ksd.section.constants import Section
 from ksd.section.outline_mesh import edges_of, inside, triangulate
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from ksd.section.checks import between, positive
+from ksd.checks import between, positive
 
 
 def plate_factor(width: float, thickness: float, curvature: float, nu: float) -> float:

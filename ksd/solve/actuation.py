@@ -8,13 +8,13 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ksd.checks import show
 from ksd.errors import SceneError
 from ksd.model.arrays import Motion, make_work
 from ksd.model.compile import Model
 from ksd.model.newton import assemble
 from ksd.numerics.rotations import rotation_exp
 from ksd.scene.hinges import normal_of
-from ksd.section.checks import show
 
 Array = NDArray[np.float64]
 BALANCED = 1e-6

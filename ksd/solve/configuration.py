@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, Literal, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ksd.checks import all_worded, names_of, nearest, question_of, show, vector, whole
 from ksd.errors import ConvergenceError, SceneError
 from ksd.html import InNotebooks
 from ksd.modal.bodies import inside
@@ -35,7 +36,6 @@ from ksd.properties.verify import Verification, verify
 from ksd.properties.words import ByName, printed
 from ksd.scene.contents import PlacedJoint
 from ksd.scene.links import Link
-from ksd.section.checks import all_worded, names_of, nearest, question_of, show, vector, whole
 from ksd.solve.answer import as_dict, drive_kind
 from ksd.solve.error import error_of, settled, truth_of, with_error
 from ksd.solve.following import keeps_still

@@ -9,6 +9,8 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from ksd.checks import number as checked_number
+from ksd.checks import positive, whole, worded
 from ksd.errors import SceneError
 from ksd.model.arrays import carries_load
 from ksd.model.compile import Model, compile_scene
@@ -17,8 +19,6 @@ from ksd.numerics.stopwatch import Stopwatch
 from ksd.properties.words import Shown, listed, number
 from ksd.scene.contents import Scene
 from ksd.scene.mechanism import Mechanism
-from ksd.section.checks import number as checked_number
-from ksd.section.checks import positive, whole, worded
 from ksd.solve.arc import REACHED, Course, Place, Walk, starting_place, switched
 from ksd.solve.configuration import Configuration
 from ksd.solve.conventional import bare, conventional

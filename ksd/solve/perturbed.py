@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ksd.checks import nearest, number, show, unchecked
 from ksd.errors import ConvergenceError, SceneError
 from ksd.model.arrays import STRAIN, Arrays, Motion, Work, make_work
 from ksd.model.compile import Model, model_of
@@ -27,7 +28,6 @@ from ksd.model.newton import largest_move, largest_turn, look, take_step
 from ksd.model.template import Template, template_of
 from ksd.properties.tangent import exact
 from ksd.scene.leaf import Condition
-from ksd.section.checks import nearest, number, show, unchecked
 from ksd.solve.error import settled
 from ksd.solve.steps import RTOL
 

@@ -19,6 +19,7 @@ import numpy as np
 
 from ksd.bodies.joints import joint_bodies
 from ksd.bodies.mixture import alone, mixture
+from ksd.checks import show
 from ksd.errors import ConvergenceError, KinematicsError, RangeError, RecordError, SceneError
 from ksd.modal.basis import LeafBasis
 from ksd.modal.bodies import inside, with_chains, with_modal_bodies
@@ -30,7 +31,6 @@ from ksd.model.newton import assemble, iterate
 from ksd.model.reduced import inner_state, member_pose, same_state
 from ksd.numerics.blocks import factor_blocks
 from ksd.numerics.stopwatch import Stopwatch
-from ksd.section.checks import show
 from ksd.solve import pipeline
 from ksd.solve.configuration import Configuration
 from ksd.solve.conventional import by_load_steps

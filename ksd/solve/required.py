@@ -13,6 +13,8 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from ksd.checks import nearest, show, worded
+from ksd.checks import number as checked
 from ksd.errors import ConvergenceError, KsdError, SceneError
 from ksd.model.arrays import Motion
 from ksd.model.compile import Model, compile_chosen, compile_given
@@ -26,8 +28,6 @@ from ksd.scene.drive import GROUND, Drive, DriveTerm
 from ksd.scene.hinges import normal_of
 from ksd.scene.links import Link, spoken
 from ksd.scene.mechanism import Mechanism
-from ksd.section.checks import nearest, show, worded
-from ksd.section.checks import number as checked
 from ksd.solve.actuation import Actuation
 from ksd.solve.configuration import Configuration
 from ksd.solve.solver import DEFAULT_ACCURACY, MOST_RISES, Solver, prepare

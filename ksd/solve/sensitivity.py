@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ksd.checks import question_of, vector, wrench_of
 from ksd.errors import ConvergenceError, KinematicsError, SceneError
 from ksd.model.arrays import Motion
 from ksd.model.compile import Model, compile_given
@@ -21,7 +22,6 @@ from ksd.numerics.rotations import rotation_log
 from ksd.numerics.stopwatch import Stopwatch
 from ksd.properties.tangent import assembled_tangent, factored
 from ksd.scene.drive import Load
-from ksd.section.checks import question_of, vector, wrench_of
 from ksd.solve.load_steps import Way, load_steps, step_of, stopped
 from ksd.solve.steps import Stop
 from ksd.solve.storage import storage_of

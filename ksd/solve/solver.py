@@ -13,6 +13,7 @@ from typing import Any, Literal
 from numpy.typing import ArrayLike
 
 from ksd.bodies.joints import JointBodies, joint_bodies
+from ksd.checks import nearest, number, show, truth, whole, worded
 from ksd.errors import ConvergenceError, KinematicsError, RangeError, RecordError, SceneError
 from ksd.library import Record, find_record
 from ksd.library.files import record_in_use
@@ -25,7 +26,6 @@ from ksd.model.orders import mesh_for, raised
 from ksd.model.plane import Plane, plane_of
 from ksd.scene.contents import Scene
 from ksd.scene.mechanism import Mechanism
-from ksd.section.checks import nearest, number, show, truth, whole, worded
 from ksd.solve.actuation import Actuation, RequiredForces
 from ksd.solve.configuration import Configuration
 from ksd.solve.conventional import bare, by_load_steps, conventional

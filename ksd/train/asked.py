@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 
+from ksd.checks import show
 from ksd.errors import SceneError
 from ksd.library import Mesh, Parameter
 from ksd.scene import DrawnJoint, Joint
-from ksd.section.checks import show
 from ksd.train.catalogue import ENTRIES
 from ksd.train.designs import Design
 

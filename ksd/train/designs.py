@@ -7,13 +7,13 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from ksd.checks import Vector, nearest, number, show
 from ksd.errors import SceneError
 from ksd.library import Mesh, Parameter
 from ksd.scene import DrawnJoint, Joint, Leaf, Material
 from ksd.scene.joint import proportions
 from ksd.scene.profile import Curve, Profile
 from ksd.section import Section
-from ksd.section.checks import Vector, nearest, number, show
 from ksd.train.catalogue import ENTRIES, FULL
 
 

@@ -17,6 +17,7 @@ from pathlib import Path
 import numpy as np
 
 import ksd
+from ksd.checks import worded
 from ksd.errors import ConvergenceError, RecordError, SceneError
 from ksd.library import Evidence, Functions, Mesh, Record, Residual, Stroke, read_record, write_record
 from ksd.library.files import SUFFIX
@@ -24,7 +25,6 @@ from ksd.library.functions import Array, legendre_products, monomials
 from ksd.model.leaves import raised_orders
 from ksd.model.mesh import Mesh as LeafMesh
 from ksd.scene import DrawnJoint, Joint
-from ksd.section.checks import worded
 from ksd.train.asked import check_design, check_meshes
 from ksd.train.designs import Design, changes, design_of
 from ksd.train.fit import Fit, fit_functions

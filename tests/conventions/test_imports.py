@@ -13,15 +13,15 @@ import pytest
 
 PACKAGE = Path(__file__).resolve().parents[2] / "ksd"
 LAYER = {
-    "errors": 0, "units": 0, "files": 0, "hdf5": 0, "html": 0, "packages": 0, "numerics": 1, "section": 2, "beam": 2,
-    "scene": 3, "model": 4, "library": 4, "bodies": 5, "modal": 5, "properties": 5, "view": 5, "solve": 6,
-    "train": 7, "design": 7, "bench": 8, "cli": 9, "__main__": 10,
+    "errors": 0, "units": 0, "checks": 0, "files": 0, "hdf5": 0, "html": 0, "packages": 0, "numerics": 1,
+    "section": 2, "beam": 2, "scene": 3, "model": 4, "library": 4, "bodies": 5, "modal": 5, "properties": 5, "view": 5,
+    "solve": 6, "train": 7, "design": 7, "bench": 8, "cli": 9, "__main__": 10,
 }  # fmt: skip
 HOME = {
     "h5py": {"hdf5", "library"}, "skfem": {"section", "modal"}, "matplotlib": {"view"}, "pyvista": {"view"}, "vtk": {"view"},
     "numba": {"numerics"},
 }  # fmt: skip
-NUMPY_ALONE = {"errors", "units", "files", "html", "scene"}
+NUMPY_ALONE = {"errors", "units", "checks", "files", "html", "scene"}
 
 
 def named_in(source: str) -> set[str]:

@@ -5,9 +5,9 @@ import pytest
 from scenes import STEEL, single_joint
 
 import ksd
+from ksd.checks import unchecked
 from ksd.design.questions import KNOWN, ROUNDING
 from ksd.model.effects import choose
-from ksd.section.checks import unchecked
 from ksd.solve import perturbed
 from ksd.units import deg, mm
 

@@ -642,7 +642,7 @@ def mechanisms(draw):
             gap=draw(st.none() | st.floats(0, 1)),
             elements=draw(st.none() | st.integers(1, 9)),
         )
-        z = np.array(ksd.section.checks.direction(draw(directions), "axis"))
+        z = np.array(ksd.checks.direction(draw(directions), "axis"))
         x = np.cross(z, np.eye(3)[np.argmin(np.abs(z))])
         made.join(
             draw(st.sampled_from(["ground", *links[:i]])), link, joint, at=draw(points), axis=z, toward=x

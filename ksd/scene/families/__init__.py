@@ -7,9 +7,9 @@ import inspect
 import pkgutil
 from functools import cache
 
+from ksd.checks import nearest, show
 from ksd.errors import SceneError
 from ksd.scene.joint import Joint
-from ksd.section.checks import nearest, show
 
 
 @cache

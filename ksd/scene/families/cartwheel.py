@@ -6,12 +6,12 @@ import math
 from dataclasses import KW_ONLY, dataclass
 from typing import ClassVar
 
+from ksd.checks import Vector, between
 from ksd.errors import SceneError
 from ksd.scene.families.crossed_pivot import pivot_stiffness
 from ksd.scene.families.sheet import Family, Leaning, Point, bending, check_sheet, flat, measured, strip
 from ksd.scene.leaf import Leaf
 from ksd.scene.material import Material
-from ksd.section.checks import Vector, between
 
 _CARTWHEEL = math.radians(20)
 _BUTTERFLY = math.radians(30)

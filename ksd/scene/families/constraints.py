@@ -9,11 +9,11 @@ import math
 from dataclasses import KW_ONLY, dataclass
 from typing import Any, ClassVar
 
+from ksd.checks import Vector
 from ksd.scene.families.sheet import Family, check_sheet, measured, strip
 from ksd.scene.leaf import Leaf
 from ksd.scene.leaf import wire as make_wire
 from ksd.scene.material import Material
-from ksd.section.checks import Vector
 
 
 @dataclass(frozen=True)

@@ -6,13 +6,13 @@ import math
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
+from ksd.checks import not_negative, positive, show
 from ksd.errors import SceneError
 from ksd.scene.clearance import check_clear
 from ksd.scene.families.sheet import Leaning, measured, strip
 from ksd.scene.joint import leaves_of
 from ksd.scene.leaf import Leaf
 from ksd.scene.material import Material
-from ksd.section.checks import not_negative, positive, show
 
 _STROKE = math.radians(75)
 _NAME = "CrossFlexure"

@@ -6,10 +6,10 @@ import math
 from dataclasses import KW_ONLY, dataclass
 from typing import ClassVar
 
+from ksd.checks import not_negative
 from ksd.scene.families.sheet import Leaning, bending, inside, measured, strip
 from ksd.scene.leaf import Leaf
 from ksd.scene.material import Material
-from ksd.section.checks import not_negative
 
 _STROKE = math.radians(30)
 _RATIOS = (-1.0, 2.0)

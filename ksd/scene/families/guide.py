@@ -5,11 +5,11 @@ from __future__ import annotations
 from dataclasses import KW_ONLY, dataclass
 from typing import ClassVar
 
+from ksd.checks import Vector
 from ksd.scene.families.sheet import Family, bending, check_sheet, inside, measured, strip
 from ksd.scene.joint import Motion
 from ksd.scene.leaf import Leaf
 from ksd.scene.material import Material
-from ksd.section.checks import Vector
 
 _STROKE = 0.25
 

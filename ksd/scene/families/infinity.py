@@ -12,12 +12,12 @@ import math
 from dataclasses import KW_ONLY, dataclass
 from typing import ClassVar
 
+from ksd.checks import Vector
 from ksd.scene.clearance import check_clear
 from ksd.scene.families.sheet import Family, Point, check_sheet, flat, inside, measured, strip
 from ksd.scene.joint import leaves_of
 from ksd.scene.leaf import Leaf
 from ksd.scene.material import Material
-from ksd.section.checks import Vector
 
 _FOOT = 0.02
 _GAP = 0.1

@@ -10,13 +10,13 @@ import math
 from dataclasses import KW_ONLY, dataclass
 from typing import Any, ClassVar
 
+from ksd.checks import Vector, between
 from ksd.errors import SceneError
 from ksd.scene.families.sheet import Family, check_lengths, measured
 from ksd.scene.leaf import Leaf
 from ksd.scene.material import Material
 from ksd.scene.profile import Arc, CircularNotch, FilletedNotch
 from ksd.section import rectangle
-from ksd.section.checks import Vector, between
 
 _NOTCH = math.radians(10)
 _ARC = math.radians(30)

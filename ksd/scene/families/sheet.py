@@ -7,12 +7,12 @@ from collections.abc import Mapping
 from functools import lru_cache
 from typing import Any, ClassVar
 
+from ksd.checks import Vector, between, number, positive, show
 from ksd.errors import SceneError
 from ksd.scene.joint import Joint, Motion
 from ksd.scene.leaf import Leaf, mesh
 from ksd.scene.material import Material
 from ksd.section import rectangle
-from ksd.section.checks import Vector, between, number, positive, show
 
 Point = tuple[float, float]
 

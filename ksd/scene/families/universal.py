@@ -6,12 +6,12 @@ import math
 from dataclasses import KW_ONLY, dataclass
 from typing import ClassVar
 
+from ksd.checks import Vector
 from ksd.scene.families.sheet import Family, bending, check_sheet, measured
 from ksd.scene.joint import Motion
 from ksd.scene.leaf import Leaf
 from ksd.scene.material import Material
 from ksd.section import rectangle
-from ksd.section.checks import Vector
 
 _STROKE = math.radians(25)
 _ANGLE = math.radians(45)
