@@ -478,14 +478,7 @@ def _check_record(joint: Any, record: Record, mesh: str | int) -> None:
                 f"the record of {joint.family} is of a joint with {there} {what}, this one has {here}; give your joint a "
                 "family name of its own and train it with ksd.train(joint)"
             )
-    for what, own in proportions(joint).items() if isinstance(joint, DrawnJoint) else ():
-        theirs = record.design.get(what, own)
-        if abs(own - theirs) > REDRAWN * max(1.0, abs(own)):
-            raise RecordError(
-                f"the record of {joint.family} is of a joint drawn in other proportions ({what}: {theirs:.6g} there, "
-                f"{own:.6g} here, lengths over that of the joint); give your joint a family name of its own and train it "
-                "with ksd.train(joint)"
-            )
+    check_drawing(joint, record)
     if mesh in record.functions or all(leaf.profile is None and leaf.curve is None for leaf in leaves):
         return
     known = ", ".join(str(n) for n in record.functions)
@@ -493,6 +486,18 @@ def _check_record(joint: Any, record: Record, mesh: str | int) -> None:
         f"the record of {joint.family} has no chains of {mesh} elements, and its leaves are not straight and uniform, "
         f"so none can be derived; use one of its meshes ({known}) or train it with meshes=(..., {mesh})"
     )
+
+
+def check_drawing(joint: Any, record: Record) -> None:
+    """RecordError for a joint drawn in other proportions than the one its record is of."""
+    for what, own in proportions(joint).items() if isinstance(joint, DrawnJoint) else ():
+        theirs = record.design.get(what, own)
+        if abs(own - theirs) > REDRAWN * max(1.0, abs(own)):
+            raise RecordError(
+                f"the record of {joint.family} is of a joint drawn in other proportions ({what}: {theirs:.6g} there, "
+                f"{own:.6g} here, lengths over that of the joint); give your joint a family name of its own and train it "
+                "with ksd.train(joint), or give method='conventional'"
+            )
 
 
 def layout_of(template: Template, joints: Sequence[Any], records: Callable[[str], Record]) -> Layout:

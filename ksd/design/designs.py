@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ksd.bodies.joints import body_design, layout_of
+from ksd.bodies.joints import body_design, check_drawing, layout_of
 from ksd.design.plan import scene_of
 from ksd.design.prepared import Found, Prepared, answer_together
 from ksd.errors import KsdError
@@ -86,11 +86,14 @@ class Designs:
         return found
 
     def _shapes(self, drawing: Drawing) -> list[Mapping[str, float]]:
-        """Shape parameters of the different joints; RangeError outside their trained ranges."""
+        """Shape parameters of the different joints; RangeError outside their trained ranges, RecordError for a joint drawn
+        otherwise than that of its record."""
         found = []
         for joint in drawing.joints:
+            record = self._record(joint.family)
+            check_drawing(joint, record)
             found.append(joint.shape())
-            self._record(joint.family).places(found[-1], extrapolate=self.extrapolate)
+            record.places(found[-1], extrapolate=self.extrapolate)
         return found
 
     def _record(self, family: str) -> Record:

@@ -91,7 +91,7 @@ def goals_of(maximise: Any, minimise: Any, limits: Any, known: Mapping[str, str]
     for column, given in (limits or {}).items():
         if column == "size_mm":
             sizes = given if isinstance(given, Sequence | np.ndarray) else ()
-            if len(sizes) != 3:
+            if len(sizes) != 3 or all(most is None for most in sizes):
                 raise SceneError(
                     f"limits: size_mm = {show(given)}: give the most along x, y and z, None for no limit"
                 )

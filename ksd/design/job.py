@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.optimize import brentq
 
+from ksd.bodies.joints import check_drawing
 from ksd.checks import LARGEST, Worded, checked, nearest, number, show, truth, unchecked
 from ksd.design.designs import Designs, in_blocks, makers_of
 from ksd.design.goals import AMOUNTS, Answer, goals_of
@@ -35,7 +36,7 @@ from ksd.model.compile import compile_scene
 from ksd.model.mesh import Mesh
 from ksd.properties.words import Shown
 from ksd.properties.words import number as written
-from ksd.scene import Mechanism, Scene
+from ksd.scene import Joint, Mechanism, Scene
 from ksd.scene.drive import Load
 from ksd.scene.links import Link
 from ksd.solve.configuration import Configuration
@@ -101,11 +102,11 @@ class Job(Shown, metaclass=Worded):
     columns of `ksd.sweep`, several with the scale each is measured in: the worst of them over their scales, over all
     poses and load cases, counts; of forces, moments and parasitic motion that are minimised it is their size. limits: the
     most by column, or (least, most), None for neither, in units of the column; without a target they are enough for
-    `ksd.tolerance`; "size_mm" takes the most along x, y and z. rules: functions of the
-    parameters by name that must not be negative, told before anything is solved. link, at, freed, modes, loads, together:
-    as in `ksd.sweep`, and so the drive values [m or rad]. method: "full", "reduced", or "conventional", which knows no
-    trained ranges; by the others these are bounds; when None "full" where every joint has a record, else "conventional".
-    mesh, extrapolate: as in `ksd.solve`; targets: drive values as a mapping.
+    `ksd.tolerance`; "size_mm" takes the most along x, y and z. rules: functions of the parameters by name that must not be
+    negative, told before anything is solved. link, at, freed, modes, loads, together: as in `ksd.sweep`, and so the drive
+    values [m or rad]. method: "full", "reduced", or "conventional", which knows no trained ranges; by the others these are
+    bounds; when None "full" where every joint has a record (a joint of one's own: of it as all parameters draw it), else
+    "conventional". mesh, extrapolate: as in `ksd.solve`; targets: drive values as a mapping.
 
     Raises SceneError for everything that is wrong before a solve.
     """
@@ -172,7 +173,7 @@ class Job(Shown, metaclass=Worded):
         )  # fmt: skip
         scene = self._first()
         check_drives(scene, tuple(values), Job)
-        self.__dict__["method"] = method or _usual_method(scene)
+        self.__dict__["method"] = method or self._usual_method(scene)
         for extra in self.cases.values():
             if loaded(scene, extra)[1]:
                 raise SceneError(loaded(scene, extra)[1])
@@ -211,7 +212,7 @@ class Job(Shown, metaclass=Worded):
 
     def _line(self) -> str:
         goals = {a.column.split("[")[0]: a.role for a in self.answers if a.role != "limit"}
-        said = ", ".join(f"{role} {column}" for column, role in goals.items())
+        said = ", ".join(f"{role} {column}" for column, role in goals.items()) or "limits alone"
         poses = "one pose" if len(self.poses) == 1 else f"{len(self.poses)} poses"
         return f"{said} by {', '.join(self.parameters)} at {poses}"
 
@@ -308,11 +309,26 @@ class Job(Shown, metaclass=Worded):
 
     def _shapes_at(self, place: Array) -> list[Mapping[str, float]]:
         """Shape parameters of every joint at places (P,) in 0..1 of the bounds given; none where it cannot be drawn."""
+        return [joint.shape() for joint in self._joints_at(place)]
+
+    def _joints_at(self, place: Array) -> list[Joint]:
+        """Every joint at places (P,) in 0..1 of the bounds given; none where it cannot be drawn."""
         try:
-            scene = scene_of(self.drawn, _design_between(self.vary, place))
-            return [placed.joint.shape() for placed in scene.joints]
+            return [p.joint for p in scene_of(self.drawn, _design_between(self.vary, place)).joints]
         except SceneError:
             return []
+
+    def _usual_method(self, scene: Scene) -> Literal["full", "conventional"]:
+        """ "full" where links are rigid and all joints have records, of joints drawn as they are by any parameters."""
+        if not scene.joints or scene.compliances:
+            return "conventional"
+        elsewhere = self._joints_at(np.full(len(self.vary), 0.37))
+        try:
+            for joint in (*(placed.joint for placed in scene.joints), *elsewhere):
+                check_drawing(joint, find_record(joint.family))
+        except RecordError:
+            return "conventional"
+        return "full"
 
     def _within(self, own: _Range, i: int) -> tuple[float, float]:
         """Where, between its bounds, parameter i keeps a shape parameter within its range; nothing where it never does."""
@@ -645,18 +661,6 @@ class _Range:
         value = self.of(shapes)
         known = np.isfinite(value) and (self.shape.scale != "log" or value > 0.0)
         return 1.0 - abs(self.shape.place(value)) if known else -1.0
-
-
-def _usual_method(scene: Scene) -> Literal["full", "conventional"]:
-    """ "full" where all joints have records and links are rigid."""
-    if not scene.joints or scene.compliances:
-        return "conventional"
-    try:
-        for family in {placed.joint.family for placed in scene.joints}:
-            find_record(family)
-    except RecordError:
-        return "conventional"
-    return "full"
 
 
 def _given_bounds(vary: Any) -> dict[str, tuple[float, float]]:

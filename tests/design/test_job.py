@@ -281,6 +281,7 @@ def failing(thickness):
         ({"limits": {"stress_MPa": (500, 100)}}, "the least must be below the most"),
         ({"limits": {"stress_MPa": (None, None)}}, "give the most, or (least, most)"),
         ({"limits": {"size_mm": 80}}, "give the most along x, y and z"),
+        ({"limits": {"size_mm": (None, None, None)}}, "give the most along x, y and z"),
         ({"link": "leg", "loads": {"p": [{"link": "leg", "force": (0, 0, 1), "at": (0, 0, 0)}]}}, "acts on link 'leg'"),
         ({"method": "modal"}, "method = 'modal': choose one of"),
         ({"link": "arn"}, "link = 'arn': there is no such link in 'pivot'; did you mean \"arm\"?"),

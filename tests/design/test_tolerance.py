@@ -36,6 +36,7 @@ def test_limits_alone_are_enough_and_say_the_same_as_beside_a_target():
     k = [asked.names.index(n) for n in names]
     assert found.nominal == pytest.approx(asked.nominal[k])
     assert found.first_order == pytest.approx(asked.first_order[k])
+    assert str(alone).startswith("Job: limits alone by length, ")
     assert np.isnan(found.merits).all() and found._line().endswith("of 16 samples hold every limit")
     # what has no answer is no worst target
     missing = np.where(np.arange(len(both.answers)) == 1, np.nan, both.values(both.point(BEST)))

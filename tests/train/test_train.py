@@ -306,6 +306,28 @@ def test_a_record_of_a_joint_as_drawn_is_refused_by_one_drawn_otherwise(tmp_path
         solved(other, replace(record, design={"length": 0.1}))
 
 
+def stage(**drawn):
+    m = ksd.Mechanism("one")
+    link = m.link("stage")
+    joint = m.join(m.ground, link, guide(**drawn), at=(0, 0, 0), axis="z", toward="y")
+    m.actuate(joint=joint, name="slide")
+    return m
+
+
+def test_every_design_of_a_batch_is_judged_by_its_own_drawing(tmp_path, threads, monkeypatch):
+    train(guide(), out=tmp_path, executor=threads, meshes=("strain",), progress=False)
+    monkeypatch.setenv("KSD_DATABASE", str(tmp_path))
+    apart = [0.02, 0.03] * 10
+    found = ksd.batch(stage, designs=[{"apart": a} for a in apart], slide=[0.01], questions="force")
+    assert [d for d, *_ in found.failures] == list(range(0, 20, 2))
+    assert "start of leaf 1, x: -0.3 there, -0.2 here" in found.why(18, 0)
+    words = {"minimise": "stress_MPa", "slide": 0.01}
+    # jobs take the record where it holds for all designs
+    for bounds, method in (({"apart": (0.02, 0.04)}, "conventional"), ({"scale": (0.8, 1.2)}, "full")):
+        made = ksd.Job(stage, vary=bounds, **words)
+        assert made.method == method and np.isfinite(made.values(made.point(None))).all()
+
+
 def test_leaving_the_plane_is_refused(tmp_path, threads):
     """One outer leaf missing: a pure moment also tilts B."""
     whole = cross(widths=(0.04, 0.01))
