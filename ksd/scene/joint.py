@@ -131,7 +131,7 @@ def _leaves_of(joint: Joint) -> tuple[Leaf, ...]:
 
 def proportions(joint: Joint) -> dict[str, float]:
     """How a joint is drawn, over its `length`: blocks, ends and lengths of leaf springs, and their soft bending stiffness
-    over that of the first one. A record of one joint as drawn holds for those alone."""
+    over the least. A record of one joint as drawn holds for those alone."""
     leaves, L = leaves_of(joint), joint.length
     points = {f"block {n}": point for n, point in enumerate(joint.blocks().values())}
     for n, leaf in enumerate(leaves, 1):
@@ -145,7 +145,7 @@ def proportions(joint: Joint) -> dict[str, float]:
     for n, leaf in enumerate(leaves, 1):
         found |= {
             f"length of leaf {n}": leaf.length / L,
-            f"bending stiffness of leaf {n}": bending[n - 1] / bending[0],
+            f"bending stiffness of leaf {n}": bending[n - 1] / min(bending),
         }
     return found
 

@@ -456,3 +456,19 @@ def test_a_leaf_with_a_profile_bends_in_its_plane_as_in_space():
 def test_bad_descriptions_are_refused():
     with pytest.raises(ValueError, match="at least one element"):
         chain_setup.chain_values(LEAF, L, 0)
+
+
+def test_modes_are_eliminated_as_by_a_dense_solve(rng):
+    """Beside LAPACK, of as many negative eigenvalues; a pivot of rounding is told."""
+    n = 6
+    for negative in range(n + 1):
+        turned = np.linalg.qr(rng.normal(size=(n, n)))[0]
+        W = turned @ np.diag([-1.0] * negative + [2.0] * (n - negative)) @ turned.T
+        right = rng.normal(size=(n, 4))
+        store = np.concatenate([np.zeros(4 * n), right.ravel(), np.tril(W).ravel()])
+        assert planar_leaf._solve(n, store) == (negative, 0)
+        np.testing.assert_allclose(
+            store[: 4 * n].reshape(n, 4), np.linalg.solve(W, right), rtol=1e-9, atol=1e-10
+        )
+    near = np.array([[1.0, 0.0], [1.0, 1.0 + 4e-16]])
+    assert planar_leaf._solve(2, np.concatenate([np.zeros(8), np.ones(8), near.ravel()]))[1] == 2
