@@ -130,16 +130,20 @@ def _leaves_of(joint: Joint) -> tuple[Leaf, ...]:
 
 
 def proportions(joint: Joint) -> dict[str, float]:
-    """How a joint is drawn, over its `length`: blocks, ends and lengths of leaf springs, and their soft bending stiffness
-    over the least. A record of one joint as drawn holds for those alone."""
+    """How a joint is drawn, over its `length`: blocks, ends and lengths of leaf springs, which way they are wide, and their
+    soft bending stiffness over the least. A record of one joint as drawn holds for those alone."""
     leaves, L = leaves_of(joint), joint.length
-    points = {f"block {n}": point for n, point in enumerate(joint.blocks().values())}
+    places = {f"block {n}": np.divide(point, L) for n, point in enumerate(joint.blocks().values())}
     for n, leaf in enumerate(leaves, 1):
-        points |= {f"start of leaf {n}": leaf.start, f"end of leaf {n}": leaf.end}
+        places |= {
+            f"start of leaf {n}": np.divide(leaf.start, L),
+            f"end of leaf {n}": np.divide(leaf.end, L),
+            f"width axis of leaf {n}": leaf.axes[:, 2],
+        }
     found = {
-        f"{name}, {axis}": c / L
-        for name, point in points.items()
-        for axis, c in zip("xyz", point, strict=True)
+        f"{name}, {axis}": c
+        for name, place in places.items()
+        for axis, c in zip("xyz", place.tolist(), strict=True)
     }
     bending = [leaf.material.E * leaf.section.Iz for leaf in leaves]
     for n, leaf in enumerate(leaves, 1):

@@ -262,11 +262,11 @@ def test_internal_blocks_are_recorded(tmp_path, threads):
     assert blocks[0, 3] == pytest.approx(shift / 0.1, rel=0.02)
 
 
-def guide(*, apart=0.03, scale=1.0, thicker=1.0):
+def guide(*, apart=0.03, scale=1.0, thicker=1.0, wide=(0, 0, 1)):
     """A parallel guide: two leaf springs along y, B moves along x."""
     L = 0.1 * scale
     leaves = [
-        ksd.Leaf(start=(x, 0, 0), end=(x, L, 0), width_axis=(0, 0, 1), section=rectangle(t, 0.03), material=STEEL, name=name)
+        ksd.Leaf(start=(x, 0, 0), end=(x, L, 0), width_axis=wide, section=rectangle(t, 0.03), material=STEEL, name=name)
         for name, x, t in (("left", -apart * scale, 0.5e-3), ("right", apart * scale, thicker * 0.5e-3))
     ]  # fmt: skip
     motion = Motion("slide", "translation", (1, 0, 0), (-0.02 * scale, 0.02 * scale))
@@ -297,6 +297,8 @@ def test_a_record_of_a_joint_as_drawn_is_refused_by_one_drawn_otherwise(tmp_path
     assert solved(guide()).trusted and solved(guide(scale=2.0)).trusted
     for other, said in (
         (guide(apart=0.02), r"start of leaf 1, x: -0\.3 there, -0\.2 here"),
+        # the same leaf springs, but what a record tells of them is in their axes
+        (guide(wide=(0, 0, -1)), r"width axis of leaf 1, z: 1 there, -1 here"),
         (guide(thicker=1.1), r"bending stiffness of leaf 2: 1 there, 1\.331 here"),
     ):
         with pytest.raises(
