@@ -20,13 +20,17 @@ MESHES = {
 }
 
 
-def loaded_fourbar():
+WEIGHTS = {"light": None, "heavy": (600.0, -1200.0, 0.0)}
+
+
+def loaded_fourbar(weight="light"):
     """Fourbar with dead and following loads, a drive of two terms seen from a moving link, and a rotation drive."""
     scene = fourbar()
     scene.load("top", force=(30.0, -80.0, 0.0), moment=(0, 0, 2.0), at=(0.05, 0.4, 0.0))
     scene.load("left", force=(-20.0, 15.0, 0.0), at=(-0.25, 0.2, 0.0), following=True)
     seen = scene.displacement("right", (0.6, 0.8, 0), at=(0.2, 0.3, 0), relative_to="top")
     scene.actuate(terms=[seen, 0.3 * scene.rotation("left", "z")], name="mixed")
+    scene.gravity = WEIGHTS[weight]
     return scene
 
 
@@ -64,9 +68,10 @@ def settled(arrays, state, target):
     return work.rhs.copy(), dense(arrays, work)
 
 
+@pytest.mark.parametrize("weight", WEIGHTS)
 @pytest.mark.parametrize("mesh", MESHES)
-def test_tangent_is_the_derivative_of_the_residual(mesh, rng):
-    scene = loaded_fourbar()
+def test_tangent_is_the_derivative_of_the_residual(mesh, weight, rng):
+    scene = loaded_fourbar(weight)
     model = compile_scene(scene, mesh=MESHES[mesh])
     # of its own: integers are shared by models of the same words
     arrays = opened(flatten(plane_of(model).arrays))
@@ -92,10 +97,11 @@ def test_unknowns_are_half():
     assert plane_of(model) is plane_of(model)
 
 
+@pytest.mark.parametrize("weight", WEIGHTS)
 @pytest.mark.parametrize("mesh", MESHES)
-def test_residual_and_tangent_are_those_of_space_in_the_plane(mesh, rng):
+def test_residual_and_tangent_are_those_of_space_in_the_plane(mesh, weight, rng):
     """Off an equilibrium: what is kept of the spatial residual and matrix."""
-    model = compile_scene(loaded_fourbar(), mesh=MESHES[mesh])
+    model = compile_scene(loaded_fourbar(weight), mesh=MESHES[mesh])
     plane = plane_of(model)
     found = []
     state = conventional(model, dict.fromkeys(model.drive_names, 2e-3)).motion
