@@ -722,7 +722,8 @@ def check_job(job: Any, *, target: bool = True) -> None:
         raise SceneError(f"{show(job)} is no job: make one with ksd.Job(...)")
     if target and all(a.role == "limit" for a in job.answers):
         raise SceneError(
-            "this job has limits alone, and nothing to make better: give maximise or minimise in ksd.Job(...)"
+            "this job has limits alone, and nothing to make better: give maximise or minimise in ksd.Job(...) or "
+            "under [job]"
         )
 
 

@@ -212,7 +212,8 @@ class Choice(Shown):
             )
             for name, o in self.optima.items()
         ]
-        return listed(("job", "worst target", "values", "<held by"), rows, f"Best: {self.best}")
+        best = "No job has an optimum" if self.optima[self.best] is None else f"Best: {self.best}"
+        return listed(("job", "worst target", "values", "<held by"), rows, best)
 
 
 @worded

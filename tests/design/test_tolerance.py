@@ -44,6 +44,9 @@ def test_limits_alone_are_enough_and_say_the_same_as_beside_a_target():
     for call in (ksd.optimise, lambda j: ksd.pareto(j, against="stress_MPa")):
         with pytest.raises(ksd.SceneError, match="this job has limits alone, and nothing to make better"):
             call(alone)
+    chosen = ksd.choose({"alone": alone})
+    assert "this job has limits alone" in chosen.status["alone"]
+    assert "No job has an optimum" in str(chosen) and "Best" not in str(chosen)
 
 
 def test_standard_deviations_are_those_of_slopes(made):
