@@ -7,6 +7,7 @@ pads: both convex.
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import permutations
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -233,17 +234,11 @@ def _ground(corners: Array, back: Array, size: float, camera: Camera) -> list[Ar
     middle = corners.mean(axis=0)
     along = np.cross(camera.toward, back)
     if camera.plane is None and len(corners) > 1:
-        # the sides of the pad: along the width of a leaf spring and across it, the longer one as seen
-        wide = corners[1] - corners[0]
-        wide = wide - (wide @ back) * back
-        sides = [way / np.linalg.norm(way) for way in (wide, np.cross(back, wide))]
-        along = max(sides, key=lambda way: float(np.ptp(corners @ way) * np.linalg.norm(camera.flat(way))))
-        side = np.cross(along, back)
-        side *= np.sign(side @ camera.toward)
-        beside = (corners - middle) @ side
-        middle = middle + beside.max() * side
-        # it need not be a rectangle
-        corners = corners[beside > beside.max() - 0.5 * np.ptp(beside) - 1e-9 * size]
+        # of the sides of the outline, the one toward the eye with the largest strip behind it as seen
+        sides = [(a, b, np.cross(b - a, back)) for a, b in permutations(corners, 2)]
+        outer = [side for side in sides if ((corners - side[0]) @ side[2]).max() <= 1e-9 * size**2]
+        a, b, _ = max(outer, key=lambda side: float(side[2] @ camera.toward))
+        corners, middle, along = np.stack([a, b]), 0.5 * (a + b), a - b
     along = along / max(float(np.linalg.norm(along)), 1e-12)
     far = (corners - middle) @ along
     reach = max(0.5 * float(np.ptp(far)), 1.5 * GAP * size)

@@ -160,6 +160,33 @@ def test_a_link_is_a_body_between_its_joints(bent):
         )
 
 
+@pytest.mark.parametrize("view", ["3d", (-60, 60), (170, 40), (-20, -30), (-100, 20)])
+def test_ground_is_hatched_along_a_side_of_what_is_clamped(view):
+    """In space too: the outer leaf springs of a cross flexure reach further than the inner one, so its block is no
+    rectangle, and a line parallel to its length stood apart from it."""
+    joint = ksd.CrossFlexure(
+        ksd.Material(E=200e9, nu=0.3), length=0.1, angle=np.pi / 4, thickness=5e-4, widths=(0.02, 0.02), gap=0.01
+    )  # fmt: skip
+    scene = ksd.Mechanism("cross flexure")
+    placed = scene.join("ground", scene.link("arm"), joint, at=(0, 0, 0), axis="z", toward="x", name="hinge")
+    scene.actuate_joint(placed, name="turn")
+    shape = ksd.solve(scene, turn=0.3).shape()
+    (ground,) = (b for b in shape.blocks if b.name == "ground")
+    (pad,) = pads(shape, ground)
+    size, camera = size_of(shape), camera_of(shape, view, plane=None)
+    back = THICK * size * np.array([-1.0, 0.0, 0.0])
+    line, *strokes = hatches(pad, size, camera)
+    ends = [np.linalg.norm(pad.corners + back - end, axis=1).min() for end in line]
+    assert max(ends) < 1e-12, "from corner to corner"
+    middle = pad.corners.mean(axis=0)
+    along = line[1] - line[0]
+    out = np.cross(along, back)
+    out *= np.sign((line[0] - middle) @ out)
+    assert ((pad.corners - line[0]) @ out).max() < 1e-12, "at its rim"
+    assert out @ camera.toward > 0, "on the side of the eye"
+    assert len(strokes) > 3 and all((end - start)[0] < 0 for start, end in strokes)
+
+
 def test_drives_and_loads_are_arrows_of_a_readable_length():
     """A drive of 1 % of the size, or of nothing, is as long as can be seen; a force ends where it acts."""
     scene = fourbar()
