@@ -146,7 +146,7 @@ for effect, changes in pose.left_out.items():
     print(f"{effect:8}", ", ".join(f"{name} {100 * change:+.2g} %" for name, change in changes.items()))
 
 # %%
-# The last lines say what plate stiffening is worth for leaf springs this wide. It is put in by a word.
+# Leaf springs this wide are stiffer by plate stiffening than the model has it. It is put in by a word.
 
 with_plate = ksd.solve(scene, push=5 * mm, with_="plate")
 print(f"{pose.forces['push']:.4f} N, with plate stiffening {with_plate.forces['push']:.4f} N")
@@ -168,5 +168,5 @@ ksd.save_scene(scene, folder / "guide.toml", targets={"push": 5 * mm})
 print((folder / "guide.toml").read_text())
 
 # %%
-# Next: two guides on each other make an XY stage, in the next tutorial; what to do with several load cases, and
-# with gravity, is in the how-to pages.
+# Next: two guides on each other make an XY stage, in the next tutorial; load cases and gravity are in the how-to page
+# on loads.

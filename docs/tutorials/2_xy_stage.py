@@ -69,17 +69,17 @@ there = corner.frequencies(freed=["x", "y"])
 print(there)
 
 # %%
-# At the corner of the stroke the first parasitic mode has dropped much, and it changes its nature. It pays to see
-# what moves: `shape` holds every mode by link, and :func:`ksd.view.animate_mode` makes a GIF of it. Here a table
-# of the largest motions will do.
+# In the corner of the field the first parasitic mode has dropped much, and the table now turns while it moves along
+# z. `shape` holds every mode by link (m and rad, of any scale), :func:`ksd.view.animate_mode` makes a GIF of it.
 
 print(
     f"first parasitic mode {free.first_parasitic_Hz:.1f} Hz at rest, {there.first_parasitic_Hz:.1f} Hz in the corner"
 )
-mode = there.first_parasitic
-for name, motion in zip(there.model.node_names, there.shape[mode], strict=True):
-    shift, turn = motion[:3], motion[3:]
-    print(f"{name:10} moves {np.round(shift, 2)}, turns {np.round(turn, 1)} about x, y, z")
+for place, modes in {"at rest": free, "in the corner": there}.items():
+    for name, motion in zip(modes.model.node_names, modes.shape[modes.first_parasitic], strict=True):
+        print(
+            f"{place:13} {name:8} moves {np.round(motion[:3], 2)}, turns {np.round(motion[3:], 1)} about x, y, z"
+        )
 
 # %%
 # Over the whole field
@@ -103,8 +103,8 @@ print("first parasitic mode [Hz], x down, y across")
 print(np.round(first, 1))
 
 # %%
-# What makes it soft is the twist of bent leaf springs under the mass above them. Two ways out: leaf springs that
-# are stiff in their middle, or shorter strokes. The first is one word away.
+# What makes it soft is the twist of bent leaf springs. Two ways out: leaf springs that are stiff in their middle, or
+# shorter strokes. The first is another joint.
 
 stiffer = ksd.StiffenedGuide(
     steel, length=60 * mm, flexible=0.2, thickness=0.3 * mm, width=25 * mm, spacing=50 * mm
@@ -136,8 +136,8 @@ for name, joint in {"leaf springs": guide, "with a stiff middle": stiffer}.items
 # --------------------
 #
 # So far the masses were for frequencies only. Here gravity pulls across the stage, with a payload 30 mm above the
-# leaf springs. Rest is the drawing without weight, so the parasitic motion tells what the payload sinks: little at rest,
-# much more in the corner, where bent leaf springs twist.
+# leaf springs. Rest is the drawing without weight, so the parasitic motion tells how far the table sinks:
+# little at rest, ten times as much in the corner, where bent leaf springs twist.
 
 hanging = stage_of(guide)
 hanging.mass("table", mass=0.2, inertia=(5e-5, 5e-5, 5e-5), at=middle + np.array((0, 0, 30)) * mm)

@@ -113,9 +113,8 @@ for lift, x, stress in zip(table["coil 1_mm"], table["support_x_N_per_m"], table
 # Gravity and heat
 # ----------------
 #
-# Two more questions that a drawing raises. How far does the mirror sag by its weight with the coils without
-# current? For that the drives are left out, and gravity is said. And what do the coils do that warm the folded
-# leaf springs by ten kelvin?
+# Two more questions. How far does the mirror sag with the coils without current? For that the drives are left out,
+# and gravity is given. And how far does it move when the coils warm the folded leaf springs by ten kelvin?
 
 sagging = ksd.Mechanism("sagging mirror")
 hung = sagging.link("mirror", mass=0.2, inertia=(9e-5, 9e-5, 18e-5), at=(0, 0, 0))
@@ -139,5 +138,5 @@ print(f"sag {sagged.displacement(hung)[2] / mm:.3f} mm, weight over stiffness {e
 print(f"10 K warmer: moves by {abs(warm.displacement(hung)).max() / mm * 1e6:.3f} nm")
 
 # %%
-# Three leaf springs that grow alike push nothing anywhere: the middle is the thermal centre. Every sentence that
-# was said is simulated; `print(pose.model)` lists what is in the model and what is not.
+# Three leaf springs that grow alike push nothing anywhere: the middle is the thermal centre. `print(pose.model)` lists
+# what is in the model and what is not.

@@ -66,8 +66,7 @@ for angle, used in zip(table["crank_deg"], share, strict=True):
 # Gripping
 # --------
 #
-# A gripped part pushes back on the tip. The force is said as a load; the moment of the crank grows by what it
-# takes.
+# A gripped part pushes back on the tip. Its force is a load; the moment of the crank grows by what that takes.
 
 part = ksd.sweep(
     scene,
@@ -89,9 +88,9 @@ for row in part.rows():
 # -------------------
 #
 # Which moment holds the jaw where I want it? `ksd.required_loads` takes positions of links and tells the drive
-# forces, and what they cannot balance. Links without a position find their own, and get no force. First the pose
-# found above: the moment must come back. Then the same pose, but with a jaw that does not turn: what no drive can
-# give is "unbalanced", and says which actuator is missing.
+# forces, and what they cannot balance. Links without a position find their own, without a force. First the pose
+# found above: the moment must come back. Then the same pose, but with a jaw that does not turn: "unbalanced" are the
+# forces and moments that no drive gives, so which actuator is missing.
 
 poses = {name: open_pose.links[name] for name in ("crank", "jaw")}
 needed = ksd.required_loads(scene, poses)

@@ -41,14 +41,14 @@ def guide_with(camera=0.0, above=0.0, gravity=None):
 # Frequencies and what they belong to
 # -----------------------------------
 #
-# A drive holds what it drives. For the free guide it is let go: `freed="push"`. With the drive let go one mode is the
-# motion meant: "intended". All others are parasitic, and the first of them bounds what a controller can do.
+# A drive holds what it drives; `freed="push"` lets it go. One mode then is the motion meant: "intended". All others are
+# parasitic, and the first of them bounds what a controller can do.
 
 scene = guide_with()
 rest = ksd.solve(scene, push=0.0)
 free = rest.frequencies(freed="push", count=8)
 print(free)
-print(dict(zip(free.names, free.frequency_Hz.round(2), strict=True)))
+print(dict(zip(free.names, free.frequency_Hz.round(2).tolist(), strict=True)))
 
 # %%
 # A leaf spring has modes of its own, "between the ends": the stage stands still in them, and here they are the lowest that
@@ -59,8 +59,8 @@ held = rest.frequencies(count=2)
 print(f"first parasitic: {free.first_parasitic_Hz:.2f} Hz let go, {held.first_parasitic_Hz:.2f} Hz held")
 
 # %%
-# A table says what moves most. The picture says how: here the lowest mode in which the stage itself moves and should
-# not, its amplitude for the eye.
+# The table says what moves most, the picture how: here the lowest parasitic mode in which the stage itself moves, its
+# amplitude chosen for the eye.
 
 ksd.view.plot_mode(rest, mode="parasitic_3", modes=free, view="xz", amplitude=0.15)
 
@@ -105,7 +105,7 @@ for row in table.rows():
 table.plot("frequencies")
 
 # %%
-# Why do they fall so far? At 5 mm the stage moves across nearly for nothing, as bent leaf springs twist.
+# Why do they fall so far? Across the stage less than a quarter of the stiffness is left at 5 mm, as bent leaf springs twist.
 
 moved_pose = ksd.solve(scene, push=5 * mm)
 bent = moved_pose.frequencies(freed="push")
@@ -213,4 +213,4 @@ for swing in (0.1 * mm, 1 * mm):
 
 # %%
 # Motion at speed from one pose to another, spin-up and impact are not in the package; what stands for them is in the
-# theory, on the page on dynamics. `plant.to_mat("plant.mat")` hands the linear model to a program for control.
+# theory, on the page on vibrations. `plant.to_mat("plant.mat")` hands the linear model to a program for control.
