@@ -7,13 +7,14 @@ r' = v = R (e1 + C R^T n) with C = diag(1/EA, 1/kGA, 1/kGA), so stretch and shea
 in the frame of end p.
 Interface of all members: see `ksd.model.assembly`; constants: `ksd.beam.strain_values`.
 
-Source: the stationary conditions of the mixed functional 1/2 (a - a0) K (a - a0) - H + lam.closure, with the sum over the
-quadrature points H = L sum w (n.R e1 + 1/2 n.R C R^T n). Residual and tangent are the derivatives of that very sum, by the
-chain of the Magnus steps, so that the tangent is symmetric and exact however few the points. Of the derivative of m.psi by
-the amplitudes the tangent has the symmetric part; the skew part is that of a moment which turns by half of what the closure
-turns, c + xi: so does m in every step, and Newton's method stays quadratic inside the leaf. Then the end of the leaf is
-r(L) = dH/dn, and by partial summation the residual has at every gap the moment m + sum over the points behind it of
-L w v x n, for the m + (r(L) - r(s)) x n of the rod.
+Source: the stationary conditions of the mixed functional 1/2 (a - a0) K (a - a0) - H + n.d + m.log(Q R(L)^T) for end q at d,
+Q (c, what its derivative by lam is, are the gaps there), with the sum over the quadrature points H = L sum w (n.R e1 + 1/2
+n.R C R^T n). Residual and tangent are the derivatives of that very sum, by the chain of the Magnus steps, so that the
+tangent is symmetric and exact however few the points. Of the derivative of m.psi by the amplitudes the tangent has the
+symmetric part; the skew part is that of a moment which turns by half of what the closure turns, c + xi: so does m in every
+step, and Newton's method stays quadratic inside the leaf. Then the end of the leaf is r(L) = dH/dn, and by partial summation
+the residual has at every gap the moment m + sum over the points behind it of L w v x n, for the m + (r(L) - r(s)) x n of the
+rod.
 
 A leaf with weight has line mass mu [kg/m] in gravity g [m/s^2], in frame p; its tables end with M(s) = int_s^L mu. Then
 the force is n(s) = n + M g. dH/dg = int M v is the first moment of the mass about end p, and eta_i its derivative by the
