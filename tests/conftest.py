@@ -1,8 +1,13 @@
 """Fixtures shared by all tests; the scenes are in `scenes.py`."""
 
+import os
 import subprocess
 import sys
 from pathlib import Path
+
+# before numpy is loaded: last digits of the steps of scipy's SLSQP hang on how many threads its linear algebra finds free,
+# and what threads and processes find is compared bit for bit
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import numpy as np
 import pytest
