@@ -273,44 +273,34 @@ class Solver:
         """The answer as it is, whether the mesh resolves it or not, trusted or not."""
         try:
             with self.lock:
-                return self._answer(values, method, accuracy, relinearisations, estimate)
+                if method is not None:
+                    _check_words(method, relinearisations)
+                if method == "constant":
+                    return self._by_constant_leaves(values, estimate)
+                if self._has_bodies():
+                    return self._of_bodies(values, method, relinearisations, estimate)
+                if self.model.mesh.plate:
+                    found, used = settled(
+                        self,
+                        lambda s: s._solve(values, method, accuracy, relinearisations, estimate),
+                        0.1 * accuracy,
+                    )
+                else:
+                    found, used = self._solve(values, method, accuracy, relinearisations, estimate), self
+                if method is None or not needs_load_step_check(found):
+                    return found
+                against, other = load_step_check(found, lambda: used._by_load_steps(values))
+                error = found.method_error
+                if error is not None and other is not None:
+                    # the distance to the exact state is the error, no longer an estimate of it
+                    error = relative_error(found.model, found.motion, other.motion)
+                return replace(found, doubts=(*found.doubts, *filter(None, [against])), method_error=error)
         except (ConvergenceError, RangeError) as error:
             # the drive values were probably meant in another unit
             said = "; ".join(self.model.far_drives(values))
             if said:
                 error.args = (f"{str(error).rstrip('.')}; {said}",)
             raise
-
-    def _answer(
-        self,
-        values: Mapping[str, float],
-        method: str | None,
-        accuracy: float,
-        relinearisations: int,
-        estimate: bool,
-    ) -> Configuration:
-        if method is not None:
-            _check_words(method, relinearisations)
-        if method == "constant":
-            return self._by_constant_leaves(values, estimate)
-        if self._has_bodies():
-            return self._of_bodies(values, method, relinearisations, estimate)
-        if self.model.mesh.plate:
-            found, used = settled(
-                self,
-                lambda s: s._solve(values, method, accuracy, relinearisations, estimate),
-                0.1 * accuracy,
-            )
-        else:
-            found, used = self._solve(values, method, accuracy, relinearisations, estimate), self
-        if method is None or not needs_load_step_check(found):
-            return found
-        against, other = load_step_check(found, lambda: used._by_load_steps(values))
-        error = found.method_error
-        if error is not None and other is not None:
-            # the distance to the exact state is the error, no longer an estimate of it
-            error = relative_error(found.model, found.motion, other.motion)
-        return replace(found, doubts=(*found.doubts, *filter(None, [against])), method_error=error)
 
     @cached_property
     def constant(self) -> tuple[Model, Storage]:
