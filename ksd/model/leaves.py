@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Container, Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import cache, lru_cache
 from itertools import pairwise
 from typing import Any
 
@@ -140,20 +140,22 @@ COILED = 5.0
 """Turning of a curve to and fro [rad] that the modes of one leaf follow in any case."""
 
 
-@lru_cache(maxsize=32)
-def _projector(modes: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+@cache
+def _projector() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Gauss points (64,) in [-1, 1], roots of their weights (64, 1), Legendre polynomials of norm 1 there (64, modes)."""
     x, w = np.polynomial.legendre.leggauss(64)
     root = np.sqrt(w)[:, None]
-    return x, root, root * np.polynomial.legendre.legvander(x, modes - 1) * np.sqrt(np.arange(modes) + 0.5)
+    norm = np.sqrt(np.arange(MOST_MODES) + 0.5)
+    return x, root, root * np.polynomial.legendre.legvander(x, MOST_MODES - 1) * norm
 
 
-def _missed(curve: Any, modes: int, pieces: int = 1) -> float:
-    """Share of the square of a curvature that so many modes on each of equal pieces miss."""
-    x, root, V = _projector(modes)
+def _missed(curve: Any, pieces: int = 1) -> np.ndarray:
+    """Shares (MOST_MODES,) of the square of a curvature that 1, 2, ... modes on each of equal pieces miss."""
+    x, root, V = _projector()
     s = (np.arange(pieces) + 0.5 * (x[:, None] + 1.0)) / pieces
     kappa = root * curve.curvatures(s.ravel()).reshape(64, -1)
-    return 1.0 - float(((V.T @ kappa) ** 2).sum() / max((kappa**2).sum(), 1e-300))
+    followed = ((V.T @ kappa) ** 2).sum(axis=1).cumsum()
+    return np.asarray(1.0 - followed / max((kappa**2).sum(), 1e-300))
 
 
 @lru_cache(maxsize=512)
@@ -162,7 +164,8 @@ def raised_orders(leaf: Any, mesh: Mesh) -> tuple[tuple[int, int, int], int]:
 
     A moment that is constant in space varies like a sine along an arc; one more mode per 30 degrees of total turning
     about an axis keeps the compliance at 1e-7 (circular arcs of up to 330 degrees against meshes of 16 modes). A wavy curve
-    needs as many as follow it to `ASTRAY`, however little it turns: with fewer its stiffness was 3 % off.
+    needs as many as follow it to `ASTRAY`, however little it turns: with fewer its stiffness was 3 % off, in its own plane
+    and, where its torsion had fewer, across it.
     """
     orders = tuple(leaf.orders or mesh.orders)
     points = max(mesh.points, max(orders) + 1)
@@ -173,8 +176,10 @@ def raised_orders(leaf: Any, mesh: Mesh) -> tuple[tuple[int, int, int], int]:
     kappa = leaf.length * curve.curvatures(np.linspace(0.0, 1.0, 65))
     more = int(np.ceil(np.rad2deg(np.sqrt((kappa**2).sum(axis=1)).mean()) / 30.0))
     astray = (ASTRAY / max(np.sqrt((kappa**2).mean(axis=0).sum()), ASTRAY)) ** 2
-    wavy = next(n for n in range(1, MOST_MODES + 1) if n == MOST_MODES or _missed(curve, n) <= astray)
-    least = np.where(kappa.any(axis=0), wavy, 0).tolist()
+    wavy = min(1 + int((_missed(curve) > astray).sum()), MOST_MODES)
+    # across a bend moments become torsion, about a twist all axes mix
+    turns = kappa.any(axis=0)
+    least = np.where([turns.any(), *(turns[1:] | turns[0])], wavy, 0).tolist()
     orders = tuple(max(n, min(max(n + more, m), MOST_MODES)) for n, m in zip(orders, least, strict=True))
     return mesh.modes(orders, max(points, max(orders) + 3))
 
@@ -303,7 +308,7 @@ def _too_wavy(leaf: Any, name: str) -> SceneError:
     """What to say of a leaf whose modes do not follow its curve."""
     turning = leaf.length * np.abs(leaf.curve.curvatures(np.linspace(0.0, 1.0, 65))).sum(axis=1).mean()
     pieces = max(2, math.ceil(turning / COILED))
-    pieces = next((n for n in range(pieces, pieces + 64) if _missed(leaf.curve, 12, n) < 1e-6), pieces)
+    pieces = next((n for n in range(pieces, pieces + 64) if _missed(leaf.curve, n)[11] < 1e-6), pieces)
     return SceneError(
         f"leaf '{name}': its curve bends to and fro more often than the curvature modes of a leaf; put points on it, "
         f"mechanism.point('{name}', s) every {1e3 * leaf.length / pieces:.3g} mm, and each piece has modes of its own"
