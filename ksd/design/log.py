@@ -16,9 +16,8 @@ from ksd.design.job import Job, Judged
 from ksd.design.questions import Row
 from ksd.design.resume import ResumeFile
 from ksd.design.sweep import SweepInterrupted
-from ksd.design.table import OK, Table
+from ksd.design.table import Table
 from ksd.design.words import check_executor
-from ksd.errors import KsdError
 from ksd.properties.words import progress_bar
 
 Array = np.ndarray
@@ -90,23 +89,14 @@ class Log:
         return self.batch(x, by=by).values[0]
 
     def slopes(self, x: ArrayLike, *, by: str = "") -> tuple[Array, Array]:
-        """`Job.slopes`; a design without derivatives raises what it raises, and is a row."""
+        """Answers (answers,) of a design, as `values` has them, and slopes of `Job.slopes`; raises what that raises."""
         x = np.asarray(x, float)
-        key = f"slopes {_key(x)}"
+        values, key = self.values(x, by=by), f"slopes {_key(x)}"
         if key not in self.kept.found:
-            try:
-                values, slopes = self.job.slopes(x)
-            except KsdError as why:
-                if _key(x) not in self.kept.found:
-                    self._keep(_key(x), x, np.full(len(self.job.names), np.nan), str(why), by)
-                self._read(_key(x))
-                raise
-            if _key(x) not in self.kept.found:
-                self._keep(_key(x), x, values, OK, by)
+            slopes = self.job.slopes(x)[1]
             self.kept.keep(key, [dict(zip(self.job.names, s.tolist(), strict=True)) for s in slopes.T])
-        row = self._read(_key(x))
-        slopes = np.array([[by_one[n] for n in self.job.names] for by_one in self.kept.found[key]]).T
-        return np.array([row[n] for n in self.job.names]), slopes
+        rows = self.kept.found[key]
+        return values, np.array([[row[n] for n in self.job.names] for row in rows]).T
 
     def _keep(self, key: str, x: Array, values: Array, status: str, by: str) -> None:
         row = {**self.job.design_at(x), **dict(zip(self.job.names, values.tolist(), strict=True))}

@@ -415,8 +415,11 @@ def _evolved(search: Search, y: Array) -> Array:
 
 
 def _holds(search: Search, y: Array) -> tuple[dict[str, float], dict[str, float]]:
-    """What holds an optimum, with its multiplier, and a flat direction."""
-    job, margins, slopes = search.job, search.margins(y), search.slopes(y)
+    """What holds an optimum, with its multiplier, and a flat direction; nothing where there is no gradient."""
+    try:
+        job, margins, slopes = search.job, search.margins(y), search.slopes(y)
+    except Failed:
+        return {}, {}
     level = search.level(margins)
     names = [job.names[s.answer] for s in search.sides] + [f"rule {n}" for n in job.rule_names]
     close = np.where(search.targets, margins - level, margins) <= 10 * BINDING

@@ -14,7 +14,7 @@ import numpy as np
 from ksd.checks import nearest
 from ksd.design.job import Job
 from ksd.design.log import Log
-from ksd.design.optimum_page import optimum_page
+from ksd.design.optimum_page import NOT_KNOWN, optimum_page
 from ksd.design.search import BINDING, Search
 from ksd.design.table import OK, Table
 from ksd.errors import SceneError
@@ -64,11 +64,12 @@ class Optimum(Shown):
     """The best design that was found, and what holds it.
 
     job: with the limits that were held; method: of the search; design: parameters by name, SI; merit: the worst target
-    over its scale; answers: by name; held: what holds it back (target, limit, rule, bound), and what it is worth: percent
-    by which the merit grows per percent that a limit or bound is moved (of targets the share that each has in the worst,
-    of rules per percent of their range); flat: a direction of parameters that changes none of it, by name; starts: how
-    each ended; table: every design; seconds: of CPU time; robust: standard deviations by which limits of `job` are moved
-    in and targets count less; margins: what that is, by answer, in units of its column.
+    over its scale; answers: by name; held: what holds it back (target, limit, rule, bound), and what it is worth:
+    percent by which the merit grows per percent that a limit or bound is moved (of targets the share that each has in
+    the worst, of rules per percent of their range), nothing where the design has no gradient; flat: a direction of
+    parameters that changes none of it, by name; starts: how each ended; table: every design; seconds: of CPU time;
+    robust: standard deviations by which limits of `job` are moved in and targets count less; margins: what that is, by
+    answer, in units of its column.
     """
 
     job: Job
@@ -101,9 +102,10 @@ class Optimum(Shown):
 
     @property
     def agreed(self) -> int:
-        """How many starts ended at the best of them, to 1e-5."""
+        """How many starts ended at the best of them, to 1e-4: limits are met to 1e-5, and each may be worth several times
+        that."""
         good = [s.merit for s in self.starts if s.status == OK]
-        return sum(abs(m - max(good)) <= 1e-5 * abs(max(good)) for m in good)
+        return sum(abs(m - max(good)) <= 10 * BINDING * abs(max(good)) for m in good)
 
     @property
     def worst(self) -> str:
@@ -178,7 +180,7 @@ class Optimum(Shown):
             for n, w in self.held.items()
         ]
         parts = [listed(("parameter", "value", "least", "most"), rows, head)]
-        parts.append(listed(("held by", "value", "worth [%/%]"), held))
+        parts.append(listed(("held by", "value", "worth [%/%]"), held) if held else NOT_KNOWN)
         for name, side in self.job.held_by:
             if f"{name} at its {side}" in self.held:
                 parts.append(f"{name}: {self.job.held_by[name, side]}")

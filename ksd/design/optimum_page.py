@@ -14,6 +14,8 @@ from ksd.view.optimum import plot_optimum
 if TYPE_CHECKING:
     from ksd.design.optimum import Optimum
 
+NOT_KNOWN = "What holds it is not known: there is no gradient at this design"
+
 
 def optimum_page(optimum: Optimum) -> str:
     """The page as HTML text."""
@@ -84,6 +86,8 @@ def _design(optimum: Optimum) -> list[str]:
 
 
 def _held(optimum: Optimum) -> list[str]:
+    if not optimum.held:
+        return [f"<p>{NOT_KNOWN}</p>"]
     heads = [("held by", ""), ("value", "in units of its name"), ("worth", "% per %")]
     rows = [(n, optimum.answers.get(n), worth) for n, worth in optimum.held.items()]
     said = (

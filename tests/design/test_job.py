@@ -222,6 +222,36 @@ def test_designs_that_fail_are_rows_with_the_reason_and_replayed(tmp_path, monke
         Log(job(turn=[0.1]), resume=file)
 
 
+def test_a_design_without_slopes_keeps_its_answers(tmp_path):
+    """At the end of what can be built there are answers, and no design beside them; one that cannot be built has neither."""
+
+    def edge(length, thickness):
+        if length > 70 * mm:
+            raise ValueError("longer than the stock")
+        return pivot(length, 40 * deg, thickness, 30 * mm, 15 * mm)
+
+    words = {
+        "function": edge, "rules": [], "turn": 0.3,
+        "vary": {"length": (40 * mm, 80 * mm), "thickness": (0.3 * mm, 0.8 * mm)},
+    }  # fmt: skip
+    asked, path = job(**words), tmp_path / "job.jsonl"
+    first, x = Log(asked, resume=path), np.array([70 * mm, 0.5 * mm])
+    for at, why in ((x, "no gradient by 'length'"), (1.1 * x, "no gradient: .*longer than the stock")):
+        with pytest.raises(ksd.KsdError, match=why):
+            first.slopes(at)
+    later = Log(asked, resume=path)
+    known = later.batch([x, 1.1 * x])
+    assert known.status[0] == "ok" and known.values[0] == pytest.approx(asked.values(x), rel=1e-12)
+    assert "longer than the stock" in known.status[1] and np.isnan(known.values[1]).all()
+    # and so for a method without derivatives that goes on from the file of one with
+    with pytest.raises(ksd.KsdError, match="no gradient by 'length'"):
+        ksd.tolerance(asked, x, spread={"length": 1e-4}, samples=4, resume=tmp_path / "made.jsonl")
+    best = ksd.optimise(asked, start=x, method="cobyla", resume=tmp_path / "made.jsonl")
+    assert best.starts[0].status == best.table["status"][0] == "ok"
+    said = "there is no gradient at this design"
+    assert not best.held and said in str(best) and said in best.report(tmp_path / "p.html").read_text()
+
+
 def test_ctrl_c_keeps_the_blocks_that_are_done(tmp_path, monkeypatch, plain):
     monkeypatch.setattr(room, "BLOCK", 2)
     honest, calls = ksd.Job.batch, []

@@ -3,6 +3,7 @@
 import multiprocessing
 import sys
 from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -59,6 +60,16 @@ def test_the_job_of_the_specification_from_five_random_starts():
     assert sum(best.held[n] for n in best.held if n.startswith("support")) == pytest.approx(1.0)
     assert not best.flat and "5 of 5 starts end here" in str(best) and "worth" in str(best)
     assert best.mechanism.scene().name == "pivot"
+
+
+def test_starts_that_end_as_near_as_limits_are_met_agree():
+    """A limit worth 3.6 that is met to 1e-5 is 3.6e-5 of the target."""
+    best = ksd.optimise(small(), starts=3)
+    ends = [
+        end._replace(merit=best.merit * (1 - short))
+        for end, short in zip(best.starts, (0, 3.6e-5, 2e-4), strict=True)
+    ]
+    assert best.agreed == 3 and replace(best, starts=tuple(ends)).agreed == 2
 
 
 def test_worth_is_what_moving_a_limit_changes():
