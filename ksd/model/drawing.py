@@ -1,8 +1,8 @@
 """A scene taken apart: words, which say what hangs on what, and numbers in a fixed order.
 
 Scenes of equal words differ in numbers alone, and make models of the same unknowns (`ksd.model.template`). A part is a
-placed joint, or a free leaf between two links; leaves that bring their constants along (curved, tapered, heated,
-prestressed) have them among the numbers.
+placed joint, or a free leaf between two links; curved leaves have the amplitudes of their shape among the numbers, those
+that are tapered, heated or prestressed all their constants.
 """
 
 from __future__ import annotations
@@ -36,14 +36,15 @@ LEAF = 21
 SPRING = 26
 """Numbers of a spring beside its constants: ends (2, 3), end frames (2, 3, 3), length, floor."""
 GIVEN = 25
-"""Numbers of a leaf that brings its constants, beside these: ends (2, 3), end frames (2, 3, 3), mass."""
+"""Numbers of a leaf that brings its constants or its shape, beside these: ends (2, 3), end frames (2, 3, 3), mass."""
 DIGITS = 12
 """To which lengths of leaves, over that of their joint, are compared: leaves drawn alike differ in the last digits."""
 
 
 class LeafWords(NamedTuple):
     """name; blocks at start and end; kind and settings of the member; whether it has weight; group: leaves of one group have
-    the same constants; given: (constants, inner state), how many numbers it brings, None where they follow from LEAF."""
+    the same constants; given: (constants, inner state), how many numbers it brings, None where they follow from LEAF; bent:
+    modes about each axis of the amplitudes at rest that a leaf brings whose other constants follow."""
 
     name: str
     ends: tuple[str, str]
@@ -51,7 +52,14 @@ class LeafWords(NamedTuple):
     number: tuple[int, ...]
     heavy: bool
     group: int
-    given: tuple[int, int] | None
+    given: tuple[int, int] | None = None
+    bent: tuple[int, ...] = ()
+
+    @property
+    def brings(self) -> int:
+        """How many numbers beside LEAF."""
+        own = self.given or self.bent
+        return GIVEN + sum(own) if own else 0
 
 
 class PartWords(NamedTuple):
@@ -187,33 +195,37 @@ class _Parts:
             material.E, material.G, section.A, section.J, section.Iy, section.Iz, section.ky, section.kz, density,
         )  # fmt: skip
         self.leaf += (*leaf.start, *leaf.end, *leaf.width_axis, long, *size, torsion, plate)
-        plain = leaf.profile is None and leaf.curve is None and (state is None or _as_drawn(state))
-        if not plain:
-            return self._given(leaf, mesh, name, ends, heavy)
+        key: tuple[Any, ...] = (round(long / length, DIGITS), length, size, heavy)
+        if torsion != 1.0 or plate != 1.0:
+            key += (round(torsion, DIGITS), round(plate, DIGITS))
+        if leaf.profile is not None or leaf.curve is not None or not (state is None or _as_drawn(state)):
+            made = leaf_member(leaf, mesh, name="".join(name), heavy=heavy)
+            return self._given(leaf, made, LeafWords(name[1], ends, made.kind, (), heavy, 0), key)
         number: tuple[int, ...]
         if mesh.leaf == "strain":
             orders, points = raised_orders(leaf, mesh)
             kind, number = STRAIN, (*orders, points)
         else:
             kind, number = COROTATIONAL, (leaf.elements or mesh.elements, int(mesh.mip))
-        key: tuple[Any, ...] = (round(long / length, DIGITS), length, size, kind, number, heavy)
-        if torsion != 1.0 or plate != 1.0:
-            key += (round(torsion, DIGITS), round(plate, DIGITS))
-        group = self.groups.setdefault(key, len(self.groups))
-        return LeafWords(name[1], ends, kind, number, heavy, group, None)
+        return LeafWords(name[1], ends, kind, number, heavy, self._group(*key, kind, number))
 
-    def _given(
-        self, leaf: Any, mesh: Mesh, name: tuple[str, str], ends: tuple[str, str], heavy: bool
-    ) -> LeafWords:
-        """Words of a leaf that brings its constants."""
-        made = leaf_member(leaf, mesh, name="".join(name), heavy=heavy)
-        for array in (made.offset, made.frame):
-            self.given += array.ravel().tolist()
-        self.given += [made.mass, *made.inner.tolist(), *made.value.tolist()]
-        key = made.value.tobytes(), made.kind, made.number.tobytes()
-        group = self.groups.setdefault(key, len(self.groups))
-        sizes = len(made.value), len(made.inner)
-        return LeafWords(name[1], ends, made.kind, tuple(made.number.tolist()), heavy, group, sizes)
+    def _given(self, leaf: Any, made: Member, words: LeafWords, key: tuple[Any, ...]) -> LeafWords:
+        """Words of a leaf that brings its shape, or all its constants; key: what constants that follow depend on."""
+        self.given += [*made.offset.ravel().tolist(), *made.frame.ravel().tolist(), made.mass]
+        number = tuple(made.number.tolist())
+        uniform = made.kind == STRAIN and leaf.profile is None and leaf.orders is None
+        if uniform and (leaf.condition is None or leaf.condition.stretch == 1.0):
+            bent = made.inner[:-6].tolist()
+            self.given += bent
+            group = self._group(*key, number, tuple(bent))
+            return words._replace(number=number, group=group, bent=number[:3])
+        self.given += [*made.inner.tolist(), *made.value.tolist()]
+        group = self._group(made.kind, number, made.value.tobytes())
+        return words._replace(number=number, group=group, given=(len(made.value), len(made.inner)))
+
+    def _group(self, *constants: Any) -> int:
+        """The group of leaves with these constants, by what they depend on."""
+        return self.groups.setdefault(constants, len(self.groups))
 
 
 def _as_drawn(state: Condition) -> bool:

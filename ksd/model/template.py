@@ -104,19 +104,26 @@ class Packed:
         at, scale = [], []
         seen = set()
         given: list[tuple[Array, Array]] = []
-        first = np.cumsum([0] + [0 if w.given is None else GIVEN + sum(w.given) for w in words])
+        first = np.cumsum([0] + [w.brings for w in words])
         rest, inner_at, inner_scale = np.zeros(int(members.inner_at[-1])), [], []
         given_rest: list[tuple[Array, Array]] = []
         self.value = np.zeros(len(members.value))
         for i, f in enumerate(leaf.tolist(), start=start):
             w, to, own = words[f], int(members.value_at[i]), int(members.inner_at[i])
+            new, brought = to not in seen, int(first[f]) + GIVEN
+            seen.add(to)
             if w.given is not None:
-                brought = int(first[f]) + GIVEN
                 given_rest.append((own + np.arange(w.given[1]), brought + np.arange(w.given[1])))
-                if to not in seen:
+                if new:
                     given.append((to + np.arange(w.given[0]), brought + w.given[1] + np.arange(w.given[0])))
-                seen.add(to)
                 continue
+            if w.bent:
+                amplitudes = brought + np.arange(sum(w.bent))
+                axes = zip(np.cumsum([0, *w.number[:2]]), w.bent, strict=True)
+                bent = np.concatenate([k + np.arange(n) for k, n in axes])
+                given_rest.append((own + bent, amplitudes))
+                if new:
+                    given.append((to + 1 + sum(n * n for n in w.number[:3]) + bent, amplitudes))
             if w.kind != STRAIN:
                 n = w.number[0]
                 nodes = own + chains.NODE * np.arange(n - 1)
@@ -125,9 +132,8 @@ class Packed:
                 rest[nodes] = np.arange(1, n)
                 inner_at.append(nodes)
                 inner_scale.append(np.full(n - 1, f * SCALES + 9))
-            if to in seen:
+            if not new:
                 continue
-            seen.add(to)
             unit = _constants(w.kind, w.number, w.heavy)
             self.value[to : to + len(unit.value)] = unit.value
             varies = np.flatnonzero(unit.scale)
@@ -184,7 +190,7 @@ class Template:
         self.packed = Packed(self.leaf_words, self.leaf, self.topology.members)
         self.heavy = np.array([w.heavy for w in self.leaf_words], bool)
         self.elements = np.array([float(w.number[0]) for w in self.leaf_words])
-        self.given_leaves = [f for f, w in enumerate(self.leaf_words) if w.given is not None]
+        self.given_leaves = [f for f, w in enumerate(self.leaf_words) if w.brings]
         if words.pulls and self.heavy.any():
             self.topology = self.topology._replace(weight=np.zeros((len(self.leaf), 4)))
         self._attach()
@@ -342,7 +348,7 @@ class Template:
             ends[:, f] = n.given[:, at : at + 6].reshape(-1, 2, 3)
             frame[:, f] = n.given[:, at + 6 : at + 24].reshape(-1, 2, 3, 3)
             mass[:, f] = n.given[:, at + 24]
-            at += GIVEN + sum(self.leaf_words[f].given or ())
+            at += self.leaf_words[f].brings
 
     def _weight(self, mass: Array, n: Numbers) -> Array:
         """Mass of every member and the gravity that pulls at it (D, m, 4); (D, 0, 4) where none weighs anything."""
@@ -385,6 +391,11 @@ class Template:
         """The words with the orders of `mesh` for all leaves that have not their own."""
 
         def number(leaf: LeafWords) -> tuple[int, ...]:
+            if leaf.bent:
+                # at the same points, by which its shape at rest is the same to the last digit
+                now = zip(leaf.number, mesh.orders, self.mesh.orders, strict=False)
+                orders = tuple(n + new - old for n, new, old in now)
+                return (*orders, max(leaf.number[3], max(orders) + 1))
             orders = mesh.orders if leaf.number[:3] == tuple(self.mesh.orders) else leaf.number[:3]
             return (*orders, max(mesh.points, max(orders) + 1))
 

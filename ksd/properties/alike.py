@@ -14,10 +14,9 @@ from numpy.typing import NDArray
 
 from ksd.model.arrays import MEMBERS, STRAIN, VALUE, WEIGHT, Arrays, Bare, Flat, Motion
 from ksd.model.compile import Model
-from ksd.model.drawing import draw
 from ksd.model.mesh import Mesh
 from ksd.model.pack import revalued_floats
-from ksd.model.template import Leaves, Template, design, template_of
+from ksd.model.template import Leaves, Template
 from ksd.properties.unfold import opened_mesh, widened
 
 Array = NDArray[np.float64]
@@ -64,40 +63,22 @@ class Alike(NamedTuple):
 
     def finer(self) -> Alike | None:
         """The same states with one mode more per axis in every leaf, see `ksd.properties.unfold`; amplitudes of these are
-        zero. None where leaf springs that bring their constants then differ in more than numbers."""
+        zero. None where leaf springs bring their constants."""
         mesh, m = opened_mesh(self.models[0]), self.motion
         if mesh == self.template.mesh:
             return self._replace(motion=m.copy())
-        found = self._revalued(mesh) or self._drawn(mesh)
-        if found is None:
-            return None
-        fine, floats = found
-        inner = np.zeros((len(floats), int(fine.topology.members.inner_at[-1])))
-        number, wider = (b.members.number.tobytes() for b in (self.topology, fine.topology))
-        inner[:, widened(number, wider)] = m.inner
-        motion = Motion(m.x.copy(), m.R.copy(), inner, m.multiplier.copy())
-        return self._replace(template=fine, topology=fine.topology, floats=floats, motion=motion)
-
-    def _revalued(self, mesh: Mesh) -> tuple[Template, Array] | None:
-        """Template and numbers (D, f) on another mesh, where the constants of leaf springs follow from their scales."""
         fine = self.template.on(mesh)
         if fine is None:
             return None
         known = [model.derived["leaves"] for model in self.models]
         leaves = Leaves(*(np.concatenate(field) for field in zip(*(k[1] for k in known), strict=True)))
         value, _ = fine.packed.values(leaves, np.concatenate([k[2] for k in known]))
-        return fine, revalued_floats(self.topology.flat.ints, self.floats, value)
-
-    def _drawn(self, mesh: Mesh) -> tuple[Template, Array] | None:
-        """The same of leaf springs that bring their constants: every scene drawn anew."""
-        models = list({id(model): model for model in self.models}.values())
-        drawings = [draw(model.scene, mesh) for model in models]
-        fine = template_of(drawings[0].words, mesh)
-        if any(drawing.words != fine.words for drawing in drawings):
-            return None
-        filled = fine(fine.numbers([drawing.numbers for drawing in drawings]))
-        floats = {id(m): design(filled.arrays, fine.topology, d).flat.floats for d, m in enumerate(models)}
-        return fine, np.stack([floats[id(model)] for model in self.models])
+        floats = revalued_floats(self.topology.flat.ints, self.floats, value)
+        inner = np.zeros((len(floats), int(fine.topology.members.inner_at[-1])))
+        number, wider = (b.members.number.tobytes() for b in (self.topology, fine.topology))
+        inner[:, widened(number, wider)] = m.inner
+        motion = Motion(m.x.copy(), m.R.copy(), inner, m.multiplier.copy())
+        return self._replace(template=fine, topology=fine.topology, floats=floats, motion=motion)
 
 
 def alike(states: Sequence[State]) -> list[tuple[list[int], Alike]]:
