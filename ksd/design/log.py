@@ -69,7 +69,8 @@ class Log:
         """`Job.batch`, block by block, each design on disk when its block is done."""
         X = np.atleast_2d(np.asarray(X, float))
         keys = [_key(x) for x in X]
-        new = [k for k, key in enumerate(keys) if key not in self.kept.found and keys.index(key) == k]
+        at = {key: k for k, key in reversed(list(enumerate(keys)))}
+        new = sorted(k for key, k in at.items() if key not in self.kept.found)
         with progress_bar(self.progress and len(new) > 1) as bar:
             task = bar.add_task(by or "designs", total=len(new))
             for first in range(0, len(new), BLOCK):

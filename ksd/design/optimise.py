@@ -150,8 +150,9 @@ def optimum_of(
     good = [w for w in ways if w.ended.status == OK]
     if not good:
         meant = "".join(f"; {said}" for said in job.far_drives())
+        led = _led(job, ways) or "a design that meets the limits"
         raise ConvergenceError(
-            f"none of {len(X)} starts led to a design that meets the limits; the first: {ways[0].ended.status}{meant}",
+            f"none of {len(X)} starts led to {led}; the first: {ways[0].ended.status}{meant}",
             result=log.table(),
         )
     best, margins = max(good, key=lambda w: w.ended.merit), dict[str, float]()
@@ -164,6 +165,16 @@ def optimum_of(
         job, method, job.design_at(x), best.ended.merit, dict(zip(job.names, log.values(x).tolist(), strict=True)), held,
         flat, tuple(w.ended for w in ways[: len(X)]), log.table(), sum(w.seconds for w in ways), times, margins,
     )  # fmt: skip
+
+
+def _led(job: Job, ways: list[_Way]) -> str:
+    """The best design on the way of starts that ended elsewhere, in words; nothing where none meets the limits."""
+    met = [w.search.met_best for w in ways if w.search.met_best is not None]
+    if not met:
+        return ""
+    x = ways[0].search.x(max(met, key=lambda own: own[0])[1])
+    said = ", ".join(f"{n} {v:.5g}" for n, v in job.design_at(x).items())
+    return f"an optimum, the best design that meets the limits is {said}"
 
 
 def _scatter(job: Job, robust: float, spread: Mapping[str, float] | None) -> tuple[float, Array]:
@@ -199,7 +210,10 @@ def _all_ways(
         for x, name in zip(X, names, strict=True):
             yield _way(Search(job, log, name, told=told), x, method)
         return
-    waiting = [executor.submit(_elsewhere, job, x, method, name) for x, name in zip(X, names, strict=True)]
+    known = dict(log.kept.found)
+    waiting = [
+        executor.submit(_elsewhere, job, x, method, name, known) for x, name in zip(X, names, strict=True)
+    ]
     taken: list[Future[Any]] = []
     try:
         for one, name in zip(waiting, names, strict=True):
@@ -213,19 +227,23 @@ def _all_ways(
         raise
 
 
-def _elsewhere(job: Job, x: Array, method: str, by: str) -> Any:
-    """One start in a worker: how it ended, where, values and gradients, and what its log holds."""
+def _elsewhere(job: Job, x: Array, method: str, by: str, known: Mapping[Any, Any]) -> Any:
+    """One start in a worker, to which designs and slopes are `known`: how it ended, where, what its search found, and what
+    its log holds of it."""
     log = Log(job)
+    log.kept.found |= known
     way = _way(Search(job, log, by), x, method, time.thread_time)
-    return way.ended, way.y, way.seconds, way.search.asked, way.search.sloped, way.search.best, log.kept.found
+    mine = {k: rows for k, rows in log.kept.found.items() if k in log.rows or k not in known}
+    s = way.search
+    return way.ended, way.y, way.seconds, (s.asked, s.sloped, s.best, s.met_best), mine
 
 
 def _taken(job: Job, one: Future[Any], log: Log, by: str) -> _Way:
     """A start done by a worker, as if it had been done here."""
-    ended, y, seconds, asked, sloped, best, kept = one.result()
+    ended, y, seconds, found, kept = one.result()
     log.take(kept)
     search = Search(job, log, by)
-    search.asked, search.sloped, search.best = asked, sloped, best
+    search.asked, search.sloped, search.best, search.met_best = found
     return _Way(ended, y, search, seconds)
 
 
@@ -411,7 +429,13 @@ def _evolved(search: Search, y: Array) -> Array:
             cost.append(-search.fitness(margins))
         search.told(search)
         es.tell(places, [c if np.isfinite(c) else 1e6 for c in cost])
-    return _descended(search, _inside(low + spread * es.result.xbest, search.bounds), "gradient")
+    try:
+        return _descended(search, _inside(low + spread * es.result.xbest, search.bounds), "gradient")
+    except Failed:
+        if search.met_best is None:
+            raise
+        # evolution needs no gradient where there is none
+        return search.met_best[1]
 
 
 def _holds(search: Search, y: Array) -> tuple[dict[str, float], dict[str, float]]:

@@ -153,6 +153,27 @@ def test_designs_that_fail_halve_the_step():
     assert found.merit == pytest.approx(free.merit, rel=1e-6) and found.starts[0].status == "ok"
 
 
+def test_a_gap_that_gradients_end_at_loses_nothing():
+    """At the edge of what is made there is no gradient: the sentence tells the best design, and evolution keeps its own."""
+
+    def gap(length, thickness):
+        if 0.45 * mm < thickness < 0.6 * mm:
+            raise ValueError("not on stock")
+        return sheet(length, thickness)
+
+    with pytest.raises(
+        ksd.ConvergenceError, match=r"led to an optimum, the best design .* is length 0\.0.*not on stock"
+    ) as told:
+        ksd.optimise(small(gap))
+    assert "meets the limits; the first" not in str(told.value) and len(told.value.result) > 3
+    within = small(gap, vary={"length": (40 * mm, 80 * mm), "thickness": (0.2 * mm, 0.55 * mm)})
+    pytest.importorskip("cma")
+    best = ksd.optimise(within, method="cma")
+    assert best.design["thickness"] == pytest.approx(0.45 * mm, rel=1e-3) and best.starts[0].status == "ok"
+    edge = ksd.optimise(small(vary={"length": (40 * mm, 80 * mm), "thickness": (0.2 * mm, 0.45 * mm)}))
+    assert best.merit == pytest.approx(edge.merit, rel=2e-3)
+
+
 def test_no_start_that_works_is_told():
     def never(length, thickness):
         if abs(thickness - 0.6 * mm) > 1e-9:
@@ -203,6 +224,19 @@ def test_a_run_goes_on_from_its_file(tmp_path, monkeypatch):
     monkeypatch.setattr(rooms.Job, "slopes", None)
     again = ksd.optimise(small(), resume=path)
     assert again.design == first.design and len(list(again.table.rows())) == len(list(first.table.rows()))
+
+
+def test_workers_go_on_from_the_file_too(tmp_path, monkeypatch):
+    path = tmp_path / "job.jsonl"
+    first = ksd.optimise(small(), starts=2, resume=path)
+    monkeypatch.setattr(rooms.Job, "batch", None)
+    monkeypatch.setattr(rooms.Job, "slopes", None)
+    for starts in (2, 1):
+        with ThreadPoolExecutor(2) as pool:
+            again = ksd.optimise(small(), starts=starts, resume=path, executor=pool)
+        ends = first.starts[:starts]
+        assert [s.design for s in again.starts] == [s.design for s in ends]
+        assert len(again.table) == sum(s.values for s in ends)
 
 
 def test_interrupted_runs_keep_what_is_done_and_end_as_others(monkeypatch, tmp_path):
@@ -320,10 +354,10 @@ def test_threads_and_processes_end_where_one_thread_ends(tmp_path):
 
 
 def test_a_worker_that_fails_loses_no_start_that_is_done(monkeypatch):
-    def interrupted(job, x, method, by):
+    def interrupted(job, x, method, by, known):
         if by.endswith("2"):
             raise KeyboardInterrupt
-        return room._elsewhere_again(job, x, method, by)
+        return room._elsewhere_again(job, x, method, by, known)
 
     monkeypatch.setattr(room, "_elsewhere_again", room._elsewhere, raising=False)
     monkeypatch.setattr(room, "_elsewhere", interrupted)
