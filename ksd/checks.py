@@ -68,7 +68,7 @@ class Worded(type):
 
         def __call__(cls, *args, **kwargs):
             try:
-                return super().__call__(*args, **kwargs)
+                return type.__call__(cls, *args, **kwargs)
             except TypeError:
                 try:
                     cls.__signature__.bind(*args, **kwargs)
@@ -301,14 +301,14 @@ def direction(value: Any, what: str, *, owner: str = "") -> Vector:
         x, y, z = _AXES[name]
         return (x, y, z) if sign == "+" else (0.0 - x, 0.0 - y, 0.0 - z)
     parts = vector(value, what, owner=owner)
+    if abs(math.hypot(*parts) - 1.0) <= 1e-15:
+        # a unit vector stays as it is, so that reading back what was written changes no digit
+        return parts
     size = max(abs(c) for c in parts)
     if size == 0.0:
         raise SceneError(
             f'{label(what, owner)} = {show(value)} has no length, so it is no direction; give one, such as {what}="x".'
         )
-    if abs(math.hypot(*parts) - 1.0) <= 1e-15:
-        # a unit vector stays as it is, so that reading back what was written changes no digit
-        return parts
     # scaled first, so that very small or large components neither vanish nor overflow
     x, y, z = (c / size for c in parts)
     length = math.hypot(x, y, z)

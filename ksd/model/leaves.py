@@ -158,7 +158,6 @@ def _missed(curve: Any, pieces: int = 1) -> np.ndarray:
     return np.asarray(1.0 - followed / max((kappa**2).sum(), 1e-300))
 
 
-@lru_cache(maxsize=512)
 def raised_orders(leaf: Any, mesh: Mesh) -> tuple[tuple[int, int, int], int]:
     """Curvature modes and quadrature points of a leaf: those asked for, more for a leaf that is curved at rest.
 
@@ -167,13 +166,24 @@ def raised_orders(leaf: Any, mesh: Mesh) -> tuple[tuple[int, int, int], int]:
     needs as many as follow it to `ASTRAY`, however little it turns: with fewer its stiffness was 3 % off, in its own plane
     and, where its torsion had fewer, across it.
     """
-    orders = tuple(leaf.orders or mesh.orders)
-    points = max(mesh.points, max(orders) + 1)
     # what heat bends is little, and the same modes with and without it keep the difference free of their error
     curve = leaf.curve.leaf.curve if isinstance(leaf.curve, _Natural) else leaf.curve
     if curve is None or leaf.orders is not None:
-        return mesh.modes(orders, points)
-    kappa = leaf.length * curve.curvatures(np.linspace(0.0, 1.0, 65))
+        return _orders(leaf.orders or mesh.orders, mesh)
+    return _curved_orders(leaf.length, curve, mesh)
+
+
+@lru_cache(maxsize=64)
+def _orders(orders: tuple[int, int, int], mesh: Mesh) -> tuple[tuple[int, int, int], int]:
+    """`raised_orders` of a straight leaf that asks for these."""
+    return mesh.modes(orders, max(mesh.points, max(orders) + 1))
+
+
+@lru_cache(maxsize=512)
+def _curved_orders(length: float, curve: Any, mesh: Mesh) -> tuple[tuple[int, int, int], int]:
+    """`raised_orders` of a leaf of this length and curve."""
+    orders, points = mesh.orders, max(mesh.points, max(mesh.orders) + 1)
+    kappa = length * curve.curvatures(np.linspace(0.0, 1.0, 65))
     more = int(np.ceil(np.rad2deg(np.sqrt((kappa**2).sum(axis=1)).mean()) / 30.0))
     astray = (ASTRAY / max(np.sqrt((kappa**2).mean(axis=0).sum()), ASTRAY)) ** 2
     wavy = min(1 + int((_missed(curve) > astray).sum()), MOST_MODES)

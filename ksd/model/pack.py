@@ -21,6 +21,7 @@ from ksd.model.arrays import (
     STRAIN,
     VALUE,
     Arrays,
+    Flat,
     Loads,
     Members,
     Motion,
@@ -264,15 +265,16 @@ def float_fields(arrays: Arrays) -> list[np.ndarray]:
     return [*found, arrays.weight]
 
 
-def _places(topology: Arrays) -> dict[str, list[tuple[str, slice, tuple[int, ...]]]]:
-    """Name, place in `Flat.floats` and shape of the fields of numbers that are not empty, by their part."""
+def _places(topology: Arrays) -> dict[str, list[tuple[int, slice, tuple[int, ...]]]]:
+    """Number in its part, place in `Flat.floats` and shape of the fields of numbers that are not empty, by their part."""
     at, found = 1, {}
     for part, names in _FLOATS.items():
-        own = {name: getattr(getattr(topology, part), name) for name in names}
-        ends = list(accumulate((field.size for field in own.values()), initial=at))
+        own = getattr(topology, part)
+        fields = [getattr(own, name) for name in names]
+        ends = list(accumulate((field.size for field in fields), initial=at))
         found[part] = [
-            (name, slice(*ends[k : k + 2]), field.shape)
-            for k, (name, field) in enumerate(own.items())
+            (own._fields.index(name), slice(*ends[k : k + 2]), field.shape)
+            for k, (name, field) in enumerate(zip(names, fields, strict=True))
             if field.size
         ]
         at = ends[-1]
@@ -285,15 +287,15 @@ def refilled(topology: Arrays, floats: np.ndarray) -> Arrays:
     places = topology.__dict__.get("places")
     if places is None:
         places = topology.__dict__["places"] = _places(topology)
-    made = {
-        part: getattr(topology, part)._replace(
-            **{name: floats[at].reshape(shape) for name, at, shape in fields}
-        )
-        for part, fields in places.items()
-    }
+    made = {}
+    for part, fields in places.items():
+        own = list(getattr(topology, part))
+        for k, at, shape in fields:
+            own[k] = floats[at].reshape(shape)
+        made[part] = getattr(topology, part)._make(own)
     weight = floats[len(floats) - topology.weight.size :].reshape(-1, 4)
     arrays = topology._replace(size=float(floats[0]), weight=weight, **made)
-    arrays.flat = topology.flat._replace(floats=floats)
+    arrays.flat = Flat(topology.flat.ints, floats, topology.flat.members)
     return arrays
 
 

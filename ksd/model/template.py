@@ -444,8 +444,7 @@ def design(arrays: Arrays, topology: Arrays, d: int) -> Arrays:
 
 def motion_design(motion: Motion, d: int) -> Motion:
     """State of design d of many."""
-    made: Motion = of_design(motion, Motion._fields, d)
-    return made
+    return Motion(*(np.ascontiguousarray(field[d]) for field in motion))
 
 
 @lru_cache(maxsize=64)

@@ -10,7 +10,7 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
-from ksd.checks import checked, dot
+from ksd.checks import Vector, checked, dot
 from ksd.errors import SceneError
 from ksd.scene.leaf import Leaf
 from ksd.section.constants import extents
@@ -66,17 +66,10 @@ def pieces(name: str, blocks: tuple[str, str], line: Array, leaf: Leaf, *, width
     return Body(name, blocks, 0.5 * (line[1:] + line[:-1]), axes, half)
 
 
-def clash(bodies: Sequence[Body], *, touch: float = TOUCH) -> tuple[str, str] | None:
-    """Names of two leaf springs that run through each other by more than `touch`, None when all are clear."""
-    return next((pair for pair, _ in meetings(bodies, touch=touch)), None)
-
-
 def meetings(bodies: Sequence[Body], *, touch: float) -> Iterator[tuple[tuple[str, str], Array]]:
     """Names of every two leaves that overlap by more than `touch`, and where: stations (k, 2), as fractions of the length
     of the one and the other, of all boxes that do."""
     for one, two in combinations(bodies, 2):
-        if len(one.half) == len(two.half) == 1 and _parted(one, two, touch):
-            continue
         if not _far(one, two):
             hit = _overlap(_trimmed(one, two), _trimmed(two, one), touch)
             if len(hit):
@@ -91,8 +84,14 @@ def meets_itself(body: Body, *, touch: float = TOUCH) -> bool:
 
 @lru_cache(maxsize=256)
 def _clash(leaves: tuple[Leaf, ...]) -> tuple[str, str] | None:
-    """`clash` of leaf springs; a design loop draws most joints as they were."""
-    return clash([leaf_body(leaf) for leaf in leaves])
+    """Names of two leaf springs that run through each other, None when all are clear; a loop draws most joints as they
+    were before."""
+    boxes = [_box(leaf) for leaf in leaves]
+    for (one, a), (two, b) in combinations(zip(leaves, boxes, strict=True), 2):
+        if a is None or b is None or not _parted(a, b):
+            for names, _ in meetings([leaf_body(one), leaf_body(two)], touch=TOUCH):
+                return names
+    return None
 
 
 def check_clear(leaves: Sequence[Leaf], *, owner: str, advice: str = "move them apart") -> None:
@@ -104,15 +103,30 @@ def check_clear(leaves: Sequence[Leaf], *, owner: str, advice: str = "move them 
         )
 
 
-def _parted(one: Body, two: Body, touch: float) -> bool:
-    """Whether a face of one of two whole straight leaf springs parts them: quick, and true of most that are clear."""
-    d = (two.centre[0] - one.centre[0]).tolist()
-    A, B = one.axes[0].T.tolist(), two.axes[0].T.tolist()
-    a, b = one.half[0].tolist(), two.half[0].tolist()
-    for axis in (*A, *B):
-        reach = sum(h * abs(dot(axis, e)) for h, e in zip((*a, *b), (*A, *B), strict=True))
-        if abs(dot(axis, d)) > (1 - touch) * reach:
-            return True
+_Box = tuple[Vector, tuple[Vector, Vector, Vector], Vector]
+"""Centre, axes and half sizes along them of a straight leaf, in plain numbers."""
+
+
+def _box(leaf: Leaf) -> _Box | None:
+    """The box of a straight leaf, None of a curved one."""
+    if leaf.curve is not None:
+        return None
+    (x, y, z), (u, v, w) = leaf.start, leaf.end
+    thickness, width = extents(leaf.section)
+    centre = 0.5 * (x + u), 0.5 * (y + v), 0.5 * (z + w)
+    return centre, leaf.directions, (0.5 * leaf.length, 0.5 * thickness, 0.5 * width)
+
+
+def _parted(one: _Box, two: _Box) -> bool:
+    """Whether a face of one of two straight leaf springs parts them: quick, and true of most that are clear."""
+    (at, A, a), (there, B, b) = one, two
+    d = there[0] - at[0], there[1] - at[1], there[2] - at[2]
+    for axes, half, others, reach in ((A, a, B, b), (B, b, A, a)):
+        # along the widths first, across which leaf springs of a sheet are layers
+        for axis, own in zip(reversed(axes), reversed(half), strict=True):
+            most = own + sum(h * abs(dot(axis, e)) for h, e in zip(reach, others, strict=True))
+            if abs(dot(axis, d)) > (1 - TOUCH) * most:
+                return True
     return False
 
 

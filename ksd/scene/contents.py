@@ -210,8 +210,10 @@ def joint_angle(joint: PlacedJoint, motion: Motion) -> tuple[str, Vector, Vector
     """(kind, global direction, global point of B) of an intended motion of a placed joint."""
     place = joint.joint.pose_B if motion.point is None else motion.point
     # plain numbers: a design loop comes by here for every drive
-    axis, point = (triple(dot(row, v) for row in joint.rotation) for v in (motion.axis, place))
-    return motion.kind, axis, triple(map(operator.add, joint.origin, point))
+    e, f, g = joint.rotation
+    x, y, z = joint.origin
+    axis = dot(e, motion.axis), dot(f, motion.axis), dot(g, motion.axis)
+    return motion.kind, axis, (x + dot(e, place), y + dot(f, place), z + dot(g, place))
 
 
 def placed_leaf(joint: PlacedJoint, leaf: Leaf, links: Mapping[str, str]) -> PlacedLeaf:

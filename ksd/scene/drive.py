@@ -34,15 +34,13 @@ class DriveTerm:
         coefficient = number(self.coefficient, "coefficient", owner=owner)
         if coefficient == 0.0:
             raise SceneError(f"{owner}: coefficient = 0 leaves nothing to prescribe; leave the term out.")
-        clean = {
-            "coefficient": coefficient,
-            "base": word(self.base, "base", owner=owner),
-            "link": word(self.link, "link", owner=owner),
-            "direction": direction(self.direction, "direction", owner=owner),
-            "point": vector(self.point, "point", owner=owner, unit="m"),
-        }
-        for key, value in clean.items():
-            object.__setattr__(self, key, value)
+        word(self.base, "base", owner=owner)
+        word(self.link, "link", owner=owner)
+        self.__dict__.update(
+            coefficient=coefficient,
+            direction=direction(self.direction, "direction", owner=owner),
+            point=vector(self.point, "point", owner=owner, unit="m"),
+        )
         if self.base == self.link:
             raise SceneError(f"{owner}: it is measured relative to itself; relative_to must be another link.")
 

@@ -79,15 +79,14 @@ class Leaf(metaclass=Worded):
     condition: Condition | None = None
 
     def __post_init__(self) -> None:
-        owner = f"leaf '{word(self.name, 'name', owner='leaf')}'"
+        # in few calls: a scene may have hundreds of them, made anew for every design
+        owner, own = f"leaf '{word(self.name, 'name', owner='leaf')}'", self.__dict__
         word(self.start_block, "start_block", owner=owner)
         word(self.end_block, "end_block", owner=owner)
-        # in one go: a scene may have hundreds of them, made anew for every design
-        self.__dict__.update(
-            mesh(self.elements, self.orders, owner=owner),
-            start=vector(self.start, "start", owner=owner, unit="m"),
-            end=vector(self.end, "end", owner=owner, unit="m"),
-        )
+        own["start"] = vector(self.start, "start", owner=owner, unit="m")
+        own["end"] = vector(self.end, "end", owner=owner, unit="m")
+        if self.elements is not None or self.orders is not None:
+            own.update(mesh(self.elements, self.orders, owner=owner))
         if not isinstance(self.section, Section):
             raise SceneError(f"{owner}: section = {show(self.section)} must be a Section.")
         if not isinstance(self.material, Material):
@@ -105,10 +104,10 @@ class Leaf(metaclass=Worded):
                 f"{owner}: from start {self.start} to end {self.end} its length is {length:g} m."
             )
         (x0, y0, z0), (x1, y1, z1) = self.start, self.end
-        e1 = unit(((x1 - x0) / length, (y1 - y0) / length, (z1 - z0) / length))
+        e1 = (x1 - x0) / length, (y1 - y0) / length, (z1 - z0) / length
         if self.width_axis is None:
             least = np.eye(3)[np.argmin(np.abs(e1))]
-            axis = direction(np.cross(e1, least), "width_axis", owner=owner)
+            axis = direction(np.cross(unit(e1), least), "width_axis", owner=owner)
         else:
             axis = direction(self.width_axis, "width_axis", owner=owner)
         lean = dot(axis, e1)
@@ -127,13 +126,18 @@ class Leaf(metaclass=Worded):
         return self.curve.length if self.curve is not None else math.dist(self.start, self.end)
 
     @property
-    def axes(self) -> np.ndarray:
-        """(3, 3) columns e1 along the chord, e2 thickness, e3 width, orthonormal, in the frame of start and end."""
+    def directions(self) -> tuple[Vector, Vector, Vector]:
+        """Unit vectors e1 along the chord, e2 thickness, e3 width, orthonormal, in the frame of start and end."""
         e1 = unit(tuple(b - a for a, b in zip(self.start, self.end, strict=True)))
         width = self.width_axis or (0.0, 0.0, 0.0)
         lean = dot(width, e1)
         e3 = unit(tuple(a - lean * b for a, b in zip(width, e1, strict=True)))
-        return np.array([e1, cross(e3, e1), e3]).T.copy()
+        return e1, cross(e3, e1), e3
+
+    @property
+    def axes(self) -> np.ndarray:
+        """(3, 3): `directions` as columns."""
+        return np.array(self.directions).T.copy()
 
     def section_at(self, s: float) -> tuple[np.ndarray, np.ndarray]:
         """Place (3,) [m] and axes (3, 3), columns e1 along, e2, e3, of its section at fraction s of its length at rest, in

@@ -73,39 +73,47 @@ class Mechanism(InNotebooks, metaclass=Worded):
     rotations out of it are held, pins turn about its normal, and leaf springs have their width along it.
     """
 
+    name: str
+    plane: str | None
+    ground: Link
+    _links: dict[str, Link]
+    _hinges: dict[str, tuple[Hinge, tuple[Drive, ...]]]
+    _masses: list[PointMass]
+    _compliances: dict[str, Compliance]
+    _gravity: Vector | None
+    _points: list[LeafPoint]
+    _joints: list[PlacedJoint]
+    _leaves: list[PlacedLeaf]
+    _drives: list[Drive]
+    _supports: list[Drive]
+    _loads: list[Load]
+    _springs: list[Spring | TurnSpring]
+    _heats: list[Heat]
+    _fits: list[Fit]
+    _consider: tuple[str, ...]
+    _distances: list[Distance]
+    _last: tuple[Scene, dict[str, Any]] | None
+
     def __init__(self, name: str = "mechanism", *, plane: str | None = None) -> None:
-        self.name = name
-        self._hinges: dict[str, tuple[Hinge, tuple[Drive, ...]]]
-        self.plane = plane
-        self.ground = Link(GROUND, self)
-        self._links: dict[str, Link] = {GROUND: self.ground}
-        self._masses: list[PointMass] = []
-        self._compliances: dict[str, Compliance] = {}
-        self._gravity: Vector | None = None
-        self._points: list[LeafPoint] = []
-        self._joints: list[PlacedJoint] = []
-        self._leaves: list[PlacedLeaf] = []
-        self._drives: list[Drive] = []
-        self._supports: list[Drive] = []
-        self._loads: list[Load] = []
-        self._springs: list[Spring | TurnSpring] = []
-        self._heats: list[Heat] = []
-        self._fits: list[Fit] = []
-        self._consider: tuple[str, ...] = ()
-        self._distances: list[Distance] = []
-        self._last: tuple[Scene, dict[str, Any]] | None = None
+        ground = Link(GROUND, self)
+        # at once, past the checks of what is set: a design loop makes one for every design
+        self.__dict__.update(
+            ground=ground, _links={GROUND: ground}, _hinges={}, _masses=[], _compliances={}, _gravity=None, _points=[],
+            _joints=[], _leaves=[], _drives=[], _supports=[], _loads=[], _springs=[], _heats=[], _fits=[], _consider=(),
+            _distances=[], _last=None,
+        )  # fmt: skip
+        self.name, self.plane = name, plane
 
     def __setattr__(self, name: str, value: Any) -> None:
         # a misspelt one would be taken in silence, and the scene solved without it
-        if not name.startswith("_") and name not in SETTABLE and hasattr(self, "_last"):
+        if not name.startswith("_") and name not in SETTABLE:
             raise SceneError(f"a mechanism has no '{name}' to be set{nearest(name, SETTABLE)}")
         if name == "plane":
             value = checked_plane(value)
-            own = self.__dict__
-            for kind, said in (("drive", "_drives"), ("support", "_supports")):
-                for drive in own.get(said, ()):
+            for kind, said in (("drive", self._drives), ("support", self._supports)):
+                for drive in said:
                     checked_drive(drive, value, kind)
-            hinges = {n: checked_hinge(h, value) for n, (h, _) in own.get("_hinges", {}).items()}
+            hinges = {n: checked_hinge(h, value) for n, (h, _) in self._hinges.items()}
             self._hinges = {n: (h, h.supports(value)) for n, h in hinges.items()}
         super().__setattr__(name, word(value, "name", owner="Mechanism") if name == "name" else value)
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from typing import Any
 
 from ksd.checks import as_given, nearest
@@ -55,44 +55,44 @@ def broken_rules(scene: Scene) -> Iterator[str]:
             yield str(error)
 
 
-def _shared(kind: str, names: Iterable[str]) -> Iterator[str]:
-    for name, count in Counter(names).items():
+def _shared(kind: str, names: list[str]) -> Iterator[str]:
+    for name, count in Counter(names).items() if len(set(names)) < len(names) else ():
         if count > 1:
             yield f"the name '{name}' is used for {count} {kind}s; every {kind} needs its own name."
 
 
 def _unknown(scene: Scene) -> Iterator[str]:
     """Every link that is spoken of exists, and nothing connects a link with itself."""
-    spoken: list[tuple[str, str]] = []
+    spoken: list[tuple[str, str, str]] = []
     for kind, placed in (("joint", scene.joints), ("leaf", scene.leaves)):
         for item in placed:
             if item.a == item.b:
                 yield f"{kind} '{item.name}' connects link '{item.a}' with itself; it needs two different links."
-            spoken += [(f"{kind} '{item.name}'", item.a), (f"{kind} '{item.name}'", item.b)]
+            spoken += [(kind, item.name, item.a), (kind, item.name, item.b)]
     for kind, drives in (("drive", scene.drives), ("support", scene.supports)):
-        spoken += [(f"{kind} '{d.name}'", link) for d in drives for t in d.terms for link in (t.base, t.link)]
-    spoken += [(f"load '{load.name}'", load.link) for load in scene.loads]
-    spoken += [(f"distance '{d.name}'", link) for d in scene.distances for link in (d.a, d.b)]
-    spoken += [(f"spring '{s.name}'", link) for s in scene.springs for link in (s.a, s.b)]
-    spoken += [(f"{h.kind} '{h.name}'", link) for h in scene.hinges for link in (h.a, h.b)]
-    spoken += [("compliance", c.link) for c in scene.compliances]
-    spoken += [(f"mass {i + 1}", mass.link) for i, mass in enumerate(scene.masses)]
-    for owner, link in spoken:
+        spoken += [(kind, d.name, link) for d in drives for t in d.terms for link in (t.base, t.link)]
+    spoken += [("load", load.name, load.link) for load in scene.loads]
+    spoken += [("distance", d.name, link) for d in scene.distances for link in (d.a, d.b)]
+    spoken += [("spring", s.name, link) for s in scene.springs for link in (s.a, s.b)]
+    spoken += [(h.kind, h.name, link) for h in scene.hinges for link in (h.a, h.b)]
+    spoken += [("compliance", "", c.link) for c in scene.compliances]
+    spoken += [(f"mass {i + 1}", "", mass.link) for i, mass in enumerate(scene.masses)]
+    for kind, name, link in spoken:
         if link not in scene.links:
+            owner = f"{kind} '{name}'" if name else kind
             yield f"{owner}: link '{link}' does not exist{nearest(link, scene.links)}"
 
 
 def _loose(scene: Scene) -> Iterator[str]:
     """Each link carries a joint, leaf, pin or spring, and a chain of joints, leaves or supports leads to ground."""
     hung = {link for part in (*scene.hinges, *scene.springs) for link in (part.a, part.b)}
-    loose = [
-        link for link, others in scene.neighbours().items() if not others and link not in (GROUND, *hung)
-    ]
+    next_to = scene.neighbours()
+    loose = [link for link, others in next_to.items() if not others and link not in (GROUND, *hung)]
     for link in loose:
         yield (
             f"link '{link}' is attached to nothing; connect it with mechanism.join or mechanism.leaf, or remove it."
         )
-    tied = reached(scene.neighbours(supports=True))
+    tied = reached(scene.neighbours(supports=True) if scene.supports else next_to)
     adrift = [link for link in scene.links if link not in (*tied, *loose)]
     if adrift:
         names = ", ".join(f"'{link}'" for link in adrift)

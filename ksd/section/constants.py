@@ -47,18 +47,16 @@ class Section:
     def __post_init__(self) -> None:
         if not isinstance(self.name, str):
             raise SceneError(f"section: name = {show(self.name)} must be text.")
+        owner, own = f"section '{self.name}'", self.__dict__
         units = {"A": "m^2", "J": "m^4", "Iy": "m^4", "Iz": "m^4", "ky": "", "kz": ""}
         for field, unit in units.items():
-            value = positive(getattr(self, field), field, owner=f"section '{self.name}'", unit=unit)
-            object.__setattr__(self, field, value)
+            own[field] = positive(own[field], field, owner=owner, unit=unit)
         for field, unit in {"Iw": "m^6", "width": "m", "thickness": "m"}.items():
-            value = not_negative(getattr(self, field), field, owner=f"section '{self.name}'", unit=unit)
-            object.__setattr__(self, field, value)
-        object.__setattr__(self, "tilt", number(self.tilt, "tilt", owner=f"section '{self.name}'"))
-        object.__setattr__(self, "shear_centre", _point(self.shear_centre, f"section '{self.name}'"))
+            own[field] = not_negative(own[field], field, owner=owner, unit=unit)
+        own["tilt"] = number(self.tilt, "tilt", owner=owner)
+        own["shear_centre"] = _point(self.shear_centre, owner)
         if self.outline is not None:
-            rings = _outline(self.outline, f"section '{self.name}'")
-            object.__setattr__(self, "outline", rings)
+            own["outline"] = _outline(self.outline, owner)
 
     def __repr__(self) -> str:
         lengths = (("thickness", self.thickness), ("width", self.width))

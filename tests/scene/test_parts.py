@@ -3,12 +3,14 @@
 import math
 import subprocess
 import sys
+from dataclasses import fields, replace
 
 import numpy as np
 import pytest
 
 from ksd.errors import SceneError
 from ksd.scene import (
+    Butterfly,
     CrossFlexure,
     DrawnJoint,
     FreeCurve,
@@ -23,6 +25,7 @@ from ksd.scene import (
     wire,
 )
 from ksd.section import circle, rectangle
+from ksd.train.catalogue import ENTRIES
 from ksd.units import GPa, deg, mm
 
 STEEL = Material(200 * GPa, 76.9 * GPa, density=7800)
@@ -203,6 +206,25 @@ def test_families_by_name():
     assert make_joint("cross_flexure", material=STEEL, **SIZES) == cross()
     for name, family in joint_families().items():
         assert family.family == name and issubclass(family, Joint)
+
+
+@pytest.mark.parametrize("family", sorted(ENTRIES))
+def test_leaves_of_families_pass_the_checks_of_a_leaf(family):
+    """They are drawn past them, being right by the bounds of their family: made anew with all checks they are the same."""
+    entry = ENTRIES[family]
+    for end in ("low", "high"):
+        joint = entry.make(**{p.name: getattr(p, end) for p in entry.parameters})
+        for leaf in joint.leaves():
+            again = replace(leaf)
+            assert again == leaf and hash(again) == hash(leaf)
+            assert all(getattr(again, f.name) == getattr(leaf, f.name) for f in fields(leaf))
+
+
+def test_a_leaf_of_a_family_without_length_is_refused():
+    """What rounding leaves of a thousandth beside 1e26."""
+    joint = Butterfly(STEEL, length=1e-3, inner=1e26, half_angle=10 * deg, thickness=1e-5, width=1e-2)
+    message = sentence(lambda: joint.leaves())
+    assert "its length is 0 m" in message
 
 
 @pytest.mark.parametrize(

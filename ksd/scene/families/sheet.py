@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from functools import lru_cache
 from typing import Any, ClassVar
 
-from ksd.checks import Vector, between, number, positive, show
+from ksd.checks import LARGEST, Vector, between, number, positive, show
 from ksd.errors import SceneError
 from ksd.scene.joint import Joint, Motion
 from ksd.scene.leaf import Leaf, mesh
@@ -100,18 +100,18 @@ def strip(
     z: float = 0.0,
 ) -> Leaf:
     """A leaf of `joint` between two points (x, y) [m] at height z [m], its middle plane there."""
-    return Leaf(
-        start=(*ends[0], z),
-        end=(*ends[1], z),
-        width_axis=(0.0, 0.0, 1.0),
-        section=_rectangle(joint.thickness, width),
-        material=joint.material,
-        start_block=blocks[0],
-        end_block=blocks[1],
-        name=name,
-        elements=joint.elements,
-        orders=joint.orders,
-    )
+    start, end = (*ends[0], z), (*ends[1], z)
+    words: dict[str, Any] = {
+        "start": start, "end": end, "width_axis": (0.0, 0.0, 1.0), "section": _rectangle(joint.thickness, width),
+        "material": joint.material, "start_block": blocks[0], "end_block": blocks[1], "name": name,
+        "elements": joint.elements, "orders": joint.orders, "profile": None, "curve": None, "condition": None,
+    }  # fmt: skip
+    if not 0.0 < math.dist(start, end) < LARGEST:
+        return Leaf(**words)  # says what is wrong
+    # all else that a leaf checks is so in a sheet, and a design loop draws hundreds of them
+    leaf = object.__new__(Leaf)
+    leaf.__dict__.update(words)
+    return leaf
 
 
 @lru_cache(maxsize=64)
