@@ -7,6 +7,7 @@ what is left in the plane alone.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -54,7 +55,7 @@ class Hinge:
 
     def supports(self, plane: str | None) -> tuple[Drive, ...]:
         """The supports it stands for, "name.x" ... "name.rz"; those of a mechanism that lives in `plane`."""
-        across = self._across()
+        across = _across(self.axis)
         moves, turns = ([*across, (self.axis, "along")], across) if self.kind == "pin" else (across, _AXES)
         normal = np.zeros(3) if plane is None else np.array(normal_of(plane))
         held = [("translation", e, n) for e, n in moves if abs(float(normal @ e)) < 0.5]
@@ -64,16 +65,18 @@ class Hinge:
             for kind, e, n in held
         )
 
-    def _across(self) -> list[tuple[Vector, str]]:
-        """Two directions across the axis with their names: global axes where they are across it."""
-        axis = np.array(self.axis)
-        found = [(np.array(e), n) for e, n in _AXES if abs(float(axis @ e)) < 1e-12]
-        if not found:
-            one = np.cross(axis, np.eye(3)[int(np.argmin(np.abs(axis)))])
-            found = [(one / np.linalg.norm(one), "u")]
-        if len(found) < 2:
-            found.insert(0, (np.cross(axis, found[0][0]), "across"))
-        return [(tuple(e.tolist()), n) for e, n in found]
+
+@lru_cache(maxsize=256)
+def _across(axis: Vector) -> tuple[tuple[Vector, str], ...]:
+    """Two directions across an axis with their names: global axes where they are across it."""
+    way = np.array(axis)
+    found = [(np.array(e), n) for e, n in _AXES if abs(float(way @ e)) < 1e-12]
+    if not found:
+        one = np.cross(way, np.eye(3)[int(np.argmin(np.abs(way)))])
+        found = [(one / np.linalg.norm(one), "u")]
+    if len(found) < 2:
+        found.insert(0, (np.cross(way, found[0][0]), "across"))
+    return tuple((tuple(e.tolist()), n) for e, n in found)
 
 
 def checked_hinge(hinge: Hinge, plane: str | None) -> Hinge:
@@ -124,19 +127,22 @@ def plane_holds(scene: Any) -> tuple[Drive, ...]:
     for joint in scene.joints:
         one, two = sorted((head(joint.a), head(joint.b)), key=lambda n: n != GROUND)
         group[two] = one
-    across = PLANES[scene.plane]
     points = {p.name for p in scene.points}
-    held = []
-    for link in scene.links[1:]:
-        if group[link] == link and link not in points:
-            held.append((link, "translation", across))
-            held += [(link, "rotation", k) for k in range(3) if k != across]
+    loose = [link for link in scene.links[1:] if group[link] == link and link not in points]
+    return tuple(hold for link in loose for hold in _holds(link, scene.plane))
+
+
+@lru_cache(maxsize=256)
+def _holds(link: str, plane: str) -> tuple[Drive, ...]:
+    """Supports that hold a link in a plane."""
+    across = PLANES[plane]
+    held = [("translation", across), *(("rotation", k) for k in range(3) if k != across)]
     return tuple(
         Drive(
-            f"{link} in {scene.plane}: {'r' * (kind == 'rotation')}{_AXES[k][1]}",
+            f"{link} in {plane}: {'r' * (kind == 'rotation')}{_AXES[k][1]}",
             (DriveTerm(1.0, kind, GROUND, link, _AXES[k][0], (0.0, 0.0, 0.0)),),
         )
-        for link, kind, k in held
+        for kind, k in held
     )
 
 
