@@ -8,7 +8,8 @@ from dataclasses import dataclass, field
 
 from bench_engines import EngineRow
 
-from ksd.bench.measure import Measured, Row, good, machine, percent
+from ksd.bench.measure import Measured, Row, good, machine
+from ksd.solve.steps import percent
 
 
 @dataclass(frozen=True)
@@ -54,7 +55,7 @@ def _cheapest_cell(rows: Iterable[Row], method: str, kind: str) -> str:
     if not fit:
         return _MISSED if mine else "-"
     best = min(fit, key=lambda r: r.call[1])
-    error = percent(best.force_error)
+    error = f"{percent(best.force_error)} %"
     which = best.leaves.removeprefix("strain ").removeprefix("modal, ")
     which = which.replace(" elements", "").replace(" element", "")
     return f"{best.call[1]:.0f} ({which}; {error})"
@@ -226,7 +227,7 @@ def engine_lines(measured: Told) -> list[str]:
     for r in measured.engines:
         said = r.said or (
             f"{r.us:.0f} us of analysis in the plane with {r.elements} elements per leaf, {r.iterations} iterations, force "
-            f"error {percent(r.force_error)}"
+            f"error {percent(r.force_error)} %"
         )
         found.append(f"{r.engine}: {said}.")
     return found

@@ -83,6 +83,8 @@ sphinx_gallery_conf = {
     ],
     "gallery_dirs": ["gallery", "tutorial"],
     "filename_pattern": r"\.py$",
+    # a script that did not change has other answers and pictures when the program has
+    "run_stale_examples": True,
     "within_subsection_order": "FileNameSortKey",
     "image_scrapers": ("figures.of_block",),
     "ignore_repr_types": r".*Figure.*",

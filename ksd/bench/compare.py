@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from ksd.bench.measure import in_turns, percent, quartiles, rounds_of
+from ksd.bench.measure import in_turns, quartiles, rounds_of
 from ksd.bench.suite import FINEST, Way
 from ksd.checks import names_of, nearest, show, truth, whole, worded
 from ksd.design.questions import EFFORT
@@ -27,6 +27,7 @@ from ksd.solve.answer import drive_kind
 from ksd.solve.configuration import Configuration
 from ksd.solve.conventional import conventional
 from ksd.solve.solver import Solver, given_values, solve
+from ksd.solve.steps import percent
 
 ESTIMATE = "error estimate"
 """Name of the step that is not part of the solve proper."""
@@ -151,7 +152,7 @@ def finest(mechanism: Any, targets: Mapping[str, float], **how: Any) -> tuple[Re
     except ConvergenceError:
         pose = Solver(model, extrapolate=extrapolate)(targets, method="full", relinearisations=1)
     told, orders = _told(pose), ", ".join(map(str, FINEST.orders))
-    own = "" if told is None or not told < 1.0 else f" (their own error {percent(told)})"
+    own = "" if told is None or not told < 1.0 else f" (their own error {percent(told)} %)"
     return reference_of(pose, f"strain-mode leaves of order {orders} by method {pose.method}{own}"), model
 
 

@@ -25,6 +25,7 @@ from ksd.model.compile import compile_scene
 from ksd.solve.configuration import Configuration
 from ksd.solve.conventional import conventional
 from ksd.solve.solver import Solver
+from ksd.solve.steps import percent
 
 WARM = 2
 """Rounds not counted."""
@@ -283,16 +284,6 @@ def _clean(value: Any) -> Any:
     return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
-def percent(error: float) -> str:
-    """A relative error in percent, two digits."""
-    if not math.isfinite(error):
-        return "-"
-    if error < 1e-9:
-        return "<1e-7 %"
-    digits = max(0, 1 - math.floor(math.log10(100 * error)))
-    return f"{100 * error:.{digits}f} %" if digits < 6 else f"{100 * error:.1e} %"
-
-
 def table(measured: Measured) -> Any:
     """A rich table of one case: * marks a way on the front of any error, ! an unstable state."""
     marked = {id(r) for key in ERRORS for r in front(measured.rows, key)}
@@ -312,7 +303,7 @@ def table(measured: Measured) -> Any:
         name = r.method + " *" * (id(r) in marked) + " !" * (not r.stable)
         times = [f"{r.call[1]:.0f}", f"{r.steps[1]:.0f}"]
         found.add_row(
-            name, r.leaves, str(r.iterations), *times, *[percent(getattr(r, key)) for key in ERRORS]
+            name, r.leaves, str(r.iterations), *times, *[f"{percent(getattr(r, key))} %" for key in ERRORS]
         )
     return found
 

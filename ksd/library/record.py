@@ -15,7 +15,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from ksd.checks import nearest
+from ksd.checks import nearest, number, show
 from ksd.errors import RangeError, SceneError
 from ksd.library.chains import longer_chain
 from ksd.library.functions import Array, Functions, JointFunctions, Mesh, legendre_products
@@ -45,13 +45,24 @@ class Stroke:
 class Parameter:
     """A shape parameter: name, range `low` to `high` (SI), scale "linear" or "log" of its map to [-1, 1].
 
-    `ksd.train` refuses what is no range (SceneError).
+    Raises SceneError for a range that does not rise (a range of one value is one), and on a log scale is not positive.
     """
 
     name: str
     low: float
     high: float
     scale: str = "linear"
+
+    def __post_init__(self) -> None:
+        owner = f"Parameter {show(self.name)}"
+        for end in ("low", "high"):
+            object.__setattr__(self, end, number(getattr(self, end), end, owner=owner))
+        known = isinstance(self.name, str) and self.scale in ("linear", "log")
+        if not known or self.low > self.high or (self.scale == "log" and self.low <= 0.0):
+            raise SceneError(
+                f"{owner}: range {self.low:g} to {self.high:g} ({show(self.scale)}) must rise, be positive on a log scale, "
+                'and have a name and a scale "linear" or "log".'
+            )
 
     def place(self, value: float) -> float:
         """Where `value` lies in the trained range, as a number in [-1, 1]; a range of one value ends at 1e-6

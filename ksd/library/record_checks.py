@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from ksd.library.functions import Mesh
-from ksd.library.record import Parameter, Record, Stroke
+from ksd.library.record import Record, Stroke
 
 MOST_TERMS, HIGHEST_DEGREE, MOST_ELEMENTS = 8192, 64, 1000
 """Product terms of a function, degrees, and elements of a leaf's chain; several times what training makes."""
@@ -32,8 +32,6 @@ def check_record(record: Record) -> None:
     _insist(bool(record.motions), "it has no motion")
     for stroke in record.motions:
         _check_stroke(stroke)
-    for parameter in record.parameters:
-        _check_parameter(parameter)
     for names in ([m.name for m in record.motions], [p.name for p in record.parameters]):
         _insist(len(set(names)) == len(names), f"a name is given twice in {names}")
     _check_powers(record)
@@ -58,13 +56,6 @@ def _check_stroke(stroke: Stroke) -> None:
     known = isinstance(stroke.name, str) and stroke.kind in ("rotation", "translation")
     fits = known and _numbers((stroke.low, stroke.high)) and -math.inf < stroke.low < stroke.high < math.inf
     _insist(fits, f"motion {stroke}")
-
-
-def _check_parameter(parameter: Parameter) -> None:
-    low, high = parameter.low, parameter.high
-    known = isinstance(parameter.name, str) and parameter.scale in ("linear", "log")
-    fits = known and _numbers((low, high)) and -math.inf < low <= high < math.inf
-    _insist(fits and (parameter.scale == "linear" or low > 0), f"parameter {parameter}")
 
 
 def _check_powers(record: Record) -> None:

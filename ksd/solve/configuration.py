@@ -192,7 +192,8 @@ class Configuration(InNotebooks):
 
     @property
     def trusted(self) -> bool:
-        """Whether it converged, is stable, and lies on the branch meant; `trust.trusted` says why."""
+        """Whether it is the state meant: converged, stable, on the branch meant, borne by a beam and its material, and not
+        off by more than itself. By how much it may be off is in `error`; `trust.trusted` says it in a sentence."""
         return self.trust.trusted.yes
 
     @cached_property

@@ -63,7 +63,7 @@ class Verdict:
 @dataclass(frozen=True)
 class Trust:
     """stable: a minimum of energy; branch: the one that leads here from rest; strength: a linear elastic beam can be in
-    this state; trusted: all three, and converged."""
+    this state; trusted: all three, converged, and not off by more than itself: how far it may be off is in its sentence."""
 
     stable: Verdict
     branch: Verdict

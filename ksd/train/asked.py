@@ -10,7 +10,7 @@ import numpy as np
 
 from ksd.checks import show
 from ksd.errors import SceneError
-from ksd.library import Mesh, Parameter
+from ksd.library import Mesh
 from ksd.scene import DrawnJoint, Joint
 from ksd.train.catalogue import ENTRIES
 from ksd.train.designs import Design
@@ -20,14 +20,12 @@ MOST = 2
 
 
 def check_design(design: Design) -> None:
-    """Raise SceneError where a name, a range, or the joint that the design draws in the middle of its ranges cannot be."""
+    """Raise SceneError where a name, or the joint that the design draws in the middle of its ranges, cannot be."""
     if not re.fullmatch(r"\w[\w .+-]*", design.family):
         raise SceneError(
             f"joint {show(design.family)} cannot be the name of a record file; "
             "name it with letters, digits, spaces, '_', '-', '+' and '.'."
         )
-    for parameter in design.parameters:
-        _check_range(design, parameter)
     if not callable(design.make):
         raise SceneError(f"{design.family}: make = {show(design.make)} must draw the joint at a shape.")
     shape = design.shape(np.zeros(len(design.parameters)))
@@ -54,16 +52,6 @@ def check_design(design: Design) -> None:
         raise SceneError(
             f"{design.family}: {len(joint.motions)} intended motions ({', '.join(m.name for m in joint.motions)}); a record "
             f"holds {MOST} at most. Draw it as several joints, or as leaf springs between links (method='conventional')."
-        )
-
-
-def _check_range(design: Design, parameter: Parameter) -> None:
-    low, high = parameter.low, parameter.high
-    known = math.isfinite(low) and math.isfinite(high) and low <= high
-    if not known or parameter.scale not in ("linear", "log") or (parameter.scale == "log" and low <= 0):
-        raise SceneError(
-            f"{design.family}: range {low:g} to {high:g} of {parameter.name} ({parameter.scale}) must rise, "
-            "and be positive on a log scale."
         )
 
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from ksd.checks import Vector, nearest, number, show
+from ksd.checks import Vector, nearest, show
 from ksd.errors import SceneError
 from ksd.library import Mesh, Parameter
 from ksd.scene import DrawnJoint, Joint, Leaf, Material
@@ -114,8 +114,7 @@ def _with_ranges(design: Design, shapes: Mapping[str, tuple[float, float]]) -> D
             raise SceneError(f"{design.family}: shape parameter {name!r} is unknown{nearest(name, known)}")
         if not isinstance(ends, tuple | list) or len(ends) != 2:
             raise SceneError(f"{design.family}: {name} = {show(ends)} must be a range (low, high).")
-        low, high = (number(end, name, owner=design.family) for end in ends)
-        known[name] = replace(known[name], low=low, high=high)
+        known[name] = replace(known[name], low=ends[0], high=ends[1])
     return replace(design, parameters=tuple(known.values()))
 
 

@@ -26,6 +26,8 @@ SHARP = 0.9
 """Cosine of the angle between two faces from which their edge is drawn."""
 HATCH, GAP = 0.022, 0.016
 """Length and distance of the strokes of ground over the size of the mechanism."""
+FACED = 0.4
+"""Cosine of the angle between the back of a pad and the way to the eye from which the back is seen."""
 FLAT_PAD = 0.2
 """Thickness over length below which a pad has one back to be hatched."""
 
@@ -230,15 +232,19 @@ def back_of(pad: Pad) -> Array | None:
 
 
 def _ground(corners: Array, back: Array, size: float, camera: Camera) -> list[Array]:
-    """The line at the back of corners (k, 3), and slanting strokes behind it, on the side of the eye."""
+    """The line at the back of corners (k, 3), and slanting strokes behind it, on the side of the eye; below a back that is
+    seen, on which they would lie."""
     middle = corners.mean(axis=0)
     along = np.cross(camera.toward, back)
     if camera.plane is None and len(corners) > 1:
         # of the sides of the outline, the one toward the eye with the largest strip behind it as seen
         sides = [(a, b, np.cross(b - a, back)) for a, b in permutations(corners, 2)]
         outer = [side for side in sides if ((corners - side[0]) @ side[2]).max() <= 1e-9 * size**2]
-        a, b, _ = max(outer, key=lambda side: float(side[2] @ camera.toward))
+        way = -camera.up if back @ camera.toward > FACED else camera.toward
+        a, b, out = max(outer, key=lambda side: float(side[2] @ way))
         corners, middle, along = np.stack([a, b]), 0.5 * (a + b), a - b
+        if back @ camera.toward > FACED:
+            back = out / np.linalg.norm(out)
     along = along / max(float(np.linalg.norm(along)), 1e-12)
     far = (corners - middle) @ along
     reach = max(0.5 * float(np.ptp(far)), 1.5 * GAP * size)

@@ -86,7 +86,7 @@ def _gap(box: Bbox, point: Array) -> float:
 def _lost(box: Bbox, taken: list[Bbox], frame: Bbox) -> float:
     """Share of the label that is outside the frame, and of it or of others where they lie on each other."""
     area = box.width * box.height
-    near = box.padded(12.0, 2.0)
+    near = box.padded(12.0, 4.0)
     on_others = sum(_shared(near, other) / min(area, other.width * other.height) for other in taken)
     # what is cut off cannot be read at all
     return 20.0 * (1.0 - _shared(box, frame) / area) + on_others

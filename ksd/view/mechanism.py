@@ -118,7 +118,8 @@ def plot_mechanism(
         axes = new_figure(WIDE, HIGH).add_subplot()
     size = size_of(shape)
     _undeformed(axes, shape, camera, size)
-    paint(axes, _polygons(shape, camera, size, heat), camera)
+    drawn = _polygons(shape, camera, size, heat)
+    paint(axes, drawn, camera)
     _hinges(axes, shape, camera, size)
     draw_springs(axes, shape, camera, size)
     axes.set_aspect("equal")
@@ -140,8 +141,10 @@ def plot_mechanism(
         heat.bar(axes, shrink=0.8, aspect=30, pad=0.02)
     _frame(axes, camera, size, said)
     if own and labels:
-        leaves = camera.flat(np.concatenate([np.zeros((0, 3)), *(leaf.place for leaf in shape.leaves)]))
-        part_labels(axes, busy, leaves)
+        lines = [leaf.place for leaf in shape.leaves]
+        # edges of bodies and strokes of ground
+        lines += [np.linspace(p.corners[0], p.corners[1], 12) for p in drawn if len(p.corners) == 2]
+        part_labels(axes, busy, camera.flat(np.concatenate([np.zeros((0, 3)), *lines])))
     figure: Figure = axes.figure  # type: ignore[assignment]
     return figure
 

@@ -1,6 +1,7 @@
 """Contraction against direct evaluation, ranges, and chains longer than any trained."""
 
 import math
+import re
 
 import numpy as np
 import pytest
@@ -77,6 +78,22 @@ def test_parameter_maps_are_inverse():
             assert parameter.value(parameter.place(value)) == pytest.approx(value, rel=1e-14)
     alone = Parameter("c", 0.7, 0.7)
     assert alone.place(0.7) == 0.0 and abs(alone.place(0.7001)) > 1
+
+
+@pytest.mark.parametrize(
+    "words, said",
+    [
+        (("width", 0.02, 0.01), "Parameter 'width': range 0.02 to 0.01 ('linear') must rise"),
+        (("width", -0.02, 0.01, "log"), "be positive on a log scale"),
+        (("width", 0.02, 0.03, "lin"), '"linear" or "log"'),
+        (("width", math.nan, 0.01), "low = nan is not finite"),
+        (("width", 0.01, "0.02"), "high = '0.02' is not a number"),
+        ((3, 0.01, 0.02), "have a name"),
+    ],
+)
+def test_what_is_no_range_is_refused_where_it_is_said(words, said):
+    with pytest.raises(SceneError, match=re.escape(said)):
+        Parameter(*words)
 
 
 def test_rotation_vectors_invert_the_exponential():
