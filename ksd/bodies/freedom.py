@@ -43,8 +43,9 @@ def _null_space(J: np.ndarray) -> np.ndarray:
 
 def _null_spaces(J: np.ndarray, *ranks: float) -> list[np.ndarray]:
     """Of every one of `ranks`, columns spanning what J (E, q) takes below it of its largest."""
-    if J.shape[0] == 0:
-        return [np.eye(J.shape[1])] * len(ranks)
+    if J.shape[0] == 0 or J.shape[1] == 1:
+        # of one motion the only singular value is the largest
+        return [np.eye(J.shape[1])[:, int(J.any()) :]] * len(ranks)
     _, s, vt = np.linalg.svd(J)
     return [vt[np.count_nonzero(s > rank * max(s[0], 1e-300)) :].T for rank in ranks]
 

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from typing import Any
 
 from ksd.checks import nearest, show
@@ -165,6 +166,17 @@ def choose(
     for name in {*on, *(named or ())} - {*said, *NATURE}:
         raise SceneError(f"effect '{name}' is asked for, but the scene says nothing of it; {_HOW[name]}")
 
+    return _decided(tuple(said.items()), on, off, named, effects == "all", mesh.shear, _gravity(scene))
+
+
+@lru_cache(maxsize=64)
+def _decided(
+    mentioned: tuple[tuple[str, str], ...], on: tuple[str, ...], off: tuple[str, ...], named: tuple[str, ...] | None,
+    everything: bool, shear: bool, pulled: bool,
+) -> Choice:  # fmt: skip
+    """`choose` by what is mentioned; pulled: the scene has gravity. Most designs of a loop decide the same."""
+    said = dict(mentioned)
+
     def decided(name: str) -> Effect:
         known = name in said or name in NATURE
         because = f"; {said[name]}" if name in said and name not in NATURE else ""
@@ -172,19 +184,19 @@ def choose(
             return Effect(name, True, f"asked for{because}")
         if name in off and known:
             return Effect(name, False, f"switched off{because}")
-        if name == "shear" and not mesh.shear:
+        if name == "shear" and not shear:
             return Effect(name, False, "the mesh is without it")
         if named is not None and known:
             wanted = name in named
             return Effect(name, wanted, f"{'asked for' if wanted else 'not in the list'}{because}")
-        if effects == "all" and known:
+        if everything and known:
             return Effect(name, True, f"all effects are asked for{because}")
         if name == "spatial":
             # the plane is found by looking at the model, and checked when it is solved (ksd.model.plane)
             return Effect(name, False, "where the scene stays in its plane; checked in space")
         if name in said:
             return Effect(name, True, said[name])
-        if name == "gravity" and _gravity(scene):
+        if name == "gravity" and pulled:
             return Effect(name, False, "no link has a mass and no leaf a density for it to pull at")
         return Effect(name, False, "not mentioned" if name in NATURE else SILENT)
 

@@ -289,6 +289,8 @@ def refilled(topology: Arrays, floats: np.ndarray) -> Arrays:
         places = topology.__dict__["places"] = _places(topology)
     made = {}
     for part, fields in places.items():
+        if not fields:
+            continue
         own = list(getattr(topology, part))
         for k, at, shape in fields:
             own[k] = floats[at].reshape(shape)

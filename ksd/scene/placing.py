@@ -35,4 +35,6 @@ def rotation_at(axis: Any, toward: Any, owner: str) -> Matrix:
         x = unit(tuple(a - lean * b for a, b in zip(x, z, strict=True)))
     y = cross(z, x)
     # -0.0 becomes 0.0
-    return tuple((x[r] + 0.0, y[r] + 0.0, z[r] + 0.0) for r in range(3))  # type: ignore[return-value]
+    return (
+        (x[0] + 0.0, y[0] + 0.0, z[0] + 0.0), (x[1] + 0.0, y[1] + 0.0, z[1] + 0.0), (x[2] + 0.0, y[2] + 0.0, z[2] + 0.0),
+    )  # fmt: skip

@@ -107,11 +107,13 @@ LONG = 30.0
 
 def _apart(scene: Scene) -> Iterator[str]:
     """Pins and sliders are where their links can be, not a thousand times further away."""
+    if not scene.hinges:
+        return
     hung: dict[str, list[Any]] = {link: [] for link in scene.links}
-    for leaf in scene.leaves if scene.hinges else ():
+    for leaf in scene.leaves:
         hung[leaf.a].append(leaf.leaf.start)
         hung[leaf.b].append(leaf.leaf.end)
-    for joint in scene.joints if scene.hinges else ():
+    for joint in scene.joints:
         hung[joint.a].append(joint.origin)
         hung[joint.b].append(tuple(joint.place(joint.joint.pose_B).tolist()))
     for hinge in scene.hinges:
@@ -135,6 +137,8 @@ def _apart(scene: Scene) -> Iterator[str]:
 
 def _same_freedoms(scene: Scene) -> Iterator[str]:
     """No two drives or supports prescribe the very same component."""
+    if len(scene.drives) + len(scene.supports) < 2:
+        return
     seen: dict[tuple[Any, ...], str] = {}
     for kind, drives in (("drive", scene.drives), ("support", scene.supports)):
         for drive in drives:
