@@ -5,12 +5,12 @@ from __future__ import annotations
 import argparse
 import inspect
 import pkgutil
-import re
 from collections.abc import Iterator
 from importlib import import_module
 from pathlib import Path
 
 from docstrings import by_parameter
+from measured import write_measured
 from validated import write_validated
 
 import ksd
@@ -23,8 +23,6 @@ from ksd.scene import toml_schema as schema
 from ksd.scene.profile import NAMED
 from ksd.solve.configuration import INSIDE
 from ksd.units import DIMENSIONS
-
-RESULTS = Path(__file__).resolve().parents[1] / "benchmarks" / "results"
 
 REFERENCE = {
     "Scenes": (
@@ -230,28 +228,11 @@ def scene_format(folder: Path) -> None:
     (folder / "scene_tables.md").write_text("\n".join(lines))
 
 
-def measured(folder: Path) -> None:
-    """The result tables of the benchmarks, as they were written."""
-    folder.mkdir(exist_ok=True)
-    for path in sorted(RESULTS.glob("*.md")):
-        text = path.read_text()
-        if not text.startswith("# "):
-            text = f"# {path.stem.replace('_', ' ').capitalize()}\n\n" + re.sub(
-                "^###", "##", text, flags=re.M
-            )
-        (folder / path.name).write_text(text)
-    names = "\n".join(path.stem for path in sorted(RESULTS.glob("*.md")))
-    (folder / "index.md").write_text(
-        "# Measured\n\nTables written by the scripts in `benchmarks/`, each with its date and machine.\n\n"
-        f"```{{toctree}}\n:maxdepth: 1\n\n{names}\n```\n"
-    )
-
-
 def write_tables(folder: Path) -> None:
     """Write the pages of `folder` that are made when the site is built."""
     folder.mkdir(exist_ok=True)
     command_line(folder)
     scene_format(folder)
-    measured(folder / "measured")
+    write_measured(folder / "measured")
     reference(folder / "reference")
     write_validated(folder / "validated.md")
