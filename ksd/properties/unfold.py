@@ -4,8 +4,8 @@ Chains of Appendix A elements get all their nodes in the open. Strain-mode leave
 load that was not there, or an inertia, bends a leaf in shapes the state itself does not need. The amplitudes
 of the new modes follow from equilibrium inside every leaf at the present end poses; nodes do not move.
 Measured gain, orders (4, 3, 5): cross flexure at 60 degrees, kz 1.9e-4 to 4e-6; parallel guide at 40
-thicknesses, kx 3.3e-4 to 2e-6; clamped leaf, second frequency 2e-2 to 2e-4, buckling load 5e-2 (second) to
-1e-3.
+thicknesses, kx 3.3e-4 to 2e-6; clamped leaf, second frequency 2e-2 to 2e-4. Buckling asks for one more of the finer
+model.
 """
 
 from __future__ import annotations

@@ -211,6 +211,51 @@ def test_the_smallest_of_either_sign_is_found(mesh):
     assert np.all(np.diff(np.abs(few.factor)) >= 0.0)
 
 
+def held_by_three_leaves(rng):
+    """A stage on three leaf springs in any directions, which press each other, driven a little."""
+    scene = ksd.Mechanism("three leaves")
+    stage = scene.link("stage")
+    for _ in range(3):
+        start = rng.uniform(-0.04, 0.04, 3)
+        end = start + np.array([0.02, 0.1, 0.0]) + rng.uniform(-0.03, 0.03, 3)
+        width = np.cross(end - start, rng.normal(size=3))
+        section = rectangle(rng.uniform(3e-4, 8e-4), rng.uniform(5e-3, 2e-2))
+        scene.leaf(
+            scene.ground, stage, start=start, end=end, section=section, material=STEEL, width_axis=width
+        )
+    scene.actuate(stage, along=rng.normal(size=3), at=(0.02, 0.1, 0.0), name="d")
+    return scene
+
+
+def test_the_mesh_error_is_that_of_the_factor():
+    """Of the least factor, against five more modes per axis."""
+    errors, told = [], []
+    for seed in range(12):
+        scene = held_by_three_leaves(np.random.default_rng(seed))
+        pose = ksd.solve(scene, d=3e-4, strict=False)
+        nx, ny, nz = pose.model.mesh.orders
+        fine = Mesh(orders=(nx + 5, ny + 5, nz + 5), points=max(nx, nz) + 8)
+        found, better = (
+            p.buckling(count=1) for p in (pose, ksd.solve(scene, d=3e-4, mesh=fine, strict=False))
+        )
+        least = int(np.argmin(np.abs(found.factor)))
+        errors.append(np.abs(found.factor[least] / better.factor - 1.0).min())
+        told.append(found.mesh_error[least])
+    errors, told = np.array(errors), np.array(told)
+    assert errors.max() < 7e-3 and errors.max() > 5e-4
+    assert np.all(errors < 2.0 * told + 5e-4) and np.all(told < 6.0 * errors + 1e-4)
+
+
+def test_a_critical_load_and_its_error_are_printed():
+    model = compile_scene(column())
+    found = buckling(model, model.rest, "tip", force=(-1, 0, 0), at=(L, 0, 0), count=2)
+    assert str(found).count("under 0.05 %") == 2
+    assert abs(found.factor[1] / (9 * EULER) - 1.0) < 2e-3
+    chain = compile_scene(column(), mesh=Mesh("corotational", elements=4))
+    found = buckling(chain, chain.rest, "tip", force=(-1, 0, 0), at=(L, 0, 0))
+    assert np.isnan(found.mesh_error).all() and " - " in str(found)
+
+
 def test_a_change_of_nothing_but_rounding_has_no_factors(rng):
     """Whose vectors, and with them the residual, depend on the linear algebra of the machine."""
     K = csc_matrix(np.diag(10.0 ** rng.uniform(-6, 6, 20)))
