@@ -59,7 +59,13 @@ class Alike(NamedTuple):
     def constants(self, members: NDArray[np.int64], size: int) -> Array:
         """The first `size` constants (D, k, size) of members (k,)."""
         at = self.topology.flat.ints[MEMBERS + VALUE] + self.topology.members.value_at[members]
-        return self.floats[:, at[:, None] + np.arange(size)]
+        return np.take(self.floats, at[:, None] + np.arange(size), axis=1)
+
+    def different(self) -> tuple[list[int], NDArray[np.int64]]:
+        """A state of every different model, and the number (D,) of each state's model among these."""
+        ids = [id(model) for model in self.models]
+        _, first, which = np.unique(ids, return_index=True, return_inverse=True)
+        return first.tolist(), which
 
     def finer(self) -> Alike | None:
         """The same states with one mode more per axis in every leaf, see `ksd.properties.unfold`; amplitudes of these are
@@ -70,10 +76,11 @@ class Alike(NamedTuple):
         fine = self.template.on(mesh)
         if fine is None:
             return None
-        known = [model.derived["leaves"] for model in self.models]
+        first, which = self.different()
+        known = [self.models[d].derived["leaves"] for d in first]
         leaves = Leaves(*(np.concatenate(field) for field in zip(*(k[1] for k in known), strict=True)))
         value, _ = fine.packed.values(leaves, np.concatenate([k[2] for k in known]))
-        floats = revalued_floats(self.topology.flat.ints, self.floats, value)
+        floats = revalued_floats(self.topology.flat.ints, self.floats[first], value)[which]
         inner = np.zeros((len(floats), int(fine.topology.members.inner_at[-1])))
         number, wider = (b.members.number.tobytes() for b in (self.topology, fine.topology))
         inner[:, widened(number, wider)] = m.inner
@@ -86,16 +93,18 @@ def alike(states: Sequence[State]) -> list[tuple[list[int], Alike]]:
     groups: dict[int, list[int]] = {}
     for k, (model, _, _) in enumerate(states):
         template = model.derived.get("leaves", (None,))[0]
-        if template is None or model.bodies or type(template.mesh) is not Mesh:
-            continue
-        if any(leaf.kind != STRAIN for leaf in template.leaf_words):
-            continue
-        if model.arrays.flat.ints is template.topology.flat.ints:
+        if (
+            template is not None
+            and not model.bodies
+            and model.arrays.flat.ints is template.topology.flat.ints
+        ):
             groups.setdefault(id(template), []).append(k)
     found = []
     for numbers in groups.values():
         models = tuple(states[k][0] for k in numbers)
         template = models[0].derived["leaves"][0]
+        if type(template.mesh) is not Mesh or any(leaf.kind != STRAIN for leaf in template.leaf_words):
+            continue
         motion = Motion(*(np.stack(field) for field in zip(*(states[k][1] for k in numbers), strict=True)))
         floats = np.stack([model.arrays.flat.floats for model in models])
         factor = np.array([states[k][2] for k in numbers])

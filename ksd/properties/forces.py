@@ -128,11 +128,15 @@ def end_wrenches(model: Model, motion: Motion, *, load_factor: float = 1.0) -> A
 
 
 def strain_forces(
-    value: Array, inner: Array, number: NDArray[np.int64], points: int, gravity: Array | None = None
-) -> tuple[Array, Array]:
+    value: Array, inner: Array, number: NDArray[np.int64], points: int, gravity: Array | None = None,
+    *, at: NDArray[np.int64] | None = None,
+) -> tuple[Array, Array]:  # fmt: skip
     """Stations (leaves, k) and section forces (leaves, k, 6) of leaves of one make: constants (leaves, v) and inner states;
-    gravity (leaves, 3) in their frames p."""
+    gravity (leaves, 3) in their frames p. at (leaves,), without gravity: of that station and the end alone."""
     s, r, R, *beyond = strain_curves(value, number, inner, points, gravity)
+    if at is not None:
+        pick = np.arange(len(at))[:, None], np.column_stack([at, np.full(len(at), -1)])
+        s, r, R = s[pick], r[pick], R[pick]
     weight = () if gravity is None else (gravity[:, None], *beyond)
     return s, _along(r, R, inner[:, None, int(number[:3].sum()) :], *weight)
 

@@ -14,7 +14,6 @@ Pa; s in m.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any, NamedTuple
@@ -281,36 +280,37 @@ def stress_alike(states: Alike, *, points: int = POINTS) -> list[LeavesStress] |
 
 
 def _forces_alike(
-    states: Alike, group: LeafGroup, points: int
+    states: Alike, group: LeafGroup, points: int, at: NDArray[np.int64] | None = None
 ) -> tuple[Array, Array, NDArray[np.int64], list[Any]] | None:
     """Stations (n, S) and section forces (n, S, 6) of the leaves of a group in all states, one state after the other, the
-    number (n,) of the section of each, and the sections; None as of `stress_alike`."""
+    number (n,) of the section of each, and the sections; None as of `stress_alike`. at (n,): as in `strain_forces`."""
     names = [states.models[0].member_names[i] for i in group.members.tolist()]
     leaves = scene_leaves(states.models[0])
     if group.heavy or any(n not in leaves or leaves[n].profile is not None for n in names):
         return None
     value = states.constants(group.members, group.value.shape[1])
-    inner = states.motion.inner[:, group.places]
+    inner = np.take(states.motion.inner, group.places, axis=1)
     count = len(value) * len(names)
-    number, sections = _sections(states.models, names)
-    s, forces = strain_forces(value.reshape(count, -1), inner.reshape(count, -1), group.number, points)
+    number, sections = _sections(states, names)
+    s, forces = strain_forces(value.reshape(count, -1), inner.reshape(count, -1), group.number, points, at=at)
     return s, forces, number.ravel(), sections
 
 
-def _sections(models: Sequence[Model], names: list[str]) -> tuple[NDArray[np.int64], list[Any]]:
-    """Number (D, k) of the section of every leaf in every model, and the different sections."""
+def _sections(states: Alike, names: list[str]) -> tuple[NDArray[np.int64], list[Any]]:
+    """Number (D, k) of the section of every leaf in every state, and the different sections."""
     sections: list[Any] = []
     known: dict[int, int] = {}
-    number = np.empty((len(models), len(names)), np.int64)
-    for row, model in zip(number, models, strict=True):
-        leaves = scene_leaves(model)
+    first, which = states.different()
+    number = np.empty((len(first), len(names)), np.int64)
+    for row, d in zip(number, first, strict=True):
+        leaves = scene_leaves(states.models[d])
         for k, name in enumerate(names):
             q = leaves[name].section
             if id(q) not in known:
                 known[id(q)] = len(sections)
                 sections.append(q)
             row[k] = known[id(q)]
-    return number, sections
+    return number[which], sections
 
 
 def peaks(states: Alike, *, points: int = POINTS) -> list[dict[str, Peak]] | None:
@@ -348,19 +348,18 @@ def stress_followed(
         where[part.state, part.member] = np.column_stack(np.divmod(at, part.mises.shape[2]))
     found = np.empty((len(first), len(model.member_names)))
     for group in leaf_groups(model):
-        known = _forces_alike(states, group, points)
+        station, point = where[of][:, group.members].reshape(-1, 2).T
+        known = _forces_alike(states, group, points, station)
         assert known is not None
         _, forces, number, sections = known
         tables = [_point_table(q) for q in sections]
         count = np.array([len(table) for table in tables])[number].reshape(len(first), -1)
         if (count != count[first]).any():
             return None
-        station, point = where[of][:, group.members].reshape(-1, 2).T
         rows = np.array([tables[n][p] for n, p in zip(number.tolist(), point.tolist(), strict=True)]).T
         stations = (*rows[:5, :, None, None], *rows[5:].reshape(3, 2, -1, 1, 1))
-        at_station = forces[np.arange(len(station)), station][:, None]
         outlined = np.array([q.outline is not None for q in sections])[number]
-        both = (_stresses(at_station, stations, outlined=o)[2].ravel() for o in (True, False))
+        both = (_stresses(forces[:, :1], stations, outlined=o)[2].ravel() for o in (True, False))
         found[:, group.members] = np.where(outlined, *both).reshape(count.shape)
     return dict(zip(model.member_names, found.T, strict=True))
 
