@@ -398,7 +398,7 @@ def answered_together(poses: Sequence[Any], asked: Asked) -> list[Together]:
 
 def _answered_alike(states: Alike, asked: Asked) -> list[Together]:
     """`answered_together` of states that are alike."""
-    rows: list[dict[str, Row]] = [{} for _ in states.models]
+    rows: list[dict[str, Row]] = [{} for _ in states.which]
     compliance: Any = None
     point, drives = ("support_stiffness" in asked.questions, "drive_stiffness" in asked.questions)
     if point or drives:

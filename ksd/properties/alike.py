@@ -25,10 +25,11 @@ State = tuple[Model, Motion, float]
 
 
 class Alike(NamedTuple):
-    """D states. models: of each; template: what they have in common, topology: its integers; floats (D, f): as in `Flat`;
-    motion: with a leading axis over states; factor (D,): of the loads."""
+    """D states of U models. which (D,): the model of each among models (U,); template: what they have in common, topology:
+    its integers; floats (U, f): as in `Flat`; motion: with a leading axis over states; factor (D,): of the loads."""
 
     models: tuple[Model, ...]
+    which: NDArray[np.int64]
     template: Template
     topology: Arrays
     floats: Array
@@ -38,34 +39,30 @@ class Alike(NamedTuple):
     @property
     def size(self) -> Array:
         """Sizes (D,) of the mechanisms [m]."""
-        return self.floats[:, 0]
+        return self.floats[self.which, 0]
 
     def state(self, d: int) -> tuple[Bare, Motion]:
         """Numbers and state d, views of what is here."""
         m, ints = self.motion, self.topology.flat.ints
-        flat = Flat(ints, self.floats[d], self.topology.flat.members)
+        flat = Flat(ints, self.floats[self.which[d]], self.topology.flat.members)
         weight = flat.floats[ints[WEIGHT] :].reshape(-1, 4)
         return Bare(flat, weight), Motion(m.x[d], m.R[d], m.inner[d], m.multiplier[d])
 
-    def pick(self, which: NDArray[np.int64]) -> Alike:
+    def pick(self, states: NDArray[np.int64]) -> Alike:
         """Some of the states."""
+        used, which = np.unique(self.which[states], return_inverse=True)
         return self._replace(
-            models=tuple(self.models[d] for d in which.tolist()),
-            floats=self.floats[which],
-            motion=Motion(*(field[which] for field in self.motion)),
-            factor=self.factor[which],
+            models=tuple(self.models[u] for u in used.tolist()),
+            which=which,
+            floats=self.floats[used],
+            motion=Motion(*(field[states] for field in self.motion)),
+            factor=self.factor[states],
         )
 
     def constants(self, members: NDArray[np.int64], size: int) -> Array:
         """The first `size` constants (D, k, size) of members (k,)."""
         at = self.topology.flat.ints[MEMBERS + VALUE] + self.topology.members.value_at[members]
-        return np.take(self.floats, at[:, None] + np.arange(size), axis=1)
-
-    def different(self) -> tuple[list[int], NDArray[np.int64]]:
-        """A state of every different model, and the number (D,) of each state's model among these."""
-        ids = [id(model) for model in self.models]
-        _, first, which = np.unique(ids, return_index=True, return_inverse=True)
-        return first.tolist(), which
+        return self.floats[self.which[:, None, None], at[:, None] + np.arange(size)]
 
     def finer(self) -> Alike | None:
         """The same states with one mode more per axis in every leaf, see `ksd.properties.unfold`; amplitudes of these are
@@ -76,12 +73,11 @@ class Alike(NamedTuple):
         fine = self.template.on(mesh)
         if fine is None:
             return None
-        first, which = self.different()
-        known = [self.models[d].derived["leaves"] for d in first]
+        known = [model.derived["leaves"] for model in self.models]
         leaves = Leaves(*(np.concatenate(field) for field in zip(*(k[1] for k in known), strict=True)))
         value, _ = fine.packed.values(leaves, np.concatenate([k[2] for k in known]))
-        floats = revalued_floats(self.topology.flat.ints, self.floats[first], value)[which]
-        inner = np.zeros((len(floats), int(fine.topology.members.inner_at[-1])))
+        floats = revalued_floats(self.topology.flat.ints, self.floats, value)
+        inner = np.zeros((len(self.which), int(fine.topology.members.inner_at[-1])))
         number, wider = (b.members.number.tobytes() for b in (self.topology, fine.topology))
         inner[:, widened(number, wider)] = m.inner
         motion = Motion(m.x.copy(), m.R.copy(), inner, m.multiplier.copy())
@@ -101,12 +97,14 @@ def alike(states: Sequence[State]) -> list[tuple[list[int], Alike]]:
             groups.setdefault(id(template), []).append(k)
     found = []
     for numbers in groups.values():
-        models = tuple(states[k][0] for k in numbers)
+        different = {id(states[k][0]): states[k][0] for k in numbers}
+        place = {key: u for u, key in enumerate(different)}
+        which, models = np.array([place[id(states[k][0])] for k in numbers]), tuple(different.values())
         template = models[0].derived["leaves"][0]
         if type(template.mesh) is not Mesh or any(leaf.kind != STRAIN for leaf in template.leaf_words):
             continue
         motion = Motion(*(np.stack(field) for field in zip(*(states[k][1] for k in numbers), strict=True)))
         floats = np.stack([model.arrays.flat.floats for model in models])
         factor = np.array([states[k][2] for k in numbers])
-        found.append((numbers, Alike(models, template, template.topology, floats, motion, factor)))
+        found.append((numbers, Alike(models, which, template, template.topology, floats, motion, factor)))
     return found

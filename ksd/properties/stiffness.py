@@ -242,22 +242,24 @@ class Stiffnesses(NamedTuple):
 def stiffnesses(
     states: Alike, link: Any = None, *, at: Sequence[Any] = (), drives: bool = False
 ) -> Stiffnesses:
-    """Stiffness of a point of `link` (none where None), in every state that which is at its own of `at` at rest, and of the
-    drives of all states, all drives and supports held.
+    """Stiffness, in every state, of the point of `link` (none where None) that is at its model's own of `at` (U,) at rest,
+    and of the drives; all drives and supports held.
 
     Raises SceneError as `point_stiffness`.
     """
     fine, model = states.finer(), states.models[0]
     if fine is None:
-        return Stiffnesses(None, None, np.zeros(len(states.models), bool))
+        return Stiffnesses(None, None, np.zeros(len(states.which), bool))
     topology, x = fine.topology, fine.motion.x
     rows, count, unknowns = range(len(topology.terms.start)), len(model.drive_names), topology.plan.unknowns
     loads = np.zeros((len(x), 6 * (link is not None) + count * drives, unknowns))
     if link is not None:
         node = node_of(model, link)
         start = int(topology.start[node])
-        for d, (own, point) in enumerate(zip(states.models, at, strict=True)):
-            loads[d, :6, start : start + 6] = point_motion(own, states.state(d)[1], node, point)[1]
+        for d, k in enumerate(states.which.tolist()):
+            loads[d, :6, start : start + 6] = point_motion(states.models[k], states.state(d)[1], node, at[k])[
+                1
+            ]
         if rows:
             held = [
                 gradients_of_rows(topology, arrays.flat, motion, rows)

@@ -300,17 +300,16 @@ def _sections(states: Alike, names: list[str]) -> tuple[NDArray[np.int64], list[
     """Number (D, k) of the section of every leaf in every state, and the different sections."""
     sections: list[Any] = []
     known: dict[int, int] = {}
-    first, which = states.different()
-    number = np.empty((len(first), len(names)), np.int64)
-    for row, d in zip(number, first, strict=True):
-        leaves = scene_leaves(states.models[d])
+    number = np.empty((len(states.models), len(names)), np.int64)
+    for row, model in zip(number, states.models, strict=True):
+        leaves = scene_leaves(model)
         for k, name in enumerate(names):
             q = leaves[name].section
             if id(q) not in known:
                 known[id(q)] = len(sections)
                 sections.append(q)
             row[k] = known[id(q)]
-    return number[which], sections
+    return number[states.which], sections
 
 
 def peaks(states: Alike, *, points: int = POINTS) -> list[dict[str, Peak]] | None:
@@ -319,7 +318,7 @@ def peaks(states: Alike, *, points: int = POINTS) -> list[dict[str, Peak]] | Non
     if every is None:
         return None
     names = states.models[0].member_names
-    found: list[dict[str, Any]] = [dict.fromkeys(names) for _ in states.models]
+    found: list[dict[str, Any]] = [dict.fromkeys(names) for _ in states.which]
     for part in every:
         at = part.mises.reshape(len(part.mises), -1).argmax(axis=1)
         for j, (d, i, n) in enumerate(zip(*(v.tolist() for v in part[:3]), strict=True)):
