@@ -24,7 +24,7 @@ import numpy as np
 import ksd
 from ksd.bench.measure import machine as processor
 from ksd.files import write_file
-from ksd.model.leaves import Mesh
+from ksd.model.mesh import Mesh
 from ksd.solve.conventional import conventional
 from ksd.solve.storage import Storage
 from ksd.units import GPa, deg, mm

@@ -18,7 +18,7 @@ import numpy as np
 from ksd.errors import ConvergenceError, KsdError
 from ksd.modal.choices import ModalBasis
 from ksd.model.compile import compile_scene
-from ksd.model.leaves import Mesh
+from ksd.model.mesh import Mesh
 from ksd.scene import CrossFlexure, Material, Mechanism
 from ksd.scene.families.guide import ParallelGuide
 from ksd.scene.toml_file import load_scene

@@ -480,21 +480,3 @@ def cut_leaves(scene: Any) -> list[tuple[str, str, str, Any]]:
         pieces = split_leaf(whole, [s / whole.length for s, _ in on])
         found += [(p.name, *pair, p) for p, pair in zip(pieces, pairwise(links), strict=True)]
     return found
-
-
-__all__ = [
-    "Mesh",
-    "cut_leaves",
-    "element_leaves",
-    "integrate_curve",
-    "leaf_axes",
-    "leaf_ends",
-    "leaf_member",
-    "leaf_modes",
-    "leaf_of",
-    "line_mass",
-    "piece_name",
-    "raised_orders",
-    "rigidities",
-    "split_leaf",
-]

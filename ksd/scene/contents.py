@@ -276,16 +276,3 @@ def _sampled(value: Curve | Profile) -> Any:
     if isinstance(value, Curve):
         return tuple(map(triple, value.curvatures(stations)))
     return tuple(value.section(s) for s in stations)
-
-
-__all__ = [
-    "GROUND",
-    "LeafPoint",
-    "Matrix",
-    "PlacedJoint",
-    "PlacedLeaf",
-    "Scene",
-    "joint_angle",
-    "placed_leaf",
-    "reached",
-]

@@ -244,6 +244,3 @@ def _second(r: np.ndarray, h: np.ndarray, ways: list[np.ndarray | None]) -> np.n
             A[k, k], A[k, other] = 2 * size, size
             b[k] = 6 * (rise - way) if k == 0 else 6 * (way - rise)
     return np.linalg.solve(A, b)
-
-
-__all__ = ["Bend", "Legendre", "Sine", "Spline", "legendre_shape", "sine_shape", "spline_shape"]

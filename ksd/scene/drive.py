@@ -138,9 +138,8 @@ class PointMass:
         mass = number(self.mass, "mass", owner=owner, unit="kg")
         if mass < 0.0:
             raise SceneError(f"{owner}: mass = {mass:g} kg must be zero or positive.")
-        object.__setattr__(self, "mass", mass)
-        object.__setattr__(self, "at", vector(self.at, "at", owner=owner, unit="m"))
-        object.__setattr__(self, "inertia", _inertia(self.inertia, owner))
+        at = vector(self.at, "at", owner=owner, unit="m")
+        self.__dict__.update(mass=mass, at=at, inertia=_inertia(self.inertia, owner))
 
 
 def _inertia(value: Any, owner: str) -> tuple[Vector, Vector, Vector]:

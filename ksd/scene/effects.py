@@ -80,14 +80,12 @@ class Spring:
 
     def __post_init__(self) -> None:
         owner = f"spring '{word(self.name, 'name', owner='spring')}'"
-        clean = {
-            "start": vector(self.start, "start", owner=owner, unit="m"),
-            "end": vector(self.end, "end", owner=owner, unit="m"),
-            "stiffness": positive(self.stiffness, "stiffness", owner=owner, unit="N/m"),
-            "free_length": not_negative(self.free_length, "free_length", owner=owner, unit="m"),
-        }
-        for key, value in clean.items():
-            object.__setattr__(self, key, value)
+        self.__dict__.update(
+            start=vector(self.start, "start", owner=owner, unit="m"),
+            end=vector(self.end, "end", owner=owner, unit="m"),
+            stiffness=positive(self.stiffness, "stiffness", owner=owner, unit="N/m"),
+            free_length=not_negative(self.free_length, "free_length", owner=owner, unit="m"),
+        )
         if self.start == self.end and self.free_length > 0.0:
             raise SceneError(
                 f"{owner}: its ends coincide at rest, where a spring of free_length = {self.free_length:g} m has no "
@@ -116,14 +114,12 @@ class TurnSpring:
         angle = number(self.rest_angle, "rest_angle", owner=owner, unit="rad")
         if not abs(angle) < math.pi:
             raise SceneError(f"{owner}: rest_angle = {show(self.rest_angle)} rad must be below 180 degrees.")
-        clean = {
-            "at": vector(self.at, "at", owner=owner, unit="m"),
-            "axis": direction(self.axis, "axis", owner=owner),
-            "stiffness": positive(self.stiffness, "stiffness", owner=owner, unit="Nm/rad"),
-            "rest_angle": angle,
-        }
-        for key, value in clean.items():
-            object.__setattr__(self, key, value)
+        self.__dict__.update(
+            at=vector(self.at, "at", owner=owner, unit="m"),
+            axis=direction(self.axis, "axis", owner=owner),
+            stiffness=positive(self.stiffness, "stiffness", owner=owner, unit="Nm/rad"),
+            rest_angle=angle,
+        )
 
 
 HUGE = 1e30

@@ -144,14 +144,3 @@ def _holds(link: str, plane: str) -> tuple[Drive, ...]:
         )
         for kind, k in held
     )
-
-
-__all__ = [
-    "PLANES",
-    "Hinge",
-    "checked_drive",
-    "checked_hinge",
-    "checked_plane",
-    "normal_of",
-    "plane_holds",
-]

@@ -218,18 +218,11 @@ class DrawnJoint(Joint):
             leaves[k] = leaf if own == leaf.name else replace(leaf, name=own)
         given = np.linalg.norm(points["B"]) if length is None else length
         numbers = {k: number(v, f"shape '{k}'", owner=owner) for k, v in (shape or {}).items()}
-        clean = {
-            "name": name,
-            "block_points": tuple(points.items()),
-            "drawn_leaves": tuple(leaves),
-            "intended": tuple(motions),
-            "length": positive(given, "length", owner=owner, unit="m"),
-            "shape_numbers": tuple(numbers.items()),
-            "windows": windows,
-            "held_by_others": held_by_others,
-        }
-        for key, value in clean.items():
-            object.__setattr__(self, key, value)
+        self.__dict__.update(
+            name=name, block_points=tuple(points.items()), drawn_leaves=tuple(leaves), intended=tuple(motions),
+            length=positive(given, "length", owner=owner, unit="m"), shape_numbers=tuple(numbers.items()),
+            windows=windows, held_by_others=held_by_others,
+        )  # fmt: skip
 
     def __str__(self) -> str:
         lines = [f"{self.name}: blocks {', '.join(name for name, _ in self.block_points)}"]

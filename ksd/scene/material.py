@@ -57,9 +57,7 @@ class Material(metaclass=Worded):
         limits = {"yield_stress": yield_stress, "fatigue_limit": fatigue_limit}
         for key, limit in limits.items():
             limits[key] = None if limit is None else positive(limit, key, owner=owner, unit="Pa")
-        clean = {"E": E, "G": G, "nu": nu, "density": density, "name": name, "expansion": expansion} | limits
-        for key, value in clean.items():
-            object.__setattr__(self, key, value)
+        self.__dict__.update(limits, E=E, G=G, nu=nu, density=density, name=name, expansion=expansion)
 
 
 def _complete(E: float | None, G: float | None, nu: float | None, owner: str) -> tuple[float, float, float]:

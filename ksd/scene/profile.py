@@ -35,6 +35,12 @@ class Profile(metaclass=Worded):
         raise NotImplementedError
 
 
+def _positive(profile: Profile, *lengths: str) -> None:
+    """Check and clean lengths of a profile [m]. Raises SceneError."""
+    owner, own = type(profile).__name__, profile.__dict__
+    own.update({name: positive(own[name], name, owner=owner, unit="m") for name in lengths})
+
+
 @dataclass(frozen=True)
 class Taper(Profile):
     """Thickness and width [m], two numbers each, running linearly from start to end. Raises SceneError for what is not
@@ -70,9 +76,7 @@ class CircularNotch(Profile):
     width: float
 
     def __post_init__(self) -> None:
-        for name in ("radius", "minimum", "width"):
-            value = positive(getattr(self, name), name, owner="CircularNotch", unit="m")
-            object.__setattr__(self, name, value)
+        _positive(self, "radius", "minimum", "width")
 
     def section(self, s: float) -> Section:
         """Rectangle as thick as the notch is at s."""
@@ -96,9 +100,7 @@ class FilletedNotch(Profile):
     width: float
 
     def __post_init__(self) -> None:
-        for name in ("length", "radius", "minimum", "width"):
-            value = positive(getattr(self, name), name, owner="FilletedNotch", unit="m")
-            object.__setattr__(self, name, value)
+        _positive(self, "length", "radius", "minimum", "width")
         if 2 * self.radius >= self.length:
             raise SceneError(
                 f"FilletedNotch: radius = {self.radius:g} m must be less than half its length = {self.length:g} m."
@@ -125,12 +127,9 @@ class StiffenedMiddle(Profile):
     part: float
 
     def __post_init__(self) -> None:
-        for name in ("thickness", "width", "middle"):
-            value = positive(getattr(self, name), name, owner="StiffenedMiddle", unit="m")
-            object.__setattr__(self, name, value)
+        _positive(self, "thickness", "width", "middle")
         part = between(self.part, "part", 0.0, 1.0, owner="StiffenedMiddle")
-        object.__setattr__(self, "part", part)
-        object.__setattr__(self, "breaks", (0.5 - 0.5 * part, 0.5 + 0.5 * part))
+        self.__dict__.update(part=part, breaks=(0.5 - 0.5 * part, 0.5 + 0.5 * part))
 
     def section(self, s: float) -> Section:
         """Thick inside the middle part, thin outside."""

@@ -108,6 +108,3 @@ def _drive(drive: Drive, go: Mapping[str, Move]) -> Drive:
 
 def _turned(R: np.ndarray, inertia: Any) -> Any:
     return tuple(map(triple, R @ np.asarray(inertia) @ R.T))
-
-
-__all__ = ["STILL", "Move", "redrawn"]

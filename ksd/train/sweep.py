@@ -18,7 +18,7 @@ from ksd.library.chains import rotation_vectors
 from ksd.library.functions import Array, Mesh
 from ksd.model.arrays import COROTATIONAL, Motion
 from ksd.model.compile import Model, compile_given
-from ksd.model.leaves import Mesh as LeafMesh
+from ksd.model.mesh import Mesh as LeafMesh
 from ksd.scene import Joint, Leaf, Mechanism
 from ksd.solve.configuration import Configuration
 from ksd.solve.conventional import conventional

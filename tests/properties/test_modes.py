@@ -9,7 +9,7 @@ from scenes import STEEL, cross_flexure, fourbar, single_joint
 import ksd
 from ksd.errors import SceneError
 from ksd.model.compile import compile_scene
-from ksd.model.leaves import Mesh
+from ksd.model.mesh import Mesh
 from ksd.properties.buckling import full_tangents
 from ksd.properties.frequencies import frequencies
 from ksd.properties.leaf_groups import leaf_groups

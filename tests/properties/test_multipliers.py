@@ -11,7 +11,7 @@ from scipy.sparse import csc_matrix
 import ksd
 from ksd.errors import SceneError
 from ksd.model.compile import compile_scene
-from ksd.model.leaves import Mesh
+from ksd.model.mesh import Mesh
 from ksd.properties.buckling import buckling, critical_factors, full_tangents, with_stresses
 from ksd.properties.tangent import factored_tangent
 from ksd.properties.unfold import unfolded

@@ -5,7 +5,7 @@ import pytest
 
 import ksd
 from ksd.model.compile import compile_scene
-from ksd.model.leaves import Mesh
+from ksd.model.mesh import Mesh
 from ksd.properties.forces import COMPONENTS, section_forces
 from ksd.properties.shape import curvature, member_ends, member_parts
 from ksd.solve.conventional import conventional

@@ -5,7 +5,7 @@ import pytest
 
 import ksd
 from ksd.model.compile import compile_scene
-from ksd.model.leaves import Mesh
+from ksd.model.mesh import Mesh
 from ksd.properties.shape import curvature, mechanism_shape, member_ends, member_parts, strain_curve
 from ksd.solve.conventional import conventional
 from ksd.units import GPa, mm

@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 import ksd
 from ksd.errors import KinematicsError, SceneError
 from ksd.model.compile import compile_scene
-from ksd.model.leaves import Mesh
+from ksd.model.mesh import Mesh
 from ksd.properties.alike import alike
 from ksd.properties.stiffness import (
     drive_coupling,

@@ -8,7 +8,7 @@ from scenes import STEEL, fourbar, single_joint
 
 import ksd
 from ksd.model.compile import compile_scene
-from ksd.model.leaves import Mesh
+from ksd.model.mesh import Mesh
 from ksd.properties import stress as stresses
 from ksd.properties.alike import alike
 from ksd.properties.shape import scene_leaves

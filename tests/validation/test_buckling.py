@@ -7,7 +7,7 @@ from scenes import STEEL
 
 import ksd
 from ksd.model.compile import compile_scene
-from ksd.model.leaves import Mesh
+from ksd.model.mesh import Mesh
 from ksd.properties.buckling import buckling
 from ksd.section import rectangle
 from ksd.solve.conventional import conventional

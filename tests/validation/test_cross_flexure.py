@@ -7,7 +7,7 @@ from scenes import cross_flexure, single_joint
 
 import ksd
 from ksd.model.compile import compile_scene
-from ksd.model.leaves import Mesh
+from ksd.model.mesh import Mesh
 from ksd.solve.conventional import conventional
 from ksd.units import deg
 

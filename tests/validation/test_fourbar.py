@@ -6,7 +6,7 @@ from scenes import fourbar
 
 import ksd
 from ksd.model.compile import compile_scene
-from ksd.model.leaves import Mesh
+from ksd.model.mesh import Mesh
 from ksd.solve.conventional import conventional
 
 

@@ -5,7 +5,7 @@ from published_joints import PARASITIC, payload
 from published_vibrations import CLAMPED, FREE, beam, nearest
 
 from ksd.model.compile import compile_scene
-from ksd.model.leaves import Mesh
+from ksd.model.mesh import Mesh
 from ksd.solve.conventional import conventional
 from ksd.units import deg
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from published_joints import D0, SUPPORT, at_crossing, hinge
 
-from ksd.model.leaves import Mesh
+from ksd.model.mesh import Mesh
 from ksd.properties.stiffness import finer_tangent, point_stiffness
 from ksd.solve.conventional import conventional
 from ksd.units import deg

@@ -17,7 +17,7 @@ from scenes import fourbar, single_joint
 import ksd
 from ksd.errors import SceneError
 from ksd.model.compile import compile_scene
-from ksd.model.leaves import Mesh
+from ksd.model.mesh import Mesh
 from ksd.solve.conventional import conventional
 from ksd.view import plot_mechanism, write_pvd
 from ksd.view.bodies import THICK, Polygon, body, facing, hatches, pads, parts, ribbon, size_of

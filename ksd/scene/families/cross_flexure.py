@@ -59,12 +59,10 @@ class CrossFlexure(Leaning):
         orders: tuple[int, int, int] | None = None,
     ) -> None:
         pair = _widths(widths)
-        said = {
-            "material": material, "length": length, "angle": angle, "thickness": thickness, "widths": pair,
-            "spacing": _spacing(pair, gap, spacing), "elements": elements, "orders": orders,
-        }  # fmt: skip
-        for key, value in said.items():
-            object.__setattr__(self, key, value)
+        self.__dict__.update(
+            material=material, length=length, angle=angle, thickness=thickness, widths=pair,
+            spacing=_spacing(pair, gap, spacing), elements=elements, orders=orders,
+        )  # fmt: skip
         self.check_leaning()
         check_clear(leaves_of(self), owner=_NAME, advice="raise the spacing to half the sum of the widths")
 

@@ -65,11 +65,9 @@ def check_lengths(joint: Any, *lengths: str) -> None:
     owner = type(joint).__name__
     if not isinstance(joint.material, Material):
         raise SceneError(f"{owner}: material = {show(joint.material)} must be a Material.")
-    clean: dict[str, Any] = mesh(joint.elements, joint.orders, owner=owner)
-    for key in lengths:
-        clean[key] = positive(getattr(joint, key), key, owner=owner, unit="m")
-    for key, value in clean.items():
-        object.__setattr__(joint, key, value)
+    own = joint.__dict__
+    own.update(mesh(joint.elements, joint.orders, owner=owner))
+    own.update({key: positive(own[key], key, owner=owner, unit="m") for key in lengths})
 
 
 def check_sheet(joint: Any, *lengths: str, slender: str = "thickness") -> None:
