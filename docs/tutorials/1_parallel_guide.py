@@ -26,8 +26,9 @@ leaf_springs = ksd.ParallelGuide(steel, length=80 * mm, thickness=0.4 * mm, widt
 
 # %%
 # A mechanism is links, what joins them, and what moves them. `at` is interface A, `toward` the direction from A
-# to B, `axis` the direction of the widths. The stage weighs 0.5 kg, its centre of mass lies 40 mm along the leaf
-# springs.
+# to B, `axis` the direction of the widths. A guide moves along `axis` x `toward`: here z x x, which is y; with
+# `toward="y"` a positive stroke would go along -x. The stage weighs 0.5 kg, its centre of mass lies 40 mm along the
+# leaf springs.
 
 scene = ksd.Mechanism("guide")
 stage = scene.link("stage", mass=0.5, inertia=(3e-4, 3e-4, 5e-4), at=(40 * mm, 0, 0))

@@ -91,6 +91,9 @@ for row in part.rows():
 # forces, and what they cannot balance. Links without a position find their own, without a force. First the pose
 # found above: the moment must come back. Then the same pose, but with a jaw that does not turn: "unbalanced" are the
 # forces and moments that no drive gives, so which actuator is missing.
+#
+# How hard two jaws grip a stiff object of a given size is a question of contact, which is answered by a drive: see
+# :doc:`Contact </theory/contact>`.
 
 poses = {name: open_pose.links[name] for name in ("crank", "jaw")}
 needed = ksd.required_loads(scene, poses)

@@ -75,7 +75,7 @@ class Strength(Shown):
             (self.fatigue_share, self.fatigue_leaf, "fatigue limit"),
         ):
             if share is not None and share > 1.0:
-                found.append(f"the stress in leaf '{leaf}' is {share:.3g} times the {what} of its material")
+                found.append(f"the stress in leaf '{leaf}' is {share:.4g} times the {what} of its material")
         return tuple(found)
 
     def _line(self) -> str:

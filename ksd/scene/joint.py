@@ -129,9 +129,14 @@ def _leaves_of(joint: Joint) -> tuple[Leaf, ...]:
     return joint.leaves()
 
 
+ALONG = (0.05, 0.2, 0.45, 0.7, 0.95)
+"""Where along a leaf spring drawings are compared: fractions of its length, apart from what is even or periodic."""
+
+
 def proportions(joint: Joint) -> dict[str, float]:
-    """How a joint is drawn, over its `length`: blocks, ends and lengths of leaf springs, which way they are wide, and their
-    soft bending stiffness over the least. A record of one joint as drawn holds for those alone."""
+    """How a joint is drawn, over its `length`: blocks, ends and lengths of leaf springs, which way they are wide, and, with
+    what varies along them, their soft bending stiffness over the least and their curvature at rest times their length. A
+    record of one joint as drawn holds for those alone."""
     leaves, L = leaves_of(joint), joint.length
     places = {f"block {n}": np.divide(point, L) for n, point in enumerate(joint.blocks().values())}
     for n, leaf in enumerate(leaves, 1):
@@ -151,6 +156,14 @@ def proportions(joint: Joint) -> dict[str, float]:
             f"length of leaf {n}": leaf.length / L,
             f"bending stiffness of leaf {n}": bending[n - 1] / min(bending),
         }
+        curve, profile = leaf.curve, leaf.profile
+        bends = np.zeros((len(ALONG), 3)) if curve is None else leaf.length * curve.curvatures(ALONG)
+        for s, turns in zip(ALONG, bends.tolist(), strict=True):
+            section = leaf.section if profile is None else profile.section(s)
+            found[f"bending stiffness of leaf {n} at {s:g}"] = leaf.material.E * section.Iz / min(bending)
+            found |= {
+                f"curvature of leaf {n} at {s:g}, {axis}": c for axis, c in zip("xyz", turns, strict=True)
+            }
     return found
 
 

@@ -286,7 +286,8 @@ class Mechanism(InNotebooks, metaclass=Worded):
         """Connect link `a` (interface A) with link `b` (interface B) by a joint.
 
         at (3,) [m]: interface A; axis: direction of the joint's z, its intended axis; toward: direction from
-        A to B, perpendicular to axis ("x", "-y" or three numbers). Interface B then sits at `at` + length_AB
+        A to B, perpendicular to axis ("x", "-y" or three numbers). The joint's y, along which a guide moves, is axis x
+        toward: with axis "z" it is "y" for toward "x", and "-x" for toward "y". Interface B then sits at `at` + length_AB
         * toward for joints drawn with B on their x axis. The default name is "a-b". Raises SceneError.
         """
         if isinstance(joint, Joint) and not joint.motions:

@@ -39,7 +39,7 @@ BACKING = {"boxstyle": "round,pad=0.15", "fc": "white", "ec": "none", "alpha": 0
 """Behind the words in a picture of a mechanism."""
 _LARGEST = {
     "thickness": 0.05, "diameter": 0.05, "gap": 0.05, "fillet": 0.05, "length": 2.0, "width": 2.0, "spacing": 2.0,
-    "radius": 2.0, "angle": 3.15,
+    "radius": 2.0, "inner": 2.0, "outer": 2.0, "angle": 3.15,
 }  # fmt: skip
 """Design parameters that are lengths [m] or angles [rad], and what they are at most: beyond, they are in units of the
 user's own."""

@@ -262,11 +262,15 @@ def test_internal_blocks_are_recorded(tmp_path, threads):
     assert blocks[0, 3] == pytest.approx(shift / 0.1, rel=0.02)
 
 
-def guide(*, apart=0.03, scale=1.0, thicker=1.0, wide=(0, 0, 1)):
+def guide(*, apart=0.03, scale=1.0, thicker=1.0, wide=(0, 0, 1), taper=0.0, wave=0.0):
     """A parallel guide: two leaf springs along y, B moves along x."""
     L = 0.1 * scale
+    curve = ksd.FreeCurve.sine([wave], chord=L) if wave else None
     leaves = [
-        ksd.Leaf(start=(x, 0, 0), end=(x, L, 0), width_axis=wide, section=rectangle(t, 0.03), material=STEEL, name=name)
+        ksd.Leaf(
+            start=(x, 0, 0), end=(x, L, 0), width_axis=wide, section=rectangle(t, 0.03), material=STEEL, name=name,
+            curve=curve, profile=ksd.Taper((t * (1 - taper), t * (1 + taper)), (0.03, 0.03)) if taper else None,
+        )
         for name, x, t in (("left", -apart * scale, 0.5e-3), ("right", apart * scale, thicker * 0.5e-3))
     ]  # fmt: skip
     motion = Motion("slide", "translation", (1, 0, 0), (-0.02 * scale, 0.02 * scale))
@@ -300,6 +304,8 @@ def test_a_record_of_a_joint_as_drawn_is_refused_by_one_drawn_otherwise(tmp_path
         # the same leaf springs, but what a record tells of them is in their axes
         (guide(wide=(0, 0, -1)), r"width axis of leaf 1, z: 1 there, -1 here"),
         (guide(thicker=1.1), r"bending stiffness of leaf 2: 1 there, 1\.331 here"),
+        (guide(taper=0.1), r"bending stiffness of leaf 1 at 0\.05: 1 there, 0\.753571 here"),
+        (guide(wave=0.01), r"curvature of leaf 1 at 0\.05, z: 0 there, 0\.0597\d+ here"),
     ):
         with pytest.raises(
             ksd.RecordError, match=rf"guide is of a joint drawn in other proportions \({said}, lengths over"

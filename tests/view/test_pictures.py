@@ -375,7 +375,8 @@ def test_amounts_have_units_of_their_size(value, unit, said):
 @pytest.mark.parametrize(
     ("name", "value", "said"),
     [("length", 0.04, "40 mm"), ("joint.cross.thickness", 4e-4, "0.4 mm"), ("joint.cross.widths[1]", 0.02, "20 mm"),
-     ("angle", np.pi / 4, "45°"), ("leaf.radius", 0.01, "10 mm"), ("count", 3.0, "3"), ("length", 40.0, "40")],
+     ("angle", np.pi / 4, "45°"), ("leaf.radius", 0.01, "10 mm"), ("inner", 0.04, "40 mm"), ("count", 3.0, "3"),
+     ("length", 40.0, "40")],
 )  # fmt: skip
 def test_design_parameters_have_their_unit(name, value, said):
     assert spoken_parameter(name, value) == said
