@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from functools import lru_cache
 
-from ksd.checks import between, positive, show, worded
+from ksd.checks import LARGEST, SMALLEST, between, positive, show, worded
 from ksd.errors import SceneError
 from ksd.section.constants import Section
 
@@ -71,7 +71,13 @@ def rectangle(
 def _rectangle(t: float, w: float, nu: float | None, name: str) -> Section:
     k = 5 / 6 if nu is None else 10 * (1 + nu) / (12 + 11 * nu)
     J, Iw = _torsion_rectangle(min(t, w), max(t, w)), _warping_rectangle(t, w)
-    return Section(t * w, J, t * w**3 / 12, w * t**3 / 12, k, k, Iw, width=w, thickness=t, name=name)
+    A, Iy, Iz = t * w, t * w**3 / 12, w * t**3 / 12
+    if not (min(A, J, Iy, Iz) >= SMALLEST and max(A, J, Iy, Iz, Iw) <= LARGEST and Iw >= 0.0):
+        return Section(A, J, Iy, Iz, k, k, Iw, width=w, thickness=t, name=name)  # says what is wrong
+    # past the checks of a section: a profile asks for many, and a design loop anew for every design
+    found = object.__new__(Section)
+    found.__dict__.update(A=A, J=J, Iy=Iy, Iz=Iz, ky=k, kz=k, Iw=Iw, width=w, thickness=t, name=name)
+    return found
 
 
 @worded

@@ -1,6 +1,7 @@
 """Closed forms of rectangle, circle and tube, the warping factor, and the sentence each bad number gets."""
 
 import math
+from dataclasses import replace
 
 import pytest
 
@@ -141,3 +142,23 @@ def test_a_thin_tube_has_the_shear_coefficient_cowper_prints(nu):
 def test_a_thick_tube_has_the_shear_coefficient_cowper_prints():
     """The hollow circle of the same table at m = 1/2, nu = 0.3: 12.1875 / 19.65."""
     assert tube(1, 0.5, cowper=0.3).kz == pytest.approx(12.1875 / 19.65, rel=1e-12)
+
+
+@pytest.mark.parametrize(("thickness", "width"), [(1e-3, 2e-2), (2e-2, 1e-3), (1e-6, 1e-6), (0.5, 40.0)])
+def test_a_rectangle_passes_the_checks_of_a_section(thickness, width):
+    """It is made past them: made anew with all checks it is the same."""
+    made = rectangle(thickness, width)
+    again = replace(made)
+    assert again == made and hash(again) == hash(made) and repr(again) == repr(made)
+
+
+@pytest.mark.parametrize(
+    ("thickness", "width", "words"),
+    [
+        (1e-40, 1e-3, "J = 3.33333"), (1e29, 1e29, "A = 9.99999"), (1e-3, 1e29, "Iy = 8.33333"),
+        (1e15, 1e-10, "Iz = 8.33333"),
+    ],
+)  # fmt: skip
+def test_a_rectangle_out_of_all_bounds_is_refused(thickness, width, words):
+    with pytest.raises(SceneError, match=words):
+        rectangle(thickness, width)
