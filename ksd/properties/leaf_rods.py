@@ -69,9 +69,11 @@ class LeafRod(NamedTuple):
     known: dict[int, _Sampled]
 
     def count(self, turning: float) -> int:
-        """Steps for so much turning and growth along the leaf, a power of two times the least."""
+        """Steps for so much turning and growth along the leaf: the least, one and a half, two, three, four ... times it."""
         least = STEPS if self.leaf.profile is None and self.leaf.curve is None else SHAPED
-        return least * 2 ** max(0, math.ceil(math.log2(max(turning / TURN, 1.0) / least)))
+        times = max(turning / TURN / least, 1.0)
+        power = 2 ** math.floor(math.log2(times))
+        return next(least * power * k // 2 for k in (2, 3, 4) if times <= 0.5 * k * power)
 
     def sampled(self, count: int) -> _Sampled:
         """The leaf in so many steps."""
@@ -167,20 +169,21 @@ def _moved(leaf: Any, mesh: Any, count: int) -> tuple[Array, Array, Array] | Non
 
 
 class RodParts(NamedTuple):
-    """The leaves of a model, cut. samples (k,): of every leaf; length, axial (p,): length [m] and stiffness EA [N] of every
-    part; of (p,): the leaf it is of."""
+    """The leaves of a model, cut. samples (k,): of every leaf; length, axial, mass (p,): length [m], stiffness EA [N] and
+    mass [kg] of every part; of (p,): the leaf it is of."""
 
     rods: Rods
     samples: tuple[_Sampled, ...]
     length: Array
     axial: Array
+    mass: Array
     of: NDArray[np.int64]
 
 
 def cut_rods(model: Model, wrench: Array) -> RodParts:
     """All leaves in the steps and parts that an integration from wrenches (k, 6) at end p takes."""
     leaves = leaves_as_rods(model)
-    length, soft, bent = (np.array([getattr(leaf, n) for leaf in leaves]) for n in ("length", "soft", "bent"))
+    length, soft, bent = np.array([(leaf.length, leaf.soft, leaf.bent) for leaf in leaves]).T
     pull, bend = (np.sqrt((w * w).sum(axis=1)) for w in (wrench[:, :3], wrench[:, 3:]))
     growth = np.minimum(length * np.sqrt(pull * soft), LIMIT)
     turning = np.minimum(bent + length * soft * bend + growth, LIMIT).tolist()
@@ -224,4 +227,5 @@ def _cut(
     step, rod = (np.concatenate([getattr(s, n) for s in samples]) for n in ("step", "rod"))
     rods = Rods(np.array(at_part), np.array(at_step), step, rod, offset, frame)
     axial = np.array([leaves[i].axial for i in of])
-    return RodParts(rods, samples, np.add.reduceat(step, rods.at_step[:-1]), axial, np.array(of))
+    length, mass = (np.add.reduceat(a, at_step[:-1]) for a in (step, step * (rod[:, :, 9] @ WEIGHTS)))
+    return RodParts(rods, samples, length, axial, mass, np.array(of))

@@ -23,6 +23,8 @@ from ksd.beam.strain_walk import walk
 from ksd.model.arrays import COROTATIONAL, SOLID, STRAIN, Motion
 from ksd.model.compile import Model
 from ksd.model.leaves import leaf_of
+from ksd.numerics.kernel import kernel
+from ksd.numerics.rotations import straighten
 from ksd.properties.cache import per_model
 from ksd.scene.effects import Spring
 from ksd.scene.joint import leaves_of
@@ -31,6 +33,8 @@ from ksd.section.constants import extents
 Array = NDArray[np.float64]
 POINTS = 25
 """Stations per leaf when nothing else is asked."""
+STRAIGHT = 9
+"""Newton steps from between two rotations, of up to 120 degrees apart, to the nearest rotation."""
 
 
 @dataclass(frozen=True)
@@ -307,9 +311,9 @@ class _Beyond:
 def chain_nodes(value: Array, number: NDArray[np.int64], inner: Array, ends: Ends) -> tuple[Array, Array]:
     """Positions (n+1, 3) and rotations from rest (n+1, 3, 3) of a chain's nodes, in frame p."""
     n = int(number[0])
-    x, R = np.zeros((n + 1, 3)), np.tile(np.eye(3), (n + 1, 1, 1))
+    x, R = np.zeros((n + 1, 3)), np.empty((n + 1, 3, 3))
     nodes = inner[: 12 * (n - 1)].reshape(-1, 12)
-    x[1:n], R[1:n] = nodes[:, :3], nodes[:, 3:].reshape(-1, 3, 3)
+    R[0], x[1:n], R[1:n] = np.eye(3), nodes[:, :3], nodes[:, 3:].reshape(-1, 3, 3)
     x[n], R[n] = ends.d, ends.Q @ value[16 * n : 16 * n + 9].reshape(3, 3).T
     return x, R
 
@@ -318,17 +322,32 @@ def chain_axes(value: Array, number: NDArray[np.int64]) -> Array:
     """Section axes (n+1, 3, 3) at the nodes of a chain at rest, in frame p: between those of its elements."""
     n = int(number[0])
     T = value[: 16 * n].reshape(n, 16)[:, 7:].reshape(n, 3, 3)
-    axes = np.tile(np.eye(3), (n + 1, 1, 1))
-    axes[1:n] = straightened(T[:-1] + T[1:])
+    axes = np.empty((n + 1, 3, 3))
+    axes[0], axes[1:n] = np.eye(3), straightened(0.5 * (T[:-1] + T[1:]))
     axes[n] = value[16 * n : 16 * n + 9].reshape(3, 3)
     return axes
 
 
+@kernel
+def _straighten(A: Array) -> None:
+    for k in range(len(A)):
+        for _ in range(STRAIGHT):
+            straighten(A[k])
+
+
 def straightened(A: Array) -> Array:
-    """The nearest rotations to matrices (..., 3, 3) that are nearly rotations."""
-    left, _, right = np.linalg.svd(A)
-    found: Array = left @ right
+    """The nearest rotations to matrices (k, 3, 3) that lie between rotations."""
+    found = A.copy()
+    _straighten(found)
     return found
+
+
+@lru_cache(maxsize=64)
+def _cubics(points: int) -> tuple[Array, Array]:
+    """Fractions (points,) of an element beyond its start, and there the cubics (4, points) that are 1 at its start and end,
+    and of slope 1 there."""
+    u = np.linspace(0.0, 1.0, points + 1)[1:]
+    return u, np.array([1 - 3 * u**2 + 2 * u**3, 3 * u**2 - 2 * u**3, u - 2 * u**2 + u**3, u**3 - u**2])
 
 
 def _chain_curve(
@@ -339,17 +358,16 @@ def _chain_curve(
     x, R = chain_nodes(value, number, inner, ends)
     axes = R @ chain_axes(value, number)
     lengths = value[: 16 * n].reshape(n, 16)[:, 0]
-    u = np.linspace(0.0, 1.0, max(2, math.ceil((points - 1) / n) + 1))[1:]
-    weights = np.array([1 - 3 * u**2 + 2 * u**3, 3 * u**2 - 2 * u**3, u - 2 * u**2 + u**3, u**3 - u**2])
+    u, weights = _cubics(max(1, math.ceil((points - 1) / n)))
     slopes = lengths[:, None] * axes[:-1, :, 0], lengths[:, None] * axes[1:, :, 0]
     place = np.einsum("wk,wni->nki", weights, np.array([x[:-1], x[1:], *slopes]))
     between = u[:, None, None]
-    turned = straightened((1 - between) * axes[:-1, None] + between * axes[1:, None])
+    turned = straightened(((1 - between) * axes[:-1, None] + between * axes[1:, None]).reshape(-1, 3, 3))
     s = (np.cumsum(lengths) - lengths)[:, None] + lengths[:, None] * u
     return (
         np.append(0.0, s),
         np.concatenate([x[:1], place.reshape(-1, 3)]),
-        np.concatenate([axes[:1], turned.reshape(-1, 3, 3)]),
+        np.concatenate([axes[:1], turned]),
     )
 
 

@@ -19,14 +19,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ksd.beam.rod import WEIGHTS
 from ksd.beam.weight import PULL
 from ksd.errors import KinematicsError
 from ksd.model.arrays import Motion
 from ksd.model.compile import Model
 from ksd.model.newton import assemble_nodes, largest_turn, move_nodes
 from ksd.model.rods import RodState, add_rods, move_rods
-from ksd.numerics.rotations import rotation_log
 from ksd.properties.leaf_groups import EndFrames, end_frames
 from ksd.properties.leaf_rods import RodParts, cut_rods, leaves_as_rods
 from ksd.properties.shape import crossed, member_line, straightened
@@ -164,12 +162,9 @@ def _begun(
         place[own] = (1.0 - part) * line[k - 1] + part * line[k]
         axes[own] = straightened((1.0 - part[..., None]) * turns[k - 1] + part[..., None] * turns[k])
         # from one station to the next by equilibrium, the weight between them halfway
-        mass = np.add.reduceat(
-            sample.step * (sample.rod[:, :, 9] @ WEIGHTS), rods.at_step[first:last] - rods.at_step[first]
-        )
-        weight = mass[:-1, None] * gravity[i]
+        weight = cut.mass[first : last - 1, None] * gravity[i]
         n = ends.frame[i] @ at_p[i, :3] - np.cumsum(weight, axis=0)
-        way = np.diff(place[own], axis=0, prepend=ends.start[i : i + 1])
+        way = place[own] - np.concatenate([ends.start[i : i + 1], place[own][:-1]])
         m = ends.frame[i] @ at_p[i, 3:] + np.cumsum(crossed(n + 0.5 * weight, way), axis=0)
         wrench[own] = (np.stack([n, m], axis=1) @ axes[own]).reshape(-1, 6)
     sizes = (6,), (6, 7), (6, 13), (6,)
@@ -271,15 +266,14 @@ class _Way(NamedTuple):
 
 
 def _way(model: Model, before: Motion, now: Motion) -> _Way:
-    links, turned, most = model.links, np.empty(3), 0.0
-    for R, T in zip(before.R[:links], now.R[:links], strict=True):
-        rotation_log(T @ R.T, turned)
-        most = max(most, float(turned @ turned))
-    shift = now.x[:links] - before.x[:links]
+    links = slice(model.links)
+    shift, turned = now.x[links] - before.x[links], now.R[links] - before.R[links]
+    # of a rotation by t: 2 sqrt(2) sin(t / 2)
+    apart = float(np.sqrt((turned * turned).sum(axis=(1, 2)).max()))
     return _Way(
         np.abs(now.multiplier - before.multiplier),
         float(np.sqrt((shift * shift).sum(axis=1).max())),
-        math.sqrt(most),
+        2.0 * math.asin(min(apart / math.sqrt(8.0), 1.0)),
     )
 
 
