@@ -5,18 +5,23 @@ from __future__ import annotations
 import gc
 import logging
 from collections.abc import Callable
-from multiprocessing import parent_process
+from multiprocessing import current_process
 from typing import Any, Literal
 
 import numba
 
 from ksd.numerics.cache import FOLDER, compiled_before
 
+COMPILES: bool = not compiled_before() and not numba.config.DISABLE_JIT  # type: ignore[attr-defined]
+"""Whether this process began with an empty cache."""
+SPARE_CORE: bool = numba.config.NUMBA_NUM_THREADS > 1  # type: ignore[attr-defined]
+"""Whether a second process may compile beside it."""
+
 if FOLDER is not None:
     numba.config.CACHE_DIR = str(FOLDER)  # type: ignore[attr-defined]
-    if not compiled_before() and not numba.config.DISABLE_JIT:  # type: ignore[attr-defined]
-        # a process of a pool has one that says so already
-        if parent_process() is None:
+    if COMPILES:
+        # a process started by another has its name already while it imports, and that one has said so
+        if current_process().name == "MainProcess":
             logging.getLogger("ksd").warning(
                 "ksd: compiling its kernels for this machine (once; about a minute) ..."
             )

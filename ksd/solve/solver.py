@@ -27,6 +27,7 @@ from ksd.model.plane import Plane, plane_of
 from ksd.scene.contents import Scene
 from ksd.scene.mechanism import Mechanism
 from ksd.solve.actuation import Actuation, RequiredForces
+from ksd.solve.ahead import compile_ahead
 from ksd.solve.configuration import Configuration
 from ksd.solve.conventional import bare, by_load_steps, conventional
 from ksd.solve.estimate import relative_error
@@ -190,6 +191,7 @@ class Solver:
         without: str | Iterable[str] = (),
         accuracy: float | None = None,
     ) -> None:
+        compile_ahead()
         if not isinstance(mechanism, Model):
             mechanism = compile_scene(mechanism, mesh=mesh, effects=effects, with_=with_, without=without)
         elif mesh is not None or effects != "auto" or with_ or without:

@@ -1,0 +1,74 @@
+"""The first answer on a machine: a second process compiles what the first comes to late, and both find it in the cache.
+
+Nearly all of that answer is compiling, a kernel at a time: step 1, then what `ksd.model.newton.newton` calls, in that order,
+and itself. The process beside it begins with the longest, a leaf spring in space, and takes the others from the last on,
+until they meet. A kernel both are at is compiled twice, alike; one that is not there, as when the second process was
+ended, is compiled as ever.
+"""
+
+from __future__ import annotations
+
+import sys
+from contextlib import suppress
+from functools import cache
+from multiprocessing import parent_process
+from pathlib import Path
+
+import numpy as np
+
+from ksd.beam.levers import member_tangent
+from ksd.beam.strain import strain_condense, strain_recover
+from ksd.library import find_record
+from ksd.model.arrays import make_work
+from ksd.model.assembly import open_member_room
+from ksd.model.compile import compile_scene
+from ksd.model.loading import add_loads, add_terms
+from ksd.model.newton import move_nodes
+from ksd.numerics.blocks import BLOCKS, factor_blocks, solve_blocks
+from ksd.numerics.kernel import COMPILES, SPARE_CORE
+from ksd.numerics.processes import leave_interrupts, spawning
+from ksd.properties.resolution import look_at_modes
+from ksd.scene.families.cross_flexure import CrossFlexure
+from ksd.scene.material import Material
+from ksd.scene.mechanism import Mechanism
+from ksd.solve.pipeline import JointReader
+
+
+@cache
+def compile_ahead() -> None:
+    """Start the second process: once, where the cache was empty, and neither in a process of a pool, nor with one core, nor
+    where the program that runs is not Python but has it inside."""
+    context, python = spawning(compile_late), "python" in Path(sys.executable).name
+    if COMPILES and SPARE_CORE and python and context is not None and parent_process() is None:
+        # a daemon: ended with this process
+        with suppress(OSError):
+            context.Process(target=compile_late, daemon=True).start()
+
+
+def compile_late() -> None:
+    """What the second process does: every kernel is called as `newton` calls it, for a cross flexure at rest."""
+    leave_interrupts()
+    mechanism = Mechanism("hinge")
+    joint = CrossFlexure(
+        Material(E=2e11, G=8e10, density=7800.0), length=0.1, angle=0.8, thickness=1e-3, widths=(0.04, 0.02)
+    )
+    link = mechanism.link("tip")
+    mechanism.actuate_joint(mechanism.join(mechanism.ground, link, joint, at=(0, 0, 0), axis="z", toward="x"))
+    model = compile_scene(mechanism)
+    arrays, motion, work = model.arrays, model.rest.copy(), make_work(model.arrays)
+    (ints, floats, _), members, plan = arrays.flat, arrays.members, arrays.plan.ints
+    inner, store = motion.inner[: members.inner_at[1]], work.store[: members.store_at[1]]
+    value, number, target = members.value, members.number[0], np.zeros(len(motion.multiplier))
+    room = open_member_room(ints, work.scratch)
+    strain_condense(value, number, inner, store, room.leaf, np.zeros(3), np.eye(3), room.lam, room.K)
+    move_nodes(arrays, motion, work.rhs, 1.0)
+    strain_recover(value, number, inner, store, np.zeros(6), 1.0)
+    solve_blocks(plan, work.value, work.spare, work.rhs)
+    factor_blocks(plan, work.value, work.spare, plan[BLOCKS])
+    add_terms(
+        ints, floats, motion.x, motion.R, motion.multiplier, target, 1e-8, work.value, work.rhs, work.scale
+    )
+    add_loads(ints, floats, motion.R, 1.0, 1e-8, work.value, work.rhs, work.scale)
+    member_tangent(work.pose[0], room.lam, room.K, room.T, room.force, room.A, room.M)
+    JointReader(model, find_record, extrapolate=False)(motion)
+    look_at_modes(model, motion)
