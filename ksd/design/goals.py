@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from ksd.checks import number, show, similar
+from ksd.design.questions import others
 from ksd.errors import SceneError
 
 INFINITE = {"support": np.inf, "buckling_positive": np.inf, "buckling_negative": -np.inf}
@@ -50,6 +51,16 @@ class Answer:
         """How far every side of a limit is met, over the limit (by itself where that is 0); negative where it is not."""
         found = [(value - self.low) / (abs(self.low) or 1.0)] if np.isfinite(self.low) else []
         return found + ([(self.high - value) / (abs(self.high) or 1.0)] if np.isfinite(self.high) else [])
+
+    def parts(self, leaves: Sequence[str]) -> list[Answer]:
+        """The answers that it asks for at a pose: the worst of several has kinks, so where all of them are to be on one side
+        each is an answer: stresses (columns `leaves`) below, principal stiffnesses above. Else it is one itself."""
+        above = self.role == "maximise" or np.isfinite(self.low)
+        if self.column == "stress_MPa":
+            below = self.role == "minimise" or np.isfinite(self.high)
+            every = [replace(self, column=c, low=-np.inf) for c in leaves if below]
+            return [*every, replace(self, high=np.inf)] if above else every
+        return [self, *(replace(self, column=c, high=np.inf) for c in others(self.column) if above)]
 
     def moved(self, by: float, value: float) -> Answer:
         """The same with a limit moved in by this much, in units of its column; where a `value` is given (not nan), limits of

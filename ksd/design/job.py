@@ -26,7 +26,7 @@ from ksd.design.gradient import Solved, gradient_at
 from ksd.design.lines import Line, Recipe, run_line
 from ksd.design.plan import Paths, built, drive_paths, load_cases, loaded, scene_of
 from ksd.design.prepared import Found, spoken_status
-from ksd.design.questions import Asked, Row, asked_of, check_asked, columns_of_drives, known_columns, others
+from ksd.design.questions import Asked, Row, asked_of, check_asked, columns_of_drives, known_columns
 from ksd.design.resume import records_of
 from ksd.design.table import OK
 from ksd.design.words import check_drives, check_executor, check_parameters, check_ways, drive_rows
@@ -210,6 +210,15 @@ class Job(Shown, metaclass=Worded):
         """Load case and drive values by name of every pose."""
         return tuple((case, step) for case in self.cases for step in self.steps)
 
+    @property
+    def limits(self) -> dict[str, tuple[float, float]]:
+        """Least and most by column, infinite where there is none."""
+        found: dict[str, tuple[float, float]] = {}
+        for a in (a for a in self.answers if a.role == "limit"):
+            low, high = found.get(a.column.split("[")[0], (-np.inf, np.inf))
+            found[a.column.split("[")[0]] = max(low, a.low), min(high, a.high)
+        return found
+
     def _line(self) -> str:
         goals = {a.column.split("[")[0]: a.role for a in self.answers if a.role != "limit"}
         said = ", ".join(f"{role} {column}" for column, role in goals.items()) or "limits alone"
@@ -223,10 +232,7 @@ class Job(Shown, metaclass=Worded):
                 f", {self.held_by[name, s]}" for s in ("least", "most") if (name, s) in self.held_by
             )
             lines.append(f"  {name}: {written(low)} to {written(high)}{cut}")
-        limits = dict.fromkeys(
-            (a.column.split("[")[0], a.low, a.high) for a in self.answers if a.role == "limit"
-        )
-        for column, low, high in limits:
+        for column, (low, high) in self.limits.items():
             least, most = (f"{side} {written(v)}" for side, v in (("at least", low), ("at most", high)))
             lines.append(
                 f"  {column} {' and '.join(t for t, v in ((least, low), (most, high)) if np.isfinite(v))}"
@@ -247,10 +253,10 @@ class Job(Shown, metaclass=Worded):
             amount = goal.role == "minimise" and goal.column in signed
             sizes = {a.name for a in found if a.amount}
             for k, label in enumerate(labels):
-                for own in leaves if goal.column == "stress_MPa" else [goal.column, *others(goal.column)]:
-                    name = f"{own}{label}"
+                for part in goal.parts(leaves):
+                    name = f"{part.column}{label}"
                     name += " with its sign" if name in sizes else ""
-                    found.append(replace(goal, name=name, column=own, pose=k, amount=amount))
+                    found.append(replace(part, name=name, pose=k, amount=amount))
         return tuple(found)
 
     def _labels(self, scene: Scene) -> list[str]:
@@ -421,7 +427,12 @@ class Job(Shown, metaclass=Worded):
         parameters, found = self.design_at(x), []
         for k, rule in enumerate(self.rules):
             try:
-                found.append(float(rule(dict(parameters))))
+                value = rule(dict(parameters))
+                if isinstance(value, bool | np.bool_):
+                    raise ValueError(
+                        f"it is {value}; in place of a < b give b - a, not negative where it is met"
+                    )
+                found.append(float(value))
             except (KeyError, TypeError, ValueError, ArithmeticError) as why:
                 missing = isinstance(why, KeyError)
                 words = f"no parameter {why}{nearest(why.args[0], self.parameters)}" if missing else str(why)
@@ -610,13 +621,12 @@ class Job(Shown, metaclass=Worded):
         )
         return found
 
-    def column_of(self, name: str) -> str:
-        """Column of an answer by name, "stress_MPa" of any leaf."""
-        return self.answers[self.names.index(name)].column.split("[")[0]
-
     def limited(self, column: str, high: float) -> Job:
         """The same job with an answer limited from above, by this or by the limit it has. SceneError for an unknown one."""
-        own = [a.role == "limit" and a.column.split("[")[0] == column for a in self.answers]
+        own = [
+            a.role == "limit" and a.column.split("[")[0] == column and np.isfinite(a.high)
+            for a in self.answers
+        ]
         if any(own):
             found = copy(self)
             found.__dict__["answers"] = tuple(
@@ -624,7 +634,9 @@ class Job(Shown, metaclass=Worded):
                 for a, mine in zip(self.answers, own, strict=True)
             )
             return found
-        limits = {**(self.words["limits"] or {}), column: (None, min(high, LARGEST))}
+        low = self.limits.get(column, (-np.inf, np.inf))[0]
+        both = (low if np.isfinite(low) else None, min(high, LARGEST))
+        limits = {**(self.words["limits"] or {}), column: both}
         return Job(self.function, **{**self.words, "limits": limits})
 
     def fingerprint(self) -> str:

@@ -256,6 +256,8 @@ def _way(search: Search, x: Array, method: str, clock: Callable[[], float] = tim
         met = search.met(search.margins(y))
         merit = job.merit(search.log.values(search.x(y)))
         status = OK if met else f"the limits are not met, farthest from it is {search.farthest(y)}"
+        if met and np.isinf(merit):
+            status = f"{job.merit_name} is infinite there: nothing moves that it asks for, or nothing buckles"
     except Failed as failed:
         y, status = failed.y, str(failed)
     first, last = job.design_at(x), job.design_at(search.x(y))

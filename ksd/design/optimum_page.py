@@ -58,15 +58,12 @@ def _job(optimum: Optimum) -> str:
     """Targets, limits, rules and poses."""
     job = optimum.job
     rows: list[tuple[str, str]] = []
-    for a in {a.column.split("[")[0]: a for a in job.answers}.values():
-        words = a.column.split("[")[0]
-        if a.role != "limit":
-            rows.append((a.role, f"{words} over {written(a.scale)}"))
-            continue
-        ends = [f"at least {written(a.low)}"] * bool(np.isfinite(a.low))
-        rows.append(
-            ("limit", " ".join([words, *ends, *[f"at most {written(a.high)}"] * bool(np.isfinite(a.high))]))
-        )
+    for words, a in {a.column.split("[")[0]: a for a in job.answers if a.role != "limit"}.items():
+        rows.append((a.role, f"{words} over {written(a.scale)}"))
+    for words, (low, high) in job.limits.items():
+        ends = [f"at least {written(low)}"] * bool(np.isfinite(low))
+        ends += [f"at most {written(high)}"] * bool(np.isfinite(high))
+        rows.append(("limit", " ".join([words, *ends])))
     rows += [("rule", n) for n in job.rule_names]
     for name, values in job.drives.items():
         shown = ", ".join(written(v) for v in values.tolist())

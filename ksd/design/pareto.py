@@ -138,7 +138,10 @@ def pareto(
         found.append(best)
         status.append(OK)
         if span is None:
-            most = max(v for n, v in best.answers.items() if wide.column_of(n) == against)
+            most = max(
+                best.answers[a.name] for a in wide.answers
+                if a.role == "limit" and a.column.split("[")[0] == against and np.isfinite(a.high)
+            )  # fmt: skip
             if most <= 0.0:
                 raise SceneError(f"{against} is {written(most)} at the optimum: give a span of limits for it")
             span = most / SPAN, most

@@ -61,7 +61,9 @@ class Tolerance(Shown):
             if len(merits)
             else ""
         )
-        return f"{100 * self.kept:.3g} % of {len(self.merits)} samples hold every limit{worst}"
+        failed = len(self.table.failures)
+        lost = f", {failed} have no answers" if failed else ""
+        return f"{100 * self.kept:.3g} % of {len(self.merits)} samples hold every limit{lost}{worst}"
 
     def __str__(self) -> str:
         rows = []

@@ -153,6 +153,8 @@ def _drawn_at(
         with unchecked():
             made = design(**{**given, name: value})
             scene = made.scene() if hasattr(made, "scene") else made
+            if not hasattr(scene, "fingerprint"):
+                raise SceneError(f"{show(made)} is no mechanism")
     except (SceneError, ArithmeticError, ValueError) as reason:
         raise SceneError(
             f"there is no gradient by '{name}': the design cannot be built at {value:.9g}, beside the value asked about: "

@@ -299,6 +299,7 @@ def failing(thickness):
         ({"rules": [lambda p: p["iner"]]}, "no parameter 'iner'; did you mean \"inner\"?"),
         ({"rules": [lambda p: -1.0]}, "rule 1 is met by none of"),
         ({"rules": [lambda p: p["inner"], lambda p: p["width"]]}, "rule 2 gives no number: no parameter 'width'"),
+        ({"rules": [lambda p: p["inner"] < 0.02]}, "rule 1 gives no number: it is False; in place of a < b give b - a"),
         ({"rules": "wide"}, "give functions of the parameters"),
         ({"turn": None}, "drive values turn"),
         ({"turm": [0.1]}, "'turm' is not a drive"),

@@ -99,6 +99,46 @@ def test_minimise_lower_limits_and_rules():
     assert ruled.design["thickness"] == pytest.approx(0.4 * mm, rel=1e-6) and "rule 1" in ruled.held
 
 
+def test_where_one_of_several_is_enough_it_is_the_worst():
+    """The least principal stiffness is minimised or limited from above alone, and the largest stress from below."""
+    words = {"minimise": "support_worst_N_per_m", "maximise": (), "limits": {"stress_MPa": (300, 450)}}
+    best = ksd.optimise(small(**words))
+    pose = best.pose()
+    assert best.merit == pytest.approx(-pose.stiffness("arm", at=(0, 0, 0)).worst[0], rel=1e-6)
+    assert pose.stress(points=25).largest_Pa == pytest.approx(300e6, rel=1e-5) and "stress_MPa" in best.held
+    names = best.job.names
+    assert {"support_worst_N_per_m", "stress_MPa", "stress_MPa[hinge/inner]"} < {*names}
+    assert not any(name.endswith("]") and name.startswith("support") for name in names)
+    both = small(maximise="support_z_N_per_m", limits={"support_worst_Nm_per_rad": (50, 180)})
+    ends = {a.name: (a.low, a.high) for a in both.answers if a.role == "limit"}
+    assert ends == {"support_worst_Nm_per_rad": (50, 180)} | dict.fromkeys(
+        (f"support_worst_Nm_per_rad[{k}]" for k in (2, 3)), (50, np.inf)
+    )
+    assert both.limits == {"support_worst_Nm_per_rad": (50, 180)}
+    assert str(both).endswith("support_worst_Nm_per_rad at least 50.00 and at most 180.0")
+    # of the axis that the drive holds there is no stiffness that the limit could be about
+    found = ksd.optimise(both)
+    assert found.answers["support_worst_Nm_per_rad"] == pytest.approx(180, rel=2e-5)
+    front = ksd.pareto(small(), against="support_worst_Nm_per_rad", points=2)
+    assert front.limits[1] == pytest.approx(front.merits[0] / 10) and front.status == ("ok", "ok")
+    assert front.merits[1] == pytest.approx(front.limits[1], rel=2e-5)
+
+
+def test_a_target_that_is_infinite_is_no_optimum():
+    with pytest.raises(
+        ksd.ConvergenceError, match=r"worst support_rz_Nm_per_rad is infinite there: nothing moves"
+    ):
+        ksd.optimise(small(maximise="support_rz_Nm_per_rad"))
+
+
+def test_a_function_that_returns_nothing_beside_a_design_is_told():
+    def half(length, thickness):
+        return sheet(length, thickness) if thickness < 0.6 * mm else None
+
+    with pytest.raises(ksd.ConvergenceError, match=r"beside the value asked about: None is no mechanism"):
+        ksd.optimise(small(half))
+
+
 @pytest.mark.parametrize(("method", "within"), [("trust-constr", 1e-4), ("cobyla", 1e-5), ("cma", 1e-5)])
 def test_other_methods_end_at_the_same_design(method, within):
     if method == "cma":

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from test_job import BEST, job, strip
+from test_job import BEST, job, pivot, strip
 
 import ksd
 from ksd.design import log as room
@@ -59,6 +59,20 @@ def test_standard_deviations_are_those_of_slopes(made):
         pair = one.batch([x + step, x - step]).values[:, k]
         found += (5.0 * (pair[0] - pair[1])) ** 2
     assert made.first_order[k] == pytest.approx(np.sqrt(found), rel=1e-5)
+
+
+def test_samples_without_answers_are_told():
+    def stock(length, thickness):
+        if thickness > 0.505 * mm:
+            raise ValueError("no such sheet")
+        return pivot(length, 40 * deg, thickness, 30 * mm, 15 * mm)
+
+    vary = {"length": (60 * mm, 80 * mm), "thickness": (0.4 * mm, 0.6 * mm)}
+    made = ksd.tolerance(job(function=stock, vary=vary, rules=[], turn=[0.1]), [70 * mm, 0.5 * mm],
+                         spread={"thickness": 0.01 * mm}, samples=40)  # fmt: skip
+    count = int(np.isnan(made.merits).sum())
+    assert 0 < count < 40 and made.kept == pytest.approx(1 - count / 40)
+    assert f"of 40 samples hold every limit, {count} have no answers, worst target" in str(made)
 
 
 def test_limits_are_moved_in_on_both_sides():
