@@ -44,7 +44,7 @@ def run(options: argparse.Namespace) -> int:
         raise RecordError("there are no joint records; run `ksd train cross_flexure`")
     for listing in listings:
         screen.print()
-        screen.print(_entry(listing))
+        screen.print(_columns(listing.family, _rows(listing)))
     damaged = [entry.family for entry in listings if entry.problem]
     if damaged:
         raise RecordError(
@@ -91,61 +91,43 @@ def _one(family: str, *, check: bool) -> int:
 
 def _evidence(record: Any) -> Any:
     """What a change of one input does to the functions."""
-    table = _headed("What matters: largest change of the functions in the middle of the shapes")
-    for column in (
-        "input",
-        "changed to",
-        "poses [rad, joint lengths]",
-        "leaf springs [rad]",
-        "in the record",
-    ):
-        table.add_column(
-            column, justify="left" if column in ("input", "changed to", "in the record") else "right"
-        )
+    table = _headed(
+        "What matters: largest change of the functions in the middle of the shapes",
+        *("<input", "<changed to", "poses [rad, joint lengths]", "leaf springs [rad]", "<in the record"),
+    )
     free = {p.name for p in record.parameters}
     for e in record.evidence:
-        table.add_row(
-            e.parameter,
-            e.change,
-            f"{e.interface:.2g}",
-            f"{e.rotations:.2g}",
-            "yes" if e.parameter in free else "",
-        )
+        kept = "yes" if e.parameter in free else ""
+        table.add_row(e.parameter, e.change, f"{e.interface:.2g}", f"{e.rotations:.2g}", kept)
     return table
 
 
 def _residuals(record: Any) -> Any:
     """Errors of the fit, by mesh and group."""
-    table = _headed("Errors of the fit, largest and root mean square")
-    for column in ("mesh", "functions", "fitted shapes", "rms", "fresh shapes", "rms", "unit"):
-        table.add_column(column, justify="left" if column in ("mesh", "functions", "unit") else "right")
+    table = _headed(
+        "Errors of the fit, largest and root mean square",
+        *("<mesh", "<functions", "fitted shapes", "rms", "fresh shapes", "rms", "<unit"),
+    )
     for r in record.residuals:
         numbers = (f"{v:.2g}" for v in (r.fit_max, r.fit_rms, r.fresh_max, r.fresh_rms))
         table.add_row(str(r.mesh), r.group, *numbers, _UNITS.get(r.group, "1"))
     return table
 
 
-def _headed(title: str) -> Any:
-    return Table(
-        box=None, pad_edge=False, title=title, title_justify="left", title_style="bold", header_style="dim"
-    )
+_LOOK: dict[str, Any] = {"box": None, "pad_edge": False, "title_justify": "left", "title_style": "bold"}
 
 
-def _entry(listing: Any) -> Any:
-    """One record as a borderless table of two columns."""
-    return _columns(listing.family, _rows(listing))
+def _headed(title: str, *columns: str) -> Any:
+    """A table without borders; columns marked by "<" hold text."""
+    table = Table(title=title, header_style="dim", **_LOOK)
+    for column in columns:
+        table.add_column(column.removeprefix("<"), justify="left" if column[0] == "<" else "right")
+    return table
 
 
 def _columns(title: str, rows: list[tuple[str, str]]) -> Any:
     """A borderless table of two columns."""
-    table = Table(
-        box=None,
-        show_header=False,
-        pad_edge=False,
-        title=title,
-        title_justify="left",
-        title_style="bold",
-    )
+    table = Table(title=title, show_header=False, **_LOOK)
     table.add_column(style="dim", no_wrap=True)
     table.add_column(overflow="fold")
     for name, value in rows:

@@ -68,7 +68,8 @@ class Jobs:
         self.folder, self.resume = folder, resume
         self._given = executor
         self._pool: Executor | None = None
-        self._bar, self._task = _progress_bar(title, progress)
+        self._bar = progress_bar(progress)
+        self._task = self._bar.add_task(title, total=0)
         self._made: set[Path] = set()
         self._total = 0
         self._trusted = False
@@ -183,8 +184,3 @@ def _same(one: Samples, other: Samples) -> bool:
     return one.keys() == other.keys() and all(
         one[k].shape == other[k].shape and np.abs(one[k] - other[k]).max(initial=0.0) < ROUNDING for k in one
     )
-
-
-def _progress_bar(title: str, shown: bool) -> tuple[Any, Any]:
-    bar = progress_bar(shown)
-    return bar, bar.add_task(title, total=0)

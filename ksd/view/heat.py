@@ -9,7 +9,6 @@ import numpy as np
 from ksd.errors import SceneError
 from ksd.view.figure import Array, color_map
 
-COLORS = ("stress",)
 LABEL = "von Mises stress [MPa]"
 
 
@@ -52,6 +51,6 @@ def heat_of(configuration: Any, shape: Any, color: str | None) -> Heat | None:
     """The colours asked for; None for the plain picture. SceneError for a word that is none."""
     if color is None:
         return None
-    if color not in COLORS:
-        raise SceneError(f"color = {color!r}: choose {', '.join(map(repr, COLORS))}, or leave it out")
+    if color != "stress":
+        raise SceneError(f"color = {color!r}: choose 'stress', or leave it out")
     return Heat(configuration, shape)
