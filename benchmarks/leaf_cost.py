@@ -31,7 +31,7 @@ def _strain(value, number, inner, store, scratch, d, Q, lam, K, xi, calls):
     f = strain.leaf_room(number[0] + number[1] + number[2], number[3], scratch)
     for _ in range(calls):
         strain.strain_condense(value, number, inner, store, f, d, Q, lam, K)
-        strain.strain_recover(value, number, inner, store, xi, 1e-12)
+        strain.strain_recover(value, number, inner, store, xi, 1e-12, f.gap[0])
 
 
 @kernel

@@ -170,7 +170,7 @@ def test_joints_that_move_out_of_their_plane():
 
     def place(t):
         series, put = np.array([[1.0, t, t * t], [0.0, 1.0, 2.0 * t], [0.0, 0.0, 0.0]]), np.zeros((1, 24))
-        pose_from(coefficient, 0, 3, 0.1, series, 3, 1, put, 0)
+        pose_from(coefficient, 0, 3, 0.1, series, 3, 1, np.empty((3, 6)), put, 0)
         return put[0]
 
     change = (place(at + 1e-6) - place(at - 1e-6)) / 2e-6

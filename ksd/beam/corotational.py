@@ -33,6 +33,7 @@ from ksd.beam.corotational_element import (
     TAIL,
     U_AT,
     V_AT,
+    Z_AT,
     chord,
     eliminate,
     fix_start,
@@ -49,11 +50,11 @@ from ksd.numerics.kernel import kernel
 from ksd.numerics.rotations import rotation_factors
 
 
-@kernel
-def finish(s, tail, sigma, lam, K):
+@kernel(inline="late")
+def finish(s, tail, lam, K):
     """Write lam and K (6, 6) of end q; returns squared norms of the change of force and moment."""
     for i in range(6):
-        tail[S_AT + i] = sigma[i]
+        tail[S_AT + i] = tail[Z_AT + i]
     for i in range(3):
         force, _, at_q = node_forces(s, tail, i)
         lam[6 + i], lam[9 + i] = force, at_q
@@ -70,7 +71,7 @@ def finish(s, tail, sigma, lam, K):
     return ef, em
 
 
-@kernel
+@kernel(inline="late")
 def end_rotation(value, n, Q, R):
     """R (3, 3) = Q Q0^T: rotation of end q from the undeformed state."""
     Q0 = value[16 * n : 16 * n + 9]
@@ -79,14 +80,14 @@ def end_rotation(value, n, Q, R):
             R[i, j] = Q[i, 0] * Q0[3 * j] + Q[i, 1] * Q0[3 * j + 1] + Q[i, 2] * Q0[3 * j + 2]
 
 
-@kernel
+@kernel(inline="late")
 def weight_from(n, store):
     """Where the couplings and the pull of a chain with weight begin in its store; of one without, its end."""
     at = KEPT * n + TAIL
     return at, len(store) - PULL if len(store) > at else at
 
 
-@kernel
+@kernel(inline="late")
 def _measure(v, s, tail):
     """Strains, their gradients and stresses of the element between the loaded nodes; returns the status."""
     node_axes(v, tail)
@@ -109,47 +110,47 @@ def condense(value, number, inner, store, d, Q, lam, K):
     """
     n = number[0]
     tail = store[KEPT * n : KEPT * n + TAIL]
-    R = np.empty((3, 3))
-    end_rotation(value, n, Q, R)
+    # stiffness is scratch until the last element is done
+    end_rotation(value, n, Q, K)
     fix_start(tail)
     coupled, pulled = weight_from(n, store)
     mass, pull, spread = value[16 * n + 9 :], store[pulled:], store[coupled:pulled]
     if len(pull) > 0:
         start_chain(mass, n, pull, spread)
-    negatives = angle = 0
+    negatives, angle, lost = 0, 0, False
     force = moment = 0.0
     for k in range(n):
         v = value[16 * k : 16 * k + 16]
         s = store[KEPT * k : KEPT * k + KEPT]
-        load_node(tail, inner, k if k < n - 1 else -1, d, R)
+        load_node(tail, inner, k if k < n - 1 else -1, d, K)
         status = _measure(v, s, tail)
         # a large angle may pass during the iteration; only a converged state with one is refused
         angle = max(angle, status)
         at = 12 * (n - 1) + 6 * k
-        sigma = inner[at : at + 6] if number[1] != 0 else tail[S_AT : S_AT + 6]
+        for i in range(6):
+            tail[Z_AT + i] = inner[at + i] if number[1] != 0 else tail[S_AT + i]
         if k > 0 and len(pull) > 0:
             load_inner(mass[k], pull, tail)
-        rf, rm = tangent(v, sigma, s, tail, k == 0)
+        rf, rm = tangent(v, s, tail, k == 0)
         if k > 0:
             force, moment = max(force, rf), max(moment, rm)
             found = eliminate(s, tail)
-            if found < 0:
-                return negatives, math.inf, math.inf, 2
+            lost = lost or found < 0
             negatives += found
             if len(pull) > 0:
                 eliminate_inner(
                     mass[k], s, pull, spread[18 * k : 18 * k + 18], spread[18 * k + 18 : 18 * k + 36]
                 )
         if k == n - 1:
-            ef, em = finish(s, tail, sigma, lam, K)
+            ef, em = finish(s, tail, lam, K)
             force, moment = max(force, ef), max(moment, em)
-    if len(pull) > 0:
-        finish_chain(mass, n, pull, spread[18 * n : 18 * n + 18], d, Q, lam, K)
-    sound = math.isfinite(force + moment + lam[0] + K[0, 0])
+            if len(pull) > 0:
+                finish_chain(mass, n, pull, spread[18 * n : 18 * n + 18], d, Q, lam, K)
+    sound = not lost and math.isfinite(force + moment + lam[0] + K[0, 0])
     return negatives, math.sqrt(force), math.sqrt(moment), angle if sound else 2
 
 
-@kernel
+@kernel(inline="late")
 def _turn(node, x, y, z):
     """Rotation of a node record: R <- exp([x y z]x) R (Rodrigues)."""
     f, g = rotation_factors(x * x + y * y + z * z)
@@ -161,7 +162,7 @@ def _turn(node, x, y, z):
         node[9 + j] = c + f * w + g * (x * v - y * u)
 
 
-@kernel
+@kernel(inline="late")
 def _extrapolate(v, s, sigma, move, scale):
     """MIP: sigma <- S (eps + scale D dq), dq = `move` (p then q, 12), at the configuration of `condense`."""
     e1, e2 = 0.0, 0.0

@@ -17,31 +17,28 @@ L_AT, U_AT, V_AT, T_AT, A_AT, B_AT = 6, 9, 21, 33, 36, 72
 P_AT, Q_AT, X_AT, N_AT, W_AT, F_AT, R_AT, S_AT = 0, 12, 24, 36, 37, 41, 45, 55
 # then products S D 12, sigma-weighted axes and their normals 15, diagonal block and residual of node q 6 x 8
 M_AT, G_AT, C_AT = 64, 76, 100
+# and the stresses the geometric stiffness is of
+Z_AT = 148
 KEPT = 120
 """Numbers kept per element in `store`."""
-TAIL = 148
+TAIL = 154
 """Scratch numbers after them."""
 TINY_PIVOT = 1e-14
 """A pivot below this fraction of its diagonal before elimination counts as zero."""
 
 
-@kernel
+@kernel(inline="late")
 def load_node(tail, inner, k, d, R):
     """Node q of the previous element becomes node p; node q is `inner` node k, or the end d, R if k < 0."""
     for i in range(12):
         tail[P_AT + i] = tail[Q_AT + i]
-    if k >= 0:
-        node = inner[12 * k : 12 * k + 12]
-        for i in range(12):
-            tail[Q_AT + i] = node[i]
-    else:
-        for i in range(3):
-            tail[Q_AT + i] = d[i]
-            for j in range(3):
-                tail[Q_AT + 3 + 3 * i + j] = R[i, j]
+    for i in range(3):
+        tail[Q_AT + i] = inner[12 * k + i] if k >= 0 else d[i]
+        for j in range(3 * i, 3 * i + 3):
+            tail[Q_AT + 3 + j] = inner[12 * k + 3 + j] if k >= 0 else R[i, j - 3 * i]
 
 
-@kernel
+@kernel(inline="late")
 def fix_start(tail):
     """End frame p as a node: at the origin, unrotated; residual carried from it is zero."""
     for i in range(12):
@@ -49,7 +46,7 @@ def fix_start(tail):
     tail[Q_AT + 3] = tail[Q_AT + 7] = tail[Q_AT + 11] = 1.0
 
 
-@kernel
+@kernel(inline="late")
 def node_axes(v, tail):
     """Axes z_p, z_q, y_p, y_q of an element (A.2)."""
     for e in range(2):
@@ -59,7 +56,7 @@ def node_axes(v, tail):
             tail[X_AT + 6 + 3 * e + i] = a * v[8] + b * v[11] + c * v[14]
 
 
-@kernel
+@kernel(inline="late")
 def chord(s, tail):
     """Chord direction l and length from the positions of both nodes (A.5)."""
     x = tail[Q_AT] - tail[P_AT]
@@ -72,7 +69,7 @@ def chord(s, tail):
     s[L_AT + 2] = z / n
 
 
-@kernel
+@kernel(inline="late")
 def gradients(length, s, tail):
     """First derivatives D of the strains (A.11) and asin factors; returns 1 beyond 60 degrees or if nan."""
     lx, ly, lz = s[L_AT], s[L_AT + 1], s[L_AT + 2]
@@ -120,7 +117,7 @@ def gradients(length, s, tail):
     return status
 
 
-@kernel
+@kernel(inline="late")
 def strains(length, s, tail):
     """Strains eps of A.4 at the present configuration."""
     s[0] = tail[N_AT] - length
@@ -131,7 +128,7 @@ def strains(length, s, tail):
     s[5] = -length * math.asin(tail[W_AT + 3])
 
 
-@kernel
+@kernel(inline="late")
 def stresses(v, s, tail):
     """Stresses sigma = S eps (A.13)."""
     tail[S_AT] = v[1] * s[0]
@@ -142,7 +139,7 @@ def stresses(v, s, tail):
     tail[S_AT + 5] = v[6] * s[4] + v[5] * s[5]
 
 
-@kernel
+@kernel(inline="late")
 def node_forces(s, tail, i):
     """Components i of D^T sigma (A.18): force on q (minus that on p), moment on p, moment on q."""
     s3, s4, s5, s6 = tail[S_AT + 2], tail[S_AT + 3], tail[S_AT + 4], tail[S_AT + 5]
@@ -154,8 +151,8 @@ def node_forces(s, tail, i):
     return force, at_p, at_q
 
 
-@kernel
-def tangent(v, sigma, s, tail, first):
+@kernel(inline="late")
+def tangent(v, s, tail, first):
     """Element tangent and force; node p is added to the block carried in C, giving A and B; node q refills C.
 
     With w = a . l: d2w/dLdL = -(Pa l^T + l (Pa)^T + w P)/|L|^2, d2w/dL dphi = -P [a]x/|L|, P = I - l l^T,
@@ -164,6 +161,7 @@ def tangent(v, sigma, s, tail, first):
     Returns the largest squared force and moment residual of node p.
     """
     lx, ly, lz = s[L_AT], s[L_AT + 1], s[L_AT + 2]
+    sigma = tail[Z_AT : Z_AT + 6]
     r = 1.0 / tail[N_AT]
     # S with the asin terms, and the products S D of the bending strains
     h3, h4 = sigma[2] * tail[F_AT], sigma[3] * tail[F_AT + 1]
@@ -247,9 +245,12 @@ def tangent(v, sigma, s, tail, first):
     return _carry_forces(s, tail, first)
 
 
-@kernel
+@kernel(inline="late")
 def unstressed_tangent(v, s, tail, first):
-    """`tangent` for stresses zero in it: D^T S D alone (A.11, A.13); the force is still that of the stresses in `tail`."""
+    """`tangent` for no stresses in the geometric stiffness: D^T S D alone (A.11, A.13).
+
+    The force is still that of the stresses in `tail`.
+    """
     for i in range(3):
         l, t = v[1] * s[L_AT + i], v[2] * s[T_AT + i]
         u3, u4, u5, u6 = s[U_AT + i], s[U_AT + 3 + i], s[U_AT + 6 + i], s[U_AT + 9 + i]
@@ -283,7 +284,7 @@ def unstressed_tangent(v, s, tail, first):
     return _carry_forces(s, tail, first)
 
 
-@kernel
+@kernel(inline="late")
 def _carry_forces(s, tail, first):
     """Forces of the element on both nodes; returns the largest squared force and moment residual of node p."""
     worst_force = worst_moment = 0.0
@@ -301,7 +302,7 @@ def _carry_forces(s, tail, first):
     return worst_force, worst_moment
 
 
-@kernel
+@kernel(inline="late")
 def eliminate(s, tail):
     """Eliminate node p: A = L D L^T, B <- L^-1 B, C -= B^T D^-1 B (column 6: residual; 7 is kept).
 

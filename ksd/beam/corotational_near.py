@@ -7,8 +7,6 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-
 from ksd.beam.corotational import end_rotation, finish, weight_from
 from ksd.beam.corotational_element import (
     A_AT,
@@ -19,6 +17,7 @@ from ksd.beam.corotational_element import (
     TAIL,
     U_AT,
     V_AT,
+    Z_AT,
     eliminate,
     fix_start,
     gradients,
@@ -32,7 +31,7 @@ from ksd.numerics.kernel import kernel
 from ksd.numerics.rotations import rotation_exp, rotation_log_below
 
 
-@kernel
+@kernel(inline="late")
 def _direction(v, s, tail, H):
     """H (3, 3) = exp(near), kept in `s`: chord of an undeformed element in the near configuration (paper 1, 3.2)."""
     for i in range(3):
@@ -42,19 +41,16 @@ def _direction(v, s, tail, H):
     tail[N_AT] = v[0]
 
 
-@kernel
-def _flexible_strains(v, s, tail, H):
-    """e = D times the flexible displacement (3.6): node rotations from H, gap L - L0 n_l."""
-    R, turn, move = np.empty((3, 3)), np.empty(3), np.empty(12)
+@kernel(inline="late")
+def _flexible_strains(v, s, tail, H, R, move):
+    """e = D times the flexible displacement (3.6), move (12,): node rotations from H, gap L - L0 n_l; R (3, 3): scratch."""
     for e in range(2):
         for i in range(3):
             move[6 * e + i] = tail[12 * e + i]
             for j in range(3):
                 b = 12 * e + 3 + 3 * i
                 R[i, j] = tail[b] * H[j, 0] + tail[b + 1] * H[j, 1] + tail[b + 2] * H[j, 2]
-        rotation_log_below(R, turn)
-        for i in range(3):
-            move[6 * e + 3 + i] = turn[i]
+        rotation_log_below(R, move[6 * e + 3 :])
     for i in range(6):
         s[i] = 0.0
     for i in range(3):
@@ -68,13 +64,12 @@ def _flexible_strains(v, s, tail, H):
         s[5] += s[U_AT + 9 + i] * u + s[V_AT + 9 + i] * q
 
 
-@kernel
-def _place_nodes(value, n, inner, store, near, d, H):
-    """Inner nodes of the near configuration: undeformed elements chained, the gap at q spread linearly.
+@kernel(inline="late")
+def _place_nodes(value, n, inner, store, near, d, H, x):
+    """Inner nodes of the near configuration: undeformed elements chained, to x (3,), the gap at q spread linearly.
 
     Element orientations are kept where the element's block A will be.
     """
-    x = np.empty(3)
     for i in range(3):
         x[i] = 0.0
     for k in range(n):
@@ -96,37 +91,36 @@ def _place_nodes(value, n, inner, store, near, d, H):
 
 
 @kernel
-def near_condense(value, number, inner, store, near, d, Q, lam, K):
+def near_condense(value, number, inner, store, near, d, Q, lam, K, A, M):
     """Condensed stiffness linearised in the near configuration (element orientations; paper 1, section 3).
 
     `near` (3 (2n-1),): rotation vectors from the undeformed state of the n elements, then of the n-1 inner
     nodes, frame of p. The elements are undeformed at these orientations; the small rest is linear, force D^T S e, tangent
     D^T S D. Sets the inner nodes and leaves `store` so that `recover` gives the deformed inner state with extrapolated
-    stresses. Arguments and returns otherwise as `condense`.
+    stresses. A, M (3, 3) or more: scratch. Arguments and returns otherwise as `condense`.
     """
     n = number[0]
     tail = store[KEPT * n : KEPT * n + TAIL]
-    R, H, rest = np.empty((3, 3)), np.empty((3, 3)), np.empty(6)
-    for i in range(6):
-        rest[i] = 0.0
-    _place_nodes(value, n, inner, store, near, d, H)
-    end_rotation(value, n, Q, R)
+    # wrench and stiffness are scratch until the last element is done
+    _place_nodes(value, n, inner, store, near, d, A, lam)
+    end_rotation(value, n, Q, K)
     fix_start(tail)
+    for i in range(6):
+        tail[Z_AT + i] = 0.0
     coupled, pulled = weight_from(n, store)
     mass, pull, spread = value[16 * n + 9 :], store[pulled:], store[coupled:pulled]
     if len(pull) > 0:
         start_chain(mass, n, pull, spread)
-    negatives = 0
+    negatives, folded, lost = 0, False, False
     force = moment = 0.0
     for k in range(n):
         v = value[16 * k : 16 * k + 16]
         s = store[KEPT * k : KEPT * k + KEPT]
-        load_node(tail, inner, k if k < n - 1 else -1, d, R)
+        load_node(tail, inner, k if k < n - 1 else -1, d, K)
         node_axes(v, tail)
-        _direction(v, s, tail, H)
-        if gradients(v[0], s, tail) != 0:
-            return negatives, math.inf, math.inf, 1
-        _flexible_strains(v, s, tail, H)
+        _direction(v, s, tail, A)
+        folded = folded or gradients(v[0], s, tail) != 0
+        _flexible_strains(v, s, tail, A, M, lam)
         stresses(v, s, tail)
         if k > 0 and len(pull) > 0:
             load_inner(mass[k], pull, tail)
@@ -134,17 +128,18 @@ def near_condense(value, number, inner, store, near, d, Q, lam, K):
         if k > 0:
             force, moment = max(force, rf), max(moment, rm)
             found = eliminate(s, tail)
-            if found < 0:
-                return negatives, math.inf, math.inf, 2
+            lost = lost or found < 0
             negatives += found
             if len(pull) > 0:
                 eliminate_inner(
                     mass[k], s, pull, spread[18 * k : 18 * k + 18], spread[18 * k + 18 : 18 * k + 36]
                 )
         if k == n - 1:
-            ef, em = finish(s, tail, rest, lam, K)
+            ef, em = finish(s, tail, lam, K)
             force, moment = max(force, ef), max(moment, em)
-    if len(pull) > 0:
-        finish_chain(mass, n, pull, spread[18 * n : 18 * n + 18], d, Q, lam, K)
-    sound = math.isfinite(force + moment + lam[0] + K[0, 0])
+            if len(pull) > 0:
+                finish_chain(mass, n, pull, spread[18 * n : 18 * n + 18], d, Q, lam, K)
+    if folded:
+        return negatives, math.inf, math.inf, 1
+    sound = not lost and math.isfinite(force + moment + lam[0] + K[0, 0])
     return negatives, math.sqrt(force), math.sqrt(moment), 0 if sound else 2

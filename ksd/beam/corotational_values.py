@@ -17,7 +17,7 @@ RECORD = 16
 """Numbers per element in `value`."""
 NODE = 12
 """Numbers per inner node in `inner`."""
-KEPT, TAIL = 120, 148
+KEPT, TAIL = 120, 154
 """Scratch per element and per chain, as in `ksd.beam.corotational_element`, which importing would compile."""
 
 

@@ -555,17 +555,17 @@ def strain_condense(value, number, inner, store, f, d, Q, lam, K):
 
 
 @kernel
-def strain_recover(value, number, inner, store, xi, scale):
+def strain_recover(value, number, inner, store, xi, scale, step):
     """dlam = K (xi + gap), da = W^-1 (J^T dlam - g), times `scale`, added to the inner state, m turned by half of c + xi.
 
-    A leaf with weight follows the change of gravity in frame p, the last three numbers of its pull.
+    A leaf with weight follows the change of gravity in frame p, the last three numbers of its pull. step (6,): scratch.
     """
     N = number[0] + number[1] + number[2]
     tail = N * 8
     gap = tail + 36
     heavy = len(store) > tail + 42
     o = len(store) - PULL
-    step, m0, m1, m2 = np.empty(6), inner[N + 3], inner[N + 4], inner[N + 5]
+    m0, m1, m2 = inner[N + 3], inner[N + 4], inner[N + 5]
     for r in range(6):
         s = 0.0
         for e in range(6):

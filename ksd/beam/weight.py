@@ -28,7 +28,7 @@ from ksd.beam.strain_values import PULL
 from ksd.numerics.kernel import kernel
 
 
-@kernel
+@kernel(inline="late")
 def start_chain(mass, n, pull, spread):
     """Before the first element: the lump at end p. `mass` (n+7,): lumps p, inner nodes, q [kg], first moments
     of the lumps p and q in their frames [kg m]; spread (6 (n+1), 3): couplings of the nodes with g."""
@@ -40,7 +40,7 @@ def start_chain(mass, n, pull, spread):
         spread[r] = 0.0
 
 
-@kernel
+@kernel(inline="late")
 def load_inner(mass, pull, tail):
     """Weight of an inner node, node p of the element, into the residual carried to it and its unpredicted copy."""
     for r in range(3):
@@ -51,7 +51,7 @@ def load_inner(mass, pull, tail):
         pull[6 + r] += mass * tail[P_AT + r]
 
 
-@kernel
+@kernel(inline="late")
 def eliminate_inner(mass, s, pull, own, carried):
     """Eliminate node p from the couplings with g, as `corotational_element.eliminate` has from all others.
 
@@ -74,7 +74,7 @@ def eliminate_inner(mass, s, pull, own, carried):
                 pull[27 + 3 * i + c] -= own[3 * j + i] * w
 
 
-@kernel
+@kernel(inline="late")
 def finish_chain(mass, n, pull, carried, d, Q, lam, K):
     """The lump at end q, pose d (3,), Q (3, 3), into lam (12,), K (6, 6) and the pull."""
     m = mass[n]

@@ -9,6 +9,7 @@ import numpy as np
 
 from ksd.bodies.joints import JointBodies
 from ksd.bodies.kinematics import loop_equations
+from ksd.bodies.series import joint_places
 from ksd.errors import KinematicsError
 from ksd.model.compile import Model
 
@@ -32,7 +33,11 @@ def _jacobian(bodies: JointBodies, theta: np.ndarray) -> tuple[np.ndarray, np.nd
     place, series = np.zeros((len(loops.node), 24)), np.zeros((3, loops.pose.shape[2]))
     target, reach = np.zeros(len(arrays.terms.start)), np.zeros((2, len(arrays.start)), np.int64)
     x, R = bodies.reduced_rest.x.copy(), bodies.reduced_rest.R.copy()
-    loop_equations(*arrays.flat[:2], *loops.flat, theta, target, x, R, place, series, reach, W, J, residual)
+    joint_places(*loops.flat, theta, place, series)
+    frames, slope = np.zeros((4, 4, 3)), np.zeros((8, 3))
+    loop_equations(
+        *arrays.flat[:2], *loops.flat, target, x, R, place, reach, W, J, residual, frames, slope
+    )  # fmt: skip
     return J, W
 
 

@@ -39,7 +39,7 @@ from ksd.numerics.kernel import kernel
 from ksd.numerics.rotations import rotation_log
 
 
-@kernel
+@kernel(inline="late")
 def interface_pose(loops, shapes, j, end, x, R, frames, i):
     """Axes of interface A (end 0) or B (1) of joint j on its link into frames[i, :3], its position into frames[i, 3]."""
     node, F = loops[loops[JOINT_NODE] + 2 * j + end], loops[AXES] + 9 * j
@@ -51,7 +51,7 @@ def interface_pose(loops, shapes, j, end, x, R, frames, i):
         frames[i, 3, r] = x[node, r] + p * shapes[anchor] + q * shapes[anchor + 1] + s * shapes[anchor + 2]
 
 
-@kernel
+@kernel(inline="late")
 def _place_link(loops, shapes, j, end, frames, x, R):
     """`interface_pose` the other way round: the link whose interface stands at frames[end]."""
     node, F = loops[loops[JOINT_NODE] + 2 * j + end], loops[AXES] + 9 * j
@@ -64,7 +64,7 @@ def _place_link(loops, shapes, j, end, frames, x, R):
         x[node, r] = frames[end, 3, r] - p * shapes[anchor] - q * shapes[anchor + 1] - s * shapes[anchor + 2]
 
 
-@kernel
+@kernel(inline="late")
 def _onward(place, j, frames, i):
     """frames[i]: where interface B of joint j is meant to be, its interface A at frames[0]."""
     for r in range(3):
@@ -74,7 +74,7 @@ def _onward(place, j, frames, i):
         frames[i, 3, r] = frames[0, 3, r] + p * place[j, 9] + q * place[j, 10] + s * place[j, 11]
 
 
-@kernel
+@kernel(inline="late")
 def _backward(place, j, frames):
     """frames[0]: where interface A of joint j is meant to be, its interface B at frames[1]."""
     for r in range(3):
@@ -85,7 +85,7 @@ def _backward(place, j, frames):
         frames[0, 3, r] = frames[1, 3, r] - p * place[j, 9] - q * place[j, 10] - s * place[j, 11]
 
 
-@kernel
+@kernel(inline="late")
 def _own_twist(place, j, k, frames, a0, a1, a2):
     """Twist (v, w) by the joint's own motion k of a point at a from its interface B: w = A dphi, v = A dd + w x a, with the
     axes A of its interface A in frames[0]."""
@@ -101,7 +101,7 @@ def _own_twist(place, j, k, frames, a0, a1, a2):
     return v0, v1, v2, w0, w1, w2
 
 
-@kernel
+@kernel(inline="late")
 def _hang(loops, shapes, place, t, x, R, W, reach, frames):
     """Pose of the link beyond branch t of the tree and its twist columns W (node, motion, 6), from the link before it;
     motions from reach[0] (node) on do not move a link, reach[1] is the one before it."""
@@ -138,7 +138,7 @@ def _hang(loops, shapes, place, t, x, R, W, reach, frames):
         W[far, q, 5] += sign * w2
 
 
-@kernel
+@kernel(inline="late")
 def _close_joint(loops, shapes, place, c, size, x, R, W, J, residual, frames):
     """Six equations of the joint that closes loop c: interface B on its link where the one from A on is."""
     j, row = loops[loops[CLOSING] + c], 6 * c
@@ -176,39 +176,39 @@ def _close_joint(loops, shapes, place, c, size, x, R, W, J, residual, frames):
 
 
 @kernel
-def loop_equations(ints, floats, loops, shapes, theta, target, x, R, place, series, reach, W, J, residual):
-    """Link poses for theta (into x, R), residual (E,) and Jacobian J (E, motions); rotations times the size.
+def loop_equations(ints, floats, loops, shapes, target, x, R, place, reach, W, J, residual, frames, slope):
+    """Link poses for the joints' places (into x, R), residual (E,) and Jacobian J (E, motions); rotations times the size.
 
     ints, floats: of a model with the links, as in `ksd.model.arrays.Flat`; loops, shapes: as in `ksd.bodies.flat`. Rows: six
     per closing joint, then one per constraint row of the model. W and J hold zeros at the first call; what stays zero is not
-    written, so that a joint of a long chain costs little more. reach (2, k): scratch.
+    written, so that a joint of a long chain costs little more. reach (2, k), frames (4, 4, 3), slope (8, 3): scratch.
     """
-    joint_places(loops, shapes, theta, place, series)
     for k in range(reach.shape[1]):
         reach[0, k], reach[1, k] = 0, -1
-    frames = np.empty((4, 4, 3))
     for t in range(loops[BRANCHES]):
         _hang(loops, shapes, place, t, x, R, W, reach, frames)
     for c in range(loops[CLOSINGS]):
         _close_joint(loops, shapes, place, c, floats[0], x, R, W, J, residual, frames)
-    _constraint_equations(ints, floats, target, x, R, reach, W, J, residual, 6 * loops[CLOSINGS])
+    _constraint_equations(ints, floats, target, x, R, reach, W, J, residual, 6 * loops[CLOSINGS], slope)
 
 
-@kernel
+@kernel(inline="late")
 def _term_columns(ints, reach, t):
     """First and last but one motion that constraint term t depends on: a rotation between a link and the one it hangs on
     knows the joint between them alone."""
     a, b = ints[ints[TERM_NODE] + 2 * t], ints[ints[TERM_NODE] + 2 * t + 1]
-    first, last = 0, max(reach[0, a], reach[0, b])
+    from_a, from_b = reach[0, a], reach[0, b]
+    before_a, before_b = reach[1, a], reach[1, b]
+    first = 0
     if ints[ints[TERM_KIND] + t] != TRANSLATION:
-        if reach[1, b] == a:
-            first = reach[0, a]
-        elif reach[1, a] == b:
-            first = reach[0, b]
-    return first, last
+        if before_b == a:
+            first = from_a
+        elif before_a == b:
+            first = from_b
+    return first, max(from_a, from_b)
 
 
-@kernel
+@kernel(inline="late")
 def _row_columns(ints, reach, i):
     """The same of row i."""
     begin = ints[ints[TERM_FIRST] + i]
@@ -219,10 +219,9 @@ def _row_columns(ints, reach, i):
     return first, last
 
 
-@kernel
-def _constraint_equations(ints, floats, target, x, R, reach, W, J, residual, row):
+@kernel(inline="late")
+def _constraint_equations(ints, floats, target, x, R, reach, W, J, residual, row, slope):
     """One equation per drive or support: sum of terms minus target, with its derivative along the twist columns."""
-    slope = np.empty((8, 3))
     for i in range(ints[ROWS]):
         rotations, size, total = 0, floats[0], -target[i]
         begin, end = ints[ints[TERM_FIRST] + i], ints[ints[TERM_FIRST] + i + 1]
@@ -340,27 +339,29 @@ def _close(ints, floats, loops, shapes, theta, target, x, R, place, most):
     rows, motions, links = 6 * loops[CLOSINGS] + ints[ROWS], len(theta), len(x)
     W, J, series = np.zeros((links, motions, 6)), np.zeros((rows, motions)), np.empty((3, loops[MONOMIALS]))
     residual, step, reach = np.zeros(rows), np.zeros(motions), np.empty((2, links), np.int64)
-    room, pivot, gap = room_for(rows, motions), 1.0, 0.0
-    for n in range(most):
-        loop_equations(ints, floats, loops, shapes, theta, target, x, R, place, series, reach, W, J, residual)
+    room, frames, slope = room_for(rows, motions), np.empty((4, 4, 3)), np.empty((8, 3))
+    pivot, gap, closed, n = 1.0, 0.0, False, 0
+    while True:
+        joint_places(loops, shapes, theta, place, series)
+        loop_equations(ints, floats, loops, shapes, target, x, R, place, reach, W, J, residual, frames, slope)
+        if closed:
+            for r in range(len(residual)):
+                gap = max(gap, abs(residual[r]))
+            return 0, n, gap, pivot
+        if n == most:
+            return 1, most, math.inf, pivot
         pivot = least_squares(J, residual, step, room)
         if not pivot > 1e-13:
             return 3, n, math.inf, pivot
         largest = stride(theta, step)
         if not math.isfinite(largest):
             return 5, n, math.inf, pivot
-        if largest < 1e-6:
-            # quadratic: the error left is the square of this step; poses follow it
-            loop_equations(
-                ints, floats, loops, shapes, theta, target, x, R, place, series, reach, W, J, residual
-            )
-            for r in range(len(residual)):
-                gap = max(gap, abs(residual[r]))
-            return 0, n + 1, gap, pivot
-    return 1, most, math.inf, pivot
+        # quadratic: the error left is the square of this step; poses follow it
+        closed = largest < 1e-6
+        n += 1
 
 
-@kernel
+@kernel(inline="late")
 def stride(theta, step):
     """theta <- theta + step, no entry by more than 0.5; returns the largest entry of the whole step, nothing done where
     that is not finite."""

@@ -111,7 +111,9 @@ def drive_forces(ints, floats, loops, shapes, theta, target, x, R, place, wrench
     W, J, series = np.zeros((links, motions, 6)), np.zeros((rows, motions)), np.empty((3, loops[MONOMIALS]))
     residual, Q, rate = np.zeros(rows), np.zeros(motions), np.zeros(motions)
     reach, room = np.empty((2, links), np.int64), room_for(rows, motions)
-    loop_equations(ints, floats, loops, shapes, theta, target, x, R, place, series, reach, W, J, residual)
+    frames, slope = np.empty((4, 4, 3)), np.empty((8, 3))
+    joint_places(loops, shapes, theta, place, series)
+    loop_equations(ints, floats, loops, shapes, target, x, R, place, reach, W, J, residual, frames, slope)
     for j in range(loops[JOINTS]):
         first = loops[loops[FIRST] + j]
         for q in range(first, loops[loops[FIRST] + j + 1]):

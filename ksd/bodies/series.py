@@ -11,14 +11,13 @@ from ksd.numerics.kernel import kernel
 from ksd.numerics.rotations import exp_tangent, rotation_exp
 
 
-@kernel
+@kernel(inline="late")
 def monomials(loops, theta, j, series):
     """Monomials of joint j, and their derivatives by its one or two motions, into the rows of series (3, M); returns how
     many."""
-    first, begin = loops[loops[FIRST] + j], loops[loops[POWER_FIRST] + j]
-    a, b = theta[first], 0.0
-    if loops[loops[FIRST] + j + 1] - first > 1:
-        b = theta[first + 1]
+    begin = loops[loops[POWER_FIRST] + j]
+    # of a joint with one motion both are the same, and the exponents of the second zero
+    a, b = theta[loops[loops[FIRST] + j]], theta[loops[loops[FIRST] + j + 1] - 1]
     count, powers = loops[loops[POWER_FIRST] + j + 1] - begin, loops[POWER] + 2 * begin
     # exponents p rise, and for equal p exponents q: powers one and two of a and b, and the ones below them
     p, one, one_below = 0, 1.0, 0.0
@@ -36,17 +35,14 @@ def monomials(loops, theta, j, series):
     return count
 
 
-@kernel(inline="always")
+@kernel(inline="late")
 def _in_plane(f, length, motions, place, j):
-    """`pose_from` for a motion in the x-y plane of the joint, ten times as fast; False where it is none.
-
-    f (3, 6): rotation vector and chord, and their derivatives.
-    """
-    if not (f[0, 0] == 0.0 and f[0, 1] == 0.0 and f[0, 5] == 0.0):
+    """`_in_space` for a motion in the x-y plane of the joint, ten times as fast; False where it is none."""
+    flat = True
+    for k in range(1 + motions):
+        flat = flat and f[k, 0] == 0.0 and f[k, 1] == 0.0 and f[k, 5] == 0.0
+    if not flat:
         return False
-    for k in range(motions):
-        if not (f[1 + k, 0] == 0.0 and f[1 + k, 1] == 0.0 and f[1 + k, 5] == 0.0):
-            return False
     for r in range(12 + 6 * motions):
         place[j, r] = 0.0
     c, s = math.cos(f[0, 2]), math.sin(f[0, 2])
@@ -63,24 +59,8 @@ def _in_plane(f, length, motions, place, j):
 
 
 @kernel
-def pose_from(shapes, at, size, length, series, count, motions, place, j):
-    """Pose and its derivatives from rotation-vector and chord polynomials, (6, size) from shapes[at] on, and the `count`
-    monomials and their derivatives in series, into place[j].
-
-    place[j, 0:9] rotation exp(omega), place[j, 9:12] d = L exp(omega/2) c, then per motion (dd, dphi), six each.
-    """
-    f = np.empty((3, 6))
-    # sums in numbers of their own: one in an array waits for its store at every term
-    for r in range(6):
-        total, first, second = 0.0, 0.0, 0.0
-        for i in range(count):
-            c = shapes[at + size * r + i]
-            total += c * series[0, i]
-            first += c * series[1, i]
-            second += c * series[2, i]
-        f[0, r], f[1, r], f[2, r] = total, first, second
-    if _in_plane(f, length, motions, place, j):
-        return
+def _in_space(f, length, motions, place, j):
+    """place[j] of `pose_from`; f (3, 6): rotation vector and chord, and their derivatives."""
     R, H, T, S = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))
     half, spin = np.empty(3), np.empty(3)
     for r in range(3):
@@ -106,12 +86,32 @@ def pose_from(shapes, at, size, length, series, count, motions, place, j):
             )  # fmt: skip
 
 
+@kernel(inline="late")
+def pose_from(shapes, at, size, length, series, count, motions, f, place, j):
+    """Pose and its derivatives from rotation-vector and chord polynomials, (6, size) from shapes[at] on, and the `count`
+    monomials and their derivatives in series, into place[j]; f (3, 6): scratch.
+
+    place[j, 0:9] rotation exp(omega), place[j, 9:12] d = L exp(omega/2) c, then per motion (dd, dphi), six each.
+    """
+    # sums in numbers of their own: one in an array waits for its store at every term
+    for r in range(6):
+        total, first, second = 0.0, 0.0, 0.0
+        for i in range(count):
+            c = shapes[at + size * r + i]
+            total += c * series[0, i]
+            first += c * series[1, i]
+            second += c * series[2, i]
+        f[0, r], f[1, r], f[2, r] = total, first, second
+    if not _in_plane(f, length, motions, place, j):
+        _in_space(f, length, motions, place, j)
+
+
 @kernel
 def joint_places(loops, shapes, theta, place, series):
     """place (J, 24): pose of interface B of every joint and its derivatives, in the axes of interface A; series (3, M):
     scratch."""
-    size = loops[MONOMIALS]
+    size, f = loops[MONOMIALS], np.empty((3, 6))
     for j in range(loops[JOINTS]):
         count, length = monomials(loops, theta, j, series), shapes[loops[JOINT_LENGTH] + j]
         motions = loops[loops[FIRST] + j + 1] - loops[loops[FIRST] + j]
-        pose_from(shapes, loops[POSE] + 6 * size * j, size, length, series, count, motions, place, j)
+        pose_from(shapes, loops[POSE] + 6 * size * j, size, length, series, count, motions, f, place, j)

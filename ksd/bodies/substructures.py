@@ -48,7 +48,7 @@ def set_near(
     _set_near(*loops.flat, *inside.flat, theta, place, motion.x, motion.R, motion.inner, work.near)
 
 
-@kernel
+@kernel(inline="late")
 def _put(place, j, x, R, node):
     """A node where a joint or block is."""
     for r in range(3):
@@ -57,7 +57,7 @@ def _put(place, j, x, R, node):
             R[node, r, c] = place[j, 3 * r + c]
 
 
-@kernel
+@kernel(inline="late")
 def _functions(inside, functions, owner, target, coefficient, count, series, counts, found):
     """Values of `count` functions into found, whose owner, target and coefficient begin at these places."""
     size = series.shape[2]
@@ -71,7 +71,8 @@ def _functions(inside, functions, owner, target, coefficient, count, series, cou
 @kernel
 def _set_near(loops, shapes, inside, functions, theta, place, x, R, inner, near):
     joints, size = loops[JOINTS], loops[MONOMIALS]
-    series, counts, put = np.empty((joints, 3, size)), np.empty(joints, np.int64), np.empty((1, 24))
+    series, counts = np.empty((joints, 3, size)), np.empty(joints, np.int64)
+    put, f = np.empty((1, 24)), np.empty((3, 6))
     for j in range(joints):
         counts[j] = monomials(loops, theta, j, series[j])
         _put(place, j, x, R, len(x) - joints + j)
@@ -80,7 +81,7 @@ def _set_near(loops, shapes, inside, functions, theta, place, x, R, inner, near)
     for k in range(inside[INNER_BLOCKS]):
         j = inside[inside[BLOCK_JOINT] + k]
         at, length = inside[BLOCK_POSE] + 6 * size * k, shapes[loops[JOINT_LENGTH] + j]
-        pose_from(functions, at, size, length, series[j], counts[j], first, put, first)
+        pose_from(functions, at, size, length, series[j], counts[j], first, f, put, first)
         _put(put, first, x, R, inside[inside[BLOCK_NODE] + k])
     _functions(
         inside, functions, inside[OWNER], inside[TARGET], inside[COEFFICIENT], inside[FUNCTIONS], series, counts, inner

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -61,7 +61,7 @@ def condense_any(kind, value, number, state, store, near, d, Q, lam, K, A, M):
 def condense_beam(kind, value, number, state, store, near, d, Q, lam, K, A, M):
     """`condense_any` but of modal bodies and solids, which take as long to compile as the others together."""
     if len(near) > 0:
-        told = near_condense(value, number, state, store, near, d, Q, lam, K)
+        told = near_condense(value, number, state, store, near, d, Q, lam, K, A, M)
     elif kind == COROTATIONAL:
         told = corotational.condense(value, number, state, store, d, Q, lam, K)
     else:
@@ -90,30 +90,30 @@ def no_weight_followed(kind, value, number, state, store, leaf, lam, K):
 
 
 @kernel(inline="always")
-def recover_leaf(kind, value, number, state, store, xi, scale):
+def recover_leaf(kind, value, number, state, store, xi, scale, step):
     """`recover_beam` of strain-mode leaves and linear bodies alone."""
     if kind == PLANAR:
         planar_leaf.recover(value, number, state, store, xi, scale)
     elif kind == STRAIN:
-        strain_recover(value, number, state, store, xi, scale)
+        strain_recover(value, number, state, store, xi, scale, step)
 
 
 @kernel(inline="always")
-def recover_beam(kind, value, number, state, store, xi, scale):
+def recover_beam(kind, value, number, state, store, xi, scale, step):
     """`recover_any` but of modal bodies and solids."""
     if kind == COROTATIONAL:
         corotational.recover(value, number, state, store, xi, scale)
     else:
-        recover_leaf(kind, value, number, state, store, xi, scale)
+        recover_leaf(kind, value, number, state, store, xi, scale, step)
 
 
 @kernel(inline="always")
-def recover_any(kind, value, number, state, store, xi, scale):
-    """Inner update of a member after its end q moved by xi (6,) relative to its end p."""
+def recover_any(kind, value, number, state, store, xi, scale, step):
+    """Inner update of a member after its end q moved by xi (6,) relative to its end p; step (6,) or more: scratch."""
     if kind in (MODAL, SOLID):
         modal_recover(value, number, state, store, xi, scale)
     else:
-        recover_beam(kind, value, number, state, store, xi, scale)
+        recover_beam(kind, value, number, state, store, xi, scale, step)
 
 
 @kernel(inline="always")
@@ -126,7 +126,7 @@ def no_weight_added(pose, store, mass, T, force):
     """`ksd.beam.weight_entry.weigh_member` where nothing weighs anything."""
 
 
-@kernel
+@kernel(inline="late")
 def _as_before(ints, i, numbers, one, two, count, d, Q, before):
     """Whether member i has the constants, the pose and the part of `numbers`, `count` of them from `two` on, of the one
     before, whose d and Q are in before (12,) and part begins at `one`, to the last bit; its d and Q are written there."""
@@ -142,17 +142,16 @@ def _as_before(ints, i, numbers, one, two, count, d, Q, before):
         for c in range(3):
             same &= before[3 + 3 * r + c] == Q[r, c]
             before[3 + 3 * r + c] = Q[r, c]
-    if same:
-        same &= ints[value_at] == ints[value_at - 1]
-        same &= ints[kind] == ints[kind - 1]
-        for c in range(4):
-            same &= ints[number + c] == ints[number - 4 + c]
-        for k in range(count):
-            same &= numbers[one + k] == numbers[two + k]
+    same &= ints[value_at] == ints[value_at - 1]
+    same &= ints[kind] == ints[kind - 1]
+    for c in range(4):
+        same &= ints[number + c] == ints[number - 4 + c]
+    for k in range(count if same else 0):
+        same &= numbers[one + k] == numbers[two + k]
     return same
 
 
-@kernel
+@kernel(inline="late")
 def _repeat(numbers, one, two, count):
     """The `count` numbers from `two` on become those from `one` on."""
     for k in range(count):
@@ -161,7 +160,7 @@ def _repeat(numbers, one, two, count):
 
 class Room(NamedTuple):
     """Storage for one member at a time: its pose and relative orientation, wrench and stiffness, tangent and forces on its
-    nodes, norms of these, pose of the member before, scratch of `member_tangent`, `Fields` of a strain-mode leaf."""
+    nodes, norms of these, pose of the member before, scratch of `member_tangent`."""
 
     pose: np.ndarray
     Q: np.ndarray
@@ -174,12 +173,11 @@ class Room(NamedTuple):
     before: np.ndarray
     A: np.ndarray
     M: np.ndarray
-    leaf: Any
 
 
 @kernel
 def open_member_room(ints, scratch):
-    """`Room` for the members there are."""
+    """`Room` for a member, and `Fields` for the strain-mode leaves there are."""
     # no literals, for which numba would compile twice
     modes = points = ints[0] * 0
     for i in range(ints[MEMBER_COUNT]):
@@ -187,15 +185,16 @@ def open_member_room(ints, scratch):
             number = ints[MEMBERS + NUMBER] + 4 * i
             modes = max(modes, ints[number] + ints[number + 1] + ints[number + 2])
             points = max(points, ints[number + 3])
-    return Room(
+    room = Room(
         np.empty(18), np.empty((3, 3)), np.empty(3), np.empty(12), np.empty((6, 6)), np.empty((12, 12)), np.empty(12),
-        np.empty(6), np.empty(12), np.empty((6, 6)), np.empty((6, 12)), leaf_room(modes, points, scratch),
+        np.empty(6), np.empty(12), np.empty((6, 6)), np.empty((6, 12)),
     )  # fmt: skip
+    return room, leaf_room(modes, points, scratch)
 
 
 @kernel(inline="always")
 def add_members(
-    condense, pull, follow, weigh, ints, floats, x, R, inner, work, room, factor, rtol, noise, near
+    condense, pull, follow, weigh, ints, floats, x, R, inner, work, room, leaf, factor, rtol, noise, near
 ):
     """All members, their weight times `factor`, into work.value and work.rhs; condense, pull, follow, weigh: for what there
     is.
@@ -209,7 +208,7 @@ def add_members(
     pose, Q, d = room.pose, room.Q, room.d
     lam, K, T = room.lam, room.K, room.T
     force, norms, before = room.force, room.norms, room.before
-    A, M, leaf = room.A, room.M, room.leaf
+    A, M = room.A, room.M
     store, weight = work.store, work.weight
     near_at, close = work.near_at, work.near
     matrix, rhs, scale = work.value, work.rhs, work.scale

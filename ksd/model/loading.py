@@ -113,19 +113,19 @@ def term_slope(ints, floats, x, R, t, slope):
             slope[1, r] = slope[4, j] * slope[6, k] - slope[4, k] * slope[6, j]
             slope[3, r] = slope[7, j] * slope[4, k] - slope[7, k] * slope[4, j]
     else:
-        value, slope[5, 0] = twist(R[a], R[b], slope[4], slope[7], slope[3])
+        value, slope[5, 0] = twist(R[a], R[b], slope[4], slope[7], slope[3], slope)
         for r in range(3):
             slope[0, r], slope[1, r], slope[2, r] = 0.0, -slope[3, r], 0.0
     return value
 
 
 @kernel(inline="late")
-def twist(Ra, Rb, u, q, slope):
+def twist(Ra, Rb, u, q, slope, rel):
     """Twist angle 2 atan2(q.u, q0) of the relative rotation, and q0; its derivative by dphi_b - dphi_a into slope (3,).
 
-    Quaternion (q0, q) of Rb Ra^T in global axes, u turning with a: the same number as in base axes; q (3,) is written.
+    Quaternion (q0, q) of Rb Ra^T in global axes, u turning with a: the same number as in base axes; q (3,) is written. rel
+    (3, 3) or more: scratch.
     """
-    rel = np.empty((3, 3))
     for i in range(3):
         for j in range(3):
             rel[i, j] = Rb[i, 0] * Ra[j, 0] + Rb[i, 1] * Ra[j, 1] + Rb[i, 2] * Ra[j, 2]

@@ -86,7 +86,7 @@ def settled(worst: float, before: float, moved: float) -> bool:
 _settled = kernel(inline="always")(settled)
 
 
-@kernel
+@kernel(inline="late")
 def _worst_node(ints, rhs, scale):
     """Largest residual of a node over its bound."""
     worst = 0.0
@@ -103,54 +103,27 @@ def _worst_node(ints, rhs, scale):
     return worst
 
 
-@kernel(inline="always")
-def _assemble(
-    condense,
-    pull,
-    follow,
-    weigh,
-    springs,
-    ints,
-    floats,
-    x,
-    R,
-    inner,
-    multiplier,
-    target,
-    work,
-    room,
-    task,
-    near,
-    factor,
-    rtol,
-    grain,
-):
-    """Residual and tangent. Returns (residual over its bound, largest gap [m], negatives, status)."""
-    matrix, rhs, scale = work.value, work.rhs, work.scale
-    matrix[:] = 0.0
-    rhs[:] = 0.0
-    scale[:, :] = 0.0
+@kernel(inline="late")
+def _reach(ints, floats, x):
+    """Largest coordinate, or the size [m]."""
     reach = floats[0]
     for k in range(ints[NODES]):
         for r in range(3):
             reach = max(reach, abs(x[k, r]))
-    noise = grain * 2.220446049250313e-16 * reach
-    negatives, worst, status = 0, 0.0, 0
-    if task != NODES_ALONE:
-        negatives, worst, status = add_members(
-            condense, pull, follow, weigh, ints, floats, x, R, inner, work, room, factor, rtol, noise, near
-        )
+    return reach
+
+
+@kernel(inline="always")
+def _add_others(
+    springs, ints, floats, x, R, multiplier, target, matrix, rhs, scale, poses, lams, factor, rtol, noise
+):  # fmt: skip
+    """All but the members into matrix and residual. Returns (largest gap [m], status)."""
+    status = 0
     if ints[SPRING_COUNT] > 0:
-        status = max(
-            status, springs(ints, floats, x, R, rtol, noise, matrix, rhs, scale, work.pose, work.lam)
-        )
+        status = springs(ints, floats, x, R, rtol, noise, matrix, rhs, scale, poses, lams)
     if ints[LOADS] > 0:
         add_loads(ints, floats, R, factor, rtol, matrix, rhs, scale)
-    gap = add_terms(ints, floats, x, R, multiplier, target, rtol, matrix, rhs, scale)
-    worst = max(worst, gap / (1e-11 * floats[0] + 2e-15 * reach), _worst_node(ints, rhs, scale))
-    if not math.isfinite(worst) or status == 2:
-        worst, status = math.inf, 2
-    return worst, gap, negatives, status
+    return add_terms(ints, floats, x, R, multiplier, target, rtol, matrix, rhs, scale), status
 
 
 @kernel
@@ -168,7 +141,7 @@ def _largest(ints, step, first):
     return math.sqrt(largest)
 
 
-@kernel
+@kernel(inline="late")
 def _relative_motion(ints, poses, i, step, move, xi):
     """Motion (12,) of the nodes a, b of member i in the step, and xi (6,) in frame p of it: (dxb - dxa + dphib x s
     - dphia x w, dphib - dphia)."""
@@ -194,10 +167,11 @@ def _relative_motion(ints, poses, i, step, move, xi):
             xi[3 + c] += poses[i, 3 * r + c] * (move[9 + r] - move[3 + r])
 
 
-@kernel
-def _move_nodes(ints, x, R, multiplier, step, scale):
-    """Positions, rotations (R <- exp(dphi) R) and multipliers."""
-    v = np.zeros(6)
+@kernel(inline="late")
+def _move_nodes(ints, x, R, multiplier, step, scale, v):
+    """Positions, rotations (R <- exp(dphi) R) and multipliers; v (6,) or more: scratch."""
+    for r in range(6):
+        v[r] = 0.0
     for k in range(ints[NODES]):
         u = ints[ints[START] + k]
         if u >= 0:
@@ -214,11 +188,11 @@ def _move_nodes(ints, x, R, multiplier, step, scale):
 
 
 @kernel(inline="always")
-def _take(recover, turn_weight, ints, floats, x, R, inner, multiplier, work, room, scale):
-    """The step in work.rhs times `scale`: members first (their frames are the old ones), then nodes and multipliers."""
-    step, store = work.rhs, work.store
-    poses, weight = work.pose, work.weight
-    move, xi = room.force, room.norms
+def _take(
+    recover, turn_weight, ints, floats, x, R, inner, multiplier, step, store, poses, weight, move, xi, scale
+):
+    """The step (n,) times `scale`: members first (their frames are the old ones), then nodes and multipliers; move (12,),
+    xi (6,): scratch."""
     for i in range(ints[MEMBER_COUNT]):
         _relative_motion(ints, poses, i, step, move, xi)
         own, kept = ints[MEMBERS + INNER_AT] + i, ints[MEMBERS + STORE_AT] + i
@@ -228,9 +202,9 @@ def _take(recover, turn_weight, ints, floats, x, R, inner, multiplier, work, roo
             turn_weight(poses[i], move, mine)
         recover(
             ints[ints[MEMBERS + KIND] + i], floats[ints[MEMBERS + VALUE] + value :], ints[number : number + 4],
-            inner[ints[own] : ints[own + 1]], mine, xi, scale,
+            inner[ints[own] : ints[own + 1]], mine, xi, scale, move,
         )  # fmt: skip
-    _move_nodes(ints, x, R, multiplier, step, scale)
+    _move_nodes(ints, x, R, multiplier, step, scale, move)
 
 
 @kernel(inline="always")
@@ -240,8 +214,12 @@ def _newton(
 ):  # fmt: skip
     """See `newton`; the first eight: what to do with the members, springs and loads there are."""
     work, plan = compiled_open_work(flat, at), ints[ints[PLAN] :]
-    room = open_member_room(ints, work.scratch)
+    room, leaf = open_member_room(ints, work.scratch)
+    # by names of their own: every look into a named tuple counts the users of an array
     matrix, spare, rhs = work.value, work.spare, work.rhs
+    scales, poses, lams = work.scale, work.pose, work.lam
+    store, weight = work.store, work.weight
+    move, xi = room.force, room.norms
     negatives, inside, status, pivot = 0, 0, 0, 1.0
     worst, before, moved, gap = math.inf, math.inf, math.inf, 0.0
     n, polished, reason = 0, False, TOO_MANY
@@ -250,10 +228,23 @@ def _newton(
         if task <= NODES_ALONE:
             # a load too small to rise above rounding still gets one step: at first the bounds have no grain
             bound = GRAIN if n > 0 or polished else grain
-            worst, gap, inside, status = _assemble(
-                condense, pull, follow, weigh, springs, ints, floats, x, R, inner, multiplier, target, work, room, task,
-                near, factor, rtol, bound,
+            reach = _reach(ints, floats, x)
+            noise = bound * 2.220446049250313e-16 * reach
+            matrix[:] = 0.0
+            rhs[:] = 0.0
+            scales[:, :] = 0.0
+            inside, worst, status = 0, 0.0, 0
+            if task != NODES_ALONE:
+                inside, worst, status = add_members(
+                    condense, pull, follow, weigh, ints, floats, x, R, inner, work, room, leaf, factor, rtol, noise, near
+                )  # fmt: skip
+            gap, told = _add_others(
+                springs, ints, floats, x, R, multiplier, target, matrix, rhs, scales, poses, lams, factor, rtol, noise
             )  # fmt: skip
+            worst = max(worst, gap / (1e-11 * floats[0] + 2e-15 * reach), _worst_node(ints, rhs, scales))
+            status = max(status, told)
+            if not math.isfinite(worst) or status == 2:
+                worst, status = math.inf, 2
         if task in (ASSEMBLE, NODES_ALONE):
             reason, negatives, pivot = status, inside, gap
             break
@@ -314,7 +305,9 @@ def _newton(
             # a variable, not the literal 0, for which numba would compile the function once more
             moved = max(turned / 1e-6, _largest(ints, rhs, 0 * n) / (1e-7 * floats[0]))
             n += 1
-        _take(recover, turn_weight, ints, floats, x, R, inner, multiplier, work, room, scale)
+        _take(
+            recover, turn_weight, ints, floats, x, R, inner, multiplier, rhs, store, poses, weight, move, xi, scale
+        )  # fmt: skip
         if task == TAKE:
             reason, worst = CONVERGED, 0.0
             break
@@ -465,7 +458,7 @@ def take_step(arrays: Arrays | Bare, motion: Motion, step: np.ndarray, work: Wor
 def move_nodes(arrays: Arrays, motion: Motion, step: np.ndarray, scale: float) -> None:
     """Positions, rotations and multipliers of `take_step`, members left alone."""
     x, R, _, multiplier = motion
-    _move_nodes(arrays.flat.ints, x, R, multiplier, np.ascontiguousarray(step), float(scale))
+    _move_nodes(arrays.flat.ints, x, R, multiplier, np.ascontiguousarray(step), float(scale), np.empty(6))
 
 
 def largest_turn(arrays: Arrays, step: np.ndarray) -> float:

@@ -67,7 +67,7 @@ def add_springs(ints, floats, x, R, rtol, noise, matrix, rhs, scale, poses, lams
                 d[c] = pose[3 * c + 2]
             T[:, :] = 0.0
             force[:] = 0.0
-            angle, q0 = twist(R[a], R[b], d, q, slope)
+            angle, q0 = twist(R[a], R[b], d, q, slope, A)
             moment = value[0] * (angle - value[1])
             twist_curvature(d, q, q0, slope, moment, T)
             for r in range(3):

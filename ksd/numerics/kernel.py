@@ -38,7 +38,7 @@ def kernel(
     inline: "always" puts its body into its callers, which saves compiling it once more where they are few; "late" does so
     when they are turned into machine code. Numba counts the users of every array handed on, which took a third of an
     assembly; LLVM drops that in a kernel in which no call of another one is left, that makes no array and raises nothing,
-    and whose arrays live until its end rather than between two of its loops.
+    and whose arrays live until its end rather than between two of its loops or in one of two branches, with one return.
     Unpack at most three names in a line: of more Python makes a tuple, which is compiled too.
     Division by zero gives inf or nan as in numpy (`error_model="numpy"`); results are checked for being
     finite where they matter, so no exception machinery is compiled in. A product and a sum may be rounded once instead

@@ -44,7 +44,7 @@ def rotation_factors(t2):
     return math.sin(t) / t, 2.0 * h * h / t2
 
 
-@kernel
+@kernel(inline="late")
 def rotation_exp(v, R):
     """R (3, 3) = exp([v]x), Rodrigues' formula."""
     a, b = rotation_factors(v[0] * v[0] + v[1] * v[1] + v[2] * v[2])
@@ -110,7 +110,7 @@ def rotation_log(R, v):
     v[2] = f * z
 
 
-@kernel
+@kernel(inline="late")
 def turn(v, R):
     """R (3, 3) <- exp([v]x) R in place, columns turned one by one; orthonormality drifts by rounding only."""
     a, b, c = v[0], v[1], v[2]
@@ -124,7 +124,7 @@ def turn(v, R):
         R[2, j] = r + f * z + g * (a * y - b * x)
 
 
-@kernel
+@kernel(inline="late")
 def straighten(R):
     """One Newton step of the polar decomposition, R <- R (3 I - R^T R) / 2: removes rounding drift."""
     c00, c11, c22, c01, c02, c12 = 1.5, 1.5, 1.5, 0.0, 0.0, 0.0
@@ -139,7 +139,7 @@ def straighten(R):
         R[i, 2] = a * c02 + b * c12 + c * c22
 
 
-@kernel
+@kernel(inline="late")
 def exp_tangent(v, T):
     """T (3, 3): exp(v + dv) = exp(T dv) exp(v) to first order (left Jacobian of the rotation group)."""
     x, y, z = v[0], v[1], v[2]

@@ -234,7 +234,7 @@ def _relaxed(model: Model, motion: Motion) -> Model:
         if springs.kind[i] == COIL:
             here[1] = np.linalg.norm(d)
         elif springs.kind[i] == TURN:
-            here[1], _ = twist(R[a], R[b], frame[:, 2].copy(), np.zeros(3), np.zeros(3))
+            here[1], _ = twist(R[a], R[b], frame[:, 2].copy(), np.zeros(3), np.zeros(3), np.zeros((3, 3)))
         else:
             # place and rotation at rest, then the wrench there
             here[:3], here[3:12] = d, (frame.T @ R[b] @ springs.frame[i, 1]).ravel()

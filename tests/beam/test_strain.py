@@ -56,7 +56,7 @@ class Leaf:
                 self.value, self.number, self.inner, self.store, self.fields, d, Q, self.lam, self.K
             )
             assert found[3] == 0
-            strain_recover(self.value, self.number, self.inner, self.store, np.zeros(6), 1.0)
+            strain_recover(self.value, self.number, self.inner, self.store, np.zeros(6), 1.0, np.empty(6))
         return self.inner[self.N :].copy()
 
     def load(self, rng, steps=20):

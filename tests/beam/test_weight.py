@@ -48,7 +48,7 @@ class Space:
                 return found
 
             self.condense = condense
-            self.recover = strain.strain_recover
+            self.recover = lambda *args: strain.strain_recover(*args, np.empty(6))
         else:
             value = chains.chain_values(LEAF, L, 4)
             self.value = np.concatenate([value, chains.lumped_masses(value, 4, np.full(4, MU))])

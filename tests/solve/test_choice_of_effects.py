@@ -1,5 +1,6 @@
 """Effects by mention: what is said is simulated whatever the drives do; of what is absent nothing is made or called."""
 
+import math
 from itertools import pairwise
 
 import numpy as np
@@ -377,23 +378,23 @@ def test_the_assembly_calls_nothing_for_what_is_absent(monkeypatch):
             newton, part, lambda *a, part=part, answer=answer: (calls.append(part), answer)[1]
         )
 
+    monkeypatch.setattr(newton, "_add_others", newton._add_others.py_func)
+
     def assembled(scene):
         calls.clear()
         model = ksd.compile_scene(scene)
         arrays, rest, work = model.arrays, model.rest, make_work(model.arrays)
-        newton._assemble.py_func(
+        newton._newton.py_func(
             *4 * [None],
             newton.add_springs,
+            *3 * [None],
             *arrays.flat[:2],
             *rest,
             np.zeros(1),
-            work,
-            None,
+            work.flat,
+            work.at,
             newton.ASSEMBLE,
-            0,
-            1.0,
-            1e-8,
-            10.0,
+            *(0, 0, 1.0, 1e-8, 10.0, math.inf, math.inf),
         )
         return set(calls)
 
