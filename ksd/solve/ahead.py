@@ -11,7 +11,7 @@ from __future__ import annotations
 import sys
 from contextlib import suppress
 from functools import cache
-from multiprocessing import parent_process
+from multiprocessing import current_process
 from pathlib import Path
 
 import numpy as np
@@ -36,10 +36,11 @@ from ksd.solve.pipeline import JointReader
 
 @cache
 def compile_ahead() -> None:
-    """Start the second process: once, where the cache was empty, and neither in a process of a pool, nor with one core, nor
-    where the program that runs is not Python but has it inside."""
-    context, python = spawning(compile_late), "python" in Path(sys.executable).name
-    if COMPILES and SPARE_CORE and python and context is not None and parent_process() is None:
+    """Start the second process: once, where the cache was empty, and neither in a process that another one started, nor with
+    one core, nor where the program that runs is not Python but has it inside."""
+    context, python = spawning(compile_late), "python" in Path(sys.executable or "").name
+    first = python and current_process().name == "MainProcess"
+    if COMPILES and SPARE_CORE and first and context is not None:
         # a daemon: ended with this process
         with suppress(OSError):
             context.Process(target=compile_late, daemon=True).start()

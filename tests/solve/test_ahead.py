@@ -6,6 +6,7 @@ import signal
 import subprocess
 import sys
 import time
+from multiprocessing import current_process
 from pathlib import Path
 
 import pytest
@@ -100,7 +101,9 @@ def test_it_ends_with_the_first(tmp_path):
         os.kill(pid, 0)
 
 
-@pytest.mark.parametrize("where", ["wanted", "compiled", "one core", "a pool", "inside", "no more processes"])
+@pytest.mark.parametrize(
+    "where", ["wanted", "compiled", "one core", "a pool", "inside", "unknown", "refused"]
+)
 def test_it_is_not_started_where_it_does_not_belong(where, monkeypatch):
     begun = []
 
@@ -111,16 +114,18 @@ def test_it_is_not_started_where_it_does_not_belong(where, monkeypatch):
                 self.target = target
 
             def start(self):
-                if where == "no more processes":
+                if where == "refused":
                     raise BlockingIOError
                 begun.append(self.target)
 
     monkeypatch.setattr(ahead, "spawning", lambda *_: Context)
     monkeypatch.setattr(ahead, "COMPILES", where != "compiled")
-    monkeypatch.setattr(ahead, "parent_process", lambda: "another" if where == "a pool" else None)
     monkeypatch.setattr(ahead, "SPARE_CORE", where != "one core")
-    if where == "inside":
-        monkeypatch.setattr(sys, "executable", "/opt/drawing/bin/draw")
+    monkeypatch.setattr(
+        current_process(), "name", "SpawnPoolWorker-1" if where == "a pool" else "MainProcess"
+    )
+    program = {"inside": "/opt/drawing/bin/draw", "unknown": None}.get(where, sys.executable)
+    monkeypatch.setattr(sys, "executable", program)
     ahead.compile_ahead.__wrapped__()
     assert begun == ([ahead.compile_late] if where == "wanted" else [])
 
