@@ -7,16 +7,15 @@ members of their own, whatever their kind.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
 
 from ksd.beam.linear import LINEAR_INNER
-from ksd.model.arrays import LINEAR, Arrays, Loads, Motion, Terms, flatten, opened
+from ksd.model.arrays import LINEAR, Arrays, Motion, flatten, opened
 from ksd.model.compile import Model
 from ksd.model.drawing import elastic_parts
-from ksd.model.pack import Assembly, Member, Push, Row, pack
+from ksd.model.pack import Member, pack
 from ksd.model.reduced import inner_state
 
 
@@ -58,8 +57,7 @@ def mixture(model: Model, linear: Arrays, condensed: Sequence[bool]) -> Mixture:
     ]
     places = model.rest.x[nodes]
     # links, which rows and loads are of, have the same numbers
-    rows, loads = _rows(model.arrays.terms), _pushes(model.arrays.loads)
-    arrays, rest = pack(Assembly(places, parts, rows, loads, elastic_parts(scene, places)))
+    arrays, rest = pack(places, parts, springs=elastic_parts(scene, places), like=model.arrays)
     away = np.full(len(member), -1), np.full(len(joint), -1)
     return Mixture(
         arrays,
@@ -73,25 +71,10 @@ def mixture(model: Model, linear: Arrays, condensed: Sequence[bool]) -> Mixture:
 def alone(model: Model, i: int) -> tuple[Arrays, Motion]:
     """Member i between two fixed ends, end p at the origin along the axes; end q is where its offset and frame put it."""
     made = _member(model, i, dict.fromkeys(range(len(model.node_names)), 0))
-    arrays, rest = pack(Assembly(np.zeros((1, 3)), [made]))
+    arrays, rest = pack(np.zeros((1, 3)), [made])
     arrays.members.offset[:], arrays.members.frame[:] = 0.0, np.eye(3)
     # end q is moved in place
     return opened(flatten(arrays)), rest
-
-
-def _rows(terms: Terms) -> list[Row]:
-    """Constraint rows of a model, as they are before packing."""
-    columns = (terms.coefficient, terms.kind, *terms.node.T, terms.direction, *terms.point.swapaxes(0, 1))
-    every = list(zip(*columns, strict=True))
-    return [Row(tuple(every[a:b])) for a, b in pairwise(terms.first)]
-
-
-def _pushes(loads: Loads) -> list[Push]:
-    """Loads of a model, as they are before packing."""
-    return [
-        Push(int(node), point, force, moment, bool(following))
-        for node, point, force, moment, following, *_ in zip(*loads, strict=True)
-    ]
 
 
 def _linear(linear: Arrays, j: int, name: str) -> Member:

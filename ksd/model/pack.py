@@ -1,4 +1,4 @@
-"""The integers of a model, and its arrays from lists of members, constraint rows and loads.
+"""The integers of a model, and its arrays from a list of members.
 
 `topology_arrays` lays out what follows from the topology and not from numbers; `ksd.model.template` fills in the numbers of
 many designs, `pack` those of members made one by one.
@@ -7,8 +7,8 @@ many designs, `pack` those of members made one by one.
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field
-from itertools import accumulate
+from dataclasses import dataclass
+from itertools import accumulate, pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -49,37 +49,6 @@ class Member:
     length: float
     floor: float
     mass: float = 0.0
-
-
-@dataclass(frozen=True)
-class Row:
-    """One constraint row: terms (coefficient, kind, base node, node, direction, point on base, point on node)."""
-
-    terms: tuple[tuple[float, int, int, int, np.ndarray, np.ndarray, np.ndarray], ...]
-
-
-@dataclass(frozen=True)
-class Push:
-    """One external load: node, point (offset in node axes), force, moment, following."""
-
-    node: int
-    point: np.ndarray
-    force: np.ndarray
-    moment: np.ndarray
-    following: bool = False
-
-
-@dataclass(frozen=True)
-class Assembly:
-    """What `pack` is given: reference positions (k, 3) of all nodes, node 0 fixed; the rest by lists; gravity (3,)."""
-
-    reference: np.ndarray
-    members: Sequence[Member]
-    rows: Sequence[Row] = field(default=())
-    pushes: Sequence[Push] = field(default=())
-    springs: Sequence[Member] = field(default=())
-    last: int = 0
-    gravity: np.ndarray | None = None
 
 
 class Shape(NamedTuple):
@@ -348,37 +317,35 @@ def _filled(packed: Members, members: Sequence[Member]) -> Members:
     )
 
 
-def pack(parts: Assembly) -> tuple[Arrays, Motion]:
-    """Arrays of a mechanism given by its members, and its rest state."""
-    flat = [term for row in parts.rows for term in row.terms]
-    loads = [(p.node, p.following, bool(p.following or np.any(p.moment))) for p in parts.pushes]
-    rows = [[(t[1], t[2], t[3]) for t in row.terms] for row in parts.rows]
-    nodes = len(parts.reference)
-    laid = topology_arrays(
-        nodes, _shapes(parts.members), rows, loads, _shapes(parts.springs), last=parts.last
-    )
-    members = _filled(laid.members, parts.members)
-    reference = np.array(parts.reference, float)
-    extent = spread(reference[None], (reference[members.node] + members.offset)[None])[0]
-    weight = laid.weight
-    if parts.gravity is not None and any(m.mass for m in parts.members):
-        weight = np.array([[m.mass, *parts.gravity] for m in parts.members])
+def pack(
+    reference: np.ndarray, members: Sequence[Member], *, springs: Sequence[Member] = (), like: Arrays | None = None
+) -> tuple[Arrays, Motion]:  # fmt: skip
+    """Arrays of a mechanism given by its members and springs, without weight, and its rest state.
+
+    reference (k, 3): positions of all nodes, node 0 fixed; like: of a model whose constraint rows and loads it has, on nodes
+    of the same numbers.
+    """
+    rows: list[list[TermShape]] = []
+    pushes: list[LoadShape] = []
+    if like is not None:
+        flat = list(zip(like.terms.kind.tolist(), *like.terms.node.T.tolist(), strict=True))
+        rows = [flat[a:b] for a, b in pairwise(like.terms.first.tolist())]
+        pushes = list(
+            zip(*(f.tolist() for f in (like.loads.node, like.loads.following, like.loads.skew)), strict=True)
+        )
+    nodes = len(reference)
+    laid = topology_arrays(nodes, _shapes(members), rows, pushes, _shapes(springs))
+    filled = _filled(laid.members, members)
+    extent = spread(reference[None], (reference[filled.node] + filled.offset)[None])[0]
     arrays = laid._replace(
-        members=members,
-        terms=laid.terms._replace(
-            coefficient=np.array([t[0] for t in flat], float),
-            direction=np.array([t[4] for t in flat], float).reshape(-1, 3),
-            point=np.array([t[5:7] for t in flat], float).reshape(-1, 2, 3),
-        ),
-        loads=laid.loads._replace(
-            point=np.array([p.point for p in parts.pushes], float).reshape(-1, 3),
-            force=np.array([p.force for p in parts.pushes], float).reshape(-1, 3),
-            moment=np.array([p.moment for p in parts.pushes], float).reshape(-1, 3),
-        ),
-        size=float(max(extent, members.length.max(initial=0.0))),
-        springs=_filled(laid.springs, parts.springs) if parts.springs else laid.springs,
-        weight=weight,
+        members=filled,
+        size=float(max(extent, filled.length.max(initial=0.0))),
+        springs=_filled(laid.springs, springs) if springs else laid.springs,
     )
-    inner = np.concatenate([np.zeros(0), *[m.inner for m in parts.members]])
-    turned = np.tile(np.eye(3), (nodes, 1, 1))
-    return arrays, Motion(reference, turned, inner, np.zeros(len(parts.rows)))
+    if like is not None:
+        arrays = arrays._replace(
+            terms=laid.terms._replace(**{name: getattr(like.terms, name) for name in TERM_FLOATS}),
+            loads=laid.loads._replace(**{name: getattr(like.loads, name) for name in LOAD_FLOATS}),
+        )
+    inner = np.concatenate([np.zeros(0), *[m.inner for m in members]])
+    return arrays, Motion(reference, np.tile(np.eye(3), (nodes, 1, 1)), inner, np.zeros(len(rows)))
