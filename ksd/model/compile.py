@@ -222,7 +222,7 @@ def remeshed(model: Model, mesh: Mesh) -> Model:
         return compile_given(model.scene, mesh)
     # what is drawn is the same, but for the constants of leaf springs
     value, inner = template.packed.values(leaves, given)
-    return replace(
+    found = replace(
         model,
         mesh=mesh,
         arrays=revalued(model.arrays, template.topology, value[0]),
@@ -230,6 +230,8 @@ def remeshed(model: Model, mesh: Mesh) -> Model:
         said=model.scene,
         choice=None,
     )
+    found.derived["leaves"] = template, leaves, given
+    return found
 
 
 @worded
