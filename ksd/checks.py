@@ -13,7 +13,7 @@ import re
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
-from functools import wraps
+from functools import lru_cache, wraps
 from numbers import Real
 from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar
 
@@ -55,6 +55,13 @@ def checked() -> bool:
     return _checked.get()
 
 
+@lru_cache(maxsize=256)
+def _bound(method: Any) -> inspect.Signature:
+    """The signature of a method without the object it is of."""
+    whole = inspect.signature(method)
+    return whole.replace(parameters=list(whole.parameters.values())[1:])
+
+
 class Worded(type):
     """Class of the things a user describes: an unknown or missing parameter raises SceneError, not TypeError."""
 
@@ -63,8 +70,7 @@ class Worded(type):
         @property
         def __signature__(cls):
             """That of the constructor, for help texts and whoever asks which parameters there are."""
-            whole = inspect.signature(cls.__init__)
-            return whole.replace(parameters=list(whole.parameters.values())[1:])
+            return _bound(cls.__init__)
 
         def __call__(cls, *args, **kwargs):
             try:
