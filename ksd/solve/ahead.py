@@ -60,10 +60,10 @@ def compile_late() -> None:
     (ints, floats, _), members, plan = arrays.flat, arrays.members, arrays.plan.ints
     inner, store = motion.inner[: members.inner_at[1]], work.store[: members.store_at[1]]
     value, number, target = members.value, members.number[0], np.zeros(len(motion.multiplier))
-    room = open_member_room(ints, work.scratch)
-    strain_condense(value, number, inner, store, room.leaf, np.zeros(3), np.eye(3), room.lam, room.K)
+    room, leaf = open_member_room(ints, work.scratch)
+    strain_condense(value, number, inner, store, leaf, np.zeros(3), np.eye(3), room.lam, room.K)
     move_nodes(arrays, motion, work.rhs, 1.0)
-    strain_recover(value, number, inner, store, np.zeros(6), 1.0)
+    strain_recover(value, number, inner, store, np.zeros(6), 1.0, np.zeros(6))
     solve_blocks(plan, work.value, work.spare, work.rhs)
     factor_blocks(plan, work.value, work.spare, plan[BLOCKS])
     add_terms(
