@@ -29,8 +29,9 @@ from ksd.beam.weight import PULL
 from ksd.errors import SceneError
 from ksd.model.arrays import COIL, COROTATIONAL, MODAL, SOLID, STRAIN, TURN, Motion, Work, make_work
 from ksd.model.compile import Model
+from ksd.model.loading import twist
+from ksd.model.newton import assemble_nodes
 from ksd.model.poses import member_pose
-from ksd.numerics.rotations import rotation_exp
 from ksd.properties.leaf_groups import leaf_groups, own_gravity
 from ksd.properties.shape import (
     Ends,
@@ -214,8 +215,6 @@ def _chain_wrench(
     return gravity, work.lam[i, :6]
 
 
-STEP = 1e-4
-"""Step of the differences that give spring forces, over the length of a spring."""
 NOISE = 1e-9
 """Amounts below this fraction of the largest force are rounding."""
 LIGHT = 1e-6
@@ -305,8 +304,9 @@ def interface_forces(model: Model, motion: Motion, *, load_factor: float = 1.0) 
             rows.append(InterfaceForce(placed.name, link, here, force, moment))
     names = {placed.name for placed in model.scene.leaves}
     rows += [e for e in ends if e.name in names]
-    for i, name in enumerate(model.spring_names):
-        rows += _spring(model, motion, i, name)
+    if model.spring_names:
+        assemble_nodes(model.arrays, motion, load_factor, work := make_work(model.arrays))
+        rows += [row for i in range(len(model.spring_names)) for row in _spring(model, motion, i, work)]
     for hinge in model.scene.hinges:
         rows += _hinge(model, motion, hinge)
     return InterfaceForces(tuple(rows), model.arrays.size)
@@ -352,31 +352,22 @@ def _hinge(model: Model, motion: Motion, hinge: Any) -> list[InterfaceForce]:
     ]
 
 
-def _spring(model: Model, motion: Motion, i: int, name: str) -> list[InterfaceForce]:
-    """What a spring exerts on the nodes at its ends: minus the gradient of its energy, by central differences."""
-    springs, found = model.arrays.springs, []
-    h = STEP * float(springs.length[i])
-    for end in range(2):
-        node = int(springs.node[i, end])
-        point = motion.x[node] + motion.R[node] @ springs.offset[i, end]
-        gradient = np.zeros(6)
-        for c in range(6):
-            step = np.zeros(6)
-            step[c] = h if c < 3 else STEP
-            for factor, weight in ((1.0, 8.0), (-1.0, -8.0), (2.0, -1.0), (-2.0, 1.0)):
-                moved = _moved(motion, node, point, factor * step)
-                gradient[c] += weight * energy_of_spring(model, moved, i) / (12.0 * step[c])
-        found.append(InterfaceForce(name, model.node_names[node], point, -gradient[:3], -gradient[3:]))
-    return found
-
-
-def _moved(motion: Motion, node: int, point: Array, step: Array) -> Motion:
-    """The state with one node moved by step (6,) [m, rad] about `point`."""
-    x, R, turn = motion.x.copy(), motion.R.copy(), np.empty((3, 3))
-    rotation_exp(step[3:], turn)
-    x[node] = point + step[:3] + turn @ (x[node] - point)
-    R[node] = turn @ R[node]
-    return motion._replace(x=x, R=R)
+def _spring(model: Model, motion: Motion, i: int, work: Work) -> list[InterfaceForce]:
+    """What a spring or elastic link exerts on the nodes at its ends; work: as assembled."""
+    springs, R = model.arrays.springs, motion.R
+    a, b = springs.node[i].tolist()
+    start, end = (motion.x[n] + R[n] @ springs.offset[i, e] for e, n in enumerate((a, b)))
+    frame = R[a] @ springs.frame[i, 0]
+    n, m = work.lam[len(model.member_names) + i, :6].reshape(2, 3) @ frame.T
+    if springs.kind[i] == TURN:
+        # its number is what goes with the angle, whose gradient leaves the axis where the links turn about another
+        twist(R[a], R[b], frame[:, 2].copy(), np.zeros(3), slope := np.zeros(3), np.zeros((3, 3)))
+        m = float(m @ frame[:, 2]) * slope
+    name = model.spring_names[i]
+    return [
+        InterfaceForce(name, model.node_names[a], start, n, m + np.cross(end - start, n)),
+        InterfaceForce(name, model.node_names[b], end, -n, -m),
+    ]
 
 
 def spring_energy(model: Model, motion: Motion) -> dict[str, float]:

@@ -2,12 +2,15 @@
 
 import numpy as np
 import pytest
+from effect_scenes import free_beam
 from scenes import STEEL, cross_flexure, fourbar, single_joint
 
 import ksd
 from ksd.errors import SceneError
 from ksd.model.compile import compile_scene
 from ksd.model.mesh import Mesh
+from ksd.numerics.rotations import rotation_exp
+from ksd.properties.forces import energy_of_spring
 from ksd.solve.conventional import conventional
 from ksd.units import deg, mm
 
@@ -50,6 +53,32 @@ def test_every_link_is_in_balance(mesh):
     for link, given in weights.items():
         # what the leaf springs weigh is in the interface forces
         assert found.on(link) == pytest.approx(-given, abs=1e-5 * scale)
+
+
+def test_springs_pull_by_the_gradient_of_their_energy():
+    """Central differences, of a coil spring, joint springs that are turned out of their plane too, and a link with a
+    matrix."""
+    scene, points = loaded(), ((-0.2, 0.3 + 0.1 * np.sqrt(0.5), 0), (0.2, 0.3 + 0.1 * np.sqrt(0.5), 0))
+    scene.compliance("top", matrix=ksd.LinkMatrix(points, free_beam(points, 1.0)))
+    pose = ksd.solve(scene, top=0.1, method="conventional", with_=("compliance", "spatial"))
+    model, motion, found, T = pose.model, pose.motion, pose.interface_forces(), np.empty((3, 3))
+
+    def energy(node, point, step):
+        rotation_exp(np.array(step[3:]), T)
+        x, R = motion.x.copy(), motion.R.copy()
+        x[node], R[node] = point + step[:3] + T @ (x[node] - point), T @ R[node]
+        return energy_of_spring(model, motion._replace(x=x, R=R), i)
+
+    assert len(model.spring_names) == 4
+    for i, name in enumerate(model.spring_names):
+        for node in model.arrays.springs.node[i]:
+            row = found.of(name, model.node_names[node])
+            slope = np.zeros(6)
+            for times, weight in ((1.0, 8.0), (-1.0, -8.0), (2.0, -1.0), (-2.0, 1.0)):
+                slope += [weight / 12e-4 * energy(node, row.point, times * s) for s in 1e-4 * np.eye(6)]
+            assert np.concatenate([row.force, row.moment]) == pytest.approx(
+                -slope, abs=1e-7 * np.abs(slope).max()
+            )
 
 
 def test_ground_takes_what_is_put_in():
