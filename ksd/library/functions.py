@@ -38,14 +38,7 @@ class Functions:
 
     def groups(self) -> dict[str, Array]:
         """The groups present, by name."""
-        named = {
-            "interface": self.interface,
-            "blocks": self.blocks,
-            "amplitudes": self.amplitudes,
-            "wrench": self.wrench,
-            "rotations": self.rotations,
-        }
-        return {name: array for name, array in named.items() if array is not None}
+        return {name: array for name, array in vars(self).items() if array is not None}
 
 
 @dataclass(frozen=True)

@@ -300,9 +300,7 @@ def _widened(fit: Fit, design: Design) -> Fit:
     powers = np.zeros((len(fit.powers), m + len(design.parameters)), np.int64)
     powers[:, :m] = fit.powers[:, :m]
     powers[:, [m + i for i in _free(design)]] = fit.powers[:, m:]
-    return Fit(
-        powers, fit.coefficients, fit.motion_degree, fit.shape_degree, fit.motion_error, fit.shape_error
-    )
+    return replace(fit, powers=powers)
 
 
 def _stack(samples: Samples) -> Array:

@@ -71,24 +71,23 @@ def _fractions(low: float, high: float, x: Array) -> tuple[float, ...]:
     return tuple(float(v) for v in (0.5 * (low + high) + 0.5 * (high - low) * x) / reach)
 
 
-def sample_joint(joint: Joint, plan: Plan, meshes: tuple[Mesh, ...] | None = None) -> Samples:
-    """Everything a record needs of `joint` at all grid points, for the meshes of `plan` or those given.
+def sample_joint(joint: Joint, plan: Plan) -> Samples:
+    """Everything a record needs of `joint` at all grid points, for the meshes of `plan`.
 
     Raises SceneError when the joint cannot be represented: a state is not reached, is not the stable one, or
     leaves the plane of a one-axis joint, its leaves run into each other, or (where the stroke is walked) a motion that is
     not intended turns soft.
     """
     found: Samples = {}
-    for mesh in meshes or plan.meshes:
+    for mesh in plan.meshes:
         model = _model(joint, mesh, plan)
         states = _walk(joint, model, plan, mesh)
         check_plane(joint, model, states, plan.plane)
-        if plan.apart and mesh == (meshes or plan.meshes)[0]:
+        if plan.apart and mesh == plan.meshes[0]:
             check_clear(joint, [states[k] for k in np.flatnonzero(_looked_at(plan))])
         if plan.whole:
             check_stays_soft(joint, model, states)
-        for group, values in _read(joint, model, states).items():
-            found[mesh, group] = values
+        found |= {(mesh, group): values for group, values in _read(joint, model, states).items()}
     return found
 
 

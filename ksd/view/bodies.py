@@ -119,6 +119,15 @@ def _slim(corners: Array) -> Array:
     return drawn
 
 
+def hull(points: Array) -> Array:
+    """Corners (k, 2), counterclockwise, of the convex hull of points (n, 2); two where they lie on a line."""
+    spread = np.linalg.svd(points - points.mean(axis=0))
+    if len(points) < 3 or spread.S[1] <= 1e-6 * spread.S[0]:
+        along = points @ spread.Vh[0]
+        return points[[int(along.argmin()), int(along.argmax())]]
+    return points[ConvexHull(points).vertices]
+
+
 def body(points: Array, half: float, color: Any, *, edge: Any) -> list[Polygon]:
     """The faces of the convex hull of `points` (k, 3) made thicker by `half` [m] all around, less where it is small, and its
     sharp edges."""

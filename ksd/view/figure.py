@@ -136,30 +136,6 @@ def plain_axes(axes: Any, *, grid: Literal["both", "x"] = "both") -> None:
         axes.spines[side].set_visible(False)
 
 
-def hull(points: Array) -> Array:
-    """Corners (k, 2), counterclockwise, of the convex hull of points (n, 2); two where they lie on a line."""
-    order = sorted({(float(x), float(y)) for x, y in points})
-    spread = np.linalg.svd(points - points.mean(axis=0))
-    if len(order) < 3 or spread.S[1] < 1e-6 * spread.S[0]:
-        along = points @ spread.Vh[0]
-        return points[[int(along.argmin()), int(along.argmax())]]
-
-    def chain(run: list[tuple[float, float]]) -> list[tuple[float, float]]:
-        kept: list[tuple[float, float]] = []
-        for p in run:
-            while len(kept) > 1 and _left(kept[-2], kept[-1], p) <= 1e-15:
-                kept.pop()
-            kept.append(p)
-        return kept
-
-    return np.array(chain(order)[:-1] + chain(order[::-1])[:-1])
-
-
-def _left(a: tuple[float, float], b: tuple[float, float], c: tuple[float, float]) -> float:
-    """Twice the area of triangle a, b, c [m^2], positive counterclockwise."""
-    return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
-
-
 def spoken_value(value: float, kind: str) -> str:
     """A drive value with its unit: mm or, where small, µm for translations, degrees for rotations."""
     if kind != "translation":

@@ -20,10 +20,10 @@ from ksd.model.compile import compile_scene
 from ksd.model.mesh import Mesh
 from ksd.solve.conventional import conventional
 from ksd.view import plot_mechanism, write_pvd
-from ksd.view.bodies import THICK, Polygon, body, facing, hatches, pads, parts, ribbon, size_of
+from ksd.view.bodies import THICK, Polygon, body, facing, hatches, hull, pads, parts, ribbon, size_of
 from ksd.view.camera import camera_of
 from ksd.view.compare import Mark, plot_cost
-from ksd.view.figure import FAINT, LOAD, color_map, hull, new_figure, spoken_amount, spoken_parameter
+from ksd.view.figure import FAINT, LOAD, color_map, new_figure, spoken_amount, spoken_parameter
 from ksd.view.heat import heat_of
 from ksd.view.mechanism import paint
 from ksd.view.order import back_to_front
