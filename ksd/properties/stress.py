@@ -260,19 +260,15 @@ def stress_alike(states: Alike, *, points: int = POINTS) -> list[LeavesStress] |
             return None
         s, forces, number, sections = known
         state, k = np.divmod(np.arange(len(s)), len(group.members))
-        kinds = [(len(stress_points(q).names), q.outline is not None) for q in sections]
+        tables = [_point_table(q) for q in sections]
+        kinds = [(len(table), q.outline is not None) for table, q in zip(tables, sections, strict=True)]
         for kind in dict.fromkeys(kinds):
             mine = [n for n, own in enumerate(kinds) if own == kind]
             place = np.full(len(kinds), -1)
             place[mine] = np.arange(len(mine))
             pick = np.flatnonzero(place[number] >= 0)
-            row = place[number[pick]]
-            own: list[Any] = list(zip(*(_stations((sections[n],)) for n in mine), strict=True))
-            stations = (
-                *(np.stack(v)[row] for v in own[:5]),
-                *(np.concatenate(v, axis=1)[:, row] for v in own[5:]),
-            )
-            mises = _stresses(forces[pick], stations, outlined=kind[1])[2]
+            rows = np.stack([tables[n] for n in mine])[place[number[pick]]]
+            mises = _stresses(forces[pick], _at_points(rows), outlined=kind[1])[2]
             found.append(
                 LeavesStress(state[pick], group.members[k[pick]], number[pick], sections, s[pick], mises)
             )
@@ -355,8 +351,8 @@ def stress_followed(
         count = np.array([len(table) for table in tables])[number].reshape(len(first), -1)
         if (count != count[first]).any():
             return None
-        rows = np.array([tables[n][p] for n, p in zip(number.tolist(), point.tolist(), strict=True)]).T
-        stations = (*rows[:5, :, None, None], *rows[5:].reshape(3, 2, -1, 1, 1))
+        rows = np.array([tables[n][p] for n, p in zip(number.tolist(), point.tolist(), strict=True)])
+        stations = _at_points(rows[:, None])
         outlined = np.array([q.outline is not None for q in sections])[number]
         both = (_stresses(forces[:, :1], stations, outlined=o)[2].ravel() for o in (True, False))
         found[:, group.members] = np.where(outlined, *both).reshape(count.shape)
@@ -369,6 +365,12 @@ def _point_table(section: Any) -> Array:
     at = stress_points(section)
     sizes = np.broadcast_to([section.A, section.Iy, section.Iz], (len(at.y), 3))
     return np.column_stack([at.y, at.z, sizes, at.torsion, at.along_y, at.along_z])
+
+
+def _at_points(rows: Array) -> tuple[Array, ...]:
+    """What `_stresses` takes of leaf springs with rows (n, p, 11) of `_point_table`, the same all along each."""
+    of = np.moveaxis(rows, 2, 0)[:, :, None]
+    return *of[:5], *of[5:].reshape(3, 2, *of.shape[1:])
 
 
 @dataclass(frozen=True, repr=False)
