@@ -22,10 +22,8 @@ LADDER = (
 
 def mesh_for(accuracy: float) -> Mesh:
     """The strain-mode mesh for a relative accuracy of forces and support stiffness."""
-    for reached, orders, points in LADDER:
-        if accuracy >= reached:
-            return Mesh(orders=orders, points=points)
-    raise ValueError(f"accuracy = {accuracy} must be a number of zero or more")
+    orders, points = next((orders, points) for reached, orders, points in LADDER if accuracy >= reached)
+    return Mesh(orders=orders, points=points)
 
 
 def raised(mesh: Mesh, axis: int) -> Mesh:

@@ -262,7 +262,7 @@ class Template:
         """Models of D designs."""
         leaves = self.leaves(n)
         count, links = len(n.leaf), len(self.words.links)
-        points = n.origin[:, :, None] + n.ends[:, self.part_different] @ np.swapaxes(n.rotation, 2, 3)
+        points = n.origin[:, :, None] + n.ends[:, self.part_different] @ n.rotation.swapaxes(2, 3)
         places = np.zeros((count, len(self.node_names), 3))
         if len(self.hung):
             flat = points.reshape(count, -1, 3)[:, self.hung]
@@ -271,7 +271,7 @@ class Template:
             own = n.rotation[:, self.block_part] @ n.point[:, self.block_point, :, None]
             places[:, links:] = n.origin[:, self.block_part] + own[..., 0]
         topology, R = self.topology, n.rotation[:, self.part]
-        ends = n.origin[:, self.part, None] + leaves.ends[:, self.leaf] @ np.swapaxes(R, 2, 3)
+        ends = n.origin[:, self.part, None] + leaves.ends[:, self.leaf] @ R.swapaxes(2, 3)
         value, inner = self.packed.values(leaves, n.given)
         length = leaves.length[:, self.leaf]
         members = topology.members._replace(
