@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 
 from ksd.beam.levers import member_tangent
-from ksd.beam.strain import strain_condense, strain_recover
+from ksd.beam.strain import strain_condense, strain_recover, strain_tangent
 from ksd.library import find_record
 from ksd.model.arrays import make_work
 from ksd.model.assembly import open_member_room
@@ -61,6 +61,8 @@ def compile_late() -> None:
     inner, store = motion.inner[: members.inner_at[1]], work.store[: members.store_at[1]]
     value, number, target = members.value, members.number[0], np.zeros(len(motion.multiplier))
     room, leaf = open_member_room(ints, work.scratch)
+    # its longest part first, which an answer without step 1 comes to early
+    strain_tangent(value, number, inner, leaf)
     strain_condense(value, number, inner, store, leaf, np.zeros(3), np.eye(3), room.lam, room.K)
     move_nodes(arrays, motion, work.rhs, 1.0)
     strain_recover(value, number, inner, store, np.zeros(6), 1.0, np.zeros(6))
