@@ -442,7 +442,7 @@ def look(
     return worst, negatives, status
 
 
-def solve_step(arrays: Arrays, work: Work) -> tuple[int, float]:
+def solve_step(arrays: Arrays | Bare, work: Work) -> tuple[int, float]:
     """Factor work.value and turn work.rhs into the Newton step. Returns (negatives, smallest relative pivot)."""
     none = np.zeros((0, 3)), np.zeros((0, 3, 3)), np.zeros(0), np.zeros(0)
     *_, negatives, pivot = _run(arrays, Motion(*none), none[2], work, STEP)
@@ -461,7 +461,7 @@ def move_nodes(arrays: Arrays, motion: Motion, step: np.ndarray, scale: float) -
     _move_nodes(arrays.flat.ints, x, R, multiplier, np.ascontiguousarray(step), float(scale), np.empty(6))
 
 
-def largest_turn(arrays: Arrays, step: np.ndarray) -> float:
+def largest_turn(arrays: Arrays | Bare, step: np.ndarray) -> float:
     """Largest rotation of any node in `step` (n,), rad."""
     return float(_largest(arrays.flat.ints, np.ascontiguousarray(step), 3))
 

@@ -35,7 +35,7 @@ from ksd.errors import ConvergenceError, SceneError
 from ksd.model.arrays import COIL, STRAIN, TURN, Motion, make_work
 from ksd.model.compile import Model
 from ksd.model.loading import twist
-from ksd.model.newton import assemble, assemble_nodes, move_nodes, solve_step, take_step
+from ksd.model.newton import assemble, assemble_nodes, move_nodes
 from ksd.properties.leaf_groups import (
     EndFrames,
     LeafGroup,
@@ -52,7 +52,6 @@ from ksd.properties.nonconservative import divergences, load_tangent, skew_tange
 from ksd.properties.stiffness import node_of, point_motion
 from ksd.properties.tangent import (
     LOST,
-    SINGULAR,
     Tangent,
     assembled_tangent,
     exact,
@@ -79,8 +78,6 @@ state: a clamped rod does not diverge under a moment, and its matrices have valu
 OF_MESH = 0.1
 """Relative change by one more mode per axis beyond which a factor of unsymmetric matrices is one of the mesh: Beck's column
 has real ones, on every mesh others, where it has none."""
-STEPS = 2
-"""Newton steps to the equilibrium on the mesh of buckling."""
 LEFT = 0.07
 """Mesh error of a factor over what its two highest modes per axis change: .03 to .06 in 30 of 32 random mechanisms, .125 at
 most, where the error is more than 2e-4."""
@@ -539,27 +536,14 @@ def _matrices(
 
 
 def with_waves(model: Model, motion: Motion, load_factor: float = 1.0) -> tuple[Model, Motion]:
-    """The model with two more modes per axis, or chain nodes in the open, and the equilibrium next to the state on it,
-    drives and supports where they are.
+    """The model with two more modes per axis, or chain nodes in the open, and the equilibrium there next to the state.
 
     A leaf spring that buckles between its ends has more waves than one that is bent: with one more mode the least factor of
-    one mechanism in thirty is 2 % too high, of the worst 7 %, with two .4 and .7 %. The stresses that leaf springs put into
-    each other are up to 2 % off on the mesh of a state, where its forces are not.
+    one mechanism in thirty is 2 % too high, of the worst 7 %, with two .4 and .7 %.
     """
-    fine, state = model, motion
     for _ in range(2):
-        fine, state = unfolded(fine, state, load_factor=load_factor)
-    if fine is model or STRAIN not in fine.kinds:
-        return fine, state
-    arrays = fine.arrays
-    work, none = make_work(arrays), np.zeros(len(arrays.terms.start))
-    for _ in range(STEPS):
-        assemble(arrays, state, none, load_factor, work, 1e-8, 0, 10.0)
-        work.rhs[arrays.terms.start] = 0.0
-        if solve_step(arrays, work)[1] <= SINGULAR:
-            break
-        take_step(arrays, state, work.rhs.copy(), work, 1.0)
-    return fine, state
+        model, motion = unfolded(model, motion, load_factor=load_factor)
+    return model, motion
 
 
 def _mesh_error(model: Model, K: Any, change: Any, factor: Array, vectors: Array) -> Array:

@@ -7,7 +7,7 @@ asked for: the model once, a few Newton steps for every state. The error of any 
 the same question asked of that equilibrium.
 
 Where `solve` itself took a fast method, for its error in forces and poses, further questions are asked of the equilibrium
-next to its state (`settled`): a soft direction of the arm is 80 % off in a state whose forces are right to a thousandth.
+next to its state (`settled`).
 """
 
 from __future__ import annotations
