@@ -75,7 +75,7 @@ def test_energy_is_the_same_whichever_way_the_arm_is_driven(arms):
 
 
 def test_what_is_asked_of_an_answer_chosen_for_its_forces_is_exact():
-    """At 0.9 of the way `solve` takes the reduced answer, right to 1e-3 in its forces; a stiffness of that very state would be
+    """At 0.9 of the way `solve` takes the reduced answer, right to 1e-3 in its forces; a stiffness of that state itself is
     off by four fifths. Asked of what `solve` chose all is that of the equilibrium, as is a sweep; asked of
     method='reduced' by name a stiffness is that of a Newton step beside it, a stress its own, and error figures tell."""
     mechanism, targets, _ = ksd.load_scene(SCENES / "arm.toml")
