@@ -116,7 +116,7 @@ def test_leaf_springs_of_one_name_are_told_apart():
         ),
         (lambda m: m.slider("a", along="x", at=(0, 0, 0), relative_to=0), "0 is not a link"),
         (lambda m: ksd.train("cross_flexure", shapes={"angle": 5}), "angle = 5 must be a range (low, high)."),
-        (lambda m: ksd.train("cross_flexure", shapes={"angle": ("a", 1)}), "angle = 'a' is not a number"),
+        (lambda m: ksd.train("cross_flexure", shapes={"angle": ("a", 1)}), "Parameter 'angle': low = 'a' is not a number"),
         (lambda m: ksd.train(["cross_flexure"]), "cannot be trained"),
         (lambda m: ksd.LinkMatrix(), "LinkMatrix: missing a required argument: 'points'"),
         (lambda m: ksd.Job(), "Job: missing a required argument: 'function'"),
