@@ -32,6 +32,12 @@ def run_blocks(page: str, text: str) -> Iterator[tuple[str, Figure | None]]:
         yield printed.getvalue(), value if isinstance(value, Figure) else None
 
 
+def with_blocks(app: Any, env: Any, *changes: set[str]) -> list[str]:
+    """For Sphinx's `env-get-outdated`: pages with blocks, whose answers change with the program."""
+    pages = {page: Path(env.doc2path(page)) for page in env.found_docs}
+    return [page for page, path in pages.items() if path.suffix == ".md" and BLOCK.search(path.read_text())]
+
+
 def show_blocks(app: Any, page: str, source: list[str]) -> None:
     """For Sphinx's `source-read`: put below each block what it printed and drew."""
     text = source[0]

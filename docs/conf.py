@@ -18,7 +18,7 @@ HERE = Path(__file__).parent
 ROOT = HERE.parent
 sys.path.insert(0, str(HERE))
 
-from blocks import show_blocks  # noqa: E402  (beside this file)
+from blocks import show_blocks, with_blocks  # noqa: E402  (beside this file)
 from docstrings import as_rst, readable  # noqa: E402
 from tables import write_tables  # noqa: E402
 
@@ -101,6 +101,7 @@ write_tables(HERE / "_made")
 
 def setup(app: Sphinx) -> None:
     """Below every Python block of a page stands what it printed and drew; docstrings and signatures are readable."""
+    app.connect("env-get-outdated", with_blocks)
     app.connect("source-read", show_blocks)
     app.connect("autodoc-process-docstring", as_rst)
     app.connect("autodoc-process-signature", readable)
