@@ -12,12 +12,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ksd.model.arrays import MEMBERS, STRAIN, VALUE, WEIGHT, Arrays, Bare, Flat, Motion
+from ksd.model.arrays import MEMBERS, STRAIN, VALUE, WEIGHT, Arrays, Bare, Flat, Motion, make_work
 from ksd.model.compile import Model
 from ksd.model.mesh import Mesh
 from ksd.model.pack import revalued_floats
 from ksd.model.template import Leaves, Template
-from ksd.properties.unfold import opened_mesh, widened
+from ksd.properties.unfold import opened_mesh, settle, widened
 
 Array = NDArray[np.float64]
 State = tuple[Model, Motion, float]
@@ -65,11 +65,11 @@ class Alike(NamedTuple):
         return self.floats[self.which[:, None, None], at[:, None] + np.arange(size)]
 
     def finer(self) -> Alike | None:
-        """The same states with one mode more per axis in every leaf, see `ksd.properties.unfold`; amplitudes of these are
-        zero. None where leaf springs bring their constants."""
+        """The equilibria next to the states with one mode more per axis in every leaf, see `ksd.properties.unfold`. None
+        where leaf springs bring their constants."""
         mesh, m = opened_mesh(self.models[0]), self.motion
         if mesh == self.template.mesh:
-            return self._replace(motion=m.copy())
+            return self
         fine = self.template.on(mesh)
         if fine is None:
             return None
@@ -81,7 +81,13 @@ class Alike(NamedTuple):
         number, wider = (b.members.number.tobytes() for b in (self.topology, fine.topology))
         inner[:, widened(number, wider)] = m.inner
         motion = Motion(m.x.copy(), m.R.copy(), inner, m.multiplier.copy())
-        return self._replace(template=fine, topology=fine.topology, floats=floats, motion=motion)
+        found = self._replace(template=fine, topology=fine.topology, floats=floats, motion=motion)
+        work, rows = make_work(fine.topology), fine.topology.terms.start
+        for d, factor in enumerate(self.factor.tolist()):
+            arrays, own = found.state(d)
+            work.weight[:] = arrays.weight
+            settle(arrays, own, rows, work, factor)
+        return found
 
 
 def alike(states: Sequence[State]) -> list[tuple[list[int], Alike]]:

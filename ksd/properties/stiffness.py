@@ -257,9 +257,8 @@ def stiffnesses(
         node = node_of(model, link)
         start = int(topology.start[node])
         for d, k in enumerate(states.which.tolist()):
-            loads[d, :6, start : start + 6] = point_motion(states.models[k], states.state(d)[1], node, at[k])[
-                1
-            ]
+            B = point_motion(states.models[k], fine.state(d)[1], node, at[k])[1]
+            loads[d, :6, start : start + 6] = B
         if rows:
             held = [
                 gradients_of_rows(topology, arrays.flat, motion, rows)
@@ -314,7 +313,8 @@ def point_stiffness(
     """
     node, freed = node_of(model, link), names_of(freed, "freed")
     found = tangent or finer_tangent(model, motion, freed=freed, load_factor=load_factor)
-    point, B = point_motion(model, motion, node, at)
+    # of the state of the tangent: what a drive holds is then held to the last digit
+    point, B = point_motion(model, found.motion, node, at)
     columns = _axes(axes, motion.R[node])
     turn = np.zeros((6, 6))
     turn[:3, :3] = turn[3:, 3:] = columns
@@ -428,7 +428,7 @@ def drive_coupling(
     node = node_of(model, link)
     found = finer_tangent(model, motion, freed=freed, load_factor=load_factor)
     rows = [i for i, n in enumerate(model.drive_names) if n not in freed]
-    _, B = point_motion(model, motion, node, at)
+    _, B = point_motion(model, found.motion, node, at)
     columns = _axes(axes, motion.R[node])
     moved = B @ _drive_response(found, rows)[0][found.unknowns(node)]
     turned = np.vstack([columns.T @ moved[:3], columns.T @ moved[3:]])

@@ -26,7 +26,7 @@ from ksd.numerics.indefinite import inertia, scaling, solve_scaled
 from ksd.properties.alike import Alike
 from ksd.properties.cache import per_model
 from ksd.properties.nonconservative import skew_tangent
-from ksd.properties.unfold import SINGULAR, settle
+from ksd.properties.unfold import SINGULAR
 
 Array = NDArray[np.float64]
 SAME = 1e-9
@@ -119,7 +119,7 @@ def beyond_rows(arrays: Arrays, size: Any, gradients: Array, loads: Array) -> tu
 
 def responses(states: Alike, loads: Array) -> tuple[Array, NDArray[np.bool_]]:
     """Response (D, k, unknowns) of D states to `loads` (D, k, unknowns), all drives held, and where it is one (D,): where
-    the tangent is regular and rounding leaves digits, see `Tangent.solve`. The states are settled, in place."""
+    the tangent is regular and rounding leaves digits, see `Tangent.solve`."""
     topology, found = states.topology, np.empty(loads.shape)
     work, good = make_work(topology), np.zeros(len(loads), bool)
     plan, stored, held = topology.plan.ints, np.empty_like(work.value), np.zeros(len(topology.terms.start))
@@ -127,7 +127,6 @@ def responses(states: Alike, loads: Array) -> tuple[Array, NDArray[np.bool_]]:
         arrays, motion = states.state(d)
         if len(work.weight):
             work.weight[:] = arrays.weight
-        settle(arrays, motion, topology.terms.start, work, factor)
         assemble(arrays, motion, held, factor, work, 1e-8, 0, 10.0)
         stored[:] = work.value
         _, pivot = factor_blocks(plan, work.value, work.spare, len(topology.plan.size))

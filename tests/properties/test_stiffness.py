@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from scenes import cross_flexure, fourbar, single_joint
+from scenes import STEEL, cross_flexure, fourbar, single_joint
 from scipy.spatial.transform import Rotation
 
 import ksd
@@ -179,6 +179,22 @@ def test_many_states_together_have_the_stiffness_of_each(gravity):
         assert row[5] > 1e9
         assert row[:5] == pytest.approx(1.0 / np.diagonal(C)[:5])
         assert own[0] == pytest.approx(1.0 / np.linalg.eigvalsh(C[:3, :3])[::-1])
+
+
+def test_what_a_drive_holds_is_held_to_the_last_digit(rng):
+    """A stage that turns in space while a point of it is driven: asked alone, and with others."""
+    scene = ksd.Mechanism("three leaves")
+    stage, end, section = scene.link("stage"), np.array([0.02, 0.1, 0.0]), ksd.rectangle(5e-4, 1e-2)
+    for start in rng.uniform(-0.04, 0.04, (3, 3)):
+        scene.leaf(scene.ground, stage, start=start, end=end + 0.5 * start, section=section, material=STEEL,
+                   width_axis=np.cross(end - 0.5 * start, rng.normal(size=3)))  # fmt: skip
+    scene.actuate(stage, along="z", at=end, name="d")
+    pose = conventional(compile_scene(scene), {"d": 3e-3})
+    C = pose.stiffness("stage", at=end).compliance
+    assert not C[2].any() and not C[:, 2].any()
+    ((_, group),) = alike([(pose.model, pose.motion, 1.0)])
+    together = stiffnesses(group, "stage", at=[end]).compliance[0]
+    assert abs(together[2, 2]) < 1e-20 * C[1, 1] and together == pytest.approx(C, rel=1e-9, abs=1e-18)
 
 
 def test_curved_leaves_together_have_the_stiffness_and_stress_of_each():
