@@ -28,6 +28,8 @@ MOST = 40
 """Newton steps inside the leaf springs at held end poses."""
 TIGHT = 1e-9
 """Relative change of the inner state by a step at which it is found."""
+ROUNDING = 1e-14
+"""Forces over those of leaf springs stretched by the size of the mechanism down to which they are rounding."""
 PARTS = (1, 4, 16, 64)
 """In how many parts the nodes are moved there."""
 
@@ -112,7 +114,8 @@ def bent_leaves(model: Model, motion: Motion) -> Motion:
     full = model.full
     assert full is not None
     arrays, end = full.arrays, same_state(model, motion, full)
-    turns = np.empty((len(end.x), 3))
+    stiffest = max(float(np.abs(body.stiffness[:3, :3]).max()) for body in model.bodies.values())
+    least, turns = ROUNDING * arrays.size * stiffest, np.empty((len(end.x), 3))
     for R, turn in zip(end.R, turns, strict=True):
         rotation_log(R, turn)
     for parts in PARTS:
@@ -122,7 +125,7 @@ def bent_leaves(model: Model, motion: Motion) -> Motion:
             state.x[:] = full.rest.x + (k / parts) * (end.x - full.rest.x)
             for R, turn in zip(state.R, turns, strict=True):
                 rotation_exp((k / parts) * turn, R)
-            if not _settle_inside(arrays, state, work):
+            if not _settle_inside(arrays, state, work, least):
                 break
         else:
             state.R[:] = end.R
@@ -133,8 +136,9 @@ def bent_leaves(model: Model, motion: Motion) -> Motion:
     )
 
 
-def _settle_inside(arrays: Arrays, state: Motion, work: Work) -> bool:
-    """Newton steps inside the leaf springs at held nodes, in place: whether they found equilibrium."""
+def _settle_inside(arrays: Arrays, state: Motion, work: Work, least: float) -> bool:
+    """Newton steps inside the leaf springs at held nodes, in place: whether they found equilibrium; changes down to `least`
+    [N] are rounding."""
     still, target = np.zeros(arrays.plan.unknowns), np.zeros(len(arrays.terms.start))
     for _ in range(MOST):
         before = state.inner.copy()
@@ -143,6 +147,6 @@ def _settle_inside(arrays: Arrays, state: Motion, work: Work) -> bool:
         change = np.abs(state.inner - before).max(initial=0.0)
         if not np.isfinite(change):
             return False
-        if change <= TIGHT * np.abs(state.inner).max(initial=1e-300):
+        if change <= max(TIGHT * np.abs(state.inner).max(initial=0.0), least):
             return True
     return False

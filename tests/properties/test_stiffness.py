@@ -259,3 +259,12 @@ def test_freed_drives_by_a_generator():
     assert pose.buckling("tip", force=(0, -1, 0), freed=names()).factor == pytest.approx(
         pose.buckling("tip", force=(0, -1, 0), freed="turn").factor
     )
+
+
+@pytest.mark.parametrize("top", [0.0, 1e-9])
+def test_at_rest_leaf_springs_of_constant_stiffness_are_the_others(top):
+    """Forces inside them are rounding there."""
+    found, exact = (ksd.solve(fourbar(), top=top, method=m) for m in ("constant", "full"))
+    assert found.drive_stiffness()["top"] == pytest.approx(exact.drive_stiffness()["top"], rel=1e-6)
+    lowest = exact.frequencies(count=1).frequency_Hz
+    assert found.frequencies(count=1).frequency_Hz == pytest.approx(lowest, rel=1e-6)
