@@ -1,0 +1,46 @@
+"""The equilibrium on the finer mesh that questions stand on."""
+
+import numpy as np
+import pytest
+from scenes import STEEL, fourbar
+
+import ksd
+from ksd.model.compile import compile_scene
+from ksd.numerics.rotations import rotation_exp
+from ksd.properties.unfold import unfolded
+
+
+def cantilever():
+    scene = ksd.Mechanism("cantilever")
+    tip = scene.link("tip")
+    scene.leaf(scene.ground, tip, start=(0, 0, 0), end=(0.1, 0, 0), section=ksd.rectangle(5e-4, 1e-2), width_axis="z",
+               material=STEEL)  # fmt: skip
+    return scene
+
+
+@pytest.mark.parametrize(("turn", "left"), [(0.05, 2e-3), (0.2, 0.2)])
+def test_a_node_is_led_to_equilibrium_unless_it_is_far(turn, left):
+    """The tip of an unloaded leaf spring, turned out of equilibrium: back to rest, or left where it is."""
+    model = compile_scene(cantilever())
+    motion = model.rest.copy()
+    rotation_exp(np.array([0.0, 0.0, turn]), motion.R[1])
+    _, state = unfolded(model, motion)
+    assert np.arcsin(state.R[1][1, 0]) == pytest.approx(left, abs=2e-3)
+
+
+def test_drives_and_supports_stay_where_they_are():
+    """A driven tip on the finer mesh: the same drive value, to the last digit but rounding."""
+    scene = cantilever()
+    scene.actuate("tip", along="y", at=(0.1, 0, 0), name="d")
+    scene.support("tip", about="z", name="turn")
+    pose = ksd.solve(scene, d=2e-4)
+    fine, state = unfolded(pose.model, pose.motion)
+    assert state.x[1, 1] == pytest.approx(2e-4, rel=1e-9)
+    assert pose.stiffness("tip", freed="d").supports["y"] == pytest.approx(pose.drive_stiffness()["d"], rel=1e-6)
+
+
+@pytest.mark.parametrize(("method", "off"), [("kinematic", 6e-3), ("reduced", 1e-3)])
+def test_a_stiffness_by_a_fast_method_is_that_of_a_newton_step_beside_it(method, off):
+    """Also where its links are .02 rad off, and a stiffness of that very state by half."""
+    found, exact = (ksd.solve(fourbar(), top=0.3, method=m) for m in (method, "full"))
+    assert found.drive_stiffness()["top"] == pytest.approx(exact.drive_stiffness()["top"], rel=off)
