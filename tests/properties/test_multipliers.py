@@ -230,7 +230,7 @@ def held_by_three_leaves(rng):
 def test_the_mesh_error_is_that_of_the_factor():
     """Of the least factor, against five more modes per axis."""
     errors, told = [], []
-    for seed in range(12):
+    for seed in range(5, 16):
         scene = held_by_three_leaves(np.random.default_rng(seed))
         pose = ksd.solve(scene, d=3e-4, strict=False)
         nx, ny, nz = pose.model.mesh.orders
@@ -243,7 +243,7 @@ def test_the_mesh_error_is_that_of_the_factor():
         told.append(found.mesh_error[least])
     errors, told = np.array(errors), np.array(told)
     assert errors.max() < 7e-3 and errors.max() > 5e-4
-    assert np.all(errors < 2.0 * told + 5e-4) and np.all(told < 6.0 * errors + 1e-4)
+    assert np.all(errors < told + 5e-4) and np.all(told < 6.0 * errors + 1e-4)
 
 
 def test_a_critical_load_and_its_error_are_printed():

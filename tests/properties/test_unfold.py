@@ -34,9 +34,11 @@ def test_drives_and_supports_stay_where_they_are():
     scene.actuate("tip", along="y", at=(0.1, 0, 0), name="d")
     scene.support("tip", about="z", name="turn")
     pose = ksd.solve(scene, d=2e-4)
-    fine, state = unfolded(pose.model, pose.motion)
+    _, state = unfolded(pose.model, pose.motion)
     assert state.x[1, 1] == pytest.approx(2e-4, rel=1e-9)
-    assert pose.stiffness("tip", freed="d").supports["y"] == pytest.approx(pose.drive_stiffness()["d"], rel=1e-6)
+    assert pose.stiffness("tip", freed="d").supports["y"] == pytest.approx(
+        pose.drive_stiffness()["d"], rel=1e-6
+    )
 
 
 @pytest.mark.parametrize(("method", "off"), [("kinematic", 6e-3), ("reduced", 1e-3)])
