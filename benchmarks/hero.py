@@ -19,7 +19,8 @@ from speed_report import marks_of
 
 import ksd
 from ksd.view import plot_mechanism
-from ksd.view.figure import FAINT, INK, LEAF, hull, mixed, new_figure
+from ksd.view.bodies import hull
+from ksd.view.figure import FAINT, INK, LEAF, mixed, new_figure
 
 DOCS = Path(__file__).resolve().parents[1] / "docs"
 POINTS = 61
