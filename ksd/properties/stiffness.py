@@ -5,8 +5,8 @@ All are derivatives of equilibrium at the present state, from the factored tange
 terms of leaf springs, loads and drives included). Held drives and supports stay where they are; freed ones keep
 their present force. A held drive about a fixed axis carries a moment whose derivative (twist of the relative
 rotation about that axis) is part of the tangent. Strain-mode leaves take part with one mode per axis more than
-in the state (`finer_tangent`). SI: translations m, rotations rad (spatial, right-handed, about the axes asked
-for).
+in the state, a Newton step from it (`finer_tangent`). SI: translations m, rotations rad (spatial, right-handed,
+about the axes asked for).
 """
 
 from __future__ import annotations
