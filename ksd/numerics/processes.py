@@ -1,4 +1,5 @@
-"""Fresh processes that do not run the user's script once more, unless what they are sent is defined in it.
+"""Fresh processes that do not run the user's script once more, unless what they are sent is defined in it, and that end
+with the one that started them.
 
 A spawned process imports the running script, as a module, to find what is defined there. A script without the guard
 `if __name__ == "__main__":` is then run again in every process, as far as the call that asked for processes. Nothing of that
@@ -11,10 +12,11 @@ import os
 import pickle
 import signal
 import sys
+import threading
 from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager
-from multiprocessing import active_children
+from multiprocessing import active_children, parent_process
 from multiprocessing.context import SpawnContext, SpawnProcess
 from pathlib import Path
 from typing import Any
@@ -25,7 +27,7 @@ class _Apart(SpawnProcess):
 
     def start(self) -> None:
         """Start it while the script is hidden."""
-        with _script_hidden():
+        with _script_hidden(), _interrupts_ignored():
             super().start()
 
 
@@ -47,6 +49,21 @@ def _script_hidden() -> Iterator[None]:
         main.__dict__.update(kept)
 
 
+@contextmanager
+def _interrupts_ignored() -> Iterator[None]:
+    """As a new process then does from its first line on: it says nothing of Ctrl-C while it imports (POSIX). A thread beside
+    the main one cannot."""
+    before = signal.getsignal(signal.SIGINT)
+    if before is None or threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
+
+
 def spawning(*sent: Any) -> SpawnContext | None:
     """What to spawn processes with that are sent objects like `sent`; None where they cannot be: not picklable, or defined
     in a script that is no file."""
@@ -60,9 +77,17 @@ def spawning(*sent: Any) -> SpawnContext | None:
     return SpawnContext() if script is None or Path(script).is_file() else None
 
 
-def leave_interrupts() -> None:
-    """Ctrl-C is the business of the process that started this one."""
+def follow_parent() -> None:
+    """Ctrl-C is the business of the process that started this one, and where that one is gone, killed too, this one ends."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    threading.Thread(target=_end_with_parent, daemon=True).start()
+
+
+def _end_with_parent() -> None:
+    parent = parent_process()
+    if parent is not None:
+        parent.join()
+        os._exit(1)
 
 
 @contextmanager
@@ -70,7 +95,7 @@ def process_pool(context: SpawnContext) -> Iterator[ProcessPoolExecutor]:
     """A pool with a process per core; they are ended at once where their answers are not waited for (Ctrl-C): at its exit
     the interpreter would wait for what they are at."""
     others = active_children()
-    pool = ProcessPoolExecutor(os.cpu_count() or 1, mp_context=context, initializer=leave_interrupts)
+    pool = ProcessPoolExecutor(os.cpu_count() or 1, mp_context=context, initializer=follow_parent)
     try:
         yield pool
     except BaseException:
@@ -82,4 +107,4 @@ def process_pool(context: SpawnContext) -> Iterator[ProcessPoolExecutor]:
         pool.shutdown(wait=False, cancel_futures=True)
 
 
-__all__ = ["leave_interrupts", "process_pool", "spawning"]
+__all__ = ["follow_parent", "process_pool", "spawning"]

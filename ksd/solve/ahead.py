@@ -26,7 +26,7 @@ from ksd.model.loading import add_loads, add_terms
 from ksd.model.newton import move_nodes
 from ksd.numerics.blocks import BLOCKS, factor_blocks, solve_blocks
 from ksd.numerics.kernel import COMPILES, SPARE_CORE
-from ksd.numerics.processes import leave_interrupts, spawning
+from ksd.numerics.processes import follow_parent, spawning
 from ksd.properties.resolution import look_at_modes
 from ksd.scene.families.cross_flexure import CrossFlexure
 from ksd.scene.material import Material
@@ -48,7 +48,7 @@ def compile_ahead() -> None:
 
 def compile_late() -> None:
     """What the second process does: every kernel is called as `newton` calls it, for a cross flexure at rest."""
-    leave_interrupts()
+    follow_parent()
     mechanism = Mechanism("hinge")
     joint = CrossFlexure(
         Material(E=2e11, G=8e10, density=7800.0), length=0.1, angle=0.8, thickness=1e-3, widths=(0.04, 0.02)

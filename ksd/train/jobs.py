@@ -19,7 +19,7 @@ import numpy as np
 from ksd.errors import KsdError, RecordError, SceneError
 from ksd.files import read_file, write_file
 from ksd.library.files import in_folder
-from ksd.numerics.processes import leave_interrupts, spawning
+from ksd.numerics.processes import follow_parent, spawning
 from ksd.properties.words import progress_bar
 from ksd.scene import DrawnJoint
 from ksd.scene.contents import fingerprint
@@ -141,7 +141,7 @@ class Jobs:
             # spawned, not forked: compiled kernels and threads do not survive a fork safely
             context = spawning(job)
             if context is not None:
-                self._pool = ProcessPoolExecutor(WORKERS, mp_context=context, initializer=leave_interrupts)
+                self._pool = ProcessPoolExecutor(WORKERS, mp_context=context, initializer=follow_parent)
             else:
                 self._pool = ThreadPoolExecutor(WORKERS)
         return self._pool

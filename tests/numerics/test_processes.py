@@ -1,8 +1,11 @@
-"""Processes started from a script without a guard do not run it again."""
+"""Processes started from a script without a guard do not run it again, leave Ctrl-C to it and end with it."""
 
+import os
+import signal
 import subprocess
 import sys
 import time
+from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
 from multiprocessing import active_children
 
 import pytest
@@ -28,6 +31,16 @@ def own(x):
 if __name__ == "__main__":
     with ProcessPoolExecutor(1, mp_context=spawning(own)) as pool:
         print(pool.submit(own, 2.0).result(), __file__ is not None)
+"""
+KILLED = """
+import os, signal, time
+from concurrent.futures import ProcessPoolExecutor
+from ksd.numerics.processes import follow_parent, spawning
+
+pool = ProcessPoolExecutor(1, mp_context=spawning(time.sleep), initializer=follow_parent)
+print(pool.submit(abs, -1).result(), flush=True)
+pool.submit(time.sleep, 3600)
+os.kill(os.getpid(), signal.SIGKILL)
 """
 
 
@@ -67,3 +80,26 @@ def test_a_pool_that_is_given_up_ends_its_processes():
         # the interpreter would wait an hour for them at its exit
         child.join(60)
     assert own and not any(child.is_alive() for child in own)
+
+
+def handler_of_a_new_process():
+    """What it does with Ctrl-C before anything of ours has run in it."""
+    with ProcessPoolExecutor(1, mp_context=spawning(nothing)) as pool:
+        return pool.submit(signal.getsignal, signal.SIGINT).result()
+
+
+@pytest.mark.skipif(os.name == "nt", reason="handlers are inherited where processes are of POSIX")
+def test_a_new_process_leaves_interrupts_while_it_imports():
+    before = signal.getsignal(signal.SIGINT)
+    assert handler_of_a_new_process() == signal.SIG_IGN
+    assert signal.getsignal(signal.SIGINT) is before
+    with ThreadPoolExecutor(1) as thread:
+        # only the main thread can
+        assert thread.submit(handler_of_a_new_process).result() == signal.default_int_handler
+
+
+@pytest.mark.skipif(os.name == "nt", reason="kills as POSIX does")
+def test_a_process_ends_with_a_parent_that_is_killed():
+    """Otherwise it would keep what the parent writes to open, here for an hour."""
+    done = subprocess.run([sys.executable, "-c", KILLED], capture_output=True, text=True, timeout=120)
+    assert (done.returncode, done.stdout) == (-signal.SIGKILL, "1\n"), done.stderr
