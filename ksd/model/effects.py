@@ -82,7 +82,7 @@ def _names(words: Any, what: str) -> tuple[str, ...]:
         raise SceneError(f"{what} = {show(words)}: name effects, such as {what}='shear'{also}.")
     found = tuple(found)
     for name in found:
-        if name not in WORDS:
+        if not isinstance(name, str) or name not in WORDS:
             known = (*WORDS, "auto", "all") if what == "effects" else WORDS
             raise SceneError(f"{what}: there is no effect {show(name)}{nearest(name, known)}")
     return found
@@ -159,14 +159,13 @@ def choose(
     both = set(on) & set(off)
     if both:
         raise SceneError(f"'{min(both)}' is both in with_ and in without; keep one of them")
-    named = None
-    if not (isinstance(effects, str) and effects in ("auto", "all")):
-        named = _names(effects, "effects")
+    named = None if isinstance(effects, str) and effects in ("auto", "all") else _names(effects, "effects")
     said = mentioned(scene, mesh)
     for name in {*on, *(named or ())} - {*said, *NATURE}:
         raise SceneError(f"effect '{name}' is asked for, but the scene says nothing of it; {_HOW[name]}")
 
-    return _decided(tuple(said.items()), on, off, named, effects == "all", mesh.shear, _gravity(scene))
+    everything = named is None and effects == "all"
+    return _decided(tuple(said.items()), on, off, named, everything, mesh.shear, _gravity(scene))
 
 
 @lru_cache(maxsize=64)

@@ -294,8 +294,9 @@ def test_single_words_and_lists():
     assert not len(model.arrays.loads.node) and "switched off" in model.choice["gravity"].reason
     model = ksd.compile_scene(scene, effects=())
     assert model.choice.present == () and not model.mesh.shear
-    model = ksd.compile_scene(scene, effects=["shear", "gravity"])
-    assert model.choice.present == ("shear", "gravity")
+    for words in (["shear", "gravity"], np.array(["shear", "gravity"]), {"gravity": 1, "shear": 2}):
+        model = ksd.compile_scene(scene, effects=words)
+        assert model.choice.present == ("shear", "gravity")
     model = ksd.compile_scene(scene, effects="all")
     assert model.choice.present == ("spatial", "shear", "warping", "plate", "gravity")
     assert isinstance(plane_of(model), str)
