@@ -395,3 +395,25 @@ def test_bad_descriptions_are_refused():
         setup.chain_values(LEAF, L, 0)
     with pytest.raises(ValueError, match="must be positive"):
         setup.chain_values(LEAF, 0.0, 2)
+
+
+def test_near_configuration_keeps_nothing_of_the_states_before():
+    """The store of a chain is used again: stresses of an earlier state do not stiffen it."""
+    leaf = bent(3)
+    rotations = near_rotations(leaf)
+    near(leaf, rotations)
+    K, lam = leaf.K.copy(), leaf.lam.copy()
+    leaf.store[:] = 0.0
+    near(leaf, rotations)
+    assert np.array_equal(leaf.K, K)
+    assert np.array_equal(leaf.lam, lam)
+
+
+def test_a_chain_that_resists_nothing_is_told():
+    """No pivot is left to eliminate an inner node with."""
+    leaf = Leaf(LEAF, L, 3)
+    for k in range(2):
+        leaf.value[16 * k + 1 : 16 * k + 7] = 0.0
+    leaf.condense(status=2)
+    args = leaf.value, leaf.number, leaf.inner, leaf.store, np.zeros(15), leaf.d, leaf.Q, leaf.lam, leaf.K
+    assert near_condense(*args, *SCRATCH)[3] == 2
