@@ -10,8 +10,10 @@ from scenes import fourbar
 from scipy.spatial.transform import Rotation
 
 import ksd
-from ksd.model.compile import compile_given
+from ksd.model.arrays import make_work
+from ksd.model.compile import compile_given, compile_scene
 from ksd.model.effects import WORDS
+from ksd.model.newton import assemble
 from ksd.properties.tangent import factored_tangent
 from ksd.solve.conventional import conventional
 
@@ -201,3 +203,17 @@ def test_every_word_is_there():
     assert set(WORDS) >= {with_word(e) for e in EFFECTS} | {"warping", "plate", "spatial"}
     given = compile_given(replace(fourbar().scene(), gravity=(0, -1.0, 0)), ksd.Mesh())
     assert given.choice is None and "shear: as the mesh says" in str(given)
+
+
+@pytest.mark.parametrize(("away", "expected"), [(1.0, 2), (0.9, 0)])
+def test_a_spring_whose_ends_meet_is_told(away, expected):
+    """It has no direction there; half a decimetre apart it has one."""
+    scene, start, end = fourbar(), np.array([0, -0.1, 0]), np.array([0, 0.37, 0])
+    scene.spring("ground", "top", start=start, end=end, stiffness=300.0, free_length=0.2)
+    model = compile_scene(scene)
+    motion = model.rest.copy()
+    motion.x[model.node_names.index("top")] += away * (start - end)
+    worst, *_, status = assemble(
+        model.arrays, motion, np.zeros(1), 1.0, make_work(model.arrays), rtol=1e-10, near=0, grain=10.0
+    )
+    assert (status, np.isinf(worst)) == (expected, expected == 2)
