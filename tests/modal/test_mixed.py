@@ -52,12 +52,17 @@ def test_fourbar_of_both(basis, d):
 
 
 def test_what_the_mechanism_is_made_of():
-    """Condensed joints are linear bodies, the leaf springs named modal ones, all others are what the mesh makes them."""
+    """Condensed joints are linear bodies, the leaf springs named modal ones, all others are what the mesh makes them; rows
+    and loads are those of the scene."""
     scene = hung()
+    scene.load("top", force=(0, -0.1, 0), at=(0.02, 0.4, 0), moment=(0, 0, 0.01))
     basis = {"lower left/inner": ModalBasis(), "spring": ModalBasis(elements=12)}
     solver = ksd.prepare(scene, basis=basis)
     found = solver(top=0.05, method="modal")
     mix = solver._reduced[True].placed.at_rest.mix
+    for part in ("terms", "loads"):
+        for own, given in zip(getattr(mix.arrays, part), getattr(solver.model.arrays, part), strict=True):
+            assert np.array_equal(own, given)
     kinds = mix.arrays.members.kind.tolist()
     assert kinds == [LINEAR, LINEAR, LINEAR, MODAL, STRAIN, STRAIN, MODAL]
     assert found.model.full.arrays.members.number[[0, -1], 0].tolist() == [10, 12]
