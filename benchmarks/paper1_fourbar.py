@@ -258,7 +258,7 @@ def _panels_12(row: Any, moments: np.ndarray, cases: list[dict[str, Any]]) -> No
     row[2].plot(
         x, whole, color=COLORS["step 5"], linewidth=1.2, linestyle=":", label="KSD full, steps 1 to 5"
     )
-    for axes, low, high in ((row[1], 1, 1500), (row[2], 0.1, 200)):
+    for axes, low, high in ((row[1], 1, 1500), (row[2], 0.05, 200)):
         axes.set_yscale("log")
         axes.set_ylim(low, high)
         axes.yaxis.set_major_formatter("{x:g}")
