@@ -7,7 +7,7 @@ import numpy as np
 import ksd
 from ksd.errors import KsdError
 from ksd.numerics.indefinite import inertia, scaling, solve_scaled
-from ksd.properties.buckling import buckling, full_tangents, with_waves
+from ksd.properties.buckling import buckling, full_tangents, twice_unfolded
 from ksd.properties.frequencies import frequencies
 from ksd.properties.mass import inertia as inertia_of
 from ksd.properties.stiffness import drive_stiffness, point_stiffness
@@ -196,7 +196,7 @@ def frequency_error(found, count=4):
 def buckling_error(found, count=2):
     """Largest relative error of the smallest critical load factors on the state's own stresses, against all eigenvalues of
     -C K', C the flexibility without stress of the motions and amplitudes that stress acts on."""
-    model, motion = with_waves(*found.insides)
+    model, motion = twice_unfolded(*found.insides)
     stressed, K = (part.toarray() for part in full_tangents(model, motion))
     change = stressed - K
     used = np.flatnonzero(change.any(axis=0))

@@ -466,6 +466,6 @@ def largest_turn(arrays: Arrays | Bare, step: np.ndarray) -> float:
     return float(_largest(arrays.flat.ints, np.ascontiguousarray(step), 3))
 
 
-def largest_move(arrays: Arrays, step: np.ndarray) -> float:
+def largest_move(arrays: Arrays | Bare, step: np.ndarray) -> float:
     """Largest displacement of any node in `step` (n,), m."""
     return float(_largest(arrays.flat.ints, np.ascontiguousarray(step), 0))

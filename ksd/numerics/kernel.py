@@ -23,7 +23,7 @@ if FOLDER is not None:
         # a process started by another has its name already while it imports, and that one has said so
         if current_process().name == "MainProcess":
             logging.getLogger("ksd").warning(
-                "ksd: compiling its kernels for this machine (once; about a minute) ..."
+                "ksd: compiling its kernels for this machine (once; about half a minute) ..."
             )
         # what a compiler makes stays: to look through it for garbage every 700 objects takes a tenth of the time
         _first, *_others = gc.get_threshold()

@@ -17,7 +17,7 @@ from ksd.model.compile import Model
 from ksd.model.mesh import Mesh
 from ksd.model.pack import revalued_floats
 from ksd.model.template import Leaves, Template
-from ksd.properties.unfold import opened_mesh, settle, widened
+from ksd.properties.unfold import opened_mesh, step_to_equilibrium, widened
 
 Array = NDArray[np.float64]
 State = tuple[Model, Motion, float]
@@ -86,7 +86,7 @@ class Alike(NamedTuple):
         for d, factor in enumerate(self.factor.tolist()):
             arrays, own = found.state(d)
             work.weight[:] = arrays.weight
-            settle(arrays, own, rows, work, factor)
+            step_to_equilibrium(arrays, own, rows, work, factor)
         return found
 
 

@@ -78,11 +78,13 @@ state: a clamped rod does not diverge under a moment, and its matrices have valu
 OF_MESH = 0.1
 """Relative change by one more mode per axis beyond which a factor of unsymmetric matrices is one of the mesh: Beck's column
 has real ones, on every mesh others, where it has none."""
-LEFT = 0.07
+MESH_SHARE = 0.07
 """Mesh error of a factor over what its two highest modes per axis change: .03 to .06 in 30 of 32 random mechanisms, .125 at
 most, where the error is more than 2e-4."""
-TOLD = 5e-4
+LEAST_MESH_ERROR = 5e-4
 """Relative mesh error down to which its figure has been compared with the error."""
+BESIDE = 1e-6
+"""Relative distance of the shift from a factor in the step that tells its mesh error."""
 STRESSLESS = 1e-9
 """1/mu below which a state carries no stress but rounding."""
 
@@ -173,7 +175,11 @@ def _percent(error: float) -> str:
     """A relative mesh error in print."""
     if np.isnan(error):
         return "-"
-    return f"under {100.0 * TOLD:g} %" if error < TOLD else f"{number(100.0 * error, 1)} %"
+    return (
+        f"under {100.0 * LEAST_MESH_ERROR:g} %"
+        if error < LEAST_MESH_ERROR
+        else f"{number(100.0 * error, 1)} %"
+    )
 
 
 def full_tangents(
@@ -535,7 +541,7 @@ def _matrices(
     return K, change + assembled_blocks([start + np.arange(6)[None]], [own[None]], K.shape[0]), reach
 
 
-def with_waves(model: Model, motion: Motion, load_factor: float = 1.0) -> tuple[Model, Motion]:
+def twice_unfolded(model: Model, motion: Motion, load_factor: float = 1.0) -> tuple[Model, Motion]:
     """The model with two more modes per axis, or chain nodes in the open, and the equilibrium there next to the state.
 
     A leaf spring that buckles between its ends has more waves than one that is bent: with one more mode the least factor of
@@ -558,9 +564,10 @@ def _mesh_error(model: Model, K: Any, change: Any, factor: Array, vectors: Array
     A, B = (part.tocsc()[:, keep][keep] for part in (K, change))
     found = np.empty(len(factor))
     for i, (mu, shape) in enumerate(zip(factor, vectors[keep].T, strict=True)):
-        step = splu(A + mu * B).solve(B @ shape)
+        # beside it: where the highest modes take no part the matrix at mu itself is singular
+        step = splu(A + mu * (1.0 + BESIDE) * B).solve(B @ shape)
         found[i] = -(step @ (A @ step)) / (step @ (B @ step))
-    return LEFT * np.abs(found / factor - 1.0)
+    return MESH_SHARE * np.abs(found / factor - 1.0)
 
 
 def _refuse_mixture(model: Model) -> None:
@@ -594,7 +601,7 @@ def buckling(
     """
     _refuse_mixture(model)
     freed = names_of(freed, "freed")
-    fine, state = with_waves(model, motion, load_factor)
+    fine, state = twice_unfolded(model, motion, load_factor)
     load = None if link is None else (link, at, (force, moment), following)
     assembled = assembled_tangent(fine, state, load_factor=load_factor)
     tangent = factored(assembled, freed)
@@ -612,7 +619,7 @@ def buckling(
     if conservative and STRAIN in fine.kinds:
         mesh_error = _mesh_error(fine, K, change, factor, vectors)
     elif len(factor):
-        finer, settled = with_waves(fine, state, load_factor)
+        finer, settled = twice_unfolded(fine, state, load_factor)
         if finer is not fine:
             again = factored_tangent(finer, settled, freed=freed, load_factor=load_factor)
             found = critical_factors(*_matrices(again, load, load_factor)[:2], 3 * count, symmetric=False)[0]

@@ -246,6 +246,19 @@ def test_the_mesh_error_is_that_of_the_factor():
     assert np.all(errors < told + 5e-4) and np.all(told < 6.0 * errors + 1e-4)
 
 
+@pytest.mark.parametrize(("stiffness", "force"), [(1.0, 1.0), (2.0, 3.0), (0.7, 1.0), (3.0, 3.0)])
+def test_a_mode_that_bends_no_leaf_spring_has_no_mesh_error(stiffness, force):
+    """A rigid pendulum on a torsion spring, beside a leaf spring: k / (F a)."""
+    scene = ksd.Mechanism("pendulum", plane="xy")
+    rod, other = scene.links("rod", "other")
+    scene.pin(scene.ground, rod, at=(0, 0, 0))
+    scene.turn_spring(scene.ground, rod, at=(0, 0, 0), axis="z", stiffness=stiffness)
+    scene.leaf(scene.ground, other, start=(1, 0, 0), end=(1.1, 0, 0), section=rectangle(T, W), material=STEEL)
+    found = ksd.solve(scene).buckling("rod", at=(0, 0.1, 0), force=(0, -force, 0))
+    assert found.positive == pytest.approx(stiffness / (0.1 * force), rel=1e-6)
+    assert found.mesh_error == pytest.approx(0.0, abs=1e-9)
+
+
 def test_a_critical_load_and_its_error_are_printed():
     model = compile_scene(column())
     found = buckling(model, model.rest, "tip", force=(-1, 0, 0), at=(L, 0, 0), count=2)

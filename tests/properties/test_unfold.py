@@ -28,6 +28,20 @@ def test_a_node_is_led_to_equilibrium_unless_it_is_far(turn, left):
     assert np.arcsin(state.R[1][1, 0]) == pytest.approx(left, abs=2e-3)
 
 
+def test_a_node_that_would_be_moved_far_stays():
+    """A link that next to nothing holds, out of its spring's equilibrium by more than the mechanism is long."""
+    scene = cantilever()
+    scene.link("loose")
+    scene.slider("loose", along="x", at=(0, 0.02, 0))
+    scene.spring(
+        scene.ground, "loose", start=(-0.05, 0.02, 0), end=(0, 0.02, 0), stiffness=1e-3, free_length=0.3
+    )
+    model = compile_scene(scene)
+    _, state = unfolded(model, model.rest)
+    loose = model.node_names.index("loose")
+    assert np.array_equal(state.x[loose], model.rest.x[loose])
+
+
 def test_drives_and_supports_stay_where_they_are():
     """A driven tip on the finer mesh: the same drive value, to the last digit but rounding."""
     scene = cantilever()
