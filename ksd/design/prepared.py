@@ -14,7 +14,7 @@ from ksd.model.arrays import Motion
 from ksd.properties.stiffness import node_of, point_motion
 from ksd.properties.tangent import row_numbers
 from ksd.solve.configuration import Configuration
-from ksd.solve.error import settle
+from ksd.solve.error import settle_fast
 from ksd.solve.five import FiveSteps
 from ksd.solve.many import SPOKEN, UNANSWERED, UNSTABLE, Poses, space_many, tabulated_many
 from ksd.solve.space_steps import REDUCED
@@ -126,7 +126,7 @@ class _Questions:
         full, reduced = b.full, self.design.method == REDUCED
         motion = full.copy()
         if reduced:
-            stop, negatives = settle(b.model.arrays, full, target, 1.0, b.full_work)
+            stop, negatives = settle_fast(b.model, full, target, 1.0, b.full_work)
             if stop is not Stop.CONVERGED:
                 return int(stop)
             if negatives != len(target):

@@ -15,6 +15,7 @@ from ksd.checks import names_of, nearest, show, similar, truth, vector, whole, w
 from ksd.design.table import spoken_column
 from ksd.design.tracking import SPARE, Between, Tracks, follow_through
 from ksd.errors import ConvergenceError, KsdError, SceneError
+from ksd.modal.bodies import inside
 from ksd.properties.alike import Alike, State, alike
 from ksd.properties.extent import clearance, extent, why_no_clearance
 from ksd.properties.frequencies import Modes, frequencies
@@ -169,15 +170,15 @@ class Pose:
     @cached_property
     def tangent(self) -> Any:
         """`finer_tangent` with all drives held."""
-        return finer_tangent(*self.questioned, load_factor=self.load_factor)
+        return finer_tangent(self.model, self.unfolding, load_factor=self.load_factor)
 
     def stiffness_at(self, asked: Asked) -> PointStiffness:
         """Stiffness of the point asked about."""
         known = self.__dict__.get("point")
         if known is None:
-            model, motion = self.questioned
+            model = self.model
             link, at = asked.point(model.scene)
-            known = point_stiffness(model, motion, link, at=at, tangent=self.tangent)
+            known = point_stiffness(model, self.unfolding, link, at=at, tangent=self.tangent)
             self.__dict__["point"] = known
         found: PointStiffness = known
         return found
@@ -203,7 +204,7 @@ WORST = ("support_worst_N_per_m", "support_worst_Nm_per_rad")
 
 
 def _drive_stiffness(pose: Any, asked: Asked) -> Row:
-    found = drive_stiffness(*pose.questioned, tangent=pose.tangent)
+    found = drive_stiffness(pose.model, pose.unfolding, tangent=pose.tangent)
     return _drives_row(found.names, found.units, np.diagonal(found.matrix))
 
 
@@ -338,7 +339,9 @@ def _modes(pose: Pose, asked: Asked, *, more: int = 0) -> Modes:
     freed = tuple(pose.model.drive_names) if asked.freed is None else asked.freed
     count = asked.modes + len(freed) + SPARE + more
     pose._of_leaves("frequencies")
-    return frequencies(*pose.unreduced, count=count, freed=freed, load_factor=pose.load_factor)
+    return frequencies(
+        *inside(pose.model, pose.unfolding), count=count, freed=freed, load_factor=pose.load_factor
+    )
 
 
 def _on_the_way(pose: Pose, asked: Asked) -> Between | None:

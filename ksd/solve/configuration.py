@@ -37,7 +37,7 @@ from ksd.properties.words import ByName, printed
 from ksd.scene.contents import PlacedJoint
 from ksd.scene.links import Link
 from ksd.solve.answer import as_dict, drive_kind
-from ksd.solve.error import error_of, settled, truth_of, with_error
+from ksd.solve.error import error_of, goes_on_alone, settled, truth_of, with_error
 from ksd.solve.following import keeps_still
 from ksd.solve.left_out import left_out
 from ksd.solve.perturbed import parameters_of, slopes
@@ -323,6 +323,12 @@ class Configuration(InNotebooks):
         return self.model, self.answering
 
     @property
+    def unfolding(self) -> Motion:
+        """The state from which questions go on to a finer mesh, by a Newton step: `answering`, or its own where that step is
+        all it takes."""
+        return self.motion if self.chosen and self.method in FAST and goes_on_alone(self) else self.answering
+
+    @property
     def unreduced(self) -> tuple[Model, Motion]:
         """As `questioned`, with every leaf's own insides (see `insides`). Stress, energy, mass and buckling are asked of
         these."""
@@ -360,7 +366,7 @@ class Configuration(InNotebooks):
         KinematicsError where nothing resists a motion.
         """
         return point_stiffness(
-            *self.questioned, link, at=at, axes=axes, freed=freed, load_factor=self.load_factor
+            self.model, self.unfolding, link, at=at, axes=axes, freed=freed, load_factor=self.load_factor
         )
 
     def drive_stiffness(self, *, freed: Iterable[str] = ()) -> DriveStiffness:
@@ -369,7 +375,7 @@ class Configuration(InNotebooks):
 
         Raises SceneError for unknown names, KinematicsError where nothing resists a motion.
         """
-        return drive_stiffness(*self.questioned, freed=freed, load_factor=self.load_factor)
+        return drive_stiffness(self.model, self.unfolding, freed=freed, load_factor=self.load_factor)
 
     def frequencies(
         self,
@@ -387,7 +393,11 @@ class Configuration(InNotebooks):
         self._of_leaves("frequencies")
         whole(count, "count")
         return frequencies(
-            *self.unreduced, count=count, freed=freed, load_factor=self.load_factor, dense=dense
+            *inside(self.model, self.unfolding),
+            count=count,
+            freed=freed,
+            load_factor=self.load_factor,
+            dense=dense,
         )
 
     def buckling(
@@ -412,8 +422,8 @@ class Configuration(InNotebooks):
         self._of_leaves("buckling")
         whole(count, "count")
         return buckling(
-            *self.unreduced, link, at=at, force=force, moment=moment, following=following, count=count, freed=freed,
-            load_factor=self.load_factor,
+            *inside(self.model, self.unfolding), link, at=at, force=force, moment=moment, following=following, count=count,
+            freed=freed, load_factor=self.load_factor,
         )  # fmt: skip
 
     def stress(self, *, points: int = 25) -> Stress:
@@ -610,7 +620,7 @@ class Configuration(InNotebooks):
 INSIDE = frozenset(
     (
         "answering", "chosen", "doubts", "expected", "insides", "intended", "negatives", "notes", "questioned",
-        "joint_motions", "resolution", "still", "told_forces", "unreduced", "_joints", "_node", "_of_leaves",
+        "joint_motions", "resolution", "still", "told_forces", "unfolding", "unreduced", "_joints", "_node", "_of_leaves",
     )
 )  # fmt: skip
 """What other rooms of the package ask a configuration for; `dir` leaves it out."""

@@ -35,7 +35,7 @@ def estimate_error(
     """
     begin = time.thread_time_ns()
     residual, negatives, status = look(b.model.arrays, b.full, target, 1.0, b.full_work, RTOL)
-    error, count = _size_of_step(b), 1
+    error, count = size_of_step(b.model, b.full, b.full_work.rhs), 1
     stop = Stop.CONVERGED if status == 0 else (Stop.LOCAL_ANGLE if status == 1 else Stop.NOT_FINITE)
     if (NEGLIGIBLE if relinearised else COARSE) < error.relative < math.inf and _moved(b):
         steps = _later_steps(b, target)
@@ -94,30 +94,29 @@ def _later_steps(b: FiveStepsStorage, target: np.ndarray) -> Steps:
         take_step(b.model.arrays, b.full, b.full_work.rhs, b.full_work, 1.0)
         while True:
             look(b.model.arrays, b.full, target, 1.0, b.full_work, RTOL)
-            step = _size_of_step(b)
+            step = size_of_step(b.model, b.full, b.full_work.rhs)
             take_step(b.model.arrays, b.full, b.full_work.rhs, b.full_work, 1.0)
             yield step, distance(kept, b, nothing)
     finally:
         b.full.assign(kept)
 
 
-def _size_of_step(b: FiveStepsStorage) -> ErrorEstimate:
-    """The Newton step of the full model in storage as an error of the state beside it."""
-    arrays, links = b.model.arrays, b.model.links
-    step = b.full_work.rhs
+def size_of_step(model: Model, motion: Motion, step: np.ndarray) -> ErrorEstimate:
+    """A Newton step (n,) as an error of the state it is to be taken from."""
+    arrays, links = model.arrays, model.links
     force = np.abs(step[arrays.terms.start])
     moves = step[arrays.start[1:links, None] + np.arange(6)]
     shift = math.sqrt(np.square(moves[:, :3]).sum(axis=1).max(initial=0.0))
     turn = math.sqrt(np.square(moves[:, 3:]).sum(axis=1).max(initial=0.0))
-    return _made_relative(b, b.full, force[: len(b.model.drive_names)], shift, turn)
+    return _made_relative(model, motion, force[: len(model.drive_names)], shift, turn)
 
 
 def _made_relative(
-    b: FiveStepsStorage, motion: Motion, force: np.ndarray, shift: float, turn: float
+    model: Model, motion: Motion, force: np.ndarray, shift: float, turn: float
 ) -> ErrorEstimate:
     """Absolute errors made relative: drive forces by their size, displacement by the largest link displacement."""
-    links = b.model.links
-    moved = float(np.abs(motion.x[:links] - b.model.rest.x[:links]).max())
+    links = model.links
+    moved = float(np.abs(motion.x[:links] - model.rest.x[:links]).max())
     errors, scales = force.tolist(), [abs(m) for m in motion.multiplier.tolist()[: len(force)]]
     largest = max(scales, default=0.0)
     # a number that is none stays: it is no small error
@@ -130,7 +129,9 @@ def _made_relative(
 def distance(motion: Motion, b: FiveStepsStorage, rest: ErrorEstimate) -> ErrorEstimate:
     """Distance of a state to the one in storage, plus the estimate `rest` of the latter's own error."""
     force, shift, turn = _difference(b.model, motion, b.full)
-    return _made_relative(b, motion, force + rest.force, shift + rest.displacement, turn + rest.rotation)
+    return _made_relative(
+        b.model, motion, force + rest.force, shift + rest.displacement, turn + rest.rotation
+    )
 
 
 def relative_error(model: Model, motion: Motion, truth: Motion) -> ErrorEstimate:

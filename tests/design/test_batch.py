@@ -266,13 +266,13 @@ def test_a_question_without_an_answer_says_why_and_leaves_the_pose():
 
 def test_a_compliance_of_an_unstable_equilibrium_is_refused(monkeypatch):
     """Next to a reduced state that is stable."""
-    honest = prepared.settle
+    honest = prepared.settle_fast
 
     def one_more(*words):
         stop, negatives = honest(*words)
         return stop, negatives + 1
 
-    monkeypatch.setattr(prepared, "settle", one_more)
+    monkeypatch.setattr(prepared, "settle_fast", one_more)
     found = ksd.batch(bar(), drive=0.01, questions="support_stiffness", threads=1)
     assert found.solved == 0 and np.isnan(found.compliance).all()
     assert "not a minimum of energy" in str(found.failures)

@@ -1,5 +1,7 @@
 """The equilibrium on the finer mesh that questions stand on."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scenes import STEEL, fourbar
@@ -8,6 +10,7 @@ import ksd
 from ksd.model.compile import compile_scene
 from ksd.numerics.rotations import rotation_exp
 from ksd.properties.unfold import unfolded
+from ksd.solve.error import equilibrium
 
 
 def cantilever():
@@ -60,3 +63,17 @@ def test_a_stiffness_by_a_fast_method_is_that_of_a_newton_step_beside_it(method,
     """Also where its links are .02 rad off, and a stiffness of that very state by half."""
     found, exact = (ksd.solve(fourbar(), top=0.3, method=m) for m in (method, "full"))
     assert found.drive_stiffness()["top"] == pytest.approx(exact.drive_stiffness()["top"], rel=off)
+
+
+@pytest.mark.parametrize(("drive", "alone"), [(0.01, True), (0.15, False)])
+def test_a_fast_answer_beside_equilibrium_goes_to_the_finer_mesh_at_once(drive, alone):
+    """With the answers of that equilibrium; one further off is led there first."""
+    pose = ksd.prepare(fourbar(), planar=False)(top=drive)
+    assert (pose.method_error.relative < 1e-5) == (pose.unfolding is pose.motion) == alone
+    led = replace(pose, method_error=None)
+    assert led.unfolding is led.answering
+    assert pose.drive_stiffness()["top"] == pytest.approx(led.drive_stiffness()["top"], rel=1e-9)
+    assert pose.frequencies().frequency_Hz == pytest.approx(led.frequencies().frequency_Hz, rel=1e-9)
+    model = pose.model
+    exact = equilibrium(model.arrays, pose.motion.copy(), model.targets(pose.targets), 1.0)
+    assert pose.answering.multiplier == pytest.approx(exact.multiplier, rel=1e-9, abs=1e-9)
