@@ -48,11 +48,13 @@ def _null_space(J: np.ndarray) -> np.ndarray:
 
 def _null_spaces(J: np.ndarray, *ranks: float) -> list[np.ndarray]:
     """Of every one of `ranks`, columns spanning what J (E, q) takes below it of its largest."""
-    if J.shape[0] == 0 or J.shape[1] == 1:
+    rows, motions = J.shape
+    if rows == 0 or motions == 1:
         # of one motion the only singular value is the largest
-        return [np.eye(J.shape[1])[:, int(J.any()) :]] * len(ranks)
-    _, s, vt = np.linalg.svd(J)
-    return [vt[np.count_nonzero(s > rank * max(s[0], 1e-300)) :].T for rank in ranks]
+        return [np.eye(motions)[:, int(rows > 0 and J.any()) :]] * len(ranks)
+    _, values, vt = np.linalg.svd(J, full_matrices=rows < motions)
+    s = values.tolist()
+    return [vt[sum(value > rank * max(s[0], 1e-300) for value in s) :].T for rank in ranks]
 
 
 def describe_motion(model: Model, twist: np.ndarray) -> str:
@@ -126,8 +128,8 @@ def _yielding(model: Model, J: np.ndarray, W: np.ndarray, loops: int, free: np.n
     held = J[loops:] @ free
     names = (*model.drive_names, *model.support_names)
     scale = RANK * np.abs(J).max(initial=1e-300)
-    idle = (~(np.abs(held) >= scale).any(axis=1)).tolist()
-    left = free @ _null_space(held) if free.shape[1] else free
+    idle = [all(abs(moved) < scale for moved in row) for row in held.tolist()]
+    left = _null_space(held) if free.shape[1] else free
     if any(idle) and (left.shape[1] or not free.shape[1]):
         name = names[idle.index(True)]
         raise KinematicsError(
@@ -135,7 +137,7 @@ def _yielding(model: Model, J: np.ndarray, W: np.ndarray, loops: int, free: np.n
             "component, or start from a pose that is not a dead centre"
         )
     if left.shape[1]:
-        twist = np.einsum("kqr,q->kr", W, left[:, 0])
+        twist = np.einsum("kqr,q->kr", W, free @ left[:, 0])
         raise KinematicsError(
             f"the mechanism is kinematically indeterminate: {describe_motion(model, twist)} although every drive is "
             f"held ({free.shape[1]} freedoms, {len(names)} drives and supports); add a drive or a support"

@@ -9,13 +9,13 @@ from __future__ import annotations
 
 import heapq
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
-from typing import Any
+from dataclasses import dataclass
+from typing import Any, TypeVar
 
 import numpy as np
 
 from ksd.beam.linear import LINEAR_INNER
-from ksd.bodies.flat import Inside, Loops
+from ksd.bodies.flat import FlatFields, Inside, Loops
 from ksd.bodies.polynomials import Polynomials
 from ksd.bodies.weight import NOTHING_HUNG, Hung
 from ksd.errors import KinematicsError, RecordError, SceneError
@@ -36,7 +36,10 @@ from ksd.model.template import (
 )
 from ksd.scene.joint import DrawnJoint, leaves_of, proportions
 
+T = TypeVar("T", Loops, Inside)
 LOOP_FLOATS = ("anchor", "frame", "length", "pose")
+INSIDE_FLOATS = ("block_pose", "coefficient", "near_coefficient")
+"""Their fields of numbers, in order."""
 ONE, INVERSE, FORCE, MOMENT = 0, 1, 2, 3
 """What functions of the insides are multiplied by: 1, 1/L, EIz/L^2, EIz/L of their leaf."""
 REDRAWN = 1e-3
@@ -343,12 +346,13 @@ class Layout:
         """Joint bodies of D designs, every float with a leading axis over them; shapes: shape parameters of all designs for
         each of the different joints. Raises RangeError, see `Polynomials`."""
         stack, _ = self._stack(n, shapes, extrapolate=extrapolate)
-        loops = self._fill_loops(n, filled, stack[:, self.pose_rows])
+        loops = self._fill_loops(n, filled, stack.take(self.pose_rows, axis=1))
         scale = _scales(n, filled.leaves)
         inside = self.inside._replace(
-            block_pose=stack[:, self.block_rows],
-            coefficient=stack[:, self.inner_rows[2]] * scale[:, self.inner_rows[3], self.inner_rows[4], None],
-            near_coefficient=stack[:, self.near_rows[2]],
+            block_pose=stack.take(self.block_rows, axis=1),
+            coefficient=stack.take(self.inner_rows[2], axis=1)
+            * scale[:, self.inner_rows[3], self.inner_rows[4], None],
+            near_coefficient=stack.take(self.near_rows[2], axis=1),
         )
         substructures, substructure_rest = self._fill_substructures(n, filled)
         reduced, reduced_rest = self._fill_reduced(n, filled, loops)
@@ -451,16 +455,25 @@ def _scales(n: Numbers, leaves: Leaves) -> np.ndarray:
 
 def body_design(layout: Layout, bodies: JointBodies, d: int) -> JointBodies:
     """Joint bodies of design d of many that were made by `layout`."""
-    return replace(
-        bodies,
-        loops=of_design(bodies.loops, LOOP_FLOATS, d),
-        inside=of_design(bodies.inside, ("block_pose", "coefficient", "near_coefficient"), d),
-        substructures=design(bodies.substructures, layout.substructures, d),
-        substructure_rest=motion_design(bodies.substructure_rest, d),
-        reduced=design(bodies.reduced, layout.reduced, d),
-        reduced_rest=motion_design(bodies.reduced_rest, d),
-        motion_scale=bodies.motion_scale[d],
-    )
+    return JointBodies(
+        _of_design(bodies.loops, LOOP_FLOATS, d), _of_design(bodies.inside, INSIDE_FLOATS, d),
+        design(bodies.substructures, layout.substructures, d), motion_design(bodies.substructure_rest, d),
+        design(bodies.reduced, layout.reduced, d), motion_design(bodies.reduced_rest, d), bodies.near, bodies.full_node,
+        bodies.motion_range, bodies.motion_scale[d], bodies.motion_names, bodies.hung, bodies.hanging,
+    )  # fmt: skip
+
+
+def _of_design(part: T, names: Sequence[str], d: int) -> T:
+    """Loops, or insides, of design d of many, the numbers that kernels read joined for all designs at once."""
+    many: Any = part
+    found = of_design(many, names, d)
+    joined = many.__dict__.get("joined")
+    if joined is None:
+        fields = [getattr(many, name) for name in names]
+        floats = np.concatenate([field.reshape(len(field), -1) for field in fields], axis=1)
+        joined = many.__dict__["joined"] = found.flat.ints, floats
+    found.flat = FlatFields(joined[0], joined[1][d])
+    return found
 
 
 def _check_record(joint: Any, record: Record, mesh: str | int) -> None:

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from ksd.design.lines import spoken
-from ksd.design.questions import POINTED, TOGETHER, Asked, Before, Pose, Row, answered, answered_together
+from ksd.design.questions import Asked, Before, Pose, Row, answered, answered_together
 from ksd.errors import SceneError
 from ksd.model.arrays import Motion
-from ksd.properties.stiffness import node_of, point_motion
+from ksd.properties.stiffness import node_of
 from ksd.properties.tangent import row_numbers
 from ksd.solve.configuration import Configuration
 from ksd.solve.error import settle_fast
@@ -74,14 +74,13 @@ class Prepared:
         if self.asked is not None:
             # what is wrong with it is told before anything is solved
             model = five.model
-            row_numbers(model, self.asked.freed or ())
-            if set(POINTED) & set(self.asked.questions):
-                link, at = self.asked.point(model.scene)
-                point_motion(model, model.rest, node_of(model, link), at)
+            if self.asked.freed:
+                row_numbers(model, self.asked.freed)
+            if self.asked.pointed:
+                node_of(model, self.asked.point(model.scene)[0])
         b = five.storage
         self.tables = joint_tables(b) if tabulated else None
-        limits = np.column_stack([b.lowest, b.highest])
-        self._limits = limits + (np.array([-np.inf, np.inf]) if five.extrapolate else 0.0)
+        self._limits = b.state.limits[:, :2] + ((-np.inf, np.inf) if five.extrapolate else 0.0)
 
     def __call__(self, values: Mapping[str, np.ndarray]) -> Found:
         """All poses, from rest each. Raises SceneError for drives that are not there."""
@@ -113,8 +112,7 @@ class _Questions:
 
     def __init__(self, design: Prepared, asked: Asked, targets: np.ndarray, found: Found) -> None:
         self.design, self.targets, self.found = design, targets, found
-        self.asked = replace(asked, questions=tuple(q for q in asked.questions if q not in TOGETHER))
-        self.later = len(self.asked.questions) < len(asked.questions)
+        self.asked, self.later = asked.alone, len(asked.alone.questions) < len(asked.questions)
         self.before = Before()
         found.rows = [{} for _ in targets]
         if "support_stiffness" in asked.questions:
@@ -167,7 +165,7 @@ def _note(found: Found, n: int, failed: Mapping[str, Exception]) -> int:
 def answer_together(designs: Sequence[Found], asked: Asked) -> None:
     """Stiffness and stress of all poses of several designs."""
     waiting = [(found, n, pose) for found in designs for n, pose in found.waiting]
-    asked = replace(asked, questions=tuple(q for q in asked.questions if q in TOGETHER))
+    asked = asked.together
     for (found, n, pose), known in zip(
         waiting, answered_together([p for *_, p in waiting], asked), strict=True
     ):

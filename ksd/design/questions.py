@@ -61,6 +61,21 @@ class Asked:
     every: bool = False
     usual: bool = False
 
+    @cached_property
+    def pointed(self) -> bool:
+        """Whether there is one about a point of a link."""
+        return not set(POINTED).isdisjoint(self.questions)
+
+    @cached_property
+    def together(self) -> Asked:
+        """Those that many poses are asked together."""
+        return replace(self, questions=tuple(q for q in self.questions if q in TOGETHER))
+
+    @cached_property
+    def alone(self) -> Asked:
+        """The others."""
+        return replace(self, questions=tuple(q for q in self.questions if q not in TOGETHER))
+
     def point(self, scene: Any) -> tuple[str, tuple[float, float, float] | None]:
         """Link and point asked about; SceneError when the scene has no drive to take it from."""
         if self.link is not None:
@@ -467,7 +482,7 @@ def answered(
             else:
                 failed[name] = reason
     after = None if truth is None else replace(truth.before, tracks=followed, pose=truth.configuration)
-    return row, replace(before, tracks=tracks, pose=configuration, truth=after), failed
+    return row, Before(tracks, configuration, before.between, after), failed
 
 
 def _truth(configuration: Any, before: Before) -> Pose:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, NamedTuple
 
@@ -222,14 +222,11 @@ def remeshed(model: Model, mesh: Mesh) -> Model:
         return compile_given(model.scene, mesh)
     # what is drawn is the same, but for the constants of leaf springs
     value, inner = template.packed.values(leaves, given)
-    found = replace(
-        model,
-        mesh=mesh,
-        arrays=revalued(model.arrays, template.topology, value[0]),
-        rest=model.rest._replace(inner=inner[0]),
-        said=model.scene,
-        choice=None,
-    )
+    found = Model(
+        model.scene, mesh, revalued(model.arrays, template.topology, value[0]), model.rest._replace(inner=inner[0]),
+        model.node_names, model.member_names, model.joint_members, model.drive_names, model.support_names,
+        model.spring_names, model.scene,
+    )  # fmt: skip
     found.derived["leaves"] = template, leaves, given
     return found
 

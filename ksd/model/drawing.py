@@ -37,8 +37,9 @@ SPRING = 26
 """Numbers of a spring beside its constants: ends (2, 3), end frames (2, 3, 3), length, floor."""
 GIVEN = 25
 """Numbers of a leaf that brings its constants or its shape, beside these: ends (2, 3), end frames (2, 3, 3), mass."""
-DIGITS = 12
-"""To which lengths of leaves, over that of their joint, are compared: leaves drawn alike differ in the last digits."""
+SAME = 1e12
+"""To one part in how many lengths of leaves, over that of their joint, are compared: leaves drawn alike differ in the last
+digits."""
 
 
 class LeafWords(NamedTuple):
@@ -195,9 +196,9 @@ class _Parts:
             material.E, material.G, section.A, section.J, section.Iy, section.Iz, section.ky, section.kz, density,
         )  # fmt: skip
         self.leaf += (*leaf.start, *leaf.end, *leaf.width_axis, long, *size, torsion, plate)
-        key: tuple[Any, ...] = (round(long / length, DIGITS), length, size, heavy)
+        key: tuple[Any, ...] = (round(SAME * long / length), length, size, heavy)
         if torsion != 1.0 or plate != 1.0:
-            key += (round(torsion, DIGITS), round(plate, DIGITS))
+            key += (round(SAME * torsion), round(SAME * plate))
         if leaf.profile is not None or leaf.curve is not None or not (state is None or _as_drawn(state)):
             made = leaf_member(leaf, mesh, name="".join(name), heavy=heavy)
             return self._given(leaf, made, LeafWords(name[1], ends, made.kind, (), heavy, 0), key)

@@ -41,6 +41,10 @@ FINE = 400
 """Steps by which a curve is integrated for the nodes of a chain."""
 
 
+_NEXT, _LAST = np.array([1, 2, 0]), np.array([2, 0, 1])
+"""Of every axis the two that follow, for cross products."""
+
+
 def leaf_axes(start: np.ndarray, end: np.ndarray, width: np.ndarray) -> np.ndarray:
     """(..., 3, 3): columns e1 (along), e2 (thickness), e3 (width) of straight leaves."""
     along = end - start
@@ -50,8 +54,7 @@ def leaf_axes(start: np.ndarray, end: np.ndarray, width: np.ndarray) -> np.ndarr
     e3 = e3 / np.sqrt((e3 * e3).sum(axis=-1, keepdims=True))
     axes = np.empty((*start.shape, 3))
     axes[..., 0], axes[..., 2] = e1, e3
-    for r, i, j in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
-        axes[..., r, 1] = e3[..., i] * e1[..., j] - e3[..., j] * e1[..., i]
+    axes[..., 1] = e3.take(_NEXT, -1) * e1.take(_LAST, -1) - e3.take(_LAST, -1) * e1.take(_NEXT, -1)
     return axes
 
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from itertools import accumulate, pairwise
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -225,6 +225,7 @@ def topology_arrays(
 MEMBER_FLOATS = ("offset", "frame", "value", "length", "floor")
 TERM_FLOATS = ("coefficient", "direction", "point")
 LOAD_FLOATS = ("point", "force", "moment")
+_PART = {name: k for k, name in enumerate(Arrays._fields)}
 _FLOATS = {"members": MEMBER_FLOATS, "terms": TERM_FLOATS, "loads": LOAD_FLOATS, "springs": MEMBER_FLOATS}
 
 
@@ -234,18 +235,21 @@ def float_fields(arrays: Arrays) -> list[np.ndarray]:
     return [*found, arrays.weight]
 
 
-def _places(topology: Arrays) -> dict[str, list[tuple[int, slice, tuple[int, ...]]]]:
-    """Number in its part, place in `Flat.floats` and shape of the fields of numbers that are not empty, by their part."""
-    at, found = 1, {}
+def _places(topology: Arrays) -> list[tuple[int, list[tuple[int, slice, tuple[int, ...]]]]]:
+    """Of the parts with numbers, by their places in `Arrays`: number in its part, place in `Flat.floats` and shape of the
+    fields that are not empty."""
+    at, found = 1, []
     for part, names in _FLOATS.items():
         own = getattr(topology, part)
         fields = [getattr(own, name) for name in names]
         ends = list(accumulate((field.size for field in fields), initial=at))
-        found[part] = [
+        filled = [
             (own._fields.index(name), slice(*ends[k : k + 2]), field.shape)
             for k, (name, field) in enumerate(zip(names, fields, strict=True))
             if field.size
         ]
+        if filled:
+            found.append((_PART[part], filled))
         at = ends[-1]
     return found
 
@@ -256,16 +260,16 @@ def refilled(topology: Arrays, floats: np.ndarray) -> Arrays:
     places = topology.__dict__.get("places")
     if places is None:
         places = topology.__dict__["places"] = _places(topology)
-    made = {}
-    for part, fields in places.items():
-        if not fields:
-            continue
-        own = list(getattr(topology, part))
+    made: list[Any] = list(topology)
+    for part, fields in places:
+        own = list(made[part])
         for k, at, shape in fields:
             own[k] = floats[at].reshape(shape)
-        made[part] = getattr(topology, part)._make(own)
-    weight = floats[len(floats) - topology.weight.size :].reshape(-1, 4)
-    arrays = topology._replace(size=float(floats[0]), weight=weight, **made)
+        made[part] = made[part]._make(own)
+    made[_PART["size"]] = float(floats[0])
+    if topology.weight.size:
+        made[_PART["weight"]] = floats[-topology.weight.size :].reshape(-1, 4)
+    arrays = Arrays._make(made)
     arrays.flat = Flat(topology.flat.ints, floats, topology.flat.members)
     return arrays
 

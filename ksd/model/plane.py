@@ -11,6 +11,7 @@ of the global axes: same members, same state, same rows; strain-mode leaves cond
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING, NamedTuple
@@ -205,9 +206,9 @@ def _constants(value: np.ndarray, weighs: bool, settings: tuple[int, ...]) -> np
 def _normal_axis(arrays: Arrays) -> tuple[int, np.ndarray]:
     """The global axis nearest to the width of the first leaf, and that direction (3,), its largest component positive."""
     k = arrays.members.frame[0, 0, :, 2]
-    k = k / np.sqrt(k @ k)
-    axis = int(np.argmax(np.abs(k)))
-    return axis, k * np.sign(k[axis])
+    k = k / math.sqrt(k @ k)
+    axis = int(np.abs(k).argmax())
+    return axis, k if k[axis] > 0.0 else -k
 
 
 def _spoken(v: np.ndarray) -> str:
@@ -295,12 +296,16 @@ def _planar_rows(model: Model, k: np.ndarray) -> np.ndarray | str:
     off = terms.direction - d[:, None] * k
     along, across = np.abs(d), np.sqrt((off * off).sum(axis=1))
     inside = np.where(turning, across, along) <= PARALLEL
-    outside = np.where(turning, along, across) <= PARALLEL
     first = terms.first[:-1]
-    within, beside = (np.logical_and.reduceat(side, first) for side in (inside, outside))
-    leaving = ~within & ~(beside & (np.arange(len(first)) >= drives))
+    within = np.logical_and.reduceat(inside, first)
+    if within.all():
+        return within.nonzero()[0]
+    outside = np.where(turning, along, across) <= PARALLEL
+    leaving = ~within
+    # a support may do nothing but hold it in the plane
+    leaving[drives:] &= ~np.logical_and.reduceat(outside, first)[drives:]
     if not leaving.any():
-        return np.flatnonzero(within)
+        return within.nonzero()[0]
     i = int(np.argmax(leaving))
     t = first[i] + int(np.argmin(inside[first[i] : terms.first[i + 1]]))
     what = "rotates about" if turning[t] else "moves along"

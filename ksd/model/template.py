@@ -20,7 +20,7 @@ from ksd.model.arrays import STRAIN, Arrays, Members, Motion
 from ksd.model.drawing import GIVEN, LEAF, SPRING, LeafWords, Numbers, Words, places_of
 from ksd.model.leaves import leaf_axes
 from ksd.model.mesh import Mesh
-from ksd.model.pack import MEMBER_FLOATS, Shape, float_fields, refilled, spread, topology_arrays
+from ksd.model.pack import Shape, float_fields, refilled, spread, topology_arrays
 
 Array = np.ndarray
 SCALES = 19
@@ -190,6 +190,7 @@ class Template:
         self.packed = Packed(self.leaf_words, self.leaf, self.topology.members)
         self.heavy = np.array([w.heavy for w in self.leaf_words], bool)
         self.elements = np.array([float(w.number[0]) for w in self.leaf_words])
+        self.unturned = np.tile(np.eye(3), (len(self.node_names), 1, 1))
         self.given_leaves = [f for f, w in enumerate(self.leaf_words) if w.brings]
         if words.pulls and self.heavy.any():
             self.topology = self.topology._replace(weight=np.zeros((len(self.leaf), 4)))
@@ -290,7 +291,7 @@ class Template:
             moment=n.loads[..., 6:9],
         )
         if len(self.leaf):
-            size = np.maximum(spread(places, ends), length.max(axis=1, initial=0.0))
+            size = np.maximum(spread(places, ends), length.max(axis=1))
         else:
             # a linkage of pins and springs is as large as the places its sentences name
             named = np.concatenate([at, n.loads[..., :3], *self._spring_ends(n)], axis=1)
@@ -300,8 +301,7 @@ class Template:
             members=members, terms=terms, loads=loads, size=size, springs=self._springs(n, places),
             weight=self._weight(leaves.mass[:, self.leaf], n),
         )  # fmt: skip
-        turned = np.empty((count, len(self.node_names), 3, 3))
-        turned[:] = np.eye(3)
+        turned = self.unturned[None].repeat(count, axis=0)
         rest = Motion(places, turned, inner, np.zeros((count, len(topology.terms.start))))
         return Filled(arrays, rest, leaves, points)
 
@@ -365,8 +365,8 @@ class Template:
         """Springs with their numbers."""
         springs, count, first = self.topology.springs, len(places), self.spring_first
         if not len(springs.kind):
-            none: Members = many(springs, MEMBER_FLOATS, count)
-            return none
+            # all else is empty
+            return springs._replace(value=np.zeros((count, 1)))
         rows = [n.springs[:, a : a + SPRING] for a in first[:-1]]
         fixed = np.stack(rows, axis=1)
         value = [n.springs[:, a + SPRING : b] for a, b in pairwise(first)]

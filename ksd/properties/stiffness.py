@@ -256,14 +256,12 @@ def stiffnesses(
     if link is not None:
         node = node_of(model, link)
         start = int(topology.start[node])
+        held = []
         for d, k in enumerate(states.which.tolist()):
-            B = point_motion(states.models[k], fine.state(d)[1], node, at[k])[1]
-            loads[d, :6, start : start + 6] = B
+            arrays, motion = fine.state(d)
+            loads[d, :6, start : start + 6] = point_motion(states.models[k], motion, node, at[k])[1]
+            held.append(gradients_of_rows(topology, arrays.flat, motion, rows))
         if rows:
-            held = [
-                gradients_of_rows(topology, arrays.flat, motion, rows)
-                for arrays, motion in map(fine.state, range(len(x)))
-            ]
             left, _ = beyond_rows(topology, states.size, np.stack(held), loads[:, :6].swapaxes(1, 2))
             loads[:, :6] = left.swapaxes(1, 2)
     first = loads.shape[1] - count * drives

@@ -49,7 +49,7 @@ def exact(arrays: Arrays) -> Arrays:
 @per_model
 def exact_arrays(model: Model) -> Arrays:
     """`exact` of the arrays of a model."""
-    return exact(model.arrays)
+    return exact(model.arrays) if COROTATIONAL in model.kinds else model.arrays
 
 
 def row_numbers(model: Model, names: Iterable[str]) -> list[int]:
@@ -95,15 +95,18 @@ def gradients_of_rows(arrays: Arrays, flat: Flat, motion: Motion, rows: Iterable
     return found
 
 
+_TURNS = np.arange(3, 6)
+
+
 def beyond_rows(arrays: Arrays, size: Any, gradients: Array, loads: Array) -> tuple[Array, Array]:
     """`loads` (unknowns, k) less what is a combination of the `gradients` (unknowns, r) of held rows, and the combinations
     (r, k). Rows take their part without a motion, so a load that is nothing else is on a held direction: exactly zero.
 
     arrays: whose unknowns they are; size [m]: of the mechanism. All may have a leading axis over states.
     """
-    start, unknowns = arrays.start, arrays.plan.unknowns
-    turns = np.ones((*np.shape(size), unknowns, 1))
-    turns[..., (start[start >= 0, None] + np.arange(3, 6)).ravel(), 0] = np.asarray(size)[..., None]
+    start, size, unknowns = arrays.start, np.asarray(size), arrays.plan.unknowns
+    turns = np.ones((*size.shape, unknowns, 1))
+    turns[..., start[start >= 0, None] + _TURNS, 0] = size[..., None, None]
     # rows depend on the motion of few nodes
     own = np.flatnonzero(gradients.any(axis=-1).reshape(-1, unknowns).any(axis=0))
     A, left = (gradients / turns)[..., own, :], loads / turns
@@ -318,7 +321,7 @@ def factored(assembled: Assembled, freed: Iterable[str] = ()) -> Tangent:
     arrays, value = assembled.arrays, assembled.value.copy()
     if not assembled.model.kinds.isdisjoint((SOLID, LINEAR)):
         return _dense(assembled, freed)
-    spare = np.zeros_like(value)
+    spare = np.zeros(len(value))
     free_rows(arrays, value, row_numbers(assembled.model, freed))
     stored = value.copy()
     negatives, pivot = factor_blocks(arrays.plan.ints, value, spare, len(arrays.plan.size))

@@ -10,7 +10,7 @@ from typing import Any
 from ksd.checks import as_given, nearest
 from ksd.errors import SceneError
 from ksd.scene.contents import Scene, reached
-from ksd.scene.drive import GROUND
+from ksd.scene.drive import GROUND, Drive
 from ksd.scene.effects import leaf_conditions
 from ksd.scene.hinges import PLANES
 from ksd.scene.joint import leaves_of
@@ -139,10 +139,14 @@ def _same_freedoms(scene: Scene) -> Iterator[str]:
     """No two drives or supports prescribe the very same component."""
     if len(scene.drives) + len(scene.supports) < 2:
         return
-    seen: dict[tuple[Any, ...], str] = {}
+    of_links: dict[Any, list[tuple[str, Drive]]] = {}
     for kind, drives in (("drive", scene.drives), ("support", scene.supports)):
         for drive in drives:
-            spoken = f"{kind} '{drive.name}'"
+            links = frozenset((t.kind, t.base, t.link) for t in drive.terms)
+            of_links.setdefault(links, []).append((f"{kind} '{drive.name}'", drive))
+    for several in of_links.values():
+        seen: dict[tuple[Any, ...], str] = {}
+        for spoken, drive in several if len(several) > 1 else ():
             first = seen.setdefault(drive.freedom(), spoken)
             if first != spoken:
                 yield f"{first} and {spoken} prescribe the same freedom; remove one of them."
