@@ -271,7 +271,7 @@ class Arc(Curve):
         angle = number(self.angle, "angle", owner="Arc")
         if not 0.0 < abs(angle) < 2 * math.pi:
             raise SceneError(f"Arc: angle = {show(angle)} rad must lie between 0 and 2 pi, either sign.")
-        object.__setattr__(self, "length", self.radius * abs(angle))
+        self.__dict__.update(angle=angle, length=self.radius * abs(angle))
 
     def curvature(self, s: float) -> np.ndarray:
         """Constant about e3."""
