@@ -18,8 +18,9 @@ from numpy.typing import ArrayLike
 
 from ksd.checks import similar, whole, worded
 from ksd.design.designs import Designs, makers_of
+from ksd.design.lines import Line, Recipe, enough_modes
 from ksd.design.plan import Designs as Shapes
-from ksd.design.plan import Drawn, design_points, scene_of
+from ksd.design.plan import Drawn, built, design_points, scene_of
 from ksd.design.prepared import Found, spoken_status
 from ksd.design.questions import Row, asked_of
 from ksd.design.words import check_drives, check_executor, check_ways, drive_rows
@@ -63,7 +64,8 @@ class Batch(Shown):
     def __getitem__(self, column: str) -> np.ndarray:
         """One column of the answers (D, N). SceneError names those there are."""
         if column not in self.answers:
-            known = ", ".join(self.answers) or "none: ask with questions=(...)"
+            none = "none: ask with questions=(...)" if self.solved else "none, as nothing was solved"
+            known = ", ".join(self.answers) or none
             raise SceneError(
                 f"there is no answer '{column}'; there are {known}{similar(column, self.answers)}"
             )
@@ -129,10 +131,11 @@ def batch(
     parameters that returns one. Drive values [m or rad] by name, numbers or arrays of one length. tabulated: take the
     condensed joints from tables over their stroke, made once per design; it pays from some hundred poses on. questions,
     link, at, freed, modes: as in `ksd.sweep`, answered in `Batch.answers`; of "reduced" they are asked of the equilibrium
-    next to the answer, as of a pose of `ksd.solve`. relinearisations, mesh, extrapolate: as in `ksd.solve`. targets: drive
+    next to the answer, as of a pose of `ksd.solve`. mesh: when None the usual one, with the curvature modes that are
+    enough for the first design at its farthest pose. relinearisations, extrapolate: as in `ksd.solve`. targets: drive
     values as a mapping. threads: cores when None. executor: any concurrent.futures executor instead of threads; with
-    processes, where Python works in parallel too, `mechanism` must be a function they can import. Raises SceneError for bad
-    input; designs, poses and questions that fail are in the result.
+    processes, where Python works in parallel too, `mechanism` must be a function they can import. Raises SceneError for
+    bad input; designs, poses and questions that fail are in the result.
     """
     check_ways(
         mesh=mesh, relinearisations=relinearisations, method=method, methods=("reduced", "full"),
@@ -156,9 +159,13 @@ def batch(
         "tabulated": tabulated,
         "asked": asked,
     }
-    solver, points = Designs(values, ways, mesh, extrapolate), design_points(mechanism, designs)
+    points = design_points(mechanism, designs)
     if designs is None:
         check_drives(scene_of(mechanism, {}), tuple(values), batch)
+    if mesh is None:
+        recipe = Recipe(asked, method=method, relinearisations=relinearisations, extrapolate=extrapolate)
+        mesh = enough_modes([_farthest(mechanism, points[0], values)], recipe)
+    solver = Designs(values, ways, mesh, extrapolate)
     if executor is None or designs is None:
         found = solver.solve(makers_of(mechanism, points), workers)
     else:
@@ -175,6 +182,13 @@ def _poses(found: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
         if len(v) not in (1, size):
             raise SceneError(f"drive values {n}: give one number or {size} of them in a row, not {len(v)}")
     return {n: np.broadcast_to(v, size) for n, v in found.items()}
+
+
+def _farthest(mechanism: Drawn, point: Mapping[str, Any], values: Mapping[str, np.ndarray]) -> Line:
+    """The first design at the pose farthest from rest."""
+    scene, failure = built(mechanism, point)
+    far = int(np.argmax(sum(v * v for v in values.values())))
+    return Line(0, {}, scene, ({n: float(v[far]) for n, v in values.items()},), failure)
 
 
 def _together(found: list[Any], count: int) -> Batch:

@@ -23,7 +23,7 @@ from ksd.checks import LARGEST, Worded, checked, nearest, number, show, truth, u
 from ksd.design.designs import Designs, in_blocks, makers_of
 from ksd.design.goals import AMOUNTS, Answer, goals_of
 from ksd.design.gradient import Solved, gradient_at
-from ksd.design.lines import Line, Recipe, run_line
+from ksd.design.lines import Line, Recipe, enough_modes, run_line
 from ksd.design.plan import Paths, built, drive_paths, load_cases, loaded, scene_of
 from ksd.design.prepared import Found, spoken_status
 from ksd.design.questions import Asked, Row, asked_of, check_asked, columns_of_drives, known_columns
@@ -41,7 +41,9 @@ from ksd.scene.drive import Load
 from ksd.scene.links import Link
 from ksd.solve.configuration import Configuration
 from ksd.solve.perturbed import STEP
+from ksd.solve.solver import DEFAULT_ACCURACY
 from ksd.solve.space_steps import FULL, REDUCED
+from ksd.solve.verdict import mesh_check
 
 Array = np.ndarray
 SPARE = 8
@@ -106,7 +108,9 @@ class Job(Shown, metaclass=Worded):
     negative, told before anything is solved. link, at, freed, modes, loads, together: as in `ksd.sweep`, and so the drive
     values [m or rad]. method: "full", "reduced", or "conventional", which knows no trained ranges; by the others these are
     bounds; when None "full" where every joint has a record (a joint of one's own: of it as all parameters draw it), else
-    "conventional". mesh, extrapolate: as in `ksd.solve`; targets: drive values as a mapping.
+    "conventional". mesh: when None the usual one, with the curvature modes that are enough in the middle of the bounds; that
+    they are few at an optimum is printed with it. extrapolate: as in `ksd.solve`; targets: drive values as a mapping. A
+    design that is not stable at a pose has no answers.
 
     Raises SceneError for everything that is wrong before a solve.
     """
@@ -126,7 +130,6 @@ class Job(Shown, metaclass=Worded):
     drives: Mapping[str, Array]
     paths: Paths
     method: Literal["full", "reduced", "conventional"]
-    mesh: Mesh
     extrapolate: bool
     last: tuple[bytes, list[Solved]] | None
 
@@ -167,11 +170,11 @@ class Job(Shown, metaclass=Worded):
         check_parameters(function, [given], "vary")
         self.__dict__.update(
             function=function, drawn=_Drawn(function, 2 * len(given) + SPARE), vary=given, loads=loads,
-            mesh=mesh or Mesh(), extrapolate=extrapolate, last=None,
+            extrapolate=extrapolate, last=None, **({} if mesh is None else {"mesh": mesh}),
             drives=values, cases=load_cases(loads), rules=_checked(rules),
             paths=drive_paths(values, together=truth(together, "together")),
         )  # fmt: skip
-        scene = self._first()
+        scene = self._first
         check_drives(scene, tuple(values), Job)
         self.__dict__["method"] = method or self._usual_method(scene)
         for extra in self.cases.values():
@@ -188,7 +191,7 @@ class Job(Shown, metaclass=Worded):
         self.random(1)
 
     def __getstate__(self) -> dict[str, Any]:
-        return {k: v for k, v in self.__dict__.items() if k != "_solvers"} | {"last": None}
+        return {k: v for k, v in self.__dict__.items() if k not in ("_solvers", "_first")} | {"last": None}
 
     @property
     def parameters(self) -> tuple[str, ...]:
@@ -209,6 +212,13 @@ class Job(Shown, metaclass=Worded):
     def poses(self) -> tuple[tuple[str, Mapping[str, float]], ...]:
         """Load case and drive values by name of every pose."""
         return tuple((case, step) for case in self.cases for step in self.steps)
+
+    @cached_property
+    def mesh(self) -> Mesh:
+        """As given, or with the curvature modes that are enough in the middle of the bounds, for all designs."""
+        scenes = (loaded(self._first, extra)[0] for extra in self.cases.values())
+        recipe = Recipe(self.asked, method=self.method, extrapolate=self.extrapolate)
+        return enough_modes((Line(k, {}, scene, tuple(self.steps)) for k, scene in enumerate(scenes)), recipe)
 
     @property
     def limits(self) -> dict[str, tuple[float, float]]:
@@ -560,6 +570,12 @@ class Job(Shown, metaclass=Worded):
         slopes[np.isinf(values)] = 0.0
         return values, slopes
 
+    def few_modes(self, x: ArrayLike) -> str:
+        """That the curvature modes of the mesh are few for the leaf springs of a design; nothing where they are enough."""
+        poses = [pose for one in self._judged(np.asarray(x, float)[None])[1] for pose in one.poses]
+        worst = max(poses, key=lambda pose: pose.resolution.share, default=None)
+        return "" if worst is None else "".join(mesh_check(worst, DEFAULT_ACCURACY).notes[len(worst.notes) :])
+
     def merit(self, values: ArrayLike) -> float:
         """The worst target over its scale, larger is better: of what is minimised the largest with a minus; nan of a job
         that has limits alone."""
@@ -596,13 +612,14 @@ class Job(Shown, metaclass=Worded):
         """The scene of a design with the loads of a case of `poses`. SceneError where it cannot be drawn."""
         return _Loaded(self.drawn, self.cases[case])(**design)
 
+    @cached_property
     def _first(self) -> Scene:
         """The scene in the middle of the bounds, or of another design within them."""
         return first_built(lambda **parameters: scene_of(self.drawn, parameters), self.vary)
 
     def far_drives(self) -> tuple[str, ...]:
         """Drive values that were probably meant in another unit, a sentence each."""
-        model = compile_scene(self._first(), mesh=self.mesh)
+        model = compile_scene(self._first, mesh=self.mesh)
         return tuple(dict.fromkeys(said for _, values in self.poses for said in model.far_drives(values)))
 
     def margins(self, values: ArrayLike) -> Array:

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping
+from contextlib import suppress
+from dataclasses import dataclass, replace
 from typing import Any
 
 from ksd.design.questions import (
@@ -19,13 +20,15 @@ from ksd.design.questions import (
 )
 from ksd.design.table import OK, STATUS
 from ksd.errors import ConvergenceError
-from ksd.model.mesh import Mesh
+from ksd.model.mesh import DEFAULT_MESH, Mesh
 from ksd.model.orders import raised
 from ksd.properties.resolution import look_at_modes
 from ksd.solve.configuration import Configuration
 from ksd.solve.conventional import conventional
+from ksd.solve.many import SPOKEN, UNSTABLE
 from ksd.solve.plates import settled
 from ksd.solve.solver import DEFAULT_ACCURACY, MOST_RISES, Method, Solver
+from ksd.solve.verdict import mesh_check
 
 Row = dict[str, Any]
 CHUNK = 32
@@ -35,7 +38,7 @@ CHUNK = 32
 @dataclass(frozen=True)
 class Recipe:
     """How every pose is solved and what it is asked; see `ksd.sweep`. judged: rows say whether it is stable, by which method
-    it was found, and what is warned of."""
+    it was found, and what is warned of; without, one that is not stable has no answers."""
 
     asked: Asked
     method: Method | None = None
@@ -124,7 +127,8 @@ class Walk:
                     self.before = None
             return conventional(solver.model, values, planar=solver.in_plane)
 
-        return settled(self.solver, walked, 0.1 * (self.recipe.accuracy or DEFAULT_ACCURACY))[0]
+        accuracy = self.recipe.accuracy or DEFAULT_ACCURACY
+        return mesh_check(settled(self.solver, walked, 0.1 * accuracy)[0], accuracy)
 
 
 def fine_enough(line: Line, recipe: Recipe, solver: Solver | None) -> Walk:
@@ -144,6 +148,17 @@ def fine_enough(line: Line, recipe: Recipe, solver: Solver | None) -> Walk:
             break
         walk = Walk(Solver(line.scene, mesh=raised(walk.solver.model.mesh, axis), **words), recipe)
     return walk
+
+
+def enough_modes(lines: Iterable[Line], recipe: Recipe) -> Mesh:
+    """The usual mesh with the curvature modes that are enough at the farthest poses of all lines; those that fail say so
+    when walked."""
+    found = [DEFAULT_MESH]
+    for line in (line for line in lines if line.scene is not None):
+        with suppress(*CAUGHT):
+            found.append(fine_enough(line, recipe, None).solver.model.mesh)
+    nx, ny, nz = (max(mesh.orders[axis] for mesh in found) for axis in range(3))
+    return replace(DEFAULT_MESH, orders=(nx, ny, nz), points=max(mesh.points for mesh in found))
 
 
 def run_line(
@@ -175,6 +190,9 @@ def run_line(
             row = _labels(line, values)
             if isinstance(pose, str):
                 rows.append(row | {STATUS: pose})
+                continue
+            if not recipe.judged and pose.negatives != pose.expected:
+                rows.append(row | {STATUS: SPOKEN[UNSTABLE]})
                 continue
             walk.go_on_from(pose)
             told, before, troubles = answered(Pose(pose, before), recipe.asked, next(known).rows)

@@ -125,6 +125,11 @@ class Optimum(Shown):
         return solver(step, method=job.method)
 
     @cached_property
+    def few_modes(self) -> str:
+        """That the curvature modes of the mesh are few at this design; nothing where they are enough."""
+        return self.job.few_modes(list(self.design.values()))
+
+    @cached_property
     def tried(self) -> Tried:
         """All designs of the table that have answers."""
         rows = [row for row in self.table.rows() if row["status"] == OK]
@@ -190,4 +195,5 @@ class Optimum(Shown):
         if self.flat:
             said = ", ".join(f"{n} {100 * v:+.3g} %" for n, v in self.flat.items())
             parts.append(f"Flat: nothing that holds it changes along {said}; fix one of these parameters")
+        parts += filter(None, [self.few_modes])
         return joined(parts)

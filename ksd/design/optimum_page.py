@@ -100,7 +100,7 @@ def _held(optimum: Optimum) -> list[str]:
     if optimum.flat:
         ways = ", ".join(f"{text(n)} {100 * v:+.3g} %" for n, v in optimum.flat.items())
         parts.append(f'<p class="warn">Flat: nothing that holds it changes along {ways}.</p>')
-    return parts
+    return [*parts, *(f'<p class="warn">{text(said)}.</p>' for said in filter(None, [optimum.few_modes]))]
 
 
 def _found(optimum: Optimum) -> list[str]:

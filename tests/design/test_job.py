@@ -55,6 +55,56 @@ def job(**changes):
     return ksd.Job(words.pop("function", pivot), **words)
 
 
+def taut(thickness):
+    """A leaf spring held at both ends in its length, moved across: it bends next to its clamps alone."""
+    scene = ksd.Mechanism("taut", plane="xy")
+    body, at = scene.link("body"), (0.1, 0, 0)
+    scene.leaf(
+        "ground", body, start=(0, 0, 0), end=at, section=ksd.rectangle(thickness, 0.01), material=STEEL
+    )
+    scene.support(body, along="x", at=at)
+    scene.support(body, about="z")
+    scene.actuate(body, along="y", at=at, name="across")
+    return scene
+
+
+def test_a_job_has_the_curvature_modes_that_a_solve_has():
+    """Its stress was 21 % off that of the same pose by ksd.solve, in silence."""
+    words = {
+        "vary": {"thickness": (0.1 * mm, 0.3 * mm)}, "minimise": "stress_MPa", "limits": {"across_force_N": 30},
+        "across": 5 * mm,
+    }  # fmt: skip
+    job, solved = ksd.Job(taut, **words), ksd.solve(taut(0.2 * mm), across=5 * mm)
+    stress, force = job.values([0.2 * mm])
+    assert stress == pytest.approx(1e-6 * solved.stress().largest_Pa, rel=1e-9)
+    assert force == pytest.approx(solved.forces["across"], rel=1e-9) and not job.few_modes([0.2 * mm])
+    # those of a mesh that is given stay, and it is told that they are few
+    coarse = ksd.Job(taut, mesh=ksd.Mesh(), **words)
+    assert coarse.values([0.2 * mm])[0] > 1.2 * stress
+    best = ksd.optimise(coarse)
+    said = "the curvature modes (4, 3, 6) are few for this state: raise the orders of the mesh"
+    assert said in coarse.few_modes([0.2 * mm]) and said in str(best)
+
+
+def test_a_design_that_is_not_stable_has_no_answers():
+    """A straight column beyond its Euler load is in equilibrium, and would not stay."""
+
+    def column(load):
+        scene = ksd.Mechanism("column", plane="xy")
+        tip = scene.link("tip")
+        blade = ksd.rectangle(0.5 * mm, 10 * mm)
+        scene.leaf("ground", tip, start=(0, 0, 0), end=(0.1, 0, 0), section=blade, material=STEEL)
+        scene.load(tip, force=(-load, 0, 0), at=(0.1, 0, 0))
+        scene.actuate(tip, about="z", name="turn")
+        return scene
+
+    euler = np.pi**2 * STEEL.E * 10 * mm * (0.5 * mm) ** 3 / 12 / 0.1**2
+    job = ksd.Job(column, vary={"load": (0.1 * euler, 1.5 * euler)}, limits={"stress_MPa": 500}, turn=0.0)
+    judged = job.batch([[0.9 * euler], [1.1 * euler]])
+    assert judged.status == ("ok", "the state found is not a minimum of energy")
+    assert np.isfinite(judged.values[0]).all() and np.isnan(judged.values[1]).all()
+
+
 @pytest.fixture(scope="module")
 def plain():
     return job()

@@ -351,5 +351,6 @@ def test_a_sweep_raises_the_curvature_modes_as_solve_does():
     alone = ksd.solve(mechanism, targets)
     assert table["x_force_N"][1] == pytest.approx(alone.forces["x"], rel=1e-6)
     # a mesh that is asked for stays
-    coarse = sweep(mechanism, values, together=True, questions="force", mesh=ksd.Mesh(), **QUIET)
-    assert "curvature modes" in coarse["warnings"][1]
+    for method in (None, "conventional"):
+        words = {"questions": "force", "mesh": ksd.Mesh(), "method": method}
+        assert "curvature modes" in sweep(mechanism, values, together=True, **words, **QUIET)["warnings"][1]

@@ -222,6 +222,14 @@ def test_wrong_curves_in_files(said, line, message, tmp_path):
         ksd.load_scene(file)
 
 
+@pytest.mark.parametrize("number", [np.float64, np.float32, np.int64, int, np.array])
+def test_an_arc_of_any_number_is_written_and_remembered(number, tmp_path):
+    mechanism, file = curved(ksd.Arc(number(1), number(-1)), None), tmp_path / "arc.toml"
+    ksd.save_scene(mechanism, file)
+    scene = mechanism.draft()
+    assert ksd.load_scene(file)[0].draft() == scene and len(scene.fingerprint()) > 1 and hash(scene)
+
+
 def test_functions_are_not_written(tmp_path):
     free = ksd.FreeCurve(0.1, lambda s: (0, 0, 3 * s))
     with pytest.raises(
