@@ -21,12 +21,14 @@ from ksd.design.lines import fine_enough
 from ksd.design.plan import Drawn, plan_lines
 from ksd.design.questions import (
     MANY,
+    NOTHING,
+    TOGETHER,
     Asked,
     Before,
     Pose,
     Row,
     answered,
-    answered_together,
+    answered_alike,
     asked_of,
     frequency_row,
 )
@@ -36,7 +38,7 @@ from ksd.errors import KinematicsError, SceneError
 from ksd.html import joined
 from ksd.model.mesh import Mesh
 from ksd.numerics.rotations import rotation_log
-from ksd.properties.alike import alike
+from ksd.properties.alike import Alike, alike
 from ksd.properties.stress import stress_followed
 from ksd.properties.words import Shown, listed
 from ksd.properties.words import number as written
@@ -255,8 +257,8 @@ class _AtPose:
             self._difference(found.reshape(len(step), sides, -1).swapaxes(0, 1), step)
         scene = poses[0].model.scene
         point = asked.point(scene) if asked.link is not None or scene.drives else None
-        self.moved = np.array([_motion(poses[k], poses[k + 1], point) for k in range(1, len(poses), sides)])
-        self.moved /= 2 * step
+        beside = [poses[k] for k in range(1, len(poses)) if (k - 1) % sides < 2]
+        self.moved = _moved(beside, point) / (2 * step)
         self.reasons: dict[str, str] = {}
         for i in np.flatnonzero(~np.isfinite(self.slopes).all(axis=1)).tolist():
             column = self.columns[i]
@@ -298,16 +300,35 @@ def _why(column: str, value: float, link: str) -> str:
 
 def _rows(poses: list[list[Configuration]], asked: Asked, sides: int) -> list[list[Row]]:
     """Answers of poses, each with those beside it: what is followed is what it is at the pose."""
+    # as many poses at once as leave the stresses of their states in memory
+    size = max(1, MANY // len(poses[0]))
+    return [
+        row for k in range(0, len(poses), size) for row in _rows_together(poses[k : k + size], asked, sides)
+    ]
+
+
+def _rows_together(poses: list[list[Configuration]], asked: Asked, sides: int) -> list[list[Row]]:
+    """`_rows` of poses whose states are asked together as far as they are alike."""
     plain = replace(asked, questions=tuple(q for q in asked.questions if q not in FOLLOWED))
-    known = iter(answered_together([pose for own in poses for pose in own], plain))
-    rows = [[_plain(pose, plain, next(known).rows) for pose in own] for own in poses]
+    every = [side for own in poses for side in own]
+    groups = _alike(every) if TOGETHER & set(asked.questions) else []
+    known = [NOTHING] * len(every)
+    for numbers, states in groups if TOGETHER & set(plain.questions) else []:
+        for n, own in zip(numbers, answered_alike(states, plain), strict=True):
+            known[n] = own
+    answers = iter([_plain(pose, plain, own.rows) for pose, own in zip(every, known, strict=True)])
+    rows = [[next(answers) for _ in own] for own in poses]
     if "stress" in asked.questions:
-        for row, more in zip(chain(*rows), chain(*_stresses(poses, asked.points)), strict=True):
+        for row, more in zip(chain(*rows), chain(*_stresses(poses, groups, asked.points)), strict=True):
             row |= more
     if "frequencies" in asked.questions:
         for own, told in zip(poses, rows, strict=True):
             _follow_modes(own, asked, told, sides)
     return rows
+
+
+def _alike(poses: Sequence[Configuration]) -> list[tuple[list[int], Alike]]:
+    return alike([(*pose.questioned, pose.load_factor) for pose in poses])
 
 
 def _plain(pose: Configuration, asked: Asked, known: Mapping[str, Row]) -> Row:
@@ -318,21 +339,19 @@ def _plain(pose: Configuration, asked: Asked, known: Mapping[str, Row]) -> Row:
     return row
 
 
-def _stresses(poses: list[list[Configuration]], points: int) -> list[list[Row]]:
-    """Of poses and those beside each: stress of every leaf where it is largest in the first of its pose, and that of the
-    leaf that is worst there."""
-    size = max(1, MANY // len(poses[0]))
-    if len(poses) > size:
-        return [row for k in range(0, len(poses), size) for row in _stresses(poses[k : k + size], points)]
+def _stresses(
+    poses: list[list[Configuration]], groups: list[tuple[list[int], Alike]], points: int
+) -> list[list[Row]]:
+    """Of poses and those beside each, `groups` of which are alike: stress of every leaf where it is largest in the first of
+    its pose, and that of the leaf that is worst there."""
     every = [side for own in poses for side in own]
-    groups = alike([(*side.questioned, side.load_factor) for side in every])
     followed: Mapping[str, Array] | None = None
     at = np.cumsum([0, *(len(own) for own in poses)])
     if len(groups) == 1 and len(groups[0][0]) == len(every):
         followed = stress_followed(groups[0][1], np.repeat(at[:-1], np.diff(at)), points=points)
     if followed is None:
         if len(poses) > 1:
-            return [row for own in poses for row in _stresses([own], points)]
+            return [row for own in poses for row in _stresses([own], _alike(own), points)]
         found = [side.stress(points=points).leaves for side in every]
         marks = {name: int(np.argmax(leaf.von_mises_Pa)) for name, leaf in found[0].items()}
         followed = {n: np.array([own[n].von_mises_Pa.flat[k] for own in found]) for n, k in marks.items()}
@@ -363,18 +382,18 @@ def _follow_modes(poses: list[Configuration], asked: Asked, rows: list[Row], sid
         to |= row
 
 
-def _motion(plus: Configuration, minus: Configuration, point: tuple[str, Any] | None) -> Array:
-    """Displacement and rotation (6,) of the point of a link between two poses beside one another."""
-    found = np.full(6, np.nan)
+def _moved(poses: Sequence[Configuration], point: tuple[str, Any] | None) -> Array:
+    """Displacement and rotation (n, 6) of the point of a link from the second to the first of every two poses."""
+    found = np.full((len(poses) // 2, 6), np.nan)
     if point is not None:
-        node = plus.model.node_names.index(point[0])
-        moved = []
-        for side in (plus, minus):
-            rest = side.model.rest.x[node]
-            s = np.zeros(3) if point[1] is None else np.asarray(point[1], float) - rest
-            moved.append(side.motion.x[node] - rest + side.motion.R[node] @ s - s)
-        found[:3] = moved[0] - moved[1]
-        rotation_log(plus.motion.R[node] @ minus.motion.R[node].T, found[3:])
+        node = poses[0].model.node_names.index(point[0])
+        rest = np.array([pose.model.rest.x[node] for pose in poses])
+        x, R = (np.array([getattr(pose.motion, of)[node] for pose in poses]) for of in ("x", "R"))
+        s = np.zeros_like(rest) if point[1] is None else np.asarray(point[1], float) - rest
+        moved = x - rest + (R @ s[..., None])[..., 0] - s
+        found[:, :3] = moved[::2] - moved[1::2]
+        for own, turned in zip(found, R[::2] @ R[1::2].swapaxes(1, 2), strict=True):
+            rotation_log(turned, own[3:])
     return found
 
 

@@ -201,9 +201,10 @@ class Pose:
 
 def _force(pose: Any, asked: Asked) -> Row:
     row: Row = {}
+    forces = pose.forces
     for i, drive in enumerate(pose.model.scene.drives):
         column = f"{drive.name}_{EFFORT[drive_kind(drive)]}"
-        row[column] = float(pose.forces[drive.name])
+        row[column] = forces[drive.name]
         if pose.method_error is not None:
             row[f"{drive.name}_error_{EFFORT[drive_kind(drive)].rsplit('_', 1)[1]}"] = float(
                 pose.error.force[i]
@@ -236,11 +237,17 @@ def _support_stiffness(pose: Any, asked: Asked) -> Row:
 
 def _supports_row(supports: np.ndarray, principal: np.ndarray, asked: Asked) -> Row:
     """Row of the stiffness (6,) in every direction and the principal ones (2, 3)."""
-    row = dict(zip(SUPPORTS, map(_finite, supports.tolist()), strict=True))
-    for column, stiffness in zip(WORST, principal.tolist(), strict=True):
-        names = (column, *others(column)) if asked.every else (column,)
-        row |= {name: _finite(value) for name, value in zip(names, stiffness, strict=False)}
-    return row
+    return _supports_rows(supports[None], principal[None], asked)[0]
+
+
+def _supports_rows(supports: np.ndarray, principal: np.ndarray, asked: Asked) -> list[Row]:
+    """The same of D states, with a leading axis."""
+    names, kept = SUPPORTS, 3 if asked.every else 1
+    for column in WORST:
+        names = (*names, column, *others(column)[: kept - 1])
+    values = np.concatenate([supports, principal[:, :, :kept].reshape(len(supports), -1)], axis=1)
+    values[np.isinf(values)] = np.nan
+    return [dict(zip(names, own, strict=True)) for own in values.tolist()]
 
 
 def others(column: str) -> tuple[str, ...]:
@@ -409,12 +416,12 @@ def answered_together(poses: Sequence[Any], asked: Asked) -> list[Together]:
             places.append(k)
     for first in range(0, len(every), MANY):
         for numbers, states in alike(every[first : first + MANY]):
-            for n, own in zip(numbers, _answered_alike(states, asked), strict=True):
+            for n, own in zip(numbers, answered_alike(states, asked), strict=True):
                 found[places[first + n]] = own
     return found
 
 
-def _answered_alike(states: Alike, asked: Asked) -> list[Together]:
+def answered_alike(states: Alike, asked: Asked) -> list[Together]:
     """`answered_together` of states that are alike."""
     rows: list[dict[str, Row]] = [{} for _ in states.which]
     compliance: Any = None
@@ -441,8 +448,9 @@ def _note_stiffness(stiff: Stiffnesses, states: Alike, asked: Asked, rows: list[
     if stiff.compliance is not None:
         supports = support_stiffness(stiff.compliance, states.size)
         principal = principal_stiffness(stiff.compliance, states.size)
+        found = _supports_rows(supports, principal, asked)
         for n in good:
-            rows[n]["support_stiffness"] = _supports_row(supports[n], principal[n], asked)
+            rows[n]["support_stiffness"] = found[n]
     if stiff.drives is not None:
         names = states.models[0].drive_names
         units = drive_units(states.models[0], range(len(names)))

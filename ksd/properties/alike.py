@@ -7,7 +7,8 @@ question prepares is prepared once for all of them, and nothing is made for each
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,7 +25,8 @@ State = tuple[Model, Motion, float]
 """A model, a state of it, and what times its loads act there."""
 
 
-class Alike(NamedTuple):
+@dataclass(frozen=True)
+class Alike:
     """D states of U models. which (D,): the model of each among models (U,); template: what they have in common, topology:
     its integers; floats (U, f): as in `Flat`; motion: with a leading axis over states; factor (D,): of the loads."""
 
@@ -41,17 +43,20 @@ class Alike(NamedTuple):
         """Sizes (D,) of the mechanisms [m]."""
         return self.floats[self.which, 0]
 
-    def state(self, d: int) -> tuple[Bare, Motion]:
-        """Numbers and state d, views of what is here."""
-        m, ints = self.motion, self.topology.flat.ints
-        flat = Flat(ints, self.floats[self.which[d]], self.topology.flat.members)
-        weight = flat.floats[ints[WEIGHT] :].reshape(-1, 4)
-        return Bare(flat, weight), Motion(m.x[d], m.R[d], m.inner[d], m.multiplier[d])
+    @cached_property
+    def states(self) -> list[tuple[Bare, Motion]]:
+        """Numbers and state of each, views of what is here."""
+        ints, kinds = self.topology.flat.ints, self.topology.flat.members
+        bare = [Bare(Flat(ints, own, kinds), own[ints[WEIGHT] :].reshape(-1, 4)) for own in self.floats]
+        return [
+            (bare[u], Motion(*own)) for u, *own in zip(self.which.tolist(), *self.motion, strict=True)
+        ]
 
     def pick(self, states: NDArray[np.int64]) -> Alike:
         """Some of the states."""
         used, which = np.unique(self.which[states], return_inverse=True)
-        return self._replace(
+        return replace(
+            self,
             models=tuple(self.models[u] for u in used.tolist()),
             which=which,
             floats=self.floats[used],
@@ -81,10 +86,9 @@ class Alike(NamedTuple):
         number, wider = (b.members.number.tobytes() for b in (self.topology, fine.topology))
         inner[:, widened(number, wider)] = m.inner
         motion = Motion(m.x.copy(), m.R.copy(), inner, m.multiplier.copy())
-        found = self._replace(template=fine, topology=fine.topology, floats=floats, motion=motion)
+        found = replace(self, template=fine, topology=fine.topology, floats=floats, motion=motion)
         work, rows = make_work(fine.topology), fine.topology.terms.start
-        for d, factor in enumerate(self.factor.tolist()):
-            arrays, own = found.state(d)
+        for (arrays, own), factor in zip(found.states, self.factor.tolist(), strict=True):
             work.weight[:] = arrays.weight
             step_to_equilibrium(arrays, own, rows, work, factor)
         return found

@@ -221,13 +221,26 @@ def _axes(axes: Any, R: Array) -> Array:
 def point_motion(model: Model, motion: Motion, node: int, at: Any) -> tuple[Array, Array]:
     """Where the rest point `at` (3,) of a node is now (3,), and B (6, 6): its motion = B times that of the
     node."""
-    point = model.rest.x[node] if at is None else np.asarray(at, float)
+    s = motion.R[node] @ rest_arm(model, node, at)
+    return motion.x[node] + s, motion_of_point(s)
+
+
+def rest_arm(model: Model, node: int, at: Any) -> Array:
+    """From a node to its rest point `at` (3,) [m], at rest; none where it is None."""
+    if at is None:
+        return np.zeros(3)
+    point = np.asarray(at, float)
     if point.shape != (3,) or not np.isfinite(point).all():
         raise SceneError(f"at = {at!r}: three finite coordinates [m] of a point at rest are needed")
-    s = motion.R[node] @ (point - model.rest.x[node])
-    B = np.eye(6)
-    B[:3, 3:] = -cross_matrix(s)
-    return motion.x[node] + s, B
+    return np.asarray(point - model.rest.x[node])
+
+
+def motion_of_point(lever: Array) -> Array:
+    """B (..., 6, 6): the motion of a point at `lever` (..., 3) from its node = B times that of the node."""
+    B = np.zeros((*lever.shape[:-1], 6, 6))
+    B[...] = np.eye(6)
+    B[..., :3, 3:] = -cross_matrix(lever)
+    return B
 
 
 class Stiffnesses(NamedTuple):
@@ -256,12 +269,13 @@ def stiffnesses(
     if link is not None:
         node = node_of(model, link)
         start = int(topology.start[node])
-        held = []
-        for d, k in enumerate(states.which.tolist()):
-            arrays, motion = fine.state(d)
-            loads[d, :6, start : start + 6] = point_motion(states.models[k], motion, node, at[k])[1]
-            held.append(gradients_of_rows(topology, arrays.flat, motion, rows))
+        arms = np.array([rest_arm(own, node, point) for own, point in zip(states.models, at, strict=True)])
+        lever = fine.motion.R[:, node] @ arms[states.which, :, None]
+        loads[:, :6, start : start + 6] = motion_of_point(lever[..., 0])
         if rows:
+            held = [
+                gradients_of_rows(topology, arrays.flat, motion, rows) for arrays, motion in fine.states
+            ]
             left, _ = beyond_rows(topology, states.size, np.stack(held), loads[:, :6].swapaxes(1, 2))
             loads[:, :6] = left.swapaxes(1, 2)
     first = loads.shape[1] - count * drives

@@ -102,7 +102,9 @@ def torsion_factors(ratio: float) -> tuple[float, float]:
     wide = narrow = 0.0
     # tanh x = 1 - 2 / (exp(2 x) + 1): what is left of both series falls like exp(-x)
     for n in range(1, 26, 2):
-        x = min(0.5 * n * math.pi * ratio, 300.0)
+        x = 0.5 * n * math.pi * ratio
+        if x > 40.0:
+            break
         wide += 1.0 / (n**2 * math.cosh(x))
         narrow += (2 - n % 4) * 2.0 / (n**2 * (math.exp(2 * x) + 1.0))
     return 1.0 - 8 / math.pi**2 * wide, 8 / math.pi**2 * (CATALAN - narrow)

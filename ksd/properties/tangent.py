@@ -126,8 +126,7 @@ def responses(states: Alike, loads: Array) -> tuple[Array, NDArray[np.bool_]]:
     topology, found = states.topology, np.empty(loads.shape)
     work, good = make_work(topology), np.zeros(len(loads), bool)
     plan, stored, held = topology.plan.ints, np.empty_like(work.value), np.zeros(len(topology.terms.start))
-    for d, factor in enumerate(states.factor.tolist()):
-        arrays, motion = states.state(d)
+    for d, ((arrays, motion), factor) in enumerate(zip(states.states, states.factor.tolist(), strict=True)):
         if len(work.weight):
             work.weight[:] = arrays.weight
         assemble(arrays, motion, held, factor, work, 1e-8, 0, 10.0)

@@ -26,7 +26,7 @@ from ksd.model.effects import applied, with_conditions
 from ksd.model.mesh import Mesh, MixedMesh
 from ksd.model.newton import largest_move, largest_turn, look, take_step
 from ksd.model.template import Template, template_of
-from ksd.properties.tangent import exact
+from ksd.properties.tangent import exact_arrays
 from ksd.scene.leaf import Condition
 from ksd.solve.error import settled
 from ksd.solve.steps import RTOL
@@ -223,12 +223,12 @@ class Perturbed:
         name: str = "",
     ) -> Configuration:
         """The equilibrium of a model Newton steps from a state; name: of the parameter that was changed."""
-        arrays, motion, target = exact(model.arrays), start.copy(), model.targets(targets)
+        arrays, motion, target = exact_arrays(model), start.copy(), model.targets(targets)
         work = storage.of(arrays)
         moved = []
         for _ in range(NEWTON):
             look(arrays, motion, target, pose.load_factor, work, RTOL)
-            step = work.rhs.copy()
+            step = work.rhs
             moved.append(largest_move(arrays, step) / arrays.size + largest_turn(arrays, step))
             take_step(arrays, motion, step, work, 1.0)
         if not moved[-1] <= LEFT * moved[0] + 1e-8:
