@@ -48,21 +48,7 @@ class Alike:
         """Numbers and state of each, views of what is here."""
         ints, kinds = self.topology.flat.ints, self.topology.flat.members
         bare = [Bare(Flat(ints, own, kinds), own[ints[WEIGHT] :].reshape(-1, 4)) for own in self.floats]
-        return [
-            (bare[u], Motion(*own)) for u, *own in zip(self.which.tolist(), *self.motion, strict=True)
-        ]
-
-    def pick(self, states: NDArray[np.int64]) -> Alike:
-        """Some of the states."""
-        used, which = np.unique(self.which[states], return_inverse=True)
-        return replace(
-            self,
-            models=tuple(self.models[u] for u in used.tolist()),
-            which=which,
-            floats=self.floats[used],
-            motion=Motion(*(field[states] for field in self.motion)),
-            factor=self.factor[states],
-        )
+        return [(bare[u], Motion(*own)) for u, *own in zip(self.which.tolist(), *self.motion, strict=True)]
 
     def constants(self, members: NDArray[np.int64], size: int) -> Array:
         """The first `size` constants (D, k, size) of members (k,)."""

@@ -129,17 +129,13 @@ def end_wrenches(model: Model, motion: Motion, *, load_factor: float = 1.0) -> A
 
 
 def strain_forces(
-    value: Array, inner: Array, number: NDArray[np.int64], points: int, gravity: Array | None = None,
-    *, at: NDArray[np.int64] | None = None,
-) -> tuple[Array, Array]:  # fmt: skip
+    value: Array, inner: Array, number: NDArray[np.int64], points: int, gravity: Array | None = None
+) -> tuple[Array, Array]:
     """Stations (leaves, k) and section forces (leaves, k, 6) of leaves of one make: constants (leaves, v) and inner states;
-    gravity (leaves, 3) in their frames p. at (leaves,), without gravity: of that station and the end alone."""
+    gravity (leaves, 3) in their frames p."""
     s, r, R, *beyond = strain_curves(value, number, inner, points, gravity)
-    if at is not None:
-        pick = np.arange(len(at))[:, None], np.column_stack([at, np.full(len(at), -1)])
-        s, r, R = s[pick], r[pick], R[pick]
     weight = () if gravity is None else (gravity[:, None], *beyond)
-    return s, _along(r, R, inner[:, None, int(number[:3].sum()) :], *weight)
+    return s, forces_along(r, R, inner[:, None, int(number[:3].sum()) :], *weight)
 
 
 def _chain_forces(model: Model, motion: Motion, i: int, how: tuple[Work, float]) -> tuple[Array, Array]:
@@ -150,7 +146,7 @@ def _chain_forces(model: Model, motion: Motion, i: int, how: tuple[Work, float])
     r, turned = chain_nodes(value, number, inner, ends)
     gravity, wrench = _chain_wrench(model, motion, i, ends, how)
     weight = () if gravity is None else (gravity, *_chain_masses(value, int(number[0]), r))
-    forces = _along(r[None], (turned @ chain_axes(value, number))[None], wrench[None, None], *weight)
+    forces = forces_along(r[None], (turned @ chain_axes(value, number))[None], wrench[None, None], *weight)
     return np.concatenate([[0.0], np.cumsum(lengths)]), forces[0]
 
 
@@ -160,7 +156,7 @@ def _solid_forces(model: Model, motion: Motion, i: int, how: tuple[Work, float])
     solid = model.bodies[model.member_names[i]]
     s, r, R = solid.line(ends.d, ends.Q, member_parts(model, motion, i)[2])
     _, wrench = _chain_wrench(model, motion, i, ends, how)
-    return s, _along(r[None], R[None], wrench[None, None])[0]
+    return s, forces_along(r[None], R[None], wrench[None, None])[0]
 
 
 def _chain_masses(value: Array, count: int, r: Array) -> tuple[Array, Array]:
@@ -178,7 +174,7 @@ def _chain_masses(value: Array, count: int, r: Array) -> tuple[Array, Array]:
     return mass[None], first[None]
 
 
-def _along(r: Array, R: Array, wrench: Array, *weight: Array) -> Array:
+def forces_along(r: Array, R: Array, wrench: Array, *weight: Array) -> Array:
     """Section forces (leaves, k, 6) from positions and axes along leaves, and the wrench (leaves, 1, 6) on end q.
 
     weight: gravity (leaves, 1, 3), mass beyond every station (leaves, k), and int M dr up to there (leaves, k, 3).

@@ -273,9 +273,7 @@ def stiffnesses(
         lever = fine.motion.R[:, node] @ arms[states.which, :, None]
         loads[:, :6, start : start + 6] = motion_of_point(lever[..., 0])
         if rows:
-            held = [
-                gradients_of_rows(topology, arrays.flat, motion, rows) for arrays, motion in fine.states
-            ]
+            held = [gradients_of_rows(topology, arrays.flat, motion, rows) for arrays, motion in fine.states]
             left, _ = beyond_rows(topology, states.size, np.stack(held), loads[:, :6].swapaxes(1, 2))
             loads[:, :6] = left.swapaxes(1, 2)
     first = loads.shape[1] - count * drives

@@ -14,6 +14,7 @@ Pa; s in m.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any, NamedTuple
@@ -26,9 +27,9 @@ from ksd.beam.strain_mass import many_pulls, many_slacks
 from ksd.model.arrays import SOLID, Motion
 from ksd.model.compile import Model
 from ksd.properties.alike import Alike
-from ksd.properties.forces import SectionForces, section_forces, spring_energy, strain_forces
+from ksd.properties.forces import SectionForces, forces_along, section_forces, spring_energy, strain_forces
 from ksd.properties.leaf_groups import LeafGroup, elastic, leaf_groups, own_gravity
-from ksd.properties.shape import member_ends, member_parts, members_of_leaves, scene_leaves
+from ksd.properties.shape import member_ends, member_parts, members_of_leaves, scene_leaves, strain_curves
 from ksd.properties.words import ByName, Named, Shown, number
 from ksd.section.constants import extents
 
@@ -257,31 +258,40 @@ def stress_alike(states: Alike, *, points: int = POINTS) -> list[LeavesStress] |
     answers one by one."""
     found, model = [], states.models[0]
     for group in leaf_groups(model):
-        known = _forces_alike(states, group, points)
+        known = _leaves_alike(states, group)
         if known is None:
             return None
-        s, forces, number, sections = known
+        value, inner, number, sections = known
+        s, forces = strain_forces(value, inner, group.number, points)
         state, k = np.divmod(np.arange(len(s)), len(group.members))
-        tables = [_point_table(q) for q in sections]
-        kinds = [(len(table), q.outline is not None) for table, q in zip(tables, sections, strict=True)]
-        for kind in dict.fromkeys(kinds):
-            mine = [n for n, own in enumerate(kinds) if own == kind]
-            place = np.full(len(kinds), -1)
-            place[mine] = np.arange(len(mine))
-            pick = np.flatnonzero(place[number] >= 0)
-            rows = np.stack([tables[n] for n in mine])[place[number[pick]]]
-            mises = _stresses(forces[pick], _at_points(rows), outlined=kind[1])[2]
+        for pick, mises in _mises_by_kind(forces, number, sections):
             found.append(
                 LeavesStress(state[pick], group.members[k[pick]], number[pick], sections, s[pick], mises)
             )
     return found
 
 
-def _forces_alike(
-    states: Alike, group: LeafGroup, points: int, at: NDArray[np.int64] | None = None
+def _mises_by_kind(
+    forces: Array, number: NDArray[np.int64], sections: list[Any]
+) -> Iterator[tuple[NDArray[np.int64], Array]]:
+    """Leaf springs whose sections have as many points and are as alike, and their von Mises stress (n, S, P) [Pa], of
+    section forces (leaves, S, 6); number (leaves,): of the section of each."""
+    tables = [_point_table(q) for q in sections]
+    kinds = [(len(table), q.outline is not None) for table, q in zip(tables, sections, strict=True)]
+    for kind in dict.fromkeys(kinds):
+        mine = [n for n, own in enumerate(kinds) if own == kind]
+        place = np.full(len(kinds), -1)
+        place[mine] = np.arange(len(mine))
+        pick = np.flatnonzero(place[number] >= 0)
+        rows = np.stack([tables[n] for n in mine])[place[number[pick]]]
+        yield pick, _stresses(forces[pick], _at_points(rows), outlined=kind[1])[2]
+
+
+def _leaves_alike(
+    states: Alike, group: LeafGroup
 ) -> tuple[Array, Array, NDArray[np.int64], list[Any]] | None:
-    """Stations (n, S) and section forces (n, S, 6) of the leaves of a group in all states, one state after the other, the
-    number (n,) of the section of each, and the sections; None as of `stress_alike`. at (n,): as in `strain_forces`."""
+    """Constants (n, v) and inner states of the leaves of a group in all states, one state after the other, the number (n,)
+    of the section of each, and the sections; None as of `stress_alike`."""
     names = [states.models[0].member_names[i] for i in group.members.tolist()]
     leaves = scene_leaves(states.models[0])
     if group.heavy or any(n not in leaves or leaves[n].profile is not None for n in names):
@@ -290,8 +300,7 @@ def _forces_alike(
     inner = np.take(states.motion.inner, group.places, axis=1)
     count = len(value) * len(names)
     number, sections = _sections(states, names)
-    s, forces = strain_forces(value.reshape(count, -1), inner.reshape(count, -1), group.number, points, at=at)
-    return s, forces, number.ravel(), sections
+    return value.reshape(count, -1), inner.reshape(count, -1), number.ravel(), sections
 
 
 def _sections(states: Alike, names: list[str]) -> tuple[NDArray[np.int64], list[Any]]:
@@ -335,29 +344,37 @@ def stress_followed(
     """Von Mises stress (D,) [Pa] of every leaf by full name, at the station and point of its section where it is largest in
     state first[d] (D,): what gradients are differences of. None as of `stress_alike`, and where sections of a leaf have
     unlike points."""
-    own, of = np.unique(first, return_inverse=True)
-    every, model = stress_alike(states.pick(own), points=points), states.models[0]
-    if every is None:
-        return None
-    where = np.empty((len(own), len(model.member_names), 2), np.int64)
-    for part in every:
-        at = part.mises.reshape(len(part.mises), -1).argmax(axis=1)
-        where[part.state, part.member] = np.column_stack(np.divmod(at, part.mises.shape[2]))
+    model = states.models[0]
     found = np.empty((len(first), len(model.member_names)))
     for group in leaf_groups(model):
-        station, point = where[of][:, group.members].reshape(-1, 2).T
-        known = _forces_alike(states, group, points, station)
-        assert known is not None
-        _, forces, number, sections = known
-        tables = [_point_table(q) for q in sections]
-        count = np.array([len(table) for table in tables])[number].reshape(len(first), -1)
-        if (count != count[first]).any():
+        known = _leaves_alike(states, group)
+        if known is None:
             return None
+        value, inner, number, sections = known
+        _, r, R = strain_curves(value, group.number, inner, points)
+        wrench = inner[:, None, group.modes :]
+        # where it is largest in the leaves of the first states, and which of these each leaf goes by
+        own, of = np.unique(first, return_inverse=True)
+        every = np.arange(len(number)).reshape(len(first), -1)
+        lead, of = every[own].ravel(), every[: len(own)][of].ravel()
+        worst = np.empty((2, len(lead)), np.int64)
+        for pick, mises in _mises_by_kind(
+            forces_along(r[lead], R[lead], wrench[lead]), number[lead], sections
+        ):
+            worst[:, pick] = np.divmod(mises.reshape(len(mises), -1).argmax(axis=1), mises.shape[2])
+        station, point = worst[:, of]
+        tables = [_point_table(q) for q in sections]
+        count = np.array([len(table) for table in tables])[number]
+        if (count != count[lead][of]).any():
+            return None
+        # of that station, and of the end its lever is measured to
+        pick = every.reshape(-1, 1), np.column_stack([station, np.full(len(number), -1)])
+        forces = forces_along(r[pick], R[pick], wrench)[:, :1]
         rows = np.array([tables[n][p] for n, p in zip(number.tolist(), point.tolist(), strict=True)])
         stations = _at_points(rows[:, None])
         outlined = np.array([q.outline is not None for q in sections])[number]
-        both = (_stresses(forces[:, :1], stations, outlined=o)[2].ravel() for o in (True, False))
-        found[:, group.members] = np.where(outlined, *both).reshape(count.shape)
+        both = (_stresses(forces, stations, outlined=o)[2].ravel() for o in (True, False))
+        found[:, group.members] = np.where(outlined, *both).reshape(every.shape)
     return dict(zip(model.member_names, found.T, strict=True))
 
 

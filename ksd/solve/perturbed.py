@@ -195,7 +195,8 @@ class Perturbed:
         if self._made is None or self._made[0] is not pose.model:
             self._made = pose.model, self._models(pose.model, parameters)
         work = _Storage()
-        here = self._at(pose, pose.model, settled(pose), pose.targets, work)
+        start = pose.motion if pose.method == "conventional" else settled(pose)
+        here = self._at(pose, pose.model, start, pose.targets, work)
         sides = []
         for parameter, models in zip(parameters, self._made[1], strict=True):
             own = []
@@ -236,9 +237,9 @@ class Perturbed:
             raise ConvergenceError(
                 f"no gradient: Newton steps do not reach the equilibrium {where}; it is near the end of its branch"
             )
-        return replace(
-            pose, model=model, motion=motion, targets=dict(targets), method="conventional", method_error=None,
-            chosen=False, joint_motions=None, notes=(), doubts=(),
+        return type(pose)(
+            model, motion, "conventional", dict(targets), pose.steps, negatives=pose.negatives,
+            expected=pose.expected, load_factor=pose.load_factor, intended=pose.intended,
         )  # fmt: skip
 
 
