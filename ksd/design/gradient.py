@@ -314,9 +314,9 @@ def _rows_together(poses: list[list[Configuration]], asked: Asked, sides: int) -
     groups = _alike(every) if TOGETHER & set(asked.questions) else []
     known = [NOTHING] * len(every)
     for numbers, states in groups if TOGETHER & set(plain.questions) else []:
-        for n, own in zip(numbers, answered_alike(states, plain), strict=True):
-            known[n] = own
-    answers = iter([_plain(pose, plain, own.rows) for pose, own in zip(every, known, strict=True)])
+        for n, together in zip(numbers, answered_alike(states, plain), strict=True):
+            known[n] = together
+    answers = iter([_plain(pose, plain, one.rows) for pose, one in zip(every, known, strict=True)])
     rows = [[next(answers) for _ in own] for own in poses]
     if "stress" in asked.questions:
         for row, more in zip(chain(*rows), chain(*_stresses(poses, groups, asked.points)), strict=True):

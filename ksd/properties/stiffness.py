@@ -269,7 +269,7 @@ def stiffnesses(
     if link is not None:
         node = node_of(model, link)
         start = int(topology.start[node])
-        arms = np.array([rest_arm(own, node, point) for own, point in zip(states.models, at, strict=True)])
+        arms = np.array([rest_arm(own, node, point) for own, point in zip(states.models, at, strict=False)])
         lever = fine.motion.R[:, node] @ arms[states.which, :, None]
         loads[:, :6, start : start + 6] = motion_of_point(lever[..., 0])
         if rows:

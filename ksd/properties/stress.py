@@ -278,7 +278,7 @@ def _mises_by_kind(
     section forces (leaves, S, 6); number (leaves,): of the section of each."""
     tables = [_point_table(q) for q in sections]
     kinds = [(len(table), q.outline is not None) for table, q in zip(tables, sections, strict=True)]
-    for kind in dict.fromkeys(kinds):
+    for kind in dict.fromkeys(kinds[n] for n in number.tolist()):
         mine = [n for n, own in enumerate(kinds) if own == kind]
         place = np.full(len(kinds), -1)
         place[mine] = np.arange(len(mine))
@@ -368,13 +368,13 @@ def stress_followed(
         if (count != count[lead][of]).any():
             return None
         # of that station, and of the end its lever is measured to
-        pick = every.reshape(-1, 1), np.column_stack([station, np.full(len(number), -1)])
-        forces = forces_along(r[pick], R[pick], wrench)[:, :1]
+        both = every.reshape(-1, 1), np.column_stack([station, np.full(len(number), -1)])
+        forces = forces_along(r[both], R[both], wrench)[:, :1]
         rows = np.array([tables[n][p] for n, p in zip(number.tolist(), point.tolist(), strict=True)])
         stations = _at_points(rows[:, None])
         outlined = np.array([q.outline is not None for q in sections])[number]
-        both = (_stresses(forces, stations, outlined=o)[2].ravel() for o in (True, False))
-        found[:, group.members] = np.where(outlined, *both).reshape(every.shape)
+        either = (_stresses(forces, stations, outlined=o)[2].ravel() for o in (True, False))
+        found[:, group.members] = np.where(outlined, *either).reshape(every.shape)
     return dict(zip(model.member_names, found.T, strict=True))
 
 
