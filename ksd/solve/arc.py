@@ -8,6 +8,7 @@ matrix is regular at limit points, where the tangent itself is not.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -31,8 +32,16 @@ MOST_BEND = 0.5
 """Largest turn [rad] of the path's tangent in a step."""
 WITHIN = 1e-2
 """Smallest eigenvalue, scaled by the diagonal, of a tangent that is not singular."""
+MOST_STRAY = 0.15
+"""Largest correction of a step, over its arc: a longer one may lead to another path."""
 SHORT = 1e-5
 """An arc below which its bend is accepted, whatever it is."""
+LEAST = 1e-8
+"""An arc below which two paths are one."""
+CLOSE = 1e-3
+"""Largest rate of the factor where it stands still, over its change in the step."""
+BISECTIONS = 16
+"""Halvings of an arc."""
 
 
 @dataclass(frozen=True)
@@ -52,7 +61,7 @@ class Course:
 @dataclass(frozen=True)
 class Place:
     """An equilibrium on the path: state, parameter, inertia, exact tangent K (n, n), dR/df b (n,), local angles small,
-    residual over its bound."""
+    residual over its bound, arc from where it was predicted."""
 
     motion: Motion
     f: float
@@ -62,6 +71,7 @@ class Place:
     iterations: int
     fits: bool = True
     residual: float = 0.0
+    strayed: float = 0.0
 
 
 def factor_force(model: Model, motion: Motion, course: Course, work: Work) -> Array:
@@ -110,6 +120,10 @@ class Tracer:
         """Arc length of a step z (n + 1,)."""
         return math.sqrt(float(z @ (self.metric * z)))
 
+    def bend(self, one: Array, other: Array) -> float:
+        """Angle [rad] between two unit directions (n + 1,)."""
+        return math.acos(min(1.0, float(one @ (self.metric * other))))
+
     def tangent(self, at: Place, before: Array | None) -> Array:
         """Unit direction (n + 1,) of the path, forward in the sense of `before` (rising parameter when None)."""
         n = len(at.b)
@@ -131,7 +145,7 @@ class Tracer:
         n = arrays.plan.unknowns
         c = np.append(np.zeros(n), 1.0) if normal is None else self.metric * normal
         moved = math.inf
-        step = first
+        step, strayed = first, np.zeros(n + 1)
         for count in range(most + 1):
             worst, _, inside, status = assemble(arrays, motion, *self.course.aim(f), work, RTOL, 0, GRAIN)
             if not math.isfinite(worst):
@@ -147,7 +161,8 @@ class Tracer:
                 if rest is not None and below != len(arrays.terms.start):
                     below = divergences(arrays, K, rest)
                 full = K if rest is None else K + rest
-                return Place(motion, f, below + int(inside), full, b, count, status == 0, worst)
+                away = self.length(strayed)
+                return Place(motion, f, below + int(inside), full, b, count, status == 0, worst, away)
             if step is None:
                 right = np.append(-work.rhs, 0.0)
                 try:
@@ -162,6 +177,8 @@ class Tracer:
             )
             take_step(arrays, motion, np.ascontiguousarray(step[:n]), work, 1.0)
             f += float(step[n])
+            if step is not first:
+                strayed += step
             step = None
         return None
 
@@ -187,6 +204,13 @@ class Turn:
     mode: Array
 
 
+def _crossed(before: Place, direction: Array, after: Place, ahead: Array) -> bool:
+    """Whether the determinant of the bordered tangent has another sign: it keeps its sign along a path and changes where
+    another one crosses (Allgower and Georg, Introduction to numerical continuation methods, 2003, chapter 8)."""
+    turned = direction[-1] * ahead[-1] < 0.0
+    return turned != ((after.negatives - before.negatives) % 2 == 1)
+
+
 REACHED = "the end was reached"
 """Why a walk stopped that came to the end asked for."""
 
@@ -210,14 +234,26 @@ class Walk:
         """Record a place; its dense tangent would fill the memory on a long path."""
         self.places.append(replace(at, K=np.zeros((0, 0)), b=np.zeros(0)))
 
-    def turn(self, before: Place, direction: Array, after: Place, ahead: Array, arc: float) -> None:
-        """Locate and record what lies between two places, if anything does."""
-        if direction[-1] * ahead[-1] < 0.0:
-            self._record("limit", self._limit(before, direction, after, ahead, arc))
-            if abs(after.negatives - before.negatives) <= 1:
-                return
-        if after.negatives != before.negatives:
-            self._record("bifurcation", self._bifurcation(before, direction, after, arc))
+    def turn(self, before: Place, direction: Array, after: Place, ahead: Array, arc: float) -> bool:
+        """Locate and record what lies between two places, if anything does; False, and nothing recorded, where they are of
+        two paths, as beside a bifurcation that an imperfection has taken apart."""
+        limit = direction[-1] * ahead[-1] < 0.0
+        branches = None
+        if _crossed(before, direction, after, ahead):
+            branches = after if arc < LEAST else self._crossing(before, direction, ahead, arc)
+            if branches is None:
+                return False
+        elif abs(after.negatives - before.negatives) > int(limit):
+            ends = self._bisected(before, direction, arc, lambda at, _: at.negatives != before.negatives)
+            branches = after if ends is None or ends[1] is None else ends[1]
+        if limit:
+            top = self._limit(before, direction, after, ahead, arc)
+            if top is None:
+                return False
+            self._record("limit", top)
+        if branches is not None:
+            self._record("bifurcation", branches)
+        return True
 
     def _record(self, kind: Literal["limit", "bifurcation"], at: Place) -> None:
         scale = scaling(0.5 * (at.K + at.K.T))
@@ -229,8 +265,8 @@ class Walk:
         inside = kind == "bifurcation" and abs(values[least]) > WITHIN
         self.turns.append(Turn(kind, at, np.zeros_like(mode) if inside else mode))
 
-    def _limit(self, before: Place, direction: Array, after: Place, ahead: Array, arc: float) -> Place:
-        """Where d(factor)/ds vanishes, by the false position (Illinois) on the arc."""
+    def _limit(self, before: Place, direction: Array, after: Place, ahead: Array, arc: float) -> Place | None:
+        """Where d(factor)/ds vanishes, by the false position (Illinois) on the arc; None where it jumps."""
         low, high, g_low, g_high = 0.0, arc, float(direction[-1]), float(ahead[-1])
         best, smallest = after, abs(g_high)
         for _ in range(12):
@@ -247,21 +283,42 @@ class Walk:
                 high, g_high, g_low = s, g, 0.5 * g_low
             else:
                 low, g_low, g_high = s, g, 0.5 * g_high
-        return best
+        return best if smallest < CLOSE * abs(direction[-1] - ahead[-1]) or arc < LEAST else None
 
-    def _bifurcation(self, before: Place, direction: Array, after: Place, arc: float) -> Place:
-        """Where the inertia changes, by bisection of the arc."""
-        low, high, best = 0.0, arc, after
-        for _ in range(20):
+    def _crossing(self, before: Place, direction: Array, ahead: Array, arc: float) -> Place | None:
+        """Where the path crosses another one, None where there are two that do not meet."""
+        ends = self._bisected(
+            before, direction, arc, lambda at, onward: _crossed(before, direction, at, onward)
+        )
+        one, other = ends or (before, None)
+        if other is None:
+            return None
+        size, wide = self.model.arrays.size, 5.0 * arc * 0.5**BISECTIONS + LEAST
+        apart = max(
+            np.abs(one.motion.x - other.motion.x).max() / size, np.abs(one.motion.R - other.motion.R).max()
+        )
+        steep = max(abs(direction[-1]), abs(ahead[-1]))
+        return other if apart < wide and abs(one.f - other.f) < steep * wide + 1e-9 else None
+
+    def _bisected(
+        self, before: Place, direction: Array, arc: float, beyond: Callable[[Place, Array], bool]
+    ) -> tuple[Place, Place | None] | None:
+        """The last place before and the first one beyond what lies on an arc, which is halved; None past a sharp turn."""
+        low, high = 0.0, arc
+        ends: tuple[Place, Place | None] = before, None
+        for _ in range(BISECTIONS):
             s = 0.5 * (low + high)
             at = self.tracer.advance(before, direction, s)
             if at is None:
-                break
-            if at.negatives == before.negatives:
-                low = s
+                return None
+            onward = self.tracer.tangent(at, direction)
+            if self.tracer.bend(direction, onward) > MOST_BEND:
+                return None
+            if beyond(at, onward):
+                high, ends = s, (ends[0], at)
             else:
-                high, best = s, at
-        return best
+                low, ends = s, (at, ends[1])
+        return ends
 
     def _arc(self, at: Place, ahead: Array, arc: float, until: float) -> float:
         """Not past the end: the arc that would just reach `until`, if that is shorter."""
@@ -291,12 +348,15 @@ class Walk:
                     return "the arc was halved to its smallest size without reaching equilibrium"
                 continue
             onward = self.tracer.tangent(found, ahead)
-            bend = math.acos(min(1.0, float(ahead @ (self.tracer.metric * onward))))
-            if bend > MOST_BEND and length > SHORT:
+            bend = self.tracer.bend(ahead, onward)
+            if (bend > MOST_BEND or found.strayed > MOST_STRAY * length) and length > SHORT:
                 # a sharp turn: closer, lest a limit point and the next one both lie in one step
                 arc = 0.5 * length
                 continue
-            self.turn(at, ahead, found, onward, length)
+            if not self.turn(at, ahead, found, onward, length):
+                # closer, where the path itself turns
+                arc = 0.5 * length
+                continue
             if len(self.turns) >= turns:
                 return "it turns"
             at, ahead = found, onward

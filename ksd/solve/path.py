@@ -101,7 +101,7 @@ def follow(
     side: float = 1.0,
     until: float = 1.0,
     first: float = 0.02,
-    most: int = 400,
+    most: int = 1000,
     mesh: Mesh | None = None,
 ) -> Path:
     """Follow the equilibrium path by arc length, through limit points.

@@ -1,0 +1,71 @@
+"""Paths beside bifurcations that an imperfection has taken apart: none is left for another one that passes closely."""
+
+import numpy as np
+import pytest
+
+import ksd
+import ksd.solve.arc as arc
+from ksd.bench.suite import STEEL
+from ksd.solve.arc import _crossed
+
+
+def arch(side, *, push=40.0):
+    """A shallow arch of two leaf springs that meet in a block, pushed down in its middle and by `side` [N] beside."""
+    scene = ksd.Mechanism("arch", plane="xy")
+    top = scene.link("top")
+    for start, end in (((0, 0, 0), (0.1, 0.012, 0)), ((0.22, 0, 0), (0.12, 0.012, 0))):
+        scene.leaf("ground", top, start=start, end=end, section=ksd.rectangle(0.5e-3, 10e-3), material=STEEL,
+                   width_axis=(0, 0, 1))  # fmt: skip
+    scene.load(top, force=(side, -push, 0), at=(0.11, 0.012, 0))
+    return scene
+
+
+def sunk(path):
+    return path.states[-1].displacement("top")[1]
+
+
+@pytest.mark.parametrize("side", [1e-2, 1.0, 4.0])
+def test_an_arch_pushed_beside_its_middle_snaps_through(side):
+    """The path of the arch turns sharply where that of the symmetric one has bifurcations; it went over to the symmetric one
+    and back, and round until its steps were used."""
+    perfect = ksd.follow(arch(0.0))
+    paths = [ksd.follow(arch(side), first=first) for first in (0.02, 0.005)]
+    for path in paths:
+        assert path.ended, path.stop
+        assert path.limits == pytest.approx(paths[0].limits, rel=2e-3)
+        # the arch hangs: what pushed it aside hardly matters
+        assert sunk(path) == pytest.approx(sunk(perfect), rel=2e-4)
+    # every state is one step from the last
+    for one, other in zip(paths[0].states, paths[0].states[1:], strict=False):
+        assert np.abs(other.motion.x - one.motion.x).max() < 2 * arc.LARGEST * one.model.arrays.size
+
+
+def test_less_is_carried_the_further_aside_an_arch_is_pushed():
+    """The asymmetric bifurcation's law of two thirds (Koiter, On the stability of elastic equilibrium, 1945): load lost over
+    imperfection^(2/3) does not change."""
+    critical = ksd.follow(arch(0.0), until=0.3).bifurcations[0].factor
+    sides = np.array([0.02, 0.05, 0.1])
+    lost = np.array([critical - ksd.follow(arch(s), most=1000).limits[0] for s in sides])
+    # the force aside grows with the load factor
+    law = lost / (sides * (critical - lost)) ** (2 / 3)
+    assert np.ptp(law) < 0.03 * law.mean()
+
+
+def test_both_bifurcations_of_one_step_are_found():
+    """A limit point and a bifurcation in a step left the latter out: how many there were hung on the first step."""
+    found = [
+        [b.factor for b in ksd.follow(arch(0.0), first=first).bifurcations] for first in (0.02, 0.01, 0.001)
+    ]
+    for other in found[1:]:
+        assert other == pytest.approx(found[0], abs=2e-3)
+
+
+def test_orientation_changes_where_paths_cross_alone():
+    """At limit points both the inertia and the rate of the factor change; where one changes alone another path crosses."""
+    path = ksd.follow(arch(0.0), until=0.3)
+    place = arc.Place(None, 0.0, 0, None, None, 0)
+    up, down = np.array([0.0, 1.0]), np.array([0.0, -1.0])
+    more = arc.Place(None, 0.0, 1, None, None, 0)
+    assert not _crossed(place, up, place, up) and not _crossed(place, up, more, down)
+    assert _crossed(place, up, more, up) and _crossed(place, up, place, down)
+    assert [t.kind for t in path.turnings] == ["bifurcation"]
