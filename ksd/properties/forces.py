@@ -143,7 +143,7 @@ def _chain_forces(model: Model, motion: Motion, i: int, how: tuple[Work, float])
     value, number, inner = member_parts(model, motion, i)
     ends = member_ends(model, motion, i)
     lengths = value[: 16 * int(number[0])].reshape(-1, 16)[:, 0]
-    r, turned = chain_nodes(value, number, inner, ends)
+    r, turned = chain_nodes(value, number, inner, ends.d, ends.Q)
     gravity, wrench = _chain_wrench(model, motion, i, ends, how)
     weight = () if gravity is None else (gravity, *_chain_masses(value, int(number[0]), r))
     forces = forces_along(r[None], (turned @ chain_axes(value, number))[None], wrench[None, None], *weight)

@@ -1,4 +1,5 @@
-"""Strain-mode leaves of equal make (orders, points, panels), worked on together: one call for all in place of one each."""
+"""Strain-mode leaves of equal make (orders, points, panels), and chains of as many elements, worked on together: one call
+for all in place of one each."""
 
 from __future__ import annotations
 
@@ -11,7 +12,7 @@ from numpy.typing import NDArray
 
 from ksd.beam.strain_mass import StrainParts, StrainPull, many_parts, many_pulls, strain_flexibility
 from ksd.beam.strain_values import strain_constants
-from ksd.model.arrays import STRAIN, Motion
+from ksd.model.arrays import COROTATIONAL, STRAIN, Motion
 from ksd.model.compile import Model
 from ksd.properties.cache import per_model
 from ksd.properties.nonconservative import cross_matrix
@@ -57,6 +58,21 @@ def leaf_groups(model: Model) -> tuple[LeafGroup, ...]:
     return tuple(groups)
 
 
+@per_model
+def chain_groups(model: Model) -> tuple[LeafGroup, ...]:
+    """All chains of a model by their number of elements; of their constants those of the elements and the clamped end."""
+    members = model.arrays.members
+    found: dict[int, list[int]] = {}
+    for i in np.flatnonzero(members.kind == COROTATIONAL).tolist():
+        found.setdefault(int(members.number[i, 0]), []).append(i)
+    groups = []
+    for count, same in found.items():
+        value = np.stack([members.value[members.value_at[i] :][: 16 * count + 9] for i in same])
+        places = members.inner_at[same][:, None] + np.arange(12 * (count - 1))
+        groups.append(LeafGroup(np.array(same), members.number[same[0]], value, places))
+    return tuple(groups)
+
+
 @dataclass(frozen=True)
 class EndFrames:
     """End frames of k members: p at start (k, 3), axes frame (k, 3, 3), global; q at d (k, 3), in p; arms (k, 2, 3):
@@ -69,7 +85,7 @@ class EndFrames:
     reach: Array
 
 
-def end_frames(model: Model, motion: Motion, which: NDArray[np.int64]) -> EndFrames:
+def end_frames(model: Model, motion: Motion, which: NDArray[np.int64] | slice) -> EndFrames:
     """End frames of the members `which` (k,) at `motion`."""
     members = model.arrays.members
     nodes = members.node[which]

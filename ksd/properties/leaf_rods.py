@@ -29,7 +29,7 @@ Array = NDArray[np.float64]
 STEPS, SHAPED = 4, 16
 """Least steps along a leaf; along every part between the breaks of a profile, and of a curve. Those of a profile are shorter
 towards the ends: there the thickness of a fillet runs like a root."""
-TURN = 0.35
+TURN = 0.5
 """Turning of a rod by its curvature, and growth of its changes, in one step."""
 VARIES = 1.5
 """Turning [rad] that a section counts for whose stiffness varies by e."""
@@ -68,18 +68,31 @@ class LeafRod(NamedTuple):
     mass: float
     known: dict[int, _Sampled]
 
-    def count(self, turning: float) -> int:
-        """Steps for so much turning and growth along the leaf: the least, one and a half, two, three, four ... times it."""
-        least = STEPS if self.leaf.profile is None and self.leaf.curve is None else SHAPED
-        times = max(turning / TURN / least, 1.0)
-        power = 2 ** math.floor(math.log2(times))
-        return next(least * power * k // 2 for k in (2, 3, 4) if times <= 0.5 * k * power)
-
     def sampled(self, count: int) -> _Sampled:
         """The leaf in so many steps."""
         if count not in self.known:
             self.known[count] = _sample(self.leaf, self.mesh, self.heavy, count)
         return self.known[count]
+
+
+class RodSizes(NamedTuple):
+    """Of all leaves of a model (k,), see `LeafRod`; least: the least steps they are cut into."""
+
+    length: Array
+    soft: Array
+    bent: Array
+    mass: Array
+    least: NDArray[np.int64]
+
+
+@per_model
+def rod_sizes(model: Model) -> RodSizes:
+    """`RodSizes` of a model."""
+    leaves = leaves_as_rods(model)
+    plain = [leaf.leaf.profile is None and leaf.leaf.curve is None for leaf in leaves]
+    sizes = np.array([(leaf.length, leaf.soft, leaf.bent, leaf.mass) for leaf in leaves])
+    length, soft, bent, mass = sizes.T.copy()
+    return RodSizes(length, soft, bent, mass, np.where(plain, STEPS, SHAPED))
 
 
 @per_model
@@ -169,63 +182,67 @@ def _moved(leaf: Any, mesh: Any, count: int) -> tuple[Array, Array, Array] | Non
 
 
 class RodParts(NamedTuple):
-    """The leaves of a model, cut. samples (k,): of every leaf; length, axial, mass (p,): length [m], stiffness EA [N] and
-    mass [kg] of every part; of (p,): the leaf it is of."""
+    """The leaves of a model, cut. turn (k, 3, 3): axes of end p, in those of the member; length, axial, mass (p,): length
+    [m], stiffness EA [N] and mass [kg] of every part; of (p,): the leaf it is of; share (p,): of its leaf, before it."""
 
     rods: Rods
-    samples: tuple[_Sampled, ...]
+    turn: Array
     length: Array
     axial: Array
     mass: Array
     of: NDArray[np.int64]
+    share: Array
 
 
 def cut_rods(model: Model, wrench: Array) -> RodParts:
     """All leaves in the steps and parts that an integration from wrenches (k, 6) at end p takes."""
-    leaves = leaves_as_rods(model)
-    length, soft, bent = np.array([(leaf.length, leaf.soft, leaf.bent) for leaf in leaves]).T
-    pull, bend = (np.sqrt((w * w).sum(axis=1)) for w in (wrench[:, :3], wrench[:, 3:]))
+    length, soft, bent, mass, least = rod_sizes(model)
+    pull, bend = np.sqrt((wrench * wrench).reshape(-1, 2, 3).sum(axis=2)).T
     growth = np.minimum(length * np.sqrt(pull * soft), LIMIT)
-    turning = np.minimum(bent + length * soft * bend + growth, LIMIT).tolist()
+    turning = np.minimum(bent + length * soft * bend + growth, LIMIT)
     # the tangent of a part does not know how its weight turns with the station it begins at: few stations for these
-    most = np.array([HEAVY_GROWTH if leaf.heavy else GROWTH for leaf in leaves])
-    parts = tuple(np.maximum(1, np.ceil(growth / most - 0.5)).astype(int).tolist())
-    least = [max(t, TURN * (n if n > 1 else 0)) for t, n in zip(turning, parts, strict=True)]
-    counts = tuple(leaf.count(t) for leaf, t in zip(leaves, least, strict=True))
-    known = _known(model)
-    if (counts, parts) not in known:
+    parts = np.maximum(1, np.ceil(growth / np.where(mass > 0.0, HEAVY_GROWTH, GROWTH) - 0.5)).astype(int)
+    turning = np.maximum(turning, TURN * np.where(parts > 1, parts, 0))
+    # the least, one and a half, two, three, four ... times it
+    times = np.maximum(turning / TURN / least, 1.0)
+    power = 2.0 ** np.floor(np.log2(times))
+    counts = (0.5 * least * power * np.maximum(2.0, np.ceil(2.0 * times / power))).astype(int)
+    known, ways = _known(model), (counts.tobytes(), parts.tobytes())
+    if ways not in known:
         if len(known) >= KEPT:
             known.clear()
-        samples = tuple(leaf.sampled(n) for leaf, n in zip(leaves, counts, strict=True))
-        known[counts, parts] = _cut(model, leaves, samples, parts)
-    return known[counts, parts]
+        known[ways] = _cut(model, counts.tolist(), parts.tolist())
+    return known[ways]
 
 
 @per_model
-def _known(model: Model) -> dict[tuple[tuple[int, ...], tuple[int, ...]], RodParts]:
+def _known(model: Model) -> dict[tuple[bytes, bytes], RodParts]:
     """Ways to cut the leaves of a model, by steps and parts of every leaf."""
     return {}
 
 
-def _cut(
-    model: Model, leaves: tuple[LeafRod, ...], samples: tuple[_Sampled, ...], parts: tuple[int, ...]
-) -> RodParts:
-    members, at_part, at_step, of = model.arrays.members, [0], [0], []
+def _cut(model: Model, counts: list[int], parts: list[int]) -> RodParts:
+    """All leaves in so many steps and parts each."""
+    leaves, members = leaves_as_rods(model), model.arrays.members
+    samples = [leaf.sampled(n) for leaf, n in zip(leaves, counts, strict=True)]
+    at_part, at_step, of = [0], [0], []
     offset, frame = members.offset.copy(), members.frame.copy()
+    turn, share = np.tile(np.eye(3), (len(leaves), 1, 1)), []
     for i, (sample, count) in enumerate(zip(samples, parts, strict=True)):
         along = np.cumsum(sample.step)
         ends = 1 + np.searchsorted(along, along[-1] * (np.arange(1, count) / count - 1e-9))
         cuts = sorted({*ends.tolist(), len(along)})
+        share += [0.0, *(along[[cut - 1 for cut in cuts[:-1]]] / along[-1])]
         first = at_step[-1]
         at_step += [first + cut for cut in cuts]
         at_part.append(len(at_step) - 1)
         of += [i] * len(cuts)
         if sample.moved is not None:
-            turn, clamp, shift = sample.moved
+            turn[i], clamp, shift = sample.moved
             offset[i, 1] += frame[i, 1] @ shift
-            frame[i, 0], frame[i, 1] = frame[i, 0] @ turn, frame[i, 1] @ clamp
+            frame[i, 0], frame[i, 1] = frame[i, 0] @ turn[i], frame[i, 1] @ clamp
     step, rod = (np.concatenate([getattr(s, n) for s in samples]) for n in ("step", "rod"))
     rods = Rods(np.array(at_part), np.array(at_step), step, rod, offset, frame)
     axial = np.array([leaves[i].axial for i in of])
     length, mass = (np.add.reduceat(a, at_step[:-1]) for a in (step, step * (rod[:, :, 9] @ WEIGHTS)))
-    return RodParts(rods, samples, length, axial, mass, np.array(of))
+    return RodParts(rods, turn, length, axial, mass, np.array(of), np.array(share))

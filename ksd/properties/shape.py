@@ -26,6 +26,7 @@ from ksd.model.leaves import leaf_of
 from ksd.numerics.kernel import kernel
 from ksd.numerics.rotations import straighten
 from ksd.properties.cache import per_model
+from ksd.properties.leaf_groups import LeafGroup, end_frames
 from ksd.scene.effects import Spring
 from ksd.scene.joint import leaves_of
 from ksd.section.constants import extents
@@ -308,23 +309,28 @@ class _Beyond:
         return tuple(np.concatenate(parts, axis=1) for parts in both)
 
 
-def chain_nodes(value: Array, number: NDArray[np.int64], inner: Array, ends: Ends) -> tuple[Array, Array]:
-    """Positions (n+1, 3) and rotations from rest (n+1, 3, 3) of a chain's nodes, in frame p."""
-    n = int(number[0])
-    x, R = np.zeros((n + 1, 3)), np.empty((n + 1, 3, 3))
-    nodes = inner[: 12 * (n - 1)].reshape(-1, 12)
-    R[0], x[1:n], R[1:n] = np.eye(3), nodes[:, :3], nodes[:, 3:].reshape(-1, 3, 3)
-    x[n], R[n] = ends.d, ends.Q @ value[16 * n : 16 * n + 9].reshape(3, 3).T
+def chain_nodes(
+    value: Array, number: NDArray[np.int64], inner: Array, d: Array, Q: Array
+) -> tuple[Array, Array]:
+    """Positions (..., n+1, 3) and rotations from rest (..., n+1, 3, 3) of the nodes of chains, in frame p; constants
+    (..., v), inner states and ends d (..., 3), Q (..., 3, 3) of chains of one number of elements."""
+    n, chains = int(number[0]), value.shape[:-1]
+    x, R = np.zeros((*chains, n + 1, 3)), np.empty((*chains, n + 1, 3, 3))
+    nodes = inner[..., : 12 * (n - 1)].reshape(*chains, n - 1, 12)
+    x[..., 1:n, :], R[..., 1:n, :, :] = nodes[..., :3], nodes[..., 3:].reshape(*chains, n - 1, 3, 3)
+    clamp = value[..., 16 * n : 16 * n + 9].reshape(*chains, 3, 3)
+    R[..., 0, :, :], x[..., n, :], R[..., n, :, :] = np.eye(3), d, Q @ clamp.swapaxes(-1, -2)
     return x, R
 
 
 def chain_axes(value: Array, number: NDArray[np.int64]) -> Array:
-    """Section axes (n+1, 3, 3) at the nodes of a chain at rest, in frame p: between those of its elements."""
-    n = int(number[0])
-    T = value[: 16 * n].reshape(n, 16)[:, 7:].reshape(n, 3, 3)
-    axes = np.empty((n + 1, 3, 3))
-    axes[0], axes[1:n] = np.eye(3), straightened(0.5 * (T[:-1] + T[1:]))
-    axes[n] = value[16 * n : 16 * n + 9].reshape(3, 3)
+    """Section axes (..., n+1, 3, 3) at the nodes of chains at rest, in frame p: between those of their elements."""
+    n, chains = int(number[0]), value.shape[:-1]
+    T = value[..., : 16 * n].reshape(*chains, n, 16)[..., 7:].reshape(*chains, n, 3, 3)
+    axes = np.empty((*chains, n + 1, 3, 3))
+    axes[..., 0, :, :] = np.eye(3)
+    axes[..., 1:n, :, :] = straightened(0.5 * (T[..., :-1, :, :] + T[..., 1:, :, :]))
+    axes[..., n, :, :] = value[..., 16 * n : 16 * n + 9].reshape(*chains, 3, 3)
     return axes
 
 
@@ -336,10 +342,10 @@ def _straighten(A: Array) -> None:
 
 
 def straightened(A: Array) -> Array:
-    """The nearest rotations to matrices (k, 3, 3) that lie between rotations."""
-    found = A.copy()
+    """The nearest rotations to matrices (..., 3, 3) that lie between rotations."""
+    found = A.reshape(-1, 3, 3).copy()
     _straighten(found)
-    return found
+    return found.reshape(A.shape)
 
 
 @lru_cache(maxsize=64)
@@ -347,7 +353,11 @@ def _cubics(points: int) -> tuple[Array, Array]:
     """Fractions (points,) of an element beyond its start, and there the cubics (4, points) that are 1 at its start and end,
     and of slope 1 there."""
     u = np.linspace(0.0, 1.0, points + 1)[1:]
-    return u, np.array([1 - 3 * u**2 + 2 * u**3, 3 * u**2 - 2 * u**3, u - 2 * u**2 + u**3, u**3 - u**2])
+    return u, _cubic(u)
+
+
+def _cubic(u: Array) -> Array:
+    return np.array([1 - 3 * u**2 + 2 * u**3, 3 * u**2 - 2 * u**3, u - 2 * u**2 + u**3, u**3 - u**2])
 
 
 def _chain_curve(
@@ -355,7 +365,7 @@ def _chain_curve(
 ) -> tuple[Array, ...]:
     """Stations (k,), positions (k, 3), axes (k, 3, 3) along a chain, in frame p: cubics between its nodes."""
     n = int(number[0])
-    x, R = chain_nodes(value, number, inner, ends)
+    x, R = chain_nodes(value, number, inner, ends.d, ends.Q)
     axes = R @ chain_axes(value, number)
     lengths = value[: 16 * n].reshape(n, 16)[:, 0]
     u, weights = _cubics(max(1, math.ceil((points - 1) / n)))
@@ -389,6 +399,48 @@ def member_line(model: Model, motion: Motion, i: int, points: int) -> tuple[Arra
     else:
         raise ValueError(f"member '{model.member_names[i]}' is a condensed joint, which has no centreline")
     return s, ends.start + r @ ends.frame.T, ends.frame @ R
+
+
+def places_along(
+    model: Model, motion: Motion, group: LeafGroup, which: NDArray[np.int64], share: Array, points: int
+) -> tuple[Array, Array]:
+    """Positions (s, 3) and axes (s, 3, 3), global, at shares (s,) of the lengths of members `which` (s,) of a group: between
+    those of `member_line` next to them, of chains on its cubics."""
+    if model.arrays.members.kind[group.members[0]] == COROTATIONAL:
+        return _along_chains(model, motion, group, which, share)
+    own, k = np.unique(which, return_inverse=True)
+    ends = end_frames(model, motion, group.members[own])
+    s, r, R = strain_curves(group.value[own], group.number, motion.inner[group.places[own]], points)
+    along = (s / s[:, -1:])[..., None]
+    r = r + along * (ends.d - r[:, -1])[:, None]
+    after = np.maximum((along[k, :, 0] < share[:, None]).sum(axis=1), 1)
+    near = along[k, after - 1], along[k, after]
+    part = (share[:, None] - near[0]) / (near[1] - near[0])
+    local = (1.0 - part) * r[k, after - 1] + part * r[k, after]
+    part = part[..., None]
+    axes = straightened((1.0 - part) * R[k, after - 1] + part * R[k, after])
+    frame = ends.frame[k]
+    return ends.start[k] + (frame @ local[..., None])[..., 0], frame @ axes
+
+
+def _along_chains(
+    model: Model, motion: Motion, group: LeafGroup, which: NDArray[np.int64], share: Array
+) -> tuple[Array, Array]:
+    n, value, members = int(group.number[0]), group.value[which], group.members[which]
+    ends, node = end_frames(model, motion, members), model.arrays.members.node[members, 1]
+    Q = ends.frame.swapaxes(1, 2) @ motion.R[node] @ model.arrays.members.frame[members, 1]
+    x, R = chain_nodes(value, group.number, motion.inner[group.places[which]], ends.d, Q)
+    turned, lengths = R @ chain_axes(value, group.number), value[:, : 16 * n : 16]
+    edges, each = np.cumsum(lengths, axis=1), np.arange(len(which))
+    at = share * edges[:, -1]
+    e = np.minimum((edges < at[:, None]).sum(axis=1), n - 1)
+    length = lengths[each, e]
+    u = (1.0 - (edges[each, e] - at) / length)[:, None]
+    before, after = turned[each, e], turned[each, e + 1]
+    weights, slopes = _cubic(u), (length[:, None] * axes[:, :, 0] for axes in (before, after))
+    local = (weights * np.array([x[each, e], x[each, e + 1], *slopes])).sum(axis=0)
+    axes = straightened((1.0 - u[..., None]) * before + u[..., None] * after)
+    return ends.start + (ends.frame @ local[..., None])[..., 0], ends.frame @ axes
 
 
 @per_model

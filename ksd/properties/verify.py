@@ -25,9 +25,9 @@ from ksd.model.arrays import Motion
 from ksd.model.compile import Model
 from ksd.model.newton import assemble_nodes, largest_turn, move_nodes
 from ksd.model.rods import RodState, add_rods, move_rods
-from ksd.properties.leaf_groups import EndFrames, end_frames
-from ksd.properties.leaf_rods import RodParts, cut_rods, leaves_as_rods
-from ksd.properties.shape import crossed, member_line, straightened
+from ksd.properties.leaf_groups import EndFrames, chain_groups, end_frames, leaf_groups
+from ksd.properties.leaf_rods import RodParts, cut_rods, rod_sizes
+from ksd.properties.shape import crossed, places_along
 from ksd.properties.tangent import Assembled, assembled_tangent, factored, skew_block
 from ksd.properties.words import Shown, listed, number, printed
 
@@ -130,58 +130,60 @@ def _wrenches(assembled: Assembled, mass: Array, load_factor: float) -> tuple[En
     """End frames of all leaves; wrenches (k, 6) at end p that a state holds, in its axes; gravity (k, 3), global."""
     model, motion, arrays, work = assembled.model, assembled.motion, assembled.arrays, assembled.work
     members, weight, count = arrays.members, arrays.weight, len(mass)
-    ends = end_frames(model, motion, np.arange(count))
-    n, m = work.lam[:count, :3], work.lam[:count, 3:6]
-    gravity, weighed, own = np.zeros((count, 3)), np.zeros((count, 3)), np.zeros((count, 3))
+    ends = end_frames(model, motion, slice(count))
+    at_p, gravity = work.lam[:count, :6].copy(), np.zeros((count, 3))
+    at_p[:, 3:] += crossed(ends.d, at_p[:, :3])
     heavy = np.flatnonzero(mass > 0.0)
     if len(heavy):
         gravity[heavy] = load_factor * weight[heavy, 1:]
-        own[heavy] = (gravity[heavy, None] @ ends.frame[heavy])[:, 0]
+        own = (gravity[heavy, None] @ ends.frame[heavy])[:, 0]
         pull = work.store[(members.store_at[heavy + 1] - PULL)[:, None] + np.arange(PULL)]
-        weighed[heavy] = crossed(pull[:, 3:6], own[heavy])
-    return ends, np.hstack([n + mass[:, None] * own, m + crossed(ends.d, n) + weighed]), gravity
+        at_p[heavy] += np.hstack([mass[heavy, None] * own, crossed(pull[:, 3:6], own)])
+    return ends, at_p, gravity
 
 
 def _begun(
     model: Model, motion: Motion, cut: RodParts, ends: EndFrames, at_p: Array, gravity: Array
 ) -> RodState:
     """Rods with wrenches (k, 6) at end p, and stations where the leaves of a state have them."""
-    rods, count = cut.rods, len(cut.of)
+    first, count = cut.rods.at_part[:-1], len(cut.of)
     wrench, place, axes = np.zeros((count, 6)), np.zeros((count, 3)), np.zeros((count, 3, 3))
-    for i, sample in enumerate(cut.samples):
-        turned = at_p[i] if sample.moved is None else (at_p[i].reshape(2, 3) @ sample.moved[0]).ravel()
-        first, last = rods.at_part[i : i + 2]
-        wrench[first] = turned
-        if last == first + 1:
-            continue
-        own, to = slice(first + 1, last), np.cumsum(cut.length[first:last])
-        s, line, turns = member_line(model, motion, i, BETWEEN * int(last - first))
-        share = to[:-1] * (s[-1] / to[-1])
-        k = np.searchsorted(s, share)
-        part = ((share - s[k - 1]) / (s[k] - s[k - 1]))[:, None]
-        place[own] = (1.0 - part) * line[k - 1] + part * line[k]
-        axes[own] = straightened((1.0 - part[..., None]) * turns[k - 1] + part[..., None] * turns[k])
-        # from one station to the next by equilibrium, the weight between them halfway
-        weight = cut.mass[first : last - 1, None] * gravity[i]
-        n = ends.frame[i] @ at_p[i, :3] - np.cumsum(weight, axis=0)
-        way = place[own] - np.concatenate([ends.start[i : i + 1], place[own][:-1]])
-        m = ends.frame[i] @ at_p[i, 3:] + np.cumsum(crossed(n + 0.5 * weight, way), axis=0)
-        wrench[own] = (np.stack([n, m], axis=1) @ axes[own]).reshape(-1, 6)
+    wrench[first] = (at_p.reshape(-1, 2, 3) @ cut.turn).reshape(-1, 6)
+    parts = np.diff(cut.rods.at_part)
+    most = int(parts.max())
+    if most > 1:
+        row = np.empty(len(parts), int)
+        for group in (*leaf_groups(model), *chain_groups(model)):
+            row[:], row[group.members] = -1, np.arange(len(group.members))
+            own = np.flatnonzero((cut.share > 0.0) & (row[cut.of] >= 0))
+            if len(own):
+                where = row[cut.of[own]], cut.share[own]
+                place[own], axes[own] = places_along(model, motion, group, *where, BETWEEN * most)
+        start, held = ends.start.copy(), ends.frame[:, None] @ at_p.reshape(-1, 2, 3, 1)
+        n, m = held[:, 0, :, 0], held[:, 1, :, 0]
+        for k in range(1, most):
+            # from one station to the next by equilibrium, the weight between them halfway
+            own = np.flatnonzero(parts > k)
+            at = first[own] + k
+            weight = cut.mass[at - 1, None] * gravity[own]
+            n[own] -= weight
+            m[own] += crossed(n[own] + 0.5 * weight, place[at] - start[own])
+            start[own] = place[at]
+            wrench[at] = (np.stack([n[own], m[own]], axis=1) @ axes[at]).reshape(-1, 6)
     sizes = (6,), (6, 7), (6, 13), (6,)
     return RodState(gravity, place, axes, wrench, *(np.zeros((count, *size)) for size in sizes))
 
 
 class _Rods:
     """A model with rods in the place of its leaves, from the state that they are to be put to; judged: the state by whose
-    distance they are close enough."""
+    distance they are close enough, and its scale."""
 
     def __init__(
-        self, assembled: Assembled, target: Array, load_factor: float, judged: tuple[Model, Motion]
+        self, assembled: Assembled, target: Array, load_factor: float, judged: tuple[Model, Motion, _Scale]
     ) -> None:
         self.model, self.work, self.judged = assembled.model, assembled.work, judged
         self.target, self.load_factor = target, load_factor
-        mass = np.array([leaf.mass for leaf in leaves_as_rods(self.model)])
-        ends, at_p, gravity = _wrenches(assembled, mass, load_factor)
+        ends, at_p, gravity = _wrenches(assembled, rod_sizes(self.model).mass, load_factor)
         self.cut = cut_rods(self.model, at_p)
         self.motion = assembled.motion.copy()
         self.state = _begun(self.model, self.motion, self.cut, ends, at_p, gravity)
@@ -210,8 +212,7 @@ class _Rods:
         """Newton's method to where all gaps are closed; whether they are. Raises KinematicsError where a motion of the state
         to begin with is left that nothing resists."""
         arrays, motion, before = self.model.arrays, self.motion, math.inf
-        model, begin = self.judged
-        scale = _scale(model, begin)
+        model, begin, scale = self.judged
         for k in range(ROUNDS):
             if k > 0:
                 self._assemble()
@@ -225,11 +226,12 @@ class _Rods:
                 return False
             move_rods(arrays.flat.ints, motion.x, motion.R, self.cut.rods, self.state, step, 1.0)
             move_nodes(arrays, motion, step, 1.0)
-            if k == 0 and _is_linear(self.cut, self.state):
+            ways = _misses(self.state.moved, self.cut.length)
+            way = float(ways.max())
+            if k == 0 and way < WIDE and _is_linear(self.cut, self.state, ways):
                 return True
-            way = float(_misses(self.state.moved, self.cut.length).max())
-            last = scale.relative(_step_way(self.model, step))
-            whole = scale.relative(_way(model, begin, motion))
+            last = scale.relative(*_step_way(self.model, step))
+            whole = scale.relative(*_way(model, begin, motion))
             if way < WIDE and last <= NEARLY * whole + NOTHING:
                 return True
             if not way <= SHRINKS * before or largest_turn(arrays, step) > MOST_TURN:
@@ -249,38 +251,32 @@ def _misses(gap: Array, length: Array) -> Array:
     return np.asarray(np.maximum(shift / length, turn))
 
 
-def _is_linear(cut: RodParts, state: RodState) -> bool:
-    """Whether what the rods had to go in a step was so little that their forces went with it."""
-    way = _misses(state.moved, cut.length)
+def _is_linear(cut: RodParts, state: RodState, ways: Array) -> bool:
+    """Whether what the rods had to go in a step, of `_misses` ways, was so little that their forces went with it."""
     force = (state.back[:, :3, :6] @ state.moved[..., None])[..., 0]
     most = SQUARE * math.sqrt(float((force * force).sum(axis=1).max()))
-    return float(way.max()) < WIDE and float((cut.axial * way * way).max()) <= most
+    return float((cut.axial * ways * ways).max()) <= most
 
 
-class _Way(NamedTuple):
-    """Between two states: change of the multipliers (c,), largest displacement [m] and rotation [rad] of a link."""
-
-    force: Array
-    shift: float
-    turn: float
+def _way(model: Model, before: Motion, now: Motion) -> tuple[Array, float]:
+    """Between two states: change of the multipliers (c,) and largest displacement of a link [m]."""
+    shift = now.x[: model.links] - before.x[: model.links]
+    return np.abs(now.multiplier - before.multiplier), math.sqrt(float((shift * shift).sum(axis=1).max()))
 
 
-def _way(model: Model, before: Motion, now: Motion) -> _Way:
-    links = slice(model.links)
-    shift, turned = now.x[links] - before.x[links], now.R[links] - before.R[links]
+def _turned(model: Model, before: Motion, now: Motion) -> float:
+    """Largest rotation of a link between two states [rad]."""
+    turned = now.R[: model.links] - before.R[: model.links]
     # of a rotation by t: 2 sqrt(2) sin(t / 2)
-    apart = float(np.sqrt((turned * turned).sum(axis=(1, 2)).max()))
-    return _Way(
-        np.abs(now.multiplier - before.multiplier),
-        float(np.sqrt((shift * shift).sum(axis=1).max())),
-        2.0 * math.asin(min(apart / math.sqrt(8.0), 1.0)),
-    )
+    apart = math.sqrt(float((turned * turned).sum(axis=(1, 2)).max()))
+    return 2.0 * math.asin(min(apart / math.sqrt(8.0), 1.0))
 
 
-def _step_way(model: Model, step: Array) -> _Way:
-    moves = step[model.arrays.start[1 : model.links, None] + np.arange(6)].reshape(-1, 2, 3)
-    shift, turn = np.sqrt((moves * moves).sum(axis=2)).max(axis=0, initial=0.0).tolist()
-    return _Way(np.abs(step[model.arrays.terms.start]), shift, turn)
+def _step_way(model: Model, step: Array) -> tuple[Array, float]:
+    """`_way` of a Newton step."""
+    shift = step[model.arrays.start[1 : model.links, None] + np.arange(3)]
+    most = float((shift * shift).sum(axis=1).max(initial=0.0))
+    return np.abs(step[model.arrays.terms.start]), math.sqrt(most)
 
 
 class _Scale(NamedTuple):
@@ -290,9 +286,9 @@ class _Scale(NamedTuple):
     shift: float
     drives: int
 
-    def relative(self, way: _Way) -> float:
+    def relative(self, force: Array, shift: float) -> float:
         """The larger of force over force and displacement over displacement."""
-        found = max(float(way.force[: self.drives].max(initial=0.0)) / self.force, way.shift / self.shift)
+        found = max(float(force[: self.drives].max(initial=0.0)) / self.force, shift / self.shift)
         return found if math.isfinite(found) else math.inf
 
 
@@ -319,27 +315,31 @@ def verify(
     Raises KinematicsError where a motion is left that nothing resists.
     """
     assembled = assembled_tangent(model, motion, load_factor=load_factor, target=target)
+    begin = of or (model, motion)
+    judged = (*begin, _scale(*begin))
     if not len(model.member_names):
         step, now = factored(assembled).solve(-assembled.work.rhs[:, None])[:, 0], motion.copy()
         move_nodes(model.arrays, now, step, 1.0)
-        return _answer(model, motion, now, Gaps((), np.zeros((0, 6)), np.zeros(0)), ())
-    judged = of or (model, motion)
+        return _answer(*judged, now, Gaps((), np.zeros((0, 6)), np.zeros(0)), ())
     rods = _Rods(assembled, target, load_factor, judged)
     gaps = rods.gaps()
     unclosed = () if rods.close() else rods.unclosed()
     return _answer(*judged, rods.motion, gaps, unclosed)
 
 
-def _answer(model: Model, motion: Motion, now: Motion, gaps: Gaps, unclosed: tuple[str, ...]) -> Verification:
+def _answer(
+    model: Model, motion: Motion, scale: _Scale, now: Motion, gaps: Gaps, unclosed: tuple[str, ...]
+) -> Verification:
     """The verification of a state, from where its rods lead."""
-    drives, way = len(model.drive_names), _way(model, motion, now)
+    drives = len(model.drive_names)
     if unclosed:
-        way = _Way(np.full_like(way.force, math.nan), math.nan, math.nan)
         now = Motion(*(np.full_like(part, math.nan) for part in now))
-    placed = {link: (now.x[i] - model.rest.x[i], now.R[i].copy()) for i, link in enumerate(model.scene.links)}
+    change, shift = _way(model, motion, now)
+    moved = now.x[: model.links] - model.rest.x[: model.links]
+    placed = {link: (moved[i], now.R[i].copy()) for i, link in enumerate(model.scene.links)}
     forces, named = -now.multiplier, (model.drive_names, model.support_names)
     return Verification(
-        gaps, dict(zip(named[0], forces.tolist(), strict=False)), dict(zip(named[0], way.force.tolist(), strict=False)),
-        dict(zip(named[1], forces[drives:].tolist(), strict=True)), placed, way.shift, way.turn,
-        math.inf if unclosed else _scale(model, motion).relative(way), unclosed,
+        gaps, dict(zip(named[0], forces.tolist(), strict=False)), dict(zip(named[0], change.tolist(), strict=False)),
+        dict(zip(named[1], forces[drives:].tolist(), strict=True)), placed, shift,
+        math.nan if unclosed else _turned(model, motion, now), scale.relative(change, shift), unclosed,
     )  # fmt: skip

@@ -6,7 +6,16 @@ import pytest
 import ksd
 from ksd.model.compile import compile_scene
 from ksd.model.mesh import Mesh
-from ksd.properties.shape import curvature, mechanism_shape, member_ends, member_parts, strain_curve
+from ksd.properties.leaf_groups import chain_groups, leaf_groups
+from ksd.properties.shape import (
+    curvature,
+    mechanism_shape,
+    member_ends,
+    member_line,
+    member_parts,
+    places_along,
+    strain_curve,
+)
 from ksd.solve.conventional import conventional
 from ksd.units import GPa, mm
 
@@ -130,6 +139,26 @@ def test_a_tapered_leaf_meets_its_clamp_and_shows_its_width():
     kappa = curvature(value, number, inner, np.array([0.1, 0.9]))[:, 2]
     stiff = [taper.section(x).Iz for x in (0.1, 0.9)]
     assert kappa[0] / kappa[1] == pytest.approx(stiff[1] / stiff[0], rel=1e-4)
+
+
+@pytest.mark.parametrize("mesh", MESHES[:2], ids=IDS[:2])
+def test_places_along_leaf_springs_are_those_of_their_lines(mesh):
+    scene = ksd.Mechanism("two leaf springs")
+    tip = scene.link("tip")
+    scene.leaf(scene.ground, tip, **BLADE)
+    scene.leaf(scene.ground, tip, **{**BLADE, "start": (0, 0.02, 0), "name": "oblique"})
+    scene.actuate(tip, about="z", name="turn")
+    scene.load(tip, force=(0, 0, 2.0), at=(LENGTH, 0, 0))
+    pose = ksd.solve(scene, turn=0.5, mesh=mesh)
+    (group,) = (leaf_groups if mesh.leaf == "strain" else chain_groups)(pose.model)
+    which, share = np.array([0, 1, 1]), np.array([0.25, 0.5, 0.7])
+    place, axes = places_along(pose.model, pose.motion, group, which, share, 200)
+    for i, x, r, R in zip(which, share, place, axes, strict=True):
+        s, line, turns = member_line(pose.model, pose.motion, int(i), 2401)
+        k = int(np.argmin(np.abs(s - x * s[-1])))
+        assert s[k] == pytest.approx(x * s[-1], rel=1e-9)
+        assert r == pytest.approx(line[k], abs=1e-5 * LENGTH)
+        assert turns[k] == pytest.approx(R, abs=1e-5)
 
 
 @pytest.mark.parametrize("following", [False, True])
