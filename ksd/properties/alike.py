@@ -99,8 +99,8 @@ def alike(states: Sequence[State]) -> list[tuple[list[int], Alike]]:
         template = models[0].derived["leaves"][0]
         if type(template.mesh) is not Mesh or any(leaf.kind != STRAIN for leaf in template.leaf_words):
             continue
-        motion = Motion(*(np.stack(field) for field in zip(*(states[k][1] for k in numbers), strict=True)))
-        floats = np.stack([model.arrays.flat.floats for model in models])
+        motion = Motion(*(np.array(field) for field in zip(*(states[k][1] for k in numbers), strict=True)))
+        floats = np.array([model.arrays.flat.floats for model in models])
         factor = np.array([states[k][2] for k in numbers])
         found.append((numbers, Alike(models, which, template, template.topology, floats, motion, factor)))
     return found

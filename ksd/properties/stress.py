@@ -264,7 +264,7 @@ def stress_alike(states: Alike, *, points: int = POINTS) -> list[LeavesStress] |
         value, inner, number, sections = known
         s, forces = strain_forces(value, inner, group.number, points)
         state, k = np.divmod(np.arange(len(s)), len(group.members))
-        for pick, mises in _mises_by_kind(forces, number, sections):
+        for pick, mises in _mises_by_kind(forces, number, [_point_table(q) for q in sections]):
             found.append(
                 LeavesStress(state[pick], group.members[k[pick]], number[pick], sections, s[pick], mises)
             )
@@ -272,18 +272,17 @@ def stress_alike(states: Alike, *, points: int = POINTS) -> list[LeavesStress] |
 
 
 def _mises_by_kind(
-    forces: Array, number: NDArray[np.int64], sections: list[Any]
+    forces: Array, number: NDArray[np.int64], tables: list[_PointTable]
 ) -> Iterator[tuple[NDArray[np.int64], Array]]:
     """Leaf springs whose sections have as many points and are as alike, and their von Mises stress (n, S, P) [Pa], of
     section forces (leaves, S, 6); number (leaves,): of the section of each."""
-    tables = [_point_table(q) for q in sections]
-    kinds = [(len(table), q.outline is not None) for table, q in zip(tables, sections, strict=True)]
+    kinds = [(len(table.rows), table.outlined) for table in tables]
     for kind in dict.fromkeys(kinds[n] for n in number.tolist()):
         mine = [n for n, own in enumerate(kinds) if own == kind]
         place = np.full(len(kinds), -1)
         place[mine] = np.arange(len(mine))
         pick = np.flatnonzero(place[number] >= 0)
-        rows = np.stack([tables[n] for n in mine])[place[number[pick]]]
+        rows = np.array([tables[n].rows for n in mine])[place[number[pick]]]
         yield pick, _stresses(forces[pick], _at_points(rows), outlined=kind[1])[2]
 
 
@@ -357,33 +356,38 @@ def stress_followed(
         own, of = np.unique(first, return_inverse=True)
         every = np.arange(len(number)).reshape(len(first), -1)
         lead, of = every[own].ravel(), every[: len(own)][of].ravel()
-        worst = np.empty((2, len(lead)), np.int64)
-        for pick, mises in _mises_by_kind(
-            forces_along(r[lead], R[lead], wrench[lead]), number[lead], sections
-        ):
+        worst, tables = np.empty((2, len(lead)), np.int64), [_point_table(q) for q in sections]
+        for pick, mises in _mises_by_kind(forces_along(r[lead], R[lead], wrench[lead]), number[lead], tables):
             worst[:, pick] = np.divmod(mises.reshape(len(mises), -1).argmax(axis=1), mises.shape[2])
         station, point = worst[:, of]
-        tables = [_point_table(q) for q in sections]
-        count = np.array([len(table) for table in tables])[number]
+        count = np.array([len(table.rows) for table in tables])[number]
         if (count != count[lead][of]).any():
             return None
         # of that station, and of the end its lever is measured to
         both = every.reshape(-1, 1), np.column_stack([station, np.full(len(number), -1)])
         forces = forces_along(r[both], R[both], wrench)[:, :1]
-        rows = np.array([tables[n][p] for n, p in zip(number.tolist(), point.tolist(), strict=True)])
+        rows = np.array([tables[n].rows[p] for n, p in zip(number.tolist(), point.tolist(), strict=True)])
         stations = _at_points(rows[:, None])
-        outlined = np.array([q.outline is not None for q in sections])[number]
+        outlined = np.array([table.outlined for table in tables])[number]
         either = (_stresses(forces, stations, outlined=o)[2].ravel() for o in (True, False))
         found[:, group.members] = np.where(outlined, *either).reshape(every.shape)
     return dict(zip(model.member_names, found.T, strict=True))
 
 
+class _PointTable(NamedTuple):
+    """rows (p, 11): y, z of the points of a section, its A, Iy, Iz, and (tau_xy, tau_xz) of torsion, along_y, along_z;
+    outlined: whether its kind is told by its outline."""
+
+    rows: Array
+    outlined: bool
+
+
 @lru_cache(maxsize=1024)
-def _point_table(section: Any) -> Array:
-    """(p, 11): y, z of the points of a section, its A, Iy, Iz, and (tau_xy, tau_xz) of torsion, along_y, along_z."""
+def _point_table(section: Any) -> _PointTable:
     at = stress_points(section)
     sizes = np.broadcast_to([section.A, section.Iy, section.Iz], (len(at.y), 3))
-    return np.column_stack([at.y, at.z, sizes, at.torsion, at.along_y, at.along_z])
+    rows = np.column_stack([at.y, at.z, sizes, at.torsion, at.along_y, at.along_z])
+    return _PointTable(rows, section.outline is not None)
 
 
 def _at_points(rows: Array) -> tuple[Array, ...]:
