@@ -13,6 +13,7 @@ import numpy as np
 from ksd.bodies.joints import body_design, check_drawing, layout_of
 from ksd.design.plan import scene_of
 from ksd.design.prepared import Found, Prepared, answer_together
+from ksd.design.words import submitted
 from ksd.errors import KsdError
 from ksd.library import Record, find_record
 from ksd.model.compile import model_of
@@ -143,7 +144,7 @@ def in_blocks(
     workers = int(getattr(executor, "_max_workers", None) or os.cpu_count() or 1)
     size = max(least, -(-len(designs) // (2 * workers)))
     parts = [list(designs[k : k + size]) for k in range(0, len(designs), size)]
-    waiting = [executor.submit(function, *said, part) for part in parts]
+    waiting = [submitted(executor, function, *said, part) for part in parts]
     return [found for job in waiting for found in job.result()]
 
 

@@ -109,8 +109,9 @@ class Job(Shown, metaclass=Worded):
     values [m or rad]. method: "full", "reduced", or "conventional", which knows no trained ranges; by the others these are
     bounds; when None "full" where every joint has a record (a joint of one's own: of it as all parameters draw it), else
     "conventional". mesh: when None the usual one, with the curvature modes that are enough in the middle of the bounds; that
-    they are few at an optimum is printed with it. extrapolate: as in `ksd.solve`; targets: drive values as a mapping. A
-    design that is not stable at a pose has no answers.
+    they are few at an optimum is printed with it. extrapolate: as in `ksd.solve`; targets: drive values as a mapping. All
+    answers are those of the equilibrium, whichever method leads there, so that slopes are theirs. A design that is not
+    stable at a pose has no answers.
 
     Raises SceneError for everything that is wrong before a solve.
     """
@@ -520,7 +521,8 @@ class Job(Shown, metaclass=Worded):
     def _solvers(self) -> dict[bool, Designs]:
         """What solves designs, keeping their poses or not."""
         values = {n: np.array([step[n] for step in self.steps]) for n in self.drives}
-        ways = {"method": FULL if self.method == "full" else REDUCED, "asked": self.asked}
+        method = FULL if self.method == "full" else REDUCED
+        ways = {"method": method, "asked": self.asked, "settled": True}
         return {k: Designs(values, {**ways, "keep": k}, self.mesh, self.extrapolate) for k in (False, True)}
 
     def _of(self, rows: list[Row]) -> Array:

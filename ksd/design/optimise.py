@@ -29,7 +29,7 @@ from ksd.design.optimum import Ended, Optimum
 from ksd.design.search import BINDING, Failed, Search
 from ksd.design.table import OK
 from ksd.design.tolerance import check_spread, first_order
-from ksd.design.words import check_executor
+from ksd.design.words import check_executor, submitted
 from ksd.errors import ConvergenceError, SceneError
 from ksd.properties.words import number as written
 from ksd.properties.words import progress_bar
@@ -212,7 +212,7 @@ def _all_ways(
         return
     known = dict(log.kept.found)
     waiting = [
-        executor.submit(_elsewhere, job, x, method, name, known) for x, name in zip(X, names, strict=True)
+        submitted(executor, _elsewhere, job, x, method, name, known) for x, name in zip(X, names, strict=True)
     ]
     taken: list[Future[Any]] = []
     try:

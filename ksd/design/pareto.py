@@ -21,7 +21,7 @@ from ksd.design.optimum import Optimum
 from ksd.design.search import Search
 from ksd.design.sweep import SweepInterrupted
 from ksd.design.table import OK, Table
-from ksd.design.words import check_executor
+from ksd.design.words import check_executor, submitted
 from ksd.errors import KsdError, SceneError
 from ksd.properties.words import Shown, listed, progress_bar
 from ksd.properties.words import number as written
@@ -240,7 +240,7 @@ def choose(
     check_executor(executor)
     files = _files(resume, list(jobs))
     said = [(job, starts, seed, file) for job, file in zip(jobs.values(), files, strict=True)]
-    waiting = [None if executor is None else executor.submit(_one, *own) for own in said]
+    waiting = [None if executor is None else submitted(executor, _one, *own) for own in said]
     found: dict[str, Any] = {}
     with progress_bar(truth(progress, "progress")) as bar:
         task = bar.add_task("jobs", total=len(jobs))

@@ -52,7 +52,10 @@ class Found:
 
 
 class Prepared:
-    """One design prepared for batches: call it with drive values, arrays of one length by name."""
+    """One design prepared for batches: call it with drive values, arrays of one length by name.
+
+    keep: the configurations too; settled: forces and poses asked for are of the equilibrium next to the answer, too.
+    """
 
     def __init__(
         self,
@@ -63,13 +66,15 @@ class Prepared:
         tabulated: bool = False,
         asked: Asked | None = None,
         keep: bool = False,
+        settled: bool = False,
     ) -> None:
         if five.model.mesh.plate:
             raise SceneError(
                 "plate stiffening depends on how much each leaf is bent, and is not settled pose by pose in batches: use "
                 "ksd.sweep, or leave 'plate' out of what the scene considers"
             )
-        self.five, self.method, self.relinearisations, self.keep = five, method, relinearisations, keep
+        self.five, self.method, self.relinearisations = five, method, relinearisations
+        self.keep, self.settled = keep, settled
         self.asked = asked if asked is not None and asked.questions else None
         if self.asked is not None:
             # what is wrong with it is told before anything is solved
@@ -129,7 +134,8 @@ class _Questions:
                 return int(stop)
             if negatives != len(target):
                 return UNSTABLE
-        pose = Pose(self._posed(motion, full.copy() if reduced else motion, target), self.before)
+        answering = full.copy() if reduced else motion
+        pose = Pose(self._posed(answering if self.design.settled else motion, answering, target), self.before)
         self.found.rows[n], self.before, failed = answered(pose, self.asked)
         if self.design.keep:
             self.found.poses.append(pose.configuration)

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import inspect
+import pickle
 from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import Executor, Future, ProcessPoolExecutor
 from typing import Any
 
 import numpy as np
@@ -89,6 +91,20 @@ def check_executor(executor: Any) -> None:
     """SceneError for what is no executor, nor None."""
     if executor is not None and not callable(getattr(executor, "submit", None)):
         raise SceneError(f"executor = {show(executor)}: give a concurrent.futures.Executor, or None")
+
+
+def submitted(executor: Executor, function: Callable[..., Any], *said: Any) -> Future[Any]:
+    """function(*said) in a worker. SceneError where processes cannot be sent what it takes: the pool would tell as an error
+    of pickle, when its answer is asked for."""
+    if isinstance(executor, ProcessPoolExecutor):
+        try:
+            pickle.dumps(said)
+        except (pickle.PicklingError, AttributeError, TypeError) as reason:
+            raise SceneError(
+                f"worker processes cannot be sent what they are to work on ({reason}): define design functions and rules by "
+                "name at the top level of a file that can be imported, or give a ThreadPoolExecutor"
+            ) from reason
+    return executor.submit(function, *said)
 
 
 def check_ways(

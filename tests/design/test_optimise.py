@@ -393,6 +393,19 @@ def test_threads_and_processes_end_where_one_thread_ends(tmp_path):
     assert again.design == alone.design and len(again.table) == len(alone.table)
 
 
+def test_what_worker_processes_cannot_be_sent_is_told_in_words():
+    nameless = small(rules=[lambda p: 1.0])
+    said = "worker processes cannot be sent .*lambda.*: define design functions and rules by name at the top level"
+    with ProcessPoolExecutor(1) as pool:
+        for call in (
+            lambda: ksd.optimise(nameless, starts=2, executor=pool),
+            lambda: ksd.choose({"one": nameless}, executor=pool),
+            lambda: ksd.batch(lambda **p: None, designs=[{"length": 0.1}], turn=0.1, executor=pool),
+        ):
+            with pytest.raises(ksd.SceneError, match=said):
+                call()
+
+
 def test_a_worker_that_fails_loses_no_start_that_is_done(monkeypatch):
     def interrupted(job, x, method, by, known):
         if by.endswith("2"):
