@@ -25,8 +25,8 @@ from ksd.numerics.kernel import kernel
 
 TINY_PIVOT = 1e-14
 """A pivot below this fraction of its diagonal before elimination counts as zero."""
-REFINEMENTS, ROUNDING = 3, 1e-13
-"""Refinements of a solution at the most, and the share of it below which one is rounding and the last."""
+REFINEMENTS, SMALL = 3, 1e-10
+"""Refinements of a solution at the most, and the share of it below which one is the last: what it leaves is rounding."""
 SOFTEST = 1e-2
 """Share of the largest diagonal entry of its kind that a smaller one of a node counts as where a row's stiffness is set."""
 
@@ -444,7 +444,7 @@ def refined_blocks(plan, matrix, value, spare, b, x, change, low):
                 moved += weight * change[a + c] ** 2
                 whole += weight * x[a + c] ** 2
         error = math.sqrt(moved / whole) if whole > 0.0 else 0.0
-        if error <= ROUNDING:
+        if error <= SMALL:
             break
     return error
 
